@@ -1,0 +1,1 @@
+//! Moves finished segments: sender, link, simulator. Never imports `plan`.

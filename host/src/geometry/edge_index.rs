@@ -1,0 +1,271 @@
+//! A uniform grid over the edges of a region: nearest edge, edges in a box, containment.
+//!
+//! Chosen over a tree because queries are local (a few aperture lengths) and the grid is built in
+//! one pass; cells hold edge numbers in compressed rows. Memory is bounded by [`CELLS_MAX`].
+
+use super::polygon::{Box2, Region};
+use super::{Point2, Vector2};
+
+/// Most cells of the grid; beyond that the cells grow.
+pub const CELLS_MAX: usize = 4_000_000;
+
+/// One directed edge, inside on its left.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Edge {
+    /// Start.
+    pub a: Point2,
+    /// End.
+    pub b: Point2,
+}
+
+/// Result of a nearest-edge query.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Nearest {
+    /// Number of the edge (order of [`Region::edges`]).
+    pub edge: usize,
+    /// Distance, mm, never negative.
+    pub distance_mm: f64,
+    /// Foot point on the edge.
+    pub foot: Point2,
+}
+
+/// Grid over the edges of one region (or of any set of edges).
+#[derive(Clone, Debug)]
+pub struct EdgeIndex {
+    edges: Vec<Edge>,
+    bounds: Box2,
+    cell_mm: f64,
+    columns: usize,
+    rows: usize,
+    first: Vec<u32>,
+    items: Vec<u32>,
+}
+
+impl Edge {
+    /// Foot of the perpendicular from `p`, clamped to the edge.
+    pub fn foot(&self, p: Point2) -> Point2 {
+        let d = self.b - self.a;
+        let length2 = d.norm_squared();
+        if length2 <= 0.0 {
+            return self.a;
+        }
+        self.a + d * ((p - self.a).dot(&d) / length2).clamp(0.0, 1.0)
+    }
+
+    /// Inward unit normal (left of the direction); zero for a degenerate edge.
+    pub fn normal(&self) -> Vector2 {
+        let d = self.b - self.a;
+        let length = d.norm();
+        if length <= 0.0 {
+            Vector2::zeros()
+        } else {
+            Vector2::new(-d.y, d.x) / length
+        }
+    }
+
+    /// Length, mm.
+    pub fn length_mm(&self) -> f64 {
+        (self.b - self.a).norm()
+    }
+}
+
+impl EdgeIndex {
+    /// Builds the index over all edges of a region; `cell_mm` is a wish (about an aperture length).
+    pub fn of_region(region: &Region, cell_mm: f64) -> EdgeIndex {
+        EdgeIndex::new(
+            region.edges().map(|(a, b)| Edge { a, b }).collect(),
+            cell_mm,
+        )
+    }
+
+    /// Builds the index over any edges.
+    pub fn new(edges: Vec<Edge>, cell_mm: f64) -> EdgeIndex {
+        let ends: Vec<Point2> = edges.iter().flat_map(|e| [e.a, e.b]).collect();
+        let bounds = Box2::of(&ends).grown(1e-6);
+        let size = bounds.size();
+        let mut cell_mm = cell_mm.max(1e-3);
+        while (size.x / cell_mm + 1.0) * (size.y / cell_mm + 1.0) > CELLS_MAX as f64 {
+            cell_mm *= 1.5;
+        }
+        let columns = (size.x / cell_mm) as usize + 1;
+        let rows = (size.y / cell_mm) as usize + 1;
+        let mut index = EdgeIndex {
+            edges,
+            bounds,
+            cell_mm,
+            columns,
+            rows,
+            first: vec![0; columns * rows + 1],
+            items: Vec::new(),
+        };
+        index.fill();
+        index
+    }
+
+    /// Counts, then places, the edges of each cell (two passes, no reallocation).
+    fn fill(&mut self) {
+        let mut counts = vec![0u32; self.columns * self.rows + 1];
+        for number in 0..self.edges.len() {
+            self.for_cells(number, |cell| counts[cell + 1] += 1);
+        }
+        for cell in 0..self.columns * self.rows {
+            counts[cell + 1] += counts[cell];
+        }
+        let mut next = counts.clone();
+        let mut items = vec![0u32; counts[self.columns * self.rows] as usize];
+        for number in 0..self.edges.len() {
+            self.for_cells(number, |cell| {
+                items[next[cell] as usize] = number as u32;
+                next[cell] += 1;
+            });
+        }
+        self.first = counts;
+        self.items = items;
+    }
+
+    /// Calls `visit` for each cell that edge `number` passes through (row by row, clipped).
+    fn for_cells(&self, number: usize, mut visit: impl FnMut(usize)) {
+        let Edge { a, b } = self.edges[number];
+        let row_of = |y: f64| self.clamp_row((y - self.bounds.min.y) / self.cell_mm);
+        let column_of = |x: f64| self.clamp_column((x - self.bounds.min.x) / self.cell_mm);
+        let (low, high) = if a.y <= b.y { (a, b) } else { (b, a) };
+        for row in row_of(low.y)..=row_of(high.y) {
+            // The edge's x range inside this row's strip, padded by rounding.
+            let y0 = self.bounds.min.y + row as f64 * self.cell_mm;
+            let x_at = |y: f64| {
+                if high.y - low.y < 1e-12 {
+                    return low.x;
+                }
+                low.x + ((y - low.y) / (high.y - low.y)).clamp(0.0, 1.0) * (high.x - low.x)
+            };
+            let (mut x0, mut x1) = (x_at(y0), x_at(y0 + self.cell_mm));
+            if high.y - low.y < 1e-12 {
+                (x0, x1) = (low.x, high.x);
+            }
+            let pad = 1e-9 * (1.0 + self.cell_mm);
+            for column in column_of(x0.min(x1) - pad)..=column_of(x0.max(x1) + pad) {
+                visit(row * self.columns + column);
+            }
+        }
+    }
+
+    fn clamp_row(&self, row: f64) -> usize {
+        (row.max(0.0) as usize).min(self.rows - 1)
+    }
+
+    fn clamp_column(&self, column: f64) -> usize {
+        (column.max(0.0) as usize).min(self.columns - 1)
+    }
+
+    /// All edges, in the order given.
+    pub fn edges(&self) -> &[Edge] {
+        &self.edges
+    }
+
+    /// Bounding box of the edges.
+    pub fn bounds(&self) -> Box2 {
+        self.bounds
+    }
+
+    /// Calls `visit` with each edge number near the box; an edge may come more than once.
+    pub fn for_edges_in(&self, area: Box2, mut visit: impl FnMut(usize)) {
+        if area.max.x < self.bounds.min.x
+            || area.max.y < self.bounds.min.y
+            || area.min.x > self.bounds.max.x
+            || area.min.y > self.bounds.max.y
+        {
+            return;
+        }
+        let row0 = self.clamp_row((area.min.y - self.bounds.min.y) / self.cell_mm);
+        let row1 = self.clamp_row((area.max.y - self.bounds.min.y) / self.cell_mm);
+        let column0 = self.clamp_column((area.min.x - self.bounds.min.x) / self.cell_mm);
+        let column1 = self.clamp_column((area.max.x - self.bounds.min.x) / self.cell_mm);
+        for row in row0..=row1 {
+            let cells = row * self.columns;
+            let items =
+                self.first[cells + column0] as usize..self.first[cells + column1 + 1] as usize;
+            for &number in &self.items[items] {
+                visit(number as usize);
+            }
+        }
+    }
+
+    /// The nearest edge within `reach_mm`, by growing boxes; ties go to the lowest number, so the
+    /// answer does not depend on the grid.
+    pub fn nearest_within(&self, p: Point2, reach_mm: f64) -> Option<Nearest> {
+        let mut reach = self.cell_mm.min(reach_mm);
+        loop {
+            let mut best: Option<Nearest> = None;
+            let area = Box2 { min: p, max: p }.grown(reach);
+            self.for_edges_in(area, |number| {
+                let foot = self.edges[number].foot(p);
+                let distance_mm = (p - foot).norm();
+                let better = match best {
+                    None => true,
+                    Some(n) => {
+                        distance_mm < n.distance_mm
+                            || (distance_mm == n.distance_mm && number < n.edge)
+                    }
+                };
+                if better {
+                    best = Some(Nearest {
+                        edge: number,
+                        distance_mm,
+                        foot,
+                    });
+                }
+            });
+            match best {
+                Some(n) if n.distance_mm <= reach => return Some(n),
+                _ if reach >= reach_mm => return best.filter(|n| n.distance_mm <= reach_mm),
+                _ => reach = (reach * 2.0).min(reach_mm),
+            }
+        }
+    }
+
+    /// The nearest edge, however far; `None` only where there are no edges.
+    pub fn nearest(&self, p: Point2) -> Option<Nearest> {
+        let size = self.bounds.size();
+        let to_box = (p - self.bounds.min)
+            .norm()
+            .max((p - self.bounds.max).norm());
+        self.nearest_within(p, to_box + size.norm())
+    }
+
+    /// Even-odd containment: counts crossings of the ray towards +x in the row of `p`.
+    pub fn contains(&self, p: Point2) -> bool {
+        if p.y < self.bounds.min.y || p.y > self.bounds.max.y || p.x > self.bounds.max.x {
+            return false;
+        }
+        let row = self.clamp_row((p.y - self.bounds.min.y) / self.cell_mm);
+        let column = self.clamp_column((p.x - self.bounds.min.x) / self.cell_mm);
+        let mut crossings = 0usize;
+        for cell in column..self.columns {
+            let at = row * self.columns + cell;
+            for &number in &self.items[self.first[at] as usize..self.first[at + 1] as usize] {
+                let Edge { a, b } = self.edges[number as usize];
+                if super::polygon::crosses_ray(a, b, p) {
+                    // An edge lies in several cells: count it in the cell of its crossing only.
+                    let x = a.x + (p.y - a.y) / (b.y - a.y) * (b.x - a.x);
+                    let home = self
+                        .clamp_column((x - self.bounds.min.x) / self.cell_mm)
+                        .max(column);
+                    if home == cell {
+                        crossings += 1;
+                    }
+                }
+            }
+        }
+        crossings % 2 == 1
+    }
+
+    /// Distance to the boundary: positive inside, negative outside.
+    pub fn signed_distance_mm(&self, p: Point2) -> f64 {
+        let distance = self.nearest(p).map_or(f64::INFINITY, |n| n.distance_mm);
+        if self.contains(p) {
+            distance
+        } else {
+            -distance
+        }
+    }
+}

@@ -1,0 +1,11 @@
+//! Planar geometry under the planner: shapes, apertures, distances. Knows no planning.
+
+pub mod aperture;
+pub mod clearance;
+pub mod edge_index;
+pub mod polygon;
+
+/// A point in the layer plane, mm.
+pub type Point2 = nalgebra::Point2<f64>;
+/// A vector in the layer plane, mm.
+pub type Vector2 = nalgebra::Vector2<f64>;

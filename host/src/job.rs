@@ -1,0 +1,49 @@
+//! A planned job: what `plan` makes and `drive`, `report` and the job file use.
+
+use headway_protocol::segment::{FlowEvent, Knot};
+use headway_protocol::units::ChannelPoint;
+use serde::{Deserialize, Serialize};
+
+/// What the head does during a stretch of the job (the `state` column of the CSV files).
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash, Serialize, Deserialize)]
+#[serde(rename_all = "lowercase")]
+pub enum MotionState {
+    /// Moving without flow.
+    Travel,
+    /// Standing while the melt is brought to the aperture.
+    Prime,
+    /// Printing.
+    Print,
+    /// Standing (or finishing) while the melt is pulled back.
+    Retract,
+    /// Standing for another reason.
+    Hold,
+}
+
+/// A stretch of the stream between two rests: what it is, and when, in servo ticks of segment time.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+pub struct Mark {
+    /// First tick (0 = start of span 0 of the stream).
+    pub start_tick: u64,
+    /// Tick after the last.
+    pub end_tick: u64,
+    /// What happens.
+    pub state: MotionState,
+    /// Layer from 0.
+    pub layer: u32,
+    /// Pass from 0 over the whole job; `None` off the passes.
+    pub pass: Option<u32>,
+}
+
+/// The motion as it is streamed. All poses are in machine coordinates.
+#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
+pub struct SegmentStream {
+    /// Pose at rest before the first span, in channel units.
+    pub start: ChannelPoint,
+    /// Knots in order; ends at rest (three equal control points).
+    pub knots: Vec<Knot>,
+    /// Flow events, ordered by (span, offset).
+    pub events: Vec<FlowEvent>,
+    /// What the stream is doing when, ordered, without gaps.
+    pub marks: Vec<Mark>,
+}

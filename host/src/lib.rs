@@ -1,0 +1,11 @@
+//! Headway's host side: plans the motion of turned nozzles, simulates it, streams it.
+#![forbid(unsafe_code)]
+
+pub mod cli;
+pub mod drive;
+pub mod geometry;
+pub mod input;
+pub mod job;
+pub mod plan;
+pub mod report;
+pub mod settings;

@@ -1,0 +1,60 @@
+//! The route: everything the head does, in order, as rest-to-rest stretches of C² curves.
+
+use crate::job::MotionState;
+use headway_protocol::units::CHANNELS;
+
+/// A path in channel space (mm, mm, mm, rad, rad, rad, mm³; heading unwrapped): the uniform cubic
+/// B-spline of these control points with natural ends (phantom points P_{-1} = 2 P_0 - P_1), so it
+/// starts and ends on the first and last point. Path parameter u runs from 0 to len - 1, one span
+/// for each pair of control points. One point alone is a dwell.
+#[derive(Clone, Debug, PartialEq)]
+pub struct PathCurve {
+    /// Control points.
+    pub control: Vec<[f64; CHANNELS]>,
+}
+
+/// One rest-to-rest piece of the route.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Stretch {
+    /// What it is.
+    pub state: MotionState,
+    /// Layer from 0.
+    pub layer: u32,
+    /// Pass number over the whole job, where it belongs to one.
+    pub pass: Option<u32>,
+    /// Where it goes. Prime and hold stretches are dwells of `dwell_s`.
+    pub curve: PathCurve,
+    /// Least duration; the only duration of a dwell.
+    pub dwell_s: f64,
+    /// Flow event that starts with the stretch (prime), or so long before its end (retract).
+    pub event: Option<StretchEvent>,
+}
+
+/// A prime or retract tied to a stretch.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub enum StretchEvent {
+    /// Starts with the stretch (a `Prime` dwell whose `dwell_s` is the duration less the lead).
+    PrimeAtStart {
+        /// Volume, mm³.
+        volume_mm3: f64,
+        /// Duration of the push, s.
+        duration_s: f64,
+    },
+    /// Starts `lead_s` before the stretch's end (a `Print` stretch; the retract runs on into the
+    /// `Retract` dwell that follows).
+    RetractBeforeEnd {
+        /// Volume, mm³.
+        volume_mm3: f64,
+        /// Duration of the pull, s.
+        duration_s: f64,
+        /// How long before the end it begins, s.
+        lead_s: f64,
+    },
+}
+
+/// The whole route, in machine coordinates.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub struct Route {
+    /// Stretches in order; each begins where the one before it ended.
+    pub stretches: Vec<Stretch>,
+}

@@ -1,0 +1,1 @@
+//! Figures and pictures of a plan and of its simulation.

@@ -1,0 +1,96 @@
+//! Everything the user can set: machine file, command-line overrides, defaults.
+
+use crate::geometry::aperture::Aperture;
+use headway_firmware::configuration::MachineConfiguration;
+
+/// How passes are laid where the passage is narrow.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum PassMode {
+    /// Two passes, each tangent to wall and medial axis; one pass only where two do not fit.
+    Two,
+    /// One pass on the medial axis wherever the aperture can span the passage.
+    One,
+}
+
+/// How the local width becomes a heading angle.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum HeadingLaw {
+    /// The angle at which the aperture touches exactly what it should (default).
+    Tangent,
+    /// |alpha| = (1 - w) 90°, as published.
+    Linear,
+}
+
+/// Tolerances of planning and fitting.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Tolerances {
+    /// How far a placed aperture may leave the target.
+    pub outside_mm: f64,
+    /// Tip position of the finished segments against the path.
+    pub tip_mm: f64,
+    /// Tool axis of the finished segments against the path.
+    pub axis_rad: f64,
+    /// Heading of the finished segments against the path.
+    pub heading_rad: f64,
+    /// Flattening of input curves.
+    pub flatten_mm: f64,
+}
+
+/// Prime and retract around each pass.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct PrimeRetract {
+    /// Volume pulled back at a pass's end.
+    pub retract_mm3: f64,
+    /// Peak rate of the retract.
+    pub retract_rate_mm3_s: f64,
+    /// How long before the pass's end the retract begins.
+    pub retract_lead_s: f64,
+    /// Volume pushed at a pass's start.
+    pub prime_mm3: f64,
+    /// Peak rate of the prime.
+    pub prime_rate_mm3_s: f64,
+    /// How long before its end the pass may start to move.
+    pub prime_lead_s: f64,
+}
+
+/// All settings of a job. Immutable once made; built by [`Settings::default`], a machine file and
+/// the command line, checked by `Settings::check`.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Settings {
+    /// Name of the machine, for messages and headers.
+    pub machine_name: String,
+    /// Joints, kinematics, limits (full limits; the plan uses `plan_share` of each).
+    pub machine: MachineConfiguration,
+    /// Work area (min, max) in machine coordinates, mm; inputs are centred over it on z_min.
+    pub work_area_mm: [[f64; 3]; 2],
+    /// The nozzle's smallest printable feature.
+    pub aperture: Aperture,
+    /// Layer height.
+    pub layer_height_mm: f64,
+    /// Tip speed while printing.
+    pub speed_mm_s: f64,
+    /// Tip speed while travelling.
+    pub travel_speed_mm_s: f64,
+    /// Tip acceleration limit.
+    pub tip_acceleration_mm_s2: f64,
+    /// Lift of travel moves above the layer.
+    pub lift_mm: f64,
+    /// Multiplier of the deposited volume.
+    pub flow_factor: f64,
+    /// Volumetric flow limit of dV/dt.
+    pub flow_max_mm3_s: f64,
+    /// Limit of d²V/dt².
+    pub flow_rate_of_change_max_mm3_s2: f64,
+    /// Prime and retract.
+    pub prime_retract: PrimeRetract,
+    /// Share of each limit that the plan uses.
+    pub plan_share: f64,
+    /// Controlled overlap between neighbouring passes, per cent of the bead width.
+    pub overlap_pct: f64,
+    /// Two-pass or one-pass.
+    pub pass_mode: PassMode,
+    /// Tangent or linear.
+    pub heading_law: HeadingLaw,
+    /// Tolerances.
+    pub tolerances: Tolerances,
+}

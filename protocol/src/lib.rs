@@ -1,0 +1,13 @@
+//! Wire protocol of Headway (`no_std`, no heap): what crosses the line between host and controller.
+//!
+//! - [`units`]: the integer units of the seven channels.
+//! - [`segment`]: the motion as knots of a non-uniform cubic B-spline, and flow events tied to it.
+//! - [`message`]: everything that either side can say.
+//! - [`frame`]: COBS framing, CRC-32 and sequence numbers.
+#![no_std]
+#![forbid(unsafe_code)]
+
+pub mod frame;
+pub mod message;
+pub mod segment;
+pub mod units;
