@@ -2,12 +2,19 @@
 //!
 //! - [`units`]: the integer units of the seven channels.
 //! - [`segment`]: the motion as knots of a non-uniform cubic B-spline, and flow events tied to it.
+//! - [`knot_block`]: knots predicted and bit-packed, as they travel.
 //! - [`message`]: everything that either side can say.
 //! - [`frame`]: COBS framing, CRC-32 and sequence numbers.
+//!
+//! `WIRE.md` beside this crate describes every byte.
 #![no_std]
 #![forbid(unsafe_code)]
 
+#[cfg(test)]
+extern crate std;
+
 pub mod frame;
+pub mod knot_block;
 pub mod message;
 pub mod segment;
 pub mod units;

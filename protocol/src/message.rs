@@ -1,1 +1,405 @@
-//! Messages (under construction).
+//! Everything that host and controller can say to each other, as postcard enums.
+//!
+//! Two classes cross the line from host to controller. *Stream* messages ([`HostMessage::Knots`],
+//! [`HostMessage::Flow`], [`HostMessage::Finish`]) are numbered from `Start::first_sequence`, taken
+//! in order, exactly once, and held back by credits. *Control* messages (all others) have a
+//! numbering of their own, overtake the stream, and are taken when newer than the last one.
+//! `WIRE.md` has the bytes and the rules; this file has the types and the check of every field.
+
+use crate::segment::{FlowEvent, SPAN_TICKS_MAX};
+use crate::units::ChannelPoint;
+use heapless::Vec;
+use serde::{Deserialize, Serialize};
+
+/// Version of the whole protocol; another one is refused with both values shown.
+pub const PROTOCOL_VERSION: u16 = 1;
+/// The layout of every message, field by field: its hash guards against a build that changed a
+/// message and forgot the version. Change it with the types; the golden test of `WIRE.md` tells.
+pub const SCHEMA: &str = "\
+frame: u16le sequence, postcard, u32le crc32 iso-hdlc; cobs; 00\n\
+host: 0 hello{protocol u16,schema u32,host_session u32}\n\
+ 1 start{job u32,machine_hash u32,first_sequence u32,position i32*7}\n\
+ 2 knots(block) 3 flow{span u32,offset u16,action u8,volume u32,duration u32}\n\
+ 4 finish{knots u32,events u32}\n\
+ 5 control 0 pause 1 resume 2 override u16 3 abort 4 stop 5 clear 6 status\n\
+ 7 position i32*7 8 jog{joint u8,distance i32,speed u32} 9 home u8\n\
+device: 0 welcome{protocol u16,schema u32,firmware u8*3,machine_hash u32,knots u16,events u16,\
+servo u32,step u32,session u32,host_session u32,stream option{job u32,next u32,knots u32,spans u32}}\n\
+ 1 refused{sequence u16,reason 0 protocol u16 1 schema u32 2 machine u32 3 no stream 4 busy 5 faulted 6 invalid}\n\
+ 2 ack{session u32,next u32,knot_limit u32,event_limit u32,control u16} 3 nak(ack)\n\
+ 4 status{session u32,state u8,sigma u16,override u16,spans u32,knots u16,events u16,counts vec i32,\
+fault option}\n\
+ 5 fault{cause u8,index u8,value i32}\n\
+block: v1\n";
+/// CRC-32 of [`SCHEMA`].
+pub const SCHEMA_HASH: u32 = crate::frame::CRC.checksum(SCHEMA.as_bytes());
+
+/// Most motors that a report lists (joints, then the extruder).
+pub const REPORT_MOTORS_MAX: usize = 8;
+/// Feed override, per cent of the planned rate: the time warp goes up to 2.
+pub const OVERRIDE_PERCENT_MAX: u16 = 200;
+/// Largest volume of one prime or retract: 1000 mm³, far beyond any nozzle's need.
+pub const EVENT_VOLUME_UNITS_MAX: u32 = 1_000_000_000;
+/// Longest prime or retract: a minute at a 2 kHz servo.
+pub const EVENT_DURATION_TICKS_MAX: u32 = 120_000;
+
+/// What the host says.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
+pub enum HostMessage<'a> {
+    /// Opens the conversation.
+    Hello(Hello),
+    /// Opens a stream.
+    Start(Start),
+    /// A block of knots, packed as `knot_block` describes.
+    Knots(&'a [u8]),
+    /// A prime or retract; comes before the block with the knot of its span.
+    Flow(FlowEvent),
+    /// The stream is complete: everything queued may run to rest.
+    Finish(Finish),
+    /// A command that overtakes the stream.
+    Control(Control),
+}
+
+/// Who the host is.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
+pub struct Hello {
+    /// [`PROTOCOL_VERSION`] of the host.
+    pub protocol_version: u16,
+    /// [`SCHEMA_HASH`] of the host.
+    pub schema_hash: u32,
+    /// Chosen anew by each host process; a new one restarts the numbering of control messages at
+    /// this frame's sequence.
+    pub host_session: u32,
+}
+
+/// Opens a stream: resets the knot predictor and gives the pose from which it starts.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
+pub struct Start {
+    /// Identity of the job, so that a restarted host can tell whether this is its own.
+    pub job: u32,
+    /// Hash of the machine configuration that the job was planned for.
+    pub machine_hash: u32,
+    /// Sequence number of the stream's first frame. It goes on from the last stream's end, so
+    /// that late frames of another stream are always old.
+    pub first_sequence: u32,
+    /// Pose at rest from which the first knots lead away, channel units.
+    pub position: ChannelPoint,
+}
+
+/// End of the stream, with totals since `Start` to check.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
+pub struct Finish {
+    /// Knots sent.
+    pub knots: u32,
+    /// Flow events sent.
+    pub events: u32,
+}
+
+/// Commands that overtake the stream.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
+#[cfg_attr(feature = "defmt", derive(defmt::Format))]
+pub enum Control {
+    /// Come to rest on the path.
+    Pause,
+    /// Go on after a pause.
+    Resume,
+    /// Feed override in per cent of the planned rate, 1..=[`OVERRIDE_PERCENT_MAX`].
+    Override(u16),
+    /// Come to rest on the path, then forget the stream.
+    Abort,
+    /// Stop at once and latch a fault.
+    EmergencyStop,
+    /// Clear a latched fault.
+    ClearFault,
+    /// Ask for a [`Status`]; also the keep-alive.
+    StatusRequest,
+    /// Declare the present position (at rest only), channel units.
+    SetPosition(ChannelPoint),
+    /// Move one joint (at rest only).
+    Jog {
+        /// Joint from 0 in the kinematics' order.
+        joint: u8,
+        /// Distance, 0.1 µm or µrad.
+        distance_units: i32,
+        /// Speed, 0.1 µm/s or µrad/s, above 0.
+        speed_units_s: u32,
+    },
+    /// Home the joints of this bit mask (bit 0 = joint 0).
+    Home(u8),
+}
+
+/// What the controller says. Its frames are numbered by a counter of their own.
+#[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]
+pub enum DeviceMessage {
+    /// Answer to `Hello`.
+    Welcome(Welcome),
+    /// A message that was understood but cannot be followed.
+    Refused(Refusal),
+    /// What was taken, and how much more may come.
+    Ack(Ack),
+    /// The same, and: send again from `next_sequence`, a frame was lost.
+    Nak(Ack),
+    /// Where the machine is.
+    Status(Status),
+    /// A fault was latched (repeated in every `Status` until it is cleared).
+    Fault(Fault),
+}
+
+/// Who the controller is and what it is doing.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
+pub struct Welcome {
+    /// [`PROTOCOL_VERSION`] of the controller.
+    pub protocol_version: u16,
+    /// [`SCHEMA_HASH`] of the controller.
+    pub schema_hash: u32,
+    /// Version of the firmware: major, minor, patch.
+    pub firmware_version: [u8; 3],
+    /// Hash of its machine configuration.
+    pub machine_hash: u32,
+    /// Knots that its queue holds.
+    pub queue_knots: u16,
+    /// Flow events that its queue holds.
+    pub queue_events: u16,
+    /// Servo ticks per second; durations count them.
+    pub servo_hz: u32,
+    /// Step ticks per second.
+    pub step_hz: u32,
+    /// Differs after every restart of the controller.
+    pub session: u32,
+    /// `Hello::host_session` that this answers.
+    pub host_session: u32,
+    /// The stream that is open, if one is.
+    pub stream: Option<OpenStream>,
+}
+
+/// A stream in progress, as the controller knows it.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
+pub struct OpenStream {
+    /// `Start::job`.
+    pub job: u32,
+    /// Sequence number of the frame that comes next.
+    pub next_sequence: u32,
+    /// Knots taken since `Start`.
+    pub knots_taken: u32,
+    /// Spans completed since `Start`.
+    pub spans_done: u32,
+}
+
+/// Why a message was refused.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
+#[cfg_attr(feature = "defmt", derive(defmt::Format))]
+pub struct Refusal {
+    /// Frame sequence of the refused message.
+    pub sequence: u16,
+    /// Why.
+    pub reason: RefusalReason,
+}
+
+/// Reasons to refuse, with the controller's own value where it is a mismatch.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
+#[cfg_attr(feature = "defmt", derive(defmt::Format))]
+pub enum RefusalReason {
+    /// The controller speaks this protocol version.
+    ProtocolVersion(u16),
+    /// The controller was built with this schema hash.
+    Schema(u32),
+    /// The controller has a machine configuration with this hash.
+    Machine(u32),
+    /// Stream messages came but no stream is open.
+    NoStream,
+    /// Not while the machine is moving or a stream is open.
+    Busy,
+    /// Not while a fault is latched.
+    Faulted,
+    /// A field is out of its range, or the command is not supported by this machine.
+    Invalid,
+}
+
+/// What was taken, and how much more may come. Limits are totals since `Start`, so that lost or
+/// late acknowledgements never mislead: the largest value seen is the truth.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
+#[cfg_attr(feature = "defmt", derive(defmt::Format))]
+pub struct Ack {
+    /// `Welcome::session`; another one means that the controller has restarted.
+    pub session: u32,
+    /// Sequence number of the stream frame that comes next: all before it were taken.
+    pub next_sequence: u32,
+    /// Knots that may be sent in all since `Start` (taken so far + room in the queue).
+    pub knot_limit: u32,
+    /// Flow events that may be sent in all since `Start`.
+    pub event_limit: u32,
+    /// Sequence of the newest control message taken.
+    pub control_taken: u16,
+}
+
+/// What the machine is doing.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash, Serialize, Deserialize)]
+#[cfg_attr(feature = "defmt", derive(defmt::Format))]
+pub enum DeviceState {
+    /// No stream.
+    Idle,
+    /// A stream is open, not enough is queued to begin.
+    Filling,
+    /// Moving along the stream.
+    Running,
+    /// Coming to rest, or resting, because the host asked.
+    Paused,
+    /// Coming to rest, or resting, because the queue ran low.
+    Starved,
+    /// Coming to rest to forget the stream.
+    Aborting,
+    /// The stream ran to its end.
+    Finished,
+    /// Homing.
+    Homing,
+    /// Jogging.
+    Jogging,
+    /// A fault is latched.
+    Faulted,
+}
+
+/// Where the machine is.
+#[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]
+pub struct Status {
+    /// `Welcome::session`.
+    pub session: u32,
+    /// What it is doing.
+    pub state: DeviceState,
+    /// Path rate: 1000 is the planned one.
+    pub sigma_permille: u16,
+    /// Feed override in force.
+    pub override_percent: u16,
+    /// Spans completed since `Start`.
+    pub spans_done: u32,
+    /// Knots in the queue.
+    pub queue_knots: u16,
+    /// Flow events in the queue.
+    pub queue_events: u16,
+    /// Step counts: joints in order, then the extruder.
+    pub counts_steps: Vec<i32, REPORT_MOTORS_MAX>,
+    /// The latched fault.
+    pub fault: Option<Fault>,
+}
+
+/// What tripped a fault.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash, Serialize, Deserialize)]
+#[cfg_attr(feature = "defmt", derive(defmt::Format))]
+pub enum FaultCause {
+    /// Emergency input or command.
+    Emergency,
+    /// Limit switch of joint `index`.
+    LimitSwitch,
+    /// Joint `index` would leave its range, at `value` (0.1 µm or µrad).
+    SoftLimit,
+    /// A segment that cannot be: `value` is the knot's number.
+    BadSegment,
+    /// The stream's totals or order are wrong: `value` is the sequence number.
+    Sequence,
+    /// The pose has no joint positions: `value` is the span.
+    Kinematics,
+    /// The control loop was not served in time.
+    Watchdog,
+    /// Motor `index` would need more than one step a tick: `value` is its steps per second.
+    StepRate,
+    /// Step ticks were missed.
+    StepOverrun,
+    /// The time warp left its bounds.
+    TimeWarp,
+    /// Homing did not find the switch of joint `index`.
+    Homing,
+    /// The machine configuration cannot be run.
+    Configuration,
+}
+
+/// A latched fault with the value that tripped it.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash, Serialize, Deserialize)]
+#[cfg_attr(feature = "defmt", derive(defmt::Format))]
+pub struct Fault {
+    /// What tripped.
+    pub cause: FaultCause,
+    /// Joint or motor, 0 where it has no meaning.
+    pub index: u8,
+    /// The value, as the cause says.
+    pub value: i32,
+}
+
+/// Why a payload is not a message.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[cfg_attr(feature = "defmt", derive(defmt::Format))]
+pub enum MessageError {
+    /// Postcard cannot read it.
+    Malformed,
+    /// Bytes are left over behind the message.
+    TrailingBytes,
+    /// A field is out of its range.
+    FieldRange,
+}
+
+impl HostMessage<'_> {
+    /// Reads a frame's payload and checks every field (the bytes of a knot block are checked by
+    /// its own decoder).
+    pub fn decode(payload: &[u8]) -> Result<HostMessage<'_>, MessageError> {
+        let (message, rest) = postcard::take_from_bytes::<HostMessage<'_>>(payload)
+            .map_err(|_| MessageError::Malformed)?;
+        if !rest.is_empty() {
+            return Err(MessageError::TrailingBytes);
+        }
+        message.check()?;
+        Ok(message)
+    }
+
+    /// True for the numbered, credited messages of the stream.
+    pub fn is_stream(&self) -> bool {
+        matches!(
+            self,
+            HostMessage::Knots(_) | HostMessage::Flow(_) | HostMessage::Finish(_)
+        )
+    }
+
+    /// Checks the range of every field.
+    pub fn check(&self) -> Result<(), MessageError> {
+        let valid = match self {
+            HostMessage::Flow(event) => {
+                event.offset_ticks < SPAN_TICKS_MAX
+                    && event.volume_units <= EVENT_VOLUME_UNITS_MAX
+                    && (1..=EVENT_DURATION_TICKS_MAX).contains(&event.duration_ticks.0)
+            }
+            HostMessage::Control(control) => control.is_valid(),
+            HostMessage::Knots(block) => !block.is_empty(),
+            // Every value of these is possible; what it means is checked by the receiver.
+            HostMessage::Hello(_) | HostMessage::Start(_) | HostMessage::Finish(_) => true,
+        };
+        if valid {
+            Ok(())
+        } else {
+            Err(MessageError::FieldRange)
+        }
+    }
+}
+
+impl Control {
+    fn is_valid(&self) -> bool {
+        match *self {
+            Control::Override(percent) => (1..=OVERRIDE_PERCENT_MAX).contains(&percent),
+            Control::Jog {
+                joint,
+                speed_units_s,
+                ..
+            } => usize::from(joint) < REPORT_MOTORS_MAX && speed_units_s > 0,
+            Control::Home(mask) => mask != 0,
+            _ => true,
+        }
+    }
+}
+
+impl DeviceMessage {
+    /// Reads a frame's payload.
+    pub fn decode(payload: &[u8]) -> Result<DeviceMessage, MessageError> {
+        let (message, rest) = postcard::take_from_bytes::<DeviceMessage>(payload)
+            .map_err(|_| MessageError::Malformed)?;
+        if !rest.is_empty() {
+            return Err(MessageError::TrailingBytes);
+        }
+        Ok(message)
+    }
+}
