@@ -1,4 +1,15 @@
 //! Everything the user can set: machine file, command-line overrides, defaults.
+//!
+//! Input: nothing (the built-in machine), a machine file ([`machine_file`]) or overrides on top.
+//! Output: one immutable [`Settings`], checked by [`Settings::check`]. Angles are radians here and
+//! degrees in the file. Leaves out the job itself: outline, scale and place are the input's.
+
+pub mod aperture_text;
+mod check;
+mod defaults;
+pub mod machine_file;
+
+pub use check::SettingsError;
 
 use crate::geometry::aperture::Aperture;
 use headway_firmware::configuration::MachineConfiguration;

@@ -1,0 +1,342 @@
+//! Are the settings possible, and possible together?
+
+use super::Settings;
+use headway_firmware::configuration::{Kinematics, MachineConfiguration};
+
+/// Largest share of the step tick rate that a motor may use at its top speed: an integrator of one
+/// step a tick loses steps at 1, and the time warp and correction need some room.
+pub const STEP_RATE_SHARE_MAX: f64 = 0.9;
+/// Longest work area that makes sense, mm: ten times the largest concrete printers.
+const LENGTH_MAX_MM: f64 = 100_000.0;
+
+/// Settings that cannot be used, with the key as the machine file spells it.
+#[derive(Clone, Debug, PartialEq, thiserror::Error)]
+pub enum SettingsError {
+    /// A number that must be finite and positive is not.
+    #[error("{key} is {value}, but must be finite and greater than 0")]
+    NotPositive {
+        /// Key of the machine file.
+        key: String,
+        /// What was given.
+        value: f64,
+    },
+    /// A number below its range.
+    #[error("{key} is {value}, but must be at least {low}")]
+    TooSmall {
+        /// Key of the machine file.
+        key: String,
+        /// What was given.
+        value: f64,
+        /// The least possible.
+        low: f64,
+    },
+    /// A number above its range.
+    #[error("{key} is {value}, but must be at most {high}")]
+    TooLarge {
+        /// Key of the machine file.
+        key: String,
+        /// What was given.
+        value: f64,
+        /// The most possible.
+        high: f64,
+    },
+    /// Low end not below the high end.
+    #[error("{key}: the lower end {low} must be below the upper end {high}")]
+    EmptyRange {
+        /// Key of the machine file.
+        key: String,
+        /// Lower end.
+        low: f64,
+        /// Upper end.
+        high: f64,
+    },
+    /// The kinematics has another number of joints.
+    #[error("kinematics {kinematics} has {needed} joints, but {given} are given")]
+    JointCount {
+        /// Kinematics by name.
+        kinematics: &'static str,
+        /// Joints needed.
+        needed: usize,
+        /// Joints given.
+        given: usize,
+    },
+    /// A motor steps faster than the step tick can.
+    #[error(
+        "{motor} makes {rate_hz:.0} steps/s at its top speed, more than 90 % of step_hz = {step_hz}: \
+         lower its speed_max or its steps (microsteps), or raise step_hz"
+    )]
+    StepRate {
+        /// Joint or extruder by name.
+        motor: String,
+        /// Step rate at top speed.
+        rate_hz: f64,
+        /// Step tick rate.
+        step_hz: u32,
+    },
+    /// Step and servo ticks do not fit.
+    #[error("step_hz = {step_hz} must be a whole multiple of servo_hz = {servo_hz}, 2 or more")]
+    TickRates {
+        /// Servo rate.
+        servo_hz: u32,
+        /// Step rate.
+        step_hz: u32,
+    },
+    /// A limit of the print asks more than a part of the machine gives.
+    #[error("{key} is {value}, more than the {limit} of {limit_key}")]
+    Beyond {
+        /// Key of what asks.
+        key: &'static str,
+        /// What it asks.
+        value: f64,
+        /// Key of what limits.
+        limit_key: &'static str,
+        /// What it gives.
+        limit: f64,
+    },
+    /// The work area leaves a joint's range.
+    #[error(
+        "work_area {axis} runs from {low} to {high} mm, beyond the joint's range {min} to {max} mm"
+    )]
+    WorkArea {
+        /// Axis by name.
+        axis: &'static str,
+        /// Work area.
+        low: f64,
+        /// Work area.
+        high: f64,
+        /// Joint range.
+        min: f64,
+        /// Joint range.
+        max: f64,
+    },
+}
+
+/// Names of the joints in the kinematics' order, as in the machine file.
+pub(crate) fn joint_names(kinematics: &Kinematics) -> &'static [&'static str] {
+    match kinematics {
+        Kinematics::Planar => &["x", "y", "z", "c"],
+        Kinematics::Gantry { .. } => &["x", "y", "z", "a", "b", "c"],
+    }
+}
+
+/// Name of the kinematics, as in the machine file.
+pub(crate) fn kinematics_name(kinematics: &Kinematics) -> &'static str {
+    match kinematics {
+        Kinematics::Planar => "planar",
+        Kinematics::Gantry { .. } => "gantry",
+    }
+}
+
+impl Settings {
+    /// Everything in range and nothing at odds; call it after the last override.
+    pub fn check(&self) -> Result<(), SettingsError> {
+        self.check_joints()?;
+        self.check_extruder()?;
+        self.check_step_rates()?;
+        self.check_work_area()?;
+        self.check_process()?;
+        self.check_flow()
+    }
+
+    fn check_joints(&self) -> Result<(), SettingsError> {
+        let machine = &self.machine;
+        let names = joint_names(&machine.kinematics);
+        if names.len() != machine.joints.len() {
+            return Err(SettingsError::JointCount {
+                kinematics: kinematics_name(&machine.kinematics),
+                needed: names.len(),
+                given: machine.joints.len(),
+            });
+        }
+        if let Kinematics::Gantry { pivot_length_mm } = machine.kinematics {
+            in_range("pivot_length_mm", pivot_length_mm, 0.0, 10_000.0)?;
+        }
+        for (name, joint) in names.iter().zip(&machine.joints) {
+            let key = |what: &str| format!("joints.{name}.{what}");
+            let unit = if joint.rotary { "turn" } else { "mm" };
+            positive(&key(&format!("steps_per_{unit}")), joint.steps_per_unit)?;
+            positive(&key("speed_max"), joint.speed_max)?;
+            positive(&key("acceleration_max"), joint.acceleration_max)?;
+            positive(&key("jerk_max"), joint.jerk_max)?;
+            // Infinite ends mean no stop; NaN fails the comparison.
+            if joint.position_min >= joint.position_max
+                || joint.position_min.is_nan()
+                || joint.position_max.is_nan()
+            {
+                return Err(SettingsError::EmptyRange {
+                    key: key("position"),
+                    low: joint.position_min,
+                    high: joint.position_max,
+                });
+            }
+        }
+        Ok(())
+    }
+
+    fn check_extruder(&self) -> Result<(), SettingsError> {
+        let e = &self.machine.extruder;
+        positive("extruder.steps_per_mm3", e.steps_per_mm3)?;
+        positive("extruder.speed_max_mm3_s", e.speed_max_mm3_s)?;
+        positive(
+            "extruder.acceleration_max_mm3_s2",
+            e.acceleration_max_mm3_s2,
+        )?;
+        in_range(
+            "extruder.pressure_advance_s",
+            e.pressure_advance_s,
+            0.0,
+            5.0,
+        )?;
+        in_range(
+            "extruder.pressure_advance_window_ms",
+            e.pressure_advance_window_ms,
+            1.0,
+            200.0,
+        )
+    }
+
+    fn check_step_rates(&self) -> Result<(), SettingsError> {
+        let machine = &self.machine;
+        let (servo_hz, step_hz) = (machine.servo_hz, machine.step_hz);
+        if servo_hz == 0 || !step_hz.is_multiple_of(servo_hz) || step_hz / servo_hz < 2 {
+            return Err(SettingsError::TickRates { servo_hz, step_hz });
+        }
+        in_range("servo_hz", f64::from(servo_hz), 500.0, 20_000.0)?;
+        in_range("step_hz", f64::from(step_hz), 10_000.0, 2_000_000.0)?;
+        for (motor, rate_hz) in motor_rates_hz(machine) {
+            if rate_hz > STEP_RATE_SHARE_MAX * f64::from(step_hz) {
+                return Err(SettingsError::StepRate {
+                    motor,
+                    rate_hz,
+                    step_hz,
+                });
+            }
+        }
+        Ok(())
+    }
+
+    fn check_work_area(&self) -> Result<(), SettingsError> {
+        let [low, high] = self.work_area_mm;
+        for (axis, name) in ["x", "y", "z"].into_iter().enumerate() {
+            let size = high[axis] - low[axis];
+            if size.is_nan() || size <= 0.0 || size > LENGTH_MAX_MM {
+                return Err(SettingsError::EmptyRange {
+                    key: format!("work_area {name}"),
+                    low: low[axis],
+                    high: high[axis],
+                });
+            }
+            let joint = &self.machine.joints[axis];
+            if low[axis] < joint.position_min || high[axis] > joint.position_max {
+                return Err(SettingsError::WorkArea {
+                    axis: name,
+                    low: low[axis],
+                    high: high[axis],
+                    min: joint.position_min,
+                    max: joint.position_max,
+                });
+            }
+        }
+        Ok(())
+    }
+
+    fn check_process(&self) -> Result<(), SettingsError> {
+        let (major, minor) = (self.aperture.major_mm(), self.aperture.minor_mm());
+        in_range("print.aperture (major semi-axis)", major, 0.01, 500.0)?;
+        in_range("print.aperture (minor semi-axis)", minor, 0.01, major)?;
+        in_range("print.layer_height_mm", self.layer_height_mm, 0.001, 500.0)?;
+        in_range("print.speed_mm_s", self.speed_mm_s, 0.01, 10_000.0)?;
+        in_range("print.travel_speed_mm_s", self.travel_speed_mm_s, 0.01, 1e4)?;
+        in_range(
+            "print.tip_acceleration_mm_s2",
+            self.tip_acceleration_mm_s2,
+            1.0,
+            1e6,
+        )?;
+        in_range("print.lift_mm", self.lift_mm, 0.0, 1000.0)?;
+        in_range("print.overlap_pct", self.overlap_pct, 0.0, 50.0)?;
+        in_range("plan_share", self.plan_share, 0.1, 0.99)?;
+        let t = &self.tolerances;
+        in_range("tolerances.outside_mm", t.outside_mm, 1e-5, 1.0)?;
+        in_range("tolerances.tip_mm", t.tip_mm, 1e-4, 1.0)?;
+        in_range("tolerances.axis_mrad", t.axis_rad * 1e3, 0.01, 100.0)?;
+        in_range("tolerances.heading_mrad", t.heading_rad * 1e3, 0.01, 100.0)?;
+        in_range("tolerances.flatten_mm", t.flatten_mm, 1e-5, 1.0)
+    }
+
+    fn check_flow(&self) -> Result<(), SettingsError> {
+        in_range("print.flow_factor", self.flow_factor, 0.01, 10.0)?;
+        positive("flow.flow_max_mm3_s", self.flow_max_mm3_s)?;
+        positive(
+            "flow.rate_of_change_max_mm3_s2",
+            self.flow_rate_of_change_max_mm3_s2,
+        )?;
+        let p = &self.prime_retract;
+        in_range("flow.retract_mm3", p.retract_mm3, 0.0, 1e4)?;
+        in_range("flow.prime_mm3", p.prime_mm3, 0.0, 1e4)?;
+        in_range("flow.retract_lead_s", p.retract_lead_s, 0.0, 10.0)?;
+        in_range("flow.prime_lead_s", p.prime_lead_s, 0.0, 10.0)?;
+        let limit = self.machine.extruder.speed_max_mm3_s * self.plan_share;
+        for (key, value) in [
+            ("flow.retract_rate_mm3_s", p.retract_rate_mm3_s),
+            ("flow.prime_rate_mm3_s", p.prime_rate_mm3_s),
+            ("flow.flow_max_mm3_s", self.flow_max_mm3_s),
+        ] {
+            positive(key, value)?;
+            if value > limit {
+                return Err(SettingsError::Beyond {
+                    key,
+                    value,
+                    limit_key: "extruder.speed_max_mm3_s times plan_share",
+                    limit,
+                });
+            }
+        }
+        Ok(())
+    }
+}
+
+/// Step rate of every motor at its top speed, by name, the extruder last.
+pub fn motor_rates_hz(machine: &MachineConfiguration) -> Vec<(String, f64)> {
+    let joints = joint_names(&machine.kinematics)
+        .iter()
+        .zip(&machine.joints)
+        .map(|(name, joint)| {
+            (
+                format!("joint {name}"),
+                joint.steps_per_unit * joint.speed_max,
+            )
+        });
+    let e = &machine.extruder;
+    joints
+        .chain([("extruder".to_string(), e.steps_per_mm3 * e.speed_max_mm3_s)])
+        .collect()
+}
+
+fn positive(key: &str, value: f64) -> Result<(), SettingsError> {
+    if value.is_finite() && value > 0.0 {
+        return Ok(());
+    }
+    Err(SettingsError::NotPositive {
+        key: key.to_string(),
+        value,
+    })
+}
+
+fn in_range(key: &str, value: f64, low: f64, high: f64) -> Result<(), SettingsError> {
+    if value.is_nan() || value < low {
+        return Err(SettingsError::TooSmall {
+            key: key.to_string(),
+            value,
+            low,
+        });
+    }
+    if value > high {
+        return Err(SettingsError::TooLarge {
+            key: key.to_string(),
+            value,
+            high,
+        });
+    }
+    Ok(())
+}

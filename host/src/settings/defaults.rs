@@ -1,0 +1,166 @@
+//! The built-in machines: what `headway` plans for without `-m`, and what `machine new` writes.
+//!
+//! Every number is a common printer's: 1.8° motors with 16 microsteps on GT2 belts (80 steps/mm),
+//! a geared direct extruder on 1.75 mm filament, a hot end for 0.4 mm wide to 1.2 mm wide beads.
+
+use super::{HeadingLaw, PassMode, PrimeRetract, Settings, Tolerances};
+use crate::geometry::aperture::Aperture;
+use headway_firmware::configuration::{
+    ExtruderConfiguration, JointConfiguration, Kinematics, MachineConfiguration,
+};
+use std::f64::consts::TAU;
+
+/// Work area of both built-in machines, mm.
+const WORK_AREA_MM: [[f64; 3]; 2] = [[0.0, 0.0, 0.0], [250.0, 250.0, 200.0]];
+/// What the joints can move beyond the work area on either side, mm: room for the purge corner.
+const MARGIN_MM: f64 = 5.0;
+/// Distance from the tip to the crossing of the A and B axes of the built-in gantry, mm.
+const PIVOT_LENGTH_MM: f64 = 60.0;
+/// How far the head of the built-in gantry tilts, degrees.
+const TILT_MAX_DEG: f64 = 60.0;
+
+impl Default for Settings {
+    /// The built-in planar machine with a 0.6 x 0.2 mm ellipse.
+    fn default() -> Settings {
+        Settings::planar()
+    }
+}
+
+impl Settings {
+    /// X Y Z and a nozzle that turns without a stop.
+    pub fn planar() -> Settings {
+        // 3200 microsteps a motor turn, belt 3 : 1; 3 turns a second, as small slip rings allow.
+        let nozzle = turning(9600.0, None, 1080.0, 20_000.0, 2.0e6);
+        let [x, y, z] = cartesian(0.0);
+        Settings::of_machine(
+            "planar",
+            machine(Kinematics::Planar, &[x, y, z, nozzle]),
+            WORK_AREA_MM,
+        )
+    }
+
+    /// X Y Z, a head that tilts about X (A) and Y (B), and a slower nozzle axis (C).
+    pub fn gantry() -> Settings {
+        // X, Y and Z follow the pivot, which moves by up to its length when the head tilts.
+        let [x, y, z] = cartesian(PIVOT_LENGTH_MM);
+        let tilt = turning(16_000.0, Some(TILT_MAX_DEG), 180.0, 3_000.0, 3.0e5);
+        let nozzle = turning(9600.0, None, 540.0, 8_000.0, 8.0e5);
+        let kinematics = Kinematics::Gantry {
+            pivot_length_mm: PIVOT_LENGTH_MM,
+        };
+        Settings::of_machine(
+            "gantry",
+            machine(kinematics, &[x, y, z, tilt, tilt, nozzle]),
+            WORK_AREA_MM,
+        )
+    }
+
+    /// Default process settings on the given machine.
+    fn of_machine(
+        name: &str,
+        machine: MachineConfiguration,
+        work_area_mm: [[f64; 3]; 2],
+    ) -> Settings {
+        Settings {
+            machine_name: name.to_string(),
+            machine,
+            work_area_mm,
+            aperture: Aperture::Ellipse {
+                major_mm: 0.6,
+                minor_mm: 0.2,
+            },
+            layer_height_mm: 0.2,
+            speed_mm_s: 60.0,
+            travel_speed_mm_s: 150.0,
+            tip_acceleration_mm_s2: 3000.0,
+            lift_mm: 0.4,
+            flow_factor: 1.0,
+            // 1.2 mm x 0.2 mm at 150 mm/s is 36 mm³/s: a high-flow melt zone.
+            flow_max_mm3_s: 40.0,
+            // The widest bead at full tip acceleration asks for 720 mm³/s², turning for more.
+            flow_rate_of_change_max_mm3_s2: 2000.0,
+            prime_retract: PrimeRetract {
+                // 0.6 mm of 1.75 mm filament.
+                retract_mm3: 1.5,
+                retract_rate_mm3_s: 30.0,
+                retract_lead_s: 0.02,
+                prime_mm3: 1.5,
+                prime_rate_mm3_s: 30.0,
+                prime_lead_s: 0.02,
+            },
+            plan_share: 0.95,
+            overlap_pct: 0.0,
+            pass_mode: PassMode::Two,
+            heading_law: HeadingLaw::Tangent,
+            tolerances: Tolerances {
+                outside_mm: 0.001,
+                tip_mm: 0.001,
+                axis_rad: 1e-4,
+                heading_rad: 2e-4,
+                flatten_mm: 0.002,
+            },
+        }
+    }
+}
+
+/// X, Y and Z over the work area, with `reach_mm` more on the sides.
+fn cartesian(reach_mm: f64) -> [JointConfiguration; 3] {
+    let [low, high] = WORK_AREA_MM;
+    let belt = |axis: usize| JointConfiguration {
+        rotary: false,
+        steps_per_unit: 80.0,
+        position_min: low[axis] - MARGIN_MM - reach_mm,
+        position_max: high[axis] + MARGIN_MM + reach_mm,
+        speed_max: 250.0,
+        acceleration_max: 3000.0,
+        jerk_max: 3.0e5,
+    };
+    let screw = JointConfiguration {
+        rotary: false,
+        steps_per_unit: 400.0,
+        position_min: low[2] - MARGIN_MM - reach_mm,
+        position_max: high[2] + MARGIN_MM,
+        speed_max: 20.0,
+        acceleration_max: 200.0,
+        jerk_max: 2.0e4,
+    };
+    [belt(0), belt(1), screw]
+}
+
+/// A rotary joint; `reach_deg` is how far it turns either way, `None` for no stop.
+fn turning(
+    steps_per_turn: f64,
+    reach_deg: Option<f64>,
+    speed_deg_s: f64,
+    acceleration_deg_s2: f64,
+    jerk_deg_s3: f64,
+) -> JointConfiguration {
+    let reach_rad = reach_deg.map_or(f64::INFINITY, f64::to_radians);
+    JointConfiguration {
+        rotary: true,
+        steps_per_unit: steps_per_turn / TAU,
+        position_min: -reach_rad,
+        position_max: reach_rad,
+        speed_max: speed_deg_s.to_radians(),
+        acceleration_max: acceleration_deg_s2.to_radians(),
+        jerk_max: jerk_deg_s3.to_radians(),
+    }
+}
+
+fn machine(kinematics: Kinematics, joints: &[JointConfiguration]) -> MachineConfiguration {
+    MachineConfiguration {
+        kinematics,
+        joints: joints.iter().copied().collect(),
+        extruder: ExtruderConfiguration {
+            // 400 steps per mm of 1.75 mm filament (2.405 mm²).
+            steps_per_mm3: 166.3,
+            // 33 mm/s of filament: flow, advance and prime together.
+            speed_max_mm3_s: 80.0,
+            acceleration_max_mm3_s2: 8000.0,
+            pressure_advance_s: 0.03,
+            pressure_advance_window_ms: 40.0,
+        },
+        servo_hz: 2000,
+        step_hz: 200_000,
+    }
+}

@@ -1,0 +1,427 @@
+//! The machine file: TOML text <-> [`Settings`].
+//!
+//! A file for people: angles in degrees, steps by the turn, comments at every group. Unknown keys
+//! are refused with their line, because a misspelt limit would otherwise be no limit. `name`,
+//! `kinematics`, `work_area`, `joints` and `extruder` must be there; the other groups and their
+//! keys default to the built-in machine's. This file is the only place where degrees become
+//! radians.
+
+use super::aperture_text::{ApertureTextError, parse_aperture};
+use super::check::SettingsError;
+use super::{HeadingLaw, PassMode, PrimeRetract, Settings, Tolerances};
+use headway_firmware::configuration::{
+    ExtruderConfiguration, JointConfiguration, Kinematics, MachineConfiguration,
+};
+use serde::Deserialize;
+use std::f64::consts::TAU;
+
+mod write;
+pub use write::to_toml;
+
+/// Why a machine file cannot be used.
+#[derive(Clone, Debug, PartialEq, thiserror::Error)]
+pub enum MachineFileError {
+    /// Not TOML, an unknown or missing key, or a value of the wrong type.
+    #[error("{0}")]
+    Toml(String),
+    /// A joint that the kinematics has is not given, or one that it has not is.
+    #[error("kinematics \"{kinematics}\" needs {needed}; {problem}")]
+    Joints {
+        /// Kinematics by name.
+        kinematics: &'static str,
+        /// What it needs.
+        needed: &'static str,
+        /// What is wrong with what is given.
+        problem: String,
+    },
+    /// The aperture cannot be read.
+    #[error("print.aperture: {0}")]
+    Aperture(#[from] ApertureTextError),
+    /// Values out of range or at odds.
+    #[error("{0}")]
+    Settings(#[from] SettingsError),
+}
+
+/// Reads and checks a machine file.
+pub fn from_toml(text: &str) -> Result<Settings, MachineFileError> {
+    let file: File = toml::from_str(text)
+        .map_err(|error| MachineFileError::Toml(error.to_string().trim_end().to_string()))?;
+    let settings = file.into_settings()?;
+    settings.check()?;
+    Ok(settings)
+}
+
+#[derive(Deserialize)]
+#[serde(deny_unknown_fields)]
+struct File {
+    name: String,
+    kinematics: KinematicsName,
+    pivot_length_mm: Option<f64>,
+    servo_hz: Option<u32>,
+    step_hz: Option<u32>,
+    plan_share: Option<f64>,
+    work_area: WorkArea,
+    joints: Joints,
+    extruder: Extruder,
+    #[serde(default)]
+    print: Print,
+    #[serde(default)]
+    flow: Flow,
+    #[serde(default)]
+    tolerances: FileTolerances,
+}
+
+#[derive(Clone, Copy, Deserialize, PartialEq)]
+#[serde(rename_all = "lowercase")]
+enum KinematicsName {
+    Planar,
+    Gantry,
+}
+
+#[derive(Deserialize)]
+#[serde(deny_unknown_fields)]
+struct WorkArea {
+    min_mm: [f64; 3],
+    max_mm: [f64; 3],
+}
+
+#[derive(Deserialize)]
+#[serde(deny_unknown_fields)]
+struct Joints {
+    x: LinearJoint,
+    y: LinearJoint,
+    z: LinearJoint,
+    a: Option<RotaryJoint>,
+    b: Option<RotaryJoint>,
+    c: RotaryJoint,
+}
+
+#[derive(Deserialize)]
+#[serde(deny_unknown_fields)]
+struct LinearJoint {
+    steps_per_mm: f64,
+    position_min_mm: f64,
+    position_max_mm: f64,
+    speed_max_mm_s: f64,
+    acceleration_max_mm_s2: f64,
+    jerk_max_mm_s3: f64,
+}
+
+#[derive(Deserialize)]
+#[serde(deny_unknown_fields)]
+struct RotaryJoint {
+    steps_per_turn: f64,
+    position_min_deg: Option<f64>,
+    position_max_deg: Option<f64>,
+    speed_max_deg_s: f64,
+    acceleration_max_deg_s2: f64,
+    jerk_max_deg_s3: f64,
+}
+
+#[derive(Deserialize)]
+#[serde(deny_unknown_fields)]
+struct Extruder {
+    steps_per_mm3: f64,
+    speed_max_mm3_s: f64,
+    acceleration_max_mm3_s2: f64,
+    pressure_advance_s: Option<f64>,
+    pressure_advance_window_ms: Option<f64>,
+}
+
+#[derive(Default, Deserialize)]
+#[serde(deny_unknown_fields)]
+struct Print {
+    aperture: Option<String>,
+    layer_height_mm: Option<f64>,
+    speed_mm_s: Option<f64>,
+    travel_speed_mm_s: Option<f64>,
+    tip_acceleration_mm_s2: Option<f64>,
+    lift_mm: Option<f64>,
+    overlap_pct: Option<f64>,
+    pass: Option<PassName>,
+    law: Option<LawName>,
+}
+
+#[derive(Clone, Copy, Deserialize)]
+#[serde(rename_all = "lowercase")]
+enum PassName {
+    Two,
+    One,
+}
+
+#[derive(Clone, Copy, Deserialize)]
+#[serde(rename_all = "lowercase")]
+enum LawName {
+    Tangent,
+    Linear,
+}
+
+#[derive(Default, Deserialize)]
+#[serde(deny_unknown_fields)]
+struct Flow {
+    factor: Option<f64>,
+    flow_max_mm3_s: Option<f64>,
+    rate_of_change_max_mm3_s2: Option<f64>,
+    retract_mm3: Option<f64>,
+    retract_rate_mm3_s: Option<f64>,
+    retract_lead_s: Option<f64>,
+    prime_mm3: Option<f64>,
+    prime_rate_mm3_s: Option<f64>,
+    prime_lead_s: Option<f64>,
+}
+
+#[derive(Default, Deserialize)]
+#[serde(deny_unknown_fields)]
+struct FileTolerances {
+    outside_mm: Option<f64>,
+    tip_mm: Option<f64>,
+    axis_mrad: Option<f64>,
+    heading_mrad: Option<f64>,
+    flatten_mm: Option<f64>,
+}
+
+impl File {
+    fn into_settings(self) -> Result<Settings, MachineFileError> {
+        let default = Settings::default();
+        let (kinematics, joints) = self.joints()?;
+        let e = &self.extruder;
+        let default_e = &default.machine.extruder;
+        let machine = MachineConfiguration {
+            kinematics,
+            joints: joints.into_iter().collect(),
+            extruder: ExtruderConfiguration {
+                steps_per_mm3: e.steps_per_mm3,
+                speed_max_mm3_s: e.speed_max_mm3_s,
+                acceleration_max_mm3_s2: e.acceleration_max_mm3_s2,
+                pressure_advance_s: e.pressure_advance_s.unwrap_or(default_e.pressure_advance_s),
+                pressure_advance_window_ms: e
+                    .pressure_advance_window_ms
+                    .unwrap_or(default_e.pressure_advance_window_ms),
+            },
+            servo_hz: self.servo_hz.unwrap_or(default.machine.servo_hz),
+            step_hz: self.step_hz.unwrap_or(default.machine.step_hz),
+        };
+        let (print, flow) = (&self.print, &self.flow);
+        let aperture = match &print.aperture {
+            Some(text) => parse_aperture(text)?,
+            None => default.aperture,
+        };
+        Ok(Settings {
+            machine_name: self.name,
+            machine,
+            work_area_mm: [self.work_area.min_mm, self.work_area.max_mm],
+            aperture,
+            layer_height_mm: print.layer_height_mm.unwrap_or(default.layer_height_mm),
+            speed_mm_s: print.speed_mm_s.unwrap_or(default.speed_mm_s),
+            travel_speed_mm_s: print.travel_speed_mm_s.unwrap_or(default.travel_speed_mm_s),
+            tip_acceleration_mm_s2: print
+                .tip_acceleration_mm_s2
+                .unwrap_or(default.tip_acceleration_mm_s2),
+            lift_mm: print.lift_mm.unwrap_or(default.lift_mm),
+            flow_factor: flow.factor.unwrap_or(default.flow_factor),
+            flow_max_mm3_s: flow.flow_max_mm3_s.unwrap_or(default.flow_max_mm3_s),
+            flow_rate_of_change_max_mm3_s2: flow
+                .rate_of_change_max_mm3_s2
+                .unwrap_or(default.flow_rate_of_change_max_mm3_s2),
+            prime_retract: flow.prime_retract(&default.prime_retract),
+            plan_share: self.plan_share.unwrap_or(default.plan_share),
+            overlap_pct: print.overlap_pct.unwrap_or(default.overlap_pct),
+            pass_mode: match print.pass {
+                Some(PassName::Two) => PassMode::Two,
+                Some(PassName::One) => PassMode::One,
+                None => default.pass_mode,
+            },
+            heading_law: match print.law {
+                Some(LawName::Tangent) => HeadingLaw::Tangent,
+                Some(LawName::Linear) => HeadingLaw::Linear,
+                None => default.heading_law,
+            },
+            tolerances: self.tolerances.over(&default.tolerances),
+        })
+    }
+
+    /// The kinematics and its joints in order; refuses joints that are missing or too many.
+    fn joints(&self) -> Result<(Kinematics, Vec<JointConfiguration>), MachineFileError> {
+        let j = &self.joints;
+        let (x, y, z, c) = (j.x.joint(), j.y.joint(), j.z.joint(), j.c.joint());
+        let wrong = |kinematics, needed, problem: &str| MachineFileError::Joints {
+            kinematics,
+            needed,
+            problem: problem.to_string(),
+        };
+        match self.kinematics {
+            KinematicsName::Planar => {
+                let needed = "the joints x, y, z, c and no pivot_length_mm";
+                if j.a.is_some() || j.b.is_some() || self.pivot_length_mm.is_some() {
+                    let problem = "take joints.a, joints.b and pivot_length_mm out, or use gantry";
+                    return Err(wrong("planar", needed, problem));
+                }
+                Ok((Kinematics::Planar, vec![x, y, z, c]))
+            }
+            KinematicsName::Gantry => {
+                let needed = "the joints x, y, z, a, b, c and pivot_length_mm";
+                let (Some(a), Some(b)) = (&j.a, &j.b) else {
+                    return Err(wrong("gantry", needed, "joints.a or joints.b is missing"));
+                };
+                let Some(pivot_length_mm) = self.pivot_length_mm else {
+                    return Err(wrong("gantry", needed, "pivot_length_mm is missing"));
+                };
+                let kinematics = Kinematics::Gantry { pivot_length_mm };
+                Ok((kinematics, vec![x, y, z, a.joint(), b.joint(), c]))
+            }
+        }
+    }
+}
+
+impl LinearJoint {
+    fn joint(&self) -> JointConfiguration {
+        JointConfiguration {
+            rotary: false,
+            steps_per_unit: self.steps_per_mm,
+            position_min: self.position_min_mm,
+            position_max: self.position_max_mm,
+            speed_max: self.speed_max_mm_s,
+            acceleration_max: self.acceleration_max_mm_s2,
+            jerk_max: self.jerk_max_mm_s3,
+        }
+    }
+}
+
+impl RotaryJoint {
+    fn joint(&self) -> JointConfiguration {
+        JointConfiguration {
+            rotary: true,
+            steps_per_unit: self.steps_per_turn / TAU,
+            position_min: self
+                .position_min_deg
+                .map_or(f64::NEG_INFINITY, f64::to_radians),
+            position_max: self.position_max_deg.map_or(f64::INFINITY, f64::to_radians),
+            speed_max: self.speed_max_deg_s.to_radians(),
+            acceleration_max: self.acceleration_max_deg_s2.to_radians(),
+            jerk_max: self.jerk_max_deg_s3.to_radians(),
+        }
+    }
+}
+
+impl Flow {
+    fn prime_retract(&self, default: &PrimeRetract) -> PrimeRetract {
+        PrimeRetract {
+            retract_mm3: self.retract_mm3.unwrap_or(default.retract_mm3),
+            retract_rate_mm3_s: self
+                .retract_rate_mm3_s
+                .unwrap_or(default.retract_rate_mm3_s),
+            retract_lead_s: self.retract_lead_s.unwrap_or(default.retract_lead_s),
+            prime_mm3: self.prime_mm3.unwrap_or(default.prime_mm3),
+            prime_rate_mm3_s: self.prime_rate_mm3_s.unwrap_or(default.prime_rate_mm3_s),
+            prime_lead_s: self.prime_lead_s.unwrap_or(default.prime_lead_s),
+        }
+    }
+}
+
+impl FileTolerances {
+    fn over(&self, default: &Tolerances) -> Tolerances {
+        let rad = |mrad: Option<f64>, default_rad: f64| mrad.map_or(default_rad, |v| v / 1e3);
+        Tolerances {
+            outside_mm: self.outside_mm.unwrap_or(default.outside_mm),
+            tip_mm: self.tip_mm.unwrap_or(default.tip_mm),
+            axis_rad: rad(self.axis_mrad, default.axis_rad),
+            heading_rad: rad(self.heading_mrad, default.heading_rad),
+            flatten_mm: self.flatten_mm.unwrap_or(default.flatten_mm),
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn built_in_machines_are_valid_and_read_back_exactly() {
+        for settings in [Settings::planar(), Settings::gantry()] {
+            settings.check().expect("built-in machine");
+            let text = to_toml(&settings);
+            let read = from_toml(&text).expect(&text);
+            assert_eq!(read, settings, "{text}");
+        }
+    }
+
+    /// Degrees and turns are rounded once, when a file is read; from there on nothing moves.
+    #[test]
+    fn any_settings_from_a_file_read_back_exactly() {
+        for seed in 0..200 {
+            let vary = |k: usize| 0.5 + 0.737 * ((seed * 7 + k * 13) % 101) as f64 / 3.0;
+            let mut settings = Settings::gantry();
+            for (k, joint) in settings.machine.joints.iter_mut().enumerate().skip(3) {
+                joint.speed_max = vary(k);
+                joint.steps_per_unit = 101.3 * vary(k + 3);
+                joint.position_min = -vary(k + 5);
+                joint.position_max = vary(k + 7);
+            }
+            settings.tolerances.heading_rad = vary(1) / 1e3;
+            let read = from_toml(&to_toml(&settings)).expect("first file");
+            assert_eq!(from_toml(&to_toml(&read)).expect("second file"), read);
+        }
+    }
+
+    #[test]
+    fn unknown_keys_are_refused_with_their_line() {
+        let text = to_toml(&Settings::planar()).replace("speed_mm_s = 60", "sped_mm_s = 60");
+        let line = 1 + text
+            .lines()
+            .position(|l| l.starts_with("sped"))
+            .expect("line");
+        let message = from_toml(&text).expect_err("unknown key").to_string();
+        assert!(message.contains(&format!("line {line}")), "{message}");
+        assert!(message.contains("sped_mm_s"), "{message}");
+    }
+
+    #[test]
+    fn impossible_machines_are_refused() {
+        for (from, to, part) in [
+            ("steps_per_mm = 80", "steps_per_mm = 800", "90 % of step_hz"),
+            ("servo_hz = 2000", "servo_hz = 2001", "whole multiple"),
+            (
+                "speed_max_mm_s = 250",
+                "speed_max_mm_s = -250",
+                "greater than 0",
+            ),
+            (
+                "speed_max_mm_s = 250",
+                "speed_max_mm_s = nan",
+                "greater than 0",
+            ),
+            (
+                "kinematics = \"planar\"",
+                "kinematics = \"gantry\"",
+                "joints.a",
+            ),
+            (
+                "kinematics = \"planar\"",
+                "kinematics = \"delta\"",
+                "unknown variant",
+            ),
+            (
+                "position_max_mm = 205",
+                "position_max_mm = 100",
+                "beyond the joint",
+            ),
+            (
+                "\"ellipse:0.6x0.2\"",
+                "\"ellipse:0.2x0.6\"",
+                "write ellipse:0.6x0.2",
+            ),
+            (
+                "prime_rate_mm3_s = 30",
+                "prime_rate_mm3_s = 90",
+                "extruder.speed_max",
+            ),
+        ] {
+            let text = to_toml(&Settings::planar());
+            assert!(text.contains(from), "{from} is not in the file");
+            let message = from_toml(&text.replace(from, to))
+                .expect_err(to)
+                .to_string();
+            assert!(message.contains(part), "{to}: {message}");
+        }
+    }
+}

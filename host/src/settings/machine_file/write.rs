@@ -1,0 +1,232 @@
+//! Writes a machine file with its comments; [`super::from_toml`] reads exactly the same settings.
+
+use crate::settings::aperture_text::aperture_text;
+use crate::settings::check::{joint_names, kinematics_name};
+use crate::settings::{HeadingLaw, PassMode, Settings};
+use headway_firmware::configuration::{JointConfiguration, Kinematics};
+use std::f64::consts::TAU;
+use std::fmt::Write;
+
+/// The settings as a commented machine file.
+pub fn to_toml(settings: &Settings) -> String {
+    let mut text = String::new();
+    // Writing to a String cannot fail; the results say so by type only.
+    let _ = write_machine(&mut text, settings);
+    let _ = write_process(&mut text, settings);
+    text
+}
+
+fn write_machine(text: &mut String, s: &Settings) -> std::fmt::Result {
+    let machine = &s.machine;
+    writeln!(
+        text,
+        "# Headway machine file. Lengths in mm, angles in degrees, volumes in mm³."
+    )?;
+    writeln!(
+        text,
+        "# Limits are the machine's own; the plan uses plan_share of each."
+    )?;
+    writeln!(text, "name = {}", quoted(&s.machine_name))?;
+    writeln!(
+        text,
+        "kinematics = \"{}\"",
+        kinematics_name(&machine.kinematics)
+    )?;
+    if let Kinematics::Gantry { pivot_length_mm } = machine.kinematics {
+        writeln!(
+            text,
+            "# From the nozzle tip to the crossing of the A and B axes."
+        )?;
+        writeln!(text, "pivot_length_mm = {}", number(pivot_length_mm))?;
+    }
+    writeln!(text, "servo_hz = {}", machine.servo_hz)?;
+    writeln!(
+        text,
+        "# A whole multiple of servo_hz; no motor may step faster than 90 % of it."
+    )?;
+    writeln!(text, "step_hz = {}", machine.step_hz)?;
+    writeln!(text, "plan_share = {}", number(s.plan_share))?;
+    writeln!(
+        text,
+        "\n# Inputs are centred over it unless --at says otherwise.\n[work_area]"
+    )?;
+    writeln!(text, "min_mm = {}", triple(s.work_area_mm[0]))?;
+    writeln!(text, "max_mm = {}", triple(s.work_area_mm[1]))?;
+    for (name, joint) in joint_names(&machine.kinematics).iter().zip(&machine.joints) {
+        write_joint(text, name, joint)?;
+    }
+    let e = &machine.extruder;
+    writeln!(
+        text,
+        "\n# Steps count deposited volume. e = V + K dV/dt.\n[extruder]"
+    )?;
+    writeln!(text, "steps_per_mm3 = {}", number(e.steps_per_mm3))?;
+    writeln!(text, "speed_max_mm3_s = {}", number(e.speed_max_mm3_s))?;
+    writeln!(
+        text,
+        "acceleration_max_mm3_s2 = {}",
+        number(e.acceleration_max_mm3_s2)
+    )?;
+    writeln!(
+        text,
+        "pressure_advance_s = {}",
+        number(e.pressure_advance_s)
+    )?;
+    let window = number(e.pressure_advance_window_ms);
+    writeln!(text, "pressure_advance_window_ms = {window}")
+}
+
+fn write_joint(text: &mut String, name: &str, joint: &JointConfiguration) -> std::fmt::Result {
+    let (what, unit) = match name {
+        "a" => ("\n# Head about X.", "deg"),
+        "b" => ("\n# Head about Y.", "deg"),
+        "c" => (
+            "\n# The nozzle about its axis; without ends it turns for ever.",
+            "deg",
+        ),
+        _ => ("", "mm"),
+    };
+    writeln!(text, "{what}\n[joints.{name}]")?;
+    if !joint.rotary {
+        writeln!(text, "steps_per_mm = {}", number(joint.steps_per_unit))?;
+        writeln!(text, "position_min_mm = {}", number(joint.position_min))?;
+        writeln!(text, "position_max_mm = {}", number(joint.position_max))?;
+        writeln!(text, "speed_max_{unit}_s = {}", number(joint.speed_max))?;
+        writeln!(
+            text,
+            "acceleration_max_{unit}_s2 = {}",
+            number(joint.acceleration_max)
+        )?;
+        return writeln!(text, "jerk_max_{unit}_s3 = {}", number(joint.jerk_max));
+    }
+    let steps_per_turn = nice(joint.steps_per_unit * TAU, joint.steps_per_unit, |v| {
+        v / TAU
+    });
+    writeln!(text, "steps_per_turn = {steps_per_turn}")?;
+    if joint.position_min.is_finite() {
+        writeln!(text, "position_min_deg = {}", degrees(joint.position_min))?;
+    }
+    if joint.position_max.is_finite() {
+        writeln!(text, "position_max_deg = {}", degrees(joint.position_max))?;
+    }
+    writeln!(text, "speed_max_deg_s = {}", degrees(joint.speed_max))?;
+    writeln!(
+        text,
+        "acceleration_max_deg_s2 = {}",
+        degrees(joint.acceleration_max)
+    )?;
+    writeln!(text, "jerk_max_deg_s3 = {}", degrees(joint.jerk_max))
+}
+
+fn write_process(text: &mut String, s: &Settings) -> std::fmt::Result {
+    writeln!(
+        text,
+        "\n# The command line overrides these (--aperture, --speed, ...).\n[print]"
+    )?;
+    writeln!(
+        text,
+        "# ellipse:AxB (semi-axes, the long one along tool X) or circle:R"
+    )?;
+    writeln!(text, "aperture = \"{}\"", aperture_text(&s.aperture))?;
+    writeln!(text, "layer_height_mm = {}", number(s.layer_height_mm))?;
+    writeln!(text, "speed_mm_s = {}", number(s.speed_mm_s))?;
+    writeln!(text, "travel_speed_mm_s = {}", number(s.travel_speed_mm_s))?;
+    writeln!(
+        text,
+        "tip_acceleration_mm_s2 = {}",
+        number(s.tip_acceleration_mm_s2)
+    )?;
+    writeln!(text, "# Travel moves are lifted by this much.")?;
+    writeln!(text, "lift_mm = {}", number(s.lift_mm))?;
+    writeln!(text, "overlap_pct = {}", number(s.overlap_pct))?;
+    let pass = match s.pass_mode {
+        PassMode::Two => "two",
+        PassMode::One => "one",
+    };
+    writeln!(text, "pass = \"{pass}\"")?;
+    let law = match s.heading_law {
+        HeadingLaw::Tangent => "tangent",
+        HeadingLaw::Linear => "linear",
+    };
+    writeln!(text, "law = \"{law}\"")?;
+    writeln!(text, "\n[flow]\nfactor = {}", number(s.flow_factor))?;
+    writeln!(text, "flow_max_mm3_s = {}", number(s.flow_max_mm3_s))?;
+    let change = number(s.flow_rate_of_change_max_mm3_s2);
+    writeln!(text, "rate_of_change_max_mm3_s2 = {change}")?;
+    let p = &s.prime_retract;
+    writeln!(
+        text,
+        "# Rates are peaks. A retract begins its lead before the pass ends,"
+    )?;
+    writeln!(
+        text,
+        "# a pass starts to move its lead before the prime is done."
+    )?;
+    writeln!(text, "retract_mm3 = {}", number(p.retract_mm3))?;
+    writeln!(
+        text,
+        "retract_rate_mm3_s = {}",
+        number(p.retract_rate_mm3_s)
+    )?;
+    writeln!(text, "retract_lead_s = {}", number(p.retract_lead_s))?;
+    writeln!(text, "prime_mm3 = {}", number(p.prime_mm3))?;
+    writeln!(text, "prime_rate_mm3_s = {}", number(p.prime_rate_mm3_s))?;
+    writeln!(text, "prime_lead_s = {}", number(p.prime_lead_s))?;
+    let t = &s.tolerances;
+    writeln!(
+        text,
+        "\n[tolerances]\n# How far a placed aperture may leave the outline."
+    )?;
+    writeln!(text, "outside_mm = {}", number(t.outside_mm))?;
+    writeln!(text, "# Finished segments against the path.")?;
+    writeln!(text, "tip_mm = {}", number(t.tip_mm))?;
+    let mrad = |rad: f64| nice(rad * 1e3, rad, |v| v / 1e3);
+    writeln!(text, "axis_mrad = {}", mrad(t.axis_rad))?;
+    writeln!(text, "heading_mrad = {}", mrad(t.heading_rad))?;
+    writeln!(text, "# Curves of the input become polygons this close.")?;
+    writeln!(text, "flatten_mm = {}", number(t.flatten_mm))
+}
+
+/// Shortest decimal that reads back as the same number.
+fn number(value: f64) -> String {
+    format!("{value}")
+}
+
+fn degrees(rad: f64) -> String {
+    nice(rad.to_degrees(), rad, f64::to_radians)
+}
+
+/// The shortest decimal near `value` that `back` turns into exactly `wanted`: 1080 rather than
+/// 1080.0000000000002. Neighbouring floats are tried where rounding never hits.
+fn nice(value: f64, wanted: f64, back: impl Fn(f64) -> f64) -> String {
+    for digits in 0..=15usize {
+        let text = format!("{value:.digits$}");
+        if text.parse().is_ok_and(|v: f64| back(v) == wanted) {
+            return text;
+        }
+    }
+    let (mut low, mut high) = (value, value);
+    for _ in 0..8 {
+        for near in [low, high] {
+            if back(near) == wanted {
+                return number(near);
+            }
+        }
+        (low, high) = (low.next_down(), high.next_up());
+    }
+    number(value)
+}
+
+fn triple(values: [f64; 3]) -> String {
+    format!(
+        "[{}, {}, {}]",
+        number(values[0]),
+        number(values[1]),
+        number(values[2])
+    )
+}
+
+/// A TOML basic string.
+fn quoted(text: &str) -> String {
+    toml::Value::String(text.to_string()).to_string()
+}
