@@ -2,4 +2,11 @@
 #![no_std]
 #![forbid(unsafe_code)]
 
+#[cfg(test)]
+extern crate std;
+
 pub mod configuration;
+pub mod kinematics;
+pub mod pose;
+pub mod real;
+pub mod spline;

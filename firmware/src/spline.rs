@@ -1,0 +1,424 @@
+//! Knots -> polynomial pieces of the motion, for host (f64) and controller (f32) alike.
+//!
+//! [`SpanWindow`] takes the knots of `headway_protocol::segment` one by one and keeps the four
+//! control points and five durations that shape the newest span; [`SpanPolynomial`] is that span
+//! as one cubic per channel, in channel units and servo ticks from the span's start. Positions
+//! are an exact integer `base` (unwrapped, i64) plus a small offset in the number type, so that
+//! resolution does not depend on the distance from the origin and nothing drifts.
+//!
+//! Source: de Boor, A Practical Guide to Splines (1978), derivative control points.
+
+use crate::real::Real;
+use headway_protocol::segment::{Knot, REST_TICKS};
+use headway_protocol::units::{CHANNELS, ChannelPoint, UNITS_PER_NATURAL};
+
+/// Control points and durations around the newest span.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct SpanWindow {
+    /// P_{n-3}..P_n, channel units, wrapping.
+    control: [ChannelPoint; 4],
+    /// Durations of spans n-2..n+2, servo ticks.
+    durations_ticks: [u16; 5],
+    /// P_{n-2}, unwrapped from the start of the stream.
+    base: [i64; CHANNELS],
+}
+
+impl SpanWindow {
+    /// At rest on `start`, before knot 0.
+    pub fn at_rest(start: &ChannelPoint) -> Self {
+        Self {
+            control: [*start; 4],
+            durations_ticks: [REST_TICKS; 5],
+            base: start.map(i64::from),
+        }
+    }
+
+    /// Takes knot n; the window then shapes span n.
+    pub fn push(&mut self, knot: &Knot) {
+        for channel in 0..CHANNELS {
+            let step = self.control[2][channel].wrapping_sub(self.control[1][channel]);
+            self.base[channel] = self.base[channel].wrapping_add(i64::from(step));
+        }
+        self.control = [
+            self.control[1],
+            self.control[2],
+            self.control[3],
+            knot.control,
+        ];
+        let [_, h1, h2, h3, h4] = self.durations_ticks;
+        self.durations_ticks = [h1, h2, h3, h4, knot.duration_ticks];
+    }
+
+    /// Duration of the newest span, servo ticks.
+    pub fn duration_ticks(&self) -> u16 {
+        self.durations_ticks[2]
+    }
+
+    /// Unwrapped integer position that the span's offsets count from, channel units.
+    pub fn base(&self) -> &[i64; CHANNELS] {
+        &self.base
+    }
+
+    /// Newest control point, channel units.
+    pub fn newest(&self) -> &ChannelPoint {
+        &self.control[3]
+    }
+
+    /// True if nothing moves during the whole span.
+    pub fn is_rest(&self) -> bool {
+        self.starts_at_rest() && self.ends_at_rest()
+    }
+
+    /// True if velocity and acceleration are zero where the span starts.
+    pub fn starts_at_rest(&self) -> bool {
+        self.control[0] == self.control[1] && self.control[1] == self.control[2]
+    }
+
+    /// True if velocity and acceleration are zero where the span ends.
+    pub fn ends_at_rest(&self) -> bool {
+        self.control[1] == self.control[2] && self.control[2] == self.control[3]
+    }
+
+    /// The newest span as polynomials: about 250 floating-point instructions.
+    pub fn polynomial<R: Real>(&self) -> SpanPolynomial<R> {
+        let weights = SpanWeights::new(&self.durations_ticks);
+        let mut polynomial = SpanPolynomial::zero();
+        for channel in 0..CHANNELS {
+            let difference = |later: usize| {
+                let (from, to) = (&self.control[later - 1], &self.control[later]);
+                integer_to_real::<R>(to[channel].wrapping_sub(from[channel]))
+            };
+            let [a, b, c] = [difference(1), difference(2), difference(3)];
+            polynomial.coefficients[channel] = weights.cubic(a, b, c);
+            polynomial.rate_bound[channel] = weights.rate_bound(a, b, c);
+        }
+        polynomial
+    }
+}
+
+fn integer_to_real<R: Real>(value: i32) -> R {
+    R::of(f64::from(value))
+}
+
+/// What the durations alone say about a span; shared by all channels.
+struct SpanWeights<R> {
+    position: [R; 2],
+    rate: [R; 3],
+    start_blend: [R; 2],
+    bend: [R; 2],
+    jerk: R,
+    half: R,
+    sixth: R,
+}
+
+impl<R: Real> SpanWeights<R> {
+    fn new(durations_ticks: &[u16; 5]) -> Self {
+        let [h0, h1, h2, h3, h4] = durations_ticks.map(|ticks| R::of(f64::from(ticks)));
+        let three = R::of(3.0);
+        let (inner, outer) = (h1 + h2, h2 + h3);
+        let first = h0 + inner;
+        let second = inner + h3;
+        let third = outer + h4;
+        Self {
+            position: [h2 * h2 / (first * inner), h1 * h1 / (second * inner)],
+            rate: [three / first, three / second, three / third],
+            start_blend: [h2 / inner, h1 / inner],
+            bend: [R::of(2.0) / inner, R::of(2.0) / outer],
+            jerk: R::of(1.0) / h2,
+            half: R::of(0.5),
+            sixth: R::of(1.0 / 6.0),
+        }
+    }
+
+    /// Cubic coefficients relative to P_{n-2} from the three control differences.
+    #[inline]
+    fn cubic(&self, a: R, b: R, c: R) -> [R; 4] {
+        let (da, db, dc) = (a * self.rate[0], b * self.rate[1], c * self.rate[2]);
+        let bend_start = (db - da) * self.bend[0];
+        let bend_end = (dc - db) * self.bend[1];
+        [
+            b * self.position[1] - a * self.position[0],
+            da * self.start_blend[0] + db * self.start_blend[1],
+            bend_start * self.half,
+            (bend_end - bend_start) * self.jerk * self.sixth,
+        ]
+    }
+
+    /// Largest |rate| of the hull of the derivative, units per tick.
+    #[inline]
+    fn rate_bound(&self, a: R, b: R, c: R) -> R {
+        let (da, db, dc) = (a * self.rate[0], b * self.rate[1], c * self.rate[2]);
+        da.abs().max(db.abs()).max(dc.abs())
+    }
+}
+
+/// One span: offset(t) = c0 + c1 t + c2 t² + c3 t³ from the window's base, per channel, in channel
+/// units, t in servo ticks from the span's start.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct SpanPolynomial<R> {
+    /// c0..c3 of each channel.
+    pub coefficients: [[R; 4]; CHANNELS],
+    /// Bound of |d offset / dt| over the span, units per tick.
+    pub rate_bound: [R; CHANNELS],
+}
+
+impl<R: Real> SpanPolynomial<R> {
+    /// No motion.
+    pub fn zero() -> Self {
+        let zero = R::of(0.0);
+        Self {
+            coefficients: [[zero; 4]; CHANNELS],
+            rate_bound: [zero; CHANNELS],
+        }
+    }
+
+    /// Offsets from the base, channel units.
+    #[inline]
+    pub fn offset(&self, t: R) -> [R; CHANNELS] {
+        self.coefficients
+            .map(|[c0, c1, c2, c3]| ((c3 * t + c2) * t + c1) * t + c0)
+    }
+
+    /// First derivative, channel units per tick.
+    #[inline]
+    pub fn rate(&self, t: R) -> [R; CHANNELS] {
+        let (two, three) = (R::of(2.0), R::of(3.0));
+        self.coefficients
+            .map(|[_, c1, c2, c3]| (three * c3 * t + two * c2) * t + c1)
+    }
+
+    /// Second derivative, channel units per tick².
+    #[inline]
+    pub fn acceleration(&self, t: R) -> [R; CHANNELS] {
+        let (two, six) = (R::of(2.0), R::of(6.0));
+        self.coefficients
+            .map(|[_, _, c2, c3]| six * c3 * t + two * c2)
+    }
+
+    /// Third derivative, constant over the span, channel units per tick³.
+    pub fn jerk(&self) -> [R; CHANNELS] {
+        let six = R::of(6.0);
+        self.coefficients.map(|[_, _, _, c3]| six * c3)
+    }
+}
+
+/// A span with its place in the stream, in double precision: what planner and checkers evaluate.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Span {
+    /// Index from 0.
+    pub index: usize,
+    /// Servo ticks of segment time before it.
+    pub start_tick: u64,
+    /// Servo ticks that it lasts.
+    pub duration_ticks: u16,
+    /// Where its offsets count from, channel units, unwrapped.
+    pub base: [i64; CHANNELS],
+    /// Its shape.
+    pub polynomial: SpanPolynomial<f64>,
+}
+
+impl Span {
+    /// Channels in mm, rad, mm³ at `t` ticks from the span's start.
+    pub fn position(&self, t: f64) -> [f64; CHANNELS] {
+        let mut natural = self.polynomial.offset(t);
+        for channel in 0..CHANNELS {
+            let units = self.base[channel] as f64 + natural[channel];
+            natural[channel] = units / UNITS_PER_NATURAL[channel];
+        }
+        natural
+    }
+
+    /// Rates in mm/s, rad/s, mm³/s.
+    pub fn velocity(&self, t: f64, servo_hz: f64) -> [f64; CHANNELS] {
+        scaled(self.polynomial.rate(t), servo_hz)
+    }
+
+    /// Second derivatives in mm/s², rad/s², mm³/s².
+    pub fn acceleration(&self, t: f64, servo_hz: f64) -> [f64; CHANNELS] {
+        scaled(self.polynomial.acceleration(t), servo_hz * servo_hz)
+    }
+
+    /// Third derivatives in mm/s³, rad/s³, mm³/s³.
+    pub fn jerk(&self, servo_hz: f64) -> [f64; CHANNELS] {
+        scaled(self.polynomial.jerk(), servo_hz * servo_hz * servo_hz)
+    }
+}
+
+fn scaled(mut units: [f64; CHANNELS], per_tick: f64) -> [f64; CHANNELS] {
+    for channel in 0..CHANNELS {
+        units[channel] *= per_tick / UNITS_PER_NATURAL[channel];
+    }
+    units
+}
+
+/// The spans of a stream in order.
+#[derive(Clone, Debug)]
+pub struct Spans<'a> {
+    window: SpanWindow,
+    knots: core::slice::Iter<'a, Knot>,
+    index: usize,
+    start_tick: u64,
+}
+
+impl<'a> Spans<'a> {
+    /// Spans of `knots` after rest on `start`.
+    pub fn new(start: &ChannelPoint, knots: &'a [Knot]) -> Self {
+        Self {
+            window: SpanWindow::at_rest(start),
+            knots: knots.iter(),
+            index: 0,
+            start_tick: 0,
+        }
+    }
+}
+
+impl Iterator for Spans<'_> {
+    type Item = Span;
+
+    fn next(&mut self) -> Option<Span> {
+        self.window.push(self.knots.next()?);
+        let span = Span {
+            index: self.index,
+            start_tick: self.start_tick,
+            duration_ticks: self.window.duration_ticks(),
+            base: *self.window.base(),
+            polynomial: self.window.polynomial(),
+        };
+        self.index += 1;
+        self.start_tick += u64::from(span.duration_ticks);
+        Some(span)
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    //! Goal: the polynomials are the B-spline of the contract. Method: de Boor's recursion on the
+    //! knot vector, written out here; continuity at every joint; exactness at rest.
+    use super::*;
+    use std::vec::Vec;
+
+    /// Pseudo-random knots; the last three control points are equal.
+    fn stream(seed: u64, count: usize) -> (ChannelPoint, Vec<Knot>) {
+        let mut state = seed;
+        let mut next = move || {
+            state = state
+                .wrapping_mul(6_364_136_223_846_793_005)
+                .wrapping_add(1);
+            (state >> 33) as i32
+        };
+        let start: ChannelPoint = core::array::from_fn(|_| next());
+        let mut control = start;
+        let mut knots: Vec<Knot> = (0..count)
+            .map(|_| {
+                for value in &mut control {
+                    *value = value.wrapping_add(next() % 5000);
+                }
+                Knot {
+                    control,
+                    duration_ticks: 1 + (next() % 40) as u16,
+                }
+            })
+            .collect();
+        knots.extend(
+            [Knot {
+                control,
+                duration_ticks: 9,
+            }; 2],
+        );
+        (start, knots)
+    }
+
+    /// de Boor's triangle for the span with control points `p` and knots `t` (t[2]..t[3]).
+    fn de_boor(p: [f64; 4], t: [f64; 6], x: f64) -> f64 {
+        let mut d = p;
+        for level in 1..=3 {
+            for j in (level..=3).rev() {
+                let (low, high) = (t[j - 1], t[j + 3 - level]);
+                let share = (x - low) / (high - low);
+                d[j] = (1.0 - share) * d[j - 1] + share * d[j];
+            }
+        }
+        d[3]
+    }
+
+    #[test]
+    fn spans_are_the_b_spline_of_the_contract() {
+        let (start, knots) = stream(5, 200);
+        let mut unwrapped: Vec<[i64; CHANNELS]> = std::vec![start.map(i64::from); 3];
+        let mut durations = std::vec![f64::from(REST_TICKS); 4];
+        for knot in &knots {
+            let last = *unwrapped.last().unwrap();
+            unwrapped.push(core::array::from_fn(|c| {
+                last[c] + i64::from(knot.control[c].wrapping_sub(last[c] as i32))
+            }));
+            durations.push(f64::from(knot.duration_ticks));
+        }
+        for span in Spans::new(&start, &knots) {
+            let n = span.index;
+            // durations[i] belongs to span i - 2.
+            let mut t = [0.0; 6];
+            for i in 1..6 {
+                t[i] = t[i - 1] + durations[n + i - 1];
+            }
+            assert_eq!(t[3] - t[2], f64::from(span.duration_ticks));
+            for channel in [0, 3, 6] {
+                let origin = unwrapped[n][channel];
+                let p = core::array::from_fn(|i| (unwrapped[n + i][channel] - origin) as f64);
+                for part in [0.0, 0.3, 1.0] {
+                    let local = part * f64::from(span.duration_ticks);
+                    let exact = de_boor(p, t, t[2] + local);
+                    let ours = span.polynomial.offset(local)[channel]
+                        + (span.base[channel] - origin) as f64;
+                    assert!((exact - ours).abs() < 1e-8, "span {n}: {exact} {ours}");
+                }
+            }
+        }
+    }
+
+    #[test]
+    fn position_rate_and_acceleration_are_continuous() {
+        let (start, knots) = stream(17, 300);
+        let mut last: Option<Span> = None;
+        let mut checked = 0;
+        for span in Spans::new(&start, &knots) {
+            if let Some(last) = last {
+                let end = f64::from(last.duration_ticks);
+                for channel in 0..CHANNELS {
+                    let jump = (span.base[channel] - last.base[channel]) as f64
+                        + span.polynomial.offset(0.0)[channel]
+                        - last.polynomial.offset(end)[channel];
+                    assert!(jump.abs() < 1e-8);
+                    let rates = [last.polynomial.rate(end), span.polynomial.rate(0.0)];
+                    assert!((rates[0][channel] - rates[1][channel]).abs() < 1e-8);
+                    assert!(rates[0][channel].abs() <= last.polynomial.rate_bound[channel] + 1e-9);
+                    let bends = [
+                        last.polynomial.acceleration(end),
+                        span.polynomial.acceleration(0.0),
+                    ];
+                    assert!((bends[0][channel] - bends[1][channel]).abs() < 1e-8);
+                    checked += 1;
+                }
+            }
+            last = Some(span);
+        }
+        assert!(checked > 2000);
+    }
+
+    #[test]
+    fn the_last_span_ends_exactly_on_the_last_point_in_single_precision() {
+        let (start, knots) = stream(99, 50);
+        let mut window = SpanWindow::at_rest(&start);
+        for knot in &knots {
+            window.push(knot);
+        }
+        assert!(window.ends_at_rest() && !window.is_rest());
+        window.push(knots.last().unwrap());
+        assert!(window.is_rest());
+        let polynomial = window.polynomial::<f32>();
+        for t in [0.0, 3.0, 9.0] {
+            assert_eq!(polynomial.offset(t), [0.0; CHANNELS]);
+        }
+        let last = knots.last().unwrap().control;
+        assert_eq!(window.base().map(|v| v as i32), last);
+    }
+}
