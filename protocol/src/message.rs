@@ -24,7 +24,7 @@ host: 0 hello{protocol u16,schema u32,host_session u32}\n\
  5 control 0 pause 1 resume 2 override u16 3 abort 4 stop 5 clear 6 status\n\
  7 position i32*7 8 jog{joint u8,distance i32,speed u32} 9 home u8\n\
 device: 0 welcome{protocol u16,schema u32,firmware u8*3,machine_hash u32,knots u16,events u16,\
-servo u32,step u32,session u32,host_session u32,stream option{job u32,next u32,knots u32,spans u32}}\n\
+servo u32,step u32,session u32,host_session u32,stream option{job u32,first u32,next u32,knots u32,spans u32}}\n\
  1 refused{sequence u16,reason 0 protocol u16 1 schema u32 2 machine u32 3 no stream 4 busy 5 faulted 6 invalid}\n\
  2 ack{session u32,next u32,knot_limit u32,event_limit u32,control u16} 3 nak(ack)\n\
  4 status{session u32,state u8,sigma u16,override u16,spans u32,knots u16,events u16,counts vec i32,\
@@ -168,7 +168,7 @@ pub struct Welcome {
     pub session: u32,
     /// `Hello::host_session` that this answers.
     pub host_session: u32,
-    /// The stream that is open, if one is.
+    /// The stream that is open, or the last one if it has ended, until the next `Start`.
     pub stream: Option<OpenStream>,
 }
 
@@ -177,6 +177,8 @@ pub struct Welcome {
 pub struct OpenStream {
     /// `Start::job`.
     pub job: u32,
+    /// `Start::first_sequence`.
+    pub first_sequence: u32,
     /// Sequence number of the frame that comes next.
     pub next_sequence: u32,
     /// Knots taken since `Start`.

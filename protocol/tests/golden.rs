@@ -97,6 +97,7 @@ fn device_message(name: &str) -> Option<DeviceMessage> {
             host_session: 0xdead_beef,
             stream: Some(OpenStream {
                 job: 0x0102_0304,
+                first_sequence: 3,
                 next_sequence: 3,
                 knots_taken: 0,
                 spans_done: 0,
