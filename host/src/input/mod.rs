@@ -1,1 +1,161 @@
-//! Readers of outlines.
+//! What the user hands in -> a [`Target`] in mm.
+//!
+//! ```text
+//! bytes --polygon|geojson|svg--> Shape (rings as drawn, file's unit)
+//!       --outline--> Region (mm, exterior counter-clockwise, holes clockwise, valid) --> Target
+//! ```
+//! Input: the file's bytes, its [`Format`] and [`ReadOptions`]. Output: regions in the file's own
+//! coordinates (for SVG: mm from the page's lower left corner, y up), and notes for the user.
+//! Nothing is mended in silence: what is not a valid outline is refused with the place and a way
+//! out. Leaves out files and threads: reading the bytes is the command's business.
+
+pub mod error;
+mod geojson;
+pub mod outline;
+mod polygon;
+mod svg;
+
+pub use error::InputError;
+
+use crate::geometry::polygon::Region;
+use std::path::Path;
+
+/// Most points that an input may have, all rings together. A million edges is minutes of planning;
+/// beyond that the drawing was flattened too finely, or it is a map.
+pub const POINTS_MAX: usize = 1_000_000;
+/// Largest file that is read, bytes: [`POINTS_MAX`] points with 60 characters each.
+pub const BYTES_MAX: u64 = 64 * 1024 * 1024;
+
+/// One layer's outline, mm, in the input's own coordinates.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Target {
+    /// Name for headers and pictures.
+    pub name: String,
+    /// Valid, disjoint regions.
+    pub regions: Vec<Region>,
+}
+
+/// File formats that can be read.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Format {
+    /// `{"name","units","exterior","holes"}`.
+    Polygon,
+    /// RFC 7946 geometry, feature or collection.
+    GeoJson,
+    /// Filled shapes of an SVG page.
+    Svg,
+}
+
+/// Length units of files and options.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Units {
+    /// Millimetres.
+    Mm,
+    /// Centimetres.
+    Cm,
+    /// Metres.
+    M,
+    /// Micrometres.
+    Um,
+    /// Inches.
+    In,
+}
+
+/// How to read.
+#[derive(Clone, Debug, PartialEq)]
+pub struct ReadOptions {
+    /// Unit of the coordinates, over what the file says.
+    pub units: Option<Units>,
+    /// Factor on all coordinates, after the unit.
+    pub scale: f64,
+    /// Curves become polygons this close, mm.
+    pub flatten_mm: f64,
+    /// Mend crossings, overlaps and open contours by the fill rule.
+    pub repair: bool,
+}
+
+/// A target and what the user should know about how it was read.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Loaded {
+    /// The outline.
+    pub target: Target,
+    /// One line each: turned rings, things left out, repairs.
+    pub notes: Vec<String>,
+}
+
+impl Default for ReadOptions {
+    fn default() -> ReadOptions {
+        ReadOptions {
+            units: None,
+            scale: 1.0,
+            flatten_mm: 0.002,
+            repair: false,
+        }
+    }
+}
+
+impl Units {
+    /// Reads `mm`, `cm`, `m`, `um` or `in`.
+    pub fn parse(text: &str) -> Option<Units> {
+        match text {
+            "mm" => Some(Units::Mm),
+            "cm" => Some(Units::Cm),
+            "m" => Some(Units::M),
+            "um" => Some(Units::Um),
+            "in" => Some(Units::In),
+            _ => None,
+        }
+    }
+
+    /// Millimetres in one of this unit.
+    pub fn mm(self) -> f64 {
+        match self {
+            Units::Mm => 1.0,
+            Units::Cm => 10.0,
+            Units::M => 1000.0,
+            Units::Um => 0.001,
+            Units::In => 25.4,
+        }
+    }
+}
+
+impl Format {
+    /// The format that the file's ending promises.
+    pub fn of_ending(path: &Path) -> Option<Format> {
+        let ending = path.extension()?.to_str()?.to_ascii_lowercase();
+        Format::parse(&ending)
+    }
+
+    /// Reads `json` or `polygon`, `geojson`, `svg`.
+    pub fn parse(text: &str) -> Option<Format> {
+        match text {
+            "json" | "polygon" => Some(Format::Polygon),
+            "geojson" => Some(Format::GeoJson),
+            "svg" => Some(Format::Svg),
+            _ => None,
+        }
+    }
+}
+
+/// Reads an input. `name` is used where the file has none of its own.
+pub fn read(
+    bytes: &[u8],
+    name: &str,
+    format: Format,
+    options: &ReadOptions,
+) -> Result<Loaded, InputError> {
+    if !(options.scale.is_finite() && options.scale > 0.0) {
+        return Err(InputError::Scale {
+            scale: options.scale,
+        });
+    }
+    let drawing = match format {
+        Format::Polygon => polygon::read(bytes, options)?,
+        Format::GeoJson => geojson::read(bytes, options)?,
+        Format::Svg => svg::read(bytes, options)?,
+    };
+    outline::to_target(drawing, name, options)
+}
+
+#[cfg(test)]
+mod tests;

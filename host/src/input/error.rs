@@ -1,0 +1,199 @@
+//! Why an input cannot be planned: what, where (mm, in the input's coordinates), what to do.
+
+use super::{BYTES_MAX, POINTS_MAX};
+use crate::geometry::Point2;
+
+/// A place for messages: `(12.345, -3.000) mm`.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct At(pub Point2);
+
+impl std::fmt::Display for At {
+    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        write!(f, "({:.4}, {:.4}) mm", self.0.x, self.0.y)
+    }
+}
+
+/// Refusals of the input stage.
+#[derive(Clone, Debug, PartialEq, thiserror::Error)]
+pub enum InputError {
+    /// The file is larger than anything sensible.
+    #[error(
+        "the file has {bytes} bytes, more than {BYTES_MAX}: reduce the number of points, or split it"
+    )]
+    FileTooLarge {
+        /// Its size.
+        bytes: u64,
+    },
+    /// The ending says nothing.
+    #[error(
+        "cannot tell the format of '{path}': use the ending .json, .geojson or .svg, or --from \
+         polygon|geojson|svg"
+    )]
+    UnknownFormat {
+        /// The file.
+        path: String,
+    },
+    /// The text is not what the format asks for.
+    #[error("not a readable {format} file: {problem}")]
+    Syntax {
+        /// Format by name.
+        format: &'static str,
+        /// What the parser says, with line and column where it has them.
+        problem: String,
+    },
+    /// An unknown length unit.
+    #[error(
+        "units '{given}' are not known: use mm, cm, m, um or in (--units says it over the file)"
+    )]
+    UnknownUnits {
+        /// What the file says.
+        given: String,
+    },
+    /// No length unit at all.
+    #[error("the file says no units: add \"units\": \"mm\" (or cm, m, um, in) or give --units")]
+    NoUnits,
+    /// The scale is not a positive number.
+    #[error("--scale {scale}: must be a finite number greater than 0")]
+    Scale {
+        /// What was given.
+        scale: f64,
+    },
+    /// A point that is not two finite numbers.
+    #[error("{ring}: point {point} is {problem}; a point is [x, y] with two finite numbers")]
+    BadPoint {
+        /// Which ring.
+        ring: String,
+        /// Index from 0.
+        point: usize,
+        /// What it is.
+        problem: String,
+    },
+    /// A contour that does not close.
+    #[error(
+        "{ring} is open: it starts at {start} and ends {gap_mm:.4} mm away at {end}; close it in \
+         the drawing, or let --repair join the ends"
+    )]
+    Open {
+        /// Which ring.
+        ring: String,
+        /// Its first point.
+        start: At,
+        /// Its last point.
+        end: At,
+        /// Distance of the two.
+        gap_mm: f64,
+    },
+    /// Not enough distinct points for an area.
+    #[error(
+        "{ring} near {at} has {distinct} distinct points; an outline needs 3 or more: remove it"
+    )]
+    TooFewPoints {
+        /// Which ring.
+        ring: String,
+        /// Its first point.
+        at: At,
+        /// How many.
+        distinct: usize,
+    },
+    /// A ring whose points lie on a line.
+    #[error("{ring} near {at} encloses no area (its points lie on a line): remove it")]
+    NoArea {
+        /// Which ring.
+        ring: String,
+        /// Its first point.
+        at: At,
+    },
+    /// Nothing to print.
+    #[error("there is no outline in it: {hint}")]
+    Empty {
+        /// What to look for.
+        hint: &'static str,
+    },
+    /// More points than can be planned.
+    #[error(
+        "{points} points, more than {POINTS_MAX}: simplify the drawing (or raise --tolerance for \
+         curves)"
+    )]
+    TooManyPoints {
+        /// How many.
+        points: usize,
+    },
+    /// Larger than any machine.
+    #[error(
+        "the outline is {width_mm:.6} x {height_mm:.6} mm, larger than {max_mm} mm: check its units \
+         (--units) or give --scale"
+    )]
+    TooBig {
+        /// Width.
+        width_mm: f64,
+        /// Height.
+        height_mm: f64,
+        /// The most that is taken.
+        max_mm: f64,
+    },
+    /// Smaller than anything printable.
+    #[error(
+        "the outline is {width_mm:.9} x {height_mm:.9} mm, smaller than {min_mm} mm: check its \
+         units (--units) or give --scale"
+    )]
+    TooSmall {
+        /// Width.
+        width_mm: f64,
+        /// Height.
+        height_mm: f64,
+        /// The least that is taken.
+        min_mm: f64,
+    },
+    /// So far from the origin that digits are lost.
+    #[error(
+        "the outline lies around {at}, farther than {max_mm} mm from the origin: move it closer in \
+         the drawing"
+    )]
+    TooFar {
+        /// A point of it.
+        at: At,
+        /// The farthest that is taken.
+        max_mm: f64,
+    },
+    /// A geometry that has no area.
+    #[error(
+        "{what} is a {kind}, which has no inside; only Polygon and MultiPolygon can be printed"
+    )]
+    NoInside {
+        /// Which feature.
+        what: String,
+        /// Its type.
+        kind: &'static str,
+    },
+    /// Nothing but strokes.
+    #[error(
+        "{count} shapes have a stroke but no fill (the first: {first}): lines have no inside; give \
+         them a fill, or turn strokes into paths in the drawing program"
+    )]
+    OnlyStrokes {
+        /// How many.
+        count: usize,
+        /// Which is the first.
+        first: String,
+    },
+    /// Not a valid outline in the sense of OGC simple features.
+    #[error("{region}: {problem}; correct the drawing, or let --repair mend it by the fill rule")]
+    Invalid {
+        /// Which region.
+        region: String,
+        /// What is wrong, with the place.
+        problem: String,
+        /// The place.
+        at: At,
+    },
+    /// Two regions share some area.
+    #[error("{first} and {second} overlap near {at}; move them apart, or let --repair merge them")]
+    Overlap {
+        /// One region.
+        first: String,
+        /// The other.
+        second: String,
+        /// A place where they do.
+        at: At,
+    },
+}

@@ -1,0 +1,151 @@
+//! GeoJSON (RFC 7946): Polygon and MultiPolygon, alone, in features or in collections.
+//!
+//! Coordinates are taken as plain lengths, not as degrees: mm unless `--units` or a foreign member
+//! `units` at the top says otherwise. A third coordinate is passed over with a note.
+
+use super::outline::{Drawing, RawRing, Rule, Shape};
+use super::{InputError, ReadOptions, Units};
+use crate::geometry::Point2;
+use ::geojson::{Feature, GeoJson, Geometry, GeometryValue, JsonObject, PolygonType};
+
+/// Collections may nest; RFC 7946 advises against it, and nobody needs more than this.
+const DEPTH_MAX: usize = 16;
+
+struct Reader {
+    unit_mm: f64,
+    shapes: Vec<Shape>,
+    heights: usize,
+    name: Option<String>,
+}
+
+/// Reads GeoJSON; one shape for each polygon.
+pub(super) fn read(bytes: &[u8], options: &ReadOptions) -> Result<Drawing, InputError> {
+    let syntax = |problem: String| InputError::Syntax {
+        format: "GeoJSON",
+        problem,
+    };
+    let text = std::str::from_utf8(bytes).map_err(|error| syntax(error.to_string()))?;
+    let file: GeoJson = text
+        .parse()
+        .map_err(|error: ::geojson::Error| syntax(error.to_string()))?;
+    let foreign = match &file {
+        GeoJson::Geometry(geometry) => geometry.foreign_members.as_ref(),
+        GeoJson::Feature(feature) => feature.foreign_members.as_ref(),
+        GeoJson::FeatureCollection(collection) => collection.foreign_members.as_ref(),
+    };
+    let said = foreign.and_then(|members| members.get("units")?.as_str());
+    let mut notes = Vec::new();
+    let units = match (options.units, said) {
+        (Some(units), _) => units,
+        (None, Some(text)) => Units::parse(text).ok_or_else(|| InputError::UnknownUnits {
+            given: text.chars().take(40).collect(),
+        })?,
+        (None, None) => {
+            notes.push("the GeoJSON says no units: taken as mm (see --units)".to_string());
+            Units::Mm
+        }
+    };
+    let mut reader = Reader {
+        unit_mm: units.mm(),
+        shapes: Vec::new(),
+        heights: 0,
+        name: foreign.and_then(|members| string(members, "name")),
+    };
+    match &file {
+        GeoJson::Geometry(geometry) => reader.geometry(geometry, "the geometry", 0)?,
+        GeoJson::Feature(feature) => reader.feature(feature, "the feature")?,
+        GeoJson::FeatureCollection(collection) => {
+            for (number, feature) in collection.features.iter().enumerate() {
+                reader.feature(feature, &format!("feature {number}"))?;
+            }
+        }
+    }
+    if reader.heights > 0 {
+        notes.push(format!(
+            "{} points have a third coordinate, which was passed over",
+            reader.heights
+        ));
+    }
+    Ok(Drawing {
+        name: reader.name,
+        shapes: reader.shapes,
+        notes,
+    })
+}
+
+impl Reader {
+    fn feature(&mut self, feature: &Feature, what: &str) -> Result<(), InputError> {
+        let name = feature
+            .properties
+            .as_ref()
+            .and_then(|members| string(members, "name"));
+        let what = match &name {
+            Some(name) => format!("{what} ('{name}')"),
+            None => what.to_string(),
+        };
+        if self.name.is_none() {
+            self.name = name;
+        }
+        match &feature.geometry {
+            Some(geometry) => self.geometry(geometry, &what, 0),
+            None => Ok(()),
+        }
+    }
+
+    fn geometry(&mut self, of: &Geometry, what: &str, depth: usize) -> Result<(), InputError> {
+        match &of.value {
+            GeometryValue::Polygon { coordinates } => self.polygon(coordinates, what),
+            GeometryValue::MultiPolygon { coordinates } => {
+                coordinates.iter().enumerate().try_for_each(|(k, polygon)| {
+                    self.polygon(polygon, &format!("{what}, polygon {k}"))
+                })
+            }
+            GeometryValue::GeometryCollection { geometries } if depth < DEPTH_MAX => geometries
+                .iter()
+                .try_for_each(|geometry| self.geometry(geometry, what, depth + 1)),
+            other => Err(InputError::NoInside {
+                what: what.to_string(),
+                kind: other.type_name(),
+            }),
+        }
+    }
+
+    fn polygon(&mut self, polygon: &PolygonType, what: &str) -> Result<(), InputError> {
+        let mut rings = Vec::with_capacity(polygon.len());
+        for (number, positions) in polygon.iter().enumerate() {
+            let name = match number {
+                0 => format!("{what}, exterior"),
+                _ => format!("{what}, hole {}", number - 1),
+            };
+            let mut points = Vec::with_capacity(positions.len());
+            for (k, position) in positions.iter().enumerate() {
+                let &[x, y, ref rest @ ..] = position.as_slice() else {
+                    return Err(InputError::BadPoint {
+                        ring: name,
+                        point: k,
+                        problem: format!("{} numbers", position.len()),
+                    });
+                };
+                self.heights += usize::from(!rest.is_empty());
+                points.push(Point2::new(x * self.unit_mm, y * self.unit_mm));
+            }
+            rings.push(RawRing {
+                what: name,
+                points,
+                closed: false,
+            });
+        }
+        if !rings.is_empty() {
+            self.shapes.push(Shape {
+                what: what.to_string(),
+                rings,
+                rule: Rule::ExteriorFirst,
+            });
+        }
+        Ok(())
+    }
+}
+
+fn string(members: &JsonObject, key: &str) -> Option<String> {
+    members.get(key)?.as_str().map(str::to_string)
+}

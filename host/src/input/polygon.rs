@@ -1,0 +1,70 @@
+//! Polygon JSON: `{"name","units","exterior":[[x,y],...],"holes":[[[x,y],...],...]}`.
+//!
+//! The first point is not repeated at a ring's end (a repeated one is dropped). Other keys are for
+//! the writer's own use and are passed over, so is `valid`: validity is measured, not believed.
+
+use super::outline::{Drawing, RawRing, Rule, Shape};
+use super::{InputError, ReadOptions, Units};
+use crate::geometry::Point2;
+use serde::Deserialize;
+
+#[derive(Deserialize)]
+struct File {
+    name: Option<String>,
+    units: Option<String>,
+    exterior: Vec<Vec<f64>>,
+    #[serde(default)]
+    holes: Vec<Vec<Vec<f64>>>,
+}
+
+/// Reads polygon JSON; one shape, its first ring the exterior.
+pub(super) fn read(bytes: &[u8], options: &ReadOptions) -> Result<Drawing, InputError> {
+    let file: File = serde_json::from_slice(bytes).map_err(|error| InputError::Syntax {
+        format: "polygon JSON",
+        problem: error.to_string(),
+    })?;
+    let unit_mm = units(options, file.units.as_deref())?.mm();
+    let mut rings = vec![ring("exterior".into(), &file.exterior, unit_mm)?];
+    for (number, points) in file.holes.iter().enumerate() {
+        rings.push(ring(format!("hole {number}"), points, unit_mm)?);
+    }
+    Ok(Drawing {
+        name: file.name,
+        shapes: vec![Shape {
+            what: "the polygon".into(),
+            rings,
+            rule: Rule::ExteriorFirst,
+        }],
+        notes: Vec::new(),
+    })
+}
+
+/// The option's unit, else the file's; none is refused.
+fn units(options: &ReadOptions, given: Option<&str>) -> Result<Units, InputError> {
+    match (options.units, given) {
+        (Some(units), _) => Ok(units),
+        (None, Some(text)) => Units::parse(text).ok_or_else(|| InputError::UnknownUnits {
+            given: text.chars().take(40).collect(),
+        }),
+        (None, None) => Err(InputError::NoUnits),
+    }
+}
+
+fn ring(what: String, points: &[Vec<f64>], unit_mm: f64) -> Result<RawRing, InputError> {
+    let mut converted = Vec::with_capacity(points.len());
+    for (number, point) in points.iter().enumerate() {
+        let &[x, y] = point.as_slice() else {
+            return Err(InputError::BadPoint {
+                ring: what,
+                point: number,
+                problem: format!("{} numbers", point.len()),
+            });
+        };
+        converted.push(Point2::new(x * unit_mm, y * unit_mm));
+    }
+    Ok(RawRing {
+        what,
+        points: converted,
+        closed: true,
+    })
+}
