@@ -6,7 +6,15 @@
 extern crate std;
 
 pub mod configuration;
+pub mod design;
+pub mod flow;
+pub mod interpolator;
 pub mod kinematics;
+pub mod load;
+pub mod output;
 pub mod pose;
+pub mod queue;
 pub mod real;
 pub mod spline;
+pub mod steps;
+pub mod time_warp;

@@ -1,0 +1,53 @@
+//! Constants of the design, each with its reason.
+
+/// Servo ticks between the evaluation of a pose and the start of the interval that leads away from
+/// it: the averaged parabola needs the target one tick ahead of the interval's end (2), and the
+/// program is computed during one interval to be played in the next (1).
+pub const SERVO_DELAY_TICKS: u32 = 3;
+
+/// Constant delay between a pose's evaluation and its steps, in s. Servo tick k is at k / servo_hz,
+/// just before step tick n = k step_hz / servo_hz, which is at n / step_hz. A step comes in the
+/// tick before its crossing, half a tick early on average, which is taken out here.
+pub const fn motion_delay_s(servo_hz: u32, step_hz: u32) -> f64 {
+    SERVO_DELAY_TICKS as f64 / servo_hz as f64 - 0.5 / step_hz as f64
+}
+
+/// Share of the step tick rate that a motor may reach before the fault trips. At 1 a step could
+/// be lost to rounding; planning stays below 0.9, which leaves room for the time warp.
+pub const STEP_RATE_SHARE_MAX: f64 = 0.98;
+
+/// How far below n + 1/2 a step is due, in 2^-31 steps: 10⁻⁶ step. Positions on the wire are whole
+/// units, so exact halves are common; the bias is above the rounding of scale and interval
+/// (2^-23 step) and makes halves go up always.
+pub const STEP_THRESHOLD_BIAS: i64 = 1 << 11;
+
+/// Knots that the queue holds: about two seconds of tight curves, and 12 KiB of RAM.
+pub const QUEUE_KNOTS: usize = 256;
+
+/// Flow events that the queue holds: two per pass, so 32 short passes ahead.
+pub const QUEUE_EVENTS: usize = 64;
+
+/// Longest window of pressure advance in servo ticks: 128 ms at 2 kHz for 1 KiB of RAM.
+pub const ADVANCE_WINDOW_TICKS_MAX: usize = 256;
+
+/// Largest path rate: feed override up to 200 %.
+pub const PATH_RATE_MAX: f32 = 2.0;
+
+/// Largest share of a joint's full acceleration that a span is believed to use by itself. Plans
+/// use at most `plan_share` (0.95); the estimate on the device may be higher, and at 1 the warp
+/// would have no slope left and would hold up a plan that is right.
+pub const LOAD_ALPHA_MAX: f32 = 0.97;
+
+/// Least beta: below it nothing really moves, and the rate may change at once (4 per tick).
+pub const LOAD_BETA_MIN_TICKS: f32 = 0.25;
+
+/// Segment time that must wait before a stream starts or goes on after starving: three times the
+/// rest from 150 mm/s (80 ms), so that a start is not followed by a stop.
+pub const START_QUEUED_MS: u32 = 250;
+
+/// Dwell on the path after which melt is pulled back: shorter stops ooze less than a retract and
+/// prime disturb.
+pub const HOLD_RETRACT_DELAY_MS: u32 = 300;
+
+/// Primes and retracts that can run at the same time.
+pub const ACTIVE_EVENTS_MAX: usize = 4;

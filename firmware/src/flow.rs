@@ -1,0 +1,260 @@
+//! The extruder's target: e = V + K dV/dt + primes - retracts, in motor steps.
+//!
+//! - V is the deposited volume, a channel of the motion: exact integer base plus small offset.
+//! - dV/dt is the mean over the last window (a box by look-back): (V(t) - V(t - W)) / W, which
+//!   lags by W/2 and is exactly 0 once V has rested for W. It limits what a change of path rate
+//!   can do to the extruder's speed.
+//! - Primes and retracts run in real time, along x³ (10 - 15 x + 6 x²), and end exactly on their
+//!   integer volume.
+
+use crate::configuration::ExtruderConfiguration;
+use crate::design::{ACTIVE_EVENTS_MAX, ADVANCE_WINDOW_TICKS_MAX};
+use crate::steps::{StepScale, steps_to_position};
+use headway_protocol::segment::{FlowAction, FlowEvent};
+use headway_protocol::units::{CHANNEL_VOLUME, UNITS_PER_NATURAL};
+use heapless::Vec;
+
+/// Fraction bits that the window drops from a position: it keeps 16, enough for 32,000 steps.
+const WINDOW_SHIFT: u32 = 15;
+const WINDOW_STEP: f32 = (1u32 << 16) as f32;
+
+/// A prime or retract in progress.
+#[derive(Clone, Copy, Debug, PartialEq)]
+struct ActiveEvent {
+    /// Signed volume, 10⁻⁶ mm³.
+    volume_units: i64,
+    duration_ticks: u32,
+    elapsed_ticks: u32,
+}
+
+/// The extruder's state.
+#[derive(Clone, Debug)]
+pub struct Flow {
+    scale: StepScale,
+    /// Advance in steps per 2^-16 step gained over the window.
+    advance_gain: f32,
+    window_ticks: usize,
+    /// V over the last window, 2^-16 steps, wrapping.
+    window: [i32; ADVANCE_WINDOW_TICKS_MAX],
+    newest: usize,
+    active: Vec<ActiveEvent, ACTIVE_EVENTS_MAX>,
+    /// Sum of all events that are over, 10⁻⁶ mm³.
+    settled_units: i64,
+    settled_position: i64,
+    base_units: i64,
+    base_position: i64,
+}
+
+impl Flow {
+    /// At rest, nothing deposited. A window longer than [`ADVANCE_WINDOW_TICKS_MAX`] is cut.
+    pub fn new(extruder: &ExtruderConfiguration, servo_hz: u32) -> Self {
+        let window_s = extruder.pressure_advance_window_ms * 1e-3;
+        let window_ticks = (window_s * f64::from(servo_hz) + 0.5) as usize;
+        let window_ticks = window_ticks.clamp(1, ADVANCE_WINDOW_TICKS_MAX);
+        let per_tick = extruder.pressure_advance_s * f64::from(servo_hz) / window_ticks as f64;
+        let steps_per_unit = extruder.steps_per_mm3 / UNITS_PER_NATURAL[CHANNEL_VOLUME];
+        Self {
+            scale: StepScale::new(steps_per_unit),
+            advance_gain: per_tick as f32 / WINDOW_STEP,
+            window_ticks,
+            window: [0; ADVANCE_WINDOW_TICKS_MAX],
+            newest: 0,
+            active: Vec::new(),
+            settled_units: 0,
+            settled_position: 0,
+            base_units: 0,
+            base_position: 0,
+        }
+    }
+
+    /// Declares the deposited volume, with no event behind it. Only at rest. Returns the position.
+    pub fn declare(&mut self, volume_units: i64) -> i64 {
+        self.active.clear();
+        self.settled_units = 0;
+        self.settled_position = 0;
+        self.set_base(volume_units);
+        self.window = [(self.base_position >> WINDOW_SHIFT) as i32; ADVANCE_WINDOW_TICKS_MAX];
+        self.base_position
+    }
+
+    /// The integer part of V, once per span.
+    pub fn set_base(&mut self, volume_units: i64) {
+        if volume_units != self.base_units {
+            self.base_units = volume_units;
+            self.base_position = self.scale.position(volume_units);
+        }
+    }
+
+    /// Begins a prime or retract in this servo tick. False if too many run already.
+    pub fn begin(&mut self, event: &FlowEvent) -> bool {
+        let volume = i64::from(event.volume_units);
+        let active = ActiveEvent {
+            volume_units: match event.action {
+                FlowAction::Prime => volume,
+                FlowAction::Retract => -volume,
+            },
+            duration_ticks: event.duration_ticks.0.max(1),
+            elapsed_ticks: 0,
+        };
+        self.active.push(active).is_ok()
+    }
+
+    /// True while a prime or retract runs.
+    pub fn is_active(&self) -> bool {
+        !self.active.is_empty()
+    }
+
+    /// Stops all events where they are and forgets the advance. After a fault.
+    pub fn cut(&mut self) {
+        self.active.clear();
+    }
+
+    /// Target of this servo tick in 2^-31 steps; `offset_units` is V above its base. To be called
+    /// exactly once per servo tick.
+    pub fn target(&mut self, offset_units: f32) -> i64 {
+        let deposited = self.base_position + self.scale.offset(offset_units);
+        let advance = self.advance(deposited);
+        let events_units = self.progress();
+        deposited + self.settled_position + advance + self.scale.offset(events_units)
+    }
+
+    /// K dV/dt over the window, as a position.
+    fn advance(&mut self, deposited: i64) -> i64 {
+        let now = (deposited >> WINDOW_SHIFT) as i32;
+        self.newest += 1;
+        if self.newest >= self.window_ticks {
+            self.newest = 0;
+        }
+        let Some(oldest) = self.window.get_mut(self.newest) else {
+            return 0;
+        };
+        let gained = now.wrapping_sub(*oldest);
+        *oldest = now;
+        steps_to_position(gained as f32 * self.advance_gain)
+    }
+
+    /// Volume of the events in progress, 10⁻⁶ mm³; settles those that end, moves all on by a tick.
+    fn progress(&mut self) -> f32 {
+        if self.active.is_empty() {
+            return 0.0;
+        }
+        let mut sum = 0.0;
+        let mut ended_units = 0;
+        self.active.retain_mut(|event| {
+            if event.elapsed_ticks >= event.duration_ticks {
+                ended_units += event.volume_units;
+                return false;
+            }
+            let x = event.elapsed_ticks as f32 / event.duration_ticks as f32;
+            sum += event.volume_units as f32 * x * x * x * (10.0 + x * (6.0 * x - 15.0));
+            event.elapsed_ticks += 1;
+            true
+        });
+        if ended_units != 0 {
+            self.settled_units += ended_units;
+            self.settled_position = self.scale.position(self.settled_units);
+        }
+        sum
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    //! Goal: the extruder ends exactly on its integer volume, advances by K dV/dt, and events
+    //! follow their law. Method: known flows tick by tick.
+    use super::*;
+    use crate::steps::{STEP, count};
+    use headway_protocol::units::Ticks;
+
+    fn extruder() -> ExtruderConfiguration {
+        ExtruderConfiguration {
+            steps_per_mm3: 400.0,
+            speed_max_mm3_s: 50.0,
+            acceleration_max_mm3_s2: 2000.0,
+            pressure_advance_s: 0.04,
+            pressure_advance_window_ms: 40.0,
+        }
+    }
+
+    fn steps(position: i64) -> f64 {
+        position as f64 / STEP as f64
+    }
+
+    #[test]
+    fn advance_leads_a_steady_flow_by_k_and_vanishes_at_rest() {
+        let mut flow = Flow::new(&extruder(), 2000);
+        flow.declare(0);
+        let mut target = 0;
+        for tick in 0..400 {
+            // 10 mm³/s = 5000 units a tick.
+            target = flow.target(tick as f32 * 5000.0);
+        }
+        let deposited_mm3 = 399.0 * 5000.0 * 1e-6;
+        let expected = (deposited_mm3 + 0.04 * 10.0) * 400.0;
+        assert!((steps(target) - expected).abs() < 1e-3, "{}", steps(target));
+        for _ in 0..81 {
+            target = flow.target(399.0 * 5000.0);
+        }
+        assert_eq!(
+            target,
+            flow.base_position + flow.scale.offset(399.0 * 5000.0)
+        );
+    }
+
+    #[test]
+    fn events_follow_the_smooth_step_and_end_on_their_volume() {
+        let mut flow = Flow::new(&extruder(), 2000);
+        let start = flow.declare(12_345_678);
+        let event = |action, volume_units| FlowEvent {
+            span: 0,
+            offset_ticks: 0,
+            action,
+            volume_units,
+            duration_ticks: Ticks(200),
+        };
+        assert!(flow.begin(&event(FlowAction::Prime, 1_500_001)));
+        let mut middle = 0;
+        let mut fastest = 0.0f64;
+        let mut last = start;
+        for tick in 0..=200 {
+            let target = flow.target(0.0);
+            if tick == 100 {
+                middle = target;
+            }
+            fastest = fastest.max(steps(target - last));
+            last = target;
+        }
+        assert!((steps(middle - start) - 0.75 * 400.0).abs() < 0.01);
+        // Peak rate of the law: 1.875 volume / duration.
+        assert!(
+            (fastest / (1.875 * 600.0 / 200.0) - 1.0).abs() < 1e-3,
+            "{fastest}"
+        );
+        assert!(!flow.is_active());
+        assert_eq!(
+            count(last),
+            ((12.345_678f64 + 1.500_001) * 400.0).round() as i64
+        );
+        assert!(flow.begin(&event(FlowAction::Retract, 1_500_001)));
+        for _ in 0..=200 {
+            last = flow.target(0.0);
+        }
+        assert_eq!(last, start);
+    }
+
+    #[test]
+    fn a_fifth_event_at_once_is_refused() {
+        let mut flow = Flow::new(&extruder(), 2000);
+        let event = FlowEvent {
+            span: 0,
+            offset_ticks: 0,
+            action: FlowAction::Prime,
+            volume_units: 1,
+            duration_ticks: Ticks(10),
+        };
+        for _ in 0..ACTIVE_EVENTS_MAX {
+            assert!(flow.begin(&event));
+        }
+        assert!(!flow.begin(&event));
+    }
+}

@@ -1,0 +1,230 @@
+//! What a span asks of the joints, for the time warp: computed once per knot, on reception.
+//!
+//! With segment time u, path rate sigma and q(u) a joint: acceleration = sigma² q'' + sigma' q'.
+//! alpha = max |q''| / A and beta = max |q'| / A over all joints and the extruder bound the slope
+//! that is always safe: |sigma'| <= (1 - alpha sigma²) / beta. Units: servo ticks.
+
+use crate::configuration::{JOINTS_MAX, JointConfiguration, MachineConfiguration};
+use crate::design::{LOAD_ALPHA_MAX, LOAD_BETA_MIN_TICKS, PATH_RATE_MAX};
+use crate::kinematics::{self, KinematicsError};
+use crate::pose::Pose;
+use crate::spline::{SpanPolynomial, SpanWindow};
+use headway_protocol::units::{
+    CHANNEL_TILT_X, CHANNEL_TILT_Y, CHANNEL_VOLUME, CHANNELS, UNITS_PER_NATURAL,
+};
+use nalgebra::{Vector2, Vector3};
+
+/// Demands of one span.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct SpanLoad {
+    /// max |q''| / A, at most [`LOAD_ALPHA_MAX`].
+    pub alpha: f32,
+    /// max |q'| / A in ticks, at least [`LOAD_BETA_MIN_TICKS`].
+    pub beta_ticks: f32,
+    /// Largest sigma² that keeps every joint within its full limits.
+    pub rate_squared_max: f32,
+}
+
+impl SpanLoad {
+    /// Nothing moves: any rate, any slope.
+    pub const REST: Self = Self {
+        alpha: 0.0,
+        beta_ticks: LOAD_BETA_MIN_TICKS,
+        rate_squared_max: PATH_RATE_MAX * PATH_RATE_MAX,
+    };
+}
+
+/// Why a span cannot be run.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum SpanFault {
+    /// A pose in it has no joint positions.
+    Kinematics(KinematicsError),
+    /// A joint would leave its range: joint, position in 0.1 µm or µrad.
+    SoftLimit(u8, i32),
+    /// A joint would exceed its speed or acceleration by far: joint.
+    Limit(u8),
+}
+
+/// How much above a full limit a span may be before it is refused as damaged. The planner's own
+/// check is exact; this one samples, so it only catches what cannot be a plan.
+const DAMAGED_RATIO: f32 = 1.5;
+
+/// Limits of one joint in servo ticks.
+#[derive(Clone, Copy, Debug, Default)]
+struct JointLimit {
+    per_acceleration: f32,
+    per_speed: f32,
+    position_min: f32,
+    position_max: f32,
+    units_per_natural: f32,
+}
+
+impl JointLimit {
+    fn new(joint: &JointConfiguration, servo_hz: f64) -> Self {
+        Self {
+            per_acceleration: (servo_hz * servo_hz / joint.acceleration_max) as f32,
+            per_speed: (servo_hz / joint.speed_max) as f32,
+            position_min: joint.position_min as f32,
+            position_max: joint.position_max as f32,
+            units_per_natural: if joint.rotary { 1e6 } else { 1e4 },
+        }
+    }
+}
+
+/// Limits of the whole machine, ready for use.
+#[derive(Clone, Debug)]
+pub struct LoadModel {
+    kinematics: crate::configuration::Kinematics,
+    limits: [JointLimit; JOINTS_MAX],
+    extruder_per_acceleration: f32,
+    extruder_per_speed: f32,
+    /// How much the extruder's rate grows through pressure advance: 1 + K / window.
+    advance_gain: f32,
+}
+
+/// Position, rate and acceleration of one joint at one place of a span, mm or rad and ticks.
+type JointState = [[f32; 3]; JOINTS_MAX];
+
+impl LoadModel {
+    /// From the machine's configuration.
+    pub fn new(configuration: &MachineConfiguration) -> Self {
+        let servo_hz = f64::from(configuration.servo_hz);
+        let mut limits = [JointLimit::default(); JOINTS_MAX];
+        for (limit, joint) in limits.iter_mut().zip(&configuration.joints) {
+            *limit = JointLimit::new(joint, servo_hz);
+        }
+        let extruder = &configuration.extruder;
+        let window_s = (extruder.pressure_advance_window_ms * 1e-3).max(1.0 / servo_hz);
+        Self {
+            kinematics: configuration.kinematics,
+            limits,
+            extruder_per_acceleration: (servo_hz * servo_hz / extruder.acceleration_max_mm3_s2)
+                as f32,
+            extruder_per_speed: (servo_hz / extruder.speed_max_mm3_s) as f32,
+            advance_gain: (1.0 + extruder.pressure_advance_s / window_s) as f32,
+        }
+    }
+
+    /// Demands of the window's newest span.
+    ///
+    /// # Errors
+    /// See [`SpanFault`].
+    pub fn of_span(&self, window: &SpanWindow) -> Result<SpanLoad, SpanFault> {
+        if window.is_rest() {
+            return Ok(SpanLoad::REST);
+        }
+        let polynomial = window.polynomial::<f32>();
+        let ticks = f32::from(window.duration_ticks());
+        let states = self.joint_states(window, &polynomial, ticks)?;
+        let (mut alpha, mut beta, mut speed) = (0.0f32, LOAD_BETA_MIN_TICKS, 0.0f32);
+        let count = kinematics::joint_count(&self.kinematics);
+        for state in &states {
+            for (joint, limit) in self.limits.iter().enumerate().take(count) {
+                let [position, rate, acceleration] = state[joint];
+                check_range(joint, limit, position)?;
+                let joint_alpha = acceleration.abs() * limit.per_acceleration;
+                let joint_speed = rate.abs() * limit.per_speed;
+                if joint_alpha > DAMAGED_RATIO || joint_speed > DAMAGED_RATIO {
+                    return Err(SpanFault::Limit(joint as u8));
+                }
+                alpha = alpha.max(joint_alpha);
+                speed = speed.max(joint_speed);
+                beta = beta.max(rate.abs() * limit.per_acceleration);
+            }
+        }
+        let natural = 1.0 / UNITS_PER_NATURAL[CHANNEL_VOLUME] as f32;
+        let flow = polynomial.rate_bound[CHANNEL_VOLUME] * natural;
+        beta = beta.max(flow * self.extruder_per_acceleration * self.advance_gain);
+        speed = speed.max(flow * self.extruder_per_speed);
+        Ok(SpanLoad::bounded(alpha, beta, speed))
+    }
+
+    /// Joints at start, middle and end of a span. Carriers are exact; remainders are differenced
+    /// over half spans, which is their mean rate and acceleration there.
+    fn joint_states(
+        &self,
+        window: &SpanWindow,
+        polynomial: &SpanPolynomial<f32>,
+        ticks: f32,
+    ) -> Result<[JointState; 3], SpanFault> {
+        let half = 0.5 * ticks;
+        let at = [0.0, half, ticks];
+        let mut remainders = [[0.0f32; JOINTS_MAX]; 3];
+        for (remainder, t) in remainders.iter_mut().zip(at) {
+            let pose = tilt_pose(window.base(), &polynomial.offset(t));
+            *remainder =
+                kinematics::remainder(&self.kinematics, &pose).map_err(SpanFault::Kinematics)?;
+        }
+        let carriers = kinematics::carriers(&self.kinematics);
+        let mut states = [[[0.0f32; 3]; JOINTS_MAX]; 3];
+        for (place, (state, t)) in states.iter_mut().zip(at).enumerate() {
+            let offset = polynomial.offset(t);
+            let rate = polynomial.rate(t);
+            let acceleration = polynomial.acceleration(t);
+            for (joint, carrier) in carriers.iter().enumerate() {
+                let [r0, r1, r2] = [0, 1, 2].map(|p: usize| remainders[p][joint]);
+                let (before, after) = ((r1 - r0) / half, (r2 - r1) / half);
+                let remainder_rate = match place {
+                    0 => before,
+                    1 => 0.5 * (before + after),
+                    _ => after,
+                };
+                let slot = &mut state[joint];
+                *slot = [[r0, r1, r2][place], remainder_rate, (after - before) / half];
+                if let Some(channel) = *carrier {
+                    let natural = 1.0 / UNITS_PER_NATURAL[channel] as f32;
+                    slot[0] += (window.base()[channel] as f32 + offset[channel]) * natural;
+                    slot[1] += rate[channel] * natural;
+                    slot[2] += acceleration[channel] * natural;
+                }
+            }
+        }
+        Ok(states)
+    }
+}
+
+impl SpanLoad {
+    /// From the largest demands found; `speed` is max |q'| / v_max.
+    fn bounded(alpha: f32, beta_ticks: f32, speed: f32) -> Self {
+        let alpha = alpha.min(LOAD_ALPHA_MAX);
+        let mut rate_squared_max = PATH_RATE_MAX * PATH_RATE_MAX;
+        if alpha * rate_squared_max > 1.0 {
+            rate_squared_max = 1.0 / alpha;
+        }
+        if speed * speed * rate_squared_max > 1.0 {
+            rate_squared_max = 1.0 / (speed * speed);
+        }
+        Self {
+            alpha,
+            beta_ticks,
+            // The plan itself is always allowed: it was checked exactly, this is an estimate.
+            rate_squared_max: rate_squared_max.max(1.0),
+        }
+    }
+}
+
+/// The pose as far as remainders need it: the tilt. Base and offset are scaled separately, so that
+/// no resolution is lost.
+pub(crate) fn tilt_pose(base: &[i64; CHANNELS], offset: &[f32; CHANNELS]) -> Pose<f32> {
+    const NATURAL: f32 = 1e-6;
+    let tilt = |channel: usize| (base[channel] as i32 as f32) * NATURAL + offset[channel] * NATURAL;
+    Pose {
+        tip_mm: Vector3::new(0.0, 0.0, 0.0),
+        tilt_rad: Vector2::new(tilt(CHANNEL_TILT_X), tilt(CHANNEL_TILT_Y)),
+        heading_rad: 0.0,
+    }
+}
+
+fn check_range(joint: usize, limit: &JointLimit, position: f32) -> Result<(), SpanFault> {
+    // A step or two of slack: f32 is coarser than a step far from the origin, and the servo checks
+    // exactly.
+    let slack = 1e-6 * (1.0 + position.abs());
+    // Written so that a NaN is refused.
+    let inside = position >= limit.position_min - slack && position <= limit.position_max + slack;
+    if inside {
+        Ok(())
+    } else {
+        let units = (position * limit.units_per_natural) as i32;
+        Err(SpanFault::SoftLimit(joint as u8, units))
+    }
+}
