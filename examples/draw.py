@@ -10,10 +10,11 @@ import pathlib
 HERE = pathlib.Path(__file__).parent
 
 
-def arc(cx, cy, radius, start_deg, end_deg, chord_mm=0.05):
-    """Points on an arc, both ends included, chords about chord_mm long or finer."""
+def arc(cx, cy, radius, start_deg, end_deg, sagitta_mm=0.002):
+    """Points on an arc, both ends included; chords stray by no more than sagitta_mm."""
     sweep = math.radians(end_deg - start_deg)
-    count = max(2, math.ceil(abs(sweep) * radius / max(chord_mm, radius / 60)))
+    step = 2 * math.acos(1 - sagitta_mm / radius)
+    count = max(2, math.ceil(abs(sweep) / step))
     return [
         (cx + radius * math.cos(math.radians(start_deg) + sweep * k / count),
          cy + radius * math.sin(math.radians(start_deg) + sweep * k / count))
@@ -51,7 +52,7 @@ def u_part():
 
 
 def bracket():
-    """An L of 30 x 20 mm, 5 mm wide, round outer corners, four holes, an inner fillet."""
+    """An L of 30 x 20 mm, 7 mm wide, round outer corners, four holes, an inner fillet."""
     outline = (arc(2, 2, 2, 180, 270) + arc(28, 2, 2, 270, 360)
                + arc(28, 5, 2, 0, 90)
                + arc(9.5, 9.5, 2.5, 270, 180)
@@ -96,14 +97,10 @@ def thin_web():
 def letter_r():
     """A capital R, 15 x 20 mm: strokes of about 3 mm, one counter, a leg with a sharp foot."""
     outline = ([(0, 0), (3, 0), (3, 8), (6.4, 8), (11, 0), (14.6, 0), (9.6, 8.6)]
-               + arc(8.4, 14, 6, -60, 90, 0.1)
+               + arc(8.4, 14, 6, -60, 90)
                + [(0, 20)])
-    counter = [(3, 10.8), (3, 17.2)] + arc(8.4, 14, 3.2, 90, -90, 0.1)
+    counter = [(3, 10.8), (3, 17.2)] + arc(8.4, 14, 3.2, 90, -90)
     return outline, [counter]
-
-
-def svg_path(ring):
-    return "M" + " L".join(f"{x:g} {y:g}" for x, y in ring) + " Z"
 
 
 def main():

@@ -1,1 +1,5 @@
-fn main() {}
+//! The `headway` command.
+
+fn main() -> std::process::ExitCode {
+    headway::cli::run(std::env::args_os())
+}

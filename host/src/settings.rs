@@ -9,7 +9,7 @@ mod check;
 mod defaults;
 pub mod machine_file;
 
-pub use check::SettingsError;
+pub use check::{SettingsError, motor_rates_hz};
 
 use crate::geometry::aperture::Aperture;
 use headway_firmware::configuration::MachineConfiguration;

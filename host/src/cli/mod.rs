@@ -1,1 +1,76 @@
-//! The `headway` command.
+//! The command line: options -> settings, input, pipeline -> figures, files, exit status.
+//!
+//! The only place that reads and writes files and the terminal. JSON goes to stdout and everything
+//! for the eye to stderr, so that a pipe sees one object and nothing else. Exit status: 0 done,
+//! 1 the job cannot be done as asked, 2 wrong usage.
+
+mod args;
+mod console;
+mod inspect;
+mod load;
+mod machine;
+
+use args::{Arguments, Command};
+use clap::Parser;
+use console::Console;
+use std::ffi::OsString;
+use std::process::ExitCode;
+
+/// Why a command ends without its result.
+#[derive(Debug, thiserror::Error)]
+pub enum CliError {
+    /// The options make no sense (exit status 2).
+    #[error("{0}\n  see headway --help")]
+    Usage(String),
+    /// The job cannot be done as asked (exit status 1).
+    #[error("{0}")]
+    Job(String),
+    /// A file cannot be read or written (exit status 1).
+    #[error("{path}: {problem}")]
+    File {
+        /// The file.
+        path: String,
+        /// What the system says.
+        problem: std::io::Error,
+    },
+    /// The reader of our output has gone: not an error worth a message.
+    #[error("the output was closed")]
+    OutputClosed,
+}
+
+impl CliError {
+    fn exit_code(&self) -> ExitCode {
+        match self {
+            CliError::Usage(_) => ExitCode::from(2),
+            CliError::Job(_) | CliError::File { .. } => ExitCode::from(1),
+            CliError::OutputClosed => ExitCode::SUCCESS,
+        }
+    }
+}
+
+/// Runs one command.
+pub fn run(arguments: impl IntoIterator<Item = OsString>) -> ExitCode {
+    let arguments = match Arguments::try_parse_from(arguments) {
+        Ok(arguments) => arguments,
+        Err(error) => {
+            let wrong = error.use_stderr();
+            // Help to a closed pipe is nobody's loss.
+            let _ = error.print();
+            return ExitCode::from(if wrong { 2 } else { 0 });
+        }
+    };
+    let console = Console::new();
+    let result = match &arguments.command {
+        Command::Machine(machine) => machine::run(machine, &console),
+        Command::Inspect(inspect) => inspect::run(inspect, &console),
+    };
+    match result {
+        Ok(()) => ExitCode::SUCCESS,
+        Err(error) => {
+            if !matches!(error, CliError::OutputClosed) {
+                console.say(&format!("error: {error}"));
+            }
+            error.exit_code()
+        }
+    }
+}

@@ -88,7 +88,7 @@ impl Default for ReadOptions {
         ReadOptions {
             units: None,
             scale: 1.0,
-            flatten_mm: 0.002,
+            flatten_mm: 0.001,
             repair: false,
         }
     }

@@ -97,7 +97,7 @@ impl Settings {
                 tip_mm: 0.001,
                 axis_rad: 1e-4,
                 heading_rad: 2e-4,
-                flatten_mm: 0.002,
+                flatten_mm: 0.001,
             },
         }
     }

@@ -1,0 +1,188 @@
+//! The options of every command, with their help.
+
+use clap::{Args, Parser, Subcommand, ValueEnum};
+use std::path::PathBuf;
+
+/// Plans, simulates and streams the motion of print heads with turning, non-round nozzles.
+#[derive(Debug, Parser)]
+#[command(name = "headway", version, max_term_width = 100, after_help = EXAMPLES)]
+pub(super) struct Arguments {
+    #[command(subcommand)]
+    pub command: Command,
+}
+
+const EXAMPLES: &str = "\
+Examples:
+  headway simulate examples/u-part.json --report report
+  headway plan part.svg --machine my-printer.toml --output part.hwj
+  headway headings part.json --aperture ellipse:0.6x0.2 --spacing 0.25 --output headings.csv
+  headway machine new --kind gantry --output my-printer.toml
+
+Exit status: 0 done, 1 the job cannot be done as asked, 2 wrong usage.";
+
+#[derive(Debug, Subcommand)]
+pub(super) enum Command {
+    /// Show what is in a job file or an input.
+    Inspect(InspectArgs),
+    /// Write or check a machine file.
+    Machine(MachineArgs),
+}
+
+/// What is read, and where it goes on the machine.
+#[derive(Debug, Args)]
+#[command(next_help_heading = "Input")]
+pub(super) struct InputArgs {
+    /// Format of the input, where its ending does not say it.
+    #[arg(long, value_enum, value_name = "FORMAT")]
+    pub from: Option<FormatName>,
+    /// Unit of the input's coordinates, over what the file says.
+    #[arg(long, value_enum, value_name = "UNIT")]
+    pub units: Option<UnitName>,
+    /// Factor on all coordinates of the input.
+    #[arg(
+        long,
+        value_name = "FACTOR",
+        default_value_t = 1.0,
+        allow_negative_numbers = true
+    )]
+    pub scale: f64,
+    /// Mend crossings, overlaps and open contours by the fill rule, and say what was changed.
+    #[arg(long)]
+    pub repair: bool,
+}
+
+/// Where the input goes on the machine.
+#[derive(Debug, Args)]
+#[command(next_help_heading = "Input")]
+pub(super) struct PlaceArgs {
+    /// Machine coordinates of the input's origin, mm [default: the input's box centred over the
+    /// work area, on the bed].
+    #[arg(long, value_name = "X,Y,Z", allow_hyphen_values = true)]
+    pub at: Option<String>,
+}
+
+/// What overrides the machine file.
+#[derive(Debug, Args)]
+#[command(next_help_heading = "Settings")]
+pub(super) struct SettingsArgs {
+    /// Machine file [default: a built-in planar machine; see `headway machine new`].
+    #[arg(short, long, value_name = "MACHINE.toml")]
+    pub machine: Option<PathBuf>,
+    /// Aperture: ellipse:AxB (semi-axes, mm) or circle:R (radius, mm).
+    #[arg(long, value_name = "SHAPE")]
+    pub aperture: Option<String>,
+    /// Tip speed while printing, mm/s.
+    #[arg(long, value_name = "MM_S", allow_negative_numbers = true)]
+    pub speed: Option<f64>,
+    /// Layer height, mm.
+    #[arg(long, value_name = "MM", allow_negative_numbers = true)]
+    pub layer_height: Option<f64>,
+    /// Passes across a narrow passage.
+    #[arg(long, value_enum, value_name = "PASS")]
+    pub pass: Option<PassName>,
+    /// How the local width becomes a heading angle.
+    #[arg(long, value_enum, value_name = "LAW")]
+    pub law: Option<LawName>,
+    /// How far the aperture may leave the outline, the segments the path, and chords the curves of
+    /// the input, mm.
+    #[arg(long, value_name = "MM", allow_negative_numbers = true)]
+    pub tolerance: Option<f64>,
+    /// Controlled overlap of neighbouring passes, per cent of the bead width.
+    #[arg(long, value_name = "PCT", allow_negative_numbers = true)]
+    pub overlap: Option<f64>,
+}
+
+#[derive(Clone, Copy, Debug, ValueEnum)]
+pub(super) enum FormatName {
+    /// Polygon JSON: {"units","exterior","holes"}.
+    #[value(alias = "json")]
+    Polygon,
+    /// Polygons of a GeoJSON file.
+    Geojson,
+    /// Filled shapes of an SVG page.
+    Svg,
+}
+
+#[derive(Clone, Copy, Debug, ValueEnum)]
+pub(super) enum UnitName {
+    Mm,
+    Cm,
+    M,
+    Um,
+    In,
+}
+
+#[derive(Clone, Copy, Debug, ValueEnum)]
+pub(super) enum PassName {
+    /// Two passes, one along either wall, one where two do not fit.
+    Two,
+    /// One pass between the walls wherever the aperture spans them.
+    One,
+}
+
+#[derive(Clone, Copy, Debug, ValueEnum)]
+pub(super) enum LawName {
+    /// The angle at which the aperture just touches what it should.
+    Tangent,
+    /// (1 - w) 90°, as published.
+    Linear,
+}
+
+/// `headway inspect`.
+#[derive(Debug, Args)]
+#[command(after_help = "\
+Examples:
+  headway inspect part.hwj
+  headway inspect drawing.svg --json")]
+pub(super) struct InspectArgs {
+    /// A job file (.hwj), or an input.
+    pub file: PathBuf,
+    #[command(flatten)]
+    pub input: InputArgs,
+    /// One JSON object on stdout.
+    #[arg(long)]
+    pub json: bool,
+}
+
+/// `headway machine`.
+#[derive(Debug, Args)]
+#[command(after_help = "\
+Examples:
+  headway machine new --kind planar > my-printer.toml
+  headway machine check my-printer.toml")]
+pub(super) struct MachineArgs {
+    #[command(subcommand)]
+    pub command: MachineCommand,
+}
+
+#[derive(Debug, Subcommand)]
+pub(super) enum MachineCommand {
+    /// Write a commented machine file to start from.
+    New {
+        /// Kinematics of the machine.
+        #[arg(long, value_enum, default_value = "planar")]
+        kind: KindName,
+        /// Name of the machine in messages and job files [default: the kind].
+        #[arg(long)]
+        name: Option<String>,
+        /// File to write [default: stdout].
+        #[arg(short, long, value_name = "FILE")]
+        output: Option<PathBuf>,
+    },
+    /// Read a machine file, say what is wrong or what it amounts to.
+    Check {
+        /// The machine file.
+        file: PathBuf,
+        /// One JSON object on stdout.
+        #[arg(long)]
+        json: bool,
+    },
+}
+
+#[derive(Clone, Copy, Debug, ValueEnum)]
+pub(super) enum KindName {
+    /// X Y Z and a nozzle that turns.
+    Planar,
+    /// X Y Z and a head that tilts (A, B) and turns (C).
+    Gantry,
+}

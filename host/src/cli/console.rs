@@ -1,0 +1,91 @@
+//! What the command says: results to stdout, everything else to stderr, bars on a terminal only.
+
+use super::CliError;
+use indicatif::{ProgressBar, ProgressDrawTarget, ProgressStyle};
+use std::io::{IsTerminal, Write};
+use std::path::Path;
+use std::time::Duration;
+
+/// The terminal, or the pipe.
+pub(super) struct Console {
+    bars: bool,
+}
+
+impl Console {
+    pub(super) fn new() -> Console {
+        Console {
+            bars: std::io::stderr().is_terminal(),
+        }
+    }
+
+    /// A line for the eye.
+    pub(super) fn say(&self, line: &str) {
+        // Nothing is left to say it to where stderr is closed.
+        let _ = writeln!(std::io::stderr(), "{line}");
+    }
+
+    /// Notes and warnings, one line each.
+    pub(super) fn notes(&self, notes: &[String]) {
+        for note in notes {
+            self.say(&format!("note: {note}"));
+        }
+    }
+
+    /// A result to stdout.
+    pub(super) fn result(&self, text: &str) -> Result<(), CliError> {
+        let mut out = std::io::stdout().lock();
+        out.write_all(text.as_bytes())
+            .and_then(|()| out.flush())
+            .map_err(|problem| match problem.kind() {
+                std::io::ErrorKind::BrokenPipe => CliError::OutputClosed,
+                _ => CliError::File {
+                    path: "stdout".into(),
+                    problem,
+                },
+            })
+    }
+
+    /// A result to `output`, or to stdout where there is none.
+    pub(super) fn result_to(&self, output: Option<&Path>, text: &str) -> Result<(), CliError> {
+        match output {
+            Some(path) => write_file(path, text.as_bytes()),
+            None => self.result(text),
+        }
+    }
+
+    /// A spinner with the stage's name; invisible in a pipe.
+    pub(super) fn stage(&self, name: &str) -> ProgressBar {
+        if !self.bars {
+            return ProgressBar::hidden();
+        }
+        let bar = ProgressBar::with_draw_target(None, ProgressDrawTarget::stderr());
+        if let Ok(style) = ProgressStyle::with_template("{spinner} {msg} {elapsed}") {
+            bar.set_style(style);
+        }
+        bar.set_message(name.to_string());
+        bar.enable_steady_tick(Duration::from_millis(80));
+        bar
+    }
+
+    /// A bar over `length` steps with a name; invisible in a pipe.
+    pub(super) fn bar(&self, name: &str, length: u64) -> ProgressBar {
+        if !self.bars {
+            return ProgressBar::hidden();
+        }
+        let bar = ProgressBar::with_draw_target(Some(length), ProgressDrawTarget::stderr());
+        if let Ok(style) = ProgressStyle::with_template("{msg:10} {wide_bar} {percent:>3} % {eta}")
+        {
+            bar.set_style(style);
+        }
+        bar.set_message(name.to_string());
+        bar
+    }
+}
+
+/// Writes a file, or says which one could not be written.
+pub(super) fn write_file(path: &Path, bytes: &[u8]) -> Result<(), CliError> {
+    std::fs::write(path, bytes).map_err(|problem| CliError::File {
+        path: path.display().to_string(),
+        problem,
+    })
+}

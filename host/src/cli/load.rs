@@ -1,0 +1,118 @@
+//! Options and files -> settings and target.
+
+use super::CliError;
+use super::args::{FormatName, InputArgs, LawName, PassName, SettingsArgs, UnitName};
+use super::console::Console;
+use crate::input::{self, BYTES_MAX, Format, InputError, Loaded, ReadOptions, Units};
+use crate::settings::aperture_text::parse_aperture;
+use crate::settings::{HeadingLaw, PassMode, Settings, machine_file};
+use std::path::Path;
+
+/// The machine file, or the built-in machine, with the overrides on top; checked.
+pub(super) fn settings(args: &SettingsArgs) -> Result<Settings, CliError> {
+    let mut settings = match &args.machine {
+        Some(path) => machine(path)?,
+        None => Settings::default(),
+    };
+    if let Some(text) = &args.aperture {
+        settings.aperture =
+            parse_aperture(text).map_err(|error| CliError::Usage(error.to_string()))?;
+    }
+    if let Some(speed_mm_s) = args.speed {
+        settings.speed_mm_s = speed_mm_s;
+    }
+    if let Some(layer_height_mm) = args.layer_height {
+        settings.layer_height_mm = layer_height_mm;
+    }
+    if let Some(pass) = args.pass {
+        settings.pass_mode = match pass {
+            PassName::Two => PassMode::Two,
+            PassName::One => PassMode::One,
+        };
+    }
+    if let Some(law) = args.law {
+        settings.heading_law = match law {
+            LawName::Tangent => HeadingLaw::Tangent,
+            LawName::Linear => HeadingLaw::Linear,
+        };
+    }
+    if let Some(tolerance_mm) = args.tolerance {
+        settings.tolerances.outside_mm = tolerance_mm;
+        settings.tolerances.tip_mm = tolerance_mm;
+        settings.tolerances.flatten_mm = tolerance_mm;
+    }
+    if let Some(overlap_pct) = args.overlap {
+        settings.overlap_pct = overlap_pct;
+    }
+    // The machine file was checked on its own: what fails now is an option.
+    settings
+        .check()
+        .map_err(|error| CliError::Usage(error.to_string()))?;
+    Ok(settings)
+}
+
+/// Reads and checks a machine file.
+pub(super) fn machine(path: &Path) -> Result<Settings, CliError> {
+    let bytes = read_file(path)?;
+    let text = String::from_utf8(bytes)
+        .map_err(|_| CliError::Job(format!("{}: not a text file", path.display())))?;
+    machine_file::from_toml(&text)
+        .map_err(|error| CliError::Job(format!("{}: {error}", path.display())))
+}
+
+/// Reads an input and says its notes.
+pub(super) fn target(
+    path: &Path,
+    args: &InputArgs,
+    flatten_mm: f64,
+    console: &Console,
+) -> Result<Loaded, CliError> {
+    let format = match args.from {
+        Some(FormatName::Polygon) => Format::Polygon,
+        Some(FormatName::Geojson) => Format::GeoJson,
+        Some(FormatName::Svg) => Format::Svg,
+        None => Format::of_ending(path).ok_or_else(|| {
+            let path = path.display().to_string();
+            CliError::Usage(InputError::UnknownFormat { path }.to_string())
+        })?,
+    };
+    if !(args.scale.is_finite() && args.scale > 0.0) {
+        let error = InputError::Scale { scale: args.scale };
+        return Err(CliError::Usage(error.to_string()));
+    }
+    let options = ReadOptions {
+        units: args.units.map(|unit| match unit {
+            UnitName::Mm => Units::Mm,
+            UnitName::Cm => Units::Cm,
+            UnitName::M => Units::M,
+            UnitName::Um => Units::Um,
+            UnitName::In => Units::In,
+        }),
+        scale: args.scale,
+        flatten_mm,
+        repair: args.repair,
+    };
+    let bytes = read_file(path)?;
+    let name = path.file_stem().map_or_else(
+        || "part".to_string(),
+        |stem| stem.to_string_lossy().into_owned(),
+    );
+    let loaded = input::read(&bytes, &name, format, &options)
+        .map_err(|error| CliError::Job(format!("{}: {error}", path.display())))?;
+    console.notes(&loaded.notes);
+    Ok(loaded)
+}
+
+/// Reads a file of bounded size.
+pub(super) fn read_file(path: &Path) -> Result<Vec<u8>, CliError> {
+    let file = |problem| CliError::File {
+        path: path.display().to_string(),
+        problem,
+    };
+    let bytes = std::fs::metadata(path).map_err(file)?.len();
+    if bytes > BYTES_MAX {
+        let error = InputError::FileTooLarge { bytes };
+        return Err(CliError::Job(format!("{}: {error}", path.display())));
+    }
+    std::fs::read(path).map_err(file)
+}

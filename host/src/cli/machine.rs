@@ -1,0 +1,67 @@
+//! `headway machine new|check`.
+
+use super::CliError;
+use super::args::{KindName, MachineArgs, MachineCommand};
+use super::console::Console;
+use super::load;
+use crate::settings::{Settings, machine_file, motor_rates_hz};
+use serde_json::json;
+
+pub(super) fn run(args: &MachineArgs, console: &Console) -> Result<(), CliError> {
+    match &args.command {
+        MachineCommand::New { kind, name, output } => {
+            let mut settings = match kind {
+                KindName::Planar => Settings::planar(),
+                KindName::Gantry => Settings::gantry(),
+            };
+            if let Some(name) = name {
+                settings.machine_name.clone_from(name);
+            }
+            console.result_to(output.as_deref(), &machine_file::to_toml(&settings))
+        }
+        MachineCommand::Check { file, json } => {
+            let settings = load::machine(file)?;
+            if *json {
+                return console.result(&format!("{:#}\n", summary_json(&settings)));
+            }
+            console.result(&summary_text(&settings))
+        }
+    }
+}
+
+fn summary_json(settings: &Settings) -> serde_json::Value {
+    let step_hz = f64::from(settings.machine.step_hz);
+    let motors: Vec<_> = motor_rates_hz(&settings.machine)
+        .into_iter()
+        .map(|(motor, rate_hz)| {
+            json!({"motor": motor, "rate_max_hz": rate_hz, "tick_share": rate_hz / step_hz})
+        })
+        .collect();
+    json!({
+        "name": settings.machine_name,
+        "work_area_mm": settings.work_area_mm,
+        "servo_hz": settings.machine.servo_hz,
+        "step_hz": settings.machine.step_hz,
+        "motors": motors,
+    })
+}
+
+fn summary_text(settings: &Settings) -> String {
+    let [low, high] = settings.work_area_mm;
+    let mut text = format!(
+        "{}: in order\n  work area {} x {} x {} mm, servo {} Hz, step tick {} Hz\n",
+        settings.machine_name,
+        high[0] - low[0],
+        high[1] - low[1],
+        high[2] - low[2],
+        settings.machine.servo_hz,
+        settings.machine.step_hz,
+    );
+    for (motor, rate_hz) in motor_rates_hz(&settings.machine) {
+        let share_pct = 100.0 * rate_hz / f64::from(settings.machine.step_hz);
+        text += &format!(
+            "  {motor:10} {rate_hz:8.0} steps/s at its top speed, {share_pct:4.1} % of the step tick\n"
+        );
+    }
+    text
+}
