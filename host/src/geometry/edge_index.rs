@@ -167,6 +167,26 @@ impl EdgeIndex {
         self.bounds
     }
 
+    /// Size of a grid cell, mm: the scale at which queries are cheap.
+    pub fn cell_mm(&self) -> f64 {
+        self.cell_mm
+    }
+
+    /// Calls `visit(i, j)`, i < j, for every two edges that share a cell, so at least for all that
+    /// touch; a pair may come more than once.
+    pub fn for_pairs(&self, mut visit: impl FnMut(usize, usize)) {
+        for cell in self.first.windows(2) {
+            let items = &self.items[cell[0] as usize..cell[1] as usize];
+            for (k, &i) in items.iter().enumerate() {
+                for &j in &items[k + 1..] {
+                    if i != j {
+                        visit(i.min(j) as usize, i.max(j) as usize);
+                    }
+                }
+            }
+        }
+    }
+
     /// Calls `visit` with each edge number near the box; an edge may come more than once.
     pub fn for_edges_in(&self, area: Box2, mut visit: impl FnMut(usize)) {
         if area.max.x < self.bounds.min.x

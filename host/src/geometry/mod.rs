@@ -4,6 +4,7 @@ pub mod aperture;
 pub mod clearance;
 pub mod edge_index;
 pub mod polygon;
+pub mod tangent_disk;
 
 /// A point in the layer plane, mm.
 pub type Point2 = nalgebra::Point2<f64>;

@@ -1,0 +1,162 @@
+//! r(p): radius of the largest disk inside the region that touches the boundary at p.
+//!
+//! In closed form, edge by edge, and so independent of any medial axis: the disk of radius rho
+//! about p + rho N touches another boundary point q where rho = |q - p|² / (2 N·(q - p)); over a
+//! straight edge the smallest rho is the one that touches the edge's line (where the foot falls on
+//! the edge) or one of its ends. SPEC section 1, r(p).
+
+use super::edge_index::{Edge, EdgeIndex};
+use super::polygon::Box2;
+use super::{Point2, Vector2};
+
+/// An edge closer to `p` than this is taken to hold `p`, mm.
+const ON_EDGE_MM: f64 = 1e-9;
+/// Directions within this angle of the tangent at `p` are along the boundary, rad.
+const GRAZING_RAD: f64 = 1e-9;
+
+/// Radius, mm, of the largest disk inside the region that touches its boundary at `p` from the side
+/// of the unit normal `normal`; 0 in a convex corner, infinite where nothing opposes.
+/// `index` holds the region's edges; `p` should lie on one of them (or be a reflex vertex, with a
+/// normal between those of its two edges).
+pub fn tangent_disk_radius_mm(index: &EdgeIndex, p: Point2, normal: Vector2) -> f64 {
+    let size = index.bounds().size();
+    let reach_max_mm = size.norm() + (p - index.bounds().min).norm();
+    let mut reach_mm = index.cell_mm().min(reach_max_mm);
+    loop {
+        // Everything the disk of radius `reach_mm` can touch lies in its own box.
+        let center = p + normal * reach_mm;
+        let area = Box2 {
+            min: center,
+            max: center,
+        }
+        .grown(reach_mm + ON_EDGE_MM);
+        let mut radius_mm = f64::INFINITY;
+        index.for_edges_in(area, |number| {
+            radius_mm = radius_mm.min(radius_to_edge_mm(&index.edges()[number], p, normal));
+        });
+        if radius_mm <= reach_mm || reach_mm >= reach_max_mm {
+            return radius_mm;
+        }
+        reach_mm = (reach_mm * 2.0).min(reach_max_mm);
+    }
+}
+
+/// The smallest radius at which the growing disk touches this edge.
+fn radius_to_edge_mm(edge: &Edge, p: Point2, normal: Vector2) -> f64 {
+    let (to_a, to_b) = (edge.a - p, edge.b - p);
+    if (p - edge.foot(p)).norm() <= ON_EDGE_MM {
+        let rises = |w: &Vector2| normal.dot(w) > GRAZING_RAD.max(1e-7 * w.norm());
+        return if rises(&to_a) || rises(&to_b) {
+            0.0
+        } else {
+            f64::INFINITY
+        };
+    }
+    let radius_to_point_mm = |w: &Vector2| {
+        let rise = normal.dot(w);
+        if rise <= GRAZING_RAD * w.norm() {
+            f64::INFINITY
+        } else {
+            w.norm_squared() / (2.0 * rise)
+        }
+    };
+    let ends = radius_to_point_mm(&to_a).min(radius_to_point_mm(&to_b));
+    // The edge's line, its normal turned away from p: touched where distance to it equals rho.
+    let mut across = edge.normal();
+    let mut distance = across.dot(&to_a);
+    if distance < 0.0 {
+        (across, distance) = (-across, -distance);
+    }
+    let closing = 1.0 + across.dot(&normal);
+    if distance <= ON_EDGE_MM || closing <= 1e-12 {
+        return ends;
+    }
+    let radius = distance / closing;
+    let touch = p + normal * radius + across * radius;
+    let along = edge.b - edge.a;
+    let t = along.dot(&(touch - edge.a)) / along.norm_squared();
+    if (0.0..=1.0).contains(&t) {
+        radius.min(ends)
+    } else {
+        ends
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn index(points: &[[f64; 2]], offset: f64) -> EdgeIndex {
+        let p = |i: usize| {
+            let q = points[i % points.len()];
+            Point2::new(q[0] + offset, q[1] + offset)
+        };
+        let edges = (0..points.len())
+            .map(|i| Edge {
+                a: p(i),
+                b: p(i + 1),
+            })
+            .collect();
+        EdgeIndex::new(edges, 0.6)
+    }
+
+    /// Goal: closed forms of shapes with a known answer. Method: rectangle (half width, and the
+    /// corner's bisector), reflex corner (touching the vertex: |q|²/(2 N·q)), far offset.
+    #[test]
+    fn known_radii() {
+        let up = Vector2::new(0.0, 1.0);
+        for offset in [0.0, 1e4] {
+            let at = |x: f64, y: f64| Point2::new(x + offset, y + offset);
+            let rectangle = index(&[[0.0, 0.0], [40.0, 0.0], [40.0, 6.0], [0.0, 6.0]], offset);
+            assert!((tangent_disk_radius_mm(&rectangle, at(20.0, 0.0), up) - 3.0).abs() < 1e-9);
+            assert!((tangent_disk_radius_mm(&rectangle, at(0.25, 0.0), up) - 0.25).abs() < 1e-9);
+            let step = index(
+                &[
+                    [0.0, 0.0],
+                    [20.0, 0.0],
+                    [20.0, 20.0],
+                    [10.0, 20.0],
+                    [10.0, 4.0],
+                    [0.0, 4.0],
+                ],
+                offset,
+            );
+            // Disk on the floor at x = 12.5 touches the wall x = 20 or the vertex (10, 4).
+            let vertex = (2.5f64 * 2.5 + 16.0) / 8.0;
+            let found = tangent_disk_radius_mm(&step, at(12.5, 0.0), up);
+            assert!((found - vertex).abs() < 1e-9, "{found}");
+            assert_eq!(tangent_disk_radius_mm(&step, at(0.0, 0.0), up), 0.0);
+        }
+    }
+
+    /// Goal: the disk found is inside and touches. Method: random points of a random star; its
+    /// centre's distance to the boundary must equal the radius.
+    #[test]
+    fn disk_touches_and_stays_inside() {
+        let mut state = 7u64;
+        let mut random = || {
+            state = state
+                .wrapping_mul(6364136223846793005)
+                .wrapping_add(1442695040888963407);
+            (state >> 33) as f64 / (1u64 << 31) as f64
+        };
+        let star: Vec<[f64; 2]> = (0..120)
+            .map(|i| {
+                let (sin, cos) = (i as f64 * std::f64::consts::TAU / 120.0).sin_cos();
+                let r = 6.0 + 8.0 * random();
+                [r * cos, r * sin]
+            })
+            .collect();
+        let index = index(&star, 0.0);
+        let mut checked = 0;
+        for edge in index.edges() {
+            let p = edge.a + (edge.b - edge.a) * (0.05 + 0.9 * random());
+            let radius = tangent_disk_radius_mm(&index, p, edge.normal());
+            let center = p + edge.normal() * radius;
+            let clear = index.nearest(center).unwrap().distance_mm;
+            assert!((clear - radius).abs() < 1e-8, "{clear} {radius}");
+            checked += 1;
+        }
+        assert_eq!(checked, 120);
+    }
+}

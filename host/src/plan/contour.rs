@@ -1,0 +1,303 @@
+//! Cleans an input region into the contour that the planner works on.
+//!
+//! Input: a valid region, mm, anywhere. Output: the same region about a local origin (its box
+//! centre), so that a part far from the machine's zero loses no digits, with repeated and
+//! needless points gone and the rings oriented (inside on the left). A point is needless where the
+//! chord that replaces it and its dropped neighbours passes within `tolerance_mm` of each: the
+//! boundary moves by no more than that, to either side. Noise larger than the tolerance stays: what
+//! it would do to the passes is dealt with where the medial axis is pruned and normals smoothed.
+
+use crate::geometry::edge_index::EdgeIndex;
+use crate::geometry::polygon::{Region, Ring};
+use crate::geometry::{Point2, Vector2};
+use thiserror::Error;
+
+/// Default of how far the cleaned boundary may lie from the given one: a fifth of the default
+/// tolerance of a plan (1 µm), so that most of that is left to the fitting of segments.
+pub const SIMPLIFY_MM: f64 = 2e-4;
+
+/// Points closer than this to the one before are the same point, whatever the tolerance.
+const SAME_POINT_MM: f64 = 1e-7;
+
+/// Longest run of points that one chord replaces; bounds the work on a finely sampled line.
+const RUN_MAX: usize = 256;
+
+/// A cleaned region about a local origin.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Contour {
+    /// The region in local coordinates: input minus `offset`.
+    pub region: Region,
+    /// Add this to local coordinates to get the input's.
+    pub offset: Vector2,
+    /// Points of the input that were dropped.
+    pub removed_points: usize,
+    /// Holes of the input that vanished because they are thinner than the tolerance.
+    pub removed_holes: usize,
+}
+
+/// Why a region has no contour.
+#[derive(Clone, Debug, PartialEq, Error)]
+pub enum ContourError {
+    /// A coordinate is infinite or not a number.
+    #[error(
+        "a coordinate of ring {ring} is not a finite number (point {point}); correct the input"
+    )]
+    NotFinite {
+        /// Ring: 0 the exterior, holes from 1.
+        ring: usize,
+        /// Point in the ring.
+        point: usize,
+    },
+    /// Nothing is left of the exterior.
+    #[error(
+        "the outline near ({:.3}, {:.3}) mm has no area beyond the tolerance; check the units",
+        at_mm[0], at_mm[1]
+    )]
+    Empty {
+        /// Its first point, in the input's coordinates.
+        at_mm: [f64; 2],
+    },
+}
+
+impl Contour {
+    /// Cleans a region; see the head of this file for what `tolerance_mm` bounds.
+    pub fn of_region(region: &Region, tolerance_mm: f64) -> Result<Contour, ContourError> {
+        for (ring, points) in region.rings().enumerate() {
+            let bad = |p: &Point2| !(p.x.is_finite() && p.y.is_finite());
+            if let Some(point) = points.points.iter().position(bad) {
+                return Err(ContourError::NotFinite { ring, point });
+            }
+        }
+        let bounds = region.bounds();
+        let offset = (bounds.min.coords + bounds.max.coords) / 2.0;
+        let mut removed_points = 0;
+        let mut clean = |ring: &Ring, is_exterior: bool| -> Option<Ring> {
+            let cleaned = cleaned_ring(ring, offset, tolerance_mm, is_exterior);
+            let left = cleaned.as_ref().map_or(0, |r| r.points.len());
+            removed_points += ring.points.len() - left;
+            cleaned
+        };
+        let first = region.exterior.points.first().copied();
+        let exterior = clean(&region.exterior, true).ok_or_else(|| ContourError::Empty {
+            at_mm: first.map_or([0.0, 0.0], |p| [p.x, p.y]),
+        })?;
+        let holes: Vec<Ring> = region
+            .holes
+            .iter()
+            .filter_map(|hole| clean(hole, false))
+            .collect();
+        let removed_holes = region.holes.len() - holes.len();
+        Ok(Contour {
+            region: Region { exterior, holes },
+            offset,
+            removed_points,
+            removed_holes,
+        })
+    }
+
+    /// Edge index over the local region, for queries about as long as `reach_mm`.
+    pub fn edge_index(&self, reach_mm: f64) -> EdgeIndex {
+        EdgeIndex::of_region(&self.region, reach_mm)
+    }
+
+    /// Local coordinates to the input's.
+    pub fn to_input(&self, p: Point2) -> Point2 {
+        p + self.offset
+    }
+
+    /// The input's coordinates to local ones.
+    pub fn to_local(&self, p: Point2) -> Point2 {
+        p - self.offset
+    }
+}
+
+/// The ring about the new origin, without needless points, oriented; `None` where nothing is left.
+fn cleaned_ring(
+    ring: &Ring,
+    offset: Vector2,
+    tolerance_mm: f64,
+    is_exterior: bool,
+) -> Option<Ring> {
+    let mut points: Vec<Point2> = Vec::with_capacity(ring.points.len());
+    for p in &ring.points {
+        let p = p - offset;
+        if points.last().is_none_or(|q| (p - q).norm() > SAME_POINT_MM) {
+            points.push(p);
+        }
+    }
+    while points.len() > 1 && (points[0] - points[points.len() - 1]).norm() <= SAME_POINT_MM {
+        points.pop();
+    }
+    let mut points = simplified(&points, tolerance_mm);
+    if points.len() < 3 {
+        return None;
+    }
+    let area_mm2 = Ring {
+        points: points.clone(),
+    }
+    .signed_area_mm2();
+    if area_mm2 == 0.0 {
+        return None;
+    }
+    if (area_mm2 > 0.0) != is_exterior {
+        points.reverse();
+    }
+    Some(Ring { points })
+}
+
+/// Greedy chords around the ring, starting at its lowest left point (an extreme point of the ring,
+/// so never needless by more than the tolerance).
+fn simplified(points: &[Point2], tolerance_mm: f64) -> Vec<Point2> {
+    let count = points.len();
+    if count < 3 {
+        return Vec::new();
+    }
+    let lowest = |&i: &usize, &j: &usize| {
+        let (p, q) = (points[i], points[j]);
+        p.x.total_cmp(&q.x).then(p.y.total_cmp(&q.y))
+    };
+    let start = (0..count).min_by(lowest).unwrap_or(0);
+    let at = |i: usize| points[(start + i) % count];
+    let mut kept = vec![at(0)];
+    let mut from = 0;
+    while from < count {
+        let mut to = from + 1;
+        while to < count
+            && to + 1 - from <= RUN_MAX
+            && chord_replaces(at(from), at(to + 1), (from + 1..=to).map(at), tolerance_mm)
+        {
+            to += 1;
+        }
+        if to < count {
+            kept.push(at(to));
+        }
+        from = to;
+    }
+    kept
+}
+
+/// True where every point lies within the tolerance of chord a-b, in order along it (a spike that
+/// runs back on itself is not needless).
+fn chord_replaces(
+    a: Point2,
+    b: Point2,
+    mut between: impl Iterator<Item = Point2>,
+    tolerance_mm: f64,
+) -> bool {
+    let chord = b - a;
+    let length = chord.norm();
+    if length <= tolerance_mm {
+        return false;
+    }
+    let unit = chord / length;
+    let mut reached = 0.0;
+    between.all(|p| {
+        let along = unit.dot(&(p - a));
+        let in_order = along >= reached && along <= length;
+        reached = along;
+        in_order && unit.perp(&(p - a)).abs() <= tolerance_mm
+    })
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn ring(points: &[[f64; 2]]) -> Ring {
+        Ring {
+            points: points.iter().map(|p| Point2::new(p[0], p[1])).collect(),
+        }
+    }
+
+    fn square_at(x: f64, y: f64) -> Region {
+        Region {
+            exterior: ring(&[[x, y], [x + 10.0, y], [x + 10.0, y + 10.0], [x, y + 10.0]]),
+            holes: vec![],
+        }
+    }
+
+    /// Goal: repeated and collinear points go, corners stay. Method: a square with such points
+    /// added, far from the origin, against the plain square.
+    #[test]
+    fn needless_points_go() {
+        let mut region = square_at(9000.0, -9000.0);
+        let points = &mut region.exterior.points;
+        points.insert(1, Point2::new(9005.0, -9000.0));
+        points.insert(1, Point2::new(9002.5, -9000.0 + 1e-4));
+        points.insert(1, Point2::new(9002.5, -9000.0 + 1e-4));
+        points.push(points[0]);
+        let contour = Contour::of_region(&region, SIMPLIFY_MM).unwrap();
+        assert_eq!(contour.region.exterior.points.len(), 4);
+        assert_eq!(contour.removed_points, 4);
+        assert!((contour.region.area_mm2() - 100.0).abs() < 1e-9);
+        assert_eq!(
+            contour.to_input(contour.region.bounds().min),
+            Point2::new(9000.0, -9000.0)
+        );
+    }
+
+    /// Goal: no input point ends farther than the tolerance from the cleaned boundary. Method:
+    /// a circle of 20,000 points (sagitta between neighbours far below the tolerance).
+    #[test]
+    fn deviation_is_bounded() {
+        let points: Vec<Point2> = (0..20_000)
+            .map(|i| {
+                let (sin, cos) = (i as f64 * std::f64::consts::TAU / 20_000.0).sin_cos();
+                Point2::new(30.0 * cos, 30.0 * sin)
+            })
+            .collect();
+        let region = Region {
+            exterior: Ring { points },
+            holes: vec![],
+        };
+        let contour = Contour::of_region(&region, SIMPLIFY_MM).unwrap();
+        let count = contour.region.exterior.points.len();
+        assert!((500..5_000).contains(&count), "{count}");
+        let index = contour.edge_index(1.0);
+        for p in &region.exterior.points {
+            let nearest = index.nearest(contour.to_local(*p)).unwrap();
+            assert!(nearest.distance_mm <= SIMPLIFY_MM + 1e-12);
+        }
+    }
+
+    /// Goal: rings come out with the inside on the left, whatever way they came in.
+    #[test]
+    fn orientation_is_mended() {
+        let mut region = square_at(0.0, 0.0);
+        region.exterior.points.reverse();
+        region
+            .holes
+            .push(ring(&[[4.0, 4.0], [6.0, 4.0], [6.0, 6.0]]));
+        let contour = Contour::of_region(&region, SIMPLIFY_MM).unwrap();
+        assert!(contour.region.exterior.signed_area_mm2() > 0.0);
+        assert!(contour.region.holes[0].signed_area_mm2() < 0.0);
+    }
+
+    /// Goal: what cannot be planned is refused with its place; slits vanish and are counted.
+    #[test]
+    fn degenerate_rings() {
+        let mut region = square_at(0.0, 0.0);
+        region
+            .holes
+            .push(ring(&[[4.0, 4.0], [6.0, 4.0], [5.0, 4.0 + 1e-5]]));
+        assert_eq!(
+            Contour::of_region(&region, SIMPLIFY_MM)
+                .unwrap()
+                .removed_holes,
+            1
+        );
+        region.exterior.points[2].x = f64::NAN;
+        assert_eq!(
+            Contour::of_region(&region, SIMPLIFY_MM),
+            Err(ContourError::NotFinite { ring: 0, point: 2 })
+        );
+        let flat = Region {
+            exterior: ring(&[[1.0, 0.0], [2.0, 0.0], [3.0, 0.0]]),
+            holes: vec![],
+        };
+        assert!(matches!(
+            Contour::of_region(&flat, SIMPLIFY_MM),
+            Err(ContourError::Empty { .. })
+        ));
+    }
+}

@@ -1,0 +1,378 @@
+//! The medial axis from the segment Voronoi diagram of the boundary.
+//!
+//! The diagram comes from boostvoronoi, which is fast but can be silently wrong. So the outline is
+//! put on a 100 nm grid, turned by an odd angle (axis-parallel combs are its weak spot), and
+//! every vertex and edge it returns is checked against the boundary itself: its distance to its
+//! generators must be its distance to the nearest edge. Where that fails, another angle is tried.
+//! Edges are then rebuilt from their generators in the plane's own coordinates.
+
+use super::grid::Grid;
+use super::{AxisEdge, AxisPoint, AxisVertex, Generator, MedialAxis};
+use crate::geometry::Point2;
+use crate::geometry::edge_index::{Edge, EdgeIndex};
+use boostvoronoi::prelude::{Builder, BvError, CellIndex, Diagram, SourceCategory};
+use thiserror::Error;
+
+/// Angles tried in turn, rad: odd, so that no usual outline lies along the grid.
+const ANGLES_RAD: [f64; 5] = [0.32, 0.711, 1.137, 0.093, 1.418];
+/// Distances may disagree by this many grid units: two of rounding, the rest the diagram's own.
+const DISAGREEMENT_UNITS: f64 = 5.0;
+/// Vertices closer than this many grid units along an edge are one.
+const MERGE_UNITS: f64 = 2.0;
+/// Most points of one flattened edge.
+const POINTS_MAX: usize = 4096;
+/// Largest step of asinh(x/h) along a curved edge, so that object angles may be interpolated.
+const ANGLE_STEP: f64 = 0.25;
+
+/// How finely the axis is drawn.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct AxisOptions {
+    /// Chord error of flattened parabolas, and error of linearly interpolated radii.
+    pub flatten_mm: f64,
+}
+
+impl Default for AxisOptions {
+    fn default() -> Self {
+        AxisOptions { flatten_mm: 1e-3 }
+    }
+}
+
+/// Why there is no axis.
+#[derive(Clone, Debug, PartialEq, Error)]
+pub enum MedialAxisError {
+    /// No edges.
+    #[error("the region has no edges")]
+    Empty,
+    /// The diagram failed at every angle.
+    #[error("the medial axis cannot be computed ({reason}); the outline may cross itself")]
+    Diagram {
+        /// What the diagram said last.
+        reason: String,
+    },
+}
+
+/// An edge of the diagram inside the region.
+struct RawEdge {
+    v: [usize; 2],
+    generators: [Generator; 2],
+}
+
+/// The diagram's interior edges, checked.
+struct RawAxis {
+    points: Vec<Point2>,
+    edges: Vec<RawEdge>,
+    suspects: usize,
+    unit_mm: f64,
+}
+
+/// See [`MedialAxis::of_edges`].
+pub(super) fn interior_axis(
+    index: &EdgeIndex,
+    options: &AxisOptions,
+) -> Result<MedialAxis, MedialAxisError> {
+    if index.edges().is_empty() {
+        return Err(MedialAxisError::Empty);
+    }
+    let mut best: Option<RawAxis> = None;
+    let mut reason = String::new();
+    for angle_rad in ANGLES_RAD {
+        match attempt(index, angle_rad) {
+            Ok(raw) => {
+                let done = raw.suspects == 0;
+                if best.as_ref().is_none_or(|b| raw.suspects < b.suspects) {
+                    best = Some(raw);
+                }
+                if done {
+                    break;
+                }
+            }
+            Err(error) => reason = error.to_string(),
+        }
+    }
+    let raw = best.ok_or(MedialAxisError::Diagram { reason })?;
+    Ok(assemble(index, raw, options))
+}
+
+fn attempt(index: &EdgeIndex, angle_rad: f64) -> Result<RawAxis, BvError> {
+    let grid = Grid::new(index, angle_rad);
+    let segments = grid.segments(index.edges());
+    let lines: Vec<[i32; 4]> = segments
+        .iter()
+        .map(|s| [s.a[0], s.a[1], s.b[0], s.b[1]])
+        .collect();
+    let diagram = Builder::<i32>::default()
+        .with_segments(lines.iter())?
+        .build()?;
+    let generator_of = |cell: CellIndex| -> Result<Generator, BvError> {
+        let (source, category) = diagram.cell(cell)?.source_index_2();
+        let segment = segments[source.usize()];
+        let end = match category {
+            SourceCategory::Segment => return Ok(Generator::Edge(segment.source)),
+            SourceCategory::SegmentEnd => segment.b,
+            _ => segment.a,
+        };
+        let on_grid = grid.to_plane([f64::from(end[0]), f64::from(end[1])]);
+        let Edge { a, b } = index.edges()[segment.source];
+        // The true vertex, not its rounded image; a cut has none.
+        let near = |p: Point2| (p - on_grid).norm() <= grid.unit_mm();
+        let exact = if near(a) {
+            a
+        } else if near(b) {
+            b
+        } else {
+            on_grid
+        };
+        Ok(Generator::Vertex(exact))
+    };
+    let points: Vec<Point2> = diagram
+        .vertices()
+        .iter()
+        .map(|v| grid.to_plane([v.x(), v.y()]))
+        .collect();
+    let mut raw = RawAxis {
+        points,
+        edges: Vec::new(),
+        suspects: 0,
+        unit_mm: grid.unit_mm(),
+    };
+    let tolerance_mm = DISAGREEMENT_UNITS * grid.unit_mm();
+    for edge in diagram.edges() {
+        let twin = edge.twin()?;
+        if edge.id().usize() > twin.usize() || !edge.is_primary() {
+            continue;
+        }
+        let Some(v) = ends(&diagram, edge.id())? else {
+            continue;
+        };
+        let generators = [
+            generator_of(edge.cell()?)?,
+            generator_of(diagram.edge_get_cell(twin)?)?,
+        ];
+        let candidate = RawEdge { v, generators };
+        let middle = middle_of(index.edges(), &raw, &candidate);
+        if !index.contains(middle) {
+            continue;
+        }
+        let places = [raw.points[v[0]], raw.points[v[1]], middle];
+        if places
+            .iter()
+            .all(|&p| agrees(index, &generators, p, tolerance_mm))
+        {
+            raw.edges.push(candidate);
+        } else {
+            raw.suspects += 1;
+        }
+    }
+    Ok(raw)
+}
+
+fn ends(
+    diagram: &Diagram,
+    edge: boostvoronoi::prelude::EdgeIndex,
+) -> Result<Option<[usize; 2]>, BvError> {
+    let v0 = diagram.edge_get_vertex0(edge)?;
+    let v1 = diagram.edge_get_vertex1(edge)?;
+    Ok(v0.zip(v1).map(|(v0, v1)| [v0.usize(), v1.usize()]))
+}
+
+/// True where the point is as far from both generators as from the nearest edge.
+fn agrees(index: &EdgeIndex, generators: &[Generator; 2], p: Point2, tolerance_mm: f64) -> bool {
+    let distances = generators.map(|g| (g.foot(index.edges(), p) - p).norm());
+    let reach_mm = distances[0].max(distances[1]) + tolerance_mm;
+    let Some(nearest) = index.nearest_within(p, reach_mm) else {
+        return false;
+    };
+    distances
+        .iter()
+        .all(|d| (d - nearest.distance_mm).abs() <= tolerance_mm)
+}
+
+/// A point in the middle of an edge, on the axis.
+fn middle_of(edges: &[Edge], raw: &RawAxis, edge: &RawEdge) -> Point2 {
+    let ends = edge.v.map(|v| raw.points[v]);
+    match Parabola::of(edges, &edge.generators) {
+        Some(parabola) => {
+            let [x0, x1] = ends.map(|p| parabola.abscissa(p));
+            parabola.point((x0 + x1) / 2.0)
+        }
+        None => ends[0] + (ends[1] - ends[0]) / 2.0,
+    }
+}
+
+/// The parabola between a point and a line: `base` is the focus' foot on the line, `height` its
+/// distance; a point at abscissa x along the line lies (x² + h²) / 2h above it.
+struct Parabola {
+    base: Point2,
+    along: crate::geometry::Vector2,
+    up: crate::geometry::Vector2,
+    height: f64,
+}
+
+impl Parabola {
+    fn of(edges: &[Edge], generators: &[Generator; 2]) -> Option<Parabola> {
+        let (number, focus) = match *generators {
+            [Generator::Edge(e), Generator::Vertex(q)] => (e, q),
+            [Generator::Vertex(q), Generator::Edge(e)] => (e, q),
+            _ => return None,
+        };
+        let edge = edges[number];
+        let length = edge.length_mm();
+        if length <= 0.0 {
+            return None;
+        }
+        let along = (edge.b - edge.a) / length;
+        let base = edge.a + along * along.dot(&(focus - edge.a));
+        let up = focus - base;
+        let height = up.norm();
+        (height > 1e-9).then(|| Parabola {
+            base,
+            along,
+            up: up / height,
+            height,
+        })
+    }
+
+    fn abscissa(&self, p: Point2) -> f64 {
+        self.along.dot(&(p - self.base))
+    }
+
+    fn point(&self, x: f64) -> Point2 {
+        let rise = (x * x + self.height * self.height) / (2.0 * self.height);
+        self.base + self.along * x + self.up * rise
+    }
+}
+
+/// Points between the two ends, ends included.
+fn flattened(edges: &[Edge], edge: &RawEdge, ends: [Point2; 2], flatten_mm: f64) -> Vec<Point2> {
+    let steps = |x: [f64; 2], h: f64, step: f64| -> Vec<f64> {
+        let s = x.map(|x| (x / h).asinh());
+        let count = ((s[1] - s[0]).abs() / step)
+            .ceil()
+            .clamp(1.0, POINTS_MAX as f64);
+        let at = |i: usize| h * (s[0] + (s[1] - s[0]) * i as f64 / count).sinh();
+        (1..count as usize).map(at).collect()
+    };
+    let inner: Vec<Point2> = if let Some(parabola) = Parabola::of(edges, &edge.generators) {
+        let x = ends.map(|p| parabola.abscissa(p));
+        // Chord error (dx)²/8h with dx = sqrt(h² + x²) ds, that is y ds²/4.
+        let reach = x[0].abs().max(x[1].abs());
+        let rise = (reach * reach + parabola.height * parabola.height) / (2.0 * parabola.height);
+        let step = (4.0 * flatten_mm / rise).sqrt().min(ANGLE_STEP);
+        steps(x, parabola.height, step)
+            .into_iter()
+            .map(|x| parabola.point(x))
+            .collect()
+    } else if let [Generator::Vertex(p), Generator::Vertex(q)] = edge.generators {
+        // Straight, but the radius sqrt(h² + x²) is not linear along it.
+        let (half, middle) = ((q - p).norm() / 2.0, p + (q - p) / 2.0);
+        let along = (ends[1] - ends[0]).normalize();
+        if half <= 1e-9 || !along.x.is_finite() {
+            return ends.to_vec();
+        }
+        let x = ends.map(|e| along.dot(&(e - middle)));
+        let step = (8.0 * flatten_mm / half).sqrt().min(ANGLE_STEP);
+        let start = ends[0];
+        steps(x, half, step)
+            .into_iter()
+            .map(|t| start + along * (t - x[0]))
+            .collect()
+    } else {
+        Vec::new()
+    };
+    std::iter::once(ends[0])
+        .chain(inner)
+        .chain([ends[1]])
+        .collect()
+}
+
+/// A point of the axis from its generators.
+fn axis_point(edges: &[Edge], generators: &[Generator; 2], point: Point2) -> AxisPoint {
+    let feet = generators.map(|g| g.foot(edges, point));
+    let spokes = feet.map(|f| f - point);
+    let object_angle_rad = match *generators {
+        // Constant along a bisector, and defined where the radius is 0.
+        [Generator::Edge(e), Generator::Edge(f)] => edges[e]
+            .normal()
+            .dot(&edges[f].normal())
+            .clamp(-1.0, 1.0)
+            .acos(),
+        _ => spokes[0]
+            .perp(&spokes[1])
+            .atan2(spokes[0].dot(&spokes[1]))
+            .abs(),
+    };
+    AxisPoint {
+        point,
+        radius_mm: spokes[0].norm().min(spokes[1].norm()),
+        object_angle_rad,
+        feet,
+    }
+}
+
+/// Joins what is closer than the grid can tell, and builds the graph.
+fn assemble(index: &EdgeIndex, raw: RawAxis, options: &AxisOptions) -> MedialAxis {
+    let merge_mm = MERGE_UNITS * raw.unit_mm;
+    let mut parent: Vec<usize> = (0..raw.points.len()).collect();
+    for edge in &raw.edges {
+        let [p, q] = edge.v.map(|v| raw.points[v]);
+        if (q - p).norm() <= merge_mm {
+            let (a, b) = (root(&mut parent, edge.v[0]), root(&mut parent, edge.v[1]));
+            parent[a.max(b)] = a.min(b);
+        }
+    }
+    let mut axis = MedialAxis {
+        dropped_edges: raw.suspects,
+        ..MedialAxis::default()
+    };
+    let mut number_of = vec![usize::MAX; raw.points.len()];
+    for edge in &raw.edges {
+        let roots = edge.v.map(|v| root(&mut parent, v));
+        let long = (raw.points[edge.v[1]] - raw.points[edge.v[0]]).norm() > merge_mm;
+        if roots[0] == roots[1] && !long {
+            continue;
+        }
+        for r in roots {
+            if number_of[r] == usize::MAX {
+                number_of[r] = axis.vertices.len();
+                let point = raw.points[r];
+                let radius_mm = index.nearest(point).map_or(0.0, |n| n.distance_mm);
+                axis.vertices.push(AxisVertex {
+                    point,
+                    radius_mm,
+                    feet: Vec::new(),
+                });
+            }
+        }
+        let ends = roots.map(|r| raw.points[r]);
+        let points: Vec<AxisPoint> = flattened(index.edges(), edge, ends, options.flatten_mm)
+            .into_iter()
+            .map(|p| axis_point(index.edges(), &edge.generators, p))
+            .collect();
+        let [v0, v1] = roots.map(|r| number_of[r]);
+        for (vertex, end) in [(v0, points.first()), (v1, points.last())] {
+            for foot in end.iter().flat_map(|p| p.feet) {
+                let feet = &mut axis.vertices[vertex].feet;
+                if feet.iter().all(|f| (f - foot).norm() > merge_mm) {
+                    feet.push(foot);
+                }
+            }
+        }
+        axis.edges.push(AxisEdge {
+            v0,
+            v1,
+            points,
+            generators: edge.generators,
+        });
+    }
+    axis.link();
+    axis
+}
+
+/// The representative of `v`, with path halving.
+pub(super) fn root(parent: &mut [usize], mut v: usize) -> usize {
+    while parent[v] != v {
+        parent[v] = parent[parent[v]];
+        v = parent[v];
+    }
+    v
+}
