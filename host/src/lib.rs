@@ -9,3 +9,4 @@ pub mod job;
 pub mod plan;
 pub mod report;
 pub mod settings;
+pub mod wire_frames;

@@ -1,0 +1,490 @@
+//! The host's end of the link, sans-IO: handshake, credits, resends, keep-alive.
+//!
+//! [`WireFrames`] -> bytes for the line; bytes from the line -> progress. Time is an argument, in
+//! microseconds of any clock that only goes forward. Call order: whenever bytes arrive,
+//! [`Sender::handle_bytes`]; whenever the line has room, [`Sender::poll_transmit`] until it yields
+//! nothing; then [`Sender::poll_event`] until it is empty; again at the latest after
+//! [`POLL_INTERVAL_US`]. Commands ([`Sender::command`]) may come at any time.
+//!
+//! The stream goes back to the frame that the controller asks for (go-back-N); control messages go
+//! one at a time and overtake the stream. `protocol/WIRE.md` has the rules of the conversation.
+//! Left out: opening and closing the line, which is the transport's affair; this machine goes on
+//! by itself when the line comes back.
+
+use crate::drive::sender_state::{
+    SenderError, SenderEvent, SenderFigures, SenderSetup, SenderState,
+};
+use crate::wire_frames::WireFrames;
+use headway_protocol::frame::{FRAME_BYTES_MAX, FrameDecoder, encode_frame, encode_payload};
+use headway_protocol::message::{
+    Ack, Control, DeviceMessage, DeviceState, Hello, HostMessage, OpenStream, PROTOCOL_VERSION,
+    Refusal, RefusalReason, SCHEMA_HASH, Start, Status, Welcome,
+};
+use std::collections::VecDeque;
+
+/// How long the caller may wait between two polls.
+pub const POLL_INTERVAL_US: u64 = 5_000;
+/// First guess of the round trip: a slow line with a full window.
+const ROUND_TRIP_START_US: u64 = 100_000;
+/// Shortest wait before a repeat: below it a busy controller would be asked twice.
+const RETRY_MIN_US: u64 = 10_000;
+/// Longest wait between repeats on a silent line: how soon a returned cable is noticed.
+const RETRY_MAX_US: u64 = 500_000;
+/// Silence after which the controller is asked for its status.
+const KEEP_ALIVE_US: u64 = 200_000;
+/// The same while the stream waits for credits or for its end: their news may have been lost.
+const KEEP_ALIVE_WAITING_US: u64 = 50_000;
+/// Bytes under way before an acknowledgement is awaited: 20 ms at 1 Mbaud, enough for USB's
+/// latency, little enough that a control message is never far behind.
+const WINDOW_BYTES: usize = 2048;
+
+/// A control message on its way.
+#[derive(Clone, Copy, Debug)]
+struct Outstanding {
+    sequence: u16,
+    what: ControlMessage,
+    sent_us: Option<u64>,
+    retry_us: u64,
+}
+
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+enum ControlMessage {
+    Hello,
+    Start,
+    Command(Control),
+}
+
+/// A stream frame on its way.
+#[derive(Clone, Copy, Debug)]
+struct InFlight {
+    sent_us: u64,
+    bytes: usize,
+    repeated: bool,
+}
+
+/// The host's end of one stream.
+#[derive(Debug)]
+pub struct Sender {
+    frames: WireFrames,
+    setup: SenderSetup,
+    state: SenderState,
+    decoder: FrameDecoder,
+    device_session: Option<u32>,
+    /// Newest control sequence used.
+    control_sequence: u16,
+    outstanding: Option<Outstanding>,
+    commands: VecDeque<Control>,
+    events: VecDeque<SenderEvent>,
+    first_sequence: u32,
+    /// Frames before this one were taken.
+    acknowledged: usize,
+    /// Frame to send next.
+    cursor: usize,
+    /// One past the furthest frame ever sent.
+    high_water: usize,
+    /// Frames acknowledged..cursor.
+    in_flight: VecDeque<InFlight>,
+    knot_limit: u32,
+    event_limit: u32,
+    round_trip_us: u64,
+    round_trip_deviation_us: u64,
+    retry_us: u64,
+    /// The frame that was gone back to last, and when.
+    went_back: Option<(usize, u64)>,
+    heard_us: u64,
+    asked_us: u64,
+    figures: SenderFigures,
+}
+
+impl Sender {
+    /// A sender for `frames`; nothing is said before the first poll.
+    pub fn new(frames: WireFrames, setup: SenderSetup) -> Self {
+        Sender {
+            frames,
+            setup,
+            state: SenderState::Greeting,
+            decoder: FrameDecoder::new(),
+            device_session: None,
+            control_sequence: setup.host_session as u16,
+            outstanding: None,
+            commands: VecDeque::new(),
+            events: VecDeque::new(),
+            first_sequence: 0,
+            acknowledged: 0,
+            cursor: 0,
+            high_water: 0,
+            in_flight: VecDeque::new(),
+            knot_limit: 0,
+            event_limit: 0,
+            round_trip_us: ROUND_TRIP_START_US,
+            round_trip_deviation_us: ROUND_TRIP_START_US / 2,
+            retry_us: ROUND_TRIP_START_US,
+            went_back: None,
+            heard_us: 0,
+            asked_us: 0,
+            figures: SenderFigures::default(),
+        }
+    }
+
+    /// Where the conversation is.
+    pub fn state(&self) -> &SenderState {
+        &self.state
+    }
+
+    /// Counters.
+    pub fn figures(&self) -> &SenderFigures {
+        &self.figures
+    }
+
+    /// Stream frames taken by the controller, and all of them.
+    pub fn progress_frames(&self) -> (usize, usize) {
+        (self.acknowledged, self.frames.len())
+    }
+
+    /// Estimated round trip.
+    pub fn round_trip_us(&self) -> u64 {
+        self.round_trip_us
+    }
+
+    /// Queues a command. An emergency stop goes at once and drops all others.
+    pub fn command(&mut self, control: Control) {
+        if control == Control::EmergencyStop {
+            self.commands.clear();
+            self.outstanding = None;
+            self.commands.push_front(control);
+        } else {
+            self.commands.push_back(control);
+        }
+    }
+
+    /// Takes bytes from the line.
+    pub fn handle_bytes(&mut self, now_us: u64, bytes: &[u8]) {
+        for &byte in bytes {
+            let message = match self.decoder.push(byte) {
+                None => continue,
+                Some(Ok(frame)) => DeviceMessage::decode(frame.payload).ok(),
+                Some(Err(_)) => None,
+            };
+            match message {
+                Some(message) => {
+                    self.heard_us = now_us;
+                    self.handle_message(now_us, message);
+                }
+                None => self.figures.frames_damaged += 1,
+            }
+        }
+    }
+
+    /// The next piece of news.
+    pub fn poll_event(&mut self) -> Option<SenderEvent> {
+        self.events.pop_front()
+    }
+
+    /// Writes the next frame for the line into `out` and returns its length; `None` when there is
+    /// nothing to say now.
+    pub fn poll_transmit(&mut self, now_us: u64, out: &mut [u8; FRAME_BYTES_MAX]) -> Option<usize> {
+        if matches!(self.state, SenderState::Failed(_)) {
+            // An emergency stop must still get through.
+            let stop = self.commands.front() == Some(&Control::EmergencyStop);
+            if !stop && self.outstanding.is_none() {
+                return None;
+            }
+        }
+        self.choose_control(now_us);
+        let length = match self.transmit_control(now_us, out) {
+            Some(length) => Some(length),
+            None => self.transmit_stream(now_us, out),
+        }?;
+        self.figures.bytes_sent += length as u64;
+        Some(length)
+    }
+
+    /// Makes the next control message the outstanding one, if none is on its way.
+    fn choose_control(&mut self, now_us: u64) {
+        if self.outstanding.is_some() {
+            return;
+        }
+        let what = match (&self.state, self.commands.pop_front()) {
+            (_, Some(command)) => ControlMessage::Command(command),
+            (SenderState::Greeting, None) => ControlMessage::Hello,
+            (SenderState::Opening, None) => ControlMessage::Start,
+            (SenderState::Done | SenderState::Failed(_), None) => return,
+            (_, None) if self.is_silent(now_us) => ControlMessage::Command(Control::StatusRequest),
+            (_, None) => return,
+        };
+        self.control_sequence = self.control_sequence.wrapping_add(1);
+        self.outstanding = Some(Outstanding {
+            sequence: self.control_sequence,
+            what,
+            sent_us: None,
+            retry_us: self.retry_us.max(RETRY_MIN_US),
+        });
+    }
+
+    fn is_silent(&self, now_us: u64) -> bool {
+        let waiting = self.in_flight.is_empty();
+        let patience_us = if waiting {
+            KEEP_ALIVE_WAITING_US
+        } else {
+            KEEP_ALIVE_US
+        };
+        now_us >= self.heard_us.max(self.asked_us) + patience_us
+            || (self.state == SenderState::Finishing && now_us >= self.asked_us + patience_us)
+    }
+
+    fn transmit_control(&mut self, now_us: u64, out: &mut [u8]) -> Option<usize> {
+        let mut outstanding = self.outstanding?;
+        if let Some(sent_us) = outstanding.sent_us {
+            if now_us < sent_us + outstanding.retry_us {
+                return None;
+            }
+            outstanding.retry_us = (outstanding.retry_us * 2).min(RETRY_MAX_US);
+        }
+        outstanding.sent_us = Some(now_us);
+        self.asked_us = now_us;
+        self.outstanding = Some(outstanding);
+        let message = match outstanding.what {
+            ControlMessage::Hello => HostMessage::Hello(Hello {
+                protocol_version: PROTOCOL_VERSION,
+                schema_hash: SCHEMA_HASH,
+                host_session: self.setup.host_session,
+            }),
+            ControlMessage::Start => HostMessage::Start(Start {
+                job: self.frames.job(),
+                machine_hash: self.setup.machine_hash,
+                first_sequence: self.first_sequence,
+                position: *self.frames.start(),
+            }),
+            ControlMessage::Command(control) => HostMessage::Control(control),
+        };
+        encode_frame(outstanding.sequence, &message, out).ok()
+    }
+
+    fn transmit_stream(&mut self, now_us: u64, out: &mut [u8]) -> Option<usize> {
+        if self.state != SenderState::Streaming {
+            return None;
+        }
+        let overdue = |oldest: &InFlight| now_us >= oldest.sent_us + self.retry_us;
+        if self.in_flight.front().is_some_and(overdue) {
+            self.retry_us = (self.retry_us * 2).min(RETRY_MAX_US);
+            self.go_back(now_us, self.acknowledged);
+        }
+        if self.cursor >= self.frames.len() {
+            return None;
+        }
+        let under_way: usize = self.in_flight.iter().map(|frame| frame.bytes).sum();
+        if under_way >= WINDOW_BYTES {
+            return None;
+        }
+        let (knots, events) = self.frames.totals_after(self.cursor);
+        if knots > self.knot_limit || events > self.event_limit {
+            self.figures.credit_waits += 1;
+            return None;
+        }
+        let sequence = self.first_sequence.wrapping_add(self.cursor as u32);
+        let payload = self.frames.payload(self.cursor);
+        let length = encode_payload(sequence as u16, payload, out).ok()?;
+        let repeated = self.cursor < self.high_water;
+        self.figures.frames_sent += 1;
+        self.figures.frames_resent += u64::from(repeated);
+        self.in_flight.push_back(InFlight {
+            sent_us: now_us,
+            bytes: length,
+            repeated,
+        });
+        self.cursor += 1;
+        self.high_water = self.high_water.max(self.cursor);
+        Some(length)
+    }
+
+    fn go_back(&mut self, now_us: u64, frame: usize) {
+        let kept = frame.saturating_sub(self.acknowledged);
+        self.in_flight.truncate(kept);
+        self.cursor = frame;
+        self.went_back = Some((frame, now_us));
+    }
+
+    fn handle_message(&mut self, now_us: u64, message: DeviceMessage) {
+        match message {
+            DeviceMessage::Welcome(welcome) => self.handle_welcome(&welcome),
+            DeviceMessage::Ack(ack) => self.handle_ack(now_us, &ack),
+            DeviceMessage::Nak(ack) => {
+                self.handle_ack(now_us, &ack);
+                self.handle_gap(now_us);
+            }
+            DeviceMessage::Refused(refusal) => self.handle_refusal(refusal),
+            DeviceMessage::Status(status) => self.handle_status(status),
+            DeviceMessage::Fault(fault) => self.events.push_back(SenderEvent::Fault(fault)),
+        }
+    }
+
+    fn fail(&mut self, error: SenderError) {
+        if !matches!(self.state, SenderState::Failed(_)) {
+            self.state = SenderState::Failed(error);
+            self.outstanding = None;
+        }
+    }
+
+    fn handle_welcome(&mut self, welcome: &Welcome) {
+        let is_ours = welcome.host_session == self.setup.host_session;
+        if self.state != SenderState::Greeting || !is_ours {
+            return;
+        }
+        self.outstanding = None;
+        self.events.push_back(SenderEvent::Connected(*welcome));
+        if let Err(error) = self.setup.check_welcome(welcome) {
+            self.fail(error);
+            return;
+        }
+        self.device_session = Some(welcome.session);
+        let first = welcome.session.wrapping_mul(0x9e37_79b9);
+        match welcome.stream {
+            Some(stream) if self.setup.resume && stream.job == self.frames.job() => {
+                self.resume(&stream);
+            }
+            Some(stream) => {
+                self.first_sequence = stream.next_sequence;
+                self.state = SenderState::Opening;
+            }
+            None => {
+                self.first_sequence = first;
+                self.state = SenderState::Opening;
+            }
+        }
+    }
+
+    /// Goes on with a stream that the controller already has in part.
+    fn resume(&mut self, stream: &OpenStream) {
+        self.first_sequence = stream.first_sequence;
+        let taken = stream.next_sequence.wrapping_sub(stream.first_sequence) as usize;
+        let (knots, _) = match taken.checked_sub(1) {
+            Some(last) => self.frames.totals_after(last),
+            None => (0, 0),
+        };
+        if taken > self.frames.len() || knots != stream.knots_taken {
+            self.fail(SenderError::Busy { job: stream.job });
+            return;
+        }
+        self.acknowledged = taken;
+        self.cursor = taken;
+        self.high_water = taken;
+        self.state = if taken == self.frames.len() {
+            SenderState::Finishing
+        } else {
+            SenderState::Streaming
+        };
+    }
+
+    fn is_session(&mut self, session: u32) -> bool {
+        match self.device_session {
+            Some(before) if before == session => true,
+            Some(before) => {
+                let now = session;
+                self.fail(SenderError::DeviceRestarted { before, now });
+                false
+            }
+            None => false,
+        }
+    }
+
+    fn handle_ack(&mut self, now_us: u64, ack: &Ack) {
+        if !self.is_session(ack.session) {
+            return;
+        }
+        let taken = ack.next_sequence.wrapping_sub(self.first_sequence) as usize;
+        if let Some(outstanding) = self.outstanding {
+            let behind = ack.control_taken.wrapping_sub(outstanding.sequence) as i16;
+            if outstanding.sent_us.is_some() && behind >= 0 {
+                self.outstanding = None;
+                if outstanding.what == ControlMessage::Start && taken == 0 {
+                    self.state = SenderState::Streaming;
+                }
+            }
+        }
+        let streams = matches!(self.state, SenderState::Streaming | SenderState::Finishing);
+        if !streams || taken > self.high_water {
+            return;
+        }
+        self.knot_limit = self.knot_limit.max(ack.knot_limit);
+        self.event_limit = self.event_limit.max(ack.event_limit);
+        self.take_acknowledged(now_us, taken);
+        if self.acknowledged == self.frames.len() {
+            self.state = SenderState::Finishing;
+        }
+    }
+
+    fn take_acknowledged(&mut self, now_us: u64, taken: usize) {
+        if taken <= self.acknowledged {
+            return;
+        }
+        let mut newest = None;
+        for _ in self.acknowledged..taken {
+            newest = self.in_flight.pop_front().or(newest);
+        }
+        self.acknowledged = taken;
+        self.cursor = self.cursor.max(taken);
+        if let Some(frame) = newest.filter(|frame| !frame.repeated) {
+            self.measure_round_trip(now_us.saturating_sub(frame.sent_us));
+        }
+        self.retry_us = (self.round_trip_us + 4 * self.round_trip_deviation_us)
+            .clamp(RETRY_MIN_US, RETRY_MAX_US);
+    }
+
+    /// Jacobson's estimate, as in TCP (RFC 6298); repeats are not measured (Karn).
+    fn measure_round_trip(&mut self, sample_us: u64) {
+        let deviation_us = self.round_trip_us.abs_diff(sample_us);
+        self.round_trip_deviation_us = (3 * self.round_trip_deviation_us + deviation_us) / 4;
+        self.round_trip_us = (7 * self.round_trip_us + sample_us) / 8;
+    }
+
+    /// The controller asks for the frame after the acknowledged ones.
+    fn handle_gap(&mut self, now_us: u64) {
+        if self.cursor <= self.acknowledged {
+            return;
+        }
+        // A second request for the same frame within a round trip is an echo of the first gap.
+        let is_echo = self.went_back.is_some_and(|(frame, at_us)| {
+            frame == self.acknowledged && now_us < at_us + self.round_trip_us
+        });
+        if !is_echo {
+            self.go_back(now_us, self.acknowledged);
+        }
+    }
+
+    fn handle_refusal(&mut self, refusal: Refusal) {
+        self.events.push_back(SenderEvent::Refused(refusal));
+        let refused = self
+            .outstanding
+            .filter(|outstanding| outstanding.sequence == refusal.sequence);
+        match (refused, refusal.reason) {
+            (Some(outstanding), reason) => {
+                self.outstanding = None;
+                if matches!(
+                    outstanding.what,
+                    ControlMessage::Hello | ControlMessage::Start
+                ) {
+                    self.fail(self.setup.refusal_error(reason));
+                }
+            }
+            (None, RefusalReason::NoStream) if self.state == SenderState::Streaming => {
+                self.fail(SenderError::Refused(RefusalReason::NoStream));
+            }
+            _ => {}
+        }
+    }
+
+    fn handle_status(&mut self, status: Status) {
+        if !self.is_session(status.session) {
+            return;
+        }
+        if self.state == SenderState::Finishing && status.state == DeviceState::Finished {
+            self.state = SenderState::Done;
+            self.outstanding = None;
+        }
+        self.events.push_back(SenderEvent::Status(status));
+    }
+}
+
+#[cfg(test)]
+#[path = "sender_tests.rs"]
+mod tests;

@@ -1,0 +1,348 @@
+//! The sender against a loopback controller over the simulated link.
+
+use super::*;
+use crate::drive::link::{Line, LinkSpec};
+use crate::job::SegmentStream;
+use headway_protocol::frame::full_sequence;
+use headway_protocol::knot_block::{KnotPredictor, decode_block};
+use headway_protocol::segment::Knot;
+
+const QUEUE_KNOTS: u32 = 256;
+/// Knots that the loopback consumes per millisecond.
+const KNOTS_PER_MS: u32 = 2;
+
+/// The controller's side of the rules, without any motion.
+struct Loopback {
+    session: u32,
+    decoder: FrameDecoder,
+    predictor: Option<KnotPredictor>,
+    expected: u32,
+    control_taken: u16,
+    knots: Vec<Knot>,
+    done: u32,
+    finished: bool,
+    gap_told: bool,
+    last_seen: u32,
+    out: Vec<Vec<u8>>,
+}
+
+impl Loopback {
+    fn new(session: u32) -> Self {
+        Loopback {
+            session,
+            decoder: FrameDecoder::new(),
+            predictor: None,
+            expected: 0,
+            control_taken: 0,
+            knots: Vec::new(),
+            done: 0,
+            finished: false,
+            gap_told: false,
+            last_seen: 0,
+            out: Vec::new(),
+        }
+    }
+
+    fn say(&mut self, message: &DeviceMessage) {
+        let mut out = [0u8; FRAME_BYTES_MAX];
+        let length = encode_frame(0, message, &mut out).unwrap();
+        self.out.push(out[..length].to_vec());
+    }
+
+    fn ack(&self) -> Ack {
+        Ack {
+            session: self.session,
+            next_sequence: self.expected,
+            knot_limit: self.done + QUEUE_KNOTS,
+            event_limit: 64,
+            control_taken: self.control_taken,
+        }
+    }
+
+    fn handle(&mut self, bytes: &[u8]) {
+        for &byte in bytes {
+            let Some(Ok(frame)) = self.decoder.push(byte) else {
+                continue;
+            };
+            let payload = frame.payload.to_vec();
+            let sequence = frame.sequence;
+            let message = HostMessage::decode(&payload).unwrap();
+            if message.is_stream() {
+                self.handle_stream(sequence, &message);
+            } else {
+                self.handle_control(sequence, &message);
+            }
+        }
+    }
+
+    fn handle_stream(&mut self, sequence: u16, message: &HostMessage<'_>) {
+        let Some(mut predictor) = self.predictor else {
+            let reason = RefusalReason::NoStream;
+            return self.say(&DeviceMessage::Refused(Refusal { sequence, reason }));
+        };
+        let full = full_sequence(self.expected, sequence);
+        if full == self.expected {
+            self.expected = self.expected.wrapping_add(1);
+            self.gap_told = false;
+            match message {
+                HostMessage::Knots(block) => {
+                    self.knots
+                        .extend(decode_block(&mut predictor, block).unwrap());
+                    assert!(
+                        self.knots.len() as u32 <= self.done + QUEUE_KNOTS,
+                        "credits"
+                    );
+                    self.predictor = Some(predictor);
+                }
+                HostMessage::Finish(finish) => {
+                    assert_eq!(finish.knots as usize, self.knots.len());
+                    self.finished = true;
+                }
+                _ => {}
+            }
+            self.say(&DeviceMessage::Ack(self.ack()));
+        } else if (full.wrapping_sub(self.expected) as i32) < 0 {
+            self.say(&DeviceMessage::Ack(self.ack()));
+        } else {
+            let repeats = (full.wrapping_sub(self.last_seen) as i32) <= 0;
+            if !self.gap_told || repeats {
+                self.gap_told = true;
+                self.say(&DeviceMessage::Nak(self.ack()));
+            }
+        }
+        self.last_seen = full;
+    }
+
+    fn handle_control(&mut self, sequence: u16, message: &HostMessage<'_>) {
+        if let HostMessage::Hello(hello) = message {
+            self.control_taken = sequence;
+            let stream = self.predictor.map(|_| OpenStream {
+                job: 1,
+                first_sequence: 0,
+                next_sequence: self.expected,
+                knots_taken: self.knots.len() as u32,
+                spans_done: self.done,
+            });
+            return self.say(&DeviceMessage::Welcome(Welcome {
+                protocol_version: PROTOCOL_VERSION,
+                schema_hash: SCHEMA_HASH,
+                firmware_version: [0, 1, 0],
+                machine_hash: 5,
+                queue_knots: QUEUE_KNOTS as u16,
+                queue_events: 64,
+                servo_hz: 2000,
+                step_hz: 200_000,
+                session: self.session,
+                host_session: hello.host_session,
+                stream,
+            }));
+        }
+        if sequence.wrapping_sub(self.control_taken) as i16 > 0 {
+            self.control_taken = sequence;
+            if let HostMessage::Start(start) = message {
+                self.predictor = Some(KnotPredictor::new(start.position));
+                self.expected = start.first_sequence;
+            }
+        }
+        if message == &HostMessage::Control(Control::StatusRequest) {
+            let status = Status {
+                session: self.session,
+                state: if self.finished && self.done as usize == self.knots.len() {
+                    DeviceState::Finished
+                } else {
+                    DeviceState::Running
+                },
+                sigma_permille: 1000,
+                override_percent: 100,
+                spans_done: self.done,
+                queue_knots: 0,
+                queue_events: 0,
+                counts_steps: Default::default(),
+                fault: None,
+            };
+            self.say(&DeviceMessage::Status(status));
+        }
+        self.say(&DeviceMessage::Ack(self.ack()));
+    }
+}
+
+fn stream(knots: usize) -> SegmentStream {
+    let mut stream = SegmentStream::default();
+    for i in 0..knots as i32 {
+        stream.knots.push(Knot {
+            control: [i * 37, i * i, 0, 0, i % 7, -i, i * 3],
+            duration_ticks: 10 + (i % 9) as u16,
+        });
+    }
+    stream
+}
+
+const SETUP: SenderSetup = SenderSetup {
+    host_session: 0xffff_fff0,
+    machine_hash: 5,
+    servo_hz: 2000,
+    resume: false,
+};
+
+struct Run {
+    sender: Sender,
+    device: Loopback,
+    ended_ms: u64,
+}
+
+/// Both ends over one link; `disturb` may meddle every millisecond.
+fn run(
+    spec: &LinkSpec,
+    seed: u64,
+    stream: &SegmentStream,
+    mut disturb: impl FnMut(u64, &mut Sender, &mut Loopback),
+) -> Run {
+    let mut sender = Sender::new(WireFrames::encode(stream).unwrap(), SETUP);
+    let mut device = Loopback::new(77);
+    let mut down = Line::new(spec.clone(), seed);
+    let mut up = Line::new(spec.clone(), seed + 1000);
+    let mut out = [0u8; FRAME_BYTES_MAX];
+    let mut bytes = Vec::new();
+    for ms in 0..300_000u64 {
+        let now_us = ms * 1000;
+        disturb(ms, &mut sender, &mut device);
+        bytes.clear();
+        down.receive(now_us, &mut bytes);
+        device.handle(&bytes);
+        let queued = device.knots.len() as u32 - device.done;
+        device.done += queued.min(KNOTS_PER_MS);
+        for frame in device.out.drain(..) {
+            up.send(now_us, &frame);
+        }
+        bytes.clear();
+        up.receive(now_us, &mut bytes);
+        sender.handle_bytes(now_us, &bytes);
+        while down.backlog_us(now_us) < 2000 {
+            let Some(length) = sender.poll_transmit(now_us, &mut out) else {
+                break;
+            };
+            down.send(now_us, &out[..length]);
+        }
+        while sender.poll_event().is_some() {}
+        if matches!(sender.state(), SenderState::Done | SenderState::Failed(_)) {
+            return Run {
+                sender,
+                device,
+                ended_ms: ms,
+            };
+        }
+    }
+    panic!("seed {seed}: not done in time, state {:?}", sender.state());
+}
+
+#[test]
+fn a_clean_line_carries_the_stream_once() {
+    let stream = stream(3000);
+    let run = run(&LinkSpec::default(), 1, &stream, |_, _, _| {});
+    assert_eq!(run.sender.state(), &SenderState::Done);
+    assert_eq!(run.device.knots, stream.knots);
+    assert_eq!(run.sender.figures().frames_resent, 0);
+    // 3000 knots at 2 a millisecond: the line is never what it waits for.
+    assert!(run.ended_ms < 1700, "{} ms", run.ended_ms);
+}
+
+#[test]
+fn every_knot_arrives_exactly_once_whatever_the_line_does() {
+    let stream = stream(3000);
+    let spec: LinkSpec = "drop=0.02,flip=2e-4,dup=0.02,reorder=0.02,truncate=0.01,\
+                          stall=1s@500ms,pull=1s@3s,delay=3ms"
+        .parse()
+        .unwrap();
+    let mut resent = 0;
+    for seed in 0..40 {
+        let run = run(&spec, seed, &stream, |_, _, _| {});
+        assert_eq!(run.sender.state(), &SenderState::Done, "seed {seed}");
+        assert!(run.device.knots == stream.knots, "seed {seed}");
+        resent += run.sender.figures().frames_resent;
+    }
+    assert!(resent > 100, "the line was not bad enough: {resent}");
+}
+
+#[test]
+fn a_restarted_controller_is_noticed_and_never_fed() {
+    let stream = stream(3000);
+    let run = run(&LinkSpec::default(), 1, &stream, |ms, _, device| {
+        if ms == 500 {
+            *device = Loopback::new(78);
+        }
+    });
+    let failed = SenderState::Failed(SenderError::DeviceRestarted {
+        before: 77,
+        now: 78,
+    });
+    let refused = SenderState::Failed(SenderError::Refused(RefusalReason::NoStream));
+    assert!([failed, refused].contains(run.sender.state()));
+    assert!(run.device.knots.is_empty());
+    assert!(run.ended_ms < 1500, "noticed after {} ms", run.ended_ms);
+}
+
+#[test]
+fn another_machine_is_refused_with_both_values() {
+    let frames = WireFrames::encode(&stream(10)).unwrap();
+    let mut sender = Sender::new(
+        frames,
+        SenderSetup {
+            machine_hash: 6,
+            ..SETUP
+        },
+    );
+    let mut device = Loopback::new(77);
+    let mut out = [0u8; FRAME_BYTES_MAX];
+    let length = sender.poll_transmit(0, &mut out).unwrap();
+    device.handle(&out[..length]);
+    sender.handle_bytes(10, &device.out.concat());
+    let SenderState::Failed(error) = sender.state() else {
+        panic!("{:?}", sender.state());
+    };
+    let text = error.to_string();
+    assert!(
+        text.contains("00000006") && text.contains("00000005"),
+        "{text}"
+    );
+}
+
+#[test]
+fn commands_overtake_and_are_done_once() {
+    let stream = stream(3000);
+    let mut taken = Vec::new();
+    let spec: LinkSpec = "drop=0.1,dup=0.1".parse().unwrap();
+    let run = run(&spec, 3, &stream, |ms, sender, device| {
+        if ms == 300 {
+            sender.command(Control::Override(50));
+            sender.command(Control::Pause);
+        }
+        taken.push(device.control_taken);
+    });
+    assert_eq!(run.device.knots, stream.knots);
+    taken.dedup();
+    // Numbers only go forward.
+    assert!(
+        taken
+            .windows(2)
+            .all(|pair| pair[1].wrapping_sub(pair[0]) as i16 > 0 || pair[0] == 0)
+    );
+    assert!(taken.len() > 4);
+}
+
+#[test]
+fn goodput_on_a_clean_line_is_above_ninety_per_cent() {
+    // Goal: issue 4 item 4. Method: a controller that takes everything at once, 1 Mbaud.
+    let stream = stream(20_000);
+    let run = run(&LinkSpec::default(), 1, &stream, |_, _, device| {
+        device.done = device.knots.len() as u32;
+    });
+    let payload = WireFrames::encode(&stream).unwrap().line_bytes() as f64;
+    let figures = run.sender.figures();
+    assert!(payload / figures.bytes_sent as f64 > 0.98);
+    let line_s = payload * 10.0 / 1e6;
+    let took_s = run.ended_ms as f64 / 1e3;
+    assert!(
+        line_s / took_s > 0.9,
+        "{line_s} s of line time in {took_s} s"
+    );
+}
