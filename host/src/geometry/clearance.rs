@@ -109,3 +109,77 @@ fn origin_to_edge2(a: Vector2, b: Vector2) -> f64 {
     };
     (a + d * t).norm_squared()
 }
+
+/// The deepest contact of a placed aperture with the boundary.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct WallContact {
+    /// Scaled distance: 1 is touching, less is cutting.
+    pub scaled: f64,
+    /// Unit vector from the centre side towards the wall: the aperture's own normal there.
+    pub outward: Vector2,
+    /// How far the aperture must go back along `outward` for the contact to be touching, mm
+    /// (exact for a straight wall, close for a vertex).
+    pub depth_mm: f64,
+}
+
+/// The boundary point nearest to the centre in the aperture's scaled frame, where it is nearer
+/// than `limit`.
+pub fn contact(
+    aperture: &Aperture,
+    at: Configuration,
+    index: &EdgeIndex,
+    limit: f64,
+) -> Option<WallContact> {
+    let Aperture::Ellipse { major_mm, minor_mm } = *aperture;
+    let (sin, cos) = at.heading_rad.sin_cos();
+    let half = Vector2::new(
+        ((major_mm * cos).powi(2) + (minor_mm * sin).powi(2)).sqrt(),
+        ((major_mm * sin).powi(2) + (minor_mm * cos).powi(2)).sqrt(),
+    ) * limit;
+    let area = Box2 {
+        min: at.center - half,
+        max: at.center + half,
+    };
+    let scaled = |p: Point2| {
+        let d = p - at.center;
+        Vector2::new(
+            (d.x * cos + d.y * sin) / major_mm,
+            (d.y * cos - d.x * sin) / minor_mm,
+        )
+    };
+    let mut best: Option<(f64, Vector2)> = None;
+    index.for_edges_in(area, |number| {
+        let edge = index.edges()[number];
+        let (a, b) = (scaled(edge.a), scaled(edge.b));
+        let d = b - a;
+        let length2 = d.norm_squared();
+        let t = if length2 > 0.0 {
+            (-a.dot(&d) / length2).clamp(0.0, 1.0)
+        } else {
+            0.0
+        };
+        let q = a + d * t;
+        let distance2 = q.norm_squared();
+        if distance2 < limit * limit && best.is_none_or(|(found, _)| distance2 < found) {
+            best = Some((distance2, q));
+        }
+    });
+    let (distance2, q) = best?;
+    let distance = distance2.sqrt();
+    if distance < 1e-9 {
+        return Some(WallContact {
+            scaled: 0.0,
+            outward: Vector2::zeros(),
+            depth_mm: minor_mm,
+        });
+    }
+    // A normal of the unit circle maps back by the inverse transpose of the scaling.
+    let (u, v) = (q.x / major_mm, q.y / minor_mm);
+    let outward = Vector2::new(u * cos - v * sin, u * sin + v * cos).normalize();
+    let extent = aperture.extent_mm(at.heading_rad, outward);
+    Some(WallContact {
+        scaled: distance,
+        outward,
+        depth_mm: (1.0 - distance) * extent,
+    })
+}

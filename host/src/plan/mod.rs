@@ -2,6 +2,15 @@
 //! (order, travel, flow), time law, segments. A stage knows the output type of the stage before
 //! it, `geometry` and `settings`; none knows a clock, a file or a thread.
 
+pub mod bead_count;
+pub mod contacts;
 pub mod contour;
+pub mod field;
+pub mod heading_profile;
+pub mod layer_path;
 pub mod medial_axis;
+pub mod order;
+pub mod passes;
 pub mod route;
+pub mod single_runs;
+pub mod skeleton;

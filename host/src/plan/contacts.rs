@@ -1,0 +1,173 @@
+//! Contact samples: where the aperture is to touch the wall of its channel, and how wide it
+//! should be there.
+//!
+//! Normals are smoothed over a length tied to the aperture, so that noise and the facets of a
+//! curve do not shake the heading; real corners stay: a convex one keeps its two normals, a reflex
+//! one gets a fan around which the aperture swings with its contact on the corner.
+
+use crate::geometry::polygon::Ring;
+use crate::geometry::{Point2, Vector2};
+
+/// One place of contact.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Contact {
+    /// The point on the wall, or on the medial axis where `on_axis`.
+    pub point: Point2,
+    /// Inward unit normal (across the axis where `on_axis`).
+    pub normal: Vector2,
+    /// Length of wall that this sample stands for, mm.
+    pub length_mm: f64,
+    /// Half the bead width wanted here, mm.
+    pub extent_mm: f64,
+    /// True for one-pass runs: the centre sits on `point` itself.
+    pub on_axis: bool,
+}
+
+/// Spacing and smoothing of contact samples, all lengths tied to the aperture.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct ContactSpacing {
+    /// Longest distance between samples, mm.
+    pub spacing_mm: f64,
+    /// Half-window over which normals are averaged, mm.
+    pub smoothing_mm: f64,
+    /// Vertices that turn more than this are corners, rad.
+    pub corner_rad: f64,
+    /// Step of the normal in a reflex fan, rad.
+    pub fan_rad: f64,
+}
+
+/// Contacts along one wall ring, in ring order (inside on the left). `extent_mm` is left 0.
+pub fn wall_contacts(ring: &Ring, spacing: ContactSpacing) -> Vec<Contact> {
+    let points = &ring.points;
+    let count = points.len();
+    let mut contacts = Vec::new();
+    let mut breaks = Vec::new();
+    for i in 0..count {
+        let (a, b) = (points[i], points[(i + 1) % count]);
+        let after = points[(i + 2) % count];
+        let delta = b - a;
+        let length = delta.norm();
+        if length < 1e-9 {
+            continue;
+        }
+        let normal = Vector2::new(-delta.y, delta.x) / length;
+        let pieces = (length / spacing.spacing_mm).ceil().max(1.0) as usize;
+        for piece in 0..pieces {
+            contacts.push(Contact {
+                point: a + delta * ((piece as f64 + 0.5) / pieces as f64),
+                normal,
+                length_mm: length / pieces as f64,
+                extent_mm: 0.0,
+                on_axis: false,
+            });
+            breaks.push(false);
+        }
+        let turn = turn_rad(delta, after - b);
+        if turn.abs() > spacing.corner_rad {
+            if let Some(last) = breaks.last_mut() {
+                *last = true;
+            }
+            if turn < 0.0 {
+                push_fan(&mut contacts, &mut breaks, b, normal, turn, spacing.fan_rad);
+            }
+        }
+    }
+    smooth_normals(&mut contacts, &breaks, spacing.smoothing_mm);
+    contacts
+}
+
+/// Signed turn from one edge to the next; negative is reflex for a region on the left.
+fn turn_rad(from: Vector2, to: Vector2) -> f64 {
+    from.perp(&to).atan2(from.dot(&to))
+}
+
+/// The normals between the two edges of a reflex vertex, ends left out.
+fn push_fan(
+    contacts: &mut Vec<Contact>,
+    breaks: &mut Vec<bool>,
+    at: Point2,
+    normal: Vector2,
+    turn_rad: f64,
+    step_rad: f64,
+) {
+    let steps = (turn_rad.abs() / step_rad).ceil().max(2.0) as usize;
+    for step in 0..=steps {
+        let rotation = nalgebra::Rotation2::new(turn_rad * step as f64 / steps as f64);
+        contacts.push(Contact {
+            point: at,
+            normal: rotation * normal,
+            length_mm: 0.0,
+            extent_mm: 0.0,
+            on_axis: false,
+        });
+        breaks.push(true);
+    }
+}
+
+/// Replaces each normal by the length-weighted mean within the window, never across a break
+/// (`breaks[i]`: a corner lies between i and i + 1).
+fn smooth_normals(contacts: &mut [Contact], breaks: &[bool], window_mm: f64) {
+    let count = contacts.len();
+    if count < 3 {
+        return;
+    }
+    let raw: Vec<Contact> = contacts.to_vec();
+    for i in 0..count {
+        if raw[i].length_mm == 0.0 {
+            continue;
+        }
+        let mut sum = raw[i].normal * raw[i].length_mm;
+        let mut forward = 0.0;
+        let mut at = i;
+        for _ in 0..count {
+            let next = (at + 1) % count;
+            forward += 0.5 * (raw[at].length_mm + raw[next].length_mm);
+            if breaks[at] || forward > window_mm {
+                break;
+            }
+            sum += raw[next].normal * raw[next].length_mm;
+            at = next;
+        }
+        let mut backward = 0.0;
+        at = i;
+        for _ in 0..count {
+            let previous = (at + count - 1) % count;
+            backward += 0.5 * (raw[at].length_mm + raw[previous].length_mm);
+            if breaks[previous] || backward > window_mm {
+                break;
+            }
+            sum += raw[previous].normal * raw[previous].length_mm;
+            at = previous;
+        }
+        if sum.norm() > 1e-12 {
+            contacts[i].normal = sum.normalize();
+        }
+    }
+}
+
+/// A ring resampled at equal steps of about `step_mm` and smoothed by `rounds` of [1 2 1] / 4.
+pub fn resampled(ring: &Ring, step_mm: f64, rounds: usize) -> Ring {
+    let perimeter = ring.perimeter_mm();
+    let count = ((perimeter / step_mm).round() as usize).max(8);
+    let step = perimeter / count as f64;
+    let mut points = Vec::with_capacity(count);
+    let mut walked = 0.0;
+    for (a, b) in ring.edges() {
+        let length = (b - a).norm();
+        while points.len() < count && points.len() as f64 * step <= walked + length {
+            let t = (points.len() as f64 * step - walked) / length.max(1e-12);
+            points.push(a + (b - a) * t);
+        }
+        walked += length;
+    }
+    let n = points.len();
+    for _ in 0..rounds {
+        points = (0..n)
+            .map(|i| {
+                let (p, q, r) = (points[(i + n - 1) % n], points[i], points[(i + 1) % n]);
+                Point2::from((p.coords + q.coords * 2.0 + r.coords) / 4.0)
+            })
+            .collect();
+    }
+    Ring { points }
+}

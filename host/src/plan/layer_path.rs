@@ -1,0 +1,256 @@
+//! From placements to the curve that is printed: a uniform cubic B-spline in (x, y, heading) whose
+//! every pose keeps inside the region.
+//!
+//! The placements are the control polygon, sharpened by one step of the interpolation inverse
+//! (P - second difference / 6) where they are smooth, so that the curve passes through them to
+//! fourth order; corners stay rounded by the spline itself. Then poses along each span are checked
+//! against the true walls and the control points pushed back until none cuts deeper than the
+//! tolerance.
+
+use super::passes::LayerPass;
+use crate::geometry::aperture::Aperture;
+use crate::geometry::clearance::{Configuration, contact};
+use crate::geometry::edge_index::EdgeIndex;
+use crate::geometry::{Point2, Vector2};
+
+/// Control polygon in the layer plane: x, y in mm, heading in rad.
+pub type PlaneControl = [f64; 3];
+
+/// Poses checked in each span.
+const CHECKS: usize = 6;
+/// Rounds of pushing back; each at least halves what is left.
+const ROUNDS_MAX: usize = 24;
+/// Second differences above this share of the step are corners, not curvature.
+const SMOOTH_SHARE: f64 = 0.35;
+/// Placements closer than this and turned by less than `MERGE_RAD` are one, mm.
+const MERGE_MM: f64 = 0.012;
+/// See `MERGE_MM`.
+const MERGE_RAD: f64 = 0.02;
+
+/// Least spans of a curve that is kept after a cut.
+const SPANS_MIN: usize = 2;
+
+/// The printed curves of a pass: one, or several where the aperture does not fit in between.
+/// `tolerance_mm` is how deep a pose may cut.
+pub fn pass_curves(
+    pass: &LayerPass,
+    aperture: &Aperture,
+    walls: &EdgeIndex,
+    tolerance_mm: f64,
+) -> Vec<Vec<PlaneControl>> {
+    let mut control = sharpened(&merged(pass));
+    if pass.closed {
+        push_inside(&mut control, aperture, walls, tolerance_mm);
+        trim_seam(&mut control, aperture);
+    }
+    // Where pushing does not help the curve is cut; the pieces have new ends, so they are pushed
+    // again. Each round removes at least one span, and few rounds ever happen.
+    let mut curves = Vec::new();
+    let mut open = vec![control];
+    while let Some(mut control) = open.pop() {
+        push_inside(&mut control, aperture, walls, tolerance_mm);
+        let bad = cutting_spans(&control, aperture, walls, tolerance_mm);
+        if bad.iter().any(|&b| b) {
+            open.extend(pieces_without(&control, &bad));
+        } else {
+            curves.push(control);
+        }
+    }
+    curves.reverse();
+    curves
+}
+
+/// Which spans have a pose that cuts deeper than the tolerance or has left the region.
+fn cutting_spans(
+    control: &[PlaneControl],
+    aperture: &Aperture,
+    walls: &EdgeIndex,
+    tolerance_mm: f64,
+) -> Vec<bool> {
+    (0..control.len().saturating_sub(1))
+        .map(|span| {
+            (0..=2 * CHECKS).any(|check| {
+                let at = configuration(curve_at(control, span, check as f64 / (2 * CHECKS) as f64));
+                let cut = contact(aperture, at, walls, 1.0)
+                    .is_some_and(|found| found.depth_mm > 2.0 * tolerance_mm);
+                cut || !walls.contains(at.center)
+            })
+        })
+        .collect()
+}
+
+/// The runs of control points between bad spans, short ones left out.
+fn pieces_without(control: &[PlaneControl], bad: &[bool]) -> Vec<Vec<PlaneControl>> {
+    let mut pieces = Vec::new();
+    let mut run: Vec<PlaneControl> = vec![control[0]];
+    for (span, &cut) in bad.iter().enumerate() {
+        if cut {
+            pieces.push(std::mem::take(&mut run));
+        }
+        run.push(control[span + 1]);
+    }
+    pieces.push(run);
+    pieces.retain(|piece| piece.len() > SPANS_MIN);
+    pieces.reverse();
+    pieces
+}
+
+/// Placements as control points, near-duplicates merged.
+fn merged(pass: &LayerPass) -> Vec<PlaneControl> {
+    let mut control: Vec<PlaneControl> = Vec::with_capacity(pass.placements.len() + 1);
+    for p in &pass.placements {
+        let next = [p.at.center.x, p.at.center.y, p.at.heading_rad];
+        let near = control.last().is_some_and(|l| {
+            (l[0] - next[0]).hypot(l[1] - next[1]) < MERGE_MM && (l[2] - next[2]).abs() < MERGE_RAD
+        });
+        if !near {
+            control.push(next);
+        }
+    }
+    if pass.closed && control.len() > 2 {
+        let (first, last) = (control[0], control[control.len() - 1]);
+        let turns = ((last[2] - first[2]) / std::f64::consts::PI).round();
+        control.push([first[0], first[1], first[2] + turns * std::f64::consts::PI]);
+    }
+    if control.len() == 1 {
+        control.push(control[0]);
+    }
+    control
+}
+
+fn sharpened(raw: &[PlaneControl]) -> Vec<PlaneControl> {
+    let mut control = raw.to_vec();
+    for i in 1..raw.len().saturating_sub(1) {
+        let step = (raw[i + 1][0] - raw[i - 1][0]).hypot(raw[i + 1][1] - raw[i - 1][1]) / 2.0;
+        let second: [f64; 3] =
+            std::array::from_fn(|c| raw[i - 1][c] - 2.0 * raw[i][c] + raw[i + 1][c]);
+        if second[0].hypot(second[1]) < SMOOTH_SHARE * step {
+            control[i] = std::array::from_fn(|c| raw[i][c] - second[c] / 6.0);
+        }
+    }
+    control
+}
+
+/// Control point `i`, phantom points beyond the ends included (natural ends).
+fn control_at(control: &[PlaneControl], i: isize) -> PlaneControl {
+    let n = control.len() as isize;
+    let mirror = |end: PlaneControl, inner: PlaneControl| -> PlaneControl {
+        std::array::from_fn(|c| 2.0 * end[c] - inner[c])
+    };
+    if i < 0 {
+        mirror(control[0], control[1.min(n as usize - 1)])
+    } else if i >= n {
+        mirror(control[n as usize - 1], control[(n - 2).max(0) as usize])
+    } else {
+        control[i as usize]
+    }
+}
+
+/// The curve at parameter i + t of the uniform cubic B-spline.
+pub fn curve_at(control: &[PlaneControl], span: usize, t: f64) -> PlaneControl {
+    let w = [
+        (1.0 - t).powi(3) / 6.0,
+        (3.0 * t.powi(3) - 6.0 * t * t + 4.0) / 6.0,
+        (-3.0 * t.powi(3) + 3.0 * t * t + 3.0 * t + 1.0) / 6.0,
+        t.powi(3) / 6.0,
+    ];
+    let points: [PlaneControl; 4] =
+        std::array::from_fn(|k| control_at(control, span as isize + k as isize - 1));
+    std::array::from_fn(|c| (0..4).map(|k| w[k] * points[k][c]).sum())
+}
+
+/// The aperture's placement for a curve point.
+pub fn configuration(point: PlaneControl) -> Configuration {
+    Configuration {
+        center: Point2::new(point[0], point[1]),
+        heading_rad: point[2],
+    }
+}
+
+/// Pushes the control points of cutting spans back along the contact normal.
+fn push_inside(
+    control: &mut [PlaneControl],
+    aperture: &Aperture,
+    walls: &EdgeIndex,
+    tolerance_mm: f64,
+) {
+    let spans = control.len().saturating_sub(1);
+    let mut dirty = vec![true; spans];
+    for round in 0..ROUNDS_MAX {
+        let mut push = vec![Vector2::zeros(); control.len()];
+        let mut any = false;
+        for span in 0..spans {
+            if !dirty[span] {
+                continue;
+            }
+            for check in 0..CHECKS {
+                let t = check as f64 / CHECKS as f64;
+                let at = configuration(curve_at(control, span, t));
+                let Some(found) = contact(aperture, at, walls, 1.0) else {
+                    continue;
+                };
+                if found.depth_mm > tolerance_mm {
+                    any = true;
+                    let back = -found.outward * (found.depth_mm + 0.3 * tolerance_mm);
+                    add_longer(&mut push[span], back * (1.0 - 0.5 * t));
+                    add_longer(&mut push[span + 1], back * (0.5 + 0.5 * t));
+                }
+            }
+        }
+        if !any {
+            return;
+        }
+        // Later rounds push harder, so that narrow places where two walls push in turn settle.
+        let gain = 1.0 + 0.05 * round as f64;
+        let mut next = vec![false; spans];
+        for (i, by) in push.iter().enumerate() {
+            if by.norm_squared() > 0.0 {
+                control[i][0] += by.x * gain;
+                control[i][1] += by.y * gain;
+                for flag in &mut next[i.saturating_sub(2)..(i + 2).min(spans)] {
+                    *flag = true;
+                }
+            }
+        }
+        dirty = next;
+    }
+}
+
+/// Keeps the longer of two pushes of about the same direction, the sum of opposed ones.
+fn add_longer(own: &mut Vector2, other: Vector2) {
+    if own.dot(&other) <= 0.0 {
+        *own += other;
+    } else if other.norm_squared() > own.norm_squared() {
+        *own = other;
+    }
+}
+
+/// Ends a closed run about half the along-travel extent short of its start, where the two ends of
+/// the bead meet.
+fn trim_seam(control: &mut Vec<PlaneControl>, aperture: &Aperture) {
+    if control.len() < 8 {
+        return;
+    }
+    let start = configuration(control[0]).center;
+    let along = (configuration(control[2]).center - start)
+        .try_normalize(1e-12)
+        .unwrap_or(Vector2::x());
+    let short = aperture.extent_mm(control[0][2], along);
+    let mut left = short;
+    while control.len() > 6 {
+        let n = control.len();
+        let (p, q) = (
+            configuration(control[n - 1]).center,
+            configuration(control[n - 2]).center,
+        );
+        let step = (p - q).norm();
+        if step > left {
+            let t = left / step;
+            let (last, before) = (control[n - 1], control[n - 2]);
+            control[n - 1] = std::array::from_fn(|c| last[c] + (before[c] - last[c]) * t);
+            return;
+        }
+        left -= step;
+        control.pop();
+    }
+}

@@ -1,0 +1,303 @@
+//! Passes: how one region is divided into channels and runs, each with its placements.
+//!
+//! 1. Where only one bead fits across (r < 2b) the region is cut off by chords between the feet of
+//!    the axis: single runs, laid on the axis.
+//! 2. What remains is tiled by k beads between wall and axis ([`super::bead_count`]); the channel
+//!    field gives each channel's outer wall; contacts along it get the heading profile.
+//!
+//! Input: region (mm), pruned axis. Output: [`LayerPass`]es, unordered, in region coordinates.
+
+use super::bead_count::{bead_counts, blended};
+use super::contacts::{Contact, ContactSpacing, resampled, wall_contacts};
+use super::field::Field;
+use super::heading_profile::{Placement, profile};
+use super::single_runs::{SingleRun, split_region};
+use super::skeleton::Axis;
+use crate::geometry::Point2;
+use crate::geometry::aperture::Aperture;
+use crate::geometry::edge_index::{Edge, EdgeIndex};
+use crate::geometry::polygon::{Region, Ring};
+use rayon::prelude::*;
+
+/// How a pass lies in its passage.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum PassKind {
+    /// Along a wall, a neighbour on its other side.
+    TwoPass,
+    /// On the medial axis, touching both walls.
+    OnePass,
+}
+
+/// One continuous run of placements.
+#[derive(Clone, Debug, PartialEq)]
+pub struct LayerPass {
+    /// Two-pass or one-pass.
+    pub kind: PassKind,
+    /// Channel number from the wall, 1 the outermost; 0 for single runs.
+    pub channel: u32,
+    /// True where the end meets the start.
+    pub closed: bool,
+    /// Placements in order, headings unwrapped.
+    pub placements: Vec<Placement>,
+}
+
+/// What the pass planner needs of the settings.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct PassSettings {
+    /// The nozzle.
+    pub aperture: Aperture,
+    /// Wanted overlap of neighbouring beads, share of the bead width.
+    pub overlap: f64,
+    /// Put one pass on the axis wherever the aperture spans the passage.
+    pub one_pass: bool,
+}
+
+/// Most channels of one piece; a wider region is left with its middle open, which the coverage
+/// figure shows.
+const CHANNELS_MAX: usize = 4096;
+
+/// Lengths that the pass planner derives from the aperture.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Lengths {
+    /// Contact spacing, mm.
+    pub contact_mm: f64,
+    /// Grid step of the channel field, mm.
+    pub grid_mm: f64,
+    /// Node spacing of the axis, mm.
+    pub axis_mm: f64,
+    /// Length over which a change of bead count is blended, mm.
+    pub blend_mm: f64,
+    /// Half-window of normal smoothing, mm.
+    pub smoothing_mm: f64,
+}
+
+impl Lengths {
+    /// All in proportion to the semi-axes.
+    pub fn of(aperture: &Aperture) -> Lengths {
+        let (a, b) = (aperture.major_mm(), aperture.minor_mm());
+        Lengths {
+            contact_mm: 0.5 * b,
+            grid_mm: 0.5 * b,
+            axis_mm: 0.5 * b,
+            blend_mm: 2.0 * a,
+            smoothing_mm: 0.75 * b,
+        }
+    }
+
+    fn spacing(&self) -> ContactSpacing {
+        ContactSpacing {
+            spacing_mm: self.contact_mm,
+            smoothing_mm: self.smoothing_mm,
+            corner_rad: 0.35,
+            fan_rad: 0.14,
+        }
+    }
+}
+
+/// All passes of one region.
+pub fn passes(region: &Region, axis: &Axis, settings: &PassSettings) -> Vec<LayerPass> {
+    let lengths = Lengths::of(&settings.aperture);
+    let axis = axis.densified(lengths.axis_mm);
+    let walls = EdgeIndex::of_region(region, settings.aperture.major_mm());
+    let split = split_region(region, &walls, &axis, settings);
+    let mut all: Vec<LayerPass> = split
+        .pieces
+        .par_iter()
+        .flat_map(|piece| piece_passes(&piece.region, &piece.axis, settings, lengths))
+        .collect();
+    let singles: Vec<LayerPass> = split
+        .runs
+        .par_iter()
+        .flat_map(|run| single_passes(run, &walls, settings))
+        .collect();
+    all.extend(singles);
+    all
+}
+
+/// Channels of one piece, outermost first.
+fn piece_passes(
+    piece: &Region,
+    axis: &Axis,
+    settings: &PassSettings,
+    lengths: Lengths,
+) -> Vec<LayerPass> {
+    if axis.points.is_empty() {
+        return Vec::new();
+    }
+    let aperture = &settings.aperture;
+    let walls = EdgeIndex::of_region(piece, aperture.major_mm());
+    let counts = bead_counts(axis, aperture);
+    let beads = blended(axis, &counts, lengths.axis_mm, lengths.blend_mm);
+    let field = Field::new(&walls, axis, &beads, lengths.grid_mm);
+    let channels = (field.max().ceil() as usize).clamp(1, CHANNELS_MAX);
+    (1..=channels)
+        .into_par_iter()
+        .flat_map(|channel| channel_passes(channel, piece, &walls, &field, settings, lengths))
+        .collect()
+}
+
+/// The passes of one channel: one for each ring of its outer wall, or several where parts of the
+/// ring hold no bead.
+fn channel_passes(
+    channel: usize,
+    piece: &Region,
+    walls: &EdgeIndex,
+    field: &Field,
+    settings: &PassSettings,
+    lengths: Lengths,
+) -> Vec<LayerPass> {
+    let aperture = &settings.aperture;
+    let rings: Vec<Ring> = if channel == 1 {
+        piece.rings().cloned().collect()
+    } else {
+        field
+            .level_rings((channel - 1) as f64)
+            .iter()
+            .filter(|ring| ring.perimeter_mm() > 4.0 * aperture.minor_mm())
+            .map(|ring| resampled(ring, lengths.contact_mm, 4))
+            .collect()
+    };
+    let own_walls;
+    let channel_walls = if channel == 1 {
+        walls
+    } else {
+        let edges = rings
+            .iter()
+            .flat_map(|r| r.edges())
+            .map(|(a, b)| Edge { a, b })
+            .collect();
+        own_walls = EdgeIndex::new(edges, aperture.major_mm());
+        &own_walls
+    };
+    let mut found = Vec::new();
+    for ring in &rings {
+        let mut contacts = wall_contacts(ring, lengths.spacing());
+        for contact in &mut contacts {
+            let width = channel_width_mm(contact, channel, field, lengths.grid_mm, aperture);
+            contact.extent_mm = 0.5 * width * (1.0 + settings.overlap);
+        }
+        for (run, closed) in printable_runs(&contacts, aperture) {
+            let placements = profile(&run, closed, aperture, channel_walls);
+            found.extend(feasible_runs(placements, closed).into_iter().map(
+                |(placements, closed)| LayerPass {
+                    kind: PassKind::TwoPass,
+                    channel: channel as u32,
+                    closed,
+                    placements,
+                },
+            ));
+        }
+    }
+    found.retain(|pass| run_length_mm(pass) > 0.5 * aperture.minor_mm());
+    found
+}
+
+/// Distance along the normal from the channel's outer wall to its inner one (or to the axis).
+fn channel_width_mm(
+    contact: &Contact,
+    channel: usize,
+    field: &Field,
+    grid_mm: f64,
+    aperture: &Aperture,
+) -> f64 {
+    let target = channel as f64;
+    let step = 0.25 * grid_mm;
+    let reach = 2.5 * aperture.major_mm();
+    let mut last = f64::NEG_INFINITY;
+    let mut t = grid_mm;
+    while t < reach {
+        let v = field.at(contact.point + contact.normal * t);
+        if v >= target {
+            let back = if last.is_finite() && v > last {
+                (v - target) / (v - last)
+            } else {
+                0.0
+            };
+            return t - step * back;
+        }
+        if v < last {
+            return t - step;
+        }
+        last = v;
+        t += step;
+    }
+    reach
+}
+
+/// Runs of contacts whose channel is wide enough to lay a bead in.
+fn printable_runs(contacts: &[Contact], aperture: &Aperture) -> Vec<(Vec<Contact>, bool)> {
+    let least = WIDTH_SHARE_MIN * aperture.minor_mm();
+    split_cyclic(contacts, true, |c| c.extent_mm >= least)
+}
+
+/// Least half-width of a channel against b for a bead to be laid in it.
+const WIDTH_SHARE_MIN: f64 = 0.7;
+
+/// Splits a profile where no heading fits.
+fn feasible_runs(placements: Vec<Placement>, closed: bool) -> Vec<(Vec<Placement>, bool)> {
+    split_cyclic(&placements, closed, |p| p.feasible)
+}
+
+/// Maximal runs of a (cyclic) sequence that satisfy `keep`; a fully kept cycle stays closed.
+fn split_cyclic<T: Clone>(
+    items: &[T],
+    closed: bool,
+    keep: impl Fn(&T) -> bool,
+) -> Vec<(Vec<T>, bool)> {
+    let count = items.len();
+    if items.iter().all(&keep) {
+        return if count == 0 {
+            Vec::new()
+        } else {
+            vec![(items.to_vec(), closed)]
+        };
+    }
+    let first = if closed {
+        items.iter().position(|i| !keep(i)).unwrap_or(0)
+    } else {
+        0
+    };
+    let mut runs = Vec::new();
+    let mut run: Vec<T> = Vec::new();
+    for step in 0..count {
+        let item = &items[(first + step) % count];
+        if keep(item) {
+            run.push(item.clone());
+        } else if !run.is_empty() {
+            runs.push((std::mem::take(&mut run), false));
+        }
+    }
+    if !run.is_empty() {
+        runs.push((run, false));
+    }
+    runs
+}
+
+fn run_length_mm(pass: &LayerPass) -> f64 {
+    let centers: Vec<Point2> = pass.placements.iter().map(|p| p.at.center).collect();
+    let turned: f64 = pass
+        .placements
+        .windows(2)
+        .map(|w| (w[1].at.heading_rad - w[0].at.heading_rad).abs())
+        .sum::<f64>();
+    centers
+        .windows(2)
+        .map(|w| (w[1] - w[0]).norm())
+        .sum::<f64>()
+        + 0.1 * turned
+}
+
+/// A single run on the axis: the aperture spans the passage.
+fn single_passes(run: &SingleRun, walls: &EdgeIndex, settings: &PassSettings) -> Vec<LayerPass> {
+    let placements = profile(&run.contacts, run.closed, &settings.aperture, walls);
+    feasible_runs(placements, run.closed)
+        .into_iter()
+        .map(|(placements, closed)| LayerPass {
+            kind: PassKind::OnePass,
+            channel: 0,
+            closed,
+            placements,
+        })
+        .filter(|pass| run_length_mm(pass) > 0.5 * settings.aperture.minor_mm())
+        .collect()
+}

@@ -1,0 +1,373 @@
+//! Stretches of the axis where only one bead fits across, and the region cut along their ends.
+
+use super::contacts::Contact;
+use super::passes::PassSettings;
+use super::skeleton::Axis;
+use crate::geometry::edge_index::EdgeIndex;
+use crate::geometry::polygon::{Region, Ring};
+use crate::geometry::{Point2, Vector2};
+use i_overlay::core::fill_rule::FillRule;
+use i_overlay::float::slice::FloatSlice;
+
+/// A one-pass run along the axis.
+#[derive(Clone, Debug, PartialEq)]
+pub struct SingleRun {
+    /// Contacts on the axis, in order.
+    pub contacts: Vec<Contact>,
+    /// True where the run is a closed loop.
+    pub closed: bool,
+}
+
+/// A piece of the region for two-sided channels, with its part of the axis.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Piece {
+    /// Outline, the cutting chords included.
+    pub region: Region,
+    /// Axis nodes inside it.
+    pub axis: Axis,
+}
+
+/// A region divided.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub struct Split {
+    /// Pieces for two-sided channels.
+    pub pieces: Vec<Piece>,
+    /// One-pass runs.
+    pub runs: Vec<SingleRun>,
+}
+
+/// A neck shorter than this (times 2a) is overlapped by its two sides rather than made a run.
+const RUN_SHARE_MIN: f64 = 0.8;
+/// A single run may go on into passages up to this many times 2b wide, so that its ends do not
+/// flicker where the width hovers about the limit.
+const HYSTERESIS: f64 = 1.15;
+
+/// Divides a region into single runs and two-sided pieces. `axis` must be densified.
+pub fn split_region(
+    region: &Region,
+    walls: &EdgeIndex,
+    axis: &Axis,
+    settings: &PassSettings,
+) -> Split {
+    let neighbours = axis.neighbours();
+    let single = single_nodes(axis, &neighbours, settings);
+    if !single.iter().any(|&s| s) {
+        let piece = Piece {
+            region: region.clone(),
+            axis: axis.clone(),
+        };
+        return Split {
+            pieces: vec![piece],
+            runs: Vec::new(),
+        };
+    }
+    let mut chords = Vec::new();
+    for &[a, b] in &axis.links {
+        let (a, b) = (a as usize, b as usize);
+        if single[a] != single[b] {
+            let (inner, outer) = if single[a] { (a, b) } else { (b, a) };
+            chords.push(chord(
+                axis.points[inner],
+                axis.points[outer],
+                walls,
+                axis.radii_mm[inner],
+            ));
+        }
+    }
+    let pieces = slice(region, &chords)
+        .into_iter()
+        .filter_map(|outline| piece_of(outline, axis, &single))
+        .collect();
+    let runs = runs(axis, &neighbours, &single, settings);
+    Split { pieces, runs }
+}
+
+/// Marks the nodes of single runs.
+fn single_nodes(axis: &Axis, neighbours: &[Vec<u32>], settings: &PassSettings) -> Vec<bool> {
+    let (a, b) = (settings.aperture.major_mm(), settings.aperture.minor_mm());
+    let (must, may) = if settings.one_pass {
+        (a, a)
+    } else {
+        (2.0 * b, (2.0 * b * HYSTERESIS).min(a))
+    };
+    let may = may.max(must.min(a));
+    let mut single = vec![false; axis.points.len()];
+    let mut seen = vec![false; axis.points.len()];
+    for seed in 0..axis.points.len() {
+        if seen[seed] || axis.radii_mm[seed] >= must.min(may + 1e-9) {
+            continue;
+        }
+        let component = flood(seed, neighbours, &mut seen, |n| axis.radii_mm[n] <= may);
+        let printable: Vec<usize> = component
+            .iter()
+            .copied()
+            .filter(|&n| axis.radii_mm[n] >= b)
+            .collect();
+        let closed_off =
+            component.len() > printable.len() && !is_tip(&component, neighbours, axis, b);
+        if axis_length_mm(axis, &component, b) > RUN_SHARE_MIN * 2.0 * a || closed_off {
+            for node in component {
+                single[node] = true;
+            }
+        }
+    }
+    single
+}
+
+/// True where the unprintable nodes of a component only end in a corner (a leaf), so that nothing
+/// beyond them is cut off.
+fn is_tip(component: &[usize], neighbours: &[Vec<u32>], axis: &Axis, b: f64) -> bool {
+    let low: Vec<usize> = component
+        .iter()
+        .copied()
+        .filter(|&n| axis.radii_mm[n] < b)
+        .collect();
+    low.iter().any(|&n| neighbours[n].len() <= 1)
+}
+
+/// Length of the links between printable nodes of a component.
+fn axis_length_mm(axis: &Axis, component: &[usize], b: f64) -> f64 {
+    let mut member = vec![false; axis.points.len()];
+    for &n in component {
+        member[n] = axis.radii_mm[n] >= b;
+    }
+    axis.links
+        .iter()
+        .filter(|l| member[l[0] as usize] && member[l[1] as usize])
+        .map(|l| (axis.points[l[0] as usize] - axis.points[l[1] as usize]).norm())
+        .sum()
+}
+
+fn flood(
+    seed: usize,
+    neighbours: &[Vec<u32>],
+    seen: &mut [bool],
+    keep: impl Fn(usize) -> bool,
+) -> Vec<usize> {
+    let mut found = vec![seed];
+    seen[seed] = true;
+    let mut head = 0;
+    while head < found.len() {
+        for &next in &neighbours[found[head]] {
+            let next = next as usize;
+            if !seen[next] && keep(next) {
+                seen[next] = true;
+                found.push(next);
+            }
+        }
+        head += 1;
+    }
+    found
+}
+
+/// The cut across the passage at an axis node: wall foot, node, wall foot, each end drawn a little
+/// beyond the wall so that the slice surely parts the region.
+fn chord(at: Point2, towards: Point2, walls: &EdgeIndex, radius_mm: f64) -> Vec<Point2> {
+    let along = (towards - at).try_normalize(1e-12).unwrap_or(Vector2::x());
+    let across = Vector2::new(-along.y, along.x);
+    let foot = |side: f64| {
+        let probe = at + across * (side * 0.3 * radius_mm);
+        let foot = walls.nearest(probe).map_or(probe, |n| n.foot);
+        let beyond = (foot - at).try_normalize(1e-12).unwrap_or(across * side);
+        foot + beyond * CHORD_BEYOND_MM
+    };
+    vec![foot(1.0), at, foot(-1.0)]
+}
+
+/// How far a chord passes the wall: above the slicer's grid, below any wall thickness.
+const CHORD_BEYOND_MM: f64 = 1e-4;
+
+/// Cuts the region along the chords.
+fn slice(region: &Region, chords: &[Vec<Point2>]) -> Vec<Region> {
+    let origin = region.bounds().min;
+    let to_array = |p: &Point2| [p.x - origin.x, p.y - origin.y];
+    let shape: Vec<Vec<[f64; 2]>> = region
+        .rings()
+        .map(|r| r.points.iter().map(to_array).collect())
+        .collect();
+    let strings: Vec<Vec<[f64; 2]>> = chords
+        .iter()
+        .map(|c| c.iter().map(to_array).collect())
+        .collect();
+    let pieces = shape.slice_by_as::<i64>(&strings, FillRule::EvenOdd);
+    let to_ring = |path: &Vec<[f64; 2]>| Ring {
+        points: path
+            .iter()
+            .map(|p| Point2::new(p[0] + origin.x, p[1] + origin.y))
+            .collect(),
+    };
+    pieces
+        .iter()
+        .filter(|rings| !rings.is_empty())
+        .map(|rings| Region {
+            exterior: to_ring(&rings[0]),
+            holes: rings[1..].iter().map(to_ring).collect(),
+        })
+        .collect()
+}
+
+/// The piece with its axis nodes, `None` where it belongs to single runs.
+fn piece_of(outline: Region, axis: &Axis, single: &[bool]) -> Option<Piece> {
+    let index = EdgeIndex::of_region(&outline, 1.0);
+    let mut number = vec![u32::MAX; axis.points.len()];
+    let mut own = Axis::default();
+    for node in 0..axis.points.len() {
+        if !single[node] && index.contains(axis.points[node]) {
+            number[node] = own.points.len() as u32;
+            own.points.push(axis.points[node]);
+            own.radii_mm.push(axis.radii_mm[node]);
+        }
+    }
+    if own.points.is_empty() {
+        return None;
+    }
+    own.links = axis
+        .links
+        .iter()
+        .map(|&[a, b]| [number[a as usize], number[b as usize]])
+        .filter(|l| l[0] != u32::MAX && l[1] != u32::MAX)
+        .collect();
+    Some(Piece {
+        region: outline,
+        axis: own,
+    })
+}
+
+/// Chains of single nodes, longest first at junctions, as contacts on the axis.
+fn runs(
+    axis: &Axis,
+    neighbours: &[Vec<u32>],
+    single: &[bool],
+    settings: &PassSettings,
+) -> Vec<SingleRun> {
+    let b = settings.aperture.minor_mm();
+    let usable: Vec<bool> = (0..single.len())
+        .map(|n| single[n] && axis.radii_mm[n] >= b)
+        .collect();
+    let mut used = vec![false; single.len()];
+    let degree = |n: usize| {
+        neighbours[n]
+            .iter()
+            .filter(|&&m| usable[m as usize])
+            .count()
+    };
+    let mut starts: Vec<usize> = (0..single.len()).filter(|&n| usable[n]).collect();
+    starts.sort_by_key(|&n| (usize::from(degree(n) != 1), n));
+    let mut runs = Vec::new();
+    for start in starts {
+        if used[start] {
+            continue;
+        }
+        let chain = walk(start, axis, neighbours, &usable, &mut used);
+        let closed = chain.len() > 3
+            && degree(start) == 2
+            && chain
+                .last()
+                .is_some_and(|&l| neighbours[l].contains(&(start as u32)));
+        if chain.len() >= 2 {
+            runs.push(SingleRun {
+                contacts: axis_contacts(&chain, axis, settings, closed),
+                closed,
+            });
+        }
+    }
+    runs
+}
+
+/// Follows the straightest unused neighbour to the end.
+fn walk(
+    start: usize,
+    axis: &Axis,
+    neighbours: &[Vec<u32>],
+    usable: &[bool],
+    used: &mut [bool],
+) -> Vec<usize> {
+    let mut chain = vec![start];
+    used[start] = true;
+    let mut direction: Option<Vector2> = None;
+    loop {
+        let at = chain[chain.len() - 1];
+        let mut best: Option<(f64, usize)> = None;
+        for &next in &neighbours[at] {
+            let next = next as usize;
+            if usable[next] && !used[next] {
+                let step = (axis.points[next] - axis.points[at]).try_normalize(1e-12);
+                let score = match (direction, step) {
+                    (Some(d), Some(s)) => d.dot(&s),
+                    _ => 1.0,
+                };
+                if best.is_none_or(|(found, _)| score > found) {
+                    best = Some((score, next));
+                }
+            }
+        }
+        let Some((_, next)) = best else {
+            return chain;
+        };
+        let back = chain[chain.len().saturating_sub(5)];
+        used[next] = true;
+        chain.push(next);
+        direction = (axis.points[next] - axis.points[back]).try_normalize(1e-12);
+    }
+}
+
+/// Contacts on a chain of axis nodes, its open ends lengthened by r - b so that the aperture
+/// reaches the wall behind the end of the axis.
+fn axis_contacts(
+    chain: &[usize],
+    axis: &Axis,
+    settings: &PassSettings,
+    closed: bool,
+) -> Vec<Contact> {
+    let (a, b) = (settings.aperture.major_mm(), settings.aperture.minor_mm());
+    let mut points: Vec<(Point2, f64)> = chain
+        .iter()
+        .map(|&n| (axis.points[n], axis.radii_mm[n]))
+        .collect();
+    if !closed {
+        lengthen(&mut points, b);
+        points.reverse();
+        lengthen(&mut points, b);
+        points.reverse();
+    }
+    let count = points.len();
+    (0..count)
+        .map(|i| {
+            let (p, r) = points[i];
+            let before = points[i.saturating_sub(2)].0;
+            let after = points[(i + 2).min(count - 1)].0;
+            let along = (after - before)
+                .try_normalize(1e-12)
+                .unwrap_or(Vector2::x());
+            let step = if i + 1 < count {
+                (points[i + 1].0 - p).norm()
+            } else {
+                0.0
+            };
+            Contact {
+                point: p,
+                normal: Vector2::new(-along.y, along.x),
+                length_mm: step.max(0.02),
+                extent_mm: r.clamp(b, a),
+                on_axis: true,
+            }
+        })
+        .collect()
+}
+
+/// Adds points beyond the last one, r - b further along the axis.
+fn lengthen(points: &mut Vec<(Point2, f64)>, b: f64) {
+    let count = points.len();
+    let Some(&(end, radius)) = points.last() else {
+        return;
+    };
+    let back = points[count.saturating_sub(4)].0;
+    let Some(along) = (end - back).try_normalize(1e-12) else {
+        return;
+    };
+    let extra = radius - b;
+    let steps = (extra / (0.5 * b)).ceil().max(0.0) as usize;
+    for step in 1..=steps {
+        points.push((end + along * (extra * step as f64 / steps as f64), radius));
+    }
+}
