@@ -9,7 +9,7 @@ mod check;
 mod defaults;
 pub mod machine_file;
 
-pub use check::{SettingsError, motor_rates_hz};
+pub use check::{SettingsError, joint_names, motor_rates_hz};
 
 use crate::geometry::aperture::Aperture;
 use headway_firmware::configuration::MachineConfiguration;
@@ -72,8 +72,11 @@ pub struct Settings {
     pub machine_name: String,
     /// Joints, kinematics, limits (full limits; the plan uses `plan_share` of each).
     pub machine: MachineConfiguration,
-    /// Work area (min, max) in machine coordinates, mm; inputs are centred over it on z_min.
+    /// Work area (min, max) in machine coordinates, mm; inputs are centred over it on z_min
+    /// unless `at_mm` says otherwise.
     pub work_area_mm: [[f64; 3]; 2],
+    /// Machine coordinates of the input's origin (`--at`), mm; `None` centres the input.
+    pub at_mm: Option<[f64; 3]>,
     /// The nozzle's smallest printable feature.
     pub aperture: Aperture,
     /// Layer height.

@@ -112,7 +112,7 @@ pub enum SettingsError {
 }
 
 /// Names of the joints in the kinematics' order, as in the machine file.
-pub(crate) fn joint_names(kinematics: &Kinematics) -> &'static [&'static str] {
+pub fn joint_names(kinematics: &Kinematics) -> &'static [&'static str] {
     match kinematics {
         Kinematics::Planar => &["x", "y", "z", "c"],
         Kinematics::Gantry { .. } => &["x", "y", "z", "a", "b", "c"],

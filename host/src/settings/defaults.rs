@@ -65,6 +65,7 @@ impl Settings {
             machine_name: name.to_string(),
             machine,
             work_area_mm,
+            at_mm: None,
             aperture: Aperture::Ellipse {
                 major_mm: 0.6,
                 minor_mm: 0.2,

@@ -210,6 +210,7 @@ impl File {
             machine_name: self.name,
             machine,
             work_area_mm: [self.work_area.min_mm, self.work_area.max_mm],
+            at_mm: None,
             aperture,
             layer_height_mm: print.layer_height_mm.unwrap_or(default.layer_height_mm),
             speed_mm_s: print.speed_mm_s.unwrap_or(default.speed_mm_s),

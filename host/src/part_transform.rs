@@ -1,0 +1,164 @@
+//! Where the part lies on the machine: input coordinates -> machine coordinates.
+//!
+//! A translation, in mm, chosen once by [`PartTransform::choose`], kept in the job's header and
+//! applied before kinematics. Everything that the user sees is in input coordinates. Leaves out
+//! turning: the user turns the drawing.
+
+use crate::geometry::polygon::Box2;
+use crate::settings::Settings;
+use serde::{Deserialize, Serialize};
+
+/// Slack of the work area, mm: rounding of placed coordinates.
+const SLACK_MM: f64 = 1e-6;
+
+/// Machine coordinates = input coordinates + offset.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
+pub struct PartTransform {
+    /// Machine coordinates of the input's origin, mm.
+    pub offset_mm: [f64; 3],
+}
+
+/// Why the part cannot be placed.
+#[derive(Clone, Debug, PartialEq, thiserror::Error)]
+pub enum PlaceError {
+    /// Larger than the work area.
+    #[error(
+        "the part is {width_mm:.3} x {height_mm:.3} mm, the work area {area_width_mm} x \
+         {area_height_mm} mm: scale it down (--scale) or use a larger machine"
+    )]
+    TooLarge {
+        /// Part along x.
+        width_mm: f64,
+        /// Part along y.
+        height_mm: f64,
+        /// Work area along x.
+        area_width_mm: f64,
+        /// Work area along y.
+        area_height_mm: f64,
+    },
+    /// Placed beyond the work area.
+    #[error(
+        "placed by --at, the part reaches {axis} = {value_mm:.3} mm, but the work area ends at \
+         {limit_mm} mm: move it by {over_mm:.3} mm"
+    )]
+    Outside {
+        /// Axis by name.
+        axis: &'static str,
+        /// The part's extreme coordinate on the machine.
+        value_mm: f64,
+        /// Where the work area ends.
+        limit_mm: f64,
+        /// How far it is beyond.
+        over_mm: f64,
+    },
+}
+
+impl PartTransform {
+    /// `settings.at_mm`, or the part's box centred over the work area with its lowest point on
+    /// the bed. `height_mm` is how far the part rises above its own z = 0.
+    pub fn choose(
+        bounds: Box2,
+        height_mm: f64,
+        settings: &Settings,
+    ) -> Result<PartTransform, PlaceError> {
+        let [low, high] = settings.work_area_mm;
+        let size = bounds.size();
+        if size.x > high[0] - low[0] + SLACK_MM || size.y > high[1] - low[1] + SLACK_MM {
+            return Err(PlaceError::TooLarge {
+                width_mm: size.x,
+                height_mm: size.y,
+                area_width_mm: high[0] - low[0],
+                area_height_mm: high[1] - low[1],
+            });
+        }
+        let centre = |axis: usize| (low[axis] + high[axis]) / 2.0;
+        let offset_mm = settings.at_mm.unwrap_or([
+            centre(0) - (bounds.min.x + bounds.max.x) / 2.0,
+            centre(1) - (bounds.min.y + bounds.max.y) / 2.0,
+            low[2],
+        ]);
+        let extremes = [
+            ("x", 0, bounds.min.x, bounds.max.x),
+            ("y", 1, bounds.min.y, bounds.max.y),
+            ("z", 2, 0.0, height_mm),
+        ];
+        for (axis, k, part_low, part_high) in extremes {
+            for (value_mm, limit_mm, over_mm) in [
+                (
+                    part_low + offset_mm[k],
+                    low[k],
+                    low[k] - part_low - offset_mm[k],
+                ),
+                (
+                    part_high + offset_mm[k],
+                    high[k],
+                    part_high + offset_mm[k] - high[k],
+                ),
+            ] {
+                if over_mm > SLACK_MM || over_mm.is_nan() {
+                    return Err(PlaceError::Outside {
+                        axis,
+                        value_mm,
+                        limit_mm,
+                        over_mm,
+                    });
+                }
+            }
+        }
+        Ok(PartTransform { offset_mm })
+    }
+
+    /// Machine -> input coordinates of a point.
+    pub fn to_input(&self, machine_mm: [f64; 3]) -> [f64; 3] {
+        std::array::from_fn(|axis| machine_mm[axis] - self.offset_mm[axis])
+    }
+
+    /// Input -> machine coordinates of a point.
+    pub fn to_machine(&self, input_mm: [f64; 3]) -> [f64; 3] {
+        std::array::from_fn(|axis| input_mm[axis] + self.offset_mm[axis])
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::geometry::Point2;
+
+    fn bounds(x: f64, y: f64, width: f64, height: f64) -> Box2 {
+        Box2 {
+            min: Point2::new(x, y),
+            max: Point2::new(x + width, y + height),
+        }
+    }
+
+    #[test]
+    fn the_default_centres_the_box_on_the_bed() {
+        let settings = Settings::default();
+        let part = bounds(1000.0, -20.0, 30.0, 10.0);
+        let transform = PartTransform::choose(part, 0.2, &settings).expect("fits");
+        assert_eq!(
+            transform.to_machine([1015.0, -15.0, 0.0]),
+            [125.0, 125.0, 0.0]
+        );
+        assert_eq!(
+            transform.to_input([125.0, 125.0, 0.0]),
+            [1015.0, -15.0, 0.0]
+        );
+    }
+
+    #[test]
+    fn what_does_not_fit_is_refused() {
+        let mut settings = Settings::default();
+        let wide = bounds(0.0, 0.0, 251.0, 10.0);
+        assert!(matches!(
+            PartTransform::choose(wide, 0.2, &settings),
+            Err(PlaceError::TooLarge { .. })
+        ));
+        settings.at_mm = Some([245.0, 0.0, 0.0]);
+        let error = PartTransform::choose(bounds(0.0, 0.0, 10.0, 10.0), 0.2, &settings)
+            .expect_err("beyond x");
+        assert!(error.to_string().contains("x = 255.000 mm"), "{error}");
+        settings.at_mm = Some([0.0, 0.0, 0.0]);
+        assert!(PartTransform::choose(bounds(0.0, 0.0, 250.0, 250.0), 0.2, &settings).is_ok());
+    }
+}

@@ -1,0 +1,303 @@
+//! The figures of a job: `plan --json`, `simulate --json` and `report.json`.
+//!
+//! Other programs read these keys; they change only with a version. A figure is absent where it
+//! has no meaning (a plan that was not simulated has no `tip_error_um_max`).
+
+use serde::{Deserialize, Serialize};
+
+/// All figures; the keys are the field names.
+#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
+#[serde(default)]
+pub struct Figures {
+    /// Area of the outline.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub area_mm2: Option<f64>,
+    /// Share of the outline that some aperture inside it can cover.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub reachable_pct: Option<f64>,
+    /// Share of the outline that is covered.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub covered_pct: Option<f64>,
+    /// Share of the reachable part that is covered.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub covered_of_reachable_pct: Option<f64>,
+    /// How far any placed aperture leaves the outline, on the finished segments.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub outside_depth_mm: Option<f64>,
+    /// Share of the outline that is swept more than once.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub overlap_pct: Option<f64>,
+    /// Boundary length that no aperture inside can touch.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub unreachable_mm: Option<f64>,
+    /// Continuous runs with flow.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub passes: Option<u64>,
+    /// Retract, travel and prime between two passes.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub flow_interruptions: Option<u64>,
+    /// Tip path with flow.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub print_mm: Option<f64>,
+    /// Tip path without flow.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub travel_mm: Option<f64>,
+    /// Duration of the job.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub print_s: Option<f64>,
+    /// Duration of planning.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub plan_s: Option<f64>,
+    /// Sum of |heading change|.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub heading_travel_rad: Option<f64>,
+    /// Peak heading rate.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub heading_rate_max_rad_s: Option<f64>,
+    /// Spans of the stream.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub segments: Option<u64>,
+    /// Bytes to the controller.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub bytes: Option<u64>,
+    /// The same for each second of motion.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub bytes_per_s: Option<f64>,
+    /// Worst speed over its share of the limit.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub limit_ratio_velocity: Option<f64>,
+    /// Worst acceleration over its share of the limit.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub limit_ratio_acceleration: Option<f64>,
+    /// Worst jerk over its share of the limit.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub limit_ratio_jerk: Option<f64>,
+    /// Tip of the simulated steps against the plan.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub tip_error_um_max: Option<f64>,
+    /// The same, root mean square.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub tip_error_um_rms: Option<f64>,
+    /// Heading of the simulated steps against the plan.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub heading_error_mrad_max: Option<f64>,
+    /// What half a step of every joint can make at the tip.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub half_step_um_max: Option<f64>,
+    /// What half a step of every joint can make in heading.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub half_step_mrad_max: Option<f64>,
+    /// Deposited volume of the steps against the plan.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub volume_error_pct: Option<f64>,
+    /// Steps against the exact crossing.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub step_time_error_us_max: Option<f64>,
+    /// The same, root mean square.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub step_time_error_us_rms: Option<f64>,
+    /// Steps of all motors.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub steps: Option<u64>,
+    /// Hash of every step: tick from the job's first segment, motor, direction.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub step_digest: Option<String>,
+    /// Step counts at the end: joints in order, extruder last.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub final_counts: Option<Vec<i64>>,
+    /// Frames that had to be sent again.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub resent_frames: Option<u64>,
+    /// Times the controller ran out of segments.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub underruns: Option<u64>,
+    /// Times the head came to rest on the path and went on.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub holds: Option<u64>,
+    /// Faults latched.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub faults: Option<u64>,
+    /// Seconds of motion for each second of simulation.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub realtime_factor: Option<f64>,
+}
+
+impl Figures {
+    /// Pretty JSON. Numbers that are not finite become `null` there; none should be.
+    pub fn to_json(&self) -> String {
+        serde_json::to_string_pretty(self).unwrap_or_else(|_| "{}".to_string())
+    }
+
+    /// `self` with everything that `later` knows written over it.
+    pub fn merged_with(self, later: &Figures) -> Figures {
+        let (Ok(serde_json::Value::Object(mut all)), Ok(serde_json::Value::Object(new))) =
+            (serde_json::to_value(&self), serde_json::to_value(later))
+        else {
+            return self;
+        };
+        all.extend(new);
+        serde_json::from_value(all.into()).unwrap_or(self)
+    }
+
+    /// The figures in groups, for a terminal: (group, rows of (what, value with unit)).
+    pub fn groups(&self) -> Vec<(&'static str, Vec<(&'static str, String)>)> {
+        let groups = [
+            ("Coverage", self.coverage_rows()),
+            ("Motion", self.motion_rows()),
+            ("Limits and stream", self.stream_rows()),
+            ("Simulated steps", self.step_rows()),
+        ];
+        groups
+            .into_iter()
+            .map(|(group, rows)| {
+                let known = rows
+                    .into_iter()
+                    .filter_map(|(what, value)| Some((what, value?)));
+                (group, known.collect::<Vec<_>>())
+            })
+            .filter(|(_, rows)| !rows.is_empty())
+            .collect()
+    }
+
+    /// [`Figures::groups`] as aligned text.
+    pub fn to_text(&self) -> String {
+        let mut text = String::new();
+        for (group, rows) in self.groups() {
+            text += group;
+            text.push('\n');
+            for (what, value) in rows {
+                text += &format!("  {what:<32} {value}\n");
+            }
+        }
+        text
+    }
+
+    fn coverage_rows(&self) -> Vec<Row> {
+        vec![
+            ("outline", number(self.area_mm2, 2, "mm²")),
+            ("reachable", number(self.reachable_pct, 2, "%")),
+            ("covered", number(self.covered_pct, 2, "%")),
+            (
+                "covered of reachable",
+                number(self.covered_of_reachable_pct, 2, "%"),
+            ),
+            ("overlap", number(self.overlap_pct, 2, "%")),
+            (
+                "outside, deepest",
+                number(self.outside_depth_mm.map(|v| v * 1e3), 2, "µm"),
+            ),
+            ("unreachable boundary", number(self.unreachable_mm, 2, "mm")),
+        ]
+    }
+
+    fn motion_rows(&self) -> Vec<Row> {
+        vec![
+            ("passes", count(self.passes)),
+            ("flow interruptions", count(self.flow_interruptions)),
+            ("printing path", number(self.print_mm, 1, "mm")),
+            ("travel", number(self.travel_mm, 1, "mm")),
+            ("print time", number(self.print_s, 2, "s")),
+            ("planning time", number(self.plan_s, 2, "s")),
+            ("heading travel", number(self.heading_travel_rad, 1, "rad")),
+            (
+                "heading rate, peak",
+                number(self.heading_rate_max_rad_s, 2, "rad/s"),
+            ),
+        ]
+    }
+
+    fn stream_rows(&self) -> Vec<Row> {
+        vec![
+            (
+                "worst speed / limit",
+                number(self.limit_ratio_velocity, 4, ""),
+            ),
+            (
+                "worst acceleration / limit",
+                number(self.limit_ratio_acceleration, 4, ""),
+            ),
+            ("worst jerk / limit", number(self.limit_ratio_jerk, 4, "")),
+            ("segments", count(self.segments)),
+            ("bytes", count(self.bytes)),
+            (
+                "bytes per second of motion",
+                number(self.bytes_per_s, 0, "B/s"),
+            ),
+        ]
+    }
+
+    fn step_rows(&self) -> Vec<Row> {
+        vec![
+            ("steps", count(self.steps)),
+            ("tip error, worst", number(self.tip_error_um_max, 2, "µm")),
+            ("tip error, rms", number(self.tip_error_um_rms, 2, "µm")),
+            (
+                "half a step at the tip",
+                number(self.half_step_um_max, 2, "µm"),
+            ),
+            (
+                "heading error, worst",
+                number(self.heading_error_mrad_max, 3, "mrad"),
+            ),
+            (
+                "half a step in heading",
+                number(self.half_step_mrad_max, 3, "mrad"),
+            ),
+            ("volume error", number(self.volume_error_pct, 4, "%")),
+            (
+                "step time error, worst",
+                number(self.step_time_error_us_max, 2, "µs"),
+            ),
+            (
+                "step time error, rms",
+                number(self.step_time_error_us_rms, 2, "µs"),
+            ),
+            ("frames sent again", count(self.resent_frames)),
+            ("underruns", count(self.underruns)),
+            ("holds", count(self.holds)),
+            ("faults", count(self.faults)),
+            (
+                "motion / simulation time",
+                number(self.realtime_factor, 1, "x"),
+            ),
+            ("step digest", self.step_digest.clone()),
+        ]
+    }
+}
+
+type Row = (&'static str, Option<String>);
+
+fn number(value: Option<f64>, digits: usize, unit: &str) -> Option<String> {
+    value.map(|v| format!("{v:.digits$} {unit}").trim_end().to_string())
+}
+
+fn count(value: Option<u64>) -> Option<String> {
+    value.map(|v| v.to_string())
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn unknown_figures_are_absent_and_keys_are_stable() {
+        let plan = Figures {
+            covered_pct: Some(99.5),
+            passes: Some(3),
+            ..Figures::default()
+        };
+        let value: serde_json::Value = serde_json::from_str(&plan.to_json()).expect("JSON");
+        assert_eq!(value, serde_json::json!({"covered_pct": 99.5, "passes": 3}));
+        let simulated = Figures {
+            passes: Some(4),
+            faults: Some(0),
+            final_counts: Some(vec![1, -2]),
+            ..Figures::default()
+        };
+        let merged = plan.merged_with(&simulated);
+        assert_eq!(merged.passes, Some(4));
+        assert_eq!(merged.covered_pct, Some(99.5));
+        assert_eq!(merged.final_counts, Some(vec![1, -2]));
+        assert!(merged.to_text().contains("covered"));
+    }
+}

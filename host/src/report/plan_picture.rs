@@ -1,0 +1,228 @@
+//! The plan as the method's figures show it: outline, medial axis, passes in two zones, nozzle
+//! outlines at their headings, interruptions.
+
+use super::canvas::{Canvas, FAINT, INK, Swatch};
+use crate::geometry::aperture::Aperture;
+use crate::geometry::clearance::Configuration;
+use crate::geometry::polygon::{Box2, Region};
+use crate::geometry::{Point2, Vector2};
+use std::fmt::Write;
+use svg::node::element::Path;
+
+/// Most nozzle outlines that are drawn; more would only blacken the sheet.
+const OUTLINES_MAX: f64 = 3000.0;
+
+const TWO_PASS: &str = "#2b6cb0";
+const ONE_PASS: &str = "#dd6b20";
+const TRAVEL: &str = "#9b2c2c";
+const START: &str = "#2f855a";
+const UNREACHABLE: &str = "#d53f8c";
+
+/// Which rule a placement follows.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Zone {
+    /// Between a wall and a neighbour.
+    TwoPass,
+    /// Between both walls.
+    OnePass,
+}
+
+/// One pass.
+#[derive(Clone, Debug, PartialEq)]
+pub struct PicturePass {
+    /// Placements along it, with the zone of each.
+    pub placements: Vec<(Configuration, Zone)>,
+}
+
+/// What is drawn, mm, in the input's coordinates.
+#[derive(Clone, Debug)]
+pub struct PlanPicture<'a> {
+    /// Title of the sheet.
+    pub title: &'a str,
+    /// The outline.
+    pub regions: &'a [Region],
+    /// The nozzle.
+    pub aperture: Aperture,
+    /// Branches of the medial axis.
+    pub axis: Vec<Vec<Point2>>,
+    /// Passes in order.
+    pub passes: Vec<PicturePass>,
+    /// Travel moves between passes.
+    pub travel: Vec<Vec<Point2>>,
+    /// Boundary pieces that no placement inside touches.
+    pub unreachable: Vec<Vec<Point2>>,
+}
+
+/// Draws the sheet.
+pub fn draw(picture: &PlanPicture) -> String {
+    let corners: Vec<Point2> = picture
+        .regions
+        .iter()
+        .map(Region::bounds)
+        .flat_map(|b| [b.min, b.max])
+        .collect();
+    let mut canvas = Canvas::new(Box2::of(&corners), picture.title);
+    let outline = canvas.region_data(picture.regions);
+    canvas.add(
+        Path::new()
+            .set("d", outline.clone())
+            .set("fill", "#edf2f7")
+            .set("fill-rule", "evenodd"),
+    );
+    draw_nozzles(&mut canvas, picture);
+    draw_lines(&mut canvas, &picture.axis, FAINT, 0.8, "6 3");
+    draw_passes(&mut canvas, picture);
+    draw_lines(&mut canvas, &picture.travel, TRAVEL, 1.2, "4 3");
+    canvas.add(
+        Path::new()
+            .set("d", outline)
+            .set("fill", "none")
+            .set("stroke", INK)
+            .set("stroke-width", 1.4),
+    );
+    draw_lines(&mut canvas, &picture.unreachable, UNREACHABLE, 4.0, "none");
+    let ends = |last: bool| -> Vec<Point2> {
+        picture
+            .passes
+            .iter()
+            .filter_map(|pass| {
+                let end = if last {
+                    pass.placements.last()
+                } else {
+                    pass.placements.first()
+                };
+                end.map(|(at, _)| at.center)
+            })
+            .collect()
+    };
+    canvas.dots(&ends(true), 4.5, TRAVEL);
+    canvas.dots(&ends(false), 3.5, START);
+    draw_legend(&mut canvas, picture);
+    canvas.finish()
+}
+
+fn draw_legend(canvas: &mut Canvas, picture: &PlanPicture) {
+    canvas.legend(Swatch::Line(INK, 1.4, false), "outline");
+    canvas.legend(Swatch::Line(FAINT, 0.8, true), "medial axis");
+    canvas.legend(Swatch::Line(TWO_PASS, 1.6, false), "two-pass zone");
+    canvas.legend(Swatch::Line(ONE_PASS, 1.6, false), "one-pass zone");
+    let (a, b) = (picture.aperture.major_mm(), picture.aperture.minor_mm());
+    canvas.legend(
+        Swatch::Fill("#bee3f8"),
+        &format!("nozzle {} x {} mm", 2.0 * a, 2.0 * b),
+    );
+    canvas.legend(Swatch::Dot(START), "pass starts (prime)");
+    canvas.legend(Swatch::Dot(TRAVEL), "pass ends (retract)");
+    canvas.legend(
+        Swatch::Line(TRAVEL, 1.2, true),
+        "flow interruption (travel)",
+    );
+    if !picture.unreachable.is_empty() {
+        canvas.legend(
+            Swatch::Line(UNREACHABLE, 4.0, false),
+            "unreachable boundary",
+        );
+    }
+}
+
+fn draw_lines(canvas: &mut Canvas, lines: &[Vec<Point2>], colour: &str, width: f64, dash: &str) {
+    let mut data = String::new();
+    for line in lines {
+        canvas.line_data(&mut data, line, false);
+    }
+    canvas.add(
+        Path::new()
+            .set("d", data)
+            .set("fill", "none")
+            .set("stroke", colour)
+            .set("stroke-width", width)
+            .set("stroke-linejoin", "round")
+            .set("stroke-dasharray", dash),
+    );
+}
+
+/// Centre lines, one path for each zone; a change of zone belongs to both.
+fn draw_passes(canvas: &mut Canvas, picture: &PlanPicture) {
+    for (zone, colour) in [(Zone::TwoPass, TWO_PASS), (Zone::OnePass, ONE_PASS)] {
+        let mut data = String::new();
+        for pass in &picture.passes {
+            for run in pass.placements.chunk_by(|one, next| one.1 == next.1) {
+                if run[0].1 == zone {
+                    let points: Vec<Point2> = run.iter().map(|(at, _)| at.center).collect();
+                    canvas.line_data(&mut data, &points, false);
+                }
+            }
+        }
+        canvas.add(
+            Path::new()
+                .set("d", data)
+                .set("fill", "none")
+                .set("stroke", colour)
+                .set("stroke-width", 1.6),
+        );
+    }
+}
+
+/// Nozzle outlines at even steps of travel and turning.
+fn draw_nozzles(canvas: &mut Canvas, picture: &PlanPicture) {
+    let major_mm = picture.aperture.major_mm();
+    let step_of = |one: &Configuration, next: &Configuration| {
+        (next.center - one.center).norm() + major_mm * (next.heading_rad - one.heading_rad).abs()
+    };
+    let total_mm: f64 = picture
+        .passes
+        .iter()
+        .flat_map(|pass| pass.placements.windows(2))
+        .map(|pair| step_of(&pair[0].0, &pair[1].0))
+        .sum();
+    let spacing_mm = (total_mm / OUTLINES_MAX).max(1.2 * major_mm);
+    for (zone, fill, stroke) in [
+        (Zone::TwoPass, "#bee3f8", TWO_PASS),
+        (Zone::OnePass, "#feebc8", ONE_PASS),
+    ] {
+        let mut data = String::new();
+        for pass in &picture.passes {
+            let mut since_mm = f64::INFINITY;
+            let mut before: Option<&Configuration> = None;
+            for (at, its_zone) in &pass.placements {
+                since_mm += before.map_or(0.0, |previous| step_of(previous, at));
+                before = Some(at);
+                if since_mm >= spacing_mm {
+                    since_mm = 0.0;
+                    if *its_zone == zone {
+                        nozzle_data(canvas, &mut data, &picture.aperture, at);
+                    }
+                }
+            }
+        }
+        canvas.add(
+            Path::new()
+                .set("d", data)
+                .set("fill", fill)
+                .set("fill-opacity", 0.55)
+                .set("stroke", stroke)
+                .set("stroke-width", 0.7),
+        );
+    }
+}
+
+/// Path data of one placed aperture.
+fn nozzle_data(canvas: &Canvas, data: &mut String, aperture: &Aperture, at: &Configuration) {
+    match *aperture {
+        Aperture::Ellipse { major_mm, minor_mm } => {
+            let along = Vector2::new(at.heading_rad.cos(), at.heading_rad.sin()) * major_mm;
+            let (x1, y1) = canvas.px(at.center + along);
+            let (x2, y2) = canvas.px(at.center - along);
+            let rx = major_mm * canvas.px_per_mm();
+            let ry = minor_mm * canvas.px_per_mm();
+            // The sheet's y points down: the angle turns the other way.
+            let turn_deg = -at.heading_rad.to_degrees().rem_euclid(180.0);
+            let arc = format!("A{rx:.2} {ry:.2} {turn_deg:.1} 0 1");
+            // Writing to a String cannot fail.
+            let _ = write!(
+                data,
+                "M{x1:.2} {y1:.2}{arc} {x2:.2} {y2:.2}{arc} {x1:.2} {y1:.2}Z"
+            );
+        }
+    }
+}

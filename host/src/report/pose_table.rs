@@ -1,0 +1,147 @@
+//! The poses of a stream as CSV, and the samples that other tables and plots are made of.
+//!
+//! Input: a [`SegmentStream`] in machine coordinates. Output: rows in the input's coordinates, at
+//! even steps of segment time, evaluated in double precision from the same spans that the
+//! controller runs.
+
+use crate::job::{Mark, MotionState, SegmentStream};
+use crate::part_transform::PartTransform;
+use headway_firmware::pose::Pose;
+use headway_firmware::spline::Spans;
+use headway_protocol::units::{
+    CHANNEL_HEADING, CHANNEL_VOLUME, CHANNEL_X, CHANNEL_Y, CHANNEL_Z, CHANNELS,
+};
+use std::io::Write;
+
+/// Header line of the pose tables.
+pub const POSE_HEADER: &str =
+    "t_s,layer,pass,x_mm,y_mm,z_mm,nx,ny,nz,heading_rad,speed_mm_s,flow_mm3_s,state";
+
+/// The stream at one moment, machine coordinates.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct StreamSample {
+    /// Segment time.
+    pub time_s: f64,
+    /// Channels in mm, rad, mm³.
+    pub position: [f64; CHANNELS],
+    /// Their rates.
+    pub velocity: [f64; CHANNELS],
+    /// What the head is doing.
+    pub mark: Mark,
+}
+
+impl StreamSample {
+    /// Speed of the tip.
+    pub fn speed_mm_s(&self) -> f64 {
+        let v = &self.velocity;
+        (v[CHANNEL_X].powi(2) + v[CHANNEL_Y].powi(2) + v[CHANNEL_Z].powi(2)).sqrt()
+    }
+
+    /// dV/dt of the deposited volume; 0 off the passes.
+    pub fn flow_mm3_s(&self) -> f64 {
+        match self.mark.pass {
+            Some(_) if self.mark.state == MotionState::Print => self.velocity[CHANNEL_VOLUME],
+            _ => 0.0,
+        }
+    }
+}
+
+/// Duration of a stream, servo ticks.
+pub fn duration_ticks(stream: &SegmentStream) -> u64 {
+    Spans::new(&stream.start, &stream.knots)
+        .last()
+        .map_or(0, |span| span.start_tick + u64::from(span.duration_ticks))
+}
+
+/// Samples at every multiple of `every_ticks` (more than 0) up to the end.
+pub fn samples(
+    stream: &SegmentStream,
+    servo_hz: f64,
+    every_ticks: f64,
+) -> impl Iterator<Item = StreamSample> + '_ {
+    let mut next = 0u64;
+    let mut mark = 0usize;
+    let end = duration_ticks(stream);
+    Spans::new(&stream.start, &stream.knots).flat_map(move |span| {
+        let mut found = Vec::new();
+        let span_end = span.start_tick + u64::from(span.duration_ticks);
+        loop {
+            let tick = next as f64 * every_ticks;
+            // The last span owns its end as well.
+            if tick > span_end as f64 || (tick == span_end as f64 && span_end < end) {
+                break found;
+            }
+            next += 1;
+            let t = tick - span.start_tick as f64;
+            while mark + 1 < stream.marks.len() && stream.marks[mark].end_tick as f64 <= tick {
+                mark += 1;
+            }
+            found.push(StreamSample {
+                time_s: tick / servo_hz,
+                position: span.position(t),
+                velocity: span.velocity(t, servo_hz),
+                mark: stream.marks.get(mark).copied().unwrap_or(NO_MARK),
+            });
+        }
+    })
+}
+
+/// For streams without marks.
+const NO_MARK: Mark = Mark {
+    start_tick: 0,
+    end_tick: 0,
+    state: MotionState::Hold,
+    layer: 0,
+    pass: None,
+};
+
+/// The state as the tables spell it.
+pub fn state_name(state: MotionState) -> &'static str {
+    match state {
+        MotionState::Travel => "travel",
+        MotionState::Prime => "prime",
+        MotionState::Print => "print",
+        MotionState::Retract => "retract",
+        MotionState::Hold => "hold",
+    }
+}
+
+/// Writes one row of a pose table, in input coordinates.
+pub fn write_row(
+    out: &mut impl Write,
+    sample: &StreamSample,
+    transform: &PartTransform,
+) -> std::io::Result<()> {
+    let p = &sample.position;
+    let [x, y, z] = transform.to_input([p[CHANNEL_X], p[CHANNEL_Y], p[CHANNEL_Z]]);
+    let axis = Pose::from_channels(p).tool_axis();
+    let pass = sample.mark.pass.map_or(-1, i64::from);
+    writeln!(
+        out,
+        "{:.6},{},{pass},{x:.5},{y:.5},{z:.5},{:.7},{:.7},{:.7},{:.6},{:.4},{:.5},{}",
+        sample.time_s,
+        sample.mark.layer,
+        axis.x,
+        axis.y,
+        axis.z,
+        p[CHANNEL_HEADING],
+        sample.speed_mm_s(),
+        sample.flow_mm3_s(),
+        state_name(sample.mark.state),
+    )
+}
+
+/// Writes the whole table, one row every `every_ms` of segment time.
+pub fn write_csv(
+    out: &mut impl Write,
+    stream: &SegmentStream,
+    servo_hz: f64,
+    every_ms: f64,
+    transform: &PartTransform,
+) -> std::io::Result<()> {
+    writeln!(out, "{POSE_HEADER}")?;
+    for sample in samples(stream, servo_hz, every_ms * 1e-3 * servo_hz) {
+        write_row(out, &sample, transform)?;
+    }
+    Ok(())
+}

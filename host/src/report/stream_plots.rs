@@ -1,0 +1,85 @@
+//! A stream's motion as curves over time: tip speed, joints, heading, flow.
+
+use super::plots::{Curve, Panel, TimePlots};
+use super::pose_table::{duration_ticks, samples};
+use crate::job::SegmentStream;
+use crate::settings::{Settings, joint_names};
+use headway_firmware::kinematics;
+use headway_firmware::pose::Pose;
+use headway_protocol::units::CHANNEL_HEADING;
+
+/// Most samples of a curve: forty for each pixel, so that least and greatest are true to a pixel.
+const SAMPLES_MAX: u64 = 40_000;
+
+/// Samples the stream for the report's motion sheet.
+pub fn stream_plots(title: &str, stream: &SegmentStream, settings: &Settings) -> TimePlots {
+    let machine = &settings.machine;
+    let servo_hz = f64::from(machine.servo_hz);
+    let ticks = duration_ticks(stream);
+    let every_ticks = ticks.div_ceil(SAMPLES_MAX).max(1) as f64;
+    let names = joint_names(&machine.kinematics);
+    let (mut speed, mut heading, mut flow) = (Vec::new(), Vec::new(), Vec::new());
+    let mut joints: Vec<Vec<[f64; 2]>> = vec![Vec::new(); names.len()];
+    let mut before: Option<(f64, Vec<f64>)> = None;
+    for sample in samples(stream, servo_hz, every_ticks) {
+        let time_s = sample.time_s;
+        speed.push([time_s, sample.speed_mm_s()]);
+        heading.push([time_s, sample.position[CHANNEL_HEADING].to_degrees()]);
+        flow.push([time_s, sample.flow_mm3_s()]);
+        let pose = Pose::from_channels(&sample.position);
+        let Ok(found) = kinematics::inverse(&machine.kinematics, &pose) else {
+            before = None;
+            continue;
+        };
+        let position = found.as_slice().to_vec();
+        if let Some((earlier_s, earlier)) = &before {
+            for (k, joint) in machine.joints.iter().enumerate() {
+                let rate = (position[k] - earlier[k]) / (time_s - earlier_s);
+                joints[k].push([time_s, 100.0 * rate / joint.speed_max]);
+            }
+        }
+        before = Some((time_s, position));
+    }
+    let curve = |name: &str, points| Curve {
+        name: name.to_string(),
+        points,
+    };
+    let panel = |title: &str, limit, curves| Panel {
+        title: title.to_string(),
+        limit,
+        curves,
+    };
+    TimePlots {
+        title: format!("{title}: motion as planned"),
+        duration_s: ticks as f64 / servo_hz,
+        bands: stream
+            .marks
+            .iter()
+            .map(|m| {
+                (
+                    m.start_tick as f64 / servo_hz,
+                    m.end_tick as f64 / servo_hz,
+                    m.state,
+                )
+            })
+            .collect(),
+        panels: vec![
+            panel("Tip speed, mm/s", None, vec![curve("", speed)]),
+            panel(
+                "Joint speeds, % of each joint's limit",
+                Some(100.0),
+                names
+                    .iter()
+                    .zip(joints)
+                    .map(|(name, points)| curve(&name.to_uppercase(), points))
+                    .collect(),
+            ),
+            panel("Heading, degrees", None, vec![curve("", heading)]),
+            panel(
+                "Flow of deposited volume, mm³/s",
+                Some(settings.flow_max_mm3_s * settings.plan_share),
+                vec![curve("", flow)],
+            ),
+        ],
+    }
+}

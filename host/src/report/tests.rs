@@ -1,0 +1,212 @@
+//! Goal: pictures are well-formed SVG that shows what it was given; tables have the contract's
+//! columns. Method: small made-up plans, read back as XML or numbers.
+
+use super::*;
+use crate::geometry::Point2;
+use crate::geometry::aperture::Aperture;
+use crate::geometry::clearance::Configuration;
+use crate::geometry::polygon::{Region, Ring};
+use crate::job::{Mark, MotionState, SegmentStream};
+use crate::part_transform::PartTransform;
+use crate::settings::Settings;
+use coverage_picture::Cell;
+use headway_protocol::segment::Knot;
+use plan_picture::{PicturePass, Zone};
+use usvg::roxmltree::Document;
+
+fn square() -> Vec<Region> {
+    let corners = [[0.0, 0.0], [10.0, 0.0], [10.0, 10.0], [0.0, 10.0]];
+    vec![Region {
+        exterior: Ring {
+            points: corners.iter().map(|c| Point2::new(c[0], c[1])).collect(),
+        },
+        holes: Vec::new(),
+    }]
+}
+
+fn count(text: &str, name: &str) -> usize {
+    let xml = Document::parse(text).expect("well-formed");
+    xml.descendants()
+        .filter(|node| node.tag_name().name() == name)
+        .count()
+}
+
+#[test]
+fn the_plan_shows_passes_nozzles_and_interruptions() {
+    let regions = square();
+    let at = |x: f64, zone| {
+        let center = Point2::new(x, 5.0);
+        (
+            Configuration {
+                center,
+                heading_rad: 0.3,
+            },
+            zone,
+        )
+    };
+    let zone = |x: f64| {
+        if x < 5.0 {
+            Zone::TwoPass
+        } else {
+            Zone::OnePass
+        }
+    };
+    let passes = (0..2)
+        .map(|_| PicturePass {
+            placements: (0..=8)
+                .map(|k| at(1.0 + k as f64, zone(1.0 + k as f64)))
+                .collect(),
+        })
+        .collect();
+    let picture = PlanPicture {
+        title: "a < b & c",
+        regions: &regions,
+        aperture: Aperture::Ellipse {
+            major_mm: 0.6,
+            minor_mm: 0.2,
+        },
+        axis: vec![vec![Point2::new(0.0, 0.0), Point2::new(5.0, 5.0)]],
+        passes,
+        travel: vec![vec![Point2::new(9.0, 5.0), Point2::new(1.0, 5.0)]],
+        unreachable: Vec::new(),
+    };
+    let text = plan_picture::draw(&picture);
+    // Starts and ends of two passes, and two dots of the legend.
+    assert_eq!(count(&text, "circle"), 6);
+    // Nine placements 1 mm apart, every one of two passes drawn (two arcs each).
+    assert_eq!(text.matches('A').count(), 2 * 2 * 9);
+    assert!(text.contains("one-pass zone") && text.contains("1 mm") && text.contains("&lt;"));
+}
+
+#[test]
+fn coverage_merges_equal_runs() {
+    let regions = square();
+    let mut cells = vec![Cell::Once; 100];
+    for row in 2..5 {
+        cells[row * 10 + 3] = Cell::Gap;
+        cells[row * 10 + 4] = Cell::Gap;
+    }
+    cells[77] = Cell::Overlap;
+    let picture = CoveragePicture {
+        title: "coverage",
+        regions: &regions,
+        origin: Point2::origin(),
+        cell_mm: 1.0,
+        columns: 10,
+        cells,
+    };
+    let text = coverage_picture::draw(&picture);
+    let xml = Document::parse(&text).expect("well-formed");
+    let data = |colour: &str| {
+        xml.descendants()
+            .find(|n| n.attribute("fill") == Some(colour) && n.tag_name().name() == "path")
+            .and_then(|n| n.attribute("d"))
+            .map(str::to_string)
+    };
+    // 100 px a mm, 24 px margin, drawing from 64 px to 1064 px: rows 2 to 4 are 564 to 864 px.
+    assert_eq!(
+        data("#e53e3e").as_deref(),
+        Some("M324.00 564.00H524.00V864.00H324.00Z")
+    );
+    assert_eq!(data("#ed8936").map(|d| d.matches('M').count()), Some(1));
+}
+
+/// 5 mm along x in 100 spans of 10 ticks, from rest to rest.
+fn stream() -> SegmentStream {
+    let control = |k: i32| {
+        [
+            1_000_000 + 500 * k.clamp(0, 100),
+            0,
+            2000,
+            0,
+            0,
+            3 * k.min(100),
+            7 * k,
+        ]
+    };
+    let knots: Vec<Knot> = (0..104)
+        .map(|k| Knot {
+            control: control(k.min(100)),
+            duration_ticks: 10,
+        })
+        .collect();
+    let mark = |start_tick, end_tick, state, pass| Mark {
+        start_tick,
+        end_tick,
+        state,
+        layer: 0,
+        pass,
+    };
+    SegmentStream {
+        start: control(0),
+        knots,
+        events: Vec::new(),
+        marks: vec![
+            mark(0, 500, MotionState::Travel, None),
+            mark(500, 1036, MotionState::Print, Some(0)),
+        ],
+    }
+}
+
+#[test]
+fn the_pose_table_keeps_its_columns() {
+    let stream = stream();
+    let transform = PartTransform {
+        offset_mm: [100.0, 0.0, 0.0],
+    };
+    let mut out = Vec::new();
+    pose_table::write_csv(&mut out, &stream, 2000.0, 1.0, &transform).expect("to memory");
+    let text = String::from_utf8(out).expect("text");
+    let mut lines = text.lines();
+    assert_eq!(lines.next(), Some(pose_table::POSE_HEADER));
+    let rows: Vec<Vec<&str>> = lines.map(|line| line.split(',').collect()).collect();
+    // 2 virtual spans of 8 ticks and 102 of 10 at 2 kHz: 518 ms, both ends included.
+    assert_eq!(pose_table::duration_ticks(&stream), 1036);
+    assert_eq!(rows.len(), 519);
+    assert!(rows.iter().all(|row| row.len() == 13));
+    assert_eq!(rows[0][3..6], ["0.00000", "0.00000", "0.20000"]);
+    assert_eq!(rows[518][3..6], ["5.00000", "0.00000", "0.20000"]);
+    assert_eq!(
+        (rows[0][2], rows[0][12], rows[0][11]),
+        ("-1", "travel", "0.00000")
+    );
+    assert_eq!((rows[400][2], rows[400][12]), ("0", "print"));
+    // Midway: 0.05 mm every 10 ticks of 0.5 ms is 10 mm/s.
+    let speed: f64 = rows[250][10].parse().expect("number");
+    assert!((speed - 10.0).abs() < 1e-3, "{speed}");
+}
+
+#[test]
+fn motion_and_page_hold_what_they_should() {
+    let stream = stream();
+    let plots = stream_plots::stream_plots("part", &stream, &Settings::default());
+    assert_eq!(plots.panels.len(), 4);
+    // X of the default machine: 10 of 250 mm/s, away from the shorter first spans.
+    let middle = plots.panels[1].curves[0]
+        .points
+        .iter()
+        .filter(|p| (0.1..0.4).contains(&p[0]));
+    let (least, most) = middle.fold((f64::MAX, 0.0f64), |(l, m), p| (l.min(p[1]), m.max(p[1])));
+    assert!(
+        (least - 4.0).abs() < 1e-3 && (most - 4.0).abs() < 1e-3,
+        "{least} {most}"
+    );
+    let figures = Figures {
+        passes: Some(1),
+        ..Figures::default()
+    };
+    let notes = ["two < three".to_string()];
+    let files = write_report(&Report {
+        title: "part",
+        figures: &figures,
+        plan: None,
+        coverage: None,
+        motion: Some(plots),
+        notes: &notes,
+    });
+    let names: Vec<&str> = files.iter().map(|file| file.name).collect();
+    assert_eq!(names, ["report.json", "motion.svg", "index.html"]);
+    // Four panels and the limits of two of them.
+    assert!(count(&files[1].text, "path") >= 7);
+    assert!(files[2].text.contains("two &lt; three") && files[2].text.contains("motion.svg"));
+}
