@@ -1,5 +1,12 @@
-//! Moves finished segments: sender, link, simulator. Never imports `plan`.
+//! Moves finished segments: sender, link, simulator; checks what came out. Never imports `plan`.
 
 pub mod link;
+pub mod plan_curve;
+pub mod record;
 pub mod sender;
 pub mod sender_state;
+pub mod servo_walk;
+pub mod trace;
+
+#[cfg(test)]
+mod test_streams;

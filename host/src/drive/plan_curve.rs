@@ -1,0 +1,54 @@
+//! The planned motion in double precision: what steps and limits are checked against.
+//!
+//! [`SegmentStream`] -> channels in natural units at any segment time, walked forward.
+
+use headway_firmware::spline::{Span, Spans};
+use headway_protocol::segment::Knot;
+use headway_protocol::units::{CHANNELS, ChannelPoint, UNITS_PER_NATURAL};
+
+/// Walks along the planned motion; times must not decrease.
+#[derive(Clone, Debug)]
+pub struct PlanCursor<'a> {
+    spans: Spans<'a>,
+    span: Option<Span>,
+    start: [f64; CHANNELS],
+}
+
+impl<'a> PlanCursor<'a> {
+    /// At rest on `start`, before segment time 0.
+    pub fn new(start: &ChannelPoint, knots: &'a [Knot]) -> Self {
+        let mut spans = Spans::new(start, knots);
+        let span = spans.next();
+        PlanCursor {
+            spans,
+            span,
+            start: std::array::from_fn(|c| f64::from(start[c]) / UNITS_PER_NATURAL[c]),
+        }
+    }
+
+    /// Channels in mm, rad and mm³ at segment time `ticks`; at rest before the start and past the
+    /// end.
+    pub fn position(&mut self, ticks: f64) -> [f64; CHANNELS] {
+        loop {
+            let Some(span) = &self.span else {
+                return self.start;
+            };
+            let local = ticks - span.start_tick as f64;
+            let duration = f64::from(span.duration_ticks);
+            if local > duration
+                && let Some(next) = self.spans.next()
+            {
+                self.span = Some(next);
+                continue;
+            }
+            return span.position(local.clamp(0.0, duration));
+        }
+    }
+}
+
+/// Segment time of a stream, in servo ticks. Knot n carries the duration of span n + 2.
+pub fn stream_ticks(knots: &[Knot]) -> u64 {
+    Spans::new(&[0; CHANNELS], knots)
+        .last()
+        .map_or(0, |span| span.start_tick + u64::from(span.duration_ticks))
+}

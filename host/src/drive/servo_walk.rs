@@ -1,0 +1,193 @@
+//! Plan and recorded steps side by side, one servo interval at a time.
+//!
+//! Both are put on one clock: servo ticks since the segment time began to run, the constant delay
+//! between a pose's evaluation and its steps taken out. At tick i the controller was at segment
+//! time u_i (it says so itself); plan and joint positions are exact there and interpolated between
+//! ticks by the cubic through four of them, which is good to a nanometre for jerk-limited motion.
+//! So a run with holds is compared along the path like any other.
+
+use crate::drive::plan_curve::PlanCursor;
+use crate::drive::record::{MotionRecord, Step};
+use crate::job::SegmentStream;
+use headway_firmware::configuration::{JOINTS_MAX, MOTORS_MAX, MachineConfiguration};
+use headway_firmware::design::motion_delay_s;
+use headway_firmware::kinematics::inverse;
+use headway_firmware::pose::Pose;
+use headway_protocol::units::CHANNELS;
+
+/// Servo ticks walked past the end of the motion, so that its last steps are seen.
+const TAIL_TICKS: usize = 8;
+
+/// Plan at one servo tick.
+#[derive(Clone, Copy, Debug)]
+pub struct PlanSample {
+    /// Segment time, servo ticks.
+    pub segment_ticks: f64,
+    /// Channels, natural units.
+    pub channels: [f64; CHANNELS],
+    /// Joint positions, motor steps (not whole).
+    pub joint_steps: [f64; JOINTS_MAX],
+}
+
+/// Where the controller was at each servo tick.
+#[derive(Debug)]
+struct PlanSamples<'a> {
+    cursor: PlanCursor<'a>,
+    machine: &'a MachineConfiguration,
+    rates_q16: &'a [u32],
+    next: usize,
+    segment_q16: u64,
+    last_joints: [f64; JOINTS_MAX],
+}
+
+impl PlanSamples<'_> {
+    fn next(&mut self) -> PlanSample {
+        let segment_ticks = self.segment_q16 as f64 / 65_536.0;
+        let rate = self.rates_q16.get(self.next).copied().unwrap_or(0);
+        self.next += 1;
+        self.segment_q16 += u64::from(rate);
+        let channels = self.cursor.position(segment_ticks);
+        let pose = Pose::from_channels(&channels);
+        // A pose without joints was refused at planning; the firmware would fault there.
+        if let Ok(joints) = inverse(&self.machine.kinematics, &pose) {
+            for (index, joint) in self.machine.joints.iter().enumerate() {
+                self.last_joints[index] = joints.position[index] * joint.steps_per_unit;
+            }
+        }
+        PlanSample {
+            segment_ticks,
+            channels,
+            joint_steps: self.last_joints,
+        }
+    }
+}
+
+/// One servo interval: the plan around it and the steps in it.
+#[derive(Debug)]
+pub struct Interval<'w> {
+    /// Servo ticks since the segment time began to run; the first intervals are before it.
+    pub tick: i64,
+    /// Plan at ticks -1, 0, 1, 2 of the interval.
+    pub window: &'w [PlanSample; 4],
+    /// Step counts at the interval's start.
+    pub counts: [i64; MOTORS_MAX],
+    /// Steps with their place in the interval, 0..1.
+    pub steps: &'w [(f64, Step)],
+    /// Segment time passed in it, 2^-16 ticks.
+    pub rate_q16: u32,
+}
+
+impl Interval<'_> {
+    /// Weights of the window for the place `x` (0..1) in the interval: cubic Lagrange.
+    pub fn weights(x: f64) -> [f64; 4] {
+        [
+            -x * (x - 1.0) * (x - 2.0) / 6.0,
+            (x + 1.0) * (x - 1.0) * (x - 2.0) / 2.0,
+            -(x + 1.0) * x * (x - 2.0) / 2.0,
+            (x + 1.0) * x * (x - 1.0) / 6.0,
+        ]
+    }
+
+    /// Planned channels at the place `x` of the interval.
+    pub fn channels(&self, x: f64) -> [f64; CHANNELS] {
+        let weights = Self::weights(x);
+        std::array::from_fn(|channel| {
+            (0..4)
+                .map(|i| weights[i] * self.window[i].channels[channel])
+                .sum()
+        })
+    }
+
+    /// Planned position of a joint at the place `x`, motor steps.
+    pub fn joint_steps(&self, joint: usize, x: f64) -> f64 {
+        let weights = Self::weights(x);
+        (0..4)
+            .map(|i| weights[i] * self.window[i].joint_steps[joint])
+            .sum()
+    }
+}
+
+/// The walk over a whole record.
+pub struct ServoWalk<'a, I: Iterator<Item = Step>> {
+    samples: PlanSamples<'a>,
+    window: [PlanSample; 4],
+    steps: std::iter::Peekable<I>,
+    pending: Vec<(f64, Step)>,
+    counts: [i64; MOTORS_MAX],
+    tick: i64,
+    end_tick: i64,
+    ticks_per_servo_tick: f64,
+    delay_ticks: f64,
+    first_servo_tick: f64,
+}
+
+impl<'a> ServoWalk<'a, Box<dyn Iterator<Item = Step> + 'a>> {
+    /// Begins two ticks before the motion.
+    pub fn new(
+        stream: &'a SegmentStream,
+        machine: &'a MachineConfiguration,
+        record: &'a MotionRecord,
+    ) -> Self {
+        let mut samples = PlanSamples {
+            cursor: PlanCursor::new(&stream.start, &stream.knots),
+            machine,
+            rates_q16: &record.rates_q16,
+            next: 0,
+            segment_q16: 0,
+            last_joints: [0.0; JOINTS_MAX],
+        };
+        let first = samples.next();
+        ServoWalk {
+            samples,
+            window: [first; 4],
+            steps: (Box::new(record.steps.iter()) as Box<dyn Iterator<Item = Step>>).peekable(),
+            pending: Vec::new(),
+            counts: record.start_counts,
+            tick: -3,
+            end_tick: (record.rates_q16.len() + TAIL_TICKS) as i64,
+            ticks_per_servo_tick: f64::from(machine.step_hz) / f64::from(machine.servo_hz),
+            delay_ticks: motion_delay_s(machine.servo_hz, machine.step_hz)
+                * f64::from(machine.servo_hz),
+            first_servo_tick: record.first_servo_tick as f64,
+        }
+    }
+
+    /// The next interval, `None` after the end of the motion.
+    pub fn next_interval(&mut self) -> Option<Interval<'_>> {
+        for (_, step) in self.pending.drain(..) {
+            self.counts[usize::from(step.motor)] += if step.forward { 1 } else { -1 };
+        }
+        self.tick += 1;
+        if self.tick > self.end_tick {
+            return None;
+        }
+        // Before tick 0 the window is filled with the start, which is at rest.
+        let next = if self.tick < -1 {
+            self.window[3]
+        } else {
+            self.samples.next()
+        };
+        self.window = [self.window[1], self.window[2], self.window[3], next];
+        while let Some(step) = self.steps.peek() {
+            let time = step.tick as f64 / self.ticks_per_servo_tick
+                - self.delay_ticks
+                - self.first_servo_tick;
+            let place = time - self.tick as f64;
+            if place >= 1.0 {
+                break;
+            }
+            self.pending.push((place.max(0.0), *step));
+            self.steps.next();
+        }
+        let rate = usize::try_from(self.tick)
+            .ok()
+            .and_then(|tick| self.samples.rates_q16.get(tick));
+        Some(Interval {
+            tick: self.tick,
+            window: &self.window,
+            counts: self.counts,
+            steps: &self.pending,
+            rate_q16: rate.copied().unwrap_or(0),
+        })
+    }
+}

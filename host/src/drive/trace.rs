@@ -1,0 +1,286 @@
+//! Recorded steps -> joint positions -> forward kinematics -> poses, compared with the plan.
+//!
+//! [`SegmentStream`] and [`MotionRecord`] -> [`TraceFigures`]. The poses are looked at just before
+//! and just after every step and at every servo tick. The constant delay between a pose's
+//! evaluation and its steps ([`headway_firmware::design::motion_delay_s`]) is taken out. Step times
+//! are compared with the exact crossing of the planned joint position through n + 1/2; where a
+//! joint hardly moves the crossing time is not defined to microseconds, so they are judged from
+//! [`STEP_TIME_SPEED_MIN_STEPS_S`] on.
+//! Left out: the extruder's step times; its end is checked by volume and count.
+
+use crate::drive::plan_curve::{PlanCursor, stream_ticks};
+use crate::drive::record::{MotionRecord, Step};
+use crate::drive::servo_walk::{Interval, ServoWalk};
+use crate::job::SegmentStream;
+use headway_firmware::configuration::{JOINTS_MAX, MOTORS_MAX, MachineConfiguration};
+use headway_firmware::design::STEP_THRESHOLD_BIAS;
+use headway_firmware::kinematics::{forward, inverse};
+use headway_firmware::pose::Pose;
+use headway_firmware::steps::STEP;
+use headway_protocol::segment::FlowAction;
+use headway_protocol::units::{CHANNEL_VOLUME, UNITS_PER_NATURAL};
+use serde::{Deserialize, Serialize};
+
+/// Joint speed from which step times are judged: at 1000 steps/s, 10⁻³ step of f32 rounding is 1 us.
+pub const STEP_TIME_SPEED_MIN_STEPS_S: f64 = 1000.0;
+/// Servo ticks between two looks at what half a step can make.
+const HALF_STEP_EVERY_TICKS: i64 = 64;
+
+/// How far the steps are from the plan.
+#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
+pub struct TraceFigures {
+    /// Largest distance of the tip, at any step.
+    pub tip_error_um_max: f64,
+    /// The same, root mean square over the servo ticks.
+    pub tip_error_um_rms: f64,
+    /// Largest angle between the tool axes.
+    pub axis_error_mrad_max: f64,
+    /// Largest difference of heading.
+    pub heading_error_mrad_max: f64,
+    /// Deposited volume against the plan's, at the end.
+    pub volume_error_pct: f64,
+    /// Largest distance of a step from the exact crossing.
+    pub step_time_error_us_max: f64,
+    /// The same, root mean square.
+    pub step_time_error_us_rms: f64,
+    /// What half a step of every joint can make at the tip, at worst.
+    pub half_step_um_max: f64,
+    /// What half a step of every joint can make in heading, at worst.
+    pub half_step_mrad_max: f64,
+    /// Counts that the last pose asks for: joints, then the extruder.
+    pub expected_counts: Vec<i64>,
+    /// Counts that the steps came to.
+    pub final_counts: Vec<i64>,
+}
+
+/// Compares a record with its plan.
+pub fn compare(
+    stream: &SegmentStream,
+    machine: &MachineConfiguration,
+    record: &MotionRecord,
+) -> TraceFigures {
+    let mut comparison = Comparison::new(machine);
+    let mut walk = ServoWalk::new(stream, machine, record);
+    while let Some(interval) = walk.next_interval() {
+        comparison.take(&interval);
+    }
+    let motors = machine.joints.len() + 1;
+    let expected = expected_counts(stream, machine);
+    let mut figures = comparison.figures();
+    let counts = record.final_counts();
+    figures.volume_error_pct = volume_error_pct(stream, machine, record);
+    figures.expected_counts = expected[..motors].to_vec();
+    figures.final_counts = counts[..motors].to_vec();
+    figures
+}
+
+/// The whole number of steps nearest to a position, with the controller's rule for exact halves.
+fn count_of(position_steps: f64) -> i64 {
+    let bias = STEP_THRESHOLD_BIAS as f64 / STEP as f64;
+    (position_steps + 0.5 + bias).floor() as i64
+}
+
+/// Step counts at a pose, the extruder at 0.
+pub fn counts_at(channels: &[f64; 7], machine: &MachineConfiguration) -> [i64; MOTORS_MAX] {
+    let mut counts = [0; MOTORS_MAX];
+    if let Ok(joints) = inverse(&machine.kinematics, &Pose::from_channels(channels)) {
+        for (index, joint) in machine.joints.iter().enumerate() {
+            counts[index] = count_of(joints.position[index] * joint.steps_per_unit);
+        }
+    }
+    counts
+}
+
+/// Counts that the stream's last pose and volume ask for: joints in order, then the extruder.
+pub fn expected_counts(
+    stream: &SegmentStream,
+    machine: &MachineConfiguration,
+) -> [i64; MOTORS_MAX] {
+    let mut cursor = PlanCursor::new(&stream.start, &stream.knots);
+    let end = cursor.position(stream_ticks(&stream.knots) as f64);
+    let mut counts = counts_at(&end, machine);
+    let net_units: i64 = stream
+        .events
+        .iter()
+        .map(|event| match event.action {
+            FlowAction::Prime => i64::from(event.volume_units),
+            FlowAction::Retract => -i64::from(event.volume_units),
+        })
+        .sum();
+    let volume_mm3 = end[CHANNEL_VOLUME] + net_units as f64 / UNITS_PER_NATURAL[CHANNEL_VOLUME];
+    counts[machine.joints.len()] = count_of(volume_mm3 * machine.extruder.steps_per_mm3);
+    counts
+}
+
+/// Difference between the extruder's way and the planned one, as a share of the deposited volume.
+fn volume_error_pct(
+    stream: &SegmentStream,
+    machine: &MachineConfiguration,
+    record: &MotionRecord,
+) -> f64 {
+    let mut cursor = PlanCursor::new(&stream.start, &stream.knots);
+    let start_mm3 = cursor.position(0.0)[CHANNEL_VOLUME];
+    let end_mm3 = cursor.position(stream_ticks(&stream.knots) as f64)[CHANNEL_VOLUME];
+    let deposited_mm3 = end_mm3 - start_mm3;
+    let extruder = machine.joints.len();
+    let steps_per_mm3 = machine.extruder.steps_per_mm3;
+    let planned_steps = expected_counts(stream, machine)[extruder] - record.start_counts[extruder];
+    let made_steps = record.steps.counts()[extruder];
+    let error_mm3 = (made_steps - planned_steps).abs() as f64 / steps_per_mm3;
+    // Without any flow the error is told against one step.
+    100.0 * error_mm3 / deposited_mm3.max(1.0 / steps_per_mm3)
+}
+
+/// Running comparison.
+struct Comparison<'a> {
+    machine: &'a MachineConfiguration,
+    tip_error_max_mm: f64,
+    tip_error_square_sum_mm2: f64,
+    samples: u64,
+    axis_error_max_rad: f64,
+    heading_error_max_rad: f64,
+    half_step_max_mm: f64,
+    half_step_max_rad: f64,
+    step_error_max_s: f64,
+    step_error_square_sum_s2: f64,
+    steps_judged: u64,
+}
+
+impl<'a> Comparison<'a> {
+    fn new(machine: &'a MachineConfiguration) -> Self {
+        Comparison {
+            machine,
+            tip_error_max_mm: 0.0,
+            tip_error_square_sum_mm2: 0.0,
+            samples: 0,
+            axis_error_max_rad: 0.0,
+            heading_error_max_rad: 0.0,
+            half_step_max_mm: 0.0,
+            half_step_max_rad: 0.0,
+            step_error_max_s: 0.0,
+            step_error_square_sum_s2: 0.0,
+            steps_judged: 0,
+        }
+    }
+
+    fn take(&mut self, interval: &Interval<'_>) {
+        let mut counts = interval.counts;
+        let error_mm = self.pose_error_mm(interval, 0.0, &counts);
+        self.tip_error_square_sum_mm2 += error_mm * error_mm;
+        self.samples += 1;
+        let mut steps = interval.steps;
+        while let Some(&(place, first)) = steps.first() {
+            let together = steps.partition_point(|(_, step)| step.tick == first.tick);
+            let (now, rest) = steps.split_at(together);
+            steps = rest;
+            if now
+                .iter()
+                .all(|(_, step)| usize::from(step.motor) >= self.machine.joints.len())
+            {
+                continue;
+            }
+            self.pose_error_mm(interval, place, &counts);
+            for (_, step) in now {
+                counts[usize::from(step.motor)] += if step.forward { 1 } else { -1 };
+                self.judge_step_time(interval, place, step, &counts);
+            }
+            self.pose_error_mm(interval, place, &counts);
+        }
+        if interval.tick.rem_euclid(HALF_STEP_EVERY_TICKS) == 0 {
+            self.look_at_half_steps(interval);
+        }
+    }
+
+    /// Notes the error of the pose that the counts make and returns the tip's.
+    fn pose_error_mm(
+        &mut self,
+        interval: &Interval<'_>,
+        place: f64,
+        counts: &[i64; MOTORS_MAX],
+    ) -> f64 {
+        let made = pose_of_counts(self.machine, counts);
+        let planned = Pose::from_channels(&interval.channels(place));
+        let tip_mm = (made.tip_mm - planned.tip_mm).norm();
+        let axis_rad = (made.tilt_rad - planned.tilt_rad).norm();
+        let heading_rad = (made.heading_rad - planned.heading_rad).abs();
+        self.tip_error_max_mm = self.tip_error_max_mm.max(tip_mm);
+        self.axis_error_max_rad = self.axis_error_max_rad.max(axis_rad);
+        self.heading_error_max_rad = self.heading_error_max_rad.max(heading_rad);
+        tip_mm
+    }
+
+    fn judge_step_time(
+        &mut self,
+        interval: &Interval<'_>,
+        place: f64,
+        step: &Step,
+        counts: &[i64; MOTORS_MAX],
+    ) {
+        let motor = usize::from(step.motor);
+        if motor >= self.machine.joints.len() {
+            return;
+        }
+        let servo_hz = f64::from(self.machine.servo_hz);
+        let threshold = counts[motor] as f64 + if step.forward { -0.5 } else { 0.5 };
+        // Slope over a tenth of the interval, then one Newton step to the crossing.
+        let ahead = interval.joint_steps(motor, place + 0.05);
+        let behind = interval.joint_steps(motor, place - 0.05);
+        let slope = (ahead - behind) / 0.1;
+        if slope.abs() * servo_hz < STEP_TIME_SPEED_MIN_STEPS_S {
+            return;
+        }
+        let error_ticks = (interval.joint_steps(motor, place) - threshold) / slope;
+        let error_s = error_ticks.abs() / servo_hz;
+        self.step_error_max_s = self.step_error_max_s.max(error_s);
+        self.step_error_square_sum_s2 += error_s * error_s;
+        self.steps_judged += 1;
+    }
+
+    /// All combinations of half a step more or less of every joint.
+    fn look_at_half_steps(&mut self, interval: &Interval<'_>) {
+        let steps = &interval.window[1].joint_steps;
+        let here = pose_of_steps(self.machine, steps);
+        for signs in 0..1u32 << self.machine.joints.len() {
+            let moved =
+                std::array::from_fn(|joint| steps[joint] + f64::from(signs >> joint & 1) - 0.5);
+            let pose = pose_of_steps(self.machine, &moved);
+            let tip_mm = (pose.tip_mm - here.tip_mm).norm();
+            let heading_rad = (pose.heading_rad - here.heading_rad).abs();
+            self.half_step_max_mm = self.half_step_max_mm.max(tip_mm);
+            self.half_step_max_rad = self.half_step_max_rad.max(heading_rad);
+        }
+    }
+
+    fn figures(&self) -> TraceFigures {
+        let mean = |sum: f64, count: u64| (sum / count.max(1) as f64).sqrt();
+        TraceFigures {
+            tip_error_um_max: self.tip_error_max_mm * 1e3,
+            tip_error_um_rms: mean(self.tip_error_square_sum_mm2, self.samples) * 1e3,
+            axis_error_mrad_max: self.axis_error_max_rad * 1e3,
+            heading_error_mrad_max: self.heading_error_max_rad * 1e3,
+            step_time_error_us_max: self.step_error_max_s * 1e6,
+            step_time_error_us_rms: mean(self.step_error_square_sum_s2, self.steps_judged) * 1e6,
+            half_step_um_max: self.half_step_max_mm * 1e3,
+            half_step_mrad_max: self.half_step_max_rad * 1e3,
+            ..TraceFigures::default()
+        }
+    }
+}
+
+/// Pose of whole step counts.
+pub fn pose_of_counts(machine: &MachineConfiguration, counts: &[i64; MOTORS_MAX]) -> Pose<f64> {
+    pose_of_steps(machine, &std::array::from_fn(|joint| counts[joint] as f64))
+}
+
+/// Pose of joint positions in motor steps.
+fn pose_of_steps(machine: &MachineConfiguration, steps: &[f64; JOINTS_MAX]) -> Pose<f64> {
+    let mut positions = [0.0; JOINTS_MAX];
+    for (index, joint) in machine.joints.iter().enumerate() {
+        positions[index] = steps[index] / joint.steps_per_unit;
+    }
+    forward(&machine.kinematics, &positions)
+}
+
+#[cfg(test)]
+#[path = "trace_tests.rs"]
+mod tests;
