@@ -254,12 +254,18 @@ impl EdgeIndex {
 
     /// Even-odd containment: counts crossings of the ray towards +x in the row of `p`.
     pub fn contains(&self, p: Point2) -> bool {
+        let mut crossings = 0usize;
+        self.for_crossings(p, |_| crossings += 1);
+        crossings % 2 == 1
+    }
+
+    /// Calls `visit` once with each edge that the ray from `p` towards +x crosses.
+    pub fn for_crossings(&self, p: Point2, mut visit: impl FnMut(usize)) {
         if p.y < self.bounds.min.y || p.y > self.bounds.max.y || p.x > self.bounds.max.x {
-            return false;
+            return;
         }
         let row = self.clamp_row((p.y - self.bounds.min.y) / self.cell_mm);
         let column = self.clamp_column((p.x - self.bounds.min.x) / self.cell_mm);
-        let mut crossings = 0usize;
         for cell in column..self.columns {
             let at = row * self.columns + cell;
             for &number in &self.items[self.first[at] as usize..self.first[at + 1] as usize] {
@@ -271,12 +277,11 @@ impl EdgeIndex {
                         .clamp_column((x - self.bounds.min.x) / self.cell_mm)
                         .max(column);
                     if home == cell {
-                        crossings += 1;
+                        visit(number as usize);
                     }
                 }
             }
         }
-        crossings % 2 == 1
     }
 
     /// Distance to the boundary: positive inside, negative outside.

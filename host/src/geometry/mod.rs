@@ -5,7 +5,10 @@ pub mod clearance;
 pub mod coverage;
 pub mod edge_index;
 pub mod polygon;
+pub mod predicates;
+pub mod repair;
 pub mod tangent_disk;
+pub mod validity;
 
 /// A point in the layer plane, mm.
 pub type Point2 = nalgebra::Point2<f64>;

@@ -220,14 +220,16 @@ fn remove_edges(skeleton: &mut MedialAxis, doomed: &[bool]) {
 }
 
 fn drop_bare_vertices(skeleton: &mut MedialAxis) {
-    let mut number_of = vec![usize::MAX; skeleton.vertices.len()];
     let mut kept = 0;
-    for vertex in 0..skeleton.vertices.len() {
-        if skeleton.degree(vertex) > 0 {
-            number_of[vertex] = kept;
+    let number_of: Vec<usize> = (0..skeleton.vertices.len())
+        .map(|vertex| {
+            if skeleton.degree(vertex) == 0 {
+                return usize::MAX;
+            }
             kept += 1;
-        }
-    }
+            kept - 1
+        })
+        .collect();
     let mut vertex = 0;
     skeleton.vertices.retain(|_| {
         vertex += 1;

@@ -1,0 +1,680 @@
+//! Is a region a polygon in the sense of OGC simple features?
+//!
+//! Rings simple (no crossing, no touching themselves, no spike), holes inside the exterior and
+//! outside each other, rings meeting in single points at most, interior connected. Repeated points
+//! are allowed, as is a repeated closing point; orientation is not judged. Decided with exact
+//! predicates on the coordinates as given: no tolerance. Cost: a grid, so about linear.
+
+use super::Point2;
+use super::edge_index::{Edge, EdgeIndex};
+use super::polygon::{Region, Ring};
+use super::predicates::orientation;
+use std::cmp::Ordering;
+use std::fmt;
+use thiserror::Error;
+
+/// A ring of one region, for messages.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
+pub enum RingName {
+    /// The outer boundary.
+    Exterior,
+    /// The hole of this number, counted from 0.
+    Hole(usize),
+}
+
+impl fmt::Display for RingName {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        match self {
+            RingName::Exterior => write!(f, "the exterior"),
+            RingName::Hole(number) => write!(f, "hole {number}"),
+        }
+    }
+}
+
+/// What is wrong with a region, and where (mm, the input's coordinates).
+#[derive(Clone, Debug, PartialEq, Error)]
+pub enum ValidityError {
+    /// A coordinate is infinite or not a number.
+    #[error("point {point} of {ring} is not finite")]
+    NotFinite {
+        /// Which ring.
+        ring: RingName,
+        /// Which point, from 0.
+        point: usize,
+    },
+    /// Fewer than three different points.
+    #[error("{ring} has only {points} different points; an outline needs three")]
+    TooFewPoints {
+        /// Which ring.
+        ring: RingName,
+        /// How many.
+        points: usize,
+    },
+    /// The ring crosses itself, or runs twice along the same line.
+    #[error("{ring} crosses itself at ({:.4}, {:.4}) mm; --repair can mend it", at_mm[0], at_mm[1])]
+    SelfIntersection {
+        /// Which ring.
+        ring: RingName,
+        /// Where.
+        at_mm: [f64; 2],
+    },
+    /// The ring comes back to a point that it passed before.
+    #[error("{ring} touches itself at ({:.4}, {:.4}) mm; --repair can mend it", at_mm[0], at_mm[1])]
+    SelfTouch {
+        /// Which ring.
+        ring: RingName,
+        /// Where.
+        at_mm: [f64; 2],
+    },
+    /// The ring runs out to a point and back on itself.
+    #[error("{ring} has a spike at ({:.4}, {:.4}) mm; --repair can mend it", at_mm[0], at_mm[1])]
+    Spike {
+        /// Which ring.
+        ring: RingName,
+        /// Its tip.
+        at_mm: [f64; 2],
+    },
+    /// Two rings cross, or share a stretch of line.
+    #[error(
+        "{first} and {second} cross or run together at ({:.4}, {:.4}) mm; --repair can mend it",
+        at_mm[0], at_mm[1]
+    )]
+    RingsCross {
+        /// One ring.
+        first: RingName,
+        /// The other.
+        second: RingName,
+        /// Where.
+        at_mm: [f64; 2],
+    },
+    /// A hole lies outside the exterior, at least at this place.
+    #[error("hole {hole} lies outside the exterior at ({:.4}, {:.4}) mm", at_mm[0], at_mm[1])]
+    HoleOutside {
+        /// Which hole.
+        hole: usize,
+        /// Where.
+        at_mm: [f64; 2],
+    },
+    /// A hole lies inside another.
+    #[error("hole {hole} lies inside hole {outer} at ({:.4}, {:.4}) mm", at_mm[0], at_mm[1])]
+    HoleInHole {
+        /// The inner one.
+        hole: usize,
+        /// The outer one.
+        outer: usize,
+        /// Where.
+        at_mm: [f64; 2],
+    },
+    /// Rings touch so that the interior falls apart.
+    #[error(
+        "rings touch at ({:.4}, {:.4}) mm and elsewhere so that the inside falls apart; \
+         --repair can make separate parts of it", at_mm[0], at_mm[1]
+    )]
+    Disconnected {
+        /// One of the touching points.
+        at_mm: [f64; 2],
+    },
+    /// Two regions of one target cross, overlap or share a stretch of boundary.
+    #[error(
+        "parts {first} and {second} overlap or run together at ({:.4}, {:.4}) mm; \
+         --repair can join them", at_mm[0], at_mm[1]
+    )]
+    RegionsOverlap {
+        /// One part, from 0.
+        first: usize,
+        /// The other.
+        second: usize,
+        /// Where.
+        at_mm: [f64; 2],
+    },
+}
+
+/// How two edges meet.
+#[derive(Clone, Copy, Debug, PartialEq)]
+enum Meeting {
+    None,
+    /// In one point that is an end of at least one of them.
+    Touch(Point2),
+    /// In one point inside both.
+    Cross(Point2),
+    /// Along a stretch, here its middle.
+    Along(Point2),
+}
+
+/// Checks one region.
+pub fn validate(region: &Region) -> Result<(), ValidityError> {
+    let rings = Rings::of(region)?;
+    let touches = rings.check_meetings()?;
+    rings.check_nesting(&touches)?;
+    check_connected(&touches)
+}
+
+/// Checks every region, and that no two cross, overlap or share more than points.
+pub fn validate_all(regions: &[Region]) -> Result<(), ValidityError> {
+    regions.iter().try_for_each(validate)?;
+    if regions.len() < 2 {
+        return Ok(());
+    }
+    let mut edges = Vec::new();
+    let mut region_of = Vec::new();
+    for (number, region) in regions.iter().enumerate() {
+        for (a, b) in region.edges().filter(|(a, b)| a != b) {
+            edges.push(Edge { a, b });
+            region_of.push(number);
+        }
+    }
+    let index = EdgeIndex::new(edges, cell_mm_for(regions.iter().flat_map(Region::rings)));
+    let mut found: Option<(usize, usize, Point2)> = None;
+    index.for_pairs(|i, j| {
+        if found.is_some() || region_of[i] == region_of[j] {
+            return;
+        }
+        if let Meeting::Cross(p) | Meeting::Along(p) = meeting(index.edges()[i], index.edges()[j]) {
+            found = Some((region_of[i], region_of[j], p));
+        }
+    });
+    // Nothing crosses: then a region lies in another where any of its edges does.
+    for (number, edge) in index.edges().iter().enumerate() {
+        if found.is_some() {
+            break;
+        }
+        let middle = edge.a + (edge.b - edge.a) / 2.0;
+        let mut inside = vec![false; regions.len()];
+        index.for_crossings(middle, |e| inside[region_of[e]] ^= true);
+        let own = region_of[number];
+        let other = (0..regions.len()).find(|&r| r != own && inside[r]);
+        found = other.map(|r| (own, r, middle));
+    }
+    match found {
+        None => Ok(()),
+        Some((i, j, p)) => Err(ValidityError::RegionsOverlap {
+            first: i.min(j),
+            second: i.max(j),
+            at_mm: [p.x, p.y],
+        }),
+    }
+}
+
+/// All edges of one region without zero-length ones, in ring order.
+struct Rings {
+    index: EdgeIndex,
+    ring_of: Vec<usize>,
+    /// First edge of each ring, and one past the last.
+    first: Vec<usize>,
+}
+
+/// A point where two rings touch.
+#[derive(Clone, Copy, Debug, PartialEq)]
+struct RingTouch {
+    rings: [usize; 2],
+    edges: [usize; 2],
+    at: Point2,
+}
+
+fn name(ring: usize) -> RingName {
+    if ring == 0 {
+        RingName::Exterior
+    } else {
+        RingName::Hole(ring - 1)
+    }
+}
+
+/// About a mean edge length, so that a cell holds few edges.
+fn cell_mm_for<'a>(rings: impl Iterator<Item = &'a Ring>) -> f64 {
+    let (mut length_mm, mut count) = (0.0, 0usize);
+    for ring in rings {
+        length_mm += ring.perimeter_mm();
+        count += ring.points.len();
+    }
+    length_mm / count.max(1) as f64
+}
+
+impl Rings {
+    fn of(region: &Region) -> Result<Rings, ValidityError> {
+        let (mut edges, mut ring_of, mut first) = (Vec::new(), Vec::new(), vec![0]);
+        for (ring, points) in region.rings().enumerate() {
+            let bad = |p: &Point2| !(p.x.is_finite() && p.y.is_finite());
+            if let Some(point) = points.points.iter().position(bad) {
+                return Err(ValidityError::NotFinite {
+                    ring: name(ring),
+                    point,
+                });
+            }
+            let before = edges.len();
+            edges.extend(
+                points
+                    .edges()
+                    .filter(|(a, b)| a != b)
+                    .map(|(a, b)| Edge { a, b }),
+            );
+            let count = edges.len() - before;
+            if count < 3 {
+                return Err(ValidityError::TooFewPoints {
+                    ring: name(ring),
+                    points: count.max(usize::from(!points.points.is_empty())),
+                });
+            }
+            ring_of.resize(edges.len(), ring);
+            first.push(edges.len());
+        }
+        let index = EdgeIndex::new(edges, cell_mm_for(region.rings()));
+        Ok(Rings {
+            index,
+            ring_of,
+            first,
+        })
+    }
+
+    /// Edge after this one in its ring.
+    fn next(&self, edge: usize) -> usize {
+        let ring = self.ring_of[edge];
+        if edge + 1 == self.first[ring + 1] {
+            self.first[ring]
+        } else {
+            edge + 1
+        }
+    }
+
+    /// Every place where edges meet that are not neighbours; the first fault by edge number wins,
+    /// so that the answer does not depend on the grid.
+    fn check_meetings(&self) -> Result<Vec<RingTouch>, ValidityError> {
+        let mut fault: Option<((usize, usize), ValidityError)> = None;
+        let mut touches: Vec<RingTouch> = Vec::new();
+        self.index.for_pairs(|i, j| {
+            if fault.as_ref().is_some_and(|(pair, _)| *pair <= (i, j)) {
+                return;
+            }
+            match self.check_pair(i, j) {
+                Ok(None) => {}
+                Ok(Some(touch)) => touches.push(touch),
+                Err(error) => fault = Some(((i, j), error)),
+            }
+        });
+        touches.sort_by_key(|t| t.edges);
+        touches.dedup();
+        fault.map_or(Ok(touches), |(_, error)| Err(error))
+    }
+
+    fn check_pair(&self, i: usize, j: usize) -> Result<Option<RingTouch>, ValidityError> {
+        let (e, f) = (self.index.edges()[i], self.index.edges()[j]);
+        let rings = [self.ring_of[i], self.ring_of[j]];
+        let ring = name(rings[0]);
+        let place = |p: Point2| [p.x, p.y];
+        let met = meeting(e, f);
+        if rings[0] != rings[1] {
+            return match met {
+                Meeting::None => Ok(None),
+                Meeting::Touch(at) => Ok(Some(RingTouch {
+                    rings,
+                    edges: [i, j],
+                    at,
+                })),
+                Meeting::Cross(p) | Meeting::Along(p) => Err(ValidityError::RingsCross {
+                    first: ring,
+                    second: name(rings[1]),
+                    at_mm: place(p),
+                }),
+            };
+        }
+        let shared = if self.next(i) == j {
+            Some(e.b)
+        } else if self.next(j) == i {
+            Some(f.b)
+        } else {
+            None
+        };
+        match (met, shared) {
+            (Meeting::None, _) => Ok(None),
+            (Meeting::Touch(p), Some(q)) if p == q => Ok(None),
+            (Meeting::Along(_), Some(tip)) => Err(ValidityError::Spike {
+                ring,
+                at_mm: place(tip),
+            }),
+            (Meeting::Touch(p), _) => Err(ValidityError::SelfTouch {
+                ring,
+                at_mm: place(p),
+            }),
+            (Meeting::Cross(p) | Meeting::Along(p), _) => Err(ValidityError::SelfIntersection {
+                ring,
+                at_mm: place(p),
+            }),
+        }
+    }
+
+    /// Holes inside the exterior and outside each other. Nothing crosses by now, so one point of a
+    /// hole tells, except where it touches: then every piece between touches is asked.
+    fn check_nesting(&self, touches: &[RingTouch]) -> Result<(), ValidityError> {
+        let rings = self.first.len() - 1;
+        for ring in 1..rings {
+            let touched = touches.iter().any(|t| t.rings.contains(&ring));
+            let last = if touched {
+                self.first[ring + 1]
+            } else {
+                self.first[ring] + 1
+            };
+            for edge in self.first[ring]..last {
+                for middle in self.piece_middles(edge, touches) {
+                    self.check_place(ring, middle)?;
+                }
+            }
+        }
+        Ok(())
+    }
+
+    /// Middles of the pieces of an edge between the points where other rings touch it.
+    fn piece_middles(&self, edge: usize, touches: &[RingTouch]) -> Vec<Point2> {
+        let Edge { a, b } = self.index.edges()[edge];
+        let mut stops = vec![a, b];
+        let on_it = |t: &&RingTouch| t.edges.contains(&edge) && t.at != a && t.at != b;
+        stops.extend(touches.iter().filter(on_it).map(|t| t.at));
+        let along = |p: &Point2| (b - a).dot(&(p - a));
+        stops.sort_by(|p, q| along(p).total_cmp(&along(q)));
+        stops
+            .windows(2)
+            .map(|w| w[0] + (w[1] - w[0]) / 2.0)
+            .collect()
+    }
+
+    fn check_place(&self, ring: usize, p: Point2) -> Result<(), ValidityError> {
+        let mut inside = vec![false; self.first.len() - 1];
+        self.index
+            .for_crossings(p, |e| inside[self.ring_of[e]] ^= true);
+        let at_mm = [p.x, p.y];
+        if !inside[0] {
+            return Err(ValidityError::HoleOutside {
+                hole: ring - 1,
+                at_mm,
+            });
+        }
+        match (1..inside.len()).find(|&other| other != ring && inside[other]) {
+            Some(outer) => Err(ValidityError::HoleInHole {
+                hole: ring - 1,
+                outer: outer - 1,
+                at_mm,
+            }),
+            None => Ok(()),
+        }
+    }
+}
+
+/// The inside falls apart exactly where rings and touching points, as a graph, hold a cycle.
+fn check_connected(touches: &[RingTouch]) -> Result<(), ValidityError> {
+    let mut links: Vec<([f64; 2], usize)> = touches
+        .iter()
+        .flat_map(|t| t.rings.map(|ring| ([t.at.x, t.at.y], ring)))
+        .collect();
+    links.sort_by(|p, q| {
+        p.0[0]
+            .total_cmp(&q.0[0])
+            .then(p.0[1].total_cmp(&q.0[1]))
+            .then(p.1.cmp(&q.1))
+    });
+    links.dedup();
+    let rings = links.iter().map(|l| l.1 + 1).max().unwrap_or(0);
+    let mut parent: Vec<usize> = (0..rings + links.len()).collect();
+    let mut point_node = rings;
+    for (k, (at_mm, ring)) in links.iter().enumerate() {
+        if k > 0 && links[k - 1].0 != *at_mm {
+            point_node += 1;
+        }
+        let root = |parent: &[usize], mut v: usize| {
+            while parent[v] != v {
+                v = parent[v];
+            }
+            v
+        };
+        let (a, b) = (root(&parent, *ring), root(&parent, point_node));
+        if a == b {
+            return Err(ValidityError::Disconnected { at_mm: *at_mm });
+        }
+        parent[a.max(b)] = a.min(b);
+    }
+    Ok(())
+}
+
+/// How edges e and f meet, exactly (but for the rounding of a crossing point).
+fn meeting(e: Edge, f: Edge) -> Meeting {
+    let apart = |k: fn(&Point2) -> f64| {
+        k(&e.a).max(k(&e.b)) < k(&f.a).min(k(&f.b)) || k(&f.a).max(k(&f.b)) < k(&e.a).min(k(&e.b))
+    };
+    if apart(|p| p.x) || apart(|p| p.y) {
+        return Meeting::None;
+    }
+    let (fa, fb) = (orientation(e.a, e.b, f.a), orientation(e.a, e.b, f.b));
+    let (ea, eb) = (orientation(f.a, f.b, e.a), orientation(f.a, f.b, e.b));
+    if [fa, fb, ea, eb].iter().all(|o| o.is_eq()) {
+        return meeting_on_line(e, f);
+    }
+    if fa == fb || ea == eb {
+        return Meeting::None;
+    }
+    for (side, p) in [(fa, f.a), (fb, f.b), (ea, e.a), (eb, e.b)] {
+        if side == Ordering::Equal {
+            return Meeting::Touch(p);
+        }
+    }
+    let (d, g) = (e.b - e.a, f.b - f.a);
+    let t = (f.a - e.a).perp(&g) / d.perp(&g);
+    Meeting::Cross(e.a + d * t.clamp(0.0, 1.0))
+}
+
+/// Both edges on one line: the stretch they share.
+fn meeting_on_line(e: Edge, f: Edge) -> Meeting {
+    let d = e.b - e.a;
+    let key = |p: &Point2| if d.x.abs() >= d.y.abs() { p.x } else { p.y };
+    let ordered = |g: Edge| {
+        if key(&g.a) <= key(&g.b) {
+            (g.a, g.b)
+        } else {
+            (g.b, g.a)
+        }
+    };
+    let ((e0, e1), (f0, f1)) = (ordered(e), ordered(f));
+    let low = if key(&e0) >= key(&f0) { e0 } else { f0 };
+    let high = if key(&e1) <= key(&f1) { e1 } else { f1 };
+    match key(&low).total_cmp(&key(&high)) {
+        Ordering::Less => Meeting::Along(low + (high - low) / 2.0),
+        Ordering::Equal => Meeting::Touch(low),
+        Ordering::Greater => Meeting::None,
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn region(rings: &[&[[f64; 2]]]) -> Region {
+        let ring = |points: &&[[f64; 2]]| Ring {
+            points: points.iter().map(|p| Point2::new(p[0], p[1])).collect(),
+        };
+        Region {
+            exterior: ring(&rings[0]),
+            holes: rings[1..].iter().map(ring).collect(),
+        }
+    }
+
+    const SQUARE: &[[f64; 2]] = &[[0.0, 0.0], [10.0, 0.0], [10.0, 10.0], [0.0, 10.0]];
+
+    /// Goal: what OGC allows passes. Method: repeated points, a hole touching the exterior once, on
+    /// an edge or on a vertex, three holes that touch in one point, either orientation.
+    #[test]
+    fn allowed() {
+        let valid: [&[&[[f64; 2]]]; 5] = [
+            &[&[
+                [0.0, 0.0],
+                [0.0, 0.0],
+                [10.0, 0.0],
+                [10.0, 10.0],
+                [0.0, 0.0],
+            ]],
+            &[SQUARE, &[[5.0, 0.0], [6.0, 2.0], [4.0, 2.0]]],
+            &[SQUARE, &[[0.0, 0.0], [2.0, 1.0], [1.0, 2.0]]],
+            &[
+                SQUARE,
+                &[[5.0, 5.0], [6.0, 5.5], [6.0, 6.0]],
+                &[[5.0, 5.0], [4.0, 5.5], [4.0, 6.0]],
+                &[[5.0, 5.0], [4.5, 3.0], [5.5, 3.0]],
+            ],
+            &[&[[0.0, 0.0], [0.0, 10.0], [10.0, 10.0], [10.0, 0.0]]],
+        ];
+        for rings in valid {
+            assert_eq!(validate(&region(rings)), Ok(()), "{rings:?}");
+        }
+    }
+
+    /// Goal: every kind of fault is named with its place.
+    #[test]
+    fn faults_are_named() {
+        use RingName::{Exterior, Hole};
+        let cases: Vec<(Vec<&[[f64; 2]]>, ValidityError)> = vec![
+            (
+                vec![&[[0.0, 0.0], [4.0, 4.0], [4.0, 0.0], [0.0, 4.0]]],
+                ValidityError::SelfIntersection {
+                    ring: Exterior,
+                    at_mm: [2.0, 2.0],
+                },
+            ),
+            (
+                vec![&[
+                    [0.0, 0.0],
+                    [4.0, 0.0],
+                    [2.0, 2.0],
+                    [4.0, 4.0],
+                    [0.0, 4.0],
+                    [2.0, 2.0],
+                ]],
+                ValidityError::SelfTouch {
+                    ring: Exterior,
+                    at_mm: [2.0, 2.0],
+                },
+            ),
+            (
+                vec![&[[0.0, 0.0], [4.0, 0.0], [8.0, 0.0], [5.0, 0.0], [2.0, 5.0]]],
+                ValidityError::Spike {
+                    ring: Exterior,
+                    at_mm: [8.0, 0.0],
+                },
+            ),
+            (
+                vec![SQUARE, &[[8.0, 5.0], [12.0, 4.0], [12.0, 6.0]]],
+                ValidityError::RingsCross {
+                    first: Exterior,
+                    second: Hole(0),
+                    at_mm: [10.0, 4.5],
+                },
+            ),
+            (
+                vec![SQUARE, &[[20.0, 5.0], [22.0, 4.0], [22.0, 6.0]]],
+                ValidityError::HoleOutside {
+                    hole: 0,
+                    at_mm: [21.0, 4.5],
+                },
+            ),
+            (
+                vec![
+                    SQUARE,
+                    &[[1.0, 1.0], [9.0, 1.0], [9.0, 9.0], [1.0, 9.0]],
+                    &[[3.0, 3.0], [5.0, 3.0], [4.0, 5.0]],
+                ],
+                ValidityError::HoleInHole {
+                    hole: 1,
+                    outer: 0,
+                    at_mm: [4.0, 3.0],
+                },
+            ),
+            (
+                vec![SQUARE, &[[5.0, 0.0], [6.0, 5.0], [5.0, 10.0], [4.0, 5.0]]],
+                ValidityError::Disconnected { at_mm: [5.0, 10.0] },
+            ),
+            (
+                vec![&[[0.0, 0.0], [4.0, 4.0], [0.0, 0.0]]],
+                ValidityError::TooFewPoints {
+                    ring: Exterior,
+                    points: 2,
+                },
+            ),
+            (
+                vec![&[[0.0, 0.0], [4.0, 4.0], [0.0, f64::NAN]]],
+                ValidityError::NotFinite {
+                    ring: Exterior,
+                    point: 2,
+                },
+            ),
+        ];
+        for (rings, expected) in cases {
+            assert_eq!(validate(&region(&rings)), Err(expected));
+        }
+    }
+
+    /// Goal: a hole that leaves through a vertex, crossing no edge properly, is found. Method: a
+    /// kite whose side vertices lie on the exterior's edge, half inside.
+    #[test]
+    fn crossing_through_touching_points() {
+        let kite = region(&[SQUARE, &[[10.0, 4.0], [13.0, 5.0], [10.0, 6.0], [8.0, 5.0]]]);
+        assert!(validate(&kite).is_err());
+        // The exterior's corner pokes through the middle of the hole's edge.
+        let notch = region(&[
+            &[
+                [0.0, 0.0],
+                [10.0, 0.0],
+                [10.0, 10.0],
+                [5.0, 5.0],
+                [0.0, 10.0],
+            ],
+            &[[4.0, 5.0], [6.0, 5.0], [6.0, 7.0], [4.0, 7.0]],
+        ]);
+        assert!(validate(&notch).is_err());
+    }
+
+    /// Goal: parts of one target may touch in points, no more.
+    #[test]
+    fn parts() {
+        let beside = region(&[&[[10.0, 10.0], [20.0, 10.0], [20.0, 20.0]]]);
+        let shared = region(&[&[[10.0, 2.0], [20.0, 5.0], [10.0, 8.0]]]);
+        let within = region(&[&[[2.0, 2.0], [4.0, 2.0], [3.0, 4.0]]]);
+        let square = region(&[SQUARE]);
+        assert_eq!(validate_all(&[square.clone(), beside]), Ok(()));
+        for other in [shared, within, square.clone()] {
+            let found = validate_all(&[square.clone(), other]);
+            assert!(
+                matches!(found, Err(ValidityError::RegionsOverlap { .. })),
+                "{found:?}"
+            );
+        }
+    }
+
+    /// Goal: agrees with what others say of real and awkward polygons. Method: the reference files
+    /// carry a flag; skipped where they are absent.
+    #[test]
+    fn reference_polygons() {
+        let mut checked = 0;
+        for folder in ["slices", "polygons", "peer"] {
+            let root = concat!(env!("CARGO_MANIFEST_DIR"), "/../../shared/data");
+            let Ok(files) = std::fs::read_dir(format!("{root}/{folder}")) else {
+                println!("skipped: no reference data in {root}/{folder}");
+                continue;
+            };
+            for file in files.map(|f| f.unwrap().path()) {
+                if file.extension().is_none_or(|e| e != "json") {
+                    continue;
+                }
+                let text = std::fs::read_to_string(&file).unwrap();
+                let json: serde_json::Value = serde_json::from_str(&text).unwrap();
+                let ring = |value: &serde_json::Value| -> Vec<[f64; 2]> {
+                    serde_json::from_value(value.clone()).unwrap()
+                };
+                let mut rings = vec![ring(&json["exterior"])];
+                rings.extend(json["holes"].as_array().unwrap().iter().map(ring));
+                let slices: Vec<&[[f64; 2]]> = rings.iter().map(Vec::as_slice).collect();
+                let found = validate(&region(&slices));
+                let flag = json["valid"].as_bool().unwrap();
+                assert_eq!(found.is_ok(), flag, "{}: {found:?}", file.display());
+                if let Err(error) = found {
+                    println!("{}: {error}", file.display());
+                }
+                checked += 1;
+            }
+        }
+        println!("{checked} reference polygons");
+    }
+}
