@@ -6,6 +6,7 @@ pub mod drive;
 pub mod geometry;
 pub mod input;
 pub mod job;
+pub mod job_file;
 pub mod part_transform;
 pub mod plan;
 pub mod report;

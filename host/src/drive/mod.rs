@@ -1,5 +1,6 @@
 //! Moves finished segments: sender, link, simulator; checks what came out. Never imports `plan`.
 
+pub mod limits;
 pub mod link;
 pub mod plan_curve;
 pub mod record;

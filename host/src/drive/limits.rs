@@ -1,0 +1,445 @@
+//! Independent sampler of the finished segments: how close they come to each limit.
+//!
+//! [`SegmentStream`] -> ratios to `plan_share` of every limit. It shares no code with the planner:
+//! spans are evaluated in double precision from the control points, joints by inverse kinematics
+//! of the local Taylor polynomial. Looked at are every servo tick, knots from both sides (there lie
+//! the extremes of every channel's acceleration), the middle between ticks, and the extremes of
+//! every channel's velocity. Joint derivatives of machines that are not linear in the channels come
+//! from central differences over [`DIFFERENCE_S`].
+
+use crate::job::{Mark, MotionState, SegmentStream};
+use crate::settings::Settings;
+use headway_firmware::configuration::{JOINTS_MAX, Kinematics};
+use headway_firmware::kinematics::inverse;
+use headway_firmware::pose::Pose;
+use headway_firmware::spline::{Span, Spans};
+use headway_protocol::segment::{FlowAction, FlowEvent};
+use headway_protocol::units::{CHANNEL_HEADING, CHANNEL_VOLUME, CHANNELS, UNITS_PER_NATURAL};
+use serde::{Deserialize, Serialize};
+use std::collections::VecDeque;
+
+/// Half width of the central differences: rounding gives 10⁻⁶ of an acceleration, truncation less.
+const DIFFERENCE_S: f64 = 2e-4;
+/// Looks per servo tick: for what has its extremes between ticks and is not a channel itself (the
+/// tip's speed, joints of machines that tilt, primes).
+const LOOKS_PER_TICK: u32 = 2;
+
+/// A ratio and where it is reached.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
+pub struct Peak {
+    /// Value over `plan_share` of its limit.
+    pub ratio: f64,
+    /// Which limit.
+    pub what: Limit,
+    /// Segment time.
+    pub time_s: f64,
+}
+
+/// The limits that are looked at.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
+pub enum Limit {
+    /// Nothing moves.
+    #[default]
+    None,
+    /// A joint's.
+    Joint(usize),
+    /// The tip's speed or acceleration.
+    Tip,
+    /// dV/dt or d²V/dt².
+    Flow,
+    /// The extruder's, with pressure advance, prime and retract.
+    Extruder,
+}
+
+/// Ratios to `plan_share` of the limits.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
+pub struct LimitFigures {
+    /// Velocities: joints, tip, flow, extruder.
+    pub velocity: Peak,
+    /// Accelerations: joints, tip, rate of change of flow, extruder.
+    pub acceleration: Peak,
+    /// Jerk of the joints.
+    pub jerk: Peak,
+    /// Largest heading rate.
+    pub heading_rate_max_rad_s: f64,
+    /// Heading travelled in all.
+    pub heading_travel_rad: f64,
+}
+
+/// Looks at the whole stream.
+pub fn sample(stream: &SegmentStream, settings: &Settings) -> LimitFigures {
+    let mut sampler = Sampler::new(stream, settings);
+    for span in Spans::new(&stream.start, &stream.knots) {
+        sampler.span(&span);
+    }
+    sampler.figures
+}
+
+/// Volume's first and second derivative at a moment, per second.
+#[derive(Clone, Copy, Debug, Default)]
+struct VolumeRate {
+    rate_mm3_s: f64,
+    change_mm3_s2: f64,
+}
+
+struct Sampler<'a> {
+    settings: &'a Settings,
+    marks: &'a [Mark],
+    servo_hz: f64,
+    /// Start tick and event, in order.
+    events: VecDeque<(f64, FlowEvent)>,
+    /// Volume rates over the last window, `LOOKS_PER_TICK` a tick.
+    window: VecDeque<VolumeRate>,
+    figures: LimitFigures,
+}
+
+impl<'a> Sampler<'a> {
+    fn new(stream: &'a SegmentStream, settings: &'a Settings) -> Self {
+        let servo_hz = f64::from(settings.machine.servo_hz);
+        let starts: Vec<u64> = Spans::new(&stream.start, &stream.knots)
+            .map(|span| span.start_tick)
+            .collect();
+        let start_of = |event: &FlowEvent| {
+            let span = starts.get(event.span as usize).copied().unwrap_or(0);
+            span as f64 + f64::from(event.offset_ticks)
+        };
+        let window_s = settings.machine.extruder.pressure_advance_window_ms * 1e-3;
+        let window_ticks = (window_s * servo_hz).round().max(1.0) as usize;
+        let window_looks = window_ticks * LOOKS_PER_TICK as usize;
+        Sampler {
+            settings,
+            marks: &stream.marks,
+            servo_hz,
+            events: stream.events.iter().map(|e| (start_of(e), *e)).collect(),
+            window: std::iter::repeat_n(VolumeRate::default(), window_looks).collect(),
+            figures: LimitFigures::default(),
+        }
+    }
+
+    /// Every look of one span: its start from this side, then to its end, and where the channels'
+    /// velocities have their extremes.
+    fn span(&mut self, span: &Span) {
+        let looks = u32::from(span.duration_ticks) * LOOKS_PER_TICK;
+        for look in 0..=looks {
+            let local = f64::from(look) / f64::from(LOOKS_PER_TICK);
+            self.look(span, local);
+            let moment = Moment::of(span, local, self.servo_hz);
+            self.extruder(&moment, span.start_tick as f64 + local, look == looks);
+            if look < looks {
+                // The end is the next span's start: once in the sum is enough.
+                let step_s = 1.0 / (self.servo_hz * f64::from(LOOKS_PER_TICK));
+                let heading_rate_rad_s = moment.velocity[CHANNEL_HEADING].abs();
+                self.figures.heading_travel_rad += heading_rate_rad_s * step_s;
+            }
+        }
+        let duration = f64::from(span.duration_ticks);
+        for [_, _, c2, c3] in span.polynomial.coefficients {
+            let vertex = -c2 / (3.0 * c3);
+            if vertex > 0.0 && vertex < duration {
+                self.look(span, vertex);
+            }
+        }
+    }
+
+    fn look(&mut self, span: &Span, local: f64) {
+        let ticks = span.start_tick as f64 + local;
+        while self.marks.len() > 1 && ticks > self.marks[0].end_tick as f64 {
+            self.marks = &self.marks[1..];
+        }
+        let moment = Moment::of(span, local, self.servo_hz);
+        let time_s = ticks / self.servo_hz;
+        let heading_rate_rad_s = moment.velocity[CHANNEL_HEADING].abs();
+        let figures = &mut self.figures;
+        figures.heading_rate_max_rad_s = figures.heading_rate_max_rad_s.max(heading_rate_rad_s);
+        self.joints(&moment, time_s);
+        self.tip_and_flow(&moment, time_s);
+    }
+
+    fn joints(&mut self, moment: &Moment, time_s: f64) {
+        let share = self.settings.plan_share;
+        let [velocity, acceleration, jerk] =
+            moment.joint_derivatives(&self.settings.machine.kinematics);
+        for (index, joint) in self.settings.machine.joints.iter().enumerate() {
+            let what = Limit::Joint(index);
+            let figures = &mut self.figures;
+            let speed = velocity[index] / (joint.speed_max * share);
+            note(&mut figures.velocity, speed, what, time_s);
+            let bend = acceleration[index] / (joint.acceleration_max * share);
+            note(&mut figures.acceleration, bend, what, time_s);
+            note(
+                &mut figures.jerk,
+                jerk[index] / (joint.jerk_max * share),
+                what,
+                time_s,
+            );
+        }
+    }
+
+    fn tip_and_flow(&mut self, moment: &Moment, time_s: f64) {
+        let settings = self.settings;
+        let share = settings.plan_share;
+        let figures = &mut self.figures;
+        let norm = |v: &[f64; CHANNELS]| (v[0] * v[0] + v[1] * v[1] + v[2] * v[2]).sqrt();
+        let speed_mm_s = match self.marks.first().map(|mark| mark.state) {
+            Some(MotionState::Travel) => settings.travel_speed_mm_s,
+            _ => settings.speed_mm_s,
+        };
+        let speed = norm(&moment.velocity) / (speed_mm_s * share);
+        note(&mut figures.velocity, speed, Limit::Tip, time_s);
+        let bend = norm(&moment.acceleration) / (settings.tip_acceleration_mm_s2 * share);
+        note(&mut figures.acceleration, bend, Limit::Tip, time_s);
+        let flow = moment.velocity[CHANNEL_VOLUME] / (settings.flow_max_mm3_s * share);
+        note(&mut figures.velocity, flow, Limit::Flow, time_s);
+        let change_max = settings.flow_rate_of_change_max_mm3_s2 * share;
+        let change = moment.acceleration[CHANNEL_VOLUME] / change_max;
+        note(&mut figures.acceleration, change, Limit::Flow, time_s);
+    }
+
+    /// e = V + K (V(t) - V(t - W)) / W + primes - retracts; everything in it is piecewise linear in
+    /// its second derivative between servo ticks, but for the events.
+    fn extruder(&mut self, moment: &Moment, ticks: f64, is_end: bool) {
+        let extruder = &self.settings.machine.extruder;
+        let now = VolumeRate {
+            rate_mm3_s: moment.velocity[CHANNEL_VOLUME],
+            change_mm3_s2: moment.acceleration[CHANNEL_VOLUME],
+        };
+        let before = self.window.front().copied().unwrap_or_default();
+        if !is_end {
+            self.window.push_back(now);
+            self.window.pop_front();
+        }
+        let looks_s = 1.0 / (self.servo_hz * f64::from(LOOKS_PER_TICK));
+        let gain = extruder.pressure_advance_s / (self.window.len() as f64 * looks_s);
+        let event = self.event_rate(ticks);
+        let rate = now.rate_mm3_s + gain * (now.rate_mm3_s - before.rate_mm3_s);
+        let change = now.change_mm3_s2 + gain * (now.change_mm3_s2 - before.change_mm3_s2);
+        let time_s = ticks / self.servo_hz;
+        let share = self.settings.plan_share;
+        let figures = &mut self.figures;
+        let speed = (rate + event.rate_mm3_s) / (extruder.speed_max_mm3_s * share);
+        note(&mut figures.velocity, speed, Limit::Extruder, time_s);
+        let bend = (change + event.change_mm3_s2) / (extruder.acceleration_max_mm3_s2 * share);
+        note(&mut figures.acceleration, bend, Limit::Extruder, time_s);
+    }
+
+    /// Primes and retracts at this moment: x³ (10 - 15 x + 6 x²) of their volume.
+    fn event_rate(&mut self, ticks: f64) -> VolumeRate {
+        let ended =
+            |event: &(f64, FlowEvent)| ticks >= event.0 + f64::from(event.1.duration_ticks.0);
+        while self.events.front().is_some_and(ended) {
+            self.events.pop_front();
+        }
+        let mut sum = VolumeRate::default();
+        for (start, event) in &self.events {
+            if *start > ticks {
+                break;
+            }
+            let duration_s = f64::from(event.duration_ticks.0) / self.servo_hz;
+            let x = ((ticks - start) / f64::from(event.duration_ticks.0)).min(1.0);
+            let volume_mm3 = f64::from(event.volume_units) / UNITS_PER_NATURAL[CHANNEL_VOLUME];
+            let signed_mm3 = match event.action {
+                FlowAction::Prime => volume_mm3,
+                FlowAction::Retract => -volume_mm3,
+            };
+            let rest = 1.0 - x;
+            sum.rate_mm3_s += signed_mm3 * 30.0 * x * x * rest * rest / duration_s;
+            sum.change_mm3_s2 +=
+                signed_mm3 * 60.0 * x * rest * (1.0 - 2.0 * x) / (duration_s * duration_s);
+        }
+        sum
+    }
+}
+
+/// The motion at one moment, in natural units and seconds.
+struct Moment {
+    position: [f64; CHANNELS],
+    velocity: [f64; CHANNELS],
+    acceleration: [f64; CHANNELS],
+    jerk: [f64; CHANNELS],
+}
+
+impl Moment {
+    fn of(span: &Span, local: f64, servo_hz: f64) -> Self {
+        Moment {
+            position: span.position(local),
+            velocity: span.velocity(local, servo_hz),
+            acceleration: span.acceleration(local, servo_hz),
+            jerk: span.jerk(servo_hz),
+        }
+    }
+
+    /// First to third time derivative of every joint. A pose without joints gives none.
+    fn joint_derivatives(&self, kinematics: &Kinematics) -> [[f64; JOINTS_MAX]; 3] {
+        let mut derivatives = [[0.0; JOINTS_MAX]; 3];
+        if matches!(kinematics, Kinematics::Planar) {
+            // X Y Z C are channels themselves.
+            for (joint, channel) in [0, 1, 2, CHANNEL_HEADING].into_iter().enumerate() {
+                derivatives[0][joint] = self.velocity[channel];
+                derivatives[1][joint] = self.acceleration[channel];
+                derivatives[2][joint] = self.jerk[channel];
+            }
+            return derivatives;
+        }
+        let h = DIFFERENCE_S;
+        let at = |time_s: f64| self.joints(kinematics, time_s);
+        let (Some(a), Some(b), Some(c), Some(d), Some(e)) =
+            (at(-2.0 * h), at(-h), at(0.0), at(h), at(2.0 * h))
+        else {
+            return derivatives;
+        };
+        for joint in 0..JOINTS_MAX {
+            let [a, b, c, d, e] = [a, b, c, d, e].map(|joints| joints[joint]);
+            // Five-point stencils: fourth order in h for the first two.
+            derivatives[0][joint] = (8.0 * (d - b) - (e - a)) / (12.0 * h);
+            derivatives[1][joint] = (16.0 * (d + b) - (e + a) - 30.0 * c) / (12.0 * h * h);
+            derivatives[2][joint] = (e - a - 2.0 * (d - b)) / (2.0 * h * h * h);
+        }
+        derivatives
+    }
+
+    /// Joints on the local Taylor polynomial, so that a knot is looked at from one side.
+    fn joints(&self, kinematics: &Kinematics, time_s: f64) -> Option<[f64; JOINTS_MAX]> {
+        let channels = std::array::from_fn(|c| {
+            self.position[c]
+                + time_s
+                    * (self.velocity[c]
+                        + time_s * (self.acceleration[c] / 2.0 + time_s * self.jerk[c] / 6.0))
+        });
+        let joints = inverse(kinematics, &Pose::from_channels(&channels));
+        joints.ok().map(|joints| joints.position)
+    }
+}
+
+fn note(peak: &mut Peak, value: f64, what: Limit, time_s: f64) {
+    let ratio = value.abs();
+    // A value that is not a number must not pass.
+    if ratio > peak.ratio || ratio.is_nan() {
+        *peak = Peak {
+            ratio,
+            what,
+            time_s,
+        };
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    //! Goal: the sampler finds the limits that are exceeded, and by how much. Method: streams whose
+    //! derivatives are known.
+    use super::*;
+    use crate::drive::test_streams::spiral;
+    use headway_firmware::pose::tool_axis;
+    use headway_protocol::segment::{Knot, REST_TICKS};
+    use headway_protocol::units::to_units;
+    use nalgebra::Vector2;
+
+    /// A cosine in one channel: amplitude in natural units, one period in `period_ticks`. The
+    /// spline of its samples is flatter by theta²/6, theta the angle of one span.
+    fn wave(channel: usize, amplitude: f64, period_ticks: f64) -> SegmentStream {
+        let mut stream = SegmentStream::default();
+        for i in 0..400 {
+            // As long as the virtual spans before the first: knots are uniform from the start.
+            let duration_ticks = f64::from(REST_TICKS);
+            let angle = std::f64::consts::TAU * duration_ticks * f64::from(i) / period_ticks;
+            let mut natural = [0.0; CHANNELS];
+            natural[channel] = amplitude * (1.0 - angle.cos());
+            stream.knots.push(Knot {
+                control: to_units(&natural),
+                duration_ticks: REST_TICKS,
+            });
+        }
+        stream
+    }
+
+    #[test]
+    fn a_wave_in_x_has_the_ratios_of_its_formula() {
+        let settings = Settings::default();
+        let figures = sample(&wave(0, 5.0, 800.0), &settings);
+        let omega = std::f64::consts::TAU * 2.5;
+        let share = settings.plan_share;
+        let tip = 5.0 * omega / (settings.speed_mm_s * share);
+        assert!(
+            (figures.velocity.ratio / tip - 1.0).abs() < 2e-3,
+            "{figures:?}"
+        );
+        assert_eq!(figures.velocity.what, Limit::Tip);
+        let joint = &settings.machine.joints[0];
+        let limit = joint.acceleration_max.min(settings.tip_acceleration_mm_s2);
+        let bend = 5.0 * omega * omega / (limit * share);
+        let measured = figures.acceleration.ratio;
+        // Control points are whole units: 0.1 um in (4 ms)² is 6 mm/s² of 1237.
+        assert!((measured / bend - 1.0).abs() < 6e-3, "{measured} {bend}");
+        // The jerk is largest where the wave begins: from rest to half its acceleration in a span.
+        let span_s = f64::from(REST_TICKS) / f64::from(settings.machine.servo_hz);
+        let begin = 5.0 * (1.0 - (omega * span_s).cos()) / span_s.powi(3);
+        let jerk = begin / (joint.jerk_max * share);
+        // And 2 units in (4 ms)³ are 3100 mm/s³ of 154,000.
+        assert!(
+            (figures.jerk.ratio / jerk - 1.0).abs() < 0.03,
+            "{figures:?}"
+        );
+    }
+
+    #[test]
+    fn heading_and_flow_are_limited_by_their_own() {
+        let settings = Settings::default();
+        let figures = sample(&wave(CHANNEL_HEADING, 1.0, 400.0), &settings);
+        assert_eq!(figures.acceleration.what, Limit::Joint(3));
+        let omega = std::f64::consts::TAU * 5.0;
+        assert!((figures.heading_rate_max_rad_s / omega - 1.0).abs() < 4e-3);
+        // 400 spans of 8 ticks are 8 periods of 4 rad.
+        assert!((figures.heading_travel_rad - 31.9).abs() < 0.1);
+        let flow = sample(&wave(CHANNEL_VOLUME, 1.0, 1000.0), &settings);
+        assert!(matches!(flow.velocity.what, Limit::Flow | Limit::Extruder));
+    }
+
+    #[test]
+    fn gantry_joints_agree_with_the_motion_of_the_pivot() {
+        // A tilt alone moves the pivot: its acceleration is L d²n/dt², from the axis itself.
+        let kinematics = Kinematics::Gantry {
+            pivot_length_mm: 80.0,
+        };
+        let moment = Moment {
+            position: [100.0, 50.0, 10.0, 0.1, -0.2, 0.5, 0.0],
+            velocity: [10.0, -5.0, 1.0, 0.7, 0.4, 3.0, 0.0],
+            acceleration: [100.0, 50.0, -20.0, 8.0, -6.0, 40.0, 0.0],
+            jerk: [0.0; CHANNELS],
+        };
+        let [velocity, acceleration, _] = moment.joint_derivatives(&kinematics);
+        let axis = |t: f64| {
+            tool_axis(Vector2::new(
+                0.1 + t * (0.7 + 4.0 * t),
+                -0.2 + t * (0.4 - 3.0 * t),
+            ))
+        };
+        let h = 1e-4;
+        let rate = (axis(h) - axis(-h)) / (2.0 * h);
+        let bend = (axis(h) + axis(-h) - 2.0 * axis(0.0)) / (h * h);
+        for joint in 0..3 {
+            let expected = moment.velocity[joint] + 80.0 * rate[joint];
+            assert!((velocity[joint] - expected).abs() < 1e-4 * expected.abs().max(1.0));
+            let expected = moment.acceleration[joint] + 80.0 * bend[joint];
+            assert!((acceleration[joint] - expected).abs() < 1e-4 * expected.abs().max(10.0));
+        }
+    }
+
+    #[test]
+    fn primes_count_towards_the_extruder() {
+        let mut settings = Settings::default();
+        let mut stream = spiral(2.0);
+        let still = sample(&stream, &settings);
+        // A prime of 0.3 mm³ in 80 ticks peaks at 1.875 · 0.3 / 0.04 s = 14.06 mm³/s.
+        settings.machine.extruder.speed_max_mm3_s = 10.0;
+        let tight = sample(&stream, &settings);
+        assert_eq!(tight.velocity.what, Limit::Extruder);
+        let expected = 14.0625 / (10.0 * settings.plan_share);
+        assert!(
+            (tight.velocity.ratio / expected - 1.0).abs() < 1e-3,
+            "{tight:?}"
+        );
+        stream.events.clear();
+        let without = sample(&stream, &settings);
+        assert!(without.velocity.ratio < tight.velocity.ratio);
+        assert!(still.velocity.ratio < tight.velocity.ratio);
+    }
+}
