@@ -1,0 +1,502 @@
+//! Limits of joints, tip, flow and extruder as constraints on the motion along a path.
+//!
+//! In: a [`PathCurve`], the settings. Out: path samples with joint derivatives by u, and at each
+//! sample the bounds of x = u̇² and of |a ü + b x| <= c (Bobrow, Dubowsky, Gibson 1985).
+//! Every limit here is already the plan's share of the machine's.
+//! Left out: jerk (the time law's smoothing window and the check of the finished segments keep it).
+
+use crate::job::MotionState;
+use crate::plan::path_curve::CurvePoint;
+use crate::plan::route::PathCurve;
+use crate::settings::Settings;
+use headway_firmware::configuration::{JOINTS_MAX, Kinematics};
+use headway_firmware::kinematics::{self, KinematicsError};
+use headway_firmware::pose::Pose;
+use headway_protocol::units::{
+    CHANNEL_HEADING, CHANNEL_TILT_X, CHANNEL_TILT_Y, CHANNEL_VOLUME, CHANNEL_X, CHANNEL_Y,
+    CHANNEL_Z, CHANNELS,
+};
+use nalgebra::{Vector2, Vector3};
+
+/// Why a route cannot be turned into motion.
+#[derive(Clone, Debug, PartialEq, thiserror::Error)]
+pub enum MotionError {
+    /// A joint would have to leave its range.
+    #[error(
+        "joint {joint} would go to {position:.3}, outside its range {minimum:.3} to {maximum:.3}, \
+         with the tip at {at_mm:.3?} mm (machine coordinates); move the part with --at or use a \
+         larger machine"
+    )]
+    OutsideJointRange {
+        /// Joint number from 0.
+        joint: usize,
+        /// Where it would be, mm or rad.
+        position: f64,
+        /// Lower end of its range.
+        minimum: f64,
+        /// Upper end of its range.
+        maximum: f64,
+        /// Tip position, machine coordinates.
+        at_mm: [f64; 3],
+    },
+    /// The machine cannot take this pose.
+    #[error("{error} with the tip at {at_mm:.3?} mm (machine coordinates); tilt the tool less")]
+    Kinematics {
+        /// What is wrong with the pose.
+        error: KinematicsError,
+        /// Tip position, machine coordinates.
+        at_mm: [f64; 3],
+    },
+    /// A control point is not finite, or a stretch has none.
+    #[error("stretch {stretch} of the route has no finite path; this is a fault of the planner")]
+    NotFinite {
+        /// Index in the route.
+        stretch: usize,
+    },
+    /// A stretch does not begin where the one before it ended.
+    #[error(
+        "stretch {stretch} of the route begins {gap:.6} away from the end of the one before it"
+    )]
+    Gap {
+        /// Index in the route.
+        stretch: usize,
+        /// Largest difference of a channel, mm, rad or mm³.
+        gap: f64,
+    },
+    /// A limit is zero, negative or not finite.
+    #[error("the limit {name} must be a positive number")]
+    BadLimit {
+        /// Which one.
+        name: &'static str,
+    },
+    /// A stretch would take for ever.
+    #[error("one stretch of the route would take {duration_s:.0} s; some limit is close to zero")]
+    TooSlow {
+        /// How long it would take.
+        duration_s: f64,
+    },
+    /// A prime or retract is beyond the extruder's limits by itself.
+    #[error(
+        "a prime or retract of {volume_mm3} mm³ in {duration_s} s asks {ratio:.2} times of what the \
+         extruder may do; lower its rate or raise the extruder's limits"
+    )]
+    EventBeyondExtruder {
+        /// Volume, mm³.
+        volume_mm3: f64,
+        /// Duration, s.
+        duration_s: f64,
+        /// Rate or acceleration against the planned share of the limit.
+        ratio: f64,
+    },
+}
+
+/// Limits of one joint, share applied.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct JointLimit {
+    /// Lowest position, mm or rad.
+    pub position_min: f64,
+    /// Highest position, mm or rad.
+    pub position_max: f64,
+    /// Speed, mm/s or rad/s.
+    pub speed_max: f64,
+    /// Acceleration, mm/s² or rad/s².
+    pub acceleration_max: f64,
+    /// Jerk, mm/s³ or rad/s³.
+    pub jerk_max: f64,
+}
+
+/// All limits that bind a stretch, share applied.
+#[derive(Clone, Debug, PartialEq)]
+pub struct MotionLimits {
+    /// The machine's equations.
+    pub kinematics: Kinematics,
+    /// One for each joint, in the machine's order.
+    pub joints: Vec<JointLimit>,
+    /// Tip speed, mm/s.
+    pub tip_speed_mm_s: f64,
+    /// Length of the tip's acceleration vector, mm/s².
+    pub tip_acceleration_mm_s2: f64,
+    /// dV/dt, mm³/s.
+    pub flow_max_mm3_s: f64,
+    /// |d²V/dt²|, mm³/s².
+    pub flow_rate_of_change_max_mm3_s2: f64,
+    /// Extruder rate, mm³/s, pressure advance and events included.
+    pub extruder_speed_max_mm3_s: f64,
+    /// Extruder acceleration, mm³/s².
+    pub extruder_acceleration_max_mm3_s2: f64,
+    /// K: e = V + K dV/dt.
+    pub pressure_advance_s: f64,
+    /// Window over which dV/dt is averaged, s, at least a servo tick.
+    pub pressure_advance_window_s: f64,
+    /// Servo ticks a second.
+    pub servo_hz: f64,
+}
+
+impl MotionLimits {
+    /// The limits of a kind of stretch: travel has its own tip speed.
+    pub fn of(settings: &Settings, state: MotionState) -> Result<Self, MotionError> {
+        let machine = &settings.machine;
+        let share = settings.plan_share;
+        let servo_hz = f64::from(machine.servo_hz);
+        let extruder = &machine.extruder;
+        let tip_speed_mm_s = match state {
+            MotionState::Travel => settings.travel_speed_mm_s,
+            _ => settings.speed_mm_s,
+        };
+        let count = kinematics::joint_count(&machine.kinematics);
+        let limits = Self {
+            kinematics: machine.kinematics,
+            joints: machine
+                .joints
+                .iter()
+                .take(count)
+                .map(|joint| JointLimit {
+                    position_min: joint.position_min,
+                    position_max: joint.position_max,
+                    speed_max: joint.speed_max * share,
+                    acceleration_max: joint.acceleration_max * share,
+                    jerk_max: joint.jerk_max * share,
+                })
+                .collect(),
+            tip_speed_mm_s: tip_speed_mm_s * share,
+            tip_acceleration_mm_s2: settings.tip_acceleration_mm_s2 * share,
+            flow_max_mm3_s: settings.flow_max_mm3_s * share,
+            flow_rate_of_change_max_mm3_s2: settings.flow_rate_of_change_max_mm3_s2 * share,
+            extruder_speed_max_mm3_s: extruder.speed_max_mm3_s * share,
+            extruder_acceleration_max_mm3_s2: extruder.acceleration_max_mm3_s2 * share,
+            pressure_advance_s: extruder.pressure_advance_s,
+            pressure_advance_window_s: (extruder.pressure_advance_window_ms * 1e-3)
+                .max(1.0 / servo_hz),
+            servo_hz,
+        };
+        limits.checked(count)
+    }
+
+    fn checked(self, joint_count: usize) -> Result<Self, MotionError> {
+        let mut named = vec![
+            ("plan_share or tip speed", self.tip_speed_mm_s),
+            ("tip acceleration", self.tip_acceleration_mm_s2),
+            ("flow", self.flow_max_mm3_s),
+            ("flow rate of change", self.flow_rate_of_change_max_mm3_s2),
+            ("extruder speed", self.extruder_speed_max_mm3_s),
+            (
+                "extruder acceleration",
+                self.extruder_acceleration_max_mm3_s2,
+            ),
+            ("servo rate", self.servo_hz),
+        ];
+        for joint in &self.joints {
+            named.push(("joint speed", joint.speed_max));
+            named.push(("joint acceleration", joint.acceleration_max));
+            named.push(("joint jerk", joint.jerk_max));
+        }
+        if self.joints.len() < joint_count {
+            return Err(MotionError::BadLimit {
+                name: "number of joints",
+            });
+        }
+        match named
+            .into_iter()
+            .find(|(_, value)| !(value.is_finite() && *value > 0.0))
+        {
+            Some((name, _)) => Err(MotionError::BadLimit { name }),
+            None => Ok(self),
+        }
+    }
+
+    /// K / W: what a change of flow adds to the extruder's rate at once.
+    pub fn advance_ratio(&self) -> f64 {
+        self.pressure_advance_s / self.pressure_advance_window_s
+    }
+}
+
+/// Joint positions and derivatives by the same parameter as the channels they come from.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct JointPoint {
+    /// mm or rad.
+    pub position: [f64; JOINTS_MAX],
+    /// First derivative.
+    pub first: [f64; JOINTS_MAX],
+    /// Second derivative.
+    pub second: [f64; JOINTS_MAX],
+    /// Third derivative.
+    pub third: [f64; JOINTS_MAX],
+}
+
+fn tip_mm(value: &[f64; CHANNELS]) -> [f64; 3] {
+    [value[CHANNEL_X], value[CHANNEL_Y], value[CHANNEL_Z]]
+}
+
+/// What the tilt adds to the joints, mm and rad.
+fn remainder(
+    kinematics: &Kinematics,
+    value: &[f64; CHANNELS],
+    tilt_rad: Vector2<f64>,
+) -> Result<[f64; JOINTS_MAX], MotionError> {
+    let at_mm = tip_mm(value);
+    let pose = Pose {
+        tip_mm: Vector3::from(at_mm),
+        tilt_rad,
+        heading_rad: value[CHANNEL_HEADING],
+    };
+    kinematics::remainder(kinematics, &pose)
+        .map_err(|error| MotionError::Kinematics { error, at_mm })
+}
+
+/// Joint motion of a channel motion. A joint is a channel (exact derivatives) plus a function of
+/// the tilt alone, whose derivatives come from a five-point stencil along the tilt's own Taylor
+/// polynomial: errors below 1e-9 of the remainder's scale (first, second), 1e-5 (third).
+pub fn joint_point(kinematics: &Kinematics, point: &CurvePoint) -> Result<JointPoint, MotionError> {
+    let mut joints = JointPoint {
+        position: [0.0; JOINTS_MAX],
+        first: [0.0; JOINTS_MAX],
+        second: [0.0; JOINTS_MAX],
+        third: [0.0; JOINTS_MAX],
+    };
+    for (joint, carrier) in kinematics::carriers(kinematics).iter().enumerate() {
+        if let Some(channel) = *carrier {
+            joints.position[joint] = point.value[channel];
+            joints.first[joint] = point.first[channel];
+            joints.second[joint] = point.second[channel];
+            joints.third[joint] = point.third[channel];
+        }
+    }
+    add_remainder(kinematics, point, &mut joints)?;
+    Ok(joints)
+}
+
+/// Tilt step of the stencil: the truncation error goes with its fourth power, rounding with the
+/// inverse square; 1e-3 keeps both below 1e-9.
+const STENCIL_STEP_RAD: f64 = 1e-3;
+
+fn add_remainder(
+    kinematics: &Kinematics,
+    point: &CurvePoint,
+    joints: &mut JointPoint,
+) -> Result<(), MotionError> {
+    let of =
+        |values: &[f64; CHANNELS]| Vector2::new(values[CHANNEL_TILT_X], values[CHANNEL_TILT_Y]);
+    let tilt = [
+        of(&point.value),
+        of(&point.first),
+        of(&point.second),
+        of(&point.third),
+    ];
+    let at = remainder(kinematics, &point.value, tilt[0])?;
+    for (position, added) in joints.position.iter_mut().zip(at) {
+        *position += added;
+    }
+    let rate = (tilt[1].norm())
+        .max(tilt[2].norm().sqrt())
+        .max(tilt[3].norm().cbrt());
+    if rate == 0.0 || *kinematics == Kinematics::Planar {
+        return Ok(());
+    }
+    let h = STENCIL_STEP_RAD / rate;
+    let along = |s: f64| {
+        let tilt_rad = tilt[0] + s * (tilt[1] + s * (tilt[2] / 2.0 + s * tilt[3] / 6.0));
+        remainder(kinematics, &point.value, tilt_rad)
+    };
+    let (m2, m1, p1, p2) = (along(-2.0 * h)?, along(-h)?, along(h)?, along(2.0 * h)?);
+    for joint in 0..JOINTS_MAX {
+        let (near, far) = (p1[joint] - m1[joint], p2[joint] - m2[joint]);
+        joints.first[joint] += (8.0 * near - far) / (12.0 * h);
+        joints.second[joint] +=
+            (16.0 * (p1[joint] + m1[joint]) - (p2[joint] + m2[joint]) - 30.0 * at[joint])
+                / (12.0 * h * h);
+        joints.third[joint] += (far - 2.0 * near) / (2.0 * h * h * h);
+    }
+    Ok(())
+}
+
+/// A path sample: what the constraints need, by path parameter u.
+#[derive(Clone, Copy, Debug)]
+pub struct PathSample {
+    /// Path parameter.
+    pub u: f64,
+    joint_first: [f64; JOINTS_MAX],
+    joint_second: [f64; JOINTS_MAX],
+    tip_speed_mm: f64,
+    tip_along_mm: f64,
+    tip_across_mm: f64,
+    volume_first_mm3: f64,
+    volume_second_mm3: f64,
+}
+
+/// One constraint |a ü + b x| <= c.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub struct Row {
+    /// Factor of ü, not negative.
+    pub a: f64,
+    /// Factor of x = u̇².
+    pub b: f64,
+    /// Bound.
+    pub c: f64,
+}
+
+/// Sides of the inscribed polygon that stands for a quarter of the circle of tip accelerations:
+/// four sides lose at most 1 - cos(11.25°) = 2 % of it, and nothing on a straight line.
+const TIP_SIDES: usize = 4;
+/// Most rows of a sample.
+pub const ROWS_MAX: usize = JOINTS_MAX + 1 + 2 * TIP_SIDES;
+
+/// Longest distance between samples.
+const SAMPLE_STEP_MM: f64 = 0.05;
+/// Largest turn of heading or tilt between samples.
+const SAMPLE_STEP_RAD: f64 = 0.03;
+/// Least samples a span and a stretch: second derivatives are linear in a span.
+const SAMPLES_PER_SPAN_MIN: usize = 2;
+const SAMPLES_PER_STRETCH_MIN: usize = 200;
+/// Bound for absurdly long spans: the grid only gets coarser.
+const SAMPLES_PER_SPAN_MAX: usize = 20_000;
+
+impl PathSample {
+    fn new(
+        curve: &PathCurve,
+        span: usize,
+        s: f64,
+        limits: &MotionLimits,
+    ) -> Result<Self, MotionError> {
+        let point = curve.evaluate_in_span(span, s);
+        let joints = joint_point(&limits.kinematics, &point)?;
+        check_range(limits, &point, &joints)?;
+        let first = Vector3::from(tip_mm(&point.first));
+        let second = Vector3::from(tip_mm(&point.second));
+        let speed = first.norm();
+        let along = if speed > 1e-9 {
+            first.dot(&second) / speed
+        } else {
+            second.norm()
+        };
+        Ok(Self {
+            u: span as f64 + s,
+            joint_first: joints.first,
+            joint_second: joints.second,
+            tip_speed_mm: speed,
+            tip_along_mm: along,
+            tip_across_mm: (second.norm_squared() - along * along).max(0.0).sqrt(),
+            volume_first_mm3: point.first[CHANNEL_VOLUME],
+            volume_second_mm3: point.second[CHANNEL_VOLUME],
+        })
+    }
+
+    /// True where the joint has a share in the motion.
+    pub fn moves_joint(&self, joint: usize) -> bool {
+        self.joint_first[joint].abs() > 1e-9 || self.joint_second[joint].abs() > 1e-9
+    }
+
+    /// Largest u̇ that every speed limit allows, times `scale`.
+    pub fn rate_max(&self, limits: &MotionLimits, scale: f64) -> f64 {
+        let mut inverse: f64 = self.tip_speed_mm / limits.tip_speed_mm_s;
+        for (joint, limit) in limits.joints.iter().enumerate() {
+            inverse = inverse.max(self.joint_first[joint].abs() / limit.speed_max);
+        }
+        let flow = self.volume_first_mm3.abs();
+        inverse = inverse
+            .max(flow / limits.flow_max_mm3_s)
+            .max(flow * (1.0 + limits.advance_ratio()) / limits.extruder_speed_max_mm3_s);
+        scale / inverse.max(1e-9)
+    }
+
+    /// Fills the acceleration constraints, bounds times `scale`; returns how many.
+    pub fn rows(&self, limits: &MotionLimits, scale: f64, rows: &mut [Row; ROWS_MAX]) -> usize {
+        let mut count = 0;
+        let mut push = |a: f64, b: f64, c: f64| {
+            // Rows that cannot bind (a joint at rest) are dropped.
+            if a != 0.0 || b != 0.0 {
+                let sign = if a < 0.0 { -1.0 } else { 1.0 };
+                rows[count] = Row {
+                    a: sign * a,
+                    b: sign * b,
+                    c: c * scale,
+                };
+                count += 1;
+            }
+        };
+        for (joint, limit) in limits.joints.iter().enumerate() {
+            push(
+                self.joint_first[joint],
+                self.joint_second[joint],
+                limit.acceleration_max,
+            );
+        }
+        // Pressure advance multiplies a change of flow by 1 + K/W while the window sees nothing
+        // of it yet; what leaves the window is left to the check of the finished segments.
+        let flow_bound = limits
+            .flow_rate_of_change_max_mm3_s2
+            .min(limits.extruder_acceleration_max_mm3_s2 / (1.0 + limits.advance_ratio()));
+        push(self.volume_first_mm3, self.volume_second_mm3, flow_bound);
+        let half_side_rad = std::f64::consts::FRAC_PI_4 / TIP_SIDES as f64;
+        let bound = limits.tip_acceleration_mm_s2 * half_side_rad.cos();
+        for side in 0..TIP_SIDES {
+            let (sin, cos) = (half_side_rad * (2 * side + 1) as f64).sin_cos();
+            let across = self.tip_across_mm * sin;
+            push(
+                self.tip_speed_mm * cos,
+                self.tip_along_mm * cos + across,
+                bound,
+            );
+            push(
+                self.tip_speed_mm * cos,
+                self.tip_along_mm * cos - across,
+                bound,
+            );
+        }
+        count
+    }
+}
+
+/// Slack of the soft limits: rounding of positions to wire units.
+const RANGE_SLACK: f64 = 1e-6;
+
+fn check_range(
+    limits: &MotionLimits,
+    point: &CurvePoint,
+    joints: &JointPoint,
+) -> Result<(), MotionError> {
+    for (joint, limit) in limits.joints.iter().enumerate() {
+        let position = joints.position[joint];
+        let inside = position >= limit.position_min - RANGE_SLACK
+            && position <= limit.position_max + RANGE_SLACK;
+        if !inside {
+            return Err(MotionError::OutsideJointRange {
+                joint,
+                position,
+                minimum: limit.position_min,
+                maximum: limit.position_max,
+                at_mm: tip_mm(&point.value),
+            });
+        }
+    }
+    Ok(())
+}
+
+/// How many cells a span is cut into.
+fn cells_of_span(curve: &PathCurve, span: usize) -> usize {
+    let (a, b) = (&curve.control[span], &curve.control[span + 1]);
+    let length_mm = (Vector3::from(tip_mm(a)) - Vector3::from(tip_mm(b))).norm();
+    let turn_rad = (CHANNEL_TILT_X..=CHANNEL_HEADING)
+        .map(|channel| (a[channel] - b[channel]).abs())
+        .fold(0.0, f64::max);
+    let cells = (length_mm / SAMPLE_STEP_MM).max(turn_rad / SAMPLE_STEP_RAD);
+    let least = SAMPLES_PER_SPAN_MIN.max(SAMPLES_PER_STRETCH_MIN.div_ceil(curve.span_count()));
+    (cells.ceil() as usize).clamp(least, SAMPLES_PER_SPAN_MAX)
+}
+
+/// Samples a curve of at least two control points from end to end, fine enough for the
+/// reachability analysis. Fails where a joint leaves its range or the pose cannot be taken.
+pub fn sample_path(
+    curve: &PathCurve,
+    limits: &MotionLimits,
+) -> Result<Vec<PathSample>, MotionError> {
+    let mut samples = Vec::with_capacity(curve.span_count() * (SAMPLES_PER_SPAN_MIN + 1));
+    for span in 0..curve.span_count() {
+        let cells = cells_of_span(curve, span);
+        for cell in 0..cells {
+            let s = cell as f64 / cells as f64;
+            samples.push(PathSample::new(curve, span, s, limits)?);
+        }
+    }
+    samples.push(PathSample::new(curve, curve.span_count() - 1, 1.0, limits)?);
+    Ok(samples)
+}

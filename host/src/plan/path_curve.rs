@@ -1,0 +1,169 @@
+//! Evaluation of the route's path curves: position and u-derivatives of the uniform cubic B-spline.
+//!
+//! In: [`PathCurve`] and a parameter u (one unit a span). Out: channels in mm, rad, mm³ and their
+//! first to third derivatives by u. The spline has natural ends by phantom points
+//! P_{-1} = 2 P_0 - P_1, so that it starts and ends on its first and last point.
+
+use crate::plan::route::PathCurve;
+use headway_protocol::units::CHANNELS;
+
+/// Value and derivatives of all channels at one place of a curve, by whatever parameter it has.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct CurvePoint {
+    /// Channels: mm, rad, mm³.
+    pub value: [f64; CHANNELS],
+    /// First derivative by the parameter.
+    pub first: [f64; CHANNELS],
+    /// Second derivative by the parameter.
+    pub second: [f64; CHANNELS],
+    /// Third derivative by the parameter.
+    pub third: [f64; CHANNELS],
+}
+
+impl PathCurve {
+    /// Number of spans; 0 for a dwell.
+    pub fn span_count(&self) -> usize {
+        self.control.len().saturating_sub(1)
+    }
+
+    /// The four control points of a span, phantom points included.
+    fn span_control(&self, span: usize) -> [[f64; CHANNELS]; 4] {
+        let last = self.control.len() - 1;
+        let beyond = |end: usize, inner: usize| {
+            std::array::from_fn(|channel| {
+                2.0 * self.control[end][channel] - self.control[inner][channel]
+            })
+        };
+        [
+            if span == 0 {
+                beyond(0, 1)
+            } else {
+                self.control[span - 1]
+            },
+            self.control[span],
+            self.control[span + 1],
+            if span + 2 > last {
+                beyond(last, last - 1)
+            } else {
+                self.control[span + 2]
+            },
+        ]
+    }
+
+    /// Point and derivatives at path parameter `u`, clamped to 0..=span count.
+    /// The curve must have at least one control point.
+    pub fn evaluate(&self, u: f64) -> CurvePoint {
+        if self.control.len() < 2 {
+            return CurvePoint {
+                value: self.control[0],
+                first: [0.0; CHANNELS],
+                second: [0.0; CHANNELS],
+                third: [0.0; CHANNELS],
+            };
+        }
+        let u = u.clamp(0.0, self.span_count() as f64);
+        let span = (u as usize).min(self.span_count() - 1);
+        self.evaluate_in_span(span, u - span as f64)
+    }
+
+    /// Point and derivatives in a span at `s` in 0..=1.
+    pub fn evaluate_in_span(&self, span: usize, s: f64) -> CurvePoint {
+        let p = self.span_control(span);
+        let r = 1.0 - s;
+        let value = [
+            r * r * r / 6.0,
+            (4.0 + s * s * (3.0 * s - 6.0)) / 6.0,
+            (1.0 + s * (3.0 + s * (3.0 - 3.0 * s))) / 6.0,
+            s * s * s / 6.0,
+        ];
+        let first = [
+            -0.5 * r * r,
+            s * (1.5 * s - 2.0),
+            0.5 + s * (1.0 - 1.5 * s),
+            0.5 * s * s,
+        ];
+        let second = [r, 3.0 * s - 2.0, 1.0 - 3.0 * s, s];
+        let third = [-1.0, 3.0, -3.0, 1.0];
+        let sum = |weight: &[f64; 4]| {
+            std::array::from_fn(|channel| {
+                (weight[0] * p[0][channel] + weight[3] * p[3][channel])
+                    + (weight[1] * p[1][channel] + weight[2] * p[2][channel])
+            })
+        };
+        CurvePoint {
+            value: sum(&value),
+            first: sum(&first),
+            second: sum(&second),
+            third: sum(&third),
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    //! Goal: ends on the end points, derivatives consistent with differences, C² across spans.
+    use super::*;
+
+    fn wave() -> PathCurve {
+        PathCurve {
+            control: (0..9)
+                .map(|i| {
+                    let t = f64::from(i);
+                    [t, t.sin(), 0.1 * t, 0.0, 0.0, t.cos(), t * t]
+                })
+                .collect(),
+        }
+    }
+
+    #[test]
+    fn starts_and_ends_on_the_end_points() {
+        let curve = wave();
+        for channel in 0..CHANNELS {
+            let first = curve.evaluate(0.0).value[channel];
+            let last = curve.evaluate(8.0).value[channel];
+            assert!((first - curve.control[0][channel]).abs() < 1e-14);
+            assert!((last - curve.control[8][channel]).abs() < 1e-13);
+        }
+    }
+
+    #[test]
+    fn derivatives_agree_with_differences() {
+        let curve = wave();
+        let step = 1e-5;
+        for i in 1..80 {
+            let u = f64::from(i) * 0.1 + 0.013;
+            if (u - u.round()).abs() < 2.0 * step || u > 7.9 {
+                continue;
+            }
+            let (before, at, after) = (
+                curve.evaluate(u - step),
+                curve.evaluate(u),
+                curve.evaluate(u + step),
+            );
+            for channel in 0..CHANNELS {
+                let pairs = [
+                    (before.value, after.value, at.first),
+                    (before.first, after.first, at.second),
+                    (before.second, after.second, at.third),
+                ];
+                for (low, high, slope) in pairs {
+                    let difference = (high[channel] - low[channel]) / (2.0 * step);
+                    assert!((difference - slope[channel]).abs() < 1e-6);
+                }
+            }
+        }
+    }
+
+    #[test]
+    fn second_derivative_is_continuous() {
+        let curve = wave();
+        for span in 1..8 {
+            let left = curve.evaluate_in_span(span - 1, 1.0);
+            let right = curve.evaluate_in_span(span, 0.0);
+            for channel in 0..CHANNELS {
+                assert!((left.second[channel] - right.second[channel]).abs() < 1e-12);
+                assert!((left.value[channel] - right.value[channel]).abs() < 1e-12);
+            }
+        }
+    }
+}

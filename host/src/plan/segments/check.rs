@@ -1,0 +1,230 @@
+//! Check of a finished stretch against every limit, in joint space, on the quantised spline.
+//!
+//! In: a spline from rest to rest, limits (the plan's share), flow events that overlap it. Out: the
+//! worst speed, acceleration and jerk ratio of every piece of a few ticks. On a linear machine the
+//! acceleration is linear in a span, so that its ends and the extremum of the speed between two
+//! samples are exact; elsewhere the samples are dense.
+
+use super::spline::{RestSpline, evaluate};
+use crate::plan::joint_limits::{JointPoint, MotionError, MotionLimits, joint_point};
+use crate::plan::path_curve::CurvePoint;
+use headway_protocol::units::{CHANNEL_VOLUME, CHANNELS};
+
+/// Longest piece between two samples.
+const PIECE_TICKS: f64 = 8.0;
+
+/// Ratios of a piece of the motion against the planned share of the limits.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub struct Ratios {
+    /// Joint speed, tip speed, flow, extruder rate.
+    pub speed: f64,
+    /// Joint and tip acceleration, flow's rate of change, extruder acceleration.
+    pub acceleration: f64,
+    /// Joint jerk.
+    pub jerk: f64,
+}
+
+impl Ratios {
+    /// The larger of each.
+    pub fn max(self, other: Self) -> Self {
+        Self {
+            speed: self.speed.max(other.speed),
+            acceleration: self.acceleration.max(other.acceleration),
+            jerk: self.jerk.max(other.jerk),
+        }
+    }
+}
+
+/// Ratios between two ticks of the stretch.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Piece {
+    /// First tick, from the stretch's start.
+    pub start_tick: f64,
+    /// Last tick.
+    pub end_tick: f64,
+    /// Worst in between.
+    pub ratios: Ratios,
+}
+
+/// A prime or retract that runs during a stretch.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct EventRun {
+    /// Start, ticks from the stretch's start; negative where it began before.
+    pub start_tick: f64,
+    /// Duration, ticks.
+    pub duration_ticks: f64,
+    /// Volume, mm³; negative for a retract.
+    pub volume_mm3: f64,
+}
+
+impl EventRun {
+    /// Rate (mm³ a tick) and its derivative (mm³ a tick²) of the quintic smooth step.
+    fn rates_at(&self, tick: f64) -> (f64, f64) {
+        let x = (tick - self.start_tick) / self.duration_ticks;
+        if !(0.0..=1.0).contains(&x) {
+            return (0.0, 0.0);
+        }
+        let rate = 30.0 * x * x * (1.0 - x) * (1.0 - x);
+        let slope = 60.0 * x * (1.0 - x) * (1.0 - 2.0 * x);
+        (
+            self.volume_mm3 * rate / self.duration_ticks,
+            self.volume_mm3 * slope / (self.duration_ticks * self.duration_ticks),
+        )
+    }
+}
+
+/// A sample of the motion.
+struct Sample {
+    point: CurvePoint,
+    joints: JointPoint,
+}
+
+fn tip_norm(values: &[f64; CHANNELS]) -> f64 {
+    (values[0] * values[0] + values[1] * values[1] + values[2] * values[2]).sqrt()
+}
+
+/// Largest |speed| between two samples `length_s` apart, the acceleration taken as linear.
+fn peak_speed(v0: f64, a0: f64, v1: f64, a1: f64, length_s: f64) -> f64 {
+    let ends = v0.abs().max(v1.abs());
+    if a0 * a1 >= 0.0 {
+        return ends;
+    }
+    let at_s = length_s * a0 / (a0 - a1);
+    ends.max((v0 + 0.5 * a0 * at_s).abs())
+}
+
+/// Ratios between two neighbouring samples.
+fn piece_ratios(low: &Sample, high: &Sample, length_s: f64, limits: &MotionLimits) -> Ratios {
+    let mut worst = Ratios::default();
+    for (joint, limit) in limits.joints.iter().enumerate() {
+        let (v0, v1) = (low.joints.first[joint], high.joints.first[joint]);
+        let (a0, a1) = (low.joints.second[joint], high.joints.second[joint]);
+        let jerk = low.joints.third[joint]
+            .abs()
+            .max(high.joints.third[joint].abs());
+        worst = worst.max(Ratios {
+            speed: peak_speed(v0, a0, v1, a1, length_s) / limit.speed_max,
+            acceleration: a0.abs().max(a1.abs()) / limit.acceleration_max,
+            jerk: jerk / limit.jerk_max,
+        });
+    }
+    let (f0, f1) = (
+        low.point.first[CHANNEL_VOLUME],
+        high.point.first[CHANNEL_VOLUME],
+    );
+    let (g0, g1) = (
+        low.point.second[CHANNEL_VOLUME],
+        high.point.second[CHANNEL_VOLUME],
+    );
+    let flow = peak_speed(f0, g0, f1, g1, length_s);
+    let (v0, v1) = (tip_norm(&low.point.first), tip_norm(&high.point.first));
+    let slope = |sample: &Sample, speed: f64| {
+        let (v, a) = (&sample.point.first, &sample.point.second);
+        (v[0] * a[0] + v[1] * a[1] + v[2] * a[2]) / speed.max(1e-12)
+    };
+    let tip = peak_speed(v0, slope(low, v0), v1, slope(high, v1), length_s);
+    let tip_acceleration = tip_norm(&low.point.second).max(tip_norm(&high.point.second));
+    worst.max(Ratios {
+        speed: (tip / limits.tip_speed_mm_s).max(flow / limits.flow_max_mm3_s),
+        acceleration: (tip_acceleration / limits.tip_acceleration_mm_s2)
+            .max(g0.abs().max(g1.abs()) / limits.flow_rate_of_change_max_mm3_s2),
+        jerk: 0.0,
+    })
+}
+
+/// Checks joints, tip and flow, piece by piece in order of time.
+pub fn check_motion(spline: &RestSpline, limits: &MotionLimits) -> Result<Vec<Piece>, MotionError> {
+    let mut pieces = Vec::new();
+    let mut start_tick = 0.0;
+    for (span, &ticks) in spline.durations_ticks.iter().enumerate() {
+        let cubics = spline.span_polynomials(span);
+        let sample = |t: f64| {
+            let point = evaluate(&cubics, t, limits.servo_hz);
+            joint_point(&limits.kinematics, &point).map(|joints| Sample { point, joints })
+        };
+        let duration = f64::from(ticks);
+        let count = (duration / PIECE_TICKS).ceil().max(2.0);
+        let length = duration / count;
+        let mut low = sample(0.0)?;
+        for piece in 0..count as usize {
+            let from = piece as f64 * length;
+            let high = sample(from + length)?;
+            pieces.push(Piece {
+                start_tick: start_tick + from,
+                end_tick: start_tick + from + length,
+                ratios: piece_ratios(&low, &high, length / limits.servo_hz, limits),
+            });
+            low = high;
+        }
+        start_tick += duration;
+    }
+    Ok(pieces)
+}
+
+/// dV/dt and d²V/dt² at every tick of a stretch, per second.
+fn flow_at_ticks(spline: &RestSpline, servo_hz: f64) -> Vec<(f64, f64)> {
+    let mut flow = vec![(0.0, 0.0)];
+    for (span, &ticks) in spline.durations_ticks.iter().enumerate() {
+        let cubics = spline.span_polynomials(span);
+        for t in 1..=ticks {
+            let point = evaluate(&cubics, f64::from(t), servo_hz);
+            flow.push((point.first[CHANNEL_VOLUME], point.second[CHANNEL_VOLUME]));
+        }
+    }
+    flow
+}
+
+/// Checks the extruder's own rate and acceleration, pressure advance and events included, tick by
+/// tick until the advance has left its window: e' = V' + (K/W) (V'(t) - V'(t - W)) + events.
+/// A piece beyond its limit is listed where it happens and where its delayed part came from.
+/// Empty for a stretch that lays nothing.
+pub fn check_extruder(
+    spline: &RestSpline,
+    limits: &MotionLimits,
+    events: &[EventRun],
+) -> Vec<Piece> {
+    let flow = flow_at_ticks(spline, limits.servo_hz);
+    if flow
+        .iter()
+        .all(|&(rate, slope)| rate == 0.0 && slope == 0.0)
+    {
+        return Vec::new();
+    }
+    let advance = limits.advance_ratio();
+    let window_ticks = (limits.pressure_advance_window_s * limits.servo_hz).round() as usize;
+    let at = |tick: Option<usize>| {
+        tick.and_then(|tick| flow.get(tick))
+            .copied()
+            .unwrap_or((0.0, 0.0))
+    };
+    let mut pieces = Vec::new();
+    for tick in 0..flow.len() + window_ticks {
+        let (rate, slope) = at(Some(tick));
+        let (old_rate, old_slope) = at(tick.checked_sub(window_ticks));
+        let mut speed = rate + advance * (rate - old_rate);
+        let mut acceleration = slope + advance * (slope - old_slope);
+        for event in events {
+            let (rate, slope) = event.rates_at(tick as f64);
+            speed += rate * limits.servo_hz;
+            acceleration += slope * limits.servo_hz * limits.servo_hz;
+        }
+        let ratios = Ratios {
+            speed: speed.abs() / limits.extruder_speed_max_mm3_s,
+            acceleration: acceleration.abs() / limits.extruder_acceleration_max_mm3_s2,
+            jerk: 0.0,
+        };
+        for delay in [0, window_ticks] {
+            let Some(cause) = tick.checked_sub(delay) else {
+                continue;
+            };
+            if cause < flow.len() && (delay == 0 || ratios.speed.max(ratios.acceleration) > 1.0) {
+                pieces.push(Piece {
+                    start_tick: cause as f64 - 0.5,
+                    end_tick: cause as f64 + 0.5,
+                    ratios,
+                });
+            }
+        }
+    }
+    pieces
+}

@@ -1,0 +1,224 @@
+//! Least-squares fit of a rest-to-rest B-spline to a path given at servo ticks.
+//!
+//! In: channels and their tangents at every tick, span durations. Out: control points on the grid
+//! of the wire, and the worst error of every span against the tolerances. The ends are exact (three
+//! equal control points); the inner ones minimise the squared error over all ticks (normal
+//! equations of half bandwidth 3, LDLᵀ).
+
+use super::spline::{RestSpline, SpanBasis, durations_around, quantised, span_basis, weights_at};
+use crate::plan::path_curve::CurvePoint;
+use crate::plan::route::PathCurve;
+use crate::settings::Tolerances;
+use headway_protocol::units::{
+    CHANNEL_HEADING, CHANNEL_TILT_X, CHANNEL_TILT_Y, CHANNEL_VOLUME, CHANNELS,
+};
+
+/// The path as it is to be run: one entry a servo tick, 0..=n.
+pub struct TickPath {
+    /// Channels, natural units.
+    pub value: Vec<[f64; CHANNELS]>,
+    /// Derivative by the path parameter.
+    pub tangent: Vec<[f64; CHANNELS]>,
+}
+
+impl TickPath {
+    /// The curve at the given path parameters.
+    pub fn new(curve: &PathCurve, u_at_tick: &[f64]) -> Self {
+        let points: Vec<CurvePoint> = u_at_tick.iter().map(|&u| curve.evaluate(u)).collect();
+        Self {
+            value: points.iter().map(|point| point.value).collect(),
+            tangent: points.iter().map(|point| point.first).collect(),
+        }
+    }
+
+    /// Duration in ticks.
+    pub fn ticks(&self) -> usize {
+        self.value.len() - 1
+    }
+}
+
+/// Share of the tolerances that the fit uses: a tighter fit follows the acceleration better (at
+/// 0.3 the peaks overshoot by 1.5 to 3.5 %, at the full tolerance by 2 to 17 %), for 10 % more
+/// segments.
+const TOLERANCE_SHARE: f64 = 0.3;
+/// The volume's tolerance by the tip's: what a bead of 0.24 mm² carries in that length.
+const VOLUME_TOLERANCE_MM3_PER_MM: f64 = 0.24;
+/// An error along the path only shifts the motion in time; this many tolerances of it are let pass.
+const ALONG_FACTOR: f64 = 4.0;
+
+/// Largest error of each channel, natural units, for a ratio of 1.
+pub fn channel_tolerances(tolerances: &Tolerances) -> [f64; CHANNELS] {
+    let mut of = [tolerances.tip_mm * TOLERANCE_SHARE; CHANNELS];
+    of[CHANNEL_TILT_X] = tolerances.axis_rad * TOLERANCE_SHARE;
+    of[CHANNEL_TILT_Y] = of[CHANNEL_TILT_X];
+    of[CHANNEL_HEADING] = tolerances.heading_rad * TOLERANCE_SHARE;
+    of[CHANNEL_VOLUME] = tolerances.tip_mm * TOLERANCE_SHARE * VOLUME_TOLERANCE_MM3_PER_MM;
+    of
+}
+
+/// Error against the tolerance once the shift along the path is taken out of it.
+fn error_ratio(
+    error: &[f64; CHANNELS],
+    tangent: &[f64; CHANNELS],
+    per_tolerance: &[f64; CHANNELS],
+) -> f64 {
+    let scaled: [f64; CHANNELS] = std::array::from_fn(|c| error[c] * per_tolerance[c]);
+    let along: [f64; CHANNELS] = std::array::from_fn(|c| tangent[c] * per_tolerance[c]);
+    let norm2 = along.iter().map(|v| v * v).sum::<f64>();
+    let mut rest = scaled;
+    if norm2 > 1e-12 {
+        let dot: f64 = scaled.iter().zip(&along).map(|(e, t)| e * t).sum();
+        let bound = ALONG_FACTOR / norm2.sqrt();
+        let shift = (dot / norm2).clamp(-bound, bound);
+        for (value, tangent) in rest.iter_mut().zip(&along) {
+            *value -= shift * tangent;
+        }
+    }
+    let tip = rest[0] * rest[0] + rest[1] * rest[1] + rest[2] * rest[2];
+    let tilt = rest[CHANNEL_TILT_X].powi(2) + rest[CHANNEL_TILT_Y].powi(2);
+    tip.max(tilt)
+        .max(rest[CHANNEL_HEADING].powi(2))
+        .max(rest[CHANNEL_VOLUME].powi(2))
+        .sqrt()
+}
+
+/// Symmetric banded system of half bandwidth 3 with one right side a channel.
+struct BandedSystem {
+    /// `band[i][k]` couples unknowns i and i + k.
+    band: Vec<[f64; 4]>,
+    right: Vec<[f64; CHANNELS]>,
+}
+
+impl BandedSystem {
+    fn zero(unknowns: usize) -> Self {
+        Self {
+            band: vec![[0.0; 4]; unknowns],
+            right: vec![[0.0; CHANNELS]; unknowns],
+        }
+    }
+
+    /// Solves in place by LDLᵀ; the matrix is positive definite where every span holds a sample.
+    fn solve(mut self) -> Vec<[f64; CHANNELS]> {
+        let count = self.band.len();
+        for i in 0..count {
+            let pivot = self.band[i][0].max(f64::MIN_POSITIVE);
+            for k in 1..4.min(count - i) {
+                let factor = self.band[i][k] / pivot;
+                for l in k..4 {
+                    self.band[i + k][l - k] -= factor * self.band[i][l];
+                }
+                for channel in 0..CHANNELS {
+                    self.right[i + k][channel] -= factor * self.right[i][channel];
+                }
+            }
+        }
+        for i in (0..count).rev() {
+            let pivot = self.band[i][0].max(f64::MIN_POSITIVE);
+            for k in 1..4.min(count - i) {
+                let factor = self.band[i][k];
+                let known = self.right[i + k];
+                for channel in 0..CHANNELS {
+                    self.right[i][channel] -= factor * known[channel];
+                }
+            }
+            for value in &mut self.right[i] {
+                *value /= pivot;
+            }
+        }
+        self.right
+    }
+}
+
+/// Fits control points to the path; `durations_ticks` sum up to its length, at least three spans.
+pub fn fit(path: &TickPath, durations_ticks: &[u16]) -> RestSpline {
+    let spans = durations_ticks.len();
+    let start = quantised(&path.value[0]);
+    let end = quantised(&path.value[path.ticks()]);
+    let mut control = vec![start; 3];
+    let unknowns = spans - 3;
+    let mut system = BandedSystem::zero(unknowns);
+    let mut tick = 0;
+    for span in 0..spans {
+        let basis = span_basis(durations_around(durations_ticks, span));
+        for t in 1..=durations_ticks[span] {
+            let target = &path.value[tick + usize::from(t)];
+            add_sample(
+                &mut system,
+                span,
+                &basis,
+                f64::from(t),
+                target,
+                (&start, &end),
+            );
+        }
+        tick += usize::from(durations_ticks[span]);
+    }
+    for point in system.solve() {
+        let natural = std::array::from_fn(|channel| point[channel] + start[channel]);
+        control.push(quantised(&natural));
+    }
+    control.extend([end; 3]);
+    RestSpline {
+        durations_ticks: durations_ticks.to_vec(),
+        control,
+    }
+}
+
+/// Adds one tick to the normal equations, all relative to the start point.
+fn add_sample(
+    system: &mut BandedSystem,
+    span: usize,
+    basis: &SpanBasis,
+    t_ticks: f64,
+    target: &[f64; CHANNELS],
+    (start, end): (&[f64; CHANNELS], &[f64; CHANNELS]),
+) {
+    let unknowns = system.band.len();
+    let weights = weights_at(basis, t_ticks);
+    let mut wanted: [f64; CHANNELS] = std::array::from_fn(|c| target[c] - start[c]);
+    for (k, weight) in weights.iter().enumerate() {
+        if span + k >= unknowns + 3 {
+            for (value, (end, start)) in wanted.iter_mut().zip(end.iter().zip(start)) {
+                *value -= weight * (end - start);
+            }
+        }
+    }
+    for k in 0..4 {
+        let Some(row) = (span + k).checked_sub(3).filter(|&row| row < unknowns) else {
+            continue;
+        };
+        for l in k..4 {
+            if span + l - 3 < unknowns {
+                system.band[row][l - k] += weights[k] * weights[l];
+            }
+        }
+        for (right, wanted) in system.right[row].iter_mut().zip(&wanted) {
+            *right += weights[k] * wanted;
+        }
+    }
+}
+
+/// Worst error ratio of every span, at every tick and half-way between where the path is smooth
+/// enough to say (ticks only: the path between ticks is what the spline makes of it).
+pub fn span_errors(path: &TickPath, spline: &RestSpline, tolerances: &[f64; CHANNELS]) -> Vec<f64> {
+    let per_tolerance = tolerances.map(f64::recip);
+    let mut tick = 0;
+    (0..spline.durations_ticks.len())
+        .map(|span| {
+            let cubics = spline.span_polynomials(span);
+            let duration = spline.durations_ticks[span];
+            let mut worst = 0.0f64;
+            for t in 1..=duration {
+                let k = tick + usize::from(t);
+                let at = f64::from(t);
+                let error = std::array::from_fn(|channel| {
+                    let [c0, c1, c2, c3] = cubics[channel];
+                    c0 + at * (c1 + at * (c2 + at * c3)) - path.value[k][channel]
+                });
+                worst = worst.max(error_ratio(&error, &path.tangent[k], &per_tolerance));
+            }
+            tick += usize::from(duration);
+            worst
+        })
+        .collect()
+}

@@ -1,0 +1,145 @@
+//! Time-optimal path parametrisation by reachability analysis over x = u̇².
+//!
+//! In: samples with constraints |a ü + b x| <= c. Out: the largest u̇ at each sample with which the
+//! path can be run from rest to rest. Backward: the largest x from which the end can be reached;
+//! forward: from rest, always the largest acceleration that stays below it (Pham and Pham, "A New
+//! Approach to Time-Optimal Path Parameterization based on Reachability Analysis", T-RO 2018). The
+//! acceleration is constant in a cell and meets the constraints at both of its ends, which keeps
+//! the profile still where a joint stands (their "interpolation" scheme).
+
+use super::Caps;
+use crate::plan::joint_limits::{MotionLimits, PathSample, ROWS_MAX, Row};
+
+/// Constraints of one sample.
+struct Rows {
+    rows: [Row; ROWS_MAX],
+    count: usize,
+}
+
+impl Rows {
+    fn new(sample: &PathSample, limits: &MotionLimits, scale: f64) -> Self {
+        let mut rows = [Row::default(); ROWS_MAX];
+        let count = sample.rows(limits, scale, &mut rows);
+        Self { rows, count }
+    }
+
+    fn as_slice(&self) -> &[Row] {
+        &self.rows[..self.count]
+    }
+}
+
+/// Bound of the acceleration in a cell, linear in x: lo(x) <= ü <= hi(x) is
+/// -offset + slope x <= ü <= offset + slope x.
+#[derive(Clone, Copy, Default)]
+struct Strip {
+    offset: f64,
+    slope: f64,
+}
+
+/// The constraints of a cell, from both of its ends, ready for evaluation.
+struct Cell {
+    strips: [Strip; 2 * ROWS_MAX],
+    count: usize,
+    /// Twice the cell's length in u.
+    double_length: f64,
+    /// Largest x of rows that do not see ü.
+    x_max: f64,
+}
+
+/// Below this share of the largest factor a row does not see ü.
+const FLAT: f64 = 1e-12;
+
+impl Cell {
+    fn new(here: &Rows, next: &Rows, length: f64) -> Self {
+        let mut cell = Self {
+            strips: [Strip::default(); 2 * ROWS_MAX],
+            count: 0,
+            double_length: 2.0 * length,
+            x_max: f64::INFINITY,
+        };
+        for row in here.as_slice() {
+            cell.push(row.a, row.b, row.c);
+        }
+        for row in next.as_slice() {
+            // x at the cell's end is x + 2 length ü.
+            cell.push(row.a + cell.double_length * row.b, row.b, row.c);
+        }
+        cell
+    }
+
+    fn push(&mut self, a: f64, b: f64, c: f64) {
+        if a.abs() <= FLAT * (b.abs() * self.double_length + a.abs()) || a == 0.0 {
+            if b != 0.0 {
+                self.x_max = self.x_max.min(c / b.abs());
+            }
+            return;
+        }
+        self.strips[self.count] = Strip {
+            offset: c / a.abs(),
+            slope: -b / a,
+        };
+        self.count += 1;
+    }
+
+    /// (lowest, its slope, highest, its slope) of ü at `x`, with `next_max` the bound of the next x.
+    fn bounds(&self, x: f64, next_max: f64) -> (f64, f64, f64, f64) {
+        let back = -1.0 / self.double_length;
+        let (mut low, mut low_slope) = (x * back, back);
+        let (mut high, mut high_slope) = ((x - next_max) * back, back);
+        for strip in &self.strips[..self.count] {
+            let centre = strip.slope * x;
+            if centre - strip.offset > low {
+                (low, low_slope) = (centre - strip.offset, strip.slope);
+            }
+            if centre + strip.offset < high {
+                (high, high_slope) = (centre + strip.offset, strip.slope);
+            }
+        }
+        (low, low_slope, high, high_slope)
+    }
+
+    /// Largest x <= `x_cap` with an admissible ü. The room high - low is concave in x and not
+    /// negative at 0, so Newton's method from above descends to its zero without passing it.
+    fn largest_controllable(&self, x_cap: f64, next_max: f64) -> f64 {
+        let mut x = x_cap.min(self.x_max);
+        for _ in 0..NEWTON_STEPS_MAX {
+            let (low, low_slope, high, high_slope) = self.bounds(x, next_max);
+            let room = high - low;
+            let slope = high_slope - low_slope;
+            if room >= -1e-12 * (high.abs() + low.abs()) || slope >= 0.0 {
+                return x;
+            }
+            x = (x - room / slope).max(0.0);
+        }
+        x
+    }
+}
+
+/// The room is piecewise linear with at most two pieces a row: more steps cannot be needed.
+const NEWTON_STEPS_MAX: usize = 4 * ROWS_MAX + 4;
+
+/// Largest u̇ at every sample (0 at both ends) within the limits times the caps.
+pub fn fastest_rates(samples: &[PathSample], limits: &MotionLimits, caps: &Caps) -> Vec<f64> {
+    let last = samples.len() - 1;
+    let mut x_max = vec![0.0; samples.len()];
+    let mut next = Rows::new(&samples[last], limits, caps.acceleration[last]);
+    for i in (0..last).rev() {
+        let here = Rows::new(&samples[i], limits, caps.acceleration[i]);
+        let cell = Cell::new(&here, &next, samples[i + 1].u - samples[i].u);
+        let rate_cap = samples[i].rate_max(limits, caps.speed[i]);
+        x_max[i] = cell.largest_controllable(rate_cap * rate_cap, x_max[i + 1]);
+        next = here;
+    }
+    x_max[0] = 0.0;
+    let mut x = 0.0;
+    let mut here = Rows::new(&samples[0], limits, caps.acceleration[0]);
+    for i in 0..last {
+        let next = Rows::new(&samples[i + 1], limits, caps.acceleration[i + 1]);
+        let cell = Cell::new(&here, &next, samples[i + 1].u - samples[i].u);
+        let (_, _, high, _) = cell.bounds(x, x_max[i + 1]);
+        x = (x + cell.double_length * high).clamp(0.0, x_max[i + 1]);
+        x_max[i + 1] = x;
+        here = next;
+    }
+    x_max.iter().map(|x| x.sqrt()).collect()
+}

@@ -1,0 +1,157 @@
+//! From a speed profile with jumps of acceleration to one without, on servo ticks.
+//!
+//! In: u̇ at path samples. Out: u at every servo tick. u(t) is averaged over a window of length T,
+//! so that the acceleration is a moving average and changes at most by a / T a second. An average
+//! is above the profile in its valleys and keeps sharp peaks sharp, so first peaks are cut to
+//! plateaus and valleys widened (an opening and an erosion by T/2 in the profile's own time; Serra,
+//! "Image Analysis and Mathematical Morphology", 1982). Along the path the average lags or leads
+//! by about T² ü / 24 only.
+
+use std::collections::VecDeque;
+
+/// Time at every sample for the rates u̇; the acceleration is constant between samples.
+fn times(u: &[f64], rate: &[f64]) -> Vec<f64> {
+    let mut time = Vec::with_capacity(u.len());
+    let mut now = 0.0;
+    time.push(now);
+    for i in 1..u.len() {
+        now += 2.0 * (u[i] - u[i - 1]) / (rate[i] + rate[i - 1]).max(RATE_MIN);
+        time.push(now);
+    }
+    time
+}
+
+/// How long the path takes at the rates u̇, s.
+pub fn duration_s(u: &[f64], rate: &[f64]) -> f64 {
+    times(u, rate).last().copied().unwrap_or(0.0)
+}
+
+/// Keeps times finite where the profile stands still between rests (a limit next to zero).
+const RATE_MIN: f64 = 1e-9;
+
+/// Smallest (`sign` 1) or largest (-1) value within `radius` of time around each sample. Samples
+/// outside `first..=last` do not count for the side of the window on which they lie.
+fn sliding_extreme(
+    time: &[f64],
+    value: &[f64],
+    radius: f64,
+    sign: f64,
+    range: (usize, usize),
+) -> Vec<f64> {
+    let mut queue: VecDeque<usize> = VecDeque::new();
+    let mut entered = 0;
+    let mut extremes = Vec::with_capacity(value.len());
+    for i in 0..value.len() {
+        let right_end = range.1.max(i);
+        while entered <= right_end && entered < value.len() && time[entered] <= time[i] + radius {
+            while queue
+                .back()
+                .is_some_and(|&back| sign * value[back] >= sign * value[entered])
+            {
+                queue.pop_back();
+            }
+            queue.push_back(entered);
+            entered += 1;
+        }
+        let left_end = range.0.min(i);
+        while queue
+            .front()
+            .is_some_and(|&front| front < left_end || time[front] < time[i] - radius)
+        {
+            queue.pop_front();
+        }
+        extremes.push(queue.front().map_or(value[i], |&front| value[front]));
+    }
+    extremes
+}
+
+/// Cuts peaks to plateaus and widens valleys by half a window on each side; never above `rate`.
+pub fn ease_rates(u: &[f64], rate: &[f64], window_s: f64) -> Vec<f64> {
+    let time = times(u, rate);
+    let last = rate.len() - 1;
+    // A move shorter than a few windows keeps a peak: cutting it would leave nothing.
+    let radius_s = (window_s / 2.0).min(time[last] / 8.0);
+    let everywhere = (0, last);
+    let eroded = sliding_extreme(&time, rate, radius_s, 1.0, everywhere);
+    let opened: Vec<f64> = sliding_extreme(&time, &eroded, radius_s, -1.0, everywhere)
+        .iter()
+        .zip(rate)
+        .map(|(opened, rate)| opened.min(*rate))
+        .collect();
+    // The first rise and the last fall are no valleys: the average is below them already.
+    let first_peak = (0..last)
+        .find(|&i| opened[i + 1] < opened[i])
+        .unwrap_or(last);
+    let last_peak = (1..=last)
+        .rev()
+        .find(|&i| opened[i - 1] < opened[i])
+        .unwrap_or(0);
+    sliding_extreme(
+        &time,
+        &opened,
+        window_s / 2.0,
+        1.0,
+        (first_peak, last_peak.max(first_peak)),
+    )
+}
+
+/// u at every tick for the rates, unsmoothed, slowed by up to a tick so that it ends on one.
+fn sampled(u: &[f64], rate: &[f64], tick_s: f64, duration_min_s: f64) -> Vec<f64> {
+    let time = times(u, rate);
+    let duration_s = time[time.len() - 1];
+    let ticks = (duration_s.max(duration_min_s) / tick_s).ceil().max(1.0);
+    let scale = duration_s / ticks;
+    let mut cell = 0;
+    (0..=ticks as usize)
+        .map(|tick| {
+            let t = tick as f64 * scale;
+            while cell + 2 < time.len() && time[cell + 1] < t {
+                cell += 1;
+            }
+            let length_s = (time[cell + 1] - time[cell]).max(f64::MIN_POSITIVE);
+            let s = ((t - time[cell]) / length_s).clamp(0.0, 1.0);
+            let (v0, v1) = (rate[cell], rate[cell + 1]);
+            // Exact ends whatever the rounding: the share of the cell's way that is done.
+            let share = if v0 + v1 > RATE_MIN {
+                s * (2.0 * v0 + s * (v1 - v0)) / (v0 + v1)
+            } else {
+                s
+            };
+            u[cell] + (u[cell + 1] - u[cell]) * share
+        })
+        .collect()
+}
+
+/// u at every tick, averaged over `window_ticks` (even); duration at least `duration_min_s`.
+pub fn on_ticks(
+    u: &[f64],
+    rate: &[f64],
+    tick_s: f64,
+    window_ticks: usize,
+    duration_min_s: f64,
+) -> Vec<f64> {
+    let raw = sampled(
+        u,
+        rate,
+        tick_s,
+        duration_min_s - window_ticks as f64 * tick_s,
+    );
+    let (start, end) = (raw[0], raw[raw.len() - 1]);
+    let at = |tick: isize| {
+        if tick < 0 {
+            start
+        } else {
+            raw.get(tick as usize).copied().unwrap_or(end)
+        }
+    };
+    (0..raw.len() + window_ticks)
+        .map(|tick| {
+            let newest = tick as isize;
+            let oldest = newest - window_ticks as isize;
+            // Differences from the start keep the sums small where u is large.
+            let base = at(oldest);
+            let inner: f64 = (oldest + 1..newest).map(|i| at(i) - base).sum();
+            base + (inner + 0.5 * (at(newest) - base)) / window_ticks as f64
+        })
+        .collect()
+}
