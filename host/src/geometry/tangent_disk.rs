@@ -52,7 +52,13 @@ fn radius_to_edge_mm(edge: &Edge, p: Point2, normal: Vector2) -> f64 {
             f64::INFINITY
         };
     }
-    let radius_to_point_mm = |w: &Vector2| {
+    touching_radius(to_a, to_b, normal)
+}
+
+/// Radius of the disk that touches the origin from the side of `normal` and the segment a-b, which
+/// does not hold the origin; infinite where it lies behind the tangent. Unit as the input's.
+pub fn touching_radius(a: Vector2, b: Vector2, normal: Vector2) -> f64 {
+    let radius_to_point = |w: &Vector2| {
         let rise = normal.dot(w);
         if rise <= GRAZING_RAD * w.norm() {
             f64::INFINITY
@@ -60,21 +66,26 @@ fn radius_to_edge_mm(edge: &Edge, p: Point2, normal: Vector2) -> f64 {
             w.norm_squared() / (2.0 * rise)
         }
     };
-    let ends = radius_to_point_mm(&to_a).min(radius_to_point_mm(&to_b));
-    // The edge's line, its normal turned away from p: touched where distance to it equals rho.
-    let mut across = edge.normal();
-    let mut distance = across.dot(&to_a);
+    let ends = radius_to_point(&a).min(radius_to_point(&b));
+    let along = b - a;
+    let length = along.norm();
+    if length <= 0.0 {
+        return ends;
+    }
+    // The segment's line, its normal turned away from the origin: touched where the distance to it
+    // equals the radius.
+    let mut across = Vector2::new(-along.y, along.x) / length;
+    let mut distance = across.dot(&a);
     if distance < 0.0 {
         (across, distance) = (-across, -distance);
     }
     let closing = 1.0 + across.dot(&normal);
-    if distance <= ON_EDGE_MM || closing <= 1e-12 {
+    if closing <= 1e-12 {
         return ends;
     }
     let radius = distance / closing;
-    let touch = p + normal * radius + across * radius;
-    let along = edge.b - edge.a;
-    let t = along.dot(&(touch - edge.a)) / along.norm_squared();
+    let touch = (normal + across) * radius;
+    let t = along.dot(&(touch - a)) / (length * length);
     if (0.0..=1.0).contains(&t) {
         radius.min(ends)
     } else {

@@ -2,12 +2,17 @@
 //! (order, travel, flow), time law, segments. A stage knows the output type of the stage before
 //! it, `geometry` and `settings`; none knows a clock, a file or a thread.
 
+pub mod medial_axis;
+
 pub mod bead_count;
 pub mod contacts;
 pub mod contour;
+pub mod feasible;
 pub mod field;
 pub mod flow;
+pub mod heading_law;
 pub mod heading_profile;
+pub mod headings_table;
 pub mod joint_limits;
 pub mod layer_path;
 pub mod medial_axis;

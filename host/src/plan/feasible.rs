@@ -1,0 +1,389 @@
+//! F(p): the headings at which an aperture that touches the boundary at p stays inside the region.
+//!
+//! The aperture's contact at p with inward normal N fixes its centre for every heading angle alpha
+//! (the angle from N to the major axis), so F(p) is a set of intervals of alpha, modulo 180°.
+//!
+//! For each edge, F is the factor by which the aperture, scaled about the contact p, would just
+//! touch it: the edge is harmless where F >= 1. In the frame that makes the aperture a unit disk it
+//! is the radius of a disk touching p and the edge, a closed form. ln F changes with alpha by at
+//! most 3/2 (a/b - b/a) per radian, so a whole interval is settled by one look at its middle unless
+//! some edge is near contact there; only those are halved, down to [`RESOLUTION_RAD`].
+//!
+//! Accuracy: interval ends to `RESOLUTION_RAD`; a gap or an interval narrower than that may be
+//! missed; an aperture that fits but for [`SLACK`] counts. No grid, no tolerance beyond these.
+//! Source: SPEC section 2; the bound on ln F is ours (see `settle`).
+
+use crate::geometry::aperture::Aperture;
+use crate::geometry::clearance::Configuration;
+use crate::geometry::edge_index::EdgeIndex;
+use crate::geometry::polygon::Box2;
+use crate::geometry::tangent_disk::touching_radius;
+use crate::geometry::{Point2, Vector2};
+use std::f64::consts::{FRAC_PI_2, PI};
+
+/// Where interval ends lie, rad.
+pub const RESOLUTION_RAD: f64 = 1e-7;
+/// An aperture that fits when scaled down by this share fits: rounding, under a nanometre.
+pub const SLACK: f64 = 1e-9;
+/// Edges that rise less than this above the tangent at p cannot be cut by more, mm.
+const RISE_MIN_MM: f64 = 1e-9;
+/// Pieces that the half turn is first divided into: coarse, since most settle at once.
+const PIECES: usize = 48;
+/// Looks per query before what is left is settled by its middle: only an aperture in contact over
+/// a whole range (a passage of exactly its width) comes near it.
+const LOOKS_MAX: usize = 50_000;
+
+/// The feasible heading angles at a boundary point.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub struct FeasibleAngles {
+    intervals: Vec<[f64; 2]>,
+}
+
+/// An edge near p: ends along (x) and across (y) the normal, from p.
+type LocalEdge = [Vector2; 2];
+
+/// F(p) at `p` for the inward unit normal `normal` (at a reflex vertex any one between the normals
+/// of its two edges), as intervals of alpha.
+pub fn feasible_angles(
+    aperture: &Aperture,
+    index: &EdgeIndex,
+    p: Point2,
+    normal: Vector2,
+) -> FeasibleAngles {
+    let edges = edges_near(aperture, index, p, normal);
+    let Aperture::Ellipse { major_mm, minor_mm } = *aperture;
+    let mut search = Search {
+        axes: [major_mm, minor_mm],
+        edges,
+        looks: 0,
+        runs: Vec::new(),
+    };
+    let all: Vec<usize> = (0..search.edges.len()).collect();
+    if aperture.is_round() {
+        let feasible = all.iter().all(|&e| search.touch_factor(0.0, e) >= 1.0);
+        search.add(-FRAC_PI_2, FRAC_PI_2, feasible);
+    } else {
+        let step = PI / PIECES as f64;
+        for k in 0..PIECES {
+            let low = -FRAC_PI_2 + k as f64 * step;
+            search.settle(low, low + step, &all);
+        }
+    }
+    FeasibleAngles::of_runs(search.runs)
+}
+
+/// The configuration that touches `p` with heading angle `alpha_rad`: centre p + M N / h.
+pub fn configuration_at(
+    aperture: &Aperture,
+    p: Point2,
+    normal: Vector2,
+    alpha_rad: f64,
+) -> Configuration {
+    let heading_rad = normal.y.atan2(normal.x) + alpha_rad;
+    Configuration {
+        center: p - aperture.support_point(heading_rad, -normal),
+        heading_rad,
+    }
+}
+
+/// alpha brought into (-90°, 90°].
+pub fn wrapped_half_turn_rad(alpha_rad: f64) -> f64 {
+    let turned = alpha_rad - PI * (alpha_rad / PI).round();
+    if turned <= -FRAC_PI_2 {
+        turned + PI
+    } else {
+        turned
+    }
+}
+
+/// Edges that the aperture could meet: within its length of p, not wholly behind the tangent.
+fn edges_near(
+    aperture: &Aperture,
+    index: &EdgeIndex,
+    p: Point2,
+    normal: Vector2,
+) -> Vec<LocalEdge> {
+    let reach_mm = 2.0 * aperture.major_mm();
+    let tangent = Vector2::new(-normal.y, normal.x);
+    let local = |q: Point2| Vector2::new((q - p).dot(&normal), (q - p).dot(&tangent));
+    let mut numbers = Vec::new();
+    let area = Box2 { min: p, max: p }.grown(reach_mm);
+    index.for_edges_in(area, |number| numbers.push(number));
+    numbers.sort_unstable();
+    numbers.dedup();
+    numbers
+        .into_iter()
+        .filter(|&number| (index.edges()[number].foot(p) - p).norm() <= reach_mm)
+        .map(|number| [index.edges()[number].a, index.edges()[number].b].map(local))
+        .filter(|ends| ends[0].x.max(ends[1].x) > RISE_MIN_MM)
+        .collect()
+}
+
+struct Search {
+    axes: [f64; 2],
+    edges: Vec<LocalEdge>,
+    looks: usize,
+    /// Feasible runs in ascending order, joined where they meet.
+    runs: Vec<[f64; 2]>,
+}
+
+impl Search {
+    /// F of the edge: how far the aperture may be scaled about p until it touches.
+    fn touch_factor(&self, alpha_rad: f64, edge: usize) -> f64 {
+        let [a, b] = self.axes;
+        let (sin, cos) = alpha_rad.sin_cos();
+        let extent = ((a * cos).powi(2) + (b * sin).powi(2)).sqrt();
+        // Scaled tool axes, where the aperture is a unit disk and the normal turns to this.
+        let normal = Vector2::new(a * cos / extent, -b * sin / extent);
+        let scaled =
+            |w: Vector2| Vector2::new((w.x * cos + w.y * sin) / a, (w.y * cos - w.x * sin) / b);
+        let [from, to] = self.edges[edge].map(scaled);
+        touching_radius(from, to, normal) * (1.0 + SLACK)
+    }
+
+    /// Settles [low, high] against the given edges.
+    ///
+    /// For an obstacle point w, with u = diag(1/a, 1/b) R(-alpha) w and h the extent along N,
+    /// F = h |u|² / (2 N·w). There d ln|u|² <= (a/b - b/a) dalpha and d ln h <= (a/b - b/a)/2
+    /// dalpha, whatever w, so the least F over an edge has the same bound.
+    fn settle(&mut self, low: f64, high: f64, edges: &[usize]) {
+        let middle = (low + high) / 2.0;
+        let [a, b] = self.axes;
+        let change = (1.5 * (a / b - b / a) * (high - low) / 2.0).exp();
+        let mut open = Vec::new();
+        let mut least = f64::INFINITY;
+        for &edge in edges {
+            self.looks += 1;
+            let factor = self.touch_factor(middle, edge);
+            least = least.min(factor);
+            if factor * change < 1.0 {
+                return;
+            }
+            if factor < change {
+                open.push(edge);
+            }
+        }
+        if open.is_empty() {
+            self.add(low, high, true);
+        } else if high - low <= RESOLUTION_RAD || self.looks > LOOKS_MAX {
+            self.add(low, high, least >= 1.0);
+        } else {
+            self.settle(low, middle, &open);
+            self.settle(middle, high, &open);
+        }
+    }
+
+    fn add(&mut self, low: f64, high: f64, feasible: bool) {
+        if !feasible {
+            return;
+        }
+        match self.runs.last_mut() {
+            Some(run) if low - run[1] <= RESOLUTION_RAD / 4.0 => run[1] = high,
+            _ => self.runs.push([low, high]),
+        }
+    }
+}
+
+impl FeasibleAngles {
+    /// Joins the run that ends at 90° with the one that begins at -90°.
+    fn of_runs(mut runs: Vec<[f64; 2]>) -> FeasibleAngles {
+        let end = RESOLUTION_RAD / 4.0;
+        if runs.len() > 1
+            && runs[0][0] <= -FRAC_PI_2 + end
+            && runs[runs.len() - 1][1] >= FRAC_PI_2 - end
+        {
+            let first = runs.remove(0);
+            if let Some(last) = runs.last_mut() {
+                last[1] = first[1] + PI;
+            }
+        }
+        FeasibleAngles { intervals: runs }
+    }
+
+    /// True where the point is unreachable.
+    pub fn is_empty(&self) -> bool {
+        self.intervals.is_empty()
+    }
+
+    /// The intervals, rad: starts ascending in [-90°, 90°), an end beyond 90° wraps round.
+    pub fn intervals(&self) -> &[[f64; 2]] {
+        &self.intervals
+    }
+
+    /// The feasible angle nearest to `alpha_rad` modulo 180°, in (-90°, 90°]; `None` where empty.
+    /// Ties go to the first interval.
+    pub fn nearest_rad(&self, alpha_rad: f64) -> Option<f64> {
+        let mut best: Option<(f64, f64)> = None;
+        for &[low, high] in &self.intervals {
+            // The image of alpha in the half turn that starts at the interval's start.
+            let image = low + (alpha_rad - low).rem_euclid(PI);
+            let (found, off) = if image <= high {
+                (alpha_rad, 0.0)
+            } else if image - high <= low + PI - image {
+                (high, image - high)
+            } else {
+                (low, low + PI - image)
+            };
+            if best.is_none_or(|(_, least)| off < least) {
+                best = Some((found, off));
+            }
+        }
+        best.map(|(found, _)| wrapped_half_turn_rad(found))
+    }
+
+    /// The smallest |alpha|; `None` where empty.
+    pub fn min_abs_rad(&self) -> Option<f64> {
+        self.nearest_rad(0.0).map(f64::abs)
+    }
+
+    /// True where `alpha_rad` is feasible, or within `slack_rad` of an angle that is.
+    pub fn contains_rad(&self, alpha_rad: f64, slack_rad: f64) -> bool {
+        self.nearest_rad(alpha_rad)
+            .is_some_and(|found| wrapped_half_turn_rad(found - alpha_rad).abs() <= slack_rad)
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::geometry::clearance::scaled_clearance;
+    use crate::geometry::edge_index::Edge;
+
+    const ELLIPSE: Aperture = Aperture::Ellipse {
+        major_mm: 0.6,
+        minor_mm: 0.2,
+    };
+
+    fn index(points: &[[f64; 2]]) -> EdgeIndex {
+        let p = |i: usize| Point2::from(points[i % points.len()]);
+        EdgeIndex::new(
+            (0..points.len())
+                .map(|i| Edge {
+                    a: p(i),
+                    b: p(i + 1),
+                })
+                .collect(),
+            0.6,
+        )
+    }
+
+    fn passage(width_mm: f64) -> EdgeIndex {
+        index(&[[0.0, 0.0], [30.0, 0.0], [30.0, width_mm], [0.0, width_mm]])
+    }
+
+    /// Goal: a straight passage has a closed form: 2e(alpha) <= width. Method: interval ends.
+    #[test]
+    fn straight_passage() {
+        let (p, up) = (Point2::new(15.0, 0.0), Vector2::new(0.0, 1.0));
+        for width_mm in [0.41, 0.6, 0.9, 1.1, 1.199] {
+            let angles = feasible_angles(&ELLIPSE, &passage(width_mm), p, up);
+            let expected = ELLIPSE.angle_of_extent_rad(width_mm / 2.0);
+            assert_eq!(angles.intervals().len(), 1, "{width_mm}");
+            let [low, high] = angles.intervals()[0];
+            assert!((low - expected).abs() < 1e-6, "{low} {expected}");
+            assert!((high - (PI - expected)).abs() < 1e-6);
+            assert!((angles.min_abs_rad().unwrap() - expected).abs() < 1e-6);
+            assert!((angles.nearest_rad(-0.01 * expected).unwrap() + expected).abs() < 1e-6);
+        }
+        assert!(feasible_angles(&ELLIPSE, &passage(0.399), p, up).is_empty());
+        let wide = feasible_angles(&ELLIPSE, &passage(1.3), p, up);
+        assert_eq!(wide.min_abs_rad(), Some(0.0));
+        assert_eq!(wide.nearest_rad(1.2), Some(1.2));
+        // Exactly the width: all angles in contact or clear, in bounded time.
+        let tight = feasible_angles(&ELLIPSE, &passage(0.4), p, up);
+        assert!(tight.contains_rad(FRAC_PI_2, 1e-3), "{tight:?}");
+    }
+
+    /// Goal: near a convex corner the tilted aperture still reaches in. Method: 0.2 mm and 20 µm
+    /// from the corner of a wide square.
+    #[test]
+    fn convex_corner() {
+        let square = index(&[[0.0, 0.0], [10.0, 0.0], [10.0, 10.0], [0.0, 10.0]]);
+        let p = Point2::new(0.2, 0.0);
+        let angles = feasible_angles(&ELLIPSE, &square, p, Vector2::new(0.0, 1.0));
+        let alpha = angles.min_abs_rad().unwrap();
+        let found = configuration_at(&ELLIPSE, p, Vector2::new(0.0, 1.0), alpha);
+        assert!((scaled_clearance(&ELLIPSE, found, &square, 2.0) - 1.0).abs() < 1e-8);
+        assert!(alpha < 0.2, "{alpha}");
+        // Closer in than the curve of the aperture allows, nothing reaches.
+        let too_far = Point2::new(0.02, 0.0);
+        assert!(feasible_angles(&ELLIPSE, &square, too_far, Vector2::new(0.0, 1.0)).is_empty());
+    }
+
+    /// Goal: the intervals say what the clearance query says. Method: random stars and normals of
+    /// random edges, a fine sweep of alpha; disagreement only within 1e-6 rad of an end or by
+    /// less than 1e-6 of clearance.
+    #[test]
+    fn agrees_with_clearance() {
+        let mut state = 5u64;
+        let mut random = || {
+            state = state
+                .wrapping_mul(6364136223846793005)
+                .wrapping_add(1442695040888963407);
+            (state >> 33) as f64 / (1u64 << 31) as f64
+        };
+        let (mut inside, mut outside) = (0, 0);
+        for _ in 0..12 {
+            let star: Vec<[f64; 2]> = (0..40)
+                .map(|i| {
+                    let (sin, cos) = (f64::from(i) * std::f64::consts::TAU / 40.0).sin_cos();
+                    let r = 1.5 + 2.5 * random();
+                    [r * cos, r * sin]
+                })
+                .collect();
+            let star = index(&star);
+            for edge in star.edges() {
+                let p = edge.a + (edge.b - edge.a) * random();
+                let angles = feasible_angles(&ELLIPSE, &star, p, edge.normal());
+                for k in 0..90 {
+                    let alpha = -FRAC_PI_2 + (f64::from(k) + 0.5) * PI / 90.0;
+                    let at = configuration_at(&ELLIPSE, p, edge.normal(), alpha);
+                    let clear = scaled_clearance(&ELLIPSE, at, &star, 2.0);
+                    let feasible = clear >= 1.0 - 1e-7 && star.contains(at.center);
+                    if feasible == angles.contains_rad(alpha, 1e-12) {
+                        inside += u32::from(feasible);
+                        outside += u32::from(!feasible);
+                    } else {
+                        assert!((clear - 1.0).abs() < 1e-5, "{alpha} {clear} {angles:?}");
+                    }
+                }
+            }
+        }
+        assert!(inside > 1000 && outside > 1000, "{inside} {outside}");
+    }
+
+    /// Goal: at a reflex vertex the normal may be any of the cone; the contact stays on the corner.
+    #[test]
+    fn reflex_vertex() {
+        let corner = index(&[
+            [0.0, 0.0],
+            [10.0, 0.0],
+            [10.0, 10.0],
+            [5.0, 10.0],
+            [5.0, 5.0],
+            [0.0, 5.0],
+        ]);
+        let p = Point2::new(5.0, 5.0);
+        for k in 0..=10 {
+            let turn = -FRAC_PI_2 + FRAC_PI_2 * f64::from(k) / 10.0;
+            let normal = Vector2::new(turn.cos(), turn.sin());
+            let angles = feasible_angles(&ELLIPSE, &corner, p, normal);
+            assert_eq!(angles.min_abs_rad(), Some(0.0));
+        }
+    }
+
+    /// Goal: a round nozzle is one question.
+    #[test]
+    fn round_nozzle() {
+        let round = Aperture::Ellipse {
+            major_mm: 0.4,
+            minor_mm: 0.4,
+        };
+        let (p, up) = (Point2::new(15.0, 0.0), Vector2::new(0.0, 1.0));
+        assert!(feasible_angles(&round, &passage(0.79), p, up).is_empty());
+        for width_mm in [0.8, 0.81] {
+            let angles = feasible_angles(&round, &passage(width_mm), p, up);
+            assert_eq!(angles.intervals().len(), 1);
+        }
+    }
+}
