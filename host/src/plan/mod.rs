@@ -2,8 +2,6 @@
 //! (order, travel, flow), time law, segments. A stage knows the output type of the stage before
 //! it, `geometry` and `settings`; none knows a clock, a file or a thread.
 
-pub mod medial_axis;
-
 pub mod bead_count;
 pub mod contacts;
 pub mod contour;
