@@ -14,6 +14,7 @@
 //! Left out: the outline and the pictures, which are made from the input.
 
 use crate::job::{Mark, SegmentStream};
+use crate::part_transform::PartTransform;
 use crate::wire_frames::{WireFrames, WireFramesError};
 use headway_firmware::configuration::MachineConfiguration;
 use headway_protocol::frame::{CRC, FRAME_BYTES_MAX, FrameDecoder, encode_payload, hash_of};
@@ -51,8 +52,8 @@ pub struct JobHeader {
     pub machine: MachineConfiguration,
     /// Hash of `machine`; the handshake compares it.
     pub machine_hash: u32,
-    /// What was added to the input's coordinates to place it on the machine, mm.
-    pub offset_mm: [f64; 3],
+    /// Where the input lies on the machine; applied before kinematics, undone in every output.
+    pub transform: PartTransform,
     /// Pose at rest before the first span, channel units.
     pub start: ChannelPoint,
     /// Identity of the stream (`WireFrames::job`).
@@ -78,7 +79,7 @@ impl JobHeader {
         frames: &WireFrames,
         machine_name: &str,
         machine: &MachineConfiguration,
-        offset_mm: [f64; 3],
+        transform: PartTransform,
     ) -> Self {
         JobHeader {
             format_version: FORMAT_VERSION,
@@ -87,7 +88,7 @@ impl JobHeader {
             machine_name: machine_name.to_string(),
             machine: machine.clone(),
             machine_hash: hash_of(machine),
-            offset_mm,
+            transform,
             start: *frames.start(),
             job: frames.job(),
             frames: frames.len() as u32,
@@ -489,7 +490,10 @@ mod tests {
         });
         let frames = WireFrames::encode(&stream).unwrap();
         let machine = Settings::default().machine;
-        let mut header = JobHeader::new(&stream, &frames, "test", &machine, [1.0, 2.0, 0.0]);
+        let transform = PartTransform {
+            offset_mm: [1.0, 2.0, 0.0],
+        };
+        let mut header = JobHeader::new(&stream, &frames, "test", &machine, transform);
         header.figures_json = String::from("{\"passes\":3}");
         (header, frames, stream)
     }

@@ -7,7 +7,9 @@ pub mod record;
 pub mod sender;
 pub mod sender_state;
 pub mod servo_walk;
+pub mod simulator;
 pub mod trace;
+pub mod trace_table;
 
 #[cfg(test)]
 mod test_streams;

@@ -17,8 +17,8 @@ use crate::drive::sender_state::{
 use crate::wire_frames::WireFrames;
 use headway_protocol::frame::{FRAME_BYTES_MAX, FrameDecoder, encode_frame, encode_payload};
 use headway_protocol::message::{
-    Ack, Control, DeviceMessage, DeviceState, Hello, HostMessage, OpenStream, PROTOCOL_VERSION,
-    Refusal, RefusalReason, SCHEMA_HASH, Start, Status, Welcome,
+    Ack, Control, DeviceMessage, DeviceState, Fault, Hello, HostMessage, OpenStream,
+    PROTOCOL_VERSION, Refusal, RefusalReason, SCHEMA_HASH, Start, Status, Welcome,
 };
 use std::collections::VecDeque;
 
@@ -183,13 +183,6 @@ impl Sender {
     /// Writes the next frame for the line into `out` and returns its length; `None` when there is
     /// nothing to say now.
     pub fn poll_transmit(&mut self, now_us: u64, out: &mut [u8; FRAME_BYTES_MAX]) -> Option<usize> {
-        if matches!(self.state, SenderState::Failed(_)) {
-            // An emergency stop must still get through.
-            let stop = self.commands.front() == Some(&Control::EmergencyStop);
-            if !stop && self.outstanding.is_none() {
-                return None;
-            }
-        }
         self.choose_control(now_us);
         let length = match self.transmit_control(now_us, out) {
             Some(length) => Some(length),
@@ -314,7 +307,10 @@ impl Sender {
             }
             DeviceMessage::Refused(refusal) => self.handle_refusal(refusal),
             DeviceMessage::Status(status) => self.handle_status(status),
-            DeviceMessage::Fault(fault) => self.events.push_back(SenderEvent::Fault(fault)),
+            DeviceMessage::Fault(fault) => {
+                self.events.push_back(SenderEvent::Fault(fault));
+                self.handle_fault(fault);
+            }
         }
     }
 
@@ -473,6 +469,17 @@ impl Sender {
         }
     }
 
+    /// A fault ends the stream: the controller forgets it.
+    fn handle_fault(&mut self, fault: Fault) {
+        let begun = matches!(
+            self.state,
+            SenderState::Opening | SenderState::Streaming | SenderState::Finishing
+        );
+        if begun {
+            self.fail(SenderError::Fault(fault));
+        }
+    }
+
     fn handle_status(&mut self, status: Status) {
         if !self.is_session(status.session) {
             return;
@@ -480,6 +487,9 @@ impl Sender {
         if self.state == SenderState::Finishing && status.state == DeviceState::Finished {
             self.state = SenderState::Done;
             self.outstanding = None;
+        }
+        if let Some(fault) = status.fault {
+            self.handle_fault(fault);
         }
         self.events.push_back(SenderEvent::Status(status));
     }

@@ -18,7 +18,7 @@ use headway_firmware::kinematics::{forward, inverse};
 use headway_firmware::pose::Pose;
 use headway_firmware::steps::STEP;
 use headway_protocol::segment::FlowAction;
-use headway_protocol::units::{CHANNEL_VOLUME, UNITS_PER_NATURAL};
+use headway_protocol::units::{CHANNEL_VOLUME, CHANNELS, UNITS_PER_NATURAL};
 use serde::{Deserialize, Serialize};
 
 /// Joint speed from which step times are judged: at 1000 steps/s, 10⁻³ step of f32 rounding is 1 us.
@@ -80,14 +80,16 @@ fn count_of(position_steps: f64) -> i64 {
     (position_steps + 0.5 + bias).floor() as i64
 }
 
-/// Step counts at a pose, the extruder at 0.
-pub fn counts_at(channels: &[f64; 7], machine: &MachineConfiguration) -> [i64; MOTORS_MAX] {
+/// Step counts at rest on a pose with its deposited volume, primes and retracts left out.
+pub fn counts_at(channels: &[f64; CHANNELS], machine: &MachineConfiguration) -> [i64; MOTORS_MAX] {
     let mut counts = [0; MOTORS_MAX];
     if let Ok(joints) = inverse(&machine.kinematics, &Pose::from_channels(channels)) {
         for (index, joint) in machine.joints.iter().enumerate() {
             counts[index] = count_of(joints.position[index] * joint.steps_per_unit);
         }
     }
+    let volume_steps = channels[CHANNEL_VOLUME] * machine.extruder.steps_per_mm3;
+    counts[machine.joints.len()] = count_of(volume_steps);
     counts
 }
 

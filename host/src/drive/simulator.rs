@@ -1,0 +1,321 @@
+//! Host, link and the real firmware library on one virtual clock.
+//!
+//! [`WireFrames`] -> sender -> simulated line -> [`Machine`] -> recorded steps. The clock advances
+//! by one servo period at a time: bytes that have arrived go to the controller, it plays its
+//! interval, its reports go back, the sender answers. Nothing waits for the wall clock, and every
+//! random choice comes from the seed, so a run can be repeated to the step.
+
+use crate::drive::link::{Line, LinkSpec};
+use crate::drive::record::MotionRecord;
+use crate::drive::sender::Sender;
+use crate::drive::sender_state::{SenderError, SenderEvent, SenderSetup, SenderState};
+use crate::drive::trace::counts_at;
+use crate::wire_frames::WireFrames;
+use headway_firmware::configuration::{ConfigurationError, MOTORS_MAX, MachineConfiguration};
+use headway_firmware::machine::Machine;
+use headway_protocol::frame::{FRAME_BYTES_MAX, hash_of};
+use headway_protocol::message::{Control, DeviceState, Fault};
+use headway_protocol::units::UNITS_PER_NATURAL;
+use serde::{Deserialize, Serialize};
+use thiserror::Error;
+
+/// How much the sender keeps on the line ahead: control messages wait no longer than this.
+const LINE_AHEAD_US: u64 = 2_000;
+/// Servo ticks run after the end, so that the last steps are out.
+const TAIL_TICKS: u32 = 16;
+/// Silence that means that nothing will come any more: longer than any retry.
+const STUCK_S: f64 = 60.0;
+
+/// What the simulation is told.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub struct SimulatorSetup {
+    /// Faults of the line.
+    pub link: LinkSpec,
+    /// Fixes every random choice.
+    pub seed: u64,
+    /// Commands to give, with their time since start-up in us, in order of time.
+    pub commands: Vec<(u64, Control)>,
+}
+
+/// Why a simulation could not be run to its end.
+#[derive(Debug, Error, PartialEq, Eq)]
+pub enum SimulatorError {
+    /// The firmware refuses the machine.
+    #[error("the firmware cannot run this machine: {0:?}; change the machine file")]
+    Configuration(ConfigurationError),
+    /// The conversation failed.
+    #[error(transparent)]
+    Sender(#[from] SenderError),
+    /// Nothing has moved for a minute.
+    #[error("after {at_s} s the machine is {state:?} and nothing comes any more over the link")]
+    Stuck {
+        /// Virtual time.
+        at_s: u64,
+        /// What the machine does.
+        state: DeviceState,
+    },
+}
+
+/// Counters of a simulated run.
+#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
+pub struct SimulationFigures {
+    /// Hash of every step: tick from the job's first segment, motor, direction; 16 hex digits.
+    pub step_digest: String,
+    /// Step counts at the end: joints in order, then the extruder.
+    pub final_counts: Vec<i64>,
+    /// Steps of all motors.
+    pub steps: u64,
+    /// Bytes that the host put on the line, repeats included.
+    pub bytes: u64,
+    /// Stream frames sent again.
+    pub resent_frames: u64,
+    /// How often the queue's end made the head slow down.
+    pub underruns: u64,
+    /// How often the head came to rest in the middle of a stretch.
+    pub holds: u64,
+    /// Faults latched.
+    pub faults: u64,
+    /// Virtual time from the first segment to the end.
+    pub motion_s: f64,
+}
+
+/// Everything that a run leaves behind.
+#[derive(Clone, Debug)]
+pub struct Simulation {
+    /// Steps and progress.
+    pub motion: MotionRecord,
+    /// Counters.
+    pub figures: SimulationFigures,
+    /// The fault that ended it, if one did.
+    pub fault: Option<Fault>,
+}
+
+/// Host, link and controller.
+#[derive(Debug)]
+pub struct Simulator {
+    machine: Machine,
+    configuration: MachineConfiguration,
+    sender: Sender,
+    down: Line,
+    up: Line,
+    commands: std::vec::IntoIter<(u64, Control)>,
+    next_command: Option<(u64, Control)>,
+    record: MotionRecord,
+    /// Segment time after the last servo tick, 2^-16 ticks.
+    segment_q16: u64,
+    servo_tick: u64,
+    /// Servo tick at which something last moved or arrived.
+    lively_tick: u64,
+    bytes: Vec<u8>,
+    out: [u8; FRAME_BYTES_MAX],
+    stream_ticks: u64,
+}
+
+impl Simulator {
+    /// Sets the three up. `stream_ticks` is the job's segment time, for progress and bounds.
+    ///
+    /// # Errors
+    /// [`SimulatorError::Configuration`].
+    pub fn new(
+        frames: WireFrames,
+        stream_ticks: u64,
+        configuration: &MachineConfiguration,
+        setup: &SimulatorSetup,
+    ) -> Result<Self, SimulatorError> {
+        // Any numbers that differ do; they come from the seed to be repeatable.
+        let session = 0x5e55_0000 ^ setup.seed as u32;
+        let machine =
+            Machine::new(configuration, session).map_err(SimulatorError::Configuration)?;
+        let mut record = MotionRecord {
+            start_counts: start_counts(&frames, configuration),
+            ..MotionRecord::default()
+        };
+        record.rates_q16.reserve(stream_ticks as usize);
+        let sender = Sender::new(
+            frames,
+            SenderSetup {
+                host_session: 0x0485_7000 ^ setup.seed as u32,
+                machine_hash: hash_of(configuration),
+                servo_hz: configuration.servo_hz,
+                resume: false,
+            },
+        );
+        let mut commands = setup.commands.clone().into_iter();
+        let next_command = commands.next();
+        Ok(Simulator {
+            machine,
+            configuration: configuration.clone(),
+            sender,
+            down: Line::new(setup.link.clone(), setup.seed.wrapping_mul(2)),
+            up: Line::new(setup.link.clone(), setup.seed.wrapping_mul(2) + 1),
+            commands,
+            next_command,
+            record,
+            segment_q16: 0,
+            servo_tick: 0,
+            lively_tick: 0,
+            bytes: Vec::new(),
+            out: [0; FRAME_BYTES_MAX],
+            stream_ticks,
+        })
+    }
+
+    /// Virtual time.
+    pub fn now_us(&self) -> u64 {
+        self.servo_tick * 1_000_000 / u64::from(self.configuration.servo_hz)
+    }
+
+    /// The host's end.
+    pub fn sender(&self) -> &Sender {
+        &self.sender
+    }
+
+    /// The controller.
+    pub fn machine(&self) -> &Machine {
+        &self.machine
+    }
+
+    /// Share of the job's segment time that has been run, 0..=1.
+    pub fn progress(&self) -> f64 {
+        let done = (self.segment_q16 >> 16) as f64;
+        (done / self.stream_ticks.max(1) as f64).min(1.0)
+    }
+
+    /// One servo period.
+    pub fn tick(&mut self) {
+        let now_us = self.now_us();
+        while let Some((at_us, control)) = self.next_command
+            && at_us <= now_us
+        {
+            self.sender.command(control);
+            self.next_command = self.commands.next();
+        }
+        self.bytes.clear();
+        self.down.receive(now_us, &mut self.bytes);
+        if !self.bytes.is_empty() {
+            self.machine.handle_bytes(&self.bytes);
+        }
+        self.machine.run_servo_interval(&mut self.record.steps);
+        self.note_progress();
+        self.servo_tick += 1;
+        self.exchange(now_us);
+    }
+
+    fn note_progress(&mut self) {
+        let motion = self.machine.motion();
+        let Some(start) = motion.stream_start_ticks() else {
+            return;
+        };
+        self.record.first_servo_tick = start;
+        let segment_q16 = motion.segment_time_q16();
+        let rate = segment_q16.saturating_sub(self.segment_q16);
+        self.segment_q16 = segment_q16;
+        self.record.rates_q16.push(rate as u32);
+        if rate > 0 {
+            self.lively_tick = self.servo_tick;
+        }
+    }
+
+    /// Reports up, answers down.
+    fn exchange(&mut self, now_us: u64) {
+        while self.up.backlog_us(now_us) < LINE_AHEAD_US {
+            let length = self.machine.poll_report(&mut self.out);
+            if length == 0 {
+                break;
+            }
+            self.up.send(now_us, &self.out[..length]);
+        }
+        self.bytes.clear();
+        self.up.receive(now_us, &mut self.bytes);
+        self.sender.handle_bytes(now_us, &self.bytes);
+        while self.down.backlog_us(now_us) < LINE_AHEAD_US {
+            let Some(length) = self.sender.poll_transmit(now_us, &mut self.out) else {
+                break;
+            };
+            self.down.send(now_us, &self.out[..length]);
+        }
+        while let Some(event) = self.sender.poll_event() {
+            if matches!(event, SenderEvent::Connected(_)) {
+                self.lively_tick = self.servo_tick;
+            }
+        }
+    }
+
+    /// True when the job has ended, well or with a fault.
+    pub fn is_over(&self) -> bool {
+        let faulted = self.machine.motion().fault().is_some();
+        let ended = match self.sender.state() {
+            SenderState::Done | SenderState::Failed(_) => true,
+            _ => faulted,
+        };
+        ended && self.machine.motion().is_at_rest()
+    }
+
+    /// Runs to the end; `progress` is called now and then with the share done.
+    ///
+    /// # Errors
+    /// [`SimulatorError`]; a latched fault is not one, it is in the result.
+    pub fn run(mut self, mut progress: impl FnMut(f64)) -> Result<Simulation, SimulatorError> {
+        let stuck_ticks = (STUCK_S * f64::from(self.configuration.servo_hz)) as u64;
+        while !self.is_over() {
+            self.tick();
+            if self.servo_tick.is_multiple_of(1000) {
+                progress(self.progress());
+            }
+            if self.servo_tick > self.lively_tick + stuck_ticks {
+                return Err(SimulatorError::Stuck {
+                    at_s: self.now_us() / 1_000_000,
+                    state: self.machine.motion().state(),
+                });
+            }
+        }
+        let fault = self.machine.motion().fault();
+        if let (None, SenderState::Failed(error)) = (fault, self.sender.state()) {
+            return Err(error.clone().into());
+        }
+        for _ in 0..TAIL_TICKS {
+            self.machine.run_servo_interval(&mut self.record.steps);
+        }
+        progress(1.0);
+        Ok(self.finish(fault))
+    }
+
+    fn finish(mut self, fault: Option<Fault>) -> Simulation {
+        // At rest at the end the rate is 0; what the comparison needs is the motion.
+        while self.record.rates_q16.last() == Some(&0) {
+            self.record.rates_q16.pop();
+        }
+        let configuration = &self.configuration;
+        let ratio = configuration.step_hz / configuration.servo_hz;
+        let motors = configuration.joints.len() + 1;
+        let sent = self.sender.figures();
+        let motion = self.machine.motion();
+        let motion_ticks = self.record.rates_q16.len() as f64;
+        let figures = SimulationFigures {
+            step_digest: format!("{:016x}", self.record.digest(ratio)),
+            final_counts: self.record.final_counts()[..motors].to_vec(),
+            steps: self.record.steps.len() as u64,
+            bytes: sent.bytes_sent,
+            resent_frames: sent.frames_resent,
+            underruns: u64::from(motion.underruns()),
+            holds: u64::from(motion.holds()),
+            faults: u64::from(fault.is_some()),
+            motion_s: motion_ticks / f64::from(configuration.servo_hz),
+        };
+        Simulation {
+            motion: self.record,
+            figures,
+            fault,
+        }
+    }
+}
+
+fn start_counts(frames: &WireFrames, machine: &MachineConfiguration) -> [i64; MOTORS_MAX] {
+    let start = frames.start();
+    let natural = std::array::from_fn(|c| f64::from(start[c]) / UNITS_PER_NATURAL[c]);
+    counts_at(&natural, machine)
+}
+
+#[cfg(test)]
+#[path = "simulator_tests.rs"]
+mod tests;
