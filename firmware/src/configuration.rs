@@ -71,3 +71,101 @@ pub struct MachineConfiguration {
     /// Step interrupt rate, a multiple of `servo_hz`.
     pub step_hz: u32,
 }
+
+/// Why a configuration cannot be run.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum ConfigurationError {
+    /// The kinematics need another number of joints.
+    JointCount {
+        /// Joints of the kinematics.
+        needed: usize,
+        /// Joints given.
+        given: usize,
+    },
+    /// `step_hz` must be a multiple of `servo_hz`, 4 to 1000 times.
+    TickRates,
+    /// A number of this joint is not finite, not positive where it must be, or out of range; the
+    /// extruder counts as the last joint.
+    Joint(usize),
+    /// The pivot length is not finite.
+    Kinematics,
+}
+
+impl core::fmt::Display for ConfigurationError {
+    fn fmt(&self, formatter: &mut core::fmt::Formatter<'_>) -> core::fmt::Result {
+        match self {
+            Self::JointCount { needed, given } => {
+                write!(
+                    formatter,
+                    "the kinematics need {needed} joints, {given} are given"
+                )
+            }
+            Self::TickRates => formatter
+                .write_str("the step rate must be a multiple of the servo rate, 4 to 1000 times"),
+            Self::Joint(joint) => write!(formatter, "a number of joint {joint} is out of range"),
+            Self::Kinematics => formatter.write_str("the pivot length is not a finite number"),
+        }
+    }
+}
+
+impl core::error::Error for ConfigurationError {}
+
+/// Most steps per mm, rad or mm³: the fixed-point scale holds it, and no driver needs it.
+const STEPS_PER_UNIT_MAX: f64 = 30_000.0;
+
+impl MachineConfiguration {
+    /// Checks everything that the firmware relies on.
+    ///
+    /// # Errors
+    /// [`ConfigurationError`], the first that is found.
+    pub fn check(&self) -> Result<(), ConfigurationError> {
+        let needed = crate::kinematics::joint_count(&self.kinematics);
+        let given = self.joints.len();
+        if needed != given {
+            return Err(ConfigurationError::JointCount { needed, given });
+        }
+        if let Kinematics::Gantry { pivot_length_mm } = self.kinematics
+            && !pivot_length_mm.is_finite()
+        {
+            return Err(ConfigurationError::Kinematics);
+        }
+        let ticks = self.step_hz.checked_div(self.servo_hz).unwrap_or(0);
+        let range = crate::steps::INTERVAL_TICKS_MIN..=crate::steps::INTERVAL_TICKS_MAX;
+        if !range.contains(&ticks) || ticks.checked_mul(self.servo_hz) != Some(self.step_hz) {
+            return Err(ConfigurationError::TickRates);
+        }
+        for (index, joint) in self.joints.iter().enumerate() {
+            let positive = [
+                joint.speed_max,
+                joint.acceleration_max,
+                joint.jerk_max,
+                joint.steps_per_unit,
+            ];
+            let range_is_right = joint.position_min < joint.position_max;
+            if !range_is_right || !positive.iter().all(is_positive) || !fits(joint.steps_per_unit) {
+                return Err(ConfigurationError::Joint(index));
+            }
+        }
+        let extruder = &self.extruder;
+        let positive = [
+            extruder.steps_per_mm3,
+            extruder.speed_max_mm3_s,
+            extruder.acceleration_max_mm3_s2,
+        ];
+        let not_negative = extruder.pressure_advance_s >= 0.0
+            && extruder.pressure_advance_window_ms >= 0.0
+            && extruder.pressure_advance_s.is_finite();
+        if !not_negative || !positive.iter().all(is_positive) || !fits(extruder.steps_per_mm3) {
+            return Err(ConfigurationError::Joint(given));
+        }
+        Ok(())
+    }
+}
+
+fn is_positive(value: &f64) -> bool {
+    *value > 0.0 && value.is_finite()
+}
+
+fn fits(steps_per_unit: f64) -> bool {
+    steps_per_unit <= STEPS_PER_UNIT_MAX
+}

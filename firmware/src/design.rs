@@ -51,3 +51,19 @@ pub const HOLD_RETRACT_DELAY_MS: u32 = 300;
 
 /// Primes and retracts that can run at the same time.
 pub const ACTIVE_EVENTS_MAX: usize = 4;
+
+/// Quiet time after which a stream goes on with what it has: a host that sends less than
+/// [`START_QUEUED_MS`] and no end means it.
+pub const QUIET_START_MS: u32 = 1000;
+
+/// Room in the queue below which a stream starts in any case: the host cannot send a full block.
+pub const START_ROOM_KNOTS: usize = headway_protocol::knot_block::KNOTS_PER_BLOCK_MAX;
+
+/// Period of status reports while a host listens: ten a second keep a display alive for 0.5 KB/s.
+pub const STATUS_PERIOD_MS: u32 = 100;
+
+/// Knots consumed before credit is given without being asked: half a block.
+pub const CREDIT_STEP_KNOTS: u32 = 16;
+
+/// Least time between two requests to send the same frame again: longer than a round trip.
+pub const NAK_PERIOD_MS: u32 = 20;

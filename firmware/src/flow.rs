@@ -27,6 +27,14 @@ struct ActiveEvent {
     elapsed_ticks: u32,
 }
 
+impl ActiveEvent {
+    /// Volume moved after `elapsed` ticks, 10⁻⁶ mm³.
+    fn share_units(&self, elapsed_ticks: u32) -> f32 {
+        let x = elapsed_ticks as f32 / self.duration_ticks as f32;
+        self.volume_units as f32 * x * x * x * (10.0 + x * (6.0 * x - 15.0))
+    }
+}
+
 /// The extruder's state.
 #[derive(Clone, Debug)]
 pub struct Flow {
@@ -104,9 +112,23 @@ impl Flow {
         !self.active.is_empty()
     }
 
-    /// Stops all events where they are and forgets the advance. After a fault.
+    /// Stops all events where they are: what they have moved so far stays moved.
     pub fn cut(&mut self) {
+        if self.active.is_empty() {
+            return;
+        }
+        let mut moved_units = 0;
+        for event in &self.active {
+            // The share that the last tick's target had.
+            moved_units += event.share_units(event.elapsed_ticks.saturating_sub(1)) as i64;
+        }
         self.active.clear();
+        self.settle(moved_units);
+    }
+
+    fn settle(&mut self, units: i64) {
+        self.settled_units += units;
+        self.settled_position = self.scale.position(self.settled_units);
     }
 
     /// Target of this servo tick in 2^-31 steps; `offset_units` is V above its base. To be called
@@ -145,14 +167,12 @@ impl Flow {
                 ended_units += event.volume_units;
                 return false;
             }
-            let x = event.elapsed_ticks as f32 / event.duration_ticks as f32;
-            sum += event.volume_units as f32 * x * x * x * (10.0 + x * (6.0 * x - 15.0));
+            sum += event.share_units(event.elapsed_ticks);
             event.elapsed_ticks += 1;
             true
         });
         if ended_units != 0 {
-            self.settled_units += ended_units;
-            self.settled_position = self.scale.position(self.settled_units);
+            self.settle(ended_units);
         }
         sum
     }

@@ -5,7 +5,7 @@
 //! is the control point itself.
 
 use crate::load::SpanLoad;
-use crate::queue::{CEILING_OPEN, KnotQueue};
+use crate::queue::{Ceiling, KnotQueue};
 use crate::spline::{SpanPolynomial, SpanWindow};
 use headway_protocol::units::{CHANNELS, ChannelPoint};
 
@@ -113,11 +113,11 @@ impl Interpolator {
     }
 
     /// sigma² allowed where the present span ends.
-    pub fn ceiling_at_end(&self, queue: &KnotQueue) -> f32 {
+    pub fn ceiling_at_end(&self, queue: &KnotQueue) -> Ceiling {
         if self.rests_at_end {
-            CEILING_OPEN
+            Ceiling::OPEN
         } else {
-            queue.front().map_or(0.0, |next| next.ceiling)
+            queue.front().map_or(Ceiling::END, |next| next.ceiling)
         }
     }
 

@@ -1,4 +1,12 @@
 //! Real-time side of Headway (`no_std`, no heap, sans-IO).
+//!
+//! ```text
+//! bytes    receiver -> queue -> interpolator -> pose -> kinematics -> steps -> pins
+//!          frames      knots    channels        mm,     mm, rad       2^-31    step, direction
+//!          checked     loads    0.1 um, urad    rad                   steps
+//!                        ^ time warp (path rate)    + flow (extruder, mm^3)
+//! ```
+//! [`machine::Machine`] is the whole; its `servo_tick` reads as this picture.
 #![no_std]
 #![forbid(unsafe_code)]
 
@@ -8,13 +16,18 @@ extern crate std;
 pub mod configuration;
 pub mod design;
 pub mod flow;
+pub mod hold;
 pub mod interpolator;
+pub mod joints;
 pub mod kinematics;
 pub mod load;
+pub mod machine;
+pub mod motion;
 pub mod output;
 pub mod pose;
 pub mod queue;
 pub mod real;
+pub mod receiver;
 pub mod spline;
 pub mod steps;
 pub mod time_warp;

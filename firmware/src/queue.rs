@@ -1,8 +1,9 @@
 //! Knots that wait for their turn, with the ceiling of the path rate over them.
 //!
-//! Each entry knows the largest sigma² at its span's start from which the head can still come to
-//! rest on the path by the end of the last span buffered. One backward pass after each arrival
-//! keeps that: y_start = (y_end + 2 h / beta) / (1 + 2 h alpha / beta), the implicit step of
+//! Each entry knows two ceilings of sigma² at its span's start: the largest from which the head can
+//! still come to rest on the path by the end of the last span buffered, and the largest (above 1)
+//! from which it can slow down in time for a span that has less room. One backward pass after each
+//! arrival keeps them: y_start = (y_end + 2 h / beta) / (1 + 2 h alpha / beta), the implicit step of
 //! d(sigma²)/du = -2 (1 - alpha sigma²) / beta, which never overestimates. The pass stops where
 //! nothing changes, which is the stopping distance from the end, so it is short on a deep queue.
 
@@ -22,8 +23,46 @@ pub struct QueuedKnot {
     pub span_ticks: u16,
     /// The span ends at rest.
     pub ends_at_rest: bool,
-    /// Largest sigma² at the span's start.
-    pub ceiling: f32,
+    /// Ceilings at the span's start.
+    pub ceiling: Ceiling,
+}
+
+/// Largest sigma² at a place, see the module text.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Ceiling {
+    /// For coming to rest by the end of the queue.
+    pub stop: f32,
+    /// For the limits of what comes; binding only above 1.
+    pub limits: f32,
+}
+
+impl Ceiling {
+    /// Nothing limits.
+    pub const OPEN: Self = Self {
+        stop: CEILING_OPEN,
+        limits: CEILING_OPEN,
+    };
+    /// The end of the queue.
+    pub const END: Self = Self {
+        stop: 0.0,
+        limits: CEILING_OPEN,
+    };
+
+    /// Ceilings `ticks` before this place, within a span of this load.
+    #[inline]
+    pub fn before(&self, ticks: f32, load: &SpanLoad) -> Self {
+        let reach = 2.0 * ticks / load.beta_ticks;
+        let share = 1.0 / (1.0 + reach * load.alpha);
+        Self {
+            stop: smaller((self.stop + reach) * share, CEILING_OPEN),
+            limits: smaller((self.limits + reach) * share, load.rate_squared_max),
+        }
+    }
+}
+
+#[inline]
+fn smaller(a: f32, b: f32) -> f32 {
+    if a < b { a } else { b }
 }
 
 /// The bounded queue.
@@ -35,18 +74,6 @@ pub struct KnotQueue {
 
 /// Largest sigma² where nothing limits it.
 pub const CEILING_OPEN: f32 = PATH_RATE_MAX * PATH_RATE_MAX;
-
-/// sigma² allowed `ticks` before a place where `y_end` is.
-#[inline]
-pub fn ceiling_before(y_end: f32, ticks: f32, load: &SpanLoad) -> f32 {
-    let reach = 2.0 * ticks / load.beta_ticks;
-    let y = (y_end + reach) / (1.0 + reach * load.alpha);
-    if y < load.rate_squared_max {
-        y
-    } else {
-        load.rate_squared_max
-    }
-}
 
 impl KnotQueue {
     /// Empty.
@@ -111,17 +138,17 @@ impl KnotQueue {
 
     /// Backward pass over the last `changed` knots and as far before them as anything changes.
     pub fn update_ceilings(&mut self, changed: usize) {
-        let mut y_end = 0.0;
+        let mut at_end = Ceiling::END;
         for (back, entry) in self.knots.iter_mut().rev().enumerate() {
             if entry.ends_at_rest {
-                y_end = CEILING_OPEN;
+                at_end = Ceiling::OPEN;
             }
-            let y = ceiling_before(y_end, f32::from(entry.span_ticks), &entry.load);
-            if back >= changed && y == entry.ceiling {
+            let ceiling = at_end.before(f32::from(entry.span_ticks), &entry.load);
+            if back >= changed && ceiling == entry.ceiling {
                 break;
             }
-            entry.ceiling = y;
-            y_end = y;
+            entry.ceiling = ceiling;
+            at_end = ceiling;
         }
     }
 }

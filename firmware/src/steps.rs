@@ -105,6 +105,17 @@ pub struct StepProgram {
     active: u8,
     /// Phases to take over at the start: the position was declared anew, at rest.
     phases: Option<[u32; MOTORS_MAX]>,
+    /// Number of the program, to find it again after a stop.
+    serial: u32,
+}
+
+/// Where the engine was stopped.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Stopped {
+    /// Ticks of the interval that were played.
+    pub ticks_played: u32,
+    /// Program that was being played.
+    serial: u32,
 }
 
 /// Targets -> programs, with the exact position of every motor.
@@ -126,6 +137,9 @@ pub struct StepProgrammer {
     end: [i64; MOTORS_MAX],
     directions: u8,
     phases_due: bool,
+    serial: u32,
+    /// The last two programs with the positions at their starts, newest first.
+    recent: [([i64; MOTORS_MAX], StepProgram); 2],
 }
 
 impl StepProgrammer {
@@ -146,16 +160,41 @@ impl StepProgrammer {
             end: [0; MOTORS_MAX],
             directions: 0,
             phases_due: true,
+            serial: 0,
+            recent: [([0; MOTORS_MAX], StepProgram::default()); 2],
         }
     }
 
     /// Declares positions without a step. Only at rest.
     pub fn set_positions(&mut self, positions: &[i64; MOTORS_MAX]) {
-        for motor in 0..MOTORS_MAX {
-            self.history[motor] = [positions[motor]; 3];
-            self.end[motor] = positions[motor];
-        }
+        self.resume_from(positions);
         self.phases_due = true;
+    }
+
+    /// Goes on from where the motors really are, after the engine was stopped.
+    fn resume_from(&mut self, positions: &[i64; MOTORS_MAX]) {
+        self.end = *positions;
+        self.history = positions.map(|position| [position; 3]);
+    }
+
+    /// Finds the motors after [`StepEngine::stop`] and goes on from there. False if the engine was
+    /// not playing one of the last two programs, so the position is lost.
+    pub fn recover(&mut self, stopped: &Stopped) -> bool {
+        let recent = self
+            .recent
+            .iter()
+            .find(|(_, program)| program.serial == stopped.serial);
+        let Some((start, program)) = recent else {
+            return false;
+        };
+        let ticks = i64::from(stopped.ticks_played);
+        let positions = core::array::from_fn(|motor| {
+            start[motor]
+                + i64::from(program.velocity[motor]) * ticks
+                + i64::from(program.acceleration[motor]) * (ticks * (ticks - 1) / 2)
+        });
+        self.resume_from(&positions);
+        true
     }
 
     /// Where the last program ends, in 2^-31 steps.
@@ -187,9 +226,11 @@ impl StepProgrammer {
     ) -> Result<StepProgram, StepRateExceeded> {
         let mut program = StepProgram::default();
         let ticks = self.interval_ticks as i32;
-        for motor in 0..self.motors {
+        self.serial = self.serial.wrapping_add(1);
+        program.serial = self.serial;
+        let starts = self.end;
+        for (motor, &q3) in targets.iter().enumerate().take(self.motors) {
             let [q0, q1, q2] = self.history[motor];
-            let q3 = targets[motor];
             self.history[motor] = [q1, q2, q3];
             let twice_mean = q3.wrapping_sub(q2).wrapping_sub(q1.wrapping_sub(q0));
             let way = q2.wrapping_sub(self.end[motor]);
@@ -215,17 +256,10 @@ impl StepProgrammer {
         self.directions ^= program.reversing;
         if self.phases_due {
             self.phases_due = false;
-            program.phases = Some(self.phases_before(&program));
+            program.phases = Some(starts.map(phase));
         }
+        self.recent = [(starts, program), self.recent[0]];
         Ok(program)
-    }
-
-    /// A program that moves nothing.
-    pub fn idle_program(&self) -> StepProgram {
-        StepProgram {
-            directions: self.directions,
-            ..StepProgram::default()
-        }
     }
 
     #[inline]
@@ -252,15 +286,6 @@ impl StepProgrammer {
                 self.directions |= bit;
             }
         }
-    }
-
-    fn phases_before(&self, program: &StepProgram) -> [u32; MOTORS_MAX] {
-        let ticks = i64::from(self.interval_ticks);
-        core::array::from_fn(|motor| {
-            let way = i64::from(program.velocity[motor]) * ticks
-                + i64::from(program.acceleration[motor]) * i64::from(self.triangle);
-            phase(self.end[motor] - way)
-        })
     }
 
     /// A / N² from twice the mean second difference, saturating (the speed check then refuses).
@@ -292,7 +317,7 @@ fn step_rate_exceeded(motor: usize, first: i64, last: i64) -> StepRateExceeded {
     };
     StepRateExceeded {
         motor: motor as u8,
-        speed_permille: saturate((fastest >> 10) * 1000 >> (POSITION_FRACTION_BITS - 10)),
+        speed_permille: saturate(((fastest >> 10) * 1000) >> (POSITION_FRACTION_BITS - 10)),
     }
 }
 
@@ -307,6 +332,7 @@ pub struct StepEngine {
     active: u8,
     directions: u8,
     next: Option<StepProgram>,
+    serial: u32,
     interval_ticks: u32,
     /// Step tick at which the interval ends.
     interval_end_tick: u64,
@@ -326,6 +352,7 @@ impl StepEngine {
             active: 0,
             directions: 0,
             next: None,
+            serial: 0,
             interval_ticks,
             interval_end_tick: u64::from(interval_ticks),
             overruns: 0,
@@ -347,14 +374,17 @@ impl StepEngine {
         self.interval_end_tick - u64::from(self.ticks_left)
     }
 
-    /// Stops at once, in the middle of an interval. Returns the ticks of the interval played.
-    pub fn stop(&mut self) -> u32 {
+    /// Stops at once, in the middle of an interval.
+    pub fn stop(&mut self) -> Stopped {
         self.velocity = [0; MOTORS_MAX];
         self.acceleration = [0; MOTORS_MAX];
         self.reversing = 0;
         self.active = 0;
         self.next = None;
-        self.interval_ticks - self.ticks_left
+        Stopped {
+            ticks_played: self.interval_ticks - self.ticks_left,
+            serial: self.serial,
+        }
     }
 
     /// One step tick. Deadline on a board: one step period; nothing here waits or loops further
@@ -443,6 +473,7 @@ impl StepEngine {
             self.overruns = self.overruns.saturating_add(1);
             return;
         };
+        self.serial = program.serial;
         if let Some(phases) = program.phases {
             self.phase = phases;
         }

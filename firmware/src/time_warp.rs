@@ -6,10 +6,9 @@
 //! which the head can always come to rest on the path. While neither wants less than 1, sigma is
 //! exactly 1 and the steps are those of the plan.
 
-use crate::design::PATH_RATE_MAX;
 use crate::interpolator::TICK_Q16;
 use crate::load::SpanLoad;
-use crate::queue::ceiling_before;
+use crate::queue::{CEILING_OPEN, Ceiling};
 
 /// Present rate, 2^-16.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
@@ -29,7 +28,7 @@ pub struct WarpBounds {
     /// Demands of the next span, or of the present one again.
     pub next_load: SpanLoad,
     /// sigma² allowed at the present span's end.
-    pub ceiling_at_end: f32,
+    pub ceiling_at_end: Ceiling,
     /// The head rests here (q' = q'' = 0): the rate may jump.
     pub at_rest: bool,
 }
@@ -45,65 +44,93 @@ impl TimeWarp {
         self.rate_q16 = 0;
     }
 
-    /// Next rate. True as second value if the queue's end holds it below what is wanted.
+    /// Next rate, 2^-16. True as second value if the queue's end holds it below what is wanted.
     pub fn step(&mut self, bounds: &WarpBounds) -> (u32, bool) {
-        let old_q16 = self.rate_q16;
+        const PER_TICK: f32 = 1.0 / TICK_Q16 as f32;
         let wanted_q16 = bounds.wanted_q16;
-        let old = old_q16 as f32 * (1.0 / TICK_Q16 as f32);
-        let wanted = wanted_q16 as f32 * (1.0 / TICK_Q16 as f32);
-        let here = ceiling_before(bounds.ceiling_at_end, bounds.remaining_ticks, &bounds.load);
-        let slope = bounds.slope(old * old, old);
-        // Most ticks: nothing limits, nothing changes.
-        if old_q16 == wanted_q16 && here > 1.1 * PATH_RATE_MAX {
-            return (old_q16, false);
-        }
-        let ramped = if bounds.at_rest {
-            wanted
-        } else if wanted > old {
-            (old + slope).min(wanted)
-        } else {
-            (old - slope).max(wanted)
-        };
-        let highest = bounds.highest_rate(here, old.max(ramped));
-        let held = highest < ramped;
-        let rate = if held { highest } else { ramped };
+        let old = self.rate_q16 as f32 * PER_TICK;
+        let wanted = wanted_q16 as f32 * PER_TICK;
+        let ramped = bounds.ramped(old, wanted);
+        let free = bounds.limited(old, ramped);
+        let rate = bounds.stoppable(old, free);
         self.rate_q16 = if rate == wanted {
             wanted_q16
         } else {
-            (rate.max(0.0) * TICK_Q16 as f32) as u32
+            (rate * TICK_Q16 as f32) as u32
         };
-        (self.rate_q16, held && highest < wanted)
+        (self.rate_q16, rate < free)
     }
 }
 
 impl WarpBounds {
-    /// Safe |sigma'| per tick at sigma² = `square`, over the spans that a tick can touch.
-    fn slope(&self, square: f32, rate: f32) -> f32 {
+    /// From `old` towards `wanted` as fast as the joints allow.
+    fn ramped(&self, old: f32, wanted: f32) -> f32 {
+        if old == wanted || self.at_rest {
+            return wanted;
+        }
+        let slope = self.slope(old, old);
+        if wanted < old {
+            return (old - slope).max(wanted);
+        }
+        // The room shrinks while the rate grows: take the slope of where it will be.
+        let reached = (old + slope).min(wanted);
+        (old + self.slope(reached, reached)).min(wanted)
+    }
+
+    /// Safe |sigma'| per tick at `rate`, over the spans that the tick can touch.
+    fn slope(&self, rate: f32, step_ticks: f32) -> f32 {
+        let square = rate * rate;
         let here = slope_of(&self.load, square);
-        if rate < self.remaining_ticks {
+        if step_ticks < self.remaining_ticks {
             here
         } else {
             here.min(slope_of(&self.next_load, square))
         }
     }
 
-    /// Largest rate after which the ceiling still holds, one tick of that rate later. With the
-    /// ceiling's slope 2k taken where it is steepest: sigma² <= here - 2 k sigma.
-    fn highest_rate(&self, here: f32, rate: f32) -> f32 {
-        let (ahead, load) = if rate < self.remaining_ticks {
-            let left = self.remaining_ticks - rate;
-            (
-                ceiling_before(self.ceiling_at_end, left, &self.load),
-                &self.load,
-            )
-        } else {
-            (self.ceiling_at_end, &self.next_load)
-        };
-        if here >= crate::queue::CEILING_OPEN && ahead >= crate::queue::CEILING_OPEN {
-            return PATH_RATE_MAX;
+    /// Not above 1 further than the limits of this and the coming spans allow.
+    fn limited(&self, old: f32, rate: f32) -> f32 {
+        if rate <= 1.0 {
+            return rate;
         }
-        let steepest = slope_of(&self.load, ahead).max(slope_of(load, ahead));
-        libm::sqrtf(steepest * steepest + here) - steepest
+        let here = self.ceiling_at_end.before(self.remaining_ticks, &self.load);
+        self.below(here.limits, self.ahead(old.max(rate)).limits, rate)
+            .max(1.0)
+    }
+
+    /// Not faster than the head can be stopped by the end of the queue.
+    fn stoppable(&self, old: f32, rate: f32) -> f32 {
+        if self.ceiling_at_end.stop >= CEILING_OPEN {
+            return rate;
+        }
+        let here = self.ceiling_at_end.before(self.remaining_ticks, &self.load);
+        self.below(here.stop, self.ahead(old.max(rate)).stop, rate)
+            .max(0.0)
+    }
+
+    /// Ceilings after one tick at `rate`.
+    fn ahead(&self, rate: f32) -> Ceiling {
+        let left = self.remaining_ticks - rate;
+        if left > 0.0 {
+            return self.ceiling_at_end.before(left, &self.load);
+        }
+        let end = self.ceiling_at_end;
+        let drop = -2.0 * left * slope_of(&self.next_load, end.stop);
+        Ceiling {
+            stop: (end.stop - drop).max(0.0),
+            limits: end.limits,
+        }
+    }
+
+    /// Largest rate up to `rate` after which the ceiling still holds one tick later:
+    /// sigma² <= here - 2 k sigma, the ceiling's slope 2k taken where it is steepest.
+    fn below(&self, here: f32, ahead: f32, rate: f32) -> f32 {
+        let steepest = slope_of(&self.load, ahead).max(slope_of(&self.next_load, ahead));
+        if here >= CEILING_OPEN && ahead >= CEILING_OPEN || rate * (rate + 2.0 * steepest) <= here {
+            return rate;
+        }
+        let highest = libm::sqrtf(steepest * steepest + here) - steepest;
+        highest.min(rate)
     }
 }
 

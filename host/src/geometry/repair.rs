@@ -18,6 +18,8 @@ pub enum FillRule {
     EvenOdd,
     /// Wound around by any number of turns but zero.
     NonZero,
+    /// Wound around counter-clockwise more often than clockwise.
+    Positive,
 }
 
 /// What mending changed, for the user to read.
@@ -79,6 +81,7 @@ fn mended_regions(regions: &[Region], rule: FillRule) -> Vec<Region> {
     let rule = match rule {
         FillRule::EvenOdd => OverlayFillRule::EvenOdd,
         FillRule::NonZero => OverlayFillRule::NonZero,
+        FillRule::Positive => OverlayFillRule::Positive,
     };
     let mut mended = overlaid(&rings, rule, false);
     if validate_all(&mended).is_err() {

@@ -2,6 +2,7 @@
 
 use super::{BYTES_MAX, POINTS_MAX};
 use crate::geometry::Point2;
+use crate::geometry::validity::ValidityError;
 
 /// A place for messages: `(12.345, -3.000) mm`.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -177,14 +178,12 @@ pub enum InputError {
         first: String,
     },
     /// Not a valid outline in the sense of OGC simple features.
-    #[error("{region}: {problem}; correct the drawing, or let --repair mend it by the fill rule")]
+    #[error("{region}: {problem}")]
     Invalid {
         /// Which region.
         region: String,
-        /// What is wrong, with the place.
-        problem: String,
-        /// The place.
-        at: At,
+        /// What is wrong, where, and what to do.
+        problem: ValidityError,
     },
     /// Two regions share some area.
     #[error("{first} and {second} overlap near {at}; move them apart, or let --repair merge them")]

@@ -13,6 +13,7 @@ pub mod error;
 mod geojson;
 pub mod outline;
 mod polygon;
+mod settle;
 mod svg;
 
 pub use error::InputError;

@@ -207,12 +207,12 @@ fn svg_curves_keep_the_tolerance() {
     for (a, b) in circle.edges() {
         for p in [a, nalgebra::center(&a, &b)] {
             let error = (p - crate::geometry::Point2::new(50.0, 50.0)).norm() - 20.0;
-            // 0.03 % of the radius from usvg's cubics, 0.002 mm from flattening.
-            assert!(error.abs() < 0.006 + 0.002, "{error}");
+            // 0.03 % of the radius from usvg's cubics, 0.001 mm from flattening.
+            assert!(error.abs() < 0.006 + 0.001, "{error}");
         }
     }
     let finer = ReadOptions {
-        flatten_mm: 2e-5,
+        flatten_mm: 1e-5,
         ..ReadOptions::default()
     };
     let fine = read(page.as_bytes(), "x", Format::Svg, &finer).expect("finer");
@@ -334,4 +334,99 @@ fn overlapping_regions_are_refused_touching_ones_taken() {
     assert!(refusal(multi("[10,2],[20,2],[20,8],[10,8],[10,2]")).contains("overlap"));
     // One common corner is fine.
     assert!(multi("[10,10],[20,10],[20,20],[10,20],[10,10]").is_ok());
+}
+
+#[test]
+fn invalid_outlines_are_refused_with_the_place() {
+    let polygon = |rings: &str| polygon(&format!(r#"{{"units":"mm",{rings}}}"#));
+    for (rings, part) in [
+        (
+            r#""exterior":[[0,0],[10,10],[10,0],[0,10]]"#,
+            "crosses itself at (5.0000, 5.0000) mm",
+        ),
+        (
+            r#""exterior":[[0,0],[10,0],[10,10],[0,10]],"holes":[[[8,4],[8,6],[12,6],[12,4]]]"#,
+            "(10.0000, ",
+        ),
+        (
+            r#""exterior":[[0,0],[10,0],[10,10],[0,10]],"holes":[[[20,4],[20,6],[22,6],[22,4]]]"#,
+            "outside the exterior at (20.0000, ",
+        ),
+    ] {
+        let message = refusal(polygon(rings));
+        assert!(message.contains(part), "{rings}: {message}");
+    }
+    // Two contours of one path cross: the fill rule cannot be asked before that is settled.
+    let page = |rule: &str| {
+        format!(
+            r#"<svg xmlns="http://www.w3.org/2000/svg" width="96" height="96">
+            <path fill-rule="{rule}" d="M0 0H48V48H0Z M24 24H72V72H24Z"/></svg>"#
+        )
+    };
+    let message = refusal(svg(&page("nonzero")));
+    assert!(
+        message.contains("contour 0 and shape 0, contour 1"),
+        "{message}"
+    );
+    let repair = ReadOptions {
+        repair: true,
+        ..ReadOptions::default()
+    };
+    let inch = 25.4f64 * 25.4;
+    for (rule, wanted) in [("nonzero", 7.0 / 16.0), ("evenodd", 6.0 / 16.0)] {
+        let loaded = read(page(rule).as_bytes(), "x", Format::Svg, &repair).expect(rule);
+        assert!(
+            (area(&loaded) - wanted * inch).abs() < 0.01,
+            "{rule} {}",
+            area(&loaded)
+        );
+        assert!(loaded.notes[0].contains("repaired"), "{:?}", loaded.notes);
+    }
+}
+
+#[test]
+fn repair_takes_holes_from_the_exterior_and_merges_parts() {
+    let repair = ReadOptions {
+        repair: true,
+        ..ReadOptions::default()
+    };
+    let polygon = |rings: &str| {
+        let text = format!(r#"{{"units":"mm",{rings}}}"#);
+        read(text.as_bytes(), "x", Format::Polygon, &repair).expect(rings)
+    };
+    // A hole half outside takes only what is inside; a bow tie keeps both wings.
+    for (rings, wanted) in [
+        (
+            r#""exterior":[[0,0],[10,0],[10,10],[0,10]],"holes":[[[8,4],[8,6],[12,6],[12,4]]]"#,
+            96.0,
+        ),
+        (r#""exterior":[[0,0],[10,10],[10,0],[0,10]]"#, 50.0),
+        (
+            r#""exterior":[[0,0],[10,0],[10,10],[0,10]],
+            "holes":[[[2,2],[2,6],[6,6],[6,2]],[[4,4],[4,8],[8,8],[8,4]]]"#,
+            100.0 - 28.0,
+        ),
+        (
+            r#""exterior":[[0,0],[10,0],[10,10],[0,10]],"holes":[[[20,4],[20,6],[22,6],[22,4]]]"#,
+            100.0,
+        ),
+    ] {
+        let loaded = polygon(rings);
+        // The repair works on a grid of a millionth of the part.
+        assert!(
+            (area(&loaded) - wanted).abs() < 1e-3,
+            "{rings}: {}",
+            area(&loaded)
+        );
+        assert!(
+            loaded.notes.iter().any(|n| n.starts_with("repaired")),
+            "{:?}",
+            loaded.notes
+        );
+    }
+    let overlapping = r#"{"type":"MultiPolygon","coordinates":[
+        [[[0,0],[10,0],[10,10],[0,10],[0,0]]],[[[5,5],[15,5],[15,15],[5,15],[5,5]]]]}"#;
+    let loaded = read(overlapping.as_bytes(), "x", Format::GeoJson, &repair).expect("merged");
+    assert_eq!(loaded.target.regions.len(), 1);
+    assert!((area(&loaded) - 175.0).abs() < 1e-3, "{}", area(&loaded));
 }

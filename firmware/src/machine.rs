@@ -1,0 +1,126 @@
+//! The whole controller, sans IO: what a board and the simulator drive.
+//!
+//! ```text
+//! bytes -> receiver -> motion (queue, time warp, joints, flow) -> step engine -> step pins
+//! bytes <- reports  <-
+//! ```
+//! Call order: [`Machine::handle_bytes`] whenever bytes arrive; every servo period
+//! [`Machine::servo_tick`], then `step_hz / servo_hz` times [`Machine::step_tick`] (or
+//! [`Machine::run_servo_interval`], which is both at once with the same result);
+//! [`Machine::poll_report`] until it returns 0. Time is the number of calls. A board that runs
+//! servo and steps in interrupts of their own takes the parts with [`Machine::into_parts`].
+
+use crate::configuration::{ConfigurationError, MachineConfiguration};
+use crate::motion::Motion;
+use crate::output::StepOutput;
+use crate::receiver::Receiver;
+use crate::steps::StepEngine;
+use headway_protocol::message::{Fault, FaultCause};
+
+/// Receiver, motion and step engine.
+#[derive(Clone, Debug)]
+pub struct Machine {
+    receiver: Receiver,
+    motion: Motion,
+    engine: StepEngine,
+    overruns: u32,
+}
+
+impl Machine {
+    /// At rest. `session` should differ after every start of the controller.
+    ///
+    /// # Errors
+    /// [`ConfigurationError`] where the configuration cannot be run.
+    pub fn new(
+        configuration: &MachineConfiguration,
+        session: u32,
+    ) -> Result<Self, ConfigurationError> {
+        configuration.check()?;
+        Ok(Self {
+            receiver: Receiver::new(configuration, session),
+            motion: Motion::new(configuration),
+            engine: StepEngine::new(configuration.step_hz / configuration.servo_hz),
+            overruns: 0,
+        })
+    }
+
+    /// The parts, for boards where each lives in an interrupt of its own.
+    pub fn into_parts(self) -> (Receiver, Motion, StepEngine) {
+        (self.receiver, self.motion, self.engine)
+    }
+
+    /// Takes bytes from the line.
+    pub fn handle_bytes(&mut self, bytes: &[u8]) {
+        for &byte in bytes {
+            if let Some(request) = self.receiver.push(byte) {
+                self.receiver.apply(request, &mut self.motion);
+            }
+        }
+        self.stop_if_due();
+    }
+
+    /// One servo tick: the next interval's steps.
+    pub fn servo_tick(&mut self) {
+        if self.engine.overruns() != self.overruns {
+            self.note_overrun();
+        }
+        let program = self.motion.tick();
+        if !self.stop_if_due() {
+            self.engine.load(program);
+        }
+    }
+
+    /// One step tick.
+    #[inline]
+    pub fn step_tick<O: StepOutput>(&mut self, output: &mut O) {
+        self.engine.tick(output);
+    }
+
+    /// One servo tick and all its step ticks.
+    pub fn run_servo_interval<O: StepOutput>(&mut self, output: &mut O) {
+        self.servo_tick();
+        self.engine.run_interval(output);
+    }
+
+    /// Writes the next report frame into `out` (at least `FRAME_BYTES_MAX` long) and returns its
+    /// length; 0 if there is nothing to say.
+    pub fn poll_report(&mut self, out: &mut [u8]) -> usize {
+        self.receiver.poll_report(&self.motion, out)
+    }
+
+    /// What the motion is doing.
+    pub fn motion(&self) -> &Motion {
+        &self.motion
+    }
+
+    /// Latches a fault and stops at once: emergency input, limit switch, watchdog.
+    pub fn fail_at_once(&mut self, fault: Fault) {
+        self.motion.fail_at_once(fault);
+        self.stop_if_due();
+    }
+
+    fn stop_if_due(&mut self) -> bool {
+        let due = self.motion.take_stop();
+        if due {
+            let stopped = self.engine.stop();
+            self.motion.engine_stopped(&stopped);
+        }
+        due
+    }
+
+    fn note_overrun(&mut self) {
+        self.overruns = self.engine.overruns();
+        // The engine has nothing to play before the first servo tick, and after a stop.
+        if !self.motion.is_at_rest() {
+            self.motion.fail_at_once(Fault {
+                cause: FaultCause::StepOverrun,
+                index: 0,
+                value: self.overruns as i32,
+            });
+        }
+    }
+}
+
+#[cfg(test)]
+#[path = "machine_tests.rs"]
+mod tests;

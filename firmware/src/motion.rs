@@ -1,0 +1,600 @@
+//! The servo side: queued spans and flow events -> one step program per servo tick.
+//!
+//! ```text
+//! queue -> interpolator -> joint targets -> step programmer -> program for the step engine
+//!             ^   |            + extruder target (flow, events, hold)
+//!        time warp (override, pause, starving)
+//! ```
+//! Everything here is called by the servo interrupt, except the commands, which a board calls
+//! under a short lock. Deadline of [`Motion::tick`] on a board: one servo period.
+
+use crate::configuration::{MOTORS_MAX, MachineConfiguration};
+use crate::design::{
+    HOLD_RETRACT_DELAY_MS, QUEUE_EVENTS, QUIET_START_MS, START_QUEUED_MS, START_ROOM_KNOTS,
+};
+use crate::flow::Flow;
+use crate::hold::Hold;
+use crate::interpolator::{Interpolator, TICK_Q16};
+use crate::joints::JointTargets;
+use crate::load::SpanFault;
+use crate::queue::{KnotQueue, QueuedKnot};
+use crate::steps::{StepProgram, StepProgrammer, StepRateExceeded, Stopped, count};
+use crate::time_warp::{TimeWarp, WarpBounds};
+use headway_protocol::message::{DeviceState, Fault, FaultCause};
+use headway_protocol::segment::FlowEvent;
+use headway_protocol::units::{CHANNEL_VOLUME, ChannelPoint};
+use heapless::Deque;
+
+/// Where a stream stands.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+enum Phase {
+    /// No stream.
+    Idle,
+    /// Resting until enough is queued; `starved` if in the middle of the path.
+    Filling { starved: bool },
+    /// Moving.
+    Running,
+    /// Ran to its end.
+    Finished,
+}
+
+/// What is known of the motors' place in the world.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+enum Reference {
+    /// Nothing was declared since start-up: the next stream's start declares it.
+    Undeclared,
+    /// Declared and followed since.
+    Known,
+    /// Stopped at full speed by a fault: the motors may have slipped.
+    Lost,
+}
+
+/// Why a command cannot be followed now.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum CommandError {
+    /// Moving, or a stream is open.
+    Busy,
+    /// A fault is latched.
+    Faulted,
+    /// The position does not fit the machine, or is not where it is.
+    Invalid,
+}
+
+/// The servo side of the machine.
+#[derive(Clone, Debug)]
+pub struct Motion {
+    joints: JointTargets,
+    interpolator: Interpolator,
+    queue: KnotQueue,
+    events: Deque<FlowEvent, QUEUE_EVENTS>,
+    warp: TimeWarp,
+    flow: Flow,
+    hold: Hold,
+    programmer: StepProgrammer,
+    phase: Phase,
+    reference: Reference,
+    paused: bool,
+    aborting: bool,
+    finish: bool,
+    override_percent: u16,
+    fault: Option<Fault>,
+    /// The engine must be stopped before its interval ends.
+    stop_due: bool,
+    held: bool,
+    quiet_ticks: u32,
+    underruns: u32,
+    holds: u32,
+    now_ticks: u64,
+    stream_start_ticks: Option<u64>,
+    servo_hz: u32,
+}
+
+impl Motion {
+    /// At rest, nothing declared.
+    pub fn new(configuration: &MachineConfiguration) -> Self {
+        let servo_hz = configuration.servo_hz.max(1);
+        let joints = JointTargets::new(configuration);
+        let motors = joints.count() + 1;
+        Self {
+            joints,
+            interpolator: Interpolator::at_rest(&ChannelPoint::default()),
+            queue: KnotQueue::new(),
+            events: Deque::new(),
+            warp: TimeWarp::default(),
+            flow: Flow::new(&configuration.extruder, servo_hz),
+            hold: Hold::new(ticks_of_ms(HOLD_RETRACT_DELAY_MS, servo_hz)),
+            programmer: StepProgrammer::new(motors, configuration.step_hz / servo_hz),
+            phase: Phase::Idle,
+            reference: Reference::Undeclared,
+            paused: false,
+            aborting: false,
+            finish: false,
+            override_percent: 100,
+            fault: None,
+            stop_due: false,
+            held: false,
+            quiet_ticks: 0,
+            underruns: 0,
+            holds: 0,
+            now_ticks: 0,
+            stream_start_ticks: None,
+            servo_hz,
+        }
+    }
+
+    /// One servo tick: evaluates the pose of now, programs the interval that follows the one that
+    /// the engine has, and moves segment time on.
+    pub fn tick(&mut self) -> StepProgram {
+        self.now_ticks += 1;
+        self.gate();
+        self.begin_due_events();
+        match self.program_targets() {
+            Ok(program) => {
+                self.move_on();
+                program
+            }
+            Err(fault) => {
+                self.stop_at_once(fault);
+                StepProgram::default()
+            }
+        }
+    }
+
+    /// Lets a resting stream go on once enough is queued and the melt is ready.
+    fn gate(&mut self) {
+        self.quiet_ticks = self.quiet_ticks.saturating_add(1);
+        let waits = matches!(self.phase, Phase::Filling { .. });
+        if waits && self.may_move() && self.has_enough() {
+            let (ready, prime) = self.hold.ready(self.flow.is_active());
+            if let Some(prime) = prime {
+                self.flow.begin(&prime);
+            }
+            if ready {
+                self.phase = Phase::Running;
+            }
+        }
+        if self.phase == Phase::Running && self.interpolator.begin_next(&mut self.queue) {
+            self.stream_start_ticks.get_or_insert(self.now_ticks - 1);
+            self.take_base();
+        }
+    }
+
+    fn may_move(&self) -> bool {
+        !self.paused && !self.aborting && self.fault.is_none()
+    }
+
+    fn take_base(&mut self) {
+        let base = self.interpolator.base();
+        self.joints.set_base(base);
+        self.flow.set_base(base[CHANNEL_VOLUME]);
+    }
+
+    /// Starts the flow events whose place segment time has reached.
+    fn begin_due_events(&mut self) {
+        // At most one a tick: two at the same place start half a millisecond apart.
+        let Some(event) = self.events.front() else {
+            return;
+        };
+        let Some(span) = self.interpolator.span() else {
+            return;
+        };
+        let reached = span > event.span
+            || (span == event.span && self.interpolator.local_ticks() >= event.offset_ticks);
+        if reached && self.flow.begin(event) {
+            self.hold.note(event);
+            self.events.pop_front();
+        }
+    }
+
+    fn program_targets(&mut self) -> Result<StepProgram, Fault> {
+        if self.reference != Reference::Known {
+            // Nobody knows where the interpolator's pose would be: the motors stay where they are.
+            let here = *self.programmer.positions();
+            return self.programmer.program(&here).map_err(step_rate_fault);
+        }
+        let offset = self.interpolator.offset();
+        let mut targets = self.joints.targets(&offset)?;
+        if let Some(extruder) = targets.get_mut(self.joints.count()) {
+            *extruder = self.flow.target(offset[CHANNEL_VOLUME]);
+        }
+        self.programmer.program(&targets).map_err(step_rate_fault)
+    }
+
+    /// Chooses the path rate and moves segment time on by it.
+    fn move_on(&mut self) {
+        let wanted_q16 = self.wanted_rate_q16();
+        if wanted_q16 == 0 && self.warp.rate_q16() == 0 {
+            self.rest();
+            return;
+        }
+        self.hold.moving();
+        let load = *self.interpolator.load();
+        let bounds = WarpBounds {
+            wanted_q16,
+            remaining_ticks: self.interpolator.remaining_q16() as f32 / TICK_Q16 as f32,
+            load,
+            next_load: self.queue.front().map_or(load, |next| next.load),
+            ceiling_at_end: self.interpolator.ceiling_at_end(&self.queue),
+            at_rest: self.interpolator.is_at_rest_point(),
+        };
+        let (rate_q16, held) = self.warp.step(&bounds);
+        if held && !self.held {
+            self.underruns = self.underruns.saturating_add(1);
+        }
+        self.held = held;
+        if self.interpolator.advance(rate_q16, &mut self.queue) {
+            self.take_base();
+        }
+        self.note_rest(rate_q16, wanted_q16);
+    }
+
+    /// Rate that override and pause ask for, before any limit.
+    fn wanted_rate_q16(&self) -> u32 {
+        if self.phase == Phase::Running && self.may_move() {
+            self.rate_asked_q16()
+        } else {
+            0
+        }
+    }
+
+    fn rate_asked_q16(&self) -> u32 {
+        let asked = (u32::from(self.override_percent) * TICK_Q16 + 50) / 100;
+        // A dwell waits for melt, which runs in real time.
+        if self.interpolator.is_dwell() {
+            asked.min(TICK_Q16)
+        } else {
+            asked
+        }
+    }
+
+    fn has_enough(&self) -> bool {
+        !self.queue.is_empty()
+            && (self.finish
+                || self.queue.queued_ticks() >= ticks_of_ms(START_QUEUED_MS, self.servo_hz)
+                || self.queue.room() < START_ROOM_KNOTS
+                || self.events.is_full()
+                || self.quiet_ticks >= ticks_of_ms(QUIET_START_MS, self.servo_hz))
+    }
+
+    /// After the rate was chosen: did the head come to rest, and why?
+    fn note_rest(&mut self, rate_q16: u32, wanted_q16: u32) {
+        let at_end = self.interpolator.remaining_q16() == 0 && self.queue.is_empty();
+        if at_end && self.interpolator.ends_at_rest() {
+            self.warp.stop();
+            self.phase = Phase::Filling { starved: false };
+        } else if rate_q16 == 0 && (wanted_q16 == 0 || self.held) {
+            self.phase = Phase::Filling {
+                starved: !self.interpolator.is_at_rest_point(),
+            };
+            self.holds = self.holds.saturating_add(1);
+        }
+    }
+
+    /// One tick at rest.
+    fn rest(&mut self) {
+        if self.aborting || self.fault.is_some() {
+            self.forget_stream();
+            self.aborting = false;
+            return;
+        }
+        let Phase::Filling { starved } = self.phase else {
+            return;
+        };
+        if starved && let Some(retract) = self.hold.rested(self.flow.is_active()) {
+            self.flow.begin(&retract);
+        }
+        if self.finish && self.queue.is_empty() {
+            self.end_stream(starved);
+        }
+    }
+
+    /// All that was sent has been played: is it an end?
+    fn end_stream(&mut self, starved: bool) {
+        if starved {
+            self.fail_softly(Fault {
+                cause: FaultCause::Sequence,
+                index: 0,
+                value: self.interpolator.spans_done() as i32,
+            });
+        } else if !self.flow.is_active() && self.programmer.is_at_rest() {
+            self.events.clear();
+            self.phase = Phase::Finished;
+        }
+    }
+
+    /// Drops what is queued; the head stays where it rests.
+    fn forget_stream(&mut self) {
+        self.queue.clear();
+        self.events.clear();
+        self.flow.cut();
+        self.warp.stop();
+        self.finish = false;
+        self.paused = false;
+        self.phase = Phase::Idle;
+    }
+
+    /// Latches a fault and demands that the engine stops. The first fault stays.
+    fn stop_at_once(&mut self, fault: Fault) {
+        self.fault.get_or_insert(fault);
+        self.stop_due = true;
+        self.forget_stream();
+        self.reference = Reference::Lost;
+    }
+}
+
+fn ticks_of_ms(ms: u32, servo_hz: u32) -> u32 {
+    ms * servo_hz / 1000
+}
+
+fn step_rate_fault(exceeded: StepRateExceeded) -> Fault {
+    Fault {
+        cause: FaultCause::StepRate,
+        index: exceeded.motor,
+        value: exceeded.speed_permille,
+    }
+}
+
+/// Commands; a board calls them under a lock.
+impl Motion {
+    /// Opens a stream that starts at rest on `position`.
+    ///
+    /// # Errors
+    /// [`CommandError`]: a stream that is open, a latched fault, a position that is not where the
+    /// machine is.
+    pub fn start(&mut self, position: &ChannelPoint) -> Result<(), CommandError> {
+        if self.fault.is_some() {
+            return Err(CommandError::Faulted);
+        }
+        if !matches!(self.phase, Phase::Idle | Phase::Finished) || !self.programmer.is_at_rest() {
+            return Err(CommandError::Busy);
+        }
+        let declares = match self.reference {
+            Reference::Lost => return Err(CommandError::Invalid),
+            Reference::Undeclared => true,
+            Reference::Known => false,
+        };
+        self.place(position, declares)?;
+        self.phase = Phase::Filling { starved: false };
+        self.finish = false;
+        self.paused = false;
+        self.held = false;
+        self.quiet_ticks = 0;
+        self.stream_start_ticks = None;
+        Ok(())
+    }
+
+    /// Declares where the machine is. Only at rest with no stream open.
+    ///
+    /// # Errors
+    /// [`CommandError`].
+    pub fn set_position(&mut self, position: &ChannelPoint) -> Result<(), CommandError> {
+        if !matches!(self.phase, Phase::Idle | Phase::Finished) || !self.programmer.is_at_rest() {
+            return Err(CommandError::Busy);
+        }
+        self.place(position, true)
+    }
+
+    /// Takes over a pose at rest; without `declares` only if the joints are there already.
+    fn place(&mut self, position: &ChannelPoint, declares: bool) -> Result<(), CommandError> {
+        let interpolator = Interpolator::at_rest(position);
+        let mut joints = self.joints.clone();
+        joints.set_base(interpolator.base());
+        let mut targets = joints
+            .targets(&interpolator.offset())
+            .map_err(|_| CommandError::Invalid)?;
+        let here = self.programmer.positions();
+        let moved = targets
+            .iter()
+            .zip(here)
+            .take(joints.count())
+            .any(|(target, here)| count(*target) != count(*here));
+        if moved && !declares {
+            return Err(CommandError::Invalid);
+        }
+        self.joints = joints;
+        self.interpolator = interpolator;
+        let volume = self.interpolator.base()[CHANNEL_VOLUME];
+        if let Some(extruder) = targets.get_mut(self.joints.count()) {
+            *extruder = self.flow.declare(volume);
+        }
+        self.programmer.set_positions(&targets);
+        self.hold = Hold::new(ticks_of_ms(HOLD_RETRACT_DELAY_MS, self.servo_hz));
+        self.reference = Reference::Known;
+        Ok(())
+    }
+
+    /// Queues knots in order; false if they do not fit.
+    pub fn push_knots(&mut self, knots: &[QueuedKnot]) -> bool {
+        if self.fault.is_some() || self.aborting {
+            return true;
+        }
+        self.quiet_ticks = 0;
+        let fits = knots.len() <= self.queue.room();
+        for knot in knots {
+            self.queue.push(*knot);
+        }
+        self.queue.update_ceilings(knots.len());
+        fits
+    }
+
+    /// Queues a flow event; false if it does not fit.
+    pub fn push_event(&mut self, event: &FlowEvent) -> bool {
+        self.fault.is_some() || self.aborting || self.events.push_back(*event).is_ok()
+    }
+
+    /// The stream is complete.
+    pub fn finish(&mut self) {
+        self.finish = true;
+    }
+
+    /// A span that cannot be run has arrived: the head comes to rest before it.
+    pub fn refuse_span(&mut self, fault: SpanFault, knot: u32) {
+        let (cause, index, value) = match fault {
+            SpanFault::Kinematics(_) => (FaultCause::Kinematics, 0, knot as i32),
+            SpanFault::SoftLimit(joint, units) => (FaultCause::SoftLimit, joint, units),
+            SpanFault::Limit(joint) => (FaultCause::BadSegment, joint, knot as i32),
+        };
+        self.fail_softly(Fault {
+            cause,
+            index,
+            value,
+        });
+    }
+
+    /// Latches a fault; the head comes to rest on the path, then the stream is forgotten.
+    pub fn fail_softly(&mut self, fault: Fault) {
+        self.fault.get_or_insert(fault);
+    }
+
+    /// Latches a fault and stops as soon as the engine is told ([`Self::take_stop`]).
+    pub fn fail_at_once(&mut self, fault: Fault) {
+        self.stop_at_once(fault);
+    }
+
+    /// Comes to rest on the path.
+    pub fn pause(&mut self) {
+        self.paused = true;
+    }
+
+    /// Goes on after a pause.
+    pub fn resume(&mut self) {
+        self.paused = false;
+    }
+
+    /// Comes to rest on the path, then forgets the stream.
+    pub fn abort(&mut self) {
+        if self.phase != Phase::Idle {
+            self.aborting = true;
+        }
+    }
+
+    /// Feed override in per cent.
+    pub fn set_override(&mut self, percent: u16) {
+        self.override_percent = percent.clamp(1, 200);
+    }
+
+    /// Clears the latched fault once the machine rests; false if it still moves.
+    pub fn clear_fault(&mut self) -> bool {
+        let rests = self.phase == Phase::Idle && !self.stop_due;
+        if rests {
+            self.fault = None;
+        }
+        rests
+    }
+
+    /// True once after a fault that stops at once: the board or [`crate::machine::Machine`] stops
+    /// the engine and reports with [`Self::engine_stopped`].
+    pub fn take_stop(&mut self) -> bool {
+        core::mem::take(&mut self.stop_due)
+    }
+
+    /// Goes on from where the engine was stopped.
+    pub fn engine_stopped(&mut self, stopped: &Stopped) {
+        // If it fails the engine had not been given a program for long: it was at rest.
+        self.programmer.recover(stopped);
+    }
+}
+
+/// What the machine is doing.
+impl Motion {
+    /// State for reports.
+    pub fn state(&self) -> DeviceState {
+        if self.fault.is_some() {
+            return DeviceState::Faulted;
+        }
+        if self.aborting {
+            return DeviceState::Aborting;
+        }
+        if self.paused && !matches!(self.phase, Phase::Idle | Phase::Finished) {
+            return DeviceState::Paused;
+        }
+        match self.phase {
+            Phase::Idle => DeviceState::Idle,
+            Phase::Filling { starved: false } => DeviceState::Filling,
+            Phase::Filling { starved: true } => DeviceState::Starved,
+            Phase::Running if self.held => DeviceState::Starved,
+            Phase::Running => DeviceState::Running,
+            Phase::Finished => DeviceState::Finished,
+        }
+    }
+
+    /// The latched fault.
+    pub fn fault(&self) -> Option<Fault> {
+        self.fault
+    }
+
+    /// Path rate, 2^-16.
+    pub fn rate_q16(&self) -> u32 {
+        self.warp.rate_q16()
+    }
+
+    /// Feed override in force, per cent.
+    pub fn override_percent(&self) -> u16 {
+        self.override_percent
+    }
+
+    /// Spans completed since the stream's start.
+    pub fn spans_done(&self) -> u32 {
+        self.interpolator.spans_done()
+    }
+
+    /// Segment time that the next servo tick will evaluate, 2^-16 ticks since the stream's start.
+    pub fn segment_time_q16(&self) -> u64 {
+        self.interpolator.segment_time_q16()
+    }
+
+    /// Servo ticks since start-up.
+    pub fn now_ticks(&self) -> u64 {
+        self.now_ticks
+    }
+
+    /// Servo tick (from start-up, counted from 0) that evaluated segment time 0 of the stream.
+    pub fn stream_start_ticks(&self) -> Option<u64> {
+        self.stream_start_ticks
+    }
+
+    /// Knots that wait.
+    pub fn queued_knots(&self) -> usize {
+        self.queue.len()
+    }
+
+    /// Knots that still fit.
+    pub fn knot_room(&self) -> usize {
+        self.queue.room()
+    }
+
+    /// Flow events that wait.
+    pub fn queued_events(&self) -> usize {
+        self.events.len()
+    }
+
+    /// Flow events that still fit.
+    pub fn event_room(&self) -> usize {
+        QUEUE_EVENTS - self.events.len()
+    }
+
+    /// How often the queue's end made the head slow down.
+    pub fn underruns(&self) -> u32 {
+        self.underruns
+    }
+
+    /// How often the head came to rest in the middle of a stretch.
+    pub fn holds(&self) -> u32 {
+        self.holds
+    }
+
+    /// Motors, the extruder last.
+    pub fn motors(&self) -> usize {
+        self.joints.count() + 1
+    }
+
+    /// Step counts at the end of the newest interval: joints in order, then the extruder.
+    pub fn counts(&self) -> [i64; MOTORS_MAX] {
+        self.programmer.positions().map(count)
+    }
+
+    /// True if no motor moves.
+    pub fn is_at_rest(&self) -> bool {
+        self.programmer.is_at_rest()
+    }
+}

@@ -1,0 +1,517 @@
+//! Bytes of the line -> requests to the motion, and reports back to the host.
+//!
+//! Receiving is in two steps, so that a board can do the work at low priority and lock the motion
+//! only for a moment: [`Receiver::push`] turns bytes into a checked [`Request`] (decoding, joint
+//! loads), [`Receiver::apply`] hands it over. Stream frames are taken in order, exactly once;
+//! control frames when newer than the last one. `WIRE.md` of the protocol has the rules.
+
+use crate::configuration::MachineConfiguration;
+use crate::design::{
+    CREDIT_STEP_KNOTS, NAK_PERIOD_MS, QUEUE_EVENTS, QUEUE_KNOTS, STATUS_PERIOD_MS,
+};
+use crate::load::{LoadModel, SpanFault, SpanLoad};
+use crate::motion::{CommandError, Motion};
+use crate::queue::{Ceiling, QueuedKnot};
+use crate::spline::SpanWindow;
+use headway_protocol::frame::{FrameDecoder, encode_frame, full_sequence, hash_of};
+use headway_protocol::knot_block::{KNOTS_PER_BLOCK_MAX, KnotPredictor, decode_block};
+use headway_protocol::message::{
+    Ack, Control, DeviceMessage, DeviceState, Fault, FaultCause, Finish, Hello, HostMessage,
+    OpenStream, PROTOCOL_VERSION, Refusal, RefusalReason, SCHEMA_HASH, Start, Status, Welcome,
+};
+use headway_protocol::segment::FlowEvent;
+use heapless::Vec;
+
+/// A checked message, ready to be applied.
+#[derive(Clone, Debug)]
+pub struct Request {
+    sequence: u16,
+    content: Content,
+}
+
+// The block is by far the largest and the most frequent: boxing is impossible without a heap.
+#[allow(clippy::large_enum_variant)]
+#[derive(Clone, Debug)]
+enum Content {
+    Hello(Hello),
+    Start(Start),
+    Knots(Block),
+    Flow(FlowEvent),
+    Finish(Finish),
+    Control(Control),
+    /// A stream frame that cannot be what the host meant, although its CRC is right.
+    Damaged,
+    /// A stream frame out of order, or with no stream open.
+    Misplaced,
+}
+
+/// Knots of a block with their loads, and the state after them.
+#[derive(Clone, Debug)]
+struct Block {
+    knots: Vec<QueuedKnot, KNOTS_PER_BLOCK_MAX>,
+    /// Why the block ends early.
+    refused: Option<SpanFault>,
+    predictor: KnotPredictor,
+    window: SpanWindow,
+    count: u32,
+}
+
+/// An open stream.
+#[derive(Clone, Debug)]
+struct Stream {
+    job: u32,
+    first_sequence: u32,
+    next_sequence: u32,
+    knots: u32,
+    events: u32,
+    predictor: KnotPredictor,
+    window: SpanWindow,
+}
+
+/// What is to be said.
+#[derive(Clone, Copy, Debug, Default)]
+struct Due {
+    welcome: bool,
+    refusal: Option<Refusal>,
+    ack: bool,
+    nak: bool,
+    status: bool,
+    fault: bool,
+}
+
+/// The controller's end of the line.
+#[derive(Clone, Debug)]
+pub struct Receiver {
+    decoder: FrameDecoder,
+    loads: LoadModel,
+    machine_hash: u32,
+    servo_hz: u32,
+    step_hz: u32,
+    session: u32,
+    host_session: Option<u32>,
+    control_taken: u16,
+    stream: Option<Stream>,
+    due: Due,
+    /// Credit that the host was last told.
+    knot_limit_told: u32,
+    /// Ticks of the last Nak and of the last status.
+    nak_tick: u64,
+    status_tick: u64,
+    last_state: DeviceState,
+    last_fault: Option<Fault>,
+    report_sequence: u16,
+}
+
+impl Receiver {
+    /// `session` should differ after every start of the controller.
+    pub fn new(configuration: &MachineConfiguration, session: u32) -> Self {
+        Self {
+            decoder: FrameDecoder::new(),
+            loads: LoadModel::new(configuration),
+            machine_hash: hash_of(configuration),
+            servo_hz: configuration.servo_hz,
+            step_hz: configuration.step_hz,
+            session,
+            host_session: None,
+            control_taken: 0,
+            stream: None,
+            due: Due::default(),
+            knot_limit_told: 0,
+            nak_tick: 0,
+            status_tick: 0,
+            last_state: DeviceState::Idle,
+            last_fault: None,
+            report_sequence: 0,
+        }
+    }
+
+    /// Takes one byte. Frames that are damaged are dropped: the host sends them again.
+    pub fn push(&mut self, byte: u8) -> Option<Request> {
+        let frame = self.decoder.push(byte)?.ok()?;
+        let sequence = frame.sequence;
+        let message = HostMessage::decode(frame.payload);
+        let in_order = self
+            .stream
+            .as_ref()
+            .is_some_and(|stream| stream.next_sequence as u16 == sequence);
+        let content = match message {
+            Ok(HostMessage::Hello(hello)) => Content::Hello(hello),
+            Ok(HostMessage::Start(start)) => Content::Start(start),
+            Ok(HostMessage::Control(control)) => Content::Control(control),
+            Ok(_) if !in_order => Content::Misplaced,
+            Ok(HostMessage::Flow(event)) => Content::Flow(event),
+            Ok(HostMessage::Finish(finish)) => Content::Finish(finish),
+            Ok(HostMessage::Knots(block)) => {
+                let stream = self.stream.as_ref()?;
+                unpack(block, stream, &self.loads).map_or(Content::Damaged, Content::Knots)
+            }
+            // Not from this protocol: the handshake will tell.
+            Err(_) => return None,
+        };
+        Some(Request { sequence, content })
+    }
+
+    /// Hands a request over to the motion.
+    pub fn apply(&mut self, request: Request, motion: &mut Motion) {
+        let sequence = request.sequence;
+        match request.content {
+            Content::Hello(hello) => self.greet(sequence, &hello),
+            Content::Start(start) => {
+                if self.take_control(sequence) {
+                    self.start(sequence, &start, motion);
+                }
+            }
+            Content::Control(control) => {
+                if self.take_control(sequence) {
+                    self.control(sequence, control, motion);
+                }
+            }
+            Content::Knots(block) => self.take_block(block, motion),
+            Content::Flow(event) => self.take_event(&event, motion),
+            Content::Finish(finish) => self.take_finish(finish, motion),
+            Content::Damaged => self.fail(motion, FaultCause::BadSegment),
+            Content::Misplaced => self.misplaced(sequence, motion),
+        }
+    }
+
+    fn greet(&mut self, sequence: u16, hello: &Hello) {
+        let reason = if hello.protocol_version != PROTOCOL_VERSION {
+            Some(RefusalReason::ProtocolVersion(PROTOCOL_VERSION))
+        } else if hello.schema_hash != SCHEMA_HASH {
+            Some(RefusalReason::Schema(SCHEMA_HASH))
+        } else {
+            None
+        };
+        if let Some(reason) = reason {
+            self.refuse(sequence, reason);
+            return;
+        }
+        if self.host_session != Some(hello.host_session) || is_newer(sequence, self.control_taken) {
+            self.control_taken = sequence;
+        }
+        self.host_session = Some(hello.host_session);
+        self.due.welcome = true;
+    }
+
+    /// True if a control frame is new; says in any case what was taken.
+    fn take_control(&mut self, sequence: u16) -> bool {
+        let fresh = self.host_session.is_some() && is_newer(sequence, self.control_taken);
+        if fresh {
+            self.control_taken = sequence;
+        }
+        self.due.ack = true;
+        fresh
+    }
+
+    fn start(&mut self, sequence: u16, start: &Start, motion: &mut Motion) {
+        if start.machine_hash != self.machine_hash {
+            self.refuse(sequence, RefusalReason::Machine(self.machine_hash));
+            return;
+        }
+        match motion.start(&start.position) {
+            Ok(()) => {
+                self.stream = Some(Stream {
+                    job: start.job,
+                    first_sequence: start.first_sequence,
+                    next_sequence: start.first_sequence,
+                    knots: 0,
+                    events: 0,
+                    predictor: KnotPredictor::new(start.position),
+                    window: SpanWindow::at_rest(&start.position),
+                });
+            }
+            Err(error) => self.refuse(sequence, reason_of(error)),
+        }
+    }
+
+    fn control(&mut self, sequence: u16, control: Control, motion: &mut Motion) {
+        match control {
+            Control::Pause => motion.pause(),
+            Control::Resume => motion.resume(),
+            Control::Override(percent) => motion.set_override(percent),
+            Control::Abort => {
+                motion.abort();
+                self.stream = None;
+            }
+            Control::EmergencyStop => motion.fail_at_once(Fault {
+                cause: FaultCause::Emergency,
+                index: 0,
+                value: 0,
+            }),
+            Control::ClearFault => {
+                if motion.clear_fault() {
+                    self.stream = None;
+                } else {
+                    self.refuse(sequence, RefusalReason::Busy);
+                }
+            }
+            Control::StatusRequest => self.due.status = true,
+            Control::SetPosition(position) => {
+                if let Err(error) = motion.set_position(&position) {
+                    self.refuse(sequence, reason_of(error));
+                }
+            }
+            // This machine has neither switches nor a jog yet.
+            Control::Jog { .. } | Control::Home(_) => {
+                self.refuse(sequence, RefusalReason::Invalid);
+            }
+        }
+    }
+
+    fn take_block(&mut self, block: Block, motion: &mut Motion) {
+        let Some(stream) = &mut self.stream else {
+            return;
+        };
+        if block.knots.len() > motion.knot_room() {
+            // More than the credit: as if it had been lost, until there is room.
+            self.due.ack = true;
+            return;
+        }
+        motion.push_knots(&block.knots);
+        if let Some(fault) = block.refused {
+            motion.refuse_span(fault, stream.knots + block.knots.len() as u32);
+        }
+        stream.knots = stream.knots.wrapping_add(block.count);
+        stream.predictor = block.predictor;
+        stream.window = block.window;
+        stream.next_sequence = stream.next_sequence.wrapping_add(1);
+        self.due.ack = true;
+    }
+
+    fn take_event(&mut self, event: &FlowEvent, motion: &mut Motion) {
+        let Some(stream) = &mut self.stream else {
+            return;
+        };
+        if motion.push_event(event) {
+            stream.events = stream.events.wrapping_add(1);
+            stream.next_sequence = stream.next_sequence.wrapping_add(1);
+        }
+        self.due.ack = true;
+    }
+
+    fn take_finish(&mut self, finish: Finish, motion: &mut Motion) {
+        let Some(stream) = &mut self.stream else {
+            return;
+        };
+        if finish.knots == stream.knots && finish.events == stream.events {
+            stream.next_sequence = stream.next_sequence.wrapping_add(1);
+            motion.finish();
+            self.due.ack = true;
+        } else {
+            self.fail(motion, FaultCause::Sequence);
+        }
+    }
+
+    fn fail(&mut self, motion: &mut Motion, cause: FaultCause) {
+        let knots = self.stream.as_ref().map_or(0, |stream| stream.knots);
+        motion.fail_softly(Fault {
+            cause,
+            index: 0,
+            value: knots as i32,
+        });
+    }
+
+    fn misplaced(&mut self, sequence: u16, motion: &Motion) {
+        let Some(stream) = &self.stream else {
+            self.refuse(sequence, RefusalReason::NoStream);
+            return;
+        };
+        let ahead =
+            full_sequence(stream.next_sequence, sequence).wrapping_sub(stream.next_sequence);
+        let period = u64::from(NAK_PERIOD_MS * self.servo_hz / 1000);
+        if ahead > u32::MAX / 2 {
+            self.due.ack = true;
+        } else if motion.now_ticks() >= self.nak_tick + period {
+            self.nak_tick = motion.now_ticks();
+            self.due.nak = true;
+        }
+    }
+
+    fn refuse(&mut self, sequence: u16, reason: RefusalReason) {
+        self.due.refusal = Some(Refusal { sequence, reason });
+    }
+}
+
+/// Reports.
+impl Receiver {
+    /// Writes the next report frame into `out` (at least `FRAME_BYTES_MAX`), or returns 0.
+    pub fn poll_report(&mut self, motion: &Motion, out: &mut [u8]) -> usize {
+        if self.host_session.is_none() && self.due.refusal.is_none() {
+            return 0;
+        }
+        self.note_changes(motion);
+        let Some(message) = self.next_report(motion) else {
+            return 0;
+        };
+        self.report_sequence = self.report_sequence.wrapping_add(1);
+        // A report always fits a frame; a smaller buffer gets nothing.
+        encode_frame(self.report_sequence, &message, out).unwrap_or(0)
+    }
+
+    /// Finds out what is to be said without being asked.
+    fn note_changes(&mut self, motion: &Motion) {
+        let (state, fault) = (motion.state(), motion.fault());
+        if state != self.last_state {
+            self.last_state = state;
+            self.due.status = true;
+        }
+        if fault != self.last_fault {
+            self.last_fault = fault;
+            self.due.fault = fault.is_some();
+        }
+        let period = u64::from(STATUS_PERIOD_MS * self.servo_hz / 1000);
+        if motion.now_ticks() >= self.status_tick + period {
+            self.status_tick = motion.now_ticks();
+            self.due.status = true;
+            self.due.ack |= self.stream.is_some();
+        }
+        let told = self.knot_limit_told;
+        if self.stream.is_some() && self.knot_limit(motion).wrapping_sub(told) >= CREDIT_STEP_KNOTS
+        {
+            self.due.ack = true;
+        }
+    }
+
+    fn next_report(&mut self, motion: &Motion) -> Option<DeviceMessage> {
+        if core::mem::take(&mut self.due.fault)
+            && let Some(fault) = motion.fault()
+        {
+            return Some(DeviceMessage::Fault(fault));
+        }
+        if core::mem::take(&mut self.due.welcome) {
+            return Some(DeviceMessage::Welcome(self.welcome(motion)));
+        }
+        if let Some(refusal) = self.due.refusal.take() {
+            return Some(DeviceMessage::Refused(refusal));
+        }
+        if core::mem::take(&mut self.due.nak) {
+            self.due.ack = false;
+            return Some(DeviceMessage::Nak(self.ack(motion)));
+        }
+        if core::mem::take(&mut self.due.ack) {
+            return Some(DeviceMessage::Ack(self.ack(motion)));
+        }
+        if core::mem::take(&mut self.due.status) {
+            return Some(DeviceMessage::Status(self.status(motion)));
+        }
+        None
+    }
+
+    fn knot_limit(&self, motion: &Motion) -> u32 {
+        let taken = self.stream.as_ref().map_or(0, |stream| stream.knots);
+        taken.wrapping_add(motion.knot_room() as u32)
+    }
+
+    fn ack(&mut self, motion: &Motion) -> Ack {
+        self.knot_limit_told = self.knot_limit(motion);
+        let events = self.stream.as_ref().map_or(0, |stream| stream.events);
+        Ack {
+            session: self.session,
+            next_sequence: self
+                .stream
+                .as_ref()
+                .map_or(0, |stream| stream.next_sequence),
+            knot_limit: self.knot_limit_told,
+            event_limit: events.wrapping_add(motion.event_room() as u32),
+            control_taken: self.control_taken,
+        }
+    }
+
+    fn welcome(&self, motion: &Motion) -> Welcome {
+        Welcome {
+            protocol_version: PROTOCOL_VERSION,
+            schema_hash: SCHEMA_HASH,
+            firmware_version: FIRMWARE_VERSION,
+            machine_hash: self.machine_hash,
+            queue_knots: QUEUE_KNOTS as u16,
+            queue_events: QUEUE_EVENTS as u16,
+            servo_hz: self.servo_hz,
+            step_hz: self.step_hz,
+            session: self.session,
+            host_session: self.host_session.unwrap_or(0),
+            stream: self.stream.as_ref().map(|stream| OpenStream {
+                job: stream.job,
+                first_sequence: stream.first_sequence,
+                next_sequence: stream.next_sequence,
+                knots_taken: stream.knots,
+                spans_done: motion.spans_done(),
+            }),
+        }
+    }
+
+    fn status(&self, motion: &Motion) -> Status {
+        let mut counts_steps = Vec::new();
+        for count in motion.counts().iter().take(motion.motors()) {
+            // Room for all motors by the type's bound; counts wrap at 32 bits on the wire.
+            let _ = counts_steps.push(*count as i32);
+        }
+        Status {
+            session: self.session,
+            state: motion.state(),
+            sigma_permille: ((u64::from(motion.rate_q16()) * 1000) >> 16) as u16,
+            override_percent: motion.override_percent(),
+            spans_done: motion.spans_done(),
+            queue_knots: motion.queued_knots() as u16,
+            queue_events: motion.queued_events() as u16,
+            counts_steps,
+            fault: motion.fault(),
+        }
+    }
+}
+
+/// Version of this library.
+pub const FIRMWARE_VERSION: [u8; 3] = [0, 1, 0];
+
+fn is_newer(sequence: u16, taken: u16) -> bool {
+    (sequence.wrapping_sub(taken) as i16) > 0
+}
+
+fn reason_of(error: CommandError) -> RefusalReason {
+    match error {
+        CommandError::Busy => RefusalReason::Busy,
+        CommandError::Faulted => RefusalReason::Faulted,
+        CommandError::Invalid => RefusalReason::Invalid,
+    }
+}
+
+/// Unpacks a block and computes what its spans ask of the joints; `None` if it is damaged.
+fn unpack(bytes: &[u8], stream: &Stream, loads: &LoadModel) -> Option<Block> {
+    let mut predictor = stream.predictor;
+    let mut window = stream.window.clone();
+    let decoded = decode_block(&mut predictor, bytes).ok()?;
+    let mut knots = Vec::new();
+    let mut refused = None;
+    for knot in &decoded {
+        window.push(knot);
+        let load = match loads.of_span(&window) {
+            Ok(load) => load,
+            Err(fault) => {
+                refused = Some(fault);
+                break;
+            }
+        };
+        let queued = queued_knot(&window, knot, load);
+        knots.push(queued).ok()?;
+    }
+    Some(Block {
+        knots,
+        refused,
+        predictor,
+        window,
+        count: decoded.len() as u32,
+    })
+}
+
+fn queued_knot(
+    window: &SpanWindow,
+    knot: &headway_protocol::segment::Knot,
+    load: SpanLoad,
+) -> QueuedKnot {
+    QueuedKnot {
+        knot: *knot,
+        load,
+        span_ticks: window.duration_ticks(),
+        ends_at_rest: window.ends_at_rest(),
+        ceiling: Ceiling::END,
+    }
+}
