@@ -5,7 +5,7 @@
 //! that is always safe: |sigma'| <= (1 - alpha sigma²) / beta. Units: servo ticks.
 
 use crate::configuration::{JOINTS_MAX, JointConfiguration, MachineConfiguration};
-use crate::design::{LOAD_ALPHA_MAX, LOAD_BETA_MIN_TICKS, PATH_RATE_MAX};
+use crate::design::{LOAD_ALPHA_MAX, LOAD_BETA_MIN_TICKS, PATH_RATE_MAX, WARP_ROOM};
 use crate::kinematics::{self, KinematicsError};
 use crate::pose::Pose;
 use crate::spline::{SpanPolynomial, SpanWindow};
@@ -188,8 +188,8 @@ impl SpanLoad {
     fn bounded(alpha: f32, beta_ticks: f32, speed: f32) -> Self {
         let alpha = alpha.min(LOAD_ALPHA_MAX);
         let mut rate_squared_max = PATH_RATE_MAX * PATH_RATE_MAX;
-        if alpha * rate_squared_max > 1.0 {
-            rate_squared_max = 1.0 / alpha;
+        if alpha * rate_squared_max > WARP_ROOM {
+            rate_squared_max = WARP_ROOM / alpha;
         }
         if speed * speed * rate_squared_max > 1.0 {
             rate_squared_max = 1.0 / (speed * speed);

@@ -593,6 +593,11 @@ impl Motion {
         self.programmer.positions().map(count)
     }
 
+    /// Targets that the newest servo tick evaluated, 2^-31 steps.
+    pub fn targets(&self) -> [i64; MOTORS_MAX] {
+        self.programmer.newest_targets()
+    }
+
     /// True if no motor moves.
     pub fn is_at_rest(&self) -> bool {
         self.programmer.is_at_rest()

@@ -3,11 +3,11 @@
 //! Each entry knows two ceilings of sigma² at its span's start: the largest from which the head can
 //! still come to rest on the path by the end of the last span buffered, and the largest (above 1)
 //! from which it can slow down in time for a span that has less room. One backward pass after each
-//! arrival keeps them: y_start = (y_end + 2 h / beta) / (1 + 2 h alpha / beta), the implicit step of
-//! d(sigma²)/du = -2 (1 - alpha sigma²) / beta, which never overestimates. The pass stops where
+//! arrival keeps them: y_start = (y_end + 2 h w / beta) / (1 + 2 h alpha / beta), the implicit step of
+//! d(sigma²)/du = -2 (w - alpha sigma²) / beta (w = 0.985 of the full limit), which never overestimates. The pass stops where
 //! nothing changes, which is the stopping distance from the end, so it is short on a deep queue.
 
-use crate::design::{PATH_RATE_MAX, QUEUE_KNOTS};
+use crate::design::{PATH_RATE_MAX, QUEUE_KNOTS, WARP_ROOM};
 use crate::load::SpanLoad;
 use headway_protocol::segment::Knot;
 use heapless::Deque;
@@ -42,10 +42,10 @@ impl Ceiling {
         stop: CEILING_OPEN,
         limits: CEILING_OPEN,
     };
-    /// The end of the queue.
+    /// The end of the queue: what follows may have no room above 1.
     pub const END: Self = Self {
         stop: 0.0,
-        limits: CEILING_OPEN,
+        limits: 1.0,
     };
 
     /// Ceilings `ticks` before this place, within a span of this load.
@@ -53,9 +53,10 @@ impl Ceiling {
     pub fn before(&self, ticks: f32, load: &SpanLoad) -> Self {
         let reach = 2.0 * ticks / load.beta_ticks;
         let share = 1.0 / (1.0 + reach * load.alpha);
+        let gain = reach * WARP_ROOM;
         Self {
-            stop: smaller((self.stop + reach) * share, CEILING_OPEN),
-            limits: smaller((self.limits + reach) * share, load.rate_squared_max),
+            stop: smaller((self.stop + gain) * share, CEILING_OPEN),
+            limits: smaller((self.limits + gain) * share, load.rate_squared_max),
         }
     }
 }

@@ -6,6 +6,7 @@
 //! which the head can always come to rest on the path. While neither wants less than 1, sigma is
 //! exactly 1 and the steps are those of the plan.
 
+use crate::design::WARP_ROOM;
 use crate::interpolator::TICK_Q16;
 use crate::load::SpanLoad;
 use crate::queue::{CEILING_OPEN, Ceiling};
@@ -134,9 +135,9 @@ impl WarpBounds {
     }
 }
 
-/// (1 - alpha sigma²) / beta.
+/// (1 - alpha sigma²) / beta, with a little in reserve for ticks that end in another span.
 fn slope_of(load: &SpanLoad, square: f32) -> f32 {
-    let room = 1.0 - load.alpha * square;
+    let room = WARP_ROOM - load.alpha * square;
     if room > 0.0 {
         room / load.beta_ticks
     } else {

@@ -1,0 +1,208 @@
+//! Goal: pause, resume, override and starvation at random times never leave the path or the
+//! joints' full limits, lose no step and no volume. Method: seeded schedules; the servo's targets
+//! are differenced twice at the servo rate and compared with the limits, the plan being set to use
+//! 0.95 of them.
+use super::*;
+use crate::steps::STEP;
+
+const SERVO_HZ: f64 = 2000.0;
+
+/// Largest |velocity| and |acceleration| of each joint, mm or rad and s.
+fn demands(configuration: &MachineConfiguration, job: &Job) -> Vec<[f64; 2]> {
+    let mut samples: Vec<[f64; 8]> = Vec::new();
+    for span in job.spans() {
+        for tick in 0..span.duration_ticks {
+            samples.push(exact(configuration, &span.position(f64::from(tick))));
+        }
+    }
+    let mut most = std::vec![[0.0f64; 2]; configuration.joints.len() + 1];
+    for three in samples.windows(3) {
+        for (motor, most) in most.iter_mut().enumerate() {
+            let [a, b, c] = [0, 1, 2].map(|i: usize| three[i][motor]);
+            most[0] = most[0].max((c - b).abs() * SERVO_HZ);
+            most[1] = most[1].max((c - 2.0 * b + a).abs() * SERVO_HZ * SERVO_HZ);
+        }
+    }
+    most
+}
+
+/// Sets the limits so that the job uses 0.95 of them.
+fn tighten(configuration: &mut MachineConfiguration, job: &Job) {
+    let most = demands(configuration, job);
+    for (joint, most) in configuration.joints.iter_mut().zip(&most) {
+        // A joint that hardly moves keeps a limit that is not absurd: the last place of an f32
+        // angle or of the pivot's share of X, differenced twice at 2 kHz, is 1 rad/s² or 30 mm/s².
+        let speed = most[0] / joint.steps_per_unit / 0.95;
+        let acceleration = most[1] / joint.steps_per_unit / 0.95;
+        joint.speed_max = speed.max(0.05);
+        let least = if joint.rotary { 60.0 } else { 1500.0 };
+        joint.acceleration_max = acceleration.max(least);
+    }
+}
+
+struct Random(u64);
+
+impl Random {
+    fn below(&mut self, bound: u32) -> u32 {
+        self.0 = self
+            .0
+            .wrapping_mul(6_364_136_223_846_793_005)
+            .wrapping_add(1_442_695_040_888_963_407);
+        ((self.0 >> 33) % u64::from(bound)) as u32
+    }
+}
+
+#[derive(Default, Debug)]
+struct Outcome {
+    ticks: u32,
+    worst_velocity: f64,
+    worst_acceleration: f64,
+    worst_extruder_acceleration: f64,
+    worst_off_path_steps: f64,
+    holds: u32,
+    underruns: u32,
+}
+
+/// Runs a job under a schedule of disturbances drawn from `seed`.
+fn disturbed(configuration: &MachineConfiguration, job: &Job, seed: u64) -> Outcome {
+    let mut random = Random(seed.wrapping_mul(0x9e37_79b9_7f4a_7c15));
+    let mut host = Host::new(configuration, job);
+    let spans = job.spans();
+    let joints = configuration.joints.len();
+    let mut history: Vec<[i64; 8]> = Vec::new();
+    let mut outcome = Outcome::default();
+    let mut silent_until = 0;
+    let mut next_event = 200 + random.below(1500);
+    let mut resume_at = u32::MAX;
+    for tick in 0..400_000u32 {
+        if tick >= next_event {
+            next_event = tick + 100 + random.below(2500);
+            match random.below(4) {
+                0 => {
+                    host.control(HostMessage::Control(Control::Pause));
+                    resume_at = tick + 1 + random.below(1600);
+                }
+                1 => {
+                    let percent = 10 + random.below(191) as u16;
+                    host.control(HostMessage::Control(Control::Override(percent)));
+                }
+                _ => silent_until = tick + random.below(6000),
+            }
+        }
+        if tick >= resume_at {
+            resume_at = u32::MAX;
+            host.control(HostMessage::Control(Control::Resume));
+        }
+        if tick >= silent_until {
+            host.send(job, 1, 4 + random.below(12) as usize);
+        }
+        let u_q16 = host.machine.motion().segment_time_q16();
+        host.tick();
+        let motion = host.machine.motion();
+        history.push(motion.targets());
+        observe(configuration, &history, &mut outcome);
+        if tick % 7 == 0 {
+            let off = off_path(configuration, &spans, u_q16, &motion.targets());
+            outcome.worst_off_path_steps = outcome.worst_off_path_steps.max(off);
+        }
+        if motion.state() == DeviceState::Finished {
+            outcome.ticks = tick;
+            break;
+        }
+    }
+    for _ in 0..200 {
+        host.tick();
+    }
+    host.poll();
+    assert_eq!(host.faults, [], "seed {seed}");
+    assert_eq!(
+        host.machine.motion().state(),
+        DeviceState::Finished,
+        "seed {seed}"
+    );
+    assert_eq!(
+        host.counter.counts[..=joints],
+        final_steps(configuration, job),
+        "seed {seed}"
+    );
+    outcome.holds = host.machine.motion().holds();
+    outcome.underruns = host.machine.motion().underruns();
+    outcome
+}
+
+fn observe(configuration: &MachineConfiguration, history: &[[i64; 8]], outcome: &mut Outcome) {
+    let [.., a, b, c] = history else { return };
+    let differences = |motor: usize| {
+        let [a, b, c] = [a[motor], b[motor], c[motor]].map(|p| p as f64 / STEP as f64);
+        ((c - b) * SERVO_HZ, (c - 2.0 * b + a) * SERVO_HZ * SERVO_HZ)
+    };
+    for (motor, joint) in configuration.joints.iter().enumerate() {
+        let (velocity, acceleration) = differences(motor);
+        let v = velocity.abs() / joint.steps_per_unit / joint.speed_max;
+        let a = acceleration.abs() / joint.steps_per_unit / joint.acceleration_max;
+        outcome.worst_velocity = outcome.worst_velocity.max(v);
+        outcome.worst_acceleration = outcome.worst_acceleration.max(a);
+    }
+    let (_, acceleration) = differences(configuration.joints.len());
+    let extruder = &configuration.extruder;
+    let a = acceleration.abs() / extruder.steps_per_mm3 / extruder.acceleration_max_mm3_s2;
+    outcome.worst_extruder_acceleration = outcome.worst_extruder_acceleration.max(a);
+}
+
+/// Distance of the joint targets from the exact spline at the same segment time, steps.
+fn off_path(
+    configuration: &MachineConfiguration,
+    spans: &[Span],
+    u_q16: u64,
+    targets: &[i64; 8],
+) -> f64 {
+    let u = u_q16 as f64 / 65536.0;
+    let index = spans
+        .partition_point(|span| span.start_tick as f64 <= u)
+        .max(1)
+        - 1;
+    let span = &spans[index];
+    let at = exact(configuration, &span.position(u - span.start_tick as f64));
+    let mut worst = 0.0f64;
+    for (motor, steps) in at.iter().enumerate().take(configuration.joints.len()) {
+        worst = worst.max((targets[motor] as f64 / STEP as f64 - steps).abs());
+    }
+    worst
+}
+
+/// `noise`: what f32 adds to the measured acceleration, as a share of the limit.
+fn campaign(mut configuration: MachineConfiguration, job: &Job, seeds: u64, noise: f64) {
+    tighten(&mut configuration, job);
+    let mut worst = Outcome::default();
+    for seed in 0..seeds {
+        let outcome = disturbed(&configuration, job, seed);
+        if outcome.worst_acceleration > 1.0 + noise {
+            std::println!("seed {seed}: {outcome:?}");
+        }
+        worst.worst_velocity = worst.worst_velocity.max(outcome.worst_velocity);
+        worst.worst_acceleration = worst.worst_acceleration.max(outcome.worst_acceleration);
+        worst.worst_extruder_acceleration = worst
+            .worst_extruder_acceleration
+            .max(outcome.worst_extruder_acceleration);
+        worst.worst_off_path_steps = worst.worst_off_path_steps.max(outcome.worst_off_path_steps);
+        worst.holds += outcome.holds;
+        worst.underruns += outcome.underruns;
+        worst.ticks += outcome.ticks;
+    }
+    std::println!("{worst:?}");
+    assert!(worst.holds > 20 && worst.underruns > 5, "{worst:?}");
+    assert!(worst.worst_off_path_steps < 0.05, "{worst:?}");
+    assert!(worst.worst_velocity <= 1.0, "{worst:?}");
+    assert!(worst.worst_acceleration <= 1.0 + noise, "{worst:?}");
+    assert!(worst.worst_extruder_acceleration <= 1.0, "{worst:?}");
+}
+
+#[test]
+fn random_disturbances_keep_path_limits_and_counts_on_the_planar_machine() {
+    campaign(planar(), &flower(), 40, 0.0);
+}
+
+#[test]
+fn random_disturbances_keep_path_limits_and_counts_on_the_gantry() {
+    campaign(gantry(), &tilted_flower(), 40, 0.02);
+}
