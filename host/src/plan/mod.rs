@@ -17,6 +17,7 @@ pub mod medial_axis;
 pub mod order;
 pub mod passes;
 pub mod path_curve;
+pub mod reachable;
 pub mod route;
 pub mod segments;
 pub mod single_runs;

@@ -171,3 +171,18 @@ fn started_near(pass: LayerPass, from: Point2) -> LayerPass {
     }
     pass
 }
+
+/// Regions by nearest centre, starting from `from`.
+pub fn region_order(centers: &[Point2], from: Point2) -> Vec<usize> {
+    let mut left: Vec<usize> = (0..centers.len()).collect();
+    let mut position = from;
+    let mut order = Vec::with_capacity(centers.len());
+    while !left.is_empty() {
+        let distance = |slot: &usize| (centers[left[*slot]] - position).norm_squared();
+        let slot = (0..left.len()).fold(0, |b, s| if distance(&s) < distance(&b) { s } else { b });
+        let number = left.remove(slot);
+        position = centers[number];
+        order.push(number);
+    }
+    order
+}

@@ -17,6 +17,7 @@ use crate::geometry::Point2;
 use crate::geometry::aperture::Aperture;
 use crate::geometry::edge_index::{Edge, EdgeIndex};
 use crate::geometry::polygon::{Region, Ring};
+use crate::settings::HeadingLaw;
 use rayon::prelude::*;
 
 /// How a pass lies in its passage.
@@ -50,6 +51,27 @@ pub struct PassSettings {
     pub overlap: f64,
     /// Put one pass on the axis wherever the aperture spans the passage.
     pub one_pass: bool,
+    /// How a width becomes a heading angle.
+    pub law: HeadingLaw,
+}
+
+impl PassSettings {
+    /// The extent across the passage that the law's angle gives where half the bead is to be
+    /// `half_mm` wide: the same for the tangent law; for the linear law that of
+    /// |alpha| = (1 - w) 90° with w = (half - b) / (a - b), which is r of SPEC section 2 halved in
+    /// two-pass and r itself in one-pass.
+    pub fn law_extent_mm(&self, half_mm: f64) -> f64 {
+        let (a, b) = (self.aperture.major_mm(), self.aperture.minor_mm());
+        match self.law {
+            HeadingLaw::Tangent => half_mm,
+            HeadingLaw::Linear if a - b < 1e-9 => half_mm,
+            HeadingLaw::Linear => {
+                let weight = ((half_mm - b) / (a - b)).clamp(0.0, 1.0);
+                self.aperture
+                    .extent_at_angle_mm((1.0 - weight) * std::f64::consts::FRAC_PI_2)
+            }
+        }
+    }
 }
 
 /// Most channels of one piece; a wider region is left with its middle open, which the coverage
@@ -176,7 +198,10 @@ fn channel_passes(
             let width = channel_width_mm(contact, channel, field, lengths.grid_mm, aperture);
             contact.extent_mm = 0.5 * width * (1.0 + settings.overlap);
         }
-        for (run, closed) in printable_runs(&contacts, aperture) {
+        for (mut run, closed) in printable_runs(&contacts, aperture) {
+            for contact in &mut run {
+                contact.extent_mm = settings.law_extent_mm(contact.extent_mm);
+            }
             let placements = profile(&run, closed, aperture, channel_walls);
             found.extend(feasible_runs(placements, closed).into_iter().map(
                 |(placements, closed)| LayerPass {

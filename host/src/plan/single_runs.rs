@@ -348,7 +348,7 @@ fn axis_contacts(
                 point: p,
                 normal: Vector2::new(-along.y, along.x),
                 length_mm: step.max(0.02),
-                extent_mm: r.clamp(b, a),
+                extent_mm: settings.law_extent_mm(r.clamp(b, a)),
                 on_axis: true,
             }
         })
