@@ -3,6 +3,7 @@
 //! it, `geometry` and `settings`; none knows a clock, a file or a thread.
 
 pub mod bead_count;
+pub mod build_route;
 pub mod contacts;
 pub mod contour;
 pub mod feasible;
@@ -13,6 +14,7 @@ pub mod heading_profile;
 pub mod headings_table;
 pub mod joint_limits;
 pub mod layer_path;
+pub mod measure;
 pub mod medial_axis;
 pub mod order;
 pub mod passes;

@@ -1,0 +1,212 @@
+//! From ordered passes to the route: travel with lift, prime, print, retract.
+//!
+//! Every pass: travel above its start with the heading turned on the way, lower, prime, print,
+//! retract, lift. Each piece is a rest-to-rest stretch. All in machine coordinates.
+
+use super::flow::{FlowPose, deposit};
+use super::layer_path::{PlaneControl, curve_at};
+use super::route::{PathCurve, Route, Stretch, StretchEvent};
+use crate::job::MotionState;
+use crate::settings::Settings;
+use headway_protocol::units::{
+    CHANNEL_HEADING, CHANNEL_VOLUME, CHANNEL_X, CHANNEL_Y, CHANNEL_Z, CHANNELS,
+};
+
+/// A pass ready to be printed: its curve in the layer plane.
+#[derive(Clone, Debug, PartialEq)]
+pub struct PlanePass {
+    /// Layer from 0.
+    pub layer: u32,
+    /// Tip height, mm.
+    pub z_mm: f64,
+    /// Control points (x, y, heading).
+    pub control: Vec<PlaneControl>,
+}
+
+/// Poses in each span from which the deposited volume is integrated.
+const DEPOSIT_STEPS: usize = 4;
+
+/// Where the head is while the route is built.
+struct Head<'a> {
+    settings: &'a Settings,
+    at: [f64; CHANNELS],
+    route: Route,
+}
+
+/// Builds the route; `start` is the pose at rest before it (machine coordinates).
+pub fn build_route(passes: &[PlanePass], start: [f64; CHANNELS], settings: &Settings) -> Route {
+    let mut head = Head {
+        settings,
+        at: start,
+        route: Route::default(),
+    };
+    for (number, pass) in passes.iter().enumerate() {
+        head.travel_to(pass);
+        head.print(pass, number as u32);
+    }
+    if let Some(last) = passes.last() {
+        let up = head.at[CHANNEL_Z] + settings.lift_mm;
+        head.line(
+            MotionState::Travel,
+            last.layer,
+            [(CHANNEL_Z, up)].as_slice(),
+        );
+    }
+    head.route
+}
+
+impl Head<'_> {
+    /// A straight stretch to the given channel values; nothing where it would not move.
+    fn line(&mut self, state: MotionState, layer: u32, to: &[(usize, f64)]) {
+        let mut target = self.at;
+        for &(channel, value) in to {
+            target[channel] = value;
+        }
+        if target == self.at {
+            return;
+        }
+        self.push(state, layer, None, vec![self.at, target], 0.0, None);
+    }
+
+    fn push(
+        &mut self,
+        state: MotionState,
+        layer: u32,
+        pass: Option<u32>,
+        control: Vec<[f64; CHANNELS]>,
+        dwell_s: f64,
+        event: Option<StretchEvent>,
+    ) {
+        if let Some(&last) = control.last() {
+            self.at = last;
+        }
+        let curve = PathCurve { control };
+        self.route.stretches.push(Stretch {
+            state,
+            layer,
+            pass,
+            curve,
+            dwell_s,
+            event,
+        });
+    }
+
+    /// Lift, cross with the heading turned the shorter way, lower.
+    fn travel_to(&mut self, pass: &PlanePass) {
+        let first = pass.control[0];
+        let heading = nearest_heading(first[2], self.at[CHANNEL_HEADING]);
+        let above = pass.z_mm.max(self.at[CHANNEL_Z]) + self.settings.lift_mm;
+        self.line(MotionState::Travel, pass.layer, &[(CHANNEL_Z, above)]);
+        let crossing = [
+            (CHANNEL_X, first[0]),
+            (CHANNEL_Y, first[1]),
+            (CHANNEL_HEADING, heading),
+        ];
+        self.line(MotionState::Travel, pass.layer, &crossing);
+        self.line(MotionState::Travel, pass.layer, &[(CHANNEL_Z, pass.z_mm)]);
+    }
+
+    /// Prime, print, retract.
+    fn print(&mut self, pass: &PlanePass, number: u32) {
+        let s = self.settings;
+        let pr = s.prime_retract;
+        let prime_s = event_duration_s(pr.prime_mm3, pr.prime_rate_mm3_s);
+        let retract_s = event_duration_s(pr.retract_mm3, pr.retract_rate_mm3_s);
+        if prime_s > 0.0 {
+            let event = StretchEvent::PrimeAtStart {
+                volume_mm3: pr.prime_mm3,
+                duration_s: prime_s,
+            };
+            let dwell_s = (prime_s - pr.prime_lead_s).max(0.0);
+            self.push(
+                MotionState::Prime,
+                pass.layer,
+                None,
+                vec![self.at],
+                dwell_s,
+                Some(event),
+            );
+        }
+        let lead_s = pr.retract_lead_s.min(retract_s);
+        let retract = StretchEvent::RetractBeforeEnd {
+            volume_mm3: pr.retract_mm3,
+            duration_s: retract_s,
+            lead_s,
+        };
+        let event = (retract_s > 0.0).then_some(retract);
+        let control = self.print_control(pass);
+        self.push(
+            MotionState::Print,
+            pass.layer,
+            Some(number),
+            control,
+            0.0,
+            event,
+        );
+        if retract_s > lead_s {
+            let dwell_s = retract_s - lead_s;
+            self.push(
+                MotionState::Retract,
+                pass.layer,
+                None,
+                vec![self.at],
+                dwell_s,
+                None,
+            );
+        }
+    }
+
+    /// The pass in channel space, with the volume that its advancing front covers.
+    fn print_control(&self, pass: &PlanePass) -> Vec<[f64; CHANNELS]> {
+        let s = self.settings;
+        let turn = self.at[CHANNEL_HEADING] - pass.control[0][2];
+        let spans = pass.control.len() - 1;
+        let poses: Vec<FlowPose> = (0..=spans * DEPOSIT_STEPS)
+            .map(|k| {
+                let span = (k / DEPOSIT_STEPS).min(spans - 1);
+                let t = k as f64 / DEPOSIT_STEPS as f64 - span as f64;
+                let [x, y, heading_rad] = curve_at(&pass.control, span, t);
+                FlowPose {
+                    centre_mm: [x, y],
+                    heading_rad,
+                }
+            })
+            .collect();
+        let ground = s.aperture.area_mm2();
+        let volume = deposit(
+            &poses,
+            &s.aperture,
+            s.layer_height_mm,
+            s.flow_factor,
+            ground,
+        );
+        (0..=spans)
+            .map(|i| {
+                let [x, y, heading] = pass.control[i];
+                let mut point = self.at;
+                point[CHANNEL_X] = x;
+                point[CHANNEL_Y] = y;
+                point[CHANNEL_Z] = pass.z_mm;
+                point[CHANNEL_HEADING] = heading + turn;
+                point[CHANNEL_VOLUME] += volume[i * DEPOSIT_STEPS];
+                point
+            })
+            .collect()
+    }
+}
+
+/// Duration of a prime or retract whose peak rate is `rate`: a quintic smooth step peaks at 1.875
+/// times its mean rate.
+fn event_duration_s(volume_mm3: f64, rate_mm3_s: f64) -> f64 {
+    if volume_mm3 > 0.0 && rate_mm3_s > 0.0 {
+        1.875 * volume_mm3 / rate_mm3_s
+    } else {
+        0.0
+    }
+}
+
+/// The heading equal to `heading_rad` for the deposit (modulo 180°) that is nearest to `from_rad`.
+fn nearest_heading(heading_rad: f64, from_rad: f64) -> f64 {
+    let pi = std::f64::consts::PI;
+    heading_rad + ((from_rad - heading_rad) / pi).round() * pi
+}
