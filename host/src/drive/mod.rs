@@ -4,6 +4,7 @@ pub mod limits;
 pub mod link;
 pub mod plan_curve;
 pub mod record;
+pub mod rehearsal;
 pub mod sender;
 pub mod sender_state;
 pub mod servo_walk;

@@ -15,8 +15,9 @@ use headway_firmware::kinematics::inverse;
 use headway_firmware::pose::Pose;
 use headway_protocol::units::CHANNELS;
 
-/// Servo ticks walked past the end of the motion, so that its last steps are seen.
-const TAIL_TICKS: usize = 8;
+/// Servo ticks walked past the end of the motion, so that its last steps are seen and averages over
+/// several ticks reach the end.
+const TAIL_TICKS: usize = 64;
 
 /// Plan at one servo tick.
 #[derive(Clone, Copy, Debug)]

@@ -1,0 +1,95 @@
+//! One job simulated and checked: the door that `simulate` and the tests go through.
+//!
+//! ```text
+//! SegmentStream -> WireFrames -> Simulator -> steps -> TraceFigures
+//!              \-> LimitFigures
+//! ```
+
+use crate::drive::limits::{self, LimitFigures};
+use crate::drive::plan_curve::stream_ticks;
+use crate::drive::simulator::{Simulation, Simulator, SimulatorError, SimulatorSetup};
+use crate::drive::trace::{self, TraceFigures};
+use crate::job::SegmentStream;
+use crate::settings::Settings;
+use crate::wire_frames::{WireFrames, WireFramesError};
+use std::time::Instant;
+use thiserror::Error;
+
+/// Why a job could not be rehearsed.
+#[derive(Debug, Error)]
+pub enum RehearsalError {
+    /// The stream cannot be packed.
+    #[error(transparent)]
+    Frames(#[from] WireFramesError),
+    /// The simulation could not be run to its end.
+    #[error(transparent)]
+    Simulator(#[from] SimulatorError),
+}
+
+/// What came out.
+#[derive(Clone, Debug)]
+pub struct Rehearsal {
+    /// Steps, counters, the fault if there was one.
+    pub simulation: Simulation,
+    /// Steps against the plan.
+    pub trace: TraceFigures,
+    /// Finished segments against the limits.
+    pub limits: LimitFigures,
+    /// Bytes to the controller for each second of motion.
+    pub bytes_per_s: f64,
+    /// Seconds of motion for each second of simulation (wall clock; the checks not counted).
+    pub realtime_factor: f64,
+}
+
+/// Streams the job to the firmware library over the simulated link and checks what came out.
+/// `progress` is called now and then with the share done.
+///
+/// # Errors
+/// [`RehearsalError`]; a latched fault is not one, it is in the result.
+pub fn rehearse(
+    stream: &SegmentStream,
+    settings: &Settings,
+    setup: &SimulatorSetup,
+    progress: impl FnMut(f64),
+) -> Result<Rehearsal, RehearsalError> {
+    let frames = WireFrames::encode(stream)?;
+    let machine = &settings.machine;
+    let begun = Instant::now();
+    let simulator = Simulator::new(frames, stream_ticks(&stream.knots), machine, setup)?;
+    let simulation = simulator.run(progress)?;
+    let wall_s = begun.elapsed().as_secs_f64();
+    let (trace, limits) = rayon::join(
+        || trace::compare(stream, machine, &simulation.motion),
+        || limits::sample(stream, settings),
+    );
+    let motion_s = simulation.figures.motion_s;
+    Ok(Rehearsal {
+        bytes_per_s: simulation.figures.bytes as f64 / motion_s.max(1e-9),
+        realtime_factor: motion_s / wall_s.max(1e-9),
+        simulation,
+        trace,
+        limits,
+    })
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::drive::test_streams::spiral;
+
+    #[test]
+    fn a_rehearsal_holds_all_three_parts() {
+        let settings = Settings::default();
+        let stream = spiral(2.0);
+        let setup = SimulatorSetup::default();
+        let rehearsal = rehearse(&stream, &settings, &setup, |_| {}).unwrap();
+        assert_eq!(rehearsal.simulation.figures.faults, 0);
+        assert_eq!(
+            rehearsal.trace.final_counts,
+            rehearsal.trace.expected_counts
+        );
+        assert!(rehearsal.limits.velocity.ratio > 0.1);
+        assert!(rehearsal.bytes_per_s > 100.0);
+        assert!(rehearsal.realtime_factor > 1.0);
+    }
+}
