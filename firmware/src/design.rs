@@ -33,6 +33,10 @@ pub const ADVANCE_WINDOW_TICKS_MAX: usize = 256;
 /// Largest path rate: feed override up to 200 %.
 pub const PATH_RATE_MAX: f32 = 2.0;
 
+/// sigma² at which ceilings are cut. Well above the largest rate squared: a ceiling cut just there
+/// would hide that it falls within the next tick.
+pub const CEILING_OPEN: f32 = 4.0 * PATH_RATE_MAX * PATH_RATE_MAX;
+
 /// Largest share of a joint's full acceleration that a span is believed to use by itself. Plans
 /// use at most `plan_share` (0.95); the estimate on the device may be higher, and at 1 the warp
 /// would have no slope left and would hold up a plan that is right.

@@ -5,7 +5,7 @@
 //! that is always safe: |sigma'| <= (1 - alpha sigma²) / beta. Units: servo ticks.
 
 use crate::configuration::{JOINTS_MAX, JointConfiguration, MachineConfiguration};
-use crate::design::{LOAD_ALPHA_MAX, LOAD_BETA_MIN_TICKS, PATH_RATE_MAX, WARP_ROOM};
+use crate::design::{CEILING_OPEN, LOAD_ALPHA_MAX, LOAD_BETA_MIN_TICKS, WARP_ROOM};
 use crate::kinematics::{self, KinematicsError};
 use crate::pose::Pose;
 use crate::spline::{SpanPolynomial, SpanWindow};
@@ -30,7 +30,7 @@ impl SpanLoad {
     pub const REST: Self = Self {
         alpha: 0.0,
         beta_ticks: LOAD_BETA_MIN_TICKS,
-        rate_squared_max: PATH_RATE_MAX * PATH_RATE_MAX,
+        rate_squared_max: CEILING_OPEN,
     };
 }
 
@@ -187,7 +187,7 @@ impl SpanLoad {
     /// From the largest demands found; `speed` is max |q'| / v_max.
     fn bounded(alpha: f32, beta_ticks: f32, speed: f32) -> Self {
         let alpha = alpha.min(LOAD_ALPHA_MAX);
-        let mut rate_squared_max = PATH_RATE_MAX * PATH_RATE_MAX;
+        let mut rate_squared_max = CEILING_OPEN;
         if alpha * rate_squared_max > WARP_ROOM {
             rate_squared_max = WARP_ROOM / alpha;
         }

@@ -264,6 +264,7 @@ impl Host {
                     DeviceMessage::Status(status) => self.state = status.state,
                     DeviceMessage::Fault(fault) => self.faults.push(fault),
                     DeviceMessage::Welcome(welcome) => assert_eq!(welcome.session, 77),
+                    DeviceMessage::Nak(ack) => self.ack = Some(ack),
                     other => panic!("{other:?}"),
                 }
             }
@@ -417,3 +418,6 @@ fn step_positions_follow_the_spline_with_a_constant_delay() {
 
 #[path = "machine_warp_tests.rs"]
 mod warp;
+
+#[path = "machine_fault_tests.rs"]
+mod fault;

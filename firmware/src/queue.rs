@@ -7,7 +7,7 @@
 //! d(sigma²)/du = -2 (w - alpha sigma²) / beta (w = 0.985 of the full limit), which never overestimates. The pass stops where
 //! nothing changes, which is the stopping distance from the end, so it is short on a deep queue.
 
-use crate::design::{PATH_RATE_MAX, QUEUE_KNOTS, WARP_ROOM};
+use crate::design::{CEILING_OPEN, QUEUE_KNOTS, WARP_ROOM};
 use crate::load::SpanLoad;
 use headway_protocol::segment::Knot;
 use heapless::Deque;
@@ -72,9 +72,6 @@ pub struct KnotQueue {
     knots: Deque<QueuedKnot, QUEUE_KNOTS>,
     queued_ticks: u32,
 }
-
-/// Largest sigma² where nothing limits it.
-pub const CEILING_OPEN: f32 = PATH_RATE_MAX * PATH_RATE_MAX;
 
 impl KnotQueue {
     /// Empty.

@@ -333,6 +333,8 @@ pub struct StepEngine {
     directions: u8,
     next: Option<StepProgram>,
     serial: u32,
+    /// Ticks that the last program was played for, if it is not playing any more.
+    stopped_at: Option<u32>,
     interval_ticks: u32,
     /// Step tick at which the interval ends.
     interval_end_tick: u64,
@@ -353,6 +355,7 @@ impl StepEngine {
             directions: 0,
             next: None,
             serial: 0,
+            stopped_at: None,
             interval_ticks,
             interval_end_tick: u64::from(interval_ticks),
             overruns: 0,
@@ -381,8 +384,9 @@ impl StepEngine {
         self.reversing = 0;
         self.active = 0;
         self.next = None;
+        let played = self.interval_ticks - self.ticks_left;
         Stopped {
-            ticks_played: self.interval_ticks - self.ticks_left,
+            ticks_played: *self.stopped_at.get_or_insert(played),
             serial: self.serial,
         }
     }
@@ -469,11 +473,13 @@ impl StepEngine {
         self.ticks_left = self.interval_ticks;
         self.interval_end_tick += u64::from(self.interval_ticks);
         let Some(program) = self.next.take() else {
+            self.stopped_at.get_or_insert(self.interval_ticks);
             self.stop();
             self.overruns = self.overruns.saturating_add(1);
             return;
         };
         self.serial = program.serial;
+        self.stopped_at = None;
         if let Some(phases) = program.phases {
             self.phase = phases;
         }

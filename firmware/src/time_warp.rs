@@ -6,10 +6,10 @@
 //! which the head can always come to rest on the path. While neither wants less than 1, sigma is
 //! exactly 1 and the steps are those of the plan.
 
-use crate::design::WARP_ROOM;
+use crate::design::{CEILING_OPEN, WARP_ROOM};
 use crate::interpolator::TICK_Q16;
 use crate::load::SpanLoad;
-use crate::queue::{CEILING_OPEN, Ceiling};
+use crate::queue::Ceiling;
 
 /// Present rate, 2^-16.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]

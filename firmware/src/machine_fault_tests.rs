@@ -1,0 +1,218 @@
+//! Goal: a fault stops the machine in the way its cause demands, is reported, stays until it is
+//! cleared, and nothing extrudes meanwhile. Method: one cause at a time in the middle of a job.
+use super::*;
+use crate::motion::CommandError;
+
+/// Starts a job and runs it for some ticks.
+fn running(configuration: &MachineConfiguration, job: &Job, ticks: u32) -> Host {
+    let mut host = Host::new(configuration, job);
+    for _ in 0..ticks {
+        host.send(job, 8, 16);
+        host.tick();
+    }
+    assert_eq!(host.machine.motion().state(), DeviceState::Running);
+    host
+}
+
+/// Runs on and returns the steps made; the counts must stay those that the steps add up to.
+fn steps_of(host: &mut Host, ticks: u32) -> u64 {
+    let before = host.counter.steps;
+    for _ in 0..ticks {
+        host.tick();
+    }
+    host.poll();
+    assert_eq!(host.counter.counts, host.machine.motion().counts());
+    host.counter.steps - before
+}
+
+#[test]
+fn an_emergency_stops_between_two_step_ticks_and_knows_its_counts() {
+    let (configuration, job) = (planar(), flower());
+    for into_interval in [0, 1, 37, 99] {
+        let mut host = running(&configuration, &job, 3000);
+        host.machine.servo_tick();
+        for _ in 0..into_interval {
+            host.machine.step_tick(&mut host.counter);
+        }
+        host.control(HostMessage::Control(Control::EmergencyStop));
+        let steps = host.counter.steps;
+        for _ in into_interval..100 {
+            host.machine.step_tick(&mut host.counter);
+        }
+        assert_eq!(host.counter.steps, steps);
+        assert_eq!(steps_of(&mut host, 500), 0);
+        assert_eq!(host.faults.len(), 1);
+        assert_eq!(host.faults[0].cause, FaultCause::Emergency);
+        assert_eq!(host.state, DeviceState::Faulted);
+    }
+}
+
+#[test]
+fn a_fault_stays_until_it_is_cleared_and_a_lost_position_must_be_declared() {
+    let (configuration, job) = (planar(), flower());
+    let mut host = running(&configuration, &job, 3000);
+    host.control(HostMessage::Control(Control::EmergencyStop));
+    steps_of(&mut host, 10);
+    assert_eq!(
+        host.machine.motion.start(&job.start),
+        Err(CommandError::Faulted)
+    );
+    host.control(HostMessage::Control(Control::ClearFault));
+    steps_of(&mut host, 10);
+    assert_eq!(host.machine.motion().state(), DeviceState::Idle);
+    assert_eq!(
+        host.machine.motion.start(&job.start),
+        Err(CommandError::Invalid)
+    );
+    assert_eq!(host.machine.motion.set_position(&job.start), Ok(()));
+    assert_eq!(host.machine.motion.start(&job.start), Ok(()));
+}
+
+#[test]
+fn a_span_beyond_the_soft_limit_is_never_entered_and_the_head_ramps_to_rest() {
+    let mut configuration = planar();
+    // The flower reaches -22 mm in x.
+    configuration.joints[0].position_min = -12.0;
+    let job = flower();
+    let mut host = Host::new(&configuration, &job);
+    let mut last = [0i64; 8];
+    let mut worst_change = 0.0f64;
+    let mut history: Vec<[i64; 8]> = Vec::new();
+    for _ in 0..9000 {
+        host.send(&job, 8, 16);
+        host.tick();
+        last = host.machine.motion().targets();
+        history.push(last);
+        if let [.., a, b, c] = history.as_slice() {
+            let change = (c[0] - 2 * b[0] + a[0]) as f64 / crate::steps::STEP as f64;
+            worst_change = worst_change.max((change / 80.0 * 4e6).abs());
+        }
+    }
+    host.poll();
+    assert_eq!(host.faults.len(), 1);
+    assert_eq!(
+        (host.faults[0].cause, host.faults[0].index),
+        (FaultCause::SoftLimit, 0)
+    );
+    let x_mm = last[0] as f64 / crate::steps::STEP as f64 / 80.0;
+    assert!(x_mm > -12.0, "{x_mm}");
+    assert!(worst_change < 3000.0, "{worst_change} mm/s²");
+    assert_eq!(steps_of(&mut host, 100), 0);
+}
+
+#[test]
+fn a_start_elsewhere_than_the_machine_is_refused() {
+    let (configuration, job) = (planar(), flower());
+    let mut host = Host::new(&configuration, &job);
+    host.run(&job);
+    let mut elsewhere = job.knots.last().unwrap().control;
+    assert_eq!(host.machine.motion.start(&elsewhere), Ok(()));
+    host.machine.motion.finish();
+    steps_of(&mut host, 300);
+    assert_eq!(host.machine.motion().state(), DeviceState::Finished);
+    elsewhere[0] += 1000;
+    assert_eq!(
+        host.machine.motion.start(&elsewhere),
+        Err(CommandError::Invalid)
+    );
+}
+
+#[test]
+fn a_stream_that_ends_in_motion_is_a_sequence_fault() {
+    let configuration = planar();
+    let mut job = flower();
+    job.knots.truncate(200);
+    job.events.truncate(1);
+    let mut host = Host::new(&configuration, &job);
+    for _ in 0..8000 {
+        host.send(&job, 8, 16);
+        host.tick();
+    }
+    host.poll();
+    assert_eq!(host.faults.len(), 1);
+    assert_eq!(host.faults[0].cause, FaultCause::Sequence);
+    assert_eq!(steps_of(&mut host, 100), 0);
+}
+
+#[test]
+fn a_missed_servo_tick_in_motion_is_a_fault() {
+    let (configuration, job) = (planar(), flower());
+    let mut host = running(&configuration, &job, 3000);
+    for _ in 0..200 {
+        host.machine.step_tick(&mut host.counter);
+    }
+    steps_of(&mut host, 5);
+    assert_eq!(host.faults.len(), 1);
+    assert_eq!(host.faults[0].cause, FaultCause::StepOverrun);
+    assert_eq!(steps_of(&mut host, 100), 0);
+}
+
+#[test]
+fn a_long_pause_in_a_pass_pulls_the_melt_back_and_pushes_it_again() {
+    let (configuration, job) = (planar(), flower());
+    let mut host = running(&configuration, &job, 3000);
+    host.control(HostMessage::Control(Control::Pause));
+    // Ramp, pressure advance and dwell.
+    steps_of(&mut host, 500);
+    let held = host.counter.counts;
+    steps_of(&mut host, 1000);
+    let retracted = host.counter.counts;
+    assert_eq!(held[..4], retracted[..4]);
+    // The job primes 0.8 mm³ at 400 steps/mm³.
+    assert_eq!(held[4] - retracted[4], 320);
+    host.control(HostMessage::Control(Control::Resume));
+    steps_of(&mut host, 124);
+    assert_eq!(host.counter.counts, held);
+    host.run(&job);
+    assert_eq!(host.faults, []);
+    assert_eq!(host.counter.counts[..5], final_steps(&configuration, &job));
+    assert_eq!(host.machine.motion().holds(), 1);
+}
+
+#[test]
+fn an_abort_comes_to_rest_and_forgets_the_stream() {
+    let (configuration, job) = (planar(), flower());
+    let mut host = running(&configuration, &job, 3000);
+    host.control(HostMessage::Control(Control::Abort));
+    steps_of(&mut host, 600);
+    assert_eq!(host.machine.motion().state(), DeviceState::Idle);
+    assert_eq!(host.machine.motion().queued_knots(), 0);
+    assert_eq!(steps_of(&mut host, 100), 0);
+    assert_eq!(host.faults, []);
+}
+
+#[test]
+fn garbage_lost_and_repeated_frames_change_no_step() {
+    let (configuration, job) = (planar(), flower());
+    let mut clean = Host::new(&configuration, &job);
+    clean.run(&job);
+    let mut host = Host::new(&configuration, &job);
+    let mut tick = 0u32;
+    while host.machine.motion().state() != DeviceState::Finished {
+        tick += 1;
+        assert!(tick < 50_000);
+        if tick % 5 == 0 {
+            let noise: Vec<u8> = (0..tick % 300).map(|i| (i * i + tick) as u8).collect();
+            host.machine.handle_bytes(&noise);
+            host.machine.handle_bytes(&[0]);
+        }
+        if tick % 11 == 0 && host.knots_sent > 0 {
+            // An old frame again, and one from the future.
+            for sequence in [
+                host.stream_sequence.wrapping_sub(1),
+                host.stream_sequence + 3,
+            ] {
+                host.write(sequence, &HostMessage::Flow(job.events[0]));
+            }
+        }
+        host.send(&job, 8, 16);
+        host.tick();
+    }
+    for _ in 0..SERVO_DELAY_TICKS {
+        host.tick();
+    }
+    assert_eq!(host.counter.counts, clean.counter.counts);
+    assert_eq!(host.counter.steps, clean.counter.steps);
+    host.poll();
+    assert_eq!(host.faults, []);
+}

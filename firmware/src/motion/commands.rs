@@ -1,0 +1,172 @@
+//! What the link may ask of the motion. A board calls these under a short lock.
+
+use super::{CommandError, Motion, Phase, Reference, ticks_of_ms};
+use crate::design::HOLD_RETRACT_DELAY_MS;
+use crate::hold::Hold;
+use crate::interpolator::Interpolator;
+use crate::load::SpanFault;
+use crate::queue::QueuedKnot;
+use crate::steps::{Stopped, count};
+use headway_protocol::message::{Fault, FaultCause};
+use headway_protocol::segment::FlowEvent;
+use headway_protocol::units::{CHANNEL_VOLUME, ChannelPoint};
+
+impl Motion {
+    /// Opens a stream that starts at rest on `position`.
+    ///
+    /// # Errors
+    /// [`CommandError`]: a stream that is open, a latched fault, a position that is not where the
+    /// machine is.
+    pub fn start(&mut self, position: &ChannelPoint) -> Result<(), CommandError> {
+        if self.fault.is_some() {
+            return Err(CommandError::Faulted);
+        }
+        if !matches!(self.phase, Phase::Idle | Phase::Finished) || !self.programmer.is_at_rest() {
+            return Err(CommandError::Busy);
+        }
+        let declares = match self.reference {
+            Reference::Lost => return Err(CommandError::Invalid),
+            Reference::Undeclared => true,
+            Reference::Known => false,
+        };
+        self.place(position, declares)?;
+        self.phase = Phase::Filling { starved: false };
+        self.finish = false;
+        self.paused = false;
+        self.held = false;
+        self.quiet_ticks = 0;
+        self.stream_start_ticks = None;
+        Ok(())
+    }
+
+    /// Declares where the machine is. Only at rest with no stream open.
+    ///
+    /// # Errors
+    /// [`CommandError`].
+    pub fn set_position(&mut self, position: &ChannelPoint) -> Result<(), CommandError> {
+        if !matches!(self.phase, Phase::Idle | Phase::Finished) || !self.programmer.is_at_rest() {
+            return Err(CommandError::Busy);
+        }
+        self.place(position, true)
+    }
+
+    /// Takes over a pose at rest; without `declares` only if the joints are there already.
+    fn place(&mut self, position: &ChannelPoint, declares: bool) -> Result<(), CommandError> {
+        let interpolator = Interpolator::at_rest(position);
+        let mut joints = self.joints.clone();
+        joints.set_base(interpolator.base());
+        let mut targets = joints
+            .targets(&interpolator.offset())
+            .map_err(|_| CommandError::Invalid)?;
+        let here = self.programmer.positions();
+        let moved = targets
+            .iter()
+            .zip(here)
+            .take(joints.count())
+            .any(|(target, here)| count(*target) != count(*here));
+        if moved && !declares {
+            return Err(CommandError::Invalid);
+        }
+        self.joints = joints;
+        self.interpolator = interpolator;
+        let volume = self.interpolator.base()[CHANNEL_VOLUME];
+        if let Some(extruder) = targets.get_mut(self.joints.count()) {
+            *extruder = self.flow.declare(volume);
+        }
+        self.programmer.set_positions(&targets);
+        self.hold = Hold::new(ticks_of_ms(HOLD_RETRACT_DELAY_MS, self.servo_hz));
+        self.reference = Reference::Known;
+        Ok(())
+    }
+
+    /// Queues knots in order; false if they do not fit.
+    pub fn push_knots(&mut self, knots: &[QueuedKnot]) -> bool {
+        if self.fault.is_some() || self.aborting {
+            return true;
+        }
+        self.quiet_ticks = 0;
+        let fits = knots.len() <= self.queue.room();
+        for knot in knots {
+            self.queue.push(*knot);
+        }
+        self.queue.update_ceilings(knots.len());
+        fits
+    }
+
+    /// Queues a flow event; false if it does not fit.
+    pub fn push_event(&mut self, event: &FlowEvent) -> bool {
+        self.fault.is_some() || self.aborting || self.events.push_back(*event).is_ok()
+    }
+
+    /// The stream is complete.
+    pub fn finish(&mut self) {
+        self.finish = true;
+    }
+
+    /// A span that cannot be run has arrived: the head comes to rest before it.
+    pub fn refuse_span(&mut self, fault: SpanFault, knot: u32) {
+        let (cause, index, value) = match fault {
+            SpanFault::Kinematics(_) => (FaultCause::Kinematics, 0, knot as i32),
+            SpanFault::SoftLimit(joint, units) => (FaultCause::SoftLimit, joint, units),
+            SpanFault::Limit(joint) => (FaultCause::BadSegment, joint, knot as i32),
+        };
+        self.fail_softly(Fault {
+            cause,
+            index,
+            value,
+        });
+    }
+
+    /// Latches a fault; the head comes to rest on the path, then the stream is forgotten.
+    pub fn fail_softly(&mut self, fault: Fault) {
+        self.fault.get_or_insert(fault);
+    }
+
+    /// Latches a fault and stops as soon as the engine is told ([`Self::take_stop`]).
+    pub fn fail_at_once(&mut self, fault: Fault) {
+        self.stop_at_once(fault);
+    }
+
+    /// Comes to rest on the path.
+    pub fn pause(&mut self) {
+        self.paused = true;
+    }
+
+    /// Goes on after a pause.
+    pub fn resume(&mut self) {
+        self.paused = false;
+    }
+
+    /// Comes to rest on the path, then forgets the stream.
+    pub fn abort(&mut self) {
+        if self.phase != Phase::Idle {
+            self.aborting = true;
+        }
+    }
+
+    /// Feed override in per cent.
+    pub fn set_override(&mut self, percent: u16) {
+        self.override_percent = percent.clamp(1, 200);
+    }
+
+    /// Clears the latched fault once the machine rests; false if it still moves.
+    pub fn clear_fault(&mut self) -> bool {
+        let rests = self.phase == Phase::Idle && !self.stop_due;
+        if rests {
+            self.fault = None;
+        }
+        rests
+    }
+
+    /// True once after a fault that stops at once: the board or [`crate::machine::Machine`] stops
+    /// the engine and reports with [`Self::engine_stopped`].
+    pub fn take_stop(&mut self) -> bool {
+        core::mem::take(&mut self.stop_due)
+    }
+
+    /// Goes on from where the engine was stopped.
+    pub fn engine_stopped(&mut self, stopped: &Stopped) {
+        // If it fails the engine had not been given a program for long: it was at rest.
+        self.programmer.recover(stopped);
+    }
+}

@@ -1,0 +1,115 @@
+//! What the motion tells of itself.
+
+use super::{Motion, Phase};
+use crate::configuration::MOTORS_MAX;
+use crate::design::QUEUE_EVENTS;
+use crate::steps::count;
+use headway_protocol::message::{DeviceState, Fault};
+
+impl Motion {
+    /// State for reports.
+    pub fn state(&self) -> DeviceState {
+        if self.fault.is_some() {
+            return DeviceState::Faulted;
+        }
+        if self.aborting {
+            return DeviceState::Aborting;
+        }
+        if self.paused && !matches!(self.phase, Phase::Idle | Phase::Finished) {
+            return DeviceState::Paused;
+        }
+        match self.phase {
+            Phase::Idle => DeviceState::Idle,
+            Phase::Filling { starved: false } => DeviceState::Filling,
+            Phase::Filling { starved: true } => DeviceState::Starved,
+            Phase::Running if self.held => DeviceState::Starved,
+            Phase::Running => DeviceState::Running,
+            Phase::Finished => DeviceState::Finished,
+        }
+    }
+
+    /// The latched fault.
+    pub fn fault(&self) -> Option<Fault> {
+        self.fault
+    }
+
+    /// Path rate, 2^-16.
+    pub fn rate_q16(&self) -> u32 {
+        self.warp.rate_q16()
+    }
+
+    /// Feed override in force, per cent.
+    pub fn override_percent(&self) -> u16 {
+        self.override_percent
+    }
+
+    /// Spans completed since the stream's start.
+    pub fn spans_done(&self) -> u32 {
+        self.interpolator.spans_done()
+    }
+
+    /// Segment time that the next servo tick will evaluate, 2^-16 ticks since the stream's start.
+    pub fn segment_time_q16(&self) -> u64 {
+        self.interpolator.segment_time_q16()
+    }
+
+    /// Servo ticks since start-up.
+    pub fn now_ticks(&self) -> u64 {
+        self.now_ticks
+    }
+
+    /// Servo tick (from start-up, counted from 0) that evaluated segment time 0 of the stream.
+    pub fn stream_start_ticks(&self) -> Option<u64> {
+        self.stream_start_ticks
+    }
+
+    /// Knots that wait.
+    pub fn queued_knots(&self) -> usize {
+        self.queue.len()
+    }
+
+    /// Knots that still fit.
+    pub fn knot_room(&self) -> usize {
+        self.queue.room()
+    }
+
+    /// Flow events that wait.
+    pub fn queued_events(&self) -> usize {
+        self.events.len()
+    }
+
+    /// Flow events that still fit.
+    pub fn event_room(&self) -> usize {
+        QUEUE_EVENTS - self.events.len()
+    }
+
+    /// How often the queue's end made the head slow down.
+    pub fn underruns(&self) -> u32 {
+        self.underruns
+    }
+
+    /// How often the head came to rest in the middle of a stretch.
+    pub fn holds(&self) -> u32 {
+        self.holds
+    }
+
+    /// Motors, the extruder last.
+    pub fn motors(&self) -> usize {
+        self.joints.count() + 1
+    }
+
+    /// Step counts at the end of the newest interval: joints in order, then the extruder.
+    pub fn counts(&self) -> [i64; MOTORS_MAX] {
+        self.programmer.positions().map(count)
+    }
+
+    /// Targets that the newest servo tick evaluated, 2^-31 steps.
+    pub fn targets(&self) -> [i64; MOTORS_MAX] {
+        self.programmer.newest_targets()
+    }
+
+    /// True if no motor moves.
+    pub fn is_at_rest(&self) -> bool {
+        self.programmer.is_at_rest()
+    }
+}

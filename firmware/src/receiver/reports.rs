@@ -1,0 +1,139 @@
+//! What the controller says, and when: acknowledgements, status, faults.
+
+use super::Receiver;
+use crate::design::{CREDIT_STEP_KNOTS, QUEUE_EVENTS, QUEUE_KNOTS, STATUS_PERIOD_MS};
+use crate::motion::Motion;
+use headway_protocol::frame::encode_frame;
+use headway_protocol::message::{
+    Ack, DeviceMessage, OpenStream, PROTOCOL_VERSION, SCHEMA_HASH, Status, Welcome,
+};
+use heapless::Vec;
+
+impl Receiver {
+    /// Writes the next report frame into `out` (at least `FRAME_BYTES_MAX`), or returns 0.
+    pub fn poll_report(&mut self, motion: &Motion, out: &mut [u8]) -> usize {
+        if self.host_session.is_none() && self.due.refusal.is_none() {
+            return 0;
+        }
+        self.note_changes(motion);
+        let Some(message) = self.next_report(motion) else {
+            return 0;
+        };
+        self.report_sequence = self.report_sequence.wrapping_add(1);
+        // A report always fits a frame; a smaller buffer gets nothing.
+        encode_frame(self.report_sequence, &message, out).unwrap_or(0)
+    }
+
+    /// Finds out what is to be said without being asked.
+    fn note_changes(&mut self, motion: &Motion) {
+        let (state, fault) = (motion.state(), motion.fault());
+        if state != self.last_state {
+            self.last_state = state;
+            self.due.status = true;
+        }
+        if fault != self.last_fault {
+            self.last_fault = fault;
+            self.due.fault = fault.is_some();
+        }
+        let period = u64::from(STATUS_PERIOD_MS * self.servo_hz / 1000);
+        if motion.now_ticks() >= self.status_tick + period {
+            self.status_tick = motion.now_ticks();
+            self.due.status = true;
+            self.due.ack |= self.stream.is_some();
+        }
+        let told = self.knot_limit_told;
+        if self.stream.is_some() && self.knot_limit(motion).wrapping_sub(told) >= CREDIT_STEP_KNOTS
+        {
+            self.due.ack = true;
+        }
+    }
+
+    fn next_report(&mut self, motion: &Motion) -> Option<DeviceMessage> {
+        if core::mem::take(&mut self.due.fault)
+            && let Some(fault) = motion.fault()
+        {
+            return Some(DeviceMessage::Fault(fault));
+        }
+        if core::mem::take(&mut self.due.welcome) {
+            return Some(DeviceMessage::Welcome(self.welcome(motion)));
+        }
+        if let Some(refusal) = self.due.refusal.take() {
+            return Some(DeviceMessage::Refused(refusal));
+        }
+        if core::mem::take(&mut self.due.nak) {
+            self.due.ack = false;
+            return Some(DeviceMessage::Nak(self.ack(motion)));
+        }
+        if core::mem::take(&mut self.due.ack) {
+            return Some(DeviceMessage::Ack(self.ack(motion)));
+        }
+        if core::mem::take(&mut self.due.status) {
+            return Some(DeviceMessage::Status(self.status(motion)));
+        }
+        None
+    }
+
+    fn knot_limit(&self, motion: &Motion) -> u32 {
+        let taken = self.stream.as_ref().map_or(0, |stream| stream.knots);
+        taken.wrapping_add(motion.knot_room() as u32)
+    }
+
+    fn ack(&mut self, motion: &Motion) -> Ack {
+        self.knot_limit_told = self.knot_limit(motion);
+        let events = self.stream.as_ref().map_or(0, |stream| stream.events);
+        Ack {
+            session: self.session,
+            next_sequence: self
+                .stream
+                .as_ref()
+                .map_or(0, |stream| stream.next_sequence),
+            knot_limit: self.knot_limit_told,
+            event_limit: events.wrapping_add(motion.event_room() as u32),
+            control_taken: self.control_taken,
+        }
+    }
+
+    fn welcome(&self, motion: &Motion) -> Welcome {
+        Welcome {
+            protocol_version: PROTOCOL_VERSION,
+            schema_hash: SCHEMA_HASH,
+            firmware_version: FIRMWARE_VERSION,
+            machine_hash: self.machine_hash,
+            queue_knots: QUEUE_KNOTS as u16,
+            queue_events: QUEUE_EVENTS as u16,
+            servo_hz: self.servo_hz,
+            step_hz: self.step_hz,
+            session: self.session,
+            host_session: self.host_session.unwrap_or(0),
+            stream: self.stream.as_ref().map(|stream| OpenStream {
+                job: stream.job,
+                first_sequence: stream.first_sequence,
+                next_sequence: stream.next_sequence,
+                knots_taken: stream.knots,
+                spans_done: motion.spans_done(),
+            }),
+        }
+    }
+
+    fn status(&self, motion: &Motion) -> Status {
+        let mut counts_steps = Vec::new();
+        for count in motion.counts().iter().take(motion.motors()) {
+            // Room for all motors by the type's bound; counts wrap at 32 bits on the wire.
+            let _ = counts_steps.push(*count as i32);
+        }
+        Status {
+            session: self.session,
+            state: motion.state(),
+            sigma_permille: ((u64::from(motion.rate_q16()) * 1000) >> 16) as u16,
+            override_percent: motion.override_percent(),
+            spans_done: motion.spans_done(),
+            queue_knots: motion.queued_knots() as u16,
+            queue_events: motion.queued_events() as u16,
+            counts_steps,
+            fault: motion.fault(),
+        }
+    }
+}
+
+/// Version of this library.
+pub const FIRMWARE_VERSION: [u8; 3] = [0, 1, 0];
