@@ -1,0 +1,139 @@
+//! The six-axis gear of issue 4: the job that bytes on the wire are measured with.
+//!
+//! r(t) = 20 + 0.8 sin 20t + 0.45 t/2pi mm around (100, 100), Z = 0.2 + 0.3 (1 - cos(2 pi L/200)),
+//! A = 10° sin(2 pi L/200), B = 10° cos(2 pi L/200) - 10°, L the length so far; the nozzle's major
+//! axis along the tangent, flow on. The gantry's limits do not bind at 60 mm/s.
+
+use headway::job::MotionState;
+use headway::plan::route::{PathCurve, Route, Stretch};
+use headway::settings::Settings;
+use headway_firmware::configuration::{JointConfiguration, Kinematics};
+use headway_firmware::pose::tilt_of_axis;
+use nalgebra::{Rotation3, Vector3};
+use std::f64::consts::{PI, TAU};
+
+/// Spacing of the samples, which are taken as control points.
+const SPACING_MM: f64 = 0.1;
+/// Deposited volume per mm: a bead of 0.4 x 0.2 mm.
+const BEAD_MM2: f64 = 0.08;
+/// Steps of t between two points of the length's sum.
+const FINE: f64 = 1e-5;
+
+/// One point of the gear.
+#[derive(Clone, Copy, Debug)]
+pub struct GearPoint {
+    /// Tip, mm.
+    pub tip_mm: [f64; 3],
+    /// Tool axis.
+    pub axis: [f64; 3],
+    /// Heading about the tool axis, rad, unwrapped.
+    pub heading_rad: f64,
+    /// Length so far in the plane, mm.
+    pub length_mm: f64,
+}
+
+fn plane(t: f64) -> [f64; 2] {
+    let radius_mm = 20.0 + 0.8 * (20.0 * t).sin() + 0.45 * t / TAU;
+    [100.0 + radius_mm * t.cos(), 100.0 + radius_mm * t.sin()]
+}
+
+fn height_mm(length_mm: f64) -> f64 {
+    0.2 + 0.3 * (1.0 - (TAU * length_mm / 200.0).cos())
+}
+
+fn head(length_mm: f64) -> Rotation3<f64> {
+    let ten = 10.0 * PI / 180.0;
+    let phase = TAU * length_mm / 200.0;
+    let a = Rotation3::from_axis_angle(&Vector3::x_axis(), ten * phase.sin());
+    let b = Rotation3::from_axis_angle(&Vector3::y_axis(), ten * phase.cos() - ten);
+    a * b
+}
+
+/// The gear's points, `SPACING_MM` apart, over so much length.
+pub fn points(length_mm: f64) -> Vec<GearPoint> {
+    let mut points: Vec<GearPoint> = Vec::new();
+    let (mut t, mut so_far_mm, mut heading_rad) = (0.0, 0.0, 0.0);
+    let mut last = plane(0.0);
+    while so_far_mm <= length_mm {
+        if so_far_mm >= points.len() as f64 * SPACING_MM {
+            let ahead = plane(t + FINE);
+            let behind = plane(t - FINE);
+            let run_mm = (ahead[0] - behind[0]).hypot(ahead[1] - behind[1]);
+            let rise = (height_mm(so_far_mm + 1e-4) - height_mm(so_far_mm - 1e-4)) / 2e-4;
+            let tangent = Vector3::new(ahead[0] - behind[0], ahead[1] - behind[1], rise * run_mm);
+            let axis = head(so_far_mm) * Vector3::z();
+            let tilt = tilt_of_axis(&axis);
+            let upright = Rotation3::new(Vector3::new(tilt.x, tilt.y, 0.0)).inverse() * tangent;
+            let angle = upright.y.atan2(upright.x);
+            heading_rad = if points.is_empty() {
+                angle
+            } else {
+                angle + TAU * ((heading_rad - angle) / TAU).round()
+            };
+            points.push(GearPoint {
+                tip_mm: [last[0], last[1], height_mm(so_far_mm)],
+                axis: axis.into(),
+                heading_rad,
+                length_mm: so_far_mm,
+            });
+        }
+        t += FINE;
+        let here = plane(t);
+        so_far_mm += (here[0] - last[0]).hypot(here[1] - last[1]);
+        last = here;
+    }
+    points
+}
+
+/// The gear as one printed stretch.
+pub fn route(length_mm: f64) -> Route {
+    let control = points(length_mm)
+        .iter()
+        .map(|point| {
+            let tilt = tilt_of_axis(&Vector3::from(point.axis));
+            let [x, y, z] = point.tip_mm;
+            let volume_mm3 = point.length_mm * BEAD_MM2;
+            [x, y, z, tilt.x, tilt.y, point.heading_rad, volume_mm3]
+        })
+        .collect();
+    Route {
+        stretches: vec![Stretch {
+            state: MotionState::Print,
+            layer: 0,
+            pass: Some(0),
+            curve: PathCurve { control },
+            dwell_s: 0.0,
+            event: None,
+        }],
+    }
+}
+
+/// A gantry whose limits do not bind: each far beyond what 60 mm/s asks for.
+pub fn gantry() -> Settings {
+    let mut settings = Settings::default();
+    let joint = |rotary: bool, steps_per_unit: f64| JointConfiguration {
+        rotary,
+        steps_per_unit,
+        position_min: -1e4,
+        position_max: 1e4,
+        speed_max: if rotary { 100.0 } else { 500.0 },
+        acceleration_max: 2e4,
+        jerk_max: 1e8,
+    };
+    settings.machine.kinematics = Kinematics::Gantry {
+        pivot_length_mm: 60.0,
+    };
+    let joints = [
+        joint(false, 80.0),
+        joint(false, 80.0),
+        joint(false, 400.0),
+        joint(true, 16_000.0 / TAU),
+        joint(true, 16_000.0 / TAU),
+        joint(true, 9_600.0 / TAU),
+    ];
+    settings.machine.joints = joints.into_iter().collect();
+    settings.tip_acceleration_mm_s2 = 2e4;
+    settings.flow_rate_of_change_max_mm3_s2 = 1e4;
+    settings.machine.extruder.acceleration_max_mm3_s2 = 1e5;
+    settings
+}
