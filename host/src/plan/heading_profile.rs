@@ -16,7 +16,7 @@ use rayon::prelude::*;
 /// Heading bins over the 180° of a symmetric aperture: 3° each, refined afterwards.
 const BINS: usize = 60;
 /// Weight of turning, mm²: from trials on real slices.
-const TURN_WEIGHT: f64 = 0.005;
+const TURN_WEIGHT: f64 = 0.01;
 /// Largest turn from one contact to the next, bins.
 const TURN_BINS_MAX: usize = 12;
 /// Slides of one placement before it counts as infeasible.
