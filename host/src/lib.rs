@@ -236,6 +236,7 @@ fn plane_passes(
                     .map(|c| [c[0] + shift.x, c[1] + shift.y, c[2]])
                     .collect();
                 curves.push(PlanePass {
+                    kind: pass.kind,
                     layer: 0,
                     z_mm: transform.offset_mm[2] + settings.layer_height_mm,
                     control,

@@ -22,6 +22,14 @@ Exit status: 0 done, 1 the job cannot be done as asked, 2 wrong usage.";
 
 #[derive(Debug, Subcommand)]
 pub(super) enum Command {
+    /// Plan an input and write the job file.
+    Plan(PlanArgs),
+    /// Write the headings that law and outline allow at every boundary sample.
+    Headings(HeadingsArgs),
+    /// Run a job through the firmware library and check what comes out.
+    Simulate(SimulateArgs),
+    /// Write a job as a table of poses, a picture or JSON.
+    Export(ExportArgs),
     /// Show what is in a job file or an input.
     Inspect(InspectArgs),
     /// Write or check a machine file.
@@ -126,6 +134,130 @@ pub(super) enum LawName {
     Tangent,
     /// (1 - w) 90°, as published.
     Linear,
+}
+
+/// `headway plan`.
+#[derive(Debug, Args)]
+#[command(after_help = "\
+Examples:
+  headway plan examples/bracket.json --output bracket.hwj
+  headway plan drawing.svg -m my-printer.toml --speed 40 --overlap 5 -o part.hwj --json")]
+pub(super) struct PlanArgs {
+    /// Outline: polygon JSON, GeoJSON or SVG.
+    pub input: PathBuf,
+    /// Job file to write.
+    #[arg(short, long, value_name = "JOB.hwj")]
+    pub output: PathBuf,
+    #[command(flatten)]
+    pub reading: InputArgs,
+    #[command(flatten)]
+    pub place: PlaceArgs,
+    #[command(flatten)]
+    pub settings: SettingsArgs,
+    /// The figures as one JSON object on stdout.
+    #[arg(long)]
+    pub json: bool,
+}
+
+/// `headway headings`.
+#[derive(Debug, Args)]
+#[command(after_help = "\
+Examples:
+  headway headings examples/taper.json --spacing 0.25 > headings.csv
+  headway headings part.svg --aperture ellipse:0.8x0.3 --pass one --law linear -o headings.csv")]
+pub(super) struct HeadingsArgs {
+    /// Outline: polygon JSON, GeoJSON or SVG.
+    pub input: PathBuf,
+    /// Longest piece of the boundary between two samples, mm.
+    #[arg(
+        long,
+        value_name = "MM",
+        default_value_t = 0.25,
+        allow_negative_numbers = true
+    )]
+    pub spacing: f64,
+    /// Table to write [default: stdout].
+    #[arg(short, long, value_name = "F.csv")]
+    pub output: Option<PathBuf>,
+    #[command(flatten)]
+    pub reading: InputArgs,
+    #[command(flatten)]
+    pub settings: SettingsArgs,
+    /// A summary as one JSON object on stdout (the table only to --output).
+    #[arg(long)]
+    pub json: bool,
+}
+
+/// `headway simulate`.
+#[derive(Debug, Args)]
+#[command(after_help = "\
+Examples:
+  headway simulate examples/u-part.json --report report
+  headway simulate part.hwj --trace poses.csv --trace-steps steps.csv
+  headway simulate part.svg --link \"drop=0.01,flip=1e-5,stall=2s@5s\" --seed 7 --json")]
+pub(super) struct SimulateArgs {
+    /// Outline (polygon JSON, GeoJSON, SVG), or a job file (.hwj).
+    pub input: PathBuf,
+    /// Folder for figures and pictures; made where it is not there.
+    #[arg(long, value_name = "DIR")]
+    pub report: Option<PathBuf>,
+    /// Table of the poses that the simulated steps really made.
+    #[arg(long, value_name = "F.csv")]
+    pub trace: Option<PathBuf>,
+    /// Table of every step.
+    #[arg(long, value_name = "F.csv")]
+    pub trace_steps: Option<PathBuf>,
+    /// Faults of the simulated line: drop, flip, dup, delay, stall=LENGTH@START,
+    /// pull=LENGTH@START, baud.
+    #[arg(long, value_name = "SPEC")]
+    pub link: Option<String>,
+    /// Fixes every random choice of the simulated line.
+    #[arg(long, value_name = "N", default_value_t = 1)]
+    pub seed: u64,
+    #[command(flatten)]
+    pub reading: InputArgs,
+    #[command(flatten)]
+    pub place: PlaceArgs,
+    #[command(flatten)]
+    pub settings: SettingsArgs,
+    /// The figures as one JSON object on stdout.
+    #[arg(long)]
+    pub json: bool,
+}
+
+/// `headway export`.
+#[derive(Debug, Args)]
+#[command(after_help = "\
+Examples:
+  headway export part.hwj --to csv --every-ms 2 --output poses.csv
+  headway export part.hwj --to svg > part.svg")]
+pub(super) struct ExportArgs {
+    /// A job file (.hwj).
+    pub job: PathBuf,
+    /// What to write.
+    #[arg(long, value_enum, value_name = "FORMAT")]
+    pub to: ExportName,
+    /// Time between two rows of the table, ms.
+    #[arg(
+        long,
+        value_name = "MS",
+        default_value_t = 1.0,
+        allow_negative_numbers = true
+    )]
+    pub every_ms: f64,
+    /// File to write [default: stdout].
+    #[arg(short, long, value_name = "FILE")]
+    pub output: Option<PathBuf>,
+}
+
+#[derive(Clone, Copy, Debug, ValueEnum)]
+pub(super) enum ExportName {
+    /// Poses at even steps of time.
+    Csv,
+    /// Passes with the nozzle's outlines.
+    Svg,
+    /// Everything: knots, events, marks, figures.
+    Json,
 }
 
 /// `headway inspect`.

@@ -3,18 +3,77 @@
 use super::CliError;
 use super::args::InspectArgs;
 use super::console::Console;
-use super::load;
+use super::{job, load};
 use crate::geometry::polygon::{Box2, Region, Ring};
 use crate::input::{Loaded, ReadOptions};
+use crate::job_file::JobSummary;
+use crate::report::figures::Figures;
+use crate::report::job_texts::NAME_TEXT;
 use serde_json::json;
 
 pub(super) fn run(args: &InspectArgs, console: &Console) -> Result<(), CliError> {
+    if job::is_job(&args.file) {
+        let summary = job::read_summary(&args.file)?;
+        if args.json {
+            return console.result(&format!("{:#}\n", job_json(&summary)));
+        }
+        return console.result(&job_text(&summary));
+    }
     let flatten_mm = ReadOptions::default().flatten_mm;
     let loaded = load::target(&args.file, &args.input, flatten_mm, console)?;
     if args.json {
         return console.result(&format!("{:#}\n", input_json(&loaded)));
     }
     console.result(&input_text(&loaded))
+}
+
+fn job_json(summary: &JobSummary) -> serde_json::Value {
+    let header = &summary.header;
+    let figures: serde_json::Value = serde_json::from_str(&header.figures_json).unwrap_or_default();
+    json!({
+        "kind": "job",
+        "name": header.texts.get(NAME_TEXT),
+        "machine": header.machine_name,
+        "machine_hash": format!("{:08x}", header.machine_hash),
+        "format_version": header.format_version,
+        "protocol_version": header.protocol_version,
+        "job": format!("{:08x}", header.job),
+        "offset_mm": header.transform.offset_mm,
+        "frames": header.frames,
+        "knots": header.knots,
+        "events": header.events,
+        "duration_s": duration_s(summary),
+        "figures": figures,
+    })
+}
+
+fn job_text(summary: &JobSummary) -> String {
+    let header = &summary.header;
+    let [x, y, z] = header.transform.offset_mm;
+    let figures: Figures = serde_json::from_str(&header.figures_json).unwrap_or_default();
+    format!(
+        "{}: job {:08x} for machine {} ({:08x}), {:.3} s\n  format {}, protocol {}; {} knots and {} \
+         flow events in {} frames of {} bytes\n  the input's origin lies at ({x:.3}, {y:.3}, {z:.3}) \
+         mm on the machine\n{}",
+        header.texts.get(NAME_TEXT).map_or("job", String::as_str),
+        header.job,
+        header.machine_name,
+        header.machine_hash,
+        duration_s(summary),
+        header.format_version,
+        header.protocol_version,
+        header.knots,
+        header.events,
+        header.frames,
+        summary.frames_end - summary.frames_start,
+        figures.to_text(),
+    )
+}
+
+fn duration_s(summary: &JobSummary) -> f64 {
+    let header = &summary.header;
+    let ticks = header.marks.last().map_or(0, |mark| mark.end_tick);
+    ticks as f64 / f64::from(header.machine.servo_hz)
 }
 
 fn input_json(loaded: &Loaded) -> serde_json::Value {

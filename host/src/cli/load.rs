@@ -3,6 +3,7 @@
 use super::CliError;
 use super::args::{FormatName, InputArgs, LawName, PassName, SettingsArgs, UnitName};
 use super::console::Console;
+use super::job;
 use crate::input::{self, BYTES_MAX, Format, InputError, Loaded, ReadOptions, Units};
 use crate::settings::aperture_text::parse_aperture;
 use crate::settings::{HeadingLaw, PassMode, Settings, machine_file};
@@ -93,14 +94,25 @@ pub(super) fn target(
         repair: args.repair,
     };
     let bytes = read_file(path)?;
-    let name = path.file_stem().map_or_else(
-        || "part".to_string(),
-        |stem| stem.to_string_lossy().into_owned(),
-    );
-    let loaded = input::read(&bytes, &name, format, &options)
+    let loaded = input::read(&bytes, &job::stem(path), format, &options)
         .map_err(|error| CliError::Job(format!("{}: {error}", path.display())))?;
     console.notes(&loaded.notes);
     Ok(loaded)
+}
+
+/// Reads `X,Y,Z`.
+pub(super) fn parse_at(text: &str) -> Result<[f64; 3], CliError> {
+    let numbers: Vec<f64> = text
+        .split(',')
+        .filter_map(|part| part.trim().parse().ok())
+        .filter(|number: &f64| number.is_finite())
+        .collect();
+    match (numbers.as_slice(), text.split(',').count()) {
+        (&[x, y, z], 3) => Ok([x, y, z]),
+        _ => Err(CliError::Usage(format!(
+            "--at {text}: write three numbers in mm, as in --at 100,80,0"
+        ))),
+    }
 }
 
 /// Reads a file of bounded size.

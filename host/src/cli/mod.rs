@@ -6,9 +6,16 @@
 
 mod args;
 mod console;
+mod export;
+mod headings;
 mod inspect;
+mod job;
 mod load;
 mod machine;
+mod pictures;
+mod plan;
+mod planned;
+mod simulate;
 
 use args::{Arguments, Command};
 use clap::Parser;
@@ -62,6 +69,10 @@ pub fn run(arguments: impl IntoIterator<Item = OsString>) -> ExitCode {
     let console = Console::new();
     let result = match &arguments.command {
         Command::Machine(machine) => machine::run(machine, &console),
+        Command::Plan(plan) => plan::run(plan, &console),
+        Command::Headings(headings) => headings::run(headings, &console),
+        Command::Simulate(simulate) => simulate::run(simulate, &console),
+        Command::Export(export) => export::run(export, &console),
         Command::Inspect(inspect) => inspect::run(inspect, &console),
     };
     match result {

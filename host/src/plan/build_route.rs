@@ -5,6 +5,7 @@
 
 use super::flow::{FlowPose, deposit};
 use super::layer_path::{PlaneControl, curve_at};
+use super::passes::PassKind;
 use super::route::{PathCurve, Route, Stretch, StretchEvent};
 use crate::job::MotionState;
 use crate::settings::Settings;
@@ -15,6 +16,8 @@ use headway_protocol::units::{
 /// A pass ready to be printed: its curve in the layer plane.
 #[derive(Clone, Debug, PartialEq)]
 pub struct PlanePass {
+    /// How it lies in its passage, for pictures.
+    pub kind: PassKind,
     /// Layer from 0.
     pub layer: u32,
     /// Tip height, mm.

@@ -25,3 +25,4 @@ pub mod segments;
 pub mod single_runs;
 pub mod skeleton;
 pub mod time_law;
+pub mod unreachable;

@@ -41,6 +41,13 @@ pub struct CoveragePicture<'a> {
     pub title: &'a str,
     /// The outline.
     pub regions: &'a [Region],
+    /// Rasters, of a region each.
+    pub rasters: Vec<Raster>,
+}
+
+/// Cells over a part of the sheet.
+#[derive(Clone, Debug)]
+pub struct Raster {
     /// Lower left corner of cell (0, 0), mm.
     pub origin: Point2,
     /// Side of a cell, mm.
@@ -68,9 +75,16 @@ pub fn draw(picture: &CoveragePicture) -> String {
             .set("fill-rule", "evenodd"),
     );
     canvas.legend(Swatch::Fill(ONCE), "covered once");
-    let blocks = Blocks::of(picture);
+    let blocks: Vec<Blocks> = picture.rasters.iter().map(Blocks::of).collect();
     for (state, colour, name) in COLOURS {
-        let data = blocks.rectangles(&canvas, state);
+        let data: String = blocks
+            .iter()
+            .map(|b| b.rectangles(&canvas, state))
+            .collect();
+        // Planners without that test draw no unreachable cells: no row for them then.
+        if data.is_empty() && state == Cell::Unreachable {
+            continue;
+        }
         if !data.is_empty() {
             canvas.add(Path::new().set("d", data).set("fill", colour));
         }
@@ -95,7 +109,7 @@ struct Blocks {
 }
 
 impl Blocks {
-    fn of(picture: &CoveragePicture) -> Blocks {
+    fn of(picture: &Raster) -> Blocks {
         let columns = picture.columns;
         let rows = picture.cells.len().checked_div(columns).unwrap_or(0);
         let side = columns.max(rows).div_ceil(SIDE_MAX).max(1);

@@ -30,6 +30,9 @@ pub struct Figures {
     /// Boundary length that no aperture inside can touch.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub unreachable_mm: Option<f64>,
+    /// The places of that: centre x, y and length of each, at most a thousand.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub unreachable_places_mm: Option<Vec<[f64; 3]>>,
     /// Continuous runs with flow.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub passes: Option<u64>,

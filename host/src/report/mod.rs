@@ -10,6 +10,7 @@
 mod canvas;
 pub mod coverage_picture;
 pub mod figures;
+pub mod job_texts;
 pub mod page;
 pub mod plan_picture;
 pub mod plots;

@@ -14,9 +14,17 @@ const OUTLINES_MAX: f64 = 3000.0;
 
 const TWO_PASS: &str = "#2b6cb0";
 const ONE_PASS: &str = "#dd6b20";
+const PRINTED: &str = "#2c7a7b";
 const TRAVEL: &str = "#9b2c2c";
 const START: &str = "#2f855a";
 const UNREACHABLE: &str = "#d53f8c";
+
+/// Zone, fill of its nozzles, colour of its lines, name.
+const ZONES: [(Zone, &str, &str, &str); 3] = [
+    (Zone::TwoPass, "#bee3f8", TWO_PASS, "two-pass zone"),
+    (Zone::OnePass, "#feebc8", ONE_PASS, "one-pass zone"),
+    (Zone::Unknown, "#b2f5ea", PRINTED, "printed path"),
+];
 
 /// Which rule a placement follows.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -25,6 +33,8 @@ pub enum Zone {
     TwoPass,
     /// Between both walls.
     OnePass,
+    /// Not known: a job file does not say.
+    Unknown,
 }
 
 /// One pass.
@@ -55,13 +65,7 @@ pub struct PlanPicture<'a> {
 
 /// Draws the sheet.
 pub fn draw(picture: &PlanPicture) -> String {
-    let corners: Vec<Point2> = picture
-        .regions
-        .iter()
-        .map(Region::bounds)
-        .flat_map(|b| [b.min, b.max])
-        .collect();
-    let mut canvas = Canvas::new(Box2::of(&corners), picture.title);
+    let mut canvas = Canvas::new(shown_area(picture), picture.title);
     let outline = canvas.region_data(picture.regions);
     canvas.add(
         Path::new()
@@ -101,11 +105,33 @@ pub fn draw(picture: &PlanPicture) -> String {
     canvas.finish()
 }
 
+/// The outline's box, or the passes' where there is no outline.
+fn shown_area(picture: &PlanPicture) -> Box2 {
+    let mut corners: Vec<Point2> = picture
+        .regions
+        .iter()
+        .map(Region::bounds)
+        .flat_map(|b| [b.min, b.max])
+        .collect();
+    if corners.is_empty() {
+        let placements = picture.passes.iter().flat_map(|pass| &pass.placements);
+        corners.extend(placements.map(|(at, _)| at.center));
+        return Box2::of(&corners).grown(picture.aperture.major_mm());
+    }
+    Box2::of(&corners)
+}
+
 fn draw_legend(canvas: &mut Canvas, picture: &PlanPicture) {
     canvas.legend(Swatch::Line(INK, 1.4, false), "outline");
-    canvas.legend(Swatch::Line(FAINT, 0.8, true), "medial axis");
-    canvas.legend(Swatch::Line(TWO_PASS, 1.6, false), "two-pass zone");
-    canvas.legend(Swatch::Line(ONE_PASS, 1.6, false), "one-pass zone");
+    if !picture.axis.is_empty() {
+        canvas.legend(Swatch::Line(FAINT, 0.8, true), "medial axis");
+    }
+    for (zone, _, colour, name) in ZONES {
+        let placements = || picture.passes.iter().flat_map(|pass| &pass.placements);
+        if placements().any(|(_, its_zone)| *its_zone == zone) {
+            canvas.legend(Swatch::Line(colour, 1.6, false), name);
+        }
+    }
     let (a, b) = (picture.aperture.major_mm(), picture.aperture.minor_mm());
     canvas.legend(
         Swatch::Fill("#bee3f8"),
@@ -143,7 +169,7 @@ fn draw_lines(canvas: &mut Canvas, lines: &[Vec<Point2>], colour: &str, width: f
 
 /// Centre lines, one path for each zone; a change of zone belongs to both.
 fn draw_passes(canvas: &mut Canvas, picture: &PlanPicture) {
-    for (zone, colour) in [(Zone::TwoPass, TWO_PASS), (Zone::OnePass, ONE_PASS)] {
+    for (zone, _, colour, _) in ZONES {
         let mut data = String::new();
         for pass in &picture.passes {
             for run in pass.placements.chunk_by(|one, next| one.1 == next.1) {
@@ -176,10 +202,7 @@ fn draw_nozzles(canvas: &mut Canvas, picture: &PlanPicture) {
         .map(|pair| step_of(&pair[0].0, &pair[1].0))
         .sum();
     let spacing_mm = (total_mm / OUTLINES_MAX).max(1.2 * major_mm);
-    for (zone, fill, stroke) in [
-        (Zone::TwoPass, "#bee3f8", TWO_PASS),
-        (Zone::OnePass, "#feebc8", ONE_PASS),
-    ] {
+    for (zone, fill, stroke, _) in ZONES {
         let mut data = String::new();
         for pass in &picture.passes {
             let mut since_mm = f64::INFINITY;

@@ -90,10 +90,12 @@ fn coverage_merges_equal_runs() {
     let picture = CoveragePicture {
         title: "coverage",
         regions: &regions,
-        origin: Point2::origin(),
-        cell_mm: 1.0,
-        columns: 10,
-        cells,
+        rasters: vec![coverage_picture::Raster {
+            origin: Point2::origin(),
+            cell_mm: 1.0,
+            columns: 10,
+            cells,
+        }],
     };
     let text = coverage_picture::draw(&picture);
     let xml = Document::parse(&text).expect("well-formed");

@@ -1,3 +1,6 @@
+//! Goal: the axis and its radii are the polygon's. Method: shapes with known axes, and distances
+//! to the nearest edge.
+
 use super::*;
 use crate::geometry::polygon::{Region, Ring};
 use crate::plan::contour::{Contour, SIMPLIFY_MM};

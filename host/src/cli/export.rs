@@ -1,0 +1,103 @@
+//! `headway export`: a job as tables, pictures or JSON.
+
+use super::CliError;
+use super::args::{ExportArgs, ExportName};
+use super::console::Console;
+use super::job::{self, Job};
+use super::{pictures, planned};
+use crate::report::plan_picture;
+use crate::report::pose_table;
+use headway_protocol::segment::FlowAction;
+use serde_json::json;
+
+pub(super) fn run(args: &ExportArgs, console: &Console) -> Result<(), CliError> {
+    if !(args.every_ms.is_finite() && args.every_ms > 0.0) {
+        return Err(CliError::Usage(format!(
+            "--every-ms {}: must be greater than 0",
+            args.every_ms
+        )));
+    }
+    let job = job::read(&args.job)?;
+    let text = match args.to {
+        ExportName::Csv => csv(&job, args.every_ms)?,
+        ExportName::Svg => {
+            let planned = planned::of_job(job);
+            let title = planned.name.clone();
+            plan_picture::draw(&pictures::plan_picture(&title, &planned))
+        }
+        ExportName::Json => format!("{:#}\n", json(&job)),
+    };
+    console.result_to(args.output.as_deref(), &text)
+}
+
+fn csv(job: &Job, every_ms: f64) -> Result<String, CliError> {
+    let mut out = Vec::new();
+    pose_table::write_csv(
+        &mut out,
+        &job.stream,
+        job.servo_hz(),
+        every_ms,
+        &job.transform,
+    )
+    .map_err(|problem| CliError::File {
+        path: "export".into(),
+        problem,
+    })?;
+    String::from_utf8(out).map_err(|error| CliError::Job(error.to_string()))
+}
+
+fn json(job: &Job) -> serde_json::Value {
+    let header = &job.file.header;
+    let figures: serde_json::Value = serde_json::from_str(&header.figures_json).unwrap_or_default();
+    let marks: Vec<_> = job
+        .stream
+        .marks
+        .iter()
+        .map(|m| {
+            json!({
+                "start_tick": m.start_tick,
+                "end_tick": m.end_tick,
+                "state": pose_table::state_name(m.state),
+                "layer": m.layer,
+                "pass": m.pass,
+            })
+        })
+        .collect();
+    let events: Vec<_> = job
+        .stream
+        .events
+        .iter()
+        .map(|e| {
+            json!({
+                "span": e.span,
+                "offset_ticks": e.offset_ticks,
+                "action": match e.action {
+                    FlowAction::Prime => "prime",
+                    FlowAction::Retract => "retract",
+                },
+                "volume_mm3": f64::from(e.volume_units) * 1e-6,
+                "duration_ticks": e.duration_ticks.0,
+            })
+        })
+        .collect();
+    let knots: Vec<_> = job
+        .stream
+        .knots
+        .iter()
+        .map(|k| json!([k.duration_ticks, k.control]))
+        .collect();
+    json!({
+        "name": job.name,
+        "machine": header.machine_name,
+        "servo_hz": header.machine.servo_hz,
+        "step_hz": header.machine.step_hz,
+        "offset_mm": header.transform.offset_mm,
+        "figures": figures,
+        "channels": ["x 1e-4 mm", "y 1e-4 mm", "z 1e-4 mm", "tilt x 1e-6 rad", "tilt y 1e-6 rad",
+            "heading 1e-6 rad", "volume 1e-6 mm3"],
+        "start": job.stream.start,
+        "knots": knots,
+        "events": events,
+        "marks": marks,
+    })
+}

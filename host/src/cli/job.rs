@@ -1,0 +1,79 @@
+//! Job files on disk: reading, and what can be told of them without planning again.
+
+use super::CliError;
+use crate::geometry::polygon::Region;
+use crate::job::SegmentStream;
+use crate::job_file::{self, JobFile, JobSummary};
+use crate::part_transform::PartTransform;
+use crate::report::job_texts::{NAME_TEXT, OUTLINE_TEXT, SETTINGS_TEXT, outline_from_json};
+use crate::settings::{Settings, machine_file};
+use std::fs::File;
+use std::io::BufReader;
+use std::path::Path;
+
+/// A job read back: the stream and what rode along.
+pub(super) struct Job {
+    pub file: JobFile,
+    pub stream: SegmentStream,
+    pub transform: PartTransform,
+    pub name: String,
+    pub outline: Vec<Region>,
+    pub settings: Option<Settings>,
+}
+
+/// True where the file calls itself a job.
+pub(super) fn is_job(path: &Path) -> bool {
+    path.extension()
+        .is_some_and(|ending| ending.eq_ignore_ascii_case("hwj"))
+}
+
+/// Reads and checks a whole job.
+pub(super) fn read(path: &Path) -> Result<Job, CliError> {
+    let place = |problem: String| CliError::Job(format!("{}: {problem}", path.display()));
+    let file = job_file::read(&mut open(path)?).map_err(|error| place(error.to_string()))?;
+    let stream = file.stream().map_err(|error| place(error.to_string()))?;
+    let texts = &file.header.texts;
+    Ok(Job {
+        stream,
+        transform: file.header.transform,
+        name: texts.get(NAME_TEXT).cloned().unwrap_or_else(|| stem(path)),
+        outline: texts
+            .get(OUTLINE_TEXT)
+            .and_then(|text| outline_from_json(text))
+            .unwrap_or_default(),
+        settings: texts
+            .get(SETTINGS_TEXT)
+            .and_then(|text| machine_file::from_toml(text).ok()),
+        file,
+    })
+}
+
+/// Reads header and index only.
+pub(super) fn read_summary(path: &Path) -> Result<JobSummary, CliError> {
+    job_file::read_summary(&mut open(path)?)
+        .map_err(|error| CliError::Job(format!("{}: {error}", path.display())))
+}
+
+impl Job {
+    /// Servo rate of the job's machine.
+    pub(super) fn servo_hz(&self) -> f64 {
+        f64::from(self.file.header.machine.servo_hz)
+    }
+}
+
+fn open(path: &Path) -> Result<BufReader<File>, CliError> {
+    File::open(path)
+        .map(BufReader::new)
+        .map_err(|problem| CliError::File {
+            path: path.display().to_string(),
+            problem,
+        })
+}
+
+/// The file's name without its ending.
+pub(super) fn stem(path: &Path) -> String {
+    path.file_stem().map_or_else(
+        || "part".to_string(),
+        |stem| stem.to_string_lossy().into_owned(),
+    )
+}

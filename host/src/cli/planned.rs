@@ -1,0 +1,191 @@
+//! A job, whether planned just now or read from a file: what `plan` and `simulate` work on.
+
+use super::args::{InputArgs, PlaceArgs, SettingsArgs};
+use super::console::Console;
+use super::job::{self, Job};
+use super::{CliError, load};
+use crate::geometry::polygon::Region;
+use crate::geometry::{Point2, Vector2};
+use crate::input::Target;
+use crate::job::SegmentStream;
+use crate::part_transform::PartTransform;
+use crate::plan::unreachable::{UnreachableRun, unreachable_runs};
+use crate::report::figures::Figures;
+use crate::settings::Settings;
+use crate::{Plan, plan_target};
+use std::path::Path;
+use std::time::Instant;
+
+/// Places of unreachable boundary that are told one by one.
+const PLACES_TOLD: usize = 3;
+/// Places of unreachable boundary that the figures list.
+const PLACES_LISTED: usize = 1000;
+
+/// A job and what belongs to it.
+pub(super) struct Planned {
+    pub name: String,
+    pub outline: Vec<Region>,
+    pub settings: Settings,
+    pub transform: PartTransform,
+    pub stream: SegmentStream,
+    pub figures: Figures,
+    /// Notes of reading and planning.
+    pub notes: Vec<String>,
+    /// The planner's intermediates; `None` for a job from a file.
+    pub plan: Option<Box<Plan>>,
+    /// Boundary that cannot be touched, input coordinates.
+    pub unreachable: Vec<UnreachableRun>,
+}
+
+/// Reads an input and plans it.
+pub(super) fn from_input(
+    path: &Path,
+    reading: &InputArgs,
+    place: &PlaceArgs,
+    settings: &SettingsArgs,
+    console: &Console,
+) -> Result<Planned, CliError> {
+    let mut settings = load::settings(settings)?;
+    settings.at_mm = place.at.as_deref().map(load::parse_at).transpose()?;
+    let loaded = load::target(path, reading, settings.tolerances.flatten_mm, console)?;
+    let bar = console.stage("planning");
+    let begun = Instant::now();
+    let planned = plan_target(&loaded.target, &settings);
+    let unreachable = planned
+        .as_ref()
+        .map(|plan| unreachable_boundary(plan, &settings))
+        .unwrap_or_default();
+    let plan_s = begun.elapsed().as_secs_f64();
+    bar.finish_and_clear();
+    let plan = planned.map_err(|error| CliError::Job(format!("{}: {error}", path.display())))?;
+    let mut notes = loaded.notes;
+    let warnings = warnings(&plan, &unreachable);
+    console.notes(&warnings);
+    notes.extend(warnings);
+    let Target { name, regions } = loaded.target;
+    Ok(Planned {
+        figures: plan_figures(&plan, &unreachable, plan_s),
+        name,
+        outline: regions,
+        settings,
+        transform: plan.transform,
+        stream: plan.stream.clone(),
+        notes,
+        plan: Some(Box::new(plan)),
+        unreachable,
+    })
+}
+
+/// Reads a job file. A machine that is given must be the job's.
+pub(super) fn from_job(path: &Path, settings: &SettingsArgs) -> Result<Planned, CliError> {
+    let job = job::read(path)?;
+    if settings.machine.is_some() {
+        let given = load::settings(settings)?;
+        let header = &job.file.header;
+        if given.machine != header.machine {
+            return Err(CliError::Job(format!(
+                "{}: planned for machine {}, which is not the same as {}: plan again for it",
+                path.display(),
+                header.machine_name,
+                given.machine_name
+            )));
+        }
+    }
+    Ok(of_job(job))
+}
+
+/// What a job file knows.
+pub(super) fn of_job(job: Job) -> Planned {
+    let header = &job.file.header;
+    let mut settings = job.settings.unwrap_or_default();
+    settings.machine.clone_from(&header.machine);
+    settings.machine_name.clone_from(&header.machine_name);
+    Planned {
+        figures: serde_json::from_str(&header.figures_json).unwrap_or_default(),
+        name: job.name,
+        outline: job.outline,
+        settings,
+        transform: job.transform,
+        stream: job.stream,
+        notes: Vec::new(),
+        plan: None,
+        unreachable: Vec::new(),
+    }
+}
+
+fn unreachable_boundary(plan: &Plan, settings: &Settings) -> Vec<UnreachableRun> {
+    let mut all = Vec::new();
+    for region in &plan.regions {
+        let walls = region.contour.edge_index(settings.aperture.major_mm());
+        let offset: Vector2 = region.contour.offset;
+        all.extend(
+            unreachable_runs(&settings.aperture, &walls)
+                .into_iter()
+                .map(|run| UnreachableRun {
+                    from: run.from + offset,
+                    to: run.to + offset,
+                }),
+        );
+    }
+    all
+}
+
+fn plan_figures(plan: &Plan, unreachable: &[UnreachableRun], plan_s: f64) -> Figures {
+    let f = &plan.figures;
+    let passes = f.passes as u64;
+    let place = |run: &UnreachableRun| {
+        let at: Point2 = nalgebra::center(&run.from, &run.to);
+        [at.x, at.y, run.length_mm()]
+    };
+    Figures {
+        area_mm2: Some(f.area_mm2),
+        reachable_pct: Some(f.reachable_pct),
+        covered_pct: Some(f.covered_pct),
+        covered_of_reachable_pct: Some(f.covered_of_reachable_pct),
+        outside_depth_mm: Some(f.outside_depth_mm),
+        overlap_pct: Some(f.overlap_pct),
+        unreachable_mm: Some(unreachable.iter().map(UnreachableRun::length_mm).sum()),
+        unreachable_places_mm: Some(unreachable.iter().take(PLACES_LISTED).map(place).collect()),
+        passes: Some(passes),
+        flow_interruptions: Some(passes.saturating_sub(1)),
+        print_mm: Some(f.print_mm),
+        travel_mm: Some(f.travel_mm),
+        print_s: Some(f.print_s),
+        plan_s: Some(plan_s),
+        heading_travel_rad: Some(f.heading_travel_rad),
+        heading_rate_max_rad_s: Some(f.heading_rate_max_rad_s),
+        segments: Some(plan.stream.knots.len() as u64),
+        ..Figures::default()
+    }
+}
+
+/// What the user should look at before printing.
+fn warnings(plan: &Plan, unreachable: &[UnreachableRun]) -> Vec<String> {
+    let mut warnings = Vec::new();
+    let length_mm: f64 = unreachable.iter().map(UnreachableRun::length_mm).sum();
+    if length_mm > 0.0 {
+        let mut longest: Vec<&UnreachableRun> = unreachable.iter().collect();
+        longest.sort_by(|a, b| b.length_mm().total_cmp(&a.length_mm()));
+        let places: Vec<String> = longest
+            .iter()
+            .take(PLACES_TOLD)
+            .map(|run| {
+                let at = nalgebra::center(&run.from, &run.to);
+                format!("{:.3} mm near ({:.3}, {:.3})", run.length_mm(), at.x, at.y)
+            })
+            .collect();
+        warnings.push(format!(
+            "{length_mm:.3} mm of the boundary cannot be reached by this aperture, in {} places; \
+             the longest: {}",
+            unreachable.len(),
+            places.join(", ")
+        ));
+    }
+    if plan.motion.doubled_stretches > 0 {
+        warnings.push(format!(
+            "{} stretches had to be slowed as a whole to keep the limits",
+            plan.motion.doubled_stretches
+        ));
+    }
+    warnings
+}

@@ -1,0 +1,165 @@
+//! `headway simulate`: the job through link and firmware, checked against the plan.
+
+use super::args::SimulateArgs;
+use super::console::Console;
+use super::planned::{self, Planned};
+use super::{CliError, job, pictures};
+use crate::drive::link::LinkSpec;
+use crate::drive::rehearsal::{Rehearsal, rehearse};
+use crate::drive::simulator::SimulatorSetup;
+use crate::drive::trace_table;
+use crate::report::figures::Figures;
+use std::fs::File;
+use std::io::{BufWriter, Write};
+use std::path::Path;
+
+/// Time between two rows of `--trace`.
+const TRACE_EVERY_MS: f64 = 1.0;
+/// Steps of the progress bar.
+const BAR_STEPS: f64 = 1000.0;
+
+pub(super) fn run(args: &SimulateArgs, console: &Console) -> Result<(), CliError> {
+    let link: LinkSpec = match &args.link {
+        Some(text) => text
+            .parse()
+            .map_err(|error| CliError::Usage(format!("--{error}")))?,
+        None => LinkSpec::default(),
+    };
+    let mut planned = if job::is_job(&args.input) {
+        planned::from_job(&args.input, &args.settings)?
+    } else {
+        planned::from_input(
+            &args.input,
+            &args.reading,
+            &args.place,
+            &args.settings,
+            console,
+        )?
+    };
+    let setup = SimulatorSetup {
+        link,
+        seed: args.seed,
+        commands: Vec::new(),
+    };
+    let bar = console.bar("simulating", BAR_STEPS as u64);
+    let rehearsal = rehearse(&planned.stream, &planned.settings, &setup, |done| {
+        bar.set_position((done * BAR_STEPS) as u64);
+    });
+    bar.finish_and_clear();
+    let rehearsal = rehearsal.map_err(|error| CliError::Job(error.to_string()))?;
+    planned.figures =
+        std::mem::take(&mut planned.figures).merged_with(&simulation_figures(&rehearsal));
+    write_traces(args, &planned, &rehearsal)?;
+    if let Some(folder) = &args.report {
+        write_report(folder, &planned, console)?;
+    }
+    if args.json {
+        console.result(&(planned.figures.to_json() + "\n"))?;
+    } else {
+        console.result(&format!("{}\n{}", planned.name, planned.figures.to_text()))?;
+    }
+    verdict(&rehearsal)
+}
+
+fn simulation_figures(rehearsal: &Rehearsal) -> Figures {
+    let (s, t, l) = (
+        &rehearsal.simulation.figures,
+        &rehearsal.trace,
+        &rehearsal.limits,
+    );
+    Figures {
+        bytes: Some(s.bytes),
+        bytes_per_s: Some(rehearsal.bytes_per_s),
+        limit_ratio_velocity: Some(l.velocity.ratio),
+        limit_ratio_acceleration: Some(l.acceleration.ratio),
+        limit_ratio_jerk: Some(l.jerk.ratio),
+        heading_travel_rad: Some(l.heading_travel_rad),
+        heading_rate_max_rad_s: Some(l.heading_rate_max_rad_s),
+        tip_error_um_max: Some(t.tip_error_um_max),
+        tip_error_um_rms: Some(t.tip_error_um_rms),
+        heading_error_mrad_max: Some(t.heading_error_mrad_max),
+        half_step_um_max: Some(t.half_step_um_max),
+        half_step_mrad_max: Some(t.half_step_mrad_max),
+        volume_error_pct: Some(t.volume_error_pct),
+        step_time_error_us_max: Some(t.step_time_error_us_max),
+        step_time_error_us_rms: Some(t.step_time_error_us_rms),
+        steps: Some(s.steps),
+        step_digest: Some(s.step_digest.clone()),
+        final_counts: Some(s.final_counts.clone()),
+        resent_frames: Some(s.resent_frames),
+        underruns: Some(s.underruns),
+        holds: Some(s.holds),
+        faults: Some(s.faults),
+        realtime_factor: Some(rehearsal.realtime_factor),
+        ..Figures::default()
+    }
+}
+
+/// A fault, or steps that do not come to the plan's end, are no success.
+fn verdict(rehearsal: &Rehearsal) -> Result<(), CliError> {
+    if let Some(fault) = &rehearsal.simulation.fault {
+        return Err(CliError::Job(format!(
+            "the controller stopped with a fault: {fault:?}"
+        )));
+    }
+    let trace = &rehearsal.trace;
+    if trace.final_counts != trace.expected_counts {
+        return Err(CliError::Job(format!(
+            "the steps end at {:?}, the plan's last pose asks for {:?}",
+            trace.final_counts, trace.expected_counts
+        )));
+    }
+    Ok(())
+}
+
+fn write_traces(
+    args: &SimulateArgs,
+    planned: &Planned,
+    rehearsal: &Rehearsal,
+) -> Result<(), CliError> {
+    let machine = &planned.settings.machine;
+    let record = &rehearsal.simulation.motion;
+    if let Some(path) = &args.trace {
+        write_with(path, |out| {
+            trace_table::write_poses(
+                out,
+                &planned.stream,
+                machine,
+                record,
+                &planned.transform,
+                TRACE_EVERY_MS,
+            )
+        })?;
+    }
+    if let Some(path) = &args.trace_steps {
+        write_with(path, |out| trace_table::write_steps(out, machine, record))?;
+    }
+    Ok(())
+}
+
+fn write_with(
+    path: &Path,
+    write: impl FnOnce(&mut BufWriter<File>) -> std::io::Result<()>,
+) -> Result<(), CliError> {
+    let file = |problem| CliError::File {
+        path: path.display().to_string(),
+        problem,
+    };
+    let mut out = BufWriter::new(File::create(path).map_err(file)?);
+    write(&mut out).map_err(file)?;
+    out.flush().map_err(file)
+}
+
+fn write_report(folder: &Path, planned: &Planned, console: &Console) -> Result<(), CliError> {
+    let bar = console.stage("report");
+    std::fs::create_dir_all(folder).map_err(|problem| CliError::File {
+        path: folder.display().to_string(),
+        problem,
+    })?;
+    for file in pictures::report_files(planned) {
+        super::console::write_file(&folder.join(file.name), file.text.as_bytes())?;
+    }
+    bar.finish_and_clear();
+    console.say(&format!("report: {}", folder.join("index.html").display()));
+    Ok(())
+}
