@@ -81,8 +81,9 @@ impl Oracle {
                 let low = knots[span - degree + j];
                 let high = knots[span + 1 + j - r];
                 let alpha = (t - low) / (high - low);
-                for c in 0..7 {
-                    d[j][c] = (1.0 - alpha) * d[j - 1][c] + alpha * d[j][c];
+                let earlier = d[j - 1];
+                for (value, earlier) in d[j].iter_mut().zip(earlier) {
+                    *value = (1.0 - alpha) * earlier + alpha * *value;
                 }
             }
         }
@@ -286,7 +287,7 @@ fn zigzag(random: &mut Pcg32, corners: usize) -> Vec<[f64; 7]> {
     let mut points = vec![(100.0f64, 100.0f64)];
     for _ in 0..corners {
         let (x, y) = points[points.len() - 1];
-        let angle: f64 = random.random_range(0.0..6.28);
+        let angle: f64 = random.random_range(0.0..std::f64::consts::TAU);
         let length: f64 = random.random_range(0.3..8.0);
         points.push((x + length * angle.cos(), y + length * angle.sin()));
     }
@@ -390,8 +391,10 @@ fn a_straight_line_takes_the_time_of_its_trapezoid() {
 #[test]
 fn gear_keeps_its_limits_and_its_path() {
     for speed_mm_s in [60.0, 150.0] {
-        let mut settings = Settings::default();
-        settings.speed_mm_s = speed_mm_s;
+        let settings = Settings {
+            speed_mm_s,
+            ..Settings::default()
+        };
         let control = gear(130.0);
         let started = std::time::Instant::now();
         let (stream, report) = lay_segments(&route_of(control.clone()), &settings).unwrap();
@@ -439,8 +442,10 @@ fn random_curves_keep_every_limit() {
     let mut random = Pcg32::seed_from_u64(7);
     let mut tightest = 0.0f64;
     for case in 0..12 {
-        let mut settings = Settings::default();
-        settings.speed_mm_s = random.random_range(20.0..200.0);
+        let settings = Settings {
+            speed_mm_s: random.random_range(20.0..200.0),
+            ..Settings::default()
+        };
         let control = if case % 2 == 0 {
             random_smooth(&mut random, 400)
         } else {

@@ -19,6 +19,7 @@ pub mod medial_axis;
 pub mod order;
 pub mod passes;
 pub mod path_curve;
+pub mod path_samples;
 pub mod reachable;
 pub mod route;
 pub mod segments;

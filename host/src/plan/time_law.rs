@@ -1,6 +1,6 @@
 //! Path to time: the fastest motion along a path within the limits, smoothed, on servo ticks.
 //!
-//! In: path samples with their constraints ([`crate::plan::joint_limits`]). Out: the path parameter
+//! In: path samples with their constraints ([`crate::plan::path_samples`]). Out: the path parameter
 //! u at every servo tick, from rest to rest.
 //! Two steps: time-optimal parametrisation by reachability ([`reachability`], after Pham and Pham,
 //! TOPP-RA, 2018), then a smoothing of the speed profile that makes the acceleration continuous
@@ -9,7 +9,8 @@
 pub mod reachability;
 pub mod smoothing;
 
-use crate::plan::joint_limits::{MotionError, MotionLimits, PathSample};
+use crate::plan::joint_limits::{MotionError, MotionLimits};
+use crate::plan::path_samples::PathSample;
 
 /// Local shares of the limits, one for each path sample, 1 at first.
 #[derive(Clone, Debug, PartialEq)]
@@ -41,6 +42,14 @@ impl TimeLaw {
     /// Duration in servo ticks.
     pub fn ticks(&self) -> usize {
         self.u_at_tick.len() - 1
+    }
+
+    /// Waits at the end until the stretch lasts `ticks`.
+    pub fn pad_to(&mut self, ticks: usize) {
+        let end = self.u_at_tick[self.ticks()];
+        while self.ticks() < ticks {
+            self.u_at_tick.push(end);
+        }
     }
 }
 

@@ -46,6 +46,17 @@ pub struct Piece {
     pub ratios: Ratios,
 }
 
+/// Ratio that counts as kept: the extremum between samples is exact to less than this.
+pub const RATIO_MAX: f64 = 1.0 - 1e-6;
+
+impl Piece {
+    /// True where no limit is exceeded. The jerk is reported, not enforced: the smoothing window
+    /// bounds what the time law adds to it.
+    pub fn is_kept(&self) -> bool {
+        self.ratios.speed <= RATIO_MAX && self.ratios.acceleration <= RATIO_MAX
+    }
+}
+
 /// A prime or retract that runs during a stretch.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct EventRun {

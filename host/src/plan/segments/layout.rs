@@ -7,11 +7,12 @@
 
 use super::fit::{TickPath, fit, span_errors};
 use super::spline::RestSpline;
+use headway_protocol::segment::SPAN_TICKS_MAX;
 use headway_protocol::units::CHANNELS;
 
-/// Shortest span: the least-squares fit needs a sample for each unknown, and acceleration changes
-/// faster than in a millisecond are beyond any motor.
-const SPAN_TICKS_MIN: usize = 2;
+/// Shortest span: 3 ms. In a shorter one the rounding to wire units is felt as acceleration (0.1 um
+/// in 1 ms is 100 mm/s²), and the time law has nothing faster.
+const SPAN_TICKS_MIN: usize = 6;
 /// Longest span of a moving stretch: 128 ms, so that the check's samples stay close.
 const SPAN_TICKS_LONG: f64 = 256.0;
 /// Spans to begin with.
@@ -23,27 +24,17 @@ const HALVING_ROUNDS: usize = 8;
 const ERROR_AIM: f64 = 0.7;
 
 /// Knots a tick, constant over each span of the last layout.
-#[derive(Clone, Debug, PartialEq)]
-pub struct Density {
+struct Density {
     ticks: Vec<f64>,
     per_tick: Vec<f64>,
 }
 
 impl Density {
     /// The same density everywhere.
-    pub fn first(ticks: usize) -> Self {
+    fn first(ticks: usize) -> Self {
         Self {
             ticks: vec![ticks as f64],
             per_tick: vec![1.0 / SPAN_TICKS_FIRST],
-        }
-    }
-
-    /// The same over another duration.
-    pub fn scaled_to(&self, ticks: usize) -> Self {
-        let factor = ticks as f64 / self.ticks.iter().sum::<f64>();
-        Self {
-            ticks: self.ticks.iter().map(|t| t * factor).collect(),
-            per_tick: self.per_tick.clone(),
         }
     }
 
@@ -106,7 +97,7 @@ impl Density {
     }
 }
 
-/// Shortest stretch that moves.
+/// Shortest stretch that moves: three spans.
 pub const MOVING_TICKS_MIN: usize = 3 * SPAN_TICKS_MIN;
 
 /// A layout and how good it is.
@@ -115,45 +106,73 @@ pub struct Layout {
     pub spline: RestSpline,
     /// Its worst error against the tolerance of each span.
     pub errors: Vec<f64>,
-    /// Density to begin with when the same stretch is laid out again.
-    pub density: Density,
 }
 
-fn worst(errors: &[f64]) -> f64 {
-    errors.iter().copied().fold(0.0, f64::max)
+impl Layout {
+    fn new(path: &TickPath, durations_ticks: &[u16], tolerances: &[f64; CHANNELS]) -> Self {
+        let spline = fit(path, durations_ticks);
+        let errors = span_errors(path, &spline, tolerances);
+        Self { spline, errors }
+    }
+
+    /// Worst error of any span.
+    pub fn worst_error(&self) -> f64 {
+        self.errors.iter().copied().fold(0.0, f64::max)
+    }
+
+    /// Cuts spans beyond the tolerance until all keep it or cannot be cut further.
+    fn refined(mut self, path: &TickPath, tolerances: &[f64; CHANNELS]) -> Self {
+        for _ in 0..HALVING_ROUNDS {
+            let Some(halved) = halve(&self.spline.durations_ticks, &self.errors) else {
+                break;
+            };
+            self = Self::new(path, &halved, tolerances);
+        }
+        self
+    }
 }
 
 /// Lays knots and fits until every span keeps its tolerance or cannot be cut further.
 /// The path must last at least [`MOVING_TICKS_MIN`].
-pub fn lay_out(path: &TickPath, tolerances: &[f64; CHANNELS], first: &Density) -> Layout {
-    let mut density = first.clone();
-    let mut durations = density.durations(path.ticks());
-    let mut spline = fit(path, &durations);
-    let mut errors = span_errors(path, &spline, tolerances);
+pub fn lay_out(path: &TickPath, tolerances: &[f64; CHANNELS]) -> Layout {
+    let first = Density::first(path.ticks()).durations(path.ticks());
+    let mut layout = Layout::new(path, &first, tolerances);
     for _ in 0..SPREAD_ROUNDS {
-        density = Density::wanted(&durations, &errors);
-        let next = density.durations(path.ticks());
-        let settled = worst(&errors) <= 1.0 && next.len() * 50 >= durations.len() * 49;
-        if settled || next == durations {
+        let durations = &layout.spline.durations_ticks;
+        let next = Density::wanted(durations, &layout.errors).durations(path.ticks());
+        let settled = layout.worst_error() <= 1.0 && next.len() * 50 >= durations.len() * 49;
+        if settled || next == *durations {
             break;
         }
-        durations = next;
-        spline = fit(path, &durations);
-        errors = span_errors(path, &spline, tolerances);
+        layout = Layout::new(path, &next, tolerances);
     }
-    for _ in 0..HALVING_ROUNDS {
-        let Some(halved) = halve(&durations, &errors) else {
-            break;
-        };
-        durations = halved;
-        spline = fit(path, &durations);
-        errors = span_errors(path, &spline, tolerances);
+    layout.refined(path, tolerances)
+}
+
+/// Fits again after the time law changed a little: every knot stays at its place of the path, so
+/// that what was good remains so. `u_before` and `u_at_tick` are the path parameters by tick.
+pub fn lay_out_again(
+    path: &TickPath,
+    tolerances: &[f64; CHANNELS],
+    before: &Layout,
+    u_before: &[f64],
+    u_at_tick: &[f64],
+) -> Layout {
+    let spans = before.spline.durations_ticks.len();
+    let ticks = path.ticks();
+    let (mut tick_before, mut last_knot) = (0, 0);
+    let mut durations = Vec::with_capacity(spans);
+    for (span, &duration) in before.spline.durations_ticks.iter().enumerate() {
+        tick_before += usize::from(duration);
+        let u = u_before[tick_before];
+        let place = u_at_tick.partition_point(|&other| other < u);
+        let latest = ticks - SPAN_TICKS_MIN * (spans - span - 1);
+        let place = place.clamp((last_knot + SPAN_TICKS_MIN).min(latest), latest);
+        let place = if span + 1 == spans { ticks } else { place };
+        durations.push((place - last_knot).min(usize::from(SPAN_TICKS_MAX)) as u16);
+        last_knot = place;
     }
-    Layout {
-        spline,
-        errors,
-        density,
-    }
+    Layout::new(path, &durations, tolerances).refined(path, tolerances)
 }
 
 /// Cuts the spans beyond the tolerance in two; none where nothing is to be cut.

@@ -6,7 +6,7 @@
 //! ```text
 //! Stretch -> samples -> u(t) on servo ticks -> spline (quantised) -> ratios in joint space
 //!                          ^                                             |
-//!                          +------ local caps where a ratio is > 1 ------+
+//!                          +-- local slowing where a ratio is above 1 -----+
 //! ```
 //!
 //! Left out: what one stretch's pressure advance still does in the next (they are joined at rest;
@@ -16,16 +16,18 @@ pub mod assemble;
 pub mod check;
 pub mod fit;
 pub mod layout;
+pub mod shaping;
 pub mod spline;
+pub mod warp;
 
 use crate::job::SegmentStream;
-use crate::plan::joint_limits::{MotionError, MotionLimits, PathSample, sample_path};
+use crate::plan::joint_limits::{MotionError, MotionLimits};
+use crate::plan::path_samples::sample_path;
 use crate::plan::route::{Route, Stretch, StretchEvent};
-use crate::plan::time_law::{Caps, smoothing_ticks, time_law};
 use crate::settings::Settings;
-use check::{EventRun, Piece, Ratios};
-use layout::Density;
+use check::Ratios;
 use rayon::prelude::*;
+use shaping::Shaping;
 use spline::{RestSpline, quantised};
 
 /// What the finished segments reach of the planned share of the limits.
@@ -42,30 +44,20 @@ pub struct MotionReport {
 }
 
 /// Duration of a stretch that moves nothing.
-fn dwell_ticks(stretch: &Stretch, servo_hz: f64) -> u64 {
+pub fn dwell_ticks(stretch: &Stretch, servo_hz: f64) -> u64 {
     (stretch.dwell_s.max(0.0) * servo_hz).ceil().max(1.0) as u64
 }
-
-/// Share of the speed limits that the time law aims at: what quantisation and fit add.
-const SPEED_AIM: f64 = 0.9985;
-/// Share of the acceleration limits that the time law aims at: the fit overshoots at corners of
-/// the acceleration.
-const ACCELERATION_AIM: f64 = 0.97;
-/// Rounds of local slowing before the stretch is slowed as a whole, and rounds of that.
-const LOCAL_ROUNDS: usize = 8;
-const GLOBAL_ROUNDS: usize = 6;
-/// Ratio that counts as kept: the extremum between samples is exact to less than this.
-const RATIO_MAX: f64 = 1.0 - 1e-6;
-/// Slowing goes a little beyond what the ratio asks, or it would creep up to the limit.
-const SLOWING_EXTRA: f64 = 0.995;
 
 /// A finished stretch.
 pub struct FinishedStretch {
     /// Its motion; a dwell has equal control points.
     pub spline: RestSpline,
-    ratios: Ratios,
-    fit_error_ratio: f64,
-    doubled: bool,
+    /// Worst ratios against the planned share of the limits.
+    pub ratios: Ratios,
+    /// Worst error of the fit against its share of the tolerance.
+    pub fit_error_ratio: f64,
+    /// True where local slowing did not settle.
+    pub doubled: bool,
 }
 
 /// Turns a route into the stream of segments, within every limit times the plan's share.
@@ -185,164 +177,5 @@ fn check_event(stretch: &Stretch, limits: &MotionLimits) -> Result<(), MotionErr
             duration_s,
             ratio,
         })
-    }
-}
-
-/// One moving stretch on its way to a spline.
-struct Shaping<'a> {
-    stretch: &'a Stretch,
-    before: Option<&'a Stretch>,
-    samples: &'a [PathSample],
-    limits: &'a MotionLimits,
-    tolerances: &'a [f64; headway_protocol::units::CHANNELS],
-}
-
-impl Shaping<'_> {
-    /// Times, fits and checks until nothing exceeds its limit.
-    fn finish(&self) -> Result<FinishedStretch, MotionError> {
-        let mut caps = Caps::uniform(self.samples.len(), SPEED_AIM, ACCELERATION_AIM);
-        let mut density: Option<Density> = None;
-        let mut round = 0;
-        loop {
-            let law = time_law(self.samples, self.limits, &caps, self.stretch.dwell_s)?;
-            let path = fit::TickPath::new(&self.stretch.curve, &law.u_at_tick);
-            let first = match &density {
-                Some(density) => density.scaled_to(law.ticks()),
-                None => Density::first(law.ticks()),
-            };
-            let layout = layout::lay_out(&path, self.tolerances, &first);
-            let pieces = self.check(&layout.spline)?;
-            let finished = Self::finished(layout.spline, &layout.errors, &pieces);
-            if Self::is_kept(&finished) {
-                return Ok(finished);
-            }
-            if round >= LOCAL_ROUNDS + GLOBAL_ROUNDS {
-                return self.doubled(finished);
-            }
-            self.slow_down(&mut caps, &law.u_at_tick, &pieces, round >= LOCAL_ROUNDS);
-            density = Some(layout.density);
-            round += 1;
-        }
-    }
-
-    fn check(&self, spline: &RestSpline) -> Result<Vec<Piece>, MotionError> {
-        let mut pieces = check::check_motion(spline, self.limits)?;
-        let events = self.events(spline.ticks() as f64);
-        pieces.extend(check::check_extruder(spline, self.limits, &events));
-        Ok(pieces)
-    }
-
-    fn finished(spline: RestSpline, errors: &[f64], pieces: &[Piece]) -> FinishedStretch {
-        FinishedStretch {
-            spline,
-            ratios: pieces
-                .iter()
-                .fold(Ratios::default(), |worst, piece| worst.max(piece.ratios)),
-            fit_error_ratio: errors.iter().copied().fold(0.0, f64::max),
-            doubled: false,
-        }
-    }
-
-    fn is_kept(finished: &FinishedStretch) -> bool {
-        finished.ratios.speed <= RATIO_MAX && finished.ratios.acceleration <= RATIO_MAX
-    }
-
-    /// Events that run while the stretch moves or its advance dies out.
-    fn events(&self, ticks: f64) -> Vec<EventRun> {
-        let hz = self.limits.servo_hz;
-        let mut events = Vec::new();
-        if let Some(before) = self.before
-            && before.curve.control.len() == 1
-            && let Some(StretchEvent::PrimeAtStart {
-                volume_mm3,
-                duration_s,
-            }) = before.event
-        {
-            events.push(EventRun {
-                start_tick: -(dwell_ticks(before, hz) as f64),
-                duration_ticks: (duration_s * hz).round().max(1.0),
-                volume_mm3,
-            });
-        }
-        match self.stretch.event {
-            Some(StretchEvent::RetractBeforeEnd {
-                volume_mm3,
-                duration_s,
-                lead_s,
-            }) => events.push(EventRun {
-                start_tick: (ticks - (lead_s * hz).round()).max(0.0),
-                duration_ticks: (duration_s * hz).round().max(1.0),
-                volume_mm3: -volume_mm3,
-            }),
-            Some(StretchEvent::PrimeAtStart {
-                volume_mm3,
-                duration_s,
-            }) => events.push(EventRun {
-                start_tick: 0.0,
-                duration_ticks: (duration_s * hz).round().max(1.0),
-                volume_mm3,
-            }),
-            None => {}
-        }
-        events
-    }
-
-    /// Lowers the caps around the pieces beyond a limit (or everywhere) by what they exceed it.
-    fn slow_down(&self, caps: &mut Caps, u_at_tick: &[f64], pieces: &[Piece], everywhere: bool) {
-        let mut factors = Caps::uniform(self.samples.len(), 1.0, 1.0);
-        // The smoothed motion at a tick is made of the profile half a window around it.
-        let reach_ticks = smoothing_ticks(self.samples, self.limits) as f64 / 2.0 + 4.0;
-        let last_tick = u_at_tick.len() - 1;
-        let u_at = |tick: f64| u_at_tick[tick.clamp(0.0, last_tick as f64) as usize];
-        for piece in pieces {
-            let Ratios {
-                speed,
-                acceleration,
-                ..
-            } = piece.ratios;
-            if speed <= RATIO_MAX && acceleration <= RATIO_MAX {
-                continue;
-            }
-            let (mut from, mut to) = (0, self.samples.len());
-            if !everywhere {
-                let low = u_at((piece.start_tick - reach_ticks).floor());
-                let high = u_at((piece.end_tick + reach_ticks).ceil());
-                from = self.samples.partition_point(|sample| sample.u < low);
-                to = self.samples.partition_point(|sample| sample.u <= high);
-            }
-            for i in from.saturating_sub(1)..(to + 1).min(self.samples.len()) {
-                if speed > RATIO_MAX {
-                    factors.speed[i] = factors.speed[i].min(SLOWING_EXTRA / speed);
-                }
-                if acceleration > RATIO_MAX {
-                    factors.acceleration[i] =
-                        factors.acceleration[i].min(SLOWING_EXTRA / acceleration);
-                }
-            }
-        }
-        for i in 0..self.samples.len() {
-            caps.speed[i] *= factors.speed[i];
-            caps.acceleration[i] *= factors.acceleration[i];
-        }
-    }
-
-    /// The last resort: every duration doubled, which halves speeds and quarters accelerations
-    /// exactly and leaves the shape as it is.
-    fn doubled(&self, finished: FinishedStretch) -> Result<FinishedStretch, MotionError> {
-        let mut last = finished;
-        for _ in 0..GLOBAL_ROUNDS {
-            for ticks in &mut last.spline.durations_ticks {
-                *ticks = ticks.saturating_mul(2);
-            }
-            let pieces = self.check(&last.spline)?;
-            last = FinishedStretch {
-                doubled: true,
-                ..Self::finished(last.spline, &[last.fit_error_ratio], &pieces)
-            };
-            if Self::is_kept(&last) {
-                break;
-            }
-        }
-        Ok(last)
     }
 }

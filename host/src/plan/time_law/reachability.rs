@@ -8,7 +8,8 @@
 //! the profile still where a joint stands (their "interpolation" scheme).
 
 use super::Caps;
-use crate::plan::joint_limits::{MotionLimits, PathSample, ROWS_MAX, Row};
+use crate::plan::joint_limits::MotionLimits;
+use crate::plan::path_samples::{PathSample, ROWS_MAX, Row};
 
 /// Constraints of one sample.
 struct Rows {
