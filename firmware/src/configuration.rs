@@ -82,7 +82,7 @@ pub enum ConfigurationError {
         /// Joints given.
         given: usize,
     },
-    /// `step_hz` must be a multiple of `servo_hz`, 4 to 1000 times.
+    /// `step_hz` must be a multiple of `servo_hz`, 65 to 256 times.
     TickRates,
     /// A number of this joint is not finite, not positive where it must be, or out of range; the
     /// extruder counts as the last joint.
@@ -101,7 +101,7 @@ impl core::fmt::Display for ConfigurationError {
                 )
             }
             Self::TickRates => formatter
-                .write_str("the step rate must be a multiple of the servo rate, 4 to 1000 times"),
+                .write_str("the step rate must be a multiple of the servo rate, 65 to 256 times"),
             Self::Joint(joint) => write!(formatter, "a number of joint {joint} is out of range"),
             Self::Kinematics => formatter.write_str("the pivot length is not a finite number"),
         }

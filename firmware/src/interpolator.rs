@@ -30,6 +30,8 @@ pub struct Interpolator {
     /// Segment time of the spans completed, servo ticks.
     completed_ticks: u64,
     rests_at_end: bool,
+    rests_at_start: bool,
+    dwells: bool,
 }
 
 impl Interpolator {
@@ -45,6 +47,8 @@ impl Interpolator {
             spans_begun: 0,
             completed_ticks: 0,
             rests_at_end: true,
+            rests_at_start: true,
+            dwells: true,
         }
     }
 
@@ -97,13 +101,13 @@ impl Interpolator {
 
     /// True if nothing moves during the present span, or none has begun.
     pub fn is_dwell(&self) -> bool {
-        !self.playing || self.window.is_rest()
+        self.dwells
     }
 
     /// True where velocity and acceleration are zero: a dwell, or a place between spans at rest.
     pub fn is_at_rest_point(&self) -> bool {
         self.is_dwell()
-            || (self.local_q16 == 0 && self.window.starts_at_rest())
+            || (self.local_q16 == 0 && self.rests_at_start)
             || (self.remaining_q16() == 0 && self.rests_at_end)
     }
 
@@ -137,7 +141,9 @@ impl Interpolator {
         self.local_q16 = 0;
         self.duration_q16 = u32::from(self.window.duration_ticks()) << 16;
         self.load = next.load;
-        self.rests_at_end = self.window.ends_at_rest();
+        self.rests_at_start = self.rests_at_end;
+        self.rests_at_end = next.ends_at_rest;
+        self.dwells = self.rests_at_start && self.rests_at_end;
         self.polynomial = self.window.polynomial();
         true
     }

@@ -81,19 +81,22 @@ impl JointTargets {
         }
     }
 
-    /// Targets of the joints at an offset from the base; the other motors stay 0.
+    /// Writes the targets of the joints at an offset from the base; the other motors keep theirs.
     ///
     /// # Errors
     /// The fault to latch: kinematics or soft limit.
     #[inline]
-    pub fn targets(&self, offset: &[f32; CHANNELS]) -> Result<[i64; MOTORS_MAX], Fault> {
+    pub fn targets(
+        &self,
+        offset: &[f32; CHANNELS],
+        targets: &mut [i64; MOTORS_MAX],
+    ) -> Result<(), Fault> {
         let pose = tilt_pose(&self.base, offset);
         let remainder = kinematics::remainder(&self.kinematics, &pose).map_err(|_| Fault {
             cause: FaultCause::Kinematics,
             index: 0,
             value: 0,
         })?;
-        let mut targets = [0; MOTORS_MAX];
         for (index, joint) in self.joints.iter().enumerate().take(self.count) {
             let mut steps = remainder[index] * joint.steps_per_natural;
             if let Some(units) = offset.get(joint.carrier) {
@@ -101,15 +104,22 @@ impl JointTargets {
             }
             let target = self.base_positions[index] + steps_to_position(steps);
             if target < joint.position_min || target > joint.position_max {
-                let steps = target as f64 / STEP as f64;
-                return Err(Fault {
-                    cause: FaultCause::SoftLimit,
-                    index: index as u8,
-                    value: (steps * joint.units_per_step) as i32,
-                });
+                return Err(joint.beyond(index, target));
             }
             targets[index] = target;
         }
-        Ok(targets)
+        Ok(())
+    }
+}
+
+impl JointScale {
+    #[cold]
+    fn beyond(&self, index: usize, target: i64) -> Fault {
+        let steps = target as f64 / STEP as f64;
+        Fault {
+            cause: FaultCause::SoftLimit,
+            index: index as u8,
+            value: (steps * self.units_per_step) as i32,
+        }
     }
 }

@@ -8,6 +8,7 @@ use crate::configuration::{JOINTS_MAX, JointConfiguration, MachineConfiguration}
 use crate::design::{CEILING_OPEN, LOAD_ALPHA_MAX, LOAD_BETA_MIN_TICKS, WARP_ROOM};
 use crate::kinematics::{self, KinematicsError};
 use crate::pose::Pose;
+use crate::real::Real;
 use crate::spline::{SpanPolynomial, SpanWindow};
 use headway_protocol::units::{
     CHANNEL_TILT_X, CHANNEL_TILT_Y, CHANNEL_VOLUME, CHANNELS, UNITS_PER_NATURAL,
@@ -127,15 +128,15 @@ impl LoadModel {
                 if joint_alpha > DAMAGED_RATIO || joint_speed > DAMAGED_RATIO {
                     return Err(SpanFault::Limit(joint as u8));
                 }
-                alpha = alpha.max(joint_alpha);
-                speed = speed.max(joint_speed);
-                beta = beta.max(rate.abs() * limit.per_acceleration);
+                alpha = alpha.larger(joint_alpha);
+                speed = speed.larger(joint_speed);
+                beta = beta.larger(rate.abs() * limit.per_acceleration);
             }
         }
         let natural = 1.0 / UNITS_PER_NATURAL[CHANNEL_VOLUME] as f32;
         let flow = polynomial.rate_bound[CHANNEL_VOLUME] * natural;
-        beta = beta.max(flow * self.extruder_per_acceleration * self.advance_gain);
-        speed = speed.max(flow * self.extruder_per_speed);
+        beta = beta.larger(flow * self.extruder_per_acceleration * self.advance_gain);
+        speed = speed.larger(flow * self.extruder_per_speed);
         Ok(SpanLoad::bounded(alpha, beta, speed))
     }
 
@@ -173,7 +174,7 @@ impl LoadModel {
                 *slot = [[r0, r1, r2][place], remainder_rate, (after - before) / half];
                 if let Some(channel) = *carrier {
                     let natural = 1.0 / UNITS_PER_NATURAL[channel] as f32;
-                    slot[0] += (window.base()[channel] as f32 + offset[channel]) * natural;
+                    slot[0] += (single_of(window.base()[channel]) + offset[channel]) * natural;
                     slot[1] += rate[channel] * natural;
                     slot[2] += acceleration[channel] * natural;
                 }
@@ -186,7 +187,11 @@ impl LoadModel {
 impl SpanLoad {
     /// From the largest demands found; `speed` is max |q'| / v_max.
     fn bounded(alpha: f32, beta_ticks: f32, speed: f32) -> Self {
-        let alpha = alpha.min(LOAD_ALPHA_MAX);
+        let alpha = if alpha < LOAD_ALPHA_MAX {
+            alpha
+        } else {
+            LOAD_ALPHA_MAX
+        };
         let mut rate_squared_max = CEILING_OPEN;
         if alpha * rate_squared_max > WARP_ROOM {
             rate_squared_max = WARP_ROOM / alpha;
@@ -198,9 +203,15 @@ impl SpanLoad {
             alpha,
             beta_ticks,
             // The plan itself is always allowed: it was checked exactly, this is an estimate.
-            rate_squared_max: rate_squared_max.max(1.0),
+            rate_squared_max: rate_squared_max.larger(1.0),
         }
     }
+}
+
+/// An i64 as f32 in two halves: the direct conversion is slow software on a Cortex-M4F.
+fn single_of(value: i64) -> f32 {
+    let high = (value >> 16) as i32 as f32;
+    high * 65_536.0 + (value & 0xffff) as i32 as f32
 }
 
 /// The pose as far as remainders need it: the tilt. Base and offset are scaled separately, so that

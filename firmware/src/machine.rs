@@ -63,10 +63,11 @@ impl Machine {
     pub fn servo_tick(&mut self) {
         if self.engine.overruns() != self.overruns {
             self.note_overrun();
+            self.stop_if_due();
         }
-        let program = self.motion.tick();
-        if !self.stop_if_due() {
-            self.engine.load(program);
+        match self.motion.tick() {
+            Some(program) => self.engine.load(program),
+            None => self.stop_if_due(),
         }
     }
 
@@ -80,6 +81,16 @@ impl Machine {
     pub fn run_servo_interval<O: StepOutput>(&mut self, output: &mut O) {
         self.servo_tick();
         self.engine.run_interval(output);
+    }
+
+    /// The step ticks of an interval whose servo tick was made, at once.
+    pub fn run_step_interval<O: StepOutput>(&mut self, output: &mut O) {
+        self.engine.run_interval(output);
+    }
+
+    /// True if a motor turns round within the interval that plays now.
+    pub fn step_interval_reverses(&self) -> bool {
+        self.engine.reverses()
     }
 
     /// Writes the next report frame into `out` (at least `FRAME_BYTES_MAX` long) and returns its
@@ -99,13 +110,11 @@ impl Machine {
         self.stop_if_due();
     }
 
-    fn stop_if_due(&mut self) -> bool {
-        let due = self.motion.take_stop();
-        if due {
+    fn stop_if_due(&mut self) {
+        if self.motion.take_stop() {
             let stopped = self.engine.stop();
             self.motion.engine_stopped(&stopped);
         }
-        due
     }
 
     fn note_overrun(&mut self) {

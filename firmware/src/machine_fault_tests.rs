@@ -191,12 +191,12 @@ fn garbage_lost_and_repeated_frames_change_no_step() {
     while host.machine.motion().state() != DeviceState::Finished {
         tick += 1;
         assert!(tick < 50_000);
-        if tick % 5 == 0 {
+        if tick.is_multiple_of(5) {
             let noise: Vec<u8> = (0..tick % 300).map(|i| (i * i + tick) as u8).collect();
             host.machine.handle_bytes(&noise);
             host.machine.handle_bytes(&[0]);
         }
-        if tick % 11 == 0 && host.knots_sent > 0 {
+        if tick.is_multiple_of(11) && host.knots_sent > 0 {
             // An old frame again, and one from the future.
             for sequence in [
                 host.stream_sequence.wrapping_sub(1),

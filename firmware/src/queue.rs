@@ -61,8 +61,9 @@ impl Ceiling {
     }
 }
 
+/// A comparison, because `min` is a call on a Cortex-M4F.
 #[inline]
-fn smaller(a: f32, b: f32) -> f32 {
+pub(crate) fn smaller(a: f32, b: f32) -> f32 {
     if a < b { a } else { b }
 }
 

@@ -11,6 +11,12 @@ use nalgebra::RealField;
 pub trait Real: RealField + Copy {
     /// Rounds a constant or setting to this type.
     fn of(value: f64) -> Self;
+    /// An integer, rounded to this type without a detour through f64.
+    fn of_integer(value: i32) -> Self;
+    /// The larger of two numbers. A comparison, because `max` is a call on a Cortex-M4F.
+    fn larger(self, other: Self) -> Self {
+        if self > other { self } else { other }
+    }
     /// Widens for reports and tests.
     fn as_double(self) -> f64;
     /// (sin, cos) of an angle in rad. f32: absolute error below 1.5e-7 for |angle| <= 1000 rad.
@@ -28,6 +34,9 @@ pub trait Real: RealField + Copy {
 impl Real for f64 {
     fn of(value: f64) -> Self {
         value
+    }
+    fn of_integer(value: i32) -> Self {
+        f64::from(value)
     }
     fn as_double(self) -> f64 {
         self
@@ -56,6 +65,9 @@ impl Real for f64 {
 
 impl Real for f32 {
     fn of(value: f64) -> Self {
+        value as f32
+    }
+    fn of_integer(value: i32) -> Self {
         value as f32
     }
     fn as_double(self) -> f64 {

@@ -86,7 +86,7 @@ impl SpanWindow {
         for channel in 0..CHANNELS {
             let difference = |later: usize| {
                 let (from, to) = (&self.control[later - 1], &self.control[later]);
-                integer_to_real::<R>(to[channel].wrapping_sub(from[channel]))
+                R::of_integer(to[channel].wrapping_sub(from[channel]))
             };
             let [a, b, c] = [difference(1), difference(2), difference(3)];
             polynomial.coefficients[channel] = weights.cubic(a, b, c);
@@ -94,10 +94,6 @@ impl SpanWindow {
         }
         polynomial
     }
-}
-
-fn integer_to_real<R: Real>(value: i32) -> R {
-    R::of(f64::from(value))
 }
 
 /// What the durations alone say about a span; shared by all channels.
@@ -113,7 +109,7 @@ struct SpanWeights<R> {
 
 impl<R: Real> SpanWeights<R> {
     fn new(durations_ticks: &[u16; 5]) -> Self {
-        let [h0, h1, h2, h3, h4] = durations_ticks.map(|ticks| R::of(f64::from(ticks)));
+        let [h0, h1, h2, h3, h4] = durations_ticks.map(|ticks| R::of_integer(i32::from(ticks)));
         let three = R::of(3.0);
         let (inner, outer) = (h1 + h2, h2 + h3);
         let first = h0 + inner;
@@ -148,7 +144,7 @@ impl<R: Real> SpanWeights<R> {
     #[inline]
     fn rate_bound(&self, a: R, b: R, c: R) -> R {
         let (da, db, dc) = (a * self.rate[0], b * self.rate[1], c * self.rate[2]);
-        da.abs().max(db.abs()).max(dc.abs())
+        da.abs().larger(db.abs()).larger(dc.abs())
     }
 }
 

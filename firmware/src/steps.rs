@@ -23,12 +23,10 @@ use crate::output::StepOutput;
 pub const POSITION_FRACTION_BITS: u32 = 31;
 /// One step.
 pub const STEP: i64 = 1 << POSITION_FRACTION_BITS;
-/// Most step ticks of a servo interval: the products below stay within 64 bits.
-pub const INTERVAL_TICKS_MAX: u32 = 1000;
+/// Most step ticks of a servo interval: its way, cut by [`WAY_SHIFT`], fits 32 bits.
+pub const INTERVAL_TICKS_MAX: u32 = 256;
 /// Fewest: the reciprocals fit 32 bits.
-pub const INTERVAL_TICKS_MIN: u32 = 4;
-/// Largest speed in 2^-31 steps per step tick.
-const SPEED_MAX: i64 = (STEP as f64 * STEP_RATE_SHARE_MAX) as i64;
+pub const INTERVAL_TICKS_MIN: u32 = 65;
 
 /// Converts channel units to positions in 2^-31 steps.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
@@ -75,12 +73,18 @@ pub fn steps_to_position(steps: f32) -> i64 {
 
 /// The whole number of steps at a position: rounded to nearest, halves up.
 pub fn count(position: i64) -> i64 {
-    (position + STEP / 2 + STEP_THRESHOLD_BIAS) >> POSITION_FRACTION_BITS
+    biased(position) >> POSITION_FRACTION_BITS
+}
+
+/// The position whose whole part is the count.
+#[inline]
+fn biased(position: i64) -> i64 {
+    position + (STEP / 2 + STEP_THRESHOLD_BIAS)
 }
 
 /// The engine's phase at a position: bit 31 is the parity of the count.
 fn phase(position: i64) -> u32 {
-    (position + STEP / 2 + STEP_THRESHOLD_BIAS) as u32
+    biased(position) as u32
 }
 
 /// A motor would need more than one step a tick.
@@ -88,12 +92,12 @@ fn phase(position: i64) -> u32 {
 pub struct StepRateExceeded {
     /// Which motor.
     pub motor: u8,
-    /// Its speed in thousandths of a step per step tick.
-    pub speed_permille: i32,
+    /// Steps that it would need in a servo interval, at its fastest.
+    pub steps_per_interval: u32,
 }
 
 /// One servo interval for all motors, in 2^-31 steps and step ticks.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+#[derive(Clone, Debug, Default, PartialEq, Eq)]
 pub struct StepProgram {
     velocity: [i32; MOTORS_MAX],
     acceleration: [i32; MOTORS_MAX],
@@ -118,50 +122,126 @@ pub struct Stopped {
     serial: u32,
 }
 
+/// Bits that a way (2^-31 steps) loses before it is divided: 2^-23 step remain.
+const WAY_SHIFT: u32 = 8;
+/// The same for twice the mean second difference.
+const BEND_SHIFT: u32 = 12;
+/// Scale of the reciprocals.
+const RECIPROCAL_BITS: u32 = 29;
+
+/// Numbers of the servo interval, N step ticks long.
+#[derive(Clone, Copy, Debug)]
+struct Interval {
+    ticks: i32,
+    /// 2^(29 + 8) / N.
+    reciprocal: i32,
+    /// 2^(29 + 12) / 2 N².
+    reciprocal_squared: i32,
+    /// N (N - 1) / 2.
+    triangle: i32,
+    /// Whole steps of an interval from which on the rate is refused.
+    steps_max: u32,
+}
+
+impl Interval {
+    fn new(ticks: u32) -> Self {
+        let ticks = ticks.clamp(INTERVAL_TICKS_MIN, INTERVAL_TICKS_MAX);
+        let n = u64::from(ticks);
+        let way = 1u64 << (RECIPROCAL_BITS + WAY_SHIFT);
+        let bend = 1u64 << (RECIPROCAL_BITS + BEND_SHIFT - 1);
+        Self {
+            ticks: ticks as i32,
+            reciprocal: ((way + n / 2) / n) as i32,
+            reciprocal_squared: ((bend + n * n / 2) / (n * n)) as i32,
+            triangle: (ticks * (ticks - 1) / 2) as i32,
+            steps_max: (f64::from(ticks) * STEP_RATE_SHARE_MAX) as u32,
+        }
+    }
+
+    /// A / N² from twice the mean second difference.
+    #[inline]
+    fn acceleration(&self, twice_mean: i64) -> i32 {
+        scaled((twice_mean >> BEND_SHIFT) as i32, self.reciprocal_squared)
+    }
+
+    /// way / N, rounded.
+    #[inline]
+    fn velocity(&self, way: i64) -> i32 {
+        scaled((way >> WAY_SHIFT) as i32, self.reciprocal)
+    }
+
+    /// Whole steps that the fastest tick would make in an interval, rounded up: the speed at the
+    /// ends of the parabola is (way ± A/2) / N.
+    #[inline]
+    fn steps_of_fastest(way: i64, twice_mean: i64) -> u32 {
+        let whole = ((way >> POSITION_FRACTION_BITS) as i32).unsigned_abs();
+        let bend = ((twice_mean >> (POSITION_FRACTION_BITS + 2)) as i32).unsigned_abs();
+        whole + bend
+    }
+}
+
+#[inline]
+fn scaled(value: i32, reciprocal: i32) -> i32 {
+    let product = i64::from(value) * i64::from(reciprocal);
+    ((product + (1 << (RECIPROCAL_BITS - 1))) >> RECIPROCAL_BITS) as i32
+}
+
+/// One motor's targets of the last three servo ticks, and where it really is.
+#[derive(Clone, Copy, Debug, Default)]
+struct MotorTrack {
+    /// q2, the newest.
+    newest: i64,
+    /// q2 - q1.
+    last_way: i64,
+    /// q1 - q0.
+    way_before: i64,
+    /// Where the last program ends.
+    end: i64,
+}
+
+impl MotorTrack {
+    fn at_rest(position: i64) -> Self {
+        Self {
+            newest: position,
+            end: position,
+            ..Self::default()
+        }
+    }
+}
+
 /// Targets -> programs, with the exact position of every motor.
 #[derive(Clone, Debug)]
 pub struct StepProgrammer {
     motors: usize,
-    interval_ticks: u32,
-    /// ceil(log2(interval_ticks)).
-    shift: u32,
-    /// 2^(30 + shift) / interval_ticks.
-    reciprocal: i32,
-    /// 2^(32 + shift) / interval_ticks².
-    reciprocal_squared: i32,
-    /// N (N - 1) / 2.
-    triangle: i32,
-    /// Targets of the last three servo ticks, oldest first.
-    history: [[i64; 3]; MOTORS_MAX],
-    /// Where the last program ends.
-    end: [i64; MOTORS_MAX],
+    interval: Interval,
+    tracks: [MotorTrack; MOTORS_MAX],
     directions: u8,
     phases_due: bool,
     serial: u32,
-    /// The last two programs with the positions at their starts, newest first.
-    recent: [([i64; MOTORS_MAX], StepProgram); 2],
+    /// The last two programs with the positions at their starts.
+    recent: [Recent; 2],
+    newer: bool,
+}
+
+/// A program and where it starts.
+#[derive(Clone, Debug, Default)]
+struct Recent {
+    starts: [i64; MOTORS_MAX],
+    program: StepProgram,
 }
 
 impl StepProgrammer {
-    /// All motors at position 0, at rest. `interval_ticks` is limited to 4..=1000.
+    /// All motors at position 0, at rest. `interval_ticks` is limited to 65..=256.
     pub fn new(motors: usize, interval_ticks: u32) -> Self {
-        let interval_ticks = interval_ticks.clamp(INTERVAL_TICKS_MIN, INTERVAL_TICKS_MAX);
-        let shift = u32::BITS - (interval_ticks - 1).leading_zeros();
-        let ticks = u64::from(interval_ticks);
         Self {
             motors: motors.min(MOTORS_MAX),
-            interval_ticks,
-            shift,
-            reciprocal: (((1u64 << (30 + shift)) + ticks / 2) / ticks) as i32,
-            reciprocal_squared: (((1u64 << (32 + shift)) + ticks * ticks / 2) / (ticks * ticks))
-                as i32,
-            triangle: (interval_ticks * (interval_ticks - 1) / 2) as i32,
-            history: [[0; 3]; MOTORS_MAX],
-            end: [0; MOTORS_MAX],
+            interval: Interval::new(interval_ticks),
+            tracks: [MotorTrack::default(); MOTORS_MAX],
             directions: 0,
             phases_due: true,
             serial: 0,
-            recent: [([0; MOTORS_MAX], StepProgram::default()); 2],
+            recent: Default::default(),
+            newer: false,
         }
     }
 
@@ -173,23 +253,23 @@ impl StepProgrammer {
 
     /// Goes on from where the motors really are, after the engine was stopped.
     fn resume_from(&mut self, positions: &[i64; MOTORS_MAX]) {
-        self.end = *positions;
-        self.history = positions.map(|position| [position; 3]);
+        self.tracks = positions.map(MotorTrack::at_rest);
     }
 
     /// Finds the motors after [`StepEngine::stop`] and goes on from there. False if the engine was
     /// not playing one of the last two programs, so the position is lost.
     pub fn recover(&mut self, stopped: &Stopped) -> bool {
-        let recent = self
+        let Some(recent) = self
             .recent
             .iter()
-            .find(|(_, program)| program.serial == stopped.serial);
-        let Some((start, program)) = recent else {
+            .find(|recent| recent.program.serial == stopped.serial)
+        else {
             return false;
         };
         let ticks = i64::from(stopped.ticks_played);
+        let program = &recent.program;
         let positions = core::array::from_fn(|motor| {
-            start[motor]
+            recent.starts[motor]
                 + i64::from(program.velocity[motor]) * ticks
                 + i64::from(program.acceleration[motor]) * (ticks * (ticks - 1) / 2)
         });
@@ -198,135 +278,141 @@ impl StepProgrammer {
     }
 
     /// Where the last program ends, in 2^-31 steps.
-    pub fn positions(&self) -> &[i64; MOTORS_MAX] {
-        &self.end
+    pub fn positions(&self) -> [i64; MOTORS_MAX] {
+        self.tracks.map(|track| track.end)
     }
 
-    /// The target that the last call of [`Self::program`] was given.
+    /// The target that the last call of [`Self::advance`] was given.
     pub fn newest_targets(&self) -> [i64; MOTORS_MAX] {
-        self.history.map(|[_, _, newest]| newest)
+        self.tracks.map(|track| track.newest)
     }
 
     /// True if the motors rest: the last targets are equal and were reached.
     pub fn is_at_rest(&self) -> bool {
-        self.history
-            .iter()
-            .zip(&self.end)
-            .all(|(history, end)| history.iter().all(|q| count(*q) == count(*end)))
-            && self.history.iter().all(|[a, b, c]| a == b && b == c)
+        self.tracks.iter().all(|track| {
+            track.last_way == 0 && track.way_before == 0 && count(track.newest) == count(track.end)
+        })
     }
 
-    /// Takes the next servo tick's targets and gives the interval that ends one tick before them.
+    /// The newest program.
+    pub fn newest(&self) -> &StepProgram {
+        &self.recent[usize::from(self.newer)].program
+    }
+
+    /// Takes the next servo tick's targets and programs the interval that ends one tick before
+    /// them ([`Self::newest`]).
     ///
     /// # Errors
     /// [`StepRateExceeded`] where a motor would need more than one step a tick.
-    pub fn program(
-        &mut self,
-        targets: &[i64; MOTORS_MAX],
-    ) -> Result<StepProgram, StepRateExceeded> {
-        let mut program = StepProgram::default();
-        let ticks = self.interval_ticks as i32;
+    pub fn advance(&mut self, targets: &[i64; MOTORS_MAX]) -> Result<(), StepRateExceeded> {
+        let interval = self.interval;
         self.serial = self.serial.wrapping_add(1);
-        program.serial = self.serial;
-        let starts = self.end;
-        for (motor, &q3) in targets.iter().enumerate().take(self.motors) {
-            let [q0, q1, q2] = self.history[motor];
-            self.history[motor] = [q1, q2, q3];
-            let twice_mean = q3.wrapping_sub(q2).wrapping_sub(q1.wrapping_sub(q0));
-            let way = q2.wrapping_sub(self.end[motor]);
+        self.newer = !self.newer;
+        // Written in place, over the older of the last two.
+        let recent = &mut self.recent[usize::from(self.newer)];
+        let program = &mut recent.program;
+        program.begin(self.serial);
+        let tracks = self.tracks.iter_mut().zip(&mut recent.starts);
+        for (motor, ((track, start), &target)) in tracks.zip(targets).enumerate().take(self.motors)
+        {
+            *start = track.end;
+            let way = track.newest.wrapping_sub(track.end);
+            let new_way = target.wrapping_sub(track.newest);
+            let twice_mean = new_way.wrapping_sub(track.way_before);
+            track.way_before = track.last_way;
+            track.last_way = new_way;
+            track.newest = target;
             if way == 0 && twice_mean == 0 {
+                program.velocity[motor] = 0;
+                program.acceleration[motor] = 0;
                 continue;
             }
-            let acceleration = self.acceleration(twice_mean);
-            let bend = i64::from(acceleration) * i64::from(self.triangle);
-            let velocity = self.velocity(way.wrapping_sub(bend));
-            let last = velocity + i64::from(acceleration) * i64::from(ticks - 1);
-            if velocity.abs().max(last.abs()) > SPEED_MAX {
-                return Err(step_rate_exceeded(motor, velocity, last));
+            let fastest = Interval::steps_of_fastest(way, twice_mean);
+            if fastest >= interval.steps_max {
+                return Err(StepRateExceeded {
+                    motor: motor as u8,
+                    steps_per_interval: fastest,
+                });
             }
-            let start = self.end[motor];
-            let end = start + velocity * i64::from(ticks) + bend;
-            self.end[motor] = end;
-            program.velocity[motor] = velocity as i32;
+            let acceleration = interval.acceleration(twice_mean);
+            let bend = i64::from(acceleration) * i64::from(interval.triangle);
+            let velocity = interval.velocity(way - bend);
+            let last = velocity + acceleration * (interval.ticks - 1);
+            track.end = *start + i64::from(velocity) * i64::from(interval.ticks) + bend;
+            program.velocity[motor] = velocity;
             program.acceleration[motor] = acceleration;
-            self.set_direction(&mut program, motor, (velocity, last), (start, end));
+            let moves = (biased(*start) ^ biased(track.end)) >> POSITION_FRACTION_BITS != 0;
+            program.set_direction(&mut self.directions, motor, (velocity, last), moves);
         }
         program.directions = self.directions;
         // What the engine will have on its pins when the interval ends.
         self.directions ^= program.reversing;
         if self.phases_due {
             self.phases_due = false;
-            program.phases = Some(starts.map(phase));
+            program.phases = Some(recent.starts.map(phase));
         }
-        self.recent = [(starts, program), self.recent[0]];
-        Ok(program)
+        Ok(())
+    }
+}
+
+impl StepProgram {
+    /// Cleared for a new interval; velocities and accelerations are all written anew.
+    fn begin(&mut self, serial: u32) {
+        self.serial = serial;
+        self.reversing = 0;
+        self.active = 0;
+        self.phases = None;
     }
 
     #[inline]
     fn set_direction(
         &mut self,
-        program: &mut StepProgram,
+        directions: &mut u8,
         motor: usize,
-        (velocity, last): (i64, i64),
-        (start, end): (i64, i64),
+        (velocity, last): (i32, i32),
+        moves: bool,
     ) {
         let bit = 1u8 << motor;
-        let reversing = (velocity < 0) != (last < 0);
+        let reversing = (velocity ^ last) < 0;
         if reversing {
-            program.reversing |= bit;
-        }
-        if reversing || count(start) != count(end) {
-            program.active |= bit;
+            self.reversing |= bit;
         }
         // A motor that only creeps within one count keeps its direction pin.
-        if program.active & bit != 0 {
+        if reversing || moves {
+            self.active |= bit;
             if velocity < 0 {
-                self.directions &= !bit;
+                *directions &= !bit;
             } else {
-                self.directions |= bit;
+                *directions |= bit;
             }
         }
     }
-
-    /// A / N² from twice the mean second difference, saturating (the speed check then refuses).
-    #[inline]
-    fn acceleration(&self, twice_mean: i64) -> i32 {
-        let coarse = saturate(twice_mean >> (self.shift + 3));
-        let product = i64::from(coarse) * i64::from(self.reciprocal_squared);
-        saturate((product + (1 << 29)) >> 30)
-    }
-
-    /// way / N, rounded; far out of range where it is.
-    #[inline]
-    fn velocity(&self, way: i64) -> i64 {
-        let coarse = saturate(way >> self.shift);
-        (i64::from(coarse) * i64::from(self.reciprocal) + (1 << 29)) >> 30
-    }
 }
 
-#[inline]
-fn saturate(value: i64) -> i32 {
-    value.clamp(i64::from(i32::MIN), i64::from(i32::MAX)) as i32
+/// One motor's second-order integrator, in 2^-31 steps.
+#[derive(Clone, Copy, Debug, Default)]
+struct Integrator {
+    phase: u32,
+    velocity: i32,
+    acceleration: i32,
 }
 
-fn step_rate_exceeded(motor: usize, first: i64, last: i64) -> StepRateExceeded {
-    let fastest = if first.abs() > last.abs() {
-        first
-    } else {
-        last
-    };
-    StepRateExceeded {
-        motor: motor as u8,
-        speed_permille: saturate(((fastest >> 10) * 1000) >> (POSITION_FRACTION_BITS - 10)),
+impl Integrator {
+    /// One step tick; bit 31 of the result says that a step is due.
+    #[inline(always)]
+    fn advance(&mut self) -> u32 {
+        let old = self.phase;
+        let new = old.wrapping_add(self.velocity as u32);
+        self.phase = new;
+        self.velocity = self.velocity.wrapping_add(self.acceleration);
+        old ^ new
     }
 }
 
 /// Plays programs, one step tick at a time. On a board it belongs to the step interrupt.
 #[derive(Clone, Debug)]
 pub struct StepEngine {
-    phase: [u32; MOTORS_MAX],
-    velocity: [i32; MOTORS_MAX],
-    acceleration: [i32; MOTORS_MAX],
+    integrators: [Integrator; MOTORS_MAX],
     ticks_left: u32,
     reversing: u8,
     active: u8,
@@ -346,9 +432,7 @@ impl StepEngine {
     pub fn new(interval_ticks: u32) -> Self {
         let interval_ticks = interval_ticks.clamp(INTERVAL_TICKS_MIN, INTERVAL_TICKS_MAX);
         Self {
-            phase: [0; MOTORS_MAX],
-            velocity: [0; MOTORS_MAX],
-            acceleration: [0; MOTORS_MAX],
+            integrators: [Integrator::default(); MOTORS_MAX],
             ticks_left: interval_ticks,
             reversing: 0,
             active: 0,
@@ -363,13 +447,18 @@ impl StepEngine {
     }
 
     /// Hands over the next interval. It starts when the one that plays now has ended.
-    pub fn load(&mut self, program: StepProgram) {
-        self.next = Some(program);
+    pub fn load(&mut self, program: &StepProgram) {
+        self.next = Some(program.clone());
     }
 
     /// How often an interval ended with no next one: the servo was late, or step ticks were lost.
     pub fn overruns(&self) -> u32 {
         self.overruns
+    }
+
+    /// True if a motor turns round within the interval that plays now.
+    pub fn reverses(&self) -> bool {
+        self.reversing != 0
     }
 
     /// Step ticks since start-up.
@@ -379,8 +468,10 @@ impl StepEngine {
 
     /// Stops at once, in the middle of an interval.
     pub fn stop(&mut self) -> Stopped {
-        self.velocity = [0; MOTORS_MAX];
-        self.acceleration = [0; MOTORS_MAX];
+        for integrator in &mut self.integrators {
+            integrator.velocity = 0;
+            integrator.acceleration = 0;
+        }
         self.reversing = 0;
         self.active = 0;
         self.next = None;
@@ -395,15 +486,12 @@ impl StepEngine {
     /// than the motors.
     #[inline]
     pub fn tick<O: StepOutput>(&mut self, output: &mut O) {
-        let mut motors = 0u32;
-        let mut forward = 0u32;
-        for motor in 0..MOTORS_MAX {
-            let old = self.phase[motor];
-            let new = old.wrapping_add(self.velocity[motor] as u32);
-            self.phase[motor] = new;
-            self.velocity[motor] = self.velocity[motor].wrapping_add(self.acceleration[motor]);
-            motors |= ((old ^ new) >> 31) << motor;
+        // Each motor's toggle enters at bit 31 and moves down: motor 0 ends in bit 24.
+        let mut toggles = 0u32;
+        for integrator in &mut self.integrators {
+            toggles = (toggles >> 1) | (integrator.advance() & 0x8000_0000);
         }
+        let motors = toggles >> 24;
         if motors != 0 {
             output.step(self.now_tick(), motors as u8);
         }
@@ -411,10 +499,12 @@ impl StepEngine {
         if self.ticks_left == 0 {
             self.next_interval(output);
         } else if self.reversing != 0 {
-            for motor in 0..MOTORS_MAX {
-                forward |= (!(self.velocity[motor] as u32) >> 31) << motor;
+            let mut forward = 0u32;
+            for integrator in &self.integrators {
+                forward = (forward >> 1) | (!(integrator.velocity as u32) & 0x8000_0000);
             }
-            let turned = (forward as u8 ^ self.directions) & self.reversing;
+            let forward = (forward >> 24) as u8;
+            let turned = (forward ^ self.directions) & self.reversing;
             if turned != 0 {
                 self.directions ^= turned;
                 output.set_directions(self.directions);
@@ -450,23 +540,23 @@ impl StepEngine {
 
     /// All remaining ticks of one motor; sets its bit in the ticks where a step is due.
     fn play_motor(&mut self, motor: usize, due: &mut [u8]) {
-        let (mut phase, mut velocity) = (self.phase[motor], self.velocity[motor]);
-        let acceleration = self.acceleration[motor];
+        let Some(integrator) = self.integrators.get_mut(motor) else {
+            return;
+        };
         if self.active >> motor & 1 == 0 {
             let ticks = due.len() as u32;
             let triangle = ticks.wrapping_mul(ticks.wrapping_sub(1)) / 2;
-            self.phase[motor] = phase
-                .wrapping_add((velocity as u32).wrapping_mul(ticks))
-                .wrapping_add((acceleration as u32).wrapping_mul(triangle));
+            integrator.phase = integrator
+                .phase
+                .wrapping_add((integrator.velocity as u32).wrapping_mul(ticks))
+                .wrapping_add((integrator.acceleration as u32).wrapping_mul(triangle));
             return;
         }
+        let mut local = *integrator;
         for slot in due {
-            let new = phase.wrapping_add(velocity as u32);
-            velocity = velocity.wrapping_add(acceleration);
-            *slot |= (((phase ^ new) >> 31) as u8) << motor;
-            phase = new;
+            *slot |= ((local.advance() >> 31) as u8) << motor;
         }
-        self.phase[motor] = phase;
+        *integrator = local;
     }
 
     fn next_interval<O: StepOutput>(&mut self, output: &mut O) {
@@ -480,11 +570,15 @@ impl StepEngine {
         };
         self.serial = program.serial;
         self.stopped_at = None;
-        if let Some(phases) = program.phases {
-            self.phase = phases;
+        for (motor, integrator) in self.integrators.iter_mut().enumerate() {
+            integrator.velocity = program.velocity[motor];
+            integrator.acceleration = program.acceleration[motor];
         }
-        self.velocity = program.velocity;
-        self.acceleration = program.acceleration;
+        if let Some(phases) = program.phases {
+            for (integrator, phase) in self.integrators.iter_mut().zip(phases) {
+                integrator.phase = phase;
+            }
+        }
         self.reversing = program.reversing;
         self.active = program.active;
         if self.directions != program.directions {

@@ -44,7 +44,8 @@ fn play(
     for tick in 0..ticks {
         let t = (f64::from(tick) / f64::from(SERVO_HZ)).min(seconds);
         let targets = core::array::from_fn(|m| (curve(m, t) * STEP as f64) as i64);
-        engine.load(programmer.program(&targets).unwrap());
+        programmer.advance(&targets).unwrap();
+        engine.load(programmer.newest());
         if fast {
             engine.run_interval(&mut record);
         } else {
@@ -54,7 +55,7 @@ fn play(
         }
     }
     assert_eq!(engine.overruns(), 0);
-    (record, *programmer.positions())
+    (record, programmer.positions())
 }
 
 #[test]
@@ -142,14 +143,14 @@ fn a_rate_above_the_step_tick_is_refused() {
     for _ in 0..5 {
         // 99 steps in 100 ticks.
         targets[0] += 99 * STEP;
-        if let Err(error) = programmer.program(&targets) {
+        if let Err(error) = programmer.advance(&targets) {
             refused = Some(error);
             break;
         }
     }
     let refused = refused.unwrap();
     assert_eq!(refused.motor, 0);
-    assert!(refused.speed_permille >= 980, "{refused:?}");
+    assert!(refused.steps_per_interval >= 98, "{refused:?}");
 }
 
 #[test]
@@ -159,7 +160,8 @@ fn a_missing_program_stops_the_motors_and_is_counted() {
     let mut record = Record::default();
     for tick in 0..20i64 {
         let targets = [tick * 20 * STEP; MOTORS_MAX];
-        engine.load(programmer.program(&targets).unwrap());
+        programmer.advance(&targets).unwrap();
+        engine.load(programmer.newest());
         engine.run_interval(&mut record);
     }
     engine.run_interval(&mut record);

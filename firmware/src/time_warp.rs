@@ -9,7 +9,8 @@
 use crate::design::{CEILING_OPEN, WARP_ROOM};
 use crate::interpolator::TICK_Q16;
 use crate::load::SpanLoad;
-use crate::queue::Ceiling;
+use crate::queue::{Ceiling, smaller};
+use crate::real::Real;
 
 /// Present rate, 2^-16.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
@@ -71,11 +72,11 @@ impl WarpBounds {
         }
         let slope = self.slope(old, old);
         if wanted < old {
-            return (old - slope).max(wanted);
+            return (old - slope).larger(wanted);
         }
         // The room shrinks while the rate grows: take the slope of where it will be.
-        let reached = (old + slope).min(wanted);
-        (old + self.slope(reached, reached)).min(wanted)
+        let reached = smaller(old + slope, wanted);
+        smaller(old + self.slope(reached, reached), wanted)
     }
 
     /// Safe |sigma'| per tick at `rate`, over the spans that the tick can touch.
@@ -85,7 +86,7 @@ impl WarpBounds {
         if step_ticks < self.remaining_ticks {
             here
         } else {
-            here.min(slope_of(&self.next_load, square))
+            smaller(here, slope_of(&self.next_load, square))
         }
     }
 
@@ -95,8 +96,8 @@ impl WarpBounds {
             return rate;
         }
         let here = self.ceiling_at_end.before(self.remaining_ticks, &self.load);
-        self.below(here.limits, self.ahead(old.max(rate)).limits, rate)
-            .max(1.0)
+        self.below(here.limits, self.ahead(old.larger(rate)).limits, rate)
+            .larger(1.0)
     }
 
     /// Not faster than the head can be stopped by the end of the queue.
@@ -105,8 +106,8 @@ impl WarpBounds {
             return rate;
         }
         let here = self.ceiling_at_end.before(self.remaining_ticks, &self.load);
-        self.below(here.stop, self.ahead(old.max(rate)).stop, rate)
-            .max(0.0)
+        self.below(here.stop, self.ahead(old.larger(rate)).stop, rate)
+            .larger(0.0)
     }
 
     /// Ceilings after one tick at `rate`.
@@ -118,7 +119,7 @@ impl WarpBounds {
         let end = self.ceiling_at_end;
         let drop = -2.0 * left * slope_of(&self.next_load, end.stop);
         Ceiling {
-            stop: (end.stop - drop).max(0.0),
+            stop: (end.stop - drop).larger(0.0),
             limits: end.limits,
         }
     }
@@ -126,12 +127,12 @@ impl WarpBounds {
     /// Largest rate up to `rate` after which the ceiling still holds one tick later:
     /// sigma² <= here - 2 k sigma, the ceiling's slope 2k taken where it is steepest.
     fn below(&self, here: f32, ahead: f32, rate: f32) -> f32 {
-        let steepest = slope_of(&self.load, ahead).max(slope_of(&self.next_load, ahead));
+        let steepest = slope_of(&self.load, ahead).larger(slope_of(&self.next_load, ahead));
         if here >= CEILING_OPEN && ahead >= CEILING_OPEN || rate * (rate + 2.0 * steepest) <= here {
             return rate;
         }
         let highest = libm::sqrtf(steepest * steepest + here) - steepest;
-        highest.min(rate)
+        smaller(highest, rate)
     }
 }
 

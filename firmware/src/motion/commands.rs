@@ -1,6 +1,7 @@
 //! What the link may ask of the motion. A board calls these under a short lock.
 
 use super::{CommandError, Motion, Phase, Reference, ticks_of_ms};
+use crate::configuration::MOTORS_MAX;
 use crate::design::HOLD_RETRACT_DELAY_MS;
 use crate::hold::Hold;
 use crate::interpolator::Interpolator;
@@ -55,13 +56,14 @@ impl Motion {
         let interpolator = Interpolator::at_rest(position);
         let mut joints = self.joints.clone();
         joints.set_base(interpolator.base());
-        let mut targets = joints
-            .targets(&interpolator.offset())
+        let mut targets = [0; MOTORS_MAX];
+        joints
+            .targets(&interpolator.offset(), &mut targets)
             .map_err(|_| CommandError::Invalid)?;
         let here = self.programmer.positions();
         let moved = targets
             .iter()
-            .zip(here)
+            .zip(&here)
             .take(joints.count())
             .any(|(target, here)| count(*target) != count(*here));
         if moved && !declares {

@@ -11,7 +11,7 @@
 mod commands;
 mod status;
 
-use crate::configuration::MachineConfiguration;
+use crate::configuration::{MOTORS_MAX, MachineConfiguration};
 use crate::design::{
     HOLD_RETRACT_DELAY_MS, QUEUE_EVENTS, QUIET_START_MS, START_QUEUED_MS, START_ROOM_KNOTS,
 };
@@ -126,20 +126,25 @@ impl Motion {
 
     /// One servo tick: evaluates the pose of now, programs the interval that follows the one that
     /// the engine has, and moves segment time on.
-    pub fn tick(&mut self) -> StepProgram {
+    ///
+    /// `None` after a fault: the engine is to be stopped ([`Self::take_stop`]).
+    pub fn tick(&mut self) -> Option<&StepProgram> {
         self.now_ticks += 1;
         self.gate();
         self.begin_due_events();
-        match self.program_targets() {
-            Ok(program) => {
-                self.move_on();
-                program
-            }
+        let targets = match self.targets_now() {
+            Ok(targets) => targets,
             Err(fault) => {
                 self.stop_at_once(fault);
-                StepProgram::default()
+                return None;
             }
+        };
+        self.move_on();
+        if let Err(exceeded) = self.programmer.advance(&targets) {
+            self.stop_at_once(step_rate_fault(exceeded, self.servo_hz));
+            return None;
         }
+        Some(self.programmer.newest())
     }
 
     /// Lets a resting stream go on once enough is queued and the melt is ready.
@@ -188,18 +193,19 @@ impl Motion {
         }
     }
 
-    fn program_targets(&mut self) -> Result<StepProgram, Fault> {
+    /// Where the motors are to be, for the pose of now.
+    fn targets_now(&mut self) -> Result<[i64; MOTORS_MAX], Fault> {
         if self.reference != Reference::Known {
             // Nobody knows where the interpolator's pose would be: the motors stay where they are.
-            let here = *self.programmer.positions();
-            return self.programmer.program(&here).map_err(step_rate_fault);
+            return Ok(self.programmer.positions());
         }
         let offset = self.interpolator.offset();
-        let mut targets = self.joints.targets(&offset)?;
+        let mut targets = [0; MOTORS_MAX];
+        self.joints.targets(&offset, &mut targets)?;
         if let Some(extruder) = targets.get_mut(self.joints.count()) {
             *extruder = self.flow.target(offset[CHANNEL_VOLUME]);
         }
-        self.programmer.program(&targets).map_err(step_rate_fault)
+        Ok(targets)
     }
 
     /// Chooses the path rate and moves segment time on by it.
@@ -328,10 +334,10 @@ fn ticks_of_ms(ms: u32, servo_hz: u32) -> u32 {
     ms * servo_hz / 1000
 }
 
-fn step_rate_fault(exceeded: StepRateExceeded) -> Fault {
+fn step_rate_fault(exceeded: StepRateExceeded, servo_hz: u32) -> Fault {
     Fault {
         cause: FaultCause::StepRate,
         index: exceeded.motor,
-        value: exceeded.speed_permille,
+        value: exceeded.steps_per_interval.saturating_mul(servo_hz) as i32,
     }
 }
