@@ -5,6 +5,7 @@ pub mod link;
 pub mod plan_curve;
 pub mod record;
 pub mod rehearsal;
+pub mod round_trip;
 pub mod sender;
 pub mod sender_state;
 pub mod servo_walk;

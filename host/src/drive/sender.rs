@@ -11,8 +11,9 @@
 //! Left out: opening and closing the line, which is the transport's affair; this machine goes on
 //! by itself when the line comes back.
 
+use crate::drive::round_trip::{RETRY_MAX_US, RETRY_MIN_US, RoundTrip};
 use crate::drive::sender_state::{
-    SenderError, SenderEvent, SenderFigures, SenderSetup, SenderState,
+    InFlight, SenderError, SenderEvent, SenderFigures, SenderSetup, SenderState,
 };
 use crate::wire_frames::WireFrames;
 use headway_protocol::frame::{FRAME_BYTES_MAX, FrameDecoder, encode_frame, encode_payload};
@@ -24,16 +25,12 @@ use std::collections::VecDeque;
 
 /// How long the caller may wait between two polls.
 pub const POLL_INTERVAL_US: u64 = 5_000;
-/// First guess of the round trip: a slow line with a full window.
-const ROUND_TRIP_START_US: u64 = 100_000;
-/// Shortest wait before a repeat: below it a busy controller would be asked twice.
-const RETRY_MIN_US: u64 = 10_000;
-/// Longest wait between repeats on a silent line: how soon a returned cable is noticed.
-const RETRY_MAX_US: u64 = 500_000;
 /// Silence after which the controller is asked for its status.
 const KEEP_ALIVE_US: u64 = 200_000;
 /// The same while the stream waits for credits or for its end: their news may have been lost.
 const KEEP_ALIVE_WAITING_US: u64 = 50_000;
+/// Unanswered control messages after which every other one is a greeting.
+const TRIES_BEFORE_HELLO: u32 = 2;
 /// Bytes under way before an acknowledgement is awaited: 20 ms at 1 Mbaud, enough for USB's
 /// latency, little enough that a control message is never far behind.
 const WINDOW_BYTES: usize = 2048;
@@ -45,6 +42,7 @@ struct Outstanding {
     what: ControlMessage,
     sent_us: Option<u64>,
     retry_us: u64,
+    tries: u32,
 }
 
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -52,14 +50,6 @@ enum ControlMessage {
     Hello,
     Start,
     Command(Control),
-}
-
-/// A stream frame on its way.
-#[derive(Clone, Copy, Debug)]
-struct InFlight {
-    sent_us: u64,
-    bytes: usize,
-    repeated: bool,
 }
 
 /// The host's end of one stream.
@@ -86,8 +76,7 @@ pub struct Sender {
     in_flight: VecDeque<InFlight>,
     knot_limit: u32,
     event_limit: u32,
-    round_trip_us: u64,
-    round_trip_deviation_us: u64,
+    round_trip: RoundTrip,
     retry_us: u64,
     /// The frame that was gone back to last, and when.
     went_back: Option<(usize, u64)>,
@@ -116,9 +105,8 @@ impl Sender {
             in_flight: VecDeque::new(),
             knot_limit: 0,
             event_limit: 0,
-            round_trip_us: ROUND_TRIP_START_US,
-            round_trip_deviation_us: ROUND_TRIP_START_US / 2,
-            retry_us: ROUND_TRIP_START_US,
+            round_trip: RoundTrip::default(),
+            retry_us: RoundTrip::default().estimate_us(),
             went_back: None,
             heard_us: 0,
             asked_us: 0,
@@ -129,6 +117,16 @@ impl Sender {
     /// Where the conversation is.
     pub fn state(&self) -> &SenderState {
         &self.state
+    }
+
+    /// The stream that is sent.
+    pub fn frames(&self) -> &WireFrames {
+        &self.frames
+    }
+
+    /// What the sender was told at the start.
+    pub fn setup(&self) -> &SenderSetup {
+        &self.setup
     }
 
     /// Counters.
@@ -143,7 +141,7 @@ impl Sender {
 
     /// Estimated round trip.
     pub fn round_trip_us(&self) -> u64 {
-        self.round_trip_us
+        self.round_trip.estimate_us()
     }
 
     /// Queues a command. An emergency stop goes at once and drops all others.
@@ -211,6 +209,7 @@ impl Sender {
             what,
             sent_us: None,
             retry_us: self.retry_us.max(RETRY_MIN_US),
+            tries: 0,
         });
     }
 
@@ -234,14 +233,21 @@ impl Sender {
             outstanding.retry_us = (outstanding.retry_us * 2).min(RETRY_MAX_US);
         }
         outstanding.sent_us = Some(now_us);
+        outstanding.tries += 1;
         self.asked_us = now_us;
         self.outstanding = Some(outstanding);
+        let hello = HostMessage::Hello(Hello {
+            protocol_version: PROTOCOL_VERSION,
+            schema_hash: SCHEMA_HASH,
+            host_session: self.setup.host_session,
+        });
+        if outstanding.tries > TRIES_BEFORE_HELLO && outstanding.tries % 2 == 0 {
+            // A controller that has restarted hears nothing but a greeting. It is older than what
+            // waits for an answer, so that it takes nothing away from it.
+            return encode_frame(outstanding.sequence.wrapping_sub(1), &hello, out).ok();
+        }
         let message = match outstanding.what {
-            ControlMessage::Hello => HostMessage::Hello(Hello {
-                protocol_version: PROTOCOL_VERSION,
-                schema_hash: SCHEMA_HASH,
-                host_session: self.setup.host_session,
-            }),
+            ControlMessage::Hello => hello,
             ControlMessage::Start => HostMessage::Start(Start {
                 job: self.frames.job(),
                 machine_hash: self.setup.machine_hash,
@@ -323,7 +329,11 @@ impl Sender {
 
     fn handle_welcome(&mut self, welcome: &Welcome) {
         let is_ours = welcome.host_session == self.setup.host_session;
-        if self.state != SenderState::Greeting || !is_ours {
+        if !is_ours {
+            return;
+        }
+        if self.state != SenderState::Greeting {
+            self.is_session(welcome.session);
             return;
         }
         self.outstanding = None;
@@ -420,17 +430,10 @@ impl Sender {
         self.acknowledged = taken;
         self.cursor = self.cursor.max(taken);
         if let Some(frame) = newest.filter(|frame| !frame.repeated) {
-            self.measure_round_trip(now_us.saturating_sub(frame.sent_us));
+            self.round_trip
+                .measure(now_us.saturating_sub(frame.sent_us));
         }
-        self.retry_us = (self.round_trip_us + 4 * self.round_trip_deviation_us)
-            .clamp(RETRY_MIN_US, RETRY_MAX_US);
-    }
-
-    /// Jacobson's estimate, as in TCP (RFC 6298); repeats are not measured (Karn).
-    fn measure_round_trip(&mut self, sample_us: u64) {
-        let deviation_us = self.round_trip_us.abs_diff(sample_us);
-        self.round_trip_deviation_us = (3 * self.round_trip_deviation_us + deviation_us) / 4;
-        self.round_trip_us = (7 * self.round_trip_us + sample_us) / 8;
+        self.retry_us = self.round_trip.retry_us();
     }
 
     /// The controller asks for the frame after the acknowledged ones.
@@ -440,7 +443,7 @@ impl Sender {
         }
         // A second request for the same frame within a round trip is an echo of the first gap.
         let is_echo = self.went_back.is_some_and(|(frame, at_us)| {
-            frame == self.acknowledged && now_us < at_us + self.round_trip_us
+            frame == self.acknowledged && now_us < at_us + self.round_trip.estimate_us()
         });
         if !is_echo {
             self.go_back(now_us, self.acknowledged);

@@ -136,6 +136,14 @@ pub struct SenderFigures {
     pub credit_waits: u64,
 }
 
+/// A stream frame on its way.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct InFlight {
+    pub(super) sent_us: u64,
+    pub(super) bytes: usize,
+    pub(super) repeated: bool,
+}
+
 impl SenderSetup {
     /// Can this controller run the job?
     pub(super) fn check_welcome(&self, welcome: &Welcome) -> Result<(), SenderError> {

@@ -8,7 +8,9 @@
 use crate::drive::link::{Line, LinkSpec};
 use crate::drive::record::MotionRecord;
 use crate::drive::sender::Sender;
-use crate::drive::sender_state::{SenderError, SenderEvent, SenderSetup, SenderState};
+use crate::drive::sender_state::{
+    SenderError, SenderEvent, SenderFigures, SenderSetup, SenderState,
+};
 use crate::drive::trace::counts_at;
 use crate::wire_frames::WireFrames;
 use headway_firmware::configuration::{ConfigurationError, MOTORS_MAX, MachineConfiguration};
@@ -109,6 +111,11 @@ pub struct Simulator {
     bytes: Vec<u8>,
     out: [u8; FRAME_BYTES_MAX],
     stream_ticks: u64,
+    /// The host is dead until then.
+    host_dead_until_us: u64,
+    /// Starts of host and controller, for session numbers.
+    starts: u32,
+    sent_before: SenderFigures,
 }
 
 impl Simulator {
@@ -157,7 +164,42 @@ impl Simulator {
             bytes: Vec::new(),
             out: [0; FRAME_BYTES_MAX],
             stream_ticks,
+            host_dead_until_us: 0,
+            starts: 0,
+            sent_before: SenderFigures::default(),
         })
+    }
+
+    /// The host dies, and after a while a new one goes on with the same job.
+    pub fn restart_host(&mut self, dead_us: u64) {
+        self.starts += 1;
+        self.host_dead_until_us = self.now_us() + dead_us;
+        let sent = self.sender.figures();
+        self.sent_before.bytes_sent += sent.bytes_sent;
+        self.sent_before.frames_sent += sent.frames_sent;
+        self.sent_before.frames_resent += sent.frames_resent;
+        let setup = SenderSetup {
+            host_session: self.sender.setup().host_session.wrapping_add(self.starts),
+            resume: true,
+            ..*self.sender.setup()
+        };
+        self.sender = Sender::new(self.sender.frames().clone(), setup);
+    }
+
+    /// The controller dies and starts anew, without memory.
+    ///
+    /// # Errors
+    /// [`SimulatorError::Configuration`].
+    pub fn restart_controller(&mut self) -> Result<(), SimulatorError> {
+        self.starts += 1;
+        self.machine = Machine::new(&self.configuration, 0xdead_0000 + self.starts)
+            .map_err(SimulatorError::Configuration)?;
+        Ok(())
+    }
+
+    /// What was recorded so far.
+    pub fn record(&self) -> &MotionRecord {
+        &self.record
     }
 
     /// Virtual time.
@@ -227,6 +269,9 @@ impl Simulator {
         }
         self.bytes.clear();
         self.up.receive(now_us, &mut self.bytes);
+        if now_us < self.host_dead_until_us {
+            return;
+        }
         self.sender.handle_bytes(now_us, &self.bytes);
         while self.down.backlog_us(now_us) < LINE_AHEAD_US {
             let Some(length) = self.sender.poll_transmit(now_us, &mut self.out) else {
@@ -255,13 +300,26 @@ impl Simulator {
     ///
     /// # Errors
     /// [`SimulatorError`]; a latched fault is not one, it is in the result.
-    pub fn run(mut self, mut progress: impl FnMut(f64)) -> Result<Simulation, SimulatorError> {
+    pub fn run(self, mut progress: impl FnMut(f64)) -> Result<Simulation, SimulatorError> {
+        self.run_disturbed(|simulator| {
+            if simulator.servo_tick.is_multiple_of(1000) {
+                progress(simulator.progress());
+            }
+        })
+    }
+
+    /// Runs to the end; `disturb` is called before every servo tick and may restart either side.
+    ///
+    /// # Errors
+    /// As [`Simulator::run`].
+    pub fn run_disturbed(
+        mut self,
+        mut disturb: impl FnMut(&mut Self),
+    ) -> Result<Simulation, SimulatorError> {
         let stuck_ticks = (STUCK_S * f64::from(self.configuration.servo_hz)) as u64;
         while !self.is_over() {
+            disturb(&mut self);
             self.tick();
-            if self.servo_tick.is_multiple_of(1000) {
-                progress(self.progress());
-            }
             if self.servo_tick > self.lively_tick + stuck_ticks {
                 return Err(SimulatorError::Stuck {
                     at_s: self.now_us() / 1_000_000,
@@ -276,7 +334,6 @@ impl Simulator {
         for _ in 0..TAIL_TICKS {
             self.machine.run_servo_interval(&mut self.record.steps);
         }
-        progress(1.0);
         Ok(self.finish(fault))
     }
 
@@ -295,8 +352,8 @@ impl Simulator {
             step_digest: format!("{:016x}", self.record.digest(ratio)),
             final_counts: self.record.final_counts()[..motors].to_vec(),
             steps: self.record.steps.len() as u64,
-            bytes: sent.bytes_sent,
-            resent_frames: sent.frames_resent,
+            bytes: self.sent_before.bytes_sent + sent.bytes_sent,
+            resent_frames: self.sent_before.frames_resent + sent.frames_resent,
             underruns: u64::from(motion.underruns()),
             holds: u64::from(motion.holds()),
             faults: u64::from(fault.is_some()),
