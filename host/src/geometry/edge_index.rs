@@ -84,6 +84,10 @@ impl EdgeIndex {
         let bounds = Box2::of(&ends).grown(1e-6);
         let size = bounds.size();
         let mut cell_mm = cell_mm.max(1e-3);
+        if !(size.x.is_finite() && size.y.is_finite()) {
+            // Coordinates beyond all sense still get an answer: one cell that holds everything.
+            cell_mm = f64::INFINITY;
+        }
         while (size.x / cell_mm + 1.0) * (size.y / cell_mm + 1.0) > CELLS_MAX as f64 {
             cell_mm *= 1.5;
         }
@@ -291,6 +295,95 @@ impl EdgeIndex {
             distance
         } else {
             -distance
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn random_edges(count: usize, far: f64) -> Vec<Edge> {
+        let mut state = 9u64;
+        let mut random = || {
+            state = state
+                .wrapping_mul(6364136223846793005)
+                .wrapping_add(1442695040888963407);
+            (state >> 33) as f64 / (1u64 << 31) as f64
+        };
+        let mut points: Vec<Point2> = (0..count)
+            .map(|i| {
+                let (sin, cos) = (i as f64 * std::f64::consts::TAU / count as f64).sin_cos();
+                let r = 3.0 + 20.0 * random();
+                Point2::new(far + r * cos, far - r * sin)
+            })
+            .collect();
+        points.push(points[0]);
+        points
+            .windows(2)
+            .map(|w| Edge { a: w[0], b: w[1] })
+            .collect()
+    }
+
+    /// Goal: the grid changes nothing but the time. Method: nearest edge, containment and edges in
+    /// a box against loops over all edges, for cells from far too small to far too large.
+    #[test]
+    fn queries_agree_with_loops() {
+        for (cell_mm, far) in [(0.05, 0.0), (0.6, 5000.0), (7.0, -300.0), (500.0, 0.0)] {
+            let edges = random_edges(150, far);
+            let index = EdgeIndex::new(edges.clone(), cell_mm);
+            let (mut inside, mut outside) = (0, 0);
+            for i in 0..40 {
+                for j in 0..40 {
+                    let p = Point2::new(
+                        far - 26.0 + 1.3001 * f64::from(i),
+                        far - 26.0 + 1.2999 * f64::from(j),
+                    );
+                    let least = edges
+                        .iter()
+                        .map(|e| (e.foot(p) - p).norm())
+                        .fold(f64::MAX, f64::min);
+                    assert_eq!(index.nearest(p).unwrap().distance_mm, least);
+                    assert_eq!(index.nearest_within(p, 1.0).is_some(), least <= 1.0);
+                    let crossings = edges
+                        .iter()
+                        .filter(|e| super::super::polygon::crosses_ray(e.a, e.b, p))
+                        .count();
+                    assert_eq!(index.contains(p), crossings % 2 == 1);
+                    inside += crossings % 2;
+                    outside += 1 - crossings % 2;
+                    let area = Box2 { min: p, max: p }.grown(0.9);
+                    let mut seen = vec![false; edges.len()];
+                    index.for_edges_in(area, |n| seen[n] = true);
+                    for (number, edge) in edges.iter().enumerate() {
+                        assert!(seen[number] || (edge.foot(p) - p).norm() > 0.9);
+                    }
+                }
+            }
+            assert!(inside > 100 && outside > 100);
+        }
+    }
+
+    /// Goal: senseless coordinates neither hang nor exhaust memory.
+    #[test]
+    fn senseless_coordinates() {
+        for far in [1e300, f64::MAX] {
+            let p = |x: f64, y: f64| Point2::new(x, y);
+            let edges = vec![
+                Edge {
+                    a: p(-far, 0.0),
+                    b: p(far, 0.0),
+                },
+                Edge {
+                    a: p(far, 0.0),
+                    b: p(0.0, far),
+                },
+                Edge {
+                    a: p(0.0, far),
+                    b: p(-far, 0.0),
+                },
+            ];
+            assert_eq!(EdgeIndex::new(edges, 0.6).edges().len(), 3);
         }
     }
 }

@@ -626,6 +626,67 @@ mod tests {
         assert!(validate(&notch).is_err());
     }
 
+    /// Goal: exact on degenerate rings. Method: random rings on a 5 x 5 grid of integers, where
+    /// touching, overlapping and spiky ones abound, against a plain integer test of all pairs.
+    #[test]
+    fn agrees_with_integers() {
+        type P = (i64, i64);
+        let side =
+            |a: P, b: P, c: P| ((b.0 - a.0) * (c.1 - a.1) - (b.1 - a.1) * (c.0 - a.0)).signum();
+        let on = |a: P, b: P, c: P| {
+            side(a, b, c) == 0
+                && (a.0.min(b.0)..=a.0.max(b.0)).contains(&c.0)
+                && (a.1.min(b.1)..=a.1.max(b.1)).contains(&c.1)
+        };
+        let meet = |a: P, b: P, c: P, d: P| {
+            on(a, b, c)
+                || on(a, b, d)
+                || on(c, d, a)
+                || on(c, d, b)
+                || (side(a, b, c) * side(a, b, d) < 0 && side(c, d, a) * side(c, d, b) < 0)
+        };
+        let mut state = 17u64;
+        let mut random = || {
+            state = state
+                .wrapping_mul(6364136223846793005)
+                .wrapping_add(1442695040888963407);
+            ((state >> 40) % 5) as i64
+        };
+        let (mut simple, mut faulty) = (0, 0);
+        for round in 0..20_000 {
+            let count = 3 + round % 5;
+            let mut points: Vec<P> = (0..count).map(|_| (random(), random())).collect();
+            points.dedup();
+            while points.len() > 1 && points[0] == points[points.len() - 1] {
+                points.pop();
+            }
+            let n = points.len();
+            let at = |i: usize| points[i % n];
+            let mut expected = n >= 3;
+            for i in 0..n {
+                for j in i + 1..n {
+                    let neighbours = j == i + 1 || (i == 0 && j == n - 1);
+                    expected &= if neighbours {
+                        // They share one end; neither may hold the other's far end.
+                        let (far_i, far_j) = if j == i + 1 {
+                            (at(i), at(j + 1))
+                        } else {
+                            (at(i + 1), at(j))
+                        };
+                        !on(at(i), at(i + 1), far_j) && !on(at(j), at(j + 1), far_i)
+                    } else {
+                        !meet(at(i), at(i + 1), at(j), at(j + 1))
+                    };
+                }
+            }
+            let exact: Vec<[f64; 2]> = points.iter().map(|p| [p.0 as f64, p.1 as f64]).collect();
+            assert_eq!(validate(&region(&[&exact])).is_ok(), expected, "{points:?}");
+            simple += u32::from(expected);
+            faulty += u32::from(!expected);
+        }
+        assert!(simple > 2000 && faulty > 2000, "{simple} {faulty}");
+    }
+
     /// Goal: parts of one target may touch in points, no more.
     #[test]
     fn parts() {

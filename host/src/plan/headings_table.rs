@@ -24,6 +24,9 @@ reachable,center_x_mm,center_y_mm,phi_rad";
 /// Candidates whose distances from the law differ by less are equally near, rad.
 const TIE_RAD: f64 = 1e-6;
 
+/// Most pieces of one edge, whatever the spacing asked for.
+const PIECES_MAX: f64 = 1e6;
+
 /// What the table is asked for.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct HeadingsRequest {
@@ -111,7 +114,9 @@ fn ring_samples(ring: &Ring, spacing_mm: f64) -> Vec<(Point2, Vector2)> {
             continue;
         }
         // A length that is a multiple but for rounding takes no further piece.
-        let pieces = (length_mm / spacing_mm * (1.0 - 1e-12)).ceil().max(1.0) as usize;
+        let pieces = (length_mm / spacing_mm * (1.0 - 1e-12))
+            .ceil()
+            .clamp(1.0, PIECES_MAX) as usize;
         for k in 0..pieces {
             let t = (k as f64 + 0.5) / pieces as f64;
             samples.push((a + (b - a) * t, edge.normal()));

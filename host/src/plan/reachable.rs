@@ -144,7 +144,7 @@ impl Search<'_> {
     fn pushed_clear(&self, mut center: Vector2) -> Result<Vector2, f64> {
         let (mut least, mut least_before) = (f64::INFINITY, f64::INFINITY);
         for push in 0..PUSHES {
-            let away = self.from_nearest(center);
+            let away = self.away_from_nearest(center);
             let distance = away.norm();
             least = least.min(1.0 - distance);
             if distance >= 1.0 - SLACK {
@@ -170,7 +170,7 @@ impl Search<'_> {
     }
 
     /// Vector from the nearest boundary point to the centre, scaled.
-    fn from_nearest(&self, center: Vector2) -> Vector2 {
+    fn away_from_nearest(&self, center: Vector2) -> Vector2 {
         let mut best = Vector2::new(f64::MAX.sqrt(), 0.0);
         let mut best2 = f64::INFINITY;
         for [q, r] in &self.scaled {

@@ -212,3 +212,46 @@ fn five_thousand_edges_are_quick() {
     assert!(axis.edges.len() > 4_000);
     assert!(spent_s < 5.0, "{spent_s}");
 }
+
+/// Goal: valid but nasty input gives an axis that is right wherever it claims to be. Method: a hole
+/// that touches the exterior in a point, two holes 50 nm apart, a spike of 1 µm, a part far larger
+/// than the grid's finest unit can hold; every radius against the nearest edge.
+#[test]
+fn nasty_but_valid() {
+    let square: &[[f64; 2]] = &[[0.0, 0.0], [10.0, 0.0], [10.0, 10.0], [0.0, 10.0]];
+    let cases = [
+        region(&[square, &[[5.0, 0.0], [6.0, 2.0], [4.0, 2.0]]]),
+        region(&[
+            square,
+            &[[2.0, 2.0], [2.0, 4.0], [4.0, 4.0], [4.0, 2.0]],
+            &[[4.00005, 2.0], [4.00005, 4.0], [6.0, 4.0], [6.0, 2.0]],
+        ]),
+        region(&[&[
+            [0.0, 0.0],
+            [5.0, 0.0],
+            [5.0005, 8.0],
+            [5.001, 0.0],
+            [9.0, 0.0],
+            [4.0, 9.0],
+        ]]),
+        region(&[&[[0.0, 0.0], [3e5, 0.0], [3e5, 1e5], [1.5e5, 5e4], [0.0, 1e5]]]),
+    ];
+    for (number, region) in cases.iter().enumerate() {
+        let (axis, index) = axis_of(region);
+        let size = index.bounds().size().norm();
+        println!(
+            "case {number}: {} edges, {} dropped",
+            axis.edges.len(),
+            axis.dropped_edges
+        );
+        assert!(axis.edges.len() >= 5);
+        for p in axis.edges.iter().flat_map(|e| &e.points) {
+            let nearest = index.nearest(p.point).unwrap().distance_mm;
+            assert!(
+                (nearest - p.radius_mm).abs() < 2e-3 + 1e-8 * size,
+                "{number} {nearest} {p:?}"
+            );
+        }
+        assert!(!axis.pruned(&PruneOptions::default()).vertices.is_empty());
+    }
+}
