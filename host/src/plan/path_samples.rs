@@ -37,11 +37,17 @@ pub struct Row {
     pub c: f64,
 }
 
-/// Sides of the inscribed polygon that stands for a quarter of the circle of tip accelerations:
-/// four sides lose at most 1 - cos(11.25°) = 2 % of it, and nothing on a straight line.
-const TIP_SIDES: usize = 4;
+/// Normals (sine, cosine of 11.25°, 33.75°, ...) of the inscribed polygon that stands for a quarter
+/// of the circle of tip accelerations: four sides lose at most 1 - cos(11.25°) = 2 % of it, and
+/// nothing on a straight line.
+const TIP_SIDES: [[f64; 2]; 4] = [
+    [0.195_090_322_016_128_27, 0.980_785_280_403_230_4],
+    [0.555_570_233_019_602_2, 0.831_469_612_302_545_2],
+    [0.831_469_612_302_545_2, 0.555_570_233_019_602_2],
+    [0.980_785_280_403_230_4, 0.195_090_322_016_128_27],
+];
 /// Most rows of a sample.
-pub const ROWS_MAX: usize = JOINTS_MAX + 1 + 2 * TIP_SIDES;
+pub const ROWS_MAX: usize = JOINTS_MAX + 1 + 2 * TIP_SIDES.len();
 
 /// Longest distance between samples.
 const SAMPLE_STEP_MM: f64 = 0.05;
@@ -132,21 +138,12 @@ impl PathSample {
             .flow_rate_of_change_max_mm3_s2
             .min(limits.extruder_acceleration_max_mm3_s2 / (1.0 + limits.advance_ratio()));
         push(self.volume_first_mm3, self.volume_second_mm3, flow_bound);
-        let half_side_rad = std::f64::consts::FRAC_PI_4 / TIP_SIDES as f64;
-        let bound = limits.tip_acceleration_mm_s2 * half_side_rad.cos();
-        for side in 0..TIP_SIDES {
-            let (sin, cos) = (half_side_rad * (2 * side + 1) as f64).sin_cos();
+        let bound = limits.tip_acceleration_mm_s2 * TIP_SIDES[0][1];
+        for [sin, cos] in TIP_SIDES {
             let across = self.tip_across_mm * sin;
-            push(
-                self.tip_speed_mm * cos,
-                self.tip_along_mm * cos + across,
-                bound,
-            );
-            push(
-                self.tip_speed_mm * cos,
-                self.tip_along_mm * cos - across,
-                bound,
-            );
+            let (along, speed) = (self.tip_along_mm * cos, self.tip_speed_mm * cos);
+            push(speed, along + across, bound);
+            push(speed, along - across, bound);
         }
         count
     }

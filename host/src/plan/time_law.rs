@@ -62,7 +62,7 @@ pub fn smoothing_ticks(samples: &[PathSample], limits: &MotionLimits) -> usize {
         .iter()
         .enumerate()
         .filter(|&(joint, _)| samples.iter().any(|sample| sample.moves_joint(joint)))
-        .map(|(_, limit)| limit.acceleration_max / limit.jerk_max)
+        .map(|(_, limit)| limit.acceleration_max / limit.jerk_max * 1.5)
         .fold(0.0, f64::max)
         .clamp(0.004, 0.030);
     // Even, so that the window is centred on a tick.

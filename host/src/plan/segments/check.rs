@@ -47,13 +47,35 @@ pub struct Piece {
 }
 
 /// Ratio that counts as kept: the extremum between samples is exact to less than this.
-pub const RATIO_MAX: f64 = 1.0 - 1e-6;
+const RATIO_MAX: f64 = 1.0 - 1e-6;
+/// The same of the jerk, which a cubic piece has as a mean over it.
+const JERK_RATIO_MAX: f64 = 1.01;
+/// Largest jerk ratio that one round answers: jerk falls faster than it is asked to.
+const JERK_RATIO_ANSWERED: f64 = 3.0;
 
 impl Piece {
-    /// True where no limit is exceeded. The jerk is reported, not enforced: the smoothing window
-    /// bounds what the time law adds to it.
-    pub fn is_kept(&self) -> bool {
-        self.ratios.speed <= RATIO_MAX && self.ratios.acceleration <= RATIO_MAX
+    /// True where no limit is exceeded; the jerk may be left out.
+    pub fn is_kept(&self, with_jerk: bool) -> bool {
+        self.ratios.speed <= RATIO_MAX
+            && self.ratios.acceleration <= RATIO_MAX
+            && !(with_jerk && self.ratios.jerk > JERK_RATIO_MAX)
+    }
+
+    /// By what speed and acceleration have to fall (above 1), so that every ratio is kept: running
+    /// slower by a factor f divides speed by f, acceleration by f², jerk by f³.
+    pub fn slowing(&self) -> (f64, f64) {
+        let needed = |ratio: f64, max: f64| {
+            if ratio > max {
+                ratio.max(1.0 + 1e-6)
+            } else {
+                0.0
+            }
+        };
+        let jerk = needed(self.ratios.jerk.min(JERK_RATIO_ANSWERED), JERK_RATIO_MAX).cbrt();
+        (
+            needed(self.ratios.speed, RATIO_MAX).max(jerk),
+            needed(self.ratios.acceleration, RATIO_MAX).max(jerk * jerk),
+        )
     }
 }
 

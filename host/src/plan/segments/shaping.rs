@@ -5,7 +5,7 @@
 //! a few per cent are missing, stretch the finished motion in time around the piece
 //! ([`super::warp`]), which cannot raise a new peak elsewhere.
 
-use super::check::{self, EventRun, Piece, RATIO_MAX, Ratios};
+use super::check::{self, EventRun, Piece, Ratios};
 use super::fit::TickPath;
 use super::layout::{self, Layout};
 use super::{FinishedStretch, dwell_ticks, warp};
@@ -22,8 +22,10 @@ const SPEED_AIM: f64 = 0.9985;
 /// the acceleration.
 const ACCELERATION_AIM: f64 = 0.97;
 /// Rounds by lower caps, then by local stretching of the time.
-const CAP_ROUNDS: usize = 3;
+const CAP_ROUNDS: usize = 8;
 const WARP_ROUNDS: usize = 12;
+/// Rounds in which a jerk beyond its limit counts; after them it is let pass.
+const JERK_ROUNDS: usize = 14;
 /// Doublings of all durations after that: each halves speeds and quarters accelerations.
 const DOUBLING_ROUNDS: usize = 6;
 /// Slowing goes a little beyond what the ratio asks, or it would creep up to the limit.
@@ -46,10 +48,6 @@ pub struct Shaping<'a> {
     pub tolerances: &'a [f64; CHANNELS],
 }
 
-fn is_kept(pieces: &[Piece]) -> bool {
-    pieces.iter().all(Piece::is_kept)
-}
-
 fn finished(layout: Layout, pieces: &[Piece]) -> FinishedStretch {
     FinishedStretch {
         ratios: pieces
@@ -68,10 +66,14 @@ impl Shaping<'_> {
         let mut law = self.time_law(&caps)?;
         let mut layout = layout::lay_out(&self.path(&law), self.tolerances);
         for round in 0..=CAP_ROUNDS + WARP_ROUNDS {
-            let pieces = self.check(&layout)?;
-            if is_kept(&pieces) {
+            let mut pieces = self.check(&layout)?;
+            if pieces
+                .iter()
+                .all(|piece| piece.is_kept(round < JERK_ROUNDS))
+            {
                 return Ok(finished(layout, &pieces));
             }
+            pieces.retain(|piece| !piece.is_kept(round < JERK_ROUNDS));
             let next = if round < CAP_ROUNDS {
                 self.lower_caps(&mut caps, &law.u_at_tick, &pieces);
                 self.time_law(&caps)?
@@ -173,21 +175,17 @@ impl Shaping<'_> {
         let reach_ticks = smoothing_ticks(self.samples, self.limits) as f64 / 2.0 + 4.0;
         let last_tick = u_at_tick.len() - 1;
         let u_at = |tick: f64| u_at_tick[tick.clamp(0.0, last_tick as f64) as usize];
-        for piece in pieces.iter().filter(|piece| !piece.is_kept()) {
-            let Ratios {
-                speed,
-                acceleration,
-                ..
-            } = piece.ratios;
+        for piece in pieces {
+            let (speed, acceleration) = piece.slowing();
             let low = u_at((piece.start_tick - reach_ticks).floor());
             let high = u_at((piece.end_tick + reach_ticks).ceil());
             let from = self.samples.partition_point(|sample| sample.u < low);
             let to = self.samples.partition_point(|sample| sample.u <= high);
             for i in from.saturating_sub(1)..(to + 1).min(self.samples.len()) {
-                if speed > RATIO_MAX {
+                if speed > 1.0 {
                     factors.speed[i] = factors.speed[i].min(SLOWING_EXTRA / speed);
                 }
-                if acceleration > RATIO_MAX {
+                if acceleration > 1.0 {
                     factors.acceleration[i] =
                         factors.acceleration[i].min(SLOWING_EXTRA / acceleration);
                 }
@@ -208,7 +206,7 @@ impl Shaping<'_> {
                 *ticks = ticks.saturating_mul(2).min(SPAN_TICKS_MAX);
             }
             pieces = self.check(&layout)?;
-            if is_kept(&pieces) {
+            if pieces.iter().all(|piece| piece.is_kept(false)) {
                 break;
             }
         }
