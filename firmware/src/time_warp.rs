@@ -106,8 +106,13 @@ impl WarpBounds {
             return rate;
         }
         let here = self.ceiling_at_end.before(self.remaining_ticks, &self.load);
-        self.below(here.stop, self.ahead(old.larger(rate)).stop, rate)
-            .larger(0.0)
+        let ahead = self.ahead(old.larger(rate)).stop;
+        if rate * rate <= ahead {
+            // Still stoppable from where the tick ends. A plan near its limits lives just below
+            // the ceiling; the bound on the ceiling's slope would hold it up on a full queue.
+            return rate;
+        }
+        self.below(here.stop, ahead, rate).larger(0.0)
     }
 
     /// Ceilings after one tick at `rate`.
