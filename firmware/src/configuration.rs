@@ -114,6 +114,11 @@ impl core::error::Error for ConfigurationError {}
 const STEPS_PER_UNIT_MAX: f64 = 30_000.0;
 
 impl MachineConfiguration {
+    /// Step ticks of a servo interval.
+    pub fn interval_ticks(&self) -> u32 {
+        self.step_hz.checked_div(self.servo_hz).unwrap_or(0)
+    }
+
     /// Checks everything that the firmware relies on.
     ///
     /// # Errors
@@ -129,7 +134,7 @@ impl MachineConfiguration {
         {
             return Err(ConfigurationError::Kinematics);
         }
-        let ticks = self.step_hz.checked_div(self.servo_hz).unwrap_or(0);
+        let ticks = self.interval_ticks();
         let range = crate::steps::INTERVAL_TICKS_MIN..=crate::steps::INTERVAL_TICKS_MAX;
         if !range.contains(&ticks) || ticks.checked_mul(self.servo_hz) != Some(self.step_hz) {
             return Err(ConfigurationError::TickRates);

@@ -43,7 +43,10 @@ impl JointTargets {
         let carriers = kinematics::carriers(&configuration.kinematics);
         for ((scale, joint), carrier) in joints.iter_mut().zip(&configuration.joints).zip(carriers)
         {
-            let units = carrier.map_or(1.0, |channel| UNITS_PER_NATURAL[channel]);
+            let units = carrier
+                .and_then(|channel| UNITS_PER_NATURAL.get(channel))
+                .copied()
+                .unwrap_or(1.0);
             let position = |natural: f64| (natural * joint.steps_per_unit * STEP as f64) as i64;
             let report_units = if joint.rotary { 1e6 } else { 1e4 };
             *scale = JointScale {

@@ -162,7 +162,7 @@ impl LoadModel {
             let offset = polynomial.offset(t);
             let rate = polynomial.rate(t);
             let acceleration = polynomial.acceleration(t);
-            for (joint, carrier) in carriers.iter().enumerate() {
+            for (joint, carrier) in carriers.iter().enumerate().take(JOINTS_MAX) {
                 let [r0, r1, r2] = [0, 1, 2].map(|p: usize| remainders[p][joint]);
                 let (before, after) = ((r1 - r0) / half, (r2 - r1) / half);
                 let remainder_rate = match place {
@@ -172,7 +172,10 @@ impl LoadModel {
                 };
                 let slot = &mut state[joint];
                 *slot = [[r0, r1, r2][place], remainder_rate, (after - before) / half];
-                if let Some(channel) = *carrier {
+                // The bound is known to hold; saying it keeps panics out of the binary.
+                if let Some(channel) = *carrier
+                    && channel < CHANNELS
+                {
                     let natural = 1.0 / UNITS_PER_NATURAL[channel] as f32;
                     slot[0] += (single_of(window.base()[channel]) + offset[channel]) * natural;
                     slot[1] += rate[channel] * natural;

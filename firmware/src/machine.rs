@@ -39,7 +39,7 @@ impl Machine {
         Ok(Self {
             receiver: Receiver::new(configuration, session),
             motion: Motion::new(configuration),
-            engine: StepEngine::new(configuration.step_hz / configuration.servo_hz),
+            engine: StepEngine::new(configuration.interval_ticks()),
             overruns: 0,
         })
     }

@@ -13,7 +13,8 @@ mod status;
 
 use crate::configuration::{MOTORS_MAX, MachineConfiguration};
 use crate::design::{
-    HOLD_RETRACT_DELAY_MS, QUEUE_EVENTS, QUIET_START_MS, START_QUEUED_MS, START_ROOM_KNOTS,
+    CEILING_OPEN, HOLD_RETRACT_DELAY_MS, QUEUE_EVENTS, QUIET_START_MS, START_QUEUED_MS,
+    START_ROOM_KNOTS,
 };
 use crate::flow::Flow;
 use crate::hold::Hold;
@@ -105,7 +106,7 @@ impl Motion {
             warp: TimeWarp::default(),
             flow: Flow::new(&configuration.extruder, servo_hz),
             hold: Hold::new(ticks_of_ms(HOLD_RETRACT_DELAY_MS, servo_hz)),
-            programmer: StepProgrammer::new(motors, configuration.step_hz / servo_hz),
+            programmer: StepProgrammer::new(motors, configuration.interval_ticks()),
             phase: Phase::Idle,
             reference: Reference::Undeclared,
             paused: false,
@@ -216,16 +217,7 @@ impl Motion {
             return;
         }
         self.hold.moving();
-        let load = *self.interpolator.load();
-        let bounds = WarpBounds {
-            wanted_q16,
-            remaining_ticks: self.interpolator.remaining_q16() as f32 / TICK_Q16 as f32,
-            load,
-            next_load: self.queue.front().map_or(load, |next| next.load),
-            ceiling_at_end: self.interpolator.ceiling_at_end(&self.queue),
-            at_rest: self.interpolator.is_at_rest_point(),
-        };
-        let (rate_q16, held) = self.warp.step(&bounds);
+        let (rate_q16, held) = self.next_rate(wanted_q16);
         if held && !self.held {
             self.underruns = self.underruns.saturating_add(1);
         }
@@ -234,6 +226,25 @@ impl Motion {
             self.take_base();
         }
         self.note_rest(rate_q16, wanted_q16);
+    }
+
+    /// Asks the time warp, unless nothing can limit it: then the answer is known, and this is the
+    /// case in nearly all ticks.
+    fn next_rate(&mut self, wanted_q16: u32) -> (u32, bool) {
+        let ceiling_at_end = self.interpolator.ceiling_at_end(&self.queue);
+        let steady = wanted_q16 == self.warp.rate_q16() && wanted_q16 <= TICK_Q16;
+        if steady && ceiling_at_end.stop >= CEILING_OPEN {
+            return (wanted_q16, false);
+        }
+        let load = *self.interpolator.load();
+        self.warp.step(&WarpBounds {
+            wanted_q16,
+            remaining_ticks: self.interpolator.remaining_q16() as f32 / TICK_Q16 as f32,
+            load,
+            next_load: self.queue.front().map_or(load, |next| next.load),
+            ceiling_at_end,
+            at_rest: self.interpolator.is_at_rest_point(),
+        })
     }
 
     /// Rate that override and pause ask for, before any limit.
