@@ -242,3 +242,87 @@ fn check_range(joint: usize, limit: &JointLimit, position: f32) -> Result<(), Sp
         Err(SpanFault::SoftLimit(joint as u8, units))
     }
 }
+
+#[cfg(test)]
+mod tests {
+    //! Goal: loads are the shares of the limits that a span really uses. Method: spans of constant
+    //! speed and acceleration with known answers.
+    use super::*;
+    use crate::configuration::{ExtruderConfiguration, Kinematics};
+    use headway_protocol::segment::Knot;
+
+    fn configuration() -> MachineConfiguration {
+        let joint = JointConfiguration {
+            rotary: false,
+            steps_per_unit: 80.0,
+            position_min: -100.0,
+            position_max: 100.0,
+            speed_max: 200.0,
+            acceleration_max: 3000.0,
+            jerk_max: 1e6,
+        };
+        MachineConfiguration {
+            kinematics: Kinematics::Planar,
+            joints: core::iter::repeat_n(joint, 4).collect(),
+            extruder: ExtruderConfiguration {
+                steps_per_mm3: 400.0,
+                speed_max_mm3_s: 50.0,
+                acceleration_max_mm3_s2: 1000.0,
+                pressure_advance_s: 0.0,
+                pressure_advance_window_ms: 40.0,
+            },
+            servo_hz: 2000,
+            step_hz: 200_000,
+        }
+    }
+
+    /// A window over uniform 10-tick spans of x = x0 + v t + a t² / 2 (mm, s).
+    fn window(x0: f64, v: f64, a: f64) -> SpanWindow {
+        let control = |i: i32| {
+            // The control points of a parabola lie a h² / 6 below it.
+            let t = f64::from(i) * 0.005;
+            let x = x0 + v * t + a * t * t / 2.0 - a * 0.005 * 0.005 / 6.0;
+            [(x * 1e4).round() as i32, 0, 0, 0, 0, 0, 0]
+        };
+        let mut window = SpanWindow::at_rest(&control(0));
+        for i in 1..9 {
+            window.push(&Knot {
+                control: control(i),
+                duration_ticks: 10,
+            });
+        }
+        window
+    }
+
+    #[test]
+    fn loads_are_shares_of_the_limits() {
+        let model = LoadModel::new(&configuration());
+        let load = model.of_span(&window(0.0, 60.0, 0.0)).unwrap();
+        // 60 mm/s over 3000 mm/s² is 20 ms, 40 ticks.
+        assert!((load.beta_ticks - 40.0).abs() < 0.2, "{load:?}");
+        assert!(load.alpha < 0.01, "{load:?}");
+        let load = model.of_span(&window(0.0, 0.0, 1500.0)).unwrap();
+        assert!((load.alpha - 0.5).abs() < 0.02, "{load:?}");
+        let load = model.of_span(&window(0.0, 160.0, 0.0)).unwrap();
+        // Override up to 200 / 160.
+        assert!((load.rate_squared_max - 1.5625).abs() < 0.02, "{load:?}");
+    }
+
+    #[test]
+    fn spans_out_of_range_and_absurd_ones_are_refused() {
+        let model = LoadModel::new(&configuration());
+        let beyond = model.of_span(&window(99.0, 60.0, 0.0));
+        assert!(matches!(beyond, Err(SpanFault::SoftLimit(0, units)) if units > 1_000_000));
+        assert_eq!(
+            model.of_span(&window(0.0, 400.0, 0.0)),
+            Err(SpanFault::Limit(0))
+        );
+    }
+
+    #[test]
+    fn a_rest_loads_nothing() {
+        let model = LoadModel::new(&configuration());
+        let window = SpanWindow::at_rest(&[5; 7]);
+        assert_eq!(model.of_span(&window), Ok(SpanLoad::REST));
+    }
+}

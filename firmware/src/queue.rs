@@ -151,3 +151,91 @@ impl KnotQueue {
         }
     }
 }
+
+#[cfg(test)]
+mod tests {
+    //! Goal: the ceilings are those of the stopping distance, incremental passes equal whole ones,
+    //! and a deep queue does not limit. Method: closed forms and a second queue filled at once.
+    use super::*;
+
+    fn knot(span_ticks: u16, alpha: f32, beta_ticks: f32, ends_at_rest: bool) -> QueuedKnot {
+        QueuedKnot {
+            knot: Knot {
+                control: [0; 7],
+                duration_ticks: span_ticks,
+            },
+            load: SpanLoad {
+                alpha,
+                beta_ticks,
+                rate_squared_max: CEILING_OPEN,
+            },
+            span_ticks,
+            ends_at_rest,
+            ceiling: Ceiling::END,
+        }
+    }
+
+    #[test]
+    fn without_curvature_the_ceiling_is_that_of_constant_deceleration() {
+        let mut queue = KnotQueue::new();
+        for _ in 0..5 {
+            assert!(queue.push(knot(10, 0.0, 40.0, false)));
+        }
+        queue.update_ceilings(5);
+        // sigma² = 2 k u with k = 0.985 / 40 over 50 ticks.
+        let expected = 2.0 * WARP_ROOM / 40.0 * 50.0;
+        let first = queue.front().unwrap().ceiling.stop;
+        assert!((first - expected).abs() < 1e-4, "{first} {expected}");
+        assert_eq!(queue.queued_ticks(), 50);
+    }
+
+    #[test]
+    fn a_plan_at_its_share_is_not_limited_by_a_deep_queue() {
+        let mut queue = KnotQueue::new();
+        for _ in 0..QUEUE_KNOTS {
+            assert!(queue.push(knot(12, 0.95, 40.0, false)));
+        }
+        assert!(!queue.push(knot(12, 0.95, 40.0, false)));
+        queue.update_ceilings(QUEUE_KNOTS);
+        let first = queue.front().unwrap().ceiling;
+        assert!(first.stop > 1.0 && first.stop < 1.04, "{first:?}");
+    }
+
+    #[test]
+    fn incremental_passes_equal_a_whole_one_and_a_rest_opens_the_ceiling() {
+        let spans: std::vec::Vec<QueuedKnot> = (0..120)
+            .map(|i| {
+                let alpha = 0.3 + 0.6 * ((i * 7 % 10) as f32 / 10.0);
+                knot(
+                    5 + (i % 9) as u16,
+                    alpha,
+                    5.0 + (i % 13) as f32,
+                    i % 50 == 49,
+                )
+            })
+            .collect();
+        let (mut whole, mut parts) = (KnotQueue::new(), KnotQueue::new());
+        for span in &spans {
+            whole.push(*span);
+        }
+        whole.update_ceilings(spans.len());
+        for block in spans.chunks(7) {
+            for span in block {
+                parts.push(*span);
+            }
+            parts.update_ceilings(block.len());
+        }
+        for index in 0..spans.len() {
+            let (a, b) = (whole.pop().unwrap(), parts.pop().unwrap());
+            assert_eq!(a, b, "span {index}");
+            if index == 49 {
+                // It ends at rest: nothing behind it matters.
+                assert_eq!(
+                    a.ceiling,
+                    Ceiling::OPEN.before(f32::from(a.span_ticks), &a.load)
+                );
+            }
+        }
+        assert!(whole.is_empty() && parts.queued_ticks() == 0);
+    }
+}

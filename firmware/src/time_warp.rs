@@ -150,3 +150,92 @@ fn slope_of(load: &SpanLoad, square: f32) -> f32 {
         0.0
     }
 }
+
+#[cfg(test)]
+mod tests {
+    //! Goal: ramps keep their slope, reach rest at the end of the queue and never before or after.
+    //! Method: one long span with known load, integrated tick by tick.
+    use super::*;
+    use crate::design::WARP_ROOM;
+
+    const LOAD: SpanLoad = SpanLoad {
+        alpha: 0.5,
+        beta_ticks: 30.0,
+        rate_squared_max: CEILING_OPEN,
+    };
+
+    fn bounds(wanted: f32, remaining_ticks: f32, ceiling_at_end: Ceiling) -> WarpBounds {
+        WarpBounds {
+            wanted_q16: (wanted * TICK_Q16 as f32) as u32,
+            remaining_ticks,
+            load: LOAD,
+            next_load: LOAD,
+            ceiling_at_end,
+            at_rest: false,
+        }
+    }
+
+    fn rate(warp: &TimeWarp) -> f32 {
+        warp.rate_q16() as f32 / TICK_Q16 as f32
+    }
+
+    #[test]
+    fn the_head_comes_to_rest_exactly_at_the_end_of_the_queue() {
+        let mut warp = TimeWarp::default();
+        let mut at_rest = bounds(1.0, 4000.0, Ceiling::OPEN);
+        at_rest.at_rest = true;
+        assert_eq!(warp.step(&at_rest), (TICK_Q16, false));
+        let (mut remaining, mut held_ticks) = (300.0f32, 0);
+        for _ in 0..2000 {
+            let before = rate(&warp);
+            let (_, held) = warp.step(&bounds(1.0, remaining, Ceiling::END));
+            held_ticks += u32::from(held);
+            let now = rate(&warp);
+            let used = LOAD.alpha * before * before + (before - now).abs() * LOAD.beta_ticks;
+            assert!(
+                used < 1.0,
+                "{used} of the full limit at rate {now}, {remaining} left"
+            );
+            assert!(now <= remaining, "{now} {remaining}");
+            remaining -= now;
+        }
+        assert!(remaining < 0.01, "{remaining} ticks left");
+        assert!(held_ticks > 20);
+    }
+
+    #[test]
+    fn a_pause_and_a_resume_ramp_with_the_allowed_slope() {
+        let mut warp = TimeWarp::default();
+        let mut rates = std::vec::Vec::new();
+        for wanted in [1.0f32, 0.0, 1.5, 0.3] {
+            for _ in 0..400 {
+                warp.step(&bounds(wanted, 1e6, Ceiling::OPEN));
+                rates.push(rate(&warp));
+            }
+            let reached = rate(&warp);
+            // Above 1 the span's own acceleration bounds it: 0.985 / 0.5.
+            let most = (WARP_ROOM / LOAD.alpha).sqrt();
+            assert!(
+                (reached - wanted.min(most)).abs() < 0.02,
+                "{wanted}: {reached}"
+            );
+        }
+        for pair in rates.windows(2) {
+            let largest = pair[0].max(pair[1]);
+            let used = LOAD.alpha * largest * largest + (pair[1] - pair[0]).abs() * LOAD.beta_ticks;
+            assert!(used < 1.03, "{used} at {pair:?}");
+        }
+    }
+
+    #[test]
+    fn a_steady_rate_stays_exactly_one() {
+        let mut warp = TimeWarp::default();
+        let mut start = bounds(1.0, 100.0, Ceiling::OPEN);
+        start.at_rest = true;
+        warp.step(&start);
+        for remaining in (1..2000).rev() {
+            let (rate_q16, held) = warp.step(&bounds(1.0, remaining as f32, Ceiling::OPEN));
+            assert_eq!((rate_q16, held), (TICK_Q16, false));
+        }
+    }
+}
