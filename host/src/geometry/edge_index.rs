@@ -242,7 +242,9 @@ impl EdgeIndex {
             match best {
                 Some(n) if n.distance_mm <= reach => return Some(n),
                 _ if reach >= reach_mm => return best.filter(|n| n.distance_mm <= reach_mm),
-                _ => reach = (reach * 2.0).min(reach_mm),
+                // What was found in a corner of the box bounds how far to look.
+                Some(n) => reach = n.distance_mm.min(reach_mm),
+                None => reach = (reach * 2.0).min(reach_mm),
             }
         }
     }

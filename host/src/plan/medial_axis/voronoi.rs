@@ -6,7 +6,7 @@
 //! generators must be its distance to the nearest edge. Where that fails, another angle is tried.
 //! Edges are then rebuilt from their generators in the plane's own coordinates.
 
-use super::grid::Grid;
+use super::grid::{Grid, GridSegment};
 use super::{AxisEdge, AxisPoint, AxisVertex, Generator, MedialAxis};
 use crate::geometry::Point2;
 use crate::geometry::edge_index::{Edge, EdgeIndex};
@@ -60,6 +60,8 @@ struct RawEdge {
 /// The diagram's interior edges, checked.
 struct RawAxis {
     points: Vec<Point2>,
+    /// Distance of each point to the boundary, once asked for; shared by the edges that meet there.
+    clearances_mm: Vec<Option<f64>>,
     edges: Vec<RawEdge>,
     suspects: usize,
     unit_mm: f64,
@@ -103,67 +105,99 @@ fn attempt(index: &EdgeIndex, angle_rad: f64) -> Result<RawAxis, BvError> {
     let diagram = Builder::<i32>::default()
         .with_segments(lines.iter())?
         .build()?;
-    let generator_of = |cell: CellIndex| -> Result<Generator, BvError> {
-        let (source, category) = diagram.cell(cell)?.source_index_2();
-        let segment = segments[source.usize()];
-        let end = match category {
-            SourceCategory::Segment => return Ok(Generator::Edge(segment.source)),
-            SourceCategory::SegmentEnd => segment.b,
-            _ => segment.a,
-        };
-        let on_grid = grid.to_plane([f64::from(end[0]), f64::from(end[1])]);
-        let Edge { a, b } = index.edges()[segment.source];
-        // The true vertex, not its rounded image; a cut has none.
-        let near = |p: Point2| (p - on_grid).norm() <= grid.unit_mm();
-        let exact = if near(a) {
-            a
-        } else if near(b) {
-            b
-        } else {
-            on_grid
-        };
-        Ok(Generator::Vertex(exact))
-    };
     let points: Vec<Point2> = diagram
         .vertices()
         .iter()
         .map(|v| grid.to_plane([v.x(), v.y()]))
         .collect();
     let mut raw = RawAxis {
+        clearances_mm: vec![None; points.len()],
         points,
         edges: Vec::new(),
         suspects: 0,
         unit_mm: grid.unit_mm(),
     };
+    collect_edges(index, &diagram, grid, &segments, &mut raw)?;
+    Ok(raw)
+}
+
+/// Adds the diagram's edges inside the region that agree with the boundary; counts those that
+/// do not.
+fn collect_edges(
+    index: &EdgeIndex,
+    diagram: &Diagram,
+    grid: Grid,
+    segments: &[GridSegment],
+    raw: &mut RawAxis,
+) -> Result<(), BvError> {
     let tolerance_mm = DISAGREEMENT_UNITS * grid.unit_mm();
+    let generator = |cell: CellIndex| generator_of(index, diagram, grid, segments, cell);
     for edge in diagram.edges() {
         let twin = edge.twin()?;
         if edge.id().usize() > twin.usize() || !edge.is_primary() {
             continue;
         }
-        let Some(v) = ends(&diagram, edge.id())? else {
+        let Some(v) = ends(diagram, edge.id())? else {
             continue;
         };
         let generators = [
-            generator_of(edge.cell()?)?,
-            generator_of(diagram.edge_get_cell(twin)?)?,
+            generator(edge.cell()?)?,
+            generator(diagram.edge_get_cell(twin)?)?,
         ];
         let candidate = RawEdge { v, generators };
-        let middle = middle_of(index.edges(), &raw, &candidate);
+        let middle = middle_of(index.edges(), raw, &candidate);
         if !index.contains(middle) {
             continue;
         }
-        let places = [raw.points[v[0]], raw.points[v[1]], middle];
-        if places
-            .iter()
-            .all(|&p| agrees(index, &generators, p, tolerance_mm))
-        {
+        let clearances_mm = v.map(|vertex| raw.clearance_mm(index, vertex));
+        let middle_mm = clearance_at_mm(index, middle);
+        let places = [
+            (raw.points[v[0]], clearances_mm[0]),
+            (raw.points[v[1]], clearances_mm[1]),
+            (middle, middle_mm),
+        ];
+        let agrees = |&(p, clearance_mm): &(Point2, f64)| {
+            generators.iter().all(|g| {
+                let distance_mm = (g.foot(index.edges(), p) - p).norm();
+                (distance_mm - clearance_mm).abs() <= tolerance_mm
+            })
+        };
+        if places.iter().all(agrees) {
             raw.edges.push(candidate);
         } else {
             raw.suspects += 1;
         }
     }
-    Ok(raw)
+    Ok(())
+}
+
+/// What the cell belongs to, in the plane's own coordinates.
+fn generator_of(
+    index: &EdgeIndex,
+    diagram: &Diagram,
+    grid: Grid,
+    segments: &[GridSegment],
+    cell: CellIndex,
+) -> Result<Generator, BvError> {
+    let (source, category) = diagram.cell(cell)?.source_index_2();
+    let segment = segments[source.usize()];
+    let end = match category {
+        SourceCategory::Segment => return Ok(Generator::Edge(segment.source)),
+        SourceCategory::SegmentEnd => segment.b,
+        _ => segment.a,
+    };
+    let on_grid = grid.to_plane([f64::from(end[0]), f64::from(end[1])]);
+    let Edge { a, b } = index.edges()[segment.source];
+    // The true vertex, not its rounded image; a cut has none.
+    let near = |p: Point2| (p - on_grid).norm() <= grid.unit_mm();
+    let exact = if near(a) {
+        a
+    } else if near(b) {
+        b
+    } else {
+        on_grid
+    };
+    Ok(Generator::Vertex(exact))
 }
 
 fn ends(
@@ -175,16 +209,15 @@ fn ends(
     Ok(v0.zip(v1).map(|(v0, v1)| [v0.usize(), v1.usize()]))
 }
 
-/// True where the point is as far from both generators as from the nearest edge.
-fn agrees(index: &EdgeIndex, generators: &[Generator; 2], p: Point2, tolerance_mm: f64) -> bool {
-    let distances = generators.map(|g| (g.foot(index.edges(), p) - p).norm());
-    let reach_mm = distances[0].max(distances[1]) + tolerance_mm;
-    let Some(nearest) = index.nearest_within(p, reach_mm) else {
-        return false;
-    };
-    distances
-        .iter()
-        .all(|d| (d - nearest.distance_mm).abs() <= tolerance_mm)
+impl RawAxis {
+    fn clearance_mm(&mut self, index: &EdgeIndex, vertex: usize) -> f64 {
+        let point = self.points[vertex];
+        *self.clearances_mm[vertex].get_or_insert_with(|| clearance_at_mm(index, point))
+    }
+}
+
+fn clearance_at_mm(index: &EdgeIndex, p: Point2) -> f64 {
+    index.nearest(p).map_or(f64::INFINITY, |n| n.distance_mm)
 }
 
 /// A point in the middle of an edge, on the axis.
@@ -335,7 +368,8 @@ fn assemble(index: &EdgeIndex, raw: RawAxis, options: &AxisOptions) -> MedialAxi
             if number_of[r] == usize::MAX {
                 number_of[r] = axis.vertices.len();
                 let point = raw.points[r];
-                let radius_mm = index.nearest(point).map_or(0.0, |n| n.distance_mm);
+                let known_mm = raw.clearances_mm[r];
+                let radius_mm = known_mm.unwrap_or_else(|| clearance_at_mm(index, point));
                 axis.vertices.push(AxisVertex {
                     point,
                     radius_mm,
