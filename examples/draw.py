@@ -44,10 +44,10 @@ def write(name, about, exterior, holes=()):
 
 
 def u_part():
-    """A wide arm of 6 mm, a narrow one of 0.9 mm (one bead), a bottom of 3 mm."""
+    """A wide arm of 6 mm, a narrow one of 0.7 mm (one bead), a bottom of 3 mm."""
     return (arc(3, 3, 3, 180, 270) + arc(17, 3, 3, 270, 360)
-            + [(20, 24), (19.1, 24)]
-            + arc(17.1, 5, 2, 360, 270) + arc(8, 5, 2, 270, 180)
+            + [(20, 24), (19.3, 24)]
+            + arc(17.3, 5, 2, 360, 270) + arc(8, 5, 2, 270, 180)
             + [(6, 24), (0, 24)])
 
 

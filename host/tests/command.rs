@@ -1,0 +1,272 @@
+//! Goal: other programs can rely on the command: exit status, what goes to stdout and what to
+//! stderr, file formats, the same job for any number of threads. Method: run the binary on small
+//! examples and read what it writes.
+
+use std::path::{Path, PathBuf};
+use std::process::{Command, Output};
+
+const EXAMPLES: &str = concat!(env!("CARGO_MANIFEST_DIR"), "/../examples");
+
+fn example(name: &str) -> String {
+    format!("{EXAMPLES}/{name}")
+}
+
+/// A folder of its own for one test.
+fn folder(test: &str) -> PathBuf {
+    let folder = std::env::temp_dir().join(format!("headway-{}-{test}", std::process::id()));
+    std::fs::create_dir_all(&folder).expect("temporary folder");
+    folder
+}
+
+fn headway_with(threads: &str, arguments: &[&str]) -> Output {
+    Command::new(env!("CARGO_BIN_EXE_headway"))
+        .args(arguments)
+        .env("RAYON_NUM_THREADS", threads)
+        .output()
+        .expect("the command starts")
+}
+
+fn headway(arguments: &[&str]) -> Output {
+    headway_with("2", arguments)
+}
+
+fn stdout(output: &Output) -> String {
+    String::from_utf8(output.stdout.clone()).expect("text")
+}
+
+fn stderr(output: &Output) -> String {
+    String::from_utf8(output.stderr.clone()).expect("text")
+}
+
+fn succeeded(output: &Output) -> String {
+    assert_eq!(output.status.code(), Some(0), "{}", stderr(output));
+    stdout(output)
+}
+
+fn object(output: &Output) -> serde_json::Map<String, serde_json::Value> {
+    let value: serde_json::Value = serde_json::from_str(&succeeded(output)).expect("one object");
+    value.as_object().expect("object").clone()
+}
+
+fn path(path: &Path) -> &str {
+    path.to_str().expect("UTF-8 path")
+}
+
+#[test]
+fn wrong_usage_is_2_an_impossible_job_is_1() {
+    let folder = folder("status");
+    let bow_tie = folder.join("bow-tie.json");
+    let text = r#"{"units":"mm","exterior":[[0,0],[10,10],[10,0],[0,10]]}"#;
+    std::fs::write(&bow_tie, text).expect("file");
+    let tiny = folder.join("tiny.json");
+    let text = r#"{"units":"mm","exterior":[[0,0],[0.2,0],[0.2,0.2],[0,0.2]]}"#;
+    std::fs::write(&tiny, text).expect("file");
+    let machine = folder.join("bad.toml");
+    std::fs::write(&machine, "name = \"x\"\ncolour = \"red\"\n").expect("file");
+    let job = folder.join("job.hwj");
+    let taper = example("taper.json");
+    let cases: &[(&[&str], i32, &str)] = &[
+        (&[], 2, "Usage"),
+        (&["fly"], 2, "unrecognized subcommand"),
+        (&["plan", &taper], 2, "--output"),
+        (&["simulate", &taper, "--aperture", "star:3"], 2, "ellipse:AxB"),
+        (&["simulate", &taper, "--speed", "-5"], 2, "print.speed_mm_s"),
+        (&["simulate", &taper, "--at", "1,2"], 2, "three numbers"),
+        (&["simulate", &taper, "--scale", "0"], 2, "--scale"),
+        (&["simulate", &taper, "--link", "drop=2"], 2, "probability"),
+        (&["headings", &taper, "--spacing", "0"], 2, "--spacing"),
+        (&["headings", "drawing.dwg"], 2, "--from"),
+        (&["inspect", "not-there.json"], 1, "not-there.json"),
+        (&["machine", "check", path(&machine)], 1, "line 2"),
+        (&["plan", path(&bow_tie), "-o", path(&job)], 1, "(5.0000, 5.0000) mm"),
+        (&["plan", path(&tiny), "-o", path(&job)], 1, "nothing can be printed"),
+        (&["simulate", &taper, "--at", "240,0,0"], 1, "work area"),
+        (&["simulate", &taper, "--scale", "20"], 1, "work area"),
+        (&["export", &taper, "--to", "csv"], 1, "not a Headway job"),
+    ];
+    for (arguments, status, part) in cases {
+        let output = headway(arguments);
+        let said = stderr(&output);
+        assert_eq!(output.status.code(), Some(*status), "{arguments:?}: {said}");
+        assert!(said.contains(part), "{arguments:?}: {said}");
+        assert!(output.stdout.is_empty(), "{arguments:?}: {}", stdout(&output));
+    }
+    for arguments in [&["--help"][..], &["simulate", "--help"], &["--version"]] {
+        assert!(!succeeded(&headway(arguments)).is_empty());
+    }
+    assert!(!job.exists(), "a refused plan leaves no job");
+    std::fs::remove_dir_all(folder).expect("clean up");
+}
+
+#[test]
+fn a_new_machine_is_in_order() {
+    let folder = folder("machine");
+    for kind in ["planar", "gantry"] {
+        let text = succeeded(&headway(&["machine", "new", "--kind", kind]));
+        let file = folder.join("machine.toml");
+        std::fs::write(&file, &text).expect("file");
+        let summary = object(&headway(&["machine", "check", path(&file), "--json"]));
+        assert_eq!(summary["name"], kind);
+        assert!(summary["motors"].as_array().is_some_and(|motors| motors.len() > 4));
+    }
+    std::fs::remove_dir_all(folder).expect("clean up");
+}
+
+#[test]
+fn headings_writes_the_contract_s_columns() {
+    let taper = example("taper.json");
+    let text = succeeded(&headway(&["headings", &taper, "--spacing", "0.5"]));
+    let mut lines = text.lines();
+    let header = "x_mm,y_mm,nx,ny,r_mm,weight,law_alpha_deg,min_alpha_deg,alpha_deg,reachable,\
+                  center_x_mm,center_y_mm,phi_rad";
+    assert_eq!(lines.next(), Some(header));
+    // 83.76 mm in pieces of at most 0.5 mm, at least one an edge.
+    let rows: Vec<&str> = lines.collect();
+    assert!((168..176).contains(&rows.len()), "{}", rows.len());
+    assert!(rows.iter().all(|row| row.split(',').count() == 13));
+    let summary = object(&headway(&["headings", &taper, "--spacing", "0.5", "--json"]));
+    assert_eq!(summary["samples"], rows.len());
+}
+
+/// Plan, look, export, simulate: the same job all along, and for any number of threads.
+#[test]
+fn a_job_is_the_same_wherever_it_goes() {
+    let folder = folder("job");
+    let web = example("thin-web.json");
+    let job = folder.join("web.hwj");
+    let again = folder.join("again.hwj");
+    let figures = object(&headway(&["plan", &web, "-o", path(&job), "--json"]));
+    succeeded(&headway_with("1", &["plan", &web, "-o", path(&again)]));
+    let bytes = std::fs::read(&job).expect("job");
+    assert!(bytes == std::fs::read(&again).expect("job"), "one thread plans another job than two");
+
+    let summary = object(&headway(&["inspect", path(&job), "--json"]));
+    assert_eq!(summary["knots"], figures["segments"]);
+    assert_eq!(summary["name"], "thin-web");
+
+    let table = succeeded(&headway(&["export", path(&job), "--to", "csv", "--every-ms", "5"]));
+    check_poses(&table, figures["print_s"].as_f64().expect("s"), 5e-3);
+    assert!(succeeded(&headway(&["export", path(&job), "--to", "svg"])).starts_with("<svg"));
+    let knots = object(&headway(&["export", path(&job), "--to", "json"]));
+    assert_eq!(knots["knots"].as_array().map(Vec::len), figures["segments"].as_u64().map(|n| n as usize));
+
+    let direct = object(&headway(&["simulate", &web, "--json"]));
+    let from_file = object(&headway(&["simulate", path(&job), "--json"]));
+    assert_eq!(direct["step_digest"], from_file["step_digest"]);
+    assert_eq!(direct["final_counts"], from_file["final_counts"]);
+    assert_eq!(direct["covered_pct"], from_file["covered_pct"]);
+
+    // A changed byte is refused with its place.
+    let mut damaged = bytes;
+    let middle = damaged.len() / 2;
+    damaged[middle] ^= 0x10;
+    std::fs::write(&again, damaged).expect("file");
+    let output = headway(&["simulate", path(&again)]);
+    assert_eq!(output.status.code(), Some(1));
+    assert!(stderr(&output).contains("damaged"), "{}", stderr(&output));
+    std::fs::remove_dir_all(folder).expect("clean up");
+}
+
+/// Columns, even times, poses in the drawing's coordinates (30 x 12 mm).
+fn check_poses(table: &str, print_s: f64, every_s: f64) {
+    let mut lines = table.lines();
+    let header = "t_s,layer,pass,x_mm,y_mm,z_mm,nx,ny,nz,heading_rad,speed_mm_s,flow_mm3_s,state";
+    assert_eq!(lines.next(), Some(header));
+    let mut printed = 0;
+    let mut count = 0usize;
+    for (number, row) in lines.enumerate() {
+        let cells: Vec<&str> = row.split(',').collect();
+        let value = |k: usize| -> f64 { cells[k].parse().expect("number") };
+        assert!((value(0) - number as f64 * every_s).abs() < 1e-6, "{row}");
+        assert_eq!((value(6), value(7), value(8)), (0.0, 0.0, 1.0), "{row}");
+        if cells[12] == "print" {
+            printed += 1;
+            assert!((0.0..=30.0).contains(&value(3)) && (0.0..=12.0).contains(&value(4)), "{row}");
+            assert!((value(5) - 0.2).abs() < 1e-6 && value(2) >= 0.0, "{row}");
+        } else {
+            assert!(value(11) == 0.0, "{row}");
+        }
+        count = number + 1;
+    }
+    assert!(printed * 2 > count, "{printed} of {count} rows print");
+    let expected = print_s / every_s + 1.0;
+    assert!((count as f64 - expected).abs() <= 1.0, "{count} rows, {expected} expected");
+}
+
+#[test]
+fn simulate_writes_report_and_traces() {
+    let folder = folder("report");
+    let report = folder.join("report");
+    let (trace, steps) = (folder.join("trace.csv"), folder.join("steps.csv"));
+    let output = headway(&[
+        "simulate",
+        &example("taper.json"),
+        "--report",
+        path(&report),
+        "--trace",
+        path(&trace),
+        "--trace-steps",
+        path(&steps),
+        "--json",
+    ]);
+    let figures = object(&output);
+    // No bars in a pipe.
+    assert!(!stderr(&output).contains(['\r', '\u{1b}']), "{:?}", stderr(&output));
+    for key in [
+        "area_mm2", "reachable_pct", "covered_pct", "covered_of_reachable_pct", "outside_depth_mm",
+        "overlap_pct", "unreachable_mm", "passes", "flow_interruptions", "print_mm", "travel_mm",
+        "print_s", "plan_s", "heading_travel_rad", "heading_rate_max_rad_s", "segments", "bytes",
+        "bytes_per_s", "limit_ratio_velocity", "limit_ratio_acceleration", "limit_ratio_jerk",
+        "tip_error_um_max", "tip_error_um_rms", "heading_error_mrad_max", "half_step_um_max",
+        "half_step_mrad_max", "volume_error_pct", "step_time_error_us_max",
+        "step_time_error_us_rms", "steps", "step_digest", "final_counts", "resent_frames",
+        "underruns", "holds", "faults", "realtime_factor",
+    ] {
+        assert!(figures.get(key).is_some_and(|v| !v.is_null()), "{key} is missing");
+    }
+    let text = std::fs::read_to_string(report.join("report.json")).expect("report");
+    let written: serde_json::Value = serde_json::from_str(&text).expect("JSON");
+    assert_eq!(written.as_object(), Some(&figures));
+    for name in ["plan.svg", "coverage.svg", "motion.svg"] {
+        let picture = std::fs::read_to_string(report.join(name)).expect(name);
+        assert!(picture.starts_with("<svg") && picture.trim_end().ends_with("</svg>"), "{name}");
+    }
+    let rows = std::fs::read_to_string(&steps).expect("steps").lines().count() - 1;
+    assert_eq!(Some(rows as u64), figures["steps"].as_u64());
+    let first = std::fs::read_to_string(&trace).expect("trace");
+    assert!(first.starts_with("t_s,layer,pass,x_mm"), "{}", &first[..60]);
+    std::fs::remove_dir_all(folder).expect("clean up");
+}
+
+/// A bad line costs time, never a step.
+#[test]
+fn a_bad_line_changes_no_step() {
+    let taper = example("taper.json");
+    let clean = object(&headway(&["simulate", &taper, "--json"]));
+    let link = "drop=0.02,flip=1e-5,dup=0.01";
+    let noisy = object(&headway(&["simulate", &taper, "--link", link, "--seed", "3", "--json"]));
+    assert!(noisy["resent_frames"].as_u64() > Some(0), "the line lost nothing");
+    assert_eq!(noisy["underruns"], 0);
+    assert_eq!(clean["step_digest"], noisy["step_digest"]);
+    assert_eq!(clean["final_counts"], noisy["final_counts"]);
+}
+
+#[test]
+fn placing_the_part_moves_the_machine_not_the_figures() {
+    let folder = folder("place");
+    let taper = example("taper.json");
+    let tables = ["100,100,0", "10,20,0"].map(|at| {
+        let job = folder.join("job.hwj");
+        let plan = ["plan", &taper, "--at", at, "-o", path(&job), "--json"];
+        let figures = object(&headway(&plan));
+        let summary = object(&headway(&["inspect", path(&job), "--json"]));
+        let offset: Vec<f64> = at.split(',').map(|v| v.parse().expect("number")).collect();
+        assert_eq!(summary["offset_mm"], serde_json::json!(offset));
+        (figures["print_mm"].clone(), figures["passes"].clone())
+    });
+    let print_mm = |k: usize| tables[k].0.as_f64().expect("mm");
+    // Control points are rounded to 0.1 µm on the machine: micrometres over the whole path.
+    assert!((print_mm(0) - print_mm(1)).abs() < 0.01);
+    assert_eq!(tables[0].1, tables[1].1);
+    std::fs::remove_dir_all(folder).expect("clean up");
+}
