@@ -301,7 +301,8 @@ pub enum FaultCause {
     Kinematics,
     /// The control loop was not served in time.
     Watchdog,
-    /// Motor `index` would need more than one step a tick: `value` is its steps per second.
+    /// Motor `index` would need more than one step a tick: `value` is its speed in thousandths of
+    /// a step per step tick.
     StepRate,
     /// Step ticks were missed.
     StepOverrun,
@@ -323,6 +324,48 @@ pub struct Fault {
     pub index: u8,
     /// The value, as the cause says.
     pub value: i32,
+}
+
+impl core::fmt::Display for RefusalReason {
+    fn fmt(&self, f: &mut core::fmt::Formatter<'_>) -> core::fmt::Result {
+        match self {
+            Self::ProtocolVersion(device) => write!(f, "it speaks protocol version {device}"),
+            Self::Schema(device) => write!(f, "its messages have schema {device:08x}"),
+            Self::Machine(device) => write!(f, "its machine configuration is {device:08x}"),
+            Self::NoStream => f.write_str("no stream is open"),
+            Self::Busy => f.write_str("it is moving or has a stream open"),
+            Self::Faulted => f.write_str("a fault is latched; clear it first"),
+            Self::Invalid => f.write_str(
+                "a value is out of range, or the machine is not where the stream begins (home it)",
+            ),
+        }
+    }
+}
+
+impl core::fmt::Display for Fault {
+    fn fmt(&self, f: &mut core::fmt::Formatter<'_>) -> core::fmt::Result {
+        let (index, value) = (self.index, self.value);
+        match self.cause {
+            FaultCause::Emergency => f.write_str("emergency stop"),
+            FaultCause::LimitSwitch => write!(f, "limit switch of joint {index}"),
+            FaultCause::SoftLimit => write!(
+                f,
+                "joint {index} would leave its range, at {value} (0.1 µm or µrad)"
+            ),
+            FaultCause::BadSegment => write!(f, "knot {value} cannot be run"),
+            FaultCause::Sequence => write!(f, "the stream's totals or order are wrong ({value})"),
+            FaultCause::Kinematics => write!(f, "the pose of span {value} has no joint positions"),
+            FaultCause::Watchdog => f.write_str("the control loop was not served in time"),
+            FaultCause::StepRate => write!(
+                f,
+                "motor {index} would need {value} thousandths of a step per step tick"
+            ),
+            FaultCause::StepOverrun => write!(f, "step ticks were missed ({value})"),
+            FaultCause::TimeWarp => f.write_str("the time warp left its bounds"),
+            FaultCause::Homing => write!(f, "homing did not find the switch of joint {index}"),
+            FaultCause::Configuration => f.write_str("the machine configuration cannot be run"),
+        }
+    }
 }
 
 /// Why a payload is not a message.

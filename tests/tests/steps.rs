@@ -5,21 +5,27 @@
 use headway::drive::rehearsal::{Rehearsal, rehearse};
 use headway::drive::simulator::SimulatorSetup;
 use headway::input::{Format, ReadOptions, read};
+use headway::job::SegmentStream;
 use headway::plan::segments::lay_segments;
 use headway::plan_target;
 use headway::settings::Settings;
 use headway_tests::gear;
+use headway_tests::rig::Rig;
 use std::path::Path;
 
 const EXAMPLES: &str = concat!(env!("CARGO_MANIFEST_DIR"), "/../examples");
 
-fn rehearsed(example: &str, settings: &Settings) -> Rehearsal {
+fn planned(example: &str, settings: &Settings) -> SegmentStream {
     let path = Path::new(EXAMPLES).join(example);
     let bytes = std::fs::read(&path).expect("example");
     let format = Format::of_ending(&path).expect("ending");
     let loaded = read(&bytes, example, format, &ReadOptions::default()).expect("valid");
-    let plan = plan_target(&loaded.target, settings).expect("plan");
-    rehearse(&plan.stream, settings, &SimulatorSetup::default(), |_| {}).expect("rehearsal")
+    plan_target(&loaded.target, settings).expect("plan").stream
+}
+
+fn rehearsed(example: &str, settings: &Settings) -> Rehearsal {
+    let setup = SimulatorSetup::default();
+    rehearse(&planned(example, settings), settings, &setup, |_| {}).expect("rehearsal")
 }
 
 fn check(name: &str, rehearsal: &Rehearsal) {

@@ -99,7 +99,7 @@ fn simulation_figures(rehearsal: &Rehearsal) -> Figures {
 fn verdict(rehearsal: &Rehearsal) -> Result<(), CliError> {
     if let Some(fault) = &rehearsal.simulation.fault {
         return Err(CliError::Job(format!(
-            "the controller stopped with a fault: {fault:?}"
+            "the controller stopped with a fault: {fault}"
         )));
     }
     let trace = &rehearsal.trace;

@@ -234,6 +234,12 @@ impl Line {
         self.free_us.saturating_sub(now_us)
     }
 
+    /// When the last of its stalls and pulls is over.
+    pub fn last_outage_end_us(&self) -> u64 {
+        let outages = self.spec.stalls.iter().chain(&self.spec.pulls);
+        outages.map(Outage::end_us).max().unwrap_or(0)
+    }
+
     /// Puts a frame on the line.
     pub fn send(&mut self, now_us: u64, frame: &[u8]) {
         let mut frame = frame.to_vec();

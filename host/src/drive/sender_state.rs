@@ -93,10 +93,10 @@ pub enum SenderError {
         now: u32,
     },
     /// It refused.
-    #[error("the controller refused: {0:?}")]
+    #[error("the controller refused: {0}")]
     Refused(RefusalReason),
     /// It latched a fault.
-    #[error("the controller latched a fault: {0:?}")]
+    #[error("the controller latched a fault: {0}")]
     Fault(Fault),
     /// Its queue cannot hold what runs ahead.
     #[error("the controller's queues ({knots} knots, {events} events) are too small for streaming")]

@@ -25,7 +25,8 @@ use thiserror::Error;
 const LINE_AHEAD_US: u64 = 2_000;
 /// Servo ticks run after the end, so that the last steps are out.
 const TAIL_TICKS: u32 = 16;
-/// Silence that means that nothing will come any more: longer than any retry.
+/// Silence that means that nothing will come any more: longer than any retry; outages of the line
+/// do not count.
 const STUCK_S: f64 = 60.0;
 
 /// What the simulation is told.
@@ -254,7 +255,7 @@ impl Simulator {
         self.segment_q16 = segment_q16;
         self.record.rates_q16.push(rate as u32);
         if rate > 0 {
-            self.lively_tick = self.servo_tick;
+            self.lively_tick = self.lively_tick.max(self.servo_tick);
         }
     }
 
@@ -281,7 +282,7 @@ impl Simulator {
         }
         while let Some(event) = self.sender.poll_event() {
             if matches!(event, SenderEvent::Connected(_)) {
-                self.lively_tick = self.servo_tick;
+                self.lively_tick = self.lively_tick.max(self.servo_tick);
             }
         }
     }
@@ -316,7 +317,9 @@ impl Simulator {
         mut self,
         mut disturb: impl FnMut(&mut Self),
     ) -> Result<Simulation, SimulatorError> {
-        let stuck_ticks = (STUCK_S * f64::from(self.configuration.servo_hz)) as u64;
+        let servo_hz = u64::from(self.configuration.servo_hz);
+        let stuck_ticks = (STUCK_S * servo_hz as f64) as u64;
+        self.lively_tick = self.down.last_outage_end_us().saturating_mul(servo_hz) / 1_000_000;
         while !self.is_over() {
             disturb(&mut self);
             self.tick();

@@ -113,3 +113,20 @@ fn an_emergency_stop_ends_the_run_with_a_fault() {
     assert_eq!(stopped.figures.faults, 1);
     assert!(stopped.figures.steps > 0);
 }
+
+#[test]
+fn a_dead_line_is_told_and_a_long_outage_is_waited_for() {
+    let stream = spiral(2.0);
+    let frames = WireFrames::encode(&stream).unwrap();
+    let ticks = stream_ticks(&stream.knots);
+    let dead = Simulator::new(frames, ticks, &planar(), &with_link("drop=1", 1))
+        .unwrap()
+        .run(|_| {});
+    assert!(
+        matches!(dead, Err(SimulatorError::Stuck { .. })),
+        "{dead:?}"
+    );
+    let late = run(&stream, &with_link("pull=100s@0s", 1));
+    assert_eq!(late.figures.faults, 0);
+    assert_eq!(late.figures.final_counts.len(), 5);
+}
