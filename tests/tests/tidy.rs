@@ -127,8 +127,8 @@ const ROOMS: [(&str, &[&str], &str); 12] = [
     ),
 ];
 
-/// Names that the repository never speaks of: the places where it is made.
-const FOREIGN: [&str; 1] = ["/work/"];
+/// Absolute paths of somebody's machine; /tmp and devices may be spoken of.
+const FOREIGN: [&str; 3] = ["/home/", "/Users/", "/root/"];
 
 /// What may not happen on the controller: a panic.
 const PANICS: [&str; 8] = [
