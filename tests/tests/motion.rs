@@ -461,6 +461,7 @@ fn random_curves_keep_every_limit() {
         );
         assert!(worst.all() <= 1.0 + 1e-6, "case {case}: {worst:?}");
         assert_eq!(report.doubled_stretches, 0, "case {case}");
+        assert!(report.ratios.jerk <= 1.02, "case {case}: {report:?}");
         tightest = tightest.max(worst.all());
         let (tip_mm, heading_rad) = worst_fit(&stream, &control);
         assert!(
@@ -583,6 +584,125 @@ fn stretches_join_at_exact_rest_and_marks_have_no_gap() {
         .map(|k| k.control)
         .collect();
     assert!(ends[0] == ends[1] && ends[1] == ends[2]);
+}
+
+/// Joints of the gantry from the pose channels, by rotation matrices: X Y Z A B C. C comes without
+/// its turns.
+fn gantry_joints(pose: &[f64; 7], pivot_mm: f64) -> [f64; 6] {
+    let (tx, ty) = (pose[3], pose[4]);
+    let theta = tx.hypot(ty);
+    // Rodrigues with the axis (tx, ty, 0) / theta.
+    let (kx, ky) = if theta > 0.0 {
+        (tx / theta, ty / theta)
+    } else {
+        (1.0, 0.0)
+    };
+    let (sin, cos) = theta.sin_cos();
+    let m = [
+        [cos + kx * kx * (1.0 - cos), kx * ky * (1.0 - cos), ky * sin],
+        [
+            kx * ky * (1.0 - cos),
+            cos + ky * ky * (1.0 - cos),
+            -kx * sin,
+        ],
+        [-ky * sin, kx * sin, cos],
+    ];
+    let n = [m[0][2], m[1][2], m[2][2]];
+    let (sin_psi, cos_psi) = pose[5].sin_cos();
+    // Row 0 of R_min R_z(psi) is (cos B cos C, -cos B sin C, sin B).
+    let row = [
+        m[0][0] * cos_psi + m[0][1] * sin_psi,
+        m[0][1] * cos_psi - m[0][0] * sin_psi,
+    ];
+    [
+        pose[0] + pivot_mm * n[0],
+        pose[1] + pivot_mm * n[1],
+        pose[2] + pivot_mm * (n[2] - 1.0),
+        (-n[1]).atan2(n[2]),
+        n[0].asin(),
+        (-row[1]).atan2(row[0]),
+    ]
+}
+
+#[test]
+fn tilting_on_a_gantry_keeps_every_joint_within_its_limits() {
+    use headway_firmware::configuration::Kinematics;
+    let settings = Settings::gantry();
+    let Kinematics::Gantry { pivot_length_mm } = settings.machine.kinematics else {
+        panic!("not a gantry");
+    };
+    let mut control = gear(80.0);
+    for (i, point) in control.iter_mut().enumerate() {
+        let along = 0.1 * i as f64;
+        point[2] = 5.0 + 0.3 * (1.0 - (along / 30.0).cos());
+        point[3] = 0.3 * (along / 7.0).sin();
+        point[4] = 0.3 * (along / 11.0).cos();
+    }
+    let (stream, report) = lay_segments(&route_of(control), &settings).unwrap();
+    let oracle = Oracle::new(&stream);
+    // A twentieth of a tick: truncation and rounding of the differences are both below 1e-4.
+    let step = 0.05;
+    let step_s = step / 2000.0;
+    let mut worst = [[0.0f64; 2]; 6];
+    for i in 1..oracle.end_tick() as u64 * 2 {
+        let t = i as f64 / 2.0;
+        let at = |t: f64| gantry_joints(&oracle.at(t, 0), pivot_length_mm);
+        let (before, here, after) = (at(t - step), at(t), at(t + step));
+        for joint in 0..6 {
+            let turn = |d: f64| {
+                if joint == 5 {
+                    d - (d / std::f64::consts::TAU).round() * std::f64::consts::TAU
+                } else {
+                    d
+                }
+            };
+            let (first, second) = (
+                turn(here[joint] - before[joint]),
+                turn(after[joint] - here[joint]),
+            );
+            let limit = &settings.machine.joints[joint];
+            let share = settings.plan_share;
+            let speed = (first + second).abs() / (2.0 * step_s * limit.speed_max * share);
+            let acceleration =
+                (second - first).abs() / (step_s * step_s * limit.acceleration_max * share);
+            worst[joint][0] = worst[joint][0].max(speed);
+            worst[joint][1] = worst[joint][1].max(acceleration);
+        }
+    }
+    println!("{report:?}\n{worst:?}");
+    let highest = worst.iter().flatten().fold(0.0f64, |a, &b| a.max(b));
+    assert!(highest <= 1.0 + 1e-4, "{worst:?}");
+    assert!(highest > 0.95, "{worst:?}");
+    assert_eq!(report.doubled_stretches, 0);
+}
+
+#[test]
+fn places_outside_the_machine_are_refused_with_joint_and_place() {
+    use headway::plan::joint_limits::MotionError;
+    let settings = Settings::default();
+    let mut control = gear(10.0);
+    for point in &mut control {
+        point[0] += 1000.0;
+    }
+    match lay_segments(&route_of(control), &settings) {
+        Err(MotionError::OutsideJointRange { joint, at_mm, .. }) => {
+            assert_eq!(joint, 0);
+            assert!(at_mm[0] > 1000.0);
+        }
+        other => panic!("{other:?}"),
+    }
+    let mut tilted = gear(10.0);
+    tilted[50][3] = 0.2;
+    assert!(matches!(
+        lay_segments(&route_of(tilted), &settings),
+        Err(MotionError::Kinematics { .. })
+    ));
+    let mut broken = gear(10.0);
+    broken[3][1] = f64::NAN;
+    assert!(matches!(
+        lay_segments(&route_of(broken), &settings),
+        Err(MotionError::NotFinite { stretch: 0 })
+    ));
 }
 
 #[test]

@@ -32,7 +32,7 @@ const DOUBLING_ROUNDS: usize = 6;
 const SLOWING_EXTRA: f64 = 0.995;
 /// Error of the fit, against its share of the tolerance, that slows the motion down: the whole
 /// tolerance with room for what lies between ticks.
-const FIT_ERROR_MAX: f64 = 2.5;
+const FIT_ERROR_MAX: f64 = 1.8;
 
 /// One moving stretch on its way to a spline.
 pub struct Shaping<'a> {

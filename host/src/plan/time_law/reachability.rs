@@ -144,3 +144,109 @@ pub fn fastest_rates(samples: &[PathSample], limits: &MotionLimits, caps: &Caps)
     }
     x_max.iter().map(|x| x.sqrt()).collect()
 }
+
+#[cfg(test)]
+mod tests {
+    //! Goal: the closed-form optimum on lines and circles, feasibility and maximality elsewhere.
+    use super::*;
+    use crate::job::MotionState;
+    use crate::plan::path_samples::sample_path;
+    use crate::plan::route::PathCurve;
+    use crate::plan::time_law::smoothing::duration_s;
+    use crate::settings::Settings;
+
+    fn rates(curve: &PathCurve) -> (Vec<f64>, Vec<f64>, Vec<PathSample>, MotionLimits) {
+        let limits = MotionLimits::of(&Settings::default(), MotionState::Print).unwrap();
+        let samples = sample_path(curve, &limits).unwrap();
+        let caps = Caps::uniform(samples.len(), 1.0, 1.0);
+        let rate = fastest_rates(&samples, &limits, &caps);
+        let u = samples.iter().map(|sample| sample.u).collect();
+        (u, rate, samples, limits)
+    }
+
+    #[test]
+    fn a_line_is_run_in_the_time_of_its_trapezoid() {
+        let curve = PathCurve {
+            control: vec![
+                [50.0, 60.0, 0.2, 0.0, 0.0, 0.0, 0.0],
+                [110.0, 60.0, 0.2, 0.0, 0.0, 0.0, 0.0],
+            ],
+        };
+        let (u, rate, ..) = rates(&curve);
+        let (v, a) = (0.95 * 60.0, 0.95 * 3000.0);
+        let best_s = 60.0 / v + v / a;
+        assert!((duration_s(&u, &rate) / best_s - 1.0).abs() < 1e-3);
+    }
+
+    #[test]
+    fn a_circle_is_run_at_the_speed_of_its_centripetal_acceleration() {
+        // Radius 0.5 mm: v = sqrt(a r) = 37.7 mm/s is below the tip's limit.
+        let curve = PathCurve {
+            control: (0..400)
+                .map(|i| {
+                    let (sin, cos) = (f64::from(i) * 0.1).sin_cos();
+                    [
+                        100.0 + 0.5 * cos,
+                        100.0 + 0.5 * sin,
+                        0.2,
+                        0.0,
+                        0.0,
+                        0.0,
+                        0.0,
+                    ]
+                })
+                .collect(),
+        };
+        let (_, rate, samples, limits) = rates(&curve);
+        let middle = samples.len() / 2;
+        let speed = rate[middle] * 0.05;
+        let best = (limits.tip_acceleration_mm_s2 * 0.5).sqrt();
+        // The inscribed polygon of the tip's acceleration takes up to 2 %, of the speed 1 %.
+        assert!(
+            speed < 1.001 * best && speed > 0.985 * best,
+            "{speed} {best}"
+        );
+    }
+
+    #[test]
+    fn a_wild_path_keeps_every_row_and_touches_one_nearly_everywhere() {
+        let curve = PathCurve {
+            control: (0..300)
+                .map(|i| {
+                    let t = f64::from(i) * 0.1;
+                    let heading = 2.0 * (t * 0.9).sin() + 0.5 * (t * 2.3).cos();
+                    [
+                        100.0 + t,
+                        100.0 + (t * 1.7).sin(),
+                        0.2,
+                        0.0,
+                        0.0,
+                        heading,
+                        0.024 * t,
+                    ]
+                })
+                .collect(),
+        };
+        let (u, rate, samples, limits) = rates(&curve);
+        let mut binding = 0;
+        for i in 0..u.len() - 1 {
+            let acceleration =
+                (rate[i + 1] * rate[i + 1] - rate[i] * rate[i]) / (2.0 * (u[i + 1] - u[i]));
+            let mut tightest = rate[i] / samples[i].rate_max(&limits, 1.0);
+            for (sample, rate) in [(&samples[i], rate[i]), (&samples[i + 1], rate[i + 1])] {
+                for row in Rows::new(sample, &limits, 1.0).as_slice() {
+                    let used = (row.a * acceleration + row.b * rate * rate).abs() / row.c;
+                    assert!(used <= 1.0 + 1e-9, "sample {i}: {used}");
+                    tightest = tightest.max(used);
+                }
+            }
+            binding += usize::from(tightest > 1.0 - 1e-6);
+        }
+        // A time-optimal motion always has an active constraint.
+        assert!(
+            binding * 100 >= 97 * (u.len() - 1),
+            "{binding} of {}",
+            u.len()
+        );
+    }
+}

@@ -155,3 +155,85 @@ pub fn on_ticks(
         })
         .collect()
 }
+
+#[cfg(test)]
+mod tests {
+    //! Goal: plateaus in valleys and on peaks, never above the profile, rests kept, acceleration
+    //! bounded by the profile's, jerk by acceleration over window.
+    use super::*;
+
+    /// Rates of a rise, a V-shaped valley and a fall over u = 0..=100, |ü| = 500.
+    fn profile() -> (Vec<f64>, Vec<f64>) {
+        let u: Vec<f64> = (0..=2000).map(|i| f64::from(i) * 0.05).collect();
+        let rate = u
+            .iter()
+            .map(|&u| {
+                let rise = 2.0 * 500.0 * u;
+                let fall = 2.0 * 500.0 * (100.0 - u);
+                let valley = 100.0 * 100.0 + 2.0 * 500.0 * (u - 50.0f64).abs();
+                rise.min(fall).min(valley).max(0.0).sqrt()
+            })
+            .collect();
+        (u, rate)
+    }
+
+    #[test]
+    fn eased_rates_stay_below_and_only_near_valleys_and_peaks() {
+        let (u, rate) = profile();
+        let eased = ease_rates(&u, &rate, 0.01);
+        assert!(eased.iter().zip(&rate).all(|(eased, rate)| eased <= rate));
+        // The first rise and the last fall are kept.
+        assert_eq!(eased[..500], rate[..500]);
+        assert_eq!(eased[1501..], rate[1501..]);
+        // The valley is flat for the window: 0.01 s at a rate of 100 is 1.
+        let flat = u
+            .iter()
+            .zip(&eased)
+            .filter(|(u, eased)| (*u - 50.0).abs() < 3.0 && **eased < 100.0 + 1e-9)
+            .count();
+        assert!((18..=24).contains(&flat), "{flat}");
+        let lost_s = duration_s(&u, &eased) - duration_s(&u, &rate);
+        assert!(lost_s > 0.0 && lost_s < 0.01, "{lost_s}");
+    }
+
+    #[test]
+    fn ticks_run_from_rest_to_rest_with_bounded_acceleration_and_jerk() {
+        let (u, rate) = profile();
+        let eased = ease_rates(&u, &rate, 0.01);
+        let tick_s = 1.0 / 2000.0;
+        let law = on_ticks(&u, &eased, tick_s, 20, 0.0);
+        assert_eq!((law[0], law[law.len() - 1]), (0.0, 100.0));
+        assert!(law.windows(2).all(|pair| pair[1] >= pair[0]));
+        let difference = |values: &[f64]| -> Vec<f64> {
+            values
+                .windows(2)
+                .map(|pair| (pair[1] - pair[0]) / tick_s)
+                .collect()
+        };
+        let acceleration = difference(&difference(&law));
+        let jerk = difference(&acceleration);
+        let worst = |values: &[f64]| values.iter().fold(0.0f64, |a, v| a.max(v.abs()));
+        // One per cent for cells that end between ticks.
+        assert!(worst(&acceleration) < 505.0, "{}", worst(&acceleration));
+        assert!(worst(&jerk) < 1.02 * 500.0 / 0.01 * 2.0, "{}", worst(&jerk));
+    }
+
+    #[test]
+    fn a_least_duration_is_kept() {
+        let (u, rate) = profile();
+        let law = on_ticks(&u, &rate, 1.0 / 2000.0, 20, 5.0);
+        assert_eq!(law.len(), 10_001);
+    }
+
+    #[test]
+    fn a_very_short_move_keeps_its_peak() {
+        let u: Vec<f64> = (0..=10).map(|i| f64::from(i) * 0.001).collect();
+        let rate: Vec<f64> = u
+            .iter()
+            .map(|&u| (1000.0 * u.min(0.01 - u).max(0.0)).sqrt())
+            .collect();
+        let eased = ease_rates(&u, &rate, 0.02);
+        let lost = duration_s(&u, &eased) / duration_s(&u, &rate);
+        assert!(lost < 1.3, "{lost}");
+    }
+}
