@@ -254,8 +254,8 @@ mod tests {
     fn banded_solver_agrees_with_a_dense_one() {
         let count = 9;
         let mut system = BandedSystem::zero(count);
-        let mut dense = nalgebra::DMatrix::<f64>::zeros(count, count);
-        let mut right = nalgebra::DVector::<f64>::zeros(count);
+        let mut dense = nalgebra::SMatrix::<f64, 9, 9>::zeros();
+        let mut right = nalgebra::SVector::<f64, 9>::zeros();
         for i in 0..count {
             for k in 0..4.min(count - i) {
                 let value = if k == 0 {

@@ -23,9 +23,9 @@ const SPEED_AIM: f64 = 0.9985;
 const ACCELERATION_AIM: f64 = 0.97;
 /// Rounds by lower caps, then by local stretching of the time.
 const CAP_ROUNDS: usize = 8;
-const WARP_ROUNDS: usize = 12;
+const WARP_ROUNDS: usize = 16;
 /// Rounds in which a jerk beyond its limit counts; after them it is let pass.
-const JERK_ROUNDS: usize = 14;
+const JERK_ROUNDS: usize = 18;
 /// Doublings of all durations after that: each halves speeds and quarters accelerations.
 const DOUBLING_ROUNDS: usize = 6;
 /// Slowing goes a little beyond what the ratio asks, or it would creep up to the limit.
