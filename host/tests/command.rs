@@ -194,7 +194,18 @@ fn a_job_is_the_same_wherever_it_goes() {
     );
 
     let direct = object(&headway(&["simulate", &web, "--json"]));
-    let from_file = object(&headway(&["simulate", path(&job), "--json"]));
+    let report = folder.join("report");
+    let from_file = object(&headway(&[
+        "simulate",
+        path(&job),
+        "--json",
+        "--report",
+        path(&report),
+    ]));
+    // The outline rides along: the pictures are there without the input.
+    for name in ["plan.svg", "coverage.svg", "motion.svg", "index.html"] {
+        assert!(report.join(name).exists(), "{name}");
+    }
     assert_eq!(direct["step_digest"], from_file["step_digest"]);
     assert_eq!(direct["final_counts"], from_file["final_counts"]);
     assert_eq!(direct["covered_pct"], from_file["covered_pct"]);

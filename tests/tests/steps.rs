@@ -10,7 +10,6 @@ use headway::plan::segments::lay_segments;
 use headway::plan_target;
 use headway::settings::Settings;
 use headway_tests::gear;
-use headway_tests::rig::Rig;
 use std::path::Path;
 
 const EXAMPLES: &str = concat!(env!("CARGO_MANIFEST_DIR"), "/../examples");

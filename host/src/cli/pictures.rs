@@ -1,11 +1,13 @@
 //! Planner's intermediates -> the report's plain structs.
 
 use super::planned::Planned;
-use crate::Plan;
 use crate::geometry::clearance::Configuration;
+use crate::geometry::polygon::Region;
 use crate::geometry::{Point2, Vector2, coverage};
 use crate::job::MotionState;
 use crate::part_transform::PartTransform;
+use crate::plan::contour::{Contour, SIMPLIFY_MM};
+use crate::plan::measure::measure_layer;
 use crate::plan::passes::PassKind;
 use crate::report::coverage_picture::{Cell, CoveragePicture, Raster};
 use crate::report::plan_picture::{PicturePass, PlanPicture, Zone};
@@ -21,14 +23,24 @@ const SAMPLES_MAX: u64 = 200_000;
 pub(super) fn report_files(planned: &Planned) -> Vec<ReportFile> {
     let title = format!("{}: plan", planned.name);
     let coverage_title = format!("{}: deposited area", planned.name);
+    let rasters = match &planned.plan {
+        Some(plan) => plan
+            .regions
+            .iter()
+            .zip(&plan.coverage)
+            .map(|(region, swept)| raster(region.contour.offset, swept))
+            .collect(),
+        None => rasters_of_job(planned),
+    };
     write_report(&Report {
         title: &planned.name,
         figures: &planned.figures,
         plan: Some(plan_picture(&title, planned)),
-        coverage: planned
-            .plan
-            .as_ref()
-            .map(|plan| coverage_picture(&coverage_title, planned, plan)),
+        coverage: (!rasters.is_empty()).then(|| CoveragePicture {
+            title: &coverage_title,
+            regions: &planned.outline,
+            rasters,
+        }),
         motion: Some(stream_plots(
             &planned.name,
             &planned.stream,
@@ -135,12 +147,45 @@ fn configuration(transform: &PartTransform, position: &[f64; 7]) -> Configuratio
     }
 }
 
-fn coverage_picture<'a>(title: &'a str, planned: &'a Planned, plan: &Plan) -> CoveragePicture<'a> {
-    let raster = |(region, raster): (&crate::RegionPlan, &coverage::Coverage)| Raster {
-        origin: raster.origin + region.contour.offset,
-        cell_mm: raster.cell_mm,
-        columns: raster.columns,
-        cells: raster
+/// A job from a file is swept again over the outline that rode along.
+fn rasters_of_job(planned: &Planned) -> Vec<Raster> {
+    // What was planned once has contours; an outline that has none is not drawn.
+    let contours: Option<Vec<Contour>> = planned
+        .outline
+        .iter()
+        .map(|region| Contour::of_region(region, SIMPLIFY_MM).ok())
+        .collect();
+    let contours: Vec<Contour> = contours.unwrap_or_default();
+    let servo_hz = f64::from(planned.settings.machine.servo_hz);
+    let (passes, _) = stream_paths(planned, servo_hz, &[]);
+    let region_of_pass: Vec<usize> = passes
+        .iter()
+        .map(|pass| {
+            let start = pass.placements.first().map(|(at, _)| at.center);
+            let holds = |region: &Region| start.is_some_and(|p| region.contains(p));
+            planned.outline.iter().position(holds).unwrap_or(0)
+        })
+        .collect();
+    let (_, swept) = measure_layer(
+        &planned.stream,
+        &contours.iter().collect::<Vec<_>>(),
+        &region_of_pass,
+        &planned.transform,
+        &planned.settings,
+    );
+    contours
+        .iter()
+        .zip(&swept)
+        .map(|(contour, swept)| raster(contour.offset, swept))
+        .collect()
+}
+
+fn raster(offset: Vector2, swept: &coverage::Coverage) -> Raster {
+    Raster {
+        origin: swept.origin + offset,
+        cell_mm: swept.cell_mm,
+        columns: swept.columns,
+        cells: swept
             .cells
             .iter()
             .map(|cell| match cell {
@@ -150,16 +195,6 @@ fn coverage_picture<'a>(title: &'a str, planned: &'a Planned, plan: &Plan) -> Co
                 coverage::Cell::Overlap => Cell::Overlap,
                 coverage::Cell::Spill => Cell::Spill,
             })
-            .collect(),
-    };
-    CoveragePicture {
-        title,
-        regions: &planned.outline,
-        rasters: plan
-            .regions
-            .iter()
-            .zip(&plan.coverage)
-            .map(raster)
             .collect(),
     }
 }

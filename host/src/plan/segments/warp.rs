@@ -129,7 +129,7 @@ mod tests {
         let slowness = slowness(2000, &pieces, 0);
         let after = stretched(&before, &slowness);
         let added = after.len() - before.len();
-        assert!(added >= 1 && added < 10, "{added}");
+        assert!((1..10).contains(&added), "{added}");
         assert_eq!(before[..300], after[..300]);
         assert_eq!(before[520..], after[520 + added..]);
         assert!(after.windows(2).all(|pair| pair[1] >= pair[0]));
