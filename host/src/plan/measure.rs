@@ -6,10 +6,11 @@
 //! not see the sampling.
 
 use super::contour::Contour;
-use crate::geometry::Vector2;
+use super::feasible::feasible_angles;
 use crate::geometry::clearance::{Configuration, contact, outside_depth_mm};
 use crate::geometry::coverage::{Coverage, SweptPose};
 use crate::geometry::edge_index::EdgeIndex;
+use crate::geometry::{Point2, Vector2};
 use crate::job::{MotionState, SegmentStream};
 use crate::part_transform::PartTransform;
 use crate::plan::reachable::is_reachable;
@@ -18,7 +19,7 @@ use headway_firmware::spline::Spans;
 use headway_protocol::units::{CHANNEL_HEADING, CHANNEL_X, CHANNEL_Y, CHANNEL_Z};
 use rayon::prelude::*;
 
-/// Figures of one layer (SPEC section 8; keys without the unit's meaning changed).
+/// Figures of one layer (SPEC section 8).
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct LayerFigures {
     /// Area of the regions.
@@ -35,6 +36,8 @@ pub struct LayerFigures {
     pub outside_depth_mm: f64,
     /// Where that is, input coordinates.
     pub outside_at_mm: [f64; 2],
+    /// Boundary length with empty F(p).
+    pub unreachable_mm: f64,
     /// Number of passes.
     pub passes: usize,
     /// Length of the printed tip path.
@@ -114,6 +117,10 @@ pub fn measure_layer(
         let gap_share = reachable_share_of_gaps(&raster, &walls, settings);
         let covered_share = raster.covered_pct() / 100.0;
         figures.area_mm2 += area;
+        figures.unreachable_mm += unreachable_pieces(&walls, settings)
+            .iter()
+            .map(|[p, q]| (q - p).norm())
+            .sum::<f64>();
         covered += area * covered_share;
         overlap += area * raster.overlap_pct() / 100.0;
         reachable += area * (covered_share + (1.0 - covered_share) * gap_share);
@@ -125,6 +132,24 @@ pub fn measure_layer(
     figures.reachable_pct = 100.0 * reachable / area;
     figures.covered_of_reachable_pct = 100.0 * covered / reachable.max(1e-12);
     (figures, rasters)
+}
+
+/// Pieces of the boundary at whose middle no placement inside touches: F(p) is empty there.
+pub fn unreachable_pieces(walls: &EdgeIndex, settings: &Settings) -> Vec<[Point2; 2]> {
+    let spacing_mm = 0.5 * settings.aperture.minor_mm();
+    walls
+        .edges()
+        .par_iter()
+        .flat_map_iter(|edge| {
+            let delta = edge.b - edge.a;
+            let pieces = (edge.length_mm() / spacing_mm).ceil().max(1.0) as usize;
+            (0..pieces).filter_map(move |n| {
+                let at = |k: f64| edge.a + delta * ((n as f64 + k) / pieces as f64);
+                let angles = feasible_angles(&settings.aperture, walls, at(0.5), edge.normal());
+                angles.is_empty().then(|| [at(0.0), at(1.0)])
+            })
+        })
+        .collect()
 }
 
 /// Samples the print poses of the stream and sums lengths, times and heading over all of it.
@@ -173,7 +198,7 @@ fn walk_stream(stream: &SegmentStream, settings: &Settings) -> (Vec<PrintPose>, 
             figures.print_mm += moved;
             path_mm += moved;
             let at = Configuration {
-                center: crate::geometry::Point2::new(at[0], at[1]),
+                center: Point2::new(at[0], at[1]),
                 heading_rad: at[3],
             };
             poses.push(PrintPose { at, pass, path_mm });
@@ -187,7 +212,7 @@ fn walk_stream(stream: &SegmentStream, settings: &Settings) -> (Vec<PrintPose>, 
 /// The placement that leaves the region farthest.
 fn deepest(poses: &[SweptPose], walls: &EdgeIndex, settings: &Settings) -> (f64, Configuration) {
     let origin = Configuration {
-        center: crate::geometry::Point2::origin(),
+        center: Point2::origin(),
         heading_rad: 0.0,
     };
     poses

@@ -1,0 +1,151 @@
+//! Goal: every real slice plans and simulates within issue 2's figures, the invalid ones are
+//! refused with the place. Method: the whole way from file to steps; coverage, overlap and outside
+//! depth by the oracle of `headway_tests::layer_oracle`, which knows only the knots. Slices are
+//! reference data beside the checkout: without them the test says so and passes.
+
+use headway::drive::rehearsal::rehearse;
+use headway::drive::simulator::SimulatorSetup;
+use headway::geometry::polygon::Region;
+use headway::input::{Format, ReadOptions, read};
+use headway::plan_target;
+use headway::settings::Settings;
+use headway_tests::layer_oracle::{Rings, print_poses, sweep};
+use std::path::{Path, PathBuf};
+
+const SLICES: &str = concat!(env!("CARGO_MANIFEST_DIR"), "/../../shared/data/slices");
+
+fn slice_files() -> Vec<PathBuf> {
+    let Ok(entries) = std::fs::read_dir(SLICES) else {
+        println!("skipped: no reference slices at {SLICES}");
+        return Vec::new();
+    };
+    let mut files: Vec<PathBuf> = entries.flatten().map(|e| e.path()).collect();
+    files.retain(|f| f.extension().is_some_and(|e| e == "json"));
+    files.sort();
+    files
+}
+
+fn rings(regions: &[Region]) -> Rings {
+    regions
+        .iter()
+        .flat_map(|r| r.rings())
+        .map(|ring| ring.points.iter().map(|p| [p.x, p.y]).collect())
+        .collect()
+}
+
+/// One row of the table.
+struct Row {
+    area_mm2: f64,
+    covered_of_reachable_pct: f64,
+    overlap_pct: f64,
+}
+
+/// Plans, simulates and checks one slice; `None` where it was refused.
+fn run(file: &Path, settings: &Settings) -> Option<Row> {
+    let name = file
+        .file_name()
+        .unwrap_or_default()
+        .to_string_lossy()
+        .to_string();
+    let bytes = std::fs::read(file).expect("slice");
+    let loaded = match read(&bytes, &name, Format::Polygon, &ReadOptions::default()) {
+        Ok(loaded) => loaded,
+        Err(error) => {
+            let text = error.to_string();
+            println!("| {name} | refused: {text} |");
+            assert!(
+                String::from_utf8_lossy(&bytes).contains("\"valid\": false"),
+                "{name}: {text}"
+            );
+            assert!(
+                text.contains(" at (") || text.contains("near ("),
+                "no place in: {text}"
+            );
+            return None;
+        }
+    };
+    let plan = plan_target(&loaded.target, settings).unwrap_or_else(|e| panic!("{name}: {e}"));
+    let offset = [plan.transform.offset_mm[0], plan.transform.offset_mm[1]];
+    let poses = print_poses(&plan.stream, offset, 0.03);
+    let axes = [settings.aperture.major_mm(), settings.aperture.minor_mm()];
+    let found = sweep(&rings(&loaded.target.regions), &poses, axes, 0.04);
+    let reachable = plan.figures.reachable_pct;
+    let of_reachable = 100.0 * found.covered_pct / reachable;
+    let rehearsal =
+        rehearse(&plan.stream, settings, &SimulatorSetup::default(), |_| {}).expect("rehearsal");
+    let (figures, trace) = (&rehearsal.simulation.figures, &rehearsal.trace);
+    println!(
+        "| {name} | {:.1} | {of_reachable:.2} | {:.2} | {:.2} | {} | {:.1} | {:.1} | {:.2} | {:.2} |",
+        found.area_mm2,
+        found.overlap_pct,
+        found.outside_depth_mm * 1e3,
+        plan.figures.passes,
+        plan.figures.print_mm,
+        plan.figures.print_s,
+        trace.tip_error_um_max,
+        plan.figures.unreachable_mm,
+    );
+    assert_eq!(
+        figures.faults, 0,
+        "{name}: {:?}",
+        rehearsal.simulation.fault
+    );
+    assert_eq!(trace.final_counts, trace.expected_counts, "{name}");
+    assert!(
+        trace.tip_error_um_max <= trace.half_step_um_max + 2.0,
+        "{name}: {trace:?}"
+    );
+    assert!(found.outside_depth_mm <= 0.005, "{name}: {found:?}");
+    assert!(of_reachable >= 90.0, "{name}: {found:?}");
+    // The planner's own raster has to agree: half a per cent is its coarser border on the
+    // smallest slices.
+    assert!(
+        (found.covered_pct - plan.figures.covered_pct).abs() < 0.5,
+        "{name}: {found:?}"
+    );
+    assert!(
+        rehearsal.limits.velocity.ratio <= 1.0 + 1e-6,
+        "{name}: {:?}",
+        rehearsal.limits
+    );
+    assert!(
+        rehearsal.limits.acceleration.ratio <= 1.0 + 1e-6,
+        "{name}: {:?}",
+        rehearsal.limits
+    );
+    Some(Row {
+        area_mm2: found.area_mm2,
+        covered_of_reachable_pct: of_reachable,
+        overlap_pct: found.overlap_pct,
+    })
+}
+
+#[test]
+fn every_slice_plans_and_simulates_within_the_figures() {
+    let files = slice_files();
+    let settings = Settings::default();
+    println!(
+        "| slice | area mm² | covered of reachable % | overlap % | outside µm | passes | print mm \
+         | print s | tip error µm | unreachable mm |"
+    );
+    let rows: Vec<Row> = files
+        .iter()
+        .filter_map(|file| run(file, &settings))
+        .collect();
+    if files.is_empty() {
+        return;
+    }
+    assert_eq!(
+        files.len() - rows.len(),
+        2,
+        "two slices are invalid on purpose"
+    );
+    let area: f64 = rows.iter().map(|r| r.area_mm2).sum();
+    let mean =
+        |value: fn(&Row) -> f64| rows.iter().map(|r| r.area_mm2 * value(r)).sum::<f64>() / area;
+    let covered = mean(|r| r.covered_of_reachable_pct);
+    let overlap = mean(|r| r.overlap_pct);
+    println!("area-weighted: covered of reachable {covered:.2} %, overlap {overlap:.2} %");
+    assert!(covered >= 97.0, "covered of reachable {covered:.2} %");
+    assert!(overlap <= 8.0, "overlap {overlap:.2} %");
+}
