@@ -6,7 +6,6 @@
 //! not see the sampling.
 
 use super::contour::Contour;
-use super::feasible::feasible_angles;
 use crate::geometry::clearance::{Configuration, contact, outside_depth_mm};
 use crate::geometry::coverage::{Coverage, SweptPose};
 use crate::geometry::edge_index::EdgeIndex;
@@ -36,8 +35,6 @@ pub struct LayerFigures {
     pub outside_depth_mm: f64,
     /// Where that is, input coordinates.
     pub outside_at_mm: [f64; 2],
-    /// Boundary length with empty F(p).
-    pub unreachable_mm: f64,
     /// Number of passes.
     pub passes: usize,
     /// Length of the printed tip path.
@@ -117,10 +114,6 @@ pub fn measure_layer(
         let gap_share = reachable_share_of_gaps(&raster, &walls, settings);
         let covered_share = raster.covered_pct() / 100.0;
         figures.area_mm2 += area;
-        figures.unreachable_mm += unreachable_pieces(&walls, settings)
-            .iter()
-            .map(|[p, q]| (q - p).norm())
-            .sum::<f64>();
         covered += area * covered_share;
         overlap += area * raster.overlap_pct() / 100.0;
         reachable += area * (covered_share + (1.0 - covered_share) * gap_share);
@@ -132,24 +125,6 @@ pub fn measure_layer(
     figures.reachable_pct = 100.0 * reachable / area;
     figures.covered_of_reachable_pct = 100.0 * covered / reachable.max(1e-12);
     (figures, rasters)
-}
-
-/// Pieces of the boundary at whose middle no placement inside touches: F(p) is empty there.
-pub fn unreachable_pieces(walls: &EdgeIndex, settings: &Settings) -> Vec<[Point2; 2]> {
-    let spacing_mm = 0.5 * settings.aperture.minor_mm();
-    walls
-        .edges()
-        .par_iter()
-        .flat_map_iter(|edge| {
-            let delta = edge.b - edge.a;
-            let pieces = (edge.length_mm() / spacing_mm).ceil().max(1.0) as usize;
-            (0..pieces).filter_map(move |n| {
-                let at = |k: f64| edge.a + delta * ((n as f64 + k) / pieces as f64);
-                let angles = feasible_angles(&settings.aperture, walls, at(0.5), edge.normal());
-                angles.is_empty().then(|| [at(0.0), at(1.0)])
-            })
-        })
-        .collect()
 }
 
 /// Samples the print poses of the stream and sums lengths, times and heading over all of it.
