@@ -82,8 +82,9 @@ impl Curve {
                 let low = self.times[n + j];
                 let high = self.times[n + j + 4 - level];
                 let share = (t - low) / (high - low);
-                for c in 0..3 {
-                    d[j][c] = d[j - 1][c] * (1.0 - share) + d[j][c] * share;
+                let before = d[j - 1];
+                for (own, low) in d[j].iter_mut().zip(before) {
+                    *own = low * (1.0 - share) + *own * share;
                 }
             }
         }
