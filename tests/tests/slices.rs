@@ -55,7 +55,9 @@ fn run(file: &Path, settings: &Settings) -> Option<Row> {
             let text = error.to_string();
             println!("| {name} | refused: {text} |");
             assert!(
-                String::from_utf8_lossy(&bytes).replace(" ", "").contains("\"valid\":false"),
+                String::from_utf8_lossy(&bytes)
+                    .replace(" ", "")
+                    .contains("\"valid\":false"),
                 "{name}: {text}"
             );
             assert!(
