@@ -71,7 +71,9 @@ fn run(file: &Path, settings: &Settings) -> Option<Row> {
     let offset = [plan.transform.offset_mm[0], plan.transform.offset_mm[1]];
     let poses = print_poses(&plan.stream, offset, 0.03);
     let axes = [settings.aperture.major_mm(), settings.aperture.minor_mm()];
-    let found = sweep(&rings(&loaded.target.regions), &poses, axes, 0.04);
+    // Fine enough that the border of a small slice counts for little.
+    let cell_mm = (plan.figures.area_mm2 / 2e6).sqrt().clamp(0.01, 0.04);
+    let found = sweep(&rings(&loaded.target.regions), &poses, axes, cell_mm);
     let reachable = plan.figures.reachable_pct;
     let of_reachable = 100.0 * found.covered_pct / reachable;
     let rehearsal =
@@ -110,7 +112,8 @@ fn run(file: &Path, settings: &Settings) -> Option<Row> {
     // smallest slices.
     assert!(
         (found.covered_pct - plan.figures.covered_pct).abs() < 0.5,
-        "{name}: {found:?}"
+        "{name}: {found:?} against {:?}",
+        plan.figures
     );
     assert!(
         rehearsal.limits.velocity.ratio <= 1.0 + 1e-6,

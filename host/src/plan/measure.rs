@@ -49,8 +49,10 @@ pub struct LayerFigures {
     pub heading_rate_max_rad_s: f64,
 }
 
-/// Raster cell, mm, as long as the raster stays below `CELLS_MAX`.
-const CELL_MM: f64 = 0.02;
+/// Cells that a small region is divided into: the border of the raster then counts for little.
+const CELLS_AIM: f64 = 1e6;
+/// Smallest and largest raster cell, mm, as long as the raster stays below `CELLS_MAX`.
+const CELL_MM: [f64; 2] = [0.005, 0.02];
 /// Most cells of one region's raster.
 const CELLS_MAX: usize = 6_000_000;
 /// Longest step between poses of the sweep, mm: the scallop it leaves on the sharpest aperture
@@ -101,16 +103,17 @@ pub fn measure_layer(
             figures.outside_depth_mm = depth_mm;
             figures.outside_at_mm = [at.x, at.y];
         }
+        let area = contour.region.area_mm2();
+        let cell_mm = (area / CELLS_AIM).sqrt().clamp(CELL_MM[0], CELL_MM[1]);
         let return_mm = 4.0 * settings.aperture.major_mm();
         let raster = Coverage::sweep(
             &walls,
             &settings.aperture,
             &local,
-            CELL_MM,
+            cell_mm,
             CELLS_MAX,
             return_mm,
         );
-        let area = contour.region.area_mm2();
         let gap_share = reachable_share_of_gaps(&raster, &walls, settings);
         let covered_share = raster.covered_pct() / 100.0;
         figures.area_mm2 += area;
