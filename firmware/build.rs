@@ -9,6 +9,8 @@ fn main() {
     let manifest = std::env::var("CARGO_MANIFEST_DIR").unwrap_or_default();
     println!("cargo:rustc-link-search={manifest}/..");
     println!("cargo:rustc-link-arg-bins=-Tlink.x");
-    // The emulated binary lives where the emulated machine has its memory.
-    println!("cargo:rustc-link-arg-bin=qemu_bench=--defsym=_mem_qemu=1");
+    // The emulated binaries live where the emulated machine has its memory.
+    for binary in ["qemu", "qemu_bench"] {
+        println!("cargo:rustc-link-arg-bin={binary}=--defsym=_mem_qemu=1");
+    }
 }

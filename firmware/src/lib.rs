@@ -13,6 +13,7 @@
 #[cfg(test)]
 extern crate std;
 
+pub mod boards;
 pub mod configuration;
 pub mod design;
 pub mod flow;
