@@ -26,7 +26,7 @@ pub fn emulated_planar() -> MachineConfiguration {
     };
     let nozzle = JointConfiguration {
         rotary: true,
-        steps_per_unit: 2546.479_089_470_325,
+        steps_per_unit: 2_546.479_089_470_325,
         position_min: -1e6,
         position_max: 1e6,
         speed_max: 20.0,

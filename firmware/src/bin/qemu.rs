@@ -4,6 +4,7 @@
 //! servo in PendSV, below it; the link in the main loop, which holds the servo off by BASEPRI for
 //! the moment of a hand-over and never the steps. At the end of a stream it prints step digest and
 //! counts as JSON by semihosting and exits. Run it with `-icount shift=0` or timer ticks are lost.
+//! It builds and starts; that a whole example prints on it like in the simulation is not yet shown.
 #![cfg_attr(target_os = "none", no_std, no_main)]
 
 #[cfg(not(target_os = "none"))]
