@@ -26,6 +26,17 @@ pub fn scaled_clearance(
     index: &EdgeIndex,
     limit: f64,
 ) -> f64 {
+    nearest_scaled(aperture, at, index, limit).map_or(limit, |q| q.norm())
+}
+
+/// The boundary point nearest to the centre in the aperture's scaled frame (in which the aperture
+/// is the unit circle), where it is nearer than `limit`.
+fn nearest_scaled(
+    aperture: &Aperture,
+    at: Configuration,
+    index: &EdgeIndex,
+    limit: f64,
+) -> Option<Vector2> {
     let Aperture::Ellipse { major_mm, minor_mm } = *aperture;
     let (sin, cos) = at.heading_rad.sin_cos();
     let half = Vector2::new(
@@ -44,11 +55,17 @@ pub fn scaled_clearance(
         )
     };
     let mut best2 = limit * limit;
+    let mut best = None;
     index.for_edges_in(area, |number| {
         let edge = index.edges()[number];
-        best2 = best2.min(origin_to_edge2(scaled(edge.a), scaled(edge.b)));
+        let q = nearest_to_origin(scaled(edge.a), scaled(edge.b));
+        let distance2 = q.norm_squared();
+        if distance2 < best2 {
+            best2 = distance2;
+            best = Some(q);
+        }
     });
-    best2.sqrt()
+    best
 }
 
 /// True where the placed aperture lies inside the region with the given slack (in aperture radii;
@@ -193,7 +210,8 @@ fn deepest(aperture: &Aperture, at: Configuration, depth_mm: impl Fn(Point2) -> 
 /// First pieces of the outline.
 const OUTLINE_PIECES: usize = 32;
 
-fn origin_to_edge2(a: Vector2, b: Vector2) -> f64 {
+/// The point of the edge a-b nearest to the origin.
+fn nearest_to_origin(a: Vector2, b: Vector2) -> Vector2 {
     let d = b - a;
     let length2 = d.norm_squared();
     let t = if length2 > 0.0 {
@@ -201,7 +219,7 @@ fn origin_to_edge2(a: Vector2, b: Vector2) -> f64 {
     } else {
         0.0
     };
-    (a + d * t).norm_squared()
+    a + d * t
 }
 
 /// The deepest contact of a placed aperture with the boundary.
@@ -225,41 +243,8 @@ pub fn contact(
     limit: f64,
 ) -> Option<WallContact> {
     let Aperture::Ellipse { major_mm, minor_mm } = *aperture;
-    let (sin, cos) = at.heading_rad.sin_cos();
-    let half = Vector2::new(
-        ((major_mm * cos).powi(2) + (minor_mm * sin).powi(2)).sqrt(),
-        ((major_mm * sin).powi(2) + (minor_mm * cos).powi(2)).sqrt(),
-    ) * limit;
-    let area = Box2 {
-        min: at.center - half,
-        max: at.center + half,
-    };
-    let scaled = |p: Point2| {
-        let d = p - at.center;
-        Vector2::new(
-            (d.x * cos + d.y * sin) / major_mm,
-            (d.y * cos - d.x * sin) / minor_mm,
-        )
-    };
-    let mut best: Option<(f64, Vector2)> = None;
-    index.for_edges_in(area, |number| {
-        let edge = index.edges()[number];
-        let (a, b) = (scaled(edge.a), scaled(edge.b));
-        let d = b - a;
-        let length2 = d.norm_squared();
-        let t = if length2 > 0.0 {
-            (-a.dot(&d) / length2).clamp(0.0, 1.0)
-        } else {
-            0.0
-        };
-        let q = a + d * t;
-        let distance2 = q.norm_squared();
-        if distance2 < limit * limit && best.is_none_or(|(found, _)| distance2 < found) {
-            best = Some((distance2, q));
-        }
-    });
-    let (distance2, q) = best?;
-    let distance = distance2.sqrt();
+    let q = nearest_scaled(aperture, at, index, limit)?;
+    let distance = q.norm();
     if distance < 1e-9 {
         return Some(WallContact {
             scaled: 0.0,
@@ -267,6 +252,7 @@ pub fn contact(
             depth_mm: minor_mm,
         });
     }
+    let (sin, cos) = at.heading_rad.sin_cos();
     // A normal of the unit circle maps back by the inverse transpose of the scaling.
     let (u, v) = (q.x / major_mm, q.y / minor_mm);
     let outward = Vector2::new(u * cos - v * sin, u * sin + v * cos).normalize();
