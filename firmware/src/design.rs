@@ -12,6 +12,11 @@ pub const fn motion_delay_s(servo_hz: u32, step_hz: u32) -> f64 {
     SERVO_DELAY_TICKS as f64 / servo_hz as f64 - 0.5 / step_hz as f64
 }
 
+/// Servo ticks of a time; exact for the times and rates in use.
+pub const fn ticks_of_ms(ms: u32, servo_hz: u32) -> u32 {
+    (ms as u64 * servo_hz as u64 / 1000) as u32
+}
+
 /// Share of the step tick rate that a motor may reach before the fault trips. At 1 a step could
 /// be lost to rounding; planning stays below 0.9, which leaves room for the time warp.
 pub const STEP_RATE_SHARE_MAX: f64 = 0.98;

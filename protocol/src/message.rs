@@ -6,13 +6,13 @@
 //! numbering of their own, overtake the stream, and are taken when newer than the last one.
 //! `WIRE.md` has the bytes and the rules; this file has the types and the check of every field.
 
-use crate::segment::{FlowEvent, SPAN_TICKS_MAX};
-use crate::units::ChannelPoint;
+use crate::segment::{FlowAction, FlowEvent, SPAN_TICKS_MAX};
+use crate::units::{ChannelPoint, Ticks};
 use heapless::Vec;
 use serde::{Deserialize, Serialize};
 
 /// Version of the whole protocol; another one is refused with both values shown.
-pub const PROTOCOL_VERSION: u16 = 1;
+pub const PROTOCOL_VERSION: u16 = 2;
 /// The layout of every message, field by field: its hash guards against a build that changed a
 /// message and forgot the version. Change it with the types; the golden test of `WIRE.md` tells.
 pub const SCHEMA: &str = "\
@@ -22,13 +22,14 @@ host: 0 hello{protocol u16,schema u32,host_session u32}\n\
  2 knots(block) 3 flow{span u32,offset u16,action u8,volume u32,duration u32}\n\
  4 finish{knots u32,events u32}\n\
  5 control 0 pause 1 resume 2 override u16 3 abort 4 stop 5 clear 6 status\n\
- 7 position i32*7 8 jog{joint u8,distance i32,speed u32} 9 home u8\n\
+ 7 position i32*7 8 jog{joint u8,distance i32,speed u32} 9 home u32 10 joint{joint u8,position i32}\n\
+ 11 report u16 12 flow u16 13 extrude{action u8,volume u32,duration u32}\n\
 device: 0 welcome{protocol u16,schema u32,firmware u8*3,machine_hash u32,knots u16,events u16,\
 servo u32,step u32,session u32,host_session u32,stream option{job u32,first u32,next u32,knots u32,spans u32}}\n\
  1 refused{sequence u16,reason 0 protocol u16 1 schema u32 2 machine u32 3 no stream 4 busy 5 faulted 6 invalid}\n\
  2 ack{session u32,next u32,knot_limit u32,event_limit u32,control u16} 3 nak(ack)\n\
- 4 status{session u32,state u8,sigma u16,override u16,spans u32,knots u16,events u16,counts vec i32,\
-fault option}\n\
+ 4 status{session u32,state u8,sigma u16,override u16,flow u16,spans u32,knots u16,events u16,\
+referenced u8,switches u8,counts vec i32,fault option}\n\
  5 fault{cause u8,index u8,value i32}\n\
 block: v1\n";
 /// CRC-32 of [`SCHEMA`].
@@ -38,6 +39,10 @@ pub const SCHEMA_HASH: u32 = crate::frame::CRC.checksum(SCHEMA.as_bytes());
 pub const REPORT_MOTORS_MAX: usize = 8;
 /// Feed override, per cent of the planned rate: the time warp goes up to 2.
 pub const OVERRIDE_PERCENT_MAX: u16 = 200;
+/// Flow override, per cent of the planned volume, as M108 meant it.
+pub const FLOW_PERCENT_RANGE: core::ops::RangeInclusive<u16> = 10..=200;
+/// Period of status reports that can be asked for, ms.
+pub const REPORT_PERIOD_RANGE_MS: core::ops::RangeInclusive<u16> = 20..=60_000;
 /// Largest volume of one prime or retract: 1000 mm³, far beyond any nozzle's need.
 pub const EVENT_VOLUME_UNITS_MAX: u32 = 1_000_000_000;
 /// Longest prime or retract: a minute at a 2 kHz servo.
@@ -124,8 +129,77 @@ pub enum Control {
         /// Speed, 0.1 µm/s or µrad/s, above 0.
         speed_units_s: u32,
     },
-    /// Home the joints of this bit mask (bit 0 = joint 0).
-    Home(u8),
+    /// Home these joints, one after the other (at rest only).
+    Home(JointOrder),
+    /// Declare where one joint is (at rest only).
+    SetJoint {
+        /// Joint from 0 in the kinematics' order.
+        joint: u8,
+        /// Position, 0.1 µm or µrad.
+        position_units: i32,
+    },
+    /// Send a status this often, ms, of [`REPORT_PERIOD_RANGE_MS`].
+    ReportPeriod(u16),
+    /// Flow override in per cent of the planned volume, of [`FLOW_PERCENT_RANGE`].
+    FlowOverride(u16),
+    /// Prime or retract by hand (at rest only).
+    Extrude {
+        /// Which way.
+        action: FlowAction,
+        /// Volume, 10⁻⁶ mm³.
+        volume_units: u32,
+        /// Duration.
+        duration_ticks: Ticks,
+    },
+}
+
+/// Joints in an order, four bits each from the lowest up: joint + 1, 0 ends the list. Empty means
+/// all joints that have a switch, in the machine's own order.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
+#[cfg_attr(feature = "defmt", derive(defmt::Format))]
+pub struct JointOrder(u32);
+
+impl JointOrder {
+    /// Most joints of an order.
+    pub const JOINTS_MAX: usize = 8;
+
+    /// All joints that have a switch, in the machine's own order.
+    pub const ALL: Self = Self(0);
+
+    /// These joints (from 0, each below [`REPORT_MOTORS_MAX`]), at most [`Self::JOINTS_MAX`] of
+    /// them and none twice; `None` otherwise.
+    pub fn of(joints: &[u8]) -> Option<Self> {
+        let mut packed = 0;
+        for (place, &joint) in joints.iter().enumerate() {
+            if place >= Self::JOINTS_MAX || usize::from(joint) >= REPORT_MOTORS_MAX {
+                return None;
+            }
+            packed |= (u32::from(joint) + 1) << (4 * place);
+        }
+        let order = Self(packed);
+        order.is_valid().then_some(order)
+    }
+
+    /// The joints, from 0, in their order.
+    pub fn joints(self) -> impl Iterator<Item = u8> {
+        (0..Self::JOINTS_MAX)
+            .map(move |place| (self.0 >> (4 * place)) as u8 & 15)
+            .take_while(|joint| *joint != 0)
+            .map(|joint| joint - 1)
+    }
+
+    /// No joint twice, none that cannot be, nothing behind the end.
+    fn is_valid(self) -> bool {
+        let (mut seen, mut places) = (0u16, 0);
+        for joint in self.joints() {
+            if usize::from(joint) >= REPORT_MOTORS_MAX || seen >> joint & 1 == 1 {
+                return false;
+            }
+            seen |= 1 << joint;
+            places += 1;
+        }
+        places == Self::JOINTS_MAX || self.0 >> (4 * places) == 0
+    }
 }
 
 /// What the controller says. Its frames are numbered by a counter of their own.
@@ -271,12 +345,18 @@ pub struct Status {
     pub sigma_permille: u16,
     /// Feed override in force.
     pub override_percent: u16,
+    /// Flow override in force.
+    pub flow_percent: u16,
     /// Spans completed since `Start`.
     pub spans_done: u32,
     /// Knots in the queue.
     pub queue_knots: u16,
     /// Flow events in the queue.
     pub queue_events: u16,
+    /// Joints whose position is known, bit 0 = joint 0: declared, or homed.
+    pub referenced: u8,
+    /// Joints whose switch is pressed.
+    pub switches: u8,
     /// Step counts: joints in order, then the extruder.
     pub counts_steps: Vec<i32, REPORT_MOTORS_MAX>,
     /// The latched fault.
@@ -431,8 +511,25 @@ impl Control {
                 speed_units_s,
                 ..
             } => usize::from(joint) < REPORT_MOTORS_MAX && speed_units_s > 0,
-            Control::Home(mask) => mask != 0,
-            _ => true,
+            Control::Home(order) => order.is_valid(),
+            Control::SetJoint { joint, .. } => usize::from(joint) < REPORT_MOTORS_MAX,
+            Control::ReportPeriod(ms) => REPORT_PERIOD_RANGE_MS.contains(&ms),
+            Control::FlowOverride(percent) => FLOW_PERCENT_RANGE.contains(&percent),
+            Control::Extrude {
+                volume_units,
+                duration_ticks,
+                ..
+            } => {
+                (1..=EVENT_VOLUME_UNITS_MAX).contains(&volume_units)
+                    && (1..=EVENT_DURATION_TICKS_MAX).contains(&duration_ticks.0)
+            }
+            Control::Pause
+            | Control::Resume
+            | Control::Abort
+            | Control::EmergencyStop
+            | Control::ClearFault
+            | Control::StatusRequest
+            | Control::SetPosition(_) => true,
         }
     }
 }

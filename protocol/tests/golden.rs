@@ -65,7 +65,18 @@ fn host_message<'a>(name: &str, block: &'a [u8]) -> Option<HostMessage<'a>> {
             distance_units: -100_000,
             speed_units_s: 50_000,
         }),
-        "home" => HostMessage::Control(Control::Home(0b111)),
+        "home" => HostMessage::Control(Control::Home(JointOrder::of(&[2, 0, 1]).unwrap())),
+        "set_joint" => HostMessage::Control(Control::SetJoint {
+            joint: 3,
+            position_units: -1_570_796,
+        }),
+        "report_period" => HostMessage::Control(Control::ReportPeriod(500)),
+        "flow_override" => HostMessage::Control(Control::FlowOverride(95)),
+        "extrude" => HostMessage::Control(Control::Extrude {
+            action: FlowAction::Retract,
+            volume_units: 800_000,
+            duration_ticks: Ticks(400),
+        }),
         _ => return None,
     })
 }
@@ -114,9 +125,12 @@ fn device_message(name: &str) -> Option<DeviceMessage> {
             state: DeviceState::Running,
             sigma_permille: 1000,
             override_percent: 100,
+            flow_percent: 95,
             spans_done: 4,
             queue_knots: 8,
             queue_events: 1,
+            referenced: 0b1111,
+            switches: 0b100,
             counts_steps: [8000, -16_000, 80, 2400, 0].into_iter().collect(),
             fault: Some(fault),
         }),
@@ -167,7 +181,7 @@ fn wire_md_states_the_bytes_of_this_build() {
     for line in golden
         .lines()
         .filter(|line| line.starts_with("    "))
-        .take(21)
+        .take(25)
     {
         let cells: Vec<&str> = line.split_whitespace().collect();
         let sequence = u16::from_str_radix(cells[1], 16).unwrap();
@@ -177,7 +191,7 @@ fn wire_md_states_the_bytes_of_this_build() {
         }
         lines += 1;
     }
-    assert_eq!(lines, 21, "every variant has its line");
+    assert_eq!(lines, 25, "every variant has its line");
     assert!(wrong.is_empty(), "this build writes:\n{}", wrong.join("\n"));
 }
 
@@ -192,4 +206,20 @@ fn the_golden_knot_block_decodes_to_its_knots() {
 #[test]
 fn the_protocol_version_of_wire_md_is_that_of_this_build() {
     assert!(WIRE.contains(&format!("Protocol version {PROTOCOL_VERSION}.")));
+}
+
+#[test]
+fn an_order_of_joints_comes_back_and_one_that_cannot_be_is_refused() {
+    let order = JointOrder::of(&[2, 0, 7, 5]).unwrap();
+    assert_eq!(order.joints().collect::<Vec<u8>>(), [2, 0, 7, 5]);
+    assert_eq!(JointOrder::of(&[]), Some(JointOrder::ALL));
+    assert!(JointOrder::of(&[0, 1, 2, 3, 4, 5, 6, 7]).is_some());
+    for wrong in [&[1, 1][..], &[8], &[0, 1, 2, 3, 4, 5, 6, 7, 0]] {
+        assert_eq!(JointOrder::of(wrong), None, "{wrong:?}");
+    }
+    // Joint 0, the end, joint 1; and joint 8: as bytes of a control message.
+    for packed in [&[0x81, 0x04][..], &[0x09], &[0x11]] {
+        let bytes = [&[5, 9], packed].concat();
+        assert_eq!(HostMessage::decode(&bytes), Err(MessageError::FieldRange));
+    }
 }

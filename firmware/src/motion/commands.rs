@@ -1,8 +1,8 @@
 //! What the link may ask of the motion. A board calls these under a short lock.
 
-use super::{CommandError, Motion, Phase, Reference, ticks_of_ms};
+use super::{CommandError, Motion, Phase, Reference};
 use crate::configuration::MOTORS_MAX;
-use crate::design::HOLD_RETRACT_DELAY_MS;
+use crate::design::{HOLD_RETRACT_DELAY_MS, ticks_of_ms};
 use crate::hold::Hold;
 use crate::interpolator::Interpolator;
 use crate::load::SpanFault;

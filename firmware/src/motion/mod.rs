@@ -14,7 +14,7 @@ mod status;
 use crate::configuration::{MOTORS_MAX, MachineConfiguration};
 use crate::design::{
     CEILING_OPEN, HOLD_RETRACT_DELAY_MS, QUEUE_EVENTS, QUIET_START_MS, START_QUEUED_MS,
-    START_ROOM_KNOTS,
+    START_ROOM_KNOTS, ticks_of_ms,
 };
 use crate::flow::Flow;
 use crate::hold::Hold;
@@ -339,10 +339,6 @@ impl Motion {
         self.forget_stream();
         self.reference = Reference::Lost;
     }
-}
-
-fn ticks_of_ms(ms: u32, servo_hz: u32) -> u32 {
-    ms * servo_hz / 1000
 }
 
 fn step_rate_fault(exceeded: StepRateExceeded, servo_hz: u32) -> Fault {

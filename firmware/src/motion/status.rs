@@ -1,6 +1,6 @@
 //! What the motion tells of itself.
 
-use super::{Motion, Phase};
+use super::{Motion, Phase, Reference};
 use crate::configuration::MOTORS_MAX;
 use crate::design::QUEUE_EVENTS;
 use crate::steps::count;
@@ -81,6 +81,15 @@ impl Motion {
     /// Flow events that still fit.
     pub fn event_room(&self) -> usize {
         QUEUE_EVENTS - self.events.len()
+    }
+
+    /// Joints whose position is known, bit 0 = joint 0.
+    pub fn referenced(&self) -> u8 {
+        if self.reference == Reference::Known {
+            ((1u16 << self.joints.count()) - 1) as u8
+        } else {
+            0
+        }
     }
 
     /// How often the queue's end made the head slow down.

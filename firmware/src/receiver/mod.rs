@@ -8,7 +8,7 @@
 mod reports;
 
 use crate::configuration::MachineConfiguration;
-use crate::design::NAK_PERIOD_MS;
+use crate::design::{NAK_PERIOD_MS, STATUS_PERIOD_MS, ticks_of_ms};
 use crate::load::{LoadModel, SpanFault, SpanLoad};
 use crate::motion::{CommandError, Motion};
 use crate::queue::{Ceiling, QueuedKnot};
@@ -97,6 +97,7 @@ pub struct Receiver {
     /// Ticks of the last Nak and of the last status.
     nak_tick: u64,
     status_tick: u64,
+    status_period_ticks: u64,
     last_state: DeviceState,
     last_fault: Option<Fault>,
     report_sequence: u16,
@@ -119,6 +120,7 @@ impl Receiver {
             knot_limit_told: 0,
             nak_tick: 0,
             status_tick: 0,
+            status_period_ticks: ticks_of_ms(STATUS_PERIOD_MS, configuration.servo_hz).into(),
             last_state: DeviceState::Idle,
             last_fault: None,
             report_sequence: 0,
@@ -251,8 +253,15 @@ impl Receiver {
                     self.refuse(sequence, reason_of(error));
                 }
             }
-            // This machine has neither switches nor a jog yet.
-            Control::Jog { .. } | Control::Home(_) => {
+            Control::ReportPeriod(period_ms) => {
+                self.status_period_ticks = ticks_of_ms(period_ms.into(), self.servo_hz).into();
+            }
+            // These are not followed yet.
+            Control::Jog { .. }
+            | Control::Home(_)
+            | Control::SetJoint { .. }
+            | Control::FlowOverride(_)
+            | Control::Extrude { .. } => {
                 self.refuse(sequence, RefusalReason::Invalid);
             }
         }
@@ -318,7 +327,7 @@ impl Receiver {
         };
         let ahead =
             full_sequence(stream.next_sequence, sequence).wrapping_sub(stream.next_sequence);
-        let period = u64::from(NAK_PERIOD_MS * self.servo_hz / 1000);
+        let period = u64::from(ticks_of_ms(NAK_PERIOD_MS, self.servo_hz));
         if ahead > u32::MAX / 2 {
             self.due.ack = true;
         } else if motion.now_ticks() >= self.nak_tick + period {

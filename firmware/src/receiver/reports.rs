@@ -1,7 +1,7 @@
 //! What the controller says, and when: acknowledgements, status, faults.
 
 use super::Receiver;
-use crate::design::{CREDIT_STEP_KNOTS, QUEUE_EVENTS, QUEUE_KNOTS, STATUS_PERIOD_MS};
+use crate::design::{CREDIT_STEP_KNOTS, QUEUE_EVENTS, QUEUE_KNOTS};
 use crate::motion::Motion;
 use headway_protocol::frame::encode_frame;
 use headway_protocol::message::{
@@ -35,8 +35,7 @@ impl Receiver {
             self.last_fault = fault;
             self.due.fault = fault.is_some();
         }
-        let period = u64::from(STATUS_PERIOD_MS * self.servo_hz / 1000);
-        if motion.now_ticks() >= self.status_tick + period {
+        if motion.now_ticks() >= self.status_tick + self.status_period_ticks {
             self.status_tick = motion.now_ticks();
             self.due.status = true;
             self.due.ack |= self.stream.is_some();
@@ -126,6 +125,9 @@ impl Receiver {
             state: motion.state(),
             sigma_permille: ((u64::from(motion.rate_q16()) * 1000) >> 16) as u16,
             override_percent: motion.override_percent(),
+            flow_percent: 100,
+            referenced: motion.referenced(),
+            switches: 0,
             spans_done: motion.spans_done(),
             queue_knots: motion.queued_knots() as u16,
             queue_events: motion.queued_events() as u16,
