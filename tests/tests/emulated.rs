@@ -1,0 +1,300 @@
+//! Goal: the firmware on an emulated Cortex-M4F makes the very steps of the host's simulation, and
+//! faults on the line cost it none. Method: builds the emulated board, runs it in QEMU, streams a
+//! planned example over its UART with the real sender, and compares step digest and counts.
+//! Skipped, and said so, where QEMU or the target is missing; `HEADWAY_DEMAND_EMULATOR=1` makes
+//! that a failure.
+
+use headway::drive::rehearsal::rehearse;
+use headway::drive::sender::Sender;
+use headway::drive::sender_state::{SenderSetup, SenderState};
+use headway::drive::simulator::{SimulationFigures, SimulatorSetup};
+use headway::input::{Format, ReadOptions, read};
+use headway::plan_target;
+use headway::settings::Settings;
+use headway::wire_frames::WireFrames;
+use headway_firmware::boards::emulated_planar;
+use headway_protocol::frame::{FRAME_BYTES_MAX, hash_of};
+use rand::{RngExt, SeedableRng};
+use rand_pcg::Pcg64Mcg;
+use std::io::{ErrorKind, Read, Write};
+use std::os::unix::net::UnixStream;
+use std::path::{Path, PathBuf};
+use std::process::{Child, Command, Stdio};
+use std::sync::{Mutex, OnceLock};
+use std::time::{Duration, Instant};
+
+const TARGET: &str = "thumbv7em-none-eabihf";
+const ROOT: &str = concat!(env!("CARGO_MANIFEST_DIR"), "/..");
+/// The job takes some seconds of virtual time; a busy machine needs many times that.
+const PATIENCE: Duration = Duration::from_secs(240);
+/// 16 ns of virtual time per instruction, a core of 62.5 MIPS: with fewer a step tick hardly fits
+/// between two, with more the idle loop costs the emulator most of its time.
+const ICOUNT: &str = "shift=4";
+/// One emulator at a time: two would halve each other's speed.
+static ALONE: Mutex<()> = Mutex::new(());
+
+/// The board's binary, or why there is none.
+fn build_board() -> Result<PathBuf, String> {
+    let has_qemu = Command::new("qemu-system-arm").arg("--version").output();
+    has_qemu.map_err(|_| "qemu-system-arm is not installed".to_string())?;
+    let libraries = Command::new("rustc")
+        .args(["--print", "target-libdir", "--target", TARGET])
+        .output()
+        .map_err(|error| error.to_string())?;
+    let libraries = String::from_utf8_lossy(&libraries.stdout);
+    if !Path::new(libraries.trim()).is_dir() {
+        return Err(format!("the Rust target {TARGET} is not installed"));
+    }
+    let directory = Path::new(env!("CARGO_TARGET_TMPDIR")).join("emulated");
+    let built = Command::new(env!("CARGO"))
+        .current_dir(ROOT)
+        .args(["build", "--release", "-p", "headway-firmware"])
+        .args(["--bin", "qemu", "--target", TARGET, "--target-dir"])
+        .arg(&directory)
+        .status()
+        .expect("cargo runs");
+    assert!(built.success(), "the emulated board does not build");
+    Ok(directory.join(TARGET).join("release/qemu"))
+}
+
+/// The board's binary; `None` after saying why the test is skipped.
+fn board() -> Option<&'static Path> {
+    static BOARD: OnceLock<Result<PathBuf, String>> = OnceLock::new();
+    match BOARD.get_or_init(build_board) {
+        Ok(elf) => Some(elf),
+        Err(reason) => {
+            let demanded = std::env::var_os("HEADWAY_DEMAND_EMULATOR").is_some();
+            assert!(!demanded, "the emulator is demanded, but {reason}");
+            println!("skipped: {reason}");
+            None
+        }
+    }
+}
+
+/// A planned example and what the simulation makes of it.
+struct Example {
+    frames: WireFrames,
+    settings: Settings,
+    simulated: SimulationFigures,
+}
+
+fn example() -> &'static Example {
+    static EXAMPLE: OnceLock<Example> = OnceLock::new();
+    EXAMPLE.get_or_init(|| {
+        let settings = Settings {
+            machine: emulated_planar(),
+            ..Settings::default()
+        };
+        let path = Path::new(ROOT).join("examples/taper.json");
+        let bytes = std::fs::read(&path).expect("example");
+        let format = Format::of_ending(&path).expect("ending");
+        let loaded = read(&bytes, "taper", format, &ReadOptions::default()).expect("valid");
+        let plan = plan_target(&loaded.target, &settings).expect("plan");
+        let setup = SimulatorSetup::default();
+        let rehearsal = rehearse(&plan.stream, &settings, &setup, |_| {}).expect("rehearsal");
+        Example {
+            frames: WireFrames::encode(&plan.stream).expect("a plan can be sent"),
+            settings,
+            simulated: rehearsal.simulation.figures,
+        }
+    })
+}
+
+/// The board in QEMU, with its UART as a socket. Killed when dropped.
+struct Emulator {
+    process: Child,
+    line: UnixStream,
+    socket: PathBuf,
+}
+
+impl Emulator {
+    fn start(elf: &Path, name: &str) -> Self {
+        let socket = elf.with_file_name(format!("{name}.socket"));
+        let process = Command::new("qemu-system-arm")
+            .args(["-machine", "mps2-an386", "-cpu", "cortex-m4", "-nographic"])
+            .args(["-monitor", "none", "-icount", ICOUNT])
+            .args(["-semihosting-config", "enable=on,target=native", "-serial"])
+            .arg(format!("unix:{},server=on,wait=on", socket.display()))
+            .arg("-kernel")
+            .arg(elf)
+            .stdin(Stdio::null())
+            .stdout(Stdio::piped())
+            .spawn()
+            .expect("QEMU starts");
+        let line = connect(&socket);
+        line.set_read_timeout(Some(Duration::from_millis(2)))
+            .expect("a timeout can be set");
+        Self {
+            process,
+            line,
+            socket,
+        }
+    }
+
+    /// What has arrived within 2 ms; `None` when the board has hung up.
+    fn receive(&mut self, input: &mut [u8; 4096]) -> Option<usize> {
+        match self.line.read(input) {
+            Ok(0) => None,
+            Ok(length) => Some(length),
+            Err(error) => match error.kind() {
+                ErrorKind::WouldBlock | ErrorKind::TimedOut => Some(0),
+                ErrorKind::ConnectionReset => None,
+                _ => panic!("{error}"),
+            },
+        }
+    }
+
+    /// Waits for the board's own end, listening on, and gives its report.
+    fn report(mut self) -> serde_json::Value {
+        let started = Instant::now();
+        while self.receive(&mut [0; 4096]).is_some() {
+            assert!(started.elapsed() < PATIENCE, "the board does not end");
+        }
+        let mut text = String::new();
+        let mut output = self.process.stdout.take().expect("it is piped");
+        output.read_to_string(&mut text).expect("text");
+        serde_json::from_str(text.trim()).expect("a report")
+    }
+}
+
+impl Drop for Emulator {
+    fn drop(&mut self) {
+        // It may have ended by itself.
+        let _ = self.process.kill();
+        let _ = self.process.wait();
+        let _ = std::fs::remove_file(&self.socket);
+    }
+}
+
+fn connect(socket: &Path) -> UnixStream {
+    for _ in 0..500 {
+        if let Ok(stream) = UnixStream::connect(socket) {
+            return stream;
+        }
+        std::thread::sleep(Duration::from_millis(20));
+    }
+    panic!("QEMU does not listen on {}", socket.display());
+}
+
+/// What goes wrong between host and board, either way.
+struct Faults {
+    random: Pcg64Mcg,
+    flip_per_byte: f64,
+    drop_per_chunk: f64,
+    flips: u32,
+    drops: u32,
+}
+
+impl Faults {
+    fn new(seed: u64, flip_per_byte: f64, drop_per_chunk: f64) -> Self {
+        Self {
+            random: Pcg64Mcg::seed_from_u64(seed),
+            flip_per_byte,
+            drop_per_chunk,
+            flips: 0,
+            drops: 0,
+        }
+    }
+
+    /// Damages a chunk; returns what is left of it.
+    fn pass<'a>(&mut self, chunk: &'a mut [u8]) -> &'a [u8] {
+        if !chunk.is_empty() && self.random.random_bool(self.drop_per_chunk) {
+            self.drops += 1;
+            return &[];
+        }
+        for byte in chunk.iter_mut() {
+            if self.random.random_bool(self.flip_per_byte) {
+                *byte ^= 1 << self.random.random_range(0..8);
+                self.flips += 1;
+            }
+        }
+        chunk
+    }
+}
+
+/// Streams the job to its end; the sender's clock is the wall's.
+fn stream(sender: &mut Sender, board: &mut Emulator, faults: &mut Faults) {
+    let started = Instant::now();
+    let mut out = [0; FRAME_BYTES_MAX];
+    let mut input = [0; 4096];
+    let mut last = None;
+    while !matches!(sender.state(), SenderState::Done) {
+        let place = || format!("{:?} {:?} {last:?}", sender.state(), sender.figures());
+        let failed = matches!(sender.state(), SenderState::Failed(_));
+        assert!(!failed && started.elapsed() < PATIENCE, "{}", place());
+        let length = board.receive(&mut input).expect("the board listens");
+        let now_us = started.elapsed().as_micros() as u64;
+        sender.handle_bytes(now_us, faults.pass(&mut input[..length]));
+        while let Some(length) = sender.poll_transmit(now_us, &mut out) {
+            let bytes = faults.pass(&mut out[..length]);
+            board.line.write_all(bytes).expect("the line is open");
+        }
+        while let Some(event) = sender.poll_event() {
+            last = Some(event);
+        }
+    }
+}
+
+/// Prints the example on the emulated board.
+fn print(elf: &Path, name: &str, faults: &mut Faults) -> serde_json::Value {
+    let _alone = ALONE
+        .lock()
+        .unwrap_or_else(|poisoned| poisoned.into_inner());
+    let Example {
+        frames, settings, ..
+    } = example();
+    let mut board = Emulator::start(elf, name);
+    let mut sender = Sender::new(
+        frames.clone(),
+        SenderSetup {
+            host_session: 7,
+            machine_hash: hash_of(&settings.machine),
+            servo_hz: settings.machine.servo_hz,
+            resume: false,
+        },
+    );
+    let started = Instant::now();
+    stream(&mut sender, &mut board, faults);
+    println!("{name}: {:?}, {:?}", started.elapsed(), sender.figures());
+    let report = board.report();
+    println!("emulated: {report}\nsimulated: {:?}", example().simulated);
+    assert_eq!(report["faults"], 0);
+    report
+}
+
+#[test]
+fn the_emulated_core_makes_the_steps_of_the_simulation() {
+    let Some(elf) = board() else { return };
+    let emulated = print(elf, "clean", &mut Faults::new(0, 0.0, 0.0));
+    let simulated = &example().simulated;
+    assert_eq!(
+        emulated["final_counts"],
+        serde_json::json!(simulated.final_counts)
+    );
+    // A starved board rests on the path and goes on, which is right but takes other steps.
+    assert_eq!(
+        emulated["underruns"], 0,
+        "the line was too slow for the comparison"
+    );
+    assert_eq!(emulated["step_digest"], simulated.step_digest.as_str());
+    assert_eq!(emulated["steps"], simulated.steps);
+}
+
+#[test]
+fn a_line_with_faults_costs_the_emulated_core_no_step() {
+    let Some(elf) = board() else { return };
+    // Some frames in ten are lost or damaged, both ways.
+    let mut faults = Faults::new(5, 1e-3, 0.05);
+    let emulated = print(elf, "faulty", &mut faults);
+    assert!(faults.flips > 0 && faults.drops > 0, "the line was clean");
+    println!("{} flips, {} drops", faults.flips, faults.drops);
+    let simulated = &example().simulated;
+    assert_eq!(
+        emulated["final_counts"],
+        serde_json::json!(simulated.final_counts)
+    );
+    // Where it was never short of knots even the times are the same.
+    if emulated["underruns"] == 0 {
+        assert_eq!(emulated["step_digest"], simulated.step_digest.as_str());
+    }
+}
