@@ -3,6 +3,7 @@
 //! - [`units`]: the integer units of the seven channels.
 //! - [`segment`]: the motion as knots of a non-uniform cubic B-spline, and flow events tied to it.
 //! - [`knot_block`]: knots predicted and bit-packed, as they travel.
+//! - [`control`]: the commands that overtake the stream.
 //! - [`message`]: everything that either side can say.
 //! - [`frame`]: COBS framing, CRC-32 and sequence numbers.
 //!
@@ -13,6 +14,7 @@
 #[cfg(test)]
 extern crate std;
 
+pub mod control;
 pub mod frame;
 pub mod knot_block;
 pub mod message;

@@ -6,8 +6,12 @@
 //! numbering of their own, overtake the stream, and are taken when newer than the last one.
 //! `WIRE.md` has the bytes and the rules; this file has the types and the check of every field.
 
-use crate::segment::{FlowAction, FlowEvent, SPAN_TICKS_MAX};
-use crate::units::{ChannelPoint, Ticks};
+pub use crate::control::{
+    Control, EVENT_DURATION_TICKS_MAX, EVENT_VOLUME_UNITS_MAX, FLOW_PERCENT_RANGE, JointOrder,
+    OVERRIDE_PERCENT_MAX, REPORT_MOTORS_MAX, REPORT_PERIOD_RANGE_MS,
+};
+use crate::segment::{FlowEvent, SPAN_TICKS_MAX};
+use crate::units::ChannelPoint;
 use heapless::Vec;
 use serde::{Deserialize, Serialize};
 
@@ -34,19 +38,6 @@ referenced u8,switches u8,counts vec i32,fault option}\n\
 block: v1\n";
 /// CRC-32 of [`SCHEMA`].
 pub const SCHEMA_HASH: u32 = crate::frame::CRC.checksum(SCHEMA.as_bytes());
-
-/// Most motors that a report lists (joints, then the extruder).
-pub const REPORT_MOTORS_MAX: usize = 8;
-/// Feed override, per cent of the planned rate: the time warp goes up to 2.
-pub const OVERRIDE_PERCENT_MAX: u16 = 200;
-/// Flow override, per cent of the planned volume, as M108 meant it.
-pub const FLOW_PERCENT_RANGE: core::ops::RangeInclusive<u16> = 10..=200;
-/// Period of status reports that can be asked for, ms.
-pub const REPORT_PERIOD_RANGE_MS: core::ops::RangeInclusive<u16> = 20..=60_000;
-/// Largest volume of one prime or retract: 1000 mm³, far beyond any nozzle's need.
-pub const EVENT_VOLUME_UNITS_MAX: u32 = 1_000_000_000;
-/// Longest prime or retract: a minute at a 2 kHz servo.
-pub const EVENT_DURATION_TICKS_MAX: u32 = 120_000;
 
 /// What the host says.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
@@ -98,108 +89,6 @@ pub struct Finish {
     pub knots: u32,
     /// Flow events sent.
     pub events: u32,
-}
-
-/// Commands that overtake the stream.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
-#[cfg_attr(feature = "defmt", derive(defmt::Format))]
-pub enum Control {
-    /// Come to rest on the path.
-    Pause,
-    /// Go on after a pause.
-    Resume,
-    /// Feed override in per cent of the planned rate, 1..=[`OVERRIDE_PERCENT_MAX`].
-    Override(u16),
-    /// Come to rest on the path, then forget the stream.
-    Abort,
-    /// Stop at once and latch a fault.
-    EmergencyStop,
-    /// Clear a latched fault.
-    ClearFault,
-    /// Ask for a [`Status`]; also the keep-alive.
-    StatusRequest,
-    /// Declare the present position (at rest only), channel units.
-    SetPosition(ChannelPoint),
-    /// Move one joint (at rest only).
-    Jog {
-        /// Joint from 0 in the kinematics' order.
-        joint: u8,
-        /// Distance, 0.1 µm or µrad.
-        distance_units: i32,
-        /// Speed, 0.1 µm/s or µrad/s, above 0.
-        speed_units_s: u32,
-    },
-    /// Home these joints, one after the other (at rest only).
-    Home(JointOrder),
-    /// Declare where one joint is (at rest only).
-    SetJoint {
-        /// Joint from 0 in the kinematics' order.
-        joint: u8,
-        /// Position, 0.1 µm or µrad.
-        position_units: i32,
-    },
-    /// Send a status this often, ms, of [`REPORT_PERIOD_RANGE_MS`].
-    ReportPeriod(u16),
-    /// Flow override in per cent of the planned volume, of [`FLOW_PERCENT_RANGE`].
-    FlowOverride(u16),
-    /// Prime or retract by hand (at rest only).
-    Extrude {
-        /// Which way.
-        action: FlowAction,
-        /// Volume, 10⁻⁶ mm³.
-        volume_units: u32,
-        /// Duration.
-        duration_ticks: Ticks,
-    },
-}
-
-/// Joints in an order, four bits each from the lowest up: joint + 1, 0 ends the list. Empty means
-/// all joints that have a switch, in the machine's own order.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
-#[cfg_attr(feature = "defmt", derive(defmt::Format))]
-pub struct JointOrder(u32);
-
-impl JointOrder {
-    /// Most joints of an order.
-    pub const JOINTS_MAX: usize = 8;
-
-    /// All joints that have a switch, in the machine's own order.
-    pub const ALL: Self = Self(0);
-
-    /// These joints (from 0, each below [`REPORT_MOTORS_MAX`]), at most [`Self::JOINTS_MAX`] of
-    /// them and none twice; `None` otherwise.
-    pub fn of(joints: &[u8]) -> Option<Self> {
-        let mut packed = 0;
-        for (place, &joint) in joints.iter().enumerate() {
-            if place >= Self::JOINTS_MAX || usize::from(joint) >= REPORT_MOTORS_MAX {
-                return None;
-            }
-            packed |= (u32::from(joint) + 1) << (4 * place);
-        }
-        let order = Self(packed);
-        order.is_valid().then_some(order)
-    }
-
-    /// The joints, from 0, in their order.
-    pub fn joints(self) -> impl Iterator<Item = u8> {
-        (0..Self::JOINTS_MAX)
-            .map(move |place| (self.0 >> (4 * place)) as u8 & 15)
-            .take_while(|joint| *joint != 0)
-            .map(|joint| joint - 1)
-    }
-
-    /// No joint twice, none that cannot be, nothing behind the end.
-    fn is_valid(self) -> bool {
-        let (mut seen, mut places) = (0u16, 0);
-        for joint in self.joints() {
-            if usize::from(joint) >= REPORT_MOTORS_MAX || seen >> joint & 1 == 1 {
-                return false;
-            }
-            seen |= 1 << joint;
-            places += 1;
-        }
-        places == Self::JOINTS_MAX || self.0 >> (4 * places) == 0
-    }
 }
 
 /// What the controller says. Its frames are numbered by a counter of their own.
@@ -498,38 +387,6 @@ impl HostMessage<'_> {
             Ok(())
         } else {
             Err(MessageError::FieldRange)
-        }
-    }
-}
-
-impl Control {
-    fn is_valid(&self) -> bool {
-        match *self {
-            Control::Override(percent) => (1..=OVERRIDE_PERCENT_MAX).contains(&percent),
-            Control::Jog {
-                joint,
-                speed_units_s,
-                ..
-            } => usize::from(joint) < REPORT_MOTORS_MAX && speed_units_s > 0,
-            Control::Home(order) => order.is_valid(),
-            Control::SetJoint { joint, .. } => usize::from(joint) < REPORT_MOTORS_MAX,
-            Control::ReportPeriod(ms) => REPORT_PERIOD_RANGE_MS.contains(&ms),
-            Control::FlowOverride(percent) => FLOW_PERCENT_RANGE.contains(&percent),
-            Control::Extrude {
-                volume_units,
-                duration_ticks,
-                ..
-            } => {
-                (1..=EVENT_VOLUME_UNITS_MAX).contains(&volume_units)
-                    && (1..=EVENT_DURATION_TICKS_MAX).contains(&duration_ticks.0)
-            }
-            Control::Pause
-            | Control::Resume
-            | Control::Abort
-            | Control::EmergencyStop
-            | Control::ClearFault
-            | Control::StatusRequest
-            | Control::SetPosition(_) => true,
         }
     }
 }
