@@ -1,9 +1,9 @@
-//! An oracle for what a stream leaves on a layer: coverage, overlap and outside depth of an
-//! elliptical aperture, from the knots alone.
+//! An oracle for what a stream leaves on a layer: coverage, overlap and outside depth of any
+//! aperture, from the knots alone.
 //!
 //! Shares no code with the planner: the spline by de Boor's recursion on the knot vector as the
-//! wire contract states it, containment by ray casting, the ellipse by its equation, overlap by
-//! the wording of the specification.
+//! wire contract states it, containment by ray casting, the ellipse by its equation, other
+//! apertures by distances to their corner points, overlap by the wording of the specification.
 
 use headway::job::{MotionState, SegmentStream};
 use headway_protocol::segment::REST_TICKS;
@@ -140,6 +140,89 @@ pub fn print_poses(stream: &SegmentStream, offset_mm: [f64; 2], step_mm: f64) ->
     poses
 }
 
+/// An aperture as the oracle sees it, tool frame.
+#[derive(Clone, Debug)]
+pub enum OracleAperture {
+    /// Semi-axes, mm.
+    Ellipse([f64; 2]),
+    /// Everything within a radius of a convex polygon (two corners: of a line), mm.
+    Grown(Vec<[f64; 2]>, f64),
+}
+
+impl OracleAperture {
+    /// True where the point lies in it.
+    pub fn contains(&self, u: f64, v: f64) -> bool {
+        match self {
+            OracleAperture::Ellipse([a, b]) => (u / a) * (u / a) + (v / b) * (v / b) <= 1.0,
+            OracleAperture::Grown(corners, radius) => {
+                let count = corners.len();
+                let side = |i: usize| (corners[i], corners[(i + 1) % count]);
+                let turns = |(p, q): ([f64; 2], [f64; 2])| {
+                    (q[0] - p[0]) * (v - p[1]) - (q[1] - p[1]) * (u - p[0])
+                };
+                // On one side of every edge: inside; a line has no inside.
+                let left = (0..count).any(|i| turns(side(i)) > 0.0);
+                let right = (0..count).any(|i| turns(side(i)) < 0.0);
+                let near = |i: usize| distance_mm([u, v], side(i).0, side(i).1) <= *radius;
+                !(left && right) && count > 2 || *radius > 0.0 && (0..count).any(near)
+            }
+        }
+    }
+
+    /// Points all round, close enough that no wall passes between two of them unseen.
+    pub fn outline(&self) -> Vec<[f64; 2]> {
+        let tau = std::f64::consts::TAU;
+        match self {
+            OracleAperture::Ellipse([a, b]) => (0..OUTLINE)
+                .map(|k| tau * k as f64 / OUTLINE as f64)
+                .map(|angle| [a * angle.cos(), b * angle.sin()])
+                .collect(),
+            OracleAperture::Grown(corners, radius) => {
+                let mut points = Vec::new();
+                for k in 0..2 * OUTLINE {
+                    let (sin, cos) = (tau * k as f64 / (2 * OUTLINE) as f64).sin_cos();
+                    let far = |c: &[f64; 2]| c[0] * cos + c[1] * sin;
+                    let corner = corners
+                        .iter()
+                        .max_by(|c, d| far(c).total_cmp(&far(d)))
+                        .expect("corners");
+                    points.push([corner[0] + radius * cos, corner[1] + radius * sin]);
+                }
+                // The flats between, so that a vertex of the wall does not poke in unseen.
+                let turns = points.clone();
+                for (i, p) in turns.iter().enumerate() {
+                    let q = turns[(i + 1) % turns.len()];
+                    let pieces = ((q[0] - p[0]).hypot(q[1] - p[1]) / 0.02).ceil() as usize;
+                    for piece in 1..pieces {
+                        let t = piece as f64 / pieces as f64;
+                        points.push([p[0] + (q[0] - p[0]) * t, p[1] + (q[1] - p[1]) * t]);
+                    }
+                }
+                points
+            }
+        }
+    }
+
+    /// Half the greatest width and the distance of the farthest point from the axis.
+    fn sizes_mm(&self) -> (f64, f64) {
+        let outline = self.outline();
+        let far = outline.iter().map(|p| p[0].hypot(p[1])).fold(0.0, f64::max);
+        let widest = match self {
+            OracleAperture::Ellipse([a, _]) => 2.0 * a,
+            OracleAperture::Grown(corners, radius) => {
+                let mut widest: f64 = 0.0;
+                for p in corners {
+                    for q in corners {
+                        widest = widest.max((p[0] - q[0]).hypot(p[1] - q[1]));
+                    }
+                }
+                widest + 2.0 * radius
+            }
+        };
+        (widest / 2.0, far.max(widest / 2.0))
+    }
+}
+
 /// Sweeps an ellipse (semi-axes) along the poses over a raster of `cell_mm`.
 pub fn sweep(
     rings: &Rings,
@@ -147,7 +230,18 @@ pub fn sweep(
     axes_mm: [f64; 2],
     cell_mm: f64,
 ) -> LayerFindings {
-    let [a, b] = axes_mm;
+    sweep_aperture(rings, poses, &OracleAperture::Ellipse(axes_mm), cell_mm)
+}
+
+/// Sweeps any aperture along the poses over a raster of `cell_mm`.
+pub fn sweep_aperture(
+    rings: &Rings,
+    poses: &[OraclePose],
+    aperture: &OracleAperture,
+    cell_mm: f64,
+) -> LayerFindings {
+    let (a, reach) = aperture.sizes_mm();
+    let reach2 = reach * reach;
     let all = rings.iter().flatten();
     let low = all
         .clone()
@@ -167,12 +261,14 @@ pub fn sweep(
         let (sin, cos) = pose.heading_rad.sin_cos();
         let column_of = |x: f64| ((x - low[0]) / cell_mm).clamp(0.0, columns as f64 - 1.0) as usize;
         let row_of = |y: f64| ((y - low[1]) / cell_mm).clamp(0.0, rows as f64 - 1.0) as usize;
-        for r in row_of(pose.y_mm - a)..=row_of(pose.y_mm + a) {
-            for c in column_of(pose.x_mm - a)..=column_of(pose.x_mm + a) {
+        for r in row_of(pose.y_mm - reach)..=row_of(pose.y_mm + reach) {
+            for c in column_of(pose.x_mm - reach)..=column_of(pose.x_mm + reach) {
                 let p = center(c, r);
                 let (dx, dy) = (p[0] - pose.x_mm, p[1] - pose.y_mm);
-                let (u, v) = ((dx * cos + dy * sin) / a, (dy * cos - dx * sin) / b);
-                if u * u + v * v > 1.0 {
+                if dx * dx + dy * dy > reach2 {
+                    continue;
+                }
+                if !aperture.contains(dx * cos + dy * sin, dy * cos - dx * sin) {
                     continue;
                 }
                 let cell = r * columns + c;
@@ -199,7 +295,7 @@ pub fn sweep(
         area_mm2: inside as f64 * cell_mm * cell_mm,
         covered_pct: 100.0 * covered as f64 / inside.max(1) as f64,
         overlap_pct: 100.0 * overlapped as f64 / inside.max(1) as f64,
-        outside_depth_mm: outside_depth_mm(rings, poses, axes_mm),
+        outside_depth_mm: outside_depth_mm(rings, poses, aperture),
     }
 }
 
@@ -263,14 +359,13 @@ const OUTLINE: usize = 96;
 /// A point deeper outside than this would have neighbours that are not.
 const NEAR_MM: f64 = 0.05;
 
-fn outside_depth_mm(rings: &Rings, poses: &[OraclePose], axes_mm: [f64; 2]) -> f64 {
+fn outside_depth_mm(rings: &Rings, poses: &[OraclePose], aperture: &OracleAperture) -> f64 {
+    let outline = aperture.outline();
     let buckets = RowBuckets::new(rings, 2.0 * NEAR_MM);
     let mut worst: f64 = 0.0;
     for pose in poses {
         let (sin, cos) = pose.heading_rad.sin_cos();
-        for k in 0..OUTLINE {
-            let angle = std::f64::consts::TAU * k as f64 / OUTLINE as f64;
-            let (u, v) = (axes_mm[0] * angle.cos(), axes_mm[1] * angle.sin());
+        for [u, v] in &outline {
             let p = [pose.x_mm + u * cos - v * sin, pose.y_mm + u * sin + v * cos];
             if buckets.contains(p) {
                 continue;

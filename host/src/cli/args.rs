@@ -76,7 +76,8 @@ pub(super) struct SettingsArgs {
     /// Machine file [default: a built-in planar machine; see `headway machine new`].
     #[arg(short, long, value_name = "MACHINE.toml")]
     pub machine: Option<PathBuf>,
-    /// Aperture: ellipse:AxB (semi-axes, mm) or circle:R (radius, mm).
+    /// Aperture, mm: ellipse:AxB (semi-axes), circle:R, stadium:LxW, rect:LxWxR (full sizes, corner
+    /// radius), polygon:FILE (a JSON list of corners about the tool's axis).
     #[arg(long, value_name = "SHAPE")]
     pub aperture: Option<String>,
     /// Tip speed while printing, mm/s.

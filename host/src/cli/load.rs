@@ -5,7 +5,7 @@ use super::args::{FormatName, InputArgs, LawName, PassName, SettingsArgs, UnitNa
 use super::console::Console;
 use super::job;
 use crate::input::{self, BYTES_MAX, Format, InputError, Loaded, ReadOptions, Units};
-use crate::settings::aperture_text::parse_aperture;
+use crate::settings::aperture_text::{aperture_text, file_of_aperture, parse_aperture};
 use crate::settings::{HeadingLaw, PassMode, Settings, machine_file};
 use std::path::Path;
 
@@ -16,8 +16,9 @@ pub(super) fn settings(args: &SettingsArgs) -> Result<Settings, CliError> {
         None => Settings::default(),
     };
     if let Some(text) = &args.aperture {
+        let text = with_polygon(text, Path::new(""))?;
         settings.aperture =
-            parse_aperture(text).map_err(|error| CliError::Usage(error.to_string()))?;
+            parse_aperture(&text).map_err(|error| CliError::Usage(error.to_string()))?;
     }
     if let Some(speed_mm_s) = args.speed {
         settings.speed_mm_s = speed_mm_s;
@@ -57,8 +58,38 @@ pub(super) fn machine(path: &Path) -> Result<Settings, CliError> {
     let bytes = read_file(path)?;
     let text = String::from_utf8(bytes)
         .map_err(|_| CliError::Job(format!("{}: not a text file", path.display())))?;
+    let text = machine_with_polygon(text, path)?;
     machine_file::from_toml(&text)
         .map_err(|error| CliError::Job(format!("{}: {error}", path.display())))
+}
+
+/// An aperture's description with the text of its polygon file, beside `folder`, in place of the
+/// name; other descriptions as they are.
+fn with_polygon(text: &str, folder: &Path) -> Result<String, CliError> {
+    let Some(name) = file_of_aperture(text) else {
+        return Ok(text.to_string());
+    };
+    let path = folder.join(name);
+    let place = |problem: String| CliError::Job(format!("{}: {problem}", path.display()));
+    let corners =
+        String::from_utf8(read_file(&path)?).map_err(|_| place("not a text file".to_string()))?;
+    let aperture =
+        parse_aperture(&format!("polygon:{corners}")).map_err(|error| place(error.to_string()))?;
+    Ok(aperture_text(&aperture))
+}
+
+/// A machine file's text in which a polygon aperture stands with its corners.
+fn machine_with_polygon(text: String, path: &Path) -> Result<String, CliError> {
+    // What is no TOML is refused with its line by the reader proper.
+    let Ok(table) = text.parse::<toml::Table>() else {
+        return Ok(text);
+    };
+    let aperture = table.get("print").and_then(|print| print.get("aperture"));
+    let Some(given) = aperture.and_then(|a| a.as_str()) else {
+        return Ok(text);
+    };
+    let folder = path.parent().unwrap_or(Path::new(""));
+    Ok(text.replacen(given, &with_polygon(given, folder)?, 1))
 }
 
 /// Reads an input and says its notes.

@@ -144,7 +144,14 @@ fn plan_figures(plan: &Plan, unreachable: &[UnreachableRun], plan_s: f64) -> Fig
         covered_of_reachable_pct: Some(f.covered_of_reachable_pct),
         outside_depth_mm: Some(f.outside_depth_mm),
         overlap_pct: Some(f.overlap_pct),
-        unreachable_mm: Some(unreachable.iter().map(UnreachableRun::length_mm).sum()),
+        // The sum of nothing is -0.
+        unreachable_mm: Some(
+            unreachable
+                .iter()
+                .map(UnreachableRun::length_mm)
+                .sum::<f64>()
+                + 0.0,
+        ),
         unreachable_places_mm: Some(unreachable.iter().take(PLACES_LISTED).map(place).collect()),
         passes: Some(passes),
         flow_interruptions: Some(passes.saturating_sub(1)),

@@ -2,10 +2,13 @@
 //!
 //! For the ellipse: rotate by -heading, scale by (1/a, 1/b); the aperture is inside exactly when
 //! its centre is and the scaled boundary comes no closer than 1 to the origin (SPEC section 2).
+//! For slots, rectangles and polygons the boundary is brought into the tool's frame and parted from
+//! the shape there ([`super::rounded_polygon`]); the gap is given as a share of b.
 
 use super::aperture::Aperture;
 use super::edge_index::{Edge, EdgeIndex};
 use super::polygon::Box2;
+use super::rounded_polygon::{Gap, RoundedPolygon};
 use super::{Point2, Vector2};
 
 /// The aperture's centre and heading in the layer plane.
@@ -18,26 +21,86 @@ pub struct Configuration {
 }
 
 /// Scaled distance of the boundary from the aperture's centre: 1 is contact, more is clear, less
-/// cuts. `limit` bounds the search (in aperture radii): anything farther is reported as `limit`.
-/// Says nothing of which side the centre is on.
+/// cuts (1 + gap / b for an aperture that is no ellipse). `limit` bounds the search: anything
+/// farther is reported as `limit`. Says nothing of which side the centre is on.
 pub fn scaled_clearance(
     aperture: &Aperture,
     at: Configuration,
     index: &EdgeIndex,
     limit: f64,
 ) -> f64 {
-    nearest_scaled(aperture, at, index, limit).map_or(limit, |q| q.norm())
+    match aperture {
+        Aperture::Ellipse { major_mm, minor_mm } => {
+            let axes_mm = [*major_mm, *minor_mm];
+            nearest_scaled(axes_mm, at, index, limit).map_or(limit, |q| q.norm())
+        }
+        Aperture::Rounded(shape) => {
+            let limit_mm = (limit - 1.0) * aperture.minor_mm();
+            nearest_gap(shape, at, index, limit_mm)
+                .map_or(limit, |gap| scaled_of_gap(aperture, gap.gap_mm))
+        }
+    }
 }
 
-/// The boundary point nearest to the centre in the aperture's scaled frame (in which the aperture
-/// is the unit circle), where it is nearer than `limit`.
+/// The scaled distance that a gap stands for.
+fn scaled_of_gap(aperture: &Aperture, gap_mm: f64) -> f64 {
+    (1.0 + gap_mm / aperture.minor_mm()).max(0.0)
+}
+
+/// The wall that comes closest to the shape or cuts it deepest, where its gap is below `limit_mm`;
+/// its direction is the plane's.
+fn nearest_gap(
+    shape: &RoundedPolygon,
+    at: Configuration,
+    index: &EdgeIndex,
+    limit_mm: f64,
+) -> Option<Gap> {
+    let (sin, cos) = at.heading_rad.sin_cos();
+    let reach = |x: f64, y: f64| {
+        // Support along a direction of the plane, brought into the tool's frame.
+        shape.support_mm(Vector2::new(x * cos + y * sin, y * cos - x * sin)) + limit_mm.max(0.0)
+    };
+    let area = Box2 {
+        min: at.center - Vector2::new(reach(-1.0, 0.0), reach(0.0, -1.0)),
+        max: at.center + Vector2::new(reach(1.0, 0.0), reach(0.0, 1.0)),
+    };
+    let local = |p: Point2| {
+        let d = p - at.center;
+        Vector2::new(d.x * cos + d.y * sin, d.y * cos - d.x * sin)
+    };
+    let mut least_mm = limit_mm;
+    let mut best: Option<Gap> = None;
+    index.for_edges_in(area, |number| {
+        let edge = index.edges()[number];
+        let (low, high) = (edge.a.inf(&edge.b), edge.a.sup(&edge.b));
+        if low.x > area.max.x || low.y > area.max.y || high.x < area.min.x || high.y < area.min.y {
+            return;
+        }
+        if let Some(gap) = shape.gap_to(local(edge.a), local(edge.b), least_mm)
+            && gap.gap_mm < least_mm
+        {
+            least_mm = gap.gap_mm;
+            best = Some(gap);
+        }
+    });
+    best.map(|gap| Gap {
+        gap_mm: gap.gap_mm,
+        outward: Vector2::new(
+            gap.outward.x * cos - gap.outward.y * sin,
+            gap.outward.x * sin + gap.outward.y * cos,
+        ),
+    })
+}
+
+/// The boundary point nearest to the centre in the ellipse's scaled frame (in which it is the unit
+/// circle), where it is nearer than `limit`.
 fn nearest_scaled(
-    aperture: &Aperture,
+    axes_mm: [f64; 2],
     at: Configuration,
     index: &EdgeIndex,
     limit: f64,
 ) -> Option<Vector2> {
-    let Aperture::Ellipse { major_mm, minor_mm } = *aperture;
+    let [major_mm, minor_mm] = axes_mm;
     let (sin, cos) = at.heading_rad.sin_cos();
     let half = Vector2::new(
         ((major_mm * cos).powi(2) + (minor_mm * sin).powi(2)).sqrt(),
@@ -87,8 +150,16 @@ pub fn outside_depth_mm(aperture: &Aperture, at: Configuration, index: &EdgeInde
     if !index.contains(at.center) {
         return deepest(aperture, at, |p| -index.signed_distance_mm(p));
     }
-    // Beyond a boundary point on the way from the centre lies at most this share of the way.
-    let bound_mm = (1.0 - clearance) * aperture.major_mm();
+    let bound_mm = match aperture {
+        // Beyond a boundary point on the way from the centre lies at most this share of the way.
+        Aperture::Ellipse { major_mm, .. } => (1.0 - clearance) * major_mm,
+        // A boundary point at depth d leaves at least 1 - d / (inner radius) of the way to it.
+        Aperture::Rounded(shape) => {
+            let share = (1.0 - clearance) * aperture.minor_mm() / shape.axis_inside_mm();
+            let share = if clearance > 0.0 { share.min(1.0) } else { 1.0 };
+            share * shape.reach_mm()
+        }
+    };
     if bound_mm <= NEGLIGIBLE_MM {
         return bound_mm.max(0.0);
     }
@@ -112,13 +183,10 @@ fn edges_around(
     index: &EdgeIndex,
     bound_mm: f64,
 ) -> Vec<Edge> {
-    let half = Vector2::new(
-        aperture.extent_mm(at.heading_rad, Vector2::x()),
-        aperture.extent_mm(at.heading_rad, Vector2::y()),
-    );
+    let reach = |x: f64, y: f64| aperture.support_mm(at.heading_rad, Vector2::new(x, y));
     let area = Box2 {
-        min: at.center - half,
-        max: at.center + half,
+        min: at.center - Vector2::new(reach(-1.0, 0.0), reach(0.0, -1.0)),
+        max: at.center + Vector2::new(reach(1.0, 0.0), reach(0.0, 1.0)),
     }
     .grown(bound_mm);
     let mut numbers = Vec::new();
@@ -159,49 +227,45 @@ fn depth_among(edges: &[Edge], inside: Point2, p: Point2) -> f64 {
 
 /// The largest depth over the placed aperture, at least 0.
 fn deepest(aperture: &Aperture, at: Configuration, depth_mm: impl Fn(Point2) -> f64) -> f64 {
-    let Aperture::Ellipse { major_mm, minor_mm } = *aperture;
     let (sin, cos) = at.heading_rad.sin_cos();
-    let place = |u: f64, v: f64| at.center + Vector2::new(u * cos - v * sin, u * sin + v * cos);
+    let place = |q: Vector2| at.center + Vector2::new(q.x * cos - q.y * sin, q.x * sin + q.y * cos);
     let mut best = 0.0f64;
     let mut looks = 0;
     let wanted = |best: f64, accuracy: (f64, f64)| best + accuracy.0.max(accuracy.1 * best);
 
-    let step = std::f64::consts::TAU / OUTLINE_PIECES as f64;
+    let (step, rate_mm) = (1.0 / OUTLINE_PIECES as f64, aperture.outline_rate_mm());
     let mut arcs: Vec<(f64, f64)> = (0..OUTLINE_PIECES)
         .map(|k| ((k as f64 + 0.5) * step, step / 2.0))
         .collect();
-    while let Some((angle, half)) = arcs.pop() {
-        let depth = depth_mm(place(major_mm * angle.cos(), minor_mm * angle.sin()));
+    while let Some((share, half)) = arcs.pop() {
+        let depth = depth_mm(place(aperture.outline_at(share)));
         best = best.max(depth);
         looks += 1;
-        if depth + major_mm * half > wanted(best, OUTLINE_ACCURACY) && looks < LOOKS_MAX {
+        if depth + rate_mm * half > wanted(best, OUTLINE_ACCURACY) && looks < LOOKS_MAX {
             arcs.extend([
-                (angle - half / 2.0, half / 2.0),
-                (angle + half / 2.0, half / 2.0),
+                (share - half / 2.0, half / 2.0),
+                (share + half / 2.0, half / 2.0),
             ]);
         }
     }
     looks = 0;
-    let mut cells = vec![(0.0, 0.0, major_mm)];
-    while let Some((u, v, half)) = cells.pop() {
+    let mut cells = vec![(Vector2::zeros(), aperture.reach_mm())];
+    while let Some((middle, half)) = cells.pop() {
         let reach = half * std::f64::consts::SQRT_2;
-        let off = ((u / major_mm).powi(2) + (v / minor_mm).powi(2)).sqrt();
-        if off - reach / minor_mm > 1.0 {
+        let off_mm = aperture.beyond_mm(middle);
+        if off_mm > reach {
             continue;
         }
-        let depth = depth_mm(place(u, v));
-        if off <= 1.0 {
+        let depth = depth_mm(place(middle));
+        if off_mm <= 0.0 {
             best = best.max(depth);
         }
         looks += 1;
         if depth + reach > wanted(best, INSIDE_ACCURACY) && looks < LOOKS_MAX {
             let h = half / 2.0;
-            cells.extend([
-                (u - h, v - h, h),
-                (u + h, v - h, h),
-                (u - h, v + h, h),
-                (u + h, v + h, h),
-            ]);
+            for (x, y) in [(-h, -h), (h, -h), (-h, h), (h, h)] {
+                cells.push((middle + Vector2::new(x, y), h));
+            }
         }
     }
     best
@@ -230,7 +294,7 @@ pub struct WallContact {
     /// Unit vector from the centre side towards the wall: the aperture's own normal there.
     pub outward: Vector2,
     /// How far the aperture must go back along `outward` for the contact to be touching, mm
-    /// (exact for a straight wall, close for a vertex).
+    /// (exact for a straight wall, close for a vertex of an ellipse's wall).
     pub depth_mm: f64,
 }
 
@@ -242,8 +306,18 @@ pub fn contact(
     index: &EdgeIndex,
     limit: f64,
 ) -> Option<WallContact> {
-    let Aperture::Ellipse { major_mm, minor_mm } = *aperture;
-    let q = nearest_scaled(aperture, at, index, limit)?;
+    let (major_mm, minor_mm) = match aperture {
+        Aperture::Ellipse { major_mm, minor_mm } => (*major_mm, *minor_mm),
+        Aperture::Rounded(shape) => {
+            let limit_mm = (limit - 1.0) * aperture.minor_mm();
+            return nearest_gap(shape, at, index, limit_mm).map(|gap| WallContact {
+                scaled: scaled_of_gap(aperture, gap.gap_mm),
+                outward: gap.outward,
+                depth_mm: -gap.gap_mm,
+            });
+        }
+    };
+    let q = nearest_scaled([major_mm, minor_mm], at, index, limit)?;
     let distance = q.norm();
     if distance < 1e-9 {
         return Some(WallContact {

@@ -8,6 +8,7 @@
 use super::aperture::Aperture;
 use super::clearance::Configuration;
 use super::edge_index::EdgeIndex;
+use super::rounded_polygon::row_range;
 use super::{Point2, Vector2};
 use rayon::prelude::*;
 
@@ -79,11 +80,12 @@ impl Coverage {
         let band_mm = BAND_ROWS as f64 * cell_mm;
         let mut of_band: Vec<Vec<u32>> = vec![Vec::new(); bands];
         for (number, pose) in poses.iter().enumerate() {
-            let reach = aperture.extent_mm(pose.at.heading_rad, Vector2::y());
-            let low = ((pose.at.center.y - reach - origin.y) / band_mm)
+            let [below, above] =
+                [-1.0, 1.0].map(|y| aperture.support_mm(pose.at.heading_rad, Vector2::new(0.0, y)));
+            let low = ((pose.at.center.y - below - origin.y) / band_mm)
                 .floor()
                 .max(0.0) as usize;
-            let high = ((pose.at.center.y + reach - origin.y) / band_mm)
+            let high = ((pose.at.center.y + above - origin.y) / band_mm)
                 .floor()
                 .max(0.0) as usize;
             for band in of_band.iter_mut().take((high + 1).min(bands)).skip(low) {
@@ -147,6 +149,63 @@ impl Coverage {
     }
 }
 
+/// The rows of a turned aperture about its centre.
+struct RowsOfShape {
+    below_mm: f64,
+    above_mm: f64,
+    shape: TurnedShape,
+}
+
+enum TurnedShape {
+    /// qxx dx² + 2 qxy dx dy + qyy dy² = 1.
+    Quadratic([f64; 3]),
+    /// Corners of the core, radius.
+    Rounded(Vec<Vector2>, f64),
+}
+
+impl RowsOfShape {
+    fn new(aperture: &Aperture, heading_rad: f64) -> RowsOfShape {
+        let (sin, cos) = heading_rad.sin_cos();
+        let shape = match aperture {
+            Aperture::Ellipse { major_mm, minor_mm } => {
+                let (ia, ib) = (1.0 / (major_mm * major_mm), 1.0 / (minor_mm * minor_mm));
+                TurnedShape::Quadratic([
+                    cos * cos * ia + sin * sin * ib,
+                    cos * sin * (ia - ib),
+                    sin * sin * ia + cos * cos * ib,
+                ])
+            }
+            Aperture::Rounded(shape) => {
+                let turned =
+                    |c: &Vector2| Vector2::new(c.x * cos - c.y * sin, c.x * sin + c.y * cos);
+                TurnedShape::Rounded(
+                    shape.corners().iter().map(turned).collect(),
+                    shape.radius_mm(),
+                )
+            }
+        };
+        RowsOfShape {
+            below_mm: aperture.support_mm(heading_rad, -Vector2::y()),
+            above_mm: aperture.support_mm(heading_rad, Vector2::y()),
+            shape,
+        }
+    }
+
+    /// Least and greatest x at height `dy`.
+    fn range(&self, dy: f64) -> Option<[f64; 2]> {
+        match &self.shape {
+            TurnedShape::Quadratic([qxx, qxy, qyy]) => {
+                let disc = (qxy * dy).powi(2) - qxx * (qyy * dy * dy - 1.0);
+                (disc >= 0.0).then(|| {
+                    let root = disc.sqrt();
+                    [(-qxy * dy - root) / qxx, (-qxy * dy + root) / qxx]
+                })
+            }
+            TurnedShape::Rounded(corners, radius) => row_range(corners, *radius, dy),
+        }
+    }
+}
+
 struct Grid {
     origin: Point2,
     cell_mm: f64,
@@ -194,7 +253,7 @@ impl Grid {
             .collect()
     }
 
-    /// Marks the cells of one elliptical placement, row by row from the quadratic's roots.
+    /// Marks the cells of one placement, row by row.
     fn stamp(
         &self,
         pose: &SweptPose,
@@ -204,19 +263,12 @@ impl Grid {
         return_mm: f64,
         visits: &mut [(u32, f32, bool)],
     ) {
-        let (major, minor) = (aperture.major_mm(), aperture.minor_mm());
-        let (sin, cos) = pose.at.heading_rad.sin_cos();
-        let (ia, ib) = (1.0 / (major * major), 1.0 / (minor * minor));
-        // qxx dx² + 2 qxy dx dy + qyy dy² = 1
-        let qxx = cos * cos * ia + sin * sin * ib;
-        let qxy = cos * sin * (ia - ib);
-        let qyy = sin * sin * ia + cos * cos * ib;
-        let reach = aperture.extent_mm(pose.at.heading_rad, Vector2::y());
+        let rows = RowsOfShape::new(aperture, pose.at.heading_rad);
         let c = pose.at.center - self.origin;
-        let row0 = ((c.y - reach) / self.cell_mm - 0.5)
+        let row0 = ((c.y - rows.below_mm) / self.cell_mm - 0.5)
             .ceil()
             .max(first as f64) as usize;
-        let row1 = ((c.y + reach) / self.cell_mm - 0.5)
+        let row1 = ((c.y + rows.above_mm) / self.cell_mm - 0.5)
             .floor()
             .min(last as f64 - 1.0);
         if row1 < row0 as f64 {
@@ -224,13 +276,11 @@ impl Grid {
         }
         for row in row0..=row1 as usize {
             let dy = (row as f64 + 0.5) * self.cell_mm - c.y;
-            let disc = (qxy * dy).powi(2) - qxx * (qyy * dy * dy - 1.0);
-            if disc < 0.0 {
+            let Some([from, to]) = rows.range(dy) else {
                 continue;
-            }
-            let root = disc.sqrt();
-            let low = (c.x + (-qxy * dy - root) / qxx) / self.cell_mm - 0.5;
-            let high = (c.x + (-qxy * dy + root) / qxx) / self.cell_mm - 0.5;
+            };
+            let low = (c.x + from) / self.cell_mm - 0.5;
+            let high = (c.x + to) / self.cell_mm - 0.5;
             let column0 = low.ceil().max(0.0) as usize;
             let column1 = high.floor().min(self.columns as f64 - 1.0);
             if column1 < column0 as f64 {

@@ -7,6 +7,7 @@ pub mod edge_index;
 pub mod polygon;
 pub mod predicates;
 pub mod repair;
+pub mod rounded_polygon;
 pub mod tangent_disk;
 pub mod validity;
 

@@ -97,7 +97,8 @@ impl Head<'_> {
     /// Lift, cross with the heading turned the shorter way, lower.
     fn travel_to(&mut self, pass: &PlanePass) {
         let first = pass.control[0];
-        let heading = nearest_heading(first[2], self.at[CHANNEL_HEADING]);
+        let period_rad = self.settings.aperture.period_rad();
+        let heading = nearest_heading(first[2], self.at[CHANNEL_HEADING], period_rad);
         let above = pass.z_mm.max(self.at[CHANNEL_Z]) + self.settings.lift_mm;
         self.line(MotionState::Travel, pass.layer, &[(CHANNEL_Z, above)]);
         let crossing = [
@@ -208,8 +209,8 @@ fn event_duration_s(volume_mm3: f64, rate_mm3_s: f64) -> f64 {
     }
 }
 
-/// The heading equal to `heading_rad` for the deposit (modulo 180°) that is nearest to `from_rad`.
-fn nearest_heading(heading_rad: f64, from_rad: f64) -> f64 {
-    let pi = std::f64::consts::PI;
-    heading_rad + ((from_rad - heading_rad) / pi).round() * pi
+/// The heading equal to `heading_rad` for the deposit (modulo the aperture's period) that is nearest
+/// to `from_rad`.
+fn nearest_heading(heading_rad: f64, from_rad: f64, period_rad: f64) -> f64 {
+    heading_rad + ((from_rad - heading_rad) / period_rad).round() * period_rad
 }

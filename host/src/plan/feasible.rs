@@ -12,8 +12,10 @@
 //! Accuracy: interval ends to `RESOLUTION_RAD`; a gap or an interval narrower than that may be
 //! missed; an aperture that fits but for [`SLACK`] counts. No grid, no tolerance beyond these.
 //! Source: SPEC section 2; the bound on ln F is ours (see `settle`).
+//! Slots, rectangles and polygons have closed forms of their own: `feasible_polygon`.
 
-use crate::geometry::aperture::Aperture;
+use super::feasible_polygon::{Flat, polygon_angles};
+use crate::geometry::aperture::{Aperture, wrapped_rad};
 use crate::geometry::clearance::Configuration;
 use crate::geometry::edge_index::EdgeIndex;
 use crate::geometry::polygon::Box2;
@@ -29,18 +31,24 @@ pub const SLACK: f64 = 1e-9;
 const RISE_MIN_MM: f64 = 1e-9;
 /// Pieces that the half turn is first divided into: coarse, since most settle at once.
 const PIECES: usize = 48;
+/// An angle this close to that of a flat side has it on the wall, rad.
+const ON_FLAT_RAD: f64 = 1e-9;
 /// Looks per query before what is left is settled by its middle: only an aperture in contact over
 /// a whole range (a passage of exactly its width) comes near it.
 const LOOKS_MAX: usize = 50_000;
 
 /// The feasible heading angles at a boundary point.
-#[derive(Clone, Debug, Default, PartialEq)]
+#[derive(Clone, Debug, PartialEq)]
 pub struct FeasibleAngles {
     intervals: Vec<[f64; 2]>,
+    /// Turn that brings the aperture onto itself.
+    period_rad: f64,
+    /// Angles at which a flat side lies on the wall, with where it may lie.
+    flats: Vec<Flat>,
 }
 
 /// An edge near p: ends along (x) and across (y) the normal, from p.
-type LocalEdge = [Vector2; 2];
+pub(super) type LocalEdge = [Vector2; 2];
 
 /// F(p) at `p` for the inward unit normal `normal` (at a reflex vertex any one between the normals
 /// of its two edges), as intervals of alpha.
@@ -51,7 +59,13 @@ pub fn feasible_angles(
     normal: Vector2,
 ) -> FeasibleAngles {
     let edges = edges_near(aperture, index, p, normal);
-    let Aperture::Ellipse { major_mm, minor_mm } = *aperture;
+    let (major_mm, minor_mm) = match aperture {
+        Aperture::Ellipse { major_mm, minor_mm } => (*major_mm, *minor_mm),
+        Aperture::Rounded(shape) => {
+            let (runs, flats) = polygon_angles(shape, aperture.period_rad(), &edges);
+            return FeasibleAngles::of_runs(runs, aperture.period_rad(), flats);
+        }
+    };
     let mut search = Search {
         axes: [major_mm, minor_mm],
         edges,
@@ -69,10 +83,11 @@ pub fn feasible_angles(
             search.settle(low, low + step, &all);
         }
     }
-    FeasibleAngles::of_runs(search.runs)
+    FeasibleAngles::of_runs(search.runs, PI, Vec::new())
 }
 
-/// The configuration that touches `p` with heading angle `alpha_rad`: centre p + M N / h.
+/// The configuration that touches `p` with heading angle `alpha_rad`: centre p + M N / h. With a
+/// flat side on the wall, one of its ends is at `p`; [`FeasibleAngles::placement`] knows better.
 pub fn configuration_at(
     aperture: &Aperture,
     p: Point2,
@@ -83,16 +98,6 @@ pub fn configuration_at(
     Configuration {
         center: p - aperture.support_point(heading_rad, -normal),
         heading_rad,
-    }
-}
-
-/// alpha brought into (-90°, 90°].
-pub fn wrapped_half_turn_rad(alpha_rad: f64) -> f64 {
-    let turned = alpha_rad - PI * (alpha_rad / PI).round();
-    if turned <= -FRAC_PI_2 {
-        turned + PI
-    } else {
-        turned
     }
 }
 
@@ -185,19 +190,45 @@ impl Search {
 }
 
 impl FeasibleAngles {
-    /// Joins the run that ends at 90° with the one that begins at -90°.
-    fn of_runs(mut runs: Vec<[f64; 2]>) -> FeasibleAngles {
-        let end = RESOLUTION_RAD / 4.0;
-        if runs.len() > 1
-            && runs[0][0] <= -FRAC_PI_2 + end
-            && runs[runs.len() - 1][1] >= FRAC_PI_2 - end
-        {
+    /// Joins the run that ends at half the period with the one that begins at minus that.
+    fn of_runs(mut runs: Vec<[f64; 2]>, period_rad: f64, flats: Vec<Flat>) -> FeasibleAngles {
+        let (end, half) = (RESOLUTION_RAD / 4.0, period_rad / 2.0);
+        if runs.len() > 1 && runs[0][0] <= -half + end && runs[runs.len() - 1][1] >= half - end {
             let first = runs.remove(0);
             if let Some(last) = runs.last_mut() {
-                last[1] = first[1] + PI;
+                last[1] = first[1] + period_rad;
             }
         }
-        FeasibleAngles { intervals: runs }
+        FeasibleAngles {
+            intervals: runs,
+            period_rad,
+            flats,
+        }
+    }
+
+    /// The configuration that touches `p` with a feasible heading angle. Where a flat side lies on
+    /// the wall, its middle is as near to `p` as the walls allow.
+    pub fn placement(
+        &self,
+        aperture: &Aperture,
+        p: Point2,
+        normal: Vector2,
+        alpha_rad: f64,
+    ) -> Configuration {
+        let near = |flat: &&Flat| {
+            wrapped_rad(alpha_rad - flat.alpha_rad, self.period_rad).abs() <= ON_FLAT_RAD
+        };
+        match self.flats.iter().find(near) {
+            Some(flat) => {
+                let center = flat.center_from_contact();
+                let tangent = Vector2::new(-normal.y, normal.x);
+                Configuration {
+                    center: p + normal * center.x + tangent * center.y,
+                    heading_rad: normal.y.atan2(normal.x) + alpha_rad,
+                }
+            }
+            None => configuration_at(aperture, p, normal, alpha_rad),
+        }
     }
 
     /// True where the point is unreachable.
@@ -205,30 +236,32 @@ impl FeasibleAngles {
         self.intervals.is_empty()
     }
 
-    /// The intervals, rad: starts ascending in [-90°, 90°), an end beyond 90° wraps round.
+    /// The intervals, rad: starts ascending in [-period/2, period/2), an end beyond wraps round;
+    /// the period is 180°, or 360° for a polygon without that symmetry.
     pub fn intervals(&self) -> &[[f64; 2]] {
         &self.intervals
     }
 
-    /// The feasible angle nearest to `alpha_rad` modulo 180°, in (-90°, 90°]; `None` where empty.
-    /// Ties go to the first interval.
+    /// The feasible angle nearest to `alpha_rad` modulo the period, in (-period/2, period/2]; `None`
+    /// where empty. Ties go to the first interval.
     pub fn nearest_rad(&self, alpha_rad: f64) -> Option<f64> {
         let mut best: Option<(f64, f64)> = None;
+        let period_rad = self.period_rad;
         for &[low, high] in &self.intervals {
-            // The image of alpha in the half turn that starts at the interval's start.
-            let image = low + (alpha_rad - low).rem_euclid(PI);
+            // The image of alpha in the period that starts at the interval's start.
+            let image = low + (alpha_rad - low).rem_euclid(period_rad);
             let (found, off) = if image <= high {
                 (alpha_rad, 0.0)
-            } else if image - high <= low + PI - image {
+            } else if image - high <= low + period_rad - image {
                 (high, image - high)
             } else {
-                (low, low + PI - image)
+                (low, low + period_rad - image)
             };
             if best.is_none_or(|(_, least)| off < least) {
                 best = Some((found, off));
             }
         }
-        best.map(|(found, _)| wrapped_half_turn_rad(found))
+        best.map(|(found, _)| wrapped_rad(found, period_rad))
     }
 
     /// The smallest |alpha|; `None` where empty.
@@ -239,7 +272,7 @@ impl FeasibleAngles {
     /// True where `alpha_rad` is feasible, or within `slack_rad` of an angle that is.
     pub fn contains_rad(&self, alpha_rad: f64, slack_rad: f64) -> bool {
         self.nearest_rad(alpha_rad)
-            .is_some_and(|found| wrapped_half_turn_rad(found - alpha_rad).abs() <= slack_rad)
+            .is_some_and(|found| wrapped_rad(found - alpha_rad, self.period_rad).abs() <= slack_rad)
     }
 }
 

@@ -53,8 +53,13 @@ pub fn profile(
     if contacts.is_empty() {
         return Vec::new();
     }
-    let bins = if aperture.is_round() { 1 } else { BINS };
-    let bin_rad = std::f64::consts::PI / bins as f64;
+    let period_rad = aperture.period_rad();
+    let bins = match (aperture.is_round(), period_rad > std::f64::consts::PI) {
+        (true, _) => 1,
+        (false, false) => BINS,
+        (false, true) => 2 * BINS,
+    };
+    let bin_rad = period_rad / bins as f64;
     let costs: Vec<Vec<f32>> = contacts
         .par_iter()
         .map(|c| {
@@ -92,9 +97,9 @@ pub fn profile(
 fn place(c: &Contact, heading_rad: f64, aperture: &Aperture, walls: &EdgeIndex) -> Candidate {
     let extent = aperture.extent_mm(heading_rad, c.normal);
     let tangent = if c.on_axis {
-        c.point
+        aperture.center_on_axis(heading_rad, c.point, c.normal)
     } else {
-        c.point + aperture.support_point(heading_rad, c.normal)
+        aperture.center_on_wall(heading_rad, c.point, c.normal)
     };
     let slid = slide_inside(
         Configuration {
@@ -281,7 +286,11 @@ fn refine(
     headings: &mut Vec<f64>,
 ) {
     let count = contacts.len();
-    let lap = if closed { lap_turn(headings) } else { 0.0 };
+    let lap = if closed {
+        lap_turn(headings, aperture.period_rad())
+    } else {
+        0.0
+    };
     let mut width = std::f64::consts::PI / BINS as f64;
     for _ in 0..5 {
         width *= 0.6;
@@ -320,12 +329,12 @@ fn refine(
     }
 }
 
-/// The turn of a closed run over one lap: the multiple of 180° that makes its ends meet.
-fn lap_turn(headings: &[f64]) -> f64 {
+/// The turn of a closed run over one lap: the multiple of the period that makes its ends meet.
+fn lap_turn(headings: &[f64], period_rad: f64) -> f64 {
     let (Some(first), Some(last)) = (headings.first(), headings.last()) else {
         return 0.0;
     };
-    ((last - first) / std::f64::consts::PI).round() * std::f64::consts::PI
+    ((last - first) / period_rad).round() * period_rad
 }
 
 /// One step of a parabola-guided pattern search around `own`.

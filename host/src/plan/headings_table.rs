@@ -4,7 +4,7 @@
 //! pieces, no longer than the spacing, of each edge, ring by ring in the region's order; exact
 //! edge normals and the unpruned r. SPEC sections 2 and 8. The same rows for any number of threads.
 
-use super::feasible::{configuration_at, feasible_angles, wrapped_half_turn_rad};
+use super::feasible::feasible_angles;
 use super::heading_law::{law_angle_rad, weight};
 use crate::geometry::aperture::Aperture;
 use crate::geometry::clearance::Configuration;
@@ -62,18 +62,25 @@ pub struct HeadingRow {
 pub struct HeadingChoice {
     /// Smallest |alpha| in F(p).
     pub min_alpha_rad: f64,
-    /// The angle in F(p) nearest to the law's, signed, in (-90°, 90°]; of two equally near ones
-    /// that which turns less along the ring.
+    /// The angle in F(p) nearest to the law's, signed, in (-90°, 90°] (in (-180°, 180°] for a
+    /// polygon without that symmetry); of several equally near ones that which turns least along
+    /// the ring.
     pub alpha_rad: f64,
     /// Aperture centre, and heading unwrapped along the ring.
     pub configuration: Configuration,
 }
 
-/// A sample with one or two headings equally near to the law's.
+/// A sample with the headings equally near to the law's.
 struct Sample {
     row: HeadingRow,
     min_alpha_rad: f64,
-    candidates: Vec<f64>,
+    candidates: Vec<Candidate>,
+}
+
+#[derive(Clone, Copy)]
+struct Candidate {
+    alpha_rad: f64,
+    configuration: Configuration,
 }
 
 /// All rows, in the order of the rings' edges.
@@ -130,20 +137,29 @@ fn sample_at(index: &EdgeIndex, request: &HeadingsRequest, p: Point2, normal: Ve
     let radius_mm = tangent_disk_radius_mm(index, p, normal);
     let law = law_angle_rad(aperture, radius_mm, request.pass, request.law);
     let angles = feasible_angles(aperture, index, p, normal);
-    let mut candidates: Vec<f64> = Vec::new();
+    let mut candidates: Vec<Candidate> = Vec::new();
     let mut least = f64::INFINITY;
-    for wanted in [law, -law] {
+    // A shape without 180° symmetry lays the same bead the other way round.
+    let turned: &[f64] = if aperture.period_rad() > PI {
+        &[0.0, PI]
+    } else {
+        &[0.0]
+    };
+    for wanted in turned.iter().flat_map(|t| [t + law, t - law]) {
         let Some(found) = angles.nearest_rad(wanted) else {
             continue;
         };
-        let off = wrapped_half_turn_rad(found - wanted).abs();
+        let off = aperture.wrapped_rad(found - wanted).abs();
         if off < least - TIE_RAD {
             candidates.clear();
             least = off;
         }
-        let known = |c: &f64| wrapped_half_turn_rad(c - found).abs() < TIE_RAD;
+        let known = |c: &Candidate| aperture.wrapped_rad(c.alpha_rad - found).abs() < TIE_RAD;
         if off <= least + TIE_RAD && !candidates.iter().any(known) {
-            candidates.push(found);
+            candidates.push(Candidate {
+                alpha_rad: found,
+                configuration: angles.placement(aperture, p, normal, found),
+            });
         }
     }
     Sample {
@@ -161,17 +177,18 @@ fn sample_at(index: &EdgeIndex, request: &HeadingsRequest, p: Point2, normal: Ve
 }
 
 /// Chooses signs so that the heading turns least around the ring: a cyclic shortest path over at
-/// most two candidates a sample, solved once for each candidate of the first reachable sample.
+/// most four candidates a sample, solved once for each candidate of the first reachable sample.
 fn chosen(request: &HeadingsRequest, samples: Vec<Sample>) -> Vec<HeadingRow> {
     let reachable: Vec<usize> = (0..samples.len())
         .filter(|&i| !samples[i].candidates.is_empty())
         .collect();
     let heading = |i: usize, c: usize| {
         let s = &samples[reachable[i]];
-        s.row.normal.y.atan2(s.row.normal.x) + s.candidates[c]
+        s.row.normal.y.atan2(s.row.normal.x) + s.candidates[c].alpha_rad
     };
     let turn = |i: usize, c: usize, j: usize, d: usize| {
-        wrapped_half_turn_rad(heading(j, d) - heading(i, c)).abs()
+        let turn_rad = heading(j, d) - heading(i, c);
+        request.aperture.wrapped_rad(turn_rad).abs()
     };
     let choices = |i: usize| samples[reachable[i]].candidates.len();
     let mut best: Option<(f64, Vec<usize>)> = None;
@@ -211,16 +228,18 @@ fn chosen(request: &HeadingsRequest, samples: Vec<Sample>) -> Vec<HeadingRow> {
     let mut heading_before: Option<f64> = None;
     for (&i, pick) in reachable.iter().zip(picks) {
         let Sample {
-            row,
             min_alpha_rad,
             candidates,
+            ..
         } = &samples[i];
-        let alpha_rad = candidates[pick];
-        let mut configuration =
-            configuration_at(&request.aperture, row.point, row.normal, alpha_rad);
+        let Candidate {
+            alpha_rad,
+            mut configuration,
+        } = candidates[pick];
         if let Some(before) = heading_before {
-            let turns = ((configuration.heading_rad - before) / PI).round();
-            configuration.heading_rad -= turns * PI;
+            let period_rad = request.aperture.period_rad();
+            let turns = ((configuration.heading_rad - before) / period_rad).round();
+            configuration.heading_rad -= turns * period_rad;
         }
         heading_before = Some(configuration.heading_rad);
         rows[i].reached = Some(HeadingChoice {

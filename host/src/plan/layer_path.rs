@@ -40,7 +40,8 @@ pub fn pass_curves(
     walls: &EdgeIndex,
     tolerance_mm: f64,
 ) -> Vec<Vec<PlaneControl>> {
-    let mut control = sharpened(&smoothed(merged(pass), SMOOTHING_ROUNDS));
+    let merged = merged(pass, aperture.period_rad());
+    let mut control = sharpened(&smoothed(merged, SMOOTHING_ROUNDS));
     if pass.closed {
         push_inside(&mut control, aperture, walls, tolerance_mm);
         trim_seam(&mut control, aperture);
@@ -98,7 +99,7 @@ fn pieces_without(control: &[PlaneControl], bad: &[bool]) -> Vec<Vec<PlaneContro
 }
 
 /// Placements as control points, near-duplicates merged.
-fn merged(pass: &LayerPass) -> Vec<PlaneControl> {
+fn merged(pass: &LayerPass, period_rad: f64) -> Vec<PlaneControl> {
     let mut control: Vec<PlaneControl> = Vec::with_capacity(pass.placements.len() + 1);
     for p in &pass.placements {
         let next = [p.at.center.x, p.at.center.y, p.at.heading_rad];
@@ -111,8 +112,8 @@ fn merged(pass: &LayerPass) -> Vec<PlaneControl> {
     }
     if pass.closed && control.len() > 2 {
         let (first, last) = (control[0], control[control.len() - 1]);
-        let turns = ((last[2] - first[2]) / std::f64::consts::PI).round();
-        control.push([first[0], first[1], first[2] + turns * std::f64::consts::PI]);
+        let turns = ((last[2] - first[2]) / period_rad).round();
+        control.push([first[0], first[1], first[2] + turns * period_rad]);
     }
     if control.len() == 1 {
         control.push(control[0]);

@@ -6,6 +6,7 @@
 //! not see the sampling.
 
 use super::contour::Contour;
+use crate::geometry::aperture::Aperture;
 use crate::geometry::clearance::{Configuration, contact, outside_depth_mm};
 use crate::geometry::coverage::{Coverage, SweptPose};
 use crate::geometry::edge_index::EdgeIndex;
@@ -58,6 +59,8 @@ const CELLS_MAX: usize = 6_000_000;
 /// Longest step between poses of the sweep, mm: the scallop it leaves on the sharpest aperture
 /// (b²/a = 0.07 mm) is below 1 µm.
 const STEP_MM: f64 = 0.02;
+/// The same for a sharp corner, which leaves a notch of half the step at worst, mm.
+const STEP_SHARP_MM: f64 = 0.004;
 /// Longest turn between poses of the sweep, rad.
 const STEP_RAD: f64 = 0.02;
 /// Uncovered cells that are asked whether they could be reached; more are sampled evenly.
@@ -139,6 +142,7 @@ fn walk_stream(stream: &SegmentStream, settings: &Settings) -> (Vec<PrintPose>, 
     let mut tick = 0u64;
     let mut last: Option<[f64; 4]> = None;
     let mut path_mm = 0.0;
+    let step_mm = longest_step_mm(&settings.aperture);
     for span in Spans::new(&stream.start, &stream.knots) {
         while mark < stream.marks.len() && stream.marks[mark].end_tick <= tick {
             mark += 1;
@@ -149,7 +153,7 @@ fn walk_stream(stream: &SegmentStream, settings: &Settings) -> (Vec<PrintPose>, 
         let ticks = f64::from(span.duration_ticks);
         let velocity = span.velocity(0.5 * ticks, servo_hz);
         let span_s = ticks / servo_hz;
-        let steps = (velocity[CHANNEL_X].hypot(velocity[CHANNEL_Y]) * span_s / STEP_MM)
+        let steps = (velocity[CHANNEL_X].hypot(velocity[CHANNEL_Y]) * span_s / step_mm)
             .max(velocity[CHANNEL_HEADING].abs() * span_s / STEP_RAD)
             .ceil()
             .clamp(2.0, 4096.0) as usize;
@@ -186,6 +190,19 @@ fn walk_stream(stream: &SegmentStream, settings: &Settings) -> (Vec<PrintPose>, 
     figures.print_s = tick as f64 / servo_hz;
     (poses, figures)
 }
+
+/// What `STEP_MM` is for the default ellipse; less where corners of a polygon are sharper.
+fn longest_step_mm(aperture: &Aperture) -> f64 {
+    match aperture {
+        Aperture::Ellipse { .. } => STEP_MM,
+        Aperture::Rounded(_) => (8.0 * aperture.sharpest_radius_mm() * SCALLOP_MM)
+            .sqrt()
+            .clamp(STEP_SHARP_MM, STEP_MM),
+    }
+}
+
+/// Scallop that a rounded corner may leave, mm.
+const SCALLOP_MM: f64 = 1e-3;
 
 /// The placement that leaves the region farthest.
 fn deepest(poses: &[SweptPose], walls: &EdgeIndex, settings: &Settings) -> (f64, Configuration) {

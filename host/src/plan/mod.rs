@@ -7,6 +7,7 @@ pub mod build_route;
 pub mod contacts;
 pub mod contour;
 pub mod feasible;
+mod feasible_polygon;
 pub mod field;
 pub mod flow;
 pub mod heading_law;

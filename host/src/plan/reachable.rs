@@ -4,6 +4,7 @@
 //! point lies within 1 of a centre whose distance to the boundary is at least 1. From the point
 //! itself the centre is pushed away from the nearest boundary and pulled back to the point, in turn
 //! (alternating projections), for headings all round and then more finely around the best ones.
+//! Apertures that are no ellipse are pushed and pulled in the plane itself, by their distances.
 //!
 //! A search, not a proof: an answer "yes" comes with its placement, which is inside to
 //! [`SLACK`]; a "no" can be wrong by a sliver (tests against brute force say how thin: a few µm
@@ -13,6 +14,7 @@ use crate::geometry::aperture::Aperture;
 use crate::geometry::clearance::Configuration;
 use crate::geometry::edge_index::EdgeIndex;
 use crate::geometry::polygon::Box2;
+use crate::geometry::rounded_polygon::Gap;
 use crate::geometry::{Point2, Vector2};
 use std::f64::consts::PI;
 
@@ -44,28 +46,33 @@ pub fn covering_configuration(
     if !index.contains(p) {
         return None;
     }
-    let Aperture::Ellipse { major_mm, minor_mm } = *aperture;
+    let (axes, starts) = match aperture {
+        Aperture::Ellipse { major_mm, minor_mm } => ([*major_mm, *minor_mm], STARTS),
+        Aperture::Rounded(_) => ([1.0; 2], STARTS.map(|s| start_of(aperture, s))),
+    };
     let mut search = Search {
         p,
-        axes: [major_mm, minor_mm],
+        axes,
+        aperture,
         index,
         edges: Vec::new(),
         scaled: Vec::new(),
     };
     search.collect_edges();
     if aperture.is_round() {
-        return search.try_heading(0.0, &STARTS).ok();
+        return search.try_heading(0.0, &starts).ok();
     }
-    let step = PI / HEADINGS as f64;
+    let headings = (HEADINGS as f64 * aperture.period_rad() / PI).round() as usize;
+    let step = aperture.period_rad() / headings as f64;
     // Along the nearest wall first: that settles most points at once.
     let along = index.nearest(p).map_or(0.0, |n| {
         let d = index.edges()[n.edge].b - index.edges()[n.edge].a;
         d.y.atan2(d.x)
     });
-    let mut misses: Vec<(f64, f64)> = Vec::with_capacity(HEADINGS);
-    for k in 0..HEADINGS {
+    let mut misses: Vec<(f64, f64)> = Vec::with_capacity(headings);
+    for k in 0..headings {
         let heading = along + k as f64 * step;
-        match search.try_heading(heading, &STARTS[..1]) {
+        match search.try_heading(heading, &starts[..1]) {
             Ok(found) => return Some(found),
             Err(miss) => misses.push((miss, heading)),
         }
@@ -76,7 +83,7 @@ pub fn covering_configuration(
         for _ in 0..HALVINGS {
             width /= 2.0;
             for heading in [center - width, center + width] {
-                match search.try_heading(heading, &STARTS) {
+                match search.try_heading(heading, &starts) {
                     Ok(found) => return Some(found),
                     Err(miss) if miss < best => (best, center) = (miss, heading),
                     Err(_) => {}
@@ -87,9 +94,23 @@ pub fn covering_configuration(
     None
 }
 
+/// A start, given in aperture radii, for an aperture that is not scaled: as far towards the side.
+fn start_of(aperture: &Aperture, [x, y]: [f64; 2]) -> [f64; 2] {
+    let direction = Vector2::new(x, y);
+    let far = direction.norm();
+    if far <= 0.0 {
+        return [0.0; 2];
+    }
+    // The centre goes one way where the point comes to lie on the other side of the aperture.
+    let point = aperture.support_point(0.0, -direction / far) * -far;
+    [point.x, point.y]
+}
+
 struct Search<'a> {
     p: Point2,
+    /// Semi-axes that the frame is scaled by; 1 for an aperture that is no ellipse.
     axes: [f64; 2],
+    aperture: &'a Aperture,
     index: &'a EdgeIndex,
     /// Edges within an aperture's length of p, ends from p, mm.
     edges: Vec<[Vector2; 2]>,
@@ -99,7 +120,7 @@ struct Search<'a> {
 
 impl Search<'_> {
     fn collect_edges(&mut self) {
-        let reach_mm = 2.0 * self.axes[0];
+        let reach_mm = 2.0 * self.aperture.major_mm();
         let mut numbers = Vec::new();
         let area = Box2 {
             min: self.p,
@@ -144,13 +165,12 @@ impl Search<'_> {
     fn pushed_clear(&self, mut center: Vector2) -> Result<Vector2, f64> {
         let (mut least, mut least_before) = (f64::INFINITY, f64::INFINITY);
         for push in 0..PUSHES {
-            let away = self.away_from_nearest(center);
-            let distance = away.norm();
+            let (distance, away) = self.nearest_wall(center);
             least = least.min(1.0 - distance);
             if distance >= 1.0 - SLACK {
                 return Ok(center);
             }
-            if distance <= 0.0 {
+            if away == Vector2::zeros() {
                 break;
             }
             if push % STALL.0 == STALL.0 - 1 {
@@ -160,13 +180,48 @@ impl Search<'_> {
                 least_before = least;
             }
             // Slightly past contact, so that touching walls in turn ends in finitely many steps.
-            center += away * ((1.0 + SLACK / 2.0) / distance - 1.0);
-            let off = center.norm();
-            if off > 1.0 {
-                center /= off;
+            center += away * ((1.0 + SLACK / 2.0) - distance);
+            match self.aperture {
+                Aperture::Ellipse { .. } => {
+                    let off = center.norm();
+                    if off > 1.0 {
+                        center /= off;
+                    }
+                }
+                Aperture::Rounded(shape) => center = -shape.nearest_point(-center),
             }
         }
         Err(least)
+    }
+
+    /// The nearest wall: its scaled distance (1 is contact), and the way away from it that makes
+    /// a difference of 1.
+    fn nearest_wall(&self, center: Vector2) -> (f64, Vector2) {
+        match self.aperture {
+            Aperture::Ellipse { .. } => {
+                let away = self.away_from_nearest(center);
+                let distance = away.norm();
+                (
+                    distance,
+                    away.try_normalize(0.0).unwrap_or(Vector2::zeros()),
+                )
+            }
+            Aperture::Rounded(shape) => {
+                let unit_mm = self.aperture.minor_mm();
+                let mut least = Gap {
+                    gap_mm: unit_mm,
+                    outward: Vector2::zeros(),
+                };
+                for [q, r] in &self.scaled {
+                    if let Some(gap) = shape.gap_to(q - center, r - center, least.gap_mm)
+                        && gap.gap_mm < least.gap_mm
+                    {
+                        least = gap;
+                    }
+                }
+                (1.0 + least.gap_mm / unit_mm, -least.outward * unit_mm)
+            }
+        }
     }
 
     /// Vector from the nearest boundary point to the centre, scaled.

@@ -132,10 +132,13 @@ fn draw_legend(canvas: &mut Canvas, picture: &PlanPicture) {
             canvas.legend(Swatch::Line(colour, 1.6, false), name);
         }
     }
-    let (a, b) = (picture.aperture.major_mm(), picture.aperture.minor_mm());
+    let [length, width] = picture
+        .aperture
+        .sizes_mm()
+        .map(|mm| (mm * 1e6).round() / 1e6);
     canvas.legend(
         Swatch::Fill("#bee3f8"),
-        &format!("nozzle {} x {} mm", 2.0 * a, 2.0 * b),
+        &format!("nozzle {length} x {width} mm"),
     );
     canvas.legend(Swatch::Dot(START), "pass starts (prime)");
     canvas.legend(Swatch::Dot(TRAVEL), "pass ends (retract)");
@@ -229,9 +232,17 @@ fn draw_nozzles(canvas: &mut Canvas, picture: &PlanPicture) {
     }
 }
 
+/// Pieces of an outline with round corners.
+const OUTLINE_PIECES: usize = 48;
+
 /// Path data of one placed aperture.
 fn nozzle_data(canvas: &Canvas, data: &mut String, aperture: &Aperture, at: &Configuration) {
     match *aperture {
+        Aperture::Rounded(_) => {
+            let outline = aperture.outline(at.heading_rad, OUTLINE_PIECES);
+            let points: Vec<Point2> = outline.into_iter().map(|q| at.center + q).collect();
+            canvas.line_data(data, &points, true);
+        }
         Aperture::Ellipse { major_mm, minor_mm } => {
             let along = Vector2::new(at.heading_rad.cos(), at.heading_rad.sin()) * major_mm;
             let (x1, y1) = canvas.px(at.center + along);

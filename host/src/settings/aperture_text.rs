@@ -1,25 +1,26 @@
-//! Apertures as the user writes them: `ellipse:AxB` (semi-axes, mm) and `circle:R` (radius, mm).
+//! Apertures as the user writes them, all in mm: `ellipse:AxB` (semi-axes), `circle:R` (radius),
+//! `stadium:LxW` (a slot: full length and width), `rect:LxWxR` (full sizes, corner radius) and
+//! `polygon:FILE`.
+//!
+//! A polygon's file is read where files are read; what comes here is its text in place of its
+//! name: `polygon:[[x, y], ...]`, corners in mm about the tool's axis. That is also how machine
+//! files inside jobs keep it, so that a job stands on its own.
 
+use crate::geometry::Vector2;
 use crate::geometry::aperture::Aperture;
+use crate::geometry::rounded_polygon::{Kind, RoundedPolygon, ShapeError};
 
 /// Why a description is not an aperture.
 #[derive(Clone, Debug, PartialEq, thiserror::Error)]
 pub enum ApertureTextError {
     /// No `kind:size`.
-    #[error("aperture '{text}': write ellipse:AxB (semi-axes in mm) or circle:R (radius in mm)")]
+    #[error(
+        "aperture '{text}': write ellipse:AxB (semi-axes in mm), circle:R (radius), stadium:LxW, \
+         rect:LxWxR (full sizes, corner radius) or polygon:FILE"
+    )]
     Form {
         /// What was given.
         text: String,
-    },
-    /// A shape that is planned for, but not there yet.
-    #[error(
-        "aperture '{text}': {kind} is not supported yet; use ellipse:AxB or circle:R (semi-axes in mm)"
-    )]
-    NotYet {
-        /// What was given.
-        text: String,
-        /// Its kind.
-        kind: String,
     },
     /// A size is not a number, or not positive.
     #[error("aperture '{text}': '{size}' is not a size in mm greater than 0")]
@@ -29,69 +30,207 @@ pub enum ApertureTextError {
         /// The part at fault.
         size: String,
     },
-    /// Semi-axes in the wrong order.
+    /// The sizes in the wrong order.
     #[error(
-        "aperture '{text}': the first semi-axis lies along tool X and must not be the smaller one; \
-         write ellipse:{minor}x{major}"
+        "aperture '{text}': the first size lies along tool X and must not be the smaller one; \
+         write {kind}:{minor}x{major}"
     )]
     Order {
         /// What was given.
         text: String,
-        /// First semi-axis.
+        /// Its kind.
+        kind: String,
+        /// First size.
         major: f64,
-        /// Second semi-axis.
+        /// Second size.
         minor: f64,
     },
+    /// The corner radius is more than half the width.
+    #[error("aperture '{text}': the corner radius {radius} is more than half the width {width}")]
+    Radius {
+        /// What was given.
+        text: String,
+        /// Corner radius.
+        radius: f64,
+        /// Full width.
+        width: f64,
+    },
+    /// A polygon's text is not a list of corners.
+    #[error(
+        "aperture polygon: {problem}; write a list of corners in mm about the tool's axis, \
+         [[x, y], ...], or {{\"units\": \"mm\", \"exterior\": [[x, y], ...]}}"
+    )]
+    Corners {
+        /// What is wrong.
+        problem: String,
+    },
+    /// The corners are not a convex shape about the axis.
+    #[error("aperture polygon: {0}")]
+    Shape(#[from] ShapeError),
 }
 
-/// Reads `ellipse:AxB` or `circle:R`.
+/// The name of the file that a description refers to; `None` where it stands on its own.
+pub fn file_of_aperture(text: &str) -> Option<&str> {
+    let (kind, file) = text.split_once(':')?;
+    let file = file.trim();
+    (kind.trim() == "polygon" && !file.is_empty() && !file.starts_with(['[', '{'])).then_some(file)
+}
+
+/// Reads a description; a polygon's file must have been put in place of its name.
 pub fn parse_aperture(text: &str) -> Result<Aperture, ApertureTextError> {
     let form = || ApertureTextError::Form { text: text.into() };
-    let (kind, sizes) = text.split_once(':').ok_or_else(form)?;
-    let number = |size: &str| -> Result<f64, ApertureTextError> {
-        match size.trim().parse::<f64>() {
-            Ok(value) if value.is_finite() && value > 0.0 => Ok(value),
-            _ => Err(ApertureTextError::Size {
-                text: text.into(),
-                size: size.trim().into(),
-            }),
-        }
-    };
+    let (kind, rest) = text.split_once(':').ok_or_else(form)?;
     match kind.trim() {
         "circle" => {
-            let radius_mm = number(sizes)?;
-            Ok(Aperture::Ellipse {
-                major_mm: radius_mm,
-                minor_mm: radius_mm,
-            })
+            let [radius_mm] = sizes(text, rest)?;
+            Ok(circle(radius_mm))
         }
         "ellipse" => {
-            let (first, second) = sizes.split_once(['x', 'X']).ok_or_else(form)?;
-            let (major_mm, minor_mm) = (number(first)?, number(second)?);
-            if major_mm < minor_mm {
-                return Err(ApertureTextError::Order {
-                    text: text.into(),
-                    major: major_mm,
-                    minor: minor_mm,
-                });
-            }
+            let [major_mm, minor_mm] = sizes(text, rest)?;
+            in_order(text, "ellipse", major_mm, minor_mm)?;
             Ok(Aperture::Ellipse { major_mm, minor_mm })
         }
-        kind @ ("stadium" | "rect" | "polygon") => Err(ApertureTextError::NotYet {
-            text: text.into(),
-            kind: kind.into(),
-        }),
+        "stadium" => {
+            let [length_mm, width_mm] = sizes(text, rest)?;
+            in_order(text, "stadium", length_mm, width_mm)?;
+            if is_same(length_mm, width_mm) {
+                return Ok(circle(width_mm / 2.0));
+            }
+            let slot = RoundedPolygon::stadium(length_mm, width_mm);
+            Ok(Aperture::Rounded(slot))
+        }
+        "rect" => {
+            let (before, radius) = rest.rsplit_once(['x', 'X']).ok_or_else(form)?;
+            let [length_mm, width_mm] = sizes(text, before)?;
+            in_order(text, "rect", length_mm, width_mm)?;
+            rectangle(text, length_mm, width_mm, radius.trim())
+        }
+        "polygon" => Ok(Aperture::Rounded(RoundedPolygon::polygon(&corners(rest)?)?)),
         _ => Err(form()),
     }
 }
 
-/// Writes what [`parse_aperture`] reads.
+/// `N` sizes with an x between them.
+fn sizes<const N: usize>(text: &str, sizes: &str) -> Result<[f64; N], ApertureTextError> {
+    let mut numbers = [0.0; N];
+    let mut parts = sizes.split(['x', 'X']);
+    for number in &mut numbers {
+        let form = || ApertureTextError::Form { text: text.into() };
+        let size = parts.next().ok_or_else(form)?.trim();
+        *number = match size.parse::<f64>() {
+            Ok(value) if value.is_finite() && value > 0.0 => value,
+            _ => {
+                return Err(ApertureTextError::Size {
+                    text: text.into(),
+                    size: size.into(),
+                });
+            }
+        };
+    }
+    match parts.next() {
+        None => Ok(numbers),
+        Some(_) => Err(ApertureTextError::Form { text: text.into() }),
+    }
+}
+
+fn in_order(text: &str, kind: &str, major: f64, minor: f64) -> Result<(), ApertureTextError> {
+    if major >= minor {
+        return Ok(());
+    }
+    Err(ApertureTextError::Order {
+        text: text.into(),
+        kind: kind.into(),
+        major,
+        minor,
+    })
+}
+
+/// Equal but for rounding.
+fn is_same(a: f64, b: f64) -> bool {
+    (a - b).abs() <= 1e-9 * a.abs().max(b.abs())
+}
+
+fn circle(radius_mm: f64) -> Aperture {
+    Aperture::Ellipse {
+        major_mm: radius_mm,
+        minor_mm: radius_mm,
+    }
+}
+
+/// A rectangle, or the slot or circle that a corner radius of half the width makes of it.
+fn rectangle(
+    text: &str,
+    length_mm: f64,
+    width_mm: f64,
+    radius: &str,
+) -> Result<Aperture, ApertureTextError> {
+    let radius_mm = match radius.parse::<f64>() {
+        Ok(value) if value.is_finite() && value >= 0.0 => value,
+        _ => {
+            return Err(ApertureTextError::Size {
+                text: text.into(),
+                size: radius.into(),
+            });
+        }
+    };
+    let full = is_same(2.0 * radius_mm, width_mm);
+    if 2.0 * radius_mm > width_mm && !full {
+        return Err(ApertureTextError::Radius {
+            text: text.into(),
+            radius: radius_mm,
+            width: width_mm,
+        });
+    }
+    Ok(match (full, is_same(length_mm, width_mm)) {
+        (true, true) => circle(width_mm / 2.0),
+        (true, false) => Aperture::Rounded(RoundedPolygon::stadium(length_mm, width_mm)),
+        _ => Aperture::Rounded(RoundedPolygon::rectangle(length_mm, width_mm, radius_mm)),
+    })
+}
+
+/// Corners of a polygon's text: a list of them, or an outline as the inputs have it.
+fn corners(text: &str) -> Result<Vec<Vector2>, ApertureTextError> {
+    let refused = |problem: String| ApertureTextError::Corners { problem };
+    let value: serde_json::Value =
+        serde_json::from_str(text.trim()).map_err(|error| refused(error.to_string()))?;
+    let list = match value.get("exterior") {
+        Some(list) => {
+            let unit = value.get("units").and_then(|u| u.as_str());
+            if unit.is_some_and(|u| u != "mm") {
+                return Err(refused("its units must be mm".to_string()));
+            }
+            list.clone()
+        }
+        None => value,
+    };
+    let points: Vec<[f64; 2]> =
+        serde_json::from_value(list).map_err(|error| refused(error.to_string()))?;
+    if points
+        .iter()
+        .flatten()
+        .any(|v| !v.is_finite() || v.abs() > 1e4)
+    {
+        return Err(refused("a corner is beyond all sizes".to_string()));
+    }
+    Ok(points.into_iter().map(Vector2::from).collect())
+}
+
+/// Writes what [`parse_aperture`] reads, a polygon with its corners.
 pub fn aperture_text(aperture: &Aperture) -> String {
-    match *aperture {
+    match aperture {
         Aperture::Ellipse { major_mm, minor_mm } if major_mm == minor_mm => {
             format!("circle:{major_mm}")
         }
         Aperture::Ellipse { major_mm, minor_mm } => format!("ellipse:{major_mm}x{minor_mm}"),
+        Aperture::Rounded(shape) => match shape.kind() {
+            Kind::Stadium([length, width]) => format!("stadium:{length}x{width}"),
+            Kind::Rectangle([length, width, radius]) => format!("rect:{length}x{width}x{radius}"),
+            Kind::Polygon => {
+                let corners = shape.corners().iter();
+                let corners: Vec<String> = corners.map(|c| format!("[{}, {}]", c.x, c.y)).collect();
+                format!("polygon:[{}]", corners.join(", "))
+            }
+        },
     }
 }
 
@@ -101,7 +240,15 @@ mod tests {
 
     #[test]
     fn what_is_written_reads_back() {
-        for text in ["ellipse:0.6x0.2", "circle:0.4", "ellipse:12x3.25"] {
+        for text in [
+            "ellipse:0.6x0.2",
+            "circle:0.4",
+            "ellipse:12x3.25",
+            "stadium:1.2x0.4",
+            "rect:1.2x0.4x0.1",
+            "rect:1.2x0.4x0",
+            "polygon:[[-0.3, -0.2], [0.6, 0], [-0.3, 0.2]]",
+        ] {
             let aperture = parse_aperture(text).expect(text);
             assert_eq!(aperture_text(&aperture), text);
         }
@@ -109,6 +256,37 @@ mod tests {
             parse_aperture("ellipse:0.6X0.2"),
             parse_aperture(" ellipse: 0.6 x 0.2 ")
         );
+        let named =
+            r#"polygon:{"units":"mm","exterior":[[-0.3,-0.2],[0.6,0],[-0.3,0.2]],"holes":[]}"#;
+        assert_eq!(
+            parse_aperture(named),
+            parse_aperture("polygon:[[-0.3, -0.2], [0.6, 0], [-0.3, 0.2]]")
+        );
+    }
+
+    #[test]
+    fn round_shapes_are_what_they_are() {
+        for (text, same) in [
+            ("stadium:0.8x0.8", "circle:0.4"),
+            ("rect:0.8x0.8x0.4", "circle:0.4"),
+            ("rect:1.2x0.4x0.2", "stadium:1.2x0.4"),
+        ] {
+            assert_eq!(parse_aperture(text), parse_aperture(same), "{text}");
+        }
+    }
+
+    #[test]
+    fn a_polygon_may_be_in_a_file() {
+        assert_eq!(file_of_aperture("polygon: a/b.json"), Some("a/b.json"));
+        for text in [
+            "polygon:[[1,2]]",
+            "polygon:{\"a\":1}",
+            "polygon:",
+            "circle:1",
+            "x",
+        ] {
+            assert_eq!(file_of_aperture(text), None, "{text}");
+        }
     }
 
     #[test]
@@ -120,7 +298,17 @@ mod tests {
             ("ellipse:0.6x0", "'0' is not a size"),
             ("ellipse:0.6xnan", "'nan' is not a size"),
             ("circle:-1", "'-1' is not a size"),
-            ("stadium:3x1", "stadium is not supported yet"),
+            ("stadium:1x3", "write stadium:3x1"),
+            ("stadium:3x1x1", "polygon:FILE"),
+            ("rect:3x1", "polygon:FILE"),
+            ("rect:3x1x0.6", "0.6 is more than half the width 1"),
+            ("rect:3x1x-1", "'-1' is not a size"),
+            ("polygon:[[0,0],[1,0]]", "2 corners"),
+            ("polygon:[[0,0],[1]]", "write a list of corners"),
+            (
+                "polygon:[[1,0],[2,0],[2,1]]",
+                "the tool's axis (0, 0) is not inside",
+            ),
             ("star:3", "write ellipse:AxB"),
         ] {
             let message = parse_aperture(text).expect_err(text).to_string();

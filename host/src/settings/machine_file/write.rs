@@ -125,7 +125,8 @@ fn write_process(text: &mut String, s: &Settings) -> std::fmt::Result {
     )?;
     writeln!(
         text,
-        "# ellipse:AxB (semi-axes, the long one along tool X) or circle:R"
+        "# ellipse:AxB (semi-axes, the long one along tool X), circle:R, stadium:LxW, rect:LxWxR (full\n\
+         # sizes, corner radius) or polygon:FILE (corners about the tool's axis, beside this file)"
     )?;
     writeln!(text, "aperture = \"{}\"", aperture_text(&s.aperture))?;
     writeln!(text, "layer_height_mm = {}", number(s.layer_height_mm))?;
