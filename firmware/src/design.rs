@@ -71,6 +71,14 @@ pub const START_ROOM_KNOTS: usize = headway_protocol::knot_block::KNOTS_PER_BLOC
 /// Period of status reports while a host listens: ten a second keep a display alive for 0.5 KB/s.
 pub const STATUS_PERIOD_MS: u32 = 100;
 
+/// Servo ticks that a switch must stay pressed to count: 1.5 ms at 2 kHz, longer than what a motor
+/// wire beside it induces, shorter than a tenth of a millimetre at 60 mm/s.
+pub const SWITCH_SETTLE_TICKS: u32 = 3;
+
+/// Flow override changes by this much a second: at the fastest flow a small part of the
+/// extruder's acceleration.
+pub const FLOW_OVERRIDE_PERCENT_PER_S: u32 = 100;
+
 /// Knots consumed before credit is given without being asked: half a block.
 pub const CREDIT_STEP_KNOTS: u32 = 16;
 

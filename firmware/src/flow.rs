@@ -8,7 +8,7 @@
 //!   integer volume.
 
 use crate::configuration::ExtruderConfiguration;
-use crate::design::{ACTIVE_EVENTS_MAX, ADVANCE_WINDOW_TICKS_MAX};
+use crate::design::{ACTIVE_EVENTS_MAX, ADVANCE_WINDOW_TICKS_MAX, FLOW_OVERRIDE_PERCENT_PER_S};
 use crate::steps::{StepScale, steps_to_position};
 use headway_protocol::segment::{FlowAction, FlowEvent};
 use headway_protocol::units::{CHANNEL_VOLUME, UNITS_PER_NATURAL};
@@ -16,6 +16,8 @@ use heapless::Vec;
 
 /// Fraction bits that the window drops from a position: it keeps 16, enough for 32,000 steps.
 const WINDOW_SHIFT: u32 = 15;
+/// Flow as planned.
+pub const UNSCALED_Q16: u32 = 1 << 16;
 const WINDOW_STEP: f32 = (1u32 << 16) as f32;
 
 /// A prime or retract in progress.
@@ -51,6 +53,56 @@ pub struct Flow {
     settled_position: i64,
     base_units: i64,
     base_position: i64,
+    scaling: FlowScaling,
+}
+
+/// Flow override: what is deposited above or below the plan.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+struct FlowScaling {
+    wanted_q16: u32,
+    factor_q16: u32,
+    /// Change of the factor in a servo tick.
+    slope_q16: u32,
+    /// Position deposited in the last tick, once the factor has not been 1.
+    last: Option<i64>,
+    /// Sum of what was added, 2^-31 steps.
+    extra: i64,
+}
+
+impl FlowScaling {
+    fn new(servo_hz: u32) -> Self {
+        let per_s_q16 = FLOW_OVERRIDE_PERCENT_PER_S * UNSCALED_Q16 / 100;
+        Self {
+            wanted_q16: UNSCALED_Q16,
+            factor_q16: UNSCALED_Q16,
+            slope_q16: (per_s_q16 / servo_hz.max(1)).max(1),
+            last: None,
+            extra: 0,
+        }
+    }
+
+    /// What the planned position becomes. Exactly itself while nothing was ever asked.
+    #[inline]
+    fn apply(&mut self, deposited: i64) -> i64 {
+        if self.last.is_none() && self.wanted_q16 == UNSCALED_Q16 {
+            return deposited;
+        }
+        let way = deposited - self.last.unwrap_or(deposited);
+        self.last = Some(deposited);
+        let up = self.factor_q16.saturating_add(self.slope_q16);
+        let down = self.factor_q16.saturating_sub(self.slope_q16);
+        self.factor_q16 = self.wanted_q16.clamp(down, up);
+        let surplus_q16 = i64::from(self.factor_q16) - i64::from(UNSCALED_Q16);
+        self.extra += (way * surplus_q16) >> 16;
+        deposited + self.extra
+    }
+
+    /// Starts anew from a declared position; the factor stays.
+    fn settle(&mut self) {
+        self.factor_q16 = self.wanted_q16;
+        self.last = None;
+        self.extra = 0;
+    }
 }
 
 impl Flow {
@@ -72,7 +124,24 @@ impl Flow {
             settled_position: 0,
             base_units: 0,
             base_position: 0,
+            scaling: FlowScaling::new(servo_hz),
         }
+    }
+
+    /// Flow override in per cent; the change takes its time.
+    pub fn set_override(&mut self, percent: u16) {
+        self.scaling.wanted_q16 = (u32::from(percent) * UNSCALED_Q16 + 50) / 100;
+    }
+
+    /// Flow override asked for, per cent.
+    pub fn override_percent(&self) -> u16 {
+        ((self.scaling.wanted_q16 * 100 + UNSCALED_Q16 / 2) / UNSCALED_Q16) as u16
+    }
+
+    /// Flow factor in force, 2^-16.
+    #[inline]
+    pub fn factor_q16(&self) -> u32 {
+        self.scaling.factor_q16
     }
 
     /// Declares the deposited volume, with no event behind it. Only at rest. Returns the position.
@@ -80,6 +149,7 @@ impl Flow {
         self.active.clear();
         self.settled_units = 0;
         self.settled_position = 0;
+        self.scaling.settle();
         self.set_base(volume_units);
         self.window = [(self.base_position >> WINDOW_SHIFT) as i32; ADVANCE_WINDOW_TICKS_MAX];
         self.base_position
@@ -134,7 +204,8 @@ impl Flow {
     /// Target of this servo tick in 2^-31 steps; `offset_units` is V above its base. To be called
     /// exactly once per servo tick.
     pub fn target(&mut self, offset_units: f32) -> i64 {
-        let deposited = self.base_position + self.scale.offset(offset_units);
+        let planned = self.base_position + self.scale.offset(offset_units);
+        let deposited = self.scaling.apply(planned);
         let advance = self.advance(deposited);
         let events_units = self.progress();
         deposited + self.settled_position + advance + self.scale.offset(events_units)

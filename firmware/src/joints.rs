@@ -74,6 +74,34 @@ impl JointTargets {
         self.count
     }
 
+    /// True if a position, 2^-31 steps, is within the joint's range.
+    pub fn is_in_range(&self, joint: usize, position: i64) -> bool {
+        joint < self.count && self.beyond_range(joint, position) <= 0
+    }
+
+    /// How far a position lies beyond the joint's range, 2^-31 steps; 0 or less inside.
+    pub fn beyond_range(&self, joint: usize, position: i64) -> i64 {
+        self.joints.get(joint).map_or(i64::MAX, |joint| {
+            let below = joint.position_min.saturating_sub(position);
+            below.max(position.saturating_sub(joint.position_max))
+        })
+    }
+
+    /// The fault of a joint at a position, 2^-31 steps.
+    pub(crate) fn limit_fault(&self, joint: usize, position: i64, cause: FaultCause) -> Fault {
+        let units_per_step = self.joints.get(joint).map_or(0.0, |j| j.units_per_step);
+        Fault {
+            cause,
+            index: joint as u8,
+            value: (position as f64 / STEP as f64 * units_per_step) as i32,
+        }
+    }
+
+    /// Mask of all joints.
+    pub fn all(&self) -> u8 {
+        ((1u16 << self.count) - 1) as u8
+    }
+
     /// Takes over the integer base, once per span.
     pub fn set_base(&mut self, base: &[i64; CHANNELS]) {
         self.base = *base;

@@ -11,6 +11,8 @@
 //! servo and steps in interrupts of their own takes the parts with [`Machine::into_parts`].
 
 use crate::configuration::{ConfigurationError, MachineConfiguration};
+use crate::homing::HomingConfiguration;
+use crate::inputs::Inputs;
 use crate::motion::Motion;
 use crate::output::StepOutput;
 use crate::receiver::Receiver;
@@ -35,10 +37,23 @@ impl Machine {
         configuration: &MachineConfiguration,
         session: u32,
     ) -> Result<Self, ConfigurationError> {
+        Self::with_switches(configuration, &HomingConfiguration::none(), session)
+    }
+
+    /// The same with switches to home to.
+    ///
+    /// # Errors
+    /// [`ConfigurationError`] where either configuration cannot be run.
+    pub fn with_switches(
+        configuration: &MachineConfiguration,
+        switches: &HomingConfiguration,
+        session: u32,
+    ) -> Result<Self, ConfigurationError> {
         configuration.check()?;
+        switches.check(configuration)?;
         Ok(Self {
             receiver: Receiver::new(configuration, session),
-            motion: Motion::new(configuration),
+            motion: Motion::new(configuration, switches),
             engine: StepEngine::new(configuration.interval_ticks()),
             overruns: 0,
         })
@@ -57,6 +72,11 @@ impl Machine {
             }
         }
         self.stop_if_due();
+    }
+
+    /// Levels of the inputs, for the next servo tick.
+    pub fn set_inputs(&mut self, inputs: Inputs) {
+        self.motion.set_inputs(inputs);
     }
 
     /// One servo tick: the next interval's steps.

@@ -9,7 +9,7 @@ use headway_protocol::frame::{FRAME_BYTES_MAX, FrameDecoder, encode_frame, hash_
 use headway_protocol::knot_block::{KnotPredictor, encode_block};
 use headway_protocol::message::{
     Ack, Control, DeviceMessage, DeviceState, Finish, Hello, HostMessage, PROTOCOL_VERSION,
-    SCHEMA_HASH, Start,
+    RefusalReason, SCHEMA_HASH, Start,
 };
 use headway_protocol::segment::{FlowAction, FlowEvent, Knot};
 use headway_protocol::units::{CHANNELS, ChannelPoint, Ticks, UNITS_PER_NATURAL, to_units};
@@ -191,6 +191,7 @@ struct Host {
     ack: Option<Ack>,
     state: DeviceState,
     faults: Vec<Fault>,
+    refusals: Vec<RefusalReason>,
     predictor: KnotPredictor,
     knots_sent: usize,
     events_sent: usize,
@@ -200,8 +201,23 @@ struct Host {
 
 impl Host {
     fn new(configuration: &MachineConfiguration, job: &Job) -> Self {
+        let mut host = Self::greet(Machine::new(configuration, 77).unwrap(), job);
+        host.control(HostMessage::Start(Start {
+            job: 1,
+            machine_hash: hash_of(configuration),
+            first_sequence: 500,
+            position: job.start,
+        }));
+        host.poll();
+        assert!(host.ack.is_some());
+        host.counter.counts = host.machine.motion().counts();
+        host
+    }
+
+    /// Says hello; no stream is open.
+    fn greet(machine: Machine, job: &Job) -> Self {
         let mut host = Self {
-            machine: Machine::new(configuration, 77).unwrap(),
+            machine,
             counter: Counter::default(),
             decoder: FrameDecoder::new(),
             sequence: 0,
@@ -209,6 +225,7 @@ impl Host {
             ack: None,
             state: DeviceState::Idle,
             faults: Vec::new(),
+            refusals: Vec::new(),
             predictor: KnotPredictor::new(job.start),
             knots_sent: 0,
             events_sent: 0,
@@ -220,15 +237,7 @@ impl Host {
             schema_hash: SCHEMA_HASH,
             host_session: 5,
         }));
-        host.control(HostMessage::Start(Start {
-            job: 1,
-            machine_hash: hash_of(configuration),
-            first_sequence: 500,
-            position: job.start,
-        }));
         host.poll();
-        assert!(host.ack.is_some());
-        host.counter.counts = host.machine.motion().counts();
         host
     }
 
@@ -265,7 +274,7 @@ impl Host {
                     DeviceMessage::Fault(fault) => self.faults.push(fault),
                     DeviceMessage::Welcome(welcome) => assert_eq!(welcome.session, 77),
                     DeviceMessage::Nak(ack) => self.ack = Some(ack),
-                    other => panic!("{other:?}"),
+                    DeviceMessage::Refused(refusal) => self.refusals.push(refusal.reason),
                 }
             }
         }
@@ -419,5 +428,7 @@ fn step_positions_follow_the_spline_with_a_constant_delay() {
 #[path = "machine_warp_tests.rs"]
 mod warp;
 
+#[path = "machine_by_hand_tests.rs"]
+mod by_hand;
 #[path = "machine_fault_tests.rs"]
 mod fault;

@@ -1,9 +1,10 @@
 //! What the link may ask of the motion. A board calls these under a short lock.
 
-use super::{CommandError, Motion, Phase, Reference};
+use super::{CommandError, Motion, Phase};
 use crate::configuration::MOTORS_MAX;
 use crate::design::{HOLD_RETRACT_DELAY_MS, ticks_of_ms};
 use crate::hold::Hold;
+use crate::inputs::Inputs;
 use crate::interpolator::Interpolator;
 use crate::load::SpanFault;
 use crate::queue::QueuedKnot;
@@ -22,15 +23,14 @@ impl Motion {
         if self.fault.is_some() {
             return Err(CommandError::Faulted);
         }
-        if !matches!(self.phase, Phase::Idle | Phase::Finished) || !self.programmer.is_at_rest() {
+        if !self.is_free() {
             return Err(CommandError::Busy);
         }
-        let declares = match self.reference {
-            Reference::Lost => return Err(CommandError::Invalid),
-            Reference::Undeclared => true,
-            Reference::Known => false,
-        };
-        self.place(position, declares)?;
+        if self.reference.lost != 0 {
+            return Err(CommandError::Invalid);
+        }
+        self.place(position, self.reference.known)?;
+        self.drivers_on = true;
         self.phase = Phase::Filling { starved: false };
         self.finish = false;
         self.paused = false;
@@ -45,14 +45,14 @@ impl Motion {
     /// # Errors
     /// [`CommandError`].
     pub fn set_position(&mut self, position: &ChannelPoint) -> Result<(), CommandError> {
-        if !matches!(self.phase, Phase::Idle | Phase::Finished) || !self.programmer.is_at_rest() {
+        if !self.is_free() {
             return Err(CommandError::Busy);
         }
-        self.place(position, true)
+        self.place(position, 0)
     }
 
-    /// Takes over a pose at rest; without `declares` only if the joints are there already.
-    fn place(&mut self, position: &ChannelPoint, declares: bool) -> Result<(), CommandError> {
+    /// Takes over a pose at rest, only if the `known` joints are there already.
+    fn place(&mut self, position: &ChannelPoint, known: u8) -> Result<(), CommandError> {
         let interpolator = Interpolator::at_rest(position);
         let mut joints = self.joints.clone();
         joints.set_base(interpolator.base());
@@ -65,8 +65,11 @@ impl Motion {
             .iter()
             .zip(&here)
             .take(joints.count())
-            .any(|(target, here)| count(*target) != count(*here));
-        if moved && !declares {
+            .enumerate()
+            .any(|(joint, (target, here))| {
+                known >> joint & 1 == 1 && count(*target) != count(*here)
+            });
+        if moved {
             return Err(CommandError::Invalid);
         }
         self.joints = joints;
@@ -77,7 +80,8 @@ impl Motion {
         }
         self.programmer.set_positions(&targets);
         self.hold = Hold::new(ticks_of_ms(HOLD_RETRACT_DELAY_MS, self.servo_hz));
-        self.reference = Reference::Known;
+        self.reference.learn(self.joints.all());
+        self.follows_path = true;
         Ok(())
     }
 
@@ -139,6 +143,12 @@ impl Motion {
         self.paused = false;
     }
 
+    /// Takes over the levels of the inputs; to be called before [`Self::tick`].
+    #[inline]
+    pub fn set_inputs(&mut self, inputs: Inputs) {
+        self.inputs = inputs;
+    }
+
     /// Comes to rest on the path, then forgets the stream.
     pub fn abort(&mut self) {
         if self.phase != Phase::Idle {
@@ -151,9 +161,14 @@ impl Motion {
         self.override_percent = percent.clamp(1, 200);
     }
 
+    /// Flow override in per cent of the planned volume.
+    pub fn set_flow_override(&mut self, percent: u16) {
+        self.flow.set_override(percent.clamp(10, 200));
+    }
+
     /// Clears the latched fault once the machine rests; false if it still moves.
     pub fn clear_fault(&mut self) -> bool {
-        let rests = self.phase == Phase::Idle && !self.stop_due;
+        let rests = self.phase == Phase::Idle && !self.stop_due && !self.inputs.emergency;
         if rests {
             self.fault = None;
         }

@@ -8,6 +8,7 @@
 //! Everything here is called by the servo interrupt, except the commands, which a board calls
 //! under a short lock. Deadline of [`Motion::tick`] on a board: one servo period.
 
+mod by_hand;
 mod commands;
 mod status;
 
@@ -16,13 +17,16 @@ use crate::design::{
     CEILING_OPEN, HOLD_RETRACT_DELAY_MS, QUEUE_EVENTS, QUIET_START_MS, START_QUEUED_MS,
     START_ROOM_KNOTS, ticks_of_ms,
 };
-use crate::flow::Flow;
+use crate::flow::{Flow, UNSCALED_Q16};
 use crate::hold::Hold;
+use crate::homing::HomingConfiguration;
+use crate::inputs::{Inputs, SwitchGuard};
 use crate::interpolator::{Interpolator, TICK_Q16};
 use crate::joints::JointTargets;
 use crate::queue::KnotQueue;
 use crate::steps::{StepProgram, StepProgrammer, StepRateExceeded};
 use crate::time_warp::{TimeWarp, WarpBounds};
+use by_hand::ByHand;
 use headway_protocol::message::{Fault, FaultCause};
 use headway_protocol::segment::FlowEvent;
 use headway_protocol::units::{CHANNEL_VOLUME, ChannelPoint};
@@ -39,17 +43,30 @@ enum Phase {
     Running,
     /// Ran to its end.
     Finished,
+    /// No stream; a joint moves, or melt, by command.
+    ByHand,
 }
 
 /// What is known of the motors' place in the world.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-enum Reference {
-    /// Nothing was declared since start-up: the next stream's start declares it.
-    Undeclared,
-    /// Declared and followed since.
-    Known,
-    /// Stopped at full speed by a fault: the motors may have slipped.
-    Lost,
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+struct Reference {
+    /// Joints declared or homed, and followed since: a mask.
+    known: u8,
+    /// Joints stopped at full speed by a fault, or not found by homing: they must be declared or
+    /// homed. What is neither known nor lost is declared by the next stream's start.
+    lost: u8,
+}
+
+impl Reference {
+    fn learn(&mut self, joints: u8) {
+        self.known |= joints;
+        self.lost &= !joints;
+    }
+
+    fn lose(&mut self, joints: u8) {
+        self.known &= !joints;
+        self.lost |= joints;
+    }
 }
 
 /// Why a command cannot be followed now.
@@ -76,6 +93,12 @@ pub struct Motion {
     programmer: StepProgrammer,
     phase: Phase,
     reference: Reference,
+    /// The motors follow the interpolator's pose; otherwise they stay where they are.
+    follows_path: bool,
+    by_hand: ByHand,
+    inputs: Inputs,
+    switch_guard: SwitchGuard,
+    drivers_on: bool,
     paused: bool,
     aborting: bool,
     finish: bool,
@@ -94,7 +117,7 @@ pub struct Motion {
 
 impl Motion {
     /// At rest, nothing declared.
-    pub fn new(configuration: &MachineConfiguration) -> Self {
+    pub fn new(configuration: &MachineConfiguration, switches: &HomingConfiguration) -> Self {
         let servo_hz = configuration.servo_hz.max(1);
         let joints = JointTargets::new(configuration);
         let motors = joints.count() + 1;
@@ -108,7 +131,12 @@ impl Motion {
             hold: Hold::new(ticks_of_ms(HOLD_RETRACT_DELAY_MS, servo_hz)),
             programmer: StepProgrammer::new(motors, configuration.interval_ticks()),
             phase: Phase::Idle,
-            reference: Reference::Undeclared,
+            reference: Reference::default(),
+            follows_path: false,
+            by_hand: ByHand::new(configuration, switches),
+            inputs: Inputs::default(),
+            switch_guard: SwitchGuard::default(),
+            drivers_on: false,
             paused: false,
             aborting: false,
             finish: false,
@@ -131,21 +159,53 @@ impl Motion {
     /// `None` after a fault: the engine is to be stopped ([`Self::take_stop`]).
     pub fn tick(&mut self) -> Option<&StepProgram> {
         self.now_ticks += 1;
-        self.gate();
-        self.begin_due_events();
-        let targets = match self.targets_now() {
-            Ok(targets) => targets,
-            Err(fault) => {
-                self.stop_at_once(fault);
-                return None;
+        if let Some(fault) = self.input_fault() {
+            self.stop_at_once(fault);
+            return None;
+        }
+        let targets = if self.phase == Phase::ByHand {
+            self.tick_by_hand()
+        } else {
+            match self.follow_path() {
+                Ok(targets) => targets,
+                Err(fault) => {
+                    self.stop_at_once(fault);
+                    return None;
+                }
             }
         };
-        self.move_on();
         if let Err(exceeded) = self.programmer.advance(&targets) {
             self.stop_at_once(step_rate_fault(exceeded, self.servo_hz));
             return None;
         }
         Some(self.programmer.newest())
+    }
+
+    /// One servo tick along the stream, or at rest: the motors' targets.
+    fn follow_path(&mut self) -> Result<[i64; MOTORS_MAX], Fault> {
+        self.gate();
+        self.begin_due_events();
+        let targets = self.targets_now()?;
+        self.move_on();
+        Ok(targets)
+    }
+
+    /// A fault that the inputs demand now.
+    #[inline]
+    fn input_fault(&mut self) -> Option<Fault> {
+        if self.inputs == Inputs::default() {
+            self.switch_guard = SwitchGuard::default();
+            return None;
+        }
+        if self.inputs.emergency && self.fault.is_none() {
+            return Some(EMERGENCY);
+        }
+        let pressed = self.inputs.switches & self.guarded_switches();
+        let joint = usize::from(self.switch_guard.tick(pressed)?);
+        let position = self.programmer.present_positions();
+        let position = position.get(joint).copied().unwrap_or_default();
+        let cause = FaultCause::LimitSwitch;
+        Some(self.joints.limit_fault(joint, position, cause))
     }
 
     /// Lets a resting stream go on once enough is queued and the melt is ready.
@@ -196,9 +256,8 @@ impl Motion {
 
     /// Where the motors are to be, for the pose of now.
     fn targets_now(&mut self) -> Result<[i64; MOTORS_MAX], Fault> {
-        if self.reference != Reference::Known {
-            // Nobody knows where the interpolator's pose would be: the motors stay where they are.
-            return Ok(self.programmer.positions());
+        if !self.follows_path {
+            return Ok(self.programmer.newest_targets());
         }
         let offset = self.interpolator.offset();
         let mut targets = [0; MOTORS_MAX];
@@ -258,12 +317,16 @@ impl Motion {
 
     fn rate_asked_q16(&self) -> u32 {
         let asked = (u32::from(self.override_percent) * TICK_Q16 + 50) / 100;
-        // A dwell waits for melt, which runs in real time.
         if self.interpolator.is_dwell() {
-            asked.min(TICK_Q16)
-        } else {
-            asked
+            // A dwell waits for melt, which runs in real time whatever the override.
+            return TICK_Q16;
         }
+        let factor_q16 = self.flow.factor_q16();
+        if factor_q16 > UNSCALED_Q16 {
+            // More melt than planned at the planned motor speed: the head goes slower.
+            return asked.min(u32::MAX / factor_q16);
+        }
+        asked
     }
 
     fn has_enough(&self) -> bool {
@@ -337,9 +400,17 @@ impl Motion {
         self.fault.get_or_insert(fault);
         self.stop_due = true;
         self.forget_stream();
-        self.reference = Reference::Lost;
+        self.reference.lose(self.joints.all());
+        self.follows_path = false;
     }
 }
+
+/// The emergency input, or a host that asks for the same.
+pub const EMERGENCY: Fault = Fault {
+    cause: FaultCause::Emergency,
+    index: 0,
+    value: 0,
+};
 
 fn step_rate_fault(exceeded: StepRateExceeded, servo_hz: u32) -> Fault {
     Fault {

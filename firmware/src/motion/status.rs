@@ -1,6 +1,6 @@
 //! What the motion tells of itself.
 
-use super::{Motion, Phase, Reference};
+use super::{Motion, Phase};
 use crate::configuration::MOTORS_MAX;
 use crate::design::QUEUE_EVENTS;
 use crate::steps::count;
@@ -15,7 +15,8 @@ impl Motion {
         if self.aborting {
             return DeviceState::Aborting;
         }
-        if self.paused && !matches!(self.phase, Phase::Idle | Phase::Finished) {
+        let streams = matches!(self.phase, Phase::Filling { .. } | Phase::Running);
+        if self.paused && streams {
             return DeviceState::Paused;
         }
         match self.phase {
@@ -25,6 +26,8 @@ impl Motion {
             Phase::Running if self.held => DeviceState::Starved,
             Phase::Running => DeviceState::Running,
             Phase::Finished => DeviceState::Finished,
+            Phase::ByHand if self.by_hand.is_homing() => DeviceState::Homing,
+            Phase::ByHand => DeviceState::Jogging,
         }
     }
 
@@ -41,6 +44,11 @@ impl Motion {
     /// Feed override in force, per cent.
     pub fn override_percent(&self) -> u16 {
         self.override_percent
+    }
+
+    /// Flow override in force, per cent.
+    pub fn flow_percent(&self) -> u16 {
+        self.flow.override_percent()
     }
 
     /// Spans completed since the stream's start.
@@ -85,11 +93,17 @@ impl Motion {
 
     /// Joints whose position is known, bit 0 = joint 0.
     pub fn referenced(&self) -> u8 {
-        if self.reference == Reference::Known {
-            ((1u16 << self.joints.count()) - 1) as u8
-        } else {
-            0
-        }
+        self.reference.known
+    }
+
+    /// Joints whose switch is pressed, as a mask.
+    pub fn switches(&self) -> u8 {
+        self.inputs.switches
+    }
+
+    /// True once something was asked to move: the drivers are to hold.
+    pub fn drivers_on(&self) -> bool {
+        self.drivers_on
     }
 
     /// How often the queue's end made the head slow down.

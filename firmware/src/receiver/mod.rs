@@ -10,7 +10,7 @@ mod reports;
 use crate::configuration::MachineConfiguration;
 use crate::design::{NAK_PERIOD_MS, STATUS_PERIOD_MS, ticks_of_ms};
 use crate::load::{LoadModel, SpanFault, SpanLoad};
-use crate::motion::{CommandError, Motion};
+use crate::motion::{CommandError, EMERGENCY, Motion};
 use crate::queue::{Ceiling, QueuedKnot};
 use crate::spline::SpanWindow;
 use headway_protocol::frame::{FrameDecoder, full_sequence, hash_of};
@@ -235,34 +235,29 @@ impl Receiver {
                 motion.abort();
                 self.stream = None;
             }
-            Control::EmergencyStop => motion.fail_at_once(Fault {
-                cause: FaultCause::Emergency,
-                index: 0,
-                value: 0,
-            }),
+            Control::EmergencyStop => motion.fail_at_once(EMERGENCY),
             Control::ClearFault => {
                 if motion.clear_fault() {
                     self.stream = None;
+                    // The same one again is news.
+                    self.last_fault = None;
                 } else {
                     self.refuse(sequence, RefusalReason::Busy);
                 }
             }
             Control::StatusRequest => self.due.status = true,
-            Control::SetPosition(position) => {
-                if let Err(error) = motion.set_position(&position) {
-                    self.refuse(sequence, reason_of(error));
-                }
-            }
             Control::ReportPeriod(period_ms) => {
                 self.status_period_ticks = ticks_of_ms(period_ms.into(), self.servo_hz).into();
             }
-            // These are not followed yet.
-            Control::Jog { .. }
-            | Control::Home(_)
+            Control::FlowOverride(percent) => motion.set_flow_override(percent),
+            Control::SetPosition(_)
             | Control::SetJoint { .. }
-            | Control::FlowOverride(_)
+            | Control::Jog { .. }
+            | Control::Home(_)
             | Control::Extrude { .. } => {
-                self.refuse(sequence, RefusalReason::Invalid);
+                if let Err(error) = motion.command_at_rest(&control) {
+                    self.refuse(sequence, reason_of(error));
+                }
             }
         }
     }

@@ -176,6 +176,12 @@ impl StepProgrammer {
         self.tracks.map(|track| track.end)
     }
 
+    /// Where the motors are at the start of this servo tick, before [`Self::advance`]: the newest
+    /// program is about to be played.
+    pub fn present_positions(&self) -> [i64; MOTORS_MAX] {
+        self.recent[usize::from(self.newer)].starts
+    }
+
     /// The target that the last call of [`Self::advance`] was given.
     pub fn newest_targets(&self) -> [i64; MOTORS_MAX] {
         self.tracks.map(|track| track.newest)

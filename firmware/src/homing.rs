@@ -1,0 +1,245 @@
+//! Finds a joint's switch: fast towards it, back off, slowly towards it again, and away.
+//!
+//! ```text
+//! (release) -> seek, fast -> back off -> touch, slow -> leave -> homed: shift of the position
+//! ```
+//! Joint by joint in joint space: no tool-centre transform takes part. Sans-IO: the switch and the
+//! motor's true position come in every servo tick, a [`JointMove`] is told what to do. The switch
+//! must hold for [`SWITCH_SETTLE_TICKS`]; the position taken is that of its first tick.
+
+use crate::configuration::{ConfigurationError, JOINTS_MAX, MachineConfiguration};
+use crate::design::SWITCH_SETTLE_TICKS;
+use crate::joint_move::{JointMove, MoveLimits};
+use crate::steps::STEP;
+use heapless::Vec;
+
+/// How one joint finds its switch; mm for linear joints, rad for rotary ones.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct JointHoming {
+    /// Joint from 0 in the kinematics' order.
+    pub joint: u8,
+    /// The switch is at the upper end.
+    pub towards_max: bool,
+    /// Speed of the search, mm/s or rad/s.
+    pub fast_natural_s: f64,
+    /// Speed of the touch that counts, mm/s or rad/s.
+    pub slow_natural_s: f64,
+    /// Way back from the switch before the touch, and from it afterwards.
+    pub back_off_natural: f64,
+    /// Longest way to the switch.
+    pub travel_max_natural: f64,
+    /// Where the joint is when the switch trips.
+    pub position_natural: f64,
+    /// The switch also stops motion that runs into it at other times.
+    pub guards: bool,
+}
+
+/// The switches of a machine, in the order in which all are homed. Not part of the machine's
+/// hash: a plan does not depend on it.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub struct HomingConfiguration {
+    /// One entry per joint with a switch.
+    pub joints: Vec<JointHoming, JOINTS_MAX>,
+}
+
+impl HomingConfiguration {
+    /// No switches.
+    pub const fn none() -> Self {
+        Self { joints: Vec::new() }
+    }
+
+    /// For machines with a switch at the upper end of Z, which goes first, away from what lies on
+    /// the bed, and at the lower ends of X and Y. Fast at a quarter of the speed limit, 40 mm/s at
+    /// most; slow at a tenth of that; 3 mm back.
+    pub fn standard(machine: &MachineConfiguration) -> Self {
+        let mut joints = Vec::new();
+        for (joint, towards_max) in [(2u8, true), (0, false), (1, false)] {
+            let Some(limits) = machine.joints.get(usize::from(joint)) else {
+                continue;
+            };
+            let quarter = 0.25 * limits.speed_max;
+            let fast = if quarter < 40.0 { quarter } else { 40.0 };
+            let position = if towards_max {
+                limits.position_max
+            } else {
+                limits.position_min
+            };
+            // Three joints fit by the type's bound.
+            let _ = joints.push(JointHoming {
+                joint,
+                towards_max,
+                fast_natural_s: fast,
+                slow_natural_s: 0.1 * fast,
+                back_off_natural: 3.0,
+                travel_max_natural: 1.1 * (limits.position_max - limits.position_min),
+                position_natural: position,
+                guards: true,
+            });
+        }
+        Self { joints }
+    }
+
+    /// Checks every number.
+    ///
+    /// # Errors
+    /// [`ConfigurationError::Joint`] with the first joint that is wrong.
+    pub fn check(&self, machine: &MachineConfiguration) -> Result<(), ConfigurationError> {
+        for homing in &self.joints {
+            let joint = usize::from(homing.joint);
+            let wrong = Err(ConfigurationError::Joint(joint));
+            let Some(limits) = machine.joints.get(joint) else {
+                return wrong;
+            };
+            let speed_fits = |speed: f64| speed > 0.0 && speed <= limits.speed_max;
+            let way_fits = |way: f64| way > 0.0 && way.is_finite();
+            let fits = speed_fits(homing.fast_natural_s)
+                && speed_fits(homing.slow_natural_s)
+                && way_fits(homing.back_off_natural)
+                && way_fits(homing.travel_max_natural)
+                && homing.position_natural.is_finite();
+            if !fits {
+                return wrong;
+            }
+        }
+        Ok(())
+    }
+
+    /// How a joint is homed, if it has a switch.
+    pub fn of(&self, joint: u8) -> Option<&JointHoming> {
+        self.joints.iter().find(|homing| homing.joint == joint)
+    }
+}
+
+/// What is under way.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+enum Stage {
+    /// Away from a switch that was pressed at the start.
+    Release,
+    /// Fast towards it.
+    Seek,
+    /// It was found; coming to rest.
+    Found,
+    /// Away from it.
+    BackOff,
+    /// Slowly towards it.
+    Touch,
+    /// It was touched; coming to rest.
+    Touched,
+    /// Away from it, so that it is free.
+    Leave,
+}
+
+/// Result of a servo tick.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum HomingOutcome {
+    /// Under way.
+    Moving,
+    /// At rest; add this to the joint's position, 2^-31 steps.
+    Homed(i64),
+    /// At rest; the switch was not found, or stays pressed.
+    Failed,
+}
+
+/// One joint on its way home, in 2^-31 steps.
+#[derive(Clone, Debug)]
+pub struct Homing {
+    stage: Stage,
+    /// +1 if the switch is at the upper end.
+    direction: i64,
+    fast: MoveLimits,
+    slow: MoveLimits,
+    back_off: i64,
+    travel_max: i64,
+    home: i64,
+    pressed_ticks: u32,
+    first_pressed: i64,
+    begun: bool,
+}
+
+impl Homing {
+    /// `None` if the joint is not one of the machine.
+    pub fn new(homing: &JointHoming, machine: &MachineConfiguration) -> Option<Self> {
+        let joint = machine.joints.get(usize::from(homing.joint))?;
+        let position = |natural: f64| (natural * joint.steps_per_unit * STEP as f64) as i64;
+        let limits = |speed: f64| MoveLimits::new(joint, speed, machine.servo_hz);
+        Some(Self {
+            stage: Stage::Seek,
+            direction: if homing.towards_max { 1 } else { -1 },
+            fast: limits(homing.fast_natural_s),
+            slow: limits(homing.slow_natural_s),
+            back_off: position(homing.back_off_natural),
+            travel_max: position(homing.travel_max_natural),
+            home: position(homing.position_natural),
+            pressed_ticks: 0,
+            first_pressed: 0,
+            begun: false,
+        })
+    }
+
+    /// One servo tick: `pressed` is the switch, `here` where the motor is, `rests` that it does not
+    /// move. Tells the mover what to do.
+    pub fn tick(
+        &mut self,
+        pressed: bool,
+        here: i64,
+        rests: bool,
+        mover: &mut JointMove,
+    ) -> HomingOutcome {
+        let tripped = self.settled(pressed, here);
+        if !self.begun {
+            self.begun = true;
+            let stage = if pressed { Stage::Release } else { Stage::Seek };
+            self.enter(stage, here, mover);
+            return HomingOutcome::Moving;
+        }
+        match self.stage {
+            Stage::Seek if tripped => {
+                mover.brake();
+                self.stage = Stage::Found;
+            }
+            Stage::Touch if tripped => {
+                mover.brake();
+                self.home -= self.first_pressed;
+                self.stage = Stage::Touched;
+            }
+            _ if !rests => {}
+            Stage::Seek | Stage::Touch => return HomingOutcome::Failed,
+            Stage::Found => self.enter(Stage::BackOff, here, mover),
+            Stage::Touched => self.enter(Stage::Leave, here, mover),
+            Stage::Release | Stage::BackOff | Stage::Leave if pressed => {
+                return HomingOutcome::Failed;
+            }
+            Stage::Release => self.enter(Stage::Seek, here, mover),
+            Stage::BackOff => self.enter(Stage::Touch, here, mover),
+            Stage::Leave => return HomingOutcome::Homed(self.home),
+        }
+        HomingOutcome::Moving
+    }
+
+    /// True once the switch has been pressed long enough.
+    fn settled(&mut self, pressed: bool, here: i64) -> bool {
+        if !pressed {
+            self.pressed_ticks = 0;
+            return false;
+        }
+        if self.pressed_ticks == 0 {
+            self.first_pressed = here;
+        }
+        self.pressed_ticks = self.pressed_ticks.saturating_add(1);
+        self.pressed_ticks >= SWITCH_SETTLE_TICKS
+    }
+
+    fn enter(&mut self, stage: Stage, here: i64, mover: &mut JointMove) {
+        self.stage = stage;
+        let (way, limits) = match stage {
+            Stage::Seek => (self.travel_max, self.fast),
+            // Twice the way back: the switch must be there.
+            Stage::Touch => (2 * self.back_off, self.slow),
+            Stage::Release => (-2 * self.back_off, self.slow),
+            Stage::BackOff | Stage::Leave | Stage::Found | Stage::Touched => {
+                (-self.back_off, self.fast)
+            }
+        };
+        mover.begin(here, way * self.direction, limits);
+    }
+}

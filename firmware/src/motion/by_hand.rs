@@ -1,0 +1,325 @@
+//! Moves outside any stream: jog, homing, prime and retract by hand.
+//!
+//! Joint space only, one joint at a time: no tool-centre transform takes part. All begin and end at
+//! rest with no stream open; an abort or a fault brakes them. Afterwards the motors stay where
+//! they are, and the next stream must begin there.
+
+use super::{CommandError, Motion, Phase};
+use crate::configuration::{MOTORS_MAX, MachineConfiguration};
+use crate::homing::{Homing, HomingConfiguration, HomingOutcome};
+use crate::joint_move::{JointMove, MoveLimits};
+use crate::steps::{STEP, StepScale};
+use headway_protocol::message::{Control, Fault, FaultCause, JointOrder};
+use headway_protocol::segment::{FlowAction, FlowEvent};
+use headway_protocol::units::{CHANNEL_VOLUME, Ticks, UNITS_PER_NATURAL};
+use heapless::Vec;
+
+/// Peak rate of a prime or retract over volume / duration, and peak acceleration over
+/// volume / duration²: of x³ (10 - 15 x + 6 x²).
+const EVENT_PEAK_RATE: f64 = 1.875;
+const EVENT_PEAK_ACCELERATION: f64 = 5.7736;
+
+/// State of the moves by hand.
+#[derive(Clone, Debug)]
+pub(super) struct ByHand {
+    machine: MachineConfiguration,
+    switches: HomingConfiguration,
+    /// Joints still to be homed, the present one first.
+    order: Vec<u8, { JointOrder::JOINTS_MAX }>,
+    homing: Option<Homing>,
+    joint: usize,
+    mover: JointMove,
+    /// Where the motors are to be.
+    targets: [i64; MOTORS_MAX],
+    /// Extruder position less what the flow says.
+    extruder_offset: i64,
+}
+
+impl ByHand {
+    pub(super) fn new(machine: &MachineConfiguration, switches: &HomingConfiguration) -> Self {
+        Self {
+            machine: machine.clone(),
+            switches: switches.clone(),
+            order: Vec::new(),
+            homing: None,
+            joint: 0,
+            mover: JointMove::at_rest(0),
+            targets: [0; MOTORS_MAX],
+            extruder_offset: 0,
+        }
+    }
+
+    pub(super) fn is_homing(&self) -> bool {
+        self.homing.is_some() || !self.order.is_empty()
+    }
+
+    /// Joints whose switches stop the present motion, of those that guard.
+    fn guarded(&self) -> u8 {
+        let homing = self.is_homing();
+        let moves = |joint: u8| usize::from(joint) == self.joint && !homing;
+        let towards = |up: bool| self.mover.direction() == if up { 1 } else { -1 };
+        self.switches
+            .joints
+            .iter()
+            .filter(|switch| switch.guards && moves(switch.joint) && towards(switch.towards_max))
+            .fold(0, |mask, switch| mask | 1 << switch.joint)
+    }
+
+    fn all_guards(&self) -> u8 {
+        let guards = self.switches.joints.iter().filter(|switch| switch.guards);
+        guards.fold(0, |mask, switch| mask | 1 << switch.joint)
+    }
+
+    /// Steps of a distance on the wire, 0.1 µm or µrad.
+    fn position_of(&self, joint: usize, units: i32) -> Option<i64> {
+        let joint = self.machine.joints.get(joint)?;
+        let scale = StepScale::new(joint.steps_per_unit / units_per_natural(joint.rotary));
+        Some(scale.position(i64::from(units)))
+    }
+}
+
+fn units_per_natural(rotary: bool) -> f64 {
+    if rotary { 1e6 } else { 1e4 }
+}
+
+impl Motion {
+    /// Follows a command for a machine at rest.
+    ///
+    /// # Errors
+    /// [`CommandError`].
+    pub fn command_at_rest(&mut self, command: &Control) -> Result<(), CommandError> {
+        if self.fault.is_some() {
+            return Err(CommandError::Faulted);
+        }
+        if !self.is_free() {
+            return Err(CommandError::Busy);
+        }
+        match *command {
+            Control::SetPosition(position) => self.set_position(&position),
+            Control::SetJoint {
+                joint,
+                position_units,
+            } => self.set_joint(joint.into(), position_units),
+            Control::Jog {
+                joint,
+                distance_units,
+                speed_units_s,
+            } => self.jog(joint.into(), distance_units, speed_units_s),
+            Control::Home(order) => self.home(order),
+            Control::Extrude {
+                action,
+                volume_units,
+                duration_ticks,
+            } => self.extrude(action, volume_units, duration_ticks),
+            _ => Err(CommandError::Invalid),
+        }
+    }
+
+    /// At rest with no stream open.
+    pub(super) fn is_free(&self) -> bool {
+        matches!(self.phase, Phase::Idle | Phase::Finished) && self.programmer.is_at_rest()
+    }
+
+    fn set_joint(&mut self, joint: usize, position_units: i32) -> Result<(), CommandError> {
+        let position = self.by_hand.position_of(joint, position_units);
+        let position = position.ok_or(CommandError::Invalid)?;
+        if !self.joints.is_in_range(joint, position) {
+            return Err(CommandError::Invalid);
+        }
+        self.declare_joint(joint, position);
+        self.phase = Phase::Idle;
+        Ok(())
+    }
+
+    fn declare_joint(&mut self, joint: usize, position: i64) {
+        let mut positions = self.programmer.newest_targets();
+        if let Some(slot) = positions.get_mut(joint) {
+            *slot = position;
+        }
+        self.programmer.set_positions(&positions);
+        self.by_hand.targets = positions;
+        self.reference.learn(1 << joint);
+        self.follows_path = false;
+    }
+
+    fn jog(
+        &mut self,
+        joint: usize,
+        distance_units: i32,
+        speed_units_s: u32,
+    ) -> Result<(), CommandError> {
+        let hand = &self.by_hand;
+        let distance = hand.position_of(joint, distance_units);
+        let (Some(distance), Some(limits)) = (distance, hand.machine.joints.get(joint)) else {
+            return Err(CommandError::Invalid);
+        };
+        let speed = f64::from(speed_units_s) / units_per_natural(limits.rotary);
+        // A little more than the limit is the rounding of its units.
+        if speed > limits.speed_max * (1.0 + 1e-6) {
+            return Err(CommandError::Invalid);
+        }
+        let limits = MoveLimits::new(limits, speed, self.servo_hz);
+        let here = self.joint_position(joint);
+        if self.reference.known >> joint & 1 == 1 {
+            // A joint that is outside, as on its switch, may come nearer.
+            let goal = here.saturating_add(distance);
+            let beyond = self.joints.beyond_range(joint, goal);
+            if beyond > 0 && beyond >= self.joints.beyond_range(joint, here) {
+                return Err(CommandError::Invalid);
+            }
+        }
+        self.begin_by_hand();
+        self.by_hand.joint = joint;
+        self.by_hand.mover.begin(here, distance, limits);
+        Ok(())
+    }
+
+    fn home(&mut self, order: JointOrder) -> Result<(), CommandError> {
+        let hand = &mut self.by_hand;
+        hand.order.clear();
+        if order == JointOrder::ALL {
+            let all = hand.switches.joints.iter().map(|switch| switch.joint);
+            hand.order.extend(all.take(JointOrder::JOINTS_MAX));
+        } else {
+            hand.order.extend(order.joints());
+        }
+        let known = |joint: &u8| hand.switches.of(*joint).is_some();
+        if hand.order.is_empty() || !hand.order.iter().all(known) {
+            hand.order.clear();
+            return Err(CommandError::Invalid);
+        }
+        self.begin_by_hand();
+        self.home_next();
+        Ok(())
+    }
+
+    /// Begins with the first joint of the order.
+    fn home_next(&mut self) {
+        let hand = &mut self.by_hand;
+        hand.homing = hand.order.first().and_then(|joint| {
+            hand.joint = usize::from(*joint);
+            let switch = hand.switches.of(*joint)?;
+            Homing::new(switch, &hand.machine)
+        });
+        if hand.homing.is_some() {
+            // Until it has been found.
+            self.reference.lose(1 << hand.joint);
+        }
+    }
+
+    fn extrude(
+        &mut self,
+        action: FlowAction,
+        volume_units: u32,
+        duration_ticks: Ticks,
+    ) -> Result<(), CommandError> {
+        let extruder = &self.by_hand.machine.extruder;
+        let volume_mm3 = f64::from(volume_units) / UNITS_PER_NATURAL[CHANNEL_VOLUME];
+        let duration_s = f64::from(duration_ticks.0) / f64::from(self.servo_hz);
+        let rate = EVENT_PEAK_RATE * volume_mm3 / duration_s;
+        let acceleration = EVENT_PEAK_ACCELERATION * volume_mm3 / (duration_s * duration_s);
+        if rate > extruder.speed_max_mm3_s || acceleration > extruder.acceleration_max_mm3_s2 {
+            return Err(CommandError::Invalid);
+        }
+        self.begin_by_hand();
+        let motor = self.joints.count();
+        let here = self.joint_position(motor);
+        self.by_hand.extruder_offset = here - self.flow.declare(0);
+        // Nobody moves: the mover rests where the first joint is.
+        self.by_hand.joint = 0;
+        self.by_hand.mover = JointMove::at_rest(self.joint_position(0));
+        self.flow.begin(&FlowEvent {
+            span: 0,
+            offset_ticks: 0,
+            action,
+            volume_units,
+            duration_ticks,
+        });
+        Ok(())
+    }
+
+    fn joint_position(&self, motor: usize) -> i64 {
+        self.programmer
+            .newest_targets()
+            .get(motor)
+            .copied()
+            .unwrap_or_default()
+    }
+
+    fn begin_by_hand(&mut self) {
+        self.phase = Phase::ByHand;
+        self.follows_path = false;
+        self.aborting = false;
+        self.drivers_on = true;
+        self.by_hand.targets = self.programmer.newest_targets();
+        let motor = self.joints.count();
+        self.by_hand.extruder_offset = self.joint_position(motor) - self.flow.declare(0);
+    }
+
+    /// One servo tick: the motors' targets.
+    pub(super) fn tick_by_hand(&mut self) -> [i64; MOTORS_MAX] {
+        let motor = self.joints.count();
+        if self.aborting || self.fault.is_some() {
+            self.by_hand.homing = None;
+            self.by_hand.order.clear();
+            self.by_hand.mover.brake();
+            self.flow.cut();
+        }
+        self.tick_homing();
+        let flow = self.flow.target(0.0);
+        let hand = &mut self.by_hand;
+        if let Some(target) = hand.targets.get_mut(motor) {
+            *target = hand.extruder_offset + flow;
+        }
+        let place = hand.mover.tick();
+        if let Some(target) = hand.targets.get_mut(hand.joint) {
+            *target = place;
+        }
+        let idle = hand.mover.is_done() && !self.flow.is_active() && !hand.is_homing();
+        if idle && self.programmer.is_at_rest() {
+            self.phase = Phase::Idle;
+            self.aborting = false;
+        }
+        self.by_hand.targets
+    }
+
+    fn tick_homing(&mut self) {
+        let joint = self.by_hand.joint;
+        let rests = self.by_hand.mover.is_done() && self.programmer.is_at_rest();
+        let places = if rests {
+            self.programmer.newest_targets()
+        } else {
+            self.programmer.present_positions()
+        };
+        let here = places.get(joint).copied().unwrap_or_default();
+        let pressed = self.inputs.switches >> joint & 1 == 1;
+        let hand = &mut self.by_hand;
+        let Some(homing) = &mut hand.homing else {
+            return;
+        };
+        match homing.tick(pressed, here, rests, &mut hand.mover) {
+            HomingOutcome::Moving => {}
+            HomingOutcome::Homed(shift) => {
+                self.declare_joint(joint, here.saturating_add(shift));
+                self.by_hand.order.remove(0);
+                self.home_next();
+                let place = self.joint_position(self.by_hand.joint);
+                self.by_hand.mover = JointMove::at_rest(place);
+            }
+            HomingOutcome::Failed => self.fail_softly(Fault {
+                cause: FaultCause::Homing,
+                index: joint as u8,
+                value: (here / STEP) as i32,
+            }),
+        }
+    }
+
+    /// Joints whose switch must stop what moves now.
+    pub(super) fn guarded_switches(&self) -> u8 {
+        match self.phase {
+            Phase::Running => self.by_hand.all_guards(),
+            Phase::ByHand => self.by_hand.guarded(),
+            Phase::Idle | Phase::Filling { .. } | Phase::Finished => 0,
+        }
+    }
+}
