@@ -7,9 +7,11 @@
 //!                (mm, rad)                                 (mm, rad, machine coordinates)
 //!    --route--> Route --time law, segments--> SegmentStream --measure--> Figures
 //!               (mm, rad, mm³)                (integer units, servo ticks)
+//! WaypointRun --curve--> PathCurve --route--> Route, and on as above
 //! ```
 //!
-//! [`plan_target`] is that pipeline; every intermediate stays in [`Plan`], for pictures and tests.
+//! [`plan_target`] is that pipeline, [`plan_waypoints`] its short form; every intermediate stays in
+//! [`Plan`], for pictures and tests.
 //! `drive` moves the finished stream, `report` draws and tabulates, `cli` is the command.
 #![forbid(unsafe_code)]
 
@@ -28,6 +30,7 @@ pub mod wire_frames;
 use crate::geometry::coverage::Coverage;
 use crate::geometry::{Point2, Vector2};
 use crate::input::Target;
+use crate::input::waypoints::WaypointRun;
 use crate::job::SegmentStream;
 use crate::part_transform::{PartTransform, PlaceError};
 use crate::plan::build_route::{PlanePass, build_route};
@@ -41,6 +44,8 @@ use crate::plan::passes::{LayerPass, PassSettings, passes};
 use crate::plan::route::Route;
 use crate::plan::segments::{MotionReport, lay_segments};
 use crate::plan::skeleton::Axis;
+use crate::plan::waypoint_curve::{WaypointCurveError, waypoint_curves};
+use crate::plan::waypoint_route::waypoint_route;
 use crate::settings::{PassMode, Settings};
 use headway_protocol::units::{CHANNEL_X, CHANNEL_Y, CHANNEL_Z, CHANNELS};
 
@@ -95,6 +100,9 @@ pub enum PlanError {
     /// The motion breaks a limit that slowing cannot mend.
     #[error(transparent)]
     Motion(#[from] MotionError),
+    /// The waypoints have no curve that can be planned.
+    #[error(transparent)]
+    Waypoints(#[from] WaypointCurveError),
     /// No placement of the aperture lies inside.
     #[error(
         "nothing can be printed: the widest place, near ({:.3}, {:.3}) mm, is {width_mm:.3} mm \
@@ -153,6 +161,36 @@ pub fn plan_target(target: &Target, settings: &Settings) -> Result<Plan, PlanErr
         stream,
         motion,
         coverage,
+        figures,
+    })
+}
+
+/// Plans a run of waypoints: curve, route, segments, figures. Regions, curves and rasters stay
+/// empty. The lowest waypoint comes to lie one layer height above the bed.
+///
+/// # Errors
+/// [`PlanError`].
+pub fn plan_waypoints(run: &WaypointRun, settings: &Settings) -> Result<Plan, PlanError> {
+    let tips = || run.points.iter().map(|point| point.tip_mm);
+    let corners: Vec<Point2> = tips().map(|tip| tip.xy()).collect();
+    let low_mm = tips().map(|tip| tip.z).fold(f64::INFINITY, f64::min) - settings.layer_height_mm;
+    let high_mm = tips().map(|tip| tip.z).fold(f64::NEG_INFINITY, f64::max);
+    let bounds = geometry::polygon::Box2::of(&corners);
+    let transform = PartTransform::choose_box(bounds, [low_mm, high_mm], settings)?;
+    let curves = waypoint_curves(run, transform.offset_mm, settings)?;
+    let route = waypoint_route(curves, start_pose(settings), settings);
+    let (stream, motion) = lay_segments(&route, settings)?;
+    let (mut figures, _) = measure_layer(&stream, &[], &[], &transform, settings);
+    figures.passes = 1;
+    Ok(Plan {
+        transform,
+        regions: Vec::new(),
+        curves: Vec::new(),
+        region_of_curve: Vec::new(),
+        route,
+        stream,
+        motion,
+        coverage: Vec::new(),
         figures,
     })
 }

@@ -61,6 +61,15 @@ impl PartTransform {
         height_mm: f64,
         settings: &Settings,
     ) -> Result<PartTransform, PlaceError> {
+        PartTransform::choose_box(bounds, [0.0, height_mm], settings)
+    }
+
+    /// The same for a part that reaches from the first to the second height above its own z = 0.
+    pub fn choose_box(
+        bounds: Box2,
+        heights_mm: [f64; 2],
+        settings: &Settings,
+    ) -> Result<PartTransform, PlaceError> {
         let [low, high] = settings.work_area_mm;
         let size = bounds.size();
         if size.x > high[0] - low[0] + SLACK_MM || size.y > high[1] - low[1] + SLACK_MM {
@@ -75,12 +84,12 @@ impl PartTransform {
         let offset_mm = settings.at_mm.unwrap_or([
             centre(0) - (bounds.min.x + bounds.max.x) / 2.0,
             centre(1) - (bounds.min.y + bounds.max.y) / 2.0,
-            low[2],
+            low[2] - heights_mm[0],
         ]);
         let extremes = [
             ("x", 0, bounds.min.x, bounds.max.x),
             ("y", 1, bounds.min.y, bounds.max.y),
-            ("z", 2, 0.0, height_mm),
+            ("z", 2, heights_mm[0], heights_mm[1]),
         ];
         for (axis, k, part_low, part_high) in extremes {
             for (value_mm, limit_mm, over_mm) in [

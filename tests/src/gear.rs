@@ -85,6 +85,22 @@ pub fn points(length_mm: f64) -> Vec<GearPoint> {
     points
 }
 
+/// The gear as a waypoint file: a waypoint every other sample: four times as far apart, the
+/// headings between them would be off by a quarter of their tolerance, and cost bytes.
+pub fn waypoint_file(length_mm: f64) -> String {
+    let mut text = String::from(
+        "# name: gear-6axis\n# units: mm\n# A gear of 20 lobes in six axes, the nozzle along the \
+         tangent; written by the tests.\n# x y z nx ny nz heading_deg\n",
+    );
+    for point in points(length_mm).iter().step_by(2) {
+        let [x, y, z] = point.tip_mm;
+        let [nx, ny, nz] = point.axis;
+        let heading_deg = point.heading_rad.to_degrees();
+        text += &format!("{x:.5} {y:.5} {z:.5} {nx:.7} {ny:.7} {nz:.7} {heading_deg:.4}\n");
+    }
+    text
+}
+
 /// The gear as one printed stretch.
 pub fn route(length_mm: f64) -> Route {
     let control = points(length_mm)
@@ -135,5 +151,21 @@ pub fn gantry() -> Settings {
     settings.tip_acceleration_mm_s2 = 2e4;
     settings.flow_rate_of_change_max_mm3_s2 = 1e4;
     settings.machine.extruder.acceleration_max_mm3_s2 = 1e5;
+    settings
+}
+
+/// The same as a machine file may say it: no motor asks for more than the step tick can give.
+pub fn free_gantry() -> Settings {
+    let mut settings = gantry();
+    settings.machine_name = String::from("free-gantry");
+    for (joint, speed_max) in settings
+        .machine
+        .joints
+        .iter_mut()
+        .skip(2)
+        .zip([200.0, 60.0, 60.0])
+    {
+        joint.speed_max = speed_max;
+    }
     settings
 }

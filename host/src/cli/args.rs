@@ -110,6 +110,9 @@ pub(super) enum FormatName {
     Geojson,
     /// Filled shapes of an SVG page.
     Svg,
+    /// A run of the tip: x y z nx ny nz [heading_deg] a line.
+    #[value(alias = "wpt")]
+    Waypoints,
 }
 
 #[derive(Clone, Copy, Debug, ValueEnum)]
@@ -144,7 +147,7 @@ Examples:
   headway plan examples/bracket.json --output bracket.hwj
   headway plan drawing.svg -m my-printer.toml --speed 40 --overlap 5 -o part.hwj --json")]
 pub(super) struct PlanArgs {
-    /// Outline: polygon JSON, GeoJSON or SVG.
+    /// Outline (polygon JSON, GeoJSON, SVG) or waypoints.
     pub input: PathBuf,
     /// Job file to write.
     #[arg(short, long, value_name = "JOB.hwj")]
@@ -197,7 +200,7 @@ Examples:
   headway simulate part.hwj --trace poses.csv --trace-steps steps.csv
   headway simulate part.svg --link \"drop=0.01,flip=1e-5,stall=2s@5s\" --seed 7 --json")]
 pub(super) struct SimulateArgs {
-    /// Outline (polygon JSON, GeoJSON, SVG), or a job file (.hwj).
+    /// Outline (polygon JSON, GeoJSON, SVG), waypoints, or a job file (.hwj).
     pub input: PathBuf,
     /// Folder for figures and pictures; made where it is not there.
     #[arg(long, value_name = "DIR")]

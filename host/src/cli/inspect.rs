@@ -5,7 +5,8 @@ use super::args::InspectArgs;
 use super::console::Console;
 use super::{job, load};
 use crate::geometry::polygon::{Box2, Region, Ring};
-use crate::input::{Loaded, ReadOptions};
+use crate::input::waypoints::WaypointRun;
+use crate::input::{Input, Loaded, ReadOptions};
 use crate::job_file::JobSummary;
 use crate::report::figures::Figures;
 use crate::report::job_texts::NAME_TEXT;
@@ -20,7 +21,13 @@ pub(super) fn run(args: &InspectArgs, console: &Console) -> Result<(), CliError>
         return console.result(&job_text(&summary));
     }
     let flatten_mm = ReadOptions::default().flatten_mm;
-    let loaded = load::target(&args.file, &args.input, flatten_mm, console)?;
+    let loaded = match load::input(&args.file, &args.input, flatten_mm, console)? {
+        Input::Outline(loaded) => loaded,
+        Input::Path(run) if args.json => {
+            return console.result(&format!("{:#}\n", path_json(&run)));
+        }
+        Input::Path(run) => return console.result(&path_text(&run)),
+    };
     if args.json {
         return console.result(&format!("{:#}\n", input_json(&loaded)));
     }
@@ -74,6 +81,38 @@ fn duration_s(summary: &JobSummary) -> f64 {
     let header = &summary.header;
     let ticks = header.marks.last().map_or(0, |mark| mark.end_tick);
     ticks as f64 / f64::from(header.machine.servo_hz)
+}
+
+fn path_json(run: &WaypointRun) -> serde_json::Value {
+    json!({
+        "kind": "path",
+        "name": run.name,
+        "waypoints": run.points.len(),
+        "length_mm": chords_mm(run),
+        "headings": run.points.iter().all(|point| point.heading_rad.is_some()),
+        "notes": run.notes,
+    })
+}
+
+fn path_text(run: &WaypointRun) -> String {
+    let headings = match run.points.first().and_then(|point| point.heading_rad) {
+        Some(_) => "with headings",
+        None => "the major axis lies across the travel",
+    };
+    format!(
+        "{}: {} waypoints, {:.3} mm from one to the next; {headings}\n",
+        run.name,
+        run.points.len(),
+        chords_mm(run)
+    )
+}
+
+/// Sum of the distances between waypoints.
+fn chords_mm(run: &WaypointRun) -> f64 {
+    let pairs = run.points.windows(2);
+    pairs
+        .map(|pair| (pair[1].tip_mm - pair[0].tip_mm).norm())
+        .sum()
 }
 
 fn input_json(loaded: &Loaded) -> serde_json::Value {

@@ -4,7 +4,7 @@ use super::CliError;
 use super::args::{FormatName, InputArgs, LawName, PassName, SettingsArgs, UnitName};
 use super::console::Console;
 use super::job;
-use crate::input::{self, BYTES_MAX, Format, InputError, Loaded, ReadOptions, Units};
+use crate::input::{self, BYTES_MAX, Format, Input, InputError, Loaded, ReadOptions, Units};
 use crate::settings::aperture_text::{aperture_text, file_of_aperture, parse_aperture};
 use crate::settings::{HeadingLaw, PassMode, Settings, machine_file};
 use std::path::Path;
@@ -93,16 +93,17 @@ fn machine_with_polygon(text: String, path: &Path) -> Result<String, CliError> {
 }
 
 /// Reads an input and says its notes.
-pub(super) fn target(
+pub(super) fn input(
     path: &Path,
     args: &InputArgs,
     flatten_mm: f64,
     console: &Console,
-) -> Result<Loaded, CliError> {
+) -> Result<Input, CliError> {
     let format = match args.from {
         Some(FormatName::Polygon) => Format::Polygon,
         Some(FormatName::Geojson) => Format::GeoJson,
         Some(FormatName::Svg) => Format::Svg,
+        Some(FormatName::Waypoints) => Format::Waypoints,
         None => Format::of_ending(path).ok_or_else(|| {
             let path = path.display().to_string();
             CliError::Usage(InputError::UnknownFormat { path }.to_string())
@@ -125,10 +126,30 @@ pub(super) fn target(
         repair: args.repair,
     };
     let bytes = read_file(path)?;
-    let loaded = input::read(&bytes, &job::stem(path), format, &options)
+    let input = input::read_any(&bytes, &job::stem(path), format, &options)
         .map_err(|error| CliError::Job(format!("{}: {error}", path.display())))?;
-    console.notes(&loaded.notes);
-    Ok(loaded)
+    console.notes(match &input {
+        Input::Outline(loaded) => &loaded.notes,
+        Input::Path(run) => &run.notes,
+    });
+    Ok(input)
+}
+
+/// Reads an outline and says its notes.
+pub(super) fn target(
+    path: &Path,
+    args: &InputArgs,
+    flatten_mm: f64,
+    console: &Console,
+) -> Result<Loaded, CliError> {
+    match input(path, args, flatten_mm, console)? {
+        Input::Outline(loaded) => Ok(loaded),
+        Input::Path(_) => Err(CliError::Job(format!(
+            "{}: {}",
+            path.display(),
+            InputError::PathNotOutline
+        ))),
+    }
 }
 
 /// Reads `X,Y,Z`.

@@ -6,13 +6,13 @@ use super::job::{self, Job};
 use super::{CliError, load};
 use crate::geometry::polygon::Region;
 use crate::geometry::{Point2, Vector2};
-use crate::input::Target;
+use crate::input::{Input, Target};
 use crate::job::SegmentStream;
 use crate::part_transform::PartTransform;
 use crate::plan::unreachable::{UnreachableRun, unreachable_runs};
 use crate::report::figures::Figures;
 use crate::settings::Settings;
-use crate::{Plan, plan_target};
+use crate::{Plan, plan_target, plan_waypoints};
 use std::path::Path;
 use std::time::Instant;
 
@@ -47,10 +47,13 @@ pub(super) fn from_input(
 ) -> Result<Planned, CliError> {
     let mut settings = load::settings(settings)?;
     settings.at_mm = place.at.as_deref().map(load::parse_at).transpose()?;
-    let loaded = load::target(path, reading, settings.tolerances.flatten_mm, console)?;
+    let input = load::input(path, reading, settings.tolerances.flatten_mm, console)?;
     let bar = console.stage("planning");
     let begun = Instant::now();
-    let planned = plan_target(&loaded.target, &settings);
+    let planned = match &input {
+        Input::Outline(loaded) => plan_target(&loaded.target, &settings),
+        Input::Path(run) => plan_waypoints(run, &settings),
+    };
     let unreachable = planned
         .as_ref()
         .map(|plan| unreachable_boundary(plan, &settings))
@@ -58,11 +61,22 @@ pub(super) fn from_input(
     let plan_s = begun.elapsed().as_secs_f64();
     bar.finish_and_clear();
     let plan = planned.map_err(|error| CliError::Job(format!("{}: {error}", path.display())))?;
-    let mut notes = loaded.notes;
+    let (Target { name, regions }, mut notes) = match input {
+        Input::Outline(loaded) => (loaded.target, loaded.notes),
+        Input::Path(run) => {
+            let regions = Vec::new();
+            (
+                Target {
+                    name: run.name,
+                    regions,
+                },
+                run.notes,
+            )
+        }
+    };
     let warnings = warnings(&plan, &unreachable);
     console.notes(&warnings);
     notes.extend(warnings);
-    let Target { name, regions } = loaded.target;
     Ok(Planned {
         figures: plan_figures(&plan, &unreachable, plan_s),
         name,
@@ -133,26 +147,30 @@ fn unreachable_boundary(plan: &Plan, settings: &Settings) -> Vec<UnreachableRun>
 fn plan_figures(plan: &Plan, unreachable: &[UnreachableRun], plan_s: f64) -> Figures {
     let f = &plan.figures;
     let passes = f.passes as u64;
+    // A path has no area: these figures would mean nothing.
+    let has_area = !plan.regions.is_empty();
+    let of_area = |figure: f64| has_area.then_some(figure);
     let place = |run: &UnreachableRun| {
         let at: Point2 = nalgebra::center(&run.from, &run.to);
         [at.x, at.y, run.length_mm()]
     };
     Figures {
-        area_mm2: Some(f.area_mm2),
-        reachable_pct: Some(f.reachable_pct),
-        covered_pct: Some(f.covered_pct),
-        covered_of_reachable_pct: Some(f.covered_of_reachable_pct),
-        outside_depth_mm: Some(f.outside_depth_mm),
-        overlap_pct: Some(f.overlap_pct),
+        area_mm2: of_area(f.area_mm2),
+        reachable_pct: of_area(f.reachable_pct),
+        covered_pct: of_area(f.covered_pct),
+        covered_of_reachable_pct: of_area(f.covered_of_reachable_pct),
+        outside_depth_mm: of_area(f.outside_depth_mm),
+        overlap_pct: of_area(f.overlap_pct),
         // The sum of nothing is -0.
-        unreachable_mm: Some(
+        unreachable_mm: of_area(
             unreachable
                 .iter()
                 .map(UnreachableRun::length_mm)
                 .sum::<f64>()
                 + 0.0,
         ),
-        unreachable_places_mm: Some(unreachable.iter().take(PLACES_LISTED).map(place).collect()),
+        unreachable_places_mm: has_area
+            .then(|| unreachable.iter().take(PLACES_LISTED).map(place).collect()),
         passes: Some(passes),
         flow_interruptions: Some(passes.saturating_sub(1)),
         print_mm: Some(f.print_mm),

@@ -27,8 +27,10 @@ use std::collections::VecDeque;
 pub const POLL_INTERVAL_US: u64 = 5_000;
 /// Silence after which the controller is asked for its status.
 const KEEP_ALIVE_US: u64 = 200_000;
-/// The same while the stream waits for credits or for its end: their news may have been lost.
-const KEEP_ALIVE_WAITING_US: u64 = 50_000;
+/// Time without an acknowledgement after which one is asked for while the stream waits for credits
+/// or for its end: news of them may have been lost. The queue is full then, and credits come by
+/// themselves as it empties, so this is rarely needed; every question takes a twelfth of a block.
+const KEEP_ALIVE_WAITING_US: u64 = 250_000;
 /// Unanswered control messages after which every other one is a greeting.
 const TRIES_BEFORE_HELLO: u32 = 2;
 /// Bytes under way before an acknowledgement is awaited: 20 ms at 1 Mbaud, enough for USB's
@@ -81,6 +83,8 @@ pub struct Sender {
     /// The frame that was gone back to last, and when.
     went_back: Option<(usize, u64)>,
     heard_us: u64,
+    /// When the last acknowledgement came.
+    answered_us: u64,
     asked_us: u64,
     figures: SenderFigures,
 }
@@ -109,6 +113,7 @@ impl Sender {
             retry_us: RoundTrip::default().estimate_us(),
             went_back: None,
             heard_us: 0,
+            answered_us: 0,
             asked_us: 0,
             figures: SenderFigures::default(),
         }
@@ -214,14 +219,12 @@ impl Sender {
     }
 
     fn is_silent(&self, now_us: u64) -> bool {
-        let waiting = self.in_flight.is_empty();
-        let patience_us = if waiting {
-            KEEP_ALIVE_WAITING_US
+        let (since_us, patience_us) = if self.in_flight.is_empty() {
+            (self.answered_us, KEEP_ALIVE_WAITING_US)
         } else {
-            KEEP_ALIVE_US
+            (self.heard_us, KEEP_ALIVE_US)
         };
-        now_us >= self.heard_us.max(self.asked_us) + patience_us
-            || (self.state == SenderState::Finishing && now_us >= self.asked_us + patience_us)
+        now_us >= since_us.max(self.asked_us) + patience_us
     }
 
     fn transmit_control(&mut self, now_us: u64, out: &mut [u8]) -> Option<usize> {
@@ -397,6 +400,7 @@ impl Sender {
         if !self.is_session(ack.session) {
             return;
         }
+        self.answered_us = now_us;
         let taken = ack.next_sequence.wrapping_sub(self.first_sequence) as usize;
         if let Some(outstanding) = self.outstanding {
             let behind = ack.control_taken.wrapping_sub(outstanding.sequence) as i16;

@@ -10,6 +10,8 @@ use headway_protocol::segment::Knot;
 const QUEUE_KNOTS: u32 = 256;
 /// Knots that the loopback consumes per millisecond.
 const KNOTS_PER_MS: u32 = 2;
+/// Knots consumed before credit is given without being asked.
+const CREDIT_KNOTS: u32 = 16;
 
 /// The controller's side of the rules, without any motion.
 struct Loopback {
@@ -23,6 +25,8 @@ struct Loopback {
     finished: bool,
     gap_told: bool,
     last_seen: u32,
+    limit_told: u32,
+    end_told: bool,
     out: Vec<Vec<u8>>,
 }
 
@@ -39,6 +43,8 @@ impl Loopback {
             finished: false,
             gap_told: false,
             last_seen: 0,
+            limit_told: 0,
+            end_told: false,
             out: Vec::new(),
         }
     }
@@ -56,6 +62,46 @@ impl Loopback {
             knot_limit: self.done + QUEUE_KNOTS,
             event_limit: 64,
             control_taken: self.control_taken,
+        }
+    }
+
+    /// A millisecond passes: knots are consumed; credit and the end are told, as the controller
+    /// does.
+    fn consume(&mut self) {
+        let queued = self.knots.len() as u32 - self.done;
+        self.done += queued.min(KNOTS_PER_MS);
+        if self.predictor.is_some() && self.done + QUEUE_KNOTS >= self.limit_told + CREDIT_KNOTS {
+            self.limit_told = self.done + QUEUE_KNOTS;
+            self.say(&DeviceMessage::Ack(self.ack()));
+        }
+        if self.has_ended() && !self.end_told {
+            self.end_told = true;
+            self.say(&DeviceMessage::Status(self.status()));
+        }
+    }
+
+    fn has_ended(&self) -> bool {
+        self.finished && self.done as usize == self.knots.len()
+    }
+
+    fn status(&self) -> Status {
+        Status {
+            session: self.session,
+            state: if self.has_ended() {
+                DeviceState::Finished
+            } else {
+                DeviceState::Running
+            },
+            sigma_permille: 1000,
+            override_percent: 100,
+            flow_percent: 100,
+            referenced: 0,
+            switches: 0,
+            spans_done: self.done,
+            queue_knots: 0,
+            queue_events: 0,
+            counts_steps: Default::default(),
+            fault: None,
         }
     }
 
@@ -145,25 +191,7 @@ impl Loopback {
             }
         }
         if message == &HostMessage::Control(Control::StatusRequest) {
-            let status = Status {
-                session: self.session,
-                state: if self.finished && self.done as usize == self.knots.len() {
-                    DeviceState::Finished
-                } else {
-                    DeviceState::Running
-                },
-                sigma_permille: 1000,
-                override_percent: 100,
-                flow_percent: 100,
-                referenced: 0,
-                switches: 0,
-                spans_done: self.done,
-                queue_knots: 0,
-                queue_events: 0,
-                counts_steps: Default::default(),
-                fault: None,
-            };
-            self.say(&DeviceMessage::Status(status));
+            self.say(&DeviceMessage::Status(self.status()));
         }
         self.say(&DeviceMessage::Ack(self.ack()));
     }
@@ -212,8 +240,7 @@ fn run(
         bytes.clear();
         down.receive(now_us, &mut bytes);
         device.handle(&bytes);
-        let queued = device.knots.len() as u32 - device.done;
-        device.done += queued.min(KNOTS_PER_MS);
+        device.consume();
         for frame in device.out.drain(..) {
             up.send(now_us, &frame);
         }

@@ -1,5 +1,6 @@
 //! Why an input cannot be planned: what, where (mm, in the input's coordinates), what to do.
 
+use super::waypoints::WaypointError;
 use super::{BYTES_MAX, POINTS_MAX};
 use crate::geometry::Point2;
 use crate::geometry::validity::ValidityError;
@@ -27,8 +28,8 @@ pub enum InputError {
     },
     /// The ending says nothing.
     #[error(
-        "cannot tell the format of '{path}': use the ending .json, .geojson or .svg, or --from \
-         polygon|geojson|svg"
+        "cannot tell the format of '{path}': use the ending .json, .geojson, .svg or .wpt, or \
+         --from polygon|geojson|svg|waypoints"
     )]
     UnknownFormat {
         /// The file.
@@ -42,6 +43,12 @@ pub enum InputError {
         /// What the parser says, with line and column where it has them.
         problem: String,
     },
+    /// A path where an outline is asked for.
+    #[error("a waypoint file is a path and has no outline; give a polygon, GeoJSON or SVG file")]
+    PathNotOutline,
+    /// Not a run of waypoints.
+    #[error("not a readable waypoint file: {0}")]
+    Waypoints(#[from] WaypointError),
     /// An unknown length unit.
     #[error(
         "units '{given}' are not known: use mm, cm, m, um or in (--units says it over the file)"

@@ -3,6 +3,7 @@
 //! ```text
 //! bytes --polygon|geojson|svg--> Shape (rings as drawn, file's unit)
 //!       --outline--> Region (mm, exterior counter-clockwise, holes clockwise, valid) --> Target
+//! bytes --waypoints--> WaypointRun (mm, rad)
 //! ```
 //! Input: the file's bytes, its [`Format`] and [`ReadOptions`]. Output: regions in the file's own
 //! coordinates (for SVG: mm from the page's lower left corner, y up), and notes for the user.
@@ -15,8 +16,10 @@ pub mod outline;
 mod polygon;
 mod settle;
 mod svg;
+pub mod waypoints;
 
 pub use error::InputError;
+use waypoints::WaypointRun;
 
 use crate::geometry::polygon::Region;
 use std::path::Path;
@@ -45,6 +48,8 @@ pub enum Format {
     GeoJson,
     /// Filled shapes of an SVG page.
     Svg,
+    /// A run of the tip, `x y z nx ny nz [heading_deg]` a line.
+    Waypoints,
 }
 
 /// Length units of files and options.
@@ -127,33 +132,63 @@ impl Format {
         Format::parse(&ending)
     }
 
-    /// Reads `json` or `polygon`, `geojson`, `svg`.
+    /// Reads `json` or `polygon`, `geojson`, `svg`, `waypoints` or its endings `wpt`, `txt`, `csv`.
     pub fn parse(text: &str) -> Option<Format> {
         match text {
             "json" | "polygon" => Some(Format::Polygon),
             "geojson" => Some(Format::GeoJson),
             "svg" => Some(Format::Svg),
+            "waypoints" | "wpt" | "txt" | "csv" => Some(Format::Waypoints),
             _ => None,
         }
     }
 }
 
-/// Reads an input. `name` is used where the file has none of its own.
+/// What an input holds.
+#[derive(Clone, Debug, PartialEq)]
+pub enum Input {
+    /// Regions to be filled.
+    Outline(Loaded),
+    /// A path to be followed.
+    Path(WaypointRun),
+}
+
+/// Reads an input of any format. `name` is used where the file has none of its own.
+pub fn read_any(
+    bytes: &[u8],
+    name: &str,
+    format: Format,
+    options: &ReadOptions,
+) -> Result<Input, InputError> {
+    if format == Format::Waypoints {
+        check_scale(options)?;
+        return Ok(Input::Path(waypoints::read(bytes, name, options)?));
+    }
+    read(bytes, name, format, options).map(Input::Outline)
+}
+
+fn check_scale(options: &ReadOptions) -> Result<(), InputError> {
+    let scale = options.scale;
+    if scale.is_finite() && scale > 0.0 {
+        Ok(())
+    } else {
+        Err(InputError::Scale { scale })
+    }
+}
+
+/// Reads an outline. `name` is used where the file has none of its own.
 pub fn read(
     bytes: &[u8],
     name: &str,
     format: Format,
     options: &ReadOptions,
 ) -> Result<Loaded, InputError> {
-    if !(options.scale.is_finite() && options.scale > 0.0) {
-        return Err(InputError::Scale {
-            scale: options.scale,
-        });
-    }
+    check_scale(options)?;
     let drawing = match format {
         Format::Polygon => polygon::read(bytes, options)?,
         Format::GeoJson => geojson::read(bytes, options)?,
         Format::Svg => svg::read(bytes, options)?,
+        Format::Waypoints => return Err(InputError::PathNotOutline),
     };
     outline::to_target(drawing, name, options)
 }

@@ -201,7 +201,7 @@ impl Head<'_> {
 
 /// Duration of a prime or retract whose peak rate is `rate`: a quintic smooth step peaks at 1.875
 /// times its mean rate.
-fn event_duration_s(volume_mm3: f64, rate_mm3_s: f64) -> f64 {
+pub(super) fn event_duration_s(volume_mm3: f64, rate_mm3_s: f64) -> f64 {
     if volume_mm3 > 0.0 && rate_mm3_s > 0.0 {
         1.875 * volume_mm3 / rate_mm3_s
     } else {
@@ -211,6 +211,6 @@ fn event_duration_s(volume_mm3: f64, rate_mm3_s: f64) -> f64 {
 
 /// The heading equal to `heading_rad` for the deposit (modulo the aperture's period) that is nearest
 /// to `from_rad`.
-fn nearest_heading(heading_rad: f64, from_rad: f64, period_rad: f64) -> f64 {
+pub(super) fn nearest_heading(heading_rad: f64, from_rad: f64, period_rad: f64) -> f64 {
     heading_rad + ((from_rad - heading_rad) / period_rad).round() * period_rad
 }

@@ -28,3 +28,5 @@ pub mod single_runs;
 pub mod skeleton;
 pub mod time_law;
 pub mod unreachable;
+pub mod waypoint_curve;
+pub mod waypoint_route;

@@ -1,7 +1,8 @@
 //! Are the settings possible, and possible together?
 
 use super::Settings;
-use headway_firmware::configuration::{Kinematics, MachineConfiguration};
+use headway_firmware::configuration::{ConfigurationError, Kinematics, MachineConfiguration};
+use headway_firmware::steps::{INTERVAL_TICKS_MAX, INTERVAL_TICKS_MIN};
 
 /// Largest share of the step tick rate that a motor may use at its top speed: an integrator of one
 /// step a tick loses steps at 1, and the time warp and correction need some room.
@@ -73,8 +74,14 @@ pub enum SettingsError {
         /// Step tick rate.
         step_hz: u32,
     },
+    /// The controller cannot run it.
+    #[error("the controller cannot run this machine: {0}")]
+    Controller(#[from] ConfigurationError),
     /// Step and servo ticks do not fit.
-    #[error("step_hz = {step_hz} must be a whole multiple of servo_hz = {servo_hz}, 2 or more")]
+    #[error(
+        "step_hz = {step_hz} must be a whole multiple of servo_hz = {servo_hz}, \
+         {INTERVAL_TICKS_MIN} to {INTERVAL_TICKS_MAX} times"
+    )]
     TickRates {
         /// Servo rate.
         servo_hz: u32,
@@ -135,7 +142,8 @@ impl Settings {
         self.check_step_rates()?;
         self.check_work_area()?;
         self.check_process()?;
-        self.check_flow()
+        self.check_flow()?;
+        Ok(self.machine.check()?)
     }
 
     fn check_joints(&self) -> Result<(), SettingsError> {
@@ -198,7 +206,9 @@ impl Settings {
     fn check_step_rates(&self) -> Result<(), SettingsError> {
         let machine = &self.machine;
         let (servo_hz, step_hz) = (machine.servo_hz, machine.step_hz);
-        if servo_hz == 0 || !step_hz.is_multiple_of(servo_hz) || step_hz / servo_hz < 2 {
+        let ticks = step_hz.checked_div(servo_hz).unwrap_or(0);
+        let fits = (INTERVAL_TICKS_MIN..=INTERVAL_TICKS_MAX).contains(&ticks);
+        if !fits || !step_hz.is_multiple_of(servo_hz) {
             return Err(SettingsError::TickRates { servo_hz, step_hz });
         }
         in_range("servo_hz", f64::from(servo_hz), 500.0, 20_000.0)?;

@@ -346,6 +346,21 @@ mod tests {
         }
     }
 
+    /// Found by fuzzing: such files were taken, and only the simulation refused them.
+    #[test]
+    fn what_the_controller_cannot_run_is_refused_when_the_file_is_read() {
+        let text = to_toml(&Settings::planar());
+        let slow = text.replace("servo_hz = 2000", "servo_hz = 4000");
+        assert_ne!(slow, text);
+        let error = from_toml(&slow).unwrap_err().to_string();
+        assert!(error.contains("65 to 256 times"), "{error}");
+        let mut settings = Settings::planar();
+        settings.machine.extruder.steps_per_mm3 = 40_000.0;
+        settings.machine.extruder.speed_max_mm3_s = 1.0;
+        let error = from_toml(&to_toml(&settings)).unwrap_err().to_string();
+        assert!(error.contains("controller cannot run"), "{error}");
+    }
+
     /// Degrees and turns are rounded once, when a file is read; from there on nothing moves.
     #[test]
     fn any_settings_from_a_file_read_back_exactly() {

@@ -1,0 +1,485 @@
+//! Waypoint files: one run of the tip, `x y z nx ny nz [heading_deg]` a line -> [`WaypointRun`].
+//!
+//! Numbers are parted by blanks, tabs, commas or semicolons; text after `#` is passed over, and so
+//! is one line of column names before the first waypoint. `# units: cm` (or mm, m, um, in) and
+//! `# name: ...` are read; without a unit the file is in mm. The tool axis points from the tip
+//! into the head and is made a unit vector; an axis that is clearly none is refused. Headings are
+//! degrees about it and go to the next one by the shorter way.
+//!
+//! Output: mm, input coordinates, headings unwrapped, rad. Leaves out the curve, which is
+//! planning's (`plan::waypoint_curve`).
+
+use super::outline::{FAR_MAX_MM, SIZE_MAX_MM};
+use super::{ReadOptions, Units};
+use headway_firmware::pose::TILT_MAX_RAD;
+use nalgebra::{Point3, Unit, Vector3};
+use std::f64::consts::TAU;
+
+/// Most waypoints of a run: a kilometre at 5 mm, or 20 m at 0.1 mm.
+pub const WAYPOINTS_MAX: usize = 200_000;
+/// How far an axis may be from unit length and still be meant as one: what four digits leave.
+const AXIS_LENGTH_SLACK: f64 = 1e-3;
+/// Waypoints closer than this are the same place, mm: below what a step can make.
+pub const SAME_PLACE_MM: f64 = 1e-6;
+
+/// One waypoint.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Waypoint {
+    /// Its line in the file, from 1.
+    pub line: usize,
+    /// Tip, mm.
+    pub tip_mm: Point3<f64>,
+    /// Tool axis, from the tip into the head.
+    pub axis: Unit<Vector3<f64>>,
+    /// Heading about the tool axis, unwrapped, rad; `None` lays the major axis across the travel.
+    pub heading_rad: Option<f64>,
+}
+
+/// A run of waypoints, two or more, no two in a row the same.
+#[derive(Clone, Debug, PartialEq)]
+pub struct WaypointRun {
+    /// Name for headers and pictures.
+    pub name: String,
+    /// The waypoints in order.
+    pub points: Vec<Waypoint>,
+    /// One line each: repeated waypoints, axes made unit vectors.
+    pub notes: Vec<String>,
+}
+
+/// Why a file is not a run, with the line.
+#[derive(Clone, Debug, PartialEq, thiserror::Error)]
+pub enum WaypointError {
+    /// Not text.
+    #[error("byte {at_byte} is not UTF-8 text: save the waypoints as plain text")]
+    NotText {
+        /// The first byte that is not.
+        at_byte: usize,
+    },
+    /// A wrong number of columns.
+    #[error(
+        "line {line} has {columns} columns; write x y z nx ny nz, or x y z nx ny nz heading_deg"
+    )]
+    Columns {
+        /// Line from 1.
+        line: usize,
+        /// What was found.
+        columns: usize,
+    },
+    /// Some lines have a heading and some have not.
+    #[error(
+        "line {line} has {columns} columns, the lines before it {before}: a heading is given everywhere or nowhere"
+    )]
+    Mixed {
+        /// Line from 1.
+        line: usize,
+        /// Its columns.
+        columns: usize,
+        /// Those of the first waypoint.
+        before: usize,
+    },
+    /// Not a finite number.
+    #[error("line {line}, column {column}: `{text}` is not a finite number")]
+    Number {
+        /// Line from 1.
+        line: usize,
+        /// Column from 1.
+        column: usize,
+        /// What stands there, cut short.
+        text: String,
+    },
+    /// Not a direction.
+    #[error("line {line}: the tool axis has length {length:.6}; a direction has length 1")]
+    Axis {
+        /// Line from 1.
+        line: usize,
+        /// Its length.
+        length: f64,
+    },
+    /// Tilted beyond what a pose can say.
+    #[error(
+        "line {line}: the tool axis is tilted by {tilt_deg:.1}°, more than {max_deg:.0}°: turn the part over"
+    )]
+    Tilt {
+        /// Line from 1.
+        line: usize,
+        /// Angle from Z.
+        tilt_deg: f64,
+        /// The most that is taken.
+        max_deg: f64,
+    },
+    /// Farther than digits go.
+    #[error(
+        "line {line} lies {distance_mm:.0} mm from the origin or the first waypoint, more than {max_mm:.0} mm: check its units"
+    )]
+    TooFar {
+        /// Line from 1.
+        line: usize,
+        /// How far.
+        distance_mm: f64,
+        /// The most that is taken.
+        max_mm: f64,
+    },
+    /// An unknown length unit.
+    #[error("line {line}: units '{given}' are not known: use mm, cm, m, um or in")]
+    UnknownUnits {
+        /// Line from 1.
+        line: usize,
+        /// What the file says.
+        given: String,
+    },
+    /// More than can be planned.
+    #[error("line {line} is waypoint {WAYPOINTS_MAX} and there are more: split the run")]
+    TooMany {
+        /// Line from 1.
+        line: usize,
+    },
+    /// Nothing to run along.
+    #[error("{found} different waypoints; a run needs 2 or more")]
+    TooFew {
+        /// How many.
+        found: usize,
+    },
+}
+
+/// What the lines before are remembered for.
+struct Reader {
+    unit_mm: f64,
+    units_said: bool,
+    scale: f64,
+    columns: Option<usize>,
+    name: Option<String>,
+    points: Vec<Waypoint>,
+    repeated: usize,
+    stretched: usize,
+}
+
+/// Reads a run. `name` is used where the file has none of its own.
+///
+/// # Errors
+/// [`WaypointError`], the first that is found.
+pub fn read(bytes: &[u8], name: &str, options: &ReadOptions) -> Result<WaypointRun, WaypointError> {
+    let text = std::str::from_utf8(bytes).map_err(|error| WaypointError::NotText {
+        at_byte: error.valid_up_to(),
+    })?;
+    let mut reader = Reader {
+        unit_mm: options.units.unwrap_or(Units::Mm).mm(),
+        units_said: options.units.is_some(),
+        scale: options.scale,
+        columns: None,
+        name: None,
+        points: Vec::new(),
+        repeated: 0,
+        stretched: 0,
+    };
+    for (index, line) in text.trim_start_matches('\u{feff}').lines().enumerate() {
+        let (data, comment) = line.split_once('#').unwrap_or((line, ""));
+        reader.comment(index + 1, comment)?;
+        reader.data(index + 1, data)?;
+    }
+    let found = reader.points.len();
+    if found < 2 {
+        return Err(WaypointError::TooFew { found });
+    }
+    let notes = reader.notes();
+    Ok(WaypointRun {
+        name: reader.name.unwrap_or_else(|| name.to_string()),
+        points: reader.points,
+        notes,
+    })
+}
+
+impl Reader {
+    /// `units: cm`, `name: vase`; anything else is for people.
+    fn comment(&mut self, line: usize, comment: &str) -> Result<(), WaypointError> {
+        let Some((key, value)) = comment.split_once(':') else {
+            return Ok(());
+        };
+        let value = value.trim();
+        match key.trim() {
+            "units" if !self.units_said && self.points.is_empty() => {
+                let units = Units::parse(value).ok_or_else(|| WaypointError::UnknownUnits {
+                    line,
+                    given: shortened(value),
+                })?;
+                self.unit_mm = units.mm();
+            }
+            "name" if !value.is_empty() => self.name = Some(value.chars().take(200).collect()),
+            _ => {}
+        }
+        Ok(())
+    }
+
+    fn data(&mut self, line: usize, data: &str) -> Result<(), WaypointError> {
+        let cells: Vec<&str> = data
+            .split(|c: char| c.is_whitespace() || c == ',' || c == ';')
+            .filter(|cell| !cell.is_empty())
+            .take(9)
+            .collect();
+        if cells.is_empty() || self.is_head(&cells) {
+            return Ok(());
+        }
+        self.check_columns(line, cells.len())?;
+        let mut numbers = [0.0; 7];
+        for (column, (cell, number)) in cells.iter().zip(&mut numbers).enumerate() {
+            *number = finite(cell).ok_or_else(|| WaypointError::Number {
+                line,
+                column: column + 1,
+                text: shortened(cell),
+            })?;
+        }
+        let heading_deg = (cells.len() == 7).then_some(numbers[6]);
+        self.push(line, &numbers, heading_deg)
+    }
+
+    /// One line of column names, before any number: the table's head.
+    fn is_head(&mut self, cells: &[&str]) -> bool {
+        let is_head = self.columns.is_none()
+            && self.points.is_empty()
+            && cells
+                .iter()
+                .all(|cell| cell.starts_with(|c: char| c.is_ascii_alphabetic()))
+            && cells.iter().all(|cell| cell.parse::<f64>().is_err());
+        if is_head {
+            self.columns = Some(cells.len());
+        }
+        is_head
+    }
+
+    fn check_columns(&mut self, line: usize, columns: usize) -> Result<(), WaypointError> {
+        if !(6..=7).contains(&columns) {
+            return Err(WaypointError::Columns { line, columns });
+        }
+        match self.columns.replace(columns) {
+            Some(before) if before != columns => Err(WaypointError::Mixed {
+                line,
+                columns,
+                before,
+            }),
+            _ => Ok(()),
+        }
+    }
+
+    fn push(
+        &mut self,
+        line: usize,
+        numbers: &[f64; 7],
+        heading_deg: Option<f64>,
+    ) -> Result<(), WaypointError> {
+        if self.points.len() == WAYPOINTS_MAX {
+            return Err(WaypointError::TooMany { line });
+        }
+        let [x, y, z, nx, ny, nz, _] = *numbers;
+        let tip_mm = Point3::new(x, y, z) * (self.unit_mm * self.scale);
+        self.check_distance(line, &tip_mm)?;
+        let axis = self.axis(line, Vector3::new(nx, ny, nz))?;
+        let before = self.points.last();
+        let heading_rad = heading_deg.map(|degrees| {
+            let angle = degrees.to_radians();
+            let near = before
+                .and_then(|before| before.heading_rad)
+                .unwrap_or(angle);
+            angle + TAU * ((near - angle) / TAU).round()
+        });
+        let waypoint = Waypoint {
+            line,
+            tip_mm,
+            axis,
+            heading_rad,
+        };
+        if before.is_some_and(|before| is_same(before, &waypoint)) {
+            self.repeated += 1;
+        } else {
+            self.points.push(waypoint);
+        }
+        Ok(())
+    }
+
+    fn check_distance(&self, line: usize, tip_mm: &Point3<f64>) -> Result<(), WaypointError> {
+        let first = self.points.first().map_or(*tip_mm, |first| first.tip_mm);
+        let bounds = [
+            (tip_mm.coords.norm(), FAR_MAX_MM),
+            ((tip_mm - first).norm(), SIZE_MAX_MM),
+        ];
+        for (distance_mm, max_mm) in bounds {
+            // What overflowed is in no range.
+            if !(0.0..=max_mm).contains(&distance_mm) {
+                return Err(WaypointError::TooFar {
+                    line,
+                    distance_mm,
+                    max_mm,
+                });
+            }
+        }
+        Ok(())
+    }
+
+    fn axis(
+        &mut self,
+        line: usize,
+        axis: Vector3<f64>,
+    ) -> Result<Unit<Vector3<f64>>, WaypointError> {
+        let length = axis.norm();
+        if !(0.5..=1.5).contains(&length) {
+            return Err(WaypointError::Axis { line, length });
+        }
+        self.stretched += usize::from((length - 1.0).abs() > AXIS_LENGTH_SLACK);
+        let axis = Unit::new_normalize(axis);
+        let tilt_rad = axis.x.hypot(axis.y).atan2(axis.z);
+        if tilt_rad > TILT_MAX_RAD {
+            return Err(WaypointError::Tilt {
+                line,
+                tilt_deg: tilt_rad.to_degrees(),
+                max_deg: TILT_MAX_RAD.to_degrees(),
+            });
+        }
+        Ok(axis)
+    }
+
+    fn notes(&self) -> Vec<String> {
+        let mut notes = Vec::new();
+        if self.repeated > 0 {
+            notes.push(format!("{} repeated waypoints passed over", self.repeated));
+        }
+        if self.stretched > 0 {
+            notes.push(format!(
+                "{} tool axes were not of length 1 and were made so",
+                self.stretched
+            ));
+        }
+        notes
+    }
+}
+
+fn is_same(a: &Waypoint, b: &Waypoint) -> bool {
+    // Below what the wire can say: 1 µrad.
+    const SAME_RAD: f64 = 1e-6;
+    (a.tip_mm - b.tip_mm).norm() < SAME_PLACE_MM
+        && (a.axis.into_inner() - b.axis.into_inner()).norm() < SAME_RAD
+        && match (a.heading_rad, b.heading_rad) {
+            (Some(a), Some(b)) => (a - b).abs() < SAME_RAD,
+            _ => true,
+        }
+}
+
+fn finite(cell: &str) -> Option<f64> {
+    cell.parse().ok().filter(|number: &f64| number.is_finite())
+}
+
+fn shortened(text: &str) -> String {
+    text.chars().take(40).collect()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn run(text: &str) -> Result<WaypointRun, WaypointError> {
+        read(text.as_bytes(), "run", &ReadOptions::default())
+    }
+
+    #[test]
+    fn the_usual_tables_are_read() {
+        for text in [
+            "0 0 1 0 0 1\n10 0 1 0 0 1\n",
+            "x,y,z,nx,ny,nz\n0,0,1,0,0,1\n10,0,1,0,0,1",
+            "\u{feff}# made by hand\n# units: cm\n0;0;.1;0;0;1 # first\n\n1\t0 0.1 0 0 1\r\n",
+        ] {
+            let run = run(text).unwrap();
+            assert_eq!(run.points.len(), 2, "{text}");
+            assert!((run.points[1].tip_mm - Point3::new(10.0, 0.0, 1.0)).norm() < 1e-12);
+            assert_eq!(run.points[1].heading_rad, None);
+        }
+    }
+
+    #[test]
+    fn headings_go_the_shorter_way() {
+        let run = run("# name: turn\n0 0 0 0 0 1 350\n1 0 0 0 0 1 10\n2 0 0 0 0 1 -330\n").unwrap();
+        let degrees: Vec<f64> = run
+            .points
+            .iter()
+            .filter_map(|point| Some(point.heading_rad?.to_degrees().round()))
+            .collect();
+        assert_eq!(degrees, [350.0, 370.0, 390.0]);
+        assert_eq!(run.name, "turn");
+    }
+
+    #[test]
+    fn what_is_no_run_is_refused_with_the_line() {
+        use WaypointError as E;
+        let two = "0 0 0 0 0 1\n";
+        let number = |column, text: &str| E::Number {
+            line: 2,
+            column,
+            text: text.into(),
+        };
+        for (line, error) in [
+            ("1 0 NaN 0 0 1", number(3, "NaN")),
+            ("1 0 0 0 inf 1", number(5, "inf")),
+            ("1 0 1e999 0 0 1", number(3, "1e999")),
+            ("1 0 0 0 0 one", number(6, "one")),
+            (
+                "1 0 0",
+                E::Columns {
+                    line: 2,
+                    columns: 3,
+                },
+            ),
+            (
+                "1 0 0 0 0 1 2 3",
+                E::Columns {
+                    line: 2,
+                    columns: 8,
+                },
+            ),
+            (
+                "1 0 0 0 0 1 2",
+                E::Mixed {
+                    line: 2,
+                    columns: 7,
+                    before: 6,
+                },
+            ),
+            (
+                "1 0 0 0 0 0",
+                E::Axis {
+                    line: 2,
+                    length: 0.0,
+                },
+            ),
+            (
+                "1 0 0 0 0 -5",
+                E::Axis {
+                    line: 2,
+                    length: 5.0,
+                },
+            ),
+            ("0 0 0 0 0 1", E::TooFew { found: 1 }),
+        ] {
+            assert_eq!(run(&format!("{two}{line}")), Err(error), "{line}");
+        }
+        assert!(matches!(
+            run("0 0 0 0 0 1\n1 0 0 0 0 -1"),
+            Err(E::Tilt { line: 2, .. })
+        ));
+        assert!(matches!(
+            run("0 0 0 0 0 1\n1e300 0 0 0 0 1"),
+            Err(E::TooFar { line: 2, .. })
+        ));
+        assert!(matches!(
+            run("# units: ft\n"),
+            Err(E::UnknownUnits { line: 1, .. })
+        ));
+        assert!(matches!(
+            read(b"0 0 0 \xff", "run", &ReadOptions::default()),
+            Err(E::NotText { at_byte: 6 })
+        ));
+    }
+
+    #[test]
+    fn repeated_waypoints_and_long_axes_are_told() {
+        let run = run("0 0 0 0 0 1\n0 0 0 0 0 1\n5 0 0 0 0.5 1\n").unwrap();
+        assert_eq!(run.points.len(), 2);
+        assert_eq!(run.notes.len(), 2);
+        assert!((run.points[1].axis.norm() - 1.0).abs() < 1e-15);
+    }
+}
