@@ -20,7 +20,7 @@ use headway_protocol::message::{
     SCHEMA_HASH, Start,
 };
 use headway_protocol::segment::{FlowAction, FlowEvent, Knot};
-use headway_protocol::units::{CHANNELS, Ticks};
+use headway_protocol::units::{CHANNEL_TILT_X, CHANNEL_TILT_Y, CHANNEL_Z, CHANNELS, Ticks};
 use std::sync::LazyLock;
 
 /// A soft fault ends in rest on the path: longer than any ramp of these machines, servo ticks.
@@ -166,6 +166,8 @@ impl StepOutput for Steps {
 /// The controller and what is known of it.
 pub struct Target {
     configuration: &'static MachineConfiguration,
+    /// The machine cannot tilt.
+    upright: bool,
     machine: Machine,
     steps: Steps,
     decoder: FrameDecoder,
@@ -189,6 +191,7 @@ impl Target {
         let (configuration, machine) = machine(kind);
         Target {
             configuration,
+            upright: matches!(kind, Kind::Planar),
             machine,
             steps: Steps::default(),
             decoder: FrameDecoder::new(),
@@ -311,8 +314,7 @@ impl Target {
     }
 
     fn start(&mut self, position: &[i16; CHANNELS], wild: &Option<[i32; CHANNELS]>, right: bool) {
-        self.position =
-            wild.unwrap_or_else(|| std::array::from_fn(|c| CENTRE[c] + i32::from(position[c])));
+        self.position = wild.unwrap_or_else(|| self.near_centre(position));
         self.predictor = KnotPredictor::new(self.position);
         self.knots = 0;
         self.events = 0;
@@ -324,16 +326,29 @@ impl Target {
         }));
     }
 
+    fn near_centre(&self, by: &[i16; CHANNELS]) -> [i32; CHANNELS] {
+        let tilts = |c| (CHANNEL_TILT_X..=CHANNEL_TILT_Y).contains(&c);
+        std::array::from_fn(|c| match c {
+            c if self.upright && tilts(c) => 0,
+            c => CENTRE[c] + i32::from(by[c]),
+        })
+    }
+
     fn knots(&mut self, shift: i16, moves: &[Move], flip: Option<(u8, u8)>) {
+        let mut before = self.position;
         let knots: Vec<Knot> = moves
             .iter()
             .take(64)
             .map(|next| {
                 for (channel, value) in self.position.iter_mut().enumerate() {
                     let far = next.far.map_or(0, |far| far[channel]);
-                    *value = value
-                        .wrapping_add(i32::from(next.by[channel]))
-                        .wrapping_add(far);
+                    // A planar machine cannot tilt, and the slow axis is Z.
+                    let by = match channel {
+                        CHANNEL_TILT_X | CHANNEL_TILT_Y if self.upright => 0,
+                        CHANNEL_Z => i32::from(next.by[channel]) / 16,
+                        _ => i32::from(next.by[channel]),
+                    };
+                    *value = value.wrapping_add(by).wrapping_add(far);
                 }
                 Knot {
                     control: self.position,
@@ -343,6 +358,7 @@ impl Target {
             .collect();
         let mut done = 0;
         while done < knots.len() {
+            let (predictor, sequence) = (self.predictor, self.next_sequence);
             let (block, count) = encode_block(&mut self.predictor, &knots[done..]);
             done += count;
             self.knots += count as u32;
@@ -353,6 +369,14 @@ impl Target {
                 *byte ^= bits;
             }
             self.send_stream(shift, &HostMessage::Knots(&bytes));
+            if self.next_sequence == sequence {
+                // It was not taken: go on from where the controller is.
+                self.predictor = predictor;
+                self.knots -= count as u32;
+                self.position = before;
+                return;
+            }
+            before = knots[done - 1].control;
         }
     }
 

@@ -5,6 +5,7 @@
 
 use headway::drive::record::StepLog;
 use headway::settings::Settings;
+use headway_firmware::configuration::Kinematics;
 use headway_firmware::machine::Machine;
 use headway_protocol::frame::{FRAME_BYTES_MAX, FrameDecoder, encode_frame, hash_of};
 use headway_protocol::knot_block::{KnotPredictor, encode_block};
@@ -13,11 +14,13 @@ use headway_protocol::message::{
     Start,
 };
 use headway_protocol::segment::{FlowAction, FlowEvent, Knot};
-use headway_protocol::units::Ticks;
+use headway_protocol::units::{CHANNEL_TILT_X, CHANNEL_TILT_Y, CHANNEL_Z, Ticks};
 use headway_tests::gear;
 use rand::{RngExt, SeedableRng};
 use rand_pcg::Pcg64Mcg;
 
+/// The middle of both machines' ranges, channel units.
+const CENTRE: [i32; 7] = [1_000_000, 1_000_000, 50_000, 0, 0, 0, 0];
 /// Messages of one run.
 const MESSAGES: usize = 400;
 /// A soft fault comes to rest on the path: longer than any ramp of these machines, servo ticks.
@@ -48,6 +51,8 @@ struct Attacker {
     next_sequence: u32,
     control: u16,
     ticks_faulted: u32,
+    /// The machine cannot tilt.
+    upright: bool,
     seen: Seen,
 }
 
@@ -60,10 +65,11 @@ impl Attacker {
             log: StepLog::default(),
             decoder: FrameDecoder::new(),
             predictor: KnotPredictor::new([0; 7]),
-            position: [1_000_000, 1_000_000, 2_000, 0, 0, 0, 0],
+            position: CENTRE,
             next_sequence: 0,
             control: 0,
             ticks_faulted: 0,
+            upright: settings.machine.kinematics == Kinematics::Planar,
             seen: Seen::default(),
         };
         attacker.greet();
@@ -106,16 +112,24 @@ impl Attacker {
 
     /// A block that is smooth, or wild in one way.
     fn knots(&mut self) {
-        let wild = self.random.random_range(0..12);
+        let wild = self.random.random_range(0..60);
         let count = self.random.random_range(1..33);
         let reach = match wild {
             0 => i32::MAX / 2,
             1 => 100_000,
-            _ => 300,
+            _ => 100,
         };
+        let started_at = self.position;
         let knots: Vec<Knot> = (0..count)
             .map(|_| {
-                for value in &mut self.position {
+                for (channel, value) in self.position.iter_mut().enumerate() {
+                    let reach = match channel {
+                        _ if reach > 100 => reach,
+                        // A planar machine cannot tilt, and the slow axis is Z.
+                        CHANNEL_TILT_X | CHANNEL_TILT_Y if self.upright => 0,
+                        CHANNEL_Z => reach / 20,
+                        _ => reach,
+                    };
                     *value = value.wrapping_add(self.random.random_range(-reach..=reach));
                 }
                 Knot {
@@ -128,13 +142,21 @@ impl Attacker {
                 }
             })
             .collect();
-        let (block, _) = encode_block(&mut self.predictor, &knots);
+        let before = (self.predictor, self.next_sequence);
+        let (block, count) = encode_block(&mut self.predictor, &knots);
+        self.position = knots[count - 1].control;
         let mut bytes = block.to_vec();
         if wild == 3 {
             let at = self.random.random_range(0..bytes.len());
             bytes[at] ^= 1 << self.random.random_range(0..8);
         }
         self.send_stream(&HostMessage::Knots(&bytes));
+        self.listen(0);
+        if self.next_sequence == before.1 {
+            // It was not taken: go on from where the controller is.
+            self.predictor = before.0;
+            self.position = started_at;
+        }
     }
 
     fn send_stream(&mut self, message: &HostMessage<'_>) {
@@ -162,18 +184,26 @@ impl Attacker {
             },
             _ => Control::Home(JointOrder::of(&[self.random.random_range(0..8)]).unwrap()),
         };
-        let clears = control == Control::ClearFault;
-        self.send_control(&HostMessage::Control(control));
-        if clears {
-            self.ticks_faulted = 0;
-            let centre = [1_000_000, 1_000_000, 2_000, 0, 0, 0, 0];
-            self.position = centre;
-            self.send_control(&HostMessage::Control(Control::SetPosition(centre)));
-            self.start();
+        if control == Control::ClearFault {
+            return self.clear();
         }
+        self.send_control(&HostMessage::Control(control));
+    }
+
+    /// Clears the fault and starts anew in the middle of the machine.
+    fn clear(&mut self) {
+        self.ticks_faulted = 0;
+        self.position = CENTRE;
+        self.send_control(&HostMessage::Control(Control::ClearFault));
+        self.send_control(&HostMessage::Control(Control::SetPosition(CENTRE)));
+        self.start();
     }
 
     fn attack(&mut self) {
+        let faulted = self.machine.motion().fault().is_some();
+        if faulted && self.random.random_range(0..8) == 0 {
+            return self.clear();
+        }
         match self.random.random_range(0..40) {
             0 => {
                 let bytes: Vec<u8> = (0..self.random.random_range(0..600))
