@@ -5,6 +5,11 @@ use crate::configuration::{
 };
 use heapless::Vec;
 
+/// Switches of the emulated board: joint, at the upper end, and how many steps from where the
+/// machine was switched on. Z goes up 5 mm, X and Y back 8 and 9 mm.
+pub const EMULATED_SWITCHES_STEPS: [(u8, bool, i32); 3] =
+    [(2, true, 2000), (0, false, -640), (1, false, -720)];
+
 /// The machine that the emulated board pretends to drive: a planar one, XY 80 and Z 400 steps/mm,
 /// the nozzle on 3200 microsteps with a 5:1 belt. Tests plan for the same numbers.
 pub fn emulated_planar() -> MachineConfiguration {

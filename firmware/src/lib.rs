@@ -35,3 +35,4 @@ pub mod receiver;
 pub mod spline;
 pub mod steps;
 pub mod time_warp;
+pub mod watchdog;

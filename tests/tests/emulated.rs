@@ -6,21 +6,26 @@
 
 use headway::drive::rehearsal::rehearse;
 use headway::drive::sender::Sender;
-use headway::drive::sender_state::{SenderSetup, SenderState};
+use headway::drive::sender_state::{SenderError, SenderEvent, SenderSetup, SenderState};
 use headway::drive::simulator::{SimulationFigures, SimulatorSetup};
 use headway::input::{Format, ReadOptions, read};
 use headway::plan_target;
 use headway::settings::Settings;
 use headway::wire_frames::WireFrames;
-use headway_firmware::boards::emulated_planar;
-use headway_protocol::frame::{FRAME_BYTES_MAX, hash_of};
+use headway_firmware::boards::{EMULATED_SWITCHES_STEPS, emulated_planar};
+use headway_firmware::homing::HomingConfiguration;
+use headway_protocol::frame::{FRAME_BYTES_MAX, FrameDecoder, encode_frame, hash_of};
+use headway_protocol::message::{
+    Control, DeviceMessage, DeviceState, FaultCause, Hello, HostMessage, JointOrder,
+    PROTOCOL_VERSION, SCHEMA_HASH, Status,
+};
 use rand::{RngExt, SeedableRng};
 use rand_pcg::Pcg64Mcg;
 use std::io::{ErrorKind, Read, Write};
 use std::os::unix::net::UnixStream;
 use std::path::{Path, PathBuf};
 use std::process::{Child, Command, Stdio};
-use std::sync::{Mutex, OnceLock};
+use std::sync::{Mutex, MutexGuard, OnceLock};
 use std::time::{Duration, Instant};
 
 const TARGET: &str = "thumbv7em-none-eabihf";
@@ -115,6 +120,11 @@ impl Emulator {
             .args(["-monitor", "none", "-icount", ICOUNT])
             .args(["-semihosting-config", "enable=on,target=native", "-serial"])
             .arg(format!("unix:{},server=on,wait=on", socket.display()))
+            .arg("-serial")
+            .arg(format!(
+                "unix:{},server=on,wait=off",
+                button(&socket).display()
+            ))
             .arg("-kernel")
             .arg(elf)
             .stdin(Stdio::null())
@@ -163,7 +173,13 @@ impl Drop for Emulator {
         let _ = self.process.kill();
         let _ = self.process.wait();
         let _ = std::fs::remove_file(&self.socket);
+        let _ = std::fs::remove_file(button(&self.socket));
     }
+}
+
+/// Socket of the emergency button: a byte presses it.
+fn button(socket: &Path) -> PathBuf {
+    socket.with_extension("button")
 }
 
 fn connect(socket: &Path) -> UnixStream {
@@ -212,16 +228,20 @@ impl Faults {
     }
 }
 
-/// Streams the job to its end; the sender's clock is the wall's.
-fn stream(sender: &mut Sender, board: &mut Emulator, faults: &mut Faults) {
+/// Streams the job to its end; the sender's clock is the wall's. `watch` sees every piece of news.
+fn stream(
+    sender: &mut Sender,
+    board: &mut Emulator,
+    faults: &mut Faults,
+    mut watch: impl FnMut(&SenderEvent),
+) {
     let started = Instant::now();
     let mut out = [0; FRAME_BYTES_MAX];
     let mut input = [0; 4096];
     let mut last = None;
-    while !matches!(sender.state(), SenderState::Done) {
+    while !matches!(sender.state(), SenderState::Done | SenderState::Failed(_)) {
         let place = || format!("{:?} {:?} {last:?}", sender.state(), sender.figures());
-        let failed = matches!(sender.state(), SenderState::Failed(_));
-        assert!(!failed && started.elapsed() < PATIENCE, "{}", place());
+        assert!(started.elapsed() < PATIENCE, "{}", place());
         let length = board.receive(&mut input).expect("the board listens");
         let now_us = started.elapsed().as_micros() as u64;
         sender.handle_bytes(now_us, faults.pass(&mut input[..length]));
@@ -230,35 +250,44 @@ fn stream(sender: &mut Sender, board: &mut Emulator, faults: &mut Faults) {
             board.line.write_all(bytes).expect("the line is open");
         }
         while let Some(event) = sender.poll_event() {
+            watch(&event);
             last = Some(event);
         }
     }
 }
 
-/// Prints the example on the emulated board.
-fn print(elf: &Path, name: &str, faults: &mut Faults) -> serde_json::Value {
-    let _alone = ALONE
+fn alone() -> MutexGuard<'static, ()> {
+    ALONE
         .lock()
-        .unwrap_or_else(|poisoned| poisoned.into_inner());
+        .unwrap_or_else(|poisoned| poisoned.into_inner())
+}
+
+fn sender() -> Sender {
     let Example {
         frames, settings, ..
     } = example();
+    let setup = SenderSetup {
+        host_session: 7,
+        machine_hash: hash_of(&settings.machine),
+        servo_hz: settings.machine.servo_hz,
+        resume: false,
+    };
+    Sender::new(frames.clone(), setup)
+}
+
+/// Prints the example on the emulated board.
+fn print(elf: &Path, name: &str, faults: &mut Faults) -> serde_json::Value {
+    let _alone = alone();
     let mut board = Emulator::start(elf, name);
-    let mut sender = Sender::new(
-        frames.clone(),
-        SenderSetup {
-            host_session: 7,
-            machine_hash: hash_of(&settings.machine),
-            servo_hz: settings.machine.servo_hz,
-            resume: false,
-        },
-    );
+    let mut sender = sender();
     let started = Instant::now();
-    stream(&mut sender, &mut board, faults);
+    stream(&mut sender, &mut board, faults, |_| {});
+    assert_eq!(*sender.state(), SenderState::Done);
     println!("{name}: {:?}, {:?}", started.elapsed(), sender.figures());
     let report = board.report();
     println!("emulated: {report}\nsimulated: {:?}", example().simulated);
     assert_eq!(report["faults"], 0);
+    assert_eq!(report["unfed_watchdog_ticks"], 0);
     report
 }
 
@@ -296,5 +325,113 @@ fn a_line_with_faults_costs_the_emulated_core_no_step() {
     // Where it was never short of knots even the times are the same.
     if emulated["underruns"] == 0 {
         assert_eq!(emulated["step_digest"], simulated.step_digest.as_str());
+    }
+}
+
+#[test]
+fn the_emergency_input_of_the_emulated_core_lets_no_further_step_out() {
+    let Some(elf) = board() else { return };
+    let _alone = alone();
+    let mut board = Emulator::start(elf, "emergency");
+    let mut sender = sender();
+    let mut pressed = false;
+    let socket = button(&board.socket);
+    let press = |event: &SenderEvent| {
+        if let SenderEvent::Status(status) = event
+            && status.state == DeviceState::Running
+            && status.spans_done > 40
+            && !pressed
+        {
+            pressed = true;
+            connect(&socket).write_all(b"!").expect("the button");
+        }
+    };
+    stream(
+        &mut sender,
+        &mut board,
+        &mut Faults::new(0, 0.0, 0.0),
+        press,
+    );
+    let SenderState::Failed(SenderError::Fault(fault)) = sender.state() else {
+        panic!("{:?}", sender.state());
+    };
+    assert_eq!(fault.cause, FaultCause::Emergency);
+    let report = board.report();
+    println!("{report}");
+    assert!(pressed && report["faults"] == 1);
+    // The tick that is due when the button's interrupt comes is not played any more.
+    let after = &report["last_step_after_emergency_ticks"];
+    assert!(after.as_i64().expect("a number") < 0, "{after}");
+    assert_ne!(
+        report["final_counts"],
+        serde_json::json!(example().simulated.final_counts)
+    );
+}
+
+/// Gives commands without a sender; returns the statuses until one satisfies `done`.
+fn command(
+    board: &mut Emulator,
+    messages: &[HostMessage<'_>],
+    done: impl Fn(&Status) -> bool,
+) -> Status {
+    let mut frame = [0; FRAME_BYTES_MAX];
+    for (sequence, message) in messages.iter().enumerate() {
+        let length = encode_frame(sequence as u16 + 1, message, &mut frame).expect("it fits");
+        board
+            .line
+            .write_all(&frame[..length])
+            .expect("the line is open");
+    }
+    let started = Instant::now();
+    let mut decoder = FrameDecoder::new();
+    let mut input = [0; 4096];
+    let mut last = None;
+    loop {
+        assert!(started.elapsed() < PATIENCE, "{last:?}");
+        let length = board.receive(&mut input).expect("the board listens");
+        for &byte in &input[..length] {
+            let Some(Ok(frame)) = decoder.push(byte) else {
+                continue;
+            };
+            match DeviceMessage::decode(frame.payload) {
+                Ok(DeviceMessage::Status(status)) if done(&status) => return status,
+                Ok(DeviceMessage::Fault(fault)) => panic!("{fault}"),
+                Ok(DeviceMessage::Refused(refusal)) => panic!("{refusal:?}"),
+                Ok(message) => last = Some(message),
+                Err(error) => panic!("{error:?}"),
+            }
+        }
+    }
+}
+
+#[test]
+fn the_emulated_core_homes_to_its_switches() {
+    let Some(elf) = board() else { return };
+    let _alone = alone();
+    let mut board = Emulator::start(elf, "homing");
+    let hello = HostMessage::Hello(Hello {
+        protocol_version: PROTOCOL_VERSION,
+        schema_hash: SCHEMA_HASH,
+        host_session: 9,
+    });
+    let home = HostMessage::Control(Control::Home(JointOrder::ALL));
+    let homed = |status: &Status| status.referenced == 0b111 && status.state == DeviceState::Idle;
+    let status = command(&mut board, &[hello, home], homed);
+    println!("{status:?}");
+    assert_eq!(status.switches, 0);
+    let machine = emulated_planar();
+    let switches = HomingConfiguration::standard(&machine);
+    for (joint, towards_max, _) in EMULATED_SWITCHES_STEPS {
+        let switch = switches.of(joint).expect("it has a switch");
+        let steps_per_unit = machine.joints[usize::from(joint)].steps_per_unit;
+        // It rests the way back from the switch, plus what it ran over while the switch settled:
+        // no more than a few ticks and the braking at slow speed.
+        let away = if towards_max { -1.0 } else { 1.0 } * switch.back_off_natural;
+        let expected = (switch.position_natural + away) * steps_per_unit;
+        let error = f64::from(status.counts_steps[usize::from(joint)]) - expected;
+        assert!(
+            error.abs() < 0.05 * steps_per_unit,
+            "joint {joint}: {error}"
+        );
     }
 }
