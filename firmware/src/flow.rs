@@ -51,8 +51,6 @@ pub struct Flow {
     /// Sum of all events that are over, 10⁻⁶ mm³.
     settled_units: i64,
     settled_position: i64,
-    base_units: i64,
-    base_position: i64,
     scaling: FlowScaling,
 }
 
@@ -81,12 +79,13 @@ impl FlowScaling {
         }
     }
 
-    /// What the planned position becomes. Exactly itself while nothing was ever asked.
+    /// What is added to the planned position. Nothing while nothing was ever asked.
     #[inline]
-    fn apply(&mut self, deposited: i64) -> i64 {
+    fn extra(&mut self, planned: impl FnOnce() -> i64) -> i64 {
         if self.last.is_none() && self.wanted_q16 == UNSCALED_Q16 {
-            return deposited;
+            return 0;
         }
+        let deposited = planned();
         let way = deposited - self.last.unwrap_or(deposited);
         self.last = Some(deposited);
         let up = self.factor_q16.saturating_add(self.slope_q16);
@@ -94,7 +93,7 @@ impl FlowScaling {
         self.factor_q16 = self.wanted_q16.clamp(down, up);
         let surplus_q16 = i64::from(self.factor_q16) - i64::from(UNSCALED_Q16);
         self.extra += (way * surplus_q16) >> 16;
-        deposited + self.extra
+        self.extra
     }
 
     /// Starts anew from a declared position; the factor stays.
@@ -122,8 +121,6 @@ impl Flow {
             active: Vec::new(),
             settled_units: 0,
             settled_position: 0,
-            base_units: 0,
-            base_position: 0,
             scaling: FlowScaling::new(servo_hz),
         }
     }
@@ -144,23 +141,14 @@ impl Flow {
         self.scaling.factor_q16
     }
 
-    /// Declares the deposited volume, with no event behind it. Only at rest. Returns the position.
-    pub fn declare(&mut self, volume_units: i64) -> i64 {
+    /// Declares where the deposited volume is, in 2^-31 steps, with no event behind it. Only at
+    /// rest.
+    pub fn declare(&mut self, position: i64) {
         self.active.clear();
         self.settled_units = 0;
         self.settled_position = 0;
         self.scaling.settle();
-        self.set_base(volume_units);
-        self.window = [(self.base_position >> WINDOW_SHIFT) as i32; ADVANCE_WINDOW_TICKS_MAX];
-        self.base_position
-    }
-
-    /// The integer part of V, once per span.
-    pub fn set_base(&mut self, volume_units: i64) {
-        if volume_units != self.base_units {
-            self.base_units = volume_units;
-            self.base_position = self.scale.position(volume_units);
-        }
+        self.window = [(position >> WINDOW_SHIFT) as i32; ADVANCE_WINDOW_TICKS_MAX];
     }
 
     /// Begins a prime or retract in this servo tick. False if too many run already.
@@ -198,39 +186,40 @@ impl Flow {
 
     fn settle(&mut self, units: i64) {
         self.settled_units += units;
-        self.settled_position = self.scale.position(self.settled_units);
+        self.settled_position = self.scale.scaled(self.settled_units).position;
     }
 
-    /// Target of this servo tick in 2^-31 steps; `offset_units` is V above its base. To be called
-    /// exactly once per servo tick.
-    pub fn target(&mut self, offset_units: f32) -> i64 {
-        let planned = self.base_position + self.scale.offset(offset_units);
-        let deposited = self.scaling.apply(planned);
-        let advance = self.advance(deposited);
-        let events_units = self.progress();
-        deposited + self.settled_position + advance + self.scale.offset(events_units)
+    /// Target of this servo tick in 2^-31 steps; `offset_units` is V above its base, `base` where
+    /// that is. To be called exactly once per servo tick.
+    #[inline]
+    pub fn target(&mut self, base: i64, offset_units: f32) -> i64 {
+        let deposited = self.scale.steps(offset_units);
+        let base = base + self.scaling.extra(|| base + steps_to_position(deposited));
+        let window = (base >> WINDOW_SHIFT) as i32;
+        let advance = self.advance(window.wrapping_add((deposited * WINDOW_STEP) as i32));
+        let mut steps = deposited + advance;
+        if !self.active.is_empty() {
+            let events_units = self.progress();
+            steps += self.scale.steps(events_units);
+        }
+        base + self.settled_position + steps_to_position(steps)
     }
 
-    /// K dV/dt over the window, as a position.
-    fn advance(&mut self, deposited: i64) -> i64 {
-        let now = (deposited >> WINDOW_SHIFT) as i32;
+    /// K dV/dt over the window, in steps; `now`: V in 2^-16 steps, wrapping.
+    #[inline]
+    fn advance(&mut self, now: i32) -> f32 {
         self.newest += 1;
         if self.newest >= self.window_ticks {
             self.newest = 0;
         }
-        let Some(oldest) = self.window.get_mut(self.newest) else {
-            return 0;
-        };
+        let oldest = &mut self.window[self.newest % ADVANCE_WINDOW_TICKS_MAX];
         let gained = now.wrapping_sub(*oldest);
         *oldest = now;
-        steps_to_position(gained as f32 * self.advance_gain)
+        gained as f32 * self.advance_gain
     }
 
     /// Volume of the events in progress, 10⁻⁶ mm³; settles those that end, moves all on by a tick.
     fn progress(&mut self) -> f32 {
-        if self.active.is_empty() {
-            return 0.0;
-        }
         let mut sum = 0.0;
         let mut ended_units = 0;
         self.active.retain_mut(|event| {
@@ -274,28 +263,30 @@ mod tests {
     #[test]
     fn advance_leads_a_steady_flow_by_k_and_vanishes_at_rest() {
         let mut flow = Flow::new(&extruder(), 2000);
-        flow.declare(0);
+        let base = 0;
+        flow.declare(base);
         let mut target = 0;
         for tick in 0..400 {
             // 10 mm³/s = 5000 units a tick.
-            target = flow.target(tick as f32 * 5000.0);
+            target = flow.target(base, tick as f32 * 5000.0);
         }
         let deposited_mm3 = 399.0 * 5000.0 * 1e-6;
         let expected = (deposited_mm3 + 0.04 * 10.0) * 400.0;
         assert!((steps(target) - expected).abs() < 1e-3, "{}", steps(target));
         for _ in 0..81 {
-            target = flow.target(399.0 * 5000.0);
+            target = flow.target(base, 399.0 * 5000.0);
         }
         assert_eq!(
             target,
-            flow.base_position + flow.scale.offset(399.0 * 5000.0)
+            base + steps_to_position(flow.scale.steps(399.0 * 5000.0))
         );
     }
 
     #[test]
     fn events_follow_the_smooth_step_and_end_on_their_volume() {
         let mut flow = Flow::new(&extruder(), 2000);
-        let start = flow.declare(12_345_678);
+        let start = flow.scale.scaled(12_345_678).position;
+        flow.declare(start);
         let event = |action, volume_units| FlowEvent {
             span: 0,
             offset_ticks: 0,
@@ -308,7 +299,7 @@ mod tests {
         let mut fastest = 0.0f64;
         let mut last = start;
         for tick in 0..=200 {
-            let target = flow.target(0.0);
+            let target = flow.target(start, 0.0);
             if tick == 100 {
                 middle = target;
             }
@@ -328,7 +319,7 @@ mod tests {
         );
         assert!(flow.begin(&event(FlowAction::Retract, 1_500_001)));
         for _ in 0..=200 {
-            last = flow.target(0.0);
+            last = flow.target(start, 0.0);
         }
         assert_eq!(last, start);
     }

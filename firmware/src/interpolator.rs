@@ -1,26 +1,77 @@
-//! Plays queued spans: segment time -> channels, as an exact integer base plus an f32 offset.
+//! Plays queued spans: segment time -> channels, as f32 offsets from integer bases in motor steps.
 //!
 //! Segment time is counted in 2^-16 servo ticks, so a path rate of 1 stays on whole ticks and
 //! meets every knot exactly. At the end of a span that rests, the offset is exactly 0 and the base
-//! is the control point itself.
+//! is the control point itself. The next span is prepared in [`PARTS`] parts, one in each servo
+//! tick that begins none, so that no tick has all of the work; what is left when the present span
+//! ends is done then. When it is done changes nothing in the result.
 
+use crate::carriers::Carriers;
+use crate::configuration::MOTORS_MAX;
 use crate::load::SpanLoad;
 use crate::queue::{Ceiling, KnotQueue};
-use crate::spline::{SpanPolynomial, SpanWindow};
-use headway_protocol::units::{CHANNELS, ChannelPoint};
+use crate::spline::{SpanShape, SpanWeights};
+use crate::steps::ScaledUnits;
+use headway_protocol::units::{
+    CHANNEL_TILT_X, CHANNEL_TILT_Y, CHANNEL_VOLUME, CHANNELS, ChannelPoint,
+};
 
+/// Cubics of the channels, and one more that is always 0, for joints that follow none: a power of
+/// two, so that a masked index needs no check.
+const CUBICS: usize = (CHANNELS + 1).next_power_of_two();
 /// One servo tick of segment time.
 pub const TICK_Q16: u32 = 1 << 16;
+/// Parts in which a span is prepared: less than the planner's shortest span has ticks (6).
+const PARTS: u8 = 5;
 /// Spans that one servo tick can pass at most: at twice the planned rate two of one tick each, and
 /// the one it began in.
 const SPANS_PER_TICK_MAX: usize = 3;
 
+/// A span, ready to be played.
+#[derive(Clone, Copy, Debug)]
+struct ReadySpan {
+    /// c0..c3 of each channel: offsets from the base, channel units and servo ticks.
+    coefficients: [[f32; 4]; CUBICS],
+    /// The base as the motors' carriers have it.
+    bases: [ScaledUnits; MOTORS_MAX],
+    /// The base of the tilt, µrad.
+    tilt_base: [i32; 2],
+    load: SpanLoad,
+    duration_q16: u32,
+    ends_at_rest: bool,
+}
+
+/// Where the channels are above their bases at one moment. Evaluated channel by channel, because
+/// not every machine needs all.
+#[derive(Clone, Copy, Debug)]
+pub struct Offset<'a> {
+    coefficients: &'a [[f32; 4]; CUBICS],
+    /// Servo ticks of segment time since the span's start.
+    t: f32,
+}
+
+impl Offset<'_> {
+    /// One channel in its units; [`CHANNELS`] for none, which is 0.
+    #[inline(always)]
+    pub fn of(&self, channel: usize) -> f32 {
+        let [c0, c1, c2, c3] = self.coefficients[channel % CUBICS];
+        ((c3 * self.t + c2) * self.t + c1) * self.t + c0
+    }
+}
+
 /// The playing side of the motion.
 #[derive(Clone, Debug)]
 pub struct Interpolator {
-    window: SpanWindow,
-    polynomial: SpanPolynomial<f32>,
-    load: SpanLoad,
+    carriers: Carriers,
+    /// The present span and the next.
+    spans: [ReadySpan; 2],
+    /// Which of them is present.
+    second: bool,
+    /// Parts of the next span that are ready.
+    parts: u8,
+    /// Shape of the newest span of which a part is ready, and what its durations say.
+    shape: SpanShape,
+    weights: SpanWeights<f32>,
     /// A span is being played; otherwise the head rests before knot 0.
     playing: bool,
     local_q16: u32,
@@ -36,11 +87,23 @@ pub struct Interpolator {
 
 impl Interpolator {
     /// At rest on `start`.
-    pub fn at_rest(start: &ChannelPoint) -> Self {
-        Self {
-            window: SpanWindow::at_rest(start),
-            polynomial: SpanPolynomial::zero(),
+    pub fn at_rest(carriers: &Carriers, start: &ChannelPoint) -> Self {
+        let shape = SpanShape::at_rest(start);
+        let span = ReadySpan {
+            coefficients: [[0.0; 4]; CUBICS],
+            bases: carriers.scaled(start),
+            tilt_base: [start[CHANNEL_TILT_X], start[CHANNEL_TILT_Y]],
             load: SpanLoad::REST,
+            duration_q16: 0,
+            ends_at_rest: true,
+        };
+        Self {
+            carriers: *carriers,
+            spans: [span; 2],
+            second: false,
+            parts: 0,
+            weights: shape.weights(),
+            shape,
             playing: false,
             local_q16: 0,
             duration_q16: 0,
@@ -52,22 +115,36 @@ impl Interpolator {
         }
     }
 
-    /// Integer part of the present pose, channel units, unwrapped.
-    pub fn base(&self) -> &[i64; CHANNELS] {
-        self.window.base()
+    #[inline(always)]
+    fn present(&self) -> &ReadySpan {
+        &self.spans[usize::from(self.second)]
     }
 
-    /// Offset of the present pose from its base, channel units.
+    /// Where the motors' carriers are at the base.
     #[inline]
-    pub fn offset(&self) -> [f32; CHANNELS] {
-        // Below 2^24 (256 ticks) the conversion is exact.
-        let t = self.local_q16 as f32 * (1.0 / TICK_Q16 as f32);
-        self.polynomial.offset(t)
+    pub fn bases(&self) -> &[ScaledUnits; MOTORS_MAX] {
+        &self.present().bases
+    }
+
+    /// Integer part of the tilt vector, µrad.
+    #[inline]
+    pub fn tilt_base(&self) -> [i32; 2] {
+        self.present().tilt_base
+    }
+
+    /// The present pose's offset from its base.
+    #[inline]
+    pub fn offset(&self) -> Offset<'_> {
+        Offset {
+            coefficients: &self.present().coefficients,
+            // Below 2^24 (256 ticks) the conversion is exact.
+            t: self.local_q16 as f32 * (1.0 / TICK_Q16 as f32),
+        }
     }
 
     /// Demands of the present span.
     pub fn load(&self) -> &SpanLoad {
-        &self.load
+        &self.present().load
     }
 
     /// Index of the present span, `None` before the first.
@@ -127,25 +204,72 @@ impl Interpolator {
 
     /// Begins the next span if the present one is over and one waits, so that its dwell or load is
     /// known before the head moves. True if a span was begun.
+    #[inline]
     pub fn begin_next(&mut self, queue: &mut KnotQueue) -> bool {
         if self.playing && self.remaining_q16() > 0 {
             return false;
         }
-        let Some(next) = queue.pop() else {
-            return false;
-        };
+        self.begin(queue)
+    }
+
+    fn begin(&mut self, queue: &mut KnotQueue) -> bool {
+        while self.parts < PARTS {
+            if !self.prepare(queue) {
+                return false;
+            }
+        }
+        queue.pop();
+        self.parts = 0;
+        self.second = !self.second;
         self.completed_ticks += u64::from(self.duration_q16 >> 16);
-        self.window.push(&next.knot);
         self.playing = true;
         self.spans_begun = self.spans_begun.wrapping_add(1);
         self.local_q16 = 0;
-        self.duration_q16 = u32::from(self.window.duration_ticks()) << 16;
-        self.load = next.load;
+        self.duration_q16 = self.present().duration_q16;
         self.rests_at_start = self.rests_at_end;
-        self.rests_at_end = next.ends_at_rest;
+        self.rests_at_end = self.present().ends_at_rest;
         self.dwells = self.rests_at_start && self.rests_at_end;
-        self.polynomial = self.window.polynomial();
         true
+    }
+
+    /// Prepares one part of the next span; false if none waits.
+    #[inline]
+    pub fn prepare(&mut self, queue: &KnotQueue) -> bool {
+        let [first, second] = &mut self.spans;
+        let (next, present) = if self.second {
+            (first, &*second)
+        } else {
+            (second, &*first)
+        };
+        match self.parts {
+            0 => {
+                let Some(waiting) = queue.front() else {
+                    return false;
+                };
+                self.shape.push(&waiting.knot);
+                self.weights = self.shape.weights();
+                let base = self.shape.base();
+                next.tilt_base = [base[CHANNEL_TILT_X], base[CHANNEL_TILT_Y]];
+                next.load = waiting.load;
+                next.duration_q16 = u32::from(waiting.span_ticks) << 16;
+                next.ends_at_rest = waiting.ends_at_rest;
+                next.lay([CHANNEL_VOLUME], &self.shape, &self.weights);
+            }
+            1 => next.lay([0, 1], &self.shape, &self.weights),
+            2 => next.lay([2, 3], &self.shape, &self.weights),
+            3 => next.lay([4, 5], &self.shape, &self.weights),
+            4 => self
+                .carriers
+                .advance(&self.shape, &present.bases, &mut next.bases),
+            _ => return true,
+        }
+        self.parts += 1;
+        true
+    }
+
+    /// Forgets what was prepared of a span that will not come. Only before a new start.
+    pub fn forget_next(&mut self) {
+        self.parts = 0;
     }
 
     /// Moves segment time on, through as many spans as it takes. True if the base has changed.
@@ -159,7 +283,7 @@ impl Interpolator {
             }
             step_q16 -= remaining;
             self.local_q16 = self.duration_q16;
-            if !self.begin_next(queue) {
+            if !self.begin(queue) {
                 // The path ends here, at rest or (starved) with the rate at zero.
                 self.settle();
                 return changed;
@@ -172,7 +296,21 @@ impl Interpolator {
     /// Makes the end of a span that rests exact.
     fn settle(&mut self) {
         if self.rests_at_end {
-            self.polynomial = SpanPolynomial::zero();
+            self.spans[usize::from(self.second)].coefficients = [[0.0; 4]; CUBICS];
+        }
+    }
+}
+
+impl ReadySpan {
+    #[inline]
+    fn lay<const N: usize>(
+        &mut self,
+        channels: [usize; N],
+        shape: &SpanShape,
+        weights: &SpanWeights<f32>,
+    ) {
+        for channel in channels {
+            self.coefficients[channel] = shape.cubic(channel, weights);
         }
     }
 }

@@ -1,27 +1,30 @@
 //! Channels -> joint targets in steps, with the soft limits.
 //!
-//! A carrier's integer base is scaled exactly once per span; its offset and what the tilt adds are
-//! f32. All positions are i64 in 2^-31 steps.
+//! A carrier's integer base is exact (carriers.rs); its offset and what the tilt adds are f32. All positions are i64 in 2^-31 steps, with [`BIAS`] added.
 
 use crate::configuration::{JOINTS_MAX, Kinematics, MOTORS_MAX, MachineConfiguration};
+use crate::interpolator::{Interpolator, Offset};
 use crate::kinematics;
 use crate::load::tilt_pose;
-use crate::steps::{STEP, StepScale, steps_to_position};
+use crate::steps::{BIAS, STEP, ScaledUnits, steps_to_position};
 use headway_protocol::message::{Fault, FaultCause};
-use headway_protocol::units::{CHANNELS, UNITS_PER_NATURAL};
+use headway_protocol::units::{CHANNEL_TILT_X, CHANNEL_TILT_Y, CHANNELS, UNITS_PER_NATURAL};
 
 /// One joint's numbers.
 #[derive(Clone, Copy, Debug, Default)]
 struct JointScale {
-    /// Channel that the joint follows, or [`CHANNELS`] for none.
+    /// Channel that the joint follows, or [`CHANNELS`] for none: an index of the offsets.
     carrier: usize,
-    base_scale: StepScale,
-    /// Steps per channel unit of the carrier.
+    /// Steps per unit of it.
     steps_per_unit: f32,
     /// Steps per mm or rad.
     steps_per_natural: f32,
+    /// Soft limits, 2^-31 steps.
     position_min: i64,
     position_max: i64,
+    /// The same for targets: upper half of the lowest, and what may be added to it.
+    lowest: i32,
+    range: u32,
     /// 0.1 µm or µrad per step.
     units_per_step: f64,
 }
@@ -32,8 +35,6 @@ pub struct JointTargets {
     kinematics: Kinematics,
     count: usize,
     joints: [JointScale; JOINTS_MAX],
-    base: [i64; CHANNELS],
-    base_positions: [i64; JOINTS_MAX],
 }
 
 impl JointTargets {
@@ -41,21 +42,24 @@ impl JointTargets {
     pub fn new(configuration: &MachineConfiguration) -> Self {
         let mut joints = [JointScale::default(); JOINTS_MAX];
         let carriers = kinematics::carriers(&configuration.kinematics);
-        for ((scale, joint), carrier) in joints.iter_mut().zip(&configuration.joints).zip(carriers)
-        {
+        let parts = joints.iter_mut().zip(&configuration.joints).zip(carriers);
+        for ((scale, joint), carrier) in parts {
             let units = carrier
                 .and_then(|channel| UNITS_PER_NATURAL.get(channel))
                 .copied()
                 .unwrap_or(1.0);
             let position = |natural: f64| (natural * joint.steps_per_unit * STEP as f64) as i64;
+            let pairs = |position: i64| (position.saturating_add(BIAS) >> 32) as i32;
+            let (min, max) = (position(joint.position_min), position(joint.position_max));
             let report_units = if joint.rotary { 1e6 } else { 1e4 };
             *scale = JointScale {
                 carrier: carrier.unwrap_or(CHANNELS),
-                base_scale: StepScale::new(joint.steps_per_unit / units),
                 steps_per_unit: (joint.steps_per_unit / units) as f32,
                 steps_per_natural: joint.steps_per_unit as f32,
-                position_min: position(joint.position_min),
-                position_max: position(joint.position_max),
+                position_min: min,
+                position_max: max,
+                lowest: pairs(min),
+                range: pairs(max).wrapping_sub(pairs(min)) as u32,
                 units_per_step: report_units / joint.steps_per_unit,
             };
         }
@@ -64,8 +68,6 @@ impl JointTargets {
             kinematics: configuration.kinematics,
             count,
             joints,
-            base: [0; CHANNELS],
-            base_positions: [0; JOINTS_MAX],
         }
     }
 
@@ -97,60 +99,71 @@ impl JointTargets {
         }
     }
 
+    #[cold]
+    fn soft_limit(&self, joint: usize, target: i64) -> Fault {
+        self.limit_fault(joint, target.wrapping_sub(BIAS), FaultCause::SoftLimit)
+    }
+
     /// Mask of all joints.
     pub fn all(&self) -> u8 {
         ((1u16 << self.count) - 1) as u8
     }
 
-    /// Takes over the integer base, once per span.
-    pub fn set_base(&mut self, base: &[i64; CHANNELS]) {
-        self.base = *base;
-        for (position, joint) in self.base_positions.iter_mut().zip(&self.joints) {
-            if let Some(units) = base.get(joint.carrier) {
-                *position = joint.base_scale.position(*units);
-            }
-        }
-    }
-
-    /// Writes the targets of the joints at an offset from the base; the other motors keep theirs.
+    /// Writes the targets of the joints at the interpolator's pose; other motors keep theirs.
     ///
     /// # Errors
     /// The fault to latch: kinematics or soft limit.
     #[inline]
-    pub fn targets(
+    pub fn targets<'a>(
         &self,
-        offset: &[f32; CHANNELS],
-        targets: &mut [i64; MOTORS_MAX],
+        interpolator: &Interpolator,
+        targets: impl Iterator<Item = &'a mut i64>,
     ) -> Result<(), Fault> {
-        let pose = tilt_pose(&self.base, offset);
-        let remainder = kinematics::remainder(&self.kinematics, &pose).map_err(|_| Fault {
-            cause: FaultCause::Kinematics,
-            index: 0,
-            value: 0,
-        })?;
-        for (index, joint) in self.joints.iter().enumerate().take(self.count) {
-            let mut steps = remainder[index] * joint.steps_per_natural;
-            if let Some(units) = offset.get(joint.carrier) {
-                steps += units * joint.steps_per_unit;
+        let offset = interpolator.offset();
+        let bases = interpolator.bases();
+        if self.kinematics == Kinematics::Planar {
+            // Joints are channels. That the tilt is none was checked on reception.
+            return self.scale(bases, targets, |joint, _| joint.of_carrier(&offset));
+        }
+        let tilt = [CHANNEL_TILT_X, CHANNEL_TILT_Y].map(|channel| offset.of(channel));
+        let pose = tilt_pose(interpolator.tilt_base(), tilt);
+        match kinematics::remainder(&self.kinematics, &pose) {
+            Ok(remainder) => self.scale(bases, targets, |joint, index| {
+                remainder[index] * joint.steps_per_natural + joint.of_carrier(&offset)
+            }),
+            Err(_) => Err(Fault {
+                cause: FaultCause::Kinematics,
+                index: 0,
+                value: 0,
+            }),
+        }
+    }
+
+    #[inline(always)]
+    fn scale<'a>(
+        &self,
+        bases: &[ScaledUnits; MOTORS_MAX],
+        targets: impl Iterator<Item = &'a mut i64>,
+        steps: impl Fn(&JointScale, usize) -> f32,
+    ) -> Result<(), Fault> {
+        let parts = self.joints.iter().zip(bases).zip(targets).enumerate();
+        for (index, ((joint, base), target)) in parts.take(self.count) {
+            let position = base.position + steps_to_position(steps(joint, index));
+            *target = position;
+            // In whole steps by pairs: the upper halves alone.
+            let above = ((position >> 32) as i32).wrapping_sub(joint.lowest) as u32;
+            if above > joint.range {
+                return Err(self.soft_limit(index, position));
             }
-            let target = self.base_positions[index] + steps_to_position(steps);
-            if target < joint.position_min || target > joint.position_max {
-                return Err(joint.beyond(index, target));
-            }
-            targets[index] = target;
         }
         Ok(())
     }
 }
 
 impl JointScale {
-    #[cold]
-    fn beyond(&self, index: usize, target: i64) -> Fault {
-        let steps = target as f64 / STEP as f64;
-        Fault {
-            cause: FaultCause::SoftLimit,
-            index: index as u8,
-            value: (steps * self.units_per_step) as i32,
-        }
+    /// What the carrier makes of an offset, in steps.
+    #[inline(always)]
+    fn of_carrier(&self, offset: &Offset<'_>) -> f32 {
+        offset.of(self.carrier) * self.steps_per_unit
     }
 }

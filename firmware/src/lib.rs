@@ -14,6 +14,7 @@
 extern crate std;
 
 pub mod boards;
+pub mod carriers;
 pub mod configuration;
 pub mod design;
 pub mod flow;

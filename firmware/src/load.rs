@@ -151,8 +151,12 @@ impl LoadModel {
         let half = 0.5 * ticks;
         let at = [0.0, half, ticks];
         let mut remainders = [[0.0f32; JOINTS_MAX]; 3];
+        let base = window.base();
+        let tilt_base = [base[CHANNEL_TILT_X] as i32, base[CHANNEL_TILT_Y] as i32];
         for (remainder, t) in remainders.iter_mut().zip(at) {
-            let pose = tilt_pose(window.base(), &polynomial.offset(t));
+            let offset = polynomial.offset(t);
+            let tilt = [offset[CHANNEL_TILT_X], offset[CHANNEL_TILT_Y]];
+            let pose = tilt_pose(tilt_base, tilt);
             *remainder =
                 kinematics::remainder(&self.kinematics, &pose).map_err(SpanFault::Kinematics)?;
         }
@@ -217,14 +221,15 @@ fn single_of(value: i64) -> f32 {
     high * 65_536.0 + (value & 0xffff) as i32 as f32
 }
 
-/// The pose as far as remainders need it: the tilt. Base and offset are scaled separately, so that
-/// no resolution is lost.
-pub(crate) fn tilt_pose(base: &[i64; CHANNELS], offset: &[f32; CHANNELS]) -> Pose<f32> {
+/// The pose as far as remainders need it: the tilt, from its integer part and an offset in µrad.
+/// They are scaled separately, so that no resolution is lost.
+#[inline]
+pub(crate) fn tilt_pose(tilt_base: [i32; 2], offset: [f32; 2]) -> Pose<f32> {
     const NATURAL: f32 = 1e-6;
-    let tilt = |channel: usize| (base[channel] as i32 as f32) * NATURAL + offset[channel] * NATURAL;
+    let tilt = |base: i32, offset: f32| base as f32 * NATURAL + offset * NATURAL;
     Pose {
         tip_mm: Vector3::new(0.0, 0.0, 0.0),
-        tilt_rad: Vector2::new(tilt(CHANNEL_TILT_X), tilt(CHANNEL_TILT_Y)),
+        tilt_rad: Vector2::new(tilt(tilt_base[0], offset[0]), tilt(tilt_base[1], offset[1])),
         heading_rad: 0.0,
     }
 }

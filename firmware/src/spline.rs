@@ -12,33 +12,27 @@ use crate::real::Real;
 use headway_protocol::segment::{Knot, REST_TICKS};
 use headway_protocol::units::{CHANNELS, ChannelPoint, UNITS_PER_NATURAL};
 
-/// Control points and durations around the newest span.
+/// Control points and durations that shape the newest span.
 #[derive(Clone, Debug, PartialEq, Eq)]
-pub struct SpanWindow {
+pub struct SpanShape {
     /// P_{n-3}..P_n, channel units, wrapping.
     control: [ChannelPoint; 4],
     /// Durations of spans n-2..n+2, servo ticks.
     durations_ticks: [u16; 5],
-    /// P_{n-2}, unwrapped from the start of the stream.
-    base: [i64; CHANNELS],
 }
 
-impl SpanWindow {
+impl SpanShape {
     /// At rest on `start`, before knot 0.
     pub fn at_rest(start: &ChannelPoint) -> Self {
         Self {
             control: [*start; 4],
             durations_ticks: [REST_TICKS; 5],
-            base: start.map(i64::from),
         }
     }
 
-    /// Takes knot n; the window then shapes span n.
+    /// Takes knot n; the shape is then that of span n.
+    #[inline]
     pub fn push(&mut self, knot: &Knot) {
-        for channel in 0..CHANNELS {
-            let step = self.control[2][channel].wrapping_sub(self.control[1][channel]);
-            self.base[channel] = self.base[channel].wrapping_add(i64::from(step));
-        }
         self.control = [
             self.control[1],
             self.control[2],
@@ -54,6 +48,69 @@ impl SpanWindow {
         self.durations_ticks[2]
     }
 
+    /// Where the span's offsets count from, P_{n-2}, channel units, wrapping.
+    pub fn base(&self) -> &ChannelPoint {
+        &self.control[1]
+    }
+
+    /// What the base moved by when the newest knot came, channel units.
+    #[inline]
+    pub fn base_step(&self, channel: usize) -> i32 {
+        self.control[1][channel].wrapping_sub(self.control[0][channel])
+    }
+
+    /// What the durations say about the span.
+    pub fn weights<R: Real>(&self) -> SpanWeights<R> {
+        SpanWeights::new(&self.durations_ticks)
+    }
+
+    /// One channel of the span, see [`SpanPolynomial::coefficients`].
+    #[inline]
+    pub fn cubic<R: Real>(&self, channel: usize, weights: &SpanWeights<R>) -> [R; 4] {
+        let [a, b, c] = self.differences(channel);
+        weights.cubic(a, b, c)
+    }
+
+    /// Differences of a channel's control points.
+    #[inline]
+    fn differences<R: Real>(&self, channel: usize) -> [R; 3] {
+        [1, 2, 3].map(|later: usize| {
+            let (from, to) = (&self.control[later - 1], &self.control[later]);
+            R::of_integer(to[channel].wrapping_sub(from[channel]))
+        })
+    }
+}
+
+/// The newest span's shape and its place, unwrapped.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct SpanWindow {
+    shape: SpanShape,
+    /// P_{n-2}, unwrapped from the start of the stream.
+    base: [i64; CHANNELS],
+}
+
+impl SpanWindow {
+    /// At rest on `start`, before knot 0.
+    pub fn at_rest(start: &ChannelPoint) -> Self {
+        Self {
+            shape: SpanShape::at_rest(start),
+            base: start.map(i64::from),
+        }
+    }
+
+    /// Takes knot n; the window then shapes span n.
+    pub fn push(&mut self, knot: &Knot) {
+        self.shape.push(knot);
+        for (channel, base) in self.base.iter_mut().enumerate() {
+            *base = base.wrapping_add(i64::from(self.shape.base_step(channel)));
+        }
+    }
+
+    /// Duration of the newest span, servo ticks.
+    pub fn duration_ticks(&self) -> u16 {
+        self.shape.duration_ticks()
+    }
+
     /// Unwrapped integer position that the span's offsets count from, channel units.
     pub fn base(&self) -> &[i64; CHANNELS] {
         &self.base
@@ -61,7 +118,7 @@ impl SpanWindow {
 
     /// Newest control point, channel units.
     pub fn newest(&self) -> &ChannelPoint {
-        &self.control[3]
+        &self.shape.control[3]
     }
 
     /// True if nothing moves during the whole span.
@@ -71,24 +128,22 @@ impl SpanWindow {
 
     /// True if velocity and acceleration are zero where the span starts.
     pub fn starts_at_rest(&self) -> bool {
-        self.control[0] == self.control[1] && self.control[1] == self.control[2]
+        let [p0, p1, p2, _] = &self.shape.control;
+        p0 == p1 && p1 == p2
     }
 
     /// True if velocity and acceleration are zero where the span ends.
     pub fn ends_at_rest(&self) -> bool {
-        self.control[1] == self.control[2] && self.control[2] == self.control[3]
+        let [_, p1, p2, p3] = &self.shape.control;
+        p1 == p2 && p2 == p3
     }
 
     /// The newest span as polynomials: about 250 floating-point instructions.
     pub fn polynomial<R: Real>(&self) -> SpanPolynomial<R> {
-        let weights = SpanWeights::new(&self.durations_ticks);
+        let weights = self.shape.weights();
         let mut polynomial = SpanPolynomial::zero();
         for channel in 0..CHANNELS {
-            let difference = |later: usize| {
-                let (from, to) = (&self.control[later - 1], &self.control[later]);
-                R::of_integer(to[channel].wrapping_sub(from[channel]))
-            };
-            let [a, b, c] = [difference(1), difference(2), difference(3)];
+            let [a, b, c] = self.shape.differences(channel);
             polynomial.coefficients[channel] = weights.cubic(a, b, c);
             polynomial.rate_bound[channel] = weights.rate_bound(a, b, c);
         }
@@ -97,7 +152,8 @@ impl SpanWindow {
 }
 
 /// What the durations alone say about a span; shared by all channels.
-struct SpanWeights<R> {
+#[derive(Clone, Copy, Debug)]
+pub struct SpanWeights<R> {
     position: [R; 2],
     rate: [R; 3],
     start_blend: [R; 2],

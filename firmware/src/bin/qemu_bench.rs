@@ -233,6 +233,17 @@ mod bench {
         }
     }
 
+    // In functions of their own, as in the interrupts of a board.
+    #[inline(never)]
+    fn servo_tick(machine: &mut Machine) {
+        machine.servo_tick();
+    }
+
+    #[inline(never)]
+    fn step_tick(machine: &mut Machine, port: &mut Port) {
+        machine.step_tick(port);
+    }
+
     /// Runs a job; false if it does not end as it should.
     fn run(kinematics: Kinematics, worst: &mut Worst) -> bool {
         let configuration = configuration(kinematics);
@@ -249,7 +260,7 @@ mod bench {
         for tick in 0..20_000u32 {
             host.send(&mut machine, worst);
             let before = now();
-            machine.servo_tick();
+            servo_tick(&mut machine);
             let spent = instructions(before, now()) - empty;
             worst.servo = worst.servo.max(spent);
             worst.servo_sum += u64::from(spent);
@@ -259,7 +270,7 @@ mod bench {
             for _ in 0..timed {
                 port.turned = false;
                 let before = now();
-                machine.step_tick(&mut port);
+                step_tick(&mut machine, &mut port);
                 let spent = instructions(before, now()) - empty;
                 if port.turned || machine.step_interval_reverses() {
                     worst.step_turning = worst.step_turning.max(spent);

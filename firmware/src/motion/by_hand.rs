@@ -74,7 +74,7 @@ impl ByHand {
     fn position_of(&self, joint: usize, units: i32) -> Option<i64> {
         let joint = self.machine.joints.get(joint)?;
         let scale = StepScale::new(joint.steps_per_unit / units_per_natural(joint.rotary));
-        Some(scale.position(i64::from(units)))
+        Some(scale.scaled(i64::from(units)).position)
     }
 }
 
@@ -224,7 +224,8 @@ impl Motion {
         self.begin_by_hand();
         let motor = self.joints.count();
         let here = self.joint_position(motor);
-        self.by_hand.extruder_offset = here - self.flow.declare(0);
+        self.flow.declare(0);
+        self.by_hand.extruder_offset = here;
         // Nobody moves: the mover rests where the first joint is.
         self.by_hand.joint = 0;
         self.by_hand.mover = JointMove::at_rest(self.joint_position(0));
@@ -253,7 +254,8 @@ impl Motion {
         self.drivers_on = true;
         self.by_hand.targets = self.programmer.newest_targets();
         let motor = self.joints.count();
-        self.by_hand.extruder_offset = self.joint_position(motor) - self.flow.declare(0);
+        self.flow.declare(0);
+        self.by_hand.extruder_offset = self.joint_position(motor);
     }
 
     /// One servo tick: the motors' targets.
@@ -266,7 +268,7 @@ impl Motion {
             self.flow.cut();
         }
         self.tick_homing();
-        let flow = self.flow.target(0.0);
+        let flow = self.flow.target(0, 0.0);
         let hand = &mut self.by_hand;
         if let Some(target) = hand.targets.get_mut(motor) {
             *target = hand.extruder_offset + flow;

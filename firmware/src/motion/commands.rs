@@ -8,10 +8,10 @@ use crate::inputs::Inputs;
 use crate::interpolator::Interpolator;
 use crate::load::SpanFault;
 use crate::queue::QueuedKnot;
-use crate::steps::{Stopped, count};
+use crate::steps::{BIAS, Stopped, count};
 use headway_protocol::message::{Fault, FaultCause};
 use headway_protocol::segment::FlowEvent;
-use headway_protocol::units::{CHANNEL_VOLUME, ChannelPoint};
+use headway_protocol::units::ChannelPoint;
 
 impl Motion {
     /// Opens a stream that starts at rest on `position`.
@@ -53,18 +53,20 @@ impl Motion {
 
     /// Takes over a pose at rest, only if the `known` joints are there already.
     fn place(&mut self, position: &ChannelPoint, known: u8) -> Result<(), CommandError> {
-        let interpolator = Interpolator::at_rest(position);
-        let mut joints = self.joints.clone();
-        joints.set_base(interpolator.base());
+        let interpolator = Interpolator::at_rest(&self.carriers, position);
         let mut targets = [0; MOTORS_MAX];
-        joints
-            .targets(&interpolator.offset(), &mut targets)
+        self.joints
+            .targets(&interpolator, targets.iter_mut())
             .map_err(|_| CommandError::Invalid)?;
+        let extruder = self.joints.count() % MOTORS_MAX;
+        targets[extruder] = interpolator.bases()[extruder].position;
+        let deposited = targets[extruder];
+        let targets = targets.map(|target| target.wrapping_sub(BIAS));
         let here = self.programmer.positions();
         let moved = targets
             .iter()
             .zip(&here)
-            .take(joints.count())
+            .take(self.joints.count())
             .enumerate()
             .any(|(joint, (target, here))| {
                 known >> joint & 1 == 1 && count(*target) != count(*here)
@@ -72,12 +74,8 @@ impl Motion {
         if moved {
             return Err(CommandError::Invalid);
         }
-        self.joints = joints;
         self.interpolator = interpolator;
-        let volume = self.interpolator.base()[CHANNEL_VOLUME];
-        if let Some(extruder) = targets.get_mut(self.joints.count()) {
-            *extruder = self.flow.declare(volume);
-        }
+        self.flow.declare(deposited);
         self.programmer.set_positions(&targets);
         self.hold = Hold::new(ticks_of_ms(HOLD_RETRACT_DELAY_MS, self.servo_hz));
         self.reference.learn(self.joints.all());

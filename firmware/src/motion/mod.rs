@@ -12,6 +12,7 @@ mod by_hand;
 mod commands;
 mod status;
 
+use crate::carriers::Carriers;
 use crate::configuration::{MOTORS_MAX, MachineConfiguration};
 use crate::design::{
     CEILING_OPEN, HOLD_RETRACT_DELAY_MS, QUEUE_EVENTS, QUIET_START_MS, START_QUEUED_MS,
@@ -83,6 +84,7 @@ pub enum CommandError {
 /// The servo side of the machine.
 #[derive(Clone, Debug)]
 pub struct Motion {
+    carriers: Carriers,
     joints: JointTargets,
     interpolator: Interpolator,
     queue: KnotQueue,
@@ -119,11 +121,13 @@ impl Motion {
     /// At rest, nothing declared.
     pub fn new(configuration: &MachineConfiguration, switches: &HomingConfiguration) -> Self {
         let servo_hz = configuration.servo_hz.max(1);
+        let carriers = Carriers::new(configuration);
         let joints = JointTargets::new(configuration);
         let motors = joints.count() + 1;
         Self {
             joints,
-            interpolator: Interpolator::at_rest(&ChannelPoint::default()),
+            interpolator: Interpolator::at_rest(&carriers, &ChannelPoint::default()),
+            carriers,
             queue: KnotQueue::new(),
             events: Deque::new(),
             warp: TimeWarp::default(),
@@ -163,31 +167,30 @@ impl Motion {
             self.stop_at_once(fault);
             return None;
         }
-        let targets = if self.phase == Phase::ByHand {
-            self.tick_by_hand()
+        let programmed = if self.phase == Phase::ByHand {
+            let targets = self.tick_by_hand();
+            self.programmer.advance(&targets)
         } else {
-            match self.follow_path() {
-                Ok(targets) => targets,
-                Err(fault) => {
-                    self.stop_at_once(fault);
-                    return None;
-                }
+            if let Err(fault) = self.follow_path() {
+                self.stop_at_once(fault);
+                return None;
             }
+            self.programmer.advance_to_targets()
         };
-        if let Err(exceeded) = self.programmer.advance(&targets) {
+        if let Err(exceeded) = programmed {
             self.stop_at_once(step_rate_fault(exceeded, self.servo_hz));
             return None;
         }
         Some(self.programmer.newest())
     }
 
-    /// One servo tick along the stream, or at rest: the motors' targets.
-    fn follow_path(&mut self) -> Result<[i64; MOTORS_MAX], Fault> {
+    /// One servo tick along the stream, or at rest.
+    fn follow_path(&mut self) -> Result<(), Fault> {
         self.gate();
         self.begin_due_events();
-        let targets = self.targets_now()?;
+        self.set_targets()?;
         self.move_on();
-        Ok(targets)
+        Ok(())
     }
 
     /// A fault that the inputs demand now.
@@ -223,18 +226,11 @@ impl Motion {
         }
         if self.phase == Phase::Running && self.interpolator.begin_next(&mut self.queue) {
             self.stream_start_ticks.get_or_insert(self.now_ticks - 1);
-            self.take_base();
         }
     }
 
     fn may_move(&self) -> bool {
         !self.paused && !self.aborting && self.fault.is_none()
-    }
-
-    fn take_base(&mut self) {
-        let base = self.interpolator.base();
-        self.joints.set_base(base);
-        self.flow.set_base(base[CHANNEL_VOLUME]);
     }
 
     /// Starts the flow events whose place segment time has reached.
@@ -254,18 +250,20 @@ impl Motion {
         }
     }
 
-    /// Where the motors are to be, for the pose of now.
-    fn targets_now(&mut self) -> Result<[i64; MOTORS_MAX], Fault> {
+    /// Sets where the motors are to be, for the pose of now.
+    fn set_targets(&mut self) -> Result<(), Fault> {
         if !self.follows_path {
-            return Ok(self.programmer.newest_targets());
+            // The targets stay what they were.
+            return Ok(());
         }
-        let offset = self.interpolator.offset();
-        let mut targets = [0; MOTORS_MAX];
-        self.joints.targets(&offset, &mut targets)?;
-        if let Some(extruder) = targets.get_mut(self.joints.count()) {
-            *extruder = self.flow.target(offset[CHANNEL_VOLUME]);
-        }
-        Ok(targets)
+        let targets = self.programmer.targets_mut();
+        self.joints.targets(&self.interpolator, targets)?;
+        let extruder = self.joints.count() % MOTORS_MAX;
+        let base = self.interpolator.bases()[extruder].position;
+        let volume = self.interpolator.offset().of(CHANNEL_VOLUME);
+        self.programmer
+            .set_target(extruder, self.flow.target(base, volume));
+        Ok(())
     }
 
     /// Chooses the path rate and moves segment time on by it.
@@ -281,8 +279,8 @@ impl Motion {
             self.underruns = self.underruns.saturating_add(1);
         }
         self.held = held;
-        if self.interpolator.advance(rate_q16, &mut self.queue) {
-            self.take_base();
+        if !self.interpolator.advance(rate_q16, &mut self.queue) {
+            self.interpolator.prepare(&self.queue);
         }
         self.note_rest(rate_q16, wanted_q16);
     }
@@ -292,8 +290,15 @@ impl Motion {
     fn next_rate(&mut self, wanted_q16: u32) -> (u32, bool) {
         let ceiling_at_end = self.interpolator.ceiling_at_end(&self.queue);
         let steady = wanted_q16 == self.warp.rate_q16() && wanted_q16 <= TICK_Q16;
-        if steady && ceiling_at_end.stop >= CEILING_OPEN {
-            return (wanted_q16, false);
+        if steady {
+            // Up to sigma = 1 a ceiling only rises towards a span's start: what holds at its end
+            // holds in all of it.
+            let rate = wanted_q16 as f32 * (1.0 / TICK_Q16 as f32);
+            let stays = wanted_q16 < self.interpolator.remaining_q16();
+            let ceiling = ceiling_at_end.stop;
+            if ceiling >= CEILING_OPEN || (stays && rate * rate <= ceiling) {
+                return (wanted_q16, false);
+            }
         }
         let load = *self.interpolator.load();
         self.warp.step(&WarpBounds {
@@ -387,6 +392,7 @@ impl Motion {
     /// Drops what is queued; the head stays where it rests.
     fn forget_stream(&mut self) {
         self.queue.clear();
+        self.interpolator.forget_next();
         self.events.clear();
         self.flow.cut();
         self.warp.stop();

@@ -3,16 +3,9 @@
 //! The next program is written into the bank that does not play, so that the tick in which the
 //! intervals change only swaps the banks.
 
-use super::{INTERVAL_TICKS_MAX, INTERVAL_TICKS_MIN, StepProgram, Stopped};
+use super::{INTERVAL_TICKS_MAX, INTERVAL_TICKS_MIN, Rate, StepProgram, Stopped};
 use crate::configuration::MOTORS_MAX;
 use crate::output::StepOutput;
-
-/// Velocity and acceleration of one motor, 2^-31 steps and step ticks.
-#[derive(Clone, Copy, Debug, Default)]
-struct Rate {
-    velocity: i32,
-    acceleration: i32,
-}
 
 impl Rate {
     /// One step tick of a second-order integrator; bit 31 of the result says that a step is due.
@@ -76,12 +69,8 @@ impl StepEngine {
     pub fn load(&mut self, program: &StepProgram) {
         let [first, second] = &mut self.banks;
         let bank = if self.second { first } else { second };
-        let rates = program.velocity.iter().zip(&program.acceleration);
-        for (rate, (&velocity, &acceleration)) in bank.rates.iter_mut().zip(rates) {
-            *rate = Rate {
-                velocity,
-                acceleration,
-            };
+        for (rate, track) in bank.rates.iter_mut().zip(&program.tracks) {
+            *rate = track.rate;
         }
         bank.directions = program.directions;
         bank.reversing = program.reversing;

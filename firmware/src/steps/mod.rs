@@ -19,6 +19,7 @@ mod engine;
 mod programmer;
 
 pub use engine::StepEngine;
+use programmer::MotorTrack;
 pub use programmer::{StepProgrammer, StepRateExceeded};
 
 use crate::configuration::MOTORS_MAX;
@@ -33,37 +34,72 @@ pub const INTERVAL_TICKS_MAX: u32 = 256;
 /// Fewest: the reciprocals fit 32 bits.
 pub const INTERVAL_TICKS_MIN: u32 = 65;
 
+/// Fraction bits of [`StepScale`].
+const SCALE_BITS: u32 = 60;
+/// Those of them that a position does not have.
+const REST_BITS: u32 = SCALE_BITS - POSITION_FRACTION_BITS;
+const REST_MASK: i64 = (1 << REST_BITS) - 1;
+
 /// Converts channel units to positions in 2^-31 steps.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct StepScale {
-    /// Steps per channel unit, 60 fraction bits.
-    per_unit_q60: i64,
-    /// The same for offsets.
-    per_unit: f32,
+    /// 2^-31 steps per channel unit, rounded down.
+    per_unit: i64,
+    /// What is left, 2^-60 steps.
+    per_unit_rest: i32,
+    /// Steps per channel unit, for offsets.
+    per_unit_single: f32,
+}
+
+/// A whole number of units as a position, exact however often it is moved.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub struct ScaledUnits {
+    /// 2^-31 steps, rounded down.
+    pub position: i64,
+    /// What is left, 2^-60 steps.
+    rest: i32,
 }
 
 impl StepScale {
     /// `steps_per_unit`: motor steps per channel unit (0.1 µm, µrad, 10⁻⁶ mm³), below 4.
     pub fn new(steps_per_unit: f64) -> Self {
-        const ONE_Q60: f64 = (1u64 << 60) as f64;
-        let scaled = steps_per_unit * ONE_Q60;
+        const ONE: f64 = (1u64 << SCALE_BITS) as f64;
+        let scaled = steps_per_unit * ONE;
         let half = if scaled < 0.0 { -0.5 } else { 0.5 };
+        let whole = (scaled + half) as i64;
         Self {
-            per_unit_q60: (scaled + half) as i64,
-            per_unit: steps_per_unit as f32,
+            per_unit: whole >> REST_BITS,
+            per_unit_rest: (whole & REST_MASK) as i32,
+            per_unit_single: steps_per_unit as f32,
         }
     }
 
-    /// Exact position of an integer number of units, to the last of its 31 fraction bits.
-    pub fn position(&self, units: i64) -> i64 {
-        let product = i128::from(units) * i128::from(self.per_unit_q60);
-        (product >> (60 - POSITION_FRACTION_BITS)) as i64
+    /// Exact position of an integer number of units.
+    pub fn scaled(&self, units: i64) -> ScaledUnits {
+        let per_unit = (i128::from(self.per_unit) << REST_BITS) + i128::from(self.per_unit_rest);
+        let product = i128::from(units) * per_unit;
+        ScaledUnits {
+            position: (product >> REST_BITS) as i64,
+            rest: (product as i64 & REST_MASK) as i32,
+        }
     }
 
-    /// Position of a small offset in units.
+    /// A position moved by a number of units: the same as scaling the sum, at a quarter of the
+    /// instructions.
     #[inline]
-    pub fn offset(&self, units: f32) -> i64 {
-        steps_to_position(units * self.per_unit)
+    pub fn advanced(&self, from: &ScaledUnits, units: i32) -> ScaledUnits {
+        let rest = i64::from(units) * i64::from(self.per_unit_rest) + i64::from(from.rest);
+        let whole = self.per_unit.wrapping_mul(i64::from(units));
+        ScaledUnits {
+            position: (from.position.wrapping_add(whole)).wrapping_add(rest >> REST_BITS),
+            rest: (rest & REST_MASK) as i32,
+        }
+    }
+
+    /// A small offset in steps.
+    #[inline]
+    pub fn steps(&self, units: f32) -> f32 {
+        units * self.per_unit_single
     }
 }
 
@@ -76,27 +112,26 @@ pub fn steps_to_position(steps: f32) -> i64 {
     (i64::from(whole) << POSITION_FRACTION_BITS) + i64::from((fraction * STEP as f32) as i32)
 }
 
+/// Added to a position so that its whole part is the count, and bit 31 of it the engine's phase.
+pub(crate) const BIAS: i64 = STEP / 2 + STEP_THRESHOLD_BIAS;
+
 /// The whole number of steps at a position: rounded to nearest, halves up.
 pub fn count(position: i64) -> i64 {
-    biased(position) >> POSITION_FRACTION_BITS
+    position.wrapping_add(BIAS) >> POSITION_FRACTION_BITS
 }
 
-/// The position whose whole part is the count.
-#[inline]
-fn biased(position: i64) -> i64 {
-    position + (STEP / 2 + STEP_THRESHOLD_BIAS)
+/// Velocity and acceleration of one motor, 2^-31 steps and step ticks.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+struct Rate {
+    velocity: i32,
+    acceleration: i32,
 }
 
-/// The engine's phase at a position: bit 31 is the parity of the count.
-fn phase(position: i64) -> u32 {
-    biased(position) as u32
-}
-
-/// One servo interval for all motors, in 2^-31 steps and step ticks.
-#[derive(Clone, Debug, Default, PartialEq, Eq)]
+/// One servo interval for all motors.
+#[derive(Clone, Debug, Default)]
 pub struct StepProgram {
-    velocity: [i32; MOTORS_MAX],
-    acceleration: [i32; MOTORS_MAX],
+    /// With each motor's rate, what the programmer knows of it: one pointer reaches all of it.
+    tracks: [MotorTrack; MOTORS_MAX],
     /// Direction bits at the interval's start.
     directions: u8,
     /// Motors whose direction changes within the interval.
@@ -116,40 +151,6 @@ pub struct Stopped {
     pub ticks_played: u32,
     /// Program that was being played.
     serial: u32,
-}
-
-impl StepProgram {
-    /// Cleared for a new interval; velocities and accelerations are all written anew.
-    fn begin(&mut self, serial: u32) {
-        self.serial = serial;
-        self.reversing = 0;
-        self.active = 0;
-        self.phases = None;
-    }
-
-    #[inline]
-    fn set_direction(
-        &mut self,
-        directions: &mut u8,
-        motor: usize,
-        (velocity, last): (i32, i32),
-        moves: bool,
-    ) {
-        let bit = 1u8 << motor;
-        let reversing = (velocity ^ last) < 0;
-        if reversing {
-            self.reversing |= bit;
-        }
-        // A motor that only creeps within one count keeps its direction pin.
-        if reversing || moves {
-            self.active |= bit;
-            if velocity < 0 {
-                *directions &= !bit;
-            } else {
-                *directions |= bit;
-            }
-        }
-    }
 }
 
 #[cfg(test)]
