@@ -35,6 +35,7 @@ use crate::job::SegmentStream;
 use crate::part_transform::{PartTransform, PlaceError};
 use crate::plan::build_route::{PlanePass, build_route};
 use crate::plan::contour::{Contour, ContourError, SIMPLIFY_MM};
+use crate::plan::darts::fill_gaps;
 use crate::plan::joint_limits::MotionError;
 use crate::plan::layer_path::pass_curves;
 use crate::plan::measure::{LayerFigures, measure_layer};
@@ -138,7 +139,7 @@ pub fn plan_target(target: &Target, settings: &Settings) -> Result<Plan, PlanErr
         });
     }
     let start = start_pose(settings);
-    let regions = in_order(regions, &transform, start);
+    let regions = in_order(regions, &transform, start, settings);
     let (curves, region_of_curve) = plane_passes(&regions, &transform, settings);
     if curves.is_empty() {
         return Err(nothing_printable(&regions, settings));
@@ -224,11 +225,13 @@ fn start_pose(settings: &Settings) -> [f64; CHANNELS] {
     pose
 }
 
-/// Regions nearest first, and in each its passes ordered from where the last one ended.
+/// Regions nearest first, and in each its passes ordered from where the last one ended, with
+/// excursions into what they leave open.
 fn in_order(
     regions: Vec<RegionPlan>,
     transform: &PartTransform,
     start: [f64; CHANNELS],
+    settings: &Settings,
 ) -> Vec<RegionPlan> {
     let shift = Vector2::new(transform.offset_mm[0], transform.offset_mm[1]);
     let mut position = Point2::new(start[CHANNEL_X], start[CHANNEL_Y]) - shift;
@@ -245,7 +248,10 @@ fn in_order(
         region.passes = ordered(
             std::mem::take(&mut region.passes),
             region.contour.to_local(position),
+            &settings.aperture,
         );
+        let walls = region.contour.edge_index(settings.aperture.major_mm());
+        fill_gaps(&mut region.passes, &settings.aperture, &walls);
         if let Some(last) = region.passes.last().and_then(|p| p.placements.last()) {
             position = region.contour.to_input(last.at.center);
         }

@@ -8,7 +8,7 @@
 //! directions: the semi-axes of an ellipse, half the length and width of a slot, half the diagonal
 //! and width of a rectangle.
 
-use super::rounded_polygon::{Kind, RoundedPolygon};
+use super::rounded_polygon::{CORNERS_MAX, Kind, RoundedPolygon, row_range};
 use super::{Point2, Vector2};
 use std::f64::consts::{FRAC_PI_2, PI, TAU};
 
@@ -232,6 +232,47 @@ impl Aperture {
         match self {
             Aperture::Ellipse { major_mm, minor_mm } => PI * major_mm * minor_mm,
             Aperture::Rounded(shape) => shape.area_mm2(),
+        }
+    }
+
+    /// Where the line `from` + t `direction` (relative to the centre, unit direction) lies in the
+    /// aperture: the least and largest t, mm; `None` where it misses.
+    pub fn chord_mm(
+        &self,
+        heading_rad: f64,
+        from: Vector2,
+        direction: Vector2,
+    ) -> Option<[f64; 2]> {
+        match self {
+            Aperture::Ellipse { major_mm, minor_mm } => {
+                let (sin, cos) = heading_rad.sin_cos();
+                let scaled = |v: Vector2| {
+                    Vector2::new(
+                        (v.x * cos + v.y * sin) / major_mm,
+                        (v.y * cos - v.x * sin) / minor_mm,
+                    )
+                };
+                let (p, d) = (scaled(from), scaled(direction));
+                let (square, half) = (d.norm_squared(), p.dot(&d));
+                let rest = half * half - square * (p.norm_squared() - 1.0);
+                (rest >= 0.0 && square > 0.0).then(|| {
+                    let root = rest.sqrt();
+                    [(-half - root) / square, (-half + root) / square]
+                })
+            }
+            Aperture::Rounded(shape) => {
+                // Turned so that the line runs along x.
+                let line = direction.y.atan2(direction.x);
+                let turned = |v: Vector2| to_tool(line, v);
+                let mut corners = [Vector2::zeros(); CORNERS_MAX];
+                let count = shape.corners().len();
+                for (to, &corner) in corners.iter_mut().zip(shape.corners()) {
+                    *to = turned(to_plane(heading_rad, corner));
+                }
+                let start = turned(from);
+                row_range(&corners[..count], shape.radius_mm(), start.y)
+                    .map(|[low, high]| [low - start.x, high - start.x])
+            }
         }
     }
 

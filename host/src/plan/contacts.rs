@@ -26,7 +26,7 @@ pub struct Contact {
 /// Spacing and smoothing of contact samples, all lengths tied to the aperture.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct ContactSpacing {
-    /// Longest distance between samples, mm.
+    /// Distance between samples, mm; at most half as much again on short edges.
     pub spacing_mm: f64,
     /// Half-window over which normals are averaged, mm.
     pub smoothing_mm: f64,
@@ -51,7 +51,7 @@ pub fn wall_contacts(ring: &Ring, spacing: ContactSpacing) -> Vec<Contact> {
             continue;
         }
         let normal = Vector2::new(-delta.y, delta.x) / length;
-        let pieces = (length / spacing.spacing_mm).ceil().max(1.0) as usize;
+        let pieces = (length / spacing.spacing_mm).round().max(1.0) as usize;
         for piece in 0..pieces {
             contacts.push(Contact {
                 point: a + delta * ((piece as f64 + 0.5) / pieces as f64),

@@ -8,6 +8,7 @@
 //! the bins (Viterbi), then refined between them.
 
 use super::contacts::Contact;
+use crate::geometry::Vector2;
 use crate::geometry::aperture::Aperture;
 use crate::geometry::clearance::{Configuration, contact};
 use crate::geometry::edge_index::EdgeIndex;
@@ -25,6 +26,9 @@ const SLIDES_MAX: usize = 4;
 const INFEASIBLE: f64 = 25.0;
 /// A placement may cut by this share of the aperture before the final push-off.
 const CUT_SHARE_MAX: f64 = 2e-3;
+
+/// Rounds of smoothing: they halve the print time of turned corners for 0.1 % of coverage.
+const SMOOTHING_ROUNDS: usize = 6;
 
 /// One placement of the profile.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -60,11 +64,12 @@ pub fn profile(
         (false, true) => 2 * BINS,
     };
     let bin_rad = period_rad / bins as f64;
-    let costs: Vec<Vec<f32>> = contacts
-        .par_iter()
-        .map(|c| {
+    let run = Run::new(contacts, closed, aperture, walls);
+    let costs: Vec<Vec<f32>> = (0..contacts.len())
+        .into_par_iter()
+        .map(|i| {
             (0..bins)
-                .map(|bin| place(c, bin as f64 * bin_rad, aperture, walls).cost as f32)
+                .map(|bin| run.place(i, bin as f64 * bin_rad).cost as f32)
                 .collect()
         })
         .collect();
@@ -77,60 +82,189 @@ pub fn profile(
     let chosen = viterbi(&costs, &steps, bin_rad, start);
     let mut headings = unwrap_bins(&chosen, bins, bin_rad);
     if !aperture.is_round() {
-        refine(contacts, closed, aperture, walls, &steps, &mut headings);
+        refine(&run, &steps, &mut headings);
     }
-    contacts
-        .par_iter()
-        .zip(&headings)
-        .map(|(c, &heading)| {
-            let found = place(c, heading, aperture, walls);
-            Placement {
-                at: found.at,
-                feasible: found.feasible,
-                contact: *c,
+    run.placements(&headings)
+}
+
+/// The profile again for slightly other contacts, starting from the headings of `before`.
+pub fn refined(
+    contacts: &[Contact],
+    closed: bool,
+    before: &[Placement],
+    aperture: &Aperture,
+    walls: &EdgeIndex,
+) -> Vec<Placement> {
+    let mut headings: Vec<f64> = before.iter().map(|p| p.at.heading_rad).collect();
+    let run = Run::new(contacts, closed, aperture, walls);
+    if !aperture.is_round() && contacts.len() > 1 {
+        let steps = steps_mm(contacts, closed, aperture);
+        refine(&run, &steps, &mut headings);
+    }
+    run.placements(&headings)
+}
+
+/// Smooths a run by rounds of [1 2 1] / 4 over centres and headings; the ends of an open one stay.
+pub fn smooth(placements: &mut [Placement], closed: bool, aperture: &Aperture) {
+    let count = placements.len();
+    if count < 4 {
+        return;
+    }
+    let headings: Vec<f64> = placements.iter().map(|p| p.at.heading_rad).collect();
+    let lap = if closed {
+        lap_turn(&headings, aperture.period_rad())
+    } else {
+        0.0
+    };
+    for _ in 0..SMOOTHING_ROUNDS {
+        let before: Vec<Configuration> = placements.iter().map(|p| p.at).collect();
+        for i in 0..count {
+            if !closed && (i == 0 || i + 1 == count) {
+                continue;
+            }
+            let own = before[i];
+            let (p, q) = (before[(i + count - 1) % count], before[(i + 1) % count]);
+            let back = if i == 0 { lap } else { 0.0 };
+            let ahead = if i + 1 == count { lap } else { 0.0 };
+            let sum = p.center.coords + own.center.coords * 2.0 + q.center.coords;
+            placements[i].at = Configuration {
+                center: (sum / 4.0).into(),
+                heading_rad: (p.heading_rad - back + 2.0 * own.heading_rad + q.heading_rad + ahead)
+                    / 4.0,
+            };
+        }
+    }
+}
+
+/// A run of contacts with what placing the aperture on them needs.
+struct Run<'a> {
+    contacts: &'a [Contact],
+    closed: bool,
+    aperture: &'a Aperture,
+    walls: &'a EdgeIndex,
+    /// Position of each contact along the run, mm.
+    positions_mm: Vec<f64>,
+    /// Wanted extents at equal steps along the run, mm.
+    extents_mm: Vec<f64>,
+    length_mm: f64,
+}
+
+impl<'a> Run<'a> {
+    fn new(
+        contacts: &'a [Contact],
+        closed: bool,
+        aperture: &'a Aperture,
+        walls: &'a EdgeIndex,
+    ) -> Run<'a> {
+        let mut length_mm = 0.0;
+        let mut positions_mm = Vec::with_capacity(contacts.len());
+        for contact in contacts {
+            positions_mm.push(length_mm + 0.5 * contact.length_mm);
+            length_mm += contact.length_mm;
+        }
+        let known: Vec<(f64, f64)> = contacts
+            .iter()
+            .zip(&positions_mm)
+            .filter(|(c, _)| c.length_mm > 0.0)
+            .map(|(c, &s)| (s, c.extent_mm))
+            .collect();
+        let count = (contacts.len() * EXTENTS_PER_CONTACT).max(1);
+        Run {
+            contacts,
+            closed,
+            aperture,
+            walls,
+            positions_mm,
+            extents_mm: interpolated(&known, length_mm / count as f64, count),
+            length_mm,
+        }
+    }
+
+    /// The extent wanted `along_mm` further along the run than contact `i`.
+    fn wanted_mm(&self, i: usize, along_mm: f64) -> f64 {
+        if self.contacts[i].length_mm <= 0.0 || self.length_mm <= 0.0 {
+            return self.contacts[i].extent_mm;
+        }
+        let count = self.extents_mm.len();
+        let at = (self.positions_mm[i] + along_mm) / self.length_mm;
+        let at = if self.closed {
+            at.rem_euclid(1.0)
+        } else {
+            at.clamp(0.0, 1.0)
+        };
+        self.extents_mm[((at * count as f64) as usize).min(count - 1)]
+    }
+
+    /// The placement of one contact at one heading, slid inside where it would cut a wall. A turned
+    /// aperture touches the inner side of its bead ahead of the contact or behind it: that is where
+    /// the width counts.
+    fn place(&self, i: usize, heading_rad: f64) -> Candidate {
+        let (c, aperture) = (&self.contacts[i], self.aperture);
+        let extent = aperture.extent_mm(heading_rad, c.normal);
+        let along = Vector2::new(c.normal.y, -c.normal.x);
+        let support = aperture.support_point(heading_rad, c.normal);
+        let (tangent, wanted) = if c.on_axis {
+            let center = aperture.center_on_axis(heading_rad, c.point, c.normal);
+            let ahead_mm = support.dot(&along);
+            let both = self.wanted_mm(i, ahead_mm) + self.wanted_mm(i, -ahead_mm);
+            (center, 0.5 * both)
+        } else {
+            let center = aperture.center_on_wall(heading_rad, c.point, c.normal);
+            let ahead_mm = (center + support - c.point).dot(&along);
+            (center, self.wanted_mm(i, ahead_mm))
+        };
+        let at = Configuration {
+            center: tangent,
+            heading_rad,
+        };
+        let slid = slide_inside(at, aperture, self.walls, SLIDES_MAX, CUT_SHARE_MAX);
+        let misfit = (extent - wanted).powi(2);
+        let excess = slid.map_or(INFEASIBLE, |s| (s.center - tangent).norm_squared());
+        Candidate {
+            at: slid.unwrap_or(at),
+            cost: (misfit + excess) * c.length_mm.max(0.01),
+            feasible: slid.is_some(),
+        }
+    }
+
+    fn placements(&self, headings: &[f64]) -> Vec<Placement> {
+        (0..self.contacts.len())
+            .into_par_iter()
+            .map(|i| {
+                let found = self.place(i, headings[i]);
+                Placement {
+                    at: found.at,
+                    feasible: found.feasible,
+                    contact: self.contacts[i],
+                }
+            })
+            .collect()
+    }
+}
+
+/// Entries of the table of wanted extents for each contact.
+const EXTENTS_PER_CONTACT: usize = 2;
+
+/// Values known at rising positions, linear at `count` equal steps (their middles).
+fn interpolated(known: &[(f64, f64)], step: f64, count: usize) -> Vec<f64> {
+    let mut next = 0;
+    (0..count)
+        .map(|i| {
+            let s = (i as f64 + 0.5) * step;
+            while next < known.len() && known[next].0 < s {
+                next += 1;
+            }
+            match (
+                next.checked_sub(1).and_then(|n| known.get(n)),
+                known.get(next),
+            ) {
+                (Some(p), Some(q)) if q.0 > p.0 => p.1 + (q.1 - p.1) * (s - p.0) / (q.0 - p.0),
+                (Some(p), _) => p.1,
+                (None, Some(q)) => q.1,
+                (None, None) => 0.0,
             }
         })
         .collect()
-}
-
-/// The placement of one contact at one heading, slid inside where it would cut a wall.
-fn place(c: &Contact, heading_rad: f64, aperture: &Aperture, walls: &EdgeIndex) -> Candidate {
-    let extent = aperture.extent_mm(heading_rad, c.normal);
-    let tangent = if c.on_axis {
-        aperture.center_on_axis(heading_rad, c.point, c.normal)
-    } else {
-        aperture.center_on_wall(heading_rad, c.point, c.normal)
-    };
-    let slid = slide_inside(
-        Configuration {
-            center: tangent,
-            heading_rad,
-        },
-        aperture,
-        walls,
-        SLIDES_MAX,
-        CUT_SHARE_MAX,
-    );
-    let misfit = (extent - c.extent_mm).powi(2);
-    let weight = c.length_mm.max(0.01);
-    match slid {
-        Some(at) => {
-            let slide2 = (at.center - tangent).norm_squared();
-            Candidate {
-                at,
-                cost: (misfit + slide2) * weight,
-                feasible: true,
-            }
-        }
-        None => Candidate {
-            at: Configuration {
-                center: tangent,
-                heading_rad,
-            },
-            cost: (misfit + INFEASIBLE) * weight,
-            feasible: false,
-        },
-    }
 }
 
 /// Slides a placement off the walls along their contact normals, at most `rounds` times, until it
@@ -277,17 +411,11 @@ fn unwrap_bins(chosen: &[usize], bins: usize, bin_rad: f64) -> Vec<f64> {
 
 /// Pattern search on each heading with its neighbours fixed, even contacts then odd ones, so that
 /// the result does not depend on the number of threads.
-fn refine(
-    contacts: &[Contact],
-    closed: bool,
-    aperture: &Aperture,
-    walls: &EdgeIndex,
-    steps: &[f64],
-    headings: &mut Vec<f64>,
-) {
+fn refine(run: &Run, steps: &[f64], headings: &mut Vec<f64>) {
+    let (contacts, closed) = (run.contacts, run.closed);
     let count = contacts.len();
     let lap = if closed {
-        lap_turn(headings, aperture.period_rad())
+        lap_turn(headings, run.aperture.period_rad())
     } else {
         0.0
     };
@@ -319,7 +447,7 @@ fn refine(
                             .flatten()
                             .map(|(other, step)| TURN_WEIGHT * (heading - other).powi(2) / step)
                             .sum();
-                        turn + place(&contacts[i], heading, aperture, walls).cost
+                        turn + run.place(i, heading).cost
                     };
                     best_of_three(own, width, cost)
                 })

@@ -16,8 +16,6 @@ use crate::geometry::{Point2, Vector2};
 /// Control polygon in the layer plane: x, y in mm, heading in rad.
 pub type PlaneControl = [f64; 3];
 
-/// Rounds of smoothing: they halve the print time of turned corners for 0.1 % of coverage.
-const SMOOTHING_ROUNDS: usize = 6;
 /// Poses checked in each span.
 const CHECKS: usize = 6;
 /// Rounds of pushing back; each at least halves what is left.
@@ -32,7 +30,7 @@ const MERGE_RAD: f64 = 0.02;
 /// Least spans of a curve that is kept after a cut.
 const SPANS_MIN: usize = 2;
 
-/// The printed curves of a pass: one, or several where the aperture does not fit in between.
+/// The printed curves of an opened pass: one, or several where the aperture does not fit in between.
 /// `tolerance_mm` is how deep a pose may cut.
 pub fn pass_curves(
     pass: &LayerPass,
@@ -40,12 +38,7 @@ pub fn pass_curves(
     walls: &EdgeIndex,
     tolerance_mm: f64,
 ) -> Vec<Vec<PlaneControl>> {
-    let merged = merged(pass, aperture.period_rad());
-    let mut control = sharpened(&smoothed(merged, SMOOTHING_ROUNDS));
-    if pass.closed {
-        push_inside(&mut control, aperture, walls, tolerance_mm);
-        trim_seam(&mut control, aperture);
-    }
+    let control = sharpened(&merged(pass));
     // Where pushing does not help the curve is cut; the pieces have new ends, so they are pushed
     // again. Each round removes at least one span, and few rounds ever happen.
     let mut curves = Vec::new();
@@ -99,7 +92,7 @@ fn pieces_without(control: &[PlaneControl], bad: &[bool]) -> Vec<Vec<PlaneContro
 }
 
 /// Placements as control points, near-duplicates merged.
-fn merged(pass: &LayerPass, period_rad: f64) -> Vec<PlaneControl> {
+fn merged(pass: &LayerPass) -> Vec<PlaneControl> {
     let mut control: Vec<PlaneControl> = Vec::with_capacity(pass.placements.len() + 1);
     for p in &pass.placements {
         let next = [p.at.center.x, p.at.center.y, p.at.heading_rad];
@@ -110,27 +103,8 @@ fn merged(pass: &LayerPass, period_rad: f64) -> Vec<PlaneControl> {
             control.push(next);
         }
     }
-    if pass.closed && control.len() > 2 {
-        let (first, last) = (control[0], control[control.len() - 1]);
-        let turns = ((last[2] - first[2]) / period_rad).round();
-        control.push([first[0], first[1], first[2] + turns * period_rad]);
-    }
     if control.len() == 1 {
         control.push(control[0]);
-    }
-    control
-}
-
-/// Rounds of [1 2 1] / 4 over the control points between the ends.
-fn smoothed(raw: Vec<PlaneControl>, rounds: usize) -> Vec<PlaneControl> {
-    let mut control = raw;
-    for _ in 0..rounds {
-        let before = control.clone();
-        for i in 1..control.len().saturating_sub(1) {
-            control[i] = std::array::from_fn(|c| {
-                (before[i - 1][c] + 2.0 * before[i][c] + before[i + 1][c]) / 4.0
-            });
-        }
     }
     control
 }
@@ -239,35 +213,5 @@ fn add_longer(own: &mut Vector2, other: Vector2) {
         *own += other;
     } else if other.norm_squared() > own.norm_squared() {
         *own = other;
-    }
-}
-
-/// Ends a closed run about half the along-travel extent short of its start, where the two ends of
-/// the bead meet.
-fn trim_seam(control: &mut Vec<PlaneControl>, aperture: &Aperture) {
-    if control.len() < 8 {
-        return;
-    }
-    let start = configuration(control[0]).center;
-    let along = (configuration(control[2]).center - start)
-        .try_normalize(1e-12)
-        .unwrap_or(Vector2::x());
-    let short = aperture.extent_mm(control[0][2], along);
-    let mut left = short;
-    while control.len() > 6 {
-        let n = control.len();
-        let (p, q) = (
-            configuration(control[n - 1]).center,
-            configuration(control[n - 2]).center,
-        );
-        let step = (p - q).norm();
-        if step > left {
-            let t = left / step;
-            let (last, before) = (control[n - 1], control[n - 2]);
-            control[n - 1] = std::array::from_fn(|c| last[c] + (before[c] - last[c]) * t);
-            return;
-        }
-        left -= step;
-        control.pop();
     }
 }

@@ -4,8 +4,10 @@
 
 pub mod bead_count;
 pub mod build_route;
+pub mod channel_walls;
 pub mod contacts;
 pub mod contour;
+pub mod darts;
 pub mod feasible;
 mod feasible_polygon;
 pub mod field;

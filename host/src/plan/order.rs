@@ -5,7 +5,9 @@
 //! interruption whatever the order.
 
 use super::passes::LayerPass;
-use crate::geometry::Point2;
+use crate::geometry::aperture::Aperture;
+use crate::geometry::clearance::Configuration;
+use crate::geometry::{Point2, Vector2};
 
 /// Places tried as the start of a closed pass.
 const STARTS_MAX: usize = 512;
@@ -14,9 +16,11 @@ const TWO_OPT_MAX: usize = 60;
 /// Rounds of 2-opt.
 const TWO_OPT_ROUNDS: usize = 8;
 
-/// Orders, turns and rotates the passes; `from` is where the head is. Same passes out as in.
-pub fn ordered(passes: Vec<LayerPass>, from: Point2) -> Vec<LayerPass> {
-    let order = two_opt(&passes, greedy(&passes, from), from);
+/// Orders, turns and rotates the passes, and opens the closed ones at their seams; `from` is where
+/// the head is. Same passes out as in.
+pub fn ordered(passes: Vec<LayerPass>, from: Point2, aperture: &Aperture) -> Vec<LayerPass> {
+    let period_rad = aperture.period_rad();
+    let order = two_opt(&passes, greedy(&passes, from, period_rad), from, period_rad);
     let mut position = from;
     let mut slots: Vec<Option<LayerPass>> = passes.into_iter().map(Some).collect();
     let mut result = Vec::with_capacity(order.len());
@@ -24,7 +28,7 @@ pub fn ordered(passes: Vec<LayerPass>, from: Point2) -> Vec<LayerPass> {
         let Some(pass) = slots[number].take() else {
             continue;
         };
-        let placed = started_near(pass, position);
+        let placed = opened(started_near(pass, position, period_rad), aperture);
         if let Some(last) = placed.placements.last() {
             position = last.at.center;
         }
@@ -34,32 +38,32 @@ pub fn ordered(passes: Vec<LayerPass>, from: Point2) -> Vec<LayerPass> {
 }
 
 /// Nearest pass first.
-fn greedy(passes: &[LayerPass], from: Point2) -> Vec<usize> {
+fn greedy(passes: &[LayerPass], from: Point2, period_rad: f64) -> Vec<usize> {
     let mut left: Vec<usize> = (0..passes.len()).collect();
     let mut order = Vec::with_capacity(passes.len());
     let mut position = from;
     while !left.is_empty() {
         let (mut slot, mut best) = (0, f64::INFINITY);
         for (i, &number) in left.iter().enumerate() {
-            let (found, _) = entry(&passes[number], position);
+            let (found, _) = entry(&passes[number], position, period_rad);
             if found < best {
                 (slot, best) = (i, found);
             }
         }
         let number = left.remove(slot);
-        position = exit_after(&passes[number], position);
+        position = exit_after(&passes[number], position, period_rad);
         order.push(number);
     }
     order
 }
 
 /// Distance to the nearest start of a pass, and which placement that is.
-fn entry(pass: &LayerPass, from: Point2) -> (f64, usize) {
+fn entry(pass: &LayerPass, from: Point2, period_rad: f64) -> (f64, usize) {
     let count = pass.placements.len();
     let candidates: Vec<usize> = if pass.closed {
         let stride = count.div_ceil(STARTS_MAX).max(1);
         let all = || (0..count).step_by(stride);
-        let calm: Vec<usize> = all().filter(|&i| is_calm(pass, i)).collect();
+        let calm: Vec<usize> = all().filter(|&i| is_calm(pass, i, period_rad)).collect();
         if calm.is_empty() {
             all().collect()
         } else {
@@ -80,7 +84,7 @@ fn entry(pass: &LayerPass, from: Point2) -> (f64, usize) {
 
 /// True where wall and heading hardly turn around placement `i`: a seam closes well there, and
 /// badly in a corner.
-fn is_calm(pass: &LayerPass, i: usize) -> bool {
+fn is_calm(pass: &LayerPass, i: usize, period_rad: f64) -> bool {
     let count = pass.placements.len();
     let own = &pass.placements[i];
     [CALM_WINDOW / 2, CALM_WINDOW].iter().all(|&n| {
@@ -88,10 +92,9 @@ fn is_calm(pass: &LayerPass, i: usize) -> bool {
             .iter()
             .all(|&j| {
                 let other = &pass.placements[j];
-                let turn =
-                    (other.at.heading_rad - own.at.heading_rad).rem_euclid(std::f64::consts::PI);
+                let turn = (other.at.heading_rad - own.at.heading_rad).rem_euclid(period_rad);
                 own.contact.normal.dot(&other.contact.normal) > CALM_COS
-                    && turn.min(std::f64::consts::PI - turn) < CALM_TURN_RAD
+                    && turn.min(period_rad - turn) < CALM_TURN_RAD
             })
     })
 }
@@ -104,38 +107,38 @@ const CALM_COS: f64 = 0.985;
 const CALM_TURN_RAD: f64 = 0.3;
 
 /// Where the head is after the pass, entered from `from`.
-fn exit_after(pass: &LayerPass, from: Point2) -> Point2 {
-    let (_, start) = entry(pass, from);
+fn exit_after(pass: &LayerPass, from: Point2, period_rad: f64) -> Point2 {
+    let (_, start) = entry(pass, from, period_rad);
     let last = pass.placements.len() - 1;
     let end = if pass.closed { start } else { last - start };
     pass.placements[end].at.center
 }
 
 /// Travel of an order, mm.
-fn travel_mm(passes: &[LayerPass], order: &[usize], from: Point2) -> f64 {
+fn travel_mm(passes: &[LayerPass], order: &[usize], from: Point2, period_rad: f64) -> f64 {
     let mut position = from;
     let mut total = 0.0;
     for &number in order {
-        total += entry(&passes[number], position).0;
-        position = exit_after(&passes[number], position);
+        total += entry(&passes[number], position, period_rad).0;
+        position = exit_after(&passes[number], position, period_rad);
     }
     total
 }
 
 /// Reverses stretches of the order while that shortens the travel.
-fn two_opt(passes: &[LayerPass], order: Vec<usize>, from: Point2) -> Vec<usize> {
+fn two_opt(passes: &[LayerPass], order: Vec<usize>, from: Point2, period_rad: f64) -> Vec<usize> {
     let count = order.len();
     if !(3..=TWO_OPT_MAX).contains(&count) {
         return order;
     }
     let mut order = order;
-    let mut best = travel_mm(passes, &order, from);
+    let mut best = travel_mm(passes, &order, from, period_rad);
     for _ in 0..TWO_OPT_ROUNDS {
         let before = best;
         for i in 0..count - 1 {
             for j in i + 1..count {
                 order[i..=j].reverse();
-                let found = travel_mm(passes, &order, from);
+                let found = travel_mm(passes, &order, from, period_rad);
                 if found + 1e-9 < best {
                     best = found;
                 } else {
@@ -151,8 +154,8 @@ fn two_opt(passes: &[LayerPass], order: Vec<usize>, from: Point2) -> Vec<usize> 
 }
 
 /// The pass turned or rotated so that it starts nearest to `from`.
-fn started_near(pass: LayerPass, from: Point2) -> LayerPass {
-    let (_, start) = entry(&pass, from);
+fn started_near(pass: LayerPass, from: Point2, period_rad: f64) -> LayerPass {
+    let (_, start) = entry(&pass, from, period_rad);
     let mut pass = pass;
     if !pass.closed {
         if start > 0 {
@@ -164,10 +167,52 @@ fn started_near(pass: LayerPass, from: Point2) -> LayerPass {
     let count = pass.placements.len();
     let first = pass.placements[0].at.heading_rad;
     let last = pass.placements[count - 1].at.heading_rad;
-    let lap = ((last - first) / std::f64::consts::PI).round() * std::f64::consts::PI;
+    let lap = ((last - first) / period_rad).round() * period_rad;
     pass.placements.rotate_left(start);
     for placement in &mut pass.placements[count - start..] {
         placement.at.heading_rad += lap;
+    }
+    pass
+}
+
+/// How far before its start a closed run ends, against the aperture's extent along the travel:
+/// what the two ends then overlap about equals what they leave open.
+const SEAM_SHARE: f64 = 1.4;
+/// Least placements that the cut at the seam leaves.
+const OPENED_MIN: usize = 6;
+
+/// A closed pass as an open one that ends a little short of its start.
+fn opened(mut pass: LayerPass, aperture: &Aperture) -> LayerPass {
+    if !pass.closed || pass.placements.len() < OPENED_MIN {
+        pass.closed = false;
+        return pass;
+    }
+    pass.closed = false;
+    let placements = &mut pass.placements;
+    let (first, last) = (placements[0], placements[placements.len() - 1]);
+    let period_rad = aperture.period_rad();
+    let turns = ((last.at.heading_rad - first.at.heading_rad) / period_rad).round();
+    let mut end = first;
+    end.at.heading_rad += turns * period_rad;
+    placements.push(end);
+    let along = (placements[2].at.center - first.at.center)
+        .try_normalize(1e-12)
+        .unwrap_or(Vector2::x());
+    let mut left = SEAM_SHARE * aperture.extent_mm(first.at.heading_rad, along);
+    while placements.len() > OPENED_MIN {
+        let n = placements.len();
+        let (last, before) = (placements[n - 1].at, placements[n - 2].at);
+        let step = (last.center - before.center).norm();
+        if step > left {
+            let t = left / step;
+            placements[n - 1].at = Configuration {
+                center: last.center + (before.center - last.center) * t,
+                heading_rad: last.heading_rad + (before.heading_rad - last.heading_rad) * t,
+            };
+            break;
+        }
+        left -= step;
+        placements.pop();
     }
     pass
 }

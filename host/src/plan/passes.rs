@@ -8,9 +8,10 @@
 //! Input: region (mm), pruned axis. Output: [`LayerPass`]es, unordered, in region coordinates.
 
 use super::bead_count::{bead_counts, blended};
+use super::channel_walls::Laid;
 use super::contacts::{Contact, ContactSpacing, resampled, wall_contacts};
 use super::field::Field;
-use super::heading_profile::{Placement, profile};
+use super::heading_profile::{Placement, profile, refined, smooth};
 use super::single_runs::{SingleRun, split_region};
 use super::skeleton::Axis;
 use crate::geometry::Point2;
@@ -152,10 +153,16 @@ fn piece_passes(
     let beads = blended(axis, &counts, lengths.axis_mm, lengths.blend_mm);
     let field = Field::new(&walls, axis, &beads, lengths.grid_mm);
     let channels = (field.max().ceil() as usize).clamp(1, CHANNELS_MAX);
-    (1..=channels)
-        .into_par_iter()
-        .flat_map(|channel| channel_passes(channel, piece, &walls, &field, settings, lengths))
-        .collect()
+    let mut laid = Laid::new(aperture);
+    let mut all = Vec::new();
+    for channel in 1..=channels {
+        let found = channel_passes(channel, piece, &walls, &field, &laid, settings, lengths);
+        for pass in &found {
+            laid.add(0, &pass.placements, pass.closed);
+        }
+        all.extend(found);
+    }
+    all
 }
 
 /// The passes of one channel: one for each ring of its outer wall, or several where parts of the
@@ -165,6 +172,7 @@ fn channel_passes(
     piece: &Region,
     walls: &EdgeIndex,
     field: &Field,
+    laid: &Laid,
     settings: &PassSettings,
     lengths: Lengths,
 ) -> Vec<LayerPass> {
@@ -177,6 +185,7 @@ fn channel_passes(
             .iter()
             .filter(|ring| ring.perimeter_mm() > 4.0 * aperture.minor_mm())
             .map(|ring| resampled(ring, lengths.contact_mm, 4))
+            .map(|ring| laid.moved_wall(&ring, lengths.contact_mm))
             .collect()
     };
     let own_walls;
@@ -203,7 +212,7 @@ fn channel_passes(
                 contact.extent_mm = settings.law_extent_mm(contact.extent_mm);
             }
             let placements = profile(&run, closed, aperture, channel_walls);
-            found.extend(feasible_runs(placements, closed).into_iter().map(
+            found.extend(feasible_runs(placements, closed, aperture).into_iter().map(
                 |(placements, closed)| LayerPass {
                     kind: PassKind::TwoPass,
                     channel: channel as u32,
@@ -213,8 +222,63 @@ fn channel_passes(
             ));
         }
     }
-    found.retain(|pass| run_length_mm(pass) > 0.5 * aperture.minor_mm());
+    for _ in 0..RELAX_ROUNDS {
+        relax(&mut found, channel, field, channel_walls, aperture, lengths);
+    }
+    found.retain(|pass| pass.closed || run_length_mm(pass) > RUN_SHARE_MIN * aperture.major_mm());
     found
+}
+
+/// Rounds in which the innermost beads share out what lies between them.
+const RELAX_ROUNDS: usize = 5;
+
+/// Gives each half of the gap (or overlap) that two innermost beads leave between them to the
+/// width that is wanted of either, and refines their headings.
+fn relax(
+    found: &mut [LayerPass],
+    channel: usize,
+    field: &Field,
+    walls: &EdgeIndex,
+    aperture: &Aperture,
+    lengths: Lengths,
+) {
+    let mut laid = Laid::new(aperture);
+    for (run, pass) in found.iter().enumerate() {
+        laid.add(run as u32, &pass.placements, pass.closed);
+    }
+    found.par_iter_mut().enumerate().for_each(|(run, pass)| {
+        let count = pass.placements.len();
+        let mut moved = false;
+        let contacts: Vec<Contact> = (0..count)
+            .map(|i| {
+                let mut contact = pass.placements[i].contact;
+                if contact.length_mm > 0.0
+                    && meets_axis(&contact, channel, field, lengths.grid_mm)
+                    && let Some(gap) =
+                        laid.facing_gap_mm(&contact, run as u32, i, count, pass.closed)
+                {
+                    let share =
+                        (0.25 * gap).clamp(-0.3 * aperture.minor_mm(), 0.3 * aperture.minor_mm());
+                    contact.extent_mm =
+                        (contact.extent_mm + share).clamp(aperture.minor_mm(), aperture.major_mm());
+                    moved = true;
+                }
+                contact
+            })
+            .collect();
+        if moved {
+            pass.placements = refined(&contacts, pass.closed, &pass.placements, aperture, walls);
+            smooth(&mut pass.placements, pass.closed, aperture);
+        }
+    });
+}
+
+/// True where the channel's inner wall is the medial axis: the field falls again behind it.
+fn meets_axis(contact: &Contact, channel: usize, field: &Field, grid_mm: f64) -> bool {
+    let along = |t: f64| field.at(contact.point + contact.normal * t);
+    let width = 2.0 * contact.extent_mm;
+    let beyond = (1..=8).map(|i| along(width + 0.5 * grid_mm * i as f64));
+    beyond.fold(f64::NEG_INFINITY, f64::max) < channel as f64 + 0.3
 }
 
 /// Distance along the normal from the channel's outer wall to its inner one (or to the axis).
@@ -258,9 +322,20 @@ fn printable_runs(contacts: &[Contact], aperture: &Aperture) -> Vec<(Vec<Contact
 /// Least half-width of a channel against b for a bead to be laid in it.
 const WIDTH_SHARE_MIN: f64 = 0.7;
 
-/// Splits a profile where no heading fits.
-fn feasible_runs(placements: Vec<Placement>, closed: bool) -> Vec<(Vec<Placement>, bool)> {
-    split_cyclic(&placements, closed, |p| p.feasible)
+/// Shortest open run of a channel against a: a shorter one would lay one blot on its neighbours.
+const RUN_SHARE_MIN: f64 = 2.0;
+
+/// Splits a profile where no heading fits, and smooths what remains.
+fn feasible_runs(
+    placements: Vec<Placement>,
+    closed: bool,
+    aperture: &Aperture,
+) -> Vec<(Vec<Placement>, bool)> {
+    let mut runs = split_cyclic(&placements, closed, |p| p.feasible);
+    for (run, closed) in &mut runs {
+        smooth(run, *closed, aperture);
+    }
+    runs
 }
 
 /// Maximal runs of a (cyclic) sequence that satisfy `keep`; a fully kept cycle stays closed.
@@ -315,7 +390,7 @@ fn run_length_mm(pass: &LayerPass) -> f64 {
 /// A single run on the axis: the aperture spans the passage.
 fn single_passes(run: &SingleRun, walls: &EdgeIndex, settings: &PassSettings) -> Vec<LayerPass> {
     let placements = profile(&run.contacts, run.closed, &settings.aperture, walls);
-    feasible_runs(placements, run.closed)
+    feasible_runs(placements, run.closed, &settings.aperture)
         .into_iter()
         .map(|(placements, closed)| LayerPass {
             kind: PassKind::OnePass,

@@ -1,0 +1,362 @@
+//! Darts: short excursions from a pass into what all passes together leave open.
+//!
+//! Corners, junctions of the medial axis and changes of the bead count leave small gaps that no
+//! channel fits. For each gap the placement with the largest gain (newly covered area less what it
+//! covers again) is searched over position and heading; the nearest placement of a pass goes there
+//! and comes back, without an interruption of flow.
+
+use super::channel_walls::{poses_between, turn_to};
+use super::heading_profile::Placement;
+use super::passes::LayerPass;
+use crate::geometry::aperture::Aperture;
+use crate::geometry::clearance::{Configuration, is_inside};
+use crate::geometry::coverage::{Cell, Coverage, SweptPose};
+use crate::geometry::edge_index::EdgeIndex;
+use crate::geometry::{Point2, Vector2};
+use rayon::prelude::*;
+
+/// Least area of a gap that is worth an excursion, against that of the aperture (0.006 mm² for
+/// the 0.6 x 0.2 mm ellipse).
+const GAP_SHARE_MIN: f64 = 0.016;
+/// Least net gain of an excursion, against the aperture's area.
+const GAIN_SHARE_MIN: f64 = 0.010;
+/// What covering a place again costs against covering a new one.
+const AGAIN_WEIGHT: f64 = 0.35;
+/// Rounds of looking for gaps: a large one takes several excursions.
+const ROUNDS: usize = 4;
+/// Headings tried over the aperture's period.
+const HEADINGS: usize = 12;
+/// Places tried in each gap.
+const SEEDS: usize = 12;
+/// Rounds of the refining pattern search, each with half the step of the one before.
+const REFINE_ROUNDS: usize = 5;
+/// Placements of the passes tried as the start of an excursion.
+const STARTS: usize = 12;
+/// Longest excursion, against the major semi-axis.
+const REACH: f64 = 3.0;
+/// Raster cell against the minor semi-axis, and most cells.
+const CELL_SHARE: f64 = 0.1;
+const CELLS_MAX: usize = 6_000_000;
+/// Step of the excursion, mm against b and rad.
+const STEP_SHARE: f64 = 0.6;
+const STEP_RAD: f64 = 0.2;
+/// An excursion may cut the wall by this share of the aperture; the finished curve is pushed off.
+const CUT_SHARE: f64 = 1e-3;
+
+/// Fills the gaps that `passes` leave in the region bounded by `walls`.
+pub fn fill_gaps(passes: &mut [LayerPass], aperture: &Aperture, walls: &EdgeIndex) {
+    let mut raster = Raster::of(passes, aperture, walls);
+    for _ in 0..ROUNDS {
+        let gaps = raster.gaps();
+        let found: Vec<Option<Configuration>> = gaps
+            .par_iter()
+            .map(|gap| raster.best_placement(gap, aperture, walls))
+            .collect();
+        let mut darts: Vec<Dart> = Vec::new();
+        for at in found.into_iter().flatten() {
+            // Excursions of this round may have closed it already.
+            if raster.gain_mm2(aperture, at) < GAIN_SHARE_MIN * aperture.area_mm2() {
+                continue;
+            }
+            if let Some(dart) = Dart::to(at, passes, aperture, walls) {
+                raster.cover(aperture, &dart.excursion);
+                darts.push(dart);
+            }
+        }
+        if darts.is_empty() {
+            return;
+        }
+        insert(passes, darts);
+    }
+}
+
+/// An excursion from a placement of a pass.
+struct Dart {
+    pass: usize,
+    after: usize,
+    /// Out and back, the start left out at the beginning and repeated at the end.
+    excursion: Vec<Configuration>,
+}
+
+impl Dart {
+    /// The excursion to `at` from the nearest placement that has a free way there.
+    fn to(
+        at: Configuration,
+        passes: &[LayerPass],
+        aperture: &Aperture,
+        walls: &EdgeIndex,
+    ) -> Option<Dart> {
+        let swing = 0.5 * (aperture.major_mm() + aperture.minor_mm());
+        let reach = REACH * aperture.major_mm();
+        let mut starts: Vec<(f64, usize, usize)> = Vec::new();
+        for (p, pass) in passes.iter().enumerate() {
+            for (i, placement) in pass.placements.iter().enumerate() {
+                let apart = (placement.at.center - at.center).norm();
+                if apart < reach {
+                    let turn = turn_to(aperture, placement.at.heading_rad, at.heading_rad).abs();
+                    starts.push((apart + swing * turn, p, i));
+                }
+            }
+        }
+        starts.sort_by(|s, t| s.0.total_cmp(&t.0).then((s.1, s.2).cmp(&(t.1, t.2))));
+        starts.truncate(STARTS);
+        starts.into_iter().find_map(|(_, pass, after)| {
+            let excursion = excursion(passes[pass].placements[after].at, at, aperture);
+            excursion
+                .iter()
+                .all(|&u| is_inside(aperture, u, walls, -CUT_SHARE))
+                .then_some(Dart {
+                    pass,
+                    after,
+                    excursion,
+                })
+        })
+    }
+}
+
+/// Out to `to` and back, starting and stopping gently at both ends.
+fn excursion(from: Configuration, to: Configuration, aperture: &Aperture) -> Vec<Configuration> {
+    let turn = turn_to(aperture, from.heading_rad, to.heading_rad);
+    let delta = to.center - from.center;
+    let steps = (delta.norm() / (STEP_SHARE * aperture.minor_mm()))
+        .max(turn.abs() / STEP_RAD)
+        .ceil()
+        .max(2.0) as usize;
+    let at = |step: usize| {
+        let t = 0.5 - 0.5 * (std::f64::consts::PI * step as f64 / steps as f64).cos();
+        Configuration {
+            center: from.center + delta * t,
+            heading_rad: from.heading_rad + turn * t,
+        }
+    };
+    (1..=steps).chain((0..steps).rev()).map(at).collect()
+}
+
+/// Inserts the excursions behind their placements, last first so that the numbers stay right.
+fn insert(passes: &mut [LayerPass], mut darts: Vec<Dart>) {
+    darts.sort_by_key(|d| std::cmp::Reverse((d.pass, d.after)));
+    for dart in darts {
+        let placements = &mut passes[dart.pass].placements;
+        let contact = placements[dart.after].contact;
+        let excursion = dart.excursion.into_iter().map(|at| Placement {
+            at,
+            feasible: true,
+            contact,
+        });
+        placements.splice(dart.after + 1..dart.after + 1, excursion);
+    }
+}
+
+/// The coverage raster while gaps are filled.
+struct Raster {
+    coverage: Coverage,
+}
+
+impl Raster {
+    fn of(passes: &[LayerPass], aperture: &Aperture, walls: &EdgeIndex) -> Raster {
+        let mut poses = Vec::new();
+        for (number, pass) in passes.iter().enumerate() {
+            let mut push = |at: Configuration| {
+                poses.push(SweptPose {
+                    at,
+                    pass: number as u32,
+                    path_mm: 0.0,
+                });
+            };
+            let placements = &pass.placements;
+            for (i, placement) in placements.iter().enumerate() {
+                push(placement.at);
+                let next = match i + 1 {
+                    n if n < placements.len() => placements[n].at,
+                    _ if pass.closed => placements[0].at,
+                    _ => continue,
+                };
+                poses_between(aperture, placement.at, next).for_each(&mut push);
+            }
+        }
+        let cell_mm = CELL_SHARE * aperture.minor_mm();
+        Raster {
+            coverage: Coverage::sweep(walls, aperture, &poses, cell_mm, CELLS_MAX, f64::MAX),
+        }
+    }
+
+    fn cell_area_mm2(&self) -> f64 {
+        self.coverage.cell_mm.powi(2)
+    }
+
+    /// Connected sets of open cells, large ones first to last in raster order.
+    fn gaps(&self) -> Vec<Vec<u32>> {
+        let (cells, columns) = (&self.coverage.cells, self.coverage.columns);
+        let mut seen = vec![false; cells.len()];
+        let mut gaps = Vec::new();
+        for seed in 0..cells.len() {
+            if seen[seed] || cells[seed] != Cell::Gap {
+                continue;
+            }
+            seen[seed] = true;
+            let mut gap = vec![seed as u32];
+            let mut head = 0;
+            while head < gap.len() {
+                let at = gap[head] as usize;
+                head += 1;
+                let (column, row) = (at % columns, at / columns);
+                let around = [
+                    (column > 0).then(|| at - 1),
+                    (column + 1 < columns).then(|| at + 1),
+                    (row > 0).then(|| at - columns),
+                    (row + 1 < self.coverage.rows).then(|| at + columns),
+                ];
+                for next in around.into_iter().flatten() {
+                    if !seen[next] && cells[next] == Cell::Gap {
+                        seen[next] = true;
+                        gap.push(next as u32);
+                    }
+                }
+            }
+            gaps.push(gap);
+        }
+        gaps
+    }
+
+    /// The placement in or about a gap with the largest gain, if any is worth its way.
+    fn best_placement(
+        &self,
+        gap: &[u32],
+        aperture: &Aperture,
+        walls: &EdgeIndex,
+    ) -> Option<Configuration> {
+        let area = aperture.area_mm2();
+        if (gap.len() as f64) * self.cell_area_mm2() < GAP_SHARE_MIN * area {
+            return None;
+        }
+        let headings = if aperture.is_round() { 1 } else { HEADINGS };
+        let value = |at: Configuration| {
+            let gain = self.gain_mm2(aperture, at);
+            // The costly query only where it can matter.
+            if gain > 0.0 && is_inside(aperture, at, walls, 0.0) {
+                gain
+            } else {
+                f64::NEG_INFINITY
+            }
+        };
+        let mut best: Option<(f64, Configuration)> = None;
+        for &seed in gap.iter().step_by(gap.len().div_ceil(SEEDS)) {
+            let center = self.coverage.center(seed as usize);
+            for heading in 0..headings {
+                let heading_rad = aperture.period_rad() * heading as f64 / headings as f64;
+                let starts = self.starts_about(center, heading_rad, aperture);
+                for at in starts {
+                    let found = value(at);
+                    if found > best.map_or(0.0, |b| b.0) {
+                        best = Some((found, at));
+                    }
+                }
+            }
+        }
+        let (found, at) =
+            self.refined(best?, 0.5 * aperture.period_rad() / headings as f64, &value);
+        (found >= GAIN_SHARE_MIN * area).then_some(at)
+    }
+
+    /// The placement centred on a place, and those that touch it with an end or a side.
+    fn starts_about(&self, p: Point2, heading_rad: f64, aperture: &Aperture) -> [Configuration; 5] {
+        let along = Vector2::new(heading_rad.cos(), heading_rad.sin());
+        let across = Vector2::new(-along.y, along.x);
+        let end = along * (0.7 * aperture.major_mm());
+        let side = across * (0.6 * aperture.minor_mm());
+        [Vector2::zeros(), end, -end, side, -side].map(|shift| Configuration {
+            center: p + shift,
+            heading_rad,
+        })
+    }
+
+    /// Pattern search about the best start.
+    fn refined(
+        &self,
+        start: (f64, Configuration),
+        step_rad: f64,
+        value: &impl Fn(Configuration) -> f64,
+    ) -> (f64, Configuration) {
+        let (mut best, mut at) = start;
+        let mut step_mm = 4.0 * self.coverage.cell_mm;
+        let mut step_rad = step_rad;
+        for _ in 0..REFINE_ROUNDS {
+            let moves = [
+                (step_mm, 0.0, 0.0),
+                (-step_mm, 0.0, 0.0),
+                (0.0, step_mm, 0.0),
+                (0.0, -step_mm, 0.0),
+                (0.0, 0.0, step_rad),
+                (0.0, 0.0, -step_rad),
+            ];
+            let mut improved = false;
+            for (x, y, turn) in moves {
+                let next = Configuration {
+                    center: at.center + Vector2::new(x, y),
+                    heading_rad: at.heading_rad + turn,
+                };
+                let found = value(next);
+                if found > best {
+                    (best, at, improved) = (found, next, true);
+                }
+            }
+            if !improved {
+                step_mm *= 0.5;
+                step_rad *= 0.5;
+            }
+        }
+        (best, at)
+    }
+
+    /// Newly covered area less the weighted area covered again, mm².
+    fn gain_mm2(&self, aperture: &Aperture, at: Configuration) -> f64 {
+        let (mut open, mut again) = (0usize, 0usize);
+        self.for_cells(aperture, at, |cell| match self.coverage.cells[cell] {
+            Cell::Gap => open += 1,
+            Cell::Covered | Cell::Overlap => again += 1,
+            Cell::Outside | Cell::Spill => {}
+        });
+        (open as f64 - AGAIN_WEIGHT * again as f64) * self.cell_area_mm2()
+    }
+
+    /// Marks what an excursion covers.
+    fn cover(&mut self, aperture: &Aperture, excursion: &[Configuration]) {
+        let mut cells = Vec::new();
+        for pair in excursion.windows(2) {
+            self.for_cells(aperture, pair[0], |cell| cells.push(cell));
+            for at in poses_between(aperture, pair[0], pair[1]) {
+                self.for_cells(aperture, at, |cell| cells.push(cell));
+            }
+        }
+        for cell in cells {
+            if self.coverage.cells[cell] == Cell::Gap {
+                self.coverage.cells[cell] = Cell::Covered;
+            }
+        }
+    }
+
+    /// Visits the cells whose centres lie in the placed aperture.
+    fn for_cells(&self, aperture: &Aperture, at: Configuration, mut visit: impl FnMut(usize)) {
+        let raster = &self.coverage;
+        let reach = aperture.reach_mm();
+        let row_of = |y: f64| ((y - raster.origin.y) / raster.cell_mm).floor();
+        let first = row_of(at.center.y - reach).max(0.0) as usize;
+        let last = row_of(at.center.y + reach).min(raster.rows as f64 - 1.0);
+        for row in first..=last.max(0.0) as usize {
+            let y = raster.origin.y + (row as f64 + 0.5) * raster.cell_mm;
+            let from = Vector2::new(0.0, y - at.center.y);
+            let Some([low, high]) = aperture.chord_mm(at.heading_rad, from, Vector2::x()) else {
+                continue;
+            };
+            let column_of = |x: f64| (at.center.x + x - raster.origin.x) / raster.cell_mm - 0.5;
+            let from = column_of(low).ceil().max(0.0);
+            let to = column_of(high).floor().min(raster.columns as f64 - 1.0);
+            if from > to {
+                continue;
+            }
+            for column in from as usize..=to as usize {
+                visit(row * raster.columns + column);
+            }
+        }
+    }
+}
