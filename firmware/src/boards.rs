@@ -3,6 +3,8 @@
 use crate::configuration::{
     ExtruderConfiguration, JointConfiguration, Kinematics, MachineConfiguration,
 };
+use crate::homing::HomingConfiguration;
+use core::f64::consts::TAU;
 use heapless::Vec;
 
 /// Switches of the emulated board: joint, at the upper end, and how many steps from where the
@@ -50,6 +52,66 @@ pub fn emulated_planar() -> MachineConfiguration {
             steps_per_mm3: 400.0,
             speed_max_mm3_s: 60.0,
             acceleration_max_mm3_s2: 3000.0,
+            pressure_advance_s: 0.03,
+            pressure_advance_window_ms: 40.0,
+        },
+        servo_hz: 2000,
+        step_hz: 200_000,
+    }
+}
+
+/// The machine that the `octopus` board is built for: the one in the file that `HEADWAY_MACHINE`
+/// named at build time (written by `headway machine firmware`), or the planar machine that the
+/// `headway` command has built in; with the switches of [`HomingConfiguration::standard`].
+/// `None` if the file is not a machine that can be run.
+pub fn octopus_machine() -> Option<(MachineConfiguration, HomingConfiguration)> {
+    const BUILT_FOR: &[u8] = include_bytes!(concat!(env!("OUT_DIR"), "/machine.bin"));
+    let machine = if BUILT_FOR.is_empty() {
+        built_in_planar()
+    } else {
+        postcard::from_bytes(BUILT_FOR).ok()?
+    };
+    machine.check().ok()?;
+    let switches = HomingConfiguration::standard(&machine);
+    Some((machine, switches))
+}
+
+/// The planar machine that the `headway` command plans for when it is told of no other: 250 x 250 x
+/// 200 mm, the nozzle turning without a stop. A test compares the two.
+pub fn built_in_planar() -> MachineConfiguration {
+    let belt = JointConfiguration {
+        rotary: false,
+        steps_per_unit: 80.0,
+        position_min: -5.0,
+        position_max: 255.0,
+        speed_max: 250.0,
+        acceleration_max: 3000.0,
+        jerk_max: 3.0e5,
+    };
+    let screw = JointConfiguration {
+        steps_per_unit: 400.0,
+        position_max: 205.0,
+        speed_max: 20.0,
+        acceleration_max: 200.0,
+        jerk_max: 2.0e4,
+        ..belt
+    };
+    let nozzle = JointConfiguration {
+        rotary: true,
+        steps_per_unit: 9600.0 / TAU,
+        position_min: f64::NEG_INFINITY,
+        position_max: f64::INFINITY,
+        speed_max: 1080f64.to_radians(),
+        acceleration_max: 20_000f64.to_radians(),
+        jerk_max: 2.0e6f64.to_radians(),
+    };
+    MachineConfiguration {
+        kinematics: Kinematics::Planar,
+        joints: [belt, belt, screw, nozzle].into_iter().collect(),
+        extruder: ExtruderConfiguration {
+            steps_per_mm3: 166.3,
+            speed_max_mm3_s: 80.0,
+            acceleration_max_mm3_s2: 8000.0,
             pressure_advance_s: 0.03,
             pressure_advance_window_ms: 40.0,
         },

@@ -13,6 +13,9 @@
 #[cfg(test)]
 extern crate std;
 
+#[macro_use]
+mod log;
+
 pub mod boards;
 pub mod carriers;
 pub mod configuration;

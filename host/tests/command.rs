@@ -119,6 +119,21 @@ fn wrong_usage_is_2_an_impossible_job_is_1() {
 }
 
 #[test]
+fn a_machine_for_the_firmware_reads_back_as_the_same_machine() {
+    let folder = folder("firmware");
+    let file = folder.join("machine.toml");
+    let text = succeeded(&headway(&["machine", "new", "--kind", "gantry"]));
+    std::fs::write(&file, text).expect("file");
+    let bytes = folder.join("machine.bin");
+    let said = headway(&["machine", "firmware", path(&file), "-o", path(&bytes)]);
+    assert!(succeeded(&said).contains("6 joints"));
+    let bytes = std::fs::read(&bytes).expect("file");
+    let machine: headway_firmware::configuration::MachineConfiguration =
+        postcard::from_bytes(&bytes).expect("a machine");
+    assert_eq!(machine, headway::settings::Settings::gantry().machine);
+}
+
+#[test]
 fn a_new_machine_is_in_order() {
     let folder = folder("machine");
     for kind in ["planar", "gantry"] {

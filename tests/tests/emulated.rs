@@ -105,6 +105,14 @@ fn example() -> &'static Example {
     })
 }
 
+#[test]
+fn the_board_to_flash_has_the_machine_that_the_command_plans_for() {
+    let planned = Settings::default().machine;
+    let built_in = headway_firmware::boards::built_in_planar();
+    assert_eq!(built_in, planned);
+    assert_eq!(hash_of(&built_in), hash_of(&planned));
+}
+
 /// The board in QEMU, with its UART as a socket. Killed when dropped.
 struct Emulator {
     process: Child,

@@ -165,6 +165,7 @@ impl Receiver {
             }
             Content::Control(control) => {
                 if self.take_control(sequence) {
+                    log_event!("command {}", control);
                     self.control(sequence, control, motion);
                 }
             }
@@ -191,6 +192,7 @@ impl Receiver {
         if self.host_session != Some(hello.host_session) || is_newer(sequence, self.control_taken) {
             self.control_taken = sequence;
         }
+        log_event!("host {=u32:08x} says hello", hello.host_session);
         self.host_session = Some(hello.host_session);
         self.due.welcome = true;
     }
@@ -212,6 +214,7 @@ impl Receiver {
         }
         match motion.start(&start.position) {
             Ok(()) => {
+                log_event!("job {=u32:08x} opens", start.job);
                 self.stream = Some(Stream {
                     job: start.job,
                     first_sequence: start.first_sequence,
@@ -297,6 +300,7 @@ impl Receiver {
         let Some(stream) = &mut self.stream else {
             return;
         };
+        log_event!("the stream ends after {=u32} knots", finish.knots);
         if finish.knots == stream.knots && finish.events == stream.events {
             stream.next_sequence = stream.next_sequence.wrapping_add(1);
             motion.finish();
@@ -326,12 +330,14 @@ impl Receiver {
         if ahead > u32::MAX / 2 {
             self.due.ack = true;
         } else if motion.now_ticks() >= self.nak_tick + period {
+            log_event!("{=u32} frames missing", ahead);
             self.nak_tick = motion.now_ticks();
             self.due.nak = true;
         }
     }
 
     fn refuse(&mut self, sequence: u16, reason: RefusalReason) {
+        log_event!("refused {=u16}: {}", sequence, reason);
         self.due.refusal = Some(Refusal { sequence, reason });
     }
 }

@@ -28,11 +28,13 @@ impl Receiver {
     fn note_changes(&mut self, motion: &Motion) {
         let (state, fault) = (motion.state(), motion.fault());
         if state != self.last_state {
+            log_event!("{}", state);
             self.last_state = state;
             self.due.status = true;
         }
         if fault != self.last_fault {
             self.last_fault = fault;
+            log_event!("{}", fault);
             self.due.fault = fault.is_some();
         }
         if motion.now_ticks() >= self.status_tick + self.status_period_ticks {

@@ -285,7 +285,8 @@ pub(super) struct InspectArgs {
 #[command(after_help = "\
 Examples:
   headway machine new --kind planar > my-printer.toml
-  headway machine check my-printer.toml")]
+  headway machine check my-printer.toml
+  headway machine firmware my-printer.toml -o my-printer.bin")]
 pub(super) struct MachineArgs {
     #[command(subcommand)]
     pub command: MachineCommand,
@@ -312,6 +313,14 @@ pub(super) enum MachineCommand {
         /// One JSON object on stdout.
         #[arg(long)]
         json: bool,
+    },
+    /// Write what a board's firmware is built with (`HEADWAY_MACHINE`, see docs/boards.md).
+    Firmware {
+        /// The machine file.
+        file: PathBuf,
+        /// File to write.
+        #[arg(short, long, value_name = "FILE")]
+        output: PathBuf,
     },
 }
 

@@ -1,10 +1,11 @@
-//! `headway machine new|check`.
+//! `headway machine new|check|firmware`.
 
 use super::CliError;
 use super::args::{KindName, MachineArgs, MachineCommand};
-use super::console::Console;
+use super::console::{Console, write_file};
 use super::load;
 use crate::settings::{Settings, machine_file, motor_rates_hz};
+use headway_protocol::frame::hash_of;
 use serde_json::json;
 
 pub(super) fn run(args: &MachineArgs, console: &Console) -> Result<(), CliError> {
@@ -25,6 +26,19 @@ pub(super) fn run(args: &MachineArgs, console: &Console) -> Result<(), CliError>
                 return console.result(&format!("{:#}\n", summary_json(&settings)));
             }
             console.result(&summary_text(&settings))
+        }
+        MachineCommand::Firmware { file, output } => {
+            let machine = load::machine(file)?.machine;
+            let bytes = postcard::to_allocvec(&machine).map_err(|problem| {
+                CliError::Job(format!("the machine cannot be written: {problem}"))
+            })?;
+            write_file(output, &bytes)?;
+            console.result(&format!(
+                "{}: machine {:08x}, {} joints\n",
+                output.display(),
+                hash_of(&machine),
+                machine.joints.len()
+            ))
         }
     }
 }

@@ -10,9 +10,13 @@
 //! hundred instructions, once per servo tick): the one thing here that can delay a step tick.
 //! A delayed or lost step tick moves time, never a count: everything is counted in step ticks.
 
+// Each board uses what it needs of this.
+#![allow(dead_code)]
+
 use super::Output;
 use core::cell::UnsafeCell;
-use core::sync::atomic::{AtomicU32, Ordering};
+use core::mem::MaybeUninit;
+use core::sync::atomic::{AtomicBool, AtomicU32, Ordering};
 use cortex_m::peripheral::scb::SystemHandler;
 use cortex_m::peripheral::syst::SystClkSource;
 use cortex_m::peripheral::{SCB, SYST};
@@ -46,21 +50,40 @@ struct Servo {
     overruns_seen: u32,
 }
 
-/// A value that contexts of different priority share; each access says why it is alone.
-struct Shared<T>(UnsafeCell<Option<T>>);
+/// A value that contexts of different priority share; each access says why it is alone. Without
+/// a value at first, and so without an image of one in flash.
+struct Shared<T> {
+    value: UnsafeCell<MaybeUninit<T>>,
+    is_set: AtomicBool,
+}
 
 // SAFETY: accesses follow the rule at each `with`; there is one core.
 unsafe impl<T> Sync for Shared<T> {}
 
 impl<T> Shared<T> {
     const fn empty() -> Self {
-        Self(UnsafeCell::new(None))
+        Self {
+            value: UnsafeCell::new(MaybeUninit::uninit()),
+            is_set: AtomicBool::new(false),
+        }
     }
+
+    /// # Safety
+    /// Nothing that can interrupt the caller may use the same value.
+    unsafe fn set(&self, value: T) {
+        // SAFETY: the caller's promise.
+        unsafe { (*self.value.get()).write(value) };
+        self.is_set.store(true, Ordering::Release);
+    }
+
     /// # Safety
     /// Nothing that can interrupt the caller may use the same value.
     unsafe fn with<R>(&self, work: impl FnOnce(&mut T) -> R) -> Option<R> {
-        // SAFETY: the caller's promise.
-        unsafe { (*self.0.get()).as_mut().map(work) }
+        if !self.is_set.load(Ordering::Relaxed) {
+            return None;
+        }
+        // SAFETY: the caller's promise, and it was set: on one core in that order.
+        Some(work(unsafe { (*self.value.get()).assume_init_mut() }))
     }
 }
 
@@ -101,6 +124,8 @@ pub fn emergency_interrupt() {
 pub struct ServoDone {
     /// The watchdog may be fed.
     pub healthy: bool,
+    /// The drivers are to hold their motors.
+    pub drivers_on: bool,
     /// Servo tick at which the present stream began.
     pub stream_start_ticks: Option<u64>,
 }
@@ -115,6 +140,7 @@ pub fn servo_interrupt(inputs: Inputs) -> ServoDone {
             let passes = LINK_PASSES.load(Ordering::Relaxed);
             ServoDone {
                 healthy: servo.health.tick(step_tick, passes),
+                drivers_on: servo.motion.drivers_on(),
                 stream_start_ticks: servo.motion.stream_start_ticks(),
             }
         })
@@ -211,8 +237,8 @@ pub fn start(
     };
     // SAFETY: none of the interrupts that use these is on yet.
     unsafe {
-        *STEPPING.0.get() = Some(stepping);
-        *SERVO.0.get() = Some(servo);
+        STEPPING.set(stepping);
+        SERVO.set(servo);
         scb.set_priority(SystemHandler::SysTick, 0);
         scb.set_priority(SystemHandler::PendSV, SERVO_PRIORITY);
     }
