@@ -5,6 +5,7 @@
 
 use super::polygon::{Box2, Region};
 use super::{Point2, Vector2};
+use std::sync::OnceLock;
 
 /// Most cells of the grid; beyond that the cells grow.
 pub const CELLS_MAX: usize = 4_000_000;
@@ -39,7 +40,12 @@ pub struct EdgeIndex {
     rows: usize,
     first: Vec<u32>,
     items: Vec<u32>,
+    /// Whether each cell's reference point is inside; found when first asked for.
+    reference_inside: OnceLock<Vec<bool>>,
 }
+
+/// Where in its cell the reference point lies: on no line that outlines are usually drawn along.
+const REFERENCE: [f64; 2] = [0.414_213_562, 0.618_033_989];
 
 impl Edge {
     /// Foot of the perpendicular from `p`, clamped to the edge.
@@ -101,6 +107,7 @@ impl EdgeIndex {
             rows,
             first: vec![0; columns * rows + 1],
             items: Vec::new(),
+            reference_inside: OnceLock::new(),
         };
         index.fill();
         index
@@ -258,11 +265,70 @@ impl EdgeIndex {
         self.nearest_within(p, to_box + size.norm())
     }
 
-    /// Even-odd containment: counts crossings of the ray towards +x in the row of `p`.
+    /// Even-odd containment: the reference point of the cell of `p` is known to be inside or not;
+    /// from there to `p` the edges of that one cell are counted.
     pub fn contains(&self, p: Point2) -> bool {
-        let mut crossings = 0usize;
-        self.for_crossings(p, |_| crossings += 1);
-        crossings % 2 == 1
+        if !self.cell_mm.is_finite() {
+            let mut crossings = 0usize;
+            self.for_crossings(p, |_| crossings += 1);
+            return crossings % 2 == 1;
+        }
+        let (low, high) = (self.bounds.min, self.bounds.max);
+        if !(p.x >= low.x && p.y >= low.y && p.x <= high.x && p.y <= high.y) {
+            return false;
+        }
+        let row = self.clamp_row((p.y - low.y) / self.cell_mm);
+        let column = self.clamp_column((p.x - low.x) / self.cell_mm);
+        let cell = row * self.columns + column;
+        let reference = self.reference(column, row);
+        let way = reference - p;
+        let mut inside = self
+            .reference_inside
+            .get_or_init(|| self.references_inside())[cell];
+        for &number in &self.items[self.first[cell] as usize..self.first[cell + 1] as usize] {
+            let Edge { a, b } = self.edges[number as usize];
+            if (way.perp(&(a - p)) > 0.0) != (way.perp(&(b - p)) > 0.0) {
+                let along = b - a;
+                inside ^= (along.perp(&(p - a)) > 0.0) != (along.perp(&(reference - a)) > 0.0);
+            }
+        }
+        inside
+    }
+
+    fn reference(&self, column: usize, row: usize) -> Point2 {
+        let shift = Vector2::new(
+            (column as f64 + REFERENCE[0]) * self.cell_mm,
+            (row as f64 + REFERENCE[1]) * self.cell_mm,
+        );
+        self.bounds.min + shift
+    }
+
+    /// Row by row: where the edges cross the height of the row's reference points.
+    fn references_inside(&self) -> Vec<bool> {
+        let mut crossings: Vec<Vec<f64>> = vec![Vec::new(); self.rows];
+        for &Edge { a, b } in &self.edges {
+            let row_of = |y: f64| self.clamp_row((y - self.bounds.min.y) / self.cell_mm);
+            let (low, high) = (row_of(a.y.min(b.y)), row_of(a.y.max(b.y)));
+            for (row, xs) in crossings.iter_mut().enumerate().take(high + 1).skip(low) {
+                let y = self.reference(0, row).y;
+                if (a.y > y) != (b.y > y) {
+                    xs.push(a.x + (y - a.y) / (b.y - a.y) * (b.x - a.x));
+                }
+            }
+        }
+        let mut inside = Vec::with_capacity(self.columns * self.rows);
+        for (row, xs) in crossings.iter_mut().enumerate() {
+            xs.sort_by(f64::total_cmp);
+            let mut passed = 0;
+            for column in 0..self.columns {
+                let x = self.reference(column, row).x;
+                while passed < xs.len() && xs[passed] < x {
+                    passed += 1;
+                }
+                inside.push(passed % 2 == 1);
+            }
+        }
+        inside
     }
 
     /// Calls `visit` once with each edge that the ray from `p` towards +x crosses.

@@ -32,12 +32,18 @@ pub fn tangent_disk_radius_mm(index: &EdgeIndex, p: Point2, normal: Vector2) -> 
         .grown(reach_mm + ON_EDGE_MM);
         let mut radius_mm = f64::INFINITY;
         index.for_edges_in(area, |number| {
-            radius_mm = radius_mm.min(radius_to_edge_mm(&index.edges()[number], p, normal));
+            let edge = &index.edges()[number];
+            // Behind the tangent nothing is touched.
+            let behind = |q: Point2| (q - p).dot(&normal) <= 0.0;
+            if !(behind(edge.a) && behind(edge.b)) {
+                radius_mm = radius_mm.min(radius_to_edge_mm(edge, p, normal));
+            }
         });
         if radius_mm <= reach_mm || reach_mm >= reach_max_mm {
             return radius_mm;
         }
-        reach_mm = (reach_mm * 2.0).min(reach_max_mm);
+        // What was found bounds how far to look.
+        reach_mm = (reach_mm * 2.0).min(radius_mm).min(reach_max_mm);
     }
 }
 

@@ -30,7 +30,13 @@ pub const SLACK: f64 = 1e-9;
 /// Edges that rise less than this above the tangent at p cannot be cut by more, mm.
 const RISE_MIN_MM: f64 = 1e-9;
 /// Pieces that the half turn is first divided into: coarse, since most settle at once.
-const PIECES: usize = 48;
+const PIECES: usize = 16;
+/// Bound on the second derivative of 1 - 1/F near contact, in (a/b)²: four terms of at most that.
+const BEND: f64 = 4.0;
+/// Least slope that a stretch is tried with; below, halving goes on first.
+const BEND_MAX: f64 = 2.0;
+/// Steps of the search for a place of contact: 60 halvings would do, few are needed.
+const ROOT_STEPS_MAX: usize = 60;
 /// An angle this close to that of a flat side has it on the wall, rad.
 const ON_FLAT_RAD: f64 = 1e-9;
 /// Looks per query before what is left is settled by its middle: only an aperture in contact over
@@ -66,21 +72,16 @@ pub fn feasible_angles(
             return FeasibleAngles::of_runs(runs, aperture.period_rad(), flats);
         }
     };
-    let mut search = Search {
-        axes: [major_mm, minor_mm],
-        edges,
-        looks: 0,
-        runs: Vec::new(),
-    };
-    let all: Vec<usize> = (0..search.edges.len()).collect();
+    let mut search = Search::new([major_mm, minor_mm], edges);
     if aperture.is_round() {
-        let feasible = all.iter().all(|&e| search.touch_factor(0.0, e) >= 1.0);
+        let frame = DiskFrame::new(search.axes, 0.0);
+        let feasible = search.edges.iter().all(|e| frame.touch_factor(e) >= 1.0);
         search.add(-FRAC_PI_2, FRAC_PI_2, feasible);
     } else {
         let step = PI / PIECES as f64;
         for k in 0..PIECES {
             let low = -FRAC_PI_2 + k as f64 * step;
-            search.settle(low, low + step, &all);
+            search.settle(low, low + step, 0);
         }
     }
     FeasibleAngles::of_runs(search.runs, PI, Vec::new())
@@ -127,55 +128,150 @@ fn edges_near(
 struct Search {
     axes: [f64; 2],
     edges: Vec<LocalEdge>,
+    /// Numbers of the edges still open, one stretch for each level of the halving.
+    open: Vec<u32>,
     looks: usize,
     /// Feasible runs in ascending order, joined where they meet.
     runs: Vec<[f64; 2]>,
 }
 
-impl Search {
-    /// F of the edge: how far the aperture may be scaled about p until it touches.
-    fn touch_factor(&self, alpha_rad: f64, edge: usize) -> f64 {
-        let [a, b] = self.axes;
+/// The frame in which the aperture at one heading angle is a unit disk.
+struct DiskFrame {
+    along: Vector2,
+    across: Vector2,
+    normal: Vector2,
+}
+
+impl DiskFrame {
+    fn new([a, b]: [f64; 2], alpha_rad: f64) -> DiskFrame {
         let (sin, cos) = alpha_rad.sin_cos();
         let extent = ((a * cos).powi(2) + (b * sin).powi(2)).sqrt();
-        // Scaled tool axes, where the aperture is a unit disk and the normal turns to this.
-        let normal = Vector2::new(a * cos / extent, -b * sin / extent);
-        let scaled =
-            |w: Vector2| Vector2::new((w.x * cos + w.y * sin) / a, (w.y * cos - w.x * sin) / b);
-        let [from, to] = self.edges[edge].map(scaled);
-        touching_radius(from, to, normal) * (1.0 + SLACK)
+        DiskFrame {
+            along: Vector2::new(cos, sin) / a,
+            across: Vector2::new(-sin, cos) / b,
+            normal: Vector2::new(a * cos / extent, -b * sin / extent),
+        }
     }
 
-    /// Settles [low, high] against the given edges.
+    /// F of the edge: how far the aperture may be scaled about p until it touches.
+    fn touch_factor(&self, edge: &LocalEdge) -> f64 {
+        let [from, to] = edge.map(|w| Vector2::new(self.along.dot(&w), self.across.dot(&w)));
+        touching_radius(from, to, self.normal) * (1.0 + SLACK)
+    }
+
+    /// 1 - 1/F: of F's sign about contact, and finite everywhere.
+    fn clear_share(&self, edge: &LocalEdge) -> f64 {
+        1.0 - 1.0 / self.touch_factor(edge)
+    }
+}
+
+impl Search {
+    /// Keeps the edges that can matter: at whatever angle, the aperture lies in the disk of its
+    /// greatest radius of curvature that touches at p (Blaschke).
+    fn new(axes: [f64; 2], mut edges: Vec<LocalEdge>) -> Search {
+        let [a, b] = axes;
+        let rolling_mm = a * a / b * (1.0 + SLACK);
+        edges.retain(|[from, to]| touching_radius(*from, *to, Vector2::x()) < rolling_mm);
+        Search {
+            axes,
+            open: (0..edges.len() as u32).collect(),
+            edges,
+            looks: 0,
+            runs: Vec::new(),
+        }
+    }
+
+    /// Settles [low, high] against the edges of the open stretch from `first` on.
     ///
     /// For an obstacle point w, with u = diag(1/a, 1/b) R(-alpha) w and h the extent along N,
     /// F = h |u|² / (2 N·w). There d ln|u|² <= (a/b - b/a) dalpha and d ln h <= (a/b - b/a)/2
     /// dalpha, whatever w, so the least F over an edge has the same bound.
-    fn settle(&mut self, low: f64, high: f64, edges: &[usize]) {
+    fn settle(&mut self, low: f64, high: f64, first: usize) {
         let middle = (low + high) / 2.0;
         let [a, b] = self.axes;
         let change = (1.5 * (a / b - b / a) * (high - low) / 2.0).exp();
-        let mut open = Vec::new();
+        let frame = DiskFrame::new(self.axes, middle);
+        let last = self.open.len();
         let mut least = f64::INFINITY;
-        for &edge in edges {
-            self.looks += 1;
-            let factor = self.touch_factor(middle, edge);
+        self.looks += last - first;
+        for k in first..last {
+            let factor = frame.touch_factor(&self.edges[self.open[k] as usize]);
             least = least.min(factor);
             if factor * change < 1.0 {
+                // What shut this stretch out will likely shut out the next.
+                self.open.truncate(last);
+                self.open.swap(first, k);
                 return;
             }
             if factor < change {
-                open.push(edge);
+                self.open.push(self.open[k]);
             }
         }
-        if open.is_empty() {
+        if self.open.len() == last {
             self.add(low, high, true);
+        } else if let Some([from, to]) = self.settled_by_roots([low, middle, high], last) {
+            self.add(from, to, from <= to);
         } else if high - low <= RESOLUTION_RAD || self.looks > LOOKS_MAX {
             self.add(low, high, least >= 1.0);
         } else {
-            self.settle(low, middle, &open);
-            self.settle(middle, high, &open);
+            self.settle(low, middle, last);
+            self.settle(middle, high, last);
         }
+        self.open.truncate(last);
+    }
+
+    /// The part of a narrow stretch that the open edges from `first` on leave free, where 1 - 1/F of
+    /// each is monotone over it: then there is at most one place of contact an edge, found by
+    /// regula falsi. `None` where some edge may turn back: its slope, as seen over the stretch, is
+    /// not above what its second derivative (below [`BEND`] (a/b)²) could undo.
+    fn settled_by_roots(&self, [low, middle, high]: [f64; 3], first: usize) -> Option<[f64; 2]> {
+        let [a, b] = self.axes;
+        let bend = BEND * (a / b).powi(2) * (high - low);
+        if bend > BEND_MAX {
+            return None;
+        }
+        let frames = [low, middle, high].map(|alpha| DiskFrame::new(self.axes, alpha));
+        let mut free = [low, high];
+        for &number in &self.open[first..] {
+            let edge = &self.edges[number as usize];
+            let [from, at, to] = [0, 1, 2].map(|k| frames[k].clear_share(edge));
+            let slopes = [(at - from), (to - at)].map(|rise| rise / (middle - low));
+            if slopes[0].abs().min(slopes[1].abs()) < bend || slopes[0] * slopes[1] <= 0.0 {
+                return None;
+            }
+            match (from >= 0.0, to >= 0.0) {
+                (true, true) => {}
+                (false, false) => return Some([high, low]),
+                (true, false) => free[1] = free[1].min(self.root(edge, [low, high], [from, to])),
+                (false, true) => free[0] = free[0].max(self.root(edge, [low, high], [from, to])),
+            }
+        }
+        Some(free)
+    }
+
+    /// Where the edge comes into contact, between angles of opposite sign: regula falsi in the
+    /// Illinois form; the end returned is the feasible one.
+    fn root(&self, edge: &LocalEdge, mut at: [f64; 2], mut value: [f64; 2]) -> f64 {
+        let feasible = usize::from(value[1] >= 0.0);
+        let mut kept = 2;
+        for _ in 0..ROOT_STEPS_MAX {
+            if (at[1] - at[0]).abs() <= RESOLUTION_RAD / 4.0 {
+                break;
+            }
+            let next = (at[0] * value[1] - at[1] * value[0]) / (value[1] - value[0]);
+            let found = DiskFrame::new(self.axes, next).clear_share(edge);
+            let side = usize::from((found >= 0.0) == (feasible == 1));
+            let step = (next - at[side]).abs();
+            (at[side], value[side]) = (next, found);
+            if side == kept {
+                value[1 - side] /= 2.0;
+            }
+            kept = side;
+            if side == feasible && step <= RESOLUTION_RAD / 4.0 {
+                break;
+            }
+        }
+        at[feasible]
     }
 
     fn add(&mut self, low: f64, high: f64, feasible: bool) {

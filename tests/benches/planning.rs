@@ -1,0 +1,132 @@
+//! How planning grows with the outline: each stage at 1,000, 10,000 and 100,000 edges, the growth's
+//! exponent, and the process's peak memory. Processor time of all threads.
+//!
+//! Run with `cargo bench -p headway-tests --bench planning [-- NAME]`. Prints, asserts nothing.
+
+use headway::geometry::edge_index::EdgeIndex;
+use headway::input::Target;
+use headway::plan::contour::{Contour, SIMPLIFY_MM};
+use headway::plan::medial_axis::{AxisOptions, MedialAxis};
+use headway::plan::passes::{PassSettings, passes};
+use headway::plan::skeleton::Axis;
+use headway::plan_target;
+use headway::settings::Settings;
+use headway_tests::cpu_clock::process_s;
+use headway_tests::layer_oracle::Rings;
+use headway_tests::outlines::{comb, edge_count, fine_gear, fine_ring, gear, noisy_ring, region};
+use std::time::Instant;
+
+const SIZES: [usize; 3] = [1_000, 10_000, 100_000];
+
+fn main() {
+    let only: Vec<String> = std::env::args()
+        .skip(1)
+        .filter(|a| !a.starts_with('-'))
+        .collect();
+    let chosen = |name: &str| only.is_empty() || only.iter().any(|o| name.contains(o.as_str()));
+    type Make = fn(usize) -> Rings;
+    let growing: [(&str, Make); 4] = [
+        ("gear", gear),
+        ("solid gear", |n| gear(n)[..1].to_vec()),
+        ("noisy", |n| noisy_ring(n, 0.005)),
+        ("comb", comb),
+    ];
+    println!("part grows with the outline: seconds for contour, axis, skeleton, passes");
+    for (name, make) in growing {
+        if chosen(name) {
+            let times: Vec<f64> = SIZES
+                .iter()
+                .map(|&n| stages(name, &make(n), n <= 1_000))
+                .collect();
+            print_growth(&times);
+        }
+    }
+    let fine: [(&str, Make); 2] = [
+        ("fine gear", fine_gear),
+        ("fine ring, 5 um of noise", |n| fine_ring(n, 0.005)),
+    ];
+    println!("part of 60 mm, drawn finer and finer: seconds for the whole plan");
+    for (name, make) in fine {
+        if chosen(name) {
+            let times: Vec<f64> = SIZES.iter().map(|&n| whole(name, &make(n))).collect();
+            print_growth(&times);
+        }
+    }
+}
+
+fn print_growth(times: &[f64]) {
+    let exponents: Vec<String> = times
+        .windows(2)
+        .map(|w| format!("{:.2}", (w[1] / w[0]).log10()))
+        .collect();
+    println!("  growth exponents {}", exponents.join(", "));
+}
+
+/// Times of the stages whose work follows the outline; returns that of contour and axis.
+fn stages(name: &str, rings: &Rings, with_passes: bool) -> f64 {
+    let settings = Settings::default();
+    let mut marks = vec![process_s()];
+    let contour = Contour::of_region(&region(rings), SIMPLIFY_MM).expect(name);
+    marks.push(process_s());
+    let walls: EdgeIndex = contour.edge_index(settings.aperture.major_mm());
+    let axis = MedialAxis::of_edges(&walls, &AxisOptions::default()).expect(name);
+    marks.push(process_s());
+    let skeleton = Axis::of_medial_axis(&axis);
+    marks.push(process_s());
+    let pass_settings = PassSettings {
+        aperture: settings.aperture,
+        overlap: 0.0,
+        one_pass: false,
+        law: settings.heading_law,
+    };
+    let count = if with_passes {
+        passes(&contour.region, &skeleton, &pass_settings).len()
+    } else {
+        0
+    };
+    marks.push(process_s());
+    let times: Vec<f64> = marks.windows(2).map(|w| w[1] - w[0]).collect();
+    println!(
+        "{name}, {} edges ({} after cleaning): {:.3} {:.3} {:.3} {:.3} s ({count} passes), axis edges \
+         {}, dropped {}, peak memory {} MB",
+        edge_count(rings),
+        walls.edges().len(),
+        times[0],
+        times[1],
+        times[2],
+        times[3],
+        axis.edges.len(),
+        axis.dropped_edges,
+        peak_memory_mb()
+    );
+    times[0] + times[1] + times[2]
+}
+
+fn whole(name: &str, rings: &Rings) -> f64 {
+    let target = Target {
+        name: name.to_string(),
+        regions: vec![region(rings)],
+    };
+    let (started, started_cpu) = (Instant::now(), process_s());
+    let plan = plan_target(&target, &Settings::default()).expect(name);
+    let (wall_s, seconds) = (started.elapsed().as_secs_f64(), process_s() - started_cpu);
+    println!(
+        "{name}, {} edges, {:.0} mm²: {seconds:.2} s ({wall_s:.2} s on the wall), {} passes, {:.0} mm printed, covered {:.2} %, \
+         peak memory {} MB",
+        edge_count(rings),
+        plan.figures.area_mm2,
+        plan.figures.passes,
+        plan.figures.print_mm,
+        plan.figures.covered_of_reachable_pct,
+        peak_memory_mb()
+    );
+    seconds
+}
+
+/// Most memory the process has had, as the system tells it; 0 where it does not.
+fn peak_memory_mb() -> u64 {
+    let status = std::fs::read_to_string("/proc/self/status").unwrap_or_default();
+    let line = status.lines().find(|l| l.starts_with("VmHWM"));
+    line.and_then(|l| l.split_whitespace().nth(1)?.parse::<u64>().ok())
+        .map_or(0, |kb| kb / 1024)
+}
