@@ -8,6 +8,7 @@ use crate::configuration::{JOINTS_MAX, JointConfiguration, MachineConfiguration}
 use crate::design::{CEILING_OPEN, LOAD_ALPHA_MAX, LOAD_BETA_MIN_TICKS, WARP_ROOM};
 use crate::kinematics::{self, KinematicsError};
 use crate::pose::Pose;
+use crate::queue::smaller;
 use crate::real::Real;
 use crate::spline::{SpanPolynomial, SpanWindow};
 use headway_protocol::units::{
@@ -50,6 +51,11 @@ pub enum SpanFault {
 /// check is exact; this one samples, so it only catches what cannot be a plan.
 const DAMAGED_RATIO: f32 = 1.5;
 
+/// Largest share of the extruder's acceleration that the plan is believed to use by itself. The gain
+/// of pressure advance is a bound that hardly any plan reaches: taken in full it could leave no
+/// slope to stop with, and hold up a plan that is right.
+const EXTRUDER_ALPHA_MAX: f32 = 0.7;
+
 /// Limits of one joint in servo ticks.
 #[derive(Clone, Copy, Debug, Default)]
 struct JointLimit {
@@ -79,7 +85,8 @@ pub struct LoadModel {
     limits: [JointLimit; JOINTS_MAX],
     extruder_per_acceleration: f32,
     extruder_per_speed: f32,
-    /// How much the extruder's rate grows through pressure advance: 1 + K / window.
+    /// How much the extruder's acceleration grows through pressure advance: with V'' of now and of
+    /// a window ago, e'' = V'' + K / W (V'' - V''(t - W)), at most 1 + 2 K / W of the largest.
     advance_gain: f32,
 }
 
@@ -102,7 +109,7 @@ impl LoadModel {
             extruder_per_acceleration: (servo_hz * servo_hz / extruder.acceleration_max_mm3_s2)
                 as f32,
             extruder_per_speed: (servo_hz / extruder.speed_max_mm3_s) as f32,
-            advance_gain: (1.0 + extruder.pressure_advance_s / window_s) as f32,
+            advance_gain: (1.0 + 2.0 * extruder.pressure_advance_s / window_s) as f32,
         }
     }
 
@@ -135,7 +142,13 @@ impl LoadModel {
         }
         let natural = 1.0 / UNITS_PER_NATURAL[CHANNEL_VOLUME] as f32;
         let flow = polynomial.rate_bound[CHANNEL_VOLUME] * natural;
-        beta = beta.larger(flow * self.extruder_per_acceleration * self.advance_gain);
+        let per_acceleration = natural * self.extruder_per_acceleration * self.advance_gain;
+        // Linear within a span: largest at one of its ends.
+        let bend = polynomial.acceleration(0.0)[CHANNEL_VOLUME]
+            .abs()
+            .larger(polynomial.acceleration(ticks)[CHANNEL_VOLUME].abs());
+        alpha = alpha.larger(smaller(bend * per_acceleration, EXTRUDER_ALPHA_MAX));
+        beta = beta.larger(polynomial.rate_bound[CHANNEL_VOLUME] * per_acceleration);
         speed = speed.larger(flow * self.extruder_per_speed);
         Ok(SpanLoad::bounded(alpha, beta, speed))
     }

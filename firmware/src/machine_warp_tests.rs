@@ -170,6 +170,14 @@ fn off_path(
     worst
 }
 
+/// Runs of a campaign; `HEADWAY_SCHEDULES` sets another number (issue 3 asks for 1,000 in all).
+fn schedules() -> u64 {
+    std::env::var("HEADWAY_SCHEDULES")
+        .ok()
+        .and_then(|text| text.parse().ok())
+        .unwrap_or(40)
+}
+
 /// `noise`: what f32 adds to the measured acceleration, as a share of the limit.
 fn campaign(mut configuration: MachineConfiguration, job: &Job, seeds: u64, noise: f64) {
     tighten(&mut configuration, job);
@@ -199,10 +207,22 @@ fn campaign(mut configuration: MachineConfiguration, job: &Job, seeds: u64, nois
 
 #[test]
 fn random_disturbances_keep_path_limits_and_counts_on_the_planar_machine() {
-    campaign(planar(), &flower(), 40, 0.0);
+    campaign(planar(), &flower(), schedules(), 0.0);
 }
 
 #[test]
 fn random_disturbances_keep_path_limits_and_counts_on_the_gantry() {
-    campaign(gantry(), &tilted_flower(), 40, 0.02);
+    campaign(gantry(), &tilted_flower(), schedules(), 0.02);
+}
+
+#[test]
+fn random_disturbances_keep_the_limits_of_an_extruder_that_binds() {
+    let mut configuration = planar();
+    // Slow events, so that the flow through pressure advance is what binds: 115 mm³/s² of 126.
+    configuration.extruder.acceleration_max_mm3_s2 = 126.0;
+    let mut job = flower();
+    for event in &mut job.events {
+        event.duration_ticks = Ticks(400);
+    }
+    campaign(configuration, &job, schedules(), 0.0);
 }
