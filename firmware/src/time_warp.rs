@@ -5,6 +5,12 @@
 //! (1 - alpha sigma²) / beta, and sigma stays below the ceiling of the queue (queue.rs), from
 //! which the head can always come to rest on the path. While neither wants less than 1, sigma is
 //! exactly 1 and the steps are those of the plan.
+//!
+//! Ramps that somebody asked for (override, pause, resume) also build their slope up and down, over
+//! [`SLOPE_TICKS`], so that the joints' acceleration does not jump. A ramp that the queue's end or
+//! a limit demands may take its whole slope at once: it must end where it must. The extruder's
+//! speed does not jump in either: pressure advance is smoothed over its window (flow.rs), and its
+//! acceleration is part of the load.
 
 use crate::design::{CEILING_OPEN, WARP_ROOM};
 use crate::interpolator::TICK_Q16;
@@ -12,10 +18,16 @@ use crate::load::SpanLoad;
 use crate::queue::{Ceiling, smaller};
 use crate::real::Real;
 
+/// Servo ticks in which a ramp that was asked for reaches its full slope: 8 ms at 2 kHz, a tenth of
+/// the rest from 150 mm/s.
+const SLOPE_TICKS: f32 = 16.0;
+
 /// Present rate, 2^-16.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct TimeWarp {
     rate_q16: u32,
+    /// Change of the rate in the last tick.
+    slope: f32,
 }
 
 /// What bounds the rate in this servo tick.
@@ -43,7 +55,7 @@ impl TimeWarp {
 
     /// Stops segment time at once.
     pub fn stop(&mut self) {
-        self.rate_q16 = 0;
+        *self = Self::default();
     }
 
     /// Next rate, 2^-16. True as second value if the queue's end holds it below what is wanted.
@@ -52,7 +64,7 @@ impl TimeWarp {
         let wanted_q16 = bounds.wanted_q16;
         let old = self.rate_q16 as f32 * PER_TICK;
         let wanted = wanted_q16 as f32 * PER_TICK;
-        let ramped = bounds.ramped(old, wanted);
+        let ramped = bounds.ramped(old, wanted, self.slope);
         let free = bounds.limited(old, ramped);
         let rate = bounds.stoppable(old, free);
         self.rate_q16 = if rate == wanted {
@@ -60,23 +72,26 @@ impl TimeWarp {
         } else {
             (rate * TICK_Q16 as f32) as u32
         };
+        self.slope = if bounds.at_rest { 0.0 } else { rate - old };
         (self.rate_q16, rate < free)
     }
 }
 
 impl WarpBounds {
-    /// From `old` towards `wanted` as fast as the joints allow.
-    fn ramped(&self, old: f32, wanted: f32) -> f32 {
+    /// From `old` towards `wanted` as fast as the joints allow, the slope built up from `last`.
+    fn ramped(&self, old: f32, wanted: f32, last: f32) -> f32 {
         if old == wanted || self.at_rest {
             return wanted;
         }
-        let slope = self.slope(old, old);
+        let full = self.slope(old, old);
         if wanted < old {
-            return (old - slope).larger(wanted);
+            return (old - eased(full, -last, old - wanted)).larger(wanted);
         }
         // The room shrinks while the rate grows: take the slope of where it will be.
-        let reached = smaller(old + slope, wanted);
-        smaller(old + self.slope(reached, reached), wanted)
+        let step = eased(full, last, wanted - old);
+        let reached = smaller(old + step, wanted);
+        let step = smaller(step, self.slope(reached, reached));
+        smaller(old + step, wanted)
     }
 
     /// Safe |sigma'| per tick at `rate`, over the spans that the tick can touch.
@@ -139,6 +154,17 @@ impl WarpBounds {
         let highest = libm::sqrtf(steepest * steepest + here) - steepest;
         smaller(highest, rate)
     }
+}
+
+/// Change of rate in this tick, on a ramp with `way` to go whose last tick changed it by `last`
+/// (negative: the other way): at most `full`, built up and taken back by `full / SLOPE_TICKS`.
+fn eased(full: f32, last: f32, way: f32) -> f32 {
+    let build_up = full * (1.0 / SLOPE_TICKS);
+    let risen = last.larger(0.0) + build_up;
+    // Slopes s, s - b, s - 2 b, ... add up to s² / 2b + s / 2.
+    let half = 0.5 * build_up;
+    let ending = libm::sqrtf(half * half + 2.0 * build_up * way) - half;
+    smaller(smaller(risen, ending), full).larger(half)
 }
 
 /// (1 - alpha sigma²) / beta, with a little in reserve for ticks that end in another span.
@@ -225,6 +251,29 @@ mod tests {
             let used = LOAD.alpha * largest * largest + (pair[1] - pair[0]).abs() * LOAD.beta_ticks;
             assert!(used < 1.03, "{used} at {pair:?}");
         }
+    }
+
+    #[test]
+    fn the_slope_of_a_ramp_that_was_asked_for_is_built_up_and_taken_back() {
+        let mut warp = TimeWarp::default();
+        let mut rates = std::vec![0.0f32, 0.0];
+        for wanted in [1.0f32, 0.0, 1.2, 0.3] {
+            for _ in 0..400 {
+                warp.step(&bounds(wanted, 1e6, Ceiling::OPEN));
+                rates.push(rate(&warp));
+            }
+        }
+        let steepest = WARP_ROOM / LOAD.beta_ticks;
+        let mut full = 0;
+        for three in rates.windows(3) {
+            let [before, after] = [three[1] - three[0], three[2] - three[1]];
+            // The allowed slope itself changes with the rate, by half from rest to 1; two steps of
+            // the fixed-point rate.
+            let most = 1.6 * steepest / SLOPE_TICKS + 2.0 / TICK_Q16 as f32;
+            assert!((after - before).abs() <= most, "{three:?}");
+            full += u32::from(after.abs() > 0.9 * slope_of(&LOAD, three[1] * three[1]));
+        }
+        assert!(full > 30, "the whole slope is used: {full}");
     }
 
     #[test]
