@@ -90,7 +90,8 @@ impl FlowScaling {
         self.last = Some(deposited);
         let up = self.factor_q16.saturating_add(self.slope_q16);
         let down = self.factor_q16.saturating_sub(self.slope_q16);
-        self.factor_q16 = self.wanted_q16.clamp(down, up);
+        // Not `clamp`, which could panic.
+        self.factor_q16 = self.wanted_q16.max(down).min(up);
         let surplus_q16 = i64::from(self.factor_q16) - i64::from(UNSCALED_Q16);
         self.extra += (way * surplus_q16) >> 16;
         self.extra

@@ -1,6 +1,7 @@
 //! Channels -> joint targets in steps, with the soft limits.
 //!
-//! A carrier's integer base is exact (carriers.rs); its offset and what the tilt adds are f32. All positions are i64 in 2^-31 steps, with [`BIAS`] added.
+//! A carrier's integer base is exact (carriers.rs); its offset and what the tilt adds are f32.
+//! All positions are i64 in 2^-31 steps, with [`BIAS`] added.
 
 use crate::configuration::{JOINTS_MAX, Kinematics, MOTORS_MAX, MachineConfiguration};
 use crate::interpolator::{Interpolator, Offset};

@@ -290,7 +290,7 @@ mod board {
         }
         let (usb, by_watchdog) = set_up_chip(pac::Peripherals::take()?, motors);
         let interval_ticks = configuration.interval_ticks();
-        let clocks = CORE_HZ / configuration.step_hz;
+        let clocks = CORE_HZ.checked_div(configuration.step_hz)?;
         // Differs from start to start as far as anything here can: the oscillators drift.
         let session = SYST::get_current()
             ^ if by_watchdog {

@@ -24,8 +24,9 @@ const EVENT_PEAK_ACCELERATION: f64 = 5.7736;
 pub(super) struct ByHand {
     machine: MachineConfiguration,
     switches: HomingConfiguration,
-    /// Joints still to be homed, the present one first.
+    /// Joints to be homed, and how many of them are.
     order: Vec<u8, { JointOrder::JOINTS_MAX }>,
+    homed: usize,
     homing: Option<Homing>,
     joint: usize,
     mover: JointMove,
@@ -41,6 +42,7 @@ impl ByHand {
             machine: machine.clone(),
             switches: switches.clone(),
             order: Vec::new(),
+            homed: 0,
             homing: None,
             joint: 0,
             mover: JointMove::at_rest(0),
@@ -50,7 +52,7 @@ impl ByHand {
     }
 
     pub(super) fn is_homing(&self) -> bool {
-        self.homing.is_some() || !self.order.is_empty()
+        self.homing.is_some() || self.homed < self.order.len()
     }
 
     /// Joints whose switches stop the present motion, of those that guard.
@@ -188,15 +190,16 @@ impl Motion {
             hand.order.clear();
             return Err(CommandError::Invalid);
         }
+        self.by_hand.homed = 0;
         self.begin_by_hand();
         self.home_next();
         Ok(())
     }
 
-    /// Begins with the first joint of the order.
+    /// Begins with the next joint of the order.
     fn home_next(&mut self) {
         let hand = &mut self.by_hand;
-        hand.homing = hand.order.first().and_then(|joint| {
+        hand.homing = hand.order.get(hand.homed).and_then(|joint| {
             hand.joint = usize::from(*joint);
             let switch = hand.switches.of(*joint)?;
             Homing::new(switch, &hand.machine)
@@ -303,7 +306,7 @@ impl Motion {
             HomingOutcome::Moving => {}
             HomingOutcome::Homed(shift) => {
                 self.declare_joint(joint, here.saturating_add(shift));
-                self.by_hand.order.remove(0);
+                self.by_hand.homed += 1;
                 self.home_next();
                 let place = self.joint_position(self.by_hand.joint);
                 self.by_hand.mover = JointMove::at_rest(place);
