@@ -165,8 +165,8 @@ fn a_host_that_restarts_goes_on_with_its_job() {
                     .is_some_and(|&at| simulator.now_us() >= at)
                 {
                     restarts_us.remove(0);
-                    // Dead for up to a second; the queue holds two.
-                    simulator.restart_host(seed * 170_000);
+                    // Dead for up to three seconds; the queue holds two.
+                    simulator.restart_host(seed * 170_000 % 3_000_000);
                 }
             })
             .unwrap();
@@ -185,7 +185,8 @@ fn a_host_that_restarts_goes_on_with_its_job() {
 fn a_controller_that_restarts_is_never_fed_as_if_nothing_had_happened() {
     let rig = small_rig();
     for seed in 0..seeds() {
-        let restart_us = 700_000 + seed * 211_000;
+        // Within the job, whatever the number of seeds.
+        let restart_us = 700_000 + seed * 211_000 % 4_000_000;
         let mut restarted_at_steps = None;
         let mut steps = 0;
         let result = simulator(&rig, ADVERSARIAL, seed).run_disturbed(|simulator| {

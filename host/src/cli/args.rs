@@ -1,5 +1,6 @@
 //! The options of every command, with their help.
 
+use super::args_board::{BoardArgs, StreamArgs};
 use clap::{Args, Parser, Subcommand, ValueEnum};
 use std::path::PathBuf;
 
@@ -17,6 +18,7 @@ Examples:
   headway plan part.svg --machine my-printer.toml --output part.hwj
   headway headings part.json --aperture ellipse:0.6x0.2 --spacing 0.25 --output headings.csv
   headway machine new --kind gantry --output my-printer.toml
+  headway stream part.hwj --port /dev/ttyACM0
 
 Exit status: 0 done, 1 the job cannot be done as asked, 2 wrong usage.";
 
@@ -32,6 +34,10 @@ pub(super) enum Command {
     Export(ExportArgs),
     /// Show what is in a job file or an input.
     Inspect(InspectArgs),
+    /// Stream a job to a board.
+    Stream(StreamArgs),
+    /// Ask a board, command it, or be one without hardware.
+    Board(BoardArgs),
     /// Write or check a machine file.
     Machine(MachineArgs),
 }

@@ -18,6 +18,11 @@ impl Console {
         }
     }
 
+    /// True on a terminal.
+    pub(super) fn has_bars(&self) -> bool {
+        self.bars
+    }
+
     /// A line for the eye.
     pub(super) fn say(&self, line: &str) {
         // Nothing is left to say it to where stderr is closed.

@@ -5,6 +5,8 @@
 //! 1 the job cannot be done as asked, 2 wrong usage.
 
 mod args;
+mod args_board;
+mod board;
 mod console;
 mod export;
 mod headings;
@@ -16,6 +18,7 @@ mod pictures;
 mod plan;
 mod planned;
 mod simulate;
+mod stream;
 
 use args::{Arguments, Command};
 use clap::Parser;
@@ -74,6 +77,8 @@ pub fn run(arguments: impl IntoIterator<Item = OsString>) -> ExitCode {
         Command::Simulate(simulate) => simulate::run(simulate, &console),
         Command::Export(export) => export::run(export, &console),
         Command::Inspect(inspect) => inspect::run(inspect, &console),
+        Command::Stream(stream) => stream::run(stream, &console),
+        Command::Board(board) => board::run(board, &console),
     };
     match result {
         Ok(()) => ExitCode::SUCCESS,

@@ -2,7 +2,9 @@
 
 pub mod limits;
 pub mod link;
+pub mod link_log;
 pub mod plan_curve;
+pub mod pump;
 pub mod record;
 pub mod rehearsal;
 pub mod round_trip;
@@ -10,8 +12,11 @@ pub mod sender;
 pub mod sender_state;
 pub mod servo_walk;
 pub mod simulator;
+pub mod stream_progress;
 pub mod trace;
 pub mod trace_table;
+pub mod transport;
+pub mod virtual_board;
 
 #[cfg(test)]
 mod test_streams;

@@ -13,14 +13,15 @@
 
 use crate::drive::round_trip::{RETRY_MAX_US, RETRY_MIN_US, RoundTrip};
 use crate::drive::sender_state::{
-    InFlight, SenderError, SenderEvent, SenderFigures, SenderSetup, SenderState,
+    ControlMessage, InFlight, Intent, Outstanding, SenderEvent, SenderFigures, SenderSetup,
+    SenderState,
 };
 use crate::wire_frames::WireFrames;
 use headway_protocol::frame::{FRAME_BYTES_MAX, FrameDecoder, encode_frame, encode_payload};
 use headway_protocol::message::{
-    Ack, Control, DeviceMessage, DeviceState, Fault, Hello, HostMessage, OpenStream,
-    PROTOCOL_VERSION, Refusal, RefusalReason, SCHEMA_HASH, Start, Status, Welcome,
+    Control, DeviceMessage, Hello, HostMessage, PROTOCOL_VERSION, SCHEMA_HASH, Start,
 };
+use headway_protocol::units::CHANNELS;
 use std::collections::VecDeque;
 
 /// How long the caller may wait between two polls.
@@ -37,28 +38,15 @@ const TRIES_BEFORE_HELLO: u32 = 2;
 /// latency, little enough that a control message is never far behind.
 const WINDOW_BYTES: usize = 2048;
 
-/// A control message on its way.
-#[derive(Clone, Copy, Debug)]
-struct Outstanding {
-    sequence: u16,
-    what: ControlMessage,
-    sent_us: Option<u64>,
-    retry_us: u64,
-    tries: u32,
-}
-
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-enum ControlMessage {
-    Hello,
-    Start,
-    Command(Control),
-}
+#[path = "sender_inbound.rs"]
+mod inbound;
 
 /// The host's end of one stream.
 #[derive(Debug)]
 pub struct Sender {
     frames: WireFrames,
     setup: SenderSetup,
+    intent: Intent,
     state: SenderState,
     decoder: FrameDecoder,
     device_session: Option<u32>,
@@ -92,9 +80,35 @@ pub struct Sender {
 impl Sender {
     /// A sender for `frames`; nothing is said before the first poll.
     pub fn new(frames: WireFrames, setup: SenderSetup) -> Self {
+        let intent = if setup.resume {
+            Intent::ResumeOrStream
+        } else {
+            Intent::Stream
+        };
+        Self::with_intent(frames, setup, intent)
+    }
+
+    /// A sender that goes on with a stream which the controller has in part, or fails.
+    pub fn resuming(frames: WireFrames, setup: SenderSetup) -> Self {
+        Self::with_intent(frames, setup, Intent::ResumeOnly)
+    }
+
+    /// A sender for commands and questions only; any machine will do.
+    pub fn talking(host_session: u32) -> Self {
+        let setup = SenderSetup {
+            host_session,
+            machine_hash: 0,
+            servo_hz: 0,
+            resume: false,
+        };
+        Self::with_intent(WireFrames::new([0; CHANNELS]), setup, Intent::Talk)
+    }
+
+    fn with_intent(frames: WireFrames, setup: SenderSetup, intent: Intent) -> Self {
         Sender {
             frames,
             setup,
+            intent,
             state: SenderState::Greeting,
             decoder: FrameDecoder::new(),
             device_session: None,
@@ -304,201 +318,6 @@ impl Sender {
         self.in_flight.truncate(kept);
         self.cursor = frame;
         self.went_back = Some((frame, now_us));
-    }
-
-    fn handle_message(&mut self, now_us: u64, message: DeviceMessage) {
-        match message {
-            DeviceMessage::Welcome(welcome) => self.handle_welcome(&welcome),
-            DeviceMessage::Ack(ack) => self.handle_ack(now_us, &ack),
-            DeviceMessage::Nak(ack) => {
-                self.handle_ack(now_us, &ack);
-                self.handle_gap(now_us);
-            }
-            DeviceMessage::Refused(refusal) => self.handle_refusal(refusal),
-            DeviceMessage::Status(status) => self.handle_status(status),
-            DeviceMessage::Fault(fault) => {
-                self.events.push_back(SenderEvent::Fault(fault));
-                self.handle_fault(fault);
-            }
-        }
-    }
-
-    fn fail(&mut self, error: SenderError) {
-        if !matches!(self.state, SenderState::Failed(_)) {
-            self.state = SenderState::Failed(error);
-            self.outstanding = None;
-        }
-    }
-
-    fn handle_welcome(&mut self, welcome: &Welcome) {
-        let is_ours = welcome.host_session == self.setup.host_session;
-        if !is_ours {
-            return;
-        }
-        if self.state != SenderState::Greeting {
-            self.is_session(welcome.session);
-            return;
-        }
-        self.outstanding = None;
-        self.events.push_back(SenderEvent::Connected(*welcome));
-        if let Err(error) = self.setup.check_welcome(welcome) {
-            self.fail(error);
-            return;
-        }
-        self.device_session = Some(welcome.session);
-        let first = welcome.session.wrapping_mul(0x9e37_79b9);
-        match welcome.stream {
-            Some(stream) if self.setup.resume && stream.job == self.frames.job() => {
-                self.resume(&stream);
-            }
-            Some(stream) => {
-                self.first_sequence = stream.next_sequence;
-                self.state = SenderState::Opening;
-            }
-            None => {
-                self.first_sequence = first;
-                self.state = SenderState::Opening;
-            }
-        }
-    }
-
-    /// Goes on with a stream that the controller already has in part.
-    fn resume(&mut self, stream: &OpenStream) {
-        self.first_sequence = stream.first_sequence;
-        let taken = stream.next_sequence.wrapping_sub(stream.first_sequence) as usize;
-        let (knots, _) = match taken.checked_sub(1) {
-            Some(last) => self.frames.totals_after(last),
-            None => (0, 0),
-        };
-        if taken > self.frames.len() || knots != stream.knots_taken {
-            self.fail(SenderError::Busy { job: stream.job });
-            return;
-        }
-        self.acknowledged = taken;
-        self.cursor = taken;
-        self.high_water = taken;
-        self.state = if taken == self.frames.len() {
-            SenderState::Finishing
-        } else {
-            SenderState::Streaming
-        };
-    }
-
-    fn is_session(&mut self, session: u32) -> bool {
-        match self.device_session {
-            Some(before) if before == session => true,
-            Some(before) => {
-                let now = session;
-                self.fail(SenderError::DeviceRestarted { before, now });
-                false
-            }
-            None => false,
-        }
-    }
-
-    fn handle_ack(&mut self, now_us: u64, ack: &Ack) {
-        if !self.is_session(ack.session) {
-            return;
-        }
-        self.answered_us = now_us;
-        let taken = ack.next_sequence.wrapping_sub(self.first_sequence) as usize;
-        if let Some(outstanding) = self.outstanding {
-            let behind = ack.control_taken.wrapping_sub(outstanding.sequence) as i16;
-            if outstanding.sent_us.is_some() && behind >= 0 {
-                self.outstanding = None;
-                if outstanding.what == ControlMessage::Start && taken == 0 {
-                    self.state = SenderState::Streaming;
-                }
-            }
-        }
-        let streams = matches!(self.state, SenderState::Streaming | SenderState::Finishing);
-        if !streams || taken > self.high_water {
-            return;
-        }
-        self.knot_limit = self.knot_limit.max(ack.knot_limit);
-        self.event_limit = self.event_limit.max(ack.event_limit);
-        self.take_acknowledged(now_us, taken);
-        if self.acknowledged == self.frames.len() {
-            self.state = SenderState::Finishing;
-        }
-    }
-
-    fn take_acknowledged(&mut self, now_us: u64, taken: usize) {
-        if taken <= self.acknowledged {
-            return;
-        }
-        let mut newest = None;
-        for _ in self.acknowledged..taken {
-            newest = self.in_flight.pop_front().or(newest);
-        }
-        self.acknowledged = taken;
-        self.cursor = self.cursor.max(taken);
-        if let Some(frame) = newest.filter(|frame| !frame.repeated) {
-            self.round_trip
-                .measure(now_us.saturating_sub(frame.sent_us));
-        }
-        self.retry_us = self.round_trip.retry_us();
-    }
-
-    /// The controller asks for the frame after the acknowledged ones.
-    fn handle_gap(&mut self, now_us: u64) {
-        if self.cursor <= self.acknowledged {
-            return;
-        }
-        // A second request for the same frame within a round trip is an echo of the first gap.
-        let is_echo = self.went_back.is_some_and(|(frame, at_us)| {
-            frame == self.acknowledged && now_us < at_us + self.round_trip.estimate_us()
-        });
-        if !is_echo {
-            self.go_back(now_us, self.acknowledged);
-        }
-    }
-
-    fn handle_refusal(&mut self, refusal: Refusal) {
-        self.events.push_back(SenderEvent::Refused(refusal));
-        let refused = self
-            .outstanding
-            .filter(|outstanding| outstanding.sequence == refusal.sequence);
-        match (refused, refusal.reason) {
-            (Some(outstanding), reason) => {
-                self.outstanding = None;
-                if matches!(
-                    outstanding.what,
-                    ControlMessage::Hello | ControlMessage::Start
-                ) {
-                    self.fail(self.setup.refusal_error(reason));
-                }
-            }
-            (None, RefusalReason::NoStream) if self.state == SenderState::Streaming => {
-                self.fail(SenderError::Refused(RefusalReason::NoStream));
-            }
-            _ => {}
-        }
-    }
-
-    /// A fault ends the stream: the controller forgets it.
-    fn handle_fault(&mut self, fault: Fault) {
-        let begun = matches!(
-            self.state,
-            SenderState::Opening | SenderState::Streaming | SenderState::Finishing
-        );
-        if begun {
-            self.fail(SenderError::Fault(fault));
-        }
-    }
-
-    fn handle_status(&mut self, status: Status) {
-        if !self.is_session(status.session) {
-            return;
-        }
-        if self.state == SenderState::Finishing && status.state == DeviceState::Finished {
-            self.state = SenderState::Done;
-            self.outstanding = None;
-        }
-        if let Some(fault) = status.fault {
-            self.handle_fault(fault);
-        }
-        self.events.push_back(SenderEvent::Status(status));
     }
 }
 

@@ -1,7 +1,7 @@
 //! What can be said about a conversation with the controller: setup, states, errors, news, counters.
 
 use headway_protocol::message::{
-    Fault, PROTOCOL_VERSION, Refusal, RefusalReason, SCHEMA_HASH, Status, Welcome,
+    Control, Fault, PROTOCOL_VERSION, Refusal, RefusalReason, SCHEMA_HASH, Status, Welcome,
 };
 use thiserror::Error;
 
@@ -27,8 +27,12 @@ pub enum SenderState {
     Opening,
     /// Streaming.
     Streaming,
+    /// Connected for commands only.
+    Talking,
     /// Everything was taken; the machine runs to the end.
     Finishing,
+    /// The controller has taken an abort: it comes to rest and forgets the stream.
+    Aborted,
     /// The machine has reached the end.
     Done,
     /// It cannot go on.
@@ -82,6 +86,12 @@ pub enum SenderError {
         /// Its job.
         job: u32,
     },
+    /// There is nothing to go on with.
+    #[error("the controller has no part of job {job:08x} to go on with; start it without --resume")]
+    NothingToResume {
+        /// Our job.
+        job: u32,
+    },
     /// It lost its queue and position.
     #[error(
         "the controller has restarted during the job (session {before:08x}, now {now:08x}); its position is lost, home it and start again"
@@ -119,6 +129,8 @@ pub enum SenderEvent {
     Fault(Fault),
     /// A command was refused.
     Refused(Refusal),
+    /// A command was taken.
+    Taken(Control),
 }
 
 /// Counters for reports.
@@ -144,9 +156,43 @@ pub(super) struct InFlight {
     pub(super) repeated: bool,
 }
 
+/// A control message on its way.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct Outstanding {
+    pub(super) sequence: u16,
+    pub(super) what: ControlMessage,
+    pub(super) sent_us: Option<u64>,
+    pub(super) retry_us: u64,
+    pub(super) tries: u32,
+}
+
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(super) enum ControlMessage {
+    Hello,
+    Start,
+    Command(Control),
+}
+
+/// What the conversation is for.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(super) enum Intent {
+    /// Stream the job from its first frame.
+    Stream,
+    /// Go on with the job where the controller has part of it, else from its first frame.
+    ResumeOrStream,
+    /// Go on with the job, or fail.
+    ResumeOnly,
+    /// Commands and questions only.
+    Talk,
+}
+
 impl SenderSetup {
     /// Can this controller run the job?
-    pub(super) fn check_welcome(&self, welcome: &Welcome) -> Result<(), SenderError> {
+    pub(super) fn check_welcome(
+        &self,
+        welcome: &Welcome,
+        intent: Intent,
+    ) -> Result<(), SenderError> {
         if welcome.protocol_version != PROTOCOL_VERSION {
             return Err(SenderError::ProtocolVersion {
                 host: PROTOCOL_VERSION,
@@ -158,6 +204,9 @@ impl SenderSetup {
                 host: SCHEMA_HASH,
                 device: welcome.schema_hash,
             });
+        }
+        if intent == Intent::Talk {
+            return Ok(());
         }
         if welcome.machine_hash != self.machine_hash {
             return Err(SenderError::Machine {

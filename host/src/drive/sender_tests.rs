@@ -2,9 +2,13 @@
 
 use super::*;
 use crate::drive::link::{Line, LinkSpec};
+use crate::drive::sender_state::SenderError;
 use crate::job::SegmentStream;
 use headway_protocol::frame::full_sequence;
 use headway_protocol::knot_block::{KnotPredictor, decode_block};
+use headway_protocol::message::{
+    Ack, DeviceState, OpenStream, Refusal, RefusalReason, Status, Welcome,
+};
 use headway_protocol::segment::Knot;
 
 const QUEUE_KNOTS: u32 = 256;
@@ -27,6 +31,9 @@ struct Loopback {
     last_seen: u32,
     limit_told: u32,
     end_told: bool,
+    first: u32,
+    /// Identity that it says of its stream.
+    job: u32,
     out: Vec<Vec<u8>>,
 }
 
@@ -45,6 +52,8 @@ impl Loopback {
             last_seen: 0,
             limit_told: 0,
             end_told: false,
+            job: 1,
+            first: 0,
             out: Vec::new(),
         }
     }
@@ -163,8 +172,8 @@ impl Loopback {
         if let HostMessage::Hello(hello) = message {
             self.control_taken = sequence;
             let stream = self.predictor.map(|_| OpenStream {
-                job: 1,
-                first_sequence: 0,
+                job: self.job,
+                first_sequence: self.first,
                 next_sequence: self.expected,
                 knots_taken: self.knots.len() as u32,
                 spans_done: self.done,
@@ -188,6 +197,7 @@ impl Loopback {
             if let HostMessage::Start(start) = message {
                 self.predictor = Some(KnotPredictor::new(start.position));
                 self.expected = start.first_sequence;
+                self.first = start.first_sequence;
             }
         }
         if message == &HostMessage::Control(Control::StatusRequest) {
@@ -357,6 +367,54 @@ fn commands_overtake_and_are_done_once() {
             .all(|pair| pair[1].wrapping_sub(pair[0]) as i16 > 0 || pair[0] == 0)
     );
     assert!(taken.len() > 4);
+}
+
+#[test]
+fn frames_of_a_dead_host_that_arrive_after_the_greeting_do_no_harm() {
+    // Found by 200 seeds of the restart campaign: the new host waited for credits for ever.
+    let stream = stream(300);
+    let frames = WireFrames::encode(&stream).unwrap();
+    let mut device = Loopback::new(77);
+    let mut out = [0u8; FRAME_BYTES_MAX];
+    let mut first = Sender::new(frames.clone(), SETUP);
+    let mut late = Vec::new();
+    for ms in 0..20 {
+        while let Some(length) = first.poll_transmit(ms * 1000, &mut out) {
+            if first.figures().frames_sent > 3 {
+                late.extend_from_slice(&out[..length]);
+            } else {
+                device.handle(&out[..length]);
+            }
+        }
+        first.handle_bytes(
+            ms * 1000,
+            &device.out.drain(..).flatten().collect::<Vec<u8>>(),
+        );
+    }
+    assert!(!late.is_empty());
+    device.job = frames.job();
+    let setup = SenderSetup {
+        host_session: 5,
+        resume: true,
+        ..SETUP
+    };
+    let mut second = Sender::new(frames, setup);
+    let mut late = Some(late);
+    for ms in 20..2000 {
+        let now_us = ms * 1000;
+        while let Some(length) = second.poll_transmit(now_us, &mut out) {
+            device.handle(&out[..length]);
+            if let Some(late) = late.take() {
+                // The greeting has been answered; now the dead host's frames arrive.
+                device.handle(&late);
+            }
+        }
+        device.consume();
+        let answers: Vec<u8> = device.out.drain(..).flatten().collect();
+        second.handle_bytes(now_us, &answers);
+    }
+    assert_eq!(second.state(), &SenderState::Done);
+    assert!(device.knots == stream.knots);
 }
 
 #[test]

@@ -1,0 +1,174 @@
+//! The options of `stream` and `board`, with their help.
+
+use clap::{Args, Subcommand};
+use std::path::PathBuf;
+
+/// Where the board is.
+#[derive(Debug, Args)]
+#[command(next_help_heading = "Connection")]
+pub(super) struct PortArgs {
+    /// Serial port by name (/dev/ttyACM0, COM3), tcp:HOST:PORT or unix:PATH.
+    #[arg(long, value_name = "PORT")]
+    pub port: String,
+    /// Line rate of a serial port; USB ports ignore it.
+    #[arg(long, value_name = "BAUD", default_value_t = crate::drive::transport::BAUD_DEFAULT)]
+    pub baud: u32,
+}
+
+/// `headway stream`.
+#[derive(Debug, Args)]
+#[command(after_help = "\
+While it runs, lines on stdin are commands: pause, resume, override PCT, flow PCT, abort, stop.
+Ctrl-C pauses on the path, a second one aborts on the path, a third one leaves the board alone.
+
+Examples:
+  headway stream part.hwj --port /dev/ttyACM0
+  headway stream part.hwj --port tcp:printer.local:7000 --resume
+  headway stream part.hwj --port unix:/tmp/board --log print.log --json")]
+pub(super) struct StreamArgs {
+    /// A job file (.hwj).
+    pub job: PathBuf,
+    #[command(flatten)]
+    pub port: PortArgs,
+    /// Go on with this job where the board has part of it.
+    #[arg(long)]
+    pub resume: bool,
+    /// Write every byte of the conversation (headway board replay reads it).
+    #[arg(long, value_name = "FILE")]
+    pub log: Option<PathBuf>,
+    /// The figures as one JSON object on stdout.
+    #[arg(long)]
+    pub json: bool,
+}
+
+/// `headway board`.
+#[derive(Debug, Args)]
+#[command(after_help = "\
+Examples:
+  headway board status --port /dev/ttyACM0
+  headway board home z x y --port /dev/ttyACM0
+  headway board jog x 10 --speed 20 --port /dev/ttyACM0
+  headway board simulate --listen tcp:127.0.0.1:7000
+  headway board replay print.log")]
+pub(super) struct BoardArgs {
+    #[command(subcommand)]
+    pub command: BoardCommand,
+}
+
+/// Which machine the board is configured for.
+#[derive(Debug, Args)]
+pub(super) struct BoardMachineArgs {
+    /// Machine file of the board [default: the built-in planar machine].
+    #[arg(short, long, value_name = "MACHINE.toml")]
+    pub machine: Option<PathBuf>,
+}
+
+#[derive(Debug, Subcommand)]
+pub(super) enum BoardCommand {
+    /// Who the board is: versions, rates, queues, its stream.
+    Info {
+        #[command(flatten)]
+        port: PortArgs,
+        /// One JSON object on stdout.
+        #[arg(long)]
+        json: bool,
+    },
+    /// What the board is doing, and where its motors are.
+    Status {
+        #[command(flatten)]
+        port: PortArgs,
+        /// One JSON object on stdout.
+        #[arg(long)]
+        json: bool,
+    },
+    /// Home joints, in the order given, and wait.
+    Home {
+        /// Joints by name (x y z c) or number [default: all that have a switch].
+        joints: Vec<String>,
+        #[command(flatten)]
+        machine: BoardMachineArgs,
+        #[command(flatten)]
+        port: PortArgs,
+    },
+    /// Move one joint by a distance, and wait.
+    Jog {
+        /// Joint by name (x, y, z, c) or number.
+        joint: String,
+        /// How far, mm or degrees.
+        #[arg(allow_negative_numbers = true)]
+        distance: f64,
+        /// How fast, mm/s or degrees/s [default: a tenth of the joint's limit].
+        #[arg(long, value_name = "SPEED")]
+        speed: Option<f64>,
+        #[command(flatten)]
+        machine: BoardMachineArgs,
+        #[command(flatten)]
+        port: PortArgs,
+    },
+    /// Come to rest on the path.
+    Pause {
+        #[command(flatten)]
+        port: PortArgs,
+    },
+    /// Go on after a pause.
+    Resume {
+        #[command(flatten)]
+        port: PortArgs,
+    },
+    /// Feed override.
+    Override {
+        /// Per cent of the planned rate, 1 to 200.
+        #[arg(value_parser = clap::value_parser!(u16).range(1..=200))]
+        percent: u16,
+        #[command(flatten)]
+        port: PortArgs,
+    },
+    /// Flow override.
+    Flow {
+        /// Per cent of the planned volume, 10 to 200.
+        #[arg(value_parser = clap::value_parser!(u16).range(10..=200))]
+        percent: u16,
+        #[command(flatten)]
+        port: PortArgs,
+    },
+    /// Come to rest on the path, then forget the stream.
+    Abort {
+        #[command(flatten)]
+        port: PortArgs,
+    },
+    /// Stop at once and latch a fault: the position is lost.
+    Stop {
+        #[command(flatten)]
+        port: PortArgs,
+    },
+    /// Clear a latched fault.
+    Reset {
+        #[command(flatten)]
+        port: PortArgs,
+    },
+    /// Be a board without hardware: the firmware library on a socket.
+    Simulate {
+        /// Where hosts connect: tcp:HOST:PORT or unix:PATH.
+        #[arg(long, value_name = "PORT")]
+        listen: String,
+        #[command(flatten)]
+        machine: BoardMachineArgs,
+        /// Virtual seconds per second.
+        #[arg(long, value_name = "FACTOR", default_value_t = 1.0)]
+        speed: f64,
+        /// Without limit switches.
+        #[arg(long)]
+        no_switches: bool,
+    },
+    /// Run the host's side of a log through the firmware library.
+    Replay {
+        /// A log that headway stream --log wrote.
+        log: PathBuf,
+        /// Machine file, where the log does not know the machine.
+        #[arg(short, long, value_name = "MACHINE.toml")]
+        machine: Option<PathBuf>,
+        /// One JSON object on stdout.
+        #[arg(long)]
+        json: bool,
+    },
+}

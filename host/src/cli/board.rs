@@ -1,0 +1,438 @@
+//! `headway board`: questions and commands to a board, a board without hardware, replay of logs.
+
+use super::args_board::{BoardArgs, BoardCommand, BoardMachineArgs, PortArgs};
+use super::console::Console;
+use super::stream::{ANSWER_PATIENCE, catch_interrupts, host_session, no_answer, open};
+use super::{CliError, load};
+use crate::drive::link_log::{read_log, replay};
+use crate::drive::pump::Pump;
+use crate::drive::sender::Sender;
+use crate::drive::sender_state::{SenderEvent, SenderState};
+use crate::drive::transport::{Listener, Port};
+use crate::drive::virtual_board::{BoardSetup, VirtualBoard};
+use crate::settings::{Settings, joint_names};
+use headway_firmware::configuration::MachineConfiguration;
+use headway_firmware::homing::HomingConfiguration;
+use headway_protocol::frame::hash_of;
+use headway_protocol::message::{Control, DeviceState, JointOrder, Status, Welcome};
+use serde_json::json;
+use std::fs::File;
+use std::io::BufReader;
+use std::path::Path;
+use std::sync::atomic::{AtomicBool, Ordering};
+use std::time::Instant;
+
+pub(super) fn run(args: &BoardArgs, console: &Console) -> Result<(), CliError> {
+    match &args.command {
+        BoardCommand::Info { port, json } => info(port, *json, console),
+        BoardCommand::Status { port, json } => {
+            let mut talk = Talk::open(port)?;
+            let status = talk.status()?;
+            console.result(&status_text(&status, *json))
+        }
+        BoardCommand::Home {
+            joints,
+            machine,
+            port,
+        } => home(joints, machine, port, console),
+        BoardCommand::Jog {
+            joint,
+            distance,
+            speed,
+            machine,
+            port,
+        } => {
+            let settings = settings(machine)?;
+            let command = jog(&settings.machine, joint, *distance, *speed)?;
+            let mut talk = Talk::open(port)?;
+            talk.check_machine(&settings.machine)?;
+            talk.order(command)?;
+            let status = talk.wait_for_rest()?;
+            console.result(&status_text(&status, false))
+        }
+        BoardCommand::Pause { port } => Talk::open(port)?.order(Control::Pause),
+        BoardCommand::Resume { port } => Talk::open(port)?.order(Control::Resume),
+        BoardCommand::Override { percent, port } => {
+            Talk::open(port)?.order(Control::Override(*percent))
+        }
+        BoardCommand::Flow { percent, port } => {
+            Talk::open(port)?.order(Control::FlowOverride(*percent))
+        }
+        BoardCommand::Abort { port } => Talk::open(port)?.order(Control::Abort),
+        BoardCommand::Stop { port } => Talk::open(port)?.order(Control::EmergencyStop),
+        BoardCommand::Reset { port } => Talk::open(port)?.order(Control::ClearFault),
+        BoardCommand::Simulate {
+            listen,
+            machine,
+            speed,
+            no_switches,
+        } => simulate(listen, machine, *speed, *no_switches, console),
+        BoardCommand::Replay { log, machine, json } => {
+            run_replay(log, machine.as_deref(), *json, console)
+        }
+    }
+}
+
+/// A conversation without a stream.
+struct Talk {
+    port: String,
+    pump: Pump,
+    sender: Sender,
+    welcome: Option<Welcome>,
+}
+
+impl Talk {
+    /// Connects and greets.
+    fn open(port: &PortArgs) -> Result<Talk, CliError> {
+        let mut talk = Talk {
+            port: port.port.clone(),
+            pump: open(port, None)?,
+            sender: Sender::talking(host_session()),
+            welcome: None,
+        };
+        talk.until(|_, event| matches!(event, SenderEvent::Connected(_)).then_some(()))?;
+        Ok(talk)
+    }
+
+    /// Goes on until `wanted` finds what it waits for.
+    fn until<T>(
+        &mut self,
+        mut wanted: impl FnMut(&mut Sender, &SenderEvent) -> Option<T>,
+    ) -> Result<T, CliError> {
+        let mut heard = Instant::now();
+        loop {
+            self.pump.turn(&mut self.sender);
+            while let Some(event) = self.sender.poll_event() {
+                heard = Instant::now();
+                if let SenderEvent::Connected(welcome) = &event {
+                    self.welcome = Some(*welcome);
+                }
+                if let Some(found) = wanted(&mut self.sender, &event) {
+                    return Ok(found);
+                }
+            }
+            if let SenderState::Failed(error) = self.sender.state() {
+                return Err(CliError::Job(error.to_string()));
+            }
+            if heard.elapsed() > ANSWER_PATIENCE {
+                return Err(no_answer(&self.port));
+            }
+        }
+    }
+
+    /// Joint names and units are the machine's: it must be the board's.
+    fn check_machine(&self, machine: &MachineConfiguration) -> Result<(), CliError> {
+        let ours = hash_of(machine);
+        match &self.welcome {
+            Some(welcome) if welcome.machine_hash != ours => Err(CliError::Job(format!(
+                "the board is configured for machine {:08x}, the machine file says {ours:08x}; give \
+                 the board's own (--machine)",
+                welcome.machine_hash
+            ))),
+            _ => Ok(()),
+        }
+    }
+
+    /// Gives a command and waits until it is taken or refused.
+    fn order(&mut self, control: Control) -> Result<(), CliError> {
+        self.sender.command(control);
+        self.until(|_, event| match event {
+            SenderEvent::Taken(taken) if *taken == control => Some(Ok(())),
+            SenderEvent::Refused(refusal) => Some(Err(CliError::Job(format!(
+                "the board refuses: {}",
+                refusal.reason
+            )))),
+            _ => None,
+        })?
+    }
+
+    fn status(&mut self) -> Result<Status, CliError> {
+        self.sender.command(Control::StatusRequest);
+        self.until(|_, event| match event {
+            SenderEvent::Status(status) => Some(status.clone()),
+            _ => None,
+        })
+    }
+
+    /// Waits until a move by hand has ended.
+    fn wait_for_rest(&mut self) -> Result<Status, CliError> {
+        loop {
+            let status = self.status()?;
+            if let Some(fault) = status.fault {
+                return Err(CliError::Job(format!("the board latched a fault: {fault}")));
+            }
+            if !matches!(status.state, DeviceState::Jogging | DeviceState::Homing) {
+                return Ok(status);
+            }
+        }
+    }
+}
+
+fn info(port: &PortArgs, as_json: bool, console: &Console) -> Result<(), CliError> {
+    let talk = Talk::open(port)?;
+    let Some(welcome) = talk.welcome else {
+        return Err(no_answer(&port.port));
+    };
+    let [major, minor, patch] = welcome.firmware_version;
+    if as_json {
+        let stream = welcome.stream.map(|stream| {
+            json!({
+                "job": format!("{:08x}", stream.job),
+                "knots_taken": stream.knots_taken,
+                "spans_done": stream.spans_done,
+            })
+        });
+        let value = json!({
+            "protocol_version": welcome.protocol_version,
+            "schema": format!("{:08x}", welcome.schema_hash),
+            "firmware_version": format!("{major}.{minor}.{patch}"),
+            "machine_hash": format!("{:08x}", welcome.machine_hash),
+            "queue_knots": welcome.queue_knots,
+            "queue_events": welcome.queue_events,
+            "servo_hz": welcome.servo_hz,
+            "step_hz": welcome.step_hz,
+            "session": format!("{:08x}", welcome.session),
+            "stream": stream,
+        });
+        return console.result(&format!("{value:#}\n"));
+    }
+    let stream = welcome.stream.map_or("no stream".to_string(), |stream| {
+        format!("job {:08x}, {} knots taken", stream.job, stream.knots_taken)
+    });
+    console.result(&format!(
+        "firmware {major}.{minor}.{patch}, protocol {}, schema {:08x}\nmachine {:08x}, servo {} Hz, \
+         steps {} Hz\nqueue of {} knots and {} flow events; {stream}\n",
+        welcome.protocol_version,
+        welcome.schema_hash,
+        welcome.machine_hash,
+        welcome.servo_hz,
+        welcome.step_hz,
+        welcome.queue_knots,
+        welcome.queue_events,
+    ))
+}
+
+fn status_text(status: &Status, as_json: bool) -> String {
+    let fault = status.fault.map(|fault| fault.to_string());
+    let state = format!("{:?}", status.state).to_lowercase();
+    if as_json {
+        let value = json!({
+            "state": state,
+            "rate": f64::from(status.sigma_permille) / 1000.0,
+            "override_percent": status.override_percent,
+            "flow_percent": status.flow_percent,
+            "spans_done": status.spans_done,
+            "queue_knots": status.queue_knots,
+            "queue_events": status.queue_events,
+            "referenced": bits(status.referenced),
+            "switches": bits(status.switches),
+            "counts": status.counts_steps.to_vec(),
+            "fault": fault,
+        });
+        return format!("{value:#}\n");
+    }
+    let fault = fault.map_or(String::new(), |fault| format!("; fault: {fault}"));
+    format!(
+        "{state} at {:.0} % of the planned rate, {} knots queued{fault}\ncounts {:?}, known joints \
+         {:?}, pressed switches {:?}\n",
+        f64::from(status.sigma_permille) / 10.0,
+        status.queue_knots,
+        status.counts_steps.as_slice(),
+        bits(status.referenced),
+        bits(status.switches),
+    )
+}
+
+/// Joints of a mask.
+fn bits(mask: u8) -> Vec<u8> {
+    (0..8).filter(|bit| mask >> bit & 1 == 1).collect()
+}
+
+fn settings(args: &BoardMachineArgs) -> Result<Settings, CliError> {
+    args.machine
+        .as_deref()
+        .map_or_else(|| Ok(Settings::default()), load::machine)
+}
+
+/// The joint with this name or number.
+fn joint_number(machine: &MachineConfiguration, text: &str) -> Result<u8, CliError> {
+    let names = joint_names(&machine.kinematics);
+    let by_name = names
+        .iter()
+        .position(|name| name.eq_ignore_ascii_case(text));
+    let by_number = text
+        .parse()
+        .ok()
+        .filter(|number| *number < machine.joints.len());
+    by_name
+        .or(by_number)
+        .map(|joint| joint as u8)
+        .ok_or_else(|| {
+            CliError::Usage(format!(
+                "joint `{text}`: this machine has {}",
+                names.join(", ")
+            ))
+        })
+}
+
+fn home(
+    joints: &[String],
+    machine: &BoardMachineArgs,
+    port: &PortArgs,
+    console: &Console,
+) -> Result<(), CliError> {
+    let settings = settings(machine)?;
+    let numbers: Vec<u8> = joints
+        .iter()
+        .map(|joint| joint_number(&settings.machine, joint))
+        .collect::<Result<_, _>>()?;
+    let order = JointOrder::of(&numbers)
+        .ok_or_else(|| CliError::Usage("a joint is homed once: name it once".to_string()))?;
+    let mut talk = Talk::open(port)?;
+    if !joints.is_empty() {
+        talk.check_machine(&settings.machine)?;
+    }
+    talk.order(Control::Home(order))?;
+    let status = talk.wait_for_rest()?;
+    console.result(&status_text(&status, false))
+}
+
+/// Distance in mm or degrees -> the command.
+fn jog(
+    machine: &MachineConfiguration,
+    joint: &str,
+    distance: f64,
+    speed: Option<f64>,
+) -> Result<Control, CliError> {
+    let number = joint_number(machine, joint)?;
+    let Some(limits) = machine.joints.get(usize::from(number)) else {
+        return Err(CliError::Usage(format!(
+            "joint `{joint}`: this machine has no such joint"
+        )));
+    };
+    // 0.1 µm; µrad of a degree.
+    let units = if limits.rotary {
+        1f64.to_radians() * 1e6
+    } else {
+        1e4
+    };
+    let limit = if limits.rotary {
+        limits.speed_max.to_degrees()
+    } else {
+        limits.speed_max
+    };
+    let speed = speed.unwrap_or(0.1 * limit);
+    let distance_units = (distance * units).round();
+    let speed_units_s = (speed * units).round();
+    let distance_fits = distance_units.abs() <= f64::from(i32::MAX);
+    if !distance_fits || !(1.0..=f64::from(u32::MAX)).contains(&speed_units_s) || speed > limit {
+        return Err(CliError::Usage(format!(
+            "jog {joint} {distance} at {speed}: the speed goes up to {limit:.3}, the distance to \
+             {:.0}",
+            f64::from(i32::MAX) / units
+        )));
+    }
+    Ok(Control::Jog {
+        joint: number,
+        distance_units: distance_units as i32,
+        speed_units_s: speed_units_s as u32,
+    })
+}
+
+fn simulate(
+    listen: &str,
+    machine: &BoardMachineArgs,
+    speed: f64,
+    no_switches: bool,
+    console: &Console,
+) -> Result<(), CliError> {
+    let port: Port = listen
+        .parse()
+        .map_err(|error| CliError::Usage(format!("--listen: {error}")))?;
+    if !(0.01..=1000.0).contains(&speed) {
+        return Err(CliError::Usage(format!(
+            "--speed {speed}: a number from 0.01 to 1000"
+        )));
+    }
+    let settings = settings(machine)?;
+    let listener =
+        Listener::bind(&port).map_err(|problem| CliError::Job(format!("{port}: {problem}")))?;
+    let place = |problem: std::io::Error| CliError::Job(format!("{port}: {problem}"));
+    let switches = if no_switches {
+        HomingConfiguration::none()
+    } else {
+        HomingConfiguration::standard(&settings.machine)
+    };
+    let listening = listener.port().map_err(place)?;
+    let setup = BoardSetup {
+        machine: settings.machine,
+        switches,
+        session: host_session(),
+        speed,
+    };
+    let mut board = VirtualBoard::new(setup, listener)
+        .map_err(|error| CliError::Job(format!("the firmware cannot run this machine: {error}")))?;
+    console.say(&format!(
+        "a board of machine {} listens on {listening}; Ctrl-C ends it",
+        settings.machine_name
+    ));
+    let interrupts = catch_interrupts();
+    let stop = AtomicBool::new(false);
+    let figures = board
+        .serve(&stop, |_| stop.store(interrupts() > 0, Ordering::Relaxed))
+        .map_err(place)?;
+    console.say(&format!(
+        "{} steps, counts {:?}, {} underruns, {} hosts",
+        figures.steps, figures.counts, figures.underruns, figures.hosts
+    ));
+    Ok(())
+}
+
+fn run_replay(
+    path: &Path,
+    machine: Option<&Path>,
+    as_json: bool,
+    console: &Console,
+) -> Result<(), CliError> {
+    let place = |problem: String| CliError::Job(format!("{}: {problem}", path.display()));
+    let file = File::open(path).map_err(|problem| CliError::File {
+        path: path.display().to_string(),
+        problem,
+    })?;
+    let log = read_log(&mut BufReader::new(file)).map_err(|error| place(error.to_string()))?;
+    let given = machine
+        .map(load::machine)
+        .transpose()?
+        .map(|settings| settings.machine);
+    let Some(machine) = given.or_else(|| log.machine.clone()) else {
+        return Err(place(
+            crate::drive::link_log::LogError::NoMachine.to_string(),
+        ));
+    };
+    let replay = replay(&log, &machine).map_err(|error| place(error.to_string()))?;
+    let fault = replay.fault.map(|fault| fault.to_string());
+    if as_json {
+        let value = json!({
+            "messages": replay.messages,
+            "damaged_frames": replay.damaged,
+            "steps": replay.steps,
+            "step_digest": replay.step_digest,
+            "final_counts": replay.counts,
+            "state": format!("{:?}", replay.state).to_lowercase(),
+            "fault": fault,
+            "time_s": replay.time_s,
+        });
+        return console.result(&format!("{value:#}\n"));
+    }
+    console.result(&format!(
+        "{} messages ({} damaged) in {:.3} s: {} steps, digest {}, counts {:?}, {}{}\n",
+        replay.messages,
+        replay.damaged,
+        replay.time_s,
+        replay.steps,
+        replay.step_digest,
+        replay.counts,
+        format!("{:?}", replay.state).to_lowercase(),
+        fault.map_or(String::new(), |fault| format!("; fault: {fault}")),
+    ))
+}

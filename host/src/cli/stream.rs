@@ -1,0 +1,328 @@
+//! `headway stream`: a job to a board, with progress, pause and abort on the path, and a log.
+
+use super::args_board::{PortArgs, StreamArgs};
+use super::console::Console;
+use super::{CliError, job};
+use crate::drive::link_log::LinkLog;
+use crate::drive::pump::{LineEvent, Pump};
+use crate::drive::sender::Sender;
+use crate::drive::sender_state::{SenderError, SenderEvent, SenderSetup, SenderState};
+use crate::drive::stream_progress::{Progress, Timeline};
+use crate::drive::transport::Port;
+use headway_firmware::configuration::MachineConfiguration;
+use headway_protocol::message::{Control, DeviceState, RefusalReason, Status};
+use indicatif::{ProgressBar, ProgressDrawTarget, ProgressStyle};
+use serde_json::json;
+use std::fs::File;
+use std::io::{BufRead, BufWriter};
+use std::path::Path;
+use std::sync::atomic::{AtomicUsize, Ordering};
+use std::sync::mpsc::{Receiver, channel};
+use std::sync::{Arc, Once};
+use std::time::{Duration, Instant, SystemTime};
+
+/// Silence at the start after which there is no board.
+pub(super) const ANSWER_PATIENCE: Duration = Duration::from_secs(10);
+/// Steps of the progress bar.
+const BAR_STEPS: f64 = 1000.0;
+
+/// How often Ctrl-C was pressed since the process began.
+static INTERRUPTS: AtomicUsize = AtomicUsize::new(0);
+
+pub(super) fn run(args: &StreamArgs, console: &Console) -> Result<(), CliError> {
+    let job = job::read(&args.job)?;
+    let header = &job.file.header;
+    let setup = SenderSetup {
+        host_session: host_session(),
+        machine_hash: header.machine_hash,
+        servo_hz: header.machine.servo_hz,
+        resume: args.resume,
+    };
+    let frames = job.file.frames.clone();
+    let sender = if args.resume {
+        Sender::resuming(frames, setup)
+    } else {
+        Sender::new(frames, setup)
+    };
+    let log = args
+        .log
+        .as_deref()
+        .map(|path| log_file(path, &header.machine))
+        .transpose()?;
+    let pump = open(&args.port, log)?;
+    let mut run = Run {
+        timeline: Timeline::new(&job.stream, f64::from(header.machine.servo_hz)),
+        console,
+        bar: bar(console),
+        port: args.port.port.clone(),
+        sender,
+        pump,
+        commands: commands(),
+        interrupts: catch_interrupts(),
+        handled: 0,
+        status: None,
+        connected: false,
+        has_part: false,
+        begun: Instant::now(),
+    };
+    let result = run.until_end();
+    run.bar.finish_and_clear();
+    let figures = run.figures(&result);
+    let Run { pump, .. } = run;
+    pump.finish()
+        .map_err(|error| CliError::Job(format!("the log could not be written: {error}")))?;
+    if args.json {
+        console.result(&format!("{figures:#}\n"))?;
+    } else if result.is_ok() {
+        console.say(&format!("{}: done", job.name));
+    }
+    result
+}
+
+/// Opens the port, or says what to look at.
+pub(super) fn open(args: &PortArgs, log: Option<LinkLog>) -> Result<Pump, CliError> {
+    let port: Port = args
+        .port
+        .parse()
+        .map_err(|error| CliError::Usage(format!("--port: {error}")))?;
+    Pump::open(&port, args.baud, log).map_err(|problem| {
+        CliError::Job(format!(
+            "{port}: {problem}; is the board connected, and does nothing else use it?"
+        ))
+    })
+}
+
+/// A number that no other run of the host has: time and process.
+pub(super) fn host_session() -> u32 {
+    let time = SystemTime::now().duration_since(SystemTime::UNIX_EPOCH);
+    let nanoseconds = time.map_or(0, |time| time.as_nanos() as u64);
+    let mixed =
+        (nanoseconds ^ u64::from(std::process::id()) << 40).wrapping_mul(0x9e37_79b9_7f4a_7c15);
+    (mixed >> 32) as u32
+}
+
+fn log_file(path: &Path, machine: &MachineConfiguration) -> Result<LinkLog, CliError> {
+    let file = File::create(path).map_err(|problem| CliError::File {
+        path: path.display().to_string(),
+        problem,
+    })?;
+    Ok(LinkLog::new(Box::new(BufWriter::new(file)), Some(machine)))
+}
+
+/// From now on Ctrl-C only counts. The count at this moment is returned.
+pub(super) fn catch_interrupts() -> Arc<dyn Fn() -> usize> {
+    static CAUGHT: Once = Once::new();
+    CAUGHT.call_once(|| {
+        // Where it cannot be caught Ctrl-C ends the program, as ever; the board comes to rest.
+        let _ = ctrlc::set_handler(|| {
+            INTERRUPTS.fetch_add(1, Ordering::Relaxed);
+        });
+    });
+    let before = INTERRUPTS.load(Ordering::Relaxed);
+    Arc::new(move || INTERRUPTS.load(Ordering::Relaxed) - before)
+}
+
+/// Lines of stdin as they come.
+fn commands() -> Receiver<String> {
+    let (sender, receiver) = channel();
+    std::thread::spawn(move || {
+        for line in std::io::stdin().lock().lines().map_while(Result::ok) {
+            if sender.send(line).is_err() {
+                return;
+            }
+        }
+    });
+    receiver
+}
+
+fn bar(console: &Console) -> ProgressBar {
+    if !console.has_bars() {
+        return ProgressBar::hidden();
+    }
+    let bar = ProgressBar::with_draw_target(Some(BAR_STEPS as u64), ProgressDrawTarget::stderr());
+    if let Ok(style) = ProgressStyle::with_template("{bar:24} {percent:>3} % {msg}") {
+        bar.set_style(style);
+    }
+    bar
+}
+
+struct Run<'a> {
+    timeline: Timeline,
+    console: &'a Console,
+    bar: ProgressBar,
+    port: String,
+    sender: Sender,
+    pump: Pump,
+    commands: Receiver<String>,
+    interrupts: Arc<dyn Fn() -> usize>,
+    /// Interrupts that were followed.
+    handled: usize,
+    status: Option<Status>,
+    connected: bool,
+    /// The board has part of this job already.
+    has_part: bool,
+    begun: Instant,
+}
+
+impl Run<'_> {
+    fn say(&self, line: &str) {
+        self.bar.suspend(|| self.console.say(line));
+    }
+
+    fn until_end(&mut self) -> Result<(), CliError> {
+        loop {
+            if let Some(event) = self.pump.turn(&mut self.sender) {
+                match event {
+                    LineEvent::Lost(error) => self.say(&format!(
+                        "{}: the line is lost ({error}); the board comes to rest on the path. \
+                         Waiting for it to come back",
+                        self.port
+                    )),
+                    LineEvent::Opened => self.say(&format!("{}: the line is back", self.port)),
+                }
+            }
+            while let Some(event) = self.sender.poll_event() {
+                self.note(event);
+            }
+            self.follow_commands();
+            self.follow_interrupts()?;
+            if let Some(result) = self.ended() {
+                return result;
+            }
+            if !self.connected && self.begun.elapsed() > ANSWER_PATIENCE {
+                return Err(no_answer(&self.port));
+            }
+        }
+    }
+
+    fn note(&mut self, event: SenderEvent) {
+        match event {
+            SenderEvent::Connected(welcome) => {
+                self.connected = true;
+                let job = self.sender.frames().job();
+                self.has_part = welcome.stream.is_some_and(|stream| stream.job == job);
+            }
+            SenderEvent::Status(status) => {
+                self.show(&self.timeline.at(&status), &status);
+                self.status = Some(status);
+            }
+            SenderEvent::Refused(refusal) => self.say(&format!("refused: {}", refusal.reason)),
+            SenderEvent::Fault(fault) => self.say(&format!("fault: {fault}")),
+            SenderEvent::Taken(Control::Pause) => self.say("pausing; `resume` goes on"),
+            SenderEvent::Taken(_) => {}
+        }
+    }
+
+    fn show(&self, at: &Progress, status: &Status) {
+        let left = at.left_s.map_or("resting".to_string(), |left_s| {
+            format!("{}:{:02} left", left_s as u64 / 60, left_s as u64 % 60)
+        });
+        let pass = at.pass.map_or("-".to_string(), |pass| pass.to_string());
+        self.bar.set_position((at.done * BAR_STEPS) as u64);
+        self.bar.set_message(format!(
+            "{left}  layer {} pass {pass}  {:.0} mm/s  queue {}  {:?}",
+            at.layer, at.tip_mm_s, status.queue_knots, status.state
+        ));
+    }
+
+    fn follow_commands(&mut self) {
+        while let Ok(line) = self.commands.try_recv() {
+            match command(&line) {
+                Some(control) => self.sender.command(control),
+                None if line.trim().is_empty() => {}
+                None => self.say(
+                    "commands: pause, resume, override PCT (1 to 200), flow PCT (10 to 200), abort, \
+                     stop",
+                ),
+            }
+        }
+    }
+
+    fn follow_interrupts(&mut self) -> Result<(), CliError> {
+        let pressed = (self.interrupts)();
+        if pressed == self.handled {
+            return Ok(());
+        }
+        self.handled += 1;
+        match self.handled {
+            1 if self.connected => {
+                self.say("pausing on the path; Ctrl-C again aborts, `resume` goes on");
+                self.sender.command(Control::Pause);
+                Ok(())
+            }
+            2 if self.pump.is_open() => {
+                self.say("aborting on the path; Ctrl-C again leaves the board alone");
+                self.sender.command(Control::Abort);
+                Ok(())
+            }
+            _ => Err(CliError::Job(
+                "left: the board comes to rest on the path when its queue is empty; go on with \
+                 --resume"
+                    .to_string(),
+            )),
+        }
+    }
+
+    fn ended(&self) -> Option<Result<(), CliError>> {
+        let rests =
+            |status: &Status| matches!(status.state, DeviceState::Idle | DeviceState::Faulted);
+        match self.sender.state() {
+            SenderState::Done => Some(Ok(())),
+            SenderState::Failed(SenderError::Refused(RefusalReason::Busy)) if self.has_part => {
+                Some(Err(CliError::Job(
+                    "the board has part of this job already: go on with --resume, or end it with \
+                     `headway board abort`"
+                        .to_string(),
+                )))
+            }
+            SenderState::Failed(error) => Some(Err(CliError::Job(error.to_string()))),
+            SenderState::Aborted if self.status.as_ref().is_some_and(rests) => {
+                Some(Err(CliError::Job("the job was aborted".to_string())))
+            }
+            _ => None,
+        }
+    }
+
+    fn figures(&self, result: &Result<(), CliError>) -> serde_json::Value {
+        let sent = self.sender.figures();
+        let (frames, of) = self.sender.progress_frames();
+        json!({
+            "done": result.is_ok(),
+            "frames_taken": frames,
+            "frames": of,
+            "bytes": sent.bytes_sent,
+            "resent_frames": sent.frames_resent,
+            "reconnects": self.pump.times_opened() - 1,
+            "round_trip_us": self.sender.round_trip_us(),
+            "job_s": self.timeline.duration_s(),
+            "took_s": self.begun.elapsed().as_secs_f64(),
+            "final_counts": self.status.as_ref().map(|status| status.counts_steps.to_vec()),
+        })
+    }
+}
+
+/// Nobody speaks our language on that port.
+pub(super) fn no_answer(port: &str) -> CliError {
+    CliError::Job(format!(
+        "{port}: no answer in {} s; is it the right port and rate (--baud), and is the firmware \
+         flashed?",
+        ANSWER_PATIENCE.as_secs()
+    ))
+}
+
+/// A line of stdin as a command.
+fn command(line: &str) -> Option<Control> {
+    let words: Vec<&str> = line.split_whitespace().collect();
+    let percent = |text: &str, range: std::ops::RangeInclusive<u16>| {
+        text.parse().ok().filter(|percent| range.contains(percent))
+    };
+    match words[..] {
+        ["pause"] => Some(Control::Pause),
+        ["resume"] => Some(Control::Resume),
+        ["abort"] => Some(Control::Abort),
+        ["stop"] => Some(Control::EmergencyStop),
+        ["override", text] => percent(text, 1..=200).map(Control::Override),
+        ["flow", text] => percent(text, 10..=200).map(Control::FlowOverride),
+        _ => None,
+    }
+}

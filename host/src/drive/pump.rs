@@ -1,0 +1,155 @@
+//! Moves bytes between a [`Sender`] and a port in real time, and opens the port again when the
+//! line is lost: the cable may be pulled and put back, the sender goes on by itself.
+//!
+//! Call [`Pump::turn`] over and over; each call waits a few milliseconds at most.
+
+use crate::drive::link_log::{LinkLog, Way};
+use crate::drive::sender::Sender;
+use crate::drive::transport::{Port, Transport};
+use headway_protocol::frame::FRAME_BYTES_MAX;
+use std::io;
+use std::time::{Duration, Instant};
+
+/// Time between two attempts to open a port.
+const REOPEN: Duration = Duration::from_millis(250);
+/// Frames sent before bytes are read again.
+const FRAMES_PER_TURN: usize = 16;
+
+/// What happened to the line in a turn.
+#[derive(Debug)]
+pub enum LineEvent {
+    /// The port is open.
+    Opened,
+    /// The line is gone.
+    Lost(io::Error),
+}
+
+/// A sender on a real port.
+#[derive(Debug)]
+pub struct Pump {
+    port: Port,
+    baud: u32,
+    transport: Option<OpenLine>,
+    next_try: Instant,
+    begun: Instant,
+    log: Option<LinkLog>,
+    opened: u64,
+}
+
+struct OpenLine(Box<dyn Transport>);
+
+impl std::fmt::Debug for OpenLine {
+    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        f.write_str("OpenLine")
+    }
+}
+
+impl Pump {
+    /// Opens the port, which must be there at the start.
+    ///
+    /// # Errors
+    /// What the system says.
+    pub fn open(port: &Port, baud: u32, log: Option<LinkLog>) -> io::Result<Pump> {
+        let transport = Some(OpenLine(port.open(baud)?));
+        let begun = Instant::now();
+        Ok(Pump {
+            port: port.clone(),
+            baud,
+            transport,
+            next_try: begun,
+            begun,
+            log,
+            opened: 1,
+        })
+    }
+
+    /// Time since the start.
+    pub fn now_us(&self) -> u64 {
+        self.begun.elapsed().as_micros() as u64
+    }
+
+    /// How often the port was opened.
+    pub fn times_opened(&self) -> u64 {
+        self.opened
+    }
+
+    /// True while the line is there.
+    pub fn is_open(&self) -> bool {
+        self.transport.is_some()
+    }
+
+    /// Sends what there is to say, takes what has come.
+    pub fn turn(&mut self, sender: &mut Sender) -> Option<LineEvent> {
+        let opened = self.reopen();
+        let result = self.exchange(sender);
+        match result {
+            Ok(()) => opened,
+            Err(error) => {
+                self.note(&format!("line lost: {error}"));
+                self.transport = None;
+                self.next_try = Instant::now() + REOPEN;
+                Some(LineEvent::Lost(error))
+            }
+        }
+    }
+
+    /// Ends the log.
+    ///
+    /// # Errors
+    /// Its first one.
+    pub fn finish(self) -> io::Result<()> {
+        self.log.map_or(Ok(()), LinkLog::finish)
+    }
+
+    fn reopen(&mut self) -> Option<LineEvent> {
+        if self.transport.is_some() {
+            return None;
+        }
+        let now = Instant::now();
+        if now >= self.next_try {
+            self.next_try = now + REOPEN;
+            if let Ok(transport) = self.port.open(self.baud) {
+                self.transport = Some(OpenLine(transport));
+                self.opened += 1;
+                self.note("line open again");
+                return Some(LineEvent::Opened);
+            }
+        }
+        std::thread::sleep(Duration::from_millis(5));
+        None
+    }
+
+    fn exchange(&mut self, sender: &mut Sender) -> io::Result<()> {
+        let Some(OpenLine(transport)) = &mut self.transport else {
+            return Ok(());
+        };
+        let mut out = [0u8; FRAME_BYTES_MAX];
+        for _ in 0..FRAMES_PER_TURN {
+            let now_us = self.begun.elapsed().as_micros() as u64;
+            let Some(length) = sender.poll_transmit(now_us, &mut out) else {
+                break;
+            };
+            if let Some(log) = &mut self.log {
+                log.bytes(now_us, Way::Down, &out[..length]);
+            }
+            transport.send(&out[..length])?;
+        }
+        let mut buffer = [0u8; 4096];
+        let count = transport.receive(&mut buffer)?;
+        let now_us = self.begun.elapsed().as_micros() as u64;
+        if count > 0 {
+            if let Some(log) = &mut self.log {
+                log.bytes(now_us, Way::Up, &buffer[..count]);
+            }
+            sender.handle_bytes(now_us, &buffer[..count]);
+        }
+        Ok(())
+    }
+
+    fn note(&mut self, what: &str) {
+        let now_us = self.now_us();
+        if let Some(log) = &mut self.log {
+            log.event(now_us, what);
+        }
+    }
+}

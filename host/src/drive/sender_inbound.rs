@@ -1,0 +1,223 @@
+//! What the sender makes of the controller's messages: welcome, acknowledgements, gaps, refusals,
+//! faults, status. A part of [`Sender`]; the outgoing side and the call order are in `sender`.
+
+use super::Sender;
+use crate::drive::sender_state::{ControlMessage, Intent, SenderError, SenderEvent, SenderState};
+use headway_protocol::message::{
+    Ack, Control, DeviceMessage, DeviceState, Fault, OpenStream, Refusal, RefusalReason, Status,
+    Welcome,
+};
+
+impl Sender {
+    pub(super) fn handle_message(&mut self, now_us: u64, message: DeviceMessage) {
+        match message {
+            DeviceMessage::Welcome(welcome) => self.handle_welcome(&welcome),
+            DeviceMessage::Ack(ack) => self.handle_ack(now_us, &ack),
+            DeviceMessage::Nak(ack) => {
+                self.handle_ack(now_us, &ack);
+                self.handle_gap(now_us);
+            }
+            DeviceMessage::Refused(refusal) => self.handle_refusal(refusal),
+            DeviceMessage::Status(status) => self.handle_status(status),
+            DeviceMessage::Fault(fault) => {
+                self.events.push_back(SenderEvent::Fault(fault));
+                self.handle_fault(fault);
+            }
+        }
+    }
+
+    fn fail(&mut self, error: SenderError) {
+        if !matches!(self.state, SenderState::Failed(_)) {
+            self.state = SenderState::Failed(error);
+            self.outstanding = None;
+        }
+    }
+
+    fn handle_welcome(&mut self, welcome: &Welcome) {
+        let is_ours = welcome.host_session == self.setup.host_session;
+        if !is_ours {
+            return;
+        }
+        if self.state != SenderState::Greeting {
+            self.is_session(welcome.session);
+            return;
+        }
+        self.outstanding = None;
+        self.events.push_back(SenderEvent::Connected(*welcome));
+        if let Err(error) = self.setup.check_welcome(welcome, self.intent) {
+            self.fail(error);
+            return;
+        }
+        self.device_session = Some(welcome.session);
+        let first = welcome.session.wrapping_mul(0x9e37_79b9);
+        let job = self.frames.job();
+        match (self.intent, welcome.stream) {
+            (Intent::Talk, _) => self.state = SenderState::Talking,
+            (Intent::ResumeOrStream | Intent::ResumeOnly, Some(stream)) if stream.job == job => {
+                self.resume(&stream);
+            }
+            (Intent::ResumeOnly, _) => self.fail(SenderError::NothingToResume { job }),
+            (_, stream) => {
+                self.first_sequence = stream.map_or(first, |stream| stream.next_sequence);
+                self.state = SenderState::Opening;
+            }
+        }
+    }
+
+    /// Goes on with a stream that the controller already has in part.
+    fn resume(&mut self, stream: &OpenStream) {
+        self.first_sequence = stream.first_sequence;
+        let taken = stream.next_sequence.wrapping_sub(stream.first_sequence) as usize;
+        let (knots, _) = match taken.checked_sub(1) {
+            Some(last) => self.frames.totals_after(last),
+            None => (0, 0),
+        };
+        if taken > self.frames.len() || knots != stream.knots_taken {
+            self.fail(SenderError::Busy { job: stream.job });
+            return;
+        }
+        self.acknowledged = taken;
+        self.cursor = taken;
+        self.high_water = taken;
+        self.state = if taken == self.frames.len() {
+            SenderState::Finishing
+        } else {
+            SenderState::Streaming
+        };
+    }
+
+    fn is_session(&mut self, session: u32) -> bool {
+        match self.device_session {
+            Some(before) if before == session => true,
+            Some(before) => {
+                let now = session;
+                self.fail(SenderError::DeviceRestarted { before, now });
+                false
+            }
+            None => false,
+        }
+    }
+
+    fn handle_ack(&mut self, now_us: u64, ack: &Ack) {
+        if !self.is_session(ack.session) {
+            return;
+        }
+        self.answered_us = now_us;
+        let taken = ack.next_sequence.wrapping_sub(self.first_sequence) as usize;
+        if let Some(outstanding) = self.outstanding {
+            let behind = ack.control_taken.wrapping_sub(outstanding.sequence) as i16;
+            if outstanding.sent_us.is_some() && behind >= 0 {
+                self.outstanding = None;
+                self.note_taken(outstanding.what, taken);
+            }
+        }
+        let streams = matches!(self.state, SenderState::Streaming | SenderState::Finishing);
+        // Frames of the host before us may have been under way when the controller greeted us.
+        let most = match self.intent {
+            Intent::ResumeOrStream | Intent::ResumeOnly => self.frames.len(),
+            Intent::Stream | Intent::Talk => self.high_water,
+        };
+        if !streams || taken > most {
+            return;
+        }
+        self.knot_limit = self.knot_limit.max(ack.knot_limit);
+        self.event_limit = self.event_limit.max(ack.event_limit);
+        self.take_acknowledged(now_us, taken);
+        if self.acknowledged == self.frames.len() {
+            self.state = SenderState::Finishing;
+        }
+    }
+
+    /// A control message has arrived.
+    fn note_taken(&mut self, what: ControlMessage, frames_taken: usize) {
+        match what {
+            ControlMessage::Start if frames_taken == 0 => self.state = SenderState::Streaming,
+            ControlMessage::Command(control) => {
+                if control == Control::Abort && self.intent != Intent::Talk {
+                    self.state = SenderState::Aborted;
+                }
+                self.events.push_back(SenderEvent::Taken(control));
+            }
+            ControlMessage::Hello | ControlMessage::Start => {}
+        }
+    }
+
+    fn take_acknowledged(&mut self, now_us: u64, taken: usize) {
+        if taken <= self.acknowledged {
+            return;
+        }
+        let mut newest = None;
+        for _ in self.acknowledged..taken {
+            newest = self.in_flight.pop_front().or(newest);
+        }
+        self.acknowledged = taken;
+        self.cursor = self.cursor.max(taken);
+        self.high_water = self.high_water.max(taken);
+        if let Some(frame) = newest.filter(|frame| !frame.repeated) {
+            self.round_trip
+                .measure(now_us.saturating_sub(frame.sent_us));
+        }
+        self.retry_us = self.round_trip.retry_us();
+    }
+
+    /// The controller asks for the frame after the acknowledged ones.
+    fn handle_gap(&mut self, now_us: u64) {
+        if self.cursor <= self.acknowledged {
+            return;
+        }
+        // A second request for the same frame within a round trip is an echo of the first gap.
+        let is_echo = self.went_back.is_some_and(|(frame, at_us)| {
+            frame == self.acknowledged && now_us < at_us + self.round_trip.estimate_us()
+        });
+        if !is_echo {
+            self.go_back(now_us, self.acknowledged);
+        }
+    }
+
+    fn handle_refusal(&mut self, refusal: Refusal) {
+        self.events.push_back(SenderEvent::Refused(refusal));
+        let refused = self
+            .outstanding
+            .filter(|outstanding| outstanding.sequence == refusal.sequence);
+        match (refused, refusal.reason) {
+            (Some(outstanding), reason) => {
+                self.outstanding = None;
+                if matches!(
+                    outstanding.what,
+                    ControlMessage::Hello | ControlMessage::Start
+                ) {
+                    self.fail(self.setup.refusal_error(reason));
+                }
+            }
+            (None, RefusalReason::NoStream) if self.state == SenderState::Streaming => {
+                self.fail(SenderError::Refused(RefusalReason::NoStream));
+            }
+            _ => {}
+        }
+    }
+
+    /// A fault ends the stream: the controller forgets it.
+    fn handle_fault(&mut self, fault: Fault) {
+        let begun = matches!(
+            self.state,
+            SenderState::Opening | SenderState::Streaming | SenderState::Finishing
+        );
+        if begun {
+            self.fail(SenderError::Fault(fault));
+        }
+    }
+
+    fn handle_status(&mut self, status: Status) {
+        if !self.is_session(status.session) {
+            return;
+        }
+        if self.state == SenderState::Finishing && status.state == DeviceState::Finished {
+            self.state = SenderState::Done;
+            self.outstanding = None;
+        }
+        if let Some(fault) = status.fault {
+            self.handle_fault(fault);
+        }
+        self.events.push_back(SenderEvent::Status(status));
+    }
+}

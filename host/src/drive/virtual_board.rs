@@ -1,0 +1,212 @@
+//! A board without hardware: the firmware library behind a TCP or unix socket, in real time or
+//! faster. What streams to it streams to a real board.
+//!
+//! Its steps go nowhere but into counters and a digest. Limit switches close where the machine's
+//! range ends, so that homing can be tried. One host at a time; the next one waits.
+
+use crate::drive::transport::{Listener, Transport};
+use headway_firmware::configuration::{ConfigurationError, MOTORS_MAX, MachineConfiguration};
+use headway_firmware::homing::HomingConfiguration;
+use headway_firmware::inputs::Inputs;
+use headway_firmware::machine::Machine;
+use headway_firmware::output::StepOutput;
+use headway_protocol::frame::FRAME_BYTES_MAX;
+use std::io;
+use std::sync::atomic::{AtomicBool, Ordering};
+use std::time::{Duration, Instant};
+
+/// Most virtual time made up at once: a computer that cannot keep up slows the board down.
+const CATCH_UP_S: f64 = 0.05;
+/// Reports of one turn.
+const REPORTS_MAX: usize = 32;
+
+/// What to simulate.
+#[derive(Clone, Debug)]
+pub struct BoardSetup {
+    /// The machine.
+    pub machine: MachineConfiguration,
+    /// Its switches; [`HomingConfiguration::none`] for none.
+    pub switches: HomingConfiguration,
+    /// Differs after every start.
+    pub session: u32,
+    /// Virtual seconds per second.
+    pub speed: f64,
+}
+
+/// Follows the steps.
+#[derive(Clone, Debug, Default)]
+struct Steps {
+    directions: u8,
+    counts: [i64; MOTORS_MAX],
+    steps: u64,
+}
+
+impl StepOutput for Steps {
+    fn set_directions(&mut self, directions: u8) {
+        self.directions = directions;
+    }
+    fn step(&mut self, _tick: u64, motors: u8) {
+        for (motor, count) in self.counts.iter_mut().enumerate() {
+            if motors >> motor & 1 == 1 {
+                *count += if self.directions >> motor & 1 == 1 {
+                    1
+                } else {
+                    -1
+                };
+                self.steps += 1;
+            }
+        }
+    }
+}
+
+/// What a board has done.
+#[derive(Clone, Debug, Default, PartialEq, Eq)]
+pub struct BoardFigures {
+    /// Steps of all motors.
+    pub steps: u64,
+    /// Step counts as the firmware has them: joints in order, then the extruder.
+    pub counts: Vec<i64>,
+    /// How often the queue ran dry.
+    pub underruns: u32,
+    /// Hosts that have connected.
+    pub hosts: u64,
+}
+
+/// The firmware library on a socket.
+pub struct VirtualBoard {
+    setup: BoardSetup,
+    machine: Machine,
+    steps: Steps,
+    listener: Listener,
+    line: Option<Box<dyn Transport>>,
+    begun: Instant,
+    ticks_done: u64,
+    hosts: u64,
+}
+
+impl VirtualBoard {
+    /// Starts up.
+    ///
+    /// # Errors
+    /// [`ConfigurationError`] where the firmware cannot run the machine.
+    pub fn new(setup: BoardSetup, listener: Listener) -> Result<VirtualBoard, ConfigurationError> {
+        let machine = Machine::with_switches(&setup.machine, &setup.switches, setup.session)?;
+        Ok(VirtualBoard {
+            setup,
+            machine,
+            steps: Steps::default(),
+            listener,
+            line: None,
+            begun: Instant::now(),
+            ticks_done: 0,
+            hosts: 0,
+        })
+    }
+
+    /// Serves until told to stop; `each` is called after every turn and may drop the line.
+    ///
+    /// # Errors
+    /// The listener's.
+    pub fn serve(
+        &mut self,
+        stop: &AtomicBool,
+        mut each: impl FnMut(&mut VirtualBoard),
+    ) -> io::Result<BoardFigures> {
+        while !stop.load(Ordering::Relaxed) {
+            self.turn()?;
+            each(self);
+        }
+        Ok(self.figures())
+    }
+
+    /// Drops the connection, as a pulled cable does.
+    pub fn pull(&mut self) {
+        self.line = None;
+    }
+
+    /// The controller.
+    pub fn machine(&self) -> &Machine {
+        &self.machine
+    }
+
+    /// What it has done so far.
+    pub fn figures(&self) -> BoardFigures {
+        let motion = self.machine.motion();
+        BoardFigures {
+            steps: self.steps.steps,
+            counts: motion.counts()[..motion.motors()].to_vec(),
+            underruns: motion.underruns(),
+            hosts: self.hosts,
+        }
+    }
+
+    /// Takes bytes, lets the time pass that has passed, answers.
+    fn turn(&mut self) -> io::Result<()> {
+        if self.line.is_none() {
+            self.line = self.listener.accept()?;
+            self.hosts += u64::from(self.line.is_some());
+        }
+        let mut buffer = [0u8; 4096];
+        match self.line.as_mut().map(|line| line.receive(&mut buffer)) {
+            Some(Ok(count)) => self.machine.handle_bytes(&buffer[..count]),
+            Some(Err(_)) => self.line = None,
+            None => std::thread::sleep(Duration::from_millis(1)),
+        }
+        self.pass();
+        self.report();
+        Ok(())
+    }
+
+    fn pass(&mut self) {
+        let servo_hz = f64::from(self.setup.machine.servo_hz);
+        let rate_hz = servo_hz * self.setup.speed;
+        let due = (self.begun.elapsed().as_secs_f64() * rate_hz) as u64;
+        let most = (CATCH_UP_S * rate_hz) as u64 + 1;
+        let ticks = due.saturating_sub(self.ticks_done).min(most);
+        for _ in 0..ticks {
+            let switches = self.switches();
+            self.machine.set_inputs(Inputs {
+                switches,
+                emergency: false,
+            });
+            self.machine.run_servo_interval(&mut self.steps);
+        }
+        self.ticks_done = due;
+    }
+
+    /// Bit of each joint that has run into its switch. The board starts in the middle of its range
+    /// and does not know it.
+    fn switches(&self) -> u8 {
+        let mut mask = 0;
+        for switch in &self.setup.switches.joints {
+            let number = usize::from(switch.joint);
+            let Some(joint) = self.setup.machine.joints.get(number) else {
+                continue;
+            };
+            let middle = 0.5 * (joint.position_min + joint.position_max);
+            let at = middle + self.steps.counts[number] as f64 / joint.steps_per_unit;
+            let pressed = if switch.towards_max {
+                at >= joint.position_max
+            } else {
+                at <= joint.position_min
+            };
+            mask |= u8::from(pressed) << number;
+        }
+        mask
+    }
+
+    fn report(&mut self) {
+        let mut out = [0u8; FRAME_BYTES_MAX];
+        for _ in 0..REPORTS_MAX {
+            let length = self.machine.poll_report(&mut out);
+            if length == 0 {
+                return;
+            }
+            if let Some(line) = &mut self.line
+                && line.send(&out[..length]).is_err()
+            {
+                self.line = None;
+            }
+        }
+    }
+}
