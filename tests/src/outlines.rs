@@ -14,7 +14,7 @@ impl Noise {
     }
 
     /// The next number.
-    pub fn next(&mut self) -> f64 {
+    pub fn share(&mut self) -> f64 {
         self.0 = self
             .0
             .wrapping_mul(6_364_136_223_846_793_005)
@@ -57,7 +57,7 @@ pub fn noisy_ring(edges: usize, noise_mm: f64) -> Rings {
         (0..edges / 2)
             .map(|i| {
                 let angle = sign * i as f64 * std::f64::consts::TAU / (edges / 2) as f64;
-                let r = radius + noise_mm * (2.0 * noise.next() - 1.0);
+                let r = radius + noise_mm * (2.0 * noise.share() - 1.0);
                 [r * angle.cos(), r * angle.sin()]
             })
             .collect()
@@ -121,7 +121,7 @@ pub fn fine_ring(edges: usize, noise_mm: f64) -> Rings {
         (0..count)
             .map(|i| {
                 let angle = sign * i as f64 * std::f64::consts::TAU / count as f64;
-                let r = radius + noise_mm * (2.0 * noise.next() - 1.0);
+                let r = radius + noise_mm * (2.0 * noise.share() - 1.0);
                 [r * angle.cos(), r * angle.sin()]
             })
             .collect()
