@@ -242,7 +242,21 @@ fn a_stream_goes_on_from_homed_joints_and_declares_the_others() {
     position[5] = 1_000_000;
     let mut elsewhere = position;
     elsewhere[0] += 1000;
+    // A job far away, and lower: the machine goes there, and the last joint is Z.
+    let job = [800_000, 300_000, 20_000, 0, 0, 1_000_000, 0];
+    assert_eq!(motion.start(&job), Err(CommandError::Invalid));
+    world.command(Control::GoTo(job));
+    world.settle();
+    assert_eq!(world.host.refusals, []);
+    let motion = &mut world.host.machine.motion;
+    assert_eq!(motion.counts()[..4], [6400, 2400, 800, 0]);
     assert_eq!(motion.start(&elsewhere), Err(CommandError::Invalid));
+    let mut undisturbed = world.host.machine.motion.clone();
+    assert_eq!(undisturbed.start(&job), Ok(()));
+    assert_eq!(undisturbed.referenced(), 0b1111);
+    world.command(Control::GoTo(position));
+    world.settle();
+    let motion = &mut world.host.machine.motion;
     assert_eq!(motion.start(&position), Ok(()));
     assert_eq!(motion.counts()[..3], counts[..3]);
     assert_eq!(motion.referenced(), 0b1111);

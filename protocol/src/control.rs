@@ -68,6 +68,9 @@ pub enum Control {
         /// Duration.
         duration_ticks: Ticks,
     },
+    /// Move the referenced joints to a pose (at rest only), channel units: one joint after the
+    /// other, Z first where it goes up and last where it goes down.
+    GoTo(ChannelPoint),
 }
 
 /// Joints in an order, four bits each from the lowest up: joint + 1, 0 ends the list. Empty means
@@ -147,7 +150,8 @@ impl Control {
             | Control::EmergencyStop
             | Control::ClearFault
             | Control::StatusRequest
-            | Control::SetPosition(_) => true,
+            | Control::SetPosition(_)
+            | Control::GoTo(_) => true,
         }
     }
 }

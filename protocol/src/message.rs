@@ -27,7 +27,7 @@ host: 0 hello{protocol u16,schema u32,host_session u32}\n\
  4 finish{knots u32,events u32}\n\
  5 control 0 pause 1 resume 2 override u16 3 abort 4 stop 5 clear 6 status\n\
  7 position i32*7 8 jog{joint u8,distance i32,speed u32} 9 home u32 10 joint{joint u8,position i32}\n\
- 11 report u16 12 flow u16 13 extrude{action u8,volume u32,duration u32}\n\
+ 11 report u16 12 flow u16 13 extrude{action u8,volume u32,duration u32} 14 goto i32*7\n\
 device: 0 welcome{protocol u16,schema u32,firmware u8*3,machine_hash u32,knots u16,events u16,\
 servo u32,step u32,session u32,host_session u32,stream option{job u32,first u32,next u32,knots u32,spans u32}}\n\
  1 refused{sequence u16,reason 0 protocol u16 1 schema u32 2 machine u32 3 no stream 4 busy 5 faulted 6 invalid}\n\

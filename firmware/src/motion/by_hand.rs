@@ -5,19 +5,24 @@
 //! they are, and the next stream must begin there.
 
 use super::{CommandError, Motion, Phase};
-use crate::configuration::{MOTORS_MAX, MachineConfiguration};
+use crate::configuration::{JOINTS_MAX, MOTORS_MAX, MachineConfiguration};
 use crate::homing::{Homing, HomingConfiguration, HomingOutcome};
 use crate::joint_move::{JointMove, MoveLimits};
 use crate::steps::{STEP, StepScale};
 use headway_protocol::message::{Control, Fault, FaultCause, JointOrder};
 use headway_protocol::segment::{FlowAction, FlowEvent};
-use headway_protocol::units::{CHANNEL_VOLUME, Ticks, UNITS_PER_NATURAL};
+use headway_protocol::units::{CHANNEL_VOLUME, ChannelPoint, Ticks, UNITS_PER_NATURAL};
 use heapless::Vec;
 
 /// Peak rate of a prime or retract over volume / duration, and peak acceleration over
 /// volume / duration²: of x³ (10 - 15 x + 6 x²).
 const EVENT_PEAK_RATE: f64 = 1.875;
 const EVENT_PEAK_ACCELERATION: f64 = 5.7736;
+
+/// Share of a joint's speed limit that going to a pose uses.
+const GO_TO_SPEED_SHARE: f64 = 0.5;
+/// The joint that goes up and down, on every machine so far.
+const Z: usize = 2;
 
 /// State of the moves by hand.
 #[derive(Clone, Debug)]
@@ -27,6 +32,9 @@ pub(super) struct ByHand {
     /// Joints to be homed, and how many of them are.
     order: Vec<u8, { JointOrder::JOINTS_MAX }>,
     homed: usize,
+    /// Moves to make one after the other: joint and goal; and how many of them have begun.
+    route: Vec<(u8, i64), JOINTS_MAX>,
+    begun: usize,
     homing: Option<Homing>,
     joint: usize,
     mover: JointMove,
@@ -43,6 +51,8 @@ impl ByHand {
             switches: switches.clone(),
             order: Vec::new(),
             homed: 0,
+            route: Vec::new(),
+            begun: 0,
             homing: None,
             joint: 0,
             mover: JointMove::at_rest(0),
@@ -107,6 +117,7 @@ impl Motion {
                 distance_units,
                 speed_units_s,
             } => self.jog(joint.into(), distance_units, speed_units_s),
+            Control::GoTo(position) => self.go_to(&position),
             Control::Home(order) => self.home(order),
             Control::Extrude {
                 action,
@@ -170,10 +181,62 @@ impl Motion {
                 return Err(CommandError::Invalid);
             }
         }
+        self.by_hand.route.clear();
         self.begin_by_hand();
         self.by_hand.joint = joint;
         self.by_hand.mover.begin(here, distance, limits);
         Ok(())
+    }
+
+    fn go_to(&mut self, position: &ChannelPoint) -> Result<(), CommandError> {
+        let (_, targets, _) = self.rest_targets(position)?;
+        let here = self.programmer.newest_targets();
+        let known = self.reference.known;
+        let hand = &mut self.by_hand;
+        hand.route.clear();
+        let rises = targets.get(Z) > here.get(Z);
+        let mut add = |joint: usize| {
+            if known >> joint & 1 == 1
+                && let (Some(goal), true) = (targets.get(joint), joint < hand.machine.joints.len())
+            {
+                // Room for every joint by the type's bound.
+                let _ = hand.route.push((joint as u8, *goal));
+            }
+        };
+        if rises {
+            add(Z);
+        }
+        (0..JOINTS_MAX)
+            .filter(|joint| *joint != Z)
+            .for_each(&mut add);
+        if !rises {
+            add(Z);
+        }
+        self.begin_by_hand();
+        self.by_hand.mover = JointMove::at_rest(self.joint_position(0));
+        self.by_hand.joint = 0;
+        Ok(())
+    }
+
+    /// Begins the next move of the route once the last one rests. True while there is one to come.
+    fn go_on(&mut self) -> bool {
+        let hand = &self.by_hand;
+        let Some(&(joint, goal)) = hand.route.get(hand.begun) else {
+            return false;
+        };
+        if !hand.mover.is_done() || !self.programmer.is_at_rest() {
+            return true;
+        }
+        let joint = usize::from(joint);
+        let here = self.joint_position(joint);
+        if let Some(limits) = hand.machine.joints.get(joint) {
+            let speed = GO_TO_SPEED_SHARE * limits.speed_max;
+            let limits = MoveLimits::new(limits, speed, self.servo_hz);
+            self.by_hand.mover.begin(here, goal - here, limits);
+        }
+        self.by_hand.joint = joint;
+        self.by_hand.begun += 1;
+        true
     }
 
     fn home(&mut self, order: JointOrder) -> Result<(), CommandError> {
@@ -191,6 +254,7 @@ impl Motion {
             return Err(CommandError::Invalid);
         }
         self.by_hand.homed = 0;
+        self.by_hand.route.clear();
         self.begin_by_hand();
         self.home_next();
         Ok(())
@@ -224,6 +288,7 @@ impl Motion {
         if rate > extruder.speed_max_mm3_s || acceleration > extruder.acceleration_max_mm3_s2 {
             return Err(CommandError::Invalid);
         }
+        self.by_hand.route.clear();
         self.begin_by_hand();
         let motor = self.joints.count();
         let here = self.joint_position(motor);
@@ -252,6 +317,7 @@ impl Motion {
 
     fn begin_by_hand(&mut self) {
         self.phase = Phase::ByHand;
+        self.by_hand.begun = 0;
         self.follows_path = false;
         self.aborting = false;
         self.drivers_on = true;
@@ -267,10 +333,12 @@ impl Motion {
         if self.aborting || self.fault.is_some() {
             self.by_hand.homing = None;
             self.by_hand.order.clear();
+            self.by_hand.route.clear();
             self.by_hand.mover.brake();
             self.flow.cut();
         }
         self.tick_homing();
+        let goes_on = self.go_on();
         let flow = self.flow.target(0, 0.0);
         let hand = &mut self.by_hand;
         if let Some(target) = hand.targets.get_mut(motor) {
@@ -280,7 +348,7 @@ impl Motion {
         if let Some(target) = hand.targets.get_mut(hand.joint) {
             *target = place;
         }
-        let idle = hand.mover.is_done() && !self.flow.is_active() && !hand.is_homing();
+        let idle = !goes_on && hand.mover.is_done() && !self.flow.is_active() && !hand.is_homing();
         if idle && self.programmer.is_at_rest() {
             self.phase = Phase::Idle;
             self.aborting = false;

@@ -53,15 +53,7 @@ impl Motion {
 
     /// Takes over a pose at rest, only if the `known` joints are there already.
     fn place(&mut self, position: &ChannelPoint, known: u8) -> Result<(), CommandError> {
-        let interpolator = Interpolator::at_rest(&self.carriers, position);
-        let mut targets = [0; MOTORS_MAX];
-        self.joints
-            .targets(&interpolator, targets.iter_mut())
-            .map_err(|_| CommandError::Invalid)?;
-        let extruder = self.joints.count() % MOTORS_MAX;
-        targets[extruder] = interpolator.bases()[extruder].position;
-        let deposited = targets[extruder];
-        let targets = targets.map(|target| target.wrapping_sub(BIAS));
+        let (interpolator, targets, deposited) = self.rest_targets(position)?;
         let here = self.programmer.positions();
         let moved = targets
             .iter()
@@ -81,6 +73,24 @@ impl Motion {
         self.reference.learn(self.joints.all());
         self.follows_path = true;
         Ok(())
+    }
+
+    /// Where the motors are at rest on a pose: the interpolator there, the positions, and the
+    /// extruder's as the flow declares it.
+    pub(super) fn rest_targets(
+        &self,
+        position: &ChannelPoint,
+    ) -> Result<(Interpolator, [i64; MOTORS_MAX], i64), CommandError> {
+        let interpolator = Interpolator::at_rest(&self.carriers, position);
+        let mut targets = [0; MOTORS_MAX];
+        self.joints
+            .targets(&interpolator, targets.iter_mut())
+            .map_err(|_| CommandError::Invalid)?;
+        let extruder = self.joints.count() % MOTORS_MAX;
+        targets[extruder] = interpolator.bases()[extruder].position;
+        let deposited = targets[extruder];
+        let targets = targets.map(|target| target.wrapping_sub(BIAS));
+        Ok((interpolator, targets, deposited))
     }
 
     /// Queues knots in order; false if they do not fit.

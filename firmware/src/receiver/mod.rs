@@ -256,6 +256,7 @@ impl Receiver {
             Control::SetPosition(_)
             | Control::SetJoint { .. }
             | Control::Jog { .. }
+            | Control::GoTo(_)
             | Control::Home(_)
             | Control::Extrude { .. } => {
                 if let Err(error) = motion.command_at_rest(&control) {
