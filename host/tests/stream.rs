@@ -245,6 +245,25 @@ fn a_job_streams_over_unix_socket_and_tcp_to_the_simulations_end() {
 }
 
 #[test]
+fn a_homed_machine_goes_to_the_job_before_it_prints_it() {
+    let folder = folder("go");
+    let (job, expected) = job(&folder, 1);
+    let board = Board::unix(&folder, 20.0);
+    let port = ["--port", &board.port];
+    let ask = |arguments: &[&str]| output(&[arguments, &port].concat());
+    let homed = ask(&["board", "home"]);
+    assert!(homed.status.success(), "{}", text(&homed.stderr));
+    assert!(text(&homed.stdout).contains("known joints [0, 1, 2]"));
+    // It stands at its switches: the job begins elsewhere.
+    let refused = ask(&["stream", &job]);
+    assert!(!refused.status.success());
+    let gone = ask(&["board", "go", &job]);
+    assert!(gone.status.success(), "{}", text(&gone.stderr));
+    assert_eq!(json(&ask(&["stream", &job, "--json"]))["done"], true);
+    assert_eq!(counts(&board.end()), expected);
+}
+
+#[test]
 fn a_pulled_cable_is_waited_for() {
     let folder = folder("pull");
     let (job, expected) = job(&folder, 5);

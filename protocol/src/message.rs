@@ -305,7 +305,8 @@ impl core::fmt::Display for RefusalReason {
             Self::Busy => f.write_str("it is moving or has a stream open"),
             Self::Faulted => f.write_str("a fault is latched; clear it first"),
             Self::Invalid => f.write_str(
-                "a value is out of range, or the machine is not where the stream begins (home it)",
+                "a value is out of range, or the machine is not where the stream begins (home it, \
+                 then `headway board go JOB`)",
             ),
         }
     }

@@ -48,6 +48,7 @@ Examples:
   headway board status --port /dev/ttyACM0
   headway board home z x y --port /dev/ttyACM0
   headway board jog x 10 --speed 20 --port /dev/ttyACM0
+  headway board go part.hwj --port /dev/ttyACM0
   headway board simulate --listen tcp:127.0.0.1:7000
   headway board replay print.log")]
 pub(super) struct BoardArgs {
@@ -102,6 +103,13 @@ pub(super) enum BoardCommand {
         speed: Option<f64>,
         #[command(flatten)]
         machine: BoardMachineArgs,
+        #[command(flatten)]
+        port: PortArgs,
+    },
+    /// Go to where a job begins, joint by joint, Z first if it goes up, and wait.
+    Go {
+        /// A job file (.hwj).
+        job: PathBuf,
         #[command(flatten)]
         port: PortArgs,
     },

@@ -50,6 +50,14 @@ pub(super) fn run(args: &BoardArgs, console: &Console) -> Result<(), CliError> {
             let status = talk.wait_for_rest()?;
             console.result(&status_text(&status, false))
         }
+        BoardCommand::Go { job, port } => {
+            let job = super::job::read(job)?;
+            let mut talk = Talk::open(port)?;
+            talk.check_machine(&job.file.header.machine)?;
+            talk.order(Control::GoTo(*job.file.frames.start()))?;
+            let status = talk.wait_for_rest()?;
+            console.result(&status_text(&status, false))
+        }
         BoardCommand::Pause { port } => Talk::open(port)?.order(Control::Pause),
         BoardCommand::Resume { port } => Talk::open(port)?.order(Control::Resume),
         BoardCommand::Override { percent, port } => {
