@@ -150,9 +150,11 @@ impl Coverage {
 }
 
 /// The rows of a turned aperture about its centre.
-struct RowsOfShape {
-    below_mm: f64,
-    above_mm: f64,
+pub struct RowsOfShape {
+    /// How far it reaches below its centre, mm.
+    pub below_mm: f64,
+    /// How far above, mm.
+    pub above_mm: f64,
     shape: TurnedShape,
 }
 
@@ -164,7 +166,8 @@ enum TurnedShape {
 }
 
 impl RowsOfShape {
-    fn new(aperture: &Aperture, heading_rad: f64) -> RowsOfShape {
+    /// The aperture at one heading.
+    pub fn new(aperture: &Aperture, heading_rad: f64) -> RowsOfShape {
         let (sin, cos) = heading_rad.sin_cos();
         let shape = match aperture {
             Aperture::Ellipse { major_mm, minor_mm } => {
@@ -191,8 +194,8 @@ impl RowsOfShape {
         }
     }
 
-    /// Least and greatest x at height `dy`.
-    fn range(&self, dy: f64) -> Option<[f64; 2]> {
+    /// Least and greatest x at height `dy`, mm about the centre.
+    pub fn range(&self, dy: f64) -> Option<[f64; 2]> {
         match &self.shape {
             TurnedShape::Quadratic([qxx, qxy, qyy]) => {
                 let disc = (qxy * dy).powi(2) - qxx * (qyy * dy * dy - 1.0);

@@ -81,7 +81,7 @@ pub fn blended(axis: &Axis, counts: &[f64], step_mm: f64, blend_mm: f64) -> Vec<
 }
 
 /// Breadth-first order and parents, roots at the widest nodes so that trees grow from the body.
-fn spanning_forest(axis: &Axis) -> (Vec<usize>, Vec<Option<usize>>) {
+pub(super) fn spanning_forest(axis: &Axis) -> (Vec<usize>, Vec<Option<usize>>) {
     let neighbours = axis.neighbours();
     let count = axis.points.len();
     let mut roots: Vec<usize> = (0..count).collect();

@@ -10,7 +10,7 @@ use super::heading_profile::Placement;
 use super::passes::LayerPass;
 use crate::geometry::aperture::Aperture;
 use crate::geometry::clearance::{Configuration, is_inside};
-use crate::geometry::coverage::{Cell, Coverage, SweptPose};
+use crate::geometry::coverage::{Cell, Coverage, RowsOfShape, SweptPose};
 use crate::geometry::edge_index::EdgeIndex;
 use crate::geometry::{Point2, Vector2};
 use rayon::prelude::*;
@@ -48,9 +48,10 @@ pub fn fill_gaps(passes: &mut [LayerPass], aperture: &Aperture, walls: &EdgeInde
     let mut raster = Raster::of(passes, aperture, walls);
     for _ in 0..ROUNDS {
         let gaps = raster.gaps();
+        let sums = raster.sums();
         let found: Vec<Option<Configuration>> = gaps
             .par_iter()
-            .map(|gap| raster.best_placement(gap, aperture, walls))
+            .map(|gap| raster.best_placement(gap, &sums, aperture, walls))
             .collect();
         let mut darts: Vec<Dart> = Vec::new();
         for at in found.into_iter().flatten() {
@@ -222,6 +223,7 @@ impl Raster {
     fn best_placement(
         &self,
         gap: &[u32],
+        sums: &Sums,
         aperture: &Aperture,
         walls: &EdgeIndex,
     ) -> Option<Configuration> {
@@ -231,7 +233,7 @@ impl Raster {
         }
         let headings = if aperture.is_round() { 1 } else { HEADINGS };
         let value = |at: Configuration| {
-            let gain = self.gain_mm2(aperture, at);
+            let gain = self.gain_by_sums_mm2(sums, aperture, at);
             // The costly query only where it can matter.
             if gain > 0.0 && is_inside(aperture, at, walls, 0.0) {
                 gain
@@ -310,53 +312,106 @@ impl Raster {
 
     /// Newly covered area less the weighted area covered again, mm².
     fn gain_mm2(&self, aperture: &Aperture, at: Configuration) -> f64 {
-        let (mut open, mut again) = (0usize, 0usize);
-        self.for_cells(aperture, at, |cell| match self.coverage.cells[cell] {
-            Cell::Gap => open += 1,
-            Cell::Covered | Cell::Overlap => again += 1,
-            Cell::Outside | Cell::Spill => {}
+        let (mut open, mut again) = (0, 0);
+        self.for_rows(aperture, at, |row, from, to| {
+            for cell in row + from..=row + to {
+                match self.coverage.cells[cell] {
+                    Cell::Gap => open += 1,
+                    Cell::Covered | Cell::Overlap => again += 1,
+                    Cell::Outside | Cell::Spill => {}
+                }
+            }
         });
-        (open as f64 - AGAIN_WEIGHT * again as f64) * self.cell_area_mm2()
+        self.worth_mm2(open, again)
+    }
+
+    /// The same from the sums, which do not see what was covered since they were made.
+    fn gain_by_sums_mm2(&self, sums: &Sums, aperture: &Aperture, at: Configuration) -> f64 {
+        let (mut open, mut again) = (0, 0);
+        self.for_rows(aperture, at, |row, from, to| {
+            let in_range = |sums: &[u32]| {
+                let before = from.checked_sub(1).map_or(0, |c| sums[row + c]);
+                sums[row + to] - before
+            };
+            open += in_range(&sums.open);
+            again += in_range(&sums.covered);
+        });
+        self.worth_mm2(open, again)
+    }
+
+    fn worth_mm2(&self, open: u32, again: u32) -> f64 {
+        (f64::from(open) - AGAIN_WEIGHT * f64::from(again)) * self.cell_area_mm2()
+    }
+
+    /// Sums along each row: open and covered cells before each one and itself.
+    fn sums(&self) -> Sums {
+        let mut sums = Sums {
+            open: Vec::with_capacity(self.coverage.cells.len()),
+            covered: Vec::with_capacity(self.coverage.cells.len()),
+        };
+        for row in self.coverage.cells.chunks_exact(self.coverage.columns) {
+            let (mut open, mut covered) = (0, 0);
+            for cell in row {
+                open += u32::from(*cell == Cell::Gap);
+                covered += u32::from(matches!(cell, Cell::Covered | Cell::Overlap));
+                sums.open.push(open);
+                sums.covered.push(covered);
+            }
+        }
+        sums
     }
 
     /// Marks what an excursion covers.
     fn cover(&mut self, aperture: &Aperture, excursion: &[Configuration]) {
-        let mut cells = Vec::new();
+        let mut ranges = Vec::new();
         for pair in excursion.windows(2) {
-            self.for_cells(aperture, pair[0], |cell| cells.push(cell));
-            for at in poses_between(aperture, pair[0], pair[1]) {
-                self.for_cells(aperture, at, |cell| cells.push(cell));
-            }
+            let mut add = |at| {
+                self.for_rows(aperture, at, |row, from, to| {
+                    ranges.push((row + from, row + to))
+                });
+            };
+            add(pair[0]);
+            poses_between(aperture, pair[0], pair[1]).for_each(add);
         }
-        for cell in cells {
-            if self.coverage.cells[cell] == Cell::Gap {
-                self.coverage.cells[cell] = Cell::Covered;
+        for (from, to) in ranges {
+            for cell in &mut self.coverage.cells[from..=to] {
+                if *cell == Cell::Gap {
+                    *cell = Cell::Covered;
+                }
             }
         }
     }
 
-    /// Visits the cells whose centres lie in the placed aperture.
-    fn for_cells(&self, aperture: &Aperture, at: Configuration, mut visit: impl FnMut(usize)) {
+    /// Visits the rows of cells whose centres lie in the placed aperture: number of the row's first
+    /// cell, first and last column.
+    fn for_rows(
+        &self,
+        aperture: &Aperture,
+        at: Configuration,
+        mut visit: impl FnMut(usize, usize, usize),
+    ) {
         let raster = &self.coverage;
-        let reach = aperture.reach_mm();
+        let shape = RowsOfShape::new(aperture, at.heading_rad);
         let row_of = |y: f64| ((y - raster.origin.y) / raster.cell_mm).floor();
-        let first = row_of(at.center.y - reach).max(0.0) as usize;
-        let last = row_of(at.center.y + reach).min(raster.rows as f64 - 1.0);
+        let first = row_of(at.center.y - shape.below_mm).max(0.0) as usize;
+        let last = row_of(at.center.y + shape.above_mm).min(raster.rows as f64 - 1.0);
         for row in first..=last.max(0.0) as usize {
             let y = raster.origin.y + (row as f64 + 0.5) * raster.cell_mm;
-            let from = Vector2::new(0.0, y - at.center.y);
-            let Some([low, high]) = aperture.chord_mm(at.heading_rad, from, Vector2::x()) else {
+            let Some([low, high]) = shape.range(y - at.center.y) else {
                 continue;
             };
             let column_of = |x: f64| (at.center.x + x - raster.origin.x) / raster.cell_mm - 0.5;
             let from = column_of(low).ceil().max(0.0);
             let to = column_of(high).floor().min(raster.columns as f64 - 1.0);
-            if from > to {
-                continue;
-            }
-            for column in from as usize..=to as usize {
-                visit(row * raster.columns + column);
+            if from <= to {
+                visit(row * raster.columns, from as usize, to as usize);
             }
         }
     }
+}
+
+/// Running sums along the rows of a raster.
+struct Sums {
+    open: Vec<u32>,
+    covered: Vec<u32>,
 }

@@ -1,5 +1,6 @@
 //! Stretches of the axis where only one bead fits across, and the region cut along their ends.
 
+use super::bead_count::spanning_forest;
 use super::contacts::Contact;
 use super::passes::PassSettings;
 use super::skeleton::Axis;
@@ -35,12 +36,6 @@ pub struct Split {
     /// One-pass runs.
     pub runs: Vec<SingleRun>,
 }
-
-/// A neck shorter than this (times 2a) is overlapped by its two sides rather than made a run.
-const RUN_SHARE_MIN: f64 = 0.8;
-/// A single run may go on into passages up to this many times 2b wide, so that its ends do not
-/// flicker where the width hovers about the limit.
-const HYSTERESIS: f64 = 1.15;
 
 /// Divides a region into single runs and two-sided pieces. `axis` must be densified.
 pub fn split_region(
@@ -82,30 +77,19 @@ pub fn split_region(
     Split { pieces, runs }
 }
 
-/// Marks the nodes of single runs.
+/// Marks the nodes of single runs: the cheapest division of the axis into stretches with one bead
+/// and with two sides, by dynamic programming over a spanning forest, and all that is too narrow to
+/// print but has something behind it.
 fn single_nodes(axis: &Axis, neighbours: &[Vec<u32>], settings: &PassSettings) -> Vec<bool> {
-    let (a, b) = (settings.aperture.major_mm(), settings.aperture.minor_mm());
-    let (must, may) = if settings.one_pass {
-        (a, a)
-    } else {
-        (2.0 * b, (2.0 * b * HYSTERESIS).min(a))
-    };
-    let may = may.max(must.min(a));
-    let mut single = vec![false; axis.points.len()];
+    let b = settings.aperture.minor_mm();
+    let mut single = cheapest_division(axis, settings);
     let mut seen = vec![false; axis.points.len()];
     for seed in 0..axis.points.len() {
-        if seen[seed] || axis.radii_mm[seed] >= must.min(may + 1e-9) {
+        if seen[seed] || axis.radii_mm[seed] >= b {
             continue;
         }
-        let component = flood(seed, neighbours, &mut seen, |n| axis.radii_mm[n] <= may);
-        let printable: Vec<usize> = component
-            .iter()
-            .copied()
-            .filter(|&n| axis.radii_mm[n] >= b)
-            .collect();
-        let closed_off =
-            component.len() > printable.len() && !is_tip(&component, neighbours, axis, b);
-        if axis_length_mm(axis, &component, b) > RUN_SHARE_MIN * 2.0 * a || closed_off {
+        let component = flood(seed, neighbours, &mut seen, |n| axis.radii_mm[n] < b);
+        if !is_tip(&component, neighbours) {
             for node in component {
                 single[node] = true;
             }
@@ -114,28 +98,61 @@ fn single_nodes(axis: &Axis, neighbours: &[Vec<u32>], settings: &PassSettings) -
     single
 }
 
-/// True where the unprintable nodes of a component only end in a corner (a leaf), so that nothing
-/// beyond them is cut off.
-fn is_tip(component: &[usize], neighbours: &[Vec<u32>], axis: &Axis, b: f64) -> bool {
-    let low: Vec<usize> = component
-        .iter()
-        .copied()
-        .filter(|&n| axis.radii_mm[n] < b)
-        .collect();
-    low.iter().any(|&n| neighbours[n].len() <= 1)
+/// Length of badly divided axis that one change between one bead and two sides is worth, mm
+/// against a.
+const CHANGE_SHARE: f64 = 2.5;
+/// Cost of a passage wider than one bead can be, for each a of excess radius, per mm.
+const TOO_WIDE: f64 = 40.0;
+/// Cost of a passage too narrow for two sides, for each b of missing radius, per mm.
+const TOO_NARROW: f64 = 10.0;
+/// Cost of laying two beads where one would do, per mm.
+const TWO_FOR_ONE: f64 = 0.05;
+/// Share of a that a single bead may need: the rest is for bends.
+const WIDEST_SHARE: f64 = 0.85;
+
+fn cheapest_division(axis: &Axis, settings: &PassSettings) -> Vec<bool> {
+    let (a, b) = (settings.aperture.major_mm(), settings.aperture.minor_mm());
+    let count = axis.points.len();
+    let change = CHANGE_SHARE * a;
+    let mut costs = vec![[0.0f64; 2]; count];
+    for &[p, q] in &axis.links {
+        let half = (axis.points[p as usize] - axis.points[q as usize]).norm() / 2.0;
+        for node in [p as usize, q as usize] {
+            let r = axis.radii_mm[node];
+            let two_sides = if settings.one_pass && r <= a {
+                TOO_WIDE
+            } else {
+                TOO_NARROW * (2.0 - r / b).max(0.0) + TWO_FOR_ONE
+            };
+            costs[node][0] += half * two_sides;
+            costs[node][1] += half * TOO_WIDE * (r / (WIDEST_SHARE * a) - 1.0).max(0.0);
+        }
+    }
+    let (order, parents) = spanning_forest(axis);
+    for &node in order.iter().rev() {
+        if let Some(parent) = parents[node] {
+            let own = costs[node];
+            for state in 0..2 {
+                costs[parent][state] += own[state].min(own[1 - state] + change);
+            }
+        }
+    }
+    let mut single = vec![false; count];
+    for &node in &order {
+        let mut own = costs[node];
+        if let Some(parent) = parents[node] {
+            own[usize::from(!single[parent])] += change;
+        }
+        // An axis of one point has no length to weigh: it is single only where it has to be.
+        single[node] = own[1] < own[0] || (own[1] == own[0] && axis.radii_mm[node] < 2.0 * b);
+    }
+    single
 }
 
-/// Length of the links between printable nodes of a component.
-fn axis_length_mm(axis: &Axis, component: &[usize], b: f64) -> f64 {
-    let mut member = vec![false; axis.points.len()];
-    for &n in component {
-        member[n] = axis.radii_mm[n] >= b;
-    }
-    axis.links
-        .iter()
-        .filter(|l| member[l[0] as usize] && member[l[1] as usize])
-        .map(|l| (axis.points[l[0] as usize] - axis.points[l[1] as usize]).norm())
-        .sum()
+/// True where the unprintable nodes of a component only end in a corner (a leaf), so that nothing
+/// beyond them is cut off.
+fn is_tip(component: &[usize], neighbours: &[Vec<u32>]) -> bool {
+    component.iter().any(|&n| neighbours[n].len() <= 1)
 }
 
 fn flood(
@@ -258,7 +275,20 @@ fn runs(
         if used[start] {
             continue;
         }
+        let others = used.clone();
         let chain = walk(start, axis, neighbours, &usable, &mut used);
+        let end_of = |end: usize| {
+            let met = || neighbours[end].iter().map(|&n| n as usize);
+            if let Some(joint) = met().filter(|&n| usable[n] && others[n]).min() {
+                let side_mm = axis.radii_mm[joint].min(settings.aperture.major_mm());
+                RunEnd::Meets(axis.points[joint], side_mm + 0.5 * b)
+            } else if met().any(|n| !single[n]) {
+                RunEnd::Meets(axis.points[end], b)
+            } else {
+                RunEnd::Free
+            }
+        };
+        let ends = [end_of(start), end_of(chain[chain.len() - 1])];
         let closed = chain.len() > 3
             && degree(start) == 2
             && chain
@@ -266,7 +296,7 @@ fn runs(
                 .is_some_and(|&l| neighbours[l].contains(&(start as u32)));
         if chain.len() >= 2 {
             runs.push(SingleRun {
-                contacts: axis_contacts(&chain, axis, settings, closed),
+                contacts: axis_contacts(&chain, ends, axis, settings, closed),
                 closed,
             });
         }
@@ -311,10 +341,20 @@ fn walk(
     }
 }
 
-/// Contacts on a chain of axis nodes, its open ends lengthened by r - b so that the aperture
-/// reaches the wall behind the end of the axis.
+/// What lies behind the end of a run.
+#[derive(Clone, Copy, Debug)]
+enum RunEnd {
+    /// A wall.
+    Free,
+    /// Another bead: the run's last centre stays so far from this point, mm.
+    Meets(Point2, f64),
+}
+
+/// Contacts on a chain of axis nodes. A free end is lengthened by r - b so that the aperture reaches
+/// the wall behind it; one that meets another bead is cut back.
 fn axis_contacts(
     chain: &[usize],
+    ends: [RunEnd; 2],
     axis: &Axis,
     settings: &PassSettings,
     closed: bool,
@@ -325,9 +365,9 @@ fn axis_contacts(
         .map(|&n| (axis.points[n], axis.radii_mm[n]))
         .collect();
     if !closed {
-        lengthen(&mut points, b);
+        finish(&mut points, ends[1], b);
         points.reverse();
-        lengthen(&mut points, b);
+        finish(&mut points, ends[0], b);
         points.reverse();
     }
     let count = points.len();
@@ -353,6 +393,19 @@ fn axis_contacts(
             }
         })
         .collect()
+}
+
+/// Lengthens the end of a run or cuts it back; at least two points stay.
+fn finish(points: &mut Vec<(Point2, f64)>, end: RunEnd, b: f64) {
+    match end {
+        RunEnd::Free => lengthen(points, b),
+        RunEnd::Meets(joint, apart_mm) => {
+            let is_near = |p: &(Point2, f64)| (p.0 - joint).norm() < apart_mm;
+            while points.len() > 2 && points.last().is_some_and(is_near) {
+                points.pop();
+            }
+        }
+    }
 }
 
 /// Adds points beyond the last one, r - b further along the axis.
