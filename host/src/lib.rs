@@ -38,6 +38,7 @@ use crate::plan::contour::{Contour, ContourError, SIMPLIFY_MM};
 use crate::plan::darts::fill_gaps;
 use crate::plan::joint_limits::MotionError;
 use crate::plan::layer_path::pass_curves;
+use crate::plan::links::linked;
 use crate::plan::measure::{LayerFigures, measure_layer};
 use crate::plan::medial_axis::{AxisOptions, MedialAxis, MedialAxisError};
 use crate::plan::order::{ordered, region_order};
@@ -251,6 +252,7 @@ fn in_order(
             &settings.aperture,
         );
         let walls = region.contour.edge_index(settings.aperture.major_mm());
+        region.passes = linked(region.passes, &settings.aperture, &walls);
         fill_gaps(&mut region.passes, &settings.aperture, &walls);
         if let Some(last) = region.passes.last().and_then(|p| p.placements.last()) {
             position = region.contour.to_input(last.at.center);

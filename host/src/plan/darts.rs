@@ -117,20 +117,34 @@ impl Dart {
 
 /// Out to `to` and back, starting and stopping gently at both ends.
 fn excursion(from: Configuration, to: Configuration, aperture: &Aperture) -> Vec<Configuration> {
+    let mut way = eased(from, to, aperture);
+    let back: Vec<Configuration> = way.iter().rev().skip(1).copied().collect();
+    way.extend(back);
+    way.push(from);
+    way
+}
+
+/// The straight way, the start left out, in steps that begin and end small.
+pub(super) fn eased(
+    from: Configuration,
+    to: Configuration,
+    aperture: &Aperture,
+) -> Vec<Configuration> {
     let turn = turn_to(aperture, from.heading_rad, to.heading_rad);
     let delta = to.center - from.center;
     let steps = (delta.norm() / (STEP_SHARE * aperture.minor_mm()))
         .max(turn.abs() / STEP_RAD)
         .ceil()
         .max(2.0) as usize;
-    let at = |step: usize| {
-        let t = 0.5 - 0.5 * (std::f64::consts::PI * step as f64 / steps as f64).cos();
-        Configuration {
-            center: from.center + delta * t,
-            heading_rad: from.heading_rad + turn * t,
-        }
-    };
-    (1..=steps).chain((0..steps).rev()).map(at).collect()
+    (1..=steps)
+        .map(|step| {
+            let t = 0.5 - 0.5 * (std::f64::consts::PI * step as f64 / steps as f64).cos();
+            Configuration {
+                center: from.center + delta * t,
+                heading_rad: from.heading_rad + turn * t,
+            }
+        })
+        .collect()
 }
 
 /// Inserts the excursions behind their placements, last first so that the numbers stay right.

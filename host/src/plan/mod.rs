@@ -17,6 +17,7 @@ pub mod heading_profile;
 pub mod headings_table;
 pub mod joint_limits;
 pub mod layer_path;
+pub mod links;
 pub mod measure;
 pub mod medial_axis;
 pub mod order;
