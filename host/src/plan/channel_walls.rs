@@ -142,7 +142,11 @@ impl Laid {
         let reach = OWN_SHARE * self.aperture.major_mm() / contact.length_mm.max(0.01);
         let mut own: Option<f64> = None;
         let mut others: Vec<[f64; 2]> = Vec::new();
-        self.for_chords(contact.point, contact.normal, |pose, chord| {
+        // Seen from about the inner edge, so that both beads are within reach of the search.
+        let base_mm = 2.0 * contact.extent_mm;
+        let p = contact.point + contact.normal * base_mm;
+        self.for_chords(p, contact.normal, |pose, chord| {
+            let chord = chord.map(|t| t + base_mm);
             let is_own = pose.run == run && {
                 let apart = (pose.index as usize).abs_diff(index);
                 let around = if closed {
@@ -234,4 +238,153 @@ pub fn turn_to(aperture: &Aperture, from_rad: f64, to_rad: f64) -> f64 {
         return 0.0;
     }
     aperture.wrapped_rad(to_rad - from_rad)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::geometry::edge_index::{Edge, EdgeIndex};
+    use crate::plan::heading_profile::profile;
+
+    const APERTURE: Aperture = Aperture::Ellipse {
+        major_mm: 0.6,
+        minor_mm: 0.2,
+    };
+
+    /// Contacts along a straight wall on the x axis, the inside above: beads of 2 x 0.35 mm up to
+    /// x = 6 mm, of 2 x 0.5 mm beyond.
+    fn widening() -> Vec<Contact> {
+        (0..120)
+            .map(|i| Contact {
+                point: Point2::new(0.1 * (f64::from(i) + 0.5), 0.0),
+                normal: Vector2::y(),
+                length_mm: 0.1,
+                extent_mm: if i < 60 { 0.35 } else { 0.5 },
+                on_axis: false,
+            })
+            .collect()
+    }
+
+    /// Goal: a bead widens where its inner side is to be wider, not where the turned aperture
+    /// touches the wall 0.7 mm away. Method: the swept edge by chords of every pose; it crosses the
+    /// mean of both widths near the step, and has them away from it.
+    #[test]
+    fn the_inner_edge_follows_the_wanted_width() {
+        let contacts = widening();
+        let wall = Edge {
+            a: Point2::new(-5.0, 0.0),
+            b: Point2::new(20.0, 0.0),
+        };
+        let far = Edge {
+            a: Point2::new(20.0, 9.0),
+            b: Point2::new(-5.0, 9.0),
+        };
+        let walls = EdgeIndex::new(vec![wall, far], 1.0);
+        let placements = profile(&contacts, false, &APERTURE, &walls);
+        let mut laid = Laid::new(&APERTURE);
+        laid.add(0, &placements, false);
+        let edge_mm = |x: f64| {
+            let p = Point2::new(x, 0.8);
+            laid.edge_mm(p, Vector2::y()).expect("a bead") + 0.8
+        };
+        for x in [2.0, 3.0, 4.0] {
+            assert!((edge_mm(x) - 0.7).abs() < 0.02, "{}", edge_mm(x));
+        }
+        for x in [8.0, 9.0, 10.0] {
+            assert!((edge_mm(x) - 1.0).abs() < 0.02, "{}", edge_mm(x));
+        }
+        let crossing = (400..800)
+            .map(|i| 0.01 * f64::from(i))
+            .find(|&x| edge_mm(x) >= 0.85)
+            .expect("the bead widens");
+        assert!((crossing - 6.0).abs() < 0.2, "{crossing}");
+    }
+
+    /// Goal: the wall of the next channel moves onto what was laid, no further than allowed.
+    /// Method: a ring of round beads of radius 0.3 mm on a circle of 5 mm, and level circles a
+    /// little inside and far inside of its edge at 4.7 mm.
+    #[test]
+    fn walls_move_onto_the_beads() {
+        let round = Aperture::Ellipse {
+            major_mm: 0.3,
+            minor_mm: 0.3,
+        };
+        let circle = |radius: f64, count: usize| -> Vec<Point2> {
+            (0..count)
+                .map(|i| {
+                    let angle = std::f64::consts::TAU * i as f64 / count as f64;
+                    Point2::new(radius * angle.cos(), radius * angle.sin())
+                })
+                .collect()
+        };
+        let placements: Vec<Placement> = circle(5.0, 300)
+            .into_iter()
+            .map(|center| Placement {
+                at: Configuration {
+                    center,
+                    heading_rad: 0.0,
+                },
+                feasible: true,
+                contact: widening()[0],
+            })
+            .collect();
+        let mut laid = Laid::new(&round);
+        laid.add(0, &placements, true);
+        for (radius, expected) in [(4.6, 4.7), (4.8, 4.7), (4.0, 4.24)] {
+            let ring = Ring {
+                points: circle(radius, 300),
+            };
+            for p in &laid.moved_wall(&ring, 0.1).points {
+                assert!((p.coords.norm() - expected).abs() < 5e-3, "{radius}: {p}");
+            }
+        }
+    }
+
+    /// Goal: the gap between two facing beads is measured across both. Method: two straight runs
+    /// of round beads, 1 mm apart, radius 0.3 mm: 0.4 mm remain.
+    #[test]
+    fn facing_beads_leave_their_gap() {
+        let round = Aperture::Ellipse {
+            major_mm: 0.3,
+            minor_mm: 0.3,
+        };
+        let mut laid = Laid::new(&round);
+        let mut rows = Vec::new();
+        for (run, (y, normal)) in [(0.3, Vector2::y()), (1.3, -Vector2::y())]
+            .into_iter()
+            .enumerate()
+        {
+            let placements: Vec<Placement> = (0..80)
+                .map(|i| {
+                    let center = Point2::new(0.1 * f64::from(i), y);
+                    let contact = Contact {
+                        point: center - normal * 0.3,
+                        normal,
+                        ..widening()[0]
+                    };
+                    Placement {
+                        at: Configuration {
+                            center,
+                            heading_rad: 0.0,
+                        },
+                        feasible: true,
+                        contact,
+                    }
+                })
+                .collect();
+            laid.add(run as u32, &placements, false);
+            rows.push(placements);
+        }
+        for (run, row) in rows.iter().enumerate() {
+            let gap = laid.facing_gap_mm(&row[40].contact, run as u32, 40, row.len(), false);
+            assert!(
+                (gap.expect("a bead on the other side") - 0.4).abs() < 1e-6,
+                "{gap:?}"
+            );
+        }
+        assert_eq!(
+            laid.facing_gap_mm(&rows[0][40].contact, 7, 40, 80, false),
+            None
+        );
+    }
 }
