@@ -72,8 +72,7 @@ fn nearest_gap(
     let mut best: Option<Gap> = None;
     index.for_edges_in(area, |number| {
         let edge = index.edges()[number];
-        let (low, high) = (edge.a.inf(&edge.b), edge.a.sup(&edge.b));
-        if low.x > area.max.x || low.y > area.max.y || high.x < area.min.x || high.y < area.min.y {
+        if !edge.may_meet(&area) {
             return;
         }
         if let Some(gap) = shape.gap_to(local(edge.a), local(edge.b), least_mm)
@@ -121,7 +120,16 @@ fn nearest_scaled(
     let mut best = None;
     index.for_edges_in(area, |number| {
         let edge = index.edges()[number];
-        let q = nearest_to_origin(scaled(edge.a), scaled(edge.b));
+        if !edge.may_meet(&area) {
+            return;
+        }
+        let (a, b) = (scaled(edge.a), scaled(edge.b));
+        // Beyond the same side of the square about the disk: no part of it is near enough.
+        let beyond = |p: f64, q: f64| (p > limit && q > limit) || (p < -limit && q < -limit);
+        if beyond(a.x, b.x) || beyond(a.y, b.y) {
+            return;
+        }
+        let q = nearest_to_origin(a, b);
         let distance2 = q.norm_squared();
         if distance2 < best2 {
             best2 = distance2;
@@ -193,16 +201,10 @@ fn edges_around(
     index.for_edges_in(area, |number| numbers.push(number));
     numbers.sort_unstable();
     numbers.dedup();
-    let meets = |e: &Edge| {
-        e.a.x.min(e.b.x) <= area.max.x
-            && e.a.x.max(e.b.x) >= area.min.x
-            && e.a.y.min(e.b.y) <= area.max.y
-            && e.a.y.max(e.b.y) >= area.min.y
-    };
     numbers
         .into_iter()
         .map(|n| index.edges()[n])
-        .filter(meets)
+        .filter(|e| e.may_meet(&area))
         .collect()
 }
 

@@ -73,7 +73,30 @@ impl Edge {
     pub fn length_mm(&self) -> f64 {
         (self.b - self.a).norm()
     }
+
+    /// False where the edge's own box certainly misses the area.
+    pub fn may_meet(&self, area: &Box2) -> bool {
+        let (a, b) = (self.a, self.b);
+        !((a.x < area.min.x && b.x < area.min.x)
+            || (a.x > area.max.x && b.x > area.max.x)
+            || (a.y < area.min.y && b.y < area.min.y)
+            || (a.y > area.max.y && b.y > area.max.y))
+    }
 }
+
+/// The cell wished for, down to a third of it where edges are so short that one would hold many.
+fn cell_of(edges: &[Edge], wish_mm: f64) -> f64 {
+    let total_mm: f64 = edges.iter().map(Edge::length_mm).sum();
+    let few_mm = EDGES_PER_CELL * total_mm / edges.len().max(1) as f64;
+    if few_mm.is_finite() {
+        few_mm.min(wish_mm).max(wish_mm / 3.0)
+    } else {
+        wish_mm
+    }
+}
+
+/// Edges in a row that a cell should hold at most.
+const EDGES_PER_CELL: f64 = 6.0;
 
 impl EdgeIndex {
     /// Builds the index over all edges of a region; `cell_mm` is a wish (about an aperture length).
@@ -89,7 +112,7 @@ impl EdgeIndex {
         let ends: Vec<Point2> = edges.iter().flat_map(|e| [e.a, e.b]).collect();
         let bounds = Box2::of(&ends).grown(1e-6);
         let size = bounds.size();
-        let mut cell_mm = cell_mm.max(1e-3);
+        let mut cell_mm = cell_of(&edges, cell_mm).max(1e-3);
         if !(size.x.is_finite() && size.y.is_finite()) {
             // Coordinates beyond all sense still get an answer: one cell that holds everything.
             cell_mm = f64::INFINITY;
