@@ -5,7 +5,7 @@
 use crate::configuration::{MOTORS_MAX, MachineConfiguration};
 use crate::kinematics;
 use crate::spline::SpanShape;
-use crate::steps::{BIAS, ScaledUnits, StepScale};
+use crate::steps::{ScaledUnits, StepScale, Target};
 use headway_protocol::units::{CHANNEL_VOLUME, CHANNELS, ChannelPoint, UNITS_PER_NATURAL};
 
 /// One motor.
@@ -50,27 +50,29 @@ impl Carriers {
         Self { motors }
     }
 
-    /// Where the motors are at `base`, with the [`BIAS`] of targets.
+    /// Where the motors are at `base`; 0 for those that follow no channel.
     pub fn scaled(&self, base: &ChannelPoint) -> [ScaledUnits; MOTORS_MAX] {
         self.motors.map(|motor| {
             let units = base.get(motor.channel).copied().unwrap_or(0);
-            let mut scaled = motor.scale.scaled(i64::from(units));
-            scaled.position = scaled.position.wrapping_add(BIAS);
-            scaled
+            motor.scale.scaled(i64::from(units))
         })
     }
 
-    /// Where the motors are at the base of a span, from where they were at that of the one before.
+    /// Where the motors are at the base of a span, from where they were at that of the one before;
+    /// `anchors` are the same as targets.
     pub fn advance(
         &self,
         shape: &SpanShape,
         before: &[ScaledUnits; MOTORS_MAX],
         after: &mut [ScaledUnits; MOTORS_MAX],
+        anchors: &mut [Target; MOTORS_MAX],
     ) {
-        for ((motor, before), after) in self.motors.iter().zip(before).zip(after) {
+        let parts = self.motors.iter().zip(before).zip(after).zip(anchors);
+        for (((motor, before), after), anchor) in parts {
             if motor.channel < CHANNELS {
                 let step = shape.base_step(motor.channel);
                 *after = motor.scale.advanced(before, step);
+                *anchor = Target::of_position(after.position);
             }
         }
     }

@@ -11,10 +11,8 @@ use crate::configuration::MOTORS_MAX;
 use crate::load::SpanLoad;
 use crate::queue::{Ceiling, KnotQueue};
 use crate::spline::{SpanShape, SpanWeights};
-use crate::steps::ScaledUnits;
-use headway_protocol::units::{
-    CHANNEL_TILT_X, CHANNEL_TILT_Y, CHANNEL_VOLUME, CHANNELS, ChannelPoint,
-};
+use crate::steps::{ScaledUnits, Target};
+use headway_protocol::units::{CHANNEL_TILT_X, CHANNEL_TILT_Y, CHANNELS, ChannelPoint};
 
 /// Cubics of the channels, and one more that is always 0, for joints that follow none: a power of
 /// two, so that a masked index needs no check.
@@ -34,6 +32,8 @@ struct ReadySpan {
     coefficients: [[f32; 4]; CUBICS],
     /// The base as the motors' carriers have it.
     bases: [ScaledUnits; MOTORS_MAX],
+    /// The same as targets.
+    anchors: [Target; MOTORS_MAX],
     /// The base of the tilt, µrad.
     tilt_base: [i32; 2],
     load: SpanLoad,
@@ -89,9 +89,11 @@ impl Interpolator {
     /// At rest on `start`.
     pub fn at_rest(carriers: &Carriers, start: &ChannelPoint) -> Self {
         let shape = SpanShape::at_rest(start);
+        let bases = carriers.scaled(start);
         let span = ReadySpan {
             coefficients: [[0.0; 4]; CUBICS],
-            bases: carriers.scaled(start),
+            bases,
+            anchors: bases.map(|base| Target::of_position(base.position)),
             tilt_base: [start[CHANNEL_TILT_X], start[CHANNEL_TILT_Y]],
             load: SpanLoad::REST,
             duration_q16: 0,
@@ -122,8 +124,14 @@ impl Interpolator {
 
     /// Where the motors' carriers are at the base.
     #[inline]
-    pub fn bases(&self) -> &[ScaledUnits; MOTORS_MAX] {
-        &self.present().bases
+    pub fn anchors(&self) -> &[Target; MOTORS_MAX] {
+        &self.present().anchors
+    }
+
+    /// Position of a motor's carrier at the base, 2^-31 steps.
+    #[inline]
+    pub fn base_position(&self, motor: usize) -> i64 {
+        self.present().bases[motor % MOTORS_MAX].position
     }
 
     /// Integer part of the tilt vector, µrad.
@@ -253,14 +261,15 @@ impl Interpolator {
                 next.load = waiting.load;
                 next.duration_q16 = u32::from(waiting.span_ticks) << 16;
                 next.ends_at_rest = waiting.ends_at_rest;
-                next.lay([CHANNEL_VOLUME], &self.shape, &self.weights);
             }
             1 => next.lay([0, 1], &self.shape, &self.weights),
             2 => next.lay([2, 3], &self.shape, &self.weights),
-            3 => next.lay([4, 5], &self.shape, &self.weights),
-            4 => self
-                .carriers
-                .advance(&self.shape, &present.bases, &mut next.bases),
+            3 => next.lay([4, 5, 6], &self.shape, &self.weights),
+            4 => {
+                let (bases, anchors) = (&mut next.bases, &mut next.anchors);
+                self.carriers
+                    .advance(&self.shape, &present.bases, bases, anchors);
+            }
             _ => return true,
         }
         self.parts += 1;
@@ -302,7 +311,7 @@ impl Interpolator {
 }
 
 impl ReadySpan {
-    #[inline]
+    #[inline(always)]
     fn lay<const N: usize>(
         &mut self,
         channels: [usize; N],

@@ -1,15 +1,17 @@
 //! Channels -> joint targets in steps, with the soft limits.
 //!
 //! A carrier's integer base is exact (carriers.rs); its offset and what the tilt adds are f32.
-//! All positions are i64 in 2^-31 steps, with [`BIAS`] added.
 
 use crate::configuration::{JOINTS_MAX, Kinematics, MOTORS_MAX, MachineConfiguration};
 use crate::interpolator::{Interpolator, Offset};
 use crate::kinematics;
 use crate::load::tilt_pose;
-use crate::steps::{BIAS, STEP, ScaledUnits, steps_to_position};
+use crate::steps::{STEP, Target};
 use headway_protocol::message::{Fault, FaultCause};
 use headway_protocol::units::{CHANNEL_TILT_X, CHANNEL_TILT_Y, CHANNELS, UNITS_PER_NATURAL};
+
+/// What the tilt adds to each joint; nothing on a machine without tilt.
+type Remainder = Option<[f32; JOINTS_MAX]>;
 
 /// One joint's numbers.
 #[derive(Clone, Copy, Debug, Default)]
@@ -23,7 +25,8 @@ struct JointScale {
     /// Soft limits, 2^-31 steps.
     position_min: i64,
     position_max: i64,
-    /// The same for targets: upper half of the lowest, and what may be added to it.
+    /// The same in whole steps: the lowest, and what may be added to it. A step of slack, because
+    /// targets may be one off.
     lowest: i32,
     range: u32,
     /// 0.1 µm or µrad per step.
@@ -35,13 +38,13 @@ struct JointScale {
 pub struct JointTargets {
     kinematics: Kinematics,
     count: usize,
-    joints: [JointScale; JOINTS_MAX],
+    joints: [JointScale; MOTORS_MAX],
 }
 
 impl JointTargets {
     /// From the machine's configuration.
     pub fn new(configuration: &MachineConfiguration) -> Self {
-        let mut joints = [JointScale::default(); JOINTS_MAX];
+        let mut joints = [JointScale::default(); MOTORS_MAX];
         let carriers = kinematics::carriers(&configuration.kinematics);
         let parts = joints.iter_mut().zip(&configuration.joints).zip(carriers);
         for ((scale, joint), carrier) in parts {
@@ -50,7 +53,7 @@ impl JointTargets {
                 .copied()
                 .unwrap_or(1.0);
             let position = |natural: f64| (natural * joint.steps_per_unit * STEP as f64) as i64;
-            let pairs = |position: i64| (position.saturating_add(BIAS) >> 32) as i32;
+            let whole = |position: i64| Target::of_position(position).whole;
             let (min, max) = (position(joint.position_min), position(joint.position_max));
             let report_units = if joint.rotary { 1e6 } else { 1e4 };
             *scale = JointScale {
@@ -59,8 +62,8 @@ impl JointTargets {
                 steps_per_natural: joint.steps_per_unit as f32,
                 position_min: min,
                 position_max: max,
-                lowest: pairs(min),
-                range: pairs(max).wrapping_sub(pairs(min)) as u32,
+                lowest: whole(min).wrapping_sub(1),
+                range: whole(max).wrapping_sub(whole(min)).wrapping_add(2) as u32,
                 units_per_step: report_units / joint.steps_per_unit,
             };
         }
@@ -100,38 +103,26 @@ impl JointTargets {
         }
     }
 
-    #[cold]
-    fn soft_limit(&self, joint: usize, target: i64) -> Fault {
-        self.limit_fault(joint, target.wrapping_sub(BIAS), FaultCause::SoftLimit)
-    }
-
     /// Mask of all joints.
     pub fn all(&self) -> u8 {
         ((1u16 << self.count) - 1) as u8
     }
 
-    /// Writes the targets of the joints at the interpolator's pose; other motors keep theirs.
+    /// What the tilt adds to the joints at the interpolator's pose, mm and rad.
     ///
     /// # Errors
-    /// The fault to latch: kinematics or soft limit.
+    /// The fault to latch.
     #[inline]
-    pub fn targets<'a>(
-        &self,
-        interpolator: &Interpolator,
-        targets: impl Iterator<Item = &'a mut i64>,
-    ) -> Result<(), Fault> {
-        let offset = interpolator.offset();
-        let bases = interpolator.bases();
+    fn remainder(&self, interpolator: &Interpolator) -> Result<Remainder, Fault> {
         if self.kinematics == Kinematics::Planar {
             // Joints are channels. That the tilt is none was checked on reception.
-            return self.scale(bases, targets, |joint, _| joint.of_carrier(&offset));
+            return Ok(None);
         }
+        let offset = interpolator.offset();
         let tilt = [CHANNEL_TILT_X, CHANNEL_TILT_Y].map(|channel| offset.of(channel));
         let pose = tilt_pose(interpolator.tilt_base(), tilt);
         match kinematics::remainder(&self.kinematics, &pose) {
-            Ok(remainder) => self.scale(bases, targets, |joint, index| {
-                remainder[index] * joint.steps_per_natural + joint.of_carrier(&offset)
-            }),
+            Ok(remainder) => Ok(Some(remainder)),
             Err(_) => Err(Fault {
                 cause: FaultCause::Kinematics,
                 index: 0,
@@ -140,24 +131,70 @@ impl JointTargets {
         }
     }
 
+    /// Writes the joints' targets at the interpolator's pose; other motors keep theirs. The
+    /// result's bits are joints outside their soft limits.
+    ///
+    /// # Errors
+    /// The fault to latch.
+    #[inline]
+    pub fn set_targets<'a>(
+        &self,
+        interpolator: &Interpolator,
+        targets: impl Iterator<Item = &'a mut Target>,
+    ) -> Result<u32, Fault> {
+        let offset = interpolator.offset();
+        let anchors = interpolator.anchors();
+        let outside = match self.remainder(interpolator)? {
+            // A loop of its own for machines that have nothing to add.
+            None => self.scale(anchors, targets, |joint, _| joint.of_carrier(&offset)),
+            Some(remainder) => self.scale(anchors, targets, |joint, index| {
+                let added = remainder.get(index).copied().unwrap_or(0.0);
+                added * joint.steps_per_natural + joint.of_carrier(&offset)
+            }),
+        };
+        Ok(outside)
+    }
+
     #[inline(always)]
     fn scale<'a>(
         &self,
-        bases: &[ScaledUnits; MOTORS_MAX],
-        targets: impl Iterator<Item = &'a mut i64>,
+        anchors: &[Target; MOTORS_MAX],
+        targets: impl Iterator<Item = &'a mut Target>,
         steps: impl Fn(&JointScale, usize) -> f32,
-    ) -> Result<(), Fault> {
-        let parts = self.joints.iter().zip(bases).zip(targets).enumerate();
-        for (index, ((joint, base), target)) in parts.take(self.count) {
-            let position = base.position + steps_to_position(steps(joint, index));
-            *target = position;
-            // In whole steps by pairs: the upper halves alone.
-            let above = ((position >> 32) as i32).wrapping_sub(joint.lowest) as u32;
+    ) -> u32 {
+        let mut outside = 0;
+        let parts = self.joints.iter().zip(anchors).zip(targets).enumerate();
+        for (index, ((joint, anchor), target)) in parts.take(self.count) {
+            *target = anchor.moved(steps(joint, index));
+            let above = target.whole.wrapping_sub(joint.lowest) as u32;
             if above > joint.range {
-                return Err(self.soft_limit(index, position));
+                outside |= 1 << index;
             }
         }
-        Ok(())
+        outside
+    }
+
+    /// The targets of a pose at rest, 2^-31 steps: joints, then the extruder.
+    ///
+    /// # Errors
+    /// The fault that it would be to go there.
+    pub fn targets(&self, interpolator: &Interpolator) -> Result<[i64; MOTORS_MAX], Fault> {
+        let mut targets = *interpolator.anchors();
+        let outside = self.set_targets(interpolator, targets.iter_mut())?;
+        let targets = targets.map(Target::position);
+        self.check_limits(outside, &targets)?;
+        Ok(targets)
+    }
+
+    /// # Errors
+    /// The fault of the first joint in `outside`.
+    #[inline(always)]
+    pub fn check_limits(&self, outside: u32, targets: &[i64; MOTORS_MAX]) -> Result<(), Fault> {
+        if outside == 0 {
+            return Ok(());
+        }
+        let joint = outside.trailing_zeros() as usize % MOTORS_MAX;
+        Err(self.limit_fault(joint, targets[joint], FaultCause::SoftLimit))
     }
 }
 

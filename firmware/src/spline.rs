@@ -65,19 +65,20 @@ impl SpanShape {
     }
 
     /// One channel of the span, see [`SpanPolynomial::coefficients`].
-    #[inline]
+    #[inline(always)]
     pub fn cubic<R: Real>(&self, channel: usize, weights: &SpanWeights<R>) -> [R; 4] {
         let [a, b, c] = self.differences(channel);
         weights.cubic(a, b, c)
     }
 
     /// Differences of a channel's control points.
-    #[inline]
+    #[inline(always)]
     fn differences<R: Real>(&self, channel: usize) -> [R; 3] {
-        [1, 2, 3].map(|later: usize| {
-            let (from, to) = (&self.control[later - 1], &self.control[later]);
+        let [p0, p1, p2, p3] = &self.control;
+        let difference = |from: &ChannelPoint, to: &ChannelPoint| {
             R::of_integer(to[channel].wrapping_sub(from[channel]))
-        })
+        };
+        [difference(p0, p1), difference(p1, p2), difference(p2, p3)]
     }
 }
 
@@ -183,7 +184,7 @@ impl<R: Real> SpanWeights<R> {
     }
 
     /// Cubic coefficients relative to P_{n-2} from the three control differences.
-    #[inline]
+    #[inline(always)]
     fn cubic(&self, a: R, b: R, c: R) -> [R; 4] {
         let (da, db, dc) = (a * self.rate[0], b * self.rate[1], c * self.rate[2]);
         let bend_start = (db - da) * self.bend[0];

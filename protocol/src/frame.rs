@@ -5,6 +5,7 @@
 //! cover. CRC-32/ISO-HDLC (the polynomial of Ethernet and zip). What sequence numbers mean is the
 //! receiver's affair; [`full_sequence`] widens the 16 bits on the wire.
 
+use crate::cobs_decode::decode_in_place;
 use crc::{CRC_32_ISO_HDLC, Crc};
 use serde::Serialize;
 
@@ -133,7 +134,7 @@ impl FrameDecoder {
 
     fn finish(&mut self, length: usize) -> Result<Frame<'_>, FrameError> {
         let raw = self.buffer.get_mut(..length).ok_or(FrameError::TooLong)?;
-        let content_bytes = cobs::decode_in_place(raw).map_err(|_| FrameError::Cobs)?;
+        let content_bytes = decode_in_place(raw).ok_or(FrameError::Cobs)?;
         let content = raw.get(..content_bytes).ok_or(FrameError::Cobs)?;
         let (body, checksum) = content
             .split_last_chunk::<4>()

@@ -14,6 +14,7 @@
 #[cfg(test)]
 extern crate std;
 
+mod cobs_decode;
 pub mod control;
 pub mod frame;
 pub mod knot_block;

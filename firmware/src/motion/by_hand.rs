@@ -189,7 +189,7 @@ impl Motion {
     }
 
     fn go_to(&mut self, position: &ChannelPoint) -> Result<(), CommandError> {
-        let (_, targets, _) = self.rest_targets(position)?;
+        let (_, targets) = self.rest_targets(position)?;
         let here = self.programmer.newest_targets();
         let known = self.reference.known;
         let hand = &mut self.by_hand;

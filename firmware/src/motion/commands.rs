@@ -8,7 +8,7 @@ use crate::inputs::Inputs;
 use crate::interpolator::Interpolator;
 use crate::load::SpanFault;
 use crate::queue::QueuedKnot;
-use crate::steps::{BIAS, Stopped, count};
+use crate::steps::{Stopped, count};
 use headway_protocol::message::{Fault, FaultCause};
 use headway_protocol::segment::FlowEvent;
 use headway_protocol::units::ChannelPoint;
@@ -53,7 +53,7 @@ impl Motion {
 
     /// Takes over a pose at rest, only if the `known` joints are there already.
     fn place(&mut self, position: &ChannelPoint, known: u8) -> Result<(), CommandError> {
-        let (interpolator, targets, deposited) = self.rest_targets(position)?;
+        let (interpolator, targets) = self.rest_targets(position)?;
         let here = self.programmer.positions();
         let moved = targets
             .iter()
@@ -66,8 +66,9 @@ impl Motion {
         if moved {
             return Err(CommandError::Invalid);
         }
+        self.flow
+            .declare(interpolator.base_position(self.joints.count()));
         self.interpolator = interpolator;
-        self.flow.declare(deposited);
         self.programmer.set_positions(&targets);
         self.hold = Hold::new(ticks_of_ms(HOLD_RETRACT_DELAY_MS, self.servo_hz));
         self.reference.learn(self.joints.all());
@@ -75,22 +76,15 @@ impl Motion {
         Ok(())
     }
 
-    /// Where the motors are at rest on a pose: the interpolator there, the positions, and the
-    /// extruder's as the flow declares it.
+    /// Where the motors are at rest on a pose: the interpolator there, and the positions.
     pub(super) fn rest_targets(
         &self,
         position: &ChannelPoint,
-    ) -> Result<(Interpolator, [i64; MOTORS_MAX], i64), CommandError> {
+    ) -> Result<(Interpolator, [i64; MOTORS_MAX]), CommandError> {
         let interpolator = Interpolator::at_rest(&self.carriers, position);
-        let mut targets = [0; MOTORS_MAX];
-        self.joints
-            .targets(&interpolator, targets.iter_mut())
-            .map_err(|_| CommandError::Invalid)?;
-        let extruder = self.joints.count() % MOTORS_MAX;
-        targets[extruder] = interpolator.bases()[extruder].position;
-        let deposited = targets[extruder];
-        let targets = targets.map(|target| target.wrapping_sub(BIAS));
-        Ok((interpolator, targets, deposited))
+        let targets = self.joints.targets(&interpolator);
+        let targets = targets.map_err(|_| CommandError::Invalid)?;
+        Ok((interpolator, targets))
     }
 
     /// Queues knots in order; false if they do not fit.

@@ -13,7 +13,7 @@ mod commands;
 mod status;
 
 use crate::carriers::Carriers;
-use crate::configuration::{MOTORS_MAX, MachineConfiguration};
+use crate::configuration::MachineConfiguration;
 use crate::design::{
     CEILING_OPEN, HOLD_RETRACT_DELAY_MS, QUEUE_EVENTS, QUIET_START_MS, START_QUEUED_MS,
     START_ROOM_KNOTS, ticks_of_ms,
@@ -25,7 +25,7 @@ use crate::inputs::{Inputs, SwitchGuard};
 use crate::interpolator::{Interpolator, TICK_Q16};
 use crate::joints::JointTargets;
 use crate::queue::KnotQueue;
-use crate::steps::{StepProgram, StepProgrammer, StepRateExceeded};
+use crate::steps::{StepProgram, StepProgrammer, StepRateExceeded, Target};
 use crate::time_warp::{TimeWarp, WarpBounds};
 use by_hand::ByHand;
 use headway_protocol::message::{Fault, FaultCause};
@@ -169,16 +169,13 @@ impl Motion {
         }
         let programmed = if self.phase == Phase::ByHand {
             let targets = self.tick_by_hand();
-            self.programmer.advance(&targets)
+            let advanced = self.programmer.advance(&targets);
+            advanced.map_err(|exceeded| step_rate_fault(exceeded, self.servo_hz))
         } else {
-            if let Err(fault) = self.follow_path() {
-                self.stop_at_once(fault);
-                return None;
-            }
-            self.programmer.advance_to_targets()
+            self.follow_path()
         };
-        if let Err(exceeded) = programmed {
-            self.stop_at_once(step_rate_fault(exceeded, self.servo_hz));
+        if let Err(fault) = programmed {
+            self.stop_at_once(fault);
             return None;
         }
         Some(self.programmer.newest())
@@ -188,7 +185,7 @@ impl Motion {
     fn follow_path(&mut self) -> Result<(), Fault> {
         self.gate();
         self.begin_due_events();
-        self.set_targets()?;
+        self.program()?;
         self.move_on();
         Ok(())
     }
@@ -250,20 +247,22 @@ impl Motion {
         }
     }
 
-    /// Sets where the motors are to be, for the pose of now.
-    fn set_targets(&mut self) -> Result<(), Fault> {
-        if !self.follows_path {
-            // The targets stay what they were.
-            return Ok(());
+    /// Programs the motors for the pose of now.
+    fn program(&mut self) -> Result<(), Fault> {
+        if self.follows_path {
+            let (joints, interpolator) = (&self.joints, &self.interpolator);
+            let outside = joints.set_targets(interpolator, self.programmer.targets_mut())?;
+            let base = interpolator.base_position(joints.count());
+            let volume = interpolator.offset().of(CHANNEL_VOLUME);
+            let extruder = Target::of_position(self.flow.target(base, volume));
+            self.programmer.set_target(joints.count(), extruder);
+            if outside != 0 {
+                let targets = self.programmer.newest_targets();
+                joints.check_limits(outside, &targets)?;
+            }
         }
-        let targets = self.programmer.targets_mut();
-        self.joints.targets(&self.interpolator, targets)?;
-        let extruder = self.joints.count() % MOTORS_MAX;
-        let base = self.interpolator.bases()[extruder].position;
-        let volume = self.interpolator.offset().of(CHANNEL_VOLUME);
-        self.programmer
-            .set_target(extruder, self.flow.target(base, volume));
-        Ok(())
+        let advanced = self.programmer.advance_to_targets();
+        advanced.map_err(|exceeded| step_rate_fault(exceeded, self.servo_hz))
     }
 
     /// Chooses the path rate and moves segment time on by it.

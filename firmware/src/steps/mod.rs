@@ -112,8 +112,55 @@ pub fn steps_to_position(steps: f32) -> i64 {
     (i64::from(whole) << POSITION_FRACTION_BITS) + i64::from((fraction * STEP as f32) as i32)
 }
 
+/// Bits that a [`Target`] has less than a position.
+const TARGET_SHIFT: u32 = 9;
+/// Fraction bits of a target: 2^-22 step.
+const TARGET_FRACTION_BITS: u32 = POSITION_FRACTION_BITS - TARGET_SHIFT;
+
+/// Where a motor is to be, in two words that are quickly moved: with [`BIAS`], so that its whole
+/// part is the count.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub struct Target {
+    /// Whole steps; may be one off.
+    pub whole: i32,
+    /// 2^-22 steps, wrapping at 1024 steps.
+    fine: i32,
+}
+
+impl Target {
+    /// Of a position in 2^-31 steps.
+    #[inline]
+    pub fn of_position(position: i64) -> Self {
+        let biased = position.wrapping_add(BIAS);
+        Self {
+            whole: (biased >> POSITION_FRACTION_BITS) as i32,
+            fine: (biased >> TARGET_SHIFT) as i32,
+        }
+    }
+
+    /// Moved by a number of steps, up to a million.
+    #[inline(always)]
+    pub fn moved(self, steps: f32) -> Self {
+        let whole = steps as i32;
+        let fraction = ((steps - whole as f32) * (1 << TARGET_FRACTION_BITS) as f32) as i32;
+        let fine = self.fine.wrapping_add(whole << TARGET_FRACTION_BITS);
+        Self {
+            whole: self.whole.wrapping_add(whole),
+            fine: fine.wrapping_add(fraction),
+        }
+    }
+
+    /// The position, 2^-31 steps.
+    pub fn position(self) -> i64 {
+        let above_whole = self.fine.wrapping_sub(self.whole << TARGET_FRACTION_BITS);
+        (i64::from(self.whole) << POSITION_FRACTION_BITS)
+            .wrapping_add(i64::from(above_whole) << TARGET_SHIFT)
+            .wrapping_sub(BIAS)
+    }
+}
+
 /// Added to a position so that its whole part is the count, and bit 31 of it the engine's phase.
-pub(crate) const BIAS: i64 = STEP / 2 + STEP_THRESHOLD_BIAS;
+const BIAS: i64 = STEP / 2 + STEP_THRESHOLD_BIAS;
 
 /// The whole number of steps at a position: rounded to nearest, halves up.
 pub fn count(position: i64) -> i64 {

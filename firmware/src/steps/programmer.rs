@@ -5,8 +5,8 @@
 //! together when it is asked for.
 
 use super::{
-    BIAS, INTERVAL_TICKS_MAX, INTERVAL_TICKS_MIN, POSITION_FRACTION_BITS, Rate, StepProgram,
-    Stopped,
+    INTERVAL_TICKS_MAX, INTERVAL_TICKS_MIN, Rate, StepProgram, Stopped, TARGET_FRACTION_BITS,
+    TARGET_SHIFT, Target,
 };
 use crate::configuration::MOTORS_MAX;
 use crate::design::STEP_RATE_SHARE_MAX;
@@ -20,15 +20,14 @@ pub struct StepRateExceeded {
     pub steps_per_interval: u32,
 }
 
-/// Bits that a way loses against a position: 2^-22 step remain, 512 steps fit 32 bits, so that a
-/// sum of two ways in the longest interval does.
-const WAY_SHIFT: u32 = 9;
-const WAY_FRACTION_BITS: u32 = POSITION_FRACTION_BITS - WAY_SHIFT;
+/// A way is a difference of targets: 512 steps fit 32 bits, so that a sum of two ways in the
+/// longest interval does.
+const WAY_SHIFT: u32 = TARGET_SHIFT;
+const WAY_FRACTION_BITS: u32 = TARGET_FRACTION_BITS;
 /// Scale of [`Interval::per_way`]: the largest that fits 32 bits for the shortest interval.
 const WAY_SCALE_BITS: u32 = 28;
-/// Largest change of a target's upper half in a tick, in two steps each: beyond it the 32 bits of
-/// a way would wrap. A power of two, so that the jumps of all motors can be checked at once.
-const JUMP_MAX: i32 = 128;
+/// Largest change of a target in a tick, whole steps: beyond it the 32 bits of a way would wrap.
+const JUMP_STEPS_MAX: i32 = 255;
 
 /// Numbers of the servo interval, N step ticks long.
 #[derive(Clone, Copy, Debug)]
@@ -73,12 +72,10 @@ impl Interval {
 /// One motor's targets of the last three servo ticks, and where it really is.
 #[derive(Clone, Copy, Debug, Default)]
 pub(super) struct MotorTrack {
-    /// Where it is to be, 2^-31 steps and [`BIAS`]; kept from tick to tick.
-    target: i64,
-    /// q2, the newest target of which the program knows, 2^-22 steps, wrapping.
-    newest: i32,
-    /// Its upper half.
-    newest_high: i32,
+    /// Where it is to be; kept from tick to tick.
+    target: Target,
+    /// q2, the newest target of which the program knows.
+    newest: Target,
     /// q2 - q1, 2^-22 steps.
     last_way: i32,
     /// q1 - q0, 2^-22 steps.
@@ -93,23 +90,21 @@ pub(super) struct MotorTrack {
 
 impl MotorTrack {
     fn at_rest(position: i64) -> Self {
-        let target = position.wrapping_add(BIAS);
+        let newest = Target::of_position(position);
         Self {
-            target,
-            newest: (target >> WAY_SHIFT) as i32,
-            newest_high: (target >> 32) as i32,
-            end: target as u32,
+            target: newest,
+            newest,
+            end: position.wrapping_add(super::BIAS) as u32,
             ..Self::default()
         }
     }
 
     /// Where the newest program ends, 2^-31 steps.
     fn position(&self) -> i64 {
-        let near = self.target >> WAY_SHIFT;
-        let newest = near.wrapping_sub(i64::from((near as i32).wrapping_sub(self.newest)));
-        let aim = newest.wrapping_sub(i64::from(self.last_way)) << WAY_SHIFT;
-        aim.wrapping_add(i64::from(self.end.wrapping_sub(aim as u32) as i32))
-            .wrapping_sub(BIAS)
+        let way = i64::from(self.last_way) << WAY_SHIFT;
+        let aim = self.newest.position().wrapping_sub(way);
+        let behind = self.end.wrapping_sub(aim.wrapping_add(super::BIAS) as u32);
+        aim.wrapping_add(i64::from(behind as i32))
     }
 }
 
@@ -203,14 +198,15 @@ impl StepProgrammer {
     /// The targets that the last call of [`Self::advance`] was given.
     pub fn newest_targets(&self) -> [i64; MOTORS_MAX] {
         let tracks = &self.program.tracks;
-        tracks.map(|track| track.target.wrapping_sub(BIAS))
+        tracks.map(|track| track.target.position())
     }
 
     /// True if the motors rest: the last targets are equal and were reached.
     pub fn is_at_rest(&self) -> bool {
         self.program.tracks.iter().all(|track| {
             // Bit 31 is the parity of the count.
-            let counts_differ = ((track.newest << WAY_SHIFT) as u32 ^ track.end) >> 31 != 0;
+            let newest = (track.newest.fine << WAY_SHIFT) as u32;
+            let counts_differ = (newest ^ track.end) >> 31 != 0;
             track.last_way == 0 && track.way_before == 0 && !counts_differ
         })
     }
@@ -220,47 +216,51 @@ impl StepProgrammer {
         &self.program
     }
 
-    /// The targets for the next [`Self::advance_to_targets`], 2^-31 steps and [`BIAS`].
+    /// Takes the next servo tick's targets (2^-31 steps) and programs the interval that ends one
+    /// tick before them ([`Self::newest`]).
+    ///
+    /// # Errors
+    /// [`StepRateExceeded`] where a motor would need more than one step a tick.
+    pub fn advance(&mut self, targets: &[i64; MOTORS_MAX]) -> Result<(), StepRateExceeded> {
+        for (target, given) in self.targets_mut().zip(targets) {
+            *target = Target::of_position(*given);
+        }
+        self.advance_to_targets()
+    }
+
+    /// The targets for the next [`Self::advance_to_targets`]: joints in order, then the extruder.
+    /// They keep their values from tick to tick.
     #[inline]
-    pub(crate) fn targets_mut(&mut self) -> impl Iterator<Item = &mut i64> {
+    pub fn targets_mut(&mut self) -> impl Iterator<Item = &mut Target> {
         let tracks = self.program.tracks.iter_mut();
         tracks.map(|track| &mut track.target)
     }
 
     /// One of them.
     #[inline]
-    pub(crate) fn set_target(&mut self, motor: usize, target: i64) {
+    pub fn set_target(&mut self, motor: usize, target: Target) {
         self.program.tracks[motor % MOTORS_MAX].target = target;
     }
 
-    /// Takes the next servo tick's targets and programs the interval that ends one tick before
-    /// them ([`Self::newest`]).
+    /// The same as [`Self::advance`] with the targets of [`Self::targets_mut`].
     ///
     /// # Errors
-    /// [`StepRateExceeded`] where a motor would need more than one step a tick.
-    pub fn advance(&mut self, targets: &[i64; MOTORS_MAX]) -> Result<(), StepRateExceeded> {
-        for (target, given) in self.targets_mut().zip(targets) {
-            *target = given.wrapping_add(BIAS);
-        }
-        self.advance_to_targets()
-    }
-
-    /// The same with the targets written to [`Self::targets_mut`].
-    pub(crate) fn advance_to_targets(&mut self) -> Result<(), StepRateExceeded> {
-        // In registers or on the stack, nearer than behind a pointer.
-        let interval = self.interval;
+    /// As [`Self::advance`].
+    pub fn advance_to_targets(&mut self) -> Result<(), StepRateExceeded> {
+        let interval = &self.interval;
         let program = &mut self.program;
         program.phases = None;
         if self.phases_due {
             self.phases_due = false;
             program.phases = Some(program.tracks.map(|track| track.end));
         }
-        let mut signs = Signs::default();
+        let mut masks = 0;
         // The last motor first, so that the first one's signs end in bit 0.
         let tracks = program.tracks.get_mut(..self.motors).unwrap_or_default();
         for track in tracks.iter_mut().rev() {
-            track.advance(&interval, &mut signs);
+            masks = masks << 1 | track.advance(interval);
         }
+        let signs = Signs(masks);
         self.serial_before = program.serial;
         program.serial = program.serial.wrapping_add(1);
         program.reversing = signs.reversing();
@@ -270,25 +270,21 @@ impl StepProgrammer {
         program.directions = (self.directions & !program.active) | forward;
         // What the engine will have on its pins when the interval ends.
         self.directions = program.directions ^ program.reversing;
-        if signs.fastest >= interval.way_max || signs.jumps as u32 >= 2 * JUMP_MAX as u32 {
-            return Err(self.refusal());
+        match signs.refused() {
+            0 => Ok(()),
+            refused => Err(self.refusal(refused)),
         }
-        Ok(())
     }
 
     #[cold]
-    fn refusal(&self) -> StepRateExceeded {
-        let fastest = |track: &MotorTrack| {
-            let bend = track.last_way.wrapping_sub(track.way_before);
-            let bend = i64::from(bend.unsigned_abs());
-            let jump = i64::from(track.last_way.unsigned_abs());
-            (jump + bend) >> WAY_FRACTION_BITS
-        };
-        let tracks = self.program.tracks.iter().map(fastest).enumerate();
-        let (motor, steps) = tracks.max_by_key(|(_, steps)| *steps).unwrap_or((0, 0));
+    fn refusal(&self, refused: u8) -> StepRateExceeded {
+        let motor = refused.trailing_zeros() as usize % MOTORS_MAX;
+        let track = &self.program.tracks[motor];
+        let bend = track.last_way.wrapping_sub(track.way_before);
+        let fastest = i64::from(track.last_way.unsigned_abs()) + i64::from(bend.unsigned_abs());
         StepRateExceeded {
             motor: motor as u8,
-            steps_per_interval: steps as u32,
+            steps_per_interval: (fastest >> WAY_FRACTION_BITS) as u32,
         }
     }
 }
@@ -302,23 +298,23 @@ impl Rate {
 }
 
 impl MotorTrack {
-    /// Takes the next target and computes the rate for the interval between the last two.
+    /// Takes the next target and computes the rate for the interval between the last two. The
+    /// result's bits are for [`Signs`].
     ///
     /// With m the mean velocity and the acceleration 2 h, the first tick has the velocity
     /// m - (N - 1) h and the last m + (N - 1) h; all N make N m exactly.
-    #[inline(always)]
-    fn advance(&mut self, interval: &Interval, signs: &mut Signs) {
-        let high = (self.target >> 32) as i32;
-        let jump = high.wrapping_sub(self.newest_high);
-        let target = (self.target >> WAY_SHIFT) as i32;
-        let new_way = target.wrapping_sub(self.newest);
+    // A call costs less than the registers that a loop around this body lacks.
+    #[inline(never)]
+    fn advance(&mut self, interval: &Interval) -> u32 {
+        let target = self.target;
+        let jump = target.whole.wrapping_sub(self.newest.whole);
+        let new_way = target.fine.wrapping_sub(self.newest.fine);
         let twice_mean = new_way.wrapping_sub(self.way_before);
         // From where the last program ends, not from where it was to end.
-        let aim = (self.newest.wrapping_sub(self.last_way) << WAY_SHIFT) as u32;
+        let aim = (self.newest.fine.wrapping_sub(self.last_way) << WAY_SHIFT) as u32;
         let behind = aim.wrapping_sub(self.end) as i32 >> WAY_SHIFT;
         let way = self.last_way.wrapping_add(behind);
         self.newest = target;
-        self.newest_high = high;
         self.way_before = self.last_way;
         self.last_way = new_way;
         let half = interval.half_acceleration(twice_mean);
@@ -334,61 +330,45 @@ impl MotorTrack {
             velocity: first,
             acceleration: half.wrapping_mul(2),
         };
-        signs.take(
-            first,
-            first ^ last,
-            (start ^ self.end) as i32,
-            way,
-            twice_mean,
-        );
-        signs.jumps |= jump.wrapping_add(JUMP_MAX);
+        // One less than the absolute value of a negative number: fine for bounds.
+        let (way, bend) = (way ^ (way >> 31), twice_mean ^ (twice_mean >> 31));
+        let moves = HALF_STEP_WAY.wrapping_sub(way) | (start ^ self.end) as i32;
+        // The speed at the ends of the parabola is (way ± A/2) / N, and A half of twice_mean.
+        let fastest = (way as u32).wrapping_add(bend as u32);
+        let jumps = jump.wrapping_add(JUMP_STEPS_MAX) as u32 > 2 * JUMP_STEPS_MAX as u32;
+        let refused = jumps || fastest >= interval.way_max;
+        let bit = |number: i32| number as u32 >> 31;
+        let bits = bit(first) | bit(first ^ last) << REVERSING | bit(moves) << ACTIVE;
+        if refused { bits | 1 << REFUSED } else { bits }
     }
 }
 
 /// First bits of the masks in [`Signs`]; the mask of motors that begin backward is the first.
 const REVERSING: u32 = 8;
 const ACTIVE: u32 = 16;
+const REFUSED: u32 = 24;
 /// Half a step as a way.
 const HALF_STEP_WAY: i32 = 1 << (WAY_FRACTION_BITS - 1);
 
-/// What the motors' velocities mean, without a branch.
-#[derive(Clone, Copy, Debug, Default)]
-struct Signs {
-    /// Three masks; each motor moves them up by one.
-    masks: u32,
-    /// Speed at the faster end of the parabola at most: (|way| + |A|) of 2^-22 steps an interval.
-    fastest: u32,
-    /// All jumps of targets' upper halves, moved by [`JUMP_MAX`].
-    jumps: i32,
-}
+/// What the motors' rates mean: four masks, bit m is motor m.
+#[derive(Clone, Copy, Debug)]
+struct Signs(u32);
 
 impl Signs {
-    /// Takes the next motor: velocity in the first tick, a number that is negative if it reverses,
-    /// the bits in which the engine's phases at both ends differ, its way and 2 A.
-    #[inline(always)]
-    fn take(&mut self, first: i32, reversal: i32, difference: i32, way: i32, twice_mean: i32) {
-        // One less than the absolute value of a negative number: fine for bounds.
-        let (way, bend) = (way ^ (way >> 31), twice_mean ^ (twice_mean >> 31));
-        let moves = HALF_STEP_WAY.wrapping_sub(way) | difference;
-        let bit = |number: i32| number as u32 >> 31;
-        let bits = bit(first) | bit(reversal) << REVERSING | bit(moves) << ACTIVE;
-        self.masks = self.masks << 1 | bits;
-        let fastest = (way as u32).wrapping_add(bend as u32);
-        if fastest > self.fastest {
-            self.fastest = fastest;
-        }
+    fn backward(self) -> u8 {
+        self.0 as u8
     }
 
-    fn backward(&self) -> u8 {
-        self.masks as u8
-    }
-
-    fn reversing(&self) -> u8 {
-        (self.masks >> REVERSING) as u8
+    fn reversing(self) -> u8 {
+        (self.0 >> REVERSING) as u8
     }
 
     /// Motors that take steps or reverse.
-    fn active(&self) -> u8 {
-        (self.masks >> ACTIVE) as u8 | self.reversing()
+    fn active(self) -> u8 {
+        (self.0 >> ACTIVE) as u8 | self.reversing()
+    }
+
+    fn refused(self) -> u8 {
+        (self.0 >> REFUSED) as u8
     }
 }
