@@ -58,16 +58,19 @@ impl Carriers {
         })
     }
 
-    /// Where the motors are at the base of a span, from where they were at that of the one before;
+    /// Where some motors are at the base of a span, from where they were at that of the one before;
     /// `anchors` are the same as targets.
+    #[inline]
     pub fn advance(
         &self,
+        motors: core::ops::Range<usize>,
         shape: &SpanShape,
         before: &[ScaledUnits; MOTORS_MAX],
         after: &mut [ScaledUnits; MOTORS_MAX],
         anchors: &mut [Target; MOTORS_MAX],
     ) {
         let parts = self.motors.iter().zip(before).zip(after).zip(anchors);
+        let parts = parts.skip(motors.start).take(motors.len());
         for (((motor, before), after), anchor) in parts {
             if motor.channel < CHANNELS {
                 let step = shape.base_step(motor.channel);

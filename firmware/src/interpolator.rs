@@ -262,13 +262,18 @@ impl Interpolator {
                 next.duration_q16 = u32::from(waiting.span_ticks) << 16;
                 next.ends_at_rest = waiting.ends_at_rest;
             }
-            1 => next.lay([0, 1], &self.shape, &self.weights),
-            2 => next.lay([2, 3], &self.shape, &self.weights),
-            3 => next.lay([4, 5, 6], &self.shape, &self.weights),
+            1 => next.lay([0, 1, 2], &self.shape, &self.weights),
+            2 => next.lay([3, 4, 5], &self.shape, &self.weights),
+            3 => {
+                next.lay([6], &self.shape, &self.weights);
+                let (bases, anchors) = (&mut next.bases, &mut next.anchors);
+                self.carriers
+                    .advance(0..2, &self.shape, &present.bases, bases, anchors);
+            }
             4 => {
                 let (bases, anchors) = (&mut next.bases, &mut next.anchors);
                 self.carriers
-                    .advance(&self.shape, &present.bases, bases, anchors);
+                    .advance(2..MOTORS_MAX, &self.shape, &present.bases, bases, anchors);
             }
             _ => return true,
         }

@@ -269,6 +269,7 @@ impl Motion {
     fn move_on(&mut self) {
         let wanted_q16 = self.wanted_rate_q16();
         if wanted_q16 == 0 && self.warp.rate_q16() == 0 {
+            self.interpolator.prepare(&self.queue);
             self.rest();
             return;
         }
@@ -291,9 +292,9 @@ impl Motion {
         let steady = wanted_q16 == self.warp.rate_q16() && wanted_q16 <= TICK_Q16;
         if steady {
             // Up to sigma = 1 a ceiling only rises towards a span's start: what holds at its end
-            // holds in all of it.
+            // holds in all of it. A tick that goes beyond asks.
             let rate = wanted_q16 as f32 * (1.0 / TICK_Q16 as f32);
-            let stays = wanted_q16 < self.interpolator.remaining_q16();
+            let stays = wanted_q16 <= self.interpolator.remaining_q16();
             let ceiling = ceiling_at_end.stop;
             if ceiling >= CEILING_OPEN || (stays && rate * rate <= ceiling) {
                 return (wanted_q16, false);
