@@ -58,25 +58,23 @@ impl Carriers {
         })
     }
 
-    /// Where some motors are at the base of a span, from where they were at that of the one before;
+    /// Where one motor is at the base of a span, from where it was at that of the one before;
     /// `anchors` are the same as targets.
-    #[inline]
+    #[inline(always)]
     pub fn advance(
         &self,
-        motors: core::ops::Range<usize>,
+        motor: usize,
         shape: &SpanShape,
         before: &[ScaledUnits; MOTORS_MAX],
         after: &mut [ScaledUnits; MOTORS_MAX],
         anchors: &mut [Target; MOTORS_MAX],
     ) {
-        let parts = self.motors.iter().zip(before).zip(after).zip(anchors);
-        let parts = parts.skip(motors.start).take(motors.len());
-        for (((motor, before), after), anchor) in parts {
-            if motor.channel < CHANNELS {
-                let step = shape.base_step(motor.channel);
-                *after = motor.scale.advanced(before, step);
-                *anchor = Target::of_position(after.position);
-            }
+        let motor = motor % MOTORS_MAX;
+        let carrier = &self.motors[motor];
+        if carrier.channel < CHANNELS {
+            let step = shape.base_step(carrier.channel);
+            after[motor] = carrier.scale.advanced(&before[motor], step);
+            anchors[motor] = Target::of_position(after[motor].position);
         }
     }
 }

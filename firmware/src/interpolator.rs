@@ -266,19 +266,18 @@ impl Interpolator {
             2 => next.lay([3, 4, 5], &self.shape, &self.weights),
             3 => {
                 next.lay([6], &self.shape, &self.weights);
-                let (bases, anchors) = (&mut next.bases, &mut next.anchors);
-                self.carriers
-                    .advance(0..2, &self.shape, &present.bases, bases, anchors);
+                next.follow([0, 1], &self.carriers, &self.shape, present);
             }
-            4 => {
-                let (bases, anchors) = (&mut next.bases, &mut next.anchors);
-                self.carriers
-                    .advance(2..MOTORS_MAX, &self.shape, &present.bases, bases, anchors);
-            }
+            4 => next.follow([2, 3, 4, 5, 6, 7], &self.carriers, &self.shape, present),
             _ => return true,
         }
         self.parts += 1;
         true
+    }
+
+    /// True if the next span can begin at once.
+    pub fn is_prepared(&self) -> bool {
+        self.parts >= PARTS
     }
 
     /// Forgets what was prepared of a span that will not come. Only before a new start.
@@ -316,6 +315,21 @@ impl Interpolator {
 }
 
 impl ReadySpan {
+    /// Moves the bases of some motors from those of the span before.
+    #[inline(always)]
+    fn follow<const N: usize>(
+        &mut self,
+        motors: [usize; N],
+        carriers: &Carriers,
+        shape: &SpanShape,
+        before: &ReadySpan,
+    ) {
+        for motor in motors {
+            let (bases, anchors) = (&mut self.bases, &mut self.anchors);
+            carriers.advance(motor, shape, &before.bases, bases, anchors);
+        }
+    }
+
     #[inline(always)]
     fn lay<const N: usize>(
         &mut self,

@@ -4,11 +4,14 @@
 
 use crate::configuration::{JOINTS_MAX, Kinematics, MOTORS_MAX, MachineConfiguration};
 use crate::interpolator::{Interpolator, Offset};
-use crate::kinematics;
+use crate::kinematics::{self, gantry};
 use crate::load::tilt_pose;
-use crate::steps::{STEP, Target};
+use crate::steps::{POSITION_FRACTION_BITS, STEP, Target};
 use headway_protocol::message::{Fault, FaultCause};
 use headway_protocol::units::{CHANNEL_TILT_X, CHANNEL_TILT_Y, CHANNELS, UNITS_PER_NATURAL};
+
+/// Furthest that a soft limit can be, whole steps: well within the 32 bits of a target.
+const WHOLE_STEPS_MAX: i64 = (1 << 30) - 4;
 
 /// What the tilt adds to each joint; nothing on a machine without tilt.
 type Remainder = Option<[f32; JOINTS_MAX]>;
@@ -25,8 +28,8 @@ struct JointScale {
     /// Soft limits, 2^-31 steps.
     position_min: i64,
     position_max: i64,
-    /// The same in whole steps: the lowest, and what may be added to it. A step of slack, because
-    /// targets may be one off.
+    /// The same in whole steps: the lowest, and what may be added to it. A step or two of slack,
+    /// because targets may be one off.
     lowest: i32,
     range: u32,
     /// 0.1 µm or µrad per step.
@@ -36,7 +39,8 @@ struct JointScale {
 /// All joints.
 #[derive(Clone, Debug)]
 pub struct JointTargets {
-    kinematics: Kinematics,
+    /// Of a gantry; none on a planar machine. In single precision once and for all.
+    pivot_length_mm: Option<f32>,
     count: usize,
     joints: [JointScale; MOTORS_MAX],
 }
@@ -53,7 +57,11 @@ impl JointTargets {
                 .copied()
                 .unwrap_or(1.0);
             let position = |natural: f64| (natural * joint.steps_per_unit * STEP as f64) as i64;
-            let whole = |position: i64| Target::of_position(position).whole;
+            // Limits beyond what targets hold are cut: a machine whose nozzle turns freely.
+            let whole = |position: i64| {
+                let steps = position >> POSITION_FRACTION_BITS;
+                steps.clamp(-WHOLE_STEPS_MAX, WHOLE_STEPS_MAX) as i32
+            };
             let (min, max) = (position(joint.position_min), position(joint.position_max));
             let report_units = if joint.rotary { 1e6 } else { 1e4 };
             *scale = JointScale {
@@ -62,14 +70,17 @@ impl JointTargets {
                 steps_per_natural: joint.steps_per_unit as f32,
                 position_min: min,
                 position_max: max,
-                lowest: whole(min).wrapping_sub(1),
-                range: whole(max).wrapping_sub(whole(min)).wrapping_add(2) as u32,
+                lowest: whole(min) - 2,
+                range: (whole(max) - whole(min) + 4) as u32,
                 units_per_step: report_units / joint.steps_per_unit,
             };
         }
         let count = carriers.len().min(configuration.joints.len());
         Self {
-            kinematics: configuration.kinematics,
+            pivot_length_mm: match configuration.kinematics {
+                Kinematics::Planar => None,
+                Kinematics::Gantry { pivot_length_mm } => Some(pivot_length_mm as f32),
+            },
             count,
             joints,
         }
@@ -114,14 +125,14 @@ impl JointTargets {
     /// The fault to latch.
     #[inline]
     fn remainder(&self, interpolator: &Interpolator) -> Result<Remainder, Fault> {
-        if self.kinematics == Kinematics::Planar {
-            // Joints are channels. That the tilt is none was checked on reception.
+        // Joints of a planar machine are channels. That the tilt is none was checked on reception.
+        let Some(pivot_length_mm) = self.pivot_length_mm else {
             return Ok(None);
-        }
+        };
         let offset = interpolator.offset();
         let tilt = [CHANNEL_TILT_X, CHANNEL_TILT_Y].map(|channel| offset.of(channel));
         let pose = tilt_pose(interpolator.tilt_base(), tilt);
-        match kinematics::remainder(&self.kinematics, &pose) {
+        match gantry::remainder(pivot_length_mm, &pose) {
             Ok(remainder) => Ok(Some(remainder)),
             Err(_) => Err(Fault {
                 cause: FaultCause::Kinematics,

@@ -108,6 +108,11 @@ impl Machine {
         self.engine.run_interval(output);
     }
 
+    /// Step ticks of a servo interval.
+    pub fn interval_ticks(&self) -> u32 {
+        self.engine.interval_ticks()
+    }
+
     /// True if a motor turns round within the interval that plays now.
     pub fn step_interval_reverses(&self) -> bool {
         self.engine.reverses()

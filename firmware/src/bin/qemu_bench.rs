@@ -1,12 +1,14 @@
-//! Instruction counts of the hot paths on an emulated Cortex-M4F (Arm MPS2 AN386 in QEMU).
+//! Instruction counts and stack of the hot paths on an emulated Cortex-M4F (Arm MPS2 AN386, QEMU).
 //!
-//! Runs whole jobs through the real machine and times every servo tick and a share of the step
-//! ticks with a hardware timer. With `-icount shift=6` an instruction takes 64 ns of virtual time
-//! and the 25 MHz timer ticks every 40 ns, so counts are exact to the instruction. Prints one JSON
-//! object by semihosting. Instructions are not cycles: QEMU has neither pipeline nor wait states.
+//! Plays a job through the real machine, as fast as it goes, and times every servo tick and a share
+//! of the step ticks with a hardware timer, each in a function with the entry and exit code of an
+//! interrupt. With `-icount shift=6` an instruction takes 64 ns of virtual time and the 25 MHz timer
+//! ticks every 40 ns, so counts are exact to the instruction. The stack is painted before each call
+//! and looked at afterwards. Instructions are not cycles: QEMU has neither pipeline nor wait states.
 //!
-//! `cargo build -p headway-firmware --release --target thumbv7em-none-eabihf --bin qemu_bench`,
-//! then `tools/firmware-bench`.
+//! The job is the file `bench.job` in the emulator's directory, read by semihosting: u32 LE length |
+//! postcard `MachineConfiguration` | frames as on the wire. `tools/firmware-bench` makes it, and
+//! reads the lines `name value` that come out.
 #![cfg_attr(target_os = "none", no_std, no_main)]
 
 #[cfg(not(target_os = "none"))]
@@ -16,26 +18,25 @@ fn main() {
 
 #[cfg(target_os = "none")]
 mod bench {
-    use cortex_m_semihosting::{debug, hprintln};
-    use headway_firmware::configuration::{
-        ExtruderConfiguration, JointConfiguration, Kinematics, MachineConfiguration,
-    };
+    use cortex_m_semihosting::{debug, hprintln, syscall};
+    use headway_firmware::configuration::MachineConfiguration;
     use headway_firmware::machine::Machine;
     use headway_firmware::output::StepOutput;
-    use headway_protocol::frame::{FRAME_BYTES_MAX, encode_frame, hash_of};
-    use headway_protocol::knot_block::{KnotPredictor, encode_block};
-    use headway_protocol::message::{
-        DeviceState, Finish, Hello, HostMessage, PROTOCOL_VERSION, SCHEMA_HASH, Start,
-    };
-    use headway_protocol::segment::{FlowAction, FlowEvent, Knot};
-    use headway_protocol::units::{CHANNELS, ChannelPoint, Ticks, to_units};
+    use headway_protocol::frame::FRAME_BYTES_MAX;
+    use headway_protocol::knot_block::KNOTS_PER_BLOCK_MAX;
+    use headway_protocol::message::DeviceState;
 
     /// CMSDK timer 0: counts down at 25 MHz.
     const TIMER_CONTROL: *mut u32 = 0x4000_0000 as *mut u32;
     const TIMER_VALUE: *mut u32 = 0x4000_0004 as *mut u32;
     const TIMER_RELOAD: *mut u32 = 0x4000_0008 as *mut u32;
-    /// 64 ns per instruction, 40 ns per timer tick.
-    const TIMER_TICKS_PER_8_INSTRUCTIONS_TIMES_5: u32 = 64;
+    /// Nanoseconds of virtual time.
+    const INSTRUCTION_NS: u32 = 64;
+    const TIMER_TICK_NS: u32 = 40;
+    /// Longer jobs are left after so many servo ticks, 15 s: what comes is like what was.
+    const TICKS_MAX: u32 = 30_000;
+    /// Servo ticks between two whose step ticks are timed one by one.
+    const TIMED_EVERY: u32 = 16;
 
     fn start_timer() {
         // SAFETY: the registers of the emulated machine's first timer, used by nobody else.
@@ -52,274 +53,326 @@ mod bench {
         unsafe { TIMER_VALUE.read_volatile() }
     }
 
-    /// Instructions between two readings: ticks * 40 / 64, rounded.
+    /// Instructions between two readings, rounded.
     fn instructions(before: u32, after: u32) -> u32 {
-        (before.wrapping_sub(after) * 40 + TIMER_TICKS_PER_8_INSTRUCTIONS_TIMES_5 / 2)
-            / TIMER_TICKS_PER_8_INSTRUCTIONS_TIMES_5
+        (before.wrapping_sub(after) * TIMER_TICK_NS + INSTRUCTION_NS / 2) / INSTRUCTION_NS
     }
 
-    /// Port writes as a board makes them: one store per call.
-    struct Port {
+    /// Where the emulated ports are: four registers, as the octopus board's step pins lie on four.
+    static mut PORTS: [u32; 5] = [0; 5];
+
+    #[inline(always)]
+    fn write(port: usize, word: u32) {
+        // SAFETY: one context; the index is a constant at every call.
+        unsafe {
+            (&raw mut PORTS)
+                .cast::<u32>()
+                .add(port)
+                .write_volatile(word)
+        }
+    }
+
+    /// Bits of `motors` at the pins of one port, as in the octopus board's file.
+    macro_rules! port_bits {
+        ($motors:expr, $($motor:literal => $pin:literal),+) => {
+            $((($motors >> $motor & 1) << $pin))|+
+        };
+    }
+
+    /// Step and direction pins with the port writes of the octopus board.
+    struct Pins {
         turned: bool,
-    }
-
-    impl StepOutput for Port {
-        #[inline]
-        fn set_directions(&mut self, directions: u8) {
-            self.turned = true;
-            store(directions);
-        }
-        #[inline]
-        fn step(&mut self, _tick: u64, motors: u8) {
-            store(motors);
-        }
+        inverted: u8,
     }
 
     #[inline(always)]
-    fn store(value: u8) {
-        static PORT: core::sync::atomic::AtomicU8 = core::sync::atomic::AtomicU8::new(0);
-        PORT.store(value, core::sync::atomic::Ordering::Relaxed);
+    fn lower() {
+        write(0, (1 << 13 | 1 << 11 | 1 << 9) << 16);
+        write(1, (1 << 4 | 1) << 16);
+        write(2, 1 << 13 << 16);
+        write(3, (1 << 2 | 1 << 6) << 16);
+    }
+
+    impl StepOutput for Pins {
+        #[inline(always)]
+        fn set_directions(&mut self, directions: u8) {
+            self.turned = true;
+            lower();
+            let up = u32::from(directions ^ self.inverted);
+            let down = u32::from(!(directions ^ self.inverted));
+            write(
+                0,
+                port_bits!(up, 0 => 12, 4 => 10, 5 => 0)
+                    | port_bits!(down, 0 => 28, 4 => 26, 5 => 16),
+            );
+            write(
+                1,
+                port_bits!(up, 1 => 1, 2 => 3) | port_bits!(down, 1 => 17, 2 => 19),
+            );
+            write(2, port_bits!(up, 3 => 1) | port_bits!(down, 3 => 17));
+            write(3, port_bits!(up, 6 => 3) | port_bits!(down, 6 => 19));
+            write(4, port_bits!(up, 7 => 14) | port_bits!(down, 7 => 30));
+        }
+
+        #[inline(always)]
+        fn step(&mut self, _tick: u64, motors: u8) {
+            let motors = u32::from(motors);
+            write(0, port_bits!(motors, 0 => 13, 2 => 11, 4 => 9));
+            write(1, port_bits!(motors, 1 => 0, 3 => 4));
+            write(2, port_bits!(motors, 5 => 13));
+            write(3, port_bits!(motors, 6 => 2, 7 => 6));
+        }
+    }
+
+    /// The stack below the caller, painted.
+    struct Paint {
+        top: usize,
+        words: usize,
+    }
+
+    impl Paint {
+        const COLOUR: u32 = 0x5a5a_a5a5;
+        /// Left alone below the caller's frame: what painting itself needs.
+        const MARGIN: usize = 128;
+
+        #[inline(always)]
+        fn new(words: usize) -> Self {
+            let top = cortex_m::register::msp::read() as usize;
+            for word in 0..words {
+                // SAFETY: below the stack pointer and its margin nothing is in use.
+                unsafe { Self::place(top, word).write_volatile(Self::COLOUR) }
+            }
+            Self { top, words }
+        }
+
+        #[inline(always)]
+        fn place(top: usize, word: usize) -> *mut u32 {
+            (top - Self::MARGIN - 4 * (word + 1)) as *mut u32
+        }
+
+        /// Bytes below the caller that were used since.
+        #[inline(always)]
+        fn used(&self) -> usize {
+            for word in (0..self.words).rev() {
+                // SAFETY: as above.
+                if unsafe { Self::place(self.top, word).read_volatile() } != Self::COLOUR {
+                    return Self::MARGIN + 4 * (word + 1);
+                }
+            }
+            Self::MARGIN
+        }
     }
 
     #[derive(Default)]
-    struct Worst {
-        servo: u32,
-        servo_sum: u64,
-        servo_count: u32,
-        step: u32,
-        step_turning: u32,
-        bytes_per_knot: u32,
-        knots: u32,
+    struct Count {
+        worst: u32,
+        sum: u64,
+        count: u32,
+        stack_bytes: usize,
     }
 
-    fn joint(rotary: bool, steps_per_unit: f64) -> JointConfiguration {
-        JointConfiguration {
-            rotary,
-            steps_per_unit,
-            position_min: -1e4,
-            position_max: 1e4,
-            speed_max: if rotary { 30.0 } else { 200.0 },
-            acceleration_max: if rotary { 3000.0 } else { 6000.0 },
-            jerk_max: 1e6,
+    impl Count {
+        fn note(&mut self, instructions: u32) {
+            self.worst = self.worst.max(instructions);
+            self.sum += u64::from(instructions);
+            self.count += 1;
+        }
+
+        fn mean(&self) -> u32 {
+            (self.sum / u64::from(self.count.max(1))) as u32
         }
     }
 
-    fn configuration(kinematics: Kinematics) -> MachineConfiguration {
-        let mut joints = heapless::Vec::new();
-        let rotary = headway_firmware::kinematics::joint_count(&kinematics) - 3;
-        for _ in 0..3 {
-            let _ = joints.push(joint(false, 160.0));
-        }
-        for _ in 0..rotary {
-            let _ = joints.push(joint(true, 2546.0));
-        }
-        MachineConfiguration {
-            kinematics,
-            joints,
-            extruder: ExtruderConfiguration {
-                steps_per_mm3: 400.0,
-                speed_max_mm3_s: 60.0,
-                acceleration_max_mm3_s2: 3000.0,
-                pressure_advance_s: 0.03,
-                pressure_advance_window_ms: 40.0,
-            },
-            servo_hz: 2000,
-            step_hz: 200_000,
-        }
+    #[derive(Default)]
+    struct Counts {
+        servo: Count,
+        step: Count,
+        step_reversing: Count,
+        link: Count,
     }
 
-    const KNOTS: u32 = 700;
-    /// A knot every 7 ms, as tight curves need.
-    const SPAN_TICKS: u16 = 14;
-
-    /// Control point `index`: a gear-like ring at about 60 mm/s, tilted if the machine can.
-    fn control(index: u32, tilts: bool) -> ChannelPoint {
-        let moving = index.saturating_sub(40).min(KNOTS - 80);
-        let x = f64::from(moving) / f64::from(KNOTS - 80);
-        let eased = x * x * x * (10.0 - 15.0 * x + 6.0 * x * x);
-        let turn = eased * 2.0 * core::f64::consts::TAU;
-        let (sine, cosine) = libm::sincos(turn);
-        let radius = 15.0 + 1.5 * libm::cos(10.0 * turn);
-        let tilt = if tilts { 0.25 * (1.0 - cosine) } else { 0.0 };
-        let natural: [f64; CHANNELS] = [
-            radius * cosine,
-            radius * sine,
-            0.2 + 0.5 * tilt,
-            -tilt * sine,
-            tilt * cosine,
-            turn + 0.5 * libm::sin(10.0 * turn),
-            60.0 * eased,
-        ];
-        to_units(&natural)
-    }
-
-    fn write(machine: &mut Machine, sequence: u16, message: &HostMessage<'_>) {
-        let mut frame = [0; FRAME_BYTES_MAX];
-        if let Ok(length) = encode_frame(sequence, message, &mut frame) {
-            machine.handle_bytes(&frame[..length]);
-        }
-    }
-
-    /// The host's part of the conversation, with no line between.
-    struct Host {
-        predictor: KnotPredictor,
-        sequence: u16,
-        sent: u32,
-        tilts: bool,
-    }
-
-    impl Host {
-        fn open(machine: &mut Machine, machine_hash: u32, tilts: bool) -> Self {
-            let position = control(0, tilts);
-            let hello = Hello {
-                protocol_version: PROTOCOL_VERSION,
-                schema_hash: SCHEMA_HASH,
-                host_session: 1,
-            };
-            write(machine, 1, &HostMessage::Hello(hello));
-            let start = Start {
-                job: 1,
-                machine_hash,
-                first_sequence: 1,
-                position,
-            };
-            write(machine, 2, &HostMessage::Start(start));
-            let event = FlowEvent {
-                span: 1,
-                offset_ticks: 0,
-                action: FlowAction::Prime,
-                volume_units: 500_000,
-                duration_ticks: Ticks(200),
-            };
-            write(machine, 1, &HostMessage::Flow(event));
-            Self {
-                predictor: KnotPredictor::new(position),
-                sequence: 2,
-                sent: 0,
-                tilts,
-            }
-        }
-
-        fn send(&mut self, machine: &mut Machine, worst: &mut Worst) {
-            if self.sent == KNOTS || machine.motion().knot_room() < 16 {
-                return;
-            }
-            let mut knots = [Knot {
-                control: [0; CHANNELS],
-                duration_ticks: SPAN_TICKS,
-            }; 14];
-            for (offset, knot) in knots.iter_mut().enumerate() {
-                knot.control = control(self.sent + offset as u32, self.tilts);
-            }
-            let (bytes, count) = encode_block(&mut self.predictor, &knots);
-            let mut frame = [0; FRAME_BYTES_MAX];
-            let message = HostMessage::Knots(&bytes);
-            if let Ok(length) = encode_frame(self.sequence, &message, &mut frame) {
-                let before = now();
-                machine.handle_bytes(&frame[..length]);
-                let spent = instructions(before, now());
-                worst.bytes_per_knot = worst.bytes_per_knot.max(spent / count as u32);
-            }
-            self.sequence += 1;
-            self.sent += count as u32;
-            worst.knots = self.sent;
-            if self.sent == KNOTS {
-                let finish = Finish {
-                    knots: KNOTS,
-                    events: 1,
-                };
-                write(machine, self.sequence, &HostMessage::Finish(finish));
-            }
-        }
-    }
-
-    // In functions of their own, as in the interrupts of a board.
+    // Functions of their own, with the entry and exit code of an interrupt.
     #[inline(never)]
     fn servo_tick(machine: &mut Machine) {
         machine.servo_tick();
     }
 
+    /// As the boards' step interrupt: it ends the pulses, and pends the servo when its time has come.
     #[inline(never)]
-    fn step_tick(machine: &mut Machine, port: &mut Port) {
-        machine.step_tick(port);
+    fn step_tick(machine: &mut Machine, pins: &mut Pins, ticks_left: &mut u32) {
+        lower();
+        machine.step_tick(pins);
+        *ticks_left -= 1;
+        if *ticks_left == 0 {
+            *ticks_left = machine.interval_ticks();
+            write(4, 1 << 28);
+        }
     }
 
-    /// Runs a job; false if it does not end as it should.
-    fn run(kinematics: Kinematics, worst: &mut Worst) -> bool {
-        let configuration = configuration(kinematics);
-        let tilts = kinematics != Kinematics::Planar;
-        let Ok(mut machine) = Machine::new(&configuration, 1) else {
-            return false;
+    #[inline(never)]
+    fn handle(machine: &mut Machine, frame: &[u8]) {
+        machine.handle_bytes(frame);
+    }
+
+    /// The job's file, byte by byte.
+    struct File {
+        handle: usize,
+        buffer: [u8; 512],
+        from: usize,
+        to: usize,
+    }
+
+    impl File {
+        fn open() -> Option<Self> {
+            let name = b"bench.job\0";
+            // SAFETY: semihosting call with a pointer that lives through it; mode 1 is "rb".
+            let handle = unsafe { syscall!(OPEN, name.as_ptr(), 1, name.len() - 1) };
+            (handle != usize::MAX).then_some(Self {
+                handle,
+                buffer: [0; 512],
+                from: 0,
+                to: 0,
+            })
+        }
+
+        fn next(&mut self) -> Option<u8> {
+            if self.from == self.to {
+                let length = self.buffer.len();
+                // SAFETY: as above; the buffer is as long as said.
+                let left = unsafe { syscall!(READ, self.handle, self.buffer.as_mut_ptr(), length) };
+                self.from = 0;
+                self.to = length.saturating_sub(left);
+            }
+            let byte = *self.buffer.get(self.from..self.to)?.first()?;
+            self.from += 1;
+            Some(byte)
+        }
+
+        fn configuration(&mut self) -> Option<MachineConfiguration> {
+            let mut length = [0; 4];
+            for byte in &mut length {
+                *byte = self.next()?;
+            }
+            let mut bytes = [0; 1024];
+            let bytes = bytes.get_mut(..u32::from_le_bytes(length) as usize)?;
+            for byte in bytes.iter_mut() {
+                *byte = self.next()?;
+            }
+            postcard::from_bytes(bytes).ok()
+        }
+    }
+
+    /// The host's part: frames as long as there is room for a block.
+    struct Host {
+        file: File,
+        frame: [u8; FRAME_BYTES_MAX],
+    }
+
+    impl Host {
+        fn serve(&mut self, machine: &mut Machine, count: &mut Count) {
+            let motion = machine.motion();
+            // Flow events come before their block, at most four.
+            if motion.knot_room() < KNOTS_PER_BLOCK_MAX || motion.event_room() < 8 {
+                return;
+            }
+            let mut length = 0;
+            while let Some(byte) = self.file.next() {
+                if let Some(slot) = self.frame.get_mut(length) {
+                    *slot = byte;
+                    length += 1;
+                }
+                if byte == 0 {
+                    break;
+                }
+            }
+            let frame = self.frame.get(..length).unwrap_or_default();
+            let paint = Paint::new(6000);
+            let before = now();
+            handle(machine, frame);
+            let after = now();
+            count.stack_bytes = count.stack_bytes.max(paint.used());
+            count.note(instructions(before, after));
+        }
+    }
+
+    fn time_servo(machine: &mut Machine, empty: u32, count: &mut Count) {
+        let paint = Paint::new(500);
+        let before = now();
+        servo_tick(machine);
+        let after = now();
+        count.stack_bytes = count.stack_bytes.max(paint.used());
+        count.note(instructions(before, after) - empty);
+    }
+
+    fn time_steps(machine: &mut Machine, pins: &mut Pins, empty: u32, counts: &mut Counts) {
+        let mut ticks_left = machine.interval_ticks();
+        for _ in 0..machine.interval_ticks() {
+            let reverses = machine.step_interval_reverses();
+            pins.turned = false;
+            let paint = Paint::new(64);
+            let before = now();
+            step_tick(machine, pins, &mut ticks_left);
+            let after = now();
+            let stack_bytes = paint.used();
+            let reversing = reverses || pins.turned;
+            let count = if reversing {
+                &mut counts.step_reversing
+            } else {
+                &mut counts.step
+            };
+            count.stack_bytes = count.stack_bytes.max(stack_bytes);
+            count.note(instructions(before, after) - empty);
+        }
+    }
+
+    /// Plays the job; true if it ends as it should.
+    fn run(counts: &mut Counts) -> Option<bool> {
+        let mut file = File::open()?;
+        let configuration = file.configuration()?;
+        let mut machine = Machine::new(&configuration, 1).ok()?;
+        let frame = [0; FRAME_BYTES_MAX];
+        let mut host = Host { file, frame };
+        let mut pins = Pins {
+            turned: false,
+            inverted: 0,
         };
-        let mut host = Host::open(&mut machine, hash_of(&configuration), tilts);
-        let mut port = Port { turned: false };
         let empty = {
             let before = now();
             instructions(before, now())
         };
-        for tick in 0..20_000u32 {
-            host.send(&mut machine, worst);
-            let before = now();
-            servo_tick(&mut machine);
-            let spent = instructions(before, now()) - empty;
-            worst.servo = worst.servo.max(spent);
-            worst.servo_sum += u64::from(spent);
-            worst.servo_count += 1;
-            // Every eighth interval tick by tick, the others at once: same result, less time.
-            let timed = if tick % 8 == 0 { 100 } else { 0 };
-            for _ in 0..timed {
-                port.turned = false;
-                let before = now();
-                step_tick(&mut machine, &mut port);
-                let spent = instructions(before, now()) - empty;
-                if port.turned || machine.step_interval_reverses() {
-                    worst.step_turning = worst.step_turning.max(spent);
-                } else {
-                    worst.step = worst.step.max(spent);
-                }
-            }
-            if timed == 0 {
-                machine.run_step_interval(&mut port);
+        for tick in 0..TICKS_MAX {
+            host.serve(&mut machine, &mut counts.link);
+            time_servo(&mut machine, empty, &mut counts.servo);
+            // Reversals are few: all of them tick by tick, of the others a share.
+            if tick % TIMED_EVERY == 0 || machine.step_interval_reverses() {
+                time_steps(&mut machine, &mut pins, empty, counts);
+            } else {
+                machine.run_step_interval(&mut pins);
             }
             if machine.motion().state() == DeviceState::Finished {
-                return machine.motion().fault().is_none();
+                break;
             }
         }
-        hprintln!("not finished: {:?}", machine.motion().fault());
-        false
-    }
-
-    fn report(name: &str, worst: &Worst) {
-        let mean = worst.servo_sum / u64::from(worst.servo_count.max(1));
-        hprintln!(
-            "\"{}\": {{\"servo_tick_instructions\": {}, \"servo_tick_instructions_mean\": {}, \
-             \"step_tick_instructions\": {}, \"step_tick_instructions_reversing\": {}, \
-             \"receive_instructions_per_knot\": {}, \"knots\": {}}},",
-            name,
-            worst.servo,
-            mean,
-            worst.step,
-            worst.step_turning,
-            worst.bytes_per_knot,
-            worst.knots
-        );
+        let motion = machine.motion();
+        Some(motion.fault().is_none() && motion.underruns() == 0)
     }
 
     #[cortex_m_rt::entry]
     fn main() -> ! {
         start_timer();
-        hprintln!("{}", "{");
-        let mut fine = true;
-        let gantry = Kinematics::Gantry {
-            pivot_length_mm: 60.0,
-        };
-        for (name, kinematics) in [("planar", Kinematics::Planar), ("gantry", gantry)] {
-            let mut worst = Worst::default();
-            fine &= run(kinematics, &mut worst);
-            report(name, &worst);
+        let mut counts = Counts::default();
+        let fine = run(&mut counts) == Some(true);
+        for (name, count) in [
+            ("servo", &counts.servo),
+            ("step", &counts.step),
+            ("step_reversing", &counts.step_reversing),
+            ("link", &counts.link),
+        ] {
+            hprintln!("{}_worst {}", name, count.worst);
+            hprintln!("{}_mean {}", name, count.mean());
+            hprintln!("{}_stack_bytes {}", name, count.stack_bytes);
+            hprintln!("{}_count {}", name, count.count);
         }
-        hprintln!("\"machine_bytes\": {}", core::mem::size_of::<Machine>());
-        hprintln!("{}", "}");
         debug::exit(if fine {
             debug::EXIT_SUCCESS
         } else {

@@ -212,7 +212,9 @@ impl Motion {
     fn gate(&mut self) {
         self.quiet_ticks = self.quiet_ticks.saturating_add(1);
         let waits = matches!(self.phase, Phase::Filling { .. });
-        if waits && self.may_move() && self.has_enough() {
+        // A span that rests is prepared meanwhile, in a few ticks.
+        let prepared = self.interpolator.is_prepared();
+        if waits && self.may_move() && self.has_enough() && prepared {
             let (ready, prime) = self.hold.ready(self.flow.is_active());
             if let Some(prime) = prime {
                 self.flow.begin(&prime);

@@ -1,0 +1,270 @@
+//! Figures of the firmware on a real core: instructions, memory, panics (issue 3).
+//!
+//! Plans the jobs with the host library, plays them on the emulated Cortex-M4F through
+//! `qemu_bench`, reads sizes and symbols out of the board's ELF, and prints one JSON object.
+//! Instructions are not cycles: the emulator has neither pipeline nor flash wait states.
+
+use headway::input::{Format, ReadOptions, read};
+use headway::job::SegmentStream;
+use headway::plan::segments::lay_segments;
+use headway::plan_target;
+use headway::settings::Settings;
+use headway::wire_frames::WireFrames;
+use headway_firmware::design::QUEUE_KNOTS;
+use headway_protocol::frame::{FRAME_BYTES_MAX, encode_frame, encode_payload, hash_of};
+use headway_protocol::message::{Hello, HostMessage, PROTOCOL_VERSION, SCHEMA_HASH, Start};
+use headway_tests::elf::Elf;
+use headway_tests::gear;
+use serde_json::{Value, json};
+use std::collections::BTreeMap;
+use std::error::Error;
+use std::path::{Path, PathBuf};
+use std::process::Command;
+
+const ROOT: &str = concat!(env!("CARGO_MANIFEST_DIR"), "/..");
+const TARGET: &str = "thumbv7em-none-eabihf";
+const CORE_HZ: f64 = 168e6;
+/// What the core itself pushes at the entry of an interrupt, floating point included.
+const EXCEPTION_FRAME_BYTES: u64 = 104;
+/// 64 ns of virtual time per instruction, so that the 40 ns timer resolves each one.
+const ICOUNT: &str = "shift=6,sleep=off";
+
+struct Job {
+    machine: &'static str,
+    name: String,
+    settings: Settings,
+    stream: SegmentStream,
+}
+
+fn example(name: &str, speed_mm_s: f64) -> Result<Job, Box<dyn Error>> {
+    let settings = Settings {
+        speed_mm_s,
+        ..Settings::default()
+    };
+    let path = Path::new(ROOT).join("examples").join(name);
+    let format = Format::of_ending(&path).ok_or("no known ending")?;
+    let loaded = read(
+        &std::fs::read(&path)?,
+        name,
+        format,
+        &ReadOptions::default(),
+    )?;
+    let stream = plan_target(&loaded.target, &settings)?.stream;
+    Ok(Job {
+        machine: "planar",
+        name: format!("{name} at {speed_mm_s} mm/s"),
+        settings,
+        stream,
+    })
+}
+
+fn jobs() -> Result<Vec<Job>, Box<dyn Error>> {
+    let settings = gear::gantry();
+    let (stream, _) = lay_segments(&gear::route(200.0), &settings)?;
+    Ok(vec![
+        example("u-part.json", 60.0)?,
+        example("gear.json", 150.0)?,
+        Job {
+            machine: "gantry",
+            name: "six-axis gear at 60 mm/s".to_string(),
+            settings,
+            stream,
+        },
+    ])
+}
+
+/// What `qemu_bench` reads: the machine, then frames as on the wire.
+fn job_file(job: &Job) -> Result<Vec<u8>, Box<dyn Error>> {
+    let machine = &job.settings.machine;
+    let mut configuration = [0; 1024];
+    let configuration = postcard::to_slice(machine, &mut configuration)?;
+    let mut file = (configuration.len() as u32).to_le_bytes().to_vec();
+    file.extend(&*configuration);
+    let frames = WireFrames::encode(&job.stream)?;
+    let hello = Hello {
+        protocol_version: PROTOCOL_VERSION,
+        schema_hash: SCHEMA_HASH,
+        host_session: 1,
+    };
+    let start = Start {
+        job: frames.job(),
+        machine_hash: hash_of(machine),
+        first_sequence: 0,
+        position: job.stream.start,
+    };
+    let mut out = [0; FRAME_BYTES_MAX];
+    let refused = |error| format!("{}: {error:?}", job.name);
+    for (sequence, message) in [
+        (1, HostMessage::Hello(hello)),
+        (2, HostMessage::Start(start)),
+    ] {
+        let length = encode_frame(sequence, &message, &mut out).map_err(refused)?;
+        file.extend(&out[..length]);
+    }
+    for index in 0..frames.len() {
+        let length =
+            encode_payload(index as u16, frames.payload(index), &mut out).map_err(refused)?;
+        file.extend(&out[..length]);
+    }
+    Ok(file)
+}
+
+fn build(bin: &str, features: &[&str]) -> Result<PathBuf, Box<dyn Error>> {
+    let target_dir = std::env::var_os("CARGO_TARGET_DIR")
+        .map_or_else(|| Path::new(ROOT).join("target"), PathBuf::from);
+    let built = Command::new(std::env::var_os("CARGO").unwrap_or("cargo".into()))
+        .current_dir(ROOT)
+        .args([
+            "build",
+            "--quiet",
+            "--profile",
+            "firmware",
+            "-p",
+            "headway-firmware",
+        ])
+        .args(["--target", TARGET, "--bin", bin])
+        .args(features)
+        .status()?;
+    if !built.success() {
+        return Err(format!("{bin} does not build").into());
+    }
+    Ok(target_dir.join(TARGET).join("firmware").join(bin))
+}
+
+/// Plays a job in the emulator: the values by their names.
+fn play(elf: &Path, job: &Job) -> Result<BTreeMap<String, u64>, Box<dyn Error>> {
+    let directory = elf.with_file_name("bench");
+    std::fs::create_dir_all(&directory)?;
+    std::fs::write(directory.join("bench.job"), job_file(job)?)?;
+    let output = Command::new("timeout")
+        .current_dir(&directory)
+        .args([
+            "300",
+            "qemu-system-arm",
+            "-machine",
+            "mps2-an386",
+            "-cpu",
+            "cortex-m4",
+        ])
+        .args([
+            "-nographic",
+            "-monitor",
+            "none",
+            "-serial",
+            "null",
+            "-icount",
+            ICOUNT,
+        ])
+        .args(["-semihosting-config", "enable=on,target=native", "-kernel"])
+        .arg(elf)
+        .output()?;
+    let text = String::from_utf8_lossy(&output.stdout).into_owned();
+    if !output.status.success() {
+        return Err(format!("{} did not run to its end:\n{text}", job.name).into());
+    }
+    let values = text.lines().filter_map(|line| {
+        let (name, value) = line.split_once(' ')?;
+        Some((name.to_string(), value.parse().ok()?))
+    });
+    Ok(values.collect())
+}
+
+/// What is missing, if anything is.
+fn missing() -> Option<String> {
+    if Command::new("qemu-system-arm")
+        .arg("--version")
+        .output()
+        .is_err()
+    {
+        return Some("qemu-system-arm is not installed".to_string());
+    }
+    let libraries = Command::new("rustc")
+        .args(["--print", "target-libdir", "--target", TARGET])
+        .output()
+        .ok()?;
+    let libraries = String::from_utf8_lossy(&libraries.stdout);
+    let found = Path::new(libraries.trim()).is_dir();
+    (!found).then(|| format!("the Rust target {TARGET} is not installed"))
+}
+
+fn largest(runs: &[(Job, BTreeMap<String, u64>)], key: &str) -> u64 {
+    runs.iter()
+        .filter_map(|(_, values)| values.get(key))
+        .copied()
+        .max()
+        .unwrap_or(0)
+}
+
+fn servo_per_machine(runs: &[(Job, BTreeMap<String, u64>)]) -> Value {
+    let mut machines: BTreeMap<&str, [u64; 2]> = BTreeMap::new();
+    for (job, values) in runs {
+        let of = |key: &str| values.get(key).copied().unwrap_or(0);
+        let [worst, mean] = machines.entry(job.machine).or_default();
+        *worst = (*worst).max(of("servo_worst"));
+        *mean = (*mean).max(of("servo_mean"));
+    }
+    let named = machines.into_iter().map(|(machine, [worst, mean])| {
+        (machine.to_string(), json!({"worst": worst, "mean": mean}))
+    });
+    Value::Object(named.collect())
+}
+
+/// Instructions a second of a job's step and servo ticks. Intervals with a reversal are all among
+/// the timed ones, of the others a share: the mean is rather too high.
+fn mean_per_second(values: &BTreeMap<String, u64>) -> f64 {
+    let of = |key: &str| values.get(key).copied().unwrap_or(0) as f64;
+    let (straight, reversing) = (of("step_count"), of("step_reversing_count"));
+    let sum = of("step_mean") * straight + of("step_reversing_mean") * reversing;
+    sum / (straight + reversing).max(1.0) * 200e3 + of("servo_mean") * 2e3
+}
+
+fn measure() -> Result<Value, Box<dyn Error>> {
+    let elf = build("qemu_bench", &[])?;
+    let mut runs = Vec::new();
+    for job in jobs()? {
+        let values = play(&elf, &job)?;
+        eprintln!("{}: {values:?}", job.name);
+        runs.push((job, values));
+    }
+    let board = Elf::read(&build("octopus", &["--features", "octopus"])?)?;
+    let emulated = Elf::read(&build("qemu", &[])?)?;
+    for elf in [&board, &emulated] {
+        eprintln!("panics: {:?}", elf.panic_symbols());
+        eprintln!("heap or text of floats: {:?}", elf.forbidden_symbols());
+    }
+    let step_worst = largest(&runs, "step_worst").max(largest(&runs, "step_reversing_worst"));
+    let per_second = runs.iter().map(|(_, values)| mean_per_second(values));
+    let per_second = per_second.fold(0.0, f64::max);
+    let interrupt = |key: &str| largest(&runs, key) + EXCEPTION_FRAME_BYTES;
+    let step_stack = interrupt("step_stack_bytes").max(interrupt("step_reversing_stack_bytes"));
+    Ok(json!({
+        "step_tick_instructions": {
+            "worst": step_worst,
+            "worst_without_reversal": largest(&runs, "step_worst"),
+        },
+        "servo_tick_instructions": servo_per_machine(&runs),
+        "cpu_fraction": (per_second / CORE_HZ * 1e4).round() / 1e4,
+        "ram_bytes": board.ram_bytes(),
+        "flash_bytes": board.flash_bytes(),
+        "queue_segments": QUEUE_KNOTS,
+        "stack_bytes": {
+            "step": step_stack,
+            "servo": interrupt("servo_stack_bytes"),
+            "link": largest(&runs, "link_stack_bytes"),
+        },
+        "panic_symbols": {
+            "qemu": emulated.panic_symbols().len(),
+            "octopus": board.panic_symbols().len(),
+        },
+    }))
+}
+
+fn main() -> Result<(), Box<dyn Error>> {
+    if let Some(reason) = missing() {
+        eprintln!("skipped: {reason}");
+        let demanded = std::env::var_os("HEADWAY_DEMAND_EMULATOR").is_some();
+        return if demanded { Err(reason.into()) } else { Ok(()) };
+    }
+    println!("{}", measure()?);
+    Ok(())
+}
