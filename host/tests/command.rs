@@ -394,3 +394,45 @@ fn placing_the_part_moves_the_machine_not_the_figures() {
     assert_eq!(tables[0].1, tables[1].1);
     std::fs::remove_dir_all(folder).expect("clean up");
 }
+
+/// Goal: a polygon aperture comes from its file, on the line and in a machine file beside it, and a
+/// job stands on its own without that file.
+#[test]
+fn a_polygon_aperture_comes_from_its_file() {
+    let folder = folder("aperture");
+    let drop = folder.join("drop.json");
+    let text =
+        r#"{"units":"mm","exterior":[[-0.35,-0.25],[0.1,-0.3],[0.6,0],[0.1,0.3],[-0.35,0.25]]}"#;
+    std::fs::write(&drop, text).expect("file");
+    let given = format!("polygon:{}", path(&drop));
+    let taper = example("taper.json");
+    let arguments = ["headings", &taper, "--spacing", "2", "--aperture", &given];
+    let on_the_line = succeeded(&headway(&arguments));
+    let new = succeeded(&headway(&["machine", "new"]));
+    let machine = folder.join("machine.toml");
+    let own = new.replace("ellipse:0.6x0.2", "polygon:drop.json");
+    assert_ne!(own, new);
+    std::fs::write(&machine, own).expect("file");
+    let in_the_file = ["headings", &taper, "--spacing", "2", "-m", path(&machine)];
+    assert_eq!(succeeded(&headway(&in_the_file)), on_the_line);
+
+    let job = folder.join("taper.hwj");
+    let plan = [
+        "plan",
+        &taper,
+        "-m",
+        path(&machine),
+        "-o",
+        path(&job),
+        "--json",
+    ];
+    let planned = object(&headway(&plan));
+    std::fs::remove_file(&drop).expect("clean up");
+    let simulated = object(&headway(&["simulate", path(&job), "--json"]));
+    assert_eq!(simulated["passes"], planned["passes"]);
+    assert_eq!(simulated["faults"], 0);
+    let output = headway(&arguments);
+    assert_eq!(output.status.code(), Some(1));
+    assert!(stderr(&output).contains("drop.json"), "{}", stderr(&output));
+    std::fs::remove_dir_all(folder).expect("clean up");
+}
