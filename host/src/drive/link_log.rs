@@ -338,3 +338,82 @@ fn run(controller: &mut Machine, steps: &mut StepLog, out: &mut [u8; FRAME_BYTES
     // Reports are made, as on a board, and have no reader.
     while controller.poll_report(out) > 0 {}
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::settings::Settings;
+    use std::sync::{Arc, Mutex};
+
+    /// A file that the test can look into.
+    #[derive(Clone, Default)]
+    struct Shared(Arc<Mutex<Vec<u8>>>);
+
+    impl Write for Shared {
+        fn write(&mut self, bytes: &[u8]) -> io::Result<usize> {
+            self.0.lock().map_or(Ok(0), |mut held| held.write(bytes))
+        }
+        fn flush(&mut self) -> io::Result<()> {
+            Ok(())
+        }
+    }
+
+    #[test]
+    fn a_log_reads_back_as_it_was_written() {
+        let file = Shared::default();
+        let machine = Settings::default().machine;
+        let mut log = LinkLog::new(Box::new(file.clone()), Some(&machine));
+        log.bytes(5, Way::Down, &[0, 0xab, 7]);
+        log.bytes(9, Way::Up, &[]);
+        log.event(9, "line lost:\nend of file");
+        log.finish().unwrap();
+        let text = file.0.lock().unwrap().clone();
+        let read = read_log(&mut text.as_slice()).unwrap();
+        assert_eq!(read.machine.as_ref(), Some(&machine));
+        let bytes = |at_us, way, bytes: &[u8]| Entry::Bytes {
+            at_us,
+            way,
+            bytes: bytes.to_vec(),
+        };
+        let what = String::from("line lost: end of file");
+        let expected = [
+            bytes(5, Way::Down, &[0, 0xab, 7]),
+            bytes(9, Way::Up, &[]),
+            Entry::Event { at_us: 9, what },
+        ];
+        assert_eq!(read.entries, expected);
+        let replayed = replay(&read, &machine).unwrap();
+        assert_eq!((replayed.messages, replayed.steps), (0, 0));
+    }
+
+    #[test]
+    fn what_is_no_log_is_refused_with_the_line() {
+        assert!(matches!(
+            read_log(&mut b"".as_slice()),
+            Err(LogError::NotALog)
+        ));
+        assert!(matches!(
+            read_log(&mut b"hello".as_slice()),
+            Err(LogError::NotALog)
+        ));
+        for bad in [
+            "x > 00",
+            "1",
+            "1 ? 00",
+            "1 > 0",
+            "1 > 0g",
+            "99999999999999999 > 00",
+            "5 > 00\n4 > 00",
+            "# machine 00",
+            "# machine zz",
+            "1 > \u{ff}",
+        ] {
+            let text = format!("{HEAD}\n{bad}\n");
+            let error = read_log(&mut text.as_bytes());
+            assert!(
+                matches!(error, Err(LogError::Line { line: 2 | 3, .. })),
+                "{bad}: {error:?}"
+            );
+        }
+    }
+}
