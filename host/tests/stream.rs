@@ -371,6 +371,21 @@ fn a_board_is_asked_homed_and_jogged() {
     let after = json(&output(&["board", "status", "--port", port, "--json"]));
     let moved = after["counts"][0].as_i64().unwrap() - status["counts"][0].as_i64().unwrap();
     assert_eq!(moved, 1000, "12.5 mm at 80 steps a mm");
+    // A homed machine is brought to a job's first pose, or the job is refused.
+    let (job, _) = job(&folder, 1);
+    let refused = output(&["stream", &job, "--port", port]);
+    assert_eq!(refused.status.code(), Some(1));
+    assert!(
+        text(&refused.stderr).contains("board go"),
+        "{}",
+        text(&refused.stderr)
+    );
+    let gone = output(&["board", "go", &job, "--port", port]);
+    assert!(gone.status.success(), "{}", text(&gone.stderr));
+    assert_eq!(
+        json(&output(&["stream", &job, "--port", port, "--json"]))["done"],
+        true
+    );
     for (arguments, code) in [
         (vec!["board", "override", "80"], 0),
         (vec!["board", "jog", "x", "-1000"], 1),

@@ -275,6 +275,13 @@ impl Run<'_> {
                         .to_string(),
                 )))
             }
+            SenderState::Failed(SenderError::Refused(RefusalReason::Invalid)) => {
+                Some(Err(CliError::Job(
+                    "the machine is not where the job begins: bring it there with `headway board \
+                     go JOB` (home it first)"
+                        .to_string(),
+                )))
+            }
             SenderState::Failed(error) => Some(Err(CliError::Job(error.to_string()))),
             SenderState::Aborted if self.status.as_ref().is_some_and(rests) => {
                 Some(Err(CliError::Job("the job was aborted".to_string())))
