@@ -106,7 +106,7 @@ fn run(file: &Path, settings: &Settings) -> Option<Row> {
         trace.tip_error_um_max <= trace.half_step_um_max + 2.0,
         "{name}: {trace:?}"
     );
-    assert!(found.outside_depth_mm <= 0.005, "{name}: {found:?}");
+    assert!(found.outside_depth_mm <= 0.002, "{name}: {found:?}");
     assert!(of_reachable >= 90.0, "{name}: {found:?}");
     // The planner's own raster has to agree: half a per cent is its coarser border on the
     // smallest slices.
@@ -158,6 +158,7 @@ fn every_slice_plans_and_simulates_within_the_figures() {
     let covered = mean(|r| r.covered_of_reachable_pct);
     let overlap = mean(|r| r.overlap_pct);
     println!("area-weighted: covered of reachable {covered:.2} %, overlap {overlap:.2} %");
-    assert!(covered >= 97.0, "covered of reachable {covered:.2} %");
-    assert!(overlap <= 8.0, "overlap {overlap:.2} %");
+    // Just behind the figures reached, so that a step back is seen; the aim is 99.5.
+    assert!(covered >= 99.2, "covered of reachable {covered:.2} %");
+    assert!(overlap <= 1.8, "overlap {overlap:.2} %");
 }

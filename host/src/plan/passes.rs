@@ -1,9 +1,11 @@
 //! Passes: how one region is divided into channels and runs, each with its placements.
 //!
-//! 1. Where only one bead fits across (r < 2b) the region is cut off by chords between the feet of
-//!    the axis: single runs, laid on the axis.
+//! 1. Where one bead across is cheaper than two sides, the region is cut off by chords between the
+//!    feet of the axis: single runs, laid on the axis.
 //! 2. What remains is tiled by k beads between wall and axis ([`super::bead_count`]); the channel
-//!    field gives each channel's outer wall; contacts along it get the heading profile.
+//!    field gives each channel's outer wall, moved onto what was laid before it
+//!    ([`super::channel_walls`]); contacts along it get the heading profile.
+//! 3. The innermost beads share out the gap or overlap between them.
 //!
 //! Input: region (mm), pruned axis. Output: [`LayerPass`]es, unordered, in region coordinates.
 
@@ -225,7 +227,14 @@ fn channel_passes(
     for _ in 0..RELAX_ROUNDS {
         relax(&mut found, channel, field, channel_walls, aperture, lengths);
     }
-    found.retain(|pass| pass.closed || run_length_mm(pass) > RUN_SHARE_MIN * aperture.major_mm());
+    found.retain(|pass| {
+        let least_mm = if pass.closed {
+            LOOP_SHARE_MIN * aperture.minor_mm()
+        } else {
+            RUN_SHARE_MIN * aperture.major_mm()
+        };
+        run_length_mm(pass) > least_mm
+    });
     found
 }
 
@@ -324,6 +333,8 @@ const WIDTH_SHARE_MIN: f64 = 0.7;
 
 /// Shortest open run of a channel against a: a shorter one would lay one blot on its neighbours.
 const RUN_SHARE_MIN: f64 = 2.0;
+/// Shortest loop against b: what does not move at all is no pass.
+const LOOP_SHARE_MIN: f64 = 0.5;
 
 /// Splits a profile where no heading fits, and smooths what remains.
 fn feasible_runs(

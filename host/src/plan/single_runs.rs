@@ -83,6 +83,7 @@ pub fn split_region(
 fn single_nodes(axis: &Axis, neighbours: &[Vec<u32>], settings: &PassSettings) -> Vec<bool> {
     let b = settings.aperture.minor_mm();
     let mut single = cheapest_division(axis, settings);
+    drop_short_pieces(&mut single, axis, neighbours, settings.aperture.major_mm());
     let mut seen = vec![false; axis.points.len()];
     for seed in 0..axis.points.len() {
         if seen[seed] || axis.radii_mm[seed] >= b {
@@ -96,6 +97,38 @@ fn single_nodes(axis: &Axis, neighbours: &[Vec<u32>], settings: &PassSettings) -
         }
     }
     single
+}
+
+/// Gives pieces to the single runs about them that are too short for two sides and not too wide for
+/// one bead.
+fn drop_short_pieces(single: &mut [bool], axis: &Axis, neighbours: &[Vec<u32>], a: f64) {
+    let divided = single.to_vec();
+    if !divided.contains(&true) {
+        return;
+    }
+    let mut seen = vec![false; axis.points.len()];
+    for seed in 0..axis.points.len() {
+        if seen[seed] || divided[seed] {
+            continue;
+        }
+        let piece = flood(seed, neighbours, &mut seen, |n| !divided[n]);
+        let step = |n: usize| {
+            let near = neighbours[n].iter().map(|&m| m as usize);
+            let links = near.filter(|&m| !divided[m]);
+            links
+                .map(|m| (axis.points[m] - axis.points[n]).norm())
+                .sum::<f64>()
+        };
+        let length_mm = 0.5 * piece.iter().map(|&n| step(n)).sum::<f64>();
+        let meets_run = piece
+            .iter()
+            .any(|&n| neighbours[n].iter().any(|&m| divided[m as usize]));
+        if meets_run && length_mm < 2.0 * a && piece.iter().all(|&n| axis.radii_mm[n] <= a) {
+            for node in piece {
+                single[node] = true;
+            }
+        }
+    }
 }
 
 /// Length of badly divided axis that one change between one bead and two sides is worth, mm
