@@ -6,7 +6,7 @@
 //! and comes back, without an interruption of flow.
 
 use super::channel_walls::{poses_between, turn_to};
-use super::heading_profile::Placement;
+use super::heading_profile::{Placement, slide_inside};
 use super::passes::LayerPass;
 use crate::geometry::aperture::Aperture;
 use crate::geometry::clearance::{Configuration, is_inside};
@@ -42,6 +42,9 @@ const STEP_SHARE: f64 = 0.6;
 const STEP_RAD: f64 = 0.2;
 /// An excursion may cut the wall by this share of the aperture; the finished curve is pushed off.
 const CUT_SHARE: f64 = 1e-3;
+/// Slides of one pose of the way, and how far it may be slid, against b.
+const SLIDES: usize = 4;
+const SLIDE_SHARE: f64 = 0.8;
 
 /// Fills the gaps that `passes` leave in the region bounded by `walls`.
 pub fn fill_gaps(passes: &mut [LayerPass], aperture: &Aperture, walls: &EdgeIndex) {
@@ -102,26 +105,33 @@ impl Dart {
         starts.sort_by(|s, t| s.0.total_cmp(&t.0).then((s.1, s.2).cmp(&(t.1, t.2))));
         starts.truncate(STARTS);
         starts.into_iter().find_map(|(_, pass, after)| {
-            let excursion = excursion(passes[pass].placements[after].at, at, aperture);
-            excursion
-                .iter()
-                .all(|&u| is_inside(aperture, u, walls, -CUT_SHARE))
-                .then_some(Dart {
-                    pass,
-                    after,
-                    excursion,
-                })
+            let from = passes[pass].placements[after].at;
+            let out = inside_way(eased(from, at, aperture), aperture, walls)?;
+            let back = out.iter().rev().skip(1).copied();
+            let excursion = out.iter().copied().chain(back).chain([from]).collect();
+            Some(Dart {
+                pass,
+                after,
+                excursion,
+            })
         })
     }
 }
 
-/// Out to `to` and back, starting and stopping gently at both ends.
-fn excursion(from: Configuration, to: Configuration, aperture: &Aperture) -> Vec<Configuration> {
-    let mut way = eased(from, to, aperture);
-    let back: Vec<Configuration> = way.iter().rev().skip(1).copied().collect();
-    way.extend(back);
-    way.push(from);
-    way
+/// The way slid off the walls where it cuts them; `None` where that does not help, or where the
+/// slide is so long that the way would no longer be a way.
+pub(super) fn inside_way(
+    way: Vec<Configuration>,
+    aperture: &Aperture,
+    walls: &EdgeIndex,
+) -> Option<Vec<Configuration>> {
+    let slide_max_mm = SLIDE_SHARE * aperture.minor_mm();
+    way.into_iter()
+        .map(|at| {
+            let slid = slide_inside(at, aperture, walls, SLIDES, CUT_SHARE)?;
+            ((slid.center - at.center).norm() <= slide_max_mm).then_some(slid)
+        })
+        .collect()
 }
 
 /// The straight way, the start left out, in steps that begin and end small.

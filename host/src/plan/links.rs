@@ -4,19 +4,16 @@
 //! inside the region, the head goes on printing there: neighbouring loops become a spiral. What
 //! the way covers lies between the two ends, which the seams left open.
 
-use super::darts::eased;
+use super::darts::{eased, inside_way};
 use super::heading_profile::Placement;
 use super::passes::LayerPass;
 use crate::geometry::aperture::Aperture;
-use crate::geometry::clearance::is_inside;
 use crate::geometry::edge_index::EdgeIndex;
 
 /// Longest link, against a: neighbouring beads lie up to 2a apart.
 const LENGTH_SHARE: f64 = 3.0;
 /// Largest turn of the heading on a link, rad.
 const TURN_MAX_RAD: f64 = 1.6;
-/// A link may cut the wall by this share of the aperture; the finished curve is pushed off.
-const CUT_SHARE: f64 = 1e-3;
 
 /// Joins passes in printing order where a link is possible.
 pub fn linked(passes: Vec<LayerPass>, aperture: &Aperture, walls: &EdgeIndex) -> Vec<LayerPass> {
@@ -56,18 +53,13 @@ fn link(
     if length_mm > LENGTH_SHARE * aperture.major_mm() || turn.abs() > TURN_MAX_RAD {
         return None;
     }
-    let way = eased(end.at, start.at, aperture);
-    way.iter()
-        .all(|&at| is_inside(aperture, at, walls, -CUT_SHARE))
-        .then(|| {
-            way.iter()
-                .map(|&at| Placement {
-                    at,
-                    feasible: true,
-                    contact: end.contact,
-                })
-                .collect()
-        })
+    let way = inside_way(eased(end.at, start.at, aperture), aperture, walls)?;
+    let placement = |at| Placement {
+        at,
+        feasible: true,
+        contact: end.contact,
+    };
+    Some(way.into_iter().map(placement).collect())
 }
 
 #[cfg(test)]
