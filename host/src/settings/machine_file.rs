@@ -357,6 +357,10 @@ mod tests {
         let mut settings = Settings::planar();
         settings.machine.extruder.steps_per_mm3 = 40_000.0;
         settings.machine.extruder.speed_max_mm3_s = 1.0;
+        // Everything else keeps to that extruder.
+        settings.prime_retract.prime_rate_mm3_s = 0.5;
+        settings.prime_retract.retract_rate_mm3_s = 0.5;
+        settings.flow_max_mm3_s = 0.5;
         let error = from_toml(&to_toml(&settings)).unwrap_err().to_string();
         assert!(error.contains("controller cannot run"), "{error}");
     }
