@@ -15,15 +15,15 @@ use crate::geometry::edge_index::EdgeIndex;
 use crate::geometry::{Point2, Vector2};
 use rayon::prelude::*;
 
-/// Least area of a gap that is worth an excursion, against that of the aperture (0.006 mm² for
+/// Least area of a gap that is worth an excursion, against that of the aperture (0.003 mm² for
 /// the 0.6 x 0.2 mm ellipse).
-const GAP_SHARE_MIN: f64 = 0.016;
+const GAP_SHARE_MIN: f64 = 0.008;
 /// Least net gain of an excursion, against the aperture's area.
-const GAIN_SHARE_MIN: f64 = 0.010;
+const GAIN_SHARE_MIN: f64 = 0.005;
 /// What covering a place again costs against covering a new one.
-const AGAIN_WEIGHT: f64 = 0.35;
+const AGAIN_WEIGHT: f64 = 0.25;
 /// Rounds of looking for gaps: a large one takes several excursions.
-const ROUNDS: usize = 4;
+const ROUNDS: usize = 6;
 /// Headings tried over the aperture's period.
 const HEADINGS: usize = 12;
 /// Places tried in each gap.

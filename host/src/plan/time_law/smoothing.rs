@@ -73,11 +73,12 @@ pub fn ease_rates(u: &[f64], rate: &[f64], window_s: f64) -> Vec<f64> {
     let radius_s = (window_s / 2.0).min(time[last] / 8.0);
     let everywhere = (0, last);
     let eroded = sliding_extreme(&time, rate, radius_s, 1.0, everywhere);
-    let opened: Vec<f64> = sliding_extreme(&time, &eroded, radius_s, -1.0, everywhere)
+    let mut opened: Vec<f64> = sliding_extreme(&time, &eroded, radius_s, -1.0, everywhere)
         .iter()
         .zip(rate)
         .map(|(opened, rate)| opened.min(*rate))
         .collect();
+    lift_ends(&mut opened, rate);
     // The first rise and the last fall are no valleys: the average is below them already.
     let first_peak = (0..last)
         .find(|&i| opened[i + 1] < opened[i])
@@ -93,6 +94,25 @@ pub fn ease_rates(u: &[f64], rate: &[f64], window_s: f64) -> Vec<f64> {
         1.0,
         (first_peak, last_peak.max(first_peak)),
     )
+}
+
+/// Where the samples lie further apart than the window, the rest at an end reaches over its
+/// neighbours, and the motion would stand still there for ever. The rise from rest and the fall to
+/// it are no peaks: they keep their rates, below the plateau beside them.
+fn lift_ends(opened: &mut [f64], rate: &[f64]) {
+    let last = rate.len() - 1;
+    let moves = |opened: &[f64], i: &usize| opened[*i] > RATE_MIN;
+    let Some(first_moving) = (1..last).find(|i| moves(opened, i)) else {
+        opened.copy_from_slice(rate);
+        return;
+    };
+    for i in (1..first_moving).rev() {
+        opened[i] = rate[i].min(opened[i + 1]);
+    }
+    let last_moving = (1..last).rev().find(|i| moves(opened, i)).unwrap_or(last);
+    for i in last_moving + 1..last {
+        opened[i] = rate[i].min(opened[i - 1]);
+    }
 }
 
 /// u at every tick for the rates, unsmoothed, slowed by up to a tick so that it ends on one.
@@ -175,6 +195,19 @@ mod tests {
             })
             .collect();
         (u, rate)
+    }
+
+    /// Goal: a last sample closer to the end than the window does not stand still. Found on a real
+    /// slice, which was refused with a stretch of 500,000,000 s.
+    #[test]
+    fn coarse_samples_near_the_ends_go_on() {
+        let u = [0.0, 0.1, 1.0, 2.0, 2.9, 3.0];
+        let rate = [0.0, 60.0, 100.0, 100.0, 60.0, 0.0];
+        let eased = ease_rates(&u, &rate, 0.03);
+        for i in 1..5 {
+            assert!(eased[i] > 10.0 && eased[i] <= rate[i], "{eased:?}");
+        }
+        assert!(duration_s(&u, &eased) < 0.2);
     }
 
     #[test]
