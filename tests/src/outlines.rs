@@ -1,8 +1,25 @@
 //! Real-like outlines of any size for benches and for hunts of weak places: gears with many teeth,
-//! noisy circles, combs, plates with many holes. All drawn here, with a fixed noise.
+//! noisy circles, combs, plates with many holes. All drawn here, with a fixed noise,
+//! but for the shipped examples.
 
 /// Rings of points, mm, the outside counter-clockwise, holes clockwise.
 pub type Rings = crate::layer_oracle::Rings;
+
+/// The rings of a shipped example in polygon JSON, by its name without the ending.
+///
+/// # Panics
+/// Where there is no such example or it is no polygon.
+pub fn example(name: &str) -> Rings {
+    let path = format!("{}/../examples/{name}.json", env!("CARGO_MANIFEST_DIR"));
+    let text = std::fs::read_to_string(&path).expect(&path);
+    let json: serde_json::Value = serde_json::from_str(&text).expect(&path);
+    let ring = |value: &serde_json::Value| -> Vec<[f64; 2]> {
+        serde_json::from_value(value.clone()).expect("a ring of points")
+    };
+    let mut rings = vec![ring(&json["exterior"])];
+    rings.extend(json["holes"].as_array().expect("holes").iter().map(ring));
+    rings
+}
 
 /// Numbers in [0, 1), the same every time.
 pub struct Noise(u64);

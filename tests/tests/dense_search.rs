@@ -10,8 +10,7 @@ use headway::geometry::aperture::Aperture;
 use headway::geometry::edge_index::EdgeIndex;
 use headway::plan::feasible::{FeasibleAngles, feasible_angles};
 use headway_tests::dense_search::{DenseSearch, SIDE};
-use headway_tests::layer_oracle::Rings;
-use headway_tests::outlines::region;
+use headway_tests::outlines::{example, region};
 
 const A: f64 = 0.6;
 const B: f64 = 0.2;
@@ -20,18 +19,6 @@ const WINDOW_MM: f64 = 1.6;
 /// How far along the boundary the search may mistake the place of contact: the aperture's flat
 /// side stays within twice the slack (10 um) of a wall over sqrt(2 a²/b 2 slack) to each side.
 const BESIDE_MM: f64 = 0.31;
-
-fn example(name: &str) -> Rings {
-    let path = format!("{}/../examples/{name}.json", env!("CARGO_MANIFEST_DIR"));
-    let text = std::fs::read_to_string(&path).expect(&path);
-    let json: serde_json::Value = serde_json::from_str(&text).expect(&path);
-    let ring = |value: &serde_json::Value| -> Vec<[f64; 2]> {
-        serde_json::from_value(value.clone()).expect("a ring of points")
-    };
-    let mut rings = vec![ring(&json["exterior"])];
-    rings.extend(json["holes"].as_array().expect("holes").iter().map(ring));
-    rings
-}
 
 fn ellipse(share: f64) -> Aperture {
     Aperture::Ellipse {

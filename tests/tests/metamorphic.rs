@@ -6,7 +6,7 @@ use headway::input::Target;
 use headway::plan_target;
 use headway::settings::Settings;
 use headway_tests::layer_oracle::Rings;
-use headway_tests::outlines::region;
+use headway_tests::outlines::{example, region};
 use rayon::prelude::*;
 
 struct Outcome {
@@ -14,18 +14,6 @@ struct Outcome {
     passes: usize,
     print_mm: f64,
     covered_pct: f64,
-}
-
-fn example(name: &str) -> Rings {
-    let path = format!("{}/../examples/{name}.json", env!("CARGO_MANIFEST_DIR"));
-    let text = std::fs::read_to_string(&path).expect(&path);
-    let json: serde_json::Value = serde_json::from_str(&text).expect(&path);
-    let ring = |value: &serde_json::Value| -> Vec<[f64; 2]> {
-        serde_json::from_value(value.clone()).expect("a ring of points")
-    };
-    let mut rings = vec![ring(&json["exterior"])];
-    rings.extend(json["holes"].as_array().expect("holes").iter().map(ring));
-    rings
 }
 
 fn mapped(rings: &Rings, map: impl Fn([f64; 2]) -> [f64; 2]) -> Rings {

@@ -11,25 +11,13 @@ use headway::plan::feasible::feasible_angles;
 use headway::settings::aperture_text::parse_aperture;
 use headway_tests::dense_search::holds;
 use headway_tests::layer_oracle::{OracleAperture, Rings};
-use headway_tests::outlines::region;
+use headway_tests::outlines::{example, region};
 use rayon::prelude::*;
 
 /// The oracle's own arcs: a sample may miss the lowest point by R (pi/192)²/2 in height.
 const LIFT_MM: f64 = 1e-4;
 /// Step of the angles tried; half a step off, so that no flat side lies on the wall exactly.
 const STEP_DEG: f64 = 1.0;
-
-fn example(name: &str) -> Rings {
-    let path = format!("{}/../examples/{name}.json", env!("CARGO_MANIFEST_DIR"));
-    let text = std::fs::read_to_string(&path).expect(&path);
-    let json: serde_json::Value = serde_json::from_str(&text).expect(&path);
-    let ring = |value: &serde_json::Value| -> Vec<[f64; 2]> {
-        serde_json::from_value(value.clone()).expect("a ring of points")
-    };
-    let mut rings = vec![ring(&json["exterior"])];
-    rings.extend(json["holes"].as_array().expect("holes").iter().map(ring));
-    rings
-}
 
 /// One aperture as the planner and as the oracle have it.
 struct Case {
