@@ -165,14 +165,19 @@ fn started_near(pass: LayerPass, from: Point2, period_rad: f64) -> LayerPass {
     }
     // Headings stay unwrapped over the seam: what moves to the end is turned by the whole lap.
     let count = pass.placements.len();
-    let first = pass.placements[0].at.heading_rad;
-    let last = pass.placements[count - 1].at.heading_rad;
-    let lap = ((last - first) / period_rad).round() * period_rad;
+    let lap = lap_rad(&pass, period_rad);
     pass.placements.rotate_left(start);
     for placement in &mut pass.placements[count - start..] {
         placement.at.heading_rad += lap;
     }
     pass
+}
+
+/// The turn of a closed pass over one lap: the multiple of the period that makes its ends meet.
+fn lap_rad(pass: &LayerPass, period_rad: f64) -> f64 {
+    let first = pass.placements[0].at.heading_rad;
+    let last = pass.placements[pass.placements.len() - 1].at.heading_rad;
+    ((last - first) / period_rad).round() * period_rad
 }
 
 /// How far before its start a closed run ends, against the aperture's extent along the travel:
@@ -183,17 +188,15 @@ const OPENED_MIN: usize = 6;
 
 /// A closed pass as an open one that ends a little short of its start.
 fn opened(mut pass: LayerPass, aperture: &Aperture) -> LayerPass {
-    if !pass.closed || pass.placements.len() < OPENED_MIN {
-        pass.closed = false;
+    let was_closed = std::mem::replace(&mut pass.closed, false);
+    if !was_closed || pass.placements.len() < OPENED_MIN {
         return pass;
     }
-    pass.closed = false;
+    let lap = lap_rad(&pass, aperture.period_rad());
     let placements = &mut pass.placements;
-    let (first, last) = (placements[0], placements[placements.len() - 1]);
-    let period_rad = aperture.period_rad();
-    let turns = ((last.at.heading_rad - first.at.heading_rad) / period_rad).round();
+    let first = placements[0];
     let mut end = first;
-    end.at.heading_rad += turns * period_rad;
+    end.at.heading_rad += lap;
     placements.push(end);
     let along = (placements[2].at.center - first.at.center)
         .try_normalize(1e-12)
