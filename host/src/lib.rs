@@ -27,7 +27,11 @@ pub mod report;
 pub mod settings;
 pub mod wire_frames;
 
+use crate::geometry::boolean::filled;
 use crate::geometry::coverage::Coverage;
+use crate::geometry::edge_index::EdgeIndex;
+use crate::geometry::polygon::Region;
+use crate::geometry::repair::FillRule;
 use crate::geometry::{Point2, Vector2};
 use crate::input::Target;
 use crate::input::waypoints::WaypointRun;
@@ -35,17 +39,18 @@ use crate::job::SegmentStream;
 use crate::part_transform::{PartTransform, PlaceError};
 use crate::plan::build_route::{PlanePass, build_route};
 use crate::plan::contour::{Contour, ContourError, SIMPLIFY_MM};
-use crate::plan::darts::fill_gaps;
+use crate::plan::infill::{infill_lines, swept_area_mm2};
 use crate::plan::joint_limits::MotionError;
 use crate::plan::layer_path::pass_curves;
-use crate::plan::links::linked;
-use crate::plan::measure::{LayerFigures, measure_layer};
+use crate::plan::measure::{LayerFigures, OFF_REGIONS, measure_layer};
 use crate::plan::medial_axis::{AxisOptions, MedialAxis, MedialAxisError};
-use crate::plan::order::{ordered, region_order};
-use crate::plan::passes::{LayerPass, PassSettings, passes};
+use crate::plan::order::region_order;
+use crate::plan::passes::{LayerPass, PassSettings, outer_passes, passes};
+use crate::plan::printed_order::{RegionPasses, in_printing_order};
 use crate::plan::route::Route;
 use crate::plan::segments::{MotionReport, lay_segments};
 use crate::plan::skeleton::Axis;
+use crate::plan::skirt::{SkirtPlan, skirt_plan, skirt_reach_mm};
 use crate::plan::waypoint_curve::{WaypointCurveError, waypoint_curves};
 use crate::plan::waypoint_route::waypoint_route;
 use crate::settings::{PassMode, Settings};
@@ -62,6 +67,8 @@ pub struct RegionPlan {
     pub axis: Axis,
     /// Passes in printing order, local.
     pub passes: Vec<LayerPass>,
+    /// The ground inside the walls that infill lines are to cover, local.
+    pub open: Vec<Region>,
 }
 
 /// A planned target, with all intermediates.
@@ -69,11 +76,13 @@ pub struct RegionPlan {
 pub struct Plan {
     /// Where the part lies on the machine.
     pub transform: PartTransform,
+    /// What is printed around the regions before them.
+    pub skirt: Option<SkirtPlan>,
     /// The regions, in printing order.
     pub regions: Vec<RegionPlan>,
     /// The curves that are printed, machine coordinates, in order.
     pub curves: Vec<PlanePass>,
-    /// For each curve the number of its region.
+    /// For each curve the number of its region, or [`plan::measure::OFF_REGIONS`].
     pub region_of_curve: Vec<usize>,
     /// Everything the head does.
     pub route: Route,
@@ -85,6 +94,19 @@ pub struct Plan {
     pub coverage: Vec<Coverage>,
     /// What the plan is judged on, over all regions.
     pub figures: LayerFigures,
+}
+
+impl Plan {
+    /// The ground that infill lines are to cover, and what of it was swept, mm²; `None` where
+    /// there is none.
+    pub fn infill_area_mm2(&self) -> Option<[f64; 2]> {
+        let parts = self.regions.iter().zip(&self.coverage);
+        let [ground, swept] = parts.fold([0.0; 2], |sum, (region, raster)| {
+            let area = swept_area_mm2(raster, &region.open);
+            [sum[0] + area[0], sum[1] + area[1]]
+        });
+        (ground > 0.0).then_some([ground, swept])
+    }
 }
 
 /// Why a target cannot be planned.
@@ -123,25 +145,22 @@ pub enum PlanError {
 
 /// Plans a target: the whole pipeline, one line for each stage.
 pub fn plan_target(target: &Target, settings: &Settings) -> Result<Plan, PlanError> {
-    let bounds = target_bounds(target);
+    let bounds = target_bounds(target).grown(skirt_reach_mm(settings));
     let transform = PartTransform::choose(bounds, settings.layer_height_mm, settings)?;
     let mut regions = Vec::new();
     for region in &target.regions {
-        let contour = Contour::of_region(region, SIMPLIFY_MM)?;
-        let walls = contour.edge_index(settings.aperture.major_mm());
-        let medial_axis = MedialAxis::of_edges(&walls, &AxisOptions::default())?;
-        let axis = Axis::of_medial_axis(&medial_axis);
-        let passes = passes(&contour.region, &axis, &pass_settings(settings));
-        regions.push(RegionPlan {
-            contour,
-            medial_axis,
-            axis,
-            passes,
-        });
+        regions.push(plan_region(region, settings)?);
+    }
+    if regions.iter().all(|region| region.passes.is_empty()) {
+        return Err(nothing_printable(&regions, settings));
     }
     let start = start_pose(settings);
-    let regions = in_order(regions, &transform, start, settings);
-    let (curves, region_of_curve) = plane_passes(&regions, &transform, settings);
+    let shift = Vector2::new(transform.offset_mm[0], transform.offset_mm[1]);
+    let from = Point2::new(start[CHANNEL_X], start[CHANNEL_Y]) - shift;
+    let skirt = skirt_plan(&target.regions, from, settings)?;
+    let from = skirt.as_ref().and_then(SkirtPlan::end).unwrap_or(from);
+    let regions = in_order(regions, from, settings);
+    let (curves, region_of_curve) = plane_passes(skirt.as_ref(), &regions, &transform, settings);
     if curves.is_empty() {
         return Err(nothing_printable(&regions, settings));
     }
@@ -156,6 +175,7 @@ pub fn plan_target(target: &Target, settings: &Settings) -> Result<Plan, PlanErr
     );
     Ok(Plan {
         transform,
+        skirt,
         regions,
         curves,
         region_of_curve,
@@ -164,6 +184,32 @@ pub fn plan_target(target: &Target, settings: &Settings) -> Result<Plan, PlanErr
         motion,
         coverage,
         figures,
+    })
+}
+
+/// Axis and passes of one region.
+fn plan_region(region: &Region, settings: &Settings) -> Result<RegionPlan, PlanError> {
+    let contour = Contour::of_region(region, SIMPLIFY_MM)?;
+    let walls = contour.edge_index(settings.aperture.major_mm());
+    let medial_axis = MedialAxis::of_edges(&walls, &AxisOptions::default())?;
+    let axis = Axis::of_medial_axis(&medial_axis);
+    let how = pass_settings(settings);
+    let (passes, open) = match &settings.infill {
+        None => (passes(&contour.region, &axis, &how), Vec::new()),
+        Some(infill) => {
+            let walls = infill.walls as usize;
+            let (mut passes, rings) = outer_passes(&contour.region, &axis, &how, walls);
+            let open = filled(rings.iter(), FillRule::Positive);
+            passes.extend(infill_lines(&open, &how.aperture, infill, how.overlap));
+            (passes, open)
+        }
+    };
+    Ok(RegionPlan {
+        contour,
+        medial_axis,
+        axis,
+        passes,
+        open,
     })
 }
 
@@ -186,6 +232,7 @@ pub fn plan_waypoints(run: &WaypointRun, settings: &Settings) -> Result<Plan, Pl
     figures.passes = 1;
     Ok(Plan {
         transform,
+        skirt: None,
         regions: Vec::new(),
         curves: Vec::new(),
         region_of_curve: Vec::new(),
@@ -227,15 +274,9 @@ fn start_pose(settings: &Settings) -> [f64; CHANNELS] {
 }
 
 /// Regions nearest first, and in each its passes ordered from where the last one ended, with
-/// excursions into what they leave open.
-fn in_order(
-    regions: Vec<RegionPlan>,
-    transform: &PartTransform,
-    start: [f64; CHANNELS],
-    settings: &Settings,
-) -> Vec<RegionPlan> {
-    let shift = Vector2::new(transform.offset_mm[0], transform.offset_mm[1]);
-    let mut position = Point2::new(start[CHANNEL_X], start[CHANNEL_Y]) - shift;
+/// excursions into what they leave open; `from` is where the head is, input coordinates.
+fn in_order(regions: Vec<RegionPlan>, from: Point2, settings: &Settings) -> Vec<RegionPlan> {
+    let mut position = from;
     let centers: Vec<Point2> = regions
         .iter()
         .map(|r| Point2::from(r.contour.offset))
@@ -246,14 +287,15 @@ fn in_order(
         let Some(mut region) = slots[number].take() else {
             continue;
         };
-        region.passes = ordered(
-            std::mem::take(&mut region.passes),
+        region.passes = in_printing_order(
+            RegionPasses {
+                passes: std::mem::take(&mut region.passes),
+                region: &region.contour.region,
+                open: &region.open,
+            },
             region.contour.to_local(position),
-            &settings.aperture,
+            settings,
         );
-        let walls = region.contour.edge_index(settings.aperture.major_mm());
-        region.passes = linked(region.passes, &settings.aperture, &walls);
-        fill_gaps(&mut region.passes, &settings.aperture, &walls);
         if let Some(last) = region.passes.last().and_then(|p| p.placements.last()) {
             position = region.contour.to_input(last.at.center);
         }
@@ -264,32 +306,36 @@ fn in_order(
 
 /// The curves of all passes in machine coordinates, and each one's region.
 fn plane_passes(
+    skirt: Option<&SkirtPlan>,
     regions: &[RegionPlan],
     transform: &PartTransform,
     settings: &Settings,
 ) -> (Vec<PlanePass>, Vec<usize>) {
-    let mut curves = Vec::new();
-    let mut region_of_curve = Vec::new();
-    for (number, region) in regions.iter().enumerate() {
-        let walls = region.contour.edge_index(settings.aperture.major_mm());
-        let shift =
-            region.contour.offset + Vector2::new(transform.offset_mm[0], transform.offset_mm[1]);
-        for pass in &region.passes {
-            let tolerance_mm = PATH_SHARE * settings.tolerances.outside_mm;
-            for control in pass_curves(pass, &settings.aperture, &walls, tolerance_mm) {
-                let control = control
-                    .iter()
-                    .map(|c| [c[0] + shift.x, c[1] + shift.y, c[2]])
-                    .collect();
+    let (mut curves, mut region_of_curve) = (Vec::new(), Vec::new());
+    let mut add = |passes: &[LayerPass], walls: &EdgeIndex, offset: Vector2, number: usize| {
+        let shift = offset + Vector2::new(transform.offset_mm[0], transform.offset_mm[1]);
+        let tolerance_mm = PATH_SHARE * settings.tolerances.outside_mm;
+        for pass in passes {
+            for control in pass_curves(pass, &settings.aperture, walls, tolerance_mm) {
+                let control = control.iter();
                 curves.push(PlanePass {
                     kind: pass.kind,
                     layer: 0,
                     z_mm: transform.offset_mm[2] + settings.layer_height_mm,
-                    control,
+                    control: control
+                        .map(|c| [c[0] + shift.x, c[1] + shift.y, c[2]])
+                        .collect(),
                 });
                 region_of_curve.push(number);
             }
         }
+    };
+    if let Some(skirt) = skirt {
+        add(&skirt.passes, &skirt.walls, skirt.offset, OFF_REGIONS);
+    }
+    for (number, region) in regions.iter().enumerate() {
+        let walls = region.contour.edge_index(settings.aperture.major_mm());
+        add(&region.passes, &walls, region.contour.offset, number);
     }
     (curves, region_of_curve)
 }

@@ -32,6 +32,44 @@ pub enum HeadingLaw {
     Linear,
 }
 
+/// Walls with straight lines inside, in place of beads all the way in.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Infill {
+    /// Loops from the outline inwards.
+    pub walls: u32,
+    /// Share of the ground inside the walls that the lines cover, per cent; 0 leaves it empty.
+    pub density_pct: f64,
+    /// Direction of the lines against the x axis.
+    pub angle_rad: f64,
+}
+
+impl Infill {
+    /// `walls` loops around a solid inside.
+    pub fn solid(walls: u32) -> Infill {
+        Infill {
+            walls,
+            density_pct: 100.0,
+            angle_rad: std::f64::consts::FRAC_PI_4,
+        }
+    }
+
+    /// True where the lines leave nothing open on purpose.
+    pub fn is_solid(&self) -> bool {
+        self.density_pct >= 100.0
+    }
+}
+
+/// Loops around the part, printed before it.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub struct Skirt {
+    /// Loops at a distance.
+    pub loops: u32,
+    /// Loops that touch the part.
+    pub brim_loops: u32,
+    /// From the part, or its brim, to the innermost loop.
+    pub distance_mm: f64,
+}
+
 /// Tolerances of planning and fitting.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Tolerances {
@@ -105,6 +143,10 @@ pub struct Settings {
     pub pass_mode: PassMode,
     /// Tangent or linear.
     pub heading_law: HeadingLaw,
+    /// Walls and lines; `None` fills with beads along the outline.
+    pub infill: Option<Infill>,
+    /// Skirt and brim.
+    pub skirt: Skirt,
     /// Tolerances.
     pub tolerances: Tolerances,
 }

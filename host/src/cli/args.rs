@@ -105,6 +105,24 @@ pub(super) struct SettingsArgs {
     /// Controlled overlap of neighbouring passes, per cent of the bead width.
     #[arg(long, value_name = "PCT", allow_negative_numbers = true)]
     pub overlap: Option<f64>,
+    /// Loops along the outline, with straight lines inside [default: loops all the way in].
+    #[arg(long, value_name = "N")]
+    pub walls: Option<u32>,
+    /// Share of the ground inside the walls that lines cover, per cent [default: 100].
+    #[arg(long, value_name = "PCT", allow_negative_numbers = true)]
+    pub infill_density: Option<f64>,
+    /// Direction of the infill's lines against the x axis, degrees [default: 45].
+    #[arg(long, value_name = "DEG", allow_negative_numbers = true)]
+    pub infill_angle: Option<f64>,
+    /// Loops around the part, at a distance, printed before it.
+    #[arg(long, value_name = "N")]
+    pub skirt: Option<u32>,
+    /// From the part (or its brim) to the innermost loop of the skirt, mm [default: 3].
+    #[arg(long, value_name = "MM", allow_negative_numbers = true)]
+    pub skirt_distance_mm: Option<f64>,
+    /// Loops around the part that touch it, printed before it.
+    #[arg(long, value_name = "N")]
+    pub brim: Option<u32>,
 }
 
 #[derive(Clone, Copy, Debug, ValueEnum)]

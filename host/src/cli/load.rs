@@ -6,7 +6,7 @@ use super::console::Console;
 use super::job;
 use crate::input::{self, BYTES_MAX, Format, Input, InputError, Loaded, ReadOptions, Units};
 use crate::settings::aperture_text::{aperture_text, file_of_aperture, parse_aperture};
-use crate::settings::{HeadingLaw, PassMode, Settings, machine_file};
+use crate::settings::{HeadingLaw, Infill, PassMode, Settings, machine_file};
 use std::path::Path;
 
 /// The machine file, or the built-in machine, with the overrides on top; checked.
@@ -46,11 +46,41 @@ pub(super) fn settings(args: &SettingsArgs) -> Result<Settings, CliError> {
     if let Some(overlap_pct) = args.overlap {
         settings.overlap_pct = overlap_pct;
     }
+    settings.infill = infill(args, settings.infill)?;
+    let skirt = &mut settings.skirt;
+    skirt.loops = args.skirt.unwrap_or(skirt.loops);
+    skirt.brim_loops = args.brim.unwrap_or(skirt.brim_loops);
+    skirt.distance_mm = args.skirt_distance_mm.unwrap_or(skirt.distance_mm);
     // The machine file was checked on its own: what fails now is an option.
     settings
         .check()
         .map_err(|error| CliError::Usage(error.to_string()))?;
     Ok(settings)
+}
+
+/// Walls and lines as the options change them.
+fn infill(args: &SettingsArgs, of_file: Option<Infill>) -> Result<Option<Infill>, CliError> {
+    let base = match (args.walls, of_file) {
+        (Some(walls), None) => Some(Infill::solid(walls)),
+        (Some(walls), Some(infill)) => Some(Infill { walls, ..infill }),
+        (None, of_file) => of_file,
+    };
+    let Some(mut infill) = base else {
+        let without = "lines fill the ground inside the walls: say how many with --walls";
+        let is_asked = args.infill_density.is_some() || args.infill_angle.is_some();
+        return if is_asked {
+            Err(CliError::Usage(without.to_string()))
+        } else {
+            Ok(None)
+        };
+    };
+    if let Some(density_pct) = args.infill_density {
+        infill.density_pct = density_pct;
+    }
+    if let Some(angle_deg) = args.infill_angle {
+        infill.angle_rad = angle_deg.to_radians();
+    }
+    Ok(Some(infill))
 }
 
 /// Reads and checks a machine file.

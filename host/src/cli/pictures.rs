@@ -7,7 +7,7 @@ use crate::geometry::{Point2, Vector2, coverage};
 use crate::job::MotionState;
 use crate::part_transform::PartTransform;
 use crate::plan::contour::{Contour, SIMPLIFY_MM};
-use crate::plan::measure::measure_layer;
+use crate::plan::measure::{OFF_REGIONS, measure_layer};
 use crate::plan::passes::PassKind;
 use crate::report::coverage_picture::{Cell, CoveragePicture, Raster};
 use crate::report::plan_picture::{PicturePass, PlanPicture, Zone};
@@ -63,6 +63,10 @@ pub(super) fn plan_picture<'a>(title: &'a str, planned: &'a Planned) -> PlanPict
             Some(vec![point(from)? + offset, point(to)? + offset])
         }));
     }
+    for skirt in planned.plan.iter().filter_map(|plan| plan.skirt.as_ref()) {
+        let links = skirt.axis.iter();
+        axis.extend(links.map(|&[from, to]| vec![from + skirt.offset, to + skirt.offset]));
+    }
     PlanPicture {
         title,
         regions: &planned.outline,
@@ -88,6 +92,8 @@ fn zones(planned: &Planned) -> Vec<Zone> {
         .map(|curve| match curve.kind {
             PassKind::TwoPass => Zone::TwoPass,
             PassKind::OnePass => Zone::OnePass,
+            PassKind::Infill => Zone::Infill,
+            PassKind::Skirt => Zone::Skirt,
         })
         .collect()
 }
@@ -163,7 +169,11 @@ fn rasters_of_job(planned: &Planned) -> Vec<Raster> {
         .map(|pass| {
             let start = pass.placements.first().map(|(at, _)| at.center);
             let holds = |region: &Region| start.is_some_and(|p| region.contains(p));
-            planned.outline.iter().position(holds).unwrap_or(0)
+            planned
+                .outline
+                .iter()
+                .position(holds)
+                .unwrap_or(OFF_REGIONS)
         })
         .collect();
     let (_, swept) = measure_layer(

@@ -150,6 +150,7 @@ fn plan_figures(plan: &Plan, unreachable: &[UnreachableRun], plan_s: f64) -> Fig
     // A path has no area: these figures would mean nothing.
     let has_area = !plan.regions.is_empty();
     let of_area = |figure: f64| has_area.then_some(figure);
+    let infill = plan.infill_area_mm2();
     let place = |run: &UnreachableRun| {
         let at: Point2 = nalgebra::center(&run.from, &run.to);
         [at.x, at.y, run.length_mm()]
@@ -161,6 +162,8 @@ fn plan_figures(plan: &Plan, unreachable: &[UnreachableRun], plan_s: f64) -> Fig
         covered_of_reachable_pct: of_area(f.covered_of_reachable_pct),
         outside_depth_mm: of_area(f.outside_depth_mm),
         overlap_pct: of_area(f.overlap_pct),
+        infill_mm2: infill.map(|[ground, _]| ground),
+        infill_covered_pct: infill.map(|[ground, swept]| 100.0 * swept / ground.max(1e-12)),
         // The sum of nothing is -0.
         unreachable_mm: of_area(
             unreachable
@@ -174,6 +177,7 @@ fn plan_figures(plan: &Plan, unreachable: &[UnreachableRun], plan_s: f64) -> Fig
         passes: Some(passes),
         flow_interruptions: Some(passes.saturating_sub(1)),
         print_mm: Some(f.print_mm),
+        skirt_mm: plan.skirt.is_some().then_some(f.skirt_mm),
         travel_mm: Some(f.travel_mm),
         print_s: Some(f.print_s),
         plan_s: Some(plan_s),

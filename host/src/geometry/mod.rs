@@ -1,6 +1,7 @@
 //! Planar geometry under the planner: shapes, apertures, distances. Knows no planning.
 
 pub mod aperture;
+pub mod boolean;
 pub mod clearance;
 pub mod coverage;
 pub mod edge_index;

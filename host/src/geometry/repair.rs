@@ -3,13 +3,9 @@
 //! Coordinates go through a fine integer grid on the way (the part's size / 2^30 or better), so
 //! even untouched corners can move by far less than a nanometre on a printable part.
 
-use super::Point2;
-use super::polygon::{Region, Ring};
+use super::boolean::filled;
+use super::polygon::Region;
 use super::validity::{ValidityError, validate_all};
-use i_overlay::core::fill_rule::FillRule as OverlayFillRule;
-use i_overlay::core::solver::Solver;
-use i_overlay::float::overlay::OverlayOptions;
-use i_overlay::float::simplify::SimplifyShape;
 
 /// Which places rings enclose.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -43,7 +39,7 @@ pub fn repair(regions: &[Region], rule: FillRule) -> (Vec<Region>, RepairChanges
     let fault = validate_all(regions).err();
     let mended = match &fault {
         None => regions.to_vec(),
-        Some(_) => mended_regions(regions, rule),
+        Some(_) => filled(regions.iter().flat_map(Region::rings), rule),
     };
     let count = |set: &[Region], of: fn(&Region) -> usize| set.iter().map(of).sum::<usize>();
     let rings = |r: &Region| r.holes.len() + 1;
@@ -65,60 +61,11 @@ pub fn repair(regions: &[Region], rule: FillRule) -> (Vec<Region>, RepairChanges
     (mended, changes)
 }
 
-fn mended_regions(regions: &[Region], rule: FillRule) -> Vec<Region> {
-    let is_finite = |p: &&Point2| p.x.is_finite() && p.y.is_finite();
-    let rings: Vec<Vec<[f64; 2]>> = regions
-        .iter()
-        .flat_map(Region::rings)
-        .map(|ring| {
-            ring.points
-                .iter()
-                .filter(is_finite)
-                .map(|p| [p.x, p.y])
-                .collect()
-        })
-        .collect();
-    let rule = match rule {
-        FillRule::EvenOdd => OverlayFillRule::EvenOdd,
-        FillRule::NonZero => OverlayFillRule::NonZero,
-        FillRule::Positive => OverlayFillRule::Positive,
-    };
-    let mut mended = overlaid(&rings, rule, false);
-    if validate_all(&mended).is_err() {
-        // A vertex that touches an edge lost its partner as needless: keep such points.
-        mended = overlaid(&rings, rule, true);
-    }
-    mended
-}
-
-fn overlaid(rings: &[Vec<[f64; 2]>], rule: OverlayFillRule, keep_collinear: bool) -> Vec<Region> {
-    let mut options = OverlayOptions::<f64, i64>::ogc();
-    options.preserve_output_collinear = keep_collinear;
-    let shapes = rings
-        .to_vec()
-        .simplify_shape_custom_as::<i64>(rule, options, Solver::default());
-    let ring = |points: Vec<[f64; 2]>| Ring {
-        points: points
-            .into_iter()
-            .map(|p| Point2::new(p[0], p[1]))
-            .collect(),
-    };
-    shapes
-        .into_iter()
-        .filter_map(|shape| {
-            let mut rings = shape.into_iter().map(ring);
-            let exterior = rings.next()?;
-            Some(Region {
-                exterior,
-                holes: rings.collect(),
-            })
-        })
-        .collect()
-}
-
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::geometry::Point2;
+    use crate::geometry::polygon::Ring;
 
     fn ring(points: &[[f64; 2]]) -> Ring {
         Ring {

@@ -6,12 +6,14 @@
 
 use super::darts::{eased, inside_way};
 use super::heading_profile::Placement;
-use super::passes::LayerPass;
+use super::passes::{LayerPass, PassKind};
 use crate::geometry::aperture::Aperture;
 use crate::geometry::edge_index::EdgeIndex;
 
 /// Longest link, against a: neighbouring beads lie up to 2a apart.
 const LENGTH_SHARE: f64 = 3.0;
+/// The same between two lines of an infill, whose ends lie far apart along a wall at a low angle.
+const LINE_LENGTH_SHARE: f64 = 10.0;
 /// Largest turn of the heading on a link, rad.
 const TURN_MAX_RAD: f64 = 1.6;
 
@@ -50,7 +52,13 @@ fn link(
     let (end, start) = (before.placements.last()?, next.placements.first()?);
     let turn = aperture.wrapped_rad(start.at.heading_rad - end.at.heading_rad);
     let length_mm = (start.at.center - end.at.center).norm();
-    if length_mm > LENGTH_SHARE * aperture.major_mm() || turn.abs() > TURN_MAX_RAD {
+    let lines = before.kind == PassKind::Infill && next.kind == PassKind::Infill;
+    let share = if lines {
+        LINE_LENGTH_SHARE
+    } else {
+        LENGTH_SHARE
+    };
+    if length_mm > share * aperture.major_mm() || turn.abs() > TURN_MAX_RAD {
         return None;
     }
     let way = inside_way(eased(end.at, start.at, aperture), aperture, walls)?;
@@ -69,7 +77,6 @@ mod tests {
     use crate::geometry::edge_index::Edge;
     use crate::geometry::{Point2, Vector2};
     use crate::plan::contacts::Contact;
-    use crate::plan::passes::PassKind;
     use std::f64::consts::{FRAC_PI_2, PI};
 
     const APERTURE: Aperture = Aperture::Ellipse {

@@ -40,6 +40,8 @@ pub struct LayerFigures {
     pub passes: usize,
     /// Length of the printed tip path.
     pub print_mm: f64,
+    /// What of that is printed around the regions.
+    pub skirt_mm: f64,
     /// Length of everything else.
     pub travel_mm: f64,
     /// Duration of the stream.
@@ -49,6 +51,9 @@ pub struct LayerFigures {
     /// Largest heading rate.
     pub heading_rate_max_rad_s: f64,
 }
+
+/// The region of a pass that belongs to none: skirt and brim count as neither coverage nor depth.
+pub const OFF_REGIONS: usize = usize::MAX;
 
 /// Cells that a small region is divided into: the border of the raster then counts for little.
 const CELLS_AIM: f64 = 1e6;
@@ -83,6 +88,7 @@ pub fn measure_layer(
 ) -> (LayerFigures, Vec<Coverage>) {
     let (poses, mut figures) = walk_stream(stream, settings);
     figures.passes = region_of_pass.len();
+    figures.skirt_mm = length_off_regions_mm(&poses, region_of_pass);
     let mut rasters = Vec::with_capacity(contours.len());
     let (mut covered, mut overlap, mut reachable) = (0.0, 0.0, 0.0);
     let shift = Vector2::new(transform.offset_mm[0], transform.offset_mm[1]);
@@ -131,6 +137,17 @@ pub fn measure_layer(
     figures.reachable_pct = 100.0 * reachable / area;
     figures.covered_of_reachable_pct = 100.0 * covered / reachable.max(1e-12);
     (figures, rasters)
+}
+
+/// Path of the passes that belong to no region.
+fn length_off_regions_mm(poses: &[PrintPose], region_of_pass: &[usize]) -> f64 {
+    let passes = poses.chunk_by(|p, q| p.pass == q.pass);
+    let off = passes.filter_map(|poses| {
+        let last = poses.last()?;
+        let region = region_of_pass.get(last.pass as usize)?;
+        (*region == OFF_REGIONS).then_some(last.path_mm)
+    });
+    off.sum::<f64>() + 0.0
 }
 
 /// Samples the print poses of the stream and sums lengths, times and heading over all of it.

@@ -30,6 +30,10 @@ pub enum PassKind {
     TwoPass,
     /// On the medial axis, touching both walls.
     OnePass,
+    /// A straight line of the infill.
+    Infill,
+    /// A loop around the part: skirt or brim.
+    Skirt,
 }
 
 /// One continuous run of placements.
@@ -109,7 +113,8 @@ impl Lengths {
         }
     }
 
-    fn spacing(&self) -> ContactSpacing {
+    /// Spacing of wall contacts.
+    pub fn spacing(&self) -> ContactSpacing {
         ContactSpacing {
             spacing_mm: self.contact_mm,
             smoothing_mm: self.smoothing_mm,
@@ -121,50 +126,93 @@ impl Lengths {
 
 /// All passes of one region.
 pub fn passes(region: &Region, axis: &Axis, settings: &PassSettings) -> Vec<LayerPass> {
+    outer_passes(region, axis, settings, CHANNELS_MAX).0
+}
+
+/// The outermost `channels` loops of one region, and the rings that bound what they leave open,
+/// inside on the left (they may cross themselves by a little).
+pub fn outer_passes(
+    region: &Region,
+    axis: &Axis,
+    settings: &PassSettings,
+    channels: usize,
+) -> (Vec<LayerPass>, Vec<Ring>) {
     let lengths = Lengths::of(&settings.aperture);
     let axis = axis.densified(lengths.axis_mm);
     let walls = EdgeIndex::of_region(region, settings.aperture.major_mm());
     let split = split_region(region, &walls, &axis, settings);
-    let mut all: Vec<LayerPass> = split
+    let found: Vec<(Vec<LayerPass>, Vec<Ring>)> = split
         .pieces
         .par_iter()
-        .flat_map(|piece| piece_passes(&piece.region, &piece.axis, settings, lengths))
+        .map(|piece| piece_passes(&piece.region, &piece.axis, settings, lengths, channels))
         .collect();
+    let (mut all, mut open) = (Vec::new(), Vec::new());
+    for (passes, rings) in found {
+        all.extend(passes);
+        open.extend(rings);
+    }
     let singles: Vec<LayerPass> = split
         .runs
         .par_iter()
         .flat_map(|run| single_passes(run, &walls, settings))
         .collect();
     all.extend(singles);
-    all
+    (all, open)
 }
 
-/// Channels of one piece, outermost first.
+/// At most `channels` channels of one piece, outermost first, and the outer wall of the next.
 fn piece_passes(
     piece: &Region,
     axis: &Axis,
     settings: &PassSettings,
     lengths: Lengths,
-) -> Vec<LayerPass> {
+    channels: usize,
+) -> (Vec<LayerPass>, Vec<Ring>) {
     if axis.points.is_empty() {
-        return Vec::new();
+        return (Vec::new(), Vec::new());
     }
     let aperture = &settings.aperture;
     let walls = EdgeIndex::of_region(piece, aperture.major_mm());
     let counts = bead_counts(axis, aperture);
     let beads = blended(axis, &counts, lengths.axis_mm, lengths.blend_mm);
     let field = Field::new(&walls, axis, &beads, lengths.grid_mm);
-    let channels = (field.max().ceil() as usize).clamp(1, CHANNELS_MAX);
+    let needed = (field.max().ceil() as usize).max(1);
     let mut laid = Laid::new(aperture);
     let mut all = Vec::new();
-    for channel in 1..=channels {
+    for channel in 1..=channels.min(needed) {
         let found = channel_passes(channel, piece, &walls, &field, &laid, settings, lengths);
         for pass in &found {
             laid.add(0, &pass.placements, pass.closed);
         }
         all.extend(found);
     }
-    all
+    let open = if needed > channels {
+        channel_rings(channels + 1, piece, &field, &laid, lengths)
+    } else {
+        Vec::new()
+    };
+    (all, open)
+}
+
+/// The outer wall of a channel: the outline, or the level curve moved onto what was laid.
+fn channel_rings(
+    channel: usize,
+    piece: &Region,
+    field: &Field,
+    laid: &Laid,
+    lengths: Lengths,
+) -> Vec<Ring> {
+    if channel == 1 {
+        return piece.rings().cloned().collect();
+    }
+    field
+        .level_rings((channel - 1) as f64)
+        .iter()
+        // Grid step and contact spacing are half of b: shorter rings hold nothing.
+        .filter(|ring| ring.perimeter_mm() > 8.0 * lengths.contact_mm)
+        .map(|ring| resampled(ring, lengths.contact_mm, 4))
+        .map(|ring| laid.moved_wall(&ring, lengths.contact_mm))
+        .collect()
 }
 
 /// The passes of one channel: one for each ring of its outer wall, or several where parts of the
@@ -179,17 +227,7 @@ fn channel_passes(
     lengths: Lengths,
 ) -> Vec<LayerPass> {
     let aperture = &settings.aperture;
-    let rings: Vec<Ring> = if channel == 1 {
-        piece.rings().cloned().collect()
-    } else {
-        field
-            .level_rings((channel - 1) as f64)
-            .iter()
-            .filter(|ring| ring.perimeter_mm() > 4.0 * aperture.minor_mm())
-            .map(|ring| resampled(ring, lengths.contact_mm, 4))
-            .map(|ring| laid.moved_wall(&ring, lengths.contact_mm))
-            .collect()
-    };
+    let rings = channel_rings(channel, piece, field, laid, lengths);
     let own_walls;
     let channel_walls = if channel == 1 {
         walls
@@ -323,7 +361,10 @@ fn channel_width_mm(
 }
 
 /// Runs of contacts whose channel is wide enough to lay a bead in.
-fn printable_runs(contacts: &[Contact], aperture: &Aperture) -> Vec<(Vec<Contact>, bool)> {
+pub(super) fn printable_runs(
+    contacts: &[Contact],
+    aperture: &Aperture,
+) -> Vec<(Vec<Contact>, bool)> {
     let least = WIDTH_SHARE_MIN * aperture.minor_mm();
     split_cyclic(contacts, true, |c| c.extent_mm >= least)
 }
@@ -337,7 +378,7 @@ const RUN_SHARE_MIN: f64 = 2.0;
 const LOOP_SHARE_MIN: f64 = 0.5;
 
 /// Splits a profile where no heading fits, and smooths what remains.
-fn feasible_runs(
+pub(super) fn feasible_runs(
     placements: Vec<Placement>,
     closed: bool,
     aperture: &Aperture,

@@ -27,6 +27,12 @@ pub struct Figures {
     /// Share of the outline that is swept more than once.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub overlap_pct: Option<f64>,
+    /// Ground inside the walls that infill lines are to cover.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub infill_mm2: Option<f64>,
+    /// Share of that which is covered: the density that came out.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub infill_covered_pct: Option<f64>,
     /// Boundary length that no aperture inside can touch.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub unreachable_mm: Option<f64>,
@@ -42,6 +48,9 @@ pub struct Figures {
     /// Tip path with flow.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub print_mm: Option<f64>,
+    /// What of the printing path lies around the part: skirt and brim.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub skirt_mm: Option<f64>,
     /// Tip path without flow.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub travel_mm: Option<f64>,
@@ -189,6 +198,8 @@ impl Figures {
                 "outside, deepest",
                 number(self.outside_depth_mm.map(|v| v * 1e3), 2, "µm"),
             ),
+            ("infill ground", number(self.infill_mm2, 2, "mm²")),
+            ("infill density", number(self.infill_covered_pct, 2, "%")),
             ("unreachable boundary", number(self.unreachable_mm, 2, "mm")),
         ]
     }
@@ -198,6 +209,7 @@ impl Figures {
             ("passes", count(self.passes)),
             ("flow interruptions", count(self.flow_interruptions)),
             ("printing path", number(self.print_mm, 1, "mm")),
+            ("skirt and brim", number(self.skirt_mm, 1, "mm")),
             ("travel", number(self.travel_mm, 1, "mm")),
             ("print time", number(self.print_s, 2, "s")),
             ("planning time", number(self.plan_s, 2, "s")),

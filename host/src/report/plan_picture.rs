@@ -14,15 +14,19 @@ const OUTLINES_MAX: f64 = 3000.0;
 
 const TWO_PASS: &str = "#2b6cb0";
 const ONE_PASS: &str = "#dd6b20";
+const INFILL: &str = "#6b46c1";
+const SKIRT: &str = "#38a169";
 const PRINTED: &str = "#2c7a7b";
 const TRAVEL: &str = "#9b2c2c";
 const START: &str = "#2f855a";
 const UNREACHABLE: &str = "#d53f8c";
 
 /// Zone, fill of its nozzles, colour of its lines, name.
-const ZONES: [(Zone, &str, &str, &str); 3] = [
+const ZONES: [(Zone, &str, &str, &str); 5] = [
     (Zone::TwoPass, "#bee3f8", TWO_PASS, "two-pass zone"),
     (Zone::OnePass, "#feebc8", ONE_PASS, "one-pass zone"),
+    (Zone::Infill, "#e9d8fd", INFILL, "infill"),
+    (Zone::Skirt, "#c6f6d5", SKIRT, "skirt and brim"),
     (Zone::Unknown, "#b2f5ea", PRINTED, "printed path"),
 ];
 
@@ -33,6 +37,10 @@ pub enum Zone {
     TwoPass,
     /// Between both walls.
     OnePass,
+    /// A line of the infill.
+    Infill,
+    /// Around the part.
+    Skirt,
     /// Not known: a job file does not say.
     Unknown,
 }
@@ -105,7 +113,7 @@ pub fn draw(picture: &PlanPicture) -> String {
     canvas.finish()
 }
 
-/// The outline's box, or the passes' where there is no outline.
+/// The box of the outline, and of what is printed around it.
 fn shown_area(picture: &PlanPicture) -> Box2 {
     let mut corners: Vec<Point2> = picture
         .regions
@@ -113,9 +121,12 @@ fn shown_area(picture: &PlanPicture) -> Box2 {
         .map(Region::bounds)
         .flat_map(|b| [b.min, b.max])
         .collect();
-    if corners.is_empty() {
-        let placements = picture.passes.iter().flat_map(|pass| &pass.placements);
-        corners.extend(placements.map(|(at, _)| at.center));
+    let around = corners.is_empty();
+    let placements = picture.passes.iter().flat_map(|pass| &pass.placements);
+    let outside = placements.filter(|(_, zone)| around || *zone == Zone::Skirt);
+    let outline_corners = corners.len();
+    corners.extend(outside.map(|(at, _)| at.center));
+    if corners.len() > outline_corners {
         return Box2::of(&corners).grown(picture.aperture.major_mm());
     }
     Box2::of(&corners)

@@ -265,6 +265,16 @@ impl Settings {
         )?;
         in_range("print.lift_mm", self.lift_mm, 0.0, 1000.0)?;
         in_range("print.overlap_pct", self.overlap_pct, 0.0, 50.0)?;
+        if let Some(infill) = &self.infill {
+            in_range("infill.walls", f64::from(infill.walls), 1.0, 1000.0)?;
+            in_range("infill.density_pct", infill.density_pct, 0.0, 100.0)?;
+            let angle_deg = infill.angle_rad.to_degrees();
+            in_range("infill.angle_deg", angle_deg, -360.0, 360.0)?;
+        }
+        let skirt = &self.skirt;
+        in_range("skirt.loops", f64::from(skirt.loops), 0.0, 100.0)?;
+        in_range("skirt.brim_loops", f64::from(skirt.brim_loops), 0.0, 100.0)?;
+        in_range("skirt.distance_mm", skirt.distance_mm, 0.0, 1000.0)?;
         in_range("plan_share", self.plan_share, 0.1, 0.99)?;
         let t = &self.tolerances;
         in_range("tolerances.outside_mm", t.outside_mm, 1e-5, 1.0)?;

@@ -3,7 +3,7 @@
 //! Every number is a common printer's: 1.8° motors with 16 microsteps on GT2 belts (80 steps/mm),
 //! a geared direct extruder on 1.75 mm filament, a hot end for 0.4 mm wide to 1.2 mm wide beads.
 
-use super::{HeadingLaw, PassMode, PrimeRetract, Settings, Tolerances};
+use super::{HeadingLaw, PassMode, PrimeRetract, Settings, Skirt, Tolerances};
 use crate::geometry::aperture::Aperture;
 use headway_firmware::configuration::{
     ExtruderConfiguration, JointConfiguration, Kinematics, MachineConfiguration,
@@ -93,6 +93,13 @@ impl Settings {
             overlap_pct: 0.0,
             pass_mode: PassMode::Two,
             heading_law: HeadingLaw::Tangent,
+            infill: None,
+            skirt: Skirt {
+                loops: 0,
+                brim_loops: 0,
+                // Two beads and more, so that the loops do not stick to the part.
+                distance_mm: 3.0,
+            },
             tolerances: Tolerances {
                 outside_mm: 0.001,
                 tip_mm: 0.001,

@@ -8,7 +8,7 @@
 
 use super::aperture_text::{ApertureTextError, parse_aperture};
 use super::check::SettingsError;
-use super::{HeadingLaw, PassMode, PrimeRetract, Settings, Tolerances};
+use super::{HeadingLaw, Infill, PassMode, PrimeRetract, Settings, Skirt, Tolerances};
 use headway_firmware::configuration::{
     ExtruderConfiguration, JointConfiguration, Kinematics, MachineConfiguration,
 };
@@ -67,6 +67,9 @@ struct File {
     print: Print,
     #[serde(default)]
     flow: Flow,
+    infill: Option<FileInfill>,
+    #[serde(default)]
+    skirt: FileSkirt,
     #[serde(default)]
     tolerances: FileTolerances,
 }
@@ -170,6 +173,22 @@ struct Flow {
     prime_lead_s: Option<f64>,
 }
 
+#[derive(Deserialize)]
+#[serde(deny_unknown_fields)]
+struct FileInfill {
+    walls: u32,
+    density_pct: Option<f64>,
+    angle_deg: Option<f64>,
+}
+
+#[derive(Default, Deserialize)]
+#[serde(deny_unknown_fields)]
+struct FileSkirt {
+    loops: Option<u32>,
+    brim_loops: Option<u32>,
+    distance_mm: Option<f64>,
+}
+
 #[derive(Default, Deserialize)]
 #[serde(deny_unknown_fields)]
 struct FileTolerances {
@@ -237,6 +256,8 @@ impl File {
                 Some(LawName::Linear) => HeadingLaw::Linear,
                 None => default.heading_law,
             },
+            infill: self.infill.as_ref().map(FileInfill::infill),
+            skirt: self.skirt.over(&default.skirt),
             tolerances: self.tolerances.over(&default.tolerances),
         })
     }
@@ -319,6 +340,27 @@ impl Flow {
     }
 }
 
+impl FileInfill {
+    fn infill(&self) -> Infill {
+        let solid = Infill::solid(self.walls);
+        Infill {
+            density_pct: self.density_pct.unwrap_or(solid.density_pct),
+            angle_rad: self.angle_deg.map_or(solid.angle_rad, f64::to_radians),
+            ..solid
+        }
+    }
+}
+
+impl FileSkirt {
+    fn over(&self, default: &Skirt) -> Skirt {
+        Skirt {
+            loops: self.loops.unwrap_or(default.loops),
+            brim_loops: self.brim_loops.unwrap_or(default.brim_loops),
+            distance_mm: self.distance_mm.unwrap_or(default.distance_mm),
+        }
+    }
+}
+
 impl FileTolerances {
     fn over(&self, default: &Tolerances) -> Tolerances {
         let rad = |mrad: Option<f64>, default_rad: f64| mrad.map_or(default_rad, |v| v / 1e3);
@@ -338,7 +380,20 @@ mod tests {
 
     #[test]
     fn built_in_machines_are_valid_and_read_back_exactly() {
-        for settings in [Settings::planar(), Settings::gantry()] {
+        let lines = Settings {
+            infill: Some(Infill {
+                walls: 3,
+                density_pct: 12.5,
+                angle_rad: 0.3,
+            }),
+            skirt: Skirt {
+                loops: 2,
+                brim_loops: 5,
+                distance_mm: 1.75,
+            },
+            ..Settings::planar()
+        };
+        for settings in [Settings::planar(), Settings::gantry(), lines] {
             settings.check().expect("built-in machine");
             let text = to_toml(&settings);
             let read = from_toml(&text).expect(&text);

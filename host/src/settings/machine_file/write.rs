@@ -13,6 +13,8 @@ pub fn to_toml(settings: &Settings) -> String {
     // Writing to a String cannot fail; the results say so by type only.
     let _ = write_machine(&mut text, settings);
     let _ = write_process(&mut text, settings);
+    let _ = write_infill(&mut text, settings);
+    let _ = write_skirt(&mut text, settings);
     text
 }
 
@@ -186,6 +188,33 @@ fn write_process(text: &mut String, s: &Settings) -> std::fmt::Result {
     writeln!(text, "heading_mrad = {}", mrad(t.heading_rad))?;
     writeln!(text, "# Curves of the input become polygons this close.")?;
     writeln!(text, "flatten_mm = {}", number(t.flatten_mm))
+}
+
+fn write_infill(text: &mut String, s: &Settings) -> std::fmt::Result {
+    writeln!(
+        text,
+        "\n# Walls with straight lines inside, in place of beads along the outline all the way in."
+    )?;
+    let Some(infill) = &s.infill else {
+        return writeln!(
+            text,
+            "# [infill]\n# walls = 2\n# density_pct = 20\n# angle_deg = 45"
+        );
+    };
+    writeln!(text, "[infill]\nwalls = {}", infill.walls)?;
+    writeln!(text, "density_pct = {}", number(infill.density_pct))?;
+    writeln!(text, "angle_deg = {}", degrees(infill.angle_rad))
+}
+
+fn write_skirt(text: &mut String, s: &Settings) -> std::fmt::Result {
+    let skirt = &s.skirt;
+    writeln!(
+        text,
+        "\n# Loops around the part, printed before it: at a distance, and touching it (brim).\n[skirt]"
+    )?;
+    writeln!(text, "loops = {}", skirt.loops)?;
+    writeln!(text, "brim_loops = {}", skirt.brim_loops)?;
+    writeln!(text, "distance_mm = {}", number(skirt.distance_mm))
 }
 
 /// Shortest decimal that reads back as the same number.

@@ -1,0 +1,123 @@
+//! Goal: walls with lines inside: the lines cover the share that was asked, the walls all of their
+//! band, nothing leaves the outline. Method: the finished segments by the layer oracle, which knows
+//! only the knots; windows of the plate in which the share follows from the spacing alone.
+
+use headway::geometry::Point2;
+use headway::geometry::polygon::{Region, Ring};
+use headway::input::Target;
+use headway::plan::passes::PassKind;
+use headway::settings::{Infill, Settings};
+use headway::{Plan, plan_target};
+use headway_tests::layer_oracle::{Rings, print_poses, sweep};
+
+const AXES_MM: [f64; 2] = [0.6, 0.2];
+
+fn rectangle(low: [f64; 2], high: [f64; 2]) -> Vec<[f64; 2]> {
+    vec![low, [high[0], low[1]], high, [low[0], high[1]]]
+}
+
+/// A plate of 40 x 30 mm about the origin.
+fn planned(density_pct: f64, angle_deg: f64) -> (Plan, Settings) {
+    let exterior = Ring {
+        points: rectangle([-20.0, -15.0], [20.0, 15.0])
+            .into_iter()
+            .map(Point2::from)
+            .collect(),
+    };
+    let target = Target {
+        name: "plate".to_string(),
+        regions: vec![Region {
+            exterior,
+            holes: Vec::new(),
+        }],
+    };
+    let settings = Settings {
+        infill: Some(Infill {
+            walls: 2,
+            density_pct,
+            angle_rad: angle_deg.to_radians(),
+        }),
+        ..Settings::default()
+    };
+    let plan = plan_target(&target, &settings).expect("a plan");
+    (plan, settings)
+}
+
+fn covered(plan: &Plan, rings: &Rings) -> (f64, f64) {
+    let offset = [plan.transform.offset_mm[0], plan.transform.offset_mm[1]];
+    let poses = print_poses(&plan.stream, offset, 0.03);
+    let found = sweep(rings, &poses, AXES_MM, 0.02);
+    (found.covered_pct, found.outside_depth_mm)
+}
+
+#[test]
+fn lines_cover_the_share_that_was_asked() {
+    for density_pct in [25.0, 50.0] {
+        for angle_deg in [0.0, 90.0] {
+            let (plan, _) = planned(density_pct, angle_deg);
+            // Whole numbers of the spacings 4.8 and 2.4 mm.
+            let window = vec![rectangle([-9.6, -9.6], [9.6, 9.6])];
+            let (share, _) = covered(&plan, &window);
+            // The raster: 0.02 mm on either flank of a bead of 1.2 mm.
+            assert!(
+                (share - density_pct).abs() < 0.02 * density_pct,
+                "{density_pct} % at {angle_deg}°: {share}"
+            );
+            let whole = plan.infill_area_mm2().expect("ground for lines");
+            // Two walls of 15 mm / 13 beads all round.
+            let left_mm2 = (40.0 - 60.0 / 13.0) * (30.0 - 60.0 / 13.0);
+            assert!((whole[0] - left_mm2).abs() < 10.0, "{}", whole[0]);
+        }
+    }
+}
+
+#[test]
+fn walls_cover_their_band_and_nothing_leaves_the_outline() {
+    let (plan, _) = planned(20.0, 45.0);
+    let outline = rectangle([-20.0, -15.0], [20.0, 15.0]);
+    let inner = rectangle([-17.75, -12.75], [17.75, 12.75]);
+    let (share, _) = covered(&plan, &vec![outline.clone(), inner]);
+    // The four corners, which no aperture reaches, and the waves of the inner edge.
+    assert!(share > 98.0, "{share}");
+    let (_, outside_mm) = covered(&plan, &vec![outline]);
+    assert!(outside_mm < 0.002, "{outside_mm}");
+}
+
+/// The tip of a line moves along the infill's angle, the major axis across it; a solid infill is
+/// linked, so that one interruption does for many rows.
+#[test]
+fn a_solid_inside_is_covered_by_lines_across_their_travel() {
+    let (plan, settings) = planned(100.0, 30.0);
+    let outline = rectangle([-20.0, -15.0], [20.0, 15.0]);
+    let (share, outside_mm) = covered(&plan, &vec![outline]);
+    println!(
+        "{share} % covered, {} % again, {} passes",
+        plan.figures.overlap_pct, plan.figures.passes
+    );
+    assert!(share > 98.5, "{share}");
+    assert!(outside_mm < 0.002, "{outside_mm}");
+    assert!(plan.figures.passes <= 6, "{}", plan.figures.passes);
+    let along = 30.0_f64.to_radians();
+    let (sparse, _) = planned(50.0, 30.0);
+    let mut lines = 0;
+    for pass in &sparse.regions[0].passes {
+        if pass.kind != PassKind::Infill {
+            continue;
+        }
+        lines += 1;
+        for pair in pass.placements.windows(2) {
+            let way = pair[1].at.center - pair[0].at.center;
+            let off_rad = settings.aperture.wrapped_rad(way.y.atan2(way.x) - along);
+            assert!(off_rad.abs() < 1e-9, "{off_rad}");
+            let across = settings
+                .aperture
+                .extent_mm(pair[0].at.heading_rad, across_of(along));
+            assert!((across - 0.6).abs() < 1e-9, "{across}");
+        }
+    }
+    assert!(lines > 10, "{lines}");
+}
+
+fn across_of(along_rad: f64) -> headway::geometry::Vector2 {
+    headway::geometry::Vector2::new(-along_rad.sin(), along_rad.cos())
+}
