@@ -346,7 +346,7 @@ mod tests {
                 let clear = |at: Configuration| scaled_clearance(&aperture, at, &walls, 1.5);
                 // What the flanks may take: 4 % of a, at b along an edge.
                 let least = 1.0 - 0.04 * 0.6 / 0.2;
-                for pass in infill_lines(&[plate.clone()], &aperture, &infill, 0.0) {
+                for pass in infill_lines(std::slice::from_ref(&plate), &aperture, &infill, 0.0) {
                     lines_seen += 1;
                     let placements = &pass.placements;
                     for placement in placements {
@@ -380,7 +380,7 @@ mod tests {
             density_pct: 100.0,
             angle_rad: 0.0,
         };
-        let rows = infill_lines(&[plate.clone()], &ELLIPSE, &infill, 0.0);
+        let rows = infill_lines(std::slice::from_ref(&plate), &ELLIPSE, &infill, 0.0);
         assert_eq!(rows.len(), 5);
         for (i, row) in rows.iter().enumerate() {
             let at = row.placements[0].at;
