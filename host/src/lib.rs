@@ -41,6 +41,7 @@ use crate::plan::build_route::{PlanePass, build_route};
 use crate::plan::contour::{Contour, ContourError, SIMPLIFY_MM};
 use crate::plan::infill::{infill_lines, swept_area_mm2};
 use crate::plan::joint_limits::MotionError;
+use crate::plan::keep_out::{cleared, taken};
 use crate::plan::layer_path::pass_curves;
 use crate::plan::measure::{LayerFigures, OFF_REGIONS, measure_layer};
 use crate::plan::medial_axis::{AxisOptions, MedialAxis, MedialAxisError};
@@ -51,6 +52,7 @@ use crate::plan::route::Route;
 use crate::plan::segments::{MotionReport, lay_segments};
 use crate::plan::skeleton::Axis;
 use crate::plan::skirt::{SkirtPlan, skirt_plan, skirt_reach_mm};
+use crate::plan::travel_ways::{TravelError, TravelWays, outline_crossings};
 use crate::plan::waypoint_curve::{WaypointCurveError, waypoint_curves};
 use crate::plan::waypoint_route::waypoint_route;
 use crate::settings::{PassMode, Settings};
@@ -76,6 +78,10 @@ pub struct RegionPlan {
 pub struct Plan {
     /// Where the part lies on the machine.
     pub transform: PartTransform,
+    /// What neither aperture nor nozzle body enters, input coordinates.
+    pub keep_out: Vec<Region>,
+    /// Ground of the target given up to that.
+    pub kept_out_mm2: f64,
     /// What is printed around the regions before them.
     pub skirt: Option<SkirtPlan>,
     /// The regions, in printing order.
@@ -86,6 +92,8 @@ pub struct Plan {
     pub region_of_curve: Vec<usize>,
     /// Everything the head does.
     pub route: Route,
+    /// Travels between passes that leave the regions on their way.
+    pub outline_crossings: usize,
     /// The stream for the controller.
     pub stream: SegmentStream,
     /// What the stream reaches of the limits.
@@ -127,6 +135,12 @@ pub enum PlanError {
     /// The waypoints have no curve that can be planned.
     #[error(transparent)]
     Waypoints(#[from] WaypointCurveError),
+    /// Travel around the keep-outs.
+    #[error(transparent)]
+    Travel(#[from] TravelError),
+    /// Nothing of the target is left.
+    #[error("the keep-outs, grown for the nozzle's body, leave no ground to print on: move them")]
+    AllKeptOut,
     /// No placement of the aperture lies inside.
     #[error(
         "nothing can be printed: the widest place, near ({:.3}, {:.3}) mm, is {width_mm:.3} mm \
@@ -143,42 +157,67 @@ pub enum PlanError {
     },
 }
 
-/// Plans a target: the whole pipeline, one line for each stage.
+/// Plans a target with nothing in the way; see [`plan_target_around`].
+///
+/// # Errors
+/// [`PlanError`].
 pub fn plan_target(target: &Target, settings: &Settings) -> Result<Plan, PlanError> {
+    plan_target_around(target, &[], settings)
+}
+
+/// Plans a target around keep-outs (input coordinates): the whole pipeline, one line for each stage.
+///
+/// # Errors
+/// [`PlanError`].
+pub fn plan_target_around(
+    target: &Target,
+    keep_out: &[Region],
+    settings: &Settings,
+) -> Result<Plan, PlanError> {
     let bounds = target_bounds(target).grown(skirt_reach_mm(settings));
     let transform = PartTransform::choose(bounds, settings.layer_height_mm, settings)?;
-    let mut regions = Vec::new();
-    for region in &target.regions {
-        regions.push(plan_region(region, settings)?);
+    let cleared = cleared(&target.regions, keep_out, settings);
+    if cleared.regions.is_empty() {
+        return Err(PlanError::AllKeptOut);
     }
+    let regions: Result<Vec<RegionPlan>, PlanError> = cleared
+        .regions
+        .iter()
+        .map(|region| plan_region(region, settings))
+        .collect();
+    let regions = regions?;
     if regions.iter().all(|region| region.passes.is_empty()) {
         return Err(nothing_printable(&regions, settings));
     }
     let start = start_pose(settings);
     let shift = Vector2::new(transform.offset_mm[0], transform.offset_mm[1]);
     let from = Point2::new(start[CHANNEL_X], start[CHANNEL_Y]) - shift;
-    let skirt = skirt_plan(&target.regions, from, settings)?;
+    let skirt = skirt_plan(&target.regions, &taken(keep_out, settings), from, settings)?;
     let from = skirt.as_ref().and_then(SkirtPlan::end).unwrap_or(from);
     let regions = in_order(regions, from, settings);
     let (curves, region_of_curve) = plane_passes(skirt.as_ref(), &regions, &transform, settings);
     if curves.is_empty() {
         return Err(nothing_printable(&regions, settings));
     }
-    let route = build_route(&curves, start, settings);
+    let on_machine = |regions: &[Region]| -> Vec<Region> {
+        regions.iter().map(|region| region.shifted(shift)).collect()
+    };
+    let ground = on_machine(&cleared.regions);
+    let mut ways = TravelWays::new(&on_machine(keep_out), &ground, settings)?;
+    let route = build_route(&curves, start, &mut ways, settings).map_err(|e| e.shifted(-shift))?;
     let (stream, motion) = lay_segments(&route, settings)?;
-    let (figures, coverage) = measure_layer(
-        &stream,
-        &regions_for_measure(&regions),
-        &region_of_curve,
-        &transform,
-        settings,
-    );
+    let contours = regions_for_measure(&regions);
+    let (figures, coverage) =
+        measure_layer(&stream, &contours, &region_of_curve, &transform, settings);
     Ok(Plan {
         transform,
+        keep_out: keep_out.to_vec(),
+        kept_out_mm2: cleared.lost_mm2,
         skirt,
         regions,
         curves,
         region_of_curve,
+        outline_crossings: outline_crossings(&route, &ground),
         route,
         stream,
         motion,
@@ -232,7 +271,10 @@ pub fn plan_waypoints(run: &WaypointRun, settings: &Settings) -> Result<Plan, Pl
     figures.passes = 1;
     Ok(Plan {
         transform,
+        keep_out: Vec::new(),
+        kept_out_mm2: 0.0,
         skirt: None,
+        outline_crossings: 0,
         regions: Vec::new(),
         curves: Vec::new(),
         region_of_curve: Vec::new(),

@@ -147,6 +147,11 @@ pub struct Settings {
     pub infill: Option<Infill>,
     /// Skirt and brim.
     pub skirt: Skirt,
+    /// Radius of what surrounds the aperture and must keep out of keep-outs; 0 for the aperture
+    /// alone.
+    pub nozzle_body_radius_mm: f64,
+    /// Travel stays inside the part where there is a way.
+    pub avoid_crossing: bool,
     /// Tolerances.
     pub tolerances: Tolerances,
 }

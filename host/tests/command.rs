@@ -97,6 +97,16 @@ fn wrong_usage_is_2_an_impossible_job_is_1() {
             "infill.density_pct",
         ),
         (&["simulate", &taper, "--walls", "0"], 2, "infill.walls"),
+        (
+            &["simulate", &taper, "--keep-out", &taper],
+            1,
+            "leave no ground",
+        ),
+        (
+            &["simulate", &taper, "--keep-out", "nothing.json"],
+            1,
+            "nothing.json",
+        ),
         (&["simulate", &taper, "--at", "1,2"], 2, "three numbers"),
         (&["simulate", &taper, "--scale", "0"], 2, "--scale"),
         (&["simulate", &taper, "--link", "drop=2"], 2, "probability"),

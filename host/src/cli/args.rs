@@ -73,6 +73,10 @@ pub(super) struct PlaceArgs {
     /// work area, on the bed].
     #[arg(long, value_name = "X,Y,Z", allow_hyphen_values = true)]
     pub at: Option<String>,
+    /// Outlines that neither aperture nor nozzle body enters (clamps, finished neighbours), in the
+    /// input's coordinates; read like the input.
+    #[arg(long, value_name = "FILE")]
+    pub keep_out: Option<PathBuf>,
 }
 
 /// What overrides the machine file.
@@ -123,6 +127,9 @@ pub(super) struct SettingsArgs {
     /// Loops around the part that touch it, printed before it.
     #[arg(long, value_name = "N")]
     pub brim: Option<u32>,
+    /// Travel stays inside the part where there is a way.
+    #[arg(long)]
+    pub avoid_crossing: bool,
 }
 
 #[derive(Clone, Copy, Debug, ValueEnum)]

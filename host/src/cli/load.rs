@@ -4,6 +4,7 @@ use super::CliError;
 use super::args::{FormatName, InputArgs, LawName, PassName, SettingsArgs, UnitName};
 use super::console::Console;
 use super::job;
+use crate::geometry::polygon::Region;
 use crate::input::{self, BYTES_MAX, Format, Input, InputError, Loaded, ReadOptions, Units};
 use crate::settings::aperture_text::{aperture_text, file_of_aperture, parse_aperture};
 use crate::settings::{HeadingLaw, Infill, PassMode, Settings, machine_file};
@@ -47,6 +48,7 @@ pub(super) fn settings(args: &SettingsArgs) -> Result<Settings, CliError> {
         settings.overlap_pct = overlap_pct;
     }
     settings.infill = infill(args, settings.infill)?;
+    settings.avoid_crossing |= args.avoid_crossing;
     let skirt = &mut settings.skirt;
     skirt.loops = args.skirt.unwrap_or(skirt.loops);
     skirt.brim_loops = args.brim.unwrap_or(skirt.brim_loops);
@@ -180,6 +182,24 @@ pub(super) fn target(
             InputError::PathNotOutline
         ))),
     }
+}
+
+/// Reads keep-outs with the input's units and scale; none without a file.
+pub(super) fn keep_out(
+    path: Option<&Path>,
+    args: &InputArgs,
+    flatten_mm: f64,
+    console: &Console,
+) -> Result<Vec<Region>, CliError> {
+    let Some(path) = path else {
+        return Ok(Vec::new());
+    };
+    let reading = InputArgs {
+        from: None,
+        ..*args
+    };
+    let loaded = target(path, &reading, flatten_mm, console)?;
+    Ok(loaded.target.regions)
 }
 
 /// Reads `X,Y,Z`.

@@ -67,8 +67,10 @@ pub(super) fn plan_picture<'a>(title: &'a str, planned: &'a Planned) -> PlanPict
         let links = skirt.axis.iter();
         axis.extend(links.map(|&[from, to]| vec![from + skirt.offset, to + skirt.offset]));
     }
+    let keep_out = planned.plan.as_ref().map(|plan| plan.keep_out.as_slice());
     PlanPicture {
         title,
+        keep_out: keep_out.unwrap_or_default(),
         regions: &planned.outline,
         aperture: planned.settings.aperture,
         axis,

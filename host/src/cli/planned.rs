@@ -12,7 +12,7 @@ use crate::part_transform::PartTransform;
 use crate::plan::unreachable::{UnreachableRun, unreachable_runs};
 use crate::report::figures::Figures;
 use crate::settings::Settings;
-use crate::{Plan, plan_target, plan_waypoints};
+use crate::{Plan, plan_target_around, plan_waypoints};
 use std::path::Path;
 use std::time::Instant;
 
@@ -48,10 +48,16 @@ pub(super) fn from_input(
     let mut settings = load::settings(settings)?;
     settings.at_mm = place.at.as_deref().map(load::parse_at).transpose()?;
     let input = load::input(path, reading, settings.tolerances.flatten_mm, console)?;
+    let keep_out = place.keep_out.as_deref();
+    let keep_out = load::keep_out(keep_out, reading, settings.tolerances.flatten_mm, console)?;
+    if matches!(input, Input::Path(_)) && !keep_out.is_empty() {
+        let problem = "--keep-out goes with outlines: waypoints are followed as they are";
+        return Err(CliError::Usage(problem.to_string()));
+    }
     let bar = console.stage("planning");
     let begun = Instant::now();
     let planned = match &input {
-        Input::Outline(loaded) => plan_target(&loaded.target, &settings),
+        Input::Outline(loaded) => plan_target_around(&loaded.target, &keep_out, &settings),
         Input::Path(run) => plan_waypoints(run, &settings),
     };
     let unreachable = planned
@@ -162,6 +168,7 @@ fn plan_figures(plan: &Plan, unreachable: &[UnreachableRun], plan_s: f64) -> Fig
         covered_of_reachable_pct: of_area(f.covered_of_reachable_pct),
         outside_depth_mm: of_area(f.outside_depth_mm),
         overlap_pct: of_area(f.overlap_pct),
+        kept_out_mm2: (!plan.keep_out.is_empty()).then_some(plan.kept_out_mm2),
         infill_mm2: infill.map(|[ground, _]| ground),
         infill_covered_pct: infill.map(|[ground, swept]| 100.0 * swept / ground.max(1e-12)),
         // The sum of nothing is -0.
@@ -176,6 +183,7 @@ fn plan_figures(plan: &Plan, unreachable: &[UnreachableRun], plan_s: f64) -> Fig
             .then(|| unreachable.iter().take(PLACES_LISTED).map(place).collect()),
         passes: Some(passes),
         flow_interruptions: Some(passes.saturating_sub(1)),
+        outline_crossings: has_area.then_some(plan.outline_crossings as u64),
         print_mm: Some(f.print_mm),
         skirt_mm: plan.skirt.is_some().then_some(f.skirt_mm),
         travel_mm: Some(f.travel_mm),

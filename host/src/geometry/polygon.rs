@@ -55,7 +55,7 @@ impl Ring {
 
 impl Region {
     /// Exterior first, then the holes.
-    pub fn rings(&self) -> impl Iterator<Item = &Ring> {
+    pub fn rings(&self) -> impl Iterator<Item = &Ring> + Clone {
         std::iter::once(&self.exterior).chain(&self.holes)
     }
 
@@ -67,6 +67,17 @@ impl Region {
     /// Area, mm².
     pub fn area_mm2(&self) -> f64 {
         self.rings().map(Ring::signed_area_mm2).sum()
+    }
+
+    /// The same elsewhere.
+    pub fn shifted(&self, by: Vector2) -> Region {
+        let ring = |ring: &Ring| Ring {
+            points: ring.points.iter().map(|p| p + by).collect(),
+        };
+        Region {
+            exterior: ring(&self.exterior),
+            holes: self.holes.iter().map(ring).collect(),
+        }
     }
 
     /// Bounding box of the exterior.

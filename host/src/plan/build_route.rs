@@ -4,9 +4,12 @@
 //! retract, lift. Each piece is a rest-to-rest stretch. All in machine coordinates.
 
 use super::flow::{FlowPose, deposit};
-use super::layer_path::{PlaneControl, curve_at};
+use super::keep_out::Way;
+use super::layer_path::{PlaneControl, configuration, curve_at};
 use super::passes::PassKind;
 use super::route::{PathCurve, Route, Stretch, StretchEvent};
+use super::travel_ways::{TravelError, TravelWays};
+use crate::geometry::Point2;
 use crate::job::MotionState;
 use crate::settings::Settings;
 use headway_protocol::units::{
@@ -37,14 +40,22 @@ struct Head<'a> {
 }
 
 /// Builds the route; `start` is the pose at rest before it (machine coordinates).
-pub fn build_route(passes: &[PlanePass], start: [f64; CHANNELS], settings: &Settings) -> Route {
+///
+/// # Errors
+/// Where there is no way from one pass to the next.
+pub fn build_route(
+    passes: &[PlanePass],
+    start: [f64; CHANNELS],
+    ways: &mut TravelWays,
+    settings: &Settings,
+) -> Result<Route, TravelError> {
     let mut head = Head {
         settings,
         at: start,
         route: Route::default(),
     };
     for (number, pass) in passes.iter().enumerate() {
-        head.travel_to(pass);
+        head.travel_to(pass, ways)?;
         head.print(pass, number as u32);
     }
     if let Some(last) = passes.last() {
@@ -55,7 +66,7 @@ pub fn build_route(passes: &[PlanePass], start: [f64; CHANNELS], settings: &Sett
             [(CHANNEL_Z, up)].as_slice(),
         );
     }
-    head.route
+    Ok(head.route)
 }
 
 impl Head<'_> {
@@ -95,19 +106,52 @@ impl Head<'_> {
     }
 
     /// Lift, cross with the heading turned the shorter way, lower.
-    fn travel_to(&mut self, pass: &PlanePass) {
+    fn travel_to(&mut self, pass: &PlanePass, ways: &mut TravelWays) -> Result<(), TravelError> {
         let first = pass.control[0];
         let period_rad = self.settings.aperture.period_rad();
         let heading = nearest_heading(first[2], self.at[CHANNEL_HEADING], period_rad);
         let above = pass.z_mm.max(self.at[CHANNEL_Z]) + self.settings.lift_mm;
         self.line(MotionState::Travel, pass.layer, &[(CHANNEL_Z, above)]);
-        let crossing = [
-            (CHANNEL_X, first[0]),
-            (CHANNEL_Y, first[1]),
-            (CHANNEL_HEADING, heading),
-        ];
-        self.line(MotionState::Travel, pass.layer, &crossing);
+        let here = configuration([
+            self.at[CHANNEL_X],
+            self.at[CHANNEL_Y],
+            self.at[CHANNEL_HEADING],
+        ]);
+        let way = ways.way(here, configuration(first))?;
+        self.cross(pass.layer, way, Point2::new(first[0], first[1]), heading);
         self.line(MotionState::Travel, pass.layer, &[(CHANNEL_Z, pass.z_mm)]);
+        Ok(())
+    }
+
+    /// Along the way's legs, the heading turned in proportion on those between out and back.
+    fn cross(&mut self, layer: u32, way: Way, to: Point2, heading_rad: f64) {
+        let move_to = |head: &mut Self, at: Point2, heading_rad: f64| {
+            let target = [
+                (CHANNEL_X, at.x),
+                (CHANNEL_Y, at.y),
+                (CHANNEL_HEADING, heading_rad),
+            ];
+            head.line(MotionState::Travel, layer, &target);
+        };
+        let from_rad = self.at[CHANNEL_HEADING];
+        if let Some(out) = way.out {
+            move_to(self, out, from_rad);
+        }
+        let mut legs = vec![Point2::new(self.at[CHANNEL_X], self.at[CHANNEL_Y])];
+        legs.extend(way.corners);
+        legs.push(way.back.unwrap_or(to));
+        let length_mm =
+            |legs: &[Point2]| -> f64 { legs.windows(2).map(|w| (w[1] - w[0]).norm()).sum() };
+        let whole_mm = length_mm(&legs);
+        for end in 1..legs.len() {
+            let share = if end + 1 == legs.len() {
+                1.0
+            } else {
+                length_mm(&legs[..=end]) / whole_mm.max(1e-12)
+            };
+            move_to(self, legs[end], from_rad + (heading_rad - from_rad) * share);
+        }
+        move_to(self, to, heading_rad);
     }
 
     /// Prime, print, retract.

@@ -385,9 +385,19 @@ pub(super) fn feasible_runs(
 ) -> Vec<(Vec<Placement>, bool)> {
     let mut runs = split_cyclic(&placements, closed, |p| p.feasible);
     for (run, closed) in &mut runs {
+        unwrap_headings(run, aperture.period_rad());
         smooth(run, *closed, aperture);
     }
     runs
+}
+
+/// Takes out whole periods between neighbours: a run cut out of a loop may pass the loop's seam,
+/// where the heading of a whole lap comes on top.
+fn unwrap_headings(run: &mut [Placement], period_rad: f64) {
+    for i in 1..run.len() {
+        let step_rad = run[i].at.heading_rad - run[i - 1].at.heading_rad;
+        run[i].at.heading_rad -= (step_rad / period_rad).round() * period_rad;
+    }
 }
 
 /// Maximal runs of a (cyclic) sequence that satisfy `keep`; a fully kept cycle stays closed.

@@ -16,7 +16,7 @@ use super::medial_axis::{AxisOptions, MedialAxis, MedialAxisError, PruneOptions}
 use super::order::ordered;
 use super::passes::{LayerPass, Lengths, PassKind, feasible_runs, printable_runs};
 use crate::geometry::aperture::Aperture;
-use crate::geometry::boolean::{filled, grown};
+use crate::geometry::boolean::{difference, filled, grown};
 use crate::geometry::edge_index::{Edge, EdgeIndex};
 use crate::geometry::polygon::{Box2, Region, Ring};
 use crate::geometry::repair::FillRule;
@@ -74,13 +74,14 @@ fn loop_distances_mm(skirt: &Skirt, settings: &Settings) -> Vec<(f64, bool)> {
     brim.chain(loops).collect()
 }
 
-/// Plans the loops; `None` where none are asked for. `from` is where the head is, input
-/// coordinates.
+/// Plans the loops; `None` where none are asked for. They go nowhere into `taken`. `from` is where
+/// the head is, input coordinates.
 ///
 /// # Errors
 /// The exterior medial axis.
 pub fn skirt_plan(
     regions: &[Region],
+    taken: &[Region],
     from: Point2,
     settings: &Settings,
 ) -> Result<Option<SkirtPlan>, MedialAxisError> {
@@ -92,13 +93,14 @@ pub fn skirt_plan(
     let offset = (bounds.min.coords + bounds.max.coords) / 2.0;
     let shapes = outer_shapes(regions, offset);
     let frame = frame(bounds, offset, FRAME_SHARE * skirt_reach_mm(settings));
+    let taken: Vec<Region> = taken.iter().map(|region| region.shifted(-offset)).collect();
     let reach_mm = settings.aperture.major_mm();
     let mut position = from - offset;
     let mut passes: Vec<LayerPass> = Vec::new();
     for (number, &(distance_mm, is_brim)) in distances.iter().enumerate().rev() {
         let level = grown(&shapes, distance_mm);
         let rings = level_rings(&level, is_brim);
-        let walls = ground_walls(&rings, &frame, reach_mm);
+        let walls = ground_walls(&rings, &frame, &taken, reach_mm);
         let found = loop_passes(&rings, &walls, number as u32 + 1, &settings.aperture);
         let found = ordered(found, position, &settings.aperture);
         if let Some(last) = found.last().and_then(|pass| pass.placements.last()) {
@@ -107,9 +109,9 @@ pub fn skirt_plan(
         passes.extend(found);
     }
     let inner = level_rings(&grown(&shapes, first_mm), true);
-    let walls = ground_walls(&inner, &frame, reach_mm);
+    let walls = ground_walls(&inner, &frame, &taken, reach_mm);
     let passes = linked(passes, &settings.aperture, &walls);
-    let around = ground_walls(&level_rings(&shapes, true), &frame, reach_mm);
+    let around = ground_walls(&level_rings(&shapes, true), &frame, &[], reach_mm);
     Ok(Some(SkirtPlan {
         offset,
         walls,
@@ -169,8 +171,17 @@ fn level_rings(level: &[Region], pockets: bool) -> Vec<Ring> {
     rings
 }
 
-fn ground_walls(rings: &[Ring], frame: &Ring, reach_mm: f64) -> EdgeIndex {
-    let edges = rings.iter().chain([frame]).flat_map(Ring::edges);
+/// What bounds the ground between rings and frame, less what is taken.
+fn ground_walls(rings: &[Ring], frame: &Ring, taken: &[Region], reach_mm: f64) -> EdgeIndex {
+    let all: Vec<Ring> = rings.iter().chain([frame]).cloned().collect();
+    let left: Vec<Ring> = if taken.is_empty() {
+        all
+    } else {
+        // The shapes are nested at most once: a frame and the rings inside it.
+        let ground = difference(&filled(all.iter(), FillRule::EvenOdd), taken);
+        ground.iter().flat_map(Region::rings).cloned().collect()
+    };
+    let edges = left.iter().flat_map(Ring::edges);
     EdgeIndex::new(edges.map(|(a, b)| Edge { a, b }).collect(), reach_mm)
 }
 
@@ -239,6 +250,7 @@ fn exterior_axis(around: &EdgeIndex, reach_mm: f64) -> Result<Vec<[Point2; 2]>, 
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::plan::heading_profile::Placement;
 
     const ELLIPSE: Aperture = Aperture::Ellipse {
         major_mm: 0.6,
@@ -290,7 +302,7 @@ mod tests {
         for (loops, brim_loops) in [(2, 0), (0, 3), (1, 2)] {
             let settings = settings(loops, brim_loops);
             let part = slotted();
-            let plan = skirt_plan(&part, Point2::origin(), &settings)
+            let plan = skirt_plan(&part, &[], Point2::origin(), &settings)
                 .expect("axis")
                 .expect("loops");
             let distance_mm = |p: Point2| {
@@ -318,7 +330,7 @@ mod tests {
     #[test]
     fn a_slot_is_shared_between_its_sides() {
         let settings = settings(0, 1);
-        let plan = skirt_plan(&slotted(), Point2::origin(), &settings)
+        let plan = skirt_plan(&slotted(), &[], Point2::origin(), &settings)
             .expect("axis")
             .expect("loops");
         let mut in_slot = 0;
@@ -341,9 +353,40 @@ mod tests {
         assert!(length_mm > 3.0, "{length_mm}");
     }
 
+    /// Goal: a loop cut open by a keep-out turns as little as one that is whole, wherever its seam
+    /// lies. Method: no turn of more than 90° between neighbouring placements; nothing inside the
+    /// keep-out.
+    #[test]
+    fn a_keep_out_opens_the_loops() {
+        let part = vec![region(&[
+            [0.0, 0.0],
+            [20.0, 0.0],
+            [20.0, 10.0],
+            [0.0, 10.0],
+        ])];
+        for clamp in [
+            region(&[[9.0, -3.0], [11.0, -3.0], [11.0, 5.0], [9.0, 5.0]]),
+            region(&[[15.0, 4.0], [24.0, 4.0], [24.0, 6.0], [15.0, 6.0]]),
+        ] {
+            let taken = [clamp.clone()];
+            let plan = skirt_plan(&part, &taken, Point2::origin(), &settings(0, 2))
+                .expect("axis")
+                .expect("loops");
+            assert!((1..=2).contains(&plan.passes.len()), "linked or not");
+            for pass in &plan.passes {
+                for pair in pass.placements.windows(2) {
+                    let turn_rad = pair[1].at.heading_rad - pair[0].at.heading_rad;
+                    assert!(turn_rad.abs() < 1.6, "{turn_rad}");
+                }
+                let center = |p: &Placement| p.at.center + plan.offset;
+                assert!(pass.placements.iter().all(|p| !clamp.contains(center(p))));
+            }
+        }
+    }
+
     #[test]
     fn none_are_planned_where_none_are_asked_for() {
-        let found = skirt_plan(&slotted(), Point2::origin(), &settings(0, 0));
+        let found = skirt_plan(&slotted(), &[], Point2::origin(), &settings(0, 0));
         assert!(found.expect("no axis needed").is_none());
     }
 }

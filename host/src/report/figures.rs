@@ -27,6 +27,9 @@ pub struct Figures {
     /// Share of the outline that is swept more than once.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub overlap_pct: Option<f64>,
+    /// Ground of the outline that keep-outs take; the shares are of what is left.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub kept_out_mm2: Option<f64>,
     /// Ground inside the walls that infill lines are to cover.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub infill_mm2: Option<f64>,
@@ -45,6 +48,9 @@ pub struct Figures {
     /// Retract, travel and prime between two passes.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub flow_interruptions: Option<u64>,
+    /// Travels between passes that leave the outline on their way.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub outline_crossings: Option<u64>,
     /// Tip path with flow.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub print_mm: Option<f64>,
@@ -198,6 +204,7 @@ impl Figures {
                 "outside, deepest",
                 number(self.outside_depth_mm.map(|v| v * 1e3), 2, "µm"),
             ),
+            ("kept out", number(self.kept_out_mm2, 2, "mm²")),
             ("infill ground", number(self.infill_mm2, 2, "mm²")),
             ("infill density", number(self.infill_covered_pct, 2, "%")),
             ("unreachable boundary", number(self.unreachable_mm, 2, "mm")),
@@ -208,6 +215,7 @@ impl Figures {
         vec![
             ("passes", count(self.passes)),
             ("flow interruptions", count(self.flow_interruptions)),
+            ("travels across the outline", count(self.outline_crossings)),
             ("printing path", number(self.print_mm, 1, "mm")),
             ("skirt and brim", number(self.skirt_mm, 1, "mm")),
             ("travel", number(self.travel_mm, 1, "mm")),

@@ -19,6 +19,7 @@ const SKIRT: &str = "#38a169";
 const PRINTED: &str = "#2c7a7b";
 const TRAVEL: &str = "#9b2c2c";
 const START: &str = "#2f855a";
+const KEEP_OUT: &str = "#a0aec0";
 const UNREACHABLE: &str = "#d53f8c";
 
 /// Zone, fill of its nozzles, colour of its lines, name.
@@ -59,6 +60,8 @@ pub struct PlanPicture<'a> {
     pub title: &'a str,
     /// The outline.
     pub regions: &'a [Region],
+    /// What nozzle and body keep out of.
+    pub keep_out: &'a [Region],
     /// The nozzle.
     pub aperture: Aperture,
     /// Branches of the medial axis.
@@ -81,6 +84,16 @@ pub fn draw(picture: &PlanPicture) -> String {
             .set("fill", "#edf2f7")
             .set("fill-rule", "evenodd"),
     );
+    if !picture.keep_out.is_empty() {
+        let kept_out = canvas.region_data(picture.keep_out);
+        canvas.add(
+            Path::new()
+                .set("d", kept_out)
+                .set("fill", KEEP_OUT)
+                .set("fill-opacity", 0.6)
+                .set("fill-rule", "evenodd"),
+        );
+    }
     draw_nozzles(&mut canvas, picture);
     draw_lines(&mut canvas, &picture.axis, FAINT, 0.8, "6 3");
     draw_passes(&mut canvas, picture);
@@ -118,6 +131,7 @@ fn shown_area(picture: &PlanPicture) -> Box2 {
     let mut corners: Vec<Point2> = picture
         .regions
         .iter()
+        .chain(picture.keep_out)
         .map(Region::bounds)
         .flat_map(|b| [b.min, b.max])
         .collect();
@@ -142,6 +156,9 @@ fn draw_legend(canvas: &mut Canvas, picture: &PlanPicture) {
         if placements().any(|(_, its_zone)| *its_zone == zone) {
             canvas.legend(Swatch::Line(colour, 1.6, false), name);
         }
+    }
+    if !picture.keep_out.is_empty() {
+        canvas.legend(Swatch::Fill(KEEP_OUT), "keep-out");
     }
     let [length, width] = picture
         .aperture

@@ -59,6 +59,7 @@ fn the_plan_shows_passes_nozzles_and_interruptions() {
         })
         .collect();
     let picture = PlanPicture {
+        keep_out: &[],
         title: "a < b & c",
         regions: &regions,
         aperture: Aperture::Ellipse {

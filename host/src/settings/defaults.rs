@@ -100,6 +100,8 @@ impl Settings {
                 // Two beads and more, so that the loops do not stick to the part.
                 distance_mm: 3.0,
             },
+            nozzle_body_radius_mm: 0.0,
+            avoid_crossing: false,
             tolerances: Tolerances {
                 outside_mm: 0.001,
                 tip_mm: 0.001,

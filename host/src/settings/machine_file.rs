@@ -141,6 +141,8 @@ struct Print {
     tip_acceleration_mm_s2: Option<f64>,
     lift_mm: Option<f64>,
     overlap_pct: Option<f64>,
+    nozzle_body_radius_mm: Option<f64>,
+    avoid_crossing: Option<bool>,
     pass: Option<PassName>,
     law: Option<LawName>,
 }
@@ -258,6 +260,10 @@ impl File {
             },
             infill: self.infill.as_ref().map(FileInfill::infill),
             skirt: self.skirt.over(&default.skirt),
+            nozzle_body_radius_mm: print
+                .nozzle_body_radius_mm
+                .unwrap_or(default.nozzle_body_radius_mm),
+            avoid_crossing: print.avoid_crossing.unwrap_or(default.avoid_crossing),
             tolerances: self.tolerances.over(&default.tolerances),
         })
     }
@@ -391,6 +397,8 @@ mod tests {
                 brim_loops: 5,
                 distance_mm: 1.75,
             },
+            nozzle_body_radius_mm: 4.5,
+            avoid_crossing: true,
             ..Settings::planar()
         };
         for settings in [Settings::planar(), Settings::gantry(), lines] {

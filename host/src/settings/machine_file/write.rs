@@ -142,6 +142,14 @@ fn write_process(text: &mut String, s: &Settings) -> std::fmt::Result {
     writeln!(text, "# Travel moves are lifted by this much.")?;
     writeln!(text, "lift_mm = {}", number(s.lift_mm))?;
     writeln!(text, "overlap_pct = {}", number(s.overlap_pct))?;
+    writeln!(
+        text,
+        "# Of what must keep out of keep-outs, about the tool's axis; 0: the aperture alone."
+    )?;
+    let body = number(s.nozzle_body_radius_mm);
+    writeln!(text, "nozzle_body_radius_mm = {body}")?;
+    writeln!(text, "# Travel stays inside the part where there is a way.")?;
+    writeln!(text, "avoid_crossing = {}", s.avoid_crossing)?;
     let pass = match s.pass_mode {
         PassMode::Two => "two",
         PassMode::One => "one",
