@@ -70,6 +70,26 @@ pub struct Skirt {
     pub distance_mm: f64,
 }
 
+/// Which place of a loop is its seam.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum SeamPlace {
+    /// The calm place nearest to where the head is.
+    Nearest,
+    /// The place farthest along a direction.
+    Aligned,
+    /// The sharpest corner; the nearest place where there is none.
+    Sharpest,
+}
+
+/// Where loops begin and end.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Seam {
+    /// Which place.
+    pub place: SeamPlace,
+    /// Direction of aligned seams against the x axis.
+    pub direction_rad: f64,
+}
+
 /// Tolerances of planning and fitting.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Tolerances {
@@ -150,6 +170,8 @@ pub struct Settings {
     /// Radius of what surrounds the aperture and must keep out of keep-outs; 0 for the aperture
     /// alone.
     pub nozzle_body_radius_mm: f64,
+    /// Seams of loops.
+    pub seam: Seam,
     /// Travel stays inside the part where there is a way.
     pub avoid_crossing: bool,
     /// Tolerances.

@@ -130,6 +130,12 @@ pub(super) struct SettingsArgs {
     /// Travel stays inside the part where there is a way.
     #[arg(long)]
     pub avoid_crossing: bool,
+    /// Where loops begin and end.
+    #[arg(long, value_enum, value_name = "PLACE")]
+    pub seam: Option<SeamName>,
+    /// Direction of aligned seams against the x axis, degrees [default: 90].
+    #[arg(long, value_name = "DEG", allow_negative_numbers = true)]
+    pub seam_direction: Option<f64>,
 }
 
 #[derive(Clone, Copy, Debug, ValueEnum)]
@@ -161,6 +167,16 @@ pub(super) enum PassName {
     Two,
     /// One pass between the walls wherever the aperture spans them.
     One,
+}
+
+#[derive(Clone, Copy, Debug, ValueEnum)]
+pub(super) enum SeamName {
+    /// The calm place nearest to where the head is.
+    Nearest,
+    /// Farthest along a direction.
+    Aligned,
+    /// In the sharpest corner.
+    Sharpest,
 }
 
 #[derive(Clone, Copy, Debug, ValueEnum)]

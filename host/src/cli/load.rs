@@ -1,13 +1,13 @@
 //! Options and files -> settings and target.
 
 use super::CliError;
-use super::args::{FormatName, InputArgs, LawName, PassName, SettingsArgs, UnitName};
+use super::args::{FormatName, InputArgs, LawName, PassName, SeamName, SettingsArgs, UnitName};
 use super::console::Console;
 use super::job;
 use crate::geometry::polygon::Region;
 use crate::input::{self, BYTES_MAX, Format, Input, InputError, Loaded, ReadOptions, Units};
 use crate::settings::aperture_text::{aperture_text, file_of_aperture, parse_aperture};
-use crate::settings::{HeadingLaw, Infill, PassMode, Settings, machine_file};
+use crate::settings::{HeadingLaw, Infill, PassMode, SeamPlace, Settings, machine_file};
 use std::path::Path;
 
 /// The machine file, or the built-in machine, with the overrides on top; checked.
@@ -49,6 +49,16 @@ pub(super) fn settings(args: &SettingsArgs) -> Result<Settings, CliError> {
     }
     settings.infill = infill(args, settings.infill)?;
     settings.avoid_crossing |= args.avoid_crossing;
+    if let Some(seam) = args.seam {
+        settings.seam.place = match seam {
+            SeamName::Nearest => SeamPlace::Nearest,
+            SeamName::Aligned => SeamPlace::Aligned,
+            SeamName::Sharpest => SeamPlace::Sharpest,
+        };
+    }
+    if let Some(direction_deg) = args.seam_direction {
+        settings.seam.direction_rad = direction_deg.to_radians();
+    }
     let skirt = &mut settings.skirt;
     skirt.loops = args.skirt.unwrap_or(skirt.loops);
     skirt.brim_loops = args.brim.unwrap_or(skirt.brim_loops);

@@ -29,6 +29,7 @@ pub mod path_samples;
 pub mod printed_order;
 pub mod reachable;
 pub mod route;
+pub mod seam;
 pub mod segments;
 pub mod single_runs;
 pub mod skeleton;

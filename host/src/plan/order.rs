@@ -156,13 +156,18 @@ fn two_opt(passes: &[LayerPass], order: Vec<usize>, from: Point2, period_rad: f6
 /// The pass turned or rotated so that it starts nearest to `from`.
 fn started_near(pass: LayerPass, from: Point2, period_rad: f64) -> LayerPass {
     let (_, start) = entry(&pass, from, period_rad);
-    let mut pass = pass;
-    if !pass.closed {
-        if start > 0 {
-            pass.placements.reverse();
-        }
-        return pass;
+    if pass.closed {
+        return rotated(pass, start, period_rad);
     }
+    let mut pass = pass;
+    if start > 0 {
+        pass.placements.reverse();
+    }
+    pass
+}
+
+/// A closed pass that starts at placement `start`.
+pub(super) fn rotated(mut pass: LayerPass, start: usize, period_rad: f64) -> LayerPass {
     // Headings stay unwrapped over the seam: what moves to the end is turned by the whole lap.
     let count = pass.placements.len();
     let lap = lap_rad(&pass, period_rad);
@@ -187,7 +192,7 @@ const SEAM_SHARE: f64 = 1.4;
 const OPENED_MIN: usize = 6;
 
 /// A closed pass as an open one that ends a little short of its start.
-fn opened(mut pass: LayerPass, aperture: &Aperture) -> LayerPass {
+pub(super) fn opened(mut pass: LayerPass, aperture: &Aperture) -> LayerPass {
     let was_closed = std::mem::replace(&mut pass.closed, false);
     if !was_closed || pass.placements.len() < OPENED_MIN {
         return pass;

@@ -7,6 +7,7 @@ use super::darts::fill_gaps;
 use super::links::linked;
 use super::order::ordered;
 use super::passes::{LayerPass, PassKind};
+use super::seam::with_seam;
 use crate::geometry::Point2;
 use crate::geometry::edge_index::{Edge, EdgeIndex};
 use crate::geometry::polygon::Region;
@@ -34,7 +35,9 @@ pub fn in_printing_order(
     let is_line = |pass: &LayerPass| pass.kind == PassKind::Infill;
     let (lines, loops): (Vec<LayerPass>, Vec<LayerPass>) =
         region.passes.into_iter().partition(is_line);
-    let mut passes = ordered(loops, from, aperture);
+    let loops = loops.into_iter();
+    let loops = loops.map(|pass| with_seam(pass, &settings.seam, aperture));
+    let mut passes = ordered(loops.collect(), from, aperture);
     let from = last_place(&passes).unwrap_or(from);
     let lines = ordered(lines, from, aperture);
     if settings.infill.is_none_or(|infill| infill.is_solid()) {

@@ -275,6 +275,8 @@ impl Settings {
         in_range("skirt.loops", f64::from(skirt.loops), 0.0, 100.0)?;
         in_range("skirt.brim_loops", f64::from(skirt.brim_loops), 0.0, 100.0)?;
         in_range("skirt.distance_mm", skirt.distance_mm, 0.0, 1000.0)?;
+        let seam_deg = self.seam.direction_rad.to_degrees();
+        in_range("print.seam_direction_deg", seam_deg, -360.0, 360.0)?;
         let body_mm = self.nozzle_body_radius_mm;
         in_range("print.nozzle_body_radius_mm", body_mm, 0.0, 1000.0)?;
         in_range("plan_share", self.plan_share, 0.1, 0.99)?;

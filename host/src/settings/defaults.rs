@@ -3,7 +3,7 @@
 //! Every number is a common printer's: 1.8° motors with 16 microsteps on GT2 belts (80 steps/mm),
 //! a geared direct extruder on 1.75 mm filament, a hot end for 0.4 mm wide to 1.2 mm wide beads.
 
-use super::{HeadingLaw, PassMode, PrimeRetract, Settings, Skirt, Tolerances};
+use super::{HeadingLaw, PassMode, PrimeRetract, Seam, SeamPlace, Settings, Skirt, Tolerances};
 use crate::geometry::aperture::Aperture;
 use headway_firmware::configuration::{
     ExtruderConfiguration, JointConfiguration, Kinematics, MachineConfiguration,
@@ -102,6 +102,11 @@ impl Settings {
             },
             nozzle_body_radius_mm: 0.0,
             avoid_crossing: false,
+            seam: Seam {
+                place: SeamPlace::Nearest,
+                // The far side of the machine.
+                direction_rad: std::f64::consts::FRAC_PI_2,
+            },
             tolerances: Tolerances {
                 outside_mm: 0.001,
                 tip_mm: 0.001,

@@ -8,7 +8,9 @@
 
 use super::aperture_text::{ApertureTextError, parse_aperture};
 use super::check::SettingsError;
-use super::{HeadingLaw, Infill, PassMode, PrimeRetract, Settings, Skirt, Tolerances};
+use super::{
+    HeadingLaw, Infill, PassMode, PrimeRetract, Seam, SeamPlace, Settings, Skirt, Tolerances,
+};
 use headway_firmware::configuration::{
     ExtruderConfiguration, JointConfiguration, Kinematics, MachineConfiguration,
 };
@@ -143,6 +145,8 @@ struct Print {
     overlap_pct: Option<f64>,
     nozzle_body_radius_mm: Option<f64>,
     avoid_crossing: Option<bool>,
+    seam: Option<SeamName>,
+    seam_direction_deg: Option<f64>,
     pass: Option<PassName>,
     law: Option<LawName>,
 }
@@ -159,6 +163,14 @@ enum PassName {
 enum LawName {
     Tangent,
     Linear,
+}
+
+#[derive(Clone, Copy, Deserialize)]
+#[serde(rename_all = "lowercase")]
+enum SeamName {
+    Nearest,
+    Aligned,
+    Sharpest,
 }
 
 #[derive(Default, Deserialize)]
@@ -264,6 +276,7 @@ impl File {
                 .nozzle_body_radius_mm
                 .unwrap_or(default.nozzle_body_radius_mm),
             avoid_crossing: print.avoid_crossing.unwrap_or(default.avoid_crossing),
+            seam: print.seam_over(&default.seam),
             tolerances: self.tolerances.over(&default.tolerances),
         })
     }
@@ -357,6 +370,22 @@ impl FileInfill {
     }
 }
 
+impl Print {
+    fn seam_over(&self, default: &Seam) -> Seam {
+        Seam {
+            place: match self.seam {
+                Some(SeamName::Nearest) => SeamPlace::Nearest,
+                Some(SeamName::Aligned) => SeamPlace::Aligned,
+                Some(SeamName::Sharpest) => SeamPlace::Sharpest,
+                None => default.place,
+            },
+            direction_rad: self
+                .seam_direction_deg
+                .map_or(default.direction_rad, f64::to_radians),
+        }
+    }
+}
+
 impl FileSkirt {
     fn over(&self, default: &Skirt) -> Skirt {
         Skirt {
@@ -399,6 +428,10 @@ mod tests {
             },
             nozzle_body_radius_mm: 4.5,
             avoid_crossing: true,
+            seam: Seam {
+                place: SeamPlace::Aligned,
+                direction_rad: -0.7,
+            },
             ..Settings::planar()
         };
         for settings in [Settings::planar(), Settings::gantry(), lines] {

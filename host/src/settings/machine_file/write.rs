@@ -2,7 +2,7 @@
 
 use crate::settings::aperture_text::aperture_text;
 use crate::settings::check::{joint_names, kinematics_name};
-use crate::settings::{HeadingLaw, PassMode, Settings};
+use crate::settings::{HeadingLaw, PassMode, SeamPlace, Settings};
 use headway_firmware::configuration::{JointConfiguration, Kinematics};
 use std::f64::consts::TAU;
 use std::fmt::Write;
@@ -142,14 +142,7 @@ fn write_process(text: &mut String, s: &Settings) -> std::fmt::Result {
     writeln!(text, "# Travel moves are lifted by this much.")?;
     writeln!(text, "lift_mm = {}", number(s.lift_mm))?;
     writeln!(text, "overlap_pct = {}", number(s.overlap_pct))?;
-    writeln!(
-        text,
-        "# Of what must keep out of keep-outs, about the tool's axis; 0: the aperture alone."
-    )?;
-    let body = number(s.nozzle_body_radius_mm);
-    writeln!(text, "nozzle_body_radius_mm = {body}")?;
-    writeln!(text, "# Travel stays inside the part where there is a way.")?;
-    writeln!(text, "avoid_crossing = {}", s.avoid_crossing)?;
+    write_travel(text, s)?;
     let pass = match s.pass_mode {
         PassMode::Two => "two",
         PassMode::One => "one",
@@ -196,6 +189,30 @@ fn write_process(text: &mut String, s: &Settings) -> std::fmt::Result {
     writeln!(text, "heading_mrad = {}", mrad(t.heading_rad))?;
     writeln!(text, "# Curves of the input become polygons this close.")?;
     writeln!(text, "flatten_mm = {}", number(t.flatten_mm))
+}
+
+/// What of the process concerns the way between passes.
+fn write_travel(text: &mut String, s: &Settings) -> std::fmt::Result {
+    writeln!(
+        text,
+        "# Of what must keep out of keep-outs, about the tool's axis; 0: the aperture alone."
+    )?;
+    let body = number(s.nozzle_body_radius_mm);
+    writeln!(text, "nozzle_body_radius_mm = {body}")?;
+    writeln!(text, "# Travel stays inside the part where there is a way.")?;
+    writeln!(text, "avoid_crossing = {}", s.avoid_crossing)?;
+    let seam = match s.seam.place {
+        SeamPlace::Nearest => "nearest",
+        SeamPlace::Aligned => "aligned",
+        SeamPlace::Sharpest => "sharpest",
+    };
+    writeln!(
+        text,
+        "# Where loops begin and end: nearest, aligned or sharpest."
+    )?;
+    writeln!(text, "seam = \"{seam}\"")?;
+    let direction = degrees(s.seam.direction_rad);
+    writeln!(text, "seam_direction_deg = {direction}")
 }
 
 fn write_infill(text: &mut String, s: &Settings) -> std::fmt::Result {
