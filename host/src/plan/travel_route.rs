@@ -269,7 +269,7 @@ fn tangent_node(
 ) -> Option<Point2> {
     let next = turned_by(normal, -turned_rad);
     let (p, q) = (start + normal * clearance_mm, to + next * clearance_mm);
-    let (along, along_next) = (turned_by(normal, -1.0 * QUARTER), turned_by(next, -QUARTER));
+    let (along, along_next) = (turned_by(normal, -QUARTER), turned_by(next, -QUARTER));
     let across = along.perp(&along_next);
     if across.abs() < 1e-9 {
         return None;
