@@ -302,6 +302,7 @@ fn pass_settings(settings: &Settings) -> PassSettings {
         overlap: settings.overlap_pct / 100.0,
         one_pass: settings.pass_mode == PassMode::One,
         law: settings.heading_law,
+        profile: settings.heading_profile,
     }
 }
 

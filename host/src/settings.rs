@@ -90,6 +90,15 @@ pub struct Seam {
     pub direction_rad: f64,
 }
 
+/// How the headings along a pass are chosen.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum HeadingProfile {
+    /// Together: what fits the widths at the least turning and bending (default).
+    Corridor,
+    /// Each by itself, nearest to the law's, as published.
+    Pointwise,
+}
+
 /// Tolerances of planning and fitting.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Tolerances {
@@ -163,6 +172,8 @@ pub struct Settings {
     pub pass_mode: PassMode,
     /// Tangent or linear.
     pub heading_law: HeadingLaw,
+    /// Along the pass or point by point.
+    pub heading_profile: HeadingProfile,
     /// Walls and lines; `None` fills with beads along the outline.
     pub infill: Option<Infill>,
     /// Skirt and brim.

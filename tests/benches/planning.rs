@@ -78,6 +78,7 @@ fn stages(name: &str, rings: &Rings, with_passes: bool) -> f64 {
         overlap: 0.0,
         one_pass: false,
         law: settings.heading_law,
+        profile: settings.heading_profile,
     };
     let count = if with_passes {
         passes(&contour.region, &skeleton, &pass_settings).len()

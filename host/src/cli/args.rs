@@ -102,6 +102,9 @@ pub(super) struct SettingsArgs {
     /// How the local width becomes a heading angle.
     #[arg(long, value_enum, value_name = "LAW")]
     pub law: Option<LawName>,
+    /// How the headings along a pass are chosen.
+    #[arg(long, value_enum, value_name = "PROFILE")]
+    pub heading_profile: Option<ProfileName>,
     /// How far the aperture may leave the outline, the segments the path, and chords the curves of
     /// the input, mm.
     #[arg(long, value_name = "MM", allow_negative_numbers = true)]
@@ -177,6 +180,14 @@ pub(super) enum SeamName {
     Aligned,
     /// In the sharpest corner.
     Sharpest,
+}
+
+#[derive(Clone, Copy, Debug, ValueEnum)]
+pub(super) enum ProfileName {
+    /// Together: what fits the widths at the least turning and bending.
+    Corridor,
+    /// Each by itself, nearest to the law's, as published: slower to print.
+    Pointwise,
 }
 
 #[derive(Clone, Copy, Debug, ValueEnum)]

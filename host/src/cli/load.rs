@@ -1,13 +1,17 @@
 //! Options and files -> settings and target.
 
 use super::CliError;
-use super::args::{FormatName, InputArgs, LawName, PassName, SeamName, SettingsArgs, UnitName};
+use super::args::{
+    FormatName, InputArgs, LawName, PassName, ProfileName, SeamName, SettingsArgs, UnitName,
+};
 use super::console::Console;
 use super::job;
 use crate::geometry::polygon::Region;
 use crate::input::{self, BYTES_MAX, Format, Input, InputError, Loaded, ReadOptions, Units};
 use crate::settings::aperture_text::{aperture_text, file_of_aperture, parse_aperture};
-use crate::settings::{HeadingLaw, Infill, PassMode, SeamPlace, Settings, machine_file};
+use crate::settings::{
+    HeadingLaw, HeadingProfile, Infill, PassMode, SeamPlace, Settings, machine_file,
+};
 use std::path::Path;
 
 /// The machine file, or the built-in machine, with the overrides on top; checked.
@@ -31,6 +35,12 @@ pub(super) fn settings(args: &SettingsArgs) -> Result<Settings, CliError> {
         settings.pass_mode = match pass {
             PassName::Two => PassMode::Two,
             PassName::One => PassMode::One,
+        };
+    }
+    if let Some(profile) = args.heading_profile {
+        settings.heading_profile = match profile {
+            ProfileName::Corridor => HeadingProfile::Corridor,
+            ProfileName::Pointwise => HeadingProfile::Pointwise,
         };
     }
     if let Some(law) = args.law {

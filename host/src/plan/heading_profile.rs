@@ -1,12 +1,22 @@
-//! The heading along a run of contacts: dynamic programming over the corridor of feasible
-//! headings, then continuous refinement.
+//! The heading along a run of contacts: dynamic programming over the feasible headings, continuous
+//! refinement, then the calmest profile in the corridor about what was found.
 //!
 //! The state is phi modulo the aperture's symmetry. Each contact and heading has one placement:
 //! tangent to the wall at the contact (centre = p + support point), slid off any other wall that
 //! it would cut. The cost of a placement is (e - wanted extent)² plus (slide)², per mm of wall;
 //! the cost of turning is lambda dphi² / ds. The best closed or open profile is found exactly over
-//! the bins (Viterbi), then refined between them.
+//! the bins (Viterbi), then refined between them. The corridor holds the headings that fit no worse
+//! than that by [`CORRIDOR_SHARE`]: broad where the extent hardly depends on the heading, narrow
+//! where it does.
 
+mod bins;
+mod corridor;
+mod pointwise;
+mod refine;
+
+use self::bins::{closed_start, unwrap_bins, viterbi};
+use self::corridor::{Gate, Stiffness, calmest, calmest_closed};
+use self::refine::refine;
 use super::contacts::Contact;
 use crate::geometry::Vector2;
 use crate::geometry::aperture::Aperture;
@@ -18,14 +28,26 @@ use rayon::prelude::*;
 const BINS: usize = 60;
 /// Weight of turning, mm²: from trials on real slices.
 const TURN_WEIGHT: f64 = 0.01;
-/// Largest turn from one contact to the next, bins.
-const TURN_BINS_MAX: usize = 12;
 /// Slides of one placement before it counts as infeasible.
 const SLIDES_MAX: usize = 4;
-/// Cost of an infeasible placement, mm² (per mm of wall): far above any misfit.
-const INFEASIBLE: f64 = 25.0;
+/// Slide that an infeasible placement counts as, mm: far above any misfit.
+const INFEASIBLE_MM: f64 = 5.0;
 /// A placement may cut by this share of the aperture before the final push-off.
 const CUT_SHARE_MAX: f64 = 2e-3;
+/// What a heading of the corridor may miss the wanted extent by beyond the best one, against b:
+/// from trials, 0.005 mm for the default ellipse.
+const CORRIDOR_SHARE: f64 = 0.025;
+/// Steps in which the corridor is measured, and most of them to each side.
+const CORRIDOR_STEP_RAD: f64 = 0.03;
+const CORRIDOR_STEPS: usize = 20;
+/// Waves of the heading shorter than this are smoothed away within the corridor, against a.
+const CALM_WAVE: f64 = 16.0;
+/// How abruptly the corridor's walls hold the profile, as a wave length against a.
+const WALL_WAVE: f64 = 0.25;
+/// Way that turning by a radian counts as, against a: in corners the centre hardly moves.
+const SWING: f64 = 5.0;
+/// Least way between samples, against a: nearly one place, yet the bend stays finite.
+const WAY_MIN: f64 = 0.03;
 
 /// Rounds of smoothing: they halve the print time of turned corners for 0.1 % of coverage.
 const SMOOTHING_ROUNDS: usize = 6;
@@ -44,6 +66,9 @@ pub struct Placement {
 struct Candidate {
     at: Configuration,
     cost: f64,
+    /// Extent less the wanted one.
+    misfit_mm: f64,
+    slide_mm: f64,
     feasible: bool,
 }
 
@@ -83,8 +108,20 @@ pub fn profile(
     let mut headings = unwrap_bins(&chosen, bins, bin_rad);
     if !aperture.is_round() {
         refine(&run, &steps, &mut headings);
+        calm(&run, &mut headings);
     }
     run.placements(&headings)
+}
+
+/// The profile that looks at each contact by itself.
+pub fn pointwise_profile(
+    contacts: &[Contact],
+    closed: bool,
+    aperture: &Aperture,
+    walls: &EdgeIndex,
+) -> Vec<Placement> {
+    let run = Run::new(contacts, closed, aperture, walls);
+    run.placements(&pointwise::pointwise(&run))
 }
 
 /// The profile again for slightly other contacts, starting from the headings of `before`.
@@ -100,8 +137,53 @@ pub fn refined(
     if !aperture.is_round() && contacts.len() > 1 {
         let steps = steps_mm(contacts, closed, aperture);
         refine(&run, &steps, &mut headings);
+        calm(&run, &mut headings);
     }
     run.placements(&headings)
+}
+
+/// Replaces the headings by the calmest ones in the corridor about them.
+fn calm(run: &Run, headings: &mut [f64]) {
+    let (count, a) = (headings.len(), run.aperture.major_mm());
+    let lap = if run.closed {
+        lap_turn(headings, run.aperture.period_rad())
+    } else {
+        0.0
+    };
+    let before: Vec<(Configuration, [f64; 2])> = (0..count)
+        .into_par_iter()
+        .map(|i| (run.place(i, headings[i]).at, run.corridor(i, headings[i])))
+        .collect();
+    let gates: Vec<Gate> = (0..count)
+        .map(|i| {
+            let (own, range_rad) = before[i];
+            let next = before[(i + 1) % count].0;
+            let ahead = if i + 1 == count { lap } else { 0.0 };
+            let turn = (next.heading_rad + ahead - own.heading_rad).abs();
+            let way_mm = (next.center - own.center).norm() + SWING * a * turn;
+            Gate {
+                wanted_rad: 0.5 * (range_rad[0] + range_rad[1]),
+                range_rad,
+                way_mm: way_mm.max(WAY_MIN * a),
+            }
+        })
+        .collect();
+    let stiffness = Stiffness::of_waves(CALM_WAVE * a, WALL_WAVE * a);
+    let found = if run.closed {
+        calmest_closed(&gates, lap, stiffness)
+    } else {
+        calmest(&gates, stiffness)
+    };
+    for (i, heading) in headings.iter_mut().enumerate() {
+        // The walls give a little: not where nothing fits beyond them.
+        let fits = run.place(i, found[i]).feasible;
+        let [low, high] = gates[i].range_rad;
+        *heading = if fits {
+            found[i]
+        } else {
+            found[i].clamp(low, high)
+        };
+    }
 }
 
 /// Smooths a run by rounds of [1 2 1] / 4 over centres and headings; the ends of an open one stay.
@@ -218,13 +300,41 @@ impl<'a> Run<'a> {
             heading_rad,
         };
         let slid = slide_inside(at, aperture, self.walls, SLIDES_MAX, CUT_SHARE_MAX);
-        let misfit = (extent - wanted).powi(2);
-        let excess = slid.map_or(INFEASIBLE, |s| (s.center - tangent).norm_squared());
+        let misfit_mm = extent - wanted;
+        let slide_mm = slid.map_or(INFEASIBLE_MM, |s| (s.center - tangent).norm());
         Candidate {
             at: slid.unwrap_or(at),
-            cost: (misfit + excess) * c.length_mm.max(0.01),
+            cost: (misfit_mm.powi(2) + slide_mm.powi(2)) * c.length_mm.max(0.01),
+            misfit_mm,
+            slide_mm,
             feasible: slid.is_some(),
         }
+    }
+
+    /// The headings about `heading_rad` that fit no worse than it by more than the tolerance, nor miss
+    /// to the other side.
+    fn corridor(&self, i: usize, heading_rad: f64) -> [f64; 2] {
+        let tolerance_mm = CORRIDOR_SHARE * self.aperture.minor_mm();
+        let own = self.place(i, heading_rad);
+        let (least_mm, most_mm) = (own.misfit_mm.min(0.0), own.misfit_mm.max(0.0));
+        let worse_mm = |heading: f64| {
+            let found = self.place(i, heading);
+            let misfit_mm = (found.misfit_mm - most_mm).max(least_mm - found.misfit_mm);
+            misfit_mm.max(found.slide_mm - own.slide_mm)
+        };
+        [-1.0, 1.0].map(|way: f64| {
+            let (mut last, mut last_mm) = (0.0, 0.0);
+            for step in 1..=CORRIDOR_STEPS {
+                let next = way * CORRIDOR_STEP_RAD * step as f64;
+                let next_mm = worse_mm(heading_rad + next);
+                if next_mm > tolerance_mm {
+                    let share = (tolerance_mm - last_mm) / (next_mm - last_mm);
+                    return heading_rad + last + (next - last) * share;
+                }
+                (last, last_mm) = (next, next_mm);
+            }
+            heading_rad + last
+        })
     }
 
     fn placements(&self, headings: &[f64]) -> Vec<Placement> {
@@ -305,180 +415,10 @@ fn steps_mm(contacts: &[Contact], closed: bool, aperture: &Aperture) -> Vec<f64>
         .collect()
 }
 
-/// Best bin of each contact; `start` fixes the first and last bin of a closed run.
-fn viterbi(costs: &[Vec<f32>], steps: &[f64], bin_rad: f64, start: Option<usize>) -> Vec<usize> {
-    let bins = costs[0].len();
-    let reach = TURN_BINS_MAX.min(bins / 2);
-    let mut from: Vec<Vec<u16>> = Vec::with_capacity(costs.len());
-    let mut total: Vec<f32> = costs[0].clone();
-    if let Some(s) = start {
-        for (bin, value) in total.iter_mut().enumerate() {
-            if bin != s {
-                *value = f32::INFINITY;
-            }
-        }
-    }
-    from.push(vec![0; bins]);
-    for i in 1..costs.len() {
-        let (next, best) = viterbi_step(&total, &costs[i], steps[i - 1], bin_rad, reach);
-        total = next;
-        from.push(best);
-    }
-    let last = match start {
-        Some(s) if costs.len() > 1 => {
-            let (closing, best) = viterbi_step(
-                &total,
-                &vec![0.0; bins],
-                steps[costs.len() - 1],
-                bin_rad,
-                reach,
-            );
-            if closing[s].is_finite() {
-                best[s] as usize
-            } else {
-                argmin(&total)
-            }
-        }
-        _ => argmin(&total),
-    };
-    let mut chosen = vec![last; costs.len()];
-    for i in (1..costs.len()).rev() {
-        chosen[i - 1] = from[i][chosen[i]] as usize;
-    }
-    chosen
-}
-
-fn viterbi_step(
-    total: &[f32],
-    costs: &[f32],
-    step_mm: f64,
-    bin_rad: f64,
-    reach: usize,
-) -> (Vec<f32>, Vec<u16>) {
-    let bins = total.len();
-    let turn: Vec<f32> = (0..=reach)
-        .map(|n| (TURN_WEIGHT * (n as f64 * bin_rad).powi(2) / step_mm) as f32)
-        .collect();
-    let mut next = vec![f32::INFINITY; bins];
-    let mut best = vec![0u16; bins];
-    for bin in 0..bins {
-        for (n, &cost) in turn.iter().enumerate() {
-            for other in [(bin + n) % bins, (bin + bins - n) % bins] {
-                let found = total[other] + cost;
-                if found < next[bin] {
-                    next[bin] = found;
-                    best[bin] = other as u16;
-                }
-            }
-        }
-        next[bin] += costs[bin];
-    }
-    (next, best)
-}
-
-/// The bin in which a closed run should start: run one and a half laps and look at the middle.
-fn closed_start(costs: &[Vec<f32>], steps: &[f64], bin_rad: f64) -> Option<usize> {
-    let count = costs.len();
-    let tail = (count / 2).min(400);
-    let order: Vec<usize> = (count - tail..count)
-        .chain(0..(tail + 1).min(count))
-        .collect();
-    let lap: Vec<Vec<f32>> = order.iter().map(|&i| costs[i].clone()).collect();
-    let lap_steps: Vec<f64> = order.iter().map(|&i| steps[i]).collect();
-    let chosen = viterbi(&lap, &lap_steps, bin_rad, None);
-    chosen.get(tail).copied()
-}
-
-fn argmin(values: &[f32]) -> usize {
-    (0..values.len()).fold(0, |best, i| if values[i] < values[best] { i } else { best })
-}
-
-/// Bins to unwrapped angles, each step the shorter way round.
-fn unwrap_bins(chosen: &[usize], bins: usize, bin_rad: f64) -> Vec<f64> {
-    let mut headings = Vec::with_capacity(chosen.len());
-    let mut last = chosen[0] as i64;
-    let bins = bins as i64;
-    for &bin in chosen {
-        let mut delta = (bin as i64 - last).rem_euclid(bins);
-        if delta > bins / 2 {
-            delta -= bins;
-        }
-        last += delta;
-        headings.push(last as f64 * bin_rad);
-    }
-    headings
-}
-
-/// Pattern search on each heading with its neighbours fixed, even contacts then odd ones, so that
-/// the result does not depend on the number of threads.
-fn refine(run: &Run, steps: &[f64], headings: &mut Vec<f64>) {
-    let (contacts, closed) = (run.contacts, run.closed);
-    let count = contacts.len();
-    let lap = if closed {
-        lap_turn(headings, run.aperture.period_rad())
-    } else {
-        0.0
-    };
-    let mut width = std::f64::consts::PI / BINS as f64;
-    for _ in 0..5 {
-        width *= 0.6;
-        for parity in 0..2 {
-            let updated: Vec<f64> = (0..count)
-                .into_par_iter()
-                .map(|i| {
-                    let own = headings[i];
-                    // The odd contact out at the seam of a closed run keeps its heading.
-                    if i % 2 != parity || (closed && count % 2 == 1 && i == count - 1) {
-                        return own;
-                    }
-                    let before = match i {
-                        0 if closed => Some((headings[count - 1] - lap, steps[count - 1])),
-                        0 => None,
-                        _ => Some((headings[i - 1], steps[i - 1])),
-                    };
-                    let after = match i + 1 {
-                        n if n < count => Some((headings[n], steps[i])),
-                        _ if closed => Some((headings[0] + lap, steps[i])),
-                        _ => None,
-                    };
-                    let cost = |heading: f64| {
-                        let turn: f64 = [before, after]
-                            .iter()
-                            .flatten()
-                            .map(|(other, step)| TURN_WEIGHT * (heading - other).powi(2) / step)
-                            .sum();
-                        turn + run.place(i, heading).cost
-                    };
-                    best_of_three(own, width, cost)
-                })
-                .collect();
-            *headings = updated;
-        }
-    }
-}
-
 /// The turn of a closed run over one lap: the multiple of the period that makes its ends meet.
 fn lap_turn(headings: &[f64], period_rad: f64) -> f64 {
     let (Some(first), Some(last)) = (headings.first(), headings.last()) else {
         return 0.0;
     };
     ((last - first) / period_rad).round() * period_rad
-}
-
-/// One step of a parabola-guided pattern search around `own`.
-fn best_of_three(own: f64, width: f64, cost: impl Fn(f64) -> f64) -> f64 {
-    let (low, mid, high) = (cost(own - width), cost(own), cost(own + width));
-    let curvature = low - 2.0 * mid + high;
-    let shift = if curvature > 1e-15 {
-        (0.5 * width * (low - high) / curvature).clamp(-width, width)
-    } else if low < high {
-        -width
-    } else {
-        width
-    };
-    if cost(own + shift) < mid {
-        own + shift
-    } else {
-        own
-    }
 }

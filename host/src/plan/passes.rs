@@ -13,14 +13,14 @@ use super::bead_count::{bead_counts, blended};
 use super::channel_walls::Laid;
 use super::contacts::{Contact, ContactSpacing, resampled, wall_contacts};
 use super::field::Field;
-use super::heading_profile::{Placement, profile, refined, smooth};
+use super::heading_profile::{Placement, pointwise_profile, profile, refined, smooth};
 use super::single_runs::{SingleRun, split_region};
 use super::skeleton::Axis;
 use crate::geometry::Point2;
 use crate::geometry::aperture::Aperture;
 use crate::geometry::edge_index::{Edge, EdgeIndex};
 use crate::geometry::polygon::{Region, Ring};
-use crate::settings::HeadingLaw;
+use crate::settings::{HeadingLaw, HeadingProfile};
 use rayon::prelude::*;
 
 /// How a pass lies in its passage.
@@ -60,9 +60,29 @@ pub struct PassSettings {
     pub one_pass: bool,
     /// How a width becomes a heading angle.
     pub law: HeadingLaw,
+    /// How the headings of a pass are chosen together.
+    pub profile: HeadingProfile,
 }
 
 impl PassSettings {
+    /// The placements on a run of contacts; `before` are those of slightly other contacts.
+    fn placements(
+        &self,
+        contacts: &[Contact],
+        closed: bool,
+        before: Option<&[Placement]>,
+        walls: &EdgeIndex,
+    ) -> Vec<Placement> {
+        let aperture = &self.aperture;
+        match (self.profile, before) {
+            (HeadingProfile::Pointwise, _) => pointwise_profile(contacts, closed, aperture, walls),
+            (HeadingProfile::Corridor, None) => profile(contacts, closed, aperture, walls),
+            (HeadingProfile::Corridor, Some(before)) => {
+                refined(contacts, closed, before, aperture, walls)
+            }
+        }
+    }
+
     /// The extent across the passage that the law's angle gives where half the bead is to be
     /// `half_mm` wide: the same for the tangent law; for the linear law that of
     /// |alpha| = (1 - w) 90° with w = (half - b) / (a - b), which is r of SPEC section 2 halved in
@@ -251,7 +271,7 @@ fn channel_passes(
             for contact in &mut run {
                 contact.extent_mm = settings.law_extent_mm(contact.extent_mm);
             }
-            let placements = profile(&run, closed, aperture, channel_walls);
+            let placements = settings.placements(&run, closed, None, channel_walls);
             found.extend(feasible_runs(placements, closed, aperture).into_iter().map(
                 |(placements, closed)| LayerPass {
                     kind: PassKind::TwoPass,
@@ -263,7 +283,7 @@ fn channel_passes(
         }
     }
     for _ in 0..RELAX_ROUNDS {
-        relax(&mut found, channel, field, channel_walls, aperture, lengths);
+        relax(&mut found, channel, field, channel_walls, settings, lengths);
     }
     found.retain(|pass| {
         let least_mm = if pass.closed {
@@ -286,9 +306,10 @@ fn relax(
     channel: usize,
     field: &Field,
     walls: &EdgeIndex,
-    aperture: &Aperture,
+    settings: &PassSettings,
     lengths: Lengths,
 ) {
+    let aperture = &settings.aperture;
     let mut laid = Laid::new(aperture);
     for (run, pass) in found.iter().enumerate() {
         laid.add(run as u32, &pass.placements, pass.closed);
@@ -314,7 +335,8 @@ fn relax(
             })
             .collect();
         if moved {
-            pass.placements = refined(&contacts, pass.closed, &pass.placements, aperture, walls);
+            let before = Some(pass.placements.as_slice());
+            pass.placements = settings.placements(&contacts, pass.closed, before, walls);
             smooth(&mut pass.placements, pass.closed, aperture);
         }
     });
@@ -451,7 +473,7 @@ fn run_length_mm(pass: &LayerPass) -> f64 {
 
 /// A single run on the axis: the aperture spans the passage.
 fn single_passes(run: &SingleRun, walls: &EdgeIndex, settings: &PassSettings) -> Vec<LayerPass> {
-    let placements = profile(&run.contacts, run.closed, &settings.aperture, walls);
+    let placements = settings.placements(&run.contacts, run.closed, None, walls);
     feasible_runs(placements, run.closed, &settings.aperture)
         .into_iter()
         .map(|(placements, closed)| LayerPass {

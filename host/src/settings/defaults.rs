@@ -3,7 +3,10 @@
 //! Every number is a common printer's: 1.8° motors with 16 microsteps on GT2 belts (80 steps/mm),
 //! a geared direct extruder on 1.75 mm filament, a hot end for 0.4 mm wide to 1.2 mm wide beads.
 
-use super::{HeadingLaw, PassMode, PrimeRetract, Seam, SeamPlace, Settings, Skirt, Tolerances};
+use super::{
+    HeadingLaw, HeadingProfile, PassMode, PrimeRetract, Seam, SeamPlace, Settings, Skirt,
+    Tolerances,
+};
 use crate::geometry::aperture::Aperture;
 use headway_firmware::configuration::{
     ExtruderConfiguration, JointConfiguration, Kinematics, MachineConfiguration,
@@ -93,6 +96,7 @@ impl Settings {
             overlap_pct: 0.0,
             pass_mode: PassMode::Two,
             heading_law: HeadingLaw::Tangent,
+            heading_profile: HeadingProfile::Corridor,
             infill: None,
             skirt: Skirt {
                 loops: 0,

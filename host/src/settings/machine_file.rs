@@ -270,6 +270,7 @@ impl File {
                 Some(LawName::Linear) => HeadingLaw::Linear,
                 None => default.heading_law,
             },
+            heading_profile: default.heading_profile,
             infill: self.infill.as_ref().map(FileInfill::infill),
             skirt: self.skirt.over(&default.skirt),
             nozzle_body_radius_mm: print

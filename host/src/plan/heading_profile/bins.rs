@@ -1,0 +1,115 @@
+//! The best profile over bins of heading, exactly: dynamic programming (Viterbi) along the run.
+
+use super::TURN_WEIGHT;
+
+/// Largest turn from one contact to the next, bins.
+const TURN_BINS_MAX: usize = 12;
+
+/// Best bin of each contact; `start` fixes the first and last bin of a closed run.
+pub fn viterbi(
+    costs: &[Vec<f32>],
+    steps: &[f64],
+    bin_rad: f64,
+    start: Option<usize>,
+) -> Vec<usize> {
+    let bins = costs[0].len();
+    let reach = TURN_BINS_MAX.min(bins / 2);
+    let mut from: Vec<Vec<u16>> = Vec::with_capacity(costs.len());
+    let mut total: Vec<f32> = costs[0].clone();
+    if let Some(s) = start {
+        for (bin, value) in total.iter_mut().enumerate() {
+            if bin != s {
+                *value = f32::INFINITY;
+            }
+        }
+    }
+    from.push(vec![0; bins]);
+    for i in 1..costs.len() {
+        let (next, best) = viterbi_step(&total, &costs[i], steps[i - 1], bin_rad, reach);
+        total = next;
+        from.push(best);
+    }
+    let last = match start {
+        Some(s) if costs.len() > 1 => {
+            let (closing, best) = viterbi_step(
+                &total,
+                &vec![0.0; bins],
+                steps[costs.len() - 1],
+                bin_rad,
+                reach,
+            );
+            if closing[s].is_finite() {
+                best[s] as usize
+            } else {
+                argmin(&total)
+            }
+        }
+        _ => argmin(&total),
+    };
+    let mut chosen = vec![last; costs.len()];
+    for i in (1..costs.len()).rev() {
+        chosen[i - 1] = from[i][chosen[i]] as usize;
+    }
+    chosen
+}
+
+fn viterbi_step(
+    total: &[f32],
+    costs: &[f32],
+    step_mm: f64,
+    bin_rad: f64,
+    reach: usize,
+) -> (Vec<f32>, Vec<u16>) {
+    let bins = total.len();
+    let turn: Vec<f32> = (0..=reach)
+        .map(|n| (TURN_WEIGHT * (n as f64 * bin_rad).powi(2) / step_mm) as f32)
+        .collect();
+    let mut next = vec![f32::INFINITY; bins];
+    let mut best = vec![0u16; bins];
+    for bin in 0..bins {
+        for (n, &cost) in turn.iter().enumerate() {
+            for other in [(bin + n) % bins, (bin + bins - n) % bins] {
+                let found = total[other] + cost;
+                if found < next[bin] {
+                    next[bin] = found;
+                    best[bin] = other as u16;
+                }
+            }
+        }
+        next[bin] += costs[bin];
+    }
+    (next, best)
+}
+
+/// The bin in which a closed run should start: run one and a half laps and look at the middle.
+pub fn closed_start(costs: &[Vec<f32>], steps: &[f64], bin_rad: f64) -> Option<usize> {
+    let count = costs.len();
+    let tail = (count / 2).min(400);
+    let order: Vec<usize> = (count - tail..count)
+        .chain(0..(tail + 1).min(count))
+        .collect();
+    let lap: Vec<Vec<f32>> = order.iter().map(|&i| costs[i].clone()).collect();
+    let lap_steps: Vec<f64> = order.iter().map(|&i| steps[i]).collect();
+    let chosen = viterbi(&lap, &lap_steps, bin_rad, None);
+    chosen.get(tail).copied()
+}
+
+fn argmin(values: &[f32]) -> usize {
+    (0..values.len()).fold(0, |best, i| if values[i] < values[best] { i } else { best })
+}
+
+/// Bins to unwrapped angles, each step the shorter way round.
+pub fn unwrap_bins(chosen: &[usize], bins: usize, bin_rad: f64) -> Vec<f64> {
+    let mut headings = Vec::with_capacity(chosen.len());
+    let mut last = chosen[0] as i64;
+    let bins = bins as i64;
+    for &bin in chosen {
+        let mut delta = (bin as i64 - last).rem_euclid(bins);
+        if delta > bins / 2 {
+            delta -= bins;
+        }
+        last += delta;
+        headings.push(last as f64 * bin_rad);
+    }
+    headings
+}
