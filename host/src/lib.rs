@@ -39,7 +39,7 @@ use crate::job::SegmentStream;
 use crate::part_transform::{PartTransform, PlaceError};
 use crate::plan::build_route::{PlanePass, build_route};
 use crate::plan::contour::{Contour, ContourError, SIMPLIFY_MM};
-use crate::plan::infill::{infill_lines, swept_area_mm2};
+use crate::plan::infill::{infill_passes, swept_area_mm2};
 use crate::plan::joint_limits::MotionError;
 use crate::plan::keep_out::{cleared, taken};
 use crate::plan::layer_path::pass_curves;
@@ -239,7 +239,7 @@ fn plan_region(region: &Region, settings: &Settings) -> Result<RegionPlan, PlanE
             let walls = infill.walls as usize;
             let (mut passes, rings) = outer_passes(&contour.region, &axis, &how, walls);
             let open = filled(rings.iter(), FillRule::Positive);
-            passes.extend(infill_lines(&open, &how.aperture, infill, how.overlap));
+            passes.extend(infill_passes(&open, infill, &how));
             (passes, open)
         }
     };

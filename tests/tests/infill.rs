@@ -1,5 +1,5 @@
 //! Goal: walls with lines inside: the lines cover the share that was asked, the walls all of their
-//! band, nothing leaves the outline. Method: the finished segments by the layer oracle, which knows
+//! band, nothing leaves the outline; a brim covers its own ring. Method: the finished segments by the layer oracle, which knows
 //! only the knots; windows of the plate in which the share follows from the spacing alone.
 
 use headway::geometry::Point2;
@@ -16,21 +16,22 @@ fn rectangle(low: [f64; 2], high: [f64; 2]) -> Vec<[f64; 2]> {
     vec![low, [high[0], low[1]], high, [low[0], high[1]]]
 }
 
-/// A plate of 40 x 30 mm about the origin.
-fn planned(density_pct: f64, angle_deg: f64) -> (Plan, Settings) {
+fn target(points: &[[f64; 2]]) -> Target {
     let exterior = Ring {
-        points: rectangle([-20.0, -15.0], [20.0, 15.0])
-            .into_iter()
-            .map(Point2::from)
-            .collect(),
+        points: points.iter().copied().map(Point2::from).collect(),
     };
-    let target = Target {
-        name: "plate".to_string(),
+    Target {
+        name: "part".to_string(),
         regions: vec![Region {
             exterior,
             holes: Vec::new(),
         }],
-    };
+    }
+}
+
+/// A plate of 40 x 30 mm about the origin.
+fn planned(density_pct: f64, angle_deg: f64) -> (Plan, Settings) {
+    let target = target(&rectangle([-20.0, -15.0], [20.0, 15.0]));
     let settings = Settings {
         infill: Some(Infill {
             walls: 2,
@@ -120,4 +121,55 @@ fn a_solid_inside_is_covered_by_lines_across_their_travel() {
 
 fn across_of(along_rad: f64) -> headway::geometry::Vector2 {
     headway::geometry::Vector2::new(-along_rad.sin(), along_rad.cos())
+}
+
+/// An L whose arms are 7.4 mm wide: two walls leave strips of 2.5 mm, too narrow for lines at 45°.
+#[test]
+fn narrow_ground_is_filled_in_loops() {
+    let l = [
+        [0.0, 0.0],
+        [30.0, 0.0],
+        [30.0, 7.4],
+        [7.4, 7.4],
+        [7.4, 25.0],
+        [0.0, 25.0],
+    ];
+    let settings = Settings {
+        infill: Some(Infill::solid(2)),
+        ..Settings::default()
+    };
+    let plan = plan_target(&target(&l), &settings).expect("a plan");
+    let (share, outside_mm) = covered(&plan, &vec![l.to_vec()]);
+    assert!(share > 99.0, "{share}");
+    assert!(outside_mm < 0.002, "{outside_mm}");
+    let passes = &plan.regions[0].passes;
+    assert!(passes.iter().all(|pass| pass.kind != PassKind::Infill));
+    assert!(plan.infill_area_mm2().is_some());
+}
+
+/// A brim lies around the part and against it, and counts for nothing in the part's own figures.
+/// The oracle sweeps a ring about the part: what the brim covers of it.
+#[test]
+fn a_brim_covers_its_ring_and_not_the_figures() {
+    let plate = rectangle([-8.0, -6.0], [8.0, 6.0]);
+    let bare = plan_target(&target(&plate), &Settings::default()).expect("a plan");
+    let mut settings = Settings::default();
+    settings.skirt.brim_loops = 2;
+    let brimmed = plan_target(&target(&plate), &settings).expect("a plan");
+    // The corners of the brim are round: a cross of four sides.
+    for side in [
+        rectangle([-7.0, -8.4], [7.0, -6.0]),
+        rectangle([8.0, -5.0], [10.4, 5.0]),
+    ] {
+        let (share, _) = covered(&brimmed, &vec![side]);
+        assert!(share > 98.5, "{share}");
+    }
+    let (with, without) = (&brimmed.figures, &bare.figures);
+    assert!((with.covered_pct - without.covered_pct).abs() < 0.2);
+    assert!(with.outside_depth_mm < 0.002);
+    assert!((with.area_mm2 - 192.0).abs() < 1e-6);
+    // Once around at 0.6 mm, once at 1.8 mm.
+    let around_mm = 2.0 * 56.0 + std::f64::consts::TAU * (0.6 + 1.8);
+    assert!((with.skirt_mm - around_mm).abs() < 6.0, "{}", with.skirt_mm);
+    assert_eq!(without.skirt_mm, 0.0);
 }

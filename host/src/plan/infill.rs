@@ -10,12 +10,14 @@
 
 use super::contacts::Contact;
 use super::heading_profile::Placement;
-use super::passes::{LayerPass, PassKind};
+use super::medial_axis::{AxisOptions, MedialAxis};
+use super::passes::{LayerPass, PassKind, PassSettings, passes};
+use super::skeleton::Axis;
 use crate::geometry::aperture::Aperture;
 use crate::geometry::clearance::Configuration;
 use crate::geometry::coverage::{Cell, Coverage};
 use crate::geometry::edge_index::{Edge, EdgeIndex};
-use crate::geometry::polygon::{Box2, Region};
+use crate::geometry::polygon::{Box2, Region, Ring};
 use crate::geometry::{Point2, Vector2};
 use crate::settings::Infill;
 use rayon::prelude::*;
@@ -32,6 +34,48 @@ const STEP_SHARE: f64 = 2.0;
 const ROWS_MAX: f64 = 1e6;
 /// Rounds of the search for the end of a blocked interval: to 1e-9 of the edge.
 const SEARCH_ROUNDS: usize = 48;
+
+/// Mean width of ground, against a, below which a solid infill is laid in loops: lines across it
+/// would be little more than their two ends.
+const LOOPS_SHARE: f64 = 6.0;
+
+/// Everything that covers the ground inside the walls: lines, and loops where a solid infill has too
+/// little room for lines.
+pub fn infill_passes(
+    regions: &[Region],
+    infill: &Infill,
+    settings: &PassSettings,
+) -> Vec<LayerPass> {
+    let (mut for_lines, mut found) = (Vec::new(), Vec::new());
+    for region in regions {
+        let loops = if infill.is_solid() && is_narrow(region, &settings.aperture) {
+            loops_of(region, settings)
+        } else {
+            Vec::new()
+        };
+        if loops.is_empty() {
+            for_lines.push(region.clone());
+        }
+        found.extend(loops);
+    }
+    let lines = infill_lines(&for_lines, &settings.aperture, infill, settings.overlap);
+    found.extend(lines);
+    found
+}
+
+/// Twice the area over the perimeter: the width of a strip.
+fn is_narrow(region: &Region, aperture: &Aperture) -> bool {
+    let perimeter_mm: f64 = region.rings().map(Ring::perimeter_mm).sum();
+    2.0 * region.area_mm2() < LOOPS_SHARE * aperture.major_mm() * perimeter_mm
+}
+
+/// The ground filled along its outline; nothing where it has no medial axis.
+fn loops_of(region: &Region, settings: &PassSettings) -> Vec<LayerPass> {
+    let walls = EdgeIndex::of_region(region, settings.aperture.major_mm());
+    MedialAxis::of_edges(&walls, &AxisOptions::default())
+        .map(|axis| passes(region, &Axis::of_medial_axis(&axis), settings))
+        .unwrap_or_default()
+}
 
 /// The lines of an infill.
 struct Lines<'a> {
@@ -50,7 +94,7 @@ struct Row {
 }
 
 /// Lines over the regions; `overlap` is the wanted overlap of neighbours, share of the bead width.
-pub fn infill_lines(
+fn infill_lines(
     regions: &[Region],
     aperture: &Aperture,
     infill: &Infill,
@@ -296,7 +340,6 @@ pub fn swept_area_mm2(raster: &Coverage, regions: &[Region]) -> [f64; 2] {
 mod tests {
     use super::*;
     use crate::geometry::clearance::scaled_clearance;
-    use crate::geometry::polygon::Ring;
 
     const ELLIPSE: Aperture = Aperture::Ellipse {
         major_mm: 0.6,
