@@ -201,6 +201,58 @@ fn headings_writes_the_contract_s_columns() {
     assert_eq!(summary["samples"], rows.len());
 }
 
+/// Walls, lines, loops around, keep-outs and seams, all at once: figures and pictures show them,
+/// the job reads back, and is the same for any number of threads.
+#[test]
+fn what_is_inside_and_around_is_in_the_job() {
+    let folder = folder("around");
+    let clamp = folder.join("clamp.json");
+    let text = r#"{"units":"mm","exterior":[[13,-3],[16,-3],[16,5],[13,5]]}"#;
+    std::fs::write(&clamp, text).expect("file");
+    let bracket = example("bracket.json");
+    let options = [
+        "--walls",
+        "2",
+        "--infill-density",
+        "40",
+        "--brim",
+        "1",
+        "--skirt",
+        "1",
+        "--avoid-crossing",
+        "--seam",
+        "sharpest",
+        "--keep-out",
+        path(&clamp),
+    ];
+    let job = folder.join("bracket.hwj");
+    let again = folder.join("again.hwj");
+    let plan = |output| [&["plan", &bracket, "--json", "-o", output][..], &options].concat();
+    let figures = object(&headway(&plan(path(&job))));
+    succeeded(&headway_with("1", &plan(path(&again))));
+    let bytes = std::fs::read(&job).expect("job");
+    assert!(bytes == std::fs::read(&again).expect("job"), "threads");
+    let number = |key: &str| figures[key].as_f64().expect(key);
+    assert!(number("skirt_mm") > 150.0 && number("print_mm") > number("skirt_mm"));
+    assert!(number("infill_covered_pct") > 15.0 && number("infill_covered_pct") < 40.0);
+    assert!(number("kept_out_mm2") > 10.0 && number("outside_depth_mm") < 0.002);
+    let report = folder.join("report");
+    let simulate = ["simulate", &bracket, "--json", "--report", path(&report)];
+    let direct = object(&headway(&[&simulate[..], &options].concat()));
+    let read_back = object(&headway(&["simulate", path(&job), "--json"]));
+    assert_eq!(direct["step_digest"], read_back["step_digest"]);
+    let picture = std::fs::read_to_string(report.join("plan.svg")).expect("picture");
+    for name in ["infill", "skirt and brim", "keep-out"] {
+        assert!(picture.contains(name), "{name}");
+    }
+    let run = example("gear-6axis.wpt");
+    let machine = example("machines/free-gantry.toml");
+    let waypoints = headway(&["simulate", &run, "-m", &machine, "--brim", "2"]);
+    assert_eq!(waypoints.status.code(), Some(2), "{}", stderr(&waypoints));
+    assert!(stderr(&waypoints).contains("--brim goes with outlines"));
+    std::fs::remove_dir_all(folder).expect("clean up");
+}
+
 /// Plan, look, export, simulate: the same job all along, and for any number of threads.
 #[test]
 fn a_job_is_the_same_wherever_it_goes() {

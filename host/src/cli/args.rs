@@ -131,8 +131,14 @@ pub(super) struct SettingsArgs {
     #[arg(long, value_name = "N")]
     pub brim: Option<u32>,
     /// Travel stays inside the part where there is a way.
-    #[arg(long)]
-    pub avoid_crossing: bool,
+    #[arg(
+        long,
+        value_name = "BOOL",
+        num_args = 0..=1,
+        require_equals = true,
+        default_missing_value = "true"
+    )]
+    pub avoid_crossing: Option<bool>,
     /// Where loops begin and end.
     #[arg(long, value_enum, value_name = "PLACE")]
     pub seam: Option<SeamName>,

@@ -58,7 +58,7 @@ pub(super) fn settings(args: &SettingsArgs) -> Result<Settings, CliError> {
         settings.overlap_pct = overlap_pct;
     }
     settings.infill = infill(args, settings.infill)?;
-    settings.avoid_crossing |= args.avoid_crossing;
+    settings.avoid_crossing = args.avoid_crossing.unwrap_or(settings.avoid_crossing);
     if let Some(seam) = args.seam {
         settings.seam.place = match seam {
             SeamName::Nearest => SeamPlace::Nearest,
@@ -202,6 +202,22 @@ pub(super) fn target(
             InputError::PathNotOutline
         ))),
     }
+}
+
+/// The first option given that only outlines know: a run of waypoints is followed as it is.
+pub(super) fn outline_option(args: &SettingsArgs, keep_out: Option<&Path>) -> Option<&'static str> {
+    let given = [
+        ("--walls", args.walls.is_some()),
+        ("--skirt", args.skirt.is_some()),
+        ("--brim", args.brim.is_some()),
+        ("--avoid-crossing", args.avoid_crossing.is_some()),
+        ("--seam", args.seam.is_some()),
+        ("--keep-out", keep_out.is_some()),
+    ];
+    given
+        .iter()
+        .find(|(_, given)| *given)
+        .map(|(name, _)| *name)
 }
 
 /// Reads keep-outs with the input's units and scale; none without a file.

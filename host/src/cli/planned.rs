@@ -45,15 +45,16 @@ pub(super) fn from_input(
     settings: &SettingsArgs,
     console: &Console,
 ) -> Result<Planned, CliError> {
+    let outline_option = load::outline_option(settings, place.keep_out.as_deref());
     let mut settings = load::settings(settings)?;
     settings.at_mm = place.at.as_deref().map(load::parse_at).transpose()?;
     let input = load::input(path, reading, settings.tolerances.flatten_mm, console)?;
     let keep_out = place.keep_out.as_deref();
-    let keep_out = load::keep_out(keep_out, reading, settings.tolerances.flatten_mm, console)?;
-    if matches!(input, Input::Path(_)) && !keep_out.is_empty() {
-        let problem = "--keep-out goes with outlines: waypoints are followed as they are";
-        return Err(CliError::Usage(problem.to_string()));
+    if let (Input::Path(_), Some(option)) = (&input, outline_option) {
+        let problem = format!("{option} goes with outlines: waypoints are followed as they are");
+        return Err(CliError::Usage(problem));
     }
+    let keep_out = load::keep_out(keep_out, reading, settings.tolerances.flatten_mm, console)?;
     let bar = console.stage("planning");
     let begun = Instant::now();
     let planned = match &input {
