@@ -31,6 +31,7 @@ pub mod kinematics;
 pub mod load;
 pub mod machine;
 pub mod motion;
+pub mod octopus;
 pub mod output;
 pub mod pose;
 pub mod queue;

@@ -1,7 +1,7 @@
 //! The whole controller, sans IO: what a board and the simulator drive.
 //!
 //! ```text
-//! bytes -> receiver -> motion (queue, time warp, joints, flow) -> step engine -> step pins
+//! bytes -> receiver -> motion (queue, time warp, joints, flow) -> step player -> step pins
 //! bytes <- reports  <-
 //! ```
 //! Call order: [`Machine::handle_bytes`] whenever bytes arrive; every servo period
@@ -16,15 +16,15 @@ use crate::inputs::Inputs;
 use crate::motion::Motion;
 use crate::output::StepOutput;
 use crate::receiver::Receiver;
-use crate::steps::StepEngine;
+use crate::steps::{StepEngine, StepPlayer};
 use headway_protocol::message::{Fault, FaultCause};
 
-/// Receiver, motion and step engine.
+/// Receiver, motion and step player.
 #[derive(Clone, Debug)]
 pub struct Machine {
     receiver: Receiver,
     motion: Motion,
-    engine: StepEngine,
+    player: StepPlayer,
     overruns: u32,
 }
 
@@ -54,14 +54,14 @@ impl Machine {
         Ok(Self {
             receiver: Receiver::new(configuration, session),
             motion: Motion::new(configuration, switches),
-            engine: StepEngine::new(configuration.interval_ticks()),
+            player: StepPlayer::new(configuration.interval_ticks()),
             overruns: 0,
         })
     }
 
     /// The parts, for boards where each lives in an interrupt of its own.
     pub fn into_parts(self) -> (Receiver, Motion, StepEngine) {
-        (self.receiver, self.motion, self.engine)
+        (self.receiver, self.motion, self.player.into_engine())
     }
 
     /// Takes bytes from the line.
@@ -81,41 +81,37 @@ impl Machine {
 
     /// One servo tick: the next interval's steps.
     pub fn servo_tick(&mut self) {
-        if self.engine.overruns() != self.overruns {
+        if self.player.overruns() != self.overruns {
             self.note_overrun();
             self.stop_if_due();
         }
-        match self.motion.tick() {
-            Some(program) => self.engine.load(program),
-            None => self.stop_if_due(),
+        if self.motion.tick(self.player.idle_bank()) {
+            self.player.hand_over();
+        } else {
+            self.stop_if_due();
         }
     }
 
     /// One step tick.
     #[inline]
     pub fn step_tick<O: StepOutput>(&mut self, output: &mut O) {
-        self.engine.tick(output);
+        self.player.tick(output);
     }
 
     /// One servo tick and all its step ticks.
     pub fn run_servo_interval<O: StepOutput>(&mut self, output: &mut O) {
         self.servo_tick();
-        self.engine.run_interval(output);
+        self.player.run_interval(output);
     }
 
     /// The step ticks of an interval whose servo tick was made, at once.
     pub fn run_step_interval<O: StepOutput>(&mut self, output: &mut O) {
-        self.engine.run_interval(output);
+        self.player.run_interval(output);
     }
 
     /// Step ticks of a servo interval.
     pub fn interval_ticks(&self) -> u32 {
-        self.engine.interval_ticks()
-    }
-
-    /// True if a motor turns round within the interval that plays now.
-    pub fn step_interval_reverses(&self) -> bool {
-        self.engine.reverses()
+        self.player.interval_ticks()
     }
 
     /// Writes the next report frame into `out` (at least `FRAME_BYTES_MAX` long) and returns its
@@ -137,13 +133,13 @@ impl Machine {
 
     fn stop_if_due(&mut self) {
         if self.motion.take_stop() {
-            let stopped = self.engine.stop();
+            let stopped = self.player.stop();
             self.motion.engine_stopped(&stopped);
         }
     }
 
     fn note_overrun(&mut self) {
-        self.overruns = self.engine.overruns();
+        self.overruns = self.player.overruns();
         // The engine has nothing to play before the first servo tick, and after a stop.
         if !self.motion.is_at_rest() {
             self.motion.fail_at_once(Fault {

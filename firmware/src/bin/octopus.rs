@@ -22,15 +22,19 @@ use defmt_rtt as _;
 #[path = "shared/octopus_pins.rs"]
 mod pins;
 #[cfg(target_os = "none")]
+#[path = "shared/octopus_ports.rs"]
+mod ports;
+#[cfg(target_os = "none")]
 #[path = "shared/runtime.rs"]
 mod runtime;
 
 #[cfg(target_os = "none")]
-use pins::Pins as Output;
+use board::{Output, pend_stop};
 
 #[cfg(target_os = "none")]
 mod board {
-    use crate::pins::{self, Pins};
+    use crate::pins;
+    use crate::ports::DriverPorts;
     use crate::runtime::{self, Outgoing, with_motion};
     use core::sync::atomic::{AtomicU8, AtomicUsize, Ordering};
     use cortex_m::peripheral::{NVIC, Peripherals, SYST};
@@ -38,6 +42,8 @@ mod board {
     use headway_firmware::boards::octopus_machine;
     use headway_firmware::inputs::Inputs;
     use headway_firmware::machine::Machine;
+    use headway_firmware::octopus::SERIAL;
+    use headway_firmware::output::PortOutput;
     use headway_firmware::receiver::Receiver;
     use headway_protocol::message::{Fault, FaultCause};
     use stm32f4xx_hal::otg_fs::{USB, UsbBus};
@@ -46,6 +52,8 @@ mod board {
     use stm32f4xx_hal::rcc::Config;
     use usb_device::prelude::*;
     use usbd_serial::SerialPort;
+
+    pub type Output = PortOutput<DriverPorts>;
 
     const CORE_HZ: u32 = 168_000_000;
     /// Of the upper four priority bits: below the steps, above the servo.
@@ -60,7 +68,6 @@ mod board {
 
     #[exception]
     fn SysTick() {
-        pins::lower();
         runtime::step_interrupt();
     }
 
@@ -76,13 +83,17 @@ mod board {
         }
     }
 
-    /// The emergency input has opened. A spike shorter than the way into here is ignored.
+    /// The emergency input has opened, or a stop is asked for. A spike of the input shorter than the
+    /// way into here is ignored.
     #[interrupt]
     fn EXTI9_5() {
         emergency_input::clear();
-        if pins::emergency() {
-            runtime::emergency_interrupt();
-        }
+        runtime::stop_interrupt(pins::emergency());
+    }
+
+    /// Asks for the stop interrupt.
+    pub fn pend_stop() {
+        NVIC::pend(Interrupt::EXTI9_5);
     }
 
     mod emergency_input {
@@ -271,7 +282,7 @@ mod board {
         rcc.apb1enr().modify(|_, w| w.usart2en().set_bit());
         rcc.apb2enr().modify(|_, w| w.syscfgen().set_bit());
         pins::set_up(motors);
-        for pin in pins::SERIAL {
+        for pin in SERIAL {
             pins::alternate(pin, 7);
         }
         serial::set_up();
@@ -289,7 +300,6 @@ mod board {
             core.SCB.vtor.write(core::ptr::addr_of!(VECTORS) as u32);
         }
         let (usb, by_watchdog) = set_up_chip(pac::Peripherals::take()?, motors);
-        let interval_ticks = configuration.interval_ticks();
         let clocks = CORE_HZ.checked_div(configuration.step_hz)?;
         // Differs from start to start as far as anything here can: the oscillators drift.
         let session = SYST::get_current()
@@ -299,15 +309,16 @@ mod board {
                 0x0c70_0000
             };
         let machine = Machine::with_switches(&configuration, &switches, session).ok()?;
-        let output = Pins::new(motors, 0);
-        let receiver = runtime::start(
-            machine,
-            output,
-            interval_ticks,
-            clocks,
-            &mut core.SCB,
-            &mut core.SYST,
-        );
+        let output = PortOutput::new(DriverPorts::new(pins::PORTS), motors, 0);
+        // SAFETY: what these interrupts use is set up, or not looked at before it is; no lock relies
+        // on their being off.
+        unsafe {
+            core.NVIC.set_priority(Interrupt::EXTI9_5, 0);
+            core.NVIC.set_priority(Interrupt::USART2, SERIAL_PRIORITY);
+            NVIC::unmask(Interrupt::EXTI9_5);
+            NVIC::unmask(Interrupt::USART2);
+        }
+        let receiver = runtime::start(machine, output, clocks, &mut core.SCB, &mut core.SYST);
         if by_watchdog {
             with_motion(|motion| {
                 motion.fail_softly(Fault {
@@ -317,14 +328,8 @@ mod board {
                 });
             });
         }
-        // SAFETY: what these interrupts use is set up; no lock relies on their being off.
-        unsafe {
-            core.NVIC.set_priority(Interrupt::EXTI9_5, 0);
-            core.NVIC.set_priority(Interrupt::USART2, SERIAL_PRIORITY);
-            NVIC::unmask(Interrupt::EXTI9_5);
-            NVIC::unmask(Interrupt::USART2);
-            cortex_m::interrupt::enable();
-        }
+        // SAFETY: as above; the bootloader may have left them off.
+        unsafe { cortex_m::interrupt::enable() }
         watchdog::start(WATCHDOG_MS);
         let memory = cortex_m::singleton!(: [u32; 320] = [0; 320])?;
         let bus = UsbBus::new(usb, memory);

@@ -21,11 +21,12 @@ use defmt_semihosting as _;
 mod runtime;
 
 #[cfg(target_os = "none")]
-use board::Trace as Output;
+use board::{Trace as Output, pend_stop};
 
 #[cfg(target_os = "none")]
 mod board {
-    use crate::runtime::{self, Outgoing, with_motion, with_stepping};
+    use crate::runtime::{self, Outgoing, with_motion, with_output};
+    use core::sync::atomic::{AtomicI32, AtomicU32, Ordering};
     use cortex_m::peripheral::{NVIC, Peripherals};
     use cortex_m_rt::exception;
     use cortex_m_semihosting::{debug, hprintln};
@@ -42,6 +43,8 @@ mod board {
     const CLOCKS_PER_STEP_TICK: u32 = 125;
     /// 200 kHz / 2 kHz.
     const INTERVAL_TICKS: u32 = 100;
+    /// No emergency so far.
+    const NEVER: u32 = u32::MAX;
     const SESSION: u32 = 1;
     /// Servo ticks that the link is still served after the end, so that the host hears of it.
     const LINGER_TICKS: u64 = 2000;
@@ -85,19 +88,21 @@ mod board {
         }
     }
 
+    /// Step tick at which the stream began: where digests count from.
+    static ORIGIN_TICK: AtomicU32 = AtomicU32::new(0);
+    /// Last tick with a step, and that of the emergency.
+    static LAST_TICK: AtomicU32 = AtomicU32::new(0);
+    static EMERGENCY_TICK: AtomicU32 = AtomicU32::new(NEVER);
+    /// Servo ticks that would not have fed a watchdog.
+    static UNFED: AtomicU32 = AtomicU32::new(0);
+    /// Steps forward less steps back since start-up.
+    static PLACES: [AtomicI32; MOTORS_MAX] = [const { AtomicI32::new(0) }; MOTORS_MAX];
+
     /// Follows every step: the digest that the simulator makes, too, and where carriages would be.
     pub struct Trace {
         directions: u8,
-        pub origin_tick: u64,
         digest: u64,
         steps: u32,
-        last_tick: u64,
-        /// Tick of the emergency, once there was one.
-        emergency_tick: Option<u64>,
-        /// Servo ticks that would not have fed a watchdog.
-        unfed: u32,
-        /// Steps forward less steps back since start-up.
-        places: [i32; MOTORS_MAX],
     }
 
     impl StepOutput for Trace {
@@ -105,26 +110,29 @@ mod board {
             self.directions = directions;
         }
         fn step(&mut self, tick: u64, motors: u8) {
-            self.last_tick = tick;
-            let tick = tick.wrapping_sub(self.origin_tick);
-            for (motor, place) in (0..8u64).zip(&mut self.places) {
+            LAST_TICK.store(tick as u32, Ordering::Relaxed);
+            let tick = (tick as u32).wrapping_sub(ORIGIN_TICK.load(Ordering::Relaxed));
+            for (motor, place) in (0..8u64).zip(&PLACES) {
                 if motors >> motor & 1 == 1 {
                     let forward = u64::from(self.directions >> motor & 1);
-                    let word = tick << 4 | motor << 1 | forward;
+                    let word = u64::from(tick) << 4 | motor << 1 | forward;
                     let mixed = (self.digest ^ word).wrapping_mul(0x9e37_79b9_7f4a_7c15);
                     self.digest = mixed ^ mixed >> 29;
                     self.steps += 1;
-                    *place += if forward == 1 { 1 } else { -1 };
+                    let there = place.load(Ordering::Relaxed);
+                    let step = if forward == 1 { 1 } else { -1 };
+                    place.store(there + step, Ordering::Relaxed);
                 }
             }
         }
     }
 
     /// Switches that the carriages would press, by where the steps have brought them.
-    fn switches(places: &[i32; MOTORS_MAX]) -> u8 {
+    fn switches() -> u8 {
         let mut pressed = 0;
         for (joint, towards_max, at_steps) in EMULATED_SWITCHES_STEPS {
-            let place = places.get(usize::from(joint)).copied().unwrap_or(0);
+            let place = PLACES.get(usize::from(joint));
+            let place = place.map_or(0, |place| place.load(Ordering::Relaxed));
             let beyond = if towards_max {
                 place >= at_steps
             } else {
@@ -142,29 +150,32 @@ mod board {
 
     #[exception]
     fn PendSV() {
-        let places = with_stepping(|stepping| stepping.output.places).unwrap_or_default();
         let done = runtime::servo_interrupt(Inputs {
-            switches: switches(&places),
+            switches: switches(),
             emergency: false,
         });
         // There is no watchdog to feed: what it would not have been fed is counted.
-        with_stepping(|stepping| stepping.output.unfed += u32::from(!done.healthy));
+        let unfed = UNFED.load(Ordering::Relaxed) + u32::from(!done.healthy);
+        UNFED.store(unfed, Ordering::Relaxed);
         if let Some(start) = done.stream_start_ticks {
-            let interval = u64::from(INTERVAL_TICKS);
-            with_stepping(|stepping| stepping.output.origin_tick = start * interval);
+            ORIGIN_TICK.store(start as u32 * INTERVAL_TICKS, Ordering::Relaxed);
         }
     }
 
-    /// Every other interrupt: there is only the button.
+    /// Every other interrupt: the button, or a stop that was asked for.
     #[exception]
     unsafe fn DefaultHandler(_number: i16) {
-        let _ = BUTTON.receive();
+        let pressed = BUTTON.receive().is_some();
         BUTTON.write(INTERRUPT, 2);
-        runtime::emergency_interrupt();
-        with_stepping(|stepping| {
-            let now = stepping.engine.now_tick();
-            stepping.output.emergency_tick.get_or_insert(now);
-        });
+        runtime::stop_interrupt(pressed);
+        if pressed && EMERGENCY_TICK.load(Ordering::Relaxed) == NEVER {
+            EMERGENCY_TICK.store(runtime::now_tick() as u32, Ordering::Relaxed);
+        }
+    }
+
+    /// Asks for the stop interrupt.
+    pub fn pend_stop() {
+        NVIC::pend(Button);
     }
 
     fn serve(mut receiver: Receiver) -> bool {
@@ -193,14 +204,12 @@ mod board {
 
     /// Prints what happened; true if it went well.
     fn report() -> bool {
-        let trace = with_stepping(|stepping| {
-            let trace = &stepping.output;
-            let late = trace
-                .emergency_tick
-                .map_or(0, |tick| trace.last_tick as i64 - tick as i64);
-            (trace.digest, trace.steps, late, trace.unfed)
-        });
-        let (digest, steps, late, unfed) = trace.unwrap_or((0, 0, 0, 0));
+        let trace = with_output(|trace| (trace.digest, trace.steps));
+        let (digest, steps) = trace.unwrap_or((0, 0));
+        let late = match EMERGENCY_TICK.load(Ordering::Relaxed) {
+            NEVER => 0,
+            tick => LAST_TICK.load(Ordering::Relaxed).wrapping_sub(tick) as i32,
+        };
         with_motion(|motion| {
             let mut counts = motion.counts();
             let counts = counts.get_mut(..motion.motors()).unwrap_or_default();
@@ -218,7 +227,7 @@ mod board {
                 u8::from(motion.fault().is_some()),
                 late,
                 motion.drivers_on(),
-                unfed,
+                UNFED.load(Ordering::Relaxed),
                 "}"
             );
             motion.fault().is_none()
@@ -244,18 +253,12 @@ mod board {
         }
         let output = Trace {
             directions: 0,
-            origin_tick: 0,
             digest: 0xcbf2_9ce4_8422_2325,
             steps: 0,
-            last_tick: 0,
-            emergency_tick: None,
-            unfed: 0,
-            places: [0; MOTORS_MAX],
         };
         let receiver = runtime::start(
             machine,
             output,
-            INTERVAL_TICKS,
             CLOCKS_PER_STEP_TICK,
             &mut peripherals.SCB,
             &mut peripherals.SYST,

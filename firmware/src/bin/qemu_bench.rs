@@ -1,8 +1,8 @@
 //! Instruction counts and stack of the hot paths on an emulated Cortex-M4F (Arm MPS2 AN386, QEMU).
 //!
-//! Plays a job through the real machine, as fast as it goes, and times every servo tick and a share
-//! of the step ticks with a hardware timer, each in a function with the entry and exit code of an
-//! interrupt. With `-icount shift=6` an instruction takes 64 ns of virtual time and the 25 MHz timer
+//! Plays a job through the boards' runtime, as fast as it goes, and times every servo tick and a
+//! share of the step ticks with a hardware timer, each in a function with the entry and exit code of
+//! an interrupt; the port writes are those of the octopus board. With `-icount shift=6` an instruction takes 64 ns of virtual time and the 25 MHz timer
 //! ticks every 40 ns, so counts are exact to the instruction. The stack is painted before each call
 //! and looked at afterwards. Instructions are not cycles: QEMU has neither pipeline nor wait states.
 //!
@@ -17,11 +17,26 @@ fn main() {
 }
 
 #[cfg(target_os = "none")]
+#[path = "shared/octopus_ports.rs"]
+mod ports;
+#[cfg(target_os = "none")]
+#[path = "shared/runtime.rs"]
+mod runtime;
+
+#[cfg(target_os = "none")]
+use bench::{Output, pend_stop};
+
+#[cfg(target_os = "none")]
 mod bench {
+    use crate::ports::{DriverPorts, PORT_BYTES, SET_RESET};
+    use crate::runtime::{self, with_motion};
     use cortex_m_semihosting::{debug, hprintln, syscall};
-    use headway_firmware::configuration::MachineConfiguration;
+    use headway_firmware::configuration::{MOTORS_MAX, MachineConfiguration};
+    use headway_firmware::inputs::Inputs;
     use headway_firmware::machine::Machine;
-    use headway_firmware::output::StepOutput;
+    use headway_firmware::octopus::DIRECTION;
+    use headway_firmware::output::PortOutput;
+    use headway_firmware::receiver::Receiver;
     use headway_protocol::frame::FRAME_BYTES_MAX;
     use headway_protocol::knot_block::KNOTS_PER_BLOCK_MAX;
     use headway_protocol::message::DeviceState;
@@ -58,71 +73,28 @@ mod bench {
         (before.wrapping_sub(after) * TIMER_TICK_NS + INSTRUCTION_NS / 2) / INSTRUCTION_NS
     }
 
-    /// Where the emulated ports are: four registers, as the octopus board's step pins lie on four.
-    static mut PORTS: [u32; 5] = [0; 5];
+    pub type Output = PortOutput<DriverPorts>;
 
-    #[inline(always)]
-    fn write(port: usize, word: u32) {
-        // SAFETY: one context; the index is a constant at every call.
+    /// The ports of the octopus board, as far from each other, in a memory that nothing else uses.
+    const PORTS: usize = 0x2100_0000;
+
+    fn port(port: usize) -> *mut u32 {
+        (PORTS + port * PORT_BYTES + SET_RESET) as *mut u32
+    }
+
+    /// True if direction pins were written since it was last asked: one port has no others.
+    fn take_turned() -> bool {
+        let turned = port(DIRECTION[7].0);
+        // SAFETY: as above.
         unsafe {
-            (&raw mut PORTS)
-                .cast::<u32>()
-                .add(port)
-                .write_volatile(word)
+            let word = turned.read_volatile();
+            turned.write_volatile(0);
+            word != 0
         }
     }
 
-    /// Bits of `motors` at the pins of one port, as in the octopus board's file.
-    macro_rules! port_bits {
-        ($motors:expr, $($motor:literal => $pin:literal),+) => {
-            $((($motors >> $motor & 1) << $pin))|+
-        };
-    }
-
-    /// Step and direction pins with the port writes of the octopus board.
-    struct Pins {
-        turned: bool,
-        inverted: u8,
-    }
-
-    #[inline(always)]
-    fn lower() {
-        write(0, (1 << 13 | 1 << 11 | 1 << 9) << 16);
-        write(1, (1 << 4 | 1) << 16);
-        write(2, 1 << 13 << 16);
-        write(3, (1 << 2 | 1 << 6) << 16);
-    }
-
-    impl StepOutput for Pins {
-        #[inline(always)]
-        fn set_directions(&mut self, directions: u8) {
-            self.turned = true;
-            lower();
-            let up = u32::from(directions ^ self.inverted);
-            let down = u32::from(!(directions ^ self.inverted));
-            write(
-                0,
-                port_bits!(up, 0 => 12, 4 => 10, 5 => 0)
-                    | port_bits!(down, 0 => 28, 4 => 26, 5 => 16),
-            );
-            write(
-                1,
-                port_bits!(up, 1 => 1, 2 => 3) | port_bits!(down, 1 => 17, 2 => 19),
-            );
-            write(2, port_bits!(up, 3 => 1) | port_bits!(down, 3 => 17));
-            write(3, port_bits!(up, 6 => 3) | port_bits!(down, 6 => 19));
-            write(4, port_bits!(up, 7 => 14) | port_bits!(down, 7 => 30));
-        }
-
-        #[inline(always)]
-        fn step(&mut self, _tick: u64, motors: u8) {
-            let motors = u32::from(motors);
-            write(0, port_bits!(motors, 0 => 13, 2 => 11, 4 => 9));
-            write(1, port_bits!(motors, 1 => 0, 3 => 4));
-            write(2, port_bits!(motors, 5 => 13));
-            write(3, port_bits!(motors, 6 => 2, 7 => 6));
-        }
-    }
+    /// A fault fails the bench: nothing has to stop.
+    pub fn pend_stop() {}
 
     /// The stack below the caller, painted.
     struct Paint {
@@ -193,25 +165,20 @@ mod bench {
 
     // Functions of their own, with the entry and exit code of an interrupt.
     #[inline(never)]
-    fn servo_tick(machine: &mut Machine) {
-        machine.servo_tick();
+    fn servo_tick() {
+        runtime::servo_interrupt(Inputs::default());
     }
 
-    /// As the boards' step interrupt: it ends the pulses, and pends the servo when its time has come.
     #[inline(never)]
-    fn step_tick(machine: &mut Machine, pins: &mut Pins, ticks_left: &mut u32) {
-        lower();
-        machine.step_tick(pins);
-        *ticks_left -= 1;
-        if *ticks_left == 0 {
-            *ticks_left = machine.interval_ticks();
-            write(4, 1 << 28);
+    fn step_tick() {
+        runtime::step_interrupt();
+    }
+
+    #[inline(never)]
+    fn handle(receiver: &mut Receiver, frame: &[u8]) {
+        for &byte in frame {
+            runtime::take_byte(receiver, byte);
         }
-    }
-
-    #[inline(never)]
-    fn handle(machine: &mut Machine, frame: &[u8]) {
-        machine.handle_bytes(frame);
     }
 
     /// The job's file, byte by byte.
@@ -266,13 +233,16 @@ mod bench {
     struct Host {
         file: File,
         frame: [u8; FRAME_BYTES_MAX],
+        receiver: Receiver,
     }
 
     impl Host {
-        fn serve(&mut self, machine: &mut Machine, count: &mut Count) {
-            let motion = machine.motion();
-            // Flow events come before their block, at most four.
-            if motion.knot_room() < KNOTS_PER_BLOCK_MAX || motion.event_room() < 8 {
+        fn serve(&mut self, count: &mut Count) {
+            let room = with_motion(|motion| {
+                // Flow events come before their block, at most four.
+                motion.knot_room() >= KNOTS_PER_BLOCK_MAX && motion.event_room() >= 8
+            });
+            if room != Some(true) {
                 return;
             }
             let mut length = 0;
@@ -288,34 +258,32 @@ mod bench {
             let frame = self.frame.get(..length).unwrap_or_default();
             let paint = Paint::new(6000);
             let before = now();
-            handle(machine, frame);
+            handle(&mut self.receiver, frame);
             let after = now();
             count.stack_bytes = count.stack_bytes.max(paint.used());
             count.note(instructions(before, after));
         }
     }
 
-    fn time_servo(machine: &mut Machine, empty: u32, count: &mut Count) {
+    fn time_servo(empty: u32, count: &mut Count) {
         let paint = Paint::new(500);
         let before = now();
-        servo_tick(machine);
+        servo_tick();
         let after = now();
         count.stack_bytes = count.stack_bytes.max(paint.used());
         count.note(instructions(before, after) - empty);
     }
 
-    fn time_steps(machine: &mut Machine, pins: &mut Pins, empty: u32, counts: &mut Counts) {
-        let mut ticks_left = machine.interval_ticks();
-        for _ in 0..machine.interval_ticks() {
-            let reverses = machine.step_interval_reverses();
-            pins.turned = false;
+    fn time_steps(interval_ticks: u32, empty: u32, counts: &mut Counts) {
+        for _ in 0..interval_ticks {
+            let reverses = runtime::interval_reverses();
+            take_turned();
             let paint = Paint::new(64);
             let before = now();
-            step_tick(machine, pins, &mut ticks_left);
+            step_tick();
             let after = now();
             let stack_bytes = paint.used();
-            let reversing = reverses || pins.turned;
-            let count = if reversing {
+            let count = if take_turned() || reverses {
                 &mut counts.step_reversing
             } else {
                 &mut counts.step
@@ -329,32 +297,37 @@ mod bench {
     fn run(counts: &mut Counts) -> Option<bool> {
         let mut file = File::open()?;
         let configuration = file.configuration()?;
-        let mut machine = Machine::new(&configuration, 1).ok()?;
-        let frame = [0; FRAME_BYTES_MAX];
-        let mut host = Host { file, frame };
-        let mut pins = Pins {
-            turned: false,
-            inverted: 0,
+        let machine = Machine::new(&configuration, 1).ok()?;
+        let interval_ticks = machine.interval_ticks();
+        // The runtime pends its interrupts; here they are called instead.
+        cortex_m::interrupt::disable();
+        let mut host = Host {
+            file,
+            frame: [0; FRAME_BYTES_MAX],
+            receiver: runtime::set_up(
+                machine,
+                PortOutput::new(DriverPorts::new(PORTS), MOTORS_MAX, 0),
+            ),
         };
         let empty = {
             let before = now();
             instructions(before, now())
         };
         for tick in 0..TICKS_MAX {
-            host.serve(&mut machine, &mut counts.link);
-            time_servo(&mut machine, empty, &mut counts.servo);
+            host.serve(&mut counts.link);
+            time_servo(empty, &mut counts.servo);
             // Reversals are few: all of them tick by tick, of the others a share.
-            if tick % TIMED_EVERY == 0 || machine.step_interval_reverses() {
-                time_steps(&mut machine, &mut pins, empty, counts);
+            if tick % TIMED_EVERY == 0 || runtime::interval_reverses() {
+                time_steps(interval_ticks, empty, counts);
             } else {
-                machine.run_step_interval(&mut pins);
+                (0..interval_ticks).for_each(|_| step_tick());
             }
-            if machine.motion().state() == DeviceState::Finished {
+            let finished = with_motion(|motion| motion.state() == DeviceState::Finished);
+            if finished == Some(true) {
                 break;
             }
         }
-        let motion = machine.motion();
-        Some(motion.fault().is_none() && motion.underruns() == 0)
+        with_motion(|motion| motion.fault().is_none() && motion.underruns() == 0)
     }
 
     #[cortex_m_rt::entry]

@@ -185,7 +185,6 @@ impl Motion {
 
     /// Goes on from where the engine was stopped.
     pub fn engine_stopped(&mut self, stopped: &Stopped) {
-        // If it fails the engine had not been given a program for long: it was at rest.
         self.programmer.recover(stopped);
     }
 }

@@ -25,7 +25,7 @@ use crate::inputs::{Inputs, SwitchGuard};
 use crate::interpolator::{Interpolator, TICK_Q16};
 use crate::joints::JointTargets;
 use crate::queue::KnotQueue;
-use crate::steps::{StepProgram, StepProgrammer, StepRateExceeded, Target};
+use crate::steps::{StepBank, StepProgrammer, StepRateExceeded, Target};
 use crate::time_warp::{TimeWarp, WarpBounds};
 use by_hand::ByHand;
 use headway_protocol::message::{Fault, FaultCause};
@@ -158,34 +158,35 @@ impl Motion {
     }
 
     /// One servo tick: evaluates the pose of now, programs the interval that follows the one that
-    /// the engine has, and moves segment time on.
+    /// the engine has, into `bank`, and moves segment time on.
     ///
-    /// `None` after a fault: the engine is to be stopped ([`Self::take_stop`]).
-    pub fn tick(&mut self) -> Option<&StepProgram> {
+    /// False after a fault: the bank is not to be played, and the engine is to be stopped
+    /// ([`Self::take_stop`]).
+    pub fn tick(&mut self, bank: &mut StepBank) -> bool {
         self.now_ticks += 1;
         if let Some(fault) = self.input_fault() {
             self.stop_at_once(fault);
-            return None;
+            return false;
         }
         let programmed = if self.phase == Phase::ByHand {
             let targets = self.tick_by_hand();
-            let advanced = self.programmer.advance(&targets);
+            let advanced = self.programmer.advance(&targets, bank);
             advanced.map_err(|exceeded| step_rate_fault(exceeded, self.servo_hz))
         } else {
-            self.follow_path()
+            self.follow_path(bank)
         };
         if let Err(fault) = programmed {
             self.stop_at_once(fault);
-            return None;
+            return false;
         }
-        Some(self.programmer.newest())
+        true
     }
 
     /// One servo tick along the stream, or at rest.
-    fn follow_path(&mut self) -> Result<(), Fault> {
+    fn follow_path(&mut self, bank: &mut StepBank) -> Result<(), Fault> {
         self.gate();
         self.begin_due_events();
-        self.program()?;
+        self.program(bank)?;
         self.move_on();
         Ok(())
     }
@@ -250,7 +251,7 @@ impl Motion {
     }
 
     /// Programs the motors for the pose of now.
-    fn program(&mut self) -> Result<(), Fault> {
+    fn program(&mut self, bank: &mut StepBank) -> Result<(), Fault> {
         if self.follows_path {
             let (joints, interpolator) = (&self.joints, &self.interpolator);
             let outside = joints.set_targets(interpolator, self.programmer.targets_mut())?;
@@ -263,7 +264,7 @@ impl Motion {
                 joints.check_limits(outside, &targets)?;
             }
         }
-        let advanced = self.programmer.advance_to_targets();
+        let advanced = self.programmer.advance_to_targets(bank);
         advanced.map_err(|exceeded| step_rate_fault(exceeded, self.servo_hz))
     }
 

@@ -1,8 +1,8 @@
 //! Joint targets at the servo rate -> steps at the step rate, in fixed point.
 //!
 //! Positions are i64 in 2^-31 steps. Every servo tick a [`StepProgrammer`] turns the targets of
-//! four successive servo ticks into a [`StepProgram`]: one parabola per motor for the interval
-//! between the middle two,
+//! four successive servo ticks into the program of a [`StepBank`]: one parabola per motor for the
+//! interval between the middle two,
 //! p(t) = q1 + (q2 - q1) t + A/2 t (t - 1), A = the mean of the second differences at both ends,
 //! so that speed is nearly continuous and the ends are hit. The [`StepEngine`] plays it with two
 //! additions per motor and step tick: `phase += v; v += a`, a step where bit 31 toggles. A step is
@@ -15,11 +15,14 @@
 //! Source: the parabola is the quadratic through the averaged second difference (Catmull-Rom
 //! slopes give the same to second order); phase accumulators as in direct digital synthesis.
 
+mod bank;
 mod engine;
+mod player;
 mod programmer;
 
-pub use engine::StepEngine;
-use programmer::MotorTrack;
+pub use bank::StepBank;
+pub use engine::{Moment, StepEngine};
+pub use player::StepPlayer;
 pub use programmer::{StepProgrammer, StepRateExceeded};
 
 use crate::configuration::MOTORS_MAX;
@@ -167,36 +170,12 @@ pub fn count(position: i64) -> i64 {
     position.wrapping_add(BIAS) >> POSITION_FRACTION_BITS
 }
 
-/// Velocity and acceleration of one motor, 2^-31 steps and step ticks.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
-struct Rate {
-    velocity: i32,
-    acceleration: i32,
-}
-
-/// One servo interval for all motors.
-#[derive(Clone, Debug, Default)]
-pub struct StepProgram {
-    /// With each motor's rate, what the programmer knows of it: one pointer reaches all of it.
-    tracks: [MotorTrack; MOTORS_MAX],
-    /// Direction bits at the interval's start.
-    directions: u8,
-    /// Motors whose direction changes within the interval.
-    reversing: u8,
-    /// Motors that take steps or reverse.
-    active: u8,
-    /// Phases to take over at the start: the position was declared anew, at rest.
-    phases: Option<[u32; MOTORS_MAX]>,
-    /// Number of the program, to find it again after a stop.
-    serial: u32,
-}
-
 /// Where the engine was stopped.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct Stopped {
-    /// Ticks of the interval that were played.
-    pub ticks_played: u32,
-    /// Program that was being played.
+    /// What was left of the program that played, 2^-31 steps.
+    unplayed: [i64; MOTORS_MAX],
+    /// Its number.
     serial: u32,
 }
 

@@ -5,8 +5,8 @@
 //! together when it is asked for.
 
 use super::{
-    INTERVAL_TICKS_MAX, INTERVAL_TICKS_MIN, Rate, StepProgram, Stopped, TARGET_FRACTION_BITS,
-    TARGET_SHIFT, Target,
+    INTERVAL_TICKS_MAX, INTERVAL_TICKS_MIN, StepBank, Stopped, TARGET_FRACTION_BITS, TARGET_SHIFT,
+    Target, bank::Motor,
 };
 use crate::configuration::MOTORS_MAX;
 use crate::design::STEP_RATE_SHARE_MAX;
@@ -71,7 +71,7 @@ impl Interval {
 
 /// One motor's targets of the last three servo ticks, and where it really is.
 #[derive(Clone, Copy, Debug, Default)]
-pub(super) struct MotorTrack {
+struct MotorTrack {
     /// Where it is to be; kept from tick to tick.
     target: Target,
     /// q2, the newest target of which the program knows.
@@ -82,10 +82,8 @@ pub(super) struct MotorTrack {
     way_before: i32,
     /// Where the newest program ends, near q1: 2^-31 steps, wrapping.
     end: u32,
-    /// What the newest program does.
-    pub(super) rate: Rate,
-    /// What the one before it did.
-    rate_before: Rate,
+    /// Mean velocity of the newest program, 2^-31 steps a tick: N of it are its way exactly.
+    mean: i32,
 }
 
 impl MotorTrack {
@@ -99,7 +97,12 @@ impl MotorTrack {
         }
     }
 
-    /// Where the newest program ends, 2^-31 steps.
+    /// What the newest program moves, 2^-31 steps.
+    fn way(&self, ticks: i32) -> i64 {
+        i64::from(self.mean) * i64::from(ticks)
+    }
+
+    /// Where it ends, 2^-31 steps.
     fn position(&self) -> i64 {
         let way = i64::from(self.last_way) << WAY_SHIFT;
         let aim = self.newest.position().wrapping_sub(way);
@@ -111,99 +114,67 @@ impl MotorTrack {
 /// Targets -> programs, with the exact position of every motor.
 #[derive(Clone, Debug)]
 pub struct StepProgrammer {
+    tracks: [MotorTrack; MOTORS_MAX],
     motors: usize,
     interval: Interval,
-    program: StepProgram,
-    /// Number of the program before it.
-    serial_before: u32,
+    /// Number of the newest program.
+    serial: u32,
+    /// What the engine will have on its pins when the newest program ends.
     directions: u8,
-    phases_due: bool,
 }
 
 impl StepProgrammer {
     /// All motors at position 0, at rest. `interval_ticks` is limited to 65..=256.
     pub fn new(motors: usize, interval_ticks: u32) -> Self {
         Self {
+            tracks: [MotorTrack::at_rest(0); MOTORS_MAX],
             motors: motors.min(MOTORS_MAX),
             interval: Interval::new(interval_ticks),
-            program: StepProgram {
-                tracks: [MotorTrack::at_rest(0); MOTORS_MAX],
-                ..StepProgram::default()
-            },
-            serial_before: 0,
+            serial: 0,
             directions: 0,
-            phases_due: true,
         }
     }
 
     /// Declares positions without a step. Only at rest.
     pub fn set_positions(&mut self, positions: &[i64; MOTORS_MAX]) {
-        self.resume_from(positions);
-        self.phases_due = true;
+        self.tracks = positions.map(MotorTrack::at_rest);
     }
 
-    /// Goes on from where the motors really are, after the engine was stopped.
-    fn resume_from(&mut self, positions: &[i64; MOTORS_MAX]) {
-        self.program.tracks = positions.map(MotorTrack::at_rest);
-        // The programs until now do not lead here: no stop is to be counted back through them.
-        self.skip_serials();
-    }
-
-    fn skip_serials(&mut self) {
-        self.program.serial = self.program.serial.wrapping_add(2);
-        self.serial_before = self.program.serial;
-    }
-
-    /// Finds the motors after [`StepEngine::stop`] and goes on from there. False if the engine was
-    /// not playing one of the last two programs, or the motors have been found before.
+    /// Finds the motors after [`StepEngine::stop`] and goes on from there.
     ///
     /// [`StepEngine::stop`]: super::StepEngine::stop
-    pub fn recover(&mut self, stopped: &Stopped) -> bool {
-        let whole = self.interval.ticks;
-        let played = stopped.ticks_played as i32;
-        let newest = stopped.serial == self.program.serial;
-        let found = newest || stopped.serial == self.serial_before;
-        let positions = self.program.tracks.map(|track| {
-            let mut position = track.position();
-            if found {
-                position = position.wrapping_sub(track.rate.way(whole));
-                let stopped_in = if newest {
-                    track.rate
-                } else {
-                    position = position.wrapping_sub(track.rate_before.way(whole));
-                    track.rate_before
-                };
-                position = position.wrapping_add(stopped_in.way(played));
-            }
-            position
-        });
-        // If they are not found they stay where the newest program was to end.
-        self.resume_from(&positions);
-        found
+    pub fn recover(&mut self, stopped: &Stopped) {
+        // The newest program may have been handed over late, or not at all: it is not played.
+        let begun = stopped.serial == self.serial;
+        let ticks = self.interval.ticks;
+        for (track, unplayed) in self.tracks.iter_mut().zip(stopped.unplayed) {
+            let newest = if begun { 0 } else { track.way(ticks) };
+            let end = track.position().wrapping_sub(newest);
+            *track = MotorTrack::at_rest(end.wrapping_sub(unplayed));
+        }
     }
 
     /// Where the last program ends, in 2^-31 steps.
     pub fn positions(&self) -> [i64; MOTORS_MAX] {
-        self.program.tracks.map(|track| track.position())
+        self.tracks.map(|track| track.position())
     }
 
     /// Where the motors are at the start of this servo tick, before [`Self::advance`]: the newest
     /// program is about to be played.
     pub fn present_positions(&self) -> [i64; MOTORS_MAX] {
         let ticks = self.interval.ticks;
-        let tracks = &self.program.tracks;
-        tracks.map(|track| track.position().wrapping_sub(track.rate.way(ticks)))
+        let tracks = &self.tracks;
+        tracks.map(|track| track.position().wrapping_sub(track.way(ticks)))
     }
 
     /// The targets that the last call of [`Self::advance`] was given.
     pub fn newest_targets(&self) -> [i64; MOTORS_MAX] {
-        let tracks = &self.program.tracks;
-        tracks.map(|track| track.target.position())
+        self.tracks.map(|track| track.target.position())
     }
 
     /// True if the motors rest: the last targets are equal and were reached.
     pub fn is_at_rest(&self) -> bool {
-        self.program.tracks.iter().all(|track| {
+        self.tracks.iter().all(|track| {
             // Bit 31 is the parity of the count.
             let newest = (track.newest.fine << WAY_SHIFT) as u32;
             let counts_differ = (newest ^ track.end) >> 31 != 0;
@@ -211,65 +182,62 @@ impl StepProgrammer {
         })
     }
 
-    /// The newest program.
-    pub fn newest(&self) -> &StepProgram {
-        &self.program
-    }
-
     /// Takes the next servo tick's targets (2^-31 steps) and programs the interval that ends one
-    /// tick before them ([`Self::newest`]).
+    /// tick before them, into `bank`.
     ///
     /// # Errors
     /// [`StepRateExceeded`] where a motor would need more than one step a tick.
-    pub fn advance(&mut self, targets: &[i64; MOTORS_MAX]) -> Result<(), StepRateExceeded> {
+    pub fn advance(
+        &mut self,
+        targets: &[i64; MOTORS_MAX],
+        bank: &mut StepBank,
+    ) -> Result<(), StepRateExceeded> {
         for (target, given) in self.targets_mut().zip(targets) {
             *target = Target::of_position(*given);
         }
-        self.advance_to_targets()
+        self.advance_to_targets(bank)
     }
 
     /// The targets for the next [`Self::advance_to_targets`]: joints in order, then the extruder.
     /// They keep their values from tick to tick.
     #[inline]
     pub fn targets_mut(&mut self) -> impl Iterator<Item = &mut Target> {
-        let tracks = self.program.tracks.iter_mut();
+        let tracks = self.tracks.iter_mut();
         tracks.map(|track| &mut track.target)
     }
 
     /// One of them.
     #[inline]
     pub fn set_target(&mut self, motor: usize, target: Target) {
-        self.program.tracks[motor % MOTORS_MAX].target = target;
+        self.tracks[motor % MOTORS_MAX].target = target;
     }
 
     /// The same as [`Self::advance`] with the targets of [`Self::targets_mut`].
     ///
     /// # Errors
     /// As [`Self::advance`].
-    pub fn advance_to_targets(&mut self) -> Result<(), StepRateExceeded> {
+    pub fn advance_to_targets(&mut self, bank: &mut StepBank) -> Result<(), StepRateExceeded> {
         let interval = &self.interval;
-        let program = &mut self.program;
-        program.phases = None;
-        if self.phases_due {
-            self.phases_due = false;
-            program.phases = Some(program.tracks.map(|track| track.end));
-        }
         let mut masks = 0;
         // The last motor first, so that the first one's signs end in bit 0.
-        let tracks = program.tracks.get_mut(..self.motors).unwrap_or_default();
-        for track in tracks.iter_mut().rev() {
-            masks = masks << 1 | track.advance(interval);
+        let tracks = self.tracks.iter_mut().zip(&mut bank.motors);
+        for (track, motor) in tracks.take(self.motors).rev() {
+            masks = masks << 1 | track.advance(interval, motor);
         }
         let signs = Signs(masks);
-        self.serial_before = program.serial;
-        program.serial = program.serial.wrapping_add(1);
-        program.reversing = signs.reversing();
-        program.active = signs.active();
+        self.serial = self.serial.wrapping_add(1);
+        let (active, reversing) = (signs.active(), signs.reversing());
         // A motor that only creeps within one count keeps its direction pin.
-        let forward = program.active & !signs.backward();
-        program.directions = (self.directions & !program.active) | forward;
-        // What the engine will have on its pins when the interval ends.
-        self.directions = program.directions ^ program.reversing;
+        let forward = active & !signs.backward();
+        bank.serial = self.serial;
+        bank.active = active;
+        bank.directions = (self.directions & !active) | forward;
+        self.directions = bank.directions ^ reversing;
+        if reversing == 0 {
+            bank.turns[0].ticks_left = 0;
+        } else {
+            bank.plan_turns(reversing, interval.ticks as u32);
+        }
         match signs.refused() {
             0 => Ok(()),
             refused => Err(self.refusal(refused)),
@@ -279,21 +247,13 @@ impl StepProgrammer {
     #[cold]
     fn refusal(&self, refused: u8) -> StepRateExceeded {
         let motor = refused.trailing_zeros() as usize % MOTORS_MAX;
-        let track = &self.program.tracks[motor];
+        let track = &self.tracks[motor];
         let bend = track.last_way.wrapping_sub(track.way_before);
         let fastest = i64::from(track.last_way.unsigned_abs()) + i64::from(bend.unsigned_abs());
         StepRateExceeded {
             motor: motor as u8,
             steps_per_interval: (fastest >> WAY_FRACTION_BITS) as u32,
         }
-    }
-}
-
-impl Rate {
-    /// What so many ticks make, 2^-31 steps.
-    fn way(&self, ticks: i32) -> i64 {
-        let triangle = i64::from(ticks * (ticks - 1) / 2);
-        i64::from(self.velocity) * i64::from(ticks) + i64::from(self.acceleration) * triangle
     }
 }
 
@@ -305,7 +265,7 @@ impl MotorTrack {
     /// m - (N - 1) h and the last m + (N - 1) h; all N make N m exactly.
     // A call costs less than the registers that a loop around this body lacks.
     #[inline(never)]
-    fn advance(&mut self, interval: &Interval) -> u32 {
+    fn advance(&mut self, interval: &Interval, motor: &mut Motor) -> u32 {
         let target = self.target;
         let jump = target.whole.wrapping_sub(self.newest.whole);
         let new_way = target.fine.wrapping_sub(self.newest.fine);
@@ -325,8 +285,9 @@ impl MotorTrack {
         let last = mean.wrapping_mul(2).wrapping_sub(first);
         let start = self.end;
         self.end = start.wrapping_add((mean as u32).wrapping_mul(interval.ticks as u32));
-        self.rate_before = self.rate;
-        self.rate = Rate {
+        self.mean = mean;
+        *motor = Motor {
+            phase: start,
             velocity: first,
             acceleration: half.wrapping_mul(2),
         };

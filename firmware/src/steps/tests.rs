@@ -37,7 +37,7 @@ fn play(
     curve: impl Fn(usize, f64) -> f64,
 ) -> (Record, [i64; MOTORS_MAX]) {
     let mut programmer = StepProgrammer::new(motors, TICKS);
-    let mut engine = StepEngine::new(TICKS);
+    let mut player = StepPlayer::new(TICKS);
     let mut record = Record::default();
     let start = core::array::from_fn(|m| (curve(m, 0.0) * STEP as f64) as i64);
     programmer.set_positions(&start);
@@ -45,17 +45,17 @@ fn play(
     for tick in 0..ticks {
         let t = (f64::from(tick) / f64::from(SERVO_HZ)).min(seconds);
         let targets = core::array::from_fn(|m| (curve(m, t) * STEP as f64) as i64);
-        programmer.advance(&targets).unwrap();
-        engine.load(programmer.newest());
+        programmer.advance(&targets, player.idle_bank()).unwrap();
+        player.hand_over();
         if fast {
-            engine.run_interval(&mut record);
+            player.run_interval(&mut record);
         } else {
             for _ in 0..TICKS {
-                engine.tick(&mut record);
+                player.tick(&mut record);
             }
         }
     }
-    assert_eq!(engine.overruns(), 0);
+    assert_eq!(player.overruns(), 0);
     (record, programmer.positions())
 }
 
@@ -145,10 +145,11 @@ fn a_rate_above_the_step_tick_is_refused() {
     let mut programmer = StepProgrammer::new(1, TICKS);
     let mut targets = [0i64; MOTORS_MAX];
     let mut refused = None;
+    let mut bank = StepBank::default();
     for _ in 0..5 {
         // 99 steps in 100 ticks.
         targets[0] += 99 * STEP;
-        if let Err(error) = programmer.advance(&targets) {
+        if let Err(error) = programmer.advance(&targets, &mut bank) {
             refused = Some(error);
             break;
         }
@@ -161,21 +162,21 @@ fn a_rate_above_the_step_tick_is_refused() {
 #[test]
 fn a_missing_program_stops_the_motors_and_is_counted() {
     let mut programmer = StepProgrammer::new(1, TICKS);
-    let mut engine = StepEngine::new(TICKS);
+    let mut player = StepPlayer::new(TICKS);
     let mut record = Record::default();
     for tick in 0..20i64 {
         let targets = [tick * 20 * STEP; MOTORS_MAX];
-        programmer.advance(&targets).unwrap();
-        engine.load(programmer.newest());
-        engine.run_interval(&mut record);
+        programmer.advance(&targets, player.idle_bank()).unwrap();
+        player.hand_over();
+        player.run_interval(&mut record);
     }
-    engine.run_interval(&mut record);
+    player.run_interval(&mut record);
     let steps = record.steps.len();
     assert!(steps > 200);
-    engine.run_interval(&mut record);
-    engine.run_interval(&mut record);
+    player.run_interval(&mut record);
+    player.run_interval(&mut record);
     assert_eq!(record.steps.len(), steps);
-    assert_eq!(engine.overruns(), 3);
+    assert_eq!(player.overruns(), 3);
 }
 
 #[test]

@@ -5,18 +5,26 @@
 //! PendSV, below:     servo tick: motion -> program for the next interval
 //! main loop, lowest: link: bytes -> requests, reports -> bytes
 //! ```
-//! The main loop holds the servo off by BASEPRI for the moment of a hand-over, never the steps.
-//! The servo masks all interrupts while it copies a program into the engine's idle bank (about a
-//! hundred instructions, once per servo tick): the one thing here that can delay a step tick.
-//! A delayed or lost step tick moves time, never a count: everything is counted in step ticks.
+//! The main loop holds the servo off by BASEPRI for the moment of a command. **Nothing here holds
+//! the steps off.** Servo and steps have a bank each, and change them by one word ([`HANDOVER`]):
+//!
+//! ```text
+//! EMPTY   --servo: its bank is written-->      HANDED
+//! HANDED  --steps: interval ends, they swap--> EMPTY     (if it is not HANDED then: an overrun)
+//! any     --steps: stopped-->                  STOPPED   (what was handed over is not played)
+//! STOPPED --servo: has found the motors-->     EMPTY
+//! ```
+//! A stop is an interrupt of the steps' own priority, whoever asks for it. A delayed or lost step
+//! tick moves time, never a count: everything is counted in step ticks.
 
 // Each board uses what it needs of this.
 #![allow(dead_code)]
 
-use super::Output;
+use super::{Output, pend_stop};
 use core::cell::UnsafeCell;
 use core::mem::MaybeUninit;
-use core::sync::atomic::{AtomicBool, AtomicU32, Ordering};
+use core::ptr::NonNull;
+use core::sync::atomic::{AtomicBool, AtomicPtr, AtomicU32, Ordering};
 use cortex_m::peripheral::scb::SystemHandler;
 use cortex_m::peripheral::syst::SystClkSource;
 use cortex_m::peripheral::{SCB, SYST};
@@ -25,7 +33,7 @@ use headway_firmware::inputs::Inputs;
 use headway_firmware::machine::Machine;
 use headway_firmware::motion::{EMERGENCY, Motion};
 use headway_firmware::receiver::Receiver;
-use headway_firmware::steps::StepEngine;
+use headway_firmware::steps::{Moment, StepBank, StepEngine, Stopped};
 use headway_firmware::watchdog::ServoHealth;
 use headway_protocol::frame::FRAME_BYTES_MAX;
 use headway_protocol::message::{Fault, FaultCause};
@@ -34,13 +42,12 @@ use headway_protocol::message::{Fault, FaultCause};
 pub const SERVO_PRIORITY: u8 = 0x80;
 
 /// What the step interrupt owns.
-pub struct Stepping {
-    pub engine: StepEngine,
-    pub output: Output,
-    ticks_left: u32,
-    interval_ticks: u32,
-    /// The emergency input has stopped the engine; the servo has not dealt with it yet.
-    emergency: bool,
+struct Stepping {
+    engine: StepEngine,
+    playing: *mut StepBank,
+    /// What plays next, known shortly before the interval ends.
+    next: Option<NonNull<StepBank>>,
+    output: Output,
 }
 
 /// What the servo interrupt owns, besides the motion.
@@ -68,6 +75,11 @@ impl<T> Shared<T> {
         }
     }
 
+    fn place(&self) -> NonNull<T> {
+        // Not null: it is in a static.
+        unsafe { NonNull::new_unchecked(self.value.get().cast()) }
+    }
+
     /// # Safety
     /// Nothing that can interrupt the caller may use the same value.
     unsafe fn set(&self, value: T) {
@@ -83,39 +95,129 @@ impl<T> Shared<T> {
             return None;
         }
         // SAFETY: the caller's promise, and it was set: on one core in that order.
-        Some(work(unsafe { (*self.value.get()).assume_init_mut() }))
+        Some(work(unsafe { self.get() }))
+    }
+
+    /// # Safety
+    /// As [`Self::with`], and it was set.
+    #[inline(always)]
+    #[allow(clippy::mut_from_ref)]
+    unsafe fn get(&self) -> &mut T {
+        // SAFETY: the caller's promise.
+        unsafe { (*self.value.get()).assume_init_mut() }
     }
 }
 
 static STEPPING: Shared<Stepping> = Shared::empty();
 static SERVO: Shared<Servo> = Shared::empty();
+/// One plays, the other is the servo's while [`HANDOVER`] is not `HANDED`.
+static BANKS: [Shared<StepBank>; 2] = [Shared::empty(), Shared::empty()];
+/// The bank that plays; the step interrupt alone writes it.
+static PLAYING: AtomicPtr<StepBank> = AtomicPtr::new(core::ptr::null_mut());
+static HANDOVER: AtomicU32 = AtomicU32::new(EMPTY);
+const EMPTY: u32 = 0;
+const HANDED: u32 = 1;
+const STOPPED: u32 = 2;
+/// Where the steps were stopped: the servo's while [`HANDOVER`] is `STOPPED`.
+static STOPPED_AT: Shared<Stopped> = Shared::empty();
+/// A fault demands a stop.
+static STOP_ASKED: AtomicBool = AtomicBool::new(false);
+/// The emergency input has stopped the steps; the servo has not dealt with it yet.
+static EMERGENCY_SEEN: AtomicBool = AtomicBool::new(false);
+/// Intervals that had no program.
+static OVERRUNS: AtomicU32 = AtomicU32::new(0);
 /// Rounds of the main loop.
 static LINK_PASSES: AtomicU32 = AtomicU32::new(0);
+
+/// Adds one to what one context alone writes.
+fn count(counter: &AtomicU32) {
+    let value = counter.load(Ordering::Relaxed);
+    counter.store(value.wrapping_add(1), Ordering::Relaxed);
+}
 
 /// The step tick, for the SysTick interrupt.
 #[inline(always)]
 pub fn step_interrupt() {
-    // SAFETY: the highest priority; lower ones mask interrupts while they use it.
+    // SAFETY: the highest priority, and all is set before this interrupt is on. The bank that plays
+    // is ours until we change it.
     unsafe {
-        STEPPING.with(|stepping| {
-            stepping.engine.tick(&mut stepping.output);
-            stepping.ticks_left -= 1;
-            if stepping.ticks_left == 0 {
-                stepping.ticks_left = stepping.interval_ticks;
-                SCB::set_pendsv();
+        let stepping = STEPPING.get();
+        let bank = &mut *stepping.playing;
+        match stepping.engine.tick(bank, &mut stepping.output) {
+            Moment::Within => {}
+            Moment::Begun => SCB::set_pendsv(),
+            Moment::Ending => {
+                let handed = HANDOVER.load(Ordering::Acquire) == HANDED;
+                stepping.next = handed.then(|| idle_bank(bank));
             }
-        });
+            Moment::Ended => next_interval(stepping, bank),
+        }
     }
 }
 
-/// The emergency input, for an interrupt of the steps' own priority: no step comes after it.
-pub fn emergency_interrupt() {
-    // SAFETY: as the step interrupt, which cannot interrupt this one.
+/// The next bank plays, if there is one.
+#[inline(always)]
+fn next_interval(stepping: &mut Stepping, bank: &mut StepBank) {
+    let Some(next) = stepping.next else {
+        stepping.engine.idle(bank);
+        count(&OVERRUNS);
+        return;
+    };
+    // SAFETY: it was handed over; from here on it is ours, and the other is the servo's.
+    stepping
+        .engine
+        .begin(unsafe { next.as_ref() }, &mut stepping.output);
+    stepping.playing = next.as_ptr();
+    PLAYING.store(next.as_ptr(), Ordering::Relaxed);
+    HANDOVER.store(EMPTY, Ordering::Release);
+}
+
+/// The present step tick, for interrupts of the steps' own priority.
+pub fn now_tick() -> u64 {
+    // SAFETY: the caller cannot interrupt the steps, nor be interrupted by them.
+    unsafe { STEPPING.with(|stepping| stepping.engine.now_tick()) }.unwrap_or(0)
+}
+
+/// True if a motor turns round within the interval that plays.
+pub fn interval_reverses() -> bool {
+    // SAFETY: for tests, where nothing interrupts.
+    unsafe { (*PLAYING.load(Ordering::Relaxed)).reverses() }
+}
+
+/// The bank that does not play. Whose it is says [`HANDOVER`].
+#[inline(always)]
+fn idle_bank(playing: *const StepBank) -> NonNull<StepBank> {
+    let [first, second] = &BANKS;
+    if core::ptr::eq(playing, first.place().as_ptr()) {
+        second.place()
+    } else {
+        first.place()
+    }
+}
+
+/// Stops the steps, in an interrupt of their own priority: no step comes after it.
+fn stop_steps() {
+    // SAFETY: as the step interrupt, which cannot interrupt this one. Where they were stopped is
+    // ours unless it waits to be read.
     unsafe {
-        STEPPING.with(|stepping| {
-            stepping.engine.stop();
-            stepping.emergency = true;
-        });
+        if HANDOVER.load(Ordering::Relaxed) != STOPPED {
+            let stepping = STEPPING.get();
+            stepping.next = None;
+            STOPPED_AT.set(stepping.engine.stop(&mut *stepping.playing));
+            HANDOVER.store(STOPPED, Ordering::Release);
+        }
+    }
+}
+
+/// The board's stop interrupt, pended by its emergency input, which may have been a spike, or by
+/// whoever asked for a stop.
+pub fn stop_interrupt(emergency: bool) {
+    let asked = STOP_ASKED.swap(false, Ordering::Relaxed);
+    if STEPPING.is_set.load(Ordering::Acquire) && (emergency || asked) {
+        stop_steps();
+    }
+    if emergency {
+        EMERGENCY_SEEN.store(true, Ordering::Relaxed);
     }
 }
 
@@ -135,11 +237,10 @@ pub fn servo_interrupt(inputs: Inputs) -> ServoDone {
     // SAFETY: the main loop raises BASEPRI while it uses the motion.
     let done = unsafe {
         SERVO.with(|servo| {
-            let step_tick = with_stepping(|stepping| stepping.engine.now_tick()).unwrap_or(0);
             servo_tick(servo, inputs);
             let passes = LINK_PASSES.load(Ordering::Relaxed);
             ServoDone {
-                healthy: servo.health.tick(step_tick, passes),
+                healthy: servo.health.tick(servo.overruns_seen, passes),
                 drivers_on: servo.motion.drivers_on(),
                 stream_start_ticks: servo.motion.stream_start_ticks(),
             }
@@ -152,29 +253,26 @@ fn servo_tick(servo: &mut Servo, inputs: Inputs) {
     note_stops(servo);
     let motion = &mut servo.motion;
     motion.set_inputs(inputs);
-    let moving = motion.tick().map(|program| {
-        with_stepping(|stepping| {
-            if !stepping.emergency {
-                stepping.engine.load(program);
-            }
-        });
-    });
-    if moving.is_none() {
+    if HANDOVER.load(Ordering::Acquire) == HANDED {
+        // The last program came late and is not played yet; that it is a fault has been noted.
+        return;
+    }
+    // SAFETY: nothing is handed over, so the bank is the servo's, and the playing one stays.
+    let bank = unsafe { idle_bank(PLAYING.load(Ordering::Relaxed)).as_mut() };
+    if motion.tick(bank) {
+        // It fails where the steps were stopped meanwhile: that is found in the next servo tick.
+        let (success, failure) = (Ordering::Release, Ordering::Relaxed);
+        let _ = HANDOVER.compare_exchange(EMPTY, HANDED, success, failure);
+    } else {
         stop_if_due(motion);
     }
 }
 
 /// Finds out what the step interrupt has met since the last servo tick.
 fn note_stops(servo: &mut Servo) {
-    let seen = with_stepping(|stepping| {
-        let emergency = core::mem::take(&mut stepping.emergency);
-        (emergency, stepping.engine.overruns())
-    });
-    let Some((emergency, overruns)) = seen else {
-        return;
-    };
     let motion = &mut servo.motion;
-    if emergency {
+    let overruns = OVERRUNS.load(Ordering::Relaxed);
+    if EMERGENCY_SEEN.swap(false, Ordering::Relaxed) {
         motion.fail_at_once(EMERGENCY);
     } else if overruns != servo.overruns_seen && !motion.is_at_rest() {
         motion.fail_at_once(Fault {
@@ -187,19 +285,33 @@ fn note_stops(servo: &mut Servo) {
     stop_if_due(motion);
 }
 
-/// Stops the engine if a fault demands it.
-pub fn stop_if_due(motion: &mut Motion) {
-    if motion.take_stop()
-        && let Some(stopped) = with_stepping(|stepping| stepping.engine.stop())
-    {
-        motion.engine_stopped(&stopped);
+/// Stops the steps if a fault demands it. From the servo, or where it cannot interrupt.
+fn stop_if_due(motion: &mut Motion) {
+    if motion.take_stop() {
+        STOP_ASKED.store(true, Ordering::Relaxed);
+        pend_stop();
+        // The interrupt is to be over before the next line.
+        cortex_m::asm::dsb();
+        cortex_m::asm::isb();
+    }
+    find_motors(motion);
+}
+
+/// After a stop the motion goes on from where the motors are.
+fn find_motors(motion: &mut Motion) {
+    if HANDOVER.load(Ordering::Acquire) == STOPPED {
+        // SAFETY: the servo's while it is so.
+        unsafe {
+            STOPPED_AT.with(|stopped| motion.engine_stopped(stopped));
+        }
+        HANDOVER.store(EMPTY, Ordering::Release);
     }
 }
 
-/// Uses the stepping from servo or main loop.
-pub fn with_stepping<R>(work: impl FnOnce(&mut Stepping) -> R) -> Option<R> {
-    // SAFETY: all interrupts are masked meanwhile.
-    cortex_m::interrupt::free(|_| unsafe { STEPPING.with(work) })
+/// Uses the output once nothing moves any more: all interrupts are masked meanwhile.
+pub fn with_output<R>(work: impl FnOnce(&mut Output) -> R) -> Option<R> {
+    // SAFETY: nothing interrupts.
+    cortex_m::interrupt::free(|_| unsafe { STEPPING.with(|stepping| work(&mut stepping.output)) })
 }
 
 /// Uses the motion from the main loop.
@@ -213,32 +325,43 @@ pub fn with_motion<R>(work: impl FnOnce(&mut Motion) -> R) -> Option<R> {
     }
 }
 
-/// Puts the machine to work: from here on steps and servo run.
-pub fn start(
-    machine: Machine,
-    output: Output,
-    interval_ticks: u32,
-    clocks_per_step_tick: u32,
-    scb: &mut SCB,
-    syst: &mut SYST,
-) -> Receiver {
+/// Puts the machine where the interrupts find it, before any of them is on.
+pub fn set_up(machine: Machine, output: Output) -> Receiver {
     let (receiver, motion, engine) = machine.into_parts();
-    let stepping = Stepping {
-        engine,
-        output,
-        ticks_left: interval_ticks,
-        interval_ticks,
-        emergency: false,
-    };
     let servo = Servo {
         motion,
-        health: ServoHealth::new(interval_ticks),
+        health: ServoHealth::new(),
         overruns_seen: 0,
     };
     // SAFETY: none of the interrupts that use these is on yet.
     unsafe {
-        STEPPING.set(stepping);
         SERVO.set(servo);
+        for bank in &BANKS {
+            bank.set(StepBank::default());
+        }
+        let playing = BANKS[0].place().as_ptr();
+        PLAYING.store(playing, Ordering::Relaxed);
+        STEPPING.set(Stepping {
+            engine,
+            playing,
+            next: None,
+            output,
+        });
+    }
+    receiver
+}
+
+/// Puts the machine to work: from here on steps and servo run.
+pub fn start(
+    machine: Machine,
+    output: Output,
+    clocks_per_step_tick: u32,
+    scb: &mut SCB,
+    syst: &mut SYST,
+) -> Receiver {
+    let receiver = set_up(machine, output);
+    // SAFETY: none of these interrupts is on yet, and what they use is set.
+    unsafe {
         scb.set_priority(SystemHandler::SysTick, 0);
         scb.set_priority(SystemHandler::PendSV, SERVO_PRIORITY);
     }

@@ -1,0 +1,76 @@
+//! Pins of the BTT Octopus v1.1 (STM32F446ZE), after the board file that Klipper publishes
+//! (`generic-bigtreetech-octopus-v1.1.cfg`).
+
+use crate::configuration::MOTORS_MAX;
+use crate::output::Pin;
+
+const A: usize = 0;
+const B: usize = 1;
+const C: usize = 2;
+const D: usize = 3;
+const E: usize = 4;
+const F: usize = 5;
+const G: usize = 6;
+
+/// Step pins of drivers 0 to 7.
+pub const STEP: [Pin; MOTORS_MAX] = [
+    (F, 13),
+    (G, 0),
+    (F, 11),
+    (G, 4),
+    (F, 9),
+    (C, 13),
+    (E, 2),
+    (E, 6),
+];
+/// Direction pins. PA14 is also SWCLK: with eight motors there is no debugger.
+pub const DIRECTION: [Pin; MOTORS_MAX] = [
+    (F, 12),
+    (G, 1),
+    (G, 3),
+    (C, 1),
+    (F, 10),
+    (F, 0),
+    (E, 3),
+    (A, 14),
+];
+/// Enable pins, low = on.
+pub const ENABLE: [Pin; MOTORS_MAX] = [
+    (F, 14),
+    (F, 15),
+    (G, 5),
+    (A, 0),
+    (G, 2),
+    (F, 1),
+    (D, 4),
+    (E, 0),
+];
+/// Switch of joint 0 to 7, STOP_0 to STOP_7: normally closed to ground, pulled up, pressed = high.
+pub const SWITCHES: [Pin; MOTORS_MAX] = [
+    (G, 6),
+    (G, 9),
+    (G, 10),
+    (G, 11),
+    (G, 12),
+    (G, 13),
+    (G, 14),
+    (G, 15),
+];
+/// Emergency input, the signal pin of the probe port: normally closed to ground, pulled up.
+pub const EMERGENCY: Pin = (B, 7);
+/// Heaters and fans: this firmware does not drive them, they are kept off.
+pub const OFF: [Pin; 11] = [
+    (A, 1),
+    (A, 2),
+    (A, 3),
+    (B, 10),
+    (B, 11),
+    (A, 8),
+    (E, 5),
+    (D, 12),
+    (D, 13),
+    (D, 14),
+    (D, 15),
+];
+/// USART 2, the header for a single-board computer: TX, RX.
+pub const SERIAL: [Pin; 2] = [(D, 5), (D, 6)];
