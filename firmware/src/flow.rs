@@ -9,15 +9,14 @@
 
 use crate::configuration::ExtruderConfiguration;
 use crate::design::{ACTIVE_EVENTS_MAX, ADVANCE_WINDOW_TICKS_MAX, FLOW_OVERRIDE_PERCENT_PER_S};
-use crate::steps::{StepScale, steps_to_position};
+use crate::steps::{StepScale, Target, steps_to_position};
 use headway_protocol::segment::{FlowAction, FlowEvent};
 use headway_protocol::units::{CHANNEL_VOLUME, UNITS_PER_NATURAL};
 use heapless::Vec;
 
-/// Fraction bits that the window drops from a position: it keeps 16, enough for 32,000 steps.
-const WINDOW_SHIFT: u32 = 15;
 /// Flow as planned.
 pub const UNSCALED_Q16: u32 = 1 << 16;
+/// A step in the window, which keeps 16 bits of its fraction and wraps at 32,000 steps.
 const WINDOW_STEP: f32 = (1u32 << 16) as f32;
 
 /// A prime or retract in progress.
@@ -25,6 +24,8 @@ const WINDOW_STEP: f32 = (1u32 << 16) as f32;
 struct ActiveEvent {
     /// Signed volume, 10⁻⁶ mm³.
     volume_units: i64,
+    /// The same, rounded once and for all.
+    volume: f32,
     duration_ticks: u32,
     elapsed_ticks: u32,
 }
@@ -33,7 +34,7 @@ impl ActiveEvent {
     /// Volume moved after `elapsed` ticks, 10⁻⁶ mm³.
     fn share_units(&self, elapsed_ticks: u32) -> f32 {
         let x = elapsed_ticks as f32 / self.duration_ticks as f32;
-        self.volume_units as f32 * x * x * x * (10.0 + x * (6.0 * x - 15.0))
+        self.volume * x * x * x * (10.0 + x * (6.0 * x - 15.0))
     }
 }
 
@@ -50,7 +51,8 @@ pub struct Flow {
     active: Vec<ActiveEvent, ACTIVE_EVENTS_MAX>,
     /// Sum of all events that are over, 10⁻⁶ mm³.
     settled_units: i64,
-    settled_position: i64,
+    /// The same as a distance.
+    settled: Target,
     scaling: FlowScaling,
 }
 
@@ -79,13 +81,14 @@ impl FlowScaling {
         }
     }
 
-    /// What is added to the planned position. Nothing while nothing was ever asked.
+    /// False while nothing was ever asked.
     #[inline]
-    fn extra(&mut self, planned: impl FnOnce() -> i64) -> i64 {
-        if self.last.is_none() && self.wanted_q16 == UNSCALED_Q16 {
-            return 0;
-        }
-        let deposited = planned();
+    fn is_asked(&self) -> bool {
+        self.last.is_some() || self.wanted_q16 != UNSCALED_Q16
+    }
+
+    /// What is added to the planned position, 2^-31 steps.
+    fn extra(&mut self, deposited: i64) -> i64 {
         let way = deposited - self.last.unwrap_or(deposited);
         self.last = Some(deposited);
         let up = self.factor_q16.saturating_add(self.slope_q16);
@@ -121,7 +124,7 @@ impl Flow {
             newest: 0,
             active: Vec::new(),
             settled_units: 0,
-            settled_position: 0,
+            settled: Target::default(),
             scaling: FlowScaling::new(servo_hz),
         }
     }
@@ -142,24 +145,25 @@ impl Flow {
         self.scaling.factor_q16
     }
 
-    /// Declares where the deposited volume is, in 2^-31 steps, with no event behind it. Only at
-    /// rest.
-    pub fn declare(&mut self, position: i64) {
+    /// Declares where the deposited volume is, with no event behind it. Only at rest.
+    pub fn declare(&mut self, place: Target) {
         self.active.clear();
         self.settled_units = 0;
-        self.settled_position = 0;
+        self.settled = Target::default();
         self.scaling.settle();
-        self.window = [(position >> WINDOW_SHIFT) as i32; ADVANCE_WINDOW_TICKS_MAX];
+        self.window = [place.coarse(); ADVANCE_WINDOW_TICKS_MAX];
     }
 
     /// Begins a prime or retract in this servo tick. False if too many run already.
     pub fn begin(&mut self, event: &FlowEvent) -> bool {
         let volume = i64::from(event.volume_units);
+        let volume_units = match event.action {
+            FlowAction::Prime => volume,
+            FlowAction::Retract => -volume,
+        };
         let active = ActiveEvent {
-            volume_units: match event.action {
-                FlowAction::Prime => volume,
-                FlowAction::Retract => -volume,
-            },
+            volume_units,
+            volume: volume_units as f32,
             duration_ticks: event.duration_ticks.0.max(1),
             elapsed_ticks: 0,
         };
@@ -187,23 +191,26 @@ impl Flow {
 
     fn settle(&mut self, units: i64) {
         self.settled_units += units;
-        self.settled_position = self.scale.scaled(self.settled_units).position;
+        self.settled = Target::of_distance(self.scale.scaled(self.settled_units).position);
     }
 
-    /// Target of this servo tick in 2^-31 steps; `offset_units` is V above its base, `base` where
-    /// that is. To be called exactly once per servo tick.
+    /// Target of this servo tick; `deposited` is V above its base in steps, `base` where that is. To be
+    /// called exactly once per servo tick.
     #[inline]
-    pub fn target(&mut self, base: i64, offset_units: f32) -> i64 {
-        let deposited = self.scale.steps(offset_units);
-        let base = base + self.scaling.extra(|| base + steps_to_position(deposited));
-        let window = (base >> WINDOW_SHIFT) as i32;
-        let advance = self.advance(window.wrapping_add((deposited * WINDOW_STEP) as i32));
+    pub fn target(&mut self, base: Target, deposited: f32) -> Target {
+        let mut base = base;
+        if self.scaling.is_asked() {
+            let planned = base.position().wrapping_add(steps_to_position(deposited));
+            base = base.plus(Target::of_distance(self.scaling.extra(planned)));
+        }
+        let now = base.coarse();
+        let advance = self.advance(now.wrapping_add((deposited * WINDOW_STEP) as i32));
         let mut steps = deposited + advance;
         if !self.active.is_empty() {
             let events_units = self.progress();
             steps += self.scale.steps(events_units);
         }
-        base + self.settled_position + steps_to_position(steps)
+        base.plus(self.settled).moved(steps)
     }
 
     /// K dV/dt over the window, in steps; `now`: V in 2^-16 steps, wrapping.
@@ -265,17 +272,24 @@ mod tests {
     fn advance_leads_a_steady_flow_by_k_and_vanishes_at_rest() {
         let mut flow = Flow::new(&extruder(), 2000);
         let base = 0;
-        flow.declare(base);
+        flow.declare(Target::of_position(base));
         let mut target = 0;
         for tick in 0..400 {
             // 10 mm³/s = 5000 units a tick.
-            target = flow.target(base, tick as f32 * 5000.0);
+            target = flow
+                .target(
+                    Target::of_position(base),
+                    flow.scale.steps(tick as f32 * 5000.0),
+                )
+                .position();
         }
         let deposited_mm3 = 399.0 * 5000.0 * 1e-6;
         let expected = (deposited_mm3 + 0.04 * 10.0) * 400.0;
         assert!((steps(target) - expected).abs() < 1e-3, "{}", steps(target));
         for _ in 0..81 {
-            target = flow.target(base, 399.0 * 5000.0);
+            target = flow
+                .target(Target::of_position(base), flow.scale.steps(399.0 * 5000.0))
+                .position();
         }
         assert_eq!(
             target,
@@ -287,7 +301,7 @@ mod tests {
     fn events_follow_the_smooth_step_and_end_on_their_volume() {
         let mut flow = Flow::new(&extruder(), 2000);
         let start = flow.scale.scaled(12_345_678).position;
-        flow.declare(start);
+        flow.declare(Target::of_position(start));
         let event = |action, volume_units| FlowEvent {
             span: 0,
             offset_ticks: 0,
@@ -300,7 +314,7 @@ mod tests {
         let mut fastest = 0.0f64;
         let mut last = start;
         for tick in 0..=200 {
-            let target = flow.target(start, 0.0);
+            let target = flow.target(Target::of_position(start), 0.0).position();
             if tick == 100 {
                 middle = target;
             }
@@ -320,9 +334,9 @@ mod tests {
         );
         assert!(flow.begin(&event(FlowAction::Retract, 1_500_001)));
         for _ in 0..=200 {
-            last = flow.target(start, 0.0);
+            last = flow.target(Target::of_position(start), 0.0).position();
         }
-        assert_eq!(last, start);
+        assert_eq!(last, Target::of_position(start).position());
     }
 
     #[test]

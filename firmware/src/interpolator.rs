@@ -1,88 +1,118 @@
-//! Plays queued spans: segment time -> channels, as f32 offsets from integer bases in motor steps.
+//! Plays queued spans: segment time -> motors, as f32 offsets in steps from exact integer bases.
 //!
 //! Segment time is counted in 2^-16 servo ticks, so a path rate of 1 stays on whole ticks and
 //! meets every knot exactly. At the end of a span that rests, the offset is exactly 0 and the base
-//! is the control point itself. The next span is prepared in [`PARTS`] parts, one in each servo
-//! tick that begins none, so that no tick has all of the work; what is left when the present span
-//! ends is done then. When it is done changes nothing in the result.
+//! is the control point itself. The next span is prepared in parts (its durations, then one motor
+//! after the other, then the tilt), one in each servo tick that begins none, or as many as it takes to
+//! be ready in time; so no tick has all of the work. When it is done changes nothing in the result.
 
-use crate::carriers::Carriers;
+use crate::carriers::{Carrier, Carriers};
 use crate::configuration::MOTORS_MAX;
 use crate::load::SpanLoad;
 use crate::queue::{Ceiling, KnotQueue};
 use crate::spline::{SpanShape, SpanWeights};
 use crate::steps::{ScaledUnits, Target};
-use headway_protocol::units::{CHANNEL_TILT_X, CHANNEL_TILT_Y, CHANNELS, ChannelPoint};
+use headway_protocol::units::{CHANNEL_TILT_X, CHANNEL_TILT_Y, ChannelPoint};
 
-/// Cubics of the channels, and one more that is always 0, for joints that follow none: a power of
-/// two, so that a masked index needs no check.
-const CUBICS: usize = (CHANNELS + 1).next_power_of_two();
 /// One servo tick of segment time.
 pub const TICK_Q16: u32 = 1 << 16;
-/// Parts in which a span is prepared: less than the planner's shortest span has ticks (6).
-const PARTS: u8 = 5;
 /// Spans that one servo tick can pass at most: at twice the planned rate two of one tick each, and
 /// the one it began in.
 const SPANS_PER_TICK_MAX: usize = 3;
 
+/// c0..c3 of a cubic in servo ticks.
+type Cubic = [f32; 4];
+
+/// What a span asks of one motor. One address reaches all of it.
+#[derive(Clone, Copy, Debug, Default)]
+#[repr(C)]
+struct MotorSpan {
+    /// Steps from the base; 0 for joints that follow no channel.
+    cubic: Cubic,
+    /// The base as a target.
+    anchor: Target,
+}
+
 /// A span, ready to be played.
 #[derive(Clone, Copy, Debug)]
+#[repr(C)]
 struct ReadySpan {
-    /// c0..c3 of each channel: offsets from the base, channel units and servo ticks.
-    coefficients: [[f32; 4]; CUBICS],
-    /// The base as the motors' carriers have it.
-    bases: [ScaledUnits; MOTORS_MAX],
-    /// The same as targets.
-    anchors: [Target; MOTORS_MAX],
-    /// The base of the tilt, µrad.
+    motors: [MotorSpan; MOTORS_MAX],
+    /// The tilt from its base, µrad; not on machines that do not tilt.
+    tilt: [Cubic; 2],
     tilt_base: [i32; 2],
     load: SpanLoad,
     duration_q16: u32,
     ends_at_rest: bool,
 }
 
-/// Where the channels are above their bases at one moment. Evaluated channel by channel, because
-/// not every machine needs all.
+/// The present span at one moment.
 #[derive(Clone, Copy, Debug)]
 pub struct Offset<'a> {
-    coefficients: &'a [[f32; 4]; CUBICS],
+    span: &'a ReadySpan,
     /// Servo ticks of segment time since the span's start.
     t: f32,
 }
 
 impl Offset<'_> {
-    /// One channel in its units; [`CHANNELS`] for none, which is 0.
     #[inline(always)]
-    pub fn of(&self, channel: usize) -> f32 {
-        let [c0, c1, c2, c3] = self.coefficients[channel % CUBICS];
+    fn of(&self, [c0, c1, c2, c3]: Cubic) -> f32 {
         ((c3 * self.t + c2) * self.t + c1) * self.t + c0
+    }
+
+    /// Where a motor's carrier is above its base, in steps, and that base.
+    #[inline(always)]
+    pub fn of_motor(&self, motor: usize) -> (f32, Target) {
+        let motor = &self.span.motors[motor % MOTORS_MAX];
+        (self.of(motor.cubic), motor.anchor)
+    }
+
+    /// All motors: as [`Self::of_motor`].
+    #[inline(always)]
+    pub fn motors(&self) -> impl Iterator<Item = (f32, Target)> {
+        let motors = self.span.motors.iter();
+        motors.map(|motor| (self.of(motor.cubic), motor.anchor))
+    }
+
+    /// Where the tilt is above its base, and that base, µrad.
+    #[inline(always)]
+    pub fn tilt(&self) -> ([f32; 2], [i32; 2]) {
+        (
+            self.span.tilt.map(|cubic| self.of(cubic)),
+            self.span.tilt_base,
+        )
     }
 }
 
 /// The playing side of the motion.
 #[derive(Clone, Debug)]
+#[repr(C)]
 pub struct Interpolator {
-    carriers: Carriers,
+    /// Shape of the newest span of which a part is ready, and what its durations say.
+    weights: SpanWeights<f32>,
+    shape: SpanShape,
+    /// Bases of the newest span, as far as it is ready.
+    bases: [ScaledUnits; MOTORS_MAX],
+    /// Parts of the next span that are ready.
+    parts: usize,
+    /// Parts of a span.
+    parts_all: usize,
     /// The present span and the next.
     spans: [ReadySpan; 2],
     /// Which of them is present.
     second: bool,
-    /// Parts of the next span that are ready.
-    parts: u8,
-    /// Shape of the newest span of which a part is ready, and what its durations say.
-    shape: SpanShape,
-    weights: SpanWeights<f32>,
     /// A span is being played; otherwise the head rests before knot 0.
     playing: bool,
+    rests_at_end: bool,
+    rests_at_start: bool,
+    dwells: bool,
     local_q16: u32,
     duration_q16: u32,
     /// Spans begun since the stream's start.
     spans_begun: u32,
     /// Segment time of the spans completed, servo ticks.
     completed_ticks: u64,
-    rests_at_end: bool,
-    rests_at_start: bool,
-    dwells: bool,
+    carriers: Carriers,
 }
 
 impl Interpolator {
@@ -91,19 +121,20 @@ impl Interpolator {
         let shape = SpanShape::at_rest(start);
         let bases = carriers.scaled(start);
         let span = ReadySpan {
-            coefficients: [[0.0; 4]; CUBICS],
-            bases,
-            anchors: bases.map(|base| Target::of_position(base.position)),
+            motors: bases.map(|base| MotorSpan::at_rest(base.position)),
+            tilt: [[0.0; 4]; 2],
             tilt_base: [start[CHANNEL_TILT_X], start[CHANNEL_TILT_Y]],
             load: SpanLoad::REST,
             duration_q16: 0,
             ends_at_rest: true,
         };
         Self {
-            carriers: *carriers,
             spans: [span; 2],
             second: false,
             parts: 0,
+            parts_all: 1 + carriers.motors().len() + usize::from(carriers.tilts()),
+            carriers: carriers.clone(),
+            bases,
             weights: shape.weights(),
             shape,
             playing: false,
@@ -122,29 +153,11 @@ impl Interpolator {
         &self.spans[usize::from(self.second)]
     }
 
-    /// Where the motors' carriers are at the base.
-    #[inline]
-    pub fn anchors(&self) -> &[Target; MOTORS_MAX] {
-        &self.present().anchors
-    }
-
-    /// Position of a motor's carrier at the base, 2^-31 steps.
-    #[inline]
-    pub fn base_position(&self, motor: usize) -> i64 {
-        self.present().bases[motor % MOTORS_MAX].position
-    }
-
-    /// Integer part of the tilt vector, µrad.
-    #[inline]
-    pub fn tilt_base(&self) -> [i32; 2] {
-        self.present().tilt_base
-    }
-
     /// The present pose's offset from its base.
     #[inline]
     pub fn offset(&self) -> Offset<'_> {
         Offset {
-            coefficients: &self.present().coefficients,
+            span: self.present(),
             // Below 2^24 (256 ticks) the conversion is exact.
             t: self.local_q16 as f32 * (1.0 / TICK_Q16 as f32),
         }
@@ -221,8 +234,8 @@ impl Interpolator {
     }
 
     fn begin(&mut self, queue: &mut KnotQueue) -> bool {
-        while self.parts < PARTS {
-            if !self.prepare(queue) {
+        while !self.is_prepared() {
+            if !self.prepare_part(queue) {
                 return false;
             }
         }
@@ -240,36 +253,48 @@ impl Interpolator {
         true
     }
 
-    /// Prepares one part of the next span; false if none waits.
+    /// Prepares a part of the next span if there is time to `spare`, and as many as it takes to be
+    /// ready in time, spread evenly over the ticks that are left; `rate_q16` is the path rate.
     #[inline]
-    pub fn prepare(&mut self, queue: &KnotQueue) -> bool {
-        let [first, second] = &mut self.spans;
-        let (next, present) = if self.second {
-            (first, &*second)
+    pub fn prepare(&mut self, rate_q16: u32, spare: bool, queue: &KnotQueue) {
+        let parts_left = (self.parts_all - self.parts) as u32;
+        if parts_left == 0 {
+            return;
+        }
+        // A tick for each `rate` of this comes before the next span begins, besides the present one.
+        let ahead = self.remaining_q16().saturating_sub(1);
+        let late = parts_left * rate_q16 > ahead;
+        if !(spare || late) || !self.prepare_part(queue) {
+            return;
+        }
+        let mut done = ahead + rate_q16;
+        while late && spare && done < parts_left * rate_q16 && self.prepare_part(queue) {
+            done += ahead + rate_q16;
+        }
+    }
+
+    /// Prepares one part of the next span; false if none waits.
+    #[inline(never)]
+    fn prepare_part(&mut self, queue: &KnotQueue) -> bool {
+        let next = &mut self.spans[usize::from(!self.second)];
+        if self.parts == 0 {
+            let Some(waiting) = queue.front() else {
+                return false;
+            };
+            self.shape.push(&waiting.knot);
+            self.weights = self.shape.weights();
+            let base = self.shape.base();
+            next.tilt_base = [base[CHANNEL_TILT_X], base[CHANNEL_TILT_Y]];
+            next.load = waiting.load;
+            next.duration_q16 = u32::from(waiting.span_ticks) << 16;
+            next.ends_at_rest = waiting.ends_at_rest;
+        } else if let Some(carrier) = self.carriers.motors().get(self.parts - 1) {
+            let motor = carrier.motor % MOTORS_MAX;
+            let base = &mut self.bases[motor];
+            next.motors[motor].lay(base, carrier, &self.shape, &self.weights);
         } else {
-            (second, &*first)
-        };
-        match self.parts {
-            0 => {
-                let Some(waiting) = queue.front() else {
-                    return false;
-                };
-                self.shape.push(&waiting.knot);
-                self.weights = self.shape.weights();
-                let base = self.shape.base();
-                next.tilt_base = [base[CHANNEL_TILT_X], base[CHANNEL_TILT_Y]];
-                next.load = waiting.load;
-                next.duration_q16 = u32::from(waiting.span_ticks) << 16;
-                next.ends_at_rest = waiting.ends_at_rest;
-            }
-            1 => next.lay([0, 1, 2], &self.shape, &self.weights),
-            2 => next.lay([3, 4, 5], &self.shape, &self.weights),
-            3 => {
-                next.lay([6], &self.shape, &self.weights);
-                next.follow([0, 1], &self.carriers, &self.shape, present);
-            }
-            4 => next.follow([2, 3, 4, 5, 6, 7], &self.carriers, &self.shape, present),
-            _ => return true,
+            let channels = [CHANNEL_TILT_X, CHANNEL_TILT_Y];
+            next.tilt = channels.map(|channel| self.shape.cubic(channel, &self.weights));
         }
         self.parts += 1;
         true
@@ -277,7 +302,7 @@ impl Interpolator {
 
     /// True if the next span can begin at once.
     pub fn is_prepared(&self) -> bool {
-        self.parts >= PARTS
+        self.parts >= self.parts_all
     }
 
     /// Forgets what was prepared of a span that will not come. Only before a new start.
@@ -309,36 +334,39 @@ impl Interpolator {
     /// Makes the end of a span that rests exact.
     fn settle(&mut self) {
         if self.rests_at_end {
-            self.spans[usize::from(self.second)].coefficients = [[0.0; 4]; CUBICS];
+            let span = &mut self.spans[usize::from(self.second)];
+            for motor in &mut span.motors {
+                motor.cubic = [0.0; 4];
+            }
+            span.tilt = [[0.0; 4]; 2];
         }
     }
 }
 
-impl ReadySpan {
-    /// Moves the bases of some motors from those of the span before.
-    #[inline(always)]
-    fn follow<const N: usize>(
-        &mut self,
-        motors: [usize; N],
-        carriers: &Carriers,
-        shape: &SpanShape,
-        before: &ReadySpan,
-    ) {
-        for motor in motors {
-            let (bases, anchors) = (&mut self.bases, &mut self.anchors);
-            carriers.advance(motor, shape, &before.bases, bases, anchors);
+impl MotorSpan {
+    fn at_rest(base: i64) -> Self {
+        Self {
+            cubic: [0.0; 4],
+            anchor: Target::of_position(base),
         }
     }
 
+    /// Lays the motor's part of a span; `base` is that of the span before, and moves on.
     #[inline(always)]
-    fn lay<const N: usize>(
+    fn lay(
         &mut self,
-        channels: [usize; N],
+        base: &mut ScaledUnits,
+        carrier: &Carrier,
         shape: &SpanShape,
         weights: &SpanWeights<f32>,
     ) {
-        for channel in channels {
-            self.coefficients[channel] = shape.cubic(channel, weights);
-        }
+        let cubic = shape.cubic(carrier.channel, weights);
+        *base = carrier
+            .scale
+            .advanced(base, shape.base_step(carrier.channel));
+        *self = Self {
+            cubic: cubic.map(|units| carrier.scale.steps(units)),
+            anchor: Target::of_position(base.position),
+        };
     }
 }

@@ -1,6 +1,6 @@
-//! Channels -> joint targets in steps, with the soft limits.
+//! Interpolated motors -> joint targets in steps, with the soft limits.
 //!
-//! A carrier's integer base is exact (carriers.rs); its offset and what the tilt adds are f32.
+//! A carrier's integer base is exact (interpolator.rs); its offset and what the tilt adds are f32.
 
 use crate::configuration::{JOINTS_MAX, Kinematics, MOTORS_MAX, MachineConfiguration};
 use crate::interpolator::{Interpolator, Offset};
@@ -8,7 +8,6 @@ use crate::kinematics::{self, gantry};
 use crate::load::tilt_pose;
 use crate::steps::{POSITION_FRACTION_BITS, STEP, Target};
 use headway_protocol::message::{Fault, FaultCause};
-use headway_protocol::units::{CHANNEL_TILT_X, CHANNEL_TILT_Y, CHANNELS, UNITS_PER_NATURAL};
 
 /// Furthest that a soft limit can be, whole steps: well within the 32 bits of a target.
 const WHOLE_STEPS_MAX: i64 = (1 << 30) - 4;
@@ -19,10 +18,6 @@ type Remainder = Option<[f32; JOINTS_MAX]>;
 /// One joint's numbers.
 #[derive(Clone, Copy, Debug, Default)]
 struct JointScale {
-    /// Channel that the joint follows, or [`CHANNELS`] for none: an index of the offsets.
-    carrier: usize,
-    /// Steps per unit of it.
-    steps_per_unit: f32,
     /// Steps per mm or rad.
     steps_per_natural: f32,
     /// Soft limits, 2^-31 steps.
@@ -34,6 +29,15 @@ struct JointScale {
     range: u32,
     /// 0.1 µm or µrad per step.
     units_per_step: f64,
+}
+
+/// What the joints' new targets are like.
+#[derive(Clone, Copy, Debug, Default)]
+pub struct Reach {
+    /// Joints outside their soft limits, a mask.
+    pub outside: u32,
+    /// See [`Target::replace`].
+    pub jumps: u32,
 }
 
 /// All joints.
@@ -50,12 +54,7 @@ impl JointTargets {
     pub fn new(configuration: &MachineConfiguration) -> Self {
         let mut joints = [JointScale::default(); MOTORS_MAX];
         let carriers = kinematics::carriers(&configuration.kinematics);
-        let parts = joints.iter_mut().zip(&configuration.joints).zip(carriers);
-        for ((scale, joint), carrier) in parts {
-            let units = carrier
-                .and_then(|channel| UNITS_PER_NATURAL.get(channel))
-                .copied()
-                .unwrap_or(1.0);
+        for (scale, joint) in joints.iter_mut().zip(&configuration.joints) {
             let position = |natural: f64| (natural * joint.steps_per_unit * STEP as f64) as i64;
             // Limits beyond what targets hold are cut: a machine whose nozzle turns freely.
             let whole = |position: i64| {
@@ -65,8 +64,6 @@ impl JointTargets {
             let (min, max) = (position(joint.position_min), position(joint.position_max));
             let report_units = if joint.rotary { 1e6 } else { 1e4 };
             *scale = JointScale {
-                carrier: carrier.unwrap_or(CHANNELS),
-                steps_per_unit: (joint.steps_per_unit / units) as f32,
                 steps_per_natural: joint.steps_per_unit as f32,
                 position_min: min,
                 position_max: max,
@@ -130,8 +127,8 @@ impl JointTargets {
             return Ok(None);
         };
         let offset = interpolator.offset();
-        let tilt = [CHANNEL_TILT_X, CHANNEL_TILT_Y].map(|channel| offset.of(channel));
-        let pose = tilt_pose(interpolator.tilt_base(), tilt);
+        let (tilt, base) = offset.tilt();
+        let pose = tilt_pose(base, tilt);
         match gantry::remainder(pivot_length_mm, &pose) {
             Ok(remainder) => Ok(Some(remainder)),
             Err(_) => Err(Fault {
@@ -142,8 +139,7 @@ impl JointTargets {
         }
     }
 
-    /// Writes the joints' targets at the interpolator's pose; other motors keep theirs. The
-    /// result's bits are joints outside their soft limits.
+    /// Writes the joints' targets at the interpolator's pose; other motors keep theirs.
     ///
     /// # Errors
     /// The fault to latch.
@@ -152,37 +148,37 @@ impl JointTargets {
         &self,
         interpolator: &Interpolator,
         targets: impl Iterator<Item = &'a mut Target>,
-    ) -> Result<u32, Fault> {
+    ) -> Result<Reach, Fault> {
         let offset = interpolator.offset();
-        let anchors = interpolator.anchors();
-        let outside = match self.remainder(interpolator)? {
+        let reach = match self.remainder(interpolator)? {
             // A loop of its own for machines that have nothing to add.
-            None => self.scale(anchors, targets, |joint, _| joint.of_carrier(&offset)),
-            Some(remainder) => self.scale(anchors, targets, |joint, index| {
+            None => self.scale(&offset, targets, |_, _, steps| steps),
+            Some(remainder) => self.scale(&offset, targets, |joint, index, steps| {
                 let added = remainder.get(index).copied().unwrap_or(0.0);
-                added * joint.steps_per_natural + joint.of_carrier(&offset)
+                steps + added * joint.steps_per_natural
             }),
         };
-        Ok(outside)
+        Ok(reach)
     }
 
     #[inline(always)]
     fn scale<'a>(
         &self,
-        anchors: &[Target; MOTORS_MAX],
+        offset: &Offset<'_>,
         targets: impl Iterator<Item = &'a mut Target>,
-        steps: impl Fn(&JointScale, usize) -> f32,
-    ) -> u32 {
-        let mut outside = 0;
-        let parts = self.joints.iter().zip(anchors).zip(targets).enumerate();
-        for (index, ((joint, anchor), target)) in parts.take(self.count) {
-            *target = anchor.moved(steps(joint, index));
-            let above = target.whole.wrapping_sub(joint.lowest) as u32;
+        all_steps: impl Fn(&JointScale, usize, f32) -> f32,
+    ) -> Reach {
+        let mut reach = Reach::default();
+        let parts = self.joints.iter().zip(offset.motors()).zip(targets);
+        for (index, ((joint, (steps, anchor)), target)) in parts.enumerate().take(self.count) {
+            let new = anchor.moved(all_steps(joint, index, steps));
+            reach.jumps |= target.replace(new);
+            let above = new.whole.wrapping_sub(joint.lowest) as u32;
             if above > joint.range {
-                outside |= 1 << index;
+                reach.outside |= 1 << index;
             }
         }
-        outside
+        reach
     }
 
     /// The targets of a pose at rest, 2^-31 steps: joints, then the extruder.
@@ -190,10 +186,13 @@ impl JointTargets {
     /// # Errors
     /// The fault that it would be to go there.
     pub fn targets(&self, interpolator: &Interpolator) -> Result<[i64; MOTORS_MAX], Fault> {
-        let mut targets = *interpolator.anchors();
-        let outside = self.set_targets(interpolator, targets.iter_mut())?;
+        let mut targets = [Target::default(); MOTORS_MAX];
+        for (target, (_, anchor)) in targets.iter_mut().zip(interpolator.offset().motors()) {
+            *target = anchor;
+        }
+        let reach = self.set_targets(interpolator, targets.iter_mut())?;
         let targets = targets.map(Target::position);
-        self.check_limits(outside, &targets)?;
+        self.check_limits(reach.outside, &targets)?;
         Ok(targets)
     }
 
@@ -206,13 +205,5 @@ impl JointTargets {
         }
         let joint = outside.trailing_zeros() as usize % MOTORS_MAX;
         Err(self.limit_fault(joint, targets[joint], FaultCause::SoftLimit))
-    }
-}
-
-impl JointScale {
-    /// What the carrier makes of an offset, in steps.
-    #[inline(always)]
-    fn of_carrier(&self, offset: &Offset<'_>) -> f32 {
-        offset.of(self.carrier) * self.steps_per_unit
     }
 }

@@ -153,8 +153,20 @@ fn sine_cosine_f32(angle_rad: f32) -> (f32, f32) {
 /// tan(pi/8): above it the argument is turned back by pi/4.
 const TANGENT_OF_EIGHTH: f32 = 0.414_213_57;
 
+/// Arctangent up to tan(pi/8).
+#[inline(always)]
+fn small_angle_f32(t: f32) -> f32 {
+    let z = t * t;
+    let series = ((8.053_744_6e-2 * z - 1.387_768_6e-1) * z + 1.997_771e-1) * z - 3.333_295e-1;
+    series * z * t + t
+}
+
 fn angle_f32(y: f32, x: f32) -> f32 {
     use core::f32::consts::{FRAC_PI_2, FRAC_PI_4, PI};
+    // Heads are mostly tilted by less: a way out at a third of the instructions, with the same result.
+    if x > 0.0 && y.abs() <= TANGENT_OF_EIGHTH * x {
+        return small_angle_f32(y / x);
+    }
     let (across, along) = (y.abs(), x.abs());
     let (small, large) = if across <= along {
         (across, along)
@@ -169,9 +181,7 @@ fn angle_f32(y: f32, x: f32) -> f32 {
     } else {
         (small / large, 0.0)
     };
-    let z = t * t;
-    let series = ((8.053_744_6e-2 * z - 1.387_768_6e-1) * z + 1.997_771e-1) * z - 3.333_295e-1;
-    let mut angle_rad = offset_rad + (series * z * t + t);
+    let mut angle_rad = offset_rad + small_angle_f32(t);
     if across > along {
         angle_rad = FRAC_PI_2 - angle_rad;
     }

@@ -159,9 +159,7 @@ pub struct SpanWeights<R> {
     rate: [R; 3],
     start_blend: [R; 2],
     bend: [R; 2],
-    jerk: R,
-    half: R,
-    sixth: R,
+    jerk_sixth: R,
 }
 
 impl<R: Real> SpanWeights<R> {
@@ -177,9 +175,7 @@ impl<R: Real> SpanWeights<R> {
             rate: [three / first, three / second, three / third],
             start_blend: [h2 / inner, h1 / inner],
             bend: [R::of(2.0) / inner, R::of(2.0) / outer],
-            jerk: R::of(1.0) / h2,
-            half: R::of(0.5),
-            sixth: R::of(1.0 / 6.0),
+            jerk_sixth: R::of(1.0 / 6.0) / h2,
         }
     }
 
@@ -192,8 +188,8 @@ impl<R: Real> SpanWeights<R> {
         [
             b * self.position[1] - a * self.position[0],
             da * self.start_blend[0] + db * self.start_blend[1],
-            bend_start * self.half,
-            (bend_end - bend_start) * self.jerk * self.sixth,
+            bend_start * R::of(0.5),
+            (bend_end - bend_start) * self.jerk_sixth,
         ]
     }
 

@@ -77,6 +77,21 @@ fn steps_reproduce_the_plan_on_the_planar_machine() {
 }
 
 #[test]
+fn steps_of_the_planar_gear_come_in_time_at_60_and_150_mm_per_s() {
+    for speed_mm_s in [60.0, 150.0] {
+        let settings = Settings {
+            speed_mm_s,
+            ..Settings::default()
+        };
+        let rehearsal = rehearsed("gear.json", &settings);
+        check_step_times(&format!("gear.json at {speed_mm_s} mm/s"), &rehearsal);
+        assert_eq!(rehearsal.simulation.figures.faults, 0);
+        let steps = rehearsal.simulation.figures.steps;
+        assert!(steps > 100_000, "{steps}");
+    }
+}
+
+#[test]
 fn a_plan_at_its_limits_is_not_held_up_on_a_full_queue() {
     // Found on the bracket: spans at 0.95 of the nozzle's acceleration made the time warp slow down
     // nine times for nothing, so that steps depended on when knots had arrived.

@@ -157,7 +157,7 @@ mod board {
         // There is no watchdog to feed: what it would not have been fed is counted.
         let unfed = UNFED.load(Ordering::Relaxed) + u32::from(!done.healthy);
         UNFED.store(unfed, Ordering::Relaxed);
-        if let Some(start) = done.stream_start_ticks {
+        if let Some(start) = runtime::stream_start_ticks() {
             ORIGIN_TICK.store(start as u32 * INTERVAL_TICKS, Ordering::Relaxed);
         }
     }

@@ -8,7 +8,7 @@ use super::{CommandError, Motion, Phase};
 use crate::configuration::{JOINTS_MAX, MOTORS_MAX, MachineConfiguration};
 use crate::homing::{Homing, HomingConfiguration, HomingOutcome};
 use crate::joint_move::{JointMove, MoveLimits};
-use crate::steps::{STEP, StepScale};
+use crate::steps::{STEP, StepScale, Target};
 use headway_protocol::message::{Control, Fault, FaultCause, JointOrder};
 use headway_protocol::segment::{FlowAction, FlowEvent};
 use headway_protocol::units::{CHANNEL_VOLUME, ChannelPoint, Ticks, UNITS_PER_NATURAL};
@@ -292,7 +292,7 @@ impl Motion {
         self.begin_by_hand();
         let motor = self.joints.count();
         let here = self.joint_position(motor);
-        self.flow.declare(0);
+        self.flow.declare(Target::default());
         self.by_hand.extruder_offset = here;
         // Nobody moves: the mover rests where the first joint is.
         self.by_hand.joint = 0;
@@ -323,7 +323,7 @@ impl Motion {
         self.drivers_on = true;
         self.by_hand.targets = self.programmer.newest_targets();
         let motor = self.joints.count();
-        self.flow.declare(0);
+        self.flow.declare(Target::default());
         self.by_hand.extruder_offset = self.joint_position(motor);
     }
 
@@ -339,7 +339,7 @@ impl Motion {
         }
         self.tick_homing();
         let goes_on = self.go_on();
-        let flow = self.flow.target(0, 0.0);
+        let flow = self.flow.target(Target::default(), 0.0).distance();
         let hand = &mut self.by_hand;
         if let Some(target) = hand.targets.get_mut(motor) {
             *target = hand.extruder_offset + flow;

@@ -5,7 +5,7 @@ use crate::configuration::MOTORS_MAX;
 use crate::design::{HOLD_RETRACT_DELAY_MS, ticks_of_ms};
 use crate::hold::Hold;
 use crate::inputs::Inputs;
-use crate::interpolator::Interpolator;
+use crate::interpolator::{Interpolator, TICK_Q16};
 use crate::load::SpanFault;
 use crate::queue::QueuedKnot;
 use crate::steps::{Stopped, count};
@@ -35,7 +35,7 @@ impl Motion {
         self.finish = false;
         self.paused = false;
         self.held = false;
-        self.quiet_ticks = 0;
+        self.heard_ticks = self.now_ticks as u32;
         self.stream_start_ticks = None;
         Ok(())
     }
@@ -66,8 +66,8 @@ impl Motion {
         if moved {
             return Err(CommandError::Invalid);
         }
-        self.flow
-            .declare(interpolator.base_position(self.joints.count()));
+        let (_, base) = interpolator.offset().of_motor(self.joints.count());
+        self.flow.declare(base);
         self.interpolator = interpolator;
         self.programmer.set_positions(&targets);
         self.hold = Hold::new(ticks_of_ms(HOLD_RETRACT_DELAY_MS, self.servo_hz));
@@ -92,7 +92,7 @@ impl Motion {
         if self.fault.is_some() || self.aborting {
             return true;
         }
-        self.quiet_ticks = 0;
+        self.heard_ticks = self.now_ticks as u32;
         let fits = knots.len() <= self.queue.room();
         for knot in knots {
             self.queue.push(*knot);
@@ -160,7 +160,9 @@ impl Motion {
 
     /// Feed override in per cent.
     pub fn set_override(&mut self, percent: u16) {
-        self.override_percent = percent.clamp(1, 200);
+        let percent = percent.clamp(1, 200);
+        self.override_percent = percent;
+        self.override_q16 = (u32::from(percent) * TICK_Q16 + 50) / 100;
     }
 
     /// Flow override in per cent of the planned volume.

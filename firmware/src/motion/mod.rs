@@ -25,12 +25,12 @@ use crate::inputs::{Inputs, SwitchGuard};
 use crate::interpolator::{Interpolator, TICK_Q16};
 use crate::joints::JointTargets;
 use crate::queue::KnotQueue;
-use crate::steps::{StepBank, StepProgrammer, StepRateExceeded, Target};
+use crate::steps::{StepBank, StepProgrammer, StepRateExceeded};
 use crate::time_warp::{TimeWarp, WarpBounds};
 use by_hand::ByHand;
 use headway_protocol::message::{Fault, FaultCause};
 use headway_protocol::segment::FlowEvent;
-use headway_protocol::units::{CHANNEL_VOLUME, ChannelPoint};
+use headway_protocol::units::ChannelPoint;
 use heapless::Deque;
 
 /// Where a stream stands.
@@ -83,38 +83,43 @@ pub enum CommandError {
 
 /// The servo side of the machine.
 #[derive(Clone, Debug)]
+// What every tick uses comes first, within the reach of one instruction; the queue is last.
+#[repr(C)]
 pub struct Motion {
-    carriers: Carriers,
-    joints: JointTargets,
-    interpolator: Interpolator,
-    queue: KnotQueue,
-    events: Deque<FlowEvent, QUEUE_EVENTS>,
-    warp: TimeWarp,
-    flow: Flow,
-    hold: Hold,
     programmer: StepProgrammer,
     phase: Phase,
-    reference: Reference,
-    /// The motors follow the interpolator's pose; otherwise they stay where they are.
-    follows_path: bool,
-    by_hand: ByHand,
+    now_ticks: u64,
+    /// Servo tick at which a host was last heard of the stream, wrapping.
+    heard_ticks: u32,
+    servo_hz: u32,
+    override_percent: u16,
+    /// The same as a path rate.
+    override_q16: u32,
     inputs: Inputs,
     switch_guard: SwitchGuard,
-    drivers_on: bool,
+    /// The motors follow the interpolator's pose; otherwise they stay where they are.
+    follows_path: bool,
     paused: bool,
     aborting: bool,
     finish: bool,
-    override_percent: u16,
-    fault: Option<Fault>,
+    held: bool,
     /// The engine must be stopped before its interval ends.
     stop_due: bool,
-    held: bool,
-    quiet_ticks: u32,
+    drivers_on: bool,
+    reference: Reference,
+    fault: Option<Fault>,
+    warp: TimeWarp,
+    hold: Hold,
+    stream_start_ticks: Option<u64>,
     underruns: u32,
     holds: u32,
-    now_ticks: u64,
-    stream_start_ticks: Option<u64>,
-    servo_hz: u32,
+    interpolator: Interpolator,
+    joints: JointTargets,
+    flow: Flow,
+    carriers: Carriers,
+    by_hand: ByHand,
+    events: Deque<FlowEvent, QUEUE_EVENTS>,
+    queue: KnotQueue,
 }
 
 impl Motion {
@@ -145,10 +150,11 @@ impl Motion {
             aborting: false,
             finish: false,
             override_percent: 100,
+            override_q16: TICK_Q16,
             fault: None,
             stop_due: false,
             held: false,
-            quiet_ticks: 0,
+            heard_ticks: 0,
             underruns: 0,
             holds: 0,
             now_ticks: 0,
@@ -187,7 +193,7 @@ impl Motion {
         self.gate();
         self.begin_due_events();
         self.program(bank)?;
-        self.move_on();
+        self.move_on(bank.reverses());
         Ok(())
     }
 
@@ -211,7 +217,6 @@ impl Motion {
 
     /// Lets a resting stream go on once enough is queued and the melt is ready.
     fn gate(&mut self) {
-        self.quiet_ticks = self.quiet_ticks.saturating_add(1);
         let waits = matches!(self.phase, Phase::Filling { .. });
         // A span that rests is prepared meanwhile, in a few ticks.
         let prepared = self.interpolator.is_prepared();
@@ -252,27 +257,30 @@ impl Motion {
 
     /// Programs the motors for the pose of now.
     fn program(&mut self, bank: &mut StepBank) -> Result<(), Fault> {
+        let mut jumps = 0;
         if self.follows_path {
             let (joints, interpolator) = (&self.joints, &self.interpolator);
-            let outside = joints.set_targets(interpolator, self.programmer.targets_mut())?;
-            let base = interpolator.base_position(joints.count());
-            let volume = interpolator.offset().of(CHANNEL_VOLUME);
-            let extruder = Target::of_position(self.flow.target(base, volume));
-            self.programmer.set_target(joints.count(), extruder);
-            if outside != 0 {
+            let reach = joints.set_targets(interpolator, self.programmer.targets_mut())?;
+            jumps = reach.jumps;
+            let (deposited, base) = interpolator.offset().of_motor(joints.count());
+            let extruder = self.flow.target(base, deposited);
+            let motor = joints.count();
+            jumps |= self.programmer.target_mut(motor).replace(extruder);
+            if reach.outside != 0 {
                 let targets = self.programmer.newest_targets();
-                joints.check_limits(outside, &targets)?;
+                joints.check_limits(reach.outside, &targets)?;
             }
         }
-        let advanced = self.programmer.advance_to_targets(bank);
+        let advanced = self.programmer.advance_to_targets(jumps, bank);
         advanced.map_err(|exceeded| step_rate_fault(exceeded, self.servo_hz))
     }
 
-    /// Chooses the path rate and moves segment time on by it.
-    fn move_on(&mut self) {
+    /// Chooses the path rate and moves segment time on by it; `busy` if the tick had more to do than
+    /// others.
+    fn move_on(&mut self, busy: bool) {
         let wanted_q16 = self.wanted_rate_q16();
         if wanted_q16 == 0 && self.warp.rate_q16() == 0 {
-            self.interpolator.prepare(&self.queue);
+            self.interpolator.prepare(0, true, &self.queue);
             self.rest();
             return;
         }
@@ -282,9 +290,9 @@ impl Motion {
             self.underruns = self.underruns.saturating_add(1);
         }
         self.held = held;
-        if !self.interpolator.advance(rate_q16, &mut self.queue) {
-            self.interpolator.prepare(&self.queue);
-        }
+        let begun = self.interpolator.advance(rate_q16, &mut self.queue);
+        let spare = !(begun || busy || self.flow.is_active());
+        self.interpolator.prepare(rate_q16, spare, &self.queue);
         self.note_rest(rate_q16, wanted_q16);
     }
 
@@ -324,7 +332,7 @@ impl Motion {
     }
 
     fn rate_asked_q16(&self) -> u32 {
-        let asked = (u32::from(self.override_percent) * TICK_Q16 + 50) / 100;
+        let asked = self.override_q16;
         if self.interpolator.is_dwell() {
             // A dwell waits for melt, which runs in real time whatever the override.
             return TICK_Q16;
@@ -337,13 +345,17 @@ impl Motion {
         asked
     }
 
+    fn quiet_ticks(&self) -> u32 {
+        (self.now_ticks as u32).wrapping_sub(self.heard_ticks)
+    }
+
     fn has_enough(&self) -> bool {
         !self.queue.is_empty()
             && (self.finish
                 || self.queue.queued_ticks() >= ticks_of_ms(START_QUEUED_MS, self.servo_hz)
                 || self.queue.room() < START_ROOM_KNOTS
                 || self.events.is_full()
-                || self.quiet_ticks >= ticks_of_ms(QUIET_START_MS, self.servo_hz))
+                || self.quiet_ticks() >= ticks_of_ms(QUIET_START_MS, self.servo_hz))
     }
 
     /// After the rate was chosen: did the head come to rest, and why?

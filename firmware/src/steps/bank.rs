@@ -72,7 +72,7 @@ pub struct StepBank {
     pub(super) turns: [Turn; TURNS],
     /// Direction bits at the start.
     pub(super) directions: u8,
-    /// Motors that take steps or turn round.
+    /// Motors that may take steps.
     pub(super) active: u8,
     /// Number of the program.
     pub(super) serial: u32,
@@ -88,35 +88,37 @@ impl StepBank {
     // Few intervals have a turn: its registers are not to be theirs.
     #[inline(never)]
     pub(super) fn plan_turns(&mut self, reversing: u8, interval_ticks: u32) {
-        // Motors by the tick at which they turn: at most eight, put into order as they come.
-        let mut turns = [Turn::default(); TURNS];
-        for (index, motor) in self.motors.iter().enumerate() {
-            if reversing >> index & 1 == 1 {
-                let left = interval_ticks.saturating_sub(motor.ticks_until_turn());
-                let mut carried = Turn {
-                    ticks_left: left.max(1),
-                    directions: 1 << index,
-                };
-                for slot in &mut turns {
-                    if slot.ticks_left == carried.ticks_left {
-                        slot.directions |= carried.directions;
-                        break;
-                    }
-                    if slot.ticks_left < carried.ticks_left {
-                        core::mem::swap(slot, &mut carried);
-                    }
-                    if carried.ticks_left == 0 {
-                        break;
-                    }
-                }
+        let turns = &mut self.turns;
+        let mut count = 0;
+        let mut left = reversing;
+        while left != 0 {
+            let motor = left.trailing_zeros() as usize % MOTORS_MAX;
+            left &= left - 1;
+            let ticks = self.motors[motor].ticks_until_turn();
+            let ticks_left = interval_ticks.saturating_sub(ticks).max(1);
+            // Into its place among those before it, with the bit that changes.
+            let mut place = count;
+            while place > 0 && turns[(place - 1) % TURNS].ticks_left < ticks_left {
+                turns[place % TURNS] = turns[(place - 1) % TURNS];
+                place -= 1;
             }
+            turns[place % TURNS] = Turn {
+                ticks_left,
+                directions: 1 << motor,
+            };
+            count += 1;
         }
-        let mut directions = self.directions;
-        for turn in &mut turns {
+        // All that turn in the same tick as one, with all directions from then on.
+        let (mut directions, mut last) = (self.directions, 0);
+        for index in 0..count {
+            let turn = turns[index % TURNS];
             directions ^= turn.directions;
-            turn.directions = directions;
+            if index > 0 && turns[last].ticks_left != turn.ticks_left {
+                last = (last + 1) % TURNS;
+            }
+            turns[last] = Turn { directions, ..turn };
         }
-        self.turns = turns;
+        turns[(last + 1) % TURNS].ticks_left = 0;
     }
 
     /// Stands still from here on.

@@ -141,6 +141,15 @@ impl Target {
         }
     }
 
+    /// Puts a new target into its place. Says how far it is from the old one in whole steps, less one
+    /// where it is lower: to be put together bit by bit with that of other motors.
+    #[inline(always)]
+    pub fn replace(&mut self, new: Self) -> u32 {
+        let jump = new.whole.wrapping_sub(self.whole);
+        *self = new;
+        (jump ^ (jump >> 31)) as u32
+    }
+
     /// Moved by a number of steps, up to a million.
     #[inline(always)]
     pub fn moved(self, steps: f32) -> Self {
@@ -153,12 +162,42 @@ impl Target {
         }
     }
 
-    /// The position, 2^-31 steps.
-    pub fn position(self) -> i64 {
+    /// A distance of so many 2^-31 steps, to be added to a target.
+    #[inline]
+    pub fn of_distance(distance: i64) -> Self {
+        Self {
+            whole: (distance >> POSITION_FRACTION_BITS) as i32,
+            fine: (distance >> TARGET_SHIFT) as i32,
+        }
+    }
+
+    /// Moved by a distance.
+    #[inline(always)]
+    pub fn plus(self, distance: Self) -> Self {
+        Self {
+            whole: self.whole.wrapping_add(distance.whole),
+            fine: self.fine.wrapping_add(distance.fine),
+        }
+    }
+
+    /// In 2^-16 steps, wrapping, from the same place for all targets.
+    #[inline(always)]
+    pub fn coarse(self) -> i32 {
+        const BITS: u32 = 16;
+        let above_whole = self.fine.wrapping_sub(self.whole << TARGET_FRACTION_BITS);
+        (self.whole << BITS).wrapping_add(above_whole >> (TARGET_FRACTION_BITS - BITS))
+    }
+
+    /// As a distance, 2^-31 steps.
+    pub fn distance(self) -> i64 {
         let above_whole = self.fine.wrapping_sub(self.whole << TARGET_FRACTION_BITS);
         (i64::from(self.whole) << POSITION_FRACTION_BITS)
             .wrapping_add(i64::from(above_whole) << TARGET_SHIFT)
-            .wrapping_sub(BIAS)
+    }
+
+    /// The position, 2^-31 steps.
+    pub fn position(self) -> i64 {
+        self.distance().wrapping_sub(BIAS)
     }
 }
 

@@ -27,7 +27,7 @@ const WAY_FRACTION_BITS: u32 = TARGET_FRACTION_BITS;
 /// Scale of [`Interval::per_way`]: the largest that fits 32 bits for the shortest interval.
 const WAY_SCALE_BITS: u32 = 28;
 /// Largest change of a target in a tick, whole steps: beyond it the 32 bits of a way would wrap.
-const JUMP_STEPS_MAX: i32 = 255;
+const JUMP_STEPS_MAX: u32 = 255;
 
 /// Numbers of the servo interval, N step ticks long.
 #[derive(Clone, Copy, Debug)]
@@ -37,8 +37,8 @@ struct Interval {
     per_way: i32,
     /// 2^(32 + 9 - 2) / N².
     per_bend: i32,
-    /// From here on the rate is refused, 2^-22 steps an interval.
-    way_max: u32,
+    /// Half the way of the largest rate, 2^-22 steps an interval.
+    half_way_max: i32,
 }
 
 impl Interval {
@@ -52,7 +52,7 @@ impl Interval {
             ticks: ticks as i32,
             per_way: per_way as i32,
             per_bend: per_bend as i32,
-            way_max: steps_max << WAY_FRACTION_BITS,
+            half_way_max: ((steps_max << (WAY_FRACTION_BITS - 1)) - 1) as i32,
         }
     }
 
@@ -70,30 +70,36 @@ impl Interval {
 }
 
 /// One motor's targets of the last three servo ticks, and where it really is.
-#[derive(Clone, Copy, Debug, Default)]
+#[derive(Clone, Copy, Debug)]
+#[repr(C)]
 struct MotorTrack {
-    /// Where it is to be; kept from tick to tick.
+    /// q2, where it is to be: the newest target; kept from tick to tick.
     target: Target,
-    /// q2, the newest target of which the program knows.
-    newest: Target,
+    /// What of it the program knows, 2^-22 steps.
+    newest: i32,
     /// q2 - q1, 2^-22 steps.
     last_way: i32,
     /// q1 - q0, 2^-22 steps.
     way_before: i32,
     /// Where the newest program ends, near q1: 2^-31 steps, wrapping.
     end: u32,
+    /// The same for all; here it needs no address of its own.
+    interval: Interval,
     /// Mean velocity of the newest program, 2^-31 steps a tick: N of it are its way exactly.
     mean: i32,
 }
 
 impl MotorTrack {
-    fn at_rest(position: i64) -> Self {
+    fn at_rest(position: i64, interval: Interval) -> Self {
         let newest = Target::of_position(position);
         Self {
             target: newest,
-            newest,
+            newest: newest.fine,
+            last_way: 0,
+            way_before: 0,
             end: position.wrapping_add(super::BIAS) as u32,
-            ..Self::default()
+            interval,
+            mean: 0,
         }
     }
 
@@ -105,7 +111,7 @@ impl MotorTrack {
     /// Where it ends, 2^-31 steps.
     fn position(&self) -> i64 {
         let way = i64::from(self.last_way) << WAY_SHIFT;
-        let aim = self.newest.position().wrapping_sub(way);
+        let aim = self.target.position().wrapping_sub(way);
         let behind = self.end.wrapping_sub(aim.wrapping_add(super::BIAS) as u32);
         aim.wrapping_add(i64::from(behind as i32))
     }
@@ -126,10 +132,11 @@ pub struct StepProgrammer {
 impl StepProgrammer {
     /// All motors at position 0, at rest. `interval_ticks` is limited to 65..=256.
     pub fn new(motors: usize, interval_ticks: u32) -> Self {
+        let interval = Interval::new(interval_ticks);
         Self {
-            tracks: [MotorTrack::at_rest(0); MOTORS_MAX],
+            tracks: [MotorTrack::at_rest(0, interval); MOTORS_MAX],
             motors: motors.min(MOTORS_MAX),
-            interval: Interval::new(interval_ticks),
+            interval,
             serial: 0,
             directions: 0,
         }
@@ -137,7 +144,7 @@ impl StepProgrammer {
 
     /// Declares positions without a step. Only at rest.
     pub fn set_positions(&mut self, positions: &[i64; MOTORS_MAX]) {
-        self.tracks = positions.map(MotorTrack::at_rest);
+        self.tracks = positions.map(|position| MotorTrack::at_rest(position, self.interval));
     }
 
     /// Finds the motors after [`StepEngine::stop`] and goes on from there.
@@ -150,7 +157,7 @@ impl StepProgrammer {
         for (track, unplayed) in self.tracks.iter_mut().zip(stopped.unplayed) {
             let newest = if begun { 0 } else { track.way(ticks) };
             let end = track.position().wrapping_sub(newest);
-            *track = MotorTrack::at_rest(end.wrapping_sub(unplayed));
+            *track = MotorTrack::at_rest(end.wrapping_sub(unplayed), self.interval);
         }
     }
 
@@ -176,7 +183,7 @@ impl StepProgrammer {
     pub fn is_at_rest(&self) -> bool {
         self.tracks.iter().all(|track| {
             // Bit 31 is the parity of the count.
-            let newest = (track.newest.fine << WAY_SHIFT) as u32;
+            let newest = (track.newest << WAY_SHIFT) as u32;
             let counts_differ = (newest ^ track.end) >> 31 != 0;
             track.last_way == 0 && track.way_before == 0 && !counts_differ
         })
@@ -192,41 +199,55 @@ impl StepProgrammer {
         targets: &[i64; MOTORS_MAX],
         bank: &mut StepBank,
     ) -> Result<(), StepRateExceeded> {
+        let mut jumps = 0;
         for (target, given) in self.targets_mut().zip(targets) {
-            *target = Target::of_position(*given);
+            jumps |= target.replace(Target::of_position(*given));
         }
-        self.advance_to_targets(bank)
+        self.advance_to_targets(jumps, bank)
     }
 
-    /// The targets for the next [`Self::advance_to_targets`]: joints in order, then the extruder.
-    /// They keep their values from tick to tick.
+    /// The targets for the next [`Self::advance_to_targets`], to be replaced ([`Target::replace`]):
+    /// joints in order, then the extruder. They keep their values from tick to tick.
     #[inline]
     pub fn targets_mut(&mut self) -> impl Iterator<Item = &mut Target> {
-        let tracks = self.tracks.iter_mut();
-        tracks.map(|track| &mut track.target)
+        self.tracks.iter_mut().map(|track| &mut track.target)
     }
 
     /// One of them.
     #[inline]
-    pub fn set_target(&mut self, motor: usize, target: Target) {
-        self.tracks[motor % MOTORS_MAX].target = target;
+    pub fn target_mut(&mut self, motor: usize) -> &mut Target {
+        &mut self.tracks[motor % MOTORS_MAX].target
     }
 
-    /// The same as [`Self::advance`] with the targets of [`Self::targets_mut`].
+    /// The same as [`Self::advance`] with the targets as they were replaced; `jumps` is what came of
+    /// that, put together.
     ///
     /// # Errors
     /// As [`Self::advance`].
-    pub fn advance_to_targets(&mut self, bank: &mut StepBank) -> Result<(), StepRateExceeded> {
-        let interval = &self.interval;
-        let mut masks = 0;
-        // The last motor first, so that the first one's signs end in bit 0.
-        let tracks = self.tracks.iter_mut().zip(&mut bank.motors);
-        for (track, motor) in tracks.take(self.motors).rev() {
-            masks = masks << 1 | track.advance(interval, motor);
+    pub fn advance_to_targets(
+        &mut self,
+        jumps: u32,
+        bank: &mut StepBank,
+    ) -> Result<(), StepRateExceeded> {
+        if jumps > JUMP_STEPS_MAX {
+            return Err(self.refusal(jumps));
         }
-        let signs = Signs(masks);
+        let mut signs = Signs::default();
+        // The last motor first, so that the first one's signs end in bit 0.
+        let tracks = self.tracks.get_mut(..self.motors).unwrap_or_default();
+        let motors = bank.motors.get_mut(..self.motors).unwrap_or_default();
+        for (track, motor) in tracks.iter_mut().zip(motors).rev() {
+            let (bits, spare) = track.advance(motor);
+            signs = Signs(signs.0 << 1 | bits);
+            // A way out here, too, keeps the compiler from doing two motors at once, for which the
+            // registers do not suffice.
+            if spare < 0 {
+                return Err(self.refuse(signs.motors(), bank));
+            }
+        }
         self.serial = self.serial.wrapping_add(1);
-        let (active, reversing) = (signs.active(), signs.reversing());
+        let active = signs.moves();
+        let reversing = signs.reverses() & active;
         // A motor that only creeps within one count keeps its direction pin.
         let forward = active & !signs.backward();
         bank.serial = self.serial;
@@ -236,45 +257,63 @@ impl StepProgrammer {
         if reversing == 0 {
             bank.turns[0].ticks_left = 0;
         } else {
-            bank.plan_turns(reversing, interval.ticks as u32);
+            bank.plan_turns(reversing, self.interval.ticks as u32);
         }
-        match signs.refused() {
-            0 => Ok(()),
-            refused => Err(self.refusal(refused)),
-        }
+        Ok(())
     }
 
+    /// A motor of those `done` is too fast. The rest as well: what is not handed over is taken back
+    /// as a whole.
     #[cold]
-    fn refusal(&self, refused: u8) -> StepRateExceeded {
-        let motor = refused.trailing_zeros() as usize % MOTORS_MAX;
-        let track = &self.tracks[motor];
-        let bend = track.last_way.wrapping_sub(track.way_before);
-        let fastest = i64::from(track.last_way.unsigned_abs()) + i64::from(bend.unsigned_abs());
-        StepRateExceeded {
-            motor: motor as u8,
-            steps_per_interval: (fastest >> WAY_FRACTION_BITS) as u32,
+    fn refuse(&mut self, done: u32, bank: &mut StepBank) -> StepRateExceeded {
+        let rest = self.motors.saturating_sub(done as usize);
+        let tracks = self.tracks.iter_mut().zip(&mut bank.motors);
+        tracks.take(rest).for_each(|(track, motor)| {
+            track.advance(motor);
+        });
+        self.serial = self.serial.wrapping_add(1);
+        self.refusal(0)
+    }
+
+    /// The motor that asks for most, and for how much.
+    #[cold]
+    fn refusal(&self, jumps: u32) -> StepRateExceeded {
+        let mut refused = StepRateExceeded {
+            motor: 0,
+            steps_per_interval: 0,
+        };
+        for (motor, track) in (0..).zip(&self.tracks) {
+            let bend = track.last_way.wrapping_sub(track.way_before);
+            let fastest = i64::from(track.last_way.unsigned_abs()) + i64::from(bend.unsigned_abs());
+            let steps = (fastest >> WAY_FRACTION_BITS) as u32;
+            if steps >= refused.steps_per_interval {
+                refused.motor = motor;
+                refused.steps_per_interval = steps;
+            }
         }
+        // A jump may be too long to be seen in a way.
+        refused.steps_per_interval = refused.steps_per_interval.max(jumps);
+        refused
     }
 }
 
 impl MotorTrack {
     /// Takes the next target and computes the rate for the interval between the last two. The
-    /// result's bits are for [`Signs`].
+    /// result's bits are for [`Signs`]; the number is negative where more than one step a
+    /// tick would be needed.
     ///
     /// With m the mean velocity and the acceleration 2 h, the first tick has the velocity
     /// m - (N - 1) h and the last m + (N - 1) h; all N make N m exactly.
-    // A call costs less than the registers that a loop around this body lacks.
-    #[inline(never)]
-    fn advance(&mut self, interval: &Interval, motor: &mut Motor) -> u32 {
-        let target = self.target;
-        let jump = target.whole.wrapping_sub(self.newest.whole);
-        let new_way = target.fine.wrapping_sub(self.newest.fine);
+    #[inline(always)]
+    fn advance(&mut self, motor: &mut Motor) -> (u32, i32) {
+        let interval = self.interval;
+        let new_way = self.target.fine.wrapping_sub(self.newest);
         let twice_mean = new_way.wrapping_sub(self.way_before);
         // From where the last program ends, not from where it was to end.
-        let aim = (self.newest.fine.wrapping_sub(self.last_way) << WAY_SHIFT) as u32;
+        let aim = (self.newest.wrapping_sub(self.last_way) << WAY_SHIFT) as u32;
         let behind = aim.wrapping_sub(self.end) as i32 >> WAY_SHIFT;
         let way = self.last_way.wrapping_add(behind);
-        self.newest = target;
+        self.newest = self.target.fine;
         self.way_before = self.last_way;
         self.last_way = new_way;
         let half = interval.half_acceleration(twice_mean);
@@ -291,45 +330,56 @@ impl MotorTrack {
             velocity: first,
             acceleration: half.wrapping_mul(2),
         };
-        // One less than the absolute value of a negative number: fine for bounds.
-        let (way, bend) = (way ^ (way >> 31), twice_mean ^ (twice_mean >> 31));
-        let moves = HALF_STEP_WAY.wrapping_sub(way) | (start ^ self.end) as i32;
+        // One less than the absolute value of a negative number: fine for bounds. Halved, so that no
+        // sum is too long.
+        let halves = |value: i32| (value ^ (value >> 31)) >> 1;
+        let (way, bend) = (halves(way), halves(twice_mean));
         // The speed at the ends of the parabola is (way ± A/2) / N, and A half of twice_mean.
-        let fastest = (way as u32).wrapping_add(bend as u32);
-        let jumps = jump.wrapping_add(JUMP_STEPS_MAX) as u32 > 2 * JUMP_STEPS_MAX as u32;
-        let refused = jumps || fastest >= interval.way_max;
+        let spare = interval.half_way_max - way - bend;
+        // Nor does it get further than that from its start: does that take it out of its count? From
+        // the middle of the count, 2^-31 steps, and in halves of ways.
+        let off_middle = (start << 1) as i32 ^ i32::MIN;
+        let off_middle = (off_middle ^ (off_middle >> 31)) >> (WAY_SHIFT + 2);
+        let inside = QUARTER_STEP_WAY - off_middle - way - bend;
         let bit = |number: i32| number as u32 >> 31;
-        let bits = bit(first) | bit(first ^ last) << REVERSING | bit(moves) << ACTIVE;
-        if refused { bits | 1 << REFUSED } else { bits }
+        let bits = bit(first) | bit(first ^ last) << REVERSES | bit(inside) << MOVES;
+        (bits, spare)
     }
 }
 
+/// Half of half a step as a way, less more than rounding may hide; a constant that an instruction has.
+const QUARTER_STEP_WAY: i32 = (1 << (WAY_FRACTION_BITS - 2)) - (1 << 12);
 /// First bits of the masks in [`Signs`]; the mask of motors that begin backward is the first.
-const REVERSING: u32 = 8;
-const ACTIVE: u32 = 16;
-const REFUSED: u32 = 24;
-/// Half a step as a way.
-const HALF_STEP_WAY: i32 = 1 << (WAY_FRACTION_BITS - 1);
+const REVERSES: u32 = 8;
+const MOVES: u32 = 16;
 
-/// What the motors' rates mean: four masks, bit m is motor m.
+/// What the motors' rates mean: masks, bit m is motor m, after all motors from the last to the first.
+/// Above them a bit that moves up with each motor.
 #[derive(Clone, Copy, Debug)]
 struct Signs(u32);
 
+impl Default for Signs {
+    fn default() -> Self {
+        Self(1 << (MOVES + MOTORS_MAX as u32 - 1))
+    }
+}
+
 impl Signs {
+    /// How many motors there have been.
+    fn motors(self) -> u32 {
+        MOTORS_MAX as u32 - self.0.leading_zeros()
+    }
+
     fn backward(self) -> u8 {
         self.0 as u8
     }
 
-    fn reversing(self) -> u8 {
-        (self.0 >> REVERSING) as u8
+    fn reverses(self) -> u8 {
+        (self.0 >> REVERSES) as u8
     }
 
-    /// Motors that take steps or reverse.
-    fn active(self) -> u8 {
-        (self.0 >> ACTIVE) as u8 | self.reversing()
-    }
-
-    fn refused(self) -> u8 {
-        (self.0 >> REFUSED) as u8
+    /// Motors that may take steps.
+    fn moves(self) -> u8 {
+        (self.0 >> MOVES) as u8
     }
 }

@@ -50,11 +50,13 @@ struct Stepping {
     output: Output,
 }
 
-/// What the servo interrupt owns, besides the motion.
+/// What the servo interrupt owns.
+// The motion is large: what comes after it is far.
+#[repr(C)]
 struct Servo {
-    motion: Motion,
-    health: ServoHealth,
     overruns_seen: u32,
+    health: ServoHealth,
+    motion: Motion,
 }
 
 /// A value that contexts of different priority share; each access says why it is alone. Without
@@ -222,41 +224,46 @@ pub fn stop_interrupt(emergency: bool) {
 }
 
 /// What a servo tick tells its board.
-#[derive(Clone, Copy, Default)]
+#[derive(Clone, Copy)]
 pub struct ServoDone {
     /// The watchdog may be fed.
     pub healthy: bool,
     /// The drivers are to hold their motors.
     pub drivers_on: bool,
-    /// Servo tick at which the present stream began.
-    pub stream_start_ticks: Option<u64>,
 }
 
 /// The servo tick, for the PendSV interrupt.
+#[inline(always)]
 pub fn servo_interrupt(inputs: Inputs) -> ServoDone {
-    // SAFETY: the main loop raises BASEPRI while it uses the motion.
-    let done = unsafe {
-        SERVO.with(|servo| {
-            servo_tick(servo, inputs);
-            let passes = LINK_PASSES.load(Ordering::Relaxed);
-            ServoDone {
-                healthy: servo.health.tick(servo.overruns_seen, passes),
-                drivers_on: servo.motion.drivers_on(),
-                stream_start_ticks: servo.motion.stream_start_ticks(),
-            }
-        })
-    };
-    done.unwrap_or_default()
+    // SAFETY: it is set before this interrupt is on, and the main loop raises BASEPRI while it uses
+    // the motion.
+    let servo = unsafe { SERVO.get() };
+    servo_tick(servo, inputs);
+    let passes = LINK_PASSES.load(Ordering::Relaxed);
+    ServoDone {
+        healthy: servo.health.tick(servo.overruns_seen, passes),
+        drivers_on: servo.motion.drivers_on(),
+    }
+}
+
+/// Servo tick at which the present stream began; for the servo interrupt.
+pub fn stream_start_ticks() -> Option<u64> {
+    // SAFETY: as there.
+    unsafe { SERVO.with(|servo| servo.motion.stream_start_ticks()) }.flatten()
 }
 
 fn servo_tick(servo: &mut Servo, inputs: Inputs) {
-    note_stops(servo);
+    let handover = HANDOVER.load(Ordering::Acquire);
+    let overruns = OVERRUNS.load(Ordering::Relaxed);
+    if handover != EMPTY || overruns != servo.overruns_seen {
+        note_stops(servo, overruns);
+        if handover == HANDED {
+            // The last program came late and is not played yet; that it is a fault has been noted.
+            return;
+        }
+    }
     let motion = &mut servo.motion;
     motion.set_inputs(inputs);
-    if HANDOVER.load(Ordering::Acquire) == HANDED {
-        // The last program came late and is not played yet; that it is a fault has been noted.
-        return;
-    }
     // SAFETY: nothing is handed over, so the bank is the servo's, and the playing one stays.
     let bank = unsafe { idle_bank(PLAYING.load(Ordering::Relaxed)).as_mut() };
     if motion.tick(bank) {
@@ -269,9 +276,9 @@ fn servo_tick(servo: &mut Servo, inputs: Inputs) {
 }
 
 /// Finds out what the step interrupt has met since the last servo tick.
-fn note_stops(servo: &mut Servo) {
+#[cold]
+fn note_stops(servo: &mut Servo, overruns: u32) {
     let motion = &mut servo.motion;
-    let overruns = OVERRUNS.load(Ordering::Relaxed);
     if EMERGENCY_SEEN.swap(false, Ordering::Relaxed) {
         motion.fail_at_once(EMERGENCY);
     } else if overruns != servo.overruns_seen && !motion.is_at_rest() {
