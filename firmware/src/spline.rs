@@ -56,7 +56,8 @@ impl SpanShape {
     /// What the base moved by when the newest knot came, channel units.
     #[inline]
     pub fn base_step(&self, channel: usize) -> i32 {
-        self.control[1][channel].wrapping_sub(self.control[0][channel])
+        let [before, base, ..] = &self.control;
+        of_channel(base, channel).wrapping_sub(of_channel(before, channel))
     }
 
     /// What the durations say about the span.
@@ -76,10 +77,16 @@ impl SpanShape {
     fn differences<R: Real>(&self, channel: usize) -> [R; 3] {
         let [p0, p1, p2, p3] = &self.control;
         let difference = |from: &ChannelPoint, to: &ChannelPoint| {
-            R::of_integer(to[channel].wrapping_sub(from[channel]))
+            R::of_integer(of_channel(to, channel).wrapping_sub(of_channel(from, channel)))
         };
         [difference(p0, p1), difference(p1, p2), difference(p2, p3)]
     }
+}
+
+/// One channel; 0 for one that does not exist.
+#[inline(always)]
+fn of_channel(point: &ChannelPoint, channel: usize) -> i32 {
+    point.get(channel).copied().unwrap_or(0)
 }
 
 /// The newest span's shape and its place, unwrapped.

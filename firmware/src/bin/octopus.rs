@@ -46,12 +46,8 @@ mod board {
     use headway_firmware::output::PortOutput;
     use headway_firmware::receiver::Receiver;
     use headway_protocol::message::{Fault, FaultCause};
-    use stm32f4xx_hal::otg_fs::{USB, UsbBus};
     use stm32f4xx_hal::pac::{self, Interrupt, interrupt};
     use stm32f4xx_hal::prelude::*;
-    use stm32f4xx_hal::rcc::Config;
-    use usb_device::prelude::*;
-    use usbd_serial::SerialPort;
 
     pub type Output = PortOutput<DriverPorts>;
 
@@ -60,9 +56,6 @@ mod board {
     const SERIAL_PRIORITY: u8 = 0x40;
     /// Time without a healthy servo after which everything is reset.
     const WATCHDOG_MS: u16 = 200;
-    /// Core clocks left of a step tick while which the USB driver may be polled: after the step
-    /// interrupt, with 2.5 us to go.
-    const USB_WINDOW_CLOCKS: u32 = 420;
     /// Motors that the machine has, the extruder last; for the servo tick.
     static MOTORS: AtomicUsize = AtomicUsize::new(0);
 
@@ -218,11 +211,87 @@ mod board {
         Serial,
     }
 
-    fn serve(
-        mut receiver: Receiver,
-        mut device: UsbDevice<'_, UsbBus<USB>>,
-        mut port: SerialPort<'_, UsbBus<USB>>,
-    ) -> ! {
+    /// The USB line. In an image without it nothing is here, and nothing can panic.
+    #[cfg(feature = "octopus")]
+    mod usb {
+        use super::SYST;
+        use stm32f4xx_hal::gpio::gpioa::{PA11, PA12};
+        use stm32f4xx_hal::otg_fs::{USB, UsbBus};
+        use stm32f4xx_hal::pac::{OTG_FS_DEVICE, OTG_FS_GLOBAL, OTG_FS_PWRCLK};
+        use stm32f4xx_hal::prelude::*;
+        use usb_device::prelude::*;
+        use usbd_serial::SerialPort;
+
+        /// Core clocks left of a step tick while which the USB driver may be polled: after the step
+        /// interrupt, with 2.5 us to go.
+        const WINDOW_CLOCKS: u32 = 420;
+
+        pub struct Line {
+            device: UsbDevice<'static, UsbBus<USB>>,
+            port: SerialPort<'static, UsbBus<USB>>,
+        }
+
+        pub fn set_up(
+            (usb_global, usb_device, usb_pwrclk): (OTG_FS_GLOBAL, OTG_FS_DEVICE, OTG_FS_PWRCLK),
+            (pin_dm, pin_dp): (PA11, PA12),
+        ) -> Option<Line> {
+            let usb = USB {
+                usb_global,
+                usb_device,
+                usb_pwrclk,
+                pin_dm: pin_dm.into(),
+                pin_dp: pin_dp.into(),
+                hclk: super::CORE_HZ.Hz(),
+            };
+            let memory = cortex_m::singleton!(: [u32; 320] = [0; 320])?;
+            let bus = UsbBus::new(usb, memory);
+            let bus = cortex_m::singleton!(: UsbBusAllocator = bus)?;
+            let port = SerialPort::new(bus);
+            let strings = StringDescriptors::default()
+                .manufacturer("Headway")
+                .product("Headway controller");
+            // The numbers that the USB device crate's authors have set aside for serial ports.
+            let device = UsbDeviceBuilder::new(bus, UsbVidPid(0x16c0, 0x27dd))
+                .device_class(usbd_serial::USB_CLASS_CDC)
+                .strings(&[strings])
+                .ok()?
+                .build();
+            Some(Line { device, port })
+        }
+
+        type UsbBusAllocator = usb_device::bus::UsbBusAllocator<UsbBus<USB>>;
+
+        impl Line {
+            /// Takes bytes into `packet` and sends what is `pending`: lengths of both.
+            pub fn poll(&mut self, packet: &mut [u8], pending: &[u8]) -> (usize, usize) {
+                if SYST::get_current() <= WINDOW_CLOCKS {
+                    return (0, 0);
+                }
+                self.device.poll(&mut [&mut self.port]);
+                let length = self.port.read(packet).unwrap_or(0);
+                let sent = if pending.is_empty() {
+                    0
+                } else {
+                    self.port.write(pending).unwrap_or(0)
+                };
+                (length, sent)
+            }
+        }
+    }
+
+    /// An image that has the serial line alone.
+    #[cfg(not(feature = "octopus"))]
+    mod usb {
+        pub struct Line;
+
+        impl Line {
+            pub fn poll(&mut self, _packet: &mut [u8], _pending: &[u8]) -> (usize, usize) {
+                (0, 0)
+            }
+        }
+    }
+
+    fn serve(mut receiver: Receiver, mut usb: usb::Line) -> ! {
         let mut outgoing = Outgoing::new();
         let mut line = Line::Usb;
         loop {
@@ -231,16 +300,9 @@ mod board {
                 runtime::take_byte(&mut receiver, byte);
             }
             let mut packet = [0; 64];
-            let mut length = 0;
             let pending = outgoing.pending(&mut receiver);
-            let mut sent = 0;
-            if SYST::get_current() > USB_WINDOW_CLOCKS {
-                device.poll(&mut [&mut port]);
-                length = port.read(&mut packet).unwrap_or(0);
-                if line == Line::Usb && !pending.is_empty() {
-                    sent = port.write(pending).unwrap_or(0);
-                }
-            }
+            let for_usb = if line == Line::Usb { pending } else { &[] };
+            let (length, mut sent) = usb.poll(&mut packet, for_usb);
             if line == Line::Serial
                 && let Some(&byte) = pending.first()
             {
@@ -254,28 +316,69 @@ mod board {
         }
     }
 
-    /// Clocks: 12 MHz crystal, 168 MHz core, 48 MHz USB (180 MHz could not give USB its clock).
-    /// Returns the USB peripheral and whether the watchdog has caused this start.
-    fn set_up_chip(device: pac::Peripherals, motors: usize) -> (USB, bool) {
+    mod clocks {
+        //! 12 MHz crystal, 168 MHz core, 48 MHz USB (180 MHz could not give USB its clock). By hand,
+        //! because the chip's library computes dividers with panics; after RM0390, chapter 6.
+        use super::pac::{FLASH, RCC};
+
+        /// 12 MHz / 6 * 168 = 336 MHz; by 2 for the core, by 7 for USB; the fourth output, unused, at
+        /// its reset value.
+        const PLL: u32 = 2 << 28 | 7 << 24 | FROM_CRYSTAL | 168 << 6 | 6;
+        const FROM_CRYSTAL: u32 = 1 << 22;
+        /// APB1 by 4 (42 MHz), APB2 by 2 (84 MHz); core from the internal oscillator, or the PLL.
+        const BUSES: u32 = 0b100 << 13 | 0b101 << 10;
+        const CORE_FROM_PLL: u32 = 2;
+        const CORE_FROM: u32 = 3;
+        /// Five wait states, prefetch, both caches.
+        const FLASH_ACCESS: u32 = 0x705;
+
+        /// The bootloader has left clocks of its own: back to the internal oscillator first.
+        pub fn set_up(rcc: &RCC, flash: &FLASH) {
+            rcc.cr().modify(|_, w| w.hsion().set_bit());
+            while rcc.cr().read().hsirdy().bit_is_clear() {}
+            core_from(rcc, 0);
+            rcc.cr().modify(|_, w| w.pllon().clear_bit());
+            while rcc.cr().read().pllrdy().bit_is_set() {}
+            rcc.cr().modify(|_, w| w.hseon().set_bit());
+            while rcc.cr().read().hserdy().bit_is_clear() {}
+            // SAFETY: values that the reference manual allows, see above.
+            unsafe {
+                rcc.pllcfgr().write(|w| w.bits(PLL));
+                flash.acr().write(|w| w.bits(FLASH_ACCESS));
+            }
+            rcc.cr().modify(|_, w| w.pllon().set_bit());
+            while rcc.cr().read().pllrdy().bit_is_clear() {}
+            core_from(rcc, CORE_FROM_PLL);
+        }
+
+        fn core_from(rcc: &RCC, source: u32) {
+            // SAFETY: as above.
+            unsafe {
+                rcc.cfgr().write(|w| w.bits(BUSES | source));
+            }
+            while rcc.cfgr().read().bits() >> 2 & CORE_FROM != source {}
+        }
+    }
+
+    /// Returns the USB line and whether the watchdog has caused this start.
+    fn set_up_chip(device: pac::Peripherals, motors: usize) -> Option<(usb::Line, bool)> {
         let by_watchdog = device.RCC.csr().read().wdgrstf().bit_is_set();
         device.RCC.csr().modify(|_, w| w.rmvf().set_bit());
-        let config = Config::hse(12.MHz())
-            .sysclk(CORE_HZ.Hz())
-            .hclk(CORE_HZ.Hz())
-            .pclk1(42.MHz())
-            .pclk2(84.MHz())
-            .require_pll48clk();
-        let mut rcc = device.RCC.freeze(config);
-        let port_a = device.GPIOA.split(&mut rcc);
-        let usb = USB::new(
-            (
+        clocks::set_up(&device.RCC, &device.FLASH);
+        let rcc = device.RCC.constrain();
+        #[cfg(feature = "octopus")]
+        let (usb, rcc) = {
+            let mut rcc = rcc;
+            let port_a = device.GPIOA.split(&mut rcc);
+            let blocks = (
                 device.OTG_FS_GLOBAL,
                 device.OTG_FS_DEVICE,
                 device.OTG_FS_PWRCLK,
-            ),
-            (port_a.pa11, port_a.pa12),
-            &rcc.clocks,
-        );
+            );
+            (usb::set_up(blocks, (port_a.pa11, port_a.pa12))?, rcc)
+        };
+        #[cfg(not(feature = "octopus"))]
+        let usb = usb::Line;
         // Ports A to G, USART 2, the multiplexer of the external interrupts.
         rcc.ahb1enr()
             .modify(|r, w| unsafe { w.bits(r.bits() | 0x7f) });
@@ -287,7 +390,7 @@ mod board {
         }
         serial::set_up();
         emergency_input::set_up();
-        (usb, by_watchdog)
+        Some((usb, by_watchdog))
     }
 
     fn run() -> Option<()> {
@@ -299,7 +402,7 @@ mod board {
         unsafe {
             core.SCB.vtor.write(core::ptr::addr_of!(VECTORS) as u32);
         }
-        let (usb, by_watchdog) = set_up_chip(pac::Peripherals::take()?, motors);
+        let (usb, by_watchdog) = set_up_chip(pac::Peripherals::take()?, motors)?;
         let clocks = CORE_HZ.checked_div(configuration.step_hz)?;
         // Differs from start to start as far as anything here can: the oscillators drift.
         let session = SYST::get_current()
@@ -331,19 +434,7 @@ mod board {
         // SAFETY: as above; the bootloader may have left them off.
         unsafe { cortex_m::interrupt::enable() }
         watchdog::start(WATCHDOG_MS);
-        let memory = cortex_m::singleton!(: [u32; 320] = [0; 320])?;
-        let bus = UsbBus::new(usb, memory);
-        let port = SerialPort::new(&bus);
-        let strings = StringDescriptors::default()
-            .manufacturer("Headway")
-            .product("Headway controller");
-        // The numbers that the USB device crate's authors have set aside for serial ports.
-        let device = UsbDeviceBuilder::new(&bus, UsbVidPid(0x16c0, 0x27dd))
-            .device_class(usbd_serial::USB_CLASS_CDC)
-            .strings(&[strings])
-            .ok()?
-            .build();
-        serve(receiver, device, port)
+        serve(receiver, usb)
     }
 
     unsafe extern "C" {
@@ -368,8 +459,17 @@ mod board {
         }
     }
 
+    #[cfg(feature = "prove-no-panic")]
+    unsafe extern "C" {
+        /// Defined nowhere: the image only links if the panic handler is never reached.
+        safe fn a_panic_can_be_reached() -> !;
+    }
+
     #[panic_handler]
     fn panic(_: &core::panic::PanicInfo<'_>) -> ! {
+        #[cfg(feature = "prove-no-panic")]
+        a_panic_can_be_reached();
+        #[cfg(not(feature = "prove-no-panic"))]
         stop()
     }
 }
