@@ -99,6 +99,7 @@ impl Aperture {
 
     /// Half the width along unit direction `direction`, (h(u) + h(-u)) / 2, mm: half the bead
     /// that is swept across it. Where the shape has 180° symmetry it is h(u).
+    #[inline]
     pub fn extent_mm(&self, heading_rad: f64, direction: Vector2) -> f64 {
         match self {
             Aperture::Ellipse { major_mm, minor_mm } => {
@@ -122,6 +123,7 @@ impl Aperture {
     /// Support point: the point of the aperture farthest in `direction`, relative to its centre.
     /// For the ellipse M N / h with M = R diag(a², b²) Rᵀ (SPEC section 2); for a flat side one of
     /// its ends.
+    #[inline]
     pub fn support_point(&self, heading_rad: f64, direction: Vector2) -> Vector2 {
         match self {
             Aperture::Ellipse { major_mm, minor_mm } => {
@@ -146,6 +148,7 @@ impl Aperture {
     /// unit normal `normal`: touching it at `p` or, for an aperture with flat sides, beside `p`, so
     /// that the centre moves steadily with the heading (the touching point is averaged over
     /// [`FLAT_RAD`] to both sides; h'(u) is its way along the wall).
+    #[inline]
     pub fn center_on_wall(&self, heading_rad: f64, p: Point2, normal: Vector2) -> Point2 {
         match self {
             Aperture::Ellipse { .. } => p + self.support_point(heading_rad, normal),
@@ -237,6 +240,7 @@ impl Aperture {
 
     /// Where the line `from` + t `direction` (relative to the centre, unit direction) lies in the
     /// aperture: the least and largest t, mm; `None` where it misses.
+    #[inline]
     pub fn chord_mm(
         &self,
         heading_rad: f64,

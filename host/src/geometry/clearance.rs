@@ -93,6 +93,7 @@ fn nearest_gap(
 
 /// The boundary point nearest to the centre in the ellipse's scaled frame (in which it is the unit
 /// circle), where it is nearer than `limit`.
+#[inline]
 fn nearest_scaled(
     axes_mm: [f64; 2],
     at: Configuration,
@@ -154,10 +155,24 @@ pub fn is_inside(aperture: &Aperture, at: Configuration, index: &EdgeIndex, slac
 /// hole), then over the inside. Accuracy: `OUTLINE_ACCURACY` on the outline, `INSIDE_ACCURACY` for
 /// what is swallowed; what is certainly below `NEGLIGIBLE_MM` comes back as its upper bound.
 pub fn outside_depth_mm(aperture: &Aperture, at: Configuration, index: &EdgeIndex) -> f64 {
-    let clearance = scaled_clearance(aperture, at, index, 1.0);
-    if !index.contains(at.center) {
+    let bound_mm = outside_bound_mm(aperture, at, index);
+    if bound_mm.is_infinite() {
         return deepest(aperture, at, |p| -index.signed_distance_mm(p));
     }
+    if bound_mm <= NEGLIGIBLE_MM {
+        return bound_mm;
+    }
+    let edges = edges_around(aperture, at, index, bound_mm);
+    deepest(aperture, at, |p| depth_among(&edges, at.center, p))
+}
+
+/// What [`outside_depth_mm`] is certainly not above, at the cost of one query: 0 where the placed
+/// aperture is inside, infinite where its centre is outside.
+pub fn outside_bound_mm(aperture: &Aperture, at: Configuration, index: &EdgeIndex) -> f64 {
+    if !index.contains(at.center) {
+        return f64::INFINITY;
+    }
+    let clearance = scaled_clearance(aperture, at, index, 1.0);
     let bound_mm = match aperture {
         // Beyond a boundary point on the way from the centre lies at most this share of the way.
         Aperture::Ellipse { major_mm, .. } => (1.0 - clearance) * major_mm,
@@ -168,11 +183,7 @@ pub fn outside_depth_mm(aperture: &Aperture, at: Configuration, index: &EdgeInde
             share * shape.reach_mm()
         }
     };
-    if bound_mm <= NEGLIGIBLE_MM {
-        return bound_mm.max(0.0);
-    }
-    let edges = edges_around(aperture, at, index, bound_mm);
-    deepest(aperture, at, |p| depth_among(&edges, at.center, p))
+    bound_mm.max(0.0)
 }
 
 /// Depths below this are not worth a search, mm.

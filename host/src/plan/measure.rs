@@ -7,7 +7,7 @@
 
 use super::contour::Contour;
 use crate::geometry::aperture::Aperture;
-use crate::geometry::clearance::{Configuration, contact, outside_depth_mm};
+use crate::geometry::clearance::{Configuration, outside_bound_mm, outside_depth_mm};
 use crate::geometry::coverage::{Coverage, SweptPose};
 use crate::geometry::edge_index::EdgeIndex;
 use crate::geometry::{Point2, Vector2};
@@ -221,27 +221,40 @@ fn longest_step_mm(aperture: &Aperture) -> f64 {
 /// Scallop that a rounded corner may leave, mm.
 const SCALLOP_MM: f64 = 1e-3;
 
-/// The placement that leaves the region farthest.
+/// The placement that leaves the region farthest. Those that may reach deepest are measured first,
+/// the others only as long as they may reach deeper than what was found.
 fn deepest(poses: &[SweptPose], walls: &EdgeIndex, settings: &Settings) -> (f64, Configuration) {
+    let aperture = &settings.aperture;
+    let bounds_mm: Vec<f64> = poses
+        .par_iter()
+        .map(|pose| outside_bound_mm(aperture, pose.at, walls))
+        .collect();
+    let mut order: Vec<usize> = (0..poses.len()).filter(|&i| bounds_mm[i] > 0.0).collect();
+    order.sort_by(|&i, &j| bounds_mm[j].total_cmp(&bounds_mm[i]).then(i.cmp(&j)));
+    let mut best = (0.0, usize::MAX);
+    for batch in order.chunks(DEPTH_BATCH) {
+        if bounds_mm[batch[0]] <= best.0 {
+            break;
+        }
+        let depths: Vec<f64> = batch
+            .par_iter()
+            .map(|&i| outside_depth_mm(aperture, poses[i].at, walls))
+            .collect();
+        for (&i, depth_mm) in batch.iter().zip(depths) {
+            if depth_mm > best.0 || (depth_mm == best.0 && i < best.1) {
+                best = (depth_mm, i);
+            }
+        }
+    }
     let origin = Configuration {
         center: Point2::origin(),
         heading_rad: 0.0,
     };
-    poses
-        .par_iter()
-        .map(|pose| {
-            let cuts = contact(&settings.aperture, pose.at, walls, 1.0).is_some();
-            if cuts || !walls.contains(pose.at.center) {
-                (
-                    outside_depth_mm(&settings.aperture, pose.at, walls),
-                    pose.at,
-                )
-            } else {
-                (0.0, pose.at)
-            }
-        })
-        .reduce(|| (0.0, origin), |a, b| if b.0 > a.0 { b } else { a })
+    (best.0, poses.get(best.1).map_or(origin, |pose| pose.at))
 }
+
+/// Placements measured side by side: enough for any number of threads.
+const DEPTH_BATCH: usize = 256;
 
 /// Which share of the uncovered cells some placement inside could cover.
 fn reachable_share_of_gaps(raster: &Coverage, walls: &EdgeIndex, settings: &Settings) -> f64 {
