@@ -99,6 +99,28 @@ impl Cell {
         (low, low_slope, high, high_slope)
     }
 
+    /// x here and the largest at the cell's end. Where a row hardly sees ü, its bound of ü falls
+    /// from one end of the range to the other within a rounding of x, and the last of what is
+    /// controllable leads to a stop: there a little less here gives far more there.
+    fn advanced(&self, x: f64, next_max: f64) -> (f64, f64) {
+        let next_of = |x: f64| {
+            let (_, _, high, _) = self.bounds(x, next_max);
+            (x + self.double_length * high).clamp(0.0, next_max)
+        };
+        let mut best = (x, next_of(x));
+        if best.1 >= FALL * x.min(next_max) {
+            return best;
+        }
+        for exponent in GIVEN_UP_EXPONENTS {
+            let less = x * (1.0 - 10f64.powi(exponent));
+            let next = next_of(less);
+            if next > 2.0 * best.1 {
+                best = (less, next);
+            }
+        }
+        best
+    }
+
     /// Largest x <= `x_cap` with an admissible ü. The room high - low is concave in x and not
     /// negative at 0, so Newton's method from above descends to its zero without passing it.
     fn largest_controllable(&self, x_cap: f64, next_max: f64) -> f64 {
@@ -119,6 +141,11 @@ impl Cell {
 /// The room is piecewise linear with at most two pieces a row: more steps cannot be needed.
 const NEWTON_STEPS_MAX: usize = 4 * ROWS_MAX + 4;
 
+/// A fall of x over one cell to less than this share is looked into.
+const FALL: f64 = 0.5;
+/// Shares of x that may be given up for more at the next sample, as powers of ten.
+const GIVEN_UP_EXPONENTS: std::ops::RangeInclusive<i32> = -12..=-3;
+
 /// Largest u̇ at every sample (0 at both ends) within the limits times the caps.
 pub fn fastest_rates(samples: &[PathSample], limits: &MotionLimits, caps: &Caps) -> Vec<f64> {
     let last = samples.len() - 1;
@@ -137,8 +164,7 @@ pub fn fastest_rates(samples: &[PathSample], limits: &MotionLimits, caps: &Caps)
     for i in 0..last {
         let next = Rows::new(&samples[i + 1], limits, caps.acceleration[i + 1]);
         let cell = Cell::new(&here, &next, samples[i + 1].u - samples[i].u);
-        let (_, _, high, _) = cell.bounds(x, x_max[i + 1]);
-        x = (x + cell.double_length * high).clamp(0.0, x_max[i + 1]);
+        (x_max[i], x) = cell.advanced(x, x_max[i + 1]);
         x_max[i + 1] = x;
         here = next;
     }
@@ -162,6 +188,32 @@ mod tests {
         let rate = fastest_rates(&samples, &limits, &caps);
         let u = samples.iter().map(|sample| sample.u).collect();
         (u, rate, samples, limits)
+    }
+
+    /// Goal: a row that hardly sees ü does not stop the head in the middle of a path. Method: two
+    /// rows as they come at the turn of a heading, x on the edge of what is controllable.
+    #[test]
+    fn no_stop_where_a_row_hardly_sees_the_acceleration() {
+        let of = |rows: &[[f64; 3]]| {
+            let mut all = [Row::default(); ROWS_MAX];
+            for (row, [a, b, c]) in all.iter_mut().zip(rows) {
+                (row.a, row.b, row.c) = (*a, *b, *c);
+            }
+            Rows {
+                rows: all,
+                count: rows.len(),
+            }
+        };
+        let here = of(&[[1e-9, 0.05, 20.0], [0.1, 0.01, 2000.0]]);
+        let next = of(&[[2e-3, 0.05, 21.0], [0.1, 0.01, 2000.0]]);
+        let cell = Cell::new(&here, &next, 0.5);
+        let next_max = 439.0;
+        let most = cell.largest_controllable(1e6, next_max);
+        let (x, at_end) = cell.advanced(most, next_max);
+        assert!(
+            at_end > 0.8 * most && x > 0.998 * most,
+            "{most} {x} {at_end}"
+        );
     }
 
     #[test]
