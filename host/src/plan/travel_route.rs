@@ -2,8 +2,8 @@
 //!
 //! Shortest ways bend only around corners of the bounds that stick into the free ground. Each such
 //! corner, its arc at the clearance replaced by tangents of at most 30°, gives nodes; two nodes see
-//! each other where the straight line between them keeps the clearance from every edge. Dijkstra
-//! over the nodes, who sees whom found when first asked. The way is longer than the exact one by at
+//! each other where the straight line between them keeps the clearance from every edge. A* over the
+//! nodes, who sees whom found when first asked. The way is longer than the exact one by at
 //! most 1 / cos 15° - 1 = 3.5 % of its arcs.
 //!
 //! Input: rings with the free ground on their left. Bounded by [`NODES_MAX`]: what needs more nodes
@@ -13,8 +13,9 @@ use crate::geometry::edge_index::{Edge, EdgeIndex};
 use crate::geometry::polygon::{Box2, Ring};
 use crate::geometry::{Point2, Vector2};
 
-/// Most nodes: a million lines of sight, about a second in the worst case.
-pub const NODES_MAX: usize = 1000;
+/// Most nodes: at worst nine million lines of sight for a whole layer, some 20 s; the search looks
+/// at a small share of them.
+pub const NODES_MAX: usize = 3000;
 /// Largest turn that one node stands for.
 const NODE_TURN_RAD: f64 = std::f64::consts::FRAC_PI_6;
 /// Nodes lie this much farther out than the clearance, lines of sight may come this much closer:
@@ -110,12 +111,7 @@ impl TravelRouter {
             return Some(Vec::new());
         }
         let count = self.nodes.len();
-        let last_leg: Vec<Option<f64>> = (0..count)
-            .map(|n| {
-                self.sees(self.nodes[n], to)
-                    .then(|| (self.nodes[n] - to).norm())
-            })
-            .collect();
+        let left_mm: Vec<f64> = self.nodes.iter().map(|node| (node - to).norm()).collect();
         let mut length_mm: Vec<f64> = (0..count)
             .map(|n| {
                 if self.sees(from, self.nodes[n]) {
@@ -127,21 +123,19 @@ impl TravelRouter {
             .collect();
         let mut before: Vec<Option<usize>> = vec![None; count];
         let mut done = vec![false; count];
-        let mut best: Option<(f64, usize)> = None;
+        let mut best = None;
         for _ in 0..count {
+            // No way over a node is shorter than this.
+            let least_mm = |n: usize| length_mm[n] + left_mm[n];
             let open = (0..count).filter(|&n| !done[n] && length_mm[n].is_finite());
-            let Some(node) = open.min_by(|&m, &n| length_mm[m].total_cmp(&length_mm[n])) else {
+            let Some(node) = open.min_by(|&m, &n| least_mm(m).total_cmp(&least_mm(n))) else {
                 break;
             };
-            if best.is_some_and(|(found_mm, _)| found_mm <= length_mm[node]) {
-                break;
-            }
             done[node] = true;
-            if let Some(leg_mm) = last_leg[node] {
-                let whole_mm = length_mm[node] + leg_mm;
-                if best.is_none_or(|(found_mm, _)| whole_mm < found_mm) {
-                    best = Some((whole_mm, node));
-                }
+            if self.sees(self.nodes[node], to) {
+                // The least of all that are open: nothing shorter comes.
+                best = Some(node);
+                break;
             }
             for next in self.seen_from(node) {
                 let next = next as usize;
@@ -152,7 +146,7 @@ impl TravelRouter {
                 }
             }
         }
-        let mut node = Some(best?.1);
+        let mut node = Some(best?);
         let mut way = Vec::new();
         while let Some(at) = node {
             way.push(self.nodes[at]);
@@ -185,111 +179,115 @@ fn apart_by(one: &Edge, other: &Edge, reach_mm: f64) -> bool {
     !crosses && far(one.a, other) && far(one.b, other) && far(other.a, one) && far(other.b, one)
 }
 
+/// A run of corners that turn to the right by little, which share a node.
+struct Run {
+    /// The edge before the first corner.
+    edge: usize,
+    turned_rad: f64,
+    length_mm: f64,
+}
+
+/// A ring, by edges and corners counted around it.
+struct Corners<'a> {
+    points: &'a [Point2],
+    clearance_mm: f64,
+}
+
+impl Corners<'_> {
+    fn point(&self, i: usize) -> Point2 {
+        self.points[i % self.points.len()]
+    }
+
+    /// Left normal of the edge that begins in point `i`.
+    fn normal(&self, i: usize) -> Vector2 {
+        let (a, b) = (self.point(i), self.point(i + 1));
+        Edge { a, b }.normal()
+    }
+
+    /// Turn to the right at the end of edge `i`.
+    fn turned_rad(&self, i: usize) -> f64 {
+        let (m, n) = (self.normal(i), self.normal(i + 1));
+        -m.perp(&n).atan2(m.dot(&n))
+    }
+
+    /// True where the corner at the end of `edge` can share the run's node.
+    fn goes_on(&self, run: &Run, edge: usize, turned_rad: f64) -> bool {
+        let step_mm = (self.point(edge + 1) - self.point(edge)).norm();
+        let whole_rad = run.turned_rad + turned_rad;
+        // The node lies farther out than the clearance by about an eighth of this.
+        let out_mm = (run.length_mm + step_mm) * whole_rad;
+        turned_rad > 0.0 && whole_rad <= NODE_TURN_RAD && out_mm <= 4.0 * self.clearance_mm
+    }
+
+    /// The node of a run whose last corner begins edge `next`.
+    fn node(&self, run: &Run, next: usize) -> Option<Point2> {
+        let normal = self.normal(run.edge);
+        let normal_next = turned_by(normal, -run.turned_rad);
+        let p = self.point(run.edge + 1) + normal * self.clearance_mm;
+        let q = self.point(next) + normal_next * self.clearance_mm;
+        let (along, along_next) = (
+            turned_by(normal, -QUARTER),
+            turned_by(normal_next, -QUARTER),
+        );
+        let across = along.perp(&along_next);
+        // Parallels to the first and the last edge meet there.
+        (across.abs() > 1e-9).then(|| p + along * ((q - p).perp(&along_next) / across))
+    }
+
+    /// Nodes around one sharp corner, at the end of `edge`.
+    fn sharp(&self, edge: usize, turned_rad: f64) -> impl Iterator<Item = Point2> + use<> {
+        let (corner, normal) = (self.point(edge + 1), self.normal(edge));
+        let count = (turned_rad / NODE_TURN_RAD).ceil().max(1.0) as usize;
+        let step_rad = turned_rad / count as f64;
+        let out_mm = self.clearance_mm / (0.5 * step_rad).cos();
+        (0..count).map(move |k| corner + turned_by(normal, -(k as f64 + 0.5) * step_rad) * out_mm)
+    }
+}
+
 /// Nodes around the corners of a ring that stick into the ground on its left.
 fn ring_nodes(ring: &Ring, clearance_mm: f64) -> Vec<Point2> {
-    let points = &ring.points;
-    let count = points.len();
     let mut nodes = Vec::new();
+    let count = ring.points.len();
     if count < 3 {
         return nodes;
     }
-    let normal = |i: usize| {
-        Edge {
-            a: points[i % count],
-            b: points[(i + 1) % count],
+    let corners = Corners {
+        points: &ring.points,
+        clearance_mm,
+    };
+    let mut run: Option<Run> = None;
+    // Behind a corner to the left no run goes on.
+    let first = (0..count).find(|&i| corners.turned_rad(i) <= 0.0);
+    let first = first.unwrap_or(0);
+    for edge in first + 1..=first + count {
+        let turned_rad = corners.turned_rad(edge);
+        if let Some(open) = &mut run
+            && corners.goes_on(open, edge, turned_rad)
+        {
+            open.turned_rad += turned_rad;
+            open.length_mm += (corners.point(edge + 1) - corners.point(edge)).norm();
+            continue;
         }
-        .normal()
-    };
-    let turn = |i: usize| {
-        // At the end of edge i.
-        let (m, n) = (normal(i), normal(i + 1));
-        m.perp(&n).atan2(m.dot(&n))
-    };
-    // A run of small turns shares a node: from the edge before its first corner, so much turned.
-    let mut run: Option<(usize, f64)> = None;
-    let first = (0..count).find(|&i| turn(i) >= 0.0).unwrap_or(0);
-    for step in 1..=count {
-        let edge = first + step;
-        let turned_rad = -turn(edge);
-        let step_mm = (points[(edge + 1) % count] - points[edge % count]).norm();
-        // A long edge between two corners would put their common node far out.
-        let goes_on = turned_rad > 0.0
-            && step_mm <= clearance_mm
-            && run.is_some_and(|(_, so_far_rad)| so_far_rad + turned_rad <= NODE_TURN_RAD);
-        match &mut run {
-            Some((_, so_far_rad)) if goes_on => *so_far_rad += turned_rad,
-            _ => {
-                if let Some((from, so_far_rad)) = run.take() {
-                    let to = points[edge % count];
-                    let from_normal = normal(from);
-                    let start = points[(from + 1) % count];
-                    nodes.extend(tangent_node(
-                        start,
-                        from_normal,
-                        to,
-                        so_far_rad,
-                        clearance_mm,
-                    ));
-                }
-                if turned_rad > NODE_TURN_RAD {
-                    let corner = points[(edge + 1) % count];
-                    nodes.extend(corner_nodes(corner, normal(edge), turned_rad, clearance_mm));
-                } else if turned_rad > 0.0 {
-                    run = Some((edge, turned_rad));
-                }
-            }
+        nodes.extend(run.take().and_then(|run| corners.node(&run, edge)));
+        if turned_rad > NODE_TURN_RAD {
+            nodes.extend(corners.sharp(edge, turned_rad));
+        } else if turned_rad > 0.0 {
+            run = Some(Run {
+                edge,
+                turned_rad,
+                length_mm: 0.0,
+            });
         }
     }
-    if let Some((from, so_far_rad)) = run {
-        let to = points[(first + count + 1) % count];
-        nodes.extend(tangent_node(
-            points[(from + 1) % count],
-            normal(from),
-            to,
-            so_far_rad,
-            clearance_mm,
-        ));
-    }
+    nodes.extend(run.and_then(|run| corners.node(&run, first + count + 1)));
     nodes
-}
-
-fn turned_by(v: Vector2, angle_rad: f64) -> Vector2 {
-    let (sin, cos) = angle_rad.sin_cos();
-    Vector2::new(v.x * cos - v.y * sin, v.x * sin + v.y * cos)
-}
-
-/// Where the parallels meet of the edge that ends in `start` (unit normal `normal`) and of the edge
-/// that begins in `to`, turned to the right by `turned_rad`.
-fn tangent_node(
-    start: Point2,
-    normal: Vector2,
-    to: Point2,
-    turned_rad: f64,
-    clearance_mm: f64,
-) -> Option<Point2> {
-    let next = turned_by(normal, -turned_rad);
-    let (p, q) = (start + normal * clearance_mm, to + next * clearance_mm);
-    let (along, along_next) = (turned_by(normal, -QUARTER), turned_by(next, -QUARTER));
-    let across = along.perp(&along_next);
-    if across.abs() < 1e-9 {
-        return None;
-    }
-    Some(p + along * ((q - p).perp(&along_next) / across))
 }
 
 const QUARTER: f64 = std::f64::consts::FRAC_PI_2;
 
-/// Nodes around one sharp corner.
-fn corner_nodes(
-    corner: Point2,
-    normal: Vector2,
-    turned_rad: f64,
-    clearance_mm: f64,
-) -> impl Iterator<Item = Point2> {
-    let count = (turned_rad / NODE_TURN_RAD).ceil().max(1.0) as usize;
-    let step_rad = turned_rad / count as f64;
-    let out_mm = clearance_mm / (0.5 * step_rad).cos();
-    (0..count).map(move |k| corner + turned_by(normal, -(k as f64 + 0.5) * step_rad) * out_mm)
+fn turned_by(v: Vector2, angle_rad: f64) -> Vector2 {
+    let (sin, cos) = angle_rad.sin_cos();
+    Vector2::new(v.x * cos - v.y * sin, v.x * sin + v.y * cos)
 }
 
 #[cfg(test)]
