@@ -32,6 +32,12 @@ pub struct PlanePass {
 /// Poses in each span from which the deposited volume is integrated.
 const DEPOSIT_STEPS: usize = 4;
 
+/// Step of the control points of a rounded way, against b: corners of at most 30° are then cut by
+/// a fifth of that, less than the way keeps from the outline.
+const ROUND_STEP_SHARE: f64 = 0.5;
+/// Most control points of one rounded way; longer ones are cut by more.
+const ROUND_STEPS_MAX: f64 = 20_000.0;
+
 /// Where the head is while the route is built.
 struct Head<'a> {
     settings: &'a Settings,
@@ -140,6 +146,10 @@ impl Head<'_> {
         let mut legs = vec![Point2::new(self.at[CHANNEL_X], self.at[CHANNEL_Y])];
         legs.extend(way.corners);
         legs.push(way.back.unwrap_or(to));
+        if way.rounded && legs.len() > 2 {
+            self.cross_rounded(layer, &legs, heading_rad);
+            return;
+        }
         let length_mm =
             |legs: &[Point2]| -> f64 { legs.windows(2).map(|w| (w[1] - w[0]).norm()).sum() };
         let whole_mm = length_mm(&legs);
@@ -152,6 +162,40 @@ impl Head<'_> {
             move_to(self, legs[end], from_rad + (heading_rad - from_rad) * share);
         }
         move_to(self, to, heading_rad);
+    }
+
+    /// The same without a stop: the legs' even samples as control points of one curve.
+    fn cross_rounded(&mut self, layer: u32, legs: &[Point2], heading_rad: f64) {
+        let whole_mm: f64 = legs.windows(2).map(|w| (w[1] - w[0]).norm()).sum();
+        let step_mm = ROUND_STEP_SHARE * self.settings.aperture.minor_mm();
+        let steps = (whole_mm / step_mm).ceil().clamp(8.0, ROUND_STEPS_MAX) as usize;
+        let start = self.at;
+        let (mut leg, mut before_mm) = (0, 0.0);
+        let mut control: Vec<[f64; CHANNELS]> = (0..steps)
+            .map(|i| {
+                let share = i as f64 / steps as f64;
+                let along_mm = whole_mm * share;
+                let length_mm = |leg: usize| (legs[leg + 1] - legs[leg]).norm();
+                while leg + 2 < legs.len() && along_mm > before_mm + length_mm(leg) {
+                    before_mm += length_mm(leg);
+                    leg += 1;
+                }
+                let t = (along_mm - before_mm) / length_mm(leg).max(1e-12);
+                let at = legs[leg] + (legs[leg + 1] - legs[leg]) * t.clamp(0.0, 1.0);
+                let mut point = start;
+                point[CHANNEL_X] = at.x;
+                point[CHANNEL_Y] = at.y;
+                point[CHANNEL_HEADING] += (heading_rad - start[CHANNEL_HEADING]) * share;
+                point
+            })
+            .collect();
+        // The end to the last digit: the next stretch begins there.
+        let mut end = start;
+        end[CHANNEL_X] = legs[legs.len() - 1].x;
+        end[CHANNEL_Y] = legs[legs.len() - 1].y;
+        end[CHANNEL_HEADING] = heading_rad;
+        control.push(end);
+        self.push(MotionState::Travel, layer, None, control, 0.0, None);
     }
 
     /// Prime, print, retract.

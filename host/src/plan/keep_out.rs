@@ -80,6 +80,8 @@ pub struct Way {
     pub corners: Vec<Point2>,
     /// From here on with the heading of what comes.
     pub back: Option<Point2>,
+    /// The corners may be rounded, so that the head need not stop there.
+    pub rounded: bool,
 }
 
 /// Leads travel around keep-outs; all in the coordinates of its `keep_out`.
@@ -126,6 +128,7 @@ impl Detours {
             out,
             corners: self.router.way(start, end)?,
             back,
+            rounded: false,
         })
     }
 

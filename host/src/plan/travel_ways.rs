@@ -106,8 +106,10 @@ impl TravelWays {
                 .as_ref()
                 .is_none_or(|detours| detours.is_clear(&all))
             {
+                // Rounding takes a little of the clearance, which keep-outs have not to spare.
                 return Ok(Way {
                     corners,
+                    rounded: self.detours.is_none(),
                     ..Way::default()
                 });
             }
