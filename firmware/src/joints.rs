@@ -6,11 +6,14 @@ use crate::configuration::{JOINTS_MAX, Kinematics, MOTORS_MAX, MachineConfigurat
 use crate::interpolator::{Interpolator, Offset};
 use crate::kinematics::{self, gantry};
 use crate::load::tilt_pose;
-use crate::steps::{POSITION_FRACTION_BITS, STEP, Target};
+use crate::steps::{STEP, Target, count};
 use headway_protocol::message::{Fault, FaultCause};
 
 /// Furthest that a soft limit can be, whole steps: well within the 32 bits of a target.
 const WHOLE_STEPS_MAX: i64 = (1 << 30) - 4;
+
+/// The same as a position: of a joint without a stop.
+const POSITION_MAX: i64 = WHOLE_STEPS_MAX * STEP;
 
 /// What the tilt adds to each joint; nothing on a machine without tilt.
 type Remainder = Option<[f32; JOINTS_MAX]>;
@@ -23,8 +26,8 @@ struct JointScale {
     /// Soft limits, 2^-31 steps.
     position_min: i64,
     position_max: i64,
-    /// The same in whole steps: the lowest, and what may be added to it. A step or two of slack,
-    /// because targets may be one off.
+    /// The same in whole steps, one further in because targets may be one off: the lowest, and what
+    /// may be added to it. Beyond it the exact position is looked at.
     lowest: i32,
     range: u32,
     /// 0.1 µm or µrad per step.
@@ -34,7 +37,7 @@ struct JointScale {
 /// What the joints' new targets are like.
 #[derive(Clone, Copy, Debug, Default)]
 pub struct Reach {
-    /// Joints outside their soft limits, a mask.
+    /// Joints outside their soft limits, or next to them: a mask for [`JointTargets::check_limits`].
     pub outside: u32,
     /// See [`Target::replace`].
     pub jumps: u32,
@@ -55,20 +58,22 @@ impl JointTargets {
         let mut joints = [JointScale::default(); MOTORS_MAX];
         let carriers = kinematics::carriers(&configuration.kinematics);
         for (scale, joint) in joints.iter_mut().zip(&configuration.joints) {
-            let position = |natural: f64| (natural * joint.steps_per_unit * STEP as f64) as i64;
             // Limits beyond what targets hold are cut: a machine whose nozzle turns freely.
-            let whole = |position: i64| {
-                let steps = position >> POSITION_FRACTION_BITS;
-                steps.clamp(-WHOLE_STEPS_MAX, WHOLE_STEPS_MAX) as i32
+            let position = |natural: f64| {
+                let position = (natural * joint.steps_per_unit * STEP as f64) as i64;
+                position.clamp(-POSITION_MAX, POSITION_MAX)
             };
+            // Limits beyond what targets hold are cut: a machine whose nozzle turns freely.
+            let whole =
+                |position: i64| count(position).clamp(-WHOLE_STEPS_MAX, WHOLE_STEPS_MAX) as i32;
             let (min, max) = (position(joint.position_min), position(joint.position_max));
             let report_units = if joint.rotary { 1e6 } else { 1e4 };
             *scale = JointScale {
                 steps_per_natural: joint.steps_per_unit as f32,
                 position_min: min,
                 position_max: max,
-                lowest: whole(min) - 2,
-                range: (whole(max) - whole(min) + 4) as u32,
+                lowest: whole(min) + 1,
+                range: (whole(max) - whole(min) - 2).max(0) as u32,
                 units_per_step: report_units / joint.steps_per_unit,
             };
         }
@@ -191,19 +196,81 @@ impl JointTargets {
             *target = anchor;
         }
         let reach = self.set_targets(interpolator, targets.iter_mut())?;
-        let targets = targets.map(Target::position);
-        self.check_limits(reach.outside, &targets)?;
-        Ok(targets)
+        self.check_limits(reach.outside, |joint| targets[joint % MOTORS_MAX])?;
+        Ok(targets.map(Target::position))
     }
 
+    /// Looks closer at the joints in `outside`: no step may go beyond a limit, rounded to a step.
+    ///
     /// # Errors
-    /// The fault of the first joint in `outside`.
-    #[inline(always)]
-    pub fn check_limits(&self, outside: u32, targets: &[i64; MOTORS_MAX]) -> Result<(), Fault> {
-        if outside == 0 {
-            return Ok(());
+    /// The fault of the first that would.
+    #[inline(never)]
+    pub fn check_limits(
+        &self,
+        outside: u32,
+        mut target: impl FnMut(usize) -> Target,
+    ) -> Result<(), Fault> {
+        let mut left = outside;
+        while left != 0 {
+            let index = left.trailing_zeros() as usize % MOTORS_MAX;
+            left &= left - 1;
+            let joint = &self.joints[index];
+            let position = target(index).position();
+            let (lowest, highest) = (count(joint.position_min), count(joint.position_max));
+            if !(lowest..=highest).contains(&count(position)) {
+                return Err(self.limit_fault(index, position, FaultCause::SoftLimit));
+            }
         }
-        let joint = outside.trailing_zeros() as usize % MOTORS_MAX;
-        Err(self.limit_fault(joint, targets[joint], FaultCause::SoftLimit))
+        Ok(())
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    //! Goal: no step goes beyond a soft limit, and none before it is refused. Method: poses around
+    //! the limits of a joint with 80 steps a mm, by a few hundredths of a step.
+    use super::*;
+    use crate::boards::emulated_planar;
+    use crate::carriers::Carriers;
+    use headway_protocol::units::ChannelPoint;
+
+    #[test]
+    fn a_soft_limit_trips_before_the_step_beyond_it() {
+        let configuration = emulated_planar();
+        let joints = JointTargets::new(&configuration);
+        let carriers = Carriers::new(&configuration);
+        // The next step above 310 mm is due 62.5 of 0.1 µm further, that below -10 mm just so far.
+        for (x_units, refused) in [
+            (3_100_000, false),
+            (3_100_062, false),
+            (3_100_063, true),
+            (3_100_200, true),
+            (3_099_900, false),
+            (-100_000, false),
+            (-100_062, false),
+            (-100_064, true),
+            (-99_900, false),
+        ] {
+            let mut pose = ChannelPoint::default();
+            pose[0] = x_units;
+            let targets = joints.targets(&Interpolator::at_rest(&carriers, &pose));
+            assert_eq!(targets.is_err(), refused, "{x_units}");
+        }
+    }
+
+    #[test]
+    fn a_joint_without_a_stop_has_no_limit() {
+        let mut configuration = emulated_planar();
+        configuration.joints[3].position_min = f64::NEG_INFINITY;
+        configuration.joints[3].position_max = f64::INFINITY;
+        let joints = JointTargets::new(&configuration);
+        let carriers = Carriers::new(&configuration);
+        for heading_units in [0, 2_000_000_000, -2_000_000_000] {
+            let mut pose = ChannelPoint::default();
+            pose[5] = heading_units;
+            let at_rest = Interpolator::at_rest(&carriers, &pose);
+            assert!(joints.targets(&at_rest).is_ok(), "{heading_units}");
+            assert!(joints.is_in_range(3, i64::from(heading_units) << 30));
+        }
     }
 }

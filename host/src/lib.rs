@@ -55,7 +55,7 @@ use crate::plan::skirt::{SkirtPlan, skirt_plan, skirt_reach_mm};
 use crate::plan::travel_ways::{TravelError, TravelWays, outline_crossings};
 use crate::plan::waypoint_curve::{WaypointCurveError, waypoint_curves};
 use crate::plan::waypoint_route::waypoint_route;
-use crate::settings::{PassMode, Settings};
+use crate::settings::{PassMode, Settings, SettingsError};
 use headway_protocol::units::{CHANNEL_X, CHANNEL_Y, CHANNEL_Z, CHANNELS};
 
 /// Everything that planning one region of a layer made.
@@ -120,6 +120,9 @@ impl Plan {
 /// Why a target cannot be planned.
 #[derive(Clone, Debug, PartialEq, thiserror::Error)]
 pub enum PlanError {
+    /// The settings.
+    #[error(transparent)]
+    Settings(#[from] SettingsError),
     /// The outline.
     #[error(transparent)]
     Contour(#[from] ContourError),
@@ -174,6 +177,7 @@ pub fn plan_target_around(
     keep_out: &[Region],
     settings: &Settings,
 ) -> Result<Plan, PlanError> {
+    settings.check()?;
     let bounds = target_bounds(target).grown(skirt_reach_mm(settings));
     let transform = PartTransform::choose(bounds, settings.layer_height_mm, settings)?;
     let cleared = cleared(&target.regions, keep_out, settings);
@@ -258,6 +262,7 @@ fn plan_region(region: &Region, settings: &Settings) -> Result<RegionPlan, PlanE
 /// # Errors
 /// [`PlanError`].
 pub fn plan_waypoints(run: &WaypointRun, settings: &Settings) -> Result<Plan, PlanError> {
+    settings.check()?;
     let tips = || run.points.iter().map(|point| point.tip_mm);
     let corners: Vec<Point2> = tips().map(|tip| tip.xy()).collect();
     let low_mm = tips().map(|tip| tip.z).fold(f64::INFINITY, f64::min) - settings.layer_height_mm;

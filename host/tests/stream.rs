@@ -403,6 +403,21 @@ fn a_board_is_asked_homed_and_jogged() {
             text(&said.stderr)
         );
     }
+    // What a stop has lost is declared, where there is no switch to home to.
+    for (joint, position) in [("x", "10"), ("y", "-2.5"), ("z", "1"), ("c", "90")] {
+        let set = output(&["board", "set-joint", joint, position, "--port", port]);
+        assert!(set.status.success(), "{}", text(&set.stderr));
+    }
+    let status = json(&output(&["board", "status", "--port", port, "--json"]));
+    assert_eq!(status["counts"][0], 800);
+    assert_eq!(status["counts"][1], -200);
+    assert_eq!(status["counts"][3], 2400, "a quarter of 9600 steps");
+    let known: Vec<u64> = serde_json::from_value(status["referenced"].clone()).unwrap();
+    assert_eq!(known, [0, 1, 2, 3]);
+    for (joint, position, code) in [("w", "1", 2), ("x", "1e9", 2), ("x", "1000", 1)] {
+        let refused = output(&["board", "set-joint", joint, position, "--port", port]);
+        assert_eq!(refused.status.code(), Some(code), "{joint} {position}");
+    }
     board.end();
     let gone = output(&["board", "info", "--port", "unix:/nonexistent/board"]);
     assert_eq!(gone.status.code(), Some(1));

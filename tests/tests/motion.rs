@@ -720,3 +720,30 @@ fn the_stream_does_not_depend_on_the_number_of_threads() {
     assert_eq!(alone, with(2));
     assert_eq!(alone, with(5));
 }
+
+#[test]
+fn settings_that_cannot_be_are_refused_by_the_library_too() {
+    let square = headway::input::read(
+        br#"{"units": "mm", "exterior": [[0, 0], [10, 0], [10, 10], [0, 10]]}"#,
+        "square",
+        headway::input::Format::Polygon,
+        &headway::input::ReadOptions::default(),
+    );
+    let square = square.expect("valid").target;
+    let mut settings = Settings::default();
+    for speed_mm_s in [0.0, -1.0, f64::NAN, f64::INFINITY] {
+        settings.speed_mm_s = speed_mm_s;
+        let refused = headway::plan_target(&square, &settings).expect_err("no such speed");
+        assert!(
+            matches!(refused, headway::PlanError::Settings(_)),
+            "{speed_mm_s}: {refused}"
+        );
+    }
+    let mut settings = Settings::default();
+    settings.machine.joints[0].acceleration_max = 0.0;
+    let refused = headway::plan_target(&square, &settings).expect_err("no such machine");
+    assert!(
+        refused.to_string().contains("joints.x.acceleration_max"),
+        "{refused}"
+    );
+}

@@ -267,8 +267,8 @@ impl Motion {
             let motor = joints.count();
             jumps |= self.programmer.target_mut(motor).replace(extruder);
             if reach.outside != 0 {
-                let targets = self.programmer.newest_targets();
-                joints.check_limits(reach.outside, &targets)?;
+                let programmer = &mut self.programmer;
+                joints.check_limits(reach.outside, |joint| *programmer.target_mut(joint))?;
             }
         }
         let advanced = self.programmer.advance_to_targets(jumps, bank);

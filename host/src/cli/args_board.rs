@@ -48,6 +48,7 @@ Examples:
   headway board status --port /dev/ttyACM0
   headway board home z x y --port /dev/ttyACM0
   headway board jog x 10 --speed 20 --port /dev/ttyACM0
+  headway board set-joint c 0 --port /dev/ttyACM0
   headway board go part.hwj --port /dev/ttyACM0
   headway board simulate --listen tcp:127.0.0.1:7000
   headway board replay print.log")]
@@ -101,6 +102,18 @@ pub(super) enum BoardCommand {
         /// How fast, mm/s or degrees/s [default: a tenth of the joint's limit].
         #[arg(long, value_name = "SPEED")]
         speed: Option<f64>,
+        #[command(flatten)]
+        machine: BoardMachineArgs,
+        #[command(flatten)]
+        port: PortArgs,
+    },
+    /// Say where a joint is, that has no switch to home to: after a stop it must be declared.
+    SetJoint {
+        /// Joint by name (x, y, z, c) or number.
+        joint: String,
+        /// Where it is, mm or degrees.
+        #[arg(allow_negative_numbers = true)]
+        position: f64,
         #[command(flatten)]
         machine: BoardMachineArgs,
         #[command(flatten)]

@@ -11,7 +11,7 @@ use crate::drive::sender_state::{SenderEvent, SenderState};
 use crate::drive::transport::{Listener, Port};
 use crate::drive::virtual_board::{BoardSetup, VirtualBoard};
 use crate::settings::{Settings, joint_names};
-use headway_firmware::configuration::MachineConfiguration;
+use headway_firmware::configuration::{JointConfiguration, MachineConfiguration};
 use headway_firmware::homing::HomingConfiguration;
 use headway_protocol::frame::hash_of;
 use headway_protocol::message::{Control, DeviceState, JointOrder, Status, Welcome};
@@ -44,11 +44,17 @@ pub(super) fn run(args: &BoardArgs, console: &Console) -> Result<(), CliError> {
         } => {
             let settings = settings(machine)?;
             let command = jog(&settings.machine, joint, *distance, *speed)?;
-            let mut talk = Talk::open(port)?;
-            talk.check_machine(&settings.machine)?;
-            talk.order(command)?;
-            let status = talk.wait_for_rest()?;
-            console.result(&status_text(&status, false))
+            move_joint(command, &settings.machine, port, console)
+        }
+        BoardCommand::SetJoint {
+            joint,
+            position,
+            machine,
+            port,
+        } => {
+            let settings = settings(machine)?;
+            let command = set_joint(&settings.machine, joint, *position)?;
+            move_joint(command, &settings.machine, port, console)
         }
         BoardCommand::Go { job, port } => {
             let job = super::job::read(job)?;
@@ -305,6 +311,55 @@ fn home(
     console.result(&status_text(&status, false))
 }
 
+/// Gives a command that names a joint, and waits for its end.
+fn move_joint(
+    command: Control,
+    machine: &MachineConfiguration,
+    port: &PortArgs,
+    console: &Console,
+) -> Result<(), CliError> {
+    let mut talk = Talk::open(port)?;
+    talk.check_machine(machine)?;
+    talk.order(command)?;
+    let status = talk.wait_for_rest()?;
+    console.result(&status_text(&status, false))
+}
+
+/// Units on the wire per mm or degree: 0.1 µm; µrad of a degree.
+fn units_of(joint: &JointConfiguration) -> f64 {
+    if joint.rotary {
+        1f64.to_radians() * 1e6
+    } else {
+        1e4
+    }
+}
+
+/// Position in mm or degrees -> the command.
+fn set_joint(
+    machine: &MachineConfiguration,
+    joint: &str,
+    position: f64,
+) -> Result<Control, CliError> {
+    let number = joint_number(machine, joint)?;
+    let units = machine
+        .joints
+        .get(usize::from(number))
+        .map_or(1e4, units_of);
+    let position_units = (position * units).round();
+    // So written that a NaN does not fit.
+    let fits = position_units.abs() <= f64::from(i32::MAX);
+    if !fits {
+        return Err(CliError::Usage(format!(
+            "set-joint {joint} {position}: the position goes up to {:.0}",
+            f64::from(i32::MAX) / units
+        )));
+    }
+    Ok(Control::SetJoint {
+        joint: number,
+        position_units: position_units as i32,
+    })
+}
+
 /// Distance in mm or degrees -> the command.
 fn jog(
     machine: &MachineConfiguration,
@@ -318,12 +373,7 @@ fn jog(
             "joint `{joint}`: this machine has no such joint"
         )));
     };
-    // 0.1 µm; µrad of a degree.
-    let units = if limits.rotary {
-        1f64.to_radians() * 1e6
-    } else {
-        1e4
-    };
+    let units = units_of(limits);
     let limit = if limits.rotary {
         limits.speed_max.to_degrees()
     } else {
