@@ -207,19 +207,19 @@ fn travel_stays_inside_where_asked() {
     let mut tick = 0;
     let mut looked = 0;
     for span in Spans::new(&kept.stream.start, &kept.stream.knots) {
-        let middle = span.position(0.5 * f64::from(span.duration_ticks));
+        let at_share = |share: f64| span.position(share * f64::from(span.duration_ticks));
         tick += u64::from(span.duration_ticks);
         if tick <= first || tick > last {
             continue;
         }
-        let at = kept
-            .transform
-            .to_input([middle[CHANNEL_X], middle[CHANNEL_Y], 0.0]);
-        looked += 1;
-        assert!(
-            comb.regions[0].contains(Point2::new(at[0], at[1])),
-            "{at:?}"
-        );
+        for step in 0..8 {
+            let pose = at_share(f64::from(step) / 8.0);
+            let at = [pose[CHANNEL_X], pose[CHANNEL_Y], 0.0];
+            let at = kept.transform.to_input(at);
+            let inside = comb.regions[0].contains(Point2::new(at[0], at[1]));
+            looked += 1;
+            assert!(inside, "{at:?}");
+        }
     }
     assert!(looked > 1000, "{looked}");
 }
