@@ -2,6 +2,7 @@
 
 pub mod aperture;
 pub mod boolean;
+pub mod cell_grid;
 pub mod clearance;
 pub mod coverage;
 pub mod edge_index;

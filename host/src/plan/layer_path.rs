@@ -19,7 +19,9 @@ pub type PlaneControl = [f64; 3];
 /// Poses checked in each span.
 const CHECKS: usize = 6;
 /// Rounds of pushing back; each at least halves what is left.
-const ROUNDS_MAX: usize = 24;
+const ROUNDS_MAX: usize = 40;
+/// Round from which poses are turned as well as pushed: where pushing alone settles, headings stay.
+const TURNING_ROUND: usize = 8;
 /// Second differences above this share of the step are corners, not curvature.
 const SMOOTH_SHARE: f64 = 0.35;
 /// Placements closer than this and turned by less than `MERGE_RAD` are one, mm.
@@ -169,6 +171,7 @@ fn push_inside(
     let mut dirty = vec![true; spans];
     for round in 0..ROUNDS_MAX {
         let mut push = vec![Vector2::zeros(); control.len()];
+        let mut turn = vec![0.0f64; control.len()];
         let mut any = false;
         for span in 0..spans {
             if !dirty[span] {
@@ -182,9 +185,19 @@ fn push_inside(
                 };
                 if found.depth_mm > tolerance_mm {
                     any = true;
-                    let back = -found.outward * (found.depth_mm + 0.3 * tolerance_mm);
+                    let depth_mm = found.depth_mm + 0.3 * tolerance_mm;
+                    let (back, by_rad) = if round < TURNING_ROUND {
+                        (-found.outward * depth_mm, 0.0)
+                    } else {
+                        pushed_and_turned(aperture, at.heading_rad, found.outward, depth_mm)
+                    };
                     add_longer(&mut push[span], back * (1.0 - 0.5 * t));
                     add_longer(&mut push[span + 1], back * (0.5 + 0.5 * t));
+                    for (own, share) in [(span, 1.0 - 0.5 * t), (span + 1, 0.5 + 0.5 * t)] {
+                        if (by_rad * share).abs() > turn[own].abs() {
+                            turn[own] = by_rad * share;
+                        }
+                    }
                 }
             }
         }
@@ -195,9 +208,10 @@ fn push_inside(
         let gain = 1.0 + 0.05 * round as f64;
         let mut next = vec![false; spans];
         for (i, by) in push.iter().enumerate() {
-            if by.norm_squared() > 0.0 {
+            if by.norm_squared() > 0.0 || turn[i] != 0.0 {
                 control[i][0] += by.x * gain;
                 control[i][1] += by.y * gain;
+                control[i][2] += turn[i];
                 for flag in &mut next[i.saturating_sub(2)..(i + 2).min(spans)] {
                     *flag = true;
                 }
@@ -207,11 +221,87 @@ fn push_inside(
     }
 }
 
+/// The least move and turn together that take a contact `depth_mm` back, a turn counted at the major
+/// semi-axis: between two walls the moves cancel and the turn is what helps.
+fn pushed_and_turned(
+    aperture: &Aperture,
+    heading_rad: f64,
+    outward: Vector2,
+    depth_mm: f64,
+) -> (Vector2, f64) {
+    let support = aperture.support_point(heading_rad, outward);
+    let arm_mm = outward.dot(&Vector2::new(-support.y, support.x));
+    let radius_mm = aperture.major_mm();
+    let share = depth_mm / (1.0 + (arm_mm / radius_mm).powi(2));
+    (-outward * share, -share * arm_mm / radius_mm.powi(2))
+}
+
 /// Keeps the longer of two pushes of about the same direction, the sum of opposed ones.
 fn add_longer(own: &mut Vector2, other: Vector2) {
     if own.dot(&other) <= 0.0 {
         *own += other;
     } else if other.norm_squared() > own.norm_squared() {
         *own = other;
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::geometry::edge_index::Edge;
+    use crate::plan::contacts::Contact;
+    use crate::plan::heading_profile::Placement;
+    use crate::plan::passes::PassKind;
+
+    /// Goal: where an aperture is turned a little too wide between two walls, it is turned back, and
+    /// the curve stays whole. Method: a corridor 1 mm wide in which 0.9 rad of heading fits across
+    /// (e = 0.41 mm), and 1.3 rad (e = 0.58 mm) in the middle does not.
+    #[test]
+    fn a_tight_passage_does_not_cut_the_curve() {
+        let aperture = Aperture::Ellipse {
+            major_mm: 0.6,
+            minor_mm: 0.2,
+        };
+        let corners = [[-5.0, -0.5], [5.0, -0.5], [5.0, 0.5], [-5.0, 0.5]].map(Point2::from);
+        let edges = (0..4).map(|i| Edge {
+            a: corners[i],
+            b: corners[(i + 1) % 4],
+        });
+        let walls = EdgeIndex::new(edges.collect(), 1.0);
+        let placements = (-40..=40)
+            .map(|i| {
+                let x = 0.1 * f64::from(i);
+                let heading_rad = if x.abs() < 0.5 { 1.3 } else { 0.7 };
+                Placement {
+                    at: Configuration {
+                        center: Point2::new(x, 0.0),
+                        heading_rad,
+                    },
+                    feasible: true,
+                    contact: Contact {
+                        point: Point2::new(x, 0.0),
+                        normal: Vector2::y(),
+                        length_mm: 0.1,
+                        extent_mm: 0.5,
+                        on_axis: true,
+                    },
+                }
+            })
+            .collect();
+        let pass = LayerPass {
+            kind: PassKind::OnePass,
+            channel: 0,
+            closed: false,
+            placements,
+        };
+        let curves = pass_curves(&pass, &aperture, &walls, 4e-4);
+        assert_eq!(curves.len(), 1);
+        for span in 0..curves[0].len() - 1 {
+            for step in 0..20 {
+                let at = configuration(curve_at(&curves[0], span, f64::from(step) / 20.0));
+                let reach = aperture.extent_mm(at.heading_rad, Vector2::y()) + at.center.y.abs();
+                assert!(reach < 0.501, "{at:?}");
+            }
+        }
     }
 }

@@ -4,26 +4,36 @@
 //! inside the region, the head goes on printing there: neighbouring loops become a spiral. What
 //! the way covers lies between the two ends, which the seams left open.
 
+use super::channel_walls::poses_between;
 use super::darts::{eased, inside_way};
 use super::heading_profile::Placement;
 use super::passes::{LayerPass, PassKind};
+use super::visits::Visits;
 use crate::geometry::aperture::Aperture;
+use crate::geometry::clearance::Configuration;
 use crate::geometry::edge_index::EdgeIndex;
+use crate::geometry::polygon::Box2;
+use crate::geometry::{Point2, Vector2};
 
 /// Longest link, against a: neighbouring beads lie up to 2a apart.
 const LENGTH_SHARE: f64 = 3.0;
 /// The same between two lines of an infill, whose ends lie far apart along a wall at a low angle.
 const LINE_LENGTH_SHARE: f64 = 10.0;
+/// Most ground of other beads that a link covers again, against the aperture's area.
+const AGAIN_SHARE_MAX: f64 = 2.0;
+/// Path at either end whose ground a link may cover, against a.
+const OWN_SHARE: f64 = 2.0;
 /// Largest turn of the heading on a link, rad.
 const TURN_MAX_RAD: f64 = 1.6;
 
 /// Joins passes in printing order where a link is possible.
 pub fn linked(passes: Vec<LayerPass>, aperture: &Aperture, walls: &EdgeIndex) -> Vec<LayerPass> {
+    let mut visits = Visits::of_passes(&passes, &bounds_of(&passes, aperture), aperture);
     let mut result: Vec<LayerPass> = Vec::with_capacity(passes.len());
     for mut next in passes {
         let link = result
             .last()
-            .and_then(|before| link(before, &next, aperture, walls));
+            .and_then(|before| link(before, &next, &mut visits, walls));
         let (Some(before), Some(link)) = (result.last_mut(), link) else {
             result.push(next);
             continue;
@@ -46,9 +56,10 @@ pub fn linked(passes: Vec<LayerPass>, aperture: &Aperture, walls: &EdgeIndex) ->
 fn link(
     before: &LayerPass,
     next: &LayerPass,
-    aperture: &Aperture,
+    visits: &mut Visits,
     walls: &EdgeIndex,
 ) -> Option<Vec<Placement>> {
+    let aperture = &visits.aperture().clone();
     let (end, start) = (before.placements.last()?, next.placements.first()?);
     let turn = aperture.wrapped_rad(start.at.heading_rad - end.at.heading_rad);
     let length_mm = (start.at.center - end.at.center).norm();
@@ -62,12 +73,74 @@ fn link(
         return None;
     }
     let way = inside_way(eased(end.at, start.at, aperture), aperture, walls)?;
+    if !lines && visits.again_mm2(before, next, &way) > AGAIN_SHARE_MAX * aperture.area_mm2() {
+        return None;
+    }
     let placement = |at| Placement {
         at,
         feasible: true,
         contact: end.contact,
     };
     Some(way.into_iter().map(placement).collect())
+}
+
+/// A box about all placements of the passes.
+fn bounds_of(passes: &[LayerPass], aperture: &Aperture) -> Box2 {
+    let centers = passes.iter().flat_map(|p| &p.placements);
+    let centers: Vec<Point2> = centers.map(|p| p.at.center).collect();
+    let mut bounds = Box2::of(&centers);
+    let margin = Vector2::repeat(aperture.reach_mm());
+    bounds.min -= margin;
+    bounds.max += margin;
+    bounds
+}
+
+impl Visits {
+    /// Ground of other beads that the way from the end of one pass to the start of the next covers
+    /// again, mm².
+    fn again_mm2(&mut self, before: &LayerPass, next: &LayerPass, way: &[Configuration]) -> f64 {
+        let aperture = *self.aperture();
+        let reach_mm = OWN_SHARE * aperture.major_mm();
+        self.begin_walk();
+        let end = stretch(before.placements.iter().rev(), reach_mm);
+        let start = stretch(next.placements.iter(), reach_mm);
+        for own in [end, start] {
+            self.for_cells_new(swept(&own, &aperture), |_, _| {});
+        }
+        let mut cells = 0;
+        self.for_cells_new(swept(way, &aperture), |_, count| {
+            cells += usize::from(*count > 0);
+        });
+        cells as f64 * self.cell_area_mm2()
+    }
+}
+
+/// The first placements, as far as `length_mm` of path.
+fn stretch<'a>(
+    placements: impl Iterator<Item = &'a Placement>,
+    length_mm: f64,
+) -> Vec<Configuration> {
+    let mut found: Vec<Configuration> = Vec::new();
+    let mut left_mm = length_mm;
+    for placement in placements {
+        if let Some(last) = found.last() {
+            left_mm -= (placement.at.center - last.center).norm();
+        }
+        if left_mm < 0.0 {
+            break;
+        }
+        found.push(placement.at);
+    }
+    found
+}
+
+/// The poses along a way, dense.
+fn swept(way: &[Configuration], aperture: &Aperture) -> impl Iterator<Item = Configuration> {
+    way.iter().enumerate().flat_map(move |(i, &at)| {
+        let next = way.get(i + 1);
+        let between = next.map(|&next| poses_between(aperture, at, next));
+        std::iter::once(at).chain(between.into_iter().flatten())
+    })
 }
 
 #[cfg(test)]

@@ -12,8 +12,10 @@
 use super::bead_count::{bead_counts, blended};
 use super::channel_walls::Laid;
 use super::contacts::{Contact, ContactSpacing, resampled, wall_contacts};
+use super::ends::fit_ends;
 use super::field::Field;
 use super::heading_profile::{Placement, pointwise_profile, profile, refined, smooth};
+use super::runs::{feasible_runs, printable_runs};
 use super::single_runs::{SingleRun, split_region};
 use super::skeleton::Axis;
 use crate::geometry::Point2;
@@ -177,6 +179,7 @@ pub fn outer_passes(
         .flat_map(|run| single_passes(run, &walls, settings))
         .collect();
     all.extend(singles);
+    fit_ends(&mut all, &settings.aperture, &region.bounds());
     (all, open)
 }
 
@@ -382,80 +385,10 @@ fn channel_width_mm(
     reach
 }
 
-/// Runs of contacts whose channel is wide enough to lay a bead in.
-pub(super) fn printable_runs(
-    contacts: &[Contact],
-    aperture: &Aperture,
-) -> Vec<(Vec<Contact>, bool)> {
-    let least = WIDTH_SHARE_MIN * aperture.minor_mm();
-    split_cyclic(contacts, true, |c| c.extent_mm >= least)
-}
-
-/// Least half-width of a channel against b for a bead to be laid in it.
-const WIDTH_SHARE_MIN: f64 = 0.7;
-
 /// Shortest open run of a channel against a: a shorter one would lay one blot on its neighbours.
 const RUN_SHARE_MIN: f64 = 2.0;
 /// Shortest loop against b: what does not move at all is no pass.
 const LOOP_SHARE_MIN: f64 = 0.5;
-
-/// Splits a profile where no heading fits, and smooths what remains.
-pub(super) fn feasible_runs(
-    placements: Vec<Placement>,
-    closed: bool,
-    aperture: &Aperture,
-) -> Vec<(Vec<Placement>, bool)> {
-    let mut runs = split_cyclic(&placements, closed, |p| p.feasible);
-    for (run, closed) in &mut runs {
-        unwrap_headings(run, aperture.period_rad());
-        smooth(run, *closed, aperture);
-    }
-    runs
-}
-
-/// Takes out whole periods between neighbours: a run cut out of a loop may pass the loop's seam,
-/// where the heading of a whole lap comes on top.
-fn unwrap_headings(run: &mut [Placement], period_rad: f64) {
-    for i in 1..run.len() {
-        let step_rad = run[i].at.heading_rad - run[i - 1].at.heading_rad;
-        run[i].at.heading_rad -= (step_rad / period_rad).round() * period_rad;
-    }
-}
-
-/// Maximal runs of a (cyclic) sequence that satisfy `keep`; a fully kept cycle stays closed.
-fn split_cyclic<T: Clone>(
-    items: &[T],
-    closed: bool,
-    keep: impl Fn(&T) -> bool,
-) -> Vec<(Vec<T>, bool)> {
-    let count = items.len();
-    if items.iter().all(&keep) {
-        return if count == 0 {
-            Vec::new()
-        } else {
-            vec![(items.to_vec(), closed)]
-        };
-    }
-    let first = if closed {
-        items.iter().position(|i| !keep(i)).unwrap_or(0)
-    } else {
-        0
-    };
-    let mut runs = Vec::new();
-    let mut run: Vec<T> = Vec::new();
-    for step in 0..count {
-        let item = &items[(first + step) % count];
-        if keep(item) {
-            run.push(item.clone());
-        } else if !run.is_empty() {
-            runs.push((std::mem::take(&mut run), false));
-        }
-    }
-    if !run.is_empty() {
-        runs.push((run, false));
-    }
-    runs
-}
 
 fn run_length_mm(pass: &LayerPass) -> f64 {
     let centers: Vec<Point2> = pass.placements.iter().map(|p| p.at.center).collect();

@@ -313,10 +313,9 @@ fn runs(
         let end_of = |end: usize| {
             let met = || neighbours[end].iter().map(|&n| n as usize);
             if let Some(joint) = met().filter(|&n| usable[n] && others[n]).min() {
-                let side_mm = axis.radii_mm[joint].min(settings.aperture.major_mm());
-                RunEnd::Meets(axis.points[joint], side_mm + 0.5 * b)
-            } else if met().any(|n| !single[n]) {
-                RunEnd::Meets(axis.points[end], b)
+                RunEnd::Meets(joint)
+            } else if let Some(next) = met().filter(|&n| !single[n]).min() {
+                RunEnd::Meets(next)
             } else {
                 RunEnd::Free
             }
@@ -379,12 +378,12 @@ fn walk(
 enum RunEnd {
     /// A wall.
     Free,
-    /// Another bead: the run's last centre stays so far from this point, mm.
-    Meets(Point2, f64),
+    /// Another bead, on this node.
+    Meets(usize),
 }
 
 /// Contacts on a chain of axis nodes. A free end is lengthened by r - b so that the aperture reaches
-/// the wall behind it; one that meets another bead is cut back.
+/// the wall behind it; one that meets another bead goes on to the joint.
 fn axis_contacts(
     chain: &[usize],
     ends: [RunEnd; 2],
@@ -398,9 +397,9 @@ fn axis_contacts(
         .map(|&n| (axis.points[n], axis.radii_mm[n]))
         .collect();
     if !closed {
-        finish(&mut points, ends[1], b);
+        finish(&mut points, ends[1], axis, b);
         points.reverse();
-        finish(&mut points, ends[0], b);
+        finish(&mut points, ends[0], axis, b);
         points.reverse();
     }
     let count = points.len();
@@ -428,16 +427,12 @@ fn axis_contacts(
         .collect()
 }
 
-/// Lengthens the end of a run or cuts it back; at least two points stay.
-fn finish(points: &mut Vec<(Point2, f64)>, end: RunEnd, b: f64) {
+/// Lengthens the end of a run to the wall or to the joint.
+fn finish(points: &mut Vec<(Point2, f64)>, end: RunEnd, axis: &Axis, b: f64) {
     match end {
         RunEnd::Free => lengthen(points, b),
-        RunEnd::Meets(joint, apart_mm) => {
-            let is_near = |p: &(Point2, f64)| (p.0 - joint).norm() < apart_mm;
-            while points.len() > 2 && points.last().is_some_and(is_near) {
-                points.pop();
-            }
-        }
+        // Whatever else covers the joint: the end is cut back to it later.
+        RunEnd::Meets(node) => points.push((axis.points[node], axis.radii_mm[node])),
     }
 }
 

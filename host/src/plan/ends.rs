@@ -1,0 +1,195 @@
+//! Ends of passes: cut back where others cover the ground anyway, and passes that add next to
+//! nothing left out.
+//!
+//! Runs are laid up to the joint where they meet another bead, so that nothing stays open there.
+//! What an end covers alone and what it covers again is counted on a raster; the end goes back to
+//! where both together are best.
+
+use super::channel_walls::poses_between;
+use super::passes::LayerPass;
+use super::visits::{Visits, poses};
+use crate::geometry::aperture::Aperture;
+use crate::geometry::polygon::Box2;
+
+/// Longest stretch cut off an end, and what is looked at beyond it, against the major semi-axis.
+const CUT_SHARE_MAX: f64 = 6.0;
+const BEYOND_SHARE: f64 = 3.0;
+/// What covering a place again costs against leaving it open.
+const AGAIN_WEIGHT: f64 = 0.6;
+/// Least area that a pass covers alone, against the aperture's: an interruption of flow for less is
+/// not worth it, and an excursion may still fill it.
+const ALONE_SHARE_MIN: f64 = 1.0;
+/// Least placements of a pass.
+const PLACEMENTS_MIN: usize = 2;
+
+/// Cuts the ends of open passes back and drops passes that cover next to nothing alone. `bounds`
+/// holds all passes.
+pub fn fit_ends(passes: &mut Vec<LayerPass>, aperture: &Aperture, bounds: &Box2) {
+    let mut visits = Visits::of_passes(passes, bounds, aperture);
+    for pass in passes.iter_mut().filter(|pass| !pass.closed) {
+        for _ in 0..2 {
+            visits.cut_end(pass);
+            pass.placements.reverse();
+        }
+    }
+    let cells_min = ALONE_SHARE_MIN * aperture.area_mm2() / visits.cell_area_mm2();
+    passes.retain(|pass| {
+        let mut alone = 0;
+        visits.for_cells_once(poses(pass, aperture), |_, count| {
+            alone += usize::from(*count == 1);
+        });
+        let is_kept = alone as f64 >= cells_min;
+        if !is_kept {
+            visits.for_cells_once(poses(pass, aperture), |_, count| *count -= 1);
+        }
+        is_kept
+    });
+}
+
+impl Visits {
+    /// Cuts the pass's last placements off as far as that is for the better.
+    fn cut_end(&mut self, pass: &mut LayerPass) {
+        let count = pass.placements.len();
+        let aperture = *self.aperture();
+        let [window, beyond] = self.window(pass);
+        // From the inside outwards: what the kept part covers is not freed by any cut.
+        self.begin_walk();
+        let mut freed = vec![0.0; window + 1];
+        for back in (0..=beyond).rev() {
+            let number = count - 1 - back;
+            let at = pass.placements[number].at;
+            let next = pass.placements.get(number + 1).map(|p| p.at);
+            let between = next.map(|next| poses_between(&aperture, at, next));
+            // A pose between two placements goes with the outer one.
+            let own = std::iter::once((back + 1, at));
+            let shared = between.into_iter().flatten().map(|at| (back, at));
+            for (cut, at) in own.chain(shared) {
+                self.for_cells_new(std::iter::once(at), |_, count| {
+                    if cut <= window {
+                        freed[cut] += if *count > 1 { AGAIN_WEIGHT } else { -1.0 };
+                    }
+                });
+            }
+        }
+        let (mut best, mut sum, mut cut) = (0.0, 0.0, 0);
+        for (back, gain) in freed.iter().enumerate() {
+            sum += gain;
+            if sum > best {
+                (best, cut) = (sum, back);
+            }
+        }
+        if cut > 0 {
+            let tail = LayerPass {
+                placements: pass.placements.split_off(count - cut),
+                ..pass.clone()
+            };
+            // What only the tail covered is covered by one pass less.
+            self.for_cells_once(poses(pass, &aperture), |_, _| {});
+            self.for_cells_new(poses(&tail, &aperture), |_, count| *count -= 1);
+        }
+    }
+
+    /// Numbers of placements that may be cut off the end, and that are looked at.
+    fn window(&self, pass: &LayerPass) -> [usize; 2] {
+        let placements = &pass.placements;
+        let count = placements.len();
+        let a = self.aperture().major_mm();
+        let (mut length_mm, mut window, mut beyond) = (0.0, 0, 0);
+        for back in 1..count {
+            let (p, q) = (placements[count - back].at, placements[count - back - 1].at);
+            length_mm += (q.center - p.center).norm();
+            if length_mm <= CUT_SHARE_MAX * a {
+                window = back;
+            }
+            beyond = back;
+            if length_mm > (CUT_SHARE_MAX + BEYOND_SHARE) * a {
+                break;
+            }
+        }
+        [window.min(count.saturating_sub(PLACEMENTS_MIN)), beyond]
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::geometry::clearance::Configuration;
+    use crate::geometry::{Point2, Vector2};
+    use crate::plan::contacts::Contact;
+    use crate::plan::heading_profile::Placement;
+    use crate::plan::passes::PassKind;
+    use std::f64::consts::FRAC_PI_2;
+
+    const APERTURE: Aperture = Aperture::Ellipse {
+        major_mm: 0.6,
+        minor_mm: 0.2,
+    };
+
+    /// A straight run, the major axis across it.
+    fn run(from: [f64; 2], to: [f64; 2]) -> LayerPass {
+        let (from, to) = (Point2::from(from), Point2::from(to));
+        let along = (to - from).normalize();
+        let steps = ((to - from).norm() / 0.1).round() as usize;
+        let placements = (0..=steps)
+            .map(|i| {
+                let center = from + (to - from) * (i as f64 / steps as f64);
+                Placement {
+                    at: Configuration {
+                        center,
+                        heading_rad: along.y.atan2(along.x) + FRAC_PI_2,
+                    },
+                    feasible: true,
+                    contact: Contact {
+                        point: center,
+                        normal: Vector2::new(-along.y, along.x),
+                        length_mm: 0.1,
+                        extent_mm: 0.6,
+                        on_axis: true,
+                    },
+                }
+            })
+            .collect();
+        LayerPass {
+            kind: PassKind::OnePass,
+            channel: 0,
+            closed: false,
+            placements,
+        }
+    }
+
+    fn bounds() -> Box2 {
+        Box2::of(&[Point2::new(-6.0, -6.0), Point2::new(6.0, 6.0)])
+    }
+
+    /// Goal: a stem that was laid into a bar goes back to the bar's edge, the bar stays, and so does
+    /// a stem that ends before it. Method: a bar of half-width 0.6 mm along x; the tip of the stem's
+    /// aperture (b = 0.2 mm) belongs about at its edge.
+    #[test]
+    fn a_stem_ends_at_the_bar_that_it_meets() {
+        let bar = run([-5.0, 0.0], [5.0, 0.0]);
+        let mut passes = vec![bar.clone(), run([0.0, 5.0], [0.0, 0.0])];
+        fit_ends(&mut passes, &APERTURE, &bounds());
+        assert_eq!(passes[0], bar);
+        let low = |pass: &LayerPass| {
+            let ys = pass.placements.iter().map(|p| p.at.center.y);
+            ys.fold(f64::INFINITY, f64::min)
+        };
+        let end = low(&passes[1]);
+        assert!((0.6..=0.8).contains(&end), "{end}");
+        let mut apart = vec![bar, run([0.0, 5.0], [0.0, 0.9])];
+        fit_ends(&mut apart, &APERTURE, &bounds());
+        assert_eq!(apart[1].placements.len(), 42);
+    }
+
+    /// Goal: a pass over ground that another one covers is left out, one that is needed is not.
+    /// Method: the same run twice, the second a little longer.
+    #[test]
+    fn what_adds_nothing_is_left_out() {
+        let mut passes = vec![run([-5.0, 0.0], [5.0, 0.0]), run([-5.0, 0.0], [5.1, 0.0])];
+        fit_ends(&mut passes, &APERTURE, &bounds());
+        assert_eq!(passes.len(), 1);
+        let centers = passes[0].placements.iter().map(|p| p.at.center.x);
+        let reach = centers.fold([0.0f64; 2], |[low, high], x| [low.min(x), high.max(x)]);
+        assert!(reach[0] < -4.9 && reach[1] > 4.9, "{reach:?}");
+    }
+}
