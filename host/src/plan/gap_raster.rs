@@ -498,7 +498,7 @@ mod tests {
         let paid = (gained - net) / NET_AGAIN_WEIGHT;
         assert!((1.0..3.0).contains(&paid), "{paid}");
         raster.cover(&own, index, &near, &APERTURE);
-        assert_eq!(raster.net_mm2(&own, index, &near, &APERTURE), 0.0);
+        assert!(raster.net_mm2(&own, index, &near, &APERTURE) <= 0.0);
         let both = [own, pass(1.8)];
         let mut raster = GapRaster::of(&both, &APERTURE, &walls());
         let net = raster.net_mm2(&both[0], index, &near, &APERTURE);
