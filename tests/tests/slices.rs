@@ -107,7 +107,8 @@ fn run(file: &Path, settings: &Settings) -> Option<Row> {
         "{name}: {trace:?}"
     );
     assert!(found.outside_depth_mm <= 0.002, "{name}: {found:?}");
-    assert!(of_reachable >= 90.0, "{name}: {found:?}");
+    // The aim is 98; just behind it, so that a step back is seen.
+    assert!(of_reachable >= 97.5, "{name}: {found:?}");
     // The planner's own raster has to agree: half a per cent is its coarser border on the
     // smallest slices.
     assert!(
@@ -158,7 +159,7 @@ fn every_slice_plans_and_simulates_within_the_figures() {
     let covered = mean(|r| r.covered_of_reachable_pct);
     let overlap = mean(|r| r.overlap_pct);
     println!("area-weighted: covered of reachable {covered:.2} %, overlap {overlap:.2} %");
-    // Just behind the figures reached, so that a step back is seen; the aim is 99.5.
-    assert!(covered >= 99.2, "covered of reachable {covered:.2} %");
+    // The aims of the area-weighted figures.
+    assert!(covered >= 99.5, "covered of reachable {covered:.2} %");
     assert!(overlap <= 1.8, "overlap {overlap:.2} %");
 }

@@ -60,8 +60,15 @@ pub fn bead_counts(axis: &Axis, aperture: &Aperture) -> Vec<f64> {
     chosen.into_iter().map(|state| (state + 1) as f64).collect()
 }
 
-/// Spreads each change of k over about `blend_mm` of axis by diffusion.
-pub fn blended(axis: &Axis, counts: &[f64], step_mm: f64, blend_mm: f64) -> Vec<f64> {
+/// Spreads each change of k over about `blend_mm` of axis by diffusion, nowhere below what the
+/// widest beads need: a short wide place, such as the middle of a star, would be left open.
+pub fn blended(
+    axis: &Axis,
+    counts: &[f64],
+    step_mm: f64,
+    blend_mm: f64,
+    aperture: &Aperture,
+) -> Vec<f64> {
     let neighbours = axis.neighbours();
     let rounds = ((blend_mm / step_mm).powi(2) / 2.0).clamp(0.0, 400.0) as usize;
     let mut values = counts.to_vec();
@@ -76,6 +83,11 @@ pub fn blended(axis: &Axis, counts: &[f64], step_mm: f64, blend_mm: f64) -> Vec<
             })
             .collect();
         values = next;
+    }
+    let widest_mm = WIDEST_SHARE * 2.0 * aperture.major_mm();
+    for (node, value) in values.iter_mut().enumerate() {
+        let least = (axis.radii_mm[node] / widest_mm).min(counts[node]);
+        *value = value.max(least);
     }
     values
 }

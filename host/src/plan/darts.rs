@@ -13,9 +13,12 @@ use crate::geometry::aperture::Aperture;
 use crate::geometry::clearance::Configuration;
 use crate::geometry::edge_index::EdgeIndex;
 use rayon::prelude::*;
+use std::collections::HashMap;
 
 /// Rounds of looking for gaps: a large one takes several excursions.
-const ROUNDS: usize = 6;
+const ROUNDS: usize = 40;
+/// Rounds in which the same gap is searched in vain.
+const TRIES: usize = 2;
 /// Least net gain of an excursion, against the aperture's area.
 const NET_SHARE_MIN: f64 = 0.01;
 /// Placements of the passes tried as the start of an excursion.
@@ -36,19 +39,30 @@ const SLIDE_SHARE: f64 = 0.8;
 /// Fills the gaps that `passes` leave in the region bounded by `walls`.
 pub fn fill_gaps(passes: &mut [LayerPass], aperture: &Aperture, walls: &EdgeIndex) {
     let mut raster = GapRaster::of(passes, aperture, walls);
+    // How often nothing reached a gap (first cell, number of cells): some are searched once more,
+    // from what was added meanwhile.
+    let mut failures: HashMap<(u32, usize), usize> = HashMap::new();
     for _ in 0..ROUNDS {
-        let gaps = raster.gaps();
+        let mut gaps = raster.gaps();
+        gaps.retain(|gap| {
+            failures
+                .get(&(gap[0], gap.len()))
+                .is_none_or(|&n| n < TRIES)
+        });
         let sums = raster.sums();
         let found: Vec<Option<Configuration>> = gaps
             .par_iter()
             .map(|gap| raster.best_placement(gap, &sums, aperture, walls))
             .collect();
         let mut darts: Vec<Dart> = Vec::new();
-        for at in found.into_iter().flatten() {
-            if let Some(dart) = Dart::to(at, &mut raster, passes, aperture, walls) {
+        for (gap, at) in gaps.iter().zip(found) {
+            let dart = at.and_then(|at| Dart::to(at, &mut raster, passes, aperture, walls));
+            if let Some(dart) = dart {
                 let pass = &passes[dart.pass];
                 raster.cover(pass, dart.after, &dart.excursion, aperture);
                 darts.push(dart);
+            } else {
+                *failures.entry((gap[0], gap.len())).or_default() += 1;
             }
         }
         if darts.is_empty() {

@@ -197,7 +197,7 @@ fn piece_passes(
     let aperture = &settings.aperture;
     let walls = EdgeIndex::of_region(piece, aperture.major_mm());
     let counts = bead_counts(axis, aperture);
-    let beads = blended(axis, &counts, lengths.axis_mm, lengths.blend_mm);
+    let beads = blended(axis, &counts, lengths.axis_mm, lengths.blend_mm, aperture);
     let field = Field::new(&walls, axis, &beads, lengths.grid_mm);
     let needed = (field.max().ceil() as usize).max(1);
     let mut laid = Laid::new(aperture);
