@@ -206,8 +206,7 @@ pub(super) fn opened(mut pass: LayerPass, aperture: &Aperture) -> LayerPass {
     let along = (placements[2].at.center - first.at.center)
         .try_normalize(1e-12)
         .unwrap_or(Vector2::x());
-    let mut left = std::env::var("SEAM").map_or(SEAM_SHARE, |v| v.parse().unwrap())
-        * aperture.extent_mm(first.at.heading_rad, along);
+    let mut left = SEAM_SHARE * aperture.extent_mm(first.at.heading_rad, along);
     while placements.len() > OPENED_MIN {
         let n = placements.len();
         let (last, before) = (placements[n - 1].at, placements[n - 2].at);
