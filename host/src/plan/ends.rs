@@ -19,6 +19,11 @@ const AGAIN_WEIGHT: f64 = 0.6;
 /// Least area that a pass covers alone, against the aperture's: an interruption of flow for less is
 /// not worth it, and an excursion may still fill it.
 const ALONE_SHARE_MIN: f64 = 1.0;
+/// A pass that covers this share of its ground alone stays, however small: nothing else is near.
+const APART_SHARE: f64 = 0.9;
+/// Largest cell against the minor semi-axis: on a raster too coarse for the aperture (a region of
+/// more than about 0.3 m with the built-in one) the ends stay as they are.
+const CELL_SHARE_MAX: f64 = 0.5;
 /// Least placements of a pass.
 const PLACEMENTS_MIN: usize = 2;
 
@@ -26,6 +31,9 @@ const PLACEMENTS_MIN: usize = 2;
 /// holds all passes.
 pub fn fit_ends(passes: &mut Vec<LayerPass>, aperture: &Aperture, bounds: &Box2) {
     let mut visits = Visits::of_passes(passes, bounds, aperture);
+    if visits.cell_area_mm2().sqrt() > CELL_SHARE_MAX * aperture.minor_mm() {
+        return;
+    }
     for pass in passes.iter_mut().filter(|pass| !pass.closed) {
         for _ in 0..2 {
             visits.cut_end(pass);
@@ -34,11 +42,13 @@ pub fn fit_ends(passes: &mut Vec<LayerPass>, aperture: &Aperture, bounds: &Box2)
     }
     let cells_min = ALONE_SHARE_MIN * aperture.area_mm2() / visits.cell_area_mm2();
     passes.retain(|pass| {
-        let mut alone = 0;
+        let (mut alone, mut all) = (0, 0);
         visits.for_cells_once(poses(pass, aperture), |_, count| {
             alone += usize::from(*count == 1);
+            all += 1;
         });
-        let is_kept = alone as f64 >= cells_min;
+        let least = cells_min.min(APART_SHARE * f64::from(all));
+        let is_kept = alone as f64 >= least;
         if !is_kept {
             visits.for_cells_once(poses(pass, aperture), |_, count| *count -= 1);
         }
@@ -80,9 +90,10 @@ impl Visits {
         }
         if cut > 0 {
             let tail = LayerPass {
-                placements: pass.placements.split_off(count - cut),
+                placements: pass.placements[count - cut - 1..].to_vec(),
                 ..pass.clone()
             };
+            pass.placements.truncate(count - cut);
             // What only the tail covered is covered by one pass less.
             self.for_cells_once(poses(pass, &aperture), |_, _| {});
             self.for_cells_new(poses(&tail, &aperture), |_, count| *count -= 1);
@@ -179,6 +190,14 @@ mod tests {
         let mut apart = vec![bar, run([0.0, 5.0], [0.0, 0.9])];
         fit_ends(&mut apart, &APERTURE, &bounds());
         assert_eq!(apart[1].placements.len(), 42);
+    }
+
+    /// Goal: what stands alone stays, however small. Method: a run of two placements.
+    #[test]
+    fn a_small_pass_alone_stays() {
+        let mut passes = vec![run([0.0, 0.0], [0.1, 0.0])];
+        fit_ends(&mut passes, &APERTURE, &bounds());
+        assert_eq!(passes[0].placements.len(), 2);
     }
 
     /// Goal: a pass over ground that another one covers is left out, one that is needed is not.
