@@ -6,6 +6,7 @@
 //! threads.
 
 use super::aperture::Aperture;
+use super::cell_grid::CellGrid;
 use super::clearance::Configuration;
 use super::edge_index::EdgeIndex;
 use super::rounded_polygon::row_range;
@@ -111,6 +112,16 @@ impl Coverage {
             columns,
             rows,
             cells,
+        }
+    }
+
+    /// Its place and size.
+    pub fn grid(&self) -> CellGrid {
+        CellGrid {
+            origin: self.origin,
+            cell_mm: self.cell_mm,
+            columns: self.columns,
+            rows: self.rows,
         }
     }
 

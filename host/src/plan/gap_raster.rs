@@ -3,7 +3,7 @@
 use super::channel_walls::poses_between;
 use super::heading_profile::slide_inside;
 use super::passes::LayerPass;
-use super::visits::poses;
+use super::visits::{CELL_SHARE, poses};
 use crate::geometry::aperture::Aperture;
 use crate::geometry::cell_grid::CellGrid;
 use crate::geometry::clearance::{Configuration, is_inside};
@@ -29,8 +29,7 @@ const SEEDS: usize = 12;
 const SLIDES: usize = 4;
 /// Rounds of the refining pattern search, each with half the step of the one before.
 const REFINE_ROUNDS: usize = 5;
-/// Raster cell against the minor semi-axis, and most cells.
-const CELL_SHARE: f64 = 0.1;
+/// Most cells of the raster.
 const CELLS_MAX: usize = 6_000_000;
 
 /// The coverage raster while gaps are filled.
@@ -68,12 +67,7 @@ impl GapRaster {
         let cell_mm = CELL_SHARE * aperture.minor_mm();
         let coverage = Coverage::sweep(walls, aperture, &swept, cell_mm, CELLS_MAX, f64::MAX);
         GapRaster {
-            grid: CellGrid {
-                origin: coverage.origin,
-                cell_mm: coverage.cell_mm,
-                columns: coverage.columns,
-                rows: coverage.rows,
-            },
+            grid: coverage.grid(),
             marks: vec![Mark::default(); coverage.cells.len()],
             walk: 0,
             changed: Vec::new(),

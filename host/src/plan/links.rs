@@ -4,11 +4,10 @@
 //! inside the region, the head goes on printing there: neighbouring loops become a spiral. What
 //! the way covers lies between the two ends, which the seams left open.
 
-use super::channel_walls::poses_between;
 use super::darts::{eased, inside_way};
 use super::heading_profile::Placement;
 use super::passes::{LayerPass, PassKind};
-use super::visits::Visits;
+use super::visits::{Visits, swept};
 use crate::geometry::aperture::Aperture;
 use crate::geometry::clearance::Configuration;
 use crate::geometry::edge_index::EdgeIndex;
@@ -59,7 +58,7 @@ fn link(
     visits: &mut Visits,
     walls: &EdgeIndex,
 ) -> Option<Vec<Placement>> {
-    let aperture = &visits.aperture().clone();
+    let aperture = *visits.aperture();
     let (end, start) = (before.placements.last()?, next.placements.first()?);
     let turn = aperture.wrapped_rad(start.at.heading_rad - end.at.heading_rad);
     let length_mm = (start.at.center - end.at.center).norm();
@@ -72,7 +71,7 @@ fn link(
     if length_mm > share * aperture.major_mm() || turn.abs() > TURN_MAX_RAD {
         return None;
     }
-    let way = inside_way(eased(end.at, start.at, aperture), aperture, walls)?;
+    let way = inside_way(eased(end.at, start.at, &aperture), &aperture, walls)?;
     if !lines && visits.again_mm2(before, next, &way) > AGAIN_SHARE_MAX * aperture.area_mm2() {
         return None;
     }
@@ -105,10 +104,10 @@ impl Visits {
         let end = stretch(before.placements.iter().rev(), reach_mm);
         let start = stretch(next.placements.iter(), reach_mm);
         for own in [end, start] {
-            self.for_cells_new(swept(&own, &aperture), |_, _| {});
+            self.for_cells_new(swept(own.into_iter(), &aperture), |_, _| {});
         }
         let mut cells = 0;
-        self.for_cells_new(swept(way, &aperture), |_, count| {
+        self.for_cells_new(swept(way.iter().copied(), &aperture), |_, count| {
             cells += usize::from(*count > 0);
         });
         cells as f64 * self.cell_area_mm2()
@@ -132,15 +131,6 @@ fn stretch<'a>(
         found.push(placement.at);
     }
     found
-}
-
-/// The poses along a way, dense.
-fn swept(way: &[Configuration], aperture: &Aperture) -> impl Iterator<Item = Configuration> {
-    way.iter().enumerate().flat_map(move |(i, &at)| {
-        let next = way.get(i + 1);
-        let between = next.map(|&next| poses_between(aperture, at, next));
-        std::iter::once(at).chain(between.into_iter().flatten())
-    })
 }
 
 #[cfg(test)]

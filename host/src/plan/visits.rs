@@ -8,7 +8,7 @@ use crate::geometry::clearance::Configuration;
 use crate::geometry::polygon::Box2;
 
 /// Raster cell against the minor semi-axis, and most cells.
-const CELL_SHARE: f64 = 0.1;
+pub const CELL_SHARE: f64 = 0.1;
 const CELLS_MAX: usize = 8_000_000;
 
 /// How many passes cover each cell of a raster.
@@ -85,15 +85,23 @@ impl Visits {
 
 /// All poses of a pass, dense.
 pub fn poses(pass: &LayerPass, aperture: &Aperture) -> impl Iterator<Item = Configuration> {
-    let count = pass.placements.len();
-    (0..count).flat_map(move |i| {
-        let at = pass.placements[i].at;
-        let next = match i + 1 {
-            n if n < count => Some(pass.placements[n].at),
-            _ if pass.closed => Some(pass.placements[0].at),
-            _ => None,
-        };
-        let between = next.map(|next| poses_between(aperture, at, next));
-        std::iter::once(at).chain(between.into_iter().flatten())
+    let closing = pass.placements.first().filter(|_| pass.closed);
+    swept(
+        pass.placements.iter().chain(closing).map(|p| p.at),
+        aperture,
+    )
+}
+
+/// The poses along a way, dense.
+pub fn swept(
+    way: impl Iterator<Item = Configuration>,
+    aperture: &Aperture,
+) -> impl Iterator<Item = Configuration> {
+    let mut last: Option<Configuration> = None;
+    way.flat_map(move |at| {
+        let between = last
+            .replace(at)
+            .map(|last| poses_between(aperture, last, at));
+        between.into_iter().flatten().chain([at])
     })
 }
