@@ -29,6 +29,11 @@ pub const STEP_THRESHOLD_BIAS: i64 = 1 << 11;
 /// Knots that the queue holds: about two seconds of tight curves, and 12 KiB of RAM.
 pub const QUEUE_KNOTS: usize = 256;
 
+/// Spans whose polynomials are laid before they begin: at twice the planned rate spans of 6 servo
+/// ticks are over in 3, so 10 ms, of which the main loop of a board needs 3 for its longest work, a
+/// full block of knots; with the present one 2 KiB of RAM.
+pub const SPANS_AHEAD: usize = 7;
+
 /// Flow events that the queue holds: two per pass, so 32 short passes ahead.
 pub const QUEUE_EVENTS: usize = 64;
 

@@ -2,12 +2,13 @@
 //!
 //! Segment time is counted in 2^-16 servo ticks, so a path rate of 1 stays on whole ticks and
 //! meets every knot exactly. At the end of a span that rests, the offset is exactly 0 and the base
-//! is the control point itself. The next span is prepared in parts (its durations, then one motor
-//! after the other, then the tilt), one in each servo tick that begins none, or as many as it takes to
-//! be ready in time; so no tick has all of the work. When it is done changes nothing in the result.
+//! is the control point itself. The polynomials of the spans to come are laid beforehand, in the main
+//! loop of a board ([`Interpolator::prepare_next`]); a servo tick does it itself only where that is
+//! late. When it is done changes nothing in the result.
 
 use crate::carriers::{Carrier, Carriers};
 use crate::configuration::MOTORS_MAX;
+use crate::design::SPANS_AHEAD;
 use crate::load::SpanLoad;
 use crate::queue::{Ceiling, KnotQueue};
 use crate::spline::{SpanShape, SpanWeights};
@@ -19,6 +20,8 @@ pub const TICK_Q16: u32 = 1 << 16;
 /// Spans that one servo tick can pass at most: at twice the planned rate two of one tick each, and
 /// the one it began in.
 const SPANS_PER_TICK_MAX: usize = 3;
+/// The present span and those that are ready: a power of two, so that a place in the ring is a mask.
+const SPANS: usize = (SPANS_AHEAD + 1).next_power_of_two();
 
 /// c0..c3 of a cubic in servo ticks.
 type Cubic = [f32; 4];
@@ -88,19 +91,12 @@ impl Offset<'_> {
 #[derive(Clone, Debug)]
 #[repr(C)]
 pub struct Interpolator {
-    /// Shape of the newest span of which a part is ready, and what its durations say.
-    weights: SpanWeights<f32>,
-    shape: SpanShape,
-    /// Bases of the newest span, as far as it is ready.
-    bases: [ScaledUnits; MOTORS_MAX],
-    /// Parts of the next span that are ready.
-    parts: usize,
-    /// Parts of a span.
-    parts_all: usize,
-    /// The present span and the next.
-    spans: [ReadySpan; 2],
+    /// The present span and those that are ready, in a ring.
+    spans: [ReadySpan; SPANS],
     /// Which of them is present.
-    second: bool,
+    place: usize,
+    /// How many are ready after it: the first of those that wait.
+    ready: usize,
     /// A span is being played; otherwise the head rests before knot 0.
     playing: bool,
     rests_at_end: bool,
@@ -112,6 +108,10 @@ pub struct Interpolator {
     spans_begun: u32,
     /// Segment time of the spans completed, servo ticks.
     completed_ticks: u64,
+    /// Shape of the newest span that is ready.
+    shape: SpanShape,
+    /// Its bases.
+    bases: [ScaledUnits; MOTORS_MAX],
     carriers: Carriers,
 }
 
@@ -129,13 +129,11 @@ impl Interpolator {
             ends_at_rest: true,
         };
         Self {
-            spans: [span; 2],
-            second: false,
-            parts: 0,
-            parts_all: 1 + carriers.motors().len() + usize::from(carriers.tilts()),
+            spans: [span; SPANS],
+            place: 0,
+            ready: 0,
             carriers: carriers.clone(),
             bases,
-            weights: shape.weights(),
             shape,
             playing: false,
             local_q16: 0,
@@ -150,7 +148,7 @@ impl Interpolator {
 
     #[inline(always)]
     fn present(&self) -> &ReadySpan {
-        &self.spans[usize::from(self.second)]
+        &self.spans[self.place % SPANS]
     }
 
     /// The present pose's offset from its base.
@@ -234,14 +232,12 @@ impl Interpolator {
     }
 
     fn begin(&mut self, queue: &mut KnotQueue) -> bool {
-        while !self.is_prepared() {
-            if !self.prepare_part(queue) {
-                return false;
-            }
+        if self.ready == 0 && !self.prepare_next(queue) {
+            return false;
         }
         queue.pop();
-        self.parts = 0;
-        self.second = !self.second;
+        self.ready -= 1;
+        self.place = (self.place + 1) % SPANS;
         self.completed_ticks += u64::from(self.duration_q16 >> 16);
         self.playing = true;
         self.spans_begun = self.spans_begun.wrapping_add(1);
@@ -253,88 +249,69 @@ impl Interpolator {
         true
     }
 
-    /// Prepares a part of the next span if there is time to `spare`, and as many as it takes to be
-    /// ready in time, spread evenly over the ticks that are left; `rate_q16` is the path rate.
-    #[inline]
-    pub fn prepare(&mut self, rate_q16: u32, spare: bool, queue: &KnotQueue) {
-        let parts_left = (self.parts_all - self.parts) as u32;
-        if parts_left == 0 {
-            return;
-        }
-        // A tick for each `rate` of this comes before the next span begins, besides the present one.
-        let ahead = self.remaining_q16().saturating_sub(1);
-        let late = parts_left * rate_q16 > ahead;
-        if !(spare || late) || !self.prepare_part(queue) {
-            return;
-        }
-        let mut done = ahead + rate_q16;
-        while late && spare && done < parts_left * rate_q16 && self.prepare_part(queue) {
-            done += ahead + rate_q16;
-        }
-    }
-
-    /// Prepares one part of the next span; false if none waits.
+    /// Lays the first of the waiting spans that is not ready, if fewer than [`SPANS_AHEAD`] are; true
+    /// if it did.
     #[inline(never)]
-    fn prepare_part(&mut self, queue: &KnotQueue) -> bool {
-        let next = &mut self.spans[usize::from(!self.second)];
-        if self.parts == 0 {
-            let Some(waiting) = queue.front() else {
-                return false;
-            };
-            self.shape.push(&waiting.knot);
-            self.weights = self.shape.weights();
-            let base = self.shape.base();
-            next.tilt_base = [base[CHANNEL_TILT_X], base[CHANNEL_TILT_Y]];
-            next.load = waiting.load;
-            next.duration_q16 = u32::from(waiting.span_ticks) << 16;
-            next.ends_at_rest = waiting.ends_at_rest;
-        } else if let Some(carrier) = self.carriers.motors().get(self.parts - 1) {
+    pub fn prepare_next(&mut self, queue: &KnotQueue) -> bool {
+        if self.ready >= SPANS_AHEAD {
+            return false;
+        }
+        let Some(waiting) = queue.get(self.ready) else {
+            return false;
+        };
+        self.shape.push(&waiting.knot);
+        let weights = self.shape.weights();
+        let base = self.shape.base();
+        let next = &mut self.spans[(self.place + 1 + self.ready) % SPANS];
+        next.load = waiting.load;
+        next.duration_q16 = u32::from(waiting.span_ticks) << 16;
+        next.ends_at_rest = waiting.ends_at_rest;
+        if self.carriers.tilts() {
+            let channels = [CHANNEL_TILT_X, CHANNEL_TILT_Y];
+            next.tilt_base = channels.map(|channel| base[channel]);
+            next.tilt = channels.map(|channel| self.shape.cubic(channel, &weights));
+        }
+        for carrier in self.carriers.motors() {
             let motor = carrier.motor % MOTORS_MAX;
             let base = &mut self.bases[motor];
-            next.motors[motor].lay(base, carrier, &self.shape, &self.weights);
-        } else {
-            let channels = [CHANNEL_TILT_X, CHANNEL_TILT_Y];
-            next.tilt = channels.map(|channel| self.shape.cubic(channel, &self.weights));
+            next.motors[motor].lay(base, carrier, &self.shape, &weights);
         }
-        self.parts += 1;
+        self.ready += 1;
         true
     }
 
     /// True if the next span can begin at once.
     pub fn is_prepared(&self) -> bool {
-        self.parts >= self.parts_all
+        self.ready > 0
     }
 
-    /// Forgets what was prepared of a span that will not come. Only before a new start.
+    /// Forgets what was prepared of spans that will not come. Only before a new start.
     pub fn forget_next(&mut self) {
-        self.parts = 0;
+        self.ready = 0;
     }
 
-    /// Moves segment time on, through as many spans as it takes. True if the base has changed.
-    pub fn advance(&mut self, mut step_q16: u32, queue: &mut KnotQueue) -> bool {
-        let mut changed = false;
+    /// Moves segment time on, through as many spans as it takes.
+    pub fn advance(&mut self, mut step_q16: u32, queue: &mut KnotQueue) {
         for _ in 0..SPANS_PER_TICK_MAX {
             let remaining = self.remaining_q16();
             if step_q16 < remaining {
                 self.local_q16 += step_q16;
-                return changed;
+                return;
             }
             step_q16 -= remaining;
             self.local_q16 = self.duration_q16;
             if !self.begin(queue) {
                 // The path ends here, at rest or (starved) with the rate at zero.
                 self.settle();
-                return changed;
+                return;
             }
-            changed = true;
         }
-        changed
     }
 
     /// Makes the end of a span that rests exact.
     fn settle(&mut self) {
         if self.rests_at_end {
-            let span = &mut self.spans[usize::from(self.second)];
+            let span = &mut self.spans[self.place % SPANS];
             for motor in &mut span.motors {
                 motor.cubic = [0.0; 4];
             }

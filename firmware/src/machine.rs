@@ -90,6 +90,7 @@ impl Machine {
         } else {
             self.stop_if_due();
         }
+        self.motion.look_ahead();
     }
 
     /// One step tick.

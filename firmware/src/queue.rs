@@ -124,6 +124,11 @@ impl KnotQueue {
         }
     }
 
+    /// The knot that waits behind so many others.
+    pub fn get(&self, behind: usize) -> Option<&QueuedKnot> {
+        self.knots.get(behind)
+    }
+
     /// The next knot.
     pub fn front(&self) -> Option<&QueuedKnot> {
         self.knots.front()

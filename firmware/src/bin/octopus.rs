@@ -299,6 +299,7 @@ mod board {
                 line = Line::Serial;
                 runtime::take_byte(&mut receiver, byte);
             }
+            runtime::look_ahead();
             let mut packet = [0; 64];
             let pending = outgoing.pending(&mut receiver);
             let for_usb = if line == Line::Usb { pending } else { &[] };

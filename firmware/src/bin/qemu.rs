@@ -185,6 +185,7 @@ mod board {
             if let Some(byte) = LINK.receive() {
                 runtime::take_byte(&mut receiver, byte);
             }
+            runtime::look_ahead();
             if let Some(&byte) = outgoing.pending(&mut receiver).first()
                 && LINK.read(STATE) & TX_FULL == 0
             {

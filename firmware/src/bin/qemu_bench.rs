@@ -161,6 +161,7 @@ mod bench {
         servo: Count,
         step: Count,
         step_reversing: Count,
+        ahead: Count,
         link: Count,
     }
 
@@ -173,6 +174,11 @@ mod bench {
     #[inline(never)]
     fn step_tick() {
         runtime::step_interrupt();
+    }
+
+    #[inline(never)]
+    fn look_ahead() -> bool {
+        runtime::look_ahead()
     }
 
     #[inline(never)]
@@ -275,6 +281,19 @@ mod bench {
         count.note(instructions(before, after) - empty);
     }
 
+    /// What the main loop does for the spans to come.
+    fn time_ahead(empty: u32, count: &mut Count) {
+        loop {
+            let before = now();
+            let worked = look_ahead();
+            let after = now();
+            if !worked {
+                break;
+            }
+            count.note(instructions(before, after) - empty);
+        }
+    }
+
     fn time_steps(interval_ticks: u32, empty: u32, counts: &mut Counts) {
         for _ in 0..interval_ticks {
             let reverses = runtime::interval_reverses();
@@ -316,6 +335,7 @@ mod bench {
         };
         for tick in 0..TICKS_MAX {
             host.serve(&mut counts.link);
+            time_ahead(empty, &mut counts.ahead);
             time_servo(empty, &mut counts.servo);
             // Reversals are few: all of them tick by tick, of the others a share.
             if tick % TIMED_EVERY == 0 || runtime::interval_reverses() {
@@ -340,6 +360,7 @@ mod bench {
             ("servo", &counts.servo),
             ("step", &counts.step),
             ("step_reversing", &counts.step_reversing),
+            ("ahead", &counts.ahead),
             ("link", &counts.link),
         ] {
             hprintln!("{}_worst {}", name, count.worst);

@@ -193,8 +193,14 @@ impl Motion {
         self.gate();
         self.begin_due_events();
         self.program(bank)?;
-        self.move_on(bank.reverses());
+        self.move_on();
         Ok(())
+    }
+
+    /// Work for the spans to come that need not be done in a servo tick, one span at most: to be
+    /// called again and again by a board's main loop, or once after every tick. True if there was any.
+    pub fn look_ahead(&mut self) -> bool {
+        self.interpolator.prepare_next(&self.queue)
     }
 
     /// A fault that the inputs demand now.
@@ -218,7 +224,7 @@ impl Motion {
     /// Lets a resting stream go on once enough is queued and the melt is ready.
     fn gate(&mut self) {
         let waits = matches!(self.phase, Phase::Filling { .. });
-        // A span that rests is prepared meanwhile, in a few ticks.
+        // The next span is prepared meanwhile.
         let prepared = self.interpolator.is_prepared();
         if waits && self.may_move() && self.has_enough() && prepared {
             let (ready, prime) = self.hold.ready(self.flow.is_active());
@@ -275,12 +281,10 @@ impl Motion {
         advanced.map_err(|exceeded| step_rate_fault(exceeded, self.servo_hz))
     }
 
-    /// Chooses the path rate and moves segment time on by it; `busy` if the tick had more to do than
-    /// others.
-    fn move_on(&mut self, busy: bool) {
+    /// Chooses the path rate and moves segment time on by it.
+    fn move_on(&mut self) {
         let wanted_q16 = self.wanted_rate_q16();
         if wanted_q16 == 0 && self.warp.rate_q16() == 0 {
-            self.interpolator.prepare(0, true, &self.queue);
             self.rest();
             return;
         }
@@ -290,9 +294,7 @@ impl Motion {
             self.underruns = self.underruns.saturating_add(1);
         }
         self.held = held;
-        let begun = self.interpolator.advance(rate_q16, &mut self.queue);
-        let spare = !(begun || busy || self.flow.is_active());
-        self.interpolator.prepare(rate_q16, spare, &self.queue);
+        self.interpolator.advance(rate_q16, &mut self.queue);
         self.note_rest(rate_q16, wanted_q16);
     }
 

@@ -391,6 +391,12 @@ pub fn take_byte(receiver: &mut Receiver, byte: u8) {
     }
 }
 
+/// Work for the spans to come, one at most: to be called in each round of the main loop. True if there
+/// was any.
+pub fn look_ahead() -> bool {
+    with_motion(Motion::look_ahead) == Some(true)
+}
+
 /// A report on its way out. A host that does not listen holds it up, never the rest.
 pub struct Outgoing {
     frame: [u8; FRAME_BYTES_MAX],
