@@ -9,7 +9,7 @@
 
 use crate::configuration::ExtruderConfiguration;
 use crate::design::{ACTIVE_EVENTS_MAX, ADVANCE_WINDOW_TICKS_MAX, FLOW_OVERRIDE_PERCENT_PER_S};
-use crate::steps::{StepScale, Target, steps_to_position};
+use crate::steps::{ScaledUnits, StepScale, Target, steps_to_position};
 use headway_protocol::segment::{FlowAction, FlowEvent};
 use headway_protocol::units::{CHANNEL_VOLUME, UNITS_PER_NATURAL};
 use heapless::Vec;
@@ -22,15 +22,21 @@ const WINDOW_STEP: f32 = (1u32 << 16) as f32;
 /// A prime or retract in progress.
 #[derive(Clone, Copy, Debug, PartialEq)]
 struct ActiveEvent {
-    /// Signed volume, 10⁻⁶ mm³.
-    volume_units: i64,
-    /// The same, rounded once and for all.
+    /// Volume, 10⁻⁶ mm³.
+    volume_units: u32,
+    /// The same with its sign, rounded once and for all.
     volume: f32,
     duration_ticks: u32,
     elapsed_ticks: u32,
 }
 
 impl ActiveEvent {
+    /// Signed volume, 10⁻⁶ mm³.
+    fn units(&self) -> i64 {
+        let units = i64::from(self.volume_units);
+        if self.volume < 0.0 { -units } else { units }
+    }
+
     /// Volume moved after `elapsed` ticks, 10⁻⁶ mm³.
     fn share_units(&self, elapsed_ticks: u32) -> f32 {
         let x = elapsed_ticks as f32 / self.duration_ticks as f32;
@@ -40,20 +46,22 @@ impl ActiveEvent {
 
 /// The extruder's state.
 #[derive(Clone, Debug)]
+// What every tick uses comes first.
+#[repr(C)]
 pub struct Flow {
-    scale: StepScale,
     /// Advance in steps per 2^-16 step gained over the window.
     advance_gain: f32,
     window_ticks: usize,
-    /// V over the last window, 2^-16 steps, wrapping.
-    window: [i32; ADVANCE_WINDOW_TICKS_MAX],
     newest: usize,
-    active: Vec<ActiveEvent, ACTIVE_EVENTS_MAX>,
-    /// Sum of all events that are over, 10⁻⁶ mm³.
-    settled_units: i64,
-    /// The same as a distance.
+    /// Sum of all events that are over, as a distance.
     settled: Target,
     scaling: FlowScaling,
+    active: Vec<ActiveEvent, ACTIVE_EVENTS_MAX>,
+    scale: StepScale,
+    /// Sum of all events that are over, exact.
+    settled_exact: ScaledUnits,
+    /// V over the last window, 2^-16 steps, wrapping.
+    window: [i32; ADVANCE_WINDOW_TICKS_MAX],
 }
 
 /// Flow override: what is deposited above or below the plan.
@@ -87,8 +95,10 @@ impl FlowScaling {
         self.last.is_some() || self.wanted_q16 != UNSCALED_Q16
     }
 
-    /// What is added to the planned position, 2^-31 steps.
-    fn extra(&mut self, deposited: i64) -> i64 {
+    /// What is added to the planned position, `steps` above `base`.
+    #[inline(never)]
+    fn extra(&mut self, base: Target, steps: f32) -> Target {
+        let deposited = base.position().wrapping_add(steps_to_position(steps));
         let way = deposited - self.last.unwrap_or(deposited);
         self.last = Some(deposited);
         let up = self.factor_q16.saturating_add(self.slope_q16);
@@ -97,7 +107,7 @@ impl FlowScaling {
         self.factor_q16 = self.wanted_q16.max(down).min(up);
         let surplus_q16 = i64::from(self.factor_q16) - i64::from(UNSCALED_Q16);
         self.extra += (way * surplus_q16) >> 16;
-        self.extra
+        Target::of_distance(self.extra)
     }
 
     /// Starts anew from a declared position; the factor stays.
@@ -123,7 +133,7 @@ impl Flow {
             window: [0; ADVANCE_WINDOW_TICKS_MAX],
             newest: 0,
             active: Vec::new(),
-            settled_units: 0,
+            settled_exact: ScaledUnits::default(),
             settled: Target::default(),
             scaling: FlowScaling::new(servo_hz),
         }
@@ -148,7 +158,7 @@ impl Flow {
     /// Declares where the deposited volume is, with no event behind it. Only at rest.
     pub fn declare(&mut self, place: Target) {
         self.active.clear();
-        self.settled_units = 0;
+        self.settled_exact = ScaledUnits::default();
         self.settled = Target::default();
         self.scaling.settle();
         self.window = [place.coarse(); ADVANCE_WINDOW_TICKS_MAX];
@@ -156,14 +166,11 @@ impl Flow {
 
     /// Begins a prime or retract in this servo tick. False if too many run already.
     pub fn begin(&mut self, event: &FlowEvent) -> bool {
-        let volume = i64::from(event.volume_units);
-        let volume_units = match event.action {
-            FlowAction::Prime => volume,
-            FlowAction::Retract => -volume,
-        };
+        let amount = event.volume_units as f32;
+        let retracts = event.action == FlowAction::Retract;
         let active = ActiveEvent {
-            volume_units,
-            volume: volume_units as f32,
+            volume_units: event.volume_units,
+            volume: if retracts { -amount } else { amount },
             duration_ticks: event.duration_ticks.0.max(1),
             elapsed_ticks: 0,
         };
@@ -180,35 +187,28 @@ impl Flow {
         if self.active.is_empty() {
             return;
         }
-        let mut moved_units = 0;
         for event in &self.active {
             // The share that the last tick's target had.
-            moved_units += event.share_units(event.elapsed_ticks.saturating_sub(1)) as i64;
+            let units = event.share_units(event.elapsed_ticks.saturating_sub(1)) as i64;
+            self.settled_exact = moved(&self.scale, &self.settled_exact, units);
         }
         self.active.clear();
-        self.settle(moved_units);
-    }
-
-    fn settle(&mut self, units: i64) {
-        self.settled_units += units;
-        self.settled = Target::of_distance(self.scale.scaled(self.settled_units).position);
+        self.settled = Target::of_distance(self.settled_exact.position);
     }
 
     /// Target of this servo tick; `deposited` is V above its base in steps, `base` where that is. To be
     /// called exactly once per servo tick.
-    #[inline]
+    #[inline(always)]
     pub fn target(&mut self, base: Target, deposited: f32) -> Target {
         let mut base = base;
         if self.scaling.is_asked() {
-            let planned = base.position().wrapping_add(steps_to_position(deposited));
-            base = base.plus(Target::of_distance(self.scaling.extra(planned)));
+            base = base.plus(self.scaling.extra(base, deposited));
         }
         let now = base.coarse();
         let advance = self.advance(now.wrapping_add((deposited * WINDOW_STEP) as i32));
         let mut steps = deposited + advance;
         if !self.active.is_empty() {
-            let events_units = self.progress();
-            steps += self.scale.steps(events_units);
+            steps += self.progress();
         }
         base.plus(self.settled).moved(steps)
     }
@@ -226,24 +226,30 @@ impl Flow {
         gained as f32 * self.advance_gain
     }
 
-    /// Volume of the events in progress, 10⁻⁶ mm³; settles those that end, moves all on by a tick.
+    /// Steps of the events in progress; settles those that end, moves all on by a tick.
+    #[inline(never)]
     fn progress(&mut self) -> f32 {
         let mut sum = 0.0;
-        let mut ended_units = 0;
+        let (scale, settled) = (&self.scale, &mut self.settled_exact);
         self.active.retain_mut(|event| {
             if event.elapsed_ticks >= event.duration_ticks {
-                ended_units += event.volume_units;
+                *settled = moved(scale, settled, event.units());
                 return false;
             }
             sum += event.share_units(event.elapsed_ticks);
             event.elapsed_ticks += 1;
             true
         });
-        if ended_units != 0 {
-            self.settle(ended_units);
-        }
-        sum
+        self.settled = Target::of_distance(settled.position);
+        self.scale.steps(sum)
     }
+}
+
+/// A position moved by a volume of up to 33 bits, 10⁻⁶ mm³: in halves, which have 32.
+fn moved(scale: &StepScale, from: &ScaledUnits, units: i64) -> ScaledUnits {
+    let half = units >> 1;
+    let middle = scale.advanced(from, half as i32);
+    scale.advanced(&middle, (units - half) as i32)
 }
 
 #[cfg(test)]

@@ -8,7 +8,7 @@
 
 use crate::carriers::{Carrier, Carriers};
 use crate::configuration::MOTORS_MAX;
-use crate::design::SPANS_AHEAD;
+use crate::design::{CEILING_OPEN, SPANS_AHEAD};
 use crate::load::SpanLoad;
 use crate::queue::{Ceiling, KnotQueue};
 use crate::spline::{SpanShape, SpanWeights};
@@ -49,6 +49,38 @@ struct ReadySpan {
     ends_at_rest: bool,
 }
 
+impl ReadySpan {
+    fn at_rest(bases: &[ScaledUnits; MOTORS_MAX], start: &ChannelPoint) -> Self {
+        Self {
+            motors: bases.map(|base| MotorSpan::at_rest(base.position)),
+            tilt: [[0.0; 4]; 2],
+            tilt_base: [start[CHANNEL_TILT_X], start[CHANNEL_TILT_Y]],
+            load: SpanLoad::REST,
+            duration_q16: 0,
+            ends_at_rest: true,
+        }
+    }
+}
+
+/// A pose at rest.
+#[derive(Clone, Copy, Debug)]
+pub struct RestPose(ReadySpan);
+
+impl RestPose {
+    /// On `start`.
+    pub fn new(carriers: &Carriers, start: &ChannelPoint) -> Self {
+        Self(ReadySpan::at_rest(&carriers.scaled(start), start))
+    }
+
+    /// As [`Interpolator::offset`].
+    pub fn offset(&self) -> Offset<'_> {
+        Offset {
+            span: &self.0,
+            t: 0.0,
+        }
+    }
+}
+
 /// The present span at one moment.
 #[derive(Clone, Copy, Debug)]
 pub struct Offset<'a> {
@@ -70,13 +102,6 @@ impl Offset<'_> {
         (self.of(motor.cubic), motor.anchor)
     }
 
-    /// All motors: as [`Self::of_motor`].
-    #[inline(always)]
-    pub fn motors(&self) -> impl Iterator<Item = (f32, Target)> {
-        let motors = self.span.motors.iter();
-        motors.map(|motor| (self.of(motor.cubic), motor.anchor))
-    }
-
     /// Where the tilt is above its base, and that base, µrad.
     #[inline(always)]
     pub fn tilt(&self) -> ([f32; 2], [i32; 2]) {
@@ -87,27 +112,42 @@ impl Offset<'_> {
     }
 }
 
+/// What the ceiling at the present span's end means for a steady path rate of up to 1.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Outlook {
+    /// It limits nothing.
+    Open,
+    /// Nothing within the span: up to 1 a ceiling only rises towards a span's start, so that what holds
+    /// at its end holds in all of it.
+    OpenToEnd,
+    /// It may.
+    Limited,
+}
+
 /// The playing side of the motion.
 #[derive(Clone, Debug)]
+// What every tick uses comes first.
 #[repr(C)]
 pub struct Interpolator {
-    /// The present span and those that are ready, in a ring.
-    spans: [ReadySpan; SPANS],
-    /// Which of them is present.
+    local_q16: u32,
+    duration_q16: u32,
+    /// Which of the spans is present.
     place: usize,
-    /// How many are ready after it: the first of those that wait.
-    ready: usize,
     /// A span is being played; otherwise the head rests before knot 0.
     playing: bool,
     rests_at_end: bool,
     rests_at_start: bool,
     dwells: bool,
-    local_q16: u32,
-    duration_q16: u32,
+    /// Of the ceiling at the present span's end.
+    outlook: Outlook,
     /// Spans begun since the stream's start.
     spans_begun: u32,
+    /// How many are ready after the present one: the first of those that wait.
+    ready: usize,
     /// Segment time of the spans completed, servo ticks.
     completed_ticks: u64,
+    /// The present span and those that are ready, in a ring.
+    spans: [ReadySpan; SPANS],
     /// Shape of the newest span that is ready.
     shape: SpanShape,
     /// Its bases.
@@ -116,26 +156,19 @@ pub struct Interpolator {
 }
 
 impl Interpolator {
-    /// At rest on `start`.
-    pub fn at_rest(carriers: &Carriers, start: &ChannelPoint) -> Self {
-        let shape = SpanShape::at_rest(start);
-        let bases = carriers.scaled(start);
-        let span = ReadySpan {
-            motors: bases.map(|base| MotorSpan::at_rest(base.position)),
-            tilt: [[0.0; 4]; 2],
-            tilt_base: [start[CHANNEL_TILT_X], start[CHANNEL_TILT_Y]],
-            load: SpanLoad::REST,
-            duration_q16: 0,
-            ends_at_rest: true,
-        };
+    /// At rest on the origin.
+    pub fn new(carriers: &Carriers) -> Self {
+        let origin = ChannelPoint::default();
+        let bases = carriers.scaled(&origin);
         Self {
-            spans: [span; SPANS],
+            spans: [ReadySpan::at_rest(&bases, &origin); SPANS],
             place: 0,
             ready: 0,
             carriers: carriers.clone(),
             bases,
-            shape,
+            shape: SpanShape::at_rest(&origin),
             playing: false,
+            outlook: Outlook::Open,
             local_q16: 0,
             duration_q16: 0,
             spans_begun: 0,
@@ -144,6 +177,24 @@ impl Interpolator {
             rests_at_start: true,
             dwells: true,
         }
+    }
+
+    /// Starts anew at rest on `start`. In its place: it is large for a stack.
+    pub fn start_at(&mut self, start: &ChannelPoint) {
+        self.shape = SpanShape::at_rest(start);
+        self.bases = self.carriers.scaled(start);
+        self.place = 0;
+        self.ready = 0;
+        self.spans[0] = ReadySpan::at_rest(&self.bases, start);
+        self.playing = false;
+        self.outlook = Outlook::Open;
+        self.local_q16 = 0;
+        self.duration_q16 = 0;
+        self.spans_begun = 0;
+        self.completed_ticks = 0;
+        self.rests_at_end = true;
+        self.rests_at_start = true;
+        self.dwells = true;
     }
 
     #[inline(always)]
@@ -221,6 +272,28 @@ impl Interpolator {
         }
     }
 
+    /// To be called when ceilings of the queue have changed.
+    pub fn look_at_ceilings(&mut self, queue: &KnotQueue) {
+        let stop = self.ceiling_at_end(queue).stop;
+        self.outlook = if stop >= CEILING_OPEN {
+            Outlook::Open
+        } else if stop >= 1.0 {
+            Outlook::OpenToEnd
+        } else {
+            Outlook::Limited
+        };
+    }
+
+    /// True if no ceiling limits a tick at a steady rate of up to 1.
+    #[inline(always)]
+    pub fn is_free(&self, rate_q16: u32) -> bool {
+        match self.outlook {
+            Outlook::Open => true,
+            Outlook::OpenToEnd => rate_q16 <= self.remaining_q16(),
+            Outlook::Limited => false,
+        }
+    }
+
     /// Begins the next span if the present one is over and one waits, so that its dwell or load is
     /// known before the head moves. True if a span was begun.
     #[inline]
@@ -246,6 +319,7 @@ impl Interpolator {
         self.rests_at_start = self.rests_at_end;
         self.rests_at_end = self.present().ends_at_rest;
         self.dwells = self.rests_at_start && self.rests_at_end;
+        self.look_at_ceilings(queue);
         true
     }
 

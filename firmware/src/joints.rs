@@ -2,9 +2,9 @@
 //!
 //! A carrier's integer base is exact (interpolator.rs); its offset and what the tilt adds are f32.
 
-use crate::configuration::{JOINTS_MAX, Kinematics, MOTORS_MAX, MachineConfiguration};
-use crate::interpolator::{Interpolator, Offset};
-use crate::kinematics::{self, gantry};
+use crate::configuration::{Kinematics, MOTORS_MAX, MachineConfiguration};
+use crate::interpolator::{Offset, RestPose};
+use crate::kinematics::{self, gantry, planar};
 use crate::load::tilt_pose;
 use crate::steps::{STEP, Target, count};
 use headway_protocol::message::{Fault, FaultCause};
@@ -15,8 +15,12 @@ const WHOLE_STEPS_MAX: i64 = (1 << 30) - 4;
 /// The same as a position: of a joint without a stop.
 const POSITION_MAX: i64 = WHOLE_STEPS_MAX * STEP;
 
-/// What the tilt adds to each joint; nothing on a machine without tilt.
-type Remainder = Option<[f32; JOINTS_MAX]>;
+/// A pose in the stream that has no joint positions.
+const IMPOSSIBLE_POSE: Fault = Fault {
+    cause: FaultCause::Kinematics,
+    index: 0,
+    value: 0,
+};
 
 /// One joint's numbers.
 #[derive(Clone, Copy, Debug, Default)]
@@ -121,61 +125,47 @@ impl JointTargets {
         ((1u16 << self.count) - 1) as u8
     }
 
-    /// What the tilt adds to the joints at the interpolator's pose, mm and rad.
+    /// Writes the joints' targets at the pose; other motors keep theirs.
     ///
     /// # Errors
     /// The fault to latch.
-    #[inline]
-    fn remainder(&self, interpolator: &Interpolator) -> Result<Remainder, Fault> {
-        // Joints of a planar machine are channels. That the tilt is none was checked on reception.
-        let Some(pivot_length_mm) = self.pivot_length_mm else {
-            return Ok(None);
-        };
-        let offset = interpolator.offset();
-        let (tilt, base) = offset.tilt();
-        let pose = tilt_pose(base, tilt);
-        match gantry::remainder(pivot_length_mm, &pose) {
-            Ok(remainder) => Ok(Some(remainder)),
-            Err(_) => Err(Fault {
-                cause: FaultCause::Kinematics,
-                index: 0,
-                value: 0,
-            }),
-        }
-    }
-
-    /// Writes the joints' targets at the interpolator's pose; other motors keep theirs.
-    ///
-    /// # Errors
-    /// The fault to latch.
-    #[inline]
+    #[inline(always)]
     pub fn set_targets<'a>(
         &self,
-        interpolator: &Interpolator,
+        offset: &Offset<'_>,
         targets: impl Iterator<Item = &'a mut Target>,
     ) -> Result<Reach, Fault> {
-        let offset = interpolator.offset();
-        let reach = match self.remainder(interpolator)? {
-            // A loop of its own for machines that have nothing to add.
-            None => self.scale(&offset, targets, |_, _, steps| steps),
-            Some(remainder) => self.scale(&offset, targets, |joint, index, steps| {
-                let added = remainder.get(index).copied().unwrap_or(0.0);
-                steps + added * joint.steps_per_natural
-            }),
+        // A loop of its own for machines that have nothing to add: joints of a planar machine are
+        // channels. That the tilt is none was checked on reception.
+        let Some(pivot_length_mm) = self.pivot_length_mm else {
+            return Ok(self.follow(&planar::CARRIERS, offset, targets, |_, _, steps| steps));
         };
-        Ok(reach)
+        let (tilt, base) = offset.tilt();
+        let pose = tilt_pose(base, tilt);
+        let added = gantry::remainder(pivot_length_mm, &pose).map_err(|_| IMPOSSIBLE_POSE)?;
+        let all_steps = |joint: &JointScale, index: usize, steps: f32| {
+            let added = added.get(index).copied().unwrap_or(0.0);
+            steps + added * joint.steps_per_natural
+        };
+        Ok(self.follow(&gantry::CARRIERS, offset, targets, all_steps))
     }
 
+    /// The targets of joints that follow `carriers`, with what else there is.
     #[inline(always)]
-    fn scale<'a>(
+    fn follow<'a, const JOINTS: usize>(
         &self,
+        carriers: &[Option<usize>; JOINTS],
         offset: &Offset<'_>,
         targets: impl Iterator<Item = &'a mut Target>,
         all_steps: impl Fn(&JointScale, usize, f32) -> f32,
     ) -> Reach {
         let mut reach = Reach::default();
-        let parts = self.joints.iter().zip(offset.motors()).zip(targets);
-        for (index, ((joint, (steps, anchor)), target)) in parts.enumerate().take(self.count) {
+        let parts = carriers.iter().zip(&self.joints).zip(targets);
+        for (index, ((carrier, joint), target)) in parts.enumerate() {
+            let (steps, anchor) = match carrier {
+                Some(_) => offset.of_motor(index),
+                None => (0.0, Target::of_position(0)),
+            };
             let new = anchor.moved(all_steps(joint, index, steps));
             reach.jumps |= target.replace(new);
             let above = new.whole.wrapping_sub(joint.lowest) as u32;
@@ -190,12 +180,11 @@ impl JointTargets {
     ///
     /// # Errors
     /// The fault that it would be to go there.
-    pub fn targets(&self, interpolator: &Interpolator) -> Result<[i64; MOTORS_MAX], Fault> {
-        let mut targets = [Target::default(); MOTORS_MAX];
-        for (target, (_, anchor)) in targets.iter_mut().zip(interpolator.offset().motors()) {
-            *target = anchor;
-        }
-        let reach = self.set_targets(interpolator, targets.iter_mut())?;
+    pub fn targets(&self, pose: &RestPose) -> Result<[i64; MOTORS_MAX], Fault> {
+        let offset = pose.offset();
+        let mut targets = [Target::of_position(0); MOTORS_MAX];
+        targets[self.count % MOTORS_MAX] = offset.of_motor(self.count).1;
+        let reach = self.set_targets(&offset, targets.iter_mut())?;
         self.check_limits(reach.outside, |joint| targets[joint % MOTORS_MAX])?;
         Ok(targets.map(Target::position))
     }
@@ -253,7 +242,7 @@ mod tests {
         ] {
             let mut pose = ChannelPoint::default();
             pose[0] = x_units;
-            let targets = joints.targets(&Interpolator::at_rest(&carriers, &pose));
+            let targets = joints.targets(&RestPose::new(&carriers, &pose));
             assert_eq!(targets.is_err(), refused, "{x_units}");
         }
     }
@@ -268,7 +257,7 @@ mod tests {
         for heading_units in [0, 2_000_000_000, -2_000_000_000] {
             let mut pose = ChannelPoint::default();
             pose[5] = heading_units;
-            let at_rest = Interpolator::at_rest(&carriers, &pose);
+            let at_rest = RestPose::new(&carriers, &pose);
             assert!(joints.targets(&at_rest).is_ok(), "{heading_units}");
             assert!(joints.is_in_range(3, i64::from(heading_units) << 30));
         }

@@ -65,8 +65,7 @@ impl TimeWarp {
         let old = self.rate_q16 as f32 * PER_TICK;
         let wanted = wanted_q16 as f32 * PER_TICK;
         let ramped = bounds.ramped(old, wanted, self.slope);
-        let free = bounds.limited(old, ramped);
-        let rate = bounds.stoppable(old, free);
+        let (free, rate) = bounds.bounded(old, ramped);
         self.rate_q16 = if rate == wanted {
             wanted_q16
         } else {
@@ -105,29 +104,26 @@ impl WarpBounds {
         }
     }
 
-    /// Not above 1 further than the limits of this and the coming spans allow.
-    fn limited(&self, old: f32, rate: f32) -> f32 {
-        if rate <= 1.0 {
-            return rate;
+    /// Not above 1 further than the limits of this and the coming spans allow, and, second, not faster
+    /// than the head can be stopped by the end of the queue.
+    fn bounded(&self, old: f32, rate: f32) -> (f32, f32) {
+        let ends = self.ceiling_at_end.stop < CEILING_OPEN;
+        if rate <= 1.0 && !ends {
+            return (rate, rate);
         }
         let here = self.ceiling_at_end.before(self.remaining_ticks, &self.load);
-        self.below(here.limits, self.ahead(old.larger(rate)).limits, rate)
-            .larger(1.0)
-    }
-
-    /// Not faster than the head can be stopped by the end of the queue.
-    fn stoppable(&self, old: f32, rate: f32) -> f32 {
-        if self.ceiling_at_end.stop >= CEILING_OPEN {
-            return rate;
-        }
-        let here = self.ceiling_at_end.before(self.remaining_ticks, &self.load);
-        let ahead = self.ahead(old.larger(rate)).stop;
-        if rate * rate <= ahead {
+        let ahead = self.ahead(old.larger(rate));
+        let free = if rate <= 1.0 {
+            rate
+        } else {
+            self.below(here.limits, ahead.limits, rate).larger(1.0)
+        };
+        if !ends || free * free <= ahead.stop {
             // Still stoppable from where the tick ends. A plan near its limits lives just below
             // the ceiling; the bound on the ceiling's slope would hold it up on a full queue.
-            return rate;
+            return (free, free);
         }
-        self.below(here.stop, ahead, rate).larger(0.0)
+        (free, self.below(here.stop, ahead.stop, free).larger(0.0))
     }
 
     /// Ceilings after one tick at `rate`.
@@ -151,7 +147,7 @@ impl WarpBounds {
         if here >= CEILING_OPEN && ahead >= CEILING_OPEN || rate * (rate + 2.0 * steepest) <= here {
             return rate;
         }
-        let highest = libm::sqrtf(steepest * steepest + here) - steepest;
+        let highest = (steepest * steepest + here).root() - steepest;
         smaller(highest, rate)
     }
 }
@@ -163,7 +159,7 @@ fn eased(full: f32, last: f32, way: f32) -> f32 {
     let risen = last.larger(0.0) + build_up;
     // Slopes s, s - b, s - 2 b, ... add up to s² / 2b + s / 2.
     let half = 0.5 * build_up;
-    let ending = libm::sqrtf(half * half + 2.0 * build_up * way) - half;
+    let ending = (half * half + 2.0 * build_up * way).root() - half;
     smaller(smaller(risen, ending), full).larger(half)
 }
 

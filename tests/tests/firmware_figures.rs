@@ -39,8 +39,6 @@ fn the_firmware_keeps_to_its_room() {
     // With USB the octopus has the panics of its driver, none of ours.
     at_most("/panic_symbols/qemu", 0.0);
     at_most("/panic_symbols/octopus_serial", 0.0);
-    // The step tick's are the goals; the servo's what is reached, so that it does not get worse. Its
-    // goals are 900 and 1500: docs/firmware.md says what is missing.
     at_most("/step_tick_instructions/worst", STEP_WORST);
     at_most(
         "/step_tick_instructions/worst_without_reversal",
@@ -48,9 +46,18 @@ fn the_firmware_keeps_to_its_room() {
     );
     at_most("/servo_tick_instructions/planar/worst", SERVO_WORST_PLANAR);
     at_most("/servo_tick_instructions/gantry/worst", SERVO_WORST_GANTRY);
+    for (machine, bound) in SERVO_WORST_AT_200_PERCENT {
+        let tick = "/servo_tick_instructions_at_200_percent";
+        at_most(&format!("{tick}/{machine}/worst"), bound);
+    }
+    at_most("/span_ahead_instructions", SPAN_AHEAD);
 }
 
+// Goals.
 const STEP_WORST: f64 = 150.0;
 const STEP_WORST_STRAIGHT: f64 = 120.0;
-const SERVO_WORST_PLANAR: f64 = 1150.0;
-const SERVO_WORST_GANTRY: f64 = 1600.0;
+const SERVO_WORST_PLANAR: f64 = 900.0;
+const SERVO_WORST_GANTRY: f64 = 1500.0;
+// What is reached, a twentieth above it for another compiler: so that it does not get worse.
+const SERVO_WORST_AT_200_PERCENT: [(&str, f64); 2] = [("planar", 1240.0), ("gantry", 1560.0)];
+const SPAN_AHEAD: f64 = 780.0;

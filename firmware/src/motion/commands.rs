@@ -5,7 +5,7 @@ use crate::configuration::MOTORS_MAX;
 use crate::design::{HOLD_RETRACT_DELAY_MS, ticks_of_ms};
 use crate::hold::Hold;
 use crate::inputs::Inputs;
-use crate::interpolator::{Interpolator, TICK_Q16};
+use crate::interpolator::{RestPose, TICK_Q16};
 use crate::load::SpanFault;
 use crate::queue::QueuedKnot;
 use crate::steps::{Stopped, count};
@@ -53,7 +53,7 @@ impl Motion {
 
     /// Takes over a pose at rest, only if the `known` joints are there already.
     fn place(&mut self, position: &ChannelPoint, known: u8) -> Result<(), CommandError> {
-        let (interpolator, targets) = self.rest_targets(position)?;
+        let (pose, targets) = self.rest_targets(position)?;
         let here = self.programmer.positions();
         let moved = targets
             .iter()
@@ -66,9 +66,9 @@ impl Motion {
         if moved {
             return Err(CommandError::Invalid);
         }
-        let (_, base) = interpolator.offset().of_motor(self.joints.count());
+        let (_, base) = pose.offset().of_motor(self.joints.count());
         self.flow.declare(base);
-        self.interpolator = interpolator;
+        self.interpolator.start_at(position);
         self.programmer.set_positions(&targets);
         self.hold = Hold::new(ticks_of_ms(HOLD_RETRACT_DELAY_MS, self.servo_hz));
         self.reference.learn(self.joints.all());
@@ -76,15 +76,15 @@ impl Motion {
         Ok(())
     }
 
-    /// Where the motors are at rest on a pose: the interpolator there, and the positions.
+    /// Where the motors are at rest on a pose: the pose, and the positions.
     pub(super) fn rest_targets(
         &self,
         position: &ChannelPoint,
-    ) -> Result<(Interpolator, [i64; MOTORS_MAX]), CommandError> {
-        let interpolator = Interpolator::at_rest(&self.carriers, position);
-        let targets = self.joints.targets(&interpolator);
+    ) -> Result<(RestPose, [i64; MOTORS_MAX]), CommandError> {
+        let pose = RestPose::new(&self.carriers, position);
+        let targets = self.joints.targets(&pose);
         let targets = targets.map_err(|_| CommandError::Invalid)?;
-        Ok((interpolator, targets))
+        Ok((pose, targets))
     }
 
     /// Queues knots in order; false if they do not fit.
@@ -98,6 +98,7 @@ impl Motion {
             self.queue.push(*knot);
         }
         self.queue.update_ceilings(knots.len());
+        self.interpolator.look_at_ceilings(&self.queue);
         fits
     }
 

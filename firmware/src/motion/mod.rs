@@ -15,8 +15,8 @@ mod status;
 use crate::carriers::Carriers;
 use crate::configuration::MachineConfiguration;
 use crate::design::{
-    CEILING_OPEN, HOLD_RETRACT_DELAY_MS, QUEUE_EVENTS, QUIET_START_MS, START_QUEUED_MS,
-    START_ROOM_KNOTS, ticks_of_ms,
+    HOLD_RETRACT_DELAY_MS, QUEUE_EVENTS, QUIET_START_MS, START_QUEUED_MS, START_ROOM_KNOTS,
+    ticks_of_ms,
 };
 use crate::flow::{Flow, UNSCALED_Q16};
 use crate::hold::Hold;
@@ -30,7 +30,6 @@ use crate::time_warp::{TimeWarp, WarpBounds};
 use by_hand::ByHand;
 use headway_protocol::message::{Fault, FaultCause};
 use headway_protocol::segment::FlowEvent;
-use headway_protocol::units::ChannelPoint;
 use heapless::Deque;
 
 /// Where a stream stands.
@@ -87,6 +86,7 @@ pub enum CommandError {
 #[repr(C)]
 pub struct Motion {
     programmer: StepProgrammer,
+    joints: JointTargets,
     phase: Phase,
     now_ticks: u64,
     /// Servo tick at which a host was last heard of the stream, wrapping.
@@ -113,12 +113,11 @@ pub struct Motion {
     stream_start_ticks: Option<u64>,
     underruns: u32,
     holds: u32,
-    interpolator: Interpolator,
-    joints: JointTargets,
     flow: Flow,
+    events: Deque<FlowEvent, QUEUE_EVENTS>,
+    interpolator: Interpolator,
     carriers: Carriers,
     by_hand: ByHand,
-    events: Deque<FlowEvent, QUEUE_EVENTS>,
     queue: KnotQueue,
 }
 
@@ -131,7 +130,7 @@ impl Motion {
         let motors = joints.count() + 1;
         Self {
             joints,
-            interpolator: Interpolator::at_rest(&carriers, &ChannelPoint::default()),
+            interpolator: Interpolator::new(&carriers),
             carriers,
             queue: KnotQueue::new(),
             events: Deque::new(),
@@ -263,22 +262,25 @@ impl Motion {
 
     /// Programs the motors for the pose of now.
     fn program(&mut self, bank: &mut StepBank) -> Result<(), Fault> {
-        let mut jumps = 0;
+        let (mut jumps, mut outside) = (0, 0);
         if self.follows_path {
-            let (joints, interpolator) = (&self.joints, &self.interpolator);
-            let reach = joints.set_targets(interpolator, self.programmer.targets_mut())?;
-            jumps = reach.jumps;
-            let (deposited, base) = interpolator.offset().of_motor(joints.count());
-            let extruder = self.flow.target(base, deposited);
+            let (joints, offset) = (&self.joints, self.interpolator.offset());
+            let reach = joints.set_targets(&offset, self.programmer.targets_mut())?;
             let motor = joints.count();
-            jumps |= self.programmer.target_mut(motor).replace(extruder);
-            if reach.outside != 0 {
-                let programmer = &mut self.programmer;
-                joints.check_limits(reach.outside, |joint| *programmer.target_mut(joint))?;
-            }
+            let (deposited, base) = offset.of_motor(motor);
+            let extruder = self.flow.target(base, deposited);
+            jumps = reach.jumps | self.programmer.target_mut(motor).replace(extruder);
+            outside = reach.outside;
         }
         let advanced = self.programmer.advance_to_targets(jumps, bank);
-        advanced.map_err(|exceeded| step_rate_fault(exceeded, self.servo_hz))
+        advanced.map_err(|exceeded| step_rate_fault(exceeded, self.servo_hz))?;
+        if outside != 0 {
+            // After all motors have their programs, which are then taken back as a whole.
+            let programmer = &mut self.programmer;
+            let target = |joint| *programmer.target_mut(joint);
+            self.joints.check_limits(outside, target)?;
+        }
+        Ok(())
     }
 
     /// Chooses the path rate and moves segment time on by it.
@@ -301,25 +303,23 @@ impl Motion {
     /// Asks the time warp, unless nothing can limit it: then the answer is known, and this is the
     /// case in nearly all ticks.
     fn next_rate(&mut self, wanted_q16: u32) -> (u32, bool) {
-        let ceiling_at_end = self.interpolator.ceiling_at_end(&self.queue);
         let steady = wanted_q16 == self.warp.rate_q16() && wanted_q16 <= TICK_Q16;
-        if steady {
-            // Up to sigma = 1 a ceiling only rises towards a span's start: what holds at its end
-            // holds in all of it. A tick that goes beyond asks.
-            let rate = wanted_q16 as f32 * (1.0 / TICK_Q16 as f32);
-            let stays = wanted_q16 <= self.interpolator.remaining_q16();
-            let ceiling = ceiling_at_end.stop;
-            if ceiling >= CEILING_OPEN || (stays && rate * rate <= ceiling) {
-                return (wanted_q16, false);
-            }
+        if steady && self.interpolator.is_free(wanted_q16) {
+            return (wanted_q16, false);
         }
+        self.ask_warp(wanted_q16)
+    }
+
+    // Its registers are not to be those of all ticks.
+    #[inline(never)]
+    fn ask_warp(&mut self, wanted_q16: u32) -> (u32, bool) {
         let load = *self.interpolator.load();
         self.warp.step(&WarpBounds {
             wanted_q16,
             remaining_ticks: self.interpolator.remaining_q16() as f32 / TICK_Q16 as f32,
             load,
             next_load: self.queue.front().map_or(load, |next| next.load),
-            ceiling_at_end,
+            ceiling_at_end: self.interpolator.ceiling_at_end(&self.queue),
             at_rest: self.interpolator.is_at_rest_point(),
         })
     }

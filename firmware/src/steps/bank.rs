@@ -28,6 +28,11 @@ impl Motor {
         old ^ self.phase
     }
 
+    /// True if it stays where it is.
+    pub(super) fn rests(&self) -> bool {
+        self.velocity == 0 && self.acceleration == 0
+    }
+
     fn stop(&mut self) {
         self.velocity = 0;
         self.acceleration = 0;
@@ -72,8 +77,6 @@ pub struct StepBank {
     pub(super) turns: [Turn; TURNS],
     /// Direction bits at the start.
     pub(super) directions: u8,
-    /// Motors that may take steps.
-    pub(super) active: u8,
     /// Number of the program.
     pub(super) serial: u32,
 }
@@ -125,7 +128,6 @@ impl StepBank {
     pub(super) fn stop(&mut self) {
         self.motors.iter_mut().for_each(Motor::stop);
         self.turns[0].ticks_left = 0;
-        self.active = 0;
     }
 
     /// The same, with so many ticks left: what is not played.

@@ -86,21 +86,18 @@ impl StepPlayer {
         let mut due = [0u8; INTERVAL_TICKS_MAX as usize];
         let left = self.engine.ticks_left() as usize;
         let due = due.get_mut(..left).unwrap_or_default();
-        let active = self.playing.active;
         for (index, motor) in self.playing.motors.iter_mut().enumerate() {
-            // Others move within one count, and the next program knows where they come to.
-            if active >> index & 1 == 1 {
-                for slot in due.iter_mut() {
-                    *slot |= ((motor.advance() >> 31) as u8) << index;
-                }
+            if motor.rests() {
+                continue;
+            }
+            for slot in due.iter_mut() {
+                *slot |= ((motor.advance() >> 31) as u8) << index;
             }
         }
-        if active != 0 {
-            let first_tick = self.engine.now_tick();
-            for (tick, &motors) in due.iter().enumerate() {
-                if motors != 0 {
-                    output.step(first_tick + tick as u64, motors);
-                }
+        let first_tick = self.engine.now_tick();
+        for (tick, &motors) in due.iter().enumerate() {
+            if motors != 0 {
+                output.step(first_tick + tick as u64, motors);
             }
         }
         self.next_interval(output);

@@ -10,6 +10,7 @@ use super::{
 };
 use crate::configuration::MOTORS_MAX;
 use crate::design::STEP_RATE_SHARE_MAX;
+use core::sync::atomic::{Ordering, compiler_fence};
 
 /// A motor would need more than one step a tick.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -87,10 +88,16 @@ struct MotorTrack {
     interval: Interval,
     /// Mean velocity of the newest program, 2^-31 steps a tick: N of it are its way exactly.
     mean: i32,
+    /// Negative if its direction pin will say backward when the newest program ends.
+    facing: i32,
+    /// The motor's in masks.
+    bit: u8,
 }
 
 impl MotorTrack {
-    fn at_rest(position: i64, interval: Interval) -> Self {
+    /// `directions`: the pins of all motors.
+    fn at_rest(position: i64, motor: usize, directions: u8, interval: Interval) -> Self {
+        let bit = 1 << (motor % MOTORS_MAX);
         let newest = Target::of_position(position);
         Self {
             target: newest,
@@ -100,6 +107,8 @@ impl MotorTrack {
             end: position.wrapping_add(super::BIAS) as u32,
             interval,
             mean: 0,
+            facing: if directions & bit == 0 { -1 } else { 0 },
+            bit,
         }
     }
 
@@ -134,17 +143,19 @@ impl StepProgrammer {
     pub fn new(motors: usize, interval_ticks: u32) -> Self {
         let interval = Interval::new(interval_ticks);
         Self {
-            tracks: [MotorTrack::at_rest(0, interval); MOTORS_MAX],
+            tracks: core::array::from_fn(|motor| MotorTrack::at_rest(0, motor, u8::MAX, interval)),
             motors: motors.min(MOTORS_MAX),
             interval,
             serial: 0,
-            directions: 0,
+            directions: u8::MAX,
         }
     }
 
     /// Declares positions without a step. Only at rest.
     pub fn set_positions(&mut self, positions: &[i64; MOTORS_MAX]) {
-        self.tracks = positions.map(|position| MotorTrack::at_rest(position, self.interval));
+        for (motor, (track, position)) in self.tracks.iter_mut().zip(positions).enumerate() {
+            *track = MotorTrack::at_rest(*position, motor, self.directions, self.interval);
+        }
     }
 
     /// Finds the motors after [`StepEngine::stop`] and goes on from there.
@@ -154,10 +165,12 @@ impl StepProgrammer {
         // The newest program may have been handed over late, or not at all: it is not played.
         let begun = stopped.serial == self.serial;
         let ticks = self.interval.ticks;
-        for (track, unplayed) in self.tracks.iter_mut().zip(stopped.unplayed) {
+        let tracks = self.tracks.iter_mut().zip(stopped.unplayed);
+        for (motor, (track, unplayed)) in tracks.enumerate() {
             let newest = if begun { 0 } else { track.way(ticks) };
             let end = track.position().wrapping_sub(newest);
-            *track = MotorTrack::at_rest(end.wrapping_sub(unplayed), self.interval);
+            let stopped = end.wrapping_sub(unplayed);
+            *track = MotorTrack::at_rest(stopped, motor, self.directions, self.interval);
         }
     }
 
@@ -194,6 +207,7 @@ impl StepProgrammer {
     ///
     /// # Errors
     /// [`StepRateExceeded`] where a motor would need more than one step a tick.
+    #[inline(never)]
     pub fn advance(
         &mut self,
         targets: &[i64; MOTORS_MAX],
@@ -224,6 +238,8 @@ impl StepProgrammer {
     ///
     /// # Errors
     /// As [`Self::advance`].
+    // Its registers are not to be those of all the rest.
+    #[inline(never)]
     pub fn advance_to_targets(
         &mut self,
         jumps: u32,
@@ -232,47 +248,29 @@ impl StepProgrammer {
         if jumps > JUMP_STEPS_MAX {
             return Err(self.refusal(jumps));
         }
-        let mut signs = Signs::default();
-        // The last motor first, so that the first one's signs end in bit 0.
+        let mut turns = Turns::default();
         let tracks = self.tracks.get_mut(..self.motors).unwrap_or_default();
         let motors = bank.motors.get_mut(..self.motors).unwrap_or_default();
-        for (track, motor) in tracks.iter_mut().zip(motors).rev() {
-            let (bits, spare) = track.advance(motor);
-            signs = Signs(signs.0 << 1 | bits);
-            // A way out here, too, keeps the compiler from doing two motors at once, for which the
-            // registers do not suffice.
-            if spare < 0 {
-                return Err(self.refuse(signs.motors(), bank));
-            }
+        let mut spare = 0;
+        for (track, motor) in tracks.iter_mut().zip(motors) {
+            spare |= track.advance(motor, &mut turns);
+            // One motor after the other: for two at once the registers do not suffice.
+            compiler_fence(Ordering::SeqCst);
         }
         self.serial = self.serial.wrapping_add(1);
-        let active = signs.moves();
-        let reversing = signs.reverses() & active;
-        // A motor that only creeps within one count keeps its direction pin.
-        let forward = active & !signs.backward();
+        if spare < 0 {
+            // What is not handed over is taken back as a whole.
+            return Err(self.refusal(0));
+        }
         bank.serial = self.serial;
-        bank.active = active;
-        bank.directions = (self.directions & !active) | forward;
-        self.directions = bank.directions ^ reversing;
-        if reversing == 0 {
+        bank.directions = self.directions ^ turns.before;
+        self.directions = bank.directions ^ turns.within;
+        if turns.within == 0 {
             bank.turns[0].ticks_left = 0;
         } else {
-            bank.plan_turns(reversing, self.interval.ticks as u32);
+            bank.plan_turns(turns.within, self.interval.ticks as u32);
         }
         Ok(())
-    }
-
-    /// A motor of those `done` is too fast. The rest as well: what is not handed over is taken back
-    /// as a whole.
-    #[cold]
-    fn refuse(&mut self, done: u32, bank: &mut StepBank) -> StepRateExceeded {
-        let rest = self.motors.saturating_sub(done as usize);
-        let tracks = self.tracks.iter_mut().zip(&mut bank.motors);
-        tracks.take(rest).for_each(|(track, motor)| {
-            track.advance(motor);
-        });
-        self.serial = self.serial.wrapping_add(1);
-        self.refusal(0)
     }
 
     /// The motor that asks for most, and for how much.
@@ -299,13 +297,12 @@ impl StepProgrammer {
 
 impl MotorTrack {
     /// Takes the next target and computes the rate for the interval between the last two. The
-    /// result's bits are for [`Signs`]; the number is negative where more than one step a
-    /// tick would be needed.
+    /// result is negative where more than one step a tick would be needed.
     ///
     /// With m the mean velocity and the acceleration 2 h, the first tick has the velocity
     /// m - (N - 1) h and the last m + (N - 1) h; all N make N m exactly.
     #[inline(always)]
-    fn advance(&mut self, motor: &mut Motor) -> (u32, i32) {
+    fn advance(&mut self, motor: &mut Motor, turns: &mut Turns) -> i32 {
         let interval = self.interval;
         let new_way = self.target.fine.wrapping_sub(self.newest);
         let twice_mean = new_way.wrapping_sub(self.way_before);
@@ -333,53 +330,36 @@ impl MotorTrack {
         // One less than the absolute value of a negative number: fine for bounds. Halved, so that no
         // sum is too long.
         let halves = |value: i32| (value ^ (value >> 31)) >> 1;
-        let (way, bend) = (halves(way), halves(twice_mean));
+        let way_and_bend = halves(way) + halves(twice_mean);
         // The speed at the ends of the parabola is (way ± A/2) / N, and A half of twice_mean.
-        let spare = interval.half_way_max - way - bend;
-        // Nor does it get further than that from its start: does that take it out of its count? From
-        // the middle of the count, 2^-31 steps, and in halves of ways.
-        let off_middle = (start << 1) as i32 ^ i32::MIN;
-        let off_middle = (off_middle ^ (off_middle >> 31)) >> (WAY_SHIFT + 2);
-        let inside = QUARTER_STEP_WAY - off_middle - way - bend;
-        let bit = |number: i32| number as u32 >> 31;
-        let bits = bit(first) | bit(first ^ last) << REVERSES | bit(inside) << MOVES;
-        (bits, spare)
+        let spare = interval.half_way_max - way_and_bend;
+        let (before, within) = (first ^ self.facing, first ^ last);
+        if (before | within) < 0 {
+            // A motor that only creeps within one count keeps its direction pin; one that rests is to
+            // face forward, so that this is not asked again. A creeping one gets no further than
+            // `way_and_bend` from its start: does that take it out of its count? From the middle of
+            // the count, 2^-31 steps, and in halves of ways.
+            let off_middle = (start << 1) as i32 ^ i32::MIN;
+            let off_middle = (off_middle ^ (off_middle >> 31)) >> (WAY_SHIFT + 2);
+            let inside = QUARTER_STEP_WAY - off_middle - way_and_bend;
+            if inside < 0 || (first | last) == 0 {
+                self.facing = last;
+                turns.before |= self.bit & (before >> 31) as u8;
+                turns.within |= self.bit & (within >> 31) as u8;
+            }
+        }
+        spare
     }
 }
 
 /// Half of half a step as a way, less more than rounding may hide; a constant that an instruction has.
 const QUARTER_STEP_WAY: i32 = (1 << (WAY_FRACTION_BITS - 2)) - (1 << 12);
-/// First bits of the masks in [`Signs`]; the mask of motors that begin backward is the first.
-const REVERSES: u32 = 8;
-const MOVES: u32 = 16;
 
-/// What the motors' rates mean: masks, bit m is motor m, after all motors from the last to the first.
-/// Above them a bit that moves up with each motor.
-#[derive(Clone, Copy, Debug)]
-struct Signs(u32);
-
-impl Default for Signs {
-    fn default() -> Self {
-        Self(1 << (MOVES + MOTORS_MAX as u32 - 1))
-    }
-}
-
-impl Signs {
-    /// How many motors there have been.
-    fn motors(self) -> u32 {
-        MOTORS_MAX as u32 - self.0.leading_zeros()
-    }
-
-    fn backward(self) -> u8 {
-        self.0 as u8
-    }
-
-    fn reverses(self) -> u8 {
-        (self.0 >> REVERSES) as u8
-    }
-
-    /// Motors that may take steps.
-    fn moves(self) -> u8 {
-        (self.0 >> MOVES) as u8
-    }
+/// Motors whose direction pins change: masks, bit m is motor m.
+#[derive(Clone, Copy, Debug, Default)]
+struct Turns {
+    /// When the interval begins.
+    before: u8,
+    /// Within it.
+    within: u8,
 }

@@ -12,7 +12,9 @@ use headway::settings::Settings;
 use headway::wire_frames::WireFrames;
 use headway_firmware::design::QUEUE_KNOTS;
 use headway_protocol::frame::{FRAME_BYTES_MAX, encode_frame, encode_payload, hash_of};
-use headway_protocol::message::{Hello, HostMessage, PROTOCOL_VERSION, SCHEMA_HASH, Start};
+use headway_protocol::message::{
+    Control, Hello, HostMessage, PROTOCOL_VERSION, SCHEMA_HASH, Start,
+};
 use headway_tests::elf::Elf;
 use headway_tests::gear;
 use serde_json::{Value, json};
@@ -34,6 +36,21 @@ struct Job {
     name: String,
     settings: Settings,
     stream: SegmentStream,
+    /// Feed override, per cent.
+    override_percent: u16,
+}
+
+impl Job {
+    /// The same at the fastest feed override.
+    fn doubled(&self) -> Self {
+        Self {
+            machine: self.machine,
+            name: format!("{}, at 200 %", self.name),
+            settings: self.settings.clone(),
+            stream: self.stream.clone(),
+            override_percent: 200,
+        }
+    }
 }
 
 fn example(name: &str, speed_mm_s: f64) -> Result<Job, Box<dyn Error>> {
@@ -55,6 +72,7 @@ fn example(name: &str, speed_mm_s: f64) -> Result<Job, Box<dyn Error>> {
         name: format!("{name} at {speed_mm_s} mm/s"),
         settings,
         stream,
+        override_percent: 100,
     })
 }
 
@@ -69,6 +87,7 @@ fn jobs() -> Result<Vec<Job>, Box<dyn Error>> {
             name: "six-axis gear at 60 mm/s".to_string(),
             settings,
             stream,
+            override_percent: 100,
         },
     ])
 }
@@ -97,6 +116,10 @@ fn job_file(job: &Job) -> Result<Vec<u8>, Box<dyn Error>> {
     for (sequence, message) in [
         (1, HostMessage::Hello(hello)),
         (2, HostMessage::Start(start)),
+        (
+            3,
+            HostMessage::Control(Control::Override(job.override_percent)),
+        ),
     ] {
         let length = encode_frame(sequence, &message, &mut out).map_err(refused)?;
         file.extend(&out[..length]);
@@ -223,10 +246,13 @@ fn mean_per_second(values: &BTreeMap<String, u64>) -> f64 {
 fn measure() -> Result<Value, Box<dyn Error>> {
     let elf = build("qemu_bench", &[])?;
     let mut runs = Vec::new();
+    let mut doubled_runs = Vec::new();
     for job in jobs()? {
-        let values = play(&elf, &job)?;
-        eprintln!("{}: {values:?}", job.name);
-        runs.push((job, values));
+        for (runs, job) in [(&mut doubled_runs, job.doubled()), (&mut runs, job)] {
+            let values = play(&elf, &job)?;
+            eprintln!("{}: {values:?}", job.name);
+            runs.push((job, values));
+        }
     }
     let board = Elf::read(&build("octopus", &["--features", "octopus"])?)?;
     // These two link only if no panic can be reached; the octopus with USB keeps those of its driver.
@@ -248,6 +274,7 @@ fn measure() -> Result<Value, Box<dyn Error>> {
             "worst_without_reversal": largest(&runs, "step_worst"),
         },
         "servo_tick_instructions": servo_per_machine(&runs),
+        "servo_tick_instructions_at_200_percent": servo_per_machine(&doubled_runs),
         "span_ahead_instructions": largest(&runs, "ahead_worst"),
         "cpu_fraction": (per_second / CORE_HZ * 1e4).round() / 1e4,
         "ram_bytes": board.ram_bytes(),
