@@ -5,7 +5,7 @@ use super::heading_profile::slide_inside;
 use super::passes::LayerPass;
 use super::visits::{CELL_SHARE, poses};
 use crate::geometry::aperture::Aperture;
-use crate::geometry::cell_grid::CellGrid;
+use crate::geometry::cell_grid::{CellGrid, CellWindow};
 use crate::geometry::clearance::{Configuration, is_inside};
 use crate::geometry::coverage::{Cell, Coverage, SweptPose};
 use crate::geometry::edge_index::EdgeIndex;
@@ -38,16 +38,24 @@ pub struct GapRaster {
     grid: CellGrid,
     marks: Vec<Mark>,
     walk: u32,
-    /// Cells of the last excursion looked at, and whether they are covered twice then.
-    changed: Vec<(u32, bool)>,
+    /// Cells of the last excursion looked at.
+    changed: Vec<Changed>,
 }
 
-/// Where along the pass the cell is covered, seen by the walk `walk`.
+/// The last excursion that covered the cell, and where the cell stands in its list.
 #[derive(Clone, Copy, Default)]
 struct Mark {
     walk: u32,
+    slot: u32,
+}
+
+/// A cell of an excursion: the first and last place of the path that covers it.
+struct Changed {
+    cell: u32,
     first_mm: f32,
     last_mm: f32,
+    /// True where the pass covers it too, shortly before or after.
+    is_own: bool,
 }
 
 impl GapRaster {
@@ -254,10 +262,10 @@ impl GapRaster {
     ) -> f64 {
         let (mut open, mut again) = (0, 0);
         self.mark_changes(pass, after, excursion, aperture);
-        for &(cell, is_twice) in &self.changed {
-            match self.coverage.cells[cell as usize] {
+        for changed in &self.changed {
+            match self.coverage.cells[changed.cell as usize] {
                 Cell::Gap => open += 1,
-                Cell::Covered if is_twice => again += 1,
+                Cell::Covered if changed.is_twice(Cell::Covered, aperture) => again += 1,
                 _ => {}
             }
         }
@@ -273,9 +281,9 @@ impl GapRaster {
         aperture: &Aperture,
     ) {
         self.mark_changes(pass, after, excursion, aperture);
-        for &(cell, is_twice) in &self.changed {
-            let state = &mut self.coverage.cells[cell as usize];
-            *state = match (*state, is_twice) {
+        for changed in &self.changed {
+            let state = &mut self.coverage.cells[changed.cell as usize];
+            *state = match (*state, changed.is_twice(*state, aperture)) {
                 (Cell::Gap, false) => Cell::Covered,
                 (Cell::Gap | Cell::Covered, true) => Cell::Overlap,
                 (other, _) => other,
@@ -283,8 +291,8 @@ impl GapRaster {
         }
     }
 
-    /// Lists the cells that the excursion covers, and whether they then count as covered again: by
-    /// another pass, or by one that was here more than 4a of path before or after (SPEC section 2).
+    /// Lists the cells that the excursion covers, each once, and where the path covers them: the
+    /// excursion and 4a of the pass before and after it.
     fn mark_changes(
         &mut self,
         pass: &LayerPass,
@@ -292,24 +300,18 @@ impl GapRaster {
         excursion: &[Configuration],
         aperture: &Aperture,
     ) {
-        let return_mm = 4.0 * aperture.major_mm();
+        let return_mm = return_mm(aperture);
         let placements = &pass.placements;
         let start = placements[after].at;
+        let step_mm = |p: Configuration, q: Configuration| (q.center - p.center).norm();
         self.walk += 1;
         self.changed.clear();
-        let step_mm = |p: Configuration, q: Configuration| (q.center - p.center).norm();
         let mut at_mm = 0.0;
-        self.mark(aperture, start, start, at_mm, false);
-        for i in (0..after).rev() {
-            let (p, q) = (placements[i].at, placements[i + 1].at);
-            at_mm -= step_mm(p, q);
-            if at_mm < -return_mm {
-                break;
-            }
-            self.mark(aperture, p, q, at_mm, false);
+        let mut window = CellWindow::empty();
+        for (&p, &q) in std::iter::once(&start).chain(excursion).zip(excursion) {
+            at_mm += step_mm(p, q);
+            self.list(aperture, q, p, at_mm, &mut window);
         }
-        let ways = std::iter::once(&start).chain(excursion).zip(excursion);
-        at_mm = ways.clone().map(|(&p, &q)| step_mm(p, q)).sum();
         let end_mm = at_mm + return_mm;
         for pair in placements[after..].windows(2) {
             let (p, q) = (pair[0].at, pair[1].at);
@@ -317,52 +319,93 @@ impl GapRaster {
             if at_mm > end_mm {
                 break;
             }
-            self.mark(aperture, q, p, at_mm, false);
+            self.mark(aperture, q, p, at_mm, &window);
         }
         at_mm = 0.0;
-        for (&p, &q) in ways {
-            at_mm += step_mm(p, q);
-            self.mark(aperture, q, p, at_mm, true);
-        }
-        self.changed.sort_unstable_by_key(|c| c.0);
-        self.changed.dedup_by_key(|c| c.0);
-        for (cell, is_twice) in &mut self.changed {
-            let seen = self.marks[*cell as usize];
-            *is_twice = seen.last_mm - seen.first_mm > return_mm as f32;
+        self.mark(aperture, start, start, at_mm, &window);
+        for i in (0..after).rev() {
+            let (p, q) = (placements[i].at, placements[i + 1].at);
+            at_mm -= step_mm(p, q);
+            if at_mm < -return_mm {
+                break;
+            }
+            self.mark(aperture, p, q, at_mm, &window);
         }
     }
 
-    /// Marks the cells from one pose towards the next with the position of the pass there.
+    /// Lists the cells from one pose of the excursion towards the next, `at_mm` along it, and grows
+    /// the window about them.
+    fn list(
+        &mut self,
+        aperture: &Aperture,
+        from: Configuration,
+        towards: Configuration,
+        at_mm: f64,
+        window: &mut CellWindow,
+    ) {
+        let (walk, at_mm) = (self.walk, at_mm as f32);
+        let (columns, changed) = (self.grid.columns, &mut self.changed);
+        for at in std::iter::once(from).chain(poses_between(aperture, from, towards)) {
+            self.grid.for_rows(aperture, at, |row, low, high| {
+                window.grow(row / columns, low, high);
+                let marks = &mut self.marks[row + low..=row + high];
+                for (mark, cell) in marks.iter_mut().zip((row + low) as u32..) {
+                    if mark.walk == walk {
+                        // The excursion goes on: its places only rise.
+                        changed[mark.slot as usize].last_mm = at_mm;
+                        continue;
+                    }
+                    let slot = changed.len() as u32;
+                    *mark = Mark { walk, slot };
+                    changed.push(Changed {
+                        cell,
+                        first_mm: at_mm,
+                        last_mm: at_mm,
+                        is_own: false,
+                    });
+                }
+            });
+        }
+    }
+
+    /// Marks the listed cells from one pose of the pass towards the next with its place there.
     fn mark(
         &mut self,
         aperture: &Aperture,
         from: Configuration,
         towards: Configuration,
         at_mm: f64,
-        is_new: bool,
+        window: &CellWindow,
     ) {
         let (walk, at_mm) = (self.walk, at_mm as f32);
+        let (grid, marks) = (&self.grid, &self.marks);
         for at in std::iter::once(from).chain(poses_between(aperture, from, towards)) {
-            self.grid.for_rows(aperture, at, |row, low, high| {
-                for cell in row + low..=row + high {
-                    let mark = &mut self.marks[cell];
-                    if mark.walk != walk {
-                        // Covered, but not by this pass around here: by another one or long ago.
-                        let is_far = is_new && self.coverage.cells[cell] == Cell::Covered;
-                        *mark = Mark {
-                            walk,
-                            first_mm: at_mm,
-                            last_mm: if is_far { f32::INFINITY } else { at_mm },
-                        };
-                    }
-                    mark.first_mm = mark.first_mm.min(at_mm);
-                    mark.last_mm = mark.last_mm.max(at_mm);
-                    if is_new {
-                        self.changed.push((cell as u32, false));
+            grid.for_rows_within(window, aperture, at, |row, low, high| {
+                for mark in &marks[row + low..=row + high] {
+                    if mark.walk == walk {
+                        let changed = &mut self.changed[mark.slot as usize];
+                        changed.first_mm = changed.first_mm.min(at_mm);
+                        changed.last_mm = changed.last_mm.max(at_mm);
+                        changed.is_own = true;
                     }
                 }
             });
         }
+    }
+}
+
+/// Path after which a pass that comes back covers the ground again, mm.
+fn return_mm(aperture: &Aperture) -> f64 {
+    4.0 * aperture.major_mm()
+}
+
+impl Changed {
+    /// Whether the cell, `state` before the excursion, counts as covered again after it: by another
+    /// pass or long ago by this one, or by one that was here more than 4a of path before or after
+    /// (SPEC section 2).
+    fn is_twice(&self, state: Cell, aperture: &Aperture) -> bool {
+        (state == Cell::Covered && !self.is_own)
+            || self.last_mm - self.first_mm > return_mm(aperture) as f32
     }
 }
 
