@@ -1,10 +1,10 @@
 //! The cells of a raster that a placed aperture covers.
 
-use super::Point2;
 use super::aperture::Aperture;
 use super::clearance::Configuration;
-use super::coverage::RowsOfShape;
 use super::polygon::Box2;
+use super::rounded_polygon::row_range;
+use super::{Point2, Vector2};
 
 /// A raster's place and size; cells are numbered row by row from the lower left.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -58,8 +58,50 @@ impl CellGrid {
         }
     }
 
-    /// Visits the rows of cells whose centres lie in the placed aperture: number of the row's first
-    /// cell, first and last column.
+    /// The cells that a box may touch, at least one.
+    pub fn window_about(&self, area: &Box2) -> CellWindow {
+        let cells = |low_mm: f64, high_mm: f64, count: usize| {
+            [low_mm, high_mm].map(|mm| ((mm / self.cell_mm).max(0.0) as usize).min(count - 1))
+        };
+        let (low, high) = (area.min - self.origin, area.max - self.origin);
+        CellWindow {
+            rows: cells(low.y, high.y, self.rows),
+            columns: cells(low.x, high.x, self.columns),
+        }
+    }
+
+    /// The rows of one band, all columns.
+    pub fn band(&self, band: usize) -> CellWindow {
+        let first = band * BAND_ROWS;
+        CellWindow {
+            rows: [first, (first + BAND_ROWS).min(self.rows) - 1],
+            ..self.window()
+        }
+    }
+
+    /// For each band of rows the numbers of the poses that may cover cells of it: bands can be swept
+    /// side by side.
+    pub fn poses_of_bands(
+        &self,
+        aperture: &Aperture,
+        poses: impl Iterator<Item = Configuration>,
+    ) -> Vec<Vec<u32>> {
+        let bands = self.rows.div_ceil(BAND_ROWS);
+        let band_mm = BAND_ROWS as f64 * self.cell_mm;
+        let reach_mm = aperture.reach_mm();
+        let mut of_band: Vec<Vec<u32>> = vec![Vec::new(); bands];
+        for (number, at) in poses.enumerate() {
+            let y_mm = at.center.y - self.origin.y;
+            let low = ((y_mm - reach_mm) / band_mm).max(0.0) as usize;
+            let high = ((y_mm + reach_mm) / band_mm).max(0.0) as usize;
+            for band in of_band.iter_mut().take((high + 1).min(bands)).skip(low) {
+                band.push(number as u32);
+            }
+        }
+        of_band
+    }
+
+    /// Visits the rows of cells whose centres lie in the placed aperture: row, first and last column.
     pub fn for_rows(
         &self,
         aperture: &Aperture,
@@ -77,37 +119,39 @@ impl CellGrid {
         at: Configuration,
         mut visit: impl FnMut(usize, usize, usize),
     ) {
-        let middle = (at.center.y - self.origin.y) / self.cell_mm;
-        let reach = aperture.reach_mm() / self.cell_mm + 1.0;
-        if middle + reach < window.rows[0] as f64 || middle - reach > window.rows[1] as f64 {
+        // Places in cells from the centre of cell 0.
+        let per_mm = 1.0 / self.cell_mm;
+        let x = (at.center.x - self.origin.x) * per_mm - 0.5;
+        let y = (at.center.y - self.origin.y) * per_mm - 0.5;
+        let reach = aperture.reach_mm() * per_mm;
+        if y + reach < window.rows[0] as f64 || y - reach > window.rows[1] as f64 {
             return;
         }
         let shape = RowsOfShape::new(aperture, at.heading_rad);
-        let row_of = |y: f64| (y - self.origin.y) / self.cell_mm;
-        let above = row_of(at.center.y + shape.above_mm);
-        if above < 0.0 {
+        let last = y + shape.above_mm * per_mm;
+        if last < 0.0 {
             return;
         }
-        let first = (row_of(at.center.y - shape.below_mm) as usize).max(window.rows[0]);
-        let last = (above as usize).min(window.rows[1]);
-        for row in first..=last {
-            let y = self.origin.y + (row as f64 + 0.5) * self.cell_mm;
-            let Some([low, high]) = shape.range(y - at.center.y) else {
+        let first = index_above(y - shape.below_mm * per_mm).max(window.rows[0]);
+        for row in first..=(last as usize).min(window.rows[1]) {
+            let Some([low, high]) = shape.range((row as f64 - y) * self.cell_mm) else {
                 continue;
             };
-            let column_of = |x: f64| (at.center.x + x - self.origin.x) / self.cell_mm - 0.5;
-            let (low, high) = (column_of(low), column_of(high));
+            let high = x + high * per_mm;
             if high < 0.0 {
                 continue;
             }
-            let from = index_above(low).max(window.columns[0]);
+            let from = index_above(x + low * per_mm).max(window.columns[0]);
             let to = (high as usize).min(window.columns[1]);
             if from <= to {
-                visit(row * self.columns, from, to);
+                visit(row, from, to);
             }
         }
     }
 }
+
+/// Rows of one band.
+const BAND_ROWS: usize = 64;
 
 /// The least whole number that is not below `value`, at least 0 (`ceil` is a call on plain x86-64).
 fn index_above(value: f64) -> usize {
@@ -125,17 +169,86 @@ pub struct CellWindow {
 }
 
 impl CellWindow {
-    /// One that holds nothing, to be grown.
-    pub fn empty() -> CellWindow {
-        CellWindow {
-            rows: [usize::MAX, 0],
-            columns: [usize::MAX, 0],
+    fn width(&self) -> usize {
+        self.columns[1] + 1 - self.columns[0]
+    }
+
+    /// Number of cells.
+    pub fn len(&self) -> usize {
+        (self.rows[1] + 1 - self.rows[0]) * self.width()
+    }
+
+    /// Never true: a window holds at least one cell.
+    pub fn is_empty(&self) -> bool {
+        self.len() == 0
+    }
+
+    /// Number of a cell of the window, row by row.
+    pub fn number(&self, row: usize, column: usize) -> usize {
+        (row - self.rows[0]) * self.width() + column - self.columns[0]
+    }
+}
+
+/// The rows of a turned aperture about its centre.
+struct RowsOfShape {
+    /// How far it reaches below its centre, mm.
+    below_mm: f64,
+    /// How far above, mm.
+    above_mm: f64,
+    shape: TurnedShape,
+}
+
+enum TurnedShape {
+    /// x = lean dy +- sqrt(reach - fall dy²).
+    Ellipse { lean: f64, reach: f64, fall: f64 },
+    /// Corners of the core, radius.
+    Rounded(Vec<Vector2>, f64),
+}
+
+impl RowsOfShape {
+    /// The aperture at one heading.
+    fn new(aperture: &Aperture, heading_rad: f64) -> RowsOfShape {
+        let (sin, cos) = heading_rad.sin_cos();
+        match aperture {
+            Aperture::Ellipse { major_mm, minor_mm } => {
+                let (ia, ib) = (1.0 / (major_mm * major_mm), 1.0 / (minor_mm * minor_mm));
+                // qxx dx² + 2 qxy dx dy + qyy dy² = 1, its determinant 1 / (a b)².
+                let qxx = cos * cos * ia + sin * sin * ib;
+                let above_mm = ((major_mm * sin).powi(2) + (minor_mm * cos).powi(2)).sqrt();
+                RowsOfShape {
+                    below_mm: above_mm,
+                    above_mm,
+                    shape: TurnedShape::Ellipse {
+                        lean: -cos * sin * (ia - ib) / qxx,
+                        reach: 1.0 / qxx,
+                        fall: ia * ib / (qxx * qxx),
+                    },
+                }
+            }
+            Aperture::Rounded(shape) => {
+                let turned =
+                    |c: &Vector2| Vector2::new(c.x * cos - c.y * sin, c.x * sin + c.y * cos);
+                let corners = shape.corners().iter().map(turned).collect();
+                RowsOfShape {
+                    below_mm: aperture.support_mm(heading_rad, -Vector2::y()),
+                    above_mm: aperture.support_mm(heading_rad, Vector2::y()),
+                    shape: TurnedShape::Rounded(corners, shape.radius_mm()),
+                }
+            }
         }
     }
 
-    /// Grows by a part of a row.
-    pub fn grow(&mut self, row: usize, from: usize, to: usize) {
-        self.rows = [self.rows[0].min(row), self.rows[1].max(row)];
-        self.columns = [self.columns[0].min(from), self.columns[1].max(to)];
+    /// Least and greatest x at height `dy`, mm about the centre.
+    fn range(&self, dy: f64) -> Option<[f64; 2]> {
+        match &self.shape {
+            TurnedShape::Ellipse { lean, reach, fall } => {
+                let square = reach - fall * dy * dy;
+                (square >= 0.0).then(|| {
+                    let root = square.sqrt();
+                    [lean * dy - root, lean * dy + root]
+                })
+            }
+            TurnedShape::Rounded(corners, radius) => row_range(corners, *radius, dy),
+        }
     }
 }

@@ -6,10 +6,9 @@
 //! threads.
 
 use super::aperture::Aperture;
-use super::cell_grid::CellGrid;
+use super::cell_grid::{CellGrid, CellWindow};
 use super::clearance::Configuration;
 use super::edge_index::EdgeIndex;
-use super::rounded_polygon::row_range;
 use super::{Point2, Vector2};
 use rayon::prelude::*;
 
@@ -54,9 +53,6 @@ pub struct Coverage {
     pub cells: Vec<Cell>,
 }
 
-/// Rows of one band.
-const BAND_ROWS: usize = 64;
-
 impl Coverage {
     /// Sweeps the poses over the region; `cell_mm` grows until the raster has at most
     /// `cells_max` cells.
@@ -74,43 +70,26 @@ impl Coverage {
         while (size.x / cell_mm + 1.0) * (size.y / cell_mm + 1.0) > cells_max as f64 {
             cell_mm *= 1.1;
         }
-        let columns = (size.x / cell_mm).ceil() as usize + 1;
-        let rows = (size.y / cell_mm).ceil() as usize + 1;
-        let origin = bounds.min;
-        let bands = rows.div_ceil(BAND_ROWS);
-        let band_mm = BAND_ROWS as f64 * cell_mm;
-        let mut of_band: Vec<Vec<u32>> = vec![Vec::new(); bands];
-        for (number, pose) in poses.iter().enumerate() {
-            let [below, above] =
-                [-1.0, 1.0].map(|y| aperture.support_mm(pose.at.heading_rad, Vector2::new(0.0, y)));
-            let low = ((pose.at.center.y - below - origin.y) / band_mm)
-                .floor()
-                .max(0.0) as usize;
-            let high = ((pose.at.center.y + above - origin.y) / band_mm)
-                .floor()
-                .max(0.0) as usize;
-            for band in of_band.iter_mut().take((high + 1).min(bands)).skip(low) {
-                band.push(number as u32);
-            }
-        }
-        let grid = Grid {
-            origin,
+        let grid = CellGrid {
+            origin: bounds.min,
             cell_mm,
-            columns,
-            rows,
+            columns: (size.x / cell_mm).ceil() as usize + 1,
+            rows: (size.y / cell_mm).ceil() as usize + 1,
         };
+        let of_band = grid.poses_of_bands(aperture, poses.iter().map(|pose| pose.at));
         let cells = of_band
             .par_iter()
             .enumerate()
             .flat_map_iter(|(band, numbers)| {
-                grid.band_cells(band, numbers, poses, aperture, walls, return_mm)
+                let poses = numbers.iter().map(|&number| &poses[number as usize]);
+                band_cells(&grid, &grid.band(band), poses, aperture, walls, return_mm)
             })
             .collect();
         Coverage {
-            origin,
+            origin: grid.origin,
             cell_mm,
-            columns,
-            rows,
+            columns: grid.columns,
+            rows: grid.rows,
             cells,
         }
     }
@@ -160,149 +139,21 @@ impl Coverage {
     }
 }
 
-/// The rows of a turned aperture about its centre.
-pub struct RowsOfShape {
-    /// How far it reaches below its centre, mm.
-    pub below_mm: f64,
-    /// How far above, mm.
-    pub above_mm: f64,
-    shape: TurnedShape,
-}
-
-enum TurnedShape {
-    /// qxx dx² + 2 qxy dx dy + qyy dy² = 1.
-    Quadratic([f64; 3]),
-    /// Corners of the core, radius.
-    Rounded(Vec<Vector2>, f64),
-}
-
-impl RowsOfShape {
-    /// The aperture at one heading.
-    pub fn new(aperture: &Aperture, heading_rad: f64) -> RowsOfShape {
-        let (sin, cos) = heading_rad.sin_cos();
-        let shape = match aperture {
-            Aperture::Ellipse { major_mm, minor_mm } => {
-                let (ia, ib) = (1.0 / (major_mm * major_mm), 1.0 / (minor_mm * minor_mm));
-                TurnedShape::Quadratic([
-                    cos * cos * ia + sin * sin * ib,
-                    cos * sin * (ia - ib),
-                    sin * sin * ia + cos * cos * ib,
-                ])
-            }
-            Aperture::Rounded(shape) => {
-                let turned =
-                    |c: &Vector2| Vector2::new(c.x * cos - c.y * sin, c.x * sin + c.y * cos);
-                TurnedShape::Rounded(
-                    shape.corners().iter().map(turned).collect(),
-                    shape.radius_mm(),
-                )
-            }
-        };
-        RowsOfShape {
-            below_mm: aperture.support_mm(heading_rad, -Vector2::y()),
-            above_mm: aperture.support_mm(heading_rad, Vector2::y()),
-            shape,
-        }
-    }
-
-    /// Least and greatest x at height `dy`, mm about the centre.
-    pub fn range(&self, dy: f64) -> Option<[f64; 2]> {
-        match &self.shape {
-            TurnedShape::Quadratic([qxx, qxy, qyy]) => {
-                let disc = (qxy * dy).powi(2) - qxx * (qyy * dy * dy - 1.0);
-                (disc >= 0.0).then(|| {
-                    let root = disc.sqrt();
-                    [(-qxy * dy - root) / qxx, (-qxy * dy + root) / qxx]
-                })
-            }
-            TurnedShape::Rounded(corners, radius) => row_range(corners, *radius, dy),
-        }
-    }
-}
-
-struct Grid {
-    origin: Point2,
-    cell_mm: f64,
-    columns: usize,
-    rows: usize,
-}
-
-impl Grid {
-    /// Sweeps one band of rows.
-    fn band_cells(
-        &self,
-        band: usize,
-        numbers: &[u32],
-        poses: &[SweptPose],
-        aperture: &Aperture,
-        walls: &EdgeIndex,
-        return_mm: f64,
-    ) -> Vec<Cell> {
-        let first = band * BAND_ROWS;
-        let last = (first + BAND_ROWS).min(self.rows);
-        let mut visits = vec![(u32::MAX, 0.0f32, false); (last - first) * self.columns];
-        for &number in numbers {
-            self.stamp(
-                &poses[number as usize],
-                aperture,
-                first,
-                last,
-                return_mm,
-                &mut visits,
-            );
-        }
-        let inside = self.inside(first, last, walls);
-        visits
-            .iter()
-            .zip(inside)
-            .map(
-                |(&(pass, _, again), inside)| match (inside, pass != u32::MAX, again) {
-                    (false, false, _) => Cell::Outside,
-                    (false, true, _) => Cell::Spill,
-                    (true, false, _) => Cell::Gap,
-                    (true, true, false) => Cell::Covered,
-                    (true, true, true) => Cell::Overlap,
-                },
-            )
-            .collect()
-    }
-
-    /// Marks the cells of one placement, row by row.
-    fn stamp(
-        &self,
-        pose: &SweptPose,
-        aperture: &Aperture,
-        first: usize,
-        last: usize,
-        return_mm: f64,
-        visits: &mut [(u32, f32, bool)],
-    ) {
-        let rows = RowsOfShape::new(aperture, pose.at.heading_rad);
-        let c = pose.at.center - self.origin;
-        let row0 = ((c.y - rows.below_mm) / self.cell_mm - 0.5)
-            .ceil()
-            .max(first as f64) as usize;
-        let row1 = ((c.y + rows.above_mm) / self.cell_mm - 0.5)
-            .floor()
-            .min(last as f64 - 1.0);
-        if row1 < row0 as f64 {
-            return;
-        }
-        for row in row0..=row1 as usize {
-            let dy = (row as f64 + 0.5) * self.cell_mm - c.y;
-            let Some([from, to]) = rows.range(dy) else {
-                continue;
-            };
-            let low = (c.x + from) / self.cell_mm - 0.5;
-            let high = (c.x + to) / self.cell_mm - 0.5;
-            let column0 = low.ceil().max(0.0) as usize;
-            let column1 = high.floor().min(self.columns as f64 - 1.0);
-            if column1 < column0 as f64 {
-                continue;
-            }
-            let base = (row - first) * self.columns;
-            for visit in &mut visits[base + column0..=base + column1 as usize] {
-                let (pass, path, again) = visit;
+/// Sweeps one band of rows.
+fn band_cells<'a>(
+    grid: &CellGrid,
+    band: &CellWindow,
+    poses: impl Iterator<Item = &'a SweptPose>,
+    aperture: &Aperture,
+    walls: &EdgeIndex,
+    return_mm: f64,
+) -> Vec<Cell> {
+    let [first, last] = band.rows;
+    let mut visits = vec![(u32::MAX, 0.0f32, false); (last + 1 - first) * grid.columns];
+    for pose in poses {
+        grid.for_rows_within(band, aperture, pose.at, |row, from, to| {
+            let base = (row - first) * grid.columns;
+            for (pass, path, again) in &mut visits[base + from..=base + to] {
                 if *pass != u32::MAX
                     && (*pass != pose.pass || pose.path_mm - f64::from(*path) > return_mm)
                 {
@@ -311,47 +162,60 @@ impl Grid {
                 *pass = pose.pass;
                 *path = pose.path_mm as f32;
             }
-        }
+        });
     }
+    let inside = cells_inside(grid, band, walls);
+    let states = visits.iter().zip(inside);
+    states
+        .map(
+            |(&(pass, _, again), inside)| match (inside, pass != u32::MAX, again) {
+                (false, false, _) => Cell::Outside,
+                (false, true, _) => Cell::Spill,
+                (true, false, _) => Cell::Gap,
+                (true, true, false) => Cell::Covered,
+                (true, true, true) => Cell::Overlap,
+            },
+        )
+        .collect()
+}
 
-    /// Which cell centres of the band lie inside, by scanline.
-    fn inside(&self, first: usize, last: usize, walls: &EdgeIndex) -> Vec<bool> {
-        let mut inside = vec![false; (last - first) * self.columns];
-        let mut crossings: Vec<Vec<f64>> = vec![Vec::new(); last - first];
-        let y_of = |row: usize| self.origin.y + (row as f64 + 0.5) * self.cell_mm;
-        for edge in walls.edges() {
-            let (low, high) = if edge.a.y <= edge.b.y {
-                (edge.a, edge.b)
-            } else {
-                (edge.b, edge.a)
-            };
-            let from = ((low.y - self.origin.y) / self.cell_mm - 0.5)
-                .ceil()
-                .max(first as f64);
-            let mut row = from as usize;
-            while row < last && y_of(row) < high.y {
-                if y_of(row) >= low.y {
-                    let t = (y_of(row) - low.y) / (high.y - low.y);
-                    crossings[row - first].push(low.x + t * (high.x - low.x));
-                }
-                row += 1;
+/// Which cell centres of the band lie inside, by scanline.
+fn cells_inside(grid: &CellGrid, band: &CellWindow, walls: &EdgeIndex) -> Vec<bool> {
+    let [first, last] = band.rows;
+    let mut inside = vec![false; (last + 1 - first) * grid.columns];
+    let mut crossings: Vec<Vec<f64>> = vec![Vec::new(); last + 1 - first];
+    let y_of = |row: usize| grid.origin.y + (row as f64 + 0.5) * grid.cell_mm;
+    for edge in walls.edges() {
+        let (low, high) = if edge.a.y <= edge.b.y {
+            (edge.a, edge.b)
+        } else {
+            (edge.b, edge.a)
+        };
+        let from = ((low.y - grid.origin.y) / grid.cell_mm - 0.5)
+            .ceil()
+            .max(first as f64);
+        let mut row = from as usize;
+        while row <= last && y_of(row) < high.y {
+            if y_of(row) >= low.y {
+                let t = (y_of(row) - low.y) / (high.y - low.y);
+                crossings[row - first].push(low.x + t * (high.x - low.x));
             }
+            row += 1;
         }
-        for (row, xs) in crossings.iter_mut().enumerate() {
-            xs.sort_by(f64::total_cmp);
-            for pair in xs.chunks_exact(2) {
-                let from = ((pair[0] - self.origin.x) / self.cell_mm - 0.5)
-                    .ceil()
-                    .max(0.0) as usize;
-                let to = ((pair[1] - self.origin.x) / self.cell_mm - 0.5).floor();
-                if to < from as f64 {
-                    continue;
-                }
-                for column in from..=(to as usize).min(self.columns - 1) {
-                    inside[row * self.columns + column] = true;
-                }
-            }
-        }
-        inside
     }
+    for (row, xs) in crossings.iter_mut().enumerate() {
+        xs.sort_by(f64::total_cmp);
+        for pair in xs.chunks_exact(2) {
+            let from = ((pair[0] - grid.origin.x) / grid.cell_mm - 0.5)
+                .ceil()
+                .max(0.0) as usize;
+            let to = ((pair[1] - grid.origin.x) / grid.cell_mm - 0.5).floor();
+            if to < from as f64 {
+                continue;
+            }
+            let row = &mut inside[row * grid.columns..(row + 1) * grid.columns];
+            row[from..=(to as usize).min(grid.columns - 1)].fill(true);
+        }
+    }
+    inside
 }

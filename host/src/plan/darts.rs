@@ -6,12 +6,15 @@
 //! an interruption of flow: the one from where the whole excursion gains most.
 
 use super::channel_walls::turn_to;
-use super::gap_raster::GapRaster;
+use super::gap_raster::{GapRaster, Ground};
 use super::heading_profile::{Placement, slide_inside};
 use super::passes::LayerPass;
+use crate::geometry::Point2;
 use crate::geometry::aperture::Aperture;
+use crate::geometry::cell_grid::CellGrid;
 use crate::geometry::clearance::Configuration;
 use crate::geometry::edge_index::EdgeIndex;
+use crate::geometry::polygon::Box2;
 use rayon::prelude::*;
 use std::collections::HashMap;
 
@@ -23,6 +26,8 @@ const TRIES: usize = 2;
 const NET_SHARE_MIN: f64 = 0.01;
 /// Placements of the passes tried as the start of an excursion.
 const STARTS: usize = 24;
+/// Most cells of the grid over all placements.
+const STARTS_CELLS_MAX: usize = 1_000_000;
 /// Free ways that are compared.
 const WAYS: usize = 4;
 /// Longest excursion, against the major semi-axis.
@@ -36,39 +41,53 @@ const CUT_SHARE: f64 = 1e-3;
 const SLIDES: usize = 4;
 const SLIDE_SHARE: f64 = 0.8;
 
+/// Gaps searched side by side: enough for any number of threads, and what they may cover fits the
+/// memory.
+const BATCH: usize = 64;
+
 /// Fills the gaps that `passes` leave in the region bounded by `walls`.
 pub fn fill_gaps(passes: &mut [LayerPass], aperture: &Aperture, walls: &EdgeIndex) {
+    if passes.iter().all(|pass| pass.placements.is_empty()) {
+        return;
+    }
     let mut raster = GapRaster::of(passes, aperture, walls);
     // How often nothing reached a gap (first cell, number of cells): some are searched once more,
     // from what was added meanwhile.
     let mut failures: HashMap<(u32, usize), usize> = HashMap::new();
     for _ in 0..ROUNDS {
-        let mut gaps = raster.gaps();
-        gaps.retain(|gap| {
+        let starts = Starts::of(passes, aperture);
+        let is_open = |gap: &&Vec<u32>| {
             failures
                 .get(&(gap[0], gap.len()))
                 .is_none_or(|&n| n < TRIES)
-        });
-        let sums = raster.sums();
-        let found: Vec<Option<Configuration>> = gaps
-            .par_iter()
-            .map(|gap| raster.best_placement(gap, &sums, aperture, walls))
-            .collect();
+        };
+        let gaps: Vec<Vec<u32>> = raster.gaps().iter().filter(is_open).cloned().collect();
         let mut darts: Vec<Dart> = Vec::new();
-        for (gap, at) in gaps.iter().zip(found) {
-            let dart = at.and_then(|at| Dart::to(at, &mut raster, passes, aperture, walls));
-            if let Some(dart) = dart {
-                let pass = &passes[dart.pass];
-                raster.cover(pass, dart.after, &dart.excursion, aperture);
-                darts.push(dart);
-            } else {
-                *failures.entry((gap[0], gap.len())).or_default() += 1;
+        for gaps in gaps.chunks(BATCH) {
+            let found: Vec<Vec<Dart>> = gaps
+                .par_iter()
+                .map(|gap| {
+                    let at = raster.best_placement(gap, aperture, walls);
+                    at.map_or(Vec::new(), |at| {
+                        starts.darts_to(at, &raster, passes, aperture, walls)
+                    })
+                })
+                .collect();
+            for (gap, ways) in gaps.iter().zip(found) {
+                // Excursions of this round may have closed the gap already.
+                if let Some(dart) = best_of(ways, &raster, aperture) {
+                    raster.cover(&dart.ground);
+                    darts.push(dart);
+                } else {
+                    *failures.entry((gap[0], gap.len())).or_default() += 1;
+                }
             }
         }
         if darts.is_empty() {
             return;
         }
         insert(passes, darts);
+        raster.update();
     }
 }
 
@@ -78,52 +97,106 @@ struct Dart {
     after: usize,
     /// Out and back, the start left out at the beginning and repeated at the end.
     excursion: Vec<Configuration>,
+    ground: Ground,
 }
 
-impl Dart {
-    /// The excursion to `at` with the largest net gain among the nearest starts that have a free way
-    /// there; excursions of this round may have closed the gap already.
-    fn to(
-        at: Configuration,
-        raster: &mut GapRaster,
-        passes: &[LayerPass],
-        aperture: &Aperture,
-        walls: &EdgeIndex,
-    ) -> Option<Dart> {
-        let swing = 0.5 * (aperture.major_mm() + aperture.minor_mm());
-        let reach = REACH * aperture.major_mm();
-        let mut starts: Vec<(f64, usize, usize)> = Vec::new();
+/// The excursion with the largest net gain, if any is worth its way.
+fn best_of(darts: Vec<Dart>, raster: &GapRaster, aperture: &Aperture) -> Option<Dart> {
+    let mut best: Option<(f64, Dart)> = None;
+    for dart in darts {
+        let net = raster.net_mm2(&dart.ground);
+        let least = NET_SHARE_MIN * aperture.area_mm2();
+        if net > best.as_ref().map_or(least, |b| b.0) {
+            best = Some((net, dart));
+        }
+    }
+    best.map(|(_, dart)| dart)
+}
+
+/// Where excursions may start: the placements of all passes, by place.
+struct Starts {
+    reach_mm: f64,
+    grid: CellGrid,
+    /// Pass and placement.
+    of_cell: Vec<Vec<(u32, u32)>>,
+}
+
+impl Starts {
+    fn of(passes: &[LayerPass], aperture: &Aperture) -> Starts {
+        let reach_mm = REACH * aperture.major_mm();
+        let all = passes.iter().flat_map(|pass| &pass.placements);
+        let centers: Vec<Point2> = all.map(|p| p.at.center).collect();
+        let grid = CellGrid::over(&Box2::of(&centers), reach_mm, STARTS_CELLS_MAX);
+        let mut of_cell = vec![Vec::new(); grid.len()];
         for (p, pass) in passes.iter().enumerate() {
             for (i, placement) in pass.placements.iter().enumerate() {
-                let apart = (placement.at.center - at.center).norm();
-                if apart < reach {
-                    let turn = turn_to(aperture, placement.at.heading_rad, at.heading_rad).abs();
-                    starts.push((apart + swing * turn, p, i));
+                let at = placement.at.center;
+                let cell = grid.window_about(&Box2 { min: at, max: at });
+                of_cell[cell.rows[0] * grid.columns + cell.columns[0]].push((p as u32, i as u32));
+            }
+        }
+        Starts {
+            reach_mm,
+            grid,
+            of_cell,
+        }
+    }
+
+    /// The nearest placements from which `at` can be reached, the nearest first.
+    fn near(
+        &self,
+        at: Configuration,
+        passes: &[LayerPass],
+        aperture: &Aperture,
+    ) -> Vec<[usize; 2]> {
+        let swing = 0.5 * (aperture.major_mm() + aperture.minor_mm());
+        let area = Box2 {
+            min: at.center,
+            max: at.center,
+        };
+        let window = self.grid.window_about(&area.grown(self.reach_mm));
+        let mut found: Vec<(f64, u32, u32)> = Vec::new();
+        for row in window.rows[0]..=window.rows[1] {
+            let cells = row * self.grid.columns + window.columns[0]
+                ..=row * self.grid.columns + window.columns[1];
+            for &(p, i) in self.of_cell[cells].iter().flatten() {
+                let start = passes[p as usize].placements[i as usize].at;
+                let apart = (start.center - at.center).norm();
+                if apart < self.reach_mm {
+                    let turn = turn_to(aperture, start.heading_rad, at.heading_rad).abs();
+                    found.push((apart + swing * turn, p, i));
                 }
             }
         }
-        starts.sort_by(|s, t| s.0.total_cmp(&t.0).then((s.1, s.2).cmp(&(t.1, t.2))));
-        starts.truncate(STARTS);
-        let ways = starts.into_iter().filter_map(|(_, pass, after)| {
+        found.sort_by(|s, t| s.0.total_cmp(&t.0).then((s.1, s.2).cmp(&(t.1, t.2))));
+        found.truncate(STARTS);
+        found.iter().map(|f| [f.1 as usize, f.2 as usize]).collect()
+    }
+
+    /// Excursions to `at` from the nearest starts that have a free way there.
+    fn darts_to(
+        &self,
+        at: Configuration,
+        raster: &GapRaster,
+        passes: &[LayerPass],
+        aperture: &Aperture,
+        walls: &EdgeIndex,
+    ) -> Vec<Dart> {
+        let starts = self.near(at, passes, aperture).into_iter();
+        let darts = starts.filter_map(|[pass, after]| {
             let from = passes[pass].placements[after].at;
             let out = inside_way(eased(from, at, aperture), aperture, walls)?;
             let back = out.iter().rev().skip(1).copied();
-            let excursion = out.iter().copied().chain(back).chain([from]).collect();
+            let excursion: Vec<Configuration> =
+                out.iter().copied().chain(back).chain([from]).collect();
             Some(Dart {
                 pass,
                 after,
+                ground: raster.ground(&passes[pass], after, &excursion, aperture),
                 excursion,
             })
         });
-        let mut best: Option<(f64, Dart)> = None;
-        for dart in ways.take(WAYS) {
-            let net = raster.net_mm2(&passes[dart.pass], dart.after, &dart.excursion, aperture);
-            let least = NET_SHARE_MIN * aperture.area_mm2();
-            if net > best.as_ref().map_or(least, |b| b.0) {
-                best = Some((net, dart));
-            }
-        }
-        best.map(|(_, dart)| dart)
+        darts.take(WAYS).collect()
     }
 }
 

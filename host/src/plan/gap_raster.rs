@@ -9,6 +9,7 @@ use crate::geometry::cell_grid::{CellGrid, CellWindow};
 use crate::geometry::clearance::{Configuration, is_inside};
 use crate::geometry::coverage::{Cell, Coverage, SweptPose};
 use crate::geometry::edge_index::EdgeIndex;
+use crate::geometry::polygon::Box2;
 use crate::geometry::{Point2, Vector2};
 
 /// Least area of a gap that is worth an excursion, against that of the aperture (0.003 mm² for
@@ -36,26 +37,39 @@ const CELLS_MAX: usize = 6_000_000;
 pub struct GapRaster {
     coverage: Coverage,
     grid: CellGrid,
-    marks: Vec<Mark>,
-    walk: u32,
-    /// Cells of the last excursion looked at.
-    changed: Vec<Changed>,
+    /// Open and covered cells of each row up to each cell.
+    sums: Vec<[u32; 2]>,
+    /// Connected sets of open cells, each from its first cell on, in raster order of that cell.
+    gaps: Vec<Vec<u32>>,
+    /// Rows covered anew since sums and gaps were found.
+    stale_rows: Vec<bool>,
+    /// The search for gaps that saw the cell last, and the number of searches.
+    seen: Vec<u32>,
+    searches: u32,
 }
 
-/// The last excursion that covered the cell, and where the cell stands in its list.
-#[derive(Clone, Copy, Default)]
-struct Mark {
-    walk: u32,
-    slot: u32,
+/// What an excursion covers, whatever the others do.
+pub struct Ground {
+    cells: Vec<GroundCell>,
 }
 
-/// A cell of an excursion: the first and last place of the path that covers it.
-struct Changed {
+/// A cell of it.
+#[derive(Clone, Copy)]
+struct GroundCell {
     cell: u32,
-    first_mm: f32,
-    last_mm: f32,
-    /// True where the pass covers it too, shortly before or after.
+    /// The pass covers it too, within 4a of path before or after.
     is_own: bool,
+    /// The path, excursion included, comes here more than 4a apart.
+    is_returned_to: bool,
+}
+
+impl GroundCell {
+    /// Whether the cell, `state` before the excursion, counts as covered again after it: by another
+    /// pass or long ago by this one, or by one that was here more than 4a of path before or after
+    /// (SPEC section 2).
+    fn is_twice(&self, state: Cell) -> bool {
+        (state == Cell::Covered && !self.is_own) || self.is_returned_to
+    }
 }
 
 impl GapRaster {
@@ -74,58 +88,94 @@ impl GapRaster {
             .collect();
         let cell_mm = CELL_SHARE * aperture.minor_mm();
         let coverage = Coverage::sweep(walls, aperture, &swept, cell_mm, CELLS_MAX, f64::MAX);
-        GapRaster {
+        let cells = coverage.cells.len();
+        let open = |cell: &u32| coverage.cells[*cell as usize] == Cell::Gap;
+        let open: Vec<u32> = (0..cells as u32).filter(open).collect();
+        let mut raster = GapRaster {
             grid: coverage.grid(),
-            marks: vec![Mark::default(); coverage.cells.len()],
-            walk: 0,
-            changed: Vec::new(),
+            sums: vec![[0; 2]; cells],
+            gaps: Vec::from_iter((!open.is_empty()).then_some(open)),
+            stale_rows: vec![true; coverage.rows],
+            seen: vec![0; cells],
+            searches: 0,
             coverage,
-        }
+        };
+        raster.update();
+        raster
     }
 
     fn cell_area_mm2(&self) -> f64 {
         self.grid.cell_area_mm2()
     }
 
-    /// Connected sets of open cells, large ones first to last in raster order.
-    pub fn gaps(&self) -> Vec<Vec<u32>> {
-        let (cells, columns) = (&self.coverage.cells, self.coverage.columns);
-        let mut seen = vec![false; cells.len()];
-        let mut gaps = Vec::new();
-        for seed in 0..cells.len() {
-            if seen[seed] || cells[seed] != Cell::Gap {
-                continue;
+    /// Connected sets of open cells, each from its first cell on, in raster order of that cell.
+    pub fn gaps(&self) -> &[Vec<u32>] {
+        &self.gaps
+    }
+
+    /// Finds gaps and sums again where something was covered.
+    pub fn update(&mut self) {
+        self.searches += 1;
+        let columns = self.grid.columns;
+        let is_stale = |cell: &u32| self.stale_rows[*cell as usize / columns];
+        let (stale, mut gaps): (Vec<Vec<u32>>, Vec<Vec<u32>>) = std::mem::take(&mut self.gaps)
+            .into_iter()
+            .partition(|gap| gap.iter().any(is_stale));
+        let mut seeds: Vec<u32> = stale.into_iter().flatten().collect();
+        seeds.sort_unstable();
+        gaps.extend(seeds.into_iter().filter_map(|seed| self.gap_of(seed)));
+        gaps.sort_unstable_by_key(|gap| gap[0]);
+        self.gaps = gaps;
+        for row in 0..self.grid.rows {
+            if std::mem::take(&mut self.stale_rows[row]) {
+                self.sum_row(row);
             }
-            seen[seed] = true;
-            let mut gap = vec![seed as u32];
-            let mut head = 0;
-            while head < gap.len() {
-                let at = gap[head] as usize;
-                head += 1;
-                let (column, row) = (at % columns, at / columns);
-                let around = [
-                    (column > 0).then(|| at - 1),
-                    (column + 1 < columns).then(|| at + 1),
-                    (row > 0).then(|| at - columns),
-                    (row + 1 < self.coverage.rows).then(|| at + columns),
-                ];
-                for next in around.into_iter().flatten() {
-                    if !seen[next] && cells[next] == Cell::Gap {
-                        seen[next] = true;
-                        gap.push(next as u32);
-                    }
-                }
-            }
-            gaps.push(gap);
         }
-        gaps
+    }
+
+    /// The open cells connected with `seed` that this search has not seen, if any.
+    fn gap_of(&mut self, seed: u32) -> Option<Vec<u32>> {
+        let (cells, columns, rows) = (&self.coverage.cells, self.grid.columns, self.grid.rows);
+        let (seen, search) = (&mut self.seen, self.searches);
+        let mut is_new = |cell: usize| {
+            cells[cell] == Cell::Gap && std::mem::replace(&mut seen[cell], search) != search
+        };
+        if !is_new(seed as usize) {
+            return None;
+        }
+        let mut gap = vec![seed];
+        let mut head = 0;
+        while head < gap.len() {
+            let at = gap[head] as usize;
+            head += 1;
+            let (column, row) = (at % columns, at / columns);
+            let around = [
+                (column > 0).then(|| at - 1),
+                (column + 1 < columns).then(|| at + 1),
+                (row > 0).then(|| at - columns),
+                (row + 1 < rows).then(|| at + columns),
+            ];
+            let around = around.into_iter().flatten();
+            gap.extend(around.filter(|&next| is_new(next)).map(|next| next as u32));
+        }
+        Some(gap)
+    }
+
+    fn sum_row(&mut self, row: usize) {
+        let cells = row * self.grid.columns..(row + 1) * self.grid.columns;
+        let [mut open, mut covered] = [0, 0];
+        let states = &self.coverage.cells[cells.clone()];
+        for (sum, cell) in self.sums[cells].iter_mut().zip(states) {
+            open += u32::from(*cell == Cell::Gap);
+            covered += u32::from(matches!(cell, Cell::Covered | Cell::Overlap));
+            *sum = [open, covered];
+        }
     }
 
     /// The placement in or about a gap with the largest gain, if any is worth its way.
     pub fn best_placement(
         &self,
         gap: &[u32],
-        sums: &Sums,
         aperture: &Aperture,
         walls: &EdgeIndex,
     ) -> Option<Configuration> {
@@ -135,7 +185,7 @@ impl GapRaster {
         }
         let headings = if aperture.is_round() { 1 } else { HEADINGS };
         let value = |at: Configuration| {
-            let gain = self.gain_by_sums_mm2(sums, aperture, at);
+            let gain = self.gain_mm2(aperture, at);
             // The costly query only where it can matter.
             if gain > 0.0 && is_inside(aperture, at, walls, 0.0) {
                 gain
@@ -216,15 +266,14 @@ impl GapRaster {
     }
 
     /// Newly covered area less the weighted area covered again, mm², from the sums.
-    fn gain_by_sums_mm2(&self, sums: &Sums, aperture: &Aperture, at: Configuration) -> f64 {
+    fn gain_mm2(&self, aperture: &Aperture, at: Configuration) -> f64 {
         let (mut open, mut again) = (0, 0);
         self.grid.for_rows(aperture, at, |row, from, to| {
-            let in_range = |sums: &[u32]| {
-                let before = from.checked_sub(1).map_or(0, |c| sums[row + c]);
-                sums[row + to] - before
-            };
-            open += in_range(&sums.open);
-            again += in_range(&sums.covered);
+            let row = row * self.grid.columns;
+            let to = self.sums[row + to];
+            let before = from.checked_sub(1).map_or([0; 2], |c| self.sums[row + c]);
+            open += to[0] - before[0];
+            again += to[1] - before[1];
         });
         self.worth_mm2(open, again)
     }
@@ -233,84 +282,51 @@ impl GapRaster {
         (f64::from(open) - AGAIN_WEIGHT * f64::from(again)) * self.cell_area_mm2()
     }
 
-    /// Sums along each row: open and covered cells before each one and itself.
-    pub fn sums(&self) -> Sums {
-        let mut sums = Sums {
-            open: Vec::with_capacity(self.coverage.cells.len()),
-            covered: Vec::with_capacity(self.coverage.cells.len()),
-        };
-        for row in self.coverage.cells.chunks_exact(self.coverage.columns) {
-            let (mut open, mut covered) = (0, 0);
-            for cell in row {
-                open += u32::from(*cell == Cell::Gap);
-                covered += u32::from(matches!(cell, Cell::Covered | Cell::Overlap));
-                sums.open.push(open);
-                sums.covered.push(covered);
-            }
-        }
-        sums
-    }
-
-    /// What an excursion from behind placement `after` newly covers, less the weighted ground that
-    /// it covers again, mm².
-    pub fn net_mm2(
-        &mut self,
-        pass: &LayerPass,
-        after: usize,
-        excursion: &[Configuration],
-        aperture: &Aperture,
-    ) -> f64 {
+    /// What the ground of an excursion newly covers, less the weighted ground that it covers again,
+    /// mm².
+    pub fn net_mm2(&self, ground: &Ground) -> f64 {
         let (mut open, mut again) = (0, 0);
-        self.mark_changes(pass, after, excursion, aperture);
-        for changed in &self.changed {
-            match self.coverage.cells[changed.cell as usize] {
+        for ground in &ground.cells {
+            match self.coverage.cells[ground.cell as usize] {
                 Cell::Gap => open += 1,
-                Cell::Covered if changed.is_twice(Cell::Covered, aperture) => again += 1,
+                Cell::Covered if ground.is_twice(Cell::Covered) => again += 1,
                 _ => {}
             }
         }
         (f64::from(open) - NET_AGAIN_WEIGHT * f64::from(again)) * self.cell_area_mm2()
     }
 
-    /// Marks what an excursion covers.
-    pub fn cover(
-        &mut self,
-        pass: &LayerPass,
-        after: usize,
-        excursion: &[Configuration],
-        aperture: &Aperture,
-    ) {
-        self.mark_changes(pass, after, excursion, aperture);
-        for changed in &self.changed {
-            let state = &mut self.coverage.cells[changed.cell as usize];
-            *state = match (*state, changed.is_twice(*state, aperture)) {
+    /// Marks the ground of an excursion as covered; sums and gaps stay until the next update.
+    pub fn cover(&mut self, ground: &Ground) {
+        for ground in &ground.cells {
+            let state = &mut self.coverage.cells[ground.cell as usize];
+            *state = match (*state, ground.is_twice(*state)) {
                 (Cell::Gap, false) => Cell::Covered,
                 (Cell::Gap | Cell::Covered, true) => Cell::Overlap,
                 (other, _) => other,
             };
+            self.stale_rows[ground.cell as usize / self.grid.columns] = true;
         }
     }
 
-    /// Lists the cells that the excursion covers, each once, and where the path covers them: the
-    /// excursion and 4a of the pass before and after it.
-    fn mark_changes(
-        &mut self,
+    /// What an excursion from behind placement `after` covers, and where the 4a of the pass before
+    /// and after it do.
+    pub fn ground(
+        &self,
         pass: &LayerPass,
         after: usize,
         excursion: &[Configuration],
         aperture: &Aperture,
-    ) {
-        let return_mm = return_mm(aperture);
+    ) -> Ground {
+        let return_mm = 4.0 * aperture.major_mm();
         let placements = &pass.placements;
         let start = placements[after].at;
         let step_mm = |p: Configuration, q: Configuration| (q.center - p.center).norm();
-        self.walk += 1;
-        self.changed.clear();
+        let mut walk = Walk::about(&self.grid, excursion, aperture);
         let mut at_mm = 0.0;
-        let mut window = CellWindow::empty();
         for (&p, &q) in std::iter::once(&start).chain(excursion).zip(excursion) {
             at_mm += step_mm(p, q);
-            self.list(aperture, q, p, at_mm, &mut window);
+            walk.list(q, p, at_mm);
         }
         let end_mm = at_mm + return_mm;
         for pair in placements[after..].windows(2) {
@@ -319,100 +335,102 @@ impl GapRaster {
             if at_mm > end_mm {
                 break;
             }
-            self.mark(aperture, q, p, at_mm, &window);
+            walk.mark(q, p, at_mm);
         }
         at_mm = 0.0;
-        self.mark(aperture, start, start, at_mm, &window);
+        walk.mark(start, start, at_mm);
         for i in (0..after).rev() {
             let (p, q) = (placements[i].at, placements[i + 1].at);
             at_mm -= step_mm(p, q);
             if at_mm < -return_mm {
                 break;
             }
-            self.mark(aperture, p, q, at_mm, &window);
+            walk.mark(p, q, at_mm);
+        }
+        let ground = |listed: &Listed| GroundCell {
+            cell: listed.cell,
+            is_own: listed.is_own,
+            is_returned_to: listed.last_mm - listed.first_mm > return_mm as f32,
+        };
+        Ground {
+            cells: walk.listed.iter().map(ground).collect(),
+        }
+    }
+}
+
+/// The cells of an excursion while the path about it is walked.
+struct Walk<'a> {
+    grid: &'a CellGrid,
+    aperture: &'a Aperture,
+    /// Cells about the excursion, and for each of them one more than its place in the list.
+    window: CellWindow,
+    slots: Vec<u32>,
+    listed: Vec<Listed>,
+}
+
+/// A cell of the excursion, the first and last place of the path that covers it.
+struct Listed {
+    cell: u32,
+    first_mm: f32,
+    last_mm: f32,
+    is_own: bool,
+}
+
+impl<'a> Walk<'a> {
+    fn about(grid: &'a CellGrid, excursion: &[Configuration], aperture: &'a Aperture) -> Self {
+        let centers: Vec<Point2> = excursion.iter().map(|at| at.center).collect();
+        let window = grid.window_about(&Box2::of(&centers).grown(aperture.reach_mm()));
+        Walk {
+            grid,
+            aperture,
+            slots: vec![0; window.len()],
+            window,
+            listed: Vec::new(),
         }
     }
 
-    /// Lists the cells from one pose of the excursion towards the next, `at_mm` along it, and grows
-    /// the window about them.
-    fn list(
-        &mut self,
-        aperture: &Aperture,
-        from: Configuration,
-        towards: Configuration,
-        at_mm: f64,
-        window: &mut CellWindow,
-    ) {
-        let (walk, at_mm) = (self.walk, at_mm as f32);
-        let (columns, changed) = (self.grid.columns, &mut self.changed);
-        for at in std::iter::once(from).chain(poses_between(aperture, from, towards)) {
-            self.grid.for_rows(aperture, at, |row, low, high| {
-                window.grow(row / columns, low, high);
-                let marks = &mut self.marks[row + low..=row + high];
-                for (mark, cell) in marks.iter_mut().zip((row + low) as u32..) {
-                    if mark.walk == walk {
+    /// Lists the cells from one pose of the excursion towards the one before, `at_mm` along it.
+    fn list(&mut self, from: Configuration, towards: Configuration, at_mm: f64) {
+        let (window, columns, at_mm) = (self.window, self.grid.columns, at_mm as f32);
+        for at in std::iter::once(from).chain(poses_between(self.aperture, from, towards)) {
+            let visit = |row: usize, low: usize, high: usize| {
+                let slots = &mut self.slots[window.number(row, low)..=window.number(row, high)];
+                for (slot, cell) in slots.iter_mut().zip((row * columns + low) as u32..) {
+                    if *slot > 0 {
                         // The excursion goes on: its places only rise.
-                        changed[mark.slot as usize].last_mm = at_mm;
+                        self.listed[*slot as usize - 1].last_mm = at_mm;
                         continue;
                     }
-                    let slot = changed.len() as u32;
-                    *mark = Mark { walk, slot };
-                    changed.push(Changed {
+                    self.listed.push(Listed {
                         cell,
                         first_mm: at_mm,
                         last_mm: at_mm,
                         is_own: false,
                     });
+                    *slot = self.listed.len() as u32;
                 }
-            });
+            };
+            self.grid.for_rows_within(&window, self.aperture, at, visit);
         }
     }
 
     /// Marks the listed cells from one pose of the pass towards the next with its place there.
-    fn mark(
-        &mut self,
-        aperture: &Aperture,
-        from: Configuration,
-        towards: Configuration,
-        at_mm: f64,
-        window: &CellWindow,
-    ) {
-        let (walk, at_mm) = (self.walk, at_mm as f32);
-        let (grid, marks) = (&self.grid, &self.marks);
-        for at in std::iter::once(from).chain(poses_between(aperture, from, towards)) {
-            grid.for_rows_within(window, aperture, at, |row, low, high| {
-                for mark in &marks[row + low..=row + high] {
-                    if mark.walk == walk {
-                        let changed = &mut self.changed[mark.slot as usize];
-                        changed.first_mm = changed.first_mm.min(at_mm);
-                        changed.last_mm = changed.last_mm.max(at_mm);
-                        changed.is_own = true;
+    fn mark(&mut self, from: Configuration, towards: Configuration, at_mm: f64) {
+        let (window, at_mm) = (self.window, at_mm as f32);
+        for at in std::iter::once(from).chain(poses_between(self.aperture, from, towards)) {
+            let visit = |row: usize, low: usize, high: usize| {
+                for &slot in &self.slots[window.number(row, low)..=window.number(row, high)] {
+                    if slot > 0 {
+                        let listed = &mut self.listed[slot as usize - 1];
+                        listed.first_mm = listed.first_mm.min(at_mm);
+                        listed.last_mm = listed.last_mm.max(at_mm);
+                        listed.is_own = true;
                     }
                 }
-            });
+            };
+            self.grid.for_rows_within(&window, self.aperture, at, visit);
         }
     }
-}
-
-/// Path after which a pass that comes back covers the ground again, mm.
-fn return_mm(aperture: &Aperture) -> f64 {
-    4.0 * aperture.major_mm()
-}
-
-impl Changed {
-    /// Whether the cell, `state` before the excursion, counts as covered again after it: by another
-    /// pass or long ago by this one, or by one that was here more than 4a of path before or after
-    /// (SPEC section 2).
-    fn is_twice(&self, state: Cell, aperture: &Aperture) -> bool {
-        (state == Cell::Covered && !self.is_own)
-            || self.last_mm - self.first_mm > return_mm(aperture) as f32
-    }
-}
-
-/// Running sums along the rows of a raster.
-pub struct Sums {
-    open: Vec<u32>,
-    covered: Vec<u32>,
 }
 
 #[cfg(test)]
@@ -480,7 +498,6 @@ mod tests {
     #[test]
     fn sums_agree_with_counting() {
         let raster = GapRaster::of(&[pass(0.6)], &APERTURE, &walls());
-        let sums = raster.sums();
         for i in 0..60 {
             let at = Configuration {
                 center: Point2::new(0.1 * f64::from(i), 1.0 + 0.01 * f64::from(i)),
@@ -499,7 +516,7 @@ mod tests {
             };
             let worth =
                 raster.worth_mm2(count(&[Cell::Gap]), count(&[Cell::Covered, Cell::Overlap]));
-            assert_eq!(raster.gain_by_sums_mm2(&sums, &APERTURE, at), worth);
+            assert_eq!(raster.gain_mm2(&APERTURE, at), worth);
         }
     }
 
@@ -527,18 +544,49 @@ mod tests {
         let own = pass(0.6);
         let index = 27;
         let mut raster = GapRaster::of(std::slice::from_ref(&own), &APERTURE, &walls());
-        let gained = raster.net_mm2(&own, index, &near, &APERTURE);
+        let ground = raster.ground(&own, index, &near, &APERTURE);
+        let gained = raster.net_mm2(&ground);
         // The aperture swept over 0.4 mm, less what lies in the bead below y = 1.2 mm.
         assert!((0.10..0.17).contains(&gained), "{gained}");
         // 3.8 mm of path: a bead of 1.5 mm and its ends are gone over again.
-        let net = raster.net_mm2(&own, index, &far, &APERTURE);
+        let net = raster.net_mm2(&raster.ground(&own, index, &far, &APERTURE));
         let paid = (gained - net) / NET_AGAIN_WEIGHT;
         assert!((1.0..3.0).contains(&paid), "{paid}");
-        raster.cover(&own, index, &near, &APERTURE);
-        assert!(raster.net_mm2(&own, index, &near, &APERTURE) <= 0.0);
+        raster.cover(&ground);
+        assert!(raster.net_mm2(&ground) <= 0.0);
         let both = [own, pass(1.8)];
-        let mut raster = GapRaster::of(&both, &APERTURE, &walls());
-        let net = raster.net_mm2(&both[0], index, &near, &APERTURE);
+        let raster = GapRaster::of(&both, &APERTURE, &walls());
+        let net = raster.net_mm2(&raster.ground(&both[0], index, &near, &APERTURE));
         assert!(net < 0.0, "{net}");
+    }
+
+    /// Goal: gaps and sums that follow what is covered are those of a fresh search. Method: a bar
+    /// with several gaps; excursions between and into them, one after the other.
+    #[test]
+    fn gaps_and_sums_follow_what_is_covered() {
+        let own = pass(0.6);
+        let mut raster = GapRaster::of(&[own.clone(), pass(2.2)], &APERTURE, &walls());
+        let counts = |raster: &GapRaster| -> Vec<(u32, usize)> {
+            raster.gaps().iter().map(|g| (g[0], g.len())).collect()
+        };
+        let first = counts(&raster);
+        assert!(first.len() > 2, "{first:?}");
+        for (index, y) in [(10, 1.1), (30, 1.3), (50, 1.0)] {
+            let x = own.placements[index].at.center.x;
+            let ground = raster.ground(&own, index, &[at(x, y), at(x, 0.6)], &APERTURE);
+            raster.cover(&ground);
+            raster.update();
+            let followed = counts(&raster);
+            assert!(followed != first);
+            let mut fresh = raster.gaps().concat();
+            fresh.sort_unstable();
+            let sums = std::mem::take(&mut raster.sums);
+            raster.sums = vec![[0; 2]; sums.len()];
+            raster.gaps = vec![fresh];
+            raster.stale_rows.fill(true);
+            raster.update();
+            assert_eq!(followed, counts(&raster));
+            assert_eq!(sums, raster.sums);
+        }
     }
 }

@@ -6,6 +6,7 @@ use crate::geometry::aperture::Aperture;
 use crate::geometry::cell_grid::CellGrid;
 use crate::geometry::clearance::Configuration;
 use crate::geometry::polygon::Box2;
+use rayon::prelude::*;
 
 /// Raster cell against the minor semi-axis, and most cells.
 pub const CELL_SHARE: f64 = 0.1;
@@ -25,17 +26,40 @@ impl Visits {
     /// The visits of `passes`, which lie within `bounds`.
     pub fn of_passes(passes: &[LayerPass], bounds: &Box2, aperture: &Aperture) -> Visits {
         let grid = CellGrid::over(bounds, CELL_SHARE * aperture.minor_mm(), CELLS_MAX);
-        let mut visits = Visits {
+        let (mut dense, mut pass_of) = (Vec::new(), Vec::new());
+        for (number, pass) in passes.iter().enumerate() {
+            dense.extend(poses(pass, aperture));
+            pass_of.resize(dense.len(), number as u32 + 1);
+        }
+        let counts = grid
+            .poses_of_bands(aperture, dense.iter().copied())
+            .par_iter()
+            .enumerate()
+            .flat_map_iter(|(band, numbers)| {
+                let band = grid.band(band);
+                let first = band.rows[0];
+                // The last pass that covered the cell, and how many did.
+                let mut cells = vec![(0, 0); (band.rows[1] + 1 - first) * grid.columns];
+                for &number in numbers {
+                    let (at, own) = (dense[number as usize], pass_of[number as usize]);
+                    grid.for_rows_within(&band, aperture, at, |row, from, to| {
+                        let row = (row - first) * grid.columns;
+                        for (last, count) in &mut cells[row + from..=row + to] {
+                            *count += u32::from(*last != own);
+                            *last = own;
+                        }
+                    });
+                }
+                cells.into_iter().map(|(_, count)| count)
+            })
+            .collect();
+        Visits {
             aperture: *aperture,
             grid,
-            counts: vec![0; grid.len()],
+            counts,
             seen: vec![0; grid.len()],
             walk: 0,
-        };
-        for pass in passes {
-            visits.for_cells_once(poses(pass, aperture), |_, count| *count += 1);
         }
-        visits
     }
 
     /// The nozzle.
@@ -70,8 +94,10 @@ impl Visits {
         mut visit: impl FnMut(usize, &mut u32),
     ) {
         let (walk, seen, counts) = (self.walk, &mut self.seen, &mut self.counts);
+        let columns = self.grid.columns;
         for at in poses {
             self.grid.for_rows(&self.aperture, at, |row, from, to| {
+                let row = row * columns;
                 for cell in row + from..=row + to {
                     if seen[cell] != walk {
                         seen[cell] = walk;
