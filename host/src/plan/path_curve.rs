@@ -52,6 +52,7 @@ impl PathCurve {
 
     /// Point and derivatives at path parameter `u`, clamped to 0..=span count.
     /// The curve must have at least one control point.
+    #[inline]
     pub fn evaluate(&self, u: f64) -> CurvePoint {
         if self.control.len() < 2 {
             return CurvePoint {
@@ -67,6 +68,7 @@ impl PathCurve {
     }
 
     /// Point and derivatives in a span at `s` in 0..=1.
+    #[inline]
     pub fn evaluate_in_span(&self, span: usize, s: f64) -> CurvePoint {
         let p = self.span_control(span);
         let r = 1.0 - s;

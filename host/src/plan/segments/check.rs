@@ -9,6 +9,7 @@ use super::spline::{RestSpline, evaluate};
 use crate::plan::joint_limits::{JointPoint, MotionError, MotionLimits, joint_point};
 use crate::plan::path_curve::CurvePoint;
 use headway_protocol::units::{CHANNEL_VOLUME, CHANNELS};
+use rayon::prelude::*;
 
 /// Longest piece between two samples.
 const PIECE_TICKS: f64 = 8.0;
@@ -165,33 +166,61 @@ fn piece_ratios(low: &Sample, high: &Sample, length_s: f64, limits: &MotionLimit
     })
 }
 
+/// Spans that are worth a thread.
+const SPANS_MIN: usize = 32;
+
 /// Checks joints, tip and flow, piece by piece in order of time.
 pub fn check_motion(spline: &RestSpline, limits: &MotionLimits) -> Result<Vec<Piece>, MotionError> {
-    let mut pieces = Vec::new();
     let mut start_tick = 0.0;
-    for (span, &ticks) in spline.durations_ticks.iter().enumerate() {
-        let cubics = spline.span_polynomials(span);
-        let sample = |t: f64| {
-            let point = evaluate(&cubics, t, limits.servo_hz);
-            joint_point(&limits.kinematics, &point).map(|joints| Sample { point, joints })
-        };
-        let duration = f64::from(ticks);
-        let count = (duration / PIECE_TICKS).ceil().max(2.0);
-        let length = duration / count;
-        let mut low = sample(0.0)?;
-        for piece in 0..count as usize {
-            let from = piece as f64 * length;
-            let high = sample(from + length)?;
-            pieces.push(Piece {
-                start_tick: start_tick + from,
-                end_tick: start_tick + from + length,
-                ratios: piece_ratios(&low, &high, length / limits.servo_hz, limits),
-            });
-            low = high;
-        }
-        start_tick += duration;
+    let starts: Vec<f64> = spline
+        .durations_ticks
+        .iter()
+        .map(|&ticks| {
+            start_tick += f64::from(ticks);
+            start_tick - f64::from(ticks)
+        })
+        .collect();
+    let of_spans: Vec<_> = starts
+        .par_iter()
+        .with_min_len(SPANS_MIN)
+        .enumerate()
+        .map(|(span, &start_tick)| check_span(spline, span, start_tick, limits))
+        .collect();
+    let mut pieces = Vec::with_capacity(2 * starts.len());
+    for of_span in of_spans {
+        pieces.extend(of_span?);
     }
     Ok(pieces)
+}
+
+fn check_span(
+    spline: &RestSpline,
+    span: usize,
+    start_tick: f64,
+    limits: &MotionLimits,
+) -> Result<Vec<Piece>, MotionError> {
+    let cubics = spline.span_polynomials(span);
+    let sample = |t: f64| {
+        let point = evaluate(&cubics, t, limits.servo_hz);
+        joint_point(&limits.kinematics, &point).map(|joints| Sample { point, joints })
+    };
+    let duration = f64::from(spline.durations_ticks[span]);
+    let count = (duration / PIECE_TICKS).ceil().max(2.0);
+    let length = duration / count;
+    let mut low = sample(0.0)?;
+    (0..count as usize)
+        .map(|piece| {
+            let from = piece as f64 * length;
+            let high = sample(from + length)?;
+            let ratios = piece_ratios(&low, &high, length / limits.servo_hz, limits);
+            low = high;
+            Ok(Piece {
+                start_tick: start_tick + from,
+                end_tick: start_tick + from + length,
+                ratios,
+            })
+        })
+        .collect()
 }
 
 /// dV/dt and d²V/dt² at every tick of a stretch, per second.
@@ -199,10 +228,11 @@ fn flow_at_ticks(spline: &RestSpline, servo_hz: f64) -> Vec<(f64, f64)> {
     let mut flow = vec![(0.0, 0.0)];
     for (span, &ticks) in spline.durations_ticks.iter().enumerate() {
         let cubics = spline.span_polynomials(span);
-        for t in 1..=ticks {
-            let point = evaluate(&cubics, f64::from(t), servo_hz);
-            flow.push((point.first[CHANNEL_VOLUME], point.second[CHANNEL_VOLUME]));
-        }
+        let [_, c1, c2, c3] = cubics[CHANNEL_VOLUME];
+        flow.extend((1..=ticks).map(f64::from).map(|t| {
+            let rate = (c1 + t * (2.0 * c2 + 3.0 * t * c3)) * servo_hz;
+            (rate, (2.0 * c2 + 6.0 * t * c3) * (servo_hz * servo_hz))
+        }));
     }
     flow
 }

@@ -6,15 +6,13 @@
 //! over all ticks (normal equations of half bandwidth 3, LDLᵀ). With the position alone the
 //! acceleration of the fit overshoots by up to 10 % where the time law has corners.
 
-use super::spline::{
-    RestSpline, durations_around, quantised, second_weights_at, span_basis, weights_at,
-};
-use crate::plan::path_curve::CurvePoint;
+use super::spline::{RestSpline, SpanBasis, durations_around, quantised, span_basis};
 use crate::plan::route::PathCurve;
 use crate::settings::Tolerances;
 use headway_protocol::units::{
     CHANNEL_HEADING, CHANNEL_TILT_X, CHANNEL_TILT_Y, CHANNEL_VOLUME, CHANNELS,
 };
+use rayon::prelude::*;
 
 /// The path as it is to be run: one entry a servo tick, 0..=n.
 pub struct TickPath {
@@ -27,11 +25,15 @@ pub struct TickPath {
 impl TickPath {
     /// The curve at the given path parameters.
     pub fn new(curve: &PathCurve, u_at_tick: &[f64]) -> Self {
-        let points: Vec<CurvePoint> = u_at_tick.iter().map(|&u| curve.evaluate(u)).collect();
-        Self {
-            value: points.iter().map(|point| point.value).collect(),
-            tangent: points.iter().map(|point| point.first).collect(),
-        }
+        let (mut value, mut tangent) = (Vec::new(), Vec::new());
+        let ticks = u_at_tick.par_iter().with_min_len(TICKS_MIN);
+        ticks
+            .map(|&u| {
+                let point = curve.evaluate(u);
+                (point.value, point.first)
+            })
+            .unzip_into_vecs(&mut value, &mut tangent);
+        Self { value, tangent }
     }
 
     /// Acceleration at an inner tick, per tick².
@@ -112,6 +114,28 @@ impl BandedSystem {
         }
     }
 
+    /// Adds the share of a span. The first three control points are the start, 0 here; the last
+    /// three are the end, `travel`.
+    fn add(&mut self, span: usize, sums: &SpanSums, travel: &[f64; CHANNELS]) {
+        let unknowns = self.band.len();
+        for k in 0..4 {
+            let Some(row) = (span + k).checked_sub(3).filter(|&row| row < unknowns) else {
+                continue;
+            };
+            let mut known = 0.0;
+            for l in 0..4 {
+                if span + l >= unknowns + 3 {
+                    known += sums.weights[k][l];
+                } else if l >= k {
+                    self.band[row][l - k] += sums.weights[k][l];
+                }
+            }
+            for (channel, right) in self.right[row].iter_mut().enumerate() {
+                *right += sums.right[k][channel] - known * travel[channel];
+            }
+        }
+    }
+
     /// Solves in place by LDLᵀ; the matrix is positive definite where every span holds a sample.
     fn solve(mut self) -> Vec<[f64; CHANNELS]> {
         let count = self.band.len();
@@ -150,32 +174,17 @@ pub fn fit(path: &TickPath, durations_ticks: &[u16]) -> RestSpline {
     let start = quantised(&path.value[0]);
     let end = quantised(&path.value[path.ticks()]);
     let travel: [f64; CHANNELS] = std::array::from_fn(|c| end[c] - start[c]);
-    let mut control = vec![start; 3];
-    let unknowns = spans - 3;
-    let mut system = BandedSystem::zero(unknowns);
-    let mut tick = 0;
-    for span in 0..spans {
-        let basis = span_basis(durations_around(durations_ticks, span));
-        let duration = f64::from(durations_ticks[span]);
-        let second_scale = ACCELERATION_WEIGHT.sqrt() * duration * duration;
-        for t in 1..=durations_ticks[span] {
-            let k = tick + usize::from(t);
-            let weights = weights_at(&basis, f64::from(t));
-            let wanted = std::array::from_fn(|c| path.value[k][c] - start[c]);
-            add_row(&mut system, span, &weights, wanted, &travel);
-            if let Some(second) = path.second_difference(k) {
-                let weights = second_weights_at(&basis, f64::from(t)).map(|w| w * second_scale);
-                add_row(
-                    &mut system,
-                    span,
-                    &weights,
-                    second.map(|v| v * second_scale),
-                    &travel,
-                );
-            }
-        }
-        tick += usize::from(durations_ticks[span]);
+    let first_ticks = first_ticks(durations_ticks);
+    let sums: Vec<SpanSums> = (0..spans)
+        .into_par_iter()
+        .with_min_len(SPANS_MIN)
+        .map(|span| SpanSums::of(path, durations_ticks, span, first_ticks[span], &start))
+        .collect();
+    let mut system = BandedSystem::zero(spans - 3);
+    for (span, sums) in sums.iter().enumerate() {
+        system.add(span, sums, &travel);
     }
+    let mut control = vec![start; 3];
     for point in system.solve() {
         let natural = std::array::from_fn(|channel| point[channel] + start[channel]);
         control.push(quantised(&natural));
@@ -187,34 +196,103 @@ pub fn fit(path: &TickPath, durations_ticks: &[u16]) -> RestSpline {
     }
 }
 
-/// Adds one equation of span `span` to the normal equations: the weighted sum of its control
-/// points, relative to the start, shall be `wanted`. `travel` is the end point, known as the start.
-fn add_row(
-    system: &mut BandedSystem,
-    span: usize,
-    weights: &[f64; 4],
-    mut wanted: [f64; CHANNELS],
-    travel: &[f64; CHANNELS],
-) {
-    let unknowns = system.band.len();
-    for (k, weight) in weights.iter().enumerate() {
-        if span + k >= unknowns + 3 {
-            for (value, travel) in wanted.iter_mut().zip(travel) {
-                *value -= weight * travel;
+/// Ticks and spans that are worth a thread.
+const TICKS_MIN: usize = 1024;
+const SPANS_MIN: usize = 64;
+
+/// The tick at which each span begins.
+fn first_ticks(durations_ticks: &[u16]) -> Vec<usize> {
+    let mut tick = 0;
+    let next = durations_ticks.iter().map(|&ticks| {
+        tick += usize::from(ticks);
+        tick - usize::from(ticks)
+    });
+    next.collect()
+}
+
+/// One span's share of the normal equations for its four control points, relative to the start.
+struct SpanSums {
+    /// Sums of products of weights.
+    weights: [[f64; 4]; 4],
+    /// Sums of weights times what is wanted.
+    right: [[f64; CHANNELS]; 4],
+}
+
+impl SpanSums {
+    /// With s = t / duration the weights are cubics in s, so the sums are those of powers of s and
+    /// the moments of the path, each taken once.
+    fn of(
+        path: &TickPath,
+        durations_ticks: &[u16],
+        span: usize,
+        first_tick: usize,
+        start: &[f64; CHANNELS],
+    ) -> Self {
+        let basis = span_basis(durations_around(durations_ticks, span));
+        let duration = f64::from(durations_ticks[span]);
+        let squared = duration * duration;
+        let scales = [1.0, duration, squared, duration * squared];
+        let value: SpanBasis =
+            std::array::from_fn(|k| std::array::from_fn(|power| basis[k][power] * scales[power]));
+        // The second derivative by s, with the weight that it counts.
+        let root = ACCELERATION_WEIGHT.sqrt();
+        let second = value.map(|[_, _, c2, c3]| [2.0 * c2 * root, 6.0 * c3 * root]);
+        let mut powers = [0.0; 7];
+        let mut second_powers = [0.0; 3];
+        let mut moments = [[0.0; CHANNELS]; 4];
+        let mut second_moments = [[0.0; CHANNELS]; 2];
+        for t in 1..=durations_ticks[span] {
+            let tick = first_tick + usize::from(t);
+            let s = f64::from(t) / duration;
+            let mut power = 1.0;
+            for sum in &mut powers {
+                *sum += power;
+                power *= s;
+            }
+            let (s2, s3) = (s * s, s * s * s);
+            for channel in 0..CHANNELS {
+                let wanted = path.value[tick][channel] - start[channel];
+                moments[0][channel] += wanted;
+                moments[1][channel] += s * wanted;
+                moments[2][channel] += s2 * wanted;
+                moments[3][channel] += s3 * wanted;
+            }
+            let Some(wanted) = path.second_difference(tick) else {
+                continue;
+            };
+            for (sum, power) in second_powers.iter_mut().zip([1.0, s, s2]) {
+                *sum += power;
+            }
+            for channel in 0..CHANNELS {
+                second_moments[0][channel] += wanted[channel];
+                second_moments[1][channel] += s * wanted[channel];
             }
         }
-    }
-    for k in 0..4 {
-        let Some(row) = (span + k).checked_sub(3).filter(|&row| row < unknowns) else {
-            continue;
+        let sum_of = |k: usize, l: usize| {
+            let mut sum = 0.0;
+            for (p, a) in value[k].iter().enumerate() {
+                for (q, b) in value[l].iter().enumerate() {
+                    sum += a * b * powers[p + q];
+                }
+            }
+            for (p, a) in second[k].iter().enumerate() {
+                for (q, b) in second[l].iter().enumerate() {
+                    sum += a * b * second_powers[p + q];
+                }
+            }
+            sum
         };
-        for l in k..4 {
-            if span + l - 3 < unknowns {
-                system.band[row][l - k] += weights[k] * weights[l];
-            }
-        }
-        for (right, wanted) in system.right[row].iter_mut().zip(&wanted) {
-            *right += weights[k] * wanted;
+        let root_squared = root * squared;
+        let right_of = |k: usize| {
+            std::array::from_fn(|c| {
+                let position: f64 = (0..4).map(|p| value[k][p] * moments[p][c]).sum();
+                let bend: f64 = (0..2).map(|p| second[k][p] * second_moments[p][c]).sum();
+                position + bend * root_squared
+            })
+        };
+        Self {
+            weights: std::array::from_fn(|k| std::array::from_fn(|l| sum_of(k.min(l), k.max(l)))),
+            right: std::array::from_fn(right_of),
         }
     }
 }
@@ -223,14 +301,15 @@ fn add_row(
 /// of it.
 pub fn span_errors(path: &TickPath, spline: &RestSpline, tolerances: &[f64; CHANNELS]) -> Vec<f64> {
     let per_tolerance = tolerances.map(f64::recip);
-    let mut tick = 0;
+    let first_ticks = first_ticks(&spline.durations_ticks);
     (0..spline.durations_ticks.len())
+        .into_par_iter()
+        .with_min_len(SPANS_MIN)
         .map(|span| {
             let cubics = spline.span_polynomials(span);
-            let duration = spline.durations_ticks[span];
             let mut worst = 0.0f64;
-            for t in 1..=duration {
-                let k = tick + usize::from(t);
+            for t in 1..=spline.durations_ticks[span] {
+                let k = first_ticks[span] + usize::from(t);
                 let at = f64::from(t);
                 let error = std::array::from_fn(|channel| {
                     let [c0, c1, c2, c3] = cubics[channel];
@@ -238,7 +317,6 @@ pub fn span_errors(path: &TickPath, spline: &RestSpline, tolerances: &[f64; CHAN
                 });
                 worst = worst.max(error_ratio(&error, &path.tangent[k], &per_tolerance));
             }
-            tick += usize::from(duration);
             worst
         })
         .collect()

@@ -21,11 +21,12 @@ const SPEED_AIM: f64 = 0.9985;
 /// Share of the acceleration limits that the time law aims at: the fit overshoots at corners of
 /// the acceleration.
 const ACCELERATION_AIM: f64 = 0.97;
-/// Rounds by lower caps, then by local stretching of the time.
-const CAP_ROUNDS: usize = 8;
-const WARP_ROUNDS: usize = 16;
+/// Rounds by lower caps, then by local stretching of the time: more of the first kind only trade
+/// one place for another.
+const CAP_ROUNDS: usize = 2;
+const WARP_ROUNDS: usize = 18;
 /// Rounds in which a jerk beyond its limit counts; after them it is let pass.
-const JERK_ROUNDS: usize = 18;
+const JERK_ROUNDS: usize = 14;
 /// Doublings of all durations after that: each halves speeds and quarters accelerations.
 const DOUBLING_ROUNDS: usize = 6;
 /// Slowing goes a little beyond what the ratio asks, or it would creep up to the limit.

@@ -63,18 +63,6 @@ pub fn durations_around(durations_ticks: &[u16], span: usize) -> [f64; 5] {
     })
 }
 
-/// The four weights at `t_ticks` from the span's start.
-#[inline]
-pub fn weights_at(basis: &SpanBasis, t_ticks: f64) -> [f64; 4] {
-    basis.map(|[c0, c1, c2, c3]| c0 + t_ticks * (c1 + t_ticks * (c2 + t_ticks * c3)))
-}
-
-/// The second derivatives of the four weights, per tick².
-#[inline]
-pub fn second_weights_at(basis: &SpanBasis, t_ticks: f64) -> [f64; 4] {
-    basis.map(|[_, _, c2, c3]| 2.0 * c2 + 6.0 * t_ticks * c3)
-}
-
 impl RestSpline {
     /// Duration in servo ticks.
     pub fn ticks(&self) -> u64 {
