@@ -20,6 +20,27 @@ pub struct Configuration {
     pub heading_rad: f64,
 }
 
+/// Where a query finds the edges that a placement may meet.
+pub trait EdgesNear {
+    /// Calls `visit` with at least each edge that meets the area; one may come more than once.
+    fn for_edges_near(&self, area: Box2, visit: impl FnMut(&Edge));
+}
+
+impl EdgesNear for EdgeIndex {
+    #[inline]
+    fn for_edges_near(&self, area: Box2, mut visit: impl FnMut(&Edge)) {
+        self.for_edges_in(area, |number| visit(&self.edges()[number]));
+    }
+}
+
+/// A list of all that may be met, for many placements about one place.
+impl EdgesNear for [Edge] {
+    #[inline]
+    fn for_edges_near(&self, _: Box2, visit: impl FnMut(&Edge)) {
+        self.iter().for_each(visit);
+    }
+}
+
 /// Scaled distance of the boundary from the aperture's centre: 1 is contact, more is clear, less
 /// cuts (1 + gap / b for an aperture that is no ellipse). `limit` bounds the search: anything
 /// farther is reported as `limit`. Says nothing of which side the centre is on.
@@ -52,7 +73,7 @@ fn scaled_of_gap(aperture: &Aperture, gap_mm: f64) -> f64 {
 fn nearest_gap(
     shape: &RoundedPolygon,
     at: Configuration,
-    index: &EdgeIndex,
+    walls: &(impl EdgesNear + ?Sized),
     limit_mm: f64,
 ) -> Option<Gap> {
     let (sin, cos) = at.heading_rad.sin_cos();
@@ -70,8 +91,7 @@ fn nearest_gap(
     };
     let mut least_mm = limit_mm;
     let mut best: Option<Gap> = None;
-    index.for_edges_in(area, |number| {
-        let edge = index.edges()[number];
+    walls.for_edges_near(area, |edge| {
         if !edge.may_meet(&area) {
             return;
         }
@@ -97,7 +117,7 @@ fn nearest_gap(
 fn nearest_scaled(
     axes_mm: [f64; 2],
     at: Configuration,
-    index: &EdgeIndex,
+    walls: &(impl EdgesNear + ?Sized),
     limit: f64,
 ) -> Option<Vector2> {
     let [major_mm, minor_mm] = axes_mm;
@@ -119,8 +139,7 @@ fn nearest_scaled(
     };
     let mut best2 = limit * limit;
     let mut best = None;
-    index.for_edges_in(area, |number| {
-        let edge = index.edges()[number];
+    walls.for_edges_near(area, |edge| {
         if !edge.may_meet(&area) {
             return;
         }
@@ -316,21 +335,21 @@ pub struct WallContact {
 pub fn contact(
     aperture: &Aperture,
     at: Configuration,
-    index: &EdgeIndex,
+    walls: &(impl EdgesNear + ?Sized),
     limit: f64,
 ) -> Option<WallContact> {
     let (major_mm, minor_mm) = match aperture {
         Aperture::Ellipse { major_mm, minor_mm } => (*major_mm, *minor_mm),
         Aperture::Rounded(shape) => {
             let limit_mm = (limit - 1.0) * aperture.minor_mm();
-            return nearest_gap(shape, at, index, limit_mm).map(|gap| WallContact {
+            return nearest_gap(shape, at, walls, limit_mm).map(|gap| WallContact {
                 scaled: scaled_of_gap(aperture, gap.gap_mm),
                 outward: gap.outward,
                 depth_mm: -gap.gap_mm,
             });
         }
     };
-    let q = nearest_scaled([major_mm, minor_mm], at, index, limit)?;
+    let q = nearest_scaled([major_mm, minor_mm], at, walls, limit)?;
     let distance = q.norm();
     if distance < 1e-9 {
         return Some(WallContact {

@@ -100,6 +100,7 @@ impl Laid {
     /// largest distance along it, mm.
     fn for_chords(&self, p: Point2, normal: Vector2, mut visit: impl FnMut(&Pose, [f64; 2])) {
         let (column, row) = self.cell_of(p);
+        let reach_mm = self.aperture.reach_mm();
         for (dr, dc) in (-2..=2).flat_map(|dr| (-2..=2).map(move |dc| (dr, dc))) {
             for pose in self
                 .cells
@@ -108,6 +109,10 @@ impl Laid {
                 .flatten()
             {
                 let offset = p - pose.at.center;
+                // Most are beside the line.
+                if offset.perp(&normal).abs() > reach_mm {
+                    continue;
+                }
                 if let Some(chord) = self.aperture.chord_mm(pose.at.heading_rad, offset, normal) {
                     visit(pose, chord);
                 }

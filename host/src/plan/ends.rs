@@ -10,6 +10,7 @@ use super::passes::LayerPass;
 use super::visits::{Visits, poses};
 use crate::geometry::aperture::Aperture;
 use crate::geometry::polygon::Box2;
+use std::cell::Cell;
 
 /// Longest stretch cut off an end, and what is looked at beyond it, against the major semi-axis.
 const CUT_SHARE_MAX: f64 = 6.0;
@@ -42,13 +43,15 @@ pub fn fit_ends(passes: &mut Vec<LayerPass>, aperture: &Aperture, bounds: &Box2)
     }
     let cells_min = ALONE_SHARE_MIN * aperture.area_mm2() / visits.cell_area_mm2();
     passes.retain(|pass| {
-        let (mut alone, mut all) = (0, 0);
-        visits.for_cells_once(poses(pass, aperture), |_, count| {
-            alone += usize::from(*count == 1);
+        let (alone, mut all) = (Cell::new(0), 0);
+        // As soon as it covers enough alone, the rest does not matter.
+        let poses_asked = poses(pass, aperture).take_while(|_| f64::from(alone.get()) < cells_min);
+        visits.for_cells_once(poses_asked, |_, count| {
+            alone.set(alone.get() + u32::from(*count == 1));
             all += 1;
         });
         let least = cells_min.min(APART_SHARE * f64::from(all));
-        let is_kept = alone as f64 >= least;
+        let is_kept = f64::from(alone.get()) >= least;
         if !is_kept {
             visits.for_cells_once(poses(pass, aperture), |_, count| *count -= 1);
         }

@@ -18,10 +18,11 @@ use self::bins::{closed_start, unwrap_bins, viterbi};
 use self::corridor::{Gate, Stiffness, calmest, calmest_closed};
 use self::refine::refine;
 use super::contacts::Contact;
-use crate::geometry::Vector2;
 use crate::geometry::aperture::Aperture;
-use crate::geometry::clearance::{Configuration, contact};
-use crate::geometry::edge_index::EdgeIndex;
+use crate::geometry::clearance::{self, Configuration, WallContact};
+use crate::geometry::edge_index::{Edge, EdgeIndex};
+use crate::geometry::polygon::Box2;
+use crate::geometry::{Point2, Vector2};
 use rayon::prelude::*;
 
 /// Heading bins over the 180° of a symmetric aperture: 3° each, refined afterwards.
@@ -229,6 +230,8 @@ struct Run<'a> {
     /// Wanted extents at equal steps along the run, mm.
     extents_mm: Vec<f64>,
     length_mm: f64,
+    /// For each contact the edges that an aperture touching there may cut.
+    ahead: Vec<Vec<Edge>>,
 }
 
 impl<'a> Run<'a> {
@@ -259,6 +262,10 @@ impl<'a> Run<'a> {
             positions_mm,
             extents_mm: interpolated(&known, length_mm / count as f64, count),
             length_mm,
+            ahead: contacts
+                .par_iter()
+                .map(|contact| edges_ahead(contact, aperture, walls))
+                .collect(),
         }
     }
 
@@ -299,7 +306,8 @@ impl<'a> Run<'a> {
             center: tangent,
             heading_rad,
         };
-        let slid = slide_inside(at, aperture, self.walls, SLIDES_MAX, CUT_SHARE_MAX);
+        let cut = clearance::contact(aperture, at, self.ahead[i].as_slice(), 1.0);
+        let slid = slide_from(cut, at, aperture, self.walls, SLIDES_MAX, CUT_SHARE_MAX);
         let misfit_mm = extent - wanted;
         let slide_mm = slid.map_or(INFEASIBLE_MM, |s| (s.center - tangent).norm());
         Candidate {
@@ -377,6 +385,34 @@ fn interpolated(known: &[(f64, f64)], step: f64, count: usize) -> Vec<f64> {
         .collect()
 }
 
+/// An edge that rises less than this above the tangent is not cut by what touches there, against b:
+/// half of what may be cut.
+const RISE_SHARE: f64 = CUT_SHARE_MAX / 2.0;
+
+/// The edges that an aperture touching the wall at `contact` may cut by more than it may, whatever
+/// its heading: near enough, and not behind the tangent.
+fn edges_ahead(contact: &Contact, aperture: &Aperture, walls: &EdgeIndex) -> Vec<Edge> {
+    let p = contact.point;
+    let reach_mm = 2.0 * aperture.reach_mm() + NEAR_MM;
+    let rise_mm = RISE_SHARE * aperture.minor_mm();
+    let rises = |q: Point2| contact.normal.dot(&(q - p)) > rise_mm;
+    let mut numbers = Vec::new();
+    walls.for_edges_in(Box2 { min: p, max: p }.grown(reach_mm), |number| {
+        let edge = &walls.edges()[number];
+        let is_ahead = contact.on_axis || rises(edge.a) || rises(edge.b);
+        if is_ahead && (edge.foot(p) - p).norm() <= reach_mm {
+            numbers.push(number);
+        }
+    });
+    numbers.sort_unstable();
+    numbers.dedup();
+    let edges = numbers.into_iter();
+    edges.map(|number| walls.edges()[number]).collect()
+}
+
+/// Far above the rounding of places, mm.
+const NEAR_MM: f64 = 1e-6;
+
 /// Slides a placement off the walls along their contact normals, at most `rounds` times, until it
 /// cuts no deeper than `cut_share`; `None` where that does not succeed or it is outside.
 pub fn slide_inside(
@@ -386,16 +422,29 @@ pub fn slide_inside(
     rounds: usize,
     cut_share: f64,
 ) -> Option<Configuration> {
-    let mut at = at;
+    let cut = clearance::contact(aperture, at, walls, 1.0);
+    slide_from(cut, at, aperture, walls, rounds, cut_share)
+}
+
+/// The same where the first contact is known.
+fn slide_from(
+    first: Option<WallContact>,
+    at: Configuration,
+    aperture: &Aperture,
+    walls: &EdgeIndex,
+    rounds: usize,
+    cut_share: f64,
+) -> Option<Configuration> {
+    let (mut at, mut found) = (at, first);
+    let cuts = |found: &WallContact| found.scaled < 1.0 - cut_share;
     for _ in 0..rounds {
-        let found = contact(aperture, at, walls, 1.0);
-        let Some(found) = found.filter(|f| f.scaled < 1.0 - cut_share) else {
-            return walls.contains(at.center).then_some(at);
+        let Some(cut) = found.filter(cuts) else {
+            break;
         };
-        at.center -= found.outward * (found.depth_mm + 1e-6);
+        at.center -= cut.outward * (cut.depth_mm + 1e-6);
+        found = clearance::contact(aperture, at, walls, 1.0);
     }
-    let cut = contact(aperture, at, walls, 1.0).is_some_and(|f| f.scaled < 1.0 - cut_share);
-    (!cut && walls.contains(at.center)).then_some(at)
+    (!found.is_some_and(|found| cuts(&found)) && walls.contains(at.center)).then_some(at)
 }
 
 /// Distance that the turning between contact i and i + 1 can use, mm.
