@@ -570,7 +570,6 @@ mod tests {
             raster.gaps().iter().map(|g| (g[0], g.len())).collect()
         };
         let first = counts(&raster);
-        assert!(first.len() > 2, "{first:?}");
         for (index, y) in [(10, 1.1), (30, 1.3), (50, 1.0)] {
             let x = own.placements[index].at.center.x;
             let ground = raster.ground(&own, index, &[at(x, y), at(x, 0.6)], &APERTURE);
@@ -588,5 +587,7 @@ mod tests {
             assert_eq!(followed, counts(&raster));
             assert_eq!(sums, raster.sums);
         }
+        // What lies between two excursions is cut off.
+        assert!(raster.gaps().len() >= first.len() + 2);
     }
 }
