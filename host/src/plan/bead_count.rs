@@ -1,10 +1,10 @@
 //! How many beads lie between the wall and the medial axis, along the axis.
 //!
 //! With k beads across r each is r/k wide, so any k with r/(2a) <= k <= r/(2b) works (SPEC section
-//! 2). The count is chosen piecewise constant over the whole axis: fewest changes first, then the
-//! smallest k, by dynamic programming over a spanning forest of the axis graph. Each change is
-//! then spread over a blend length, so that the channels narrow and widen smoothly instead of
-//! jumping. Where r < 2b only one bead fits across the whole passage: a single run.
+//! 2). The count is chosen piecewise constant over the whole axis, by dynamic programming over a
+//! spanning forest of the axis graph: the least printed path, where each change costs about what
+//! its ends waste. Each change is then spread over a blend length, so that the channels narrow and
+//! widen smoothly instead of jumping. Where r < 2b only one bead fits across the whole passage: a single run.
 
 use super::skeleton::Axis;
 use crate::geometry::aperture::Aperture;
@@ -13,12 +13,12 @@ use crate::geometry::aperture::Aperture;
 /// this the beads simply stay at their widest (and the gap shows in the figures).
 pub const BEADS_MAX: usize = 4096;
 
-/// Weight of one change of k against the other costs, in mm of badly tiled axis.
-const CHANGE_MM: f64 = 2.0;
-/// Further weight for each bead beyond the first in one change.
-const CHANGE_STEP_MM: f64 = 0.5;
-/// Weight of each bead over the smallest possible, per mm of axis: only breaks ties.
-const BEAD_WEIGHT: f64 = 0.02;
+/// Weight of one change of k against the other costs, in mm of printed path.
+const CHANGE_MM: f64 = 1.0;
+/// Further weight of each bead in one change.
+const CHANGE_STEP_MM: f64 = 1.0;
+/// Printed path of one bead, per mm of axis: it lies on both sides.
+const BEAD_WEIGHT: f64 = 2.0;
 
 /// The bead count k (at least 1) at every node of `axis`, whole numbers.
 pub fn bead_counts(axis: &Axis, aperture: &Aperture) -> Vec<f64> {
@@ -127,7 +127,8 @@ pub(super) fn spanning_forest(axis: &Axis) -> (Vec<usize>, Vec<Option<usize>>) {
     (order, parents)
 }
 
-/// How badly k beads tile a half-width r: gaps cost most, forced overlap less, spare beads little.
+/// What k beads cost across a half-width r, per mm of axis: their path, and more where they leave
+/// gaps or are forced to overlap.
 fn tiling_cost(radius_mm: f64, beads: f64, aperture: &Aperture) -> f64 {
     let width = radius_mm / beads;
     let widest = WIDEST_SHARE * 2.0 * aperture.major_mm();
@@ -139,7 +140,7 @@ fn tiling_cost(radius_mm: f64, beads: f64, aperture: &Aperture) -> f64 {
 
 /// Share of the widest bead that straight channels may need: the rest is for their corners, where
 /// the way across is longer.
-const WIDEST_SHARE: f64 = 0.92;
+const WIDEST_SHARE: f64 = 0.97;
 
 fn change_cost(from: usize, to: usize) -> f64 {
     if from == to {
