@@ -16,6 +16,8 @@ use crate::geometry::{Point2, Vector2};
 
 /// Longest link, against a: neighbouring beads lie up to 2a apart.
 const LENGTH_SHARE: f64 = 3.0;
+/// Longest way between two ends that are joined before there is an order, against a.
+pub(super) const END_REACH_SHARE: f64 = 2.0;
 /// The same between two lines of an infill, whose ends lie far apart along a wall at a low angle.
 const LINE_LENGTH_SHARE: f64 = 10.0;
 /// Most ground of other beads that a link covers again, against the aperture's area.
@@ -27,13 +29,13 @@ const TURN_MAX_RAD: f64 = 1.6;
 
 /// Joins passes in printing order where a link is possible.
 pub fn linked(passes: Vec<LayerPass>, aperture: &Aperture, walls: &EdgeIndex) -> Vec<LayerPass> {
-    let mut visits = Visits::of_passes(&passes, &bounds_of(&passes, aperture), aperture);
+    let mut visits = Visits::around(&passes, aperture);
     let mut result: Vec<LayerPass> = Vec::with_capacity(passes.len());
     for mut next in passes {
         let link = result
             .last()
             .and_then(|before| link(before, &next, &mut visits, walls));
-        let (Some(before), Some(link)) = (result.last_mut(), link) else {
+        let (Some(before), Some((link, _))) = (result.last_mut(), link) else {
             result.push(next);
             continue;
         };
@@ -51,13 +53,14 @@ pub fn linked(passes: Vec<LayerPass>, aperture: &Aperture, walls: &EdgeIndex) ->
     result
 }
 
-/// The placements between the end of one pass and the start of the next, that start included.
-fn link(
+/// The placements between the end of one pass and the start of the next, that start included, and
+/// the ground of other beads that they cover again, mm².
+pub(super) fn link(
     before: &LayerPass,
     next: &LayerPass,
     visits: &mut Visits,
     walls: &EdgeIndex,
-) -> Option<Vec<Placement>> {
+) -> Option<(Vec<Placement>, f64)> {
     let aperture = *visits.aperture();
     let (end, start) = (before.placements.last()?, next.placements.first()?);
     let turn = aperture.wrapped_rad(start.at.heading_rad - end.at.heading_rad);
@@ -72,7 +75,8 @@ fn link(
         return None;
     }
     let way = inside_way(eased(end.at, start.at, &aperture), &aperture, walls)?;
-    if !lines && visits.again_mm2(before, next, &way) > AGAIN_SHARE_MAX * aperture.area_mm2() {
+    let again_mm2 = visits.again_mm2(before, next, &way);
+    if !lines && again_mm2 > AGAIN_SHARE_MAX * aperture.area_mm2() {
         return None;
     }
     let placement = |at| Placement {
@@ -80,7 +84,7 @@ fn link(
         feasible: true,
         contact: end.contact,
     };
-    Some(way.into_iter().map(placement).collect())
+    Some((way.into_iter().map(placement).collect(), again_mm2))
 }
 
 /// A box about all placements of the passes.
@@ -95,6 +99,11 @@ fn bounds_of(passes: &[LayerPass], aperture: &Aperture) -> Box2 {
 }
 
 impl Visits {
+    /// The visits of `passes`, wherever they lie.
+    pub(super) fn around(passes: &[LayerPass], aperture: &Aperture) -> Visits {
+        Visits::of_passes(passes, &bounds_of(passes, aperture), aperture)
+    }
+
     /// Ground of other beads that the way from the end of one pass to the start of the next covers
     /// again, mm².
     fn again_mm2(&mut self, before: &LayerPass, next: &LayerPass, way: &[Configuration]) -> f64 {

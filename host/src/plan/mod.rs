@@ -3,7 +3,10 @@
 //! it, `geometry` and `settings`; none knows a clock, a file or a thread.
 
 pub mod bead_count;
+pub mod bridge_cost;
+pub mod bridges;
 pub mod build_route;
+pub mod chains;
 pub mod channel_walls;
 pub mod contacts;
 pub mod contour;

@@ -3,6 +3,8 @@
 //! Walls come first, then the lines of an infill. A solid infill is linked and filled up like
 //! everything else; what a sparse one leaves open is meant to stay open.
 
+use super::bridges::bridged;
+use super::chains::chained;
 use super::darts::fill_gaps;
 use super::links::linked;
 use super::order::ordered;
@@ -37,16 +39,28 @@ pub fn in_printing_order(
         region.passes.into_iter().partition(is_line);
     let loops = loops.into_iter();
     let loops = loops.map(|pass| with_seam(pass, &settings.seam, aperture));
-    let mut passes = ordered(loops.collect(), from, aperture);
+    let loops: Vec<LayerPass> = loops.collect();
+    let joined = |loops| linked(ordered(loops, from, aperture), aperture, &walls);
+    let mut passes = joined(loops.clone());
+    if passes.len() > 1 {
+        // Loops that hang together like a tree, not like a chain, take bridges.
+        let loops = chained(loops, aperture, &walls);
+        let loops = bridged(loops, aperture, &walls);
+        let other = joined(loops);
+        if other.len() < passes.len() {
+            passes = other;
+        }
+    }
     let from = last_place(&passes).unwrap_or(from);
     let lines = ordered(lines, from, aperture);
     if settings.infill.is_none_or(|infill| infill.is_solid()) {
-        passes.extend(lines);
-        passes = linked(passes, aperture, &walls);
+        if !lines.is_empty() {
+            passes.extend(lines);
+            passes = linked(passes, aperture, &walls);
+        }
         fill_gaps(&mut passes, aperture, &walls);
         return passes;
     }
-    passes = linked(passes, aperture, &walls);
     // The ground of the walls alone: between the outline and what the lines are to cover.
     let rings = region.open.iter().flat_map(Region::edges);
     let edges = region.region.edges().chain(rings);

@@ -1,0 +1,549 @@
+//! Bridges: loops that lie beside each other become one, without an interruption of flow.
+//!
+//! Two neighbouring loops are opened over a short stretch each, and joined by two ways side by side
+//! that cover the ground of what was taken out. Which loops are joined where is chosen by what it
+//! costs, the cheapest first, as a minimum spanning forest (Kruskal 1956): every loop is reached by
+//! as few bridges as possible.
+
+use super::bridge_cost::{Bridge, BridgeCosts};
+use super::chains::unwrap;
+use super::darts::{eased, inside_way};
+use super::heading_profile::Placement;
+use super::passes::{LayerPass, PassKind};
+use crate::geometry::Point2;
+use crate::geometry::aperture::Aperture;
+use crate::geometry::clearance::Configuration;
+use crate::geometry::edge_index::EdgeIndex;
+use rayon::prelude::*;
+use std::collections::{BTreeMap, HashMap};
+
+/// Longest bridge, against a: neighbouring beads lie up to 2a apart.
+const LENGTH_SHARE: f64 = 2.6;
+/// Largest turn of the heading on a bridge, rad.
+const TURN_MAX_RAD: f64 = 1.6;
+/// Places looked at along two neighbouring loops.
+const PLACES: usize = 6;
+/// What is taken out of either loop, against the extents of the aperture along the travel.
+const OPENING: f64 = 1.7;
+const OTHER_OPENINGS: [f64; 2] = [1.2, 2.2];
+/// Places at which the other openings are tried too.
+const REFINED: usize = 6;
+/// Most ground that a bridge may spoil, against the aperture's area: left open or covered again.
+const COST_SHARE_MAX: f64 = 1.0;
+/// Least placements of a pass that is opened.
+const COUNT_MIN: usize = 16;
+/// What it is worth to use up the ends of a run, against the aperture's area.
+const GAP_SAVES_SHARE: f64 = 0.5;
+/// How far the ends of a run may lie apart that is reached as if it were a loop, against a.
+const GAP_SHARE: f64 = 2.5;
+
+/// Joins closed passes to their neighbours where that is cheap; the others stay as they are.
+pub fn bridged(passes: Vec<LayerPass>, aperture: &Aperture, walls: &EdgeIndex) -> Vec<LayerPass> {
+    let costs = BridgeCosts::of(&passes, aperture);
+    let near = neighbours(&passes, LENGTH_SHARE * aperture.major_mm());
+    let mut found: Vec<(f64, Bridge)> = near
+        .into_par_iter()
+        .flat_map_iter(|(pair, places)| candidates(&passes, pair, &places, aperture, walls, &costs))
+        .filter(|(cost, _)| *cost < COST_SHARE_MAX * aperture.area_mm2())
+        .collect();
+    found.sort_by(|x, y| x.0.total_cmp(&y.0).then(x.1.key().cmp(&y.1.key())));
+    let mut tours: Vec<Tour> = passes
+        .iter()
+        .enumerate()
+        .map(|(n, p)| Tour::of(n, p))
+        .collect();
+    // Which tour a loop belongs to.
+    let mut tour_of: Vec<usize> = (0..passes.len()).collect();
+    for (_, bridge) in found {
+        let [a, b] = bridge.loops.map(|number| tour_of[number]);
+        if a == b {
+            continue;
+        }
+        let Some(joined) = tours[a].joined(&tours[b], &bridge, &passes) else {
+            continue;
+        };
+        tours[a] = joined;
+        tours[b] = Tour::default();
+        for tour in &mut tour_of {
+            if *tour == b {
+                *tour = a;
+            }
+        }
+    }
+    let tours = tours.iter().zip(&passes);
+    tours
+        .filter(|(tour, _)| !tour.stops.is_empty())
+        .map(|(tour, pass)| tour.pass(pass, &passes, aperture.period_rad()))
+        .collect()
+}
+
+/// Pairs of loops with the places where they come close: placement of the one, of the other, and
+/// how far apart they are.
+type Near = BTreeMap<[usize; 2], Vec<(usize, usize, f64)>>;
+
+fn neighbours(passes: &[LayerPass], reach_mm: f64) -> Near {
+    let cell = |p: Point2| {
+        [
+            (p.x / reach_mm).floor() as i64,
+            (p.y / reach_mm).floor() as i64,
+        ]
+    };
+    let mut cells: HashMap<[i64; 2], Vec<(usize, usize)>> = HashMap::new();
+    let filled = |kind| matches!(kind, PassKind::TwoPass | PassKind::OnePass);
+    let loops = || {
+        passes
+            .iter()
+            .enumerate()
+            .filter(|(_, pass)| filled(pass.kind))
+    };
+    for (number, pass) in loops() {
+        for (i, placement) in pass.placements.iter().enumerate() {
+            let place = cells.entry(cell(placement.at.center)).or_default();
+            place.push((number, i));
+        }
+    }
+    let mut near = Near::new();
+    for (number, pass) in loops() {
+        for (i, placement) in pass.placements.iter().enumerate() {
+            let own = placement.at.center;
+            let [column, row] = cell(own);
+            // The nearest placement of each later loop.
+            let mut nearest: BTreeMap<usize, (usize, f64)> = BTreeMap::new();
+            let around = (-1..=1).flat_map(|r| (-1..=1).map(move |c| [column + c, row + r]));
+            for &(other, j) in around.filter_map(|at| cells.get(&at)).flatten() {
+                if other <= number {
+                    continue;
+                }
+                let apart = (passes[other].placements[j].at.center - own).norm();
+                let best = nearest.entry(other).or_insert((j, f64::INFINITY));
+                if (apart, j) < (best.1, best.0) {
+                    *best = (j, apart);
+                }
+            }
+            for (other, (j, apart)) in nearest {
+                if apart < reach_mm {
+                    near.entry([number, other]).or_default().push((i, j, apart));
+                }
+            }
+        }
+    }
+    near
+}
+
+/// The bridges that are possible between two loops, with their costs.
+fn candidates(
+    passes: &[LayerPass],
+    loops: [usize; 2],
+    places: &[(usize, usize, f64)],
+    aperture: &Aperture,
+    walls: &EdgeIndex,
+    costs: &BridgeCosts,
+) -> Vec<(f64, Bridge)> {
+    let size = places.len().div_ceil(PLACES).max(1);
+    let with = |at: [usize; 2], opening: f64| {
+        let bridge = bridge(passes, loops, at, opening, aperture, walls)?;
+        Some((costs.cost_mm2(&bridge, passes), bridge))
+    };
+    let nearest = |group: &[(usize, usize, f64)]| {
+        let nearest = group.iter().min_by(|x, y| x.2.total_cmp(&y.2));
+        nearest.map(|&(i, j, _)| [i, j])
+    };
+    let own_gaps = [0, 1].into_iter().filter_map(|side| {
+        let bridge = bridge_at_gap(passes, loops, side, places, aperture, walls)?;
+        let saved_mm2 = GAP_SAVES_SHARE * aperture.area_mm2();
+        Some((costs.cost_mm2(&bridge, passes) - saved_mm2, bridge))
+    });
+    let own_gaps: Vec<(f64, Bridge)> = own_gaps.collect();
+    let places = places.chunks(size).filter_map(nearest);
+    let tried = places.filter_map(|at| Some((at, with(at, OPENING)?)));
+    let mut tried: Vec<([usize; 2], (f64, Bridge))> = tried.collect();
+    tried.sort_by(|x, y| x.1.0.total_cmp(&y.1.0).then(x.0.cmp(&y.0)));
+    // Where it is cheapest, other openings may be cheaper still.
+    for (at, found) in tried.iter_mut().take(REFINED) {
+        for opening in OTHER_OPENINGS {
+            if let Some(other) = with(*at, opening).filter(|other| other.0 < found.0) {
+                *found = other;
+            }
+        }
+    }
+    let found = tried.into_iter().map(|(_, found)| found);
+    found.chain(own_gaps).collect()
+}
+
+/// The bridge to a run whose ends lie close to each other: it is open already.
+fn bridge_at_gap(
+    passes: &[LayerPass],
+    loops: [usize; 2],
+    side: usize,
+    places: &[(usize, usize, f64)],
+    aperture: &Aperture,
+    walls: &EdgeIndex,
+) -> Option<Bridge> {
+    let run = &passes[loops[side]];
+    if run.closed || run.placements.len() < 2 {
+        return None;
+    }
+    let last = run.placements.len() - 1;
+    let gap_mm = (run.placements[last].at.center - run.placements[0].at.center).norm();
+    if gap_mm > GAP_SHARE * aperture.major_mm() {
+        return None;
+    }
+    // Where the other one passes either end.
+    let facing = |end: usize| {
+        let own = |place: &(usize, usize, f64)| [place.0, place.1][side];
+        let of_end = places.iter().filter(|place| own(place) == end);
+        let best = of_end.min_by(|x, y| x.2.total_cmp(&y.2))?;
+        Some([best.1, best.0][side])
+    };
+    let (at_last, at_first) = (facing(last)?, facing(0)?);
+    let other = &passes[loops[1 - side]];
+    let count = other.placements.len();
+    let ahead = (at_first + count - at_last) % count;
+    let behind = (at_last + count - at_first) % count;
+    if ahead.min(behind) > COUNT_MIN {
+        return None;
+    }
+    let middle = if ahead < behind {
+        at_last + ahead / 2
+    } else {
+        at_first + behind / 2
+    };
+    let opening = opened_at(other, middle % count, OPENING, aperture)?;
+    let mut ends = [[last, 0]; 2];
+    ends[1 - side] = opening;
+    with_ways(passes, loops, ends, aperture, walls)
+}
+
+/// The bridge about placements `at` of two loops, each opened over `opening` extents.
+fn bridge(
+    passes: &[LayerPass],
+    loops: [usize; 2],
+    at: [usize; 2],
+    opening: f64,
+    aperture: &Aperture,
+    walls: &EdgeIndex,
+) -> Option<Bridge> {
+    let opened = |side: usize| opened_at(&passes[loops[side]], at[side], opening, aperture);
+    with_ways(passes, loops, [opened(0)?, opened(1)?], aperture, walls)
+}
+
+/// The bridge between two openings, if there are free ways.
+fn with_ways(
+    passes: &[LayerPass],
+    loops: [usize; 2],
+    ends: [[usize; 2]; 2],
+    aperture: &Aperture,
+    walls: &EdgeIndex,
+) -> Option<Bridge> {
+    let pose = |side: usize, end: usize| passes[loops[side]].placements[ends[side][end]].at;
+    let apart = |m: usize, n: usize| (pose(0, m).center - pose(1, n).center).norm();
+    let crossed = apart(0, 0) + apart(1, 1) > apart(0, 1) + apart(1, 0);
+    let way = |end: usize| {
+        let (from, to) = (pose(0, end), pose(1, end ^ usize::from(crossed)));
+        let turn = aperture.wrapped_rad(to.heading_rad - from.heading_rad);
+        if turn.abs() > TURN_MAX_RAD {
+            return None;
+        }
+        let mut way = inside_way(eased(from, to, aperture), aperture, walls)?;
+        way.pop();
+        Some(way)
+    };
+    Some(Bridge {
+        loops,
+        ends,
+        crossed,
+        ways: [way(0)?, way(1)?],
+    })
+}
+
+/// The placements before and behind `at` between which the pass is opened.
+fn opened_at(pass: &LayerPass, at: usize, opening: f64, aperture: &Aperture) -> Option<[usize; 2]> {
+    let count = pass.placements.len();
+    if count < COUNT_MIN {
+        return None;
+    }
+    let pose = |i: usize| pass.placements[i % count].at;
+    let ahead = pose(at + 1).center - pose(at + count - 1).center;
+    let along = ahead.try_normalize(1e-12).unwrap_or(ahead);
+    let half_mm = 0.5 * opening * aperture.extent_mm(pose(at).heading_rad, along);
+    let walk = |step: &dyn Fn(usize) -> usize| {
+        let mut walked_mm = 0.0;
+        let mut k = 0;
+        while walked_mm < half_mm && k < COUNT_MIN / 4 {
+            walked_mm += (pose(step(k + 1)).center - pose(step(k)).center).norm();
+            k += 1;
+        }
+        step(k) % count
+    };
+    let ends = [walk(&|k| at + count - k), walk(&|k| at + k)];
+    (pass.closed || ends[0] < ends[1]).then_some(ends)
+}
+
+/// A way round through one or several passes.
+#[derive(Default)]
+struct Tour {
+    stops: Vec<Stop>,
+    bridges: usize,
+}
+
+/// One place of a tour.
+#[derive(Clone, Copy, PartialEq)]
+enum Stop {
+    /// Placement of a pass, by their numbers.
+    Pass(usize, usize),
+    /// On a bridge.
+    Bridge(Configuration),
+    /// Nothing is printed between the one before and the next; a tour has at most one.
+    Break,
+}
+
+impl Tour {
+    fn of(number: usize, pass: &LayerPass) -> Tour {
+        let mut stops: Vec<Stop> = Vec::new();
+        stops.extend((0..pass.placements.len()).map(|i| Stop::Pass(number, i)));
+        if !pass.closed {
+            stops.push(Stop::Break);
+        }
+        Tour { stops, bridges: 0 }
+    }
+
+    /// The tour as a way that begins and ends where pass `number` is opened, and which of the two
+    /// `ends` it begins with; `None` where that stretch has been used before.
+    fn opened(
+        &self,
+        number: usize,
+        ends: [usize; 2],
+        pass: &LayerPass,
+    ) -> Option<(Vec<Stop>, usize)> {
+        let place = |end: usize| {
+            let stop = Stop::Pass(number, ends[end]);
+            self.stops.iter().position(|other| *other == stop)
+        };
+        let (first, last) = (place(0)?, place(1)?);
+        let (total, count) = (self.stops.len(), pass.placements.len());
+        let at_gap = !pass.closed && ends == [count - 1, 0];
+        let between = if at_gap {
+            2
+        } else {
+            (ends[1] + count - ends[0]) % count
+        };
+        let begin = if (last + total - first) % total == between {
+            1
+        } else if (first + total - last) % total == between {
+            0
+        } else {
+            return None;
+        };
+        let mut stops = self.stops.clone();
+        stops.rotate_left([first, last][begin]);
+        let taken = stops.split_off(total + 1 - between);
+        let free = taken.iter().all(|stop| match stop {
+            Stop::Pass(of, _) => *of == number,
+            Stop::Bridge(_) => false,
+            Stop::Break => at_gap,
+        });
+        free.then_some((stops, begin))
+    }
+
+    /// Both tours and the bridge as one.
+    fn joined(&self, other: &Tour, bridge: &Bridge, passes: &[LayerPass]) -> Option<Tour> {
+        let opened = |tour: &Tour, side: usize| {
+            let number = bridge.loops[side];
+            tour.opened(number, bridge.ends[side], &passes[number])
+        };
+        let (mut stops, begin) = opened(self, 0)?;
+        let (mut theirs, their_begin) = opened(other, 1)?;
+        // The way out leads from the end of ours, the way back to its beginning.
+        let end = 1 - begin;
+        let entry = end ^ usize::from(bridge.crossed);
+        if their_begin != entry {
+            theirs.reverse();
+        }
+        let breaks = stops
+            .iter()
+            .chain(&theirs)
+            .filter(|stop| **stop == Stop::Break);
+        if breaks.count() > 1 {
+            return None;
+        }
+        let on_bridge = |at: &Configuration| Stop::Bridge(*at);
+        stops.extend(bridge.ways[end].iter().map(on_bridge));
+        stops.extend(theirs);
+        stops.extend(bridge.ways[begin].iter().rev().map(on_bridge));
+        Some(Tour {
+            stops,
+            bridges: self.bridges + other.bridges + 1,
+        })
+    }
+
+    /// The tour as a pass, in place of `pass`, the first of its own; headings go on unwrapped.
+    fn pass(&self, pass: &LayerPass, passes: &[LayerPass], period_rad: f64) -> LayerPass {
+        let mut stops = self.stops.clone();
+        let gap = stops.iter().position(|stop| *stop == Stop::Break);
+        if let Some(gap) = gap {
+            stops.rotate_left(gap + 1);
+        }
+        let mut placements: Vec<Placement> = Vec::with_capacity(stops.len());
+        for stop in stops {
+            let placement = match stop {
+                Stop::Pass(number, i) => passes[number].placements[i],
+                Stop::Bridge(at) => Placement {
+                    at,
+                    feasible: true,
+                    contact: placements.last().unwrap_or(&pass.placements[0]).contact,
+                },
+                Stop::Break => continue,
+            };
+            placements.push(placement);
+        }
+        unwrap(&mut placements, period_rad);
+        LayerPass {
+            placements,
+            closed: gap.is_none(),
+            ..*pass
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::geometry::Vector2;
+    use crate::geometry::clearance::is_inside;
+    use crate::geometry::edge_index::Edge;
+    use crate::plan::contacts::Contact;
+    use crate::plan::gap_raster::GapRaster;
+    use std::f64::consts::{PI, TAU};
+
+    const APERTURE: Aperture = Aperture::Ellipse {
+        major_mm: 0.6,
+        minor_mm: 0.2,
+    };
+
+    fn circle(radius_mm: f64) -> Vec<Point2> {
+        let at = |i: usize| TAU * i as f64 / 300.0;
+        let points = (0..300).map(|i| radius_mm * Vector2::new(at(i).cos(), at(i).sin()));
+        points.map(Point2::from).collect()
+    }
+
+    fn walls(radii_mm: &[f64]) -> EdgeIndex {
+        let rings = radii_mm.iter().map(|radius| circle(*radius));
+        let edges = rings.flat_map(|ring| {
+            let edge = |i: usize| Edge {
+                a: ring[i],
+                b: ring[(i + 1) % ring.len()],
+            };
+            (0..ring.len()).map(edge).collect::<Vec<Edge>>()
+        });
+        EdgeIndex::new(edges.collect(), 1.0)
+    }
+
+    /// Part of a loop about `center`, the major axis across the travel.
+    fn arc(center: Point2, radius_mm: f64, from_rad: f64, lap_rad: f64) -> LayerPass {
+        let count = (lap_rad.abs() * radius_mm / 0.1).ceil() as usize;
+        let placements = (0..count).map(|i| {
+            let angle = from_rad + lap_rad * i as f64 / count as f64;
+            let out = Vector2::new(angle.cos(), angle.sin());
+            Placement {
+                at: Configuration {
+                    center: center + out * radius_mm,
+                    heading_rad: angle,
+                },
+                feasible: true,
+                contact: Contact {
+                    point: center + out * (radius_mm + 0.6),
+                    normal: -out,
+                    length_mm: 0.1,
+                    extent_mm: 0.6,
+                    on_axis: false,
+                },
+            }
+        });
+        LayerPass {
+            kind: PassKind::TwoPass,
+            channel: 1,
+            closed: lap_rad.abs() == TAU,
+            placements: placements.collect(),
+        }
+    }
+
+    fn no_jumps(pass: &LayerPass) {
+        let around = pass.closed.then(|| pass.placements[0]);
+        let mut last: Option<Placement> = None;
+        for placement in pass.placements.iter().copied().chain(around) {
+            if let Some(last) = last.replace(placement) {
+                assert!((placement.at.center - last.at.center).norm() < 0.35);
+                let turn = placement.at.heading_rad - last.at.heading_rad;
+                let lap = (turn / PI).round() * PI;
+                assert!(lap == 0.0 || around.is_some_and(|first| first == placement));
+                assert!((turn - lap).abs() < 0.6, "{turn}");
+            }
+        }
+    }
+
+    /// Goal: a loop with one inside it and two beside each other in that become one closed pass,
+    /// which covers what they covered, inside the walls and without a jump. Method: circles.
+    #[test]
+    fn loops_that_hang_together_become_one() {
+        let walls = walls(&[5.6]);
+        let at = |x: f64| Point2::new(x, 0.0);
+        let passes = vec![
+            arc(at(0.0), 5.0, 0.3, TAU),
+            arc(at(0.0), 3.8, 2.0, TAU),
+            arc(at(-1.55), 0.9, 1.0, TAU),
+            arc(at(1.55), 0.9, 1.0, -TAU),
+        ];
+        let before = GapRaster::of(&passes, &APERTURE, &walls).covered_pct();
+        let joined = bridged(passes, &APERTURE, &walls);
+        assert_eq!(joined.len(), 1);
+        assert!(joined[0].closed);
+        no_jumps(&joined[0]);
+        for placement in &joined[0].placements {
+            assert!(is_inside(&APERTURE, placement.at, &walls, -2e-3));
+        }
+        let after = GapRaster::of(&joined, &APERTURE, &walls).covered_pct();
+        assert!(after > before - 0.2, "{before} {after}");
+    }
+
+    /// Goal: nothing is joined through a wall. Method: two loops, a thin wall between them.
+    #[test]
+    fn loops_behind_a_wall_stay_apart() {
+        let center = Point2::origin();
+        let passes = || vec![arc(center, 5.0, 0.3, TAU), arc(center, 3.78, 2.0, TAU)];
+        assert_eq!(bridged(passes(), &APERTURE, &walls(&[5.6])).len(), 1);
+        let apart = bridged(passes(), &APERTURE, &walls(&[5.6, 4.4, 4.38]));
+        assert_eq!(apart, passes());
+    }
+
+    /// Goal: a run whose ends lie close together hangs in a loop like one. Method: an open ring
+    /// inside a closed one; the result is closed.
+    #[test]
+    fn an_open_ring_hangs_in_its_neighbour() {
+        let center = Point2::origin();
+        let passes = vec![
+            arc(center, 5.0, 0.3, TAU),
+            arc(center, 3.8, 2.0, TAU - 0.15),
+        ];
+        let joined = bridged(passes, &APERTURE, &walls(&[5.6]));
+        assert_eq!((joined.len(), joined[0].closed), (1, true));
+        no_jumps(&joined[0]);
+    }
+
+    /// Goal: runs around a ring become a loop whatever their order and direction, with all their
+    /// placements. Method: a circle in three arcs, one of them backwards.
+    #[test]
+    fn runs_around_a_ring_become_a_loop() {
+        let center = Point2::origin();
+        let third = TAU / 3.0;
+        let runs = vec![
+            arc(center, 5.0, 0.0, third - 0.1),
+            arc(center, 5.0, 2.0 * third, third - 0.1),
+            arc(center, 5.0, 2.0 * third - 0.1, 0.1 - third),
+        ];
+        let placed: usize = runs.iter().map(|run| run.placements.len()).sum();
+        let chained = super::super::chains::chained(runs, &APERTURE, &walls(&[5.6]));
+        assert_eq!((chained.len(), chained[0].closed), (1, true));
+        assert!(chained[0].placements.len() > placed);
+        no_jumps(&chained[0]);
+    }
+}

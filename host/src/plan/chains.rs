@@ -1,0 +1,153 @@
+//! Chains: runs whose ends lie close together become one, or a loop.
+//!
+//! A ring that holds no bead in its sharp corners falls into runs from corner to corner; channels
+//! end where others begin. The ends are joined by straight ways, those first that cover the least
+//! ground again; each end is joined once at most (greedy matching).
+
+use super::heading_profile::Placement;
+use super::links::{END_REACH_SHARE, link};
+use super::passes::{LayerPass, PassKind};
+use super::visits::Visits;
+use crate::geometry::Point2;
+use crate::geometry::aperture::Aperture;
+use crate::geometry::edge_index::EdgeIndex;
+use std::collections::HashMap;
+
+/// Least placements of a run that is closed to a loop.
+const LOOP_COUNT_MIN: usize = 16;
+
+/// An end of a pass: its number, and 0 for the start or 1 for the end.
+type End = (usize, usize);
+
+/// A way from the one end to the other, both left out.
+struct Join {
+    ends: [End; 2],
+    cost_mm2: f64,
+    way: Vec<Placement>,
+}
+
+/// Joins the ends of open passes where that is cheap.
+pub fn chained(passes: Vec<LayerPass>, aperture: &Aperture, walls: &EdgeIndex) -> Vec<LayerPass> {
+    let mut visits = Visits::around(&passes, aperture);
+    let mut joins: Vec<Join> = near_ends(&passes, END_REACH_SHARE * aperture.major_mm())
+        .into_iter()
+        .filter_map(|ends| join(&passes, ends, &mut visits, walls))
+        .collect();
+    joins.sort_by(|x, y| x.cost_mm2.total_cmp(&y.cost_mm2).then(x.ends.cmp(&y.ends)));
+    let mut at_end: HashMap<End, (End, Vec<Placement>)> = HashMap::new();
+    for Join { ends, way, .. } in joins {
+        if ends.iter().all(|end| !at_end.contains_key(end)) {
+            let back = way.iter().rev().copied().collect();
+            at_end.insert(ends[0], (ends[1], way));
+            at_end.insert(ends[1], (ends[0], back));
+        }
+    }
+    let mut taken = vec![false; passes.len()];
+    let mut result = Vec::new();
+    // Chains from their free ends first; what is left then goes round.
+    for start_free in [true, false] {
+        for number in 0..passes.len() {
+            let free = [0, 1].map(|end| !at_end.contains_key(&(number, end)));
+            if !taken[number] && start_free == (free[0] || free[1]) {
+                let from = (number, usize::from(!free[0] && free[1]));
+                result.push(chain(&passes, from, &at_end, &mut taken, aperture));
+            }
+        }
+    }
+    result
+}
+
+/// Pairs of ends of open passes within `reach_mm`.
+fn near_ends(passes: &[LayerPass], reach_mm: f64) -> Vec<[End; 2]> {
+    let cell = |p: Point2| [p.x, p.y].map(|x| (x / reach_mm).floor() as i64);
+    let place = |(number, end): End| {
+        let placements = &passes[number].placements;
+        placements[end * (placements.len() - 1)].at.center
+    };
+    let filled = |pass: &LayerPass| matches!(pass.kind, PassKind::TwoPass | PassKind::OnePass);
+    let open = (0..passes.len()).filter(|&n| filled(&passes[n]) && !passes[n].closed);
+    let ends: Vec<End> = open.flat_map(|number| [(number, 0), (number, 1)]).collect();
+    let mut cells: HashMap<[i64; 2], Vec<End>> = HashMap::new();
+    for &end in &ends {
+        cells.entry(cell(place(end))).or_default().push(end);
+    }
+    let mut near = Vec::new();
+    for &end in &ends {
+        let [column, row] = cell(place(end));
+        let around = (-1..=1).flat_map(|r| (-1..=1).map(move |c| [column + c, row + r]));
+        for &other in around.filter_map(|at| cells.get(&at)).flatten() {
+            let own = end.0 == other.0;
+            let long = passes[end.0].placements.len() >= LOOP_COUNT_MIN;
+            if other > end && (!own || long) && (place(end) - place(other)).norm() < reach_mm {
+                near.push([end, other]);
+            }
+        }
+    }
+    near
+}
+
+/// The way between two ends, if there is a free and cheap one.
+fn join(
+    passes: &[LayerPass],
+    ends: [End; 2],
+    visits: &mut Visits,
+    walls: &EdgeIndex,
+) -> Option<Join> {
+    let directed = |(number, end): End, last: usize| {
+        let mut pass = passes[number].clone();
+        if end != last {
+            pass.placements.reverse();
+        }
+        pass
+    };
+    let (mut way, cost_mm2) = link(&directed(ends[0], 1), &directed(ends[1], 0), visits, walls)?;
+    way.pop();
+    Some(Join {
+        ends,
+        cost_mm2,
+        way,
+    })
+}
+
+/// The chain that begins at an end, along all its joins; closed where it comes back there.
+fn chain(
+    passes: &[LayerPass],
+    from: End,
+    at_end: &HashMap<End, (End, Vec<Placement>)>,
+    taken: &mut [bool],
+    aperture: &Aperture,
+) -> LayerPass {
+    let first = &passes[from.0];
+    let mut result = LayerPass {
+        placements: Vec::new(),
+        ..*first
+    };
+    let mut entry = from;
+    loop {
+        taken[entry.0] = true;
+        let mut placements = passes[entry.0].placements.clone();
+        if entry.1 == 1 {
+            placements.reverse();
+        }
+        result.placements.extend(placements);
+        let Some((next, way)) = at_end.get(&(entry.0, 1 - entry.1)) else {
+            break;
+        };
+        result.placements.extend(way);
+        if *next == from {
+            result.closed = true;
+            break;
+        }
+        entry = *next;
+    }
+    unwrap(&mut result.placements, aperture.period_rad());
+    result
+}
+
+/// Turns headings by whole periods so that none jumps.
+pub fn unwrap(placements: &mut [Placement], period_rad: f64) {
+    for i in 1..placements.len() {
+        let turned = placements[i - 1].at.heading_rad - placements[i].at.heading_rad;
+        placements[i].at.heading_rad += (turned / period_rad).round() * period_rad;
+    }
+}
