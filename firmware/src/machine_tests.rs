@@ -196,8 +196,22 @@ struct Host {
     knots_sent: usize,
     events_sent: usize,
     finished: bool,
-    fast: bool,
+    way: Way,
 }
+
+/// How a host runs its machine.
+#[derive(Clone, Copy, Debug, PartialEq)]
+enum Way {
+    /// Whole intervals at once.
+    Fast,
+    /// Step by step.
+    Ticks,
+    /// With a main loop that is late once the stream runs: servo ticks prepare spans themselves.
+    Late,
+}
+
+/// Servo ticks between two rounds of a main loop that is late: longer than what is prepared lasts.
+const LATE_TICKS: u64 = 170;
 
 impl Host {
     fn new(configuration: &MachineConfiguration, job: &Job) -> Self {
@@ -230,7 +244,7 @@ impl Host {
             knots_sent: 0,
             events_sent: 0,
             finished: false,
-            fast: true,
+            way: Way::Fast,
         };
         host.control(HostMessage::Hello(Hello {
             protocol_version: PROTOCOL_VERSION,
@@ -311,12 +325,21 @@ impl Host {
     }
 
     fn tick(&mut self) {
-        if self.fast {
-            self.machine.run_servo_interval(&mut self.counter);
-        } else {
-            self.machine.servo_tick();
-            for _ in 0..100 {
-                self.machine.step_tick(&mut self.counter);
+        let machine = &mut self.machine;
+        match self.way {
+            Way::Fast => machine.run_servo_interval(&mut self.counter),
+            Way::Ticks => {
+                machine.servo_tick();
+                (0..100).for_each(|_| machine.step_tick(&mut self.counter));
+            }
+            Way::Late => {
+                assert!(machine.motion.tick(machine.player.idle_bank()));
+                machine.player.hand_over();
+                let runs = machine.motion.state() == DeviceState::Running;
+                if !runs || machine.motion.now_ticks().is_multiple_of(LATE_TICKS) {
+                    machine.motion.look_ahead();
+                }
+                machine.run_step_interval(&mut self.counter);
             }
         }
     }
@@ -364,12 +387,12 @@ fn final_steps(configuration: &MachineConfiguration, job: &Job) -> Vec<i64> {
 }
 
 #[test]
-fn a_stream_ends_on_the_exact_counts_and_both_ways_to_run_agree() {
+fn a_stream_ends_on_the_exact_counts_however_it_is_run() {
     for (configuration, job) in [(planar(), flower()), (gantry(), tilted_flower())] {
         let mut digests = Vec::new();
-        for fast in [true, false] {
+        for way in [Way::Fast, Way::Ticks, Way::Late] {
             let mut host = Host::new(&configuration, &job);
-            host.fast = fast;
+            host.way = way;
             host.run(&job);
             assert_eq!(host.faults, []);
             let motors = configuration.joints.len() + 1;
@@ -383,7 +406,7 @@ fn a_stream_ends_on_the_exact_counts_and_both_ways_to_run_agree() {
             assert!(host.counter.steps > 20_000);
             digests.push(host.counter.digest);
         }
-        assert_eq!(digests[0], digests[1]);
+        assert!(digests.iter().all(|digest| *digest == digests[0]));
     }
 }
 

@@ -7,12 +7,13 @@
 //! exactly 1 and the steps are those of the plan.
 //!
 //! Ramps that somebody asked for (override, pause, resume) also build their slope up and down, over
-//! [`SLOPE_TICKS`], so that the joints' acceleration does not jump. A ramp that the queue's end or
+//! [`SLOPE_TICKS`], and bend round when they are called back, so that the joints' acceleration does not
+//! jump. A ramp that the queue's end or
 //! a limit demands may take its whole slope at once: it must end where it must. The extruder's
 //! speed does not jump in either: pressure advance is smoothed over its window (flow.rs), and its
 //! acceleration is part of the load.
 
-use crate::design::{CEILING_OPEN, WARP_ROOM};
+use crate::design::{CEILING_OPEN, PATH_RATE_MAX, WARP_ROOM};
 use crate::interpolator::TICK_Q16;
 use crate::load::SpanLoad;
 use crate::queue::{Ceiling, smaller};
@@ -71,26 +72,35 @@ impl TimeWarp {
         } else {
             (rate * TICK_Q16 as f32) as u32
         };
-        self.slope = if bounds.at_rest { 0.0 } else { rate - old };
+        // Only a slope that was asked for is taken back: what a limit demands may end at once.
+        let asked = !bounds.at_rest && rate != wanted && rate == ramped;
+        self.slope = if asked { rate - old } else { 0.0 };
         (self.rate_q16, rate < free)
     }
 }
 
 impl WarpBounds {
-    /// From `old` towards `wanted` as fast as the joints allow, the slope built up from `last`.
+    /// From `old` towards `wanted` as fast as the joints allow, the slope built up from `last`; a slope
+    /// the other way is taken back first.
     fn ramped(&self, old: f32, wanted: f32, last: f32) -> f32 {
         if old == wanted || self.at_rest {
             return wanted;
         }
         let full = self.slope(old, old);
-        if wanted < old {
-            return (old - eased(full, -last, old - wanted)).larger(wanted);
+        let step = if wanted < old {
+            -eased(full, -last, old - wanted)
+        } else {
+            eased(full, last, wanted - old)
+        };
+        let reached = old + step;
+        if step <= 0.0 {
+            let least = if wanted < old { wanted } else { 0.0 };
+            return reached.larger(least);
         }
         // The room shrinks while the rate grows: take the slope of where it will be.
-        let step = eased(full, last, wanted - old);
-        let reached = smaller(old + step, wanted);
         let step = smaller(step, self.slope(reached, reached));
-        smaller(old + step, wanted)
+        let most = if wanted > old { wanted } else { PATH_RATE_MAX };
+        smaller(old + step, most)
     }
 
     /// Safe |sigma'| per tick at `rate`, over the spans that the tick can touch.
@@ -152,11 +162,15 @@ impl WarpBounds {
     }
 }
 
-/// Change of rate in this tick, on a ramp with `way` to go whose last tick changed it by `last`
-/// (negative: the other way): at most `full`, built up and taken back by `full / SLOPE_TICKS`.
+/// Change of rate in this tick, on a ramp with `way` to go whose last tick changed it by `last`: at most
+/// `full`, built up and taken back by `full / SLOPE_TICKS`. Negative while a ramp the other way is
+/// taken back.
 fn eased(full: f32, last: f32, way: f32) -> f32 {
     let build_up = full * (1.0 / SLOPE_TICKS);
-    let risen = last.larger(0.0) + build_up;
+    let risen = last + build_up;
+    if risen < 0.0 {
+        return risen.larger(-full);
+    }
     // Slopes s, s - b, s - 2 b, ... add up to s² / 2b + s / 2.
     let half = 0.5 * build_up;
     let ending = (half * half + 2.0 * build_up * way).root() - half;
@@ -270,6 +284,28 @@ mod tests {
             full += u32::from(after.abs() > 0.9 * slope_of(&LOAD, three[1] * three[1]));
         }
         assert!(full > 30, "the whole slope is used: {full}");
+    }
+
+    #[test]
+    fn a_ramp_that_is_called_back_bends_round() {
+        let mut warp = TimeWarp::default();
+        let mut rates = std::vec![0.0f32, 0.0];
+        // Each is called back in the middle, on its full slope.
+        for (wanted, ticks) in [(1.0f32, 25), (0.0, 25), (1.2, 30), (0.3, 400)] {
+            for _ in 0..ticks {
+                warp.step(&bounds(wanted, 1e6, Ceiling::OPEN));
+                rates.push(rate(&warp));
+            }
+        }
+        let most = 1.6 * WARP_ROOM / LOAD.beta_ticks / SLOPE_TICKS + 2.0 / TICK_Q16 as f32;
+        let mut goes_on = 0;
+        for (tick, three) in rates.windows(3).enumerate() {
+            let [before, after] = [three[1] - three[0], three[2] - three[1]];
+            assert!((after - before).abs() <= most, "{three:?}");
+            goes_on += u32::from(tick > 25 && tick < 40 && after > 0.0);
+        }
+        assert!(goes_on > 5, "the slope is taken back: {goes_on}");
+        assert!((rate(&warp) - 0.3).abs() < 1e-3);
     }
 
     #[test]
