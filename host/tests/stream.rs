@@ -8,6 +8,7 @@ use headway::drive::virtual_board::{BoardFigures, BoardSetup, VirtualBoard};
 use headway::settings::Settings;
 use headway_firmware::homing::HomingConfiguration;
 use serde_json::Value;
+use serialport::{SerialPort, TTYPort};
 use std::io::{BufRead, BufReader, Read, Write};
 use std::path::{Path, PathBuf};
 use std::process::{Child, Command, Output, Stdio};
@@ -242,6 +243,81 @@ fn a_job_streams_over_unix_socket_and_tcp_to_the_simulations_end() {
         assert_eq!(replays[0]["state"], "finished");
         assert_eq!(replays[0]["damaged_frames"], 0);
     }
+}
+
+/// A serial port that leads to a board, through a pseudo-terminal.
+struct SerialLine {
+    /// What a host opens. Held open, so that the line stays when a host hangs up.
+    terminal: TTYPort,
+    cut: Arc<AtomicBool>,
+    thread: Option<JoinHandle<()>>,
+}
+
+impl SerialLine {
+    fn to(board: &Board) -> SerialLine {
+        let (mut line, terminal) = TTYPort::pair().unwrap();
+        line.set_timeout(Duration::from_millis(1)).unwrap();
+        let mut socket = board.port.parse::<Port>().unwrap().open(0).unwrap();
+        let cut = Arc::new(AtomicBool::new(false));
+        let is_cut = cut.clone();
+        let thread = std::thread::spawn(move || {
+            let mut bytes = [0; 4096];
+            while !is_cut.load(Ordering::Relaxed) {
+                match line.read(&mut bytes) {
+                    Ok(count) => socket.send(&bytes[..count]).unwrap(),
+                    Err(error) => assert_eq!(error.kind(), std::io::ErrorKind::TimedOut),
+                }
+                let count = socket.receive(&mut bytes).unwrap();
+                let mut rest = &bytes[..count];
+                while !rest.is_empty() {
+                    match line.write(rest) {
+                        Ok(count) => rest = &rest[count..],
+                        // Nobody reads: a host that has hung up.
+                        Err(_) => break,
+                    }
+                }
+            }
+        });
+        SerialLine {
+            terminal,
+            cut,
+            thread: Some(thread),
+        }
+    }
+
+    fn end(mut self) {
+        self.cut.store(true, Ordering::Relaxed);
+        self.thread.take().unwrap().join().unwrap();
+    }
+}
+
+#[test]
+fn a_job_streams_over_a_serial_port_with_the_simulations_very_steps() {
+    let folder = folder("serial");
+    let (job, _) = job(&folder, 3);
+    let simulated = json(&output(&["simulate", &job, "--json"]));
+    let mut digests = Vec::new();
+    // On a machine that is too busy the queue may run dry, which moves steps in time.
+    for _ in 0..3 {
+        let board = Board::unix(&folder, 2.0);
+        let line = SerialLine::to(&board);
+        let port = line.terminal.name().unwrap();
+        let status = json(&output(&["board", "status", "--port", &port, "--json"]));
+        assert_eq!(status["state"], "idle", "{status}");
+        let streamed = json(&output(&["stream", &job, "--port", &port, "--json"]));
+        assert_eq!(streamed["done"], true);
+        assert_eq!(streamed["reconnects"], 0);
+        line.end();
+        let board = board.end();
+        assert_eq!(counts(&board), simulated["final_counts"]);
+        assert_eq!(Value::from(board.steps), simulated["steps"]);
+        if board.underruns == 0 {
+            digests.push(board.step_digest);
+            break;
+        }
+    }
+    assert_eq!(digests.len(), 1, "the queue ran dry each time");
+    assert_eq!(simulated["step_digest"], digests[0].as_str());
 }
 
 #[test]

@@ -67,14 +67,32 @@ impl StepLog {
 
     /// A hash of every step: tick counted from `origin_tick`, motor, direction.
     pub fn digest(&self, origin_tick: u64) -> u64 {
-        // Multiply and fold, with the 64-bit FNV offset and the golden ratio: not cryptographic,
-        // any changed step changes it with near certainty.
-        self.iter().fold(0xcbf2_9ce4_8422_2325, |hash: u64, step| {
+        let mut digest = StepDigest::default();
+        for step in self.iter() {
             let tick = step.tick.wrapping_sub(origin_tick);
-            let word = tick << 4 | u64::from(step.motor) << 1 | u64::from(step.forward);
-            let mixed = (hash ^ word).wrapping_mul(0x9e37_79b9_7f4a_7c15);
-            mixed ^ mixed >> 29
-        })
+            digest.add(&Step { tick, ..step });
+        }
+        digest.0
+    }
+}
+
+/// A hash of steps, one after the other. Multiply and fold, with the 64-bit FNV offset and the golden
+/// ratio: not cryptographic, any changed step changes it with near certainty.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct StepDigest(pub u64);
+
+impl Default for StepDigest {
+    fn default() -> Self {
+        Self(0xcbf2_9ce4_8422_2325)
+    }
+}
+
+impl StepDigest {
+    /// The next step.
+    pub fn add(&mut self, step: &Step) {
+        let word = step.tick << 4 | u64::from(step.motor) << 1 | u64::from(step.forward);
+        let mixed = (self.0 ^ word).wrapping_mul(0x9e37_79b9_7f4a_7c15);
+        self.0 = mixed ^ mixed >> 29;
     }
 }
 

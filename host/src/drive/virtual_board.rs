@@ -4,6 +4,7 @@
 //! Its steps go nowhere but into counters and a digest. Limit switches close where the machine's
 //! range ends, so that homing can be tried. One host at a time; the next one waits.
 
+use crate::drive::record::{Step, StepDigest};
 use crate::drive::transport::{Listener, Transport};
 use headway_firmware::configuration::{ConfigurationError, MOTORS_MAX, MachineConfiguration};
 use headway_firmware::homing::HomingConfiguration;
@@ -39,21 +40,37 @@ struct Steps {
     directions: u8,
     counts: [i64; MOTORS_MAX],
     steps: u64,
+    /// Step tick at which the newest job's segment time began to run, and the digest since then.
+    origin_tick: u64,
+    digest: StepDigest,
+}
+
+impl Steps {
+    /// A job's segment time began at this step tick.
+    fn begin_job(&mut self, origin_tick: u64) {
+        if origin_tick != self.origin_tick {
+            self.origin_tick = origin_tick;
+            self.digest = StepDigest::default();
+        }
+    }
 }
 
 impl StepOutput for Steps {
     fn set_directions(&mut self, directions: u8) {
         self.directions = directions;
     }
-    fn step(&mut self, _tick: u64, motors: u8) {
-        for (motor, count) in self.counts.iter_mut().enumerate() {
+    fn step(&mut self, tick: u64, motors: u8) {
+        let tick = tick.wrapping_sub(self.origin_tick);
+        for (motor, count) in (0..).zip(&mut self.counts) {
             if motors >> motor & 1 == 1 {
-                *count += if self.directions >> motor & 1 == 1 {
-                    1
-                } else {
-                    -1
-                };
+                let forward = self.directions >> motor & 1 == 1;
+                *count += if forward { 1 } else { -1 };
                 self.steps += 1;
+                self.digest.add(&Step {
+                    tick,
+                    motor,
+                    forward,
+                });
             }
         }
     }
@@ -64,6 +81,8 @@ impl StepOutput for Steps {
 pub struct BoardFigures {
     /// Steps of all motors.
     pub steps: u64,
+    /// Hash of the newest job's steps, 16 hex digits: that of the simulation, if the queue never ran dry.
+    pub step_digest: String,
     /// Step counts as the firmware has them: joints in order, then the extruder.
     pub counts: Vec<i64>,
     /// How often the queue ran dry.
@@ -134,6 +153,7 @@ impl VirtualBoard {
         let motion = self.machine.motion();
         BoardFigures {
             steps: self.steps.steps,
+            step_digest: format!("{:016x}", self.steps.digest.0),
             counts: motion.counts()[..motion.motors()].to_vec(),
             underruns: motion.underruns(),
             hosts: self.hosts,
@@ -170,6 +190,10 @@ impl VirtualBoard {
                 emergency: false,
             });
             self.machine.run_servo_interval(&mut self.steps);
+            if let Some(start) = self.machine.motion().stream_start_ticks() {
+                let interval_ticks = u64::from(self.machine.interval_ticks());
+                self.steps.begin_job(start * interval_ticks);
+            }
         }
         self.ticks_done = due;
     }
