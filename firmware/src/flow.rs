@@ -10,6 +10,7 @@
 use crate::configuration::ExtruderConfiguration;
 use crate::design::{ACTIVE_EVENTS_MAX, ADVANCE_WINDOW_TICKS_MAX, FLOW_OVERRIDE_PERCENT_PER_S};
 use crate::steps::{ScaledUnits, StepScale, Target, steps_to_position};
+use headway_protocol::control::EVENT_VOLUME_UNITS_MAX;
 use headway_protocol::segment::{FlowAction, FlowEvent};
 use headway_protocol::units::{CHANNEL_VOLUME, UNITS_PER_NATURAL};
 use heapless::Vec;
@@ -22,21 +23,15 @@ const WINDOW_STEP: f32 = (1u32 << 16) as f32;
 /// A prime or retract in progress.
 #[derive(Clone, Copy, Debug, PartialEq)]
 struct ActiveEvent {
-    /// Volume, 10⁻⁶ mm³.
-    volume_units: u32,
-    /// The same with its sign, rounded once and for all.
+    /// Signed volume, 10⁻⁶ mm³; the protocol lets no more than 1000 mm³ through.
+    volume_units: i32,
+    /// The same, rounded once and for all.
     volume: f32,
     duration_ticks: u32,
     elapsed_ticks: u32,
 }
 
 impl ActiveEvent {
-    /// Signed volume, 10⁻⁶ mm³.
-    fn units(&self) -> i64 {
-        let units = i64::from(self.volume_units);
-        if self.volume < 0.0 { -units } else { units }
-    }
-
     /// Volume moved after `elapsed` ticks, 10⁻⁶ mm³.
     fn share_units(&self, elapsed_ticks: u32) -> f32 {
         let x = elapsed_ticks as f32 / self.duration_ticks as f32;
@@ -166,11 +161,14 @@ impl Flow {
 
     /// Begins a prime or retract in this servo tick. False if too many run already.
     pub fn begin(&mut self, event: &FlowEvent) -> bool {
-        let amount = event.volume_units as f32;
-        let retracts = event.action == FlowAction::Retract;
+        let volume = event.volume_units.min(EVENT_VOLUME_UNITS_MAX) as i32;
+        let volume_units = match event.action {
+            FlowAction::Prime => volume,
+            FlowAction::Retract => -volume,
+        };
         let active = ActiveEvent {
-            volume_units: event.volume_units,
-            volume: if retracts { -amount } else { amount },
+            volume_units,
+            volume: volume_units as f32,
             duration_ticks: event.duration_ticks.0.max(1),
             elapsed_ticks: 0,
         };
@@ -189,8 +187,8 @@ impl Flow {
         }
         for event in &self.active {
             // The share that the last tick's target had.
-            let units = event.share_units(event.elapsed_ticks.saturating_sub(1)) as i64;
-            self.settled_exact = moved(&self.scale, &self.settled_exact, units);
+            let units = event.share_units(event.elapsed_ticks.saturating_sub(1)) as i32;
+            self.settled_exact = self.scale.advanced(&self.settled_exact, units);
         }
         self.active.clear();
         self.settled = Target::of_distance(self.settled_exact.position);
@@ -233,7 +231,7 @@ impl Flow {
         let (scale, settled) = (&self.scale, &mut self.settled_exact);
         self.active.retain_mut(|event| {
             if event.elapsed_ticks >= event.duration_ticks {
-                *settled = moved(scale, settled, event.units());
+                *settled = scale.advanced(settled, event.volume_units);
                 return false;
             }
             sum += event.share_units(event.elapsed_ticks);
@@ -243,13 +241,6 @@ impl Flow {
         self.settled = Target::of_distance(settled.position);
         self.scale.steps(sum)
     }
-}
-
-/// A position moved by a volume of up to 33 bits, 10⁻⁶ mm³: in halves, which have 32.
-fn moved(scale: &StepScale, from: &ScaledUnits, units: i64) -> ScaledUnits {
-    let half = units >> 1;
-    let middle = scale.advanced(from, half as i32);
-    scale.advanced(&middle, (units - half) as i32)
 }
 
 #[cfg(test)]

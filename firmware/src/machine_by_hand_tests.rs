@@ -482,3 +482,54 @@ fn flow_override_scales_the_volume_and_keeps_the_path_and_the_extruders_limits()
         assert!(fastest < 60.0 && hardest < 3000.0, "{fastest} {hardest}");
     }
 }
+
+#[test]
+fn a_position_is_declared_at_rest_only_and_without_a_step() {
+    let (configuration, switches) = machine();
+    let mut world = World::new(&configuration, &switches);
+    let place = to_units(&[50.0, 60.0, 0.2, 0.0, 0.0, 1.5, 0.0]);
+    world.command(Control::Jog {
+        joint: 0,
+        distance_units: 50_000,
+        speed_units_s: 500_000,
+    });
+    world.tick();
+    world.command(Control::SetPosition(place));
+    world.settle();
+    assert_eq!(world.host.refusals, [RefusalReason::Busy]);
+    let steps = world.host.counter.steps;
+    world.command(Control::SetPosition(place));
+    world.settle();
+    let counts = world.host.machine.motion().counts();
+    assert_eq!(counts[..3], [50 * 80, 60 * 80, 80]);
+    assert_eq!(world.host.machine.motion().referenced(), 0b1111);
+    assert_eq!(world.host.counter.steps, steps);
+    // Nor does a place out of range count.
+    let mut beyond = place;
+    beyond[1] = 2_001_000;
+    world.command(Control::SetPosition(beyond));
+    world.settle();
+    assert_eq!(world.host.refusals[1..], [RefusalReason::Invalid]);
+    assert_eq!(world.host.machine.motion().counts(), counts);
+    assert_eq!(world.host.faults, []);
+}
+
+#[test]
+fn status_comes_as_often_as_asked() {
+    let (configuration, switches) = machine();
+    let mut world = World::new(&configuration, &switches);
+    // Ten a second unless asked otherwise.
+    for (period_ms, in_two_seconds) in [(None, 20), (Some(20), 100), (Some(500), 4)] {
+        if let Some(period_ms) = period_ms {
+            world.command(Control::ReportPeriod(period_ms));
+        }
+        world.host.poll();
+        world.host.statuses = 0;
+        for _ in 0..4000 {
+            world.tick();
+            world.host.poll();
+        }
+        let statuses = world.host.statuses;
+        assert!(statuses.abs_diff(in_two_seconds) <= 1, "{statuses}");
+    }
+}

@@ -216,3 +216,67 @@ fn garbage_lost_and_repeated_frames_change_no_step() {
     host.poll();
     assert_eq!(host.faults, []);
 }
+
+/// A bump in x of 20 mm and 2800 mm/s² in long spans, so that it goes further between the places that
+/// are looked at on reception than at them: the two maxima, mm.
+fn bump(phase: f64) -> (Job, f64, f64) {
+    let job = Job::of_curve(0.7, 40, |s| {
+        let angle = s * core::f64::consts::TAU / 0.7 + phase;
+        [10.0 * (1.0 - angle.cos()), 0.0, 0.2, 0.0, 0.0, 0.0, 0.0]
+    });
+    let (mut looked_at, mut all) = (0.0f64, 0.0f64);
+    for span in job.spans() {
+        for tick in 0..=span.duration_ticks {
+            let x_mm = span.position(f64::from(tick))[0];
+            all = all.max(x_mm);
+            if tick % (span.duration_ticks / 2).max(1) == 0 {
+                looked_at = looked_at.max(x_mm);
+            }
+        }
+    }
+    (job, looked_at, all)
+}
+
+#[test]
+fn a_soft_limit_that_reception_cannot_see_stops_at_run_time_and_knows_its_counts() {
+    let bumps = (0..20).map(|i| bump(0.02 * f64::from(i)));
+    let (job, looked_at, all) = bumps
+        .max_by(|a, b| (a.2 - a.1).total_cmp(&(b.2 - b.1)))
+        .unwrap();
+    let mut configuration = planar();
+    // A step is 12.5 µm.
+    assert!(all - looked_at > 0.025, "{looked_at} {all}");
+    configuration.joints[0].position_max = looked_at + 0.002;
+    let mut host = Host::new(&configuration, &job);
+    for _ in 0..4000 {
+        host.send(&job, 8, 16);
+        host.tick();
+    }
+    assert_eq!(steps_of(&mut host, 500), 0);
+    assert_eq!(host.faults.len(), 1, "{:?}", host.faults);
+    let fault = host.faults[0];
+    assert_eq!((fault.cause, fault.index), (FaultCause::SoftLimit, 0));
+    let highest = (configuration.joints[0].position_max * 80.0).round() as i64;
+    // The steps of the tick that would have gone too far were not made, nor those that led there.
+    assert!((highest - 40..=highest).contains(&host.counter.counts[0]));
+    assert!((f64::from(fault.value) * 1e-4 - looked_at) > 0.0);
+}
+
+#[test]
+fn a_motor_asked_for_more_than_a_step_a_tick_stops_the_machine() {
+    let mut configuration = planar();
+    // 40 mm/s and more: 320,000 steps a second.
+    configuration.joints[0].steps_per_unit = 8000.0;
+    let job = flower();
+    let mut host = Host::new(&configuration, &job);
+    for _ in 0..4000 {
+        host.send(&job, 8, 16);
+        host.tick();
+    }
+    assert_eq!(steps_of(&mut host, 500), 0);
+    assert!(host.counter.steps > 1000);
+    let fault = host.faults[0];
+    assert_eq!((fault.cause, fault.index), (FaultCause::StepRate, 0));
+    // Steps a second: just above 0.98 of the step rate.
+    assert!((195_000..230_000).contains(&fault.value), "{fault:?}");
+}

@@ -190,6 +190,7 @@ struct Host {
     stream_sequence: u16,
     ack: Option<Ack>,
     state: DeviceState,
+    statuses: u32,
     faults: Vec<Fault>,
     refusals: Vec<RefusalReason>,
     predictor: KnotPredictor,
@@ -238,6 +239,7 @@ impl Host {
             stream_sequence: 500,
             ack: None,
             state: DeviceState::Idle,
+            statuses: 0,
             faults: Vec::new(),
             refusals: Vec::new(),
             predictor: KnotPredictor::new(job.start),
@@ -284,7 +286,10 @@ impl Host {
                 };
                 match DeviceMessage::decode(frame.unwrap().payload).unwrap() {
                     DeviceMessage::Ack(ack) => self.ack = Some(ack),
-                    DeviceMessage::Status(status) => self.state = status.state,
+                    DeviceMessage::Status(status) => {
+                        self.state = status.state;
+                        self.statuses += 1;
+                    }
                     DeviceMessage::Fault(fault) => self.faults.push(fault),
                     DeviceMessage::Welcome(welcome) => assert_eq!(welcome.session, 77),
                     DeviceMessage::Nak(ack) => self.ack = Some(ack),
