@@ -118,15 +118,19 @@ impl BridgeCosts {
         let cell = |p: Point2| (p - self.grid.origin) / self.grid.cell_mm;
         let (low, high) = (cell(bounds.min), cell(bounds.max));
         let (column, row) = (low.x.max(0.0) as usize, low.y.max(0.0) as usize);
-        let columns = (high.x.max(0.0) as usize).min(self.grid.columns - 1) + 1 - column;
-        let rows = (high.y.max(0.0) as usize).min(self.grid.rows - 1) + 1 - row;
+        // The part of the raster about the ways; what lies beyond is cut off.
+        let part = CellGrid {
+            origin: self.grid.origin + Vector2::new(column as f64, row as f64) * self.grid.cell_mm,
+            cell_mm: self.grid.cell_mm,
+            columns: (high.x.max(0.0) as usize).min(self.grid.columns - 1) + 1 - column,
+            rows: (high.y.max(0.0) as usize).min(self.grid.rows - 1) + 1 - row,
+        };
         // Which of the ways cover each cell.
-        let mut marks = vec![0u8; columns * rows];
+        let mut marks = vec![0u8; part.len()];
         for (number, way) in ways {
             for at in swept(way.iter().copied(), &self.aperture) {
-                self.grid.for_rows(&self.aperture, at, |first, from, to| {
-                    let own = (first / self.grid.columns - row) * columns;
-                    for mark in &mut marks[own + from - column..=own + to - column] {
+                part.for_rows(&self.aperture, at, |first, from, to| {
+                    for mark in &mut marks[first + from..=first + to] {
                         *mark |= 1 << number;
                     }
                 });
@@ -136,7 +140,8 @@ impl BridgeCosts {
         cells
             .map(|(at, mark)| {
                 let (old, new) = ((mark & 3).count_ones(), (mark >> 2).count_ones());
-                let at = (at / columns + row) * self.grid.columns + at % columns + column;
+                let (across, up) = (at % part.columns + column, at / part.columns + row);
+                let at = up * self.grid.columns + across;
                 let others = u32::from(self.counts[at]).saturating_sub(old);
                 spoils(others + new) - spoils(others + old)
             })
