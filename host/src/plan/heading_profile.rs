@@ -294,9 +294,11 @@ impl<'a> Run<'a> {
         let support = aperture.support_point(heading_rad, c.normal);
         let (tangent, wanted) = if c.on_axis {
             let center = aperture.center_on_axis(heading_rad, c.point, c.normal);
+            // A tilted aperture touches the one wall ahead, the other behind: where the passage
+            // narrows it stands beside the axis.
             let ahead_mm = support.dot(&along);
-            let both = self.wanted_mm(i, ahead_mm) + self.wanted_mm(i, -ahead_mm);
-            (center, 0.5 * both)
+            let (far, near) = (self.wanted_mm(i, ahead_mm), self.wanted_mm(i, -ahead_mm));
+            (center + c.normal * (0.5 * (far - near)), 0.5 * (far + near))
         } else {
             let center = aperture.center_on_wall(heading_rad, c.point, c.normal);
             let ahead_mm = (center + support - c.point).dot(&along);
