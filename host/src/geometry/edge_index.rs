@@ -84,12 +84,12 @@ impl Edge {
     }
 }
 
-/// The cell wished for, down to a third of it where edges are so short that one would hold many.
+/// The cell wished for, down to a tenth of it where edges are so short that one would hold many.
 fn cell_of(edges: &[Edge], wish_mm: f64) -> f64 {
     let total_mm: f64 = edges.iter().map(Edge::length_mm).sum();
     let few_mm = EDGES_PER_CELL * total_mm / edges.len().max(1) as f64;
     if few_mm.is_finite() {
-        few_mm.min(wish_mm).max(wish_mm / 3.0)
+        few_mm.min(wish_mm).max(wish_mm / 10.0)
     } else {
         wish_mm
     }

@@ -13,7 +13,7 @@ use crate::geometry::edge_index::EdgeIndex;
 use crate::geometry::{Point2, Vector2};
 use crate::job::{MotionState, SegmentStream};
 use crate::part_transform::PartTransform;
-use crate::plan::reachable::is_reachable;
+use crate::plan::reachable::reachable_count;
 use crate::settings::Settings;
 use headway_firmware::spline::Spans;
 use headway_protocol::units::{CHANNEL_HEADING, CHANNEL_X, CHANNEL_Y, CHANNEL_Z};
@@ -264,9 +264,6 @@ fn reachable_share_of_gaps(raster: &Coverage, walls: &EdgeIndex, settings: &Sett
     }
     let stride = gaps.len().div_ceil(ASKED_MAX);
     let asked: Vec<_> = gaps.into_iter().step_by(stride).collect();
-    let reached = asked
-        .par_iter()
-        .filter(|&&p| is_reachable(&settings.aperture, p, walls))
-        .count();
+    let reached = reachable_count(&settings.aperture, &asked, walls);
     reached as f64 / asked.len() as f64
 }

@@ -33,6 +33,7 @@ pub mod path_curve;
 pub mod path_samples;
 pub mod printed_order;
 pub mod reachable;
+pub mod room;
 pub mod route;
 mod runs;
 pub mod seam;
