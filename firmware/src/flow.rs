@@ -62,6 +62,8 @@ pub struct Flow {
 /// Flow override: what is deposited above or below the plan.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 struct FlowScaling {
+    /// Something was asked since the last declaration.
+    is_asked: bool,
     wanted_q16: u32,
     factor_q16: u32,
     /// Change of the factor in a servo tick.
@@ -76,6 +78,7 @@ impl FlowScaling {
     fn new(servo_hz: u32) -> Self {
         let per_s_q16 = FLOW_OVERRIDE_PERCENT_PER_S * UNSCALED_Q16 / 100;
         Self {
+            is_asked: false,
             wanted_q16: UNSCALED_Q16,
             factor_q16: UNSCALED_Q16,
             slope_q16: (per_s_q16 / servo_hz.max(1)).max(1),
@@ -84,10 +87,9 @@ impl FlowScaling {
         }
     }
 
-    /// False while nothing was ever asked.
-    #[inline]
-    fn is_asked(&self) -> bool {
-        self.last.is_some() || self.wanted_q16 != UNSCALED_Q16
+    fn ask(&mut self, wanted_q16: u32) {
+        self.wanted_q16 = wanted_q16;
+        self.is_asked |= wanted_q16 != UNSCALED_Q16;
     }
 
     /// What is added to the planned position, `steps` above `base`.
@@ -108,6 +110,7 @@ impl FlowScaling {
     /// Starts anew from a declared position; the factor stays.
     fn settle(&mut self) {
         self.factor_q16 = self.wanted_q16;
+        self.is_asked = self.wanted_q16 != UNSCALED_Q16;
         self.last = None;
         self.extra = 0;
     }
@@ -136,7 +139,8 @@ impl Flow {
 
     /// Flow override in per cent; the change takes its time.
     pub fn set_override(&mut self, percent: u16) {
-        self.scaling.wanted_q16 = (u32::from(percent) * UNSCALED_Q16 + 50) / 100;
+        let wanted_q16 = (u32::from(percent) * UNSCALED_Q16 + 50) / 100;
+        self.scaling.ask(wanted_q16);
     }
 
     /// Flow override asked for, per cent.
@@ -199,7 +203,7 @@ impl Flow {
     #[inline(always)]
     pub fn target(&mut self, base: Target, deposited: f32) -> Target {
         let mut base = base;
-        if self.scaling.is_asked() {
+        if self.scaling.is_asked {
             base = base.plus(self.scaling.extra(base, deposited));
         }
         let now = base.coarse();

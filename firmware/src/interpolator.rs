@@ -217,9 +217,10 @@ impl Interpolator {
         &self.present().load
     }
 
-    /// Index of the present span, `None` before the first.
-    pub fn span(&self) -> Option<u32> {
-        self.spans_begun.checked_sub(1)
+    /// Spans begun since the stream's start, and whole ticks since the present one's start.
+    #[inline]
+    pub fn spans_and_ticks(&self) -> (u32, u16) {
+        (self.spans_begun, (self.local_q16 >> 16) as u16)
     }
 
     /// Spans completed since the stream's start.
@@ -229,11 +230,6 @@ impl Interpolator {
         } else {
             self.spans_begun
         }
-    }
-
-    /// Whole ticks since the present span's start.
-    pub fn local_ticks(&self) -> u16 {
-        (self.local_q16 >> 16) as u16
     }
 
     /// Segment time since the stream's start, 2^-16 servo ticks.
@@ -277,7 +273,7 @@ impl Interpolator {
         let stop = self.ceiling_at_end(queue).stop;
         self.outlook = if stop >= CEILING_OPEN {
             Outlook::Open
-        } else if stop >= 1.0 {
+        } else if stop >= 1.0 && !queue.is_short() {
             Outlook::OpenToEnd
         } else {
             Outlook::Limited
@@ -298,10 +294,7 @@ impl Interpolator {
     /// known before the head moves. True if a span was begun.
     #[inline]
     pub fn begin_next(&mut self, queue: &mut KnotQueue) -> bool {
-        if self.playing && self.remaining_q16() > 0 {
-            return false;
-        }
-        self.begin(queue)
+        self.remaining_q16() == 0 && self.begin(queue)
     }
 
     fn begin(&mut self, queue: &mut KnotQueue) -> bool {

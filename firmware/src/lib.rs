@@ -20,6 +20,7 @@ pub mod boards;
 pub mod carriers;
 pub mod configuration;
 pub mod design;
+pub mod event_queue;
 pub mod flow;
 pub mod hold;
 pub mod homing;

@@ -67,19 +67,28 @@ pub(crate) fn smaller(a: f32, b: f32) -> f32 {
     if a < b { a } else { b }
 }
 
+/// Segment time below which the queue's end is looked for: 128 ms at 2 kHz, more than the head needs to
+/// come to rest from 150 mm/s.
+const SHORT_TICKS: u32 = 256;
+
 /// The bounded queue.
 #[derive(Clone, Debug, Default)]
+// What every tick uses comes first.
+#[repr(C)]
 pub struct KnotQueue {
-    knots: Deque<QueuedKnot, QUEUE_KNOTS>,
     queued_ticks: u32,
+    /// The last span that was queued ends at rest.
+    ends_at_rest: bool,
+    knots: Deque<QueuedKnot, QUEUE_KNOTS>,
 }
 
 impl KnotQueue {
     /// Empty.
     pub const fn new() -> Self {
         Self {
-            knots: Deque::new(),
             queued_ticks: 0,
+            ends_at_rest: false,
+            knots: Deque::new(),
         }
     }
 
@@ -103,15 +112,37 @@ impl KnotQueue {
         self.queued_ticks
     }
 
-    /// True if the last span that waits ends at rest.
-    pub fn ends_at_rest(&self) -> bool {
-        self.knots.back().is_some_and(|last| last.ends_at_rest)
+    /// True if its end may soon be felt: in the middle of a stretch.
+    pub fn is_short(&self) -> bool {
+        self.queued_ticks < SHORT_TICKS && !self.ends_at_rest
+    }
+
+    /// The stop ceiling so many ticks after the start of the next knot's span.
+    pub fn stop_ahead(&self, mut ticks: f32) -> f32 {
+        for (index, entry) in self.knots.iter().enumerate() {
+            let span_ticks = f32::from(entry.span_ticks);
+            if ticks < span_ticks {
+                let at_end = if entry.ends_at_rest {
+                    Ceiling::OPEN
+                } else {
+                    self.get(index + 1)
+                        .map_or(Ceiling::END, |next| next.ceiling)
+                };
+                return at_end.before(span_ticks - ticks, &entry.load).stop;
+            }
+            if entry.ends_at_rest {
+                return CEILING_OPEN;
+            }
+            ticks -= span_ticks;
+        }
+        0.0
     }
 
     /// Adds a knot; false if there is no room. Call [`Self::update_ceilings`] after the last one.
     pub fn push(&mut self, knot: QueuedKnot) -> bool {
         let added = self.knots.push_back(knot).is_ok();
         if added {
+            self.ends_at_rest = knot.ends_at_rest;
             self.queued_ticks += u32::from(knot.span_ticks);
         }
         added
@@ -204,6 +235,32 @@ mod tests {
         queue.update_ceilings(QUEUE_KNOTS);
         let first = queue.front().unwrap().ceiling;
         assert!(first.stop > 1.0 && first.stop < 1.04, "{first:?}");
+    }
+
+    #[test]
+    fn the_stop_ceiling_is_known_ahead() {
+        let mut queue = KnotQueue::new();
+        for (span_ticks, ends_at_rest) in [(10, false), (6, false), (8, false), (5, true)] {
+            assert!(queue.push(knot(span_ticks, 0.4, 30.0, ends_at_rest)));
+        }
+        assert!(!queue.is_short(), "it ends at rest");
+        assert!(queue.push(knot(9, 0.4, 30.0, false)));
+        assert!(queue.is_short());
+        queue.update_ceilings(5);
+        let starts: std::vec::Vec<f32> = (0..5)
+            .map(|index| queue.get(index).unwrap().ceiling.stop)
+            .collect();
+        for (ticks, index) in [(0.0, 0), (10.0, 1), (16.0, 2), (24.0, 3)] {
+            assert_eq!(queue.stop_ahead(ticks), starts[index], "{ticks}");
+        }
+        assert!(queue.stop_ahead(3.0) < starts[0].max(starts[1]) + 1e-3);
+        // It may stop at the rest; without one the end is the end.
+        assert_eq!(queue.stop_ahead(30.0), CEILING_OPEN);
+        for _ in 0..4 {
+            queue.pop();
+        }
+        assert!(queue.stop_ahead(8.9) < queue.stop_ahead(8.0));
+        assert_eq!(queue.stop_ahead(9.0), 0.0);
     }
 
     #[test]

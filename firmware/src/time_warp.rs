@@ -8,10 +8,10 @@
 //!
 //! Ramps that somebody asked for (override, pause, resume) also build their slope up and down, over
 //! [`SLOPE_TICKS`], and bend round when they are called back, so that the joints' acceleration does not
-//! jump. A ramp that the queue's end or
-//! a limit demands may take its whole slope at once: it must end where it must. The extruder's
-//! speed does not jump in either: pressure advance is smoothed over its window (flow.rs), and its
-//! acceleration is part of the load.
+//! jump. So does the slope of a ramp that the queue's end demands, where the end is seen in time; one that
+//! a limit demands may take its whole slope at once. Both may end at once, for they must end where they
+//! must. The extruder's speed does not jump in either: pressure advance is smoothed over its window
+//! (flow.rs), and its acceleration is part of the load.
 
 use crate::design::{CEILING_OPEN, PATH_RATE_MAX, WARP_ROOM};
 use crate::interpolator::TICK_Q16;
@@ -60,20 +60,26 @@ impl TimeWarp {
     }
 
     /// Next rate, 2^-16. True as second value if the queue's end holds it below what is wanted.
-    pub fn step(&mut self, bounds: &WarpBounds) -> (u32, bool) {
+    /// `stop_ahead`: where the end is near, gives the stop ceiling so many ticks ahead of here.
+    pub fn step(
+        &mut self,
+        bounds: &WarpBounds,
+        stop_ahead: Option<impl Fn(f32) -> f32>,
+    ) -> (u32, bool) {
         const PER_TICK: f32 = 1.0 / TICK_Q16 as f32;
         let wanted_q16 = bounds.wanted_q16;
         let old = self.rate_q16 as f32 * PER_TICK;
         let wanted = wanted_q16 as f32 * PER_TICK;
         let ramped = bounds.ramped(old, wanted, self.slope);
-        let (free, rate) = bounds.bounded(old, ramped);
+        let (free, most) = bounds.bounded(old, ramped);
+        let rate = bounds.gentle(old, most, self.slope, stop_ahead);
         self.rate_q16 = if rate == wanted {
             wanted_q16
         } else {
             (rate * TICK_Q16 as f32) as u32
         };
         // Only a slope that was asked for is taken back: what a limit demands may end at once.
-        let asked = !bounds.at_rest && rate != wanted && rate == ramped;
+        let asked = !bounds.at_rest && rate != wanted && (rate == ramped || rate < most);
         self.slope = if asked { rate - old } else { 0.0 };
         (self.rate_q16, rate < free)
     }
@@ -134,6 +140,41 @@ impl WarpBounds {
             return (free, free);
         }
         (free, self.below(here.stop, ahead.stop, free).larger(0.0))
+    }
+
+    /// Not so fast that the slope could not be built up before the ceiling of the queue's end is met.
+    fn gentle(
+        &self,
+        old: f32,
+        rate: f32,
+        last: f32,
+        stop_ahead: Option<impl Fn(f32) -> f32>,
+    ) -> f32 {
+        let Some(stop_ahead) = stop_ahead else {
+            return rate;
+        };
+        let full = self.slope(old, old);
+        if self.at_rest || full <= 0.0 {
+            return rate;
+        }
+        let build_up = full * (1.0 / SLOPE_TICKS);
+        // From this slope to the full one downwards, as slowly as a ramp that is asked for.
+        let slope = rate - old;
+        let ticks = (slope + full) / build_up;
+        if ticks <= 0.0 {
+            return rate;
+        }
+        let fits = [0.5, 1.0].iter().all(|part| {
+            let ticks = part * ticks;
+            let reached = rate + ticks * (slope - 0.5 * build_up * ticks);
+            let way = ticks * (rate + ticks * (0.5 * slope - build_up * ticks * (1.0 / 6.0)));
+            // A tick further, so that the ceiling itself is hardly ever met.
+            reached <= 0.0 || reached * reached <= stop_ahead(rate + way + reached)
+        });
+        if fits {
+            return rate;
+        }
+        smaller(rate, old + (last - build_up).larger(-full))
     }
 
     /// Ceilings after one tick at `rate`.
@@ -211,6 +252,11 @@ mod tests {
         }
     }
 
+    /// With the queue's end far away.
+    fn step(warp: &mut TimeWarp, bounds: &WarpBounds) -> (u32, bool) {
+        warp.step(bounds, None::<fn(f32) -> f32>)
+    }
+
     fn rate(warp: &TimeWarp) -> f32 {
         warp.rate_q16() as f32 / TICK_Q16 as f32
     }
@@ -220,11 +266,11 @@ mod tests {
         let mut warp = TimeWarp::default();
         let mut at_rest = bounds(1.0, 4000.0, Ceiling::OPEN);
         at_rest.at_rest = true;
-        assert_eq!(warp.step(&at_rest), (TICK_Q16, false));
+        assert_eq!(step(&mut warp, &at_rest), (TICK_Q16, false));
         let (mut remaining, mut held_ticks) = (300.0f32, 0);
         for _ in 0..2000 {
             let before = rate(&warp);
-            let (_, held) = warp.step(&bounds(1.0, remaining, Ceiling::END));
+            let (_, held) = step(&mut warp, &bounds(1.0, remaining, Ceiling::END));
             held_ticks += u32::from(held);
             let now = rate(&warp);
             let used = LOAD.alpha * before * before + (before - now).abs() * LOAD.beta_ticks;
@@ -245,7 +291,7 @@ mod tests {
         let mut rates = std::vec::Vec::new();
         for wanted in [1.0f32, 0.0, 1.5, 0.3] {
             for _ in 0..400 {
-                warp.step(&bounds(wanted, 1e6, Ceiling::OPEN));
+                step(&mut warp, &bounds(wanted, 1e6, Ceiling::OPEN));
                 rates.push(rate(&warp));
             }
             let reached = rate(&warp);
@@ -269,7 +315,7 @@ mod tests {
         let mut rates = std::vec![0.0f32, 0.0];
         for wanted in [1.0f32, 0.0, 1.2, 0.3] {
             for _ in 0..400 {
-                warp.step(&bounds(wanted, 1e6, Ceiling::OPEN));
+                step(&mut warp, &bounds(wanted, 1e6, Ceiling::OPEN));
                 rates.push(rate(&warp));
             }
         }
@@ -287,13 +333,44 @@ mod tests {
     }
 
     #[test]
+    fn an_end_that_is_seen_in_time_is_met_gently_and_exactly() {
+        let mut warp = TimeWarp::default();
+        let mut at_rest = bounds(1.0, 4000.0, Ceiling::OPEN);
+        at_rest.at_rest = true;
+        step(&mut warp, &at_rest);
+        let (mut remaining, mut rates) = (300.0f32, std::vec![1.0f32, 1.0]);
+        for _ in 0..2000 {
+            let stop_ahead = |ticks: f32| match remaining - ticks {
+                left if left > 0.0 => Ceiling::END.before(left, &LOAD).stop,
+                _ => 0.0,
+            };
+            warp.step(&bounds(1.0, remaining, Ceiling::END), Some(stop_ahead));
+            rates.push(rate(&warp));
+            remaining -= rate(&warp);
+        }
+        assert!((0.0..0.01).contains(&remaining), "{remaining} ticks left");
+        let mut bent = 0;
+        for three in rates.windows(3) {
+            // Until it is so slow that the end comes before the slope.
+            if three[2] < 0.4 {
+                break;
+            }
+            let full = slope_of(&LOAD, three[1] * three[1]);
+            let bend = (three[2] - 2.0 * three[1] + three[0]).abs();
+            assert!(bend < 0.15 * full, "{three:?}");
+            bent += u32::from(bend > 0.04 * full);
+        }
+        assert!(bent > 10, "{bent}");
+    }
+
+    #[test]
     fn a_ramp_that_is_called_back_bends_round() {
         let mut warp = TimeWarp::default();
         let mut rates = std::vec![0.0f32, 0.0];
         // Each is called back in the middle, on its full slope.
         for (wanted, ticks) in [(1.0f32, 25), (0.0, 25), (1.2, 30), (0.3, 400)] {
             for _ in 0..ticks {
-                warp.step(&bounds(wanted, 1e6, Ceiling::OPEN));
+                step(&mut warp, &bounds(wanted, 1e6, Ceiling::OPEN));
                 rates.push(rate(&warp));
             }
         }
@@ -313,9 +390,9 @@ mod tests {
         let mut warp = TimeWarp::default();
         let mut start = bounds(1.0, 100.0, Ceiling::OPEN);
         start.at_rest = true;
-        warp.step(&start);
+        step(&mut warp, &start);
         for remaining in (1..2000).rev() {
-            let (rate_q16, held) = warp.step(&bounds(1.0, remaining as f32, Ceiling::OPEN));
+            let (rate_q16, held) = step(&mut warp, &bounds(1.0, remaining as f32, Ceiling::OPEN));
             assert_eq!((rate_q16, held), (TICK_Q16, false));
         }
     }

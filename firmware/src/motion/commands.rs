@@ -104,7 +104,7 @@ impl Motion {
 
     /// Queues a flow event; false if it does not fit.
     pub fn push_event(&mut self, event: &FlowEvent) -> bool {
-        self.fault.is_some() || self.aborting || self.events.push_back(*event).is_ok()
+        self.fault.is_some() || self.aborting || self.events.push(event)
     }
 
     /// The stream is complete.

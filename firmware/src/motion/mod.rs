@@ -15,9 +15,10 @@ mod status;
 use crate::carriers::Carriers;
 use crate::configuration::MachineConfiguration;
 use crate::design::{
-    HOLD_RETRACT_DELAY_MS, QUEUE_EVENTS, QUIET_START_MS, START_QUEUED_MS, START_ROOM_KNOTS,
+    CEILING_OPEN, HOLD_RETRACT_DELAY_MS, QUIET_START_MS, START_QUEUED_MS, START_ROOM_KNOTS,
     ticks_of_ms,
 };
+use crate::event_queue::EventQueue;
 use crate::flow::{Flow, UNSCALED_Q16};
 use crate::hold::Hold;
 use crate::homing::HomingConfiguration;
@@ -29,8 +30,6 @@ use crate::steps::{StepBank, StepProgrammer, StepRateExceeded};
 use crate::time_warp::{TimeWarp, WarpBounds};
 use by_hand::ByHand;
 use headway_protocol::message::{Fault, FaultCause};
-use headway_protocol::segment::FlowEvent;
-use heapless::Deque;
 
 /// Where a stream stands.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -114,7 +113,7 @@ pub struct Motion {
     underruns: u32,
     holds: u32,
     flow: Flow,
-    events: Deque<FlowEvent, QUEUE_EVENTS>,
+    events: EventQueue,
     interpolator: Interpolator,
     carriers: Carriers,
     by_hand: ByHand,
@@ -133,7 +132,7 @@ impl Motion {
             interpolator: Interpolator::new(&carriers),
             carriers,
             queue: KnotQueue::new(),
-            events: Deque::new(),
+            events: EventQueue::default(),
             warp: TimeWarp::default(),
             flow: Flow::new(&configuration.extruder, servo_hz),
             hold: Hold::new(ticks_of_ms(HOLD_RETRACT_DELAY_MS, servo_hz)),
@@ -246,17 +245,12 @@ impl Motion {
     /// Starts the flow events whose place segment time has reached.
     fn begin_due_events(&mut self) {
         // At most one a tick: two at the same place start half a millisecond apart.
-        let Some(event) = self.events.front() else {
-            return;
-        };
-        let Some(span) = self.interpolator.span() else {
-            return;
-        };
-        let reached = span > event.span
-            || (span == event.span && self.interpolator.local_ticks() >= event.offset_ticks);
-        if reached && self.flow.begin(event) {
+        let (spans_begun, local_ticks) = self.interpolator.spans_and_ticks();
+        if let Some(event) = self.events.due(spans_begun, local_ticks)
+            && self.flow.begin(event)
+        {
             self.hold.note(event);
-            self.events.pop_front();
+            self.events.pop();
         }
     }
 
@@ -291,37 +285,56 @@ impl Motion {
             return;
         }
         self.hold.moving();
-        let (rate_q16, held) = self.next_rate(wanted_q16);
-        if held && !self.held {
-            self.underruns = self.underruns.saturating_add(1);
-        }
-        self.held = held;
+        // Nothing can limit a steady rate of up to 1 where the outlook is free: this is the case in nearly
+        // all ticks, and the time warp need not be asked.
+        let steady = wanted_q16 == self.warp.rate_q16() && wanted_q16 <= TICK_Q16;
+        let rate_q16 = if steady && self.interpolator.is_free(wanted_q16) {
+            self.held = false;
+            wanted_q16
+        } else {
+            self.ask_warp(wanted_q16)
+        };
         self.interpolator.advance(rate_q16, &mut self.queue);
         self.note_rest(rate_q16, wanted_q16);
     }
 
-    /// Asks the time warp, unless nothing can limit it: then the answer is known, and this is the
-    /// case in nearly all ticks.
-    fn next_rate(&mut self, wanted_q16: u32) -> (u32, bool) {
-        let steady = wanted_q16 == self.warp.rate_q16() && wanted_q16 <= TICK_Q16;
-        if steady && self.interpolator.is_free(wanted_q16) {
-            return (wanted_q16, false);
-        }
-        self.ask_warp(wanted_q16)
-    }
-
+    /// The next path rate; notes whether the queue's end holds it.
     // Its registers are not to be those of all ticks.
     #[inline(never)]
-    fn ask_warp(&mut self, wanted_q16: u32) -> (u32, bool) {
-        let load = *self.interpolator.load();
-        self.warp.step(&WarpBounds {
+    fn ask_warp(&mut self, wanted_q16: u32) -> u32 {
+        let before_q16 = self.warp.rate_q16();
+        let (interpolator, queue) = (&self.interpolator, &self.queue);
+        let load = *interpolator.load();
+        let remaining_ticks = interpolator.remaining_q16() as f32 / TICK_Q16 as f32;
+        let bounds = WarpBounds {
             wanted_q16,
-            remaining_ticks: self.interpolator.remaining_q16() as f32 / TICK_Q16 as f32,
+            remaining_ticks,
             load,
-            next_load: self.queue.front().map_or(load, |next| next.load),
-            ceiling_at_end: self.interpolator.ceiling_at_end(&self.queue),
-            at_rest: self.interpolator.is_at_rest_point(),
-        })
+            next_load: queue.front().map_or(load, |next| next.load),
+            ceiling_at_end: interpolator.ceiling_at_end(queue),
+            at_rest: interpolator.is_at_rest_point(),
+        };
+        let stop_ahead = |ticks: f32| {
+            if ticks < remaining_ticks {
+                bounds
+                    .ceiling_at_end
+                    .before(remaining_ticks - ticks, &load)
+                    .stop
+            } else if interpolator.ends_at_rest() {
+                CEILING_OPEN
+            } else {
+                queue.stop_ahead(ticks - remaining_ticks)
+            }
+        };
+        let stop_ahead = queue.is_short().then_some(stop_ahead);
+        let (rate_q16, limited) = self.warp.step(&bounds, stop_ahead);
+        // Once held, it is so until the head gets no slower any more.
+        let held = limited || (self.held && rate_q16 < before_q16);
+        if held && !self.held {
+            self.underruns = self.underruns.saturating_add(1);
+        }
+        self.held = held;
+        rate_q16
     }
 
     /// Rate that override and pause ask for, before any limit.
@@ -356,7 +369,7 @@ impl Motion {
             && (self.finish
                 || self.queue.queued_ticks() >= ticks_of_ms(START_QUEUED_MS, self.servo_hz)
                 || self.queue.room() < START_ROOM_KNOTS
-                || self.events.is_full()
+                || self.events.room() == 0
                 || self.quiet_ticks() >= ticks_of_ms(QUIET_START_MS, self.servo_hz))
     }
 

@@ -2,7 +2,6 @@
 
 use super::{Motion, Phase};
 use crate::configuration::MOTORS_MAX;
-use crate::design::QUEUE_EVENTS;
 use crate::steps::count;
 use headway_protocol::message::{DeviceState, Fault};
 
@@ -83,12 +82,12 @@ impl Motion {
 
     /// Flow events that wait.
     pub fn queued_events(&self) -> usize {
-        self.events.len()
+        self.events.waiting()
     }
 
     /// Flow events that still fit.
     pub fn event_room(&self) -> usize {
-        QUEUE_EVENTS - self.events.len()
+        self.events.room()
     }
 
     /// Joints whose position is known, bit 0 = joint 0.

@@ -3,9 +3,10 @@
 //! ```text
 //! SysTick, highest:  step ticks; pends the servo at the end of each interval
 //! PendSV, below:     servo tick: motion -> program for the next interval
-//! main loop, lowest: link: bytes -> requests, reports -> bytes
+//! main loop, lowest: link: bytes -> requests, reports -> bytes; the spans to come
 //! ```
-//! The main loop holds the servo off by BASEPRI for the moment of a command. **Nothing here holds
+//! The main loop holds the servo off by BASEPRI for the moment of a command, or while it lays a span
+//! (5 µs). **Nothing here holds
 //! the steps off.** Servo and steps have a bank each, and change them by one word ([`HANDOVER`]):
 //!
 //! ```text
