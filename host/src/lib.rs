@@ -48,8 +48,9 @@ use crate::plan::medial_axis::{AxisOptions, MedialAxis, MedialAxisError};
 use crate::plan::order::region_order;
 use crate::plan::passes::{LayerPass, PassSettings, outer_passes, passes};
 use crate::plan::printed_order::{RegionPasses, in_printing_order};
+use crate::plan::progress::{Progress, Stage, Steps, step_each};
 use crate::plan::route::Route;
-use crate::plan::segments::{MotionReport, lay_segments};
+use crate::plan::segments::{MotionReport, lay_segments_telling};
 use crate::plan::skeleton::Axis;
 use crate::plan::skirt::{SkirtPlan, skirt_plan, skirt_reach_mm};
 use crate::plan::travel_ways::{TravelError, TravelWays, outline_crossings};
@@ -165,10 +166,11 @@ pub enum PlanError {
 /// # Errors
 /// [`PlanError`].
 pub fn plan_target(target: &Target, settings: &Settings) -> Result<Plan, PlanError> {
-    plan_target_around(target, &[], settings)
+    plan_target_around(target, &[], settings, &())
 }
 
 /// Plans a target around keep-outs (input coordinates): the whole pipeline, one line for each stage.
+/// `progress` is told how far it is (`()` tells nobody).
 ///
 /// # Errors
 /// [`PlanError`].
@@ -176,6 +178,7 @@ pub fn plan_target_around(
     target: &Target,
     keep_out: &[Region],
     settings: &Settings,
+    progress: &dyn Progress,
 ) -> Result<Plan, PlanError> {
     settings.check()?;
     let bounds = target_bounds(target).grown(skirt_reach_mm(settings));
@@ -184,12 +187,16 @@ pub fn plan_target_around(
     if cleared.regions.is_empty() {
         return Err(PlanError::AllKeptOut);
     }
-    let regions: Result<Vec<RegionPlan>, PlanError> = cleared
-        .regions
-        .iter()
-        .map(|region| plan_region(region, settings))
-        .collect();
-    let regions = regions?;
+    let outlines: Vec<&Region> = cleared.regions.iter().collect();
+    let contours = step_each(progress, Stage::Contour, outlines, |region| {
+        Contour::of_region(region, SIMPLIFY_MM)
+    })?;
+    let axes = step_each(progress, Stage::Axis, contours, |contour| {
+        axis_of(contour, settings)
+    })?;
+    let regions = step_each(progress, Stage::Passes, axes, |region| {
+        Ok::<_, PlanError>(with_passes(region, settings))
+    })?;
     if regions.iter().all(|region| region.passes.is_empty()) {
         return Err(nothing_printable(&regions, settings));
     }
@@ -198,7 +205,7 @@ pub fn plan_target_around(
     let from = Point2::new(start[CHANNEL_X], start[CHANNEL_Y]) - shift;
     let skirt = skirt_plan(&target.regions, &taken(keep_out, settings), from, settings)?;
     let from = skirt.as_ref().and_then(SkirtPlan::end).unwrap_or(from);
-    let regions = in_order(regions, from, settings);
+    let regions = in_order(regions, from, settings, progress);
     let (curves, region_of_curve) = plane_passes(skirt.as_ref(), &regions, &transform, settings);
     if curves.is_empty() {
         return Err(nothing_printable(&regions, settings));
@@ -209,10 +216,16 @@ pub fn plan_target_around(
     let ground = on_machine(&cleared.regions);
     let mut ways = TravelWays::new(&on_machine(keep_out), &ground, settings)?;
     let route = build_route(&curves, start, &mut ways, settings).map_err(|e| e.shifted(-shift))?;
-    let (stream, motion) = lay_segments(&route, settings)?;
+    let (stream, motion) = lay_segments_telling(&route, settings, progress)?;
     let contours = regions_for_measure(&regions);
-    let (figures, coverage) =
-        measure_layer(&stream, &contours, &region_of_curve, &transform, settings);
+    let (figures, coverage) = measure_layer(
+        &stream,
+        &contours,
+        &region_of_curve,
+        &transform,
+        settings,
+        progress,
+    );
     Ok(Plan {
         transform,
         keep_out: keep_out.to_vec(),
@@ -230,30 +243,34 @@ pub fn plan_target_around(
     })
 }
 
-/// Axis and passes of one region.
-fn plan_region(region: &Region, settings: &Settings) -> Result<RegionPlan, PlanError> {
-    let contour = Contour::of_region(region, SIMPLIFY_MM)?;
+/// Medial axis of one region.
+fn axis_of(contour: Contour, settings: &Settings) -> Result<RegionPlan, MedialAxisError> {
     let walls = contour.edge_index(settings.aperture.major_mm());
     let medial_axis = MedialAxis::of_edges(&walls, &AxisOptions::default())?;
-    let axis = Axis::of_medial_axis(&medial_axis);
-    let how = pass_settings(settings);
-    let (passes, open) = match &settings.infill {
-        None => (passes(&contour.region, &axis, &how), Vec::new()),
-        Some(infill) => {
-            let walls = infill.walls as usize;
-            let (mut passes, rings) = outer_passes(&contour.region, &axis, &how, walls);
-            let open = filled(rings.iter(), FillRule::Positive);
-            passes.extend(infill_passes(&open, infill, &how));
-            (passes, open)
-        }
-    };
     Ok(RegionPlan {
         contour,
+        axis: Axis::of_medial_axis(&medial_axis),
         medial_axis,
-        axis,
-        passes,
-        open,
+        passes: Vec::new(),
+        open: Vec::new(),
     })
+}
+
+/// The region with its passes, unordered.
+fn with_passes(mut region: RegionPlan, settings: &Settings) -> RegionPlan {
+    let how = pass_settings(settings);
+    let outline = &region.contour.region;
+    match &settings.infill {
+        None => region.passes = passes(outline, &region.axis, &how),
+        Some(infill) => {
+            let walls = infill.walls as usize;
+            let (mut passes, rings) = outer_passes(outline, &region.axis, &how, walls);
+            region.open = filled(rings.iter(), FillRule::Positive);
+            passes.extend(infill_passes(&region.open, infill, &how));
+            region.passes = passes;
+        }
+    }
+    region
 }
 
 /// Plans a run of waypoints: curve, route, segments, figures. Regions, curves and rasters stay
@@ -262,6 +279,18 @@ fn plan_region(region: &Region, settings: &Settings) -> Result<RegionPlan, PlanE
 /// # Errors
 /// [`PlanError`].
 pub fn plan_waypoints(run: &WaypointRun, settings: &Settings) -> Result<Plan, PlanError> {
+    plan_waypoints_telling(run, settings, &())
+}
+
+/// The same, telling how far it is: segments and figures.
+///
+/// # Errors
+/// [`PlanError`].
+pub fn plan_waypoints_telling(
+    run: &WaypointRun,
+    settings: &Settings,
+    progress: &dyn Progress,
+) -> Result<Plan, PlanError> {
     settings.check()?;
     let tips = || run.points.iter().map(|point| point.tip_mm);
     let corners: Vec<Point2> = tips().map(|tip| tip.xy()).collect();
@@ -271,8 +300,8 @@ pub fn plan_waypoints(run: &WaypointRun, settings: &Settings) -> Result<Plan, Pl
     let transform = PartTransform::choose_box(bounds, [low_mm, high_mm], settings)?;
     let curves = waypoint_curves(run, transform.offset_mm, settings)?;
     let route = waypoint_route(curves, start_pose(settings), settings);
-    let (stream, motion) = lay_segments(&route, settings)?;
-    let (mut figures, _) = measure_layer(&stream, &[], &[], &transform, settings);
+    let (stream, motion) = lay_segments_telling(&route, settings, progress)?;
+    let (mut figures, _) = measure_layer(&stream, &[], &[], &transform, settings, progress);
     figures.passes = 1;
     Ok(Plan {
         transform,
@@ -323,7 +352,13 @@ fn start_pose(settings: &Settings) -> [f64; CHANNELS] {
 
 /// Regions nearest first, and in each its passes ordered from where the last one ended, with
 /// excursions into what they leave open; `from` is where the head is, input coordinates.
-fn in_order(regions: Vec<RegionPlan>, from: Point2, settings: &Settings) -> Vec<RegionPlan> {
+fn in_order(
+    regions: Vec<RegionPlan>,
+    from: Point2,
+    settings: &Settings,
+    progress: &dyn Progress,
+) -> Vec<RegionPlan> {
+    let steps = Steps::begin(progress, Stage::Order, regions.len());
     let mut position = from;
     let centers: Vec<Point2> = regions
         .iter()
@@ -348,6 +383,7 @@ fn in_order(regions: Vec<RegionPlan>, from: Point2, settings: &Settings) -> Vec<
             position = region.contour.to_input(last.at.center);
         }
         result.push(region);
+        steps.step();
     }
     result
 }

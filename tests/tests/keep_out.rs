@@ -114,7 +114,7 @@ fn nothing_enters_a_keep_out() {
             avoid_crossing: inside,
             ..settings(body_mm)
         };
-        let plan = plan_target_around(&target, &keep_out, &settings).expect("a plan");
+        let plan = plan_target_around(&target, &keep_out, &settings, &()).expect("a plan");
         let (center_mm, entry_mm, poses) = brute_force(&plan, &keep_out);
         println!(
             "body {body_mm} mm: {poses} poses, centre {center_mm} mm away, entry {entry_mm} mm, \
@@ -138,14 +138,14 @@ fn nothing_enters_a_keep_out() {
 fn what_cannot_be_reached_is_refused_with_the_place() {
     let (target, _) = plate();
     let all = [rectangle([-1.0, -1.0], [25.0, 13.0])];
-    let refused = plan_target_around(&target, &all, &settings(0.0));
+    let refused = plan_target_around(&target, &all, &settings(0.0), &());
     assert_eq!(refused.err(), Some(PlanError::AllKeptOut));
     // A closed frame around a part of the plate: the head gets in or out nowhere.
     let mut frame = rectangle([4.0, 2.0], [20.0, 10.0]);
     let mut hole = rectangle([6.0, 4.0], [18.0, 8.0]).exterior;
     hole.points.reverse();
     frame.holes.push(hole);
-    let refused = plan_target_around(&target, &[frame], &settings(0.0));
+    let refused = plan_target_around(&target, &[frame], &settings(0.0), &());
     assert!(
         matches!(refused, Err(PlanError::Travel(TravelError::Blocked { .. }))),
         "{:?}",

@@ -10,6 +10,9 @@ use std::path::PathBuf;
 pub(super) struct Arguments {
     #[command(subcommand)]
     pub command: Command,
+    /// Show no progress, on a terminal either; notes and errors stay.
+    #[arg(long, global = true)]
+    pub quiet: bool,
 }
 
 const EXAMPLES: &str = "\

@@ -1,6 +1,8 @@
-//! What the command says: results to stdout, everything else to stderr, bars on a terminal only.
+//! What the command says: results to stdout, everything else to stderr, bars on a terminal only and
+//! never with `--quiet`.
 
 use super::CliError;
+use crate::plan::progress::{Progress, Stage};
 use indicatif::{ProgressBar, ProgressDrawTarget, ProgressStyle};
 use std::io::{IsTerminal, Write};
 use std::path::Path;
@@ -12,9 +14,9 @@ pub(super) struct Console {
 }
 
 impl Console {
-    pub(super) fn new() -> Console {
+    pub(super) fn new(quiet: bool) -> Console {
         Console {
-            bars: std::io::stderr().is_terminal(),
+            bars: !quiet && std::io::stderr().is_terminal(),
         }
     }
 
@@ -58,6 +60,15 @@ impl Console {
         }
     }
 
+    /// The planner's stages, one after the other, with their counts; invisible in a pipe.
+    pub(super) fn planning(&self) -> PlanningBar {
+        let bar = self.stage("planning");
+        if let Ok(style) = ProgressStyle::with_template("{spinner} {msg} {pos}/{len} {elapsed}") {
+            bar.set_style(style);
+        }
+        PlanningBar(bar)
+    }
+
     /// A spinner with the stage's name; invisible in a pipe.
     pub(super) fn stage(&self, name: &str) -> ProgressBar {
         if !self.bars {
@@ -84,6 +95,25 @@ impl Console {
         }
         bar.set_message(name.to_string());
         bar
+    }
+}
+
+/// Shows what the planner tells.
+pub(super) struct PlanningBar(ProgressBar);
+
+impl PlanningBar {
+    pub(super) fn clear(&self) {
+        self.0.finish_and_clear();
+    }
+}
+
+impl Progress for PlanningBar {
+    fn at(&self, stage: Stage, done: usize, total: usize) {
+        if done == 0 {
+            self.0.set_message(stage.name());
+            self.0.set_length(total as u64);
+        }
+        self.0.set_position(done as u64);
     }
 }
 

@@ -69,7 +69,7 @@ pub fn run(arguments: impl IntoIterator<Item = OsString>) -> ExitCode {
             return ExitCode::from(if wrong { 2 } else { 0 });
         }
     };
-    let console = Console::new();
+    let console = Console::new(arguments.quiet);
     let result = match &arguments.command {
         Command::Machine(machine) => machine::run(machine, &console),
         Command::Plan(plan) => plan::run(plan, &console),

@@ -184,6 +184,7 @@ fn rasters_of_job(planned: &Planned) -> Vec<Raster> {
         &region_of_pass,
         &planned.transform,
         &planned.settings,
+        &(),
     );
     contours
         .iter()

@@ -12,7 +12,7 @@ use crate::part_transform::PartTransform;
 use crate::plan::unreachable::{UnreachableRun, unreachable_runs};
 use crate::report::figures::Figures;
 use crate::settings::Settings;
-use crate::{Plan, plan_target_around, plan_waypoints};
+use crate::{Plan, plan_target_around, plan_waypoints_telling};
 use std::path::Path;
 use std::time::Instant;
 
@@ -55,18 +55,18 @@ pub(super) fn from_input(
         return Err(CliError::Usage(problem));
     }
     let keep_out = load::keep_out(keep_out, reading, settings.tolerances.flatten_mm, console)?;
-    let bar = console.stage("planning");
+    let bar = console.planning();
     let begun = Instant::now();
     let planned = match &input {
-        Input::Outline(loaded) => plan_target_around(&loaded.target, &keep_out, &settings),
-        Input::Path(run) => plan_waypoints(run, &settings),
+        Input::Outline(loaded) => plan_target_around(&loaded.target, &keep_out, &settings, &bar),
+        Input::Path(run) => plan_waypoints_telling(run, &settings, &bar),
     };
     let unreachable = planned
         .as_ref()
         .map(|plan| unreachable_boundary(plan, &settings))
         .unwrap_or_default();
     let plan_s = begun.elapsed().as_secs_f64();
-    bar.finish_and_clear();
+    bar.clear();
     let plan = planned.map_err(|error| CliError::Job(format!("{}: {error}", path.display())))?;
     let (Target { name, regions }, mut notes) = match input {
         Input::Outline(loaded) => (loaded.target, loaded.notes),

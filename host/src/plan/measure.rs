@@ -13,6 +13,7 @@ use crate::geometry::edge_index::EdgeIndex;
 use crate::geometry::{Point2, Vector2};
 use crate::job::{MotionState, SegmentStream};
 use crate::part_transform::PartTransform;
+use crate::plan::progress::{Progress, Stage, Steps};
 use crate::plan::reachable::reachable_count;
 use crate::settings::Settings;
 use headway_firmware::spline::Spans;
@@ -85,7 +86,9 @@ pub fn measure_layer(
     region_of_pass: &[usize],
     transform: &PartTransform,
     settings: &Settings,
+    progress: &dyn Progress,
 ) -> (LayerFigures, Vec<Coverage>) {
+    let steps = Steps::begin(progress, Stage::Figures, contours.len());
     let (poses, mut figures) = walk_stream(stream, settings);
     figures.passes = region_of_pass.len();
     figures.skirt_mm = length_off_regions_mm(&poses, region_of_pass);
@@ -130,6 +133,7 @@ pub fn measure_layer(
         overlap += area * raster.overlap_pct() / 100.0;
         reachable += area * (covered_share + (1.0 - covered_share) * gap_share);
         rasters.push(raster);
+        steps.step();
     }
     let area = figures.area_mm2.max(1e-12);
     figures.covered_pct = 100.0 * covered / area;

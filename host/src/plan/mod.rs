@@ -32,6 +32,7 @@ pub mod passes;
 pub mod path_curve;
 pub mod path_samples;
 pub mod printed_order;
+pub mod progress;
 pub mod reachable;
 pub mod room;
 pub mod route;

@@ -23,6 +23,7 @@ pub mod warp;
 use crate::job::SegmentStream;
 use crate::plan::joint_limits::{MotionError, MotionLimits};
 use crate::plan::path_samples::sample_path;
+use crate::plan::progress::{Progress, Stage, Steps};
 use crate::plan::route::{Route, Stretch, StretchEvent};
 use crate::settings::Settings;
 use check::Ratios;
@@ -65,11 +66,25 @@ pub fn lay_segments(
     route: &Route,
     settings: &Settings,
 ) -> Result<(SegmentStream, MotionReport), MotionError> {
+    lay_segments_telling(route, settings, &())
+}
+
+/// The same, telling how far it is.
+pub fn lay_segments_telling(
+    route: &Route,
+    settings: &Settings,
+    progress: &dyn Progress,
+) -> Result<(SegmentStream, MotionReport), MotionError> {
     check_route(route)?;
+    let steps = Steps::begin(progress, Stage::Segments, route.stretches.len());
     let finished: Vec<FinishedStretch> = (0..route.stretches.len())
         .into_par_iter()
-        .map(|index| finish_stretch(route, index, settings))
-        .collect::<Result<_, _>>()?;
+        .map(|index| {
+            let finished = finish_stretch(route, index, settings)?;
+            steps.step();
+            Ok(finished)
+        })
+        .collect::<Result<_, MotionError>>()?;
     let mut report = MotionReport::default();
     for stretch in &finished {
         report.ratios = report.ratios.max(stretch.ratios);

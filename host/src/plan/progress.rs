@@ -1,0 +1,144 @@
+//! How far planning is, for whoever waits for it.
+//!
+//! The planner reports to a [`Progress`]; what is done with that (a bar, a log, nothing) is the
+//! caller's. The plan does not depend on it. Stages come in the order of [`Stage`], each from 0 of
+//! its total to all of it; calls follow one another, from whichever thread.
+
+use std::sync::{Mutex, PoisonError};
+
+/// A stage of planning.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
+pub enum Stage {
+    /// Regions cleaned.
+    Contour,
+    /// Medial axes found, by region.
+    Axis,
+    /// Passes laid and headings found, by region.
+    Passes,
+    /// Passes ordered, joined and gaps filled, by region.
+    Order,
+    /// Stretches of the route timed and fitted.
+    Segments,
+    /// Figures measured, by region.
+    Figures,
+}
+
+impl Stage {
+    /// All of them, in order.
+    pub const ALL: [Stage; 6] = [
+        Stage::Contour,
+        Stage::Axis,
+        Stage::Passes,
+        Stage::Order,
+        Stage::Segments,
+        Stage::Figures,
+    ];
+
+    /// A word or two for the eye.
+    pub fn name(self) -> &'static str {
+        match self {
+            Stage::Contour => "contours",
+            Stage::Axis => "medial axes",
+            Stage::Passes => "passes and headings",
+            Stage::Order => "order and gaps",
+            Stage::Segments => "segments",
+            Stage::Figures => "figures",
+        }
+    }
+}
+
+/// Whoever is told.
+pub trait Progress: Sync {
+    /// `done` of `total` steps of a stage are done.
+    fn at(&self, stage: Stage, done: usize, total: usize);
+}
+
+/// Nobody.
+impl Progress for () {
+    fn at(&self, _: Stage, _: usize, _: usize) {}
+}
+
+/// Any function of stage, steps done and steps in all.
+impl<F: Fn(Stage, usize, usize) + Sync> Progress for F {
+    fn at(&self, stage: Stage, done: usize, total: usize) {
+        self(stage, done, total);
+    }
+}
+
+/// Counts the steps of one stage.
+pub struct Steps<'a> {
+    progress: &'a dyn Progress,
+    stage: Stage,
+    total: usize,
+    done: Mutex<usize>,
+}
+
+impl<'a> Steps<'a> {
+    /// Begins a stage of `total` steps.
+    pub fn begin(progress: &'a dyn Progress, stage: Stage, total: usize) -> Steps<'a> {
+        progress.at(stage, 0, total);
+        Steps {
+            progress,
+            stage,
+            total,
+            done: Mutex::new(0),
+        }
+    }
+
+    /// One more is done. Told under the lock, so that counts never fall.
+    pub fn step(&self) {
+        let mut done = self.done.lock().unwrap_or_else(PoisonError::into_inner);
+        *done += 1;
+        self.progress.at(self.stage, *done, self.total);
+    }
+}
+
+/// One step for each item, one after the other, up to the first that fails.
+///
+/// # Errors
+/// That of the item.
+pub fn step_each<T, U, E>(
+    progress: &dyn Progress,
+    stage: Stage,
+    items: Vec<T>,
+    mut work: impl FnMut(T) -> Result<U, E>,
+) -> Result<Vec<U>, E> {
+    let steps = Steps::begin(progress, stage, items.len());
+    let counted = items.into_iter().map(|item| {
+        let made = work(item)?;
+        steps.step();
+        Ok(made)
+    });
+    counted.collect()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use rayon::prelude::*;
+
+    /// Goal: counts rise by one from 0 to the total, whatever the threads. Method: a thousand steps
+    /// from all of them.
+    #[test]
+    fn counts_rise_to_their_total() {
+        let told = Mutex::new(Vec::new());
+        let tell = |stage: Stage, done: usize, total: usize| {
+            told.lock().unwrap().push((stage, done, total));
+        };
+        let steps = Steps::begin(&tell, Stage::Segments, 1000);
+        (0..1000).into_par_iter().for_each(|_| steps.step());
+        let expected: Vec<_> = (0..=1000).map(|n| (Stage::Segments, n, 1000)).collect();
+        assert_eq!(*told.lock().unwrap(), expected);
+    }
+
+    /// Goal: a failing item ends the stage where it is. Method: the third of five fails.
+    #[test]
+    fn a_failure_ends_the_stage() {
+        let told = Mutex::new(0);
+        let tell = |_: Stage, done: usize, _: usize| *told.lock().unwrap() = done;
+        let made = step_each(&tell, Stage::Axis, vec![1, 2, 3, 4, 5], |n| {
+            if n == 3 { Err(n) } else { Ok(n) }
+        });
+        assert_eq!((made, *told.lock().unwrap()), (Err(3), 2));
+    }
+}
