@@ -447,6 +447,16 @@ fn a_board_is_asked_homed_and_jogged() {
     let after = json(&output(&["board", "status", "--port", port, "--json"]));
     let moved = after["counts"][0].as_i64().unwrap() - status["counts"][0].as_i64().unwrap();
     assert_eq!(moved, 1000, "12.5 mm at 80 steps a mm");
+    // Melt by hand: 2 mm³ there, half of it back.
+    let extruder = status["counts"].as_array().unwrap().len() - 1;
+    for (volume, net_mm3) in [("2", 2.0), ("-1", 1.0)] {
+        let pushed = output(&["board", "extrude", volume, "--port", port]);
+        assert!(pushed.status.success(), "{}", text(&pushed.stderr));
+        let status = json(&output(&["board", "status", "--port", port, "--json"]));
+        let steps = Settings::default().machine.extruder.steps_per_mm3 * net_mm3;
+        let difference = status["counts"][extruder].as_f64().unwrap() - steps;
+        assert!(difference.abs() <= 1.0, "{status}");
+    }
     // A homed machine is brought to a job's first pose, or the job is refused.
     let (job, _) = job(&folder, 1);
     let refused = output(&["stream", &job, "--port", port]);
@@ -469,6 +479,8 @@ fn a_board_is_asked_homed_and_jogged() {
         (vec!["board", "jog", "x", "1"], 1),
         (vec!["board", "reset"], 0),
         (vec!["board", "jog", "w", "1"], 2),
+        (vec!["board", "extrude", "1", "--speed", "1000"], 2),
+        (vec!["board", "extrude", "0"], 2),
         (vec!["board", "override", "500"], 2),
     ] {
         let said = output(&[arguments.as_slice(), &["--port", port]].concat());

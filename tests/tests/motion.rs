@@ -739,6 +739,18 @@ fn settings_that_cannot_be_are_refused_by_the_library_too() {
             "{speed_mm_s}: {refused}"
         );
     }
+    // A motor may use 90 % of the step ticks at its joint's top speed, no more.
+    for (share, fits) in [(0.89, true), (0.91, false)] {
+        let mut settings = Settings::default();
+        let machine = &mut settings.machine;
+        let speed_max = machine.joints[0].speed_max;
+        machine.joints[0].steps_per_unit = share * f64::from(machine.step_hz) / speed_max;
+        let planned = headway::plan_target(&square, &settings);
+        assert_eq!(planned.is_ok(), fits, "{share}");
+        if let Err(refused) = planned {
+            assert!(refused.to_string().contains("90 %"), "{refused}");
+        }
+    }
     let mut settings = Settings::default();
     settings.machine.joints[0].acceleration_max = 0.0;
     let refused = headway::plan_target(&square, &settings).expect_err("no such machine");

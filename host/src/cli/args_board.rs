@@ -49,6 +49,7 @@ Examples:
   headway board home z x y --port /dev/ttyACM0
   headway board jog x 10 --speed 20 --port /dev/ttyACM0
   headway board set-joint c 0 --port /dev/ttyACM0
+  headway board extrude 5 --port /dev/ttyACM0
   headway board go part.hwj --port /dev/ttyACM0
   headway board simulate --listen tcp:127.0.0.1:7000
   headway board replay print.log")]
@@ -114,6 +115,19 @@ pub(super) enum BoardCommand {
         /// Where it is, mm or degrees.
         #[arg(allow_negative_numbers = true)]
         position: f64,
+        #[command(flatten)]
+        machine: BoardMachineArgs,
+        #[command(flatten)]
+        port: PortArgs,
+    },
+    /// Push melt through the nozzle, or pull it back, and wait.
+    Extrude {
+        /// How much, mm³; negative pulls back.
+        #[arg(allow_negative_numbers = true)]
+        volume: f64,
+        /// How fast at most, mm³/s [default: a tenth of the extruder's limit].
+        #[arg(long, value_name = "SPEED")]
+        speed: Option<f64>,
         #[command(flatten)]
         machine: BoardMachineArgs,
         #[command(flatten)]

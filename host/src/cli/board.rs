@@ -1,6 +1,7 @@
 //! `headway board`: questions and commands to a board, a board without hardware, replay of logs.
 
 use super::args_board::{BoardArgs, BoardCommand, BoardMachineArgs, PortArgs};
+use super::by_hand::{extrude, jog, joint_number, set_joint};
 use super::console::Console;
 use super::stream::{ANSWER_PATIENCE, catch_interrupts, host_session, no_answer, open};
 use super::{CliError, load};
@@ -10,8 +11,8 @@ use crate::drive::sender::Sender;
 use crate::drive::sender_state::{SenderEvent, SenderState};
 use crate::drive::transport::{Listener, Port};
 use crate::drive::virtual_board::{BoardSetup, VirtualBoard};
-use crate::settings::{Settings, joint_names};
-use headway_firmware::configuration::{JointConfiguration, MachineConfiguration};
+use crate::settings::Settings;
+use headway_firmware::configuration::MachineConfiguration;
 use headway_firmware::homing::HomingConfiguration;
 use headway_protocol::frame::hash_of;
 use headway_protocol::message::{Control, DeviceState, JointOrder, Status, Welcome};
@@ -54,6 +55,16 @@ pub(super) fn run(args: &BoardArgs, console: &Console) -> Result<(), CliError> {
         } => {
             let settings = settings(machine)?;
             let command = set_joint(&settings.machine, joint, *position)?;
+            move_joint(command, &settings.machine, port, console)
+        }
+        BoardCommand::Extrude {
+            volume,
+            speed,
+            machine,
+            port,
+        } => {
+            let settings = settings(machine)?;
+            let command = extrude(&settings.machine, *volume, *speed)?;
             move_joint(command, &settings.machine, port, console)
         }
         BoardCommand::Go { job, port } => {
@@ -268,27 +279,6 @@ fn settings(args: &BoardMachineArgs) -> Result<Settings, CliError> {
         .map_or_else(|| Ok(Settings::default()), load::machine)
 }
 
-/// The joint with this name or number.
-fn joint_number(machine: &MachineConfiguration, text: &str) -> Result<u8, CliError> {
-    let names = joint_names(&machine.kinematics);
-    let by_name = names
-        .iter()
-        .position(|name| name.eq_ignore_ascii_case(text));
-    let by_number = text
-        .parse()
-        .ok()
-        .filter(|number| *number < machine.joints.len());
-    by_name
-        .or(by_number)
-        .map(|joint| joint as u8)
-        .ok_or_else(|| {
-            CliError::Usage(format!(
-                "joint `{text}`: this machine has {}",
-                names.join(", ")
-            ))
-        })
-}
-
 fn home(
     joints: &[String],
     machine: &BoardMachineArgs,
@@ -311,7 +301,7 @@ fn home(
     console.result(&status_text(&status, false))
 }
 
-/// Gives a command that names a joint, and waits for its end.
+/// Gives a command that names a motor, and waits for its end.
 fn move_joint(
     command: Control,
     machine: &MachineConfiguration,
@@ -323,78 +313,6 @@ fn move_joint(
     talk.order(command)?;
     let status = talk.wait_for_rest()?;
     console.result(&status_text(&status, false))
-}
-
-/// Units on the wire per mm or degree: 0.1 µm; µrad of a degree.
-fn units_of(joint: &JointConfiguration) -> f64 {
-    if joint.rotary {
-        1f64.to_radians() * 1e6
-    } else {
-        1e4
-    }
-}
-
-/// Position in mm or degrees -> the command.
-fn set_joint(
-    machine: &MachineConfiguration,
-    joint: &str,
-    position: f64,
-) -> Result<Control, CliError> {
-    let number = joint_number(machine, joint)?;
-    let units = machine
-        .joints
-        .get(usize::from(number))
-        .map_or(1e4, units_of);
-    let position_units = (position * units).round();
-    // So written that a NaN does not fit.
-    let fits = position_units.abs() <= f64::from(i32::MAX);
-    if !fits {
-        return Err(CliError::Usage(format!(
-            "set-joint {joint} {position}: the position goes up to {:.0}",
-            f64::from(i32::MAX) / units
-        )));
-    }
-    Ok(Control::SetJoint {
-        joint: number,
-        position_units: position_units as i32,
-    })
-}
-
-/// Distance in mm or degrees -> the command.
-fn jog(
-    machine: &MachineConfiguration,
-    joint: &str,
-    distance: f64,
-    speed: Option<f64>,
-) -> Result<Control, CliError> {
-    let number = joint_number(machine, joint)?;
-    let Some(limits) = machine.joints.get(usize::from(number)) else {
-        return Err(CliError::Usage(format!(
-            "joint `{joint}`: this machine has no such joint"
-        )));
-    };
-    let units = units_of(limits);
-    let limit = if limits.rotary {
-        limits.speed_max.to_degrees()
-    } else {
-        limits.speed_max
-    };
-    let speed = speed.unwrap_or(0.1 * limit);
-    let distance_units = (distance * units).round();
-    let speed_units_s = (speed * units).round();
-    let distance_fits = distance_units.abs() <= f64::from(i32::MAX);
-    if !distance_fits || !(1.0..=f64::from(u32::MAX)).contains(&speed_units_s) || speed > limit {
-        return Err(CliError::Usage(format!(
-            "jog {joint} {distance} at {speed}: the speed goes up to {limit:.3}, the distance to \
-             {:.0}",
-            f64::from(i32::MAX) / units
-        )));
-    }
-    Ok(Control::Jog {
-        joint: number,
-        distance_units: distance_units as i32,
-        speed_units_s: speed_units_s as u32,
-    })
 }
 
 fn simulate(

@@ -7,6 +7,7 @@
 mod args;
 mod args_board;
 mod board;
+mod by_hand;
 mod console;
 mod export;
 mod headings;
