@@ -163,8 +163,18 @@ impl Flow {
         self.window = [place.coarse(); ADVANCE_WINDOW_TICKS_MAX];
     }
 
-    /// Begins a prime or retract in this servo tick. False if too many run already.
+    /// Begins a prime or retract in this servo tick, before its target. False if too many run already.
     pub fn begin(&mut self, event: &FlowEvent) -> bool {
+        self.begin_at(event, 0)
+    }
+
+    /// The same after its target, in which nothing has moved yet: so a tick that begins an event need not
+    /// compute it.
+    pub fn begin_after_target(&mut self, event: &FlowEvent) -> bool {
+        self.begin_at(event, 1)
+    }
+
+    fn begin_at(&mut self, event: &FlowEvent, elapsed_ticks: u32) -> bool {
         let volume = event.volume_units.min(EVENT_VOLUME_UNITS_MAX) as i32;
         let volume_units = match event.action {
             FlowAction::Prime => volume,
@@ -174,7 +184,7 @@ impl Flow {
             volume_units,
             volume: volume_units as f32,
             duration_ticks: event.duration_ticks.0.max(1),
-            elapsed_ticks: 0,
+            elapsed_ticks,
         };
         self.active.push(active).is_ok()
     }

@@ -189,8 +189,8 @@ impl Motion {
     /// One servo tick along the stream, or at rest.
     fn follow_path(&mut self, bank: &mut StepBank) -> Result<(), Fault> {
         self.gate();
-        self.begin_due_events();
         self.program(bank)?;
+        self.begin_due_events();
         self.move_on();
         Ok(())
     }
@@ -247,7 +247,7 @@ impl Motion {
         // At most one a tick: two at the same place start half a millisecond apart.
         let (spans_begun, local_ticks) = self.interpolator.spans_and_ticks();
         if let Some(event) = self.events.due(spans_begun, local_ticks)
-            && self.flow.begin(event)
+            && self.flow.begin_after_target(event)
         {
             self.hold.note(event);
             self.events.pop();
