@@ -6,8 +6,8 @@
 //! main loop, lowest: link: bytes -> requests, reports -> bytes; the spans to come
 //! ```
 //! The main loop holds the servo off by BASEPRI for the moment of a command, or while it lays a span
-//! (5 µs). **Nothing here holds
-//! the steps off.** Servo and steps have a bank each, and change them by one word ([`HANDOVER`]):
+//! (5 µs). **Nothing here holds the steps off.** Servo and steps have a bank each, and change them by one
+//! word ([`HANDOVER`]):
 //!
 //! ```text
 //! EMPTY   --servo: its bank is written-->      HANDED
