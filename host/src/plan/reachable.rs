@@ -331,6 +331,9 @@ fn to_box2(p: Vector2, [low, high]: &[Vector2; 2]) -> f64 {
     x * x + y * y
 }
 
+/// Searches in vain, of points near each other, after which it is worth finding where there is room.
+const MISSES: usize = 8;
+
 /// How many of the points can be covered. Points near each other are asked one after the other:
 /// what was found for one often covers the next, and where there is no room nobody searches.
 pub fn reachable_count(aperture: &Aperture, points: &[Point2], index: &EdgeIndex) -> usize {
@@ -340,15 +343,20 @@ pub fn reachable_count(aperture: &Aperture, points: &[Point2], index: &EdgeIndex
     sorted.sort_by_key(tile);
     let tiles: Vec<&[Point2]> = sorted.chunk_by(|p, q| tile(p) == tile(q)).collect();
     let count_in = |points: &&[Point2]| {
-        let room = Room::about(aperture, points, index);
+        let mut room: Option<Room> = None;
         let mut found: Vec<Configuration> = Vec::new();
+        let mut missed = 0;
         let is_reached = |p: &&Point2| {
             let covers = |at: &Configuration| aperture.contains(at.heading_rad, **p - at.center);
             if found.iter().rev().any(covers) {
                 return true;
             }
-            let at = search(aperture, **p, index, Some(&room));
+            if missed == MISSES && room.is_none() {
+                room = Some(Room::about(aperture, points, index));
+            }
+            let at = search(aperture, **p, index, room.as_ref());
             found.extend(at);
+            missed += usize::from(at.is_none());
             at.is_some()
         };
         points.iter().filter(is_reached).count()
