@@ -1,5 +1,6 @@
 //! How planning grows with the outline: each stage at 1,000, 10,000 and 100,000 edges, the growth's
-//! exponent, and the process's peak memory. Processor time of all threads.
+//! exponent, and the process's peak memory. Processor time of all threads, whole plans also against
+//! a sort of ten million numbers in the same run.
 //!
 //! Run with `cargo bench -p headway-tests --bench planning [-- NAME]`. Prints, asserts nothing.
 
@@ -13,7 +14,9 @@ use headway::plan_target;
 use headway::settings::Settings;
 use headway_tests::cpu_clock::process_s;
 use headway_tests::layer_oracle::Rings;
-use headway_tests::outlines::{comb, edge_count, fine_gear, fine_ring, gear, noisy_ring, region};
+use headway_tests::outlines::{
+    Noise, coast, comb, edge_count, fine_gear, fine_ring, gear, noisy_ring, region,
+};
 use std::time::Instant;
 
 const SIZES: [usize; 3] = [1_000, 10_000, 100_000];
@@ -45,13 +48,38 @@ fn main() {
         ("fine gear", fine_gear),
         ("fine ring, 5 um of noise", |n| fine_ring(n, 0.005)),
     ];
+    let sort_s = sort_s();
+    println!("reference: {sort_s:.2} s to sort ten million numbers (standard library, one thread)");
     println!("part of 60 mm, drawn finer and finer: seconds for the whole plan");
     for (name, make) in fine {
         if chosen(name) {
-            let times: Vec<f64> = SIZES.iter().map(|&n| whole(name, &make(n))).collect();
+            let times: Vec<f64> = SIZES
+                .iter()
+                .map(|&n| whole(name, &make(n), sort_s))
+                .collect();
             print_growth(&times);
         }
     }
+    println!("coast of 2,800 edges, smaller and smaller: bays far below the nozzle in the end");
+    for across_mm in [100.0, 30.0, 15.0] {
+        if chosen("coast") {
+            whole(
+                &format!("coast of {across_mm} mm"),
+                &coast(2_800, across_mm),
+                sort_s,
+            );
+        }
+    }
+}
+
+/// What the figures are held against: other machines and busy ones sort more slowly too.
+fn sort_s() -> f64 {
+    let mut noise = Noise::new(1);
+    let mut numbers: Vec<f64> = (0..10_000_000).map(|_| noise.share()).collect();
+    let started = process_s();
+    numbers.sort_unstable_by(f64::total_cmp);
+    assert!(numbers.is_sorted());
+    process_s() - started
 }
 
 fn print_growth(times: &[f64]) {
@@ -103,7 +131,7 @@ fn stages(name: &str, rings: &Rings, with_passes: bool) -> f64 {
     times[0] + times[1] + times[2]
 }
 
-fn whole(name: &str, rings: &Rings) -> f64 {
+fn whole(name: &str, rings: &Rings, sort_s: f64) -> f64 {
     let target = Target {
         name: name.to_string(),
         regions: vec![region(rings)],
@@ -112,10 +140,11 @@ fn whole(name: &str, rings: &Rings) -> f64 {
     let plan = plan_target(&target, &Settings::default()).expect(name);
     let (wall_s, seconds) = (started.elapsed().as_secs_f64(), process_s() - started_cpu);
     println!(
-        "{name}, {} edges, {:.0} mm²: {seconds:.2} s ({wall_s:.2} s on the wall), {} passes, {:.0} mm printed, covered {:.2} %, \
+        "{name}, {} edges, {:.0} mm²: {seconds:.2} s ({wall_s:.2} s on the wall), {:.1} times the reference, {} passes, {:.0} mm printed, covered {:.2} %, \
          peak memory {} MB",
         edge_count(rings),
         plan.figures.area_mm2,
+        seconds / sort_s,
         plan.figures.passes,
         plan.figures.print_mm,
         plan.figures.covered_of_reachable_pct,

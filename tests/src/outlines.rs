@@ -161,6 +161,32 @@ pub fn fine_gear(edges: usize) -> Rings {
     vec![ring.collect(), hole.collect()]
 }
 
+/// A coast `across_mm` wide of `edges` edges, seen from one point in its middle: bays and capes of
+/// every size down to a few edges.
+pub fn coast(edges: usize, across_mm: f64) -> Rings {
+    let mut noise = Noise::new(3);
+    let waves: Vec<[f64; 3]> = (0..9)
+        .map(|octave| {
+            let waves = 2f64.powi(octave) + noise.share();
+            [
+                waves.round(),
+                0.16 * 0.72f64.powi(octave),
+                7.0 * noise.share(),
+            ]
+        })
+        .collect();
+    let ring = (0..edges).map(|i| {
+        let angle = i as f64 * std::f64::consts::TAU / edges as f64;
+        let shape: f64 = waves
+            .iter()
+            .map(|[waves, height, phase]| height * (waves * angle + phase).sin())
+            .sum();
+        let r = 0.5 * across_mm * (0.6 + shape + 0.03 * noise.share()).clamp(0.05, 1.0);
+        [r * angle.cos(), r * angle.sin()]
+    });
+    vec![ring.collect()]
+}
+
 /// How many edges the rings have.
 pub fn edge_count(rings: &Rings) -> usize {
     rings.iter().map(Vec::len).sum()
