@@ -9,6 +9,7 @@ use crate::geometry::polygon::{Region, Ring};
 use crate::geometry::{Point2, Vector2};
 use i_overlay::core::fill_rule::FillRule;
 use i_overlay::float::slice::FloatSlice;
+use rayon::prelude::*;
 
 /// A one-pass run along the axis.
 #[derive(Clone, Debug, PartialEq)]
@@ -69,9 +70,10 @@ pub fn split_region(
             ));
         }
     }
+    let nodes = NodesByPlace::new(axis, &single);
     let pieces = slice(region, &chords)
-        .into_iter()
-        .filter_map(|outline| piece_of(outline, axis, &single))
+        .into_par_iter()
+        .filter_map(|outline| piece_of(outline, axis, &nodes))
         .collect();
     let runs = runs(axis, &neighbours, &single, settings);
     Split { pieces, runs }
@@ -256,27 +258,63 @@ fn slice(region: &Region, chords: &[Vec<Point2>]) -> Vec<Region> {
         .collect()
 }
 
-/// The piece with its axis nodes, `None` where it belongs to single runs.
-fn piece_of(outline: Region, axis: &Axis, single: &[bool]) -> Option<Piece> {
-    let index = EdgeIndex::of_region(&outline, 1.0);
-    let mut number = vec![u32::MAX; axis.points.len()];
-    let mut own = Axis::default();
-    for node in 0..axis.points.len() {
-        if !single[node] && index.contains(axis.points[node]) {
-            number[node] = own.points.len() as u32;
-            own.points.push(axis.points[node]);
-            own.radii_mm.push(axis.radii_mm[node]);
+/// The nodes that belong to pieces, so that a piece looks at those near it alone.
+struct NodesByPlace {
+    /// Numbers of the nodes by rising x.
+    by_x: Vec<u32>,
+    /// For each node the numbers of the links that it comes first in.
+    links: Vec<Vec<u32>>,
+}
+
+impl NodesByPlace {
+    fn new(axis: &Axis, single: &[bool]) -> NodesByPlace {
+        let mut by_x: Vec<u32> = (0..axis.points.len() as u32)
+            .filter(|&node| !single[node as usize])
+            .collect();
+        by_x.sort_by(|&m, &n| {
+            let x = |node: u32| axis.points[node as usize].x;
+            x(m).total_cmp(&x(n))
+        });
+        let mut links = vec![Vec::new(); axis.points.len()];
+        for (number, &[a, _]) in axis.links.iter().enumerate() {
+            links[a as usize].push(number as u32);
         }
+        NodesByPlace { by_x, links }
     }
-    if own.points.is_empty() {
+}
+
+/// The piece with its axis nodes, `None` where it belongs to single runs.
+fn piece_of(outline: Region, axis: &Axis, nodes: &NodesByPlace) -> Option<Piece> {
+    let index = EdgeIndex::of_region(&outline, 1.0);
+    let bounds = index.bounds();
+    let x = |node: &u32| axis.points[*node as usize].x;
+    let first = nodes.by_x.partition_point(|node| x(node) < bounds.min.x);
+    let behind = nodes.by_x.partition_point(|node| x(node) <= bounds.max.x);
+    // In the axis's own order.
+    let mut own_nodes: Vec<u32> = nodes.by_x[first..behind.max(first)]
+        .iter()
+        .copied()
+        .filter(|&node| index.contains(axis.points[node as usize]))
+        .collect();
+    own_nodes.sort_unstable();
+    if own_nodes.is_empty() {
         return None;
     }
-    own.links = axis
-        .links
-        .iter()
-        .map(|&[a, b]| [number[a as usize], number[b as usize]])
-        .filter(|l| l[0] != u32::MAX && l[1] != u32::MAX)
+    let number = |node: u32| own_nodes.binary_search(&node).ok().map(|n| n as u32);
+    let starts = own_nodes.iter().map(|&node| node as usize);
+    let mut links: Vec<u32> = starts
+        .clone()
+        .flat_map(|node| nodes.links[node].iter().copied())
         .collect();
+    links.sort_unstable();
+    let links = links.into_iter().map(|link| axis.links[link as usize]);
+    let own = Axis {
+        points: starts.clone().map(|node| axis.points[node]).collect(),
+        radii_mm: starts.map(|node| axis.radii_mm[node]).collect(),
+        links: links
+            .filter_map(|[a, b]| Some([number(a)?, number(b)?]))
+            .collect(),
+    };
     Some(Piece {
         region: outline,
         axis: own,
