@@ -143,7 +143,7 @@ const TOO_NARROW: f64 = 10.0;
 /// Cost of laying two beads where one would do, per mm.
 const TWO_FOR_ONE: f64 = 0.05;
 /// Share of a that a single bead may need: the rest is for bends.
-const WIDEST_SHARE: f64 = 0.85;
+const WIDEST_SHARE: f64 = 0.89;
 
 fn cheapest_division(axis: &Axis, settings: &PassSettings) -> Vec<bool> {
     let (a, b) = (settings.aperture.major_mm(), settings.aperture.minor_mm());
