@@ -84,7 +84,7 @@ pub fn blended(
             .collect();
         values = next;
     }
-    let widest_mm = WIDEST_SHARE * 2.0 * aperture.major_mm();
+    let widest_mm = widest_mm(aperture);
     for (node, value) in values.iter_mut().enumerate() {
         let least = (axis.radii_mm[node] / widest_mm).min(counts[node]);
         *value = value.max(least);
@@ -131,7 +131,7 @@ pub(super) fn spanning_forest(axis: &Axis) -> (Vec<usize>, Vec<Option<usize>>) {
 /// gaps or are forced to overlap.
 fn tiling_cost(radius_mm: f64, beads: f64, aperture: &Aperture) -> f64 {
     let width = radius_mm / beads;
-    let widest = WIDEST_SHARE * 2.0 * aperture.major_mm();
+    let widest = widest_mm(aperture);
     let narrowest = 2.0 * aperture.minor_mm();
     let gap = (width / widest - 1.0).max(0.0);
     let overlap = (narrowest / width.max(1e-6) - 1.0).max(0.0);
@@ -141,6 +141,11 @@ fn tiling_cost(radius_mm: f64, beads: f64, aperture: &Aperture) -> f64 {
 /// Share of the widest bead that straight channels may need: the rest is for their corners, where
 /// the way across is longer.
 const WIDEST_SHARE: f64 = 0.97;
+
+/// The widest channel that is planned.
+pub fn widest_mm(aperture: &Aperture) -> f64 {
+    WIDEST_SHARE * 2.0 * aperture.major_mm()
+}
 
 fn change_cost(from: usize, to: usize) -> f64 {
     if from == to {

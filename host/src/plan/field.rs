@@ -26,7 +26,15 @@ const NONE: u32 = u32::MAX;
 
 impl Field {
     /// Computes the field over the region that `walls` bounds; `beads` is k at the axis nodes.
-    pub fn new(walls: &EdgeIndex, axis: &Axis, beads: &[f64], step_mm: f64) -> Field {
+    /// Nowhere is a channel wider than `widest_mm`: where several arms of the axis meet, the way from
+    /// the wall to the axis is longer than r at its foot.
+    pub fn new(
+        walls: &EdgeIndex,
+        axis: &Axis,
+        beads: &[f64],
+        widest_mm: f64,
+        step_mm: f64,
+    ) -> Field {
         let bounds = walls.bounds().grown(2.0 * step_mm);
         let size = bounds.size();
         let mut step_mm = step_mm;
@@ -54,7 +62,8 @@ impl Field {
                 }
                 let d = (p - walls.edges()[wall_of[at] as usize].foot(p)).norm();
                 let (m, k) = axis_at(p, axis_of[at] as usize, &axis_edges, axis, beads);
-                (k * d / (d + m).max(1e-9)) as f32
+                let across_mm = (d + m).max(1e-9);
+                (k.max(across_mm / widest_mm) * d / across_mm) as f32
             })
             .collect();
         field

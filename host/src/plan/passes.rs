@@ -9,7 +9,7 @@
 //!
 //! Input: region (mm), pruned axis. Output: [`LayerPass`]es, unordered, in region coordinates.
 
-use super::bead_count::{bead_counts, blended};
+use super::bead_count::{bead_counts, blended, widest_mm};
 use super::channel_walls::Laid;
 use super::contacts::{Contact, ContactSpacing, resampled, wall_contacts};
 use super::ends::fit_ends;
@@ -198,7 +198,7 @@ fn piece_passes(
     let walls = EdgeIndex::of_region(piece, aperture.major_mm());
     let counts = bead_counts(axis, aperture);
     let beads = blended(axis, &counts, lengths.axis_mm, lengths.blend_mm, aperture);
-    let field = Field::new(&walls, axis, &beads, lengths.grid_mm);
+    let field = Field::new(&walls, axis, &beads, widest_mm(aperture), lengths.grid_mm);
     let needed = (field.max().ceil() as usize).max(1);
     let mut laid = Laid::new(aperture);
     let mut all = Vec::new();
