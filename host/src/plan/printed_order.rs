@@ -13,7 +13,7 @@ use super::seam::with_seam;
 use crate::geometry::Point2;
 use crate::geometry::edge_index::{Edge, EdgeIndex};
 use crate::geometry::polygon::Region;
-use crate::settings::Settings;
+use crate::settings::{SeamPlace, Settings};
 
 /// What belongs to one region, local coordinates.
 pub struct RegionPasses<'a> {
@@ -42,7 +42,8 @@ pub fn in_printing_order(
     let loops: Vec<LayerPass> = loops.collect();
     let joined = |loops| linked(ordered(loops, from, aperture), aperture, &walls);
     let mut passes = joined(loops.clone());
-    if passes.len() > 1 {
+    // A chosen seam stays open.
+    if passes.len() > 1 && settings.seam.place == SeamPlace::Nearest {
         // Loops that hang together like a tree, not like a chain, take bridges.
         let loops = chained(loops, aperture, &walls);
         let loops = bridged(loops, aperture, &walls);
