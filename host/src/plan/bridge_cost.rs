@@ -60,7 +60,7 @@ impl BridgeCosts {
         for (number, pass) in passes.iter().enumerate() {
             for at in poses(pass, aperture) {
                 grid.for_rows(aperture, at, |row, from, to| {
-                    let cells = row + from..=row + to;
+                    let cells = row * grid.columns + from..=row * grid.columns + to;
                     let counts = costs.counts[cells.clone()].iter_mut();
                     for (seen, count) in seen[cells].iter_mut().zip(counts) {
                         if std::mem::replace(seen, number) != number {
@@ -129,7 +129,8 @@ impl BridgeCosts {
         let mut marks = vec![0u8; part.len()];
         for (number, way) in ways {
             for at in swept(way.iter().copied(), &self.aperture) {
-                part.for_rows(&self.aperture, at, |first, from, to| {
+                part.for_rows(&self.aperture, at, |row, from, to| {
+                    let first = row * part.columns;
                     for mark in &mut marks[first + from..=first + to] {
                         *mark |= 1 << number;
                     }
