@@ -63,7 +63,7 @@ pub fn wall_contacts(ring: &Ring, spacing: ContactSpacing) -> Vec<Contact> {
             breaks.push(false);
         }
         let turn = turn_rad(delta, after - b);
-        if turn.abs() > spacing.corner_rad {
+        if turn.abs() > spacing.corner_rad && is_corner(points, (i + 1) % count, turn, spacing) {
             if let Some(last) = breaks.last_mut() {
                 *last = true;
             }
@@ -72,8 +72,67 @@ pub fn wall_contacts(ring: &Ring, spacing: ContactSpacing) -> Vec<Contact> {
             }
         }
     }
+    thin_out(&mut contacts, &mut breaks, spacing.spacing_mm);
     smooth_normals(&mut contacts, &breaks, spacing.smoothing_mm);
     contacts
+}
+
+/// Share of the spacing below which samples are taken together.
+const FINE_SHARE: f64 = 0.25;
+
+/// True where the wall as a whole turns at vertex `at` by more than half as much as a corner does,
+/// the same way: noise turns back and forth.
+fn is_corner(points: &[Point2], at: usize, turn: f64, spacing: ContactSpacing) -> bool {
+    let count = points.len();
+    let window_mm = spacing.smoothing_mm;
+    let beyond = |step: usize| {
+        let mut far = at;
+        for _ in 0..count {
+            far = (far + step) % count;
+            if (points[far] - points[at]).norm() > window_mm {
+                break;
+            }
+        }
+        points[far]
+    };
+    let (before, after) = (beyond(count - 1), beyond(1));
+    let whole = turn_rad(points[at] - before, after - points[at]);
+    whole * turn.signum() > 0.5 * spacing.corner_rad
+}
+
+/// Takes runs of samples on edges far below the spacing together, where the wall comes furthest in:
+/// there the aperture can touch it.
+fn thin_out(contacts: &mut Vec<Contact>, breaks: &mut Vec<bool>, spacing_mm: f64) {
+    let fine = |c: &Contact| c.length_mm > 0.0 && c.length_mm < FINE_SHARE * spacing_mm;
+    let (mut thin, mut ends) = (Vec::new(), Vec::new());
+    let mut at = 0;
+    while at < contacts.len() {
+        let (from, mut length_mm) = (at, contacts[at].length_mm);
+        let mut sum = contacts[at].normal * length_mm;
+        while fine(&contacts[from])
+            && !breaks[at]
+            && contacts.get(at + 1).is_some_and(fine)
+            && length_mm < spacing_mm
+        {
+            at += 1;
+            length_mm += contacts[at].length_mm;
+            sum += contacts[at].normal * contacts[at].length_mm;
+        }
+        let mut contact = contacts[from];
+        if at > from && sum.norm() > 1e-12 {
+            contact.normal = sum.normalize();
+            contact.length_mm = length_mm;
+            let inward = |c: &Contact| c.point.coords.dot(&contact.normal);
+            let deepest = contacts[from..=at]
+                .iter()
+                .max_by(|c, d| inward(c).total_cmp(&inward(d)));
+            contact.point = deepest.map_or(contact.point, |c| c.point);
+        }
+        thin.push(contact);
+        ends.push(breaks[at]);
+        at += 1;
+    }
+    (*contacts, *breaks) = (thin, ends);
 }
 
 /// Signed turn from one edge to the next; negative is reflex for a region on the left.
