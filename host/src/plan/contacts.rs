@@ -80,6 +80,9 @@ pub fn wall_contacts(ring: &Ring, spacing: ContactSpacing) -> Vec<Contact> {
 /// Share of the spacing below which samples are taken together.
 const FINE_SHARE: f64 = 0.25;
 
+/// Longest run of samples taken together, against the spacing: noise folds the wall.
+const FOLDED_MAX: f64 = 8.0;
+
 /// True where the wall as a whole turns at vertex `at` by more than half as much as a corner does,
 /// the same way: noise turns back and forth.
 fn is_corner(points: &[Point2], at: usize, turn: f64, spacing: ContactSpacing) -> bool {
@@ -112,7 +115,9 @@ fn thin_out(contacts: &mut Vec<Contact>, breaks: &mut Vec<bool>, spacing_mm: f64
         while fine(&contacts[from])
             && !breaks[at]
             && contacts.get(at + 1).is_some_and(fine)
-            && length_mm < spacing_mm
+            // Each normal by its length is its edge turned: their sum is as long as the chord.
+            && sum.norm() < spacing_mm
+            && length_mm < FOLDED_MAX * spacing_mm
         {
             at += 1;
             length_mm += contacts[at].length_mm;
@@ -121,7 +126,7 @@ fn thin_out(contacts: &mut Vec<Contact>, breaks: &mut Vec<bool>, spacing_mm: f64
         let mut contact = contacts[from];
         if at > from && sum.norm() > 1e-12 {
             contact.normal = sum.normalize();
-            contact.length_mm = length_mm;
+            contact.length_mm = sum.norm();
             let inward = |c: &Contact| c.point.coords.dot(&contact.normal);
             let deepest = contacts[from..=at]
                 .iter()
