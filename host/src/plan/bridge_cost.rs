@@ -1,5 +1,6 @@
 //! What a bridge between two loops spoils: ground that it leaves open or covers again, on a raster.
 
+use super::links::bounds_of;
 use super::passes::LayerPass;
 use super::visits::{poses, swept};
 use crate::geometry::aperture::Aperture;
@@ -44,12 +45,7 @@ pub struct BridgeCosts {
 impl BridgeCosts {
     /// Of all passes of a region.
     pub fn of(passes: &[LayerPass], aperture: &Aperture) -> BridgeCosts {
-        let centers = passes.iter().flat_map(|p| &p.placements);
-        let centers: Vec<Point2> = centers.map(|p| p.at.center).collect();
-        let mut bounds = Box2::of(&centers);
-        let margin = Vector2::repeat(aperture.reach_mm());
-        bounds.min -= margin;
-        bounds.max += margin;
+        let bounds = bounds_of(passes, aperture);
         let grid = CellGrid::over(&bounds, CELL_SHARE * aperture.minor_mm(), CELLS_MAX);
         let mut costs = BridgeCosts {
             aperture: *aperture,

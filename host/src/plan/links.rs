@@ -88,7 +88,7 @@ pub(super) fn link(
 }
 
 /// A box about all placements of the passes.
-fn bounds_of(passes: &[LayerPass], aperture: &Aperture) -> Box2 {
+pub(super) fn bounds_of(passes: &[LayerPass], aperture: &Aperture) -> Box2 {
     let centers = passes.iter().flat_map(|p| &p.placements);
     let centers: Vec<Point2> = centers.map(|p| p.at.center).collect();
     let mut bounds = Box2::of(&centers);
