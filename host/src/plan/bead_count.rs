@@ -4,7 +4,8 @@
 //! 2). The count is chosen piecewise constant over the whole axis, by dynamic programming over a
 //! spanning forest of the axis graph: the least printed path, where each change costs about what
 //! its ends waste. Each change is then spread over a blend length, so that the channels narrow and
-//! widen smoothly instead of jumping. Where r < 2b only one bead fits across the whole passage: a single run.
+//! widen smoothly instead of jumping. Where r < 2b only one bead fits across the whole passage: a
+//! single run.
 
 use super::skeleton::Axis;
 use crate::geometry::aperture::Aperture;

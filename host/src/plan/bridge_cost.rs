@@ -2,16 +2,14 @@
 
 use super::links::bounds_of;
 use super::passes::LayerPass;
-use super::visits::{poses, swept};
+use super::visits::{Visits, swept};
+use crate::geometry::Point2;
 use crate::geometry::aperture::Aperture;
-use crate::geometry::cell_grid::CellGrid;
 use crate::geometry::clearance::Configuration;
 use crate::geometry::polygon::Box2;
-use crate::geometry::{Point2, Vector2};
 
-/// Raster cell against the minor semi-axis, and most cells.
+/// Raster cell against the minor semi-axis: many places are tried.
 const CELL_SHARE: f64 = 0.2;
-const CELLS_MAX: usize = 8_000_000;
 /// Path looked at on either side of an opening, against a.
 const WINDOW_SHARE: f64 = 2.0;
 
@@ -35,43 +33,23 @@ impl Bridge {
     }
 }
 
-/// How many passes cover each cell.
+/// What bridges cost among the passes of a region.
 pub struct BridgeCosts {
-    aperture: Aperture,
-    grid: CellGrid,
-    counts: Vec<u8>,
+    visits: Visits,
 }
 
 impl BridgeCosts {
     /// Of all passes of a region.
     pub fn of(passes: &[LayerPass], aperture: &Aperture) -> BridgeCosts {
         let bounds = bounds_of(passes, aperture);
-        let grid = CellGrid::over(&bounds, CELL_SHARE * aperture.minor_mm(), CELLS_MAX);
-        let mut costs = BridgeCosts {
-            aperture: *aperture,
-            grid,
-            counts: vec![0; grid.len()],
-        };
-        let mut seen = vec![usize::MAX; grid.len()];
-        for (number, pass) in passes.iter().enumerate() {
-            for at in poses(pass, aperture) {
-                grid.for_rows(aperture, at, |row, from, to| {
-                    let cells = row * grid.columns + from..=row * grid.columns + to;
-                    let counts = costs.counts[cells.clone()].iter_mut();
-                    for (seen, count) in seen[cells].iter_mut().zip(counts) {
-                        if std::mem::replace(seen, number) != number {
-                            *count = count.saturating_add(1);
-                        }
-                    }
-                });
-            }
+        BridgeCosts {
+            visits: Visits::of_passes(passes, &bounds, aperture, CELL_SHARE),
         }
-        costs
     }
 
     /// Ground that the bridge leaves open or covers again, less what it closes, mm².
     pub fn cost_mm2(&self, bridge: &Bridge, passes: &[LayerPass]) -> f64 {
-        let window_mm = WINDOW_SHARE * self.aperture.major_mm();
+        let window_mm = WINDOW_SHARE * self.visits.aperture().major_mm();
         let pass = |side: usize| &passes[bridge.loops[side]];
         // The way from an end away from the opening, the end first.
         let away = |side: usize, end: usize| {
@@ -100,34 +78,24 @@ impl BridgeCosts {
             ways.push((2 + end, way));
         }
         let spoiled = self.spoiled_cells(&ways);
-        spoiled as f64 * self.grid.cell_area_mm2()
+        spoiled as f64 * self.visits.cell_area_mm2()
     }
 
     /// How many cells ways 2 and 3 spoil more than ways 0 and 1, each in one or several pieces.
     fn spoiled_cells(&self, ways: &[(usize, Vec<Configuration>)]) -> i64 {
+        let (grid, aperture) = (self.visits.grid(), self.visits.aperture());
         let poses = ways.iter().flat_map(|(_, way)| way);
         let centers: Vec<Point2> = poses.map(|at| at.center).collect();
-        let mut bounds = Box2::of(&centers);
-        let reach = Vector2::repeat(self.aperture.reach_mm());
-        bounds.min -= reach;
-        bounds.max += reach;
-        let cell = |p: Point2| (p - self.grid.origin) / self.grid.cell_mm;
-        let (low, high) = (cell(bounds.min), cell(bounds.max));
-        let (column, row) = (low.x.max(0.0) as usize, low.y.max(0.0) as usize);
-        // The part of the raster about the ways; what lies beyond is cut off.
-        let part = CellGrid {
-            origin: self.grid.origin + Vector2::new(column as f64, row as f64) * self.grid.cell_mm,
-            cell_mm: self.grid.cell_mm,
-            columns: (high.x.max(0.0) as usize).min(self.grid.columns - 1) + 1 - column,
-            rows: (high.y.max(0.0) as usize).min(self.grid.rows - 1) + 1 - row,
-        };
+        let window = grid.window_about(&Box2::of(&centers).grown(aperture.reach_mm()));
+        let ([bottom, top], [left, right]) = (window.rows, window.columns);
+        let columns = right + 1 - left;
         // Which of the ways cover each cell.
-        let mut marks = vec![0u8; part.len()];
+        let mut marks = vec![0u8; columns * (top + 1 - bottom)];
         for (number, way) in ways {
-            for at in swept(way.iter().copied(), &self.aperture) {
-                part.for_rows(&self.aperture, at, |row, from, to| {
-                    let first = row * part.columns;
-                    for mark in &mut marks[first + from..=first + to] {
+            for at in swept(way.iter().copied(), aperture) {
+                grid.for_rows_within(&window, aperture, at, |row, from, to| {
+                    let first = (row - bottom) * columns;
+                    for mark in &mut marks[first + from - left..=first + to - left] {
                         *mark |= 1 << number;
                     }
                 });
@@ -137,9 +105,8 @@ impl BridgeCosts {
         cells
             .map(|(at, mark)| {
                 let (old, new) = ((mark & 3).count_ones(), (mark >> 2).count_ones());
-                let (across, up) = (at % part.columns + column, at / part.columns + row);
-                let at = up * self.grid.columns + across;
-                let others = u32::from(self.counts[at]).saturating_sub(old);
+                let cell = (at / columns + bottom) * grid.columns + at % columns + left;
+                let others = self.visits.count(cell).saturating_sub(old);
                 spoils(others + new) - spoils(others + old)
             })
             .sum()

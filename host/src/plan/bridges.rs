@@ -6,16 +6,16 @@
 //! as few bridges as possible.
 
 use super::bridge_cost::{Bridge, BridgeCosts};
-use super::chains::unwrap;
+use super::by_place::ByPlace;
 use super::darts::{eased, inside_way};
 use super::heading_profile::Placement;
-use super::passes::{LayerPass, PassKind};
-use crate::geometry::Point2;
+use super::passes::LayerPass;
+use super::runs::unwrap_headings;
 use crate::geometry::aperture::Aperture;
 use crate::geometry::clearance::Configuration;
 use crate::geometry::edge_index::EdgeIndex;
 use rayon::prelude::*;
-use std::collections::{BTreeMap, HashMap};
+use std::collections::BTreeMap;
 
 /// Longest bridge, against a: neighbouring beads lie up to 2a apart.
 const LENGTH_SHARE: f64 = 2.6;
@@ -37,7 +37,7 @@ const GAP_SAVES_SHARE: f64 = 0.5;
 /// How far the ends of a run may lie apart that is reached as if it were a loop, against a.
 const GAP_SHARE: f64 = 2.5;
 
-/// Joins closed passes to their neighbours where that is cheap; the others stay as they are.
+/// Joins loops, and runs, to loops beside them where that is cheap; the others stay as they are.
 pub fn bridged(passes: Vec<LayerPass>, aperture: &Aperture, walls: &EdgeIndex) -> Vec<LayerPass> {
     let costs = BridgeCosts::of(&passes, aperture);
     let near = neighbours(&passes, LENGTH_SHARE * aperture.major_mm());
@@ -82,48 +82,30 @@ pub fn bridged(passes: Vec<LayerPass>, aperture: &Aperture, walls: &EdgeIndex) -
 type Near = BTreeMap<[usize; 2], Vec<(usize, usize, f64)>>;
 
 fn neighbours(passes: &[LayerPass], reach_mm: f64) -> Near {
-    let cell = |p: Point2| {
-        [
-            (p.x / reach_mm).floor() as i64,
-            (p.y / reach_mm).floor() as i64,
-        ]
-    };
-    let mut cells: HashMap<[i64; 2], Vec<(usize, usize)>> = HashMap::new();
-    let filled = |kind| matches!(kind, PassKind::TwoPass | PassKind::OnePass);
-    let loops = || {
-        passes
-            .iter()
-            .enumerate()
-            .filter(|(_, pass)| filled(pass.kind))
-    };
-    for (number, pass) in loops() {
-        for (i, placement) in pass.placements.iter().enumerate() {
-            let place = cells.entry(cell(placement.at.center)).or_default();
-            place.push((number, i));
-        }
-    }
+    let numbered = passes.iter().enumerate();
+    let joinable = numbered.filter(|(_, pass)| pass.kind.follows_walls());
+    let all = joinable.flat_map(|(number, pass)| {
+        let placements = pass.placements.iter().enumerate();
+        placements.map(move |(i, placement)| (placement.at.center, (number, i)))
+    });
+    let index = ByPlace::of(reach_mm, all.clone());
     let mut near = Near::new();
-    for (number, pass) in loops() {
-        for (i, placement) in pass.placements.iter().enumerate() {
-            let own = placement.at.center;
-            let [column, row] = cell(own);
-            // The nearest placement of each later loop.
-            let mut nearest: BTreeMap<usize, (usize, f64)> = BTreeMap::new();
-            let around = (-1..=1).flat_map(|r| (-1..=1).map(move |c| [column + c, row + r]));
-            for &(other, j) in around.filter_map(|at| cells.get(&at)).flatten() {
-                if other <= number {
-                    continue;
-                }
-                let apart = (passes[other].placements[j].at.center - own).norm();
-                let best = nearest.entry(other).or_insert((j, f64::INFINITY));
-                if (apart, j) < (best.1, best.0) {
-                    *best = (j, apart);
-                }
+    for (own, (number, i)) in all {
+        // The nearest placement of each later pass.
+        let mut nearest: BTreeMap<usize, (usize, f64)> = BTreeMap::new();
+        for &(other, j) in index.around(own) {
+            if other <= number {
+                continue;
             }
-            for (other, (j, apart)) in nearest {
-                if apart < reach_mm {
-                    near.entry([number, other]).or_default().push((i, j, apart));
-                }
+            let apart = (passes[other].placements[j].at.center - own).norm();
+            let best = nearest.entry(other).or_insert((j, f64::INFINITY));
+            if (apart, j) < (best.1, best.0) {
+                *best = (j, apart);
+            }
+        }
+        for (other, (j, apart)) in nearest {
+            if apart < reach_mm {
+                near.entry([number, other]).or_default().push((i, j, apart));
             }
         }
     }
@@ -283,7 +265,6 @@ fn opened_at(pass: &LayerPass, at: usize, opening: f64, aperture: &Aperture) -> 
 #[derive(Default)]
 struct Tour {
     stops: Vec<Stop>,
-    bridges: usize,
 }
 
 /// One place of a tour.
@@ -304,7 +285,7 @@ impl Tour {
         if !pass.closed {
             stops.push(Stop::Break);
         }
-        Tour { stops, bridges: 0 }
+        Tour { stops }
     }
 
     /// The tour as a way that begins and ends where pass `number` is opened, and which of the two
@@ -370,10 +351,7 @@ impl Tour {
         stops.extend(bridge.ways[end].iter().map(on_bridge));
         stops.extend(theirs);
         stops.extend(bridge.ways[begin].iter().rev().map(on_bridge));
-        Some(Tour {
-            stops,
-            bridges: self.bridges + other.bridges + 1,
-        })
+        Some(Tour { stops })
     }
 
     /// The tour as a pass, in place of `pass`, the first of its own; headings go on unwrapped.
@@ -396,7 +374,7 @@ impl Tour {
             };
             placements.push(placement);
         }
-        unwrap(&mut placements, period_rad);
+        unwrap_headings(&mut placements, period_rad);
         LayerPass {
             placements,
             closed: gap.is_none(),
@@ -408,11 +386,12 @@ impl Tour {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::geometry::Vector2;
     use crate::geometry::clearance::is_inside;
     use crate::geometry::edge_index::Edge;
+    use crate::geometry::{Point2, Vector2};
     use crate::plan::contacts::Contact;
     use crate::plan::gap_raster::GapRaster;
+    use crate::plan::passes::PassKind;
     use std::f64::consts::{PI, TAU};
 
     const APERTURE: Aperture = Aperture::Ellipse {

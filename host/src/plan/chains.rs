@@ -4,15 +4,18 @@
 //! end where others begin. The ends are joined by straight ways, those first that cover the least
 //! ground again; each end is joined once at most (greedy matching).
 
+use super::by_place::ByPlace;
 use super::heading_profile::Placement;
-use super::links::{END_REACH_SHARE, link};
-use super::passes::{LayerPass, PassKind};
+use super::links::link;
+use super::passes::LayerPass;
+use super::runs::unwrap_headings;
 use super::visits::Visits;
-use crate::geometry::Point2;
 use crate::geometry::aperture::Aperture;
 use crate::geometry::edge_index::EdgeIndex;
 use std::collections::HashMap;
 
+/// Longest way between two ends that are joined, against a.
+const END_REACH_SHARE: f64 = 2.0;
 /// Least placements of a run that is closed to a loop.
 const LOOP_COUNT_MIN: usize = 16;
 
@@ -59,23 +62,18 @@ pub fn chained(passes: Vec<LayerPass>, aperture: &Aperture, walls: &EdgeIndex) -
 
 /// Pairs of ends of open passes within `reach_mm`.
 fn near_ends(passes: &[LayerPass], reach_mm: f64) -> Vec<[End; 2]> {
-    let cell = |p: Point2| [p.x, p.y].map(|x| (x / reach_mm).floor() as i64);
     let place = |(number, end): End| {
         let placements = &passes[number].placements;
         placements[end * (placements.len() - 1)].at.center
     };
-    let filled = |pass: &LayerPass| matches!(pass.kind, PassKind::TwoPass | PassKind::OnePass);
-    let open = (0..passes.len()).filter(|&n| filled(&passes[n]) && !passes[n].closed);
+    let is_open =
+        |pass: &LayerPass| pass.kind.follows_walls() && !pass.closed && !pass.placements.is_empty();
+    let open = (0..passes.len()).filter(|&number| is_open(&passes[number]));
     let ends: Vec<End> = open.flat_map(|number| [(number, 0), (number, 1)]).collect();
-    let mut cells: HashMap<[i64; 2], Vec<End>> = HashMap::new();
-    for &end in &ends {
-        cells.entry(cell(place(end))).or_default().push(end);
-    }
+    let index = ByPlace::of(reach_mm, ends.iter().map(|&end| (place(end), end)));
     let mut near = Vec::new();
     for &end in &ends {
-        let [column, row] = cell(place(end));
-        let around = (-1..=1).flat_map(|r| (-1..=1).map(move |c| [column + c, row + r]));
-        for &other in around.filter_map(|at| cells.get(&at)).flatten() {
+        for &other in index.around(place(end)) {
             let own = end.0 == other.0;
             let long = passes[end.0].placements.len() >= LOOP_COUNT_MIN;
             if other > end && (!own || long) && (place(end) - place(other)).norm() < reach_mm {
@@ -140,14 +138,6 @@ fn chain(
         }
         entry = *next;
     }
-    unwrap(&mut result.placements, aperture.period_rad());
+    unwrap_headings(&mut result.placements, aperture.period_rad());
     result
-}
-
-/// Turns headings by whole periods so that none jumps.
-pub fn unwrap(placements: &mut [Placement], period_rad: f64) {
-    for i in 1..placements.len() {
-        let turned = placements[i - 1].at.heading_rad - placements[i].at.heading_rad;
-        placements[i].at.heading_rad += (turned / period_rad).round() * period_rad;
-    }
 }

@@ -5,16 +5,14 @@
 //! heading ([`super::gap_raster`]); a placement of a pass nearby goes there and comes back, without
 //! an interruption of flow: the one from where the whole excursion gains most.
 
+use super::by_place::ByPlace;
 use super::channel_walls::turn_to;
 use super::gap_raster::{GapRaster, Ground};
 use super::heading_profile::{Placement, slide_inside};
 use super::passes::LayerPass;
-use crate::geometry::Point2;
 use crate::geometry::aperture::Aperture;
-use crate::geometry::cell_grid::CellGrid;
 use crate::geometry::clearance::Configuration;
 use crate::geometry::edge_index::EdgeIndex;
-use crate::geometry::polygon::Box2;
 use rayon::prelude::*;
 use std::collections::HashMap;
 
@@ -26,8 +24,6 @@ const TRIES: usize = 2;
 const NET_SHARE_MIN: f64 = 0.01;
 /// Placements of the passes tried as the start of an excursion.
 const STARTS: usize = 24;
-/// Most cells of the grid over all placements.
-const STARTS_CELLS_MAX: usize = 1_000_000;
 /// Free ways that are compared.
 const WAYS: usize = 4;
 /// Longest excursion, against the major semi-axis.
@@ -116,29 +112,20 @@ fn best_of(darts: Vec<Dart>, raster: &GapRaster, aperture: &Aperture) -> Option<
 /// Where excursions may start: the placements of all passes, by place.
 struct Starts {
     reach_mm: f64,
-    grid: CellGrid,
     /// Pass and placement.
-    of_cell: Vec<Vec<(u32, u32)>>,
+    index: ByPlace<(usize, usize)>,
 }
 
 impl Starts {
     fn of(passes: &[LayerPass], aperture: &Aperture) -> Starts {
         let reach_mm = REACH * aperture.major_mm();
-        let all = passes.iter().flat_map(|pass| &pass.placements);
-        let centers: Vec<Point2> = all.map(|p| p.at.center).collect();
-        let grid = CellGrid::over(&Box2::of(&centers), reach_mm, STARTS_CELLS_MAX);
-        let mut of_cell = vec![Vec::new(); grid.len()];
-        for (p, pass) in passes.iter().enumerate() {
-            for (i, placement) in pass.placements.iter().enumerate() {
-                let at = placement.at.center;
-                let cell = grid.window_about(&Box2 { min: at, max: at });
-                of_cell[cell.rows[0] * grid.columns + cell.columns[0]].push((p as u32, i as u32));
-            }
-        }
+        let all = passes.iter().enumerate().flat_map(|(p, pass)| {
+            let placements = pass.placements.iter().enumerate();
+            placements.map(move |(i, placement)| (placement.at.center, (p, i)))
+        });
         Starts {
             reach_mm,
-            grid,
-            of_cell,
+            index: ByPlace::of(reach_mm, all),
         }
     }
 
@@ -150,27 +137,18 @@ impl Starts {
         aperture: &Aperture,
     ) -> Vec<[usize; 2]> {
         let swing = 0.5 * (aperture.major_mm() + aperture.minor_mm());
-        let area = Box2 {
-            min: at.center,
-            max: at.center,
-        };
-        let window = self.grid.window_about(&area.grown(self.reach_mm));
-        let mut found: Vec<(f64, u32, u32)> = Vec::new();
-        for row in window.rows[0]..=window.rows[1] {
-            let cells = row * self.grid.columns + window.columns[0]
-                ..=row * self.grid.columns + window.columns[1];
-            for &(p, i) in self.of_cell[cells].iter().flatten() {
-                let start = passes[p as usize].placements[i as usize].at;
-                let apart = (start.center - at.center).norm();
-                if apart < self.reach_mm {
-                    let turn = turn_to(aperture, start.heading_rad, at.heading_rad).abs();
-                    found.push((apart + swing * turn, p, i));
-                }
+        let mut found: Vec<(f64, usize, usize)> = Vec::new();
+        for &(p, i) in self.index.around(at.center) {
+            let start = passes[p].placements[i].at;
+            let apart = (start.center - at.center).norm();
+            if apart < self.reach_mm {
+                let turn = turn_to(aperture, start.heading_rad, at.heading_rad).abs();
+                found.push((apart + swing * turn, p, i));
             }
         }
         found.sort_by(|s, t| s.0.total_cmp(&t.0).then((s.1, s.2).cmp(&(t.1, t.2))));
         found.truncate(STARTS);
-        found.iter().map(|f| [f.1 as usize, f.2 as usize]).collect()
+        found.iter().map(|f| [f.1, f.2]).collect()
     }
 
     /// Excursions to `at` from the nearest starts that have a free way there.

@@ -7,7 +7,7 @@
 
 use super::channel_walls::poses_between;
 use super::passes::LayerPass;
-use super::visits::{Visits, poses};
+use super::visits::{CELL_SHARE, Visits, poses};
 use crate::geometry::aperture::Aperture;
 use crate::geometry::polygon::Box2;
 use std::cell::Cell;
@@ -31,7 +31,7 @@ const PLACEMENTS_MIN: usize = 2;
 /// Cuts the ends of open passes back and drops passes that cover next to nothing alone. `bounds`
 /// holds all passes.
 pub fn fit_ends(passes: &mut Vec<LayerPass>, aperture: &Aperture, bounds: &Box2) {
-    let mut visits = Visits::of_passes(passes, bounds, aperture);
+    let mut visits = Visits::of_passes(passes, bounds, aperture, CELL_SHARE);
     if visits.cell_area_mm2().sqrt() > CELL_SHARE_MAX * aperture.minor_mm() {
         return;
     }

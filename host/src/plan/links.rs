@@ -7,7 +7,7 @@
 use super::darts::{eased, inside_way};
 use super::heading_profile::Placement;
 use super::passes::{LayerPass, PassKind};
-use super::visits::{Visits, swept};
+use super::visits::{CELL_SHARE, Visits, swept};
 use crate::geometry::aperture::Aperture;
 use crate::geometry::clearance::Configuration;
 use crate::geometry::edge_index::EdgeIndex;
@@ -16,8 +16,6 @@ use crate::geometry::{Point2, Vector2};
 
 /// Longest link, against a: neighbouring beads lie up to 2a apart.
 const LENGTH_SHARE: f64 = 3.0;
-/// Longest way between two ends that are joined before there is an order, against a.
-pub(super) const END_REACH_SHARE: f64 = 2.0;
 /// The same between two lines of an infill, whose ends lie far apart along a wall at a low angle.
 const LINE_LENGTH_SHARE: f64 = 10.0;
 /// Most ground of other beads that a link covers again, against the aperture's area.
@@ -101,7 +99,7 @@ pub(super) fn bounds_of(passes: &[LayerPass], aperture: &Aperture) -> Box2 {
 impl Visits {
     /// The visits of `passes`, wherever they lie.
     pub(super) fn around(passes: &[LayerPass], aperture: &Aperture) -> Visits {
-        Visits::of_passes(passes, &bounds_of(passes, aperture), aperture)
+        Visits::of_passes(passes, &bounds_of(passes, aperture), aperture, CELL_SHARE)
     }
 
     /// Ground of other beads that the way from the end of one pass to the start of the next covers

@@ -6,6 +6,7 @@ pub mod bead_count;
 pub mod bridge_cost;
 pub mod bridges;
 pub mod build_route;
+pub mod by_place;
 pub mod chains;
 pub mod channel_walls;
 pub mod contacts;

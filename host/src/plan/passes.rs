@@ -38,6 +38,13 @@ pub enum PassKind {
     Skirt,
 }
 
+impl PassKind {
+    /// True for the beads that fill the part along its walls and axis.
+    pub fn follows_walls(self) -> bool {
+        matches!(self, PassKind::TwoPass | PassKind::OnePass)
+    }
+}
+
 /// One continuous run of placements.
 #[derive(Clone, Debug, PartialEq)]
 pub struct LayerPass {

@@ -69,8 +69,8 @@ pub fn feasible_runs(
 }
 
 /// Takes out whole periods between neighbours: a run cut out of a loop may pass the loop's seam,
-/// where the heading of a whole lap comes on top.
-fn unwrap_headings(run: &mut [Placement], period_rad: f64) {
+/// where the heading of a whole lap comes on top; passes that are joined differ by any number.
+pub fn unwrap_headings(run: &mut [Placement], period_rad: f64) {
     for i in 1..run.len() {
         let step_rad = run[i].at.heading_rad - run[i - 1].at.heading_rad;
         run[i].at.heading_rad -= (step_rad / period_rad).round() * period_rad;

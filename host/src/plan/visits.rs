@@ -8,7 +8,7 @@ use crate::geometry::clearance::Configuration;
 use crate::geometry::polygon::Box2;
 use rayon::prelude::*;
 
-/// Raster cell against the minor semi-axis, and most cells.
+/// Raster cell against the minor semi-axis where nothing else is said, and most cells.
 pub const CELL_SHARE: f64 = 0.1;
 const CELLS_MAX: usize = 8_000_000;
 
@@ -23,9 +23,14 @@ pub struct Visits {
 }
 
 impl Visits {
-    /// The visits of `passes`, which lie within `bounds`.
-    pub fn of_passes(passes: &[LayerPass], bounds: &Box2, aperture: &Aperture) -> Visits {
-        let grid = CellGrid::over(bounds, CELL_SHARE * aperture.minor_mm(), CELLS_MAX);
+    /// The visits of `passes`, which lie within `bounds`, in cells of this share of b.
+    pub fn of_passes(
+        passes: &[LayerPass],
+        bounds: &Box2,
+        aperture: &Aperture,
+        cell_share: f64,
+    ) -> Visits {
+        let grid = CellGrid::over(bounds, cell_share * aperture.minor_mm(), CELLS_MAX);
         let (mut dense, mut pass_of) = (Vec::new(), Vec::new());
         for (number, pass) in passes.iter().enumerate() {
             dense.extend(poses(pass, aperture));
@@ -65,6 +70,16 @@ impl Visits {
     /// The nozzle.
     pub fn aperture(&self) -> &Aperture {
         &self.aperture
+    }
+
+    /// The raster.
+    pub fn grid(&self) -> CellGrid {
+        self.grid
+    }
+
+    /// How many passes cover a cell.
+    pub fn count(&self, cell: usize) -> u32 {
+        self.counts[cell]
     }
 
     /// Area of one cell, mm².
