@@ -5,6 +5,7 @@ use super::clearance::Configuration;
 use super::polygon::Box2;
 use super::rounded_polygon::row_range;
 use super::{Point2, Vector2};
+use rayon::prelude::*;
 
 /// A raster's place and size; cells are numbered row by row from the lower left.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -77,6 +78,17 @@ impl CellGrid {
             rows: [first, (first + BAND_ROWS).min(self.rows) - 1],
             ..self.window()
         }
+    }
+
+    /// What belongs to all cells, cut into the shares of the bands.
+    pub fn bands_of<'a, T: Send>(
+        &'a self,
+        of_cells: &'a mut [T],
+    ) -> impl IndexedParallelIterator<Item = (CellWindow, &'a mut [T])> {
+        let shares = of_cells.par_chunks_mut(BAND_ROWS * self.columns);
+        shares
+            .enumerate()
+            .map(|(band, share)| (self.band(band), share))
     }
 
     /// For each band of rows the numbers of the poses that may cover cells of it: bands can be swept

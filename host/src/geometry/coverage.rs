@@ -77,14 +77,18 @@ impl Coverage {
             rows: (size.y / cell_mm).ceil() as usize + 1,
         };
         let of_band = grid.poses_of_bands(aperture, poses.iter().map(|pose| pose.at));
-        let cells = of_band
-            .par_iter()
-            .enumerate()
-            .flat_map_iter(|(band, numbers)| {
-                let poses = numbers.iter().map(|&number| &poses[number as usize]);
-                band_cells(&grid, &grid.band(band), poses, aperture, walls, return_mm)
-            })
-            .collect();
+        let mut cells = vec![Cell::Outside; grid.len()];
+        let bands = grid.bands_of(&mut cells).zip(&of_band);
+        bands.for_each_init(Vec::new, |visits, ((band, cells), numbers)| {
+            let poses = numbers.iter().map(|&number| &poses[number as usize]);
+            visits.clear();
+            visits.resize(cells.len(), NO_VISIT);
+            visit_band(&grid, &band, poses, aperture, return_mm, visits);
+            let inside = cells_inside(&grid, &band, walls);
+            for ((cell, visit), inside) in cells.iter_mut().zip(&*visits).zip(inside) {
+                *cell = visit.state(inside);
+            }
+        });
         Coverage {
             origin: grid.origin,
             cell_mm,
@@ -139,44 +143,53 @@ impl Coverage {
     }
 }
 
+/// The last visit of a cell.
+#[derive(Clone, Copy)]
+struct Visit {
+    pass: u32,
+    path_mm: f32,
+    /// There was one before that, which counts.
+    again: bool,
+}
+
+const NO_VISIT: Visit = Visit {
+    pass: u32::MAX,
+    path_mm: 0.0,
+    again: false,
+};
+
+impl Visit {
+    fn state(&self, inside: bool) -> Cell {
+        match (inside, self.pass != NO_VISIT.pass, self.again) {
+            (false, false, _) => Cell::Outside,
+            (false, true, _) => Cell::Spill,
+            (true, false, _) => Cell::Gap,
+            (true, true, false) => Cell::Covered,
+            (true, true, true) => Cell::Overlap,
+        }
+    }
+}
+
 /// Sweeps one band of rows.
-fn band_cells<'a>(
+fn visit_band<'a>(
     grid: &CellGrid,
     band: &CellWindow,
     poses: impl Iterator<Item = &'a SweptPose>,
     aperture: &Aperture,
-    walls: &EdgeIndex,
     return_mm: f64,
-) -> Vec<Cell> {
-    let [first, last] = band.rows;
-    let mut visits = vec![(u32::MAX, 0.0f32, false); (last + 1 - first) * grid.columns];
+    visits: &mut [Visit],
+) {
     for pose in poses {
         grid.for_rows_within(band, aperture, pose.at, |row, from, to| {
-            let base = (row - first) * grid.columns;
-            for (pass, path, again) in &mut visits[base + from..=base + to] {
-                if *pass != u32::MAX
-                    && (*pass != pose.pass || pose.path_mm - f64::from(*path) > return_mm)
-                {
-                    *again = true;
-                }
-                *pass = pose.pass;
-                *path = pose.path_mm as f32;
+            for visit in &mut visits[band.number(row, from)..=band.number(row, to)] {
+                visit.again |= visit.pass != NO_VISIT.pass
+                    && (visit.pass != pose.pass
+                        || pose.path_mm - f64::from(visit.path_mm) > return_mm);
+                visit.pass = pose.pass;
+                visit.path_mm = pose.path_mm as f32;
             }
         });
     }
-    let inside = cells_inside(grid, band, walls);
-    let states = visits.iter().zip(inside);
-    states
-        .map(
-            |(&(pass, _, again), inside)| match (inside, pass != u32::MAX, again) {
-                (false, false, _) => Cell::Outside,
-                (false, true, _) => Cell::Spill,
-                (true, false, _) => Cell::Gap,
-                (true, true, false) => Cell::Covered,
-                (true, true, true) => Cell::Overlap,
-            },
-        )
-        .collect()
 }
 
 /// Which cell centres of the band lie inside, by scanline.

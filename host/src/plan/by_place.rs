@@ -1,6 +1,7 @@
 //! Things by where they are: those about a place are found without looking at all.
 
 use crate::geometry::Point2;
+use crate::geometry::polygon::Box2;
 use std::collections::HashMap;
 
 /// Things in square cells as long as the reach they are asked for with.
@@ -26,6 +27,13 @@ impl<T> ByPlace<T> {
         let around = (-1..=1).flat_map(move |r| (-1..=1).map(move |c| [column + c, row + r]));
         around.filter_map(|at| self.cells.get(&at)).flatten()
     }
+
+    /// All things in a box, and some more; always in the same order.
+    pub fn within(&self, area: &Box2) -> impl Iterator<Item = &T> {
+        let [low, high] = [area.min, area.max].map(|corner| cell(corner, self.reach_mm));
+        let cells = (low[1]..=high[1]).flat_map(move |r| (low[0]..=high[0]).map(move |c| [c, r]));
+        cells.filter_map(|at| self.cells.get(&at)).flatten()
+    }
 }
 
 fn cell(place: Point2, reach_mm: f64) -> [i64; 2] {
@@ -36,8 +44,8 @@ fn cell(place: Point2, reach_mm: f64) -> [i64; 2] {
 mod tests {
     use super::*;
 
-    /// Goal: whatever lies within the reach is found. Method: a grid of points against a search of
-    /// all of them.
+    /// Goal: whatever lies within the reach, or in a box, is found. Method: a grid of points against
+    /// a search of all of them.
     #[test]
     fn all_within_the_reach_are_found() {
         let points: Vec<Point2> = (0..400)
@@ -53,6 +61,10 @@ mod tests {
             let near = |q: &&Point2| (*q - p).norm() <= 1.0;
             let found = index.around(*p).filter(near).count();
             assert_eq!(found, points.iter().filter(near).count());
+            let area = Box2 { min: *p, max: *p }.grown(0.7);
+            let inside = |q: &&Point2| (*q - p).amax() <= 0.7;
+            let found = index.within(&area).filter(inside).count();
+            assert_eq!(found, points.iter().filter(inside).count());
         }
     }
 }

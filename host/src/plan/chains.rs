@@ -4,15 +4,17 @@
 //! end where others begin. The ends are joined by straight ways, those first that cover the least
 //! ground again; each end is joined once at most (greedy matching).
 
+use super::beads::Beads;
 use super::by_place::ByPlace;
 use super::heading_profile::Placement;
-use super::links::link;
+use super::links::{Directed, link};
 use super::passes::LayerPass;
 use super::runs::unwrap_headings;
-use super::visits::Visits;
 use crate::geometry::aperture::Aperture;
 use crate::geometry::edge_index::EdgeIndex;
+use rayon::prelude::*;
 use std::collections::HashMap;
+use std::sync::LazyLock;
 
 /// Longest way between two ends that are joined, against a.
 const END_REACH_SHARE: f64 = 2.0;
@@ -31,10 +33,11 @@ struct Join {
 
 /// Joins the ends of open passes where that is cheap.
 pub fn chained(passes: Vec<LayerPass>, aperture: &Aperture, walls: &EdgeIndex) -> Vec<LayerPass> {
-    let mut visits = Visits::around(&passes, aperture);
-    let mut joins: Vec<Join> = near_ends(&passes, END_REACH_SHARE * aperture.major_mm())
-        .into_iter()
-        .filter_map(|ends| join(&passes, ends, &mut visits, walls))
+    let near = near_ends(&passes, END_REACH_SHARE * aperture.major_mm());
+    let beads = LazyLock::new(|| Beads::of(&passes, aperture));
+    let mut joins: Vec<Join> = near
+        .into_par_iter()
+        .filter_map(|ends| join(&passes, ends, &beads, walls))
         .collect();
     joins.sort_by(|x, y| x.cost_mm2.total_cmp(&y.cost_mm2).then(x.ends.cmp(&y.ends)));
     let mut at_end: HashMap<End, (End, Vec<Placement>)> = HashMap::new();
@@ -85,20 +88,12 @@ fn near_ends(passes: &[LayerPass], reach_mm: f64) -> Vec<[End; 2]> {
 }
 
 /// The way between two ends, if there is a free and cheap one.
-fn join(
-    passes: &[LayerPass],
-    ends: [End; 2],
-    visits: &mut Visits,
-    walls: &EdgeIndex,
-) -> Option<Join> {
-    let directed = |(number, end): End, last: usize| {
-        let mut pass = passes[number].clone();
-        if end != last {
-            pass.placements.reverse();
-        }
-        pass
+fn join(passes: &[LayerPass], ends: [End; 2], beads: &Beads, walls: &EdgeIndex) -> Option<Join> {
+    let directed = |(number, end): End, last: usize| Directed {
+        pass: &passes[number],
+        backwards: end != last,
     };
-    let (mut way, cost_mm2) = link(&directed(ends[0], 1), &directed(ends[1], 0), visits, walls)?;
+    let (mut way, cost_mm2) = link(directed(ends[0], 1), directed(ends[1], 0), beads, walls)?;
     way.pop();
     Some(Join {
         ends,

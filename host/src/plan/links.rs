@@ -4,10 +4,10 @@
 //! inside the region, the head goes on printing there: neighbouring loops become a spiral. What
 //! the way covers lies between the two ends, which the seams left open.
 
+use super::beads::Beads;
 use super::darts::{eased, inside_way};
 use super::heading_profile::Placement;
 use super::passes::{LayerPass, PassKind};
-use super::visits::{CELL_SHARE, Visits, swept};
 use crate::geometry::aperture::Aperture;
 use crate::geometry::clearance::Configuration;
 use crate::geometry::edge_index::EdgeIndex;
@@ -27,12 +27,11 @@ const TURN_MAX_RAD: f64 = 1.6;
 
 /// Joins passes in printing order where a link is possible.
 pub fn linked(passes: Vec<LayerPass>, aperture: &Aperture, walls: &EdgeIndex) -> Vec<LayerPass> {
-    let mut visits = Visits::around(&passes, aperture);
+    let beads = Beads::of(&passes, aperture);
     let mut result: Vec<LayerPass> = Vec::with_capacity(passes.len());
     for mut next in passes {
-        let link = result
-            .last()
-            .and_then(|before| link(before, &next, &mut visits, walls));
+        let before = result.last().map(Directed::ahead);
+        let link = before.and_then(|before| link(before, Directed::ahead(&next), &beads, walls));
         let (Some(before), Some((link, _))) = (result.last_mut(), link) else {
             result.push(next);
             continue;
@@ -51,19 +50,48 @@ pub fn linked(passes: Vec<LayerPass>, aperture: &Aperture, walls: &EdgeIndex) ->
     result
 }
 
+/// A pass as it is gone along.
+#[derive(Clone, Copy)]
+pub(super) struct Directed<'a> {
+    /// The pass.
+    pub pass: &'a LayerPass,
+    /// From its last placement to its first.
+    pub backwards: bool,
+}
+
+impl<'a> Directed<'a> {
+    /// The pass from its first placement to its last.
+    fn ahead(pass: &'a LayerPass) -> Directed<'a> {
+        Directed {
+            pass,
+            backwards: false,
+        }
+    }
+
+    fn placements(self) -> impl DoubleEndedIterator<Item = &'a Placement> {
+        let all = &self.pass.placements;
+        let number = move |k| {
+            if self.backwards { all.len() - 1 - k } else { k }
+        };
+        (0..all.len()).map(move |k| &all[number(k)])
+    }
+}
+
 /// The placements between the end of one pass and the start of the next, that start included, and
 /// the ground of other beads that they cover again, mm².
 pub(super) fn link(
-    before: &LayerPass,
-    next: &LayerPass,
-    visits: &mut Visits,
+    before: Directed,
+    next: Directed,
+    beads: &Beads,
     walls: &EdgeIndex,
 ) -> Option<(Vec<Placement>, f64)> {
-    let aperture = *visits.aperture();
-    let (end, start) = (before.placements.last()?, next.placements.first()?);
+    let aperture = *beads.aperture();
+    let (end, start) = (before.placements().next_back()?, next.placements().next()?);
     let turn = aperture.wrapped_rad(start.at.heading_rad - end.at.heading_rad);
     let length_mm = (start.at.center - end.at.center).norm();
-    let lines = before.kind == PassKind::Infill && next.kind == PassKind::Infill;
+    let lines = [before, next]
+        .iter()
+        .all(|d| d.pass.kind == PassKind::Infill);
     let share = if lines {
         LINE_LENGTH_SHARE
     } else {
@@ -73,7 +101,10 @@ pub(super) fn link(
         return None;
     }
     let way = inside_way(eased(end.at, start.at, &aperture), &aperture, walls)?;
-    let again_mm2 = visits.again_mm2(before, next, &way);
+    let reach_mm = OWN_SHARE * aperture.major_mm();
+    let own_end = stretch(before.placements().rev(), reach_mm);
+    let own_start = stretch(next.placements(), reach_mm);
+    let again_mm2 = beads.again_mm2([own_end, own_start], &way);
     if !lines && again_mm2 > AGAIN_SHARE_MAX * aperture.area_mm2() {
         return None;
     }
@@ -94,31 +125,6 @@ pub(super) fn bounds_of(passes: &[LayerPass], aperture: &Aperture) -> Box2 {
     bounds.min -= margin;
     bounds.max += margin;
     bounds
-}
-
-impl Visits {
-    /// The visits of `passes`, wherever they lie.
-    pub(super) fn around(passes: &[LayerPass], aperture: &Aperture) -> Visits {
-        Visits::of_passes(passes, &bounds_of(passes, aperture), aperture, CELL_SHARE)
-    }
-
-    /// Ground of other beads that the way from the end of one pass to the start of the next covers
-    /// again, mm².
-    fn again_mm2(&mut self, before: &LayerPass, next: &LayerPass, way: &[Configuration]) -> f64 {
-        let aperture = *self.aperture();
-        let reach_mm = OWN_SHARE * aperture.major_mm();
-        self.begin_walk();
-        let end = stretch(before.placements.iter().rev(), reach_mm);
-        let start = stretch(next.placements.iter(), reach_mm);
-        for own in [end, start] {
-            self.for_cells_new(swept(own.into_iter(), &aperture), |_, _| {});
-        }
-        let mut cells = 0;
-        self.for_cells_new(swept(way.iter().copied(), &aperture), |_, count| {
-            cells += usize::from(*count > 0);
-        });
-        cells as f64 * self.cell_area_mm2()
-    }
 }
 
 /// The first placements, as far as `length_mm` of path.

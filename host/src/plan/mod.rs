@@ -3,6 +3,7 @@
 //! it, `geometry` and `settings`; none knows a clock, a file or a thread.
 
 pub mod bead_count;
+pub mod beads;
 pub mod bridge_cost;
 pub mod bridges;
 pub mod build_route;

@@ -20,7 +20,11 @@ const TWO_OPT_ROUNDS: usize = 8;
 /// the head is. Same passes out as in.
 pub fn ordered(passes: Vec<LayerPass>, from: Point2, aperture: &Aperture) -> Vec<LayerPass> {
     let period_rad = aperture.period_rad();
-    let order = two_opt(&passes, greedy(&passes, from, period_rad), from, period_rad);
+    let doors: Vec<Doors> = passes
+        .iter()
+        .map(|pass| Doors::of(pass, period_rad))
+        .collect();
+    let order = two_opt(&doors, greedy(&doors, from), from);
     let mut position = from;
     let mut slots: Vec<Option<LayerPass>> = passes.into_iter().map(Some).collect();
     let mut result = Vec::with_capacity(order.len());
@@ -28,7 +32,8 @@ pub fn ordered(passes: Vec<LayerPass>, from: Point2, aperture: &Aperture) -> Vec
         let Some(pass) = slots[number].take() else {
             continue;
         };
-        let placed = opened(started_near(pass, position, period_rad), aperture);
+        let start = doors[number].nearest(position).1.map_or(0, |d| d.start);
+        let placed = opened(started_at(pass, start, period_rad), aperture);
         if let Some(last) = placed.placements.last() {
             position = last.at.center;
         }
@@ -38,48 +43,83 @@ pub fn ordered(passes: Vec<LayerPass>, from: Point2, aperture: &Aperture) -> Vec
 }
 
 /// Nearest pass first.
-fn greedy(passes: &[LayerPass], from: Point2, period_rad: f64) -> Vec<usize> {
-    let mut left: Vec<usize> = (0..passes.len()).collect();
-    let mut order = Vec::with_capacity(passes.len());
+fn greedy(doors: &[Doors], from: Point2) -> Vec<usize> {
+    let mut left: Vec<usize> = (0..doors.len()).collect();
+    let mut order = Vec::with_capacity(doors.len());
     let mut position = from;
     while !left.is_empty() {
         let (mut slot, mut best) = (0, f64::INFINITY);
         for (i, &number) in left.iter().enumerate() {
-            let (found, _) = entry(&passes[number], position, period_rad);
+            let (found, _) = doors[number].nearest(position);
             if found < best {
                 (slot, best) = (i, found);
             }
         }
         let number = left.remove(slot);
-        position = exit_after(&passes[number], position, period_rad);
+        (position, _) = doors[number].passed(position);
         order.push(number);
     }
     order
 }
 
-/// Distance to the nearest start of a pass, and which placement that is.
-fn entry(pass: &LayerPass, from: Point2, period_rad: f64) -> (f64, usize) {
-    let count = pass.placements.len();
-    let candidates: Vec<usize> = if pass.closed {
-        let stride = count.div_ceil(STARTS_MAX).max(1);
-        let all = || (0..count).step_by(stride);
-        let calm: Vec<usize> = all().filter(|&i| is_calm(pass, i, period_rad)).collect();
-        if calm.is_empty() {
-            all().collect()
+/// A placement at which a pass may be entered.
+struct Door {
+    start: usize,
+    place: Point2,
+    /// Where the head is after the pass.
+    exit: Point2,
+}
+
+/// All of a pass, found once: it is asked for them over and over.
+struct Doors(Vec<Door>);
+
+impl Doors {
+    /// The ends of an open pass, the calm places of a closed one.
+    fn of(pass: &LayerPass, period_rad: f64) -> Doors {
+        let count = pass.placements.len();
+        let numbers: Vec<usize> = if pass.closed {
+            let stride = count.div_ceil(STARTS_MAX).max(1);
+            let all = || (0..count).step_by(stride);
+            let calm: Vec<usize> = all().filter(|&i| is_calm(pass, i, period_rad)).collect();
+            if calm.is_empty() {
+                all().collect()
+            } else {
+                calm
+            }
         } else {
-            calm
+            vec![0, count - 1]
+        };
+        let place = |i: usize| pass.placements[i].at.center;
+        let door = |start: usize| Door {
+            start,
+            place: place(start),
+            exit: place(if pass.closed {
+                start
+            } else {
+                count - 1 - start
+            }),
+        };
+        Doors(numbers.into_iter().map(door).collect())
+    }
+
+    /// The nearest door, and how far away it is.
+    fn nearest(&self, from: Point2) -> (f64, Option<&Door>) {
+        let (mut best, mut least2) = ((f64::INFINITY, None), f64::INFINITY);
+        for door in &self.0 {
+            let distance2 = (door.place - from).norm_squared();
+            // The root only where it can be the least.
+            if distance2 < least2 && distance2.sqrt() < best.0 {
+                (best, least2) = ((distance2.sqrt(), Some(door)), distance2);
+            }
         }
-    } else {
-        vec![0, count - 1]
-    };
-    candidates.into_iter().fold((f64::INFINITY, 0), |best, i| {
-        let distance = (pass.placements[i].at.center - from).norm();
-        if distance < best.0 {
-            (distance, i)
-        } else {
-            best
-        }
-    })
+        best
+    }
+
+    /// Where the head is after the pass, entered from `from`, and how far it goes there.
+    fn passed(&self, from: Point2) -> (Point2, f64) {
+        let (distance, door) = self.nearest(from);
+        (door.map_or(from, |door| door.exit), distance)
+    }
 }
 
 /// True where wall and heading hardly turn around placement `i`: a seam closes well there, and
@@ -106,45 +146,43 @@ const CALM_COS: f64 = 0.985;
 /// Largest turn of the heading.
 const CALM_TURN_RAD: f64 = 0.3;
 
-/// Where the head is after the pass, entered from `from`.
-fn exit_after(pass: &LayerPass, from: Point2, period_rad: f64) -> Point2 {
-    let (_, start) = entry(pass, from, period_rad);
-    let last = pass.placements.len() - 1;
-    let end = if pass.closed { start } else { last - start };
-    pass.placements[end].at.center
-}
-
-/// Travel of an order, mm.
-fn travel_mm(passes: &[LayerPass], order: &[usize], from: Point2, period_rad: f64) -> f64 {
-    let mut position = from;
-    let mut total = 0.0;
+/// Travel so far and that of an order from there on, mm; no further than to `most_mm`.
+fn travel_mm(doors: &[Doors], order: &[usize], so_far: (Point2, f64), most_mm: f64) -> f64 {
+    let (mut position, mut total) = so_far;
     for &number in order {
-        total += entry(&passes[number], position, period_rad).0;
-        position = exit_after(&passes[number], position, period_rad);
+        let (next, way_mm) = doors[number].passed(position);
+        (position, total) = (next, total + way_mm);
+        if total >= most_mm {
+            break;
+        }
     }
     total
 }
 
 /// Reverses stretches of the order while that shortens the travel.
-fn two_opt(passes: &[LayerPass], order: Vec<usize>, from: Point2, period_rad: f64) -> Vec<usize> {
+fn two_opt(doors: &[Doors], order: Vec<usize>, from: Point2) -> Vec<usize> {
     let count = order.len();
     if !(3..=TWO_OPT_MAX).contains(&count) {
         return order;
     }
     let mut order = order;
-    let mut best = travel_mm(passes, &order, from, period_rad);
+    let mut best = travel_mm(doors, &order, (from, 0.0), f64::INFINITY);
     for _ in 0..TWO_OPT_ROUNDS {
         let before = best;
+        // Where the head is before pass i, and its travel up to there.
+        let mut so_far = (from, 0.0);
         for i in 0..count - 1 {
             for j in i + 1..count {
                 order[i..=j].reverse();
-                let found = travel_mm(passes, &order, from, period_rad);
+                let found = travel_mm(doors, &order[i..], so_far, best);
                 if found + 1e-9 < best {
                     best = found;
                 } else {
                     order[i..=j].reverse();
                 }
             }
+            let (next, way_mm) = doors[order[i]].passed(so_far.0);
+            so_far = (next, so_far.1 + way_mm);
         }
         if best >= before {
             break;
@@ -153,9 +191,8 @@ fn two_opt(passes: &[LayerPass], order: Vec<usize>, from: Point2, period_rad: f6
     order
 }
 
-/// The pass turned or rotated so that it starts nearest to `from`.
-fn started_near(pass: LayerPass, from: Point2, period_rad: f64) -> LayerPass {
-    let (_, start) = entry(&pass, from, period_rad);
+/// The pass turned or rotated so that it starts at placement `start`, one of its doors.
+fn started_at(pass: LayerPass, start: usize, period_rad: f64) -> LayerPass {
     if pass.closed {
         return rotated(pass, start, period_rad);
     }

@@ -10,7 +10,7 @@ use rayon::prelude::*;
 
 /// Raster cell against the minor semi-axis where nothing else is said, and most cells.
 pub const CELL_SHARE: f64 = 0.1;
-const CELLS_MAX: usize = 8_000_000;
+pub const CELLS_MAX: usize = 8_000_000;
 
 /// How many passes cover each cell of a raster.
 pub struct Visits {
@@ -36,28 +36,27 @@ impl Visits {
             dense.extend(poses(pass, aperture));
             pass_of.resize(dense.len(), number as u32 + 1);
         }
-        let counts = grid
-            .poses_of_bands(aperture, dense.iter().copied())
-            .par_iter()
-            .enumerate()
-            .flat_map_iter(|(band, numbers)| {
-                let band = grid.band(band);
-                let first = band.rows[0];
-                // The last pass that covered the cell, and how many did.
-                let mut cells = vec![(0, 0); (band.rows[1] + 1 - first) * grid.columns];
-                for &number in numbers {
-                    let (at, own) = (dense[number as usize], pass_of[number as usize]);
-                    grid.for_rows_within(&band, aperture, at, |row, from, to| {
-                        let row = (row - first) * grid.columns;
-                        for (last, count) in &mut cells[row + from..=row + to] {
-                            *count += u32::from(*last != own);
-                            *last = own;
-                        }
-                    });
-                }
-                cells.into_iter().map(|(_, count)| count)
-            })
-            .collect();
+        let mut counts = vec![0; grid.len()];
+        let of_band = grid.poses_of_bands(aperture, dense.iter().copied());
+        let bands = grid.bands_of(&mut counts).zip(&of_band);
+        bands.for_each_init(Vec::new, |last_of_cell, ((band, counts), numbers)| {
+            // The last pass that covered the cell.
+            last_of_cell.clear();
+            last_of_cell.resize(counts.len(), 0);
+            for &number in numbers {
+                let (at, own) = (dense[number as usize], pass_of[number as usize]);
+                grid.for_rows_within(&band, aperture, at, |row, from, to| {
+                    let cells = band.number(row, from)..=band.number(row, to);
+                    let cells = last_of_cell[cells.clone()]
+                        .iter_mut()
+                        .zip(&mut counts[cells]);
+                    for (last, count) in cells {
+                        *count += u32::from(*last != own);
+                        *last = own;
+                    }
+                });
+            }
+        });
         Visits {
             aperture: *aperture,
             grid,
