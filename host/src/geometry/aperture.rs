@@ -50,6 +50,29 @@ fn to_plane(heading_rad: f64, v: Vector2) -> Vector2 {
     Vector2::new(v.x * cos - v.y * sin, v.x * sin + v.y * cos)
 }
 
+/// A heading with its sine and cosine: whoever asks for one heading often takes them once.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Turn {
+    /// The heading.
+    pub heading_rad: f64,
+    /// Its sine.
+    pub sin: f64,
+    /// Its cosine.
+    pub cos: f64,
+}
+
+impl From<f64> for Turn {
+    #[inline]
+    fn from(heading_rad: f64) -> Turn {
+        let (sin, cos) = heading_rad.sin_cos();
+        Turn {
+            heading_rad,
+            sin,
+            cos,
+        }
+    }
+}
+
 impl Aperture {
     /// a: half the widest bead, mm.
     pub fn major_mm(&self) -> f64 {
@@ -100,10 +123,14 @@ impl Aperture {
     /// Half the width along unit direction `direction`, (h(u) + h(-u)) / 2, mm: half the bead
     /// that is swept across it. Where the shape has 180° symmetry it is h(u).
     #[inline]
-    pub fn extent_mm(&self, heading_rad: f64, direction: Vector2) -> f64 {
+    pub fn extent_mm(&self, heading: impl Into<Turn>, direction: Vector2) -> f64 {
+        let Turn {
+            heading_rad,
+            sin,
+            cos,
+        } = heading.into();
         match self {
             Aperture::Ellipse { major_mm, minor_mm } => {
-                let (sin, cos) = heading_rad.sin_cos();
                 let along = direction.x * cos + direction.y * sin;
                 let across = direction.y * cos - direction.x * sin;
                 ((major_mm * along).powi(2) + (minor_mm * across).powi(2)).sqrt()
@@ -124,10 +151,14 @@ impl Aperture {
     /// For the ellipse M N / h with M = R diag(a², b²) Rᵀ (SPEC section 2); for a flat side one of
     /// its ends.
     #[inline]
-    pub fn support_point(&self, heading_rad: f64, direction: Vector2) -> Vector2 {
+    pub fn support_point(&self, heading: impl Into<Turn>, direction: Vector2) -> Vector2 {
+        let Turn {
+            heading_rad,
+            sin,
+            cos,
+        } = heading.into();
         match self {
             Aperture::Ellipse { major_mm, minor_mm } => {
-                let (sin, cos) = heading_rad.sin_cos();
                 let along = direction.x * cos + direction.y * sin;
                 let across = direction.y * cos - direction.x * sin;
                 let extent = ((major_mm * along).powi(2) + (minor_mm * across).powi(2)).sqrt();
@@ -149,11 +180,12 @@ impl Aperture {
     /// that the centre moves steadily with the heading (the touching point is averaged over
     /// [`FLAT_RAD`] to both sides; h'(u) is its way along the wall).
     #[inline]
-    pub fn center_on_wall(&self, heading_rad: f64, p: Point2, normal: Vector2) -> Point2 {
+    pub fn center_on_wall(&self, heading: impl Into<Turn>, p: Point2, normal: Vector2) -> Point2 {
+        let turn = heading.into();
         match self {
-            Aperture::Ellipse { .. } => p + self.support_point(heading_rad, normal),
+            Aperture::Ellipse { .. } => p + self.support_point(turn, normal),
             Aperture::Rounded(shape) => {
-                let towards = to_tool(heading_rad, -normal);
+                let towards = to_tool(turn.heading_rad, -normal);
                 let turned = |by: f64| shape.support_mm(to_plane(by, towards));
                 let beside = (turned(FLAT_RAD) - turned(-FLAT_RAD)) / (2.0 * FLAT_RAD);
                 // Perpendicular of `-normal`, counter-clockwise.
@@ -243,13 +275,17 @@ impl Aperture {
     #[inline]
     pub fn chord_mm(
         &self,
-        heading_rad: f64,
+        heading: impl Into<Turn>,
         from: Vector2,
         direction: Vector2,
     ) -> Option<[f64; 2]> {
+        let Turn {
+            heading_rad,
+            sin,
+            cos,
+        } = heading.into();
         match self {
             Aperture::Ellipse { major_mm, minor_mm } => {
-                let (sin, cos) = heading_rad.sin_cos();
                 let scaled = |v: Vector2| {
                     Vector2::new(
                         (v.x * cos + v.y * sin) / major_mm,

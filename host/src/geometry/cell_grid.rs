@@ -6,6 +6,7 @@ use super::polygon::Box2;
 use super::rounded_polygon::row_range;
 use super::{Point2, Vector2};
 use rayon::prelude::*;
+use std::ops::Range;
 
 /// A raster's place and size; cells are numbered row by row from the lower left.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -162,6 +163,11 @@ impl CellGrid {
     }
 }
 
+/// The columns of a row (first and last) that are not among others.
+pub fn beyond([from, to]: [usize; 2], known: [usize; 2]) -> [Range<usize>; 2] {
+    [from..(to + 1).min(known[0]), from.max(known[1] + 1)..to + 1]
+}
+
 /// Rows of one band.
 const BAND_ROWS: usize = 64;
 
@@ -193,6 +199,12 @@ impl CellWindow {
     /// Never true: a window holds at least one cell.
     pub fn is_empty(&self) -> bool {
         self.len() == 0
+    }
+
+    /// Numbers of cells of one row of the window.
+    pub fn numbers(&self, row: usize, columns: Range<usize>) -> Range<usize> {
+        let first = self.number(row, columns.start);
+        first..first + columns.len()
     }
 
     /// Number of a cell of the window, row by row.

@@ -5,7 +5,7 @@
 //! For slots, rectangles and polygons the boundary is brought into the tool's frame and parted from
 //! the shape there ([`super::rounded_polygon`]); the gap is given as a share of b.
 
-use super::aperture::Aperture;
+use super::aperture::{Aperture, Turn};
 use super::edge_index::{Edge, EdgeIndex};
 use super::polygon::Box2;
 use super::rounded_polygon::{Gap, RoundedPolygon};
@@ -18,6 +18,35 @@ pub struct Configuration {
     pub center: Point2,
     /// Heading phi: angle of the major axis against the x axis, counter-clockwise, unwrapped.
     pub heading_rad: f64,
+}
+
+/// A configuration with sine and cosine of its heading.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Turned {
+    /// Aperture centre.
+    pub center: Point2,
+    /// Its heading.
+    pub turn: Turn,
+}
+
+impl From<Configuration> for Turned {
+    #[inline]
+    fn from(at: Configuration) -> Turned {
+        Turned {
+            center: at.center,
+            turn: at.heading_rad.into(),
+        }
+    }
+}
+
+impl From<Turned> for Configuration {
+    #[inline]
+    fn from(at: Turned) -> Configuration {
+        Configuration {
+            center: at.center,
+            heading_rad: at.turn.heading_rad,
+        }
+    }
 }
 
 /// Where a query finds the edges that a placement may meet.
@@ -53,7 +82,7 @@ pub fn scaled_clearance(
     match aperture {
         Aperture::Ellipse { major_mm, minor_mm } => {
             let axes_mm = [*major_mm, *minor_mm];
-            nearest_scaled(axes_mm, at, index, limit).map_or(limit, |q| q.norm())
+            nearest_scaled(axes_mm, at.into(), index, limit).map_or(limit, |q| q.norm())
         }
         Aperture::Rounded(shape) => {
             let limit_mm = (limit - 1.0) * aperture.minor_mm();
@@ -116,22 +145,22 @@ fn nearest_gap(
 #[inline]
 fn nearest_scaled(
     axes_mm: [f64; 2],
-    at: Configuration,
+    Turned { center, turn }: Turned,
     walls: &(impl EdgesNear + ?Sized),
     limit: f64,
 ) -> Option<Vector2> {
     let [major_mm, minor_mm] = axes_mm;
-    let (sin, cos) = at.heading_rad.sin_cos();
+    let Turn { sin, cos, .. } = turn;
     let half = Vector2::new(
         ((major_mm * cos).powi(2) + (minor_mm * sin).powi(2)).sqrt(),
         ((major_mm * sin).powi(2) + (minor_mm * cos).powi(2)).sqrt(),
     ) * limit;
     let area = Box2 {
-        min: at.center - half,
-        max: at.center + half,
+        min: center - half,
+        max: center + half,
     };
     let scaled = |p: Point2| {
-        let d = p - at.center;
+        let d = p - center;
         Vector2::new(
             (d.x * cos + d.y * sin) / major_mm,
             (d.y * cos - d.x * sin) / minor_mm,
@@ -338,11 +367,21 @@ pub fn contact(
     walls: &(impl EdgesNear + ?Sized),
     limit: f64,
 ) -> Option<WallContact> {
+    contact_turned(aperture, at.into(), walls, limit)
+}
+
+/// The same where sine and cosine of the heading are known.
+pub fn contact_turned(
+    aperture: &Aperture,
+    at: Turned,
+    walls: &(impl EdgesNear + ?Sized),
+    limit: f64,
+) -> Option<WallContact> {
     let (major_mm, minor_mm) = match aperture {
         Aperture::Ellipse { major_mm, minor_mm } => (*major_mm, *minor_mm),
         Aperture::Rounded(shape) => {
             let limit_mm = (limit - 1.0) * aperture.minor_mm();
-            return nearest_gap(shape, at, walls, limit_mm).map(|gap| WallContact {
+            return nearest_gap(shape, at.into(), walls, limit_mm).map(|gap| WallContact {
                 scaled: scaled_of_gap(aperture, gap.gap_mm),
                 outward: gap.outward,
                 depth_mm: -gap.gap_mm,
@@ -358,11 +397,11 @@ pub fn contact(
             depth_mm: minor_mm,
         });
     }
-    let (sin, cos) = at.heading_rad.sin_cos();
+    let Turn { sin, cos, .. } = at.turn;
     // A normal of the unit circle maps back by the inverse transpose of the scaling.
     let (u, v) = (q.x / major_mm, q.y / minor_mm);
     let outward = Vector2::new(u * cos - v * sin, u * sin + v * cos).normalize();
-    let extent = aperture.extent_mm(at.heading_rad, outward);
+    let extent = aperture.extent_mm(at.turn, outward);
     Some(WallContact {
         scaled: distance,
         outward,

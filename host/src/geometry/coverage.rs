@@ -6,7 +6,7 @@
 //! threads.
 
 use super::aperture::Aperture;
-use super::cell_grid::{CellGrid, CellWindow};
+use super::cell_grid::{CellGrid, CellWindow, beyond};
 use super::clearance::Configuration;
 use super::edge_index::EdgeIndex;
 use super::{Point2, Vector2};
@@ -170,7 +170,8 @@ impl Visit {
     }
 }
 
-/// Sweeps one band of rows.
+/// Sweeps one band of rows. Of the cells that a pose shares with the one before it in a row only the
+/// first and the last visit count.
 fn visit_band<'a>(
     grid: &CellGrid,
     band: &CellWindow,
@@ -179,14 +180,35 @@ fn visit_band<'a>(
     return_mm: f64,
     visits: &mut [Visit],
 ) {
+    // The last pose of each row and the columns under it, whose visits are not brought up to it yet.
+    let mut last_of_row: Vec<Option<(&SweptPose, [usize; 2])>> =
+        vec![None; band.rows[1] + 1 - band.rows[0]];
     for pose in poses {
         grid.for_rows_within(band, aperture, pose.at, |row, from, to| {
-            for visit in &mut visits[band.number(row, from)..=band.number(row, to)] {
-                visit.again |= visit.pass != NO_VISIT.pass
-                    && (visit.pass != pose.pass
-                        || pose.path_mm - f64::from(visit.path_mm) > return_mm);
-                visit.pass = pose.pass;
-                visit.path_mm = pose.path_mm as f32;
+            let own = [from, to];
+            let before = last_of_row[row - band.rows[0]].replace((pose, own));
+            let mut new = [from..to + 1, 0..0];
+            if let Some((last, known)) = before {
+                let goes_on = last.pass == pose.pass
+                    && pose.path_mm - f64::from(last.path_mm as f32) <= return_mm;
+                let mut left = [known[0]..known[1] + 1, 0..0];
+                if goes_on {
+                    (new, left) = (beyond(own, known), beyond(known, own));
+                }
+                for columns in left.into_iter().filter(|columns| !columns.is_empty()) {
+                    for visit in &mut visits[band.numbers(row, columns)] {
+                        visit.path_mm = last.path_mm as f32;
+                    }
+                }
+            }
+            for columns in new.into_iter().filter(|columns| !columns.is_empty()) {
+                for visit in &mut visits[band.numbers(row, columns)] {
+                    visit.again |= visit.pass != NO_VISIT.pass
+                        && (visit.pass != pose.pass
+                            || pose.path_mm - f64::from(visit.path_mm) > return_mm);
+                    visit.pass = pose.pass;
+                    visit.path_mm = pose.path_mm as f32;
+                }
             }
         });
     }

@@ -118,6 +118,11 @@ impl Box2 {
         self.max - self.min
     }
 
+    /// True for points in it and on its border.
+    pub fn contains(&self, p: Point2) -> bool {
+        (self.min.x..=self.max.x).contains(&p.x) && (self.min.y..=self.max.y).contains(&p.y)
+    }
+
     /// The box grown on all sides.
     pub fn grown(&self, by_mm: f64) -> Box2 {
         let d = Vector2::new(by_mm, by_mm);

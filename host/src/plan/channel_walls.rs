@@ -9,9 +9,10 @@
 use super::contacts::{Contact, resampled};
 use super::heading_profile::Placement;
 use crate::geometry::aperture::Aperture;
-use crate::geometry::clearance::Configuration;
+use crate::geometry::clearance::{Configuration, Turned};
 use crate::geometry::polygon::Ring;
 use crate::geometry::{Point2, Vector2};
+use rayon::prelude::*;
 use std::collections::HashMap;
 
 /// Step between interpolated poses, mm against the minor semi-axis: the scallop left on the
@@ -43,7 +44,7 @@ pub struct Laid {
 /// A pose of the sweep, with the run and the place in it that it comes from.
 #[derive(Clone, Copy, Debug)]
 struct Pose {
-    at: Configuration,
+    at: Turned,
     run: u32,
     index: u32,
 }
@@ -68,7 +69,7 @@ impl Laid {
 
     fn push(&mut self, at: Configuration, run: u32, index: usize) {
         let pose = Pose {
-            at,
+            at: at.into(),
             run,
             index: index as u32,
         };
@@ -113,7 +114,7 @@ impl Laid {
                 if offset.perp(&normal).abs() > reach_mm {
                     continue;
                 }
-                if let Some(chord) = self.aperture.chord_mm(pose.at.heading_rad, offset, normal) {
+                if let Some(chord) = self.aperture.chord_mm(pose.at.turn, offset, normal) {
                     visit(pose, chord);
                 }
             }
@@ -193,6 +194,7 @@ impl Laid {
             })
             .collect();
         let mut shifts: Vec<f64> = (0..count)
+            .into_par_iter()
             .map(|i| {
                 self.edge_mm(points[i], normals[i])
                     .unwrap_or(-OUT_SHARE * a)

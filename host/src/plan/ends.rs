@@ -8,7 +8,9 @@
 use super::channel_walls::poses_between;
 use super::passes::LayerPass;
 use super::visits::{CELL_SHARE, Visits, poses};
+use crate::geometry::Point2;
 use crate::geometry::aperture::Aperture;
+use crate::geometry::clearance::Configuration;
 use crate::geometry::polygon::Box2;
 use std::cell::Cell;
 
@@ -25,6 +27,8 @@ const APART_SHARE: f64 = 0.9;
 /// Largest cell against the minor semi-axis: on a raster too coarse for the aperture (a region of
 /// more than about 0.3 m with the built-in one) the ends stay as they are.
 const CELL_SHARE_MAX: f64 = 0.5;
+/// Apertures whose centres are farther apart share no ground, against their reach: 2 and rounding.
+const NEAR_SHARE: f64 = 2.1;
 /// Least placements of a pass.
 const PLACEMENTS_MIN: usize = 2;
 
@@ -98,7 +102,10 @@ impl Visits {
             };
             pass.placements.truncate(count - cut);
             // What only the tail covered is covered by one pass less.
-            self.for_cells_once(poses(pass, &aperture), |_, _| {});
+            let centers: Vec<Point2> = tail.placements.iter().map(|p| p.at.center).collect();
+            let near = Box2::of(&centers).grown(NEAR_SHARE * aperture.reach_mm());
+            let is_near = |at: &Configuration| near.contains(at.center);
+            self.for_cells_once(poses(pass, &aperture).filter(is_near), |_, _| {});
             self.for_cells_new(poses(&tail, &aperture), |_, count| *count -= 1);
         }
     }

@@ -8,6 +8,7 @@ use super::skeleton::Axis;
 use crate::geometry::edge_index::{Edge, EdgeIndex};
 use crate::geometry::polygon::{Box2, Ring};
 use crate::geometry::{Point2, Vector2};
+use rayon::prelude::*;
 
 /// Most grid nodes; the step grows beyond that.
 const NODES_MAX: f64 = 16e6;
@@ -51,10 +52,13 @@ impl Field {
             values: Vec::new(),
         };
         let inside = field.inside_mask(walls.edges());
-        let wall_of = field.nearest_of(walls.edges(), &inside);
         let axis_edges = axis_edges(axis);
-        let axis_of = field.nearest_of(&axis_edges, &inside);
+        let (wall_of, axis_of) = rayon::join(
+            || field.nearest_of(walls.edges(), &inside),
+            || field.nearest_of(&axis_edges, &inside),
+        );
         field.values = (0..rows * columns)
+            .into_par_iter()
             .map(|at| {
                 let p = field.node(at % columns, at / columns);
                 if !inside[at] || wall_of[at] == NONE || axis_of[at] == NONE {

@@ -18,8 +18,8 @@ use self::bins::{closed_start, unwrap_bins, viterbi};
 use self::corridor::{Gate, Stiffness, calmest, calmest_closed};
 use self::refine::refine;
 use super::contacts::Contact;
-use crate::geometry::aperture::Aperture;
-use crate::geometry::clearance::{self, Configuration, WallContact};
+use crate::geometry::aperture::{Aperture, Turn};
+use crate::geometry::clearance::{Configuration, Turned, WallContact, contact_turned};
 use crate::geometry::edge_index::{Edge, EdgeIndex};
 use crate::geometry::polygon::Box2;
 use crate::geometry::{Point2, Vector2};
@@ -289,9 +289,10 @@ impl<'a> Run<'a> {
     /// the width counts.
     fn place(&self, i: usize, heading_rad: f64) -> Candidate {
         let (c, aperture) = (&self.contacts[i], self.aperture);
-        let extent = aperture.extent_mm(heading_rad, c.normal);
+        let turn = Turn::from(heading_rad);
+        let extent = aperture.extent_mm(turn, c.normal);
         let along = Vector2::new(c.normal.y, -c.normal.x);
-        let support = aperture.support_point(heading_rad, c.normal);
+        let support = aperture.support_point(turn, c.normal);
         let (tangent, wanted) = if c.on_axis {
             let center = aperture.center_on_axis(heading_rad, c.point, c.normal);
             // A tilted aperture touches the one wall ahead, the other behind: where the passage
@@ -300,20 +301,20 @@ impl<'a> Run<'a> {
             let (far, near) = (self.wanted_mm(i, ahead_mm), self.wanted_mm(i, -ahead_mm));
             (center + c.normal * (0.5 * (far - near)), 0.5 * (far + near))
         } else {
-            let center = aperture.center_on_wall(heading_rad, c.point, c.normal);
+            let center = aperture.center_on_wall(turn, c.point, c.normal);
             let ahead_mm = (center + support - c.point).dot(&along);
             (center, self.wanted_mm(i, ahead_mm))
         };
-        let at = Configuration {
+        let at = Turned {
             center: tangent,
-            heading_rad,
+            turn,
         };
-        let cut = clearance::contact(aperture, at, self.ahead[i].as_slice(), 1.0);
+        let cut = contact_turned(aperture, at, self.ahead[i].as_slice(), 1.0);
         let slid = slide_from(cut, at, aperture, self.walls, SLIDES_MAX, CUT_SHARE_MAX);
         let misfit_mm = extent - wanted;
         let slide_mm = slid.map_or(INFEASIBLE_MM, |s| (s.center - tangent).norm());
         Candidate {
-            at: slid.unwrap_or(at),
+            at: slid.unwrap_or(at.into()),
             cost: (misfit_mm.powi(2) + slide_mm.powi(2)) * c.length_mm.max(0.01),
             misfit_mm,
             slide_mm,
@@ -424,14 +425,15 @@ pub fn slide_inside(
     rounds: usize,
     cut_share: f64,
 ) -> Option<Configuration> {
-    let cut = clearance::contact(aperture, at, walls, 1.0);
+    let at = Turned::from(at);
+    let cut = contact_turned(aperture, at, walls, 1.0);
     slide_from(cut, at, aperture, walls, rounds, cut_share)
 }
 
 /// The same where the first contact is known.
 fn slide_from(
     first: Option<WallContact>,
-    at: Configuration,
+    at: Turned,
     aperture: &Aperture,
     walls: &EdgeIndex,
     rounds: usize,
@@ -444,9 +446,9 @@ fn slide_from(
             break;
         };
         at.center -= cut.outward * (cut.depth_mm + 1e-6);
-        found = clearance::contact(aperture, at, walls, 1.0);
+        found = contact_turned(aperture, at, walls, 1.0);
     }
-    (!found.is_some_and(|found| cuts(&found)) && walls.contains(at.center)).then_some(at)
+    (!found.is_some_and(|found| cuts(&found)) && walls.contains(at.center)).then_some(at.into())
 }
 
 /// Distance that the turning between contact i and i + 1 can use, mm.

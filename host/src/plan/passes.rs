@@ -270,8 +270,8 @@ fn channel_passes(
         own_walls = EdgeIndex::new(edges, aperture.major_mm());
         &own_walls
     };
-    let mut found = Vec::new();
-    for ring in &rings {
+    let of_ring = |ring: &Ring| {
+        let mut found = Vec::new();
         let mut contacts = wall_contacts(ring, lengths.spacing());
         for contact in &mut contacts {
             let width = channel_width_mm(contact, channel, field, lengths.grid_mm, aperture);
@@ -291,7 +291,9 @@ fn channel_passes(
                 },
             ));
         }
-    }
+        found
+    };
+    let mut found: Vec<LayerPass> = rings.par_iter().flat_map_iter(of_ring).collect();
     for _ in 0..RELAX_ROUNDS {
         relax(&mut found, channel, field, channel_walls, settings, lengths);
     }
@@ -326,25 +328,29 @@ fn relax(
     }
     found.par_iter_mut().enumerate().for_each(|(run, pass)| {
         let count = pass.placements.len();
-        let mut moved = false;
-        let contacts: Vec<Contact> = (0..count)
-            .map(|i| {
-                let mut contact = pass.placements[i].contact;
-                if contact.length_mm > 0.0
-                    && meets_axis(&contact, channel, field, lengths.grid_mm)
-                    && let Some(gap) =
-                        laid.facing_gap_mm(&contact, run as u32, i, count, pass.closed)
-                {
-                    let share =
-                        (0.25 * gap).clamp(-0.3 * aperture.minor_mm(), 0.3 * aperture.minor_mm());
-                    contact.extent_mm =
-                        (contact.extent_mm + share).clamp(aperture.minor_mm(), aperture.major_mm());
-                    moved = true;
-                }
-                contact
+        let share_most_mm = 0.3 * aperture.minor_mm();
+        let shared = |i: usize| {
+            let contact = pass.placements[i].contact;
+            if contact.length_mm <= 0.0 || !meets_axis(&contact, channel, field, lengths.grid_mm) {
+                return (contact, false);
+            }
+            let gap = laid.facing_gap_mm(&contact, run as u32, i, count, pass.closed);
+            gap.map_or((contact, false), |gap| {
+                let share = (0.25 * gap).clamp(-share_most_mm, share_most_mm);
+                let extent_mm =
+                    (contact.extent_mm + share).clamp(aperture.minor_mm(), aperture.major_mm());
+                (
+                    Contact {
+                        extent_mm,
+                        ..contact
+                    },
+                    true,
+                )
             })
-            .collect();
-        if moved {
+        };
+        let (contacts, moved): (Vec<Contact>, Vec<bool>) =
+            (0..count).into_par_iter().map(shared).unzip();
+        if moved.contains(&true) {
             let before = Some(pass.placements.as_slice());
             pass.placements = settings.placements(&contacts, pass.closed, before, walls);
             smooth(&mut pass.placements, pass.closed, aperture);

@@ -3,10 +3,11 @@
 use super::channel_walls::poses_between;
 use super::passes::LayerPass;
 use crate::geometry::aperture::Aperture;
-use crate::geometry::cell_grid::CellGrid;
+use crate::geometry::cell_grid::{CellGrid, beyond};
 use crate::geometry::clearance::Configuration;
 use crate::geometry::polygon::Box2;
 use rayon::prelude::*;
+use std::ops::Range;
 
 /// Raster cell against the minor semi-axis where nothing else is said, and most cells.
 pub const CELL_SHARE: f64 = 0.1;
@@ -20,6 +21,8 @@ pub struct Visits {
     /// The last walk that saw the cell: each walk visits a cell once.
     seen: Vec<u32>,
     walk: u32,
+    /// In each row the last walk that came there, and columns that it has seen.
+    seen_of_row: Vec<(u32, [usize; 2])>,
 }
 
 impl Visits {
@@ -40,19 +43,21 @@ impl Visits {
         let of_band = grid.poses_of_bands(aperture, dense.iter().copied());
         let bands = grid.bands_of(&mut counts).zip(&of_band);
         bands.for_each_init(Vec::new, |last_of_cell, ((band, counts), numbers)| {
-            // The last pass that covered the cell.
+            // The last pass that covered the cell; in each row the last one and where it was.
             last_of_cell.clear();
             last_of_cell.resize(counts.len(), 0);
+            let mut last_of_row = vec![(0, [0; 2]); band.rows[1] + 1 - band.rows[0]];
             for &number in numbers {
                 let (at, own) = (dense[number as usize], pass_of[number as usize]);
                 grid.for_rows_within(&band, aperture, at, |row, from, to| {
-                    let cells = band.number(row, from)..=band.number(row, to);
-                    let cells = last_of_cell[cells.clone()]
-                        .iter_mut()
-                        .zip(&mut counts[cells]);
-                    for (last, count) in cells {
-                        *count += u32::from(*last != own);
-                        *last = own;
+                    let before = &mut last_of_row[row - band.rows[0]];
+                    for columns in new_of_row(before, own, [from, to]) {
+                        let cells = band.numbers(row, columns);
+                        let last = &mut last_of_cell[cells.clone()];
+                        for (last, count) in last.iter_mut().zip(&mut counts[cells]) {
+                            *count += u32::from(*last != own);
+                            *last = own;
+                        }
                     }
                 });
             }
@@ -63,6 +68,7 @@ impl Visits {
             counts,
             seen: vec![0; grid.len()],
             walk: 0,
+            seen_of_row: vec![(0, [0; 2]); grid.rows],
         }
     }
 
@@ -108,19 +114,36 @@ impl Visits {
         mut visit: impl FnMut(usize, &mut u32),
     ) {
         let (walk, seen, counts) = (self.walk, &mut self.seen, &mut self.counts);
-        let columns = self.grid.columns;
+        let (rows, window) = (&mut self.seen_of_row, self.grid.window());
         for at in poses {
             self.grid.for_rows(&self.aperture, at, |row, from, to| {
-                let row = row * columns;
-                for cell in row + from..=row + to {
-                    if seen[cell] != walk {
-                        seen[cell] = walk;
-                        visit(cell, &mut counts[cell]);
+                for columns in new_of_row(&mut rows[row], walk, [from, to]) {
+                    for cell in window.numbers(row, columns) {
+                        if seen[cell] != walk {
+                            seen[cell] = walk;
+                            visit(cell, &mut counts[cell]);
+                        }
                     }
                 }
             });
         }
     }
+}
+
+/// The columns (first and last) of a row that are new to a pass or walk, where it came last in the
+/// row is known: what one pose of a sweep adds to the one before it is little.
+fn new_of_row(
+    last: &mut (u32, [usize; 2]),
+    own: u32,
+    columns: [usize; 2],
+) -> impl Iterator<Item = Range<usize>> {
+    let (before, known) = std::mem::replace(last, (own, columns));
+    let new = if before == own {
+        beyond(columns, known)
+    } else {
+        [columns[0]..columns[1] + 1, 0..0]
+    };
+    new.into_iter().filter(|columns| !columns.is_empty())
 }
 
 /// All poses of a pass, dense.

@@ -61,22 +61,36 @@ fn viterbi_step(
     reach: usize,
 ) -> (Vec<f32>, Vec<u16>) {
     let bins = total.len();
-    let turn: Vec<f32> = (0..=reach)
-        .map(|n| (TURN_WEIGHT * (n as f64 * bin_rad).powi(2) / step_mm) as f32)
+    // Once around and on by the reach at both ends: turns need not ask where the circle closes.
+    let around: Vec<f32> = total[bins - reach..]
+        .iter()
+        .chain(total)
+        .chain(&total[..reach])
+        .copied()
         .collect();
     let mut next = vec![f32::INFINITY; bins];
+    // The best turn, in bins beyond the largest one back.
     let mut best = vec![0u16; bins];
-    for bin in 0..bins {
-        for (n, &cost) in turn.iter().enumerate() {
-            for other in [(bin + n) % bins, (bin + bins - n) % bins] {
-                let found = total[other] + cost;
-                if found < next[bin] {
-                    next[bin] = found;
-                    best[bin] = other as u16;
-                }
+    for n in 0..=reach {
+        let cost = (TURN_WEIGHT * (n as f64 * bin_rad).powi(2) / step_mm) as f32;
+        for from in [reach + n, reach - n] {
+            let others = &around[from..from + bins];
+            for ((next, best), other) in next.iter_mut().zip(&mut best).zip(others) {
+                let found = other + cost;
+                let is_less = found < *next;
+                *next = if is_less { found } else { *next };
+                *best = if is_less { from as u16 } else { *best };
             }
         }
-        next[bin] += costs[bin];
+    }
+    for (bin, (best, (next, cost))) in best.iter_mut().zip(next.iter_mut().zip(costs)).enumerate() {
+        // Where nothing was found, bin 0 as good as any.
+        *best = if next.is_finite() {
+            ((bin + *best as usize + bins - reach) % bins) as u16
+        } else {
+            0
+        };
+        *next += cost;
     }
     (next, best)
 }
