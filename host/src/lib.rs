@@ -249,7 +249,7 @@ fn axis_of(contour: Contour, settings: &Settings) -> Result<RegionPlan, MedialAx
     let medial_axis = MedialAxis::of_edges(&walls, &AxisOptions::default())?;
     Ok(RegionPlan {
         contour,
-        axis: Axis::of_medial_axis(&medial_axis),
+        axis: Axis::of_medial_axis(&medial_axis, &settings.aperture),
         medial_axis,
         passes: Vec::new(),
         open: Vec::new(),

@@ -99,7 +99,7 @@ fn stages(name: &str, rings: &Rings, with_passes: bool) -> f64 {
     let walls: EdgeIndex = contour.edge_index(settings.aperture.major_mm());
     let axis = MedialAxis::of_edges(&walls, &AxisOptions::default()).expect(name);
     marks.push(process_s());
-    let skeleton = Axis::of_medial_axis(&axis);
+    let skeleton = Axis::of_medial_axis(&axis, &settings.aperture);
     marks.push(process_s());
     let pass_settings = PassSettings {
         aperture: settings.aperture,

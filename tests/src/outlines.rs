@@ -133,6 +133,11 @@ pub fn region(rings: &Rings) -> headway::geometry::polygon::Region {
 
 /// A ring 60 mm across and 5 mm wide, drawn with `edges` edges and noise of `noise_mm`.
 pub fn fine_ring(edges: usize, noise_mm: f64) -> Rings {
+    drawn_ring([30.0, 25.0], edges, noise_mm)
+}
+
+/// A ring between two radii, half its edges on either; noise moves each point along its radius.
+pub fn drawn_ring(radii_mm: [f64; 2], edges: usize, noise_mm: f64) -> Rings {
     let mut noise = Noise::new(11);
     let mut circle = |radius: f64, count: usize, sign: f64| -> Vec<[f64; 2]> {
         (0..count)
@@ -143,7 +148,11 @@ pub fn fine_ring(edges: usize, noise_mm: f64) -> Rings {
             })
             .collect()
     };
-    vec![circle(30.0, edges / 2, 1.0), circle(25.0, edges / 2, -1.0)]
+    let [outer, inner] = radii_mm;
+    vec![
+        circle(outer, edges / 2, 1.0),
+        circle(inner, edges / 2, -1.0),
+    ]
 }
 
 /// A gear of 40 teeth, 60 mm across with a hole of 40 mm, its teeth drawn with ever more edges.

@@ -37,7 +37,11 @@ fn plain_passes(outline: &[[f64; 2]], aperture: Aperture, one_pass: bool) -> Vec
         law: HeadingLaw::Tangent,
         profile: HeadingProfile::Corridor,
     };
-    passes(&contour.region, &Axis::of_medial_axis(&axis), &settings)
+    passes(
+        &contour.region,
+        &Axis::of_medial_axis(&axis, &aperture),
+        &settings,
+    )
 }
 
 /// Covered share of what is reachable, per cent, and the number of passes of the finished plan.

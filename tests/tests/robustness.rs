@@ -8,7 +8,7 @@ use headway::plan::medial_axis::{AxisOptions, MedialAxis};
 use headway::plan_target;
 use headway::settings::Settings;
 use headway_tests::layer_oracle::Rings;
-use headway_tests::outlines::{Noise, example, fine_ring, plate_with_holes, region};
+use headway_tests::outlines::{Noise, drawn_ring, example, fine_ring, plate_with_holes, region};
 use rayon::prelude::*;
 
 /// Passes, printed length, covered share of what is reachable, outside depth.
@@ -171,6 +171,21 @@ fn fine_noise_is_not_a_row_of_corners() {
     assert!((noisy.1 / own.1 - 1.0).abs() < 0.01, "{noisy:?} {own:?}");
     assert!(noisy.2 > own.2 - 0.3, "{noisy:?} {own:?}");
     assert_eq!(noisy.0, own.0);
+}
+
+/// Goal: teeth of noise, sharp as they are, are no arms of the part (each kept its branch of the
+/// axis as far as the middle, and a third of the ring was covered). Method: rings whose noise of
+/// 5 um is higher than their edges are long, against the same without.
+#[test]
+fn teeth_of_noise_are_no_arms() {
+    let rings = [([8.0, 5.0], 20_000), ([15.0, 12.5], 50_000)];
+    for (radii_mm, edges) in rings {
+        let own = planned("ring", &drawn_ring(radii_mm, 2000, 0.0));
+        let noisy = planned("ring of teeth", &drawn_ring(radii_mm, edges, 0.005));
+        assert_eq!(noisy.0, own.0, "{noisy:?} {own:?}");
+        assert!((noisy.1 / own.1 - 1.0).abs() < 0.01, "{noisy:?} {own:?}");
+        assert!(noisy.2 > own.2 - 0.3, "{noisy:?} {own:?}");
+    }
 }
 
 /// A thousand holes: contour and axis, each hole with its loop.

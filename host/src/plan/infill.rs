@@ -73,7 +73,13 @@ fn is_narrow(region: &Region, aperture: &Aperture) -> bool {
 fn loops_of(region: &Region, settings: &PassSettings) -> Vec<LayerPass> {
     let walls = EdgeIndex::of_region(region, settings.aperture.major_mm());
     MedialAxis::of_edges(&walls, &AxisOptions::default())
-        .map(|axis| passes(region, &Axis::of_medial_axis(&axis), settings))
+        .map(|axis| {
+            passes(
+                region,
+                &Axis::of_medial_axis(&axis, &settings.aperture),
+                settings,
+            )
+        })
         .unwrap_or_default()
 }
 

@@ -6,9 +6,13 @@
 //! that belong to no axis, and gaps there.
 
 use super::medial_axis::MedialAxis;
+use crate::geometry::aperture::Aperture;
 use crate::geometry::{Point2, Vector2};
 
 /// A free end goes while its object angle is below this: 115° tiled best in trials on real slices.
+/// It also goes while the passage is too narrow for the aperture: nothing is laid there, and the
+/// teeth of fine noise are as sharp as any corner, so that their angle alone would keep a branch
+/// from each of them to the middle.
 const OBJECT_ANGLE_MIN_RAD: f64 = 115.0 * std::f64::consts::PI / 180.0;
 /// A branch shorter than this many times the radius at its base goes.
 const BRANCH_RATIO: f64 = 0.6;
@@ -75,10 +79,10 @@ struct Bush {
 impl Axis {
     /// Prunes the whole interior medial axis. Where nothing would stay of a component (a square),
     /// its widest point does.
-    pub fn of_medial_axis(axis: &MedialAxis) -> Axis {
+    pub fn of_medial_axis(axis: &MedialAxis, aperture: &Aperture) -> Axis {
         let mut bush = Bush::of(axis);
         let widest = bush.widest_of_components();
-        bush.drop_flat_ends();
+        bush.drop_flat_ends(aperture.minor_mm());
         for _ in 0..ROUNDS_MAX {
             if !bush.drop_short_branches() {
                 break;
@@ -150,14 +154,14 @@ impl Bush {
         found
     }
 
-    /// Eats free ends while they see their feet under a small angle.
-    fn drop_flat_ends(&mut self) {
+    /// Eats free ends while they see their feet under a small angle or are narrower than the aperture.
+    fn drop_flat_ends(&mut self, narrowest_mm: f64) {
         let mut ends: Vec<usize> = (0..self.links.len())
             .filter(|&n| self.links[n].len() == 1)
             .collect();
         while let Some(end) = ends.pop() {
             if let [(next, angle)] = self.links[end][..]
-                && angle < OBJECT_ANGLE_MIN_RAD
+                && (angle < OBJECT_ANGLE_MIN_RAD || self.radii_mm[next] < narrowest_mm)
             {
                 self.unlink(end, next);
                 if self.links[next].len() == 1 {
