@@ -137,7 +137,10 @@ impl CellGrid {
         let x = (at.center.x - self.origin.x) * per_mm - 0.5;
         let y = (at.center.y - self.origin.y) * per_mm - 0.5;
         let reach = aperture.reach_mm() * per_mm;
-        if y + reach < window.rows[0] as f64 || y - reach > window.rows[1] as f64 {
+        let [rows, columns] = [window.rows, window.columns].map(|ends| ends.map(|i| i as f64));
+        // A cell further than what is beside it for sure: rounding.
+        let beside = x + reach + 1.0 < columns[0] || x - reach - 1.0 > columns[1];
+        if y + reach < rows[0] || y - reach > rows[1] || beside {
             return;
         }
         let shape = RowsOfShape::new(aperture, at.heading_rad);

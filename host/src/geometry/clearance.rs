@@ -62,11 +62,42 @@ impl EdgesNear for EdgeIndex {
     }
 }
 
-/// A list of all that may be met, for many placements about one place.
-impl EdgesNear for [Edge] {
+/// All edges that may be met, for many placements about one place: in their order, some in a row
+/// with a box about them.
+#[derive(Clone, Debug)]
+pub struct EdgesAbout {
+    edges: Vec<Edge>,
+    boxes: Vec<Box2>,
+}
+
+/// Edges in a row that share a box.
+const EDGES_PER_BOX: usize = 8;
+
+impl EdgesAbout {
+    /// These edges; neighbours should lie near each other.
+    pub fn new(edges: Vec<Edge>) -> EdgesAbout {
+        let about = |edges: &[Edge]| {
+            let first = Box2::of(&[edges[0].a, edges[0].b]);
+            edges.iter().fold(first, |around, edge| Box2 {
+                min: around.min.inf(&edge.a).inf(&edge.b),
+                max: around.max.sup(&edge.a).sup(&edge.b),
+            })
+        };
+        EdgesAbout {
+            boxes: edges.chunks(EDGES_PER_BOX).map(about).collect(),
+            edges,
+        }
+    }
+}
+
+impl EdgesNear for EdgesAbout {
     #[inline]
-    fn for_edges_near(&self, _: Box2, visit: impl FnMut(&Edge)) {
-        self.iter().for_each(visit);
+    fn for_edges_near(&self, area: Box2, mut visit: impl FnMut(&Edge)) {
+        for (around, edges) in self.boxes.iter().zip(self.edges.chunks(EDGES_PER_BOX)) {
+            if around.meets(&area) {
+                edges.iter().for_each(&mut visit);
+            }
+        }
     }
 }
 

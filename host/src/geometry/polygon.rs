@@ -118,6 +118,14 @@ impl Box2 {
         self.max - self.min
     }
 
+    /// False where the boxes have no point in common.
+    pub fn meets(&self, other: &Box2) -> bool {
+        self.min.x <= other.max.x
+            && self.max.x >= other.min.x
+            && self.min.y <= other.max.y
+            && self.max.y >= other.min.y
+    }
+
     /// True for points in it and on its border.
     pub fn contains(&self, p: Point2) -> bool {
         (self.min.x..=self.max.x).contains(&p.x) && (self.min.y..=self.max.y).contains(&p.y)

@@ -30,6 +30,10 @@ const IN_SHARE: f64 = 0.8;
 const OWN_SIDE_SHARE: f64 = 0.25;
 /// Path to each side of a contact whose poses belong to the same bead, against a.
 const OWN_SHARE: f64 = 2.5;
+/// The middle of a bead on the other side lies beyond this share of the way to the own one's edge.
+const FACING_SHARE: f64 = 0.7;
+/// Far above the rounding of places, mm.
+const ROUNDING_MM: f64 = 1e-6;
 /// Rounds of [1 2 1] / 4 over the shifts and over the moved wall.
 const SHIFT_ROUNDS: usize = 2;
 
@@ -97,9 +101,9 @@ impl Laid {
         }
     }
 
-    /// Visits the chords that the poses near `p` cut from the line along `normal`: least and
-    /// largest distance along it, mm.
-    fn for_chords(&self, p: Point2, normal: Vector2, mut visit: impl FnMut(&Pose, [f64; 2])) {
+    /// Visits the poses near `p` that may cut the line along `normal`, with bounds of their chords:
+    /// least and largest distance along it, mm.
+    fn for_poses(&self, p: Point2, normal: Vector2, mut visit: impl FnMut(&Pose, [f64; 2])) {
         let (column, row) = self.cell_of(p);
         let reach_mm = self.aperture.reach_mm();
         for (dr, dc) in (-2..=2).flat_map(|dr| (-2..=2).map(move |dc| (dr, dc))) {
@@ -114,11 +118,17 @@ impl Laid {
                 if offset.perp(&normal).abs() > reach_mm {
                     continue;
                 }
-                if let Some(chord) = self.aperture.chord_mm(pose.at.turn, offset, normal) {
-                    visit(pose, chord);
-                }
+                let along_mm = -offset.dot(&normal);
+                let half_mm = reach_mm + ROUNDING_MM;
+                visit(pose, [along_mm - half_mm, along_mm + half_mm]);
             }
         }
+    }
+
+    /// Least and largest distance from `p` along `normal` at which the line is in a pose, mm.
+    fn chord_mm(&self, pose: &Pose, p: Point2, normal: Vector2) -> Option<[f64; 2]> {
+        let offset = p - pose.at.center;
+        self.aperture.chord_mm(pose.at.turn, offset, normal)
     }
 
     /// How far along `normal` from `p` the beads on the outer side reach, mm; `None` where none
@@ -126,8 +136,14 @@ impl Laid {
     pub fn edge_mm(&self, p: Point2, normal: Vector2) -> Option<f64> {
         let own_side = OWN_SIDE_SHARE * self.aperture.minor_mm();
         let mut edge: Option<f64> = None;
-        self.for_chords(p, normal, |_, [from, to]| {
-            if 0.5 * (from + to) < own_side && from < own_side {
+        self.for_poses(p, normal, |pose, [low, high]| {
+            if low >= own_side || edge.is_some_and(|edge| high <= edge) {
+                return;
+            }
+            if let Some([from, to]) = self.chord_mm(pose, p, normal)
+                && 0.5 * (from + to) < own_side
+                && from < own_side
+            {
                 edge = Some(edge.map_or(to, |e| e.max(to)));
             }
         });
@@ -146,22 +162,31 @@ impl Laid {
         closed: bool,
     ) -> Option<f64> {
         let reach = OWN_SHARE * self.aperture.major_mm() / contact.length_mm.max(0.01);
+        let is_own = |pose: &Pose| {
+            let apart = (pose.index as usize).abs_diff(index);
+            let around = if closed {
+                count - apart.min(count)
+            } else {
+                count
+            };
+            pose.run == run && apart.min(around) as f64 <= reach
+        };
         let mut own: Option<f64> = None;
         let mut others: Vec<[f64; 2]> = Vec::new();
         // Seen from about the inner edge, so that both beads are within reach of the search.
         let base_mm = 2.0 * contact.extent_mm;
         let p = contact.point + contact.normal * base_mm;
-        self.for_chords(p, contact.normal, |pose, chord| {
-            let chord = chord.map(|t| t + base_mm);
-            let is_own = pose.run == run && {
-                let apart = (pose.index as usize).abs_diff(index);
-                let around = if closed {
-                    count - apart.min(count)
-                } else {
-                    count
-                };
-                apart.min(around) as f64 <= reach
+        self.for_poses(p, contact.normal, |pose, [_, high]| {
+            let (is_own, high) = (is_own(pose), high + base_mm);
+            // No further than the own bead is known to reach, or not on the other side of it.
+            let least = if is_own { 1.0 } else { FACING_SHARE };
+            if own.is_some_and(|own| high <= least * own) || (!is_own && high <= 0.0) {
+                return;
+            }
+            let Some(chord) = self.chord_mm(pose, p, contact.normal) else {
+                return;
             };
+            let chord = chord.map(|t| t + base_mm);
             if is_own {
                 own = Some(own.map_or(chord[1], |e: f64| e.max(chord[1])));
             } else {
@@ -171,7 +196,7 @@ impl Laid {
         let own = own?;
         others
             .into_iter()
-            .filter(|c| 0.5 * (c[0] + c[1]) > 0.7 * own && c[0] > 0.0)
+            .filter(|c| 0.5 * (c[0] + c[1]) > FACING_SHARE * own && c[0] > 0.0)
             .map(|c| c[0] - own)
             .min_by(f64::total_cmp)
     }

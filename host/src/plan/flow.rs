@@ -10,6 +10,7 @@
 
 use crate::geometry::Vector2;
 use crate::geometry::aperture::Aperture;
+use rayon::prelude::*;
 
 /// A pose of the aperture in the layer plane.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -142,7 +143,7 @@ pub fn deposit(
     }
     let outline = Outline::new(aperture);
     let mut steps: Vec<f64> = poses
-        .windows(2)
+        .par_windows(2)
         .map(|pair| step_area_mm2(aperture, &outline, &pair[0], &pair[1]))
         .collect();
     add_start_footprint(&mut steps, poses, aperture, start_footprint_mm2);

@@ -5,12 +5,14 @@ use super::heading_profile::slide_inside;
 use super::passes::LayerPass;
 use super::visits::{CELL_SHARE, poses};
 use crate::geometry::aperture::Aperture;
-use crate::geometry::cell_grid::{CellGrid, CellWindow};
+use crate::geometry::cell_grid::{CellGrid, CellWindow, beyond};
 use crate::geometry::clearance::{Configuration, is_inside};
 use crate::geometry::coverage::{Cell, Coverage, SweptPose};
 use crate::geometry::edge_index::EdgeIndex;
 use crate::geometry::polygon::Box2;
 use crate::geometry::{Point2, Vector2};
+use rayon::prelude::*;
+use std::ops::Range;
 
 /// Least area of a gap that is worth an excursion, against that of the aperture (0.003 mm² for
 /// the 0.6 x 0.2 mm ellipse).
@@ -90,7 +92,7 @@ impl GapRaster {
         let coverage = Coverage::sweep(walls, aperture, &swept, cell_mm, CELLS_MAX, f64::MAX);
         let cells = coverage.cells.len();
         let open = |cell: &u32| coverage.cells[*cell as usize] == Cell::Gap;
-        let open: Vec<u32> = (0..cells as u32).filter(open).collect();
+        let open: Vec<u32> = (0..cells as u32).into_par_iter().filter(open).collect();
         let mut raster = GapRaster {
             grid: coverage.grid(),
             sums: vec![[0; 2]; cells],
@@ -126,11 +128,14 @@ impl GapRaster {
         gaps.extend(seeds.into_iter().filter_map(|seed| self.gap_of(seed)));
         gaps.sort_unstable_by_key(|gap| gap[0]);
         self.gaps = gaps;
-        for row in 0..self.grid.rows {
-            if std::mem::take(&mut self.stale_rows[row]) {
-                self.sum_row(row);
-            }
-        }
+        let rows = self.sums.par_chunks_mut(columns);
+        let rows = rows.zip(self.coverage.cells.par_chunks(columns));
+        rows.zip(&mut self.stale_rows)
+            .for_each(|((sums, cells), is_stale)| {
+                if std::mem::take(is_stale) {
+                    sum_row(sums, cells);
+                }
+            });
     }
 
     /// The open cells connected with `seed` that this search has not seen, if any.
@@ -159,17 +164,6 @@ impl GapRaster {
             gap.extend(around.filter(|&next| is_new(next)).map(|next| next as u32));
         }
         Some(gap)
-    }
-
-    fn sum_row(&mut self, row: usize) {
-        let cells = row * self.grid.columns..(row + 1) * self.grid.columns;
-        let [mut open, mut covered] = [0, 0];
-        let states = &self.coverage.cells[cells.clone()];
-        for (sum, cell) in self.sums[cells].iter_mut().zip(states) {
-            open += u32::from(*cell == Cell::Gap);
-            covered += u32::from(matches!(cell, Cell::Covered | Cell::Overlap));
-            *sum = [open, covered];
-        }
     }
 
     /// The placement in or about a gap with the largest gain, if any is worth its way.
@@ -326,8 +320,9 @@ impl GapRaster {
         let mut at_mm = 0.0;
         for (&p, &q) in std::iter::once(&start).chain(excursion).zip(excursion) {
             at_mm += step_mm(p, q);
-            walk.list(q, p, at_mm);
+            walk.go(Part::Excursion, q, p, at_mm);
         }
+        walk.end(Part::Excursion);
         let end_mm = at_mm + return_mm;
         for pair in placements[after..].windows(2) {
             let (p, q) = (pair[0].at, pair[1].at);
@@ -335,18 +330,20 @@ impl GapRaster {
             if at_mm > end_mm {
                 break;
             }
-            walk.mark(q, p, at_mm);
+            walk.go(Part::Pass, q, p, at_mm);
         }
+        walk.end(Part::Pass);
         at_mm = 0.0;
-        walk.mark(start, start, at_mm);
+        walk.go(Part::Pass, start, start, at_mm);
         for i in (0..after).rev() {
             let (p, q) = (placements[i].at, placements[i + 1].at);
             at_mm -= step_mm(p, q);
             if at_mm < -return_mm {
                 break;
             }
-            walk.mark(p, q, at_mm);
+            walk.go(Part::Pass, p, q, at_mm);
         }
+        walk.end(Part::Pass);
         let ground = |listed: &Listed| GroundCell {
             cell: listed.cell,
             is_own: listed.is_own,
@@ -358,6 +355,16 @@ impl GapRaster {
     }
 }
 
+/// Open and covered cells of a row up to each cell.
+fn sum_row(sums: &mut [[u32; 2]], cells: &[Cell]) {
+    let [mut open, mut covered] = [0, 0];
+    for (sum, cell) in sums.iter_mut().zip(cells) {
+        open += u32::from(*cell == Cell::Gap);
+        covered += u32::from(matches!(cell, Cell::Covered | Cell::Overlap));
+        *sum = [open, covered];
+    }
+}
+
 /// The cells of an excursion while the path about it is walked.
 struct Walk<'a> {
     grid: &'a CellGrid,
@@ -366,6 +373,8 @@ struct Walk<'a> {
     window: CellWindow,
     slots: Vec<u32>,
     listed: Vec<Listed>,
+    /// In each row of the window the last columns that the path came to, and where it was there.
+    last_of_row: Vec<Option<(f32, [usize; 2])>>,
 }
 
 /// A cell of the excursion, the first and last place of the path that covers it.
@@ -376,6 +385,15 @@ struct Listed {
     is_own: bool,
 }
 
+/// What a stretch of the path does to the cells of the excursion.
+#[derive(Clone, Copy, PartialEq)]
+enum Part {
+    /// Lists them.
+    Excursion,
+    /// Covers them as well.
+    Pass,
+}
+
 impl<'a> Walk<'a> {
     fn about(grid: &'a CellGrid, excursion: &[Configuration], aperture: &'a Aperture) -> Self {
         let centers: Vec<Point2> = excursion.iter().map(|at| at.center).collect();
@@ -384,51 +402,73 @@ impl<'a> Walk<'a> {
             grid,
             aperture,
             slots: vec![0; window.len()],
-            window,
             listed: Vec::new(),
+            last_of_row: vec![None; window.rows[1] + 1 - window.rows[0]],
+            window,
         }
     }
 
-    /// Lists the cells from one pose of the excursion towards the one before, `at_mm` along it.
-    fn list(&mut self, from: Configuration, towards: Configuration, at_mm: f64) {
-        let (window, columns, at_mm) = (self.window, self.grid.columns, at_mm as f32);
-        for at in std::iter::once(from).chain(poses_between(self.aperture, from, towards)) {
-            let visit = |row: usize, low: usize, high: usize| {
-                let slots = &mut self.slots[window.number(row, low)..=window.number(row, high)];
-                for (slot, cell) in slots.iter_mut().zip((row * columns + low) as u32..) {
-                    if *slot > 0 {
-                        // The excursion goes on: its places only rise.
-                        self.listed[*slot as usize - 1].last_mm = at_mm;
-                        continue;
+    /// Goes from one pose of a part towards the one before or behind it, `at_mm` along the path.
+    /// Places along one part only rise or only fall, so that for each cell the first and the last
+    /// visit are all that counts; the last one is put down when the path leaves it, or by
+    /// [`Walk::end`].
+    fn go(&mut self, part: Part, from: Configuration, towards: Configuration, at_mm: f64) {
+        let (grid, aperture, window, at_mm) = (self.grid, self.aperture, self.window, at_mm as f32);
+        for at in std::iter::once(from).chain(poses_between(aperture, from, towards)) {
+            grid.for_rows_within(&window, aperture, at, |row, low, high| {
+                let own = [low, high];
+                let last = &mut self.last_of_row[row - window.rows[0]];
+                let mut new = [low..high + 1, 0..0];
+                if let Some((before_mm, known)) = last.replace((at_mm, own)) {
+                    new = beyond(own, known);
+                    for columns in beyond(known, own).into_iter().filter(|c| !c.is_empty()) {
+                        self.visit(part, row, columns, before_mm);
                     }
-                    self.listed.push(Listed {
-                        cell,
-                        first_mm: at_mm,
-                        last_mm: at_mm,
-                        is_own: false,
-                    });
-                    *slot = self.listed.len() as u32;
                 }
-            };
-            self.grid.for_rows_within(&window, self.aperture, at, visit);
+                if part == Part::Excursion {
+                    for columns in new.into_iter().filter(|columns| !columns.is_empty()) {
+                        self.list(row, columns, at_mm);
+                    }
+                }
+            });
         }
     }
 
-    /// Marks the listed cells from one pose of the pass towards the next with its place there.
-    fn mark(&mut self, from: Configuration, towards: Configuration, at_mm: f64) {
-        let (window, at_mm) = (self.window, at_mm as f32);
-        for at in std::iter::once(from).chain(poses_between(self.aperture, from, towards)) {
-            let visit = |row: usize, low: usize, high: usize| {
-                for &slot in &self.slots[window.number(row, low)..=window.number(row, high)] {
-                    if slot > 0 {
-                        let listed = &mut self.listed[slot as usize - 1];
-                        listed.first_mm = listed.first_mm.min(at_mm);
-                        listed.last_mm = listed.last_mm.max(at_mm);
-                        listed.is_own = true;
-                    }
-                }
-            };
-            self.grid.for_rows_within(&window, self.aperture, at, visit);
+    /// Ends a part of the path.
+    fn end(&mut self, part: Part) {
+        for number in 0..self.last_of_row.len() {
+            if let Some((at_mm, [low, high])) = self.last_of_row[number].take() {
+                self.visit(part, self.window.rows[0] + number, low..high + 1, at_mm);
+            }
+        }
+    }
+
+    /// Lists those cells of a row that are not listed yet.
+    fn list(&mut self, row: usize, columns: Range<usize>, at_mm: f32) {
+        let first = (row * self.grid.columns + columns.start) as u32;
+        let slots = &mut self.slots[self.window.numbers(row, columns)];
+        for (slot, cell) in slots.iter_mut().zip(first..) {
+            if *slot == 0 {
+                self.listed.push(Listed {
+                    cell,
+                    first_mm: at_mm,
+                    last_mm: at_mm,
+                    is_own: false,
+                });
+                *slot = self.listed.len() as u32;
+            }
+        }
+    }
+
+    /// The path came to the listed cells of a row.
+    fn visit(&mut self, part: Part, row: usize, columns: Range<usize>, at_mm: f32) {
+        for &slot in &self.slots[self.window.numbers(row, columns)] {
+            if slot > 0 {
+                let listed = &mut self.listed[slot as usize - 1];
+                listed.first_mm = listed.first_mm.min(at_mm);
+                listed.last_mm = listed.last_mm.max(at_mm);
+                listed.is_own |= part == Part::Pass;
+            }
         }
     }
 }

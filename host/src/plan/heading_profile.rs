@@ -19,8 +19,8 @@ use self::corridor::{Gate, Stiffness, calmest, calmest_closed};
 use self::refine::refine;
 use super::contacts::Contact;
 use crate::geometry::aperture::{Aperture, Turn};
-use crate::geometry::clearance::{Configuration, Turned, WallContact, contact_turned};
-use crate::geometry::edge_index::{Edge, EdgeIndex};
+use crate::geometry::clearance::{Configuration, EdgesAbout, Turned, WallContact, contact_turned};
+use crate::geometry::edge_index::EdgeIndex;
 use crate::geometry::polygon::Box2;
 use crate::geometry::{Point2, Vector2};
 use rayon::prelude::*;
@@ -231,7 +231,7 @@ struct Run<'a> {
     extents_mm: Vec<f64>,
     length_mm: f64,
     /// For each contact the edges that an aperture touching there may cut.
-    ahead: Vec<Vec<Edge>>,
+    ahead: Vec<EdgesAbout>,
 }
 
 impl<'a> Run<'a> {
@@ -309,7 +309,7 @@ impl<'a> Run<'a> {
             center: tangent,
             turn,
         };
-        let cut = contact_turned(aperture, at, self.ahead[i].as_slice(), 1.0);
+        let cut = contact_turned(aperture, at, &self.ahead[i], 1.0);
         let slid = slide_from(cut, at, aperture, self.walls, SLIDES_MAX, CUT_SHARE_MAX);
         let misfit_mm = extent - wanted;
         let slide_mm = slid.map_or(INFEASIBLE_MM, |s| (s.center - tangent).norm());
@@ -394,7 +394,7 @@ const RISE_SHARE: f64 = CUT_SHARE_MAX / 2.0;
 
 /// The edges that an aperture touching the wall at `contact` may cut by more than it may, whatever
 /// its heading: near enough, and not behind the tangent.
-fn edges_ahead(contact: &Contact, aperture: &Aperture, walls: &EdgeIndex) -> Vec<Edge> {
+fn edges_ahead(contact: &Contact, aperture: &Aperture, walls: &EdgeIndex) -> EdgesAbout {
     let p = contact.point;
     let reach_mm = 2.0 * aperture.reach_mm() + NEAR_MM;
     let rise_mm = RISE_SHARE * aperture.minor_mm();
@@ -410,7 +410,7 @@ fn edges_ahead(contact: &Contact, aperture: &Aperture, walls: &EdgeIndex) -> Vec
     numbers.sort_unstable();
     numbers.dedup();
     let edges = numbers.into_iter();
-    edges.map(|number| walls.edges()[number]).collect()
+    EdgesAbout::new(edges.map(|number| walls.edges()[number]).collect())
 }
 
 /// Far above the rounding of places, mm.

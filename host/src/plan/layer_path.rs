@@ -9,9 +9,10 @@
 
 use super::passes::LayerPass;
 use crate::geometry::aperture::Aperture;
-use crate::geometry::clearance::{Configuration, contact};
+use crate::geometry::clearance::{Configuration, WallContact, contact};
 use crate::geometry::edge_index::EdgeIndex;
 use crate::geometry::{Point2, Vector2};
+use rayon::prelude::*;
 
 /// Control polygon in the layer plane: x, y in mm, heading in rad.
 pub type PlaneControl = [f64; 3];
@@ -66,6 +67,8 @@ fn cutting_spans(
     tolerance_mm: f64,
 ) -> Vec<bool> {
     (0..control.len().saturating_sub(1))
+        .into_par_iter()
+        .with_min_len(SPANS_AT_ONCE)
         .map(|span| {
             (0..=2 * CHECKS).any(|check| {
                 let at = configuration(curve_at(control, span, check as f64 / (2 * CHECKS) as f64));
@@ -160,6 +163,39 @@ pub fn configuration(point: PlaneControl) -> Configuration {
     }
 }
 
+/// Spans that are worth a thread.
+const SPANS_AT_ONCE: usize = 64;
+
+/// A pose of the curve that cuts too deep.
+struct Cut {
+    span: usize,
+    /// Where in the span.
+    t: f64,
+    heading_rad: f64,
+    found: WallContact,
+}
+
+/// Those of one span.
+fn cuts_of(
+    control: &[PlaneControl],
+    span: usize,
+    aperture: &Aperture,
+    walls: &EdgeIndex,
+    tolerance_mm: f64,
+) -> impl Iterator<Item = Cut> {
+    (0..CHECKS).filter_map(move |check| {
+        let t = check as f64 / CHECKS as f64;
+        let at = configuration(curve_at(control, span, t));
+        let found = contact(aperture, at, walls, 1.0)?;
+        (found.depth_mm > tolerance_mm).then_some(Cut {
+            span,
+            t,
+            heading_rad: at.heading_rad,
+            found,
+        })
+    })
+}
+
 /// Pushes the control points of cutting spans back along the contact normal.
 fn push_inside(
     control: &mut [PlaneControl],
@@ -172,37 +208,30 @@ fn push_inside(
     for round in 0..ROUNDS_MAX {
         let mut push = vec![Vector2::zeros(); control.len()];
         let mut turn = vec![0.0f64; control.len()];
-        let mut any = false;
-        for span in 0..spans {
-            if !dirty[span] {
-                continue;
-            }
-            for check in 0..CHECKS {
-                let t = check as f64 / CHECKS as f64;
-                let at = configuration(curve_at(control, span, t));
-                let Some(found) = contact(aperture, at, walls, 1.0) else {
-                    continue;
-                };
-                if found.depth_mm > tolerance_mm {
-                    any = true;
-                    let depth_mm = found.depth_mm + 0.3 * tolerance_mm;
-                    let (back, by_rad) = if round < TURNING_ROUND {
-                        (-found.outward * depth_mm, 0.0)
-                    } else {
-                        pushed_and_turned(aperture, at.heading_rad, found.outward, depth_mm)
-                    };
-                    add_longer(&mut push[span], back * (1.0 - 0.5 * t));
-                    add_longer(&mut push[span + 1], back * (0.5 + 0.5 * t));
-                    for (own, share) in [(span, 1.0 - 0.5 * t), (span + 1, 0.5 + 0.5 * t)] {
-                        if (by_rad * share).abs() > turn[own].abs() {
-                            turn[own] = by_rad * share;
-                        }
-                    }
+        let spans_to_check: Vec<usize> = (0..spans).filter(|&span| dirty[span]).collect();
+        let cuts: Vec<Cut> = spans_to_check
+            .into_par_iter()
+            .with_min_len(SPANS_AT_ONCE)
+            .flat_map_iter(|span| cuts_of(control, span, aperture, walls, tolerance_mm))
+            .collect();
+        if cuts.is_empty() {
+            return;
+        }
+        for cut in cuts {
+            let (span, t) = (cut.span, cut.t);
+            let depth_mm = cut.found.depth_mm + 0.3 * tolerance_mm;
+            let (back, by_rad) = if round < TURNING_ROUND {
+                (-cut.found.outward * depth_mm, 0.0)
+            } else {
+                pushed_and_turned(aperture, cut.heading_rad, cut.found.outward, depth_mm)
+            };
+            add_longer(&mut push[span], back * (1.0 - 0.5 * t));
+            add_longer(&mut push[span + 1], back * (0.5 + 0.5 * t));
+            for (own, share) in [(span, 1.0 - 0.5 * t), (span + 1, 0.5 + 0.5 * t)] {
+                if (by_rad * share).abs() > turn[own].abs() {
+                    turn[own] = by_rad * share;
                 }
             }
-        }
-        if !any {
-            return;
         }
         // Later rounds push harder, so that narrow places where two walls push in turn settle.
         let gain = 1.0 + 0.05 * round as f64;

@@ -11,6 +11,7 @@ use super::{AxisEdge, AxisPoint, AxisVertex, Generator, MedialAxis};
 use crate::geometry::Point2;
 use crate::geometry::edge_index::{Edge, EdgeIndex};
 use boostvoronoi::prelude::{Builder, BvError, CellIndex, Diagram, SourceCategory};
+use rayon::prelude::*;
 use thiserror::Error;
 
 /// Angles tried in turn, rad: odd, so that no usual outline lies along the grid.
@@ -63,7 +64,7 @@ struct RawEdge {
 /// The diagram's interior edges, checked.
 struct RawAxis {
     points: Vec<Point2>,
-    /// Distance of each point to the boundary, once asked for; shared by the edges that meet there.
+    /// Distance to the boundary of each point at which edges inside the region end.
     clearances_mm: Vec<Option<f64>>,
     edges: Vec<RawEdge>,
     suspects: usize,
@@ -80,18 +81,24 @@ pub(super) fn interior_axis(
     }
     let mut best: Option<RawAxis> = None;
     let mut reason = String::new();
-    for angle_rad in ANGLES_RAD {
-        match attempt(index, angle_rad) {
-            Ok(raw) => {
-                let done = raw.suspects == 0;
-                if best.as_ref().is_none_or(|b| raw.suspects < b.suspects) {
+    // Most outlines need one angle; the others are tried two at a time, and judged in their order.
+    let (first, others) = ANGLES_RAD.split_at(1);
+    for angles_rad in std::iter::once(first).chain(others.chunks(2)) {
+        let attempts: Vec<Result<RawAxis, BvError>> = angles_rad
+            .par_iter()
+            .map(|&angle_rad| attempt(index, angle_rad))
+            .collect();
+        for attempt in attempts {
+            match attempt {
+                Ok(raw) if best.as_ref().is_none_or(|b| raw.suspects < b.suspects) => {
                     best = Some(raw);
                 }
-                if done {
-                    break;
-                }
+                Ok(_) => {}
+                Err(error) => reason = error.to_string(),
             }
-            Err(error) => reason = error.to_string(),
+        }
+        if best.as_ref().is_some_and(|best| best.suspects == 0) {
+            break;
         }
     }
     let raw = best.ok_or(MedialAxisError::Diagram { reason })?;
@@ -114,7 +121,7 @@ fn attempt(index: &EdgeIndex, angle_rad: f64) -> Result<RawAxis, BvError> {
         .map(|v| grid.to_plane([v.x(), v.y()]))
         .collect();
     let mut raw = RawAxis {
-        clearances_mm: vec![None; points.len()],
+        clearances_mm: Vec::new(),
         points,
         edges: Vec::new(),
         suspects: 0,
@@ -133,45 +140,85 @@ fn collect_edges(
     segments: &[GridSegment],
     raw: &mut RawAxis,
 ) -> Result<(), BvError> {
+    let inside: Vec<Candidate> = diagram
+        .edges()
+        .par_iter()
+        .filter_map(|edge| {
+            let found = candidate(index, diagram, grid, segments, &raw.points, edge);
+            found.transpose()
+        })
+        .collect::<Result<_, BvError>>()?;
+    let mut is_end = vec![false; raw.points.len()];
+    for vertex in inside.iter().flat_map(|candidate| candidate.edge.v) {
+        is_end[vertex] = true;
+    }
+    raw.clearances_mm = is_end
+        .into_par_iter()
+        .zip(&raw.points)
+        .map(|(is_end, &point)| is_end.then(|| clearance_at_mm(index, point)))
+        .collect();
     let tolerance_mm = DISAGREEMENT_UNITS * grid.unit_mm();
-    let generator = |cell: CellIndex| generator_of(index, diagram, grid, segments, cell);
-    for edge in diagram.edges() {
-        let twin = edge.twin()?;
-        if edge.id().usize() > twin.usize() || !edge.is_primary() {
-            continue;
-        }
-        let Some(v) = ends(diagram, edge.id())? else {
-            continue;
-        };
-        let generators = [
-            generator(edge.cell()?)?,
-            generator(diagram.edge_get_cell(twin)?)?,
-        ];
-        let candidate = RawEdge { v, generators };
-        let middle = middle_of(index.edges(), raw, &candidate);
-        if !index.contains(middle) {
-            continue;
-        }
-        let clearances_mm = v.map(|vertex| raw.clearance_mm(index, vertex));
-        let middle_mm = clearance_at_mm(index, middle);
-        let places = [
-            (raw.points[v[0]], clearances_mm[0]),
-            (raw.points[v[1]], clearances_mm[1]),
-            (middle, middle_mm),
-        ];
-        let agrees = |&(p, clearance_mm): &(Point2, f64)| {
-            generators.iter().all(|g| {
-                let distance_mm = (g.foot(index.edges(), p) - p).norm();
-                (distance_mm - clearance_mm).abs() <= tolerance_mm
-            })
-        };
-        if places.iter().all(agrees) {
-            raw.edges.push(candidate);
+    let agrees: Vec<bool> = inside
+        .par_iter()
+        .map(|candidate| candidate.agrees(index, raw, tolerance_mm))
+        .collect();
+    for (candidate, agrees) in inside.into_iter().zip(agrees) {
+        if agrees {
+            raw.edges.push(candidate.edge);
         } else {
             raw.suspects += 1;
         }
     }
     Ok(())
+}
+
+/// An edge of the diagram whose middle is inside.
+struct Candidate {
+    edge: RawEdge,
+    middle: Point2,
+}
+
+/// The diagram's edge, once for it and its twin, if it is one of the axis inside the region.
+fn candidate(
+    index: &EdgeIndex,
+    diagram: &Diagram,
+    grid: Grid,
+    segments: &[GridSegment],
+    points: &[Point2],
+    edge: &boostvoronoi::prelude::Edge,
+) -> Result<Option<Candidate>, BvError> {
+    let twin = edge.twin()?;
+    if edge.id().usize() > twin.usize() || !edge.is_primary() {
+        return Ok(None);
+    }
+    let Some(v) = ends(diagram, edge.id())? else {
+        return Ok(None);
+    };
+    let generator = |cell: CellIndex| generator_of(index, diagram, grid, segments, cell);
+    let generators = [
+        generator(edge.cell()?)?,
+        generator(diagram.edge_get_cell(twin)?)?,
+    ];
+    let edge = RawEdge { v, generators };
+    let middle = middle_of(index.edges(), points, &edge);
+    Ok(index.contains(middle).then_some(Candidate { edge, middle }))
+}
+
+impl Candidate {
+    /// Whether ends and middle are as far from the boundary as from what made them.
+    fn agrees(&self, index: &EdgeIndex, raw: &RawAxis, tolerance_mm: f64) -> bool {
+        let middle_mm = clearance_at_mm(index, self.middle);
+        let end = |v: usize| (raw.points[v], raw.clearances_mm[v]);
+        let [from, to] = self.edge.v.map(end);
+        [from, to, (self.middle, Some(middle_mm))]
+            .into_iter()
+            .all(|(p, clearance_mm)| {
+                self.edge.generators.iter().all(|g| {
+                    let distance_mm = (g.foot(index.edges(), p) - p).norm();
+                    clearance_mm.is_some_and(|mm| (distance_mm - mm).abs() <= tolerance_mm)
+                })
+            })
+    }
 }
 
 /// What the cell belongs to, in the plane's own coordinates.
@@ -212,20 +259,13 @@ fn ends(
     Ok(v0.zip(v1).map(|(v0, v1)| [v0.usize(), v1.usize()]))
 }
 
-impl RawAxis {
-    fn clearance_mm(&mut self, index: &EdgeIndex, vertex: usize) -> f64 {
-        let point = self.points[vertex];
-        *self.clearances_mm[vertex].get_or_insert_with(|| clearance_at_mm(index, point))
-    }
-}
-
 fn clearance_at_mm(index: &EdgeIndex, p: Point2) -> f64 {
     index.nearest(p).map_or(f64::INFINITY, |n| n.distance_mm)
 }
 
 /// A point in the middle of an edge, on the axis.
-fn middle_of(edges: &[Edge], raw: &RawAxis, edge: &RawEdge) -> Point2 {
-    let ends = edge.v.map(|v| raw.points[v]);
+fn middle_of(edges: &[Edge], points: &[Point2], edge: &RawEdge) -> Point2 {
+    let ends = edge.v.map(|v| points[v]);
     match Parabola::of(edges, &edge.generators) {
         Some(parabola) => {
             let [x0, x1] = ends.map(|p| parabola.abscissa(p));
