@@ -54,6 +54,7 @@ use crate::plan::segments::{MotionReport, lay_segments_telling};
 use crate::plan::skeleton::Axis;
 use crate::plan::skirt::{SkirtPlan, skirt_plan, skirt_reach_mm};
 use crate::plan::travel_ways::{TravelError, TravelWays, outline_crossings};
+use crate::plan::unreachable::{UnreachableRun, unreachable_runs};
 use crate::plan::waypoint_curve::{WaypointCurveError, waypoint_curves};
 use crate::plan::waypoint_route::waypoint_route;
 use crate::settings::{PassMode, Settings, SettingsError};
@@ -68,6 +69,8 @@ pub struct RegionPlan {
     pub medial_axis: MedialAxis,
     /// The part of it that passes are planned on, local.
     pub axis: Axis,
+    /// Boundary that the aperture cannot touch, local.
+    pub unreachable: Vec<UnreachableRun>,
     /// Passes in printing order, local.
     pub passes: Vec<LayerPass>,
     /// The ground inside the walls that infill lines are to cover, local.
@@ -243,14 +246,20 @@ pub fn plan_target_around(
     })
 }
 
-/// Medial axis of one region.
+/// Medial axis of one region, and what of its boundary cannot be touched.
 fn axis_of(contour: Contour, settings: &Settings) -> Result<RegionPlan, MedialAxisError> {
     let walls = contour.edge_index(settings.aperture.major_mm());
-    let medial_axis = MedialAxis::of_edges(&walls, &AxisOptions::default())?;
+    // The diagram takes one thread, and most of the time here.
+    let (medial_axis, unreachable) = rayon::join(
+        || MedialAxis::of_edges(&walls, &AxisOptions::default()),
+        || unreachable_runs(&settings.aperture, &walls),
+    );
+    let medial_axis = medial_axis?;
     Ok(RegionPlan {
         contour,
         axis: Axis::of_medial_axis(&medial_axis, &settings.aperture),
         medial_axis,
+        unreachable,
         passes: Vec::new(),
         open: Vec::new(),
     })

@@ -9,10 +9,10 @@ use crate::geometry::{Point2, Vector2};
 use crate::input::{Input, Target};
 use crate::job::SegmentStream;
 use crate::part_transform::PartTransform;
-use crate::plan::unreachable::{UnreachableRun, unreachable_runs};
+use crate::plan::unreachable::UnreachableRun;
 use crate::report::figures::Figures;
 use crate::settings::Settings;
-use crate::{Plan, plan_target_around, plan_waypoints_telling};
+use crate::{Plan, RegionPlan, plan_target_around, plan_waypoints_telling};
 use std::path::Path;
 use std::time::Instant;
 
@@ -61,13 +61,10 @@ pub(super) fn from_input(
         Input::Outline(loaded) => plan_target_around(&loaded.target, &keep_out, &settings, &bar),
         Input::Path(run) => plan_waypoints_telling(run, &settings, &bar),
     };
-    let unreachable = planned
-        .as_ref()
-        .map(|plan| unreachable_boundary(plan, &settings))
-        .unwrap_or_default();
     let plan_s = begun.elapsed().as_secs_f64();
     bar.clear();
     let plan = planned.map_err(|error| CliError::Job(format!("{}: {error}", path.display())))?;
+    let unreachable = unreachable_boundary(&plan);
     let (Target { name, regions }, mut notes) = match input {
         Input::Outline(loaded) => (loaded.target, loaded.notes),
         Input::Path(run) => {
@@ -134,21 +131,17 @@ pub(super) fn of_job(job: Job) -> Planned {
     }
 }
 
-fn unreachable_boundary(plan: &Plan, settings: &Settings) -> Vec<UnreachableRun> {
-    let mut all = Vec::new();
-    for region in &plan.regions {
-        let walls = region.contour.edge_index(settings.aperture.major_mm());
+/// Boundary that cannot be touched, input coordinates.
+fn unreachable_boundary(plan: &Plan) -> Vec<UnreachableRun> {
+    let in_input = |region: &RegionPlan| {
         let offset: Vector2 = region.contour.offset;
-        all.extend(
-            unreachable_runs(&settings.aperture, &walls)
-                .into_iter()
-                .map(|run| UnreachableRun {
-                    from: run.from + offset,
-                    to: run.to + offset,
-                }),
-        );
-    }
-    all
+        let shifted = move |run: &UnreachableRun| UnreachableRun {
+            from: run.from + offset,
+            to: run.to + offset,
+        };
+        region.unreachable.iter().map(shifted).collect::<Vec<_>>()
+    };
+    plan.regions.iter().flat_map(in_input).collect()
 }
 
 fn plan_figures(plan: &Plan, unreachable: &[UnreachableRun], plan_s: f64) -> Figures {

@@ -149,7 +149,7 @@ impl CellGrid {
             return;
         }
         let first = index_above(y - shape.below_mm * per_mm).max(window.rows[0]);
-        for row in first..=(last as usize).min(window.rows[1]) {
+        for row in first..=index_below(last).min(window.rows[1]) {
             let Some([low, high]) = shape.range((row as f64 - y) * self.cell_mm) else {
                 continue;
             };
@@ -158,7 +158,7 @@ impl CellGrid {
                 continue;
             }
             let from = index_above(x + low * per_mm).max(window.columns[0]);
-            let to = (high as usize).min(window.columns[1]);
+            let to = index_below(high).min(window.columns[1]);
             if from <= to {
                 visit(row, from, to);
             }
@@ -174,10 +174,27 @@ pub fn beyond([from, to]: [usize; 2], known: [usize; 2]) -> [Range<usize>; 2] {
 /// Rows of one band.
 const BAND_ROWS: usize = 64;
 
-/// The least whole number that is not below `value`, at least 0 (`ceil` is a call on plain x86-64).
+/// From here on to twice as far, whole numbers are all that there is: what is added to this is rounded
+/// to the nearest, and stands in the low bits. (`ceil` and `floor` are calls on plain x86-64, and
+/// conversions that saturate take several steps.)
+const WHOLE: f64 = (1u64 << 52) as f64;
+
+/// The whole number nearest to `value`, which is far below 2⁵²; 0 for what is below 0.
+fn nearest(value: f64) -> (usize, f64) {
+    let sum = value.max(0.0) + WHOLE;
+    ((sum.to_bits() - WHOLE.to_bits()) as usize, sum - WHOLE)
+}
+
+/// The least whole number that is not below `value`, at least 0.
 fn index_above(value: f64) -> usize {
-    let whole = value as usize;
-    whole + usize::from((whole as f64) < value)
+    let (index, whole) = nearest(value);
+    index + usize::from(whole < value)
+}
+
+/// The greatest whole number that is not above `value`, at least 0.
+fn index_below(value: f64) -> usize {
+    let (index, whole) = nearest(value);
+    index - usize::from(whole > value.max(0.0))
 }
 
 /// A rectangle of cells, first and last of each included.
@@ -277,5 +294,25 @@ impl RowsOfShape {
             }
             TurnedShape::Rounded(corners, radius) => row_range(corners, *radius, dy),
         }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// Goal: indices are those of `ceil` and `floor`. Method: whole numbers, halves and their
+    /// neighbours on either side.
+    #[test]
+    fn indices_are_those_of_ceil_and_floor() {
+        for i in 0..4_000 {
+            let middle = f64::from(i) * 0.5;
+            for value in [middle.next_down(), middle, middle.next_up()] {
+                let expected = value.max(0.0);
+                assert_eq!(index_above(value), expected.ceil() as usize, "{value}");
+                assert_eq!(index_below(value), expected.floor() as usize, "{value}");
+            }
+        }
+        assert_eq!([index_above(-7.5), index_below(-7.5)], [0, 0]);
     }
 }

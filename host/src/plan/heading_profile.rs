@@ -276,7 +276,9 @@ impl<'a> Run<'a> {
         }
         let count = self.extents_mm.len();
         let at = (self.positions_mm[i] + along_mm) / self.length_mm;
-        let at = if self.closed {
+        let at = if (0.0..1.0).contains(&at) {
+            at
+        } else if self.closed {
             at.rem_euclid(1.0)
         } else {
             at.clamp(0.0, 1.0)

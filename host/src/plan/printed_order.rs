@@ -41,16 +41,20 @@ pub fn in_printing_order(
     let loops = loops.map(|pass| with_seam(pass, &settings.seam, aperture));
     let loops: Vec<LayerPass> = loops.collect();
     let joined = |loops| linked(ordered(loops, from, aperture), aperture, &walls);
-    let mut passes = joined(loops.clone());
     // A chosen seam stays open.
-    if passes.len() > 1 && settings.seam.place == SeamPlace::Nearest {
-        // Loops that hang together like a tree, not like a chain, take bridges.
-        let loops = chained(loops, aperture, &walls);
-        let loops = bridged(loops, aperture, &walls);
-        let other = joined(loops);
-        if other.len() < passes.len() {
-            passes = other;
-        }
+    let may_bridge = loops.len() > 1 && settings.seam.place == SeamPlace::Nearest;
+    // Loops that hang together like a tree, not like a chain, take bridges.
+    let (mut passes, tree) = rayon::join(
+        || joined(loops.clone()),
+        || {
+            may_bridge.then(|| {
+                let loops = chained(loops.clone(), aperture, &walls);
+                joined(bridged(loops, aperture, &walls))
+            })
+        },
+    );
+    if let Some(tree) = tree.filter(|tree| tree.len() < passes.len()) {
+        passes = tree;
     }
     let from = last_place(&passes).unwrap_or(from);
     let lines = ordered(lines, from, aperture);
