@@ -72,19 +72,20 @@ pub fn feasible_angles(
             return FeasibleAngles::of_runs(runs, aperture.period_rad(), flats);
         }
     };
-    let mut search = Search::new([major_mm, minor_mm], edges);
-    if aperture.is_round() {
-        let frame = DiskFrame::new(search.axes, 0.0);
-        let feasible = search.edges.iter().all(|e| frame.touch_factor(e) >= 1.0);
-        search.add(-FRAC_PI_2, FRAC_PI_2, feasible);
-    } else {
-        let step = PI / PIECES as f64;
-        for k in 0..PIECES {
-            let low = -FRAC_PI_2 + k as f64 * step;
-            search.settle(low, low + step, 0);
-        }
-    }
+    let mut search = Search::new([major_mm, minor_mm], edges, false);
+    search.run(aperture.is_round());
     FeasibleAngles::of_runs(search.runs, PI, Vec::new())
+}
+
+/// Whether any heading is feasible at `p`: no more of F(p) is found than that takes.
+pub fn is_touchable(aperture: &Aperture, index: &EdgeIndex, p: Point2, normal: Vector2) -> bool {
+    let Aperture::Ellipse { major_mm, minor_mm } = aperture else {
+        return !feasible_angles(aperture, index, p, normal).is_empty();
+    };
+    let edges = edges_near(aperture, index, p, normal);
+    let mut search = Search::new([*major_mm, *minor_mm], edges, true);
+    search.run(aperture.is_round());
+    !search.runs.is_empty()
 }
 
 /// The configuration that touches `p` with heading angle `alpha_rad`: centre p + M N / h. With a
@@ -131,6 +132,8 @@ struct Search {
     /// Numbers of the edges still open, one stretch for each level of the halving.
     open: Vec<u32>,
     looks: usize,
+    /// Any feasible run is enough.
+    first_only: bool,
     /// Feasible runs in ascending order, joined where they meet.
     runs: Vec<[f64; 2]>,
 }
@@ -168,7 +171,7 @@ impl DiskFrame {
 impl Search {
     /// Keeps the edges that can matter: at whatever angle, the aperture lies in the disk of its
     /// greatest radius of curvature that touches at p (Blaschke).
-    fn new(axes: [f64; 2], mut edges: Vec<LocalEdge>) -> Search {
+    fn new(axes: [f64; 2], mut edges: Vec<LocalEdge>, first_only: bool) -> Search {
         let [a, b] = axes;
         let rolling_mm = a * a / b * (1.0 + SLACK);
         edges.retain(|[from, to]| touching_radius(*from, *to, Vector2::x()) < rolling_mm);
@@ -177,7 +180,23 @@ impl Search {
             open: (0..edges.len() as u32).collect(),
             edges,
             looks: 0,
+            first_only,
             runs: Vec::new(),
+        }
+    }
+
+    /// Settles the half turn, or as much of it as the first feasible run takes.
+    fn run(&mut self, is_round: bool) {
+        if is_round {
+            let frame = DiskFrame::new(self.axes, 0.0);
+            let feasible = self.edges.iter().all(|e| frame.touch_factor(e) >= 1.0);
+            self.add(-FRAC_PI_2, FRAC_PI_2, feasible);
+            return;
+        }
+        let step = PI / PIECES as f64;
+        for k in 0..PIECES {
+            let low = -FRAC_PI_2 + k as f64 * step;
+            self.settle(low, low + step, 0);
         }
     }
 
@@ -187,6 +206,9 @@ impl Search {
     /// F = h |u|² / (2 N·w). There d ln|u|² <= (a/b - b/a) dalpha and d ln h <= (a/b - b/a)/2
     /// dalpha, whatever w, so the least F over an edge has the same bound.
     fn settle(&mut self, low: f64, high: f64, first: usize) {
+        if self.first_only && !self.runs.is_empty() {
+            return;
+        }
         let middle = (low + high) / 2.0;
         let [a, b] = self.axes;
         let change = (1.5 * (a / b - b / a) * (high - low) / 2.0).exp();
@@ -464,6 +486,8 @@ mod tests {
             for edge in star.edges() {
                 let p = edge.a + (edge.b - edge.a) * random();
                 let angles = feasible_angles(&ELLIPSE, &star, p, edge.normal());
+                let touchable = is_touchable(&ELLIPSE, &star, p, edge.normal());
+                assert_eq!(touchable, !angles.is_empty());
                 for k in 0..90 {
                     let alpha = -FRAC_PI_2 + (f64::from(k) + 0.5) * PI / 90.0;
                     let at = configuration_at(&ELLIPSE, p, edge.normal(), alpha);

@@ -5,7 +5,7 @@
 //! ends of a run are found by bisection to [`END_MM`]; a run shorter than a piece that lies inside
 //! one is not seen.
 
-use super::feasible::feasible_angles;
+use super::feasible::is_touchable;
 use crate::geometry::Point2;
 use crate::geometry::aperture::Aperture;
 use crate::geometry::edge_index::{Edge, EdgeIndex};
@@ -52,7 +52,7 @@ fn edge_runs(
     }
     let normal = edge.normal();
     let at = |t: f64| edge.a + (edge.b - edge.a) * t;
-    let is_out = |t: f64| feasible_angles(aperture, walls, at(t), normal).is_empty();
+    let is_out = |t: f64| !is_touchable(aperture, walls, at(t), normal);
     let pieces = (length_mm / piece_mm).ceil().max(1.0) as usize;
     let middle = |k: usize| (k as f64 + 0.5) / pieces as f64;
     let mut runs = Vec::new();
