@@ -5,6 +5,7 @@ use headway::geometry::validity::validate;
 use headway::input::Target;
 use headway::plan::contour::{Contour, SIMPLIFY_MM};
 use headway::plan::medial_axis::{AxisOptions, MedialAxis};
+use headway::plan::skeleton::Axis;
 use headway::plan_target;
 use headway::settings::Settings;
 use headway_tests::layer_oracle::Rings;
@@ -178,7 +179,11 @@ fn fine_noise_is_not_a_row_of_corners() {
 /// 5 um is higher than their edges are long, against the same without.
 #[test]
 fn teeth_of_noise_are_no_arms() {
-    let rings = [([8.0, 5.0], 20_000), ([15.0, 12.5], 50_000)];
+    let rings = [
+        ([8.0, 5.0], 20_000),
+        ([15.0, 12.5], 50_000),
+        ([30.0, 25.0], 100_000),
+    ];
     for (radii_mm, edges) in rings {
         let own = planned("ring", &drawn_ring(radii_mm, 2000, 0.0));
         let noisy = planned("ring of teeth", &drawn_ring(radii_mm, edges, 0.005));
@@ -186,6 +191,20 @@ fn teeth_of_noise_are_no_arms() {
         assert!((noisy.1 / own.1 - 1.0).abs() < 0.01, "{noisy:?} {own:?}");
         assert!(noisy.2 > own.2 - 0.3, "{noisy:?} {own:?}");
     }
+}
+
+/// Goal: on edges that the diagram's grid turns by whole degrees no part of the axis is doubted (each
+/// angle of the grid was tried in vain and a piece of the axis left out). Method: edges of 2 um.
+#[test]
+fn the_axis_of_teeth_is_whole() {
+    let shape = region(&drawn_ring([8.0, 5.0], 40_000, 0.005));
+    let contour = Contour::of_region(&shape, SIMPLIFY_MM).expect("contour");
+    let walls = contour.edge_index(0.6);
+    let axis = MedialAxis::of_edges(&walls, &AxisOptions::default()).expect("axis");
+    assert_eq!(axis.dropped_edges, 0);
+    let axis = Axis::of_medial_axis(&axis, &Settings::default().aperture);
+    assert!(axis.points.len() > 1000);
+    assert!(axis.neighbours().iter().all(|near| near.len() == 2));
 }
 
 /// A thousand holes: contour and axis, each hole with its loop.

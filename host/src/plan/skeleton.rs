@@ -78,10 +78,11 @@ struct Bush {
 
 impl Axis {
     /// Prunes the whole interior medial axis. Where nothing would stay of a component (a square),
-    /// its widest point does.
+    /// its widest point does, if the aperture fits there.
     pub fn of_medial_axis(axis: &MedialAxis, aperture: &Aperture) -> Axis {
         let mut bush = Bush::of(axis);
-        let widest = bush.widest_of_components();
+        let mut widest = bush.widest_of_components();
+        widest.retain(|&node| bush.radii_mm[node] >= aperture.minor_mm());
         bush.drop_flat_ends(aperture.minor_mm());
         for _ in 0..ROUNDS_MAX {
             if !bush.drop_short_branches() {

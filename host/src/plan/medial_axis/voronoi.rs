@@ -59,6 +59,8 @@ pub enum MedialAxisError {
 struct RawEdge {
     v: [usize; 2],
     generators: [Generator; 2],
+    /// True for a parabola whose straight chord agrees with the boundary where it does not.
+    is_straight: bool,
 }
 
 /// The diagram's interior edges, checked.
@@ -158,16 +160,24 @@ fn collect_edges(
         .map(|(is_end, &point)| is_end.then(|| clearance_at_mm(index, point)))
         .collect();
     let tolerance_mm = DISAGREEMENT_UNITS * grid.unit_mm();
-    let agrees: Vec<bool> = inside
+    let verdicts: Vec<Verdict> = inside
         .par_iter()
-        .map(|candidate| candidate.agrees(index, raw, tolerance_mm))
+        .map(|candidate| candidate.verdict(index, raw, tolerance_mm))
         .collect();
-    for (candidate, agrees) in inside.into_iter().zip(agrees) {
-        if agrees {
-            raw.edges.push(candidate.edge);
-        } else {
-            raw.suspects += 1;
-        }
+    for (candidate, verdict) in inside.into_iter().zip(verdicts) {
+        let is_straight = match verdict {
+            Verdict::Agrees => false,
+            Verdict::AgreesStraight => true,
+            Verdict::Outside => continue,
+            Verdict::Suspect => {
+                raw.suspects += 1;
+                continue;
+            }
+        };
+        raw.edges.push(RawEdge {
+            is_straight,
+            ..candidate.edge
+        });
     }
     Ok(())
 }
@@ -199,25 +209,51 @@ fn candidate(
         generator(edge.cell()?)?,
         generator(diagram.edge_get_cell(twin)?)?,
     ];
-    let edge = RawEdge { v, generators };
+    let edge = RawEdge {
+        v,
+        generators,
+        is_straight: false,
+    };
     let middle = middle_of(index.edges(), points, &edge);
     Ok(index.contains(middle).then_some(Candidate { edge, middle }))
 }
 
+/// What the boundary says to a candidate.
+enum Verdict {
+    Agrees,
+    /// Only with a straight edge.
+    AgreesStraight,
+    Outside,
+    Suspect,
+}
+
 impl Candidate {
     /// Whether ends and middle are as far from the boundary as from what made them.
-    fn agrees(&self, index: &EdgeIndex, raw: &RawAxis, tolerance_mm: f64) -> bool {
-        let middle_mm = clearance_at_mm(index, self.middle);
-        let end = |v: usize| (raw.points[v], raw.clearances_mm[v]);
-        let [from, to] = self.edge.v.map(end);
-        [from, to, (self.middle, Some(middle_mm))]
-            .into_iter()
-            .all(|(p, clearance_mm)| {
-                self.edge.generators.iter().all(|g| {
-                    let distance_mm = (g.foot(index.edges(), p) - p).norm();
-                    clearance_mm.is_some_and(|mm| (distance_mm - mm).abs() <= tolerance_mm)
-                })
+    fn verdict(&self, index: &EdgeIndex, raw: &RawAxis, tolerance_mm: f64) -> Verdict {
+        let agrees = |p: Point2, clearance_mm: f64| {
+            self.edge.generators.iter().all(|g| {
+                let distance_mm = (g.foot(index.edges(), p) - p).norm();
+                (distance_mm - clearance_mm).abs() <= tolerance_mm
             })
+        };
+        let end = |v: usize| raw.clearances_mm[v].is_some_and(|mm| agrees(raw.points[v], mm));
+        if !self.edge.v.into_iter().all(end) {
+            return Verdict::Suspect;
+        }
+        if agrees(self.middle, clearance_at_mm(index, self.middle)) {
+            return Verdict::Agrees;
+        }
+        // The grid turns an edge a few units long by whole degrees, and far off its line is
+        // another's: the parabola of the true edge bulges, the diagram's hardly does.
+        let [from, to] = self.edge.v.map(|v| raw.points[v]);
+        let middle = nalgebra::center(&from, &to);
+        if !index.contains(middle) {
+            Verdict::Outside
+        } else if agrees(middle, clearance_at_mm(index, middle)) {
+            Verdict::AgreesStraight
+        } else {
+            Verdict::Suspect
+        }
     }
 }
 
@@ -338,7 +374,9 @@ fn flattened(edges: &[Edge], edge: &RawEdge, ends: [Point2; 2], flatten_mm: f64)
         let at = |i: usize| h * (s[0] + (s[1] - s[0]) * i as f64 / count).sinh();
         (1..count as usize).map(at).collect()
     };
-    let inner: Vec<Point2> = if let Some(parabola) = Parabola::of(edges, &edge.generators) {
+    let inner: Vec<Point2> = if edge.is_straight {
+        Vec::new()
+    } else if let Some(parabola) = Parabola::of(edges, &edge.generators) {
         let x = ends.map(|p| parabola.abscissa(p));
         // Chord error (dx)²/8h with dx = sqrt(h² + x²) ds, that is y ds²/4.
         let reach = x[0].abs().max(x[1].abs());
