@@ -1,8 +1,8 @@
 //! Headway's host side: plans the motion of turned nozzles, simulates it, streams it.
 //!
 //! ```text
-//! Target --contour--> Contour --medial axis--> MedialAxis --prune--> Axis
-//!  (mm)               (mm, local)              (mm)                  (mm)
+//! Target --contour--> Contour --hull--> Region --medial axis--> MedialAxis --prune--> Axis
+//!  (mm)               (mm, local)       (mm, local)             (mm)                  (mm)
 //!    --passes--> LayerPass --order--> LayerPass --curve--> PlanePass
 //!                (mm, rad)                                 (mm, rad, machine coordinates)
 //!    --route--> Route --time law, segments--> SegmentStream --measure--> Figures
@@ -40,6 +40,7 @@ use crate::part_transform::{PartTransform, PlaceError};
 use crate::plan::build_route::{PlanePass, build_route};
 use crate::plan::contour::{Contour, ContourError, SIMPLIFY_MM};
 use crate::plan::infill::{infill_passes, swept_area_mm2};
+use crate::plan::inner_hull::inner_hull;
 use crate::plan::joint_limits::MotionError;
 use crate::plan::keep_out::{cleared, taken};
 use crate::plan::layer_path::pass_curves;
@@ -65,7 +66,9 @@ use headway_protocol::units::{CHANNEL_X, CHANNEL_Y, CHANNEL_Z, CHANNELS};
 pub struct RegionPlan {
     /// The cleaned outline about its local origin.
     pub contour: Contour,
-    /// The whole medial axis, local.
+    /// What passes are planned on: the contour without detail that no part of the aperture enters.
+    pub hull: Region,
+    /// The whole medial axis of that, local.
     pub medial_axis: MedialAxis,
     /// The part of it that passes are planned on, local.
     pub axis: Axis,
@@ -246,18 +249,22 @@ pub fn plan_target_around(
     })
 }
 
-/// Medial axis of one region, and what of its boundary cannot be touched.
+/// Hull and medial axis of one region, and what of its boundary cannot be touched.
 fn axis_of(contour: Contour, settings: &Settings) -> Result<RegionPlan, MedialAxisError> {
-    let walls = contour.edge_index(settings.aperture.major_mm());
+    let aperture = &settings.aperture;
+    let hull = inner_hull(&contour.region, aperture);
+    let ground = EdgeIndex::of_region(&hull, aperture.major_mm());
+    let walls = contour.edge_index(aperture.major_mm());
     // The diagram takes one thread, and most of the time here.
     let (medial_axis, unreachable) = rayon::join(
-        || MedialAxis::of_edges(&walls, &AxisOptions::default()),
-        || unreachable_runs(&settings.aperture, &walls),
+        || MedialAxis::of_edges(&ground, &AxisOptions::default()),
+        || unreachable_runs(aperture, &walls),
     );
     let medial_axis = medial_axis?;
     Ok(RegionPlan {
         contour,
-        axis: Axis::of_medial_axis(&medial_axis, &settings.aperture),
+        hull,
+        axis: Axis::of_medial_axis(&medial_axis, aperture),
         medial_axis,
         unreachable,
         passes: Vec::new(),
@@ -268,7 +275,7 @@ fn axis_of(contour: Contour, settings: &Settings) -> Result<RegionPlan, MedialAx
 /// The region with its passes, unordered.
 fn with_passes(mut region: RegionPlan, settings: &Settings) -> RegionPlan {
     let how = pass_settings(settings);
-    let outline = &region.contour.region;
+    let outline = &region.hull;
     match &settings.infill {
         None => region.passes = passes(outline, &region.axis, &how),
         Some(infill) => {
@@ -382,7 +389,7 @@ fn in_order(
         region.passes = in_printing_order(
             RegionPasses {
                 passes: std::mem::take(&mut region.passes),
-                region: &region.contour.region,
+                region: &region.hull,
                 open: &region.open,
             },
             region.contour.to_local(position),
@@ -427,7 +434,7 @@ fn plane_passes(
         add(&skirt.passes, &skirt.walls, skirt.offset, OFF_REGIONS);
     }
     for (number, region) in regions.iter().enumerate() {
-        let walls = region.contour.edge_index(settings.aperture.major_mm());
+        let walls = EdgeIndex::of_region(&region.hull, settings.aperture.major_mm());
         add(&region.passes, &walls, region.contour.offset, number);
     }
     (curves, region_of_curve)

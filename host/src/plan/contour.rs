@@ -5,7 +5,8 @@
 //! needless points gone and the rings oriented (inside on the left). A point is needless where the
 //! chord that replaces it and its dropped neighbours passes within `tolerance_mm` of each: the
 //! boundary moves by no more than that, to either side. Noise larger than the tolerance stays: what
-//! it would do to the passes is dealt with where the medial axis is pruned and normals smoothed.
+//! no part of the aperture can enter is cut off next (`inner_hull`), what else it would do to the
+//! passes is dealt with where the medial axis is pruned and normals smoothed.
 
 use crate::geometry::edge_index::EdgeIndex;
 use crate::geometry::polygon::{Region, Ring};

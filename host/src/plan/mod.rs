@@ -23,6 +23,7 @@ pub mod heading_law;
 pub mod heading_profile;
 pub mod headings_table;
 pub mod infill;
+pub mod inner_hull;
 pub mod joint_limits;
 pub mod keep_out;
 pub mod layer_path;
