@@ -258,7 +258,7 @@ fn axis_of(contour: Contour, settings: &Settings) -> Result<RegionPlan, MedialAx
     // The diagram takes one thread, and most of the time here.
     let (medial_axis, unreachable) = rayon::join(
         || MedialAxis::of_edges(&ground, &AxisOptions::default()),
-        || unreachable_runs(aperture, &walls),
+        || unreachable_runs(aperture, &walls, &ground),
     );
     let medial_axis = medial_axis?;
     Ok(RegionPlan {

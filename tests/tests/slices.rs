@@ -7,7 +7,6 @@ use headway::drive::rehearsal::rehearse;
 use headway::drive::simulator::SimulatorSetup;
 use headway::geometry::polygon::Region;
 use headway::input::{Format, ReadOptions, read};
-use headway::plan::unreachable::unreachable_runs;
 use headway::plan_target;
 use headway::settings::Settings;
 use headway_tests::layer_oracle::{Rings, print_poses, sweep};
@@ -81,7 +80,7 @@ fn run(file: &Path, settings: &Settings) -> Option<Row> {
     let unreachable_mm: f64 = plan
         .regions
         .iter()
-        .flat_map(|r| unreachable_runs(&settings.aperture, &r.contour.edge_index(1.0)))
+        .flat_map(|r| &r.unreachable)
         .map(|run| run.length_mm())
         .sum();
     let (figures, trace) = (&rehearsal.simulation.figures, &rehearsal.trace);

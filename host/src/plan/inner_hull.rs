@@ -24,6 +24,7 @@
 use super::by_place::ByPlace;
 use crate::geometry::Point2;
 use crate::geometry::aperture::Aperture;
+use crate::geometry::edge_index::EdgeIndex;
 use crate::geometry::polygon::{Box2, Region, Ring};
 use crate::geometry::predicates::orientation;
 use std::cmp::{Ordering, Reverse};
@@ -43,6 +44,12 @@ pub fn inner_hull(region: &Region, aperture: &Aperture) -> Region {
     let mut cutting = Cutting::of(region, rho_mm);
     cutting.run();
     cutting.into_region(region.holes.len())
+}
+
+/// True where no placement inside the outline reaches the point: it is cut off, and farther from
+/// the hull (its edges) than any gets.
+pub fn is_beyond_reach(hull: &EdgeIndex, p: Point2) -> bool {
+    hull.nearest_within(p, REACH_LOST_MM).is_none() && !hull.contains(p)
 }
 
 /// The rings while they are cut, all points in one list.
@@ -211,10 +218,9 @@ mod tests {
     use super::*;
     use crate::geometry::Vector2;
     use crate::geometry::clearance::{Configuration, outside_bound_mm, outside_depth_mm};
-    use crate::geometry::edge_index::EdgeIndex;
     use crate::geometry::rounded_polygon::RoundedPolygon;
     use crate::geometry::validity::validate;
-    use crate::plan::feasible::{configuration_at, feasible_angles};
+    use crate::plan::feasible::{configuration_at, feasible_angles, is_touchable};
     use std::f64::consts::TAU;
 
     const ELLIPSE: Aperture = Aperture::Ellipse {
@@ -392,6 +398,26 @@ mod tests {
             }
         }
         assert!(kept > 300, "{kept}");
+    }
+
+    /// Goal: what is called beyond reach is touched nowhere. Method: the query for feasible headings
+    /// at points of the outline between its corners, near noise in which some can be touched.
+    #[test]
+    fn beyond_reach_nothing_is_touched() {
+        let (mut beyond, mut touched) = (0, 0);
+        for region in [toothed(0.005, 0.001, 2), toothed(0.01, 0.02, 3)] {
+            let hull = EdgeIndex::of_region(&inner_hull(&region, &ELLIPSE), 0.6);
+            let walls = EdgeIndex::of_region(&region, 0.6);
+            for edge in walls.edges() {
+                let p = edge.a + (edge.b - edge.a) * 0.3;
+                let is_touched = is_touchable(&ELLIPSE, &walls, p, edge.normal());
+                let is_beyond = is_beyond_reach(&hull, p);
+                assert!(!(is_touched && is_beyond), "{p}");
+                beyond += u32::from(is_beyond);
+                touched += u32::from(is_touched);
+            }
+        }
+        assert!(beyond > 500 && touched > 50, "{beyond} {touched}");
     }
 
     /// Goal: no ground where a disk fits goes, whatever the way in. Method: the dumbbell; a chamber

@@ -13,6 +13,7 @@ use crate::geometry::edge_index::EdgeIndex;
 use crate::geometry::{Point2, Vector2};
 use crate::job::{MotionState, SegmentStream};
 use crate::part_transform::PartTransform;
+use crate::plan::inner_hull::{inner_hull, is_beyond_reach};
 use crate::plan::progress::{Progress, Stage, Steps};
 use crate::plan::reachable::reachable_count;
 use crate::settings::Settings;
@@ -126,7 +127,7 @@ pub fn measure_layer(
             CELLS_MAX,
             return_mm,
         );
-        let gap_share = reachable_share_of_gaps(&raster, &walls, settings);
+        let gap_share = reachable_share_of_gaps(&raster, contour, &walls, settings);
         let covered_share = raster.covered_pct() / 100.0;
         figures.area_mm2 += area;
         covered += area * covered_share;
@@ -261,13 +262,23 @@ fn deepest(poses: &[SweptPose], walls: &EdgeIndex, settings: &Settings) -> (f64,
 const DEPTH_BATCH: usize = 256;
 
 /// Which share of the uncovered cells some placement inside could cover.
-fn reachable_share_of_gaps(raster: &Coverage, walls: &EdgeIndex, settings: &Settings) -> f64 {
+fn reachable_share_of_gaps(
+    raster: &Coverage,
+    contour: &Contour,
+    walls: &EdgeIndex,
+    settings: &Settings,
+) -> f64 {
     let gaps: Vec<_> = raster.gaps().collect();
     if gaps.is_empty() {
         return 0.0;
     }
     let stride = gaps.len().div_ceil(ASKED_MAX);
     let asked: Vec<_> = gaps.into_iter().step_by(stride).collect();
-    let reached = reachable_count(&settings.aperture, &asked, walls);
+    // Of noise finer than the nozzle most cells lie where nothing gets: no search for those.
+    let hull = inner_hull(&contour.region, &settings.aperture);
+    let hull = EdgeIndex::of_region(&hull, settings.aperture.major_mm());
+    let mut near = asked.clone();
+    near.retain(|&p| !is_beyond_reach(&hull, p));
+    let reached = reachable_count(&settings.aperture, &near, walls);
     reached as f64 / asked.len() as f64
 }

@@ -6,6 +6,7 @@
 //! one is not seen.
 
 use super::feasible::is_touchable;
+use super::inner_hull::is_beyond_reach;
 use crate::geometry::Point2;
 use crate::geometry::aperture::Aperture;
 use crate::geometry::edge_index::{Edge, EdgeIndex};
@@ -30,19 +31,23 @@ impl UnreachableRun {
     }
 }
 
-/// All runs, in the order of the region's edges.
-pub fn unreachable_runs(aperture: &Aperture, walls: &EdgeIndex) -> Vec<UnreachableRun> {
+/// All runs, in the order of the region's edges; `hull` is its inner hull's edges (or its own).
+pub fn unreachable_runs(
+    aperture: &Aperture,
+    walls: &EdgeIndex,
+    hull: &EdgeIndex,
+) -> Vec<UnreachableRun> {
     let piece_mm = aperture.minor_mm() / 2.0;
     walls
         .edges()
         .par_iter()
-        .flat_map_iter(|edge| edge_runs(aperture, walls, edge, piece_mm))
+        .flat_map_iter(|edge| edge_runs(aperture, [walls, hull], edge, piece_mm))
         .collect()
 }
 
 fn edge_runs(
     aperture: &Aperture,
-    walls: &EdgeIndex,
+    [walls, hull]: [&EdgeIndex; 2],
     edge: &Edge,
     piece_mm: f64,
 ) -> Vec<UnreachableRun> {
@@ -52,7 +57,8 @@ fn edge_runs(
     }
     let normal = edge.normal();
     let at = |t: f64| edge.a + (edge.b - edge.a) * t;
-    let is_out = |t: f64| !is_touchable(aperture, walls, at(t), normal);
+    let is_out =
+        |t: f64| is_beyond_reach(hull, at(t)) || !is_touchable(aperture, walls, at(t), normal);
     let pieces = (length_mm / piece_mm).ceil().max(1.0) as usize;
     let middle = |k: usize| (k as f64 + 0.5) / pieces as f64;
     let mut runs = Vec::new();
@@ -120,7 +126,7 @@ mod tests {
 
     fn total_mm(walls: &EdgeIndex, major_mm: f64, minor_mm: f64) -> f64 {
         let aperture = Aperture::Ellipse { major_mm, minor_mm };
-        unreachable_runs(&aperture, walls)
+        unreachable_runs(&aperture, walls, walls)
             .iter()
             .map(UnreachableRun::length_mm)
             .sum()
@@ -155,7 +161,7 @@ mod tests {
             major_mm: 0.6,
             minor_mm: 0.2,
         };
-        let runs = unreachable_runs(&aperture, &slot);
+        let runs = unreachable_runs(&aperture, &slot, &slot);
         let in_slot: f64 = runs
             .iter()
             .filter(|run| run.from.x >= 10.0 - 1e-9 && run.to.x >= 10.0 - 1e-9)
