@@ -137,7 +137,7 @@ impl CellGrid {
         let x = (at.center.x - self.origin.x) * per_mm - 0.5;
         let y = (at.center.y - self.origin.y) * per_mm - 0.5;
         let reach = aperture.reach_mm() * per_mm;
-        let [rows, columns] = [window.rows, window.columns].map(|ends| ends.map(|i| i as f64));
+        let [rows, columns] = [window.rows, window.columns].map(|ends| ends.map(whole));
         // A cell further than what is beside it for sure: rounding.
         let beside = x + reach + 1.0 < columns[0] || x - reach - 1.0 > columns[1];
         if y + reach < rows[0] || y - reach > rows[1] || beside {
@@ -150,7 +150,7 @@ impl CellGrid {
         }
         let first = index_above(y - shape.below_mm * per_mm).max(window.rows[0]);
         for row in first..=index_below(last).min(window.rows[1]) {
-            let Some([low, high]) = shape.range((row as f64 - y) * self.cell_mm) else {
+            let Some([low, high]) = shape.range((whole(row) - y) * self.cell_mm) else {
                 continue;
             };
             let high = x + high * per_mm;
@@ -178,6 +178,11 @@ const BAND_ROWS: usize = 64;
 /// to the nearest, and stands in the low bits. (`ceil` and `floor` are calls on plain x86-64, and
 /// conversions that saturate take several steps.)
 const WHOLE: f64 = (1u64 << 52) as f64;
+
+/// An index as a number: from a signed integer, which is one step.
+fn whole(index: usize) -> f64 {
+    index as i64 as f64
+}
 
 /// The whole number nearest to `value`, which is far below 2⁵²; 0 for what is below 0.
 fn nearest(value: f64) -> (usize, f64) {

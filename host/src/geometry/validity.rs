@@ -152,6 +152,11 @@ pub fn validate(region: &Region) -> Result<(), ValidityError> {
 /// Checks every region, and that no two cross, overlap or share more than points.
 pub fn validate_all(regions: &[Region]) -> Result<(), ValidityError> {
     regions.iter().try_for_each(validate)?;
+    validate_apart(regions)
+}
+
+/// Checks that no two of some regions, each valid by itself, cross, overlap or share more than points.
+pub fn validate_apart(regions: &[Region]) -> Result<(), ValidityError> {
     if regions.len() < 2 {
         return Ok(());
     }

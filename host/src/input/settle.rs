@@ -11,12 +11,14 @@ use super::{InputError, ReadOptions};
 use crate::geometry::Point2;
 use crate::geometry::polygon::{Box2, Region, Ring, crosses_ray};
 use crate::geometry::repair::{FillRule, RepairChanges, repair};
-use crate::geometry::validity::{RingName, ValidityError, validate, validate_all};
+use crate::geometry::validity::{RingName, ValidityError, validate, validate_all, validate_apart};
 
 /// A region with its name for messages.
 pub(super) struct NamedRegion {
     pub what: String,
     pub region: Region,
+    /// It has been found valid by itself.
+    pub is_valid: bool,
 }
 
 /// The first ring is the exterior, the others are its holes.
@@ -47,7 +49,9 @@ pub(super) fn exterior_first(
         exterior: exterior.ring,
         holes,
     };
-    let regions = match validate(&region) {
+    let found = validate(&region);
+    let is_valid = found.is_ok();
+    let regions = match found {
         Ok(()) => vec![region],
         Err(problem) if options.repair => {
             let mended = exterior_without_holes(&region);
@@ -66,7 +70,7 @@ pub(super) fn exterior_first(
             });
         }
     };
-    Ok(named(what, regions))
+    Ok(named(what, regions, is_valid))
 }
 
 /// The fill rule says which rings are exteriors and which are holes.
@@ -96,7 +100,7 @@ pub(super) fn by_fill_rule(
     }];
     let (mended, _) = repair(&drawn, rule);
     notes.push(repair_note(what, &problem, &drawn, &mended));
-    Ok(named(what, mended))
+    Ok(named(what, mended, false))
 }
 
 /// All regions of the drawing: apart, or merged where asked to.
@@ -106,8 +110,14 @@ pub(super) fn together(
     notes: &mut Vec<String>,
 ) -> Result<Vec<Region>, InputError> {
     let names: Vec<String> = regions.iter().map(|r| r.what.clone()).collect();
+    let are_valid = regions.iter().all(|r| r.is_valid);
     let regions: Vec<Region> = regions.into_iter().map(|r| r.region).collect();
-    let Err(problem) = validate_all(&regions) else {
+    let found = if are_valid {
+        validate_apart(&regions)
+    } else {
+        validate_all(&regions)
+    };
+    let Err(problem) = found else {
         return Ok(regions);
     };
     if !options.repair {
@@ -245,7 +255,7 @@ fn ring_names(what: &str, rings: &[NamedRing], problem: &ValidityError) -> Strin
     names.unwrap_or_else(|| what.to_string())
 }
 
-fn named(what: &str, regions: Vec<Region>) -> Vec<NamedRegion> {
+fn named(what: &str, regions: Vec<Region>, is_valid: bool) -> Vec<NamedRegion> {
     let many = regions.len() > 1;
     let name = |number| match many {
         true => format!("{what}, part {number}"),
@@ -257,6 +267,7 @@ fn named(what: &str, regions: Vec<Region>) -> Vec<NamedRegion> {
         .map(|(number, region)| NamedRegion {
             what: name(number),
             region,
+            is_valid,
         })
         .collect()
 }
@@ -296,7 +307,11 @@ fn nest(
                     exterior: ring,
                     holes: Vec::new(),
                 };
-                regions.push(NamedRegion { what, region });
+                regions.push(NamedRegion {
+                    what,
+                    region,
+                    is_valid: false,
+                });
             }
             (true, false) => {
                 turn(&mut ring, false);
