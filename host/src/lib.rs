@@ -27,11 +27,8 @@ pub mod report;
 pub mod settings;
 pub mod wire_frames;
 
-use crate::geometry::boolean::filled;
-use crate::geometry::coverage::Coverage;
 use crate::geometry::edge_index::EdgeIndex;
 use crate::geometry::polygon::Region;
-use crate::geometry::repair::FillRule;
 use crate::geometry::{Point2, Vector2};
 use crate::input::Target;
 use crate::input::waypoints::WaypointRun;
@@ -39,46 +36,24 @@ use crate::job::SegmentStream;
 use crate::part_transform::{PartTransform, PlaceError};
 use crate::plan::build_route::{PlanePass, build_route};
 use crate::plan::contour::{Contour, ContourError, SIMPLIFY_MM};
-use crate::plan::infill::{infill_passes, swept_area_mm2};
-use crate::plan::inner_hull::inner_hull;
+use crate::plan::infill::swept_area_mm2;
 use crate::plan::joint_limits::MotionError;
 use crate::plan::keep_out::{cleared, taken};
 use crate::plan::layer_path::pass_curves;
-use crate::plan::measure::{LayerFigures, OFF_REGIONS, measure_layer};
-use crate::plan::medial_axis::{AxisOptions, MedialAxis, MedialAxisError};
+use crate::plan::measure::{LayerFigures, OFF_REGIONS, RegionRaster, measure_layer};
+use crate::plan::medial_axis::MedialAxisError;
 use crate::plan::order::region_order;
-use crate::plan::passes::{LayerPass, PassSettings, outer_passes, passes};
-use crate::plan::printed_order::{RegionPasses, in_printing_order};
+use crate::plan::passes::LayerPass;
 use crate::plan::progress::{Progress, Stage, Steps, step_each};
+use crate::plan::region_plan::{RegionPlan, RegionWork};
 use crate::plan::route::Route;
 use crate::plan::segments::{MotionReport, lay_segments_telling};
-use crate::plan::skeleton::Axis;
 use crate::plan::skirt::{SkirtPlan, skirt_plan, skirt_reach_mm};
 use crate::plan::travel_ways::{TravelError, TravelWays, outline_crossings};
-use crate::plan::unreachable::{UnreachableRun, unreachable_runs};
 use crate::plan::waypoint_curve::{WaypointCurveError, waypoint_curves};
 use crate::plan::waypoint_route::waypoint_route;
-use crate::settings::{PassMode, Settings, SettingsError};
+use crate::settings::{Settings, SettingsError};
 use headway_protocol::units::{CHANNEL_X, CHANNEL_Y, CHANNEL_Z, CHANNELS};
-
-/// Everything that planning one region of a layer made.
-#[derive(Clone, Debug)]
-pub struct RegionPlan {
-    /// The cleaned outline about its local origin.
-    pub contour: Contour,
-    /// What passes are planned on: the contour without detail that no part of the aperture enters.
-    pub hull: Region,
-    /// The whole medial axis of that, local.
-    pub medial_axis: MedialAxis,
-    /// The part of it that passes are planned on, local.
-    pub axis: Axis,
-    /// Boundary that the aperture cannot touch, local.
-    pub unreachable: Vec<UnreachableRun>,
-    /// Passes in printing order, local.
-    pub passes: Vec<LayerPass>,
-    /// The ground inside the walls that infill lines are to cover, local.
-    pub open: Vec<Region>,
-}
 
 /// A planned target, with all intermediates.
 #[derive(Clone, Debug)]
@@ -105,8 +80,8 @@ pub struct Plan {
     pub stream: SegmentStream,
     /// What the stream reaches of the limits.
     pub motion: MotionReport,
-    /// Coverage raster of each region, local coordinates.
-    pub coverage: Vec<Coverage>,
+    /// Coverage raster of each region.
+    pub coverage: Vec<RegionRaster>,
     /// What the plan is judged on, over all regions.
     pub figures: LayerFigures,
 }
@@ -198,23 +173,25 @@ pub fn plan_target_around(
         Contour::of_region(region, SIMPLIFY_MM)
     })?;
     let axes = step_each(progress, Stage::Axis, contours, |contour| {
-        axis_of(contour, settings)
+        RegionWork::begin(contour, settings)
     })?;
     let regions = step_each(progress, Stage::Passes, axes, |region| {
-        Ok::<_, PlanError>(with_passes(region, settings))
+        Ok::<_, PlanError>(region.with_passes())
     })?;
-    if regions.iter().all(|region| region.passes.is_empty()) {
-        return Err(nothing_printable(&regions, settings));
+    let widest = regions.iter().filter_map(RegionWork::widest_disk);
+    let widest = widest.max_by(|a, b| a.1.total_cmp(&b.1));
+    if regions.iter().all(RegionWork::is_empty) {
+        return Err(nothing_printable(widest, settings));
     }
     let start = start_pose(settings);
     let shift = Vector2::new(transform.offset_mm[0], transform.offset_mm[1]);
     let from = Point2::new(start[CHANNEL_X], start[CHANNEL_Y]) - shift;
     let skirt = skirt_plan(&target.regions, &taken(keep_out, settings), from, settings)?;
     let from = skirt.as_ref().and_then(SkirtPlan::end).unwrap_or(from);
-    let regions = in_order(regions, from, settings, progress);
+    let regions = in_order(regions, from, progress);
     let (curves, region_of_curve) = plane_passes(skirt.as_ref(), &regions, &transform, settings);
     if curves.is_empty() {
-        return Err(nothing_printable(&regions, settings));
+        return Err(nothing_printable(widest, settings));
     }
     let on_machine = |regions: &[Region]| -> Vec<Region> {
         regions.iter().map(|region| region.shifted(shift)).collect()
@@ -247,46 +224,6 @@ pub fn plan_target_around(
         coverage,
         figures,
     })
-}
-
-/// Hull and medial axis of one region, and what of its boundary cannot be touched.
-fn axis_of(contour: Contour, settings: &Settings) -> Result<RegionPlan, MedialAxisError> {
-    let aperture = &settings.aperture;
-    let hull = inner_hull(&contour.region, aperture);
-    let ground = EdgeIndex::of_region(&hull, aperture.major_mm());
-    let walls = contour.edge_index(aperture.major_mm());
-    // The diagram takes one thread, and most of the time here.
-    let (medial_axis, unreachable) = rayon::join(
-        || MedialAxis::of_edges(&ground, &AxisOptions::default()),
-        || unreachable_runs(aperture, &walls, &ground),
-    );
-    let medial_axis = medial_axis?;
-    Ok(RegionPlan {
-        contour,
-        hull,
-        axis: Axis::of_medial_axis(&medial_axis, aperture),
-        medial_axis,
-        unreachable,
-        passes: Vec::new(),
-        open: Vec::new(),
-    })
-}
-
-/// The region with its passes, unordered.
-fn with_passes(mut region: RegionPlan, settings: &Settings) -> RegionPlan {
-    let how = pass_settings(settings);
-    let outline = &region.hull;
-    match &settings.infill {
-        None => region.passes = passes(outline, &region.axis, &how),
-        Some(infill) => {
-            let walls = infill.walls as usize;
-            let (mut passes, rings) = outer_passes(outline, &region.axis, &how, walls);
-            region.open = filled(rings.iter(), FillRule::Positive);
-            passes.extend(infill_passes(&region.open, infill, &how));
-            region.passes = passes;
-        }
-    }
-    region
 }
 
 /// Plans a run of waypoints: curve, route, segments, figures. Regions, curves and rasters stay
@@ -346,16 +283,6 @@ fn target_bounds(target: &Target) -> geometry::polygon::Box2 {
     geometry::polygon::Box2::of(&corners)
 }
 
-fn pass_settings(settings: &Settings) -> PassSettings {
-    PassSettings {
-        aperture: settings.aperture,
-        overlap: settings.overlap_pct / 100.0,
-        one_pass: settings.pass_mode == PassMode::One,
-        law: settings.heading_law,
-        profile: settings.heading_profile,
-    }
-}
-
 /// Where the head waits before a job: the work area's corner, lifted.
 fn start_pose(settings: &Settings) -> [f64; CHANNELS] {
     let [low, _] = settings.work_area_mm;
@@ -368,33 +295,17 @@ fn start_pose(settings: &Settings) -> [f64; CHANNELS] {
 
 /// Regions nearest first, and in each its passes ordered from where the last one ended, with
 /// excursions into what they leave open; `from` is where the head is, input coordinates.
-fn in_order(
-    regions: Vec<RegionPlan>,
-    from: Point2,
-    settings: &Settings,
-    progress: &dyn Progress,
-) -> Vec<RegionPlan> {
+fn in_order(regions: Vec<RegionWork>, from: Point2, progress: &dyn Progress) -> Vec<RegionPlan> {
     let steps = Steps::begin(progress, Stage::Order, regions.len());
     let mut position = from;
-    let centers: Vec<Point2> = regions
-        .iter()
-        .map(|r| Point2::from(r.contour.offset))
-        .collect();
-    let mut slots: Vec<Option<RegionPlan>> = regions.into_iter().map(Some).collect();
+    let centers: Vec<Point2> = regions.iter().map(RegionWork::middle).collect();
+    let mut slots: Vec<Option<RegionWork>> = regions.into_iter().map(Some).collect();
     let mut result = Vec::with_capacity(slots.len());
     for number in region_order(&centers, position) {
-        let Some(mut region) = slots[number].take() else {
+        let Some(region) = slots[number].take() else {
             continue;
         };
-        region.passes = in_printing_order(
-            RegionPasses {
-                passes: std::mem::take(&mut region.passes),
-                region: &region.hull,
-                open: &region.open,
-            },
-            region.contour.to_local(position),
-            settings,
-        );
+        let region = region.in_order(position);
         if let Some(last) = region.passes.last().and_then(|p| p.placements.last()) {
             position = region.contour.to_input(last.at.center);
         }
@@ -447,19 +358,11 @@ fn regions_for_measure(regions: &[RegionPlan]) -> Vec<&Contour> {
     regions.iter().map(|r| &r.contour).collect()
 }
 
-fn nothing_printable(regions: &[RegionPlan], settings: &Settings) -> PlanError {
-    let mut widest = (0.0, [0.0, 0.0]);
-    for region in regions {
-        for vertex in &region.medial_axis.vertices {
-            if vertex.radius_mm > widest.0 {
-                let at = region.contour.to_input(vertex.point);
-                widest = (vertex.radius_mm, [at.x, at.y]);
-            }
-        }
-    }
+fn nothing_printable(widest: Option<(Point2, f64)>, settings: &Settings) -> PlanError {
+    let (at, radius_mm) = widest.unwrap_or((Point2::origin(), 0.0));
     PlanError::NothingPrintable {
-        at_mm: widest.1,
-        width_mm: 2.0 * widest.0,
+        at_mm: [at.x, at.y],
+        width_mm: 2.0 * radius_mm,
         needed_mm: 2.0 * settings.aperture.minor_mm(),
     }
 }

@@ -2,12 +2,13 @@
 
 use super::planned::Planned;
 use crate::geometry::clearance::Configuration;
+use crate::geometry::frame::Frame;
 use crate::geometry::polygon::Region;
 use crate::geometry::{Point2, Vector2, coverage};
 use crate::job::MotionState;
 use crate::part_transform::PartTransform;
 use crate::plan::contour::{Contour, SIMPLIFY_MM};
-use crate::plan::measure::{OFF_REGIONS, measure_layer};
+use crate::plan::measure::{OFF_REGIONS, RegionRaster, measure_layer};
 use crate::plan::passes::PassKind;
 use crate::report::coverage_picture::{Cell, CoveragePicture, Raster};
 use crate::report::plan_picture::{PicturePass, PlanPicture, Zone};
@@ -193,9 +194,14 @@ fn rasters_of_job(planned: &Planned) -> Vec<Raster> {
         .collect()
 }
 
-fn raster(offset: Vector2, swept: &coverage::Coverage) -> Raster {
+fn raster(offset: Vector2, raster: &RegionRaster) -> Raster {
+    let swept = &raster.swept;
     Raster {
-        origin: swept.origin + offset,
+        frame: Frame {
+            centre: raster.frame.centre + offset,
+            ..raster.frame
+        },
+        origin: swept.origin,
         cell_mm: swept.cell_mm,
         columns: swept.columns,
         cells: swept

@@ -98,6 +98,14 @@ impl Aperture {
         }
     }
 
+    /// True where mirroring about the tool's X axis brings it onto itself.
+    pub fn is_mirror_image(&self) -> bool {
+        match self {
+            Aperture::Ellipse { .. } => true,
+            Aperture::Rounded(shape) => shape.is_mirror_image(),
+        }
+    }
+
     /// The turn that brings the aperture onto itself, as far as the planner cares: 180°, or 360°
     /// for a polygon without that symmetry.
     pub fn period_rad(&self) -> f64 {

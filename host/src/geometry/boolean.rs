@@ -88,8 +88,11 @@ fn overlaid_once(
 }
 
 fn region_of(shape: Paths) -> Option<Region> {
-    let mut rings = shape.into_iter().map(|points| Ring {
-        points: points.into_iter().map(Point2::from).collect(),
+    let mut rings = shape.into_iter().map(|points| {
+        let points = points.into_iter().map(Point2::from).collect();
+        let mut ring = Ring { points };
+        ring.begin_at_extreme();
+        ring
     });
     let exterior = rings.next()?;
     Some(Region {

@@ -2,6 +2,10 @@
 
 use super::{Point2, Vector2};
 
+/// Direction from which rings begin: slanted, so that the points of a side of a usual part are not
+/// all equally far along, and rounding does not choose between them.
+const START: Vector2 = Vector2::new(0.743, 0.669);
+
 /// A closed polygon; the first point is not repeated.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Ring {
@@ -44,6 +48,14 @@ impl Ring {
     /// Length of the closed boundary, mm.
     pub fn perimeter_mm(&self) -> f64 {
         self.edges().map(|(p, q)| (q - p).norm()).sum()
+    }
+
+    /// Makes the ring begin at its extreme point along [`START`], wherever it began.
+    pub fn begin_at_extreme(&mut self) {
+        let along_mm = |i: usize| self.points[i].coords.dot(&START);
+        let count = self.points.len();
+        let first = (0..count).min_by(|&i, &j| along_mm(i).total_cmp(&along_mm(j)));
+        self.points.rotate_left(first.unwrap_or(0));
     }
 
     /// Directed edges, the closing one included.

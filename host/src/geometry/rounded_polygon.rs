@@ -211,6 +211,16 @@ impl RoundedPolygon {
         self.symmetric
     }
 
+    /// True where mirroring about the x axis brings it onto itself.
+    pub fn is_mirror_image(&self) -> bool {
+        let corners = self.corners();
+        let size = corners.iter().map(|c| c.norm()).fold(0.0, f64::max);
+        corners.iter().all(|c| {
+            let twin = |d: &Vector2| (Vector2::new(c.x, -c.y) - d).norm() <= SYMMETRY_SHARE * size;
+            corners.iter().any(twin)
+        })
+    }
+
     /// The greatest width over all directions (its diameter), mm.
     pub fn widest_mm(&self) -> f64 {
         self.widest_mm

@@ -9,6 +9,7 @@
 //! passes is dealt with where the medial axis is pruned and normals smoothed.
 
 use crate::geometry::edge_index::EdgeIndex;
+use crate::geometry::frame::Frame;
 use crate::geometry::polygon::{Region, Ring};
 use crate::geometry::validity::validate;
 use crate::geometry::{Point2, Vector2};
@@ -82,25 +83,26 @@ impl Contour {
         }
         let bounds = region.bounds();
         let offset = (bounds.min.coords + bounds.max.coords) / 2.0;
+        // Which points are needless must not depend on how the region lies.
+        let local = region.shifted(-offset);
+        let frame = Frame::of_region(&local, true);
+        let local = frame.region_in(&local);
         let mut removed_points = 0;
         let mut clean = |ring: &Ring, is_exterior: bool| -> Option<Ring> {
-            let cleaned = cleaned_ring(ring, offset, tolerance_mm, is_exterior);
+            let cleaned = cleaned_ring(ring, tolerance_mm, is_exterior);
             let left = cleaned.as_ref().map_or(0, |r| r.points.len());
             removed_points += ring.points.len() - left;
             cleaned
         };
         let first = region.exterior.points.first().copied();
-        let exterior = clean(&region.exterior, true).ok_or_else(|| ContourError::Empty {
+        let exterior = clean(&local.exterior, true).ok_or_else(|| ContourError::Empty {
             at_mm: first.map_or([0.0, 0.0], |p| [p.x, p.y]),
         })?;
-        let holes: Vec<Ring> = region
-            .holes
-            .iter()
-            .filter_map(|hole| clean(hole, false))
-            .collect();
+        let holes = local.holes.iter();
+        let holes: Vec<Ring> = holes.filter_map(|hole| clean(hole, false)).collect();
         let removed_holes = region.holes.len() - holes.len();
         Ok(Contour {
-            region: Region { exterior, holes },
+            region: frame.region_out(&Region { exterior, holes }),
             offset,
             removed_points,
             removed_holes,
@@ -123,16 +125,10 @@ impl Contour {
     }
 }
 
-/// The ring about the new origin, without needless points, oriented; `None` where nothing is left.
-fn cleaned_ring(
-    ring: &Ring,
-    offset: Vector2,
-    tolerance_mm: f64,
-    is_exterior: bool,
-) -> Option<Ring> {
+/// The ring without needless points, oriented; `None` where nothing is left.
+fn cleaned_ring(ring: &Ring, tolerance_mm: f64, is_exterior: bool) -> Option<Ring> {
     let mut points: Vec<Point2> = Vec::with_capacity(ring.points.len());
-    for p in &ring.points {
-        let p = p - offset;
+    for &p in &ring.points {
         if points.last().is_none_or(|q| (p - q).norm() > SAME_POINT_MM) {
             points.push(p);
         }
@@ -140,36 +136,24 @@ fn cleaned_ring(
     while points.len() > 1 && (points[0] - points[points.len() - 1]).norm() <= SAME_POINT_MM {
         points.pop();
     }
-    let mut points = simplified(&points, tolerance_mm);
-    if points.len() < 3 {
-        return None;
+    let mut ring = Ring { points };
+    if (ring.signed_area_mm2() > 0.0) != is_exterior {
+        ring.points.reverse();
     }
-    let area_mm2 = Ring {
-        points: points.clone(),
-    }
-    .signed_area_mm2();
-    if area_mm2 == 0.0 {
-        return None;
-    }
-    if (area_mm2 > 0.0) != is_exterior {
-        points.reverse();
-    }
-    Some(Ring { points })
+    ring.begin_at_extreme();
+    ring.points = simplified(&ring.points, tolerance_mm);
+    let is_left = ring.points.len() >= 3 && (ring.signed_area_mm2() > 0.0) == is_exterior;
+    (is_left && ring.signed_area_mm2() != 0.0).then_some(ring)
 }
 
-/// Greedy chords around the ring, starting at its lowest left point (an extreme point of the ring,
-/// so never needless by more than the tolerance).
+/// Greedy chords around the ring, which begins at an extreme point (never needless by more than the
+/// tolerance).
 fn simplified(points: &[Point2], tolerance_mm: f64) -> Vec<Point2> {
     let count = points.len();
     if count < 3 {
         return Vec::new();
     }
-    let lowest = |&i: &usize, &j: &usize| {
-        let (p, q) = (points[i], points[j]);
-        p.x.total_cmp(&q.x).then(p.y.total_cmp(&q.y))
-    };
-    let start = (0..count).min_by(lowest).unwrap_or(0);
-    let at = |i: usize| points[(start + i) % count];
+    let at = |i: usize| points[i % count];
     let mut kept = vec![at(0)];
     let mut from = 0;
     while from < count {

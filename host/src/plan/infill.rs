@@ -10,12 +10,13 @@
 
 use super::contacts::Contact;
 use super::heading_profile::Placement;
+use super::measure::RegionRaster;
 use super::medial_axis::{AxisOptions, MedialAxis};
 use super::passes::{LayerPass, PassKind, PassSettings, passes};
 use super::skeleton::Axis;
 use crate::geometry::aperture::Aperture;
 use crate::geometry::clearance::Configuration;
-use crate::geometry::coverage::{Cell, Coverage};
+use crate::geometry::coverage::Cell;
 use crate::geometry::edge_index::{Edge, EdgeIndex};
 use crate::geometry::polygon::{Box2, Region, Ring};
 use crate::geometry::{Point2, Vector2};
@@ -318,11 +319,12 @@ fn least(f: impl Fn(f64) -> f64) -> f64 {
 
 /// Area of the raster's cells that lie in the regions, and of those among them that were swept,
 /// mm².
-pub fn swept_area_mm2(raster: &Coverage, regions: &[Region]) -> [f64; 2] {
+pub fn swept_area_mm2(raster: &RegionRaster, regions: &[Region]) -> [f64; 2] {
+    let (frame, raster) = (raster.frame, &raster.swept);
     let cell_mm2 = raster.cell_mm * raster.cell_mm;
     let mut area = [0.0; 2];
-    for region in regions {
-        let walls = EdgeIndex::of_region(region, 10.0 * raster.cell_mm);
+    for region in regions.iter().map(|region| frame.region_in(region)) {
+        let walls = EdgeIndex::of_region(&region, 10.0 * raster.cell_mm);
         let bounds = region.bounds();
         let cell = |p: Point2| (p - raster.origin) / raster.cell_mm;
         let (low, high) = (cell(bounds.min), cell(bounds.max));

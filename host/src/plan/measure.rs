@@ -10,6 +10,8 @@ use crate::geometry::aperture::Aperture;
 use crate::geometry::clearance::{Configuration, outside_bound_mm, outside_depth_mm};
 use crate::geometry::coverage::{Coverage, SweptPose};
 use crate::geometry::edge_index::EdgeIndex;
+use crate::geometry::frame::Frame;
+use crate::geometry::polygon::Region;
 use crate::geometry::{Point2, Vector2};
 use crate::job::{MotionState, SegmentStream};
 use crate::part_transform::PartTransform;
@@ -80,7 +82,20 @@ struct PrintPose {
     path_mm: f64,
 }
 
-/// Measures a layer; returns the figures and each region's raster (local coordinates).
+/// Turn of a raster against the region's own frame, rad: aslant to walls along the axes or at 45°,
+/// where whole rows of cells would fall to either side of a wall at once.
+const SKEW_RAD: f64 = 0.4;
+
+/// What was swept of a region.
+#[derive(Clone, Debug)]
+pub struct RegionRaster {
+    /// The raster's frame in the region's local coordinates.
+    pub frame: Frame,
+    /// The raster, in that frame.
+    pub swept: Coverage,
+}
+
+/// Measures a layer; returns the figures and each region's raster.
 pub fn measure_layer(
     stream: &SegmentStream,
     contours: &[&Contour],
@@ -88,7 +103,7 @@ pub fn measure_layer(
     transform: &PartTransform,
     settings: &Settings,
     progress: &dyn Progress,
-) -> (LayerFigures, Vec<Coverage>) {
+) -> (LayerFigures, Vec<RegionRaster>) {
     let steps = Steps::begin(progress, Stage::Figures, contours.len());
     let (poses, mut figures) = walk_stream(stream, settings);
     figures.passes = region_of_pass.len();
@@ -97,14 +112,17 @@ pub fn measure_layer(
     let (mut covered, mut overlap, mut reachable) = (0.0, 0.0, 0.0);
     let shift = Vector2::new(transform.offset_mm[0], transform.offset_mm[1]);
     for (number, contour) in contours.iter().enumerate() {
-        let walls = contour.edge_index(settings.aperture.major_mm());
+        let mut frame = Frame::of_region(&contour.region, settings.aperture.is_mirror_image());
+        frame.turn_rad += SKEW_RAD;
+        let outline = frame.region_in(&contour.region);
+        let walls = EdgeIndex::of_region(&outline, settings.aperture.major_mm());
         let local: Vec<SweptPose> = poses
             .iter()
             .filter(|p| region_of_pass.get(p.pass as usize) == Some(&number))
             .map(|p| SweptPose {
                 at: Configuration {
-                    center: p.at.center - shift - contour.offset,
-                    ..p.at
+                    center: frame.point_in(contour.to_local(p.at.center - shift)),
+                    heading_rad: frame.angle_in(p.at.heading_rad),
                 },
                 pass: p.pass,
                 path_mm: p.path_mm,
@@ -112,14 +130,14 @@ pub fn measure_layer(
             .collect();
         let (depth_mm, at) = deepest(&local, &walls, settings);
         if depth_mm > figures.outside_depth_mm {
-            let at = contour.to_input(at.center);
+            let at = contour.to_input(frame.point_out(at.center));
             figures.outside_depth_mm = depth_mm;
             figures.outside_at_mm = [at.x, at.y];
         }
         let area = contour.region.area_mm2();
         let cell_mm = (area / CELLS_AIM).sqrt().clamp(CELL_MM[0], CELL_MM[1]);
         let return_mm = 4.0 * settings.aperture.major_mm();
-        let raster = Coverage::sweep(
+        let swept = Coverage::sweep(
             &walls,
             &settings.aperture,
             &local,
@@ -127,13 +145,13 @@ pub fn measure_layer(
             CELLS_MAX,
             return_mm,
         );
-        let gap_share = reachable_share_of_gaps(&raster, contour, &walls, settings);
-        let covered_share = raster.covered_pct() / 100.0;
+        let gap_share = reachable_share_of_gaps(&swept, &outline, &walls, settings);
+        let covered_share = swept.covered_pct() / 100.0;
         figures.area_mm2 += area;
         covered += area * covered_share;
-        overlap += area * raster.overlap_pct() / 100.0;
+        overlap += area * swept.overlap_pct() / 100.0;
         reachable += area * (covered_share + (1.0 - covered_share) * gap_share);
-        rasters.push(raster);
+        rasters.push(RegionRaster { frame, swept });
         steps.step();
     }
     let area = figures.area_mm2.max(1e-12);
@@ -264,7 +282,7 @@ const DEPTH_BATCH: usize = 256;
 /// Which share of the uncovered cells some placement inside could cover.
 fn reachable_share_of_gaps(
     raster: &Coverage,
-    contour: &Contour,
+    outline: &Region,
     walls: &EdgeIndex,
     settings: &Settings,
 ) -> f64 {
@@ -275,7 +293,7 @@ fn reachable_share_of_gaps(
     let stride = gaps.len().div_ceil(ASKED_MAX);
     let asked: Vec<_> = gaps.into_iter().step_by(stride).collect();
     // Of noise finer than the nozzle most cells lie where nothing gets: no search for those.
-    let hull = inner_hull(&contour.region, &settings.aperture);
+    let hull = inner_hull(outline, &settings.aperture);
     let hull = EdgeIndex::of_region(&hull, settings.aperture.major_mm());
     let mut near = asked.clone();
     near.retain(|&p| !is_beyond_reach(&hull, p));

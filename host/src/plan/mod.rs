@@ -37,6 +37,7 @@ pub mod path_samples;
 pub mod printed_order;
 pub mod progress;
 pub mod reachable;
+pub mod region_plan;
 pub mod room;
 pub mod route;
 mod runs;

@@ -366,6 +366,11 @@ fn meets_axis(contact: &Contact, channel: usize, field: &Field, grid_mm: f64) ->
     beyond.fold(f64::NEG_INFINITY, f64::max) < channel as f64 + 0.3
 }
 
+/// Least slope of the field on the way to a channel's inner wall, against that at its outer wall.
+/// Beyond the bisector of a right corner the slope is none: there neither rounding nor a little
+/// noise may choose.
+const SLOPE_SHARE_MIN: f64 = 0.03;
+
 /// Distance along the normal from the channel's outer wall to its inner one (or to the axis).
 fn channel_width_mm(
     contact: &Contact,
@@ -377,25 +382,20 @@ fn channel_width_mm(
     let target = channel as f64;
     let step = 0.25 * grid_mm;
     let reach = 2.5 * aperture.major_mm();
-    let mut last = f64::NEG_INFINITY;
-    let mut t = grid_mm;
-    while t < reach {
-        let v = field.at(contact.point + contact.normal * t);
+    let at = |t: f64| field.at(contact.point + contact.normal * t);
+    let (mut t, mut last) = (grid_mm, at(grid_mm));
+    let rise_min = SLOPE_SHARE_MIN * step * (last - (target - 1.0)).max(0.0) / grid_mm;
+    while last < target && t < reach {
+        let v = at(t + step);
         if v >= target {
-            let back = if last.is_finite() && v > last {
-                (v - target) / (v - last)
-            } else {
-                0.0
-            };
-            return t - step * back;
+            return t + step * (target - last) / (v - last);
         }
-        if v < last {
-            return t - step;
+        if v < last + rise_min {
+            return t;
         }
-        last = v;
-        t += step;
+        (t, last) = (t + step, v);
     }
-    reach
+    t
 }
 
 /// Shortest open run of a channel against a: a shorter one would lay one blot on its neighbours.

@@ -242,11 +242,14 @@ fn slice(region: &Region, chords: &[Vec<Point2>]) -> Vec<Region> {
         .map(|c| c.iter().map(to_array).collect())
         .collect();
     let pieces = shape.slice_by_as::<i64>(&strings, FillRule::EvenOdd);
-    let to_ring = |path: &Vec<[f64; 2]>| Ring {
-        points: path
-            .iter()
-            .map(|p| Point2::new(p[0] + origin.x, p[1] + origin.y))
-            .collect(),
+    let to_ring = |path: &Vec<[f64; 2]>| {
+        let points = path.iter();
+        let points = points.map(|p| Point2::new(p[0] + origin.x, p[1] + origin.y));
+        let mut ring = Ring {
+            points: points.collect(),
+        };
+        ring.begin_at_extreme();
+        ring
     };
     pieces
         .iter()

@@ -1,8 +1,9 @@
 //! The deposited area over the outline: gaps, overlaps and what left the outline, in colour.
 
 use super::canvas::{Canvas, INK, Swatch};
-use crate::geometry::Point2;
+use crate::geometry::frame::Frame;
 use crate::geometry::polygon::{Box2, Region};
+use crate::geometry::{Point2, Vector2};
 use std::fmt::Write;
 use svg::node::element::Path;
 
@@ -48,7 +49,9 @@ pub struct CoveragePicture<'a> {
 /// Cells over a part of the sheet.
 #[derive(Clone, Debug)]
 pub struct Raster {
-    /// Lower left corner of cell (0, 0), mm.
+    /// The frame it is in.
+    pub frame: Frame,
+    /// Lower left corner of cell (0, 0) there, mm.
     pub origin: Point2,
     /// Side of a cell, mm.
     pub cell_mm: f64,
@@ -102,6 +105,7 @@ pub fn draw(picture: &CoveragePicture) -> String {
 
 /// The raster, in blocks of cells where it is too fine for a picture.
 struct Blocks {
+    frame: Frame,
     origin: Point2,
     cell_mm: f64,
     columns: usize,
@@ -122,6 +126,7 @@ impl Blocks {
             }
         }
         Blocks {
+            frame: picture.frame,
             origin: picture.origin,
             cell_mm: picture.cell_mm * side as f64,
             columns: block_columns,
@@ -184,13 +189,16 @@ impl Blocks {
         top: usize,
     ) {
         let corner = |column: usize, row: usize| {
-            canvas.px(Point2::new(
-                self.origin.x + column as f64 * self.cell_mm,
-                self.origin.y + row as f64 * self.cell_mm,
-            ))
+            let cells = Vector2::new(column as f64, row as f64);
+            let at = self.origin + cells * self.cell_mm;
+            canvas.px(self.frame.point_out(at))
         };
-        let ((x1, y1), (x2, y2)) = (corner(start, top), corner(end, bottom));
+        let corners = [(start, bottom), (end, bottom), (end, top), (start, top)];
+        let [(x1, y1), (x2, y2), (x3, y3), (x4, y4)] = corners.map(|(c, r)| corner(c, r));
         // Writing to a String cannot fail.
-        let _ = write!(data, "M{x1:.2} {y1:.2}H{x2:.2}V{y2:.2}H{x1:.2}Z");
+        let _ = write!(
+            data,
+            "M{x1:.2} {y1:.2}L{x2:.2} {y2:.2} {x3:.2} {y3:.2} {x4:.2} {y4:.2}Z"
+        );
     }
 }

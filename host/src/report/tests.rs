@@ -5,6 +5,7 @@ use super::*;
 use crate::geometry::Point2;
 use crate::geometry::aperture::Aperture;
 use crate::geometry::clearance::Configuration;
+use crate::geometry::frame::Frame;
 use crate::geometry::polygon::{Region, Ring};
 use crate::job::{Mark, MotionState, SegmentStream};
 use crate::part_transform::PartTransform;
@@ -92,6 +93,7 @@ fn coverage_merges_equal_runs() {
         title: "coverage",
         regions: &regions,
         rasters: vec![coverage_picture::Raster {
+            frame: Frame::IDENTITY,
             origin: Point2::origin(),
             cell_mm: 1.0,
             columns: 10,
@@ -109,7 +111,7 @@ fn coverage_merges_equal_runs() {
     // 100 px a mm, 24 px margin, drawing from 64 px to 1064 px: rows 2 to 4 are 564 to 864 px.
     assert_eq!(
         data("#e53e3e").as_deref(),
-        Some("M324.00 564.00H524.00V864.00H324.00Z")
+        Some("M324.00 864.00L524.00 864.00 524.00 564.00 324.00 564.00Z")
     );
     assert_eq!(data("#ed8936").map(|d| d.matches('M').count()), Some(1));
 }

@@ -61,12 +61,14 @@ fn viterbi_step(
     reach: usize,
 ) -> (Vec<f32>, Vec<u16>) {
     let bins = total.len();
+    // Counted from the least, so that f32 does not drown small differences on long runs.
+    let least = total.iter().copied().fold(f32::INFINITY, f32::min);
     // Once around and on by the reach at both ends: turns need not ask where the circle closes.
     let around: Vec<f32> = total[bins - reach..]
         .iter()
         .chain(total)
         .chain(&total[..reach])
-        .copied()
+        .map(|total| total - least)
         .collect();
     let mut next = vec![f32::INFINITY; bins];
     // The best turn, in bins beyond the largest one back.

@@ -1,0 +1,208 @@
+//! One region of a layer: axis, passes, printing order.
+//!
+//! All of it happens in the region's own frame ([`Frame`]), so that the same region turned or
+//! mirrored comes out the same; what leaves this file is about the contour's local origin again.
+//! Input: a [`Contour`]. Output: a [`RegionPlan`].
+
+use super::contacts::Contact;
+use super::contour::Contour;
+use super::heading_profile::Placement;
+use super::infill::infill_passes;
+use super::inner_hull::inner_hull;
+use super::medial_axis::{AxisOptions, MedialAxis, MedialAxisError};
+use super::passes::{LayerPass, PassSettings, outer_passes, passes};
+use super::printed_order::{RegionPasses, in_printing_order};
+use super::skeleton::Axis;
+use super::unreachable::{UnreachableRun, unreachable_runs};
+use crate::geometry::Point2;
+use crate::geometry::boolean::filled;
+use crate::geometry::edge_index::EdgeIndex;
+use crate::geometry::frame::Frame;
+use crate::geometry::polygon::Region;
+use crate::geometry::repair::FillRule;
+use crate::settings::{PassMode, Settings};
+
+/// Everything that planning one region of a layer made.
+#[derive(Clone, Debug)]
+pub struct RegionPlan {
+    /// The cleaned outline about its local origin.
+    pub contour: Contour,
+    /// What passes are planned on, local: the contour without detail that no part of the aperture
+    /// enters.
+    pub hull: Region,
+    /// The part of the medial axis that passes are planned on, local.
+    pub axis: Axis,
+    /// Boundary that the aperture cannot touch, local.
+    pub unreachable: Vec<UnreachableRun>,
+    /// Passes in printing order, local.
+    pub passes: Vec<LayerPass>,
+    /// The ground inside the walls that infill lines are to cover, local.
+    pub open: Vec<Region>,
+}
+
+/// A region on its way to a [`RegionPlan`], in its own frame.
+#[derive(Clone, Debug)]
+pub struct RegionWork {
+    contour: Contour,
+    frame: Frame,
+    settings: Settings,
+    hull: Region,
+    widest: Option<(Point2, f64)>,
+    axis: Axis,
+    unreachable: Vec<UnreachableRun>,
+    passes: Vec<LayerPass>,
+    open: Vec<Region>,
+}
+
+impl RegionWork {
+    /// The region with its hull and medial axis, and what of its boundary cannot be touched.
+    ///
+    /// # Errors
+    /// [`MedialAxisError`].
+    pub fn begin(contour: Contour, settings: &Settings) -> Result<RegionWork, MedialAxisError> {
+        let frame = Frame::of_region(&contour.region, settings.aperture.is_mirror_image());
+        let outline = frame.region_in(&contour.region);
+        let mut hull = inner_hull(&outline, &settings.aperture);
+        for ring in std::iter::once(&mut hull.exterior).chain(&mut hull.holes) {
+            ring.begin_at_extreme();
+        }
+        let reach_mm = settings.aperture.major_mm();
+        let walls = EdgeIndex::of_region(&outline, reach_mm);
+        let ground = EdgeIndex::of_region(&hull, reach_mm);
+        // The diagram takes one thread, and most of the time here.
+        let (medial_axis, unreachable) = rayon::join(
+            || MedialAxis::of_edges(&ground, &AxisOptions::default()),
+            || unreachable_runs(&settings.aperture, &walls, &ground),
+        );
+        let medial_axis = medial_axis?;
+        let disks = medial_axis.vertices.iter().map(|v| (v.point, v.radius_mm));
+        let axis = Axis::of_medial_axis(&medial_axis, &settings.aperture);
+        let mut settings = settings.clone();
+        settings.seam.direction_rad = frame.angle_in(settings.seam.direction_rad);
+        if let Some(infill) = &mut settings.infill {
+            infill.angle_rad = frame.angle_in(infill.angle_rad);
+        }
+        Ok(RegionWork {
+            contour,
+            frame,
+            settings,
+            hull,
+            widest: disks.max_by(|a, b| a.1.total_cmp(&b.1)),
+            axis,
+            unreachable,
+            passes: Vec::new(),
+            open: Vec::new(),
+        })
+    }
+
+    /// The region with its passes, unordered.
+    pub fn with_passes(mut self) -> RegionWork {
+        let how = pass_settings(&self.settings);
+        match &self.settings.infill {
+            None => self.passes = passes(&self.hull, &self.axis, &how),
+            Some(infill) => {
+                let walls = infill.walls as usize;
+                let (mut passes, rings) = outer_passes(&self.hull, &self.axis, &how, walls);
+                self.open = filled(rings.iter(), FillRule::Positive);
+                passes.extend(infill_passes(&self.open, infill, &how));
+                self.passes = passes;
+            }
+        }
+        self
+    }
+
+    /// True where nothing of it can be printed.
+    pub fn is_empty(&self) -> bool {
+        self.passes.is_empty()
+    }
+
+    /// The middle of the region's box, input coordinates.
+    pub fn middle(&self) -> Point2 {
+        self.contour.to_input(Point2::origin())
+    }
+
+    /// Centre (input coordinates) and radius of the widest disk, mm.
+    pub fn widest_disk(&self) -> Option<(Point2, f64)> {
+        let (at, radius_mm) = self.widest?;
+        Some((self.contour.to_input(self.frame.point_out(at)), radius_mm))
+    }
+
+    /// Its passes as they are printed; `from` is where the head is, input coordinates. That only
+    /// chooses which end of the whole is printed first: what is joined where must not depend on
+    /// where the region lies on the machine.
+    pub fn in_order(self, from: Point2) -> RegionPlan {
+        let frame = self.frame;
+        let mut passes = in_printing_order(
+            RegionPasses {
+                passes: self.passes,
+                region: &self.hull,
+                open: &self.open,
+            },
+            self.hull.bounds().min,
+            &self.settings,
+        );
+        // Walls come before lines.
+        if self.settings.infill.is_none() {
+            begin_near(&mut passes, frame.point_in(self.contour.to_local(from)));
+        }
+        let mut axis = self.axis;
+        for point in &mut axis.points {
+            *point = frame.point_out(*point);
+        }
+        let out = |region: &Region| frame.region_out(region);
+        let unreachable = self.unreachable.iter().map(|run| UnreachableRun {
+            from: frame.point_out(run.from),
+            to: frame.point_out(run.to),
+        });
+        RegionPlan {
+            contour: self.contour,
+            hull: frame.region_out(&self.hull),
+            axis,
+            unreachable: unreachable.collect(),
+            passes: passes.into_iter().map(|p| pass_out(p, &frame)).collect(),
+            open: self.open.iter().map(out).collect(),
+        }
+    }
+}
+
+/// Turns all passes and their order round where the last one ends nearer than the first begins.
+fn begin_near(passes: &mut [LayerPass], from: Point2) {
+    let first = passes.first().and_then(|pass| pass.placements.first());
+    let last = passes.last().and_then(|pass| pass.placements.last());
+    let (Some(first), Some(last)) = (first, last) else {
+        return;
+    };
+    if (last.at.center - from).norm() < (first.at.center - from).norm() {
+        passes.reverse();
+        for pass in passes {
+            pass.placements.reverse();
+        }
+    }
+}
+
+/// A pass of the frame outside it.
+fn pass_out(mut pass: LayerPass, frame: &Frame) -> LayerPass {
+    for placement in &mut pass.placements {
+        let contact = placement.contact;
+        *placement = Placement {
+            at: frame.configuration_out(placement.at),
+            contact: Contact {
+                point: frame.point_out(contact.point),
+                normal: frame.vector_out(contact.normal),
+                ..contact
+            },
+            ..*placement
+        };
+    }
+    pass
+}
+
+fn pass_settings(settings: &Settings) -> PassSettings {
+    PassSettings {
+        aperture: settings.aperture,
+        overlap: settings.overlap_pct / 100.0,
+        one_pass: settings.pass_mode == PassMode::One,
+        law: settings.heading_law,
+        profile: settings.heading_profile,
+    }
+}
