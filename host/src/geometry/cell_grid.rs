@@ -21,6 +21,10 @@ pub struct CellGrid {
     pub rows: usize,
 }
 
+/// How far a grid begins before what it covers, cells: fractions that no round measure has, so that
+/// the middles of cells do not lie on walls or edges of beads, where rounding would choose.
+pub const ASIDE: Vector2 = Vector2::new(0.37, 0.61);
+
 impl CellGrid {
     /// A grid over `bounds` with cells of `cell_mm`, larger ones where that would make more than
     /// `cells_max`.
@@ -30,7 +34,7 @@ impl CellGrid {
         let cell_mm = cell_mm.max(least_mm);
         let cells = |length_mm: f64| (length_mm / cell_mm).ceil() as usize + 1;
         CellGrid {
-            origin: bounds.min,
+            origin: bounds.min - ASIDE * cell_mm,
             cell_mm,
             columns: cells(size.x),
             rows: cells(size.y),

@@ -6,7 +6,7 @@
 //! threads.
 
 use super::aperture::Aperture;
-use super::cell_grid::{CellGrid, CellWindow, beyond};
+use super::cell_grid::{ASIDE, CellGrid, CellWindow, beyond};
 use super::clearance::Configuration;
 use super::edge_index::EdgeIndex;
 use super::{Point2, Vector2};
@@ -71,7 +71,7 @@ impl Coverage {
             cell_mm *= 1.1;
         }
         let grid = CellGrid {
-            origin: bounds.min,
+            origin: bounds.min - ASIDE * cell_mm,
             cell_mm,
             columns: (size.x / cell_mm).ceil() as usize + 1,
             rows: (size.y / cell_mm).ceil() as usize + 1,

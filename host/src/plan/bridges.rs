@@ -78,7 +78,7 @@ pub fn bridged(passes: Vec<LayerPass>, aperture: &Aperture, walls: &EdgeIndex) -
 }
 
 /// Pairs of loops with the places where they come close: placement of the one, of the other, and
-/// how far apart they are.
+/// how far apart they are, in whole nanometres.
 type Near = BTreeMap<[usize; 2], Vec<(usize, usize, f64)>>;
 
 fn neighbours(passes: &[LayerPass], reach_mm: f64) -> Near {
@@ -97,14 +97,16 @@ fn neighbours(passes: &[LayerPass], reach_mm: f64) -> Near {
             if other <= number {
                 continue;
             }
-            let apart = (passes[other].placements[j].at.center - own).norm();
+            let apart_mm = (passes[other].placements[j].at.center - own).norm();
+            // Straight passes are equally far apart all along: rounding must not choose.
+            let apart = (apart_mm * 1e6).round();
             let best = nearest.entry(other).or_insert((j, f64::INFINITY));
             if (apart, j) < (best.1, best.0) {
                 *best = (j, apart);
             }
         }
         for (other, (j, apart)) in nearest {
-            if apart < reach_mm {
+            if apart < 1e6 * reach_mm {
                 near.entry([number, other]).or_default().push((i, j, apart));
             }
         }

@@ -162,6 +162,8 @@ impl Laid {
         closed: bool,
     ) -> Option<f64> {
         let reach = OWN_SHARE * self.aperture.major_mm() / contact.length_mm.max(0.01);
+        // Often a whole number: rounding must not take one more or less.
+        let reach = reach + 1e-3;
         let is_own = |pose: &Pose| {
             let apart = (pose.index as usize).abs_diff(index);
             let around = if closed {

@@ -51,7 +51,7 @@ pub fn wall_contacts(ring: &Ring, spacing: ContactSpacing) -> Vec<Contact> {
             continue;
         }
         let normal = Vector2::new(-delta.y, delta.x) / length;
-        let pieces = (length / spacing.spacing_mm).round().max(1.0) as usize;
+        let pieces = whole_pieces(length, spacing.spacing_mm);
         for piece in 0..pieces {
             contacts.push(Contact {
                 point: a + delta * ((piece as f64 + 0.5) / pieces as f64),
@@ -75,6 +75,12 @@ pub fn wall_contacts(ring: &Ring, spacing: ContactSpacing) -> Vec<Contact> {
     thin_out(&mut contacts, &mut breaks, spacing.spacing_mm);
     smooth_normals(&mut contacts, &breaks, spacing.smoothing_mm);
     contacts
+}
+
+/// How many pieces of about `piece_mm` a length is divided into, at least one. Lengths of round
+/// measures often lie halfway between two counts: rounding must not choose.
+pub fn whole_pieces(length_mm: f64, piece_mm: f64) -> usize {
+    (length_mm / piece_mm - 1e-6).round().max(1.0) as usize
 }
 
 /// Share of the spacing below which samples are taken together.
@@ -212,7 +218,7 @@ fn smooth_normals(contacts: &mut [Contact], breaks: &[bool], window_mm: f64) {
 /// A ring resampled at equal steps of about `step_mm` and smoothed by `rounds` of [1 2 1] / 4.
 pub fn resampled(ring: &Ring, step_mm: f64, rounds: usize) -> Ring {
     let perimeter = ring.perimeter_mm();
-    let count = ((perimeter / step_mm).round() as usize).max(8);
+    let count = whole_pieces(perimeter, step_mm).max(8);
     let step = perimeter / count as f64;
     let mut points = Vec::with_capacity(count);
     let mut walked = 0.0;

@@ -25,6 +25,10 @@ pub struct Field {
 
 const NONE: u32 = u32::MAX;
 
+/// Steps of the grid beyond the region: more than two, and fractions that no round measure has, so
+/// that nodes do not lie on walls or lines of symmetry, where rounding would choose.
+const MARGIN: Vector2 = Vector2::new(2.37, 2.61);
+
 impl Field {
     /// Computes the field over the region that `walls` bounds; `beads` is k at the axis nodes.
     /// Nowhere is a channel wider than `widest_mm`: where several arms of the axis meet, the way from
@@ -36,16 +40,16 @@ impl Field {
         widest_mm: f64,
         step_mm: f64,
     ) -> Field {
-        let bounds = walls.bounds().grown(2.0 * step_mm);
-        let size = bounds.size();
         let mut step_mm = step_mm;
+        let bounds = walls.bounds().grown(MARGIN.max() * step_mm);
+        let size = bounds.size();
         while size.x / step_mm * size.y / step_mm > NODES_MAX {
             step_mm *= 1.25;
         }
         let columns = (size.x / step_mm).ceil() as usize + 2;
         let rows = (size.y / step_mm).ceil() as usize + 2;
         let mut field = Field {
-            origin: bounds.min,
+            origin: walls.bounds().min - MARGIN * step_mm,
             step_mm,
             columns,
             rows,

@@ -5,7 +5,7 @@ use super::heading_profile::slide_inside;
 use super::passes::LayerPass;
 use super::visits::{CELL_SHARE, poses};
 use crate::geometry::aperture::Aperture;
-use crate::geometry::cell_grid::{CellGrid, CellWindow, beyond};
+use crate::geometry::cell_grid::{ASIDE, CellGrid, CellWindow, beyond};
 use crate::geometry::clearance::{Configuration, is_inside};
 use crate::geometry::coverage::{Cell, Coverage, SweptPose};
 use crate::geometry::edge_index::EdgeIndex;
@@ -213,6 +213,8 @@ impl GapRaster {
     fn starts_about(&self, p: Point2, heading_rad: f64, aperture: &Aperture) -> [Configuration; 5] {
         let along = Vector2::new(heading_rad.cos(), heading_rad.sin());
         let across = Vector2::new(-along.y, along.x);
+        // Not on the raster's own places: the outline would pass through the middles of cells.
+        let p = p + ASIDE * self.grid.cell_mm;
         let end = along * (0.7 * aperture.major_mm());
         let side = across * (0.6 * aperture.minor_mm());
         [Vector2::zeros(), end, -end, side, -side].map(|shift| Configuration {

@@ -384,15 +384,21 @@ fn channel_width_mm(
     let reach = 2.5 * aperture.major_mm();
     let at = |t: f64| field.at(contact.point + contact.normal * t);
     let (mut t, mut last) = (grid_mm, at(grid_mm));
-    let rise_min = SLOPE_SHARE_MIN * step * (last - (target - 1.0)).max(0.0) / grid_mm;
+    let slope = (last - (target - 1.0)).max(0.0) / grid_mm;
+    let rise_min = SLOPE_SHARE_MIN * slope * step;
+    // The rise of the last two steps.
+    let mut rises = [slope * step; 2];
     while last < target && t < reach {
         let v = at(t + step);
         if v >= target {
             return t + step * (target - last) / (v - last);
         }
         if v < last + rise_min {
-            return t;
+            // The rise ended within the last step: where it would have been at its own slope.
+            let share = (rises[1] / rises[0].max(1e-12)).clamp(0.0, 1.0);
+            return t - step * (1.0 - share);
         }
+        rises = [rises[1], v - last];
         (t, last) = (t + step, v);
     }
     t

@@ -229,6 +229,9 @@ fn chord(at: Point2, towards: Point2, walls: &EdgeIndex, radius_mm: f64) -> Vec<
 /// How far a chord passes the wall: above the slicer's grid, below any wall thickness.
 const CHORD_BEYOND_MM: f64 = 1e-4;
 
+/// Points of a piece closer than this are one: far above the slicer's grid.
+const SAME_POINT_MM: f64 = 1e-5;
+
 /// Cuts the region along the chords.
 fn slice(region: &Region, chords: &[Vec<Point2>]) -> Vec<Region> {
     let origin = region.bounds().min;
@@ -248,6 +251,9 @@ fn slice(region: &Region, chords: &[Vec<Point2>]) -> Vec<Region> {
         let mut ring = Ring {
             points: points.collect(),
         };
+        // Where a cut meets the wall beside a vertex, the slicer's grid leaves one point or two.
+        let is_same = |a: &mut Point2, b: &mut Point2| (*a - *b).norm() < SAME_POINT_MM;
+        ring.points.dedup_by(is_same);
         ring.begin_at_extreme();
         ring
     };
