@@ -14,13 +14,17 @@ use super::passes::{LayerPass, PassSettings, outer_passes, passes};
 use super::printed_order::{RegionPasses, in_printing_order};
 use super::skeleton::Axis;
 use super::unreachable::{UnreachableRun, unreachable_runs};
+use super::visits::poses;
 use crate::geometry::Point2;
+use crate::geometry::aperture::Aperture;
 use crate::geometry::boolean::filled;
+use crate::geometry::coverage::{Cell, Coverage, SweptPose};
 use crate::geometry::edge_index::EdgeIndex;
 use crate::geometry::frame::Frame;
 use crate::geometry::polygon::Region;
 use crate::geometry::repair::FillRule;
 use crate::settings::{PassMode, Settings};
+use rayon::prelude::*;
 
 /// Everything that planning one region of a layer made.
 #[derive(Clone, Debug)]
@@ -132,15 +136,7 @@ impl RegionWork {
     /// where the region lies on the machine.
     pub fn in_order(self, from: Point2) -> RegionPlan {
         let frame = self.frame;
-        let mut passes = in_printing_order(
-            RegionPasses {
-                passes: self.passes,
-                region: &self.hull,
-                open: &self.open,
-            },
-            self.hull.bounds().min,
-            &self.settings,
-        );
+        let mut passes = self.ordered();
         // Walls come before lines.
         if self.settings.infill.is_none() {
             begin_near(&mut passes, frame.point_in(self.contour.to_local(from)));
@@ -163,6 +159,74 @@ impl RegionWork {
             open: self.open.iter().map(out).collect(),
         }
     }
+}
+
+impl RegionWork {
+    /// The passes as they are printed, begun near a corner of the region's box. Of a small region,
+    /// where a seam counts for much, near the corner that makes the fewest passes and then leaves
+    /// the least ground open or covered again.
+    fn ordered(&self) -> Vec<LayerPass> {
+        let bounds = self.hull.bounds();
+        let (low, high) = (bounds.min, bounds.max);
+        let from = |corner: Point2| {
+            let region = RegionPasses {
+                passes: self.passes.clone(),
+                region: &self.hull,
+                open: &self.open,
+            };
+            in_printing_order(region, corner, &self.settings)
+        };
+        let count: usize = self.passes.iter().map(|p| p.placements.len()).sum();
+        if count > SMALL_MAX {
+            return from(low);
+        }
+        let corners = [
+            low,
+            Point2::new(high.x, low.y),
+            high,
+            Point2::new(low.x, high.y),
+        ];
+        let walls = EdgeIndex::of_region(&self.hull, self.settings.aperture.major_mm());
+        let tried = corners.into_par_iter().map(|corner| {
+            let passes = from(corner);
+            let spoiled = spoiled_cells(&passes, &self.settings.aperture, &walls);
+            ((passes.len(), spoiled), passes)
+        });
+        // The first of equals.
+        let tried: Vec<((usize, usize), Vec<LayerPass>)> = tried.collect();
+        let best = tried.into_iter().min_by_key(|(key, _)| *key);
+        best.map_or(Vec::new(), |(_, passes)| passes)
+    }
+}
+
+/// Most placements of a region that is ordered from several corners: about 200 mm of path.
+const SMALL_MAX: usize = 2000;
+/// Raster cell against the minor semi-axis, and most cells, for what a small region spoils.
+const CELL_SHARE: f64 = 0.1;
+const CELLS_MAX: usize = 1_000_000;
+/// A pass that comes back to a place later than this covers it again, against a.
+const RETURN_SHARE: f64 = 4.0;
+
+/// Cells of the ground within the walls that are left open or covered again.
+fn spoiled_cells(passes: &[LayerPass], aperture: &Aperture, walls: &EdgeIndex) -> usize {
+    let mut swept = Vec::new();
+    for (number, pass) in passes.iter().enumerate() {
+        let (mut path_mm, mut last) = (0.0, None);
+        for at in poses(pass, aperture) {
+            path_mm += last.map_or(0.0, |last: Point2| (at.center - last).norm());
+            last = Some(at.center);
+            swept.push(SweptPose {
+                at,
+                pass: number as u32,
+                path_mm,
+            });
+        }
+    }
+    let cell_mm = CELL_SHARE * aperture.minor_mm();
+    let return_mm = RETURN_SHARE * aperture.major_mm();
+    let raster = Coverage::sweep(walls, aperture, &swept, cell_mm, CELLS_MAX, return_mm);
+    let spoiled = |cell: &&Cell| matches!(cell, Cell::Gap | Cell::Overlap);
+    raster.cells.iter().filter(spoiled).count()
 }
 
 /// Turns all passes and their order round where the last one ends nearer than the first begins.
