@@ -199,8 +199,8 @@ impl RegionWork {
     }
 }
 
-/// Most placements of a region that is ordered from several corners: about 200 mm of path.
-const SMALL_MAX: usize = 2000;
+/// Most placements of a region that is ordered from several corners: about 600 mm of path.
+const SMALL_MAX: usize = 6000;
 /// Raster cell against the minor semi-axis, and most cells, for what a small region spoils.
 const CELL_SHARE: f64 = 0.1;
 const CELLS_MAX: usize = 1_000_000;
