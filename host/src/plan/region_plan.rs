@@ -14,7 +14,7 @@ use super::passes::{LayerPass, PassSettings, outer_passes, passes};
 use super::printed_order::{RegionPasses, in_printing_order};
 use super::skeleton::Axis;
 use super::unreachable::{UnreachableRun, unreachable_runs};
-use super::visits::poses;
+use super::visits::{CELL_SHARE, poses};
 use crate::geometry::Point2;
 use crate::geometry::aperture::Aperture;
 use crate::geometry::boolean::filled;
@@ -134,9 +134,10 @@ impl RegionWork {
     /// Its passes as they are printed; `from` is where the head is, input coordinates. That only
     /// chooses which end of the whole is printed first: what is joined where must not depend on
     /// where the region lies on the machine.
-    pub fn in_order(self, from: Point2) -> RegionPlan {
+    pub fn in_order(mut self, from: Point2) -> RegionPlan {
         let frame = self.frame;
-        let mut passes = self.ordered();
+        let passes = std::mem::take(&mut self.passes);
+        let mut passes = self.ordered(passes);
         // Walls come before lines.
         if self.settings.infill.is_none() {
             begin_near(&mut passes, frame.point_in(self.contour.to_local(from)));
@@ -159,26 +160,24 @@ impl RegionWork {
             open: self.open.iter().map(out).collect(),
         }
     }
-}
 
-impl RegionWork {
     /// The passes as they are printed, begun near a corner of the region's box. Of a small region,
     /// where a seam counts for much, near the corner that makes the fewest passes and then leaves
     /// the least ground open or covered again.
-    fn ordered(&self) -> Vec<LayerPass> {
+    fn ordered(&self, passes: Vec<LayerPass>) -> Vec<LayerPass> {
         let bounds = self.hull.bounds();
         let (low, high) = (bounds.min, bounds.max);
-        let from = |corner: Point2| {
+        let from = |corner: Point2, passes: Vec<LayerPass>| {
             let region = RegionPasses {
-                passes: self.passes.clone(),
+                passes,
                 region: &self.hull,
                 open: &self.open,
             };
             in_printing_order(region, corner, &self.settings)
         };
-        let count: usize = self.passes.iter().map(|p| p.placements.len()).sum();
+        let count: usize = passes.iter().map(|p| p.placements.len()).sum();
         if count > SMALL_MAX {
-            return from(low);
+            return from(low, passes);
         }
         let corners = [
             low,
@@ -188,7 +187,7 @@ impl RegionWork {
         ];
         let walls = EdgeIndex::of_region(&self.hull, self.settings.aperture.major_mm());
         let tried = corners.into_par_iter().map(|corner| {
-            let passes = from(corner);
+            let passes = from(corner, passes.clone());
             let spoiled = spoiled_cells(&passes, &self.settings.aperture, &walls);
             ((passes.len(), spoiled), passes)
         });
@@ -201,8 +200,7 @@ impl RegionWork {
 
 /// Most placements of a region that is ordered from several corners: about 600 mm of path.
 const SMALL_MAX: usize = 6000;
-/// Raster cell against the minor semi-axis, and most cells, for what a small region spoils.
-const CELL_SHARE: f64 = 0.1;
+/// Most cells of the raster on which it is counted what a small region spoils.
 const CELLS_MAX: usize = 1_000_000;
 /// A pass that comes back to a place later than this covers it again, against a.
 const RETURN_SHARE: f64 = 4.0;
