@@ -81,7 +81,11 @@ impl TimeWarp {
         // Only a slope that was asked for is taken back: what a limit demands may end at once.
         let asked = !bounds.at_rest && rate != wanted && (rate == ramped || rate < most);
         self.slope = if asked { rate - old } else { 0.0 };
-        (self.rate_q16, rate < free)
+        // Where the limits of what comes are tighter, both ceilings are one curve, and what the looser
+        // one takes in the tick that crosses into the next span is theirs.
+        let end = &bounds.ceiling_at_end;
+        let held = rate < most || (most < free && end.stop < end.limits);
+        (self.rate_q16, held)
     }
 }
 
@@ -283,6 +287,28 @@ mod tests {
         }
         assert!(remaining < 0.01, "{remaining} ticks left");
         assert!(held_ticks > 20);
+    }
+
+    /// Goal: on a full queue the limits of what comes hold the rate, and nothing is said of its end.
+    /// Method: the tick of a gear at 200 % that crosses into a span where both ceilings nearly meet, as
+    /// it was met; and the same with an end that is in fact nearer.
+    #[test]
+    fn limits_of_what_comes_are_not_taken_for_the_end_of_the_queue() {
+        let mut crossing = bounds(2.0, 0.06, Ceiling::END);
+        crossing.load.beta_ticks = 12.193;
+        crossing.load.alpha = 0.2066;
+        crossing.next_load.beta_ticks = 10.087;
+        crossing.next_load.alpha = 0.1884;
+        for (stop, limits, held) in [(3.168_623, 3.168_619, false), (3.0, 3.168_619, true)] {
+            crossing.ceiling_at_end = Ceiling { stop, limits };
+            let mut warp = TimeWarp {
+                rate_q16: (1.768_066_4 * TICK_Q16 as f32) as u32,
+                slope: 0.0,
+            };
+            assert_eq!(step(&mut warp, &crossing).1, held, "{stop}");
+            let (rate, most) = (rate(&warp), stop.min(limits).sqrt());
+            assert!(rate < most && rate > most - 0.1, "{rate}");
+        }
     }
 
     #[test]

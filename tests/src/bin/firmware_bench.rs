@@ -190,8 +190,7 @@ fn play(elf: &Path, job: &Job) -> Result<BTreeMap<String, u64>, Box<dyn Error>> 
         Some((name.to_string(), value.parse().ok()?))
     });
     let values: BTreeMap<String, u64> = values.collect();
-    // The queue is made for the planned speed: faster, dense knots may be eaten before they come.
-    if job.override_percent <= 100 && values.get("underruns") != Some(&0) {
+    if values.get("underruns") != Some(&0) {
         return Err(format!("the queue ran dry in {}:\n{text}", job.name).into());
     }
     Ok(values)
