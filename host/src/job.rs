@@ -47,3 +47,21 @@ pub struct SegmentStream {
     /// What the stream is doing when, ordered, without gaps.
     pub marks: Vec<Mark>,
 }
+
+impl SegmentStream {
+    /// Layers of the job; 1 where nothing is said of layers.
+    pub fn layers(&self) -> u32 {
+        self.marks.last().map_or(1, |mark| mark.layer + 1)
+    }
+
+    /// From the first tick of a layer to the tick after its last; empty where there is no such layer.
+    pub fn ticks_of_layer(&self, layer: u32) -> [u64; 2] {
+        let begins = self.marks.partition_point(|mark| mark.layer < layer);
+        let ends = self.marks.partition_point(|mark| mark.layer <= layer);
+        match self.marks[begins..ends] {
+            [first, .., last] => [first.start_tick, last.end_tick],
+            [only] => [only.start_tick, only.end_tick],
+            [] => [0, 0],
+        }
+    }
+}

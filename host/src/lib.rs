@@ -3,8 +3,8 @@
 //! ```text
 //! Target --contour--> Contour --hull--> Region --medial axis--> MedialAxis --prune--> Axis
 //!  (mm)               (mm, local)       (mm, local)             (mm)                  (mm)
-//!    --passes--> LayerPass --order--> LayerPass --curve--> PlanePass
-//!                (mm, rad)                                 (mm, rad, machine coordinates)
+//!    --passes--> LayerPass --order--> LayerKind --stack--> PlanePass
+//!                (mm, rad)            (mm, rad)            (mm, rad, machine coordinates)
 //!    --route--> Route --time law, segments--> SegmentStream --measure--> Figures
 //!               (mm, rad, mm³)                (integer units, servo ticks)
 //! WaypointRun --curve--> PathCurve --route--> Route, and on as above
@@ -27,7 +27,6 @@ pub mod report;
 pub mod settings;
 pub mod wire_frames;
 
-use crate::geometry::edge_index::EdgeIndex;
 use crate::geometry::polygon::Region;
 use crate::geometry::{Point2, Vector2};
 use crate::input::Target;
@@ -39,20 +38,18 @@ use crate::plan::contour::{Contour, ContourError, SIMPLIFY_MM};
 use crate::plan::infill::swept_area_mm2;
 use crate::plan::joint_limits::MotionError;
 use crate::plan::keep_out::{cleared, taken};
-use crate::plan::layer_path::pass_curves;
-use crate::plan::measure::{LayerFigures, OFF_REGIONS, RegionRaster, measure_layer};
+use crate::plan::measure::{Measured, MeasuredPrint, PlanFigures, Swept, measure};
 use crate::plan::medial_axis::MedialAxisError;
-use crate::plan::order::region_order;
-use crate::plan::passes::LayerPass;
-use crate::plan::progress::{Progress, Stage, Steps, step_each};
+use crate::plan::progress::{Progress, Stage, step_each};
 use crate::plan::region_plan::{RegionPlan, RegionWork};
 use crate::plan::route::Route;
 use crate::plan::segments::{MotionReport, lay_segments_telling};
 use crate::plan::skirt::{SkirtPlan, skirt_plan, skirt_reach_mm};
+use crate::plan::stack::{self, LayerKind, RegionPrint, TooLongError};
 use crate::plan::travel_ways::{TravelError, TravelWays, outline_crossings};
 use crate::plan::waypoint_curve::{WaypointCurveError, waypoint_curves};
 use crate::plan::waypoint_route::waypoint_route;
-use crate::settings::{Settings, SettingsError};
+use crate::settings::{Infill, Settings, SettingsError};
 use headway_protocol::units::{CHANNEL_X, CHANNEL_Y, CHANNEL_Z, CHANNELS};
 
 /// A planned target, with all intermediates.
@@ -64,14 +61,16 @@ pub struct Plan {
     pub keep_out: Vec<Region>,
     /// Ground of the target given up to that.
     pub kept_out_mm2: f64,
-    /// What is printed around the regions before them.
+    /// What is printed around the regions before them, on the first layer.
     pub skirt: Option<SkirtPlan>,
-    /// The regions, in printing order.
-    pub regions: Vec<RegionPlan>,
+    /// The kinds of layer, in the order of their first ones.
+    pub kinds: Vec<LayerKind>,
+    /// Every printing of a region, in order.
+    pub prints: Vec<RegionPrint>,
     /// The curves that are printed, machine coordinates, in order.
     pub curves: Vec<PlanePass>,
-    /// For each curve the number of its region, or [`plan::measure::OFF_REGIONS`].
-    pub region_of_curve: Vec<usize>,
+    /// For each curve the number of its printing, or [`plan::measure::OFF_REGIONS`].
+    pub print_of_curve: Vec<usize>,
     /// Everything the head does.
     pub route: Route,
     /// Travels between passes that leave the regions on their way.
@@ -80,19 +79,48 @@ pub struct Plan {
     pub stream: SegmentStream,
     /// What the stream reaches of the limits.
     pub motion: MotionReport,
-    /// Coverage raster of each region.
-    pub coverage: Vec<RegionRaster>,
-    /// What the plan is judged on, over all regions.
-    pub figures: LayerFigures,
+    /// What was swept of each printing, and coverage rasters.
+    pub measured: Measured,
+    /// What the plan is judged on, over all regions and layers.
+    pub figures: PlanFigures,
 }
 
 impl Plan {
-    /// The ground that infill lines are to cover, and what of it was swept, mm²; `None` where
-    /// there is none.
-    pub fn infill_area_mm2(&self) -> Option<[f64; 2]> {
-        let parts = self.regions.iter().zip(&self.coverage);
-        let [ground, swept] = parts.fold([0.0; 2], |sum, (region, raster)| {
-            let area = swept_area_mm2(raster, &region.open);
+    /// The regions of the first layer's kind; none for a run of waypoints.
+    pub fn regions(&self) -> &[RegionPlan] {
+        self.kinds.first().map_or(&[], |kind| &kind.regions)
+    }
+
+    /// The region that a printing prints.
+    pub fn region_of(&self, print: &RegionPrint) -> &RegionPlan {
+        &self.kinds[print.kind].regions[print.region]
+    }
+
+    /// What was swept on all layers of a kind.
+    pub fn swept_of_kind(&self, kind: usize) -> Swept {
+        let prints = self.prints.iter().zip(&self.measured.swept);
+        Swept::sum(
+            prints
+                .filter(|(print, _)| print.kind == kind)
+                .map(|(_, swept)| swept),
+        )
+    }
+
+    /// The ground that infill lines are to cover, and what of it was swept, mm², over the layers of
+    /// one kind or all; `None` where there is none.
+    pub fn infill_area_mm2(&self, kind: Option<usize>) -> Option<[f64; 2]> {
+        let rasters = self.prints.iter().zip(&self.measured.rasters);
+        let areas: Vec<[f64; 2]> = rasters
+            .map(|(print, raster)| {
+                let open = &self.region_of(print).open;
+                let raster = raster.as_ref();
+                raster.map_or([0.0; 2], |raster| swept_area_mm2(raster, open))
+            })
+            .collect();
+        let prints = self.prints.iter();
+        let prints = prints.filter(|print| kind.is_none_or(|kind| print.kind == kind));
+        let [ground, swept] = prints.fold([0.0; 2], |sum, print| {
+            let area = areas[print.like];
             [sum[0] + area[0], sum[1] + area[1]]
         });
         (ground > 0.0).then_some([ground, swept])
@@ -123,6 +151,9 @@ pub enum PlanError {
     /// Travel around the keep-outs.
     #[error(transparent)]
     Travel(#[from] TravelError),
+    /// More path than a job has.
+    #[error(transparent)]
+    TooLong(#[from] TooLongError),
     /// Nothing of the target is left.
     #[error("the keep-outs, grown for the nozzle's body, leave no ground to print on: move them")]
     AllKeptOut,
@@ -163,33 +194,23 @@ pub fn plan_target_around(
 ) -> Result<Plan, PlanError> {
     settings.check()?;
     let bounds = target_bounds(target).grown(skirt_reach_mm(settings));
-    let transform = PartTransform::choose(bounds, settings.layer_height_mm, settings)?;
+    let height_mm = settings.layer_height_mm * f64::from(settings.layers);
+    let transform = PartTransform::choose(bounds, height_mm, settings)?;
     let cleared = cleared(&target.regions, keep_out, settings);
     if cleared.regions.is_empty() {
         return Err(PlanError::AllKeptOut);
     }
-    let outlines: Vec<&Region> = cleared.regions.iter().collect();
-    let contours = step_each(progress, Stage::Contour, outlines, |region| {
-        Contour::of_region(region, SIMPLIFY_MM)
-    })?;
-    let axes = step_each(progress, Stage::Axis, contours, |contour| {
-        RegionWork::begin(contour, settings)
-    })?;
-    let regions = step_each(progress, Stage::Passes, axes, |region| {
-        Ok::<_, PlanError>(region.with_passes())
-    })?;
-    let widest = regions.iter().filter_map(RegionWork::widest_disk);
-    let widest = widest.max_by(|a, b| a.1.total_cmp(&b.1));
-    if regions.iter().all(RegionWork::is_empty) {
-        return Err(nothing_printable(widest, settings));
-    }
     let start = start_pose(settings);
     let shift = Vector2::new(transform.offset_mm[0], transform.offset_mm[1]);
     let from = Point2::new(start[CHANNEL_X], start[CHANNEL_Y]) - shift;
+    let (infills, kind_of_layer) = stack::infills_of_layers(settings);
+    let (works, widest) = region_works(&cleared.regions, &infills, settings, progress)?;
     let skirt = skirt_plan(&target.regions, &taken(keep_out, settings), from, settings)?;
     let from = skirt.as_ref().and_then(SkirtPlan::end).unwrap_or(from);
-    let regions = in_order(regions, from, progress);
-    let (curves, region_of_curve) = plane_passes(skirt.as_ref(), &regions, &transform, settings);
+    let kinds = stack::layer_kinds(works, &infills, &kind_of_layer, progress);
+    let prints = stack::region_prints(&kinds, &kind_of_layer, from);
+    let (curves, print_of_curve) =
+        stack::plane_passes(skirt.as_ref(), &kinds, &prints, &transform, settings)?;
     if curves.is_empty() {
         return Err(nothing_printable(widest, settings));
     }
@@ -200,11 +221,10 @@ pub fn plan_target_around(
     let mut ways = TravelWays::new(&on_machine(keep_out), &ground, settings)?;
     let route = build_route(&curves, start, &mut ways, settings).map_err(|e| e.shifted(-shift))?;
     let (stream, motion) = lay_segments_telling(&route, settings, progress)?;
-    let contours = regions_for_measure(&regions);
-    let (figures, coverage) = measure_layer(
+    let (figures, measured) = measure(
         &stream,
-        &contours,
-        &region_of_curve,
+        &printings(&kinds, &prints),
+        &print_of_curve,
         &transform,
         settings,
         progress,
@@ -214,16 +234,52 @@ pub fn plan_target_around(
         keep_out: keep_out.to_vec(),
         kept_out_mm2: cleared.lost_mm2,
         skirt,
-        regions,
+        kinds,
+        prints,
         curves,
-        region_of_curve,
+        print_of_curve,
         outline_crossings: outline_crossings(&route, &ground),
         route,
         stream,
         motion,
-        coverage,
+        measured,
         figures,
     })
+}
+
+/// The regions with their passes for each of the infills, and the widest disk in them.
+#[expect(clippy::type_complexity, reason = "kinds of regions, and a disk")]
+fn region_works(
+    regions: &[Region],
+    infills: &[Option<Infill>],
+    settings: &Settings,
+    progress: &dyn Progress,
+) -> Result<(Vec<Vec<RegionWork>>, Option<(Point2, f64)>), PlanError> {
+    let outlines: Vec<&Region> = regions.iter().collect();
+    let contours = step_each(progress, Stage::Contour, outlines, |region| {
+        Contour::of_region(region, SIMPLIFY_MM)
+    })?;
+    let axes = step_each(progress, Stage::Axis, contours, |contour| {
+        RegionWork::begin(contour, settings)
+    })?;
+    let works = stack::with_passes(&axes, infills, progress);
+    let widest = axes.iter().filter_map(RegionWork::widest_disk);
+    let widest = widest.max_by(|a, b| a.1.total_cmp(&b.1));
+    if works.iter().flatten().all(RegionWork::is_empty) {
+        return Err(nothing_printable(widest, settings));
+    }
+    Ok((works, widest))
+}
+
+fn printings<'a>(kinds: &'a [LayerKind], prints: &[RegionPrint]) -> Vec<MeasuredPrint<'a>> {
+    let prints = prints.iter();
+    prints
+        .map(|print| MeasuredPrint {
+            contour: &kinds[print.kind].regions[print.region].contour,
+            layer: print.layer,
+            like: print.like,
+        })
+        .collect()
 }
 
 /// Plans a run of waypoints: curve, route, segments, figures. Regions, curves and rasters stay
@@ -254,7 +310,7 @@ pub fn plan_waypoints_telling(
     let curves = waypoint_curves(run, transform.offset_mm, settings)?;
     let route = waypoint_route(curves, start_pose(settings), settings);
     let (stream, motion) = lay_segments_telling(&route, settings, progress)?;
-    let (mut figures, _) = measure_layer(&stream, &[], &[], &transform, settings, progress);
+    let (mut figures, measured) = measure(&stream, &[], &[], &transform, settings, progress);
     figures.passes = 1;
     Ok(Plan {
         transform,
@@ -262,13 +318,14 @@ pub fn plan_waypoints_telling(
         kept_out_mm2: 0.0,
         skirt: None,
         outline_crossings: 0,
-        regions: Vec::new(),
+        kinds: Vec::new(),
+        prints: Vec::new(),
         curves: Vec::new(),
-        region_of_curve: Vec::new(),
+        print_of_curve: Vec::new(),
         route,
         stream,
         motion,
-        coverage: Vec::new(),
+        measured,
         figures,
     })
 }
@@ -291,71 +348,6 @@ fn start_pose(settings: &Settings) -> [f64; CHANNELS] {
     pose[CHANNEL_Y] = low[1];
     pose[CHANNEL_Z] = low[2] + settings.layer_height_mm + settings.lift_mm;
     pose
-}
-
-/// Regions nearest first, and in each its passes ordered from where the last one ended, with
-/// excursions into what they leave open; `from` is where the head is, input coordinates.
-fn in_order(regions: Vec<RegionWork>, from: Point2, progress: &dyn Progress) -> Vec<RegionPlan> {
-    let steps = Steps::begin(progress, Stage::Order, regions.len());
-    let mut position = from;
-    let centers: Vec<Point2> = regions.iter().map(RegionWork::middle).collect();
-    let mut slots: Vec<Option<RegionWork>> = regions.into_iter().map(Some).collect();
-    let mut result = Vec::with_capacity(slots.len());
-    for number in region_order(&centers, position) {
-        let Some(region) = slots[number].take() else {
-            continue;
-        };
-        let region = region.in_order(position);
-        if let Some(last) = region.passes.last().and_then(|p| p.placements.last()) {
-            position = region.contour.to_input(last.at.center);
-        }
-        result.push(region);
-        steps.step();
-    }
-    result
-}
-
-/// The curves of all passes in machine coordinates, and each one's region.
-fn plane_passes(
-    skirt: Option<&SkirtPlan>,
-    regions: &[RegionPlan],
-    transform: &PartTransform,
-    settings: &Settings,
-) -> (Vec<PlanePass>, Vec<usize>) {
-    let (mut curves, mut region_of_curve) = (Vec::new(), Vec::new());
-    let mut add = |passes: &[LayerPass], walls: &EdgeIndex, offset: Vector2, number: usize| {
-        let shift = offset + Vector2::new(transform.offset_mm[0], transform.offset_mm[1]);
-        let tolerance_mm = PATH_SHARE * settings.tolerances.outside_mm;
-        for pass in passes {
-            for control in pass_curves(pass, &settings.aperture, walls, tolerance_mm) {
-                let control = control.iter();
-                curves.push(PlanePass {
-                    kind: pass.kind,
-                    layer: 0,
-                    z_mm: transform.offset_mm[2] + settings.layer_height_mm,
-                    control: control
-                        .map(|c| [c[0] + shift.x, c[1] + shift.y, c[2]])
-                        .collect(),
-                });
-                region_of_curve.push(number);
-            }
-        }
-    };
-    if let Some(skirt) = skirt {
-        add(&skirt.passes, &skirt.walls, skirt.offset, OFF_REGIONS);
-    }
-    for (number, region) in regions.iter().enumerate() {
-        let walls = EdgeIndex::of_region(&region.hull, settings.aperture.major_mm());
-        add(&region.passes, &walls, region.contour.offset, number);
-    }
-    (curves, region_of_curve)
-}
-
-/// Share of the outside tolerance that the path may use; the rest is the fit's.
-const PATH_SHARE: f64 = 0.4;
-
-fn regions_for_measure(regions: &[RegionPlan]) -> Vec<&Contour> {
-    regions.iter().map(|r| &r.contour).collect()
 }
 
 fn nothing_printable(widest: Option<(Point2, f64)>, settings: &Settings) -> PlanError {

@@ -36,6 +36,19 @@ pub enum PlaceError {
         /// Work area along y.
         area_height_mm: f64,
     },
+    /// Higher than the work area.
+    #[error(
+        "the print is {height_mm:.3} mm high, the work area {area_height_mm} mm: print at most \
+         {layers_max} layers (--layers), thinner ones, or use a larger machine"
+    )]
+    TooHigh {
+        /// Print along z.
+        height_mm: f64,
+        /// Work area along z.
+        area_height_mm: f64,
+        /// Layers that would fit.
+        layers_max: u32,
+    },
     /// Placed beyond the work area.
     #[error(
         "placed by --at, the part reaches {axis} = {value_mm:.3} mm, but the work area ends at \
@@ -78,6 +91,14 @@ impl PartTransform {
                 height_mm: size.y,
                 area_width_mm: high[0] - low[0],
                 area_height_mm: high[1] - low[1],
+            });
+        }
+        let (height_mm, area_height_mm) = (heights_mm[1] - heights_mm[0], high[2] - low[2]);
+        if settings.layers > 1 && height_mm > area_height_mm + SLACK_MM {
+            return Err(PlaceError::TooHigh {
+                height_mm,
+                area_height_mm,
+                layers_max: ((area_height_mm + SLACK_MM) / settings.layer_height_mm) as u32,
             });
         }
         let centre = |axis: usize| (low[axis] + high[axis]) / 2.0;
@@ -169,5 +190,22 @@ mod tests {
         assert!(error.to_string().contains("x = 255.000 mm"), "{error}");
         settings.at_mm = Some([0.0, 0.0, 0.0]);
         assert!(PartTransform::choose(bounds(0.0, 0.0, 250.0, 250.0), 0.2, &settings).is_ok());
+    }
+
+    #[test]
+    fn a_print_may_be_as_high_as_the_work_area() {
+        let mut settings = Settings::default();
+        let part = bounds(0.0, 0.0, 10.0, 10.0);
+        settings.layers = 1000;
+        assert!(PartTransform::choose(part, 200.0, &settings).is_ok());
+        settings.layers = 1001;
+        let error = PartTransform::choose(part, 200.2, &settings).expect_err("too high");
+        let text = error.to_string();
+        assert!(text.contains("200.200 mm high"), "{text}");
+        assert!(text.contains("at most 1000 layers"), "{text}");
+        settings.layers = 100;
+        settings.at_mm = Some([0.0, 0.0, 181.0]);
+        let error = PartTransform::choose(part, 20.0, &settings).expect_err("beyond z");
+        assert!(error.to_string().contains("z = 201.000 mm"), "{error}");
     }
 }

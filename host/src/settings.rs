@@ -39,9 +39,21 @@ pub struct Infill {
     pub walls: u32,
     /// Share of the ground inside the walls that the lines cover, per cent; 0 leaves it empty.
     pub density_pct: f64,
-    /// Direction of the lines against the x axis.
+    /// Direction of the lines of the first layer against the x axis; every other layer's lie
+    /// across.
     pub angle_rad: f64,
+    /// Solid layers from the bed up; `None`: [`BOTTOM_LAYERS`], where there is more than one layer.
+    pub bottom_layers: Option<u32>,
+    /// Solid layers from the top down; `None`: [`TOP_LAYERS`], where there is more than one layer.
+    pub top_layers: Option<u32>,
 }
+
+/// Most layers of a job; its path is bounded as well.
+pub const LAYERS_MAX: u32 = 10_000;
+/// Solid layers below a sparse infill: 0.8 mm of 0.2 mm layers, as slicers have it.
+pub const BOTTOM_LAYERS: u32 = 4;
+/// Solid layers above a sparse infill: one more, since the first lies on gaps.
+pub const TOP_LAYERS: u32 = 5;
 
 impl Infill {
     /// `walls` loops around a solid inside.
@@ -50,7 +62,29 @@ impl Infill {
             walls,
             density_pct: 100.0,
             angle_rad: std::f64::consts::FRAC_PI_4,
+            bottom_layers: None,
+            top_layers: None,
         }
+    }
+
+    /// The lines of one of `layers` layers, counted from 0: solid at the bottom and the top, turned
+    /// by 90° on every other one.
+    pub fn of_layer(&self, layer: u32, layers: u32) -> Infill {
+        let by_default = |solid: u32| if layers > 1 { solid } else { 0 };
+        let bottom = self.bottom_layers.unwrap_or(by_default(BOTTOM_LAYERS));
+        let top = self.top_layers.unwrap_or(by_default(TOP_LAYERS));
+        let mut infill = Infill {
+            bottom_layers: None,
+            top_layers: None,
+            ..*self
+        };
+        if layer < bottom || layers.saturating_sub(layer) <= top {
+            infill.density_pct = 100.0;
+        }
+        if layer % 2 == 1 && infill.density_pct > 0.0 {
+            infill.angle_rad += std::f64::consts::FRAC_PI_2;
+        }
+        infill
     }
 
     /// True where the lines leave nothing open on purpose.
@@ -146,6 +180,8 @@ pub struct Settings {
     pub at_mm: Option<[f64; 3]>,
     /// The nozzle's smallest printable feature.
     pub aperture: Aperture,
+    /// Layers, all of the same outline.
+    pub layers: u32,
     /// Layer height.
     pub layer_height_mm: f64,
     /// Tip speed while printing.
@@ -187,4 +223,49 @@ pub struct Settings {
     pub avoid_crossing: bool,
     /// Tolerances.
     pub tolerances: Tolerances,
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn sparse(bottom_layers: Option<u32>, top_layers: Option<u32>) -> Infill {
+        Infill {
+            density_pct: 20.0,
+            bottom_layers,
+            top_layers,
+            ..Infill::solid(2)
+        }
+    }
+
+    fn solid_layers(infill: &Infill, layers: u32) -> Vec<u32> {
+        (0..layers)
+            .filter(|&layer| infill.of_layer(layer, layers).is_solid())
+            .collect()
+    }
+
+    #[test]
+    fn solid_layers_are_at_the_bottom_and_the_top() {
+        let by_default = sparse(None, None);
+        assert_eq!(solid_layers(&by_default, 12), [0, 1, 2, 3, 7, 8, 9, 10, 11]);
+        assert_eq!(solid_layers(&by_default, 9).len(), 9);
+        // One layer is what its density says.
+        assert_eq!(solid_layers(&by_default, 1), [] as [u32; 0]);
+        assert_eq!(solid_layers(&sparse(Some(1), None), 1), [0]);
+        assert_eq!(solid_layers(&sparse(Some(2), Some(0)), 12), [0, 1]);
+        assert_eq!(solid_layers(&sparse(Some(0), Some(1)), 12), [11]);
+        assert_eq!(solid_layers(&sparse(Some(50), Some(50)), 3), [0, 1, 2]);
+    }
+
+    #[test]
+    fn lines_lie_across_those_of_the_layer_below() {
+        let infill = sparse(Some(1), Some(1));
+        let angle = |layer| infill.of_layer(layer, 5).angle_rad.to_degrees().round();
+        assert_eq!([0, 1, 2, 3, 4].map(angle), [45.0, 135.0, 45.0, 135.0, 45.0]);
+        let empty = Infill {
+            density_pct: 0.0,
+            ..sparse(Some(0), Some(0))
+        };
+        assert_eq!(empty.of_layer(0, 5), empty.of_layer(1, 5));
+    }
 }

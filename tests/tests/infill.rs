@@ -34,9 +34,9 @@ fn planned(density_pct: f64, angle_deg: f64) -> (Plan, Settings) {
     let target = target(&rectangle([-20.0, -15.0], [20.0, 15.0]));
     let settings = Settings {
         infill: Some(Infill {
-            walls: 2,
             density_pct,
             angle_rad: angle_deg.to_radians(),
+            ..Infill::solid(2)
         }),
         ..Settings::default()
     };
@@ -64,7 +64,7 @@ fn lines_cover_the_share_that_was_asked() {
                 (share - density_pct).abs() < 0.02 * density_pct,
                 "{density_pct} % at {angle_deg}°: {share}"
             );
-            let whole = plan.infill_area_mm2().expect("ground for lines");
+            let whole = plan.infill_area_mm2(None).expect("ground for lines");
             // Two walls of 15 mm / 13 beads all round.
             let left_mm2 = (40.0 - 60.0 / 13.0) * (30.0 - 60.0 / 13.0);
             assert!((whole[0] - left_mm2).abs() < 10.0, "{}", whole[0]);
@@ -101,7 +101,7 @@ fn a_solid_inside_is_covered_by_lines_across_their_travel() {
     let along = 30.0_f64.to_radians();
     let (sparse, _) = planned(50.0, 30.0);
     let mut lines = 0;
-    for pass in &sparse.regions[0].passes {
+    for pass in &sparse.regions()[0].passes {
         if pass.kind != PassKind::Infill {
             continue;
         }
@@ -142,9 +142,9 @@ fn narrow_ground_is_filled_in_loops() {
     let (share, outside_mm) = covered(&plan, &vec![l.to_vec()]);
     assert!(share > 99.0, "{share}");
     assert!(outside_mm < 0.002, "{outside_mm}");
-    let passes = &plan.regions[0].passes;
+    let passes = &plan.regions()[0].passes;
     assert!(passes.iter().all(|pass| pass.kind != PassKind::Infill));
-    assert!(plan.infill_area_mm2().is_some());
+    assert!(plan.infill_area_mm2(None).is_some());
 }
 
 /// A brim lies around the part and against it, and counts for nothing in the part's own figures.

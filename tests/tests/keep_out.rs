@@ -109,9 +109,15 @@ fn brute_force(plan: &Plan, keep_out: &[Region]) -> (f64, f64, usize) {
 #[test]
 fn nothing_enters_a_keep_out() {
     let (target, keep_out) = plate();
-    for (body_mm, inside) in [(0.0, false), (0.4, true), (1.5, false), (1.5, true)] {
+    for (body_mm, inside, layers) in [
+        (0.0, false, 1),
+        (0.4, true, 3),
+        (1.5, false, 2),
+        (1.5, true, 1),
+    ] {
         let settings = Settings {
             avoid_crossing: inside,
+            layers,
             ..settings(body_mm)
         };
         let plan = plan_target_around(&target, &keep_out, &settings, &()).expect("a plan");
@@ -175,9 +181,9 @@ fn travel_stays_inside_where_asked() {
         ])],
     };
     let infill = headway::settings::Infill {
-        walls: 1,
         density_pct: 25.0,
         angle_rad: 0.3,
+        ..headway::settings::Infill::solid(1)
     };
     let base = Settings {
         infill: Some(infill),

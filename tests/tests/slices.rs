@@ -78,7 +78,7 @@ fn run(file: &Path, settings: &Settings) -> Option<Row> {
     let rehearsal =
         rehearse(&plan.stream, settings, &SimulatorSetup::default(), |_| {}).expect("rehearsal");
     let unreachable_mm: f64 = plan
-        .regions
+        .regions()
         .iter()
         .flat_map(|r| &r.unreachable)
         .map(|run| run.length_mm())

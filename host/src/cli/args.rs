@@ -99,6 +99,9 @@ pub(super) struct SettingsArgs {
     /// Layer height, mm.
     #[arg(long, value_name = "MM", allow_negative_numbers = true)]
     pub layer_height: Option<f64>,
+    /// Layers, all of the same outline [default: 1].
+    #[arg(long, value_name = "N")]
+    pub layers: Option<u32>,
     /// Passes across a narrow passage.
     #[arg(long, value_enum, value_name = "PASS")]
     pub pass: Option<PassName>,
@@ -121,16 +124,23 @@ pub(super) struct SettingsArgs {
     /// Share of the ground inside the walls that lines cover, per cent [default: 100].
     #[arg(long, value_name = "PCT", allow_negative_numbers = true)]
     pub infill_density: Option<f64>,
-    /// Direction of the infill's lines against the x axis, degrees [default: 45].
+    /// Solid layers at the bottom of a print with walls [default: 4, of several layers].
+    #[arg(long, value_name = "N")]
+    pub bottom: Option<u32>,
+    /// Solid layers at the top of a print with walls [default: 5, of several layers].
+    #[arg(long, value_name = "N")]
+    pub top: Option<u32>,
+    /// Direction of the infill's lines against the x axis, degrees; every other layer's lie across
+    /// [default: 45].
     #[arg(long, value_name = "DEG", allow_negative_numbers = true)]
     pub infill_angle: Option<f64>,
-    /// Loops around the part, at a distance, printed before it.
+    /// Loops around the first layer, at a distance, printed before it.
     #[arg(long, value_name = "N")]
     pub skirt: Option<u32>,
     /// From the part (or its brim) to the innermost loop of the skirt, mm [default: 3].
     #[arg(long, value_name = "MM", allow_negative_numbers = true)]
     pub skirt_distance_mm: Option<f64>,
-    /// Loops around the part that touch it, printed before it.
+    /// Loops around the first layer that touch it, printed before it.
     #[arg(long, value_name = "N")]
     pub brim: Option<u32>,
     /// Travel stays inside the part where there is a way.
@@ -212,7 +222,8 @@ pub(super) enum LawName {
 #[command(after_help = "\
 Examples:
   headway plan examples/bracket.json --output bracket.hwj
-  headway plan drawing.svg -m my-printer.toml --speed 40 --overlap 5 -o part.hwj --json")]
+  headway plan drawing.svg -m my-printer.toml --speed 40 --overlap 5 -o part.hwj --json
+  headway plan examples/bracket.json --layers 40 --walls 2 --infill-density 20 -o bracket.hwj")]
 pub(super) struct PlanArgs {
     /// Outline (polygon JSON, GeoJSON, SVG) or waypoints.
     pub input: PathBuf,

@@ -23,7 +23,7 @@ pub(super) fn run(args: &ExportArgs, console: &Console) -> Result<(), CliError> 
         ExportName::Svg => {
             let planned = planned::of_job(job);
             let title = planned.name.clone();
-            plan_picture::draw(&pictures::plan_picture(&title, &planned))
+            plan_picture::draw(&pictures::plan_picture(&title, &planned, 0))
         }
         ExportName::Json => format!("{:#}\n", json(&job)),
     };

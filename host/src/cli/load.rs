@@ -31,6 +31,7 @@ pub(super) fn settings(args: &SettingsArgs) -> Result<Settings, CliError> {
     if let Some(layer_height_mm) = args.layer_height {
         settings.layer_height_mm = layer_height_mm;
     }
+    settings.layers = args.layers.unwrap_or(settings.layers);
     if let Some(pass) = args.pass {
         settings.pass_mode = match pass {
             PassName::Two => PassMode::Two,
@@ -88,9 +89,11 @@ fn infill(args: &SettingsArgs, of_file: Option<Infill>) -> Result<Option<Infill>
         (None, of_file) => of_file,
     };
     let Some(mut infill) = base else {
-        let without = "lines fill the ground inside the walls: say how many with --walls";
-        let is_asked = args.infill_density.is_some() || args.infill_angle.is_some();
-        return if is_asked {
+        let without = "lines and solid layers fill the ground inside the walls: say how many with \
+                       --walls (without it every layer is solid)";
+        let of_lines = args.infill_density.is_some() || args.infill_angle.is_some();
+        let of_solid = args.bottom.is_some() || args.top.is_some();
+        return if of_lines || of_solid {
             Err(CliError::Usage(without.to_string()))
         } else {
             Ok(None)
@@ -102,6 +105,8 @@ fn infill(args: &SettingsArgs, of_file: Option<Infill>) -> Result<Option<Infill>
     if let Some(angle_deg) = args.infill_angle {
         infill.angle_rad = angle_deg.to_radians();
     }
+    infill.bottom_layers = args.bottom.or(infill.bottom_layers);
+    infill.top_layers = args.top.or(infill.top_layers);
     Ok(Some(infill))
 }
 
@@ -207,6 +212,7 @@ pub(super) fn target(
 /// The first option given that only outlines know: a run of waypoints is followed as it is.
 pub(super) fn outline_option(args: &SettingsArgs, keep_out: Option<&Path>) -> Option<&'static str> {
     let given = [
+        ("--layers", args.layers.is_some()),
         ("--walls", args.walls.is_some()),
         ("--skirt", args.skirt.is_some()),
         ("--brim", args.brim.is_some()),

@@ -18,7 +18,7 @@ pub(super) fn run(args: &MachineArgs, console: &Console) -> Result<(), CliError>
             if let Some(name) = name {
                 settings.machine_name.clone_from(name);
             }
-            console.result_to(output.as_deref(), &machine_file::to_toml(&settings))
+            console.result_to(output.as_deref(), &machine_file::to_new_toml(&settings))
         }
         MachineCommand::Check { file, json } => {
             let settings = load::machine(file)?;

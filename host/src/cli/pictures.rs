@@ -5,43 +5,102 @@ use crate::geometry::clearance::Configuration;
 use crate::geometry::frame::Frame;
 use crate::geometry::polygon::Region;
 use crate::geometry::{Point2, Vector2, coverage};
-use crate::job::MotionState;
+use crate::job::{MotionState, SegmentStream};
 use crate::part_transform::PartTransform;
 use crate::plan::contour::{Contour, SIMPLIFY_MM};
-use crate::plan::measure::{OFF_REGIONS, RegionRaster, measure_layer};
+use crate::plan::measure::{MeasuredPrint, OFF_REGIONS, RegionRaster, measure};
 use crate::plan::passes::PassKind;
+use crate::plan::stack::infills_of_layers;
 use crate::report::coverage_picture::{Cell, CoveragePicture, Raster};
 use crate::report::plan_picture::{PicturePass, PlanPicture, Zone};
-use crate::report::pose_table::{duration_ticks, samples};
+use crate::report::pose_table::{duration_ticks, samples_within};
 use crate::report::stream_plots::stream_plots;
-use crate::report::{Report, ReportFile, write_report};
+use crate::report::{LayerSheets, Report, ReportFile, write_report};
+use crate::settings::Infill;
 use headway_protocol::units::{CHANNEL_HEADING, CHANNEL_X, CHANNEL_Y, CHANNEL_Z};
 
 /// Most samples of a picture's paths.
 const SAMPLES_MAX: u64 = 200_000;
 
+/// A layer that is drawn for all that are like it.
+struct ShownLayer {
+    layer: u32,
+    /// Which it is and which are like it; empty where there is only one.
+    label: String,
+    plan_title: String,
+    coverage_title: String,
+}
+
+impl ShownLayer {
+    fn of(planned: &Planned, layer: u32, label: String) -> ShownLayer {
+        let title = |what: &str| match label.as_str() {
+            "" => format!("{}: {what}", planned.name),
+            label => format!("{}: {what}, {label}", planned.name),
+        };
+        ShownLayer {
+            layer,
+            plan_title: title("plan"),
+            coverage_title: title("deposited area"),
+            label,
+        }
+    }
+}
+
+/// The first layer of each kind.
+fn shown_layers(planned: &Planned) -> Vec<ShownLayer> {
+    let layers = planned.stream.layers();
+    let (infills, kind_of_layer) = infills_of_layers(&planned.settings);
+    // A job from a file may have come without its settings.
+    if layers <= 1 || kind_of_layer.len() != layers as usize {
+        let label = match layers {
+            0 | 1 => String::new(),
+            _ => format!("layer 1 of {layers}"),
+        };
+        return vec![ShownLayer::of(planned, 0, label)];
+    }
+    let kinds = infills.iter().enumerate();
+    kinds
+        .filter_map(|(kind, infill)| {
+            let layer = kind_of_layer.iter().position(|&of| of == kind)?;
+            let like = kind_of_layer.iter().filter(|&&of| of == kind).count() - 1;
+            let like = match like {
+                0 => String::new(),
+                like => format!(" and {like} like it"),
+            };
+            let inside = infill.as_ref().map_or(String::new(), inside_text);
+            let label = format!("layer {} of {layers}{like}{inside}", layer + 1);
+            Some(ShownLayer::of(planned, layer as u32, label))
+        })
+        .collect()
+}
+
+/// What is inside the walls.
+fn inside_text(infill: &Infill) -> String {
+    let angle_deg = infill.angle_rad.to_degrees();
+    format!(" ({} % lines at {angle_deg:.0}°)", infill.density_pct)
+}
+
 /// All files of the report.
 pub(super) fn report_files(planned: &Planned) -> Vec<ReportFile> {
-    let title = format!("{}: plan", planned.name);
-    let coverage_title = format!("{}: deposited area", planned.name);
-    let rasters = match &planned.plan {
-        Some(plan) => plan
-            .regions
-            .iter()
-            .zip(&plan.coverage)
-            .map(|(region, swept)| raster(region.contour.offset, swept))
-            .collect(),
-        None => rasters_of_job(planned),
-    };
+    let shown = shown_layers(planned);
+    let rasters = rasters(planned, &shown);
+    let sheets = shown.iter().zip(rasters).map(|(shown, rasters)| {
+        let coverage = (!rasters.is_empty()).then(|| CoveragePicture {
+            title: &shown.coverage_title,
+            regions: &planned.outline,
+            rasters,
+        });
+        LayerSheets {
+            layer: shown.layer,
+            label: &shown.label,
+            plan: plan_picture(&shown.plan_title, planned, shown.layer),
+            coverage,
+        }
+    });
     write_report(&Report {
         title: &planned.name,
         figures: &planned.figures,
-        plan: Some(plan_picture(&title, planned)),
-        coverage: (!rasters.is_empty()).then(|| CoveragePicture {
-            title: &coverage_title,
-            regions: &planned.outline,
-            rasters,
-        }),
+        layers: sheets.collect(),
         motion: Some(stream_plots(
             &planned.name,
             &planned.stream,
@@ -51,20 +110,43 @@ pub(super) fn report_files(planned: &Planned) -> Vec<ReportFile> {
     })
 }
 
-/// Passes as the finished segments run them; zones from the planner, where it is at hand.
-pub(super) fn plan_picture<'a>(title: &'a str, planned: &'a Planned) -> PlanPicture<'a> {
+/// What was swept of each layer shown.
+fn rasters(planned: &Planned, shown: &[ShownLayer]) -> Vec<Vec<Raster>> {
+    let Some(plan) = &planned.plan else {
+        return rasters_of_job(planned, shown);
+    };
+    let of_layer = |shown: &ShownLayer| {
+        let prints = plan.prints.iter();
+        let prints = prints.filter(|print| print.layer == shown.layer);
+        prints
+            .filter_map(|print| {
+                let swept = plan.measured.rasters[print.like].as_ref()?;
+                Some(raster(plan.region_of(print).contour.offset, swept))
+            })
+            .collect()
+    };
+    shown.iter().map(of_layer).collect()
+}
+
+/// A layer's passes as the finished segments run them; zones from the planner, where it is at hand.
+pub(super) fn plan_picture<'a>(
+    title: &'a str,
+    planned: &'a Planned,
+    layer: u32,
+) -> PlanPicture<'a> {
     let servo_hz = f64::from(planned.settings.machine.servo_hz);
     let zone_of = zones(planned);
-    let (passes, travel) = stream_paths(planned, servo_hz, &zone_of);
+    let (passes, travel) = stream_paths(planned, servo_hz, &zone_of, layer);
     let mut axis = Vec::new();
-    for region in planned.plan.iter().flat_map(|plan| &plan.regions) {
+    for region in planned.plan.iter().flat_map(|plan| plan.regions()) {
         let point = |node: u32| region.axis.points.get(node as usize);
         axis.extend(region.axis.links.iter().filter_map(|&[from, to]| {
             let offset: Vector2 = region.contour.offset;
             Some(vec![point(from)? + offset, point(to)? + offset])
         }));
     }
-    for skirt in planned.plan.iter().filter_map(|plan| plan.skirt.as_ref()) {
+    let skirt = planned.plan.iter().filter_map(|plan| plan.skirt.as_ref());
+    for skirt in skirt.filter(|_| layer == 0) {
         let links = skirt.axis.iter();
         axis.extend(links.map(|&[from, to]| vec![from + skirt.offset, to + skirt.offset]));
     }
@@ -105,13 +187,22 @@ fn stream_paths(
     planned: &Planned,
     servo_hz: f64,
     zone_of: &[Zone],
+    layer: u32,
 ) -> (Vec<PicturePass>, Vec<Vec<Point2>>) {
     let stream = &planned.stream;
-    let every_ticks = duration_ticks(stream).div_ceil(SAMPLES_MAX).max(1) as f64;
+    let ticks = match stream.layers() {
+        0 | 1 => [0, duration_ticks(stream)],
+        _ => stream.ticks_of_layer(layer),
+    };
+    let every_ticks = (ticks[1] - ticks[0]).div_ceil(SAMPLES_MAX).max(1) as f64;
     let mut passes: Vec<PicturePass> = Vec::new();
     let mut travel: Vec<Vec<Point2>> = Vec::new();
     let mut before: Option<(MotionState, Option<u32>)> = None;
-    for sample in samples(stream, servo_hz, every_ticks) {
+    for sample in samples_within(stream, servo_hz, every_ticks, ticks) {
+        // The tick after a layer's last is the next one's.
+        if sample.mark.layer != layer {
+            continue;
+        }
         let now = (sample.mark.state, sample.mark.pass);
         let is_new = before != Some(now);
         before = Some(now);
@@ -157,7 +248,7 @@ fn configuration(transform: &PartTransform, position: &[f64; 7]) -> Configuratio
 }
 
 /// A job from a file is swept again over the outline that rode along.
-fn rasters_of_job(planned: &Planned) -> Vec<Raster> {
+fn rasters_of_job(planned: &Planned, shown: &[ShownLayer]) -> Vec<Vec<Raster>> {
     // What was planned once has contours; an outline that has none is not drawn.
     let contours: Option<Vec<Contour>> = planned
         .outline
@@ -165,33 +256,52 @@ fn rasters_of_job(planned: &Planned) -> Vec<Raster> {
         .map(|region| Contour::of_region(region, SIMPLIFY_MM).ok())
         .collect();
     let contours: Vec<Contour> = contours.unwrap_or_default();
-    let servo_hz = f64::from(planned.settings.machine.servo_hz);
-    let (passes, _) = stream_paths(planned, servo_hz, &[]);
-    let region_of_pass: Vec<usize> = passes
-        .iter()
-        .map(|pass| {
-            let start = pass.placements.first().map(|(at, _)| at.center);
-            let holds = |region: &Region| start.is_some_and(|p| region.contains(p));
-            planned
-                .outline
-                .iter()
-                .position(holds)
-                .unwrap_or(OFF_REGIONS)
-        })
-        .collect();
-    let (_, swept) = measure_layer(
+    let mut prints = Vec::new();
+    let mut print_of_pass = vec![OFF_REGIONS; passes_of(&planned.stream)];
+    for shown in shown {
+        name_passes(planned, shown.layer, prints.len(), &mut print_of_pass);
+        prints.extend(contours.iter().map(|contour| MeasuredPrint {
+            contour,
+            layer: shown.layer,
+            like: usize::MAX,
+        }));
+    }
+    let (_, measured) = measure(
         &planned.stream,
-        &contours.iter().collect::<Vec<_>>(),
-        &region_of_pass,
+        &prints,
+        &print_of_pass,
         &planned.transform,
         &planned.settings,
         &(),
     );
-    contours
-        .iter()
-        .zip(&swept)
-        .map(|(contour, swept)| raster(contour.offset, swept))
-        .collect()
+    let rasters = prints.iter().zip(&measured.rasters);
+    let rasters: Vec<Option<Raster>> = rasters
+        .map(|(print, swept)| Some(raster(print.contour.offset, swept.as_ref()?)))
+        .collect();
+    let mut rasters = rasters.into_iter();
+    let of_layer = |_| rasters.by_ref().take(contours.len()).flatten().collect();
+    shown.iter().map(of_layer).collect()
+}
+
+/// Passes of a stream.
+fn passes_of(stream: &SegmentStream) -> usize {
+    let passes = stream.marks.iter().filter_map(|mark| mark.pass);
+    passes.max().map_or(0, |last| last as usize + 1)
+}
+
+/// Gives a layer's passes the numbers of the regions that they begin in, counted from `first`.
+fn name_passes(planned: &Planned, layer: u32, first: usize, print_of_pass: &mut [usize]) {
+    let servo_hz = f64::from(planned.settings.machine.servo_hz);
+    let marks = planned.stream.marks.iter();
+    let numbers = marks.filter(|mark| mark.layer == layer && mark.state == MotionState::Print);
+    let (passes, _) = stream_paths(planned, servo_hz, &[], layer);
+    for (number, pass) in numbers.filter_map(|mark| mark.pass).zip(&passes) {
+        let start = pass.placements.first().map(|(at, _)| at.center);
+        let holds = |region: &Region| start.is_some_and(|p| region.contains(p));
+        if let Some(region) = planned.outline.iter().position(holds) {
+            print_of_pass[number as usize] = first + region;
+        }
+    }
 }
 
 fn raster(offset: Vector2, raster: &RegionRaster) -> Raster {

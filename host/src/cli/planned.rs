@@ -10,7 +10,7 @@ use crate::input::{Input, Target};
 use crate::job::SegmentStream;
 use crate::part_transform::PartTransform;
 use crate::plan::unreachable::UnreachableRun;
-use crate::report::figures::Figures;
+use crate::report::figures::{Figures, KindFigures};
 use crate::settings::Settings;
 use crate::{Plan, RegionPlan, plan_target_around, plan_waypoints_telling};
 use std::path::Path;
@@ -141,22 +141,27 @@ fn unreachable_boundary(plan: &Plan) -> Vec<UnreachableRun> {
         };
         region.unreachable.iter().map(shifted).collect::<Vec<_>>()
     };
-    plan.regions.iter().flat_map(in_input).collect()
+    plan.regions().iter().flat_map(in_input).collect()
 }
 
 fn plan_figures(plan: &Plan, unreachable: &[UnreachableRun], plan_s: f64) -> Figures {
     let f = &plan.figures;
     let passes = f.passes as u64;
     // A path has no area: these figures would mean nothing.
-    let has_area = !plan.regions.is_empty();
+    let has_area = !plan.regions().is_empty();
     let of_area = |figure: f64| has_area.then_some(figure);
-    let infill = plan.infill_area_mm2();
+    let infill = plan.infill_area_mm2(None);
     let place = |run: &UnreachableRun| {
         let at: Point2 = nalgebra::center(&run.from, &run.to);
         [at.x, at.y, run.length_mm()]
     };
+    let is_stack = f.layers > 1;
     Figures {
         area_mm2: of_area(f.area_mm2),
+        layers: is_stack.then_some(u64::from(f.layers)),
+        layer_kinds: is_stack.then(|| kind_figures(plan)),
+        covered_pct_min: is_stack.then_some(f.covered_pct_min),
+        overlap_pct_max: is_stack.then_some(f.overlap_pct_max),
         reachable_pct: of_area(f.reachable_pct),
         covered_pct: of_area(f.covered_pct),
         covered_of_reachable_pct: of_area(f.covered_of_reachable_pct),
@@ -188,6 +193,27 @@ fn plan_figures(plan: &Plan, unreachable: &[UnreachableRun], plan_s: f64) -> Fig
         segments: Some(plan.stream.knots.len() as u64),
         ..Figures::default()
     }
+}
+
+/// What the layers of each kind came to.
+fn kind_figures(plan: &Plan) -> Vec<KindFigures> {
+    let kinds = plan.kinds.iter().enumerate();
+    kinds
+        .map(|(number, kind)| {
+            let swept = plan.swept_of_kind(number);
+            let infill = plan.infill_area_mm2(Some(number));
+            KindFigures {
+                first_layer: kind.first_layer,
+                layers: kind.layers,
+                infill_density_pct: kind.infill.map(|infill| infill.density_pct),
+                infill_angle_deg: kind.infill.map(|infill| infill.angle_rad.to_degrees()),
+                infill_covered_pct: infill.map(|[ground, swept]| 100.0 * swept / ground.max(1e-12)),
+                covered_pct: swept.covered_pct(),
+                overlap_pct: swept.overlap_pct(),
+                outside_depth_mm: swept.outside_depth_mm,
+            }
+        })
+        .collect()
 }
 
 /// What the user should look at before printing.

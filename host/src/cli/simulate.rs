@@ -157,7 +157,7 @@ fn write_report(folder: &Path, planned: &Planned, console: &Console) -> Result<(
         problem,
     })?;
     for file in pictures::report_files(planned) {
-        super::console::write_file(&folder.join(file.name), file.text.as_bytes())?;
+        super::console::write_file(&folder.join(&file.name), file.text.as_bytes())?;
     }
     bar.finish_and_clear();
     console.say(&format!("report: {}", folder.join("index.html").display()));

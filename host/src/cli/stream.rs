@@ -220,8 +220,12 @@ impl Run<'_> {
         let pass = at.pass.map_or("-".to_string(), |pass| pass.to_string());
         self.bar.set_position((at.done * BAR_STEPS) as u64);
         self.bar.set_message(format!(
-            "{left}  layer {} pass {pass}  {:.0} mm/s  queue {}  {:?}",
-            at.layer, at.tip_mm_s, status.queue_knots, status.state
+            "{left}  layer {}/{} pass {pass}  {:.0} mm/s  queue {}  {:?}",
+            at.layer + 1,
+            self.timeline.layers(),
+            at.tip_mm_s,
+            status.queue_knots,
+            status.state
         ));
     }
 

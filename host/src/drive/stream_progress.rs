@@ -57,6 +57,11 @@ impl Timeline {
         }
     }
 
+    /// Layers of the job.
+    pub fn layers(&self) -> u32 {
+        self.marks.last().map_or(1, |mark| mark.layer + 1)
+    }
+
     /// The whole job's time at the planned rate.
     pub fn duration_s(&self) -> f64 {
         self.ends.last().map_or(0.0, |&end| end as f64) / self.servo_hz

@@ -12,9 +12,11 @@ use super::travel_ways::{TravelError, TravelWays};
 use crate::geometry::Point2;
 use crate::job::MotionState;
 use crate::settings::Settings;
+use headway_firmware::kinematics;
 use headway_protocol::units::{
     CHANNEL_HEADING, CHANNEL_VOLUME, CHANNEL_X, CHANNEL_Y, CHANNEL_Z, CHANNELS,
 };
+use std::sync::Arc;
 
 /// A pass ready to be printed: its curve in the layer plane.
 #[derive(Clone, Debug, PartialEq)]
@@ -25,8 +27,8 @@ pub struct PlanePass {
     pub layer: u32,
     /// Tip height, mm.
     pub z_mm: f64,
-    /// Control points (x, y, heading).
-    pub control: Vec<PlaneControl>,
+    /// Control points (x, y, heading); layers that are alike share them.
+    pub control: Arc<[PlaneControl]>,
 }
 
 /// Poses in each span from which the deposited volume is integrated.
@@ -114,8 +116,7 @@ impl Head<'_> {
     /// Lift, cross with the heading turned the shorter way, lower.
     fn travel_to(&mut self, pass: &PlanePass, ways: &mut TravelWays) -> Result<(), TravelError> {
         let first = pass.control[0];
-        let period_rad = self.settings.aperture.period_rad();
-        let heading = nearest_heading(first[2], self.at[CHANNEL_HEADING], period_rad);
+        let heading = entry_heading(pass, self.at[CHANNEL_HEADING], self.settings);
         let above = pass.z_mm.max(self.at[CHANNEL_Z]) + self.settings.lift_mm;
         self.line(MotionState::Travel, pass.layer, &[(CHANNEL_Z, above)]);
         let here = configuration([
@@ -297,8 +298,94 @@ pub(super) fn event_duration_s(volume_mm3: f64, rate_mm3_s: f64) -> f64 {
     }
 }
 
+/// The heading at which a pass is entered: of those equal to its own for the deposit the nearest to
+/// `from_rad` from which all of the pass stays within the stops of the joint that turns the nozzle.
+/// Where there is none the nearest of all: the check of the joints' ranges then names the joint.
+fn entry_heading(pass: &PlanePass, from_rad: f64, settings: &Settings) -> f64 {
+    let period_rad = settings.aperture.period_rad();
+    let first_rad = pass.control[0][2];
+    let nearest_rad = nearest_heading(first_rad, from_rad, period_rad);
+    let [low_rad, high_rad] = heading_range(settings);
+    let turned = pass.control.iter().map(|c| c[2] - first_rad);
+    let (least_rad, most_rad) = turned.fold((0.0_f64, 0.0_f64), |(least, most), turned| {
+        (least.min(turned), most.max(turned))
+    });
+    let slack_rad = settings.tolerances.heading_rad;
+    let (low_rad, high_rad) = (
+        low_rad - least_rad + slack_rad,
+        high_rad - most_rad - slack_rad,
+    );
+    if (low_rad..=high_rad).contains(&nearest_rad) {
+        return nearest_rad;
+    }
+    let periods = |to_rad: f64| (to_rad - first_rad) / period_rad;
+    let lowest_rad = first_rad + periods(low_rad).ceil() * period_rad;
+    let highest_rad = first_rad + periods(high_rad).floor() * period_rad;
+    if lowest_rad <= highest_rad {
+        nearest_rad.clamp(lowest_rad, highest_rad)
+    } else {
+        nearest_rad
+    }
+}
+
+/// Stops of the joint that follows the heading one to one; the tool stands upright.
+fn heading_range(settings: &Settings) -> [f64; 2] {
+    let machine = &settings.machine;
+    let carriers = kinematics::carriers(&machine.kinematics).iter();
+    let mut turning = carriers
+        .zip(&machine.joints)
+        .filter(|(carrier, _)| **carrier == Some(CHANNEL_HEADING));
+    turning
+        .next()
+        .map_or([f64::NEG_INFINITY, f64::INFINITY], |(_, joint)| {
+            [joint.position_min, joint.position_max]
+        })
+}
+
 /// The heading equal to `heading_rad` for the deposit (modulo the aperture's period) that is nearest
 /// to `from_rad`.
 pub(super) fn nearest_heading(heading_rad: f64, from_rad: f64, period_rad: f64) -> f64 {
     heading_rad + ((from_rad - heading_rad) / period_rad).round() * period_rad
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// Goal: a pass is entered at the nearest heading from which it fits between the stops. Method: a
+    /// pass that turns by 300° one way, stops 450° either way, headings 180° apart.
+    #[test]
+    fn passes_are_entered_where_they_fit_between_the_stops() {
+        let turn = |deg: f64| f64::to_radians(deg);
+        let pass = PlanePass {
+            kind: PassKind::TwoPass,
+            layer: 0,
+            z_mm: 0.2,
+            control: (0..=30)
+                .map(|i| [f64::from(i), 0.0, turn(10.0 * f64::from(i) + 7.0)])
+                .collect(),
+        };
+        let mut settings = Settings::default();
+        let entered = |from_deg: f64, settings: &Settings| {
+            let heading_rad = entry_heading(&pass, turn(from_deg), settings);
+            (heading_rad.to_degrees() * 1e6).round() / 1e6
+        };
+        for (from_deg, expected_deg) in [(0.0, 7.0), (300.0, 367.0), (1000.0, 1087.0)] {
+            assert_eq!(entered(from_deg, &settings), expected_deg);
+        }
+        settings.machine.joints[3].position_min = turn(-450.0);
+        settings.machine.joints[3].position_max = turn(450.0);
+        for (from_deg, expected_deg) in [
+            (0.0, 7.0),
+            (300.0, 7.0),
+            (-400.0, -353.0),
+            // -533° is nearest, and beyond the stop.
+            (-480.0, -353.0),
+        ] {
+            assert_eq!(entered(from_deg, &settings), expected_deg);
+        }
+        // Nowhere: the nearest, and the check of the ranges speaks.
+        settings.machine.joints[3].position_max = turn(-200.0);
+        assert_eq!(entered(0.0, &settings), 7.0);
+    }
 }

@@ -388,9 +388,9 @@ mod tests {
         for aperture in [ELLIPSE, Aperture::Rounded(stadium)] {
             for angle_deg in [0.0_f64, 30.0, 77.0, 120.0] {
                 let infill = Infill {
-                    walls: 1,
                     density_pct: 60.0,
                     angle_rad: angle_deg.to_radians(),
+                    ..Infill::solid(1)
                 };
                 let plate = plate();
                 let walls = EdgeIndex::of_region(&plate, 1.0);
@@ -427,9 +427,8 @@ mod tests {
     fn rows_have_the_width_of_their_beads() {
         let plate = region(&[&[[0.0, 0.0], [10.0, 0.0], [10.0, 5.0], [0.0, 5.0]]]);
         let infill = Infill {
-            walls: 1,
-            density_pct: 100.0,
             angle_rad: 0.0,
+            ..Infill::solid(1)
         };
         let rows = infill_lines(std::slice::from_ref(&plate), &ELLIPSE, &infill, 0.0);
         assert_eq!(rows.len(), 5);

@@ -23,20 +23,26 @@ use headway_firmware::spline::Spans;
 use headway_protocol::units::{CHANNEL_HEADING, CHANNEL_X, CHANNEL_Y, CHANNEL_Z};
 use rayon::prelude::*;
 
-/// Figures of one layer (SPEC section 8).
+/// What a plan is judged on (SPEC section 8). Shares are weighted by area over all layers.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
-pub struct LayerFigures {
-    /// Area of the regions.
+pub struct PlanFigures {
+    /// Layers.
+    pub layers: u32,
+    /// Area of the regions, of one layer.
     pub area_mm2: f64,
     /// Share of the area that some placement covers.
     pub reachable_pct: f64,
     /// Share of the area that was swept.
     pub covered_pct: f64,
+    /// The same of the layer of which the least was.
+    pub covered_pct_min: f64,
     /// Share of the reachable area that was swept.
     pub covered_of_reachable_pct: f64,
-    /// Share of the area that was swept more than once.
+    /// Share of the area that was swept more than once on its layer.
     pub overlap_pct: f64,
-    /// How far any placed aperture leaves the regions.
+    /// The same of the layer of which the most was.
+    pub overlap_pct_max: f64,
+    /// How far any placed aperture leaves the regions, on any layer.
     pub outside_depth_mm: f64,
     /// Where that is, input coordinates.
     pub outside_at_mm: [f64; 2],
@@ -54,6 +60,72 @@ pub struct LayerFigures {
     pub heading_travel_rad: f64,
     /// Largest heading rate.
     pub heading_rate_max_rad_s: f64,
+}
+
+/// What one printing of a region came to, or several together.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub struct Swept {
+    /// Area of the region.
+    pub area_mm2: f64,
+    /// What of it was swept.
+    pub covered_mm2: f64,
+    /// What of it was swept more than once.
+    pub overlap_mm2: f64,
+    /// What of it some placement covers.
+    pub reachable_mm2: f64,
+    /// How far any placed aperture leaves it.
+    pub outside_depth_mm: f64,
+    /// Where that is, input coordinates.
+    pub outside_at_mm: [f64; 2],
+}
+
+impl Swept {
+    /// Several together: sums of the areas, the deepest of the depths.
+    pub fn sum<'a>(parts: impl IntoIterator<Item = &'a Swept>) -> Swept {
+        let mut sum = Swept::default();
+        for part in parts {
+            sum.area_mm2 += part.area_mm2;
+            sum.covered_mm2 += part.covered_mm2;
+            sum.overlap_mm2 += part.overlap_mm2;
+            sum.reachable_mm2 += part.reachable_mm2;
+            if part.outside_depth_mm > sum.outside_depth_mm {
+                sum.outside_depth_mm = part.outside_depth_mm;
+                sum.outside_at_mm = part.outside_at_mm;
+            }
+        }
+        sum
+    }
+
+    /// Share of the area that was swept.
+    pub fn covered_pct(&self) -> f64 {
+        100.0 * self.covered_mm2 / self.area_mm2.max(1e-12)
+    }
+
+    /// Share of the area that was swept more than once.
+    pub fn overlap_pct(&self) -> f64 {
+        100.0 * self.overlap_mm2 / self.area_mm2.max(1e-12)
+    }
+}
+
+/// One printing of a region.
+#[derive(Clone, Copy, Debug)]
+pub struct MeasuredPrint<'a> {
+    /// The region's outline.
+    pub contour: &'a Contour,
+    /// Layer from 0.
+    pub layer: u32,
+    /// An earlier printing that runs the same curves, whose shares are taken over; any other number
+    /// for none. How deep it leaves the outline is measured for each.
+    pub like: usize,
+}
+
+/// What was measured, by printing.
+#[derive(Clone, Debug, Default)]
+pub struct Measured {
+    /// Each printing.
+    pub swept: Vec<Swept>,
+    /// The rasters of those that are measured in full.
+    pub rasters: Vec<Option<RegionRaster>>,
 }
 
 /// The region of a pass that belongs to none: skirt and brim count as neither coverage nor depth.
@@ -95,71 +167,153 @@ pub struct RegionRaster {
     pub swept: Coverage,
 }
 
-/// Measures a layer; returns the figures and each region's raster.
-pub fn measure_layer(
+/// Measures the printings of a stream. `print_of_pass` is the number of each pass's printing, or
+/// [`OFF_REGIONS`]. Printings are ordered by layer, and a layer's poses are all that is kept of the
+/// stream at a time.
+pub fn measure(
     stream: &SegmentStream,
-    contours: &[&Contour],
-    region_of_pass: &[usize],
+    prints: &[MeasuredPrint],
+    print_of_pass: &[usize],
     transform: &PartTransform,
     settings: &Settings,
     progress: &dyn Progress,
-) -> (LayerFigures, Vec<RegionRaster>) {
-    let steps = Steps::begin(progress, Stage::Figures, contours.len());
-    let (poses, mut figures) = walk_stream(stream, settings);
-    figures.passes = region_of_pass.len();
-    figures.skirt_mm = length_off_regions_mm(&poses, region_of_pass);
-    let mut rasters = Vec::with_capacity(contours.len());
-    let (mut covered, mut overlap, mut reachable) = (0.0, 0.0, 0.0);
-    let shift = Vector2::new(transform.offset_mm[0], transform.offset_mm[1]);
-    for (number, contour) in contours.iter().enumerate() {
+) -> (PlanFigures, Measured) {
+    let steps = Steps::begin(progress, Stage::Figures, prints.len());
+    let mut measured = Measured::default();
+    let mut skirt_mm = 0.0;
+    let mut measure_up_to = |layer: u32, poses: &[PrintPose]| {
+        skirt_mm += length_off_regions_mm(poses, print_of_pass);
+        while let Some(print) = prints.get(measured.swept.len()) {
+            if print.layer > layer {
+                break;
+            }
+            let number = measured.swept.len();
+            let its_poses = poses
+                .iter()
+                .filter(|p| print_of_pass.get(p.pass as usize) == Some(&number));
+            let ground = PrintGround::of(print, transform, settings);
+            let local: Vec<SweptPose> = its_poses.map(|p| ground.local(p)).collect();
+            let known = measured.swept.get(print.like).copied();
+            let (swept, raster) = ground.measure(&local, known);
+            measured.swept.push(swept);
+            measured.rasters.push(raster);
+            steps.step();
+        }
+    };
+    let mut figures = walk_stream(stream, settings, &mut measure_up_to);
+    // What nothing was printed on.
+    measure_up_to(u32::MAX, &[]);
+    figures.skirt_mm = skirt_mm;
+    figures.passes = print_of_pass.len();
+    set_shares(&mut figures, prints, &measured.swept);
+    (figures, measured)
+}
+
+/// Shares and depths over all printings.
+fn set_shares(figures: &mut PlanFigures, prints: &[MeasuredPrint], swept: &[Swept]) {
+    let all = Swept::sum(swept);
+    figures.layers = prints.last().map_or(1, |print| print.layer + 1);
+    figures.area_mm2 = all.area_mm2 / f64::from(figures.layers);
+    let area_mm2 = all.area_mm2.max(1e-12);
+    figures.covered_pct = all.covered_pct();
+    figures.overlap_pct = all.overlap_pct();
+    figures.reachable_pct = 100.0 * all.reachable_mm2 / area_mm2;
+    figures.covered_of_reachable_pct = 100.0 * all.covered_mm2 / all.reachable_mm2.max(1e-12);
+    figures.outside_depth_mm = all.outside_depth_mm;
+    figures.outside_at_mm = all.outside_at_mm;
+    figures.covered_pct_min = figures.covered_pct;
+    figures.overlap_pct_max = figures.overlap_pct;
+    let mut done = 0;
+    for layer in prints.chunk_by(|p, q| p.layer == q.layer) {
+        let layer_swept = Swept::sum(&swept[done..done + layer.len()]);
+        done += layer.len();
+        figures.covered_pct_min = figures.covered_pct_min.min(layer_swept.covered_pct());
+        figures.overlap_pct_max = figures.overlap_pct_max.max(layer_swept.overlap_pct());
+    }
+}
+
+/// What a printing is measured against, in a frame of its own.
+struct PrintGround<'a> {
+    contour: &'a Contour,
+    settings: &'a Settings,
+    shift: Vector2,
+    frame: Frame,
+    outline: Region,
+    walls: EdgeIndex,
+}
+
+impl<'a> PrintGround<'a> {
+    fn of(print: &MeasuredPrint<'a>, transform: &PartTransform, settings: &'a Settings) -> Self {
+        let contour = print.contour;
         let mut frame = Frame::of_region(&contour.region, settings.aperture.is_mirror_image());
         frame.turn_rad += SKEW_RAD;
         let outline = frame.region_in(&contour.region);
-        let walls = EdgeIndex::of_region(&outline, settings.aperture.major_mm());
-        let local: Vec<SweptPose> = poses
-            .iter()
-            .filter(|p| region_of_pass.get(p.pass as usize) == Some(&number))
-            .map(|p| SweptPose {
-                at: Configuration {
-                    center: frame.point_in(contour.to_local(p.at.center - shift)),
-                    heading_rad: frame.angle_in(p.at.heading_rad),
-                },
-                pass: p.pass,
-                path_mm: p.path_mm,
-            })
-            .collect();
-        let (depth_mm, at) = deepest(&local, &walls, settings);
-        if depth_mm > figures.outside_depth_mm {
-            let at = contour.to_input(frame.point_out(at.center));
-            figures.outside_depth_mm = depth_mm;
-            figures.outside_at_mm = [at.x, at.y];
+        PrintGround {
+            contour,
+            settings,
+            shift: Vector2::new(transform.offset_mm[0], transform.offset_mm[1]),
+            frame,
+            walls: EdgeIndex::of_region(&outline, settings.aperture.major_mm()),
+            outline,
         }
-        let area = contour.region.area_mm2();
-        let cell_mm = (area / CELLS_AIM).sqrt().clamp(CELL_MM[0], CELL_MM[1]);
+    }
+
+    fn local(&self, pose: &PrintPose) -> SweptPose {
+        let center = self.contour.to_local(pose.at.center - self.shift);
+        SweptPose {
+            at: Configuration {
+                center: self.frame.point_in(center),
+                heading_rad: self.frame.angle_in(pose.at.heading_rad),
+            },
+            pass: pose.pass,
+            path_mm: pose.path_mm,
+        }
+    }
+
+    /// How deep the poses leave the region, and what they sweep of it, unless that is known.
+    fn measure(&self, poses: &[SweptPose], known: Option<Swept>) -> (Swept, Option<RegionRaster>) {
+        let (depth_mm, at) = deepest(poses, &self.walls, self.settings);
+        let at = self.contour.to_input(self.frame.point_out(at.center));
+        let (shares, raster) = match known {
+            Some(known) => (known, None),
+            None => {
+                let (shares, raster) = self.sweep(poses);
+                (shares, Some(raster))
+            }
+        };
+        let swept = Swept {
+            outside_depth_mm: depth_mm,
+            outside_at_mm: [at.x, at.y],
+            ..shares
+        };
+        (swept, raster)
+    }
+
+    fn sweep(&self, poses: &[SweptPose]) -> (Swept, RegionRaster) {
+        let settings = self.settings;
+        let area_mm2 = self.contour.region.area_mm2();
+        let cell_mm = (area_mm2 / CELLS_AIM).sqrt().clamp(CELL_MM[0], CELL_MM[1]);
         let return_mm = 4.0 * settings.aperture.major_mm();
         let swept = Coverage::sweep(
-            &walls,
+            &self.walls,
             &settings.aperture,
-            &local,
+            poses,
             cell_mm,
             CELLS_MAX,
             return_mm,
         );
-        let gap_share = reachable_share_of_gaps(&swept, &outline, &walls, settings);
+        let gap_share = reachable_share_of_gaps(&swept, &self.outline, &self.walls, settings);
         let covered_share = swept.covered_pct() / 100.0;
-        figures.area_mm2 += area;
-        covered += area * covered_share;
-        overlap += area * swept.overlap_pct() / 100.0;
-        reachable += area * (covered_share + (1.0 - covered_share) * gap_share);
-        rasters.push(RegionRaster { frame, swept });
-        steps.step();
+        let shares = Swept {
+            area_mm2,
+            covered_mm2: area_mm2 * covered_share,
+            overlap_mm2: area_mm2 * swept.overlap_pct() / 100.0,
+            reachable_mm2: area_mm2 * (covered_share + (1.0 - covered_share) * gap_share),
+            ..Swept::default()
+        };
+        let frame = self.frame;
+        (shares, RegionRaster { frame, swept })
     }
-    let area = figures.area_mm2.max(1e-12);
-    figures.covered_pct = 100.0 * covered / area;
-    figures.overlap_pct = 100.0 * overlap / area;
-    figures.reachable_pct = 100.0 * reachable / area;
-    figures.covered_of_reachable_pct = 100.0 * covered / reachable.max(1e-12);
-    (figures, rasters)
 }
 
 /// Path of the passes that belong to no region.
@@ -173,11 +327,17 @@ fn length_off_regions_mm(poses: &[PrintPose], region_of_pass: &[usize]) -> f64 {
     off.sum::<f64>() + 0.0
 }
 
-/// Samples the print poses of the stream and sums lengths, times and heading over all of it.
-fn walk_stream(stream: &SegmentStream, settings: &Settings) -> (Vec<PrintPose>, LayerFigures) {
+/// Samples the print poses of the stream, handed on layer by layer, and sums lengths, times and
+/// heading over all of it.
+fn walk_stream(
+    stream: &SegmentStream,
+    settings: &Settings,
+    of_layer: &mut impl FnMut(u32, &[PrintPose]),
+) -> PlanFigures {
     let servo_hz = f64::from(settings.machine.servo_hz);
-    let mut figures = LayerFigures::default();
+    let mut figures = PlanFigures::default();
     let mut poses = Vec::new();
+    let mut layer = 0;
     let mut mark = 0;
     let mut tick = 0u64;
     let mut last: Option<[f64; 4]> = None;
@@ -201,6 +361,11 @@ fn walk_stream(stream: &SegmentStream, settings: &Settings) -> (Vec<PrintPose>, 
             .marks
             .get(mark)
             .filter(|m| m.state == MotionState::Print);
+        if let Some(mark) = printing.filter(|mark| mark.layer != layer) {
+            of_layer(layer, &poses);
+            poses.clear();
+            layer = mark.layer;
+        }
         for step in 0..steps {
             let p = span.position(ticks * step as f64 / steps as f64);
             let rate = span.velocity(ticks * step as f64 / steps as f64, servo_hz);
@@ -227,8 +392,9 @@ fn walk_stream(stream: &SegmentStream, settings: &Settings) -> (Vec<PrintPose>, 
         }
         tick += u64::from(span.duration_ticks);
     }
+    of_layer(layer, &poses);
     figures.print_s = tick as f64 / servo_hz;
-    (poses, figures)
+    figures
 }
 
 /// What `STEP_MM` is for the default ellipse; less where corners of a polygon are sharper.

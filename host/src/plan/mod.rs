@@ -46,6 +46,7 @@ pub mod segments;
 pub mod single_runs;
 pub mod skeleton;
 pub mod skirt;
+pub mod stack;
 pub mod time_law;
 pub mod travel_route;
 pub mod travel_ways;

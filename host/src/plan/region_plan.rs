@@ -23,12 +23,16 @@ use crate::geometry::edge_index::EdgeIndex;
 use crate::geometry::frame::Frame;
 use crate::geometry::polygon::Region;
 use crate::geometry::repair::FillRule;
-use crate::settings::{PassMode, Settings};
+use crate::settings::{Infill, PassMode, Settings};
 use rayon::prelude::*;
 
 /// Everything that planning one region of a layer made.
 #[derive(Clone, Debug)]
 pub struct RegionPlan {
+    frame: Frame,
+    /// Where the first pass begins and the last one ends, in that frame; `None` where the passes
+    /// may not be turned round.
+    ends: Option<[Point2; 2]>,
     /// The cleaned outline about its local origin.
     pub contour: Contour,
     /// What passes are planned on, local: the contour without detail that no part of the aperture
@@ -38,10 +42,47 @@ pub struct RegionPlan {
     pub axis: Axis,
     /// Boundary that the aperture cannot touch, local.
     pub unreachable: Vec<UnreachableRun>,
-    /// Passes in printing order, local.
+    /// Passes in printing order, or the reverse of it, local.
     pub passes: Vec<LayerPass>,
     /// The ground inside the walls that infill lines are to cover, local.
     pub open: Vec<Region>,
+}
+
+impl RegionPlan {
+    /// The middle of the region's box, input coordinates.
+    pub fn middle(&self) -> Point2 {
+        self.contour.to_input(Point2::origin())
+    }
+
+    /// True where the last pass ends nearer to `from` (input coordinates) than the first begins:
+    /// all of it is then printed the other way round.
+    pub fn is_turned(&self, from: Point2) -> bool {
+        let from = self.frame.point_in(self.contour.to_local(from));
+        self.ends
+            .is_some_and(|[first, last]| (last - from).norm() < (first - from).norm())
+    }
+
+    /// Where the printing ends, input coordinates.
+    pub fn end(&self, is_turned: bool) -> Option<Point2> {
+        let placement = if is_turned {
+            self.passes.first()?.placements.first()?
+        } else {
+            self.passes.last()?.placements.last()?
+        };
+        Some(self.contour.to_input(placement.at.center))
+    }
+
+    /// The passes the one way round or the other.
+    pub fn passes_turned(&self, is_turned: bool) -> Vec<LayerPass> {
+        let mut passes = self.passes.clone();
+        if is_turned {
+            passes.reverse();
+            for pass in &mut passes {
+                pass.placements.reverse();
+            }
+        }
+        passes
+    }
 }
 
 /// A region on its way to a [`RegionPlan`], in its own frame.
@@ -83,9 +124,6 @@ impl RegionWork {
         let axis = Axis::of_medial_axis(&medial_axis, &settings.aperture);
         let mut settings = settings.clone();
         settings.seam.direction_rad = frame.angle_in(settings.seam.direction_rad);
-        if let Some(infill) = &mut settings.infill {
-            infill.angle_rad = frame.angle_in(infill.angle_rad);
-        }
         Ok(RegionWork {
             contour,
             frame,
@@ -99,30 +137,30 @@ impl RegionWork {
         })
     }
 
-    /// The region with its passes, unordered.
-    pub fn with_passes(mut self) -> RegionWork {
+    /// The region with its passes, unordered: walls with these lines inside, or loops.
+    pub fn with_passes(&self, infill: Option<Infill>) -> RegionWork {
+        let mut work = self.clone();
         let how = pass_settings(&self.settings);
-        match &self.settings.infill {
-            None => self.passes = passes(&self.hull, &self.axis, &how),
+        work.settings.infill = infill.map(|infill| Infill {
+            angle_rad: self.frame.angle_in(infill.angle_rad),
+            ..infill
+        });
+        match &work.settings.infill {
+            None => work.passes = passes(&self.hull, &self.axis, &how),
             Some(infill) => {
                 let walls = infill.walls as usize;
                 let (mut passes, rings) = outer_passes(&self.hull, &self.axis, &how, walls);
-                self.open = filled(rings.iter(), FillRule::Positive);
-                passes.extend(infill_passes(&self.open, infill, &how));
-                self.passes = passes;
+                work.open = filled(rings.iter(), FillRule::Positive);
+                passes.extend(infill_passes(&work.open, infill, &how));
+                work.passes = passes;
             }
         }
-        self
+        work
     }
 
     /// True where nothing of it can be printed.
     pub fn is_empty(&self) -> bool {
         self.passes.is_empty()
-    }
-
-    /// The middle of the region's box, input coordinates.
-    pub fn middle(&self) -> Point2 {
-        self.contour.to_input(Point2::origin())
     }
 
     /// Centre (input coordinates) and radius of the widest disk, mm.
@@ -131,17 +169,14 @@ impl RegionWork {
         Some((self.contour.to_input(self.frame.point_out(at)), radius_mm))
     }
 
-    /// Its passes as they are printed; `from` is where the head is, input coordinates. That only
-    /// chooses which end of the whole is printed first: what is joined where must not depend on
-    /// where the region lies on the machine.
-    pub fn in_order(mut self, from: Point2) -> RegionPlan {
+    /// Its passes as they are printed, the one way round or the other ([`RegionPlan::is_turned`]):
+    /// what is joined where must not depend on where the region lies on the machine.
+    pub fn in_order(mut self) -> RegionPlan {
         let frame = self.frame;
         let passes = std::mem::take(&mut self.passes);
-        let mut passes = self.ordered(passes);
+        let passes = self.ordered(passes);
         // Walls come before lines.
-        if self.settings.infill.is_none() {
-            begin_near(&mut passes, frame.point_in(self.contour.to_local(from)));
-        }
+        let may_turn = self.settings.infill.is_none();
         let mut axis = self.axis;
         for point in &mut axis.points {
             *point = frame.point_out(*point);
@@ -152,6 +187,8 @@ impl RegionWork {
             to: frame.point_out(run.to),
         });
         RegionPlan {
+            frame,
+            ends: ends_of(&passes).filter(|_| may_turn),
             contour: self.contour,
             hull: frame.region_out(&self.hull),
             axis,
@@ -227,19 +264,11 @@ fn spoiled_cells(passes: &[LayerPass], aperture: &Aperture, walls: &EdgeIndex) -
     raster.cells.iter().filter(spoiled).count()
 }
 
-/// Turns all passes and their order round where the last one ends nearer than the first begins.
-fn begin_near(passes: &mut [LayerPass], from: Point2) {
-    let first = passes.first().and_then(|pass| pass.placements.first());
-    let last = passes.last().and_then(|pass| pass.placements.last());
-    let (Some(first), Some(last)) = (first, last) else {
-        return;
-    };
-    if (last.at.center - from).norm() < (first.at.center - from).norm() {
-        passes.reverse();
-        for pass in passes {
-            pass.placements.reverse();
-        }
-    }
+/// Where the first pass begins and the last one ends.
+fn ends_of(passes: &[LayerPass]) -> Option<[Point2; 2]> {
+    let first = passes.first()?.placements.first()?;
+    let last = passes.last()?.placements.last()?;
+    Some([first.at.center, last.at.center])
 }
 
 /// A pass of the frame outside it.

@@ -5,13 +5,68 @@
 
 use serde::{Deserialize, Serialize};
 
-/// All figures; the keys are the field names.
+/// What the layers of one kind came to; only of jobs with several layers.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
+#[serde(default)]
+pub struct KindFigures {
+    /// The lowest of them, from 0.
+    pub first_layer: u32,
+    /// How many they are.
+    pub layers: u32,
+    /// Density that was asked for inside the walls.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub infill_density_pct: Option<f64>,
+    /// Direction of the lines there.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub infill_angle_deg: Option<f64>,
+    /// Density that came out.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub infill_covered_pct: Option<f64>,
+    /// Share of the outline that is covered.
+    pub covered_pct: f64,
+    /// Share of the outline that is swept more than once on the layer.
+    pub overlap_pct: f64,
+    /// How far any placed aperture leaves the outline.
+    pub outside_depth_mm: f64,
+}
+
+impl KindFigures {
+    fn row(&self) -> (String, Option<String>) {
+        let what = match self.layers {
+            0 | 1 => format!("layer {}", self.first_layer + 1),
+            layers => format!("layer {} and {} like it", self.first_layer + 1, layers - 1),
+        };
+        let mut value = format!(
+            "{:.2} % covered, {:.2} % overlap",
+            self.covered_pct, self.overlap_pct
+        );
+        if let (Some(pct), Some(deg)) = (self.infill_density_pct, self.infill_angle_deg) {
+            value += &format!(", {pct} % lines at {deg:.0}°");
+        }
+        (what, Some(value))
+    }
+}
+
+/// All figures; the keys are the field names. Shares are of the layers' area, over all layers;
+/// depths and rates the worst of any; lengths, times and counts totals.
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
 #[serde(default)]
 pub struct Figures {
     /// Area of the outline.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub area_mm2: Option<f64>,
+    /// Layers, where there are several.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub layers: Option<u64>,
+    /// Those that are planned alike, by their first one.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub layer_kinds: Option<Vec<KindFigures>>,
+    /// `covered_pct` of the layer that has the least.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub covered_pct_min: Option<f64>,
+    /// `overlap_pct` of the layer that has the most.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub overlap_pct_max: Option<f64>,
     /// Share of the outline that some aperture inside it can cover.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub reachable_pct: Option<f64>,
@@ -158,12 +213,18 @@ impl Figures {
     }
 
     /// The figures in groups, for a terminal: (group, rows of (what, value with unit)).
-    pub fn groups(&self) -> Vec<(&'static str, Vec<(&'static str, String)>)> {
+    pub fn groups(&self) -> Vec<(&'static str, Vec<(String, String)>)> {
+        let named = |rows: Vec<Row>| -> Vec<(String, Option<String>)> {
+            let rows = rows.into_iter();
+            rows.map(|(what, value)| (what.to_string(), value))
+                .collect()
+        };
         let groups = [
-            ("Coverage", self.coverage_rows()),
-            ("Motion", self.motion_rows()),
-            ("Limits and stream", self.stream_rows()),
-            ("Simulated steps", self.step_rows()),
+            ("Coverage", named(self.coverage_rows())),
+            ("Layers", self.layer_rows()),
+            ("Motion", named(self.motion_rows())),
+            ("Limits and stream", named(self.stream_rows())),
+            ("Simulated steps", named(self.step_rows())),
         ];
         groups
             .into_iter()
@@ -209,6 +270,25 @@ impl Figures {
             ("infill density", number(self.infill_covered_pct, 2, "%")),
             ("unreachable boundary", number(self.unreachable_mm, 2, "mm")),
         ]
+    }
+
+    fn layer_rows(&self) -> Vec<(String, Option<String>)> {
+        let rows: [Row; 3] = [
+            ("layers", count(self.layers)),
+            (
+                "covered, least of a layer",
+                number(self.covered_pct_min, 2, "%"),
+            ),
+            (
+                "overlap, most of a layer",
+                number(self.overlap_pct_max, 2, "%"),
+            ),
+        ];
+        let rows = rows.map(|(what, value)| (what.to_string(), value));
+        let kinds = self.layer_kinds.iter().flatten();
+        rows.into_iter()
+            .chain(kinds.map(KindFigures::row))
+            .collect()
     }
 
     fn motion_rows(&self) -> Vec<Row> {

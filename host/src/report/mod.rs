@@ -29,65 +29,80 @@ pub struct Report<'a> {
     pub title: &'a str,
     /// The figures.
     pub figures: &'a Figures,
-    /// Outline, axis, passes, nozzle outlines.
-    pub plan: Option<PlanPicture<'a>>,
-    /// Gaps and overlaps.
-    pub coverage: Option<CoveragePicture<'a>>,
+    /// Sheets of layers; the first has the plain file names.
+    pub layers: Vec<LayerSheets<'a>>,
     /// Curves over time.
     pub motion: Option<TimePlots>,
     /// Warnings and notes for the page.
     pub notes: &'a [String],
 }
 
+/// Pictures of one layer.
+#[derive(Clone, Debug)]
+pub struct LayerSheets<'a> {
+    /// Layer from 0.
+    pub layer: u32,
+    /// Which layer that is and which are like it; empty where there is only one.
+    pub label: &'a str,
+    /// Outline, axis, passes, nozzle outlines.
+    pub plan: PlanPicture<'a>,
+    /// Gaps and overlaps.
+    pub coverage: Option<CoveragePicture<'a>>,
+}
+
 /// A file of the report.
 #[derive(Clone, Debug, PartialEq)]
 pub struct ReportFile {
     /// Name inside the report's folder.
-    pub name: &'static str,
+    pub name: String,
     /// Contents.
     pub text: String,
 }
 
 /// The report's files: `report.json`, the pictures that there is something for, `index.html`.
 pub fn write_report(report: &Report) -> Vec<ReportFile> {
-    let mut files = vec![ReportFile {
-        name: "report.json",
-        text: report.figures.to_json() + "\n",
-    }];
-    let mut pictures = Vec::new();
-    if let Some(plan) = &report.plan {
-        let text = plan_picture::draw(plan);
-        pictures.push((
-            "plan.svg",
-            "Outline, medial axis, passes and nozzle outlines",
-        ));
-        files.push(ReportFile {
-            name: "plan.svg",
-            text,
-        });
-    }
-    if let Some(coverage) = &report.coverage {
-        let text = coverage_picture::draw(coverage);
-        pictures.push(("coverage.svg", "Deposited area: gaps and overlaps"));
-        files.push(ReportFile {
-            name: "coverage.svg",
-            text,
-        });
+    let mut files = Vec::new();
+    let mut pictures: Vec<(String, String)> = Vec::new();
+    let mut add = |name: String, caption: String, text: String| {
+        pictures.push((name.clone(), caption));
+        files.push(ReportFile { name, text });
+    };
+    for (number, sheets) in report.layers.iter().enumerate() {
+        let ending = match number {
+            0 => ".svg".to_string(),
+            _ => format!("-layer-{}.svg", sheets.layer + 1),
+        };
+        let caption = |what: &str| match sheets.label {
+            "" => what.to_string(),
+            label => format!("{what}: {label}"),
+        };
+        let text = plan_picture::draw(&sheets.plan);
+        let what = "Outline, medial axis, passes and nozzle outlines";
+        add(format!("plan{ending}"), caption(what), text);
+        if let Some(coverage) = &sheets.coverage {
+            let text = coverage_picture::draw(coverage);
+            let what = "Deposited area: gaps and overlaps";
+            add(format!("coverage{ending}"), caption(what), text);
+        }
     }
     if let Some(motion) = &report.motion {
-        let text = plots::draw(motion);
-        pictures.push(("motion.svg", "Speed, joints, heading and flow over time"));
-        files.push(ReportFile {
-            name: "motion.svg",
-            text,
-        });
+        let what = "Speed, joints, heading and flow over time";
+        add(
+            "motion.svg".to_string(),
+            what.to_string(),
+            plots::draw(motion),
+        );
     }
-    let text = page::html(report.title, report.figures, report.notes, &pictures);
-    files.push(ReportFile {
-        name: "index.html",
-        text,
-    });
-    files
+    let page = page::html(report.title, report.figures, report.notes, &pictures);
+    let first = ReportFile {
+        name: "report.json".to_string(),
+        text: report.figures.to_json() + "\n",
+    };
+    let last = ReportFile {
+        name: "index.html".to_string(),
+        text: page,
+    };
+    std::iter::once(first).chain(files).chain([last]).collect()
 }
 
 #[cfg(test)]

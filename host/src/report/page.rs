@@ -9,7 +9,12 @@ td{padding:.15em .8em .15em 0}td+td{text-align:right;font-variant-numeric:tabula
 h2{font-size:1.1em;margin:1.2em 0 .3em}";
 
 /// The page. `pictures` are (file name, caption).
-pub fn html(title: &str, figures: &Figures, notes: &[String], pictures: &[(&str, &str)]) -> String {
+pub fn html(
+    title: &str,
+    figures: &Figures,
+    notes: &[String],
+    pictures: &[(String, String)],
+) -> String {
     let title = escaped(title);
     let mut page = format!(
         "<!DOCTYPE html>\n<html lang=\"en\"><head><meta charset=\"utf-8\">\

@@ -59,16 +59,31 @@ pub fn samples(
     servo_hz: f64,
     every_ticks: f64,
 ) -> impl Iterator<Item = StreamSample> + '_ {
+    let whole = [0, duration_ticks(stream)];
+    samples_within(stream, servo_hz, every_ticks, whole)
+}
+
+/// The same from one tick to another, both included.
+pub fn samples_within(
+    stream: &SegmentStream,
+    servo_hz: f64,
+    every_ticks: f64,
+    [from, end]: [u64; 2],
+) -> impl Iterator<Item = StreamSample> + '_ {
     let mut next = 0u64;
     let mut mark = 0usize;
-    let end = duration_ticks(stream);
-    Spans::new(&stream.start, &stream.knots).flat_map(move |span| {
+    let spans = Spans::new(&stream.start, &stream.knots);
+    let spans =
+        spans.skip_while(move |span| span.start_tick + u64::from(span.duration_ticks) < from);
+    let spans = spans.take_while(move |span| span.start_tick <= end);
+    spans.flat_map(move |span| {
         let mut found = Vec::new();
         let span_end = span.start_tick + u64::from(span.duration_ticks);
         loop {
-            let tick = next as f64 * every_ticks;
+            let tick = from as f64 + next as f64 * every_ticks;
             // The last span owns its end as well.
-            if tick > span_end as f64 || (tick == span_end as f64 && span_end < end) {
+            let is_past = tick > span_end as f64 || (tick == span_end as f64 && span_end < end);
+            if is_past || tick > end as f64 {
                 break found;
             }
             next += 1;

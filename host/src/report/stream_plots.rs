@@ -1,7 +1,7 @@
 //! A stream's motion as curves over time: tip speed, joints, heading, flow.
 
 use super::plots::{Curve, Panel, TimePlots};
-use super::pose_table::{duration_ticks, samples};
+use super::pose_table::{duration_ticks, samples_within};
 use crate::job::SegmentStream;
 use crate::settings::{Settings, joint_names};
 use headway_firmware::kinematics;
@@ -11,17 +11,28 @@ use headway_protocol::units::CHANNEL_HEADING;
 /// Most samples of a curve: forty for each pixel, so that least and greatest are true to a pixel.
 const SAMPLES_MAX: u64 = 40_000;
 
-/// Samples the stream for the report's motion sheet.
+/// What of the stream is shown, and how long that lasts, ticks.
+fn shown(stream: &SegmentStream) -> (String, u64) {
+    match stream.layers() {
+        0 | 1 => (String::new(), duration_ticks(stream)),
+        layers => {
+            let [_, end] = stream.ticks_of_layer(0);
+            (format!(", layer 1 of {layers}"), end)
+        }
+    }
+}
+
+/// Samples the stream for the report's motion sheet: its first layer, where there are more.
 pub fn stream_plots(title: &str, stream: &SegmentStream, settings: &Settings) -> TimePlots {
     let machine = &settings.machine;
     let servo_hz = f64::from(machine.servo_hz);
-    let ticks = duration_ticks(stream);
+    let (what, ticks) = shown(stream);
     let every_ticks = ticks.div_ceil(SAMPLES_MAX).max(1) as f64;
     let names = joint_names(&machine.kinematics);
     let (mut speed, mut heading, mut flow) = (Vec::new(), Vec::new(), Vec::new());
     let mut joints: Vec<Vec<[f64; 2]>> = vec![Vec::new(); names.len()];
     let mut before: Option<(f64, Vec<f64>)> = None;
-    for sample in samples(stream, servo_hz, every_ticks) {
+    for sample in samples_within(stream, servo_hz, every_ticks, [0, ticks]) {
         let time_s = sample.time_s;
         speed.push([time_s, sample.speed_mm_s()]);
         heading.push([time_s, sample.position[CHANNEL_HEADING].to_degrees()]);
@@ -50,11 +61,12 @@ pub fn stream_plots(title: &str, stream: &SegmentStream, settings: &Settings) ->
         curves,
     };
     TimePlots {
-        title: format!("{title}: motion as planned"),
+        title: format!("{title}: motion as planned{what}"),
         duration_s: ticks as f64 / servo_hz,
         bands: stream
             .marks
             .iter()
+            .filter(|m| m.start_tick < ticks)
             .map(|m| {
                 (
                     m.start_tick as f64 / servo_hz,

@@ -153,6 +153,42 @@ fn stream() -> SegmentStream {
     }
 }
 
+fn empty_plan() -> PlanPicture<'static> {
+    PlanPicture {
+        title: "plan",
+        regions: &[],
+        keep_out: &[],
+        aperture: Settings::default().aperture,
+        axis: Vec::new(),
+        passes: vec![PicturePass {
+            placements: vec![(
+                Configuration {
+                    center: Point2::new(1.0, 2.0),
+                    heading_rad: 0.0,
+                },
+                Zone::Unknown,
+            )],
+        }],
+        travel: Vec::new(),
+        unreachable: Vec::new(),
+    }
+}
+
+#[test]
+fn a_layer_is_sampled_as_it_is_in_the_whole() {
+    let mut stream = stream();
+    stream.marks[1].layer = 1;
+    assert_eq!(stream.layers(), 2);
+    let layers = [0, 1, 2].map(|layer| stream.ticks_of_layer(layer));
+    assert_eq!(layers, [[0, 500], [500, 1036], [0, 0]]);
+    let whole: Vec<_> = pose_table::samples(&stream, 2000.0, 4.0).collect();
+    for [from, to] in [[0, 500], [500, 1036], [496, 512]] {
+        let part: Vec<_> = pose_table::samples_within(&stream, 2000.0, 4.0, [from, to]).collect();
+        let (first, last) = (from as usize / 4, to as usize / 4);
+        assert_eq!(part, whole[first..=last], "{from} to {to}");
+    }
+}
+
 #[test]
 fn the_pose_table_keeps_its_columns() {
     let stream = stream();
@@ -204,12 +240,38 @@ fn motion_and_page_hold_what_they_should() {
     let files = write_report(&Report {
         title: "part",
         figures: &figures,
-        plan: None,
-        coverage: None,
+        layers: Vec::new(),
         motion: Some(plots),
         notes: &notes,
     });
-    let names: Vec<&str> = files.iter().map(|file| file.name).collect();
+    let files_of_layers = write_report(&Report {
+        title: "part",
+        figures: &figures,
+        layers: [(0, "layer 1 of 9"), (4, "layer 5 of 9 and 2 like it")]
+            .map(|(layer, label)| LayerSheets {
+                layer,
+                label,
+                plan: empty_plan(),
+                coverage: None,
+            })
+            .to_vec(),
+        motion: None,
+        notes: &[],
+    });
+    let names: Vec<&str> = files_of_layers
+        .iter()
+        .map(|file| file.name.as_str())
+        .collect();
+    assert_eq!(
+        names,
+        ["report.json", "plan.svg", "plan-layer-5.svg", "index.html"]
+    );
+    assert!(
+        files_of_layers[3]
+            .text
+            .contains("layer 5 of 9 and 2 like it")
+    );
+    let names: Vec<&str> = files.iter().map(|file| file.name.as_str()).collect();
     assert_eq!(names, ["report.json", "motion.svg", "index.html"]);
     // Four panels and the limits of two of them.
     assert!(count(&files[1].text, "path") >= 7);

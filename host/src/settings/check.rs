@@ -1,6 +1,6 @@
 //! Are the settings possible, and possible together?
 
-use super::Settings;
+use super::{LAYERS_MAX, Settings};
 use headway_firmware::configuration::{ConfigurationError, Kinematics, MachineConfiguration};
 use headway_firmware::steps::{INTERVAL_TICKS_MAX, INTERVAL_TICKS_MIN};
 
@@ -255,6 +255,8 @@ impl Settings {
         in_range("print.aperture (major semi-axis)", major, 0.01, 500.0)?;
         in_range("print.aperture (minor semi-axis)", minor, 0.01, major)?;
         in_range("print.layer_height_mm", self.layer_height_mm, 0.001, 500.0)?;
+        let layers_max = f64::from(LAYERS_MAX);
+        in_range("print.layers", f64::from(self.layers), 1.0, layers_max)?;
         in_range("print.speed_mm_s", self.speed_mm_s, 0.01, 10_000.0)?;
         in_range("print.travel_speed_mm_s", self.travel_speed_mm_s, 0.01, 1e4)?;
         in_range(
@@ -270,6 +272,12 @@ impl Settings {
             in_range("infill.density_pct", infill.density_pct, 0.0, 100.0)?;
             let angle_deg = infill.angle_rad.to_degrees();
             in_range("infill.angle_deg", angle_deg, -360.0, 360.0)?;
+            for (key, solid) in [
+                ("infill.bottom_layers", infill.bottom_layers),
+                ("infill.top_layers", infill.top_layers),
+            ] {
+                in_range(key, f64::from(solid.unwrap_or(0)), 0.0, layers_max)?;
+            }
         }
         let skirt = &self.skirt;
         in_range("skirt.loops", f64::from(skirt.loops), 0.0, 100.0)?;

@@ -73,6 +73,7 @@ impl Settings {
                 major_mm: 0.6,
                 minor_mm: 0.2,
             },
+            layers: 1,
             layer_height_mm: 0.2,
             speed_mm_s: 60.0,
             travel_speed_mm_s: 150.0,

@@ -18,7 +18,7 @@ use serde::Deserialize;
 use std::f64::consts::TAU;
 
 mod write;
-pub use write::to_toml;
+pub use write::{to_new_toml, to_toml};
 
 /// Why a machine file cannot be used.
 #[derive(Clone, Debug, PartialEq, thiserror::Error)]
@@ -137,6 +137,7 @@ struct Extruder {
 #[serde(deny_unknown_fields)]
 struct Print {
     aperture: Option<String>,
+    layers: Option<u32>,
     layer_height_mm: Option<f64>,
     speed_mm_s: Option<f64>,
     travel_speed_mm_s: Option<f64>,
@@ -193,6 +194,8 @@ struct FileInfill {
     walls: u32,
     density_pct: Option<f64>,
     angle_deg: Option<f64>,
+    bottom_layers: Option<u32>,
+    top_layers: Option<u32>,
 }
 
 #[derive(Default, Deserialize)]
@@ -245,6 +248,7 @@ impl File {
             work_area_mm: [self.work_area.min_mm, self.work_area.max_mm],
             at_mm: None,
             aperture,
+            layers: print.layers.unwrap_or(default.layers),
             layer_height_mm: print.layer_height_mm.unwrap_or(default.layer_height_mm),
             speed_mm_s: print.speed_mm_s.unwrap_or(default.speed_mm_s),
             travel_speed_mm_s: print.travel_speed_mm_s.unwrap_or(default.travel_speed_mm_s),
@@ -366,6 +370,8 @@ impl FileInfill {
         Infill {
             density_pct: self.density_pct.unwrap_or(solid.density_pct),
             angle_rad: self.angle_deg.map_or(solid.angle_rad, f64::to_radians),
+            bottom_layers: self.bottom_layers,
+            top_layers: self.top_layers,
             ..solid
         }
     }
@@ -421,7 +427,10 @@ mod tests {
                 walls: 3,
                 density_pct: 12.5,
                 angle_rad: 0.3,
+                bottom_layers: Some(0),
+                top_layers: Some(7),
             }),
+            layers: 120,
             skirt: Skirt {
                 loops: 2,
                 brim_loops: 5,
@@ -440,6 +449,9 @@ mod tests {
             let text = to_toml(&settings);
             let read = from_toml(&text).expect(&text);
             assert_eq!(read, settings, "{text}");
+            let text = to_new_toml(&settings);
+            assert_eq!(from_toml(&text).expect(&text), settings);
+            assert!(text.contains("layers = ") && text.contains("bottom_layers = "));
         }
     }
 

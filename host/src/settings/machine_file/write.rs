@@ -2,18 +2,29 @@
 
 use crate::settings::aperture_text::aperture_text;
 use crate::settings::check::{joint_names, kinematics_name};
-use crate::settings::{HeadingLaw, PassMode, SeamPlace, Settings};
+use crate::settings::{BOTTOM_LAYERS, HeadingLaw, PassMode, SeamPlace, Settings, TOP_LAYERS};
 use headway_firmware::configuration::{JointConfiguration, Kinematics};
 use std::f64::consts::TAU;
 use std::fmt::Write;
 
-/// The settings as a commented machine file.
+/// The settings as a commented machine file. What only prints of several layers have is left out
+/// where there is one: jobs carry this text.
 pub fn to_toml(settings: &Settings) -> String {
+    written(settings, false)
+}
+
+/// The same with every key, to start from.
+pub fn to_new_toml(settings: &Settings) -> String {
+    written(settings, true)
+}
+
+fn written(settings: &Settings, with_layers: bool) -> String {
     let mut text = String::new();
+    let with_layers = with_layers || settings.layers != 1;
     // Writing to a String cannot fail; the results say so by type only.
     let _ = write_machine(&mut text, settings);
-    let _ = write_process(&mut text, settings);
-    let _ = write_infill(&mut text, settings);
+    let _ = write_process(&mut text, settings, with_layers);
+    let _ = write_infill(&mut text, settings, with_layers);
     let _ = write_skirt(&mut text, settings);
     text
 }
@@ -120,7 +131,7 @@ fn write_joint(text: &mut String, name: &str, joint: &JointConfiguration) -> std
     writeln!(text, "jerk_max_deg_s3 = {}", degrees(joint.jerk_max))
 }
 
-fn write_process(text: &mut String, s: &Settings) -> std::fmt::Result {
+fn write_process(text: &mut String, s: &Settings, with_layers: bool) -> std::fmt::Result {
     writeln!(
         text,
         "\n# The command line overrides these (--aperture, --speed, ...).\n[print]"
@@ -131,6 +142,9 @@ fn write_process(text: &mut String, s: &Settings) -> std::fmt::Result {
          # sizes, corner radius) or polygon:FILE (corners about the tool's axis, beside this file)"
     )?;
     writeln!(text, "aperture = \"{}\"", aperture_text(&s.aperture))?;
+    if with_layers {
+        writeln!(text, "# All of the same outline.\nlayers = {}", s.layers)?;
+    }
     writeln!(text, "layer_height_mm = {}", number(s.layer_height_mm))?;
     writeln!(text, "speed_mm_s = {}", number(s.speed_mm_s))?;
     writeln!(text, "travel_speed_mm_s = {}", number(s.travel_speed_mm_s))?;
@@ -215,20 +229,37 @@ fn write_travel(text: &mut String, s: &Settings) -> std::fmt::Result {
     writeln!(text, "seam_direction_deg = {direction}")
 }
 
-fn write_infill(text: &mut String, s: &Settings) -> std::fmt::Result {
+fn write_infill(text: &mut String, s: &Settings, with_layers: bool) -> std::fmt::Result {
     writeln!(
         text,
         "\n# Walls with straight lines inside, in place of beads along the outline all the way in."
     )?;
     let Some(infill) = &s.infill else {
-        return writeln!(
+        writeln!(
             text,
             "# [infill]\n# walls = 2\n# density_pct = 20\n# angle_deg = 45"
-        );
+        )?;
+        if with_layers {
+            writeln!(
+                text,
+                "# Solid layers, where there are several.\n# bottom_layers = {BOTTOM_LAYERS}\n\
+                 # top_layers = {TOP_LAYERS}"
+            )?;
+        }
+        return Ok(());
     };
     writeln!(text, "[infill]\nwalls = {}", infill.walls)?;
     writeln!(text, "density_pct = {}", number(infill.density_pct))?;
-    writeln!(text, "angle_deg = {}", degrees(infill.angle_rad))
+    writeln!(text, "angle_deg = {}", degrees(infill.angle_rad))?;
+    for (key, solid) in [
+        ("bottom_layers", infill.bottom_layers),
+        ("top_layers", infill.top_layers),
+    ] {
+        if let Some(solid) = solid {
+            writeln!(text, "{key} = {solid}")?;
+        }
+    }
+    Ok(())
 }
 
 fn write_skirt(text: &mut String, s: &Settings) -> std::fmt::Result {

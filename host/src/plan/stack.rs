@@ -1,0 +1,281 @@
+//! The layers of a job: which are alike, and how each one's regions are printed.
+//!
+//! A job is a prism: every layer has the same outline and lies one layer height above the one
+//! below. Layers with the same lines inside are planned once ([`LayerKind`]); what differs from one
+//! to the next is its height, the order of its regions and which way round each is printed, begun
+//! near the place where the head is ([`RegionPrint`]).
+//!
+//! Input: the regions with their axes. Output: kinds, printings, and the curves of the whole job in
+//! machine coordinates. The same curve is kept once, however many layers print it.
+
+use super::build_route::PlanePass;
+use super::layer_path::{PlaneControl, pass_curves};
+use super::measure::OFF_REGIONS;
+use super::order::region_order;
+use super::passes::{LayerPass, PassKind};
+use super::progress::{Progress, Stage, Steps};
+use super::region_plan::{RegionPlan, RegionWork};
+use super::skirt::SkirtPlan;
+use crate::geometry::edge_index::EdgeIndex;
+use crate::geometry::{Point2, Vector2};
+use crate::part_transform::PartTransform;
+use crate::settings::{Infill, Settings};
+use rayon::prelude::*;
+use std::collections::BTreeMap;
+use std::sync::Arc;
+
+/// Most control points of all printed curves: about 800 m of path, and 1 GB while it is planned.
+pub const POINTS_MAX: usize = 10_000_000;
+
+/// Share of the outside tolerance that the path may use; the rest is the fit's.
+const PATH_SHARE: f64 = 0.4;
+
+/// The job is longer than what can be planned in one piece.
+#[derive(Clone, Copy, Debug, PartialEq, thiserror::Error)]
+#[error(
+    "{layers} layers of this part are a path of {points} control points, and a job has at most \
+     {POINTS_MAX}: print fewer --layers at a time ({fitting} fit), or less of the part"
+)]
+pub struct TooLongError {
+    /// Layers asked for.
+    pub layers: u32,
+    /// Control points of their curves.
+    pub points: usize,
+    /// Layers that would do.
+    pub fitting: u32,
+}
+
+/// Layers that are planned alike.
+#[derive(Clone, Debug)]
+pub struct LayerKind {
+    /// Walls and lines; `None` for loops all the way in.
+    pub infill: Option<Infill>,
+    /// How many layers are of this kind.
+    pub layers: u32,
+    /// The lowest of them.
+    pub first_layer: u32,
+    /// The regions in the input's order.
+    pub regions: Vec<RegionPlan>,
+}
+
+/// One printing of a region.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct RegionPrint {
+    /// Layer from 0.
+    pub layer: u32,
+    /// Number of the layer's kind.
+    pub kind: usize,
+    /// Number of the region.
+    pub region: usize,
+    /// True where it is printed the other way round.
+    pub is_turned: bool,
+    /// The first printing that runs the same curves: its own number, or an earlier one's.
+    pub like: usize,
+}
+
+/// The different lines inside, in the order of their first layers, and which of them each layer has.
+pub fn infills_of_layers(settings: &Settings) -> (Vec<Option<Infill>>, Vec<usize>) {
+    let mut kinds: Vec<Option<Infill>> = Vec::new();
+    let mut of_layer = Vec::with_capacity(settings.layers as usize);
+    for layer in 0..settings.layers {
+        let infill = settings.infill.as_ref();
+        let infill = infill.map(|infill| infill.of_layer(layer, settings.layers));
+        let known = kinds.iter().position(|known| *known == infill);
+        of_layer.push(known.unwrap_or(kinds.len()));
+        if known.is_none() {
+            kinds.push(infill);
+        }
+    }
+    (kinds, of_layer)
+}
+
+/// The passes of every region with each of the lines, unordered: `[kind][region]`.
+pub fn with_passes(
+    regions: &[RegionWork],
+    infills: &[Option<Infill>],
+    progress: &dyn Progress,
+) -> Vec<Vec<RegionWork>> {
+    let steps = Steps::begin(progress, Stage::Passes, regions.len() * infills.len());
+    of_each_kind(regions.iter(), infills.len(), |region, kind| {
+        let region = region.with_passes(infills[kind]);
+        steps.step();
+        region
+    })
+}
+
+/// The kinds of layer, their regions' passes ordered and joined.
+pub fn layer_kinds(
+    works: Vec<Vec<RegionWork>>,
+    infills: &[Option<Infill>],
+    kind_of_layer: &[usize],
+    progress: &dyn Progress,
+) -> Vec<LayerKind> {
+    let count = works.first().map_or(0, Vec::len);
+    let steps = Steps::begin(progress, Stage::Order, count * works.len());
+    let regions = of_each_kind(0..count, works.len(), |number, kind| {
+        let region = works[kind][number].clone().in_order();
+        steps.step();
+        region
+    });
+    let kinds = infills.iter().zip(regions).enumerate();
+    kinds
+        .map(|(kind, (&infill, regions))| {
+            let mut its_layers = (0u32..).zip(kind_of_layer).filter(|(_, of)| **of == kind);
+            let first_layer = its_layers.next().map_or(0, |(layer, _)| layer);
+            LayerKind {
+                infill,
+                layers: 1 + its_layers.count() as u32,
+                first_layer,
+                regions,
+            }
+        })
+        .collect()
+}
+
+/// What is made of each item and kind, `[kind][item]`: item by item, its kinds side by side.
+fn of_each_kind<T: Copy + Send + Sync, U: Send>(
+    items: impl Iterator<Item = T>,
+    kinds: usize,
+    make: impl Fn(T, usize) -> U + Sync,
+) -> Vec<Vec<U>> {
+    let mut made: Vec<Vec<U>> = (0..kinds).map(|_| Vec::new()).collect();
+    for item in items {
+        let of_item: Vec<U> = (0..kinds)
+            .into_par_iter()
+            .map(|kind| make(item, kind))
+            .collect();
+        for (kind, of_kind) in of_item.into_iter().enumerate() {
+            made[kind].push(of_kind);
+        }
+    }
+    made
+}
+
+/// How the regions of every layer are printed: nearest first, each begun at its nearer end, from
+/// where the layer below was left. `from` is where the head is first, input coordinates.
+pub fn region_prints(
+    kinds: &[LayerKind],
+    kind_of_layer: &[usize],
+    from: Point2,
+) -> Vec<RegionPrint> {
+    let mut position = from;
+    let mut prints: Vec<RegionPrint> = Vec::new();
+    let mut known = BTreeMap::new();
+    for (layer, &kind) in kind_of_layer.iter().enumerate() {
+        let regions = &kinds[kind].regions;
+        let centers: Vec<Point2> = regions.iter().map(RegionPlan::middle).collect();
+        for region in region_order(&centers, position) {
+            let is_turned = regions[region].is_turned(position);
+            position = regions[region].end(is_turned).unwrap_or(position);
+            let like = *known
+                .entry((kind, region, is_turned))
+                .or_insert(prints.len());
+            prints.push(RegionPrint {
+                layer: layer as u32,
+                kind,
+                region,
+                is_turned,
+                like,
+            });
+        }
+    }
+    prints
+}
+
+/// A curve that is printed, machine coordinates.
+#[derive(Clone, Debug)]
+struct PrintCurve {
+    kind: PassKind,
+    control: Arc<[PlaneControl]>,
+}
+
+/// The curves of the whole job in machine coordinates, skirt and brim on the first layer before
+/// its regions, and each one's printing.
+///
+/// # Errors
+/// [`TooLongError`] above [`POINTS_MAX`].
+pub fn plane_passes(
+    skirt: Option<&SkirtPlan>,
+    kinds: &[LayerKind],
+    prints: &[RegionPrint],
+    transform: &PartTransform,
+    settings: &Settings,
+) -> Result<(Vec<PlanePass>, Vec<usize>), TooLongError> {
+    let place = Vector2::new(transform.offset_mm[0], transform.offset_mm[1]);
+    let firsts = prints.par_iter().enumerate();
+    let curves: Vec<Vec<PrintCurve>> = firsts
+        .map(|(number, print)| {
+            if print.like != number {
+                return Vec::new();
+            }
+            let region = &kinds[print.kind].regions[print.region];
+            let walls = EdgeIndex::of_region(&region.hull, settings.aperture.major_mm());
+            let shift = region.contour.offset + place;
+            let passes = region.passes_turned(print.is_turned);
+            curves_of(&passes, &walls, shift, settings)
+        })
+        .collect();
+    let around = skirt.map_or(Vec::new(), |skirt| {
+        curves_of(&skirt.passes, &skirt.walls, skirt.offset + place, settings)
+    });
+    let of_print = |print: &RegionPrint| curves[print.like].iter();
+    check_length(
+        around.iter().chain(prints.iter().flat_map(of_print)),
+        settings,
+    )?;
+    let (mut passes, mut print_of_pass) = (Vec::new(), Vec::new());
+    let mut add = |curves: &[PrintCurve], layer: u32, print: usize| {
+        for curve in curves {
+            passes.push(PlanePass {
+                kind: curve.kind,
+                layer,
+                z_mm: transform.offset_mm[2] + settings.layer_height_mm * f64::from(layer + 1),
+                control: curve.control.clone(),
+            });
+            print_of_pass.push(print);
+        }
+    };
+    add(&around, 0, OFF_REGIONS);
+    for (number, print) in prints.iter().enumerate() {
+        add(&curves[print.like], print.layer, number);
+    }
+    Ok((passes, print_of_pass))
+}
+
+fn curves_of(
+    passes: &[LayerPass],
+    walls: &EdgeIndex,
+    shift: Vector2,
+    settings: &Settings,
+) -> Vec<PrintCurve> {
+    let tolerance_mm = PATH_SHARE * settings.tolerances.outside_mm;
+    let mut curves = Vec::new();
+    for pass in passes {
+        for control in pass_curves(pass, &settings.aperture, walls, tolerance_mm) {
+            let control = control.iter();
+            curves.push(PrintCurve {
+                kind: pass.kind,
+                control: control
+                    .map(|c| [c[0] + shift.x, c[1] + shift.y, c[2]])
+                    .collect(),
+            });
+        }
+    }
+    curves
+}
+
+fn check_length<'a>(
+    curves: impl Iterator<Item = &'a PrintCurve>,
+    settings: &Settings,
+) -> Result<(), TooLongError> {
+    let points: usize = curves.map(|curve| curve.control.len()).sum();
+    if points <= POINTS_MAX {
+        return Ok(());
+    }
+    let share = POINTS_MAX as f64 / points as f64;
+    Err(TooLongError {
+        layers: settings.layers,
+        points,
+        fitting: (f64::from(settings.layers) * share).floor().max(0.0) as u32,
+    })
+}
