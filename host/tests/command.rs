@@ -436,6 +436,106 @@ fn simulate_writes_report_and_traces() {
     std::fs::remove_dir_all(folder).expect("clean up");
 }
 
+/// Layers are in the figures, the tables, the pictures and the simulation; a job from a file draws
+/// the same layers as one planned just now.
+#[test]
+fn layers_are_in_everything_that_tells_of_them() {
+    let folder = folder("layers");
+    let job = folder.join("web.hwj");
+    let web = example("thin-web.json");
+    let print = ["--layers", "3", "--walls", "1", "--infill-density", "30"];
+    let ends = ["--bottom", "1", "--top", "0"];
+    let plan = ["plan", &web, "-o", path(&job), "--json"];
+    let figures = object(&headway(&[&plan[..], &print, &ends].concat()));
+    assert_eq!(figures["layers"], 3);
+    let kinds = figures["layer_kinds"].as_array().expect("kinds");
+    let whats: Vec<[f64; 4]> = kinds
+        .iter()
+        .map(|kind| {
+            let keys = [
+                "first_layer",
+                "layers",
+                "infill_density_pct",
+                "infill_angle_deg",
+            ];
+            keys.map(|key| kind[key].as_f64().expect(key).round())
+        })
+        .collect();
+    assert_eq!(
+        whats,
+        [
+            [0.0, 1.0, 100.0, 45.0],
+            [1.0, 1.0, 30.0, 135.0],
+            [2.0, 1.0, 30.0, 45.0]
+        ]
+    );
+    let value = |key: &str| figures[key].as_f64().expect(key);
+    assert!(value("covered_pct_min") < value("covered_pct"));
+    assert!(value("overlap_pct_max") >= value("overlap_pct"));
+
+    let table = succeeded(&headway(&[
+        "export",
+        path(&job),
+        "--to",
+        "csv",
+        "--every-ms",
+        "5",
+    ]));
+    let mut seen = [0; 3];
+    for row in table.lines().skip(1) {
+        let cells: Vec<&str> = row.split(',').collect();
+        let layer: usize = cells[1].parse().expect("layer");
+        let z_mm: f64 = cells[5].parse().expect("z");
+        let bed_mm = 0.2 * (layer + 1) as f64;
+        if cells[12] == "print" {
+            assert!((z_mm - bed_mm).abs() < 1e-4, "{row}");
+            seen[layer] += 1;
+        }
+        // Travel to a layer begins on the one below.
+        assert!(z_mm > bed_mm - 0.2001, "{row}");
+    }
+    assert!(seen.iter().all(|rows| *rows > 100), "{seen:?}");
+
+    let reports = [path(&job), &web].map(|input| {
+        let report = folder.join("report");
+        let simulate = ["simulate", input, "--report", path(&report)];
+        let output = if input == web {
+            headway(&[&simulate[..], &print, &ends].concat())
+        } else {
+            headway(&simulate)
+        };
+        let text = succeeded(&output);
+        assert!(
+            text.contains("layer 2      ") && text.contains("30 % lines at 135°"),
+            "{text}"
+        );
+        let sheets = [
+            "coverage.svg",
+            "coverage-layer-2.svg",
+            "coverage-layer-3.svg",
+        ];
+        let sheets = sheets.map(|name| std::fs::read_to_string(report.join(name)).expect(name));
+        std::fs::remove_dir_all(&report).expect("clean up");
+        sheets
+    });
+    assert_eq!(reports[0], reports[1]);
+    assert_ne!(reports[0][1], reports[0][2]);
+
+    let svg = |layer| headway(&["export", path(&job), "--to", "svg", "--layer", layer]);
+    assert_ne!(succeeded(&svg("1")), succeeded(&svg("2")));
+    assert!(succeeded(&svg("3")).contains("layer 3 of 3"));
+    for layer in ["0", "4"] {
+        let output = svg(layer);
+        assert_eq!(output.status.code(), Some(2));
+        assert!(
+            stderr(&output).contains("layers 1 to 3"),
+            "{}",
+            stderr(&output)
+        );
+    }
+    std::fs::remove_dir_all(folder).expect("clean up");
+}
+
 /// A bad line costs time, never a step.
 #[test]
 fn a_bad_line_changes_no_step() {

@@ -312,13 +312,16 @@ pub(super) struct SimulateArgs {
 #[command(after_help = "\
 Examples:
   headway export part.hwj --to csv --every-ms 2 --output poses.csv
-  headway export part.hwj --to svg > part.svg")]
+  headway export part.hwj --to svg --layer 5 > layer-5.svg")]
 pub(super) struct ExportArgs {
     /// A job file (.hwj).
     pub job: PathBuf,
     /// What to write.
     #[arg(long, value_enum, value_name = "FORMAT")]
     pub to: ExportName,
+    /// Layer of the picture, from 1.
+    #[arg(long, value_name = "N", default_value_t = 1)]
+    pub layer: u32,
     /// Time between two rows of the table, ms.
     #[arg(
         long,

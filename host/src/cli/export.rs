@@ -4,7 +4,8 @@ use super::CliError;
 use super::args::{ExportArgs, ExportName};
 use super::console::Console;
 use super::job::{self, Job};
-use super::{pictures, planned};
+use super::pictures;
+use super::planned::{self, Planned};
 use crate::report::plan_picture;
 use crate::report::pose_table;
 use headway_protocol::segment::FlowAction;
@@ -20,14 +21,26 @@ pub(super) fn run(args: &ExportArgs, console: &Console) -> Result<(), CliError> 
     let job = job::read(&args.job)?;
     let text = match args.to {
         ExportName::Csv => csv(&job, args.every_ms)?,
-        ExportName::Svg => {
-            let planned = planned::of_job(job);
-            let title = planned.name.clone();
-            plan_picture::draw(&pictures::plan_picture(&title, &planned, 0))
-        }
+        ExportName::Svg => svg(planned::of_job(job), args.layer)?,
         ExportName::Json => format!("{:#}\n", json(&job)),
     };
     console.result_to(args.output.as_deref(), &text)
+}
+
+/// A layer's picture.
+fn svg(planned: Planned, number: u32) -> Result<String, CliError> {
+    let layers = planned.stream.layers();
+    if !(1..=layers).contains(&number) {
+        return Err(CliError::Usage(format!(
+            "--layer {number}: the job has layers 1 to {layers}"
+        )));
+    }
+    let title = match layers {
+        1 => planned.name.clone(),
+        _ => format!("{}: layer {number} of {layers}", planned.name),
+    };
+    let picture = pictures::plan_picture(&title, &planned, number - 1);
+    Ok(plan_picture::draw(&picture))
 }
 
 fn csv(job: &Job, every_ms: f64) -> Result<String, CliError> {

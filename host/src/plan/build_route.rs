@@ -16,6 +16,8 @@ use headway_firmware::kinematics;
 use headway_protocol::units::{
     CHANNEL_HEADING, CHANNEL_VOLUME, CHANNEL_X, CHANNEL_Y, CHANNEL_Z, CHANNELS,
 };
+use rayon::prelude::*;
+use std::collections::HashMap;
 use std::sync::Arc;
 
 /// A pass ready to be printed: its curve in the layer plane.
@@ -62,9 +64,10 @@ pub fn build_route(
         at: start,
         route: Route::default(),
     };
-    for (number, pass) in passes.iter().enumerate() {
+    let volumes_mm3 = volumes_mm3(passes, settings);
+    for (number, (pass, volume_mm3)) in passes.iter().zip(&volumes_mm3).enumerate() {
         head.travel_to(pass, ways)?;
-        head.print(pass, number as u32);
+        head.print(pass, volume_mm3, number as u32);
     }
     if let Some(last) = passes.last() {
         let up = head.at[CHANNEL_Z] + settings.lift_mm;
@@ -200,7 +203,7 @@ impl Head<'_> {
     }
 
     /// Prime, print, retract.
-    fn print(&mut self, pass: &PlanePass, number: u32) {
+    fn print(&mut self, pass: &PlanePass, volume_mm3: &[f64], number: u32) {
         let s = self.settings;
         let pr = s.prime_retract;
         let prime_s = event_duration_s(pr.prime_mm3, pr.prime_rate_mm3_s);
@@ -227,7 +230,7 @@ impl Head<'_> {
             lead_s,
         };
         let event = (retract_s > 0.0).then_some(retract);
-        let control = self.print_control(pass);
+        let control = self.print_control(pass, volume_mm3);
         self.push(
             MotionState::Print,
             pass.layer,
@@ -249,43 +252,68 @@ impl Head<'_> {
         }
     }
 
-    /// The pass in channel space, with the volume that its advancing front covers.
-    fn print_control(&self, pass: &PlanePass) -> Vec<[f64; CHANNELS]> {
-        let s = self.settings;
+    /// The pass in channel space.
+    fn print_control(&self, pass: &PlanePass, volume_mm3: &[f64]) -> Vec<[f64; CHANNELS]> {
         let turn = self.at[CHANNEL_HEADING] - pass.control[0][2];
-        let spans = pass.control.len() - 1;
-        let poses: Vec<FlowPose> = (0..=spans * DEPOSIT_STEPS)
-            .map(|k| {
-                let span = (k / DEPOSIT_STEPS).min(spans - 1);
-                let t = k as f64 / DEPOSIT_STEPS as f64 - span as f64;
-                let [x, y, heading_rad] = curve_at(&pass.control, span, t);
-                FlowPose {
-                    centre_mm: [x, y],
-                    heading_rad,
-                }
-            })
-            .collect();
-        let ground = s.aperture.area_mm2();
-        let volume = deposit(
-            &poses,
-            &s.aperture,
-            s.layer_height_mm,
-            s.flow_factor,
-            ground,
-        );
-        (0..=spans)
-            .map(|i| {
-                let [x, y, heading] = pass.control[i];
+        let places = pass.control.iter().zip(volume_mm3);
+        places
+            .map(|(&[x, y, heading], volume_mm3)| {
                 let mut point = self.at;
                 point[CHANNEL_X] = x;
                 point[CHANNEL_Y] = y;
                 point[CHANNEL_Z] = pass.z_mm;
                 point[CHANNEL_HEADING] = heading + turn;
-                point[CHANNEL_VOLUME] += volume[i * DEPOSIT_STEPS];
+                point[CHANNEL_VOLUME] += volume_mm3;
                 point
             })
             .collect()
     }
+}
+
+/// For each pass the volume that its advancing front has laid at its control points: found once for
+/// passes that share a curve.
+fn volumes_mm3(passes: &[PlanePass], settings: &Settings) -> Vec<Arc<[f64]>> {
+    let mut known = HashMap::new();
+    let mut different: Vec<&PlanePass> = Vec::new();
+    let curves: Vec<usize> = passes
+        .iter()
+        .map(|pass| {
+            *known.entry(Arc::as_ptr(&pass.control)).or_insert_with(|| {
+                different.push(pass);
+                different.len() - 1
+            })
+        })
+        .collect();
+    let found = different.into_par_iter();
+    let found: Vec<Arc<[f64]>> = found
+        .map(|pass| volume_mm3(&pass.control, settings).into())
+        .collect();
+    let of_pass = curves.into_iter();
+    of_pass.map(|curve| found[curve].clone()).collect()
+}
+
+fn volume_mm3(control: &[PlaneControl], s: &Settings) -> Vec<f64> {
+    let spans = control.len() - 1;
+    let poses: Vec<FlowPose> = (0..=spans * DEPOSIT_STEPS)
+        .map(|k| {
+            let span = (k / DEPOSIT_STEPS).min(spans - 1);
+            let t = k as f64 / DEPOSIT_STEPS as f64 - span as f64;
+            let [x, y, heading_rad] = curve_at(control, span, t);
+            FlowPose {
+                centre_mm: [x, y],
+                heading_rad,
+            }
+        })
+        .collect();
+    let ground = s.aperture.area_mm2();
+    let volume = deposit(
+        &poses,
+        &s.aperture,
+        s.layer_height_mm,
+        s.flow_factor,
+        ground,
+    );
+    volume.into_iter().step_by(DEPOSIT_STEPS).collect()
 }
 
 /// Duration of a prime or retract whose peak rate is `rate`: a quintic smooth step peaks at 1.875

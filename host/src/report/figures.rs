@@ -43,6 +43,9 @@ impl KindFigures {
         if let (Some(pct), Some(deg)) = (self.infill_density_pct, self.infill_angle_deg) {
             value += &format!(", {pct} % lines at {deg:.0}°");
         }
+        if let Some(pct) = self.infill_covered_pct {
+            value += &format!(" ({pct:.1} % came out)");
+        }
         (what, Some(value))
     }
 }
