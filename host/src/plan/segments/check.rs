@@ -50,7 +50,7 @@ pub struct Piece {
 /// Ratio that counts as kept: the extremum between samples is exact to less than this.
 const RATIO_MAX: f64 = 1.0 - 1e-6;
 /// The same of the jerk, which a cubic piece has as a mean over it.
-const JERK_RATIO_MAX: f64 = 1.01;
+pub const JERK_RATIO_MAX: f64 = 1.01;
 /// Largest jerk ratio that one round answers: jerk falls faster than it is asked to.
 const JERK_RATIO_ANSWERED: f64 = 3.0;
 

@@ -9,6 +9,8 @@
 //!                          +-- local slowing where a ratio is above 1 -----+
 //! ```
 //!
+//! A print stretch that an earlier layer had as well takes that one's spline, moved and checked.
+//!
 //! Left out: what one stretch's pressure advance still does in the next (they are joined at rest;
 //! it dies out within the smoothing window).
 
@@ -16,6 +18,7 @@ pub mod assemble;
 pub mod check;
 pub mod fit;
 pub mod layout;
+mod repeats;
 pub mod shaping;
 pub mod spline;
 pub mod warp;
@@ -77,14 +80,32 @@ pub fn lay_segments_telling(
 ) -> Result<(SegmentStream, MotionReport), MotionError> {
     check_route(route)?;
     let steps = Steps::begin(progress, Stage::Segments, route.stretches.len());
-    let finished: Vec<FinishedStretch> = (0..route.stretches.len())
+    let earlier = repeats::earlier_ones(route);
+    let firsts: Vec<Option<FinishedStretch>> = (0..route.stretches.len())
         .into_par_iter()
-        .map(|index| {
-            let finished = finish_stretch(route, index, settings)?;
-            steps.step();
-            Ok(finished)
+        .map(|index| match earlier[index] {
+            Some(_) => Ok(None),
+            None => {
+                let finished = finish_stretch(route, index, None, settings)?;
+                steps.step();
+                Ok(Some(finished))
+            }
         })
         .collect::<Result<_, MotionError>>()?;
+    let repeated: Vec<Option<FinishedStretch>> = (0..route.stretches.len())
+        .into_par_iter()
+        .map(|index| {
+            let Some(first) = earlier[index] else {
+                return Ok(None);
+            };
+            let known = firsts[first].as_ref().map(|known| (first, known));
+            let finished = finish_stretch(route, index, known, settings)?;
+            steps.step();
+            Ok(Some(finished))
+        })
+        .collect::<Result<_, MotionError>>()?;
+    let both = firsts.into_iter().zip(repeated);
+    let finished: Vec<FinishedStretch> = both.filter_map(|(a, b)| a.or(b)).collect();
     let mut report = MotionReport::default();
     for stretch in &finished {
         report.ratios = report.ratios.max(stretch.ratios);
@@ -125,9 +146,11 @@ fn check_route(route: &Route) -> Result<(), MotionError> {
     Ok(())
 }
 
+/// One stretch; `known` is an earlier one that it repeats.
 fn finish_stretch(
     route: &Route,
     index: usize,
+    known: Option<(usize, &FinishedStretch)>,
     settings: &Settings,
 ) -> Result<FinishedStretch, MotionError> {
     let stretch = &route.stretches[index];
@@ -155,14 +178,20 @@ fn finish_stretch(
     let samples = sample_path(&stretch.curve, &limits)?;
     let before = index.checked_sub(1).map(|before| &route.stretches[before]);
     let tolerances = fit::channel_tolerances(&settings.tolerances);
-    Shaping {
+    let shaping = Shaping {
         stretch,
         before,
         samples: &samples,
         limits: &limits,
         tolerances: &tolerances,
+    };
+    if let Some((first, known)) = known {
+        let spline = repeats::moved(&known.spline, &route.stretches[first], stretch);
+        if let Some(finished) = shaping.taken_over(spline, known)? {
+            return Ok(finished);
+        }
     }
-    .finish()
+    shaping.finish()
 }
 
 /// Fails where a prime or retract alone is more than the extruder may do. The quintic step peaks

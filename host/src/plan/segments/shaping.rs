@@ -5,9 +5,10 @@
 //! a few per cent are missing, stretch the finished motion in time around the piece
 //! ([`super::warp`]), which cannot raise a new peak elsewhere.
 
-use super::check::{self, EventRun, Piece, Ratios};
+use super::check::{self, EventRun, JERK_RATIO_MAX, Piece, Ratios};
 use super::fit::TickPath;
 use super::layout::{self, Layout};
+use super::spline::RestSpline;
 use super::{FinishedStretch, dwell_ticks, warp};
 use crate::plan::joint_limits::{MotionError, MotionLimits};
 use crate::plan::path_samples::PathSample;
@@ -96,6 +97,35 @@ impl Shaping<'_> {
         self.doubled(layout)
     }
 
+    /// The spline of a stretch that this one repeats, moved here, where it keeps the limits as that one
+    /// did: rounding at its end may take what was spared.
+    pub fn taken_over(
+        &self,
+        spline: RestSpline,
+        known: &FinishedStretch,
+    ) -> Result<Option<FinishedStretch>, MotionError> {
+        let pieces = self.check_limits(&spline)?;
+        let jerk_max = known.ratios.jerk.max(JERK_RATIO_MAX) * (1.0 + 1e-6);
+        let keeps_jerk = |piece: &Piece| piece.ratios.jerk <= jerk_max;
+        if !pieces.iter().all(keeps_jerk) || !pieces.iter().all(|piece| piece.is_kept(false)) {
+            return Ok(None);
+        }
+        let ratios = pieces.iter().map(|piece| piece.ratios);
+        Ok(Some(FinishedStretch {
+            ratios: ratios.fold(Ratios::default(), Ratios::max),
+            fit_error_ratio: known.fit_error_ratio,
+            spline,
+            doubled: known.doubled,
+        }))
+    }
+
+    fn check_limits(&self, spline: &RestSpline) -> Result<Vec<Piece>, MotionError> {
+        let mut pieces = check::check_motion(spline, self.limits)?;
+        let events = self.events(spline.ticks() as f64);
+        pieces.extend(check::check_extruder(spline, self.limits, &events));
+        Ok(pieces)
+    }
+
     fn time_law(&self, caps: &Caps) -> Result<TimeLaw, MotionError> {
         let mut law = time_law(self.samples, self.limits, caps, self.stretch.dwell_s)?;
         law.pad_to(layout::MOVING_TICKS_MIN);
@@ -110,9 +140,7 @@ impl Shaping<'_> {
     /// is then the way to follow the path.
     fn check(&self, layout: &Layout) -> Result<Vec<Piece>, MotionError> {
         let spline = &layout.spline;
-        let mut pieces = check::check_motion(spline, self.limits)?;
-        let events = self.events(spline.ticks() as f64);
-        pieces.extend(check::check_extruder(spline, self.limits, &events));
+        let mut pieces = self.check_limits(spline)?;
         let mut start_tick = 0.0;
         for (&ticks, &error) in spline.durations_ticks.iter().zip(&layout.errors) {
             let end_tick = start_tick + f64::from(ticks);
