@@ -6,6 +6,7 @@
 //! not see the sampling.
 
 use super::contour::Contour;
+use super::figures::{PlanFigures, Swept};
 use crate::geometry::aperture::Aperture;
 use crate::geometry::clearance::{Configuration, outside_bound_mm, outside_depth_mm};
 use crate::geometry::coverage::{Coverage, SweptPose};
@@ -22,90 +23,7 @@ use crate::settings::Settings;
 use headway_firmware::spline::Spans;
 use headway_protocol::units::{CHANNEL_HEADING, CHANNEL_X, CHANNEL_Y, CHANNEL_Z};
 use rayon::prelude::*;
-
-/// What a plan is judged on (SPEC section 8). Shares are weighted by area over all layers.
-#[derive(Clone, Copy, Debug, Default, PartialEq)]
-pub struct PlanFigures {
-    /// Layers.
-    pub layers: u32,
-    /// Area of the regions, of one layer.
-    pub area_mm2: f64,
-    /// Share of the area that some placement covers.
-    pub reachable_pct: f64,
-    /// Share of the area that was swept.
-    pub covered_pct: f64,
-    /// The same of the layer of which the least was.
-    pub covered_pct_min: f64,
-    /// Share of the reachable area that was swept.
-    pub covered_of_reachable_pct: f64,
-    /// Share of the area that was swept more than once on its layer.
-    pub overlap_pct: f64,
-    /// The same of the layer of which the most was.
-    pub overlap_pct_max: f64,
-    /// How far any placed aperture leaves the regions, on any layer.
-    pub outside_depth_mm: f64,
-    /// Where that is, input coordinates.
-    pub outside_at_mm: [f64; 2],
-    /// Number of passes.
-    pub passes: usize,
-    /// Length of the printed tip path.
-    pub print_mm: f64,
-    /// What of that is printed around the regions.
-    pub skirt_mm: f64,
-    /// Length of everything else.
-    pub travel_mm: f64,
-    /// Duration of the stream.
-    pub print_s: f64,
-    /// Sum of the heading's changes.
-    pub heading_travel_rad: f64,
-    /// Largest heading rate.
-    pub heading_rate_max_rad_s: f64,
-}
-
-/// What one printing of a region came to, or several together.
-#[derive(Clone, Copy, Debug, Default, PartialEq)]
-pub struct Swept {
-    /// Area of the region.
-    pub area_mm2: f64,
-    /// What of it was swept.
-    pub covered_mm2: f64,
-    /// What of it was swept more than once.
-    pub overlap_mm2: f64,
-    /// What of it some placement covers.
-    pub reachable_mm2: f64,
-    /// How far any placed aperture leaves it.
-    pub outside_depth_mm: f64,
-    /// Where that is, input coordinates.
-    pub outside_at_mm: [f64; 2],
-}
-
-impl Swept {
-    /// Several together: sums of the areas, the deepest of the depths.
-    pub fn sum<'a>(parts: impl IntoIterator<Item = &'a Swept>) -> Swept {
-        let mut sum = Swept::default();
-        for part in parts {
-            sum.area_mm2 += part.area_mm2;
-            sum.covered_mm2 += part.covered_mm2;
-            sum.overlap_mm2 += part.overlap_mm2;
-            sum.reachable_mm2 += part.reachable_mm2;
-            if part.outside_depth_mm > sum.outside_depth_mm {
-                sum.outside_depth_mm = part.outside_depth_mm;
-                sum.outside_at_mm = part.outside_at_mm;
-            }
-        }
-        sum
-    }
-
-    /// Share of the area that was swept.
-    pub fn covered_pct(&self) -> f64 {
-        100.0 * self.covered_mm2 / self.area_mm2.max(1e-12)
-    }
-
-    /// Share of the area that was swept more than once.
-    pub fn overlap_pct(&self) -> f64 {
-        100.0 * self.overlap_mm2 / self.area_mm2.max(1e-12)
-    }
-}
+use std::collections::{BTreeMap, BTreeSet};
 
 /// One printing of a region.
 #[derive(Clone, Copy, Debug)]
@@ -114,8 +32,8 @@ pub struct MeasuredPrint<'a> {
     pub contour: &'a Contour,
     /// Layer from 0.
     pub layer: u32,
-    /// An earlier printing that runs the same curves, whose shares are taken over; any other number
-    /// for none. How deep it leaves the outline is measured for each.
+    /// An earlier printing that runs the same curves, whose figures are taken over where its poses are
+    /// the same; any other number for none.
     pub like: usize,
 }
 
@@ -124,7 +42,7 @@ pub struct MeasuredPrint<'a> {
 pub struct Measured {
     /// Each printing.
     pub swept: Vec<Swept>,
-    /// The rasters of those that are measured in full.
+    /// The rasters of those whose figures were not taken over.
     pub rasters: Vec<Option<RegionRaster>>,
 }
 
@@ -148,6 +66,7 @@ const STEP_RAD: f64 = 0.02;
 const ASKED_MAX: usize = 20_000;
 
 /// A sampled print pose, with its pass.
+#[derive(Clone, Copy)]
 struct PrintPose {
     at: Configuration,
     pass: u32,
@@ -157,6 +76,9 @@ struct PrintPose {
 /// Turn of a raster against the region's own frame, rad: aslant to walls along the axes or at 45°,
 /// where whole rows of cells would fall to either side of a wall at once.
 const SKEW_RAD: f64 = 0.4;
+
+/// Poses that differ by less leave the same figures, mm: a thousandth of a raster's cell.
+const SAME_MM: f64 = 1e-5;
 
 /// What was swept of a region.
 #[derive(Clone, Debug)]
@@ -181,6 +103,12 @@ pub fn measure(
     let steps = Steps::begin(progress, Stage::Figures, prints.len());
     let mut measured = Measured::default();
     let mut skirt_mm = 0.0;
+    // Poses of printings that later ones repeat.
+    let mut known: BTreeMap<usize, Vec<PrintPose>> = BTreeMap::new();
+    let repeated: BTreeSet<usize> = (prints.iter().enumerate())
+        .filter(|(number, print)| print.like < *number)
+        .map(|(_, print)| print.like)
+        .collect();
     let mut measure_up_to = |layer: u32, poses: &[PrintPose]| {
         skirt_mm += length_off_regions_mm(poses, print_of_pass);
         while let Some(print) = prints.get(measured.swept.len()) {
@@ -188,15 +116,23 @@ pub fn measure(
                 break;
             }
             let number = measured.swept.len();
-            let its_poses = poses
-                .iter()
-                .filter(|p| print_of_pass.get(p.pass as usize) == Some(&number));
-            let ground = PrintGround::of(print, transform, settings);
-            let local: Vec<SweptPose> = its_poses.map(|p| ground.local(p)).collect();
-            let known = measured.swept.get(print.like).copied();
-            let (swept, raster) = ground.measure(&local, known);
+            let of_print = |p: &&PrintPose| print_of_pass.get(p.pass as usize) == Some(&number);
+            let poses: Vec<PrintPose> = poses.iter().filter(of_print).copied().collect();
+            let like = known.get(&print.like).zip(measured.swept.get(print.like));
+            let same = like.and_then(|(others, swept)| same(&poses, others, swept, settings));
+            let (swept, raster) = match same {
+                Some(swept) => (swept, None),
+                None => {
+                    let (swept, raster) =
+                        PrintGround::of(print, transform, settings).measure(&poses);
+                    (swept, (print.like >= number).then_some(raster))
+                }
+            };
             measured.swept.push(swept);
             measured.rasters.push(raster);
+            if repeated.contains(&number) {
+                known.insert(number, poses);
+            }
             steps.step();
         }
     };
@@ -207,6 +143,31 @@ pub fn measure(
     figures.passes = print_of_pass.len();
     set_shares(&mut figures, prints, &measured.swept);
     (figures, measured)
+}
+
+/// What poses sweep that are the same as others were, to [`SAME_MM`]; the depth is then the others'
+/// and what a point of the aperture is moved by at most. `None` where they are not.
+fn same(
+    poses: &[PrintPose],
+    others: &[PrintPose],
+    swept: &Swept,
+    settings: &Settings,
+) -> Option<Swept> {
+    if poses.len() != others.len() {
+        return None;
+    }
+    let aperture = &settings.aperture;
+    let pairs = poses.iter().zip(others);
+    let apart_mm = pairs.map(|(pose, other)| {
+        let turned_rad = aperture.wrapped_rad(pose.at.heading_rad - other.at.heading_rad);
+        (pose.at.center - other.at.center).norm() + aperture.major_mm() * turned_rad.abs()
+    });
+    let apart_mm = apart_mm.fold(0.0, f64::max);
+    let moved = Swept {
+        outside_depth_mm: swept.outside_depth_mm + apart_mm,
+        ..*swept
+    };
+    (apart_mm <= SAME_MM).then_some(moved)
 }
 
 /// Shares and depths over all printings.
@@ -270,17 +231,12 @@ impl<'a> PrintGround<'a> {
         }
     }
 
-    /// How deep the poses leave the region, and what they sweep of it, unless that is known.
-    fn measure(&self, poses: &[SweptPose], known: Option<Swept>) -> (Swept, Option<RegionRaster>) {
-        let (depth_mm, at) = deepest(poses, &self.walls, self.settings);
+    /// What the poses sweep of the region, and how deep they leave it.
+    fn measure(&self, poses: &[PrintPose]) -> (Swept, RegionRaster) {
+        let poses: Vec<SweptPose> = poses.iter().map(|pose| self.local(pose)).collect();
+        let (depth_mm, at) = deepest(&poses, &self.walls, self.settings);
         let at = self.contour.to_input(self.frame.point_out(at.center));
-        let (shares, raster) = match known {
-            Some(known) => (known, None),
-            None => {
-                let (shares, raster) = self.sweep(poses);
-                (shares, Some(raster))
-            }
-        };
+        let (shares, raster) = self.sweep(&poses);
         let swept = Swept {
             outside_depth_mm: depth_mm,
             outside_at_mm: [at.x, at.y],

@@ -17,6 +17,7 @@ pub mod ends;
 pub mod feasible;
 mod feasible_polygon;
 pub mod field;
+pub mod figures;
 pub mod flow;
 mod gap_raster;
 pub mod heading_law;

@@ -24,7 +24,7 @@ use rayon::prelude::*;
 use std::collections::BTreeMap;
 use std::sync::Arc;
 
-/// Most control points of all printed curves: about 800 m of path, and 1 GB while it is planned.
+/// Most control points of all printed curves: 800 m of path and more, and 1 GB while it is planned.
 pub const POINTS_MAX: usize = 10_000_000;
 
 /// Share of the outside tolerance that the path may use; the rest is the fit's.

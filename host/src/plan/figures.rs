@@ -1,0 +1,85 @@
+//! What a plan is judged on, as numbers; [`super::measure`] finds them.
+
+/// What a plan is judged on (SPEC section 8). Shares are weighted by area over all layers.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub struct PlanFigures {
+    /// Layers.
+    pub layers: u32,
+    /// Area of the regions, of one layer.
+    pub area_mm2: f64,
+    /// Share of the area that some placement covers.
+    pub reachable_pct: f64,
+    /// Share of the area that was swept.
+    pub covered_pct: f64,
+    /// The same of the layer of which the least was.
+    pub covered_pct_min: f64,
+    /// Share of the reachable area that was swept.
+    pub covered_of_reachable_pct: f64,
+    /// Share of the area that was swept more than once on its layer.
+    pub overlap_pct: f64,
+    /// The same of the layer of which the most was.
+    pub overlap_pct_max: f64,
+    /// How far any placed aperture leaves the regions, on any layer.
+    pub outside_depth_mm: f64,
+    /// Where that is, input coordinates.
+    pub outside_at_mm: [f64; 2],
+    /// Number of passes.
+    pub passes: usize,
+    /// Length of the printed tip path.
+    pub print_mm: f64,
+    /// What of that is printed around the regions.
+    pub skirt_mm: f64,
+    /// Length of everything else.
+    pub travel_mm: f64,
+    /// Duration of the stream.
+    pub print_s: f64,
+    /// Sum of the heading's changes.
+    pub heading_travel_rad: f64,
+    /// Largest heading rate.
+    pub heading_rate_max_rad_s: f64,
+}
+
+/// What one printing of a region came to, or several together.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub struct Swept {
+    /// Area of the region.
+    pub area_mm2: f64,
+    /// What of it was swept.
+    pub covered_mm2: f64,
+    /// What of it was swept more than once.
+    pub overlap_mm2: f64,
+    /// What of it some placement covers.
+    pub reachable_mm2: f64,
+    /// How far any placed aperture leaves it.
+    pub outside_depth_mm: f64,
+    /// Where that is, input coordinates.
+    pub outside_at_mm: [f64; 2],
+}
+
+impl Swept {
+    /// Several together: sums of the areas, the deepest of the depths.
+    pub fn sum<'a>(parts: impl IntoIterator<Item = &'a Swept>) -> Swept {
+        let mut sum = Swept::default();
+        for part in parts {
+            sum.area_mm2 += part.area_mm2;
+            sum.covered_mm2 += part.covered_mm2;
+            sum.overlap_mm2 += part.overlap_mm2;
+            sum.reachable_mm2 += part.reachable_mm2;
+            if part.outside_depth_mm > sum.outside_depth_mm {
+                sum.outside_depth_mm = part.outside_depth_mm;
+                sum.outside_at_mm = part.outside_at_mm;
+            }
+        }
+        sum
+    }
+
+    /// Share of the area that was swept.
+    pub fn covered_pct(&self) -> f64 {
+        100.0 * self.covered_mm2 / self.area_mm2.max(1e-12)
+    }
+
+    /// Share of the area that was swept more than once.
+    pub fn overlap_pct(&self) -> f64 {
+        100.0 * self.overlap_mm2 / self.area_mm2.max(1e-12)
+    }
+}
