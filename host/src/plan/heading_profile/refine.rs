@@ -3,15 +3,26 @@
 use super::{BINS, Run, TURN_WEIGHT, lap_turn};
 use rayon::prelude::*;
 
-/// Pattern search on each heading with its neighbours fixed, even contacts then odd ones, so that
-/// the result does not depend on the number of threads.
+/// Rounds that move all headings together, and rounds that then try each by itself.
+const NEWTON_ROUNDS: usize = 4;
+const SEARCH_ROUNDS: usize = 2;
+/// Headings move less and less far, by this from round to round.
+const SHRINK: f64 = 0.6;
+
+/// Moves the headings to the least cost of placements and turning near them. All together first:
+/// what a bin is too coarse for is spread along the run, where single moves would stop half way.
+/// Then each by itself, where the placements' costs are not smooth.
 pub fn refine(run: &Run, steps: &[f64], headings: &mut Vec<f64>) {
-    let (contacts, closed) = (run.contacts, run.closed);
-    let count = contacts.len();
-    let lap = if closed {
-        lap_turn(headings, run.aperture.period_rad())
-    } else {
-        0.0
+    let count = headings.len();
+    let chain = Chain {
+        steps,
+        lap: if run.closed {
+            lap_turn(headings, run.aperture.period_rad())
+        } else {
+            0.0
+        },
+        closed: run.closed,
+        count,
     };
     // What each contact's placement costs at its heading; the neighbours have no say in it.
     let mut placed: Vec<f64> = (0..count)
@@ -19,39 +30,147 @@ pub fn refine(run: &Run, steps: &[f64], headings: &mut Vec<f64>) {
         .map(|i| run.place(i, headings[i]).cost)
         .collect();
     let mut width = std::f64::consts::PI / BINS as f64;
-    for _ in 0..5 {
-        width *= 0.6;
-        for parity in 0..2 {
-            let updated: Vec<(f64, f64)> = (0..count)
-                .into_par_iter()
-                .map(|i| {
-                    let own = (headings[i], placed[i]);
-                    // The odd contact out at the seam of a closed run keeps its heading.
-                    if i % 2 != parity || (closed && count % 2 == 1 && i == count - 1) {
-                        return own;
-                    }
-                    let before = match i {
-                        0 if closed => Some((headings[count - 1] - lap, steps[count - 1])),
-                        0 => None,
-                        _ => Some((headings[i - 1], steps[i - 1])),
-                    };
-                    let after = match i + 1 {
-                        n if n < count => Some((headings[n], steps[i])),
-                        _ if closed => Some((headings[0] + lap, steps[i])),
-                        _ => None,
-                    };
-                    let turn_cost = |heading: f64| -> f64 {
-                        [before, after]
-                            .iter()
-                            .flatten()
-                            .map(|(other, step)| TURN_WEIGHT * (heading - other).powi(2) / step)
-                            .sum()
-                    };
-                    best_of_three(own, width, turn_cost, |heading| run.place(i, heading).cost)
-                })
-                .collect();
-            (*headings, placed) = updated.into_iter().unzip();
+    for round in 0..NEWTON_ROUNDS {
+        let pin = round * count / NEWTON_ROUNDS;
+        together(run, &chain, pin, width, headings, &mut placed);
+        width *= SHRINK;
+    }
+    for _ in 0..SEARCH_ROUNDS {
+        one_by_one(run, &chain, width, headings, &mut placed);
+        width *= SHRINK;
+    }
+}
+
+/// The run as a chain of headings that turning ties together.
+struct Chain<'a> {
+    steps: &'a [f64],
+    /// Turn of a closed run over a lap.
+    lap: f64,
+    closed: bool,
+    count: usize,
+}
+
+impl Chain<'_> {
+    /// The neighbours of contact `i`, as headings unwrapped about it, with the steps to them.
+    fn beside(&self, headings: &[f64], i: usize) -> [Option<(f64, f64)>; 2] {
+        let count = self.count;
+        let before = match i {
+            0 if self.closed => Some((headings[count - 1] - self.lap, self.steps[count - 1])),
+            0 => None,
+            _ => Some((headings[i - 1], self.steps[i - 1])),
+        };
+        let after = match i + 1 {
+            n if n < count => Some((headings[n], self.steps[i])),
+            _ if self.closed => Some((headings[0] + self.lap, self.steps[i])),
+            _ => None,
+        };
+        [before, after]
+    }
+}
+
+/// What turning to the neighbours costs at a heading.
+fn turn_cost(beside: &[Option<(f64, f64)>; 2], heading: f64) -> f64 {
+    let beside = beside.iter().flatten();
+    beside
+        .map(|(other, step)| TURN_WEIGHT * (heading - other).powi(2) / step)
+        .sum()
+}
+
+/// A Newton step for all headings, each by at most `width`; on a closed run `pin` stays.
+fn together(
+    run: &Run,
+    chain: &Chain,
+    pin: usize,
+    width: f64,
+    headings: &mut [f64],
+    placed: &mut [f64],
+) {
+    let count = chain.count;
+    let probe = 0.5 * width;
+    // Slope and curvature of the placement's cost.
+    let slopes: Vec<[f64; 2]> = (0..count)
+        .into_par_iter()
+        .map(|i| {
+            let [low, high] = [-probe, probe].map(|by| run.place(i, headings[i] + by).cost);
+            let curvature = (low - 2.0 * placed[i] + high) / (probe * probe);
+            [0.5 * (high - low) / probe, curvature.max(0.0)]
+        })
+        .collect();
+    let (from, unknown) = if chain.closed {
+        (pin + 1, count - 1)
+    } else {
+        (0, count)
+    };
+    // Diagonal, right side, and the tie to the next one.
+    let mut rows: Vec<[f64; 3]> = Vec::with_capacity(unknown);
+    for k in 0..unknown {
+        let i = (from + k) % count;
+        let beside = chain.beside(headings, i);
+        let [slope, curvature] = slopes[i];
+        let (mut diagonal, mut right) = (curvature + 1e-9, -slope);
+        for (other, step) in beside.iter().flatten() {
+            let tie = 2.0 * TURN_WEIGHT / step;
+            diagonal += tie;
+            right += tie * (other - headings[i]);
         }
+        let tie = beside[1].map_or(0.0, |(_, step)| 2.0 * TURN_WEIGHT / step);
+        rows.push([diagonal, right, tie]);
+    }
+    for k in 1..unknown {
+        let [diagonal, right, tie] = rows[k - 1];
+        rows[k][0] -= tie * tie / diagonal;
+        rows[k][1] += tie * right / diagonal;
+    }
+    let mut moved = headings.to_vec();
+    let mut next = 0.0;
+    for k in (0..unknown).rev() {
+        let [diagonal, right, tie] = rows[k];
+        next = (right + tie * next) / diagonal;
+        moved[(from + k) % count] += next.clamp(-width, width);
+    }
+    let updated: Vec<(f64, f64)> = (0..count)
+        .into_par_iter()
+        .map(|i| {
+            let (own, there) = (headings[i], run.place(i, moved[i]).cost);
+            let beside = chain.beside(&moved, i);
+            let cost = |heading: f64, placed: f64| turn_cost(&beside, heading) + placed;
+            if cost(moved[i], there) <= cost(own, placed[i]) {
+                (moved[i], there)
+            } else {
+                (own, placed[i])
+            }
+        })
+        .collect();
+    for (i, (heading, cost)) in updated.into_iter().enumerate() {
+        (headings[i], placed[i]) = (heading, cost);
+    }
+}
+
+/// Pattern search on each heading with its neighbours fixed, even contacts then odd ones, so that
+/// the result does not depend on the number of threads.
+fn one_by_one(
+    run: &Run,
+    chain: &Chain,
+    width: f64,
+    headings: &mut Vec<f64>,
+    placed: &mut Vec<f64>,
+) {
+    let count = chain.count;
+    for parity in 0..2 {
+        let updated: Vec<(f64, f64)> = (0..count)
+            .into_par_iter()
+            .map(|i| {
+                let own = (headings[i], placed[i]);
+                // The odd contact out at the seam of a closed run keeps its heading.
+                if i % 2 != parity || (chain.closed && count % 2 == 1 && i == count - 1) {
+                    return own;
+                }
+                let beside = chain.beside(headings, i);
+                let turn_cost = |heading: f64| turn_cost(&beside, heading);
+                best_of_three(own, width, turn_cost, |heading| run.place(i, heading).cost)
+            })
+            .collect();
+        (*headings, *placed) = updated.into_iter().unzip();
     }
 }
 
