@@ -8,12 +8,13 @@ use super::beads::Beads;
 use super::by_place::ByPlace;
 use super::heading_profile::Placement;
 use super::links::{Directed, link};
+use super::order::{opened, rotated};
 use super::passes::LayerPass;
 use super::runs::unwrap_headings;
 use crate::geometry::aperture::Aperture;
 use crate::geometry::edge_index::EdgeIndex;
 use rayon::prelude::*;
-use std::collections::HashMap;
+use std::collections::{BTreeMap, HashMap};
 use std::sync::LazyLock;
 
 /// Longest way between two ends that are joined, against a.
@@ -35,10 +36,15 @@ struct Join {
 pub fn chained(passes: Vec<LayerPass>, aperture: &Aperture, walls: &EdgeIndex) -> Vec<LayerPass> {
     let near = near_ends(&passes, END_REACH_SHARE * aperture.major_mm());
     let beads = LazyLock::new(|| Beads::of(&passes, aperture));
-    let mut joins: Vec<Join> = near
+    let joins: Vec<Join> = near
         .into_par_iter()
         .filter_map(|ends| join(&passes, ends, &beads, walls))
         .collect();
+    joined_up(&passes, joins, aperture)
+}
+
+/// The passes with as many of the joins as there are ends for, the cheapest first.
+fn joined_up(passes: &[LayerPass], mut joins: Vec<Join>, aperture: &Aperture) -> Vec<LayerPass> {
     joins.sort_by(|x, y| x.cost_mm2.total_cmp(&y.cost_mm2).then(x.ends.cmp(&y.ends)));
     let mut at_end: HashMap<End, (End, Vec<Placement>)> = HashMap::new();
     for Join { ends, way, .. } in joins {
@@ -56,11 +62,119 @@ pub fn chained(passes: Vec<LayerPass>, aperture: &Aperture, walls: &EdgeIndex) -
             let free = [0, 1].map(|end| !at_end.contains_key(&(number, end)));
             if !taken[number] && start_free == (free[0] || free[1]) {
                 let from = (number, usize::from(!free[0] && free[1]));
-                result.push(chain(&passes, from, &at_end, &mut taken, aperture));
+                result.push(chain(passes, from, &at_end, &mut taken, aperture));
             }
         }
     }
     result
+}
+
+/// A loop that the end of a run meets, opened there.
+struct Meeting {
+    /// The loop's number, and the loop as an open pass.
+    number: usize,
+    opened: LayerPass,
+    join: Join,
+}
+
+/// Lets runs whose ends meet a loop go on around it.
+pub fn around_loops(
+    mut passes: Vec<LayerPass>,
+    aperture: &Aperture,
+    walls: &EdgeIndex,
+) -> Vec<LayerPass> {
+    let near = ends_at_loops(&passes, END_REACH_SHARE * aperture.major_mm());
+    if near.is_empty() {
+        return passes;
+    }
+    let beads = Beads::of(&passes, aperture);
+    let mut meetings: Vec<Meeting> = near
+        .into_par_iter()
+        .flat_map_iter(|(end, place)| meetings_at(&passes, end, place, &beads, walls))
+        .collect();
+    meetings.sort_by(|x, y| {
+        let (x, y) = (&x.join, &y.join);
+        x.cost_mm2.total_cmp(&y.cost_mm2).then(x.ends.cmp(&y.ends))
+    });
+    let mut joins: Vec<Join> = Vec::new();
+    let mut taken = std::collections::HashSet::new();
+    for meeting in meetings {
+        let run = meeting.join.ends[0];
+        if !taken.contains(&run) && passes[meeting.number].closed {
+            taken.insert(run);
+            passes[meeting.number] = meeting.opened;
+            joins.push(meeting.join);
+        }
+    }
+    joined_up(&passes, joins, aperture)
+}
+
+/// Ends of open passes with the loops within `reach_mm`: the loop and its nearest placement.
+fn ends_at_loops(passes: &[LayerPass], reach_mm: f64) -> Vec<(End, End)> {
+    let numbered = || passes.iter().enumerate().filter(|(_, p)| p.kind.follows_walls());
+    let is_loop = |pass: &LayerPass| pass.closed && pass.placements.len() >= LOOP_COUNT_MIN;
+    let loops = numbered().filter(|(_, pass)| is_loop(pass));
+    let places = loops.flat_map(|(number, pass)| {
+        let placements = pass.placements.iter().enumerate();
+        placements.map(move |(i, placement)| (placement.at.center, (number, i)))
+    });
+    let index = ByPlace::of(reach_mm, places);
+    let mut near = Vec::new();
+    for (number, pass) in numbered().filter(|(_, pass)| !pass.closed && !pass.placements.is_empty()) {
+        for end in [0, 1] {
+            let own = pass.placements[end * (pass.placements.len() - 1)].at.center;
+            let mut nearest: BTreeMap<usize, (f64, usize)> = BTreeMap::new();
+            for &(other, i) in index.around(own) {
+                let apart_mm = (passes[other].placements[i].at.center - own).norm();
+                // Rounding must not choose.
+                let found = ((apart_mm * 1e6).round(), i);
+                let best = nearest.entry(other).or_insert(found);
+                if found < *best {
+                    *best = found;
+                }
+            }
+            let within = nearest.into_iter().filter(|(_, (apart, _))| *apart < 1e6 * reach_mm);
+            near.extend(within.map(|(other, (_, i))| ((number, end), (other, i))));
+        }
+    }
+    near
+}
+
+/// The free ways from the end of a run onto a loop, either way round.
+fn meetings_at(
+    passes: &[LayerPass],
+    end: End,
+    (number, at): (usize, usize),
+    beads: &Beads,
+    walls: &EdgeIndex,
+) -> Vec<Meeting> {
+    let aperture = beads.aperture();
+    let run = Directed {
+        pass: &passes[end.0],
+        backwards: end.1 == 0,
+    };
+    let ahead = rotated(passes[number].clone(), at, aperture.period_rad());
+    let mut back = ahead.clone();
+    back.placements.reverse();
+    let either = [ahead, back].into_iter().filter_map(|pass| {
+        let opened = opened(pass, aperture);
+        let next = Directed {
+            pass: &opened,
+            backwards: false,
+        };
+        let (mut way, cost_mm2) = link(run, next, beads, walls)?;
+        way.pop();
+        Some(Meeting {
+            number,
+            join: Join {
+                ends: [end, (number, 0)],
+                cost_mm2,
+                way,
+            },
+            opened,
+        })
+    });
+    either.collect()
 }
 
 /// Pairs of ends of open passes within `reach_mm`.

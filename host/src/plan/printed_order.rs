@@ -4,7 +4,7 @@
 //! everything else; what a sparse one leaves open is meant to stay open.
 
 use super::bridges::bridged;
-use super::chains::chained;
+use super::chains::{around_loops, chained};
 use super::darts::fill_gaps;
 use super::links::linked;
 use super::order::ordered;
@@ -49,6 +49,7 @@ pub fn in_printing_order(
         || {
             may_bridge.then(|| {
                 let loops = chained(loops.clone(), aperture, &walls);
+                let loops = around_loops(loops, aperture, &walls);
                 joined(bridged(loops, aperture, &walls))
             })
         },
