@@ -111,7 +111,12 @@ pub fn around_loops(
 
 /// Ends of open passes with the loops within `reach_mm`: the loop and its nearest placement.
 fn ends_at_loops(passes: &[LayerPass], reach_mm: f64) -> Vec<(End, End)> {
-    let numbered = || passes.iter().enumerate().filter(|(_, p)| p.kind.follows_walls());
+    let numbered = || {
+        passes
+            .iter()
+            .enumerate()
+            .filter(|(_, p)| p.kind.follows_walls())
+    };
     let is_loop = |pass: &LayerPass| pass.closed && pass.placements.len() >= LOOP_COUNT_MIN;
     let loops = numbered().filter(|(_, pass)| is_loop(pass));
     let places = loops.flat_map(|(number, pass)| {
@@ -120,7 +125,8 @@ fn ends_at_loops(passes: &[LayerPass], reach_mm: f64) -> Vec<(End, End)> {
     });
     let index = ByPlace::of(reach_mm, places);
     let mut near = Vec::new();
-    for (number, pass) in numbered().filter(|(_, pass)| !pass.closed && !pass.placements.is_empty()) {
+    for (number, pass) in numbered().filter(|(_, pass)| !pass.closed && !pass.placements.is_empty())
+    {
         for end in [0, 1] {
             let own = pass.placements[end * (pass.placements.len() - 1)].at.center;
             let mut nearest: BTreeMap<usize, (f64, usize)> = BTreeMap::new();
@@ -133,7 +139,9 @@ fn ends_at_loops(passes: &[LayerPass], reach_mm: f64) -> Vec<(End, End)> {
                     *best = found;
                 }
             }
-            let within = nearest.into_iter().filter(|(_, (apart, _))| *apart < 1e6 * reach_mm);
+            let within = nearest
+                .into_iter()
+                .filter(|(_, (apart, _))| *apart < 1e6 * reach_mm);
             near.extend(within.map(|(other, (_, i))| ((number, end), (other, i))));
         }
     }

@@ -6,6 +6,7 @@
 //! where both together are best.
 
 use super::channel_walls::poses_between;
+use super::links::bounds_of;
 use super::passes::LayerPass;
 use super::visits::{CELL_SHARE, Visits, poses};
 use crate::geometry::Point2;
@@ -22,6 +23,8 @@ const AGAIN_WEIGHT: f64 = 0.6;
 /// Least area that a pass covers alone, against the aperture's: an interruption of flow for less is
 /// not worth it, and an excursion may still fill it.
 const ALONE_SHARE_MIN: f64 = 1.0;
+/// The same once the passes are joined: what is left by itself then has its own retraction.
+const SMALL_SHARE_MIN: f64 = 3.0;
 /// A pass that covers this share of its ground alone stays, however small: nothing else is near.
 const APART_SHARE: f64 = 0.9;
 /// Largest cell against the minor semi-axis: on a raster too coarse for the aperture (a region of
@@ -45,11 +48,29 @@ pub fn fit_ends(passes: &mut Vec<LayerPass>, aperture: &Aperture, bounds: &Box2)
             pass.placements.reverse();
         }
     }
-    let cells_min = ALONE_SHARE_MIN * aperture.area_mm2() / visits.cell_area_mm2();
+    drop_idle(passes, &mut visits, ALONE_SHARE_MIN);
+}
+
+/// Drops passes that cover less alone than an interruption of flow is worth, now that it is known
+/// which ones join others; excursions may fill their ground.
+pub fn drop_small(passes: &mut Vec<LayerPass>, aperture: &Aperture) {
+    if passes.len() < 2 {
+        return;
+    }
+    let mut visits = Visits::of_passes(passes, &bounds_of(passes, aperture), aperture, CELL_SHARE);
+    if visits.cell_area_mm2().sqrt() <= CELL_SHARE_MAX * aperture.minor_mm() {
+        drop_idle(passes, &mut visits, SMALL_SHARE_MIN);
+    }
+}
+
+/// Drops passes that cover less alone than this share of the aperture's area.
+fn drop_idle(passes: &mut Vec<LayerPass>, visits: &mut Visits, alone_share: f64) {
+    let aperture = *visits.aperture();
+    let cells_min = alone_share * aperture.area_mm2() / visits.cell_area_mm2();
     passes.retain(|pass| {
         let (alone, mut all) = (Cell::new(0), 0);
         // As soon as it covers enough alone, the rest does not matter.
-        let poses_asked = poses(pass, aperture).take_while(|_| f64::from(alone.get()) < cells_min);
+        let poses_asked = poses(pass, &aperture).take_while(|_| f64::from(alone.get()) < cells_min);
         visits.for_cells_once(poses_asked, |_, count| {
             alone.set(alone.get() + u32::from(*count == 1));
             all += 1;
@@ -57,7 +78,7 @@ pub fn fit_ends(passes: &mut Vec<LayerPass>, aperture: &Aperture, bounds: &Box2)
         let least = cells_min.min(APART_SHARE * f64::from(all));
         let is_kept = f64::from(alone.get()) >= least;
         if !is_kept {
-            visits.for_cells_once(poses(pass, aperture), |_, count| *count -= 1);
+            visits.for_cells_once(poses(pass, &aperture), |_, count| *count -= 1);
         }
         is_kept
     });

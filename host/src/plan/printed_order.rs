@@ -6,6 +6,7 @@
 use super::bridges::bridged;
 use super::chains::{around_loops, chained};
 use super::darts::fill_gaps;
+use super::ends::drop_small;
 use super::links::linked;
 use super::order::ordered;
 use super::passes::{LayerPass, PassKind};
@@ -57,6 +58,7 @@ pub fn in_printing_order(
     if let Some(tree) = tree.filter(|tree| tree.len() < passes.len()) {
         passes = tree;
     }
+    drop_small(&mut passes, aperture);
     let from = last_place(&passes).unwrap_or(from);
     let lines = ordered(lines, from, aperture);
     if settings.infill.is_none_or(|infill| infill.is_solid()) {
