@@ -45,18 +45,26 @@ pub fn in_printing_order(
     // A chosen seam stays open.
     let may_bridge = loops.len() > 1 && settings.seam.place == SeamPlace::Nearest;
     // Loops that hang together like a tree, not like a chain, take bridges.
-    let (mut passes, tree) = rayon::join(
+    let (mut passes, others) = rayon::join(
         || joined(loops.clone()),
         || {
             may_bridge.then(|| {
                 let loops = chained(loops.clone(), aperture, &walls);
                 let loops = around_loops(loops, aperture, &walls);
-                joined(bridged(loops, aperture, &walls))
+                rayon::join(
+                    || joined(loops.clone()),
+                    || joined(bridged(loops.clone(), aperture, &walls)),
+                )
             })
         },
     );
-    if let Some(tree) = tree.filter(|tree| tree.len() < passes.len()) {
-        passes = tree;
+    if let Some((chains, tree)) = others {
+        // The first of equals: bridges are a longer way.
+        for other in [chains, tree] {
+            if other.len() < passes.len() {
+                passes = other;
+            }
+        }
     }
     drop_small(&mut passes, aperture);
     let from = last_place(&passes).unwrap_or(from);

@@ -52,7 +52,7 @@ fn bridge_short(printable: &mut [bool], contacts: &[Contact], length_mm: f64) {
 const WIDTH_SHARE_MIN: f64 = 0.7;
 
 /// Longest thin stretch that a bead goes on through, against a.
-const BRIDGE_SHARE: f64 = 1.7;
+const BRIDGE_SHARE: f64 = 2.5;
 
 /// Splits a profile where no heading fits, and smooths what remains.
 pub fn feasible_runs(
