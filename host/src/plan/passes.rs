@@ -18,7 +18,6 @@ use super::heading_profile::{Placement, pointwise_profile, profile, refined, smo
 use super::runs::{feasible_runs, printable_runs};
 use super::single_runs::{SingleRun, split_region};
 use super::skeleton::Axis;
-use crate::geometry::Point2;
 use crate::geometry::aperture::Aperture;
 use crate::geometry::edge_index::{Edge, EdgeIndex};
 use crate::geometry::polygon::{Region, Ring};
@@ -56,6 +55,16 @@ pub struct LayerPass {
     pub closed: bool,
     /// Placements in order, headings unwrapped.
     pub placements: Vec<Placement>,
+}
+
+impl LayerPass {
+    /// Way of the centre from the first placement to the last, mm.
+    pub fn length_mm(&self) -> f64 {
+        let pairs = self.placements.windows(2);
+        pairs
+            .map(|w| (w[1].at.center - w[0].at.center).norm())
+            .sum()
+    }
 }
 
 /// What the pass planner needs of the settings.
@@ -410,17 +419,11 @@ const RUN_SHARE_MIN: f64 = 2.0;
 const LOOP_SHARE_MIN: f64 = 0.5;
 
 fn run_length_mm(pass: &LayerPass) -> f64 {
-    let centers: Vec<Point2> = pass.placements.iter().map(|p| p.at.center).collect();
-    let turned: f64 = pass
-        .placements
-        .windows(2)
+    let turns = pass.placements.windows(2);
+    let turned_rad: f64 = turns
         .map(|w| (w[1].at.heading_rad - w[0].at.heading_rad).abs())
-        .sum::<f64>();
-    centers
-        .windows(2)
-        .map(|w| (w[1] - w[0]).norm())
-        .sum::<f64>()
-        + 0.1 * turned
+        .sum();
+    pass.length_mm() + 0.1 * turned_rad
 }
 
 /// A single run on the axis: the aperture spans the passage.

@@ -199,8 +199,9 @@ impl RegionWork {
     }
 
     /// The passes as they are printed, begun near a corner of the region's box. Of a small region,
-    /// where a seam counts for much, near the corner that makes the fewest passes and then leaves
-    /// the least ground open or covered again.
+    /// where a seam counts for much, near the corner that makes the fewest passes, and of
+    /// those the one that leaves little ground open or covered again on a short way: a mm of path
+    /// weighs as much as a strip as wide as b.
     fn ordered(&self, passes: Vec<LayerPass>) -> Vec<LayerPass> {
         let bounds = self.hull.bounds();
         let (low, high) = (bounds.min, bounds.max);
@@ -225,11 +226,15 @@ impl RegionWork {
         let walls = EdgeIndex::of_region(&self.hull, self.settings.aperture.major_mm());
         let tried = corners.into_par_iter().map(|corner| {
             let passes = from(corner, passes.clone());
-            let spoiled = spoiled_cells(&passes, &self.settings.aperture, &walls);
-            ((passes.len(), spoiled), passes)
+            let aperture = &self.settings.aperture;
+            let path_mm: f64 = passes.iter().map(LayerPass::length_mm).sum();
+            let strip_mm2 = aperture.minor_mm() * path_mm;
+            let wasted_mm2 = spoiled_mm2(&passes, aperture, &walls) + strip_mm2;
+            // Of corners that are alike, rounding must not choose.
+            ((passes.len(), (wasted_mm2 * 1e3).round() as u64), passes)
         });
         // The first of equals.
-        let tried: Vec<((usize, usize), Vec<LayerPass>)> = tried.collect();
+        let tried: Vec<((usize, u64), Vec<LayerPass>)> = tried.collect();
         let best = tried.into_iter().min_by_key(|(key, _)| *key);
         best.map_or(Vec::new(), |(_, passes)| passes)
     }
@@ -242,8 +247,8 @@ const CELLS_MAX: usize = 1_000_000;
 /// A pass that comes back to a place later than this covers it again, against a.
 const RETURN_SHARE: f64 = 4.0;
 
-/// Cells of the ground within the walls that are left open or covered again.
-fn spoiled_cells(passes: &[LayerPass], aperture: &Aperture, walls: &EdgeIndex) -> usize {
+/// Ground within the walls that is left open or covered again, mm².
+fn spoiled_mm2(passes: &[LayerPass], aperture: &Aperture, walls: &EdgeIndex) -> f64 {
     let mut swept = Vec::new();
     for (number, pass) in passes.iter().enumerate() {
         let (mut path_mm, mut last) = (0.0, None);
@@ -261,7 +266,7 @@ fn spoiled_cells(passes: &[LayerPass], aperture: &Aperture, walls: &EdgeIndex) -
     let return_mm = RETURN_SHARE * aperture.major_mm();
     let raster = Coverage::sweep(walls, aperture, &swept, cell_mm, CELLS_MAX, return_mm);
     let spoiled = |cell: &&Cell| matches!(cell, Cell::Gap | Cell::Overlap);
-    raster.cells.iter().filter(spoiled).count()
+    raster.cells.iter().filter(spoiled).count() as f64 * raster.cell_mm.powi(2)
 }
 
 /// Where the first pass begins and the last one ends.
