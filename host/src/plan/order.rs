@@ -1,9 +1,10 @@
 //! In which order, from where and in which direction the passes of a layer are printed.
 //!
 //! Greedy nearest neighbour over both ends of open passes and all places of closed ones, then
-//! 2-opt on the order with bounded rounds. Only travel counts here: every pass costs one flow
-//! interruption whatever the order.
+//! 2-opt on the order with bounded rounds. Travel counts, and that a way too long for a link
+//! interrupts the flow; not so the way to the first pass, which comes after travel anyway.
 
+use super::links::LENGTH_SHARE;
 use super::passes::LayerPass;
 use crate::geometry::aperture::Aperture;
 use crate::geometry::clearance::Configuration;
@@ -24,7 +25,8 @@ pub fn ordered(passes: Vec<LayerPass>, from: Point2, aperture: &Aperture) -> Vec
         .iter()
         .map(|pass| Doors::of(pass, period_rad))
         .collect();
-    let order = two_opt(&doors, greedy(&doors, from), from);
+    let link_mm = LENGTH_SHARE * aperture.major_mm();
+    let order = two_opt(&doors, greedy(&doors, from), from, link_mm);
     let mut position = from;
     let mut slots: Vec<Option<LayerPass>> = passes.into_iter().map(Some).collect();
     let mut result = Vec::with_capacity(order.len());
@@ -146,43 +148,78 @@ const CALM_COS: f64 = 0.985;
 /// Largest turn of the heading.
 const CALM_TURN_RAD: f64 = 0.3;
 
-/// Travel so far and that of an order from there on, mm; no further than to `most_mm`.
-fn travel_mm(doors: &[Doors], order: &[usize], so_far: (Point2, f64), most_mm: f64) -> f64 {
-    let (mut position, mut total) = so_far;
-    for &number in order {
-        let (next, way_mm) = doors[number].passed(position);
-        (position, total) = (next, total + way_mm);
-        if total >= most_mm {
-            break;
-        }
-    }
-    total
+/// An order as far as it has been gone through.
+#[derive(Clone, Copy)]
+struct Progress {
+    /// Where the head is.
+    at: Point2,
+    /// Travel, and what interruptions count as, mm.
+    cost_mm: f64,
+    /// Passes before.
+    passed: usize,
+    /// Longest way that may be a link, mm.
+    link_mm: f64,
 }
 
-/// Reverses stretches of the order while that shortens the travel.
-fn two_opt(doors: &[Doors], order: Vec<usize>, from: Point2) -> Vec<usize> {
+impl Progress {
+    /// Goes on to a pass and along it.
+    fn on(self, doors: &Doors) -> Progress {
+        let (at, way_mm) = doors.passed(self.at);
+        let interrupts = self.passed > 0 && way_mm > self.link_mm;
+        let interruption_mm = if interrupts { INTERRUPTION_MM } else { 0.0 };
+        Progress {
+            at,
+            cost_mm: self.cost_mm + way_mm + interruption_mm,
+            passed: self.passed + 1,
+            ..self
+        }
+    }
+
+    /// What an order costs from here on, mm; no further than to `most_mm`.
+    fn cost_mm(self, doors: &[Doors], order: &[usize], most_mm: f64) -> f64 {
+        let mut progress = self;
+        for &number in order {
+            progress = progress.on(&doors[number]);
+            if progress.cost_mm >= most_mm {
+                break;
+            }
+        }
+        progress.cost_mm
+    }
+}
+
+/// What an interruption of flow counts as: retraction, priming and their time.
+const INTERRUPTION_MM: f64 = 50.0;
+
+/// Reverses stretches of the order while that makes it cheaper.
+fn two_opt(doors: &[Doors], order: Vec<usize>, from: Point2, link_mm: f64) -> Vec<usize> {
     let count = order.len();
-    if !(3..=TWO_OPT_MAX).contains(&count) {
+    if !(2..=TWO_OPT_MAX).contains(&count) {
         return order;
     }
     let mut order = order;
-    let mut best = travel_mm(doors, &order, (from, 0.0), f64::INFINITY);
+    let start = Progress {
+        at: from,
+        cost_mm: 0.0,
+        passed: 0,
+        link_mm,
+    };
+    let mut best = start.cost_mm(doors, &order, f64::INFINITY);
     for _ in 0..TWO_OPT_ROUNDS {
         let before = best;
-        // Where the head is before pass i, and its travel up to there.
-        let mut so_far = (from, 0.0);
+        // Up to pass i.
+        let mut so_far = start;
         for i in 0..count - 1 {
             for j in i + 1..count {
                 order[i..=j].reverse();
-                let found = travel_mm(doors, &order[i..], so_far, best);
+                let found = so_far.cost_mm(doors, &order[i..], best);
                 if found + 1e-9 < best {
                     best = found;
                 } else {
                     order[i..=j].reverse();
                 }
             }
-            let (next, way_mm) = doors[order[i]].passed(so_far.0);
-            so_far = (next, so_far.1 + way_mm);
+            so_far = so_far.on(&doors[order[i]]);
         }
         if best >= before {
             break;
