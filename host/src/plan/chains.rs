@@ -258,3 +258,102 @@ fn chain(
     unwrap_headings(&mut result.placements, aperture.period_rad());
     result
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::geometry::clearance::Configuration;
+    use crate::geometry::edge_index::Edge;
+    use crate::geometry::{Point2, Vector2};
+    use crate::plan::contacts::Contact;
+    use crate::plan::passes::PassKind;
+    use std::f64::consts::{FRAC_PI_4, TAU};
+
+    const APERTURE: Aperture = Aperture::Ellipse {
+        major_mm: 0.6,
+        minor_mm: 0.2,
+    };
+
+    fn walls() -> EdgeIndex {
+        let corners = [[-20.0, -20.0], [20.0, -20.0], [20.0, 20.0], [-20.0, 20.0]];
+        let corners = corners.map(Point2::from);
+        let edges = (0..4).map(|i| Edge {
+            a: corners[i],
+            b: corners[(i + 1) % 4],
+        });
+        EdgeIndex::new(edges.collect(), 1.0)
+    }
+
+    fn pass(places: impl Iterator<Item = (Point2, f64)>, closed: bool) -> LayerPass {
+        let placement = |(center, heading_rad)| Placement {
+            at: Configuration {
+                center,
+                heading_rad,
+            },
+            feasible: true,
+            contact: Contact {
+                point: center,
+                normal: Vector2::y(),
+                length_mm: 0.1,
+                extent_mm: 0.6,
+                on_axis: false,
+            },
+        };
+        LayerPass {
+            kind: PassKind::TwoPass,
+            channel: 1,
+            closed,
+            placements: places.map(placement).collect(),
+        }
+    }
+
+    /// A circle of 3 mm about the origin, the aperture at 45° to it.
+    fn ring() -> LayerPass {
+        let angles = (0..188).map(|i| TAU * f64::from(i) / 188.0);
+        let place = |t: f64| (Point2::new(3.0 * t.cos(), 3.0 * t.sin()), t + FRAC_PI_4);
+        pass(angles.map(place), true)
+    }
+
+    /// A run along x to `to_mm` from there 4 mm further out.
+    fn run(to_mm: f64) -> LayerPass {
+        let places = (0..=40).map(|i| (Point2::new(to_mm + 0.1 * f64::from(i), 0.0), FRAC_PI_4));
+        pass(places, false)
+    }
+
+    /// Goal: a run whose end meets a loop goes on around it, either end; one that ends far from it
+    /// does not. Method: a ring and runs that end 1 mm and 2 mm outside it; the steps of the joined
+    /// pass are short, and it is as long as both.
+    #[test]
+    fn a_run_goes_on_around_the_loop_it_meets() {
+        let mut back = run(4.0);
+        back.placements.reverse();
+        for met in [run(4.0), back] {
+            let joined = around_loops(vec![ring(), met], &APERTURE, &walls());
+            assert_eq!(joined.len(), 1);
+            assert!(!joined[0].closed);
+            for pair in joined[0].placements.windows(2) {
+                assert!((pair[1].at.center - pair[0].at.center).norm() < 0.25);
+                assert!((pair[1].at.heading_rad - pair[0].at.heading_rad).abs() < 0.5);
+            }
+            let length_mm = joined[0].length_mm();
+            assert!(
+                (length_mm - (TAU * 3.0 + 4.0 + 1.0)).abs() < 1.0,
+                "{length_mm}"
+            );
+        }
+        let apart = around_loops(vec![ring(), run(5.0)], &APERTURE, &walls());
+        assert_eq!(apart, vec![ring(), run(5.0)]);
+    }
+
+    /// Goal: a loop is opened once only. Method: two runs that meet it at opposite sides.
+    #[test]
+    fn a_loop_takes_up_one_run() {
+        let mut other = run(4.0);
+        for placement in &mut other.placements {
+            placement.at.center.x *= -1.0;
+        }
+        let joined = around_loops(vec![run(4.0), ring(), other], &APERTURE, &walls());
+        assert_eq!(joined.len(), 2);
+        assert!(joined.iter().all(|pass| !pass.closed));
+    }
+}

@@ -242,4 +242,22 @@ mod tests {
         let reach = centers.fold([0.0f64; 2], |[low, high], x| [low.min(x), high.max(x)]);
         assert!(reach[0] < -4.9 && reach[1] > 4.9, "{reach:?}");
     }
+
+    /// Goal: once all are joined, a short pass that ends at another one is left to excursions, as long
+    /// as something else is printed; one that stands apart is printed. Method: a bar, and a run of
+    /// 0.4 mm that begins under it or 3 mm away.
+    #[test]
+    fn a_stump_is_left_to_excursions() {
+        let bar = run([-5.0, 0.0], [5.0, 0.0]);
+        let stump = run([0.0, 0.6], [0.0, 1.0]);
+        let mut passes = vec![bar.clone(), stump.clone()];
+        drop_small(&mut passes, &APERTURE);
+        assert_eq!(passes, vec![bar.clone()]);
+        let mut alone = vec![stump.clone()];
+        drop_small(&mut alone, &APERTURE);
+        assert_eq!(alone, vec![stump]);
+        let mut apart = vec![bar, run([0.0, 3.6], [0.0, 4.0])];
+        drop_small(&mut apart, &APERTURE);
+        assert_eq!(apart.len(), 2);
+    }
 }
