@@ -14,7 +14,7 @@ use super::runs::unwrap_headings;
 use crate::geometry::aperture::Aperture;
 use crate::geometry::edge_index::EdgeIndex;
 use rayon::prelude::*;
-use std::collections::{BTreeMap, HashMap};
+use std::collections::{BTreeMap, HashMap, HashSet};
 use std::sync::LazyLock;
 
 /// Longest way between two ends that are joined, against a.
@@ -97,7 +97,7 @@ pub fn around_loops(
         x.cost_mm2.total_cmp(&y.cost_mm2).then(x.ends.cmp(&y.ends))
     });
     let mut joins: Vec<Join> = Vec::new();
-    let mut taken = std::collections::HashSet::new();
+    let mut taken = HashSet::new();
     for meeting in meetings {
         let run = meeting.join.ends[0];
         if !taken.contains(&run) && passes[meeting.number].closed {
