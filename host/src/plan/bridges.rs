@@ -9,6 +9,7 @@ use super::bridge_cost::{Bridge, BridgeCosts};
 use super::by_place::ByPlace;
 use super::darts::{eased, inside_way};
 use super::heading_profile::Placement;
+use super::links::nearest_of_each;
 use super::passes::LayerPass;
 use super::runs::unwrap_headings;
 use crate::geometry::aperture::Aperture;
@@ -91,24 +92,8 @@ fn neighbours(passes: &[LayerPass], reach_mm: f64) -> Near {
     let index = ByPlace::of(reach_mm, all.clone());
     let mut near = Near::new();
     for (own, (number, i)) in all {
-        // The nearest placement of each later pass.
-        let mut nearest: BTreeMap<usize, (usize, f64)> = BTreeMap::new();
-        for &(other, j) in index.around(own) {
-            if other <= number {
-                continue;
-            }
-            let apart_mm = (passes[other].placements[j].at.center - own).norm();
-            // Straight passes are equally far apart all along: rounding must not choose.
-            let apart = (apart_mm * 1e6).round();
-            let best = nearest.entry(other).or_insert((j, f64::INFINITY));
-            if (apart, j) < (best.1, best.0) {
-                *best = (j, apart);
-            }
-        }
-        for (other, (j, apart)) in nearest {
-            if apart < 1e6 * reach_mm {
-                near.entry([number, other]).or_default().push((i, j, apart));
-            }
+        for (other, j, apart) in nearest_of_each(&index, passes, number + 1, own, reach_mm) {
+            near.entry([number, other]).or_default().push((i, j, apart));
         }
     }
     near

@@ -7,14 +7,14 @@
 use super::beads::Beads;
 use super::by_place::ByPlace;
 use super::heading_profile::Placement;
-use super::links::{Directed, link};
+use super::links::{Directed, link, nearest_of_each};
 use super::order::{opened, rotated};
 use super::passes::LayerPass;
 use super::runs::unwrap_headings;
 use crate::geometry::aperture::Aperture;
 use crate::geometry::edge_index::EdgeIndex;
 use rayon::prelude::*;
-use std::collections::{BTreeMap, HashMap, HashSet};
+use std::collections::{HashMap, HashSet};
 use std::sync::LazyLock;
 
 /// Longest way between two ends that are joined, against a.
@@ -129,20 +129,8 @@ fn ends_at_loops(passes: &[LayerPass], reach_mm: f64) -> Vec<(End, End)> {
     {
         for end in [0, 1] {
             let own = pass.placements[end * (pass.placements.len() - 1)].at.center;
-            let mut nearest: BTreeMap<usize, (f64, usize)> = BTreeMap::new();
-            for &(other, i) in index.around(own) {
-                let apart_mm = (passes[other].placements[i].at.center - own).norm();
-                // Rounding must not choose.
-                let found = ((apart_mm * 1e6).round(), i);
-                let best = nearest.entry(other).or_insert(found);
-                if found < *best {
-                    *best = found;
-                }
-            }
-            let within = nearest
-                .into_iter()
-                .filter(|(_, (apart, _))| *apart < 1e6 * reach_mm);
-            near.extend(within.map(|(other, (_, i))| ((number, end), (other, i))));
+            let found = nearest_of_each(&index, passes, 0, own, reach_mm);
+            near.extend(found.map(|(other, i, _)| ((number, end), (other, i))));
         }
     }
     near

@@ -38,10 +38,9 @@ const PLACEMENTS_MIN: usize = 2;
 /// Cuts the ends of open passes back and drops passes that cover next to nothing alone. `bounds`
 /// holds all passes.
 pub fn fit_ends(passes: &mut Vec<LayerPass>, aperture: &Aperture, bounds: &Box2) {
-    let mut visits = Visits::of_passes(passes, bounds, aperture, CELL_SHARE);
-    if visits.cell_area_mm2().sqrt() > CELL_SHARE_MAX * aperture.minor_mm() {
+    let Some(mut visits) = fine_visits(passes, bounds, aperture) else {
         return;
-    }
+    };
     for pass in passes.iter_mut().filter(|pass| !pass.closed) {
         for _ in 0..2 {
             visits.cut_end(pass);
@@ -57,10 +56,16 @@ pub fn drop_small(passes: &mut Vec<LayerPass>, aperture: &Aperture) {
     if passes.len() < 2 {
         return;
     }
-    let mut visits = Visits::of_passes(passes, &bounds_of(passes, aperture), aperture, CELL_SHARE);
-    if visits.cell_area_mm2().sqrt() <= CELL_SHARE_MAX * aperture.minor_mm() {
+    if let Some(mut visits) = fine_visits(passes, &bounds_of(passes, aperture), aperture) {
         drop_idle(passes, &mut visits, SMALL_SHARE_MIN);
     }
+}
+
+/// The visits of all passes, if the raster is fine enough for the aperture.
+fn fine_visits(passes: &[LayerPass], bounds: &Box2, aperture: &Aperture) -> Option<Visits> {
+    let visits = Visits::of_passes(passes, bounds, aperture, CELL_SHARE);
+    let cell_mm = visits.cell_area_mm2().sqrt();
+    (cell_mm <= CELL_SHARE_MAX * aperture.minor_mm()).then_some(visits)
 }
 
 /// Drops passes that cover less alone than this share of the aperture's area.

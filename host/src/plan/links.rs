@@ -5,6 +5,7 @@
 //! the way covers lies between the two ends, which the seams left open.
 
 use super::beads::Beads;
+use super::by_place::ByPlace;
 use super::darts::{eased, inside_way};
 use super::heading_profile::Placement;
 use super::passes::{LayerPass, PassKind};
@@ -13,6 +14,7 @@ use crate::geometry::clearance::Configuration;
 use crate::geometry::edge_index::EdgeIndex;
 use crate::geometry::polygon::Box2;
 use crate::geometry::{Point2, Vector2};
+use std::collections::BTreeMap;
 
 /// Longest link, against a: neighbouring beads lie up to 2a apart.
 pub(super) const LENGTH_SHARE: f64 = 3.0;
@@ -114,6 +116,29 @@ pub(super) fn link(
         contact: end.contact,
     };
     Some((way.into_iter().map(placement).collect(), again_mm2))
+}
+
+/// The nearest placement of each pass from number `first` on in `index` (pass and placement) within
+/// `reach_mm` of a place: pass, placement, and how far away it is in whole nanometres.
+pub(super) fn nearest_of_each(
+    index: &ByPlace<(usize, usize)>,
+    passes: &[LayerPass],
+    first: usize,
+    place: Point2,
+    reach_mm: f64,
+) -> impl Iterator<Item = (usize, usize, f64)> {
+    let mut nearest: BTreeMap<usize, (f64, usize)> = BTreeMap::new();
+    for &(number, i) in index.around(place).filter(|(number, _)| *number >= first) {
+        let apart_mm = (passes[number].placements[i].at.center - place).norm();
+        // Straight passes are equally far apart all along: rounding must not choose.
+        let found = ((apart_mm * 1e6).round(), i);
+        let best = nearest.entry(number).or_insert(found);
+        if found < *best {
+            *best = found;
+        }
+    }
+    let all = nearest.into_iter().map(|(n, (apart, i))| (n, i, apart));
+    all.filter(move |(_, _, apart)| *apart < 1e6 * reach_mm)
 }
 
 /// A box about all placements of the passes.
