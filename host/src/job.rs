@@ -20,6 +20,19 @@ pub enum MotionState {
     Hold,
 }
 
+impl MotionState {
+    /// As the tables spell it.
+    pub fn name(self) -> &'static str {
+        match self {
+            MotionState::Travel => "travel",
+            MotionState::Prime => "prime",
+            MotionState::Print => "print",
+            MotionState::Retract => "retract",
+            MotionState::Hold => "hold",
+        }
+    }
+}
+
 /// A stretch of the stream between two rests: what it is, and when, in servo ticks of segment time.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Mark {

@@ -52,6 +52,11 @@ fn path(path: &Path) -> &str {
     path.to_str().expect("UTF-8 path")
 }
 
+fn poses_every_5_ms(job: &Path) -> String {
+    let export = ["export", path(job), "--to", "csv", "--every-ms", "5"];
+    succeeded(&headway(&export))
+}
+
 #[test]
 fn wrong_usage_is_2_an_impossible_job_is_1() {
     let folder = folder("status");
@@ -272,14 +277,7 @@ fn a_job_is_the_same_wherever_it_goes() {
     assert_eq!(summary["knots"], figures["segments"]);
     assert_eq!(summary["name"], "thin-web");
 
-    let table = succeeded(&headway(&[
-        "export",
-        path(&job),
-        "--to",
-        "csv",
-        "--every-ms",
-        "5",
-    ]));
+    let table = poses_every_5_ms(&job);
     check_poses(&table, figures["print_s"].as_f64().expect("s"), 5e-3);
     assert!(succeeded(&headway(&["export", path(&job), "--to", "svg"])).starts_with("<svg"));
     let knots = object(&headway(&["export", path(&job), "--to", "json"]));
@@ -473,14 +471,7 @@ fn layers_are_in_everything_that_tells_of_them() {
     assert!(value("covered_pct_min") < value("covered_pct"));
     assert!(value("overlap_pct_max") >= value("overlap_pct"));
 
-    let table = succeeded(&headway(&[
-        "export",
-        path(&job),
-        "--to",
-        "csv",
-        "--every-ms",
-        "5",
-    ]));
+    let table = poses_every_5_ms(&job);
     let mut seen = [0; 3];
     for row in table.lines().skip(1) {
         let cells: Vec<&str> = row.split(',').collect();

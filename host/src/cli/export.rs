@@ -70,7 +70,7 @@ fn json(job: &Job) -> serde_json::Value {
             json!({
                 "start_tick": m.start_tick,
                 "end_tick": m.end_tick,
-                "state": pose_table::state_name(m.state),
+                "state": m.state.name(),
                 "layer": m.layer,
                 "pass": m.pass,
             })

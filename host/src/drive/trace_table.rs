@@ -98,18 +98,8 @@ fn write_row(
         sample.pose.heading_rad,
         way_mm.norm() / window_s,
         sample.flow_mm3_s,
-        state_name(sample.state),
+        sample.state.name(),
     )
-}
-
-fn state_name(state: MotionState) -> &'static str {
-    match state {
-        MotionState::Travel => "travel",
-        MotionState::Prime => "prime",
-        MotionState::Print => "print",
-        MotionState::Retract => "retract",
-        MotionState::Hold => "hold",
-    }
 }
 
 /// Samples at every servo tick.

@@ -443,25 +443,7 @@ pub fn contact_turned(
 #[cfg(test)]
 mod tests {
     use super::*;
-
-    const ELLIPSE: Aperture = Aperture::Ellipse {
-        major_mm: 0.6,
-        minor_mm: 0.2,
-    };
-
-    fn index(rings: &[&[[f64; 2]]]) -> EdgeIndex {
-        let mut edges = Vec::new();
-        for ring in rings {
-            for i in 0..ring.len() {
-                let p = |k: usize| Point2::from(ring[k % ring.len()]);
-                edges.push(Edge {
-                    a: p(i),
-                    b: p(i + 1),
-                });
-            }
-        }
-        EdgeIndex::new(edges, 0.6)
-    }
+    use crate::geometry::test_shapes::{ELLIPSE, SQUARE, random_numbers, star, walls};
 
     fn at(x: f64, y: f64, heading_rad: f64) -> Configuration {
         Configuration {
@@ -470,13 +452,11 @@ mod tests {
         }
     }
 
-    const SQUARE: &[[f64; 2]] = &[[0.0, 0.0], [10.0, 0.0], [10.0, 10.0], [0.0, 10.0]];
-
     /// Goal: closed forms. Method: past a wall by the extent less the distance; past a corner to its
     /// vertex; a swallowed hole by its inscribed circle; contact and clear placements 0.
     #[test]
     fn known_depths() {
-        let square = index(&[SQUARE]);
+        let square = walls(&[SQUARE]);
         for heading in [0.0, 0.4, 1.1, 2.0] {
             let extent = ELLIPSE.extent_mm(heading, Vector2::y());
             for depth in [2e-4, 5e-3, 0.05, extent] {
@@ -497,7 +477,7 @@ mod tests {
         let found = outside_depth_mm(&ELLIPSE, at(10.0 - 0.2, 5.0, 0.0), &square);
         assert!((found - tip).abs() < 2e-3, "{found}");
         let hole: &[[f64; 2]] = &[[4.95, 5.05], [5.05, 5.05], [5.05, 4.95], [4.95, 4.95]];
-        let holed = index(&[SQUARE, hole]);
+        let holed = walls(&[SQUARE, hole]);
         for center in [[5.1, 5.0], [5.2, 5.02], [5.0, 5.0]] {
             let found = outside_depth_mm(&ELLIPSE, at(center[0], center[1], 0.1), &holed);
             assert!((found - 0.05).abs() < 0.003, "{found}");
@@ -509,22 +489,10 @@ mod tests {
     /// the grid's spacing.
     #[test]
     fn agrees_with_brute_force() {
-        let mut state = 11u64;
-        let mut random = || {
-            state = state
-                .wrapping_mul(6364136223846793005)
-                .wrapping_add(1442695040888963407);
-            (state >> 33) as f64 / (1u64 << 31) as f64
-        };
-        let star: Vec<[f64; 2]> = (0..36)
-            .map(|i| {
-                let (sin, cos) = (f64::from(i) * std::f64::consts::TAU / 36.0).sin_cos();
-                let r = 1.2 + 1.6 * random();
-                [r * cos, r * sin]
-            })
-            .collect();
+        let mut random = random_numbers(11);
+        let star = star(36, |_| 1.2 + 1.6 * random());
         let hole: &[[f64; 2]] = &[[0.1, 0.3], [0.4, -0.2], [-0.3, -0.1]];
-        let star = index(&[&star, hole]);
+        let star = walls(&[&star, hole]);
         let (mut outside, mut inside) = (0, 0);
         for _ in 0..300 {
             let (turn, far) = (std::f64::consts::TAU * random(), 2.2 * random());

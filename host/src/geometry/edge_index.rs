@@ -393,27 +393,14 @@ impl EdgeIndex {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::geometry::test_shapes::{random_numbers, region, star};
 
     fn random_edges(count: usize, far: f64) -> Vec<Edge> {
-        let mut state = 9u64;
-        let mut random = || {
-            state = state
-                .wrapping_mul(6364136223846793005)
-                .wrapping_add(1442695040888963407);
-            (state >> 33) as f64 / (1u64 << 31) as f64
-        };
-        let mut points: Vec<Point2> = (0..count)
-            .map(|i| {
-                let (sin, cos) = (i as f64 * std::f64::consts::TAU / count as f64).sin_cos();
-                let r = 3.0 + 20.0 * random();
-                Point2::new(far + r * cos, far - r * sin)
-            })
-            .collect();
-        points.push(points[0]);
-        points
-            .windows(2)
-            .map(|w| Edge { a: w[0], b: w[1] })
-            .collect()
+        let mut random = random_numbers(9);
+        let points = star(count, |_| 3.0 + 20.0 * random());
+        let points: Vec<[f64; 2]> = points.iter().map(|p| [far + p[0], far - p[1]]).collect();
+        let region = region(&[&points]);
+        region.edges().map(|(a, b)| Edge { a, b }).collect()
     }
 
     /// Goal: the grid changes nothing but the time. Method: nearest edge, containment and edges in

@@ -12,6 +12,8 @@ pub mod predicates;
 pub mod repair;
 pub mod rounded_polygon;
 pub mod tangent_disk;
+#[cfg(test)]
+pub mod test_shapes;
 pub mod validity;
 
 /// A point in the layer plane, mm.

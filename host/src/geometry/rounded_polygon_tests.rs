@@ -2,31 +2,15 @@
 //! force. Method: random walls against dense points of outline and wall.
 
 use super::*;
+use crate::geometry::test_shapes::{drop_corners, random_numbers};
 
 fn shapes() -> Vec<RoundedPolygon> {
-    let drop = [
-        [-0.35, -0.25],
-        [0.1, -0.3],
-        [0.6, 0.0],
-        [0.1, 0.3],
-        [-0.35, 0.25],
-    ];
     vec![
         RoundedPolygon::stadium(1.2, 0.4),
         RoundedPolygon::rectangle(1.2, 0.4, 0.1),
         RoundedPolygon::rectangle(1.2, 0.4, 0.0),
-        RoundedPolygon::polygon(&drop.map(Vector2::from)).expect("a drop"),
+        RoundedPolygon::polygon(&drop_corners()).expect("a drop"),
     ]
-}
-
-fn random_numbers(seed: u64) -> impl FnMut() -> f64 {
-    let mut state = seed;
-    move || {
-        state = state
-            .wrapping_mul(6364136223846793005)
-            .wrapping_add(1442695040888963407);
-        (state >> 33) as f64 / (1u64 << 31) as f64
-    }
 }
 
 #[test]

@@ -102,19 +102,10 @@ pub fn touching_radius(a: Vector2, b: Vector2, normal: Vector2) -> f64 {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::geometry::test_shapes::{random_numbers, star, walls};
 
-    fn index(points: &[[f64; 2]], offset: f64) -> EdgeIndex {
-        let p = |i: usize| {
-            let q = points[i % points.len()];
-            Point2::new(q[0] + offset, q[1] + offset)
-        };
-        let edges = (0..points.len())
-            .map(|i| Edge {
-                a: p(i),
-                b: p(i + 1),
-            })
-            .collect();
-        EdgeIndex::new(edges, 0.6)
+    fn moved<const N: usize>(points: [[f64; 2]; N], offset: f64) -> EdgeIndex {
+        walls(&[&points.map(|[x, y]| [x + offset, y + offset])])
     }
 
     /// Goal: closed forms of shapes with a known answer. Method: rectangle (half width, and the
@@ -124,11 +115,11 @@ mod tests {
         let up = Vector2::new(0.0, 1.0);
         for offset in [0.0, 1e4] {
             let at = |x: f64, y: f64| Point2::new(x + offset, y + offset);
-            let rectangle = index(&[[0.0, 0.0], [40.0, 0.0], [40.0, 6.0], [0.0, 6.0]], offset);
+            let rectangle = moved([[0.0, 0.0], [40.0, 0.0], [40.0, 6.0], [0.0, 6.0]], offset);
             assert!((tangent_disk_radius_mm(&rectangle, at(20.0, 0.0), up) - 3.0).abs() < 1e-9);
             assert!((tangent_disk_radius_mm(&rectangle, at(0.25, 0.0), up) - 0.25).abs() < 1e-9);
-            let step = index(
-                &[
+            let step = moved(
+                [
                     [0.0, 0.0],
                     [20.0, 0.0],
                     [20.0, 20.0],
@@ -150,21 +141,8 @@ mod tests {
     /// centre's distance to the boundary must equal the radius.
     #[test]
     fn disk_touches_and_stays_inside() {
-        let mut state = 7u64;
-        let mut random = || {
-            state = state
-                .wrapping_mul(6364136223846793005)
-                .wrapping_add(1442695040888963407);
-            (state >> 33) as f64 / (1u64 << 31) as f64
-        };
-        let star: Vec<[f64; 2]> = (0..120)
-            .map(|i| {
-                let (sin, cos) = (i as f64 * std::f64::consts::TAU / 120.0).sin_cos();
-                let r = 6.0 + 8.0 * random();
-                [r * cos, r * sin]
-            })
-            .collect();
-        let index = index(&star, 0.0);
+        let mut random = random_numbers(7);
+        let index = walls(&[&star(120, |_| 6.0 + 8.0 * random())]);
         let mut checked = 0;
         for edge in index.edges() {
             let p = edge.a + (edge.b - edge.a) * (0.05 + 0.9 * random());

@@ -487,18 +487,7 @@ fn meeting_on_line(e: Edge, f: Edge) -> Meeting {
 #[cfg(test)]
 mod tests {
     use super::*;
-
-    fn region(rings: &[&[[f64; 2]]]) -> Region {
-        let ring = |points: &&[[f64; 2]]| Ring {
-            points: points.iter().map(|p| Point2::new(p[0], p[1])).collect(),
-        };
-        Region {
-            exterior: ring(&rings[0]),
-            holes: rings[1..].iter().map(ring).collect(),
-        }
-    }
-
-    const SQUARE: &[[f64; 2]] = &[[0.0, 0.0], [10.0, 0.0], [10.0, 10.0], [0.0, 10.0]];
+    use crate::geometry::test_shapes::{SQUARE, random_numbers, region};
 
     /// Goal: what OGC allows passes. Method: repeated points, a hole touching the exterior once, on
     /// an edge or on a vertex, three holes that touch in one point, either orientation.
@@ -650,13 +639,8 @@ mod tests {
                 || on(c, d, b)
                 || (side(a, b, c) * side(a, b, d) < 0 && side(c, d, a) * side(c, d, b) < 0)
         };
-        let mut state = 17u64;
-        let mut random = || {
-            state = state
-                .wrapping_mul(6364136223846793005)
-                .wrapping_add(1442695040888963407);
-            ((state >> 40) % 5) as i64
-        };
+        let mut random = random_numbers(17);
+        let mut random = || (5.0 * random()) as i64;
         let (mut simple, mut faulty) = (0, 0);
         for round in 0..20_000 {
             let count = 3 + round % 5;

@@ -373,64 +373,18 @@ impl Tour {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::geometry::Point2;
     use crate::geometry::clearance::is_inside;
-    use crate::geometry::edge_index::Edge;
-    use crate::geometry::{Point2, Vector2};
-    use crate::plan::contacts::Contact;
+    use crate::geometry::test_shapes::{self, ELLIPSE as APERTURE, star};
     use crate::plan::gap_raster::GapRaster;
-    use crate::plan::passes::PassKind;
+    use crate::plan::test_passes::arc;
     use std::f64::consts::{PI, TAU};
 
-    const APERTURE: Aperture = Aperture::Ellipse {
-        major_mm: 0.6,
-        minor_mm: 0.2,
-    };
-
-    fn circle(radius_mm: f64) -> Vec<Point2> {
-        let at = |i: usize| TAU * i as f64 / 300.0;
-        let points = (0..300).map(|i| radius_mm * Vector2::new(at(i).cos(), at(i).sin()));
-        points.map(Point2::from).collect()
-    }
-
+    /// Circles about the origin, each with its inside to its left: the outermost bounds the part.
     fn walls(radii_mm: &[f64]) -> EdgeIndex {
-        let rings = radii_mm.iter().map(|radius| circle(*radius));
-        let edges = rings.flat_map(|ring| {
-            let edge = |i: usize| Edge {
-                a: ring[i],
-                b: ring[(i + 1) % ring.len()],
-            };
-            (0..ring.len()).map(edge).collect::<Vec<Edge>>()
-        });
-        EdgeIndex::new(edges.collect(), 1.0)
-    }
-
-    /// Part of a loop about `center`, the major axis across the travel.
-    fn arc(center: Point2, radius_mm: f64, from_rad: f64, lap_rad: f64) -> LayerPass {
-        let count = (lap_rad.abs() * radius_mm / 0.1).ceil() as usize;
-        let placements = (0..count).map(|i| {
-            let angle = from_rad + lap_rad * i as f64 / count as f64;
-            let out = Vector2::new(angle.cos(), angle.sin());
-            Placement {
-                at: Configuration {
-                    center: center + out * radius_mm,
-                    heading_rad: angle,
-                },
-                feasible: true,
-                contact: Contact {
-                    point: center + out * (radius_mm + 0.6),
-                    normal: -out,
-                    length_mm: 0.1,
-                    extent_mm: 0.6,
-                    on_axis: false,
-                },
-            }
-        });
-        LayerPass {
-            kind: PassKind::TwoPass,
-            channel: 1,
-            closed: lap_rad.abs() == TAU,
-            placements: placements.collect(),
-        }
+        let circles: Vec<_> = radii_mm.iter().map(|r| star(300, |_| *r)).collect();
+        let rings: Vec<&[[f64; 2]]> = circles.iter().map(Vec::as_slice).collect();
+        test_shapes::walls(&rings)
     }
 
     fn no_jumps(pass: &LayerPass) {

@@ -250,50 +250,12 @@ fn chain(
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::geometry::clearance::Configuration;
-    use crate::geometry::edge_index::Edge;
-    use crate::geometry::{Point2, Vector2};
-    use crate::plan::contacts::Contact;
-    use crate::plan::passes::PassKind;
+    use crate::geometry::Point2;
+    use crate::geometry::test_shapes::{ELLIPSE as APERTURE, walls};
+    use crate::plan::test_passes::pass;
     use std::f64::consts::{FRAC_PI_4, TAU};
 
-    const APERTURE: Aperture = Aperture::Ellipse {
-        major_mm: 0.6,
-        minor_mm: 0.2,
-    };
-
-    fn walls() -> EdgeIndex {
-        let corners = [[-20.0, -20.0], [20.0, -20.0], [20.0, 20.0], [-20.0, 20.0]];
-        let corners = corners.map(Point2::from);
-        let edges = (0..4).map(|i| Edge {
-            a: corners[i],
-            b: corners[(i + 1) % 4],
-        });
-        EdgeIndex::new(edges.collect(), 1.0)
-    }
-
-    fn pass(places: impl Iterator<Item = (Point2, f64)>, closed: bool) -> LayerPass {
-        let placement = |(center, heading_rad)| Placement {
-            at: Configuration {
-                center,
-                heading_rad,
-            },
-            feasible: true,
-            contact: Contact {
-                point: center,
-                normal: Vector2::y(),
-                length_mm: 0.1,
-                extent_mm: 0.6,
-                on_axis: false,
-            },
-        };
-        LayerPass {
-            kind: PassKind::TwoPass,
-            channel: 1,
-            closed,
-            placements: places.map(placement).collect(),
-        }
-    }
+    const BOX: &[[f64; 2]] = &[[-20.0, -20.0], [20.0, -20.0], [20.0, 20.0], [-20.0, 20.0]];
 
     /// A circle of 3 mm about the origin, the aperture at 45° to it.
     fn ring() -> LayerPass {
@@ -316,7 +278,7 @@ mod tests {
         let mut back = run(4.0);
         back.placements.reverse();
         for met in [run(4.0), back] {
-            let joined = around_loops(vec![ring(), met], &APERTURE, &walls());
+            let joined = around_loops(vec![ring(), met], &APERTURE, &walls(&[BOX]));
             assert_eq!(joined.len(), 1);
             assert!(!joined[0].closed);
             for pair in joined[0].placements.windows(2) {
@@ -329,7 +291,7 @@ mod tests {
                 "{length_mm}"
             );
         }
-        let apart = around_loops(vec![ring(), run(5.0)], &APERTURE, &walls());
+        let apart = around_loops(vec![ring(), run(5.0)], &APERTURE, &walls(&[BOX]));
         assert_eq!(apart, vec![ring(), run(5.0)]);
     }
 
@@ -340,7 +302,7 @@ mod tests {
         for placement in &mut other.placements {
             placement.at.center.x *= -1.0;
         }
-        let joined = around_loops(vec![run(4.0), ring(), other], &APERTURE, &walls());
+        let joined = around_loops(vec![run(4.0), ring(), other], &APERTURE, &walls(&[BOX]));
         assert_eq!(joined.len(), 2);
         assert!(joined.iter().all(|pass| !pass.closed));
     }

@@ -278,12 +278,8 @@ pub fn turn_to(aperture: &Aperture, from_rad: f64, to_rad: f64) -> f64 {
 mod tests {
     use super::*;
     use crate::geometry::edge_index::{Edge, EdgeIndex};
+    use crate::geometry::test_shapes::ELLIPSE as APERTURE;
     use crate::plan::heading_profile::profile;
-
-    const APERTURE: Aperture = Aperture::Ellipse {
-        major_mm: 0.6,
-        minor_mm: 0.2,
-    };
 
     /// Contacts along a straight wall on the x axis, the inside above: beads of 2 x 0.35 mm up to
     /// x = 6 mm, of 2 x 0.5 mm beyond.

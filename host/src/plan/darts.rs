@@ -236,58 +236,16 @@ fn insert(passes: &mut [LayerPass], mut darts: Vec<Dart>) {
 mod tests {
     use super::*;
     use crate::geometry::clearance::is_inside;
-    use crate::geometry::polygon::{Region, Ring};
-    use crate::geometry::{Point2, Vector2};
-    use crate::plan::contacts::Contact;
-    use crate::plan::passes::PassKind;
-
-    const APERTURE: Aperture = Aperture::Ellipse {
-        major_mm: 0.6,
-        minor_mm: 0.2,
-    };
+    use crate::geometry::test_shapes::{self, ELLIPSE as APERTURE};
+    use crate::plan::test_passes::run;
 
     fn walls(width: f64, height: f64) -> EdgeIndex {
-        let points = [[0.0, 0.0], [width, 0.0], [width, height], [0.0, height]];
-        let exterior = Ring {
-            points: points.iter().map(|p| Point2::new(p[0], p[1])).collect(),
-        };
-        EdgeIndex::of_region(
-            &Region {
-                exterior,
-                holes: vec![],
-            },
-            1.0,
-        )
+        test_shapes::walls(&[&[[0.0, 0.0], [width, 0.0], [width, height], [0.0, height]]])
     }
 
     /// A pass along y = 0.6 with the major axis across the travel: it covers y up to 1.2.
     fn pass(length: f64) -> LayerPass {
-        let count = (length / 0.1) as usize;
-        let placements = (3..count - 2)
-            .map(|i| {
-                let center = Point2::new(0.1 * i as f64, 0.6);
-                Placement {
-                    at: Configuration {
-                        center,
-                        heading_rad: std::f64::consts::FRAC_PI_2,
-                    },
-                    feasible: true,
-                    contact: Contact {
-                        point: Point2::new(center.x, 0.0),
-                        normal: Vector2::y(),
-                        length_mm: 0.1,
-                        extent_mm: 0.6,
-                        on_axis: false,
-                    },
-                }
-            })
-            .collect();
-        LayerPass {
-            kind: PassKind::TwoPass,
-            channel: 1,
-            closed: false,
-            placements,
-        }
+        run([0.3, 0.6], [length - 0.3, 0.6])
     }
 
     fn covered_pct(passes: &[LayerPass], walls: &EdgeIndex) -> f64 {

@@ -160,49 +160,9 @@ impl Visits {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::geometry::clearance::Configuration;
-    use crate::geometry::{Point2, Vector2};
-    use crate::plan::contacts::Contact;
-    use crate::plan::heading_profile::Placement;
-    use crate::plan::passes::PassKind;
-    use std::f64::consts::FRAC_PI_2;
-
-    const APERTURE: Aperture = Aperture::Ellipse {
-        major_mm: 0.6,
-        minor_mm: 0.2,
-    };
-
-    /// A straight run, the major axis across it.
-    fn run(from: [f64; 2], to: [f64; 2]) -> LayerPass {
-        let (from, to) = (Point2::from(from), Point2::from(to));
-        let along = (to - from).normalize();
-        let steps = ((to - from).norm() / 0.1).round() as usize;
-        let placements = (0..=steps)
-            .map(|i| {
-                let center = from + (to - from) * (i as f64 / steps as f64);
-                Placement {
-                    at: Configuration {
-                        center,
-                        heading_rad: along.y.atan2(along.x) + FRAC_PI_2,
-                    },
-                    feasible: true,
-                    contact: Contact {
-                        point: center,
-                        normal: Vector2::new(-along.y, along.x),
-                        length_mm: 0.1,
-                        extent_mm: 0.6,
-                        on_axis: true,
-                    },
-                }
-            })
-            .collect();
-        LayerPass {
-            kind: PassKind::OnePass,
-            channel: 0,
-            closed: false,
-            placements,
-        }
-    }
+    use crate::geometry::Point2;
+    use crate::geometry::test_shapes::ELLIPSE as APERTURE;
+    use crate::plan::test_passes::run;
 
     fn bounds() -> Box2 {
         Box2::of(&[Point2::new(-6.0, -6.0), Point2::new(6.0, 6.0)])

@@ -398,28 +398,10 @@ impl FeasibleAngles {
 mod tests {
     use super::*;
     use crate::geometry::clearance::scaled_clearance;
-    use crate::geometry::edge_index::Edge;
-
-    const ELLIPSE: Aperture = Aperture::Ellipse {
-        major_mm: 0.6,
-        minor_mm: 0.2,
-    };
-
-    fn index(points: &[[f64; 2]]) -> EdgeIndex {
-        let p = |i: usize| Point2::from(points[i % points.len()]);
-        EdgeIndex::new(
-            (0..points.len())
-                .map(|i| Edge {
-                    a: p(i),
-                    b: p(i + 1),
-                })
-                .collect(),
-            0.6,
-        )
-    }
+    use crate::geometry::test_shapes::{ELLIPSE, SQUARE, random_numbers, star, walls};
 
     fn passage(width_mm: f64) -> EdgeIndex {
-        index(&[[0.0, 0.0], [30.0, 0.0], [30.0, width_mm], [0.0, width_mm]])
+        walls(&[&[[0.0, 0.0], [30.0, 0.0], [30.0, width_mm], [0.0, width_mm]]])
     }
 
     /// Goal: a straight passage has a closed form: 2e(alpha) <= width. Method: interval ends.
@@ -449,7 +431,7 @@ mod tests {
     /// from the corner of a wide square.
     #[test]
     fn convex_corner() {
-        let square = index(&[[0.0, 0.0], [10.0, 0.0], [10.0, 10.0], [0.0, 10.0]]);
+        let square = walls(&[SQUARE]);
         let p = Point2::new(0.2, 0.0);
         let angles = feasible_angles(&ELLIPSE, &square, p, Vector2::new(0.0, 1.0));
         let alpha = angles.min_abs_rad().unwrap();
@@ -466,23 +448,10 @@ mod tests {
     /// less than 1e-6 of clearance.
     #[test]
     fn agrees_with_clearance() {
-        let mut state = 5u64;
-        let mut random = || {
-            state = state
-                .wrapping_mul(6364136223846793005)
-                .wrapping_add(1442695040888963407);
-            (state >> 33) as f64 / (1u64 << 31) as f64
-        };
+        let mut random = random_numbers(5);
         let (mut inside, mut outside) = (0, 0);
         for _ in 0..12 {
-            let star: Vec<[f64; 2]> = (0..40)
-                .map(|i| {
-                    let (sin, cos) = (f64::from(i) * std::f64::consts::TAU / 40.0).sin_cos();
-                    let r = 1.5 + 2.5 * random();
-                    [r * cos, r * sin]
-                })
-                .collect();
-            let star = index(&star);
+            let star = walls(&[&star(40, |_| 1.5 + 2.5 * random())]);
             for edge in star.edges() {
                 let p = edge.a + (edge.b - edge.a) * random();
                 let angles = feasible_angles(&ELLIPSE, &star, p, edge.normal());
@@ -508,14 +477,14 @@ mod tests {
     /// Goal: at a reflex vertex the normal may be any of the cone; the contact stays on the corner.
     #[test]
     fn reflex_vertex() {
-        let corner = index(&[
+        let corner = walls(&[&[
             [0.0, 0.0],
             [10.0, 0.0],
             [10.0, 10.0],
             [5.0, 10.0],
             [5.0, 5.0],
             [0.0, 5.0],
-        ]);
+        ]]);
         let p = Point2::new(5.0, 5.0);
         for k in 0..=10 {
             let turn = -FRAC_PI_2 + FRAC_PI_2 * f64::from(k) / 10.0;
@@ -529,13 +498,7 @@ mod tests {
     /// circle near the aperture's own curvature, the worst case (every facet close to contact).
     #[test]
     fn quick_on_fine_facets() {
-        let circle: Vec<[f64; 2]> = (0..400)
-            .map(|i| {
-                let (sin, cos) = (f64::from(i) * std::f64::consts::TAU / 400.0).sin_cos();
-                [1.5 * cos, 1.5 * sin]
-            })
-            .collect();
-        let circle = index(&circle);
+        let circle = walls(&[&star(400, |_| 1.5)]);
         let started = std::time::Instant::now();
         for edge in circle.edges() {
             let p = edge.a + (edge.b - edge.a) * 0.5;

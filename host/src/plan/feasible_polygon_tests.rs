@@ -3,20 +3,11 @@
 
 use crate::geometry::aperture::Aperture;
 use crate::geometry::clearance::{outside_depth_mm, scaled_clearance};
-use crate::geometry::edge_index::{Edge, EdgeIndex};
 use crate::geometry::rounded_polygon::RoundedPolygon;
+use crate::geometry::test_shapes::{SQUARE, drop_corners, random_numbers, star, walls};
 use crate::geometry::{Point2, Vector2};
 use crate::plan::feasible::{configuration_at, feasible_angles};
 use std::f64::consts::{FRAC_PI_2, PI};
-
-fn index(points: &[[f64; 2]]) -> EdgeIndex {
-    let p = |i: usize| Point2::from(points[i % points.len()]);
-    let edges = (0..points.len()).map(|i| Edge {
-        a: p(i),
-        b: p(i + 1),
-    });
-    EdgeIndex::new(edges.collect(), 0.6)
-}
 
 fn slot() -> Aperture {
     Aperture::Rounded(RoundedPolygon::stadium(1.2, 0.4))
@@ -27,36 +18,16 @@ fn rectangle(radius_mm: f64) -> Aperture {
 }
 
 fn drop() -> Aperture {
-    let corners = [
-        [-0.35, -0.25],
-        [0.1, -0.3],
-        [0.6, 0.0],
-        [0.1, 0.3],
-        [-0.35, 0.25],
-    ];
-    Aperture::Rounded(RoundedPolygon::polygon(&corners.map(Vector2::from)).expect("a drop"))
+    Aperture::Rounded(RoundedPolygon::polygon(&drop_corners()).expect("a drop"))
 }
 
 #[test]
 fn agrees_with_clearance() {
-    let mut state = 5u64;
-    let mut random = || {
-        state = state
-            .wrapping_mul(6364136223846793005)
-            .wrapping_add(1442695040888963407);
-        (state >> 33) as f64 / (1u64 << 31) as f64
-    };
+    let mut random = random_numbers(5);
     for aperture in [slot(), rectangle(0.1), rectangle(0.0), drop()] {
         let (mut inside, mut outside, mut border) = (0, 0, 0);
         for _ in 0..8 {
-            let star: Vec<[f64; 2]> = (0..40)
-                .map(|i| {
-                    let (sin, cos) = (f64::from(i) * std::f64::consts::TAU / 40.0).sin_cos();
-                    let r = 1.5 + 2.5 * random();
-                    [r * cos, r * sin]
-                })
-                .collect();
-            let star = index(&star);
+            let star = walls(&[&star(40, |_| 1.5 + 2.5 * random())]);
             for edge in star.edges() {
                 let p = edge.a + (edge.b - edge.a) * random();
                 let angles = feasible_angles(&aperture, &star, p, edge.normal());
@@ -91,7 +62,7 @@ fn agrees_with_clearance() {
 #[test]
 fn flat_in_an_exact_passage() {
     let (p, up) = (Point2::new(15.0, 0.0), Vector2::y());
-    let passage = |w: f64| index(&[[0.0, 0.0], [30.0, 0.0], [30.0, w], [0.0, w]]);
+    let passage = |w: f64| walls(&[&[[0.0, 0.0], [30.0, 0.0], [30.0, w], [0.0, w]]]);
     let angles = feasible_angles(&rectangle(0.0), &passage(0.4), p, up);
     assert!(angles.contains_rad(FRAC_PI_2, 1e-9), "{angles:?}");
     assert!(!angles.contains_rad(FRAC_PI_2 - 0.01, 1e-9), "{angles:?}");
@@ -107,7 +78,7 @@ fn flat_in_an_exact_passage() {
 /// Next to a corner the flat side slides back as far as the other wall asks.
 #[test]
 fn slides_along_the_wall() {
-    let square = index(&[[0.0, 0.0], [10.0, 0.0], [10.0, 10.0], [0.0, 10.0]]);
+    let square = walls(&[SQUARE]);
     for aperture in [rectangle(0.0), rectangle(0.1), slot()] {
         for x in [0.25, 0.45, 3.0] {
             let p = Point2::new(x, 0.0);
@@ -130,7 +101,7 @@ fn slides_along_the_wall() {
 fn without_symmetry() {
     let corners = [[-0.6, -0.19], [0.6, 0.0], [-0.6, 0.19]].map(Vector2::from);
     let wedge = Aperture::Rounded(RoundedPolygon::polygon(&corners).expect("a wedge"));
-    let notch = index(&[[0.0, 0.0], [6.0, -1.0], [6.0, 1.0]]);
+    let notch = walls(&[&[[0.0, 0.0], [6.0, -1.0], [6.0, 1.0]]]);
     let normal = notch.edges()[0].normal();
     let alpha = |heading: f64| heading - normal.y.atan2(normal.x);
     let off = |x: f64, heading: f64| {

@@ -199,11 +199,7 @@ mod tests {
     //! Goal: the volumes of SPEC section 3 in the cases that have a closed form, and against a
     //! raster for one that has none.
     use super::*;
-
-    const ELLIPSE: Aperture = Aperture::Ellipse {
-        major_mm: 0.6,
-        minor_mm: 0.2,
-    };
+    use crate::geometry::test_shapes::ELLIPSE;
 
     fn straight(heading_rad: f64, count: usize) -> Vec<FlowPose> {
         (0..count)

@@ -486,26 +486,12 @@ impl GapRaster {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::geometry::edge_index::Edge;
-    use crate::plan::contacts::Contact;
-    use crate::plan::heading_profile::Placement;
-    use crate::plan::passes::PassKind;
+    use crate::geometry::test_shapes::{ELLIPSE as APERTURE, walls};
+    use crate::plan::test_passes::run;
     use std::f64::consts::FRAC_PI_2;
 
-    const APERTURE: Aperture = Aperture::Ellipse {
-        major_mm: 0.6,
-        minor_mm: 0.2,
-    };
-
     /// A bar of 6 x 3 mm.
-    fn walls() -> EdgeIndex {
-        let corners = [[0.0, 0.0], [6.0, 0.0], [6.0, 3.0], [0.0, 3.0]].map(Point2::from);
-        let edges = (0..4).map(|i| Edge {
-            a: corners[i],
-            b: corners[(i + 1) % 4],
-        });
-        EdgeIndex::new(edges.collect(), 1.0)
-    }
+    const BAR: &[[f64; 2]] = &[[0.0, 0.0], [6.0, 0.0], [6.0, 3.0], [0.0, 3.0]];
 
     fn at(x: f64, y: f64) -> Configuration {
         Configuration {
@@ -514,32 +500,16 @@ mod tests {
         }
     }
 
-    /// A pass along y, the major axis across it.
-    fn pass(y: f64) -> LayerPass {
-        let placement = |i: i32| Placement {
-            at: at(0.1 * f64::from(i), y),
-            feasible: true,
-            contact: Contact {
-                point: Point2::new(0.1 * f64::from(i), y - 0.6),
-                normal: Vector2::y(),
-                length_mm: 0.1,
-                extent_mm: 0.6,
-                on_axis: false,
-            },
-        };
-        LayerPass {
-            kind: PassKind::TwoPass,
-            channel: 1,
-            closed: false,
-            placements: (3..=57).map(placement).collect(),
-        }
+    /// A bead along the bar, 1.2 mm wide.
+    fn bead(y: f64) -> LayerPass {
+        run([0.3, y], [5.7, y])
     }
 
     /// Goal: the sums give the gain that counting gives. Method: placements over the border of what
     /// is covered, cell centres asked one by one.
     #[test]
     fn sums_agree_with_counting() {
-        let raster = GapRaster::of(&[pass(0.6)], &APERTURE, &walls());
+        let raster = GapRaster::of(&[bead(0.6)], &APERTURE, &walls(&[BAR]));
         for i in 0..60 {
             let at = Configuration {
                 center: Point2::new(0.1 * f64::from(i), 1.0 + 0.01 * f64::from(i)),
@@ -583,9 +553,9 @@ mod tests {
         };
         let near = way(&[[3.0, 1.0], [3.0, 0.6]]);
         let far = way(&[[3.0, 1.0], [3.0, 0.6], [4.5, 0.6], [3.0, 0.6]]);
-        let own = pass(0.6);
+        let own = bead(0.6);
         let index = 27;
-        let mut raster = GapRaster::of(std::slice::from_ref(&own), &APERTURE, &walls());
+        let mut raster = GapRaster::of(std::slice::from_ref(&own), &APERTURE, &walls(&[BAR]));
         let ground = raster.ground(&own, index, &near, &APERTURE);
         let gained = raster.net_mm2(&ground);
         // The aperture swept over 0.4 mm, less what lies in the bead below y = 1.2 mm.
@@ -596,8 +566,8 @@ mod tests {
         assert!((1.0..3.0).contains(&paid), "{paid}");
         raster.cover(&ground);
         assert!(raster.net_mm2(&ground) <= 0.0);
-        let both = [own, pass(1.8)];
-        let raster = GapRaster::of(&both, &APERTURE, &walls());
+        let both = [own, bead(1.8)];
+        let raster = GapRaster::of(&both, &APERTURE, &walls(&[BAR]));
         let net = raster.net_mm2(&raster.ground(&both[0], index, &near, &APERTURE));
         assert!(net < 0.0, "{net}");
     }
@@ -606,8 +576,8 @@ mod tests {
     /// with several gaps; excursions between and into them, one after the other.
     #[test]
     fn gaps_and_sums_follow_what_is_covered() {
-        let own = pass(0.6);
-        let mut raster = GapRaster::of(&[own.clone(), pass(2.2)], &APERTURE, &walls());
+        let own = bead(0.6);
+        let mut raster = GapRaster::of(&[own.clone(), bead(2.2)], &APERTURE, &walls(&[BAR]));
         let counts = |raster: &GapRaster| -> Vec<(u32, usize)> {
             raster.gaps().iter().map(|g| (g[0], g.len())).collect()
         };

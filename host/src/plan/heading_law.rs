@@ -56,11 +56,8 @@ pub fn law_angle_rad(aperture: &Aperture, radius_mm: f64, pass: PassMode, law: H
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::geometry::test_shapes::ELLIPSE;
 
-    const ELLIPSE: Aperture = Aperture::Ellipse {
-        major_mm: 0.6,
-        minor_mm: 0.2,
-    };
     const ROUND: Aperture = Aperture::Ellipse {
         major_mm: 0.4,
         minor_mm: 0.4,

@@ -294,21 +294,11 @@ pub fn write_csv(mut out: impl Write, rows: &[HeadingRow]) -> io::Result<()> {
 mod tests {
     use super::*;
     use crate::geometry::clearance::scaled_clearance;
-
-    fn region(points: &[[f64; 2]]) -> Region {
-        let points = points.iter().map(|p| Point2::from(*p)).collect();
-        Region {
-            exterior: Ring { points },
-            holes: vec![],
-        }
-    }
+    use crate::geometry::test_shapes::{ELLIPSE, region};
 
     fn request(pass: PassMode) -> HeadingsRequest {
         HeadingsRequest {
-            aperture: Aperture::Ellipse {
-                major_mm: 0.6,
-                minor_mm: 0.2,
-            },
+            aperture: ELLIPSE,
             spacing_mm: 0.25,
             pass,
             law: HeadingLaw::Tangent,
@@ -327,7 +317,7 @@ mod tests {
                 [5000.0 + x * cos - y * sin, -3000.0 + x * sin + y * cos]
             };
             let w = 2.0 * half_width_mm;
-            let strip = region(&[turn(0.0, 0.0), turn(40.0, 0.0), turn(40.0, w), turn(0.0, w)]);
+            let strip = region(&[&[turn(0.0, 0.0), turn(40.0, 0.0), turn(40.0, w), turn(0.0, w)]]);
             for pass in [PassMode::One, PassMode::Two] {
                 let e = if pass == PassMode::One {
                     half_width_mm
@@ -359,14 +349,14 @@ mod tests {
     /// Goal: every reachable row touches its sample and stays inside; headings do not jump needlessly.
     #[test]
     fn rows_are_consistent() {
-        let shape = region(&[
+        let shape = region(&[&[
             [0.0, 0.0],
             [8.0, 0.0],
             [8.0, 2.0],
             [3.0, 1.4],
             [2.0, 6.0],
             [0.0, 6.0],
-        ]);
+        ]]);
         let rows = headings_table(&shape, &request(PassMode::Two));
         let index = EdgeIndex::of_region(&shape, 0.6);
         let mut reached = 0;
@@ -384,7 +374,7 @@ mod tests {
     /// Goal: the file's form. Method: a shape with unreachable samples (a spike), fields counted.
     #[test]
     fn csv_form() {
-        let spike = region(&[[0.0, 0.0], [20.0, 0.5], [0.0, 1.0]]);
+        let spike = region(&[&[[0.0, 0.0], [20.0, 0.5], [0.0, 1.0]]]);
         let rows = headings_table(&spike, &request(PassMode::Two));
         let mut text = Vec::new();
         write_csv(&mut text, &rows).unwrap();

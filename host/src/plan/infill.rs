@@ -348,21 +348,7 @@ pub fn swept_area_mm2(raster: &RegionRaster, regions: &[Region]) -> [f64; 2] {
 mod tests {
     use super::*;
     use crate::geometry::clearance::scaled_clearance;
-
-    const ELLIPSE: Aperture = Aperture::Ellipse {
-        major_mm: 0.6,
-        minor_mm: 0.2,
-    };
-
-    fn region(rings: &[&[[f64; 2]]]) -> Region {
-        let ring = |p: &&[[f64; 2]]| Ring {
-            points: p.iter().map(|&p| Point2::from(p)).collect(),
-        };
-        Region {
-            exterior: ring(&rings[0]),
-            holes: rings[1..].iter().map(ring).collect(),
-        }
-    }
+    use crate::geometry::test_shapes::{ELLIPSE, region};
 
     /// A notched plate with a hole, nothing in it parallel to the lines.
     fn plate() -> Region {

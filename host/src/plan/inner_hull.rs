@@ -219,27 +219,13 @@ mod tests {
     use crate::geometry::Vector2;
     use crate::geometry::clearance::{Configuration, outside_bound_mm, outside_depth_mm};
     use crate::geometry::rounded_polygon::RoundedPolygon;
+    use crate::geometry::test_shapes::{ELLIPSE, random_numbers};
     use crate::geometry::validity::validate;
     use crate::plan::feasible::{configuration_at, feasible_angles, is_touchable};
     use std::f64::consts::TAU;
 
-    const ELLIPSE: Aperture = Aperture::Ellipse {
-        major_mm: 0.6,
-        minor_mm: 0.2,
-    };
-
     /// Rounding of a placement in contact, mm.
     const INSIDE_MM: f64 = 1e-6;
-
-    fn random(seed: u64) -> impl FnMut() -> f64 {
-        let mut state = seed;
-        move || {
-            state = state
-                .wrapping_mul(6364136223846793005)
-                .wrapping_add(1442695040888963407);
-            (state >> 33) as f64 / (1u64 << 31) as f64
-        }
-    }
 
     fn circle(
         center: Point2,
@@ -263,7 +249,7 @@ mod tests {
 
     /// A disk of teeth with two holes of teeth, `edge_mm` and noise as given.
     fn toothed(edge_mm: f64, noise_mm: f64, seed: u64) -> Region {
-        let mut random = random(seed);
+        let mut random = random_numbers(seed);
         let mut ring = |x: f64, radius_mm: f64| {
             let count = (TAU * radius_mm / edge_mm) as usize;
             let noise = || noise_mm * (2.0 * random() - 1.0);
@@ -375,7 +361,7 @@ mod tests {
     /// Method: random placements, their clearance by points all round the aperture.
     #[test]
     fn what_keeps_clear_is_kept() {
-        let mut random = random(5);
+        let mut random = random_numbers(5);
         let mut kept = 0;
         for region in shapes() {
             let hull = EdgeIndex::of_region(&inner_hull(&region, &ELLIPSE), 0.6);

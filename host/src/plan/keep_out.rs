@@ -188,15 +188,10 @@ impl Detours {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::geometry::test_shapes::region;
 
     fn rectangle(low: [f64; 2], high: [f64; 2]) -> Region {
-        let corners = [low, [high[0], low[1]], high, [low[0], high[1]]];
-        Region {
-            exterior: Ring {
-                points: corners.map(Point2::from).to_vec(),
-            },
-            holes: Vec::new(),
-        }
+        region(&[&[low, [high[0], low[1]], high, [low[0], high[1]]]])
     }
 
     fn settings(body_mm: f64) -> Settings {

@@ -365,47 +365,8 @@ fn add_longer(own: &mut Vector2, other: Vector2) {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::geometry::edge_index::Edge;
-    use crate::plan::contacts::Contact;
-    use crate::plan::heading_profile::Placement;
-    use crate::plan::passes::PassKind;
-
-    const APERTURE: Aperture = Aperture::Ellipse {
-        major_mm: 0.6,
-        minor_mm: 0.2,
-    };
-
-    fn walls_of(corners: &[[f64; 2]]) -> EdgeIndex {
-        let corner = |i: usize| Point2::from(corners[i % corners.len()]);
-        let edges = (0..corners.len()).map(|i| Edge {
-            a: corner(i),
-            b: corner(i + 1),
-        });
-        EdgeIndex::new(edges.collect(), 1.0)
-    }
-
-    fn pass_of(placements: impl Iterator<Item = [f64; 3]>) -> LayerPass {
-        let placements = placements.map(|[x, y, heading_rad]| Placement {
-            at: Configuration {
-                center: Point2::new(x, y),
-                heading_rad,
-            },
-            feasible: true,
-            contact: Contact {
-                point: Point2::new(x, y),
-                normal: Vector2::y(),
-                length_mm: 0.1,
-                extent_mm: 0.5,
-                on_axis: true,
-            },
-        });
-        LayerPass {
-            kind: PassKind::OnePass,
-            channel: 0,
-            closed: false,
-            placements: placements.collect(),
-        }
-    }
+    use crate::geometry::test_shapes::{ELLIPSE as APERTURE, walls};
+    use crate::plan::test_passes::pass;
 
     /// Goal: a tooth of the wall that passes under the nozzle's tip within a part of a long span is
     /// seen (10 um between two of twelve poses were not), and so is what the last pose cuts. Method:
@@ -415,7 +376,7 @@ mod tests {
     fn nothing_hides_between_the_poses_of_a_long_span() {
         for tooth_x in [0.042, 0.125, 0.46, 1.709, 2.0] {
             let (low, high) = (tooth_x - 0.01, tooth_x + 0.01);
-            let walls = walls_of(&[
+            let walls = walls(&[&[
                 [-5.0, 0.0],
                 [low, 0.0],
                 [tooth_x, 0.01],
@@ -423,9 +384,10 @@ mod tests {
                 [5.0, 0.0],
                 [5.0, 5.0],
                 [-5.0, 5.0],
-            ]);
+            ]]);
             let upright = std::f64::consts::FRAC_PI_2;
-            let pass = pass_of((-2..=2).map(|i| [f64::from(i), 0.6, upright]));
+            let places = (-2..=2).map(|i| (Point2::new(f64::from(i), 0.6), upright));
+            let pass = pass(places, false);
             let curves = pass_curves(&pass, &APERTURE, &walls, 4e-4);
             assert_eq!(curves.len(), 1, "{tooth_x}");
             let last = curves[0].len() - 2;
@@ -443,11 +405,12 @@ mod tests {
     /// (e = 0.41 mm), and 1.3 rad (e = 0.58 mm) in the middle does not.
     #[test]
     fn a_tight_passage_does_not_cut_the_curve() {
-        let walls = walls_of(&[[-5.0, -0.5], [5.0, -0.5], [5.0, 0.5], [-5.0, 0.5]]);
-        let pass = pass_of((-40..=40).map(|i| {
+        let walls = walls(&[&[[-5.0, -0.5], [5.0, -0.5], [5.0, 0.5], [-5.0, 0.5]]]);
+        let places = (-40..=40).map(|i| {
             let x = 0.1 * f64::from(i);
-            [x, 0.0, if x.abs() < 0.5 { 1.3 } else { 0.7 }]
-        }));
+            (Point2::new(x, 0.0), if x.abs() < 0.5 { 1.3 } else { 0.7 })
+        });
+        let pass = pass(places, false);
         let curves = pass_curves(&pass, &APERTURE, &walls, 4e-4);
         assert_eq!(curves.len(), 1);
         for span in 0..curves[0].len() - 1 {

@@ -174,89 +174,30 @@ fn stretch<'a>(
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::geometry::clearance::Configuration;
-    use crate::geometry::edge_index::Edge;
-    use crate::geometry::{Point2, Vector2};
-    use crate::plan::contacts::Contact;
-    use std::f64::consts::{FRAC_PI_2, PI};
+    use crate::geometry::test_shapes::{ELLIPSE as APERTURE, walls};
+    use crate::plan::test_passes::run;
 
-    const APERTURE: Aperture = Aperture::Ellipse {
-        major_mm: 0.6,
-        minor_mm: 0.2,
-    };
-
-    fn box_with(slit: bool) -> EdgeIndex {
-        let ring = |p: &[[f64; 2]]| -> Vec<Edge> {
-            (0..p.len())
-                .map(|i| Edge {
-                    a: Point2::from(p[i]),
-                    b: Point2::from(p[(i + 1) % p.len()]),
-                })
-                .collect()
-        };
-        let mut edges = ring(&[[-5.0, -5.0], [5.0, -5.0], [5.0, 5.0], [-5.0, 5.0]]);
-        if slit {
-            edges.extend(ring(&[
-                [-4.0, 0.59],
-                [-4.0, 0.61],
-                [4.0, 0.61],
-                [4.0, 0.59],
-            ]));
-        }
-        EdgeIndex::new(edges, 1.0)
-    }
-
-    /// A run along x at height `y`, the major axis across it.
-    fn run(y: f64, backwards: bool, heading_rad: f64) -> LayerPass {
-        let placements = (-30..=30)
-            .map(|i| {
-                let x = 0.1 * f64::from(if backwards { -i } else { i });
-                Placement {
-                    at: Configuration {
-                        center: Point2::new(x, y),
-                        heading_rad,
-                    },
-                    feasible: true,
-                    contact: Contact {
-                        point: Point2::new(x, y - 0.6),
-                        normal: Vector2::y(),
-                        length_mm: 0.1,
-                        extent_mm: 0.6,
-                        on_axis: false,
-                    },
-                }
-            })
-            .collect();
-        LayerPass {
-            kind: PassKind::TwoPass,
-            channel: 1,
-            closed: false,
-            placements,
-        }
-    }
+    const BOX: &[[f64; 2]] = &[[-5.0, -5.0], [5.0, -5.0], [5.0, 5.0], [-5.0, 5.0]];
+    const SLIT: &[[f64; 2]] = &[[-4.0, 0.59], [-4.0, 0.61], [4.0, 0.61], [4.0, 0.59]];
 
     /// Goal: neighbours become one pass whose heading goes on without a turn of 180°, but not
     /// through a wall, nor over a long way. Method: two runs 1.2 mm apart, there and back.
     #[test]
     fn neighbours_are_linked_where_the_way_is_free() {
-        let there = run(0.0, false, FRAC_PI_2);
-        let back = run(1.2, true, FRAC_PI_2 - PI);
-        let joined = linked(
-            vec![there.clone(), back.clone()],
-            &APERTURE,
-            &box_with(false),
-        );
+        let there = run([-3.0, 0.0], [3.0, 0.0]);
+        let back = run([3.0, 1.2], [-3.0, 1.2]);
+        let joined = linked(vec![there.clone(), back.clone()], &APERTURE, &walls(&[BOX]));
         assert_eq!(joined.len(), 1);
         for pair in joined[0].placements.windows(2) {
             assert!((pair[1].at.center - pair[0].at.center).norm() < 0.25);
             assert!((pair[1].at.heading_rad - pair[0].at.heading_rad).abs() < 1e-9);
         }
-        let apart = linked(vec![there.clone(), back], &APERTURE, &box_with(true));
+        let apart = linked(vec![there.clone(), back], &APERTURE, &walls(&[BOX, SLIT]));
         assert_eq!(apart.len(), 2);
         let far = linked(
-            vec![there, run(3.0, true, FRAC_PI_2)],
+            vec![there, run([3.0, 3.0], [-3.0, 3.0])],
             &APERTURE,
-            &box_with(false),
+            &walls(&[BOX]),
         );
         assert_eq!(far.len(), 2);
     }

@@ -48,6 +48,8 @@ pub mod single_runs;
 pub mod skeleton;
 pub mod skirt;
 pub mod stack;
+#[cfg(test)]
+mod test_passes;
 pub mod time_law;
 pub mod travel_route;
 pub mod travel_ways;

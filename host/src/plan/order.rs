@@ -317,52 +317,17 @@ pub fn region_order(centers: &[Point2], from: Point2) -> Vec<usize> {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::plan::contacts::Contact;
-    use crate::plan::heading_profile::Placement;
-    use crate::plan::passes::PassKind;
+    use crate::geometry::test_shapes::ELLIPSE as APERTURE;
+    use crate::plan::test_passes::arc;
     use std::f64::consts::TAU;
-
-    const APERTURE: Aperture = Aperture::Ellipse {
-        major_mm: 0.6,
-        minor_mm: 0.2,
-    };
-
-    fn ring(center: Point2, radius_mm: f64) -> LayerPass {
-        let count = (TAU * radius_mm / 0.1).round() as usize;
-        let placement = |i: usize| {
-            let angle = TAU * i as f64 / count as f64;
-            let inward = -Vector2::new(angle.cos(), angle.sin());
-            let point = center - inward * radius_mm;
-            Placement {
-                at: Configuration {
-                    center: point,
-                    heading_rad: angle,
-                },
-                feasible: true,
-                contact: Contact {
-                    point,
-                    normal: inward,
-                    length_mm: 0.1,
-                    extent_mm: 0.6,
-                    on_axis: false,
-                },
-            }
-        };
-        LayerPass {
-            kind: PassKind::TwoPass,
-            channel: 1,
-            closed: true,
-            placements: (0..count).map(placement).collect(),
-        }
-    }
 
     /// Goal: the order leaves few ways too long for a link, even where the nearest pass first would.
     /// Method: a ring of 8 mm, a small one 1 mm inside it at its far side; the head comes from beside
     /// the large one. Nearest first begins and ends there, 14 mm from the small one.
     #[test]
     fn a_pass_begins_where_it_can_be_linked() {
-        let large = ring(Point2::origin(), 8.0);
-        let small = ring(Point2::new(6.7, 0.0), 0.3);
+        let large = arc(Point2::origin(), 8.0, 0.0, TAU);
+        let small = arc(Point2::new(6.7, 0.0), 0.3, 0.0, TAU);
         let found = ordered(vec![large, small], Point2::new(-10.0, 0.0), &APERTURE);
         let end = found[0].placements[found[0].placements.len() - 1].at.center;
         let way_mm = (found[1].placements[0].at.center - end).norm();

@@ -368,26 +368,8 @@ pub fn reachable_count(aperture: &Aperture, points: &[Point2], index: &EdgeIndex
 mod tests {
     use super::*;
     use crate::geometry::clearance::{outside_depth_mm, scaled_clearance};
-    use crate::geometry::edge_index::Edge;
+    use crate::geometry::test_shapes::{ELLIPSE, SQUARE, random_numbers, star, walls};
     use crate::plan::feasible::{configuration_at, feasible_angles};
-
-    const ELLIPSE: Aperture = Aperture::Ellipse {
-        major_mm: 0.6,
-        minor_mm: 0.2,
-    };
-
-    fn index(points: &[[f64; 2]]) -> EdgeIndex {
-        let p = |i: usize| Point2::from(points[i % points.len()]);
-        EdgeIndex::new(
-            (0..points.len())
-                .map(|i| Edge {
-                    a: p(i),
-                    b: p(i + 1),
-                })
-                .collect(),
-            0.6,
-        )
-    }
 
     /// Goal: the search misses no more than slivers. Method: random points of spiky shapes; the
     /// truth from below is a family of tangent placements: all headings at dense boundary points,
@@ -395,24 +377,11 @@ mod tests {
     /// counts. Every "yes" is checked to cover and to be inside.
     #[test]
     fn agrees_with_dense_families() {
-        let mut state = 3u64;
-        let mut random = || {
-            state = state
-                .wrapping_mul(6364136223846793005)
-                .wrapping_add(1442695040888963407);
-            (state >> 33) as f64 / (1u64 << 31) as f64
-        };
-        let star: Vec<[f64; 2]> = (0..22)
-            .map(|i| {
-                let (sin, cos) = (f64::from(i) * std::f64::consts::TAU / 22.0).sin_cos();
-                let r = if i % 2 == 0 {
-                    2.6 + random()
-                } else {
-                    0.9 + 0.8 * random()
-                };
-                [r * cos, r * sin]
-            })
-            .collect();
+        let mut random = random_numbers(3);
+        let spiky = star(22, |i| match i % 2 {
+            0 => 2.6 + random(),
+            _ => 0.9 + 0.8 * random(),
+        });
         let wedge = vec![
             [0.0, 0.0],
             [4.0, 0.9],
@@ -422,8 +391,8 @@ mod tests {
             [0.0, 1.4],
         ];
         let (mut yes, mut no, mut missed) = (0, 0, 0);
-        for shape in [star, wedge] {
-            let index = index(&shape);
+        for shape in [spiky, wedge] {
+            let index = walls(&[&shape]);
             let mut family = Vec::new();
             for edge in index.edges() {
                 let pieces = (edge.length_mm() / 0.02).ceil() as usize;
@@ -475,22 +444,12 @@ mod tests {
     /// plain search must stay one, and what was counted side by side is at least that.
     #[test]
     fn room_leaves_out_only_what_cannot_be_covered() {
-        let mut state = 9u64;
-        let mut random = || {
-            state = state
-                .wrapping_mul(6364136223846793005)
-                .wrapping_add(1442695040888963407);
-            (state >> 33) as f64 / (1u64 << 31) as f64
-        };
-        let coast: Vec<[f64; 2]> = (0..600)
-            .map(|i| {
-                let (sin, cos) = (f64::from(i) * std::f64::consts::TAU / 600.0).sin_cos();
-                let slow = 0.7 * (f64::from(i) * 0.2).sin();
-                let r = 1.3 + slow + 0.2 * random();
-                [r * cos, r * sin]
-            })
-            .collect();
-        let index = index(&coast);
+        let mut random = random_numbers(9);
+        let coast = star(600, |i| {
+            let slow = 0.7 * (i as f64 * 0.2).sin();
+            1.3 + slow + 0.2 * random()
+        });
+        let index = walls(&[&coast]);
         let bounds = index.bounds();
         let points: Vec<Point2> = (0..3000)
             .map(|_| {
@@ -521,7 +480,7 @@ mod tests {
     /// square, where most answers are "no" (50 µs wanted in release; wide margin here).
     #[test]
     fn quick() {
-        let square = index(&[[0.0, 0.0], [10.0, 0.0], [10.0, 10.0], [0.0, 10.0]]);
+        let square = walls(&[SQUARE]);
         let started = std::time::Instant::now();
         let mut no = 0;
         for i in 0..100 {

@@ -79,30 +79,17 @@ fn turn_rad(pass: &LayerPass, i: usize, window_mm: f64) -> f64 {
 mod tests {
     use super::*;
     use crate::geometry::Point2;
-    use crate::geometry::edge_index::EdgeIndex;
-    use crate::geometry::polygon::{Region, Ring};
+    use crate::geometry::test_shapes::{ELLIPSE, ring, walls};
     use crate::plan::contacts::wall_contacts;
     use crate::plan::heading_profile::profile;
     use crate::plan::passes::{Lengths, PassKind};
 
-    const ELLIPSE: Aperture = Aperture::Ellipse {
-        major_mm: 0.6,
-        minor_mm: 0.2,
-    };
-
     fn wall_loop(points: &[[f64; 2]]) -> LayerPass {
-        let ring = Ring {
-            points: points.iter().map(|&p| Point2::from(p)).collect(),
-        };
-        let mut contacts = wall_contacts(&ring, Lengths::of(&ELLIPSE).spacing());
+        let mut contacts = wall_contacts(&ring(points), Lengths::of(&ELLIPSE).spacing());
         for contact in &mut contacts {
             contact.extent_mm = 0.5;
         }
-        let region = Region {
-            exterior: ring,
-            holes: Vec::new(),
-        };
-        let walls = EdgeIndex::of_region(&region, 1.0);
+        let walls = walls(&[points]);
         LayerPass {
             kind: PassKind::TwoPass,
             channel: 1,

@@ -251,21 +251,8 @@ fn exterior_axis(around: &EdgeIndex, reach_mm: f64) -> Result<Vec<[Point2; 2]>, 
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::geometry::test_shapes::{ELLIPSE, region};
     use crate::plan::heading_profile::Placement;
-
-    const ELLIPSE: Aperture = Aperture::Ellipse {
-        major_mm: 0.6,
-        minor_mm: 0.2,
-    };
-
-    fn region(points: &[[f64; 2]]) -> Region {
-        Region {
-            exterior: Ring {
-                points: points.iter().map(|&p| Point2::from(p)).collect(),
-            },
-            holes: Vec::new(),
-        }
-    }
 
     fn settings(loops: u32, brim_loops: u32) -> Settings {
         Settings {
@@ -281,7 +268,7 @@ mod tests {
 
     /// A thick L with a slot 1.8 mm wide, in which one bead fits from either side but not two.
     fn slotted() -> Vec<Region> {
-        vec![region(&[
+        vec![region(&[&[
             [100.0, 100.0],
             [120.0, 100.0],
             [120.0, 108.0],
@@ -290,7 +277,7 @@ mod tests {
             [109.2, 103.0],
             [109.2, 115.0],
             [100.0, 115.0],
-        ])]
+        ]])]
     }
 
     /// Placements may cut by this much before the finished curve is pushed off the walls, mm.
@@ -359,15 +346,15 @@ mod tests {
     /// keep-out.
     #[test]
     fn a_keep_out_opens_the_loops() {
-        let part = vec![region(&[
+        let part = vec![region(&[&[
             [0.0, 0.0],
             [20.0, 0.0],
             [20.0, 10.0],
             [0.0, 10.0],
-        ])];
+        ]])];
         for clamp in [
-            region(&[[9.0, -3.0], [11.0, -3.0], [11.0, 5.0], [9.0, 5.0]]),
-            region(&[[15.0, 4.0], [24.0, 4.0], [24.0, 6.0], [15.0, 6.0]]),
+            region(&[&[[9.0, -3.0], [11.0, -3.0], [11.0, 5.0], [9.0, 5.0]]]),
+            region(&[&[[15.0, 4.0], [24.0, 4.0], [24.0, 6.0], [15.0, 6.0]]]),
         ] {
             let taken = [clamp.clone()];
             let plan = skirt_plan(&part, &taken, Point2::origin(), &settings(0, 2))

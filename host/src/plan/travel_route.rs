@@ -293,12 +293,7 @@ fn turned_by(v: Vector2, angle_rad: f64) -> Vector2 {
 #[cfg(test)]
 mod tests {
     use super::*;
-
-    fn ring(points: &[[f64; 2]]) -> Ring {
-        Ring {
-            points: points.iter().map(|&p| Point2::from(p)).collect(),
-        }
-    }
+    use crate::geometry::test_shapes::ring;
 
     fn length_mm(from: Point2, way: &[Point2], to: Point2) -> f64 {
         let all: Vec<Point2> = [from]

@@ -111,18 +111,7 @@ fn border(is_out: &impl Fn(f64) -> bool, inside: f64, outside: f64, length_mm: f
 #[cfg(test)]
 mod tests {
     use super::*;
-
-    fn walls(points: &[[f64; 2]]) -> EdgeIndex {
-        let point = |k: usize| {
-            let p = points[k % points.len()];
-            Point2::new(p[0], p[1])
-        };
-        let edges = (0..points.len()).map(|k| Edge {
-            a: point(k),
-            b: point(k + 1),
-        });
-        EdgeIndex::new(edges.collect(), 0.6)
-    }
+    use crate::geometry::test_shapes::{ELLIPSE, SQUARE, walls};
 
     fn total_mm(walls: &EdgeIndex, major_mm: f64, minor_mm: f64) -> f64 {
         let aperture = Aperture::Ellipse { major_mm, minor_mm };
@@ -135,7 +124,7 @@ mod tests {
     /// A disk of radius R in a square corner touches no nearer than R to the vertex.
     #[test]
     fn round_nozzle_in_square_corners() {
-        let square = walls(&[[0.0, 0.0], [10.0, 0.0], [10.0, 10.0], [0.0, 10.0]]);
+        let square = walls(&[SQUARE]);
         let found = total_mm(&square, 0.4, 0.4);
         // Eight ends, each to END_MM.
         assert!((found - 8.0 * 0.4).abs() < 8.0 * END_MM, "{found}");
@@ -147,7 +136,7 @@ mod tests {
     /// A slot narrower than the aperture's minor axis is out of reach, all of it.
     #[test]
     fn narrow_slots_are_out_of_reach() {
-        let slot = walls(&[
+        let slot = walls(&[&[
             [0.0, 0.0],
             [10.0, 0.0],
             [10.0, 4.0],
@@ -156,12 +145,8 @@ mod tests {
             [10.0, 4.3],
             [10.0, 10.0],
             [0.0, 10.0],
-        ]);
-        let aperture = Aperture::Ellipse {
-            major_mm: 0.6,
-            minor_mm: 0.2,
-        };
-        let runs = unreachable_runs(&aperture, &slot, &slot);
+        ]]);
+        let runs = unreachable_runs(&ELLIPSE, &slot, &slot);
         let in_slot: f64 = runs
             .iter()
             .filter(|run| run.from.x >= 10.0 - 1e-9 && run.to.x >= 10.0 - 1e-9)

@@ -110,17 +110,6 @@ const NO_MARK: Mark = Mark {
     pass: None,
 };
 
-/// The state as the tables spell it.
-pub fn state_name(state: MotionState) -> &'static str {
-    match state {
-        MotionState::Travel => "travel",
-        MotionState::Prime => "prime",
-        MotionState::Print => "print",
-        MotionState::Retract => "retract",
-        MotionState::Hold => "hold",
-    }
-}
-
 /// Writes one row of a pose table, in input coordinates.
 pub fn write_row(
     out: &mut impl Write,
@@ -142,7 +131,7 @@ pub fn write_row(
         p[CHANNEL_HEADING],
         sample.speed_mm_s(),
         sample.flow_mm3_s(),
-        state_name(sample.mark.state),
+        sample.mark.state.name(),
     )
 }
 

@@ -6,7 +6,8 @@ use crate::geometry::Point2;
 use crate::geometry::aperture::Aperture;
 use crate::geometry::clearance::Configuration;
 use crate::geometry::frame::Frame;
-use crate::geometry::polygon::{Region, Ring};
+use crate::geometry::polygon::Region;
+use crate::geometry::test_shapes::{SQUARE, region};
 use crate::job::{Mark, MotionState, SegmentStream};
 use crate::part_transform::PartTransform;
 use crate::settings::Settings;
@@ -16,13 +17,7 @@ use plan_picture::{PicturePass, Zone};
 use usvg::roxmltree::Document;
 
 fn square() -> Vec<Region> {
-    let corners = [[0.0, 0.0], [10.0, 0.0], [10.0, 10.0], [0.0, 10.0]];
-    vec![Region {
-        exterior: Ring {
-            points: corners.iter().map(|c| Point2::new(c[0], c[1])).collect(),
-        },
-        holes: Vec::new(),
-    }]
+    vec![region(&[SQUARE])]
 }
 
 fn count(text: &str, name: &str) -> usize {

@@ -211,16 +211,10 @@ fn best_of_three(
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::geometry::aperture::Aperture;
-    use crate::geometry::edge_index::{Edge, EdgeIndex};
+    use crate::geometry::test_shapes::{ELLIPSE as APERTURE, walls};
     use crate::geometry::{Point2, Vector2};
     use crate::plan::contacts::Contact;
     use crate::plan::heading_profile::steps_mm;
-
-    const APERTURE: Aperture = Aperture::Ellipse {
-        major_mm: 0.6,
-        minor_mm: 0.2,
-    };
 
     /// Contacts along a straight wall whose beads widen and narrow again, slowly.
     fn waves() -> Vec<Contact> {
@@ -241,12 +235,7 @@ mod tests {
     #[test]
     fn bins_leave_no_trace() {
         let contacts = waves();
-        let corners = [[-5.0, 0.0], [30.0, 0.0], [30.0, 9.0], [-5.0, 9.0]].map(Point2::from);
-        let edges = (0..4).map(|i| Edge {
-            a: corners[i],
-            b: corners[(i + 1) % 4],
-        });
-        let walls = EdgeIndex::new(edges.collect(), 1.0);
+        let walls = walls(&[&[[-5.0, 0.0], [30.0, 0.0], [30.0, 9.0], [-5.0, 9.0]]]);
         let run = Run::new(&contacts, false, &APERTURE, &walls);
         let steps = steps_mm(&contacts, false, &APERTURE);
         let bin_rad = std::f64::consts::PI / BINS as f64;

@@ -2,18 +2,9 @@
 //! to the nearest edge.
 
 use super::*;
-use crate::geometry::polygon::{Region, Ring};
+use crate::geometry::polygon::Region;
+use crate::geometry::test_shapes::{random_numbers, region, star};
 use crate::plan::contour::{Contour, SIMPLIFY_MM};
-
-fn region(rings: &[&[[f64; 2]]]) -> Region {
-    let ring = |points: &&[[f64; 2]]| Ring {
-        points: points.iter().map(|p| Point2::new(p[0], p[1])).collect(),
-    };
-    Region {
-        exterior: ring(&rings[0]),
-        holes: rings[1..].iter().map(ring).collect(),
-    }
-}
 
 fn axis_of(region: &Region) -> (MedialAxis, EdgeIndex) {
     let index = Contour::of_region(region, SIMPLIFY_MM)
@@ -26,21 +17,12 @@ fn axis_of(region: &Region) -> (MedialAxis, EdgeIndex) {
 }
 
 fn gear(teeth: usize, radius_mm: f64, noise_mm: f64) -> Region {
-    let mut state = 1u64;
-    let mut random = || {
-        state = state
-            .wrapping_mul(6364136223846793005)
-            .wrapping_add(1442695040888963407);
-        (state >> 33) as f64 / (1u64 << 31) as f64 - 0.5
-    };
+    let mut random = random_numbers(1);
     let count = teeth * 24;
-    let points: Vec<[f64; 2]> = (0..count)
-        .map(|i| {
-            let angle = i as f64 * std::f64::consts::TAU / count as f64;
-            let r = radius_mm + 1.2 * (angle * teeth as f64).sin().tanh() + noise_mm * random();
-            [r * angle.cos(), r * angle.sin()]
-        })
-        .collect();
+    let points = star(count, |i| {
+        let wave = (i as f64 * std::f64::consts::TAU / 24.0).sin().tanh();
+        radius_mm + 1.2 * wave + noise_mm * (random() - 0.5)
+    });
     region(&[&points])
 }
 
