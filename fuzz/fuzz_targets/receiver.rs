@@ -3,7 +3,8 @@
 #![no_main]
 
 use headway_firmware::output::NoOutput;
-use headway_fuzz::attack::{Kind, machine};
+use headway_fuzz::attack::Kind;
+use headway_fuzz::target::machine;
 use headway_protocol::frame::{FRAME_BYTES_MAX, encode_payload};
 use libfuzzer_sys::fuzz_target;
 

@@ -4,6 +4,7 @@
 
 pub mod attack;
 pub mod job;
+pub mod target;
 
 use headway::input::{self, Format, InputError, ReadOptions};
 

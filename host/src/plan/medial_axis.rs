@@ -9,6 +9,7 @@
 //! Left out: the exterior axis.
 
 mod grid;
+mod parabola;
 mod prune;
 mod voronoi;
 

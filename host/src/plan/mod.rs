@@ -38,6 +38,7 @@ pub mod path_samples;
 pub mod printed_order;
 pub mod progress;
 pub mod reachable;
+mod region_cut;
 pub mod region_plan;
 pub mod room;
 pub mod route;

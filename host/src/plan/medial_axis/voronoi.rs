@@ -7,6 +7,7 @@
 //! Edges are then rebuilt from their generators in the plane's own coordinates.
 
 use super::grid::{Grid, GridSegment};
+use super::parabola::Parabola;
 use super::{AxisEdge, AxisPoint, AxisVertex, Generator, MedialAxis};
 use crate::geometry::Point2;
 use crate::geometry::edge_index::{Edge, EdgeIndex};
@@ -22,9 +23,6 @@ const DISAGREEMENT_UNITS: f64 = 5.0;
 const MERGE_UNITS: f64 = 2.0;
 /// Most points of one flattened edge.
 const POINTS_MAX: usize = 4096;
-/// A focus closer to its line than the diagram can tell, mm: what it calls a parabola is the
-/// perpendicular there, and the edge is drawn straight.
-const HEIGHT_MIN_MM: f64 = 5e-4;
 /// Largest step of asinh(x/h) along a curved edge, so that object angles may be interpolated.
 const ANGLE_STEP: f64 = 0.25;
 
@@ -311,59 +309,6 @@ fn middle_of(edges: &[Edge], points: &[Point2], edge: &RawEdge) -> Point2 {
     }
 }
 
-/// The parabola between a point and a line: `base` is the focus' foot on the line, `height` its
-/// distance; a point at abscissa x along the line lies (x² + h²) / 2h above it.
-struct Parabola {
-    base: Point2,
-    along: crate::geometry::Vector2,
-    up: crate::geometry::Vector2,
-    height: f64,
-}
-
-impl Parabola {
-    fn of(edges: &[Edge], generators: &[Generator; 2]) -> Option<Parabola> {
-        let (number, focus) = match *generators {
-            [Generator::Edge(e), Generator::Vertex(q)] => (e, q),
-            [Generator::Vertex(q), Generator::Edge(e)] => (e, q),
-            _ => return None,
-        };
-        let edge = edges[number];
-        let length = edge.length_mm();
-        if length <= 0.0 {
-            return None;
-        }
-        let along = (edge.b - edge.a) / length;
-        let base = edge.a + along * along.dot(&(focus - edge.a));
-        let up = focus - base;
-        let height = up.norm();
-        (height > HEIGHT_MIN_MM).then(|| Parabola {
-            base,
-            along,
-            up: up / height,
-            height,
-        })
-    }
-
-    /// Where along the line a point of the curve lies. Out on the steep arms it is taken from the
-    /// height, since there a rounding of the abscissa would move the point far along the arm.
-    fn abscissa(&self, p: Point2) -> f64 {
-        let x = self.along.dot(&(p - self.base));
-        let rise = self.up.dot(&(p - self.base));
-        if x.abs() > self.height && 2.0 * rise > self.height {
-            (self.height * (2.0 * rise - self.height))
-                .sqrt()
-                .copysign(x)
-        } else {
-            x
-        }
-    }
-
-    fn point(&self, x: f64) -> Point2 {
-        let rise = (x * x + self.height * self.height) / (2.0 * self.height);
-        self.base + self.along * x + self.up * rise
-    }
-}
-
 /// Points between the two ends, ends included.
 fn flattened(edges: &[Edge], edge: &RawEdge, ends: [Point2; 2], flatten_mm: f64) -> Vec<Point2> {
     let steps = |x: [f64; 2], h: f64, step: f64| -> Vec<f64> {
@@ -500,37 +445,4 @@ pub(super) fn root(parent: &mut [usize], mut v: usize) -> usize {
         v = parent[v];
     }
     v
-}
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-
-    /// Goal: a focus next to its line does not throw points along the steep arms (found on a noisy
-    /// ring of 10⁵ edges: middles 15 mm off, so that every angle was tried in vain). Method: points
-    /// of the arms moved sideways by the grid's rounding come back within a grid unit of height.
-    #[test]
-    fn steep_arms_keep_their_height() {
-        for height in [6e-4, 1e-3, 0.02] {
-            let edges = [Edge {
-                a: Point2::new(-3.0, 0.0),
-                b: Point2::new(3.0, 0.0),
-            }];
-            let focus = Generator::Vertex(Point2::new(0.0, height));
-            let parabola = Parabola::of(&edges, &[Generator::Edge(0), focus]).expect("a parabola");
-            for x in [-0.3f64, -0.05, 0.05, 0.3] {
-                let on_arm = parabola.point(x);
-                let moved = on_arm + crate::geometry::Vector2::new(5e-5, 0.0);
-                let back = parabola.point(parabola.abscissa(moved));
-                assert!((back - on_arm).norm() < 1e-4, "{height} {x} {back}");
-            }
-        }
-        // Closer than the diagram can tell: straight.
-        let edges = [Edge {
-            a: Point2::new(-3.0, 0.0),
-            b: Point2::new(3.0, 0.0),
-        }];
-        let focus = Generator::Vertex(Point2::new(0.0, 1e-5));
-        assert!(Parabola::of(&edges, &[Generator::Edge(0), focus]).is_none());
-    }
 }
