@@ -2,55 +2,10 @@
 //! stderr, file formats, the same job for any number of threads. Method: run the binary on small
 //! examples and read what it writes.
 
-use std::path::{Path, PathBuf};
-use std::process::{Command, Output};
+mod rig;
 
-const EXAMPLES: &str = concat!(env!("CARGO_MANIFEST_DIR"), "/../examples");
-
-fn example(name: &str) -> String {
-    format!("{EXAMPLES}/{name}")
-}
-
-/// A folder of its own for one test.
-fn folder(test: &str) -> PathBuf {
-    let folder = std::env::temp_dir().join(format!("headway-{}-{test}", std::process::id()));
-    std::fs::create_dir_all(&folder).expect("temporary folder");
-    folder
-}
-
-fn headway_with(threads: &str, arguments: &[&str]) -> Output {
-    Command::new(env!("CARGO_BIN_EXE_headway"))
-        .args(arguments)
-        .env("RAYON_NUM_THREADS", threads)
-        .output()
-        .expect("the command starts")
-}
-
-fn headway(arguments: &[&str]) -> Output {
-    headway_with("2", arguments)
-}
-
-fn stdout(output: &Output) -> String {
-    String::from_utf8(output.stdout.clone()).expect("text")
-}
-
-fn stderr(output: &Output) -> String {
-    String::from_utf8(output.stderr.clone()).expect("text")
-}
-
-fn succeeded(output: &Output) -> String {
-    assert_eq!(output.status.code(), Some(0), "{}", stderr(output));
-    stdout(output)
-}
-
-fn object(output: &Output) -> serde_json::Map<String, serde_json::Value> {
-    let value: serde_json::Value = serde_json::from_str(&succeeded(output)).expect("one object");
-    value.as_object().expect("object").clone()
-}
-
-fn path(path: &Path) -> &str {
-    path.to_str().expect("UTF-8 path")
-}
+use rig::{example, folder, headway, headway_with, object, path, stderr, stdout, succeeded};
+use std::path::Path;
 
 fn poses_every_5_ms(job: &Path) -> String {
     let export = ["export", path(job), "--to", "csv", "--every-ms", "5"];

@@ -1,0 +1,125 @@
+//! Goal: a board does what it is told by hand, and the command can be one. Method: the command
+//! itself, talking to the firmware library behind real sockets, in accelerated time.
+#![cfg(unix)]
+
+mod rig;
+
+use headway::settings::Settings;
+use rig::board::{Board, Host, job};
+use rig::{folder, headway, object, stderr};
+
+#[test]
+fn a_board_is_asked_homed_and_jogged() {
+    let folder = folder("board");
+    let board = Board::unix(&folder, 50.0);
+    let port = board.port.as_str();
+    let info = object(&headway(&["board", "info", "--port", port, "--json"]));
+    assert_eq!(info["servo_hz"], 2000);
+    let homed = headway(&["board", "home", "--port", port]);
+    assert!(homed.status.success(), "{}", stderr(&homed));
+    let status = object(&headway(&["board", "status", "--port", port, "--json"]));
+    assert_eq!(status["state"], "idle");
+    let known: Vec<u64> = serde_json::from_value(status["referenced"].clone()).unwrap();
+    assert!(
+        [0, 1, 2].iter().all(|joint| known.contains(joint)),
+        "{status:?}"
+    );
+    let jogged = headway(&["board", "jog", "x", "12.5", "--port", port]);
+    assert!(jogged.status.success(), "{}", stderr(&jogged));
+    let after = object(&headway(&["board", "status", "--port", port, "--json"]));
+    let moved = after["counts"][0].as_i64().unwrap() - status["counts"][0].as_i64().unwrap();
+    assert_eq!(moved, 1000, "12.5 mm at 80 steps a mm");
+    // Melt by hand: 2 mm³ there, half of it back.
+    let extruder = status["counts"].as_array().unwrap().len() - 1;
+    for (volume, net_mm3) in [("2", 2.0), ("-1", 1.0)] {
+        let pushed = headway(&["board", "extrude", volume, "--port", port]);
+        assert!(pushed.status.success(), "{}", stderr(&pushed));
+        let status = object(&headway(&["board", "status", "--port", port, "--json"]));
+        let steps = Settings::default().machine.extruder.steps_per_mm3 * net_mm3;
+        let difference = status["counts"][extruder].as_f64().unwrap() - steps;
+        assert!(difference.abs() <= 1.0, "{status:?}");
+    }
+    // A homed machine is brought to a job's first pose, or the job is refused.
+    let (job, _) = job(&folder, 1);
+    let refused = headway(&["stream", &job, "--port", port]);
+    assert_eq!(refused.status.code(), Some(1));
+    assert!(
+        stderr(&refused).contains("board go"),
+        "{}",
+        stderr(&refused)
+    );
+    let gone = headway(&["board", "go", &job, "--port", port]);
+    assert!(gone.status.success(), "{}", stderr(&gone));
+    assert_eq!(
+        object(&headway(&["stream", &job, "--port", port, "--json"]))["done"],
+        true
+    );
+    for (arguments, code) in [
+        (vec!["board", "override", "80"], 0),
+        (vec!["board", "jog", "x", "-1000"], 1),
+        (vec!["board", "stop"], 0),
+        (vec!["board", "jog", "x", "1"], 1),
+        (vec!["board", "reset"], 0),
+        (vec!["board", "jog", "w", "1"], 2),
+        (vec!["board", "extrude", "1", "--speed", "1000"], 2),
+        (vec!["board", "extrude", "0"], 2),
+        (vec!["board", "override", "500"], 2),
+    ] {
+        let said = headway(&[arguments.as_slice(), &["--port", port]].concat());
+        assert_eq!(
+            said.status.code(),
+            Some(code),
+            "{arguments:?}: {}",
+            stderr(&said)
+        );
+    }
+    // What a stop has lost is declared, where there is no switch to home to.
+    for (joint, position) in [("x", "10"), ("y", "-2.5"), ("z", "1"), ("c", "90")] {
+        let set = headway(&["board", "set-joint", joint, position, "--port", port]);
+        assert!(set.status.success(), "{}", stderr(&set));
+    }
+    let status = object(&headway(&["board", "status", "--port", port, "--json"]));
+    assert_eq!(status["counts"][0], 800);
+    assert_eq!(status["counts"][1], -200);
+    assert_eq!(status["counts"][3], 2400, "a quarter of 9600 steps");
+    let known: Vec<u64> = serde_json::from_value(status["referenced"].clone()).unwrap();
+    assert_eq!(known, [0, 1, 2, 3]);
+    for (joint, position, code) in [("w", "1", 2), ("x", "1e9", 2), ("x", "1000", 1)] {
+        let refused = headway(&["board", "set-joint", joint, position, "--port", port]);
+        assert_eq!(refused.status.code(), Some(code), "{joint} {position}");
+    }
+    board.end();
+    let gone = headway(&["board", "info", "--port", "unix:/nonexistent/board"]);
+    assert_eq!(gone.status.code(), Some(1));
+}
+
+#[test]
+fn the_command_can_be_a_board_itself() {
+    let folder = folder("simulate");
+    let (job, _) = job(&folder, 1);
+    let board = Host::start(&[
+        "board",
+        "simulate",
+        "--listen",
+        "tcp:127.0.0.1:0",
+        "--speed",
+        "10",
+    ]);
+    board.wait_for("listens on ");
+    let said = board.said.lock().unwrap().clone();
+    let port = said
+        .split("listens on ")
+        .nth(1)
+        .unwrap()
+        .split(';')
+        .next()
+        .unwrap()
+        .to_string();
+    assert_eq!(
+        object(&headway(&["stream", &job, "--port", &port, "--json"]))["done"],
+        true
+    );
+    board.interrupt();
+    let (well, _, said) = board.end();
+    assert!(well && said.contains("1 hosts"), "{said}");
+}
