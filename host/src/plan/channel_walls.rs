@@ -106,7 +106,14 @@ impl Laid {
     fn for_poses(&self, p: Point2, normal: Vector2, mut visit: impl FnMut(&Pose, [f64; 2])) {
         let (column, row) = self.cell_of(p);
         let reach_mm = self.aperture.reach_mm();
+        let own_cell = Point2::new(f64::from(column) + 0.5, f64::from(row) + 0.5);
+        let from_middle = p - own_cell * self.cell_mm;
         for (dr, dc) in (-2..=2).flat_map(|dr| (-2..=2).map(move |dc| (dr, dc))) {
+            // Cells whose poses are all beside the line, 0.71 of a cell about the middle.
+            let middle = Vector2::new(f64::from(dc), f64::from(dr)) * self.cell_mm;
+            if (from_middle - middle).perp(&normal).abs() > reach_mm + 0.75 * self.cell_mm {
+                continue;
+            }
             for pose in self
                 .cells
                 .get(&(column + dc, row + dr))

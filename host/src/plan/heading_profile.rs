@@ -9,20 +9,21 @@
 //! than that by [`CORRIDOR_SHARE`]: broad where the extent hardly depends on the heading, narrow
 //! where it does.
 
+mod ahead;
 mod bins;
 mod corridor;
 mod pointwise;
 mod refine;
 
+pub use self::ahead::{Ahead, all_ahead};
 use self::bins::{closed_start, unwrap_bins, viterbi};
 use self::corridor::{Gate, Stiffness, calmest, calmest_closed};
 use self::refine::refine;
 use super::contacts::Contact;
+use crate::geometry::Vector2;
 use crate::geometry::aperture::{Aperture, Turn};
-use crate::geometry::clearance::{Configuration, EdgesAbout, Turned, WallContact, contact_turned};
+use crate::geometry::clearance::{Configuration, Turned, WallContact, contact_turned};
 use crate::geometry::edge_index::EdgeIndex;
-use crate::geometry::polygon::Box2;
-use crate::geometry::{Point2, Vector2};
 use rayon::prelude::*;
 
 /// Heading bins over the 180° of a symmetric aperture: 3° each, refined afterwards.
@@ -93,14 +94,13 @@ pub fn profile(
         (false, true) => 2 * BINS,
     };
     let bin_rad = period_rad / bins as f64;
-    let run = Run::new(contacts, closed, aperture, walls);
+    let ahead = all_ahead(contacts, aperture, walls);
+    let run = Run::new(contacts, closed, aperture, walls, &ahead);
+    let turns: Vec<Turn> = (0..bins).map(|bin| (bin as f64 * bin_rad).into()).collect();
+    let cost = |i: usize, turn: &Turn| run.place(i, *turn).cost as f32;
     let costs: Vec<Vec<f32>> = (0..contacts.len())
         .into_par_iter()
-        .map(|i| {
-            (0..bins)
-                .map(|bin| run.place(i, bin as f64 * bin_rad).cost as f32)
-                .collect()
-        })
+        .map(|i| turns.iter().map(|turn| cost(i, turn)).collect())
         .collect();
     let steps = steps_mm(contacts, closed, aperture);
     let start = if closed {
@@ -124,20 +124,23 @@ pub fn pointwise_profile(
     aperture: &Aperture,
     walls: &EdgeIndex,
 ) -> Vec<Placement> {
-    let run = Run::new(contacts, closed, aperture, walls);
+    let ahead = all_ahead(contacts, aperture, walls);
+    let run = Run::new(contacts, closed, aperture, walls, &ahead);
     run.placements(&pointwise::pointwise(&run))
 }
 
-/// The profile again for slightly other contacts, starting from the headings of `before`.
+/// The profile again for contacts that want slightly other extents, starting from the headings of
+/// `before`; `ahead` is what lies ahead of them.
 pub fn refined(
     contacts: &[Contact],
     closed: bool,
     before: &[Placement],
+    ahead: &[Ahead],
     aperture: &Aperture,
     walls: &EdgeIndex,
 ) -> Vec<Placement> {
     let mut headings: Vec<f64> = before.iter().map(|p| p.at.heading_rad).collect();
-    let run = Run::new(contacts, closed, aperture, walls);
+    let run = Run::new(contacts, closed, aperture, walls, ahead);
     if !aperture.is_round() && contacts.len() > 1 {
         let steps = steps_mm(contacts, closed, aperture);
         refine(&run, &steps, &mut headings);
@@ -156,7 +159,10 @@ fn calm(run: &Run, headings: &mut [f64]) {
     };
     let before: Vec<(Configuration, [f64; 2])> = (0..count)
         .into_par_iter()
-        .map(|i| (run.place(i, headings[i]).at, run.corridor(i, headings[i])))
+        .map(|i| {
+            let own = run.place(i, headings[i]);
+            (own.at, run.corridor(i, headings[i], &own))
+        })
         .collect();
     let gates: Vec<Gate> = (0..count)
         .map(|i| {
@@ -178,16 +184,19 @@ fn calm(run: &Run, headings: &mut [f64]) {
     } else {
         calmest(&gates, stiffness)
     };
-    for (i, heading) in headings.iter_mut().enumerate() {
-        // The walls give a little: not where nothing fits beyond them.
-        let fits = run.place(i, found[i]).feasible;
-        let [low, high] = gates[i].range_rad;
-        *heading = if fits {
-            found[i]
-        } else {
-            found[i].clamp(low, high)
-        };
-    }
+    headings
+        .par_iter_mut()
+        .enumerate()
+        .for_each(|(i, heading)| {
+            // The walls give a little: not where nothing fits beyond them.
+            let fits = run.place(i, found[i]).feasible;
+            let [low, high] = gates[i].range_rad;
+            *heading = if fits {
+                found[i]
+            } else {
+                found[i].clamp(low, high)
+            };
+        });
 }
 
 /// Smooths a run by rounds of [1 2 1] / 4 over centres and headings; the ends of an open one stay.
@@ -233,8 +242,8 @@ struct Run<'a> {
     /// Wanted extents at equal steps along the run, mm.
     extents_mm: Vec<f64>,
     length_mm: f64,
-    /// For each contact the edges that an aperture touching there may cut.
-    ahead: Vec<EdgesAbout>,
+    /// For each contact what an aperture touching there may cut.
+    ahead: &'a [Ahead],
 }
 
 impl<'a> Run<'a> {
@@ -243,6 +252,7 @@ impl<'a> Run<'a> {
         closed: bool,
         aperture: &'a Aperture,
         walls: &'a EdgeIndex,
+        ahead: &'a [Ahead],
     ) -> Run<'a> {
         let mut length_mm = 0.0;
         let mut positions_mm = Vec::with_capacity(contacts.len());
@@ -265,10 +275,7 @@ impl<'a> Run<'a> {
             positions_mm,
             extents_mm: interpolated(&known, length_mm / count as f64, count),
             length_mm,
-            ahead: contacts
-                .par_iter()
-                .map(|contact| edges_ahead(contact, aperture, walls))
-                .collect(),
+            ahead,
         }
     }
 
@@ -283,7 +290,9 @@ impl<'a> Run<'a> {
         let low = at.floor();
         let entry = |index: f64| {
             let last = count as f64 - 1.0;
-            let index = if self.closed {
+            let index = if (0.0..=last).contains(&index) {
+                index
+            } else if self.closed {
                 index.rem_euclid(count as f64).min(last)
             } else {
                 index.clamp(0.0, last)
@@ -297,14 +306,14 @@ impl<'a> Run<'a> {
     /// The placement of one contact at one heading, slid inside where it would cut a wall. A turned
     /// aperture touches the inner side of its bead ahead of the contact or behind it: that is where
     /// the width counts.
-    fn place(&self, i: usize, heading_rad: f64) -> Candidate {
+    fn place(&self, i: usize, heading: impl Into<Turn>) -> Candidate {
         let (c, aperture) = (&self.contacts[i], self.aperture);
-        let turn = Turn::from(heading_rad);
+        let turn = heading.into();
         let extent = aperture.extent_mm(turn, c.normal);
         let along = Vector2::new(c.normal.y, -c.normal.x);
         let support = aperture.support_point(turn, c.normal);
         let (tangent, wanted) = if c.on_axis {
-            let center = aperture.center_on_axis(heading_rad, c.point, c.normal);
+            let center = aperture.center_on_axis(turn.heading_rad, c.point, c.normal);
             // A tilted aperture touches the one wall ahead, the other behind: where the passage
             // narrows it stands beside the axis.
             let ahead_mm = support.dot(&along);
@@ -319,8 +328,13 @@ impl<'a> Run<'a> {
             center: tangent,
             turn,
         };
-        let cut = contact_turned(aperture, at, &self.ahead[i], 1.0);
-        let slid = slide_from(cut, at, aperture, self.walls, SLIDES_MAX, CUT_SHARE_MAX);
+        let slid = match &self.ahead[i] {
+            Ahead::Clear { is_inside } => is_inside.then(|| at.into()),
+            Ahead::Edges(edges) => {
+                let cut = contact_turned(aperture, at, edges, 1.0);
+                slide_from(cut, at, aperture, self.walls, SLIDES_MAX, CUT_SHARE_MAX)
+            }
+        };
         let misfit_mm = extent - wanted;
         let slide_mm = slid.map_or(INFEASIBLE_MM, |s| (s.center - tangent).norm());
         Candidate {
@@ -335,9 +349,8 @@ impl<'a> Run<'a> {
 
     /// The headings about `heading_rad` that fit no worse than it by more than the tolerance, nor miss
     /// to the other side.
-    fn corridor(&self, i: usize, heading_rad: f64) -> [f64; 2] {
+    fn corridor(&self, i: usize, heading_rad: f64, own: &Candidate) -> [f64; 2] {
         let tolerance_mm = CORRIDOR_SHARE * self.aperture.minor_mm();
-        let own = self.place(i, heading_rad);
         let (least_mm, most_mm) = (own.misfit_mm.min(0.0), own.misfit_mm.max(0.0));
         let worse_mm = |heading: f64| {
             let found = self.place(i, heading);
@@ -405,34 +418,6 @@ fn interpolated(known: &[(f64, f64)], step: f64, count: usize) -> Vec<f64> {
         })
         .collect()
 }
-
-/// An edge that rises less than this above the tangent is not cut by what touches there, against b:
-/// half of what may be cut.
-const RISE_SHARE: f64 = CUT_SHARE_MAX / 2.0;
-
-/// The edges that an aperture touching the wall at `contact` may cut by more than it may, whatever
-/// its heading: near enough, and not behind the tangent.
-fn edges_ahead(contact: &Contact, aperture: &Aperture, walls: &EdgeIndex) -> EdgesAbout {
-    let p = contact.point;
-    let reach_mm = 2.0 * aperture.reach_mm() + NEAR_MM;
-    let rise_mm = RISE_SHARE * aperture.minor_mm();
-    let rises = |q: Point2| contact.normal.dot(&(q - p)) > rise_mm;
-    let mut numbers = Vec::new();
-    walls.for_edges_in(Box2 { min: p, max: p }.grown(reach_mm), |number| {
-        let edge = &walls.edges()[number];
-        let is_ahead = contact.on_axis || rises(edge.a) || rises(edge.b);
-        if is_ahead && (edge.foot(p) - p).norm() <= reach_mm {
-            numbers.push(number);
-        }
-    });
-    numbers.sort_unstable();
-    numbers.dedup();
-    let edges = numbers.into_iter();
-    EdgesAbout::new(edges.map(|number| walls.edges()[number]).collect())
-}
-
-/// Far above the rounding of places, mm.
-const NEAR_MM: f64 = 1e-6;
 
 /// Slides a placement off the walls along their contact normals, at most `rounds` times, until it
 /// cuts no deeper than `cut_share`; `None` where that does not succeed or it is outside.

@@ -14,7 +14,9 @@ use super::channel_walls::Laid;
 use super::contacts::{Contact, ContactSpacing, resampled, wall_contacts};
 use super::ends::fit_ends;
 use super::field::Field;
-use super::heading_profile::{Placement, pointwise_profile, profile, refined, smooth};
+use super::heading_profile::{
+    Ahead, Placement, all_ahead, pointwise_profile, profile, refined, smooth,
+};
 use super::runs::{feasible_runs, printable_runs};
 use super::single_runs::{SingleRun, split_region};
 use super::skeleton::Axis;
@@ -83,20 +85,37 @@ pub struct PassSettings {
 }
 
 impl PassSettings {
-    /// The placements on a run of contacts; `before` are those of slightly other contacts.
-    fn placements(
+    /// The placements on a run of contacts.
+    fn placements(&self, contacts: &[Contact], closed: bool, walls: &EdgeIndex) -> Vec<Placement> {
+        let aperture = &self.aperture;
+        match self.profile {
+            HeadingProfile::Pointwise => pointwise_profile(contacts, closed, aperture, walls),
+            HeadingProfile::Corridor => profile(contacts, closed, aperture, walls),
+        }
+    }
+
+    /// The placements of a pass again, where its contacts want slightly other extents. `ahead` is
+    /// kept from the first time on: their places stay.
+    fn placements_again(
         &self,
         contacts: &[Contact],
-        closed: bool,
-        before: Option<&[Placement]>,
+        pass: &LayerPass,
+        ahead: &mut Option<Vec<Ahead>>,
         walls: &EdgeIndex,
     ) -> Vec<Placement> {
         let aperture = &self.aperture;
-        match (self.profile, before) {
-            (HeadingProfile::Pointwise, _) => pointwise_profile(contacts, closed, aperture, walls),
-            (HeadingProfile::Corridor, None) => profile(contacts, closed, aperture, walls),
-            (HeadingProfile::Corridor, Some(before)) => {
-                refined(contacts, closed, before, aperture, walls)
+        match self.profile {
+            HeadingProfile::Pointwise => pointwise_profile(contacts, pass.closed, aperture, walls),
+            HeadingProfile::Corridor => {
+                let ahead = ahead.get_or_insert_with(|| all_ahead(contacts, aperture, walls));
+                refined(
+                    contacts,
+                    pass.closed,
+                    &pass.placements,
+                    ahead,
+                    aperture,
+                    walls,
+                )
             }
         }
     }
@@ -290,7 +309,7 @@ fn channel_passes(
             for contact in &mut run {
                 contact.extent_mm = settings.law_extent_mm(contact.extent_mm);
             }
-            let placements = settings.placements(&run, closed, None, channel_walls);
+            let placements = settings.placements(&run, closed, channel_walls);
             found.extend(feasible_runs(placements, closed, aperture).into_iter().map(
                 |(placements, closed)| LayerPass {
                     kind: PassKind::TwoPass,
@@ -303,9 +322,7 @@ fn channel_passes(
         found
     };
     let mut found: Vec<LayerPass> = rings.par_iter().flat_map_iter(of_ring).collect();
-    for _ in 0..RELAX_ROUNDS {
-        relax(&mut found, channel, field, channel_walls, settings, lengths);
-    }
+    relax(&mut found, channel, field, channel_walls, settings, lengths);
     found.retain(|pass| {
         let least_mm = if pass.closed {
             LOOP_SHARE_MIN * aperture.minor_mm()
@@ -320,10 +337,25 @@ fn channel_passes(
 /// Rounds in which the innermost beads share out what lies between them.
 const RELAX_ROUNDS: usize = 5;
 
-/// Gives each half of the gap (or overlap) that two innermost beads leave between them to the
-/// width that is wanted of either, and refines their headings.
+/// In each round gives each half of the gap (or overlap) that two innermost beads leave between them
+/// to the width that is wanted of either, and refines their headings.
 fn relax(
     found: &mut [LayerPass],
+    channel: usize,
+    field: &Field,
+    walls: &EdgeIndex,
+    settings: &PassSettings,
+    lengths: Lengths,
+) {
+    let mut ahead: Vec<Option<Vec<Ahead>>> = vec![None; found.len()];
+    for _ in 0..RELAX_ROUNDS {
+        relax_once(found, &mut ahead, channel, field, walls, settings, lengths);
+    }
+}
+
+fn relax_once(
+    found: &mut [LayerPass],
+    ahead: &mut [Option<Vec<Ahead>>],
     channel: usize,
     field: &Field,
     walls: &EdgeIndex,
@@ -335,7 +367,8 @@ fn relax(
     for (run, pass) in found.iter().enumerate() {
         laid.add(run as u32, &pass.placements, pass.closed);
     }
-    found.par_iter_mut().enumerate().for_each(|(run, pass)| {
+    let passes = found.par_iter_mut().zip(ahead).enumerate();
+    passes.for_each(|(run, (pass, ahead))| {
         let count = pass.placements.len();
         let share_most_mm = 0.3 * aperture.minor_mm();
         let shared = |i: usize| {
@@ -360,8 +393,7 @@ fn relax(
         let (contacts, moved): (Vec<Contact>, Vec<bool>) =
             (0..count).into_par_iter().map(shared).unzip();
         if moved.contains(&true) {
-            let before = Some(pass.placements.as_slice());
-            pass.placements = settings.placements(&contacts, pass.closed, before, walls);
+            pass.placements = settings.placements_again(&contacts, pass, ahead, walls);
             smooth(&mut pass.placements, pass.closed, aperture);
         }
     });
@@ -428,7 +460,7 @@ fn run_length_mm(pass: &LayerPass) -> f64 {
 
 /// A single run on the axis: the aperture spans the passage.
 fn single_passes(run: &SingleRun, walls: &EdgeIndex, settings: &PassSettings) -> Vec<LayerPass> {
-    let placements = settings.placements(&run.contacts, run.closed, None, walls);
+    let placements = settings.placements(&run.contacts, run.closed, walls);
     feasible_runs(placements, run.closed, &settings.aperture)
         .into_iter()
         .map(|(placements, closed)| LayerPass {

@@ -214,7 +214,7 @@ mod tests {
     use crate::geometry::test_shapes::{ELLIPSE as APERTURE, walls};
     use crate::geometry::{Point2, Vector2};
     use crate::plan::contacts::Contact;
-    use crate::plan::heading_profile::steps_mm;
+    use crate::plan::heading_profile::{all_ahead, steps_mm};
 
     /// Contacts along a straight wall whose beads widen and narrow again, slowly.
     fn waves() -> Vec<Contact> {
@@ -236,7 +236,8 @@ mod tests {
     fn bins_leave_no_trace() {
         let contacts = waves();
         let walls = walls(&[&[[-5.0, 0.0], [30.0, 0.0], [30.0, 9.0], [-5.0, 9.0]]]);
-        let run = Run::new(&contacts, false, &APERTURE, &walls);
+        let ahead = all_ahead(&contacts, &APERTURE, &walls);
+        let run = Run::new(&contacts, false, &APERTURE, &walls, &ahead);
         let steps = steps_mm(&contacts, false, &APERTURE);
         let bin_rad = std::f64::consts::PI / BINS as f64;
         // What gives the extent wanted: e² = a² sin² + b² cos² of the heading against the wall.
