@@ -170,9 +170,17 @@ impl CellGrid {
     }
 }
 
-/// The columns of a row (first and last) that are not among others.
-pub fn beyond([from, to]: [usize; 2], known: [usize; 2]) -> [Range<usize>; 2] {
-    [from..(to + 1).min(known[0]), from.max(known[1] + 1)..to + 1]
+/// No columns of a row, as first and last.
+pub const NO_COLUMNS: [usize; 2] = [usize::MAX, usize::MAX - 1];
+
+/// Visits the columns of a row (first and last) that are not among others, in one or two runs.
+#[inline]
+pub fn for_beyond([from, to]: [usize; 2], known: [usize; 2], mut visit: impl FnMut(Range<usize>)) {
+    for columns in [from..(to + 1).min(known[0]), from.max(known[1] + 1)..to + 1] {
+        if !columns.is_empty() {
+            visit(columns);
+        }
+    }
 }
 
 /// Rows of one band.
@@ -188,22 +196,29 @@ fn whole(index: usize) -> f64 {
     index as i64 as f64
 }
 
-/// The whole number nearest to `value`, which is far below 2⁵²; 0 for what is below 0.
+/// The whole number nearest to `value`, which is not below 0 and far below 2⁵².
 fn nearest(value: f64) -> (usize, f64) {
-    let sum = value.max(0.0) + WHOLE;
+    let sum = value + WHOLE;
     ((sum.to_bits() - WHOLE.to_bits()) as usize, sum - WHOLE)
+}
+
+/// `value`, or 0 for what is below (`max` looks for what is no number as well).
+fn not_below_0(value: f64) -> f64 {
+    if value > 0.0 { value } else { 0.0 }
 }
 
 /// The least whole number that is not below `value`, at least 0.
 fn index_above(value: f64) -> usize {
+    let value = not_below_0(value);
     let (index, whole) = nearest(value);
     index + usize::from(whole < value)
 }
 
 /// The greatest whole number that is not above `value`, at least 0.
 fn index_below(value: f64) -> usize {
+    let value = not_below_0(value);
     let (index, whole) = nearest(value);
-    index - usize::from(whole > value.max(0.0))
+    index - usize::from(whole > value)
 }
 
 /// A rectangle of cells, first and last of each included.

@@ -6,7 +6,7 @@
 //! threads.
 
 use super::aperture::Aperture;
-use super::cell_grid::{ASIDE, CellGrid, CellWindow, beyond};
+use super::cell_grid::{ASIDE, CellGrid, CellWindow, NO_COLUMNS, for_beyond};
 use super::clearance::Configuration;
 use super::edge_index::EdgeIndex;
 use super::{Point2, Vector2};
@@ -187,21 +187,20 @@ fn visit_band<'a>(
         grid.for_rows_within(band, aperture, pose.at, |row, from, to| {
             let own = [from, to];
             let before = last_of_row[row - band.rows[0]].replace((pose, own));
-            let mut new = [from..to + 1, 0..0];
-            if let Some((last, known)) = before {
+            let mut known = NO_COLUMNS;
+            if let Some((last, before)) = before {
                 let goes_on = last.pass == pose.pass
                     && pose.path_mm - f64::from(last.path_mm as f32) <= return_mm;
-                let mut left = [known[0]..known[1] + 1, 0..0];
                 if goes_on {
-                    (new, left) = (beyond(own, known), beyond(known, own));
+                    known = before;
                 }
-                for columns in left.into_iter().filter(|columns| !columns.is_empty()) {
+                for_beyond(before, if goes_on { own } else { NO_COLUMNS }, |columns| {
                     for visit in &mut visits[band.numbers(row, columns)] {
                         visit.path_mm = last.path_mm as f32;
                     }
-                }
+                });
             }
-            for columns in new.into_iter().filter(|columns| !columns.is_empty()) {
+            for_beyond(own, known, |columns| {
                 for visit in &mut visits[band.numbers(row, columns)] {
                     visit.again |= visit.pass != NO_VISIT.pass
                         && (visit.pass != pose.pass
@@ -209,7 +208,7 @@ fn visit_band<'a>(
                     visit.pass = pose.pass;
                     visit.path_mm = pose.path_mm as f32;
                 }
-            }
+            });
         });
     }
 }

@@ -42,10 +42,10 @@ impl Outline {
         Self { points }
     }
 
-    /// Ground newly covered by a step `move_mm` (in the aperture's frame) that turns by
-    /// `turn_rad`, mm².
-    fn front_mm2(&self, move_mm: Vector2, turn_rad: f64) -> f64 {
-        let mut area = 0.0;
+    /// Ground newly covered by a step `move_mm` (in the aperture's frame) that does not turn, and
+    /// by one that turns by `turn_rad`, mm².
+    fn fronts_mm2(&self, move_mm: Vector2, turn_rad: f64) -> [f64; 2] {
+        let (mut straight, mut turning) = (0.0, 0.0);
         let mut from = self.points[OUTLINE_POINTS - 1];
         for &to in &self.points {
             let edge = to - from;
@@ -54,10 +54,11 @@ impl Outline {
             let advance = |r: Vector2| {
                 normal.x * (move_mm.x - turn_rad * r.y) + normal.y * (move_mm.y + turn_rad * r.x)
             };
-            area += positive_mean(advance(from), advance(to));
+            straight += (normal.x * move_mm.x + normal.y * move_mm.y).max(0.0);
+            turning += positive_mean(advance(from), advance(to));
             from = to;
         }
-        area
+        [straight, turning]
     }
 }
 
@@ -93,13 +94,13 @@ fn step_area_mm2(aperture: &Aperture, outline: &Outline, from: &FlowPose, to: &F
     }
     let (sin, cos) = heading_rad.sin_cos();
     let in_frame = Vector2::new(step.x * cos + step.y * sin, step.y * cos - step.x * sin);
-    let straight = outline.front_mm2(in_frame, 0.0);
+    let [straight, turning] = outline.fronts_mm2(in_frame, turn_rad);
     let correction = if straight > 1e-12 {
         width_mm * length_mm / straight
     } else {
         1.0
     };
-    correction * outline.front_mm2(in_frame, turn_rad)
+    correction * turning
 }
 
 /// Weights of the smoothing over neighbouring steps: binomial, so that noise of the headings from

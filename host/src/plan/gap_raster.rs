@@ -5,7 +5,7 @@ use super::heading_profile::slide_inside;
 use super::passes::LayerPass;
 use super::visits::{CELL_SHARE, poses};
 use crate::geometry::aperture::Aperture;
-use crate::geometry::cell_grid::{ASIDE, CellGrid, CellWindow, beyond};
+use crate::geometry::cell_grid::{ASIDE, CellGrid, CellWindow, NO_COLUMNS, for_beyond};
 use crate::geometry::clearance::{Configuration, is_inside};
 use crate::geometry::coverage::{Cell, Coverage, SweptPose};
 use crate::geometry::edge_index::EdgeIndex;
@@ -178,14 +178,10 @@ impl GapRaster {
             return None;
         }
         let headings = if aperture.is_round() { 1 } else { HEADINGS };
-        let value = |at: Configuration| {
+        let better = |at: Configuration, than: f64| {
             let gain = self.gain_mm2(aperture, at);
             // The costly query only where it can matter.
-            if gain > 0.0 && is_inside(aperture, at, walls, 0.0) {
-                gain
-            } else {
-                f64::NEG_INFINITY
-            }
+            (gain > than && is_inside(aperture, at, walls, 0.0)).then_some((gain, at))
         };
         let mut best: Option<(f64, Configuration)> = None;
         for &seed in gap.iter().step_by(gap.len().div_ceil(SEEDS)) {
@@ -197,15 +193,15 @@ impl GapRaster {
                     let Some(at) = slide_inside(at, aperture, walls, SLIDES, 0.0) else {
                         continue;
                     };
-                    let found = value(at);
-                    if found > best.map_or(0.0, |b| b.0) {
-                        best = Some((found, at));
-                    }
+                    best = better(at, best.map_or(0.0, |b| b.0)).or(best);
                 }
             }
         }
-        let (found, at) =
-            self.refined(best?, 0.5 * aperture.period_rad() / headings as f64, &value);
+        let (found, at) = self.refined(
+            best?,
+            0.5 * aperture.period_rad() / headings as f64,
+            &better,
+        );
         (found >= GAIN_SHARE_MIN * area).then_some(at)
     }
 
@@ -228,7 +224,7 @@ impl GapRaster {
         &self,
         start: (f64, Configuration),
         step_rad: f64,
-        value: &impl Fn(Configuration) -> f64,
+        better: &impl Fn(Configuration, f64) -> Option<(f64, Configuration)>,
     ) -> (f64, Configuration) {
         let (mut best, mut at) = start;
         let mut step_mm = 4.0 * self.coverage.cell_mm;
@@ -248,9 +244,8 @@ impl GapRaster {
                     center: at.center + Vector2::new(x, y),
                     heading_rad: at.heading_rad + turn,
                 };
-                let found = value(next);
-                if found > best {
-                    (best, at, improved) = (found, next, true);
+                if let Some(found) = better(next, best) {
+                    ((best, at), improved) = (found, true);
                 }
             }
             if !improved {
@@ -376,7 +371,7 @@ struct Walk<'a> {
     slots: Vec<u32>,
     listed: Vec<Listed>,
     /// In each row of the window the last columns that the path came to, and where it was there.
-    last_of_row: Vec<Option<(f32, [usize; 2])>>,
+    last_of_row: Vec<(f32, [usize; 2])>,
 }
 
 /// A cell of the excursion, the first and last place of the path that covers it.
@@ -405,7 +400,7 @@ impl<'a> Walk<'a> {
             aperture,
             slots: vec![0; window.len()],
             listed: Vec::new(),
-            last_of_row: vec![None; window.rows[1] + 1 - window.rows[0]],
+            last_of_row: vec![(0.0, NO_COLUMNS); window.rows[1] + 1 - window.rows[0]],
             window,
         }
     }
@@ -420,17 +415,12 @@ impl<'a> Walk<'a> {
             grid.for_rows_within(&window, aperture, at, |row, low, high| {
                 let own = [low, high];
                 let last = &mut self.last_of_row[row - window.rows[0]];
-                let mut new = [low..high + 1, 0..0];
-                if let Some((before_mm, known)) = last.replace((at_mm, own)) {
-                    new = beyond(own, known);
-                    for columns in beyond(known, own).into_iter().filter(|c| !c.is_empty()) {
-                        self.visit(part, row, columns, before_mm);
-                    }
-                }
+                let (before_mm, known) = std::mem::replace(last, (at_mm, own));
+                for_beyond(known, own, |columns| {
+                    self.visit(part, row, columns, before_mm);
+                });
                 if part == Part::Excursion {
-                    for columns in new.into_iter().filter(|columns| !columns.is_empty()) {
-                        self.list(row, columns, at_mm);
-                    }
+                    for_beyond(own, known, |columns| self.list(row, columns, at_mm));
                 }
             });
         }
@@ -439,9 +429,11 @@ impl<'a> Walk<'a> {
     /// Ends a part of the path.
     fn end(&mut self, part: Part) {
         for number in 0..self.last_of_row.len() {
-            if let Some((at_mm, [low, high])) = self.last_of_row[number].take() {
-                self.visit(part, self.window.rows[0] + number, low..high + 1, at_mm);
-            }
+            let last = &mut self.last_of_row[number];
+            let (at_mm, columns) = std::mem::replace(last, (0.0, NO_COLUMNS));
+            for_beyond(columns, NO_COLUMNS, |columns| {
+                self.visit(part, self.window.rows[0] + number, columns, at_mm);
+            });
         }
     }
 

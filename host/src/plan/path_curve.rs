@@ -30,9 +30,11 @@ impl PathCurve {
     fn span_control(&self, span: usize) -> [[f64; CHANNELS]; 4] {
         let last = self.control.len() - 1;
         let beyond = |end: usize, inner: usize| {
-            std::array::from_fn(|channel| {
-                2.0 * self.control[end][channel] - self.control[inner][channel]
-            })
+            let mut point = [0.0; CHANNELS];
+            for (channel, value) in point.iter_mut().enumerate() {
+                *value = 2.0 * self.control[end][channel] - self.control[inner][channel];
+            }
+            point
         };
         [
             if span == 0 {
@@ -50,9 +52,16 @@ impl PathCurve {
         ]
     }
 
+    /// The span of path parameter `u`, clamped to 0..=span count, and the place in it. The curve must
+    /// have at least two control points.
+    fn place_of(&self, u: f64) -> (usize, f64) {
+        let u = u.clamp(0.0, self.span_count() as f64);
+        let span = (u as usize).min(self.span_count() - 1);
+        (span, u - span as f64)
+    }
+
     /// Point and derivatives at path parameter `u`, clamped to 0..=span count.
     /// The curve must have at least one control point.
-    #[inline]
     pub fn evaluate(&self, u: f64) -> CurvePoint {
         if self.control.len() < 2 {
             return CurvePoint {
@@ -62,43 +71,64 @@ impl PathCurve {
                 third: [0.0; CHANNELS],
             };
         }
-        let u = u.clamp(0.0, self.span_count() as f64);
-        let span = (u as usize).min(self.span_count() - 1);
-        self.evaluate_in_span(span, u - span as f64)
+        let (span, s) = self.place_of(u);
+        self.evaluate_in_span(span, s)
+    }
+
+    /// Value and first derivative alone.
+    pub fn value_and_tangent(&self, u: f64) -> ([f64; CHANNELS], [f64; CHANNELS]) {
+        if self.control.len() < 2 {
+            return (self.control[0], [0.0; CHANNELS]);
+        }
+        let (span, s) = self.place_of(u);
+        let p = self.span_control(span);
+        (sum(&p, &value_weights(s)), sum(&p, &first_weights(s)))
     }
 
     /// Point and derivatives in a span at `s` in 0..=1.
-    #[inline]
     pub fn evaluate_in_span(&self, span: usize, s: f64) -> CurvePoint {
         let p = self.span_control(span);
-        let r = 1.0 - s;
-        let value = [
-            r * r * r / 6.0,
-            (4.0 + s * s * (3.0 * s - 6.0)) / 6.0,
-            (1.0 + s * (3.0 + s * (3.0 - 3.0 * s))) / 6.0,
-            s * s * s / 6.0,
-        ];
-        let first = [
-            -0.5 * r * r,
-            s * (1.5 * s - 2.0),
-            0.5 + s * (1.0 - 1.5 * s),
-            0.5 * s * s,
-        ];
-        let second = [r, 3.0 * s - 2.0, 1.0 - 3.0 * s, s];
+        let second = [1.0 - s, 3.0 * s - 2.0, 1.0 - 3.0 * s, s];
         let third = [-1.0, 3.0, -3.0, 1.0];
-        let sum = |weight: &[f64; 4]| {
-            std::array::from_fn(|channel| {
-                (weight[0] * p[0][channel] + weight[3] * p[3][channel])
-                    + (weight[1] * p[1][channel] + weight[2] * p[2][channel])
-            })
-        };
         CurvePoint {
-            value: sum(&value),
-            first: sum(&first),
-            second: sum(&second),
-            third: sum(&third),
+            value: sum(&p, &value_weights(s)),
+            first: sum(&p, &first_weights(s)),
+            second: sum(&p, &second),
+            third: sum(&p, &third),
         }
     }
+}
+
+/// Weights of a span's control points at `s`.
+fn value_weights(s: f64) -> [f64; 4] {
+    let r = 1.0 - s;
+    [
+        r * r * r / 6.0,
+        (4.0 + s * s * (3.0 * s - 6.0)) / 6.0,
+        (1.0 + s * (3.0 + s * (3.0 - 3.0 * s))) / 6.0,
+        s * s * s / 6.0,
+    ]
+}
+
+/// Their derivatives.
+fn first_weights(s: f64) -> [f64; 4] {
+    let r = 1.0 - s;
+    [
+        -0.5 * r * r,
+        s * (1.5 * s - 2.0),
+        0.5 + s * (1.0 - 1.5 * s),
+        0.5 * s * s,
+    ]
+}
+
+#[inline]
+fn sum(points: &[[f64; CHANNELS]; 4], weights: &[f64; 4]) -> [f64; CHANNELS] {
+    let mut of = [0.0; CHANNELS];
+    for (channel, value) in of.iter_mut().enumerate() {
+        *value = (weights[0] * points[0][channel] + weights[3] * points[3][channel])
+            + (weights[1] * points[1][channel] + weights[2] * points[2][channel]);
+    }
+    of
 }
 
 #[cfg(test)]

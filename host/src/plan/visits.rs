@@ -3,7 +3,7 @@
 use super::channel_walls::poses_between;
 use super::passes::LayerPass;
 use crate::geometry::aperture::Aperture;
-use crate::geometry::cell_grid::{CellGrid, beyond};
+use crate::geometry::cell_grid::{CellGrid, NO_COLUMNS, for_beyond};
 use crate::geometry::clearance::Configuration;
 use crate::geometry::polygon::Box2;
 use rayon::prelude::*;
@@ -51,14 +51,14 @@ impl Visits {
                 let (at, own) = (dense[number as usize], pass_of[number as usize]);
                 grid.for_rows_within(&band, aperture, at, |row, from, to| {
                     let before = &mut last_of_row[row - band.rows[0]];
-                    for columns in new_of_row(before, own, [from, to]) {
+                    for_new_of_row(before, own, [from, to], |columns| {
                         let cells = band.numbers(row, columns);
                         let last = &mut last_of_cell[cells.clone()];
                         for (last, count) in last.iter_mut().zip(&mut counts[cells]) {
                             *count += u32::from(*last != own);
                             *last = own;
                         }
-                    }
+                    });
                 });
             }
         });
@@ -117,33 +117,30 @@ impl Visits {
         let (rows, window) = (&mut self.seen_of_row, self.grid.window());
         for at in poses {
             self.grid.for_rows(&self.aperture, at, |row, from, to| {
-                for columns in new_of_row(&mut rows[row], walk, [from, to]) {
+                for_new_of_row(&mut rows[row], walk, [from, to], |columns| {
                     for cell in window.numbers(row, columns) {
                         if seen[cell] != walk {
                             seen[cell] = walk;
                             visit(cell, &mut counts[cell]);
                         }
                     }
-                }
+                });
             });
         }
     }
 }
 
-/// The columns (first and last) of a row that are new to a pass or walk, where it came last in the
-/// row is known: what one pose of a sweep adds to the one before it is little.
-fn new_of_row(
+/// Visits the columns (first and last) of a row that are new to a pass or walk, where it came last in
+/// the row is known: what one pose of a sweep adds to the one before it is little.
+fn for_new_of_row(
     last: &mut (u32, [usize; 2]),
     own: u32,
     columns: [usize; 2],
-) -> impl Iterator<Item = Range<usize>> {
+    visit: impl FnMut(Range<usize>),
+) {
     let (before, known) = std::mem::replace(last, (own, columns));
-    let new = if before == own {
-        beyond(columns, known)
-    } else {
-        [columns[0]..columns[1] + 1, 0..0]
-    };
-    new.into_iter().filter(|columns| !columns.is_empty())
+    let known = if before == own { known } else { NO_COLUMNS };
+    for_beyond(columns, known, visit);
 }
 
 /// All poses of a pass, dense.

@@ -28,21 +28,9 @@ impl TickPath {
         let (mut value, mut tangent) = (Vec::new(), Vec::new());
         let ticks = u_at_tick.par_iter().with_min_len(TICKS_MIN);
         ticks
-            .map(|&u| {
-                let point = curve.evaluate(u);
-                (point.value, point.first)
-            })
+            .map(|&u| curve.value_and_tangent(u))
             .unzip_into_vecs(&mut value, &mut tangent);
         Self { value, tangent }
-    }
-
-    /// Acceleration at an inner tick, per tick².
-    fn second_difference(&self, tick: usize) -> Option<[f64; CHANNELS]> {
-        let (before, at) = (&self.value[tick - 1], &self.value[tick]);
-        let after = self.value.get(tick + 1)?;
-        Some(std::array::from_fn(|c| {
-            (after[c] - at[c]) - (at[c] - before[c])
-        }))
     }
 
     /// Duration in ticks.
@@ -75,8 +63,11 @@ fn error_ratio2(
     tangent: &[f64; CHANNELS],
     per_tolerance: &[f64; CHANNELS],
 ) -> f64 {
-    let scaled: [f64; CHANNELS] = std::array::from_fn(|c| error[c] * per_tolerance[c]);
-    let along: [f64; CHANNELS] = std::array::from_fn(|c| tangent[c] * per_tolerance[c]);
+    let (mut scaled, mut along) = (*error, *tangent);
+    for (c, per_tolerance) in per_tolerance.iter().enumerate() {
+        scaled[c] *= per_tolerance;
+        along[c] *= per_tolerance;
+    }
     let norm2 = along.iter().map(|v| v * v).sum::<f64>();
     let mut rest = scaled;
     if norm2 > 1e-12 {
@@ -177,7 +168,16 @@ pub fn fit(path: &TickPath, durations_ticks: &[u16]) -> RestSpline {
     let sums: Vec<SpanSums> = (0..spans)
         .into_par_iter()
         .with_min_len(SPANS_MIN)
-        .map(|span| SpanSums::of(path, durations_ticks, span, first_ticks[span], &start))
+        .map_init(Vec::new, |shares, span| {
+            SpanSums::of(
+                path,
+                durations_ticks,
+                span,
+                first_ticks[span],
+                &start,
+                shares,
+            )
+        })
         .collect();
     let mut system = BandedSystem::zero(spans - 3);
     for (span, sums) in sums.iter().enumerate() {
@@ -219,16 +219,18 @@ struct SpanSums {
 
 impl SpanSums {
     /// With s = t / duration the weights are cubics in s, so the sums are those of powers of s and
-    /// the moments of the path, each taken once.
+    /// the moments of the path, each taken once. `shares` is room for powers 1 to 3 of s.
     fn of(
         path: &TickPath,
         durations_ticks: &[u16],
         span: usize,
         first_tick: usize,
         start: &[f64; CHANNELS],
+        shares: &mut Vec<[f64; 3]>,
     ) -> Self {
         let basis = span_basis(durations_around(durations_ticks, span));
-        let duration = f64::from(durations_ticks[span]);
+        let ticks = durations_ticks[span];
+        let duration = f64::from(ticks);
         let squared = duration * duration;
         let scales = [1.0, duration, squared, duration * squared];
         let value: SpanBasis =
@@ -236,37 +238,15 @@ impl SpanSums {
         // The second derivative by s, with the weight that it counts.
         let root = ACCELERATION_WEIGHT.sqrt();
         let second = value.map(|[_, _, c2, c3]| [2.0 * c2 * root, 6.0 * c3 * root]);
-        let mut powers = [0.0; 7];
-        let mut second_powers = [0.0; 3];
-        let mut moments = [[0.0; CHANNELS]; 4];
-        let mut second_moments = [[0.0; CHANNELS]; 2];
-        for t in 1..=durations_ticks[span] {
-            let tick = first_tick + usize::from(t);
+        shares.clear();
+        shares.extend((1..=ticks).map(|t| {
             let s = f64::from(t) / duration;
-            let mut power = 1.0;
-            for sum in &mut powers {
-                *sum += power;
-                power *= s;
-            }
-            let (s2, s3) = (s * s, s * s * s);
-            for channel in 0..CHANNELS {
-                let wanted = path.value[tick][channel] - start[channel];
-                moments[0][channel] += wanted;
-                moments[1][channel] += s * wanted;
-                moments[2][channel] += s2 * wanted;
-                moments[3][channel] += s3 * wanted;
-            }
-            let Some(wanted) = path.second_difference(tick) else {
-                continue;
-            };
-            for (sum, power) in second_powers.iter_mut().zip([1.0, s, s2]) {
-                *sum += power;
-            }
-            for channel in 0..CHANNELS {
-                second_moments[0][channel] += wanted[channel];
-                second_moments[1][channel] += s * wanted[channel];
-            }
-        }
+            [s, s * s, s * s * s]
+        }));
+        // There is no acceleration at the path's last tick.
+        let is_last = first_tick + usize::from(ticks) == path.ticks();
+        let bends = shares.len() - usize::from(is_last);
+        let (powers, second_powers) = (powers::<7>(shares), powers::<3>(&shares[..bends]));
         let sum_of = |k: usize, l: usize| {
             let mut sum = 0.0;
             for (p, a) in value[k].iter().enumerate() {
@@ -282,18 +262,64 @@ impl SpanSums {
             sum
         };
         let root_squared = root * squared;
-        let right_of = |k: usize| {
-            std::array::from_fn(|c| {
-                let position: f64 = (0..4).map(|p| value[k][p] * moments[p][c]).sum();
-                let bend: f64 = (0..2).map(|p| second[k][p] * second_moments[p][c]).sum();
-                position + bend * root_squared
-            })
-        };
+        let mut right = [[0.0; CHANNELS]; 4];
+        for c in 0..CHANNELS {
+            let channel = path.value[first_tick..].iter().map(|value| value[c]);
+            let (moments, bends) = moments(channel, start[c], shares);
+            for k in 0..4 {
+                let position: f64 = (0..4).map(|p| value[k][p] * moments[p]).sum();
+                let bend: f64 = (0..2).map(|p| second[k][p] * bends[p]).sum();
+                right[k][c] = position + bend * root_squared;
+            }
+        }
         Self {
             weights: std::array::from_fn(|k| std::array::from_fn(|l| sum_of(k.min(l), k.max(l)))),
-            right: std::array::from_fn(right_of),
+            right,
         }
     }
+}
+
+/// Sums of the powers of s from 0 on.
+fn powers<const COUNT: usize>(shares: &[[f64; 3]]) -> [f64; COUNT] {
+    let mut sums = [0.0; COUNT];
+    for [s, ..] in shares {
+        let mut power = 1.0;
+        for sum in &mut sums {
+            *sum += power;
+            power *= s;
+        }
+    }
+    sums
+}
+
+/// Moments of one channel over the ticks of a span, given from its first tick on: sums of the value
+/// above `start` times powers 0 to 3 of s, and of its second difference times powers 0 and 1.
+fn moments(
+    mut values: impl Iterator<Item = f64>,
+    start: f64,
+    shares: &[[f64; 3]],
+) -> ([f64; 4], [f64; 2]) {
+    let (mut moments, mut second) = ([0.0; 4], [0.0; 2]);
+    let (Some(before), Some(mut at)) = (values.next(), values.next()) else {
+        return (moments, second);
+    };
+    let mut step = at - before;
+    for [s, s2, s3] in shares {
+        let wanted = at - start;
+        moments[0] += wanted;
+        moments[1] += s * wanted;
+        moments[2] += s2 * wanted;
+        moments[3] += s3 * wanted;
+        let Some(after) = values.next() else {
+            break;
+        };
+        let next = after - at;
+        let bend = next - step;
+        second[0] += bend;
+        second[1] += s * bend;
+        (at, step) = (after, next);
+    }
+    (moments, second)
 }
 
 /// Worst error ratio of every span over its ticks; between them the path is what the spline makes
@@ -310,10 +336,10 @@ pub fn span_errors(path: &TickPath, spline: &RestSpline, tolerances: &[f64; CHAN
             for t in 1..=spline.durations_ticks[span] {
                 let k = first_ticks[span] + usize::from(t);
                 let at = f64::from(t);
-                let error = std::array::from_fn(|channel| {
-                    let [c0, c1, c2, c3] = cubics[channel];
-                    c0 + at * (c1 + at * (c2 + at * c3)) - path.value[k][channel]
-                });
+                let mut error = [0.0; CHANNELS];
+                for (channel, [c0, c1, c2, c3]) in cubics.iter().enumerate() {
+                    error[channel] = c0 + at * (c1 + at * (c2 + at * c3)) - path.value[k][channel];
+                }
                 worst = worst.max(error_ratio2(&error, &path.tangent[k], &per_tolerance));
             }
             worst.sqrt()
