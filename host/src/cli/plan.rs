@@ -20,9 +20,12 @@ pub(super) fn run(args: &PlanArgs, console: &Console) -> Result<(), CliError> {
         console,
     )?;
     let bar = console.stage("checking");
-    let limits = limits::sample(&planned.stream, &planned.settings);
-    let frames = WireFrames::encode(&planned.stream)
-        .map_err(|error| CliError::Job(format!("the plan cannot be packed: {error}")))?;
+    let (limits, frames) = rayon::join(
+        || limits::sample(&planned.stream, &planned.settings),
+        || WireFrames::encode(&planned.stream),
+    );
+    let frames =
+        frames.map_err(|error| CliError::Job(format!("the plan cannot be packed: {error}")))?;
     bar.finish_and_clear();
     let bytes = frames.line_bytes() as u64;
     let print_s = planned.figures.print_s.unwrap_or_default();

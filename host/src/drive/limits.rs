@@ -122,8 +122,8 @@ impl<'a> Sampler<'a> {
         let looks = u32::from(span.duration_ticks) * LOOKS_PER_TICK;
         for look in 0..=looks {
             let local = f64::from(look) / f64::from(LOOKS_PER_TICK);
-            self.look(span, local);
             let moment = Moment::of(span, local, self.servo_hz);
+            self.look(&moment, span.start_tick as f64 + local);
             self.extruder(&moment, span.start_tick as f64 + local, look == looks);
             if look < looks {
                 // The end is the next span's start: once in the sum is enough.
@@ -136,23 +136,22 @@ impl<'a> Sampler<'a> {
         for [_, _, c2, c3] in span.polynomial.coefficients {
             let vertex = -c2 / (3.0 * c3);
             if vertex > 0.0 && vertex < duration {
-                self.look(span, vertex);
+                let moment = Moment::of(span, vertex, self.servo_hz);
+                self.look(&moment, span.start_tick as f64 + vertex);
             }
         }
     }
 
-    fn look(&mut self, span: &Span, local: f64) {
-        let ticks = span.start_tick as f64 + local;
+    fn look(&mut self, moment: &Moment, ticks: f64) {
         while self.marks.len() > 1 && ticks > self.marks[0].end_tick as f64 {
             self.marks = &self.marks[1..];
         }
-        let moment = Moment::of(span, local, self.servo_hz);
         let time_s = ticks / self.servo_hz;
         let heading_rate_rad_s = moment.velocity[CHANNEL_HEADING].abs();
         let figures = &mut self.figures;
         figures.heading_rate_max_rad_s = figures.heading_rate_max_rad_s.max(heading_rate_rad_s);
-        self.joints(&moment, time_s);
-        self.tip_and_flow(&moment, time_s);
+        self.joints(moment, time_s);
+        self.tip_and_flow(moment, time_s);
     }
 
     fn joints(&mut self, moment: &Moment, time_s: f64) {

@@ -6,6 +6,7 @@
 //! what was swept, while its own inner wall stays the level curve: errors are handed on once and
 //! corrected, never piled up, and the jitter of one bead is not amplified by the next.
 
+use super::by_place::{ByCell, cell_of};
 use super::contacts::{Contact, resampled};
 use super::heading_profile::Placement;
 use crate::geometry::aperture::Aperture;
@@ -13,7 +14,6 @@ use crate::geometry::clearance::{Configuration, Turned};
 use crate::geometry::polygon::Ring;
 use crate::geometry::{Point2, Vector2};
 use rayon::prelude::*;
-use std::collections::HashMap;
 
 /// Step between interpolated poses, mm against the minor semi-axis: the scallop left on the
 /// sharpest end of an ellipse of 3 : 1 is then below 1 % of b.
@@ -42,7 +42,7 @@ const SHIFT_ROUNDS: usize = 2;
 pub struct Laid {
     aperture: Aperture,
     cell_mm: f64,
-    cells: HashMap<(i32, i32), Vec<Pose>>,
+    cells: ByCell<Vec<Pose>>,
 }
 
 /// A pose of the sweep, with the run and the place in it that it comes from.
@@ -59,16 +59,8 @@ impl Laid {
         Laid {
             aperture: *aperture,
             cell_mm: aperture.reach_mm(),
-            cells: HashMap::new(),
+            cells: ByCell::default(),
         }
-    }
-
-    fn cell_of(&self, p: Point2) -> (i32, i32) {
-        // Saturating casts: coordinates far off the grid share a cell, which is slow, not wrong.
-        (
-            (p.x / self.cell_mm).floor() as i32,
-            (p.y / self.cell_mm).floor() as i32,
-        )
     }
 
     fn push(&mut self, at: Configuration, run: u32, index: usize) {
@@ -78,7 +70,7 @@ impl Laid {
             index: index as u32,
         };
         self.cells
-            .entry(self.cell_of(at.center))
+            .entry(cell_of(at.center, self.cell_mm))
             .or_default()
             .push(pose);
     }
@@ -104,7 +96,7 @@ impl Laid {
     /// Visits the poses near `p` that may cut the line along `normal`, with bounds of their chords:
     /// least and largest distance along it, mm.
     fn for_poses(&self, p: Point2, normal: Vector2, mut visit: impl FnMut(&Pose, [f64; 2])) {
-        let (column, row) = self.cell_of(p);
+        let (column, row) = cell_of(p, self.cell_mm);
         let reach_mm = self.aperture.reach_mm();
         let own_cell = Point2::new(f64::from(column) + 0.5, f64::from(row) + 0.5);
         let from_middle = p - own_cell * self.cell_mm;

@@ -227,8 +227,7 @@ fn check_span(
 fn flow_at_ticks(spline: &RestSpline, servo_hz: f64) -> Vec<(f64, f64)> {
     let mut flow = vec![(0.0, 0.0)];
     for (span, &ticks) in spline.durations_ticks.iter().enumerate() {
-        let cubics = spline.span_polynomials(span);
-        let [_, c1, c2, c3] = cubics[CHANNEL_VOLUME];
+        let [_, c1, c2, c3] = spline.span_polynomial(span, CHANNEL_VOLUME);
         flow.extend((1..=ticks).map(f64::from).map(|t| {
             let rate = (c1 + t * (2.0 * c2 + 3.0 * t * c3)) * servo_hz;
             (rate, (2.0 * c2 + 6.0 * t * c3) * (servo_hz * servo_hz))
@@ -237,10 +236,13 @@ fn flow_at_ticks(spline: &RestSpline, servo_hz: f64) -> Vec<(f64, f64)> {
     flow
 }
 
+/// Ticks that one thread looks at.
+const TICKS_AT_ONCE: usize = 4096;
+
 /// Checks the extruder's own rate and acceleration, pressure advance and events included, tick by
 /// tick until the advance has left its window: e' = V' + (K/W) (V'(t) - V'(t - W)) + events.
-/// A piece beyond its limit is listed where it happens and where its delayed part came from.
-/// Empty for a stretch that lays nothing.
+/// A piece beyond its limit is listed where it happens and where its delayed part came from; one
+/// piece has the worst of all others. Empty for a stretch that lays nothing.
 pub fn check_extruder(
     spline: &RestSpline,
     limits: &MotionLimits,
@@ -253,41 +255,92 @@ pub fn check_extruder(
     {
         return Vec::new();
     }
-    let advance = limits.advance_ratio();
     let window_ticks = (limits.pressure_advance_window_s * limits.servo_hz).round() as usize;
+    let ticks = flow.len() + window_ticks;
+    let parts: Vec<(Ratios, Vec<Piece>)> = (0..ticks.div_ceil(TICKS_AT_ONCE))
+        .into_par_iter()
+        .map(|part| {
+            let from = part * TICKS_AT_ONCE;
+            let mut worst = Ratios::default();
+            let mut pieces = Vec::new();
+            for tick in from..(from + TICKS_AT_ONCE).min(ticks) {
+                let ratios = extruder_ratios(&flow, tick, window_ticks, limits, events);
+                list_extruder(
+                    ratios,
+                    tick,
+                    window_ticks,
+                    flow.len(),
+                    &mut worst,
+                    &mut pieces,
+                );
+            }
+            (worst, pieces)
+        })
+        .collect();
+    let worst = parts.iter().map(|(worst, _)| *worst);
+    let kept = Piece {
+        start_tick: 0.0,
+        end_tick: ticks as f64,
+        ratios: worst.fold(Ratios::default(), Ratios::max),
+    };
+    let pieces = parts.into_iter().flat_map(|(_, pieces)| pieces);
+    pieces.chain([kept]).collect()
+}
+
+/// Lists what a tick is beyond its limit by, or counts it among the others.
+fn list_extruder(
+    ratios: Ratios,
+    tick: usize,
+    window_ticks: usize,
+    flow_ticks: usize,
+    worst: &mut Ratios,
+    pieces: &mut Vec<Piece>,
+) {
+    let piece_at = |cause: usize| Piece {
+        start_tick: cause as f64 - 0.5,
+        end_tick: cause as f64 + 0.5,
+        ratios,
+    };
+    if tick < flow_ticks {
+        let piece = piece_at(tick);
+        if piece.is_kept(false) {
+            *worst = worst.max(ratios);
+        } else {
+            pieces.push(piece);
+        }
+    }
+    let cause = tick.checked_sub(window_ticks).filter(|&c| c < flow_ticks);
+    if let Some(cause) = cause.filter(|_| ratios.speed.max(ratios.acceleration) > 1.0) {
+        pieces.push(piece_at(cause));
+    }
+}
+
+/// What the extruder does at a tick against its limits.
+fn extruder_ratios(
+    flow: &[(f64, f64)],
+    tick: usize,
+    window_ticks: usize,
+    limits: &MotionLimits,
+    events: &[EventRun],
+) -> Ratios {
+    let advance = limits.advance_ratio();
     let at = |tick: Option<usize>| {
         tick.and_then(|tick| flow.get(tick))
             .copied()
             .unwrap_or((0.0, 0.0))
     };
-    let mut pieces = Vec::new();
-    for tick in 0..flow.len() + window_ticks {
-        let (rate, slope) = at(Some(tick));
-        let (old_rate, old_slope) = at(tick.checked_sub(window_ticks));
-        let mut speed = rate + advance * (rate - old_rate);
-        let mut acceleration = slope + advance * (slope - old_slope);
-        for event in events {
-            let (rate, slope) = event.rates_at(tick as f64);
-            speed += rate * limits.servo_hz;
-            acceleration += slope * limits.servo_hz * limits.servo_hz;
-        }
-        let ratios = Ratios {
-            speed: speed.abs() / limits.extruder_speed_max_mm3_s,
-            acceleration: acceleration.abs() / limits.extruder_acceleration_max_mm3_s2,
-            jerk: 0.0,
-        };
-        for delay in [0, window_ticks] {
-            let Some(cause) = tick.checked_sub(delay) else {
-                continue;
-            };
-            if cause < flow.len() && (delay == 0 || ratios.speed.max(ratios.acceleration) > 1.0) {
-                pieces.push(Piece {
-                    start_tick: cause as f64 - 0.5,
-                    end_tick: cause as f64 + 0.5,
-                    ratios,
-                });
-            }
-        }
+    let (rate, slope) = at(Some(tick));
+    let (old_rate, old_slope) = at(tick.checked_sub(window_ticks));
+    let mut speed = rate + advance * (rate - old_rate);
+    let mut acceleration = slope + advance * (slope - old_slope);
+    for event in events {
+        let (rate, slope) = event.rates_at(tick as f64);
+        speed += rate * limits.servo_hz;
+        acceleration += slope * limits.servo_hz * limits.servo_hz;
     }
-    pieces
+    Ratios {
+        speed: speed.abs() / limits.extruder_speed_max_mm3_s,
+        acceleration: acceleration.abs() / limits.extruder_acceleration_max_mm3_s2,
+        jerk: 0.0,
+    }
 }

@@ -72,19 +72,28 @@ impl RestSpline {
     /// One span as cubics in ticks from its start.
     pub fn span_polynomials(&self, span: usize) -> [[f64; 4]; CHANNELS] {
         let basis = span_basis(durations_around(&self.durations_ticks, span));
+        std::array::from_fn(|channel| self.cubic(&basis, span, channel))
+    }
+
+    /// One channel of a span.
+    pub fn span_polynomial(&self, span: usize, channel: usize) -> [f64; 4] {
+        let basis = span_basis(durations_around(&self.durations_ticks, span));
+        self.cubic(&basis, span, channel)
+    }
+
+    #[inline]
+    fn cubic(&self, basis: &SpanBasis, span: usize, channel: usize) -> [f64; 4] {
         let control = &self.control[span..span + 4];
-        std::array::from_fn(|channel| {
-            // Relative to the second point, so that large coordinates lose nothing.
-            let origin = control[1][channel];
-            let mut cubic = [0.0; 4];
-            for (weights, point) in basis.iter().zip(control) {
-                for (coefficient, weight) in cubic.iter_mut().zip(weights) {
-                    *coefficient += weight * (point[channel] - origin);
-                }
+        // Relative to the second point, so that large coordinates lose nothing.
+        let origin = control[1][channel];
+        let mut cubic = [0.0; 4];
+        for (weights, point) in basis.iter().zip(control) {
+            for (coefficient, weight) in cubic.iter_mut().zip(weights) {
+                *coefficient += weight * (point[channel] - origin);
             }
-            cubic[0] += origin;
-            cubic
-        })
+        }
+        cubic[0] += origin;
+        cubic
     }
 }
 

@@ -10,6 +10,8 @@
 use super::Caps;
 use crate::plan::joint_limits::MotionLimits;
 use crate::plan::path_samples::{PathSample, ROWS_MAX, Row};
+use rayon::prelude::*;
+use std::ops::Range;
 
 /// Constraints of one sample.
 struct Rows {
@@ -146,27 +148,54 @@ const FALL: f64 = 0.5;
 /// Shares of x that may be given up for more at the next sample, as powers of ten.
 const GIVEN_UP_EXPONENTS: std::ops::RangeInclusive<i32> = -12..=-3;
 
+/// Cells that are made side by side before they are gone through: what they take stays small.
+const CELLS_AT_ONCE: usize = 4096;
+/// Samples that are worth a thread.
+const SAMPLES_MIN: usize = 128;
+
+/// The cells from each of these samples to the next.
+fn cells(
+    samples: &[PathSample],
+    limits: &MotionLimits,
+    caps: &Caps,
+    range: Range<usize>,
+) -> Vec<Cell> {
+    let rows: Vec<Rows> = (range.start..range.end + 1)
+        .into_par_iter()
+        .with_min_len(SAMPLES_MIN)
+        .map(|i| Rows::new(&samples[i], limits, caps.acceleration[i]))
+        .collect();
+    let pairs = rows.par_windows(2).zip(range).with_min_len(SAMPLES_MIN);
+    pairs
+        .map(|(pair, i)| Cell::new(&pair[0], &pair[1], samples[i + 1].u - samples[i].u))
+        .collect()
+}
+
 /// Largest u̇ at every sample (0 at both ends) within the limits times the caps.
 pub fn fastest_rates(samples: &[PathSample], limits: &MotionLimits, caps: &Caps) -> Vec<f64> {
     let last = samples.len() - 1;
-    let mut x_max = vec![0.0; samples.len()];
-    let mut next = Rows::new(&samples[last], limits, caps.acceleration[last]);
-    for i in (0..last).rev() {
-        let here = Rows::new(&samples[i], limits, caps.acceleration[i]);
-        let cell = Cell::new(&here, &next, samples[i + 1].u - samples[i].u);
-        let rate_cap = samples[i].rate_max(limits, caps.speed[i]);
-        x_max[i] = cell.largest_controllable(rate_cap * rate_cap, x_max[i + 1]);
-        next = here;
+    let mut x_max: Vec<f64> = (0..samples.len())
+        .into_par_iter()
+        .with_min_len(SAMPLES_MIN)
+        .map(|i| samples[i].rate_max(limits, caps.speed[i]).powi(2))
+        .collect();
+    x_max[last] = 0.0;
+    let blocks = || (0..last).step_by(CELLS_AT_ONCE);
+    let block = |from: usize| from..(from + CELLS_AT_ONCE).min(last);
+    for from in blocks().rev() {
+        let cells = cells(samples, limits, caps, block(from));
+        for (i, cell) in block(from).zip(&cells).rev() {
+            x_max[i] = cell.largest_controllable(x_max[i], x_max[i + 1]);
+        }
     }
     x_max[0] = 0.0;
     let mut x = 0.0;
-    let mut here = Rows::new(&samples[0], limits, caps.acceleration[0]);
-    for i in 0..last {
-        let next = Rows::new(&samples[i + 1], limits, caps.acceleration[i + 1]);
-        let cell = Cell::new(&here, &next, samples[i + 1].u - samples[i].u);
-        (x_max[i], x) = cell.advanced(x, x_max[i + 1]);
-        x_max[i + 1] = x;
-        here = next;
+    for from in blocks() {
+        let cells = cells(samples, limits, caps, block(from));
+        for (i, cell) in block(from).zip(&cells) {
+            (x_max[i], x) = cell.advanced(x, x_max[i + 1]);
+            x_max[i + 1] = x;
+        }
     }
     x_max.iter().map(|x| x.sqrt()).collect()
 }

@@ -7,7 +7,11 @@
 //! "Image Analysis and Mathematical Morphology", 1982). Along the path the average lags or leads
 //! by about T² ü / 24 only.
 
+use rayon::prelude::*;
 use std::collections::VecDeque;
+
+/// Ticks that are worth a thread.
+const TICKS_MIN: usize = 1024;
 
 /// Time at every sample for the rates u̇; the acceleration is constant between samples.
 fn times(u: &[f64], rate: &[f64]) -> Vec<f64> {
@@ -165,6 +169,8 @@ pub fn on_ticks(
         }
     };
     (0..raw.len() + window_ticks)
+        .into_par_iter()
+        .with_min_len(TICKS_MIN)
         .map(|tick| {
             let newest = tick as isize;
             let oldest = newest - window_ticks as isize;
