@@ -106,7 +106,7 @@ impl BandedSystem {
 
     /// Adds the share of a span. The first three control points are the start, 0 here; the last
     /// three are the end, `travel`.
-    fn add(&mut self, span: usize, sums: &SpanSums, travel: &[f64; CHANNELS]) {
+    fn add(&mut self, span: usize, share: &SpanShare, travel: &[f64; CHANNELS]) {
         let unknowns = self.band.len();
         for k in 0..4 {
             let Some(row) = (span + k).checked_sub(3).filter(|&row| row < unknowns) else {
@@ -115,13 +115,13 @@ impl BandedSystem {
             let mut known = 0.0;
             for l in 0..4 {
                 if span + l >= unknowns + 3 {
-                    known += sums.weights[k][l];
+                    known += share.weights[k][l];
                 } else if l >= k {
-                    self.band[row][l - k] += sums.weights[k][l];
+                    self.band[row][l - k] += share.weights[k][l];
                 }
             }
             for (channel, right) in self.right[row].iter_mut().enumerate() {
-                *right += sums.right[k][channel] - known * travel[channel];
+                *right += share.right[k][channel] - known * travel[channel];
             }
         }
     }
@@ -158,30 +158,19 @@ impl BandedSystem {
     }
 }
 
-/// Fits control points to the path; `durations_ticks` sum up to its length, at least three spans.
-pub fn fit(path: &TickPath, durations_ticks: &[u16]) -> RestSpline {
-    let spans = durations_ticks.len();
+/// Fits control points to the path; `sums` are of the spans with these durations, at least three.
+pub fn fit(path: &TickPath, durations_ticks: &[u16], sums: &[TickSums]) -> RestSpline {
     let start = quantised(&path.value[0]);
     let end = quantised(&path.value[path.ticks()]);
     let travel: [f64; CHANNELS] = std::array::from_fn(|c| end[c] - start[c]);
-    let first_ticks = first_ticks(durations_ticks);
-    let sums: Vec<SpanSums> = (0..spans)
+    let shares: Vec<SpanShare> = (0..sums.len())
         .into_par_iter()
         .with_min_len(SPANS_MIN)
-        .map_init(Vec::new, |shares, span| {
-            SpanSums::of(
-                path,
-                durations_ticks,
-                span,
-                first_ticks[span],
-                &start,
-                shares,
-            )
-        })
+        .map(|span| SpanShare::of(durations_ticks, span, &sums[span]))
         .collect();
-    let mut system = BandedSystem::zero(spans - 3);
-    for (span, sums) in sums.iter().enumerate() {
-        system.add(span, sums, &travel);
+    let mut system = BandedSystem::zero(sums.len() - 3);
+    for (span, share) in shares.iter().enumerate() {
+        system.add(span, share, &travel);
     }
     let mut control = vec![start; 3];
     for point in system.solve() {
@@ -209,35 +198,52 @@ fn first_ticks(durations_ticks: &[u16]) -> Vec<usize> {
     next.collect()
 }
 
-/// One span's share of the normal equations for its four control points, relative to the start.
-struct SpanSums {
-    /// Sums of products of weights.
-    weights: [[f64; 4]; 4],
-    /// Sums of weights times what is wanted.
-    right: [[f64; CHANNELS]; 4],
+/// What the ticks of a span give to the fit, whatever spans lie beside it; s = t / duration.
+#[derive(Clone, Debug)]
+pub struct TickSums {
+    /// Sums of powers of s, over all ticks and over those with an acceleration.
+    powers: [f64; 7],
+    bend_powers: [f64; 3],
+    /// For each channel the sums of its value above the start times powers of s, and of its second
+    /// difference times powers of s.
+    moments: [[f64; 4]; CHANNELS],
+    bends: [[f64; 2]; CHANNELS],
 }
 
-impl SpanSums {
-    /// With s = t / duration the weights are cubics in s, so the sums are those of powers of s and
-    /// the moments of the path, each taken once. `shares` is room for powers 1 to 3 of s.
+/// The sums of every span; `known` has those of a span where they are known already.
+pub fn tick_sums<'a>(
+    path: &TickPath,
+    durations_ticks: &[u16],
+    known: impl Fn(usize) -> Option<&'a TickSums> + Sync,
+) -> Vec<TickSums> {
+    let start = quantised(&path.value[0]);
+    let first_ticks = first_ticks(durations_ticks);
+    (0..durations_ticks.len())
+        .into_par_iter()
+        .with_min_len(SPANS_MIN)
+        .map_init(Vec::new, |shares, span| match known(span) {
+            Some(known) => known.clone(),
+            None => TickSums::of(
+                path,
+                first_ticks[span],
+                durations_ticks[span],
+                &start,
+                shares,
+            ),
+        })
+        .collect()
+}
+
+impl TickSums {
+    /// `shares` is room for powers 1 to 3 of s.
     fn of(
         path: &TickPath,
-        durations_ticks: &[u16],
-        span: usize,
         first_tick: usize,
+        ticks: u16,
         start: &[f64; CHANNELS],
         shares: &mut Vec<[f64; 3]>,
     ) -> Self {
-        let basis = span_basis(durations_around(durations_ticks, span));
-        let ticks = durations_ticks[span];
         let duration = f64::from(ticks);
-        let squared = duration * duration;
-        let scales = [1.0, duration, squared, duration * squared];
-        let value: SpanBasis =
-            std::array::from_fn(|k| std::array::from_fn(|power| basis[k][power] * scales[power]));
-        // The second derivative by s, with the weight that it counts.
-        let root = ACCELERATION_WEIGHT.sqrt();
-        let second = value.map(|[_, _, c2, c3]| [2.0 * c2 * root, 6.0 * c3 * root]);
         shares.clear();
         shares.extend((1..=ticks).map(|t| {
             let s = f64::from(t) / duration;
@@ -245,27 +251,58 @@ impl SpanSums {
         }));
         // There is no acceleration at the path's last tick.
         let is_last = first_tick + usize::from(ticks) == path.ticks();
-        let bends = shares.len() - usize::from(is_last);
-        let (powers, second_powers) = (powers::<7>(shares), powers::<3>(&shares[..bends]));
+        let bend_shares = &shares[..shares.len() - usize::from(is_last)];
+        let mut sums = Self {
+            powers: powers(shares),
+            bend_powers: powers(bend_shares),
+            moments: [[0.0; 4]; CHANNELS],
+            bends: [[0.0; 2]; CHANNELS],
+        };
+        for c in 0..CHANNELS {
+            let channel = path.value[first_tick..].iter().map(|value| value[c]);
+            (sums.moments[c], sums.bends[c]) = moments(channel, start[c], shares);
+        }
+        sums
+    }
+}
+
+/// One span's share of the normal equations for its four control points, relative to the start.
+struct SpanShare {
+    /// Sums of products of weights.
+    weights: [[f64; 4]; 4],
+    /// Sums of weights times what is wanted.
+    right: [[f64; CHANNELS]; 4],
+}
+
+impl SpanShare {
+    /// The weights are cubics in s, so their sums are those of powers of s and of the moments.
+    fn of(durations_ticks: &[u16], span: usize, sums: &TickSums) -> Self {
+        let basis = span_basis(durations_around(durations_ticks, span));
+        let duration = f64::from(durations_ticks[span]);
+        let squared = duration * duration;
+        let scales = [1.0, duration, squared, duration * squared];
+        let value: SpanBasis =
+            std::array::from_fn(|k| std::array::from_fn(|power| basis[k][power] * scales[power]));
+        // The second derivative by s, with the weight that it counts.
+        let root = ACCELERATION_WEIGHT.sqrt();
+        let second = value.map(|[_, _, c2, c3]| [2.0 * c2 * root, 6.0 * c3 * root]);
         let sum_of = |k: usize, l: usize| {
             let mut sum = 0.0;
             for (p, a) in value[k].iter().enumerate() {
                 for (q, b) in value[l].iter().enumerate() {
-                    sum += a * b * powers[p + q];
+                    sum += a * b * sums.powers[p + q];
                 }
             }
             for (p, a) in second[k].iter().enumerate() {
                 for (q, b) in second[l].iter().enumerate() {
-                    sum += a * b * second_powers[p + q];
+                    sum += a * b * sums.bend_powers[p + q];
                 }
             }
             sum
         };
         let root_squared = root * squared;
         let mut right = [[0.0; CHANNELS]; 4];
-        for c in 0..CHANNELS {
-            let channel = path.value[first_tick..].iter().map(|value| value[c]);
-            let (moments, bends) = moments(channel, start[c], shares);
+        for (c, (moments, bends)) in sums.moments.iter().zip(&sums.bends).enumerate() {
             for k in 0..4 {
                 let position: f64 = (0..4).map(|p| value[k][p] * moments[p]).sum();
                 let bend: f64 = (0..2).map(|p| second[k][p] * bends[p]).sum();
@@ -323,14 +360,22 @@ fn moments(
 }
 
 /// Worst error ratio of every span over its ticks; between them the path is what the spline makes
-/// of it.
-pub fn span_errors(path: &TickPath, spline: &RestSpline, tolerances: &[f64; CHANNELS]) -> Vec<f64> {
+/// of it. `known` has that of a span where it is known already.
+pub fn span_errors(
+    path: &TickPath,
+    spline: &RestSpline,
+    tolerances: &[f64; CHANNELS],
+    known: impl Fn(usize) -> Option<f64> + Sync,
+) -> Vec<f64> {
     let per_tolerance = tolerances.map(f64::recip);
     let first_ticks = first_ticks(&spline.durations_ticks);
     (0..spline.durations_ticks.len())
         .into_par_iter()
         .with_min_len(SPANS_MIN)
         .map(|span| {
+            if let Some(known) = known(span) {
+                return known;
+            }
             let cubics = spline.span_polynomials(span);
             let mut worst = 0.0f64;
             for t in 1..=spline.durations_ticks[span] {
@@ -398,7 +443,9 @@ mod tests {
         let path = path();
         let tolerances = [1e-4; CHANNELS];
         let worst = |spans: usize| {
-            let spline = fit(&path, &vec![(400 / spans) as u16; spans]);
+            let durations_ticks = vec![(400 / spans) as u16; spans];
+            let sums = tick_sums(&path, &durations_ticks, |_| None);
+            let spline = fit(&path, &durations_ticks, &sums);
             let control = &spline.control;
             let last = control.len() - 1;
             assert!(control[..3].iter().all(|p| *p == quantised(&path.value[0])));
@@ -407,7 +454,7 @@ mod tests {
                     .iter()
                     .all(|p| *p == quantised(&path.value[400]))
             );
-            span_errors(&path, &spline, &tolerances)
+            span_errors(&path, &spline, &tolerances, |_| None)
                 .into_iter()
                 .fold(0.0, f64::max)
         };

@@ -5,8 +5,8 @@
 //! bring its error to the tolerance, spreads the knots anew by that density, and fits again; spans
 //! that still exceed it are halved.
 
-use super::fit::{TickPath, fit, span_errors};
-use super::spline::RestSpline;
+use super::fit::{TickPath, TickSums, fit, span_errors, tick_sums};
+use super::spline::{RestSpline, durations_around};
 use headway_protocol::segment::SPAN_TICKS_MAX;
 use headway_protocol::units::CHANNELS;
 
@@ -110,13 +110,50 @@ pub struct Layout {
     pub spline: RestSpline,
     /// Its worst error against the tolerance of each span.
     pub errors: Vec<f64>,
+    /// What the ticks of each span gave to the fit.
+    sums: Vec<TickSums>,
+}
+
+/// A layout before, and for each span of the next one the span of it under which the path is the
+/// very same, tick by tick and at the tick behind.
+struct Before<'a> {
+    layout: &'a Layout,
+    spans: Vec<Option<usize>>,
+}
+
+impl Before<'_> {
+    fn sums_of(&self, span: usize) -> Option<&TickSums> {
+        self.spans[span].map(|same| &self.layout.sums[same])
+    }
+
+    /// The error of a span that has stayed the same curve under the same path.
+    fn error_of(&self, span: usize, spline: &RestSpline) -> Option<f64> {
+        let same = self.spans[span]?;
+        let before = &self.layout.spline;
+        let is_same = before.control[same..same + 4] == spline.control[span..span + 4]
+            && durations_around(&before.durations_ticks, same)
+                == durations_around(&spline.durations_ticks, span);
+        is_same.then(|| self.layout.errors[same])
+    }
 }
 
 impl Layout {
-    fn new(path: &TickPath, durations_ticks: &[u16], tolerances: &[f64; CHANNELS]) -> Self {
-        let spline = fit(path, durations_ticks);
-        let errors = span_errors(path, &spline, tolerances);
-        Self { spline, errors }
+    fn new(
+        path: &TickPath,
+        durations_ticks: &[u16],
+        tolerances: &[f64; CHANNELS],
+        before: Option<&Before>,
+    ) -> Self {
+        let sums = tick_sums(path, durations_ticks, |span| before?.sums_of(span));
+        let spline = fit(path, durations_ticks, &sums);
+        let errors = span_errors(path, &spline, tolerances, |span| {
+            before?.error_of(span, &spline)
+        });
+        Self {
+            spline,
+            errors,
+            sums,
+        }
     }
 
     /// Worst error of any span.
@@ -127,10 +164,14 @@ impl Layout {
     /// Cuts spans beyond the tolerance until all keep it or cannot be cut further.
     fn refined(mut self, path: &TickPath, tolerances: &[f64; CHANNELS]) -> Self {
         for _ in 0..HALVING_ROUNDS {
-            let Some(halved) = halve(&self.spline.durations_ticks, &self.errors) else {
+            let Some((halved, spans)) = halve(&self.spline.durations_ticks, &self.errors) else {
                 break;
             };
-            self = Self::new(path, &halved, tolerances);
+            let before = Before {
+                layout: &self,
+                spans,
+            };
+            self = Self::new(path, &halved, tolerances, Some(&before));
         }
         self
     }
@@ -140,7 +181,7 @@ impl Layout {
 /// The path must last at least [`MOVING_TICKS_MIN`].
 pub fn lay_out(path: &TickPath, tolerances: &[f64; CHANNELS]) -> Layout {
     let first = Density::first(path.ticks()).durations(path.ticks());
-    let mut layout = Layout::new(path, &first, tolerances);
+    let mut layout = Layout::new(path, &first, tolerances, None);
     for _ in 0..SPREAD_ROUNDS {
         let durations = &layout.spline.durations_ticks;
         let next = Density::wanted(durations, &layout.errors).durations(path.ticks());
@@ -148,7 +189,7 @@ pub fn lay_out(path: &TickPath, tolerances: &[f64; CHANNELS]) -> Layout {
         if settled || next == *durations {
             break;
         }
-        layout = Layout::new(path, &next, tolerances);
+        layout = Layout::new(path, &next, tolerances, None);
     }
     layout.refined(path, tolerances)
 }
@@ -162,34 +203,50 @@ pub fn lay_out_again(
     u_before: &[f64],
     u_at_tick: &[f64],
 ) -> Layout {
-    let spans = before.spline.durations_ticks.len();
+    let count = before.spline.durations_ticks.len();
     let ticks = path.ticks();
-    let (mut tick_before, mut last_knot) = (0, 0);
-    let mut durations = Vec::with_capacity(spans);
+    let (mut tick_before, mut last_knot, mut tick) = (0, 0, 0);
+    let mut durations = Vec::with_capacity(count);
+    let mut spans = Vec::with_capacity(count);
     for (span, &duration) in before.spline.durations_ticks.iter().enumerate() {
+        let first_before = tick_before;
         tick_before += usize::from(duration);
         let u = u_before[tick_before];
         let place = u_at_tick.partition_point(|&other| other < u);
-        let latest = ticks - SPAN_TICKS_MIN * (spans - span - 1);
+        let latest = ticks - SPAN_TICKS_MIN * (count - span - 1);
         let place = place.clamp((last_knot + SPAN_TICKS_MIN).min(latest), latest);
-        let place = if span + 1 == spans { ticks } else { place };
-        durations.push((place - last_knot).min(usize::from(SPAN_TICKS_MAX)) as u16);
+        let place = if span + 1 == count { ticks } else { place };
+        let duration = (place - last_knot).min(usize::from(SPAN_TICKS_MAX));
+        durations.push(duration as u16);
+        let first = tick;
+        tick += duration;
+        let now = &u_at_tick[first..(tick + 2).min(u_at_tick.len())];
+        let then = &u_before[first_before..(tick_before + 2).min(u_before.len())];
+        spans.push((now == then).then_some(span));
         last_knot = place;
     }
-    Layout::new(path, &durations, tolerances).refined(path, tolerances)
+    let before = Before {
+        layout: before,
+        spans,
+    };
+    Layout::new(path, &durations, tolerances, Some(&before)).refined(path, tolerances)
 }
 
-/// Cuts the spans beyond the tolerance in two; none where nothing is to be cut.
-fn halve(durations_ticks: &[u16], errors: &[f64]) -> Option<Vec<u16>> {
+/// Cuts the spans beyond the tolerance in two; none where nothing is to be cut. With the durations
+/// the numbers of those that stay.
+fn halve(durations_ticks: &[u16], errors: &[f64]) -> Option<(Vec<u16>, Vec<Option<usize>>)> {
     let mut halved = Vec::with_capacity(durations_ticks.len() + 8);
-    for (&ticks, &error) in durations_ticks.iter().zip(errors) {
+    let mut spans = Vec::with_capacity(durations_ticks.len() + 8);
+    for (span, (&ticks, &error)) in durations_ticks.iter().zip(errors).enumerate() {
         if error > 1.0 && usize::from(ticks) >= 2 * SPAN_TICKS_MIN {
             halved.extend([ticks / 2, ticks - ticks / 2]);
+            spans.extend([None; 2]);
         } else {
             halved.push(ticks);
+            spans.push(Some(span));
         }
     }
-    (halved.len() > durations_ticks.len()).then_some(halved)
+    (halved.len() > durations_ticks.len()).then_some((halved, spans))
 }
 
 #[cfg(test)]
@@ -232,6 +289,7 @@ mod tests {
             &path,
             &vec![(2000 / durations.len()) as u16; 2000 / (2000 / durations.len())],
             &TOLERANCES,
+            None,
         );
         assert!(even.worst_error() > 3.0, "{}", even.worst_error());
     }
