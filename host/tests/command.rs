@@ -233,7 +233,18 @@ fn a_job_is_the_same_wherever_it_goes() {
     assert_eq!(summary["name"], "thin-web");
 
     let table = poses_every_5_ms(&job);
-    check_poses(&table, figures["print_s"].as_f64().expect("s"), 5e-3);
+    let figure = |key: &str| figures[key].as_f64().expect(key);
+    let flowed_mm3 = check_poses(&table, figure("print_s"), 5e-3);
+    let volume_mm3 = figure("volume_mm3");
+    // What flows in 5 ms at the ends of a pass.
+    assert!((flowed_mm3 / volume_mm3 - 1.0).abs() < 2e-3, "{flowed_mm3}");
+    // A layer of 0.2 mm over what is swept, once or twice; the inside of bends, swept again at
+    // once, is no overlap.
+    let swept_mm2 = figure("area_mm2") * (figure("covered_pct") + figure("overlap_pct")) / 100.0;
+    assert!(
+        (volume_mm3 / (0.2 * swept_mm2) - 1.0).abs() < 0.05,
+        "{volume_mm3}"
+    );
     assert!(succeeded(&headway(&["export", path(&job), "--to", "svg"])).starts_with("<svg"));
     let knots = object(&headway(&["export", path(&job), "--to", "json"]));
     assert_eq!(
@@ -269,18 +280,20 @@ fn a_job_is_the_same_wherever_it_goes() {
     std::fs::remove_dir_all(folder).expect("clean up");
 }
 
-/// Columns, even times, poses in the drawing's coordinates (30 x 12 mm).
-fn check_poses(table: &str, print_s: f64, every_s: f64) {
+/// Columns, even times, poses in the drawing's coordinates (30 x 12 mm). What flows in all, mm³.
+fn check_poses(table: &str, print_s: f64, every_s: f64) -> f64 {
     let mut lines = table.lines();
     let header = "t_s,layer,pass,x_mm,y_mm,z_mm,nx,ny,nz,heading_rad,speed_mm_s,flow_mm3_s,state";
     assert_eq!(lines.next(), Some(header));
     let mut printed = 0;
     let mut count = 0usize;
+    let mut flowed_mm3 = 0.0;
     for (number, row) in lines.enumerate() {
         let cells: Vec<&str> = row.split(',').collect();
         let value = |k: usize| -> f64 { cells[k].parse().expect("number") };
         assert!((value(0) - number as f64 * every_s).abs() < 1e-6, "{row}");
         assert_eq!((value(6), value(7), value(8)), (0.0, 0.0, 1.0), "{row}");
+        flowed_mm3 += value(11) * every_s;
         if cells[12] == "print" {
             printed += 1;
             assert!(
@@ -299,6 +312,7 @@ fn check_poses(table: &str, print_s: f64, every_s: f64) {
         (count as f64 - expected).abs() <= 1.0,
         "{count} rows, {expected} expected"
     );
+    flowed_mm3
 }
 
 #[test]
@@ -337,6 +351,7 @@ fn simulate_writes_report_and_traces() {
         "print_mm",
         "travel_mm",
         "print_s",
+        "volume_mm3",
         "plan_s",
         "heading_travel_rad",
         "heading_rate_max_rad_s",

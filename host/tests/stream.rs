@@ -5,7 +5,10 @@
 
 mod rig;
 
+use headway::drive::link_log::{Entry, Way, read_log};
 use headway::drive::transport::Port;
+use headway_protocol::frame::FrameDecoder;
+use headway_protocol::message::DeviceMessage;
 use rig::board::{Board, Host, counts, job, sleep_into_the_job};
 use rig::{folder, headway, object, stderr, stdout};
 use serde_json::Value;
@@ -220,4 +223,43 @@ fn ctrl_c_pauses_on_the_path_and_a_second_one_aborts() {
     assert_eq!(status["state"], "idle");
     assert_eq!(status["fault"], Value::Null);
     assert_ne!(counts(&board.end()), expected);
+}
+
+/// Goal: the board tells its status as often as it was asked to. Method: the same job twice; statuses
+/// in the logs, a hundred and then twenty milliseconds of the board's time apart.
+#[test]
+fn a_status_comes_as_often_as_asked_for() {
+    let folder = folder("period");
+    let (job, _) = job(&folder, 1);
+    let statuses = |period: &[&str]| {
+        let board = Board::unix(&folder, 4.0);
+        let log = folder.join("print.log").display().to_string();
+        let stream = ["stream", &job, "--port", &board.port, "--log", &log];
+        let streamed = headway(&[&stream[..], period].concat());
+        assert!(streamed.status.success(), "{}", stderr(&streamed));
+        board.end();
+        let text = std::fs::read_to_string(&log).unwrap();
+        let log = read_log(&mut text.as_bytes()).unwrap();
+        let mut decoder = FrameDecoder::new();
+        let heard = log.entries.iter().filter_map(|entry| match entry {
+            Entry::Bytes {
+                way: Way::Up,
+                bytes,
+                ..
+            } => Some(bytes),
+            _ => None,
+        });
+        let mut statuses = 0;
+        for &byte in heard.flatten() {
+            if let Some(Ok(frame)) = decoder.push(byte) {
+                let message = DeviceMessage::decode(frame.payload).unwrap();
+                statuses += u32::from(matches!(message, DeviceMessage::Status(_)));
+            }
+        }
+        statuses
+    };
+    let (seldom, often) = (statuses(&[]), statuses(&["--status-period-ms", "20"]));
+    assert!(seldom > 5 && often > 3 * seldom, "{seldom} {often}");
+    let refused = headway(&["stream", &job, "--port", "x", "--status-period-ms", "19"]);
+    assert_eq!(refused.status.code(), Some(2));
 }

@@ -1,6 +1,7 @@
 //! The options of `stream` and `board`, with their help.
 
 use clap::{Args, Subcommand};
+use headway_protocol::message::REPORT_PERIOD_RANGE_MS;
 use std::path::PathBuf;
 
 /// Where the board is.
@@ -36,9 +37,18 @@ pub(super) struct StreamArgs {
     /// Write every byte of the conversation (headway board replay reads it).
     #[arg(long, value_name = "FILE")]
     pub log: Option<PathBuf>,
+    /// How often the board tells its status of itself, ms, from 20 to 60000; kept until it starts
+    /// anew [default: 100]. Where the line is silent for 0.2 s it is asked.
+    #[arg(long, value_name = "MS", value_parser = status_period())]
+    pub status_period_ms: Option<u16>,
     /// The figures as one JSON object on stdout.
     #[arg(long)]
     pub json: bool,
+}
+
+fn status_period() -> clap::builder::RangedI64ValueParser<u16> {
+    let [first, last] = [REPORT_PERIOD_RANGE_MS.start(), REPORT_PERIOD_RANGE_MS.end()];
+    clap::value_parser!(u16).range(i64::from(*first)..=i64::from(*last))
 }
 
 /// `headway board`.

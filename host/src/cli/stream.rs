@@ -63,6 +63,7 @@ pub(super) fn run(args: &StreamArgs, console: &Console) -> Result<(), CliError> 
         status: None,
         connected: false,
         has_part: false,
+        status_period_ms: args.status_period_ms,
         begun: Instant::now(),
     };
     let result = run.until_end();
@@ -161,6 +162,7 @@ struct Run<'a> {
     connected: bool,
     /// The board has part of this job already.
     has_part: bool,
+    status_period_ms: Option<u16>,
     begun: Instant,
 }
 
@@ -201,6 +203,9 @@ impl Run<'_> {
                 self.connected = true;
                 let job = self.sender.frames().job();
                 self.has_part = welcome.stream.is_some_and(|stream| stream.job == job);
+                if let Some(period_ms) = self.status_period_ms {
+                    self.sender.command(Control::ReportPeriod(period_ms));
+                }
             }
             SenderEvent::Status(status) => {
                 self.show(&self.timeline.at(&status), &status);

@@ -33,6 +33,8 @@ pub struct PlanFigures {
     pub travel_mm: f64,
     /// Duration of the stream.
     pub print_s: f64,
+    /// What the passes deposit; primes and retracts are not in it.
+    pub volume_mm3: f64,
     /// Sum of the heading's changes.
     pub heading_travel_rad: f64,
     /// Largest heading rate.

@@ -21,7 +21,7 @@ use crate::plan::progress::{Progress, Stage, Steps};
 use crate::plan::reachable::reachable_count;
 use crate::settings::Settings;
 use headway_firmware::spline::Spans;
-use headway_protocol::units::{CHANNEL_HEADING, CHANNEL_X, CHANNEL_Y, CHANNEL_Z};
+use headway_protocol::units::{CHANNEL_HEADING, CHANNEL_VOLUME, CHANNEL_X, CHANNEL_Y, CHANNEL_Z};
 use rayon::prelude::*;
 use std::collections::{BTreeMap, BTreeSet};
 
@@ -347,6 +347,8 @@ fn walk_stream(
             poses.push(PrintPose { at, pass, path_mm });
         }
         tick += u64::from(span.duration_ticks);
+        let [before, after] = [0.0, ticks].map(|local| span.position(local)[CHANNEL_VOLUME]);
+        figures.volume_mm3 += after - before;
     }
     of_layer(layer, &poses);
     figures.print_s = tick as f64 / servo_hz;
