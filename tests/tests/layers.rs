@@ -337,7 +337,8 @@ fn aligned_seams_make_a_line_up_the_part() {
 }
 
 /// Walls that turn the nozzle once a layer fit between stops two and a half turns apart, since it
-/// turns back between layers; between stops less than a turn apart they are refused.
+/// turns back between layers; between stops less than a turn apart they are cut, and between stops
+/// less than half a turn apart refused.
 #[test]
 fn the_nozzle_turns_back_between_its_stops() {
     let planned = |stop_deg: f64, layers: u32| {
@@ -365,9 +366,13 @@ fn the_nozzle_turns_back_between_its_stops() {
     let kept = planned(450.0, 6).expect("a plan");
     assert!(most(&kept).to_degrees() < 450.0, "{}", most(&kept));
     assert_eq!(kept.figures.passes, free.figures.passes);
-    match planned(150.0, 6) {
+    let cut = planned(150.0, 6).expect("a plan");
+    assert!(most(&cut).to_degrees() < 150.0, "{}", most(&cut));
+    assert!(cut.figures.passes > kept.figures.passes);
+    assert!((cut.figures.covered_pct - kept.figures.covered_pct).abs() < 0.05);
+    match planned(80.0, 6) {
         Err(PlanError::Motion(error)) => {
-            assert!(error.to_string().contains("joint 3"), "{error}");
+            assert!(error.to_string().contains("joint c"), "{error}");
         }
         other => panic!("{:?}", other.map(|plan| plan.figures)),
     }

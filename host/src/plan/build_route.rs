@@ -4,6 +4,7 @@
 //! retract, lift. Each piece is a rest-to-rest stretch. All in machine coordinates.
 
 use super::flow::{FlowPose, deposit};
+use super::heading_stops::heading_range;
 use super::keep_out::Way;
 use super::layer_path::{PlaneControl, configuration, curve_at};
 use super::passes::PassKind;
@@ -12,7 +13,6 @@ use super::travel_ways::{TravelError, TravelWays};
 use crate::geometry::Point2;
 use crate::job::MotionState;
 use crate::settings::Settings;
-use headway_firmware::kinematics;
 use headway_protocol::units::{
     CHANNEL_HEADING, CHANNEL_VOLUME, CHANNEL_X, CHANNEL_Y, CHANNEL_Z, CHANNELS,
 };
@@ -354,20 +354,6 @@ fn entry_heading(pass: &PlanePass, from_rad: f64, settings: &Settings) -> f64 {
     } else {
         nearest_rad
     }
-}
-
-/// Stops of the joint that follows the heading one to one; the tool stands upright.
-fn heading_range(settings: &Settings) -> [f64; 2] {
-    let machine = &settings.machine;
-    let carriers = kinematics::carriers(&machine.kinematics).iter();
-    let mut turning = carriers
-        .zip(&machine.joints)
-        .filter(|(carrier, _)| **carrier == Some(CHANNEL_HEADING));
-    turning
-        .next()
-        .map_or([f64::NEG_INFINITY, f64::INFINITY], |(_, joint)| {
-            [joint.position_min, joint.position_max]
-        })
 }
 
 /// The heading equal to `heading_rad` for the deposit (modulo the aperture's period) that is nearest

@@ -5,7 +5,7 @@
 
 use crate::job::MotionState;
 use crate::plan::path_curve::CurvePoint;
-use crate::settings::Settings;
+use crate::settings::{Settings, joint_names};
 use headway_firmware::configuration::{JOINTS_MAX, Kinematics};
 use headway_firmware::kinematics::{self, KinematicsError};
 use headway_firmware::pose::Pose;
@@ -19,13 +19,15 @@ use nalgebra::{Vector2, Vector3};
 pub enum MotionError {
     /// A joint would have to leave its range.
     #[error(
-        "joint {joint} would go to {position:.3}, outside its range {minimum:.3} to {maximum:.3}, \
-         with the tip at {at_mm:.3?} mm (machine coordinates); move the part with --at or use a \
-         larger machine"
+        "joint {name} would go to {}, with the tip at {at_mm:.3?} mm (machine coordinates); {}",
+        place_in_range(name, [*position, *minimum, *maximum]),
+        range_hint(name)
     )]
     OutsideJointRange {
         /// Joint number from 0.
         joint: usize,
+        /// Its name in the machine file.
+        name: &'static str,
         /// Where it would be, mm or rad.
         position: f64,
         /// Lower end of its range.
@@ -84,6 +86,33 @@ pub enum MotionError {
         /// Rate or acceleration against the planned share of the limit.
         ratio: f64,
     },
+}
+
+/// Joints that turn go by the names of axes about which tools turn.
+fn is_turning(joint_name: &str) -> bool {
+    matches!(joint_name, "a" | "b" | "c")
+}
+
+/// Where a joint would be, and its range, in the units of the machine file.
+fn place_in_range(joint_name: &str, values: [f64; 3]) -> String {
+    let (unit, scale) = match is_turning(joint_name) {
+        true => ("°", 180.0 / std::f64::consts::PI),
+        false => (" mm", 1.0),
+    };
+    let [position, minimum, maximum] = values.map(|value| value * scale);
+    format!("{position:.3}{unit}, outside its range {minimum:.3}{unit} to {maximum:.3}{unit}")
+}
+
+/// What the user can do.
+fn range_hint(joint_name: &str) -> &'static str {
+    match joint_name {
+        "c" => {
+            "passes are cut where the nozzle has to turn back, but for every heading it needs half a \
+             turn and some 20° more: give it that range in the machine file"
+        }
+        name if is_turning(name) => "tilt the tool less there, or turn the part",
+        _ => "move the part with --at or use a larger machine",
+    }
 }
 
 /// Limits of one joint, share applied.
@@ -320,8 +349,10 @@ pub fn check_range(
         let inside = position >= limit.position_min - RANGE_SLACK
             && position <= limit.position_max + RANGE_SLACK;
         if !inside {
+            let names = joint_names(&limits.kinematics);
             return Err(MotionError::OutsideJointRange {
                 joint,
+                name: names.get(joint).copied().unwrap_or("?"),
                 position,
                 minimum: limit.position_min,
                 maximum: limit.position_max,

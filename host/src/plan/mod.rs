@@ -22,6 +22,7 @@ pub mod flow;
 mod gap_raster;
 pub mod heading_law;
 pub mod heading_profile;
+mod heading_stops;
 pub mod headings_table;
 pub mod infill;
 pub mod inner_hull;
