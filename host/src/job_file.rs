@@ -366,7 +366,7 @@ fn read_index(
     if &footer[16..] != FOOTER_MAGIC {
         return Err(JobFileError::Truncated {
             at_byte: length,
-            part: "frames or index",
+            part: "frames or index (or something was added behind its end)",
         });
     }
     let index_start = u64::from_le_bytes(std::array::from_fn(|i| footer[i]));

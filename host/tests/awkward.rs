@@ -4,7 +4,9 @@
 
 mod rig;
 
-use rig::{example, folder, headway, object, path, stderr, succeeded};
+use rig::{command, example, folder, headway, object, path, stderr, succeeded};
+use std::path::Path;
+use std::process::Output;
 
 /// Goal: a nozzle that cannot turn for ever prints parts that turn further than it can; the one that
 /// cannot take every heading is refused with what it needs. Method: stops about the built-in machine's
@@ -45,4 +47,171 @@ fn a_nozzle_with_stops_turns_back() {
         "{said}"
     );
     assert!(said.contains("half a turn"), "{said}");
+}
+
+/// What is refused says so on stderr with this status, and writes nothing to stdout.
+fn refused(output: &Output, status: i32, parts: &[&str]) {
+    let said = stderr(output);
+    assert_eq!(output.status.code(), Some(status), "{said}");
+    for part in parts {
+        assert!(said.contains(part), "`{part}` in {said}");
+    }
+    assert!(output.stdout.is_empty());
+}
+
+fn planned_job(folder: &Path) -> String {
+    let job = folder.join("taper.hwj").display().to_string();
+    succeeded(&headway(&["plan", &example("taper.json"), "-o", &job]));
+    job
+}
+
+/// A table of 10¹⁰ rows was made in memory until there was none left.
+#[test]
+fn a_table_without_end_is_refused() {
+    let folder = folder("rows");
+    let job = planned_job(&folder);
+    let export = ["export", &job, "--to", "csv", "--every-ms"];
+    let output = headway(&[&export[..], &["1e-9"]].concat());
+    refused(&output, 2, &["--every-ms", "rows", "larger"]);
+    // What is written to a file is what is written to stdout, and a closed reader is no error.
+    let file = folder.join("poses.csv");
+    let to_file = [&export[..], &["0.1", "-o", path(&file)]].concat();
+    assert_eq!(succeeded(&headway(&to_file)), "");
+    let table = succeeded(&headway(&[&export[..], &["0.1"]].concat()));
+    assert_eq!(std::fs::read_to_string(&file).expect("file"), table);
+    assert!(table.lines().count() > 10_000);
+    let mut export = command(&to_file[..to_file.len() - 2])
+        .spawn()
+        .expect("starts");
+    drop(export.stdout.take());
+    let left = export.wait_with_output().expect("ends");
+    assert!(left.status.success() && left.stderr.is_empty());
+}
+
+/// An output that cannot be written was told after the planning; a file in the report's way as
+/// "File exists".
+#[test]
+fn outputs_are_looked_at_before_the_work() {
+    let folder = folder("places");
+    let taper = example("taper.json");
+    let file = folder.join("file");
+    std::fs::write(&file, "kept").expect("file");
+    let missing = folder.join("nowhere").join("taper.hwj");
+    // Planning notes what cannot be reached: no note, no planning.
+    for (arguments, parts) in [
+        (vec!["plan", &taper, "-o", path(&folder)], ["directory"]),
+        (vec!["plan", &taper, "-o", path(&missing)], ["nowhere"]),
+        (
+            vec!["simulate", &taper, "--report", path(&file)],
+            ["is a file"],
+        ),
+        (
+            vec!["simulate", &taper, "--trace", path(&folder)],
+            ["directory"],
+        ),
+        (vec!["headings", &taper, "-o", path(&missing)], ["nowhere"]),
+    ] {
+        let output = headway(&arguments);
+        refused(&output, 1, &parts);
+        assert!(!stderr(&output).contains("note"), "{}", stderr(&output));
+    }
+    assert_eq!(std::fs::read_to_string(&file).expect("file"), "kept");
+    // A job that is refused leaves nothing behind, and what was there as it was.
+    for job in [folder.join("new.hwj"), file.clone()] {
+        let output = headway(&["plan", &taper, "-o", path(&job), "--at", "1e6,0,0"]);
+        refused(&output, 1, &["work area"]);
+        assert_eq!(job.exists(), job == file);
+    }
+    assert_eq!(std::fs::read_to_string(&file).expect("file"), "kept");
+}
+
+/// A byte order mark was "expected value at line 1 column 1", and so was UTF-16.
+#[test]
+fn texts_of_other_editors_are_read_or_named() {
+    let folder = folder("marks");
+    let square = r#"{"units":"mm","exterior":[[0,0],[10,0],[10,10],[0,10]]}"#;
+    let geojson = r#"{"type":"Polygon","coordinates":[[[0,0],[10,0],[10,10],[0,10],[0,0]]]}"#;
+    let svg = r#"<svg xmlns="http://www.w3.org/2000/svg" width="40mm" height="40mm"
+        viewBox="0 0 40 40"><rect width="10" height="10"/></svg>"#;
+    let run = "0 0 0.2 0 0 1\n10 0 0.2 0 0 1\n";
+    let files = [
+        ("q.json", square),
+        ("q.geojson", geojson),
+        ("q.svg", svg),
+        ("q.wpt", run),
+    ];
+    for (name, text) in files {
+        let file = folder.join(name);
+        std::fs::write(&file, format!("\u{feff}{text}")).expect("file");
+        object(&headway(&["inspect", path(&file), "--json"]));
+        let wide = "\u{feff}".encode_utf16().chain(text.encode_utf16());
+        let bytes: Vec<u8> = wide.flat_map(u16::to_le_bytes).collect();
+        std::fs::write(&file, bytes).expect("file");
+        refused(&headway(&["inspect", path(&file)]), 1, &["UTF-16", "UTF-8"]);
+    }
+}
+
+/// A page with nothing but text was "there is no outline in it: it holds no points".
+#[test]
+fn a_page_of_text_says_what_to_do() {
+    let folder = folder("text");
+    let page = folder.join("text.svg");
+    let text = r#"<svg xmlns="http://www.w3.org/2000/svg" width="40mm" height="40mm"
+        viewBox="0 0 40 40"><text x="5" y="20">Hi</text></svg>"#;
+    std::fs::write(&page, text).expect("file");
+    refused(
+        &headway(&["inspect", path(&page)]),
+        1,
+        &["<text>", "into paths"],
+    );
+}
+
+/// `--layers -1` was "unexpected argument '-1' found", with a tip that helps nobody.
+#[test]
+fn negative_counts_are_told_with_their_option() {
+    let taper = example("taper.json");
+    for option in [
+        "--layers", "--walls", "--bottom", "--top", "--skirt", "--brim",
+    ] {
+        let output = headway(&["simulate", &taper, option, "-1"]);
+        refused(&output, 2, &[option, "'-1'"]);
+        assert!(
+            !stderr(&output).contains("unexpected"),
+            "{}",
+            stderr(&output)
+        );
+    }
+}
+
+/// Layers of 200 mm, meant as micrometres, were planned without a word.
+#[test]
+fn layers_higher_than_a_bead_is_wide_are_noted() {
+    let folder = folder("high");
+    let job = folder.join("high.hwj");
+    let taper = example("taper.json");
+    for (height, is_noted) in [("1.1", false), ("1.3", true)] {
+        let output = headway(&["plan", &taper, "--layer-height", height, "-o", path(&job)]);
+        succeeded(&output);
+        let said = stderr(&output);
+        assert_eq!(said.contains("--layer-height is in mm"), is_noted, "{said}");
+    }
+}
+
+/// A device has no length: it was read for ever.
+#[cfg(unix)]
+#[test]
+fn an_input_without_end_is_refused() {
+    let output = headway(&["inspect", "/dev/zero", "--from", "polygon"]);
+    refused(&output, 1, &["/dev/zero", "bytes"]);
+}
+
+/// A job with something behind its end was "truncated".
+#[test]
+fn a_job_with_a_tail_is_not_only_truncated() {
+    let folder = folder("tail");
+    let job = planned_job(&folder);
+    let mut bytes = std::fs::read(&job).expect("job");
+    bytes.extend(b"tail");
+    std::fs::write(&job, &bytes).expect("job");
+    refused(&headway(&["inspect", &job]), 1, &["added behind its end"]);
 }

@@ -100,7 +100,7 @@ pub(super) struct SettingsArgs {
     #[arg(long, value_name = "MM", allow_negative_numbers = true)]
     pub layer_height: Option<f64>,
     /// Layers, all of the same outline [default: 1].
-    #[arg(long, value_name = "N")]
+    #[arg(long, value_name = "N", allow_negative_numbers = true)]
     pub layers: Option<u32>,
     /// Passes across a narrow passage.
     #[arg(long, value_enum, value_name = "PASS")]
@@ -119,29 +119,29 @@ pub(super) struct SettingsArgs {
     #[arg(long, value_name = "PCT", allow_negative_numbers = true)]
     pub overlap: Option<f64>,
     /// Loops along the outline, with straight lines inside [default: loops all the way in].
-    #[arg(long, value_name = "N")]
+    #[arg(long, value_name = "N", allow_negative_numbers = true)]
     pub walls: Option<u32>,
     /// Share of the ground inside the walls that lines cover, per cent [default: 100].
     #[arg(long, value_name = "PCT", allow_negative_numbers = true)]
     pub infill_density: Option<f64>,
     /// Solid layers at the bottom of a print with walls [default: 4, of several layers].
-    #[arg(long, value_name = "N")]
+    #[arg(long, value_name = "N", allow_negative_numbers = true)]
     pub bottom: Option<u32>,
     /// Solid layers at the top of a print with walls [default: 5, of several layers].
-    #[arg(long, value_name = "N")]
+    #[arg(long, value_name = "N", allow_negative_numbers = true)]
     pub top: Option<u32>,
     /// Direction of the infill's lines against the x axis, degrees; every other layer's lie across
     /// [default: 45].
     #[arg(long, value_name = "DEG", allow_negative_numbers = true)]
     pub infill_angle: Option<f64>,
     /// Loops around the first layer, at a distance, printed before it.
-    #[arg(long, value_name = "N")]
+    #[arg(long, value_name = "N", allow_negative_numbers = true)]
     pub skirt: Option<u32>,
     /// From the part (or its brim) to the innermost loop of the skirt, mm [default: 3].
     #[arg(long, value_name = "MM", allow_negative_numbers = true)]
     pub skirt_distance_mm: Option<f64>,
     /// Loops around the first layer that touch it, printed before it.
-    #[arg(long, value_name = "N")]
+    #[arg(long, value_name = "N", allow_negative_numbers = true)]
     pub brim: Option<u32>,
     /// Travel stays inside the part where there is a way.
     #[arg(

@@ -11,6 +11,9 @@ use crate::report::pose_table;
 use headway_protocol::segment::FlowAction;
 use serde_json::json;
 
+/// Most rows of a table: eleven hours at the default, some gigabytes.
+const ROWS_MAX: f64 = 4e7;
+
 pub(super) fn run(args: &ExportArgs, console: &Console) -> Result<(), CliError> {
     if !(args.every_ms.is_finite() && args.every_ms > 0.0) {
         return Err(CliError::Usage(format!(
@@ -20,7 +23,7 @@ pub(super) fn run(args: &ExportArgs, console: &Console) -> Result<(), CliError> 
     }
     let job = job::read(&args.job)?;
     let text = match args.to {
-        ExportName::Csv => csv(&job, args.every_ms)?,
+        ExportName::Csv => return csv(&job, args, console),
         ExportName::Svg => svg(planned::of_job(job), args.layer)?,
         ExportName::Json => format!("{:#}\n", json(&job)),
     };
@@ -43,20 +46,26 @@ fn svg(planned: Planned, number: u32) -> Result<String, CliError> {
     Ok(plan_picture::draw(&picture))
 }
 
-fn csv(job: &Job, every_ms: f64) -> Result<String, CliError> {
-    let mut out = Vec::new();
-    pose_table::write_csv(
-        &mut out,
-        &job.stream,
-        job.servo_hz(),
-        every_ms,
-        &job.transform,
-    )
-    .map_err(|problem| CliError::File {
-        path: "export".into(),
-        problem,
-    })?;
-    String::from_utf8(out).map_err(|error| CliError::Job(error.to_string()))
+/// Rows as they come: a long job's table need not fit into memory.
+fn csv(job: &Job, args: &ExportArgs, console: &Console) -> Result<(), CliError> {
+    let motion_s = pose_table::duration_ticks(&job.stream) as f64 / job.servo_hz();
+    if motion_s * 1e3 / args.every_ms > ROWS_MAX {
+        return Err(CliError::Usage(format!(
+            "--every-ms {}: {motion_s:.1} s of motion make more than {ROWS_MAX:.0} rows; give a larger \
+             one",
+            args.every_ms
+        )));
+    }
+    console.write_to(args.output.as_deref(), |mut out| {
+        let servo_hz = job.servo_hz();
+        pose_table::write_csv(
+            &mut out,
+            &job.stream,
+            servo_hz,
+            args.every_ms,
+            &job.transform,
+        )
+    })
 }
 
 fn json(job: &Job) -> serde_json::Value {

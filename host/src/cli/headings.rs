@@ -1,7 +1,7 @@
 //! `headway headings`: the table of headings at the boundary.
 
 use super::args::HeadingsArgs;
-use super::console::Console;
+use super::console::{Console, check_file};
 use super::{CliError, load};
 use crate::plan::headings_table::{HeadingRow, HeadingsRequest, headings_table, write_csv};
 use serde_json::json;
@@ -15,6 +15,9 @@ pub(super) fn run(args: &HeadingsArgs, console: &Console) -> Result<(), CliError
             "--spacing {}: must be a length in mm greater than 0",
             args.spacing
         )));
+    }
+    if let Some(file) = &args.output {
+        check_file(file)?;
     }
     let settings = load::settings(&args.settings)?;
     let loaded = load::target(

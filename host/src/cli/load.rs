@@ -12,6 +12,8 @@ use crate::settings::aperture_text::{aperture_text, file_of_aperture, parse_aper
 use crate::settings::{
     HeadingLaw, HeadingProfile, Infill, PassMode, SeamPlace, Settings, machine_file,
 };
+use std::fs::File;
+use std::io::Read;
 use std::path::Path;
 
 /// The machine file, or the built-in machine, with the overrides on top; checked.
@@ -265,10 +267,15 @@ pub(super) fn read_file(path: &Path) -> Result<Vec<u8>, CliError> {
         path: path.display().to_string(),
         problem,
     };
-    let bytes = std::fs::metadata(path).map_err(file)?.len();
+    // Devices and pipes have no length: no more than that is read of them.
+    let mut open = File::open(path).map_err(file)?.take(BYTES_MAX + 1);
+    let mut read = Vec::new();
+    open.read_to_end(&mut read).map_err(file)?;
+    let bytes = read.len() as u64;
     if bytes > BYTES_MAX {
+        let bytes = std::fs::metadata(path).map_or(bytes, |known| known.len().max(bytes));
         let error = InputError::FileTooLarge { bytes };
         return Err(CliError::Job(format!("{}: {error}", path.display())));
     }
-    std::fs::read(path).map_err(file)
+    Ok(read)
 }

@@ -2,7 +2,7 @@
 
 use super::CliError;
 use super::args::PlanArgs;
-use super::console::{Console, write_file};
+use super::console::{Console, check_file, write_file};
 use super::planned::{self, Planned};
 use crate::drive::limits;
 use crate::job_file::{self, JobHeader};
@@ -12,6 +12,7 @@ use crate::settings::machine_file;
 use crate::wire_frames::WireFrames;
 
 pub(super) fn run(args: &PlanArgs, console: &Console) -> Result<(), CliError> {
+    check_file(&args.output)?;
     let mut planned = planned::from_input(
         &args.input,
         &args.reading,

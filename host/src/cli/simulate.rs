@@ -1,7 +1,7 @@
 //! `headway simulate`: the job through link and firmware, checked against the plan.
 
 use super::args::SimulateArgs;
-use super::console::Console;
+use super::console::{Console, check_file, check_folder};
 use super::planned::{self, Planned};
 use super::{CliError, job, pictures};
 use crate::drive::link::LinkSpec;
@@ -25,6 +25,12 @@ pub(super) fn run(args: &SimulateArgs, console: &Console) -> Result<(), CliError
             .map_err(|error| CliError::Usage(format!("--{error}")))?,
         None => LinkSpec::default(),
     };
+    for file in [&args.trace, &args.trace_steps].into_iter().flatten() {
+        check_file(file)?;
+    }
+    if let Some(folder) = &args.report {
+        check_folder(folder)?;
+    }
     let mut planned = if job::is_job(&args.input) {
         planned::from_job(&args.input, &args.settings)?
     } else {

@@ -184,6 +184,12 @@ pub enum InputError {
         /// Which is the first.
         first: String,
     },
+    /// Nothing but what is not read.
+    #[error("there is no filled shape in it: {left_out}")]
+    NothingFilled {
+        /// What there was, and what to do.
+        left_out: String,
+    },
     /// Not a valid outline in the sense of OGC simple features.
     #[error("{region}: {problem}")]
     Invalid {

@@ -132,6 +132,16 @@ impl Format {
         Format::parse(&ending)
     }
 
+    /// As messages call it.
+    fn name(self) -> &'static str {
+        match self {
+            Format::Polygon => "polygon JSON",
+            Format::GeoJson => "GeoJSON",
+            Format::Svg => "SVG",
+            Format::Waypoints => "waypoint",
+        }
+    }
+
     /// Reads `json` or `polygon`, `geojson`, `svg`, `waypoints` or its endings `wpt`, `txt`, `csv`.
     pub fn parse(text: &str) -> Option<Format> {
         match text {
@@ -162,9 +172,21 @@ pub fn read_any(
 ) -> Result<Input, InputError> {
     if format == Format::Waypoints {
         check_scale(options)?;
+        let bytes = without_mark(bytes, format)?;
         return Ok(Input::Path(waypoints::read(bytes, name, options)?));
     }
     read(bytes, name, format, options).map(Input::Outline)
+}
+
+/// The text without the byte order mark that some editors put in front.
+fn without_mark(bytes: &[u8], format: Format) -> Result<&[u8], InputError> {
+    if bytes.starts_with(&[0xff, 0xfe]) || bytes.starts_with(&[0xfe, 0xff]) {
+        return Err(InputError::Syntax {
+            format: format.name(),
+            problem: "its text is UTF-16; save it as UTF-8".to_string(),
+        });
+    }
+    Ok(bytes.strip_prefix(b"\xef\xbb\xbf").unwrap_or(bytes))
 }
 
 fn check_scale(options: &ReadOptions) -> Result<(), InputError> {
@@ -184,6 +206,7 @@ pub fn read(
     options: &ReadOptions,
 ) -> Result<Loaded, InputError> {
     check_scale(options)?;
+    let bytes = without_mark(bytes, format)?;
     let drawing = match format {
         Format::Polygon => polygon::read(bytes, options)?,
         Format::GeoJson => geojson::read(bytes, options)?,

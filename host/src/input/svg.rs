@@ -66,8 +66,14 @@ pub(super) fn read(bytes: &[u8], options: &ReadOptions) -> Result<Drawing, Input
             first: first.clone(),
         });
     }
+    let left_out = unsupported_elements(&xml);
+    if reader.shapes.is_empty() && !left_out.is_empty() {
+        return Err(InputError::NothingFilled {
+            left_out: left_out.join("; "),
+        });
+    }
     let mut notes = reader.notes();
-    notes.extend(unsupported_elements(&xml));
+    notes.extend(left_out);
     Ok(Drawing {
         name: title(&xml),
         shapes: reader.shapes,
