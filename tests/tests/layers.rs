@@ -7,7 +7,9 @@ use headway::drive::rehearsal::{Rehearsal, rehearse};
 use headway::drive::simulator::SimulatorSetup;
 use headway::input::Target;
 use headway::job::{MotionState, SegmentStream};
-use headway::plan::passes::PassKind;
+use headway::plan::passes::{LayerPass, PassKind};
+use headway::plan::region_plan::Turned;
+use headway::plan::stack::RegionPrint;
 use headway::settings::{Infill, SeamPlace, Settings};
 use headway::{Plan, PlanError, plan_target};
 use headway_tests::layer_oracle::{OraclePose, Rings, print_poses, sweep};
@@ -332,8 +334,62 @@ fn aligned_seams_make_a_line_up_the_part() {
         let near = ends.filter(|mm| *mm < 2.4).count();
         assert!(near >= 1, "layer {layer}");
     }
-    let turned: Vec<bool> = plan.prints.iter().map(|print| print.is_turned).collect();
+    let turned: Vec<bool> = plan.prints.iter().map(|print| print.turned.walls).collect();
     println!("{turned:?}");
+}
+
+/// Goal: layers with lines are printed the way round that makes the least travel, walls before lines.
+/// Method: the U-part's layers; of the four ways round each the shortest from where the one below ended to
+/// its walls and on to its lines, by the ends of the passes.
+#[test]
+fn layers_with_lines_are_turned_to_save_travel() {
+    let settings = Settings {
+        layers: 12,
+        infill: Some(Infill {
+            density_pct: 25.0,
+            bottom_layers: Some(1),
+            top_layers: Some(1),
+            ..Infill::solid(2)
+        }),
+        ..Settings::default()
+    };
+    let plan = plan_target(&target(&[example("u-part")]), &settings).expect("a plan");
+    let passes = |print: &RegionPrint, turned: Turned| {
+        plan.kinds[print.kind].regions[print.region].passes_turned(turned)
+    };
+    let ends = |pass: &LayerPass| {
+        let placements = &pass.placements;
+        [&placements[0], &placements[placements.len() - 1]].map(|placement| placement.at.center)
+    };
+    let mut turned_layers = 0;
+    for pair in plan.prints.windows(2) {
+        let below = passes(&pair[0], pair[0].turned);
+        let from = ends(&below[below.len() - 1])[1];
+        let way_mm = |turned: Turned| {
+            let passes = passes(&pair[1], turned);
+            let is_line = |pass: &LayerPass| pass.kind == PassKind::Infill;
+            assert!(passes.is_sorted_by_key(is_line), "walls come first");
+            let first_line = passes.iter().position(is_line).expect("lines");
+            let to_lines = match first_line {
+                0 => 0.0,
+                first => (ends(&passes[first])[0] - ends(&passes[first - 1])[1]).norm(),
+            };
+            (ends(&passes[0])[0] - from).norm() + to_lines
+        };
+        if plan.kinds[pair[1].kind]
+            .infill
+            .is_none_or(|infill| infill.is_solid())
+        {
+            assert_eq!(pair[1].turned, Turned::default());
+            continue;
+        }
+        let chosen_mm = way_mm(pair[1].turned);
+        for (walls, lines) in [(false, false), (true, false), (false, true), (true, true)] {
+            assert!(chosen_mm < way_mm(Turned { walls, lines }) + 1e-6);
+        }
+        turned_layers += u32::from(pair[1].turned != Turned::default());
+    }
+    assert!(turned_layers > 0);
 }
 
 /// Walls that turn the nozzle once a layer fit between stops two and a half turns apart, since it

@@ -10,7 +10,7 @@ use super::heading_profile::Placement;
 use super::infill::infill_passes;
 use super::inner_hull::inner_hull;
 use super::medial_axis::{AxisOptions, MedialAxis, MedialAxisError};
-use super::passes::{LayerPass, PassSettings, outer_passes, passes};
+use super::passes::{LayerPass, PassKind, PassSettings, outer_passes, passes};
 use super::printed_order::{RegionPasses, in_printing_order};
 use super::skeleton::Axis;
 use super::unreachable::{UnreachableRun, unreachable_runs};
@@ -30,9 +30,11 @@ use rayon::prelude::*;
 #[derive(Clone, Debug)]
 pub struct RegionPlan {
     frame: Frame,
-    /// Where the first pass begins and the last one ends, in that frame; `None` where the passes
-    /// may not be turned round.
-    ends: Option<[Point2; 2]>,
+    /// Where the first of the walls begins and the last one ends, and of the lines, in that frame;
+    /// `None` where there are none or they may not be turned round.
+    ends: [Option<[Point2; 2]>; 2],
+    /// The passes before this one are walls, the others lines.
+    lines_from: usize,
     /// The cleaned outline about its local origin.
     pub contour: Contour,
     /// What passes are planned on, local: the contour without detail that no part of the aperture
@@ -54,35 +56,78 @@ impl RegionPlan {
         self.contour.to_input(Point2::origin())
     }
 
-    /// True where the last pass ends nearer to `from` (input coordinates) than the first begins:
-    /// all of it is then printed the other way round.
-    pub fn is_turned(&self, from: Point2) -> bool {
+    /// What is printed the other way round so that the way from `from` (input coordinates) to the
+    /// walls and from there to the lines is the shortest.
+    pub fn turned(&self, from: Point2) -> Turned {
         let from = self.frame.point_in(self.contour.to_local(from));
-        self.ends
-            .is_some_and(|[first, last]| (last - from).norm() < (first - from).norm())
+        let way_mm = |turned: Turned| {
+            let (mut at, mut way_mm) = (from, 0.0);
+            for (ends, is_turned) in self.ends.iter().zip([turned.walls, turned.lines]) {
+                if let Some([first, last]) = *ends {
+                    let (start, end) = if is_turned {
+                        (last, first)
+                    } else {
+                        (first, last)
+                    };
+                    way_mm += (start - at).norm();
+                    at = end;
+                }
+            }
+            way_mm
+        };
+        let mut best = (Turned::default(), way_mm(Turned::default()));
+        for (walls, lines) in [(true, false), (false, true), (true, true)] {
+            let turned = Turned { walls, lines };
+            let is_idle = |is_turned: bool, ends: Option<_>| is_turned && ends.is_none();
+            if is_idle(walls, self.ends[0]) || is_idle(lines, self.ends[1]) {
+                continue;
+            }
+            let way_mm = way_mm(turned);
+            // The first of equals: rounding must not choose.
+            if way_mm < best.1 - 1e-9 {
+                best = (turned, way_mm);
+            }
+        }
+        best.0
     }
 
     /// Where the printing ends, input coordinates.
-    pub fn end(&self, is_turned: bool) -> Option<Point2> {
-        let placement = if is_turned {
-            self.passes.first()?.placements.first()?
-        } else {
-            self.passes.last()?.placements.last()?
+    pub fn end(&self, turned: Turned) -> Option<Point2> {
+        let (walls, lines) = self.passes.split_at(self.lines_from);
+        let (group, is_turned) = match lines.is_empty() {
+            true => (walls, turned.walls),
+            false => (lines, turned.lines),
+        };
+        let placement = match is_turned {
+            true => group.first()?.placements.first()?,
+            false => group.last()?.placements.last()?,
         };
         Some(self.contour.to_input(placement.at.center))
     }
 
-    /// The passes the one way round or the other.
-    pub fn passes_turned(&self, is_turned: bool) -> Vec<LayerPass> {
+    /// The passes, walls and lines each the one way round or the other.
+    pub fn passes_turned(&self, turned: Turned) -> Vec<LayerPass> {
         let mut passes = self.passes.clone();
-        if is_turned {
-            passes.reverse();
-            for pass in &mut passes {
-                pass.placements.reverse();
+        let (walls, lines) = passes.split_at_mut(self.lines_from);
+        for (group, is_turned) in [(walls, turned.walls), (lines, turned.lines)] {
+            if is_turned {
+                group.reverse();
+                for pass in group {
+                    pass.placements.reverse();
+                }
             }
         }
         passes
     }
+}
+
+/// What of a region is printed the other way round.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, PartialOrd, Ord)]
+pub struct Turned {
+    /// The loops.
+    pub walls: bool,
+    /// The lines inside them, which come after them.
+    pub lines: bool,
 }
 
 /// A region on its way to a [`RegionPlan`], in its own frame.
@@ -169,14 +214,22 @@ impl RegionWork {
         Some((self.contour.to_input(self.frame.point_out(at)), radius_mm))
     }
 
-    /// Its passes as they are printed, the one way round or the other ([`RegionPlan::is_turned`]):
+    /// Its passes as they are printed, the one way round or the other ([`RegionPlan::turned`]):
     /// what is joined where must not depend on where the region lies on the machine.
     pub fn in_order(mut self) -> RegionPlan {
         let frame = self.frame;
         let passes = std::mem::take(&mut self.passes);
         let passes = self.ordered(passes);
-        // Walls come before lines.
-        let may_turn = self.settings.infill.is_none();
+        // Lines that are linked with walls come after them.
+        let is_solid = |infill: Infill| infill.is_solid();
+        let may_turn = !self.settings.infill.is_some_and(is_solid);
+        let is_wall = |pass: &LayerPass| pass.kind != PassKind::Infill;
+        let lines_from = match may_turn {
+            true => passes.iter().take_while(|pass| is_wall(pass)).count(),
+            false => passes.len(),
+        };
+        let (walls, lines) = passes.split_at(lines_from);
+        let ends = [walls, lines].map(|group| ends_of(group).filter(|_| may_turn));
         let mut axis = self.axis;
         for point in &mut axis.points {
             *point = frame.point_out(*point);
@@ -188,7 +241,8 @@ impl RegionWork {
         });
         RegionPlan {
             frame,
-            ends: ends_of(&passes).filter(|_| may_turn),
+            ends,
+            lines_from,
             contour: self.contour,
             hull: frame.region_out(&self.hull),
             axis,

@@ -15,7 +15,7 @@ use super::measure::OFF_REGIONS;
 use super::order::region_order;
 use super::passes::{LayerPass, PassKind};
 use super::progress::{Progress, Stage, Steps};
-use super::region_plan::{RegionPlan, RegionWork};
+use super::region_plan::{RegionPlan, RegionWork, Turned};
 use super::skirt::SkirtPlan;
 use crate::geometry::edge_index::EdgeIndex;
 use crate::geometry::{Point2, Vector2};
@@ -68,8 +68,8 @@ pub struct RegionPrint {
     pub kind: usize,
     /// Number of the region.
     pub region: usize,
-    /// True where it is printed the other way round.
-    pub is_turned: bool,
+    /// What of it is printed the other way round.
+    pub turned: Turned,
     /// The first printing that runs the same curves: its own number, or an earlier one's.
     pub like: usize,
 }
@@ -166,16 +166,14 @@ pub fn region_prints(
         let regions = &kinds[kind].regions;
         let centers: Vec<Point2> = regions.iter().map(RegionPlan::middle).collect();
         for region in region_order(&centers, position) {
-            let is_turned = regions[region].is_turned(position);
-            position = regions[region].end(is_turned).unwrap_or(position);
-            let like = *known
-                .entry((kind, region, is_turned))
-                .or_insert(prints.len());
+            let turned = regions[region].turned(position);
+            position = regions[region].end(turned).unwrap_or(position);
+            let like = *known.entry((kind, region, turned)).or_insert(prints.len());
             prints.push(RegionPrint {
                 layer: layer as u32,
                 kind,
                 region,
-                is_turned,
+                turned,
                 like,
             });
         }
@@ -212,7 +210,7 @@ pub fn plane_passes(
             let region = &kinds[print.kind].regions[print.region];
             let walls = EdgeIndex::of_region(&region.hull, settings.aperture.major_mm());
             let shift = region.contour.offset + place;
-            let passes = region.passes_turned(print.is_turned);
+            let passes = region.passes_turned(print.turned);
             curves_of(&passes, &walls, shift, settings)
         })
         .collect();
