@@ -161,7 +161,8 @@ pub enum PlanError {
     /// No placement of the aperture lies inside.
     #[error(
         "nothing can be printed: the widest place, near ({:.3}, {:.3}) mm, is {width_mm:.3} mm \
-         wide and the aperture needs {needed_mm:.3} mm; use a smaller --aperture or a larger --scale",
+         wide, and the aperture of {length_mm:.3} x {needed_mm:.3} mm fits in nowhere; use a \
+         smaller --aperture or a larger --scale",
         at_mm[0], at_mm[1]
     )]
     NothingPrintable {
@@ -171,6 +172,8 @@ pub enum PlanError {
         width_mm: f64,
         /// The aperture's narrowest width.
         needed_mm: f64,
+        /// Its widest one.
+        length_mm: f64,
     },
 }
 
@@ -357,5 +360,6 @@ fn nothing_printable(widest: Option<(Point2, f64)>, settings: &Settings) -> Plan
         at_mm: [at.x, at.y],
         width_mm: 2.0 * radius_mm,
         needed_mm: 2.0 * settings.aperture.minor_mm(),
+        length_mm: 2.0 * settings.aperture.major_mm(),
     }
 }

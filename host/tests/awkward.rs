@@ -215,3 +215,17 @@ fn a_job_with_a_tail_is_not_only_truncated() {
     std::fs::write(&job, &bytes).expect("job");
     refused(&headway(&["inspect", &job]), 1, &["added behind its end"]);
 }
+
+/// A square as wide as the aperture is narrow was said to be wide enough, and a speed next to nothing to
+/// be a limit.
+#[test]
+fn refusals_name_what_is_in_the_way() {
+    let folder = folder("refusals");
+    let dot = folder.join("dot.json");
+    let text = r#"{"units":"mm","exterior":[[0,0],[0.45,0],[0.45,0.45],[0,0.45]]}"#;
+    std::fs::write(&dot, text).expect("file");
+    let parts = ["0.450 mm wide", "1.200 x 0.400 mm", "--aperture"];
+    refused(&headway(&["simulate", path(&dot)]), 1, &parts);
+    let slow = headway(&["simulate", &example("u-part.json"), "--speed", "0.01"]);
+    refused(&slow, 1, &["raise the speed"]);
+}

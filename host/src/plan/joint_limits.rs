@@ -68,7 +68,10 @@ pub enum MotionError {
         name: &'static str,
     },
     /// A stretch would take for ever.
-    #[error("one stretch of the route would take {duration_s:.0} s; some limit is close to zero")]
+    #[error(
+        "one stretch of the route would take {duration_s:.0} s, more than six hours: raise the speed, \
+         or the limit that is close to zero"
+    )]
     TooSlow {
         /// How long it would take.
         duration_s: f64,
