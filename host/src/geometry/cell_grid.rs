@@ -245,6 +245,15 @@ impl CellWindow {
         self.len() == 0
     }
 
+    /// The least window that holds this one and another.
+    pub fn with(&self, other: &CellWindow) -> CellWindow {
+        let both = |[a, b]: [usize; 2], [c, d]: [usize; 2]| [a.min(c), b.max(d)];
+        CellWindow {
+            rows: both(self.rows, other.rows),
+            columns: both(self.columns, other.columns),
+        }
+    }
+
     /// Numbers of cells of one row of the window.
     pub fn numbers(&self, row: usize, columns: Range<usize>) -> Range<usize> {
         let first = self.number(row, columns.start);

@@ -370,6 +370,8 @@ struct Walk<'a> {
     window: CellWindow,
     slots: Vec<u32>,
     listed: Vec<Listed>,
+    /// The part of the window that all listed cells are in, `None` before there are any.
+    listed_window: Option<CellWindow>,
     /// In each row of the window the last columns that the path came to, and where it was there.
     last_of_row: Vec<(f32, [usize; 2])>,
 }
@@ -400,6 +402,7 @@ impl<'a> Walk<'a> {
             aperture,
             slots: vec![0; window.len()],
             listed: Vec::new(),
+            listed_window: None,
             last_of_row: vec![(0.0, NO_COLUMNS); window.rows[1] + 1 - window.rows[0]],
             window,
         }
@@ -408,13 +411,20 @@ impl<'a> Walk<'a> {
     /// Goes from one pose of a part towards the one before or behind it, `at_mm` along the path.
     /// Places along one part only rise or only fall, so that for each cell the first and the last
     /// visit are all that counts; the last one is put down when the path leaves it, or by
-    /// [`Walk::end`].
+    /// [`Walk::end`]. The pass itself counts where cells are listed.
     fn go(&mut self, part: Part, from: Configuration, towards: Configuration, at_mm: f64) {
-        let (grid, aperture, window, at_mm) = (self.grid, self.aperture, self.window, at_mm as f32);
+        let (grid, aperture, at_mm) = (self.grid, self.aperture, at_mm as f32);
+        let window = match part {
+            Part::Excursion => Some(self.window),
+            Part::Pass => self.listed_window,
+        };
+        let Some(window) = window else {
+            return;
+        };
         for at in std::iter::once(from).chain(poses_between(aperture, from, towards)) {
             grid.for_rows_within(&window, aperture, at, |row, low, high| {
                 let own = [low, high];
-                let last = &mut self.last_of_row[row - window.rows[0]];
+                let last = &mut self.last_of_row[row - self.window.rows[0]];
                 let (before_mm, known) = std::mem::replace(last, (at_mm, own));
                 for_beyond(known, own, |columns| {
                     self.visit(part, row, columns, before_mm);
@@ -439,6 +449,11 @@ impl<'a> Walk<'a> {
 
     /// Lists those cells of a row that are not listed yet.
     fn list(&mut self, row: usize, columns: Range<usize>, at_mm: f32) {
+        let own = CellWindow {
+            rows: [row; 2],
+            columns: [columns.start, columns.end - 1],
+        };
+        self.listed_window = Some(self.listed_window.map_or(own, |window| window.with(&own)));
         let first = (row * self.grid.columns + columns.start) as u32;
         let slots = &mut self.slots[self.window.numbers(row, columns)];
         for (slot, cell) in slots.iter_mut().zip(first..) {

@@ -57,16 +57,27 @@ pub fn channel_tolerances(tolerances: &Tolerances) -> [f64; CHANNELS] {
     of
 }
 
-/// Square of the error against the tolerance once the shift along the path is taken out of it.
+/// Square of the error against the tolerance once the shift along the path is taken out of it; at
+/// least `least`.
+#[inline]
 fn error_ratio2(
     error: &[f64; CHANNELS],
     tangent: &[f64; CHANNELS],
     per_tolerance: &[f64; CHANNELS],
+    least: f64,
 ) -> f64 {
-    let (mut scaled, mut along) = (*error, *tangent);
-    for (c, per_tolerance) in per_tolerance.iter().enumerate() {
-        scaled[c] *= per_tolerance;
-        along[c] *= per_tolerance;
+    let mut scaled = *error;
+    for (value, per_tolerance) in scaled.iter_mut().zip(per_tolerance) {
+        *value *= per_tolerance;
+    }
+    // Taking the shift out makes no error larger than all of it is.
+    let all2 = scaled.iter().map(|v| v * v).sum::<f64>();
+    if all2 < SURE_SHARE * least {
+        return least;
+    }
+    let mut along = *tangent;
+    for (value, per_tolerance) in along.iter_mut().zip(per_tolerance) {
+        *value *= per_tolerance;
     }
     let norm2 = along.iter().map(|v| v * v).sum::<f64>();
     let mut rest = scaled;
@@ -83,7 +94,11 @@ fn error_ratio2(
     tip.max(tilt)
         .max(rest[CHANNEL_HEADING].powi(2))
         .max(rest[CHANNEL_VOLUME].powi(2))
+        .max(least)
 }
+
+/// Far below 1 by rounding.
+const SURE_SHARE: f64 = 1.0 - 1e-9;
 
 /// Weight of the squared acceleration error by the span's duration to the fourth: an error that
 /// swings once a span has (2 pi)^4 = 1560 times its square in it, so this lets both count.
@@ -385,7 +400,7 @@ pub fn span_errors(
                 for (channel, [c0, c1, c2, c3]) in cubics.iter().enumerate() {
                     error[channel] = c0 + at * (c1 + at * (c2 + at * c3)) - path.value[k][channel];
                 }
-                worst = worst.max(error_ratio2(&error, &path.tangent[k], &per_tolerance));
+                worst = error_ratio2(&error, &path.tangent[k], &per_tolerance, worst);
             }
             worst.sqrt()
         })
@@ -470,7 +485,8 @@ mod tests {
         let per_tolerance = [1e4; CHANNELS];
         let mut error = [0.0; CHANNELS];
         error[0] = 3e-4;
-        let ratio = |error: &[f64; CHANNELS]| error_ratio2(error, &tangent, &per_tolerance).sqrt();
+        let ratio =
+            |error: &[f64; CHANNELS]| error_ratio2(error, &tangent, &per_tolerance, 0.0).sqrt();
         assert!(ratio(&error) < 1e-9);
         // What exceeds ALONG_FACTOR tolerances counts.
         error[0] = 6e-4;
