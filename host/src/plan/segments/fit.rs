@@ -108,68 +108,86 @@ const ACCELERATION_WEIGHT: f64 = 1.0 / 500.0;
 struct BandedSystem {
     /// `band[i][k]` couples unknowns i and i + k.
     band: Vec<[f64; 4]>,
-    right: Vec<[f64; CHANNELS]>,
+    right: [Vec<f64>; CHANNELS],
 }
 
 impl BandedSystem {
-    fn zero(unknowns: usize) -> Self {
+    /// The sum of the spans' shares. The first three control points are the start, 0 here; the last
+    /// three are the end, `travel`.
+    fn of(shares: &[SpanShare], travel: &[f64; CHANNELS]) -> Self {
+        let unknowns = shares.len() - 3;
+        let rows: Vec<([f64; 4], [f64; CHANNELS])> = (0..unknowns)
+            .into_par_iter()
+            .with_min_len(SPANS_MIN)
+            .map(|row| Self::row(shares, row, travel))
+            .collect();
         Self {
-            band: vec![[0.0; 4]; unknowns],
-            right: vec![[0.0; CHANNELS]; unknowns],
+            right: std::array::from_fn(|c| rows.iter().map(|(_, right)| right[c]).collect()),
+            band: rows.into_iter().map(|(band, _)| band).collect(),
         }
     }
 
-    /// Adds the share of a span. The first three control points are the start, 0 here; the last
-    /// three are the end, `travel`.
-    fn add(&mut self, span: usize, share: &SpanShare, travel: &[f64; CHANNELS]) {
-        let unknowns = self.band.len();
-        for k in 0..4 {
-            let Some(row) = (span + k).checked_sub(3).filter(|&row| row < unknowns) else {
-                continue;
-            };
+    /// One row: the four spans that control point `row` + 3 bears on.
+    fn row(
+        shares: &[SpanShare],
+        row: usize,
+        travel: &[f64; CHANNELS],
+    ) -> ([f64; 4], [f64; CHANNELS]) {
+        let unknowns = shares.len() - 3;
+        let (mut band, mut of_channels) = ([0.0; 4], [0.0; CHANNELS]);
+        for (k, span) in (row..row + 4).enumerate().map(|(n, span)| (3 - n, span)) {
+            let share = &shares[span];
             let mut known = 0.0;
             for l in 0..4 {
                 if span + l >= unknowns + 3 {
                     known += share.weights[k][l];
                 } else if l >= k {
-                    self.band[row][l - k] += share.weights[k][l];
+                    band[l - k] += share.weights[k][l];
                 }
             }
-            for (channel, right) in self.right[row].iter_mut().enumerate() {
+            for (channel, right) in of_channels.iter_mut().enumerate() {
                 *right += share.right[k][channel] - known * travel[channel];
             }
         }
+        (band, of_channels)
     }
 
-    /// Solves in place by LDLᵀ; the matrix is positive definite where every span holds a sample.
-    fn solve(mut self) -> Vec<[f64; CHANNELS]> {
-        let count = self.band.len();
-        for i in 0..count {
-            let pivot = self.band[i][0].max(f64::MIN_POSITIVE);
-            for k in 1..4.min(count - i) {
-                let factor = self.band[i][k] / pivot;
-                for l in k..4 {
-                    self.band[i + k][l - k] -= factor * self.band[i][l];
-                }
-                for channel in 0..CHANNELS {
-                    self.right[i + k][channel] -= factor * self.right[i][channel];
+    /// Solves in place by LDLᵀ, each channel by itself; the matrix is positive definite where every
+    /// span holds a sample.
+    fn solve(mut self) -> [Vec<f64>; CHANNELS] {
+        let factors = self.factored();
+        self.right.par_iter_mut().for_each(|right| {
+            let count = right.len();
+            for i in 0..count {
+                for k in 1..4.min(count - i) {
+                    right[i + k] -= factors[i][k] * right[i];
                 }
             }
-        }
-        for i in (0..count).rev() {
-            let pivot = self.band[i][0].max(f64::MIN_POSITIVE);
-            for k in 1..4.min(count - i) {
-                let factor = self.band[i][k];
-                let known = self.right[i + k];
-                for (value, known) in self.right[i].iter_mut().zip(known) {
-                    *value -= factor * known;
+            for i in (0..count).rev() {
+                for k in 1..4.min(count - i) {
+                    right[i] -= self.band[i][k] * right[i + k];
                 }
+                right[i] /= self.band[i][0].max(f64::MIN_POSITIVE);
             }
-            for value in &mut self.right[i] {
-                *value /= pivot;
-            }
-        }
+        });
         self.right
+    }
+
+    /// Eliminates in the band; the factors of each row in those below it.
+    fn factored(&mut self) -> Vec<[f64; 4]> {
+        let count = self.band.len();
+        let mut factors = vec![[0.0; 4]; count];
+        for (i, factors) in factors.iter_mut().enumerate() {
+            let row = self.band[i];
+            let pivot = row[0].max(f64::MIN_POSITIVE);
+            *factors = row.map(|coupling| coupling / pivot);
+            for (k, below) in self.band[i..].iter_mut().take(4).enumerate().skip(1) {
+                for (coupling, own) in below.iter_mut().zip(&row[k..]) {
+                    *coupling -= factors[k] * own;
+                }
+            }
+        }
+        factors
     }
 }
 
@@ -183,16 +201,12 @@ pub fn fit(path: &TickPath, durations_ticks: &[u16], sums: &[TickSums]) -> RestS
         .with_min_len(SPANS_MIN)
         .map(|span| SpanShare::of(durations_ticks, span, &sums[span]))
         .collect();
-    let mut system = BandedSystem::zero(sums.len() - 3);
-    for (span, share) in shares.iter().enumerate() {
-        system.add(span, share, &travel);
-    }
-    let mut control = vec![start; 3];
-    for point in system.solve() {
-        let natural = std::array::from_fn(|channel| point[channel] + start[channel]);
-        control.push(quantised(&natural));
-    }
-    control.extend([end; 3]);
+    let solved = BandedSystem::of(&shares, &travel).solve();
+    let inner = (0..sums.len() - 3).into_par_iter().with_min_len(SPANS_MIN);
+    let inner: Vec<[f64; CHANNELS]> = inner
+        .map(|i| quantised(&std::array::from_fn(|c| solved[c][i] + start[c])))
+        .collect();
+    let control = [vec![start; 3], inner, vec![end; 3]].concat();
     RestSpline {
         durations_ticks: durations_ticks.to_vec(),
         control,
@@ -416,7 +430,10 @@ mod tests {
     #[test]
     fn banded_solver_agrees_with_a_dense_one() {
         let count = 9;
-        let mut system = BandedSystem::zero(count);
+        let mut system = BandedSystem {
+            band: vec![[0.0; 4]; count],
+            right: std::array::from_fn(|_| vec![0.0; count]),
+        };
         let mut dense = nalgebra::SMatrix::<f64, 9, 9>::zeros();
         let mut right = nalgebra::SVector::<f64, 9>::zeros();
         for i in 0..count {
@@ -431,11 +448,15 @@ mod tests {
                 dense[(i + k, i)] = value;
             }
             right[i] = (i as f64).cos();
-            system.right[i] = [right[i]; CHANNELS];
+            for channel in &mut system.right {
+                channel[i] = right[i];
+            }
         }
         let expected = dense.lu().solve(&right).unwrap();
-        for (got, expected) in system.solve().iter().zip(expected.iter()) {
-            assert!(got.iter().all(|value| (value - expected).abs() < 1e-12));
+        for got in system.solve() {
+            assert_eq!(got.len(), count);
+            let mut pairs = got.iter().zip(expected.iter());
+            assert!(pairs.all(|(got, expected)| (got - expected).abs() < 1e-12));
         }
     }
 

@@ -8,6 +8,7 @@
 //! whole ticks and fits exactly as before: a change here makes no noise there.
 
 use super::check::Piece;
+use rayon::prelude::*;
 
 /// Flank of the first round: about the time in which a head stops.
 const FLANK_TICKS: f64 = 80.0;
@@ -16,6 +17,8 @@ const FLANK_GROWTH: f64 = 1.25;
 /// Slowing beyond what the ratio asks, per round: knots are moved to whole ticks, which changes
 /// the fit by about that much.
 const MARGIN_PER_ROUND: f64 = 0.002;
+/// Ticks that one thread goes through.
+const TICKS_AT_ONCE: usize = 4096;
 
 /// Slowness f of every tick interval in `round` (from 0) for the pieces beyond a limit.
 pub fn slowness(ticks: usize, pieces: &[Piece], round: usize) -> Vec<f64> {
@@ -67,17 +70,23 @@ pub fn stretched(u_at_tick: &[f64], slowness: &[f64]) -> Vec<f64> {
         ends.push(end);
     }
     let ticks = end.round().max(1.0) as usize;
-    let mut interval = 0;
-    (0..=ticks)
-        .map(|tick| {
-            let wanted = tick as f64;
-            while interval + 1 < ends.len() && ends[interval] <= wanted {
-                interval += 1;
-            }
-            let before = ends[interval] - slowness[interval];
-            let s = ((wanted - before) / slowness[interval]).clamp(0.0, 1.0);
-            let i = interval as isize;
-            catmull_rom([at(i - 1), at(i), at(i + 1), at(i + 2)], s)
+    let chunks = (0..=ticks / TICKS_AT_ONCE).into_par_iter();
+    chunks
+        .flat_map_iter(|chunk| {
+            let first = chunk * TICKS_AT_ONCE;
+            let mut interval = ends.partition_point(|&end| end <= first as f64);
+            interval = interval.min(ends.len() - 1);
+            let (ends, at) = (&ends, &at);
+            (first..(first + TICKS_AT_ONCE).min(ticks + 1)).map(move |tick| {
+                let wanted = tick as f64;
+                while interval + 1 < ends.len() && ends[interval] <= wanted {
+                    interval += 1;
+                }
+                let before = ends[interval] - slowness[interval];
+                let s = ((wanted - before) / slowness[interval]).clamp(0.0, 1.0);
+                let i = interval as isize;
+                catmull_rom([at(i - 1), at(i), at(i + 1), at(i + 2)], s)
+            })
         })
         .collect()
 }
