@@ -287,6 +287,19 @@ impl RoundedPolygon {
             .map_or(f64::INFINITY, |g| g.gap_mm)
     }
 
+    /// True where [`Self::gap_to`] has nothing to say of any wall in a box, by one side of the shape
+    /// that all of the box lies beyond: the nearest corner of the box, rounded as the walls are.
+    pub fn is_beyond(&self, low: Vector2, high: Vector2, limit_mm: f64) -> bool {
+        let limit = limit_mm + self.radius_mm;
+        self.faces[..self.face_count].iter().any(|face| {
+            let nearest = Vector2::new(
+                if face.normal.x > 0.0 { low.x } else { high.x },
+                if face.normal.y > 0.0 { low.y } else { high.y },
+            );
+            face.normal.dot(&nearest) - face.offset_mm > limit
+        })
+    }
+
     /// How the wall a-b (tool frame) lies to the shape; `None` where it is certainly farther than
     /// `limit_mm`.
     ///

@@ -23,6 +23,11 @@ const SLACK_MM: f64 = 1e-9;
 /// Angles closer than this are one, rad.
 const SAME_RAD: f64 = 1e-12;
 
+/// Edges looked at first, by their distance against the reach of the core.
+const NEAR_SHARE: f64 = 0.1;
+/// Edges between two looks whether anything is left free.
+const EDGES_BETWEEN: usize = 16;
+
 /// A side that may lie flat on the wall.
 #[derive(Clone, Debug, PartialEq)]
 pub(super) struct Flat {
@@ -96,10 +101,17 @@ fn blocked_angles(
     let reach = far.fold(0.0, f64::max) + shape.radius_mm();
     let mut blocked = Vec::new();
     let mut critical = Vec::new();
-    for &[a, b] in edges {
-        let nearest = foot_from_origin(a, b).norm();
-        if nearest > reach {
-            continue;
+    let nearest_mm = |[a, b]: &LocalEdge| foot_from_origin(*a, *b).norm();
+    let (near, far): (Vec<LocalEdge>, Vec<LocalEdge>) = edges
+        .iter()
+        .filter(|edge| nearest_mm(edge) <= reach)
+        .partition(|edge| nearest_mm(edge) <= NEAR_SHARE * reach);
+    for (number, [a, b]) in near.into_iter().chain(far).enumerate() {
+        // In a notch of a noisy wall its own edges leave nothing free: no need to ask the others.
+        if number % EDGES_BETWEEN == EDGES_BETWEEN - 1
+            && left_free(range, blocked.clone(), SAME_RAD).is_empty()
+        {
+            break;
         }
         critical.clear();
         critical_angles(shape, at, a, b, |angle| {

@@ -264,7 +264,11 @@ impl Search<'_> {
                 };
                 for (first, area) in &self.boxes {
                     let near_mm = reach_mm + least.gap_mm;
-                    if near_mm <= 0.0 || to_box2(center, area) >= near_mm * near_mm {
+                    let [low, high] = area.map(|corner| corner - center);
+                    if near_mm <= 0.0
+                        || to_box2(center, area) >= near_mm * near_mm
+                        || shape.is_beyond(low, high, least.gap_mm)
+                    {
                         continue;
                     }
                     for [q, r] in self.edges_from(*first) {
