@@ -78,6 +78,7 @@ fn search(
         edges: Vec::new(),
         scaled: Vec::new(),
         boxes: Vec::new(),
+        last_nearest: 0,
     };
     if centres.as_ref().is_some_and(Vec::is_empty) {
         return None;
@@ -149,6 +150,9 @@ struct Search<'a> {
     /// Boxes about [`EDGES_PER_BOX`] of those and where they begin: edges that follow each other lie
     /// together. Boxes that no placement can meet are left out.
     boxes: Vec<(usize, [Vector2; 2])>,
+    /// Where the box begins that held the nearest wall of the place before: mostly the next one too,
+    /// and what is farther need not be asked.
+    last_nearest: usize,
 }
 
 /// Edges that share a box.
@@ -211,7 +215,7 @@ impl Search<'_> {
     }
 
     /// Pushes a centre away from the boundary and pulls it back to p, in turn, until it is clear.
-    fn pushed_clear(&self, mut center: Vector2) -> Result<Vector2, f64> {
+    fn pushed_clear(&mut self, mut center: Vector2) -> Result<Vector2, f64> {
         let (mut least, mut least_before) = (f64::INFINITY, f64::INFINITY);
         for push in 0..PUSHES {
             let (distance, away) = self.nearest_wall(center);
@@ -245,7 +249,7 @@ impl Search<'_> {
 
     /// The nearest wall: its scaled distance (1 is contact), and the way away from it that makes
     /// a difference of 1.
-    fn nearest_wall(&self, center: Vector2) -> (f64, Vector2) {
+    fn nearest_wall(&mut self, center: Vector2) -> (f64, Vector2) {
         match self.aperture {
             Aperture::Ellipse { .. } => {
                 let away = self.away_from_nearest(center);
@@ -262,7 +266,10 @@ impl Search<'_> {
                     gap_mm: unit_mm,
                     outward: Vector2::zeros(),
                 };
-                for (first, area) in &self.boxes {
+                let last = self.boxes.partition_point(|b| b.0 < self.last_nearest);
+                let last_first = self.boxes[last..].iter().take(1).chain(&self.boxes);
+                let mut nearest = self.last_nearest;
+                for (first, area) in last_first {
                     let near_mm = reach_mm + least.gap_mm;
                     let [low, high] = area.map(|corner| corner - center);
                     if near_mm <= 0.0
@@ -275,10 +282,11 @@ impl Search<'_> {
                         if let Some(gap) = shape.gap_to(q - center, r - center, least.gap_mm)
                             && gap.gap_mm < least.gap_mm
                         {
-                            least = gap;
+                            (least, nearest) = (gap, *first);
                         }
                     }
                 }
+                self.last_nearest = nearest;
                 (1.0 + least.gap_mm / unit_mm, -least.outward * unit_mm)
             }
         }
