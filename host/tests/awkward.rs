@@ -229,3 +229,28 @@ fn refusals_name_what_is_in_the_way() {
     let slow = headway(&["simulate", &example("u-part.json"), "--speed", "0.01"]);
     refused(&slow, 1, &["raise the speed"]);
 }
+
+/// A nozzle whose step was a turn, and an axis whose step was wider than the bead, were "in order".
+#[test]
+fn steps_that_are_hardly_meant_are_noted() {
+    let folder = folder("steps");
+    let machine = folder.join("machine.toml");
+    let new = succeeded(&headway(&["machine", "new"]));
+    for (from, to, note) in [
+        ("steps_per_turn = 9600", "steps_per_turn = 1", "360.000°"),
+        ("steps_per_mm = 80", "steps_per_mm = 0.8", "1.250 mm"),
+        ("steps_per_mm = 80", "steps_per_mm = 80", ""),
+    ] {
+        let text = new.replacen(from, to, 1);
+        std::fs::write(&machine, text).expect("file");
+        let output = headway(&["machine", "check", path(&machine)]);
+        succeeded(&output);
+        let said = stderr(&output);
+        assert_eq!(
+            said.contains("note: one step of joint"),
+            !note.is_empty(),
+            "{said}"
+        );
+        assert!(said.contains(note), "{said}");
+    }
+}

@@ -3,6 +3,7 @@
 use super::CliError;
 use super::args::{KindName, MachineArgs, MachineCommand};
 use super::console::{Console, write_file};
+use super::doubts::doubts;
 use super::load;
 use crate::settings::{Settings, machine_file, motor_rates_hz};
 use headway_protocol::frame::hash_of;
@@ -22,6 +23,7 @@ pub(super) fn run(args: &MachineArgs, console: &Console) -> Result<(), CliError>
         }
         MachineCommand::Check { file, json } => {
             let settings = load::machine(file)?;
+            console.notes(&doubts(&settings));
             if *json {
                 return console.result(&format!("{:#}\n", summary_json(&settings)));
             }

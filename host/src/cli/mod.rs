@@ -9,6 +9,7 @@ mod args_board;
 mod board;
 mod by_hand;
 mod console;
+mod doubts;
 mod export;
 mod headings;
 mod inspect;

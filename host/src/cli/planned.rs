@@ -2,6 +2,7 @@
 
 use super::args::{InputArgs, PlaceArgs, SettingsArgs};
 use super::console::Console;
+use super::doubts::doubts;
 use super::job::{self, Job};
 use super::{CliError, load};
 use crate::geometry::polygon::Region;
@@ -79,7 +80,7 @@ pub(super) fn from_input(
         }
     };
     let mut warnings = warnings(&plan, &unreachable);
-    warnings.extend(steep_layers(&settings));
+    warnings.extend(doubts(&settings));
     console.notes(&warnings);
     notes.extend(warnings);
     Ok(Planned {
@@ -216,18 +217,6 @@ fn kind_figures(plan: &Plan) -> Vec<KindFigures> {
             }
         })
         .collect()
-}
-
-/// Layers higher than any bead is wide are hardly meant: the unit may be another one.
-fn steep_layers(settings: &Settings) -> Option<String> {
-    let widest_mm = 2.0 * settings.aperture.major_mm();
-    let height_mm = settings.layer_height_mm;
-    (height_mm > widest_mm).then(|| {
-        format!(
-            "the layers are {height_mm} mm high and a bead at most {widest_mm:.3} mm wide: is that so \
-             (--layer-height is in mm)?"
-        )
-    })
 }
 
 /// What the user should look at before printing.
