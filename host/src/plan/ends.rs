@@ -24,7 +24,10 @@ const AGAIN_WEIGHT: f64 = 0.6;
 /// not worth it, and an excursion may still fill it.
 const ALONE_SHARE_MIN: f64 = 1.0;
 /// The same once the passes are joined: what is left by itself then has its own retraction.
-const SMALL_SHARE_MIN: f64 = 3.0;
+const SMALL_SHARE_MIN: f64 = 12.0;
+/// Ground of a small pass that may stay open, against the aperture's area: with more it is printed
+/// after all.
+const OPEN_SHARE_MAX: f64 = 1.0;
 /// A pass that covers this share of its ground alone stays, however small: nothing else is near.
 const APART_SHARE: f64 = 0.9;
 /// Largest cell against the minor semi-axis: on a raster too coarse for the aperture (a region of
@@ -47,18 +50,54 @@ pub fn fit_ends(passes: &mut Vec<LayerPass>, aperture: &Aperture, bounds: &Box2)
             pass.placements.reverse();
         }
     }
-    drop_idle(passes, &mut visits, ALONE_SHARE_MIN);
+    passes.retain(|pass| !visits.drop_idle(pass, ALONE_SHARE_MIN, Some(APART_SHARE)));
 }
 
-/// Drops passes that cover less alone than an interruption of flow is worth, now that it is known
-/// which ones join others; excursions may fill their ground.
-pub fn drop_small(passes: &mut Vec<LayerPass>, aperture: &Aperture) {
-    if passes.len() < 2 {
-        return;
+/// Which passes cover less alone than an interruption of flow is worth, now that it is known which
+/// ones join others: excursions may fill their ground. The longest is never among them.
+pub fn small_ones(passes: &[LayerPass], aperture: &Aperture) -> Vec<bool> {
+    let mut is_small = vec![false; passes.len()];
+    let longest = (0..passes.len()).max_by(|&p, &q| {
+        let length_mm = |pass: usize| passes[pass].length_mm();
+        length_mm(p).total_cmp(&length_mm(q))
+    });
+    let (Some(longest), true) = (longest, passes.len() > 1) else {
+        return is_small;
+    };
+    let Some(mut visits) = fine_visits(passes, &bounds_of(passes, aperture), aperture) else {
+        return is_small;
+    };
+    for (number, pass) in passes.iter().enumerate() {
+        is_small[number] = number != longest && visits.drop_idle(pass, SMALL_SHARE_MIN, None);
     }
-    if let Some(mut visits) = fine_visits(passes, &bounds_of(passes, aperture), aperture) {
-        drop_idle(passes, &mut visits, SMALL_SHARE_MIN);
+    is_small
+}
+
+/// Takes those small ones back whose ground the excursions of `filled` left open after all; whether
+/// there are any.
+pub fn take_back_open(
+    is_small: &mut [bool],
+    passes: &[LayerPass],
+    filled: &[LayerPass],
+    aperture: &Aperture,
+) -> bool {
+    if !is_small.contains(&true) {
+        return false;
     }
+    let Some(mut visits) = fine_visits(filled, &bounds_of(passes, aperture), aperture) else {
+        return false;
+    };
+    let open_max = OPEN_SHARE_MAX * aperture.area_mm2() / visits.cell_area_mm2();
+    let mut is_any = false;
+    for (pass, is_small) in passes.iter().zip(is_small).filter(|p| *p.1) {
+        let mut open = 0;
+        visits.for_cells_once(poses(pass, aperture), |_, count| {
+            open += u32::from(*count == 0);
+        });
+        *is_small = f64::from(open) <= open_max;
+        is_any |= !*is_small;
+    }
+    is_any
 }
 
 /// The visits of all passes, if the raster is fine enough for the aperture.
@@ -68,28 +107,27 @@ fn fine_visits(passes: &[LayerPass], bounds: &Box2, aperture: &Aperture) -> Opti
     (cell_mm <= CELL_SHARE_MAX * aperture.minor_mm()).then_some(visits)
 }
 
-/// Drops passes that cover less alone than this share of the aperture's area.
-fn drop_idle(passes: &mut Vec<LayerPass>, visits: &mut Visits, alone_share: f64) {
-    let aperture = *visits.aperture();
-    let cells_min = alone_share * aperture.area_mm2() / visits.cell_area_mm2();
-    passes.retain(|pass| {
+impl Visits {
+    /// Takes a pass's visits off if it covers less alone than this share of the aperture's area, and
+    /// than `apart_share` of its own ground; whether it did.
+    fn drop_idle(&mut self, pass: &LayerPass, alone_share: f64, apart_share: Option<f64>) -> bool {
+        let aperture = *self.aperture();
+        let cells_min = alone_share * aperture.area_mm2() / self.cell_area_mm2();
         let (alone, mut all) = (Cell::new(0), 0);
         // As soon as it covers enough alone, the rest does not matter.
         let poses_asked = poses(pass, &aperture).take_while(|_| f64::from(alone.get()) < cells_min);
-        visits.for_cells_once(poses_asked, |_, count| {
+        self.for_cells_once(poses_asked, |_, count| {
             alone.set(alone.get() + u32::from(*count == 1));
             all += 1;
         });
-        let least = cells_min.min(APART_SHARE * f64::from(all));
-        let is_kept = f64::from(alone.get()) >= least;
-        if !is_kept {
-            visits.for_cells_once(poses(pass, &aperture), |_, count| *count -= 1);
+        let least = apart_share.map_or(cells_min, |share| cells_min.min(share * f64::from(all)));
+        let is_idle = f64::from(alone.get()) < least;
+        if is_idle {
+            self.for_cells_once(poses(pass, &aperture), |_, count| *count -= 1);
         }
-        is_kept
-    });
-}
+        is_idle
+    }
 
-impl Visits {
     /// Cuts the pass's last placements off as far as that is for the better.
     fn cut_end(&mut self, pass: &mut LayerPass) {
         let count = pass.placements.len();
@@ -208,21 +246,23 @@ mod tests {
         assert!(reach[0] < -4.9 && reach[1] > 4.9, "{reach:?}");
     }
 
-    /// Goal: once all are joined, a short pass that ends at another one is left to excursions, as long
-    /// as something else is printed; one that stands apart is printed. Method: a bar, and a run of
-    /// 0.4 mm that begins under it or 3 mm away.
+    /// Goal: once all are joined, a short pass is left to excursions, as long as something else is
+    /// printed; what they leave open is taken back. Method: a bar, and a run of 0.2 mm that begins
+    /// under it or 3 mm away; what is printed instead covers both, or is the bar alone.
     #[test]
     fn a_stump_is_left_to_excursions() {
         let bar = run([-5.0, 0.0], [5.0, 0.0]);
-        let stump = run([0.0, 0.6], [0.0, 1.0]);
-        let mut passes = vec![bar.clone(), stump.clone()];
-        drop_small(&mut passes, &APERTURE);
-        assert_eq!(passes, vec![bar.clone()]);
-        let mut alone = vec![stump.clone()];
-        drop_small(&mut alone, &APERTURE);
-        assert_eq!(alone, vec![stump]);
-        let mut apart = vec![bar, run([0.0, 3.6], [0.0, 4.0])];
-        drop_small(&mut apart, &APERTURE);
-        assert_eq!(apart.len(), 2);
+        let stump = run([0.0, 0.5], [0.0, 0.7]);
+        assert_eq!(small_ones(std::slice::from_ref(&stump), &APERTURE), [false]);
+        for stump in [stump, run([0.0, 3.6], [0.0, 3.8])] {
+            let passes = [stump.clone(), bar.clone()];
+            let mut is_small = small_ones(&passes, &APERTURE);
+            assert_eq!(is_small, [true, false]);
+            assert!(!take_back_open(&mut is_small, &passes, &passes, &APERTURE));
+            assert_eq!(is_small, [true, false]);
+            let apart = stump.placements[0].at.center.y > 3.0;
+            let is_open = take_back_open(&mut is_small, &passes, &passes[1..], &APERTURE);
+            assert_eq!((is_open, is_small[0]), (apart, !apart));
+        }
     }
 }

@@ -6,7 +6,7 @@
 use super::bridges::bridged;
 use super::chains::{around_loops, chained};
 use super::darts::fill_gaps;
-use super::ends::drop_small;
+use super::ends::{small_ones, take_back_open};
 use super::links::linked;
 use super::order::ordered;
 use super::passes::{LayerPass, PassKind};
@@ -15,6 +15,9 @@ use crate::geometry::Point2;
 use crate::geometry::edge_index::{Edge, EdgeIndex};
 use crate::geometry::polygon::Region;
 use crate::settings::{SeamPlace, Settings};
+
+/// How often small passes are taken back whose ground excursions did not reach.
+const ROUNDS_MAX: usize = 4;
 
 /// What belongs to one region, local coordinates.
 pub struct RegionPasses<'a> {
@@ -33,27 +36,55 @@ pub fn in_printing_order(
     settings: &Settings,
 ) -> Vec<LayerPass> {
     let aperture = &settings.aperture;
-    let reach_mm = aperture.major_mm();
-    let walls = EdgeIndex::of_region(region.region, reach_mm);
+    let walls = EdgeIndex::of_region(region.region, aperture.major_mm());
     let is_line = |pass: &LayerPass| pass.kind == PassKind::Infill;
     let (lines, loops): (Vec<LayerPass>, Vec<LayerPass>) =
         region.passes.into_iter().partition(is_line);
+    let passes = joined(loops, from, &walls, settings);
+    let finish = Finish {
+        lines,
+        walls: &walls,
+        region: region.region,
+        open: region.open,
+        from,
+        settings,
+    };
+    // Excursions take the place of small passes, if they can.
+    let mut is_small = small_ones(&passes, aperture);
+    let mut filled = finish.with(&passes, &is_small);
+    for _ in 0..ROUNDS_MAX {
+        if !take_back_open(&mut is_small, &passes, &filled, aperture) {
+            break;
+        }
+        filled = finish.with(&passes, &is_small);
+    }
+    filled
+}
+
+/// The loops in the order and joined in the way that makes the fewest passes.
+fn joined(
+    loops: Vec<LayerPass>,
+    from: Point2,
+    walls: &EdgeIndex,
+    settings: &Settings,
+) -> Vec<LayerPass> {
+    let aperture = &settings.aperture;
     let loops = loops.into_iter();
     let loops = loops.map(|pass| with_seam(pass, &settings.seam, aperture));
     let loops: Vec<LayerPass> = loops.collect();
-    let joined = |loops| linked(ordered(loops, from, aperture), aperture, &walls);
+    let in_order = |loops| linked(ordered(loops, from, aperture), aperture, walls);
     // A chosen seam stays open.
     let may_bridge = loops.len() > 1 && settings.seam.place == SeamPlace::Nearest;
     // Loops that hang together like a tree, not like a chain, take bridges.
     let (mut passes, others) = rayon::join(
-        || joined(loops.clone()),
+        || in_order(loops.clone()),
         || {
             may_bridge.then(|| {
-                let loops = chained(loops.clone(), aperture, &walls);
-                let loops = around_loops(loops, aperture, &walls);
+                let loops = chained(loops.clone(), aperture, walls);
+                let loops = around_loops(loops, aperture, walls);
                 rayon::join(
-                    || joined(loops.clone()),
-                    || joined(bridged(loops.clone(), aperture, &walls)),
+                    || in_order(loops.clone()),
+                    || in_order(bridged(loops.clone(), aperture, walls)),
                 )
             })
         },
@@ -66,24 +97,44 @@ pub fn in_printing_order(
             }
         }
     }
-    drop_small(&mut passes, aperture);
-    let from = last_place(&passes).unwrap_or(from);
-    let lines = ordered(lines, from, aperture);
-    if settings.infill.is_none_or(|infill| infill.is_solid()) {
-        if !lines.is_empty() {
-            passes.extend(lines);
-            passes = linked(passes, aperture, &walls);
-        }
-        fill_gaps(&mut passes, aperture, &walls);
-        return passes;
-    }
-    // The ground of the walls alone: between the outline and what the lines are to cover.
-    let rings = region.open.iter().flat_map(Region::edges);
-    let edges = region.region.edges().chain(rings);
-    let band = EdgeIndex::new(edges.map(|(a, b)| Edge { a, b }).collect(), reach_mm);
-    fill_gaps(&mut passes, aperture, &band);
-    passes.extend(lines);
     passes
+}
+
+/// What comes once the loops are joined: the lines of an infill, and excursions into gaps.
+struct Finish<'a> {
+    lines: Vec<LayerPass>,
+    walls: &'a EdgeIndex,
+    region: &'a Region,
+    open: &'a [Region],
+    from: Point2,
+    settings: &'a Settings,
+}
+
+impl Finish<'_> {
+    /// The passes but the small ones, the lines behind them, with excursions.
+    fn with(&self, passes: &[LayerPass], is_small: &[bool]) -> Vec<LayerPass> {
+        let aperture = &self.settings.aperture;
+        let kept = passes.iter().zip(is_small).filter(|p| !p.1);
+        let mut passes: Vec<LayerPass> = kept.map(|p| p.0.clone()).collect();
+        let from = last_place(&passes).unwrap_or(self.from);
+        let lines = ordered(self.lines.clone(), from, aperture);
+        if self.settings.infill.is_none_or(|infill| infill.is_solid()) {
+            if !lines.is_empty() {
+                passes.extend(lines);
+                passes = linked(passes, aperture, self.walls);
+            }
+            fill_gaps(&mut passes, aperture, self.walls);
+            return passes;
+        }
+        // The ground of the walls alone: between the outline and what the lines are to cover.
+        let rings = self.open.iter().flat_map(Region::edges);
+        let edges = self.region.edges().chain(rings);
+        let edges = edges.map(|(a, b)| Edge { a, b }).collect();
+        let band = EdgeIndex::new(edges, aperture.major_mm());
+        fill_gaps(&mut passes, aperture, &band);
+        passes.extend(lines);
+        passes
+    }
 }
 
 fn last_place(passes: &[LayerPass]) -> Option<Point2> {
