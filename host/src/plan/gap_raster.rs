@@ -23,7 +23,7 @@ const GAIN_SHARE_MIN: f64 = 0.005;
 /// does not know yet from where it is reached.
 const AGAIN_WEIGHT: f64 = 0.06;
 /// The same for the whole excursion, which only counts what the figures count.
-const NET_AGAIN_WEIGHT: f64 = 0.24;
+const NET_AGAIN_WEIGHT: f64 = 0.22;
 /// Headings tried over the aperture's period.
 const HEADINGS: usize = 12;
 /// Places tried in each gap.
