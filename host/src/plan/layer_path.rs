@@ -53,7 +53,7 @@ pub fn pass_curves(
     let mut curves = Vec::new();
     let mut open = vec![control];
     while let Some(raw) = open.pop() {
-        let mut control = raw.clone();
+        let mut control = Vec::new();
         let mut push = |turning_round| {
             control.clone_from(&raw);
             push_inside(&mut control, aperture, walls, tolerance_mm, turning_round)

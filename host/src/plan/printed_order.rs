@@ -12,6 +12,7 @@ use super::order::ordered;
 use super::passes::{LayerPass, PassKind};
 use super::seam::with_seam;
 use crate::geometry::Point2;
+use crate::geometry::aperture::Aperture;
 use crate::geometry::edge_index::{Edge, EdgeIndex};
 use crate::geometry::polygon::Region;
 use crate::settings::{SeamPlace, Settings};
@@ -41,13 +42,20 @@ pub fn in_printing_order(
     let (lines, loops): (Vec<LayerPass>, Vec<LayerPass>) =
         region.passes.into_iter().partition(is_line);
     let passes = joined(loops, from, &walls, settings);
+    // The ground of the walls alone: between the outline and what the lines are to cover.
+    let is_sparse = settings.infill.is_some_and(|infill| !infill.is_solid());
+    let band = is_sparse.then(|| {
+        let rings = region.open.iter().flat_map(Region::edges);
+        let edges = region.region.edges().chain(rings);
+        let edges = edges.map(|(a, b)| Edge { a, b }).collect();
+        EdgeIndex::new(edges, aperture.major_mm())
+    });
     let finish = Finish {
         lines,
         walls: &walls,
-        region: region.region,
-        open: region.open,
+        band,
         from,
-        settings,
+        aperture,
     };
     // Excursions take the place of small passes, if they can.
     let mut is_small = small_ones(&passes, aperture);
@@ -104,35 +112,29 @@ fn joined(
 struct Finish<'a> {
     lines: Vec<LayerPass>,
     walls: &'a EdgeIndex,
-    region: &'a Region,
-    open: &'a [Region],
+    /// Where lines are sparse, what alone is filled up.
+    band: Option<EdgeIndex>,
     from: Point2,
-    settings: &'a Settings,
+    aperture: &'a Aperture,
 }
 
 impl Finish<'_> {
     /// The passes but the small ones, the lines behind them, with excursions.
     fn with(&self, passes: &[LayerPass], is_small: &[bool]) -> Vec<LayerPass> {
-        let aperture = &self.settings.aperture;
         let kept = passes.iter().zip(is_small).filter(|p| !p.1);
         let mut passes: Vec<LayerPass> = kept.map(|p| p.0.clone()).collect();
         let from = last_place(&passes).unwrap_or(self.from);
-        let lines = ordered(self.lines.clone(), from, aperture);
-        if self.settings.infill.is_none_or(|infill| infill.is_solid()) {
-            if !lines.is_empty() {
-                passes.extend(lines);
-                passes = linked(passes, aperture, self.walls);
-            }
-            fill_gaps(&mut passes, aperture, self.walls);
+        let lines = ordered(self.lines.clone(), from, self.aperture);
+        if let Some(band) = &self.band {
+            fill_gaps(&mut passes, self.aperture, band);
+            passes.extend(lines);
             return passes;
         }
-        // The ground of the walls alone: between the outline and what the lines are to cover.
-        let rings = self.open.iter().flat_map(Region::edges);
-        let edges = self.region.edges().chain(rings);
-        let edges = edges.map(|(a, b)| Edge { a, b }).collect();
-        let band = EdgeIndex::new(edges, aperture.major_mm());
-        fill_gaps(&mut passes, aperture, &band);
-        passes.extend(lines);
+        if !lines.is_empty() {
+            passes.extend(lines);
+            passes = linked(passes, self.aperture, self.walls);
+        }
+        fill_gaps(&mut passes, self.aperture, self.walls);
         passes
     }
 }
