@@ -28,6 +28,7 @@ pub mod infill;
 pub mod inner_hull;
 pub mod joint_limits;
 pub mod keep_out;
+mod laid_ground;
 pub mod layer_path;
 pub mod links;
 pub mod measure;

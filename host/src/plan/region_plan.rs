@@ -14,11 +14,11 @@ use super::passes::{LayerPass, PassKind, PassSettings, outer_passes, passes};
 use super::printed_order::{RegionPasses, in_printing_order};
 use super::skeleton::Axis;
 use super::unreachable::{UnreachableRun, unreachable_runs};
-use super::visits::{CELL_SHARE, poses};
+use super::visits::{CELL_SHARE, swept_poses};
 use crate::geometry::Point2;
 use crate::geometry::aperture::Aperture;
 use crate::geometry::boolean::filled;
-use crate::geometry::coverage::{Cell, Coverage, SweptPose};
+use crate::geometry::coverage::{Cell, Coverage};
 use crate::geometry::edge_index::EdgeIndex;
 use crate::geometry::frame::Frame;
 use crate::geometry::polygon::Region;
@@ -303,19 +303,7 @@ const RETURN_SHARE: f64 = 4.0;
 
 /// Ground within the walls that is left open or covered again, mm².
 fn spoiled_mm2(passes: &[LayerPass], aperture: &Aperture, walls: &EdgeIndex) -> f64 {
-    let mut swept = Vec::new();
-    for (number, pass) in passes.iter().enumerate() {
-        let (mut path_mm, mut last) = (0.0, None);
-        for at in poses(pass, aperture) {
-            path_mm += last.map_or(0.0, |last: Point2| (at.center - last).norm());
-            last = Some(at.center);
-            swept.push(SweptPose {
-                at,
-                pass: number as u32,
-                path_mm,
-            });
-        }
-    }
+    let swept = swept_poses(passes, aperture);
     let cell_mm = CELL_SHARE * aperture.minor_mm();
     let return_mm = RETURN_SHARE * aperture.major_mm();
     let raster = Coverage::sweep(walls, aperture, &swept, cell_mm, CELLS_MAX, return_mm);

@@ -9,7 +9,7 @@
 //! machine coordinates. The same curve is kept once, however many layers print it.
 
 use super::build_route::PlanePass;
-use super::heading_stops::curves_between_stops;
+use super::heading_stops::PassCutter;
 use super::layer_path::{PlaneControl, pass_curves};
 use super::measure::OFF_REGIONS;
 use super::order::region_order;
@@ -250,8 +250,9 @@ fn curves_of(
     let tolerance_mm = PATH_SHARE * settings.tolerances.outside_mm;
     let mut curves = Vec::new();
     let whole = |pass: &LayerPass| pass_curves(pass, &settings.aperture, walls, tolerance_mm);
+    let cutter = PassCutter::new(passes, walls, settings);
     for pass in passes {
-        for control in curves_between_stops(pass, settings, whole) {
+        for control in cutter.curves(pass, whole) {
             let control = control.iter();
             curves.push(PrintCurve {
                 kind: pass.kind,

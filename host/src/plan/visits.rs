@@ -2,9 +2,11 @@
 
 use super::channel_walls::poses_between;
 use super::passes::LayerPass;
+use crate::geometry::Point2;
 use crate::geometry::aperture::Aperture;
 use crate::geometry::cell_grid::{CellGrid, NO_COLUMNS, for_beyond};
 use crate::geometry::clearance::Configuration;
+use crate::geometry::coverage::SweptPose;
 use crate::geometry::polygon::Box2;
 use rayon::prelude::*;
 use std::ops::Range;
@@ -150,6 +152,24 @@ pub fn poses(pass: &LayerPass, aperture: &Aperture) -> impl Iterator<Item = Conf
         pass.placements.iter().chain(closing).map(|p| p.at),
         aperture,
     )
+}
+
+/// All poses of several passes, dense.
+pub fn swept_poses(passes: &[LayerPass], aperture: &Aperture) -> Vec<SweptPose> {
+    let mut swept = Vec::new();
+    for (number, pass) in passes.iter().enumerate() {
+        let (mut path_mm, mut last) = (0.0, None);
+        for at in poses(pass, aperture) {
+            path_mm += last.map_or(0.0, |last: Point2| (at.center - last).norm());
+            last = Some(at.center);
+            swept.push(SweptPose {
+                at,
+                pass: number as u32,
+                path_mm,
+            });
+        }
+    }
+    swept
 }
 
 /// The poses along a way, dense.
