@@ -289,6 +289,47 @@ fn places_outside_the_machine_are_refused_with_joint_and_place() {
     ));
 }
 
+/// Ticks of a motion that hardly moves would fill time and memory: such a path is refused with its
+/// place, however the slowness comes about; one that is slow because that is its speed is not.
+#[test]
+fn paths_that_take_for_ever_are_refused_with_their_place() {
+    use headway::plan::joint_limits::MotionError;
+    let route = route_of(gear(10.0));
+    let begin = route.stretches[0].curve.control[0];
+    let slow = Settings {
+        speed_mm_s: 0.008,
+        ..Settings::default()
+    };
+    let (stream, _) = lay_segments(&route, &slow).expect("a slow print");
+    let ticks = stream.marks.last().expect("a mark").end_tick;
+    assert!(ticks > 2000 * 1200, "{ticks}");
+    let nozzle = |change: fn(&mut headway_firmware::configuration::JointConfiguration)| {
+        let mut settings = Settings::default();
+        change(&mut settings.machine.joints[3]);
+        settings
+    };
+    let weak = [
+        nozzle(|c| c.speed_max = 1e-3),
+        nozzle(|c| (c.acceleration_max, c.speed_max) = (1e-5, 1e-2)),
+        nozzle(|c| (c.jerk_max, c.acceleration_max) = (1e-7, 1e-2)),
+    ];
+    for settings in weak {
+        match lay_segments(&route, &settings) {
+            Err(MotionError::TooSlow {
+                duration_s,
+                most_s,
+                from_mm,
+                ..
+            }) => {
+                assert_eq!(from_mm, [begin[0], begin[1], begin[2]]);
+                assert_eq!(most_s, 1200.0);
+                assert!(duration_s > most_s);
+            }
+            other => panic!("{:?}", other.map(|(_, report)| report)),
+        }
+    }
+}
+
 #[test]
 fn the_stream_does_not_depend_on_the_number_of_threads() {
     let settings = Settings::default();

@@ -69,12 +69,19 @@ pub enum MotionError {
     },
     /// A stretch would take for ever.
     #[error(
-        "one stretch of the route would take {duration_s:.0} s, more than six hours: raise the speed, \
-         or the limit that is close to zero"
+        "the path that begins with the tip at {from_mm:.3?} mm (machine coordinates) would take \
+         {duration_s:.0} s ({at_speed_s:.0} s at its speed), more than the {most_s:.0} s that can be \
+         planned: raise the limit that is close to zero (a joint's or the flow's), or the speed"
     )]
     TooSlow {
         /// How long it would take.
         duration_s: f64,
+        /// The same if nothing but the tip's speed bound it.
+        at_speed_s: f64,
+        /// How long it may take.
+        most_s: f64,
+        /// Where it begins, machine coordinates.
+        from_mm: [f64; 3],
     },
     /// A prime or retract is beyond the extruder's limits by itself.
     #[error(

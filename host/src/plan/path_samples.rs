@@ -26,6 +26,14 @@ pub struct PathSample {
     volume_second_mm3: f64,
 }
 
+/// Way of the tip along the samples, mm.
+pub fn tip_way_mm(samples: &[PathSample]) -> f64 {
+    let pairs = samples.windows(2);
+    pairs
+        .map(|pair| 0.5 * (pair[0].tip_speed_mm + pair[1].tip_speed_mm) * (pair[1].u - pair[0].u))
+        .sum()
+}
+
 /// One constraint |a ü + b x| <= c.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct Row {

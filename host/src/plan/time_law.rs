@@ -10,7 +10,7 @@ pub mod reachability;
 pub mod smoothing;
 
 use crate::plan::joint_limits::{MotionError, MotionLimits};
-use crate::plan::path_samples::PathSample;
+use crate::plan::path_samples::{PathSample, tip_way_mm};
 
 /// Local shares of the limits, one for each path sample, 1 at first.
 #[derive(Clone, Debug, PartialEq)]
@@ -71,13 +71,38 @@ pub fn smoothing_ticks(samples: &[PathSample], limits: &MotionLimits) -> usize {
 
 /// Longest stretch: beyond it a limit is next to zero somewhere, and the ticks would fill memory.
 const STRETCH_MAX_S: f64 = 6.0 * 3600.0;
+/// A stretch that takes longer than this may take so many times what it would at the tip's speed:
+/// planning takes its time by the ticks, and what is slower is a limit that is not meant.
+const PATIENCE_S: f64 = 20.0 * 60.0;
+const SLOWDOWN_MAX: f64 = 200.0;
 
-/// The time law of a sampled path: duration at least `duration_min_s`.
+/// Fails for a stretch that would take senselessly long. `from_mm` is where it begins.
+pub fn check_duration(
+    duration_s: f64,
+    samples: &[PathSample],
+    limits: &MotionLimits,
+    from_mm: [f64; 3],
+) -> Result<(), MotionError> {
+    let at_speed_s = tip_way_mm(samples) / limits.tip_speed_mm_s;
+    let most_s = (SLOWDOWN_MAX * at_speed_s).clamp(PATIENCE_S, STRETCH_MAX_S);
+    match duration_s <= most_s {
+        true => Ok(()),
+        false => Err(MotionError::TooSlow {
+            duration_s,
+            at_speed_s,
+            most_s,
+            from_mm,
+        }),
+    }
+}
+
+/// The time law of a sampled path: duration at least `duration_min_s`. `from_mm` is where it begins.
 pub fn time_law(
     samples: &[PathSample],
     limits: &MotionLimits,
     caps: &Caps,
     duration_min_s: f64,
+    from_mm: [f64; 3],
 ) -> Result<TimeLaw, MotionError> {
     let rate = reachability::fastest_rates(samples, limits, caps);
     let u: Vec<f64> = samples.iter().map(|sample| sample.u).collect();
@@ -85,9 +110,7 @@ pub fn time_law(
     let tick_s = 1.0 / limits.servo_hz;
     let eased = smoothing::ease_rates(&u, &rate, window_ticks as f64 * tick_s);
     let duration_s = smoothing::duration_s(&u, &eased).max(duration_min_s);
-    if duration_s > STRETCH_MAX_S {
-        return Err(MotionError::TooSlow { duration_s });
-    }
+    check_duration(duration_s, samples, limits, from_mm)?;
     let u_at_tick = smoothing::on_ticks(&u, &eased, tick_s, window_ticks, duration_min_s);
     Ok(TimeLaw { u_at_tick })
 }

@@ -10,6 +10,11 @@ pub const STEP_RATE_SHARE_MAX: f64 = 0.9;
 /// Longest work area that makes sense, mm: ten times the largest concrete printers.
 const LENGTH_MAX_MM: f64 = 100_000.0;
 
+/// Longest time from rest to a top speed, or to a top acceleration: slow and heavy machines take
+/// some seconds, and what is above is a number in another unit. Motion that never reaches its speed
+/// takes for ever, and so does planning it.
+pub const RISE_MAX_S: f64 = 60.0;
+
 /// Settings that cannot be used, with the key as the machine file spells it.
 #[derive(Clone, Debug, PartialEq, thiserror::Error)]
 pub enum SettingsError {
@@ -40,6 +45,19 @@ pub enum SettingsError {
         value: f64,
         /// The most possible.
         high: f64,
+    },
+    /// A limit so low that what it changes takes for ever to reach its own limit.
+    #[error(
+        "{key} is so low that it takes {rise_s:.0} s to reach {of}, more than {RISE_MAX_S} s: raise \
+         the one or lower the other"
+    )]
+    SlowRise {
+        /// Key of the machine file.
+        key: String,
+        /// Key of what it would reach.
+        of: String,
+        /// How long that takes.
+        rise_s: f64,
     },
     /// Low end not below the high end.
     #[error("{key}: the lower end {low} must be below the upper end {high}")]
@@ -166,6 +184,14 @@ impl Settings {
             positive(&key("speed_max"), joint.speed_max)?;
             positive(&key("acceleration_max"), joint.acceleration_max)?;
             positive(&key("jerk_max"), joint.jerk_max)?;
+            rises(
+                [&key("acceleration_max"), &key("speed_max")],
+                [joint.acceleration_max, joint.speed_max],
+            )?;
+            rises(
+                [&key("jerk_max"), &key("acceleration_max")],
+                [joint.jerk_max, joint.acceleration_max],
+            )?;
             // Infinite ends mean no stop; NaN fails the comparison.
             if joint.position_min >= joint.position_max
                 || joint.position_min.is_nan()
@@ -188,6 +214,13 @@ impl Settings {
         positive(
             "extruder.acceleration_max_mm3_s2",
             e.acceleration_max_mm3_s2,
+        )?;
+        rises(
+            [
+                "extruder.acceleration_max_mm3_s2",
+                "extruder.speed_max_mm3_s",
+            ],
+            [e.acceleration_max_mm3_s2, e.speed_max_mm3_s],
         )?;
         in_range(
             "extruder.pressure_advance_s",
@@ -303,6 +336,10 @@ impl Settings {
             "flow.rate_of_change_max_mm3_s2",
             self.flow_rate_of_change_max_mm3_s2,
         )?;
+        rises(
+            ["flow.rate_of_change_max_mm3_s2", "flow.flow_max_mm3_s"],
+            [self.flow_rate_of_change_max_mm3_s2, self.flow_max_mm3_s],
+        )?;
         let p = &self.prime_retract;
         in_range("flow.retract_mm3", p.retract_mm3, 0.0, 1e4)?;
         in_range("flow.prime_mm3", p.prime_mm3, 0.0, 1e4)?;
@@ -355,6 +392,16 @@ fn positive(key: &str, value: f64) -> Result<(), SettingsError> {
     })
 }
 
+/// Checks that a rate of change reaches its quantity's limit within [`RISE_MAX_S`]; each with its key.
+fn rises(keys: [&str; 2], [change, reached]: [f64; 2]) -> Result<(), SettingsError> {
+    let rise_s = reached / change;
+    if rise_s <= RISE_MAX_S {
+        return Ok(());
+    }
+    let [key, of] = keys.map(str::to_string);
+    Err(SettingsError::SlowRise { key, of, rise_s })
+}
+
 fn in_range(key: &str, value: f64, low: f64, high: f64) -> Result<(), SettingsError> {
     if value.is_nan() || value < low {
         return Err(SettingsError::TooSmall {
@@ -371,4 +418,70 @@ fn in_range(key: &str, value: f64, low: f64, high: f64) -> Result<(), SettingsEr
         });
     }
     Ok(())
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// Goal: a limit that is next to zero is told by its key and by what it would have to reach. Method:
+    /// each such limit just within a minute, and just beyond it.
+    #[test]
+    fn limits_next_to_zero_are_refused() {
+        type Change = fn(&mut Settings, f64);
+        let changes: [(&str, &str, Change); 4] = [
+            (
+                "joints.c.acceleration_max",
+                "joints.c.speed_max",
+                |s, share| {
+                    let joint = &mut s.machine.joints[3];
+                    joint.acceleration_max = share * joint.speed_max;
+                    joint.jerk_max = joint.acceleration_max;
+                },
+            ),
+            (
+                "joints.x.jerk_max",
+                "joints.x.acceleration_max",
+                |s, share| {
+                    let joint = &mut s.machine.joints[0];
+                    joint.jerk_max = share * joint.acceleration_max;
+                },
+            ),
+            (
+                "extruder.acceleration_max_mm3_s2",
+                "extruder.speed_max_mm3_s",
+                |s, share| {
+                    let extruder = &mut s.machine.extruder;
+                    extruder.acceleration_max_mm3_s2 = share * extruder.speed_max_mm3_s;
+                },
+            ),
+            (
+                "flow.rate_of_change_max_mm3_s2",
+                "flow.flow_max_mm3_s",
+                |s, share| {
+                    s.flow_rate_of_change_max_mm3_s2 = share * s.flow_max_mm3_s;
+                },
+            ),
+        ];
+        for (key, of, change) in changes {
+            let mut settings = Settings::planar();
+            change(&mut settings, 1.01 / RISE_MAX_S);
+            settings.check().expect(key);
+            change(&mut settings, 0.99 / RISE_MAX_S);
+            match settings.check() {
+                Err(SettingsError::SlowRise {
+                    key: found,
+                    of: reached,
+                    rise_s,
+                }) => {
+                    assert_eq!((found.as_str(), reached.as_str()), (key, of));
+                    assert!(
+                        (RISE_MAX_S..1.02 * RISE_MAX_S).contains(&rise_s),
+                        "{rise_s}"
+                    );
+                }
+                other => panic!("{key}: {other:?}"),
+            }
+        }
+    }
 }

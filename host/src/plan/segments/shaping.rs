@@ -10,10 +10,10 @@ use super::fit::TickPath;
 use super::layout::{self, Layout};
 use super::spline::RestSpline;
 use super::{FinishedStretch, dwell_ticks, warp};
-use crate::plan::joint_limits::{MotionError, MotionLimits};
+use crate::plan::joint_limits::{MotionError, MotionLimits, tip_mm};
 use crate::plan::path_samples::PathSample;
 use crate::plan::route::{Stretch, StretchEvent};
-use crate::plan::time_law::{Caps, TimeLaw, smoothing_ticks, time_law};
+use crate::plan::time_law::{Caps, TimeLaw, check_duration, smoothing_ticks, time_law};
 use headway_protocol::segment::SPAN_TICKS_MAX;
 use headway_protocol::units::CHANNELS;
 
@@ -81,6 +81,8 @@ impl Shaping<'_> {
                 self.time_law(&caps)?
             } else {
                 let slowness = warp::slowness(law.ticks(), &pieces, round - CAP_ROUNDS);
+                let duration_s = slowness.iter().sum::<f64>() / self.limits.servo_hz;
+                check_duration(duration_s, self.samples, self.limits, self.begin_mm())?;
                 TimeLaw {
                     u_at_tick: warp::stretched(&law.u_at_tick, &slowness),
                 }
@@ -127,9 +129,14 @@ impl Shaping<'_> {
     }
 
     fn time_law(&self, caps: &Caps) -> Result<TimeLaw, MotionError> {
-        let mut law = time_law(self.samples, self.limits, caps, self.stretch.dwell_s)?;
+        let least_s = self.stretch.dwell_s;
+        let mut law = time_law(self.samples, self.limits, caps, least_s, self.begin_mm())?;
         law.pad_to(layout::MOVING_TICKS_MIN);
         Ok(law)
+    }
+
+    fn begin_mm(&self) -> [f64; 3] {
+        tip_mm(&self.stretch.curve.control[0])
     }
 
     fn path(&self, law: &TimeLaw) -> TickPath {
