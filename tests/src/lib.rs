@@ -1,15 +1,18 @@
 //! What the end-to-end tests in `tests/` share: [`rig`] (host, link and firmware on a virtual
 //! clock), [`gear`] (the six-axis job that bytes are measured with), [`layer_oracle`] (coverage from
-//! the knots alone), [`segment_oracle`] (what a stream does, by de Boor), [`dense_search`] (the
-//! published grid search for headings), [`routes`] and [`outlines`] (of any size), [`cpu_clock`] (for
-//! benches), [`elf`] (what a controller binary holds).
+//! the knots alone) and [`judge`] (a plan before it), [`segment_oracle`] (what a stream does, by de
+//! Boor), [`dense_search`] (the published grid search for headings), [`routes`] and [`outlines`] (of
+//! any size), [`parts`] (that no constant was chosen on), [`cpu_clock`] (for benches), [`elf`] (what
+//! a controller binary holds).
 
 pub mod cpu_clock;
 pub mod dense_search;
 pub mod elf;
 pub mod gear;
+pub mod judge;
 pub mod layer_oracle;
 pub mod outlines;
+pub mod parts;
 pub mod rig;
 pub mod routes;
 pub mod segment_oracle;

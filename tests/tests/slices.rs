@@ -5,11 +5,10 @@
 
 use headway::drive::rehearsal::rehearse;
 use headway::drive::simulator::SimulatorSetup;
-use headway::geometry::polygon::Region;
 use headway::input::{Format, ReadOptions, read};
 use headway::plan_target;
 use headway::settings::Settings;
-use headway_tests::layer_oracle::{Rings, print_poses, sweep};
+use headway_tests::judge::judge;
 use std::path::{Path, PathBuf};
 
 const SLICES: &str = concat!(env!("CARGO_MANIFEST_DIR"), "/../../shared/data/slices");
@@ -23,14 +22,6 @@ fn slice_files() -> Vec<PathBuf> {
     files.retain(|f| f.extension().is_some_and(|e| e == "json"));
     files.sort();
     files
-}
-
-fn rings(regions: &[Region]) -> Rings {
-    regions
-        .iter()
-        .flat_map(|r| r.rings())
-        .map(|ring| ring.points.iter().map(|p| [p.x, p.y]).collect())
-        .collect()
 }
 
 /// One row of the table.
@@ -67,14 +58,8 @@ fn run(file: &Path, settings: &Settings) -> Option<Row> {
         }
     };
     let plan = plan_target(&loaded.target, settings).unwrap_or_else(|e| panic!("{name}: {e}"));
-    let offset = [plan.transform.offset_mm[0], plan.transform.offset_mm[1]];
-    let poses = print_poses(&plan.stream, offset, 0.03);
-    let axes = [settings.aperture.major_mm(), settings.aperture.minor_mm()];
-    // Fine enough that the border of a small slice counts for little.
-    let cell_mm = (plan.figures.area_mm2 / 2e6).sqrt().clamp(0.01, 0.04);
-    let found = sweep(&rings(&loaded.target.regions), &poses, axes, cell_mm);
-    let reachable = plan.figures.reachable_pct;
-    let of_reachable = 100.0 * found.covered_pct / reachable;
+    let judged = judge(&plan, &loaded.target.regions, settings);
+    let (found, of_reachable) = (judged.found, judged.covered_of_reachable_pct);
     let rehearsal =
         rehearse(&plan.stream, settings, &SimulatorSetup::default(), |_| {}).expect("rehearsal");
     let unreachable_mm: f64 = plan

@@ -1,0 +1,41 @@
+//! A finished plan before the oracle: what its stream leaves on the layer, by
+//! [`crate::layer_oracle`], against what is reachable.
+
+use crate::layer_oracle::{LayerFindings, Rings, print_poses, sweep};
+use headway::Plan;
+use headway::geometry::polygon::Region;
+use headway::settings::Settings;
+
+/// Poses are this close, mm.
+const STEP_MM: f64 = 0.03;
+
+/// What the oracle says of a plan.
+#[derive(Clone, Copy, Debug)]
+pub struct Judged {
+    /// Coverage, overlap and outside depth.
+    pub found: LayerFindings,
+    /// Share of what some placement covers.
+    pub covered_of_reachable_pct: f64,
+}
+
+/// Judges the plan of an elliptical nozzle, one layer.
+pub fn judge(plan: &Plan, regions: &[Region], settings: &Settings) -> Judged {
+    let offset_mm = [plan.transform.offset_mm[0], plan.transform.offset_mm[1]];
+    let poses = print_poses(&plan.stream, offset_mm, STEP_MM);
+    let axes_mm = [settings.aperture.major_mm(), settings.aperture.minor_mm()];
+    // Fine enough that the border of a small part counts for little.
+    let cell_mm = (plan.figures.area_mm2 / 2e6).sqrt().clamp(0.01, 0.04);
+    let found = sweep(&rings(regions), &poses, axes_mm, cell_mm);
+    Judged {
+        found,
+        covered_of_reachable_pct: 100.0 * found.covered_pct / plan.figures.reachable_pct,
+    }
+}
+
+fn rings(regions: &[Region]) -> Rings {
+    regions
+        .iter()
+        .flat_map(|r| r.rings())
+        .map(|ring| ring.points.iter().map(|p| [p.x, p.y]).collect())
+        .collect()
+}
