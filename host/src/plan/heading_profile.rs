@@ -10,12 +10,14 @@
 //! where it does.
 
 mod ahead;
+mod along;
 mod bins;
 mod corridor;
 mod pointwise;
 mod refine;
 
 pub use self::ahead::{Ahead, all_ahead};
+use self::along::Along;
 use self::bins::{closed_start, unwrap_bins, viterbi};
 use self::corridor::{Gate, Stiffness, calmest, calmest_closed};
 use self::refine::refine;
@@ -237,11 +239,7 @@ struct Run<'a> {
     closed: bool,
     aperture: &'a Aperture,
     walls: &'a EdgeIndex,
-    /// Position of each contact along the run, mm.
-    positions_mm: Vec<f64>,
-    /// Wanted extents at equal steps along the run, mm.
-    extents_mm: Vec<f64>,
-    length_mm: f64,
+    along: Along<'a>,
     /// For each contact what an aperture touching there may cut.
     ahead: &'a [Ahead],
 }
@@ -254,53 +252,14 @@ impl<'a> Run<'a> {
         walls: &'a EdgeIndex,
         ahead: &'a [Ahead],
     ) -> Run<'a> {
-        let mut length_mm = 0.0;
-        let mut positions_mm = Vec::with_capacity(contacts.len());
-        for contact in contacts {
-            positions_mm.push(length_mm + 0.5 * contact.length_mm);
-            length_mm += contact.length_mm;
-        }
-        let known: Vec<(f64, f64)> = contacts
-            .iter()
-            .zip(&positions_mm)
-            .filter(|(c, _)| c.length_mm > 0.0)
-            .map(|(c, &s)| (s, c.extent_mm))
-            .collect();
-        let count = (contacts.len() * EXTENTS_PER_CONTACT).max(1);
         Run {
             contacts,
             closed,
             aperture,
             walls,
-            positions_mm,
-            extents_mm: interpolated(&known, length_mm / count as f64, count),
-            length_mm,
+            along: Along::new(contacts, closed),
             ahead,
         }
-    }
-
-    /// The extent wanted `along_mm` further along the run than contact `i`.
-    fn wanted_mm(&self, i: usize, along_mm: f64) -> f64 {
-        if self.contacts[i].length_mm <= 0.0 || self.length_mm <= 0.0 {
-            return self.contacts[i].extent_mm;
-        }
-        // Linear between the middles of the steps: at a jump, rounding would choose.
-        let count = self.extents_mm.len();
-        let at = (self.positions_mm[i] + along_mm) / self.length_mm * count as f64 - 0.5;
-        let low = at.floor();
-        let entry = |index: f64| {
-            let last = count as f64 - 1.0;
-            let index = if (0.0..=last).contains(&index) {
-                index
-            } else if self.closed {
-                index.rem_euclid(count as f64).min(last)
-            } else {
-                index.clamp(0.0, last)
-            };
-            self.extents_mm[index as usize]
-        };
-        let (before, after) = (entry(low), entry(low + 1.0));
-        before + (after - before) * (at - low)
     }
 
     /// The placement of one contact at one heading, slid inside where it would cut a wall. A turned
@@ -315,14 +274,18 @@ impl<'a> Run<'a> {
         let (tangent, wanted) = if c.on_axis {
             let center = aperture.center_on_axis(turn.heading_rad, c.point, c.normal);
             // A tilted aperture touches the one wall ahead, the other behind: where the passage
-            // narrows it stands beside the axis.
+            // narrows or bends it stands beside the axis.
             let ahead_mm = support.dot(&along);
-            let (far, near) = (self.wanted_mm(i, ahead_mm), self.wanted_mm(i, -ahead_mm));
-            (center + c.normal * (0.5 * (far - near)), 0.5 * (far + near))
+            let wall_mm = |side: f64| {
+                let along_mm = side * ahead_mm;
+                self.along.aside_mm(i, along_mm) + side * self.along.wanted_mm(i, along_mm)
+            };
+            let (far, near) = (wall_mm(1.0), wall_mm(-1.0));
+            (center + c.normal * (0.5 * (far + near)), 0.5 * (far - near))
         } else {
             let center = aperture.center_on_wall(turn, c.point, c.normal);
             let ahead_mm = (center + support - c.point).dot(&along);
-            (center, self.wanted_mm(i, ahead_mm))
+            (center, self.along.wanted_mm(i, ahead_mm))
         };
         let at = Turned {
             center: tangent,
@@ -392,31 +355,6 @@ impl<'a> Run<'a> {
 fn tilt_cost(turn: Turn, normal: Vector2) -> f64 {
     let ahead = Vector2::new(turn.cos, turn.sin);
     0.5 * TILT_WEIGHT * (1.0 + 2.0 * normal.perp(&ahead) * normal.dot(&ahead))
-}
-
-/// Entries of the table of wanted extents for each contact.
-const EXTENTS_PER_CONTACT: usize = 2;
-
-/// Values known at rising positions, linear at `count` equal steps (their middles).
-fn interpolated(known: &[(f64, f64)], step: f64, count: usize) -> Vec<f64> {
-    let mut next = 0;
-    (0..count)
-        .map(|i| {
-            let s = (i as f64 + 0.5) * step;
-            while next < known.len() && known[next].0 < s {
-                next += 1;
-            }
-            match (
-                next.checked_sub(1).and_then(|n| known.get(n)),
-                known.get(next),
-            ) {
-                (Some(p), Some(q)) if q.0 > p.0 => p.1 + (q.1 - p.1) * (s - p.0) / (q.0 - p.0),
-                (Some(p), _) => p.1,
-                (None, Some(q)) => q.1,
-                (None, None) => 0.0,
-            }
-        })
-        .collect()
 }
 
 /// Slides a placement off the walls along their contact normals, at most `rounds` times, until it
