@@ -24,6 +24,7 @@ use headway_firmware::spline::Spans;
 use headway_protocol::units::{CHANNEL_HEADING, CHANNEL_VOLUME, CHANNEL_X, CHANNEL_Y, CHANNEL_Z};
 use rayon::prelude::*;
 use std::collections::{BTreeMap, BTreeSet};
+use std::ops::Range;
 
 /// One printing of a region.
 #[derive(Clone, Copy, Debug)]
@@ -49,7 +50,7 @@ pub struct Measured {
 /// The region of a pass that belongs to none: skirt and brim count as neither coverage nor depth.
 pub const OFF_REGIONS: usize = usize::MAX;
 
-/// Cells that a small region is divided into: the border of the raster then counts for little.
+/// Cells that a small layer is divided into: the border of the raster then counts for little.
 const CELLS_AIM: f64 = 1e6;
 /// Smallest and largest raster cell, mm, as long as the raster stays below `CELLS_MAX`.
 const CELL_MM: [f64; 2] = [0.005, 0.02];
@@ -109,32 +110,36 @@ pub fn measure(
         .filter(|(number, print)| print.like < *number)
         .map(|(_, print)| print.like)
         .collect();
+    let cell_mm = raster_cell_mm(prints);
     let mut measure_up_to = |layer: u32, poses: &[PrintPose]| {
         skirt_mm += length_off_regions_mm(poses, print_of_pass);
-        while let Some(print) = prints.get(measured.swept.len()) {
-            if print.layer > layer {
-                break;
-            }
-            let number = measured.swept.len();
-            let of_print = |p: &&PrintPose| print_of_pass.get(p.pass as usize) == Some(&number);
-            let poses: Vec<PrintPose> = poses.iter().filter(of_print).copied().collect();
-            let like = known.get(&print.like).zip(measured.swept.get(print.like));
-            let same = like.and_then(|(others, swept)| same(&poses, others, swept, settings));
-            let (swept, raster) = match same {
-                Some(swept) => (swept, None),
-                None => {
-                    let (swept, raster) =
-                        PrintGround::of(print, transform, settings).measure(&poses);
-                    (swept, (print.like >= number).then_some(raster))
-                }
-            };
+        let first = measured.swept.len();
+        let of_layer = prints[first..].iter();
+        let count = of_layer.take_while(|print| print.layer <= layer).count();
+        let poses = poses_of_prints(poses, print_of_pass, first..first + count);
+        let found = poses.par_iter().zip(&prints[first..]).enumerate();
+        let found: Vec<(Swept, Option<RegionRaster>)> = found
+            .map(|(number, (poses, print))| {
+                let like = known.get(&print.like).zip(measured.swept.get(print.like));
+                let same = like.and_then(|(others, swept)| same(poses, others, swept, settings));
+                let found = match same {
+                    Some(swept) => (swept, None),
+                    None => {
+                        let ground = PrintGround::of(print, transform, settings);
+                        let (swept, raster) = ground.measure(poses, cell_mm);
+                        (swept, (print.like >= first + number).then_some(raster))
+                    }
+                };
+                steps.step();
+                found
+            })
+            .collect();
+        for (swept, raster) in found {
             measured.swept.push(swept);
             measured.rasters.push(raster);
-            if repeated.contains(&number) {
-                known.insert(number, poses);
-            }
-            steps.step();
         }
+        let numbered = (first..).zip(poses);
+        known.extend(numbered.filter(|(number, _)| repeated.contains(number)));
     };
     let mut figures = walk_stream(stream, settings, &mut measure_up_to);
     // What nothing was printed on.
@@ -143,6 +148,31 @@ pub fn measure(
     figures.passes = print_of_pass.len();
     set_shares(&mut figures, prints, &measured.swept);
     (figures, measured)
+}
+
+/// The poses of each of the printings.
+fn poses_of_prints(
+    poses: &[PrintPose],
+    print_of_pass: &[usize],
+    prints: Range<usize>,
+) -> Vec<Vec<PrintPose>> {
+    let mut of_prints = vec![Vec::new(); prints.len()];
+    for pass in poses.chunk_by(|p, q| p.pass == q.pass) {
+        let print = print_of_pass.get(pass[0].pass as usize);
+        if let Some(print) = print.filter(|print| prints.contains(print)) {
+            of_prints[print - prints.start].extend_from_slice(pass);
+        }
+    }
+    of_prints
+}
+
+/// Cells of the rasters: a layer's figures are over all of its regions, however small each is.
+fn raster_cell_mm(prints: &[MeasuredPrint]) -> f64 {
+    let of_a_layer = prints
+        .iter()
+        .take_while(|print| print.layer == prints[0].layer);
+    let area_mm2: f64 = of_a_layer.map(|p| p.contour.region.area_mm2()).sum();
+    (area_mm2 / CELLS_AIM).sqrt().clamp(CELL_MM[0], CELL_MM[1])
 }
 
 /// What poses sweep that are the same as others were, to [`SAME_MM`]; the depth is then the others'
@@ -232,11 +262,11 @@ impl<'a> PrintGround<'a> {
     }
 
     /// What the poses sweep of the region, and how deep they leave it.
-    fn measure(&self, poses: &[PrintPose]) -> (Swept, RegionRaster) {
+    fn measure(&self, poses: &[PrintPose], cell_mm: f64) -> (Swept, RegionRaster) {
         let poses: Vec<SweptPose> = poses.iter().map(|pose| self.local(pose)).collect();
         let (depth_mm, at) = deepest(&poses, &self.walls, self.settings);
         let at = self.contour.to_input(self.frame.point_out(at.center));
-        let (shares, raster) = self.sweep(&poses);
+        let (shares, raster) = self.sweep(&poses, cell_mm);
         let swept = Swept {
             outside_depth_mm: depth_mm,
             outside_at_mm: [at.x, at.y],
@@ -245,10 +275,9 @@ impl<'a> PrintGround<'a> {
         (swept, raster)
     }
 
-    fn sweep(&self, poses: &[SweptPose]) -> (Swept, RegionRaster) {
+    fn sweep(&self, poses: &[SweptPose], cell_mm: f64) -> (Swept, RegionRaster) {
         let settings = self.settings;
         let area_mm2 = self.contour.region.area_mm2();
-        let cell_mm = (area_mm2 / CELLS_AIM).sqrt().clamp(CELL_MM[0], CELL_MM[1]);
         let return_mm = 4.0 * settings.aperture.major_mm();
         let swept = Coverage::sweep(
             &self.walls,

@@ -4,6 +4,7 @@
 //! caller's. The plan does not depend on it. Stages come in the order of [`Stage`], each from 0 of
 //! its total to all of it; calls follow one another, from whichever thread.
 
+use rayon::prelude::*;
 use std::sync::{Mutex, PoisonError};
 
 /// A stage of planning.
@@ -93,29 +94,44 @@ impl<'a> Steps<'a> {
     }
 }
 
-/// One step for each item, one after the other, up to the first that fails.
+/// Items that are worked on side by side: enough for any number of threads where they are small; of
+/// large ones each keeps all threads busy, and the memory of all is not needed at once.
+pub const SIDE_BY_SIDE: usize = 64;
+
+/// One step for each item, some side by side, up to the first that fails.
 ///
 /// # Errors
 /// That of the item.
-pub fn step_each<T, U, E>(
+pub fn step_each<T: Send, U: Send, E: Send>(
     progress: &dyn Progress,
     stage: Stage,
     items: Vec<T>,
-    mut work: impl FnMut(T) -> Result<U, E>,
+    work: impl Fn(T) -> Result<U, E> + Sync,
 ) -> Result<Vec<U>, E> {
     let steps = Steps::begin(progress, stage, items.len());
-    let counted = items.into_iter().map(|item| {
-        let made = work(item)?;
-        steps.step();
-        Ok(made)
-    });
-    counted.collect()
+    let mut made = Vec::with_capacity(items.len());
+    let mut items = items.into_iter();
+    loop {
+        let some: Vec<T> = items.by_ref().take(SIDE_BY_SIDE).collect();
+        if some.is_empty() {
+            return Ok(made);
+        }
+        let some = some.into_par_iter().map(|item| {
+            let made = work(item);
+            steps.step();
+            made
+        });
+        // The first of those that fail, whichever was first.
+        let some: Vec<Result<U, E>> = some.collect();
+        for item in some {
+            made.push(item?);
+        }
+    }
 }
 
 #[cfg(test)]
 mod tests {
     use super::*;
-    use rayon::prelude::*;
 
     /// Goal: counts rise by one from 0 to the total, whatever the threads. Method: a thousand steps
     /// from all of them.
@@ -131,14 +147,19 @@ mod tests {
         assert_eq!(*told.lock().unwrap(), expected);
     }
 
-    /// Goal: a failing item ends the stage where it is. Method: the third of five fails.
+    /// Goal: a failing item ends the stage soon, and it is the first of those that fail that is told.
+    /// Method: a thousand items, of which the third and all behind it fail.
     #[test]
     fn a_failure_ends_the_stage() {
         let told = Mutex::new(0);
         let tell = |_: Stage, done: usize, _: usize| *told.lock().unwrap() = done;
-        let made = step_each(&tell, Stage::Axis, vec![1, 2, 3, 4, 5], |n| {
-            if n == 3 { Err(n) } else { Ok(n) }
+        let items: Vec<usize> = (1..=1000).collect();
+        let made = step_each(&tell, Stage::Axis, items, |n| match n >= 3 {
+            true => Err(n),
+            false => Ok(n),
         });
-        assert_eq!((made, *told.lock().unwrap()), (Err(3), 2));
+        assert_eq!((made, *told.lock().unwrap()), (Err(3), SIDE_BY_SIDE));
+        let all = step_each(&tell, Stage::Axis, (0..1000).collect(), Ok::<usize, ()>);
+        assert_eq!(all, Ok((0..1000).collect()));
     }
 }

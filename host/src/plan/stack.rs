@@ -14,7 +14,7 @@ use super::layer_path::{PlaneControl, pass_curves};
 use super::measure::OFF_REGIONS;
 use super::order::region_order;
 use super::passes::{LayerPass, PassKind};
-use super::progress::{Progress, Stage, Steps};
+use super::progress::{Progress, SIDE_BY_SIDE, Stage, Steps};
 use super::region_plan::{RegionPlan, RegionWork, Turned};
 use super::skirt::SkirtPlan;
 use crate::geometry::edge_index::EdgeIndex;
@@ -97,7 +97,8 @@ pub fn with_passes(
     progress: &dyn Progress,
 ) -> Vec<Vec<RegionWork>> {
     let steps = Steps::begin(progress, Stage::Passes, regions.len() * infills.len());
-    of_each_kind(regions.iter(), infills.len(), |region, kind| {
+    let regions: Vec<&RegionWork> = regions.iter().collect();
+    of_each_kind(&regions, infills.len(), |region, kind| {
         let region = region.with_passes(infills[kind]);
         steps.step();
         region
@@ -113,7 +114,8 @@ pub fn layer_kinds(
 ) -> Vec<LayerKind> {
     let count = works.first().map_or(0, Vec::len);
     let steps = Steps::begin(progress, Stage::Order, count * works.len());
-    let regions = of_each_kind(0..count, works.len(), |number, kind| {
+    let numbers: Vec<usize> = (0..count).collect();
+    let regions = of_each_kind(&numbers, works.len(), |number, kind| {
         let region = works[kind][number].clone().in_order();
         steps.step();
         region
@@ -133,19 +135,23 @@ pub fn layer_kinds(
         .collect()
 }
 
-/// What is made of each item and kind, `[kind][item]`: item by item, its kinds side by side.
+/// What is made of each item and kind, `[kind][item]`: some items side by side, each one's kinds as well.
 fn of_each_kind<T: Copy + Send + Sync, U: Send>(
-    items: impl Iterator<Item = T>,
+    items: &[T],
     kinds: usize,
     make: impl Fn(T, usize) -> U + Sync,
 ) -> Vec<Vec<U>> {
     let mut made: Vec<Vec<U>> = (0..kinds).map(|_| Vec::new()).collect();
-    for item in items {
-        let of_item: Vec<U> = (0..kinds)
-            .into_par_iter()
-            .map(|kind| make(item, kind))
-            .collect();
-        for (kind, of_kind) in of_item.into_iter().enumerate() {
+    for items in items.chunks(SIDE_BY_SIDE) {
+        let of_items = items.par_iter().map(|&item| {
+            let of_item = (0..kinds).into_par_iter().map(|kind| make(item, kind));
+            of_item.collect()
+        });
+        let of_items: Vec<Vec<U>> = of_items.collect();
+        for (kind, of_kind) in of_items
+            .into_iter()
+            .flat_map(|of| of.into_iter().enumerate())
+        {
             made[kind].push(of_kind);
         }
     }
