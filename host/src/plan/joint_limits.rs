@@ -20,14 +20,16 @@ pub enum MotionError {
     /// A joint would have to leave its range.
     #[error(
         "joint {name} would go to {}, with the tip at {at_mm:.3?} mm (machine coordinates); {}",
-        place_in_range(name, [*position, *minimum, *maximum]),
-        range_hint(name)
+        place_in_range(*rotary, [*position, *minimum, *maximum]),
+        range_hint(name, *rotary)
     )]
     OutsideJointRange {
         /// Joint number from 0.
         joint: usize,
         /// Its name in the machine file.
         name: &'static str,
+        /// True where it turns.
+        rotary: bool,
         /// Where it would be, mm or rad.
         position: f64,
         /// Lower end of its range.
@@ -98,14 +100,9 @@ pub enum MotionError {
     },
 }
 
-/// Joints that turn go by the names of axes about which tools turn.
-fn is_turning(joint_name: &str) -> bool {
-    matches!(joint_name, "a" | "b" | "c")
-}
-
 /// Where a joint would be, and its range, in the units of the machine file.
-fn place_in_range(joint_name: &str, values: [f64; 3]) -> String {
-    let (unit, scale) = match is_turning(joint_name) {
+fn place_in_range(rotary: bool, values: [f64; 3]) -> String {
+    let (unit, scale) = match rotary {
         true => ("°", 180.0 / std::f64::consts::PI),
         false => (" mm", 1.0),
     };
@@ -114,20 +111,22 @@ fn place_in_range(joint_name: &str, values: [f64; 3]) -> String {
 }
 
 /// What the user can do.
-fn range_hint(joint_name: &str) -> &'static str {
-    match joint_name {
-        "c" => {
+fn range_hint(joint_name: &str, rotary: bool) -> &'static str {
+    match (joint_name, rotary) {
+        ("c", _) => {
             "passes are cut where the nozzle has to turn back, but for every heading it needs half a \
              turn and some 20° more: give it that range in the machine file"
         }
-        name if is_turning(name) => "tilt the tool less there, or turn the part",
-        _ => "move the part with --at or use a larger machine",
+        (_, true) => "tilt the tool less there, or turn the part",
+        (_, false) => "move the part with --at or use a larger machine",
     }
 }
 
 /// Limits of one joint, share applied.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct JointLimit {
+    /// True where it turns: rad instead of mm.
+    pub rotary: bool,
     /// Lowest position, mm or rad.
     pub position_min: f64,
     /// Highest position, mm or rad.
@@ -186,6 +185,7 @@ impl MotionLimits {
                 .iter()
                 .take(count)
                 .map(|joint| JointLimit {
+                    rotary: joint.rotary,
                     position_min: joint.position_min,
                     position_max: joint.position_max,
                     speed_max: joint.speed_max * share,
@@ -363,6 +363,7 @@ pub fn check_range(
             return Err(MotionError::OutsideJointRange {
                 joint,
                 name: names.get(joint).copied().unwrap_or("?"),
+                rotary: limit.rotary,
                 position,
                 minimum: limit.position_min,
                 maximum: limit.position_max,
