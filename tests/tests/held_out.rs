@@ -11,7 +11,7 @@ use rayon::prelude::*;
 
 /// Parts with more overlap than the 5 % asked of each, and what they may have.
 const OVERLAP_PCT: [(&str, f64); 1] = [
-    // 39 hexagons, a web of two beads: at each of its 60 joints three pairs of beads meet and turn.
+    // 40 hexagons, a web of two beads: at each of its 57 joints three pairs of beads meet and turn.
     ("honeycomb 2", 7.5),
 ];
 
