@@ -2,6 +2,7 @@
 //! (order, travel, flow), time law, segments. A stage knows the output type of the stage before
 //! it, `geometry` and `settings`; none knows a clock, a file or a thread.
 
+mod axis_trails;
 pub mod bead_count;
 pub mod beads;
 pub mod bridge_cost;

@@ -1,5 +1,6 @@
 //! Stretches of the axis where only one bead fits across, and the region cut along their ends.
 
+use super::axis_trails::{Trail, trails};
 use super::bead_count::spanning_forest;
 use super::contacts::Contact;
 use super::passes::PassSettings;
@@ -274,94 +275,35 @@ fn piece_of(outline: Region, axis: &Axis, nodes: &NodesByPlace) -> Option<Piece>
     })
 }
 
-/// Chains of single nodes, longest first at junctions, as contacts on the axis.
+/// Trails of single nodes as contacts on the axis.
 fn runs(
     axis: &Axis,
     neighbours: &[Vec<u32>],
     single: &[bool],
     settings: &PassSettings,
 ) -> Vec<SingleRun> {
-    let b = settings.aperture.minor_mm();
+    let (a, b) = (settings.aperture.major_mm(), settings.aperture.minor_mm());
     let usable: Vec<bool> = (0..single.len())
         .map(|n| single[n] && axis.radii_mm[n] >= b)
         .collect();
-    let mut used = vec![false; single.len()];
-    let degree = |n: usize| {
-        neighbours[n]
-            .iter()
-            .filter(|&&m| usable[m as usize])
-            .count()
+    let is_long = |trail: &Trail| trail.nodes.len() >= 2;
+    let run = |trail: Trail| {
+        let last = trail.nodes.len() - 1;
+        let ends = [(0, 0), (1, last)].map(|(end, at)| {
+            let near = neighbours[trail.nodes[at]].iter().map(|&n| n as usize);
+            let piece = near.filter(|&n| !single[n]).min();
+            match trail.joints[end].or(piece) {
+                Some(node) => RunEnd::Meets(node),
+                None => RunEnd::Free,
+            }
+        });
+        SingleRun {
+            contacts: axis_contacts(&trail.nodes, ends, axis, settings, trail.closed),
+            closed: trail.closed,
+        }
     };
-    let mut starts: Vec<usize> = (0..single.len()).filter(|&n| usable[n]).collect();
-    starts.sort_by_key(|&n| (usize::from(degree(n) != 1), n));
-    let mut runs = Vec::new();
-    for start in starts {
-        if used[start] {
-            continue;
-        }
-        let others = used.clone();
-        let chain = walk(start, axis, neighbours, &usable, &mut used);
-        let end_of = |end: usize| {
-            let met = || neighbours[end].iter().map(|&n| n as usize);
-            if let Some(joint) = met().filter(|&n| usable[n] && others[n]).min() {
-                RunEnd::Meets(joint)
-            } else if let Some(next) = met().filter(|&n| !single[n]).min() {
-                RunEnd::Meets(next)
-            } else {
-                RunEnd::Free
-            }
-        };
-        let ends = [end_of(start), end_of(chain[chain.len() - 1])];
-        let closed = chain.len() > 3
-            && degree(start) == 2
-            && chain
-                .last()
-                .is_some_and(|&l| neighbours[l].contains(&(start as u32)));
-        if chain.len() >= 2 {
-            runs.push(SingleRun {
-                contacts: axis_contacts(&chain, ends, axis, settings, closed),
-                closed,
-            });
-        }
-    }
-    runs
-}
-
-/// Follows the straightest unused neighbour to the end.
-fn walk(
-    start: usize,
-    axis: &Axis,
-    neighbours: &[Vec<u32>],
-    usable: &[bool],
-    used: &mut [bool],
-) -> Vec<usize> {
-    let mut chain = vec![start];
-    used[start] = true;
-    let mut direction: Option<Vector2> = None;
-    loop {
-        let at = chain[chain.len() - 1];
-        let mut best: Option<(f64, usize)> = None;
-        for &next in &neighbours[at] {
-            let next = next as usize;
-            if usable[next] && !used[next] {
-                let step = (axis.points[next] - axis.points[at]).try_normalize(1e-12);
-                let score = match (direction, step) {
-                    (Some(d), Some(s)) => d.dot(&s),
-                    _ => 1.0,
-                };
-                if best.is_none_or(|(found, _)| score > found) {
-                    best = Some((score, next));
-                }
-            }
-        }
-        let Some((_, next)) = best else {
-            return chain;
-        };
-        let back = chain[chain.len().saturating_sub(5)];
-        used[next] = true;
-        chain.push(next);
-        direction = (axis.points[next] - axis.points[back]).try_normalize(1e-12);
-    }
+    let trails = trails(axis, neighbours, &usable, a);
+    trails.into_iter().filter(is_long).map(run).collect()
 }
 
 /// What lies behind the end of a run.
