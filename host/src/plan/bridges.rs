@@ -7,7 +7,7 @@
 
 use super::bridge_cost::{Bridge, BridgeCosts};
 use super::by_place::ByPlace;
-use super::darts::{eased, inside_way};
+use super::free_ways::free_way;
 use super::heading_profile::Placement;
 use super::links::nearest_of_each;
 use super::passes::LayerPass;
@@ -21,7 +21,7 @@ use std::collections::BTreeMap;
 /// Longest bridge, against a: neighbouring beads lie up to 2a apart.
 const LENGTH_SHARE: f64 = 2.6;
 /// Largest turn of the heading on a bridge, rad.
-const TURN_MAX_RAD: f64 = 1.6;
+const TURN_MAX_RAD: f64 = 2.0;
 /// Places looked at along two neighbouring loops.
 const PLACES: usize = 6;
 /// What is taken out of either loop, against the extents of the aperture along the travel.
@@ -30,7 +30,7 @@ const OTHER_OPENINGS: [f64; 2] = [1.2, 2.2];
 /// Places at which the other openings are tried too.
 const REFINED: usize = 6;
 /// Most ground that a bridge may spoil, against the aperture's area: left open or covered again.
-const COST_SHARE_MAX: f64 = 1.0;
+const COST_SHARE_MAX: f64 = 1.5;
 /// Least placements of a pass that is opened.
 const COUNT_MIN: usize = 16;
 /// What it is worth to use up the ends of a run, against the aperture's area.
@@ -209,11 +209,7 @@ fn with_ways(
     let crossed = apart(0, 0) + apart(1, 1) > apart(0, 1) + apart(1, 0);
     let way = |end: usize| {
         let (from, to) = (pose(0, end), pose(1, end ^ usize::from(crossed)));
-        let turn = aperture.wrapped_rad(to.heading_rad - from.heading_rad);
-        if turn.abs() > TURN_MAX_RAD {
-            return None;
-        }
-        let mut way = inside_way(eased(from, to, aperture), aperture, walls)?;
+        let mut way = free_way(from, to, TURN_MAX_RAD, aperture, walls)?;
         way.pop();
         Some(way)
     };

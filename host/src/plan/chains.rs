@@ -2,10 +2,11 @@
 //!
 //! A ring that holds no bead in its sharp corners falls into runs from corner to corner; channels
 //! end where others begin. The ends are joined by straight ways, those first that cover the least
-//! ground again; each end is joined once at most (greedy matching).
+//! ground again; each end is joined once at most ([`super::end_matching`]).
 
 use super::beads::Beads;
 use super::by_place::ByPlace;
+use super::end_matching::{End, Pair, matched};
 use super::heading_profile::Placement;
 use super::links::{Directed, link, nearest_of_each};
 use super::order::{opened, rotated};
@@ -18,12 +19,11 @@ use std::collections::{HashMap, HashSet};
 use std::sync::LazyLock;
 
 /// Longest way between two ends that are joined, against a.
-const END_REACH_SHARE: f64 = 2.0;
+const END_REACH_SHARE: f64 = 3.0;
+/// Ground that the join which closes the last open run may cover again, against the aperture's area.
+const IDLE_SHARE: f64 = 0.25;
 /// Least placements of a run that is closed to a loop.
 const LOOP_COUNT_MIN: usize = 16;
-
-/// An end of a pass: its number, and 0 for the start or 1 for the end.
-type End = (usize, usize);
 
 /// A way from the one end to the other, both left out.
 struct Join {
@@ -43,16 +43,33 @@ pub fn chained(passes: Vec<LayerPass>, aperture: &Aperture, walls: &EdgeIndex) -
     joined_up(&passes, joins, aperture)
 }
 
-/// The passes with as many of the joins as there are ends for, the cheapest first.
-fn joined_up(passes: &[LayerPass], mut joins: Vec<Join>, aperture: &Aperture) -> Vec<LayerPass> {
-    joins.sort_by(|x, y| x.cost_mm2.total_cmp(&y.cost_mm2).then(x.ends.cmp(&y.ends)));
-    let mut at_end: HashMap<End, (End, Vec<Placement>)> = HashMap::new();
-    for Join { ends, way, .. } in joins {
-        if ends.iter().all(|end| !at_end.contains_key(end)) {
-            let back = way.iter().rev().copied().collect();
-            at_end.insert(ends[0], (ends[1], way));
-            at_end.insert(ends[1], (ends[0], back));
+/// As many of the joins as there are ends for. A tour of all loops is open at one place anyway: where
+/// no end would be over, the costliest join is left out, if it costs more than `idle_mm2`; else a
+/// loop may begin anywhere.
+fn chosen(pairs: &[Pair], ends_count: usize, idle_mm2: f64) -> Vec<usize> {
+    let mut chosen = matched(pairs);
+    if 2 * chosen.len() == ends_count {
+        let cost = |at: usize| pairs[chosen[at]].1;
+        let costly = (0..chosen.len()).filter(|&at| cost(at) > idle_mm2);
+        let costliest = costly.max_by(|&i, &j| cost(i).total_cmp(&cost(j)).then(j.cmp(&i)));
+        if let Some(at) = costliest {
+            chosen.remove(at);
         }
+    }
+    chosen
+}
+
+/// The passes with as many of the joins as there are ends for.
+fn joined_up(passes: &[LayerPass], joins: Vec<Join>, aperture: &Aperture) -> Vec<LayerPass> {
+    let pairs: Vec<Pair> = joins.iter().map(|j| (j.ends, j.cost_mm2)).collect();
+    let mut at_end: HashMap<End, (End, Vec<Placement>)> = HashMap::new();
+    let open = passes.iter().filter(|pass| is_open_run(pass)).count();
+    let idle_mm2 = IDLE_SHARE * aperture.area_mm2();
+    for number in chosen(&pairs, 2 * open, idle_mm2) {
+        let Join { ends, way, .. } = &joins[number];
+        let back = way.iter().rev().copied().collect();
+        at_end.insert(ends[0], (ends[1], way.clone()));
+        at_end.insert(ends[1], (ends[0], back));
     }
     let mut taken = vec![false; passes.len()];
     let mut result = Vec::new();
@@ -173,15 +190,18 @@ fn meetings_at(
     either.collect()
 }
 
+/// True for what has ends to be joined.
+fn is_open_run(pass: &LayerPass) -> bool {
+    pass.kind.follows_walls() && !pass.closed && !pass.placements.is_empty()
+}
+
 /// Pairs of ends of open passes within `reach_mm`.
 fn near_ends(passes: &[LayerPass], reach_mm: f64) -> Vec<[End; 2]> {
     let place = |(number, end): End| {
         let placements = &passes[number].placements;
         placements[end * (placements.len() - 1)].at.center
     };
-    let is_open =
-        |pass: &LayerPass| pass.kind.follows_walls() && !pass.closed && !pass.placements.is_empty();
-    let open = (0..passes.len()).filter(|&number| is_open(&passes[number]));
+    let open = (0..passes.len()).filter(|&number| is_open_run(&passes[number]));
     let ends: Vec<End> = open.flat_map(|number| [(number, 0), (number, 1)]).collect();
     let index = ByPlace::of(reach_mm, ends.iter().map(|&end| (place(end), end)));
     let mut near = Vec::new();

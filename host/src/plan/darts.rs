@@ -7,8 +7,9 @@
 
 use super::by_place::ByPlace;
 use super::channel_walls::turn_to;
+use super::free_ways::{eased, inside_way};
 use super::gap_raster::{GapRaster, Ground};
-use super::heading_profile::{Placement, slide_inside};
+use super::heading_profile::Placement;
 use super::passes::LayerPass;
 use crate::geometry::aperture::Aperture;
 use crate::geometry::clearance::Configuration;
@@ -28,14 +29,6 @@ const STARTS: usize = 24;
 const WAYS: usize = 4;
 /// Longest excursion, against the major semi-axis.
 const REACH: f64 = 3.0;
-/// Step of the excursion, mm against b and rad.
-const STEP_SHARE: f64 = 0.6;
-const STEP_RAD: f64 = 0.2;
-/// An excursion may cut the wall by this share of the aperture; the finished curve is pushed off.
-const CUT_SHARE: f64 = 1e-3;
-/// Slides of one pose of the way, and how far it may be slid, against b.
-const SLIDES: usize = 4;
-const SLIDE_SHARE: f64 = 0.8;
 
 /// Gaps searched side by side: enough for any number of threads, and what they may cover fits the
 /// memory.
@@ -176,45 +169,6 @@ impl Starts {
         });
         darts.take(WAYS).collect()
     }
-}
-
-/// The way slid off the walls where it cuts them; `None` where that does not help, or where the
-/// slide is so long that the way would no longer be a way.
-pub(super) fn inside_way(
-    way: Vec<Configuration>,
-    aperture: &Aperture,
-    walls: &EdgeIndex,
-) -> Option<Vec<Configuration>> {
-    let slide_max_mm = SLIDE_SHARE * aperture.minor_mm();
-    way.into_iter()
-        .map(|at| {
-            let slid = slide_inside(at, aperture, walls, SLIDES, CUT_SHARE)?;
-            ((slid.center - at.center).norm() <= slide_max_mm).then_some(slid)
-        })
-        .collect()
-}
-
-/// The straight way, the start left out, in steps that begin and end small.
-pub(super) fn eased(
-    from: Configuration,
-    to: Configuration,
-    aperture: &Aperture,
-) -> Vec<Configuration> {
-    let turn = turn_to(aperture, from.heading_rad, to.heading_rad);
-    let delta = to.center - from.center;
-    let steps = (delta.norm() / (STEP_SHARE * aperture.minor_mm()))
-        .max(turn.abs() / STEP_RAD)
-        .ceil()
-        .max(2.0) as usize;
-    (1..=steps)
-        .map(|step| {
-            let t = 0.5 - 0.5 * (std::f64::consts::PI * step as f64 / steps as f64).cos();
-            Configuration {
-                center: from.center + delta * t,
-                heading_rad: from.heading_rad + turn * t,
-            }
-        })
-        .collect()
 }
 
 /// Inserts the excursions behind their placements, last first so that the numbers stay right.

@@ -6,7 +6,7 @@
 
 use super::beads::Beads;
 use super::by_place::ByPlace;
-use super::darts::{eased, inside_way};
+use super::free_ways::free_way;
 use super::heading_profile::Placement;
 use super::passes::{LayerPass, PassKind};
 use crate::geometry::aperture::Aperture;
@@ -25,7 +25,7 @@ const AGAIN_SHARE_MAX: f64 = 2.0;
 /// Path at either end whose ground a link may cover, against a.
 const OWN_SHARE: f64 = 2.0;
 /// Largest turn of the heading on a link, rad.
-const TURN_MAX_RAD: f64 = 1.6;
+const TURN_MAX_RAD: f64 = 2.0;
 
 /// Joins passes in printing order where a link is possible.
 pub fn linked(passes: Vec<LayerPass>, aperture: &Aperture, walls: &EdgeIndex) -> Vec<LayerPass> {
@@ -89,7 +89,6 @@ pub(super) fn link(
 ) -> Option<(Vec<Placement>, f64)> {
     let aperture = *beads.aperture();
     let (end, start) = (before.placements().next_back()?, next.placements().next()?);
-    let turn = aperture.wrapped_rad(start.at.heading_rad - end.at.heading_rad);
     let length_mm = (start.at.center - end.at.center).norm();
     let lines = [before, next]
         .iter()
@@ -99,10 +98,10 @@ pub(super) fn link(
     } else {
         LENGTH_SHARE
     };
-    if length_mm > share * aperture.major_mm() || turn.abs() > TURN_MAX_RAD {
+    if length_mm > share * aperture.major_mm() {
         return None;
     }
-    let way = inside_way(eased(end.at, start.at, &aperture), &aperture, walls)?;
+    let way = free_way(end.at, start.at, TURN_MAX_RAD, &aperture, walls)?;
     let reach_mm = OWN_SHARE * aperture.major_mm();
     let own_end = stretch(before.placements().rev(), reach_mm);
     let own_start = stretch(next.placements(), reach_mm);

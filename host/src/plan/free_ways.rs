@@ -1,0 +1,156 @@
+//! Ways of the aperture from one placement to another that keep inside the walls.
+
+use super::channel_walls::turn_to;
+use super::heading_profile::slide_inside;
+use crate::geometry::aperture::Aperture;
+use crate::geometry::clearance::Configuration;
+use crate::geometry::edge_index::EdgeIndex;
+
+/// Step of a way, mm against b and rad.
+const STEP_SHARE: f64 = 0.6;
+const STEP_RAD: f64 = 0.2;
+/// A way may cut the wall by this share of the aperture; the finished curve is pushed off.
+const CUT_SHARE: f64 = 1e-3;
+/// Slides of one pose of a way, and how far it may be slid, against b.
+const SLIDES: usize = 4;
+const SLIDE_SHARE: f64 = 0.8;
+
+/// How a way is gone: the shares of the move and of the turn that are done at a share of the way.
+type Shape = fn(f64) -> [f64; 2];
+
+const BOTH: Shape = |t| [t, t];
+const TURN_FIRST: Shape = |t| [(2.0 * t - 1.0).max(0.0), (2.0 * t).min(1.0)];
+const MOVE_FIRST: Shape = |t| [(2.0 * t).min(1.0), (2.0 * t - 1.0).max(0.0)];
+
+/// A straight way that stays inside, the start left out: with the shorter turn, or else the other
+/// way round, none of more than `turn_max_rad`; turning on the way, before or after it.
+pub fn free_way(
+    from: Configuration,
+    to: Configuration,
+    turn_max_rad: f64,
+    aperture: &Aperture,
+    walls: &EdgeIndex,
+) -> Option<Vec<Configuration>> {
+    let turn = turn_to(aperture, from.heading_rad, to.heading_rad);
+    let turns = [turn, turn - aperture.period_rad().copysign(turn)];
+    let turns = turns.into_iter().filter(|turn| turn.abs() <= turn_max_rad);
+    let mut ways = turns.flat_map(|turn| {
+        let shapes = [BOTH, TURN_FIRST, MOVE_FIRST].into_iter();
+        shapes.map(move |shape| shaped(from, to, turn, shape, aperture))
+    });
+    ways.find_map(|way| inside_way(way, aperture, walls))
+}
+
+/// The straight way, the start left out, in steps that begin and end small.
+pub fn eased(from: Configuration, to: Configuration, aperture: &Aperture) -> Vec<Configuration> {
+    let turn = turn_to(aperture, from.heading_rad, to.heading_rad);
+    shaped(from, to, turn, BOTH, aperture)
+}
+
+fn shaped(
+    from: Configuration,
+    to: Configuration,
+    turn_rad: f64,
+    shape: Shape,
+    aperture: &Aperture,
+) -> Vec<Configuration> {
+    let delta = to.center - from.center;
+    let [moves, turns] = [
+        delta.norm() / (STEP_SHARE * aperture.minor_mm()),
+        turn_rad.abs() / STEP_RAD,
+    ];
+    // What is not done at the same time takes the steps of both.
+    let [half, _] = shape(0.5);
+    let count = if half == 0.5 {
+        moves.max(turns)
+    } else {
+        2.0 * moves.max(turns)
+    };
+    let steps = count.ceil().max(2.0) as usize;
+    let eased = |t: f64| 0.5 - 0.5 * (std::f64::consts::PI * t).cos();
+    (1..=steps)
+        .map(|step| {
+            let [moved, turned] = shape(eased(step as f64 / steps as f64));
+            Configuration {
+                center: from.center + delta * moved,
+                heading_rad: from.heading_rad + turn_rad * turned,
+            }
+        })
+        .collect()
+}
+
+/// The way slid off the walls where it cuts them; `None` where that does not help, or where the
+/// slide is so long that the way would no longer be a way.
+pub fn inside_way(
+    way: Vec<Configuration>,
+    aperture: &Aperture,
+    walls: &EdgeIndex,
+) -> Option<Vec<Configuration>> {
+    let slide_max_mm = SLIDE_SHARE * aperture.minor_mm();
+    way.into_iter()
+        .map(|at| {
+            let slid = slide_inside(at, aperture, walls, SLIDES, CUT_SHARE)?;
+            ((slid.center - at.center).norm() <= slide_max_mm).then_some(slid)
+        })
+        .collect()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::geometry::Point2;
+    use crate::geometry::clearance::is_inside;
+    use crate::geometry::test_shapes::{ELLIPSE as APERTURE, walls};
+
+    fn at(x: f64, heading_rad: f64) -> Configuration {
+        Configuration {
+            center: Point2::new(x, 0.0),
+            heading_rad,
+        }
+    }
+
+    fn assert_free(way: &[Configuration], to: Configuration, walls: &EdgeIndex) {
+        for pose in way {
+            assert!(is_inside(&APERTURE, *pose, walls, 2e-3), "{pose:?}");
+        }
+        let end = way[way.len() - 1];
+        assert!((end.center - to.center).norm() < 1e-9);
+        let turns = (end.heading_rad - to.heading_rad) / APERTURE.period_rad();
+        assert!((turns - turns.round()).abs() < 1e-9);
+    }
+
+    /// Goal: where the shorter turn passes across the walls the longer one is taken, if it may be.
+    /// Method: a corridor 1 mm wide, in which 0.94 rad of heading fits; from 0.9 to -0.9 rad the
+    /// shorter turn leads over 90°.
+    #[test]
+    fn the_longer_turn_is_taken_where_the_shorter_one_cuts() {
+        let walls = walls(&[&[[-5.0, -0.5], [5.0, -0.5], [5.0, 0.5], [-5.0, 0.5]]]);
+        let (from, to) = (at(0.0, 0.9), at(1.0, -0.9));
+        assert!(inside_way(eased(from, to, &APERTURE), &APERTURE, &walls).is_none());
+        let way = free_way(from, to, 2.0, &APERTURE, &walls).expect("a way");
+        assert_free(&way, to, &walls);
+        assert!(free_way(from, to, 1.6, &APERTURE, &walls).is_none());
+    }
+
+    /// Goal: out of a room into a slot the aperture turns first, the other way moves first. Method: a
+    /// room 1.4 mm high and a slot of 0.5 mm, across in the one and along in the other.
+    #[test]
+    fn turns_are_made_where_there_is_room() {
+        let walls = walls(&[&[
+            [-1.5, -0.7],
+            [0.7, -0.7],
+            [0.7, -0.25],
+            [4.0, -0.25],
+            [4.0, 0.25],
+            [0.7, 0.25],
+            [0.7, 0.7],
+            [-1.5, 0.7],
+        ]]);
+        let (room, slot) = (at(0.0, std::f64::consts::FRAC_PI_2), at(1.6, 0.0));
+        for (from, to) in [(room, slot), (slot, room)] {
+            assert!(inside_way(eased(from, to, &APERTURE), &APERTURE, &walls).is_none());
+            let way = free_way(from, to, 2.0, &APERTURE, &walls).expect("a way");
+            assert_free(&way, to, &walls);
+        }
+    }
+}
