@@ -115,6 +115,23 @@ fn weak_places() -> Vec<(String, Rings)> {
         ];
         cases.push((format!("holes {gap_mm} mm apart"), vec![plate, low, high]));
     }
+    // Squares that overlap at a corner: no bead goes through the neck, each side takes the nozzle.
+    for (side_mm, neck_mm) in [(1.2, 0.1), (1.2, 0.39), (4.0, 0.31)] {
+        let from_mm = side_mm - neck_mm / 2.0_f64.sqrt();
+        let to_mm = from_mm + side_mm;
+        let squares = vec![
+            [0.0, 0.0],
+            [side_mm, 0.0],
+            [side_mm, from_mm],
+            [to_mm, from_mm],
+            [to_mm, to_mm],
+            [from_mm, to_mm],
+            [from_mm, side_mm],
+            [0.0, side_mm],
+        ];
+        let name = format!("neck of {neck_mm} mm between squares of {side_mm} mm");
+        cases.push((name, vec![squares]));
+    }
     cases
 }
 

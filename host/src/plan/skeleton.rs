@@ -81,9 +81,8 @@ impl Axis {
     /// its widest point does, if the aperture fits there.
     pub fn of_medial_axis(axis: &MedialAxis, aperture: &Aperture) -> Axis {
         let mut bush = Bush::of(axis);
-        let mut widest = bush.widest_of_components();
-        widest.retain(|&node| bush.radii_mm[node] >= aperture.minor_mm());
-        bush.drop_flat_ends(aperture.minor_mm());
+        let widest = bush.widest_of_lobes(aperture.minor_mm());
+        bush.drop_flat_ends(aperture.minor_mm(), &widest);
         for _ in 0..ROUNDS_MAX {
             if !bush.drop_short_branches() {
                 break;
@@ -129,12 +128,13 @@ impl Bush {
         self.links[b].retain(|l| l.0 != a);
     }
 
-    /// The widest node of each connected component.
-    fn widest_of_components(&self) -> Vec<usize> {
+    /// The widest node of each part of the axis that holds together where the aperture fits.
+    fn widest_of_lobes(&self, narrowest_mm: f64) -> Vec<usize> {
+        let fits = |node: usize| self.radii_mm[node] >= narrowest_mm;
         let mut seen = vec![false; self.points.len()];
         let mut found = Vec::new();
         for seed in 0..self.points.len() {
-            if seen[seed] {
+            if seen[seed] || !fits(seed) {
                 continue;
             }
             seen[seed] = true;
@@ -144,7 +144,7 @@ impl Bush {
                     widest = node;
                 }
                 for &(next, _) in &self.links[node] {
-                    if !seen[next] {
+                    if !seen[next] && fits(next) {
                         seen[next] = true;
                         stack.push(next);
                     }
@@ -155,13 +155,19 @@ impl Bush {
         found
     }
 
-    /// Eats free ends while they see their feet under a small angle or are narrower than the aperture.
-    fn drop_flat_ends(&mut self, narrowest_mm: f64) {
+    /// Eats free ends while they see their feet under a small angle or are narrower than the aperture,
+    /// but not beyond the widest node of a lobe: behind a neck lies ground of its own.
+    fn drop_flat_ends(&mut self, narrowest_mm: f64, widest: &[usize]) {
+        let mut stays = vec![false; self.points.len()];
+        for &node in widest {
+            stays[node] = true;
+        }
         let mut ends: Vec<usize> = (0..self.links.len())
             .filter(|&n| self.links[n].len() == 1)
             .collect();
         while let Some(end) = ends.pop() {
             if let [(next, angle)] = self.links[end][..]
+                && !stays[end]
                 && (angle < OBJECT_ANGLE_MIN_RAD || self.radii_mm[next] < narrowest_mm)
             {
                 self.unlink(end, next);
