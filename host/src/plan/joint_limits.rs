@@ -73,7 +73,8 @@ pub enum MotionError {
     #[error(
         "the path that begins with the tip at {from_mm:.3?} mm (machine coordinates) would take \
          {duration_s:.0} s ({at_speed_s:.0} s at its speed), more than the {most_s:.0} s that can be \
-         planned: raise the limit that is close to zero (a joint's or the flow's), or the speed"
+         planned: {}",
+        slow_hint(*at_speed_s, *most_s)
     )]
     TooSlow {
         /// How long it would take.
@@ -98,6 +99,15 @@ pub enum MotionError {
         /// Rate or acceleration against the planned share of the limit.
         ratio: f64,
     },
+}
+
+/// What to do about a path that takes too long.
+fn slow_hint(at_speed_s: f64, most_s: f64) -> &'static str {
+    if at_speed_s > most_s {
+        "raise the speed"
+    } else {
+        "raise the limit that is close to zero (a joint's or the flow's)"
+    }
 }
 
 /// Where a joint would be, and its range, in the units of the machine file.
