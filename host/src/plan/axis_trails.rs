@@ -5,9 +5,10 @@
 //! (L. Euler, 1736), wherever the walk begins. A pair that would close a loop waits until the others
 //! have been asked: a loop that a branch ends at is better gone around by that branch.
 
+use super::medial_axis::root;
 use super::skeleton::Axis;
 use crate::geometry::Vector2;
-use std::collections::HashMap;
+use std::collections::{HashMap, HashSet};
 
 /// One way along the axis.
 #[derive(Clone, Debug, PartialEq)]
@@ -75,13 +76,13 @@ impl Graph<'_> {
     /// The branches between joints and leaves, each once.
     fn branches(&self) -> Vec<Branch> {
         let mut branches: Vec<Branch> = Vec::new();
-        let mut known: HashMap<Leg, ()> = HashMap::new();
+        let mut known: HashSet<Leg> = HashSet::new();
         for (start, near) in self.neighbours.iter().enumerate() {
             if near.len() == 2 {
                 continue;
             }
             for &next in near {
-                if known.contains_key(&(start, next)) {
+                if known.contains(&(start, next)) {
                     continue;
                 }
                 let mut nodes = vec![start, next];
@@ -90,8 +91,7 @@ impl Graph<'_> {
                     nodes.push(if p == before { q } else { p });
                 }
                 let branch = Branch { nodes };
-                known.insert(branch.leg(0), ());
-                known.insert(branch.leg(1), ());
+                known.extend([branch.leg(0), branch.leg(1)]);
                 branches.push(branch);
             }
         }
@@ -241,15 +241,6 @@ impl Graph<'_> {
         }
         rings
     }
-}
-
-/// The representative of a set, the way there halved.
-fn root(parent: &mut [usize], mut of: usize) -> usize {
-    while parent[of] != of {
-        parent[of] = parent[parent[of]];
-        of = parent[of];
-    }
-    of
 }
 
 #[cfg(test)]

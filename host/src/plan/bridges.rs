@@ -9,7 +9,7 @@ use super::bridge_cost::{Bridge, BridgeCosts};
 use super::by_place::ByPlace;
 use super::free_ways::free_way;
 use super::heading_profile::Placement;
-use super::links::nearest_of_each;
+use super::links::{TURN_MAX_RAD, nearest_of_each};
 use super::passes::LayerPass;
 use super::runs::unwrap_headings;
 use crate::geometry::aperture::Aperture;
@@ -20,8 +20,6 @@ use std::collections::BTreeMap;
 
 /// Longest bridge, against a: neighbouring beads lie up to 2a apart.
 const LENGTH_SHARE: f64 = 2.6;
-/// Largest turn of the heading on a bridge, rad.
-const TURN_MAX_RAD: f64 = 2.0;
 /// Places looked at along two neighbouring loops.
 const PLACES: usize = 6;
 /// What is taken out of either loop, against the extents of the aperture along the travel.

@@ -8,7 +8,7 @@
 use super::channel_walls::poses_between;
 use super::heading_profile::Placement;
 use super::passes::LayerPass;
-use super::visits::{CELL_SHARE, CELLS_MAX, swept_poses};
+use super::visits::{CELLS_MAX, coverage};
 use crate::geometry::Point2;
 use crate::geometry::aperture::Aperture;
 use crate::geometry::coverage::{Cell, Coverage};
@@ -20,8 +20,6 @@ use crate::geometry::polygon::Box2;
 const OPEN_WEIGHT: i64 = 15;
 /// Most placements of the second piece that are left out.
 const SKIPPED_MAX: usize = 64;
-/// A pass that comes back to a place later than this lays it again, against a.
-const RETURN_SHARE: f64 = 4.0;
 /// Largest cell against the minor semi-axis: a coarser raster (of a region of more than about 0.28 m
 /// with the built-in aperture) says nothing about a cut.
 const CELL_SHARE_MAX: f64 = 0.5;
@@ -39,10 +37,7 @@ impl LaidGround {
         walls: &EdgeIndex,
         aperture: &Aperture,
     ) -> Option<LaidGround> {
-        let poses = swept_poses(passes, aperture);
-        let cell_mm = CELL_SHARE * aperture.minor_mm();
-        let return_mm = RETURN_SHARE * aperture.major_mm();
-        let raster = Coverage::sweep(walls, aperture, &poses, cell_mm, CELLS_MAX, return_mm);
+        let raster = coverage(passes, walls, aperture, CELLS_MAX);
         (raster.cell_mm <= CELL_SHARE_MAX * aperture.minor_mm()).then_some(LaidGround {
             raster,
             aperture: *aperture,

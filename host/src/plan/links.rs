@@ -24,8 +24,8 @@ const LINE_LENGTH_SHARE: f64 = 10.0;
 const AGAIN_SHARE_MAX: f64 = 2.0;
 /// Path at either end whose ground a link may cover, against a.
 const OWN_SHARE: f64 = 2.0;
-/// Largest turn of the heading on a link, rad.
-const TURN_MAX_RAD: f64 = 2.0;
+/// Largest turn of the heading on a link or a bridge, rad.
+pub(super) const TURN_MAX_RAD: f64 = 2.0;
 
 /// Joins passes in printing order where a link is possible.
 pub fn linked(passes: Vec<LayerPass>, aperture: &Aperture, walls: &EdgeIndex) -> Vec<LayerPass> {

@@ -14,6 +14,7 @@ mod prune;
 mod voronoi;
 
 pub use prune::PruneOptions;
+pub(super) use voronoi::root;
 pub use voronoi::{AxisOptions, MedialAxisError};
 
 use crate::geometry::Point2;

@@ -14,11 +14,11 @@ use super::passes::{LayerPass, PassKind, PassSettings, outer_passes, passes};
 use super::printed_order::{RegionPasses, in_printing_order};
 use super::skeleton::Axis;
 use super::unreachable::{UnreachableRun, unreachable_runs};
-use super::visits::{CELL_SHARE, swept_poses};
+use super::visits::coverage;
 use crate::geometry::Point2;
 use crate::geometry::aperture::Aperture;
 use crate::geometry::boolean::filled;
-use crate::geometry::coverage::{Cell, Coverage};
+use crate::geometry::coverage::Cell;
 use crate::geometry::edge_index::EdgeIndex;
 use crate::geometry::frame::Frame;
 use crate::geometry::polygon::Region;
@@ -298,15 +298,10 @@ impl RegionWork {
 const SMALL_MAX: usize = 6000;
 /// Most cells of the raster on which it is counted what a small region spoils.
 const CELLS_MAX: usize = 1_000_000;
-/// A pass that comes back to a place later than this covers it again, against a.
-const RETURN_SHARE: f64 = 4.0;
 
 /// Ground within the walls that is left open or covered again, mm².
 fn spoiled_mm2(passes: &[LayerPass], aperture: &Aperture, walls: &EdgeIndex) -> f64 {
-    let swept = swept_poses(passes, aperture);
-    let cell_mm = CELL_SHARE * aperture.minor_mm();
-    let return_mm = RETURN_SHARE * aperture.major_mm();
-    let raster = Coverage::sweep(walls, aperture, &swept, cell_mm, CELLS_MAX, return_mm);
+    let raster = coverage(passes, walls, aperture, CELLS_MAX);
     let spoiled = |cell: &&Cell| matches!(cell, Cell::Gap | Cell::Overlap);
     raster.cells.iter().filter(spoiled).count() as f64 * raster.cell_mm.powi(2)
 }

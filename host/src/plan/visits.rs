@@ -6,7 +6,8 @@ use crate::geometry::Point2;
 use crate::geometry::aperture::Aperture;
 use crate::geometry::cell_grid::{CellGrid, NO_COLUMNS, for_beyond};
 use crate::geometry::clearance::Configuration;
-use crate::geometry::coverage::SweptPose;
+use crate::geometry::coverage::{Coverage, SweptPose};
+use crate::geometry::edge_index::EdgeIndex;
 use crate::geometry::polygon::Box2;
 use rayon::prelude::*;
 use std::ops::Range;
@@ -154,8 +155,24 @@ pub fn poses(pass: &LayerPass, aperture: &Aperture) -> impl Iterator<Item = Conf
     )
 }
 
+/// A pass that comes back to a place later than this covers it again, against a.
+const RETURN_SHARE: f64 = 4.0;
+
+/// What passes cover of the region within `walls`, on a raster of at most so many cells.
+pub fn coverage(
+    passes: &[LayerPass],
+    walls: &EdgeIndex,
+    aperture: &Aperture,
+    cells_max: usize,
+) -> Coverage {
+    let poses = swept_poses(passes, aperture);
+    let cell_mm = CELL_SHARE * aperture.minor_mm();
+    let return_mm = RETURN_SHARE * aperture.major_mm();
+    Coverage::sweep(walls, aperture, &poses, cell_mm, cells_max, return_mm)
+}
+
 /// All poses of several passes, dense.
-pub fn swept_poses(passes: &[LayerPass], aperture: &Aperture) -> Vec<SweptPose> {
+fn swept_poses(passes: &[LayerPass], aperture: &Aperture) -> Vec<SweptPose> {
     let mut swept = Vec::new();
     for (number, pass) in passes.iter().enumerate() {
         let (mut path_mm, mut last) = (0.0, None);

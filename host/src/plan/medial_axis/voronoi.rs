@@ -439,7 +439,7 @@ fn assemble(index: &EdgeIndex, raw: RawAxis, options: &AxisOptions) -> MedialAxi
 }
 
 /// The representative of `v`, with path halving.
-pub(super) fn root(parent: &mut [usize], mut v: usize) -> usize {
+pub(in crate::plan) fn root(parent: &mut [usize], mut v: usize) -> usize {
     while parent[v] != v {
         parent[v] = parent[parent[v]];
         v = parent[v];
