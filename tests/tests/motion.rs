@@ -330,6 +330,37 @@ fn paths_that_take_for_ever_are_refused_with_their_place() {
     }
 }
 
+/// Goal: a print far slower than any limit but its speed takes what path and speed say; found as
+/// prints of 0.05 mm/s that took eighteen times as long, at up to twice the speed asked for.
+#[test]
+fn a_very_slow_print_takes_its_path_by_its_speed() {
+    let square = headway::input::read(
+        br#"{"units": "mm", "exterior": [[0, 0], [4, 0], [4, 4], [0, 4]]}"#,
+        "square",
+        headway::input::Format::Polygon,
+        &headway::input::ReadOptions::default(),
+    );
+    let square = square.expect("valid").target;
+    for speed_mm_s in [0.1, 0.05] {
+        let settings = Settings {
+            speed_mm_s,
+            ..Settings::default()
+        };
+        let plan = headway::plan_target(&square, &settings).expect("a plan");
+        let figures = &plan.figures;
+        let worst = sample_limits(&plan.stream, &settings, 2);
+        assert!(worst.all() <= 1.0 + 1e-5, "{speed_mm_s}: {worst:?}");
+        let least_s = figures.print_mm / (0.95 * speed_mm_s);
+        assert!(least_s > 100.0 && figures.print_s > least_s);
+        // Travel to the part, prime and retract take 3 s.
+        assert!(
+            figures.print_s < 1.01 * least_s + 3.0,
+            "{speed_mm_s}: {} s for {least_s} s",
+            figures.print_s
+        );
+    }
+}
+
 #[test]
 fn the_stream_does_not_depend_on_the_number_of_threads() {
     let settings = Settings::default();

@@ -61,6 +61,9 @@ pub const ROWS_MAX: usize = JOINTS_MAX + 1 + 2 * TIP_SIDES.len();
 const SAMPLE_STEP_MM: f64 = 0.05;
 /// Largest turn of heading or tilt between samples.
 const SAMPLE_STEP_RAD: f64 = 0.03;
+/// Longest time between samples at the limit of the tip's speed: where it alone binds, the rate
+/// follows the shape of the path, and between coarser samples of a slow path it runs beyond.
+const SAMPLE_STEP_S: f64 = 0.1;
 /// Least samples a span and a stretch: second derivatives are linear in a span.
 const SAMPLES_PER_SPAN_MIN: usize = 2;
 const SAMPLES_PER_STRETCH_MIN: usize = 200;
@@ -158,13 +161,19 @@ impl PathSample {
 }
 
 /// How many cells a span is cut into.
-fn cells_of_span(curve: &PathCurve, span: usize) -> usize {
+fn cells_of_span(curve: &PathCurve, span: usize, limits: &MotionLimits) -> usize {
     let (a, b) = (&curve.control[span], &curve.control[span + 1]);
-    let length_mm = (Vector3::from(tip_mm(a)) - Vector3::from(tip_mm(b))).norm();
+    let leg_mm = |a, b| (Vector3::from(tip_mm(a)) - Vector3::from(tip_mm(b))).norm();
     let turn_rad = (CHANNEL_TILT_X..=CHANNEL_HEADING)
         .map(|channel| (a[channel] - b[channel]).abs())
         .fold(0.0, f64::max);
-    let cells = (length_mm / SAMPLE_STEP_MM).max(turn_rad / SAMPLE_STEP_RAD);
+    // Where the tip turns back, its speed in the span comes from the legs beside it.
+    let last = curve.control.len() - 1;
+    let legs = curve.control[span.saturating_sub(1)..=(span + 2).min(last)].windows(2);
+    let longest_mm = legs.map(|leg| leg_mm(&leg[0], &leg[1])).fold(0.0, f64::max);
+    let cells = (leg_mm(a, b) / SAMPLE_STEP_MM)
+        .max(turn_rad / SAMPLE_STEP_RAD)
+        .max(longest_mm / (limits.tip_speed_mm_s * SAMPLE_STEP_S));
     let least = SAMPLES_PER_SPAN_MIN.max(SAMPLES_PER_STRETCH_MIN.div_ceil(curve.span_count()));
     (cells.ceil() as usize).clamp(least, SAMPLES_PER_SPAN_MAX)
 }
@@ -177,7 +186,7 @@ pub fn sample_path(
 ) -> Result<Vec<PathSample>, MotionError> {
     let mut samples = Vec::with_capacity(curve.span_count() * (SAMPLES_PER_SPAN_MIN + 1));
     for span in 0..curve.span_count() {
-        let cells = cells_of_span(curve, span);
+        let cells = cells_of_span(curve, span, limits);
         for cell in 0..cells {
             let s = cell as f64 / cells as f64;
             samples.push(PathSample::new(curve, span, s, limits)?);

@@ -127,6 +127,28 @@ fn peak_speed(v0: f64, a0: f64, v1: f64, a1: f64, length_s: f64) -> f64 {
     ends.max((v0 + 0.5 * a0 * at_s).abs())
 }
 
+/// Largest tip speed between two samples `length_s` apart: by its slope, and by the velocity where
+/// that is zero, which the path's turning back may make larger.
+fn peak_tip_speed(low: &CurvePoint, high: &CurvePoint, length_s: f64) -> f64 {
+    let slope = |point: &CurvePoint, speed: f64| {
+        let (v, a) = (&point.first, &point.second);
+        (v[0] * a[0] + v[1] * a[1] + v[2] * a[2]) / speed.max(1e-12)
+    };
+    let (v0, v1) = (tip_norm(&low.first), tip_norm(&high.first));
+    let (a0, a1) = (slope(low, v0), slope(high, v1));
+    let peak = peak_speed(v0, a0, v1, a1, length_s);
+    if a0 * a1 >= 0.0 {
+        return peak;
+    }
+    let share = a0 / (a0 - a1);
+    let at_s = length_s * share;
+    let there = std::array::from_fn(|c| {
+        let (start, end) = (low.second[c], high.second[c]);
+        low.first[c] + at_s * (start + 0.5 * share * (end - start))
+    });
+    peak.max(tip_norm(&there))
+}
+
 /// Ratios between two neighbouring samples.
 fn piece_ratios(low: &Sample, high: &Sample, length_s: f64, limits: &MotionLimits) -> Ratios {
     let mut worst = Ratios::default();
@@ -151,12 +173,7 @@ fn piece_ratios(low: &Sample, high: &Sample, length_s: f64, limits: &MotionLimit
         high.point.second[CHANNEL_VOLUME],
     );
     let flow = peak_speed(f0, g0, f1, g1, length_s);
-    let (v0, v1) = (tip_norm(&low.point.first), tip_norm(&high.point.first));
-    let slope = |sample: &Sample, speed: f64| {
-        let (v, a) = (&sample.point.first, &sample.point.second);
-        (v[0] * a[0] + v[1] * a[1] + v[2] * a[2]) / speed.max(1e-12)
-    };
-    let tip = peak_speed(v0, slope(low, v0), v1, slope(high, v1), length_s);
+    let tip = peak_tip_speed(&low.point, &high.point, length_s);
     let tip_acceleration = tip_norm(&low.point.second).max(tip_norm(&high.point.second));
     worst.max(Ratios {
         speed: (tip / limits.tip_speed_mm_s).max(flow / limits.flow_max_mm3_s),

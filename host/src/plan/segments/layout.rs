@@ -13,8 +13,12 @@ use headway_protocol::units::CHANNELS;
 /// Shortest span: 3 ms. In a shorter one the rounding to wire units is felt as acceleration (0.1 um
 /// in 1 ms is 100 mm/s²), and the time law has nothing faster.
 const SPAN_TICKS_MIN: usize = 6;
-/// Longest span of a moving stretch: 128 ms, so that the check's samples stay close.
+/// Longest span of a moving stretch: 128 ms, or as long as the tip takes for a way of 0.1 mm. In a
+/// shorter way the rounding to wire units is felt as speed (0.1 um in 0.1 mm is 0.1 %). Half of what
+/// the wire has leaves room for slowing.
 const SPAN_TICKS_LONG: f64 = 256.0;
+const SPAN_WAY_MM: f64 = 0.1;
+const SPAN_TICKS_LONGEST: f64 = 0.5 * SPAN_TICKS_MAX as f64;
 /// Spans to begin with.
 const SPAN_TICKS_FIRST: f64 = 12.0;
 /// Rounds of spreading and of halving; a span of 256 ticks halves seven times.
@@ -22,6 +26,11 @@ const SPREAD_ROUNDS: usize = 7;
 const HALVING_ROUNDS: usize = 8;
 /// Error that the spreading aims at, against the tolerance.
 const ERROR_AIM: f64 = 0.65;
+
+/// Longest span, ticks, of a stretch with this limit of the tip's speed.
+pub fn span_ticks_long(tip_speed_mm_s: f64, servo_hz: f64) -> f64 {
+    (SPAN_WAY_MM / tip_speed_mm_s * servo_hz).clamp(SPAN_TICKS_LONG, SPAN_TICKS_LONGEST)
+}
 
 /// Knots a tick, constant over each span of the last layout.
 struct Density {
@@ -39,7 +48,7 @@ impl Density {
     }
 
     /// What the errors of a layout ask for.
-    fn wanted(durations_ticks: &[u16], errors: &[f64]) -> Self {
+    fn wanted(durations_ticks: &[u16], errors: &[f64], span_ticks_long: f64) -> Self {
         let raw: Vec<f64> = durations_ticks
             .iter()
             .zip(errors)
@@ -56,7 +65,7 @@ impl Density {
                 let mean = 0.25 * (left + right) + 0.5 * raw[i];
                 let least = 0.5 * left.max(right);
                 let dense = if errors[i] > 1.0 { raw[i] } else { mean };
-                dense.max(least).max(1.0 / SPAN_TICKS_LONG)
+                dense.max(least).max(1.0 / span_ticks_long)
             })
             .collect();
         Self {
@@ -179,12 +188,13 @@ impl Layout {
 
 /// Lays knots and fits until every span keeps its tolerance or cannot be cut further.
 /// The path must last at least [`MOVING_TICKS_MIN`].
-pub fn lay_out(path: &TickPath, tolerances: &[f64; CHANNELS]) -> Layout {
+pub fn lay_out(path: &TickPath, tolerances: &[f64; CHANNELS], span_ticks_long: f64) -> Layout {
     let first = Density::first(path.ticks()).durations(path.ticks());
     let mut layout = Layout::new(path, &first, tolerances, None);
     for _ in 0..SPREAD_ROUNDS {
         let durations = &layout.spline.durations_ticks;
-        let next = Density::wanted(durations, &layout.errors).durations(path.ticks());
+        let wanted = Density::wanted(durations, &layout.errors, span_ticks_long);
+        let next = wanted.durations(path.ticks());
         let settled = layout.worst_error() <= 1.0 && next.len() * 50 >= durations.len() * 49;
         if settled || next == *durations {
             break;
@@ -205,7 +215,7 @@ pub fn lay_out_again(
 ) -> Layout {
     let count = before.spline.durations_ticks.len();
     let ticks = path.ticks();
-    let (mut tick_before, mut last_knot, mut tick) = (0, 0, 0);
+    let (mut tick_before, mut last_knot) = (0, 0);
     let mut durations = Vec::with_capacity(count);
     let mut spans = Vec::with_capacity(count);
     for (span, &duration) in before.spline.durations_ticks.iter().enumerate() {
@@ -216,14 +226,19 @@ pub fn lay_out_again(
         let latest = ticks - SPAN_TICKS_MIN * (count - span - 1);
         let place = place.clamp((last_knot + SPAN_TICKS_MIN).min(latest), latest);
         let place = if span + 1 == count { ticks } else { place };
-        let duration = (place - last_knot).min(usize::from(SPAN_TICKS_MAX));
-        durations.push(duration as u16);
-        let first = tick;
-        tick += duration;
-        let now = &u_at_tick[first..(tick + 2).min(u_at_tick.len())];
-        let then = &u_before[first_before..(tick_before + 2).min(u_before.len())];
-        spans.push((now == then).then_some(span));
-        last_knot = place;
+        // Slowed manifold, a span may outgrow the longest that the wire has: it becomes several.
+        let parts = (place - last_knot)
+            .div_ceil(usize::from(SPAN_TICKS_MAX))
+            .max(1);
+        for part in 0..parts {
+            let duration = (place - last_knot) / (parts - part);
+            let first = last_knot;
+            last_knot += duration;
+            durations.push(duration as u16);
+            let now = &u_at_tick[first..(last_knot + 2).min(u_at_tick.len())];
+            let then = &u_before[first_before..(tick_before + 2).min(u_before.len())];
+            spans.push((now == then).then_some(span));
+        }
     }
     let before = Before {
         layout: before,
@@ -276,7 +291,7 @@ mod tests {
     #[test]
     fn the_tolerance_is_kept_with_knots_where_they_are_needed() {
         let (path, _) = path(2000);
-        let layout = lay_out(&path, &TOLERANCES);
+        let layout = lay_out(&path, &TOLERANCES, SPAN_TICKS_LONG);
         let durations = &layout.spline.durations_ticks;
         assert_eq!(layout.spline.ticks(), 2000);
         assert!(
@@ -298,7 +313,7 @@ mod tests {
     fn knots_keep_their_places_on_the_path() {
         let (first, u_first) = path(2000);
         let (second, u_second) = path(2100);
-        let layout = lay_out(&first, &TOLERANCES);
+        let layout = lay_out(&first, &TOLERANCES, SPAN_TICKS_LONG);
         let again = lay_out_again(&second, &TOLERANCES, &layout, &u_first, &u_second);
         assert_eq!(again.spline.ticks(), 2100);
         assert_eq!(
@@ -320,9 +335,23 @@ mod tests {
     }
 
     #[test]
+    fn spans_that_outgrow_the_wire_become_several() {
+        let (first, u_first) = path(2000);
+        let (slow, u_slow) = path(200_000);
+        let layout = lay_out(&first, &TOLERANCES, SPAN_TICKS_LONG);
+        let longest = *layout.spline.durations_ticks.iter().max().unwrap();
+        assert!(100 * u32::from(longest) > u32::from(SPAN_TICKS_MAX));
+        let again = lay_out_again(&slow, &TOLERANCES, &layout, &u_first, &u_slow);
+        assert_eq!(again.spline.ticks(), 200_000);
+        let durations = &again.spline.durations_ticks;
+        assert!(durations.iter().all(|&ticks| ticks <= SPAN_TICKS_MAX));
+        assert!(again.worst_error() <= 1.0, "{}", again.worst_error());
+    }
+
+    #[test]
     fn the_shortest_path_has_three_spans() {
         let (path, _) = path(MOVING_TICKS_MIN);
-        let layout = lay_out(&path, &TOLERANCES);
+        let layout = lay_out(&path, &TOLERANCES, SPAN_TICKS_LONG);
         assert_eq!(layout.spline.durations_ticks.len(), 3);
         assert_eq!(layout.spline.ticks(), MOVING_TICKS_MIN as u64);
     }

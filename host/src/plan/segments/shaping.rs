@@ -66,7 +66,8 @@ impl Shaping<'_> {
     pub fn finish(&self) -> Result<FinishedStretch, MotionError> {
         let mut caps = Caps::uniform(self.samples.len(), SPEED_AIM, ACCELERATION_AIM);
         let mut law = self.time_law(&caps)?;
-        let mut layout = layout::lay_out(&self.path(&law), self.tolerances);
+        let long_ticks = layout::span_ticks_long(self.limits.tip_speed_mm_s, self.limits.servo_hz);
+        let mut layout = layout::lay_out(&self.path(&law), self.tolerances, long_ticks);
         for round in 0..=CAP_ROUNDS + WARP_ROUNDS {
             let mut pieces = self.check(&layout)?;
             if pieces
