@@ -148,6 +148,34 @@ fn texts_of_other_editors_are_read_or_named() {
         let bytes: Vec<u8> = wide.flat_map(u16::to_le_bytes).collect();
         std::fs::write(&file, bytes).expect("file");
         refused(&headway(&["inspect", path(&file)]), 1, &["UTF-16", "UTF-8"]);
+        for (bytes, part) in [
+            (&b"\x1f\x8b\x08\0"[..], "compressed"),
+            (b"PK\x03\x04", "unpack"),
+            (b" \n", "empty"),
+        ] {
+            std::fs::write(&file, bytes).expect("file");
+            refused(&headway(&["inspect", path(&file)]), 1, &[part]);
+        }
+    }
+    let machine = folder.join("m.toml");
+    std::fs::write(&machine, b"\xff\xfen\0").expect("file");
+    let output = headway(&["machine", "check", path(&machine)]);
+    refused(&output, 1, &["m.toml", "UTF-8"]);
+}
+
+/// Options of input and settings were taken with a job that is planned already, and did nothing.
+#[test]
+fn options_that_a_planned_job_cannot_heed_are_told() {
+    let folder = folder("heed");
+    let job = planned_job(&folder);
+    let plain = headway(&["simulate", &job, "--json"]);
+    assert!(stderr(&plain).is_empty(), "{}", stderr(&plain));
+    let plain = object(&plain);
+    for option in [["--speed", "10"], ["--scale", "2"], ["--at", "1,2,3"]] {
+        let output = headway(&[&["simulate", &job, "--json"], &option[..]].concat());
+        let said = stderr(&output);
+        assert!(said.contains("planned already"), "{said}");
+        assert_eq!(object(&output)["print_s"], plain["print_s"]);
     }
 }
 

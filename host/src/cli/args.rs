@@ -69,7 +69,7 @@ pub(super) struct InputArgs {
 }
 
 /// Where the input goes on the machine.
-#[derive(Debug, Args)]
+#[derive(Debug, Default, PartialEq, Args)]
 #[command(next_help_heading = "Input")]
 pub(super) struct PlaceArgs {
     /// Machine coordinates of the input's origin, mm [default: the input's box centred over the
@@ -83,7 +83,7 @@ pub(super) struct PlaceArgs {
 }
 
 /// What overrides the machine file.
-#[derive(Debug, Args)]
+#[derive(Clone, Debug, Default, PartialEq, Args)]
 #[command(next_help_heading = "Settings")]
 pub(super) struct SettingsArgs {
     /// Machine file [default: a built-in planar machine; see `headway machine new`].
@@ -183,7 +183,7 @@ pub(super) enum UnitName {
     In,
 }
 
-#[derive(Clone, Copy, Debug, ValueEnum)]
+#[derive(Clone, Copy, Debug, PartialEq, ValueEnum)]
 pub(super) enum PassName {
     /// Two passes, one along either wall, one where two do not fit.
     Two,
@@ -191,7 +191,7 @@ pub(super) enum PassName {
     One,
 }
 
-#[derive(Clone, Copy, Debug, ValueEnum)]
+#[derive(Clone, Copy, Debug, PartialEq, ValueEnum)]
 pub(super) enum SeamName {
     /// The calm place nearest to where the head is.
     Nearest,
@@ -201,7 +201,7 @@ pub(super) enum SeamName {
     Sharpest,
 }
 
-#[derive(Clone, Copy, Debug, ValueEnum)]
+#[derive(Clone, Copy, Debug, PartialEq, ValueEnum)]
 pub(super) enum ProfileName {
     /// Together: what fits the widths at the least turning and bending.
     Corridor,
@@ -209,7 +209,7 @@ pub(super) enum ProfileName {
     Pointwise,
 }
 
-#[derive(Clone, Copy, Debug, ValueEnum)]
+#[derive(Clone, Copy, Debug, PartialEq, ValueEnum)]
 pub(super) enum LawName {
     /// The angle at which the aperture just touches what it should.
     Tangent,

@@ -114,12 +114,17 @@ fn infill(args: &SettingsArgs, of_file: Option<Infill>) -> Result<Option<Infill>
 
 /// Reads and checks a machine file.
 pub(super) fn machine(path: &Path) -> Result<Settings, CliError> {
-    let bytes = read_file(path)?;
-    let text = String::from_utf8(bytes)
-        .map_err(|_| CliError::Job(format!("{}: not a text file", path.display())))?;
+    let text = read_text(path)?;
     let text = machine_with_polygon(text, path)?;
     machine_file::from_toml(&text)
         .map_err(|error| CliError::Job(format!("{}: {error}", path.display())))
+}
+
+fn read_text(path: &Path) -> Result<String, CliError> {
+    String::from_utf8(read_file(path)?).map_err(|_| {
+        let path = path.display();
+        CliError::Job(format!("{path}: not a text in UTF-8; save it as that"))
+    })
 }
 
 /// An aperture's description with the text of its polygon file, beside `folder`, in place of the
@@ -130,8 +135,7 @@ fn with_polygon(text: &str, folder: &Path) -> Result<String, CliError> {
     };
     let path = folder.join(name);
     let place = |problem: String| CliError::Job(format!("{}: {problem}", path.display()));
-    let corners =
-        String::from_utf8(read_file(&path)?).map_err(|_| place("not a text file".to_string()))?;
+    let corners = read_text(&path)?;
     let aperture =
         parse_aperture(&format!("polygon:{corners}")).map_err(|error| place(error.to_string()))?;
     Ok(aperture_text(&aperture))

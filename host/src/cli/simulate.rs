@@ -1,6 +1,6 @@
 //! `headway simulate`: the job through link and firmware, checked against the plan.
 
-use super::args::SimulateArgs;
+use super::args::{InputArgs, PlaceArgs, SettingsArgs, SimulateArgs};
 use super::console::{Console, check_file, check_folder};
 use super::planned::{self, Planned};
 use super::{CliError, job, pictures};
@@ -32,6 +32,7 @@ pub(super) fn run(args: &SimulateArgs, console: &Console) -> Result<(), CliError
         check_folder(folder)?;
     }
     let mut planned = if job::is_job(&args.input) {
+        console.notes(of_no_use(args).as_slice());
         planned::from_job(&args.input, &args.settings)?
     } else {
         planned::from_input(
@@ -65,6 +66,29 @@ pub(super) fn run(args: &SimulateArgs, console: &Console) -> Result<(), CliError
         console.result(&format!("{}\n{}", planned.name, planned.figures.to_text()))?;
     }
     verdict(&rehearsal)
+}
+
+/// What is said of a job that only planning could heed.
+fn of_no_use(args: &SimulateArgs) -> Option<String> {
+    let InputArgs {
+        from,
+        units,
+        scale,
+        repair,
+    } = args.reading;
+    let of_reading = from.is_some() || units.is_some() || scale != 1.0 || repair;
+    let machine_alone = SettingsArgs {
+        machine: args.settings.machine.clone(),
+        ..SettingsArgs::default()
+    };
+    let of_plan = args.place != PlaceArgs::default() || args.settings != machine_alone;
+    (of_reading || of_plan).then(|| {
+        let path = args.input.display();
+        format!(
+            "{path} is planned already: options of input and settings change nothing; plan the \
+             input again with them"
+        )
+    })
 }
 
 fn simulation_figures(rehearsal: &Rehearsal) -> Figures {

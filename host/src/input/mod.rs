@@ -178,15 +178,23 @@ pub fn read_any(
     read(bytes, name, format, options).map(Input::Outline)
 }
 
-/// The text without the byte order mark that some editors put in front.
+/// The text without the byte order mark that some editors put in front. Fails for what is no text by
+/// its first bytes.
 fn without_mark(bytes: &[u8], format: Format) -> Result<&[u8], InputError> {
-    if bytes.starts_with(&[0xff, 0xfe]) || bytes.starts_with(&[0xfe, 0xff]) {
-        return Err(InputError::Syntax {
-            format: format.name(),
-            problem: "its text is UTF-16; save it as UTF-8".to_string(),
-        });
-    }
-    Ok(bytes.strip_prefix(b"\xef\xbb\xbf").unwrap_or(bytes))
+    let known = |mark: &[u8]| bytes.starts_with(mark);
+    let problem = if known(&[0xff, 0xfe]) || known(&[0xfe, 0xff]) {
+        "its text is UTF-16; save it as UTF-8"
+    } else if known(&[0x1f, 0x8b]) || known(b"PK\x03\x04") {
+        "it is compressed; unpack it first"
+    } else if bytes.iter().all(u8::is_ascii_whitespace) {
+        "it is empty"
+    } else {
+        return Ok(bytes.strip_prefix(b"\xef\xbb\xbf").unwrap_or(bytes));
+    };
+    Err(InputError::Syntax {
+        format: format.name(),
+        problem: problem.to_string(),
+    })
 }
 
 fn check_scale(options: &ReadOptions) -> Result<(), InputError> {
