@@ -53,6 +53,14 @@ pub struct Coverage {
     pub cells: Vec<Cell>,
 }
 
+/// A pass that comes back to a place later than this covers it again, against a.
+const RETURN_SHARE: f64 = 4.0;
+
+/// Path after which a pass that comes back covers a place again.
+pub fn return_mm(aperture: &Aperture) -> f64 {
+    RETURN_SHARE * aperture.major_mm()
+}
+
 impl Coverage {
     /// Sweeps the poses over the region; `cell_mm` grows until the raster has at most
     /// `cells_max` cells.

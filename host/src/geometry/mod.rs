@@ -14,6 +14,7 @@ pub mod rounded_polygon;
 pub mod tangent_disk;
 #[cfg(test)]
 pub mod test_shapes;
+pub mod union_find;
 pub mod validity;
 
 /// A point in the layer plane, mm.

@@ -9,6 +9,7 @@ use super::Point2;
 use super::edge_index::{Edge, EdgeIndex};
 use super::polygon::{Region, Ring};
 use super::predicates::orientation;
+use super::union_find::root;
 use std::cmp::Ordering;
 use std::fmt;
 use thiserror::Error;
@@ -422,13 +423,7 @@ fn check_connected(touches: &[RingTouch]) -> Result<(), ValidityError> {
         if k > 0 && links[k - 1].0 != *at_mm {
             point_node += 1;
         }
-        let root = |parent: &[usize], mut v: usize| {
-            while parent[v] != v {
-                v = parent[v];
-            }
-            v
-        };
-        let (a, b) = (root(&parent, *ring), root(&parent, point_node));
+        let (a, b) = (root(&mut parent, *ring), root(&mut parent, point_node));
         if a == b {
             return Err(ValidityError::Disconnected { at_mm: *at_mm });
         }

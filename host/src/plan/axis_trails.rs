@@ -5,9 +5,9 @@
 //! (L. Euler, 1736), wherever the walk begins. A pair that would close a loop waits until the others
 //! have been asked: a loop that a branch ends at is better gone around by that branch.
 
-use super::medial_axis::root;
 use super::skeleton::Axis;
 use crate::geometry::Vector2;
+use crate::geometry::union_find::root;
 use std::collections::{HashMap, HashSet};
 
 /// One way along the axis.

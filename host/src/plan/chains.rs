@@ -60,15 +60,15 @@ fn chosen(pairs: &[Pair], ends_count: usize, idle_mm2: f64) -> Vec<usize> {
 }
 
 /// The passes with as many of the joins as there are ends for.
-fn joined_up(passes: &[LayerPass], joins: Vec<Join>, aperture: &Aperture) -> Vec<LayerPass> {
+fn joined_up(passes: &[LayerPass], mut joins: Vec<Join>, aperture: &Aperture) -> Vec<LayerPass> {
     let pairs: Vec<Pair> = joins.iter().map(|j| (j.ends, j.cost_mm2)).collect();
     let mut at_end: HashMap<End, (End, Vec<Placement>)> = HashMap::new();
     let open = passes.iter().filter(|pass| is_open_run(pass)).count();
     let idle_mm2 = IDLE_SHARE * aperture.area_mm2();
     for number in chosen(&pairs, 2 * open, idle_mm2) {
-        let Join { ends, way, .. } = &joins[number];
+        let Join { ends, way, .. } = &mut joins[number];
         let back = way.iter().rev().copied().collect();
-        at_end.insert(ends[0], (ends[1], way.clone()));
+        at_end.insert(ends[0], (ends[1], std::mem::take(way)));
         at_end.insert(ends[1], (ends[0], back));
     }
     let mut taken = vec![false; passes.len()];

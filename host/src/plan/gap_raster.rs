@@ -7,7 +7,7 @@ use super::visits::{CELL_SHARE, poses};
 use crate::geometry::aperture::Aperture;
 use crate::geometry::cell_grid::{ASIDE, CellGrid, CellWindow, NO_COLUMNS, for_beyond};
 use crate::geometry::clearance::{Configuration, is_inside};
-use crate::geometry::coverage::{Cell, Coverage, SweptPose};
+use crate::geometry::coverage::{Cell, Coverage, SweptPose, return_mm};
 use crate::geometry::edge_index::EdgeIndex;
 use crate::geometry::polygon::Box2;
 use crate::geometry::{Point2, Vector2};
@@ -309,7 +309,7 @@ impl GapRaster {
         excursion: &[Configuration],
         aperture: &Aperture,
     ) -> Ground {
-        let return_mm = 4.0 * aperture.major_mm();
+        let return_mm = return_mm(aperture);
         let placements = &pass.placements;
         let start = placements[after].at;
         let step_mm = |p: Configuration, q: Configuration| (q.center - p.center).norm();

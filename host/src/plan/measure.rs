@@ -9,7 +9,7 @@ use super::contour::Contour;
 use super::figures::{PlanFigures, Swept};
 use crate::geometry::aperture::Aperture;
 use crate::geometry::clearance::{Configuration, outside_bound_mm, outside_depth_mm};
-use crate::geometry::coverage::{Coverage, SweptPose};
+use crate::geometry::coverage::{Coverage, SweptPose, return_mm};
 use crate::geometry::edge_index::EdgeIndex;
 use crate::geometry::frame::Frame;
 use crate::geometry::polygon::Region;
@@ -278,7 +278,7 @@ impl<'a> PrintGround<'a> {
     fn sweep(&self, poses: &[SweptPose], cell_mm: f64) -> (Swept, RegionRaster) {
         let settings = self.settings;
         let area_mm2 = self.contour.region.area_mm2();
-        let return_mm = 4.0 * settings.aperture.major_mm();
+        let return_mm = return_mm(&settings.aperture);
         let swept = Coverage::sweep(
             &self.walls,
             &settings.aperture,

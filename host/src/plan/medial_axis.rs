@@ -14,7 +14,6 @@ mod prune;
 mod voronoi;
 
 pub use prune::PruneOptions;
-pub(super) use voronoi::root;
 pub use voronoi::{AxisOptions, MedialAxisError};
 
 use crate::geometry::Point2;

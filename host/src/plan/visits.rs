@@ -6,7 +6,7 @@ use crate::geometry::Point2;
 use crate::geometry::aperture::Aperture;
 use crate::geometry::cell_grid::{CellGrid, NO_COLUMNS, for_beyond};
 use crate::geometry::clearance::Configuration;
-use crate::geometry::coverage::{Coverage, SweptPose};
+use crate::geometry::coverage::{Coverage, SweptPose, return_mm};
 use crate::geometry::edge_index::EdgeIndex;
 use crate::geometry::polygon::Box2;
 use rayon::prelude::*;
@@ -155,9 +155,6 @@ pub fn poses(pass: &LayerPass, aperture: &Aperture) -> impl Iterator<Item = Conf
     )
 }
 
-/// A pass that comes back to a place later than this covers it again, against a.
-const RETURN_SHARE: f64 = 4.0;
-
 /// What passes cover of the region within `walls`, on a raster of at most so many cells.
 pub fn coverage(
     passes: &[LayerPass],
@@ -167,7 +164,7 @@ pub fn coverage(
 ) -> Coverage {
     let poses = swept_poses(passes, aperture);
     let cell_mm = CELL_SHARE * aperture.minor_mm();
-    let return_mm = RETURN_SHARE * aperture.major_mm();
+    let return_mm = return_mm(aperture);
     Coverage::sweep(walls, aperture, &poses, cell_mm, cells_max, return_mm)
 }
 

@@ -8,9 +8,9 @@
 //! 4. Give back the largest disk's centre wherever nothing of the skeleton is left in that disk (a
 //!    square's middle), as a vertex without edges.
 
-use super::voronoi::root;
 use super::{AxisEdge, AxisPoint, AxisVertex, MedialAxis};
 use crate::geometry::Point2;
+use crate::geometry::union_find::root;
 
 /// Share of a disk's radius within which the skeleton must pass for the disk to count as seen.
 const SEEN_RATIO: f64 = 0.9;

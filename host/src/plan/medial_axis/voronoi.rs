@@ -11,6 +11,7 @@ use super::parabola::Parabola;
 use super::{AxisEdge, AxisPoint, AxisVertex, Generator, MedialAxis};
 use crate::geometry::Point2;
 use crate::geometry::edge_index::{Edge, EdgeIndex};
+use crate::geometry::union_find::root;
 use boostvoronoi::prelude::{Builder, BvError, CellIndex, Diagram, SourceCategory};
 use rayon::prelude::*;
 use thiserror::Error;
@@ -436,13 +437,4 @@ fn assemble(index: &EdgeIndex, raw: RawAxis, options: &AxisOptions) -> MedialAxi
     }
     axis.link();
     axis
-}
-
-/// The representative of `v`, with path halving.
-pub(in crate::plan) fn root(parent: &mut [usize], mut v: usize) -> usize {
-    while parent[v] != v {
-        parent[v] = parent[parent[v]];
-        v = parent[v];
-    }
-    v
 }
