@@ -33,8 +33,9 @@ const BINS: usize = 60;
 /// Weight of turning, mm²: from trials on real slices.
 const TURN_WEIGHT: f64 = 0.01;
 /// What tilting to the left of the normal costs beyond tilting to its right, mm²: both often fit
-/// alike, and neither rounding nor noise of some micrometres may choose.
-const TILT_WEIGHT: f64 = 2e-5;
+/// alike, and neither rounding nor noise of some micrometres may choose, nor where along a straight
+/// wall the tilt changes over. More than this is felt where a side is short.
+const TILT_WEIGHT: f64 = 7e-5;
 /// Slides of one placement before it counts as infeasible.
 const SLIDES_MAX: usize = 4;
 /// Slide that an infeasible placement counts as, mm: far above any misfit.
@@ -42,8 +43,9 @@ const INFEASIBLE_MM: f64 = 5.0;
 /// A placement may cut by this share of the aperture before the final push-off.
 const CUT_SHARE_MAX: f64 = 2e-3;
 /// What a heading of the corridor may miss the wanted extent by beyond the best one, against b:
-/// from trials, 0.005 mm for the default ellipse.
-const CORRIDOR_SHARE: f64 = 0.025;
+/// from trials, 0.004 mm for the default ellipse. Profiles of two outlines that differ by noise may
+/// lie at opposite walls of it: then their beads differ by four times as much.
+const CORRIDOR_SHARE: f64 = 0.02;
 /// Steps in which the corridor is measured, and most of them to each side.
 const CORRIDOR_STEP_RAD: f64 = 0.03;
 const CORRIDOR_STEPS: usize = 20;
