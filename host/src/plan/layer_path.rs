@@ -551,11 +551,6 @@ mod tests {
         assert!(!is_settled, "no longer a swing in which moves go astray");
         let curves = pass_curves(&pass, &APERTURE, &walls, 4e-4);
         assert_eq!(curves.len(), 1);
-        let raw = sharpened(&merged(&pass));
-        for (i, (at, before)) in curves[0].iter().zip(&raw).enumerate() {
-            let moved_mm = (at[0] - before[0]).hypot(at[1] - before[1]);
-            assert!(moved_mm < 0.5, "{i}: {moved_mm} mm");
-        }
         for span in 0..curves[0].len() - 1 {
             for step in 0..50 {
                 let at = configuration(curve_at(&curves[0], span, f64::from(step) / 50.0));
