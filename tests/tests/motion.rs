@@ -330,17 +330,25 @@ fn paths_that_take_for_ever_are_refused_with_their_place() {
     }
 }
 
-/// Goal: a print far slower than any limit but its speed takes what path and speed say; found as
-/// prints of 0.05 mm/s that took eighteen times as long, at up to twice the speed asked for.
-#[test]
-fn a_very_slow_print_takes_its_path_by_its_speed() {
-    let square = headway::input::read(
-        br#"{"units": "mm", "exterior": [[0, 0], [4, 0], [4, 4], [0, 4]]}"#,
+/// A square with sides of so many mm.
+fn square(side_mm: u32) -> headway::input::Target {
+    let text = format!(
+        r#"{{"units": "mm", "exterior": [[0, 0], [{side_mm}, 0], [{side_mm}, {side_mm}], [0, {side_mm}]]}}"#
+    );
+    let read = headway::input::read(
+        text.as_bytes(),
         "square",
         headway::input::Format::Polygon,
         &headway::input::ReadOptions::default(),
     );
-    let square = square.expect("valid").target;
+    read.expect("valid").target
+}
+
+/// Goal: a print far slower than any limit but its speed takes what path and speed say; found as
+/// prints of 0.05 mm/s that took eighteen times as long, at up to twice the speed asked for.
+#[test]
+fn a_very_slow_print_takes_its_path_by_its_speed() {
+    let square = square(4);
     for speed_mm_s in [0.1, 0.05] {
         let settings = Settings {
             speed_mm_s,
@@ -379,13 +387,7 @@ fn the_stream_does_not_depend_on_the_number_of_threads() {
 
 #[test]
 fn settings_that_cannot_be_are_refused_by_the_library_too() {
-    let square = headway::input::read(
-        br#"{"units": "mm", "exterior": [[0, 0], [10, 0], [10, 10], [0, 10]]}"#,
-        "square",
-        headway::input::Format::Polygon,
-        &headway::input::ReadOptions::default(),
-    );
-    let square = square.expect("valid").target;
+    let square = square(10);
     let mut settings = Settings::default();
     for speed_mm_s in [0.0, -1.0, f64::NAN, f64::INFINITY] {
         settings.speed_mm_s = speed_mm_s;
