@@ -332,10 +332,13 @@ fn add_remainder(
     for (position, added) in joints.position.iter_mut().zip(at) {
         *position += added;
     }
+    if *kinematics == Kinematics::Planar {
+        return Ok(());
+    }
     let rate = (tilt[1].norm())
         .max(tilt[2].norm().sqrt())
         .max(tilt[3].norm().cbrt());
-    if rate == 0.0 || *kinematics == Kinematics::Planar {
+    if rate == 0.0 {
         return Ok(());
     }
     let h = STENCIL_STEP_RAD / rate;

@@ -75,14 +75,34 @@ impl PathCurve {
         self.evaluate_in_span(span, s)
     }
 
-    /// Value and first derivative alone.
-    pub fn value_and_tangent(&self, u: f64) -> ([f64; CHANNELS], [f64; CHANNELS]) {
+    /// The value alone.
+    pub fn value(&self, u: f64) -> [f64; CHANNELS] {
         if self.control.len() < 2 {
-            return (self.control[0], [0.0; CHANNELS]);
+            return self.control[0];
         }
+        self.weighted(u, value_weights)
+    }
+
+    /// The first derivative alone.
+    pub fn tangent(&self, u: f64) -> [f64; CHANNELS] {
+        if self.control.len() < 2 {
+            return [0.0; CHANNELS];
+        }
+        self.weighted(u, first_weights)
+    }
+
+    /// The sum of the control points about `u` with weights of the place in its span; no copies but
+    /// at the ends, since most of planning's time by the tick is spent here.
+    fn weighted(&self, u: f64, weights: impl Fn(f64) -> [f64; 4]) -> [f64; CHANNELS] {
         let (span, s) = self.place_of(u);
-        let p = self.span_control(span);
-        (sum(&p, &value_weights(s)), sum(&p, &first_weights(s)))
+        let inner = span.checked_sub(1).and_then(|first| {
+            let points = self.control.get(first..)?;
+            points.first_chunk::<4>()
+        });
+        match inner {
+            Some(points) => sum(points, &weights(s)),
+            None => sum(&self.span_control(span), &weights(s)),
+        }
     }
 
     /// Point and derivatives in a span at `s` in 0..=1.

@@ -186,70 +186,91 @@ fn piece_ratios(low: &Sample, high: &Sample, length_s: f64, limits: &MotionLimit
 /// Spans that are worth a thread.
 const SPANS_MIN: usize = 32;
 
-/// Checks joints, tip and flow, piece by piece in order of time.
-pub fn check_motion(spline: &RestSpline, limits: &MotionLimits) -> Result<Vec<Piece>, MotionError> {
-    let mut start_tick = 0.0;
-    let starts: Vec<f64> = spline
-        .durations_ticks
-        .iter()
-        .map(|&ticks| {
-            start_tick += f64::from(ticks);
-            start_tick - f64::from(ticks)
-        })
-        .collect();
-    let of_spans: Vec<_> = starts
-        .par_iter()
+/// Ratios of joints, tip and flow in the pieces of each span; `known` has those of a span where they
+/// are known already.
+pub fn motion_ratios<'a>(
+    spline: &RestSpline,
+    limits: &MotionLimits,
+    known: impl Fn(usize) -> Option<&'a Vec<Ratios>> + Sync,
+) -> Result<Vec<Vec<Ratios>>, MotionError> {
+    let spans = (0..spline.durations_ticks.len()).into_par_iter();
+    spans
         .with_min_len(SPANS_MIN)
-        .enumerate()
-        .map(|(span, &start_tick)| check_span(spline, span, start_tick, limits))
-        .collect();
-    let mut pieces = Vec::with_capacity(2 * starts.len());
-    for of_span in of_spans {
-        pieces.extend(of_span?);
-    }
-    Ok(pieces)
+        .map(|span| match known(span) {
+            Some(known) => Ok(known.clone()),
+            None => span_ratios(spline, span, limits),
+        })
+        .collect()
 }
 
-fn check_span(
+/// The pieces with these ratios, in order of time.
+pub fn motion_pieces(spline: &RestSpline, ratios: &[Vec<Ratios>]) -> Vec<Piece> {
+    let mut pieces = Vec::with_capacity(ratios.iter().map(Vec::len).sum());
+    let mut start_tick = 0.0;
+    for (&ticks, ratios) in spline.durations_ticks.iter().zip(ratios) {
+        let (_, length) = piece_lengths(ticks);
+        pieces.extend(ratios.iter().enumerate().map(|(piece, &ratios)| {
+            let from = piece as f64 * length;
+            Piece {
+                start_tick: start_tick + from,
+                end_tick: start_tick + from + length,
+                ratios,
+            }
+        }));
+        start_tick += f64::from(ticks);
+    }
+    pieces
+}
+
+/// Number and length of a span's pieces, ticks.
+fn piece_lengths(ticks: u16) -> (usize, f64) {
+    let duration = f64::from(ticks);
+    let count = (duration / PIECE_TICKS).ceil().max(2.0);
+    (count as usize, duration / count)
+}
+
+fn span_ratios(
     spline: &RestSpline,
     span: usize,
-    start_tick: f64,
     limits: &MotionLimits,
-) -> Result<Vec<Piece>, MotionError> {
+) -> Result<Vec<Ratios>, MotionError> {
     let cubics = spline.span_polynomials(span);
     let sample = |t: f64| {
         let point = evaluate(&cubics, t, limits.servo_hz);
         joint_point(&limits.kinematics, &point).map(|joints| Sample { point, joints })
     };
-    let duration = f64::from(spline.durations_ticks[span]);
-    let count = (duration / PIECE_TICKS).ceil().max(2.0);
-    let length = duration / count;
+    let (count, length) = piece_lengths(spline.durations_ticks[span]);
     let mut low = sample(0.0)?;
-    (0..count as usize)
+    (0..count)
         .map(|piece| {
             let from = piece as f64 * length;
             let high = sample(from + length)?;
             let ratios = piece_ratios(&low, &high, length / limits.servo_hz, limits);
             low = high;
-            Ok(Piece {
-                start_tick: start_tick + from,
-                end_tick: start_tick + from + length,
-                ratios,
-            })
+            Ok(ratios)
         })
         .collect()
 }
 
 /// dV/dt and d²V/dt² at every tick of a stretch, per second.
 fn flow_at_ticks(spline: &RestSpline, servo_hz: f64) -> Vec<(f64, f64)> {
-    let mut flow = vec![(0.0, 0.0)];
-    for (span, &ticks) in spline.durations_ticks.iter().enumerate() {
-        let [_, c1, c2, c3] = spline.span_polynomial(span, CHANNEL_VOLUME);
-        flow.extend((1..=ticks).map(f64::from).map(|t| {
-            let rate = (c1 + t * (2.0 * c2 + 3.0 * t * c3)) * servo_hz;
-            (rate, (2.0 * c2 + 6.0 * t * c3) * (servo_hz * servo_hz))
-        }));
+    let mut flow = vec![(0.0, 0.0); spline.ticks() as usize + 1];
+    let mut rest = &mut flow[1..];
+    let mut of_spans = Vec::with_capacity(spline.durations_ticks.len());
+    for &ticks in &spline.durations_ticks {
+        let (own, behind) = rest.split_at_mut(usize::from(ticks));
+        of_spans.push(own);
+        rest = behind;
     }
+    let of_spans = of_spans.into_par_iter().with_min_len(SPANS_MIN).enumerate();
+    of_spans.for_each(|(span, flow)| {
+        let [_, c1, c2, c3] = spline.span_polynomial(span, CHANNEL_VOLUME);
+        for (t, flow) in (1u32..).zip(flow) {
+            let t = f64::from(t);
+            let rate = (c1 + t * (2.0 * c2 + 3.0 * t * c3)) * servo_hz;
+            *flow = (rate, (2.0 * c2 + 6.0 * t * c3) * (servo_hz * servo_hz));
+        }
+    });
     flow
 }
 

@@ -5,8 +5,9 @@
 //! bring its error to the tolerance, spreads the knots anew by that density, and fits again; spans
 //! that still exceed it are halved.
 
-use super::fit::{TickPath, TickSums, fit, span_errors, tick_sums};
+use super::fit::{SpanShare, TickSums, fit, span_errors, span_shares, tick_sums};
 use super::spline::{RestSpline, durations_around};
+use super::tick_path::TickPath;
 use headway_protocol::segment::SPAN_TICKS_MAX;
 use headway_protocol::units::CHANNELS;
 
@@ -119,8 +120,11 @@ pub struct Layout {
     pub spline: RestSpline,
     /// Its worst error against the tolerance of each span.
     pub errors: Vec<f64>,
-    /// What the ticks of each span gave to the fit.
+    /// For each span the one that it was in the layout before ([`lay_out_again`]), if any.
+    was: Vec<Option<usize>>,
+    /// What the ticks of each span gave to the fit, and what the span then did.
     sums: Vec<TickSums>,
+    shares: Vec<SpanShare>,
 }
 
 /// A layout before, and for each span of the next one the span of it under which the path is the
@@ -135,13 +139,24 @@ impl Before<'_> {
         self.spans[span].map(|same| &self.layout.sums[same])
     }
 
+    /// The span before whose neighbours are as long as those of this one are.
+    fn same_between(&self, span: usize, durations_ticks: &[u16]) -> Option<usize> {
+        let before = &self.layout.spline.durations_ticks;
+        let around = durations_around(durations_ticks, span);
+        self.spans[span].filter(|&same| durations_around(before, same) == around)
+    }
+
+    /// The share of a span between spans of the same lengths.
+    fn share_of(&self, span: usize, durations_ticks: &[u16]) -> Option<&SpanShare> {
+        let same = self.same_between(span, durations_ticks)?;
+        Some(&self.layout.shares[same])
+    }
+
     /// The error of a span that has stayed the same curve under the same path.
     fn error_of(&self, span: usize, spline: &RestSpline) -> Option<f64> {
-        let same = self.spans[span]?;
-        let before = &self.layout.spline;
-        let is_same = before.control[same..same + 4] == spline.control[span..span + 4]
-            && durations_around(&before.durations_ticks, same)
-                == durations_around(&spline.durations_ticks, span);
+        let same = self.same_between(span, &spline.durations_ticks)?;
+        let before = &self.layout.spline.control;
+        let is_same = before[same..same + 4] == spline.control[span..span + 4];
         is_same.then(|| self.layout.errors[same])
     }
 }
@@ -154,7 +169,10 @@ impl Layout {
         before: Option<&Before>,
     ) -> Self {
         let sums = tick_sums(path, durations_ticks, |span| before?.sums_of(span));
-        let spline = fit(path, durations_ticks, &sums);
+        let shares = span_shares(durations_ticks, &sums, |span| {
+            before?.share_of(span, durations_ticks)
+        });
+        let spline = fit(path, durations_ticks, &shares);
         let errors = span_errors(path, &spline, tolerances, |span| {
             before?.error_of(span, &spline)
         });
@@ -162,7 +180,28 @@ impl Layout {
             spline,
             errors,
             sums,
+            shares,
+            was: before.map_or_else(
+                || vec![None; durations_ticks.len()],
+                |before| before.spans.clone(),
+            ),
         }
+    }
+
+    /// The span of the layout before that has stayed the same curve.
+    pub fn span_before(&self, before: &Layout, span: usize) -> Option<usize> {
+        let was = self.was[span]?;
+        let [own, other] = [(self, span), (before, was)].map(|(layout, span)| {
+            let RestSpline {
+                control,
+                durations_ticks,
+            } = &layout.spline;
+            (
+                &control[span..span + 4],
+                durations_around(durations_ticks, span),
+            )
+        });
+        (own == other).then_some(was)
     }
 
     /// Worst error of any span.
@@ -180,7 +219,11 @@ impl Layout {
                 layout: &self,
                 spans,
             };
-            self = Self::new(path, &halved, tolerances, Some(&before));
+            let mut next = Self::new(path, &halved, tolerances, Some(&before));
+            for was in &mut next.was {
+                *was = was.and_then(|span| self.was[span]);
+            }
+            self = next;
         }
         self
     }
@@ -205,14 +248,14 @@ pub fn lay_out(path: &TickPath, tolerances: &[f64; CHANNELS], span_ticks_long: f
 }
 
 /// Fits again after the time law changed a little: every knot stays at its place of the path, so
-/// that what was good remains so. `u_before` and `u_at_tick` are the path parameters by tick.
+/// that what was good remains so. `u_before` are the path parameters by tick before.
 pub fn lay_out_again(
     path: &TickPath,
     tolerances: &[f64; CHANNELS],
     before: &Layout,
     u_before: &[f64],
-    u_at_tick: &[f64],
 ) -> Layout {
+    let u_at_tick = path.u_at_tick();
     let count = before.spline.durations_ticks.len();
     let ticks = path.ticks();
     let (mut tick_before, mut last_knot) = (0, 0);
@@ -269,28 +312,38 @@ mod tests {
     //! Goal: durations add up, no span is shorter than the least, the tolerance is kept with fewer
     //! spans than even ones would need, and knots keep their places when the time changes.
     use super::*;
+    use crate::plan::route::PathCurve;
 
-    fn path(ticks: usize) -> (TickPath, Vec<f64>) {
-        let mut value = Vec::new();
-        let mut tangent = Vec::new();
-        let mut parameter = Vec::new();
-        for k in 0..=ticks {
-            let x = k as f64 / ticks as f64;
-            let step = x * x * x * (10.0 - 15.0 * x + 6.0 * x * x);
-            // A sharp bend in the middle, quiet elsewhere.
-            let bend = (40.0 * (step - 0.5)).tanh();
-            value.push([40.0 * step, bend, 0.0, 0.0, 0.0, 0.0, 0.0]);
-            tangent.push([40.0, 40.0 * (1.0 - bend * bend), 0.0, 0.0, 0.0, 0.0, 0.0]);
-            parameter.push(step);
+    /// Points of the curve: many for each span that is wanted.
+    const POINTS: u32 = 20_000;
+
+    /// A sharp bend in the middle, quiet elsewhere.
+    fn curve() -> PathCurve {
+        let at = |i: u32| {
+            let x = f64::from(i) / f64::from(POINTS);
+            let bend = (40.0 * (x - 0.5)).tanh();
+            [40.0 * x, bend, 0.0, 0.0, 0.0, 0.0, 0.0]
+        };
+        PathCurve {
+            control: (0..=POINTS).map(at).collect(),
         }
-        (TickPath { value, tangent }, parameter)
+    }
+
+    /// Its parameter from rest to rest.
+    fn parameters(ticks: usize) -> Vec<f64> {
+        let at = |k: usize| {
+            let x = k as f64 / ticks as f64;
+            f64::from(POINTS) * x * x * x * (10.0 - 15.0 * x + 6.0 * x * x)
+        };
+        (0..=ticks).map(at).collect()
     }
 
     const TOLERANCES: [f64; CHANNELS] = [3e-4; CHANNELS];
 
     #[test]
     fn the_tolerance_is_kept_with_knots_where_they_are_needed() {
-        let (path, _) = path(2000);
+        let (curve, u) = (curve(), parameters(2000));
+        let path = TickPath::new(&curve, &u);
         let layout = lay_out(&path, &TOLERANCES, SPAN_TICKS_LONG);
         let durations = &layout.spline.durations_ticks;
         assert_eq!(layout.spline.ticks(), 2000);
@@ -311,10 +364,11 @@ mod tests {
 
     #[test]
     fn knots_keep_their_places_on_the_path() {
-        let (first, u_first) = path(2000);
-        let (second, u_second) = path(2100);
+        let (curve, u_first, u_second) = (curve(), parameters(2000), parameters(2100));
+        let first = TickPath::new(&curve, &u_first);
+        let second = TickPath::new(&curve, &u_second);
         let layout = lay_out(&first, &TOLERANCES, SPAN_TICKS_LONG);
-        let again = lay_out_again(&second, &TOLERANCES, &layout, &u_first, &u_second);
+        let again = lay_out_again(&second, &TOLERANCES, &layout, &u_first);
         assert_eq!(again.spline.ticks(), 2100);
         assert_eq!(
             again.spline.durations_ticks.len(),
@@ -330,18 +384,20 @@ mod tests {
             tick += usize::from(*a);
             tick_again += usize::from(*b);
             // A tick of the faster motion is at most 0.001 of the path.
-            assert!((u_first[tick] - u_second[tick_again]).abs() < 1.1e-3);
+            let apart = (u_first[tick] - u_second[tick_again]).abs();
+            assert!(apart < 1.1e-3 * f64::from(POINTS));
         }
     }
 
     #[test]
     fn spans_that_outgrow_the_wire_become_several() {
-        let (first, u_first) = path(2000);
-        let (slow, u_slow) = path(200_000);
+        let (curve, u_first, u_slow) = (curve(), parameters(2000), parameters(200_000));
+        let first = TickPath::new(&curve, &u_first);
+        let slow = TickPath::new(&curve, &u_slow);
         let layout = lay_out(&first, &TOLERANCES, SPAN_TICKS_LONG);
         let longest = *layout.spline.durations_ticks.iter().max().unwrap();
         assert!(100 * u32::from(longest) > u32::from(SPAN_TICKS_MAX));
-        let again = lay_out_again(&slow, &TOLERANCES, &layout, &u_first, &u_slow);
+        let again = lay_out_again(&slow, &TOLERANCES, &layout, &u_first);
         assert_eq!(again.spline.ticks(), 200_000);
         let durations = &again.spline.durations_ticks;
         assert!(durations.iter().all(|&ticks| ticks <= SPAN_TICKS_MAX));
@@ -350,7 +406,8 @@ mod tests {
 
     #[test]
     fn the_shortest_path_has_three_spans() {
-        let (path, _) = path(MOVING_TICKS_MIN);
+        let (curve, u) = (curve(), parameters(MOVING_TICKS_MIN));
+        let path = TickPath::new(&curve, &u);
         let layout = lay_out(&path, &TOLERANCES, SPAN_TICKS_LONG);
         assert_eq!(layout.spline.durations_ticks.len(), 3);
         assert_eq!(layout.spline.ticks(), MOVING_TICKS_MIN as u64);

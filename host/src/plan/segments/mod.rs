@@ -21,6 +21,7 @@ pub mod layout;
 mod repeats;
 pub mod shaping;
 pub mod spline;
+pub mod tick_path;
 pub mod warp;
 
 use crate::job::SegmentStream;

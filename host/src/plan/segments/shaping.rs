@@ -6,9 +6,9 @@
 //! ([`super::warp`]), which cannot raise a new peak elsewhere.
 
 use super::check::{self, EventRun, JERK_RATIO_MAX, Piece, Ratios};
-use super::fit::TickPath;
 use super::layout::{self, Layout};
 use super::spline::RestSpline;
+use super::tick_path::TickPath;
 use super::{FinishedStretch, dwell_ticks, warp};
 use crate::plan::joint_limits::{MotionError, MotionLimits, tip_mm};
 use crate::plan::path_samples::PathSample;
@@ -50,6 +50,12 @@ pub struct Shaping<'a> {
     pub tolerances: &'a [f64; CHANNELS],
 }
 
+/// A layout and the ratios of its spans.
+struct Checked {
+    layout: Layout,
+    ratios: Vec<Vec<Ratios>>,
+}
+
 fn finished(layout: Layout, pieces: &[Piece]) -> FinishedStretch {
     FinishedStretch {
         ratios: pieces
@@ -67,9 +73,15 @@ impl Shaping<'_> {
         let mut caps = Caps::uniform(self.samples.len(), SPEED_AIM, ACCELERATION_AIM);
         let mut law = self.time_law(&caps)?;
         let long_ticks = layout::span_ticks_long(self.limits.tip_speed_mm_s, self.limits.servo_hz);
-        let mut layout = layout::lay_out(&self.path(&law), self.tolerances, long_ticks);
+        let mut layout = layout::lay_out(
+            &self.path(&law).with_tangents(),
+            self.tolerances,
+            long_ticks,
+        );
+        let mut before: Option<Checked> = None;
         for round in 0..=CAP_ROUNDS + WARP_ROUNDS {
-            let mut pieces = self.check(&layout)?;
+            let ratios = self.motion_ratios(&layout, before.as_ref())?;
+            let mut pieces = self.pieces(&layout, &ratios);
             if pieces
                 .iter()
                 .all(|piece| piece.is_kept(round < JERK_ROUNDS))
@@ -88,13 +100,10 @@ impl Shaping<'_> {
                     u_at_tick: warp::stretched(&law.u_at_tick, &slowness),
                 }
             };
-            layout = layout::lay_out_again(
-                &self.path(&next),
-                self.tolerances,
-                &layout,
-                &law.u_at_tick,
-                &next.u_at_tick,
-            );
+            let path = self.path(&next);
+            let again = layout::lay_out_again(&path, self.tolerances, &layout, &law.u_at_tick);
+            let layout = std::mem::replace(&mut layout, again);
+            before = Some(Checked { layout, ratios });
             law = next;
         }
         self.doubled(layout)
@@ -107,7 +116,8 @@ impl Shaping<'_> {
         spline: RestSpline,
         known: &FinishedStretch,
     ) -> Result<Option<FinishedStretch>, MotionError> {
-        let pieces = self.check_limits(&spline)?;
+        let ratios = check::motion_ratios(&spline, self.limits, |_| None)?;
+        let pieces = self.limit_pieces(&spline, &ratios);
         let jerk_max = known.ratios.jerk.max(JERK_RATIO_MAX) * (1.0 + 1e-6);
         let keeps_jerk = |piece: &Piece| piece.ratios.jerk <= jerk_max;
         if !pieces.iter().all(keeps_jerk) || !pieces.iter().all(|piece| piece.is_kept(false)) {
@@ -122,11 +132,24 @@ impl Shaping<'_> {
         }))
     }
 
-    fn check_limits(&self, spline: &RestSpline) -> Result<Vec<Piece>, MotionError> {
-        let mut pieces = check::check_motion(spline, self.limits)?;
+    /// Ratios of the motion's spans; those that `before` had as well are taken from it.
+    fn motion_ratios(
+        &self,
+        layout: &Layout,
+        before: Option<&Checked>,
+    ) -> Result<Vec<Vec<Ratios>>, MotionError> {
+        check::motion_ratios(&layout.spline, self.limits, |span| {
+            let before = before?;
+            let same = layout.span_before(&before.layout, span)?;
+            Some(&before.ratios[same])
+        })
+    }
+
+    fn limit_pieces(&self, spline: &RestSpline, ratios: &[Vec<Ratios>]) -> Vec<Piece> {
+        let mut pieces = check::motion_pieces(spline, ratios);
         let events = self.events(spline.ticks() as f64);
         pieces.extend(check::check_extruder(spline, self.limits, &events));
-        Ok(pieces)
+        pieces
     }
 
     fn time_law(&self, caps: &Caps) -> Result<TimeLaw, MotionError> {
@@ -140,15 +163,15 @@ impl Shaping<'_> {
         tip_mm(&self.stretch.curve.control[0])
     }
 
-    fn path(&self, law: &TimeLaw) -> TickPath {
+    fn path<'a>(&'a self, law: &'a TimeLaw) -> TickPath<'a> {
         TickPath::new(&self.stretch.curve, &law.u_at_tick)
     }
 
     /// Ratios of the motion, and of the fit where even the cut spans miss their tolerance: slower
     /// is then the way to follow the path.
-    fn check(&self, layout: &Layout) -> Result<Vec<Piece>, MotionError> {
+    fn pieces(&self, layout: &Layout, ratios: &[Vec<Ratios>]) -> Vec<Piece> {
         let spline = &layout.spline;
-        let mut pieces = self.check_limits(spline)?;
+        let mut pieces = self.limit_pieces(spline, ratios);
         let mut start_tick = 0.0;
         for (&ticks, &error) in spline.durations_ticks.iter().zip(&layout.errors) {
             let end_tick = start_tick + f64::from(ticks);
@@ -165,7 +188,7 @@ impl Shaping<'_> {
             }
             start_tick = end_tick;
         }
-        Ok(pieces)
+        pieces
     }
 
     /// Events that run while the stretch moves or its advance dies out.
@@ -242,7 +265,8 @@ impl Shaping<'_> {
             for ticks in &mut layout.spline.durations_ticks {
                 *ticks = ticks.saturating_mul(2).min(SPAN_TICKS_MAX);
             }
-            pieces = self.check(&layout)?;
+            let ratios = self.motion_ratios(&layout, None)?;
+            pieces = self.pieces(&layout, &ratios);
             if pieces.iter().all(|piece| piece.is_kept(false)) {
                 break;
             }

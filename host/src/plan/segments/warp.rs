@@ -63,32 +63,36 @@ pub fn stretched(u_at_tick: &[f64], slowness: &[f64]) -> Vec<f64> {
     let mut end = 0.0f64;
     for factor in slowness {
         end += factor;
-        // Sums of whole runs are whole but for rounding, which must not move what follows.
-        if (end - end.round()).abs() < 1e-6 && *factor == 1.0 {
+        // Sums of whole runs are whole but for rounding, which must not move what follows. (Most
+        // are whole already, and `round` is a call on plain x86-64.)
+        let is_whole = end as u64 as f64 == end;
+        if *factor == 1.0 && !is_whole && (end - end.round()).abs() < 1e-6 {
             end = end.round();
         }
         ends.push(end);
     }
     let ticks = end.round().max(1.0) as usize;
-    let chunks = (0..=ticks / TICKS_AT_ONCE).into_par_iter();
-    chunks
-        .flat_map_iter(|chunk| {
-            let first = chunk * TICKS_AT_ONCE;
-            let mut interval = ends.partition_point(|&end| end <= first as f64);
-            interval = interval.min(ends.len() - 1);
-            let (ends, at) = (&ends, &at);
-            (first..(first + TICKS_AT_ONCE).min(ticks + 1)).map(move |tick| {
-                let wanted = tick as f64;
-                while interval + 1 < ends.len() && ends[interval] <= wanted {
-                    interval += 1;
-                }
-                let before = ends[interval] - slowness[interval];
-                let s = ((wanted - before) / slowness[interval]).clamp(0.0, 1.0);
-                let i = interval as isize;
-                catmull_rom([at(i - 1), at(i), at(i + 1), at(i + 2)], s)
-            })
-        })
-        .collect()
+    let mut stretched = vec![0.0; ticks + 1];
+    let chunks = stretched.par_chunks_mut(TICKS_AT_ONCE).enumerate();
+    chunks.for_each(|(chunk, stretched)| {
+        let first = chunk * TICKS_AT_ONCE;
+        let mut interval = ends.partition_point(|&end| end <= first as f64);
+        interval = interval.min(ends.len() - 1);
+        for (tick, u) in (first..).zip(stretched) {
+            let wanted = tick as f64;
+            while interval + 1 < ends.len() && ends[interval] <= wanted {
+                interval += 1;
+            }
+            let before = ends[interval] - slowness[interval];
+            let s = ((wanted - before) / slowness[interval]).clamp(0.0, 1.0);
+            let i = interval as isize;
+            *u = match s {
+                0.0 => at(i),
+                _ => catmull_rom([at(i - 1), at(i), at(i + 1), at(i + 2)], s),
+            };
+        }
+    });
+    stretched
 }
 
 /// Cubic through the two middle values with central slopes; kept between them, so that the path

@@ -160,24 +160,18 @@ pub fn on_ticks(
         tick_s,
         duration_min_s - window_ticks as f64 * tick_s,
     );
-    let (start, end) = (raw[0], raw[raw.len() - 1]);
-    let at = |tick: isize| {
-        if tick < 0 {
-            start
-        } else {
-            raw.get(tick as usize).copied().unwrap_or(end)
-        }
-    };
-    (0..raw.len() + window_ticks)
-        .into_par_iter()
-        .with_min_len(TICKS_MIN)
-        .map(|tick| {
-            let newest = tick as isize;
-            let oldest = newest - window_ticks as isize;
+    // At rest before the start and behind the end.
+    let rests = [raw[0], raw[raw.len() - 1]].map(|rest| std::iter::repeat_n(rest, window_ticks));
+    let [before, behind] = rests;
+    let long: Vec<f64> = before.chain(raw.iter().copied()).chain(behind).collect();
+    let windows = long.par_windows(window_ticks + 1).with_min_len(TICKS_MIN);
+    windows
+        .map(|window| {
+            let (oldest, newest) = (window[0], window[window_ticks]);
             // Differences from the start keep the sums small where u is large.
-            let base = at(oldest);
-            let inner: f64 = (oldest + 1..newest).map(|i| at(i) - base).sum();
-            base + (inner + 0.5 * (at(newest) - base)) / window_ticks as f64
+            let inner = &window[1..window_ticks];
+            let inner: f64 = inner.iter().map(|u| u - oldest).sum();
+            oldest + (inner + 0.5 * (newest - oldest)) / window_ticks as f64
         })
         .collect()
 }
