@@ -15,6 +15,7 @@ use headway_firmware::pose::Pose;
 use headway_firmware::spline::{Span, Spans};
 use headway_protocol::segment::{FlowAction, FlowEvent};
 use headway_protocol::units::{CHANNEL_HEADING, CHANNEL_VOLUME, CHANNELS, UNITS_PER_NATURAL};
+use rayon::prelude::*;
 use serde::{Deserialize, Serialize};
 use std::collections::VecDeque;
 
@@ -66,13 +67,44 @@ pub struct LimitFigures {
     pub heading_travel_rad: f64,
 }
 
+/// Spans that one thread looks at.
+const SPANS_AT_ONCE: usize = 256;
+
 /// Looks at the whole stream.
 pub fn sample(stream: &SegmentStream, settings: &Settings) -> LimitFigures {
-    let mut sampler = Sampler::new(stream, settings);
-    for span in Spans::new(&stream.start, &stream.knots) {
-        sampler.span(&span);
+    let spans: Vec<Span> = Spans::new(&stream.start, &stream.knots).collect();
+    let parts = (0..spans.len()).into_par_iter().step_by(SPANS_AT_ONCE);
+    let parts: Vec<LimitFigures> = parts
+        .map(|from| {
+            let (before, rest) = spans.split_at(from);
+            let mut sampler = Sampler::new(stream, &spans, before, settings);
+            for span in rest.iter().take(SPANS_AT_ONCE) {
+                sampler.span(span);
+            }
+            sampler.figures
+        })
+        .collect();
+    let parts = parts.into_iter();
+    parts.fold(LimitFigures::default(), LimitFigures::with)
+}
+
+impl LimitFigures {
+    /// These figures and those of what comes behind.
+    fn with(mut self, next: LimitFigures) -> LimitFigures {
+        let pairs = [
+            (&mut self.velocity, next.velocity),
+            (&mut self.acceleration, next.acceleration),
+            (&mut self.jerk, next.jerk),
+        ];
+        for (peak, next) in pairs {
+            note(peak, next.ratio, next.what, next.time_s);
+        }
+        LimitFigures {
+            heading_rate_max_rad_s: self.heading_rate_max_rad_s.max(next.heading_rate_max_rad_s),
+            heading_travel_rad: self.heading_travel_rad + next.heading_travel_rad,
+            ..self
+        }
     }
-    sampler.figures
 }
 
 /// Volume's first and second derivative at a moment, per second.
@@ -94,14 +126,17 @@ struct Sampler<'a> {
 }
 
 impl<'a> Sampler<'a> {
-    fn new(stream: &'a SegmentStream, settings: &'a Settings) -> Self {
+    /// A sampler that has looked at the spans `before`.
+    fn new(
+        stream: &'a SegmentStream,
+        spans: &[Span],
+        before: &[Span],
+        settings: &'a Settings,
+    ) -> Self {
         let servo_hz = f64::from(settings.machine.servo_hz);
-        let starts: Vec<u64> = Spans::new(&stream.start, &stream.knots)
-            .map(|span| span.start_tick)
-            .collect();
         let start_of = |event: &FlowEvent| {
-            let span = starts.get(event.span as usize).copied().unwrap_or(0);
-            span as f64 + f64::from(event.offset_ticks)
+            let span = spans.get(event.span as usize);
+            span.map_or(0, |span| span.start_tick) as f64 + f64::from(event.offset_ticks)
         };
         let window_s = settings.machine.extruder.pressure_advance_window_ms * 1e-3;
         let window_ticks = (window_s * servo_hz).round().max(1.0) as usize;
@@ -111,7 +146,7 @@ impl<'a> Sampler<'a> {
             marks: &stream.marks,
             servo_hz,
             events: stream.events.iter().map(|e| (start_of(e), *e)).collect(),
-            window: std::iter::repeat_n(VolumeRate::default(), window_looks).collect(),
+            window: window_behind(before, window_looks, servo_hz),
             figures: LimitFigures::default(),
         }
     }
@@ -198,10 +233,7 @@ impl<'a> Sampler<'a> {
     /// its second derivative between servo ticks, but for the events.
     fn extruder(&mut self, moment: &Moment, ticks: f64, is_end: bool) {
         let extruder = &self.settings.machine.extruder;
-        let now = VolumeRate {
-            rate_mm3_s: moment.velocity[CHANNEL_VOLUME],
-            change_mm3_s2: moment.acceleration[CHANNEL_VOLUME],
-        };
+        let now = moment.volume_rate();
         let before = self.window.front().copied().unwrap_or_default();
         if !is_end {
             self.window.push_back(now);
@@ -249,6 +281,23 @@ impl<'a> Sampler<'a> {
     }
 }
 
+/// Volume rates at the last so many looks of these spans; nothing moves before them.
+fn window_behind(spans: &[Span], looks: usize, servo_hz: f64) -> VecDeque<VolumeRate> {
+    let mut window = VecDeque::with_capacity(looks + 1);
+    let last_first = spans.iter().rev().flat_map(|span| {
+        let looks = u32::from(span.duration_ticks) * LOOKS_PER_TICK;
+        (0..looks).rev().map(move |look| (span, look))
+    });
+    for (span, look) in last_first.take(looks) {
+        let local = f64::from(look) / f64::from(LOOKS_PER_TICK);
+        window.push_front(Moment::of(span, local, servo_hz).volume_rate());
+    }
+    while window.len() < looks {
+        window.push_front(VolumeRate::default());
+    }
+    window
+}
+
 /// The motion at one moment, in natural units and seconds.
 struct Moment {
     position: [f64; CHANNELS],
@@ -264,6 +313,13 @@ impl Moment {
             velocity: span.velocity(local, servo_hz),
             acceleration: span.acceleration(local, servo_hz),
             jerk: span.jerk(servo_hz),
+        }
+    }
+
+    fn volume_rate(&self) -> VolumeRate {
+        VolumeRate {
+            rate_mm3_s: self.velocity[CHANNEL_VOLUME],
+            change_mm3_s2: self.acceleration[CHANNEL_VOLUME],
         }
     }
 
