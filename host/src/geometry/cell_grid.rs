@@ -152,17 +152,18 @@ impl CellGrid {
         if last < 0.0 {
             return;
         }
-        let first = index_above(y - shape.below_mm * per_mm).max(window.rows[0]);
+        let first = index_above(not_below_0(y - shape.below_mm * per_mm)).max(window.rows[0]);
         for row in first..=index_below(last).min(window.rows[1]) {
             let Some([low, high]) = shape.range((whole(row) - y) * self.cell_mm) else {
                 continue;
             };
-            let high = x + high * per_mm;
-            if high < 0.0 {
+            let [low, high] = [x + low * per_mm, x + high * per_mm];
+            if high < columns[0] {
                 continue;
             }
-            let from = index_above(x + low * per_mm).max(window.columns[0]);
-            let to = index_below(high).min(window.columns[1]);
+            // Cut off before they are indices: `max` and `min` of floats are one step each.
+            let from = index_above(if low > columns[0] { low } else { columns[0] });
+            let to = index_below(if high < columns[1] { high } else { columns[1] });
             if from <= to {
                 visit(row, from, to);
             }
@@ -207,16 +208,14 @@ fn not_below_0(value: f64) -> f64 {
     if value > 0.0 { value } else { 0.0 }
 }
 
-/// The least whole number that is not below `value`, at least 0.
+/// The least whole number that is not below `value`, which is not below 0.
 fn index_above(value: f64) -> usize {
-    let value = not_below_0(value);
     let (index, whole) = nearest(value);
     index + usize::from(whole < value)
 }
 
-/// The greatest whole number that is not above `value`, at least 0.
+/// The greatest whole number that is not above `value`, which is not below 0.
 fn index_below(value: f64) -> usize {
-    let value = not_below_0(value);
     let (index, whole) = nearest(value);
     index - usize::from(whole > value)
 }
@@ -340,12 +339,11 @@ mod tests {
     fn indices_are_those_of_ceil_and_floor() {
         for i in 0..4_000 {
             let middle = f64::from(i) * 0.5;
-            for value in [middle.next_down(), middle, middle.next_up()] {
-                let expected = value.max(0.0);
-                assert_eq!(index_above(value), expected.ceil() as usize, "{value}");
-                assert_eq!(index_below(value), expected.floor() as usize, "{value}");
+            for value in [middle.next_down(), middle, middle.next_up()].map(not_below_0) {
+                assert_eq!(index_above(value), value.ceil() as usize, "{value}");
+                assert_eq!(index_below(value), value.floor() as usize, "{value}");
             }
         }
-        assert_eq!([index_above(-7.5), index_below(-7.5)], [0, 0]);
+        assert_eq!([not_below_0(-7.5), not_below_0(7.5)], [0.0, 7.5]);
     }
 }

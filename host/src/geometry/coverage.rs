@@ -118,23 +118,18 @@ impl Coverage {
 
     /// Number of cells in a state.
     pub fn count(&self, state: Cell) -> usize {
-        self.cells.iter().filter(|&&c| c == state).count()
+        let parts = self.cells.par_chunks(CELLS_AT_ONCE);
+        parts
+            .map(|cells| cells.iter().filter(|&&c| c == state).count())
+            .sum()
     }
 
-    /// Cells inside the region.
-    pub fn inside(&self) -> usize {
-        self.count(Cell::Gap) + self.count(Cell::Covered) + self.count(Cell::Overlap)
-    }
-
-    /// Share of the region that was visited, per cent.
-    pub fn covered_pct(&self) -> f64 {
-        let covered = self.count(Cell::Covered) + self.count(Cell::Overlap);
-        100.0 * covered as f64 / self.inside().max(1) as f64
-    }
-
-    /// Share of the region that was visited more than once, per cent.
-    pub fn overlap_pct(&self) -> f64 {
-        100.0 * self.count(Cell::Overlap) as f64 / self.inside().max(1) as f64
+    /// Shares of the region that were visited, and visited more than once, per cent.
+    pub fn covered_and_overlap_pct(&self) -> [f64; 2] {
+        let [gap, covered, overlap] =
+            [Cell::Gap, Cell::Covered, Cell::Overlap].map(|state| self.count(state));
+        let inside = (gap + covered + overlap).max(1) as f64;
+        [covered + overlap, overlap].map(|cells| 100.0 * cells as f64 / inside)
     }
 
     /// Centre of a cell.
@@ -177,6 +172,9 @@ impl Visit {
         }
     }
 }
+
+/// Cells that one thread counts.
+const CELLS_AT_ONCE: usize = 1 << 16;
 
 /// Sweeps one band of rows. Of the cells that a pose shares with the one before it in a row only the
 /// first and the last visit count.
@@ -233,6 +231,9 @@ fn cells_inside(grid: &CellGrid, band: &CellWindow, walls: &EdgeIndex) -> Vec<bo
         } else {
             (edge.b, edge.a)
         };
+        if high.y <= y_of(first) || low.y > y_of(last) {
+            continue;
+        }
         let from = ((low.y - grid.origin.y) / grid.cell_mm - 0.5)
             .ceil()
             .max(first as f64);

@@ -128,7 +128,7 @@ impl EdgeIndex {
             cell_mm,
             columns,
             rows,
-            first: vec![0; columns * rows + 1],
+            first: Vec::new(),
             items: Vec::new(),
             reference_inside: OnceLock::new(),
         };
@@ -138,22 +138,24 @@ impl EdgeIndex {
 
     /// Counts, then places, the edges of each cell (two passes, no reallocation).
     fn fill(&mut self) {
-        let mut counts = vec![0u32; self.columns * self.rows + 1];
+        let cells = self.columns * self.rows;
+        let mut first = vec![0u32; cells + 1];
         for number in 0..self.edges.len() {
-            self.for_cells(number, |cell| counts[cell + 1] += 1);
+            self.for_cells(number, |cell| first[cell] += 1);
         }
-        for cell in 0..self.columns * self.rows {
-            counts[cell + 1] += counts[cell];
+        // The end of each cell's items, which moves to its beginning while they are placed, the last
+        // edge first.
+        for cell in 0..cells {
+            first[cell + 1] += first[cell];
         }
-        let mut next = counts.clone();
-        let mut items = vec![0u32; counts[self.columns * self.rows] as usize];
-        for number in 0..self.edges.len() {
+        let mut items = vec![0u32; first[cells] as usize];
+        for number in (0..self.edges.len()).rev() {
             self.for_cells(number, |cell| {
-                items[next[cell] as usize] = number as u32;
-                next[cell] += 1;
+                first[cell] -= 1;
+                items[first[cell] as usize] = number as u32;
             });
         }
-        self.first = counts;
+        self.first = first;
         self.items = items;
     }
 

@@ -28,33 +28,40 @@ const OUTLINE_POINTS: usize = 96;
 /// The aperture's outline at heading 0.
 struct Outline {
     points: Vec<Vector2>,
+    /// Outward normals of the edges that end there, times their lengths (counter-clockwise).
+    normals: Vec<Vector2>,
 }
 
 impl Outline {
     fn new(aperture: &Aperture) -> Self {
-        let points = (0..OUTLINE_POINTS)
+        let points: Vec<Vector2> = (0..OUTLINE_POINTS)
             .map(|i| {
                 let angle = std::f64::consts::TAU * i as f64 / OUTLINE_POINTS as f64;
                 // Equal angles of the normal bunch points where the outline is sharp.
                 aperture.support_point(0.0, Vector2::new(angle.cos(), angle.sin()))
             })
             .collect();
-        Self { points }
+        let normal = |i: usize| {
+            let edge = points[i] - points[(i + OUTLINE_POINTS - 1) % OUTLINE_POINTS];
+            Vector2::new(edge.y, -edge.x)
+        };
+        Self {
+            normals: (0..OUTLINE_POINTS).map(normal).collect(),
+            points,
+        }
     }
 
     /// Ground newly covered by a step `move_mm` (in the aperture's frame) that does not turn, and
     /// by one that turns by `turn_rad`, mm².
     fn fronts_mm2(&self, move_mm: Vector2, turn_rad: f64) -> [f64; 2] {
         let (mut straight, mut turning) = (0.0, 0.0);
-        let mut from = self.points[OUTLINE_POINTS - 1];
-        for &to in &self.points {
-            let edge = to - from;
-            // Outward normal times length, counter-clockwise outline.
-            let normal = Vector2::new(edge.y, -edge.x);
-            let advance = |r: Vector2| {
-                normal.x * (move_mm.x - turn_rad * r.y) + normal.y * (move_mm.y + turn_rad * r.x)
-            };
-            straight += (normal.x * move_mm.x + normal.y * move_mm.y).max(0.0);
+        let moved =
+            |r: &Vector2| Vector2::new(move_mm.x - turn_rad * r.y, move_mm.y + turn_rad * r.x);
+        let mut from = moved(&self.points[OUTLINE_POINTS - 1]);
+        for (point, normal) in self.points.iter().zip(&self.normals) {
+            let to = moved(point);
+            let advance = |moved: Vector2| normal.x * moved.x + normal.y * moved.y;
+            straight += advance(move_mm).max(0.0);
             turning += positive_mean(advance(from), advance(to));
             from = to;
         }

@@ -474,8 +474,12 @@ impl<'a> Walk<'a> {
         for &slot in &self.slots[self.window.numbers(row, columns)] {
             if slot > 0 {
                 let listed = &mut self.listed[slot as usize - 1];
-                listed.first_mm = listed.first_mm.min(at_mm);
-                listed.last_mm = listed.last_mm.max(at_mm);
+                if at_mm < listed.first_mm {
+                    listed.first_mm = at_mm;
+                }
+                if at_mm > listed.last_mm {
+                    listed.last_mm = at_mm;
+                }
                 listed.is_own |= part == Part::Pass;
             }
         }
@@ -486,7 +490,7 @@ impl<'a> Walk<'a> {
 impl GapRaster {
     /// Share of the region that is covered.
     pub fn covered_pct(&self) -> f64 {
-        self.coverage.covered_pct()
+        self.coverage.covered_and_overlap_pct()[0]
     }
 }
 

@@ -9,7 +9,7 @@ use super::contour::Contour;
 use super::figures::{PlanFigures, Swept};
 use crate::geometry::aperture::Aperture;
 use crate::geometry::clearance::{Configuration, outside_bound_mm, outside_depth_mm};
-use crate::geometry::coverage::{Coverage, SweptPose, return_mm};
+use crate::geometry::coverage::{Cell, Coverage, SweptPose, return_mm};
 use crate::geometry::edge_index::EdgeIndex;
 use crate::geometry::frame::Frame;
 use crate::geometry::polygon::Region;
@@ -288,11 +288,12 @@ impl<'a> PrintGround<'a> {
             return_mm,
         );
         let gap_share = reachable_share_of_gaps(&swept, &self.outline, &self.walls, settings);
-        let covered_share = swept.covered_pct() / 100.0;
+        let [covered_pct, overlap_pct] = swept.covered_and_overlap_pct();
+        let covered_share = covered_pct / 100.0;
         let shares = Swept {
             area_mm2,
             covered_mm2: area_mm2 * covered_share,
-            overlap_mm2: area_mm2 * swept.overlap_pct() / 100.0,
+            overlap_mm2: area_mm2 * overlap_pct / 100.0,
             reachable_mm2: area_mm2 * (covered_share + (1.0 - covered_share) * gap_share),
             ..Swept::default()
         };
@@ -439,12 +440,12 @@ fn reachable_share_of_gaps(
     walls: &EdgeIndex,
     settings: &Settings,
 ) -> f64 {
-    let gaps: Vec<_> = raster.gaps().collect();
-    if gaps.is_empty() {
+    let gaps = raster.count(Cell::Gap);
+    if gaps == 0 {
         return 0.0;
     }
-    let stride = gaps.len().div_ceil(ASKED_MAX);
-    let asked: Vec<_> = gaps.into_iter().step_by(stride).collect();
+    let stride = gaps.div_ceil(ASKED_MAX);
+    let asked: Vec<_> = raster.gaps().step_by(stride).collect();
     // Of noise finer than the nozzle most cells lie where nothing gets: no search for those.
     let hull = inner_hull(outline, &settings.aperture);
     let hull = EdgeIndex::of_region(&hull, settings.aperture.major_mm());

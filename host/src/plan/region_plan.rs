@@ -157,12 +157,14 @@ impl RegionWork {
             ring.begin_at_extreme();
         }
         let reach_mm = settings.aperture.major_mm();
-        let walls = EdgeIndex::of_region(&outline, reach_mm);
         let ground = EdgeIndex::of_region(&hull, reach_mm);
         // The diagram takes one thread, and most of the time here.
         let (medial_axis, unreachable) = rayon::join(
             || MedialAxis::of_edges(&ground, &AxisOptions::default()),
-            || unreachable_runs(&settings.aperture, &walls, &ground),
+            || {
+                let walls = EdgeIndex::of_region(&outline, reach_mm);
+                unreachable_runs(&settings.aperture, &walls, &ground)
+            },
         );
         let medial_axis = medial_axis?;
         let disks = medial_axis.vertices.iter().map(|v| (v.point, v.radius_mm));

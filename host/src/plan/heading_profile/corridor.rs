@@ -125,12 +125,16 @@ fn bend_weights(gates: &[Gate]) -> Vec<[f64; 3]> {
 }
 
 /// The profile for one set of samples beyond their walls: a symmetric positive definite system of
-/// five diagonals, by LDLᵀ.
+/// five diagonals, by LDLᵀ. Rows are made and eliminated in one go: only a few of them are looked at
+/// again, and each waits for the division of the one before.
 fn solve(gates: &[Gate], bends: &[[f64; 3]], beyond: &[Side], stiffness: Stiffness) -> Vec<f64> {
     let count = gates.len();
-    // Diagonal, first and second off it, right side.
-    let mut rows = vec![[0.0; 3]; count];
-    let mut x = vec![0.0; count];
+    // Of each row the diagonal and the factors of the next two.
+    let mut rows: Vec<[f64; 3]> = Vec::with_capacity(count);
+    let mut x: Vec<f64> = Vec::with_capacity(count);
+    let bend_at = |i: Option<usize>| i.and_then(|i| bends.get(i)).copied().unwrap_or_default();
+    // Of the two rows before: the factors, first and second off the diagonal, right side.
+    let mut above = [[0.0; 5]; 2];
     for (i, gate) in gates.iter().enumerate() {
         let before = if i > 0 {
             gates[i - 1].way_mm
@@ -140,36 +144,26 @@ fn solve(gates: &[Gate], bends: &[[f64; 3]], beyond: &[Side], stiffness: Stiffne
         let own_mm = 0.5 * (before + gate.way_mm);
         let pull = stiffness.pull * own_mm;
         let wall = stiffness.wall * own_mm;
-        rows[i][0] += pull;
-        x[i] += pull * gate.wanted_rad;
         let [low, high] = gate.range_rad;
+        let (mut d, mut right) = (pull, pull * gate.wanted_rad);
         match beyond[i] {
             Side::Within => {}
-            Side::Below => (rows[i][0], x[i]) = (rows[i][0] + wall, x[i] + wall * low),
-            Side::Above => (rows[i][0], x[i]) = (rows[i][0] + wall, x[i] + wall * high),
+            Side::Below => (d, right) = (d + wall, right + wall * low),
+            Side::Above => (d, right) = (d + wall, right + wall * high),
         }
-    }
-    for (i, [b, o, a]) in bends.iter().enumerate() {
-        rows[i][0] += b * b;
-        rows[i][1] += b * o;
-        rows[i][2] += b * a;
-        rows[i + 1][0] += o * o;
-        rows[i + 1][1] += o * a;
-        rows[i + 2][0] += a * a;
-    }
-    for i in 0..count {
-        let [d, l1, l2] = rows[i];
-        let (f1, f2) = (l1 / d, l2 / d);
-        if i + 1 < count {
-            rows[i + 1][0] -= f1 * l1;
-            rows[i + 1][1] -= f1 * l2;
-            x[i + 1] -= f1 * x[i];
-        }
-        if i + 2 < count {
-            rows[i + 2][0] -= f2 * l2;
-            x[i + 2] -= f2 * x[i];
-        }
-        rows[i] = [d, f1, f2];
+        let [_, _, back] = bend_at(i.checked_sub(2));
+        let [_, own, next] = bend_at(i.checked_sub(1));
+        let [first, second, third] = bend_at(Some(i));
+        d = d + back * back + own * own + first * first;
+        let mut l1 = own * next + first * second;
+        let l2 = first * third;
+        let [[_, f2, _, m2, x2], [f1, _, m1, n1, x1]] = above;
+        d = d - f2 * m2 - f1 * m1;
+        l1 -= f1 * n1;
+        right = right - f2 * x2 - f1 * x1;
+        rows.push([d, l1 / d, l2 / d]);
+        x.push(right);
+        above = [above[1], [l1 / d, l2 / d, l1, l2, right]];
     }
     for i in (0..count).rev() {
         let [d, f1, f2] = rows[i];
