@@ -86,7 +86,7 @@ impl Contour {
         // Which points are needless must not depend on how the region lies.
         let local = region.shifted(-offset);
         let frame = Frame::of_region(&local, true);
-        let local = frame.region_in(&local);
+        let local = frame.settled_in(&local);
         let mut removed_points = 0;
         let mut clean = |ring: &Ring, is_exterior: bool| -> Option<Ring> {
             let cleaned = cleaned_ring(ring, tolerance_mm, is_exterior);

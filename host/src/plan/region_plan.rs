@@ -56,6 +56,11 @@ impl RegionPlan {
         self.contour.to_input(Point2::origin())
     }
 
+    /// The frame that it was planned in.
+    pub fn frame(&self) -> Frame {
+        self.frame
+    }
+
     /// What is printed the other way round so that the way from `from` (input coordinates) to the
     /// walls and from there to the lines is the shortest.
     pub fn turned(&self, from: Point2) -> Turned {
@@ -151,7 +156,7 @@ impl RegionWork {
     /// [`MedialAxisError`].
     pub fn begin(contour: Contour, settings: &Settings) -> Result<RegionWork, MedialAxisError> {
         let frame = Frame::of_region(&contour.region, settings.aperture.is_mirror_image());
-        let outline = frame.region_in(&contour.region);
+        let outline = frame.settled_in(&contour.region);
         let mut hull = inner_hull(&outline, &settings.aperture);
         for ring in std::iter::once(&mut hull.exterior).chain(&mut hull.holes) {
             ring.begin_at_extreme();

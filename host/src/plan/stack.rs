@@ -17,7 +17,9 @@ use super::passes::{LayerPass, PassKind};
 use super::progress::{Progress, SIDE_BY_SIDE, Stage, Steps};
 use super::region_plan::{RegionPlan, RegionWork, Turned};
 use super::skirt::SkirtPlan;
+use crate::geometry::clearance::Configuration;
 use crate::geometry::edge_index::EdgeIndex;
+use crate::geometry::frame::{Frame, settled};
 use crate::geometry::{Point2, Vector2};
 use crate::part_transform::PartTransform;
 use crate::settings::{Infill, Settings};
@@ -217,11 +219,16 @@ pub fn plane_passes(
             let walls = EdgeIndex::of_region(&region.hull, settings.aperture.major_mm());
             let shift = region.contour.offset + place;
             let passes = region.passes_turned(print.turned);
-            curves_of(&passes, &walls, shift, settings)
+            let own = OwnFrame::of(region, settings);
+            let whole = |pass: &LayerPass, tolerance_mm| own.curves(pass, settings, tolerance_mm);
+            curves_of(&passes, &walls, whole, shift, settings)
         })
         .collect();
     let around = skirt.map_or(Vec::new(), |skirt| {
-        curves_of(&skirt.passes, &skirt.walls, skirt.offset + place, settings)
+        let (walls, aperture) = (&skirt.walls, &settings.aperture);
+        let whole =
+            |pass: &LayerPass, tolerance_mm| pass_curves(pass, aperture, walls, tolerance_mm);
+        curves_of(&skirt.passes, walls, whole, skirt.offset + place, settings)
     });
     let of_print = |print: &RegionPrint| curves[print.like].iter();
     check_length(
@@ -247,18 +254,87 @@ pub fn plane_passes(
     Ok((passes, print_of_pass))
 }
 
+/// A region's own frame, where curves are taken off its walls: many small steps, in which rounding
+/// would grow into another curve.
+struct OwnFrame {
+    frame: Frame,
+    walls: EdgeIndex,
+}
+
+impl OwnFrame {
+    fn of(region: &RegionPlan, settings: &Settings) -> OwnFrame {
+        let frame = region.frame();
+        let hull = frame.settled_in(&region.hull);
+        OwnFrame {
+            frame,
+            walls: EdgeIndex::of_region(&hull, settings.aperture.major_mm()),
+        }
+    }
+
+    /// The curves of a pass, found the same way in whatever direction it runs and wherever the region
+    /// lies.
+    fn curves(
+        &self,
+        pass: &LayerPass,
+        settings: &Settings,
+        tolerance_mm: f64,
+    ) -> Vec<Vec<PlaneControl>> {
+        let aperture = &settings.aperture;
+        let mut pass = pass.clone();
+        let Some(first) = pass.placements.first() else {
+            return Vec::new();
+        };
+        // Headings a period apart are the same, but for their last digits.
+        let period_rad = aperture.period_rad();
+        let first_rad = self.frame.angle_in(first.at.heading_rad);
+        let periods_rad = (first_rad / period_rad).floor() * period_rad;
+        for placement in &mut pass.placements {
+            let at = placement.at;
+            let heading_rad = self.frame.angle_in(at.heading_rad) - periods_rad;
+            placement.at = Configuration {
+                center: self.frame.point_in(at.center).map(settled),
+                heading_rad: settled(heading_rad),
+            };
+        }
+        let end = |at: usize| pass.placements[at].at.center;
+        let (first, last) = (end(0), end(pass.placements.len() - 1));
+        let is_back = (last.x, last.y) < (first.x, first.y);
+        if is_back {
+            pass.placements.reverse();
+        }
+        let mut curves = pass_curves(&pass, aperture, &self.walls, tolerance_mm);
+        if is_back {
+            curves.reverse();
+        }
+        for curve in &mut curves {
+            if is_back {
+                curve.reverse();
+            }
+            for control in curve {
+                let at = self.frame.configuration_out(Configuration {
+                    center: Point2::new(control[0], control[1]),
+                    heading_rad: control[2] + periods_rad,
+                });
+                *control = [at.center.x, at.center.y, at.heading_rad];
+            }
+        }
+        curves
+    }
+}
+
+/// The curves of passes, `whole` makes those of one or of a piece of one that stays within a tolerance.
 fn curves_of(
     passes: &[LayerPass],
     walls: &EdgeIndex,
+    whole: impl Fn(&LayerPass, f64) -> Vec<Vec<PlaneControl>>,
     shift: Vector2,
     settings: &Settings,
 ) -> Vec<PrintCurve> {
     let tolerance_mm = PATH_SHARE * settings.tolerances.outside_mm;
     let mut curves = Vec::new();
-    let whole = |pass: &LayerPass| pass_curves(pass, &settings.aperture, walls, tolerance_mm);
     let cutter = PassCutter::new(passes, walls, settings);
     for pass in passes {
-        for control in cutter.curves(pass, whole) {
+        for control in cutter.curves(pass, |pass| whole(pass, tolerance_mm)) {
             let control = control.iter();
             curves.push(PrintCurve {
                 kind: pass.kind,
