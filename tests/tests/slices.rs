@@ -8,10 +8,11 @@ use headway::drive::simulator::SimulatorSetup;
 use headway::input::{Format, ReadOptions, read};
 use headway::plan_target;
 use headway::settings::Settings;
-use headway_tests::judge::judge;
+use headway_tests::judge::{judge, judge_finely};
 use std::path::{Path, PathBuf};
 
 const SLICES: &str = concat!(env!("CARGO_MANIFEST_DIR"), "/../../shared/data/slices");
+const PEER: &str = concat!(env!("CARGO_MANIFEST_DIR"), "/../../shared/data/peer");
 
 fn slice_files() -> Vec<PathBuf> {
     let Ok(entries) = std::fs::read_dir(SLICES) else {
@@ -145,4 +146,58 @@ fn every_slice_plans_and_simulates_within_the_figures() {
     // The aims of the area-weighted figures.
     assert!(covered >= 99.5, "covered of reachable {covered:.2} %");
     assert!(overlap <= 1.8, "overlap {overlap:.2} %");
+}
+
+/// What is asked of a part that a slicer sliced for a round nozzle of 0.4 mm.
+struct Asked {
+    part: &'static str,
+    passes_max: usize,
+    covered_pct_min: f64,
+    overlap_pct_max: f64,
+}
+
+const ASKED: [Asked; 2] = [
+    Asked {
+        part: "gear",
+        passes_max: 8,
+        covered_pct_min: 99.5,
+        overlap_pct_max: 2.5,
+    },
+    Asked {
+        part: "uwall",
+        passes_max: 3,
+        covered_pct_min: 99.8,
+        overlap_pct_max: 2.5,
+    },
+];
+
+/// Goal: the two parts that slicers were measured on keep the figures asked of them. Method: the
+/// same oracle, with closer poses.
+#[test]
+fn parts_of_the_peers_are_covered_in_fewer_passes() {
+    let settings = Settings::default();
+    for asked in ASKED {
+        let part = asked.part;
+        let file = Path::new(PEER).join(format!("{part}.json"));
+        let Ok(bytes) = std::fs::read(&file) else {
+            println!("skipped: no reference part at {}", file.display());
+            continue;
+        };
+        let loaded =
+            read(&bytes, part, Format::Polygon, &ReadOptions::default()).expect("a valid part");
+        let plan = plan_target(&loaded.target, &settings).expect("a plan");
+        let judged = judge_finely(&plan, &loaded.target.regions, &settings);
+        let figures = format!("{part}: {} passes, {judged:?}", plan.figures.passes);
+        println!("{figures}");
+        assert!(plan.figures.passes <= asked.passes_max, "{figures}");
+        assert!(
+            judged.covered_of_reachable_pct >= asked.covered_pct_min,
+            "{figures}"
+        );
+        assert!(
+            judged.found.overlap_pct <= asked.overlap_pct_max,
+            "{figures}"
+        );
+        assert!(judged.found.outside_depth_mm <= 0.002, "{figures}");
+    }
 }

@@ -31,6 +31,10 @@ const REFINED: usize = 6;
 const COST_SHARE_MAX: f64 = 1.5;
 /// Least placements of a pass that is opened.
 const COUNT_MIN: usize = 16;
+/// Places of two loops that are fitted where a bridge is built.
+const FITTED: usize = 8;
+/// Most rounds in which an end of an opening is moved by a placement to fit a bridge.
+const FIT_ROUNDS: usize = 8;
 /// What it is worth to use up the ends of a run, against the aperture's area.
 const GAP_SAVES_SHARE: f64 = 0.5;
 /// How far the ends of a run may lie apart that is reached as if it were a loop, against a.
@@ -46,21 +50,47 @@ pub fn bridged(passes: Vec<LayerPass>, aperture: &Aperture, walls: &EdgeIndex) -
         .filter(|(cost, _)| *cost < COST_SHARE_MAX * aperture.area_mm2())
         .collect();
     found.sort_by(|x, y| x.0.total_cmp(&y.0).then(x.1.key().cmp(&y.1.key())));
-    let mut tours: Vec<Tour> = passes
-        .iter()
-        .enumerate()
-        .map(|(n, p)| Tour::of(n, p))
-        .collect();
+    let found: Vec<Bridge> = found.into_iter().map(|(_, bridge)| bridge).collect();
+    let (_, built) = joined(&passes, &found);
+    // Where a bridge is built it is fitted; if that is in the way of another it stays as it was.
+    let fine = built.into_par_iter().flat_map_iter(|number| {
+        let bridge = &found[number];
+        let like = found.iter().filter(|other| other.loops == bridge.loops);
+        let fits = like
+            .take(FITTED)
+            .map(|like| fitted(like, &passes, aperture, walls, &costs));
+        let best = fits.min_by(|x, y| x.0.total_cmp(&y.0));
+        best.into_iter()
+            .map(|(_, best)| best)
+            .chain([bridge.clone()])
+    });
+    let mut fine: Vec<Bridge> = fine.collect();
+    fine.extend(found);
+    let (tours, _) = joined(&passes, &fine);
+    let tours = tours.iter().zip(&passes);
+    tours
+        .filter(|(tour, _)| !tour.stops.is_empty())
+        .map(|(tour, pass)| tour.pass(pass, &passes, aperture.period_rad()))
+        .collect()
+}
+
+/// The tours that the bridges, built one by one where they join two, make of the passes (some are
+/// empty), and the numbers of those that were built.
+fn joined(passes: &[LayerPass], bridges: &[Bridge]) -> (Vec<Tour>, Vec<usize>) {
+    let numbered = passes.iter().enumerate();
+    let mut tours: Vec<Tour> = numbered.map(|(n, p)| Tour::of(n, p)).collect();
     // Which tour a loop belongs to.
     let mut tour_of: Vec<usize> = (0..passes.len()).collect();
-    for (_, bridge) in found {
+    let mut built = Vec::new();
+    for (number, bridge) in bridges.iter().enumerate() {
         let [a, b] = bridge.loops.map(|number| tour_of[number]);
         if a == b {
             continue;
         }
-        let Some(joined) = tours[a].joined(&tours[b], &bridge, &passes) else {
+        let Some(joined) = tours[a].joined(&tours[b], bridge, passes) else {
             continue;
         };
+        built.push(number);
         tours[a] = joined;
         tours[b] = Tour::default();
         for tour in &mut tour_of {
@@ -69,11 +99,75 @@ pub fn bridged(passes: Vec<LayerPass>, aperture: &Aperture, walls: &EdgeIndex) -
             }
         }
     }
-    let tours = tours.iter().zip(&passes);
-    tours
-        .filter(|(tour, _)| !tour.stops.is_empty())
-        .map(|(tour, pass)| tour.pass(pass, &passes, aperture.period_rad()))
-        .collect()
+    (tours, built)
+}
+
+/// The bridge with the ends of its openings moved, placement by placement, to where it spoils least,
+/// and what it costs then.
+fn fitted(
+    bridge: &Bridge,
+    passes: &[LayerPass],
+    aperture: &Aperture,
+    walls: &EdgeIndex,
+    costs: &BridgeCosts,
+) -> (f64, Bridge) {
+    let mut best = (costs.cost_mm2(bridge, passes), bridge.clone());
+    for _ in 0..FIT_ROUNDS {
+        let ends = moves(bridge.crossed).filter_map(|moves| moved(&best.1, moves, passes));
+        let others = ends.filter_map(|ends| {
+            let other = with_ways(passes, bridge.loops, ends, aperture, walls)?;
+            Some((costs.cost_mm2(&other, passes), other))
+        });
+        match others.min_by(|x, y| x.0.total_cmp(&y.0)) {
+            Some(other) if other.0 < best.0 => best = other,
+            _ => break,
+        }
+    }
+    best
+}
+
+/// How the ends of the openings of both loops are moved: one of them, or the two that a way joins,
+/// by one placement to the same side.
+fn moves(crossed: bool) -> impl Iterator<Item = [[isize; 2]; 2]> {
+    let ends = [0, 1].into_iter();
+    let stepped = ends.flat_map(|end| [-1, 1].map(|step| (end, step)));
+    stepped.flat_map(move |(end, step)| {
+        let mut moves = [[[0; 2]; 2]; 3];
+        moves[0][0][end] = step;
+        moves[1][1][end] = step;
+        moves[2][0][end] = step;
+        moves[2][1][end ^ usize::from(crossed)] = if crossed { -step } else { step };
+        moves
+    })
+}
+
+/// The ends of a bridge's openings after such a move; `None` where it would close one, make it too
+/// long, or move the ends of a run.
+fn moved(bridge: &Bridge, moves: [[isize; 2]; 2], passes: &[LayerPass]) -> Option<[[usize; 2]; 2]> {
+    let mut ends = bridge.ends;
+    for side in [0, 1] {
+        if moves[side] == [0, 0] {
+            continue;
+        }
+        let pass = &passes[bridge.loops[side]];
+        let count = pass.placements.len();
+        for end in [0, 1] {
+            let at = ends[side][end].checked_add_signed(moves[side][end]);
+            ends[side][end] = match (at, pass.closed) {
+                (Some(at), _) if at < count => at,
+                (Some(at), true) => at - count,
+                (None, true) => count - 1,
+                _ => return None,
+            };
+        }
+        let [from, to] = ends[side];
+        let is_forwards = pass.closed || bridge.ends[side][0] < bridge.ends[side][1] && from < to;
+        let between = (to + count - from) % count;
+        if !is_forwards || !(1..=COUNT_MIN / 2).contains(&between) {
+            return None;
+        }
+    }
+    Some(ends)
 }
 
 /// Pairs of loops with the places where they come close: placement of the one, of the other, and
@@ -417,6 +511,40 @@ mod tests {
         }
         let after = GapRaster::of(&joined, &APERTURE, &walls).covered_pct();
         assert!(after > before - 0.2, "{before} {after}");
+    }
+
+    /// Goal: a bridge is fitted to nearly the best openings there are. Method: begun too wide or too
+    /// narrow, against all openings whose ends lie up to four placements from where it began.
+    #[test]
+    fn openings_are_fitted_nearly_as_well_as_can_be() {
+        let (walls, center) = (walls(&[5.6]), Point2::origin());
+        let passes = vec![arc(center, 5.0, 0.3, TAU), arc(center, 3.8, 2.0, TAU)];
+        let costs = BridgeCosts::of(&passes, &APERTURE);
+        let at = |side: usize| {
+            let place = |p: &Placement| p.at.center.y.atan2(p.at.center.x).abs();
+            let numbered = passes[side].placements.iter().enumerate();
+            let first = numbered.min_by(|x, y| place(x.1).total_cmp(&place(y.1)));
+            first.expect("placements").0
+        };
+        for opening in [0.4, 2.4] {
+            let begun = bridge(&passes, [0, 1], [at(0), at(1)], opening, &APERTURE, &walls);
+            let begun = begun.expect("a bridge");
+            let mut least = costs.cost_mm2(&begun, &passes);
+            let cost = least;
+            for number in 0..9usize.pow(4) {
+                let by = |n: u32| (number / 9usize.pow(n) % 9) as isize - 4;
+                let moves = [[by(0), by(1)], [by(2), by(3)]];
+                let ends = moved(&begun, moves, &passes);
+                let other =
+                    ends.and_then(|ends| with_ways(&passes, [0, 1], ends, &APERTURE, &walls));
+                if let Some(other) = other {
+                    least = least.min(costs.cost_mm2(&other, &passes));
+                }
+            }
+            let (fitted, _) = fitted(&begun, &passes, &APERTURE, &walls, &costs);
+            assert!(cost > 1.5 * least, "{cost} {least}");
+            assert!(fitted < 1.2 * least, "{cost} {fitted} {least}");
+        }
     }
 
     /// Goal: nothing is joined through a wall. Method: two loops, a thin wall between them.
