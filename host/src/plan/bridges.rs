@@ -15,6 +15,7 @@ use super::runs::unwrap_headings;
 use crate::geometry::aperture::Aperture;
 use crate::geometry::clearance::Configuration;
 use crate::geometry::edge_index::EdgeIndex;
+use crate::geometry::union_find::root;
 use rayon::prelude::*;
 use std::collections::BTreeMap;
 
@@ -22,17 +23,13 @@ use std::collections::BTreeMap;
 const LENGTH_SHARE: f64 = 2.6;
 /// Places looked at along two neighbouring loops.
 const PLACES: usize = 6;
-/// What is taken out of either loop, against the extents of the aperture along the travel.
+/// What is taken out of either loop to begin with, against the extents of the aperture along the
+/// travel.
 const OPENING: f64 = 1.7;
-const OTHER_OPENINGS: [f64; 2] = [1.2, 2.2];
-/// Places at which the other openings are tried too.
-const REFINED: usize = 6;
 /// Most ground that a bridge may spoil, against the aperture's area: left open or covered again.
 const COST_SHARE_MAX: f64 = 1.5;
 /// Least placements of a pass that is opened.
 const COUNT_MIN: usize = 16;
-/// Places of two loops that are fitted where a bridge is built.
-const FITTED: usize = 8;
 /// Most rounds in which an end of an opening is moved by a placement to fit a bridge.
 const FIT_ROUNDS: usize = 8;
 /// What it is worth to use up the ends of a run, against the aperture's area.
@@ -51,22 +48,9 @@ pub fn bridged(passes: Vec<LayerPass>, aperture: &Aperture, walls: &EdgeIndex) -
         .collect();
     found.sort_by(|x, y| x.0.total_cmp(&y.0).then(x.1.key().cmp(&y.1.key())));
     let found: Vec<Bridge> = found.into_iter().map(|(_, bridge)| bridge).collect();
-    let (_, built) = joined(&passes, &found);
-    // Where a bridge is built it is fitted; if that is in the way of another it stays as it was.
-    let fine = built.into_par_iter().flat_map_iter(|number| {
-        let bridge = &found[number];
-        let like = found.iter().filter(|other| other.loops == bridge.loops);
-        let fits = like
-            .take(FITTED)
-            .map(|like| fitted(like, &passes, aperture, walls, &costs));
-        let best = fits.min_by(|x, y| x.0.total_cmp(&y.0));
-        best.into_iter()
-            .map(|(_, best)| best)
-            .chain([bridge.clone()])
-    });
-    let mut fine: Vec<Bridge> = fine.collect();
+    let mut fine = fitted_tree(&found, &passes, aperture, walls, &costs);
     fine.extend(found);
-    let (tours, _) = joined(&passes, &fine);
+    let tours = joined(&passes, &fine);
     let tours = tours.iter().zip(&passes);
     tours
         .filter(|(tour, _)| !tour.stops.is_empty())
@@ -74,15 +58,43 @@ pub fn bridged(passes: Vec<LayerPass>, aperture: &Aperture, walls: &EdgeIndex) -
         .collect()
 }
 
-/// The tours that the bridges, built one by one where they join two, make of the passes (some are
-/// empty), and the numbers of those that were built.
-fn joined(passes: &[LayerPass], bridges: &[Bridge]) -> (Vec<Tour>, Vec<usize>) {
+/// For each bridge of the tree that the first ones make the best fitted one between its loops, and
+/// itself, should the fitted one be in the way of another.
+fn fitted_tree(
+    found: &[Bridge],
+    passes: &[LayerPass],
+    aperture: &Aperture,
+    walls: &EdgeIndex,
+    costs: &BridgeCosts,
+) -> Vec<Bridge> {
+    let mut parent: Vec<usize> = (0..passes.len()).collect();
+    let (mut tree, mut of_pair) = (Vec::new(), BTreeMap::<_, Vec<&Bridge>>::new());
+    for bridge in found {
+        of_pair.entry(bridge.loops).or_default().push(bridge);
+        let [a, b] = bridge.loops.map(|number| root(&mut parent, number));
+        if a != b {
+            parent[a.max(b)] = a.min(b);
+            tree.push(bridge);
+        }
+    }
+    let fits = tree.into_par_iter().flat_map_iter(|bridge| {
+        let like = of_pair[&bridge.loops].iter();
+        let fits = like.map(|like| fitted(like, passes, aperture, walls, costs));
+        let best = fits.min_by(|x, y| x.0.total_cmp(&y.0));
+        let best = best.into_iter().map(|(_, best)| best);
+        best.chain([bridge.clone()])
+    });
+    fits.collect()
+}
+
+/// The tours that the bridges, built one by one where they join two, make of the passes; some are
+/// empty.
+fn joined(passes: &[LayerPass], bridges: &[Bridge]) -> Vec<Tour> {
     let numbered = passes.iter().enumerate();
     let mut tours: Vec<Tour> = numbered.map(|(n, p)| Tour::of(n, p)).collect();
     // Which tour a loop belongs to.
     let mut tour_of: Vec<usize> = (0..passes.len()).collect();
-    let mut built = Vec::new();
-    for (number, bridge) in bridges.iter().enumerate() {
+    for bridge in bridges {
         let [a, b] = bridge.loops.map(|number| tour_of[number]);
         if a == b {
             continue;
@@ -90,7 +102,6 @@ fn joined(passes: &[LayerPass], bridges: &[Bridge]) -> (Vec<Tour>, Vec<usize>) {
         let Some(joined) = tours[a].joined(&tours[b], bridge, passes) else {
             continue;
         };
-        built.push(number);
         tours[a] = joined;
         tours[b] = Tour::default();
         for tour in &mut tour_of {
@@ -99,7 +110,7 @@ fn joined(passes: &[LayerPass], bridges: &[Bridge]) -> (Vec<Tour>, Vec<usize>) {
             }
         }
     }
-    (tours, built)
+    tours
 }
 
 /// The bridge with the ends of its openings moved, placement by placement, to where it spoils least,
@@ -201,10 +212,6 @@ fn candidates(
     costs: &BridgeCosts,
 ) -> Vec<(f64, Bridge)> {
     let size = places.len().div_ceil(PLACES).max(1);
-    let with = |at: [usize; 2], opening: f64| {
-        let bridge = bridge(passes, loops, at, opening, aperture, walls)?;
-        Some((costs.cost_mm2(&bridge, passes), bridge))
-    };
     let nearest = |group: &[(usize, usize, f64)]| {
         let nearest = group.iter().min_by(|x, y| x.2.total_cmp(&y.2));
         nearest.map(|&(i, j, _)| [i, j])
@@ -216,18 +223,10 @@ fn candidates(
     });
     let own_gaps: Vec<(f64, Bridge)> = own_gaps.collect();
     let places = places.chunks(size).filter_map(nearest);
-    let tried = places.filter_map(|at| Some((at, with(at, OPENING)?)));
-    let mut tried: Vec<([usize; 2], (f64, Bridge))> = tried.collect();
-    tried.sort_by(|x, y| x.1.0.total_cmp(&y.1.0).then(x.0.cmp(&y.0)));
-    // Where it is cheapest, other openings may be cheaper still.
-    for (at, found) in tried.iter_mut().take(REFINED) {
-        for opening in OTHER_OPENINGS {
-            if let Some(other) = with(*at, opening).filter(|other| other.0 < found.0) {
-                *found = other;
-            }
-        }
-    }
-    let found = tried.into_iter().map(|(_, found)| found);
+    let found = places.filter_map(|at| {
+        let bridge = bridge(passes, loops, at, OPENING, aperture, walls)?;
+        Some((costs.cost_mm2(&bridge, passes), bridge))
+    });
     found.chain(own_gaps).collect()
 }
 
