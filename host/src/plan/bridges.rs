@@ -30,8 +30,10 @@ const OPENING: f64 = 1.7;
 const COST_SHARE_MAX: f64 = 1.5;
 /// Least placements of a pass that is opened.
 const COUNT_MIN: usize = 16;
-/// Most rounds in which an end of an opening is moved by a placement to fit a bridge.
-const FIT_ROUNDS: usize = 8;
+/// Places of two loops, the cheapest, that are fitted where a bridge is built.
+const FITTED: usize = 3;
+/// Most moves of ends of openings, by a placement, that are tried to fit a bridge.
+const FIT_TRIES: usize = 60;
 /// What it is worth to use up the ends of a run, against the aperture's area.
 const GAP_SAVES_SHARE: f64 = 0.5;
 /// How far the ends of a run may lie apart that is reached as if it were a loop, against a.
@@ -58,7 +60,7 @@ pub fn bridged(passes: Vec<LayerPass>, aperture: &Aperture, walls: &EdgeIndex) -
         .collect()
 }
 
-/// For each bridge of the tree that the first ones make the best fitted one between its loops, and
+/// For each bridge of the tree that the first ones make the best of those fitted between its loops, and
 /// itself, should the fitted one be in the way of another.
 fn fitted_tree(
     found: &[Bridge],
@@ -78,7 +80,7 @@ fn fitted_tree(
         }
     }
     let fits = tree.into_par_iter().flat_map_iter(|bridge| {
-        let like = of_pair[&bridge.loops].iter();
+        let like = of_pair[&bridge.loops].iter().take(FITTED);
         let fits = like.map(|like| fitted(like, passes, aperture, walls, costs));
         let best = fits.min_by(|x, y| x.0.total_cmp(&y.0));
         let best = best.into_iter().map(|(_, best)| best);
@@ -123,15 +125,19 @@ fn fitted(
     costs: &BridgeCosts,
 ) -> (f64, Bridge) {
     let mut best = (costs.cost_mm2(bridge, passes), bridge.clone());
-    for _ in 0..FIT_ROUNDS {
-        let ends = moves(bridge.crossed).filter_map(|moves| moved(&best.1, moves, passes));
-        let others = ends.filter_map(|ends| {
-            let other = with_ways(passes, bridge.loops, ends, aperture, walls)?;
-            Some((costs.cost_mm2(&other, passes), other))
-        });
-        match others.min_by(|x, y| x.0.total_cmp(&y.0)) {
-            Some(other) if other.0 < best.0 => best = other,
-            _ => break,
+    let all: Vec<[[isize; 2]; 2]> = moves(bridge.crossed).collect();
+    let (mut number, mut vain) = (0, 0);
+    // A move that helps is made again, until a round of all of them is in vain.
+    for _ in 0..FIT_TRIES {
+        let ends = moved(&best.1, all[number], passes);
+        let other = ends.and_then(|ends| with_ways(passes, bridge.loops, ends, aperture, walls));
+        let other = other.map(|other| (costs.cost_mm2(&other, passes), other));
+        match other.filter(|other| other.0 < best.0) {
+            Some(other) => (best, vain) = (other, 0),
+            None => (number, vain) = ((number + 1) % all.len(), vain + 1),
+        }
+        if vain == all.len() {
+            break;
         }
     }
     best
