@@ -87,13 +87,7 @@ impl Contour {
         let local = region.shifted(-offset);
         let frame = Frame::of_region(&local, true);
         let local = frame.settled_in(&local);
-        let mut removed_points = 0;
-        let mut clean = |ring: &Ring, is_exterior: bool| -> Option<Ring> {
-            let cleaned = cleaned_ring(ring, tolerance_mm, is_exterior);
-            let left = cleaned.as_ref().map_or(0, |r| r.points.len());
-            removed_points += ring.points.len() - left;
-            cleaned
-        };
+        let clean = |ring: &Ring, is_exterior: bool| cleaned_ring(ring, tolerance_mm, is_exterior);
         let first = region.exterior.points.first().copied();
         let exterior = clean(&local.exterior, true).ok_or_else(|| ContourError::Empty {
             at_mm: first.map_or([0.0, 0.0], |p| [p.x, p.y]),
@@ -101,10 +95,12 @@ impl Contour {
         let holes = local.holes.iter();
         let holes: Vec<Ring> = holes.filter_map(|hole| clean(hole, false)).collect();
         let removed_holes = region.holes.len() - holes.len();
+        let cleaned = Region { exterior, holes };
+        let count = |region: &Region| region.rings().map(|r| r.points.len()).sum::<usize>();
         Ok(Contour {
-            region: frame.region_out(&Region { exterior, holes }),
+            region: frame.region_out(&cleaned),
             offset,
-            removed_points,
+            removed_points: count(region) - count(&cleaned),
             removed_holes,
         })
     }
