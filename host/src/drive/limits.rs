@@ -67,25 +67,46 @@ pub struct LimitFigures {
     pub heading_travel_rad: f64,
 }
 
-/// Spans that one thread looks at.
+/// Spans that one thread looks at, and that are held at the same time.
 const SPANS_AT_ONCE: usize = 256;
+const SPANS_HELD: usize = 64 * SPANS_AT_ONCE;
 
 /// Looks at the whole stream.
 pub fn sample(stream: &SegmentStream, settings: &Settings) -> LimitFigures {
-    let spans: Vec<Span> = Spans::new(&stream.start, &stream.knots).collect();
-    let parts = (0..spans.len()).into_par_iter().step_by(SPANS_AT_ONCE);
-    let parts: Vec<LimitFigures> = parts
-        .map(|from| {
-            let (before, rest) = spans.split_at(from);
-            let mut sampler = Sampler::new(stream, &spans, before, settings);
-            for span in rest.iter().take(SPANS_AT_ONCE) {
-                sampler.span(span);
-            }
-            sampler.figures
-        })
-        .collect();
-    let parts = parts.into_iter();
-    parts.fold(LimitFigures::default(), LimitFigures::with)
+    let starts = Spans::new(&stream.start, &stream.knots).map(|span| span.start_tick);
+    let starts: Vec<u64> = starts.collect();
+    let mut spans = Spans::new(&stream.start, &stream.knots);
+    let mut figures = LimitFigures::default();
+    // A long job has more spans than are to be held at the same time.
+    let mut held: Vec<Span> = Vec::new();
+    loop {
+        let known = held.len();
+        held.extend(spans.by_ref().take(SPANS_HELD));
+        if held.len() == known {
+            return figures;
+        }
+        let parts = (known..held.len()).into_par_iter().step_by(SPANS_AT_ONCE);
+        let parts: Vec<LimitFigures> = parts
+            .map(|from| {
+                let (before, rest) = held.split_at(from);
+                let mut sampler = Sampler::new(stream, &starts, before, settings);
+                for span in rest.iter().take(SPANS_AT_ONCE) {
+                    sampler.span(span);
+                }
+                sampler.figures
+            })
+            .collect();
+        figures = parts.into_iter().fold(figures, LimitFigures::with);
+        // A span has a look at least: the window does not reach back further.
+        held.drain(..held.len().saturating_sub(window_looks(settings)));
+    }
+}
+
+/// Looks in the window of the extruder's pressure advance.
+fn window_looks(settings: &Settings) -> usize {
+    let window_s = settings.machine.extruder.pressure_advance_window_ms * 1e-3;
+    let window_ticks = (window_s * f64::from(settings.machine.servo_hz)).round();
+    window_ticks.max(1.0) as usize * LOOKS_PER_TICK as usize
 }
 
 impl LimitFigures {
@@ -126,27 +147,24 @@ struct Sampler<'a> {
 }
 
 impl<'a> Sampler<'a> {
-    /// A sampler that has looked at the spans `before`.
+    /// A sampler that has looked at the spans `before`; `starts` are the first ticks of all.
     fn new(
         stream: &'a SegmentStream,
-        spans: &[Span],
+        starts: &[u64],
         before: &[Span],
         settings: &'a Settings,
     ) -> Self {
         let servo_hz = f64::from(settings.machine.servo_hz);
         let start_of = |event: &FlowEvent| {
-            let span = spans.get(event.span as usize);
-            span.map_or(0, |span| span.start_tick) as f64 + f64::from(event.offset_ticks)
+            let span = starts.get(event.span as usize).copied().unwrap_or(0);
+            span as f64 + f64::from(event.offset_ticks)
         };
-        let window_s = settings.machine.extruder.pressure_advance_window_ms * 1e-3;
-        let window_ticks = (window_s * servo_hz).round().max(1.0) as usize;
-        let window_looks = window_ticks * LOOKS_PER_TICK as usize;
         Sampler {
             settings,
             marks: &stream.marks,
             servo_hz,
             events: stream.events.iter().map(|e| (start_of(e), *e)).collect(),
-            window: window_behind(before, window_looks, servo_hz),
+            window: window_behind(before, window_looks(settings), servo_hz),
             figures: LimitFigures::default(),
         }
     }
