@@ -421,6 +421,15 @@ mod tests {
         a.exterior.points.iter().map(nearest).fold(0.0, f64::max)
     }
 
+    /// One of the poses in which a region is given, every other one a mirror image.
+    fn pose(k: i32) -> Frame {
+        Frame {
+            centre: Point2::new(3.0 * f64::from(k), -7.0),
+            turn_rad: 0.37 * f64::from(k),
+            is_mirrored: k % 2 == 1,
+        }
+    }
+
     /// Goal: a region lies the same way in its own frame however it is given. Method: shapes that
     /// need the direction, the quadrant, the mirror image and the farthest vertex, in 40 poses.
     #[test]
@@ -449,12 +458,7 @@ mod tests {
         for shape in &shapes {
             let own = Frame::of_region(shape, true).region_in(shape);
             for k in 0..40 {
-                let pose = Frame {
-                    centre: Point2::new(3.0 * f64::from(k), -7.0),
-                    turn_rad: 0.37 * f64::from(k),
-                    is_mirrored: k % 2 == 1,
-                };
-                let posed = pose.region_in(shape);
+                let posed = pose(k).region_in(shape);
                 let frame = Frame::of_region(&posed, true);
                 let apart_mm = farthest_apart_mm(&frame.region_in(&posed), &own);
                 assert!(apart_mm < 1e-9, "pose {k}: {apart_mm}");
@@ -486,12 +490,7 @@ mod tests {
         for shape in [&leaf, &gear] {
             let own = Frame::of_region(shape, true).settled_in(shape);
             for k in 0..40 {
-                let pose = Frame {
-                    centre: Point2::new(3.0 * f64::from(k), -7.0),
-                    turn_rad: 0.37 * f64::from(k),
-                    is_mirrored: k % 2 == 1,
-                };
-                let mut posed = pose.region_in(shape);
+                let mut posed = pose(k).region_in(shape);
                 let count = posed.exterior.points.len();
                 posed.exterior.points.rotate_left(7 * k as usize % count);
                 let settled = Frame::of_region(&posed, true).settled_in(&posed);
