@@ -158,13 +158,13 @@ impl Frame {
     /// grid, rings begun at their extreme points.
     pub fn settled_in(&self, region: &Region) -> Region {
         let mut region = self.region_by(region, |p| self.point_in(p).map(settled));
-        for ring in std::iter::once(&mut region.exterior).chain(&mut region.holes) {
+        for ring in region.rings_mut() {
             ring.points.dedup();
             while ring.points.len() > 1 && ring.points.first() == ring.points.last() {
                 ring.points.pop();
             }
-            ring.begin_at_extreme();
         }
+        region.begin_at_extremes();
         region
     }
 

@@ -71,6 +71,18 @@ impl Region {
         std::iter::once(&self.exterior).chain(&self.holes)
     }
 
+    /// Makes every ring begin at its extreme point ([`Ring::begin_at_extreme`]).
+    pub fn begin_at_extremes(&mut self) {
+        for ring in self.rings_mut() {
+            ring.begin_at_extreme();
+        }
+    }
+
+    /// The rings to change, in the order of [`Region::rings`].
+    pub fn rings_mut(&mut self) -> impl Iterator<Item = &mut Ring> {
+        std::iter::once(&mut self.exterior).chain(&mut self.holes)
+    }
+
     /// Directed edges of all rings, inside on the left.
     pub fn edges(&self) -> impl Iterator<Item = (Point2, Point2)> + '_ {
         self.rings().flat_map(|ring| ring.edges())

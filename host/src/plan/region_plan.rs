@@ -158,9 +158,7 @@ impl RegionWork {
         let frame = Frame::of_region(&contour.region, settings.aperture.is_mirror_image());
         let outline = frame.settled_in(&contour.region);
         let mut hull = inner_hull(&outline, &settings.aperture);
-        for ring in std::iter::once(&mut hull.exterior).chain(&mut hull.holes) {
-            ring.begin_at_extreme();
-        }
+        hull.begin_at_extremes();
         let reach_mm = settings.aperture.major_mm();
         let ground = EdgeIndex::of_region(&hull, reach_mm);
         // The diagram takes one thread, and most of the time here.
