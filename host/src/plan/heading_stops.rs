@@ -15,6 +15,7 @@ use headway_protocol::units::CHANNEL_HEADING;
 use std::cell::OnceCell;
 use std::cmp::Reverse;
 use std::collections::{BinaryHeap, VecDeque};
+use std::ops::Deref;
 
 /// Room left before each stop, rad, tried in this order: the curve is sharpened and pushed off the
 /// walls, and its headings leave those of the placements by a few degrees at the most.
@@ -35,22 +36,19 @@ pub fn heading_range(settings: &Settings) -> [f64; 2] {
 }
 
 /// Cuts the passes of a region where they turn further than the nozzle may.
-pub struct PassCutter<'a> {
+pub struct PassCutter<'a, W> {
     passes: &'a [LayerPass],
-    walls: &'a EdgeIndex,
+    walls: W,
     settings: &'a Settings,
     stops: Stops,
     /// Made for the first pass that is cut.
     ground: OnceCell<Option<LaidGround>>,
 }
 
-impl<'a> PassCutter<'a> {
-    /// Of all the passes within some walls.
-    pub fn new(
-        passes: &'a [LayerPass],
-        walls: &'a EdgeIndex,
-        settings: &'a Settings,
-    ) -> PassCutter<'a> {
+impl<'a, W: Deref<Target = EdgeIndex>> PassCutter<'a, W> {
+    /// Of all the passes within some walls, which are only looked at where a pass is cut: they may
+    /// be made then.
+    pub fn new(passes: &'a [LayerPass], walls: W, settings: &'a Settings) -> PassCutter<'a, W> {
         PassCutter {
             passes,
             walls,
@@ -96,7 +94,7 @@ impl<'a> PassCutter<'a> {
             return vec![pass.clone()];
         }
         let ground = self.ground.get_or_init(|| {
-            LaidGround::of_passes(self.passes, self.walls, &self.settings.aperture)
+            LaidGround::of_passes(self.passes, &self.walls, &self.settings.aperture)
         });
         let costs = ground.as_ref().map(|g| g.cuts_of(&pass.placements));
         let cut_at = |cut: usize, begin_max: usize| {

@@ -24,7 +24,9 @@ use crate::geometry::{Point2, Vector2};
 use crate::part_transform::PartTransform;
 use crate::settings::{Infill, Settings};
 use rayon::prelude::*;
+use std::cell::LazyCell;
 use std::collections::BTreeMap;
+use std::ops::Deref;
 use std::sync::Arc;
 
 /// Most control points of all printed curves: 800 m of path and more, and 1 GB while it is planned.
@@ -216,12 +218,13 @@ pub fn plane_passes(
                 return Vec::new();
             }
             let region = &kinds[print.kind].regions[print.region];
-            let walls = EdgeIndex::of_region(&region.hull, settings.aperture.major_mm());
+            let reach_mm = settings.aperture.major_mm();
+            let walls = LazyCell::new(|| EdgeIndex::of_region(&region.hull, reach_mm));
             let shift = region.contour.offset + place;
             let passes = region.passes_turned(print.turned);
             let own = OwnFrame::of(region, settings);
             let whole = |pass: &LayerPass, tolerance_mm| own.curves(pass, settings, tolerance_mm);
-            curves_of(&passes, &walls, whole, shift, settings)
+            curves_of(&passes, walls, whole, shift, settings)
         })
         .collect();
     let around = skirt.map_or(Vec::new(), |skirt| {
@@ -325,7 +328,7 @@ impl OwnFrame {
 /// The curves of passes, `whole` makes those of one or of a piece of one that stays within a tolerance.
 fn curves_of(
     passes: &[LayerPass],
-    walls: &EdgeIndex,
+    walls: impl Deref<Target = EdgeIndex>,
     whole: impl Fn(&LayerPass, f64) -> Vec<Vec<PlaneControl>>,
     shift: Vector2,
     settings: &Settings,
