@@ -43,15 +43,17 @@ const GAP_SHARE: f64 = 2.5;
 pub fn bridged(passes: Vec<LayerPass>, aperture: &Aperture, walls: &EdgeIndex) -> Vec<LayerPass> {
     let costs = BridgeCosts::of(&passes, aperture);
     let near = neighbours(&passes, LENGTH_SHARE * aperture.major_mm());
-    let mut found: Vec<(f64, Bridge)> = near
+    let mut found: Vec<Candidate> = near
         .into_par_iter()
         .flat_map_iter(|(pair, places)| candidates(&passes, pair, &places, aperture, walls, &costs))
-        .filter(|(cost, _)| *cost < COST_SHARE_MAX * aperture.area_mm2())
+        .filter(|found| found.rank_mm2 < COST_SHARE_MAX * aperture.area_mm2())
         .collect();
-    found.sort_by(|x, y| x.0.total_cmp(&y.0).then(x.1.key().cmp(&y.1.key())));
-    let found: Vec<Bridge> = found.into_iter().map(|(_, bridge)| bridge).collect();
+    found.sort_by(|x, y| {
+        let by_rank = x.rank_mm2.total_cmp(&y.rank_mm2);
+        by_rank.then(x.bridge.key().cmp(&y.bridge.key()))
+    });
     let mut fine = fitted_tree(&found, &passes, aperture, walls, &costs);
-    fine.extend(found);
+    fine.extend(found.into_iter().map(|found| found.bridge));
     let tours = joined(&passes, &fine);
     let tours = tours.iter().zip(&passes);
     tours
@@ -60,23 +62,33 @@ pub fn bridged(passes: Vec<LayerPass>, aperture: &Aperture, walls: &EdgeIndex) -
         .collect()
 }
 
+/// A bridge that could be built.
+struct Candidate {
+    bridge: Bridge,
+    /// What it spoils ([`BridgeCosts::cost_mm2`]).
+    cost_mm2: f64,
+    /// The same, less what it is worth to use up the ends of a run: the lowest is built first.
+    rank_mm2: f64,
+}
+
 /// For each bridge of the tree that the first ones make the best of those fitted between its loops, and
 /// itself, should the fitted one be in the way of another.
 fn fitted_tree(
-    found: &[Bridge],
+    found: &[Candidate],
     passes: &[LayerPass],
     aperture: &Aperture,
     walls: &EdgeIndex,
     costs: &BridgeCosts,
 ) -> Vec<Bridge> {
     let mut parent: Vec<usize> = (0..passes.len()).collect();
-    let (mut tree, mut of_pair) = (Vec::new(), BTreeMap::<_, Vec<&Bridge>>::new());
-    for bridge in found {
-        of_pair.entry(bridge.loops).or_default().push(bridge);
-        let [a, b] = bridge.loops.map(|number| root(&mut parent, number));
+    let (mut tree, mut of_pair) = (Vec::new(), BTreeMap::<_, Vec<&Candidate>>::new());
+    for candidate in found {
+        let loops = candidate.bridge.loops;
+        of_pair.entry(loops).or_default().push(candidate);
+        let [a, b] = loops.map(|number| root(&mut parent, number));
         if a != b {
             parent[a.max(b)] = a.min(b);
-            tree.push(bridge);
+            tree.push(&candidate.bridge);
         }
     }
     let fits = tree.into_par_iter().flat_map_iter(|bridge| {
@@ -118,19 +130,20 @@ fn joined(passes: &[LayerPass], bridges: &[Bridge]) -> Vec<Tour> {
 /// The bridge with the ends of its openings moved, placement by placement, to where it spoils least,
 /// and what it costs then.
 fn fitted(
-    bridge: &Bridge,
+    begun: &Candidate,
     passes: &[LayerPass],
     aperture: &Aperture,
     walls: &EdgeIndex,
     costs: &BridgeCosts,
 ) -> (f64, Bridge) {
-    let mut best = (costs.cost_mm2(bridge, passes), bridge.clone());
-    let all: Vec<[[isize; 2]; 2]> = moves(bridge.crossed).collect();
+    let mut best = (begun.cost_mm2, begun.bridge.clone());
+    let Bridge { loops, crossed, .. } = begun.bridge;
+    let all: Vec<[[isize; 2]; 2]> = moves(crossed).collect();
     let (mut number, mut vain) = (0, 0);
     // A move that helps is made again, until a round of all of them is in vain.
     for _ in 0..FIT_TRIES {
         let ends = moved(&best.1, all[number], passes);
-        let other = ends.and_then(|ends| with_ways(passes, bridge.loops, ends, aperture, walls));
+        let other = ends.and_then(|ends| with_ways(passes, loops, ends, aperture, walls));
         let other = other.map(|other| (costs.cost_mm2(&other, passes), other));
         match other.filter(|other| other.0 < best.0) {
             Some(other) => (best, vain) = (other, 0),
@@ -216,22 +229,29 @@ fn candidates(
     aperture: &Aperture,
     walls: &EdgeIndex,
     costs: &BridgeCosts,
-) -> Vec<(f64, Bridge)> {
+) -> Vec<Candidate> {
     let size = places.len().div_ceil(PLACES).max(1);
     let nearest = |group: &[(usize, usize, f64)]| {
         let nearest = group.iter().min_by(|x, y| x.2.total_cmp(&y.2));
         nearest.map(|&(i, j, _)| [i, j])
     };
+    let candidate = |bridge: Bridge, saved_mm2: f64| {
+        let cost_mm2 = costs.cost_mm2(&bridge, passes);
+        Candidate {
+            bridge,
+            cost_mm2,
+            rank_mm2: cost_mm2 - saved_mm2,
+        }
+    };
     let own_gaps = [0, 1].into_iter().filter_map(|side| {
         let bridge = bridge_at_gap(passes, loops, side, places, aperture, walls)?;
-        let saved_mm2 = GAP_SAVES_SHARE * aperture.area_mm2();
-        Some((costs.cost_mm2(&bridge, passes) - saved_mm2, bridge))
+        Some(candidate(bridge, GAP_SAVES_SHARE * aperture.area_mm2()))
     });
-    let own_gaps: Vec<(f64, Bridge)> = own_gaps.collect();
+    let own_gaps: Vec<Candidate> = own_gaps.collect();
     let places = places.chunks(size).filter_map(nearest);
     let found = places.filter_map(|at| {
         let bridge = bridge(passes, loops, at, OPENING, aperture, walls)?;
-        Some((costs.cost_mm2(&bridge, passes), bridge))
+        Some(candidate(bridge, 0.0))
     });
     found.chain(own_gaps).collect()
 }
@@ -534,8 +554,8 @@ mod tests {
         for opening in [0.4, 2.4] {
             let begun = bridge(&passes, [0, 1], [at(0), at(1)], opening, &APERTURE, &walls);
             let begun = begun.expect("a bridge");
-            let mut least = costs.cost_mm2(&begun, &passes);
-            let cost = least;
+            let cost = costs.cost_mm2(&begun, &passes);
+            let mut least = cost;
             for number in 0..9usize.pow(4) {
                 let by = |n: u32| (number / 9usize.pow(n) % 9) as isize - 4;
                 let moves = [[by(0), by(1)], [by(2), by(3)]];
@@ -546,6 +566,11 @@ mod tests {
                     least = least.min(costs.cost_mm2(&other, &passes));
                 }
             }
+            let begun = Candidate {
+                bridge: begun,
+                cost_mm2: cost,
+                rank_mm2: cost,
+            };
             let (fitted, _) = fitted(&begun, &passes, &APERTURE, &walls, &costs);
             assert!(cost > 1.5 * least, "{cost} {least}");
             assert!(fitted < 1.2 * least, "{cost} {fitted} {least}");
