@@ -6,8 +6,8 @@
 use super::flow::{FlowPose, deposit};
 use super::heading_stops::heading_range;
 use super::keep_out::Way;
-use super::layer_path::{PlaneControl, configuration, curve_at};
 use super::passes::PassKind;
+use super::plane_curve::{PlaneControl, configuration, curve_at};
 use super::route::{PathCurve, Route, Stretch, StretchEvent};
 use super::travel_ways::{TravelError, TravelWays};
 use crate::geometry::Point2;

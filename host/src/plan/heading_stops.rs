@@ -6,8 +6,8 @@
 //! begun a little after the end of the one before it ([`super::laid_ground`]).
 
 use super::laid_ground::LaidGround;
-use super::layer_path::PlaneControl;
 use super::passes::LayerPass;
+use super::plane_curve::PlaneControl;
 use crate::geometry::edge_index::EdgeIndex;
 use crate::settings::Settings;
 use headway_firmware::kinematics;

@@ -3,34 +3,15 @@
 //!
 //! The placements are the control polygon, sharpened by one step of the interpolation inverse
 //! (P - second difference / 6) where they are smooth, so that the curve passes through them to
-//! fourth order; corners stay rounded by the spline itself. Then poses along each span are checked
-//! against the true walls and the control points pushed back, all at once and where that goes astray
-//! one pose after the other, until none cuts deeper than the tolerance.
+//! fourth order; corners stay rounded by the spline itself. Then the curve is pushed inside the walls
+//! ([`super::curve_inside`]), and cut where that fails.
 
+use super::curve_inside::InsideWalls;
 use super::passes::LayerPass;
+use super::plane_curve::{PlaneControl, configuration};
 use crate::geometry::aperture::Aperture;
-use crate::geometry::clearance::{Configuration, WallContact, contact};
 use crate::geometry::edge_index::EdgeIndex;
-use crate::geometry::{Point2, Vector2};
-use rayon::prelude::*;
 
-/// Control polygon in the layer plane: x, y in mm, heading in rad.
-pub type PlaneControl = [f64; 3];
-
-/// Longest way of any point of the aperture between two poses that are looked at, mm. A vertex of a wall
-/// that passes a tip of radius b²/a is at most step² a / 8 b² deeper between two of them: 0.75 µm for
-/// 0.6 x 0.2 mm, a quarter of that in the close look.
-const STEP_MM: f64 = 0.02;
-/// Least and most poses of a span.
-const POSES_MIN: usize = 6;
-/// See [`POSES_MIN`].
-const POSES_MAX: usize = 2000;
-/// Rounds of pushing back; each at least halves what is left.
-const ROUNDS_MAX: usize = 40;
-/// Round from which poses are turned as well as pushed: where pushing alone settles, headings stay.
-const TURNING_ROUND: usize = 8;
-/// Sweeps in which poses are taken back one by one.
-const PROJECTIONS_MAX: usize = 200;
 /// Second differences above this share of the step are corners, not curvature.
 const SMOOTH_SHARE: f64 = 0.35;
 /// Placements closer than this and turned by less than `MERGE_RAD` are one, mm.
@@ -50,24 +31,27 @@ pub fn pass_curves(
     tolerance_mm: f64,
 ) -> Vec<Vec<PlaneControl>> {
     let control = sharpened(&merged(pass));
+    let inside = InsideWalls {
+        aperture,
+        walls,
+        tolerance_mm,
+    };
     // Where pushing does not help the curve is cut; the pieces have new ends, so they are pushed
     // again. Each round removes at least one span, and few rounds ever happen.
     let mut curves = Vec::new();
     let mut open = vec![control];
     while let Some(raw) = open.pop() {
         let mut control = raw.clone();
-        let mut is_inside = push_inside(&mut control, aperture, walls, tolerance_mm);
-        if !is_inside {
+        let bad = if !inside.push(&mut control) {
             // In a tight swing pushes that do not know of each other can go astray.
             control.clone_from(&raw);
-            is_inside = project_inside(&mut control, aperture, walls, tolerance_mm);
-        }
-        if is_inside && walls.contains(configuration(control[0]).center) {
-            curves.push(control);
-            continue;
-        }
-        let bad = cutting_spans(&control, aperture, walls, tolerance_mm);
-        if bad.iter().any(|&b| b) {
+            inside.project(&mut control)
+        } else if !walls.contains(configuration(control[0]).center) {
+            inside.cutting_spans(&control)
+        } else {
+            Vec::new()
+        };
+        if bad.contains(&true) {
             open.extend(pieces_without(&raw, &bad));
         } else {
             curves.push(control);
@@ -75,25 +59,6 @@ pub fn pass_curves(
     }
     curves.reverse();
     curves
-}
-
-/// Which spans have a pose that cuts deeper than the tolerance or has left the region.
-fn cutting_spans(
-    control: &[PlaneControl],
-    aperture: &Aperture,
-    walls: &EdgeIndex,
-    tolerance_mm: f64,
-) -> Vec<bool> {
-    (0..control.len().saturating_sub(1))
-        .into_par_iter()
-        .with_min_len(SPANS_AT_ONCE)
-        .map(|span| {
-            let closely = Look::closely(tolerance_mm);
-            closely.poses_of(control, span, aperture).any(|(_, at)| {
-                closely.cut(aperture, at, walls).is_some() || !walls.contains(at.center)
-            })
-        })
-        .collect()
 }
 
 /// The runs of control points between bad spans, short ones left out.
@@ -143,323 +108,14 @@ fn sharpened(raw: &[PlaneControl]) -> Vec<PlaneControl> {
     control
 }
 
-/// Control point `i`, phantom points beyond the ends included (natural ends).
-fn control_at(control: &[PlaneControl], i: isize) -> PlaneControl {
-    let n = control.len() as isize;
-    let mirror = |end: PlaneControl, inner: PlaneControl| -> PlaneControl {
-        std::array::from_fn(|c| 2.0 * end[c] - inner[c])
-    };
-    if i < 0 {
-        mirror(control[0], control[1.min(n as usize - 1)])
-    } else if i >= n {
-        mirror(control[n as usize - 1], control[(n - 2).max(0) as usize])
-    } else {
-        control[i as usize]
-    }
-}
-
-/// Weights of the four control points of a span at `t`.
-fn span_weights(t: f64) -> [f64; 4] {
-    [
-        (1.0 - t).powi(3) / 6.0,
-        (3.0 * t.powi(3) - 6.0 * t * t + 4.0) / 6.0,
-        (-3.0 * t.powi(3) + 3.0 * t * t + 3.0 * t + 1.0) / 6.0,
-        t.powi(3) / 6.0,
-    ]
-}
-
-/// The curve at parameter i + t of the uniform cubic B-spline.
-pub fn curve_at(control: &[PlaneControl], span: usize, t: f64) -> PlaneControl {
-    let w = span_weights(t);
-    let points: [PlaneControl; 4] =
-        std::array::from_fn(|k| control_at(control, span as isize + k as isize - 1));
-    std::array::from_fn(|c| (0..4).map(|k| w[k] * points[k][c]).sum())
-}
-
-/// The aperture's placement for a curve point.
-pub fn configuration(point: PlaneControl) -> Configuration {
-    Configuration {
-        center: Point2::new(point[0], point[1]),
-        heading_rad: point[2],
-    }
-}
-
-/// Spans that are worth a thread.
-const SPANS_AT_ONCE: usize = 64;
-
-/// A pose of the curve that cuts too deep.
-struct Cut {
-    span: usize,
-    /// Where in the span.
-    t: f64,
-    heading_rad: f64,
-    found: WallContact,
-}
-
-/// How closely a curve is looked at.
-#[derive(Clone, Copy)]
-struct Look {
-    /// Longest way of any point of the aperture from pose to pose.
-    step_mm: f64,
-    /// Least poses of a span.
-    poses_min: usize,
-    /// Deeper ones are cuts.
-    depth_mm: f64,
-}
-
-impl Look {
-    /// As far as pushing goes.
-    fn first(tolerance_mm: f64) -> Look {
-        Look {
-            step_mm: STEP_MM,
-            poses_min: POSES_MIN,
-            depth_mm: tolerance_mm,
-        }
-    }
-
-    /// What a curve that is kept must pass.
-    fn closely(tolerance_mm: f64) -> Look {
-        Look {
-            step_mm: STEP_MM / 2.0,
-            poses_min: 2 * POSES_MIN,
-            depth_mm: 2.0 * tolerance_mm,
-        }
-    }
-
-    /// Poses along a span with their places in it, its end left to the next: the curve runs no faster than the longest of the
-    /// three legs that it follows.
-    fn poses_of(
-        self,
-        control: &[PlaneControl],
-        span: usize,
-        aperture: &Aperture,
-    ) -> impl Iterator<Item = (f64, Configuration)> {
-        let way_mm = (0..3)
-            .map(|leg| {
-                let [p, q] = [0, 1].map(|end| control_at(control, (span + leg + end) as isize - 1));
-                (q[0] - p[0]).hypot(q[1] - p[1]) + aperture.reach_mm() * (q[2] - p[2]).abs()
-            })
-            .fold(0.0, f64::max);
-        let count = ((way_mm / self.step_mm).ceil() as usize).clamp(self.poses_min, POSES_MAX);
-        // The curve's end is nobody else's.
-        let end = usize::from(span + 2 == control.len());
-        (0..count + end).map(move |pose| {
-            let t = pose as f64 / count as f64;
-            (t, configuration(curve_at(control, span, t)))
-        })
-    }
-
-    /// Where the pose cuts, if it does.
-    fn cut(self, aperture: &Aperture, at: Configuration, walls: &EdgeIndex) -> Option<WallContact> {
-        contact(aperture, at, walls, 1.0).filter(|found| found.depth_mm > self.depth_mm)
-    }
-
-    /// The cuts of one span.
-    fn cuts_of(
-        self,
-        control: &[PlaneControl],
-        span: usize,
-        aperture: &Aperture,
-        walls: &EdgeIndex,
-    ) -> impl Iterator<Item = Cut> {
-        self.poses_of(control, span, aperture)
-            .filter_map(move |(t, at)| {
-                Some(Cut {
-                    span,
-                    t,
-                    heading_rad: at.heading_rad,
-                    found: self.cut(aperture, at, walls)?,
-                })
-            })
-    }
-}
-
-/// Pushes the control points of cutting spans back along the contact normal, from [`TURNING_ROUND`] on
-/// turns them as well. True if no pose cuts any more, looked at closely.
-fn push_inside(
-    control: &mut [PlaneControl],
-    aperture: &Aperture,
-    walls: &EdgeIndex,
-    tolerance_mm: f64,
-) -> bool {
-    let spans = control.len().saturating_sub(1);
-    let mut dirty = vec![true; spans];
-    let [first, closely] = [Look::first(tolerance_mm), Look::closely(tolerance_mm)];
-    let mut look = first;
-    for round in 0..ROUNDS_MAX {
-        let find = |look: Look, dirty: &[bool]| -> Vec<Cut> {
-            let spans_to_check: Vec<usize> = (0..spans).filter(|&span| dirty[span]).collect();
-            spans_to_check
-                .into_par_iter()
-                .with_min_len(SPANS_AT_ONCE)
-                .flat_map_iter(|span| look.cuts_of(control, span, aperture, walls))
-                .collect()
-        };
-        let mut cuts = find(look, &dirty);
-        if cuts.is_empty() && look.step_mm > closely.step_mm {
-            look = closely;
-            cuts = find(look, &vec![true; spans]);
-        }
-        if cuts.is_empty() {
-            return true;
-        }
-        let turning = round >= TURNING_ROUND;
-        dirty = push_back(control, aperture, &cuts, tolerance_mm, round, turning);
-    }
-    false
-}
-
-/// Moves the control points about the cuts, and turns them if `turning`; returns the spans that this
-/// changes.
-fn push_back(
-    control: &mut [PlaneControl],
-    aperture: &Aperture,
-    cuts: &[Cut],
-    tolerance_mm: f64,
-    round: usize,
-    turning: bool,
-) -> Vec<bool> {
-    let spans = control.len() - 1;
-    let mut push = vec![Vector2::zeros(); control.len()];
-    let mut turn = vec![0.0f64; control.len()];
-    for cut in cuts {
-        let (span, t) = (cut.span, cut.t);
-        let depth_mm = cut.found.depth_mm + 0.3 * tolerance_mm;
-        let (back, by_rad) = if turning {
-            pushed_and_turned(aperture, cut.heading_rad, cut.found.outward, depth_mm)
-        } else {
-            (-cut.found.outward * depth_mm, 0.0)
-        };
-        for (own, share) in [(span, 1.0 - 0.5 * t), (span + 1, 0.5 + 0.5 * t)] {
-            add_longer(&mut push[own], back * share);
-            if (by_rad * share).abs() > turn[own].abs() {
-                turn[own] = by_rad * share;
-            }
-        }
-    }
-    // Later rounds push harder, so that narrow places where two walls push in turn settle.
-    let gain = 1.0 + 0.05 * round as f64;
-    let mut changed = vec![false; spans];
-    for (i, by) in push.iter().enumerate() {
-        if by.norm_squared() > 0.0 || turn[i] != 0.0 {
-            control[i][0] += by.x * gain;
-            control[i][1] += by.y * gain;
-            control[i][2] += turn[i];
-            for flag in &mut changed[i.saturating_sub(2)..(i + 2).min(spans)] {
-                *flag = true;
-            }
-        }
-    }
-    changed
-}
-
-/// The least move and turn together that take a contact `depth_mm` back, a turn counted at the major
-/// semi-axis: between two walls the moves cancel and the turn is what helps.
-fn pushed_and_turned(
-    aperture: &Aperture,
-    heading_rad: f64,
-    outward: Vector2,
-    depth_mm: f64,
-) -> (Vector2, f64) {
-    let support = aperture.support_point(heading_rad, outward);
-    let arm_mm = outward.dot(&Vector2::new(-support.y, support.x));
-    let radius_mm = aperture.major_mm();
-    let share = depth_mm / (1.0 + (arm_mm / radius_mm).powi(2));
-    (-outward * share, -share * arm_mm / radius_mm.powi(2))
-}
-
-/// Takes one pose after the other back by the least move and turn of the control points it hangs on
-/// (Kaczmarz, 1937, each step with the contacts as they then are). Slower than pushing all at once,
-/// yet what one pose needs is not taken for what the next one does. True if no pose cuts any more.
-fn project_inside(
-    control: &mut [PlaneControl],
-    aperture: &Aperture,
-    walls: &EdgeIndex,
-    tolerance_mm: f64,
-) -> bool {
-    let spans = control.len().saturating_sub(1);
-    let look = Look::closely(tolerance_mm);
-    let mut dirty = cutting_spans(control, aperture, walls, tolerance_mm);
-    for _ in 0..PROJECTIONS_MAX {
-        let mut changed = vec![false; spans];
-        for span in (0..spans).filter(|&span| dirty[span]) {
-            let places: Vec<f64> = look
-                .poses_of(control, span, aperture)
-                .map(|p| p.0)
-                .collect();
-            for t in places {
-                let at = configuration(curve_at(control, span, t));
-                if let Some(found) = look.cut(aperture, at, walls) {
-                    project(control, span, t, aperture, &found);
-                    let low = span.saturating_sub(2);
-                    changed[low..(span + 3).min(spans)].fill(true);
-                }
-            }
-        }
-        if !changed.contains(&true) {
-            return !cutting_spans(control, aperture, walls, tolerance_mm).contains(&true);
-        }
-        dirty = changed;
-    }
-    false
-}
-
-/// The least move and turn of the control points of a span that takes its pose at `t` off a wall.
-fn project(
-    control: &mut [PlaneControl],
-    span: usize,
-    t: f64,
-    aperture: &Aperture,
-    found: &WallContact,
-) {
-    let heading_rad = curve_at(control, span, t)[2];
-    let (back, by_rad) = pushed_and_turned(aperture, heading_rad, found.outward, found.depth_mm);
-    let last = control.len() - 1;
-    let mut weights = [(0usize, 0.0); 4];
-    for (k, w) in span_weights(t).into_iter().enumerate() {
-        // Points beyond an end stand for twice the end less its neighbour.
-        let place = (span + k) as isize - 1;
-        let mut add = |at: usize, w: f64| {
-            let low = span.saturating_sub(1);
-            let slot = &mut weights[at - low];
-            *slot = (at, slot.1 + w);
-        };
-        if place < 0 {
-            add(0, 2.0 * w);
-            add(1, -w);
-        } else if place as usize > last {
-            add(last, 2.0 * w);
-            add(last - 1, -w);
-        } else {
-            add(place as usize, w);
-        }
-    }
-    let sum: f64 = weights.iter().map(|(_, w)| w * w).sum();
-    for (at, w) in weights {
-        let share = w / sum;
-        let point = &mut control[at];
-        *point = [
-            point[0] + back.x * share,
-            point[1] + back.y * share,
-            point[2] + by_rad * share,
-        ];
-    }
-}
-
-/// Keeps the longer of two pushes of about the same direction, the sum of opposed ones.
-fn add_longer(own: &mut Vector2, other: Vector2) {
-    if own.dot(&other) <= 0.0 {
-        *own += other;
-    } else if other.norm_squared() > own.norm_squared() {
-        *own = other;
-    }
-}
-
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::geometry::clearance::{Configuration, contact};
     use crate::geometry::test_shapes::{ELLIPSE as APERTURE, walls};
+    use crate::geometry::{Point2, Vector2};
     use crate::plan::heading_profile::slide_inside;
+    use crate::plan::plane_curve::curve_at;
     use crate::plan::test_passes::pass;
 
     /// Goal: a tooth of the wall that passes under the nozzle's tip within a part of a long span is
@@ -547,7 +203,12 @@ mod tests {
         let pass = pass(places, false);
         assert!(pass.placements.len() >= steps as usize);
         let mut control = sharpened(&merged(&pass));
-        let is_settled = push_inside(&mut control, &APERTURE, &walls, 4e-4);
+        let inside = InsideWalls {
+            aperture: &APERTURE,
+            walls: &walls,
+            tolerance_mm: 4e-4,
+        };
+        let is_settled = inside.push(&mut control);
         assert!(!is_settled, "no longer a swing in which moves go astray");
         let curves = pass_curves(&pass, &APERTURE, &walls, 4e-4);
         assert_eq!(curves.len(), 1);

@@ -10,10 +10,11 @@
 
 use super::build_route::PlanePass;
 use super::heading_stops::PassCutter;
-use super::layer_path::{PlaneControl, pass_curves};
+use super::layer_path::pass_curves;
 use super::measure::OFF_REGIONS;
 use super::order::region_order;
 use super::passes::{LayerPass, PassKind};
+use super::plane_curve::PlaneControl;
 use super::progress::{Progress, SIDE_BY_SIDE, Stage, Steps};
 use super::region_plan::{RegionPlan, RegionWork, Turned};
 use super::skirt::SkirtPlan;
