@@ -460,3 +460,7 @@ mod warp;
 mod by_hand;
 #[path = "machine_fault_tests.rs"]
 mod fault;
+#[path = "machine_switch_tests.rs"]
+mod switch;
+#[path = "machine_world_tests.rs"]
+mod world;

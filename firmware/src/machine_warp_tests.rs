@@ -1,7 +1,7 @@
 //! Goal: pause, resume, override and starvation at random times never leave the path or the
-//! joints' full limits, lose no step and no volume. Method: seeded schedules; the servo's targets
-//! are differenced twice at the servo rate and compared with the limits, the plan being set to use
-//! 0.95 of them.
+//! joints' full limits, lose no step and no volume; flow override scales the volume alone. Method:
+//! seeded schedules; the servo's targets are differenced twice at the servo rate and compared with the
+//! limits, the plan being set to use 0.95 of them.
 use super::*;
 use crate::interpolator::TICK_Q16;
 use crate::steps::STEP;
@@ -271,4 +271,42 @@ fn random_disturbances_keep_the_limits_of_an_extruder_that_binds() {
         event.duration_ticks = Ticks(400);
     }
     campaign(configuration, &job, schedules(), 0.0);
+}
+
+#[test]
+fn flow_override_scales_the_volume_and_keeps_the_path_and_the_extruders_limits() {
+    let (configuration, job) = (planar(), flower());
+    for percent in [50u16, 150] {
+        let mut host = Host::new(&configuration, &job);
+        host.control(HostMessage::Control(Control::FlowOverride(percent)));
+        // Half a second until the factor is there.
+        for _ in 0..1100 {
+            host.tick();
+        }
+        let mut last = [0i64; 2];
+        let (mut fastest, mut hardest) = (0.0f64, 0.0f64);
+        while host.machine.motion().state() != DeviceState::Finished {
+            host.send(&job, 8, 16);
+            host.tick();
+            let target = host.machine.motion().targets()[4];
+            if last[0] != 0 {
+                let rate = |a: i64, b: i64| (a - b) as f64 / STEP as f64 / 400.0 * 2000.0;
+                fastest = fastest.max(rate(target, last[0]).abs());
+                let bend = (rate(target, last[0]) - rate(last[0], last[1])) * 2000.0;
+                hardest = hardest.max(if last[1] == 0 { 0.0 } else { bend.abs() });
+            }
+            last = [target, last[0]];
+        }
+        for _ in 0..100 {
+            host.tick();
+        }
+        host.poll();
+        assert_eq!(host.faults, []);
+        let planned = final_steps(&configuration, &job);
+        assert_eq!(host.counter.counts[..4], planned[..4]);
+        let expected = planned[4] as f64 * f64::from(percent) / 100.0;
+        let error = host.counter.counts[4] as f64 - expected;
+        assert!(error.abs() < 2.0, "{percent} %: {error} of {expected}");
+        assert!(fastest < 60.0 && hardest < 3000.0, "{fastest} {hardest}");
+    }
 }

@@ -1,0 +1,135 @@
+//! What the tests of moves by hand and of switches share: a machine whose steps move carriages with
+//! switches that bounce.
+use super::*;
+use crate::homing::{HomingConfiguration, JointHoming};
+use crate::inputs::Inputs;
+
+/// A machine with carriages: where each motor really is, in steps from its switch.
+pub(super) struct World {
+    pub(super) host: Host,
+    /// Joint, true if the switch is at the upper end, its place in true steps.
+    pub(super) switches: Vec<(usize, bool, i64)>,
+    /// True position = counted steps + this.
+    pub(super) offsets: [i64; 8],
+    /// Ticks for which a switch chatters after its edge.
+    pub(super) bounce_ticks: u32,
+    pub(super) last_pressed: u8,
+    chatter: [u32; 8],
+    random: u32,
+    pub(super) stuck: u8,
+}
+
+pub(super) fn machine() -> (MachineConfiguration, HomingConfiguration) {
+    let mut configuration = planar();
+    for joint in 0..3 {
+        configuration.joints[joint].position_min = 0.0;
+        configuration.joints[joint].position_max = 200.0;
+    }
+    let mut switches = HomingConfiguration::standard(&configuration);
+    let nozzle = JointHoming {
+        joint: 3,
+        towards_max: false,
+        fast_natural_s: 2.0,
+        slow_natural_s: 0.2,
+        back_off_natural: 0.1,
+        travel_max_natural: 7.0,
+        position_natural: 0.5,
+        guards: false,
+    };
+    switches.joints.push(nozzle).unwrap();
+    (configuration, switches)
+}
+
+impl World {
+    pub(super) fn new(
+        configuration: &MachineConfiguration,
+        switches: &HomingConfiguration,
+    ) -> Self {
+        let machine = Machine::with_switches(configuration, switches, 77).unwrap();
+        let places = switches.joints.iter().map(|switch| {
+            let joint = usize::from(switch.joint);
+            // Somewhere between the starts and the ends of the carriages.
+            let place = if switch.towards_max { 7000 } else { -6000 };
+            (joint, switch.towards_max, place + 13 * joint as i64)
+        });
+        Self {
+            host: Host::greet(machine, &flower()),
+            switches: places.collect(),
+            offsets: [0; 8],
+            bounce_ticks: 0,
+            last_pressed: 0,
+            chatter: [0; 8],
+            random: 7,
+            stuck: 0,
+        }
+    }
+
+    /// Where the carriage of a motor truly is, steps.
+    pub(super) fn truth(&self, motor: usize) -> i64 {
+        self.host.counter.counts[motor] + self.offsets[motor]
+    }
+
+    fn pressed(&mut self) -> u8 {
+        let mut pressed = self.stuck;
+        for &(joint, upper, place) in &self.switches {
+            let truth = self.truth(joint);
+            if (upper && truth >= place) || (!upper && truth <= place) {
+                pressed |= 1 << joint;
+            }
+        }
+        for joint in 0..8 {
+            if (pressed ^ self.last_pressed) >> joint & 1 == 1 {
+                self.chatter[joint] = self.bounce_ticks;
+            }
+        }
+        self.last_pressed = pressed;
+        for joint in 0..8 {
+            if self.chatter[joint] > 0 {
+                self.chatter[joint] -= 1;
+                self.random = self
+                    .random
+                    .wrapping_mul(1_664_525)
+                    .wrapping_add(1_013_904_223);
+                if self.random >> 31 == 1 {
+                    pressed ^= 1 << joint;
+                }
+            }
+        }
+        pressed
+    }
+
+    pub(super) fn tick(&mut self) {
+        let switches = self.pressed();
+        self.host.machine.set_inputs(Inputs {
+            switches,
+            emergency: false,
+        });
+        self.host.tick();
+    }
+
+    pub(super) fn command(&mut self, control: Control) {
+        self.host.control(HostMessage::Control(control));
+    }
+
+    /// Runs until nothing moves; the number of ticks it took.
+    pub(super) fn settle(&mut self) -> u32 {
+        for tick in 1..400_000 {
+            self.tick();
+            let motion = self.host.machine.motion();
+            let free = !matches!(motion.state(), DeviceState::Homing | DeviceState::Jogging);
+            if free && motion.is_at_rest() {
+                for _ in 0..SERVO_DELAY_TICKS {
+                    self.tick();
+                }
+                self.host.poll();
+                return tick;
+            }
+        }
+        panic!("it never rests: {:?}", self.host.machine.motion().state());
+    }
+
+    /// Count that the machine believes, less where the carriage truly is.
+    pub(super) fn belief(&self, joint: usize) -> i64 {
+        self.host.machine.motion().counts()[joint] - self.truth(joint)
+    }
+}
