@@ -258,6 +258,11 @@ pub fn plane_passes(
     Ok((passes, print_of_pass))
 }
 
+/// Where between two of its periods a heading counts to the next one: no round angle lies there.
+const PERIOD_SHARE: f64 = 0.37;
+/// Ends of a pass that differ by less along an axis lie equally far along it, mm.
+const SAME_MM: f64 = 1e-6;
+
 /// A region's own frame, where curves are taken off its walls: many small steps, in which rounding
 /// would grow into another curve.
 struct OwnFrame {
@@ -285,13 +290,17 @@ impl OwnFrame {
     ) -> Vec<Vec<PlaneControl>> {
         let aperture = &settings.aperture;
         let mut pass = pass.clone();
+        let is_back = self.runs_back(&pass);
+        if is_back {
+            pass.placements.reverse();
+        }
         let Some(first) = pass.placements.first() else {
             return Vec::new();
         };
         // Headings a period apart are the same, but for their last digits.
         let period_rad = aperture.period_rad();
         let first_rad = self.frame.angle_in(first.at.heading_rad);
-        let periods_rad = (first_rad / period_rad).floor() * period_rad;
+        let periods_rad = (first_rad / period_rad + PERIOD_SHARE).floor() * period_rad;
         for placement in &mut pass.placements {
             let at = placement.at;
             let heading_rad = self.frame.angle_in(at.heading_rad) - periods_rad;
@@ -299,12 +308,6 @@ impl OwnFrame {
                 center: self.frame.point_in(at.center).map(settled),
                 heading_rad: settled(heading_rad),
             };
-        }
-        let end = |at: usize| pass.placements[at].at.center;
-        let (first, last) = (end(0), end(pass.placements.len() - 1));
-        let is_back = (last.x, last.y) < (first.x, first.y);
-        if is_back {
-            pass.placements.reverse();
         }
         let mut curves = pass_curves(&pass, aperture, &self.walls, tolerance_mm);
         if is_back {
@@ -323,6 +326,19 @@ impl OwnFrame {
             }
         }
         curves
+    }
+
+    /// True where the first placement lies farther along the frame's axes than the last one; of a loop,
+    /// the first that does not lie where its counterpart does.
+    fn runs_back(&self, pass: &LayerPass) -> bool {
+        let forwards = pass.placements.iter().map(|p| p.at.center);
+        let pairs = forwards.clone().zip(forwards.rev());
+        let mut ways = pairs.map(|(first, last)| self.frame.vector_in(last - first));
+        let way = ways.find(|way| way.amax() > SAME_MM);
+        way.is_some_and(|way| {
+            let along_mm = if way.x.abs() > SAME_MM { way.x } else { way.y };
+            along_mm < 0.0
+        })
     }
 }
 
@@ -365,4 +381,68 @@ fn check_length<'a>(
         points,
         fitting: (f64::from(settings.layers) * share).floor().max(0.0) as u32,
     })
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::geometry::test_shapes::walls;
+    use crate::plan::test_passes::{arc, pass};
+    use std::f64::consts::{FRAC_PI_2, PI, TAU};
+
+    /// What the frame's turning rounds of a coordinate; settling headings at another period moves them
+    /// by up to 4e-9.
+    const ROUNDING: f64 = 1e-11;
+
+    /// Goal: a pass makes the same curve in whatever direction it runs and however many periods its
+    /// headings are away. Method: an arc whose ends lie equally far along an axis, an open loop
+    /// that ends where it begins, a bow that begins at a heading of 0, each against its reverse with
+    /// headings some periods on, in two frames.
+    #[test]
+    fn curves_do_not_depend_on_direction_or_period() {
+        let settings = Settings::default();
+        let center = Point2::new(0.1, -0.2);
+        let place = |i: u32| {
+            let angle = TAU * f64::from(i) / 90.0;
+            let (sin, cos) = angle.sin_cos();
+            (center + Vector2::new(1.4 * cos, 1.4 * sin), angle)
+        };
+        let passes = [
+            arc(center, 1.4, -FRAC_PI_2, PI),
+            pass((0..=90).map(place), false),
+            arc(center, 1.4, 0.0, 2.0),
+        ];
+        for (turn_rad, is_mirrored) in [(0.0, false), (0.7, true)] {
+            let own = OwnFrame {
+                frame: Frame {
+                    centre: Point2::origin(),
+                    turn_rad,
+                    is_mirrored,
+                },
+                walls: walls(&[&[[-2.4, -2.4], [2.4, -2.4], [2.4, 2.4], [-2.4, 2.4]]]),
+            };
+            for pass in &passes {
+                let curves = own.curves(pass, &settings, 1e-3);
+                for periods in [-3.0, 1.0, 4.0] {
+                    let periods_rad = periods * settings.aperture.period_rad();
+                    let mut other = pass.clone();
+                    other.placements.reverse();
+                    for placement in &mut other.placements {
+                        placement.at.heading_rad += periods_rad;
+                    }
+                    let mut others = own.curves(&other, &settings, 1e-3);
+                    others.reverse();
+                    assert_eq!(curves.len(), others.len());
+                    for (curve, other) in curves.iter().zip(&others) {
+                        assert_eq!(curve.len(), other.len());
+                        for (a, b) in curve.iter().zip(other.iter().rev()) {
+                            let apart = [a[0] - b[0], a[1] - b[1], a[2] + periods_rad - b[2]];
+                            let apart = apart.iter().fold(0.0, |most: f64, d| most.max(d.abs()));
+                            assert!(apart < ROUNDING, "{a:?} {b:?}");
+                        }
+                    }
+                }
+            }
+        }
+    }
 }
