@@ -1,6 +1,7 @@
 //! Rings and regions: planar polygons with holes, mm.
 
 use super::{Point2, Vector2};
+use std::cmp::Ordering;
 
 /// Direction from which rings begin: slanted, so that the points of a side of a usual part are not
 /// all equally far along, and rounding does not choose between them.
@@ -56,6 +57,12 @@ impl Ring {
         let count = self.points.len();
         let first = (0..count).min_by(|&i, &j| along_mm(i).total_cmp(&along_mm(j)));
         self.points.rotate_left(first.unwrap_or(0));
+    }
+
+    /// Less where the first point comes before the other ring's along [`START`].
+    pub fn cmp_begins(&self, other: &Ring) -> Ordering {
+        let first = |ring: &Ring| ring.points.first().map_or(0.0, |p| p.coords.dot(&START));
+        first(self).total_cmp(&first(other))
     }
 
     /// Directed edges, the closing one included.
