@@ -25,6 +25,9 @@ const IDLE_SHARE: f64 = 0.25;
 /// Least placements of a run that is closed to a loop.
 const LOOP_COUNT_MIN: usize = 16;
 
+/// Where a loop may be entered, in placements from the one nearest to the end of a run.
+const BESIDE: [isize; 5] = [0, 5, -5, 10, -10];
+
 /// A way from the one end to the other, both left out.
 struct Join {
     ends: [End; 2],
@@ -126,7 +129,8 @@ pub fn around_loops(
     joined_up(&passes, joins, aperture)
 }
 
-/// Ends of open passes with the loops within `reach_mm`: the loop and its nearest placement.
+/// Ends of open passes with the loops within `reach_mm`: the loop and its placements where it may be
+/// entered, the nearest first.
 fn ends_at_loops(passes: &[LayerPass], reach_mm: f64) -> Vec<(End, End)> {
     let numbered = || {
         passes
@@ -146,8 +150,15 @@ fn ends_at_loops(passes: &[LayerPass], reach_mm: f64) -> Vec<(End, End)> {
     {
         for end in [0, 1] {
             let own = pass.placements[end * (pass.placements.len() - 1)].at.center;
-            let found = nearest_of_each(&index, passes, 0, own, reach_mm);
-            near.extend(found.map(|(other, i, _)| ((number, end), (other, i))));
+            for (other, i, _) in nearest_of_each(&index, passes, 0, own, reach_mm) {
+                let placements = &passes[other].placements;
+                let count = placements.len() as isize;
+                let places = BESIDE.map(|by| (i as isize + by).rem_euclid(count) as usize);
+                let places = places
+                    .into_iter()
+                    .filter(|&place| (placements[place].at.center - own).norm() < reach_mm);
+                near.extend(places.map(|place| ((number, end), (other, place))));
+            }
         }
     }
     near

@@ -6,7 +6,7 @@
 
 use super::beads::Beads;
 use super::by_place::ByPlace;
-use super::free_ways::free_way;
+use super::free_ways::bent_way;
 use super::heading_profile::Placement;
 use super::passes::{LayerPass, PassKind};
 use crate::geometry::aperture::Aperture;
@@ -101,7 +101,7 @@ pub(super) fn link(
     if length_mm > share * aperture.major_mm() {
         return None;
     }
-    let way = free_way(end.at, start.at, TURN_MAX_RAD, &aperture, walls)?;
+    let way = bent_way(end.at, start.at, TURN_MAX_RAD, &aperture, walls)?;
     let reach_mm = OWN_SHARE * aperture.major_mm();
     let own_end = stretch(before.placements().rev(), reach_mm);
     let own_start = stretch(next.placements(), reach_mm);
