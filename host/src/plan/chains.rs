@@ -326,6 +326,23 @@ mod tests {
         assert_eq!(apart, vec![ring(), run(5.0)]);
     }
 
+    /// Goal: a loop may be entered beside its nearest place too, as far as a way reaches. Method: the
+    /// ring of 188 places, 1 mm from the end of a run; within 1.3 mm, and within 1.8 mm.
+    #[test]
+    fn a_loop_is_entered_beside_its_nearest_place_too() {
+        let passes = [ring(), run(4.0)];
+        let places = |reach_mm| -> Vec<usize> {
+            let near = ends_at_loops(&passes, reach_mm).into_iter();
+            near.map(|(end, (number, place))| {
+                assert_eq!((end, number), ((1, 0), 0));
+                place
+            })
+            .collect()
+        };
+        assert_eq!(places(1.3), [0, 5, 183]);
+        assert_eq!(places(1.8), [0, 5, 183, 10, 178]);
+    }
+
     /// Goal: a loop is opened once only. Method: two runs that meet it at opposite sides.
     #[test]
     fn a_loop_takes_up_one_run() {
