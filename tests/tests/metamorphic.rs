@@ -127,12 +127,39 @@ fn rings_of(region: &Region) -> Rings {
 #[test]
 fn a_coast_is_planned_the_same() {
     let name = "ne50m_land_2";
+    let Some(rings) = reference_polygon(name) else {
+        return;
+    };
+    let mut ways = ways(&rings);
+    // Far away its 2,500 points have lost digits that count on the grid.
+    ways.retain(|(way, _)| {
+        *way == "as it is" || way.contains("turned") || way.contains("mirrored")
+    });
+    is_planned_the_same(name, &ways);
+}
+
+/// Goal: neither does a coordinate that comes out a step beside where it is settled: it turned the
+/// frame that water was planned in and moved all others, by 0.26 % of path. Method: the same, shifted
+/// by what leaves its digits but for one.
+#[test]
+fn a_coordinate_settled_beside_is_planned_the_same() {
+    let name = "water";
+    let Some(rings) = reference_polygon(name) else {
+        return;
+    };
+    let shifted = mapped(&rings, |[x, y]| [x + 1234.567, y - 765.4]);
+    is_planned_the_same(name, &[("as it is", rings), ("shifted by 1.5 m", shifted)]);
+}
+
+/// A reference polygon of one region, 80 mm across; none, and a message, where it is not there.
+fn reference_polygon(name: &str) -> Option<Rings> {
     let Ok(bytes) = std::fs::read(format!("{POLYGONS}/{name}.json")) else {
         println!("skipped: no reference polygons at {POLYGONS}");
-        return;
+        return None;
     };
     let options = ReadOptions {
         units: Some(Units::Mm),
+        repair: true,
         ..ReadOptions::default()
     };
     let loaded = read(&bytes, name, Format::Polygon, &options).expect(name);
@@ -141,12 +168,7 @@ fn a_coast_is_planned_the_same() {
     let (low, size) = (bounds.min, bounds.size());
     let scale = 80.0 / size.x.max(size.y);
     let scaled = |[x, y]: [f64; 2]| [(x - low.x) * scale, (y - low.y) * scale];
-    let mut ways = ways(&mapped(&rings_of(region), scaled));
-    // Far away its 2,500 points have lost digits that count on the grid.
-    ways.retain(|(way, _)| {
-        *way == "as it is" || way.contains("turned") || way.contains("mirrored")
-    });
-    is_planned_the_same(name, &ways);
+    Some(mapped(&rings_of(region), scaled))
 }
 
 fn is_planned_the_same(part: &str, ways: &[(&str, Rings)]) {

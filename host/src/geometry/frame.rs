@@ -40,6 +40,9 @@ const EDGES_WALKED_MAX: usize = 256;
 /// (one coordinate in 10⁴ comes out a step beside), and no more: steps of 10⁻⁶ mm plan a sixth of
 /// the real slices another way. A power of two: round measures never lie halfway between multiples.
 const SETTLED: f64 = 1.0 / (1 << 27) as f64;
+/// A settled point this near the line of its neighbours was on it: each of the three moves by up to 0.7
+/// steps.
+const ON_LINE_MM: f64 = 2.0 * SETTLED;
 /// Gauss-Legendre nodes and weights on [0, 1]: exact to the fifth degree.
 const NODES: [(f64, f64); 3] = [
     (0.112_701_665_379_258_31, 5.0 / 18.0),
@@ -66,9 +69,8 @@ impl Frame {
         is_mirrored: false,
     };
 
-    /// A region's own frame, its origin the middle of the region's box there; mirrored only where
-    /// that is allowed.
-    pub fn of_region(region: &Region, may_mirror: bool) -> Frame {
+    /// A region's own frame, its origin the middle of the region's box there.
+    pub fn of_region(region: &Region) -> Frame {
         let length_mm: f64 = region.rings().map(Ring::perimeter_mm).sum();
         if !(length_mm.is_finite() && length_mm > 0.0) {
             return Frame::IDENTITY;
@@ -85,20 +87,26 @@ impl Frame {
         let mut lies = Vec::new();
         for (turn_rad, vertex) in candidates {
             for is_mirrored in [false, true] {
-                if !is_mirrored || may_mirror {
-                    lies.push(Lie {
-                        frame: Frame {
-                            centre,
-                            turn_rad,
-                            is_mirrored,
-                        },
-                        moments: moments.turned(turn_rad, is_mirrored),
-                        vertex,
-                    });
-                }
+                lies.push(Lie {
+                    frame: Frame {
+                        centre,
+                        turn_rad,
+                        is_mirrored,
+                    },
+                    moments: moments.turned(turn_rad, is_mirrored),
+                    vertex,
+                });
             }
         }
         first_of(lies, region)
+    }
+
+    /// The same, mirrored only where that is allowed.
+    pub fn mirrored_if(self, may_mirror: bool) -> Frame {
+        Frame {
+            is_mirrored: self.is_mirrored && may_mirror,
+            ..self
+        }
     }
 
     /// The same about the middle of the region's box in it.
@@ -269,7 +277,7 @@ impl Lie {
 }
 
 /// The frame of the greatest way of all; of those that are alike (the region is symmetric, up to what
-/// its coordinates were rounded to) the one in which its settled points, by x and y, come first.
+/// its coordinates were rounded to) the one in which its settled corners, by x and y, come first.
 fn first_of(lies: Vec<Lie>, region: &Region) -> Frame {
     let mut alike: Vec<Lie> = Vec::new();
     for lie in lies {
@@ -289,8 +297,7 @@ fn first_of(lies: Vec<Lie>, region: &Region) -> Frame {
     let mut best: Option<(Frame, Vec<Point2>)> = None;
     for frame in frames {
         let settled = frame.settled_in(region);
-        let points = settled.rings().flat_map(|ring| ring.points.iter().copied());
-        let mut points: Vec<Point2> = points.collect();
+        let mut points: Vec<Point2> = settled.rings().flat_map(corners).collect();
         points.sort_by(|p, q| p.x.total_cmp(&q.x).then(p.y.total_cmp(&q.y)));
         let key = |p: &Point2| [p.x, p.y];
         let is_first =
@@ -300,6 +307,18 @@ fn first_of(lies: Vec<Lie>, region: &Region) -> Frame {
         }
     }
     best.map_or(Frame::IDENTITY, |(frame, _)| frame)
+}
+
+/// The points of a settled ring that are not on the line of their neighbours, up to what settling moves
+/// them: a needless point does not choose the frame.
+fn corners(ring: &Ring) -> impl Iterator<Item = Point2> + '_ {
+    let (points, count) = (&ring.points, ring.points.len());
+    let is_corner = move |i: &usize| {
+        let (before, after) = (points[(i + count - 1) % count], points[(i + 1) % count]);
+        let chord = after - before;
+        chord.perp(&(points[*i] - before)).abs() > ON_LINE_MM * chord.norm()
+    };
+    (0..count).filter(is_corner).map(move |i| points[i])
 }
 
 /// How far out the boundary is at some ways from a vertex, ahead and behind by turns, against the
@@ -457,10 +476,10 @@ mod tests {
             region(&gear),
         ];
         for shape in &shapes {
-            let own = Frame::of_region(shape, true).region_in(shape);
+            let own = Frame::of_region(shape).region_in(shape);
             for k in 0..40 {
                 let posed = pose(k).region_in(shape);
-                let frame = Frame::of_region(&posed, true);
+                let frame = Frame::of_region(&posed);
                 let apart_mm = farthest_apart_mm(&frame.region_in(&posed), &own);
                 assert!(apart_mm < 1e-9, "pose {k}: {apart_mm}");
             }
@@ -468,9 +487,9 @@ mod tests {
     }
 
     /// Goal: parts that are symmetric, or nearly so, and gears whose farthest vertices come in pairs
-    /// settle to the same digits however they are given. Method: a hinge leaf whose one hole is off by
-    /// what rounding leaves, a gear with a bore, both with rings begun elsewhere and holes in another
-    /// order, in 40 poses.
+    /// settle to the same digits however they are given, needless points or none. Method: a hinge leaf
+    /// whose one hole is off by what rounding leaves, a gear with a bore, both with rings begun elsewhere
+    /// and holes in another order, in 40 poses; the frame made again with points on the edges.
     #[test]
     fn symmetric_regions_settle_to_the_same_digits() {
         let circle = |x: f64, y: f64, count: u32| Ring {
@@ -490,7 +509,7 @@ mod tests {
         let mut gear = region(&(0..68).map(tooth).collect::<Vec<_>>());
         gear.holes = vec![circle(0.0, 0.0, 34)];
         for shape in [&leaf, &gear] {
-            let own = Frame::of_region(shape, true).settled_in(shape);
+            let own = Frame::of_region(shape).settled_in(shape);
             for k in 0..40 {
                 let mut posed = pose(k).region_in(shape);
                 let count = posed.exterior.points.len();
@@ -498,10 +517,22 @@ mod tests {
                 if k % 3 == 1 {
                     posed.holes.reverse();
                 }
-                let settled = Frame::of_region(&posed, true).settled_in(&posed);
+                let settled = Frame::of_region(&posed).settled_in(&posed);
                 assert_eq!(settled, own, "pose {k}");
+                let frame = Frame::of_region(&with_needless_points(&posed));
+                assert_eq!(frame.settled_in(&posed), own, "pose {k}");
             }
         }
+    }
+
+    /// Every edge with a point on it, near its beginning.
+    fn with_needless_points(region: &Region) -> Region {
+        let mut with_points = region.clone();
+        for ring in with_points.rings_mut() {
+            let edges = ring.edges();
+            ring.points = edges.flat_map(|(a, b)| [a, a + (b - a) * 0.2]).collect();
+        }
+        with_points
     }
 
     /// Goal: into and out are inverse to each other, for points, angles and regions, and the inside
@@ -529,19 +560,31 @@ mod tests {
         assert!((ahead.y.atan2(ahead.x) - out.heading_rad).abs() < 1e-12);
     }
 
-    /// Goal: where mirroring is not allowed, quarter turns still are. Method: a mirrored shape comes
-    /// out mirrored.
+    /// Goal: where mirroring is not allowed, a region lies the same way however it is turned, its mirror
+    /// image as the mirror image. Method: a shape and its image, each turned by three angles.
     #[test]
     fn mirroring_can_be_forbidden() {
         let shape = region(&[[0.0, 0.0], [9.0, 0.0], [5.0, 8.0]]);
-        for turn_rad in [0.0, 1.0, 2.0] {
+        let lies = |turn_rad: f64, is_mirrored: bool| {
             let pose = Frame {
                 turn_rad,
-                is_mirrored: true,
+                is_mirrored,
                 ..Frame::IDENTITY
             };
             let posed = pose.region_in(&shape);
-            assert!(!Frame::of_region(&posed, false).is_mirrored);
+            let frame = Frame::of_region(&posed).mirrored_if(false);
+            assert!(!frame.is_mirrored);
+            frame.region_in(&posed)
+        };
+        let (own, mut image) = (lies(0.0, false), lies(0.0, true));
+        for turn_rad in [1.0, 2.0] {
+            assert!(farthest_apart_mm(&lies(turn_rad, false), &own) < 1e-12);
+            assert!(farthest_apart_mm(&lies(turn_rad, true), &image) < 1e-12);
         }
+        assert!(farthest_apart_mm(&own, &image) > 0.1);
+        for point in &mut image.exterior.points {
+            point.y = -point.y;
+        }
+        assert!(farthest_apart_mm(&own, &image) < 1e-12);
     }
 }

@@ -30,6 +30,8 @@ const RUN_MAX: usize = 256;
 pub struct Contour {
     /// The region in local coordinates: input minus `offset`.
     pub region: Region,
+    /// The frame in which it was settled and cleaned: its points lie on the grid there.
+    pub frame: Frame,
     /// Add this to local coordinates to get the input's.
     pub offset: Vector2,
     /// Points of the input that were dropped.
@@ -85,7 +87,7 @@ impl Contour {
         let offset = (bounds.min.coords + bounds.max.coords) / 2.0;
         // Which points are needless must not depend on how the region lies.
         let local = region.shifted(-offset);
-        let frame = Frame::of_region(&local, true);
+        let frame = Frame::of_region(&local);
         let local = frame.settled_in(&local);
         let clean = |ring: &Ring, is_exterior: bool| cleaned_ring(ring, tolerance_mm, is_exterior);
         let first = region.exterior.points.first().copied();
@@ -99,6 +101,7 @@ impl Contour {
         let count = |region: &Region| region.rings().map(|r| r.points.len()).sum::<usize>();
         Ok(Contour {
             region: frame.region_out(&cleaned),
+            frame,
             offset,
             removed_points: count(region) - count(&cleaned),
             removed_holes,

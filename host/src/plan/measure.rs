@@ -236,7 +236,8 @@ struct PrintGround<'a> {
 impl<'a> PrintGround<'a> {
     fn of(print: &MeasuredPrint<'a>, transform: &PartTransform, settings: &'a Settings) -> Self {
         let contour = print.contour;
-        let mut frame = Frame::of_region(&contour.region, settings.aperture.is_mirror_image());
+        let may_mirror = settings.aperture.is_mirror_image();
+        let mut frame = contour.frame.mirrored_if(may_mirror);
         frame.turn_rad += SKEW_RAD;
         let outline = frame.region_in(&contour.region);
         PrintGround {

@@ -155,7 +155,9 @@ impl RegionWork {
     /// # Errors
     /// [`MedialAxisError`].
     pub fn begin(contour: Contour, settings: &Settings) -> Result<RegionWork, MedialAxisError> {
-        let frame = Frame::of_region(&contour.region, settings.aperture.is_mirror_image());
+        // Not one made anew: where settling moved a point, that would turn, and move them all.
+        let may_mirror = settings.aperture.is_mirror_image();
+        let frame = contour.frame.mirrored_if(may_mirror);
         let outline = frame.settled_in(&contour.region);
         let mut hull = inner_hull(&outline, &settings.aperture);
         hull.begin_at_extremes();
