@@ -94,7 +94,7 @@ pub fn blended(
 }
 
 /// Breadth-first order and parents, roots at the widest nodes so that trees grow from the body.
-pub(super) fn spanning_forest(axis: &Axis) -> (Vec<usize>, Vec<Option<usize>>) {
+fn spanning_forest(axis: &Axis) -> (Vec<usize>, Vec<Option<usize>>) {
     let neighbours = axis.neighbours();
     let count = axis.points.len();
     let mut roots: Vec<usize> = (0..count).collect();

@@ -1,8 +1,8 @@
 //! Stretches of the axis where only one bead fits across, and the region cut along their ends.
 
 use super::axis_trails::{Trail, trails};
-use super::bead_count::spanning_forest;
 use super::contacts::Contact;
+use super::division::cheapest_division;
 use super::passes::PassSettings;
 use super::region_cut::{chord, slice};
 use super::skeleton::Axis;
@@ -81,16 +81,24 @@ pub fn split_region(
 }
 
 /// Marks the nodes of single runs: the cheapest division of the axis into stretches with one bead
-/// and with two sides, by dynamic programming over a spanning forest, and all that is too narrow to
-/// print but has something behind it.
+/// and with two sides, and all that is too narrow to print but has something behind it.
 fn single_nodes(axis: &Axis, neighbours: &[Vec<u32>], settings: &PassSettings) -> Vec<bool> {
-    let b = settings.aperture.minor_mm();
-    let mut single = cheapest_division(axis, settings);
+    let is_neck = necks(axis, neighbours, settings.aperture.minor_mm());
+    let mut single = cheapest_division(axis, neighbours, &is_neck, settings);
     if !settings.one_pass {
         drop_points(&mut single, axis, neighbours, &settings.aperture);
     }
     drop_short_pieces(&mut single, axis, neighbours, settings.aperture.major_mm());
-    let mut seen = vec![false; axis.points.len()];
+    for (single, is_neck) in single.iter_mut().zip(is_neck) {
+        *single |= is_neck;
+    }
+    single
+}
+
+/// Marks the nodes that are too narrow to print but have something behind them.
+fn necks(axis: &Axis, neighbours: &[Vec<u32>], b: f64) -> Vec<bool> {
+    let mut is_neck = vec![false; axis.points.len()];
+    let mut seen = is_neck.clone();
     for seed in 0..axis.points.len() {
         if seen[seed] || axis.radii_mm[seed] >= b {
             continue;
@@ -98,11 +106,11 @@ fn single_nodes(axis: &Axis, neighbours: &[Vec<u32>], settings: &PassSettings) -
         let component = flood(seed, neighbours, &mut seen, |n| axis.radii_mm[n] < b);
         if !is_tip(&component, neighbours) {
             for node in component {
-                single[node] = true;
+                is_neck[node] = true;
             }
         }
     }
-    single
+    is_neck
 }
 
 /// Longest single run into a point, against a.
@@ -167,57 +175,6 @@ fn drop_short_pieces(single: &mut [bool], axis: &Axis, neighbours: &[Vec<u32>], 
             }
         }
     }
-}
-
-/// Length of badly divided axis that one change between one bead and two sides is worth, mm
-/// against a.
-const CHANGE_SHARE: f64 = 2.5;
-/// Cost of a passage wider than one bead can be, for each a of excess radius, per mm.
-const TOO_WIDE: f64 = 40.0;
-/// Cost of a passage too narrow for two sides, for each b of missing radius, per mm.
-const TOO_NARROW: f64 = 10.0;
-/// Cost of laying two beads where one would do, per mm.
-const TWO_FOR_ONE: f64 = 0.05;
-/// Share of a that a single bead may need: the rest is for bends.
-const WIDEST_SHARE: f64 = 0.89;
-
-fn cheapest_division(axis: &Axis, settings: &PassSettings) -> Vec<bool> {
-    let (a, b) = (settings.aperture.major_mm(), settings.aperture.minor_mm());
-    let count = axis.points.len();
-    let change = CHANGE_SHARE * a;
-    let mut costs = vec![[0.0f64; 2]; count];
-    for &[p, q] in &axis.links {
-        let half = (axis.points[p as usize] - axis.points[q as usize]).norm() / 2.0;
-        for node in [p as usize, q as usize] {
-            let r = axis.radii_mm[node];
-            let two_sides = if settings.one_pass && r <= a {
-                TOO_WIDE
-            } else {
-                TOO_NARROW * (2.0 - r / b).max(0.0) + TWO_FOR_ONE
-            };
-            costs[node][0] += half * two_sides;
-            costs[node][1] += half * TOO_WIDE * (r / (WIDEST_SHARE * a) - 1.0).max(0.0);
-        }
-    }
-    let (order, parents) = spanning_forest(axis);
-    for &node in order.iter().rev() {
-        if let Some(parent) = parents[node] {
-            let own = costs[node];
-            for state in 0..2 {
-                costs[parent][state] += own[state].min(own[1 - state] + change);
-            }
-        }
-    }
-    let mut single = vec![false; count];
-    for &node in &order {
-        let mut own = costs[node];
-        if let Some(parent) = parents[node] {
-            own[usize::from(!single[parent])] += change;
-        }
-        // An axis of one point has no length to weigh: it is single only where it has to be.
-        single[node] = own[1] < own[0] || (own[1] == own[0] && axis.radii_mm[node] < 2.0 * b);
-    }
-    single
 }
 
 /// True where the unprintable nodes of a component only end in a corner (a leaf), so that nothing

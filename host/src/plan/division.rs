@@ -1,0 +1,152 @@
+//! Which stretches of the axis hold one bead and which two sides.
+//!
+//! Two sides are needed where one bead is not wide enough (r > a), one bead where two would cover
+//! each other (r < 2b); between them, and a little beyond, either will do. What decides there is where
+//! flow has to be interrupted: a single run ends wherever it changes into two sides, in a dead end and
+//! at a joint of an odd number of single runs, and two ends are one pass (L. Euler, 1736). The
+//! division is the cheapest of all in this sense, whatever loops the axis has.
+
+use super::passes::PassSettings;
+use super::skeleton::Axis;
+use super::two_labels::{COST_MAX, TwoLabels};
+
+/// Length of badly divided axis that one end of a single run is worth, mm against a. Two ends are an
+/// interruption of flow: with 4 as much as to cover half of the aperture's area again (ellipse of
+/// 0.6 x 0.2 mm).
+const END_SHARE: f64 = 4.0;
+/// Cost of a passage wider than one bead can be, for each a of excess radius, per mm.
+const TOO_WIDE: f64 = 40.0;
+/// Cost of a passage too narrow for two sides, for each b of missing radius, per mm.
+const TOO_NARROW: f64 = 10.0;
+/// Cost of laying two beads where one would do, per mm.
+const TWO_FOR_ONE: f64 = 0.05;
+/// Share of a that a single bead may need: the rest is for bends.
+const WIDEST_SHARE: f64 = 0.89;
+
+/// The nodes that single runs are on. `is_neck` are the nodes too narrow for any bead that do not
+/// just end in a corner.
+pub fn cheapest_division(
+    axis: &Axis,
+    neighbours: &[Vec<u32>],
+    is_neck: &[bool],
+    settings: &PassSettings,
+) -> Vec<bool> {
+    let end_cost = END_SHARE * settings.aperture.major_mm();
+    let mut costs = width_costs(axis, settings);
+    for (node, near) in neighbours.iter().enumerate() {
+        if is_neck[node] {
+            costs[node] = [COST_MAX, 0.0];
+            continue;
+        }
+        // Nothing goes on through a neck.
+        let ways = near.iter().filter(|&&n| !is_neck[n as usize]).count();
+        if ways % 2 == 1 {
+            costs[node][1] += end_cost;
+        }
+        // An axis of one point has no length to weigh: it is single only where it has to be.
+        if near.is_empty() && axis.radii_mm[node] < 2.0 * settings.aperture.minor_mm() {
+            costs[node][0] += end_cost;
+        }
+    }
+    let mut division = TwoLabels::new(&costs);
+    for &[p, q] in &axis.links {
+        let (p, q) = (p as usize, q as usize);
+        if !is_neck[p] && !is_neck[q] {
+            division.link(p, q, end_cost);
+        }
+    }
+    division.cheapest()
+}
+
+/// What the width there costs each node in a stretch of two sides and in one of one bead.
+fn width_costs(axis: &Axis, settings: &PassSettings) -> Vec<[f64; 2]> {
+    let (a, b) = (settings.aperture.major_mm(), settings.aperture.minor_mm());
+    let mut costs = vec![[0.0; 2]; axis.points.len()];
+    for &[p, q] in &axis.links {
+        let half_mm = (axis.points[p as usize] - axis.points[q as usize]).norm() / 2.0;
+        for node in [p as usize, q as usize] {
+            let r = axis.radii_mm[node];
+            let two_sides = if settings.one_pass && r <= a {
+                TOO_WIDE
+            } else {
+                TOO_NARROW * (2.0 - r / b).max(0.0) + TWO_FOR_ONE
+            };
+            costs[node][0] += half_mm * two_sides;
+            costs[node][1] += half_mm * TOO_WIDE * (r / (WIDEST_SHARE * a) - 1.0).max(0.0);
+        }
+    }
+    costs
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::geometry::Point2;
+    use crate::geometry::test_shapes::ELLIPSE;
+    use crate::settings::{HeadingLaw, HeadingProfile};
+
+    const SETTINGS: PassSettings = PassSettings {
+        aperture: ELLIPSE,
+        overlap: 0.0,
+        one_pass: false,
+        law: HeadingLaw::Tangent,
+        profile: HeadingProfile::Corridor,
+    };
+
+    /// A square of 10 mm with struts as its sides: half-width 0.5 mm at the joints, `least_mm` in the
+    /// middle of each side; and an arm of the same kind from the first joint outwards.
+    fn square(least_mm: f64) -> Axis {
+        let joints = [
+            [0.0, 0.0],
+            [10.0, 0.0],
+            [10.0, 10.0],
+            [0.0, 10.0],
+            [-10.0, 0.0],
+        ];
+        let mut axis = Axis::default();
+        for joint in joints {
+            axis.points.push(Point2::new(joint[0], joint[1]));
+            axis.radii_mm.push(0.5);
+        }
+        for (p, q) in [(0, 1), (1, 2), (2, 3), (3, 0), (0, 4)] {
+            let middle = axis.points.len() as u32;
+            axis.points
+                .push(nalgebra::center(&axis.points[p], &axis.points[q]));
+            axis.radii_mm.push(least_mm);
+            axis.links.push([p as u32, middle]);
+            axis.links.push([middle, q as u32]);
+        }
+        axis.densified(0.1)
+    }
+
+    fn division(axis: &Axis, is_neck: &[bool]) -> Vec<bool> {
+        cheapest_division(axis, &axis.neighbours(), is_neck, &SETTINGS)
+    }
+
+    /// Goal: struts a little too narrow for two sides keep them, since single runs would end at each
+    /// joint; much narrower ones are single all over, joints too, and necks between wide places cut
+    /// nothing else off. Method: a square with an arm, half-widths 0.39, 0.25 and 0.5 mm (2b is 0.4).
+    #[test]
+    fn ends_of_single_runs_are_weighed_against_width() {
+        let count = square(0.39).points.len();
+        let none = vec![false; count];
+        assert_eq!(division(&square(0.39), &none), none);
+        assert_eq!(division(&square(0.25), &none), vec![true; count]);
+        let mut necks = none;
+        necks[5] = true;
+        assert_eq!(division(&square(0.5), &necks), necks);
+    }
+
+    /// Goal: where single runs are asked for they are everywhere that they fit. Method: one-pass mode.
+    #[test]
+    fn one_pass_takes_all_that_one_bead_spans() {
+        let axis = square(0.39);
+        let none = vec![false; axis.points.len()];
+        let settings = PassSettings {
+            one_pass: true,
+            ..SETTINGS
+        };
+        let single = cheapest_division(&axis, &axis.neighbours(), &none, &settings);
+        assert!(single.iter().all(|&s| s));
+    }
+}
