@@ -42,7 +42,7 @@ const EDGES_WALKED_MAX: usize = 256;
 const SETTLED: f64 = 1.0 / (1 << 27) as f64;
 /// A settled point this near the line of its neighbours was on it: each of the three moves by up to 0.7
 /// steps.
-const ON_LINE_MM: f64 = 2.0 * SETTLED;
+pub const ON_LINE_MM: f64 = 2.0 * SETTLED;
 /// Gauss-Legendre nodes and weights on [0, 1]: exact to the fifth degree.
 const NODES: [(f64, f64); 3] = [
     (0.112_701_665_379_258_31, 5.0 / 18.0),

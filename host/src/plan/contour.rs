@@ -9,7 +9,7 @@
 //! passes is dealt with where the medial axis is pruned and normals smoothed.
 
 use crate::geometry::edge_index::EdgeIndex;
-use crate::geometry::frame::Frame;
+use crate::geometry::frame::{Frame, ON_LINE_MM};
 use crate::geometry::polygon::{Region, Ring};
 use crate::geometry::validity::validate;
 use crate::geometry::{Point2, Vector2};
@@ -140,7 +140,10 @@ fn cleaned_ring(ring: &Ring, tolerance_mm: f64, is_exterior: bool) -> Option<Rin
         ring.points.reverse();
     }
     ring.begin_at_extreme();
-    ring.points = simplified(&ring.points, tolerance_mm);
+    // Points on a line first: a chord that ends at one keeps it instead of the corner beside it.
+    let on_line_mm = ON_LINE_MM.min(tolerance_mm);
+    ring.points = simplified(&ring.points, on_line_mm);
+    ring.points = simplified(&ring.points, tolerance_mm - on_line_mm);
     let is_left = ring.points.len() >= 3 && (ring.signed_area_mm2() > 0.0) == is_exterior;
     (is_left && ring.signed_area_mm2() != 0.0).then_some(ring)
 }
@@ -252,6 +255,34 @@ mod tests {
         for p in &region.exterior.points {
             let nearest = index.nearest(contour.to_local(*p)).unwrap();
             assert!(nearest.distance_mm <= SIMPLIFY_MM + 1e-12);
+        }
+    }
+
+    /// Goal: points on edges do not choose which corners a fine curve keeps. Method: a circle of which
+    /// a chord replaces some points, with and without two more points on every edge.
+    #[test]
+    fn points_on_edges_choose_no_corners() {
+        let points = (0..2_000).map(|i| {
+            let (sin, cos) = (i as f64 * std::f64::consts::TAU / 2_000.0).sin_cos();
+            Point2::new(21.0 * cos, 18.0 * sin)
+        });
+        let plain = Ring {
+            points: points.collect(),
+        };
+        let edges = plain.edges();
+        let with_points = edges.flat_map(|(a, b)| [0.0, 0.25, 0.8].map(|t| a + (b - a) * t));
+        let with_points = Ring {
+            points: with_points.collect(),
+        };
+        let [own, other] = [plain, with_points].map(|exterior| {
+            let holes = vec![];
+            let contour = Contour::of_region(&Region { exterior, holes }, SIMPLIFY_MM);
+            contour.unwrap().region.exterior.points
+        });
+        assert!((200..1_500).contains(&own.len()), "{}", own.len());
+        assert_eq!(other.len(), own.len());
+        for (p, q) in own.iter().zip(&other) {
+            assert!((p - q).norm() < 1e-7, "{p} {q}");
         }
     }
 
