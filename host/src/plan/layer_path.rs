@@ -4,8 +4,10 @@
 //! The placements are the control polygon, sharpened by one step of the interpolation inverse
 //! (P - second difference / 6) where they are smooth, so that the curve passes through them to
 //! fourth order; corners stay rounded by the spline itself. Then the curve is pushed inside the walls
-//! ([`super::curve_inside`]), and cut where that fails.
+//! ([`super::curve_inside`]), led around where that fails ([`super::curve_detours`]), and cut where
+//! there is no way around.
 
+use super::curve_detours::detoured;
 use super::curve_inside::InsideWalls;
 use super::passes::LayerPass;
 use super::plane_curve::{PlaneControl, configuration};
@@ -19,6 +21,11 @@ const MERGE_MM: f64 = 0.012;
 /// See `MERGE_MM`.
 const MERGE_RAD: f64 = 0.02;
 
+/// What a control point may be moved in all, against b: farther, more than half of the narrowest bead
+/// lies where it should not. On slices pushes that settle move at most 0.9 of it.
+pub(super) const NEAR_SHARE: f64 = 1.0;
+/// The same where there is no detour, against a: farther, the nozzle lies on other ground altogether.
+const FAR_SHARE: f64 = 2.0;
 /// Least spans of a curve that is kept after a cut.
 const SPANS_MIN: usize = 2;
 
@@ -36,29 +43,107 @@ pub fn pass_curves(
         walls,
         tolerance_mm,
     };
-    // Where pushing does not help the curve is cut; the pieces have new ends, so they are pushed
-    // again. Each round removes at least one span, and few rounds ever happen.
     let mut curves = Vec::new();
-    let mut open = vec![control];
-    while let Some(raw) = open.pop() {
-        let mut control = raw.clone();
-        let bad = if !inside.push(&mut control) {
-            // In a tight swing pushes that do not know of each other can go astray.
-            control.clone_from(&raw);
-            inside.project(&mut control)
-        } else if !walls.contains(configuration(control[0]).center) {
-            inside.cutting_spans(&control)
-        } else {
-            Vec::new()
-        };
-        if bad.contains(&true) {
-            open.extend(pieces_without(&raw, &bad));
-        } else {
-            curves.push(control);
+    let mut open = Vec::new();
+    match led(control, &inside) {
+        Ok(whole) => curves.push(whole),
+        Err((control, bad)) => open = pieces_without(&control, &bad),
+    }
+    // The pieces have new ends, so they are pushed again. Each round removes at least one span, and few
+    // rounds ever happen.
+    while let Some(piece) = open.pop() {
+        match settled(&piece, &inside).or_else(Unsettled::makeshift) {
+            Ok(curve) => curves.push(curve),
+            Err(bad) => open.extend(pieces_without(&piece, &bad)),
         }
     }
     curves.reverse();
     curves
+}
+
+/// What pushing left of a curve.
+struct Unsettled {
+    /// Spans that stay outside or are taken off their way.
+    bad: Vec<bool>,
+    /// The curve inside the walls, yet somewhat off its way.
+    makeshift: Option<Vec<PlaneControl>>,
+}
+
+impl Unsettled {
+    /// Nothing but where it is bad.
+    fn cut(bad: Vec<bool>) -> Unsettled {
+        Unsettled {
+            bad,
+            makeshift: None,
+        }
+    }
+
+    /// Off its way rather than cut.
+    fn makeshift(self) -> Result<Vec<PlaneControl>, Vec<bool>> {
+        self.makeshift.ok_or(self.bad)
+    }
+}
+
+/// The curve inside the walls, led around where pushing does not help; or where it is to be cut.
+fn led(
+    raw: Vec<PlaneControl>,
+    inside: &InsideWalls,
+) -> Result<Vec<PlaneControl>, (Vec<PlaneControl>, Vec<bool>)> {
+    let left = match settled(&raw, inside) {
+        Ok(control) => return Ok(control),
+        Err(left) => left,
+    };
+    let Some(around) = detoured(&raw, &left.bad, inside) else {
+        return left.makeshift().map_err(|bad| (raw, bad));
+    };
+    match (settled(&around, inside), left.makeshift) {
+        (Ok(control), _) | (Err(_), Some(control)) => Ok(control),
+        (Err(left), None) => left.makeshift().map_err(|bad| (around, bad)),
+    }
+}
+
+/// The curve pushed inside.
+fn settled(raw: &[PlaneControl], inside: &InsideWalls) -> Result<Vec<PlaneControl>, Unsettled> {
+    let near_mm = NEAR_SHARE * inside.aperture.minor_mm();
+    let far_mm = FAR_SHARE * inside.aperture.major_mm();
+    let mut pushed = raw.to_vec();
+    let is_inside = inside.push(&mut pushed);
+    let strayed = strayed_spans(raw, &pushed, near_mm);
+    let starts_inside = || inside.walls.contains(configuration(pushed[0]).center);
+    if is_inside && !strayed.contains(&true) && starts_inside() {
+        return Ok(pushed);
+    }
+    // In a tight swing pushes that do not know of each other can go astray.
+    let mut projected = raw.to_vec();
+    let left = inside.project(&mut projected);
+    let is_astray = |far_mm| strayed_spans(raw, &projected, far_mm).contains(&true);
+    let still_cuts = left.contains(&true);
+    if !is_astray(near_mm) {
+        return if still_cuts {
+            Err(Unsettled::cut(left))
+        } else {
+            Ok(projected)
+        };
+    }
+    let cutting = inside.cutting_spans(&pushed);
+    let mut all_bad = [cutting, strayed].into_iter();
+    let Some(bad) = all_bad.find(|bad| bad.contains(&true)) else {
+        return Ok(pushed);
+    };
+    let makeshift = (!still_cuts && !is_astray(far_mm)).then_some(projected);
+    Err(Unsettled { bad, makeshift })
+}
+
+/// Which spans of `after` lie farther than this from where they were before.
+pub(super) fn strayed_spans(
+    before: &[PlaneControl],
+    after: &[PlaneControl],
+    far_mm: f64,
+) -> Vec<bool> {
+    let moved = before.iter().zip(after);
+    let strayed = moved.map(|(p, q)| (q[0] - p[0]).hypot(q[1] - p[1]) > far_mm);
+    let strayed: Vec<bool> = strayed.collect();
+    strayed.windows(2).map(|pair| pair[0] || pair[1]).collect()
 }
 
 /// The runs of control points between bad spans, short ones left out.
@@ -169,6 +254,84 @@ mod tests {
                 let reach = APERTURE.extent_mm(at.heading_rad, Vector2::y()) + at.center.y.abs();
                 assert!(reach < 0.501, "{at:?}");
             }
+        }
+    }
+
+    /// Goal: where a tip stands on one side of a corner and in the next placement on its other side, the
+    /// nozzle is led around and the rest of the curve stays where it was (a find in the part "truss 1":
+    /// one pose after the other was taken back until all of a strut's bead lay in the strut before it).
+    /// Method: the corner of that part, from a wide strut into one 0.806 mm wide.
+    #[test]
+    fn a_tip_on_the_other_side_of_a_corner_is_led_around() {
+        let walls = walls(&[&[
+            [-0.806, -5.0],
+            [0.0, -5.0],
+            [0.0, 0.0],
+            [5.0, 0.0],
+            [5.0, 1.43],
+            [-0.374, 1.43],
+            [-0.403, 0.725],
+            [-0.806, 0.725],
+        ]]);
+        let ahead = (0..40).map(|i| [2.7 - 0.07 * f64::from(i), 0.43, 5.87]);
+        let around = [
+            [-0.100, 0.429, 5.869],
+            [-0.152, 0.418, 5.861],
+            [-0.223, 0.401, 5.819],
+            [-0.301, 0.366, 5.727],
+            [-0.380, 0.313, 5.585],
+            [-0.454, 0.248, 5.414],
+            [-0.517, 0.179, 5.249],
+            [-0.564, 0.113, 5.118],
+            [-0.580, 0.050, 5.000],
+        ];
+        let beyond = (0..40).map(|i| [-0.58, -0.02 - 0.07 * f64::from(i), 4.9]);
+        let raw: Vec<PlaneControl> = ahead.chain(around).chain(beyond).collect();
+        let inside = InsideWalls {
+            aperture: &APERTURE,
+            walls: &walls,
+            tolerance_mm: 4e-4,
+        };
+        let mut control = raw.clone();
+        inside.project(&mut control);
+        let strayed = strayed_spans(&raw, &control, 2.0 * APERTURE.major_mm());
+        assert!(strayed.contains(&true), "no longer taken off its way");
+
+        let places = raw.iter().map(|at| (Point2::new(at[0], at[1]), at[2]));
+        let curves = pass_curves(&pass(places, false), &APERTURE, &walls, 4e-4);
+        assert_eq!(curves.len(), 1);
+        assert!(!inside.cutting_spans(&curves[0]).contains(&true));
+        // Poses of either strut that are clear of the corner stay.
+        for at in raw[..36].iter().chain(&raw[raw.len() - 36..]) {
+            let off_mm = curves[0].iter().map(|q| (q[0] - at[0]).hypot(q[1] - at[1]));
+            let off_mm = off_mm.fold(f64::INFINITY, f64::min);
+            assert!(off_mm < 0.036, "{off_mm} mm at {at:?}");
+        }
+    }
+
+    /// Goal: a curve that fits nowhere near its way is cut, not taken elsewhere. Method: a bead that
+    /// runs through a passage too narrow for the nozzle, between two wide rooms.
+    #[test]
+    fn what_fits_nowhere_near_is_cut() {
+        let walls = walls(&[&[
+            [-4.0, -1.0],
+            [-0.5, -1.0],
+            [-0.5, -0.15],
+            [0.5, -0.15],
+            [0.5, -1.0],
+            [4.0, -1.0],
+            [4.0, 1.0],
+            [0.5, 1.0],
+            [0.5, 0.15],
+            [-0.5, 0.15],
+            [-0.5, 1.0],
+            [-4.0, 1.0],
+        ]]);
+        let places = (-40..=40).map(|i| (Point2::new(0.07 * f64::from(i), 0.0), 1.2));
+        let curves = pass_curves(&pass(places, false), &APERTURE, &walls, 4e-4);
+        assert_eq!(curves.len(), 2);
+        for at in curves.iter().flatten() {
+            assert!(at[1].abs() < 0.5, "{at:?}");
         }
     }
 

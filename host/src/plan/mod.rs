@@ -13,6 +13,7 @@ pub mod chains;
 pub mod channel_walls;
 pub mod contacts;
 pub mod contour;
+mod curve_detours;
 mod curve_inside;
 pub mod darts;
 mod division;
