@@ -46,6 +46,9 @@ const CUT_SHARE_MAX: f64 = 2e-3;
 /// from trials, 0.004 mm for the default ellipse. Profiles of two outlines that differ by noise may
 /// lie at opposite walls of it: then their beads differ by four times as much.
 const CORRIDOR_SHARE: f64 = 0.02;
+/// The same where a profile is found again for slightly other extents: those add up from round to
+/// round as long as the headings lie still in the corridor, and a little noise decides for how long.
+const CORRIDOR_AGAIN_SHARE: f64 = 0.01;
 /// Steps in which the corridor is measured, and most of them to each side.
 const CORRIDOR_STEP_RAD: f64 = 0.03;
 const CORRIDOR_STEPS: usize = 20;
@@ -144,7 +147,10 @@ pub fn refined(
     walls: &EdgeIndex,
 ) -> Vec<Placement> {
     let mut headings: Vec<f64> = before.iter().map(|p| p.at.heading_rad).collect();
-    let run = Run::new(contacts, closed, aperture, walls, ahead);
+    let run = Run {
+        corridor_share: CORRIDOR_AGAIN_SHARE,
+        ..Run::new(contacts, closed, aperture, walls, ahead)
+    };
     if !aperture.is_round() && contacts.len() > 1 {
         let steps = steps_mm(contacts, closed, aperture);
         refine(&run, &steps, &mut headings);
@@ -244,6 +250,8 @@ struct Run<'a> {
     along: Along<'a>,
     /// For each contact what an aperture touching there may cut.
     ahead: &'a [Ahead],
+    /// How wide the corridor is, against b.
+    corridor_share: f64,
 }
 
 impl<'a> Run<'a> {
@@ -261,6 +269,7 @@ impl<'a> Run<'a> {
             walls,
             along: Along::new(contacts, closed),
             ahead,
+            corridor_share: CORRIDOR_SHARE,
         }
     }
 
@@ -315,7 +324,7 @@ impl<'a> Run<'a> {
     /// The headings about `heading_rad` that fit no worse than it by more than the tolerance, nor miss
     /// to the other side.
     fn corridor(&self, i: usize, heading_rad: f64, own: &Candidate) -> [f64; 2] {
-        let tolerance_mm = CORRIDOR_SHARE * self.aperture.minor_mm();
+        let tolerance_mm = self.corridor_share * self.aperture.minor_mm();
         let (least_mm, most_mm) = (own.misfit_mm.min(0.0), own.misfit_mm.max(0.0));
         let worse_mm = |heading: f64| {
             let found = self.place(i, heading);
