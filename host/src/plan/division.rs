@@ -7,6 +7,7 @@
 //! division is the cheapest of all in this sense, whatever loops the axis has.
 
 use super::passes::PassSettings;
+use super::single_runs::flood;
 use super::skeleton::Axis;
 use super::two_labels::{COST_MAX, TwoLabels};
 
@@ -18,6 +19,11 @@ const END_SHARE: f64 = 4.0;
 const TOO_WIDE: f64 = 40.0;
 /// Cost of a passage too narrow for two sides, for each b of missing radius, per mm.
 const TOO_NARROW: f64 = 10.0;
+/// The same below [`TIGHT_SHARE`], on top: two sides that lie on each other nearly altogether are not laid
+/// in the end, and the passage stays open.
+const TIGHT: f64 = 40.0;
+/// Radius of such a passage, against b.
+const TIGHT_SHARE: f64 = 1.4;
 /// Cost of laying two beads where one would do, per mm.
 const TWO_FOR_ONE: f64 = 0.05;
 /// Share of a that a single bead may need: the rest is for bends.
@@ -55,7 +61,36 @@ pub fn cheapest_division(
             division.link(p, q, end_cost);
         }
     }
-    division.cheapest()
+    let mut single = division.cheapest();
+    single_islands(&mut single, &costs, neighbours, is_neck, end_cost);
+    single
+}
+
+/// Makes parts between necks that have no single run single where that costs no more: what has no end is
+/// a pass all the same, as much as two ends.
+fn single_islands(
+    single: &mut [bool],
+    costs: &[[f64; 2]],
+    neighbours: &[Vec<u32>],
+    is_neck: &[bool],
+    end_cost: f64,
+) {
+    let mut seen = is_neck.to_vec();
+    for seed in 0..single.len() {
+        if seen[seed] {
+            continue;
+        }
+        let island = flood(seed, neighbours, &mut seen, |n| !is_neck[n]);
+        if island.iter().any(|&n| single[n]) {
+            continue;
+        }
+        let cost = |label: usize| island.iter().map(|&n| costs[n][label]).sum::<f64>();
+        if cost(1) < cost(0) + 2.0 * end_cost {
+            for node in island {
+                single[node] = true;
+            }
+        }
+    }
 }
 
 /// What the width there costs each node in a stretch of two sides and in one of one bead.
@@ -69,7 +104,8 @@ fn width_costs(axis: &Axis, settings: &PassSettings) -> Vec<[f64; 2]> {
             let two_sides = if settings.one_pass && r <= a {
                 TOO_WIDE
             } else {
-                TOO_NARROW * (2.0 - r / b).max(0.0) + TWO_FOR_ONE
+                let narrow = TOO_NARROW * (2.0 - r / b).max(0.0);
+                narrow + TIGHT * (TIGHT_SHARE - r / b).max(0.0) + TWO_FOR_ONE
             };
             costs[node][0] += half_mm * two_sides;
             costs[node][1] += half_mm * TOO_WIDE * (r / (WIDEST_SHARE * a) - 1.0).max(0.0);
@@ -94,7 +130,7 @@ mod tests {
     };
 
     /// A square of 10 mm with struts as its sides: half-width 0.5 mm at the joints, `least_mm` in the
-    /// middle of each side; and an arm of the same kind from the first joint outwards.
+    /// middle of each side; and an arm of the same kind from each joint outwards.
     fn square(least_mm: f64) -> Axis {
         let joints = [
             [0.0, 0.0],
@@ -102,13 +138,18 @@ mod tests {
             [10.0, 10.0],
             [0.0, 10.0],
             [-10.0, 0.0],
+            [20.0, 0.0],
+            [20.0, 10.0],
+            [-10.0, 10.0],
         ];
         let mut axis = Axis::default();
         for joint in joints {
             axis.points.push(Point2::new(joint[0], joint[1]));
             axis.radii_mm.push(0.5);
         }
-        for (p, q) in [(0, 1), (1, 2), (2, 3), (3, 0), (0, 4)] {
+        let sides = [(0, 1), (1, 2), (2, 3), (3, 0)];
+        let arms = [(0, 4), (1, 5), (2, 6), (3, 7)];
+        for (p, q) in sides.into_iter().chain(arms) {
             let middle = axis.points.len() as u32;
             axis.points
                 .push(nalgebra::center(&axis.points[p], &axis.points[q]));
@@ -125,7 +166,7 @@ mod tests {
 
     /// Goal: struts a little too narrow for two sides keep them, since single runs would end at each
     /// joint; much narrower ones are single all over, joints too, and necks between wide places cut
-    /// nothing else off. Method: a square with an arm, half-widths 0.39, 0.25 and 0.5 mm (2b is 0.4).
+    /// nothing else off. Method: a square with arms, half-widths 0.39, 0.25 and 0.5 mm (2b is 0.4).
     #[test]
     fn ends_of_single_runs_are_weighed_against_width() {
         let count = square(0.39).points.len();
@@ -133,8 +174,29 @@ mod tests {
         assert_eq!(division(&square(0.39), &none), none);
         assert_eq!(division(&square(0.25), &none), vec![true; count]);
         let mut necks = none;
-        necks[5] = true;
+        necks[8] = true;
         assert_eq!(division(&square(0.5), &necks), necks);
+    }
+
+    /// Goal: passages hardly wider than the narrowest bead are single whatever ends that makes, and so is
+    /// a dot between two necks. Method: the square with arms, 0.22 mm; a dot of three
+    /// nodes, 0.3 mm.
+    #[test]
+    fn tight_passages_and_dots_are_single() {
+        let tight = square(0.22);
+        let none = vec![false; tight.points.len()];
+        assert!(division(&tight, &none).iter().all(|&s| s));
+        let dot = Axis {
+            points: (0..5)
+                .map(|i| Point2::new(0.1 * f64::from(i), 0.0))
+                .collect(),
+            radii_mm: vec![0.19, 0.3, 0.3, 0.3, 0.19],
+            links: (0..4).map(|i| [i, i + 1]).collect(),
+        };
+        assert_eq!(
+            division(&dot, &[true, false, false, false, true]),
+            [true; 5]
+        );
     }
 
     /// Goal: where single runs are asked for they are everywhere that they fit. Method: one-pass mode.

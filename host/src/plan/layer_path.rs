@@ -22,7 +22,7 @@ const MERGE_MM: f64 = 0.012;
 const MERGE_RAD: f64 = 0.02;
 
 /// What a control point may be moved in all, against b: farther, more than half of the narrowest bead
-/// lies where it should not. On slices pushes that settle move at most 0.9 of it.
+/// lies where it should not. On slices nearly all pushes that settle move less than 0.9 of it.
 pub(super) const NEAR_SHARE: f64 = 1.0;
 /// The same where there is no detour, against a: farther, the nozzle lies on other ground altogether.
 const FAR_SHARE: f64 = 2.0;

@@ -183,7 +183,8 @@ fn is_tip(component: &[usize], neighbours: &[Vec<u32>]) -> bool {
     component.iter().any(|&n| neighbours[n].len() <= 1)
 }
 
-fn flood(
+/// What hangs together with `seed` where nodes are kept, marked as seen.
+pub(super) fn flood(
     seed: usize,
     neighbours: &[Vec<u32>],
     seen: &mut [bool],
