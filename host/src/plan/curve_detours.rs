@@ -5,10 +5,9 @@
 //! led around, turned some other way, not pushed. Input: control points, and which spans cut however
 //! they are pushed. Output: control points with ways around those spans where there are any.
 
-use super::curve_inside::InsideWalls;
+use super::curve_inside::{InsideWalls, NEAR_SHARE, bad_runs, strayed_spans};
 use super::free_ways::bent_way;
 use super::heading_profile::slide_inside;
-use super::layer_path::{NEAR_SHARE, strayed_spans};
 use super::links::{LENGTH_SHARE, TURN_MAX_RAD};
 use super::plane_curve::{PlaneControl, configuration};
 use crate::geometry::clearance::Configuration;
@@ -32,25 +31,13 @@ pub fn detoured(
 ) -> Option<Vec<PlaneControl>> {
     let mut found: Option<Vec<PlaneControl>> = None;
     // From the last to the first: what lies before a detour keeps its numbers.
-    for run in runs(bad).into_iter().rev() {
+    for run in bad_runs(bad).into_iter().rev() {
         let control = found.as_deref().unwrap_or(control);
         let mut detours = BESIDE.into_iter();
         let around = detours.find_map(|beside| around(control, &run, beside, inside));
         found = around.or(found);
     }
     found
-}
-
-/// The runs of bad spans.
-fn runs(bad: &[bool]) -> Vec<Range<usize>> {
-    let mut runs: Vec<Range<usize>> = Vec::new();
-    for span in (0..bad.len()).filter(|&span| bad[span]) {
-        match runs.last_mut() {
-            Some(run) if run.end == span => run.end += 1,
-            _ => runs.push(span..span + 1),
-        }
-    }
-    runs
 }
 
 /// The curve with the shortest way that there is instead of the spans and as many control points on

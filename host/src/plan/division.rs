@@ -7,10 +7,8 @@
 //! division is the cheapest of all in this sense, whatever loops the axis has.
 
 use super::passes::PassSettings;
-use super::single_runs::flood;
-use super::skeleton::Axis;
+use super::skeleton::{Axis, flood};
 use super::two_labels::{COST_MAX, TwoLabels};
-use crate::geometry::aperture::Aperture;
 
 /// Length of badly divided axis that one end of a single run is worth, mm against a. Two ends are an
 /// interruption of flow: with 4 as much as to cover half of the aperture's area again (ellipse of
@@ -38,63 +36,91 @@ pub fn cheapest_division(
     is_neck: &[bool],
     settings: &PassSettings,
 ) -> Vec<bool> {
-    let end_cost = END_SHARE * settings.aperture.major_mm();
-    let mut costs = width_costs(axis, settings);
-    for (node, near) in neighbours.iter().enumerate() {
-        if is_neck[node] {
-            costs[node] = [COST_MAX, 0.0];
-            continue;
-        }
-        // Nothing goes on through a neck.
-        let ways = near.iter().filter(|&&n| !is_neck[n as usize]).count();
-        if ways % 2 == 1 {
-            costs[node][1] += end_cost;
-        }
-        // An axis of one point has no length to weigh: it is single only where it has to be.
-        if near.is_empty() && axis.radii_mm[node] < 2.0 * settings.aperture.minor_mm() {
-            costs[node][0] += end_cost;
-        }
-    }
-    let mut division = TwoLabels::new(&costs);
-    for &[p, q] in &axis.links {
-        let (p, q) = (p as usize, q as usize);
-        if !is_neck[p] && !is_neck[q] {
-            division.link(p, q, end_cost);
-        }
-    }
-    let mut single = division.cheapest();
-    let aperture = &settings.aperture;
-    single_islands(&mut single, &costs, axis, neighbours, is_neck, aperture);
+    let graph = Graph::new(axis, neighbours, is_neck, settings);
+    let mut single = graph.labels().cheapest();
+    graph.make_islands_single(&mut single);
     single
 }
 
-/// Makes parts between necks that one bead spans single all over where that costs no more: what has no end is
-/// a pass all the same, as much as two ends.
-fn single_islands(
-    single: &mut [bool],
-    costs: &[[f64; 2]],
-    axis: &Axis,
-    neighbours: &[Vec<u32>],
-    is_neck: &[bool],
-    aperture: &Aperture,
-) {
-    let end_cost = END_SHARE * aperture.major_mm();
-    let widest_mm = WIDEST_SHARE * aperture.major_mm();
-    let mut seen = is_neck.to_vec();
-    for seed in 0..single.len() {
-        if seen[seed] {
-            continue;
+/// An axis and what dividing it costs.
+struct Graph<'a> {
+    axis: &'a Axis,
+    neighbours: &'a [Vec<u32>],
+    is_neck: &'a [bool],
+    /// What each node costs in a stretch of two sides and in one of one bead.
+    costs: Vec<[f64; 2]>,
+    /// What one end of a single run costs.
+    end_cost: f64,
+    /// Half-width of the widest passage for one bead, mm.
+    widest_mm: f64,
+}
+
+impl<'a> Graph<'a> {
+    fn new(
+        axis: &'a Axis,
+        neighbours: &'a [Vec<u32>],
+        is_neck: &'a [bool],
+        settings: &PassSettings,
+    ) -> Graph<'a> {
+        let (a, b) = (settings.aperture.major_mm(), settings.aperture.minor_mm());
+        let end_cost = END_SHARE * a;
+        let mut costs = width_costs(axis, settings);
+        for (node, near) in neighbours.iter().enumerate() {
+            if is_neck[node] {
+                costs[node] = [COST_MAX, 0.0];
+                continue;
+            }
+            // Nothing goes on through a neck.
+            let ways = near.iter().filter(|&&n| !is_neck[n as usize]).count();
+            if ways % 2 == 1 {
+                costs[node][1] += end_cost;
+            }
+            // An axis of one point has no length to weigh: it is single only where it has to be.
+            if near.is_empty() && axis.radii_mm[node] < 2.0 * b {
+                costs[node][0] += end_cost;
+            }
         }
-        let island = flood(seed, neighbours, &mut seen, |n| !is_neck[n]);
-        // The middle of a disk has no length to weigh its width by.
-        let fits = |n: usize| !single[n] && axis.radii_mm[n] <= widest_mm;
-        if !island.iter().all(|&n| fits(n)) {
-            continue;
+        Graph {
+            axis,
+            neighbours,
+            is_neck,
+            costs,
+            end_cost,
+            widest_mm: WIDEST_SHARE * a,
         }
-        let cost = |label: usize| island.iter().map(|&n| costs[n][label]).sum::<f64>();
-        if cost(1) < cost(0) + 2.0 * end_cost {
-            for node in island {
-                single[node] = true;
+    }
+
+    /// The costs as those of labels, `true` for one bead.
+    fn labels(&self) -> TwoLabels {
+        let mut labels = TwoLabels::new(&self.costs);
+        for &[p, q] in &self.axis.links {
+            let (p, q) = (p as usize, q as usize);
+            if !self.is_neck[p] && !self.is_neck[q] {
+                labels.link(p, q, self.end_cost);
+            }
+        }
+        labels
+    }
+
+    /// Makes parts between necks that one bead spans single all over where that costs no more: what
+    /// has no end is a pass all the same, as much as two ends.
+    fn make_islands_single(&self, single: &mut [bool]) {
+        let mut seen = self.is_neck.to_vec();
+        for seed in 0..single.len() {
+            if seen[seed] {
+                continue;
+            }
+            let island = flood(seed, self.neighbours, &mut seen, |n| !self.is_neck[n]);
+            // The middle of a disk has no length to weigh its width by.
+            let fits = |n: usize| !single[n] && self.axis.radii_mm[n] <= self.widest_mm;
+            if !island.iter().all(|&n| fits(n)) {
+                continue;
+            }
+            let cost = |label: usize| island.iter().map(|&n| self.costs[n][label]).sum::<f64>();
+            if cost(1) < cost(0) + 2.0 * self.end_cost {
+                for node in island {
+                    single[node] = true;
+                }
             }
         }
     }

@@ -8,7 +8,7 @@
 //! there is no way around.
 
 use super::curve_detours::detoured;
-use super::curve_inside::InsideWalls;
+use super::curve_inside::{InsideWalls, NEAR_SHARE, bad_runs, strayed_spans};
 use super::passes::LayerPass;
 use super::plane_curve::{PlaneControl, configuration};
 use crate::geometry::aperture::Aperture;
@@ -21,10 +21,8 @@ const MERGE_MM: f64 = 0.012;
 /// See `MERGE_MM`.
 const MERGE_RAD: f64 = 0.02;
 
-/// What a control point may be moved in all, against b: farther, more than half of the narrowest bead
-/// lies where it should not. On slices nearly all pushes that settle move less than 0.9 of it.
-pub(super) const NEAR_SHARE: f64 = 1.0;
-/// The same where there is no detour, against a: farther, the nozzle lies on other ground altogether.
+/// What a control point may be moved in all where there is no detour, against a: farther, the nozzle
+/// lies on other ground altogether. With one, [`NEAR_SHARE`].
 const FAR_SHARE: f64 = 2.0;
 /// Least spans of a curve that is kept after a cut.
 const SPANS_MIN: usize = 2;
@@ -134,30 +132,17 @@ fn settled(raw: &[PlaneControl], inside: &InsideWalls) -> Result<Vec<PlaneContro
     Err(Unsettled { bad, makeshift })
 }
 
-/// Which spans of `after` lie farther than this from where they were before.
-pub(super) fn strayed_spans(
-    before: &[PlaneControl],
-    after: &[PlaneControl],
-    far_mm: f64,
-) -> Vec<bool> {
-    let moved = before.iter().zip(after);
-    let strayed = moved.map(|(p, q)| (q[0] - p[0]).hypot(q[1] - p[1]) > far_mm);
-    let strayed: Vec<bool> = strayed.collect();
-    strayed.windows(2).map(|pair| pair[0] || pair[1]).collect()
-}
-
-/// The runs of control points between bad spans, short ones left out.
+/// The runs of control points between bad spans, short ones left out, the last first.
 fn pieces_without(control: &[PlaneControl], bad: &[bool]) -> Vec<Vec<PlaneControl>> {
     let mut pieces = Vec::new();
-    let mut run: Vec<PlaneControl> = vec![control[0]];
-    for (span, &cut) in bad.iter().enumerate() {
-        if cut {
-            pieces.push(std::mem::take(&mut run));
+    let mut first = 0;
+    let after_the_last = bad.len()..control.len();
+    for run in bad_runs(bad).into_iter().chain([after_the_last]) {
+        if run.start + 1 > first + SPANS_MIN {
+            pieces.push(control[first..=run.start].to_vec());
         }
-        run.push(control[span + 1]);
+        first = run.end;
     }
-    pieces.push(run);
-    pieces.retain(|piece| piece.len() > SPANS_MIN);
     pieces.reverse();
     pieces
 }

@@ -5,7 +5,7 @@ use super::contacts::Contact;
 use super::division::cheapest_division;
 use super::passes::PassSettings;
 use super::region_cut::{chord, slice};
-use super::skeleton::Axis;
+use super::skeleton::{Axis, flood};
 use crate::geometry::aperture::Aperture;
 use crate::geometry::edge_index::EdgeIndex;
 use crate::geometry::polygon::Region;
@@ -181,29 +181,6 @@ fn drop_short_pieces(single: &mut [bool], axis: &Axis, neighbours: &[Vec<u32>], 
 /// beyond them is cut off.
 fn is_tip(component: &[usize], neighbours: &[Vec<u32>]) -> bool {
     component.iter().any(|&n| neighbours[n].len() <= 1)
-}
-
-/// What hangs together with `seed` where nodes are kept, marked as seen.
-pub(super) fn flood(
-    seed: usize,
-    neighbours: &[Vec<u32>],
-    seen: &mut [bool],
-    keep: impl Fn(usize) -> bool,
-) -> Vec<usize> {
-    let mut found = vec![seed];
-    seen[seed] = true;
-    let mut head = 0;
-    while head < found.len() {
-        for &next in &neighbours[found[head]] {
-            let next = next as usize;
-            if !seen[next] && keep(next) {
-                seen[next] = true;
-                found.push(next);
-            }
-        }
-        head += 1;
-    }
-    found
 }
 
 /// The nodes that belong to pieces, so that a piece looks at those near it alone.

@@ -68,6 +68,29 @@ impl Axis {
     }
 }
 
+/// The nodes that hang together with `seed` by way of those that `keep` takes, marked as seen.
+pub fn flood(
+    seed: usize,
+    neighbours: &[Vec<u32>],
+    seen: &mut [bool],
+    keep: impl Fn(usize) -> bool,
+) -> Vec<usize> {
+    let mut found = vec![seed];
+    seen[seed] = true;
+    let mut head = 0;
+    while head < found.len() {
+        for &next in &neighbours[found[head]] {
+            let next = next as usize;
+            if !seen[next] && keep(next) {
+                seen[next] = true;
+                found.push(next);
+            }
+        }
+        head += 1;
+    }
+    found
+}
+
 /// The graph while it is pruned.
 struct Bush {
     points: Vec<Point2>,
