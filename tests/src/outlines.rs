@@ -196,6 +196,28 @@ pub fn coast(edges: usize, across_mm: f64) -> Rings {
     vec![ring.collect()]
 }
 
+/// The rings with their edges divided about every 0.2 mm and each point moved by up to `noise_mm` in x
+/// and in y.
+pub fn with_noise(rings: &Rings, noise_mm: f64, seed: u64) -> Rings {
+    let mut noise = Noise::new(seed);
+    let mut noisy = |ring: &Vec<[f64; 2]>| {
+        let mut points = Vec::new();
+        for (i, &p) in ring.iter().enumerate() {
+            let q = ring[(i + 1) % ring.len()];
+            let length_mm = (q[0] - p[0]).hypot(q[1] - p[1]);
+            let pieces = (length_mm / 0.2).round().max(1.0);
+            for k in 0..pieces as usize {
+                let t = k as f64 / pieces;
+                let mut moved = || noise_mm * (2.0 * noise.share() - 1.0);
+                let at = [p[0] + t * (q[0] - p[0]), p[1] + t * (q[1] - p[1])];
+                points.push([at[0] + moved(), at[1] + moved()]);
+            }
+        }
+        points
+    };
+    rings.iter().map(&mut noisy).collect()
+}
+
 /// How many edges the rings have.
 pub fn edge_count(rings: &Rings) -> usize {
     rings.iter().map(Vec::len).sum()

@@ -9,7 +9,9 @@ use headway::plan::skeleton::Axis;
 use headway::plan_target;
 use headway::settings::Settings;
 use headway_tests::layer_oracle::Rings;
-use headway_tests::outlines::{Noise, drawn_ring, example, fine_ring, plate_with_holes, region};
+use headway_tests::outlines::{
+    drawn_ring, example, fine_ring, plate_with_holes, region, with_noise,
+};
 use rayon::prelude::*;
 
 /// Passes, printed length, covered share of what is reachable, outside depth.
@@ -53,20 +55,7 @@ fn noisy_l(noise_mm: f64) -> Rings {
         [8.0, 16.0],
         [0.0, 16.0],
     ];
-    let mut noise = Noise::new(3);
-    let mut ring = Vec::new();
-    for (i, p) in corners.iter().enumerate() {
-        let q: [f64; 2] = corners[(i + 1) % corners.len()];
-        let length = (q[0] - p[0]).hypot(q[1] - p[1]);
-        let pieces = (length / 0.2).round();
-        for k in 0..pieces as usize {
-            let t = k as f64 / pieces;
-            let mut moved = || noise_mm * (2.0 * noise.share() - 1.0);
-            let at = [p[0] + t * (q[0] - p[0]), p[1] + t * (q[1] - p[1])];
-            ring.push([at[0] + moved(), at[1] + moved()]);
-        }
-    }
-    vec![ring]
+    with_noise(&vec![corners.to_vec()], noise_mm, 3)
 }
 
 /// Slits, spikes and walls that nearly touch, on a plate of 16 x 10 mm.
