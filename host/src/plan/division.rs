@@ -3,108 +3,189 @@
 //! Two sides are needed where one bead is not wide enough (r > a), one bead where two would cover
 //! each other (r < 2b); between them, and a little beyond, either will do. What decides there is where
 //! flow has to be interrupted: a single run ends wherever it changes into two sides, in a dead end and
-//! at a joint of an odd number of single runs, and two ends are one pass (L. Euler, 1736). The
-//! division is the cheapest of all in this sense, whatever loops the axis has.
+//! at a joint of an odd number of single runs, and two ends are one pass (L. Euler, 1736). Two sides
+//! turn round and end nowhere. All these are nodes of an odd number of single links, so the division is
+//! the cheapest choice of single links where odd nodes cost, whatever loops the axis has.
 
+use super::odd_nodes::cheapest_links;
 use super::passes::PassSettings;
 use super::skeleton::{Axis, flood};
-use super::two_labels::{COST_MAX, TwoLabels};
+use crate::geometry::aperture::Aperture;
+use std::f64::consts::FRAC_PI_4;
 
 /// Length of badly divided axis that one end of a single run is worth, mm against a. Two ends are an
-/// interruption of flow: with 4 as much as to cover half of the aperture's area again (ellipse of
-/// 0.6 x 0.2 mm).
-const END_SHARE: f64 = 4.0;
-/// Cost of a passage wider than one bead can be, for each a of excess radius, per mm.
+/// interruption of flow: as much as to cover the aperture's area again (ellipse of 0.6 x 0.2 mm).
+const END_SHARE: f64 = 8.0;
+/// Cost of a passage wider than one bead can be, for each of the widest bead's half-widths that stays
+/// open, per mm.
 const TOO_WIDE: f64 = 40.0;
 /// Cost of a passage too narrow for two sides, for each b of missing radius, per mm.
 const TOO_NARROW: f64 = 10.0;
-/// The same below [`TIGHT_SHARE`], on top: two sides that lie on each other nearly altogether are not laid
-/// in the end, and the passage stays open.
-const TIGHT: f64 = 40.0;
-/// Radius of such a passage, against b.
+/// Radius against b below which a passage is tight: sides that lie on each other nearly altogether are
+/// only laid where they go on to wider ground.
 const TIGHT_SHARE: f64 = 1.4;
+/// Longest tight stretch that they are sure to be laid through, against a. Along the wall it is 2.5,
+/// where bends make it longer.
+const TIGHT_LENGTH_SHARE: f64 = 1.5;
 /// Cost of laying two beads where one would do, per mm.
 const TWO_FOR_ONE: f64 = 0.05;
 /// Share of a that a single bead may need: the rest is for bends.
 const WIDEST_SHARE: f64 = 0.89;
 
-/// The nodes that single runs are on. `is_neck` are the nodes too narrow for any bead that do not
-/// just end in a corner.
+/// The nodes that single runs are on, necks among them. `is_neck` are the nodes too narrow for any
+/// bead that do not just end in a corner.
 pub fn cheapest_division(
     axis: &Axis,
     neighbours: &[Vec<u32>],
     is_neck: &[bool],
     settings: &PassSettings,
 ) -> Vec<bool> {
-    let graph = Graph::new(axis, neighbours, is_neck, settings);
-    let mut single = graph.labels().cheapest();
-    graph.make_islands_single(&mut single);
+    let ground = Ground {
+        axis,
+        neighbours,
+        is_neck,
+        aperture: &settings.aperture,
+    };
+    let (links, costs) = ground.links(settings.one_pass);
+    let end_cost = END_SHARE * settings.aperture.major_mm();
+    let chosen = cheapest_links(axis.points.len(), &links, &costs, end_cost);
+    let chosen = links.iter().zip(chosen).filter(|link| link.1);
+    let mut single = ground.nodes_of(chosen.map(|link| link.0));
+    ground.make_islands_single(&mut single, &links, &costs, end_cost);
     single
 }
 
-/// An axis and what dividing it costs.
-struct Graph<'a> {
+/// The axis and what is printed on it.
+struct Ground<'a> {
     axis: &'a Axis,
     neighbours: &'a [Vec<u32>],
     is_neck: &'a [bool],
-    /// What each node costs in a stretch of two sides and in one of one bead.
-    costs: Vec<[f64; 2]>,
-    /// What one end of a single run costs.
-    end_cost: f64,
-    /// Half-width of the widest passage for one bead, mm.
-    widest_mm: f64,
+    aperture: &'a Aperture,
 }
 
-impl<'a> Graph<'a> {
-    fn new(
-        axis: &'a Axis,
-        neighbours: &'a [Vec<u32>],
-        is_neck: &'a [bool],
-        settings: &PassSettings,
-    ) -> Graph<'a> {
-        let (a, b) = (settings.aperture.major_mm(), settings.aperture.minor_mm());
-        let end_cost = END_SHARE * a;
-        let mut costs = width_costs(axis, settings);
-        for (node, near) in neighbours.iter().enumerate() {
-            if is_neck[node] {
-                costs[node] = [COST_MAX, 0.0];
-                continue;
-            }
-            // Nothing goes on through a neck.
-            let ways = near.iter().filter(|&&n| !is_neck[n as usize]).count();
-            if ways % 2 == 1 {
-                costs[node][1] += end_cost;
-            }
-            // An axis of one point has no length to weigh: it is single only where it has to be.
-            if near.is_empty() && axis.radii_mm[node] < 2.0 * b {
-                costs[node][0] += end_cost;
-            }
-        }
-        Graph {
-            axis,
-            neighbours,
-            is_neck,
-            costs,
-            end_cost,
-            widest_mm: WIDEST_SHARE * a,
-        }
+impl Ground<'_> {
+    /// The neighbours of a node that something goes on to: nothing does through a neck.
+    fn near(&self, node: usize) -> impl Iterator<Item = usize> {
+        let near = self.neighbours[node].iter().map(|&n| n as usize);
+        near.filter(|&n| !self.is_neck[n])
     }
 
-    /// The costs as those of labels, `true` for one bead.
-    fn labels(&self) -> TwoLabels {
-        let mut labels = TwoLabels::new(&self.costs);
+    /// True where the axis ends in a wall or a neck.
+    fn is_end(&self, node: usize) -> bool {
+        self.neighbours[node].len() == 1 || self.near(node).count() < self.neighbours[node].len()
+    }
+
+    /// The links that are divided, and what one bead costs more on each than two sides.
+    fn links(&self, one_pass: bool) -> (Vec<[u32; 2]>, Vec<f64>) {
+        let is_open = self.open_nodes();
+        // Half the aperture's area, as a length of the passage.
+        let cap_mm = FRAC_PI_4 * self.aperture.minor_mm();
+        let points = &self.axis.points;
+        let (mut links, mut costs) = (Vec::new(), Vec::new());
         for &[p, q] in &self.axis.links {
-            let (p, q) = (p as usize, q as usize);
-            if !self.is_neck[p] && !self.is_neck[q] {
-                labels.link(p, q, self.end_cost);
+            let nodes = [p as usize, q as usize];
+            if nodes.iter().any(|&node| self.is_neck[node]) {
+                continue;
+            }
+            let half_mm = (points[nodes[0]] - points[nodes[1]]).norm() / 2.0;
+            let cost = nodes.map(|node| {
+                let has_cap = is_open[node] && self.is_end(node);
+                let length_mm = half_mm + if has_cap { cap_mm } else { 0.0 };
+                length_mm * self.more_for_one_bead(node, is_open[node], one_pass)
+            });
+            links.push([p, q]);
+            costs.push(cost[0] + cost[1]);
+        }
+        (links, costs)
+    }
+
+    /// What one bead costs more than two sides at the width there, per mm. `is_open` where two sides
+    /// would not be laid.
+    fn more_for_one_bead(&self, node: usize, is_open: bool, one_pass: bool) -> f64 {
+        let (a, b) = (self.aperture.major_mm(), self.aperture.minor_mm());
+        let r = self.axis.radii_mm[node];
+        let beads = r / (WIDEST_SHARE * a);
+        let two_sides = if one_pass && r <= a {
+            TOO_WIDE
+        } else if is_open {
+            TOO_WIDE * beads
+        } else {
+            TOO_NARROW * (2.0 - r / b).max(0.0) + TWO_FOR_ONE
+        };
+        TOO_WIDE * (beads - 1.0).max(0.0) - two_sides
+    }
+
+    /// Marks the nodes that one bead fits on and two sides would leave open: tight stretches that are
+    /// long, or that lead nowhere.
+    fn open_nodes(&self) -> Vec<bool> {
+        let (a, b) = (self.aperture.major_mm(), self.aperture.minor_mm());
+        let radii_mm = &self.axis.radii_mm;
+        let is_tight = |n: usize| !self.is_neck[n] && radii_mm[n] < TIGHT_SHARE * b;
+        let mut is_open = vec![false; radii_mm.len()];
+        let mut seen = is_open.clone();
+        for seed in 0..is_open.len() {
+            if seen[seed] || !is_tight(seed) {
+                continue;
+            }
+            let stretch = flood(seed, self.neighbours, &mut seen, is_tight);
+            let leads_on = stretch.iter().any(|&n| self.near(n).any(|m| !is_tight(m)));
+            // Two sides go in and out of a dead end.
+            let is_dead_end = stretch.iter().any(|&n| self.is_end(n));
+            let ways = if is_dead_end { 2.0 } else { 1.0 };
+            if !leads_on || ways * self.length_mm(&stretch) > TIGHT_LENGTH_SHARE * a {
+                for n in stretch {
+                    is_open[n] = radii_mm[n] >= b;
+                }
             }
         }
-        labels
+        is_open
+    }
+
+    /// Length of the axis on these nodes, half of each link that leaves them included, mm.
+    fn length_mm(&self, nodes: &[usize]) -> f64 {
+        let points = &self.axis.points;
+        let about = |&n: &usize| {
+            let near = self.neighbours[n].iter().map(|&m| m as usize);
+            near.map(|m| (points[n] - points[m]).norm() / 2.0)
+                .sum::<f64>()
+        };
+        nodes.iter().map(about).sum()
+    }
+
+    /// The nodes of single runs: necks, joints and passages of at least two chosen links, ends of one.
+    /// An axis of one point has no length to weigh: it is single only where it has to be.
+    fn nodes_of<'l>(&self, chosen: impl Iterator<Item = &'l [u32; 2]>) -> Vec<bool> {
+        let mut counts = vec![0; self.is_neck.len()];
+        for node in chosen.flatten() {
+            counts[*node as usize] += 1;
+        }
+        let is_single = |node: usize| {
+            let fits_two = self.axis.radii_mm[node] >= 2.0 * self.aperture.minor_mm();
+            match self.near(node).count() {
+                0 => !fits_two,
+                1 => counts[node] == 1,
+                _ => counts[node] >= 2,
+            }
+        };
+        (0..counts.len())
+            .map(|node| self.is_neck[node] || is_single(node))
+            .collect()
     }
 
     /// Makes parts between necks that one bead spans single all over where that costs no more: what
     /// has no end is a pass all the same, as much as two ends.
-    fn make_islands_single(&self, single: &mut [bool]) {
+    fn make_islands_single(
+        &self,
+        single: &mut [bool],
+        links: &[[u32; 2]],
+        costs: &[f64],
+        end_cost: f64,
+    ) {
+        let widest_mm = WIDEST_SHARE * self.aperture.major_mm();
+        let mut more = vec![0.0; single.len()];
+        for (link, cost) in links.iter().zip(costs) {
+            more[link[0] as usize] += cost;
+        }
         let mut seen = self.is_neck.to_vec();
         for seed in 0..single.len() {
             if seen[seed] {
@@ -112,39 +193,19 @@ impl<'a> Graph<'a> {
             }
             let island = flood(seed, self.neighbours, &mut seen, |n| !self.is_neck[n]);
             // The middle of a disk has no length to weigh its width by.
-            let fits = |n: usize| !single[n] && self.axis.radii_mm[n] <= self.widest_mm;
+            let fits = |n: usize| !single[n] && self.axis.radii_mm[n] <= widest_mm;
             if !island.iter().all(|&n| fits(n)) {
                 continue;
             }
-            let cost = |label: usize| island.iter().map(|&n| self.costs[n][label]).sum::<f64>();
-            if cost(1) < cost(0) + 2.0 * self.end_cost {
+            let ends = island.iter().filter(|&&n| self.near(n).count() % 2 == 1);
+            let ends = ends.count() as f64;
+            if island.iter().map(|&n| more[n]).sum::<f64>() + (ends - 2.0) * end_cost < 0.0 {
                 for node in island {
                     single[node] = true;
                 }
             }
         }
     }
-}
-
-/// What the width there costs each node in a stretch of two sides and in one of one bead.
-fn width_costs(axis: &Axis, settings: &PassSettings) -> Vec<[f64; 2]> {
-    let (a, b) = (settings.aperture.major_mm(), settings.aperture.minor_mm());
-    let mut costs = vec![[0.0; 2]; axis.points.len()];
-    for &[p, q] in &axis.links {
-        let half_mm = (axis.points[p as usize] - axis.points[q as usize]).norm() / 2.0;
-        for node in [p as usize, q as usize] {
-            let r = axis.radii_mm[node];
-            let two_sides = if settings.one_pass && r <= a {
-                TOO_WIDE
-            } else {
-                let narrow = TOO_NARROW * (2.0 - r / b).max(0.0);
-                narrow + TIGHT * (TIGHT_SHARE - r / b).max(0.0) + TWO_FOR_ONE
-            };
-            costs[node][0] += half_mm * two_sides;
-            costs[node][1] += half_mm * TOO_WIDE * (r / (WIDEST_SHARE * a) - 1.0).max(0.0);
-        }
-    }
-    costs
 }
 
 #[cfg(test)]
@@ -197,18 +258,44 @@ mod tests {
         cheapest_division(axis, &axis.neighbours(), is_neck, &SETTINGS)
     }
 
-    /// Goal: struts a little too narrow for two sides keep them, since single runs would end at each
-    /// joint; much narrower ones are single all over, joints too, and necks between wide places cut
-    /// nothing else off. Method: a square with arms, half-widths 0.39, 0.25 and 0.5 mm (2b is 0.4).
+    /// Goal: a dead end a little too narrow for two sides keeps them, since a single run would end in it,
+    /// and what goes on without an end is single; much narrower ones are single all over, joints too,
+    /// and necks between wide places cut nothing else off. Method: a square with arms, half-widths
+    /// 0.39, 0.25 and 0.5 mm (2b is 0.4).
     #[test]
     fn ends_of_single_runs_are_weighed_against_width() {
-        let count = square(0.39).points.len();
-        let none = vec![false; count];
-        assert_eq!(division(&square(0.39), &none), none);
-        assert_eq!(division(&square(0.25), &none), vec![true; count]);
+        let axis = square(0.39);
+        let none = vec![false; axis.points.len()];
+        let is_side = axis.points.iter().map(|p| (0.0..=10.0).contains(&p.x));
+        assert_eq!(division(&axis, &none), is_side.collect::<Vec<_>>());
+        assert_eq!(division(&square(0.25), &none), vec![true; none.len()]);
         let mut necks = none;
         necks[8] = true;
         assert_eq!(division(&square(0.5), &necks), necks);
+    }
+
+    /// Goal: tight stretches are two-sided only where these go on through them: short ones between wider
+    /// places; not long ones, nor at a dead end, whose cap counts too. Method: a passage of 0.6 mm
+    /// half-width but in its middle, 0.25 there (1.4 b is 0.28) over 0.6 and 2 mm; one that ends tight.
+    #[test]
+    fn long_tight_stretches_are_left_to_one_bead() {
+        let passage = |tight: std::ops::Range<f64>| {
+            let x_mm = |n: u32| 0.1 * f64::from(n);
+            let radius = |n| if tight.contains(&x_mm(n)) { 0.25 } else { 0.6 };
+            Axis {
+                points: (0..101).map(|n| Point2::new(x_mm(n), 0.0)).collect(),
+                radii_mm: (0..101).map(radius).collect(),
+                links: (0..100).map(|n| [n, n + 1]).collect(),
+            }
+        };
+        let none = [false; 101];
+        assert_eq!(division(&passage(4.65..5.25), &none), none);
+        let long = division(&passage(4.05..6.05), &none);
+        let expected: Vec<bool> = (0..101).map(|n| (41..61).contains(&n)).collect();
+        assert_eq!(long, expected);
+        let dead_end = division(&passage(9.25..11.0), &none);
+        assert!((93..101).all(|n| dead_end[n]), "{dead_end:?}");
+        assert!((0..93).all(|n| !dead_end[n]), "{dead_end:?}");
     }
 
     /// Goal: passages hardly wider than the narrowest bead are single whatever ends that makes, and so is
