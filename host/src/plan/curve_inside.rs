@@ -101,8 +101,9 @@ impl InsideWalls<'_> {
                     let at = configuration(curve_at(control, span, t));
                     if let Some(found) = self.cut(look, at) {
                         self.project_pose(control, span, t, &found);
-                        let low = span.saturating_sub(2);
-                        changed[low..(span + 3).min(spans)].fill(true);
+                        // Control points span - 1 to span + 2 moved; each shapes four spans.
+                        let low = span.saturating_sub(3);
+                        changed[low..(span + 4).min(spans)].fill(true);
                     }
                 }
             }

@@ -27,14 +27,17 @@ const FAR_SHARE: f64 = 2.0;
 /// Least spans of a curve that is kept after a cut.
 const SPANS_MIN: usize = 2;
 
-/// The printed curves of an opened pass: one, or several where the aperture does not fit in between.
-/// `tolerance_mm` is how deep a pose may cut.
+/// The printed curves of an opened pass, in order: one, or several where the aperture does not fit in
+/// between. `tolerance_mm` is how deep a pose may cut.
 pub fn pass_curves(
     pass: &LayerPass,
     aperture: &Aperture,
     walls: &EdgeIndex,
     tolerance_mm: f64,
 ) -> Vec<Vec<PlaneControl>> {
+    if pass.placements.is_empty() {
+        return Vec::new();
+    }
     let control = sharpened(&merged(pass));
     let inside = InsideWalls {
         aperture,
@@ -47,15 +50,14 @@ pub fn pass_curves(
         Ok(whole) => curves.push(whole),
         Err((control, bad)) => open = pieces_without(&control, &bad),
     }
-    // The pieces have new ends, so they are pushed again. Each round removes at least one span, and few
-    // rounds ever happen.
+    // The first piece is the last of `open`. They have new ends, so they are pushed again. Each round
+    // removes at least one span, and few rounds ever happen.
     while let Some(piece) = open.pop() {
         match settled(&piece, &inside).or_else(Unsettled::makeshift) {
             Ok(curve) => curves.push(curve),
             Err(bad) => open.extend(pieces_without(&piece, &bad)),
         }
     }
-    curves.reverse();
     curves
 }
 
@@ -315,6 +317,8 @@ mod tests {
         let places = (-40..=40).map(|i| (Point2::new(0.07 * f64::from(i), 0.0), 1.2));
         let curves = pass_curves(&pass(places, false), &APERTURE, &walls, 4e-4);
         assert_eq!(curves.len(), 2);
+        // In the order of the way.
+        assert!(curves[0][0][0] < -2.0 && curves[1][0][0] > 0.0);
         for at in curves.iter().flatten() {
             assert!(at[1].abs() < 0.5, "{at:?}");
         }
