@@ -40,13 +40,8 @@ pub fn cheapest_division(
     is_neck: &[bool],
     settings: &PassSettings,
 ) -> Vec<bool> {
-    let ground = Ground {
-        axis,
-        neighbours,
-        is_neck,
-        aperture: &settings.aperture,
-    };
-    let (links, costs) = ground.links(settings.one_pass);
+    let ground = Ground::new(axis, neighbours, is_neck, settings);
+    let (links, costs) = ground.links();
     let end_cost = END_SHARE * settings.aperture.major_mm();
     let chosen = cheapest_links(axis.points.len(), &links, &costs, end_cost);
     let chosen = links.iter().zip(chosen).filter(|link| link.1);
@@ -61,9 +56,33 @@ struct Ground<'a> {
     neighbours: &'a [Vec<u32>],
     is_neck: &'a [bool],
     aperture: &'a Aperture,
+    /// Where two sides would not be laid.
+    is_open: Vec<bool>,
+    /// What one bead costs more than two sides at the width of each node, per mm.
+    more: Vec<f64>,
 }
 
-impl Ground<'_> {
+impl<'a> Ground<'a> {
+    fn new(
+        axis: &'a Axis,
+        neighbours: &'a [Vec<u32>],
+        is_neck: &'a [bool],
+        settings: &'a PassSettings,
+    ) -> Ground<'a> {
+        let mut ground = Ground {
+            axis,
+            neighbours,
+            is_neck,
+            aperture: &settings.aperture,
+            is_open: Vec::new(),
+            more: Vec::new(),
+        };
+        ground.is_open = ground.open_nodes();
+        let more = |node| ground.more_for_one_bead(node, settings.one_pass);
+        ground.more = (0..axis.points.len()).map(more).collect();
+        ground
+    }
+
     /// The neighbours of a node that something goes on to: nothing does through a neck.
     fn near(&self, node: usize) -> impl Iterator<Item = usize> {
         let near = self.neighbours[node].iter().map(|&n| n as usize);
@@ -76,8 +95,7 @@ impl Ground<'_> {
     }
 
     /// The links that are divided, and what one bead costs more on each than two sides.
-    fn links(&self, one_pass: bool) -> (Vec<[u32; 2]>, Vec<f64>) {
-        let is_open = self.open_nodes();
+    fn links(&self) -> (Vec<[u32; 2]>, Vec<f64>) {
         // Half the aperture's area, as a length of the passage.
         let cap_mm = FRAC_PI_4 * self.aperture.minor_mm();
         let points = &self.axis.points;
@@ -89,9 +107,9 @@ impl Ground<'_> {
             }
             let half_mm = (points[nodes[0]] - points[nodes[1]]).norm() / 2.0;
             let cost = nodes.map(|node| {
-                let has_cap = is_open[node] && self.is_end(node);
+                let has_cap = self.is_open[node] && self.is_end(node);
                 let length_mm = half_mm + if has_cap { cap_mm } else { 0.0 };
-                length_mm * self.more_for_one_bead(node, is_open[node], one_pass)
+                length_mm * self.more[node]
             });
             links.push([p, q]);
             costs.push(cost[0] + cost[1]);
@@ -99,15 +117,14 @@ impl Ground<'_> {
         (links, costs)
     }
 
-    /// What one bead costs more than two sides at the width there, per mm. `is_open` where two sides
-    /// would not be laid.
-    fn more_for_one_bead(&self, node: usize, is_open: bool, one_pass: bool) -> f64 {
+    /// See `more`.
+    fn more_for_one_bead(&self, node: usize, one_pass: bool) -> f64 {
         let (a, b) = (self.aperture.major_mm(), self.aperture.minor_mm());
         let r = self.axis.radii_mm[node];
         let beads = r / (WIDEST_SHARE * a);
         let two_sides = if one_pass && r <= a {
             TOO_WIDE
-        } else if is_open {
+        } else if self.is_open[node] {
             TOO_WIDE * beads
         } else {
             TOO_NARROW * (2.0 - r / b).max(0.0) + TWO_FOR_ONE
@@ -153,7 +170,8 @@ impl Ground<'_> {
     }
 
     /// The nodes of single runs: necks, joints and passages of at least two chosen links, ends of one.
-    /// An axis of one point has no length to weigh: it is single only where it has to be.
+    /// Where a run ends in a passage its last node is part of it if its width asks for one bead. An axis
+    /// of one point has no length to weigh: it is single only where it has to be.
     fn nodes_of<'l>(&self, chosen: impl Iterator<Item = &'l [u32; 2]>) -> Vec<bool> {
         let mut counts = vec![0; self.is_neck.len()];
         for node in chosen.flatten() {
@@ -164,6 +182,7 @@ impl Ground<'_> {
             match self.near(node).count() {
                 0 => !fits_two,
                 1 => counts[node] == 1,
+                2 => counts[node] == 2 || counts[node] == 1 && self.more[node] < 0.0,
                 _ => counts[node] >= 2,
             }
         };
