@@ -14,6 +14,7 @@ use crate::drive::sender_state::{
 use crate::drive::trace::counts_at;
 use crate::wire_frames::WireFrames;
 use headway_firmware::configuration::{ConfigurationError, MOTORS_MAX, MachineConfiguration};
+use headway_firmware::design::ADVANCE_WINDOW_TICKS_MAX;
 use headway_firmware::machine::Machine;
 use headway_protocol::frame::{FRAME_BYTES_MAX, hash_of};
 use headway_protocol::message::{Control, DeviceState, Fault};
@@ -23,8 +24,10 @@ use thiserror::Error;
 
 /// How much the sender keeps on the line ahead: control messages wait no longer than this.
 const LINE_AHEAD_US: u64 = 2_000;
-/// Servo ticks run after the end, so that the last steps are out.
-const TAIL_TICKS: u32 = 16;
+/// Servo ticks run after the end, so that the last steps are out and pressure advance has forgotten the
+/// motion: a volume half a step above a whole one, but for a part in ten thousand, ended a step too far
+/// in a slice whose last spans moved it by a unit.
+const TAIL_TICKS: usize = 16 + ADVANCE_WINDOW_TICKS_MAX;
 /// Silence that means that nothing will come any more: longer than any retry; outages of the line
 /// do not count.
 const STUCK_S: f64 = 60.0;
