@@ -101,6 +101,7 @@ impl Drop for Board {
 pub struct Host {
     pub child: Child,
     pub said: Arc<std::sync::Mutex<String>>,
+    listener: std::thread::JoinHandle<()>,
 }
 
 impl Host {
@@ -108,12 +109,16 @@ impl Host {
         let mut child = command(arguments).stdin(Stdio::piped()).spawn().unwrap();
         let said = Arc::new(std::sync::Mutex::new(String::new()));
         let (stderr, heard) = (child.stderr.take().unwrap(), said.clone());
-        std::thread::spawn(move || {
+        let listener = std::thread::spawn(move || {
             for line in BufReader::new(stderr).lines().map_while(Result::ok) {
                 *heard.lock().unwrap() += &(line + "\n");
             }
         });
-        Host { child, said }
+        Host {
+            child,
+            said,
+            listener,
+        }
     }
 
     pub fn wait_for(&self, words: &str) {
@@ -166,6 +171,8 @@ impl Host {
             .read_to_string(&mut stdout)
             .unwrap();
         let figures = serde_json::from_str(&stdout).unwrap_or(Value::Null);
+        // What it said last may not have been heard yet.
+        self.listener.join().unwrap();
         let said = self.said.lock().unwrap().clone();
         (status.success(), figures, said)
     }
