@@ -6,13 +6,20 @@ use crate::geometry::{Point2, Vector2};
 use i_overlay::core::fill_rule::FillRule;
 use i_overlay::float::slice::FloatSlice;
 
-/// The cut across the passage at an axis node: wall foot, node, wall foot. Each end is on a corner of
-/// the wall or drawn a little beyond the wall, so that the slice surely parts the region.
-pub fn chord(at: Point2, towards: Point2, walls: &EdgeIndex, radius_mm: f64) -> Vec<Point2> {
+/// The cut across the passage at an axis node: wall foot, node, wall foot; the feet are those that lie
+/// on either side of `seen_from`, the node or one near it. Each end is on a corner of the wall or drawn
+/// a little beyond the wall, so that the slice surely parts the region.
+pub fn chord(
+    at: Point2,
+    towards: Point2,
+    seen_from: Point2,
+    walls: &EdgeIndex,
+    radius_mm: f64,
+) -> Vec<Point2> {
     let along = (towards - at).try_normalize(1e-12).unwrap_or(Vector2::x());
     let across = Vector2::new(-along.y, along.x);
     let foot = |side: f64| {
-        let probe = at + across * (side * 0.3 * radius_mm);
+        let probe = seen_from + across * (side * 0.3 * radius_mm);
         let Some(nearest) = walls.nearest(probe) else {
             return probe;
         };
@@ -102,7 +109,7 @@ mod tests {
                 for shift in [0.0, 0.02, 0.05, 0.1, 0.2] {
                     let at = Point2::from(turned([shift, 0.0]));
                     let towards = Point2::from(turned([shift + 0.1, 0.0]));
-                    let cut = chord(at, towards, &walls, 0.5);
+                    let cut = chord(at, towards, at, &walls, 0.5);
                     let pieces = slice(&region, &[cut]);
                     assert_eq!(pieces.len(), 2, "turn {turn}, slope {slope}, shift {shift}");
                     let whole_mm2 = pieces.iter().map(Region::area_mm2).sum::<f64>();
@@ -113,5 +120,43 @@ mod tests {
             }
         }
         assert_eq!(cuts, 24 * 11 * 5);
+    }
+
+    /// Goal: branches that are cut off where they leave a joint leave the others whole (found on a
+    /// lattice: two beads were laid over one in all its struts). Method: a cross of four arms whose middle
+    /// is as far from all its corners; the left arm and the lower one are cut off.
+    #[test]
+    fn chords_at_a_joint_cut_their_own_branches_off() {
+        let (near, far) = (0.4, 5.0);
+        let cross = [
+            [-near, -far],
+            [near, -far],
+            [near, -near],
+            [far, -near],
+            [far, near],
+            [near, near],
+            [near, far],
+            [-near, far],
+            [-near, near],
+            [-far, near],
+            [-far, -near],
+            [-near, -near],
+        ];
+        let region = region(&[&cross]);
+        let walls = EdgeIndex::of_region(&region, 1.0);
+        // Rounding is enough to make the far corners the nearest.
+        let joint = Point2::new(1e-6, 1e-6);
+        let cut = [Point2::new(-0.1, 0.0), Point2::new(0.0, -0.1)]
+            .map(|next| chord(joint, next, next, &walls, near * 2f64.sqrt()));
+        let pieces = slice(&region, &cut);
+        let mut areas_mm2: Vec<f64> = pieces.iter().map(Region::area_mm2).collect();
+        areas_mm2.sort_by(f64::total_cmp);
+        // An arm and the quarter of the joint before it, twice; the rest.
+        let arm_mm2 = 2.0 * near * (far - near) + near * near;
+        assert_eq!(areas_mm2.len(), 3);
+        for (area_mm2, expected_mm2) in areas_mm2.iter().zip([1.0, 1.0, 2.0]) {
+            let error_mm2 = area_mm2 - expected_mm2 * arm_mm2;
+            assert!(error_mm2.abs() < 1e-3, "{areas_mm2:?}, arm {arm_mm2}");
+        }
     }
 }

@@ -63,12 +63,14 @@ pub fn split_region(
         let (a, b) = (a as usize, b as usize);
         if single[a] != single[b] {
             let (inner, outer) = if single[a] { (a, b) } else { (b, a) };
-            chords.push(chord(
-                axis.points[inner],
-                axis.points[outer],
-                walls,
-                axis.radii_mm[inner],
-            ));
+            // A joint is as far from the corners of its other branches.
+            let seen_from = if neighbours[inner].len() > 2 {
+                outer
+            } else {
+                inner
+            };
+            let [at, towards, seen_from] = [inner, outer, seen_from].map(|n| axis.points[n]);
+            chords.push(chord(at, towards, seen_from, walls, axis.radii_mm[inner]));
         }
     }
     let nodes = NodesByPlace::new(axis, &single);
