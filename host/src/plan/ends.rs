@@ -27,7 +27,7 @@ const ALONE_SHARE_MIN: f64 = 1.0;
 const SMALL_SHARE_MIN: f64 = 12.0;
 /// Ground of a small pass that may stay open, against the aperture's area: with more it is printed
 /// after all.
-const OPEN_SHARE_MAX: f64 = 1.0;
+const OPEN_SHARE_MAX: f64 = 0.5;
 /// A pass that covers this share of its ground alone stays, however small: nothing else is near.
 const APART_SHARE: f64 = 0.9;
 /// Largest cell against the minor semi-axis: on a raster too coarse for the aperture (a region of
@@ -252,7 +252,7 @@ mod tests {
     #[test]
     fn a_stump_is_left_to_excursions() {
         let bar = run([-5.0, 0.0], [5.0, 0.0]);
-        let stump = run([0.0, 0.5], [0.0, 0.7]);
+        let stump = run([0.0, 0.3], [0.0, 0.5]);
         assert_eq!(small_ones(std::slice::from_ref(&stump), &APERTURE), [false]);
         for stump in [stump, run([0.0, 3.6], [0.0, 3.8])] {
             let passes = [stump.clone(), bar.clone()];

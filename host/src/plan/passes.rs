@@ -196,6 +196,7 @@ pub fn outer_passes(
 ) -> (Vec<LayerPass>, Vec<Ring>) {
     let lengths = Lengths::of(&settings.aperture);
     let axis = axis.densified(lengths.axis_mm);
+    let axis = axis.split_at_radius(settings.aperture.minor_mm());
     let walls = EdgeIndex::of_region(region, settings.aperture.major_mm());
     let split = split_region(region, &walls, &axis, settings);
     let found: Vec<(Vec<LayerPass>, Vec<Ring>)> = split
@@ -323,14 +324,7 @@ fn channel_passes(
     };
     let mut found: Vec<LayerPass> = rings.par_iter().flat_map_iter(of_ring).collect();
     relax(&mut found, channel, field, channel_walls, settings, lengths);
-    found.retain(|pass| {
-        let least_mm = if pass.closed {
-            LOOP_SHARE_MIN * aperture.minor_mm()
-        } else {
-            RUN_SHARE_MIN * aperture.major_mm()
-        };
-        run_length_mm(pass) > least_mm
-    });
+    drop_stubs(&mut found, channel, aperture);
     found
 }
 
@@ -443,6 +437,27 @@ fn channel_width_mm(
         (t, last) = (t + step, v);
     }
     t
+}
+
+/// Leaves out what is too short for a pass. Where that would be all of a piece (a room that the
+/// aperture enters but can hardly move in), its longest run stays: whether it covers anything that
+/// others don't is looked at once all are laid ([`fit_ends`]).
+fn drop_stubs(found: &mut Vec<LayerPass>, channel: usize, aperture: &Aperture) {
+    let is_long = |pass: &LayerPass| {
+        let least_mm = if pass.closed {
+            LOOP_SHARE_MIN * aperture.minor_mm()
+        } else {
+            RUN_SHARE_MIN * aperture.major_mm()
+        };
+        run_length_mm(pass) > least_mm
+    };
+    if channel == 1 && !found.iter().any(is_long) {
+        let longest = |p: &LayerPass, q: &LayerPass| run_length_mm(p).total_cmp(&run_length_mm(q));
+        let longest = found.drain(..).max_by(longest);
+        found.extend(longest.filter(|pass| pass.placements.len() > 1));
+        return;
+    }
+    found.retain(is_long);
 }
 
 /// Shortest open run of a channel against a: a shorter one would lay one blot on its neighbours.
