@@ -43,53 +43,49 @@ impl Axis {
 
     /// The axis with no link longer than `step_mm`, radii interpolated linearly.
     pub fn densified(&self, step_mm: f64) -> Axis {
-        let mut dense = Axis {
-            points: self.points.clone(),
-            radii_mm: self.radii_mm.clone(),
-            links: Vec::new(),
-        };
-        for &[a, b] in &self.links {
-            let (p, q) = (self.points[a as usize], self.points[b as usize]);
-            let (rp, rq) = (self.radii_mm[a as usize], self.radii_mm[b as usize]);
-            let delta: Vector2 = q - p;
+        self.divided(|delta, [rp, rq]| {
             let pieces = ((delta.norm() / step_mm).ceil() as usize).max(1);
-            let mut last = a;
-            for piece in 1..pieces {
-                let t = piece as f64 / pieces as f64;
-                dense.points.push(p + delta * t);
-                dense.radii_mm.push(rp + (rq - rp) * t);
-                let next = (dense.points.len() - 1) as u32;
-                dense.links.push([last, next]);
-                last = next;
-            }
-            dense.links.push([last, b]);
-        }
-        dense
+            let shares = (1..pieces).map(move |piece| piece as f64 / pieces as f64);
+            shares.map(move |t| (t, rp + (rq - rp) * t))
+        })
     }
 
     /// The axis with a node wherever a link's radius, interpolated linearly, passes `radius_mm`: where a
     /// passage becomes too narrow must not depend on how finely its walls are divided.
     pub fn split_at_radius(&self, radius_mm: f64) -> Axis {
-        let mut split = Axis {
+        self.divided(|delta, radii_mm| {
+            let [from, to] = radii_mm.map(|r| r - radius_mm);
+            let t = from / (from - to);
+            let is_inside = t.min(1.0 - t) * delta.norm() > SPLIT_MIN_MM;
+            (from * to < 0.0 && is_inside).then_some((t, radius_mm))
+        })
+    }
+
+    /// The axis with nodes on its links: `nodes` takes the way along a link and the radii at its ends,
+    /// and says which share of the way each lies at, rising, and its radius.
+    fn divided<Nodes>(&self, nodes: impl Fn(Vector2, [f64; 2]) -> Nodes) -> Axis
+    where
+        Nodes: IntoIterator<Item = (f64, f64)>,
+    {
+        let mut divided = Axis {
+            points: self.points.clone(),
+            radii_mm: self.radii_mm.clone(),
             links: Vec::new(),
-            ..self.clone()
         };
         for &[a, b] in &self.links {
             let [p, q] = [a, b].map(|node| self.points[node as usize]);
-            let [below, above] = [a, b].map(|node| self.radii_mm[node as usize] - radius_mm);
-            let length_mm = (q - p).norm();
-            let t = below / (below - above);
-            let is_inside = |t: f64| t.min(1.0 - t) * length_mm > SPLIT_MIN_MM;
-            if below * above >= 0.0 || !is_inside(t) {
-                split.links.push([a, b]);
-                continue;
+            let radii_mm = [a, b].map(|node| self.radii_mm[node as usize]);
+            let mut last = a;
+            for (t, radius_mm) in nodes(q - p, radii_mm) {
+                let next = divided.points.len() as u32;
+                divided.points.push(p + (q - p) * t);
+                divided.radii_mm.push(radius_mm);
+                divided.links.push([last, next]);
+                last = next;
             }
-            let middle = split.points.len() as u32;
-            split.points.push(p + (q - p) * t);
-            split.radii_mm.push(radius_mm);
-            split.links.extend([[a, middle], [middle, b]]);
+            divided.links.push([last, b]);
         }
-        split
+        divided
     }
 }
 
