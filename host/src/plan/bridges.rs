@@ -6,14 +6,12 @@
 //! as few bridges as possible.
 
 use super::bridge_cost::{Bridge, BridgeCosts};
+use super::bridge_tour::Tour;
 use super::by_place::ByPlace;
 use super::free_ways::free_way;
-use super::heading_profile::Placement;
 use super::links::{TURN_MAX_RAD, nearest_of_each};
 use super::passes::LayerPass;
-use super::runs::unwrap_headings;
 use crate::geometry::aperture::Aperture;
-use crate::geometry::clearance::Configuration;
 use crate::geometry::edge_index::EdgeIndex;
 use crate::geometry::union_find::root;
 use rayon::prelude::*;
@@ -24,10 +22,12 @@ const LENGTH_SHARE: f64 = 2.6;
 /// Places looked at along two neighbouring loops.
 const PLACES: usize = 6;
 /// What is taken out of either loop to begin with, against the extents of the aperture along the
-/// travel.
-const OPENING: f64 = 1.7;
+/// travel: beads side by side, or the tip of a loop that meets the flank of another bead.
+const OPENINGS: [f64; 3] = [1.7, 0.8, 0.3];
 /// Most ground that a bridge may spoil, against the aperture's area: left open or covered again.
-const COST_SHARE_MAX: f64 = 1.5;
+const COST_SHARE_MAX: f64 = 3.0;
+/// The same before it is fitted.
+const BEGUN_SHARE_MAX: f64 = 6.0;
 /// Least placements of a pass that is opened.
 const COUNT_MIN: usize = 16;
 /// Places of two loops, the cheapest, that are fitted where a bridge is built.
@@ -45,8 +45,10 @@ pub fn bridged(passes: Vec<LayerPass>, aperture: &Aperture, walls: &EdgeIndex) -
     let near = neighbours(&passes, LENGTH_SHARE * aperture.major_mm());
     let mut found: Vec<Candidate> = near
         .into_par_iter()
-        .flat_map_iter(|(pair, places)| candidates(&passes, pair, &places, aperture, walls, &costs))
-        .filter(|found| found.rank_mm2 < COST_SHARE_MAX * aperture.area_mm2())
+        .flat_map_iter(|(pair, places)| {
+            let found = candidates(&passes, pair, &places, aperture, walls, &costs);
+            within_limit(found, &passes, aperture, walls, &costs)
+        })
         .collect();
     found.sort_by(|x, y| {
         let by_rank = x.rank_mm2.total_cmp(&y.rank_mm2);
@@ -57,7 +59,7 @@ pub fn bridged(passes: Vec<LayerPass>, aperture: &Aperture, walls: &EdgeIndex) -
     let tours = joined(&passes, &fine);
     let tours = tours.iter().zip(&passes);
     tours
-        .filter(|(tour, _)| !tour.stops.is_empty())
+        .filter(|(tour, _)| !tour.is_empty())
         .map(|(tour, pass)| tour.pass(pass, &passes, aperture.period_rad()))
         .collect()
 }
@@ -250,10 +252,41 @@ fn candidates(
     let own_gaps: Vec<Candidate> = own_gaps.collect();
     let places = places.chunks(size).filter_map(nearest);
     let found = places.filter_map(|at| {
-        let bridge = bridge(passes, loops, at, OPENING, aperture, walls)?;
-        Some(candidate(bridge, 0.0))
+        let opened = OPENINGS.into_iter().filter_map(|opening| {
+            let bridge = bridge(passes, loops, at, opening, aperture, walls)?;
+            Some(candidate(bridge, 0.0))
+        });
+        opened.min_by(|x, y| x.rank_mm2.total_cmp(&y.rank_mm2))
     });
     found.chain(own_gaps).collect()
+}
+
+/// Those of two loops that spoil little enough; where there is none, the cheapest once fitted.
+fn within_limit(
+    mut found: Vec<Candidate>,
+    passes: &[LayerPass],
+    aperture: &Aperture,
+    walls: &EdgeIndex,
+    costs: &BridgeCosts,
+) -> Vec<Candidate> {
+    let [limit_mm2, begun_mm2] =
+        [COST_SHARE_MAX, BEGUN_SHARE_MAX].map(|share| share * aperture.area_mm2());
+    if !found.iter().any(|found| found.rank_mm2 < limit_mm2) {
+        found.sort_by(|x, y| x.rank_mm2.total_cmp(&y.rank_mm2));
+        found.truncate(FITTED);
+        found.retain(|found| found.rank_mm2 < begun_mm2);
+        for found in &mut found {
+            let (cost_mm2, bridge) = fitted(found, passes, aperture, walls, costs);
+            let saved_mm2 = found.cost_mm2 - found.rank_mm2;
+            *found = Candidate {
+                bridge,
+                cost_mm2,
+                rank_mm2: cost_mm2 - saved_mm2,
+            };
+        }
+    }
+    found.retain(|found| found.rank_mm2 < limit_mm2);
+    found
 }
 
 /// The bridge to a run whose ends lie close to each other: it is open already.
@@ -294,7 +327,7 @@ fn bridge_at_gap(
     } else {
         at_first + behind / 2
     };
-    let opening = opened_at(other, middle % count, OPENING, aperture)?;
+    let opening = opened_at(other, middle % count, OPENINGS[0], aperture)?;
     let mut ends = [[last, 0]; 2];
     ends[1 - side] = opening;
     with_ways(passes, loops, ends, aperture, walls)
@@ -361,128 +394,6 @@ fn opened_at(pass: &LayerPass, at: usize, opening: f64, aperture: &Aperture) -> 
     (pass.closed || ends[0] < ends[1]).then_some(ends)
 }
 
-/// A way round through one or several passes.
-#[derive(Default)]
-struct Tour {
-    stops: Vec<Stop>,
-}
-
-/// One place of a tour.
-#[derive(Clone, Copy, PartialEq)]
-enum Stop {
-    /// Placement of a pass, by their numbers.
-    Pass(usize, usize),
-    /// On a bridge.
-    Bridge(Configuration),
-    /// Nothing is printed between the one before and the next; a tour has at most one.
-    Break,
-}
-
-impl Tour {
-    fn of(number: usize, pass: &LayerPass) -> Tour {
-        let mut stops: Vec<Stop> = Vec::new();
-        stops.extend((0..pass.placements.len()).map(|i| Stop::Pass(number, i)));
-        if !pass.closed {
-            stops.push(Stop::Break);
-        }
-        Tour { stops }
-    }
-
-    /// The tour as a way that begins and ends where pass `number` is opened, and which of the two
-    /// `ends` it begins with; `None` where that stretch has been used before.
-    fn opened(
-        &self,
-        number: usize,
-        ends: [usize; 2],
-        pass: &LayerPass,
-    ) -> Option<(Vec<Stop>, usize)> {
-        let place = |end: usize| {
-            let stop = Stop::Pass(number, ends[end]);
-            self.stops.iter().position(|other| *other == stop)
-        };
-        let (first, last) = (place(0)?, place(1)?);
-        let (total, count) = (self.stops.len(), pass.placements.len());
-        let at_gap = !pass.closed && ends == [count - 1, 0];
-        let between = if at_gap {
-            2
-        } else {
-            (ends[1] + count - ends[0]) % count
-        };
-        let begin = if (last + total - first) % total == between {
-            1
-        } else if (first + total - last) % total == between {
-            0
-        } else {
-            return None;
-        };
-        let mut stops = self.stops.clone();
-        stops.rotate_left([first, last][begin]);
-        let taken = stops.split_off(total + 1 - between);
-        let free = taken.iter().all(|stop| match stop {
-            Stop::Pass(of, _) => *of == number,
-            Stop::Bridge(_) => false,
-            Stop::Break => at_gap,
-        });
-        free.then_some((stops, begin))
-    }
-
-    /// Both tours and the bridge as one.
-    fn joined(&self, other: &Tour, bridge: &Bridge, passes: &[LayerPass]) -> Option<Tour> {
-        let opened = |tour: &Tour, side: usize| {
-            let number = bridge.loops[side];
-            tour.opened(number, bridge.ends[side], &passes[number])
-        };
-        let (mut stops, begin) = opened(self, 0)?;
-        let (mut theirs, their_begin) = opened(other, 1)?;
-        // The way out leads from the end of ours, the way back to its beginning.
-        let end = 1 - begin;
-        let entry = end ^ usize::from(bridge.crossed);
-        if their_begin != entry {
-            theirs.reverse();
-        }
-        let breaks = stops
-            .iter()
-            .chain(&theirs)
-            .filter(|stop| **stop == Stop::Break);
-        if breaks.count() > 1 {
-            return None;
-        }
-        let on_bridge = |at: &Configuration| Stop::Bridge(*at);
-        stops.extend(bridge.ways[end].iter().map(on_bridge));
-        stops.extend(theirs);
-        stops.extend(bridge.ways[begin].iter().rev().map(on_bridge));
-        Some(Tour { stops })
-    }
-
-    /// The tour as a pass, in place of `pass`, the first of its own; headings go on unwrapped.
-    fn pass(&self, pass: &LayerPass, passes: &[LayerPass], period_rad: f64) -> LayerPass {
-        let mut stops = self.stops.clone();
-        let gap = stops.iter().position(|stop| *stop == Stop::Break);
-        if let Some(gap) = gap {
-            stops.rotate_left(gap + 1);
-        }
-        let mut placements: Vec<Placement> = Vec::with_capacity(stops.len());
-        for stop in stops {
-            let placement = match stop {
-                Stop::Pass(number, i) => passes[number].placements[i],
-                Stop::Bridge(at) => Placement {
-                    at,
-                    feasible: true,
-                    contact: placements.last().unwrap_or(&pass.placements[0]).contact,
-                },
-                Stop::Break => continue,
-            };
-            placements.push(placement);
-        }
-        unwrap_headings(&mut placements, period_rad);
-        LayerPass {
-            placements,
-            closed: gap.is_none(),
-            ..*pass
-        }
-    }
-}
-
 #[cfg(test)]
 mod tests {
     use super::*;
@@ -490,7 +401,9 @@ mod tests {
     use crate::geometry::clearance::is_inside;
     use crate::geometry::test_shapes::{self, ELLIPSE as APERTURE, star};
     use crate::plan::gap_raster::GapRaster;
-    use crate::plan::test_passes::arc;
+    use crate::plan::heading_profile::Placement;
+    use crate::plan::runs::unwrap_headings;
+    use crate::plan::test_passes::{arc, run};
     use std::f64::consts::{PI, TAU};
 
     /// Circles about the origin, each with its inside to its left: the outermost bounds the part.
@@ -575,6 +488,31 @@ mod tests {
             assert!(cost > 1.5 * least, "{cost} {least}");
             assert!(fitted < 1.2 * least, "{cost} {fitted} {least}");
         }
+    }
+
+    /// Goal: a loop whose tip meets the flank of a run hangs in it like one that lies beside it.
+    /// Method: a loop 0.7 mm wide and 2.7 mm long that stands on a run; both ends of the run stay.
+    #[test]
+    fn the_tip_of_a_loop_hangs_in_a_flank() {
+        let flank = run([-4.0, 0.0], [4.0, 0.0]);
+        let mut tip = arc(Point2::new(0.0, 1.55), 0.35, -PI, PI);
+        let parts = [
+            run([0.35, 1.55], [0.35, 3.55]),
+            arc(Point2::new(0.0, 3.55), 0.35, 0.0, PI),
+            run([-0.35, 3.55], [-0.35, 1.55]),
+        ];
+        let parts = parts.into_iter().flat_map(|part| part.placements);
+        tip.placements.extend(parts);
+        tip.closed = true;
+        unwrap_headings(&mut tip.placements, PI);
+        let ends = |pass: &LayerPass| {
+            let last = pass.placements.len() - 1;
+            [0, last].map(|i| pass.placements[i].at.center)
+        };
+        let joined = bridged(vec![flank.clone(), tip], &APERTURE, &walls(&[12.0]));
+        assert_eq!((joined.len(), joined[0].closed), (1, false));
+        assert_eq!(ends(&joined[0]), ends(&flank));
+        no_jumps(&joined[0]);
     }
 
     /// Goal: nothing is joined through a wall. Method: two loops, a thin wall between them.

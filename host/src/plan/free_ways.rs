@@ -39,7 +39,13 @@ pub fn free_way(
         let shapes = [BOTH, TURN_FIRST, MOVE_FIRST].into_iter();
         shapes.map(move |shape| shaped(from, to, turn, shape, aperture))
     });
-    ways.find_map(|way| inside_way(way, aperture, walls))
+    ways.find_map(|mut way| {
+        // The end is where a bead begins, however deep that one cuts.
+        let end = way.pop()?;
+        let mut way = inside_way(way, aperture, walls)?;
+        way.push(end);
+        Some(way)
+    })
 }
 
 /// How far beside the middle of the straight way a bent one goes, against b, the least first.
@@ -198,6 +204,25 @@ mod tests {
                 "{pose:?}"
             );
             last = pose;
+        }
+    }
+
+    /// Goal: a way ends at the very placement that it leads to, though that one cuts the walls a
+    /// little and there is no room to slide it. Method: a wedge, to where 1 % of the aperture is too
+    /// much.
+    #[test]
+    fn a_way_ends_where_a_bead_begins() {
+        let walls = walls(&[&[[-2.0, -0.65], [2.0, -0.05], [2.0, 0.05], [-2.0, 0.65]]]);
+        let to = at(0.886, 0.0);
+        assert!(!is_inside(&APERTURE, to, &walls, -5e-3));
+        assert!(slide_inside(to, &APERTURE, &walls, SLIDES, CUT_SHARE).is_none());
+        let way = free_way(at(-0.6, 0.0), to, 2.0, &APERTURE, &walls).expect("a way");
+        let [before @ .., end] = &way[..] else {
+            panic!("no end");
+        };
+        assert_eq!(*end, to);
+        for pose in before {
+            assert!(is_inside(&APERTURE, *pose, &walls, -CUT_SHARE), "{pose:?}");
         }
     }
 

@@ -17,7 +17,7 @@ use crate::geometry::{Point2, Vector2};
 use std::collections::BTreeMap;
 
 /// Longest link, against a: neighbouring beads lie up to 2a apart.
-pub(super) const LENGTH_SHARE: f64 = 3.0;
+pub(super) const LENGTH_SHARE: f64 = 3.6;
 /// The same between two lines of an infill, whose ends lie far apart along a wall at a low angle.
 const LINE_LENGTH_SHARE: f64 = 10.0;
 /// Most ground of other beads that a link covers again, against the aperture's area.

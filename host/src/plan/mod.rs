@@ -6,6 +6,7 @@ mod axis_trails;
 pub mod bead_count;
 pub mod beads;
 pub mod bridge_cost;
+pub mod bridge_tour;
 pub mod bridges;
 pub mod build_route;
 pub mod by_place;

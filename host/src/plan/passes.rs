@@ -17,7 +17,7 @@ use super::field::Field;
 use super::heading_profile::{
     Ahead, Placement, all_ahead, pointwise_profile, profile, refined, smooth,
 };
-use super::runs::{feasible_runs, printable_runs};
+use super::runs::{feasible_runs, printable_runs, trim_ends};
 use super::single_runs::{SingleRun, split_region};
 use super::skeleton::Axis;
 use crate::geometry::aperture::Aperture;
@@ -324,6 +324,8 @@ fn channel_passes(
     };
     let mut found: Vec<LayerPass> = rings.par_iter().flat_map_iter(of_ring).collect();
     relax(&mut found, channel, field, channel_walls, settings, lengths);
+    let open = found.iter_mut().filter(|pass| !pass.closed);
+    open.for_each(|pass| trim_ends(&mut pass.placements));
     drop_stubs(&mut found, channel, aperture);
     found
 }

@@ -68,6 +68,15 @@ pub fn feasible_runs(
     runs
 }
 
+/// Takes what does not fit off the ends of an open run: a heading that fitted when the run was made may
+/// not once its width is shared out again.
+pub fn trim_ends(run: &mut Vec<Placement>) {
+    let fits = |placement: &Placement| placement.feasible;
+    run.truncate(run.iter().rposition(fits).map_or(0, |last| last + 1));
+    let first = run.iter().position(fits).unwrap_or(0);
+    run.drain(..first);
+}
+
 /// Takes out whole periods between neighbours: a run cut out of a loop may pass the loop's seam,
 /// where the heading of a whole lap comes on top; passes that are joined differ by any number.
 pub fn unwrap_headings(run: &mut [Placement], period_rad: f64) {
@@ -110,4 +119,29 @@ fn split_cyclic<T: Clone>(
         runs.push((run, false));
     }
     runs
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::plan::test_passes::run;
+
+    /// Goal: what does not fit goes from the ends alone. Method: a run of eleven, of which the first
+    /// two, one inside and the last do not fit; one of which none does.
+    #[test]
+    fn what_does_not_fit_goes_from_the_ends() {
+        let whole = run([0.0, 0.0], [1.0, 0.0]).placements;
+        let with = |unfit: &dyn Fn(usize) -> bool| {
+            let mut trimmed = whole.clone();
+            for (number, placement) in trimmed.iter_mut().enumerate() {
+                placement.feasible = !unfit(number);
+            }
+            trim_ends(&mut trimmed);
+            trimmed
+        };
+        let trimmed = with(&|number| [0, 1, 5, 10].contains(&number));
+        let places = |run: &[Placement]| run.iter().map(|p| p.at).collect::<Vec<_>>();
+        assert_eq!(places(&trimmed), places(&whole[2..10]));
+        assert!(with(&|_| true).is_empty());
+    }
 }
