@@ -16,7 +16,8 @@ use crate::geometry::polygon::Box2;
 use crate::geometry::{Point2, Vector2};
 use std::collections::BTreeMap;
 
-/// Longest link, against a: neighbouring beads lie up to 2a apart.
+/// Longest link, against a: neighbouring beads lie up to 2a apart, and where one crosses, ends are cut
+/// back on either side of it.
 pub(super) const LENGTH_SHARE: f64 = 3.6;
 /// The same between two lines of an infill, whose ends lie far apart along a wall at a low angle.
 const LINE_LENGTH_SHARE: f64 = 10.0;
