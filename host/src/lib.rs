@@ -158,11 +158,11 @@ pub enum PlanError {
     /// Nothing of the target is left.
     #[error("the keep-outs, grown for the nozzle's body, leave no ground to print on: move them")]
     AllKeptOut,
-    /// No placement of the aperture lies inside.
+    /// No placement of the aperture lies inside, or it has no room to move.
     #[error(
         "nothing can be printed: the widest place, near ({:.3}, {:.3}) mm, is {width_mm:.3} mm \
-         wide, and the aperture of {length_mm:.3} x {needed_mm:.3} mm fits in nowhere; use a \
-         smaller --aperture or a larger --scale",
+         wide; nowhere does the aperture of {length_mm:.3} x {needed_mm:.3} mm fit with room to \
+         move; use a smaller --aperture or a larger --scale",
         at_mm[0], at_mm[1]
     )]
     NothingPrintable {
