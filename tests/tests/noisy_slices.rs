@@ -1,0 +1,78 @@
+//! Goal: noise that no eye can see changes how many passes a real slice takes as little as its widths.
+//! Method: every valid slice and the parts of the peers, planned as they are and with each edge divided
+//! every 0.2 mm and moved by 5 um, with two noises. Slices are reference data beside the checkout:
+//! without them the test says so and passes.
+
+use headway::input::{Format, ReadOptions, Target, read};
+use headway::plan_target;
+use headway::settings::Settings;
+use headway_tests::layer_oracle::Rings;
+use headway_tests::outlines::{region, with_noise};
+use rayon::prelude::*;
+use std::path::PathBuf;
+
+const DATA: &str = concat!(env!("CARGO_MANIFEST_DIR"), "/../../shared/data");
+const NOISE_MM: f64 = 0.005;
+const SEEDS: [u64; 2] = [3, 4];
+/// Slices and parts of the peers that are valid.
+const COUNT: usize = 45;
+
+fn files() -> Vec<PathBuf> {
+    let folders = ["slices", "peer"].map(|folder| format!("{DATA}/{folder}"));
+    let entries = folders
+        .iter()
+        .filter_map(|folder| std::fs::read_dir(folder).ok());
+    let files = entries.flat_map(|entries| entries.flatten().map(|entry| entry.path()));
+    let mut files: Vec<PathBuf> = files.collect();
+    files.retain(|file| file.extension().is_some_and(|end| end == "json"));
+    files.sort();
+    files
+}
+
+/// The rings of each region of a file; `None` where it is refused.
+fn parts(file: &PathBuf) -> Option<Vec<Rings>> {
+    let bytes = std::fs::read(file).expect("a slice");
+    let loaded = read(&bytes, "slice", Format::Polygon, &ReadOptions::default()).ok()?;
+    let rings = loaded.target.regions.iter().map(|region| {
+        let rings = region.rings();
+        rings
+            .map(|ring| ring.points.iter().map(|p| [p.x, p.y]).collect())
+            .collect()
+    });
+    Some(rings.collect())
+}
+
+fn passes(parts: &[Rings]) -> usize {
+    let target = Target {
+        name: "slice".to_string(),
+        regions: parts.iter().map(region).collect(),
+    };
+    plan_target(&target, &Settings::default())
+        .expect("a plan")
+        .figures
+        .passes
+}
+
+#[test]
+fn noise_changes_no_number_of_passes() {
+    let files = files();
+    if files.is_empty() {
+        println!("skipped: no reference slices at {DATA}");
+        return;
+    }
+    let compared = files.par_iter().filter_map(|file| {
+        let parts = parts(file)?;
+        let noisy = SEEDS.map(|seed| {
+            let noisy = parts.iter().map(|rings| with_noise(rings, NOISE_MM, seed));
+            passes(&noisy.collect::<Vec<_>>())
+        });
+        Some((file, passes(&parts), noisy))
+    });
+    let compared: Vec<_> = compared.collect();
+    assert_eq!(compared.len(), COUNT);
+    let changed = compared
+        .iter()
+        .filter(|(_, clean, noisy)| noisy.iter().any(|n| n != clean));
+    let changed: Vec<_> = changed.collect();
+    assert!(changed.is_empty(), "{changed:#?}");
+}
