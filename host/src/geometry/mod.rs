@@ -14,6 +14,7 @@ pub mod rounded_polygon;
 pub mod tangent_disk;
 #[cfg(test)]
 pub mod test_shapes;
+pub mod touching_rings;
 pub mod union_find;
 pub mod validity;
 

@@ -64,39 +64,43 @@ impl BridgeCosts {
             let printed = (0..=between).filter(move |_| !at_gap);
             printed.map(move |k| pass(side).placements[(from + k) % count].at)
         };
-        let mut ways: Vec<(usize, Vec<Configuration>)> = Vec::new();
+        // What is printed as before belongs to a loop and to a way both.
+        let mut ways: Vec<(u8, Vec<Configuration>)> = Vec::new();
         for side in [0, 1] {
-            ways.push((side, away(side, 0)));
-            ways.push((side, opening(side).collect()));
-            ways.push((side, away(side, 1)));
+            ways.push((1 << side, opening(side).collect()));
+            for end in [0, 1] {
+                let way = end ^ usize::from(side == 1 && bridge.crossed);
+                ways.push((1 << side | 4 << way, away(side, end)));
+            }
         }
         for end in [0, 1] {
-            let mut way = away(0, end);
-            way.reverse();
-            way.extend(&bridge.ways[end]);
-            way.extend(away(1, end ^ usize::from(bridge.crossed)));
-            ways.push((2 + end, way));
+            let other = end ^ usize::from(bridge.crossed);
+            let [from, to] = [(0, end), (1, other)]
+                .map(|(side, end)| pass(side).placements[bridge.ends[side][end]].at);
+            let between = bridge.ways[end].iter().copied();
+            let way = [from].into_iter().chain(between).chain([to]);
+            ways.push((4 << end, way.collect()));
         }
         let spoiled = self.spoiled_cells(&ways);
         spoiled as f64 * self.visits.cell_area_mm2()
     }
 
-    /// How many cells ways 2 and 3 spoil more than ways 0 and 1, each in one or several pieces.
-    fn spoiled_cells(&self, ways: &[(usize, Vec<Configuration>)]) -> i64 {
+    /// How many cells are spoiled more after than before, by ways of poses each with the marks of what it
+    /// belongs to: before to either loop (1, 2), after to either way that joins them (4, 8).
+    fn spoiled_cells(&self, ways: &[(u8, Vec<Configuration>)]) -> i64 {
         let (grid, aperture) = (self.visits.grid(), self.visits.aperture());
         let poses = ways.iter().flat_map(|(_, way)| way);
         let centers: Vec<Point2> = poses.map(|at| at.center).collect();
         let window = grid.window_about(&Box2::of(&centers).grown(aperture.reach_mm()));
         let ([bottom, top], [left, right]) = (window.rows, window.columns);
         let columns = right + 1 - left;
-        // Which of the ways cover each cell.
         let mut marks = vec![0u8; columns * (top + 1 - bottom)];
-        for (number, way) in ways {
+        for (own, way) in ways {
             for at in swept(way.iter().copied(), aperture) {
                 grid.for_rows_within(&window, aperture, at, |row, from, to| {
                     let first = (row - bottom) * columns;
                     for mark in &mut marks[first + from - left..=first + to - left] {
-                        *mark |= 1 << number;
+                        *mark |= own;
                     }
                 });
             }

@@ -88,10 +88,13 @@ impl InsideWalls<'_> {
 
     /// Takes one pose after the other back by the least move and turn of the control points it hangs on
     /// (Kaczmarz, 1937, each step with the contacts as they then are). Slower than pushing all at once,
-    /// yet what one pose needs is not taken for what the next one does. Which spans cut in the end.
-    pub fn project(&self, control: &mut [PlaneControl]) -> Vec<bool> {
+    /// yet what one pose needs is not taken for what the next one does. Given up once a control point is
+    /// taken farther than this: it would go on and on, and spans grow on the way. Which spans cut in the
+    /// end.
+    pub fn project(&self, control: &mut [PlaneControl], far_mm: f64) -> Vec<bool> {
         let spans = control.len().saturating_sub(1);
         let look = self.close_look();
+        let raw = control.to_vec();
         let mut dirty = self.cutting_spans(control);
         for _ in 0..PROJECTIONS_MAX {
             let mut changed = vec![false; spans];
@@ -107,7 +110,7 @@ impl InsideWalls<'_> {
                     }
                 }
             }
-            if !changed.contains(&true) {
+            if !changed.contains(&true) || strayed_spans(&raw, control, far_mm).contains(&true) {
                 break;
             }
             dirty = changed;

@@ -115,7 +115,7 @@ fn settled(raw: &[PlaneControl], inside: &InsideWalls) -> Result<Vec<PlaneContro
     }
     // In a tight swing pushes that do not know of each other can go astray.
     let mut projected = raw.to_vec();
-    let left = inside.project(&mut projected);
+    let left = inside.project(&mut projected, far_mm);
     let is_astray = |far_mm| strayed_spans(raw, &projected, far_mm).contains(&true);
     let still_cuts = left.contains(&true);
     if !is_astray(near_mm) {
@@ -280,8 +280,9 @@ mod tests {
             tolerance_mm: 4e-4,
         };
         let mut control = raw.clone();
-        inside.project(&mut control);
-        let strayed = strayed_spans(&raw, &control, 2.0 * APERTURE.major_mm());
+        let far_mm = FAR_SHARE * APERTURE.major_mm();
+        inside.project(&mut control, far_mm);
+        let strayed = strayed_spans(&raw, &control, far_mm);
         assert!(strayed.contains(&true), "no longer taken off its way");
 
         let places = raw.iter().map(|at| (Point2::new(at[0], at[1]), at[2]));

@@ -2,6 +2,7 @@
 
 use crate::geometry::edge_index::EdgeIndex;
 use crate::geometry::polygon::{Region, Ring};
+use crate::geometry::touching_rings::turned_back;
 use crate::geometry::{Point2, Vector2};
 use i_overlay::core::fill_rule::FillRule;
 use i_overlay::float::slice::FloatSlice;
@@ -57,17 +58,8 @@ pub fn slice(region: &Region, chords: &[Vec<Point2>]) -> Vec<Region> {
         .map(|c| c.iter().map(to_array).collect())
         .collect();
     let pieces = shape.slice_by_as::<i64>(&strings, FillRule::EvenOdd);
-    let to_ring = |path: &Vec<[f64; 2]>| {
-        let points = path.iter();
-        let points = points.map(|p| Point2::new(p[0] + origin.x, p[1] + origin.y));
-        let mut ring = Ring {
-            points: points.collect(),
-        };
-        // Where a cut meets the wall beside a vertex, the slicer's grid leaves one point or two.
-        let is_same = |a: &mut Point2, b: &mut Point2| (*a - *b).norm() < SAME_POINT_MM;
-        ring.points.dedup_by(is_same);
-        ring.begin_at_extreme();
-        ring
+    let to_ring = |path: &Vec<[f64; 2]>| Ring {
+        points: path.iter().map(|p| Point2::new(p[0], p[1])).collect(),
     };
     pieces
         .iter()
@@ -76,7 +68,24 @@ pub fn slice(region: &Region, chords: &[Vec<Point2>]) -> Vec<Region> {
             exterior: to_ring(&rings[0]),
             holes: rings[1..].iter().map(to_ring).collect(),
         })
+        // Two chords from one corner of the walls leave ground of no width there.
+        .flat_map(turned_back)
+        .map(|piece| finished(piece, origin))
         .collect()
+}
+
+/// The piece back in its place, its points where they should be.
+fn finished(mut piece: Region, origin: Point2) -> Region {
+    for ring in piece.rings_mut() {
+        for point in &mut ring.points {
+            *point += origin.coords;
+        }
+        // Where a cut meets the wall beside a vertex, the slicer's grid leaves one point or two.
+        let is_same = |a: &mut Point2, b: &mut Point2| (*a - *b).norm() < SAME_POINT_MM;
+        ring.points.dedup_by(is_same);
+        ring.begin_at_extreme();
+    }
+    piece
 }
 
 #[cfg(test)]

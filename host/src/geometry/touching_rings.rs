@@ -1,0 +1,158 @@
+//! Regions whose boundary touches itself in a vertex, drawn so that every ring turns back there.
+//!
+//! A region as thick as nothing at a vertex has several boundaries: one ring may go straight on past
+//! another that touches it, or both turn into each other. Whoever follows a ring along its inside must
+//! not walk through a passage of no width, so each ring here goes on to the edge that bounds the same
+//! corner of the inside. Input: a region. Output: the same ground, in several regions where it hangs
+//! together by such vertices alone.
+
+use super::Point2;
+use super::polygon::{Region, Ring};
+use std::collections::BTreeMap;
+use std::f64::consts::TAU;
+
+/// The region with rings that turn back where they touch; itself where none does.
+pub fn turned_back(region: Region) -> Vec<Region> {
+    let edges: Vec<(Point2, Point2)> = region.edges().collect();
+    let place = |p: &Point2| [p.x, p.y].map(f64::to_bits);
+    let mut leaving: BTreeMap<_, Vec<usize>> = BTreeMap::new();
+    for (number, (from, _)) in edges.iter().enumerate() {
+        leaving.entry(place(from)).or_default().push(number);
+    }
+    if leaving.values().all(|edges| edges.len() == 1) {
+        return vec![region];
+    }
+    let behind: Option<Vec<usize>> = edges
+        .iter()
+        .map(|&(from, at)| {
+            // The inside lies clockwise of the way back.
+            let back = from - at;
+            let turn_rad = |edge: &usize| {
+                let out = edges[*edge].1 - at;
+                let turn_rad = out.perp(&back).atan2(out.dot(&back));
+                if turn_rad > 0.0 {
+                    turn_rad
+                } else {
+                    turn_rad + TAU
+                }
+            };
+            let leaving = leaving.get(&place(&at))?.iter();
+            leaving
+                .min_by(|x, y| turn_rad(x).total_cmp(&turn_rad(y)))
+                .copied()
+        })
+        .collect();
+    let rings = behind.and_then(|behind| rings_along(&edges, &behind));
+    rings.map_or_else(|| vec![region], regions_of)
+}
+
+/// The rings that edges make, each followed by the one `behind` it; `None` where two are followed by
+/// the same.
+fn rings_along(edges: &[(Point2, Point2)], behind: &[usize]) -> Option<Vec<Ring>> {
+    let mut seen = vec![false; edges.len()];
+    let mut rings = Vec::new();
+    for first in 0..edges.len() {
+        let mut points = Vec::new();
+        let mut at = first;
+        while !seen[at] {
+            seen[at] = true;
+            points.push(edges[at].0);
+            at = behind[at];
+        }
+        if points.is_empty() {
+            continue;
+        }
+        if at != first {
+            return None;
+        }
+        rings.push(Ring { points });
+    }
+    Some(rings)
+}
+
+/// Rings about the inside with the holes that lie in them.
+fn regions_of(rings: Vec<Ring>) -> Vec<Region> {
+    let (exteriors, holes): (Vec<_>, Vec<_>) = rings
+        .into_iter()
+        .filter(|ring| ring.points.len() > 2)
+        .partition(|ring| ring.signed_area_mm2() > 0.0);
+    let region = |exterior| Region {
+        exterior,
+        holes: Vec::new(),
+    };
+    let mut regions: Vec<Region> = exteriors.into_iter().map(region).collect();
+    for hole in holes {
+        // Not a vertex, which may be the exterior's as well.
+        let inner = nalgebra::center(&hole.points[0], &hole.points[1]);
+        let around = regions.iter().position(|region| region.contains(inner));
+        if let Some(region) = regions.get_mut(around.unwrap_or(0)) {
+            region.holes.push(hole);
+        }
+    }
+    regions
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::geometry::test_shapes::region;
+
+    /// Goal: a ring that touches another goes on along it, the ground stays, and what hangs together by
+    /// one vertex alone becomes several. Method: a square with a diamond in it that touches the middle of
+    /// the bottom, of bottom and top, or of all sides.
+    #[test]
+    fn rings_turn_back_where_they_touch() {
+        let square = [
+            [-2.0, -2.0],
+            [0.0, -2.0],
+            [2.0, -2.0],
+            [2.0, 0.0],
+            [2.0, 2.0],
+            [0.0, 2.0],
+            [-2.0, 2.0],
+            [-2.0, 0.0],
+        ];
+        for (reach, parts, points) in [
+            ([1.0, 1.0, 1.0], 1, vec![8, 4]),
+            ([2.0, 1.0, 1.0], 1, vec![12]),
+            ([2.0, 2.0, 1.0], 2, vec![6, 6]),
+            ([2.0, 2.0, 2.0], 4, vec![3, 3, 3, 3]),
+        ] {
+            let [low, high, beside] = reach;
+            let diamond = [[0.0, -low], [-beside, 0.0], [0.0, high], [beside, 0.0]];
+            let whole = region(&[&square, &diamond]);
+            let parted = turned_back(whole.clone());
+            assert_eq!(parted.len(), parts, "{reach:?}");
+            let counts = parted
+                .iter()
+                .flat_map(Region::rings)
+                .map(|r| r.points.len());
+            assert_eq!(counts.collect::<Vec<_>>(), points, "{reach:?}");
+            let area_mm2 = parted.iter().map(Region::area_mm2).sum::<f64>();
+            assert!((area_mm2 - whole.area_mm2()).abs() < 1e-12);
+        }
+    }
+
+    /// Goal: a hole stays in the part that it lies in. Method: two squares that touch in a corner, drawn
+    /// as one ring, a hole in the second.
+    #[test]
+    fn holes_stay_where_they_are() {
+        let both = [
+            [0.0, 0.0],
+            [0.0, 2.0],
+            [-2.0, 2.0],
+            [-2.0, 0.0],
+            [0.0, 0.0],
+            [0.0, -2.0],
+            [2.0, -2.0],
+            [2.0, 0.0],
+        ];
+        let hole = [[0.5, -0.5], [1.5, -0.5], [1.5, -1.5], [0.5, -1.5]];
+        let parted = turned_back(region(&[&both, &hole]));
+        let holes: Vec<usize> = parted.iter().map(|part| part.holes.len()).collect();
+        let mut areas_mm2: Vec<f64> = parted.iter().map(Region::area_mm2).collect();
+        areas_mm2.sort_by(f64::total_cmp);
+        assert_eq!(areas_mm2, [3.0, 4.0]);
+        assert_eq!(holes.iter().sum::<usize>(), 1);
+    }
+}
