@@ -284,6 +284,9 @@ mod tests {
         inside.project(&mut control, far_mm);
         let strayed = strayed_spans(&raw, &control, far_mm);
         assert!(strayed.contains(&true), "no longer taken off its way");
+        // It is given up then, not taken on and on.
+        let strayed = strayed_spans(&raw, &control, 2.0 * far_mm);
+        assert!(!strayed.contains(&true));
 
         let places = raw.iter().map(|at| (Point2::new(at[0], at[1]), at[2]));
         let curves = pass_curves(&pass(places, false), &APERTURE, &walls, 4e-4);

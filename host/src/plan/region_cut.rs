@@ -131,6 +131,34 @@ mod tests {
         assert_eq!(cuts, 24 * 11 * 5);
     }
 
+    /// Goal: a neck between two corners is cut off on both its sides, and whoever follows the walls does
+    /// not pass it (found on a snowflake: a loop went through six necks and was cut there again). Method: a
+    /// ring between a notch of the outline and a corner of the hole; both chords from the one to the other.
+    #[test]
+    fn a_neck_between_two_corners_is_cut_off_on_both_sides() {
+        let outline = [
+            [-3.0, -3.0],
+            [3.0, -3.0],
+            [3.0, 2.0],
+            [0.0, 1.3],
+            [-3.0, 2.0],
+        ];
+        let hole = [[0.0, 1.0], [1.0, -1.0], [-1.0, -1.0]];
+        let region = region(&[&outline, &hole]);
+        let walls = EdgeIndex::of_region(&region, 1.0);
+        let cuts = [-0.1, 0.1].map(|x| {
+            let at = Point2::new(x, 1.15);
+            chord(at, Point2::new(2.0 * x, 1.15), at, &walls, 0.18)
+        });
+        let pieces = slice(&region, &cuts);
+        let mut rings: Vec<usize> = pieces.iter().map(|piece| piece.rings().count()).collect();
+        rings.sort_unstable();
+        // The neck and the rest, whose outline goes on along the hole.
+        assert_eq!(rings, [1, 1]);
+        let area_mm2 = pieces.iter().map(Region::area_mm2).sum::<f64>();
+        assert!((area_mm2 - region.area_mm2()).abs() < 1e-4);
+    }
+
     /// Goal: branches that are cut off where they leave a joint leave the others whole (found on a
     /// lattice: two beads were laid over one in all its struts). Method: a cross of four arms whose middle
     /// is as far from all its corners; the left arm and the lower one are cut off.
