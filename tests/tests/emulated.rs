@@ -32,6 +32,8 @@ const TARGET: &str = "thumbv7em-none-eabihf";
 const ROOT: &str = concat!(env!("CARGO_MANIFEST_DIR"), "/..");
 /// The job takes some seconds of virtual time; a busy machine needs many times that.
 const PATIENCE: Duration = Duration::from_secs(240);
+/// Times that the example is printed until the line was fast enough.
+const ATTEMPTS: usize = 3;
 /// 16 ns of virtual time per instruction, a core of 62.5 MIPS: with fewer a step tick hardly fits
 /// between two, with more the idle loop costs the emulator most of its time.
 const ICOUNT: &str = "shift=4";
@@ -200,39 +202,58 @@ fn connect(socket: &Path) -> UnixStream {
     panic!("QEMU does not listen on {}", socket.display());
 }
 
-/// What goes wrong between host and board, either way.
+/// Bytes that are lost at once: most of a frame.
+const LOST_BYTES: u32 = 24;
+
+/// What goes wrong between host and board, either way: byte by byte, since a busy machine reads fewer at
+/// a time.
 struct Faults {
     random: Pcg64Mcg,
     flip_per_byte: f64,
-    drop_per_chunk: f64,
+    drop_per_byte: f64,
     flips: u32,
     drops: u32,
+    /// Bytes of the last drop that are still to come, from the host and from the board.
+    to_lose: [u32; 2],
+}
+
+/// Which way bytes go.
+#[derive(Clone, Copy)]
+enum Way {
+    Out,
+    In,
 }
 
 impl Faults {
-    fn new(seed: u64, flip_per_byte: f64, drop_per_chunk: f64) -> Self {
+    fn new(seed: u64, flip_per_byte: f64, drop_per_byte: f64) -> Self {
         Self {
             random: Pcg64Mcg::seed_from_u64(seed),
             flip_per_byte,
-            drop_per_chunk,
+            drop_per_byte,
             flips: 0,
             drops: 0,
+            to_lose: [0; 2],
         }
     }
 
-    /// Damages a chunk; returns what is left of it.
-    fn pass<'a>(&mut self, chunk: &'a mut [u8]) -> &'a [u8] {
-        if !chunk.is_empty() && self.random.random_bool(self.drop_per_chunk) {
-            self.drops += 1;
-            return &[];
-        }
-        for byte in chunk.iter_mut() {
-            if self.random.random_bool(self.flip_per_byte) {
-                *byte ^= 1 << self.random.random_range(0..8);
+    /// What is left of some bytes, damaged.
+    fn pass(&mut self, way: Way, bytes: &[u8]) -> Vec<u8> {
+        let mut left = Vec::with_capacity(bytes.len());
+        for &byte in bytes {
+            if self.random.random_bool(self.drop_per_byte) {
+                self.drops += 1;
+                self.to_lose[way as usize] = LOST_BYTES;
+            }
+            if self.to_lose[way as usize] > 0 {
+                self.to_lose[way as usize] -= 1;
+            } else if self.random.random_bool(self.flip_per_byte) {
                 self.flips += 1;
+                left.push(byte ^ 1 << self.random.random_range(0..8));
+            } else {
+                left.push(byte);
             }
         }
-        chunk
+        left
     }
 }
 
@@ -250,12 +271,14 @@ fn stream(
     while !matches!(sender.state(), SenderState::Done | SenderState::Failed(_)) {
         let place = || format!("{:?} {:?} {last:?}", sender.state(), sender.figures());
         assert!(started.elapsed() < PATIENCE, "{}", place());
-        let length = board.receive(&mut input).expect("the board listens");
+        let Some(length) = board.receive(&mut input) else {
+            panic!("the board hung up: {}", place());
+        };
         let now_us = started.elapsed().as_micros() as u64;
-        sender.handle_bytes(now_us, faults.pass(&mut input[..length]));
+        sender.handle_bytes(now_us, &faults.pass(Way::In, &input[..length]));
         while let Some(length) = sender.poll_transmit(now_us, &mut out) {
-            let bytes = faults.pass(&mut out[..length]);
-            board.line.write_all(bytes).expect("the line is open");
+            let bytes = faults.pass(Way::Out, &out[..length]);
+            board.line.write_all(&bytes).expect("the line is open");
         }
         while let Some(event) = sender.poll_event() {
             watch(&event);
@@ -302,16 +325,23 @@ fn print(elf: &Path, name: &str, faults: &mut Faults) -> serde_json::Value {
 #[test]
 fn the_emulated_core_makes_the_steps_of_the_simulation() {
     let Some(elf) = board() else { return };
-    let emulated = print(elf, "clean", &mut Faults::new(0, 0.0, 0.0));
+    // A board that starves while the sender waits for the processor rests on the path and goes on, which is
+    // right but takes other steps.
+    let mut emulated = serde_json::Value::Null;
+    for _ in 0..ATTEMPTS {
+        emulated = print(elf, "clean", &mut Faults::new(0, 0.0, 0.0));
+        if emulated["underruns"] == 0 {
+            break;
+        }
+    }
     let simulated = &example().simulated;
     assert_eq!(
         emulated["final_counts"],
         serde_json::json!(simulated.final_counts)
     );
-    // A starved board rests on the path and goes on, which is right but takes other steps.
     assert_eq!(
         emulated["underruns"], 0,
-        "the line was too slow for the comparison"
+        "the line was too slow for the comparison, {ATTEMPTS} times"
     );
     assert_eq!(emulated["step_digest"], simulated.step_digest.as_str());
     assert_eq!(emulated["steps"], simulated.steps);
@@ -321,7 +351,7 @@ fn the_emulated_core_makes_the_steps_of_the_simulation() {
 fn a_line_with_faults_costs_the_emulated_core_no_step() {
     let Some(elf) = board() else { return };
     // Some frames in ten are lost or damaged, both ways.
-    let mut faults = Faults::new(5, 1e-3, 0.05);
+    let mut faults = Faults::new(5, 1e-3, 1e-3);
     let emulated = print(elf, "faulty", &mut faults);
     assert!(faults.flips > 0 && faults.drops > 0, "the line was clean");
     println!("{} flips, {} drops", faults.flips, faults.drops);

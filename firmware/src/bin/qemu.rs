@@ -46,7 +46,8 @@ mod board {
     /// No emergency so far.
     const NEVER: u32 = u32::MAX;
     const SESSION: u32 = 1;
-    /// Servo ticks that the link is still served after the end, so that the host hears of it.
+    /// Servo ticks without a byte from the host after which the link is no longer served once all has
+    /// ended: until then the host may not have heard of it.
     const LINGER_TICKS: u64 = 2000;
 
     /// Registers of a UART: data, state, control, interrupt state, divider.
@@ -184,6 +185,7 @@ mod board {
         loop {
             if let Some(byte) = LINK.receive() {
                 runtime::take_byte(&mut receiver, byte);
+                ended_tick = None;
             }
             runtime::look_ahead();
             if let Some(&byte) = outgoing.pending(&mut receiver).first()
