@@ -14,6 +14,7 @@ use headway::settings::{HeadingProfile, Settings};
 use headway_firmware::spline::Spans;
 use headway_protocol::units::{CHANNEL_HEADING, CHANNEL_VOLUME};
 use headway_tests::cpu_clock::process_s;
+use headway_tests::folders::files;
 use headway_tests::layer_oracle::{Rings, print_poses, sweep};
 
 const SLICES: &str = concat!(env!("CARGO_MANIFEST_DIR"), "/../../shared/data/slices");
@@ -80,14 +81,7 @@ fn table(axis: &str, settings: &Settings, parts: &[&String]) {
     );
     let started = process_s();
     let mut sums = Sums::default();
-    let Ok(entries) = std::fs::read_dir(SLICES) else {
-        println!("skipped: no reference slices at {SLICES}");
-        return;
-    };
-    let mut files: Vec<_> = entries.flatten().map(|e| e.path()).collect();
-    files.retain(|f| f.extension().is_some_and(|e| e == "json"));
-    files.sort();
-    for file in files {
+    for file in files(SLICES, "json") {
         let name = file
             .file_stem()
             .unwrap_or_default()

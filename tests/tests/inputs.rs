@@ -5,23 +5,11 @@
 use headway::geometry::polygon::Region;
 use headway::input::{Format, InputError, Loaded, ReadOptions, Units, read};
 use headway::settings::machine_file;
+use headway_tests::folders::files;
 use std::path::{Path, PathBuf};
 
 const EXAMPLES: &str = concat!(env!("CARGO_MANIFEST_DIR"), "/../examples");
 const REFERENCE: &str = concat!(env!("CARGO_MANIFEST_DIR"), "/../../shared/data");
-
-fn files(folder: &Path, ending: &str) -> Vec<PathBuf> {
-    let Ok(entries) = std::fs::read_dir(folder) else {
-        println!("skipped: {} is not there", folder.display());
-        return Vec::new();
-    };
-    let mut files: Vec<PathBuf> = entries
-        .map(|entry| entry.expect("folder entry").path())
-        .filter(|path| path.extension().is_some_and(|e| e == ending))
-        .collect();
-    files.sort();
-    files
-}
 
 fn load(path: &Path, options: &ReadOptions) -> Result<Loaded, InputError> {
     let bytes = std::fs::read(path).expect("file");

@@ -6,6 +6,7 @@ use headway::geometry::polygon::{Region, Ring};
 use headway::geometry::tangent_disk::tangent_disk_radius_mm;
 use headway::plan::contour::{Contour, SIMPLIFY_MM};
 use headway::plan::medial_axis::{AxisOptions, MedialAxis, PruneOptions};
+use headway_tests::folders::files;
 
 /// Example shapes, then the valid reference slices where they are there.
 fn regions() -> Vec<(String, Region)> {
@@ -16,17 +17,8 @@ fn regions() -> Vec<(String, Region)> {
         "../../shared/data/slices",
         "../../shared/data/peer",
     ] {
-        let Ok(files) = std::fs::read_dir(format!("{root}/{folder}")) else {
-            println!("skipped: no {folder}");
-            continue;
-        };
-        let mut paths: Vec<_> = files.map(|f| f.expect("entry").path()).collect();
-        paths.sort();
-        for path in paths
-            .iter()
-            .filter(|p| p.extension().is_some_and(|e| e == "json"))
-        {
-            let text = std::fs::read_to_string(path).expect("readable");
+        for path in files(format!("{root}/{folder}"), "json") {
+            let text = std::fs::read_to_string(&path).expect("readable");
             let json: serde_json::Value = serde_json::from_str(&text).expect("JSON");
             if json["valid"] == false {
                 continue;

@@ -6,6 +6,7 @@
 use headway::input::{Format, ReadOptions, Target, read};
 use headway::plan_target;
 use headway::settings::Settings;
+use headway_tests::folders::files;
 use headway_tests::layer_oracle::Rings;
 use headway_tests::outlines::{region, with_noise};
 use rayon::prelude::*;
@@ -16,18 +17,6 @@ const NOISE_MM: f64 = 0.005;
 const SEEDS: [u64; 2] = [3, 4];
 /// Slices and parts of the peers that are valid.
 const COUNT: usize = 45;
-
-fn files() -> Vec<PathBuf> {
-    let folders = ["slices", "peer"].map(|folder| format!("{DATA}/{folder}"));
-    let entries = folders
-        .iter()
-        .filter_map(|folder| std::fs::read_dir(folder).ok());
-    let files = entries.flat_map(|entries| entries.flatten().map(|entry| entry.path()));
-    let mut files: Vec<PathBuf> = files.collect();
-    files.retain(|file| file.extension().is_some_and(|end| end == "json"));
-    files.sort();
-    files
-}
 
 /// The rings of each region of a file; `None` where it is refused.
 fn parts(file: &PathBuf) -> Option<Vec<Rings>> {
@@ -55,9 +44,12 @@ fn passes(parts: &[Rings]) -> usize {
 
 #[test]
 fn noise_changes_no_number_of_passes() {
-    let files = files();
+    let folders = ["slices", "peer"].map(|folder| format!("{DATA}/{folder}"));
+    let files: Vec<PathBuf> = folders
+        .iter()
+        .flat_map(|folder| files(folder, "json"))
+        .collect();
     if files.is_empty() {
-        println!("skipped: no reference slices at {DATA}");
         return;
     }
     let compared = files.par_iter().filter_map(|file| {

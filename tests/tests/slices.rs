@@ -8,22 +8,12 @@ use headway::drive::simulator::SimulatorSetup;
 use headway::input::{Format, ReadOptions, read};
 use headway::plan_target;
 use headway::settings::Settings;
+use headway_tests::folders::files;
 use headway_tests::judge::{judge, judge_finely};
 use std::path::{Path, PathBuf};
 
 const SLICES: &str = concat!(env!("CARGO_MANIFEST_DIR"), "/../../shared/data/slices");
 const PEER: &str = concat!(env!("CARGO_MANIFEST_DIR"), "/../../shared/data/peer");
-
-fn slice_files() -> Vec<PathBuf> {
-    let Ok(entries) = std::fs::read_dir(SLICES) else {
-        println!("skipped: no reference slices at {SLICES}");
-        return Vec::new();
-    };
-    let mut files: Vec<PathBuf> = entries.flatten().map(|e| e.path()).collect();
-    files.retain(|f| f.extension().is_some_and(|e| e == "json"));
-    files.sort();
-    files
-}
 
 /// One row of the table.
 struct Row {
@@ -119,7 +109,7 @@ fn run(file: &Path, settings: &Settings) -> Option<Row> {
 
 #[test]
 fn every_slice_plans_and_simulates_within_the_figures() {
-    let files = slice_files();
+    let files = files(SLICES, "json");
     let settings = Settings::default();
     println!(
         "| slice | area mm² | covered of reachable % | overlap % | outside µm | passes | print mm \
