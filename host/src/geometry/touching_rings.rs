@@ -81,11 +81,19 @@ fn regions_of(rings: Vec<Ring>) -> Vec<Region> {
         holes: Vec::new(),
     };
     let mut regions: Vec<Region> = exteriors.into_iter().map(region).collect();
-    for hole in holes {
+    // Before any has its holes: one may lie in a hole of another.
+    let around = |hole: &Ring| {
         // Not a vertex, which may be the exterior's as well.
         let inner = nalgebra::center(&hole.points[0], &hole.points[1]);
-        let around = regions.iter().position(|region| region.contains(inner));
-        if let Some(region) = regions.get_mut(around.unwrap_or(0)) {
+        let numbered = regions.iter().enumerate();
+        let least = numbered
+            .filter(|(_, region)| region.contains(inner))
+            .min_by(|(_, x), (_, y)| x.area_mm2().total_cmp(&y.area_mm2()));
+        least.map_or(0, |(number, _)| number)
+    };
+    let homes: Vec<usize> = holes.iter().map(around).collect();
+    for (hole, home) in holes.into_iter().zip(homes) {
+        if let Some(region) = regions.get_mut(home) {
             region.holes.push(hole);
         }
     }
@@ -154,5 +162,38 @@ mod tests {
         areas_mm2.sort_by(f64::total_cmp);
         assert_eq!(areas_mm2, [3.0, 4.0]);
         assert_eq!(holes.iter().sum::<usize>(), 1);
+    }
+
+    /// Goal: a hole of an island that touches the hole it lies in is the island's. Method: a square with a
+    /// square hole, a diamond in it that stands on its side and has a hole, which comes first.
+    #[test]
+    fn an_island_keeps_its_hole() {
+        let square = [[-4.0, -4.0], [4.0, -4.0], [4.0, 4.0], [-4.0, 4.0]];
+        let own = [[-0.3, -2.0], [0.0, -1.7], [0.3, -2.0], [0.0, -2.3]];
+        let hole_and_island = [
+            [-3.0, -3.0],
+            [-3.0, 3.0],
+            [3.0, 3.0],
+            [3.0, -3.0],
+            [0.0, -3.0],
+            [1.0, -2.0],
+            [0.0, -1.0],
+            [-1.0, -2.0],
+            [0.0, -3.0],
+        ];
+        let parted = turned_back(region(&[&square, &own, &hole_and_island]));
+        let found = parted
+            .iter()
+            .map(|part| (part.area_mm2(), part.holes.len()));
+        let found: Vec<_> = found.collect();
+        assert_eq!(found.len(), 2);
+        assert!(
+            (found[0].0 - 28.0).abs() < 1e-12 && found[0].1 == 1,
+            "{found:?}"
+        );
+        assert!(
+            (found[1].0 - 1.82).abs() < 1e-12 && found[1].1 == 1,
+            "{found:?}"
+        );
     }
 }
