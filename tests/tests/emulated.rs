@@ -202,7 +202,7 @@ fn connect(socket: &Path) -> UnixStream {
     panic!("QEMU does not listen on {}", socket.display());
 }
 
-/// Bytes that are lost at once: most of a frame.
+/// Bytes that are lost at once: a small frame or a part of a long one.
 const LOST_BYTES: u32 = 24;
 
 /// What goes wrong between host and board, either way: byte by byte, since a busy machine reads fewer at

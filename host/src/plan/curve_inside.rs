@@ -89,8 +89,8 @@ impl InsideWalls<'_> {
     /// Takes one pose after the other back by the least move and turn of the control points it hangs on
     /// (Kaczmarz, 1937, each step with the contacts as they then are). Slower than pushing all at once,
     /// yet what one pose needs is not taken for what the next one does. Given up once a control point is
-    /// taken farther than this: it would go on and on, and spans grow on the way. Which spans cut in the
-    /// end.
+    /// taken farther than `far_mm`: it would go on and on, and spans grow on the way. Which spans cut in
+    /// the end.
     pub fn project(&self, control: &mut [PlaneControl], far_mm: f64) -> Vec<bool> {
         let spans = control.len().saturating_sub(1);
         let look = self.close_look();
