@@ -10,7 +10,7 @@ use headway::plan_target;
 use headway::settings::Settings;
 use headway_tests::folders::files;
 use headway_tests::judge::{judge, judge_finely};
-use std::path::{Path, PathBuf};
+use std::path::Path;
 
 const SLICES: &str = concat!(env!("CARGO_MANIFEST_DIR"), "/../../shared/data/slices");
 const PEER: &str = concat!(env!("CARGO_MANIFEST_DIR"), "/../../shared/data/peer");
