@@ -30,7 +30,7 @@ fn area_mm2(loaded: &Loaded) -> f64 {
 #[test]
 fn slices_are_taken_or_refused_as_they_are_marked() {
     let mut refused = 0;
-    let paths = files(&PathBuf::from(REFERENCE).join("slices"), "json");
+    let paths = files(PathBuf::from(REFERENCE).join("slices"), "json");
     for path in &paths {
         let name = path.display();
         match (says_valid(path), load(path, &ReadOptions::default())) {
@@ -64,7 +64,7 @@ fn slices_are_taken_or_refused_as_they_are_marked() {
 /// refused; and `--repair` leaves either a valid outline or a refusal, never a panic.
 #[test]
 fn awkward_polygons_are_judged_right() {
-    for path in files(&PathBuf::from(REFERENCE).join("polygons"), "json") {
+    for path in files(PathBuf::from(REFERENCE).join("polygons"), "json") {
         let text = std::fs::read_to_string(&path).expect("file");
         let value: serde_json::Value = serde_json::from_str(&text).expect("JSON");
         let numbers = |axis: usize| {
@@ -132,7 +132,7 @@ fn examples_have_the_area_they_were_drawn_with() {
 
 #[test]
 fn example_machines_are_in_order() {
-    let machines = files(&PathBuf::from(EXAMPLES).join("machines"), "toml");
+    let machines = files(PathBuf::from(EXAMPLES).join("machines"), "toml");
     assert!(machines.len() >= 2, "{machines:?}");
     for path in machines {
         let text = std::fs::read_to_string(&path).expect("file");
