@@ -2,9 +2,9 @@
 //! never with `--quiet`.
 
 use super::CliError;
+use super::output_file::{write_file, write_file_with};
 use crate::plan::progress::{Progress, Stage};
 use indicatif::{ProgressBar, ProgressDrawTarget, ProgressStyle};
-use std::fs::{File, OpenOptions};
 use std::io::{BufWriter, ErrorKind, IsTerminal, Write};
 use std::path::Path;
 use std::time::Duration;
@@ -50,18 +50,18 @@ impl Console {
         output: Option<&Path>,
         write: impl FnOnce(&mut dyn Write) -> std::io::Result<()>,
     ) -> Result<(), CliError> {
-        let file = |problem: std::io::Error| match output {
-            None if problem.kind() == ErrorKind::BrokenPipe => CliError::OutputClosed,
+        if let Some(path) = output {
+            return write_file_with(path, write);
+        }
+        let mut out = BufWriter::new(std::io::stdout().lock());
+        let written = write(&mut out).and_then(|()| out.flush());
+        written.map_err(|problem| match problem.kind() {
+            ErrorKind::BrokenPipe => CliError::OutputClosed,
             _ => CliError::File {
-                path: output.map_or("stdout".into(), |path| path.display().to_string()),
+                path: "stdout".into(),
                 problem,
             },
-        };
-        let mut out: Box<dyn Write> = match output {
-            Some(path) => Box::new(BufWriter::new(File::create(path).map_err(file)?)),
-            None => Box::new(BufWriter::new(std::io::stdout().lock())),
-        };
-        write(&mut out).and_then(|()| out.flush()).map_err(file)
+        })
     }
 
     /// A result to `output`, or to stdout where there is none.
@@ -126,45 +126,5 @@ impl Progress for PlanningBar {
             self.0.set_length(total as u64);
         }
         self.0.set_position(done as u64);
-    }
-}
-
-/// Writes a file, or says which one could not be written.
-pub(super) fn write_file(path: &Path, bytes: &[u8]) -> Result<(), CliError> {
-    std::fs::write(path, bytes).map_err(|problem| CliError::File {
-        path: path.display().to_string(),
-        problem,
-    })
-}
-
-/// Says before the work, not after it, that a file cannot be written there. What is there stays as it
-/// is, and nothing is left behind.
-pub(super) fn check_file(path: &Path) -> Result<(), CliError> {
-    let is_new = !path.exists();
-    if !is_new && !path.is_file() && !path.is_dir() {
-        // A pipe or a device: looking would disturb it.
-        return Ok(());
-    }
-    let opened = OpenOptions::new().append(true).create(true).open(path);
-    opened.map_err(|problem| CliError::File {
-        path: path.display().to_string(),
-        problem,
-    })?;
-    if is_new {
-        // Where it cannot be removed it is written over.
-        let _ = std::fs::remove_file(path);
-    }
-    Ok(())
-}
-
-/// The same of a folder that is made where it is not there.
-pub(super) fn check_folder(path: &Path) -> Result<(), CliError> {
-    let nearest = path.ancestors().find(|folder| folder.exists());
-    match nearest {
-        Some(found) if !found.is_dir() => Err(CliError::Job(format!(
-            "{}: is a file, and a folder is to be made there; name another one",
-            found.display()
-        ))),
-        _ => Ok(()),
     }
 }

@@ -1,7 +1,8 @@
 //! `headway headings`: the table of headings at the boundary.
 
 use super::args::HeadingsArgs;
-use super::console::{Console, check_file};
+use super::console::Console;
+use super::output_file::check_file;
 use super::{CliError, load};
 use crate::plan::headings_table::{HeadingRow, HeadingsRequest, headings_table, write_csv};
 use serde_json::json;

@@ -2,9 +2,10 @@
 
 use super::CliError;
 use super::args::{KindName, MachineArgs, MachineCommand};
-use super::console::{Console, write_file};
+use super::console::Console;
 use super::doubts::doubts;
 use super::load;
+use super::output_file::write_file;
 use crate::settings::{Settings, machine_file, motor_rates_hz};
 use headway_protocol::frame::hash_of;
 use serde_json::json;

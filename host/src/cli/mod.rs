@@ -16,6 +16,7 @@ mod inspect;
 mod job;
 mod load;
 mod machine;
+mod output_file;
 mod pictures;
 mod plan;
 mod planned;

@@ -2,7 +2,8 @@
 
 use super::CliError;
 use super::args::PlanArgs;
-use super::console::{Console, check_file, write_file};
+use super::console::Console;
+use super::output_file::{check_file, write_file};
 use super::planned::{self, Planned};
 use crate::drive::limits;
 use crate::job_file::{self, JobHeader};

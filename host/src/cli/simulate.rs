@@ -1,7 +1,8 @@
 //! `headway simulate`: the job through link and firmware, checked against the plan.
 
 use super::args::{InputArgs, PlaceArgs, SettingsArgs, SimulateArgs};
-use super::console::{Console, check_file, check_folder};
+use super::console::Console;
+use super::output_file::{check_file, check_folder, write_file_with, write_folder};
 use super::planned::{self, Planned};
 use super::{CliError, job, pictures};
 use crate::drive::link::LinkSpec;
@@ -9,8 +10,6 @@ use crate::drive::rehearsal::{Rehearsal, rehearse};
 use crate::drive::simulator::SimulatorSetup;
 use crate::drive::trace_table;
 use crate::report::figures::Figures;
-use std::fs::File;
-use std::io::{BufWriter, Write};
 use std::path::Path;
 
 /// Time between two rows of `--trace`.
@@ -150,9 +149,9 @@ fn write_traces(
     let machine = &planned.settings.machine;
     let record = &rehearsal.simulation.motion;
     if let Some(path) = &args.trace {
-        write_with(path, |out| {
+        write_file_with(path, |mut out| {
             trace_table::write_poses(
-                out,
+                &mut out,
                 &planned.stream,
                 machine,
                 record,
@@ -162,33 +161,21 @@ fn write_traces(
         })?;
     }
     if let Some(path) = &args.trace_steps {
-        write_with(path, |out| trace_table::write_steps(out, machine, record))?;
+        write_file_with(path, |mut out| {
+            trace_table::write_steps(&mut out, machine, record)
+        })?;
     }
     Ok(())
 }
 
-fn write_with(
-    path: &Path,
-    write: impl FnOnce(&mut BufWriter<File>) -> std::io::Result<()>,
-) -> Result<(), CliError> {
-    let file = |problem| CliError::File {
-        path: path.display().to_string(),
-        problem,
-    };
-    let mut out = BufWriter::new(File::create(path).map_err(file)?);
-    write(&mut out).map_err(file)?;
-    out.flush().map_err(file)
-}
-
 fn write_report(folder: &Path, planned: &Planned, console: &Console) -> Result<(), CliError> {
     let bar = console.stage("report");
-    std::fs::create_dir_all(folder).map_err(|problem| CliError::File {
-        path: folder.display().to_string(),
-        problem,
-    })?;
-    for file in pictures::report_files(planned) {
-        super::console::write_file(&folder.join(&file.name), file.text.as_bytes())?;
-    }
+    let files = pictures::report_files(planned);
+    let files: Vec<(&str, &str)> = files
+        .iter()
+        .map(|file| (file.name.as_str(), file.text.as_str()))
+        .collect();
+    write_folder(folder, &files)?;
     bar.finish_and_clear();
     console.say(&format!("report: {}", folder.join("index.html").display()));
     Ok(())
