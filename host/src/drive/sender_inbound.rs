@@ -2,7 +2,9 @@
 //! faults, status. A part of [`Sender`]; the outgoing side and the call order are in `sender`.
 
 use super::Sender;
-use crate::drive::sender_state::{ControlMessage, Intent, SenderError, SenderEvent, SenderState};
+use crate::drive::sender_state::{
+    ControlMessage, Intent, Outstanding, SenderError, SenderEvent, SenderState,
+};
 use headway_protocol::message::{
     Ack, Control, DeviceMessage, DeviceState, Fault, OpenStream, Refusal, RefusalReason, Status,
     Welcome,
@@ -39,7 +41,11 @@ impl Sender {
             return;
         }
         if self.state != SenderState::Greeting {
-            self.is_session(welcome.session);
+            if self.is_session(welcome.session) && self.has_lost_stream(welcome) {
+                self.fail(SenderError::StreamLost {
+                    job: self.frames.job(),
+                });
+            }
             return;
         }
         self.outstanding = None;
@@ -62,6 +68,20 @@ impl Sender {
                 self.state = SenderState::Opening;
             }
         }
+    }
+
+    /// True if the controller greets us without the stream that it had acknowledged: it has
+    /// restarted, whatever session it names. An abort ends the stream before we hear of it.
+    fn has_lost_stream(&self, welcome: &Welcome) -> bool {
+        let streams = matches!(self.state, SenderState::Streaming | SenderState::Finishing);
+        let ends = |outstanding: &Outstanding| {
+            matches!(
+                outstanding.what,
+                ControlMessage::Command(Control::Abort | Control::ClearFault)
+            )
+        };
+        let job = welcome.stream.map(|stream| stream.job);
+        streams && job != Some(self.frames.job()) && !self.outstanding.as_ref().is_some_and(ends)
     }
 
     /// Goes on with a stream that the controller already has in part.

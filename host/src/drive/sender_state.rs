@@ -102,6 +102,14 @@ pub enum SenderError {
         /// Session now.
         now: u32,
     },
+    /// It lost its queue and position, but not the number of its session.
+    #[error(
+        "the controller no longer has job {job:08x}: it has restarted, or another program has ended it; home it and start again"
+    )]
+    StreamLost {
+        /// Our job.
+        job: u32,
+    },
     /// It refused.
     #[error("the controller refused: {0}")]
     Refused(RefusalReason),

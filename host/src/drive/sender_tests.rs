@@ -34,6 +34,8 @@ struct Loopback {
     first: u32,
     /// Identity that it says of its stream.
     job: u32,
+    /// Says nothing but welcome, before it has said that.
+    deaf: bool,
     out: Vec<Vec<u8>>,
 }
 
@@ -54,6 +56,7 @@ impl Loopback {
             end_told: false,
             job: 1,
             first: 0,
+            deaf: false,
             out: Vec::new(),
         }
     }
@@ -131,6 +134,9 @@ impl Loopback {
     }
 
     fn handle_stream(&mut self, sequence: u16, message: &HostMessage<'_>) {
+        if self.deaf {
+            return;
+        }
         let Some(mut predictor) = self.predictor else {
             let reason = RefusalReason::NoStream;
             return self.say(&DeviceMessage::Refused(Refusal { sequence, reason }));
@@ -171,6 +177,7 @@ impl Loopback {
     fn handle_control(&mut self, sequence: u16, message: &HostMessage<'_>) {
         if let HostMessage::Hello(hello) = message {
             self.control_taken = sequence;
+            self.deaf = false;
             let stream = self.predictor.map(|_| OpenStream {
                 job: self.job,
                 first_sequence: self.first,
@@ -191,6 +198,9 @@ impl Loopback {
                 host_session: hello.host_session,
                 stream,
             }));
+        }
+        if self.deaf {
+            return;
         }
         if sequence.wrapping_sub(self.control_taken) as i16 > 0 {
             self.control_taken = sequence;
@@ -319,6 +329,27 @@ fn a_restarted_controller_is_noticed_and_never_fed() {
     assert!([failed, refused].contains(run.sender.state()));
     assert!(run.device.knots.is_empty());
     assert!(run.ended_ms < 1500, "noticed after {} ms", run.ended_ms);
+}
+
+#[test]
+fn a_controller_that_restarts_with_the_same_session_is_noticed() {
+    // A host that hears nothing puts a greeting between its questions; the answer has no stream.
+    let stream = stream(3000);
+    for restart_ms in [300, 500, 1490] {
+        let run = run(&LinkSpec::default(), 1, &stream, |ms, _, device| {
+            if ms == restart_ms {
+                *device = Loopback::new(77);
+                // As the firmware: what has heard no greeting says nothing.
+                device.deaf = true;
+            }
+        });
+        let lost = SenderState::Failed(SenderError::StreamLost {
+            job: run.sender.frames().job(),
+        });
+        assert_eq!(run.sender.state(), &lost, "at {restart_ms} ms");
+        assert!(run.device.knots.is_empty());
+        assert!(run.ended_ms < restart_ms + 3000, "{} ms", run.ended_ms);
+    }
 }
 
 #[test]
