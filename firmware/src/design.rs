@@ -80,6 +80,10 @@ pub const STATUS_PERIOD_MS: u32 = 100;
 /// wire beside it induces, shorter than a tenth of a millimetre at 60 mm/s.
 pub const SWITCH_SETTLE_TICKS: u32 = 3;
 
+/// Time at rest without a stream after which the motors are let go: long enough to look at a part
+/// and start the next one, short enough that a machine left alone does not heat them all night.
+pub const MOTORS_IDLE_S: u32 = 600;
+
 /// Flow override changes by this much a second: at the fastest flow a small part of the
 /// extruder's acceleration.
 pub const FLOW_OVERRIDE_PERCENT_PER_S: u32 = 100;

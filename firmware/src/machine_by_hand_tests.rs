@@ -3,6 +3,9 @@
 //! every step moves a simulated carriage; the motor counts are compared with the carriage.
 use super::world::{World, machine};
 use super::*;
+use crate::design::MOTORS_IDLE_S;
+use crate::motion::CommandError;
+use crate::steps::StepBank;
 use headway_protocol::message::JointOrder;
 
 #[test]
@@ -152,4 +155,95 @@ fn status_comes_as_often_as_asked() {
         let statuses = world.host.statuses;
         assert!(statuses.abs_diff(in_two_seconds) <= 1, "{statuses}");
     }
+}
+
+#[test]
+fn motors_that_are_let_go_must_be_found_again() {
+    let (configuration, switches) = machine();
+    let mut world = World::new(&configuration, &switches);
+    world.command(Control::Home(JointOrder::ALL));
+    world.settle();
+    world.command(Control::SetJoint {
+        joint: 3,
+        position_units: 0,
+    });
+    world.tick();
+    assert_eq!(world.host.machine.motion().referenced(), 0b1111);
+    // Not while something moves.
+    world.command(Control::Jog {
+        joint: 0,
+        distance_units: 100_000,
+        speed_units_s: 500_000,
+    });
+    world.tick();
+    world.command(Control::MotorsOff);
+    world.settle();
+    assert_eq!(world.host.refusals, [RefusalReason::Busy]);
+    assert!(world.host.machine.motion().drivers_on());
+    world.command(Control::MotorsOff);
+    world.tick();
+    let motion = &mut world.host.machine.motion;
+    assert!(!motion.drivers_on());
+    assert_eq!(motion.referenced(), 0);
+    assert_eq!(motion.start(&[0; 7]), Err(CommandError::Invalid));
+    world.command(Control::Home(JointOrder::ALL));
+    world.settle();
+    assert!(world.host.machine.motion().drivers_on());
+    assert_eq!(world.host.machine.motion().referenced(), 0b1111);
+    assert_eq!(world.host.faults, []);
+}
+
+#[test]
+fn motors_are_let_go_after_ten_minutes_at_rest_without_a_stream() {
+    let (configuration, switches) = machine();
+    let mut motion = Machine::with_switches(&configuration, &switches, 77)
+        .unwrap()
+        .motion;
+    let mut bank = StepBank::default();
+    let mut run = |motion: &mut Motion, seconds: u32| {
+        for _ in 0..seconds * configuration.servo_hz {
+            motion.tick(&mut bank);
+        }
+    };
+    // An open stream holds them however long it waits.
+    motion.start(&[100_000; 7]).unwrap();
+    run(&mut motion, MOTORS_IDLE_S + 60);
+    assert!(motion.drivers_on());
+    motion.abort();
+    run(&mut motion, MOTORS_IDLE_S - 1);
+    assert!(motion.drivers_on());
+    // Whatever moves begins the time anew.
+    let jog = Control::Jog {
+        joint: 0,
+        distance_units: 1000,
+        speed_units_s: 500_000,
+    };
+    motion.command_at_rest(&jog).unwrap();
+    run(&mut motion, MOTORS_IDLE_S - 1);
+    assert!(motion.drivers_on());
+    run(&mut motion, 2);
+    assert!(!motion.drivers_on());
+    assert_eq!(motion.referenced(), 0);
+}
+
+#[test]
+fn firmware_for_another_board_moves_nothing_and_cannot_be_talked_out_of_it() {
+    let (configuration, switches) = machine();
+    let mut world = World::new(&configuration, &switches);
+    let other_chip = Fault {
+        cause: FaultCause::Board,
+        index: 0,
+        value: 0x419,
+    };
+    world.host.machine.motion.fail_softly(other_chip);
+    world.tick();
+    world.command(Control::ClearFault);
+    world.settle();
+    world.command(Control::Home(JointOrder::ALL));
+    world.settle();
+    let refused = [RefusalReason::Busy, RefusalReason::Faulted];
+    assert_eq!(world.host.refusals, refused);
+    assert_eq!(world.host.faults, [other_chip]);
+    assert!(!world.host.machine.motion().drivers_on());
+    assert_eq!(world.host.counter.counts, [0; 8]);
 }

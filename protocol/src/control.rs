@@ -71,6 +71,8 @@ pub enum Control {
     /// Move the referenced joints to a pose (at rest only), channel units: one joint after the
     /// other, Z first where it goes up and last where it goes down.
     GoTo(ChannelPoint),
+    /// Let the motors go (at rest only): where they are is not known afterwards.
+    MotorsOff,
 }
 
 /// Joints in an order, four bits each from the lowest up: joint + 1, 0 ends the list. Empty means
@@ -151,6 +153,7 @@ impl Control {
             | Control::ClearFault
             | Control::StatusRequest
             | Control::SetPosition(_)
+            | Control::MotorsOff
             | Control::GoTo(_) => true,
         }
     }

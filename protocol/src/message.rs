@@ -16,7 +16,7 @@ use heapless::Vec;
 use serde::{Deserialize, Serialize};
 
 /// Version of the whole protocol; another one is refused with both values shown.
-pub const PROTOCOL_VERSION: u16 = 2;
+pub const PROTOCOL_VERSION: u16 = 3;
 /// The layout of every message, field by field: its hash guards against a build that changed a
 /// message and forgot the version. Change it with the types; the golden test of `WIRE.md` tells.
 pub const SCHEMA: &str = "\
@@ -28,13 +28,14 @@ host: 0 hello{protocol u16,schema u32,host_session u32}\n\
  5 control 0 pause 1 resume 2 override u16 3 abort 4 stop 5 clear 6 status\n\
  7 position i32*7 8 jog{joint u8,distance i32,speed u32} 9 home u32 10 joint{joint u8,position i32}\n\
  11 report u16 12 flow u16 13 extrude{action u8,volume u32,duration u32} 14 goto i32*7\n\
+ 15 motors off\n\
 device: 0 welcome{protocol u16,schema u32,firmware u8*3,machine_hash u32,knots u16,events u16,\
 servo u32,step u32,session u32,host_session u32,stream option{job u32,first u32,next u32,knots u32,spans u32}}\n\
  1 refused{sequence u16,reason 0 protocol u16 1 schema u32 2 machine u32 3 no stream 4 busy 5 faulted 6 invalid}\n\
  2 ack{session u32,next u32,knot_limit u32,event_limit u32,control u16} 3 nak(ack)\n\
  4 status{session u32,state u8,sigma u16,override u16,flow u16,spans u32,knots u16,events u16,\
 referenced u8,switches u8,counts vec i32,fault option}\n\
- 5 fault{cause u8,index u8,value i32}\n\
+ 5 fault{cause 0..12 u8,index u8,value i32}\n\
 block: v1\n";
 /// CRC-32 of [`SCHEMA`].
 pub const SCHEMA_HASH: u32 = crate::frame::CRC.checksum(SCHEMA.as_bytes());
@@ -281,6 +282,10 @@ pub enum FaultCause {
     Homing,
     /// The machine configuration cannot be run.
     Configuration,
+    /// The firmware is for another board; it cannot be cleared. `index` 0: `value` is the chip's
+    /// device id; 1: the crystal has `value` Hz, or does not start (0); 2: the core's clock does not
+    /// lock.
+    Board,
 }
 
 /// A latched fault with the value that tripped it.
@@ -334,6 +339,19 @@ impl core::fmt::Display for Fault {
             FaultCause::TimeWarp => f.write_str("the time warp left its bounds"),
             FaultCause::Homing => write!(f, "homing did not find the switch of joint {index}"),
             FaultCause::Configuration => f.write_str("the machine configuration cannot be run"),
+            FaultCause::Board => match (index, value) {
+                (0, _) => write!(
+                    f,
+                    "the firmware is for another chip than this one (device id {value:#x}); flash the image of this board"
+                ),
+                (1, 0) => f.write_str("the board's crystal does not start"),
+                (1, _) => write!(
+                    f,
+                    "the board's crystal has {:.1} MHz, the firmware is for another; flash the image of this board",
+                    f64::from(value) / 1e6
+                ),
+                _ => f.write_str("the clock of the board's core does not lock"),
+            },
         }
     }
 }

@@ -118,6 +118,10 @@ impl Motion {
                 speed_units_s,
             } => self.jog(joint.into(), distance_units, speed_units_s),
             Control::GoTo(position) => self.go_to(&position),
+            Control::MotorsOff => {
+                self.let_go();
+                Ok(())
+            }
             Control::Home(order) => self.home(order),
             Control::Extrude {
                 action,
@@ -126,6 +130,13 @@ impl Motion {
             } => self.extrude(action, volume_units, duration_ticks),
             _ => Err(CommandError::Invalid),
         }
+    }
+
+    /// The motors hold no more: anything may push them.
+    pub(super) fn let_go(&mut self) {
+        self.drivers_on = false;
+        self.reference.lose(self.joints.all());
+        self.follows_path = false;
     }
 
     /// At rest with no stream open.
@@ -318,6 +329,7 @@ impl Motion {
     fn begin_by_hand(&mut self) {
         self.phase = Phase::ByHand;
         self.by_hand.begun = 0;
+        self.idle_ticks = 0;
         self.follows_path = false;
         self.aborting = false;
         self.drivers_on = true;

@@ -171,9 +171,14 @@ impl Motion {
         self.flow.set_override(percent.clamp(10, 200));
     }
 
-    /// Clears the latched fault once the machine rests; false if it still moves.
+    /// Clears the latched fault once the machine rests; false if it still moves, or is another board
+    /// than the firmware is for.
     pub fn clear_fault(&mut self) -> bool {
-        let rests = self.phase == Phase::Idle && !self.stop_due && !self.inputs.emergency;
+        let other_board = |fault: Fault| fault.cause == FaultCause::Board;
+        let rests = self.phase == Phase::Idle
+            && !self.stop_due
+            && !self.inputs.emergency
+            && !self.fault.is_some_and(other_board);
         if rests {
             self.fault = None;
         }

@@ -15,8 +15,8 @@ mod status;
 use crate::carriers::Carriers;
 use crate::configuration::MachineConfiguration;
 use crate::design::{
-    CEILING_OPEN, HOLD_RETRACT_DELAY_MS, QUIET_START_MS, START_QUEUED_MS, START_ROOM_KNOTS,
-    ticks_of_ms,
+    CEILING_OPEN, HOLD_RETRACT_DELAY_MS, MOTORS_IDLE_S, QUIET_START_MS, START_QUEUED_MS,
+    START_ROOM_KNOTS, ticks_of_ms,
 };
 use crate::event_queue::EventQueue;
 use crate::flow::{Flow, UNSCALED_Q16};
@@ -105,6 +105,8 @@ pub struct Motion {
     /// The engine must be stopped before its interval ends.
     stop_due: bool,
     drivers_on: bool,
+    /// Servo ticks at rest without a stream.
+    idle_ticks: u32,
     reference: Reference,
     fault: Option<Fault>,
     warp: TimeWarp,
@@ -144,6 +146,7 @@ impl Motion {
             inputs: Inputs::default(),
             switch_guard: SwitchGuard::default(),
             drivers_on: false,
+            idle_ticks: 0,
             paused: false,
             aborting: false,
             finish: false,
@@ -395,13 +398,26 @@ impl Motion {
             return;
         }
         let Phase::Filling { starved } = self.phase else {
+            self.count_idle();
             return;
         };
+        self.idle_ticks = 0;
         if starved && let Some(retract) = self.hold.rested(self.flow.is_active()) {
             self.flow.begin(&retract);
         }
         if self.finish && self.queue.is_empty() {
             self.end_stream(starved);
+        }
+    }
+
+    /// One tick without a stream: motors that hold nothing for long are let go.
+    fn count_idle(&mut self) {
+        self.idle_ticks += 1;
+        if self.idle_ticks >= MOTORS_IDLE_S.saturating_mul(self.servo_hz) {
+            self.idle_ticks = 0;
+            if self.drivers_on {
+                self.let_go();
+            }
         }
     }
 

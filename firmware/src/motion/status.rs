@@ -100,7 +100,7 @@ impl Motion {
         self.inputs.switches
     }
 
-    /// True once something was asked to move: the drivers are to hold.
+    /// True once something was asked to move, until the motors are let go: the drivers are to hold.
     pub fn drivers_on(&self) -> bool {
         self.drivers_on
     }

@@ -257,6 +257,7 @@ impl Receiver {
             | Control::SetJoint { .. }
             | Control::Jog { .. }
             | Control::GoTo(_)
+            | Control::MotorsOff
             | Control::Home(_)
             | Control::Extrude { .. } => {
                 if let Err(error) = motion.command_at_rest(&control) {

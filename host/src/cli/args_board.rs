@@ -176,6 +176,11 @@ pub(super) enum BoardCommand {
         #[command(flatten)]
         port: PortArgs,
     },
+    /// Let the motors go; home or declare every joint before the next job.
+    MotorsOff {
+        #[command(flatten)]
+        port: PortArgs,
+    },
     /// Come to rest on the path, then forget the stream.
     Abort {
         #[command(flatten)]

@@ -83,6 +83,7 @@ pub(super) fn run(args: &BoardArgs, console: &Console) -> Result<(), CliError> {
         BoardCommand::Flow { percent, port } => {
             Talk::open(port)?.order(Control::FlowOverride(*percent))
         }
+        BoardCommand::MotorsOff { port } => Talk::open(port)?.order(Control::MotorsOff),
         BoardCommand::Abort { port } => Talk::open(port)?.order(Control::Abort),
         BoardCommand::Stop { port } => Talk::open(port)?.order(Control::EmergencyStop),
         BoardCommand::Reset { port } => Talk::open(port)?.order(Control::ClearFault),
