@@ -3,7 +3,7 @@
 //! ```text
 //! Target --contour--> Contour --hull--> Region --medial axis--> MedialAxis --prune--> Axis
 //!  (mm)               (mm, local)       (mm, local)             (mm)                  (mm)
-//!    --passes--> LayerPass --order--> LayerKind --stack--> PlanePass
+//!    --passes--> LayerPass --order--> LayerKind --layers--> PlanePass
 //!                (mm, rad)            (mm, rad)            (mm, rad, machine coordinates)
 //!    --route--> Route --time law, segments--> SegmentStream --measure--> Figures
 //!               (mm, rad, mm³)                (integer units, servo ticks)
@@ -33,23 +33,23 @@ use crate::input::Target;
 use crate::input::waypoints::WaypointRun;
 use crate::job::SegmentStream;
 use crate::part_transform::{PartTransform, PlaceError};
-use crate::plan::build_route::{PlanePass, build_route};
-use crate::plan::contour::{Contour, ContourError, SIMPLIFY_MM};
-use crate::plan::figures::{PlanFigures, Swept};
-use crate::plan::infill::swept_area_mm2;
-use crate::plan::joint_limits::MotionError;
-use crate::plan::keep_out::{cleared, taken};
-use crate::plan::measure::{Measured, MeasuredPrint, measure};
-use crate::plan::medial_axis::MedialAxisError;
+use crate::plan::axis::medial_axis::MedialAxisError;
+use crate::plan::judge::figures::{PlanFigures, Swept};
+use crate::plan::judge::measure::{Measured, MeasuredPrint, measure};
+use crate::plan::judge::region_raster::swept_area_mm2;
+use crate::plan::layers::layer_groups::{self, LayerKind, RegionPrint, TooLongError};
+use crate::plan::layers::region_plan::{RegionPlan, RegionWork};
+use crate::plan::layers::skirt::{SkirtPlan, skirt_plan, skirt_reach_mm};
+use crate::plan::motion::joint_limits::MotionError;
+use crate::plan::motion::segments::{MotionReport, lay_segments_telling};
+use crate::plan::outline::contour::{Contour, ContourError, SIMPLIFY_MM};
 use crate::plan::progress::{Progress, Stage, step_each};
-use crate::plan::region_plan::{RegionPlan, RegionWork};
-use crate::plan::route::Route;
-use crate::plan::segments::{MotionReport, lay_segments_telling};
-use crate::plan::skirt::{SkirtPlan, skirt_plan, skirt_reach_mm};
-use crate::plan::stack::{self, LayerKind, RegionPrint, TooLongError};
-use crate::plan::travel_ways::{TravelError, TravelWays, outline_crossings};
-use crate::plan::waypoint_curve::{WaypointCurveError, waypoint_curves};
-use crate::plan::waypoint_route::waypoint_route;
+use crate::plan::route::build_route::{PlanePass, build_route};
+use crate::plan::route::keep_out::{cleared, taken};
+use crate::plan::route::moves::Route;
+use crate::plan::route::travel::{TravelError, TravelWays, outline_crossings};
+use crate::plan::route::waypoint_curve::{WaypointCurveError, waypoint_curves};
+use crate::plan::route::waypoint_route::waypoint_route;
 use crate::settings::{Infill, Settings, SettingsError};
 use headway_protocol::units::{CHANNEL_X, CHANNEL_Y, CHANNEL_Z, CHANNELS};
 
@@ -70,7 +70,7 @@ pub struct Plan {
     pub prints: Vec<RegionPrint>,
     /// The curves that are printed, machine coordinates, in order.
     pub curves: Vec<PlanePass>,
-    /// For each curve the number of its printing, or [`plan::measure::OFF_REGIONS`].
+    /// For each curve the number of its printing, or [`plan::layers::layer_groups::OFF_REGIONS`].
     pub print_of_curve: Vec<usize>,
     /// Everything the head does.
     pub route: Route,
@@ -207,14 +207,14 @@ pub fn plan_target_around(
     let start = start_pose(settings);
     let shift = Vector2::new(transform.offset_mm[0], transform.offset_mm[1]);
     let from = Point2::new(start[CHANNEL_X], start[CHANNEL_Y]) - shift;
-    let (infills, kind_of_layer) = stack::infills_of_layers(settings);
+    let (infills, kind_of_layer) = layer_groups::infills_of_layers(settings);
     let (works, widest) = region_works(&cleared.regions, &infills, settings, progress)?;
     let skirt = skirt_plan(&target.regions, &taken(keep_out, settings), from, settings)?;
     let from = skirt.as_ref().and_then(SkirtPlan::end).unwrap_or(from);
-    let kinds = stack::layer_kinds(works, &infills, &kind_of_layer, progress);
-    let prints = stack::region_prints(&kinds, &kind_of_layer, from);
+    let kinds = layer_groups::layer_kinds(works, &infills, &kind_of_layer, progress);
+    let prints = layer_groups::region_prints(&kinds, &kind_of_layer, from);
     let (curves, print_of_curve) =
-        stack::plane_passes(skirt.as_ref(), &kinds, &prints, &transform, settings)?;
+        layer_groups::plane_passes(skirt.as_ref(), &kinds, &prints, &transform, settings)?;
     if curves.is_empty() {
         return Err(nothing_printable(widest, settings));
     }
@@ -266,7 +266,7 @@ fn region_works(
     let axes = step_each(progress, Stage::Axis, contours, |contour| {
         RegionWork::begin(contour, settings)
     })?;
-    let works = stack::with_passes(&axes, infills, progress);
+    let works = layer_groups::with_passes(&axes, infills, progress);
     let widest = axes.iter().filter_map(RegionWork::widest_disk);
     let widest = widest.max_by(|a, b| a.1.total_cmp(&b.1));
     if works.iter().flatten().all(RegionWork::is_empty) {

@@ -7,7 +7,7 @@
 use headway::geometry::aperture::Aperture;
 use headway::geometry::edge_index::EdgeIndex;
 use headway::plan::feasible::feasible_angles;
-use headway::plan::headings_table::{HeadingsRequest, headings_table};
+use headway::plan::headings::headings_table::{HeadingsRequest, headings_table};
 use headway::settings::aperture_text::parse_aperture;
 use headway::settings::{HeadingLaw, PassMode};
 use headway_tests::cpu_clock::thread_s;

@@ -6,10 +6,10 @@
 
 use headway::geometry::edge_index::EdgeIndex;
 use headway::input::Target;
-use headway::plan::contour::{Contour, SIMPLIFY_MM};
-use headway::plan::medial_axis::{AxisOptions, MedialAxis};
-use headway::plan::passes::{PassSettings, passes};
-use headway::plan::skeleton::Axis;
+use headway::plan::axis::medial_axis::{AxisOptions, MedialAxis};
+use headway::plan::axis::pruned_axis::Axis;
+use headway::plan::beads::passes::{PassSettings, passes};
+use headway::plan::outline::contour::{Contour, SIMPLIFY_MM};
 use headway::plan_target;
 use headway::settings::Settings;
 use headway_tests::cpu_clock::process_s;

@@ -5,7 +5,7 @@
 //! axis along the tangent, flow on. The gantry's limits do not bind at 60 mm/s.
 
 use headway::job::MotionState;
-use headway::plan::route::{PathCurve, Route, Stretch};
+use headway::plan::route::moves::{PathCurve, Route, Stretch};
 use headway::settings::Settings;
 use headway_firmware::configuration::{JointConfiguration, Kinematics};
 use headway_firmware::pose::tilt_of_axis;

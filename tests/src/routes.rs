@@ -1,7 +1,7 @@
 //! Routes of known shape on the built-in planar machine, for the tests of the motion.
 
 use headway::job::MotionState;
-use headway::plan::route::{PathCurve, Route, Stretch, StretchEvent};
+use headway::plan::route::moves::{PathCurve, Route, Stretch, StretchEvent};
 use headway::settings::Settings;
 use rand::RngExt;
 use rand_pcg::Pcg32;

@@ -6,7 +6,7 @@
 
 use headway::geometry::aperture::Aperture;
 use headway::geometry::polygon::{Region, Ring};
-use headway::plan::headings_table::{HeadingRow, HeadingsRequest, headings_table};
+use headway::plan::headings::headings_table::{HeadingRow, HeadingsRequest, headings_table};
 use headway::settings::{HeadingLaw, PassMode};
 use rayon::prelude::*;
 
@@ -388,7 +388,7 @@ fn table_does_not_depend_on_threads() {
         pool.install(|| {
             let mut out = Vec::new();
             let rows = headings_table(&shape.region(), &request);
-            headway::plan::headings_table::write_csv(&mut out, &rows).expect("memory");
+            headway::plan::headings::headings_table::write_csv(&mut out, &rows).expect("memory");
             out
         })
     };

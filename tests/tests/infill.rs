@@ -5,7 +5,7 @@
 use headway::geometry::Point2;
 use headway::geometry::polygon::{Region, Ring};
 use headway::input::Target;
-use headway::plan::passes::PassKind;
+use headway::plan::pass::PassKind;
 use headway::settings::{Infill, Settings};
 use headway::{Plan, plan_target};
 use headway_tests::layer_oracle::{Rings, print_poses, sweep};

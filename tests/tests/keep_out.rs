@@ -6,7 +6,7 @@
 use headway::geometry::Point2;
 use headway::geometry::polygon::{Region, Ring};
 use headway::input::Target;
-use headway::plan::travel_ways::TravelError;
+use headway::plan::route::travel::TravelError;
 use headway::settings::{Settings, Skirt};
 use headway::{Plan, PlanError, plan_target, plan_target_around};
 use headway_firmware::spline::Spans;

@@ -9,7 +9,7 @@ use headway::drive::simulator::{Simulator, SimulatorError, SimulatorSetup};
 use headway::input::ReadOptions;
 use headway::input::waypoints::read;
 use headway::job::SegmentStream;
-use headway::plan::segments::lay_segments;
+use headway::plan::motion::segments::lay_segments;
 use headway::plan_waypoints;
 use headway::settings::Settings;
 use headway::wire_frames::WireFrames;

@@ -9,7 +9,7 @@ use headway::drive::plan_curve::stream_ticks;
 use headway::drive::sender_state::SenderError;
 use headway::drive::simulator::{SimulationFigures, Simulator, SimulatorError, SimulatorSetup};
 use headway::job::SegmentStream;
-use headway::plan::segments::lay_segments;
+use headway::plan::motion::segments::lay_segments;
 use headway::settings::Settings;
 use headway::wire_frames::WireFrames;
 use headway_protocol::message::RefusalReason;

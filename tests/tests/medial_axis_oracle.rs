@@ -4,8 +4,8 @@
 use headway::geometry::Point2;
 use headway::geometry::polygon::{Region, Ring};
 use headway::geometry::tangent_disk::tangent_disk_radius_mm;
-use headway::plan::contour::{Contour, SIMPLIFY_MM};
-use headway::plan::medial_axis::{AxisOptions, MedialAxis, PruneOptions};
+use headway::plan::axis::medial_axis::{AxisOptions, MedialAxis, PruneOptions};
+use headway::plan::outline::contour::{Contour, SIMPLIFY_MM};
 use headway_tests::folders::files;
 
 /// Example shapes, then the valid reference slices where they are there.

@@ -5,11 +5,12 @@
 use headway::geometry::Point2;
 use headway::geometry::aperture::Aperture;
 use headway::input::Target;
-use headway::plan::contour::{Contour, SIMPLIFY_MM};
-use headway::plan::heading_profile::Placement;
-use headway::plan::medial_axis::{AxisOptions, MedialAxis};
-use headway::plan::passes::{LayerPass, PassSettings, passes};
-use headway::plan::skeleton::Axis;
+use headway::plan::axis::medial_axis::{AxisOptions, MedialAxis};
+use headway::plan::axis::pruned_axis::Axis;
+use headway::plan::beads::passes::{PassSettings, passes};
+use headway::plan::outline::contour::{Contour, SIMPLIFY_MM};
+use headway::plan::pass::LayerPass;
+use headway::plan::pass::Placement;
 use headway::plan_target;
 use headway::settings::{HeadingLaw, HeadingProfile, Settings};
 use headway_tests::layer_oracle::Rings;

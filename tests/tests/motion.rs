@@ -2,7 +2,7 @@
 //! Method: routes of known shape are timed and fitted; an evaluator that shares no code with what it
 //! checks looks at the result.
 
-use headway::plan::segments::lay_segments;
+use headway::plan::motion::segments::lay_segments;
 use headway::settings::Settings;
 use headway_tests::routes::{gear, random_smooth, route_of, two_passes, zigzag};
 use headway_tests::segment_oracle::{Oracle, UNITS, duration_s, sample_limits, worst_fit};
@@ -262,7 +262,7 @@ fn tilting_on_a_gantry_keeps_every_joint_within_its_limits() {
 
 #[test]
 fn places_outside_the_machine_are_refused_with_joint_and_place() {
-    use headway::plan::joint_limits::MotionError;
+    use headway::plan::motion::joint_limits::MotionError;
     let settings = Settings::default();
     let mut control = gear(10.0);
     for point in &mut control {
@@ -293,7 +293,7 @@ fn places_outside_the_machine_are_refused_with_joint_and_place() {
 /// place, however the slowness comes about; one that is slow because that is its speed is not.
 #[test]
 fn paths_that_take_for_ever_are_refused_with_their_place() {
-    use headway::plan::joint_limits::MotionError;
+    use headway::plan::motion::joint_limits::MotionError;
     let route = route_of(gear(10.0));
     let begin = route.stretches[0].curve.control[0];
     let slow = Settings {

@@ -8,8 +8,8 @@ use headway::geometry::Point2;
 use headway::geometry::aperture::Aperture;
 use headway::geometry::edge_index::EdgeIndex;
 use headway::geometry::polygon::{Region, Ring};
-use headway::plan::headings_table::{HeadingsRequest, headings_table};
-use headway::plan::reachable::is_reachable;
+use headway::plan::headings::headings_table::{HeadingsRequest, headings_table};
+use headway::plan::outline::reachable::is_reachable;
 use headway::settings::{HeadingLaw, PassMode};
 
 type Pair = [f64; 2];

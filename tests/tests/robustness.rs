@@ -3,9 +3,9 @@
 
 use headway::geometry::validity::validate;
 use headway::input::Target;
-use headway::plan::contour::{Contour, SIMPLIFY_MM};
-use headway::plan::medial_axis::{AxisOptions, MedialAxis};
-use headway::plan::skeleton::Axis;
+use headway::plan::axis::medial_axis::{AxisOptions, MedialAxis};
+use headway::plan::axis::pruned_axis::Axis;
+use headway::plan::outline::contour::{Contour, SIMPLIFY_MM};
 use headway::plan_target;
 use headway::settings::Settings;
 use headway_tests::layer_oracle::Rings;

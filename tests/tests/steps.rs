@@ -6,7 +6,7 @@ use headway::drive::rehearsal::{Rehearsal, rehearse};
 use headway::drive::simulator::SimulatorSetup;
 use headway::input::{Format, ReadOptions, read};
 use headway::job::SegmentStream;
-use headway::plan::segments::lay_segments;
+use headway::plan::motion::segments::lay_segments;
 use headway::plan_target;
 use headway::settings::Settings;
 use headway_tests::gear;

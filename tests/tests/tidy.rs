@@ -398,7 +398,7 @@ fn the_rules_can_fail() {
     let bad = Source {
         name: "host/src/drive/bad.rs".to_string(),
         lines: vec![
-            "use crate::plan::route::Route;".to_string(),
+            "use crate::plan::route::moves::Route;".to_string(),
             "    x.unwrap()".to_string(),
         ],
         code_lines: 511,

@@ -4,7 +4,9 @@ use super::args::HeadingsArgs;
 use super::console::Console;
 use super::output_file::check_file;
 use super::{CliError, load};
-use crate::plan::headings_table::{HeadingRow, HeadingsRequest, headings_table, write_csv};
+use crate::plan::headings::headings_table::{
+    HeadingRow, HeadingsRequest, headings_table, write_csv,
+};
 use serde_json::json;
 
 /// Most rows: 3 µs and 100 bytes each still end within a minute.

@@ -10,7 +10,7 @@ use crate::geometry::{Point2, Vector2};
 use crate::input::{Input, Target};
 use crate::job::SegmentStream;
 use crate::part_transform::PartTransform;
-use crate::plan::unreachable::UnreachableRun;
+use crate::plan::outline::unreachable::UnreachableRun;
 use crate::report::figures::{Figures, KindFigures};
 use crate::settings::Settings;
 use crate::{Plan, RegionPlan, plan_target_around, plan_waypoints_telling};

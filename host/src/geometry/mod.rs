@@ -7,6 +7,7 @@ pub mod clearance;
 pub mod coverage;
 pub mod edge_index;
 pub mod frame;
+pub mod point_grid;
 pub mod polygon;
 pub mod predicates;
 pub mod repair;

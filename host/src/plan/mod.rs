@@ -1,71 +1,17 @@
-//! The planner's stages, in the order of the data: contour, medial axis, passes, headings, route
-//! (order, travel, flow), time law, segments. A stage knows the output type of the stage before
-//! it, `geometry` and `settings`; none knows a clock, a file or a thread.
+//! The planner's stages, in the order of the data.
 
-mod axis_trails;
-pub mod bead_count;
-pub mod beads;
-pub mod bridge_cost;
-pub mod bridge_tour;
-pub mod bridges;
-pub mod build_route;
-pub mod by_place;
-pub mod chains;
-pub mod channel_walls;
-pub mod contacts;
-pub mod contour;
-mod curve_detours;
-mod curve_inside;
-pub mod darts;
-mod division;
-mod end_matching;
-pub mod ends;
-pub mod feasible;
-mod feasible_polygon;
-pub mod field;
-pub mod figures;
-pub mod flow;
-pub mod free_ways;
-mod gap_raster;
-pub mod heading_law;
-pub mod heading_profile;
-mod heading_stops;
-pub mod headings_table;
-pub mod infill;
-pub mod inner_hull;
-pub mod joint_limits;
-pub mod keep_out;
-mod laid_ground;
-pub mod layer_path;
-pub mod links;
-pub mod measure;
-pub mod medial_axis;
-mod odd_nodes;
-pub mod order;
-pub mod passes;
-pub mod path_curve;
-pub mod path_samples;
-pub mod plane_curve;
-pub mod printed_order;
+pub mod pass;
 pub mod progress;
-pub mod reachable;
-mod region_cut;
-pub mod region_plan;
-pub mod room;
+
+pub mod axis;
+pub mod beads;
+pub mod coverage;
+pub mod curve;
+pub mod feasible;
+pub mod headings;
+pub mod joining;
+pub mod judge;
+pub mod layers;
+pub mod motion;
+pub mod outline;
 pub mod route;
-mod runs;
-pub mod seam;
-pub mod segments;
-pub mod single_runs;
-pub mod skeleton;
-pub mod skirt;
-pub mod stack;
-#[cfg(test)]
-mod test_passes;
-pub mod time_law;
-pub mod travel_route;
-pub mod travel_ways;
-pub mod unreachable;
-pub mod visits;
-pub mod waypoint_curve;
-pub mod waypoint_route;

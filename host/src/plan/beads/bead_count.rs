@@ -1,0 +1,174 @@
+//! How many beads lie between the wall and the medial axis, along the axis.
+//!
+//! With k beads across r each is r/k wide, so any k with r/(2a) <= k <= r/(2b) works (SPEC section
+//! 2). The count is chosen piecewise constant over the whole axis, by dynamic programming over a
+//! spanning forest of the axis graph: the least printed path, where each change costs about what
+//! its ends waste. Each change is then spread over a blend length, so that the channels narrow and
+//! widen smoothly instead of jumping. Where r < 2b only one bead fits across the whole passage: a
+//! single run.
+
+use crate::geometry::aperture::Aperture;
+use crate::plan::axis::pruned_axis::Axis;
+
+/// Most beads across r; wider regions are refused upstream by the input's size limits, beyond
+/// this the beads simply stay at their widest (and the gap shows in the figures).
+pub const BEADS_MAX: usize = 4096;
+
+/// Weight of one change of k against the other costs, in mm of printed path.
+const CHANGE_MM: f64 = 1.0;
+/// Further weight of each bead in one change.
+const CHANGE_STEP_MM: f64 = 1.0;
+/// Printed path of one bead, per mm of axis: it lies on both sides.
+const BEAD_WEIGHT: f64 = 2.0;
+
+/// The bead count k (at least 1) at every node of `axis`, whole numbers.
+pub fn bead_counts(axis: &Axis, aperture: &Aperture) -> Vec<f64> {
+    let count = axis.points.len();
+    let (order, parents) = spanning_forest(axis);
+    let r_max = axis.radii_mm.iter().copied().fold(0.0, f64::max);
+    let states = ((r_max / (2.0 * aperture.major_mm())).ceil() as usize + 2).min(BEADS_MAX);
+    let mut lengths = vec![0.0; count];
+    for &[a, b] in &axis.links {
+        let half = (axis.points[a as usize] - axis.points[b as usize]).norm() / 2.0;
+        lengths[a as usize] += half;
+        lengths[b as usize] += half;
+    }
+    let mut costs = vec![0.0f32; count * states];
+    for node in 0..count {
+        for state in 0..states {
+            let tiling = tiling_cost(axis.radii_mm[node], (state + 1) as f64, aperture);
+            costs[node * states + state] = (tiling * lengths[node].max(0.01)) as f32;
+        }
+    }
+    // Leaves to roots: fold each child's best answer into its parent.
+    for &node in order.iter().rev() {
+        if let Some(parent) = parents[node] {
+            let reduced = changed_costs(&costs[node * states..(node + 1) * states]);
+            for (state, cost) in reduced.iter().enumerate() {
+                costs[parent * states + state] += cost;
+            }
+        }
+    }
+    let mut chosen = vec![0usize; count];
+    for &node in &order {
+        let own = &costs[node * states..(node + 1) * states];
+        let total = |state: usize| {
+            let change = parents[node].map_or(0.0, |p| change_cost(chosen[p], state));
+            own[state] as f64 + change
+        };
+        chosen[node] = (0..states).fold(0, |best, s| if total(s) < total(best) { s } else { best });
+    }
+    chosen.into_iter().map(|state| (state + 1) as f64).collect()
+}
+
+/// Spreads each change of k over about `blend_mm` of axis by diffusion, nowhere below what the
+/// widest beads need: a short wide place, such as the middle of a star, would be left open.
+pub fn blended(
+    axis: &Axis,
+    counts: &[f64],
+    step_mm: f64,
+    blend_mm: f64,
+    aperture: &Aperture,
+) -> Vec<f64> {
+    let neighbours = axis.neighbours();
+    let rounds = ((blend_mm / step_mm).powi(2) / 2.0).clamp(0.0, 400.0) as usize;
+    let mut values = counts.to_vec();
+    for _ in 0..rounds {
+        let next: Vec<f64> = (0..values.len())
+            .map(|node| {
+                if neighbours[node].is_empty() {
+                    return values[node];
+                }
+                let sum: f64 = neighbours[node].iter().map(|&n| values[n as usize]).sum();
+                0.5 * values[node] + 0.5 * sum / neighbours[node].len() as f64
+            })
+            .collect();
+        values = next;
+    }
+    let widest_mm = widest_mm(aperture);
+    for (node, value) in values.iter_mut().enumerate() {
+        let least = (axis.radii_mm[node] / widest_mm).min(counts[node]);
+        *value = value.max(least);
+    }
+    values
+}
+
+/// Breadth-first order and parents, roots at the widest nodes so that trees grow from the body.
+fn spanning_forest(axis: &Axis) -> (Vec<usize>, Vec<Option<usize>>) {
+    let neighbours = axis.neighbours();
+    let count = axis.points.len();
+    let mut roots: Vec<usize> = (0..count).collect();
+    roots.sort_by(|&a, &b| {
+        axis.radii_mm[b]
+            .total_cmp(&axis.radii_mm[a])
+            .then(a.cmp(&b))
+    });
+    let mut parents = vec![None; count];
+    let mut seen = vec![false; count];
+    let mut order = Vec::with_capacity(count);
+    for root in roots {
+        if seen[root] {
+            continue;
+        }
+        seen[root] = true;
+        order.push(root);
+        let mut head = order.len() - 1;
+        while head < order.len() {
+            let node = order[head];
+            head += 1;
+            for &next in &neighbours[node] {
+                if !seen[next as usize] {
+                    seen[next as usize] = true;
+                    parents[next as usize] = Some(node);
+                    order.push(next as usize);
+                }
+            }
+        }
+    }
+    (order, parents)
+}
+
+/// What k beads cost across a half-width r, per mm of axis: their path, and more where they leave
+/// gaps or are forced to overlap.
+fn tiling_cost(radius_mm: f64, beads: f64, aperture: &Aperture) -> f64 {
+    let width = radius_mm / beads;
+    let widest = widest_mm(aperture);
+    let narrowest = 2.0 * aperture.minor_mm();
+    let gap = (width / widest - 1.0).max(0.0);
+    let overlap = (narrowest / width.max(1e-6) - 1.0).max(0.0);
+    40.0 * gap + 10.0 * overlap.min(10.0) + BEAD_WEIGHT * beads
+}
+
+/// Share of the widest bead that straight channels may need: the rest is for their corners, where
+/// the way across is longer.
+const WIDEST_SHARE: f64 = 0.97;
+
+/// The widest channel that is planned.
+pub fn widest_mm(aperture: &Aperture) -> f64 {
+    WIDEST_SHARE * 2.0 * aperture.major_mm()
+}
+
+fn change_cost(from: usize, to: usize) -> f64 {
+    if from == to {
+        0.0
+    } else {
+        CHANGE_MM + CHANGE_STEP_MM * from.abs_diff(to) as f64
+    }
+}
+
+/// min over s' of cost[s'] + change(s, s'), for all s, in linear time.
+fn changed_costs(costs: &[f32]) -> Vec<f32> {
+    let step = CHANGE_STEP_MM as f32;
+    let mut spread = costs.to_vec();
+    for s in 1..spread.len() {
+        spread[s] = spread[s].min(spread[s - 1] + step);
+    }
+    for s in (1..spread.len()).rev() {
+        spread[s - 1] = spread[s - 1].min(spread[s] + step);
+    }
+    costs
+        .iter()
+        .zip(&spread)
+        .map(|(&own, &other)| own.min(other + CHANGE_MM as f32))
+        .collect()
+}

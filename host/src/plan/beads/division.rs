@@ -1,0 +1,366 @@
+//! Which stretches of the axis hold one bead and which two sides.
+//!
+//! Two sides are needed where one bead is not wide enough (r > a), one bead where two would cover
+//! each other (r < 2b); between them, and a little beyond, either will do. What decides there is where
+//! flow has to be interrupted: a single run ends wherever it changes into two sides, in a dead end and
+//! at a joint of an odd number of single runs, and two ends are one pass (L. Euler, 1736). Two sides
+//! turn round and end nowhere. All these are nodes of an odd number of single links, so the division is
+//! the cheapest choice of single links where odd nodes cost, whatever loops the axis has.
+
+use crate::geometry::aperture::Aperture;
+use crate::plan::axis::pruned_axis::{Axis, flood};
+use crate::plan::beads::passes::PassSettings;
+use crate::plan::beads::t_join::cheapest_links;
+use std::f64::consts::FRAC_PI_4;
+
+/// Length of badly divided axis that one end of a single run is worth, mm against a. Two ends are an
+/// interruption of flow: as much as to cover 1.2 times the aperture's area again (ellipse of 0.6 x
+/// 0.2 mm). Real slices divide the same from 9 to 10.
+const END_SHARE: f64 = 9.5;
+/// Cost of a passage wider than one bead can be, for each of the widest bead's half-widths that stays
+/// open, per mm.
+const TOO_WIDE: f64 = 40.0;
+/// Cost of a passage too narrow for two sides, for each b of missing radius, per mm.
+const TOO_NARROW: f64 = 10.0;
+/// Radius against b below which a passage is tight: sides that lie on each other nearly altogether are
+/// only laid where they go on to wider ground.
+const TIGHT_SHARE: f64 = 1.4;
+/// Longest tight stretch that they are sure to be laid through, against a. Along the wall it is 2.5,
+/// where bends make it longer.
+const TIGHT_LENGTH_SHARE: f64 = 1.5;
+/// Cost of laying two beads where one would do, per mm.
+const TWO_FOR_ONE: f64 = 0.05;
+/// Share of a that a single bead may need: the rest is for bends.
+const WIDEST_SHARE: f64 = 0.89;
+
+/// The nodes that single runs are on, necks among them. `is_neck` are the nodes too narrow for any
+/// bead that do not just end in a corner.
+pub fn cheapest_division(
+    axis: &Axis,
+    neighbours: &[Vec<u32>],
+    is_neck: &[bool],
+    settings: &PassSettings,
+) -> Vec<bool> {
+    let ground = Ground::new(axis, neighbours, is_neck, settings);
+    let (links, costs) = ground.links();
+    let end_cost = END_SHARE * settings.aperture.major_mm();
+    let chosen = cheapest_links(axis.points.len(), &links, &costs, end_cost);
+    let chosen = links.iter().zip(chosen).filter(|link| link.1);
+    let mut single = ground.nodes_of(chosen.map(|link| link.0));
+    ground.make_islands_single(&mut single, &links, &costs, end_cost);
+    single
+}
+
+/// The axis and what is printed on it.
+struct Ground<'a> {
+    axis: &'a Axis,
+    neighbours: &'a [Vec<u32>],
+    is_neck: &'a [bool],
+    aperture: &'a Aperture,
+    /// Where two sides would not be laid.
+    is_open: Vec<bool>,
+    /// What one bead costs more than two sides at the width of each node, per mm.
+    more: Vec<f64>,
+}
+
+impl<'a> Ground<'a> {
+    fn new(
+        axis: &'a Axis,
+        neighbours: &'a [Vec<u32>],
+        is_neck: &'a [bool],
+        settings: &'a PassSettings,
+    ) -> Ground<'a> {
+        let mut ground = Ground {
+            axis,
+            neighbours,
+            is_neck,
+            aperture: &settings.aperture,
+            is_open: Vec::new(),
+            more: Vec::new(),
+        };
+        ground.is_open = ground.open_nodes();
+        let more = |node| ground.more_for_one_bead(node, settings.one_pass);
+        ground.more = (0..axis.points.len()).map(more).collect();
+        ground
+    }
+
+    /// The neighbours of a node that something goes on to: nothing does through a neck.
+    fn near(&self, node: usize) -> impl Iterator<Item = usize> {
+        let near = self.neighbours[node].iter().map(|&n| n as usize);
+        near.filter(|&n| !self.is_neck[n])
+    }
+
+    /// True where the axis ends in a wall or a neck.
+    fn is_end(&self, node: usize) -> bool {
+        self.neighbours[node].len() == 1 || self.near(node).count() < self.neighbours[node].len()
+    }
+
+    /// The links that are divided, and what one bead costs more on each than two sides.
+    fn links(&self) -> (Vec<[u32; 2]>, Vec<f64>) {
+        // Half the aperture's area, as a length of the passage.
+        let cap_mm = FRAC_PI_4 * self.aperture.minor_mm();
+        let points = &self.axis.points;
+        let (mut links, mut costs) = (Vec::new(), Vec::new());
+        for &[p, q] in &self.axis.links {
+            let nodes = [p as usize, q as usize];
+            if nodes.iter().any(|&node| self.is_neck[node]) {
+                continue;
+            }
+            let half_mm = (points[nodes[0]] - points[nodes[1]]).norm() / 2.0;
+            let cost = nodes.map(|node| {
+                let has_cap = self.is_open[node] && self.is_end(node);
+                let length_mm = half_mm + if has_cap { cap_mm } else { 0.0 };
+                length_mm * self.more[node]
+            });
+            links.push([p, q]);
+            costs.push(cost[0] + cost[1]);
+        }
+        (links, costs)
+    }
+
+    /// See `more`.
+    fn more_for_one_bead(&self, node: usize, one_pass: bool) -> f64 {
+        let (a, b) = (self.aperture.major_mm(), self.aperture.minor_mm());
+        let r = self.axis.radii_mm[node];
+        let beads = r / (WIDEST_SHARE * a);
+        let two_sides = if one_pass && r <= a {
+            TOO_WIDE
+        } else if self.is_open[node] {
+            TOO_WIDE * beads
+        } else {
+            TOO_NARROW * (2.0 - r / b).max(0.0) + TWO_FOR_ONE
+        };
+        TOO_WIDE * (beads - 1.0).max(0.0) - two_sides
+    }
+
+    /// Marks the nodes that one bead fits on and two sides would leave open: tight stretches that are
+    /// long, or that lead nowhere.
+    fn open_nodes(&self) -> Vec<bool> {
+        let (a, b) = (self.aperture.major_mm(), self.aperture.minor_mm());
+        let radii_mm = &self.axis.radii_mm;
+        let is_tight = |n: usize| !self.is_neck[n] && radii_mm[n] < TIGHT_SHARE * b;
+        let mut is_open = vec![false; radii_mm.len()];
+        let mut seen = is_open.clone();
+        for seed in 0..is_open.len() {
+            if seen[seed] || !is_tight(seed) {
+                continue;
+            }
+            let stretch = flood(seed, self.neighbours, &mut seen, is_tight);
+            let leads_on = stretch.iter().any(|&n| self.near(n).any(|m| !is_tight(m)));
+            // Two sides go in and out of a dead end.
+            let is_dead_end = stretch.iter().any(|&n| self.is_end(n));
+            let ways = if is_dead_end { 2.0 } else { 1.0 };
+            if !leads_on || ways * self.length_mm(&stretch) > TIGHT_LENGTH_SHARE * a {
+                for n in stretch {
+                    is_open[n] = radii_mm[n] >= b;
+                }
+            }
+        }
+        is_open
+    }
+
+    /// Length of the axis on these nodes, half of each link that leaves them included, mm.
+    fn length_mm(&self, nodes: &[usize]) -> f64 {
+        let points = &self.axis.points;
+        let about = |&n: &usize| {
+            let near = self.neighbours[n].iter().map(|&m| m as usize);
+            near.map(|m| (points[n] - points[m]).norm() / 2.0)
+                .sum::<f64>()
+        };
+        nodes.iter().map(about).sum()
+    }
+
+    /// The nodes of single runs: necks, joints and passages of at least two chosen links, ends of one.
+    /// Where a run ends in a passage its last node is part of it if its width asks for one bead. An axis
+    /// of one point has no length to weigh: it is single only where it has to be.
+    fn nodes_of<'l>(&self, chosen: impl Iterator<Item = &'l [u32; 2]>) -> Vec<bool> {
+        let mut counts = vec![0; self.is_neck.len()];
+        for node in chosen.flatten() {
+            counts[*node as usize] += 1;
+        }
+        let is_single = |node: usize| {
+            let fits_two = self.axis.radii_mm[node] >= 2.0 * self.aperture.minor_mm();
+            match self.near(node).count() {
+                0 => !fits_two,
+                1 => counts[node] == 1,
+                2 => counts[node] == 2 || counts[node] == 1 && self.more[node] < 0.0,
+                _ => counts[node] >= 2,
+            }
+        };
+        (0..counts.len())
+            .map(|node| self.is_neck[node] || is_single(node))
+            .collect()
+    }
+
+    /// Makes parts between necks that one bead spans single all over where that costs no more: what
+    /// has no end is a pass all the same, as much as two ends.
+    fn make_islands_single(
+        &self,
+        single: &mut [bool],
+        links: &[[u32; 2]],
+        costs: &[f64],
+        end_cost: f64,
+    ) {
+        let widest_mm = WIDEST_SHARE * self.aperture.major_mm();
+        let mut more = vec![0.0; single.len()];
+        for (link, cost) in links.iter().zip(costs) {
+            more[link[0] as usize] += cost;
+        }
+        let mut seen = self.is_neck.to_vec();
+        for seed in 0..single.len() {
+            if seen[seed] {
+                continue;
+            }
+            let island = flood(seed, self.neighbours, &mut seen, |n| !self.is_neck[n]);
+            // The middle of a disk has no length to weigh its width by.
+            let fits = |n: usize| !single[n] && self.axis.radii_mm[n] <= widest_mm;
+            if !island.iter().all(|&n| fits(n)) {
+                continue;
+            }
+            let ends = island.iter().filter(|&&n| self.near(n).count() % 2 == 1);
+            let ends = ends.count() as f64;
+            if island.iter().map(|&n| more[n]).sum::<f64>() + (ends - 2.0) * end_cost < 0.0 {
+                for node in island {
+                    single[node] = true;
+                }
+            }
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::geometry::Point2;
+    use crate::geometry::test_shapes::ELLIPSE;
+    use crate::settings::{HeadingLaw, HeadingProfile};
+
+    const SETTINGS: PassSettings = PassSettings {
+        aperture: ELLIPSE,
+        overlap: 0.0,
+        one_pass: false,
+        law: HeadingLaw::Tangent,
+        profile: HeadingProfile::Corridor,
+    };
+
+    /// A square of 10 mm with struts as its sides: half-width 0.5 mm at the joints, `least_mm` in the
+    /// middle of each side; and an arm of the same kind from each joint outwards.
+    fn square(least_mm: f64) -> Axis {
+        let joints = [
+            [0.0, 0.0],
+            [10.0, 0.0],
+            [10.0, 10.0],
+            [0.0, 10.0],
+            [-10.0, 0.0],
+            [20.0, 0.0],
+            [20.0, 10.0],
+            [-10.0, 10.0],
+        ];
+        let mut axis = Axis::default();
+        for joint in joints {
+            axis.points.push(Point2::new(joint[0], joint[1]));
+            axis.radii_mm.push(0.5);
+        }
+        let sides = [(0, 1), (1, 2), (2, 3), (3, 0)];
+        let arms = [(0, 4), (1, 5), (2, 6), (3, 7)];
+        for (p, q) in sides.into_iter().chain(arms) {
+            let middle = axis.points.len() as u32;
+            axis.points
+                .push(nalgebra::center(&axis.points[p], &axis.points[q]));
+            axis.radii_mm.push(least_mm);
+            axis.links.push([p as u32, middle]);
+            axis.links.push([middle, q as u32]);
+        }
+        axis.densified(0.1)
+    }
+
+    fn division(axis: &Axis, is_neck: &[bool]) -> Vec<bool> {
+        cheapest_division(axis, &axis.neighbours(), is_neck, &SETTINGS)
+    }
+
+    /// Goal: a dead end a little too narrow for two sides keeps them, since a single run would end in it,
+    /// and what goes on without an end is single; much narrower ones are single all over, joints too,
+    /// and necks between wide places cut nothing else off. Method: a square with arms, half-widths
+    /// 0.39, 0.25 and 0.5 mm (2b is 0.4).
+    #[test]
+    fn ends_of_single_runs_are_weighed_against_width() {
+        let axis = square(0.39);
+        let none = vec![false; axis.points.len()];
+        let is_side = axis.points.iter().map(|p| (0.0..=10.0).contains(&p.x));
+        assert_eq!(division(&axis, &none), is_side.collect::<Vec<_>>());
+        assert_eq!(division(&square(0.25), &none), vec![true; none.len()]);
+        let mut necks = none;
+        necks[8] = true;
+        assert_eq!(division(&square(0.5), &necks), necks);
+    }
+
+    /// Goal: tight stretches are two-sided only where these go on through them: short ones between wider
+    /// places; not long ones, nor at a dead end, whose cap counts too. Method: a passage of 0.6 mm
+    /// half-width but in its middle, 0.25 there (1.4 b is 0.28) over 0.6 and 2 mm; one that ends tight.
+    #[test]
+    fn long_tight_stretches_are_left_to_one_bead() {
+        let passage = |tight: std::ops::Range<f64>| {
+            let x_mm = |n: u32| 0.1 * f64::from(n);
+            let radius = |n| if tight.contains(&x_mm(n)) { 0.25 } else { 0.6 };
+            Axis {
+                points: (0..101).map(|n| Point2::new(x_mm(n), 0.0)).collect(),
+                radii_mm: (0..101).map(radius).collect(),
+                links: (0..100).map(|n| [n, n + 1]).collect(),
+            }
+        };
+        let none = [false; 101];
+        assert_eq!(division(&passage(4.65..5.25), &none), none);
+        let long = division(&passage(4.05..6.05), &none);
+        let expected: Vec<bool> = (0..101).map(|n| (41..61).contains(&n)).collect();
+        assert_eq!(long, expected);
+        let dead_end = division(&passage(9.25..11.0), &none);
+        assert!((93..101).all(|n| dead_end[n]), "{dead_end:?}");
+        assert!((0..93).all(|n| !dead_end[n]), "{dead_end:?}");
+    }
+
+    /// Goal: passages hardly wider than the narrowest bead are single whatever ends that makes, and so is
+    /// a dot between two necks. Method: the square with arms, 0.22 mm; a dot of three
+    /// nodes, 0.3 mm.
+    #[test]
+    fn tight_passages_and_dots_are_single() {
+        let tight = square(0.22);
+        let none = vec![false; tight.points.len()];
+        assert!(division(&tight, &none).iter().all(|&s| s));
+        let dot = Axis {
+            points: (0..5)
+                .map(|i| Point2::new(0.1 * f64::from(i), 0.0))
+                .collect(),
+            radii_mm: vec![0.19, 0.3, 0.3, 0.3, 0.19],
+            links: (0..4).map(|i| [i, i + 1]).collect(),
+        };
+        assert_eq!(
+            division(&dot, &[true, false, false, false, true]),
+            [true; 5]
+        );
+    }
+
+    /// Goal: a disk is no dot, however short its axis (found by the test of aligned seams: nothing of a
+    /// disk was printed). Method: an axis of 1 um, half-width 6 mm.
+    #[test]
+    fn a_disk_keeps_its_two_sides() {
+        let disk = Axis {
+            points: vec![Point2::new(0.0, 0.0), Point2::new(1e-3, 0.0)],
+            radii_mm: vec![6.0; 2],
+            links: vec![[0, 1]],
+        };
+        assert_eq!(division(&disk, &[false; 2]), [false; 2]);
+    }
+
+    /// Goal: where single runs are asked for they are everywhere that they fit. Method: one-pass mode.
+    #[test]
+    fn one_pass_takes_all_that_one_bead_spans() {
+        let axis = square(0.39);
+        let none = vec![false; axis.points.len()];
+        let settings = PassSettings {
+            one_pass: true,
+            ..SETTINGS
+        };
+        let single = cheapest_division(&axis, &axis.neighbours(), &none, &settings);
+        assert!(single.iter().all(|&s| s));
+    }
+}

@@ -1,0 +1,451 @@
+//! Passes: how one region is divided into channels and runs, each with its placements.
+//!
+//! 1. Where one bead across is cheaper than two sides, the region is cut off by chords between the
+//!    feet of the axis: single runs, laid on the axis.
+//! 2. What remains is tiled by k beads between wall and axis ([`super::bead_count`]); the channel
+//!    field gives each channel's outer wall, moved onto what was laid before it
+//!    ([`super::channel_walls`]); contacts along it get the heading profile.
+//! 3. The innermost beads share out the gap or overlap between them.
+//!
+//! Input: region (mm), pruned axis. Output: [`LayerPass`]es, unordered, in region coordinates.
+
+use crate::geometry::aperture::Aperture;
+use crate::geometry::edge_index::{Edge, EdgeIndex};
+use crate::geometry::polygon::{Region, Ring};
+use crate::plan::axis::pruned_axis::Axis;
+use crate::plan::beads::bead_count::{bead_counts, blended, widest_mm};
+use crate::plan::beads::channel_walls::Laid;
+use crate::plan::beads::field::Field;
+use crate::plan::beads::single_bead_runs::{SingleRun, split_region};
+use crate::plan::coverage::pass_ends::fit_ends;
+use crate::plan::headings::contacts::{ContactSpacing, resampled, wall_contacts};
+use crate::plan::headings::profile::{
+    Ahead, all_ahead, pointwise_profile, profile, refined, smooth,
+};
+use crate::plan::headings::runs::{feasible_runs, printable_runs, trim_ends};
+use crate::plan::pass::Contact;
+use crate::plan::pass::Placement;
+use crate::plan::pass::{LayerPass, PassKind};
+use crate::settings::{HeadingLaw, HeadingProfile};
+use rayon::prelude::*;
+
+/// What the pass planner needs of the settings.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct PassSettings {
+    /// The nozzle.
+    pub aperture: Aperture,
+    /// Wanted overlap of neighbouring beads, share of the bead width.
+    pub overlap: f64,
+    /// Put one pass on the axis wherever the aperture spans the passage.
+    pub one_pass: bool,
+    /// How a width becomes a heading angle.
+    pub law: HeadingLaw,
+    /// How the headings of a pass are chosen together.
+    pub profile: HeadingProfile,
+}
+
+impl PassSettings {
+    /// The placements on a run of contacts.
+    fn placements(&self, contacts: &[Contact], closed: bool, walls: &EdgeIndex) -> Vec<Placement> {
+        let aperture = &self.aperture;
+        match self.profile {
+            HeadingProfile::Pointwise => pointwise_profile(contacts, closed, aperture, walls),
+            HeadingProfile::Corridor => profile(contacts, closed, aperture, walls),
+        }
+    }
+
+    /// The placements of a pass again, where its contacts want slightly other extents. `ahead` is
+    /// kept from the first time on: their places stay.
+    fn placements_again(
+        &self,
+        contacts: &[Contact],
+        pass: &LayerPass,
+        ahead: &mut Option<Vec<Ahead>>,
+        walls: &EdgeIndex,
+    ) -> Vec<Placement> {
+        let aperture = &self.aperture;
+        match self.profile {
+            HeadingProfile::Pointwise => pointwise_profile(contacts, pass.closed, aperture, walls),
+            HeadingProfile::Corridor => {
+                let ahead = ahead.get_or_insert_with(|| all_ahead(contacts, aperture, walls));
+                refined(
+                    contacts,
+                    pass.closed,
+                    &pass.placements,
+                    ahead,
+                    aperture,
+                    walls,
+                )
+            }
+        }
+    }
+
+    /// The extent across the passage that the law's angle gives where half the bead is to be
+    /// `half_mm` wide: the same for the tangent law; for the linear law that of
+    /// |alpha| = (1 - w) 90° with w = (half - b) / (a - b), which is r of SPEC section 2 halved in
+    /// two-pass and r itself in one-pass.
+    pub fn law_extent_mm(&self, half_mm: f64) -> f64 {
+        let (a, b) = (self.aperture.major_mm(), self.aperture.minor_mm());
+        match self.law {
+            HeadingLaw::Tangent => half_mm,
+            HeadingLaw::Linear if a - b < 1e-9 => half_mm,
+            HeadingLaw::Linear => {
+                let weight = ((half_mm - b) / (a - b)).clamp(0.0, 1.0);
+                self.aperture
+                    .extent_at_angle_mm((1.0 - weight) * std::f64::consts::FRAC_PI_2)
+            }
+        }
+    }
+}
+
+/// Most channels of one piece; a wider region is left with its middle open, which the coverage
+/// figure shows.
+const CHANNELS_MAX: usize = 4096;
+
+/// Lengths that the pass planner derives from the aperture.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Lengths {
+    /// Contact spacing, mm.
+    pub contact_mm: f64,
+    /// Grid step of the channel field, mm.
+    pub grid_mm: f64,
+    /// Node spacing of the axis, mm.
+    pub axis_mm: f64,
+    /// Length over which a change of bead count is blended, mm.
+    pub blend_mm: f64,
+    /// Half-window of normal smoothing, mm.
+    pub smoothing_mm: f64,
+}
+
+impl Lengths {
+    /// All in proportion to the semi-axes.
+    pub fn of(aperture: &Aperture) -> Lengths {
+        let (a, b) = (aperture.major_mm(), aperture.minor_mm());
+        Lengths {
+            contact_mm: 0.5 * b,
+            grid_mm: 0.5 * b,
+            axis_mm: 0.5 * b,
+            blend_mm: 2.0 * a,
+            smoothing_mm: 0.75 * b,
+        }
+    }
+
+    /// Spacing of wall contacts.
+    pub fn spacing(&self) -> ContactSpacing {
+        ContactSpacing {
+            spacing_mm: self.contact_mm,
+            smoothing_mm: self.smoothing_mm,
+            corner_rad: 0.35,
+            fan_rad: 0.14,
+        }
+    }
+}
+
+/// All passes of one region.
+pub fn passes(region: &Region, axis: &Axis, settings: &PassSettings) -> Vec<LayerPass> {
+    outer_passes(region, axis, settings, CHANNELS_MAX).0
+}
+
+/// The outermost `channels` loops of one region, and the rings that bound what they leave open,
+/// inside on the left (they may cross themselves by a little).
+pub fn outer_passes(
+    region: &Region,
+    axis: &Axis,
+    settings: &PassSettings,
+    channels: usize,
+) -> (Vec<LayerPass>, Vec<Ring>) {
+    let lengths = Lengths::of(&settings.aperture);
+    let axis = axis.densified(lengths.axis_mm);
+    let axis = axis.split_at_radius(settings.aperture.minor_mm());
+    let walls = EdgeIndex::of_region(region, settings.aperture.major_mm());
+    let split = split_region(region, &walls, &axis, settings);
+    let found: Vec<(Vec<LayerPass>, Vec<Ring>)> = split
+        .pieces
+        .par_iter()
+        .map(|piece| piece_passes(&piece.region, &piece.axis, settings, lengths, channels))
+        .collect();
+    let (mut all, mut open) = (Vec::new(), Vec::new());
+    for (passes, rings) in found {
+        all.extend(passes);
+        open.extend(rings);
+    }
+    let singles: Vec<LayerPass> = split
+        .runs
+        .par_iter()
+        .flat_map(|run| single_passes(run, &walls, settings))
+        .collect();
+    all.extend(singles);
+    fit_ends(&mut all, &settings.aperture, &region.bounds());
+    (all, open)
+}
+
+/// At most `channels` channels of one piece, outermost first, and the outer wall of the next.
+fn piece_passes(
+    piece: &Region,
+    axis: &Axis,
+    settings: &PassSettings,
+    lengths: Lengths,
+    channels: usize,
+) -> (Vec<LayerPass>, Vec<Ring>) {
+    if axis.points.is_empty() {
+        return (Vec::new(), Vec::new());
+    }
+    let aperture = &settings.aperture;
+    let walls = EdgeIndex::of_region(piece, aperture.major_mm());
+    let counts = bead_counts(axis, aperture);
+    let beads = blended(axis, &counts, lengths.axis_mm, lengths.blend_mm, aperture);
+    let field = Field::new(&walls, axis, &beads, widest_mm(aperture), lengths.grid_mm);
+    let needed = (field.max().ceil() as usize).max(1);
+    let mut laid = Laid::new(aperture);
+    let mut all = Vec::new();
+    for channel in 1..=channels.min(needed) {
+        let found = channel_passes(channel, piece, &walls, &field, &laid, settings, lengths);
+        for pass in &found {
+            laid.add(0, &pass.placements, pass.closed);
+        }
+        all.extend(found);
+    }
+    let open = if needed > channels {
+        channel_rings(channels + 1, piece, &field, &laid, lengths)
+    } else {
+        Vec::new()
+    };
+    (all, open)
+}
+
+/// The outer wall of a channel: the outline, or the level curve moved onto what was laid.
+fn channel_rings(
+    channel: usize,
+    piece: &Region,
+    field: &Field,
+    laid: &Laid,
+    lengths: Lengths,
+) -> Vec<Ring> {
+    if channel == 1 {
+        return piece.rings().cloned().collect();
+    }
+    field
+        .level_rings((channel - 1) as f64)
+        .iter()
+        // Grid step and contact spacing are half of b: shorter rings hold nothing.
+        .filter(|ring| ring.perimeter_mm() > 8.0 * lengths.contact_mm)
+        .map(|ring| resampled(ring, lengths.contact_mm, 4))
+        .map(|ring| laid.moved_wall(&ring, lengths.contact_mm))
+        .collect()
+}
+
+/// The passes of one channel: one for each ring of its outer wall, or several where parts of the
+/// ring hold no bead.
+fn channel_passes(
+    channel: usize,
+    piece: &Region,
+    walls: &EdgeIndex,
+    field: &Field,
+    laid: &Laid,
+    settings: &PassSettings,
+    lengths: Lengths,
+) -> Vec<LayerPass> {
+    let aperture = &settings.aperture;
+    let rings = channel_rings(channel, piece, field, laid, lengths);
+    let own_walls;
+    let channel_walls = if channel == 1 {
+        walls
+    } else {
+        let edges = rings
+            .iter()
+            .flat_map(|r| r.edges())
+            .map(|(a, b)| Edge { a, b })
+            .collect();
+        own_walls = EdgeIndex::new(edges, aperture.major_mm());
+        &own_walls
+    };
+    let of_ring = |ring: &Ring| {
+        let mut found = Vec::new();
+        let mut contacts = wall_contacts(ring, lengths.spacing());
+        for contact in &mut contacts {
+            let width = channel_width_mm(contact, channel, field, lengths.grid_mm, aperture);
+            contact.extent_mm = 0.5 * width * (1.0 + settings.overlap);
+        }
+        for (mut run, closed) in printable_runs(&contacts, aperture) {
+            for contact in &mut run {
+                contact.extent_mm = settings.law_extent_mm(contact.extent_mm);
+            }
+            let placements = settings.placements(&run, closed, channel_walls);
+            found.extend(feasible_runs(placements, closed, aperture).into_iter().map(
+                |(placements, closed)| LayerPass {
+                    kind: PassKind::TwoPass,
+                    channel: channel as u32,
+                    closed,
+                    placements,
+                },
+            ));
+        }
+        found
+    };
+    let mut found: Vec<LayerPass> = rings.par_iter().flat_map_iter(of_ring).collect();
+    relax(&mut found, channel, field, channel_walls, settings, lengths);
+    let open = found.iter_mut().filter(|pass| !pass.closed);
+    open.for_each(|pass| trim_ends(&mut pass.placements));
+    drop_stubs(&mut found, channel, aperture);
+    found
+}
+
+/// Rounds in which the innermost beads share out what lies between them.
+const RELAX_ROUNDS: usize = 5;
+
+/// In each round gives each half of the gap (or overlap) that two innermost beads leave between them
+/// to the width that is wanted of either, and refines their headings.
+fn relax(
+    found: &mut [LayerPass],
+    channel: usize,
+    field: &Field,
+    walls: &EdgeIndex,
+    settings: &PassSettings,
+    lengths: Lengths,
+) {
+    let mut ahead: Vec<Option<Vec<Ahead>>> = vec![None; found.len()];
+    for _ in 0..RELAX_ROUNDS {
+        relax_once(found, &mut ahead, channel, field, walls, settings, lengths);
+    }
+}
+
+fn relax_once(
+    found: &mut [LayerPass],
+    ahead: &mut [Option<Vec<Ahead>>],
+    channel: usize,
+    field: &Field,
+    walls: &EdgeIndex,
+    settings: &PassSettings,
+    lengths: Lengths,
+) {
+    let aperture = &settings.aperture;
+    let mut laid = Laid::new(aperture);
+    for (run, pass) in found.iter().enumerate() {
+        laid.add(run as u32, &pass.placements, pass.closed);
+    }
+    let passes = found.par_iter_mut().zip(ahead).enumerate();
+    passes.for_each(|(run, (pass, ahead))| {
+        let count = pass.placements.len();
+        let share_most_mm = 0.3 * aperture.minor_mm();
+        let shared = |i: usize| {
+            let contact = pass.placements[i].contact;
+            if contact.length_mm <= 0.0 || !meets_axis(&contact, channel, field, lengths.grid_mm) {
+                return (contact, false);
+            }
+            let gap = laid.facing_gap_mm(&contact, run as u32, i, count, pass.closed);
+            gap.map_or((contact, false), |gap| {
+                let share = (0.25 * gap).clamp(-share_most_mm, share_most_mm);
+                let extent_mm =
+                    (contact.extent_mm + share).clamp(aperture.minor_mm(), aperture.major_mm());
+                (
+                    Contact {
+                        extent_mm,
+                        ..contact
+                    },
+                    true,
+                )
+            })
+        };
+        let (contacts, moved): (Vec<Contact>, Vec<bool>) =
+            (0..count).into_par_iter().map(shared).unzip();
+        if moved.contains(&true) {
+            pass.placements = settings.placements_again(&contacts, pass, ahead, walls);
+            smooth(&mut pass.placements, pass.closed, aperture);
+        }
+    });
+}
+
+/// True where the channel's inner wall is the medial axis: the field falls again behind it.
+fn meets_axis(contact: &Contact, channel: usize, field: &Field, grid_mm: f64) -> bool {
+    let along = |t: f64| field.at(contact.point + contact.normal * t);
+    let width = 2.0 * contact.extent_mm;
+    let beyond = (1..=8).map(|i| along(width + 0.5 * grid_mm * i as f64));
+    beyond.fold(f64::NEG_INFINITY, f64::max) < channel as f64 + 0.3
+}
+
+/// Least slope of the field on the way to a channel's inner wall, against that at its outer wall.
+/// Beyond the bisector of a right corner the slope is none: there neither rounding nor a little
+/// noise may choose.
+const SLOPE_SHARE_MIN: f64 = 0.03;
+
+/// Distance along the normal from the channel's outer wall to its inner one (or to the axis).
+fn channel_width_mm(
+    contact: &Contact,
+    channel: usize,
+    field: &Field,
+    grid_mm: f64,
+    aperture: &Aperture,
+) -> f64 {
+    let target = channel as f64;
+    let step = 0.25 * grid_mm;
+    let reach = 2.5 * aperture.major_mm();
+    let at = |t: f64| field.at(contact.point + contact.normal * t);
+    let (mut t, mut last) = (grid_mm, at(grid_mm));
+    let slope = (last - (target - 1.0)).max(0.0) / grid_mm;
+    let rise_min = SLOPE_SHARE_MIN * slope * step;
+    // The rise of the last two steps.
+    let mut rises = [slope * step; 2];
+    while last < target && t < reach {
+        let v = at(t + step);
+        if v >= target {
+            return t + step * (target - last) / (v - last);
+        }
+        if v < last + rise_min {
+            // The rise ended within the last step: where it would have been at its own slope.
+            let share = (rises[1] / rises[0].max(1e-12)).clamp(0.0, 1.0);
+            return t - step * (1.0 - share);
+        }
+        rises = [rises[1], v - last];
+        (t, last) = (t + step, v);
+    }
+    t
+}
+
+/// Leaves out what is too short for a pass. Where that would be all of a piece (a room that the
+/// aperture enters but can hardly move in), its longest run stays: whether it covers anything that
+/// others don't is looked at once all are laid ([`fit_ends`]).
+fn drop_stubs(found: &mut Vec<LayerPass>, channel: usize, aperture: &Aperture) {
+    let is_long = |pass: &LayerPass| {
+        let least_mm = if pass.closed {
+            LOOP_SHARE_MIN * aperture.minor_mm()
+        } else {
+            RUN_SHARE_MIN * aperture.major_mm()
+        };
+        run_length_mm(pass) > least_mm
+    };
+    if channel == 1 && !found.iter().any(is_long) {
+        let longest = |p: &LayerPass, q: &LayerPass| run_length_mm(p).total_cmp(&run_length_mm(q));
+        let longest = found.drain(..).max_by(longest);
+        found.extend(longest.filter(|pass| pass.placements.len() > 1));
+        return;
+    }
+    found.retain(is_long);
+}
+
+/// Shortest open run of a channel against a: a shorter one would lay one blot on its neighbours.
+const RUN_SHARE_MIN: f64 = 2.0;
+/// Shortest loop against b: what does not move at all is no pass.
+const LOOP_SHARE_MIN: f64 = 0.5;
+
+fn run_length_mm(pass: &LayerPass) -> f64 {
+    let turns = pass.placements.windows(2);
+    let turned_rad: f64 = turns
+        .map(|w| (w[1].at.heading_rad - w[0].at.heading_rad).abs())
+        .sum();
+    pass.length_mm() + 0.1 * turned_rad
+}
+
+/// A single run on the axis: the aperture spans the passage.
+fn single_passes(run: &SingleRun, walls: &EdgeIndex, settings: &PassSettings) -> Vec<LayerPass> {
+    let placements = settings.placements(&run.contacts, run.closed, walls);
+    feasible_runs(placements, run.closed, &settings.aperture)
+        .into_iter()
+        .map(|(placements, closed)| LayerPass {
+            kind: PassKind::OnePass,
+            channel: 0,
+            closed,
+            placements,
+        })
+        .filter(|pass| run_length_mm(pass) > 0.5 * settings.aperture.minor_mm())
+        .collect()
+}

@@ -1,0 +1,75 @@
+//! Detours of a curve where it goes through what no pushing takes it out of.
+//!
+//! Of two placements that follow each other each may fit while nothing between them does: the tip
+//! stands on one side of a corner of the walls here and on its other side there. Such a curve must be
+//! led around, turned some other way, not pushed. Input: control points, and which spans cut however
+//! they are pushed. Output: control points with ways around those spans where there are any.
+
+use crate::geometry::clearance::Configuration;
+use crate::plan::coverage::connections::bent_way;
+use crate::plan::curve::plane_curve::{PlaneControl, configuration};
+use crate::plan::curve::pushing_inside::{InsideWalls, NEAR_SHARE, bad_runs, strayed_spans};
+use crate::plan::headings::profile::slide_inside;
+use crate::plan::joining::links::{LENGTH_SHARE, TURN_MAX_RAD};
+use std::ops::Range;
+
+/// Control points that a detour leaves out on either side of the spans, the fewest first: as far as a
+/// link may reach where placements lie as far apart as contacts mostly do.
+const BESIDE: [usize; 4] = [2, 4, 8, 16];
+/// Control points beyond a detour that may be pushed along with it.
+const MARGIN: usize = 8;
+/// Slides of the poses where it begins and ends, and what they may cut of the aperture.
+const SLIDES: usize = 4;
+/// See [`SLIDES`].
+const CUT_SHARE: f64 = 1e-3;
+
+/// The curve with a detour around each run of bad spans that has one; `None` where none has.
+pub fn detoured(
+    control: &[PlaneControl],
+    bad: &[bool],
+    inside: &InsideWalls,
+) -> Option<Vec<PlaneControl>> {
+    let mut found: Option<Vec<PlaneControl>> = None;
+    // From the last to the first: what lies before a detour keeps its numbers.
+    for run in bad_runs(bad).into_iter().rev() {
+        let control = found.as_deref().unwrap_or(control);
+        let mut detours = BESIDE.into_iter();
+        let around = detours.find_map(|beside| around(control, &run, beside, inside));
+        found = around.or(found);
+    }
+    found
+}
+
+/// The curve with the shortest way that there is instead of the spans and as many control points on
+/// either side; `None` where there is none or it cannot be pushed inside.
+fn around(
+    control: &[PlaneControl],
+    run: &Range<usize>,
+    beside: usize,
+    inside: &InsideWalls,
+) -> Option<Vec<PlaneControl>> {
+    let first = run.start.checked_sub(beside)?;
+    let last = run.end + beside;
+    let (aperture, walls) = (inside.aperture, inside.walls);
+    let slid =
+        |at: &PlaneControl| slide_inside(configuration(*at), aperture, walls, SLIDES, CUT_SHARE);
+    let (from, to) = (slid(&control[first])?, slid(control.get(last)?)?);
+    if (to.center - from.center).norm() > LENGTH_SHARE * aperture.major_mm() {
+        return None;
+    }
+    let way = bent_way(from, to, TURN_MAX_RAD, aperture, walls)?;
+    // Headings go on unwrapped.
+    let turned_rad = way.last()?.heading_rad - control[last][2];
+    let of = |at: &Configuration| [at.center.x, at.center.y, at.heading_rad];
+    let mut led = control[..first].to_vec();
+    led.push(of(&from));
+    led.extend(way.iter().map(of));
+    let beyond = led.len();
+    let rest = control[last + 1..].iter();
+    led.extend(rest.map(|[x, y, heading]| [*x, *y, heading + turned_rad]));
+    let about = first.saturating_sub(MARGIN)..(beyond + MARGIN).min(led.len());
+    let mut pushed = led[about.clone()].to_vec();
+    let near_mm = NEAR_SHARE * aperture.minor_mm();
+    let strays = |pushed: &[_]| strayed_spans(&led[about], pushed, near_mm).contains(&true);
+    (inside.push(&mut pushed) && !strays(&pushed)).then_some(led)
+}

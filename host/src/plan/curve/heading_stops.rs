@@ -1,0 +1,285 @@
+//! Passes that turn further than the nozzle may between its stops: cut where it has to turn back.
+//!
+//! The aperture's symmetry helps: headings a period apart lay the same bead, so a pass may be entered
+//! at any of them. Input: passes with unwrapped headings. Output: the pass, or pieces of it that each
+//! fit between the stops from some heading: as few as can be, cut where that lays least ground twice, each
+//! begun a little after the end of the one before it ([`super::laid_ground`]).
+
+use crate::geometry::edge_index::EdgeIndex;
+use crate::plan::coverage::deposited_area::LaidGround;
+use crate::plan::curve::plane_curve::PlaneControl;
+use crate::plan::pass::LayerPass;
+use crate::settings::Settings;
+use headway_firmware::kinematics;
+use headway_protocol::units::CHANNEL_HEADING;
+use std::cell::OnceCell;
+use std::cmp::Reverse;
+use std::collections::{BinaryHeap, VecDeque};
+use std::ops::Deref;
+
+/// Room left before each stop, rad, tried in this order: the curve is sharpened and pushed off the
+/// walls, and its headings leave those of the placements by a few degrees at the most.
+const ROOM_RAD: [f64; 3] = [0.03, 0.1, 0.25];
+
+/// Stops of the joint that follows the heading one to one, rad; the tool stands upright.
+pub fn heading_range(settings: &Settings) -> [f64; 2] {
+    let machine = &settings.machine;
+    let carriers = kinematics::carriers(&machine.kinematics).iter();
+    let mut turning = carriers
+        .zip(&machine.joints)
+        .filter(|(carrier, _)| **carrier == Some(CHANNEL_HEADING));
+    turning
+        .next()
+        .map_or([f64::NEG_INFINITY, f64::INFINITY], |(_, joint)| {
+            [joint.position_min, joint.position_max]
+        })
+}
+
+/// Cuts the passes of a region where they turn further than the nozzle may.
+pub struct PassCutter<'a, W> {
+    passes: &'a [LayerPass],
+    walls: W,
+    settings: &'a Settings,
+    stops: Stops,
+    /// Made for the first pass that is cut.
+    ground: OnceCell<Option<LaidGround>>,
+}
+
+impl<'a, W: Deref<Target = EdgeIndex>> PassCutter<'a, W> {
+    /// Of all the passes within some walls, which are only looked at where a pass is cut: they may
+    /// be made then.
+    pub fn new(passes: &'a [LayerPass], walls: W, settings: &'a Settings) -> PassCutter<'a, W> {
+        PassCutter {
+            passes,
+            walls,
+            settings,
+            stops: Stops::of(settings),
+            ground: OnceCell::new(),
+        }
+    }
+
+    /// The curves of a pass, made by `curves_of` of all of it or of as few pieces as will turn no
+    /// further than the nozzle may. Where some heading fits nowhere between the stops the pass stays
+    /// whole: the check of the joints' ranges then names the place.
+    pub fn curves(
+        &self,
+        pass: &LayerPass,
+        curves_of: impl Fn(&LayerPass) -> Vec<Vec<PlaneControl>>,
+    ) -> Vec<Vec<PlaneControl>> {
+        let slack_rad = self.settings.tolerances.heading_rad;
+        let mut curves = Vec::new();
+        for room_rad in ROOM_RAD {
+            let pieces = self.pieces(pass, room_rad);
+            curves = pieces.iter().flat_map(&curves_of).collect();
+            let mut turns = curves.iter().map(|curve: &Vec<PlaneControl>| {
+                let first_rad = curve[0][2];
+                curve.iter().fold([first_rad; 2], |[least, most], control| {
+                    [least.min(control[2]), most.max(control[2])]
+                })
+            });
+            if turns.all(|turns| self.stops.fit(turns, slack_rad)) {
+                break;
+            }
+        }
+        curves
+    }
+
+    /// The pass, or pieces of it that fit: of the fewest those for which least ground is laid twice.
+    fn pieces(&self, pass: &LayerPass, room_rad: f64) -> Vec<LayerPass> {
+        let headings: Vec<f64> = pass.placements.iter().map(|p| p.at.heading_rad).collect();
+        let Some(fits_from) = self.stops.fits_from(&headings, room_rad) else {
+            return vec![pass.clone()];
+        };
+        if fits_from.last().is_none_or(|&from| from == 0) {
+            return vec![pass.clone()];
+        }
+        let ground = self.ground.get_or_init(|| {
+            LaidGround::of_passes(self.passes, &self.walls, &self.settings.aperture)
+        });
+        let costs = ground.as_ref().map(|g| g.cuts_of(&pass.placements));
+        let cut_at = |cut: usize, begin_max: usize| {
+            let costs = costs.as_ref();
+            costs.map_or((0, cut), |costs| costs.cut(cut, begin_max))
+        };
+        let last = headings.len() - 1;
+        let cuts = cheapest_cuts(&fits_from, |cut| cut_at(cut, last).0);
+        let ends = cuts.iter().copied().chain([last]);
+        let begins = cuts.iter().zip(ends.clone().skip(1));
+        // A piece lies between two cuts at the least.
+        let begins = begins.map(|(&cut, end)| cut_at(cut, end - 1).1);
+        let pieces = [0].into_iter().chain(begins).zip(ends);
+        let pieces = pieces.map(|(begin, end)| LayerPass {
+            placements: pass.placements[begin..=end].to_vec(),
+            ..*pass
+        });
+        pieces.collect()
+    }
+}
+
+struct Stops {
+    range_rad: [f64; 2],
+    period_rad: f64,
+}
+
+impl Stops {
+    fn of(settings: &Settings) -> Stops {
+        Stops {
+            range_rad: heading_range(settings),
+            period_rad: settings.aperture.period_rad(),
+        }
+    }
+
+    /// True where headings from the least to the most fit between the stops, some periods away.
+    fn fit(&self, [least_rad, most_rad]: [f64; 2], room_rad: f64) -> bool {
+        let [low_rad, high_rad] = self.range_rad;
+        let first = ((low_rad + room_rad - least_rad) / self.period_rad).ceil();
+        let last = ((high_rad - room_rad - most_rad) / self.period_rad).floor();
+        first <= last
+    }
+
+    /// For each heading the first of those before it from which all up to it fit; `None` where one
+    /// does not fit with the one before it.
+    fn fits_from(&self, headings: &[f64], room_rad: f64) -> Option<Vec<usize>> {
+        // Headings that are the least, the most of all after them.
+        let (mut least, mut most) = (VecDeque::new(), VecDeque::new());
+        let (mut from, mut fits_from) = (0, Vec::with_capacity(headings.len()));
+        for (number, &heading_rad) in headings.iter().enumerate() {
+            for (ends, sign) in [(&mut least, 1.0), (&mut most, -1.0)] {
+                while ends
+                    .back()
+                    .is_some_and(|&end: &usize| sign * (headings[end] - heading_rad) >= 0.0)
+                {
+                    ends.pop_back();
+                }
+                ends.push_back(number);
+            }
+            while !self.fit([headings[least[0]], headings[most[0]]], room_rad) {
+                from += 1;
+                if from >= number.max(1) {
+                    return None;
+                }
+                for ends in [&mut least, &mut most] {
+                    while ends[0] < from {
+                        ends.pop_front();
+                    }
+                }
+            }
+            fits_from.push(from);
+        }
+        Some(fits_from)
+    }
+}
+
+/// Of the fewest cuts of a way those that cost least together. Pieces share the placement at a cut; one
+/// that ends with a placement begins at `fits_from` or later.
+fn cheapest_cuts(fits_from: &[usize], cost: impl Fn(usize) -> i64) -> Vec<usize> {
+    // For each placement the cuts and what they cost if there is one here, and where the one before
+    // it is.
+    let mut cut_at: Vec<(Reverse<(u32, i64)>, usize)> = vec![(Reverse((0, 0)), 0)];
+    let mut before: BinaryHeap<(Reverse<(u32, i64)>, usize)> = BinaryHeap::new();
+    for (number, &from) in fits_from.iter().enumerate().skip(1) {
+        before.push((cut_at[number - 1].0, number - 1));
+        while before.peek().is_some_and(|&(_, cut)| cut < from) {
+            before.pop();
+        }
+        let Some(&(Reverse((cuts, costs)), last)) = before.peek() else {
+            return Vec::new();
+        };
+        let own = cost(number);
+        cut_at.push((Reverse((cuts + 1, costs + own)), last));
+    }
+    let mut cuts = Vec::new();
+    let mut at = cut_at.last().map_or(0, |&(_, last)| last);
+    while at > 0 {
+        cuts.push(at);
+        at = cut_at[at].1;
+    }
+    cuts.reverse();
+    cuts
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::geometry::test_shapes::walls;
+    use crate::geometry::{Point2, Vector2};
+    use crate::plan::pass::test_passes::pass;
+
+    fn stops(low_deg: f64, high_deg: f64) -> Settings {
+        let mut settings = Settings::default();
+        settings.machine.joints[3].position_min = low_deg.to_radians();
+        settings.machine.joints[3].position_max = high_deg.to_radians();
+        settings
+    }
+
+    fn pieces(settings: &Settings, pass: &LayerPass) -> Vec<LayerPass> {
+        let walls = walls(&[&[[-9.0, -9.0], [9.0, -9.0], [9.0, 9.0], [-9.0, 9.0]]]);
+        let passes = std::slice::from_ref(pass);
+        PassCutter::new(passes, &walls, settings).pieces(pass, 0.1)
+    }
+
+    /// Goal: a pass is cut as seldom as the stops allow, and no piece begins far from where the one
+    /// before it ends. Method: a spiral of five turns under stops that let it turn by so much at most;
+    /// the least number of pieces by hand.
+    #[test]
+    fn pieces_turn_no_further_than_the_stops_allow() {
+        let center = Point2::origin();
+        let out = |i: u32| 3.0 + 0.004 * f64::from(i);
+        let angle = |i: u32| 0.3 + 0.025 * f64::from(i);
+        let places = (0..1256).map(|i| {
+            let (sin, cos) = angle(i).sin_cos();
+            (center + out(i) * Vector2::new(cos, sin), angle(i))
+        });
+        let spiral = pass(places, false);
+        let whole = pieces(&Settings::default(), &spiral);
+        assert_eq!(whole, std::slice::from_ref(&spiral));
+        // A piece fits for sure where it turns by 180° less than there is room, at most by all of it.
+        for stop_deg in [200.0, 360.0, 540.0, 990.0] {
+            let pieces = pieces(&stops(-stop_deg, stop_deg), &spiral);
+            let most_deg = 2.0 * (stop_deg - 0.1f64.to_degrees());
+            let least = (1800.0 / most_deg).ceil() as usize;
+            let surely = (1800.0 / (most_deg - 180.0 - 2.0)).ceil() as usize;
+            assert!((least..=surely).contains(&pieces.len()), "{}", pieces.len());
+            assert_eq!(pieces[0].placements[0], spiral.placements[0]);
+            let ends = [pieces.last(), Some(&spiral)].map(|p| p.and_then(|p| p.placements.last()));
+            assert_eq!(ends[0], ends[1]);
+            for pair in pieces.windows(2) {
+                let end = pair[0].placements.last().expect("an end").at;
+                let begin = pair[1].placements[0].at;
+                assert!(begin.heading_rad >= end.heading_rad);
+                // The aperture is 0.4 mm wide there, and the next lap lies over the gaps beside it.
+                assert!((begin.center - end.center).norm() < 0.4);
+            }
+            for piece in &pieces {
+                let headings = piece.placements.iter().map(|p| p.at.heading_rad);
+                let first_rad = piece.placements[0].at.heading_rad;
+                let [least, most] = headings.fold([first_rad; 2], |[least, most], heading| {
+                    [least.min(heading), most.max(heading)]
+                });
+                assert!((most - least).to_degrees() < most_deg);
+            }
+        }
+    }
+
+    /// Goal: what fits nowhere is left as it is. Method: stops 90° apart, headings across them.
+    #[test]
+    fn a_heading_beyond_all_stops_leaves_the_pass_whole() {
+        let places = (0..20).map(|i| (Point2::new(f64::from(i), 0.0), 0.2 * f64::from(i)));
+        let turning = pass(places, false);
+        assert_eq!(pieces(&stops(-45.0, 45.0), &turning), [turning]);
+    }
+
+    /// Goal: the fewest cuts, and of those the cheapest. Method: windows and costs by hand.
+    #[test]
+    fn the_cheapest_of_the_fewest_cuts_are_chosen() {
+        let cheapest = |room: usize, costs: &[i64]| {
+            let fits_from: Vec<usize> = (0..costs.len()).map(|i| i.saturating_sub(room)).collect();
+            cheapest_cuts(&fits_from, |cut| costs[cut])
+        };
+        assert_eq!(cheapest(9, &[5; 10]), [0usize; 0]);
+        assert_eq!(cheapest(6, &[9, 9, 9, 2, 9, 1, 9, 0, 9, 9]), [5]);
+        // After a cut at 1 the next is at 5 at the latest.
+        assert_eq!(cheapest(4, &[9, 0, 9, 4, 9, 9, 9, 3, 9, 9]), [3, 7]);
+        assert_eq!(cheapest(4, &[0; 0]), [0usize; 0]);
+    }
+}

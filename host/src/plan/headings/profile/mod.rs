@@ -1,0 +1,419 @@
+//! The heading along a run of contacts: dynamic programming over the feasible headings, continuous
+//! refinement, then the calmest profile in the corridor about what was found.
+//!
+//! The state is phi modulo the aperture's symmetry. Each contact and heading has one placement:
+//! tangent to the wall at the contact (centre = p + support point), slid off any other wall that
+//! it would cut. The cost of a placement is (e - wanted extent)² plus (slide)², per mm of wall;
+//! the cost of turning is lambda dphi² / ds. The best closed or open profile is found exactly over
+//! the bins (Viterbi), then refined between them. The corridor holds the headings that fit no worse
+//! than that by [`CORRIDOR_SHARE`]: broad where the extent hardly depends on the heading, narrow
+//! where it does.
+
+mod ahead;
+mod along;
+mod bins;
+mod corridor;
+mod pointwise;
+mod refine;
+
+pub use self::ahead::{Ahead, all_ahead};
+use self::along::Along;
+use self::bins::{closed_start, unwrap_bins, viterbi};
+use self::corridor::{Gate, Stiffness, calmest, calmest_closed};
+use self::refine::refine;
+use crate::geometry::Vector2;
+use crate::geometry::aperture::{Aperture, Turn};
+use crate::geometry::clearance::{Configuration, Turned, WallContact, contact_turned};
+use crate::geometry::edge_index::EdgeIndex;
+use crate::plan::pass::Contact;
+use crate::plan::pass::Placement;
+use rayon::prelude::*;
+
+/// Heading bins over the 180° of a symmetric aperture: 3° each, refined afterwards.
+const BINS: usize = 60;
+/// Weight of turning, mm²: from trials on real slices.
+const TURN_WEIGHT: f64 = 0.01;
+/// What tilting to the left of the normal costs beyond tilting to its right, mm²: both often fit
+/// alike, and neither rounding nor noise of some micrometres may choose, nor where along a straight
+/// wall the tilt changes over. More than this is felt where a side is short.
+const TILT_WEIGHT: f64 = 7e-5;
+/// Slides of one placement before it counts as infeasible.
+const SLIDES_MAX: usize = 4;
+/// Slide that an infeasible placement counts as, mm: far above any misfit.
+const INFEASIBLE_MM: f64 = 5.0;
+/// A placement may cut by this share of the aperture before the final push-off.
+const CUT_SHARE_MAX: f64 = 2e-3;
+/// What a heading of the corridor may miss the wanted extent by beyond the best one, against b:
+/// from trials, 0.004 mm for the default ellipse. Profiles of two outlines that differ by noise may
+/// lie at opposite walls of it: then their beads differ by four times as much.
+const CORRIDOR_SHARE: f64 = 0.02;
+/// The same where a profile is found again for slightly other extents: those add up from round to
+/// round as long as the headings lie still in the corridor, and a little noise decides for how long.
+const CORRIDOR_AGAIN_SHARE: f64 = 0.01;
+/// Steps in which the corridor is measured, and most of them to each side.
+const CORRIDOR_STEP_RAD: f64 = 0.03;
+const CORRIDOR_STEPS: usize = 20;
+/// Waves of the heading shorter than this are smoothed away within the corridor, against a.
+const CALM_WAVE: f64 = 16.0;
+/// How abruptly the corridor's walls hold the profile, as a wave length against a.
+const WALL_WAVE: f64 = 0.25;
+/// Way that turning by a radian counts as, against a: in corners the centre hardly moves.
+const SWING: f64 = 5.0;
+/// Least way between samples, against a: nearly one place, yet the bend stays finite.
+const WAY_MIN: f64 = 0.03;
+
+/// Rounds of smoothing: they halve the print time of turned corners for 0.1 % of coverage.
+const SMOOTHING_ROUNDS: usize = 6;
+
+struct Candidate {
+    at: Configuration,
+    cost: f64,
+    /// Extent less the wanted one.
+    misfit_mm: f64,
+    slide_mm: f64,
+    feasible: bool,
+}
+
+/// Finds the profile along `contacts`; `closed` where the last one meets the first.
+pub fn profile(
+    contacts: &[Contact],
+    closed: bool,
+    aperture: &Aperture,
+    walls: &EdgeIndex,
+) -> Vec<Placement> {
+    if contacts.is_empty() {
+        return Vec::new();
+    }
+    let period_rad = aperture.period_rad();
+    let bins = match (aperture.is_round(), period_rad > std::f64::consts::PI) {
+        (true, _) => 1,
+        (false, false) => BINS,
+        (false, true) => 2 * BINS,
+    };
+    let bin_rad = period_rad / bins as f64;
+    let ahead = all_ahead(contacts, aperture, walls);
+    let run = Run::new(contacts, closed, aperture, walls, &ahead);
+    let turns: Vec<Turn> = (0..bins).map(|bin| (bin as f64 * bin_rad).into()).collect();
+    let cost = |i: usize, turn: &Turn| run.place(i, *turn).cost as f32;
+    let costs: Vec<Vec<f32>> = (0..contacts.len())
+        .into_par_iter()
+        .map(|i| turns.iter().map(|turn| cost(i, turn)).collect())
+        .collect();
+    let steps = steps_mm(contacts, closed, aperture);
+    let start = if closed {
+        closed_start(&costs, &steps, bin_rad)
+    } else {
+        None
+    };
+    let chosen = viterbi(&costs, &steps, bin_rad, start);
+    let mut headings = unwrap_bins(&chosen, bins, bin_rad);
+    if !aperture.is_round() {
+        refine(&run, &steps, &mut headings);
+        calm(&run, &mut headings);
+    }
+    run.placements(&headings)
+}
+
+/// The profile that looks at each contact by itself.
+pub fn pointwise_profile(
+    contacts: &[Contact],
+    closed: bool,
+    aperture: &Aperture,
+    walls: &EdgeIndex,
+) -> Vec<Placement> {
+    let ahead = all_ahead(contacts, aperture, walls);
+    let run = Run::new(contacts, closed, aperture, walls, &ahead);
+    run.placements(&pointwise::pointwise(&run))
+}
+
+/// The profile again for contacts that want slightly other extents, starting from the headings of
+/// `before`; `ahead` is what lies ahead of them.
+pub fn refined(
+    contacts: &[Contact],
+    closed: bool,
+    before: &[Placement],
+    ahead: &[Ahead],
+    aperture: &Aperture,
+    walls: &EdgeIndex,
+) -> Vec<Placement> {
+    let mut headings: Vec<f64> = before.iter().map(|p| p.at.heading_rad).collect();
+    let run = Run {
+        corridor_share: CORRIDOR_AGAIN_SHARE,
+        ..Run::new(contacts, closed, aperture, walls, ahead)
+    };
+    if !aperture.is_round() && contacts.len() > 1 {
+        let steps = steps_mm(contacts, closed, aperture);
+        refine(&run, &steps, &mut headings);
+        calm(&run, &mut headings);
+    }
+    run.placements(&headings)
+}
+
+/// Replaces the headings by the calmest ones in the corridor about them.
+fn calm(run: &Run, headings: &mut [f64]) {
+    let (count, a) = (headings.len(), run.aperture.major_mm());
+    let lap = if run.closed {
+        lap_turn(headings, run.aperture.period_rad())
+    } else {
+        0.0
+    };
+    let before: Vec<(Configuration, [f64; 2])> = (0..count)
+        .into_par_iter()
+        .map(|i| {
+            let own = run.place(i, headings[i]);
+            (own.at, run.corridor(i, headings[i], &own))
+        })
+        .collect();
+    let gates: Vec<Gate> = (0..count)
+        .map(|i| {
+            let (own, range_rad) = before[i];
+            let next = before[(i + 1) % count].0;
+            let ahead = if i + 1 == count { lap } else { 0.0 };
+            let turn = (next.heading_rad + ahead - own.heading_rad).abs();
+            let way_mm = (next.center - own.center).norm() + SWING * a * turn;
+            Gate {
+                wanted_rad: 0.5 * (range_rad[0] + range_rad[1]),
+                range_rad,
+                way_mm: way_mm.max(WAY_MIN * a),
+            }
+        })
+        .collect();
+    let stiffness = Stiffness::of_waves(CALM_WAVE * a, WALL_WAVE * a);
+    let found = if run.closed {
+        calmest_closed(&gates, lap, stiffness)
+    } else {
+        calmest(&gates, stiffness)
+    };
+    headings
+        .par_iter_mut()
+        .enumerate()
+        .for_each(|(i, heading)| {
+            // The walls give a little: not where nothing fits beyond them.
+            let fits = run.place(i, found[i]).feasible;
+            let [low, high] = gates[i].range_rad;
+            *heading = if fits {
+                found[i]
+            } else {
+                found[i].clamp(low, high)
+            };
+        });
+}
+
+/// Smooths a run by rounds of [1 2 1] / 4 over centres and headings; the ends of an open one stay.
+pub fn smooth(placements: &mut [Placement], closed: bool, aperture: &Aperture) {
+    let count = placements.len();
+    if count < 4 {
+        return;
+    }
+    let headings: Vec<f64> = placements.iter().map(|p| p.at.heading_rad).collect();
+    let lap = if closed {
+        lap_turn(&headings, aperture.period_rad())
+    } else {
+        0.0
+    };
+    for _ in 0..SMOOTHING_ROUNDS {
+        let before: Vec<Configuration> = placements.iter().map(|p| p.at).collect();
+        for i in 0..count {
+            if !closed && (i == 0 || i + 1 == count) {
+                continue;
+            }
+            let own = before[i];
+            let (p, q) = (before[(i + count - 1) % count], before[(i + 1) % count]);
+            let back = if i == 0 { lap } else { 0.0 };
+            let ahead = if i + 1 == count { lap } else { 0.0 };
+            let sum = p.center.coords + own.center.coords * 2.0 + q.center.coords;
+            placements[i].at = Configuration {
+                center: (sum / 4.0).into(),
+                heading_rad: (p.heading_rad - back + 2.0 * own.heading_rad + q.heading_rad + ahead)
+                    / 4.0,
+            };
+        }
+    }
+}
+
+/// A run of contacts with what placing the aperture on them needs.
+struct Run<'a> {
+    contacts: &'a [Contact],
+    closed: bool,
+    aperture: &'a Aperture,
+    walls: &'a EdgeIndex,
+    along: Along<'a>,
+    /// For each contact what an aperture touching there may cut.
+    ahead: &'a [Ahead],
+    /// How wide the corridor is, against b.
+    corridor_share: f64,
+}
+
+impl<'a> Run<'a> {
+    fn new(
+        contacts: &'a [Contact],
+        closed: bool,
+        aperture: &'a Aperture,
+        walls: &'a EdgeIndex,
+        ahead: &'a [Ahead],
+    ) -> Run<'a> {
+        Run {
+            contacts,
+            closed,
+            aperture,
+            walls,
+            along: Along::new(contacts, closed),
+            ahead,
+            corridor_share: CORRIDOR_SHARE,
+        }
+    }
+
+    /// The placement of one contact at one heading, slid inside where it would cut a wall. A turned
+    /// aperture touches the inner side of its bead ahead of the contact or behind it: that is where
+    /// the width counts.
+    fn place(&self, i: usize, heading: impl Into<Turn>) -> Candidate {
+        let (c, aperture) = (&self.contacts[i], self.aperture);
+        let turn = heading.into();
+        let extent = aperture.extent_mm(turn, c.normal);
+        let along = Vector2::new(c.normal.y, -c.normal.x);
+        let support = aperture.support_point(turn, c.normal);
+        let (tangent, wanted) = if c.on_axis {
+            let center = aperture.center_on_axis(turn.heading_rad, c.point, c.normal);
+            // A tilted aperture touches the one wall ahead, the other behind: where the passage
+            // narrows or bends it stands beside the axis.
+            let ahead_mm = support.dot(&along);
+            let wall_mm = |side: f64| {
+                let along_mm = side * ahead_mm;
+                self.along.aside_mm(i, along_mm) + side * self.along.wanted_mm(i, along_mm)
+            };
+            let (far, near) = (wall_mm(1.0), wall_mm(-1.0));
+            (center + c.normal * (0.5 * (far + near)), 0.5 * (far - near))
+        } else {
+            let center = aperture.center_on_wall(turn, c.point, c.normal);
+            let ahead_mm = (center + support - c.point).dot(&along);
+            (center, self.along.wanted_mm(i, ahead_mm))
+        };
+        let at = Turned {
+            center: tangent,
+            turn,
+        };
+        let slid = match &self.ahead[i] {
+            Ahead::Clear { is_inside } => is_inside.then(|| at.into()),
+            Ahead::Edges(edges) => {
+                let cut = contact_turned(aperture, at, edges, 1.0);
+                slide_from(cut, at, aperture, self.walls, SLIDES_MAX, CUT_SHARE_MAX)
+            }
+        };
+        let misfit_mm = extent - wanted;
+        let slide_mm = slid.map_or(INFEASIBLE_MM, |s| (s.center - tangent).norm());
+        Candidate {
+            at: slid.unwrap_or(at.into()),
+            cost: (misfit_mm.powi(2) + slide_mm.powi(2) + tilt_cost(turn, c.normal))
+                * c.length_mm.max(0.01),
+            misfit_mm,
+            slide_mm,
+            feasible: slid.is_some(),
+        }
+    }
+
+    /// The headings about `heading_rad` that fit no worse than it by more than the tolerance, nor miss
+    /// to the other side.
+    fn corridor(&self, i: usize, heading_rad: f64, own: &Candidate) -> [f64; 2] {
+        let tolerance_mm = self.corridor_share * self.aperture.minor_mm();
+        let (least_mm, most_mm) = (own.misfit_mm.min(0.0), own.misfit_mm.max(0.0));
+        let worse_mm = |heading: f64| {
+            let found = self.place(i, heading);
+            let misfit_mm = (found.misfit_mm - most_mm).max(least_mm - found.misfit_mm);
+            misfit_mm.max(found.slide_mm - own.slide_mm)
+        };
+        [-1.0, 1.0].map(|way: f64| {
+            let (mut last, mut last_mm) = (0.0, 0.0);
+            for step in 1..=CORRIDOR_STEPS {
+                let next = way * CORRIDOR_STEP_RAD * step as f64;
+                let next_mm = worse_mm(heading_rad + next);
+                if next_mm > tolerance_mm {
+                    let share = (tolerance_mm - last_mm) / (next_mm - last_mm);
+                    return heading_rad + last + (next - last) * share;
+                }
+                (last, last_mm) = (next, next_mm);
+            }
+            heading_rad + last
+        })
+    }
+
+    fn placements(&self, headings: &[f64]) -> Vec<Placement> {
+        (0..self.contacts.len())
+            .into_par_iter()
+            .map(|i| {
+                let found = self.place(i, headings[i]);
+                Placement {
+                    at: found.at,
+                    feasible: found.feasible,
+                    contact: self.contacts[i],
+                }
+            })
+            .collect()
+    }
+}
+
+/// From 0 where the heading lies 45° to the right of the normal to [`TILT_WEIGHT`] at 45° to its
+/// left, smoothly.
+fn tilt_cost(turn: Turn, normal: Vector2) -> f64 {
+    let ahead = Vector2::new(turn.cos, turn.sin);
+    0.5 * TILT_WEIGHT * (1.0 + 2.0 * normal.perp(&ahead) * normal.dot(&ahead))
+}
+
+/// Slides a placement off the walls along their contact normals, at most `rounds` times, until it
+/// cuts no deeper than `cut_share`; `None` where that does not succeed or it is outside.
+pub fn slide_inside(
+    at: Configuration,
+    aperture: &Aperture,
+    walls: &EdgeIndex,
+    rounds: usize,
+    cut_share: f64,
+) -> Option<Configuration> {
+    let at = Turned::from(at);
+    let cut = contact_turned(aperture, at, walls, 1.0);
+    slide_from(cut, at, aperture, walls, rounds, cut_share)
+}
+
+/// The same where the first contact is known.
+fn slide_from(
+    first: Option<WallContact>,
+    at: Turned,
+    aperture: &Aperture,
+    walls: &EdgeIndex,
+    rounds: usize,
+    cut_share: f64,
+) -> Option<Configuration> {
+    let (mut at, mut found) = (at, first);
+    let cuts = |found: &WallContact| found.scaled < 1.0 - cut_share;
+    for _ in 0..rounds {
+        let Some(cut) = found.filter(cuts) else {
+            break;
+        };
+        at.center -= cut.outward * (cut.depth_mm + 1e-6);
+        found = contact_turned(aperture, at, walls, 1.0);
+    }
+    (!found.is_some_and(|found| cuts(&found)) && walls.contains(at.center)).then_some(at.into())
+}
+
+/// Distance that the turning between contact i and i + 1 can use, mm.
+fn steps_mm(contacts: &[Contact], closed: bool, aperture: &Aperture) -> Vec<f64> {
+    let count = contacts.len();
+    let swing = 0.5 * (aperture.major_mm() + aperture.minor_mm());
+    (0..if closed { count } else { count - 1 })
+        .map(|i| {
+            let (c, d) = (&contacts[i], &contacts[(i + 1) % count]);
+            let angle = c
+                .normal
+                .perp(&d.normal)
+                .atan2(c.normal.dot(&d.normal))
+                .abs();
+            ((d.point - c.point).norm() + swing * angle).max(0.01)
+        })
+        .collect()
+}
+
+/// The turn of a closed run over one lap: the multiple of the period that makes its ends meet.
+fn lap_turn(headings: &[f64], period_rad: f64) -> f64 {
+    let (Some(first), Some(last)) = (headings.first(), headings.last()) else {
+        return 0.0;
+    };
+    ((last - first) / period_rad).round() * period_rad
+}

@@ -1,0 +1,249 @@
+//! Darts: short excursions from a pass into what all passes together leave open.
+//!
+//! Corners, junctions of the medial axis and changes of the bead count leave small gaps that no
+//! channel fits. For each gap the placement with the largest gain is searched over position and
+//! heading ([`super::gap_raster`]); a placement of a pass nearby goes there and comes back, without
+//! an interruption of flow: the one from where the whole excursion gains most.
+
+use crate::geometry::aperture::Aperture;
+use crate::geometry::clearance::Configuration;
+use crate::geometry::edge_index::EdgeIndex;
+use crate::geometry::point_grid::ByPlace;
+use crate::plan::coverage::connections::{eased, inside_way};
+use crate::plan::coverage::gap_raster::{GapRaster, Ground};
+use crate::plan::pass::LayerPass;
+use crate::plan::pass::Placement;
+use crate::plan::pass::sweep::turn_to;
+use rayon::prelude::*;
+use std::collections::HashMap;
+
+/// Rounds of looking for gaps: a large one takes several excursions.
+const ROUNDS: usize = 40;
+/// Rounds in which the same gap is searched in vain.
+const TRIES: usize = 2;
+/// Least net gain of an excursion, against the aperture's area.
+const NET_SHARE_MIN: f64 = 0.01;
+/// Placements of the passes tried as the start of an excursion.
+const STARTS: usize = 24;
+/// Free ways that are compared.
+const WAYS: usize = 4;
+/// Longest excursion, against the major semi-axis.
+const REACH: f64 = 3.0;
+
+/// Gaps searched side by side: enough for any number of threads, and what they may cover fits the
+/// memory.
+const BATCH: usize = 64;
+
+/// Fills the gaps that `passes` leave in the region bounded by `walls`.
+pub fn fill_gaps(passes: &mut [LayerPass], aperture: &Aperture, walls: &EdgeIndex) {
+    if passes.iter().all(|pass| pass.placements.is_empty()) {
+        return;
+    }
+    let mut raster = GapRaster::of(passes, aperture, walls);
+    // How often nothing reached a gap (first cell, number of cells): some are searched once more,
+    // from what was added meanwhile.
+    let mut failures: HashMap<(u32, usize), usize> = HashMap::new();
+    for _ in 0..ROUNDS {
+        let starts = Starts::of(passes, aperture);
+        let is_open = |gap: &&Vec<u32>| {
+            failures
+                .get(&(gap[0], gap.len()))
+                .is_none_or(|&n| n < TRIES)
+        };
+        let gaps: Vec<Vec<u32>> = raster.gaps().iter().filter(is_open).cloned().collect();
+        let mut darts: Vec<Dart> = Vec::new();
+        for gaps in gaps.chunks(BATCH) {
+            let found: Vec<Vec<Dart>> = gaps
+                .par_iter()
+                .map(|gap| {
+                    let at = raster.best_placement(gap, aperture, walls);
+                    at.map_or(Vec::new(), |at| {
+                        starts.darts_to(at, &raster, passes, aperture, walls)
+                    })
+                })
+                .collect();
+            for (gap, ways) in gaps.iter().zip(found) {
+                // Excursions of this round may have closed the gap already.
+                if let Some(dart) = best_of(ways, &raster, aperture) {
+                    raster.cover(&dart.ground);
+                    darts.push(dart);
+                } else {
+                    *failures.entry((gap[0], gap.len())).or_default() += 1;
+                }
+            }
+        }
+        if darts.is_empty() {
+            return;
+        }
+        insert(passes, darts);
+        raster.update();
+    }
+}
+
+/// An excursion from a placement of a pass.
+struct Dart {
+    pass: usize,
+    after: usize,
+    /// Out and back, the start left out at the beginning and repeated at the end.
+    excursion: Vec<Configuration>,
+    ground: Ground,
+}
+
+/// The excursion with the largest net gain, if any is worth its way.
+fn best_of(darts: Vec<Dart>, raster: &GapRaster, aperture: &Aperture) -> Option<Dart> {
+    let mut best: Option<(f64, Dart)> = None;
+    for dart in darts {
+        let net = raster.net_mm2(&dart.ground);
+        let least = NET_SHARE_MIN * aperture.area_mm2();
+        if net > best.as_ref().map_or(least, |b| b.0) {
+            best = Some((net, dart));
+        }
+    }
+    best.map(|(_, dart)| dart)
+}
+
+/// Where excursions may start: the placements of all passes, by place.
+struct Starts {
+    reach_mm: f64,
+    /// Pass and placement.
+    index: ByPlace<(usize, usize)>,
+}
+
+impl Starts {
+    fn of(passes: &[LayerPass], aperture: &Aperture) -> Starts {
+        let reach_mm = REACH * aperture.major_mm();
+        let all = passes.iter().enumerate().flat_map(|(p, pass)| {
+            let placements = pass.placements.iter().enumerate();
+            placements.map(move |(i, placement)| (placement.at.center, (p, i)))
+        });
+        Starts {
+            reach_mm,
+            index: ByPlace::of(reach_mm, all),
+        }
+    }
+
+    /// The nearest placements from which `at` can be reached, the nearest first.
+    fn near(
+        &self,
+        at: Configuration,
+        passes: &[LayerPass],
+        aperture: &Aperture,
+    ) -> Vec<[usize; 2]> {
+        let swing = 0.5 * (aperture.major_mm() + aperture.minor_mm());
+        let mut found: Vec<(f64, usize, usize)> = Vec::new();
+        for &(p, i) in self.index.around(at.center) {
+            let start = passes[p].placements[i].at;
+            let apart = (start.center - at.center).norm();
+            if apart < self.reach_mm {
+                let turn = turn_to(aperture, start.heading_rad, at.heading_rad).abs();
+                found.push((apart + swing * turn, p, i));
+            }
+        }
+        found.sort_by(|s, t| s.0.total_cmp(&t.0).then((s.1, s.2).cmp(&(t.1, t.2))));
+        found.truncate(STARTS);
+        found.iter().map(|f| [f.1, f.2]).collect()
+    }
+
+    /// Excursions to `at` from the nearest starts that have a free way there.
+    fn darts_to(
+        &self,
+        at: Configuration,
+        raster: &GapRaster,
+        passes: &[LayerPass],
+        aperture: &Aperture,
+        walls: &EdgeIndex,
+    ) -> Vec<Dart> {
+        let starts = self.near(at, passes, aperture).into_iter();
+        let darts = starts.filter_map(|[pass, after]| {
+            let from = passes[pass].placements[after].at;
+            let out = inside_way(eased(from, at, aperture), aperture, walls)?;
+            let back = out.iter().rev().skip(1).copied();
+            let excursion: Vec<Configuration> =
+                out.iter().copied().chain(back).chain([from]).collect();
+            Some(Dart {
+                pass,
+                after,
+                ground: raster.ground(&passes[pass], after, &excursion, aperture),
+                excursion,
+            })
+        });
+        darts.take(WAYS).collect()
+    }
+}
+
+/// Inserts the excursions behind their placements, last first so that the numbers stay right.
+fn insert(passes: &mut [LayerPass], mut darts: Vec<Dart>) {
+    darts.sort_by_key(|d| std::cmp::Reverse((d.pass, d.after)));
+    for dart in darts {
+        let placements = &mut passes[dart.pass].placements;
+        let contact = placements[dart.after].contact;
+        let excursion = dart.excursion.into_iter().map(|at| Placement {
+            at,
+            feasible: true,
+            contact,
+        });
+        placements.splice(dart.after + 1..dart.after + 1, excursion);
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::geometry::clearance::is_inside;
+    use crate::geometry::test_shapes::{self, ELLIPSE as APERTURE};
+    use crate::plan::pass::test_passes::run;
+
+    fn walls(width: f64, height: f64) -> EdgeIndex {
+        test_shapes::walls(&[&[[0.0, 0.0], [width, 0.0], [width, height], [0.0, height]]])
+    }
+
+    /// A pass along y = 0.6 with the major axis across the travel: it covers y up to 1.2.
+    fn pass(length: f64) -> LayerPass {
+        run([0.3, 0.6], [length - 0.3, 0.6])
+    }
+
+    fn covered_pct(passes: &[LayerPass], walls: &EdgeIndex) -> f64 {
+        GapRaster::of(passes, &APERTURE, walls).covered_pct()
+    }
+
+    /// Goal: a strip beside the pass is filled, every pose stays inside, and the path goes on
+    /// without a jump from where it left. Method: a 6 x 1.5 mm bar whose pass covers 1.2 mm.
+    #[test]
+    fn a_strip_is_filled_by_excursions() {
+        let walls = walls(6.0, 1.5);
+        let mut passes = vec![pass(6.0)];
+        let before = covered_pct(&passes, &walls);
+        let original = passes[0].placements.clone();
+        fill_gaps(&mut passes, &APERTURE, &walls);
+        let after = covered_pct(&passes, &walls);
+        assert!(after > before + 8.0, "{before} {after}");
+        let placements = &passes[0].placements;
+        for pair in placements.windows(2) {
+            assert!((pair[1].at.center - pair[0].at.center).norm() < 0.25);
+            assert!((pair[1].at.heading_rad - pair[0].at.heading_rad).abs() < 0.4);
+        }
+        for placement in placements {
+            assert!(is_inside(&APERTURE, placement.at, &walls, -2e-3));
+        }
+        // What was there before is there still, in the same order.
+        let mut left = original.iter().peekable();
+        for placement in placements {
+            if left.peek().is_some_and(|o| o.at == placement.at) {
+                left.next();
+            }
+        }
+        assert!(left.next().is_none());
+    }
+
+    /// Goal: nothing is added where nothing is open. Method: a bar as wide as the bead, its ends
+    /// left out of reach by less than the least gap.
+    #[test]
+    fn a_full_bar_stays_as_it_is() {
+        let walls = walls(3.0, 1.2);
+        let mut passes = vec![pass(3.0)];
+        fill_gaps(&mut passes, &APERTURE, &walls);
+        let count = passes[0].placements.len();
+        fill_gaps(&mut passes, &APERTURE, &walls);
+        assert_eq!(passes[0].placements.len(), count);
+    }
+}

@@ -1,0 +1,191 @@
+//! Links: passes that follow each other closely become one, without an interruption of flow.
+//!
+//! Where the straight way from the end of a pass to the start of the next one is short and stays
+//! inside the region, the head goes on printing there: neighbouring loops become a spiral. What
+//! the way covers lies between the two ends, which the seams left open.
+
+use crate::geometry::Point2;
+use crate::geometry::aperture::Aperture;
+use crate::geometry::clearance::Configuration;
+use crate::geometry::edge_index::EdgeIndex;
+use crate::geometry::point_grid::ByPlace;
+use crate::plan::coverage::connections::bent_way;
+use crate::plan::coverage::nearby_passes::Beads;
+use crate::plan::pass::{LayerPass, PassKind, Placement};
+use std::collections::BTreeMap;
+
+/// Longest link, against a: neighbouring beads lie up to 2a apart, and where one crosses, ends are cut
+/// back on either side of it.
+pub const LENGTH_SHARE: f64 = 3.6;
+/// The same between two lines of an infill, whose ends lie far apart along a wall at a low angle.
+const LINE_LENGTH_SHARE: f64 = 10.0;
+/// Most ground of other beads that a link covers again, against the aperture's area.
+const AGAIN_SHARE_MAX: f64 = 2.0;
+/// Path at either end whose ground a link may cover, against a.
+const OWN_SHARE: f64 = 2.0;
+/// Largest turn of the heading on a link or a bridge, rad.
+pub const TURN_MAX_RAD: f64 = 2.0;
+
+/// Joins passes in printing order where a link is possible.
+pub fn linked(passes: Vec<LayerPass>, aperture: &Aperture, walls: &EdgeIndex) -> Vec<LayerPass> {
+    let beads = Beads::of(&passes, aperture);
+    let mut result: Vec<LayerPass> = Vec::with_capacity(passes.len());
+    for mut next in passes {
+        let before = result.last().map(Directed::ahead);
+        let link = before.and_then(|before| link(before, Directed::ahead(&next), &beads, walls));
+        let (Some(before), Some((link, _))) = (result.last_mut(), link) else {
+            result.push(next);
+            continue;
+        };
+        // Headings go on unwrapped: the next pass is turned by whole periods.
+        let (Some(end), Some(start)) = (link.last(), next.placements.first()) else {
+            continue;
+        };
+        let turned = end.at.heading_rad - start.at.heading_rad;
+        for placement in &mut next.placements {
+            placement.at.heading_rad += turned;
+        }
+        before.placements.extend(link);
+        before.placements.extend(next.placements);
+    }
+    result
+}
+
+/// A pass as it is gone along.
+#[derive(Clone, Copy)]
+pub struct Directed<'a> {
+    /// The pass.
+    pub pass: &'a LayerPass,
+    /// From its last placement to its first.
+    pub backwards: bool,
+}
+
+impl<'a> Directed<'a> {
+    /// The pass from its first placement to its last.
+    fn ahead(pass: &'a LayerPass) -> Directed<'a> {
+        Directed {
+            pass,
+            backwards: false,
+        }
+    }
+
+    fn placements(self) -> impl DoubleEndedIterator<Item = &'a Placement> {
+        let all = &self.pass.placements;
+        let number = move |k| {
+            if self.backwards { all.len() - 1 - k } else { k }
+        };
+        (0..all.len()).map(move |k| &all[number(k)])
+    }
+}
+
+/// The placements between the end of one pass and the start of the next, that start included, and
+/// the ground of other beads that they cover again, mm².
+pub fn link(
+    before: Directed,
+    next: Directed,
+    beads: &Beads,
+    walls: &EdgeIndex,
+) -> Option<(Vec<Placement>, f64)> {
+    let aperture = *beads.aperture();
+    let (end, start) = (before.placements().next_back()?, next.placements().next()?);
+    let length_mm = (start.at.center - end.at.center).norm();
+    let lines = [before, next]
+        .iter()
+        .all(|d| d.pass.kind == PassKind::Infill);
+    let share = if lines {
+        LINE_LENGTH_SHARE
+    } else {
+        LENGTH_SHARE
+    };
+    if length_mm > share * aperture.major_mm() {
+        return None;
+    }
+    let way = bent_way(end.at, start.at, TURN_MAX_RAD, &aperture, walls)?;
+    let reach_mm = OWN_SHARE * aperture.major_mm();
+    let own_end = stretch(before.placements().rev(), reach_mm);
+    let own_start = stretch(next.placements(), reach_mm);
+    let again_mm2 = beads.again_mm2([own_end, own_start], &way);
+    if !lines && again_mm2 > AGAIN_SHARE_MAX * aperture.area_mm2() {
+        return None;
+    }
+    let placement = |at| Placement {
+        at,
+        feasible: true,
+        contact: end.contact,
+    };
+    Some((way.into_iter().map(placement).collect(), again_mm2))
+}
+
+/// The nearest placement of each pass from number `first` on in `index` (pass and placement) within
+/// `reach_mm` of a place: pass, placement, and how far away it is in whole nanometres.
+pub fn nearest_of_each(
+    index: &ByPlace<(usize, usize)>,
+    passes: &[LayerPass],
+    first: usize,
+    place: Point2,
+    reach_mm: f64,
+) -> impl Iterator<Item = (usize, usize, f64)> {
+    let mut nearest: BTreeMap<usize, (f64, usize)> = BTreeMap::new();
+    for &(number, i) in index.around(place).filter(|(number, _)| *number >= first) {
+        let apart_mm = (passes[number].placements[i].at.center - place).norm();
+        // Straight passes are equally far apart all along: rounding must not choose.
+        let found = ((apart_mm * 1e6).round(), i);
+        let best = nearest.entry(number).or_insert(found);
+        if found < *best {
+            *best = found;
+        }
+    }
+    let all = nearest.into_iter().map(|(n, (apart, i))| (n, i, apart));
+    all.filter(move |(_, _, apart)| *apart < 1e6 * reach_mm)
+}
+
+/// The first placements, as far as `length_mm` of path.
+fn stretch<'a>(
+    placements: impl Iterator<Item = &'a Placement>,
+    length_mm: f64,
+) -> Vec<Configuration> {
+    let mut found: Vec<Configuration> = Vec::new();
+    let mut left_mm = length_mm;
+    for placement in placements {
+        if let Some(last) = found.last() {
+            left_mm -= (placement.at.center - last.center).norm();
+        }
+        if left_mm < 0.0 {
+            break;
+        }
+        found.push(placement.at);
+    }
+    found
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::geometry::test_shapes::{ELLIPSE as APERTURE, walls};
+    use crate::plan::pass::test_passes::run;
+
+    const BOX: &[[f64; 2]] = &[[-5.0, -5.0], [5.0, -5.0], [5.0, 5.0], [-5.0, 5.0]];
+    const SLIT: &[[f64; 2]] = &[[-4.0, 0.59], [-4.0, 0.61], [4.0, 0.61], [4.0, 0.59]];
+
+    /// Goal: neighbours become one pass whose heading goes on without a turn of 180°, but not
+    /// through a wall, nor over a long way. Method: two runs 1.2 mm apart, there and back.
+    #[test]
+    fn neighbours_are_linked_where_the_way_is_free() {
+        let there = run([-3.0, 0.0], [3.0, 0.0]);
+        let back = run([3.0, 1.2], [-3.0, 1.2]);
+        let joined = linked(vec![there.clone(), back.clone()], &APERTURE, &walls(&[BOX]));
+        assert_eq!(joined.len(), 1);
+        for pair in joined[0].placements.windows(2) {
+            assert!((pair[1].at.center - pair[0].at.center).norm() < 0.25);
+            assert!((pair[1].at.heading_rad - pair[0].at.heading_rad).abs() < 1e-9);
+        }
+        let apart = linked(vec![there.clone(), back], &APERTURE, &walls(&[BOX, SLIT]));
+        assert_eq!(apart.len(), 2);
+        let far = linked(
+            vec![there, run([3.0, 3.0], [-3.0, 3.0])],
+            &APERTURE,
+            &walls(&[BOX]),
+        );
+        assert_eq!(far.len(), 2);
+    }
+}

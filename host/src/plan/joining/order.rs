@@ -1,0 +1,337 @@
+//! In which order, from where and in which direction the passes of a layer are printed.
+//!
+//! Greedy nearest neighbour over both ends of open passes and all places of closed ones, then
+//! 2-opt on the order with bounded rounds. Travel counts, and that a way too long for a link
+//! interrupts the flow; not so the way to the first pass, which comes after travel anyway.
+
+use crate::geometry::aperture::Aperture;
+use crate::geometry::clearance::Configuration;
+use crate::geometry::{Point2, Vector2};
+use crate::plan::joining::links::LENGTH_SHARE;
+use crate::plan::pass::LayerPass;
+
+/// Places tried as the start of a closed pass.
+const STARTS_MAX: usize = 512;
+/// Passes above this number are ordered greedily only: 2-opt is quadratic.
+const TWO_OPT_MAX: usize = 60;
+/// Rounds of 2-opt.
+const TWO_OPT_ROUNDS: usize = 8;
+
+/// Orders, turns and rotates the passes, and opens the closed ones at their seams; `from` is where
+/// the head is. Same passes out as in.
+pub fn ordered(passes: Vec<LayerPass>, from: Point2, aperture: &Aperture) -> Vec<LayerPass> {
+    let period_rad = aperture.period_rad();
+    let doors: Vec<Doors> = passes
+        .iter()
+        .map(|pass| Doors::of(pass, period_rad))
+        .collect();
+    let link_mm = LENGTH_SHARE * aperture.major_mm();
+    let order = two_opt(&doors, greedy(&doors, from), from, link_mm);
+    let mut position = from;
+    let mut slots: Vec<Option<LayerPass>> = passes.into_iter().map(Some).collect();
+    let mut result = Vec::with_capacity(order.len());
+    for number in order {
+        let Some(pass) = slots[number].take() else {
+            continue;
+        };
+        let start = doors[number].nearest(position).1.map_or(0, |d| d.start);
+        let placed = opened(started_at(pass, start, period_rad), aperture);
+        if let Some(last) = placed.placements.last() {
+            position = last.at.center;
+        }
+        result.push(placed);
+    }
+    result
+}
+
+/// Nearest pass first.
+fn greedy(doors: &[Doors], from: Point2) -> Vec<usize> {
+    let mut left: Vec<usize> = (0..doors.len()).collect();
+    let mut order = Vec::with_capacity(doors.len());
+    let mut position = from;
+    while !left.is_empty() {
+        let (mut slot, mut best) = (0, f64::INFINITY);
+        for (i, &number) in left.iter().enumerate() {
+            let (found, _) = doors[number].nearest(position);
+            if found < best {
+                (slot, best) = (i, found);
+            }
+        }
+        let number = left.remove(slot);
+        (position, _) = doors[number].passed(position);
+        order.push(number);
+    }
+    order
+}
+
+/// A placement at which a pass may be entered.
+struct Door {
+    start: usize,
+    place: Point2,
+    /// Where the head is after the pass.
+    exit: Point2,
+}
+
+/// All of a pass, found once: it is asked for them over and over.
+struct Doors(Vec<Door>);
+
+impl Doors {
+    /// The ends of an open pass, the calm places of a closed one.
+    fn of(pass: &LayerPass, period_rad: f64) -> Doors {
+        let count = pass.placements.len();
+        let numbers: Vec<usize> = if pass.closed {
+            let stride = count.div_ceil(STARTS_MAX).max(1);
+            let all = || (0..count).step_by(stride);
+            let calm: Vec<usize> = all().filter(|&i| is_calm(pass, i, period_rad)).collect();
+            if calm.is_empty() {
+                all().collect()
+            } else {
+                calm
+            }
+        } else {
+            vec![0, count - 1]
+        };
+        let place = |i: usize| pass.placements[i].at.center;
+        let door = |start: usize| Door {
+            start,
+            place: place(start),
+            exit: place(if pass.closed {
+                start
+            } else {
+                count - 1 - start
+            }),
+        };
+        Doors(numbers.into_iter().map(door).collect())
+    }
+
+    /// The nearest door, and how far away it is.
+    fn nearest(&self, from: Point2) -> (f64, Option<&Door>) {
+        let (mut best, mut least2) = ((f64::INFINITY, None), f64::INFINITY);
+        for door in &self.0 {
+            let distance2 = (door.place - from).norm_squared();
+            // The root only where it can be the least.
+            if distance2 < least2 && distance2.sqrt() < best.0 {
+                (best, least2) = ((distance2.sqrt(), Some(door)), distance2);
+            }
+        }
+        best
+    }
+
+    /// Where the head is after the pass, entered from `from`, and how far it goes there.
+    fn passed(&self, from: Point2) -> (Point2, f64) {
+        let (distance, door) = self.nearest(from);
+        (door.map_or(from, |door| door.exit), distance)
+    }
+}
+
+/// True where wall and heading hardly turn around placement `i`: a seam closes well there, and
+/// badly in a corner.
+fn is_calm(pass: &LayerPass, i: usize, period_rad: f64) -> bool {
+    let count = pass.placements.len();
+    let own = &pass.placements[i];
+    [CALM_WINDOW / 2, CALM_WINDOW].iter().all(|&n| {
+        [(i + n) % count, (i + count - n % count) % count]
+            .iter()
+            .all(|&j| {
+                let other = &pass.placements[j];
+                let turn = (other.at.heading_rad - own.at.heading_rad).rem_euclid(period_rad);
+                own.contact.normal.dot(&other.contact.normal) > CALM_COS
+                    && turn.min(period_rad - turn) < CALM_TURN_RAD
+            })
+    })
+}
+
+/// Placements to each side that must be calm: about one aperture.
+const CALM_WINDOW: usize = 8;
+/// Cosine of the largest turn of the wall normal.
+const CALM_COS: f64 = 0.985;
+/// Largest turn of the heading.
+const CALM_TURN_RAD: f64 = 0.3;
+
+/// An order as far as it has been gone through.
+#[derive(Clone, Copy)]
+struct Progress {
+    /// Where the head is.
+    at: Point2,
+    /// Travel, and what interruptions count as, mm.
+    cost_mm: f64,
+    /// Passes before.
+    passed: usize,
+    /// Longest way that may be a link, mm.
+    link_mm: f64,
+}
+
+impl Progress {
+    /// Goes on to a pass and along it.
+    fn on(self, doors: &Doors) -> Progress {
+        let (at, way_mm) = doors.passed(self.at);
+        let interrupts = self.passed > 0 && way_mm > self.link_mm;
+        let interruption_mm = if interrupts { INTERRUPTION_MM } else { 0.0 };
+        Progress {
+            at,
+            cost_mm: self.cost_mm + way_mm + interruption_mm,
+            passed: self.passed + 1,
+            ..self
+        }
+    }
+
+    /// What an order costs from here on, mm; no further than to `most_mm`.
+    fn cost_mm(self, doors: &[Doors], order: &[usize], most_mm: f64) -> f64 {
+        let mut progress = self;
+        for &number in order {
+            progress = progress.on(&doors[number]);
+            if progress.cost_mm >= most_mm {
+                break;
+            }
+        }
+        progress.cost_mm
+    }
+}
+
+/// What an interruption of flow counts as: retraction, priming and their time.
+const INTERRUPTION_MM: f64 = 50.0;
+
+/// Reverses stretches of the order while that makes it cheaper.
+fn two_opt(doors: &[Doors], order: Vec<usize>, from: Point2, link_mm: f64) -> Vec<usize> {
+    let count = order.len();
+    if !(2..=TWO_OPT_MAX).contains(&count) {
+        return order;
+    }
+    let mut order = order;
+    let start = Progress {
+        at: from,
+        cost_mm: 0.0,
+        passed: 0,
+        link_mm,
+    };
+    let mut best = start.cost_mm(doors, &order, f64::INFINITY);
+    for _ in 0..TWO_OPT_ROUNDS {
+        let before = best;
+        // Up to pass i.
+        let mut so_far = start;
+        for i in 0..count - 1 {
+            for j in i + 1..count {
+                order[i..=j].reverse();
+                let found = so_far.cost_mm(doors, &order[i..], best);
+                if found + 1e-9 < best {
+                    best = found;
+                } else {
+                    order[i..=j].reverse();
+                }
+            }
+            so_far = so_far.on(&doors[order[i]]);
+        }
+        if best >= before {
+            break;
+        }
+    }
+    order
+}
+
+/// The pass turned or rotated so that it starts at placement `start`, one of its doors.
+fn started_at(pass: LayerPass, start: usize, period_rad: f64) -> LayerPass {
+    if pass.closed {
+        return rotated(pass, start, period_rad);
+    }
+    let mut pass = pass;
+    if start > 0 {
+        pass.placements.reverse();
+    }
+    pass
+}
+
+/// A closed pass that starts at placement `start`.
+pub fn rotated(mut pass: LayerPass, start: usize, period_rad: f64) -> LayerPass {
+    // Headings stay unwrapped over the seam: what moves to the end is turned by the whole lap.
+    let count = pass.placements.len();
+    let lap = lap_rad(&pass, period_rad);
+    pass.placements.rotate_left(start);
+    for placement in &mut pass.placements[count - start..] {
+        placement.at.heading_rad += lap;
+    }
+    pass
+}
+
+/// The turn of a closed pass over one lap: the multiple of the period that makes its ends meet.
+fn lap_rad(pass: &LayerPass, period_rad: f64) -> f64 {
+    let first = pass.placements[0].at.heading_rad;
+    let last = pass.placements[pass.placements.len() - 1].at.heading_rad;
+    ((last - first) / period_rad).round() * period_rad
+}
+
+/// How far before its start a closed run ends, against the aperture's extent along the travel:
+/// what the two ends then overlap about equals what they leave open.
+const SEAM_SHARE: f64 = 1.4;
+/// Least placements that the cut at the seam leaves.
+const OPENED_MIN: usize = 6;
+
+/// A closed pass as an open one that ends a little short of its start.
+pub fn opened(mut pass: LayerPass, aperture: &Aperture) -> LayerPass {
+    let was_closed = std::mem::replace(&mut pass.closed, false);
+    if !was_closed || pass.placements.len() < OPENED_MIN {
+        return pass;
+    }
+    let lap = lap_rad(&pass, aperture.period_rad());
+    let placements = &mut pass.placements;
+    let first = placements[0];
+    let mut end = first;
+    end.at.heading_rad += lap;
+    placements.push(end);
+    let along = (placements[2].at.center - first.at.center)
+        .try_normalize(1e-12)
+        .unwrap_or(Vector2::x());
+    let mut left = SEAM_SHARE * aperture.extent_mm(first.at.heading_rad, along);
+    while placements.len() > OPENED_MIN {
+        let n = placements.len();
+        let (last, before) = (placements[n - 1].at, placements[n - 2].at);
+        let step = (last.center - before.center).norm();
+        if step > left {
+            let t = left / step;
+            placements[n - 1].at = Configuration {
+                center: last.center + (before.center - last.center) * t,
+                heading_rad: last.heading_rad + (before.heading_rad - last.heading_rad) * t,
+            };
+            break;
+        }
+        left -= step;
+        placements.pop();
+    }
+    pass
+}
+
+/// Regions by nearest centre, starting from `from`.
+pub fn region_order(centers: &[Point2], from: Point2) -> Vec<usize> {
+    let mut left: Vec<usize> = (0..centers.len()).collect();
+    let mut position = from;
+    let mut order = Vec::with_capacity(centers.len());
+    while !left.is_empty() {
+        let distance = |slot: &usize| (centers[left[*slot]] - position).norm_squared();
+        let slot = (0..left.len()).fold(0, |b, s| if distance(&s) < distance(&b) { s } else { b });
+        let number = left.remove(slot);
+        position = centers[number];
+        order.push(number);
+    }
+    order
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::geometry::test_shapes::ELLIPSE as APERTURE;
+    use crate::plan::pass::test_passes::arc;
+    use std::f64::consts::TAU;
+
+    /// Goal: the order leaves few ways too long for a link, even where the nearest pass first would.
+    /// Method: a ring of 8 mm, a small one 1 mm inside it at its far side; the head comes from beside
+    /// the large one. Nearest first begins and ends there, 14 mm from the small one.
+    #[test]
+    fn a_pass_begins_where_it_can_be_linked() {
+        let large = arc(Point2::origin(), 8.0, 0.0, TAU);
+        let small = arc(Point2::new(6.7, 0.0), 0.3, 0.0, TAU);
+        let found = ordered(vec![large, small], Point2::new(-10.0, 0.0), &APERTURE);
+        let end = found[0].placements[found[0].placements.len() - 1].at.center;
+        let way_mm = (found[1].placements[0].at.center - end).norm();
+        assert!(way_mm < LENGTH_SHARE * APERTURE.major_mm(), "{way_mm}");
+        assert!(found[0].length_mm() < 2.0, "the small one first");
+    }
+}

@@ -1,0 +1,160 @@
+//! Where loops begin and end: anywhere near, aligned along a direction, or in their sharpest corner.
+//!
+//! A chosen seam is fixed before the order is: the loop is opened there, and the order may only
+//! choose the way round. Loops that have no corner keep the nearest place.
+
+use crate::geometry::Vector2;
+use crate::geometry::aperture::Aperture;
+use crate::plan::joining::order::{opened, rotated};
+use crate::plan::pass::LayerPass;
+use crate::settings::{Seam, SeamPlace};
+
+/// Least turn of the wall that counts as a corner, rad.
+const CORNER_RAD: f64 = 0.35;
+/// Length of wall to each side of a placement over which its turn is taken, against b: a corner's
+/// smoothed normals and its fan lie within.
+const WINDOW_SHARE: f64 = 1.5;
+
+/// The pass opened where its seam is to be; untouched where the order chooses, and where it is open.
+pub fn with_seam(pass: LayerPass, seam: &Seam, aperture: &Aperture) -> LayerPass {
+    if !pass.closed {
+        return pass;
+    }
+    let place = match seam.place {
+        SeamPlace::Nearest => None,
+        SeamPlace::Aligned => farthest(&pass, seam.direction_rad),
+        SeamPlace::Sharpest => sharpest(&pass, WINDOW_SHARE * aperture.minor_mm()),
+    };
+    match place {
+        Some(start) => opened(rotated(pass, start, aperture.period_rad()), aperture),
+        None => pass,
+    }
+}
+
+/// The placement whose contact lies farthest along a direction.
+fn farthest(pass: &LayerPass, direction_rad: f64) -> Option<usize> {
+    let direction = Vector2::new(direction_rad.cos(), direction_rad.sin());
+    let along_mm = |i: &usize| pass.placements[*i].contact.point.coords.dot(&direction);
+    // The first of several that lie equally far.
+    (0..pass.placements.len()).min_by(|i, j| along_mm(j).total_cmp(&along_mm(i)))
+}
+
+/// The placement about which the wall turns most; `None` where it turns nowhere.
+fn sharpest(pass: &LayerPass, window_mm: f64) -> Option<usize> {
+    let turns: Vec<f64> = (0..pass.placements.len())
+        .map(|i| turn_rad(pass, i, window_mm))
+        .collect();
+    let most = (0..turns.len()).min_by(|&i, &j| turns[j].total_cmp(&turns[i]))?;
+    if turns[most] < CORNER_RAD {
+        return None;
+    }
+    // Windows that hold the whole corner agree but for rounding: the middle one of them.
+    let top = |i: usize| turns[i % turns.len()] > turns[most] - 1e-3;
+    let run = (1..turns.len()).take_while(|&k| top(most + k)).count();
+    Some((most + run / 2) % turns.len())
+}
+
+/// How far the wall turns between `window_mm` before and after placement `i`.
+fn turn_rad(pass: &LayerPass, i: usize, window_mm: f64) -> f64 {
+    let count = pass.placements.len();
+    let contact = |k: usize| &pass.placements[k % count].contact;
+    let reach = |step: &dyn Fn(usize) -> usize| {
+        let mut walked_mm = 0.0;
+        let mut at = i;
+        for k in 1..count {
+            let next = step(k);
+            walked_mm += 0.5 * (contact(at).length_mm + contact(next).length_mm);
+            if walked_mm > window_mm {
+                break;
+            }
+            at = next;
+        }
+        contact(at).normal
+    };
+    let (before, after) = (reach(&|k| i + count - k), reach(&|k| i + k));
+    before.perp(&after).atan2(before.dot(&after)).abs()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::geometry::Point2;
+    use crate::geometry::test_shapes::{ELLIPSE, ring, walls};
+    use crate::plan::beads::passes::Lengths;
+    use crate::plan::headings::contacts::wall_contacts;
+    use crate::plan::headings::profile::profile;
+    use crate::plan::pass::PassKind;
+
+    fn wall_loop(points: &[[f64; 2]]) -> LayerPass {
+        let mut contacts = wall_contacts(&ring(points), Lengths::of(&ELLIPSE).spacing());
+        for contact in &mut contacts {
+            contact.extent_mm = 0.5;
+        }
+        let walls = walls(&[points]);
+        LayerPass {
+            kind: PassKind::TwoPass,
+            channel: 1,
+            closed: true,
+            placements: profile(&contacts, true, &ELLIPSE, &walls),
+        }
+    }
+
+    fn start_of(pass: LayerPass, place: SeamPlace, direction_deg: f64) -> Option<Point2> {
+        let seam = Seam {
+            place,
+            direction_rad: direction_deg.to_radians(),
+        };
+        let placed = with_seam(pass, &seam, &ELLIPSE);
+        (!placed.closed).then(|| placed.placements[0].contact.point)
+    }
+
+    /// Goal: seams lie in the sharpest corner, or farthest along the direction; a circle has no
+    /// corner. Method: a kite with one corner of about 53°, an L with a reflex corner of 90°, whose
+    /// other corners are cut off at 45°; positions by hand.
+    #[test]
+    fn seams_lie_where_they_are_asked_for() {
+        let kite = wall_loop(&[[0.0, 0.0], [8.0, -4.0], [11.0, 0.0], [8.0, 4.0]]);
+        let at = start_of(kite.clone(), SeamPlace::Sharpest, 0.0).expect("a corner");
+        assert!((at - Point2::origin()).norm() < 0.4, "{at}");
+        let at = start_of(kite.clone(), SeamPlace::Aligned, 0.0).expect("a place");
+        assert!((at - Point2::new(11.0, 0.0)).norm() < 0.2, "{at}");
+        let at = start_of(kite.clone(), SeamPlace::Aligned, 90.0).expect("a place");
+        assert!((at - Point2::new(8.0, 4.0)).norm() < 0.2, "{at}");
+        assert_eq!(start_of(kite, SeamPlace::Nearest, 0.0), None);
+        let l = wall_loop(&[
+            [1.0, 0.0],
+            [9.0, 0.0],
+            [10.0, 1.0],
+            [10.0, 3.0],
+            [9.0, 4.0],
+            [4.0, 4.0],
+            [4.0, 9.0],
+            [3.0, 10.0],
+            [1.0, 10.0],
+            [0.0, 9.0],
+            [0.0, 1.0],
+        ]);
+        let at = start_of(l, SeamPlace::Sharpest, 0.0).expect("a corner");
+        assert!((at - Point2::new(4.0, 4.0)).norm() < 0.2, "{at}");
+        let circle: Vec<[f64; 2]> = (0..90)
+            .map(|i| (f64::from(i) * std::f64::consts::TAU / 90.0).sin_cos())
+            .map(|(sin, cos)| [6.0 * cos, 6.0 * sin])
+            .collect();
+        assert_eq!(start_of(wall_loop(&circle), SeamPlace::Sharpest, 0.0), None);
+    }
+
+    /// Goal: opening a loop keeps its headings continuous. Method: steps over the new start.
+    #[test]
+    fn headings_go_on_over_the_seam() {
+        let seam = Seam {
+            place: SeamPlace::Aligned,
+            direction_rad: 0.0,
+        };
+        let kite = wall_loop(&[[0.0, 0.0], [8.0, -4.0], [11.0, 0.0], [8.0, 4.0]]);
+        let placed = with_seam(kite, &seam, &ELLIPSE);
+        for pair in placed.placements.windows(2) {
+            let turn_rad = pair[1].at.heading_rad - pair[0].at.heading_rad;
+            assert!(turn_rad.abs() < 1.5, "{turn_rad}");
+        }
+    }
+}

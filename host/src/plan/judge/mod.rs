@@ -1,0 +1,5 @@
+//! judge
+
+pub mod figures;
+pub mod measure;
+pub mod region_raster;

@@ -1,0 +1,449 @@
+//! The layers of a job: which are alike, and how each one's regions are printed.
+//!
+//! A job is a prism: every layer has the same outline and lies one layer height above the one
+//! below. Layers with the same lines inside are planned once ([`LayerKind`]); what differs from one
+//! to the next is its height, the order of its regions and which way round each is printed, begun
+//! near the place where the head is ([`RegionPrint`]).
+//!
+//! Input: the regions with their axes. Output: kinds, printings, and the curves of the whole job in
+//! machine coordinates. The same curve is kept once, however many layers print it.
+
+use crate::geometry::clearance::Configuration;
+use crate::geometry::edge_index::EdgeIndex;
+use crate::geometry::frame::{Frame, settled};
+use crate::geometry::{Point2, Vector2};
+use crate::part_transform::PartTransform;
+use crate::plan::curve::heading_stops::PassCutter;
+use crate::plan::curve::layer_path::pass_curves;
+use crate::plan::curve::plane_curve::PlaneControl;
+use crate::plan::joining::order::region_order;
+use crate::plan::layers::region_plan::{RegionPlan, RegionWork, Turned};
+use crate::plan::layers::skirt::SkirtPlan;
+use crate::plan::pass::{LayerPass, PassKind};
+use crate::plan::progress::{Progress, SIDE_BY_SIDE, Stage, Steps};
+use crate::plan::route::build_route::PlanePass;
+use crate::settings::{Infill, Settings};
+use rayon::prelude::*;
+use std::cell::LazyCell;
+use std::collections::BTreeMap;
+use std::ops::Deref;
+use std::sync::Arc;
+
+/// The region of a pass that belongs to none: skirt and brim count as neither coverage nor depth.
+pub const OFF_REGIONS: usize = usize::MAX;
+/// Most control points of all printed curves: 800 m of path and more, and 1 GB while it is planned.
+pub const POINTS_MAX: usize = 10_000_000;
+
+/// Share of the outside tolerance that the path may use; the rest is the fit's.
+const PATH_SHARE: f64 = 0.4;
+
+/// The job is longer than what can be planned in one piece.
+#[derive(Clone, Copy, Debug, PartialEq, thiserror::Error)]
+#[error(
+    "{layers} layers of this part are a path of {points} control points, and a job has at most \
+     {POINTS_MAX}: print fewer --layers at a time ({fitting} fit), or less of the part"
+)]
+pub struct TooLongError {
+    /// Layers asked for.
+    pub layers: u32,
+    /// Control points of their curves.
+    pub points: usize,
+    /// Layers that would do.
+    pub fitting: u32,
+}
+
+/// Layers that are planned alike.
+#[derive(Clone, Debug)]
+pub struct LayerKind {
+    /// Walls and lines; `None` for loops all the way in.
+    pub infill: Option<Infill>,
+    /// How many layers are of this kind.
+    pub layers: u32,
+    /// The lowest of them.
+    pub first_layer: u32,
+    /// The regions in the input's order.
+    pub regions: Vec<RegionPlan>,
+}
+
+/// One printing of a region.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct RegionPrint {
+    /// Layer from 0.
+    pub layer: u32,
+    /// Number of the layer's kind.
+    pub kind: usize,
+    /// Number of the region.
+    pub region: usize,
+    /// What of it is printed the other way round.
+    pub turned: Turned,
+    /// The first printing that runs the same curves: its own number, or an earlier one's.
+    pub like: usize,
+}
+
+/// The different lines inside, in the order of their first layers, and which of them each layer has.
+pub fn infills_of_layers(settings: &Settings) -> (Vec<Option<Infill>>, Vec<usize>) {
+    let mut kinds: Vec<Option<Infill>> = Vec::new();
+    let mut of_layer = Vec::with_capacity(settings.layers as usize);
+    for layer in 0..settings.layers {
+        let infill = settings.infill.as_ref();
+        let infill = infill.map(|infill| infill.of_layer(layer, settings.layers));
+        let known = kinds.iter().position(|known| *known == infill);
+        of_layer.push(known.unwrap_or(kinds.len()));
+        if known.is_none() {
+            kinds.push(infill);
+        }
+    }
+    (kinds, of_layer)
+}
+
+/// The passes of every region with each of the lines, unordered: `[kind][region]`.
+pub fn with_passes(
+    regions: &[RegionWork],
+    infills: &[Option<Infill>],
+    progress: &dyn Progress,
+) -> Vec<Vec<RegionWork>> {
+    let steps = Steps::begin(progress, Stage::Passes, regions.len() * infills.len());
+    let regions: Vec<&RegionWork> = regions.iter().collect();
+    of_each_kind(&regions, infills.len(), |region, kind| {
+        let region = region.with_passes(infills[kind]);
+        steps.step();
+        region
+    })
+}
+
+/// The kinds of layer, their regions' passes ordered and joined.
+pub fn layer_kinds(
+    works: Vec<Vec<RegionWork>>,
+    infills: &[Option<Infill>],
+    kind_of_layer: &[usize],
+    progress: &dyn Progress,
+) -> Vec<LayerKind> {
+    let count = works.first().map_or(0, Vec::len);
+    let steps = Steps::begin(progress, Stage::Order, count * works.len());
+    let numbers: Vec<usize> = (0..count).collect();
+    let regions = of_each_kind(&numbers, works.len(), |number, kind| {
+        let region = works[kind][number].clone().in_order();
+        steps.step();
+        region
+    });
+    let kinds = infills.iter().zip(regions).enumerate();
+    kinds
+        .map(|(kind, (&infill, regions))| {
+            let mut its_layers = (0u32..).zip(kind_of_layer).filter(|(_, of)| **of == kind);
+            let first_layer = its_layers.next().map_or(0, |(layer, _)| layer);
+            LayerKind {
+                infill,
+                layers: 1 + its_layers.count() as u32,
+                first_layer,
+                regions,
+            }
+        })
+        .collect()
+}
+
+/// What is made of each item and kind, `[kind][item]`: some items side by side, each one's kinds as well.
+fn of_each_kind<T: Copy + Send + Sync, U: Send>(
+    items: &[T],
+    kinds: usize,
+    make: impl Fn(T, usize) -> U + Sync,
+) -> Vec<Vec<U>> {
+    let mut made: Vec<Vec<U>> = (0..kinds).map(|_| Vec::new()).collect();
+    for items in items.chunks(SIDE_BY_SIDE) {
+        let of_items = items.par_iter().map(|&item| {
+            let of_item = (0..kinds).into_par_iter().map(|kind| make(item, kind));
+            of_item.collect()
+        });
+        let of_items: Vec<Vec<U>> = of_items.collect();
+        for (kind, of_kind) in of_items
+            .into_iter()
+            .flat_map(|of| of.into_iter().enumerate())
+        {
+            made[kind].push(of_kind);
+        }
+    }
+    made
+}
+
+/// How the regions of every layer are printed: nearest first, each begun at its nearer end, from
+/// where the layer below was left. `from` is where the head is first, input coordinates.
+pub fn region_prints(
+    kinds: &[LayerKind],
+    kind_of_layer: &[usize],
+    from: Point2,
+) -> Vec<RegionPrint> {
+    let mut position = from;
+    let mut prints: Vec<RegionPrint> = Vec::new();
+    let mut known = BTreeMap::new();
+    for (layer, &kind) in kind_of_layer.iter().enumerate() {
+        let regions = &kinds[kind].regions;
+        let centers: Vec<Point2> = regions.iter().map(RegionPlan::middle).collect();
+        for region in region_order(&centers, position) {
+            let turned = regions[region].turned(position);
+            position = regions[region].end(turned).unwrap_or(position);
+            let like = *known.entry((kind, region, turned)).or_insert(prints.len());
+            prints.push(RegionPrint {
+                layer: layer as u32,
+                kind,
+                region,
+                turned,
+                like,
+            });
+        }
+    }
+    prints
+}
+
+/// A curve that is printed, machine coordinates.
+#[derive(Clone, Debug)]
+struct PrintCurve {
+    kind: PassKind,
+    control: Arc<[PlaneControl]>,
+}
+
+/// The curves of the whole job in machine coordinates, skirt and brim on the first layer before
+/// its regions, and each one's printing.
+///
+/// # Errors
+/// [`TooLongError`] above [`POINTS_MAX`].
+pub fn plane_passes(
+    skirt: Option<&SkirtPlan>,
+    kinds: &[LayerKind],
+    prints: &[RegionPrint],
+    transform: &PartTransform,
+    settings: &Settings,
+) -> Result<(Vec<PlanePass>, Vec<usize>), TooLongError> {
+    let place = Vector2::new(transform.offset_mm[0], transform.offset_mm[1]);
+    let firsts = prints.par_iter().enumerate();
+    let curves: Vec<Vec<PrintCurve>> = firsts
+        .map(|(number, print)| {
+            if print.like != number {
+                return Vec::new();
+            }
+            let region = &kinds[print.kind].regions[print.region];
+            let reach_mm = settings.aperture.major_mm();
+            let walls = LazyCell::new(|| EdgeIndex::of_region(&region.hull, reach_mm));
+            let shift = region.contour.offset + place;
+            let passes = region.passes_turned(print.turned);
+            let own = OwnFrame::of(region, settings);
+            let whole = |pass: &LayerPass, tolerance_mm| own.curves(pass, settings, tolerance_mm);
+            curves_of(&passes, walls, whole, shift, settings)
+        })
+        .collect();
+    let around = skirt.map_or(Vec::new(), |skirt| {
+        let (walls, aperture) = (&skirt.walls, &settings.aperture);
+        let whole =
+            |pass: &LayerPass, tolerance_mm| pass_curves(pass, aperture, walls, tolerance_mm);
+        curves_of(&skirt.passes, walls, whole, skirt.offset + place, settings)
+    });
+    let of_print = |print: &RegionPrint| curves[print.like].iter();
+    check_length(
+        around.iter().chain(prints.iter().flat_map(of_print)),
+        settings,
+    )?;
+    let (mut passes, mut print_of_pass) = (Vec::new(), Vec::new());
+    let mut add = |curves: &[PrintCurve], layer: u32, print: usize| {
+        for curve in curves {
+            passes.push(PlanePass {
+                kind: curve.kind,
+                layer,
+                z_mm: transform.offset_mm[2] + settings.layer_height_mm * f64::from(layer + 1),
+                control: curve.control.clone(),
+            });
+            print_of_pass.push(print);
+        }
+    };
+    add(&around, 0, OFF_REGIONS);
+    for (number, print) in prints.iter().enumerate() {
+        add(&curves[print.like], print.layer, number);
+    }
+    Ok((passes, print_of_pass))
+}
+
+/// Where between two of its periods a heading counts to the next one: no round angle lies there.
+const PERIOD_SHARE: f64 = 0.37;
+/// Ends of a pass that differ by less along an axis lie equally far along it, mm.
+const SAME_MM: f64 = 1e-6;
+
+/// A region's own frame, where curves are taken off its walls: many small steps, in which rounding
+/// would grow into another curve.
+struct OwnFrame {
+    frame: Frame,
+    walls: EdgeIndex,
+}
+
+impl OwnFrame {
+    fn of(region: &RegionPlan, settings: &Settings) -> OwnFrame {
+        let frame = region.frame();
+        let hull = frame.settled_in(&region.hull);
+        OwnFrame {
+            frame,
+            walls: EdgeIndex::of_region(&hull, settings.aperture.major_mm()),
+        }
+    }
+
+    /// The curves of a pass, found the same way in whatever direction it runs and wherever the region
+    /// lies.
+    fn curves(
+        &self,
+        pass: &LayerPass,
+        settings: &Settings,
+        tolerance_mm: f64,
+    ) -> Vec<Vec<PlaneControl>> {
+        let aperture = &settings.aperture;
+        let mut pass = pass.clone();
+        let is_back = self.runs_back(&pass);
+        if is_back {
+            pass.placements.reverse();
+        }
+        let Some(first) = pass.placements.first() else {
+            return Vec::new();
+        };
+        // Headings a period apart are the same, but for their last digits.
+        let period_rad = aperture.period_rad();
+        let first_rad = self.frame.angle_in(first.at.heading_rad);
+        let periods_rad = (first_rad / period_rad + PERIOD_SHARE).floor() * period_rad;
+        for placement in &mut pass.placements {
+            let at = placement.at;
+            let heading_rad = self.frame.angle_in(at.heading_rad) - periods_rad;
+            placement.at = Configuration {
+                center: self.frame.point_in(at.center).map(settled),
+                heading_rad: settled(heading_rad),
+            };
+        }
+        let mut curves = pass_curves(&pass, aperture, &self.walls, tolerance_mm);
+        if is_back {
+            curves.reverse();
+        }
+        for curve in &mut curves {
+            if is_back {
+                curve.reverse();
+            }
+            for control in curve {
+                let at = self.frame.configuration_out(Configuration {
+                    center: Point2::new(control[0], control[1]),
+                    heading_rad: control[2] + periods_rad,
+                });
+                *control = [at.center.x, at.center.y, at.heading_rad];
+            }
+        }
+        curves
+    }
+
+    /// True where the first placement lies farther along the frame's axes than the last one; of a loop,
+    /// the first that does not lie where its counterpart does.
+    fn runs_back(&self, pass: &LayerPass) -> bool {
+        let forwards = pass.placements.iter().map(|p| p.at.center);
+        let pairs = forwards.clone().zip(forwards.rev());
+        let mut ways = pairs.map(|(first, last)| self.frame.vector_in(last - first));
+        let way = ways.find(|way| way.amax() > SAME_MM);
+        way.is_some_and(|way| {
+            let along_mm = if way.x.abs() > SAME_MM { way.x } else { way.y };
+            along_mm < 0.0
+        })
+    }
+}
+
+/// The curves of passes, `whole` makes those of one or of a piece of one that stays within a tolerance.
+fn curves_of(
+    passes: &[LayerPass],
+    walls: impl Deref<Target = EdgeIndex>,
+    whole: impl Fn(&LayerPass, f64) -> Vec<Vec<PlaneControl>>,
+    shift: Vector2,
+    settings: &Settings,
+) -> Vec<PrintCurve> {
+    let tolerance_mm = PATH_SHARE * settings.tolerances.outside_mm;
+    let mut curves = Vec::new();
+    let cutter = PassCutter::new(passes, walls, settings);
+    for pass in passes {
+        for control in cutter.curves(pass, |pass| whole(pass, tolerance_mm)) {
+            let control = control.iter();
+            curves.push(PrintCurve {
+                kind: pass.kind,
+                control: control
+                    .map(|c| [c[0] + shift.x, c[1] + shift.y, c[2]])
+                    .collect(),
+            });
+        }
+    }
+    curves
+}
+
+fn check_length<'a>(
+    curves: impl Iterator<Item = &'a PrintCurve>,
+    settings: &Settings,
+) -> Result<(), TooLongError> {
+    let points: usize = curves.map(|curve| curve.control.len()).sum();
+    if points <= POINTS_MAX {
+        return Ok(());
+    }
+    let share = POINTS_MAX as f64 / points as f64;
+    Err(TooLongError {
+        layers: settings.layers,
+        points,
+        fitting: (f64::from(settings.layers) * share).floor().max(0.0) as u32,
+    })
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::geometry::test_shapes::walls;
+    use crate::plan::pass::test_passes::{arc, pass};
+    use std::f64::consts::{FRAC_PI_2, PI, TAU};
+
+    /// What the frame's turning rounds of a coordinate; settling headings at another period moves them
+    /// by up to 4e-9.
+    const ROUNDING: f64 = 1e-11;
+
+    /// Goal: a pass makes the same curve in whatever direction it runs and however many periods its
+    /// headings are away. Method: an arc whose ends lie equally far along an axis, an open loop
+    /// that ends where it begins, a bow that begins at a heading of 0, each against its reverse with
+    /// headings some periods on, in two frames.
+    #[test]
+    fn curves_do_not_depend_on_direction_or_period() {
+        let settings = Settings::default();
+        let center = Point2::new(0.1, -0.2);
+        let place = |i: u32| {
+            let angle = TAU * f64::from(i) / 90.0;
+            let (sin, cos) = angle.sin_cos();
+            (center + Vector2::new(1.4 * cos, 1.4 * sin), angle)
+        };
+        let passes = [
+            arc(center, 1.4, -FRAC_PI_2, PI),
+            pass((0..=90).map(place), false),
+            arc(center, 1.4, 0.0, 2.0),
+        ];
+        for (turn_rad, is_mirrored) in [(0.0, false), (0.7, true)] {
+            let own = OwnFrame {
+                frame: Frame {
+                    centre: Point2::origin(),
+                    turn_rad,
+                    is_mirrored,
+                },
+                walls: walls(&[&[[-2.4, -2.4], [2.4, -2.4], [2.4, 2.4], [-2.4, 2.4]]]),
+            };
+            for pass in &passes {
+                let curves = own.curves(pass, &settings, 1e-3);
+                for periods in [-3.0, 1.0, 4.0] {
+                    let periods_rad = periods * settings.aperture.period_rad();
+                    let mut other = pass.clone();
+                    other.placements.reverse();
+                    for placement in &mut other.placements {
+                        placement.at.heading_rad += periods_rad;
+                    }
+                    let mut others = own.curves(&other, &settings, 1e-3);
+                    others.reverse();
+                    assert_eq!(curves.len(), others.len());
+                    for (curve, other) in curves.iter().zip(&others) {
+                        assert_eq!(curve.len(), other.len());
+                        for (a, b) in curve.iter().zip(other.iter().rev()) {
+                            let apart = [a[0] - b[0], a[1] - b[1], a[2] + periods_rad - b[2]];
+                            let apart = apart.iter().fold(0.0, |most: f64, d| most.max(d.abs()));
+                            assert!(apart < ROUNDING, "{a:?} {b:?}");
+                        }
+                    }
+                }
+            }
+        }
+    }
+}

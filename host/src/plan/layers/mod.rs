@@ -1,0 +1,5 @@
+//! layers
+
+pub mod layer_groups;
+pub mod region_plan;
+pub mod skirt;

@@ -1,0 +1,349 @@
+//! One region of a layer: axis, passes, printing order.
+//!
+//! All of it happens in the region's own frame ([`Frame`]), so that the same region turned or
+//! mirrored comes out the same; what leaves this file is about the contour's local origin again.
+//! Input: a [`Contour`]. Output: a [`RegionPlan`].
+
+use crate::geometry::Point2;
+use crate::geometry::aperture::Aperture;
+use crate::geometry::boolean::filled;
+use crate::geometry::coverage::Cell;
+use crate::geometry::edge_index::EdgeIndex;
+use crate::geometry::frame::Frame;
+use crate::geometry::polygon::Region;
+use crate::geometry::repair::FillRule;
+use crate::plan::axis::medial_axis::{AxisOptions, MedialAxis, MedialAxisError};
+use crate::plan::axis::pruned_axis::Axis;
+use crate::plan::beads::infill::infill_passes;
+use crate::plan::beads::passes::{PassSettings, outer_passes, passes};
+use crate::plan::coverage::visits::coverage;
+use crate::plan::joining::printed_order::{RegionPasses, in_printing_order};
+use crate::plan::outline::contour::Contour;
+use crate::plan::outline::trimmed_outline::inner_hull;
+use crate::plan::outline::unreachable::{UnreachableRun, unreachable_runs};
+use crate::plan::pass::Contact;
+use crate::plan::pass::Placement;
+use crate::plan::pass::{LayerPass, PassKind};
+use crate::settings::{Infill, PassMode, Settings};
+use rayon::prelude::*;
+
+/// Everything that planning one region of a layer made.
+#[derive(Clone, Debug)]
+pub struct RegionPlan {
+    frame: Frame,
+    /// Where the first of the walls begins and the last one ends, and of the lines, in that frame;
+    /// `None` where there are none or they may not be turned round.
+    ends: [Option<[Point2; 2]>; 2],
+    /// The passes before this one are walls, the others lines.
+    lines_from: usize,
+    /// The cleaned outline about its local origin.
+    pub contour: Contour,
+    /// What passes are planned on, local: the contour without detail that no part of the aperture
+    /// enters.
+    pub hull: Region,
+    /// The part of the medial axis that passes are planned on, local.
+    pub axis: Axis,
+    /// Boundary that the aperture cannot touch, local.
+    pub unreachable: Vec<UnreachableRun>,
+    /// Passes in printing order, or the reverse of it, local.
+    pub passes: Vec<LayerPass>,
+    /// The ground inside the walls that infill lines are to cover, local.
+    pub open: Vec<Region>,
+}
+
+impl RegionPlan {
+    /// The middle of the region's box, input coordinates.
+    pub fn middle(&self) -> Point2 {
+        self.contour.to_input(Point2::origin())
+    }
+
+    /// The frame that it was planned in.
+    pub fn frame(&self) -> Frame {
+        self.frame
+    }
+
+    /// What is printed the other way round so that the way from `from` (input coordinates) to the
+    /// walls and from there to the lines is the shortest.
+    pub fn turned(&self, from: Point2) -> Turned {
+        let from = self.frame.point_in(self.contour.to_local(from));
+        let way_mm = |turned: Turned| {
+            let (mut at, mut way_mm) = (from, 0.0);
+            for (ends, is_turned) in self.ends.iter().zip([turned.walls, turned.lines]) {
+                if let Some([first, last]) = *ends {
+                    let (start, end) = if is_turned {
+                        (last, first)
+                    } else {
+                        (first, last)
+                    };
+                    way_mm += (start - at).norm();
+                    at = end;
+                }
+            }
+            way_mm
+        };
+        let mut best = (Turned::default(), way_mm(Turned::default()));
+        for (walls, lines) in [(true, false), (false, true), (true, true)] {
+            let turned = Turned { walls, lines };
+            let is_idle = |is_turned: bool, ends: Option<_>| is_turned && ends.is_none();
+            if is_idle(walls, self.ends[0]) || is_idle(lines, self.ends[1]) {
+                continue;
+            }
+            let way_mm = way_mm(turned);
+            // The first of equals: rounding must not choose.
+            if way_mm < best.1 - 1e-9 {
+                best = (turned, way_mm);
+            }
+        }
+        best.0
+    }
+
+    /// Where the printing ends, input coordinates.
+    pub fn end(&self, turned: Turned) -> Option<Point2> {
+        let (walls, lines) = self.passes.split_at(self.lines_from);
+        let (group, is_turned) = match lines.is_empty() {
+            true => (walls, turned.walls),
+            false => (lines, turned.lines),
+        };
+        let placement = match is_turned {
+            true => group.first()?.placements.first()?,
+            false => group.last()?.placements.last()?,
+        };
+        Some(self.contour.to_input(placement.at.center))
+    }
+
+    /// The passes, walls and lines each the one way round or the other.
+    pub fn passes_turned(&self, turned: Turned) -> Vec<LayerPass> {
+        let mut passes = self.passes.clone();
+        let (walls, lines) = passes.split_at_mut(self.lines_from);
+        for (group, is_turned) in [(walls, turned.walls), (lines, turned.lines)] {
+            if is_turned {
+                group.reverse();
+                for pass in group {
+                    pass.placements.reverse();
+                }
+            }
+        }
+        passes
+    }
+}
+
+/// What of a region is printed the other way round.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, PartialOrd, Ord)]
+pub struct Turned {
+    /// The loops.
+    pub walls: bool,
+    /// The lines inside them, which come after them.
+    pub lines: bool,
+}
+
+/// A region on its way to a [`RegionPlan`], in its own frame.
+#[derive(Clone, Debug)]
+pub struct RegionWork {
+    contour: Contour,
+    frame: Frame,
+    settings: Settings,
+    hull: Region,
+    widest: Option<(Point2, f64)>,
+    axis: Axis,
+    unreachable: Vec<UnreachableRun>,
+    passes: Vec<LayerPass>,
+    open: Vec<Region>,
+}
+
+impl RegionWork {
+    /// The region with its hull and medial axis, and what of its boundary cannot be touched.
+    ///
+    /// # Errors
+    /// [`MedialAxisError`].
+    pub fn begin(contour: Contour, settings: &Settings) -> Result<RegionWork, MedialAxisError> {
+        // Not one made anew: where settling moved a point, that would turn, and move them all.
+        let may_mirror = settings.aperture.is_mirror_image();
+        let frame = contour.frame.mirrored_if(may_mirror);
+        let outline = frame.settled_in(&contour.region);
+        let mut hull = inner_hull(&outline, &settings.aperture);
+        hull.begin_at_extremes();
+        let reach_mm = settings.aperture.major_mm();
+        let ground = EdgeIndex::of_region(&hull, reach_mm);
+        // The diagram takes one thread, and most of the time here.
+        let (medial_axis, unreachable) = rayon::join(
+            || MedialAxis::of_edges(&ground, &AxisOptions::default()),
+            || {
+                let walls = EdgeIndex::of_region(&outline, reach_mm);
+                unreachable_runs(&settings.aperture, &walls, &ground)
+            },
+        );
+        let medial_axis = medial_axis?;
+        let disks = medial_axis.vertices.iter().map(|v| (v.point, v.radius_mm));
+        let axis = Axis::of_medial_axis(&medial_axis, &settings.aperture);
+        let mut settings = settings.clone();
+        settings.seam.direction_rad = frame.angle_in(settings.seam.direction_rad);
+        Ok(RegionWork {
+            contour,
+            frame,
+            settings,
+            hull,
+            widest: disks.max_by(|a, b| a.1.total_cmp(&b.1)),
+            axis,
+            unreachable,
+            passes: Vec::new(),
+            open: Vec::new(),
+        })
+    }
+
+    /// The region with its passes, unordered: walls with these lines inside, or loops.
+    pub fn with_passes(&self, infill: Option<Infill>) -> RegionWork {
+        let mut work = self.clone();
+        let how = pass_settings(&self.settings);
+        work.settings.infill = infill.map(|infill| Infill {
+            angle_rad: self.frame.angle_in(infill.angle_rad),
+            ..infill
+        });
+        match &work.settings.infill {
+            None => work.passes = passes(&self.hull, &self.axis, &how),
+            Some(infill) => {
+                let walls = infill.walls as usize;
+                let (mut passes, rings) = outer_passes(&self.hull, &self.axis, &how, walls);
+                work.open = filled(rings.iter(), FillRule::Positive);
+                passes.extend(infill_passes(&work.open, infill, &how));
+                work.passes = passes;
+            }
+        }
+        work
+    }
+
+    /// True where nothing of it can be printed.
+    pub fn is_empty(&self) -> bool {
+        self.passes.is_empty()
+    }
+
+    /// Centre (input coordinates) and radius of the widest disk, mm.
+    pub fn widest_disk(&self) -> Option<(Point2, f64)> {
+        let (at, radius_mm) = self.widest?;
+        Some((self.contour.to_input(self.frame.point_out(at)), radius_mm))
+    }
+
+    /// Its passes as they are printed, the one way round or the other ([`RegionPlan::turned`]):
+    /// what is joined where must not depend on where the region lies on the machine.
+    pub fn in_order(mut self) -> RegionPlan {
+        let frame = self.frame;
+        let passes = std::mem::take(&mut self.passes);
+        let passes = self.ordered(passes);
+        // Lines that are linked with walls come after them.
+        let is_solid = |infill: Infill| infill.is_solid();
+        let may_turn = !self.settings.infill.is_some_and(is_solid);
+        let is_wall = |pass: &LayerPass| pass.kind != PassKind::Infill;
+        let lines_from = match may_turn {
+            true => passes.iter().take_while(|pass| is_wall(pass)).count(),
+            false => passes.len(),
+        };
+        let (walls, lines) = passes.split_at(lines_from);
+        let ends = [walls, lines].map(|group| ends_of(group).filter(|_| may_turn));
+        let mut axis = self.axis;
+        for point in &mut axis.points {
+            *point = frame.point_out(*point);
+        }
+        let out = |region: &Region| frame.region_out(region);
+        let unreachable = self.unreachable.iter().map(|run| UnreachableRun {
+            from: frame.point_out(run.from),
+            to: frame.point_out(run.to),
+        });
+        RegionPlan {
+            frame,
+            ends,
+            lines_from,
+            contour: self.contour,
+            hull: frame.region_out(&self.hull),
+            axis,
+            unreachable: unreachable.collect(),
+            passes: passes.into_iter().map(|p| pass_out(p, &frame)).collect(),
+            open: self.open.iter().map(out).collect(),
+        }
+    }
+
+    /// The passes as they are printed, begun near a corner of the region's box. Of a small region,
+    /// where a seam counts for much, near the corner that makes the fewest passes, and of
+    /// those the one that leaves little ground open or covered again on a short way: a mm of path
+    /// weighs as much as a strip as wide as b.
+    fn ordered(&self, passes: Vec<LayerPass>) -> Vec<LayerPass> {
+        let bounds = self.hull.bounds();
+        let (low, high) = (bounds.min, bounds.max);
+        let from = |corner: Point2, passes: Vec<LayerPass>| {
+            let region = RegionPasses {
+                passes,
+                region: &self.hull,
+                open: &self.open,
+            };
+            in_printing_order(region, corner, &self.settings)
+        };
+        let count: usize = passes.iter().map(|p| p.placements.len()).sum();
+        if count > SMALL_MAX {
+            return from(low, passes);
+        }
+        let corners = [
+            low,
+            Point2::new(high.x, low.y),
+            high,
+            Point2::new(low.x, high.y),
+        ];
+        let walls = EdgeIndex::of_region(&self.hull, self.settings.aperture.major_mm());
+        let tried = corners.into_par_iter().map(|corner| {
+            let passes = from(corner, passes.clone());
+            let aperture = &self.settings.aperture;
+            let path_mm: f64 = passes.iter().map(LayerPass::length_mm).sum();
+            let strip_mm2 = aperture.minor_mm() * path_mm;
+            let wasted_mm2 = spoiled_mm2(&passes, aperture, &walls) + strip_mm2;
+            // Of corners that are alike, rounding must not choose.
+            ((passes.len(), (wasted_mm2 * 1e3).round() as u64), passes)
+        });
+        // The first of equals.
+        let tried: Vec<((usize, u64), Vec<LayerPass>)> = tried.collect();
+        let best = tried.into_iter().min_by_key(|(key, _)| *key);
+        best.map_or(Vec::new(), |(_, passes)| passes)
+    }
+}
+
+/// Most placements of a region that is ordered from several corners: about 600 mm of path.
+const SMALL_MAX: usize = 6000;
+/// Most cells of the raster on which it is counted what a small region spoils.
+const CELLS_MAX: usize = 1_000_000;
+
+/// Ground within the walls that is left open or covered again, mm².
+fn spoiled_mm2(passes: &[LayerPass], aperture: &Aperture, walls: &EdgeIndex) -> f64 {
+    let raster = coverage(passes, walls, aperture, CELLS_MAX);
+    let spoiled = |cell: &&Cell| matches!(cell, Cell::Gap | Cell::Overlap);
+    raster.cells.iter().filter(spoiled).count() as f64 * raster.cell_mm.powi(2)
+}
+
+/// Where the first pass begins and the last one ends.
+fn ends_of(passes: &[LayerPass]) -> Option<[Point2; 2]> {
+    let first = passes.first()?.placements.first()?;
+    let last = passes.last()?.placements.last()?;
+    Some([first.at.center, last.at.center])
+}
+
+/// A pass of the frame outside it.
+fn pass_out(mut pass: LayerPass, frame: &Frame) -> LayerPass {
+    for placement in &mut pass.placements {
+        let contact = placement.contact;
+        *placement = Placement {
+            at: frame.configuration_out(placement.at),
+            contact: Contact {
+                point: frame.point_out(contact.point),
+                normal: frame.vector_out(contact.normal),
+                ..contact
+            },
+            ..*placement
+        };
+    }
+    pass
+}
+
+fn pass_settings(settings: &Settings) -> PassSettings {
+    PassSettings {
+        aperture: settings.aperture,
+        overlap: settings.overlap_pct / 100.0,
+        one_pass: settings.pass_mode == PassMode::One,
+        law: settings.heading_law,
+        profile: settings.heading_profile,
+    }
+}

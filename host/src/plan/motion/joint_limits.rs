@@ -1,0 +1,388 @@
+//! Limits of joints, tip, flow and extruder, and the motion of the joints under a path.
+//!
+//! In: the settings; motion of the channels by any parameter. Out: the limits that bind a stretch
+//! (the plan's share of the machine's), joint motion by the same parameter.
+
+use crate::job::MotionState;
+use crate::plan::route::path_curve::CurvePoint;
+use crate::settings::{Settings, joint_names};
+use headway_firmware::configuration::{JOINTS_MAX, Kinematics};
+use headway_firmware::kinematics::{self, KinematicsError};
+use headway_firmware::pose::Pose;
+use headway_protocol::units::{
+    CHANNEL_HEADING, CHANNEL_TILT_X, CHANNEL_TILT_Y, CHANNEL_X, CHANNEL_Y, CHANNEL_Z, CHANNELS,
+};
+use nalgebra::{Vector2, Vector3};
+
+/// Why a route cannot be turned into motion.
+#[derive(Clone, Debug, PartialEq, thiserror::Error)]
+pub enum MotionError {
+    /// A joint would have to leave its range.
+    #[error(
+        "joint {name} would go to {}, with the tip at {at_mm:.3?} mm (machine coordinates); {}",
+        place_in_range(*rotary, [*position, *minimum, *maximum]),
+        range_hint(name, *rotary)
+    )]
+    OutsideJointRange {
+        /// Joint number from 0.
+        joint: usize,
+        /// Its name in the machine file.
+        name: &'static str,
+        /// True where it turns.
+        rotary: bool,
+        /// Where it would be, mm or rad.
+        position: f64,
+        /// Lower end of its range.
+        minimum: f64,
+        /// Upper end of its range.
+        maximum: f64,
+        /// Tip position, machine coordinates.
+        at_mm: [f64; 3],
+    },
+    /// The machine cannot take this pose.
+    #[error("{error} with the tip at {at_mm:.3?} mm (machine coordinates); tilt the tool less")]
+    Kinematics {
+        /// What is wrong with the pose.
+        error: KinematicsError,
+        /// Tip position, machine coordinates.
+        at_mm: [f64; 3],
+    },
+    /// A control point is not finite, or a stretch has none.
+    #[error("stretch {stretch} of the route has no finite path; this is a fault of the planner")]
+    NotFinite {
+        /// Index in the route.
+        stretch: usize,
+    },
+    /// A stretch does not begin where the one before it ended.
+    #[error(
+        "stretch {stretch} of the route begins {gap:.6} away from the end of the one before it"
+    )]
+    Gap {
+        /// Index in the route.
+        stretch: usize,
+        /// Largest difference of a channel, mm, rad or mm³.
+        gap: f64,
+    },
+    /// A limit is zero, negative or not finite.
+    #[error("the limit {name} must be a positive number")]
+    BadLimit {
+        /// Which one.
+        name: &'static str,
+    },
+    /// A stretch would take for ever.
+    #[error(
+        "the path that begins with the tip at {from_mm:.3?} mm (machine coordinates) would take \
+         {duration_s:.0} s ({at_speed_s:.0} s at its speed), more than the {most_s:.0} s that can be \
+         planned: {}",
+        slow_hint(*at_speed_s, *most_s)
+    )]
+    TooSlow {
+        /// How long it would take.
+        duration_s: f64,
+        /// The same if nothing but the tip's speed bound it.
+        at_speed_s: f64,
+        /// How long it may take.
+        most_s: f64,
+        /// Where it begins, machine coordinates.
+        from_mm: [f64; 3],
+    },
+    /// A prime or retract is beyond the extruder's limits by itself.
+    #[error(
+        "a prime or retract of {volume_mm3} mm³ in {duration_s} s asks {ratio:.2} times of what the \
+         extruder may do; lower its rate or raise the extruder's limits"
+    )]
+    EventBeyondExtruder {
+        /// Volume, mm³.
+        volume_mm3: f64,
+        /// Duration, s.
+        duration_s: f64,
+        /// Rate or acceleration against the planned share of the limit.
+        ratio: f64,
+    },
+}
+
+/// What to do about a path that takes too long.
+fn slow_hint(at_speed_s: f64, most_s: f64) -> &'static str {
+    if at_speed_s > most_s {
+        "raise the speed"
+    } else {
+        "raise the limit that is close to zero (a joint's or the flow's)"
+    }
+}
+
+/// Where a joint would be, and its range, in the units of the machine file.
+fn place_in_range(rotary: bool, values: [f64; 3]) -> String {
+    let (unit, scale) = match rotary {
+        true => ("°", 180.0 / std::f64::consts::PI),
+        false => (" mm", 1.0),
+    };
+    let [position, minimum, maximum] = values.map(|value| value * scale);
+    format!("{position:.3}{unit}, outside its range {minimum:.3}{unit} to {maximum:.3}{unit}")
+}
+
+/// What the user can do.
+fn range_hint(joint_name: &str, rotary: bool) -> &'static str {
+    match (joint_name, rotary) {
+        ("c", _) => {
+            "passes are cut where the nozzle has to turn back, but for every heading it needs half a \
+             turn and some 20° more: give it that range in the machine file"
+        }
+        (_, true) => "tilt the tool less there, or turn the part",
+        (_, false) => "move the part with --at or use a larger machine",
+    }
+}
+
+/// Limits of one joint, share applied.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct JointLimit {
+    /// True where it turns: rad instead of mm.
+    pub rotary: bool,
+    /// Lowest position, mm or rad.
+    pub position_min: f64,
+    /// Highest position, mm or rad.
+    pub position_max: f64,
+    /// Speed, mm/s or rad/s.
+    pub speed_max: f64,
+    /// Acceleration, mm/s² or rad/s².
+    pub acceleration_max: f64,
+    /// Jerk, mm/s³ or rad/s³.
+    pub jerk_max: f64,
+}
+
+/// All limits that bind a stretch, share applied.
+#[derive(Clone, Debug, PartialEq)]
+pub struct MotionLimits {
+    /// The machine's equations.
+    pub kinematics: Kinematics,
+    /// One for each joint, in the machine's order.
+    pub joints: Vec<JointLimit>,
+    /// Tip speed, mm/s.
+    pub tip_speed_mm_s: f64,
+    /// Length of the tip's acceleration vector, mm/s².
+    pub tip_acceleration_mm_s2: f64,
+    /// dV/dt, mm³/s.
+    pub flow_max_mm3_s: f64,
+    /// |d²V/dt²|, mm³/s².
+    pub flow_rate_of_change_max_mm3_s2: f64,
+    /// Extruder rate, mm³/s, pressure advance and events included.
+    pub extruder_speed_max_mm3_s: f64,
+    /// Extruder acceleration, mm³/s².
+    pub extruder_acceleration_max_mm3_s2: f64,
+    /// K: e = V + K dV/dt.
+    pub pressure_advance_s: f64,
+    /// Window over which dV/dt is averaged, s, at least a servo tick.
+    pub pressure_advance_window_s: f64,
+    /// Servo ticks a second.
+    pub servo_hz: f64,
+}
+
+impl MotionLimits {
+    /// The limits of a kind of stretch: travel has its own tip speed.
+    pub fn of(settings: &Settings, state: MotionState) -> Result<Self, MotionError> {
+        let machine = &settings.machine;
+        let share = settings.plan_share;
+        let servo_hz = f64::from(machine.servo_hz);
+        let extruder = &machine.extruder;
+        let tip_speed_mm_s = match state {
+            MotionState::Travel => settings.travel_speed_mm_s,
+            _ => settings.speed_mm_s,
+        };
+        let count = kinematics::joint_count(&machine.kinematics);
+        let limits = Self {
+            kinematics: machine.kinematics,
+            joints: machine
+                .joints
+                .iter()
+                .take(count)
+                .map(|joint| JointLimit {
+                    rotary: joint.rotary,
+                    position_min: joint.position_min,
+                    position_max: joint.position_max,
+                    speed_max: joint.speed_max * share,
+                    acceleration_max: joint.acceleration_max * share,
+                    jerk_max: joint.jerk_max * share,
+                })
+                .collect(),
+            tip_speed_mm_s: tip_speed_mm_s * share,
+            tip_acceleration_mm_s2: settings.tip_acceleration_mm_s2 * share,
+            flow_max_mm3_s: settings.flow_max_mm3_s * share,
+            flow_rate_of_change_max_mm3_s2: settings.flow_rate_of_change_max_mm3_s2 * share,
+            extruder_speed_max_mm3_s: extruder.speed_max_mm3_s * share,
+            extruder_acceleration_max_mm3_s2: extruder.acceleration_max_mm3_s2 * share,
+            pressure_advance_s: extruder.pressure_advance_s,
+            pressure_advance_window_s: (extruder.pressure_advance_window_ms * 1e-3)
+                .max(1.0 / servo_hz),
+            servo_hz,
+        };
+        limits.checked(count)
+    }
+
+    fn checked(self, joint_count: usize) -> Result<Self, MotionError> {
+        let mut named = vec![
+            ("plan_share or tip speed", self.tip_speed_mm_s),
+            ("tip acceleration", self.tip_acceleration_mm_s2),
+            ("flow", self.flow_max_mm3_s),
+            ("flow rate of change", self.flow_rate_of_change_max_mm3_s2),
+            ("extruder speed", self.extruder_speed_max_mm3_s),
+            (
+                "extruder acceleration",
+                self.extruder_acceleration_max_mm3_s2,
+            ),
+            ("servo rate", self.servo_hz),
+        ];
+        for joint in &self.joints {
+            named.push(("joint speed", joint.speed_max));
+            named.push(("joint acceleration", joint.acceleration_max));
+            named.push(("joint jerk", joint.jerk_max));
+        }
+        if self.joints.len() < joint_count {
+            return Err(MotionError::BadLimit {
+                name: "number of joints",
+            });
+        }
+        match named
+            .into_iter()
+            .find(|(_, value)| !(value.is_finite() && *value > 0.0))
+        {
+            Some((name, _)) => Err(MotionError::BadLimit { name }),
+            None => Ok(self),
+        }
+    }
+
+    /// K / W: what a change of flow adds to the extruder's rate at once.
+    pub fn advance_ratio(&self) -> f64 {
+        self.pressure_advance_s / self.pressure_advance_window_s
+    }
+}
+
+/// Joint positions and derivatives by the same parameter as the channels they come from.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct JointPoint {
+    /// mm or rad.
+    pub position: [f64; JOINTS_MAX],
+    /// First derivative.
+    pub first: [f64; JOINTS_MAX],
+    /// Second derivative.
+    pub second: [f64; JOINTS_MAX],
+    /// Third derivative.
+    pub third: [f64; JOINTS_MAX],
+}
+
+/// The tip's channels.
+pub fn tip_mm(value: &[f64; CHANNELS]) -> [f64; 3] {
+    [value[CHANNEL_X], value[CHANNEL_Y], value[CHANNEL_Z]]
+}
+
+/// What the tilt adds to the joints, mm and rad.
+fn remainder(
+    kinematics: &Kinematics,
+    value: &[f64; CHANNELS],
+    tilt_rad: Vector2<f64>,
+) -> Result<[f64; JOINTS_MAX], MotionError> {
+    let at_mm = tip_mm(value);
+    let pose = Pose {
+        tip_mm: Vector3::from(at_mm),
+        tilt_rad,
+        heading_rad: value[CHANNEL_HEADING],
+    };
+    kinematics::remainder(kinematics, &pose)
+        .map_err(|error| MotionError::Kinematics { error, at_mm })
+}
+
+/// Joint motion of a channel motion. A joint is a channel (exact derivatives) plus a function of
+/// the tilt alone, whose derivatives come from a five-point stencil along the tilt's own Taylor
+/// polynomial: errors below 1e-9 of the remainder's scale (first, second), 1e-5 (third).
+pub fn joint_point(kinematics: &Kinematics, point: &CurvePoint) -> Result<JointPoint, MotionError> {
+    let mut joints = JointPoint {
+        position: [0.0; JOINTS_MAX],
+        first: [0.0; JOINTS_MAX],
+        second: [0.0; JOINTS_MAX],
+        third: [0.0; JOINTS_MAX],
+    };
+    for (joint, carrier) in kinematics::carriers(kinematics).iter().enumerate() {
+        if let Some(channel) = *carrier {
+            joints.position[joint] = point.value[channel];
+            joints.first[joint] = point.first[channel];
+            joints.second[joint] = point.second[channel];
+            joints.third[joint] = point.third[channel];
+        }
+    }
+    add_remainder(kinematics, point, &mut joints)?;
+    Ok(joints)
+}
+
+/// Tilt step of the stencil: the truncation error goes with its fourth power, rounding with the
+/// inverse square; 1e-3 keeps both below 1e-9.
+const STENCIL_STEP_RAD: f64 = 1e-3;
+
+fn add_remainder(
+    kinematics: &Kinematics,
+    point: &CurvePoint,
+    joints: &mut JointPoint,
+) -> Result<(), MotionError> {
+    let of =
+        |values: &[f64; CHANNELS]| Vector2::new(values[CHANNEL_TILT_X], values[CHANNEL_TILT_Y]);
+    let tilt = [
+        of(&point.value),
+        of(&point.first),
+        of(&point.second),
+        of(&point.third),
+    ];
+    let at = remainder(kinematics, &point.value, tilt[0])?;
+    for (position, added) in joints.position.iter_mut().zip(at) {
+        *position += added;
+    }
+    if *kinematics == Kinematics::Planar {
+        return Ok(());
+    }
+    let rate = (tilt[1].norm())
+        .max(tilt[2].norm().sqrt())
+        .max(tilt[3].norm().cbrt());
+    if rate == 0.0 {
+        return Ok(());
+    }
+    let h = STENCIL_STEP_RAD / rate;
+    let along = |s: f64| {
+        let tilt_rad = tilt[0] + s * (tilt[1] + s * (tilt[2] / 2.0 + s * tilt[3] / 6.0));
+        remainder(kinematics, &point.value, tilt_rad)
+    };
+    let (m2, m1, p1, p2) = (along(-2.0 * h)?, along(-h)?, along(h)?, along(2.0 * h)?);
+    for joint in 0..JOINTS_MAX {
+        let (near, far) = (p1[joint] - m1[joint], p2[joint] - m2[joint]);
+        joints.first[joint] += (8.0 * near - far) / (12.0 * h);
+        joints.second[joint] +=
+            (16.0 * (p1[joint] + m1[joint]) - (p2[joint] + m2[joint]) - 30.0 * at[joint])
+                / (12.0 * h * h);
+        joints.third[joint] += (far - 2.0 * near) / (2.0 * h * h * h);
+    }
+    Ok(())
+}
+
+/// Slack of the soft limits: rounding of positions to wire units.
+const RANGE_SLACK: f64 = 1e-6;
+
+/// Fails where a joint is outside its range.
+pub fn check_range(
+    limits: &MotionLimits,
+    point: &CurvePoint,
+    joints: &JointPoint,
+) -> Result<(), MotionError> {
+    for (joint, limit) in limits.joints.iter().enumerate() {
+        let position = joints.position[joint];
+        let inside = position >= limit.position_min - RANGE_SLACK
+            && position <= limit.position_max + RANGE_SLACK;
+        if !inside {
+            let names = joint_names(&limits.kinematics);
+            return Err(MotionError::OutsideJointRange {
+                joint,
+                name: names.get(joint).copied().unwrap_or("?"),
+                rotary: limit.rotary,
+                position,
+                minimum: limit.position_min,
+                maximum: limit.position_max,
+                at_mm: tip_mm(&point.value),
+            });
+        }
+    }
+    Ok(())
+}

@@ -1,0 +1,116 @@
+//! Finished stretches -> one stream: knots with their durations, events by span, marks by tick.
+//!
+//! Knot n carries control point P_n and the duration of span n + 2 (see
+//! `headway_protocol::segment`), so control points and durations are shifted by two spans.
+
+use super::FinishedStretch;
+use crate::job::{Mark, MotionState, SegmentStream};
+use crate::plan::route::moves::{Route, Stretch, StretchEvent};
+use crate::settings::Settings;
+use headway_protocol::segment::{FlowAction, FlowEvent, Knot, REST_TICKS, SPAN_TICKS_MAX};
+use headway_protocol::units::{CHANNEL_VOLUME, ChannelPoint, Ticks, UNITS_PER_NATURAL, to_units};
+
+/// Spans of a dwell, as even as integers allow.
+pub fn dwell_spans(ticks: u64) -> Vec<u16> {
+    let count = ticks.div_ceil(u64::from(SPAN_TICKS_MAX)).max(1);
+    (0..count)
+        .map(|i| ((ticks * (i + 1)) / count - (ticks * i) / count) as u16)
+        .collect()
+}
+
+/// Spans at rest before the first stretch: the wire fixes the durations of spans 0 and 1.
+const LEAD_IN_SPANS: usize = 2;
+
+/// Joins the stretches.
+pub fn assemble(route: &Route, finished: &[FinishedStretch], settings: &Settings) -> SegmentStream {
+    let servo_hz = f64::from(settings.machine.servo_hz);
+    let Some(first) = finished.first() else {
+        return SegmentStream::default();
+    };
+    let start = to_units(&first.spline.control[0]);
+    let mut control: Vec<ChannelPoint> = vec![start; LEAD_IN_SPANS];
+    let mut durations: Vec<u16> = vec![REST_TICKS; LEAD_IN_SPANS];
+    let mut tick = u64::from(REST_TICKS) * LEAD_IN_SPANS as u64;
+    let mut marks = vec![Mark {
+        start_tick: 0,
+        end_tick: tick,
+        state: MotionState::Hold,
+        layer: route.stretches.first().map_or(0, |stretch| stretch.layer),
+        pass: None,
+    }];
+    let mut events = Vec::new();
+    for (stretch, motion) in route.stretches.iter().zip(finished) {
+        let spans = &motion.spline.durations_ticks;
+        if let Some(event) = flow_event(stretch, spans, durations.len(), servo_hz) {
+            events.push(event);
+        }
+        durations.extend(spans);
+        control.extend(motion.spline.control[3..].iter().map(to_units));
+        let end_tick = tick + motion.spline.ticks();
+        marks.push(Mark {
+            start_tick: tick,
+            end_tick,
+            state: stretch.state,
+            layer: stretch.layer,
+            pass: stretch.pass,
+        });
+        tick = end_tick;
+    }
+    events.sort_by_key(|event| (event.span, event.offset_ticks));
+    let knots = control
+        .iter()
+        .enumerate()
+        .map(|(n, &control)| Knot {
+            control,
+            duration_ticks: durations.get(n + 2).copied().unwrap_or(REST_TICKS),
+        })
+        .collect();
+    SegmentStream {
+        start,
+        knots,
+        events,
+        marks,
+    }
+}
+
+/// The wire's event for a stretch whose first span is `first_span` of the stream.
+fn flow_event(
+    stretch: &Stretch,
+    spans: &[u16],
+    first_span: usize,
+    servo_hz: f64,
+) -> Option<FlowEvent> {
+    let stretch_ticks: u64 = spans.iter().map(|&ticks| u64::from(ticks)).sum();
+    let in_ticks = |seconds: f64| (seconds * servo_hz).round().max(0.0) as u64;
+    let (action, volume_mm3, duration_s, mut offset) = match stretch.event? {
+        StretchEvent::PrimeAtStart {
+            volume_mm3,
+            duration_s,
+        } => (FlowAction::Prime, volume_mm3, duration_s, 0),
+        StretchEvent::RetractBeforeEnd {
+            volume_mm3,
+            duration_s,
+            lead_s,
+        } => (
+            FlowAction::Retract,
+            volume_mm3,
+            duration_s,
+            stretch_ticks.saturating_sub(in_ticks(lead_s).max(1)),
+        ),
+    };
+    let mut span = first_span;
+    for &ticks in spans {
+        if offset < u64::from(ticks) {
+            break;
+        }
+        offset -= u64::from(ticks);
+        span += 1;
+    }
+    Some(FlowEvent {
+        span: span as u32,
+        offset_ticks: offset as u16,
+        action,
+        volume_units: (volume_mm3 * UNITS_PER_NATURAL[CHANNEL_VOLUME]).round() as u32,
+        duration_ticks: Ticks(in_ticks(duration_s).max(1) as u32),
+    })
+}

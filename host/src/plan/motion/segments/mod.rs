@@ -1,0 +1,226 @@
+//! Route -> the finished stream of knots, events and marks.
+//!
+//! In: [`Route`] and settings. Out: [`SegmentStream`]. Every stretch is timed, fitted and checked
+//! by itself (in parallel, the result does not depend on the number of threads):
+//!
+//! ```text
+//! Stretch -> samples -> u(t) on servo ticks -> spline (quantised) -> ratios in joint space
+//!                          ^                                             |
+//!                          +-- local slowing where a ratio is above 1 -----+
+//! ```
+//!
+//! A print stretch that an earlier layer had as well takes that one's spline, moved and checked.
+//!
+//! Left out: what one stretch's pressure advance still does in the next (they are joined at rest;
+//! it dies out within the smoothing window).
+
+pub mod assemble;
+pub mod check;
+pub mod fit;
+pub mod layout;
+mod repeats;
+pub mod shaping;
+pub mod spline;
+pub mod tick_path;
+pub mod warp;
+
+use crate::job::SegmentStream;
+use crate::plan::motion::joint_limits::{MotionError, MotionLimits};
+use crate::plan::motion::path_samples::sample_path;
+use crate::plan::progress::{Progress, Stage, Steps};
+use crate::plan::route::moves::{Route, Stretch, StretchEvent};
+use crate::settings::Settings;
+use check::Ratios;
+use rayon::prelude::*;
+use shaping::Shaping;
+use spline::{RestSpline, quantised};
+
+/// What the finished segments reach of the planned share of the limits.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub struct MotionReport {
+    /// Worst ratios over all stretches.
+    pub ratios: Ratios,
+    /// Worst error of the fit against the share of the tolerance that it may use.
+    pub fit_error_ratio: f64,
+    /// Stretches whose whole time had to be doubled, because local slowing did not settle.
+    pub doubled_stretches: usize,
+    /// Duration of the stream, s.
+    pub duration_s: f64,
+}
+
+/// Duration of a stretch that moves nothing.
+pub fn dwell_ticks(stretch: &Stretch, servo_hz: f64) -> u64 {
+    (stretch.dwell_s.max(0.0) * servo_hz).ceil().max(1.0) as u64
+}
+
+/// A finished stretch.
+pub struct FinishedStretch {
+    /// Its motion; a dwell has equal control points.
+    pub spline: RestSpline,
+    /// Worst ratios against the planned share of the limits.
+    pub ratios: Ratios,
+    /// Worst error of the fit against its share of the tolerance.
+    pub fit_error_ratio: f64,
+    /// True where local slowing did not settle.
+    pub doubled: bool,
+}
+
+/// Turns a route into the stream of segments, within every limit times the plan's share.
+pub fn lay_segments(
+    route: &Route,
+    settings: &Settings,
+) -> Result<(SegmentStream, MotionReport), MotionError> {
+    lay_segments_telling(route, settings, &())
+}
+
+/// The same, telling how far it is.
+pub fn lay_segments_telling(
+    route: &Route,
+    settings: &Settings,
+    progress: &dyn Progress,
+) -> Result<(SegmentStream, MotionReport), MotionError> {
+    check_route(route)?;
+    let steps = Steps::begin(progress, Stage::Segments, route.stretches.len());
+    let earlier = repeats::earlier_ones(route);
+    let firsts: Vec<Option<FinishedStretch>> = (0..route.stretches.len())
+        .into_par_iter()
+        .map(|index| match earlier[index] {
+            Some(_) => Ok(None),
+            None => {
+                let finished = finish_stretch(route, index, None, settings)?;
+                steps.step();
+                Ok(Some(finished))
+            }
+        })
+        .collect::<Result<_, MotionError>>()?;
+    let repeated: Vec<Option<FinishedStretch>> = (0..route.stretches.len())
+        .into_par_iter()
+        .map(|index| {
+            let Some(first) = earlier[index] else {
+                return Ok(None);
+            };
+            let known = firsts[first].as_ref().map(|known| (first, known));
+            let finished = finish_stretch(route, index, known, settings)?;
+            steps.step();
+            Ok(Some(finished))
+        })
+        .collect::<Result<_, MotionError>>()?;
+    let both = firsts.into_iter().zip(repeated);
+    let finished: Vec<FinishedStretch> = both.filter_map(|(a, b)| a.or(b)).collect();
+    let mut report = MotionReport::default();
+    for stretch in &finished {
+        report.ratios = report.ratios.max(stretch.ratios);
+        report.fit_error_ratio = report.fit_error_ratio.max(stretch.fit_error_ratio);
+        report.doubled_stretches += usize::from(stretch.doubled);
+    }
+    let stream = assemble::assemble(route, &finished, settings);
+    let ticks = stream.marks.last().map_or(0, |mark| mark.end_tick);
+    report.duration_s = ticks as f64 / f64::from(settings.machine.servo_hz);
+    Ok((stream, report))
+}
+
+/// Largest step between stretches that rounding explains, mm, rad or mm³.
+const GAP_MAX: f64 = 1e-7;
+
+fn check_route(route: &Route) -> Result<(), MotionError> {
+    for (index, stretch) in route.stretches.iter().enumerate() {
+        let control = &stretch.curve.control;
+        let finite = control.iter().flatten().all(|value| value.is_finite());
+        if control.is_empty() || !finite || !stretch.dwell_s.is_finite() {
+            return Err(MotionError::NotFinite { stretch: index });
+        }
+        let before = index.checked_sub(1).map(|before| &route.stretches[before]);
+        if let Some(end) = before.and_then(|before| before.curve.control.last()) {
+            let gap = end
+                .iter()
+                .zip(&control[0])
+                .map(|(a, b)| (a - b).abs())
+                .fold(0.0, f64::max);
+            if gap > GAP_MAX {
+                return Err(MotionError::Gap {
+                    stretch: index,
+                    gap,
+                });
+            }
+        }
+    }
+    Ok(())
+}
+
+/// One stretch; `known` is an earlier one that it repeats.
+fn finish_stretch(
+    route: &Route,
+    index: usize,
+    known: Option<(usize, &FinishedStretch)>,
+    settings: &Settings,
+) -> Result<FinishedStretch, MotionError> {
+    let stretch = &route.stretches[index];
+    let limits = MotionLimits::of(settings, stretch.state)?;
+    check_event(stretch, &limits)?;
+    let first = quantised(&stretch.curve.control[0]);
+    let moves = stretch
+        .curve
+        .control
+        .iter()
+        .any(|point| quantised(point) != first);
+    if !moves {
+        let ticks = dwell_ticks(stretch, limits.servo_hz);
+        let durations_ticks = assemble::dwell_spans(ticks);
+        return Ok(FinishedStretch {
+            spline: RestSpline {
+                control: vec![first; durations_ticks.len() + 3],
+                durations_ticks,
+            },
+            ratios: Ratios::default(),
+            fit_error_ratio: 0.0,
+            doubled: false,
+        });
+    }
+    let samples = sample_path(&stretch.curve, &limits)?;
+    let before = index.checked_sub(1).map(|before| &route.stretches[before]);
+    let tolerances = fit::channel_tolerances(&settings.tolerances);
+    let shaping = Shaping {
+        stretch,
+        before,
+        samples: &samples,
+        limits: &limits,
+        tolerances: &tolerances,
+    };
+    if let Some((first, known)) = known {
+        let spline = repeats::moved(&known.spline, &route.stretches[first], stretch);
+        if let Some(finished) = shaping.taken_over(spline, known)? {
+            return Ok(finished);
+        }
+    }
+    shaping.finish()
+}
+
+/// Fails where a prime or retract alone is more than the extruder may do. The quintic step peaks
+/// at 1.875 volume / duration and 10/sqrt(3) volume / duration².
+fn check_event(stretch: &Stretch, limits: &MotionLimits) -> Result<(), MotionError> {
+    let (volume_mm3, duration_s) = match stretch.event {
+        Some(StretchEvent::PrimeAtStart {
+            volume_mm3,
+            duration_s,
+        })
+        | Some(StretchEvent::RetractBeforeEnd {
+            volume_mm3,
+            duration_s,
+            ..
+        }) => (volume_mm3, duration_s),
+        None => return Ok(()),
+    };
+    let speed = 1.875 * volume_mm3 / duration_s;
+    let acceleration = 10.0 / 3f64.sqrt() * volume_mm3 / (duration_s * duration_s);
+    let ratio = (speed / limits.extruder_speed_max_mm3_s)
+        .max(acceleration / limits.extruder_acceleration_max_mm3_s2);
+    if ratio <= 1.0 {
+        Ok(())
+    } else {
+        Err(MotionError::EventBeyondExtruder {
+            volume_mm3,
+            duration_s,
+            ratio,
+        })
+    }
+}

@@ -1,0 +1,159 @@
+//! Stretches that repeat an earlier one elsewhere: the same print on another layer.
+//!
+//! In: the route. Out: for each stretch an earlier one of the same course, moved by a constant in
+//! every channel; and the earlier one's spline moved there. Timing and fitting a stretch takes many
+//! rounds, moving it takes one check, which [`super::shaping`] makes as of any other spline.
+
+use super::spline::{RestSpline, quantised};
+use crate::job::MotionState;
+use crate::plan::route::moves::{Route, Stretch};
+use headway_protocol::units::{CHANNEL_X, CHANNEL_Y, CHANNELS};
+use std::collections::HashMap;
+use std::hash::{DefaultHasher, Hash, Hasher};
+
+/// Differences from a constant move that rounding explains, mm, rad or mm³: a hundredth of what the
+/// wire tells apart.
+const MOVE_TOLERANCE: f64 = 1e-9;
+
+/// For each stretch the first one that it repeats.
+pub fn earlier_ones(route: &Route) -> Vec<Option<usize>> {
+    let mut known: HashMap<u64, usize> = HashMap::new();
+    let stretches = route.stretches.iter().enumerate();
+    stretches
+        .map(|(index, stretch)| {
+            if stretch.state != MotionState::Print {
+                return None;
+            }
+            let first = *known.entry(course_hash(stretch)).or_insert(index);
+            (first < index && is_repeated(route, first, index)).then_some(first)
+        })
+        .collect()
+}
+
+/// Of the places in the plane.
+fn course_hash(stretch: &Stretch) -> u64 {
+    let mut hasher = DefaultHasher::new();
+    for point in &stretch.curve.control {
+        (point[CHANNEL_X].to_bits(), point[CHANNEL_Y].to_bits()).hash(&mut hasher);
+    }
+    hasher.finish()
+}
+
+/// True where a stretch is another one moved, with the same events in it and before it.
+fn is_repeated(route: &Route, first: usize, index: usize) -> bool {
+    let before = |index: usize| {
+        let before = &route.stretches[index.checked_sub(1)?];
+        let is_dwell = before.curve.control.len() == 1;
+        Some((before.state, before.event, before.dwell_s, is_dwell))
+    };
+    let (own, other) = (&route.stretches[index], &route.stretches[first]);
+    let (points, others) = (&own.curve.control, &other.curve.control);
+    let moved = |channel: usize, k: usize| points[k][channel] - others[k][channel];
+    let is_constant = |channel: usize| {
+        let whole = moved(channel, 0);
+        (0..points.len()).all(|k| (moved(channel, k) - whole).abs() <= MOVE_TOLERANCE)
+    };
+    points.len() == others.len()
+        && (own.event, own.dwell_s) == (other.event, other.dwell_s)
+        && before(index) == before(first)
+        && (0..CHANNELS).all(is_constant)
+}
+
+/// The spline of stretch `first` moved to where `own` begins; it ends where `own` ends, which may be
+/// a unit beside the move.
+pub fn moved(spline: &RestSpline, first: &Stretch, own: &Stretch) -> RestSpline {
+    let mut control = spline.control.clone();
+    let ends = [own.curve.control.first(), own.curve.control.last()];
+    if let ([Some(start), Some(end)], Some(from)) = (ends, first.curve.control.first()) {
+        let (start, from) = (quantised(start), quantised(from));
+        for point in &mut control {
+            let place: [f64; CHANNELS] =
+                std::array::from_fn(|channel| point[channel] + (start[channel] - from[channel]));
+            *point = quantised(&place);
+        }
+        let rest = control.len().saturating_sub(3);
+        control[rest..].fill(quantised(end));
+    }
+    RestSpline {
+        durations_ticks: spline.durations_ticks.clone(),
+        control,
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::plan::motion::segments::{MotionReport, lay_segments};
+    use crate::plan::route::moves::PathCurve;
+    use crate::settings::Settings;
+    use headway_protocol::units::{CHANNEL_HEADING, CHANNEL_VOLUME, CHANNEL_Z, to_units};
+
+    fn stretch(state: MotionState, layer: u32, control: Vec<[f64; CHANNELS]>) -> Stretch {
+        Stretch {
+            state,
+            layer,
+            pass: (state == MotionState::Print).then_some(layer),
+            curve: PathCurve { control },
+            dwell_s: 0.0,
+            event: None,
+        }
+    }
+
+    /// The same wave on each of the layers, entered half turns apart, its volume going on; `aside_mm`
+    /// moves one place of the last.
+    fn route(layers: u32, aside_mm: f64) -> Route {
+        let mut stretches: Vec<Stretch> = Vec::new();
+        let mut volume_mm3 = 0.3;
+        for layer in 0..layers {
+            let mut wave: Vec<[f64; CHANNELS]> = (0..=120)
+                .map(|k| {
+                    let along = f64::from(k) * 0.1;
+                    let mut point = [20.0 + along, 30.0 + along.sin(), 0.0, 0.0, 0.0, 0.0, 0.0];
+                    point[CHANNEL_Z] = 0.2 * f64::from(layer + 1);
+                    point[CHANNEL_HEADING] = along.cos() + std::f64::consts::PI * f64::from(layer);
+                    point[CHANNEL_VOLUME] = volume_mm3 + 0.123_456_789 * along;
+                    point
+                })
+                .collect();
+            if layer + 1 == layers {
+                wave[60][1] += aside_mm;
+            }
+            let start = [0.0, 0.0, 1.0, 0.0, 0.0, 0.0, volume_mm3];
+            let before = stretches.last().and_then(|s| s.curve.control.last());
+            let way = vec![*before.unwrap_or(&start), wave[0]];
+            stretches.push(stretch(MotionState::Travel, layer, way));
+            volume_mm3 = wave[120][CHANNEL_VOLUME];
+            stretches.push(stretch(MotionState::Print, layer, wave));
+        }
+        Route { stretches }
+    }
+
+    /// Goal: what repeats is found, and runs as the first did to a unit at its end; what is elsewhere
+    /// by a hundred nanometres is not. Method: three layers of a wave; knots of each print stretch.
+    #[test]
+    fn a_print_on_another_layer_runs_as_the_first_did() {
+        let settings = Settings::default();
+        let same = route(3, 0.0);
+        let first = Some(1);
+        assert_eq!(earlier_ones(&same), [None, None, None, first, None, first]);
+        let aside = route(3, 1e-4);
+        assert_eq!(earlier_ones(&aside), [None, None, None, first, None, None]);
+        let (stream, report) = lay_segments(&same, &settings).expect("segments");
+        assert!(report.ratios.speed <= 1.0 && report.ratios.acceleration <= 1.0);
+        assert_ne!(report, MotionReport::default());
+        let prints = stream
+            .marks
+            .iter()
+            .filter(|m| m.state == MotionState::Print);
+        let times: Vec<u64> = prints.map(|m| m.end_tick - m.start_tick).collect();
+        assert_eq!(times, [times[0]; 3]);
+        // A stretch alone is laid as the first of three.
+        let (alone, _) = lay_segments(&route(1, 0.0), &settings).expect("segments");
+        let count = alone.knots.len() - 6;
+        assert_eq!(stream.knots[..count], alone.knots[..count]);
+        // The last layer ends on its own last place.
+        let last = same.stretches[5].curve.control[120];
+        let found = stream.knots.last().expect("knots").control;
+        assert_eq!(found, to_units(&last));
+    }
+}

@@ -1,0 +1,116 @@
+//! Path to time: the fastest motion along a path within the limits, smoothed, on servo ticks.
+//!
+//! In: path samples with their constraints ([`crate::plan::motion::path_samples`]). Out: the path parameter
+//! u at every servo tick, from rest to rest.
+//! Two steps: time-optimal parametrisation by reachability ([`reachability`], after Pham and Pham,
+//! TOPP-RA, 2018), then a smoothing of the speed profile that makes the acceleration continuous
+//! ([`smoothing`]). The caps of [`Caps`] let the check of the finished segments slow a place down.
+
+pub mod reachability;
+pub mod smoothing;
+
+use crate::plan::motion::joint_limits::{MotionError, MotionLimits};
+use crate::plan::motion::path_samples::{PathSample, tip_way_mm};
+
+/// Local shares of the limits, one for each path sample, 1 at first.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Caps {
+    /// Share of every speed limit.
+    pub speed: Vec<f64>,
+    /// Share of every acceleration limit.
+    pub acceleration: Vec<f64>,
+}
+
+impl Caps {
+    /// The same shares everywhere.
+    pub fn uniform(count: usize, speed: f64, acceleration: f64) -> Self {
+        Self {
+            speed: vec![speed; count],
+            acceleration: vec![acceleration; count],
+        }
+    }
+}
+
+/// The motion along one stretch.
+#[derive(Clone, Debug, PartialEq)]
+pub struct TimeLaw {
+    /// Path parameter at ticks 0..=n; at rest at both ends.
+    pub u_at_tick: Vec<f64>,
+}
+
+impl TimeLaw {
+    /// Duration in servo ticks.
+    pub fn ticks(&self) -> usize {
+        self.u_at_tick.len() - 1
+    }
+
+    /// Waits at the end until the stretch lasts `ticks`.
+    pub fn pad_to(&mut self, ticks: usize) {
+        let end = self.u_at_tick[self.ticks()];
+        while self.ticks() < ticks {
+            self.u_at_tick.push(end);
+        }
+    }
+}
+
+/// Smoothing window in ticks: the time in which the weakest moving joint may build up its
+/// acceleration. Between 4 ms (shorter than what a cubic span resolves) and 30 ms (longer costs
+/// more time than the shaking it spares).
+pub fn smoothing_ticks(samples: &[PathSample], limits: &MotionLimits) -> usize {
+    let seconds = limits
+        .joints
+        .iter()
+        .enumerate()
+        .filter(|&(joint, _)| samples.iter().any(|sample| sample.moves_joint(joint)))
+        .map(|(_, limit)| limit.acceleration_max / limit.jerk_max * 1.5)
+        .fold(0.0, f64::max)
+        .clamp(0.004, 0.030);
+    // Even, so that the window is centred on a tick.
+    2 * (seconds * limits.servo_hz / 2.0).ceil() as usize
+}
+
+/// Longest stretch: beyond it a limit is next to zero somewhere, and the ticks would fill memory.
+const STRETCH_MAX_S: f64 = 6.0 * 3600.0;
+/// A stretch that takes longer than this may take so many times what it would at the tip's speed:
+/// planning takes its time by the ticks, and what is slower is a limit that is not meant.
+const PATIENCE_S: f64 = 20.0 * 60.0;
+const SLOWDOWN_MAX: f64 = 200.0;
+
+/// Fails for a stretch that would take senselessly long. `from_mm` is where it begins.
+pub fn check_duration(
+    duration_s: f64,
+    samples: &[PathSample],
+    limits: &MotionLimits,
+    from_mm: [f64; 3],
+) -> Result<(), MotionError> {
+    let at_speed_s = tip_way_mm(samples) / limits.tip_speed_mm_s;
+    let most_s = (SLOWDOWN_MAX * at_speed_s).clamp(PATIENCE_S, STRETCH_MAX_S);
+    match duration_s <= most_s {
+        true => Ok(()),
+        false => Err(MotionError::TooSlow {
+            duration_s,
+            at_speed_s,
+            most_s,
+            from_mm,
+        }),
+    }
+}
+
+/// The time law of a sampled path: duration at least `duration_min_s`. `from_mm` is where it begins.
+pub fn time_law(
+    samples: &[PathSample],
+    limits: &MotionLimits,
+    caps: &Caps,
+    duration_min_s: f64,
+    from_mm: [f64; 3],
+) -> Result<TimeLaw, MotionError> {
+    let rate = reachability::fastest_rates(samples, limits, caps);
+    let u: Vec<f64> = samples.iter().map(|sample| sample.u).collect();
+    let window_ticks = smoothing_ticks(samples, limits);
+    let tick_s = 1.0 / limits.servo_hz;
+    let eased = smoothing::ease_rates(&u, &rate, window_ticks as f64 * tick_s);
+    let duration_s = smoothing::duration_s(&u, &eased).max(duration_min_s);
+    check_duration(duration_s, samples, limits, from_mm)?;
+    let u_at_tick = smoothing::on_ticks(&u, &eased, tick_s, window_ticks, duration_min_s);
+    Ok(TimeLaw { u_at_tick })
+}

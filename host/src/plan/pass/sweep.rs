@@ -1,0 +1,88 @@
+//! Poses along a path, so dense that their union is what the aperture sweeps.
+//!
+//! In: placements or configurations in mm and rad. Out: configurations between them. Leaves out
+//! the bent edges of a sweep that turns: steps are so small that a raster's cell does not show them.
+
+use super::LayerPass;
+use crate::geometry::Point2;
+use crate::geometry::aperture::Aperture;
+use crate::geometry::clearance::Configuration;
+use crate::geometry::coverage::SweptPose;
+
+/// Step between interpolated poses, mm against the minor semi-axis: the scallop left on the
+/// sharpest end of an ellipse of 3 : 1 is then below 1 % of b.
+const POSE_STEP: f64 = 0.15;
+/// Largest turn between interpolated poses, rad.
+const POSE_TURN_RAD: f64 = 0.05;
+/// Most poses put between two placements.
+const POSES_MAX: usize = 64;
+
+/// Poses between two placements, both left out, so dense that their union is the sweep.
+pub fn poses_between(
+    aperture: &Aperture,
+    from: Configuration,
+    to: Configuration,
+) -> impl Iterator<Item = Configuration> + use<> {
+    let turn = turn_to(aperture, from.heading_rad, to.heading_rad);
+    let delta = to.center - from.center;
+    let pieces = (delta.norm() / (POSE_STEP * aperture.minor_mm()))
+        .max(turn.abs() / POSE_TURN_RAD)
+        .ceil()
+        .clamp(1.0, POSES_MAX as f64) as usize;
+    (1..pieces).map(move |piece| {
+        let t = piece as f64 / pieces as f64;
+        Configuration {
+            center: from.center + delta * t,
+            heading_rad: from.heading_rad + turn * t,
+        }
+    })
+}
+
+/// The turn from one heading to the next: the shorter way round for a symmetric aperture.
+pub fn turn_to(aperture: &Aperture, from_rad: f64, to_rad: f64) -> f64 {
+    if aperture.is_round() {
+        return 0.0;
+    }
+    aperture.wrapped_rad(to_rad - from_rad)
+}
+
+/// All poses of a pass, dense.
+pub fn poses(pass: &LayerPass, aperture: &Aperture) -> impl Iterator<Item = Configuration> {
+    let closing = pass.placements.first().filter(|_| pass.closed);
+    swept(
+        pass.placements.iter().chain(closing).map(|p| p.at),
+        aperture,
+    )
+}
+
+/// All poses of several passes, dense.
+pub fn swept_poses(passes: &[LayerPass], aperture: &Aperture) -> Vec<SweptPose> {
+    let mut swept = Vec::new();
+    for (number, pass) in passes.iter().enumerate() {
+        let (mut path_mm, mut last) = (0.0, None);
+        for at in poses(pass, aperture) {
+            path_mm += last.map_or(0.0, |last: Point2| (at.center - last).norm());
+            last = Some(at.center);
+            swept.push(SweptPose {
+                at,
+                pass: number as u32,
+                path_mm,
+            });
+        }
+    }
+    swept
+}
+
+/// The poses along a way, dense.
+pub fn swept(
+    way: impl Iterator<Item = Configuration>,
+    aperture: &Aperture,
+) -> impl Iterator<Item = Configuration> {
+    let mut last: Option<Configuration> = None;
+    way.flat_map(move |at| {
+        let between = last
+            .replace(at)
+            .map(|last| poses_between(aperture, last, at));
+        between.into_iter().flatten().chain([at])
+    })
+}

@@ -1,0 +1,405 @@
+//! From ordered passes to the route: travel with lift, prime, print, retract.
+//!
+//! Every pass: travel above its start with the heading turned on the way, lower, prime, print,
+//! retract, lift. Each piece is a rest-to-rest stretch. All in machine coordinates.
+
+use crate::geometry::Point2;
+use crate::job::MotionState;
+use crate::plan::curve::heading_stops::heading_range;
+use crate::plan::curve::plane_curve::{PlaneControl, configuration, curve_at};
+use crate::plan::pass::PassKind;
+use crate::plan::route::flow::{FlowPose, deposit};
+use crate::plan::route::keep_out::Way;
+use crate::plan::route::moves::{PathCurve, Route, Stretch, StretchEvent};
+use crate::plan::route::travel::{TravelError, TravelWays};
+use crate::settings::Settings;
+use headway_protocol::units::{
+    CHANNEL_HEADING, CHANNEL_VOLUME, CHANNEL_X, CHANNEL_Y, CHANNEL_Z, CHANNELS,
+};
+use rayon::prelude::*;
+use std::collections::HashMap;
+use std::sync::Arc;
+
+/// A pass ready to be printed: its curve in the layer plane.
+#[derive(Clone, Debug, PartialEq)]
+pub struct PlanePass {
+    /// How it lies in its passage, for pictures.
+    pub kind: PassKind,
+    /// Layer from 0.
+    pub layer: u32,
+    /// Tip height, mm.
+    pub z_mm: f64,
+    /// Control points (x, y, heading); layers that are alike share them.
+    pub control: Arc<[PlaneControl]>,
+}
+
+/// Poses in each span from which the deposited volume is integrated.
+const DEPOSIT_STEPS: usize = 4;
+
+/// Step of the control points of a rounded way, against b: corners of at most 30° are then cut by
+/// a fifth of that, less than the way keeps from the outline.
+const ROUND_STEP_SHARE: f64 = 0.5;
+/// Most control points of one rounded way; longer ones are cut by more.
+const ROUND_STEPS_MAX: f64 = 20_000.0;
+
+/// Where the head is while the route is built.
+struct Head<'a> {
+    settings: &'a Settings,
+    at: [f64; CHANNELS],
+    route: Route,
+}
+
+/// Builds the route; `start` is the pose at rest before it (machine coordinates).
+///
+/// # Errors
+/// Where there is no way from one pass to the next.
+pub fn build_route(
+    passes: &[PlanePass],
+    start: [f64; CHANNELS],
+    ways: &mut TravelWays,
+    settings: &Settings,
+) -> Result<Route, TravelError> {
+    let mut head = Head {
+        settings,
+        at: start,
+        route: Route::default(),
+    };
+    let volumes_mm3 = volumes_mm3(passes, settings);
+    for (number, (pass, volume_mm3)) in passes.iter().zip(&volumes_mm3).enumerate() {
+        head.travel_to(pass, ways)?;
+        head.print(pass, volume_mm3, number as u32);
+    }
+    if let Some(last) = passes.last() {
+        let up = head.at[CHANNEL_Z] + settings.lift_mm;
+        head.line(
+            MotionState::Travel,
+            last.layer,
+            [(CHANNEL_Z, up)].as_slice(),
+        );
+    }
+    Ok(head.route)
+}
+
+impl Head<'_> {
+    /// A straight stretch to the given channel values; nothing where it would not move.
+    fn line(&mut self, state: MotionState, layer: u32, to: &[(usize, f64)]) {
+        let mut target = self.at;
+        for &(channel, value) in to {
+            target[channel] = value;
+        }
+        if target == self.at {
+            return;
+        }
+        self.push(state, layer, None, vec![self.at, target], 0.0, None);
+    }
+
+    fn push(
+        &mut self,
+        state: MotionState,
+        layer: u32,
+        pass: Option<u32>,
+        control: Vec<[f64; CHANNELS]>,
+        dwell_s: f64,
+        event: Option<StretchEvent>,
+    ) {
+        if let Some(&last) = control.last() {
+            self.at = last;
+        }
+        let curve = PathCurve { control };
+        self.route.stretches.push(Stretch {
+            state,
+            layer,
+            pass,
+            curve,
+            dwell_s,
+            event,
+        });
+    }
+
+    /// Lift, cross with the heading turned the shorter way, lower.
+    fn travel_to(&mut self, pass: &PlanePass, ways: &mut TravelWays) -> Result<(), TravelError> {
+        let first = pass.control[0];
+        let heading = entry_heading(pass, self.at[CHANNEL_HEADING], self.settings);
+        let above = pass.z_mm.max(self.at[CHANNEL_Z]) + self.settings.lift_mm;
+        self.line(MotionState::Travel, pass.layer, &[(CHANNEL_Z, above)]);
+        let here = configuration([
+            self.at[CHANNEL_X],
+            self.at[CHANNEL_Y],
+            self.at[CHANNEL_HEADING],
+        ]);
+        let way = ways.way(here, configuration(first))?;
+        self.cross(pass.layer, way, Point2::new(first[0], first[1]), heading);
+        self.line(MotionState::Travel, pass.layer, &[(CHANNEL_Z, pass.z_mm)]);
+        Ok(())
+    }
+
+    /// Along the way's legs, the heading turned in proportion on those between out and back.
+    fn cross(&mut self, layer: u32, way: Way, to: Point2, heading_rad: f64) {
+        let move_to = |head: &mut Self, at: Point2, heading_rad: f64| {
+            let target = [
+                (CHANNEL_X, at.x),
+                (CHANNEL_Y, at.y),
+                (CHANNEL_HEADING, heading_rad),
+            ];
+            head.line(MotionState::Travel, layer, &target);
+        };
+        let from_rad = self.at[CHANNEL_HEADING];
+        if let Some(out) = way.out {
+            move_to(self, out, from_rad);
+        }
+        let mut legs = vec![Point2::new(self.at[CHANNEL_X], self.at[CHANNEL_Y])];
+        legs.extend(way.corners);
+        legs.push(way.back.unwrap_or(to));
+        if way.rounded && legs.len() > 2 {
+            self.cross_rounded(layer, &legs, heading_rad);
+            return;
+        }
+        let length_mm =
+            |legs: &[Point2]| -> f64 { legs.windows(2).map(|w| (w[1] - w[0]).norm()).sum() };
+        let whole_mm = length_mm(&legs);
+        for end in 1..legs.len() {
+            let share = if end + 1 == legs.len() {
+                1.0
+            } else {
+                length_mm(&legs[..=end]) / whole_mm.max(1e-12)
+            };
+            move_to(self, legs[end], from_rad + (heading_rad - from_rad) * share);
+        }
+        move_to(self, to, heading_rad);
+    }
+
+    /// The same without a stop: the legs' even samples as control points of one curve.
+    fn cross_rounded(&mut self, layer: u32, legs: &[Point2], heading_rad: f64) {
+        let whole_mm: f64 = legs.windows(2).map(|w| (w[1] - w[0]).norm()).sum();
+        let step_mm = ROUND_STEP_SHARE * self.settings.aperture.minor_mm();
+        let steps = (whole_mm / step_mm).ceil().clamp(8.0, ROUND_STEPS_MAX) as usize;
+        let start = self.at;
+        let (mut leg, mut before_mm) = (0, 0.0);
+        let mut control: Vec<[f64; CHANNELS]> = (0..steps)
+            .map(|i| {
+                let share = i as f64 / steps as f64;
+                let along_mm = whole_mm * share;
+                let length_mm = |leg: usize| (legs[leg + 1] - legs[leg]).norm();
+                while leg + 2 < legs.len() && along_mm > before_mm + length_mm(leg) {
+                    before_mm += length_mm(leg);
+                    leg += 1;
+                }
+                let t = (along_mm - before_mm) / length_mm(leg).max(1e-12);
+                let at = legs[leg] + (legs[leg + 1] - legs[leg]) * t.clamp(0.0, 1.0);
+                let mut point = start;
+                point[CHANNEL_X] = at.x;
+                point[CHANNEL_Y] = at.y;
+                point[CHANNEL_HEADING] += (heading_rad - start[CHANNEL_HEADING]) * share;
+                point
+            })
+            .collect();
+        // The end to the last digit: the next stretch begins there.
+        let mut end = start;
+        end[CHANNEL_X] = legs[legs.len() - 1].x;
+        end[CHANNEL_Y] = legs[legs.len() - 1].y;
+        end[CHANNEL_HEADING] = heading_rad;
+        control.push(end);
+        self.push(MotionState::Travel, layer, None, control, 0.0, None);
+    }
+
+    /// Prime, print, retract.
+    fn print(&mut self, pass: &PlanePass, volume_mm3: &[f64], number: u32) {
+        let s = self.settings;
+        let pr = s.prime_retract;
+        let prime_s = event_duration_s(pr.prime_mm3, pr.prime_rate_mm3_s);
+        let retract_s = event_duration_s(pr.retract_mm3, pr.retract_rate_mm3_s);
+        if prime_s > 0.0 {
+            let event = StretchEvent::PrimeAtStart {
+                volume_mm3: pr.prime_mm3,
+                duration_s: prime_s,
+            };
+            let dwell_s = (prime_s - pr.prime_lead_s).max(0.0);
+            self.push(
+                MotionState::Prime,
+                pass.layer,
+                None,
+                vec![self.at],
+                dwell_s,
+                Some(event),
+            );
+        }
+        let lead_s = pr.retract_lead_s.min(retract_s);
+        let retract = StretchEvent::RetractBeforeEnd {
+            volume_mm3: pr.retract_mm3,
+            duration_s: retract_s,
+            lead_s,
+        };
+        let event = (retract_s > 0.0).then_some(retract);
+        let control = self.print_control(pass, volume_mm3);
+        self.push(
+            MotionState::Print,
+            pass.layer,
+            Some(number),
+            control,
+            0.0,
+            event,
+        );
+        if retract_s > lead_s {
+            let dwell_s = retract_s - lead_s;
+            self.push(
+                MotionState::Retract,
+                pass.layer,
+                None,
+                vec![self.at],
+                dwell_s,
+                None,
+            );
+        }
+    }
+
+    /// The pass in channel space.
+    fn print_control(&self, pass: &PlanePass, volume_mm3: &[f64]) -> Vec<[f64; CHANNELS]> {
+        let turn = self.at[CHANNEL_HEADING] - pass.control[0][2];
+        let places = pass.control.iter().zip(volume_mm3);
+        places
+            .map(|(&[x, y, heading], volume_mm3)| {
+                let mut point = self.at;
+                point[CHANNEL_X] = x;
+                point[CHANNEL_Y] = y;
+                point[CHANNEL_Z] = pass.z_mm;
+                point[CHANNEL_HEADING] = heading + turn;
+                point[CHANNEL_VOLUME] += volume_mm3;
+                point
+            })
+            .collect()
+    }
+}
+
+/// For each pass the volume that its advancing front has laid at its control points: found once for
+/// passes that share a curve.
+fn volumes_mm3(passes: &[PlanePass], settings: &Settings) -> Vec<Arc<[f64]>> {
+    let mut known = HashMap::new();
+    let mut different: Vec<&PlanePass> = Vec::new();
+    let curves: Vec<usize> = passes
+        .iter()
+        .map(|pass| {
+            *known.entry(Arc::as_ptr(&pass.control)).or_insert_with(|| {
+                different.push(pass);
+                different.len() - 1
+            })
+        })
+        .collect();
+    let found = different.into_par_iter();
+    let found: Vec<Arc<[f64]>> = found
+        .map(|pass| volume_mm3(&pass.control, settings).into())
+        .collect();
+    let of_pass = curves.into_iter();
+    of_pass.map(|curve| found[curve].clone()).collect()
+}
+
+fn volume_mm3(control: &[PlaneControl], s: &Settings) -> Vec<f64> {
+    let spans = control.len() - 1;
+    let poses: Vec<FlowPose> = (0..=spans * DEPOSIT_STEPS)
+        .map(|k| {
+            let span = (k / DEPOSIT_STEPS).min(spans - 1);
+            let t = k as f64 / DEPOSIT_STEPS as f64 - span as f64;
+            let [x, y, heading_rad] = curve_at(control, span, t);
+            FlowPose {
+                centre_mm: [x, y],
+                heading_rad,
+            }
+        })
+        .collect();
+    let ground = s.aperture.area_mm2();
+    let volume = deposit(
+        &poses,
+        &s.aperture,
+        s.layer_height_mm,
+        s.flow_factor,
+        ground,
+    );
+    volume.into_iter().step_by(DEPOSIT_STEPS).collect()
+}
+
+/// Duration of a prime or retract whose peak rate is `rate`: a quintic smooth step peaks at 1.875
+/// times its mean rate.
+pub fn event_duration_s(volume_mm3: f64, rate_mm3_s: f64) -> f64 {
+    if volume_mm3 > 0.0 && rate_mm3_s > 0.0 {
+        1.875 * volume_mm3 / rate_mm3_s
+    } else {
+        0.0
+    }
+}
+
+/// The heading at which a pass is entered: of those equal to its own for the deposit the nearest to
+/// `from_rad` from which all of the pass stays within the stops of the joint that turns the nozzle.
+/// Where there is none the nearest of all: the check of the joints' ranges then names the joint.
+fn entry_heading(pass: &PlanePass, from_rad: f64, settings: &Settings) -> f64 {
+    let period_rad = settings.aperture.period_rad();
+    let first_rad = pass.control[0][2];
+    let nearest_rad = nearest_heading(first_rad, from_rad, period_rad);
+    let [low_rad, high_rad] = heading_range(settings);
+    let turned = pass.control.iter().map(|c| c[2] - first_rad);
+    let (least_rad, most_rad) = turned.fold((0.0_f64, 0.0_f64), |(least, most), turned| {
+        (least.min(turned), most.max(turned))
+    });
+    let slack_rad = settings.tolerances.heading_rad;
+    let (low_rad, high_rad) = (
+        low_rad - least_rad + slack_rad,
+        high_rad - most_rad - slack_rad,
+    );
+    if (low_rad..=high_rad).contains(&nearest_rad) {
+        return nearest_rad;
+    }
+    let periods = |to_rad: f64| (to_rad - first_rad) / period_rad;
+    let lowest_rad = first_rad + periods(low_rad).ceil() * period_rad;
+    let highest_rad = first_rad + periods(high_rad).floor() * period_rad;
+    if lowest_rad <= highest_rad {
+        nearest_rad.clamp(lowest_rad, highest_rad)
+    } else {
+        nearest_rad
+    }
+}
+
+/// The heading equal to `heading_rad` for the deposit (modulo the aperture's period) that is nearest
+/// to `from_rad`.
+pub fn nearest_heading(heading_rad: f64, from_rad: f64, period_rad: f64) -> f64 {
+    heading_rad + ((from_rad - heading_rad) / period_rad).round() * period_rad
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// Goal: a pass is entered at the nearest heading from which it fits between the stops. Method: a
+    /// pass that turns by 300° one way, stops 450° either way, headings 180° apart.
+    #[test]
+    fn passes_are_entered_where_they_fit_between_the_stops() {
+        let turn = |deg: f64| f64::to_radians(deg);
+        let pass = PlanePass {
+            kind: PassKind::TwoPass,
+            layer: 0,
+            z_mm: 0.2,
+            control: (0..=30)
+                .map(|i| [f64::from(i), 0.0, turn(10.0 * f64::from(i) + 7.0)])
+                .collect(),
+        };
+        let mut settings = Settings::default();
+        let entered = |from_deg: f64, settings: &Settings| {
+            let heading_rad = entry_heading(&pass, turn(from_deg), settings);
+            (heading_rad.to_degrees() * 1e6).round() / 1e6
+        };
+        for (from_deg, expected_deg) in [(0.0, 7.0), (300.0, 367.0), (1000.0, 1087.0)] {
+            assert_eq!(entered(from_deg, &settings), expected_deg);
+        }
+        settings.machine.joints[3].position_min = turn(-450.0);
+        settings.machine.joints[3].position_max = turn(450.0);
+        for (from_deg, expected_deg) in [
+            (0.0, 7.0),
+            (300.0, 7.0),
+            (-400.0, -353.0),
+            // -533° is nearest, and beyond the stop.
+            (-480.0, -353.0),
+        ] {
+            assert_eq!(entered(from_deg, &settings), expected_deg);
+        }
+        // Nowhere: the nearest, and the check of the ranges speaks.
+        settings.machine.joints[3].position_max = turn(-200.0);
+        assert_eq!(entered(0.0, &settings), 7.0);
+    }
+}

@@ -1,0 +1,410 @@
+//! Waypoints -> C² curves from rest to rest: an interpolating cubic spline, cut at its corners.
+//!
+//! In: a [`WaypointRun`] (mm, input coordinates), the part's offset, tolerances and aperture. Out:
+//! [`PathCurve`]s in machine coordinates that join end to end, the volume channel left at 0.
+//!
+//! ```text
+//! waypoints -> runs between corners -> cubic spline over chord length
+//!           -> even samples -> uniform B-spline through them, refined until it agrees
+//! ```
+//! A turn of more than [`CORNER_RAD`] is a corner: the head comes to rest there. Waypoints that
+//! share a place turn the head on the spot. Cubic splines: C. de Boor, A Practical Guide to
+//! Splines (1978), chapter 4. Leaves out flow (`waypoint_route`) and time.
+
+use crate::input::waypoints::{SAME_PLACE_MM, Waypoint, WaypointRun};
+use crate::plan::route::build_route::nearest_heading;
+use crate::plan::route::moves::PathCurve;
+use crate::settings::Settings;
+use headway_firmware::configuration::Kinematics;
+use headway_firmware::pose::{tilt_of_axis, tool_axis};
+use headway_protocol::units::{
+    CHANNEL_HEADING, CHANNEL_TILT_X, CHANNEL_TILT_Y, CHANNEL_VOLUME, CHANNEL_X, CHANNEL_Y,
+    CHANNEL_Z, CHANNELS,
+};
+use nalgebra::{Rotation3, Vector2, Vector3};
+use std::f64::consts::{FRAC_PI_2, PI};
+
+/// Turns of the path above this are corners (SPEC section 8).
+pub const CORNER_RAD: f64 = PI / 6.0;
+/// Share of the tip's, axis' and heading's tolerance that the B-spline may be off the spline.
+const CURVE_SHARE: f64 = 0.1;
+/// Longest span of the B-spline to begin with, mm: a fraction of any aperture.
+const SPAN_MM: f64 = 0.5;
+/// Most spans of a run, all stretches together: 10 m at 10 µm.
+const SPANS_MAX: usize = 1 << 20;
+/// Tilt that a machine without tilting axes can ignore, rad: far below the axis tolerance.
+const UPRIGHT_RAD: f64 = 1e-6;
+
+type Point = [f64; CHANNELS];
+
+/// Why a run has no curve that can be planned.
+#[derive(Clone, Debug, PartialEq, thiserror::Error)]
+pub enum WaypointCurveError {
+    /// The machine cannot tilt its head.
+    #[error(
+        "line {line}: the tool axis is tilted by {tilt_deg:.3}°, and this machine's head does not \
+         tilt; plan for another machine (--machine)"
+    )]
+    CannotTilt {
+        /// Line of the waypoint.
+        line: usize,
+        /// Angle from Z.
+        tilt_deg: f64,
+    },
+    /// The spacing is too uneven.
+    #[error(
+        "between lines {from} and {to} the waypoints are so uneven that their curve needs more \
+         than {SPANS_MAX} spans; space them more evenly"
+    )]
+    TooUneven {
+        /// First line of the stretch.
+        from: usize,
+        /// Its last.
+        to: usize,
+    },
+}
+
+/// The run as stretches from rest to rest, machine coordinates.
+///
+/// # Errors
+/// [`WaypointCurveError`] with the line.
+pub fn waypoint_curves(
+    run: &WaypointRun,
+    offset_mm: [f64; 3],
+    settings: &Settings,
+) -> Result<Vec<PathCurve>, WaypointCurveError> {
+    check_tilt(&run.points, settings)?;
+    let mut curves: Vec<PathCurve> = Vec::new();
+    let mut spans_left = SPANS_MAX;
+    for stretch in split(&run.points) {
+        let before = curves
+            .last()
+            .and_then(|curve| curve.control.last().copied());
+        let curve = stretch_curve(stretch, offset_mm, settings, before, spans_left)?;
+        spans_left = spans_left.saturating_sub(curve.control.len());
+        if let (Some(from), Some(&to)) = (before, curve.control.first())
+            && from[CHANNEL_HEADING] != to[CHANNEL_HEADING]
+        {
+            // The corner's two sides lie differently across the travel.
+            curves.push(PathCurve {
+                control: vec![from, to],
+            });
+        }
+        curves.push(curve);
+    }
+    Ok(curves)
+}
+
+fn check_tilt(points: &[Waypoint], settings: &Settings) -> Result<(), WaypointCurveError> {
+    if settings.machine.kinematics != Kinematics::Planar {
+        return Ok(());
+    }
+    for point in points {
+        let tilt_rad = point.axis.x.hypot(point.axis.y).atan2(point.axis.z);
+        if tilt_rad > UPRIGHT_RAD {
+            return Err(WaypointCurveError::CannotTilt {
+                line: point.line,
+                tilt_deg: tilt_rad.to_degrees(),
+            });
+        }
+    }
+    Ok(())
+}
+
+/// Pieces between rests; neighbours share a waypoint.
+fn split(points: &[Waypoint]) -> Vec<&[Waypoint]> {
+    let chord = |i: usize| points[i + 1].tip_mm - points[i].tip_mm;
+    let on_the_spot = |i: usize| chord(i).norm() < SAME_PLACE_MM;
+    let mut pieces = Vec::new();
+    let mut start = 0;
+    for i in 1..points.len() - 1 {
+        let rests =
+            on_the_spot(i - 1) || on_the_spot(i) || chord(i - 1).angle(&chord(i)) > CORNER_RAD;
+        if rests {
+            pieces.push(&points[start..=i]);
+            start = i;
+        }
+    }
+    pieces.push(&points[start..]);
+    pieces
+}
+
+fn pose(point: &Waypoint, offset_mm: [f64; 3]) -> Point {
+    let tilt = tilt_of_axis(&point.axis.into_inner());
+    let mut pose = [0.0; CHANNELS];
+    pose[CHANNEL_X] = point.tip_mm.x + offset_mm[0];
+    pose[CHANNEL_Y] = point.tip_mm.y + offset_mm[1];
+    pose[CHANNEL_Z] = point.tip_mm.z + offset_mm[2];
+    pose[CHANNEL_TILT_X] = tilt.x;
+    pose[CHANNEL_TILT_Y] = tilt.y;
+    pose[CHANNEL_HEADING] = point.heading_rad.unwrap_or(0.0);
+    pose
+}
+
+fn stretch_curve(
+    points: &[Waypoint],
+    offset_mm: [f64; 3],
+    settings: &Settings,
+    before: Option<Point>,
+    spans_max: usize,
+) -> Result<PathCurve, WaypointCurveError> {
+    let mut poses: Vec<Point> = points.iter().map(|point| pose(point, offset_mm)).collect();
+    let across = points.iter().any(|point| point.heading_rad.is_none());
+    let near_rad = before.map_or(0.0, |before| before[CHANNEL_HEADING]);
+    if let [from, to] = points
+        && (to.tip_mm - from.tip_mm).norm() < SAME_PLACE_MM
+    {
+        if across {
+            poses
+                .iter_mut()
+                .for_each(|pose| pose[CHANNEL_HEADING] = near_rad);
+        }
+        return Ok(PathCurve { control: poses });
+    }
+    let spline = Spline::through(&poses);
+    let curve = Curve {
+        spline,
+        across,
+        period_rad: settings.aperture.period_rad(),
+    };
+    let too_uneven = WaypointCurveError::TooUneven {
+        from: points.first().map_or(0, |point| point.line),
+        to: points.last().map_or(0, |point| point.line),
+    };
+    let mut spans = (curve.spline.length() / SPAN_MM)
+        .ceil()
+        .max(2.0 * points.len() as f64);
+    while spans <= spans_max as f64 {
+        let samples = curve.samples(spans as usize, near_rad);
+        let fitted = PathCurve {
+            control: through_samples(&samples),
+        };
+        if curve.agrees(&fitted, settings) {
+            return Ok(fitted);
+        }
+        spans *= 2.0;
+    }
+    Err(too_uneven)
+}
+
+/// The curve that is meant: the spline, and the rule for the heading.
+struct Curve {
+    spline: Spline,
+    /// The major axis lies across the travel.
+    across: bool,
+    /// Headings so far apart are the same deposit.
+    period_rad: f64,
+}
+
+impl Curve {
+    /// The pose at chord length `s`, its heading near `near_rad` where the rule gives it.
+    fn pose(&self, s: f64, near_rad: f64) -> Point {
+        let mut pose = self.spline.value(s);
+        if self.across {
+            let direction = self.spline.slope(s);
+            pose[CHANNEL_HEADING] = across_heading(&pose, &direction, near_rad, self.period_rad);
+        }
+        pose
+    }
+
+    /// Even samples over the length, ends included.
+    fn samples(&self, spans: usize, near_rad: f64) -> Vec<Point> {
+        let mut near_rad = near_rad;
+        (0..=spans)
+            .map(|k| {
+                let pose = self.pose(self.spline.length() * k as f64 / spans as f64, near_rad);
+                near_rad = pose[CHANNEL_HEADING];
+                pose
+            })
+            .collect()
+    }
+
+    /// True if the B-spline is as near as it must be: in the middle of its spans, and where the
+    /// spline's own pieces meet.
+    fn agrees(&self, fitted: &PathCurve, settings: &Settings) -> bool {
+        let spans = fitted.span_count();
+        let per_mm = spans as f64 / self.spline.length();
+        let middles = (0..spans).map(|span| span as f64 + 0.5);
+        let knots = self.spline.knots.iter().map(|s| s * per_mm);
+        middles.chain(knots).all(|u| {
+            let at = fitted.evaluate(u).value;
+            let meant = self.pose(u / per_mm, at[CHANNEL_HEADING]);
+            is_near(&at, &meant, settings)
+        })
+    }
+}
+
+fn is_near(at: &Point, meant: &Point, settings: &Settings) -> bool {
+    let off = |from: usize, to: usize| {
+        (from..=to)
+            .map(|channel| (at[channel] - meant[channel]).powi(2))
+            .sum::<f64>()
+            .sqrt()
+    };
+    let tolerances = &settings.tolerances;
+    off(CHANNEL_X, CHANNEL_Z) <= CURVE_SHARE * tolerances.tip_mm
+        && off(CHANNEL_TILT_X, CHANNEL_TILT_Y) <= CURVE_SHARE * tolerances.axis_rad
+        && off(CHANNEL_HEADING, CHANNEL_HEADING) <= CURVE_SHARE * tolerances.heading_rad
+}
+
+/// Heading that lays the major axis across the travel, as seen along the tool axis; the one of
+/// the equal ones that is nearest. Where the travel is along the tool axis it stays.
+fn across_heading(pose: &Point, direction: &Point, near_rad: f64, period_rad: f64) -> f64 {
+    let travel = upright(pose) * Vector3::new(direction[0], direction[1], direction[2]);
+    if travel.x.hypot(travel.y) < 1e-6 * travel.norm() {
+        return near_rad;
+    }
+    nearest_heading(travel.y.atan2(travel.x) + FRAC_PI_2, near_rad, period_rad)
+}
+
+/// Takes the tool axis of a pose to Z: directions as the tool sees them, but for its heading.
+pub fn upright(pose: &Point) -> Rotation3<f64> {
+    let tilt = Vector2::new(pose[CHANNEL_TILT_X], pose[CHANNEL_TILT_Y]);
+    debug_assert!(tool_axis(tilt).norm() > 0.5);
+    Rotation3::new(Vector3::new(tilt.x, tilt.y, 0.0)).inverse()
+}
+
+/// Cubic spline over the chord length of its tip, all channels at once. Its first and last piece
+/// are parabolas: natural ends would turn the travel there by a quarter of a chord's turn.
+struct Spline {
+    /// Chord length at each point, mm.
+    knots: Vec<f64>,
+    points: Vec<Point>,
+    /// Second derivatives by chord length.
+    bends: Vec<Point>,
+}
+
+impl Spline {
+    /// Through two or more points whose tips differ from one to the next.
+    fn through(points: &[Point]) -> Spline {
+        let mut knots = vec![0.0];
+        let mut length = 0.0;
+        for pair in points.windows(2) {
+            let chord = Vector3::from_fn(|i, _| pair[1][i] - pair[0][i]);
+            length += chord.norm();
+            knots.push(length);
+        }
+        let n = points.len();
+        let mut rows = vec![Row::fixed([0.0; CHANNELS]); n];
+        if n > 2 {
+            rows[0].above = -1.0;
+            rows[n - 1].below = -1.0;
+        }
+        for i in 1..n - 1 {
+            let (left, right) = (knots[i] - knots[i - 1], knots[i + 1] - knots[i]);
+            rows[i] = Row {
+                below: left / 6.0,
+                middle: (left + right) / 3.0,
+                above: right / 6.0,
+                value: std::array::from_fn(|c| {
+                    (points[i + 1][c] - points[i][c]) / right
+                        - (points[i][c] - points[i - 1][c]) / left
+                }),
+            };
+        }
+        Spline {
+            bends: solve(rows),
+            points: points.to_vec(),
+            knots,
+        }
+    }
+
+    fn length(&self) -> f64 {
+        self.knots[self.knots.len() - 1]
+    }
+
+    /// Piece at `s`, its length, and how far into it.
+    fn piece(&self, s: f64) -> (usize, f64, f64) {
+        let after = self.knots.partition_point(|knot| *knot <= s);
+        let piece = after.clamp(1, self.knots.len() - 1) - 1;
+        let length = self.knots[piece + 1] - self.knots[piece];
+        (
+            piece,
+            length,
+            ((s - self.knots[piece]) / length).clamp(0.0, 1.0),
+        )
+    }
+
+    fn value(&self, s: f64) -> Point {
+        let (i, h, b) = self.piece(s);
+        let a = 1.0 - b;
+        std::array::from_fn(|c| {
+            let bend = (a * a * a - a) * self.bends[i][c] + (b * b * b - b) * self.bends[i + 1][c];
+            a * self.points[i][c] + b * self.points[i + 1][c] + bend * h * h / 6.0
+        })
+    }
+
+    fn slope(&self, s: f64) -> Point {
+        let (i, h, b) = self.piece(s);
+        let a = 1.0 - b;
+        std::array::from_fn(|c| {
+            let bend =
+                (3.0 * b * b - 1.0) * self.bends[i + 1][c] - (3.0 * a * a - 1.0) * self.bends[i][c];
+            (self.points[i + 1][c] - self.points[i][c]) / h + bend * h / 6.0
+        })
+    }
+}
+
+/// One row of a tridiagonal system.
+#[derive(Clone, Copy)]
+struct Row {
+    below: f64,
+    middle: f64,
+    above: f64,
+    value: Point,
+}
+
+impl Row {
+    fn fixed(value: Point) -> Row {
+        Row {
+            below: 0.0,
+            middle: 1.0,
+            above: 0.0,
+            value,
+        }
+    }
+}
+
+/// Solves a diagonally dominant tridiagonal system (Thomas).
+fn solve(mut rows: Vec<Row>) -> Vec<Point> {
+    for i in 1..rows.len() {
+        let (before, factor) = (rows[i - 1], rows[i].below / rows[i - 1].middle);
+        rows[i].middle -= factor * before.above;
+        for c in 0..CHANNELS {
+            rows[i].value[c] -= factor * before.value[c];
+        }
+    }
+    let mut solution = vec![[0.0; CHANNELS]; rows.len()];
+    let mut next = [0.0; CHANNELS];
+    for (row, slot) in rows.iter().zip(&mut solution).rev() {
+        *slot = std::array::from_fn(|c| (row.value[c] - row.above * next[c]) / row.middle);
+        next = *slot;
+    }
+    solution
+}
+
+/// Control points of the uniform cubic B-spline with natural ends through these samples.
+fn through_samples(samples: &[Point]) -> Vec<Point> {
+    let last = samples.len() - 1;
+    let rows = samples.iter().enumerate().map(|(i, &value)| {
+        if i == 0 || i == last {
+            return Row::fixed(value);
+        }
+        Row {
+            below: 1.0 / 6.0,
+            middle: 4.0 / 6.0,
+            above: 1.0 / 6.0,
+            value,
+        }
+    });
+    let mut control = solve(rows.collect());
+    // Flow is added later; rounding must not leave a trace of it.
+    control
+        .iter_mut()
+        .for_each(|point| point[CHANNEL_VOLUME] = 0.0);
+    control
+}
+
+#[cfg(test)]
+#[path = "waypoint_curve_tests.rs"]
+mod tests;
