@@ -3,7 +3,7 @@
 //! ```text
 //! Target --contour--> Contour --hull--> Region --medial axis--> MedialAxis --prune--> Axis
 //!  (mm)               (mm, local)       (mm, local)             (mm)                  (mm)
-//!    --passes--> LayerPass --order--> LayerKind --layers--> PlanePass
+//!    --passes--> LayerPass --order--> LayerGroup --layers--> PlanePass
 //!                (mm, rad)            (mm, rad)            (mm, rad, machine coordinates)
 //!    --route--> Route --time law, segments--> SegmentStream --measure--> Figures
 //!               (mm, rad, mm³)                (integer units, servo ticks)
@@ -37,14 +37,15 @@ use crate::plan::axis::medial_axis::MedialAxisError;
 use crate::plan::judge::figures::{PlanFigures, Swept};
 use crate::plan::judge::measure::{Measured, MeasuredPrint, measure};
 use crate::plan::judge::region_raster::swept_area_mm2;
-use crate::plan::layers::layer_groups::{self, LayerKind, RegionPrint, TooLongError};
+use crate::plan::layers::PlanePass;
+use crate::plan::layers::layer_groups::{self, LayerGroup, RegionPrint, TooLongError};
 use crate::plan::layers::region_plan::{RegionPlan, RegionWork};
 use crate::plan::layers::skirt::{SkirtPlan, skirt_plan, skirt_reach_mm};
 use crate::plan::motion::joint_limits::MotionError;
-use crate::plan::motion::segments::{MotionReport, lay_segments_telling};
+use crate::plan::motion::segments::{MotionReport, lay_segments_with_progress};
 use crate::plan::outline::contour::{Contour, ContourError, SIMPLIFY_MM};
 use crate::plan::progress::{Progress, Stage, step_each};
-use crate::plan::route::build_route::{PlanePass, build_route};
+use crate::plan::route::build_route::build_route;
 use crate::plan::route::keep_out::{cleared, taken};
 use crate::plan::route::moves::Route;
 use crate::plan::route::travel::{TravelError, TravelWays, outline_crossings};
@@ -65,7 +66,7 @@ pub struct Plan {
     /// What is printed around the regions before them, on the first layer.
     pub skirt: Option<SkirtPlan>,
     /// The kinds of layer, in the order of their first ones.
-    pub kinds: Vec<LayerKind>,
+    pub kinds: Vec<LayerGroup>,
     /// Every printing of a region, in order.
     pub prints: Vec<RegionPrint>,
     /// The curves that are printed, machine coordinates, in order.
@@ -185,8 +186,8 @@ pub fn plan_target(target: &Target, settings: &Settings) -> Result<Plan, PlanErr
     plan_target_around(target, &[], settings, &())
 }
 
-/// Plans a target around keep-outs (input coordinates): the whole pipeline, one line for each stage.
-/// `progress` is told how far it is (`()` tells nobody).
+/// Plans a target around keep-outs (input coordinates): the whole pipeline, one line for each
+/// stage. `progress` is told how far it is (`()` tells nobody).
 ///
 /// # Errors
 /// [`PlanError`].
@@ -211,7 +212,7 @@ pub fn plan_target_around(
     let (works, widest) = region_works(&cleared.regions, &infills, settings, progress)?;
     let skirt = skirt_plan(&target.regions, &taken(keep_out, settings), from, settings)?;
     let from = skirt.as_ref().and_then(SkirtPlan::end).unwrap_or(from);
-    let kinds = layer_groups::layer_kinds(works, &infills, &kind_of_layer, progress);
+    let kinds = layer_groups::layer_groups(works, &infills, &kind_of_layer, progress);
     let prints = layer_groups::region_prints(&kinds, &kind_of_layer, from);
     let (curves, print_of_curve) =
         layer_groups::plane_passes(skirt.as_ref(), &kinds, &prints, &transform, settings)?;
@@ -224,7 +225,7 @@ pub fn plan_target_around(
     let ground = on_machine(&cleared.regions);
     let mut ways = TravelWays::new(&on_machine(keep_out), &ground, settings)?;
     let route = build_route(&curves, start, &mut ways, settings).map_err(|e| e.shifted(-shift))?;
-    let (stream, motion) = lay_segments_telling(&route, settings, progress)?;
+    let (stream, motion) = lay_segments_with_progress(&route, settings, progress)?;
     let (figures, measured) = measure(
         &stream,
         &printings(&kinds, &prints),
@@ -275,7 +276,7 @@ fn region_works(
     Ok((works, widest))
 }
 
-fn printings<'a>(kinds: &'a [LayerKind], prints: &[RegionPrint]) -> Vec<MeasuredPrint<'a>> {
+fn printings<'a>(kinds: &'a [LayerGroup], prints: &[RegionPrint]) -> Vec<MeasuredPrint<'a>> {
     let prints = prints.iter();
     prints
         .map(|print| MeasuredPrint {
@@ -292,14 +293,14 @@ fn printings<'a>(kinds: &'a [LayerKind], prints: &[RegionPrint]) -> Vec<Measured
 /// # Errors
 /// [`PlanError`].
 pub fn plan_waypoints(run: &WaypointRun, settings: &Settings) -> Result<Plan, PlanError> {
-    plan_waypoints_telling(run, settings, &())
+    plan_waypoints_with_progress(run, settings, &())
 }
 
 /// The same, telling how far it is: segments and figures.
 ///
 /// # Errors
 /// [`PlanError`].
-pub fn plan_waypoints_telling(
+pub fn plan_waypoints_with_progress(
     run: &WaypointRun,
     settings: &Settings,
     progress: &dyn Progress,
@@ -313,7 +314,7 @@ pub fn plan_waypoints_telling(
     let transform = PartTransform::choose_box(bounds, [low_mm, high_mm], settings)?;
     let curves = waypoint_curves(run, transform.offset_mm, settings)?;
     let route = waypoint_route(curves, start_pose(settings), settings);
-    let (stream, motion) = lay_segments_telling(&route, settings, progress)?;
+    let (stream, motion) = lay_segments_with_progress(&route, settings, progress)?;
     let (mut figures, measured) = measure(&stream, &[], &[], &transform, settings, progress);
     figures.passes = 1;
     Ok(Plan {

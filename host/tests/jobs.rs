@@ -1,6 +1,6 @@
-//! Goal: other programs can rely on what the command writes: jobs, tables, pictures and figures tell of
-//! the same job, which is the same for any number of threads. Method: run the binary on small
-//! examples and read what it writes.
+//! Goal: other programs can rely on what the command writes: jobs, tables, pictures and figures
+//! tell of the same job, which is the same for any number of threads. Method: run the binary on
+//! small examples and read what it writes.
 
 mod rig;
 
@@ -267,7 +267,7 @@ fn layers_are_in_everything_that_tells_of_them() {
     let plan = ["plan", &web, "-o", path(&job), "--json"];
     let figures = object(&headway(&[&plan[..], &print, &ends].concat()));
     assert_eq!(figures["layers"], 3);
-    let kinds = figures["layer_kinds"].as_array().expect("kinds");
+    let kinds = figures["layer_groups"].as_array().expect("kinds");
     let whats: Vec<[f64; 4]> = kinds
         .iter()
         .map(|kind| {

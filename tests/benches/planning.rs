@@ -34,7 +34,7 @@ fn main() {
         ("noisy", |n| noisy_ring(n, 0.005)),
         ("comb", comb),
     ];
-    println!("part grows with the outline: seconds for contour, axis, skeleton, passes");
+    println!("part grows with the outline: seconds for contour, axis, pruned, passes");
     for (name, make) in growing {
         if chosen(name) {
             let times: Vec<f64> = SIZES
@@ -99,7 +99,7 @@ fn stages(name: &str, rings: &Rings, with_passes: bool) -> f64 {
     let walls: EdgeIndex = contour.edge_index(settings.aperture.major_mm());
     let axis = MedialAxis::of_edges(&walls, &AxisOptions::default()).expect(name);
     marks.push(process_s());
-    let skeleton = Axis::of_medial_axis(&axis, &settings.aperture);
+    let pruned = Axis::of_medial_axis(&axis, &settings.aperture);
     marks.push(process_s());
     let pass_settings = PassSettings {
         aperture: settings.aperture,
@@ -109,7 +109,7 @@ fn stages(name: &str, rings: &Rings, with_passes: bool) -> f64 {
         profile: settings.heading_profile,
     };
     let count = if with_passes {
-        passes(&contour.region, &skeleton, &pass_settings).len()
+        passes(&contour.region, &pruned, &pass_settings).len()
     } else {
         0
     };

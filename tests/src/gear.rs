@@ -89,7 +89,7 @@ pub fn points(length_mm: f64) -> Vec<GearPoint> {
 /// headings between them would be off by a quarter of their tolerance, and cost bytes.
 pub fn waypoint_file(length_mm: f64) -> String {
     let mut text = String::from(
-        "# name: gear-6axis\n# units: mm\n# A gear of 20 lobes in six axes, the nozzle along the \
+        "# name: gear-6axis\n# units: mm\n# A gear of 20 branch_tips in six axes, the nozzle along the \
          tangent; written by the tests.\n# x y z nx ny nz heading_deg\n",
     );
     for point in points(length_mm).iter().step_by(2) {

@@ -56,7 +56,7 @@ fn axis_agrees_with_tangent_disks() {
         let index = contour.edge_index(0.6);
         let started = std::time::Instant::now();
         let axis = MedialAxis::of_edges(&index, &AxisOptions::default()).expect("an axis");
-        let skeleton = axis.pruned(&PruneOptions::default());
+        let pruned = axis.pruned(&PruneOptions::default());
         let one_s = started.elapsed().as_secs_f64();
         spent_s += one_s;
         edges += index.edges().len();
@@ -66,7 +66,7 @@ fn axis_agrees_with_tangent_disks() {
         assert_eq!(axis.dropped_edges, 0, "{name}");
         let euler = axis.vertices.len() as i64 - axis.edges.len() as i64;
         assert_eq!(euler, 1 - contour.region.holes.len() as i64, "{name}");
-        assert!(!skeleton.vertices.is_empty(), "{name}");
+        assert!(!pruned.vertices.is_empty(), "{name}");
         let (segments, radii_mm) = axis.segment_index(0.6);
         for edge in index.edges() {
             let p = edge.a + (edge.b - edge.a) * 0.5;
@@ -85,6 +85,6 @@ fn axis_agrees_with_tangent_disks() {
             checked += 1;
         }
     }
-    println!("{checked} disks, {edges} edges, axis and skeleton in {spent_s:.2} s");
+    println!("{checked} disks, {edges} edges, axis and pruned in {spent_s:.2} s");
     assert!(checked > 400);
 }

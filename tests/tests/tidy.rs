@@ -127,6 +127,16 @@ const ROOMS: [(&str, &[&str], &str); 12] = [
     ),
 ];
 
+/// The planner's stages in the order of the data: a stage imports only from those before it.
+const STAGES: [&str; 14] = [
+    "pass", "progress", "feasible", "outline", "axis", "headings", "coverage", "beads", "joining",
+    "curve", "layers", "route", "motion", "judge",
+];
+const PLAN: &str = "host/src/plan/";
+/// Most files of the planner beside its modules, and of each of its folders.
+const PLAN_FILES_MAX: usize = 4;
+const FOLDER_FILES_MAX: usize = 12;
+
 /// Absolute paths of somebody's machine; /tmp and devices may be spoken of.
 const FOREIGN: [&str; 3] = ["/home/", "/Users/", "/root/"];
 
@@ -247,6 +257,41 @@ fn check_rooms(source: &Source, breaches: &mut Breaches) {
     }
 }
 
+/// The stage that a path of the planner belongs to, as its place in [`STAGES`].
+fn stage_of(path: &str) -> Option<usize> {
+    let name = path.split([':', '/', '.', ';', ' ']).next()?;
+    STAGES.iter().position(|stage| *stage == name)
+}
+
+fn check_stages(source: &Source, breaches: &mut Breaches) {
+    let Some(below) = source.name.strip_prefix(PLAN) else {
+        return;
+    };
+    if below == "mod.rs" {
+        return;
+    }
+    let Some(own) = stage_of(below) else {
+        breaches.add(
+            source,
+            0,
+            "a file of the planner belongs to one of its stages",
+        );
+        return;
+    };
+    for (number, line) in source.lines.iter().enumerate() {
+        for named in code(line).split("crate::plan::").skip(1) {
+            match stage_of(named) {
+                Some(stage) if stage <= own => {}
+                _ => breaches.add(
+                    source,
+                    number,
+                    &format!("stage {} imports from a later one", STAGES[own]),
+                ),
+            }
+        }
+    }
+}
+
 fn check_panics(source: &Source, breaches: &mut Breaches) {
     let on_controller = ["protocol/src/", "firmware/src/"]
         .iter()
@@ -358,6 +403,35 @@ fn rooms_import_one_way() {
 }
 
 #[test]
+fn stages_of_the_planner_import_from_earlier_ones() {
+    let mut breaches = Breaches(Vec::new());
+    let sources = sources();
+    for source in &sources {
+        check_stages(source, &mut breaches);
+    }
+    let mut folders = std::collections::BTreeMap::<&str, usize>::new();
+    for name in sources.iter().filter_map(|s| s.name.strip_prefix(PLAN)) {
+        let is_test = name.ends_with("tests.rs") || name.contains("/test_");
+        *folders
+            .entry(name.rsplit_once('/').map_or("", |f| f.0))
+            .or_default() += usize::from(!is_test);
+    }
+    for (folder, files) in folders {
+        let most = if folder.is_empty() {
+            PLAN_FILES_MAX
+        } else {
+            FOLDER_FILES_MAX
+        };
+        if files > most {
+            breaches
+                .0
+                .push(format!("{PLAN}{folder}: {files} files, at most {most}"));
+        }
+    }
+    assert_none(&breaches);
+}
+
+#[test]
 fn nothing_panics_on_the_controller() {
     let mut breaches = Breaches(Vec::new());
     for source in sources() {
@@ -403,14 +477,21 @@ fn the_rules_can_fail() {
         ],
         code_lines: 511,
     };
+    let circle = Source {
+        name: "host/src/plan/axis/bad.rs".to_string(),
+        lines: vec!["use crate::plan::beads::passes;".to_string()],
+        code_lines: 1,
+    };
     let mut breaches = Breaches(Vec::new());
     check_rooms(&bad, &mut breaches);
     check_panics(&bad, &mut breaches);
     check_lengths(&bad, &mut breaches);
+    check_stages(&circle, &mut breaches);
     let expected = [
         "host/src/drive/bad.rs:1: names crate::plan: drive moves segments and never imports plan",
         "host/src/drive/bad.rs:2: .unwrap() outside tests",
         "host/src/drive/bad.rs:511: file of 511 lines, at most 510",
+        "host/src/plan/axis/bad.rs:1: stage axis imports from a later one",
     ];
     assert_eq!(breaches.0, expected);
 }

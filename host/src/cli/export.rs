@@ -6,8 +6,7 @@ use super::console::Console;
 use super::job::{self, Job};
 use super::pictures;
 use super::planned::{self, Planned};
-use crate::report::plan_picture;
-use crate::report::pose_table;
+use crate::report::{plan_picture, pose_table};
 use headway_protocol::segment::FlowAction;
 use serde_json::json;
 

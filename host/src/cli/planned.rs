@@ -13,7 +13,7 @@ use crate::part_transform::PartTransform;
 use crate::plan::outline::unreachable::UnreachableRun;
 use crate::report::figures::{Figures, KindFigures};
 use crate::settings::Settings;
-use crate::{Plan, RegionPlan, plan_target_around, plan_waypoints_telling};
+use crate::{Plan, RegionPlan, plan_target_around, plan_waypoints_with_progress};
 use std::path::Path;
 use std::time::Instant;
 
@@ -60,7 +60,7 @@ pub(super) fn from_input(
     let begun = Instant::now();
     let planned = match &input {
         Input::Outline(loaded) => plan_target_around(&loaded.target, &keep_out, &settings, &bar),
-        Input::Path(run) => plan_waypoints_telling(run, &settings, &bar),
+        Input::Path(run) => plan_waypoints_with_progress(run, &settings, &bar),
     };
     let plan_s = begun.elapsed().as_secs_f64();
     bar.clear();
@@ -161,7 +161,7 @@ fn plan_figures(plan: &Plan, unreachable: &[UnreachableRun], plan_s: f64) -> Fig
     Figures {
         area_mm2: of_area(f.area_mm2),
         layers: is_stack.then_some(u64::from(f.layers)),
-        layer_kinds: is_stack.then(|| kind_figures(plan)),
+        layer_groups: is_stack.then(|| kind_figures(plan)),
         covered_pct_min: is_stack.then_some(f.covered_pct_min),
         overlap_pct_max: is_stack.then_some(f.overlap_pct_max),
         reachable_pct: of_area(f.reachable_pct),

@@ -31,20 +31,20 @@ impl Hasher for CellHasher {
 }
 
 /// Things in square cells as long as the reach they are asked for with.
-pub struct ByPlace<T> {
+pub struct PointGrid<T> {
     reach_mm: f64,
     cells: ByCell<Vec<T>>,
 }
 
-impl<T> ByPlace<T> {
+impl<T> PointGrid<T> {
     /// Puts each thing where it is.
-    pub fn of(reach_mm: f64, things: impl Iterator<Item = (Point2, T)>) -> ByPlace<T> {
+    pub fn of(reach_mm: f64, things: impl Iterator<Item = (Point2, T)>) -> PointGrid<T> {
         let mut cells: ByCell<Vec<T>> = ByCell::default();
         for (place, thing) in things {
             let cell = cells.entry(cell_of(place, reach_mm)).or_default();
             cell.push(thing);
         }
-        ByPlace { reach_mm, cells }
+        PointGrid { reach_mm, cells }
     }
 
     /// All things within the reach of a place, and some more; always in the same order.
@@ -62,8 +62,8 @@ impl<T> ByPlace<T> {
     }
 }
 
-/// Column and row of the cell in which a place lies. Kept off the ends of the range, so that there is
-/// a cell to each side: places that far off the grid share one, which is slow, not wrong.
+/// Column and row of the cell in which a place lies. Kept off the ends of the range, so that there
+/// is a cell to each side: places that far off the grid share one, which is slow, not wrong.
 pub fn cell_of(place: Point2, cell_mm: f64) -> (i32, i32) {
     let number = |x: f64| (x / cell_mm).floor().clamp(-CELL_MAX, CELL_MAX) as i32;
     (number(place.x), number(place.y))
@@ -76,8 +76,8 @@ const CELL_MAX: f64 = 1e9;
 mod tests {
     use super::*;
 
-    /// Goal: whatever lies within the reach, or in a box, is found. Method: a grid of points against
-    /// a search of all of them.
+    /// Goal: whatever lies within the reach, or in a box, is found. Method: a grid of points
+    /// against a search of all of them.
     #[test]
     fn all_within_the_reach_are_found() {
         let points: Vec<Point2> = (0..400)
@@ -88,7 +88,7 @@ mod tests {
                 )
             })
             .collect();
-        let index = ByPlace::of(1.0, points.iter().map(|p| (*p, *p)));
+        let index = PointGrid::of(1.0, points.iter().map(|p| (*p, *p)));
         for p in &points {
             let near = |q: &&Point2| (*q - p).norm() <= 1.0;
             let found = index.around(*p).filter(near).count();

@@ -1,17 +1,40 @@
 //! The planner's stages, in the order of the data.
+//!
+//! ```text
+//! Region --outline--> Contour --axis--> Axis --headings, coverage, beads--> LayerPass
+//! (mm)                (mm, local)       (mm)                                (mm, rad)
+//!   --joining--> passes in printing order --curve--> PlaneControl --layers--> PlanePass
+//!                (mm, rad)                           (mm, rad)                (machine coordinates)
+//!   --route--> Route --motion--> SegmentStream --judge--> PlanFigures
+//!              (mm, rad, mm³)    (integers, ticks)        (%, mm, s)
+//! ```
+//!
+//! A stage imports only from the stages above it in the list below (a test reads the `use` lines),
+//! from `geometry` and `settings`; none knows a clock, a file or a thread. `pass` holds the nouns
+//! that the stages hand on.
 
 pub mod pass;
 pub mod progress;
 
-pub mod axis;
-pub mod beads;
-pub mod coverage;
-pub mod curve;
 pub mod feasible;
-pub mod headings;
-pub mod joining;
-pub mod judge;
-pub mod layers;
-pub mod motion;
 pub mod outline;
+
+pub mod axis;
+
+pub mod headings;
+
+pub mod coverage;
+
+pub mod beads;
+
+pub mod joining;
+
+pub mod curve;
+
+pub mod layers;
+
 pub mod route;
+
+pub mod motion;
+
+pub mod judge;

@@ -10,7 +10,7 @@ use svg::node::element::{Circle, Group, Line, Path, Rectangle, Text};
 const DRAWING_PX: f64 = 1000.0;
 /// White around the drawing, px.
 const MARGIN_PX: f64 = 24.0;
-/// Room for the title, px.
+/// ClearanceGrid for the title, px.
 const TITLE_PX: f64 = 40.0;
 /// Width of the legend, px.
 const LEGEND_PX: f64 = 250.0;

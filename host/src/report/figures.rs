@@ -63,7 +63,7 @@ pub struct Figures {
     pub layers: Option<u64>,
     /// Those that are planned alike, by their first one.
     #[serde(skip_serializing_if = "Option::is_none")]
-    pub layer_kinds: Option<Vec<KindFigures>>,
+    pub layer_groups: Option<Vec<KindFigures>>,
     /// `covered_pct` of the layer that has the least.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub covered_pct_min: Option<f64>,
@@ -291,7 +291,7 @@ impl Figures {
             ),
         ];
         let rows = rows.map(|(what, value)| (what.to_string(), value));
-        let kinds = self.layer_kinds.iter().flatten();
+        let kinds = self.layer_groups.iter().flatten();
         rows.into_iter()
             .chain(kinds.map(KindFigures::row))
             .collect()

@@ -16,7 +16,7 @@ use crate::plan::axis::medial_axis::MedialAxis;
 const OBJECT_ANGLE_MIN_RAD: f64 = 115.0 * std::f64::consts::PI / 180.0;
 /// A branch shorter than this many times the radius at its base goes.
 const BRANCH_RATIO: f64 = 0.6;
-/// Rounds of branch pruning; each shortens every bush by one branch.
+/// Rounds of branch pruning; each shortens every subtree by one branch.
 const ROUNDS_MAX: usize = 64;
 
 /// The pruned medial axis as a graph of short links.
@@ -50,8 +50,8 @@ impl Axis {
         })
     }
 
-    /// The axis with a node wherever a link's radius, interpolated linearly, passes `radius_mm`: where a
-    /// passage becomes too narrow must not depend on how finely its walls are divided.
+    /// The axis with a node wherever a link's radius, interpolated linearly, passes `radius_mm`:
+    /// where a passage becomes too narrow must not depend on how finely its walls are divided.
     pub fn split_at_radius(&self, radius_mm: f64) -> Axis {
         self.divided(|delta, radii_mm| {
             let [from, to] = radii_mm.map(|r| r - radius_mm);
@@ -61,8 +61,8 @@ impl Axis {
         })
     }
 
-    /// The axis with nodes on its links: `nodes` takes the way along a link and the radii at its ends,
-    /// and says which share of the way each lies at, rising, and its radius.
+    /// The axis with nodes on its links: `nodes` takes the way along a link and the radii at its
+    /// ends, and says which share of the way each lies at, rising, and its radius.
     fn divided<Nodes>(&self, nodes: impl Fn(Vector2, [f64; 2]) -> Nodes) -> Axis
     where
         Nodes: IntoIterator<Item = (f64, f64)>,
@@ -116,7 +116,7 @@ pub fn flood(
 }
 
 /// The graph while it is pruned.
-struct Bush {
+struct Subtree {
     points: Vec<Point2>,
     radii_mm: Vec<f64>,
     /// Neighbour and object angle of the link.
@@ -127,21 +127,21 @@ impl Axis {
     /// Prunes the whole interior medial axis. Where nothing would stay of a component (a square),
     /// its widest point does, if the aperture fits there.
     pub fn of_medial_axis(axis: &MedialAxis, aperture: &Aperture) -> Axis {
-        let mut bush = Bush::of(axis);
-        let widest = bush.widest_of_lobes(aperture.minor_mm());
-        bush.drop_flat_ends(aperture.minor_mm(), &widest);
+        let mut subtree = Subtree::of(axis);
+        let widest = subtree.widest_of_branch_tips(aperture.minor_mm());
+        subtree.drop_flat_ends(aperture.minor_mm(), &widest);
         for _ in 0..ROUNDS_MAX {
-            if !bush.drop_short_branches() {
+            if !subtree.drop_short_branches() {
                 break;
             }
         }
-        bush.into_axis(&widest)
+        subtree.into_axis(&widest)
     }
 }
 
-impl Bush {
-    fn of(axis: &MedialAxis) -> Bush {
-        let mut bush = Bush {
+impl Subtree {
+    fn of(axis: &MedialAxis) -> Subtree {
+        let mut subtree = Subtree {
             points: axis.vertices.iter().map(|v| v.point).collect(),
             radii_mm: axis.vertices.iter().map(|v| v.radius_mm).collect(),
             links: vec![Vec::new(); axis.vertices.len()],
@@ -154,20 +154,20 @@ impl Bush {
                 let next = if i + 1 == count {
                     edge.v1
                 } else {
-                    bush.points.push(q.point);
-                    bush.radii_mm.push(q.radius_mm);
-                    bush.links.push(Vec::new());
-                    bush.points.len() - 1
+                    subtree.points.push(q.point);
+                    subtree.radii_mm.push(q.radius_mm);
+                    subtree.links.push(Vec::new());
+                    subtree.points.len() - 1
                 };
                 let angle = 0.5 * (p.object_angle_rad + q.object_angle_rad);
                 if next != last {
-                    bush.links[last].push((next, angle));
-                    bush.links[next].push((last, angle));
+                    subtree.links[last].push((next, angle));
+                    subtree.links[next].push((last, angle));
                 }
                 last = next;
             }
         }
-        bush
+        subtree
     }
 
     fn unlink(&mut self, a: usize, b: usize) {
@@ -176,7 +176,7 @@ impl Bush {
     }
 
     /// The widest node of each part of the axis that holds together where the aperture fits.
-    fn widest_of_lobes(&self, narrowest_mm: f64) -> Vec<usize> {
+    fn widest_of_branch_tips(&self, narrowest_mm: f64) -> Vec<usize> {
         let fits = |node: usize| self.radii_mm[node] >= narrowest_mm;
         let mut seen = vec![false; self.points.len()];
         let mut found = Vec::new();
@@ -202,8 +202,9 @@ impl Bush {
         found
     }
 
-    /// Eats free ends while they see their feet under a small angle or are narrower than the aperture,
-    /// but not beyond the widest node of a lobe: behind a neck lies ground of its own.
+    /// Eats free ends while they see their feet under a small angle or are narrower than the
+    /// aperture, but not beyond the widest node of a branch tip: behind a neck lies ground of its
+    /// own.
     fn drop_flat_ends(&mut self, narrowest_mm: f64, widest: &[usize]) {
         let mut stays = vec![false; self.points.len()];
         for &node in widest {
@@ -295,8 +296,9 @@ impl Bush {
 mod tests {
     use super::*;
 
-    /// Goal: there is a node where a passage gets too narrow, once; links that do not reach there stay.
-    /// Method: a link from 0.5 to 0.1 mm over 4 mm, split at 0.2 mm, and again; one that begins there.
+    /// Goal: there is a node where a passage gets too narrow, once; links that do not reach there
+    /// stay. Method: a link from 0.5 to 0.1 mm over 4 mm, split at 0.2 mm, and again; one that
+    /// begins there.
     #[test]
     fn links_are_split_where_the_radius_passes() {
         let axis = Axis {

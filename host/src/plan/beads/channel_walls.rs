@@ -12,9 +12,8 @@ use crate::geometry::point_grid::{ByCell, cell_of};
 use crate::geometry::polygon::Ring;
 use crate::geometry::{Point2, Vector2};
 use crate::plan::headings::contacts::resampled;
-use crate::plan::pass::Contact;
-use crate::plan::pass::Placement;
 use crate::plan::pass::sweep::poses_between;
+use crate::plan::pass::{Contact, Placement};
 use rayon::prelude::*;
 
 /// How far a wall moves out where the bead before fell short, against the major semi-axis.

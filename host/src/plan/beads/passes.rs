@@ -23,9 +23,7 @@ use crate::plan::headings::profile::{
     Ahead, all_ahead, pointwise_profile, profile, refined, smooth,
 };
 use crate::plan::headings::runs::{feasible_runs, printable_runs, trim_ends};
-use crate::plan::pass::Contact;
-use crate::plan::pass::Placement;
-use crate::plan::pass::{LayerPass, PassKind};
+use crate::plan::pass::{Contact, LayerPass, PassKind, Placement};
 use crate::settings::{HeadingLaw, HeadingProfile};
 use rayon::prelude::*;
 

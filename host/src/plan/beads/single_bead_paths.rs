@@ -1,9 +1,9 @@
-//! Trails: the axis of single runs divided into as few ways as its joints allow.
+//! Single-bead paths: the axis of single runs divided into as few ways as its joints allow.
 //!
 //! A joint of three or more branches is passed by pairs of them, the straightest first, so that one
-//! branch at most ends there: half as many trails as there are joints and ends of odd degree
-//! (L. Euler, 1736), wherever the walk begins. A pair that would close a loop waits until the others
-//! have been asked: a loop that a branch ends at is better gone around by that branch.
+//! branch at most ends there: half as many single-bead paths as there are joints and ends of odd
+//! degree (L. Euler, 1736), wherever the walk begins. A pair that would close a loop waits until
+//! the others have been asked: a loop that a branch ends at is better gone around by that branch.
 
 use crate::geometry::Vector2;
 use crate::geometry::union_find::root;
@@ -12,10 +12,10 @@ use std::collections::{HashMap, HashSet};
 
 /// One way along the axis.
 #[derive(Clone, Debug, PartialEq)]
-pub struct Trail {
-    /// Nodes in order; of a closed trail the first is not repeated.
+pub struct SingleBeadPath {
+    /// Nodes in order; of a closed single-bead path the first is not repeated.
     pub nodes: Vec<usize>,
-    /// The joints that its ends lie at, not among the nodes: other trails pass there.
+    /// The joints that its ends lie at, not among the nodes: other single-bead paths pass there.
     pub joints: [Option<usize>; 2],
     /// True where the last node is linked with the first.
     pub closed: bool,
@@ -24,15 +24,21 @@ pub struct Trail {
 /// A branch where it leaves a joint: the joint and the next node.
 type Leg = (usize, usize);
 
-/// The trails of the graph that the `usable` nodes of the axis span, each link in one of them.
-/// Directions at joints are taken over `reach_mm`. Nodes without a usable neighbour are left out.
-pub fn trails(axis: &Axis, neighbours: &[Vec<u32>], usable: &[bool], reach_mm: f64) -> Vec<Trail> {
+/// The single-bead paths of the graph that the `usable` nodes of the axis span, each link in one of
+/// them. Directions at joints are taken over `reach_mm`. Nodes without a usable neighbour are left
+/// out.
+pub fn single_bead_paths(
+    axis: &Axis,
+    neighbours: &[Vec<u32>],
+    usable: &[bool],
+    reach_mm: f64,
+) -> Vec<SingleBeadPath> {
     let graph = Graph::new(axis, neighbours, usable);
     let branches = graph.branches();
     let partners = graph.partners(&branches, reach_mm);
-    let mut trails = graph.traced(&branches, &partners);
-    trails.extend(graph.rings(&branches));
-    trails
+    let mut paths = graph.traced(&branches, &partners);
+    paths.extend(graph.rings(&branches));
+    paths
 }
 
 /// The usable part of an axis.
@@ -123,15 +129,15 @@ impl Graph<'_> {
         }
         pairs.sort_by(|x, y| x.0.total_cmp(&y.0).then((x.1, x.2).cmp(&(y.1, y.2))));
         let mut partners = HashMap::new();
-        let mut trail_of: Vec<usize> = (0..branches.len()).collect();
+        let mut path_of: Vec<usize> = (0..branches.len()).collect();
         for may_close in [false, true] {
             for &(_, first, second) in &pairs {
-                let [x, y] = [first.0, second.0].map(|branch| root(&mut trail_of, branch));
+                let [x, y] = [first.0, second.0].map(|branch| root(&mut path_of, branch));
                 let is_free = |end| !partners.contains_key(end);
                 if is_free(&first) && is_free(&second) && (may_close || x != y) {
                     partners.insert(first, second);
                     partners.insert(second, first);
-                    trail_of[x.max(y)] = x.min(y);
+                    path_of[x.max(y)] = x.min(y);
                 }
             }
         }
@@ -157,28 +163,28 @@ impl Graph<'_> {
         way.try_normalize(1e-12).unwrap_or(Vector2::zeros())
     }
 
-    /// Branches one behind the other: open trails from their free ends, then loops.
-    fn traced(&self, branches: &[Branch], partners: &HashMap<End, End>) -> Vec<Trail> {
+    /// Branches one behind the other: open single-bead paths from their free ends, then loops.
+    fn traced(&self, branches: &[Branch], partners: &HashMap<End, End>) -> Vec<SingleBeadPath> {
         let mut taken = vec![false; branches.len()];
         let mut found = Vec::new();
         for from_free in [true, false] {
             for start in (0..branches.len()).flat_map(|branch| [(branch, 0), (branch, 1)]) {
                 if !taken[start.0] && (!from_free || !partners.contains_key(&start)) {
-                    found.push(self.trail(branches, partners, start, &mut taken));
+                    found.push(self.path(branches, partners, start, &mut taken));
                 }
             }
         }
         found
     }
 
-    /// The trail that enters the branch `start.0` at its end `start.1`.
-    fn trail(
+    /// The single-bead path that enters the branch `start.0` at its end `start.1`.
+    fn path(
         &self,
         branches: &[Branch],
         partners: &HashMap<End, End>,
         start: End,
         taken: &mut [bool],
-    ) -> Trail {
+    ) -> SingleBeadPath {
         let mut nodes = Vec::new();
         let mut entered = start;
         let closed = loop {
@@ -205,7 +211,7 @@ impl Graph<'_> {
         if first.is_some() {
             nodes.remove(0);
         }
-        Trail {
+        SingleBeadPath {
             nodes,
             joints: [first, last],
             closed,
@@ -213,7 +219,7 @@ impl Graph<'_> {
     }
 
     /// Loops without a joint.
-    fn rings(&self, branches: &[Branch]) -> Vec<Trail> {
+    fn rings(&self, branches: &[Branch]) -> Vec<SingleBeadPath> {
         let mut seen: Vec<bool> = self.neighbours.iter().map(|n| n.len() != 2).collect();
         for &node in branches.iter().flat_map(|branch| &branch.nodes) {
             seen[node] = true;
@@ -233,7 +239,7 @@ impl Graph<'_> {
                 seen[next] = true;
                 nodes.push(next);
             }
-            rings.push(Trail {
+            rings.push(SingleBeadPath {
                 nodes,
                 joints: [None, None],
                 closed: true,
@@ -257,19 +263,19 @@ mod tests {
         axis.densified(0.1)
     }
 
-    fn all(axis: &Axis) -> Vec<Trail> {
+    fn all(axis: &Axis) -> Vec<SingleBeadPath> {
         let usable = vec![true; axis.points.len()];
-        trails(axis, &axis.neighbours(), &usable, 0.6)
+        single_bead_paths(axis, &axis.neighbours(), &usable, 0.6)
     }
 
-    /// Every link lies in one trail, once.
-    fn assert_each_link_once(axis: &Axis, trails: &[Trail]) {
+    /// Every link lies in one single-bead path, once.
+    fn assert_each_link_once(axis: &Axis, paths: &[SingleBeadPath]) {
         let mut count: HashMap<[usize; 2], usize> = HashMap::new();
-        for trail in trails {
-            let mut nodes: Vec<usize> = trail.joints[0].into_iter().collect();
-            nodes.extend(&trail.nodes);
-            nodes.extend(trail.joints[1]);
-            if trail.closed {
+        for path in paths {
+            let mut nodes: Vec<usize> = path.joints[0].into_iter().collect();
+            nodes.extend(&path.nodes);
+            nodes.extend(path.joints[1]);
+            if path.closed {
                 nodes.push(nodes[0]);
             }
             for pair in nodes.windows(2) {
@@ -284,9 +290,10 @@ mod tests {
         assert!(count.is_empty(), "ways beside the links: {count:?}");
     }
 
-    /// Goal: a strut between two joints is one trail whatever its nodes' numbers are (a walk that
-    /// begins in its middle and goes the one way alone falls into dozens of pieces). Method: a wheel
-    /// of a ring and four spokes without any free end, its nodes numbered in 20 ways.
+    /// Goal: a strut between two joints is one single-bead path whatever its nodes' numbers are (a
+    /// walk that begins in its middle and goes the one way alone falls into dozens of pieces).
+    /// Method: a wheel of a ring and four spokes without any free end, its nodes numbered in 20
+    /// ways.
     #[test]
     fn the_numbers_of_the_nodes_do_not_matter() {
         let points = [[0.0, 0.0], [5.0, 0.0], [0.0, 5.0], [-5.0, 0.0], [0.0, -5.0]];
@@ -316,17 +323,17 @@ mod tests {
                 radii_mm: whole.radii_mm.clone(),
                 links: links.collect(),
             };
-            let trails = all(&renumbered);
-            assert_each_link_once(&renumbered, &trails);
-            // Four joints of three branches: two trails.
-            assert_eq!(trails.len(), 2, "{shift}");
+            let paths = all(&renumbered);
+            assert_each_link_once(&renumbered, &paths);
+            // Four joints of three branches: two single-bead paths.
+            assert_eq!(paths.len(), 2, "{shift}");
         }
     }
 
-    /// Goal: as few trails as Euler's count allows on honeycombs and ladders, closed or with free
-    /// ends. Method: half the number of nodes of odd degree, counted here.
+    /// Goal: as few single-bead paths as Euler's count allows on honeycombs and ladders, closed or
+    /// with free ends. Method: half the number of nodes of odd degree, counted here.
     #[test]
-    fn there_are_half_as_many_trails_as_odd_nodes() {
+    fn there_are_half_as_many_paths_as_odd_nodes() {
         for (columns, rows, spurs) in [(2, 2, 0), (3, 5, 0), (6, 4, 3), (7, 7, 11), (1, 9, 1)] {
             let mut points = Vec::new();
             let mut links = Vec::new();
@@ -348,15 +355,15 @@ mod tests {
                 links.push([at as u32, points.len() as u32 - 1]);
             }
             let axis = axis(&points, &links);
-            let (trails, near) = (all(&axis), axis.neighbours());
-            assert_each_link_once(&axis, &trails);
+            let (paths, near) = (all(&axis), axis.neighbours());
+            assert_each_link_once(&axis, &paths);
             let odd = near.iter().filter(|n| n.len() % 2 == 1).count();
             let components = components(&near);
-            assert!(trails.len() >= odd / 2);
+            assert!(paths.len() >= odd / 2);
             assert!(
-                trails.len() < odd / 2 + components,
-                "{columns} {rows}: {} trails, {odd} odd nodes, {components} parts",
-                trails.len()
+                paths.len() < odd / 2 + components,
+                "{columns} {rows}: {} paths, {odd} odd nodes, {components} parts",
+                paths.len()
             );
         }
     }
@@ -376,24 +383,25 @@ mod tests {
         count
     }
 
-    /// Goal: of a ring on a stem one trail comes, which goes around; a ring alone is closed.
+    /// Goal: of a ring on a stem one single-bead path comes, which goes around; a ring alone is
+    /// closed.
     #[test]
     fn a_loop_is_gone_around_by_what_ends_there() {
         let ring = [[0.0, 0.0], [2.0, 2.0], [0.0, 4.0], [-2.0, 2.0]];
         let links = [[0, 1], [1, 2], [2, 3], [3, 0]];
         let alone = axis(&ring, &links);
-        let trails = all(&alone);
-        assert_each_link_once(&alone, &trails);
-        assert_eq!(trails.len(), 1);
-        assert!(trails[0].closed);
+        let paths = all(&alone);
+        assert_each_link_once(&alone, &paths);
+        assert_eq!(paths.len(), 1);
+        assert!(paths[0].closed);
         let mut points = ring.to_vec();
         points.push([0.0, -3.0]);
         let mut links = links.to_vec();
         links.push([0, 4]);
         let lollipop = axis(&points, &links);
-        let trails = all(&lollipop);
-        assert_each_link_once(&lollipop, &trails);
-        assert_eq!(trails.len(), 1);
-        assert_eq!(trails[0].joints.iter().flatten().count(), 1);
+        let paths = all(&lollipop);
+        assert_each_link_once(&lollipop, &paths);
+        assert_eq!(paths.len(), 1);
+        assert_eq!(paths[0].joints.iter().flatten().count(), 1);
     }
 }

@@ -8,7 +8,7 @@ use crate::plan::axis::pruned_axis::{Axis, flood};
 use crate::plan::axis::region_cut::{chord, slice};
 use crate::plan::beads::division::cheapest_division;
 use crate::plan::beads::passes::PassSettings;
-use crate::plan::beads::single_bead_paths::{Trail, trails};
+use crate::plan::beads::single_bead_paths::{SingleBeadPath, single_bead_paths};
 use crate::plan::pass::Contact;
 use rayon::prelude::*;
 
@@ -120,8 +120,8 @@ const POINT_LENGTH_SHARE_MAX: f64 = 8.0;
 /// Widest end of a dead end that is a point, against b.
 const POINT_RADIUS_SHARE_MAX: f64 = 1.5;
 
-/// Gives short single runs from a piece into a point to the piece: a bead there is gone along in and
-/// out again, which its two sides do with less ground covered twice.
+/// Gives short single runs from a piece into a point to the piece: a bead there is gone along in
+/// and out again, which its two sides do with less ground covered twice.
 fn drop_points(single: &mut [bool], axis: &Axis, neighbours: &[Vec<u32>], aperture: &Aperture) {
     let length_max_mm = POINT_LENGTH_SHARE_MAX * aperture.major_mm();
     let radius_max_mm = POINT_RADIUS_SHARE_MAX * aperture.minor_mm();
@@ -248,7 +248,7 @@ fn piece_of(outline: Region, axis: &Axis, nodes: &NodesByPlace) -> Option<Piece>
     })
 }
 
-/// Trails of single nodes as contacts on the axis.
+/// Single-bead paths of single nodes as contacts on the axis.
 fn runs(
     axis: &Axis,
     neighbours: &[Vec<u32>],
@@ -259,24 +259,24 @@ fn runs(
     let usable: Vec<bool> = (0..single.len())
         .map(|n| single[n] && axis.radii_mm[n] >= b)
         .collect();
-    let is_long = |trail: &Trail| trail.nodes.len() >= 2;
-    let run = |trail: Trail| {
-        let last = trail.nodes.len() - 1;
+    let is_long = |path: &SingleBeadPath| path.nodes.len() >= 2;
+    let run = |path: SingleBeadPath| {
+        let last = path.nodes.len() - 1;
         let ends = [(0, 0), (1, last)].map(|(end, at)| {
-            let near = neighbours[trail.nodes[at]].iter().map(|&n| n as usize);
+            let near = neighbours[path.nodes[at]].iter().map(|&n| n as usize);
             let piece = near.filter(|&n| !single[n]).min();
-            match trail.joints[end].or(piece) {
+            match path.joints[end].or(piece) {
                 Some(node) => RunEnd::Meets(node),
                 None => RunEnd::Free,
             }
         });
         SingleRun {
-            contacts: axis_contacts(&trail.nodes, ends, axis, settings, trail.closed),
-            closed: trail.closed,
+            contacts: axis_contacts(&path.nodes, ends, axis, settings, path.closed),
+            closed: path.closed,
         }
     };
-    let trails = trails(axis, neighbours, &usable, a);
-    trails.into_iter().filter(is_long).map(run).collect()
+    let paths = single_bead_paths(axis, neighbours, &usable, a);
+    paths.into_iter().filter(is_long).map(run).collect()
 }
 
 /// What lies behind the end of a run.
@@ -288,8 +288,8 @@ enum RunEnd {
     Meets(usize),
 }
 
-/// Contacts on a chain of axis nodes. A free end is lengthened by r - b so that the aperture reaches
-/// the wall behind it; one that meets another bead goes on to the joint.
+/// Contacts on a chain of axis nodes. A free end is lengthened by r - b so that the aperture
+/// reaches the wall behind it; one that meets another bead goes on to the joint.
 fn axis_contacts(
     chain: &[usize],
     ends: [RunEnd; 2],

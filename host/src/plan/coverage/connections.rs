@@ -25,7 +25,7 @@ const MOVE_FIRST: Shape = |t| [(2.0 * t).min(1.0), (2.0 * t - 1.0).max(0.0)];
 
 /// A straight way that stays inside, the start left out: with the shorter turn, or else the other
 /// way round, none of more than `turn_max_rad`; turning on the way, before or after it.
-pub fn free_way(
+pub fn connection(
     from: Configuration,
     to: Configuration,
     turn_max_rad: f64,
@@ -42,7 +42,7 @@ pub fn free_way(
     ways.find_map(|mut way| {
         // The end is where a bead begins, however deep that one cuts.
         let end = way.pop()?;
-        let mut way = inside_way(way, aperture, walls)?;
+        let mut way = inside_connection(way, aperture, walls)?;
         way.push(end);
         Some(way)
     })
@@ -51,17 +51,17 @@ pub fn free_way(
 /// How far beside the middle of the straight way a bent one goes, against b, the least first.
 const BESIDE_SHARES: [f64; 9] = [0.0, 1.0, -1.0, 2.0, -2.0, 3.0, -3.0, 4.0, -4.0];
 
-/// A way like [`free_way`], or else one of two such ways, one behind the other, that meet where there
-/// is room: around a corner of the walls, or after a turn that is too large or too wide for one. Either
-/// of them turns by `turn_max_rad` at most.
-pub fn bent_way(
+/// A way like [`connection`], or else one of two such ways, one behind the other, that meet where
+/// there is room: around a corner of the walls, or after a turn that is too large or too wide for
+/// one. Either of them turns by `turn_max_rad` at most.
+pub fn bent_connection(
     from: Configuration,
     to: Configuration,
     turn_max_rad: f64,
     aperture: &Aperture,
     walls: &EdgeIndex,
 ) -> Option<Vec<Configuration>> {
-    let way = |from, to| free_way(from, to, turn_max_rad, aperture, walls);
+    let way = |from, to| connection(from, to, turn_max_rad, aperture, walls);
     let through = |bend| {
         let bend = slide_inside(bend, aperture, walls, SLIDES, CUT_SHARE)?;
         let mut first = way(from, bend)?;
@@ -72,8 +72,8 @@ pub fn bent_way(
     way(from, to).or_else(|| bends(from, to, aperture).find_map(through))
 }
 
-/// Where a way may bend: beside the middle of the straight one, turned half way, not yet, already, or
-/// half way the other way round.
+/// Where a way may bend: beside the middle of the straight one, turned half way, not yet, already,
+/// or half way the other way round.
 fn bends(
     from: Configuration,
     to: Configuration,
@@ -134,7 +134,7 @@ fn shaped(
 
 /// The way slid off the walls where it cuts them; `None` where that does not help, or where the
 /// slide is so long that the way would no longer be a way.
-pub fn inside_way(
+pub fn inside_connection(
     way: Vec<Configuration>,
     aperture: &Aperture,
     walls: &EdgeIndex,
@@ -190,8 +190,8 @@ mod tests {
             center: Point2::new(0.0, 1.0),
             heading_rad: std::f64::consts::FRAC_PI_2,
         };
-        assert!(free_way(from, to, 2.0, &APERTURE, &walls).is_none());
-        let way = bent_way(from, to, 2.0, &APERTURE, &walls).expect("a way");
+        assert!(connection(from, to, 2.0, &APERTURE, &walls).is_none());
+        let way = bent_connection(from, to, 2.0, &APERTURE, &walls).expect("a way");
         // Its poses are slid until they touch the corner.
         assert_free(&way, to, &walls, -CUT_SHARE);
         // A step of the eased way at its fastest, and what a pose may be slid.
@@ -208,15 +208,15 @@ mod tests {
     }
 
     /// Goal: a way ends at the very placement that it leads to, though that one cuts the walls a
-    /// little and there is no room to slide it. Method: a wedge, to where 1 % of the aperture is too
-    /// much.
+    /// little and there is no room to slide it. Method: a wedge, to where 1 % of the aperture is
+    /// too much.
     #[test]
     fn a_way_ends_where_a_bead_begins() {
         let walls = walls(&[&[[-2.0, -0.65], [2.0, -0.05], [2.0, 0.05], [-2.0, 0.65]]]);
         let to = at(0.886, 0.0);
         assert!(!is_inside(&APERTURE, to, &walls, -5e-3));
         assert!(slide_inside(to, &APERTURE, &walls, SLIDES, CUT_SHARE).is_none());
-        let way = free_way(at(-0.6, 0.0), to, 2.0, &APERTURE, &walls).expect("a way");
+        let way = connection(at(-0.6, 0.0), to, 2.0, &APERTURE, &walls).expect("a way");
         let [before @ .., end] = &way[..] else {
             panic!("no end");
         };
@@ -233,14 +233,14 @@ mod tests {
     fn the_longer_turn_is_taken_where_the_shorter_one_cuts() {
         let walls = walls(&[&[[-5.0, -0.5], [5.0, -0.5], [5.0, 0.5], [-5.0, 0.5]]]);
         let (from, to) = (at(0.0, 0.9), at(1.0, -0.9));
-        assert!(inside_way(eased(from, to, &APERTURE), &APERTURE, &walls).is_none());
-        let way = free_way(from, to, 2.0, &APERTURE, &walls).expect("a way");
+        assert!(inside_connection(eased(from, to, &APERTURE), &APERTURE, &walls).is_none());
+        let way = connection(from, to, 2.0, &APERTURE, &walls).expect("a way");
         assert_free(&way, to, &walls, 2e-3);
-        assert!(free_way(from, to, 1.6, &APERTURE, &walls).is_none());
+        assert!(connection(from, to, 1.6, &APERTURE, &walls).is_none());
     }
 
-    /// Goal: out of a room into a slot the aperture turns first, the other way moves first. Method: a
-    /// room 1.4 mm high and a slot of 0.5 mm, across in the one and along in the other.
+    /// Goal: out of a room into a slot the aperture turns first, the other way moves first. Method:
+    /// a room 1.4 mm high and a slot of 0.5 mm, across in the one and along in the other.
     #[test]
     fn turns_are_made_where_there_is_room() {
         let walls = walls(&[&[
@@ -255,8 +255,8 @@ mod tests {
         ]]);
         let (room, slot) = (at(0.0, std::f64::consts::FRAC_PI_2), at(1.6, 0.0));
         for (from, to) in [(room, slot), (slot, room)] {
-            assert!(inside_way(eased(from, to, &APERTURE), &APERTURE, &walls).is_none());
-            let way = free_way(from, to, 2.0, &APERTURE, &walls).expect("a way");
+            assert!(inside_connection(eased(from, to, &APERTURE), &APERTURE, &walls).is_none());
+            let way = connection(from, to, 2.0, &APERTURE, &walls).expect("a way");
             assert_free(&way, to, &walls, 2e-3);
         }
     }

@@ -2,8 +2,8 @@
 //!
 //! Both sides of a cut at one placement lay all of the aperture there. So the second piece begins
 //! where what is laid twice and what stays open weigh least together; and a cut costs least where
-//! beads swing or lie over each other anyway. Input: passes. Output: what a cut costs, and where the piece
-//! behind it begins.
+//! beads swing or lie over each other anyway. Input: passes. Output: what a cut costs, and where
+//! the piece behind it begins.
 
 use crate::geometry::Point2;
 use crate::geometry::aperture::Aperture;
@@ -11,34 +11,33 @@ use crate::geometry::coverage::{Cell, Coverage};
 use crate::geometry::edge_index::EdgeIndex;
 use crate::geometry::polygon::Box2;
 use crate::plan::coverage::visits::{CELLS_MAX, coverage};
-use crate::plan::pass::LayerPass;
-use crate::plan::pass::Placement;
 use crate::plan::pass::sweep::poses_between;
+use crate::plan::pass::{LayerPass, Placement};
 
-/// What ground left open costs against ground laid twice. On a straight way the pieces of an ellipse
-/// then overlap by two thirds of it and leave 1 % of its area open.
+/// What ground left open costs against ground laid twice. On a straight way the pieces of an
+/// ellipse then overlap by two thirds of it and leave 1 % of its area open.
 const OPEN_WEIGHT: i64 = 15;
 /// Most placements of the second piece that are left out.
 const SKIPPED_MAX: usize = 64;
-/// Largest cell against the minor semi-axis: a coarser raster (of a region of more than about 0.28 m
-/// with the built-in aperture) says nothing about a cut.
+/// Largest cell against the minor semi-axis: a coarser raster (of a region of more than about 0.28
+/// m with the built-in aperture) says nothing about a cut.
 const CELL_SHARE_MAX: f64 = 0.5;
 
 /// What the passes of a region cover, and how often.
-pub struct LaidGround {
+pub struct DepositedArea {
     raster: Coverage,
     aperture: Aperture,
 }
 
-impl LaidGround {
+impl DepositedArea {
     /// The ground of `passes` within `walls`, if the raster is fine enough for the aperture.
     pub fn of_passes(
         passes: &[LayerPass],
         walls: &EdgeIndex,
         aperture: &Aperture,
-    ) -> Option<LaidGround> {
+    ) -> Option<DepositedArea> {
         let raster = coverage(passes, walls, aperture, CELLS_MAX);
-        (raster.cell_mm <= CELL_SHARE_MAX * aperture.minor_mm()).then_some(LaidGround {
+        (raster.cell_mm <= CELL_SHARE_MAX * aperture.minor_mm()).then_some(DepositedArea {
             raster,
             aperture: *aperture,
         })
@@ -153,23 +152,24 @@ mod tests {
     use crate::geometry::test_shapes::{ELLIPSE, walls};
     use crate::plan::pass::test_passes::run;
 
-    /// Goal: on a straight way the second piece begins where both overlap by about two thirds, and next
-    /// to nothing stays open; where another pass lies across, a cut costs next to nothing. Method: a run
-    /// with the ellipse across, with and without a second one over its middle; areas of two ellipses
-    /// side by side in closed form.
+    /// Goal: on a straight way the second piece begins where both overlap by about two thirds, and
+    /// next to nothing stays open; where another pass lies across, a cut costs next to nothing.
+    /// Method: a run with the ellipse across, with and without a second one over its middle; areas
+    /// of two ellipses side by side in closed form.
     #[test]
     fn a_cut_lays_little_twice() {
         let walls = walls(&[&[[-6.0, -1.0], [6.0, -1.0], [6.0, 1.0], [-6.0, 1.0]]]);
         let straight = run([-5.0, 0.0], [5.0, 0.0]);
         let ground = |passes: &[LayerPass]| {
-            let ground = LaidGround::of_passes(passes, &walls, &ELLIPSE);
+            let ground = DepositedArea::of_passes(passes, &walls, &ELLIPSE);
             ground.expect("a raster fine enough")
         };
         let alone = ground(std::slice::from_ref(&straight));
         let costs = alone.cuts_of(&straight.placements);
         let cell_mm2 = alone.raster.cell_mm.powi(2);
         let (cost, begin) = costs.cut(50, 100);
-        // 0.1 mm on: twice 0.6 * 0.2 * (2 acos(s) - 2 s sqrt(1 - s²)), s = 0.25, and so little open.
+        // 0.1 mm on: twice 0.6 * 0.2 * (2 acos(s) - 2 s sqrt(1 - s²)), s = 0.25, and so little
+        // open.
         assert_eq!(begin, 51);
         let s = 0.25f64;
         let twice_mm2 = 0.12 * (2.0 * s.acos() - 2.0 * s * (1.0 - s * s).sqrt());

@@ -1,4 +1,4 @@
-//! What all passes leave open, and what a placement or an excursion would add, on a raster.
+//! What all passes leave open, and what a placement or a gap-fill move would add, on a raster.
 
 use crate::geometry::aperture::Aperture;
 use crate::geometry::cell_grid::{ASIDE, CellGrid, CellWindow, NO_COLUMNS, for_beyond};
@@ -10,12 +10,11 @@ use crate::geometry::{Point2, Vector2};
 use crate::plan::coverage::visits::CELL_SHARE;
 use crate::plan::headings::profile::slide_inside;
 use crate::plan::pass::LayerPass;
-use crate::plan::pass::sweep::poses;
-use crate::plan::pass::sweep::poses_between;
+use crate::plan::pass::sweep::{poses, poses_between};
 use rayon::prelude::*;
 use std::ops::Range;
 
-/// Least area of a gap that is worth an excursion, against that of the aperture (0.003 mm² for
+/// Least area of a gap that is worth a gap-fill move, against that of the aperture (0.003 mm² for
 /// the 0.6 x 0.2 mm ellipse).
 const GAP_SHARE_MIN: f64 = 0.008;
 /// Least net gain of a placement, against the aperture's area.
@@ -23,7 +22,7 @@ const GAIN_SHARE_MIN: f64 = 0.005;
 /// What covering a place again costs against covering a new one, where a placement is searched: it
 /// does not know yet from where it is reached.
 const AGAIN_WEIGHT: f64 = 0.06;
-/// The same for the whole excursion, which only counts what the figures count.
+/// The same for the whole gap-fill move, which only counts what the figures count.
 const NET_AGAIN_WEIGHT: f64 = 0.22;
 /// Headings tried over the aperture's period.
 const HEADINGS: usize = 12;
@@ -51,7 +50,7 @@ pub struct GapRaster {
     searches: u32,
 }
 
-/// What an excursion covers, whatever the others do.
+/// What a gap-fill move covers, whatever the others do.
 pub struct Ground {
     cells: Vec<GroundCell>,
 }
@@ -62,14 +61,14 @@ struct GroundCell {
     cell: u32,
     /// The pass covers it too, within 4a of path before or after.
     is_own: bool,
-    /// The path, excursion included, comes here more than 4a apart.
+    /// The path, gap-fill move included, comes here more than 4a apart.
     is_returned_to: bool,
 }
 
 impl GroundCell {
-    /// Whether the cell, `state` before the excursion, counts as covered again after it: by another
-    /// pass or long ago by this one, or by one that was here more than 4a of path before or after
-    /// (SPEC section 2).
+    /// Whether the cell, `state` before the gap-fill move, counts as covered again after it: by
+    /// another pass or long ago by this one, or by one that was here more than 4a of path before or
+    /// after (SPEC section 2).
     fn is_twice(&self, state: Cell) -> bool {
         (state == Cell::Covered && !self.is_own) || self.is_returned_to
     }
@@ -274,8 +273,8 @@ impl GapRaster {
         (f64::from(open) - AGAIN_WEIGHT * f64::from(again)) * self.cell_area_mm2()
     }
 
-    /// What the ground of an excursion newly covers, less the weighted ground that it covers again,
-    /// mm².
+    /// What the ground of a gap-fill move newly covers, less the weighted ground that it covers
+    /// again, mm².
     pub fn net_mm2(&self, ground: &Ground) -> f64 {
         let (mut open, mut again) = (0, 0);
         for ground in &ground.cells {
@@ -288,7 +287,7 @@ impl GapRaster {
         (f64::from(open) - NET_AGAIN_WEIGHT * f64::from(again)) * self.cell_area_mm2()
     }
 
-    /// Marks the ground of an excursion as covered; sums and gaps stay until the next update.
+    /// Marks the ground of a gap-fill move as covered; sums and gaps stay until the next update.
     pub fn cover(&mut self, ground: &Ground) {
         for ground in &ground.cells {
             let state = &mut self.coverage.cells[ground.cell as usize];
@@ -301,26 +300,26 @@ impl GapRaster {
         }
     }
 
-    /// What an excursion from behind placement `after` covers, and where the 4a of the pass before
-    /// and after it do.
+    /// What a gap-fill move from behind placement `after` covers, and where the 4a of the pass
+    /// before and after it do.
     pub fn ground(
         &self,
         pass: &LayerPass,
         after: usize,
-        excursion: &[Configuration],
+        fill: &[Configuration],
         aperture: &Aperture,
     ) -> Ground {
         let return_mm = return_mm(aperture);
         let placements = &pass.placements;
         let start = placements[after].at;
         let step_mm = |p: Configuration, q: Configuration| (q.center - p.center).norm();
-        let mut walk = Walk::about(&self.grid, excursion, aperture);
+        let mut walk = Walk::about(&self.grid, fill, aperture);
         let mut at_mm = 0.0;
-        for (&p, &q) in std::iter::once(&start).chain(excursion).zip(excursion) {
+        for (&p, &q) in std::iter::once(&start).chain(fill).zip(fill) {
             at_mm += step_mm(p, q);
-            walk.go(Part::Excursion, q, p, at_mm);
+            walk.go(Part::GapFillMove, q, p, at_mm);
         }
-        walk.end(Part::Excursion);
+        walk.end(Part::GapFillMove);
         let end_mm = at_mm + return_mm;
         for pair in placements[after..].windows(2) {
             let (p, q) = (pair[0].at, pair[1].at);
@@ -363,11 +362,11 @@ fn sum_row(sums: &mut [[u32; 2]], cells: &[Cell]) {
     }
 }
 
-/// The cells of an excursion while the path about it is walked.
+/// The cells of a gap-fill move while the path about it is walked.
 struct Walk<'a> {
     grid: &'a CellGrid,
     aperture: &'a Aperture,
-    /// Cells about the excursion, and for each of them one more than its place in the list.
+    /// Cells about the gap-fill move, and for each of them one more than its place in the list.
     window: CellWindow,
     slots: Vec<u32>,
     listed: Vec<Listed>,
@@ -377,7 +376,7 @@ struct Walk<'a> {
     last_of_row: Vec<(f32, [usize; 2])>,
 }
 
-/// A cell of the excursion, the first and last place of the path that covers it.
+/// A cell of the gap-fill move, the first and last place of the path that covers it.
 struct Listed {
     cell: u32,
     first_mm: f32,
@@ -385,18 +384,18 @@ struct Listed {
     is_own: bool,
 }
 
-/// What a stretch of the path does to the cells of the excursion.
+/// What a stretch of the path does to the cells of the gap-fill move.
 #[derive(Clone, Copy, PartialEq)]
 enum Part {
     /// Lists them.
-    Excursion,
+    GapFillMove,
     /// Covers them as well.
     Pass,
 }
 
 impl<'a> Walk<'a> {
-    fn about(grid: &'a CellGrid, excursion: &[Configuration], aperture: &'a Aperture) -> Self {
-        let centers: Vec<Point2> = excursion.iter().map(|at| at.center).collect();
+    fn about(grid: &'a CellGrid, fill: &[Configuration], aperture: &'a Aperture) -> Self {
+        let centers: Vec<Point2> = fill.iter().map(|at| at.center).collect();
         let window = grid.window_about(&Box2::of(&centers).grown(aperture.reach_mm()));
         Walk {
             grid,
@@ -416,7 +415,7 @@ impl<'a> Walk<'a> {
     fn go(&mut self, part: Part, from: Configuration, towards: Configuration, at_mm: f64) {
         let (grid, aperture, at_mm) = (self.grid, self.aperture, at_mm as f32);
         let window = match part {
-            Part::Excursion => Some(self.window),
+            Part::GapFillMove => Some(self.window),
             Part::Pass => self.listed_window,
         };
         let Some(window) = window else {
@@ -430,7 +429,7 @@ impl<'a> Walk<'a> {
                 for_beyond(known, own, |columns| {
                     self.visit(part, row, columns, before_mm);
                 });
-                if part == Part::Excursion {
+                if part == Part::GapFillMove {
                     for_beyond(own, known, |columns| self.list(row, columns, at_mm));
                 }
             });
@@ -545,11 +544,11 @@ mod tests {
     }
 
     /// Goal: own ground counts again only after more than 4a of path, that of another pass at once,
-    /// and what was covered brings nothing any more. Method: excursions to where the aperture covers
-    /// ground above its own bead (up to y = 1.2 mm): near, far along the bead and back, and the near
-    /// one beside a second pass that was there before.
+    /// and what was covered brings nothing any more. Method: gap-fill moves to where the aperture
+    /// covers ground above its own bead (up to y = 1.2 mm): near, far along the bead and back, and
+    /// the near one beside a second pass that was there before.
     #[test]
-    fn an_excursion_pays_for_what_it_covers_again() {
+    fn a_gap_fill_move_pays_for_what_it_covers_again() {
         let way = |stops: &[[f64; 2]]| -> Vec<Configuration> {
             let mut all = Vec::new();
             let mut last = Point2::new(3.0, 0.6);
@@ -585,7 +584,7 @@ mod tests {
     }
 
     /// Goal: gaps and sums that follow what is covered are those of a fresh search. Method: a bar
-    /// with several gaps; excursions between and into them, one after the other.
+    /// with several gaps; gap-fill moves between and into them, one after the other.
     #[test]
     fn gaps_and_sums_follow_what_is_covered() {
         let own = bead(0.6);
@@ -611,7 +610,7 @@ mod tests {
             assert_eq!(followed, counts(&raster));
             assert_eq!(sums, raster.sums);
         }
-        // What lies between two excursions is cut off.
+        // What lies between two gap-fill moves is cut off.
         assert!(raster.gaps().len() >= first.len() + 2);
     }
 }

@@ -7,12 +7,11 @@ use crate::geometry::Point2;
 use crate::geometry::aperture::Aperture;
 use crate::geometry::cell_grid::CellGrid;
 use crate::geometry::clearance::Configuration;
-use crate::geometry::point_grid::ByPlace;
+use crate::geometry::point_grid::PointGrid;
 use crate::geometry::polygon::Box2;
 use crate::plan::coverage::visits::{CELL_SHARE, CELLS_MAX};
-use crate::plan::pass::LayerPass;
-use crate::plan::pass::bounds_of;
 use crate::plan::pass::sweep::{poses, swept};
+use crate::plan::pass::{LayerPass, bounds_of};
 
 /// What a cell is under: the end of the one or the start of the other pass, any bead, the way.
 const OWN: u8 = 1;
@@ -23,7 +22,7 @@ const WAY: u8 = 4;
 pub struct Beads {
     aperture: Aperture,
     grid: CellGrid,
-    poses: ByPlace<Configuration>,
+    poses: PointGrid<Configuration>,
 }
 
 impl Beads {
@@ -34,7 +33,7 @@ impl Beads {
         Beads {
             aperture: *aperture,
             grid: CellGrid::over(&bounds, CELL_SHARE * aperture.minor_mm(), CELLS_MAX),
-            poses: ByPlace::of(2.0 * aperture.reach_mm(), all.map(|at| (at.center, at))),
+            poses: PointGrid::of(2.0 * aperture.reach_mm(), all.map(|at| (at.center, at))),
         }
     }
 
@@ -45,7 +44,7 @@ impl Beads {
 
     /// Ground of beads that a way covers again, mm²; what is under the stretches of path `own`
     /// does not count.
-    pub fn again_mm2(&self, own: [Vec<Configuration>; 2], way: &[Configuration]) -> f64 {
+    pub fn recovered_mm2(&self, own: [Vec<Configuration>; 2], way: &[Configuration]) -> f64 {
         let (grid, aperture) = (&self.grid, &self.aperture);
         let centers: Vec<Point2> = way.iter().map(|at| at.center).collect();
         let area = Box2::of(&centers).grown(aperture.reach_mm());

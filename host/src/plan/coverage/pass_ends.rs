@@ -10,10 +10,8 @@ use crate::geometry::aperture::Aperture;
 use crate::geometry::clearance::Configuration;
 use crate::geometry::polygon::Box2;
 use crate::plan::coverage::visits::{CELL_SHARE, Visits};
-use crate::plan::pass::LayerPass;
-use crate::plan::pass::bounds_of;
-use crate::plan::pass::sweep::poses;
-use crate::plan::pass::sweep::poses_between;
+use crate::plan::pass::sweep::{poses, poses_between};
+use crate::plan::pass::{LayerPass, bounds_of};
 use std::cell::Cell;
 
 /// Longest stretch cut off an end, and what is looked at beyond it, against the major semi-axis.
@@ -22,7 +20,7 @@ const BEYOND_SHARE: f64 = 3.0;
 /// What covering a place again costs against leaving it open.
 const AGAIN_WEIGHT: f64 = 0.6;
 /// Least area that a pass covers alone, against the aperture's: an interruption of flow for less is
-/// not worth it, and an excursion may still fill it.
+/// not worth it, and a gap-fill move may still fill it.
 const ALONE_SHARE_MIN: f64 = 1.0;
 /// The same once the passes are joined: what is left by itself then has its own retraction.
 const SMALL_SHARE_MIN: f64 = 12.0;
@@ -55,7 +53,7 @@ pub fn fit_ends(passes: &mut Vec<LayerPass>, aperture: &Aperture, bounds: &Box2)
 }
 
 /// Which passes cover less alone than an interruption of flow is worth, now that it is known which
-/// ones join others: excursions may fill their ground. The longest is never among them.
+/// ones join others: gap-fill moves may fill their ground. The longest is never among them.
 pub fn small_ones(passes: &[LayerPass], aperture: &Aperture) -> Vec<bool> {
     let mut is_small = vec![false; passes.len()];
     let longest = (0..passes.len()).max_by(|&p, &q| {
@@ -74,8 +72,8 @@ pub fn small_ones(passes: &[LayerPass], aperture: &Aperture) -> Vec<bool> {
     is_small
 }
 
-/// Takes those small ones back whose ground the excursions of `filled` left open after all; whether
-/// there are any.
+/// Takes those small ones back whose ground the gap-fill moves of `filled` left open after all;
+/// whether there are any.
 pub fn take_back_open(
     is_small: &mut [bool],
     passes: &[LayerPass],
@@ -109,8 +107,8 @@ fn fine_visits(passes: &[LayerPass], bounds: &Box2, aperture: &Aperture) -> Opti
 }
 
 impl Visits {
-    /// Takes a pass's visits off if it covers less alone than this share of the aperture's area, and
-    /// than `apart_share` of its own ground; whether it did.
+    /// Takes a pass's visits off if it covers less alone than this share of the aperture's area,
+    /// and than `apart_share` of its own ground; whether it did.
     fn drop_idle(&mut self, pass: &LayerPass, alone_share: f64, apart_share: Option<f64>) -> bool {
         let aperture = *self.aperture();
         let cells_min = alone_share * aperture.area_mm2() / self.cell_area_mm2();
@@ -207,9 +205,9 @@ mod tests {
         Box2::of(&[Point2::new(-6.0, -6.0), Point2::new(6.0, 6.0)])
     }
 
-    /// Goal: a stem that was laid into a bar goes back to the bar's edge, the bar stays, and so does
-    /// a stem that ends before it. Method: a bar of half-width 0.6 mm along x; the tip of the stem's
-    /// aperture (b = 0.2 mm) belongs about at its edge.
+    /// Goal: a stem that was laid into a bar goes back to the bar's edge, the bar stays, and so
+    /// does a stem that ends before it. Method: a bar of half-width 0.6 mm along x; the tip of the
+    /// stem's aperture (b = 0.2 mm) belongs about at its edge.
     #[test]
     fn a_stem_ends_at_the_bar_that_it_meets() {
         let bar = run([-5.0, 0.0], [5.0, 0.0]);
@@ -247,11 +245,11 @@ mod tests {
         assert!(reach[0] < -4.9 && reach[1] > 4.9, "{reach:?}");
     }
 
-    /// Goal: once all are joined, a short pass is left to excursions, as long as something else is
-    /// printed; what they leave open is taken back. Method: a bar, and a run of 0.2 mm that begins
-    /// under it or 3 mm away; what is printed instead covers both, or is the bar alone.
+    /// Goal: once all are joined, a short pass is left to gap-fill moves, as long as something else
+    /// is printed; what they leave open is taken back. Method: a bar, and a run of 0.2 mm that
+    /// begins under it or 3 mm away; what is printed instead covers both, or is the bar alone.
     #[test]
-    fn a_stump_is_left_to_excursions() {
+    fn a_stump_is_left_to_gap_fill() {
         let bar = run([-5.0, 0.0], [5.0, 0.0]);
         let stump = run([0.0, 0.3], [0.0, 0.5]);
         assert_eq!(small_ones(std::slice::from_ref(&stump), &APERTURE), [false]);

@@ -1,20 +1,21 @@
 //! Detours of a curve where it goes through what no pushing takes it out of.
 //!
 //! Of two placements that follow each other each may fit while nothing between them does: the tip
-//! stands on one side of a corner of the walls here and on its other side there. Such a curve must be
-//! led around, turned some other way, not pushed. Input: control points, and which spans cut however
-//! they are pushed. Output: control points with ways around those spans where there are any.
+//! stands on one side of a corner of the walls here and on its other side there. Such a curve must
+//! be led around, turned some other way, not pushed. Input: control points, and which spans cut
+//! however they are pushed. Output: control points with ways around those spans where there are
+//! any.
 
 use crate::geometry::clearance::Configuration;
-use crate::plan::coverage::connections::bent_way;
+use crate::plan::coverage::connections::bent_connection;
 use crate::plan::curve::plane_curve::{PlaneControl, configuration};
 use crate::plan::curve::pushing_inside::{InsideWalls, NEAR_SHARE, bad_runs, strayed_spans};
 use crate::plan::headings::profile::slide_inside;
 use crate::plan::joining::links::{LENGTH_SHARE, TURN_MAX_RAD};
 use std::ops::Range;
 
-/// Control points that a detour leaves out on either side of the spans, the fewest first: as far as a
-/// link may reach where placements lie as far apart as contacts mostly do.
+/// Control points that a detour leaves out on either side of the spans, the fewest first: as far as
+/// a link may reach where placements lie as far apart as contacts mostly do.
 const BESIDE: [usize; 4] = [2, 4, 8, 16];
 /// Control points beyond a detour that may be pushed along with it.
 const MARGIN: usize = 8;
@@ -57,7 +58,7 @@ fn around(
     if (to.center - from.center).norm() > LENGTH_SHARE * aperture.major_mm() {
         return None;
     }
-    let way = bent_way(from, to, TURN_MAX_RAD, aperture, walls)?;
+    let way = bent_connection(from, to, TURN_MAX_RAD, aperture, walls)?;
     // Headings go on unwrapped.
     let turned_rad = way.last()?.heading_rad - control[last][2];
     let of = |at: &Configuration| [at.center.x, at.center.y, at.heading_rad];

@@ -1,12 +1,13 @@
 //! Passes that turn further than the nozzle may between its stops: cut where it has to turn back.
 //!
-//! The aperture's symmetry helps: headings a period apart lay the same bead, so a pass may be entered
-//! at any of them. Input: passes with unwrapped headings. Output: the pass, or pieces of it that each
-//! fit between the stops from some heading: as few as can be, cut where that lays least ground twice, each
-//! begun a little after the end of the one before it ([`super::laid_ground`]).
+//! The aperture's symmetry helps: headings a period apart lay the same bead, so a pass may be
+//! entered at any of them. Input: passes with unwrapped headings. Output: the pass, or pieces of it
+//! that each fit between the stops from some heading: as few as can be, cut where that lays least
+//! ground twice, each begun a little after the end of the one before it
+//! ([`crate::plan::coverage::deposited_area`]).
 
 use crate::geometry::edge_index::EdgeIndex;
-use crate::plan::coverage::deposited_area::LaidGround;
+use crate::plan::coverage::deposited_area::DepositedArea;
 use crate::plan::curve::plane_curve::PlaneControl;
 use crate::plan::pass::LayerPass;
 use crate::settings::Settings;
@@ -17,8 +18,8 @@ use std::cmp::Reverse;
 use std::collections::{BinaryHeap, VecDeque};
 use std::ops::Deref;
 
-/// Room left before each stop, rad, tried in this order: the curve is sharpened and pushed off the
-/// walls, and its headings leave those of the placements by a few degrees at the most.
+/// ClearanceGrid left before each stop, rad, tried in this order: the curve is sharpened and pushed
+/// off the walls, and its headings leave those of the placements by a few degrees at the most.
 const ROOM_RAD: [f64; 3] = [0.03, 0.1, 0.25];
 
 /// Stops of the joint that follows the heading one to one, rad; the tool stands upright.
@@ -42,7 +43,7 @@ pub struct PassCutter<'a, W> {
     settings: &'a Settings,
     stops: Stops,
     /// Made for the first pass that is cut.
-    ground: OnceCell<Option<LaidGround>>,
+    ground: OnceCell<Option<DepositedArea>>,
 }
 
 impl<'a, W: Deref<Target = EdgeIndex>> PassCutter<'a, W> {
@@ -59,8 +60,8 @@ impl<'a, W: Deref<Target = EdgeIndex>> PassCutter<'a, W> {
     }
 
     /// The curves of a pass, made by `curves_of` of all of it or of as few pieces as will turn no
-    /// further than the nozzle may. Where some heading fits nowhere between the stops the pass stays
-    /// whole: the check of the joints' ranges then names the place.
+    /// further than the nozzle may. Where some heading fits nowhere between the stops the pass
+    /// stays whole: the check of the joints' ranges then names the place.
     pub fn curves(
         &self,
         pass: &LayerPass,
@@ -84,7 +85,8 @@ impl<'a, W: Deref<Target = EdgeIndex>> PassCutter<'a, W> {
         curves
     }
 
-    /// The pass, or pieces of it that fit: of the fewest those for which least ground is laid twice.
+    /// The pass, or pieces of it that fit: of the fewest those for which least ground is laid
+    /// twice.
     fn pieces(&self, pass: &LayerPass, room_rad: f64) -> Vec<LayerPass> {
         let headings: Vec<f64> = pass.placements.iter().map(|p| p.at.heading_rad).collect();
         let Some(fits_from) = self.stops.fits_from(&headings, room_rad) else {
@@ -94,7 +96,7 @@ impl<'a, W: Deref<Target = EdgeIndex>> PassCutter<'a, W> {
             return vec![pass.clone()];
         }
         let ground = self.ground.get_or_init(|| {
-            LaidGround::of_passes(self.passes, &self.walls, &self.settings.aperture)
+            DepositedArea::of_passes(self.passes, &self.walls, &self.settings.aperture)
         });
         let costs = ground.as_ref().map(|g| g.cuts_of(&pass.placements));
         let cut_at = |cut: usize, begin_max: usize| {
@@ -170,8 +172,8 @@ impl Stops {
     }
 }
 
-/// Of the fewest cuts of a way those that cost least together. Pieces share the placement at a cut; one
-/// that ends with a placement begins at `fits_from` or later.
+/// Of the fewest cuts of a way those that cost least together. Pieces share the placement at a cut;
+/// one that ends with a placement begins at `fits_from` or later.
 fn cheapest_cuts(fits_from: &[usize], cost: impl Fn(usize) -> i64) -> Vec<usize> {
     // For each placement the cuts and what they cost if there is one here, and where the one before
     // it is.
@@ -219,8 +221,8 @@ mod tests {
     }
 
     /// Goal: a pass is cut as seldom as the stops allow, and no piece begins far from where the one
-    /// before it ends. Method: a spiral of five turns under stops that let it turn by so much at most;
-    /// the least number of pieces by hand.
+    /// before it ends. Method: a spiral of five turns under stops that let it turn by so much at
+    /// most; the least number of pieces by hand.
     #[test]
     fn pieces_turn_no_further_than_the_stops_allow() {
         let center = Point2::origin();
@@ -233,7 +235,8 @@ mod tests {
         let spiral = pass(places, false);
         let whole = pieces(&Settings::default(), &spiral);
         assert_eq!(whole, std::slice::from_ref(&spiral));
-        // A piece fits for sure where it turns by 180° less than there is room, at most by all of it.
+        // A piece fits for sure where it turns by 180° less than there is room, at most by all of
+        // it.
         for stop_deg in [200.0, 360.0, 540.0, 990.0] {
             let pieces = pieces(&stops(-stop_deg, stop_deg), &spiral);
             let most_deg = 2.0 * (stop_deg - 0.1f64.to_degrees());

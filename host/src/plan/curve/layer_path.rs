@@ -4,7 +4,7 @@
 //! The placements are the control polygon, sharpened by one step of the interpolation inverse
 //! (P - second difference / 6) where they are smooth, so that the curve passes through them to
 //! fourth order; corners stay rounded by the spline itself. Then the curve is pushed inside the walls
-//! ([`super::curve_inside`]), led around where that fails ([`super::curve_detours`]), and cut where
+//! ([`crate::plan::curve::pushing_inside`]), led around where that fails ([`crate::plan::curve::detours`]), and cut where
 //! there is no way around.
 
 use crate::geometry::aperture::Aperture;

@@ -2,8 +2,7 @@
 
 use crate::geometry::aperture::Aperture;
 use crate::plan::headings::profile::smooth;
-use crate::plan::pass::Contact;
-use crate::plan::pass::Placement;
+use crate::plan::pass::{Contact, Placement};
 
 /// Runs of contacts whose channel is wide enough to lay a bead in.
 pub fn printable_runs(contacts: &[Contact], aperture: &Aperture) -> Vec<(Vec<Contact>, bool)> {

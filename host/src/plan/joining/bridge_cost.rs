@@ -5,9 +5,8 @@ use crate::geometry::aperture::Aperture;
 use crate::geometry::clearance::Configuration;
 use crate::geometry::polygon::Box2;
 use crate::plan::coverage::visits::Visits;
-use crate::plan::pass::LayerPass;
-use crate::plan::pass::bounds_of;
 use crate::plan::pass::sweep::swept;
+use crate::plan::pass::{LayerPass, bounds_of};
 
 /// Raster cell against the minor semi-axis: many places are tried.
 const CELL_SHARE: f64 = 0.2;

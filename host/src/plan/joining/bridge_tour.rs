@@ -3,8 +3,7 @@
 use crate::geometry::clearance::Configuration;
 use crate::plan::headings::runs::unwrap_headings;
 use crate::plan::joining::bridge_cost::Bridge;
-use crate::plan::pass::LayerPass;
-use crate::plan::pass::Placement;
+use crate::plan::pass::{LayerPass, Placement};
 
 /// A way round through one or several passes.
 #[derive(Default)]

@@ -7,9 +7,9 @@
 
 use crate::geometry::aperture::Aperture;
 use crate::geometry::edge_index::EdgeIndex;
-use crate::geometry::point_grid::ByPlace;
+use crate::geometry::point_grid::PointGrid;
 use crate::geometry::union_find::root;
-use crate::plan::coverage::connections::free_way;
+use crate::plan::coverage::connections::connection;
 use crate::plan::joining::bridge_cost::{Bridge, BridgeCosts};
 use crate::plan::joining::bridge_tour::Tour;
 use crate::plan::joining::links::{TURN_MAX_RAD, nearest_of_each};
@@ -73,8 +73,8 @@ struct Candidate {
     rank_mm2: f64,
 }
 
-/// For each bridge of the tree that the first ones make the best of those fitted between its loops, and
-/// itself, should the fitted one be in the way of another.
+/// For each bridge of the tree that the first ones make the best of those fitted between its loops,
+/// and itself, should the fitted one be in the way of another.
 fn fitted_tree(
     found: &[Candidate],
     passes: &[LayerPass],
@@ -129,8 +129,8 @@ fn joined(passes: &[LayerPass], bridges: &[Bridge]) -> Vec<Tour> {
     tours
 }
 
-/// The bridge with the ends of its openings moved, placement by placement, to where it spoils least,
-/// and what it costs then.
+/// The bridge with the ends of its openings moved, placement by placement, to where it spoils
+/// least, and what it costs then.
 fn fitted(
     begun: &Candidate,
     passes: &[LayerPass],
@@ -213,7 +213,7 @@ fn neighbours(passes: &[LayerPass], reach_mm: f64) -> Near {
         let placements = pass.placements.iter().enumerate();
         placements.map(move |(i, placement)| (placement.at.center, (number, i)))
     });
-    let index = ByPlace::of(reach_mm, all.clone());
+    let index = PointGrid::of(reach_mm, all.clone());
     let mut near = Near::new();
     for (own, (number, i)) in all {
         for (other, j, apart) in nearest_of_each(&index, passes, number + 1, own, reach_mm) {
@@ -359,7 +359,7 @@ fn with_ways(
     let crossed = apart(0, 0) + apart(1, 1) > apart(0, 1) + apart(1, 0);
     let way = |end: usize| {
         let (from, to) = (pose(0, end), pose(1, end ^ usize::from(crossed)));
-        let mut way = free_way(from, to, TURN_MAX_RAD, aperture, walls)?;
+        let mut way = connection(from, to, TURN_MAX_RAD, aperture, walls)?;
         way.pop();
         Some(way)
     };
@@ -451,8 +451,8 @@ mod tests {
         assert!(after > before - 0.2, "{before} {after}");
     }
 
-    /// Goal: a bridge is fitted to nearly the best openings there are. Method: begun too wide or too
-    /// narrow, against all openings whose ends lie up to four placements from where it began.
+    /// Goal: a bridge is fitted to nearly the best openings there are. Method: begun too wide or
+    /// too narrow, against all openings whose ends lie up to four placements from where it began.
     #[test]
     fn openings_are_fitted_nearly_as_well_as_can_be() {
         let (walls, center) = (walls(&[5.6]), Point2::origin());

@@ -6,21 +6,21 @@
 
 use crate::geometry::aperture::Aperture;
 use crate::geometry::edge_index::EdgeIndex;
-use crate::geometry::point_grid::ByPlace;
+use crate::geometry::point_grid::PointGrid;
 use crate::plan::coverage::nearby_passes::Beads;
 use crate::plan::headings::runs::unwrap_headings;
 use crate::plan::joining::end_matching::{End, Pair, matched};
 use crate::plan::joining::links::{Directed, link, nearest_of_each};
 use crate::plan::joining::order::{opened, rotated};
-use crate::plan::pass::LayerPass;
-use crate::plan::pass::Placement;
+use crate::plan::pass::{LayerPass, Placement};
 use rayon::prelude::*;
 use std::collections::{HashMap, HashSet};
 use std::sync::LazyLock;
 
 /// Longest way between two ends that are joined, against a.
 const END_REACH_SHARE: f64 = 3.6;
-/// Ground that the join which closes the last open run may cover again, against the aperture's area.
+/// Ground that the join which closes the last open run may cover again, against the aperture's
+/// area.
 const IDLE_SHARE: f64 = 0.25;
 /// Least placements of a run that is closed to a loop.
 const LOOP_COUNT_MIN: usize = 16;
@@ -46,9 +46,9 @@ pub fn chained(passes: Vec<LayerPass>, aperture: &Aperture, walls: &EdgeIndex) -
     joined_up(&passes, joins, aperture)
 }
 
-/// As many of the joins as there are ends for. A tour of all loops is open at one place anyway: where
-/// no end would be over, the costliest join is left out, if it costs more than `idle_mm2`; else a
-/// loop may begin anywhere.
+/// As many of the joins as there are ends for. A tour of all loops is open at one place anyway:
+/// where no end would be over, the costliest join is left out, if it costs more than `idle_mm2`;
+/// else a loop may begin anywhere.
 fn chosen(pairs: &[Pair], ends_count: usize, idle_mm2: f64) -> Vec<usize> {
     let mut chosen = matched(pairs);
     if 2 * chosen.len() == ends_count {
@@ -129,8 +129,8 @@ pub fn around_loops(
     joined_up(&passes, joins, aperture)
 }
 
-/// Ends of open passes with the loops within `reach_mm`: the loop and its placements where it may be
-/// entered, the nearest first.
+/// Ends of open passes with the loops within `reach_mm`: the loop and its placements where it may
+/// be entered, the nearest first.
 fn ends_at_loops(passes: &[LayerPass], reach_mm: f64) -> Vec<(End, End)> {
     let numbered = || {
         passes
@@ -144,7 +144,7 @@ fn ends_at_loops(passes: &[LayerPass], reach_mm: f64) -> Vec<(End, End)> {
         let placements = pass.placements.iter().enumerate();
         placements.map(move |(i, placement)| (placement.at.center, (number, i)))
     });
-    let index = ByPlace::of(reach_mm, places);
+    let index = PointGrid::of(reach_mm, places);
     let mut near = Vec::new();
     for (number, pass) in numbered().filter(|(_, pass)| !pass.closed && !pass.placements.is_empty())
     {
@@ -214,7 +214,7 @@ fn near_ends(passes: &[LayerPass], reach_mm: f64) -> Vec<[End; 2]> {
     };
     let open = (0..passes.len()).filter(|&number| is_open_run(&passes[number]));
     let ends: Vec<End> = open.flat_map(|number| [(number, 0), (number, 1)]).collect();
-    let index = ByPlace::of(reach_mm, ends.iter().map(|&end| (place(end), end)));
+    let index = PointGrid::of(reach_mm, ends.iter().map(|&end| (place(end), end)));
     let mut near = Vec::new();
     for &end in &ends {
         for &other in index.around(place(end)) {
@@ -302,8 +302,8 @@ mod tests {
     }
 
     /// Goal: a run whose end meets a loop goes on around it, either end; one that ends far from it
-    /// does not. Method: a ring and runs that end 1 mm and 2.5 mm outside it; the steps of the joined
-    /// pass are short, and it is as long as both.
+    /// does not. Method: a ring and runs that end 1 mm and 2.5 mm outside it; the steps of the
+    /// joined pass are short, and it is as long as both.
     #[test]
     fn a_run_goes_on_around_the_loop_it_meets() {
         let mut back = run(4.0);
@@ -326,8 +326,8 @@ mod tests {
         assert_eq!(apart, vec![ring(), run(5.5)]);
     }
 
-    /// Goal: a loop may be entered beside its nearest place too, as far as a way reaches. Method: the
-    /// ring of 188 places, 1 mm from the end of a run; within 1.3 mm, and within 1.8 mm.
+    /// Goal: a loop may be entered beside its nearest place too, as far as a way reaches. Method:
+    /// the ring of 188 places, 1 mm from the end of a run; within 1.3 mm, and within 1.8 mm.
     #[test]
     fn a_loop_is_entered_beside_its_nearest_place_too() {
         let passes = [ring(), run(4.0)];

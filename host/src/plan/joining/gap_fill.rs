@@ -1,33 +1,32 @@
-//! Darts: short excursions from a pass into what all passes together leave open.
+//! Gap-fill moves: short gap-fill moves from a pass into what all passes together leave open.
 //!
 //! Corners, junctions of the medial axis and changes of the bead count leave small gaps that no
 //! channel fits. For each gap the placement with the largest gain is searched over position and
-//! heading ([`super::gap_raster`]); a placement of a pass nearby goes there and comes back, without
-//! an interruption of flow: the one from where the whole excursion gains most.
+//! heading ([`crate::plan::coverage::gap_raster`]); a placement of a pass nearby goes there and comes back, without
+//! an interruption of flow: the one from where the whole gap-fill move gains most.
 
 use crate::geometry::aperture::Aperture;
 use crate::geometry::clearance::Configuration;
 use crate::geometry::edge_index::EdgeIndex;
-use crate::geometry::point_grid::ByPlace;
-use crate::plan::coverage::connections::{eased, inside_way};
+use crate::geometry::point_grid::PointGrid;
+use crate::plan::coverage::connections::{eased, inside_connection};
 use crate::plan::coverage::gap_raster::{GapRaster, Ground};
-use crate::plan::pass::LayerPass;
-use crate::plan::pass::Placement;
 use crate::plan::pass::sweep::turn_to;
+use crate::plan::pass::{LayerPass, Placement};
 use rayon::prelude::*;
 use std::collections::HashMap;
 
-/// Rounds of looking for gaps: a large one takes several excursions.
+/// Rounds of looking for gaps: a large one takes several gap-fill moves.
 const ROUNDS: usize = 40;
 /// Rounds in which the same gap is searched in vain.
 const TRIES: usize = 2;
-/// Least net gain of an excursion, against the aperture's area.
+/// Least net gain of a gap-fill move, against the aperture's area.
 const NET_SHARE_MIN: f64 = 0.01;
-/// Placements of the passes tried as the start of an excursion.
+/// Placements of the passes tried as the start of a gap-fill move.
 const STARTS: usize = 24;
 /// Free ways that are compared.
 const WAYS: usize = 4;
-/// Longest excursion, against the major semi-axis.
+/// Longest gap-fill move, against the major semi-axis.
 const REACH: f64 = 3.0;
 
 /// Gaps searched side by side: enough for any number of threads, and what they may cover fits the
@@ -51,62 +50,66 @@ pub fn fill_gaps(passes: &mut [LayerPass], aperture: &Aperture, walls: &EdgeInde
                 .is_none_or(|&n| n < TRIES)
         };
         let gaps: Vec<Vec<u32>> = raster.gaps().iter().filter(is_open).cloned().collect();
-        let mut darts: Vec<Dart> = Vec::new();
+        let mut moves: Vec<GapFillMove> = Vec::new();
         for gaps in gaps.chunks(BATCH) {
-            let found: Vec<Vec<Dart>> = gaps
+            let found: Vec<Vec<GapFillMove>> = gaps
                 .par_iter()
                 .map(|gap| {
                     let at = raster.best_placement(gap, aperture, walls);
                     at.map_or(Vec::new(), |at| {
-                        starts.darts_to(at, &raster, passes, aperture, walls)
+                        starts.gap_fill_moves_to(at, &raster, passes, aperture, walls)
                     })
                 })
                 .collect();
             for (gap, ways) in gaps.iter().zip(found) {
-                // Excursions of this round may have closed the gap already.
-                if let Some(dart) = best_of(ways, &raster, aperture) {
-                    raster.cover(&dart.ground);
-                    darts.push(dart);
+                // Gap-fill moves of this round may have closed the gap already.
+                if let Some(fill) = best_of(ways, &raster, aperture) {
+                    raster.cover(&fill.ground);
+                    moves.push(fill);
                 } else {
                     *failures.entry((gap[0], gap.len())).or_default() += 1;
                 }
             }
         }
-        if darts.is_empty() {
+        if moves.is_empty() {
             return;
         }
-        insert(passes, darts);
+        insert(passes, moves);
         raster.update();
     }
 }
 
-/// An excursion from a placement of a pass.
-struct Dart {
+/// An gap-fill move from a placement of a pass.
+struct GapFillMove {
     pass: usize,
     after: usize,
     /// Out and back, the start left out at the beginning and repeated at the end.
-    excursion: Vec<Configuration>,
+    fill: Vec<Configuration>,
     ground: Ground,
 }
 
-/// The excursion with the largest net gain, if any is worth its way.
-fn best_of(darts: Vec<Dart>, raster: &GapRaster, aperture: &Aperture) -> Option<Dart> {
-    let mut best: Option<(f64, Dart)> = None;
-    for dart in darts {
-        let net = raster.net_mm2(&dart.ground);
+/// The gap-fill move with the largest net gain, if any is worth its way.
+fn best_of(
+    moves: Vec<GapFillMove>,
+    raster: &GapRaster,
+    aperture: &Aperture,
+) -> Option<GapFillMove> {
+    let mut best: Option<(f64, GapFillMove)> = None;
+    for fill in moves {
+        let net = raster.net_mm2(&fill.ground);
         let least = NET_SHARE_MIN * aperture.area_mm2();
         if net > best.as_ref().map_or(least, |b| b.0) {
-            best = Some((net, dart));
+            best = Some((net, fill));
         }
     }
-    best.map(|(_, dart)| dart)
+    best.map(|(_, fill)| fill)
 }
 
-/// Where excursions may start: the placements of all passes, by place.
+/// Where gap-fill moves may start: the placements of all passes, by place.
 struct Starts {
     reach_mm: f64,
     /// Pass and placement.
-    index: ByPlace<(usize, usize)>,
+    index: PointGrid<(usize, usize)>,
 }
 
 impl Starts {
@@ -118,7 +121,7 @@ impl Starts {
         });
         Starts {
             reach_mm,
-            index: ByPlace::of(reach_mm, all),
+            index: PointGrid::of(reach_mm, all),
         }
     }
 
@@ -144,45 +147,47 @@ impl Starts {
         found.iter().map(|f| [f.1, f.2]).collect()
     }
 
-    /// Excursions to `at` from the nearest starts that have a free way there.
-    fn darts_to(
+    /// Gap-fill moves to `at` from the nearest starts that have a free way there.
+    fn gap_fill_moves_to(
         &self,
         at: Configuration,
         raster: &GapRaster,
         passes: &[LayerPass],
         aperture: &Aperture,
         walls: &EdgeIndex,
-    ) -> Vec<Dart> {
+    ) -> Vec<GapFillMove> {
         let starts = self.near(at, passes, aperture).into_iter();
-        let darts = starts.filter_map(|[pass, after]| {
+        let moves = starts.filter_map(|[pass, after]| {
             let from = passes[pass].placements[after].at;
-            let out = inside_way(eased(from, at, aperture), aperture, walls)?;
+            let out = inside_connection(eased(from, at, aperture), aperture, walls)?;
             let back = out.iter().rev().skip(1).copied();
-            let excursion: Vec<Configuration> =
-                out.iter().copied().chain(back).chain([from]).collect();
-            Some(Dart {
+            let fill: Vec<Configuration> = out.iter().copied().chain(back).chain([from]).collect();
+            Some(GapFillMove {
                 pass,
                 after,
-                ground: raster.ground(&passes[pass], after, &excursion, aperture),
-                excursion,
+                ground: raster.ground(&passes[pass], after, &fill, aperture),
+                fill,
             })
         });
-        darts.take(WAYS).collect()
+        moves.take(WAYS).collect()
     }
 }
 
-/// Inserts the excursions behind their placements, last first so that the numbers stay right.
-fn insert(passes: &mut [LayerPass], mut darts: Vec<Dart>) {
-    darts.sort_by_key(|d| std::cmp::Reverse((d.pass, d.after)));
-    for dart in darts {
-        let placements = &mut passes[dart.pass].placements;
-        let contact = placements[dart.after].contact;
-        let excursion = dart.excursion.into_iter().map(|at| Placement {
+/// Inserts the gap-fill moves behind their placements, last first so that the numbers stay right.
+fn insert(passes: &mut [LayerPass], mut moves: Vec<GapFillMove>) {
+    moves.sort_by_key(|d| std::cmp::Reverse((d.pass, d.after)));
+    for GapFillMove {
+        pass, after, fill, ..
+    } in moves
+    {
+        let placements = &mut passes[pass].placements;
+        let contact = placements[after].contact;
+        let fill = fill.into_iter().map(|at| Placement {
             at,
             feasible: true,
             contact,
         });
-        placements.splice(dart.after + 1..dart.after + 1, excursion);
+        placements.splice(after + 1..after + 1, fill);
     }
 }
 
@@ -209,7 +214,7 @@ mod tests {
     /// Goal: a strip beside the pass is filled, every pose stays inside, and the path goes on
     /// without a jump from where it left. Method: a 6 x 1.5 mm bar whose pass covers 1.2 mm.
     #[test]
-    fn a_strip_is_filled_by_excursions() {
+    fn a_strip_is_filled_by_gap_fill_moves() {
         let walls = walls(6.0, 1.5);
         let mut passes = vec![pass(6.0)];
         let before = covered_pct(&passes, &walls);

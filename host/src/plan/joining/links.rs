@@ -8,14 +8,14 @@ use crate::geometry::Point2;
 use crate::geometry::aperture::Aperture;
 use crate::geometry::clearance::Configuration;
 use crate::geometry::edge_index::EdgeIndex;
-use crate::geometry::point_grid::ByPlace;
-use crate::plan::coverage::connections::bent_way;
+use crate::geometry::point_grid::PointGrid;
+use crate::plan::coverage::connections::bent_connection;
 use crate::plan::coverage::nearby_passes::Beads;
 use crate::plan::pass::{LayerPass, PassKind, Placement};
 use std::collections::BTreeMap;
 
-/// Longest link, against a: neighbouring beads lie up to 2a apart, and where one crosses, ends are cut
-/// back on either side of it.
+/// Longest link, against a: neighbouring beads lie up to 2a apart, and where one crosses, ends are
+/// cut back on either side of it.
 pub const LENGTH_SHARE: f64 = 3.6;
 /// The same between two lines of an infill, whose ends lie far apart along a wall at a low angle.
 const LINE_LENGTH_SHARE: f64 = 10.0;
@@ -100,12 +100,12 @@ pub fn link(
     if length_mm > share * aperture.major_mm() {
         return None;
     }
-    let way = bent_way(end.at, start.at, TURN_MAX_RAD, &aperture, walls)?;
+    let way = bent_connection(end.at, start.at, TURN_MAX_RAD, &aperture, walls)?;
     let reach_mm = OWN_SHARE * aperture.major_mm();
     let own_end = stretch(before.placements().rev(), reach_mm);
     let own_start = stretch(next.placements(), reach_mm);
-    let again_mm2 = beads.again_mm2([own_end, own_start], &way);
-    if !lines && again_mm2 > AGAIN_SHARE_MAX * aperture.area_mm2() {
+    let recovered_mm2 = beads.recovered_mm2([own_end, own_start], &way);
+    if !lines && recovered_mm2 > AGAIN_SHARE_MAX * aperture.area_mm2() {
         return None;
     }
     let placement = |at| Placement {
@@ -113,13 +113,13 @@ pub fn link(
         feasible: true,
         contact: end.contact,
     };
-    Some((way.into_iter().map(placement).collect(), again_mm2))
+    Some((way.into_iter().map(placement).collect(), recovered_mm2))
 }
 
 /// The nearest placement of each pass from number `first` on in `index` (pass and placement) within
 /// `reach_mm` of a place: pass, placement, and how far away it is in whole nanometres.
 pub fn nearest_of_each(
-    index: &ByPlace<(usize, usize)>,
+    index: &PointGrid<(usize, usize)>,
     passes: &[LayerPass],
     first: usize,
     place: Point2,

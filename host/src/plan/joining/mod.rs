@@ -1,4 +1,14 @@
-//! joining
+//! Joining: passes in printing order, with as few interruptions of flow as are worth it.
+//!
+//! ```text
+//! LayerPass --chains, end_matching--> ends that meet become one pass
+//!           --bridges (bridge_cost, bridge_tour)--> loops side by side become one
+//!           --order, seam--> in printing order, loops opened --links--> joined where they follow
+//!           --gap_fill--> moves into what is still open
+//! ```
+//!
+//! `printed_order` is this pipeline. All in mm and rad, in the region's own frame. Leaves out:
+//! travel between what stays apart (`route`).
 
 pub mod bridge_cost;
 pub mod bridge_tour;

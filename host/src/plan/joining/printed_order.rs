@@ -1,4 +1,4 @@
-//! The passes of one region as they are printed: ordered, linked, with excursions into gaps.
+//! The passes of one region as they are printed: ordered, linked, with gap-fill moves into gaps.
 //!
 //! Walls come first, then the lines of an infill. A solid infill is linked and filled up like
 //! everything else; what a sparse one leaves open is meant to stay open.
@@ -17,7 +17,7 @@ use crate::plan::joining::seam::with_seam;
 use crate::plan::pass::{LayerPass, PassKind};
 use crate::settings::{SeamPlace, Settings};
 
-/// How often small passes are taken back whose ground excursions did not reach.
+/// How often small passes are taken back whose ground gap-fill moves did not reach.
 const ROUNDS_MAX: usize = 4;
 
 /// What belongs to one region, local coordinates.
@@ -57,7 +57,7 @@ pub fn in_printing_order(
         from,
         aperture,
     };
-    // Excursions take the place of small passes, if they can.
+    // Gap-fill moves take the place of small passes, if they can.
     let mut is_small = small_ones(&passes, aperture);
     let mut filled = finish.with(&passes, &is_small);
     for _ in 0..ROUNDS_MAX {
@@ -108,7 +108,7 @@ fn joined(
     passes
 }
 
-/// What comes once the loops are joined: the lines of an infill, and excursions into gaps.
+/// What comes once the loops are joined: the lines of an infill, and gap-fill moves into gaps.
 struct Finish<'a> {
     lines: Vec<LayerPass>,
     walls: &'a EdgeIndex,
@@ -119,7 +119,7 @@ struct Finish<'a> {
 }
 
 impl Finish<'_> {
-    /// The passes but the small ones, the lines behind them, with excursions.
+    /// The passes but the small ones, the lines behind them, with gap-fill moves.
     fn with(&self, passes: &[LayerPass], is_small: &[bool]) -> Vec<LayerPass> {
         let kept = passes.iter().zip(is_small).filter(|p| !p.1);
         let mut passes: Vec<LayerPass> = kept.map(|p| p.0.clone()).collect();

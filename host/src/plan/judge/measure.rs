@@ -19,7 +19,7 @@ use crate::plan::judge::figures::{PlanFigures, Swept};
 use crate::plan::layers::layer_groups::OFF_REGIONS;
 use crate::plan::outline::contour::Contour;
 use crate::plan::outline::reachable::reachable_count;
-use crate::plan::outline::trimmed_outline::{inner_hull, is_beyond_reach};
+use crate::plan::outline::trimmed_outline::{is_beyond_reach, trimmed_outline};
 use crate::plan::progress::{Progress, Stage, Steps};
 use crate::settings::Settings;
 use headway_firmware::spline::Spans;
@@ -35,8 +35,8 @@ pub struct MeasuredPrint<'a> {
     pub contour: &'a Contour,
     /// Layer from 0.
     pub layer: u32,
-    /// An earlier printing that runs the same curves, whose figures are taken over where its poses are
-    /// the same; any other number for none.
+    /// An earlier printing that runs the same curves, whose figures are taken over where its poses
+    /// are the same; any other number for none.
     pub like: usize,
 }
 
@@ -438,7 +438,7 @@ fn reachable_share_of_gaps(
     let stride = gaps.div_ceil(ASKED_MAX);
     let asked: Vec<_> = raster.gaps().step_by(stride).collect();
     // Of noise finer than the nozzle most cells lie where nothing gets: no search for those.
-    let hull = inner_hull(outline, &settings.aperture);
+    let hull = trimmed_outline(outline, &settings.aperture);
     let hull = EdgeIndex::of_region(&hull, settings.aperture.major_mm());
     let mut near = asked.clone();
     near.retain(|&p| !is_beyond_reach(&hull, p));

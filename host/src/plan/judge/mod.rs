@@ -1,4 +1,9 @@
-//! judge
+//! Judge: what a plan is worth, measured on the finished segments.
+//!
+//! ```text
+//! SegmentStream, Contour --measure--> Swept, RegionRaster --figures--> PlanFigures
+//! (integers, ticks)                   (mm², cells)                    (%, mm, s)
+//! ```
 
 pub mod figures;
 pub mod measure;

@@ -1,9 +1,9 @@
 //! The layers of a job: which are alike, and how each one's regions are printed.
 //!
 //! A job is a prism: every layer has the same outline and lies one layer height above the one
-//! below. Layers with the same lines inside are planned once ([`LayerKind`]); what differs from one
-//! to the next is its height, the order of its regions and which way round each is printed, begun
-//! near the place where the head is ([`RegionPrint`]).
+//! below. Layers with the same lines inside are planned once ([`LayerGroup`]); what differs from
+//! one to the next is its height, the order of its regions and which way round each is printed,
+//! begun near the place where the head is ([`RegionPrint`]).
 //!
 //! Input: the regions with their axes. Output: kinds, printings, and the curves of the whole job in
 //! machine coordinates. The same curve is kept once, however many layers print it.
@@ -17,11 +17,11 @@ use crate::plan::curve::heading_stops::PassCutter;
 use crate::plan::curve::layer_path::pass_curves;
 use crate::plan::curve::plane_curve::PlaneControl;
 use crate::plan::joining::order::region_order;
+use crate::plan::layers::PlanePass;
 use crate::plan::layers::region_plan::{RegionPlan, RegionWork, Turned};
 use crate::plan::layers::skirt::SkirtPlan;
 use crate::plan::pass::{LayerPass, PassKind};
 use crate::plan::progress::{Progress, SIDE_BY_SIDE, Stage, Steps};
-use crate::plan::route::build_route::PlanePass;
 use crate::settings::{Infill, Settings};
 use rayon::prelude::*;
 use std::cell::LazyCell;
@@ -54,7 +54,7 @@ pub struct TooLongError {
 
 /// Layers that are planned alike.
 #[derive(Clone, Debug)]
-pub struct LayerKind {
+pub struct LayerGroup {
     /// Walls and lines; `None` for loops all the way in.
     pub infill: Option<Infill>,
     /// How many layers are of this kind.
@@ -80,7 +80,8 @@ pub struct RegionPrint {
     pub like: usize,
 }
 
-/// The different lines inside, in the order of their first layers, and which of them each layer has.
+/// The different lines inside, in the order of their first layers, and which of them each layer
+/// has.
 pub fn infills_of_layers(settings: &Settings) -> (Vec<Option<Infill>>, Vec<usize>) {
     let mut kinds: Vec<Option<Infill>> = Vec::new();
     let mut of_layer = Vec::with_capacity(settings.layers as usize);
@@ -112,12 +113,12 @@ pub fn with_passes(
 }
 
 /// The kinds of layer, their regions' passes ordered and joined.
-pub fn layer_kinds(
+pub fn layer_groups(
     works: Vec<Vec<RegionWork>>,
     infills: &[Option<Infill>],
     kind_of_layer: &[usize],
     progress: &dyn Progress,
-) -> Vec<LayerKind> {
+) -> Vec<LayerGroup> {
     let count = works.first().map_or(0, Vec::len);
     let steps = Steps::begin(progress, Stage::Order, count * works.len());
     let numbers: Vec<usize> = (0..count).collect();
@@ -131,7 +132,7 @@ pub fn layer_kinds(
         .map(|(kind, (&infill, regions))| {
             let mut its_layers = (0u32..).zip(kind_of_layer).filter(|(_, of)| **of == kind);
             let first_layer = its_layers.next().map_or(0, |(layer, _)| layer);
-            LayerKind {
+            LayerGroup {
                 infill,
                 layers: 1 + its_layers.count() as u32,
                 first_layer,
@@ -141,7 +142,8 @@ pub fn layer_kinds(
         .collect()
 }
 
-/// What is made of each item and kind, `[kind][item]`: some items side by side, each one's kinds as well.
+/// What is made of each item and kind, `[kind][item]`: some items side by side, each one's kinds as
+/// well.
 fn of_each_kind<T: Copy + Send + Sync, U: Send>(
     items: &[T],
     kinds: usize,
@@ -167,7 +169,7 @@ fn of_each_kind<T: Copy + Send + Sync, U: Send>(
 /// How the regions of every layer are printed: nearest first, each begun at its nearer end, from
 /// where the layer below was left. `from` is where the head is first, input coordinates.
 pub fn region_prints(
-    kinds: &[LayerKind],
+    kinds: &[LayerGroup],
     kind_of_layer: &[usize],
     from: Point2,
 ) -> Vec<RegionPrint> {
@@ -207,7 +209,7 @@ struct PrintCurve {
 /// [`TooLongError`] above [`POINTS_MAX`].
 pub fn plane_passes(
     skirt: Option<&SkirtPlan>,
-    kinds: &[LayerKind],
+    kinds: &[LayerGroup],
     prints: &[RegionPrint],
     transform: &PartTransform,
     settings: &Settings,
@@ -281,8 +283,8 @@ impl OwnFrame {
         }
     }
 
-    /// The curves of a pass, found the same way in whatever direction it runs and wherever the region
-    /// lies.
+    /// The curves of a pass, found the same way in whatever direction it runs and wherever the
+    /// region lies.
     fn curves(
         &self,
         pass: &LayerPass,
@@ -329,8 +331,8 @@ impl OwnFrame {
         curves
     }
 
-    /// True where the first placement lies farther along the frame's axes than the last one; of a loop,
-    /// the first that does not lie where its counterpart does.
+    /// True where the first placement lies farther along the frame's axes than the last one; of a
+    /// loop, the first that does not lie where its counterpart does.
     fn runs_back(&self, pass: &LayerPass) -> bool {
         let forwards = pass.placements.iter().map(|p| p.at.center);
         let pairs = forwards.clone().zip(forwards.rev());
@@ -343,7 +345,8 @@ impl OwnFrame {
     }
 }
 
-/// The curves of passes, `whole` makes those of one or of a piece of one that stays within a tolerance.
+/// The curves of passes, `whole` makes those of one or of a piece of one that stays within a
+/// tolerance.
 fn curves_of(
     passes: &[LayerPass],
     walls: impl Deref<Target = EdgeIndex>,
@@ -391,14 +394,14 @@ mod tests {
     use crate::plan::pass::test_passes::{arc, pass};
     use std::f64::consts::{FRAC_PI_2, PI, TAU};
 
-    /// What the frame's turning rounds of a coordinate; settling headings at another period moves them
-    /// by up to 4e-9.
+    /// What the frame's turning rounds of a coordinate; settling headings at another period moves
+    /// them by up to 4e-9.
     const ROUNDING: f64 = 1e-11;
 
     /// Goal: a pass makes the same curve in whatever direction it runs and however many periods its
     /// headings are away. Method: an arc whose ends lie equally far along an axis, an open loop
-    /// that ends where it begins, a bow that begins at a heading of 0, each against its reverse with
-    /// headings some periods on, in two frames.
+    /// that ends where it begins, a bow that begins at a heading of 0, each against its reverse
+    /// with headings some periods on, in two frames.
     #[test]
     fn curves_do_not_depend_on_direction_or_period() {
         let settings = Settings::default();

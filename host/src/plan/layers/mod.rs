@@ -1,5 +1,30 @@
-//! layers
+//! Layers: regions planned one by one, put together to the layers of a job.
+//!
+//! ```text
+//! Contour --region_plan--> RegionPlan --layer_groups--> LayerGroup, RegionPrint, PlanePass
+//! (mm, local)              (mm, rad)                    (alike layers once; machine coordinates)
+//! outline --skirt--> SkirtPlan (loops around the first layer)
+//! ```
+//!
+//! Leaves out: parts whose outline changes from layer to layer.
 
 pub mod layer_groups;
 pub mod region_plan;
 pub mod skirt;
+
+use crate::plan::curve::plane_curve::PlaneControl;
+use crate::plan::pass::PassKind;
+use std::sync::Arc;
+
+/// A pass ready to be printed: its curve in the layer plane.
+#[derive(Clone, Debug, PartialEq)]
+pub struct PlanePass {
+    /// How it lies in its passage, for pictures.
+    pub kind: PassKind,
+    /// Layer from 0.
+    pub layer: u32,
+    /// Tip height, mm.
+    pub z_mm: f64,
+    /// Control points (x, y, heading); layers that are alike share them.
+    pub control: Arc<[PlaneControl]>,
+}

@@ -19,11 +19,9 @@ use crate::plan::beads::passes::{PassSettings, outer_passes, passes};
 use crate::plan::coverage::visits::coverage;
 use crate::plan::joining::printed_order::{RegionPasses, in_printing_order};
 use crate::plan::outline::contour::Contour;
-use crate::plan::outline::trimmed_outline::inner_hull;
+use crate::plan::outline::trimmed_outline::trimmed_outline;
 use crate::plan::outline::unreachable::{UnreachableRun, unreachable_runs};
-use crate::plan::pass::Contact;
-use crate::plan::pass::Placement;
-use crate::plan::pass::{LayerPass, PassKind};
+use crate::plan::pass::{Contact, LayerPass, PassKind, Placement};
 use crate::settings::{Infill, PassMode, Settings};
 use rayon::prelude::*;
 
@@ -160,7 +158,7 @@ impl RegionWork {
         let may_mirror = settings.aperture.is_mirror_image();
         let frame = contour.frame.mirrored_if(may_mirror);
         let outline = frame.settled_in(&contour.region);
-        let mut hull = inner_hull(&outline, &settings.aperture);
+        let mut hull = trimmed_outline(&outline, &settings.aperture);
         hull.begin_at_extremes();
         let reach_mm = settings.aperture.major_mm();
         let ground = EdgeIndex::of_region(&hull, reach_mm);
@@ -291,7 +289,7 @@ impl RegionWork {
             let aperture = &self.settings.aperture;
             let path_mm: f64 = passes.iter().map(LayerPass::length_mm).sum();
             let strip_mm2 = aperture.minor_mm() * path_mm;
-            let wasted_mm2 = spoiled_mm2(&passes, aperture, &walls) + strip_mm2;
+            let wasted_mm2 = wasted_area_mm2(&passes, aperture, &walls) + strip_mm2;
             // Of corners that are alike, rounding must not choose.
             ((passes.len(), (wasted_mm2 * 1e3).round() as u64), passes)
         });
@@ -308,7 +306,7 @@ const SMALL_MAX: usize = 6000;
 const CELLS_MAX: usize = 1_000_000;
 
 /// Ground within the walls that is left open or covered again, mm².
-fn spoiled_mm2(passes: &[LayerPass], aperture: &Aperture, walls: &EdgeIndex) -> f64 {
+fn wasted_area_mm2(passes: &[LayerPass], aperture: &Aperture, walls: &EdgeIndex) -> f64 {
     let raster = coverage(passes, walls, aperture, CELLS_MAX);
     let spoiled = |cell: &&Cell| matches!(cell, Cell::Gap | Cell::Overlap);
     raster.cells.iter().filter(spoiled).count() as f64 * raster.cell_mm.powi(2)

@@ -23,8 +23,7 @@ use crate::plan::headings::profile::profile;
 use crate::plan::headings::runs::{feasible_runs, printable_runs};
 use crate::plan::joining::links::linked;
 use crate::plan::joining::order::ordered;
-use crate::plan::pass::Contact;
-use crate::plan::pass::{LayerPass, PassKind};
+use crate::plan::pass::{Contact, LayerPass, PassKind};
 use crate::settings::{Settings, Skirt};
 
 /// A wall whose normal turns further than this against the contact's faces it, cosine.

@@ -1,4 +1,12 @@
-//! motion
+//! Motion: the route in time, within every limit, as the segments that are sent.
+//!
+//! ```text
+//! Route --path_samples, joint_limits--> PathSample --time_law--> u at every servo tick
+//! (mm, rad, mm³)                        (per joint)   --segments--> SegmentStream (integers, ticks)
+//! ```
+//!
+//! Limits are checked on the quantised segments, in joint space. Leaves out: the checks of what the
+//! steps really did (`drive`).
 
 pub mod joint_limits;
 pub mod path_samples;

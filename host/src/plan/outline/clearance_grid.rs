@@ -20,7 +20,7 @@ const DISKS: [f64; 4] = [0.45, -0.45, 0.75, -0.75];
 const MARGIN: f64 = 1e-4;
 
 /// Clearances about a few places.
-pub struct Room<'a> {
+pub struct ClearanceGrid<'a> {
     aperture: &'a Aperture,
     grid: CellGrid,
     /// Signed distance to the boundary of each cell's middle, at most `inner_mm`.
@@ -30,9 +30,13 @@ pub struct Room<'a> {
     rounded_mm: f64,
 }
 
-impl<'a> Room<'a> {
+impl<'a> ClearanceGrid<'a> {
     /// The room in which an aperture that covers one of the points lies.
-    pub fn about(aperture: &'a Aperture, points: &[Point2], index: &EdgeIndex) -> Room<'a> {
+    pub fn about(
+        aperture: &'a Aperture,
+        points: &[Point2],
+        index: &EdgeIndex,
+    ) -> ClearanceGrid<'a> {
         let inner_mm = match aperture {
             Aperture::Ellipse { minor_mm, .. } => *minor_mm,
             Aperture::Rounded(shape) => shape.axis_inside_mm(),
@@ -52,7 +56,7 @@ impl<'a> Room<'a> {
                 -distance_mm
             }
         };
-        Room {
+        ClearanceGrid {
             aperture,
             clear_mm: (0..grid.len()).map(clear_mm).collect(),
             inner_mm,
@@ -82,8 +86,8 @@ impl<'a> Room<'a> {
         found
     }
 
-    /// False where no aperture at this heading, centred about one of the places, is clear and covers
-    /// `p`.
+    /// False where no aperture at this heading, centred about one of the places, is clear and
+    /// covers `p`.
     pub fn may_fit(&self, centres: &[Point2], p: Point2, heading_rad: f64) -> bool {
         let (sin, cos) = heading_rad.sin_cos();
         let disks = self.disks();

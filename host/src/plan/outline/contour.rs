@@ -5,8 +5,8 @@
 //! needless points gone and the rings oriented (inside on the left). A point is needless where the
 //! chord that replaces it and its dropped neighbours passes within `tolerance_mm` of each: the
 //! boundary moves by no more than that, to either side. Noise larger than the tolerance stays: what
-//! no part of the aperture can enter is cut off next (`inner_hull`), what else it would do to the
-//! passes is dealt with where the medial axis is pruned and normals smoothed.
+//! no part of the aperture can enter is cut off next (`trimmed_outline`), what else it would do to
+//! the passes is dealt with where the medial axis is pruned and normals smoothed.
 
 use crate::geometry::edge_index::EdgeIndex;
 use crate::geometry::frame::{Frame, ON_LINE_MM};
@@ -258,8 +258,8 @@ mod tests {
         }
     }
 
-    /// Goal: points on edges do not choose which corners a fine curve keeps. Method: a circle of which
-    /// a chord replaces some points, with and without two more points on every edge.
+    /// Goal: points on edges do not choose which corners a fine curve keeps. Method: a circle of
+    /// which a chord replaces some points, with and without two more points on every edge.
     #[test]
     fn points_on_edges_choose_no_corners() {
         let points = (0..2_000).map(|i| {

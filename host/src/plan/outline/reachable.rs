@@ -7,7 +7,8 @@
 //! Apertures that are no ellipse are pushed and pulled in the plane itself, by their distances.
 //!
 //! Time is bounded by 24 headings and 30 finer ones from five starts, 24 projections each, over the
-//! edges within an aperture's length; boxes about edges and [`Room`] keep most of that from being done.
+//! edges within an aperture's length; boxes about edges and [`ClearanceGrid`] keep most of that
+//! from being done.
 //!
 //! A search, not a proof: an answer "yes" comes with its placement, which is inside to
 //! [`SLACK`]; a "no" can be wrong by a sliver (tests against brute force say how thin: a few µm
@@ -19,7 +20,7 @@ use crate::geometry::edge_index::EdgeIndex;
 use crate::geometry::polygon::Box2;
 use crate::geometry::rounded_polygon::Gap;
 use crate::geometry::{Point2, Vector2};
-use crate::plan::outline::clearance_grid::Room;
+use crate::plan::outline::clearance_grid::ClearanceGrid;
 use rayon::prelude::*;
 use std::f64::consts::PI;
 
@@ -56,7 +57,7 @@ fn search(
     aperture: &Aperture,
     p: Point2,
     index: &EdgeIndex,
-    room: Option<&Room>,
+    room: Option<&ClearanceGrid>,
 ) -> Option<Configuration> {
     if !index.contains(p) {
         return None;
@@ -147,11 +148,11 @@ struct Search<'a> {
     edges: Vec<[Vector2; 2]>,
     /// The same in the scaled frame of the heading at hand.
     scaled: Vec<[Vector2; 2]>,
-    /// Boxes about [`EDGES_PER_BOX`] of those and where they begin: edges that follow each other lie
-    /// together. Boxes that no placement can meet are left out.
+    /// Boxes about [`EDGES_PER_BOX`] of those and where they begin: edges that follow each other
+    /// lie together. Boxes that no placement can meet are left out.
     boxes: Vec<(usize, [Vector2; 2])>,
-    /// Where the box begins that held the nearest wall of the place before: mostly the next one too,
-    /// and what is farther need not be asked.
+    /// Where the box begins that held the nearest wall of the place before: mostly the next one
+    /// too, and what is farther need not be asked.
     last_nearest: usize,
 }
 
@@ -343,7 +344,8 @@ fn to_box2(p: Vector2, [low, high]: &[Vector2; 2]) -> f64 {
     x * x + y * y
 }
 
-/// Searches in vain, of points near each other, after which it is worth finding where there is room.
+/// Searches in vain, of points near each other, after which it is worth finding where there is
+/// room.
 const MISSES: usize = 8;
 
 /// How many of the points can be covered. Points near each other are asked one after the other:
@@ -355,7 +357,7 @@ pub fn reachable_count(aperture: &Aperture, points: &[Point2], index: &EdgeIndex
     sorted.sort_by_key(tile);
     let tiles: Vec<&[Point2]> = sorted.chunk_by(|p, q| tile(p) == tile(q)).collect();
     let count_in = |points: &&[Point2]| {
-        let mut room: Option<Room> = None;
+        let mut room: Option<ClearanceGrid> = None;
         let mut found: Vec<Configuration> = Vec::new();
         let mut missed = 0;
         let is_reached = |p: &&Point2| {
@@ -364,7 +366,7 @@ pub fn reachable_count(aperture: &Aperture, points: &[Point2], index: &EdgeIndex
                 return true;
             }
             if missed == MISSES && room.is_none() {
-                room = Some(Room::about(aperture, points, index));
+                room = Some(ClearanceGrid::about(aperture, points, index));
             }
             let at = search(aperture, **p, index, room.as_ref());
             found.extend(at);
@@ -469,7 +471,7 @@ mod tests {
             })
             .filter(|p| index.contains(*p))
             .collect();
-        let room = Room::about(&ELLIPSE, &points, &index);
+        let room = ClearanceGrid::about(&ELLIPSE, &points, &index);
         let (mut yes, mut shut) = (0, 0);
         for p in &points {
             let plain = is_reachable(&ELLIPSE, *p, &index);

@@ -4,27 +4,29 @@
 //! Input: a valid region about its local origin, mm, inside on the left; the aperture. Output: a
 //! valid region inside it, its points some of the input's.
 //!
-//! The aperture is a union of disks as large as its least radius of curvature rho (Blaschke). Such a
-//! disk reaches no farther past a chord of length c, its ends on the outline, than the sagitta
+//! The aperture is a union of disks as large as its least radius of curvature rho (Blaschke). Such
+//! a disk reaches no farther past a chord of length c, its ends on the outline, than the sagitta
 //! rho - sqrt(rho² - c²/4). So convex points are cut off one after the other (ears), those first
 //! that take least ground, while
 //!
-//! - the chord's sagitta is at most [`REACH_LOST_MM`]; the ear's sides are at most 2 rho, so that it
+//! - the chord's sagitta is at most [`REACH_LOST_MM`]; the ear's sides are at most 2 rho, so that
+//!   it
 //!   is looked for in few places;
 //! - no other point lies in the ear: the rings stay simple and apart;
 //! - what one edge has cut off is at most half a disk: no disk has its larger part behind it.
 //!
 //! A placement whose clearance to the given outline is [`REACH_LOST_MM`] or more therefore lies
-//! inside the hull, and one inside the outline leaves the hull by no more than that. What is cut off
-//! and farther than that from the hull is reached by no placement. Time is n log n. With sharp
-//! corners (rho = 0) everything stays. Where a ring begins matters for equal ears in one place only.
+//! inside the hull, and one inside the outline leaves the hull by no more than that. What is cut
+//! off and farther than that from the hull is reached by no placement. Time is n log n. With sharp
+//! corners (rho = 0) everything stays. Where a ring begins matters for equal ears in one place
+//! only.
 //!
 //! What a plan is judged on is measured on the outline as given.
 
 use crate::geometry::Point2;
 use crate::geometry::aperture::Aperture;
 use crate::geometry::edge_index::EdgeIndex;
-use crate::geometry::point_grid::ByPlace;
+use crate::geometry::point_grid::PointGrid;
 use crate::geometry::polygon::{Box2, Region, Ring};
 use crate::geometry::predicates::orientation;
 use std::cmp::{Ordering, Reverse};
@@ -36,7 +38,7 @@ use std::f64::consts::PI;
 pub const REACH_LOST_MM: f64 = 5e-4;
 
 /// The hull; the region itself where nothing can be cut off.
-pub fn inner_hull(region: &Region, aperture: &Aperture) -> Region {
+pub fn trimmed_outline(region: &Region, aperture: &Aperture) -> Region {
     let rho_mm = aperture.sharpest_radius_mm();
     if rho_mm <= REACH_LOST_MM {
         return region.clone();
@@ -63,7 +65,7 @@ struct Cutting {
     cut_mm2: Vec<f64>,
     /// Points left of each ring.
     left: Vec<usize>,
-    by_place: ByPlace<u32>,
+    point_grid: PointGrid<u32>,
     chord_max_mm: f64,
     side_max_mm: f64,
     cut_max_mm2: f64,
@@ -105,7 +107,7 @@ impl Cutting {
             is_cut: Vec::new(),
             cut_mm2: Vec::new(),
             left: Vec::new(),
-            by_place: ByPlace::of(rho_mm, std::iter::empty()),
+            point_grid: PointGrid::of(rho_mm, std::iter::empty()),
             chord_max_mm: 2.0 * (REACH_LOST_MM * (2.0 * rho_mm - REACH_LOST_MM)).sqrt(),
             side_max_mm: 2.0 * rho_mm,
             cut_max_mm2: 0.5 * PI * rho_mm * rho_mm,
@@ -125,7 +127,7 @@ impl Cutting {
         cutting.is_cut = vec![false; count];
         cutting.cut_mm2 = vec![0.0; count];
         let places = cutting.points.iter().copied().zip(0..count as u32);
-        cutting.by_place = ByPlace::of(cutting.chord_max_mm, places);
+        cutting.point_grid = PointGrid::of(cutting.chord_max_mm, places);
         cutting
     }
 
@@ -175,7 +177,7 @@ impl Cutting {
         }
         let corners = ear.points.map(|i| self.points[i as usize]);
         let area = Box2::of(&corners);
-        let mut near = self.by_place.within(&area);
+        let mut near = self.point_grid.within(&area);
         !near.any(|&i| {
             !self.is_cut[i as usize]
                 && !ear.points.contains(&i)
@@ -305,7 +307,7 @@ mod tests {
         let mut cut = 0;
         for region in shapes() {
             assert_eq!(validate(&region), Ok(()));
-            let hull = inner_hull(&region, &ELLIPSE);
+            let hull = trimmed_outline(&region, &ELLIPSE);
             assert_eq!(validate(&hull), Ok(()));
             let index = EdgeIndex::of_region(&region, 0.1);
             for (a, b) in hull.edges() {
@@ -329,7 +331,7 @@ mod tests {
         let mut asked = 0;
         let mut deepest_mm: f64 = 0.0;
         for region in shapes() {
-            let hull = inner_hull(&region, &ELLIPSE);
+            let hull = trimmed_outline(&region, &ELLIPSE);
             let walls = EdgeIndex::of_region(&region, 0.6);
             let own = EdgeIndex::of_region(&hull, 0.6);
             for edge in walls.edges().iter().step_by(23) {
@@ -364,7 +366,7 @@ mod tests {
         let mut random = random_numbers(5);
         let mut kept = 0;
         for region in shapes() {
-            let hull = EdgeIndex::of_region(&inner_hull(&region, &ELLIPSE), 0.6);
+            let hull = EdgeIndex::of_region(&trimmed_outline(&region, &ELLIPSE), 0.6);
             let walls = EdgeIndex::of_region(&region, 0.6);
             let size = walls.bounds().size();
             for _ in 0..4_000 {
@@ -386,13 +388,14 @@ mod tests {
         assert!(kept > 300, "{kept}");
     }
 
-    /// Goal: what is called beyond reach is touched nowhere. Method: the query for feasible headings
-    /// at points of the outline between its corners, near noise in which some can be touched.
+    /// Goal: what is called beyond reach is touched nowhere. Method: the query for feasible
+    /// headings at points of the outline between its corners, near noise in which some can be
+    /// touched.
     #[test]
     fn beyond_reach_nothing_is_touched() {
         let (mut beyond, mut touched) = (0, 0);
         for region in [toothed(0.005, 0.001, 2), toothed(0.01, 0.02, 3)] {
-            let hull = EdgeIndex::of_region(&inner_hull(&region, &ELLIPSE), 0.6);
+            let hull = EdgeIndex::of_region(&trimmed_outline(&region, &ELLIPSE), 0.6);
             let walls = EdgeIndex::of_region(&region, 0.6);
             for edge in walls.edges() {
                 let p = edge.a + (edge.b - edge.a) * 0.3;
@@ -411,7 +414,7 @@ mod tests {
     #[test]
     fn chambers_behind_a_neck_stay() {
         let region = dumbbell();
-        let hull = inner_hull(&region, &ELLIPSE);
+        let hull = trimmed_outline(&region, &ELLIPSE);
         assert!(count(&hull) < count(&region));
         let half_disk_mm2 = 0.5 * PI * ELLIPSE.sharpest_radius_mm().powi(2);
         assert!(hull.area_mm2() > region.area_mm2() - half_disk_mm2);
@@ -431,7 +434,7 @@ mod tests {
         turned.exterior.points.rotate_left(777);
         turned.holes[0].points.rotate_left(100);
         let points = |region: &Region| {
-            let hull = inner_hull(region, &ELLIPSE);
+            let hull = trimmed_outline(region, &ELLIPSE);
             let mut all: Vec<[u64; 2]> = hull
                 .rings()
                 .flat_map(|ring| ring.points.iter().map(|p| [p.x.to_bits(), p.y.to_bits()]))
@@ -441,6 +444,6 @@ mod tests {
         };
         assert_eq!(points(&region), points(&turned));
         let sharp = Aperture::Rounded(RoundedPolygon::rectangle(1.2, 0.4, 0.0));
-        assert_eq!(inner_hull(&region, &sharp), region);
+        assert_eq!(trimmed_outline(&region, &sharp), region);
     }
 }

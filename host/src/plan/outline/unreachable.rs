@@ -31,7 +31,8 @@ impl UnreachableRun {
     }
 }
 
-/// All runs, in the order of the region's edges; `hull` is its inner hull's edges (or its own).
+/// All runs, in the order of the region's edges; `hull` is its trimmed outline's edges (or its
+/// own).
 pub fn unreachable_runs(
     aperture: &Aperture,
     walls: &EdgeIndex,

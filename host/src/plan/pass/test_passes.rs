@@ -2,9 +2,7 @@
 
 use crate::geometry::clearance::Configuration;
 use crate::geometry::{Point2, Vector2};
-use crate::plan::pass::Contact;
-use crate::plan::pass::Placement;
-use crate::plan::pass::{LayerPass, PassKind};
+use crate::plan::pass::{Contact, LayerPass, PassKind, Placement};
 use std::f64::consts::{FRAC_PI_2, TAU};
 
 /// An aperture of 0.6 mm that stands on its wall with the end of its major axis.

@@ -7,7 +7,7 @@ use crate::geometry::Point2;
 use crate::job::MotionState;
 use crate::plan::curve::heading_stops::heading_range;
 use crate::plan::curve::plane_curve::{PlaneControl, configuration, curve_at};
-use crate::plan::pass::PassKind;
+use crate::plan::layers::PlanePass;
 use crate::plan::route::flow::{FlowPose, deposit};
 use crate::plan::route::keep_out::Way;
 use crate::plan::route::moves::{PathCurve, Route, Stretch, StretchEvent};
@@ -19,19 +19,6 @@ use headway_protocol::units::{
 use rayon::prelude::*;
 use std::collections::HashMap;
 use std::sync::Arc;
-
-/// A pass ready to be printed: its curve in the layer plane.
-#[derive(Clone, Debug, PartialEq)]
-pub struct PlanePass {
-    /// How it lies in its passage, for pictures.
-    pub kind: PassKind,
-    /// Layer from 0.
-    pub layer: u32,
-    /// Tip height, mm.
-    pub z_mm: f64,
-    /// Control points (x, y, heading); layers that are alike share them.
-    pub control: Arc<[PlaneControl]>,
-}
 
 /// Poses in each span from which the deposited volume is integrated.
 const DEPOSIT_STEPS: usize = 4;
@@ -365,6 +352,7 @@ pub fn nearest_heading(heading_rad: f64, from_rad: f64, period_rad: f64) -> f64 
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::plan::pass::PassKind;
 
     /// Goal: a pass is entered at the nearest heading from which it fits between the stops. Method: a
     /// pass that turns by 300° one way, stops 450° either way, headings 180° apart.

@@ -1,4 +1,13 @@
-//! route
+//! Route: everything the head does, in order, as moves from rest to rest.
+//!
+//! ```text
+//! PlanePass   --flow, travel (keep_out, shortest_path), build_route--> Route
+//! (mm, rad)                                                            (mm, rad, mm³)
+//! WaypointRun --waypoint_curve--> PathCurve --waypoint_route--> Route
+//! (mm, input)                     (mm, rad, machine coordinates)
+//! ```
+//!
+//! Leaves out: how fast it goes (`motion`).
 
 pub mod build_route;
 pub mod flow;

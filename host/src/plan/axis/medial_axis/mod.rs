@@ -1,11 +1,12 @@
 //! The interior medial axis of a region, with its radial function.
 //!
-//! Input: the edges of a valid region, mm, about a local origin ([`crate::plan::outline::contour`]).
-//! Output: a graph of vertices and edges; every point of it carries the radius of the largest disk
-//! inside the region about it and the two feet where that disk touches the boundary.
+//! Input: the edges of a valid region, mm, about a local origin
+//! ([`crate::plan::outline::contour`]). Output: a graph of vertices and edges; every point of it
+//! carries the radius of the largest disk inside the region about it and the two feet where that
+//! disk touches the boundary.
 //!
 //! Source: H. Blum's medial axis, taken from the segment Voronoi diagram (see `voronoi`); pruned by
-//! object angle and branch length into the *skeleton* on which passes are planned (see `prune`).
+//! object angle and branch length into the *pruned axis* on which passes are planned (see `prune`).
 //! Left out: the exterior axis.
 
 mod grid;
@@ -69,7 +70,7 @@ pub struct AxisEdge {
 /// The axis as a graph.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct MedialAxis {
-    /// Vertices; one without edges stands for a place without a skeleton of its own (a square).
+    /// Vertices; one without edges stands for a place without a pruned axis of its own (a square).
     pub vertices: Vec<AxisVertex>,
     /// Edges.
     pub edges: Vec<AxisEdge>,
@@ -134,7 +135,7 @@ impl MedialAxis {
         voronoi::interior_axis(index, options)
     }
 
-    /// The skeleton: see [`PruneOptions`].
+    /// The pruned axis: see [`PruneOptions`].
     pub fn pruned(&self, options: &PruneOptions) -> MedialAxis {
         prune::pruned(self, options)
     }

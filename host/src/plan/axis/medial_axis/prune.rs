@@ -1,26 +1,27 @@
-//! From the whole axis to the skeleton: the part that tells where passes have to meet.
+//! From the whole axis to the pruned axis: the part that tells where passes have to meet.
 //!
 //! 1. Keep the pieces of edges whose object angle is at least a bound: a corner's bisector sees
 //!    its feet under 180° less the corner's angle, so flat corners (and the facets of a flattened
 //!    curve) go and sharp tips stay.
 //! 2. Prune branches with a free end that are short beside the radius where they start.
 //! 3. Drop what is too narrow for any aperture.
-//! 4. Give back the largest disk's centre wherever nothing of the skeleton is left in that disk (a
+//! 4. Give back the largest disk's centre wherever nothing of the pruned axis is left in that disk
+//!    (a
 //!    square's middle), as a vertex without edges.
 
 use super::{AxisEdge, AxisPoint, AxisVertex, MedialAxis};
 use crate::geometry::Point2;
 use crate::geometry::union_find::root;
 
-/// Share of a disk's radius within which the skeleton must pass for the disk to count as seen.
+/// Share of a disk's radius within which the pruned axis must pass for the disk to count as seen.
 const SEEN_RATIO: f64 = 0.9;
 /// A maximum of the radius counts where the way to a larger one narrows by more than this share of
 /// it: less is a bulge, or noise of the outline.
 const BULGE_RATIO: f64 = 0.02;
-/// Rounds of leaf pruning; each shortens every bush by one branch.
+/// Rounds of leaf pruning; each shortens every subtree by one branch.
 const ROUNDS_MAX: usize = 64;
 
-/// What the skeleton keeps.
+/// What the pruned axis keeps.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct PruneOptions {
     /// Least object angle.
@@ -44,20 +45,20 @@ impl Default for PruneOptions {
 
 /// See [`MedialAxis::pruned`].
 pub(super) fn pruned(axis: &MedialAxis, options: &PruneOptions) -> MedialAxis {
-    let mut skeleton = clipped(axis, options.object_angle_min_rad);
+    let mut pruned = clipped(axis, options.object_angle_min_rad);
     for _ in 0..ROUNDS_MAX {
-        let doomed = short_leaves(&skeleton, options.leaf_length_ratio);
+        let doomed = short_leaves(&pruned, options.leaf_length_ratio);
         if !doomed.contains(&true) {
             break;
         }
-        remove_edges(&mut skeleton, &doomed);
+        remove_edges(&mut pruned, &doomed);
     }
-    let narrow = narrow_components(&skeleton, options.radius_min_mm);
-    remove_edges(&mut skeleton, &narrow);
-    drop_bare_vertices(&mut skeleton);
-    add_unseen_maxima(axis, &mut skeleton, options.radius_min_mm);
-    skeleton.link();
-    skeleton
+    let narrow = narrow_components(&pruned, options.radius_min_mm);
+    remove_edges(&mut pruned, &narrow);
+    drop_bare_vertices(&mut pruned);
+    add_unseen_maxima(axis, &mut pruned, options.radius_min_mm);
+    pruned.link();
+    pruned
 }
 
 /// The pieces of edges with a large enough object angle, cut where it passes the bound.
@@ -132,19 +133,19 @@ fn cut_point(p: &AxisPoint, q: &AxisPoint, angle_rad: f64) -> AxisPoint {
 
 /// Marks the edges of branches to prune this round. Where a junction has nothing but short leaves
 /// its two longest stay for now, as one branch to be judged by its whole length next round.
-fn short_leaves(skeleton: &MedialAxis, ratio: f64) -> Vec<bool> {
-    let mut doomed = vec![false; skeleton.edges.len()];
-    let chains = skeleton.chains();
-    let mut leaves_at: Vec<Vec<usize>> = vec![Vec::new(); skeleton.vertices.len()];
+fn short_leaves(pruned: &MedialAxis, ratio: f64) -> Vec<bool> {
+    let mut doomed = vec![false; pruned.edges.len()];
+    let chains = pruned.chains();
+    let mut leaves_at: Vec<Vec<usize>> = vec![Vec::new(); pruned.vertices.len()];
     for (number, chain) in chains.iter().enumerate() {
-        let free = [chain.v0, chain.v1].map(|v| skeleton.degree(v) == 1);
+        let free = [chain.v0, chain.v1].map(|v| pruned.degree(v) == 1);
         if chain.closed || free == [false, false] {
             continue;
         }
         let radius_mm = if free == [true, true] {
             chain.points.iter().map(|p| p.radius_mm).fold(0.0, f64::max)
         } else {
-            skeleton.vertices[if free[0] { chain.v1 } else { chain.v0 }].radius_mm
+            pruned.vertices[if free[0] { chain.v1 } else { chain.v0 }].radius_mm
         };
         if chain.length_mm() >= ratio * radius_mm {
             continue;
@@ -156,7 +157,7 @@ fn short_leaves(skeleton: &MedialAxis, ratio: f64) -> Vec<bool> {
         }
     }
     for (junction, mut leaves) in leaves_at.into_iter().enumerate() {
-        if leaves.len() == skeleton.degree(junction) {
+        if leaves.len() == pruned.degree(junction) {
             let by_length = |i: &usize, j: &usize| {
                 chains[*j]
                     .length_mm()
@@ -174,10 +175,10 @@ fn short_leaves(skeleton: &MedialAxis, ratio: f64) -> Vec<bool> {
 }
 
 /// Marks the edges of components that are nowhere wide enough.
-fn narrow_components(skeleton: &MedialAxis, radius_min_mm: f64) -> Vec<bool> {
-    let mut component = vec![usize::MAX; skeleton.vertices.len()];
+fn narrow_components(pruned: &MedialAxis, radius_min_mm: f64) -> Vec<bool> {
+    let mut component = vec![usize::MAX; pruned.vertices.len()];
     let mut widest_mm = Vec::new();
-    for seed in 0..skeleton.vertices.len() {
+    for seed in 0..pruned.vertices.len() {
         if component[seed] != usize::MAX {
             continue;
         }
@@ -186,8 +187,8 @@ fn narrow_components(skeleton: &MedialAxis, radius_min_mm: f64) -> Vec<bool> {
         let mut stack = vec![seed];
         component[seed] = number;
         while let Some(vertex) = stack.pop() {
-            for &e in &skeleton.adjacency[vertex] {
-                let edge = &skeleton.edges[e];
+            for &e in &pruned.adjacency[vertex] {
+                let edge = &pruned.edges[e];
                 widest = edge
                     .points
                     .iter()
@@ -203,27 +204,27 @@ fn narrow_components(skeleton: &MedialAxis, radius_min_mm: f64) -> Vec<bool> {
         }
         widest_mm.push(widest);
     }
-    skeleton
+    pruned
         .edges
         .iter()
         .map(|e| widest_mm[component[e.v0]] < radius_min_mm)
         .collect()
 }
 
-fn remove_edges(skeleton: &mut MedialAxis, doomed: &[bool]) {
+fn remove_edges(pruned: &mut MedialAxis, doomed: &[bool]) {
     let mut number = 0;
-    skeleton.edges.retain(|_| {
+    pruned.edges.retain(|_| {
         number += 1;
         !doomed[number - 1]
     });
-    skeleton.link();
+    pruned.link();
 }
 
-fn drop_bare_vertices(skeleton: &mut MedialAxis) {
+fn drop_bare_vertices(pruned: &mut MedialAxis) {
     let mut kept = 0;
-    let number_of: Vec<usize> = (0..skeleton.vertices.len())
+    let number_of: Vec<usize> = (0..pruned.vertices.len())
         .map(|vertex| {
-            if skeleton.degree(vertex) == 0 {
+            if pruned.degree(vertex) == 0 {
                 return usize::MAX;
             }
             kept += 1;
@@ -231,26 +232,26 @@ fn drop_bare_vertices(skeleton: &mut MedialAxis) {
         })
         .collect();
     let mut vertex = 0;
-    skeleton.vertices.retain(|_| {
+    pruned.vertices.retain(|_| {
         vertex += 1;
         number_of[vertex - 1] != usize::MAX
     });
-    for edge in &mut skeleton.edges {
+    for edge in &mut pruned.edges {
         edge.v0 = number_of[edge.v0];
         edge.v1 = number_of[edge.v1];
     }
-    skeleton.link();
+    pruned.link();
 }
 
-/// Largest disks first: a maximum of the radius comes back where neither the skeleton nor a vertex
-/// brought back before passes through the middle of its disk.
-fn add_unseen_maxima(axis: &MedialAxis, skeleton: &mut MedialAxis, radius_min_mm: f64) {
+/// Largest disks first: a maximum of the radius comes back where neither the pruned axis nor a
+/// vertex brought back before passes through the middle of its disk.
+fn add_unseen_maxima(axis: &MedialAxis, pruned: &mut MedialAxis, radius_min_mm: f64) {
     let radius = |v: usize| axis.vertices[v].radius_mm;
     let mut maxima = radius_maxima(axis);
     maxima.retain(|&v| radius(v) >= radius_min_mm.max(f64::MIN_POSITIVE));
     maxima.sort_by(|&i, &j| radius(j).total_cmp(&radius(i)).then(i.cmp(&j)));
     let widest_mm = maxima.first().map_or(1.0, |&v| radius(v));
-    let (index, _) = skeleton.segment_index(widest_mm);
+    let (index, _) = pruned.segment_index(widest_mm);
     let mut added: Vec<Point2> = Vec::new();
     for v in maxima {
         let vertex = &axis.vertices[v];
@@ -259,7 +260,7 @@ fn add_unseen_maxima(axis: &MedialAxis, skeleton: &mut MedialAxis, radius_min_mm
             || added.iter().any(|p| (p - vertex.point).norm() <= reach_mm);
         if !seen {
             added.push(vertex.point);
-            skeleton.vertices.push(vertex.clone());
+            pruned.vertices.push(vertex.clone());
         }
     }
 }

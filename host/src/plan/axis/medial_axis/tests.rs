@@ -108,8 +108,8 @@ fn skeletons_of_simple_shapes() {
         [20.0, 4.0],
         [0.0, 4.0],
     ]]));
-    let skeleton = axis.pruned(&options);
-    let chains = skeleton.chains();
+    let pruned = axis.pruned(&options);
+    let chains = pruned.chains();
     assert_eq!(chains.len(), 1);
     assert!((chains[0].length_mm() - 16.0).abs() < 1e-3);
     assert!(
@@ -118,7 +118,7 @@ fn skeletons_of_simple_shapes() {
             .iter()
             .all(|p| (p.radius_mm - 2.0).abs() < 1e-3)
     );
-    assert_eq!(skeleton.vertices.len(), 2);
+    assert_eq!(pruned.vertices.len(), 2);
 
     let (axis, _) = axis_of(&region(&[&[
         [0.0, 0.0],
@@ -126,10 +126,10 @@ fn skeletons_of_simple_shapes() {
         [4.0, 4.0],
         [0.0, 4.0],
     ]]));
-    let skeleton = axis.pruned(&options);
-    assert!(skeleton.edges.is_empty());
-    assert_eq!(skeleton.vertices.len(), 1);
-    assert!((skeleton.vertices[0].radius_mm - 2.0).abs() < 1e-3);
+    let pruned = axis.pruned(&options);
+    assert!(pruned.edges.is_empty());
+    assert_eq!(pruned.vertices.len(), 1);
+    assert!((pruned.vertices[0].radius_mm - 2.0).abs() < 1e-3);
 
     let circle = |r: f64, turn: f64| -> Vec<[f64; 2]> {
         (0..90)
@@ -140,16 +140,16 @@ fn skeletons_of_simple_shapes() {
             .collect()
     };
     let (axis, _) = axis_of(&region(&[&circle(10.0, 1.0), &circle(7.0, -1.0)]));
-    let skeleton = axis.pruned(&options);
-    let chains = skeleton.chains();
+    let pruned = axis.pruned(&options);
+    let chains = pruned.chains();
     assert_eq!(chains.len(), 1);
     assert!(chains[0].closed);
     assert!((chains[0].length_mm() - 8.5 * std::f64::consts::TAU).abs() < 0.2);
 
     let (axis, _) = axis_of(&region(&[&[[0.0, 0.0], [20.0, 3.0], [0.0, 6.0]]]));
-    let skeleton = axis.pruned(&options);
-    assert_eq!(skeleton.chains().len(), 1);
-    let tip = skeleton
+    let pruned = axis.pruned(&options);
+    assert_eq!(pruned.chains().len(), 1);
+    let tip = pruned
         .vertices
         .iter()
         .map(|v| v.point.x)
@@ -160,7 +160,7 @@ fn skeletons_of_simple_shapes() {
     );
 }
 
-/// Goal: invisible noise leaves the skeleton as it is. Method: total length with and without
+/// Goal: invisible noise leaves the pruned axis as it is. Method: total length with and without
 /// noise of 20 µm.
 #[test]
 fn noise_leaves_the_skeleton() {
@@ -170,9 +170,9 @@ fn noise_leaves_the_skeleton() {
     };
     let length_mm = |noise_mm: f64| {
         let (axis, _) = axis_of(&gear(12, 20.0, noise_mm));
-        let skeleton = axis.pruned(&options);
-        let total: f64 = skeleton.edges.iter().map(AxisEdge::length_mm).sum();
-        (total, skeleton.chains().len(), skeleton.vertices.len())
+        let pruned = axis.pruned(&options);
+        let total: f64 = pruned.edges.iter().map(AxisEdge::length_mm).sum();
+        (total, pruned.chains().len(), pruned.vertices.len())
     };
     let (clean, noisy) = (length_mm(0.0), length_mm(0.02));
     println!("{clean:?} {noisy:?}");
@@ -183,7 +183,8 @@ fn noise_leaves_the_skeleton() {
 }
 
 /// Goal: fast enough to sit in every plan. Method: 5,000 edges, wall clock, the quickest of three
-/// runs with a wide margin (0.3 s wanted in release; tests are less optimised and share the machine).
+/// runs with a wide margin (0.3 s wanted in release; tests are less optimised and share the
+/// machine).
 #[test]
 fn five_thousand_edges_are_quick() {
     let region = gear(208, 60.0, 0.0);

@@ -1,10 +1,11 @@
-//! The calmest heading profile in a corridor of feasible headings.
+//! The smoothest heading profile in a corridor of feasible headings.
 //!
 //! Input: for each sample of a run the heading wanted of it, the interval that may be used instead,
 //! and the way to the next sample. Output: the profile x that makes
-//! sum(bend² way) + sum(pull (x - wanted)² way) + sum(wall dist(x, interval)² way) least, where bend
-//! is the second difference of x by the way: a taut spline between the corridor's walls. A heading
-//! axis is held back by its acceleration long before its speed (v² |bend|), so the bend counts.
+//! sum(bend² way) + sum(pull (x - wanted)² way) + sum(wall dist(x, interval)² way) least, where
+//! bend is the second difference of x by the way: a taut spline between the corridor's walls. A
+//! heading axis is held back by its acceleration long before its speed (v² |bend|), so the bend
+//! counts.
 //!
 //! Method: semi-smooth Newton. For a given set of samples beyond their walls the sum is quadratic,
 //! one pentadiagonal system; the set is found again until it stays. Sequential, so the same for
@@ -47,8 +48,8 @@ const ROUNDS_MAX: usize = 24;
 /// Samples with which a closed run is lengthened at both ends, so that its seam is like any place.
 const SEAM_SAMPLES: usize = 400;
 
-/// The calmest profile of an open run.
-pub fn calmest(gates: &[Gate], stiffness: Stiffness) -> Vec<f64> {
+/// The smoothest profile of an open run.
+pub fn smoothest(gates: &[Gate], stiffness: Stiffness) -> Vec<f64> {
     let wanted: Vec<f64> = gates.iter().map(|g| g.wanted_rad).collect();
     if gates.len() < 4 {
         return wanted;
@@ -71,8 +72,8 @@ pub fn calmest(gates: &[Gate], stiffness: Stiffness) -> Vec<f64> {
     found
 }
 
-/// The calmest profile of a closed run whose heading turns by `lap_rad` over a lap.
-pub fn calmest_closed(gates: &[Gate], lap_rad: f64, stiffness: Stiffness) -> Vec<f64> {
+/// The smoothest profile of a closed run whose heading turns by `lap_rad` over a lap.
+pub fn smoothest_closed(gates: &[Gate], lap_rad: f64, stiffness: Stiffness) -> Vec<f64> {
     let count = gates.len();
     let pad = SEAM_SAMPLES.min(count);
     let turned = |gate: &Gate, by_rad: f64| Gate {
@@ -86,7 +87,7 @@ pub fn calmest_closed(gates: &[Gate], lap_rad: f64, stiffness: Stiffness) -> Vec
         .chain(gates.iter().copied())
         .chain(gates[..pad].iter().map(|g| turned(g, lap_rad)))
         .collect();
-    let found = calmest(&long, stiffness);
+    let found = smoothest(&long, stiffness);
     found[pad..pad + count].to_vec()
 }
 
@@ -125,8 +126,8 @@ fn bend_weights(gates: &[Gate]) -> Vec<[f64; 3]> {
 }
 
 /// The profile for one set of samples beyond their walls: a symmetric positive definite system of
-/// five diagonals, by LDLᵀ. Rows are made and eliminated in one go: only a few of them are looked at
-/// again, and each waits for the division of the one before.
+/// five diagonals, by LDLᵀ. Rows are made and eliminated in one go: only a few of them are looked
+/// at again, and each waits for the division of the one before.
 fn solve(gates: &[Gate], bends: &[[f64; 3]], beyond: &[Side], stiffness: Stiffness) -> Vec<f64> {
     let count = gates.len();
     // Of each row the diagonal and the factors of the next two.
@@ -213,7 +214,7 @@ mod tests {
             gate.wanted_rad += noise;
             gate.range_rad = gate.range_rad.map(|r| r + noise);
         }
-        let found = calmest(&gates, STIFFNESS);
+        let found = smoothest(&gates, STIFFNESS);
         let wanted: Vec<f64> = gates.iter().map(|g| g.wanted_rad).collect();
         assert!(bend_sum(&found) < 1e-4 * bend_sum(&wanted));
         for (gate, x) in gates.iter().zip(&found) {
@@ -226,7 +227,7 @@ mod tests {
     #[test]
     fn a_turn_begins_early_within_the_walls() {
         let gates = gates(200, |t| if t < 0.5 { 0.0 } else { PI / 2.0 }, 0.1);
-        let found = calmest(&gates, STIFFNESS);
+        let found = smoothest(&gates, STIFFNESS);
         let before = found[..100].iter().fold(0.0f64, |most, x| most.max(*x));
         assert!(before > 0.08, "{before}");
         for (gate, x) in gates.iter().zip(&found) {
@@ -236,9 +237,9 @@ mod tests {
 
     /// Goal: it is the least of its sum. Method: every perturbation of one sample makes it more.
     #[test]
-    fn nothing_near_is_calmer() {
+    fn nothing_near_is_smoother() {
         let gates = gates(40, |t| (TAU * t).sin() + 0.05 * (40.0 * t).cos(), 0.03);
-        let found = calmest(&gates, STIFFNESS);
+        let found = smoothest(&gates, STIFFNESS);
         let sum = |x: &[f64]| -> f64 {
             let bends = bend_weights(&gates);
             let bend: f64 = (0..bends.len())
@@ -266,14 +267,14 @@ mod tests {
     #[test]
     fn a_ring_is_the_same_wherever_it_begins() {
         let ring = gates(500, |t| TAU * t + 0.3 * (5.0 * TAU * t).sin(), 0.02);
-        let found = calmest_closed(&ring, TAU, STIFFNESS);
+        let found = smoothest_closed(&ring, TAU, STIFFNESS);
         let mut turned = ring.clone();
         turned.rotate_left(200);
         for gate in &mut turned[300..] {
             gate.wanted_rad += TAU;
             gate.range_rad = gate.range_rad.map(|r| r + TAU);
         }
-        let again = calmest_closed(&turned, TAU, STIFFNESS);
+        let again = smoothest_closed(&turned, TAU, STIFFNESS);
         for i in 0..300 {
             assert!((found[200 + i] - again[i]).abs() < 1e-6, "{i}");
         }

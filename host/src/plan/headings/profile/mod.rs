@@ -1,5 +1,5 @@
 //! The heading along a run of contacts: dynamic programming over the feasible headings, continuous
-//! refinement, then the calmest profile in the corridor about what was found.
+//! refinement, then the smoothest profile in the corridor about what was found.
 //!
 //! The state is phi modulo the aperture's symmetry. Each contact and heading has one placement:
 //! tangent to the wall at the contact (centre = p + support point), slid off any other wall that
@@ -19,14 +19,13 @@ mod refine;
 pub use self::ahead::{Ahead, all_ahead};
 use self::along::Along;
 use self::bins::{closed_start, unwrap_bins, viterbi};
-use self::corridor::{Gate, Stiffness, calmest, calmest_closed};
+use self::corridor::{Gate, Stiffness, smoothest, smoothest_closed};
 use self::refine::refine;
 use crate::geometry::Vector2;
 use crate::geometry::aperture::{Aperture, Turn};
 use crate::geometry::clearance::{Configuration, Turned, WallContact, contact_turned};
 use crate::geometry::edge_index::EdgeIndex;
-use crate::plan::pass::Contact;
-use crate::plan::pass::Placement;
+use crate::plan::pass::{Contact, Placement};
 use rayon::prelude::*;
 
 /// Heading bins over the 180° of a symmetric aperture: 3° each, refined afterwards.
@@ -48,13 +47,14 @@ const CUT_SHARE_MAX: f64 = 2e-3;
 /// lie at opposite walls of it: then their beads differ by four times as much.
 const CORRIDOR_SHARE: f64 = 0.02;
 /// The same where a profile is found again for slightly other extents: those add up from round to
-/// round as long as the headings lie still in the corridor, and a little noise decides for how long.
+/// round as long as the headings lie still in the corridor, and a little noise decides for how
+/// long.
 const CORRIDOR_AGAIN_SHARE: f64 = 0.01;
 /// Steps in which the corridor is measured, and most of them to each side.
 const CORRIDOR_STEP_RAD: f64 = 0.03;
 const CORRIDOR_STEPS: usize = 20;
 /// Waves of the heading shorter than this are smoothed away within the corridor, against a.
-const CALM_WAVE: f64 = 16.0;
+const SMOOTHING_WAVE: f64 = 16.0;
 /// How abruptly the corridor's walls hold the profile, as a wave length against a.
 const WALL_WAVE: f64 = 0.25;
 /// Way that turning by a radian counts as, against a: in corners the centre hardly moves.
@@ -149,7 +149,7 @@ pub fn refined(
     run.placements(&headings)
 }
 
-/// Replaces the headings by the calmest ones in the corridor about them.
+/// Replaces the headings by the smoothest ones in the corridor about them.
 fn calm(run: &Run, headings: &mut [f64]) {
     let (count, a) = (headings.len(), run.aperture.major_mm());
     let lap = if run.closed {
@@ -178,11 +178,11 @@ fn calm(run: &Run, headings: &mut [f64]) {
             }
         })
         .collect();
-    let stiffness = Stiffness::of_waves(CALM_WAVE * a, WALL_WAVE * a);
+    let stiffness = Stiffness::of_waves(SMOOTHING_WAVE * a, WALL_WAVE * a);
     let found = if run.closed {
-        calmest_closed(&gates, lap, stiffness)
+        smoothest_closed(&gates, lap, stiffness)
     } else {
-        calmest(&gates, stiffness)
+        smoothest(&gates, stiffness)
     };
     headings
         .par_iter_mut()
@@ -311,8 +311,8 @@ impl<'a> Run<'a> {
         }
     }
 
-    /// The headings about `heading_rad` that fit no worse than it by more than the tolerance, nor miss
-    /// to the other side.
+    /// The headings about `heading_rad` that fit no worse than it by more than the tolerance, nor
+    /// miss to the other side.
     fn corridor(&self, i: usize, heading_rad: f64, own: &Candidate) -> [f64; 2] {
         let tolerance_mm = self.corridor_share * self.aperture.minor_mm();
         let (least_mm, most_mm) = (own.misfit_mm.min(0.0), own.misfit_mm.max(0.0));

@@ -15,8 +15,8 @@ use headway_protocol::units::CHANNELS;
 /// in 1 ms is 100 mm/s²), and the time law has nothing faster.
 const SPAN_TICKS_MIN: usize = 6;
 /// Longest span of a moving stretch: 128 ms, or as long as the tip takes for a way of 0.1 mm. In a
-/// shorter way the rounding to wire units is felt as speed (0.1 um in 0.1 mm is 0.1 %). Half of what
-/// the wire has leaves room for slowing.
+/// shorter way the rounding to wire units is felt as speed (0.1 um in 0.1 mm is 0.1 %). Half of
+/// what the wire has leaves room for slowing.
 const SPAN_TICKS_LONG: f64 = 256.0;
 const SPAN_WAY_MM: f64 = 0.1;
 const SPAN_TICKS_LONGEST: f64 = 0.5 * SPAN_TICKS_MAX as f64;
@@ -99,7 +99,7 @@ impl Density {
                 piece += 1;
             }
             let at = done + (wanted - before) / self.per_tick[piece];
-            // Room for the knots that are still to come.
+            // ClearanceGrid for the knots that are still to come.
             let least = last_knot + SPAN_TICKS_MIN;
             let latest = ticks - SPAN_TICKS_MIN * (spans - knot);
             let place = (at.round() as usize).clamp(least.min(latest), latest);

@@ -70,11 +70,11 @@ pub fn lay_segments(
     route: &Route,
     settings: &Settings,
 ) -> Result<(SegmentStream, MotionReport), MotionError> {
-    lay_segments_telling(route, settings, &())
+    lay_segments_with_progress(route, settings, &())
 }
 
 /// The same, telling how far it is.
-pub fn lay_segments_telling(
+pub fn lay_segments_with_progress(
     route: &Route,
     settings: &Settings,
     progress: &dyn Progress,
