@@ -6,9 +6,9 @@
 use crate::geometry::Point2;
 use crate::job::MotionState;
 use crate::plan::curve::heading_stops::heading_range;
-use crate::plan::curve::plane_curve::{PlaneControl, configuration, curve_at};
+use crate::plan::curve::plane_curve::configuration;
 use crate::plan::layers::PlanePass;
-use crate::plan::route::flow::{FlowPose, deposit};
+use crate::plan::route::flow::pass_volumes::volumes_mm3;
 use crate::plan::route::keep_out::Way;
 use crate::plan::route::moves::{PathCurve, Route, Stretch, StretchEvent};
 use crate::plan::route::travel::{TravelError, TravelWays};
@@ -16,12 +16,7 @@ use crate::settings::Settings;
 use headway_protocol::units::{
     CHANNEL_HEADING, CHANNEL_VOLUME, CHANNEL_X, CHANNEL_Y, CHANNEL_Z, CHANNELS,
 };
-use rayon::prelude::*;
-use std::collections::HashMap;
 use std::sync::Arc;
-
-/// Poses in each span from which the deposited volume is integrated.
-const DEPOSIT_STEPS: usize = 4;
 
 /// Step of the control points of a rounded way, against b: corners of at most 30° are then cut by
 /// a fifth of that, less than the way keeps from the outline.
@@ -255,52 +250,6 @@ impl Head<'_> {
             })
             .collect()
     }
-}
-
-/// For each pass the volume that its advancing front has laid at its control points: found once for
-/// passes that share a curve.
-fn volumes_mm3(passes: &[PlanePass], settings: &Settings) -> Vec<Arc<[f64]>> {
-    let mut known = HashMap::new();
-    let mut different: Vec<&PlanePass> = Vec::new();
-    let curves: Vec<usize> = passes
-        .iter()
-        .map(|pass| {
-            *known.entry(Arc::as_ptr(&pass.control)).or_insert_with(|| {
-                different.push(pass);
-                different.len() - 1
-            })
-        })
-        .collect();
-    let found = different.into_par_iter();
-    let found: Vec<Arc<[f64]>> = found
-        .map(|pass| volume_mm3(&pass.control, settings).into())
-        .collect();
-    let of_pass = curves.into_iter();
-    of_pass.map(|curve| found[curve].clone()).collect()
-}
-
-fn volume_mm3(control: &[PlaneControl], s: &Settings) -> Vec<f64> {
-    let spans = control.len() - 1;
-    let poses: Vec<FlowPose> = (0..=spans * DEPOSIT_STEPS)
-        .map(|k| {
-            let span = (k / DEPOSIT_STEPS).min(spans - 1);
-            let t = k as f64 / DEPOSIT_STEPS as f64 - span as f64;
-            let [x, y, heading_rad] = curve_at(control, span, t);
-            FlowPose {
-                centre_mm: [x, y],
-                heading_rad,
-            }
-        })
-        .collect();
-    let ground = s.aperture.area_mm2();
-    let volume = deposit(
-        &poses,
-        &s.aperture,
-        s.layer_height_mm,
-        s.flow_factor,
-        ground,
-    );
-    volume.into_iter().step_by(DEPOSIT_STEPS).collect()
 }
 
 /// Duration of a prime or retract whose peak rate is `rate`: a quintic smooth step peaks at 1.875

@@ -6,7 +6,8 @@
 
 use crate::job::MotionState;
 use crate::plan::route::build_route::{event_duration_s, nearest_heading};
-use crate::plan::route::flow::{FlowPose, deposit};
+use crate::plan::route::flow::fresh_ground::FreshShares;
+use crate::plan::route::flow::{Bead, FlowPose};
 use crate::plan::route::moves::{PathCurve, Route, Stretch, StretchEvent};
 use crate::plan::route::waypoint_curve::upright;
 use crate::settings::Settings;
@@ -154,13 +155,7 @@ fn add_flow(curves: &mut [PathCurve], start_mm3: f64, settings: &Settings) {
             });
         }
     }
-    let volume = deposit(
-        &poses,
-        &settings.aperture,
-        settings.layer_height_mm,
-        settings.flow_factor,
-        settings.aperture.area_mm2(),
-    );
+    let volume = Bead::of(settings).deposit(&poses, &FreshShares::all(poses.len()));
     let mut next = 0;
     for curve in curves.iter_mut() {
         for (i, point) in curve.control.iter_mut().enumerate() {

@@ -4,12 +4,18 @@
 //! volume at each pose, mm³, for the path's volume channel. For a step that moves the centre by d
 //! and turns by w, an outline point r with outward normal n advances by n·d + w (r x n); the new
 //! ground is the integral of its positive part over the outline (SPEC section 3). Straight travel
-//! gives exactly bead width x length. The footprint at the start of a pass is laid by the first
-//! length of its run (see [`deposit`]): a front that only moves on leaves it empty.
-//! Left out: ground that other passes or earlier parts of this one have covered already.
+//! gives exactly bead width x length. Of the front counts what meets ground that no pass, and no
+//! earlier part of this one, has covered ([`fresh_ground`]). The footprint at the start of a
+//! pass is laid by the first length of its run: a front that only moves on leaves it empty. The
+//! flow is averaged over a short length, so that the extruder can follow it; the sum stays.
+
+pub mod fresh_ground;
+pub mod pass_volumes;
 
 use crate::geometry::Vector2;
 use crate::geometry::aperture::Aperture;
+use crate::plan::route::flow::fresh_ground::FreshShares;
+use crate::settings::Settings;
 use rayon::prelude::*;
 
 /// A pose of the aperture in the layer plane.
@@ -110,59 +116,132 @@ fn step_area_mm2(aperture: &Aperture, outline: &Outline, from: &FlowPose, to: &F
     correction * turning
 }
 
-/// Weights of the smoothing over neighbouring steps: binomial, so that noise of the headings from
-/// step to step does not reach the flow; the sum over the path stays exact.
-const SMOOTHING_WEIGHTS: [f64; 5] = [1.0 / 16.0, 4.0 / 16.0, 6.0 / 16.0, 4.0 / 16.0, 1.0 / 16.0];
-
-/// Spreads every step's volume over its neighbours; what would pass an end stays on it.
-fn smoothed(steps: &[f64]) -> Vec<f64> {
-    let last = steps.len() as isize - 1;
-    let mut spread = vec![0.0; steps.len()];
-    for (i, step) in steps.iter().enumerate() {
-        for (k, weight) in SMOOTHING_WEIGHTS.iter().enumerate() {
-            // Reflected at the ends: a constant stays constant.
-            let wanted = i as isize + k as isize - 2;
-            let mirrored = if wanted < 0 { -1 - wanted } else { wanted };
-            let mirrored = if mirrored > last {
-                2 * last + 1 - mirrored
-            } else {
-                mirrored
-            };
-            spread[mirrored.clamp(0, last) as usize] += weight * step;
-        }
-    }
-    spread
+/// What a pass lays.
+#[derive(Clone, Copy, Debug)]
+pub struct Bead<'a> {
+    /// The nozzle.
+    pub aperture: &'a Aperture,
+    /// Layer height, mm.
+    pub height_mm: f64,
+    /// Volume laid by that of the ground covered.
+    pub flow_factor: f64,
+    /// Length over which the flow is averaged, [`SMOOTHING_ROUNDS`] times, mm.
+    pub smoothing_mm: f64,
 }
 
-/// Cumulative deposited volume at each pose of a pass, mm³, from 0, never falling.
-///
-/// `start_footprint_mm2` is ground under the aperture at the first pose that nothing has covered
-/// (the aperture's area on fresh ground, 0 where a closed pass begins on its own end): the flow
-/// brings it along the first aperture length of the path, as a surplus that fades out linearly.
-pub fn deposit(
-    poses: &[FlowPose],
-    aperture: &Aperture,
-    height_mm: f64,
-    flow_factor: f64,
-    start_footprint_mm2: f64,
-) -> Vec<f64> {
-    if poses.is_empty() {
-        return Vec::new();
+impl<'a> Bead<'a> {
+    /// The bead of a job.
+    pub fn of(settings: &'a Settings) -> Bead<'a> {
+        let aperture = &settings.aperture;
+        // The widest bead that ends at full speed, at three quarters of its width over a length: the
+        // steepest part of the bell.
+        let flow_mm3_s = 2.0 * aperture.major_mm() * settings.layer_height_mm * settings.speed_mm_s;
+        let change_max_mm3_s2 = settings.flow_rate_of_change_max_mm3_s2 * settings.plan_share;
+        let needed_mm = 0.75 * flow_mm3_s * settings.speed_mm_s / change_max_mm3_s2;
+        let [least, most] = SMOOTHING_SHARE.map(|share| share * aperture.minor_mm());
+        Bead {
+            aperture,
+            height_mm: settings.layer_height_mm,
+            flow_factor: settings.flow_factor,
+            smoothing_mm: needed_mm.clamp(least, most),
+        }
     }
-    let outline = Outline::new(aperture);
-    let mut steps: Vec<f64> = poses
-        .par_windows(2)
-        .map(|pair| step_area_mm2(aperture, &outline, &pair[0], &pair[1]))
-        .collect();
-    add_start_footprint(&mut steps, poses, aperture, start_footprint_mm2);
-    let mut volume_mm3 = 0.0;
-    let mut cumulative = Vec::with_capacity(poses.len());
-    cumulative.push(volume_mm3);
-    for area_mm2 in smoothed(&steps) {
-        volume_mm3 += area_mm2 * height_mm * flow_factor;
-        cumulative.push(volume_mm3);
+
+    /// Cumulative deposited volume at each pose of a pass, mm³, from 0, never falling: what the
+    /// steps newly cover, `fresh` says how much of their fronts that is.
+    ///
+    /// The fresh ground under the first pose is brought along the first aperture length of the
+    /// path, as a surplus that fades out linearly.
+    pub fn deposit(&self, poses: &[FlowPose], fresh: &FreshShares) -> Vec<f64> {
+        if poses.is_empty() {
+            return Vec::new();
+        }
+        let outline = Outline::new(self.aperture);
+        let steps = poses.par_windows(2).zip(&fresh.steps);
+        let mut steps: Vec<f64> = steps
+            .map(|(pair, share)| share * step_area_mm2(self.aperture, &outline, &pair[0], &pair[1]))
+            .collect();
+        let start_mm2 = fresh.start * self.aperture.area_mm2();
+        add_start_footprint(&mut steps, poses, self.aperture, start_mm2);
+        let mut area_mm2 = 0.0;
+        let mut cumulative = vec![area_mm2];
+        for step in steps {
+            area_mm2 += step;
+            cumulative.push(area_mm2);
+        }
+        let places = places_mm(poses, self.aperture);
+        for _ in 0..SMOOTHING_ROUNDS {
+            cumulative = averaged(&places, &cumulative, 0.5 * self.smoothing_mm);
+        }
+        let mm = self.height_mm * self.flow_factor;
+        cumulative
+            .into_iter()
+            .map(|area_mm2| mm * area_mm2)
+            .collect()
     }
-    cumulative
+}
+
+/// Shortest and longest averaging against the minor semi-axis: flow is known to no less than a
+/// quarter of the front, and deposited no farther than the front from where it belongs.
+const SMOOTHING_SHARE: [f64; 2] = [1.0, 2.0];
+
+/// Rounds of averaging: of three boxes becomes a bell.
+pub const SMOOTHING_ROUNDS: usize = 3;
+
+/// Place of each pose along the pass, mm; a turn counts as the way of the minor axis' end.
+fn places_mm(poses: &[FlowPose], aperture: &Aperture) -> Vec<f64> {
+    let mut places = vec![0.0];
+    let mut place_mm = 0.0;
+    for pair in poses.windows(2) {
+        let turn_rad = (pair[1].heading_rad - pair[0].heading_rad).abs();
+        place_mm += step_length_mm(pair) + aperture.minor_mm() * turn_rad;
+        places.push(place_mm);
+    }
+    places
+}
+
+fn step_length_mm(pair: &[FlowPose]) -> f64 {
+    let [from, to] = [pair[0].centre_mm, pair[1].centre_mm];
+    (to[0] - from[0]).hypot(to[1] - from[1])
+}
+
+/// The mean of a rising function over `half_mm` to either side of each place. Beyond the ends the
+/// function goes on as its point reflection there, so that they stay where they are.
+fn averaged(places_mm: &[f64], values: &[f64], half_mm: f64) -> Vec<f64> {
+    let last = values.len() - 1;
+    let length_mm = places_mm[last];
+    let half_mm = half_mm.min(length_mm);
+    if half_mm <= 0.0 {
+        return values.to_vec();
+    }
+    let mut integrals = vec![0.0];
+    let mut integral = 0.0;
+    for i in 0..last {
+        integral += 0.5 * (values[i] + values[i + 1]) * (places_mm[i + 1] - places_mm[i]);
+        integrals.push(integral);
+    }
+    let within = |at_mm: f64| {
+        let above = places_mm.partition_point(|&place| place <= at_mm);
+        let from = above.clamp(1, last) - 1;
+        let (low, width_mm) = (
+            at_mm - places_mm[from],
+            places_mm[from + 1] - places_mm[from],
+        );
+        let slope = (values[from + 1] - values[from]) / width_mm.max(f64::MIN_POSITIVE);
+        integrals[from] + low * (values[from] + 0.5 * slope * low)
+    };
+    let to = |at_mm: f64| {
+        let beyond_mm = at_mm - length_mm;
+        if beyond_mm > 0.0 {
+            within(length_mm - beyond_mm) + 2.0 * values[last] * beyond_mm
+        } else {
+            within(at_mm.abs())
+        }
+    };
+    let places = places_mm.iter();
+    places
+        .map(|at_mm| (to(at_mm + half_mm) - to(at_mm - half_mm)) / (2.0 * half_mm))
+        .collect()
 }
 
 /// Adds the start's ground to the first steps, with a weight that falls to 0 after one aperture
@@ -178,8 +257,7 @@ fn add_start_footprint(
     let shares: Vec<f64> = poses
         .windows(2)
         .map(|pair| {
-            let step_mm = (pair[1].centre_mm[0] - pair[0].centre_mm[0])
-                .hypot(pair[1].centre_mm[1] - pair[0].centre_mm[1]);
+            let step_mm = step_length_mm(pair);
             let middle_mm = along_mm + 0.5 * step_mm;
             along_mm += step_mm;
             step_mm * (1.0 - middle_mm / reach_mm).max(0.0)
@@ -209,6 +287,24 @@ mod tests {
     use super::*;
     use crate::geometry::test_shapes::ELLIPSE;
 
+    fn bead(height_mm: f64, flow_factor: f64) -> Bead<'static> {
+        Bead {
+            aperture: &ELLIPSE,
+            height_mm,
+            flow_factor,
+            smoothing_mm: 0.3,
+        }
+    }
+
+    /// On ground that nothing has covered, with or without that under the first pose.
+    fn deposit(poses: &[FlowPose], bead: &Bead, start: f64) -> Vec<f64> {
+        let fresh = FreshShares {
+            start,
+            ..FreshShares::all(poses.len())
+        };
+        bead.deposit(poses, &fresh)
+    }
+
     fn straight(heading_rad: f64, count: usize) -> Vec<FlowPose> {
         (0..count)
             .map(|i| FlowPose {
@@ -222,7 +318,7 @@ mod tests {
     fn straight_travel_lays_the_bead_width() {
         for heading_deg in [0.0f64, 20.0, 45.0, 90.0] {
             let phi = heading_deg.to_radians();
-            let volume = deposit(&straight(phi, 51), &ELLIPSE, 0.2, 1.1, 0.0);
+            let volume = deposit(&straight(phi, 51), &bead(0.2, 1.1), 0.0);
             let width = 2.0 * ((0.6 * phi.sin()).powi(2) + (0.2 * phi.cos()).powi(2)).sqrt();
             let expected = width * 5.0 * 0.2 * 1.1;
             assert!((volume[50] - expected).abs() < 1e-12, "{heading_deg}");
@@ -239,7 +335,7 @@ mod tests {
                 heading_rad: f64::from(i).to_radians() * 0.1,
             })
             .collect();
-        let volume = deposit(&poses, &ELLIPSE, 1.0, 1.0, 0.0);
+        let volume = deposit(&poses, &bead(1.0, 1.0), 0.0);
         let expected = 9f64.to_radians() * (0.36 - 0.04);
         // The outline's polygon, see OUTLINE_POINTS.
         assert!((volume[90] / expected - 1.0).abs() < 2e-3);
@@ -258,7 +354,7 @@ mod tests {
                 }
             })
             .collect();
-        let laid = deposit(&poses, &ELLIPSE, 1.0, 1.0, 0.0)[count as usize - 1];
+        let laid = deposit(&poses, &bead(1.0, 1.0), 0.0)[count as usize - 1];
         let cell = 0.005;
         let (mut swept, mut started) = (0, 0);
         for ix in -200..600 {
@@ -285,11 +381,43 @@ mod tests {
     fn the_start_footprint_is_laid_early_and_in_full() {
         let area = ELLIPSE.area_mm2();
         let poses = straight(std::f64::consts::FRAC_PI_2, 101);
-        let with = deposit(&poses, &ELLIPSE, 0.2, 1.0, area);
-        let without = deposit(&poses, &ELLIPSE, 0.2, 1.0, 0.0);
+        let with = deposit(&poses, &bead(0.2, 1.0), 1.0);
+        let without = deposit(&poses, &bead(0.2, 1.0), 0.0);
         assert!((with[100] - without[100] - 0.2 * area).abs() < 1e-12);
-        assert!((with[16] - without[16] - 0.2 * area).abs() < 1e-12);
+        // One aperture length, half of three averagings and a step for each.
+        assert!((with[20] - without[20] - 0.2 * area).abs() < 1e-12);
         assert!(with.windows(2).all(|pair| pair[1] > pair[0]));
+    }
+
+    /// Goal: flow that is to end at once ends over a short length, the sum as it is, without running
+    /// back. Method: a straight bead whose second half lies on covered ground.
+    #[test]
+    fn flow_ends_over_a_length_and_not_at_once() {
+        let poses = straight(std::f64::consts::FRAC_PI_2, 201);
+        let steps = (0..200).map(|i| if i < 100 { 1.0 } else { 0.0 });
+        let fresh = FreshShares {
+            start: 0.0,
+            steps: steps.collect(),
+        };
+        let volume = bead(1.0, 1.0).deposit(&poses, &fresh);
+        assert!((volume[200] - 12.0).abs() < 1e-9, "{}", volume[200]);
+        for (i, pair) in volume.windows(2).enumerate() {
+            let rate_mm2 = (pair[1] - pair[0]) / 0.1;
+            // Three boxes of 0.3 mm reach 0.45 mm to either side, and a step further each.
+            let expected_mm2 = match i {
+                0..92 => [1.2 - 1e-9, 1.2 + 1e-9],
+                108.. => [-1e-9, 1e-9],
+                _ => [-1e-9, 1.2 + 1e-9],
+            };
+            assert!(
+                rate_mm2 >= expected_mm2[0] && rate_mm2 <= expected_mm2[1],
+                "{i}: {rate_mm2}"
+            );
+        }
+        let steepest = volume.windows(3).map(|w| w[0] - 2.0 * w[1] + w[2]);
+        let steepest = steepest.fold(0.0, f64::min) / 0.01;
+        // 0.75 of the width over the length of the averaging.
+        assert!(steepest > -1.05 * 0.75 * 1.2 / 0.3, "{steepest}");
     }
 
     #[test]
