@@ -1,12 +1,14 @@
 //! What a bridge between two loops spoils: ground that it leaves open or covers again, on a raster.
 
-use crate::geometry::Point2;
 use crate::geometry::aperture::Aperture;
+use crate::geometry::cell_grid::NO_COLUMNS;
 use crate::geometry::clearance::Configuration;
 use crate::geometry::polygon::Box2;
 use crate::plan::coverage::visits::Visits;
 use crate::plan::pass::sweep::swept;
 use crate::plan::pass::{LayerPass, bounds_of};
+use std::collections::HashMap;
+use std::rc::Rc;
 
 /// Raster cell against the minor semi-axis: many places are tried.
 const CELL_SHARE: f64 = 0.2;
@@ -47,69 +49,176 @@ impl BridgeCosts {
         }
     }
 
+    /// What bridges between two of the passes cost.
+    pub fn between<'a>(&'a self, loops: [usize; 2], passes: &'a [LayerPass]) -> PairCosts<'a> {
+        PairCosts {
+            visits: &self.visits,
+            loops: loops.map(|number| &passes[number]),
+            steps: HashMap::new(),
+            marks: Vec::new(),
+        }
+    }
+}
+
+/// The columns of a row that a swept step covers.
+#[derive(Clone, Copy)]
+struct RowRun {
+    row: u32,
+    columns: [u32; 2],
+}
+
+/// What bridges between two passes cost. Many places are tried, most of whose ways are the passes'
+/// own: the cells under each of their steps are found once.
+pub struct PairCosts<'a> {
+    visits: &'a Visits,
+    loops: [&'a LayerPass; 2],
+    /// By side and number of the placement that the step begins with.
+    steps: HashMap<(usize, usize), Rc<[RowRun]>>,
+    /// Room for the marks of the cells about a bridge.
+    marks: Vec<u8>,
+}
+
+impl PairCosts<'_> {
     /// Ground that the bridge leaves open or covers again, less what it closes, mm².
-    pub fn cost_mm2(&self, bridge: &Bridge, passes: &[LayerPass]) -> f64 {
-        let window_mm = WINDOW_SHARE * self.visits.aperture().major_mm();
-        let pass = |side: usize| &passes[bridge.loops[side]];
-        // The way from an end away from the opening, the end first.
-        let away = |side: usize, end: usize| {
-            let step = if end == 0 { -1 } else { 1 };
-            stretch(pass(side), bridge.ends[side][end], step, window_mm)
-        };
-        let opening = |side: usize| {
-            let [from, to] = bridge.ends[side];
-            let count = pass(side).placements.len();
-            let between = (to + count - from) % count;
-            let at_gap = !pass(side).closed && from > to;
-            let printed = (0..=between).filter(move |_| !at_gap);
-            printed.map(move |k| pass(side).placements[(from + k) % count].at)
-        };
+    pub fn cost_mm2(&mut self, bridge: &Bridge) -> f64 {
         // What is printed as before belongs to a loop and to a way both.
-        let mut ways: Vec<(u8, Vec<Configuration>)> = Vec::new();
+        let mut swept: Vec<(u8, Rc<[RowRun]>)> = Vec::new();
         for side in [0, 1] {
-            ways.push((1 << side, opening(side).collect()));
+            let ends = bridge.ends[side];
+            for step in self.opened(side, ends) {
+                swept.push((1 << side, self.step(side, step)));
+            }
             for end in [0, 1] {
                 let way = end ^ usize::from(side == 1 && bridge.crossed);
-                ways.push((1 << side | 4 << way, away(side, end)));
+                for step in self.away(side, ends[end], end) {
+                    swept.push((1 << side | 4 << way, self.step(side, step)));
+                }
             }
         }
         for end in [0, 1] {
             let other = end ^ usize::from(bridge.crossed);
             let [from, to] = [(0, end), (1, other)]
-                .map(|(side, end)| pass(side).placements[bridge.ends[side][end]].at);
+                .map(|(side, end)| self.loops[side].placements[bridge.ends[side][end]].at);
             let between = bridge.ways[end].iter().copied();
-            let way = [from].into_iter().chain(between).chain([to]);
-            ways.push((4 << end, way.collect()));
+            let way: Vec<Configuration> = [from].into_iter().chain(between).chain([to]).collect();
+            swept.push((4 << end, self.rows_under(&way)));
         }
-        let spoiled = self.spoiled_cells(&ways);
-        spoiled as f64 * self.visits.cell_area_mm2()
+        self.spoiled_cells(&swept) as f64 * self.visits.cell_area_mm2()
     }
 
-    /// How many cells are spoiled more after than before, by ways of poses each with the marks of what it
-    /// belongs to: before to either loop (1, 2), after to either way that joins them (4, 8).
-    fn spoiled_cells(&self, ways: &[(u8, Vec<Configuration>)]) -> i64 {
+    /// The steps of a loop that a bridge takes out.
+    fn opened(&self, side: usize, [from, to]: [usize; 2]) -> impl Iterator<Item = usize> + use<> {
+        let pass = self.loops[side];
+        let count = pass.placements.len();
+        let at_gap = !pass.closed && from > to;
+        let steps = if at_gap {
+            0
+        } else {
+            (to + count - from) % count
+        };
+        (0..steps).map(move |k| (from + k) % count)
+    }
+
+    /// The steps of a loop from an end of its opening on, away from it.
+    fn away(&self, side: usize, from: usize, end: usize) -> Vec<usize> {
+        let pass = self.loops[side];
+        let count = pass.placements.len();
+        let mut steps = Vec::new();
+        let mut left_mm = WINDOW_SHARE * self.visits.aperture().major_mm();
+        let mut at = from;
+        for _ in 0..count {
+            let (step, next) = match end {
+                0 => ((at + count - 1) % count, (at + count - 1) % count),
+                _ => (at, (at + 1) % count),
+            };
+            // The step that closes a loop is none of a run.
+            if !pass.closed && step + 1 == count {
+                break;
+            }
+            let [p, q] = [at, next].map(|number| pass.placements[number].at.center);
+            left_mm -= (p - q).norm();
+            if left_mm < 0.0 {
+                break;
+            }
+            steps.push(step);
+            at = next;
+        }
+        steps
+    }
+
+    /// The cells under a step of a loop, from one placement to the next.
+    fn step(&mut self, side: usize, step: usize) -> Rc<[RowRun]> {
+        if let Some(known) = self.steps.get(&(side, step)) {
+            return known.clone();
+        }
+        let placements = &self.loops[side].placements;
+        let ends = [step, (step + 1) % placements.len()].map(|number| placements[number].at);
+        let found = self.rows_under(&ends);
+        self.steps.insert((side, step), found.clone());
+        found
+    }
+
+    /// The cells under a way: of each row all from the first column to the last one, step by step.
+    fn rows_under(&self, way: &[Configuration]) -> Rc<[RowRun]> {
         let (grid, aperture) = (self.visits.grid(), self.visits.aperture());
-        let poses = ways.iter().flat_map(|(_, way)| way);
-        let centers: Vec<Point2> = poses.map(|at| at.center).collect();
-        let window = grid.window_about(&Box2::of(&centers).grown(aperture.reach_mm()));
-        let ([bottom, top], [left, right]) = (window.rows, window.columns);
-        let columns = right + 1 - left;
-        let mut marks = vec![0u8; columns * (top + 1 - bottom)];
-        for (own, way) in ways {
-            for at in swept(way.iter().copied(), aperture) {
+        let mut found: Vec<RowRun> = Vec::new();
+        for ends in way.windows(2) {
+            let centers = [ends[0].center, ends[1].center];
+            let window = grid.window_about(&Box2::of(&centers).grown(aperture.reach_mm()));
+            let [first, last] = window.rows;
+            let mut rows = vec![NO_COLUMNS; last + 1 - first];
+            for at in swept(ends.iter().copied(), aperture) {
                 grid.for_rows_within(&window, aperture, at, |row, from, to| {
-                    let first = (row - bottom) * columns;
-                    for mark in &mut marks[first + from - left..=first + to - left] {
-                        *mark |= own;
-                    }
+                    let columns = &mut rows[row - first];
+                    *columns = match *columns {
+                        NO_COLUMNS => [from, to],
+                        [low, high] => [low.min(from), high.max(to)],
+                    };
                 });
             }
+            let numbered = (first as u32..).zip(rows);
+            let covered = numbered.filter(|(_, columns)| *columns != NO_COLUMNS);
+            found.extend(covered.map(|(row, columns)| RowRun {
+                row,
+                columns: columns.map(|column| column as u32),
+            }));
         }
-        let cells = marks.iter().enumerate().filter(|(_, mark)| **mark != 0);
+        found.into()
+    }
+
+    /// How many cells are spoiled more after than before, by swept steps each with the marks of what
+    /// it belongs to: before to either loop (1, 2), after to either way that joins them (4, 8).
+    fn spoiled_cells(&mut self, swept: &[(u8, Rc<[RowRun]>)]) -> i64 {
+        let runs = || swept.iter().flat_map(|(_, runs)| runs.iter());
+        let (mut low, mut high) = ([u32::MAX; 2], [0; 2]);
+        for run in runs() {
+            low = [low[0].min(run.row), low[1].min(run.columns[0])];
+            high = [high[0].max(run.row), high[1].max(run.columns[1])];
+        }
+        if low[0] > high[0] {
+            return 0;
+        }
+        let columns = (high[1] + 1 - low[1]) as usize;
+        self.marks.clear();
+        self.marks
+            .resize(columns * (high[0] + 1 - low[0]) as usize, 0);
+        for (own, runs) in swept {
+            for run in runs.iter() {
+                let first = (run.row - low[0]) as usize * columns;
+                let [from, to] = run.columns.map(|column| (column - low[1]) as usize);
+                for mark in &mut self.marks[first + from..=first + to] {
+                    *mark |= own;
+                }
+            }
+        }
+        let all_columns = self.visits.grid().columns;
+        let cells = self.marks.iter().enumerate();
+        let cells = cells.filter(|(_, mark)| **mark != 0);
         cells
             .map(|(at, mark)| {
                 let (old, new) = ((mark & 3).count_ones(), (mark >> 2).count_ones());
-                let cell = (at / columns + bottom) * grid.columns + at % columns + left;
+                let row = at / columns + low[0] as usize;
+                let cell = row * all_columns + at % columns + low[1] as usize;
                 let others = self.visits.count(cell).saturating_sub(old);
                 spoils(others + new) - spoils(others + old)
             })
@@ -120,26 +229,4 @@ impl BridgeCosts {
 /// What a cell under so many beads is worth: best is one.
 fn spoils(beads: u32) -> i64 {
     i64::from(beads != 1)
-}
-
-/// The placements of a loop from `from` on, as far as `length_mm`.
-fn stretch(pass: &LayerPass, from: usize, step: isize, length_mm: f64) -> Vec<Configuration> {
-    let count = pass.placements.len() as isize;
-    let mut way: Vec<Configuration> = Vec::new();
-    let mut left_mm = length_mm;
-    for k in 0..count {
-        let i = from as isize + step * k;
-        if !pass.closed && !(0..count).contains(&i) {
-            break;
-        }
-        let at = pass.placements[i.rem_euclid(count) as usize].at;
-        if let Some(last) = way.last() {
-            left_mm -= (at.center - last.center).norm();
-        }
-        if left_mm < 0.0 {
-            break;
-        }
-        way.push(at);
-    }
-    way
 }

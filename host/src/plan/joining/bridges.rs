@@ -10,7 +10,7 @@ use crate::geometry::edge_index::EdgeIndex;
 use crate::geometry::point_grid::PointGrid;
 use crate::geometry::union_find::root;
 use crate::plan::coverage::connections::connection;
-use crate::plan::joining::bridge_cost::{Bridge, BridgeCosts};
+use crate::plan::joining::bridge_cost::{Bridge, BridgeCosts, PairCosts};
 use crate::plan::joining::bridge_tour::Tour;
 use crate::plan::joining::links::{TURN_MAX_RAD, nearest_of_each};
 use crate::plan::pass::LayerPass;
@@ -46,8 +46,9 @@ pub fn bridged(passes: Vec<LayerPass>, aperture: &Aperture, walls: &EdgeIndex) -
     let mut found: Vec<Candidate> = near
         .into_par_iter()
         .flat_map_iter(|(pair, places)| {
-            let found = candidates(&passes, pair, &places, aperture, walls, &costs);
-            within_limit(found, &passes, aperture, walls, &costs)
+            let mut costs = costs.between(pair, &passes);
+            let found = candidates(&passes, pair, &places, aperture, walls, &mut costs);
+            within_limit(found, &passes, aperture, walls, &mut costs)
         })
         .collect();
     found.sort_by(|x, y| {
@@ -95,7 +96,8 @@ fn fitted_tree(
     }
     let fits = tree.into_par_iter().flat_map_iter(|bridge| {
         let like = of_pair[&bridge.loops].iter().take(FITTED);
-        let fits = like.map(|like| fitted(like, passes, aperture, walls, costs));
+        let mut costs = costs.between(bridge.loops, passes);
+        let fits = like.map(|like| fitted(like, passes, aperture, walls, &mut costs));
         let best = fits.min_by(|x, y| x.0.total_cmp(&y.0));
         let best = best.into_iter().map(|(_, best)| best);
         best.chain([bridge.clone()])
@@ -136,7 +138,7 @@ fn fitted(
     passes: &[LayerPass],
     aperture: &Aperture,
     walls: &EdgeIndex,
-    costs: &BridgeCosts,
+    costs: &mut PairCosts,
 ) -> (f64, Bridge) {
     let mut best = (begun.cost_mm2, begun.bridge.clone());
     let Bridge { loops, crossed, .. } = begun.bridge;
@@ -146,7 +148,7 @@ fn fitted(
     for _ in 0..FIT_TRIES {
         let ends = moved(&best.1, all[number], passes);
         let other = ends.and_then(|ends| with_ways(passes, loops, ends, aperture, walls));
-        let other = other.map(|other| (costs.cost_mm2(&other, passes), other));
+        let other = other.map(|other| (costs.cost_mm2(&other), other));
         match other.filter(|other| other.0 < best.0) {
             Some(other) => (best, vain) = (other, 0),
             None => (number, vain) = ((number + 1) % all.len(), vain + 1),
@@ -230,15 +232,15 @@ fn candidates(
     places: &[(usize, usize, f64)],
     aperture: &Aperture,
     walls: &EdgeIndex,
-    costs: &BridgeCosts,
+    costs: &mut PairCosts,
 ) -> Vec<Candidate> {
     let size = places.len().div_ceil(PLACES).max(1);
     let nearest = |group: &[(usize, usize, f64)]| {
         let nearest = group.iter().min_by(|x, y| x.2.total_cmp(&y.2));
         nearest.map(|&(i, j, _)| [i, j])
     };
-    let candidate = |bridge: Bridge, saved_mm2: f64| {
-        let cost_mm2 = costs.cost_mm2(&bridge, passes);
+    let mut candidate = |bridge: Bridge, saved_mm2: f64| {
+        let cost_mm2 = costs.cost_mm2(&bridge);
         Candidate {
             bridge,
             cost_mm2,
@@ -267,7 +269,7 @@ fn within_limit(
     passes: &[LayerPass],
     aperture: &Aperture,
     walls: &EdgeIndex,
-    costs: &BridgeCosts,
+    costs: &mut PairCosts,
 ) -> Vec<Candidate> {
     let [limit_mm2, begun_mm2] =
         [COST_SHARE_MAX, BEGUN_SHARE_MAX].map(|share| share * aperture.area_mm2());
@@ -457,7 +459,8 @@ mod tests {
     fn openings_are_fitted_nearly_as_well_as_can_be() {
         let (walls, center) = (walls(&[5.6]), Point2::origin());
         let passes = vec![arc(center, 5.0, 0.3, TAU), arc(center, 3.8, 2.0, TAU)];
-        let costs = BridgeCosts::of(&passes, &APERTURE);
+        let all_costs = BridgeCosts::of(&passes, &APERTURE);
+        let mut costs = all_costs.between([0, 1], &passes);
         let at = |side: usize| {
             let place = |p: &Placement| p.at.center.y.atan2(p.at.center.x).abs();
             let numbered = passes[side].placements.iter().enumerate();
@@ -467,7 +470,7 @@ mod tests {
         for opening in [0.4, 2.4] {
             let begun = bridge(&passes, [0, 1], [at(0), at(1)], opening, &APERTURE, &walls);
             let begun = begun.expect("a bridge");
-            let cost = costs.cost_mm2(&begun, &passes);
+            let cost = costs.cost_mm2(&begun);
             let mut least = cost;
             for number in 0..9usize.pow(4) {
                 let by = |n: u32| (number / 9usize.pow(n) % 9) as isize - 4;
@@ -476,7 +479,7 @@ mod tests {
                 let other =
                     ends.and_then(|ends| with_ways(&passes, [0, 1], ends, &APERTURE, &walls));
                 if let Some(other) = other {
-                    least = least.min(costs.cost_mm2(&other, &passes));
+                    least = least.min(costs.cost_mm2(&other));
                 }
             }
             let begun = Candidate {
@@ -484,7 +487,7 @@ mod tests {
                 cost_mm2: cost,
                 rank_mm2: cost,
             };
-            let (fitted, _) = fitted(&begun, &passes, &APERTURE, &walls, &costs);
+            let (fitted, _) = fitted(&begun, &passes, &APERTURE, &walls, &mut costs);
             assert!(cost > 1.5 * least, "{cost} {least}");
             assert!(fitted < 1.2 * least, "{cost} {fitted} {least}");
         }
