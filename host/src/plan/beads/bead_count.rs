@@ -21,12 +21,31 @@ const CHANGE_STEP_MM: f64 = 1.0;
 /// Printed path of one bead, per mm of axis: it lies on both sides.
 const BEAD_WEIGHT: f64 = 2.0;
 
+/// How wide a channel, the ground between neighbouring beads' edges that one bead is to cover, may
+/// be, mm.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct ChannelWidths {
+    /// Of the narrowest bead.
+    pub least_mm: f64,
+    /// Of the widest one.
+    pub most_mm: f64,
+}
+
+impl ChannelWidths {
+    /// Of beads that lie over each other by this share of their width.
+    pub fn of(aperture: &Aperture, overlap: f64) -> ChannelWidths {
+        let [least_mm, most_mm] = [aperture.minor_mm(), WIDEST_SHARE * aperture.major_mm()]
+            .map(|half_mm| 2.0 * half_mm * (1.0 - overlap));
+        ChannelWidths { least_mm, most_mm }
+    }
+}
+
 /// The bead count k (at least 1) at every node of `axis`, whole numbers.
-pub fn bead_counts(axis: &Axis, aperture: &Aperture) -> Vec<f64> {
+pub fn bead_counts(axis: &Axis, widths: ChannelWidths) -> Vec<f64> {
     let count = axis.points.len();
     let (order, parents) = spanning_forest(axis);
     let r_max = axis.radii_mm.iter().copied().fold(0.0, f64::max);
-    let states = ((r_max / (2.0 * aperture.major_mm())).ceil() as usize + 2).min(BEADS_MAX);
+    let states = ((r_max / widths.most_mm).ceil() as usize + 2).min(BEADS_MAX);
     let mut lengths = vec![0.0; count];
     for &[a, b] in &axis.links {
         let half = (axis.points[a as usize] - axis.points[b as usize]).norm() / 2.0;
@@ -36,7 +55,7 @@ pub fn bead_counts(axis: &Axis, aperture: &Aperture) -> Vec<f64> {
     let mut costs = vec![0.0f32; count * states];
     for node in 0..count {
         for state in 0..states {
-            let tiling = tiling_cost(axis.radii_mm[node], (state + 1) as f64, aperture);
+            let tiling = tiling_cost(axis.radii_mm[node], (state + 1) as f64, widths);
             costs[node * states + state] = (tiling * lengths[node].max(0.01)) as f32;
         }
     }
@@ -68,7 +87,7 @@ pub fn blended(
     counts: &[f64],
     step_mm: f64,
     blend_mm: f64,
-    aperture: &Aperture,
+    widths: ChannelWidths,
 ) -> Vec<f64> {
     let neighbours = axis.neighbours();
     let rounds = ((blend_mm / step_mm).powi(2) / 2.0).clamp(0.0, 400.0) as usize;
@@ -85,9 +104,8 @@ pub fn blended(
             .collect();
         values = next;
     }
-    let widest_mm = widest_mm(aperture);
     for (node, value) in values.iter_mut().enumerate() {
-        let least = (axis.radii_mm[node] / widest_mm).min(counts[node]);
+        let least = (axis.radii_mm[node] / widths.most_mm).min(counts[node]);
         *value = value.max(least);
     }
     values
@@ -130,23 +148,16 @@ fn spanning_forest(axis: &Axis) -> (Vec<usize>, Vec<Option<usize>>) {
 
 /// What k beads cost across a half-width r, per mm of axis: their path, and more where they leave
 /// gaps or are forced to overlap.
-fn tiling_cost(radius_mm: f64, beads: f64, aperture: &Aperture) -> f64 {
+fn tiling_cost(radius_mm: f64, beads: f64, widths: ChannelWidths) -> f64 {
     let width = radius_mm / beads;
-    let widest = widest_mm(aperture);
-    let narrowest = 2.0 * aperture.minor_mm();
-    let gap = (width / widest - 1.0).max(0.0);
-    let overlap = (narrowest / width.max(1e-6) - 1.0).max(0.0);
+    let gap = (width / widths.most_mm - 1.0).max(0.0);
+    let overlap = (widths.least_mm / width.max(1e-6) - 1.0).max(0.0);
     40.0 * gap + 10.0 * overlap.min(10.0) + BEAD_WEIGHT * beads
 }
 
 /// Share of the widest bead that straight channels may need: the rest is for their corners, where
 /// the way across is longer.
 const WIDEST_SHARE: f64 = 0.97;
-
-/// The widest channel that is planned.
-pub fn widest_mm(aperture: &Aperture) -> f64 {
-    WIDEST_SHARE * 2.0 * aperture.major_mm()
-}
 
 fn change_cost(from: usize, to: usize) -> f64 {
     if from == to {

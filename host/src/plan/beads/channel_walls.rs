@@ -196,9 +196,15 @@ impl Laid {
             .min_by(f64::total_cmp)
     }
 
-    /// The level curve moved onto the edge of what was laid; at most `OUT_SHARE` and `IN_SHARE` of
-    /// the aperture away.
-    pub fn moved_wall(&self, ring: &Ring, step_mm: f64) -> Ring {
+    /// The level curve moved onto the edge of what was laid, at most `OUT_SHARE` and `IN_SHARE` of
+    /// the aperture away, and from there back over it by `overlap_mm` (of a place and the normal
+    /// there).
+    pub fn moved_wall(
+        &self,
+        ring: &Ring,
+        step_mm: f64,
+        overlap_mm: impl Fn(Point2, Vector2) -> f64 + Sync,
+    ) -> Ring {
         let points = &ring.points;
         let count = points.len();
         if count < 8 {
@@ -216,9 +222,9 @@ impl Laid {
         let mut shifts: Vec<f64> = (0..count)
             .into_par_iter()
             .map(|i| {
-                self.edge_mm(points[i], normals[i])
-                    .unwrap_or(-OUT_SHARE * a)
-                    .clamp(-OUT_SHARE * a, IN_SHARE * a)
+                let edge_mm = self.edge_mm(points[i], normals[i]);
+                let edge_mm = edge_mm.unwrap_or(-OUT_SHARE * a);
+                edge_mm.clamp(-OUT_SHARE * a, IN_SHARE * a) - overlap_mm(points[i], normals[i])
             })
             .collect();
         for _ in 0..SHIFT_ROUNDS {
@@ -328,7 +334,7 @@ mod tests {
             let ring = Ring {
                 points: circle(radius, 300),
             };
-            for p in &laid.moved_wall(&ring, 0.1).points {
+            for p in &laid.moved_wall(&ring, 0.1, |_, _| 0.0).points {
                 assert!((p.coords.norm() - expected).abs() < 5e-3, "{radius}: {p}");
             }
         }

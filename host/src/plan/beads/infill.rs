@@ -141,18 +141,19 @@ impl Lines<'_> {
         })
     }
 
-    /// Equal rows that tile the region's height.
+    /// Equal rows that tile the region's height, each over the one before by `overlap` of its width.
     fn solid_rows(&self, region: &Region, overlap: f64) -> Vec<Row> {
         let [low, high] = self.heights_mm(region);
         let (a, b) = (self.aperture.major_mm(), self.aperture.minor_mm());
-        let widest_mm = 2.0 * a * (1.0 - overlap);
+        let pitch_share = 1.0 - overlap;
         // A height that is a whole number of rows but for the waves of the walls is that number.
-        let count = ((high - low) / widest_mm - FLANK_SHARE).ceil();
+        let beyond_the_first = ((high - low) / (2.0 * a) - 1.0) / pitch_share;
+        let count = (beyond_the_first + 1.0 - FLANK_SHARE).ceil();
         let count = count.clamp(1.0, ROWS_MAX);
-        let pitch_mm = (high - low) / count;
-        let half_mm = (0.5 * pitch_mm / (1.0 - overlap)).clamp(b, a);
+        let width_mm = (high - low) / (1.0 + (count - 1.0) * pitch_share);
+        let half_mm = (0.5 * width_mm).clamp(b, a);
         (0..count as usize)
-            .map(|i| self.row(low + (i as f64 + 0.5) * pitch_mm, half_mm))
+            .map(|i| self.row(low + width_mm * (0.5 + i as f64 * pitch_share), half_mm))
             .collect()
     }
 

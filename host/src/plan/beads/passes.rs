@@ -12,16 +12,16 @@
 use crate::geometry::aperture::Aperture;
 use crate::geometry::edge_index::{Edge, EdgeIndex};
 use crate::geometry::polygon::{Region, Ring};
+use crate::geometry::{Point2, Vector2};
 use crate::plan::axis::pruned_axis::Axis;
-use crate::plan::beads::bead_count::{bead_counts, blended, widest_mm};
+use crate::plan::beads::bead_count::{ChannelWidths, bead_counts, blended};
 use crate::plan::beads::channel_walls::Laid;
 use crate::plan::beads::field::Field;
+use crate::plan::beads::innermost::{Innermost, relax};
 use crate::plan::beads::single_bead_runs::{SingleRun, split_region};
 use crate::plan::coverage::pass_ends::fit_ends;
 use crate::plan::headings::contacts::{ContactSpacing, resampled, wall_contacts};
-use crate::plan::headings::profile::{
-    Ahead, all_ahead, pointwise_profile, profile, refined, smooth,
-};
+use crate::plan::headings::profile::{pointwise_profile, profile};
 use crate::plan::headings::runs::{feasible_runs, printable_runs, trim_ends};
 use crate::plan::pass::{Contact, LayerPass, PassKind, Placement};
 use crate::settings::{HeadingLaw, HeadingProfile};
@@ -52,30 +52,19 @@ impl PassSettings {
         }
     }
 
-    /// The placements of a pass again, where its contacts want slightly other extents. `ahead` is
-    /// kept from the first time on: their places stay.
-    fn placements_again(
-        &self,
-        contacts: &[Contact],
-        pass: &LayerPass,
-        ahead: &mut Option<Vec<Ahead>>,
-        walls: &EdgeIndex,
-    ) -> Vec<Placement> {
-        let aperture = &self.aperture;
-        match self.profile {
-            HeadingProfile::Pointwise => pointwise_profile(contacts, pass.closed, aperture, walls),
-            HeadingProfile::Corridor => {
-                let ahead = ahead.get_or_insert_with(|| all_ahead(contacts, aperture, walls));
-                refined(
-                    contacts,
-                    pass.closed,
-                    &pass.placements,
-                    ahead,
-                    aperture,
-                    walls,
-                )
-            }
-        }
+    /// How far each of two neighbouring beads reaches over the line between their channels, against
+    /// the width of its own: beads as wide as their channels / (1 - overlap) lie over each other by
+    /// that share of their width.
+    fn reach_over_share(&self) -> f64 {
+        0.5 * self.overlap / (1.0 - self.overlap)
+    }
+
+    /// The width of a bead from the outer wall of its channel, `width_mm` from the inner one: of all
+    /// but the outermost the outer wall lies as far out already as the bead reaches over it.
+    fn bead_width_mm(&self, width_mm: f64, channel: usize) -> f64 {
+        let over = self.reach_over_share();
+        let own = if channel == 1 { 1.0 } else { 1.0 + over };
+        width_mm * (1.0 + over / own)
     }
 
     /// The extent across the passage that the law's angle gives where half the bead is to be
@@ -190,9 +179,10 @@ fn piece_passes(
     }
     let aperture = &settings.aperture;
     let walls = EdgeIndex::of_region(piece, aperture.major_mm());
-    let counts = bead_counts(axis, aperture);
-    let beads = blended(axis, &counts, lengths.axis_mm, lengths.blend_mm, aperture);
-    let field = Field::new(&walls, axis, &beads, widest_mm(aperture), lengths.grid_mm);
+    let widths = ChannelWidths::of(aperture, settings.overlap);
+    let counts = bead_counts(axis, widths);
+    let beads = blended(axis, &counts, lengths.axis_mm, lengths.blend_mm, widths);
+    let field = Field::new(&walls, axis, &beads, widths.most_mm, lengths.grid_mm);
     let needed = (field.max().ceil() as usize).max(1);
     let mut laid = Laid::new(aperture);
     let mut all = Vec::new();
@@ -204,7 +194,7 @@ fn piece_passes(
         all.extend(found);
     }
     let open = if needed > channels {
-        channel_rings(channels + 1, piece, &field, &laid, lengths)
+        channel_rings(channels + 1, piece, &field, &laid, settings, lengths)
     } else {
         Vec::new()
     };
@@ -217,18 +207,30 @@ fn channel_rings(
     piece: &Region,
     field: &Field,
     laid: &Laid,
+    settings: &PassSettings,
     lengths: Lengths,
 ) -> Vec<Ring> {
     if channel == 1 {
         return piece.rings().cloned().collect();
     }
+    let widths = ChannelWidths::of(&settings.aperture, settings.overlap);
+    // The bead before this one reaches over its channel's inner wall, and this one as far back.
+    let overlap_mm = |wall: Point2, normal: Vector2| {
+        if settings.overlap == 0.0 {
+            return 0.0;
+        }
+        let before = wall - normal * lengths.grid_mm;
+        let rise = field.at(wall) - field.at(before);
+        let width_mm = lengths.grid_mm / rise.max(1e-6);
+        2.0 * settings.reach_over_share() * width_mm.clamp(widths.least_mm, widths.most_mm)
+    };
     field
         .level_rings((channel - 1) as f64)
         .iter()
         // Grid step and contact spacing are half of b: shorter rings hold nothing.
         .filter(|ring| ring.perimeter_mm() > 8.0 * lengths.contact_mm)
         .map(|ring| resampled(ring, lengths.contact_mm, 4))
-        .map(|ring| laid.moved_wall(&ring, lengths.contact_mm))
+        .map(|ring| laid.moved_wall(&ring, lengths.contact_mm, overlap_mm))
         .collect()
 }
 
@@ -244,7 +246,7 @@ fn channel_passes(
     lengths: Lengths,
 ) -> Vec<LayerPass> {
     let aperture = &settings.aperture;
-    let rings = channel_rings(channel, piece, field, laid, lengths);
+    let rings = channel_rings(channel, piece, field, laid, settings, lengths);
     let own_walls;
     let channel_walls = if channel == 1 {
         walls
@@ -262,7 +264,7 @@ fn channel_passes(
         let mut contacts = wall_contacts(ring, lengths.spacing());
         for contact in &mut contacts {
             let width = channel_width_mm(contact, channel, field, lengths.grid_mm, aperture);
-            contact.extent_mm = 0.5 * width * (1.0 + settings.overlap);
+            contact.extent_mm = 0.5 * settings.bead_width_mm(width, channel);
         }
         for (mut run, closed) in printable_runs(&contacts, aperture) {
             for contact in &mut run {
@@ -281,84 +283,18 @@ fn channel_passes(
         found
     };
     let mut found: Vec<LayerPass> = rings.par_iter().flat_map_iter(of_ring).collect();
-    relax(&mut found, channel, field, channel_walls, settings, lengths);
+    let innermost = Innermost {
+        channel,
+        field,
+        walls: channel_walls,
+        settings,
+        lengths,
+    };
+    relax(&mut found, &innermost);
     let open = found.iter_mut().filter(|pass| !pass.closed);
     open.for_each(|pass| trim_ends(&mut pass.placements));
     drop_stubs(&mut found, channel, aperture);
     found
-}
-
-/// Rounds in which the innermost beads share out what lies between them.
-const RELAX_ROUNDS: usize = 5;
-
-/// In each round gives each half of the gap (or overlap) that two innermost beads leave between them
-/// to the width that is wanted of either, and refines their headings.
-fn relax(
-    found: &mut [LayerPass],
-    channel: usize,
-    field: &Field,
-    walls: &EdgeIndex,
-    settings: &PassSettings,
-    lengths: Lengths,
-) {
-    let mut ahead: Vec<Option<Vec<Ahead>>> = vec![None; found.len()];
-    for _ in 0..RELAX_ROUNDS {
-        relax_once(found, &mut ahead, channel, field, walls, settings, lengths);
-    }
-}
-
-fn relax_once(
-    found: &mut [LayerPass],
-    ahead: &mut [Option<Vec<Ahead>>],
-    channel: usize,
-    field: &Field,
-    walls: &EdgeIndex,
-    settings: &PassSettings,
-    lengths: Lengths,
-) {
-    let aperture = &settings.aperture;
-    let mut laid = Laid::new(aperture);
-    for (run, pass) in found.iter().enumerate() {
-        laid.add(run as u32, &pass.placements, pass.closed);
-    }
-    let passes = found.par_iter_mut().zip(ahead).enumerate();
-    passes.for_each(|(run, (pass, ahead))| {
-        let count = pass.placements.len();
-        let share_most_mm = 0.3 * aperture.minor_mm();
-        let shared = |i: usize| {
-            let contact = pass.placements[i].contact;
-            if contact.length_mm <= 0.0 || !meets_axis(&contact, channel, field, lengths.grid_mm) {
-                return (contact, false);
-            }
-            let gap = laid.facing_gap_mm(&contact, run as u32, i, count, pass.closed);
-            gap.map_or((contact, false), |gap| {
-                let share = (0.25 * gap).clamp(-share_most_mm, share_most_mm);
-                let extent_mm =
-                    (contact.extent_mm + share).clamp(aperture.minor_mm(), aperture.major_mm());
-                (
-                    Contact {
-                        extent_mm,
-                        ..contact
-                    },
-                    true,
-                )
-            })
-        };
-        let (contacts, moved): (Vec<Contact>, Vec<bool>) =
-            (0..count).into_par_iter().map(shared).unzip();
-        if moved.contains(&true) {
-            pass.placements = settings.placements_again(&contacts, pass, ahead, walls);
-            smooth(&mut pass.placements, pass.closed, aperture);
-        }
-    });
-}
-
-/// True where the channel's inner wall is the medial axis: the field falls again behind it.
-fn meets_axis(contact: &Contact, channel: usize, field: &Field, grid_mm: f64) -> bool {
-    let along = |t: f64| field.at(contact.point + contact.normal * t);
-    let width = 2.0 * contact.extent_mm;
-    let beyond = (1..=8).map(|i| along(width + 0.5 * grid_mm * i as f64));
-    beyond.fold(f64::NEG_INFINITY, f64::max) < channel as f64 + 0.3
 }
 
 /// Least slope of the field on the way to a channel's inner wall, against that at its outer wall.

@@ -16,7 +16,6 @@ use crate::settings::Settings;
 use headway_protocol::units::{
     CHANNEL_HEADING, CHANNEL_VOLUME, CHANNEL_X, CHANNEL_Y, CHANNEL_Z, CHANNELS,
 };
-use std::sync::Arc;
 
 /// Step of the control points of a rounded way, against b: corners of at most 30° are then cut by
 /// a fifth of that, less than the way keeps from the outline.

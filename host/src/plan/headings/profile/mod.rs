@@ -411,7 +411,7 @@ fn steps_mm(contacts: &[Contact], closed: bool, aperture: &Aperture) -> Vec<f64>
 }
 
 /// The turn of a closed run over one lap: the multiple of the period that makes its ends meet.
-fn lap_turn(headings: &[f64], period_rad: f64) -> f64 {
+pub fn lap_turn(headings: &[f64], period_rad: f64) -> f64 {
     let (Some(first), Some(last)) = (headings.first(), headings.last()) else {
         return 0.0;
     };
