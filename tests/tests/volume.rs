@@ -4,10 +4,13 @@
 //! other on a raster of this file's own: cells that a pose is the first to cover against the volume
 //! channel, pass by pass and in the whole.
 
-use headway::input::{Format, ReadOptions, read};
+use headway::geometry::Point2;
+use headway::geometry::polygon::{Region, Ring};
+use headway::input::{Format, ReadOptions, Target, read};
 use headway::job::MotionState;
 use headway::plan_target;
 use headway::settings::{Infill, Settings};
+use headway_tests::layer_oracle::{print_poses, sweep};
 use headway_tests::segment_oracle::Oracle;
 use std::path::Path;
 
@@ -164,4 +167,40 @@ fn overlapping_beads_deposit_the_ground_once() {
         ..Settings::default()
     };
     assert_follows("u-part.json", &settings);
+}
+
+/// Goal: beads lie over each other by the share of their width that was asked, loops and lines.
+/// Method: swept twice in windows of whole rows, by the layer oracle: where beads of width w are
+/// w (1 - share) apart, share / (1 - share) of the ground.
+#[test]
+fn neighbouring_beads_overlap_as_asked() {
+    let outline = [[-20.0, -15.0], [20.0, -15.0], [20.0, 15.0], [-20.0, 15.0]];
+    let target = Target {
+        name: "plate".to_string(),
+        regions: vec![Region {
+            exterior: Ring {
+                points: outline.into_iter().map(Point2::from).collect(),
+            },
+            holes: Vec::new(),
+        }],
+    };
+    for (infill, window) in [
+        (None, [[-8.0, -14.0], [8.0, -3.0]]),
+        (Some(Infill::solid(2)), [[-10.0, -10.0], [10.0, 10.0]]),
+    ] {
+        let settings = Settings {
+            overlap_pct: 20.0,
+            infill,
+            ..Settings::default()
+        };
+        let plan = plan_target(&target, &settings).expect("a plan");
+        let offset_mm = [plan.transform.offset_mm[0], plan.transform.offset_mm[1]];
+        let poses = print_poses(&plan.stream, offset_mm, 0.03);
+        let [low, high] = window;
+        let ring = vec![low, [high[0], low[1]], high, [low[0], high[1]]];
+        let found = sweep(&vec![ring], &poses, AXES_MM, 0.02);
+        // Windows that cut rows, and the ripple of loops.
+        assert!((found.overlap_pct - 25.0).abs() < 2.5, "{found:?}");
+        assert!(found.covered_pct > 99.9, "{found:?}");
+    }
 }
