@@ -206,7 +206,7 @@ fn off_path(
     worst
 }
 
-/// Runs of a campaign; `HEADWAY_SCHEDULES` sets another number (issue 3 asks for 1,000 in all).
+/// Runs of a campaign; `HEADWAY_SCHEDULES` sets another number (a campaign took 1,000 in all).
 fn schedules() -> u64 {
     std::env::var("HEADWAY_SCHEDULES")
         .ok()

@@ -1,4 +1,4 @@
-//! The pose of the nozzle: tip position, tool axis and heading (SPEC: 6 degrees of freedom).
+//! The pose of the nozzle: tip position, tool axis and heading (six degrees of freedom, docs/design/pose-and-machines.md).
 //!
 //! The tool axis n travels as the tilt vector tau = theta (-n_y, n_x) / sin(theta),
 //! theta = acos(n_z): the rotation vector of the smallest rotation that takes Z to n. The

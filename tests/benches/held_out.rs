@@ -1,5 +1,5 @@
 //! Parts that no constant of the planner was chosen on, planned with the turned ellipse and with a
-//! round nozzle as wide as it is thin: the table of `docs/held-out.md`, and hunts beyond it.
+//! round nozzle as wide as it is thin: the table of `docs/measurements/held-out.md`, and hunts beyond it.
 //!
 //! `cargo bench -p headway-tests --bench held_out` prints the held-out set;
 //! `-- FROM TO [FAMILY]` the parts of these numbers with the ellipse only, worst figures marked.

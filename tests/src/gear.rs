@@ -1,4 +1,4 @@
-//! The six-axis gear of issue 4: the job that bytes on the wire are measured with.
+//! A six-axis gear: the job that bytes on the wire are measured with.
 //!
 //! r(t) = 20 + 0.8 sin 20t + 0.45 t/2pi mm around (100, 100), Z = 0.2 + 0.3 (1 - cos(2 pi L/200)),
 //! A = 10° sin(2 pi L/200), B = 10° cos(2 pi L/200) - 10°, L the length so far; the nozzle's major
@@ -89,7 +89,7 @@ pub fn points(length_mm: f64) -> Vec<GearPoint> {
 /// headings between them would be off by a quarter of their tolerance, and cost bytes.
 pub fn waypoint_file(length_mm: f64) -> String {
     let mut text = String::from(
-        "# name: gear-6axis\n# units: mm\n# A gear of 20 branch_tips in six axes, the nozzle along the \
+        "# name: gear-6axis\n# units: mm\n# A gear of 20 lobes in six axes, the nozzle along the \
          tangent; written by the tests.\n# x y z nx ny nz heading_deg\n",
     );
     for point in points(length_mm).iter().step_by(2) {

@@ -1,7 +1,7 @@
 //! Parts as users draw them, that no constant of the planner was chosen on: families of shapes, each
 //! a short function of drawn sizes, so that there are as many parts as numbers.
 //!
-//! [`held_out`] is the set that `docs/held-out.md` reports: the first two of every family, as the
+//! [`held_out`] is the set that `docs/measurements/held-out.md` reports: the first two of every family, as the
 //! ranges gave them. [`Family::part`] draws any other, for hunts. 10 to 120 mm across.
 
 mod drawing;

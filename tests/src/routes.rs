@@ -37,7 +37,7 @@ fn curve_through(points: impl Iterator<Item = (f64, f64, f64)>) -> Vec<[f64; 7]>
     control
 }
 
-/// The gear of SPEC section 9: 20 branch_tips, slowly growing, nozzle on the tangent.
+/// A gear of 20 lobes, slowly growing, nozzle on the tangent.
 pub fn gear(length_mm: f64) -> Vec<[f64; 7]> {
     let radius = |t: f64| 20.0 + 0.8 * (20.0 * t).sin() + 0.45 * t / std::f64::consts::TAU;
     let mut points = Vec::new();

@@ -1,5 +1,5 @@
-//! Goal: the firmware's figures stay within what a Cortex-M4F at 168 MHz has room for (issue 3,
-//! "To show" 1, 2 and 4). Method: `tools/firmware-bench` plays planned jobs on the emulated core.
+//! Goal: the firmware's figures stay within what a Cortex-M4F at 168 MHz has room
+//! for. Method: `tools/firmware-bench` plays planned jobs on the emulated core.
 //! Skipped, and said so, where QEMU or the target is missing; `HEADWAY_DEMAND_EMULATOR=1` makes
 //! that a failure.
 

@@ -323,7 +323,7 @@ fn oracle_law(r: f64, law: HeadingLaw, pass: PassMode) -> f64 {
     }
 }
 
-/// Goal: issue 2, to show, point 3. Method: every few rows of each example against the oracle, for
+/// Goal: the table agrees with the oracle. Method: every few rows of each example against the oracle, for
 /// both passes and both laws in turn.
 #[test]
 fn table_agrees_with_brute_force() {

@@ -1,6 +1,6 @@
 //! Goal: the figures asked of real slices hold on parts that no constant of the planner was chosen
 //! on. Method: families of drawn parts (`headway_tests::parts`), planned with the default nozzle and
-//! judged by the oracle that knows only the knots. The table is `docs/held-out.md`.
+//! judged by the oracle that knows only the knots. The table is `docs/measurements/held-out.md`.
 
 use headway::input::Target;
 use headway::settings::Settings;

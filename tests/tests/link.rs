@@ -1,6 +1,6 @@
-//! Goal: a link that cannot lose a print (issue 4, points 1 and 3). Method: the whole chain on a
+//! Goal: a link that cannot lose a print. Method: the whole chain on a
 //! virtual clock, lines with seeded faults, the steps compared with those of a clean run.
-//! `HEADWAY_SEEDS` sets the number of runs for each line rate (default 6; issue 4 asks for 200).
+//! `HEADWAY_SEEDS` sets the number of runs for each line rate (default 6; the campaign took 200).
 
 use headway::drive::plan_curve::stream_ticks;
 use headway::drive::rehearsal::rehearse;
@@ -25,7 +25,7 @@ fn seeds() -> u64 {
         .unwrap_or(6)
 }
 
-/// The example of issue 4, planned from its waypoints.
+/// The six-axis gear, planned from its waypoints.
 fn example() -> (SegmentStream, Settings) {
     let text = gear::waypoint_file(400.0);
     let run = read(text.as_bytes(), "gear", &ReadOptions::default()).unwrap();
@@ -70,7 +70,7 @@ fn faults_on_the_line_cost_time_but_no_step() {
 
 #[test]
 fn credits_never_hold_up_a_line_that_carries_the_rate() {
-    // Goal: issue 4, point 4. Method: clean lines from twice the job's mean rate up; once the
+    // Goal: goodput on clean lines. Method: clean lines from twice the job's mean rate up; once the
     // queue has been full, a free place in it for more than the next blocks would be a stall.
     let (stream, settings) = example();
     let payload = WireFrames::encode(&stream).unwrap().line_bytes();

@@ -96,7 +96,7 @@ fn outcome(name: &str, rings: &Rings) -> Outcome {
     }
 }
 
-/// Goal: issue 5's bounds: as many passes, path length within 0.1 %, coverage within 0.05. Method:
+/// Goal: as many passes, path length within 0.1 %, coverage within 0.05. Method:
 /// each part planned whole, in every way.
 #[test]
 fn the_same_part_is_planned_the_same() {

@@ -1,4 +1,4 @@
-//! Goal: the finished segments keep every limit, the path and the rests (issue 2, point 5).
+//! Goal: the finished segments keep every limit, the path and the rests.
 //! Method: routes of known shape are timed and fitted; an evaluator that shares no code with what it
 //! checks looks at the result.
 

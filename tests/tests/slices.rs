@@ -1,4 +1,4 @@
-//! Goal: every real slice plans and simulates within issue 2's figures, the invalid ones are
+//! Goal: every real slice plans and simulates within the figures below, the invalid ones are
 //! refused with the place. Method: the whole way from file to steps; coverage, overlap and outside
 //! depth by the oracle of `headway_tests::layer_oracle`, which knows only the knots. Slices are
 //! reference data beside the checkout: without them the test says so and passes.

@@ -1,5 +1,5 @@
 //! Goal: the simulated steps reproduce the plan, and the finished segments keep every limit
-//! (issue 2, points 4 and 5). Method: examples planned at 60 and 150 mm/s, streamed to the firmware
+//! Method: examples planned at 60 and 150 mm/s, streamed to the firmware
 //! library, steps turned back into poses; an independent sampler over the segments.
 
 use headway::drive::rehearsal::{Rehearsal, rehearse};

@@ -1,4 +1,4 @@
-//! Goal: the six-axis gear of issue 4, from a waypoint file to steps, in few bytes. Method: the
+//! Goal: a six-axis gear, from a waypoint file to steps, in few bytes. Method: the
 //! kept example is written again and compared; it is read, planned, simulated at several microstep
 //! settings, and its bytes are counted. `HEADWAY_WRITE_EXAMPLES=1` writes the example anew.
 
@@ -134,7 +134,7 @@ fn the_curve_is_the_gear_between_its_waypoints_too() {
         worst_mm = worst_mm.max(nearest_mm);
     }
     println!("farthest from the gear: {:.2} um", worst_mm * 1e3);
-    // Waypoints 0.2 mm apart on branch_tips of 1.2 mm radius: 0.2^4 / 384 / 1.2^3 = 0.002 um
+    // Waypoints 0.2 mm apart on lobes of 1.2 mm radius: 0.2^4 / 384 / 1.2^3 = 0.002 um
     // inside. The parabola at either end is off by about 0.2^3 / 12 / 1.2^2 = 0.5 um: half the
     // tolerance.
     assert!(worst_mm < 1e-3, "{worst_mm} mm");

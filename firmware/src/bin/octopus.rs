@@ -2,7 +2,7 @@
 //!
 //! Steps, servo and link run as in `shared/runtime.rs`; pins and their sense are in
 //! `shared/octopus_pins.rs`. The emergency input has the steps' own priority; the independent
-//! watchdog is fed by a healthy servo tick only. `docs/boards.md` says how to build, flash and
+//! watchdog is fed by a healthy servo tick only. `docs/guide/boards.md` says how to build, flash and
 //! wire it. Built and checked by tools only: it has not run on hardware.
 //!
 //! The USB driver masks interrupts while it moves a packet; it is polled just after a step tick, so

@@ -291,7 +291,7 @@ pub(super) struct SimulateArgs {
     pub trace_steps: Option<PathBuf>,
     /// Faults of the simulated line: drop, flip, dup, delay, stall=LENGTH@START,
     /// pull=LENGTH@START, baud.
-    #[arg(long, value_name = "SPEC")]
+    #[arg(long, value_name = "FAULTS")]
     pub link: Option<String>,
     /// Fixes every random choice of the simulated line.
     #[arg(long, value_name = "N", default_value_t = 1)]
@@ -395,7 +395,7 @@ pub(super) enum MachineCommand {
         #[arg(long)]
         json: bool,
     },
-    /// Write what a board's firmware is built with (`HEADWAY_MACHINE`, see docs/boards.md).
+    /// Write what a board's firmware is built with (`HEADWAY_MACHINE`, see docs/guide/boards.md).
     Firmware {
         /// The machine file.
         file: PathBuf,

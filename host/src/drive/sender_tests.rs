@@ -450,7 +450,7 @@ fn frames_of_a_dead_host_that_arrive_after_the_greeting_do_no_harm() {
 
 #[test]
 fn goodput_on_a_clean_line_is_above_ninety_per_cent() {
-    // Goal: issue 4 item 4. Method: a controller that takes everything at once, 1 Mbaud.
+    // Goal: goodput. Method: a controller that takes everything at once, 1 Mbaud.
     let stream = stream(20_000);
     let run = run(&LinkSpec::default(), 1, &stream, |_, _, device| {
         device.done = device.knots.len() as u32;

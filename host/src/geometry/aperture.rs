@@ -2,7 +2,7 @@
 //!
 //! The aperture is centred on the tool with its long axis along tool X; `heading` turns it
 //! counter-clockwise in the layer plane. Everything downstream asks only for extents, support
-//! points and the methods here, so that every convex shape can be planned (SPEC section 1).
+//! points and the methods here, so that every convex shape can be planned.
 //!
 //! What the planner calls a and b are half the greatest and half the least width over all
 //! directions: the semi-axes of an ellipse, half the length and width of a slot, half the diagonal
@@ -156,7 +156,7 @@ impl Aperture {
     }
 
     /// Support point: the point of the aperture farthest in `direction`, relative to its centre.
-    /// For the ellipse M N / h with M = R diag(a², b²) Rᵀ (SPEC section 2); for a flat side one of
+    /// For the ellipse M N / h with M = R diag(a², b²) Rᵀ (docs/design/heading-law.md); for a flat side one of
     /// its ends.
     #[inline]
     pub fn support_point(&self, heading: impl Into<Turn>, direction: Vector2) -> Vector2 {

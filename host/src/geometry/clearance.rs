@@ -1,7 +1,7 @@
 //! How well a placed aperture keeps inside a region: one query, no grid, no tolerance.
 //!
 //! For the ellipse: rotate by -heading, scale by (1/a, 1/b); the aperture is inside exactly when
-//! its centre is and the scaled boundary comes no closer than 1 to the origin (SPEC section 2).
+//! its centre is and the scaled boundary comes no closer than 1 to the origin (docs/design/heading-law.md).
 //! For slots, rectangles and polygons the boundary is brought into the tool's frame and parted from
 //! the shape there ([`super::rounded_polygon`]); the gap is given as a share of b.
 

@@ -1,8 +1,8 @@
 //! What a set of swept placements covers: a raster over a region that counts visits.
 //!
 //! A cell is covered when its centre lies in any placement, overlapped when it is visited by two
-//! passes or by one that left it and came back more than `return_mm` of path later (SPEC section
-//! 2). Cells are processed in bands of rows, in parallel, with the same result for any number of
+//! passes or by one that left it and came back more than `return_mm` of path later.
+//! Cells are processed in bands of rows, in parallel, with the same result for any number of
 //! threads.
 
 use super::aperture::Aperture;

@@ -3,7 +3,7 @@
 //! In closed form, edge by edge, and so independent of any medial axis: the disk of radius rho
 //! about p + rho N touches another boundary point q where rho = |q - p|² / (2 N·(q - p)); over a
 //! straight edge the smallest rho is the one that touches the edge's line (where the foot falls on
-//! the edge) or one of its ends. SPEC section 1, r(p).
+//! the edge) or one of its ends. It is r(p) of docs/glossary.md.
 
 use super::edge_index::{Edge, EdgeIndex};
 use super::polygon::Box2;

@@ -1,4 +1,4 @@
-//! Figures of the firmware on a real core: instructions, memory, panics (issue 3).
+//! Figures of the firmware on a real core: instructions, memory, panics.
 //!
 //! Plans the jobs with the host library, plays them on the emulated Cortex-M4F through
 //! `qemu_bench`, reads sizes and symbols out of the board's ELF, and prints one JSON object.

@@ -1,7 +1,7 @@
 //! How many beads lie between the wall and the medial axis, along the axis.
 //!
-//! With k beads across r each is r/k wide, so any k with r/(2a) <= k <= r/(2b) works (SPEC section
-//! 2). The count is chosen piecewise constant over the whole axis, by dynamic programming over a
+//! With k beads across r each is r/k wide, so any k with r/(2a) <= k <= r/(2b) works
+//! (docs/design/heading-law.md). The count is chosen piecewise constant over the whole axis, by dynamic programming over a
 //! spanning forest of the axis graph: the least printed path, where each change costs about what
 //! its ends waste. Each change is then spread over a blend length, so that the channels narrow and
 //! widen smoothly instead of jumping. Where r < 2b only one bead fits across the whole passage: a

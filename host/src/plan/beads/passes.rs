@@ -69,7 +69,7 @@ impl PassSettings {
 
     /// The extent across the passage that the law's angle gives where half the bead is to be
     /// `half_mm` wide: the same for the tangent law; for the linear law that of
-    /// |alpha| = (1 - w) 90° with w = (half - b) / (a - b), which is r of SPEC section 2 halved in
+    /// |alpha| = (1 - w) 90° with w = (half - b) / (a - b), which is r of docs/design/heading-law.md halved in
     /// two-pass and r itself in one-pass.
     pub fn law_extent_mm(&self, half_mm: f64) -> f64 {
         let (a, b) = (self.aperture.major_mm(), self.aperture.minor_mm());

@@ -68,7 +68,7 @@ struct GroundCell {
 impl GroundCell {
     /// Whether the cell, `state` before the gap-fill move, counts as covered again after it: by
     /// another pass or long ago by this one, or by one that was here more than 4a of path before or
-    /// after (SPEC section 2).
+    /// after.
     fn is_twice(&self, state: Cell) -> bool {
         (state == Cell::Covered && !self.is_own) || self.is_returned_to
     }

@@ -11,7 +11,7 @@
 //!
 //! Accuracy: interval ends to `RESOLUTION_RAD`; a gap or an interval narrower than that may be
 //! missed; an aperture that fits but for [`SLACK`] counts. No grid, no tolerance beyond these.
-//! Source: SPEC section 2; the bound on ln F is ours (see `settle`).
+//! Source: docs/design/heading-law.md; the bound on ln F is ours (see `settle`).
 //! Slots, rectangles and polygons have closed forms of their own: `feasible_polygon`.
 
 mod polygon;

@@ -10,7 +10,7 @@
 //!
 //! In: the shape, the edges near p in the frame of the normal (x along N, y along the tangent).
 //! Out: intervals of alpha (the angle from N to tool X), and the flats. Exact but for rounding and
-//! [`SLACK_MM`]; an interval below 1e-12 rad is dropped. Source: SPEC section 2; the method is ours.
+//! [`SLACK_MM`]; an interval below 1e-12 rad is dropped. Source: docs/design/heading-law.md; the method is ours.
 
 use crate::geometry::Vector2;
 use crate::geometry::aperture::wrapped_rad;

@@ -1,6 +1,6 @@
 //! Weights and heading laws: from the radius r to the angle |alpha| that the aperture should take.
 //!
-//! Source: eq. 3.4.3 and 3.4.5 of the method for the weights; SPEC section 2 for how they are read
+//! Source: eq. 3.4.3 and 3.4.5 of the method for the weights; docs/design/heading-law.md for how they are read
 //! (w = 1 is the major axis along the normal, w = 0 along the tangent) and for the tangent law.
 
 use crate::geometry::aperture::Aperture;
@@ -78,8 +78,8 @@ mod tests {
         assert_eq!(weight(&ROUND, 0.8, PassMode::Two), 1.0);
     }
 
-    /// Goal: the tangent law touches what it should; the linear one is wider in between, as SPEC
-    /// says. Method: extent at the angle against r/2 and r.
+    /// Goal: the tangent law touches what it should; the linear one is wider in between
+    /// (docs/design/heading-law.md). Method: extent at the angle against r/2 and r.
     #[test]
     fn angles_touch() {
         for k in 0..=20 {

@@ -2,7 +2,7 @@
 //!
 //! Input: a region in mm, an aperture, a spacing. Output: one row for each midpoint of equal
 //! pieces, no longer than the spacing, of each edge, ring by ring in the region's order; exact
-//! edge normals and the unpruned r. SPEC sections 2 and 8. The same rows for any number of threads.
+//! edge normals and the unpruned r. See docs/design/heading-law.md. The same rows for any number of threads.
 
 use crate::geometry::aperture::Aperture;
 use crate::geometry::clearance::Configuration;
@@ -305,7 +305,7 @@ mod tests {
         }
     }
 
-    /// Goal: the formulas of a straight passage to 0.01° (issue 2, point 3). Method: long
+    /// Goal: the formulas of a straight passage to 0.01°. Method: long
     /// passages, turned and far from the origin; samples away from the ends.
     #[test]
     fn straight_passage_formulas() {

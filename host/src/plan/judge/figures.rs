@@ -1,6 +1,6 @@
 //! What a plan is judged on, as numbers; [`super::measure`] finds them.
 
-/// What a plan is judged on (SPEC section 8). Shares are weighted by area over all layers.
+/// What a plan is judged on. Shares are weighted by area over all layers.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct PlanFigures {
     /// Layers.

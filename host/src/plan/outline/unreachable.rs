@@ -1,4 +1,4 @@
-//! Boundary that no placement inside can touch: F(p) is empty there (SPEC section 2).
+//! Boundary that no placement inside can touch: F(p) is empty there (docs/design/heading-law.md).
 //!
 //! Input: a region about its local origin, its edge index, the aperture. Output: runs of boundary
 //! with their length. Each edge is looked at in pieces of about half the minor semi-axis, and the

@@ -24,7 +24,7 @@ use headway_protocol::units::{
 use nalgebra::{Rotation3, Vector2, Vector3};
 use std::f64::consts::{FRAC_PI_2, PI};
 
-/// Turns of the path above this are corners (SPEC section 8).
+/// Turns of the path above this are corners.
 pub const CORNER_RAD: f64 = PI / 6.0;
 /// Share of the tip's, axis' and heading's tolerance that the B-spline may be off the spline.
 const CURVE_SHARE: f64 = 0.1;

@@ -3,7 +3,7 @@
 //! In: poses along a pass (centre, heading), aperture, layer height, flow factor. Out: cumulative
 //! volume at each pose, mm³, for the path's volume channel. For a step that moves the centre by d
 //! and turns by w, an outline point r with outward normal n advances by n·d + w (r x n); the new
-//! ground is the integral of its positive part over the outline (SPEC section 3). Straight travel
+//! ground is the integral of its positive part over the outline (docs/design/flow.md). Straight travel
 //! gives exactly bead width x length. Of the front counts what meets ground that no pass, and no
 //! earlier part of this one, has covered ([`fresh_ground`]). The footprint at the start of a
 //! pass is laid by the first length of its run: a front that only moves on leaves it empty. The
@@ -282,7 +282,7 @@ pub fn event_duration_s(volume_mm3: f64, rate_mm3_s: f64, acceleration_mm3_s2: f
 
 #[cfg(test)]
 mod tests {
-    //! Goal: the volumes of SPEC section 3 in the cases that have a closed form, and against a
+    //! Goal: the volumes of docs/design/flow.md in the cases that have a closed form, and against a
     //! raster for one that has none.
     use super::*;
     use crate::geometry::test_shapes::ELLIPSE;
