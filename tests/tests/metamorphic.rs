@@ -6,6 +6,7 @@ use headway::geometry::polygon::Region;
 use headway::input::{Format, ReadOptions, Target, Units, read};
 use headway::plan_target;
 use headway::settings::Settings;
+use headway_tests::folders::skipped;
 use headway_tests::layer_oracle::Rings;
 use headway_tests::outlines::{example, region};
 use headway_tests::parts::held_out;
@@ -170,7 +171,7 @@ fn a_coordinate_settled_beside_is_planned_the_same() {
 /// A reference polygon of one region, 80 mm across; none, and a message, where it is not there.
 fn reference_polygon(name: &str) -> Option<Rings> {
     let Ok(bytes) = std::fs::read(format!("{POLYGONS}/{name}.json")) else {
-        println!("skipped: no reference polygons at {POLYGONS}");
+        skipped(POLYGONS);
         return None;
     };
     let options = ReadOptions {

@@ -8,7 +8,7 @@ use headway::drive::simulator::SimulatorSetup;
 use headway::input::{Format, ReadOptions, read};
 use headway::plan_target;
 use headway::settings::Settings;
-use headway_tests::folders::files;
+use headway_tests::folders::{files, skipped};
 use headway_tests::judge::{judge, judge_finely};
 use std::path::Path;
 
@@ -170,7 +170,7 @@ fn parts_of_the_peers_are_covered_in_fewer_passes() {
         let part = asked.part;
         let file = Path::new(PEER).join(format!("{part}.json"));
         let Ok(bytes) = std::fs::read(&file) else {
-            println!("skipped: no reference part at {}", file.display());
+            skipped(file.display());
             continue;
         };
         let loaded =

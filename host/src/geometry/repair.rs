@@ -132,6 +132,10 @@ mod tests {
         ];
         for name in names {
             let Ok(text) = std::fs::read_to_string(format!("{root}/{name}.json")) else {
+                assert!(
+                    std::env::var_os("HEADWAY_DEMAND_DATA").is_none(),
+                    "no reference data"
+                );
                 println!("skipped: no reference data {root}/{name}.json");
                 continue;
             };

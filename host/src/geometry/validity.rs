@@ -696,6 +696,10 @@ mod tests {
         for folder in ["slices", "polygons", "peer"] {
             let root = concat!(env!("CARGO_MANIFEST_DIR"), "/../../shared/data");
             let Ok(files) = std::fs::read_dir(format!("{root}/{folder}")) else {
+                assert!(
+                    std::env::var_os("HEADWAY_DEMAND_DATA").is_none(),
+                    "no reference data"
+                );
                 println!("skipped: no reference data in {root}/{folder}");
                 continue;
             };
