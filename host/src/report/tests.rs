@@ -72,7 +72,7 @@ fn the_plan_shows_passes_nozzles_and_interruptions() {
     assert_eq!(count(&text, "circle"), 6);
     // Nine placements 1 mm apart, every one of two passes drawn (two arcs each).
     assert_eq!(text.matches('A').count(), 2 * 2 * 9);
-    assert!(text.contains("one-pass zone") && text.contains("1 mm") && text.contains("&lt;"));
+    assert!(text.contains("one bead across") && text.contains("1 mm") && text.contains("&lt;"));
 }
 
 #[test]
