@@ -26,6 +26,7 @@ pub mod hold;
 pub mod homing;
 pub mod inputs;
 pub mod interpolator;
+pub mod jet;
 pub mod joint_move;
 pub mod joints;
 pub mod kinematics;

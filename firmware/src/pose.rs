@@ -8,7 +8,7 @@ use crate::real::Real;
 use headway_protocol::units::{
     CHANNEL_HEADING, CHANNEL_TILT_X, CHANNEL_TILT_Y, CHANNEL_X, CHANNEL_Y, CHANNEL_Z, CHANNELS,
 };
-use nalgebra::{Rotation3, Vector2, Vector3};
+use nalgebra::{RealField, Rotation3, Vector2, Vector3};
 
 /// Largest angle between tool axis and Z; beyond it the tilt vector is too close to the pole.
 pub const TILT_MAX_RAD: f64 = 150.0 * core::f64::consts::PI / 180.0;
@@ -38,7 +38,9 @@ impl<R: Real> Pose<R> {
     pub fn tool_axis(&self) -> Vector3<R> {
         tool_axis(self.tilt_rad)
     }
+}
 
+impl<R: Real + RealField> Pose<R> {
     /// R = R_min R_z(heading): turns tool coordinates into machine coordinates.
     pub fn rotation(&self) -> Rotation3<R> {
         let zero = R::of(0.0);

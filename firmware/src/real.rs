@@ -5,10 +5,26 @@
 //! (libm). Kernels after S. Moshier, Cephes single-precision library (1989): sinf.c, atanf.c.
 //! Left out: anything beyond what poses need (no exp, no log).
 
-use nalgebra::RealField;
+use core::fmt::Debug;
+use core::ops::{Add, AddAssign, Div, Mul, MulAssign, Neg, Sub, SubAssign};
 
-/// A real number with the kernels of the pose mathematics.
-pub trait Real: RealField + Copy {
+/// A real number with the kernels of the pose mathematics: f32, f64, or a Taylor series of one
+/// ([`crate::jet::Jet`]), by which derivatives come from the same source.
+pub trait Real:
+    Copy
+    + Debug
+    + PartialEq
+    + PartialOrd
+    + Add<Output = Self>
+    + Sub<Output = Self>
+    + Mul<Output = Self>
+    + Div<Output = Self>
+    + Neg<Output = Self>
+    + AddAssign
+    + SubAssign
+    + MulAssign
+    + 'static
+{
     /// Rounds a constant or setting to this type.
     fn of(value: f64) -> Self;
     /// An integer, rounded to this type without a detour through f64.
@@ -17,6 +33,12 @@ pub trait Real: RealField + Copy {
     fn larger(self, other: Self) -> Self {
         if self > other { self } else { other }
     }
+    /// The absolute value.
+    fn magnitude(self) -> Self {
+        if self < Self::of(0.0) { -self } else { self }
+    }
+    /// False for what is infinite or not a number.
+    fn is_number(self) -> bool;
     /// Widens for reports and tests.
     fn as_double(self) -> f64;
     /// (sin, cos) of an angle in rad. f32: absolute error below 1.5e-7 for |angle| <= 1000 rad.
@@ -41,6 +63,12 @@ impl Real for f64 {
     }
     fn as_double(self) -> f64 {
         self
+    }
+    fn magnitude(self) -> Self {
+        self.abs()
+    }
+    fn is_number(self) -> bool {
+        self.is_finite()
     }
     fn sine_cosine(self) -> (Self, Self) {
         libm::sincos(self)
@@ -73,6 +101,12 @@ impl Real for f32 {
     }
     fn as_double(self) -> f64 {
         f64::from(self)
+    }
+    fn magnitude(self) -> Self {
+        self.abs()
+    }
+    fn is_number(self) -> bool {
+        self.is_finite()
     }
     fn sine_cosine(self) -> (Self, Self) {
         sine_cosine_f32(self)

@@ -204,7 +204,7 @@ impl<R: Real> SpanWeights<R> {
     #[inline]
     fn rate_bound(&self, a: R, b: R, c: R) -> R {
         let (da, db, dc) = (a * self.rate[0], b * self.rate[1], c * self.rate[2]);
-        da.abs().larger(db.abs()).larger(dc.abs())
+        da.magnitude().larger(db.magnitude()).larger(dc.magnitude())
     }
 }
 

@@ -103,7 +103,7 @@ pub fn inverse<R: Real>(
         pose.tilt_rad.y,
         pose.heading_rad,
     ];
-    if channels.iter().any(|value| !value.is_finite()) {
+    if channels.iter().any(|value| !value.is_number()) {
         return Err(KinematicsError::NotFinite);
     }
     let mut position = remainder(kinematics, pose)?;

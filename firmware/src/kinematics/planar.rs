@@ -25,7 +25,7 @@ const UPRIGHT_TOLERANCE_RAD: f64 = 5e-5;
 #[inline]
 pub fn remainder<R: Real>(pose: &Pose<R>) -> Result<[R; JOINTS_MAX], KinematicsError> {
     let most = R::of(UPRIGHT_TOLERANCE_RAD);
-    if pose.tilt_rad.x.abs() <= most && pose.tilt_rad.y.abs() <= most {
+    if pose.tilt_rad.x.magnitude() <= most && pose.tilt_rad.y.magnitude() <= most {
         Ok([R::of(0.0); JOINTS_MAX])
     } else {
         Err(KinematicsError::TiltOutOfReach)

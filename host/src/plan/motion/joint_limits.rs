@@ -8,6 +8,7 @@ use crate::plan::route::path_curve::CurvePoint;
 use crate::settings::{Settings, joint_names};
 use headway_firmware::configuration::{JOINTS_MAX, Kinematics};
 use headway_firmware::kinematics::{self, KinematicsError};
+use headway_firmware::load::LoadModel;
 use headway_firmware::pose::Pose;
 use headway_protocol::units::{
     CHANNEL_HEADING, CHANNEL_TILT_X, CHANNEL_TILT_Y, CHANNEL_X, CHANNEL_Y, CHANNEL_Z, CHANNELS,
@@ -154,6 +155,8 @@ pub struct JointLimit {
 pub struct MotionLimits {
     /// The machine's equations.
     pub kinematics: Kinematics,
+    /// What the controller checks of every span that it is sent.
+    pub span_check: LoadModel,
     /// One for each joint, in the machine's order.
     pub joints: Vec<JointLimit>,
     /// Tip speed, mm/s.
@@ -190,6 +193,7 @@ impl MotionLimits {
         let count = kinematics::joint_count(&machine.kinematics);
         let limits = Self {
             kinematics: machine.kinematics,
+            span_check: LoadModel::new(machine),
             joints: machine
                 .joints
                 .iter()
@@ -372,17 +376,28 @@ pub fn check_range(
         let inside = position >= limit.position_min - RANGE_SLACK
             && position <= limit.position_max + RANGE_SLACK;
         if !inside {
-            let names = joint_names(&limits.kinematics);
-            return Err(MotionError::OutsideJointRange {
-                joint,
-                name: names.get(joint).copied().unwrap_or("?"),
-                rotary: limit.rotary,
-                position,
-                minimum: limit.position_min,
-                maximum: limit.position_max,
-                at_mm: tip_mm(&point.value),
-            });
+            return Err(outside_range(limits, joint, position, tip_mm(&point.value)));
         }
     }
     Ok(())
+}
+
+/// The error of a joint that would be at `position`, mm or rad.
+pub fn outside_range(
+    limits: &MotionLimits,
+    joint: usize,
+    position: f64,
+    at_mm: [f64; 3],
+) -> MotionError {
+    let range = limits.joints.get(joint);
+    let names = joint_names(&limits.kinematics);
+    MotionError::OutsideJointRange {
+        joint,
+        name: names.get(joint).copied().unwrap_or("?"),
+        rotary: range.is_some_and(|limit| limit.rotary),
+        position,
+        minimum: range.map_or(f64::NAN, |limit| limit.position_min),
+        maximum: range.map_or(f64::NAN, |limit| limit.position_max),
+        at_mm,
+    }
 }

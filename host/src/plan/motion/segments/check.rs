@@ -6,9 +6,14 @@
 //! samples are exact; elsewhere the samples are dense.
 
 use super::spline::{RestSpline, evaluate};
-use crate::plan::motion::joint_limits::{JointPoint, MotionError, MotionLimits, joint_point};
+use crate::plan::motion::joint_limits::{
+    JointPoint, MotionError, MotionLimits, joint_point, outside_range, tip_mm,
+};
 use crate::plan::route::path_curve::CurvePoint;
-use headway_protocol::units::{CHANNEL_VOLUME, CHANNELS};
+use headway_firmware::load::SpanFault;
+use headway_firmware::spline::SpanWindow;
+use headway_protocol::segment::{Knot, REST_TICKS};
+use headway_protocol::units::{CHANNEL_VOLUME, CHANNELS, to_units};
 use rayon::prelude::*;
 
 /// Longest piece between two samples.
@@ -51,6 +56,8 @@ pub struct Piece {
 const RATIO_MAX: f64 = 1.0 - 1e-6;
 /// The same of the jerk, which a cubic piece has as a mean over it.
 pub const JERK_RATIO_MAX: f64 = 1.01;
+/// By how much a span that the controller would refuse is slowed in one round.
+const REFUSED_SLOWING: f64 = 1.05;
 /// Largest jerk ratio that one round answers: jerk falls faster than it is asked to.
 const JERK_RATIO_ANSWERED: f64 = 3.0;
 
@@ -250,6 +257,56 @@ fn span_ratios(
             Ok(ratios)
         })
         .collect()
+}
+
+/// Spans that the controller would refuse, as pieces to be slowed: its own check, in its own precision,
+/// on what it will be sent. `None` of them where the exact check above has passed, but for rounding.
+///
+/// # Errors
+/// [`MotionError`] where slowing does not help: a joint's range, a pose without joints.
+pub fn refused_spans(
+    spline: &RestSpline,
+    limits: &MotionLimits,
+) -> Result<Vec<Piece>, MotionError> {
+    let (durations, control) = (&spline.durations_ticks, &spline.control);
+    let mut window = SpanWindow::at_rest(&to_units(&control[0]));
+    let knot = |point: usize, span: usize| Knot {
+        control: to_units(&control[point]),
+        duration_ticks: durations.get(span).copied().unwrap_or(REST_TICKS),
+    };
+    // A knot carries the duration of the span after the next.
+    window.push(&knot(0, 0));
+    window.push(&knot(0, 1));
+    let mut pieces = Vec::new();
+    let mut start_tick = 0.0;
+    for (span, &ticks) in durations.iter().enumerate() {
+        window.push(&knot(span + 3, span + 2));
+        let end_tick = start_tick + f64::from(ticks);
+        let at_mm = || tip_mm(&control[span + 1]);
+        match limits.span_check.of_span(&window) {
+            Ok(_) => {}
+            Err(SpanFault::Limit(_)) => pieces.push(Piece {
+                start_tick,
+                end_tick,
+                ratios: Ratios {
+                    speed: REFUSED_SLOWING,
+                    ..Ratios::default()
+                },
+            }),
+            Err(SpanFault::SoftLimit(joint, units)) => {
+                let joint = usize::from(joint);
+                let rotary = limits.joints.get(joint).is_some_and(|limit| limit.rotary);
+                let position = f64::from(units) * if rotary { 1e-6 } else { 1e-4 };
+                return Err(outside_range(limits, joint, position, at_mm()));
+            }
+            Err(SpanFault::Kinematics(error)) => {
+                let at_mm = at_mm();
+                return Err(MotionError::Kinematics { error, at_mm });
+            }
+        }
+        start_tick = end_tick;
+    }
+    Ok(pieces)
 }
 
 /// dV/dt and d²V/dt² at every tick of a stretch, per second.

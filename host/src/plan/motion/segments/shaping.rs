@@ -86,7 +86,11 @@ impl Shaping<'_> {
                 .iter()
                 .all(|piece| piece.is_kept(round < JERK_ROUNDS))
             {
-                return Ok(finished(layout, &pieces));
+                let refused = check::refused_spans(&layout.spline, self.limits)?;
+                if refused.is_empty() {
+                    return Ok(finished(layout, &pieces));
+                }
+                pieces.extend(refused);
             }
             pieces.retain(|piece| !piece.is_kept(round < JERK_ROUNDS));
             let next = if round < CAP_ROUNDS {
@@ -120,7 +124,10 @@ impl Shaping<'_> {
         let pieces = self.limit_pieces(&spline, &ratios);
         let jerk_max = known.ratios.jerk.max(JERK_RATIO_MAX) * (1.0 + 1e-6);
         let keeps_jerk = |piece: &Piece| piece.ratios.jerk <= jerk_max;
-        if !pieces.iter().all(keeps_jerk) || !pieces.iter().all(|piece| piece.is_kept(false)) {
+        let is_kept = pieces.iter().all(keeps_jerk)
+            && pieces.iter().all(|piece| piece.is_kept(false))
+            && check::refused_spans(&spline, self.limits)?.is_empty();
+        if !is_kept {
             return Ok(None);
         }
         let ratios = pieces.iter().map(|piece| piece.ratios);
@@ -267,7 +274,8 @@ impl Shaping<'_> {
             }
             let ratios = self.motion_ratios(&layout, None)?;
             pieces = self.pieces(&layout, &ratios);
-            if pieces.iter().all(|piece| piece.is_kept(false)) {
+            let refused = check::refused_spans(&layout.spline, self.limits)?;
+            if pieces.iter().all(|piece| piece.is_kept(false)) && refused.is_empty() {
                 break;
             }
         }

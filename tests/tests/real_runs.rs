@@ -1,0 +1,71 @@
+//! Goal: 6-axis print paths as people publish them come out of the simulated firmware without a
+//! fault, or are refused before a job is written. Method: the runs in ../shared/data/waypoints (left
+//! out where that folder is missing), planned for example machines and simulated; tip, axis and limits
+//! judged from the recorded steps.
+
+use headway::drive::rehearsal::{Rehearsal, rehearse};
+use headway::drive::simulator::SimulatorSetup;
+use headway::input::ReadOptions;
+use headway::input::waypoints::read;
+use headway::plan_waypoints;
+use headway::settings::{Settings, machine_file};
+use std::path::{Path, PathBuf};
+
+fn root() -> PathBuf {
+    Path::new(env!("CARGO_MANIFEST_DIR")).join("..")
+}
+
+fn machine(name: &str) -> Settings {
+    let path = root().join("examples/machines").join(name);
+    machine_file::from_toml(&std::fs::read_to_string(path).unwrap()).unwrap()
+}
+
+/// A run printed in simulation; `None` where the shared data are missing.
+fn printed(name: &str, settings: &Settings) -> Option<Rehearsal> {
+    let path = root().join("../shared/data/waypoints").join(name);
+    let Ok(text) = std::fs::read(&path) else {
+        eprintln!("left out: {} is missing", path.display());
+        return None;
+    };
+    let run = read(&text, name, &ReadOptions::default()).unwrap();
+    let plan = plan_waypoints(&run, settings).unwrap_or_else(|error| panic!("{name}: {error}"));
+    let setup = SimulatorSetup::default();
+    Some(rehearse(&plan.stream, settings, &setup, |_| {}).unwrap())
+}
+
+/// No fault, limits kept, and the pose within what half a step and 5 um explain.
+fn assert_printed(name: &str, rehearsal: &Rehearsal) {
+    let (figures, trace) = (&rehearsal.simulation.figures, &rehearsal.trace);
+    println!(
+        "{name}: {:.1} s, {trace:?}, {:?}",
+        figures.motion_s, rehearsal.limits
+    );
+    assert_eq!(
+        figures.faults, 0,
+        "{name}: {:?}",
+        rehearsal.simulation.fault
+    );
+    assert!(rehearsal.limits.velocity.ratio <= 1.0, "{name}");
+    assert!(rehearsal.limits.acceleration.ratio <= 1.0, "{name}");
+    assert!(rehearsal.limits.jerk.ratio <= 1.02, "{name}");
+    assert!(
+        trace.tip_error_um_max <= trace.half_step_um_max + 5.0,
+        "{name}"
+    );
+    let angle_mrad_max = trace.half_step_mrad_max + 0.5;
+    assert!(trace.heading_error_mrad_max <= angle_mrad_max, "{name}");
+    assert!(trace.axis_error_mrad_max <= angle_mrad_max, "{name}");
+    assert_eq!(trace.final_counts, trace.expected_counts, "{name}");
+}
+
+/// Goal: what the planner passes the controller does not refuse. Method: runs whose heads swing so that
+/// the pivot's motion cancels the tip's: they once ended with "knot N cannot be run".
+#[test]
+fn swinging_heads_are_not_refused_by_the_controller() {
+    let settings = machine("gantry.toml");
+    for name in ["dome_cut_132.txt", "freeform_17.txt", "model_2_14.txt"] {
+        if let Some(rehearsal) = printed(name, &settings) {
+            assert_printed(name, &rehearsal);
+        }
+    }
+}
