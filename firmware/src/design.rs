@@ -52,6 +52,16 @@ pub const CEILING_OPEN: f32 = 4.0 * PATH_RATE_MAX * PATH_RATE_MAX;
 /// would have no slope left and would hold up a plan that is right.
 pub const LOAD_ALPHA_MAX: f32 = 0.97;
 
+/// How far above a full limit something may be before it is refused: joints by their span, the
+/// extruder by what its motor is told. Plans keep `plan_share` (at most 1) of a limit exactly; what a
+/// device measures has f32 and the differences of very short spans in it, at most 4 %.
+pub const LIMIT_MARGIN: f64 = 1.05;
+
+/// The same for the extruder while a prime or retract runs beside a path rate that is not the plan's: a
+/// plan's sum keeps the limit, but a pause, an override or an empty queue moves the path's part against
+/// the event's. Each part is within the limit by itself.
+pub const RAMP_MARGIN: f64 = 1.5;
+
 /// Least beta: below it nothing really moves, and the rate may change at once (4 per tick).
 pub const LOAD_BETA_MIN_TICKS: f32 = 0.25;
 

@@ -194,6 +194,17 @@ impl Flow {
         !self.active.is_empty()
     }
 
+    /// The longest prime or retract in progress, servo ticks; 0 if there is none.
+    pub fn longest_active_ticks(&self) -> u32 {
+        let durations = self.active.iter().map(|event| event.duration_ticks);
+        durations.max().unwrap_or(0)
+    }
+
+    /// Window of pressure advance, servo ticks.
+    pub fn window_ticks(&self) -> u32 {
+        self.window_ticks as u32
+    }
+
     /// Stops all events where they are: what they have moved so far stays moved.
     pub fn cut(&mut self) {
         if self.active.is_empty() {

@@ -21,6 +21,7 @@ pub mod carriers;
 pub mod configuration;
 pub mod design;
 pub mod event_queue;
+pub mod extruder_limits;
 pub mod flow;
 pub mod hold;
 pub mod homing;

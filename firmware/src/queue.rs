@@ -169,6 +169,7 @@ impl KnotQueue {
     pub fn clear(&mut self) {
         self.knots.clear();
         self.queued_ticks = 0;
+        self.ends_at_rest = false;
     }
 
     /// Backward pass over the last `changed` knots and as far before them as anything changes.

@@ -31,11 +31,11 @@ host: 0 hello{protocol u16,schema u32,host_session u32}\n\
  15 motors off\n\
 device: 0 welcome{protocol u16,schema u32,firmware u8*3,machine_hash u32,knots u16,events u16,\
 servo u32,step u32,session u32,host_session u32,stream option{job u32,first u32,next u32,knots u32,spans u32}}\n\
- 1 refused{sequence u16,reason 0 protocol u16 1 schema u32 2 machine u32 3 no stream 4 busy 5 faulted 6 invalid}\n\
+ 1 refused{sequence u16,reason 0 protocol u16 1 schema u32 2 machine u32 3 no stream 4 busy 5 faulted 6 invalid 7 no hello}\n\
  2 ack{session u32,next u32,knot_limit u32,event_limit u32,control u16} 3 nak(ack)\n\
  4 status{session u32,state u8,sigma u16,override u16,flow u16,spans u32,knots u16,events u16,\
 referenced u8,switches u8,counts vec i32,fault option}\n\
- 5 fault{cause 0..12 u8,index u8,value i32}\n\
+ 5 fault{cause 0..13 u8,index u8,value i32}\n\
 block: v1\n";
 /// CRC-32 of [`SCHEMA`].
 pub const SCHEMA_HASH: u32 = crate::frame::CRC.checksum(SCHEMA.as_bytes());
@@ -179,6 +179,8 @@ pub enum RefusalReason {
     Faulted,
     /// A field is out of its range, or the command is not supported by this machine.
     Invalid,
+    /// A command came before any `Hello` since the controller's start.
+    NoHello,
 }
 
 /// What was taken, and how much more may come. Limits are totals since `Start`, so that lost or
@@ -286,6 +288,8 @@ pub enum FaultCause {
     /// device id; 1: the crystal has `value` Hz, or does not start (0); 2: the core's clock does not
     /// lock.
     Board,
+    /// Motor `index` would exceed its speed or acceleration limit: `value` is the share in thousandths.
+    Limit,
 }
 
 /// A latched fault with the value that tripped it.
@@ -313,6 +317,7 @@ impl core::fmt::Display for RefusalReason {
                 "a value is out of range, or the machine is not where the stream begins (home it, \
                  then `headway board go JOB`)",
             ),
+            Self::NoHello => f.write_str("it has restarted and waits for a greeting"),
         }
     }
 }
@@ -338,6 +343,11 @@ impl core::fmt::Display for Fault {
             FaultCause::StepOverrun => write!(f, "step ticks were missed ({value})"),
             FaultCause::TimeWarp => f.write_str("the time warp left its bounds"),
             FaultCause::Homing => write!(f, "homing did not find the switch of joint {index}"),
+            FaultCause::Limit => write!(
+                f,
+                "motor {index} would reach {} % of its speed or acceleration limit",
+                value / 10
+            ),
             FaultCause::Configuration => f.write_str("the machine configuration cannot be run"),
             FaultCause::Board => match (index, value) {
                 (0, _) => write!(
@@ -366,6 +376,32 @@ pub enum MessageError {
     TrailingBytes,
     /// A field is out of its range.
     FieldRange,
+}
+
+/// What kind of message a payload would be, told by its first byte.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum MessageClass {
+    /// A greeting.
+    Hello,
+    /// Numbered, credited messages of the stream.
+    Stream,
+    /// `Start` and the commands.
+    Control,
+    /// None of this protocol's.
+    Unknown,
+}
+
+impl MessageClass {
+    /// Of a host's payload, whether or not it can be read.
+    pub fn of(payload: &[u8]) -> Self {
+        // The variants of `HostMessage` in their order.
+        match payload.first() {
+            Some(0) => Self::Hello,
+            Some(2..=4) => Self::Stream,
+            Some(1 | 5) => Self::Control,
+            _ => Self::Unknown,
+        }
+    }
 }
 
 impl HostMessage<'_> {

@@ -6,6 +6,7 @@
 
 use super::{CommandError, Motion, Phase};
 use crate::configuration::{JOINTS_MAX, MOTORS_MAX, MachineConfiguration};
+use crate::extruder_limits::event_ratio;
 use crate::homing::{Homing, HomingConfiguration, HomingOutcome};
 use crate::joint_move::{JointMove, MoveLimits};
 use crate::steps::{STEP, StepScale, Target};
@@ -13,11 +14,6 @@ use headway_protocol::message::{Control, Fault, FaultCause, JointOrder};
 use headway_protocol::segment::{FlowAction, FlowEvent};
 use headway_protocol::units::{CHANNEL_VOLUME, ChannelPoint, Ticks, UNITS_PER_NATURAL};
 use heapless::Vec;
-
-/// Peak rate of a prime or retract over volume / duration, and peak acceleration over
-/// volume / duration²: of x³ (10 - 15 x + 6 x²).
-const EVENT_PEAK_RATE: f64 = 1.875;
-const EVENT_PEAK_ACCELERATION: f64 = 5.7736;
 
 /// Share of a joint's speed limit that going to a pose uses.
 const GO_TO_SPEED_SHARE: f64 = 0.5;
@@ -294,9 +290,7 @@ impl Motion {
         let extruder = &self.by_hand.machine.extruder;
         let volume_mm3 = f64::from(volume_units) / UNITS_PER_NATURAL[CHANNEL_VOLUME];
         let duration_s = f64::from(duration_ticks.0) / f64::from(self.servo_hz);
-        let rate = EVENT_PEAK_RATE * volume_mm3 / duration_s;
-        let acceleration = EVENT_PEAK_ACCELERATION * volume_mm3 / (duration_s * duration_s);
-        if rate > extruder.speed_max_mm3_s || acceleration > extruder.acceleration_max_mm3_s2 {
+        if event_ratio(extruder, volume_mm3, duration_s) > 1.0 {
             return Err(CommandError::Invalid);
         }
         self.by_hand.route.clear();

@@ -30,6 +30,9 @@ impl Motion {
             return Err(CommandError::Invalid);
         }
         self.place(position, self.reference.known)?;
+        self.queue.clear();
+        self.events.clear();
+        self.aborting = false;
         self.drivers_on = true;
         self.phase = Phase::Filling { starved: false };
         self.finish = false;
@@ -87,6 +90,13 @@ impl Motion {
         Ok((pose, targets))
     }
 
+    /// True while frames of a stream are awaited: it is open and has no end yet. After a fault what
+    /// still comes is taken and dropped.
+    pub fn takes_stream(&self) -> bool {
+        let is_open = matches!(self.phase, Phase::Filling { .. } | Phase::Running);
+        self.fault.is_some() || (is_open && !self.finish)
+    }
+
     /// Queues knots in order; false if they do not fit.
     pub fn push_knots(&mut self, knots: &[QueuedKnot]) -> bool {
         if self.fault.is_some() || self.aborting {
@@ -117,7 +127,7 @@ impl Motion {
         let (cause, index, value) = match fault {
             SpanFault::Kinematics(_) => (FaultCause::Kinematics, 0, knot as i32),
             SpanFault::SoftLimit(joint, units) => (FaultCause::SoftLimit, joint, units),
-            SpanFault::Limit(joint) => (FaultCause::BadSegment, joint, knot as i32),
+            SpanFault::Limit(motor, permille) => (FaultCause::Limit, motor, permille),
         };
         self.fail_softly(Fault {
             cause,
@@ -154,8 +164,10 @@ impl Motion {
 
     /// Comes to rest on the path, then forgets the stream.
     pub fn abort(&mut self) {
-        if self.phase != Phase::Idle {
-            self.aborting = true;
+        match self.phase {
+            Phase::Idle => {}
+            Phase::Finished => self.phase = Phase::Idle,
+            Phase::Filling { .. } | Phase::Running | Phase::ByHand => self.aborting = true,
         }
     }
 

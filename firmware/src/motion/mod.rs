@@ -19,6 +19,7 @@ use crate::design::{
     START_ROOM_KNOTS, ticks_of_ms,
 };
 use crate::event_queue::EventQueue;
+use crate::extruder_limits::ExtruderGuard;
 use crate::flow::{Flow, UNSCALED_Q16};
 use crate::hold::Hold;
 use crate::homing::HomingConfiguration;
@@ -86,10 +87,13 @@ pub enum CommandError {
 pub struct Motion {
     programmer: StepProgrammer,
     joints: JointTargets,
+    extruder_guard: ExtruderGuard,
     phase: Phase,
     now_ticks: u64,
     /// Servo tick at which a host was last heard of the stream, wrapping.
     heard_ticks: u32,
+    /// Servo tick at which the path rate was last not that of the plan, wrapping.
+    off_plan_ticks: u32,
     servo_hz: u32,
     override_percent: u16,
     /// The same as a path rate.
@@ -131,6 +135,7 @@ impl Motion {
         let motors = joints.count() + 1;
         Self {
             joints,
+            extruder_guard: ExtruderGuard::new(configuration),
             interpolator: Interpolator::new(&carriers),
             carriers,
             queue: KnotQueue::new(),
@@ -156,6 +161,7 @@ impl Motion {
             stop_due: false,
             held: false,
             heard_ticks: 0,
+            off_plan_ticks: 0,
             underruns: 0,
             holds: 0,
             now_ticks: 0,
@@ -271,6 +277,10 @@ impl Motion {
         }
         let advanced = self.programmer.advance_to_targets(jumps, bank);
         advanced.map_err(|exceeded| step_rate_fault(exceeded, self.servo_hz))?;
+        let ways = self.programmer.newest_ways(self.joints.count());
+        if !self.extruder_guard.is_kept(ways) {
+            self.check_extruder(ways)?;
+        }
         if outside != 0 {
             // After all motors have their programs, which are then taken back as a whole.
             let programmer = &mut self.programmer;
@@ -278,6 +288,24 @@ impl Motion {
             self.joints.check_limits(outside, target)?;
         }
         Ok(())
+    }
+
+    /// Looks closer at an extruder beyond a plan's limits: also taken back as a whole.
+    #[cold]
+    fn check_extruder(&self, ways: [i32; 2]) -> Result<(), Fault> {
+        // What the path rate did lasts for the window of pressure advance, and moves the flow against
+        // the events that it met.
+        let since_ticks = (self.now_ticks as u32).wrapping_sub(self.off_plan_ticks);
+        let met_ticks = self.flow.longest_active_ticks() + self.flow.window_ticks();
+        let in_ramp = self.flow.is_active() && since_ticks <= met_ticks;
+        match self.extruder_guard.exceeded(ways, in_ramp) {
+            None => Ok(()),
+            Some(value) => Err(Fault {
+                cause: FaultCause::Limit,
+                index: self.joints.count() as u8,
+                value,
+            }),
+        }
     }
 
     /// Chooses the path rate and moves segment time on by it.
@@ -297,6 +325,9 @@ impl Motion {
         } else {
             self.ask_warp(wanted_q16)
         };
+        if rate_q16 != TICK_Q16 {
+            self.off_plan_ticks = self.now_ticks as u32;
+        }
         self.interpolator.advance(rate_q16, &mut self.queue);
         self.note_rest(rate_q16, wanted_q16);
     }

@@ -16,11 +16,11 @@ use crate::spline::SpanWindow;
 use headway_protocol::frame::{FrameDecoder, full_sequence, hash_of};
 use headway_protocol::knot_block::{KNOTS_PER_BLOCK_MAX, KnotPredictor, decode_block};
 use headway_protocol::message::{
-    Control, DeviceState, Fault, FaultCause, Finish, Hello, HostMessage, PROTOCOL_VERSION, Refusal,
-    RefusalReason, SCHEMA_HASH, Start,
+    Control, DeviceState, Fault, FaultCause, Finish, Hello, HostMessage, MessageClass,
+    PROTOCOL_VERSION, Refusal, RefusalReason, SCHEMA_HASH, Start,
 };
 use headway_protocol::segment::FlowEvent;
-use heapless::Vec;
+use heapless::{Deque, Vec};
 
 /// A checked message, ready to be applied.
 #[derive(Clone, Debug)]
@@ -41,6 +41,8 @@ enum Content {
     Control(Control),
     /// A stream frame that cannot be what the host meant, although its CRC is right.
     Damaged,
+    /// Anything else of that kind.
+    Unreadable(MessageClass),
     /// A stream frame out of order, or with no stream open.
     Misplaced,
 }
@@ -64,20 +66,26 @@ struct Stream {
     next_sequence: u32,
     knots: u32,
     events: u32,
+    /// Span of the newest event.
+    event_span: u32,
     predictor: KnotPredictor,
     window: SpanWindow,
 }
 
 /// What is to be said.
-#[derive(Clone, Copy, Debug, Default)]
+#[derive(Clone, Debug, Default)]
 struct Due {
     welcome: bool,
-    refusal: Option<Refusal>,
+    refusals: Deque<Refusal, REFUSALS_MAX>,
     ack: bool,
     nak: bool,
     status: bool,
     fault: bool,
 }
+
+/// Refusals that wait to be said. A message that would need one more is dropped as if it had been
+/// lost, and answered when the host repeats it.
+const REFUSALS_MAX: usize = 4;
 
 /// The controller's end of the line.
 #[derive(Clone, Debug)]
@@ -90,6 +98,8 @@ pub struct Receiver {
     session: u32,
     host_session: Option<u32>,
     control_taken: u16,
+    /// The newest control message that was refused: its repeat is refused again.
+    refused: Option<Refusal>,
     stream: Option<Stream>,
     due: Due,
     /// Credit that the host was last told.
@@ -115,6 +125,7 @@ impl Receiver {
             session,
             host_session: None,
             control_taken: 0,
+            refused: None,
             stream: None,
             due: Due::default(),
             knot_limit_told: 0,
@@ -147,8 +158,11 @@ impl Receiver {
                 let stream = self.stream.as_ref()?;
                 unpack(block, stream, &self.loads).map_or(Content::Damaged, Content::Knots)
             }
-            // Not from this protocol: the handshake will tell.
-            Err(_) => return None,
+            Err(_) => match MessageClass::of(frame.payload) {
+                MessageClass::Stream if in_order => Content::Damaged,
+                MessageClass::Stream => Content::Misplaced,
+                class => Content::Unreadable(class),
+            },
         };
         Some(Request { sequence, content })
     }
@@ -169,11 +183,32 @@ impl Receiver {
                     self.control(sequence, control, motion);
                 }
             }
+            Content::Unreadable(class) => self.unreadable(sequence, class),
+            // Before the end of the stream only: what comes behind it would be the next one's.
+            _ if !motion.takes_stream() => self.misplaced(sequence, motion),
             Content::Knots(block) => self.take_block(block, motion),
             Content::Flow(event) => self.take_event(&event, motion),
             Content::Finish(finish) => self.take_finish(finish, motion),
             Content::Damaged => self.fail(motion, FaultCause::BadSegment),
             Content::Misplaced => self.misplaced(sequence, motion),
+        }
+    }
+
+    /// A message with a right CRC that is none, or has a field out of its range.
+    fn unreadable(&mut self, sequence: u16, class: MessageClass) {
+        match class {
+            // It may be of a host that speaks another version.
+            MessageClass::Hello => {
+                self.refuse(sequence, RefusalReason::ProtocolVersion(PROTOCOL_VERSION));
+            }
+            MessageClass::Control => {
+                if self.take_control(sequence) {
+                    self.refuse_control(sequence, RefusalReason::Invalid);
+                }
+            }
+            MessageClass::Stream | MessageClass::Unknown => {
+                self.refuse(sequence, RefusalReason::Invalid);
+            }
         }
     }
 
@@ -191,25 +226,40 @@ impl Receiver {
         }
         if self.host_session != Some(hello.host_session) || is_newer(sequence, self.control_taken) {
             self.control_taken = sequence;
+            self.refused = None;
         }
         log_event!("host {=u32:08x} says hello", hello.host_session);
         self.host_session = Some(hello.host_session);
         self.due.welcome = true;
     }
 
-    /// True if a control frame is new; says in any case what was taken.
+    /// True if a control frame is new; answers it in any case.
     fn take_control(&mut self, sequence: u16) -> bool {
-        let fresh = self.host_session.is_some() && is_newer(sequence, self.control_taken);
-        if fresh {
-            self.control_taken = sequence;
+        if self.host_session.is_none() {
+            self.refuse(sequence, RefusalReason::NoHello);
+            return false;
         }
         self.due.ack = true;
-        fresh
+        if !is_newer(sequence, self.control_taken) {
+            // The refusal may have been lost.
+            let again = self.refused.filter(|refused| refused.sequence == sequence);
+            if let Some(refused) = again {
+                self.refuse(sequence, refused.reason);
+            }
+            return false;
+        }
+        // Only if a refusal of it could be said.
+        let takes = !self.due.refusals.is_full();
+        if takes {
+            self.control_taken = sequence;
+            self.refused = None;
+        }
+        takes
     }
 
     fn start(&mut self, sequence: u16, start: &Start, motion: &mut Motion) {
         if start.machine_hash != self.machine_hash {
-            self.refuse(sequence, RefusalReason::Machine(self.machine_hash));
+            self.refuse_control(sequence, RefusalReason::Machine(self.machine_hash));
             return;
         }
         match motion.start(&start.position) {
@@ -221,11 +271,12 @@ impl Receiver {
                     next_sequence: start.first_sequence,
                     knots: 0,
                     events: 0,
+                    event_span: 0,
                     predictor: KnotPredictor::new(start.position),
                     window: SpanWindow::at_rest(&start.position),
                 });
             }
-            Err(error) => self.refuse(sequence, reason_of(error)),
+            Err(error) => self.refuse_control(sequence, reason_of(error)),
         }
     }
 
@@ -245,7 +296,7 @@ impl Receiver {
                     // The same one again is news.
                     self.last_fault = None;
                 } else {
-                    self.refuse(sequence, RefusalReason::Busy);
+                    self.refuse_control(sequence, RefusalReason::Busy);
                 }
             }
             Control::StatusRequest => self.due.status = true,
@@ -261,7 +312,7 @@ impl Receiver {
             | Control::Home(_)
             | Control::Extrude { .. } => {
                 if let Err(error) = motion.command_at_rest(&control) {
-                    self.refuse(sequence, reason_of(error));
+                    self.refuse_control(sequence, reason_of(error));
                 }
             }
         }
@@ -291,8 +342,19 @@ impl Receiver {
         let Some(stream) = &mut self.stream else {
             return;
         };
+        // It comes before the knot of its span, and after the event before it.
+        if event.span < stream.knots.max(stream.event_span) {
+            self.fail(motion, FaultCause::Sequence);
+            return;
+        }
+        if let Err(fault) = self.loads.check_event(event) {
+            motion.refuse_span(fault, event.span);
+            self.due.ack = true;
+            return;
+        }
         if motion.push_event(event) {
             stream.events = stream.events.wrapping_add(1);
+            stream.event_span = event.span;
             stream.next_sequence = stream.next_sequence.wrapping_add(1);
         }
         self.due.ack = true;
@@ -303,7 +365,9 @@ impl Receiver {
             return;
         };
         log_event!("the stream ends after {=u32} knots", finish.knots);
-        if finish.knots == stream.knots && finish.events == stream.events {
+        let totals = finish.knots == stream.knots && finish.events == stream.events;
+        // An event behind the last span would never run.
+        if totals && (stream.events == 0 || stream.event_span < stream.knots) {
             stream.next_sequence = stream.next_sequence.wrapping_add(1);
             motion.finish();
             self.due.ack = true;
@@ -319,6 +383,8 @@ impl Receiver {
             index: 0,
             value: knots as i32,
         });
+        // A fault that was latched already is not told again.
+        self.due.ack = true;
     }
 
     fn misplaced(&mut self, sequence: u16, motion: &Motion) {
@@ -331,6 +397,8 @@ impl Receiver {
         let period = u64::from(ticks_of_ms(NAK_PERIOD_MS, self.servo_hz));
         if ahead > u32::MAX / 2 {
             self.due.ack = true;
+        } else if !motion.takes_stream() {
+            self.refuse(sequence, RefusalReason::NoStream);
         } else if motion.now_ticks() >= self.nak_tick + period {
             log_event!("{=u32} frames missing", ahead);
             self.nak_tick = motion.now_ticks();
@@ -340,7 +408,14 @@ impl Receiver {
 
     fn refuse(&mut self, sequence: u16, reason: RefusalReason) {
         log_event!("refused {=u16}: {}", sequence, reason);
-        self.due.refusal = Some(Refusal { sequence, reason });
+        // Where there is no room the host repeats itself.
+        let _ = self.due.refusals.push_back(Refusal { sequence, reason });
+    }
+
+    /// The same for a control message that was taken.
+    fn refuse_control(&mut self, sequence: u16, reason: RefusalReason) {
+        self.refused = Some(Refusal { sequence, reason });
+        self.refuse(sequence, reason);
     }
 }
 

@@ -12,7 +12,7 @@ use heapless::Vec;
 impl Receiver {
     /// Writes the next report frame into `out` (at least `FRAME_BYTES_MAX`), or returns 0.
     pub fn poll_report(&mut self, motion: &Motion, out: &mut [u8]) -> usize {
-        if self.host_session.is_none() && self.due.refusal.is_none() {
+        if self.host_session.is_none() && self.due.refusals.is_empty() {
             return 0;
         }
         self.note_changes(motion);
@@ -58,7 +58,7 @@ impl Receiver {
         if core::mem::take(&mut self.due.welcome) {
             return Some(DeviceMessage::Welcome(self.welcome(motion)));
         }
-        if let Some(refusal) = self.due.refusal.take() {
+        if let Some(refusal) = self.due.refusals.pop_front() {
             return Some(DeviceMessage::Refused(refusal));
         }
         if core::mem::take(&mut self.due.nak) {

@@ -120,6 +120,9 @@ const TARGET_SHIFT: u32 = 9;
 /// Fraction bits of a target: 2^-22 step.
 const TARGET_FRACTION_BITS: u32 = POSITION_FRACTION_BITS - TARGET_SHIFT;
 
+/// One step as a difference of targets, a way.
+pub(crate) const ONE_STEP_WAY: f64 = (1u32 << TARGET_FRACTION_BITS) as f64;
+
 /// Where a motor is to be, in two words that are quickly moved: with [`BIAS`], so that its whole
 /// part is the count.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]

@@ -76,8 +76,9 @@ impl Interval {
 struct MotorTrack {
     /// q2, where it is to be: the newest target; kept from tick to tick.
     target: Target,
-    /// What of it the program knows, 2^-22 steps.
+    /// What of it the program knows, 2^-22 steps, and its whole steps.
     newest: i32,
+    newest_whole: i32,
     /// q2 - q1, 2^-22 steps.
     last_way: i32,
     /// q1 - q0, 2^-22 steps.
@@ -102,6 +103,7 @@ impl MotorTrack {
         Self {
             target: newest,
             newest: newest.fine,
+            newest_whole: newest.whole,
             last_way: 0,
             way_before: 0,
             end: position.wrapping_add(super::BIAS) as u32,
@@ -246,7 +248,7 @@ impl StepProgrammer {
         bank: &mut StepBank,
     ) -> Result<(), StepRateExceeded> {
         if jumps > JUMP_STEPS_MAX {
-            return Err(self.refusal(jumps));
+            return Err(self.take_back());
         }
         let mut turns = Turns::default();
         let tracks = self.tracks.get_mut(..self.motors).unwrap_or_default();
@@ -260,7 +262,7 @@ impl StepProgrammer {
         self.serial = self.serial.wrapping_add(1);
         if spare < 0 {
             // What is not handed over is taken back as a whole.
-            return Err(self.refusal(0));
+            return Err(self.refusal());
         }
         bank.serial = self.serial;
         bank.directions = self.directions ^ turns.before;
@@ -273,9 +275,38 @@ impl StepProgrammer {
         Ok(())
     }
 
+    /// What the newest program and the one before it move a motor, 2^-22 steps.
+    #[inline]
+    pub fn newest_ways(&self, motor: usize) -> [i32; 2] {
+        let track = &self.tracks[motor % MOTORS_MAX];
+        [track.last_way, track.way_before]
+    }
+
+    /// Forgets targets that cannot be reached: the motors stay where they are. Says which jumped
+    /// furthest.
+    #[cold]
+    fn take_back(&mut self) -> StepRateExceeded {
+        let mut refused = StepRateExceeded {
+            motor: 0,
+            steps_per_interval: 0,
+        };
+        for (motor, track) in (0..).zip(&mut self.tracks) {
+            let steps_per_interval = track.target.whole.abs_diff(track.newest_whole);
+            track.target.whole = track.newest_whole;
+            track.target.fine = track.newest;
+            if steps_per_interval > refused.steps_per_interval {
+                refused = StepRateExceeded {
+                    motor,
+                    steps_per_interval,
+                };
+            }
+        }
+        refused
+    }
+
     /// The motor that asks for most, and for how much.
     #[cold]
-    fn refusal(&self, jumps: u32) -> StepRateExceeded {
+    fn refusal(&self) -> StepRateExceeded {
         let mut refused = StepRateExceeded {
             motor: 0,
             steps_per_interval: 0,
@@ -289,8 +320,6 @@ impl StepProgrammer {
                 refused.steps_per_interval = steps;
             }
         }
-        // A jump may be too long to be seen in a way.
-        refused.steps_per_interval = refused.steps_per_interval.max(jumps);
         refused
     }
 }
@@ -311,6 +340,7 @@ impl MotorTrack {
         let behind = aim.wrapping_sub(self.end) as i32 >> WAY_SHIFT;
         let way = self.last_way.wrapping_add(behind);
         self.newest = self.target.fine;
+        self.newest_whole = self.target.whole;
         self.way_before = self.last_way;
         self.last_way = new_way;
         let half = interval.half_acceleration(twice_mean);

@@ -276,6 +276,14 @@ impl Sender {
         encode_frame(outstanding.sequence, &message, out).ok()
     }
 
+    /// Puts a greeting before the next repeat of what waits for an answer.
+    fn greet_next(&mut self) {
+        if let Some(outstanding) = &mut self.outstanding {
+            outstanding.tries = TRIES_BEFORE_HELLO + 1;
+            outstanding.sent_us = None;
+        }
+    }
+
     fn transmit_stream(&mut self, now_us: u64, out: &mut [u8]) -> Option<usize> {
         if self.state != SenderState::Streaming {
             return None;

@@ -195,6 +195,11 @@ impl Sender {
     }
 
     fn handle_refusal(&mut self, refusal: Refusal) {
+        if refusal.reason == RefusalReason::NoHello {
+            // It has restarted, or never met us: its welcome tells.
+            self.greet_next();
+            return;
+        }
         self.events.push_back(SenderEvent::Refused(refusal));
         let refused = self
             .outstanding

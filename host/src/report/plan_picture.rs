@@ -24,8 +24,18 @@ const UNREACHABLE: &str = "#d53f8c";
 
 /// Zone, fill of its nozzles, colour of its lines, name.
 const ZONES: [(Zone, &str, &str, &str); 5] = [
-    (Zone::TwoPass, "#bee3f8", TWO_PASS, "printed path, two beads or more across"),
-    (Zone::OnePass, "#feebc8", ONE_PASS, "printed path, one bead across"),
+    (
+        Zone::TwoPass,
+        "#bee3f8",
+        TWO_PASS,
+        "printed path, two beads or more across",
+    ),
+    (
+        Zone::OnePass,
+        "#feebc8",
+        ONE_PASS,
+        "printed path, one bead across",
+    ),
     (Zone::Infill, "#e9d8fd", INFILL, "infill"),
     (Zone::Skirt, "#c6f6d5", SKIRT, "skirt and brim"),
     (Zone::Unknown, "#b2f5ea", PRINTED, "printed path"),

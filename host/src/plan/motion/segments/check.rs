@@ -285,7 +285,7 @@ pub fn refused_spans(
         let at_mm = || tip_mm(&control[span + 1]);
         match limits.span_check.of_span(&window) {
             Ok(_) => {}
-            Err(SpanFault::Limit(_)) => pieces.push(Piece {
+            Err(SpanFault::Limit(..)) => pieces.push(Piece {
                 start_tick,
                 end_tick,
                 ratios: Ratios {

@@ -31,6 +31,7 @@ use crate::plan::progress::{Progress, Stage, Steps};
 use crate::plan::route::moves::{Route, Stretch, StretchEvent};
 use crate::settings::Settings;
 use check::Ratios;
+use headway_firmware::extruder_limits::event_peaks;
 use rayon::prelude::*;
 use shaping::Shaping;
 use spline::{RestSpline, quantised};
@@ -195,8 +196,7 @@ fn finish_stretch(
     shaping.finish()
 }
 
-/// Fails where a prime or retract alone is more than the extruder may do. The quintic step peaks
-/// at 1.875 volume / duration and 10/sqrt(3) volume / duration².
+/// Fails where a prime or retract alone is more than the extruder may do; the controller asks the same.
 fn check_event(stretch: &Stretch, limits: &MotionLimits) -> Result<(), MotionError> {
     let (volume_mm3, duration_s) = match stretch.event {
         Some(StretchEvent::PrimeAtStart {
@@ -210,9 +210,8 @@ fn check_event(stretch: &Stretch, limits: &MotionLimits) -> Result<(), MotionErr
         }) => (volume_mm3, duration_s),
         None => return Ok(()),
     };
-    let speed = 1.875 * volume_mm3 / duration_s;
-    let acceleration = 10.0 / 3f64.sqrt() * volume_mm3 / (duration_s * duration_s);
-    let ratio = (speed / limits.extruder_speed_max_mm3_s)
+    let [rate, acceleration] = event_peaks(volume_mm3, duration_s);
+    let ratio = (rate / limits.extruder_speed_max_mm3_s)
         .max(acceleration / limits.extruder_acceleration_max_mm3_s2);
     if ratio <= 1.0 {
         Ok(())
