@@ -23,8 +23,10 @@ pub struct Carrier {
 #[derive(Clone, Debug)]
 pub struct Carriers {
     motors: Vec<Carrier, MOTORS_MAX>,
-    /// A joint follows no channel: it comes from the tilt.
+    /// A joint follows no channel: it comes from the tilt,
     tilts: bool,
+    /// or from the whole pose.
+    follows_pose: bool,
 }
 
 impl Carriers {
@@ -52,12 +54,18 @@ impl Carriers {
         Self {
             motors: motors.take(MOTORS_MAX).collect(),
             tilts: channels.contains(&None),
+            follows_pose: kinematics::follows_pose(&configuration.kinematics),
         }
     }
 
     /// True if joints of the machine follow the tilt.
     pub fn tilts(&self) -> bool {
         self.tilts
+    }
+
+    /// True if joints of the machine follow the whole pose.
+    pub fn follows_pose(&self) -> bool {
+        self.follows_pose
     }
 
     /// The motors that follow a channel.

@@ -11,7 +11,116 @@ pub const JOINTS_MAX: usize = 7;
 /// Joints and extruder.
 pub const MOTORS_MAX: usize = JOINTS_MAX + 1;
 
+/// A frame in another: where its origin is, and its axes.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+pub struct Frame {
+    /// Origin, mm.
+    pub origin_mm: [f64; 3],
+    /// Rotation by rows: turns coordinates in this frame into those of the other.
+    pub rotation: [[f64; 3]; 3],
+}
+
+impl Frame {
+    /// The other frame itself.
+    pub const IDENTITY: Self = Self {
+        origin_mm: [0.0; 3],
+        rotation: [[1.0, 0.0, 0.0], [0.0, 1.0, 0.0], [0.0, 0.0, 1.0]],
+    };
+
+    /// Turned by roll, pitch and yaw, rad: R = R_z(yaw) R_y(pitch) R_x(roll).
+    pub fn of_angles(origin_mm: [f64; 3], [roll, pitch, yaw]: [f64; 3]) -> Self {
+        let (sr, cr) = libm::sincos(roll);
+        let (sp, cp) = libm::sincos(pitch);
+        let (sy, cy) = libm::sincos(yaw);
+        Self {
+            origin_mm,
+            rotation: [
+                [cy * cp, cy * sp * sr - sy * cr, cy * sp * cr + sy * sr],
+                [sy * cp, sy * sp * sr + cy * cr, sy * sp * cr - cy * sr],
+                [-sp, cp * sr, cp * cr],
+            ],
+        }
+    }
+
+    /// Roll, pitch and yaw, rad, as in [`Self::of_angles`].
+    pub fn angles(&self) -> [f64; 3] {
+        let [[a, _, _], [b, _, _], [c, d, e]] = self.rotation;
+        [
+            libm::atan2(d, e),
+            libm::atan2(-c, libm::sqrt(a * a + b * b)),
+            libm::atan2(b, a),
+        ]
+    }
+
+    fn is_right(&self) -> bool {
+        let [x, y, z] = &self.rotation;
+        let dot = |a: &[f64; 3], b: &[f64; 3]| a[0] * b[0] + a[1] * b[1] + a[2] * b[2];
+        let off = |value: f64, meant: f64| (value - meant).abs() < 1e-9;
+        let [across, along] = [[x, y], [x, z]].map(|[a, b]| dot(a, b));
+        let cross = [
+            x[1] * y[2] - x[2] * y[1],
+            x[2] * y[0] - x[0] * y[2],
+            x[0] * y[1] - x[1] * y[0],
+        ];
+        // With two unit rows at right angles and the third their cross product all is right.
+        self.origin_mm.iter().all(|value| value.is_finite())
+            && off(across, 0.0)
+            && off(along, 0.0)
+            && off(dot(x, x), 1.0)
+            && off(dot(y, y), 1.0)
+            && off(dot(&cross, z), 1.0)
+            && off(dot(z, z), 1.0)
+    }
+}
+
+/// A six-joint arm: ortho-parallel base, spherical wrist (the parameters of Brandstötter, Angerer and
+/// Hofbaur, 2014).
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+pub struct Arm {
+    /// From the column's axis to the shoulder's.
+    pub a1_mm: f64,
+    /// From the elbow's axis to the forearm's, positive to the front.
+    pub a2_mm: f64,
+    /// How far the arm's plane lies beside the column's axis.
+    pub b_mm: f64,
+    /// From the base to the shoulder's axis.
+    pub c1_mm: f64,
+    /// From the shoulder's axis to the elbow's.
+    pub c2_mm: f64,
+    /// From the elbow's axis to the wrist's centre, along the forearm.
+    pub c3_mm: f64,
+    /// From the wrist's centre to the flange.
+    pub c4_mm: f64,
+    /// Joint = model angle + offset, rad,
+    pub offset_rad: [f64; 6],
+    /// negated where a bit is set: bit 0 is joint 1.
+    pub reversed: u8,
+    /// The arm's base in machine axes.
+    pub base: Frame,
+    /// The tool in flange axes: its origin at the nozzle's tip, its Z from the tip into the head.
+    pub tool: Frame,
+    /// A seventh joint turns the nozzle; the flange then keeps its heading at 0.
+    pub nozzle: bool,
+}
+
+impl Arm {
+    fn is_right(&self) -> bool {
+        let lengths = [self.a1_mm, self.a2_mm, self.b_mm, self.c1_mm, self.c4_mm];
+        let [upper, fore] = [self.c2_mm, self.c3_mm];
+        lengths
+            .iter()
+            .chain(&self.offset_rad)
+            .all(|v| v.is_finite())
+            && is_positive(&upper)
+            && is_positive(&fore)
+            && self.base.is_right()
+            && self.tool.is_right()
+    }
+}
+
 /// Which equations turn a pose into joint positions.
+// Boxing is impossible without a heap.
+#[allow(clippy::large_enum_variant)]
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 pub enum Kinematics {
     /// X Y Z + C, the nozzle turning; the tool axis stays +Z.
@@ -21,6 +130,49 @@ pub enum Kinematics {
         /// Distance from the nozzle tip to the crossing of the A and B axes.
         pivot_length_mm: f64,
     },
+    /// X Y Z + table A, C + nozzle H.
+    Trunnion {
+        /// A point on both axes of the table, with the table level, machine axes.
+        centre_mm: [f64; 3],
+        /// Which of the joint solutions: chosen for each job, see [`MachineConfiguration::hash`].
+        solution: u8,
+    },
+    /// A six-joint arm, with or without a nozzle joint.
+    Arm6 {
+        /// Its lengths and frames.
+        arm: Arm,
+        /// As above.
+        solution: u8,
+    },
+}
+
+impl Kinematics {
+    /// How many joint solutions a pose has.
+    pub const fn solutions(&self) -> u8 {
+        match self {
+            Self::Planar | Self::Gantry { .. } => 1,
+            Self::Trunnion { .. } => 2,
+            Self::Arm6 { .. } => crate::kinematics::arm6::SOLUTIONS,
+        }
+    }
+
+    /// The joint solution in use.
+    pub const fn solution(&self) -> u8 {
+        match self {
+            Self::Planar | Self::Gantry { .. } => 0,
+            Self::Trunnion { solution, .. } | Self::Arm6 { solution, .. } => *solution,
+        }
+    }
+
+    /// The same machine with another joint solution.
+    #[must_use]
+    pub fn with_solution(mut self, chosen: u8) -> Self {
+        match &mut self {
+            Self::Planar | Self::Gantry { .. } => {}
+            Self::Trunnion { solution, .. } | Self::Arm6 { solution, .. } => *solution = chosen,
+        }
+        self
+    }
 }
 
 /// One joint; lengths in mm for linear joints, rad for rotary ones.
@@ -62,7 +214,8 @@ pub struct ExtruderConfiguration {
 pub struct MachineConfiguration {
     /// Equations of motion.
     pub kinematics: Kinematics,
-    /// Joints in the kinematics' order (`planar`: X Y Z C; `gantry`: X Y Z A B C).
+    /// Joints in the kinematics' order (`planar`: X Y Z C; `gantry`: X Y Z A B C; `trunnion`: X Y Z A C
+    /// H; `arm6`: 1 to 6 and, where there is one, the nozzle's).
     pub joints: Vec<JointConfiguration, JOINTS_MAX>,
     /// The extruder.
     pub extruder: ExtruderConfiguration,
@@ -87,7 +240,8 @@ pub enum ConfigurationError {
     /// A number of this joint is not finite, not positive where it must be, or out of range; the
     /// extruder counts as the last joint.
     Joint(usize),
-    /// The pivot length is not finite.
+    /// A length of the kinematics is not finite or not positive where it must be, or axes of a frame
+    /// are not at right angles.
     Kinematics,
 }
 
@@ -103,7 +257,9 @@ impl core::fmt::Display for ConfigurationError {
             Self::TickRates => formatter
                 .write_str("the step rate must be a multiple of the servo rate, 65 to 256 times"),
             Self::Joint(joint) => write!(formatter, "a number of joint {joint} is out of range"),
-            Self::Kinematics => formatter.write_str("the pivot length is not a finite number"),
+            Self::Kinematics => {
+                formatter.write_str("a length or frame of the kinematics is out of range")
+            }
         }
     }
 }
@@ -119,6 +275,22 @@ impl MachineConfiguration {
         self.step_hz.checked_div(self.servo_hz).unwrap_or(0)
     }
 
+    /// What tells two machines apart. The joint solution is no part of it: jobs choose theirs.
+    pub fn hash(&self) -> u32 {
+        let mut machine = self.clone();
+        machine.kinematics = machine.kinematics.with_solution(0);
+        headway_protocol::frame::hash_of(&machine)
+    }
+
+    /// Lowest and highest positions of the joints, mm or rad; 0 for those that are not there.
+    pub fn ranges(&self) -> [[f64; 2]; JOINTS_MAX] {
+        let mut ranges = [[0.0; 2]; JOINTS_MAX];
+        for (range, joint) in ranges.iter_mut().zip(&self.joints) {
+            *range = [joint.position_min, joint.position_max];
+        }
+        ranges
+    }
+
     /// Checks everything that the firmware relies on.
     ///
     /// # Errors
@@ -129,9 +301,13 @@ impl MachineConfiguration {
         if needed != given {
             return Err(ConfigurationError::JointCount { needed, given });
         }
-        if let Kinematics::Gantry { pivot_length_mm } = self.kinematics
-            && !pivot_length_mm.is_finite()
-        {
+        let kinematics_are_right = match &self.kinematics {
+            Kinematics::Planar => true,
+            Kinematics::Gantry { pivot_length_mm } => pivot_length_mm.is_finite(),
+            Kinematics::Trunnion { centre_mm, .. } => centre_mm.iter().all(|v| v.is_finite()),
+            Kinematics::Arm6 { arm, .. } => arm.is_right(),
+        };
+        if !kinematics_are_right || self.kinematics.solution() >= self.kinematics.solutions() {
             return Err(ConfigurationError::Kinematics);
         }
         let ticks = self.interval_ticks();

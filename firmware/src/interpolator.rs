@@ -13,7 +13,10 @@ use crate::load::SpanLoad;
 use crate::queue::{Ceiling, KnotQueue};
 use crate::spline::{SpanShape, SpanWeights};
 use crate::steps::{ScaledUnits, Target};
-use headway_protocol::units::{CHANNEL_TILT_X, CHANNEL_TILT_Y, ChannelPoint};
+use headway_protocol::units::{
+    CHANNEL_HEADING, CHANNEL_TILT_X, CHANNEL_TILT_Y, CHANNEL_X, CHANNEL_Y, CHANNEL_Z, ChannelPoint,
+    UNITS_PER_NATURAL,
+};
 
 /// One servo tick of segment time.
 pub const TICK_Q16: u32 = 1 << 16;
@@ -44,6 +47,9 @@ struct ReadySpan {
     /// The tilt from its base, µrad; not on machines that do not tilt.
     tilt: [Cubic; 2],
     tilt_base: [i32; 2],
+    /// Tip and heading from their base, mm and rad; only on machines whose joints follow them.
+    place: [Cubic; PLACE_CHANNELS.len()],
+    place_base: [f32; PLACE_CHANNELS.len()],
     load: SpanLoad,
     duration_q16: u32,
     ends_at_rest: bool,
@@ -55,11 +61,28 @@ impl ReadySpan {
             motors: bases.map(|base| MotorSpan::at_rest(base.position)),
             tilt: [[0.0; 4]; 2],
             tilt_base: [start[CHANNEL_TILT_X], start[CHANNEL_TILT_Y]],
+            place: [[0.0; 4]; PLACE_CHANNELS.len()],
+            place_base: PLACE_CHANNELS.map(|channel| place_of(start, channel)),
             load: SpanLoad::REST,
             duration_q16: 0,
             ends_at_rest: true,
         }
     }
+}
+
+/// What joints follow beside the tilt on machines that follow the whole pose.
+const PLACE_CHANNELS: [usize; 4] = [CHANNEL_X, CHANNEL_Y, CHANNEL_Z, CHANNEL_HEADING];
+
+/// A place channel of a control point, mm or rad: far-off headings are brought within a turn of 0, so
+/// that single precision holds them.
+fn place_of(point: &ChannelPoint, channel: usize) -> f32 {
+    let units = point.get(channel).copied().unwrap_or(0);
+    if channel != CHANNEL_HEADING {
+        return units as f32 * 1e-4;
+    }
+    let turn_units = core::f64::consts::TAU * 1e6;
+    let turns = (f64::from(units) / turn_units) as i32;
+    ((f64::from(units) - f64::from(turns) * turn_units) * 1e-6) as f32
 }
 
 /// A pose at rest.
@@ -100,6 +123,13 @@ impl Offset<'_> {
     pub fn of_motor(&self, motor: usize) -> (f32, Target) {
         let motor = &self.span.motors[motor % MOTORS_MAX];
         (self.of(motor.cubic), motor.anchor)
+    }
+
+    /// Tip (mm) and heading (rad, within a turn or so of 0).
+    #[inline(always)]
+    pub fn place(&self) -> [f32; 4] {
+        let (cubics, bases) = (&self.span.place, &self.span.place_base);
+        core::array::from_fn(|i| bases[i] + self.of(cubics[i]))
     }
 
     /// Where the tilt is above its base, and that base, µrad.
@@ -338,6 +368,14 @@ impl Interpolator {
             next.tilt_base = channels.map(|channel| base[channel]);
             next.tilt = channels.map(|channel| self.shape.cubic(channel, &weights));
         }
+        if self.carriers.follows_pose() {
+            next.place_base = PLACE_CHANNELS.map(|channel| place_of(base, channel));
+            next.place = PLACE_CHANNELS.map(|channel| {
+                let natural = 1.0 / UNITS_PER_NATURAL[channel] as f32;
+                let cubic = self.shape.cubic::<f32>(channel, &weights);
+                cubic.map(|units| units * natural)
+            });
+        }
         for carrier in self.carriers.motors() {
             let motor = carrier.motor % MOTORS_MAX;
             let base = &mut self.bases[motor];
@@ -383,6 +421,7 @@ impl Interpolator {
                 motor.cubic = [0.0; 4];
             }
             span.tilt = [[0.0; 4]; 2];
+            span.place = [[0.0; 4]; PLACE_CHANNELS.len()];
         }
     }
 }

@@ -4,6 +4,8 @@
 //! what is computed with jets comes out with its derivatives, exact but for rounding. Three
 //! coefficients (f32) are what the controller needs of a span, four (f64) what the planner needs.
 //! Rules of the operations: A. Griewank and A. Walther, Evaluating Derivatives (2008), table 13.2.
+//! On a controller every operation is a call: copies of them in every equation would take a quarter of
+//! its flash, and spans come by the hundred a second, not by the servo tick.
 //! Left out: derivatives where the function has none (a root or an angle at 0): they come out as 0.
 
 use crate::real::Real;
@@ -49,6 +51,7 @@ impl<R: Real, const N: usize> PartialOrd for Jet<R, N> {
 
 impl<R: Real, const N: usize> Add for Jet<R, N> {
     type Output = Self;
+    #[cfg_attr(target_os = "none", inline(never))]
     fn add(mut self, other: Self) -> Self {
         self += other;
         self
@@ -57,6 +60,7 @@ impl<R: Real, const N: usize> Add for Jet<R, N> {
 
 impl<R: Real, const N: usize> Sub for Jet<R, N> {
     type Output = Self;
+    #[cfg_attr(target_os = "none", inline(never))]
     fn sub(mut self, other: Self) -> Self {
         self -= other;
         self
@@ -65,6 +69,7 @@ impl<R: Real, const N: usize> Sub for Jet<R, N> {
 
 impl<R: Real, const N: usize> Mul for Jet<R, N> {
     type Output = Self;
+    #[cfg_attr(target_os = "none", inline(never))]
     fn mul(self, other: Self) -> Self {
         let mut product = [R::of(0.0); N];
         for (k, sum) in product.iter_mut().enumerate() {
@@ -78,6 +83,7 @@ impl<R: Real, const N: usize> Mul for Jet<R, N> {
 
 impl<R: Real, const N: usize> Div for Jet<R, N> {
     type Output = Self;
+    #[cfg_attr(target_os = "none", inline(never))]
     fn div(self, other: Self) -> Self {
         let mut quotient = [R::of(0.0); N];
         for k in 0..N {
@@ -141,6 +147,7 @@ impl<R: Real, const N: usize> Real for Jet<R, N> {
         self.value().is_number()
     }
 
+    #[cfg_attr(target_os = "none", inline(never))]
     fn sine_cosine(self) -> (Self, Self) {
         let (mut sine, mut cosine) = ([R::of(0.0); N], [R::of(0.0); N]);
         (sine[0], cosine[0]) = self.0[0].sine_cosine();
@@ -157,6 +164,7 @@ impl<R: Real, const N: usize> Real for Jet<R, N> {
         (Self(sine), Self(cosine))
     }
 
+    #[cfg_attr(target_os = "none", inline(never))]
     fn angle_from_x(self, x: Self) -> Self {
         let mut angle = Self::constant(self.0[0].angle_from_x(x.0[0]));
         let square = x * x + self * self;
@@ -181,6 +189,7 @@ impl<R: Real, const N: usize> Real for Jet<R, N> {
         angle
     }
 
+    #[cfg_attr(target_os = "none", inline(never))]
     fn root(self) -> Self {
         let mut root = Self::constant(self.0[0].root());
         let twice = root.0[0] + root.0[0];
@@ -198,6 +207,7 @@ impl<R: Real, const N: usize> Real for Jet<R, N> {
         root
     }
 
+    #[cfg_attr(target_os = "none", inline(never))]
     fn cosine_and_sinc_of_square(self) -> (Self, Self) {
         // cos = 1 - s/(1·2) (1 - s/(3·4) (1 - ...)), sinc = 1 - s/(2·3) (1 - s/(4·5) (...)).
         let one = Self::of(1.0);

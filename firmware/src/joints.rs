@@ -2,12 +2,16 @@
 //!
 //! A carrier's integer base is exact (interpolator.rs); its offset and what the tilt adds are f32.
 
-use crate::configuration::{Kinematics, MOTORS_MAX, MachineConfiguration};
+use crate::configuration::{JOINTS_MAX, Kinematics, MOTORS_MAX, MachineConfiguration};
 use crate::interpolator::{Offset, RestPose};
-use crate::kinematics::{self, gantry, planar};
+use crate::kinematics::winding::Winding;
+use crate::kinematics::{self, Model, arm6, gantry, planar, trunnion};
 use crate::load::tilt_pose;
+use crate::motion::CommandError;
+use crate::pose::Pose;
 use crate::steps::{STEP, Target, count};
 use headway_protocol::message::{Fault, FaultCause};
+use nalgebra::Vector3;
 
 /// Furthest that a soft limit can be, whole steps: well within the 32 bits of a target.
 const WHOLE_STEPS_MAX: i64 = (1 << 30) - 4;
@@ -36,6 +40,8 @@ struct JointScale {
     range: u32,
     /// 0.1 µm or µrad per step.
     units_per_step: f64,
+    /// A whole turn of a joint that winds, 2^-31 steps.
+    turn: i64,
 }
 
 /// What the joints' new targets are like.
@@ -50,8 +56,12 @@ pub struct Reach {
 /// All joints.
 #[derive(Clone, Debug)]
 pub struct JointTargets {
-    /// Of a gantry; none on a planar machine. In single precision once and for all.
-    pivot_length_mm: Option<f32>,
+    /// The machine's equations, in single precision once and for all.
+    model: Model<f32>,
+    kinematics: Kinematics,
+    winding: Winding<f32>,
+    /// Ends of the joints' ranges, mm or rad.
+    ranges: [[f64; 2]; JOINTS_MAX],
     count: usize,
     joints: [JointScale; MOTORS_MAX],
 }
@@ -79,17 +89,36 @@ impl JointTargets {
                 lowest: whole(min) + 1,
                 range: (whole(max) - whole(min) - 2).max(0) as u32,
                 units_per_step: report_units / joint.steps_per_unit,
+                turn: position(core::f64::consts::TAU),
             };
         }
         let count = carriers.len().min(configuration.joints.len());
         Self {
-            pivot_length_mm: match configuration.kinematics {
-                Kinematics::Planar => None,
-                Kinematics::Gantry { pivot_length_mm } => Some(pivot_length_mm as f32),
-            },
+            model: Model::new(&configuration.kinematics),
+            kinematics: configuration.kinematics,
+            winding: Winding::default(),
+            ranges: configuration.ranges(),
             count,
             joints,
         }
+    }
+
+    /// The joint solution in use.
+    pub fn solution(&self) -> u8 {
+        self.kinematics.solution()
+    }
+
+    /// Takes this joint solution from now on: at the start of a stream.
+    ///
+    /// # Errors
+    /// [`CommandError::Invalid`] where the machine has not so many.
+    pub fn take_solution(&mut self, solution: u8) -> Result<(), CommandError> {
+        if solution >= self.kinematics.solutions() {
+            return Err(CommandError::Invalid);
+        }
+        self.kinematics = self.kinematics.with_solution(solution);
+        self.model = Model::new(&self.kinematics);
+        Ok(())
     }
 
     /// Number of joints.
@@ -125,29 +154,84 @@ impl JointTargets {
         ((1u16 << self.count) - 1) as u8
     }
 
-    /// Writes the joints' targets at the pose; other motors keep theirs.
+    /// Writes the joints' targets at the pose; other motors keep theirs. Poses of two calls must be
+    /// near enough that no joint turns by half a turn.
     ///
     /// # Errors
     /// The fault to latch.
     #[inline(always)]
     pub fn set_targets<'a>(
-        &self,
+        &mut self,
         offset: &Offset<'_>,
         targets: impl Iterator<Item = &'a mut Target>,
     ) -> Result<Reach, Fault> {
         // A loop of its own for machines that have nothing to add: joints of a planar machine are
         // channels. That the tilt is none was checked on reception.
-        let Some(pivot_length_mm) = self.pivot_length_mm else {
-            return Ok(self.follow(&planar::CARRIERS, offset, targets, |_, _, steps| steps));
-        };
-        let (tilt, base) = offset.tilt();
-        let pose = tilt_pose(base, tilt);
-        let added = gantry::remainder(pivot_length_mm, &pose).map_err(|_| IMPOSSIBLE_POSE)?;
-        let all_steps = |joint: &JointScale, index: usize, steps: f32| {
-            let added = added.get(index).copied().unwrap_or(0.0);
-            steps + added * joint.steps_per_natural
-        };
-        Ok(self.follow(&gantry::CARRIERS, offset, targets, all_steps))
+        match &self.model {
+            Model::Planar => {
+                Ok(self.follow(&planar::CARRIERS, offset, targets, |_, _, steps| steps))
+            }
+            Model::Gantry(pivot_length_mm) => {
+                let (tilt, base) = offset.tilt();
+                let pose = tilt_pose(base, tilt);
+                let added =
+                    gantry::remainder(*pivot_length_mm, &pose).map_err(|_| IMPOSSIBLE_POSE)?;
+                let all_steps = |joint: &JointScale, index: usize, steps: f32| {
+                    let added = added.get(index).copied().unwrap_or(0.0);
+                    steps + added * joint.steps_per_natural
+                };
+                Ok(self.follow(&gantry::CARRIERS, offset, targets, all_steps))
+            }
+            Model::Trunnion(trunnion) => {
+                let joints = trunnion.remainder(&whole_pose(offset));
+                let joints = joints.map_err(|_| IMPOSSIBLE_POSE)?;
+                Ok(self.follow_winding(&trunnion::CARRIERS, offset, targets, &joints))
+            }
+            Model::Arm6(arm) => {
+                let joints = arm.remainder(&whole_pose(offset));
+                let joints = joints.map_err(|_| IMPOSSIBLE_POSE)?;
+                let carriers = &arm6::CARRIERS_WITH_NOZZLE;
+                match carriers.get(..self.count) {
+                    Some(carriers) => Ok(self.follow_winding(carriers, offset, targets, &joints)),
+                    None => Err(IMPOSSIBLE_POSE),
+                }
+            }
+        }
+    }
+
+    /// The targets of joints at `added` beyond what they carry, whole turns counted.
+    #[inline(always)]
+    fn follow_winding<'a>(
+        &mut self,
+        carriers: &[Option<usize>],
+        offset: &Offset<'_>,
+        targets: impl Iterator<Item = &'a mut Target>,
+        added: &[f32; JOINTS_MAX],
+    ) -> Reach {
+        let mut reach = Reach::default();
+        let winds = kinematics::winds(&self.kinematics);
+        let parts = carriers.iter().zip(&self.joints).zip(targets).zip(added);
+        for (index, (((carrier, joint), target), added)) in parts.enumerate() {
+            let (mut steps, mut anchor) = match carrier {
+                Some(_) => offset.of_motor(index),
+                None => (0.0, Target::of_position(0)),
+            };
+            if winds >> index & 1 != 0 {
+                let turns = self.winding.follow(index, *added);
+                if turns != 0 {
+                    let way = i64::from(turns).wrapping_mul(joint.turn);
+                    anchor = Target::of_position(anchor.position().wrapping_add(way));
+                }
+            }
+            steps += added * joint.steps_per_natural;
+            let new = anchor.moved(steps);
+            reach.jumps |= target.replace(new);
+            let above = new.whole.wrapping_sub(joint.lowest) as u32;
+            if above > joint.range {
+                reach.outside |= 1 << index;
+            }
+        }
+        reach
     }
 
     /// The targets of joints that follow `carriers`, with what else there is.
@@ -180,8 +264,15 @@ impl JointTargets {
     ///
     /// # Errors
     /// The fault that it would be to go there.
-    pub fn targets(&self, pose: &RestPose) -> Result<[i64; MOTORS_MAX], Fault> {
+    #[inline(never)]
+    pub fn targets(&mut self, pose: &RestPose) -> Result<[i64; MOTORS_MAX], Fault> {
         let offset = pose.offset();
+        if kinematics::winds(&self.kinematics) != 0 {
+            let added = self.model.remainder(&whole_pose(&offset));
+            let added = added.map_err(|_| IMPOSSIBLE_POSE)?;
+            let ranges = &self.ranges;
+            self.winding = Winding::at_rest(&self.kinematics, &added, ranges);
+        }
         let mut targets = [Target::of_position(0); MOTORS_MAX];
         targets[self.count % MOTORS_MAX] = offset.of_motor(self.count).1;
         let reach = self.set_targets(&offset, targets.iter_mut())?;
@@ -214,6 +305,18 @@ impl JointTargets {
     }
 }
 
+/// The pose of machines whose joints follow all of it.
+#[inline(always)]
+fn whole_pose(offset: &Offset<'_>) -> Pose<f32> {
+    let (tilt, base) = offset.tilt();
+    let [x, y, z, heading_rad] = offset.place();
+    Pose {
+        tip_mm: Vector3::new(x, y, z),
+        heading_rad,
+        ..tilt_pose(base, tilt)
+    }
+}
+
 #[cfg(test)]
 mod tests {
     //! Goal: no step goes beyond a soft limit, and none before it is refused. Method: poses around
@@ -226,7 +329,7 @@ mod tests {
     #[test]
     fn a_soft_limit_trips_before_the_step_beyond_it() {
         let configuration = emulated_planar();
-        let joints = JointTargets::new(&configuration);
+        let mut joints = JointTargets::new(&configuration);
         let carriers = Carriers::new(&configuration);
         // The next step above 310 mm is due 62.5 of 0.1 µm further, that below -10 mm just so far.
         for (x_units, refused) in [
@@ -252,7 +355,7 @@ mod tests {
         let mut configuration = emulated_planar();
         configuration.joints[3].position_min = f64::NEG_INFINITY;
         configuration.joints[3].position_max = f64::INFINITY;
-        let joints = JointTargets::new(&configuration);
+        let mut joints = JointTargets::new(&configuration);
         let carriers = Carriers::new(&configuration);
         for heading_units in [0, 2_000_000_000, -2_000_000_000] {
             let mut pose = ChannelPoint::default();

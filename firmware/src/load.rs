@@ -5,18 +5,19 @@
 //! that is always safe: |sigma'| <= (1 - alpha sigma²) / beta. Units: servo ticks.
 
 use crate::configuration::{
-    ExtruderConfiguration, JOINTS_MAX, JointConfiguration, MachineConfiguration,
+    ExtruderConfiguration, JOINTS_MAX, JointConfiguration, Kinematics, MachineConfiguration,
 };
 use crate::design::{CEILING_OPEN, LIMIT_MARGIN, LOAD_ALPHA_MAX, LOAD_BETA_MIN_TICKS, WARP_ROOM};
 use crate::extruder_limits::event_ratio;
 use crate::jet::Jet;
-use crate::kinematics::{self, KinematicsError};
+use crate::kinematics::winding::Winding;
+use crate::kinematics::{self, KinematicsError, Model};
 use crate::pose::Pose;
 use crate::queue::smaller;
 use crate::real::Real;
 use crate::spline::{SpanPolynomial, SpanWindow};
 use headway_protocol::segment::FlowEvent;
-use headway_protocol::units::{CHANNEL_VOLUME, CHANNELS, UNITS_PER_NATURAL};
+use headway_protocol::units::{CHANNEL_VOLUME, CHANNELS, ChannelPoint, UNITS_PER_NATURAL};
 use nalgebra::{Vector2, Vector3};
 
 /// Demands of one span.
@@ -80,7 +81,8 @@ impl JointLimit {
 /// Limits of the whole machine, ready for use.
 #[derive(Clone, Debug, PartialEq)]
 pub struct LoadModel {
-    kinematics: crate::configuration::Kinematics,
+    kinematics: Kinematics,
+    ranges: [[f64; 2]; JOINTS_MAX],
     limits: [JointLimit; JOINTS_MAX],
     extruder_per_acceleration: f32,
     extruder_per_speed: f32,
@@ -108,6 +110,7 @@ impl LoadModel {
         let window_s = (extruder.pressure_advance_window_ms * 1e-3).max(1.0 / servo_hz);
         Self {
             kinematics: configuration.kinematics,
+            ranges: configuration.ranges(),
             limits,
             extruder_per_acceleration: (servo_hz * servo_hz / extruder.acceleration_max_mm3_s2)
                 as f32,
@@ -130,17 +133,41 @@ impl LoadModel {
         check_limit(kinematics::joint_count(&self.kinematics), ratio as f32)
     }
 
-    /// Demands of the window's newest span.
+    /// Takes this joint solution from now on: at the start of a stream.
+    pub fn take_solution(&mut self, solution: u8) {
+        self.kinematics = self.kinematics.with_solution(solution);
+    }
+
+    /// Turns of the joints at rest on `start`; none where it has no joint positions.
+    pub fn winding_at(&self, start: &ChannelPoint) -> Winding<f32> {
+        let mut natural = [0.0; CHANNELS];
+        for channel in 0..CHANNELS {
+            natural[channel] = start[channel] as f32 / UNITS_PER_NATURAL[channel] as f32;
+        }
+        let joints = kinematics::remainder(&self.kinematics, &Pose::from_channels(&natural));
+        joints.map_or_else(
+            |_| Winding::default(),
+            |joints| Winding::at_rest(&self.kinematics, &joints, &self.ranges),
+        )
+    }
+
+    /// Demands of the window's newest span. `winding` has the joints' turns where it begins, and
+    /// afterwards where it ends.
     ///
     /// # Errors
     /// See [`SpanFault`].
-    pub fn of_span(&self, window: &SpanWindow) -> Result<SpanLoad, SpanFault> {
+    #[inline(never)]
+    pub fn of_span(
+        &self,
+        window: &SpanWindow,
+        winding: &mut Winding<f32>,
+    ) -> Result<SpanLoad, SpanFault> {
         if window.is_rest() {
             return Ok(SpanLoad::REST);
         }
         let polynomial = window.polynomial::<f32>();
         let ticks = f32::from(window.duration_ticks());
-        let states = self.joint_states(window, &polynomial, ticks)?;
+        let states = self.joint_states(window, &polynomial, ticks, winding)?;
         let (mut alpha, mut beta, mut speed) = (0.0f32, LOAD_BETA_MIN_TICKS, 0.0f32);
         let count = kinematics::joint_count(&self.kinematics);
         for state in &states {
@@ -174,20 +201,28 @@ impl LoadModel {
 
     /// Joints at start, middle and end of a span, with their exact derivatives: what a tilting head
     /// makes of a channel may cancel most of the channel itself.
+    #[inline(never)]
     fn joint_states(
         &self,
         window: &SpanWindow,
         polynomial: &SpanPolynomial<f32>,
         ticks: f32,
+        winding: &mut Winding<f32>,
     ) -> Result<[JointState; 3], SpanFault> {
+        let winds = kinematics::winds(&self.kinematics);
+        let model: Model<Jet<f32, 3>> = Model::new(&self.kinematics);
         let mut states = [[[0.0f32; 3]; JOINTS_MAX]; 3];
         for (state, t) in states.iter_mut().zip([0.0, 0.5 * ticks, ticks]) {
             let channels = channel_jets(window, polynomial, t);
-            let remainder =
-                kinematics::remainder(&self.kinematics, &Pose::from_channels(&channels))
-                    .map_err(SpanFault::Kinematics)?;
+            let remainder = model.remainder(&Pose::from_channels(&channels));
+            let remainder = remainder.map_err(SpanFault::Kinematics)?;
             let carriers = kinematics::carriers(&self.kinematics);
-            for ((slot, mut joint), carrier) in state.iter_mut().zip(remainder).zip(carriers) {
+            let parts = state.iter_mut().zip(remainder).zip(carriers).enumerate();
+            for (index, ((slot, mut joint), carrier)) in parts {
+                if winds >> index & 1 != 0 {
+                    let turns = winding.follow(index, joint.value());
+                    joint.0[0] += turns as f32 * core::f32::consts::TAU;
+                }
                 if let Some(channel) = carrier.and_then(|channel| channels.get(channel)) {
                     joint += *channel;
                 }
@@ -200,6 +235,7 @@ impl LoadModel {
 }
 
 /// The channels at a place of a span, mm, rad, mm³ and ticks.
+#[inline(never)]
 fn channel_jets(
     window: &SpanWindow,
     polynomial: &SpanPolynomial<f32>,
@@ -291,7 +327,7 @@ mod tests {
     //! Goal: loads are the shares of the limits that a span really uses. Method: spans of constant
     //! speed and acceleration with known answers.
     use super::*;
-    use crate::configuration::{ExtruderConfiguration, Kinematics};
+    use crate::configuration::ExtruderConfiguration;
     use headway_protocol::segment::Knot;
 
     fn configuration() -> MachineConfiguration {
@@ -340,13 +376,19 @@ mod tests {
     #[test]
     fn loads_are_shares_of_the_limits() {
         let model = LoadModel::new(&configuration());
-        let load = model.of_span(&window(0.0, 60.0, 0.0)).unwrap();
+        let load = model
+            .of_span(&window(0.0, 60.0, 0.0), &mut Winding::default())
+            .unwrap();
         // 60 mm/s over 3000 mm/s² is 20 ms, 40 ticks.
         assert!((load.beta_ticks - 40.0).abs() < 0.2, "{load:?}");
         assert!(load.alpha < 0.01, "{load:?}");
-        let load = model.of_span(&window(0.0, 0.0, 1500.0)).unwrap();
+        let load = model
+            .of_span(&window(0.0, 0.0, 1500.0), &mut Winding::default())
+            .unwrap();
         assert!((load.alpha - 0.5).abs() < 0.02, "{load:?}");
-        let load = model.of_span(&window(0.0, 160.0, 0.0)).unwrap();
+        let load = model
+            .of_span(&window(0.0, 160.0, 0.0), &mut Winding::default())
+            .unwrap();
         // Override up to 200 / 160.
         assert!((load.rate_squared_max - 1.5625).abs() < 0.02, "{load:?}");
     }
@@ -354,12 +396,16 @@ mod tests {
     #[test]
     fn spans_out_of_range_and_absurd_ones_are_refused() {
         let model = LoadModel::new(&configuration());
-        let beyond = model.of_span(&window(99.0, 60.0, 0.0));
+        let beyond = model.of_span(&window(99.0, 60.0, 0.0), &mut Winding::default());
         assert!(matches!(beyond, Err(SpanFault::SoftLimit(0, units)) if units > 1_000_000));
         // 4 % above the limit is what differences of short spans may make of a plan.
-        assert!(model.of_span(&window(0.0, 208.0, 0.0)).is_ok());
+        assert!(
+            model
+                .of_span(&window(0.0, 208.0, 0.0), &mut Winding::default())
+                .is_ok()
+        );
         for (v, a) in [(212.0, 0.0), (400.0, 0.0), (0.0, 3200.0)] {
-            let refused = model.of_span(&window(0.0, v, a));
+            let refused = model.of_span(&window(0.0, v, a), &mut Winding::default());
             assert!(
                 matches!(refused, Err(SpanFault::Limit(0, permille)) if permille > 1050),
                 "{refused:?}"
@@ -406,7 +452,7 @@ mod tests {
             });
             let carrier = window.polynomial::<f64>().acceleration(0.0)[0].abs() * 4e6 * 1e-4;
             if i > 8 && carrier > 1.6 * 3000.0 {
-                let load = model.of_span(&window).unwrap();
+                let load = model.of_span(&window, &mut Winding::default()).unwrap();
                 assert!(
                     load.alpha < 0.2,
                     "knot {i}: {load:?}, the tip alone {carrier} mm/s²"
@@ -421,6 +467,9 @@ mod tests {
     fn a_rest_loads_nothing() {
         let model = LoadModel::new(&configuration());
         let window = SpanWindow::at_rest(&[5; 7]);
-        assert_eq!(model.of_span(&window), Ok(SpanLoad::REST));
+        assert_eq!(
+            model.of_span(&window, &mut Winding::default()),
+            Ok(SpanLoad::REST)
+        );
     }
 }

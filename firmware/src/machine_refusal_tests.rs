@@ -87,6 +87,7 @@ fn frames_after_the_end_are_refused_and_the_next_stream_begins_clean() {
         // The next job stands where this one ended: it is over with its own spans.
         let end = job.knots.last().unwrap().control;
         host.control(HostMessage::Start(Start {
+            solution: 0,
             job: 2,
             machine_hash: hash_of(&configuration),
             first_sequence: 9000,
@@ -117,6 +118,7 @@ fn a_start_at_once_after_an_abort_runs_nothing_of_before() {
     host.run(&job);
     host.control(HostMessage::Control(Control::Abort));
     host.control(HostMessage::Start(Start {
+        solution: 0,
         job: 2,
         machine_hash: hash_of(&configuration),
         first_sequence: 9000,

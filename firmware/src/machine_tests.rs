@@ -227,6 +227,7 @@ impl Host {
             machine_hash: hash_of(configuration),
             first_sequence: 500,
             position: job.start,
+            solution: configuration.kinematics.solution(),
         }));
         host.poll();
         assert!(host.ack.is_some());

@@ -228,6 +228,7 @@ impl Target {
             machine_hash: hash_of(self.configuration) ^ u32::from(!right),
             first_sequence: self.next_sequence,
             position: self.position,
+            solution: 0,
         }));
     }
 

@@ -1,5 +1,6 @@
 //! A planned job: what `plan` makes and `drive`, `report` and the job file use.
 
+use headway_firmware::configuration::MachineConfiguration;
 use headway_protocol::segment::{FlowEvent, Knot};
 use headway_protocol::units::ChannelPoint;
 use serde::{Deserialize, Serialize};
@@ -59,9 +60,19 @@ pub struct SegmentStream {
     pub events: Vec<FlowEvent>,
     /// What the stream is doing when, ordered, without gaps.
     pub marks: Vec<Mark>,
+    /// Which of the machine's joint solutions it is run in.
+    pub solution: u8,
 }
 
 impl SegmentStream {
+    /// The machine, in the joint solution of this stream.
+    pub fn machine(&self, machine: &MachineConfiguration) -> MachineConfiguration {
+        MachineConfiguration {
+            kinematics: machine.kinematics.with_solution(self.solution),
+            ..machine.clone()
+        }
+    }
+
     /// Layers of the job; 1 where nothing is said of layers.
     pub fn layers(&self) -> u32 {
         self.marks.last().map_or(1, |mark| mark.layer + 1)

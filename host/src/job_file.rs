@@ -17,7 +17,7 @@ use crate::job::{Mark, SegmentStream};
 use crate::part_transform::PartTransform;
 use crate::wire_frames::{WireFrames, WireFramesError};
 use headway_firmware::configuration::MachineConfiguration;
-use headway_protocol::frame::{CRC, FRAME_BYTES_MAX, FrameDecoder, encode_payload, hash_of};
+use headway_protocol::frame::{CRC, FRAME_BYTES_MAX, FrameDecoder, encode_payload};
 use headway_protocol::message::{PROTOCOL_VERSION, SCHEMA_HASH};
 use headway_protocol::units::ChannelPoint;
 use serde::{Deserialize, Serialize};
@@ -86,8 +86,8 @@ impl JobHeader {
             protocol_version: PROTOCOL_VERSION,
             schema_hash: SCHEMA_HASH,
             machine_name: machine_name.to_string(),
-            machine: machine.clone(),
-            machine_hash: hash_of(machine),
+            machine: stream.machine(machine),
+            machine_hash: machine.hash(),
             transform,
             start: *frames.start(),
             job: frames.job(),
@@ -133,6 +133,7 @@ impl JobFile {
             knots,
             events,
             marks: self.header.marks.clone(),
+            solution: self.header.machine.kinematics.solution(),
         })
     }
 }

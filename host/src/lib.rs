@@ -49,7 +49,7 @@ use crate::plan::route::build_route::build_route;
 use crate::plan::route::keep_out::{cleared, taken};
 use crate::plan::route::moves::Route;
 use crate::plan::route::travel::{TravelError, TravelWays, outline_crossings};
-use crate::plan::route::waypoint_curve::{WaypointCurveError, waypoint_curves};
+use crate::plan::route::waypoint_curve::{WaypointCurveError, waypoint_passes};
 use crate::plan::route::waypoint_route::waypoint_route;
 use crate::settings::{Infill, Settings, SettingsError};
 use headway_protocol::units::{CHANNEL_X, CHANNEL_Y, CHANNEL_Z, CHANNELS};
@@ -312,11 +312,12 @@ pub fn plan_waypoints_with_progress(
     let high_mm = tips().map(|tip| tip.z).fold(f64::NEG_INFINITY, f64::max);
     let bounds = geometry::polygon::Box2::of(&corners);
     let transform = PartTransform::choose_box(bounds, [low_mm, high_mm], settings)?;
-    let curves = waypoint_curves(run, transform.offset_mm, settings)?;
-    let route = waypoint_route(curves, start_pose(settings), settings);
+    let passes = waypoint_passes(run, transform.offset_mm, settings)?;
+    let pass_count = passes.len();
+    let route = waypoint_route(passes, start_pose(settings), settings);
     let (stream, motion) = lay_segments_with_progress(&route, settings, progress)?;
     let (mut figures, measured) = measure(&stream, &[], &[], &transform, settings, progress);
-    figures.passes = 1;
+    figures.passes = pass_count;
     Ok(Plan {
         transform,
         keep_out: Vec::new(),

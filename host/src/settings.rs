@@ -178,6 +178,8 @@ pub struct Settings {
     pub work_area_mm: [[f64; 3]; 2],
     /// Machine coordinates of the input's origin (`--at`), mm; `None` centres the input.
     pub at_mm: Option<[f64; 3]>,
+    /// Jump between two waypoints that ends a pass (`--gap`), mm; `None`: many times the usual spacing.
+    pub gap_mm: Option<f64>,
     /// The nozzle's smallest printable feature.
     pub aperture: Aperture,
     /// Layers, all of the same outline.

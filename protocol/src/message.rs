@@ -16,13 +16,13 @@ use heapless::Vec;
 use serde::{Deserialize, Serialize};
 
 /// Version of the whole protocol; another one is refused with both values shown.
-pub const PROTOCOL_VERSION: u16 = 3;
+pub const PROTOCOL_VERSION: u16 = 4;
 /// The layout of every message, field by field: its hash guards against a build that changed a
 /// message and forgot the version. Change it with the types; the golden test of `WIRE.md` tells.
 pub const SCHEMA: &str = "\
 frame: u16le sequence, postcard, u32le crc32 iso-hdlc; cobs; 00\n\
 host: 0 hello{protocol u16,schema u32,host_session u32}\n\
- 1 start{job u32,machine_hash u32,first_sequence u32,position i32*7}\n\
+ 1 start{job u32,machine_hash u32,first_sequence u32,position i32*7,solution u8}\n\
  2 knots(block) 3 flow{span u32,offset u16,action u8,volume u32,duration u32}\n\
  4 finish{knots u32,events u32}\n\
  5 control 0 pause 1 resume 2 override u16 3 abort 4 stop 5 clear 6 status\n\
@@ -81,6 +81,8 @@ pub struct Start {
     pub first_sequence: u32,
     /// Pose at rest from which the first knots lead away, channel units.
     pub position: ChannelPoint,
+    /// Which of the machine's joint solutions the whole stream is run in; 0 where there is one.
+    pub solution: u8,
 }
 
 /// End of the stream, with totals since `Start` to check.

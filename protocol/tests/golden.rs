@@ -39,6 +39,7 @@ fn host_message<'a>(name: &str, block: &'a [u8]) -> Option<HostMessage<'a>> {
             machine_hash: 0x0506_0708,
             first_sequence: 3,
             position: POSITION,
+            solution: 5,
         }),
         "knots" => HostMessage::Knots(block),
         "flow" => HostMessage::Flow(FlowEvent {

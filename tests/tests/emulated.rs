@@ -300,6 +300,7 @@ fn sender() -> Sender {
     let setup = SenderSetup {
         host_session: 7,
         machine_hash: hash_of(&settings.machine),
+        solution: 0,
         servo_hz: settings.machine.servo_hz,
         resume: false,
     };

@@ -34,7 +34,7 @@ fn the_firmware_keeps_to_its_room() {
     };
     at_most("/cpu_fraction", 0.25);
     at_most("/ram_bytes", 64.0 * 1024.0);
-    at_most("/flash_bytes", 128.0 * 1024.0);
+    at_most("/flash_bytes", FLASH_BYTES);
     assert!(number("/queue_segments") >= 256.0);
     // With USB the octopus has the panics of its driver, none of ours.
     at_most("/panic_symbols/qemu", 0.0);
@@ -58,6 +58,9 @@ const STEP_WORST: f64 = 150.0;
 const STEP_WORST_STRAIGHT: f64 = 120.0;
 const SERVO_WORST_PLANAR: f64 = 900.0;
 const SERVO_WORST_GANTRY: f64 = 1500.0;
+// A third of the chip's. With planar and gantry alone 125 KiB were used of 128; the table, the arm and
+// the derivatives of all of them take 31.5 KiB more.
+const FLASH_BYTES: f64 = 160.0 * 1024.0;
 // No goals: what is reached with the jobs as they are planned today, a twentieth above it for another
 // compiler. The worst tick hangs on the job: what coincides in it (1208 instructions with an earlier
 // plan of the same parts, 1269 with this one, by the same firmware).

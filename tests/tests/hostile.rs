@@ -105,6 +105,7 @@ impl Attacker {
             machine_hash: self.machine_hash,
             first_sequence,
             position: self.position,
+            solution: 0,
         };
         self.send_control(&HostMessage::Start(start));
         self.next_sequence = first_sequence;

@@ -7,8 +7,8 @@ use headway::drive::rehearsal::{Rehearsal, rehearse};
 use headway::drive::simulator::SimulatorSetup;
 use headway::input::ReadOptions;
 use headway::input::waypoints::read;
-use headway::plan_waypoints;
 use headway::settings::{Settings, machine_file};
+use headway::{Plan, PlanError, plan_waypoints};
 use std::path::{Path, PathBuf};
 
 fn root() -> PathBuf {
@@ -20,15 +20,20 @@ fn machine(name: &str) -> Settings {
     machine_file::from_toml(&std::fs::read_to_string(path).unwrap()).unwrap()
 }
 
-/// A run printed in simulation; `None` where the shared data are missing.
-fn printed(name: &str, settings: &Settings) -> Option<Rehearsal> {
+/// A run as planned; `None` where the shared data are missing.
+fn planned(name: &str, settings: &Settings) -> Option<Result<Plan, PlanError>> {
     let path = root().join("../shared/data/waypoints").join(name);
     let Ok(text) = std::fs::read(&path) else {
         eprintln!("left out: {} is missing", path.display());
         return None;
     };
     let run = read(&text, name, &ReadOptions::default()).unwrap();
-    let plan = plan_waypoints(&run, settings).unwrap_or_else(|error| panic!("{name}: {error}"));
+    Some(plan_waypoints(&run, settings))
+}
+
+/// A run printed in simulation; `None` where the shared data are missing.
+fn printed(name: &str, settings: &Settings) -> Option<Rehearsal> {
+    let plan = planned(name, settings)?.unwrap_or_else(|error| panic!("{name}: {error}"));
     let setup = SimulatorSetup::default();
     Some(rehearse(&plan.stream, settings, &setup, |_| {}).unwrap())
 }
@@ -69,3 +74,61 @@ fn swinging_heads_are_not_refused_by_the_controller() {
         }
     }
 }
+
+/// Goal: published runs with tilts from 0 to 97 degrees, jumps and a broken axis are printed on a tilting
+/// table. Method: a run that passes the pole closely, one with jumps beyond 90 degrees; all of them by
+/// name (`--ignored`), for they print for hours.
+#[test]
+fn a_tilting_table_prints_steep_runs_with_jumps() {
+    let settings = machine("trunnion.toml");
+    for name in ["0.txt", "topology_10301.txt"] {
+        if let Some(rehearsal) = printed(name, &settings) {
+            assert_printed(name, &rehearsal);
+        }
+    }
+}
+
+#[test]
+#[ignore = "minutes; run by name"]
+fn a_tilting_table_prints_all_runs() {
+    let settings = machine("trunnion.toml");
+    for name in RUNS {
+        if let Some(rehearsal) = printed(name, &settings) {
+            assert_printed(name, &rehearsal);
+        }
+    }
+}
+
+/// Goal: what the small arm reaches it prints, and of what it does not the joint and the place are told.
+/// Method: a gentle run in the middle of its bed, and one for which its fourth joint would have to go a
+/// little beyond its end.
+#[test]
+fn a_small_arm_prints_what_it_reaches_and_tells_the_rest() {
+    let settings = machine("arm-small.toml");
+    if let Some(rehearsal) = printed("0.txt", &settings) {
+        assert_printed("0.txt", &rehearsal);
+    }
+    if let Some(Err(error)) = planned("dome_cut_132.txt", &settings) {
+        let text = error.to_string();
+        assert!(text.contains("joint j4 would go to"), "{text}");
+        assert!(
+            text.contains("tip at") && text.contains("turn the part"),
+            "{text}"
+        );
+    }
+}
+
+const RUNS: [&str; 12] = [
+    "0.txt",
+    "1.txt",
+    "2.txt",
+    "3.txt",
+    "4.txt",
+    "5.txt",
+    "bunnyHead_13900.txt",
+    "dome_cut_132.txt",
+    "freeform_17.txt",
+    "model_2_14.txt",
+    "simple_curve_16.txt",
+    "topology_10301.txt",
+];

@@ -7,9 +7,15 @@
 //! joint follows one to one (X carries x, C carries the heading), kept as an exact integer on the
 //! controller; the remainder is what the tilt adds, small enough for f32. The split is what keeps
 //! step counts exact far from the origin.
+//!
+//! Joints whose angle comes from an arctangent are found within half a turn; [`winding`] makes them
+//! continuous. Where a pose has several joint solutions, the one that [`Kinematics`] names is taken.
 
+pub mod arm6;
 pub mod gantry;
 pub mod planar;
+pub mod trunnion;
+pub mod winding;
 
 use crate::configuration::{JOINTS_MAX, Kinematics};
 use crate::pose::Pose;
@@ -23,6 +29,8 @@ pub enum KinematicsError {
     TiltOutOfReach,
     /// Two rotary axes line up: the joints are not determined by the pose.
     Singular,
+    /// The arm is too short for the tip's place, or too long.
+    OutOfReach,
     /// A number is not finite.
     NotFinite,
 }
@@ -32,6 +40,7 @@ impl core::fmt::Display for KinematicsError {
         formatter.write_str(match self {
             Self::TiltOutOfReach => "the tool axis is tilted further than the machine can reach",
             Self::Singular => "two rotary axes line up in this pose",
+            Self::OutOfReach => "the arm does not reach this place",
             Self::NotFinite => "the pose is not finite",
         })
     }
@@ -60,6 +69,9 @@ pub const fn joint_count(kinematics: &Kinematics) -> usize {
     match kinematics {
         Kinematics::Planar => planar::CARRIERS.len(),
         Kinematics::Gantry { .. } => gantry::CARRIERS.len(),
+        Kinematics::Trunnion { .. } => trunnion::CARRIERS.len(),
+        Kinematics::Arm6 { arm, .. } if arm.nozzle => arm6::CARRIERS_WITH_NOZZLE.len(),
+        Kinematics::Arm6 { .. } => arm6::CARRIERS.len(),
     }
 }
 
@@ -68,26 +80,97 @@ pub const fn carriers(kinematics: &Kinematics) -> &'static [Option<usize>] {
     match kinematics {
         Kinematics::Planar => &planar::CARRIERS,
         Kinematics::Gantry { .. } => &gantry::CARRIERS,
+        Kinematics::Trunnion { .. } => &trunnion::CARRIERS,
+        Kinematics::Arm6 { arm, .. } if arm.nozzle => &arm6::CARRIERS_WITH_NOZZLE,
+        Kinematics::Arm6 { .. } => &arm6::CARRIERS,
     }
 }
 
-/// What each joint adds to its carrier.
+/// Joints that are found within half a turn: a mask.
+pub const fn winds(kinematics: &Kinematics) -> u8 {
+    match kinematics {
+        Kinematics::Planar | Kinematics::Gantry { .. } => 0,
+        Kinematics::Trunnion { .. } => trunnion::WINDS,
+        Kinematics::Arm6 { .. } => arm6::WINDS,
+    }
+}
+
+/// True where joints depend on the whole pose, not on the tilt alone.
+pub const fn follows_pose(kinematics: &Kinematics) -> bool {
+    matches!(
+        kinematics,
+        Kinematics::Trunnion { .. } | Kinematics::Arm6 { .. }
+    )
+}
+
+/// A machine's equations with their constants in one number type.
+// Boxing is impossible without a heap.
+#[allow(clippy::large_enum_variant)]
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub enum Model<R> {
+    /// See [`planar`].
+    Planar,
+    /// See [`gantry`]: the pivot length in mm.
+    Gantry(R),
+    /// See [`trunnion`].
+    Trunnion(trunnion::Trunnion<R>),
+    /// See [`arm6`].
+    Arm6(arm6::Arm6<R>),
+}
+
+impl<R: Real> Model<R> {
+    /// Of a machine, with the joint solution that it names.
+    pub fn new(kinematics: &Kinematics) -> Self {
+        match kinematics {
+            Kinematics::Planar => Self::Planar,
+            Kinematics::Gantry { pivot_length_mm } => Self::Gantry(R::of(*pivot_length_mm)),
+            Kinematics::Trunnion {
+                centre_mm,
+                solution,
+            } => Self::Trunnion(trunnion::Trunnion::new(centre_mm, *solution)),
+            Kinematics::Arm6 { arm, solution } => Self::Arm6(arm6::Arm6::new(arm, *solution)),
+        }
+    }
+
+    /// What each joint adds to its carrier.
+    ///
+    /// # Errors
+    /// See [`KinematicsError`]. The tip of the pose may be anything where
+    /// [`follows_pose`] is false.
+    #[inline(never)]
+    pub fn remainder(&self, pose: &Pose<R>) -> Result<[R; JOINTS_MAX], KinematicsError> {
+        match self {
+            Self::Planar => planar::remainder(pose),
+            Self::Gantry(pivot_length_mm) => gantry::remainder(*pivot_length_mm, pose),
+            Self::Trunnion(trunnion) => trunnion.remainder(pose),
+            Self::Arm6(arm) => arm.remainder(pose),
+        }
+    }
+
+    /// Pose of joint positions.
+    pub fn forward(&self, joints: &[R; JOINTS_MAX]) -> Pose<R> {
+        match self {
+            Self::Planar => planar::forward(joints),
+            Self::Gantry(pivot_length_mm) => gantry::forward(*pivot_length_mm, joints),
+            Self::Trunnion(trunnion) => trunnion.forward(joints),
+            Self::Arm6(arm) => arm.forward(joints),
+        }
+    }
+}
+
+/// What each joint adds to its carrier, see [`Model::remainder`].
 ///
 /// # Errors
-/// See [`KinematicsError`]. The tip of the pose may be anything for machines whose remainder does
-/// not depend on it.
+/// See [`KinematicsError`].
 #[inline]
 pub fn remainder<R: Real>(
     kinematics: &Kinematics,
     pose: &Pose<R>,
 ) -> Result<[R; JOINTS_MAX], KinematicsError> {
-    match kinematics {
-        Kinematics::Planar => planar::remainder(pose),
-        Kinematics::Gantry { pivot_length_mm } => gantry::remainder(R::of(*pivot_length_mm), pose),
-    }
+    Model::new(kinematics).remainder(pose)
 }
 
-/// Joint positions of a pose.
+/// Joint positions of a pose; those of [`winds`] within half a turn.
 ///
 /// # Errors
 /// See [`KinematicsError`].
@@ -119,10 +202,8 @@ pub fn inverse<R: Real>(
     })
 }
 
-/// Pose of joint positions. The heading comes back unwrapped, as it was.
+/// Pose of joint positions. The heading comes back unwrapped, as it was, but for arms whose flange
+/// turns it: there it is within half a turn.
 pub fn forward<R: Real>(kinematics: &Kinematics, joints: &[R; JOINTS_MAX]) -> Pose<R> {
-    match kinematics {
-        Kinematics::Planar => planar::forward(joints),
-        Kinematics::Gantry { pivot_length_mm } => gantry::forward(R::of(*pivot_length_mm), joints),
-    }
+    Model::new(kinematics).forward(joints)
 }

@@ -14,12 +14,20 @@ use headway_protocol::segment::FlowEvent;
 use headway_protocol::units::ChannelPoint;
 
 impl Motion {
-    /// Opens a stream that starts at rest on `position`.
+    /// Opens a stream that starts at rest on `position`, in the joint solution of the last one.
+    ///
+    /// # Errors
+    /// As [`Self::start_in`].
+    pub fn start(&mut self, position: &ChannelPoint) -> Result<(), CommandError> {
+        self.start_in(position, self.joints.solution())
+    }
+
+    /// Opens a stream that starts at rest on `position`, in one of the machine's joint solutions.
     ///
     /// # Errors
     /// [`CommandError`]: a stream that is open, a latched fault, a position that is not where the
-    /// machine is.
-    pub fn start(&mut self, position: &ChannelPoint) -> Result<(), CommandError> {
+    /// machine is, a joint solution that it has not.
+    pub fn start_in(&mut self, position: &ChannelPoint, solution: u8) -> Result<(), CommandError> {
         if self.fault.is_some() {
             return Err(CommandError::Faulted);
         }
@@ -29,6 +37,7 @@ impl Motion {
         if self.reference.lost != 0 {
             return Err(CommandError::Invalid);
         }
+        self.joints.take_solution(solution)?;
         self.place(position, self.reference.known)?;
         self.queue.clear();
         self.events.clear();
@@ -81,7 +90,7 @@ impl Motion {
 
     /// Where the motors are at rest on a pose: the pose, and the positions.
     pub(super) fn rest_targets(
-        &self,
+        &mut self,
         position: &ChannelPoint,
     ) -> Result<(RestPose, [i64; MOTORS_MAX]), CommandError> {
         let pose = RestPose::new(&self.carriers, position);

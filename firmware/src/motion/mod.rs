@@ -267,7 +267,7 @@ impl Motion {
     fn program(&mut self, bank: &mut StepBank) -> Result<(), Fault> {
         let (mut jumps, mut outside) = (0, 0);
         if self.follows_path {
-            let (joints, offset) = (&self.joints, self.interpolator.offset());
+            let (joints, offset) = (&mut self.joints, self.interpolator.offset());
             let reach = joints.set_targets(&offset, self.programmer.targets_mut())?;
             let motor = joints.count();
             let (deposited, base) = offset.of_motor(motor);

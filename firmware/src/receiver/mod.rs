@@ -9,11 +9,12 @@ mod reports;
 
 use crate::configuration::MachineConfiguration;
 use crate::design::{NAK_PERIOD_MS, STATUS_PERIOD_MS, ticks_of_ms};
+use crate::kinematics::winding::Winding;
 use crate::load::{LoadModel, SpanFault, SpanLoad};
 use crate::motion::{CommandError, EMERGENCY, Motion};
 use crate::queue::{Ceiling, QueuedKnot};
 use crate::spline::SpanWindow;
-use headway_protocol::frame::{FrameDecoder, full_sequence, hash_of};
+use headway_protocol::frame::{FrameDecoder, full_sequence};
 use headway_protocol::knot_block::{KNOTS_PER_BLOCK_MAX, KnotPredictor, decode_block};
 use headway_protocol::message::{
     Control, DeviceState, Fault, FaultCause, Finish, Hello, HostMessage, MessageClass,
@@ -55,6 +56,7 @@ struct Block {
     refused: Option<SpanFault>,
     predictor: KnotPredictor,
     window: SpanWindow,
+    winding: Winding<f32>,
     count: u32,
 }
 
@@ -70,6 +72,7 @@ struct Stream {
     event_span: u32,
     predictor: KnotPredictor,
     window: SpanWindow,
+    winding: Winding<f32>,
 }
 
 /// What is to be said.
@@ -119,7 +122,7 @@ impl Receiver {
         Self {
             decoder: FrameDecoder::new(),
             loads: LoadModel::new(configuration),
-            machine_hash: hash_of(configuration),
+            machine_hash: configuration.hash(),
             servo_hz: configuration.servo_hz,
             step_hz: configuration.step_hz,
             session,
@@ -262,8 +265,9 @@ impl Receiver {
             self.refuse_control(sequence, RefusalReason::Machine(self.machine_hash));
             return;
         }
-        match motion.start(&start.position) {
+        match motion.start_in(&start.position, start.solution) {
             Ok(()) => {
+                self.loads.take_solution(start.solution);
                 log_event!("job {=u32:08x} opens", start.job);
                 self.stream = Some(Stream {
                     job: start.job,
@@ -274,6 +278,7 @@ impl Receiver {
                     event_span: 0,
                     predictor: KnotPredictor::new(start.position),
                     window: SpanWindow::at_rest(&start.position),
+                    winding: self.loads.winding_at(&start.position),
                 });
             }
             Err(error) => self.refuse_control(sequence, reason_of(error)),
@@ -334,6 +339,7 @@ impl Receiver {
         stream.knots = stream.knots.wrapping_add(block.count);
         stream.predictor = block.predictor;
         stream.window = block.window;
+        stream.winding = block.winding;
         stream.next_sequence = stream.next_sequence.wrapping_add(1);
         self.due.ack = true;
     }
@@ -435,12 +441,13 @@ fn reason_of(error: CommandError) -> RefusalReason {
 fn unpack(bytes: &[u8], stream: &Stream, loads: &LoadModel) -> Option<Block> {
     let mut predictor = stream.predictor;
     let mut window = stream.window.clone();
+    let mut winding = stream.winding;
     let decoded = decode_block(&mut predictor, bytes).ok()?;
     let mut knots = Vec::new();
     let mut refused = None;
     for knot in &decoded {
         window.push(knot);
-        let load = match loads.of_span(&window) {
+        let load = match loads.of_span(&window, &mut winding) {
             Ok(load) => load,
             Err(fault) => {
                 refused = Some(fault);
@@ -455,6 +462,7 @@ fn unpack(bytes: &[u8], stream: &Stream, loads: &LoadModel) -> Option<Block> {
         refused,
         predictor,
         window,
+        winding,
         count: decoded.len() as u32,
     })
 }

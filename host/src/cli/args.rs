@@ -80,6 +80,10 @@ pub(super) struct PlaceArgs {
     /// input's coordinates; read like the input.
     #[arg(long, value_name = "FILE")]
     pub keep_out: Option<PathBuf>,
+    /// Waypoints further apart than this end a pass: retract, travel clear of what is printed, prime
+    /// [default: six times the usual spacing].
+    #[arg(long, value_name = "MM")]
+    pub gap: Option<f64>,
 }
 
 /// What overrides the machine file.

@@ -14,7 +14,6 @@ use crate::drive::virtual_board::{BoardSetup, VirtualBoard};
 use crate::settings::Settings;
 use headway_firmware::configuration::MachineConfiguration;
 use headway_firmware::homing::HomingConfiguration;
-use headway_protocol::frame::hash_of;
 use headway_protocol::message::{Control, DeviceState, JointOrder, Status, Welcome};
 use serde_json::json;
 use std::fs::File;
@@ -148,7 +147,7 @@ impl Talk {
 
     /// Joint names and units are the machine's: it must be the board's.
     fn check_machine(&self, machine: &MachineConfiguration) -> Result<(), CliError> {
-        let ours = hash_of(machine);
+        let ours = machine.hash();
         match &self.welcome {
             Some(welcome) if welcome.machine_hash != ours => Err(CliError::Job(format!(
                 "the board is configured for machine {:08x}, the machine file says {ours:08x}; give \

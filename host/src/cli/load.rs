@@ -265,6 +265,16 @@ pub(super) fn parse_at(text: &str) -> Result<[f64; 3], CliError> {
     }
 }
 
+/// The jump that ends a pass.
+pub(super) fn gap_mm(given: Option<f64>) -> Result<Option<f64>, CliError> {
+    match given {
+        Some(gap_mm) if !(gap_mm > 0.0 && gap_mm.is_finite()) => Err(CliError::Usage(format!(
+            "--gap {gap_mm}: write a length in mm above 0, as in --gap 5"
+        ))),
+        given => Ok(given),
+    }
+}
+
 /// Reads a file of bounded size.
 pub(super) fn read_file(path: &Path) -> Result<Vec<u8>, CliError> {
     let file = |problem| CliError::File {

@@ -7,7 +7,6 @@ use super::doubts::doubts;
 use super::load;
 use super::output_file::write_file;
 use crate::settings::{Settings, machine_file, motor_rates_hz};
-use headway_protocol::frame::hash_of;
 use serde_json::json;
 
 pub(super) fn run(args: &MachineArgs, console: &Console) -> Result<(), CliError> {
@@ -39,7 +38,7 @@ pub(super) fn run(args: &MachineArgs, console: &Console) -> Result<(), CliError>
             console.result(&format!(
                 "{}: machine {:08x}, {} joints\n",
                 output.display(),
-                hash_of(&machine),
+                machine.hash(),
                 machine.joints.len()
             ))
         }

@@ -48,6 +48,7 @@ pub(super) fn from_input(
 ) -> Result<Planned, CliError> {
     let outline_option = load::outline_option(settings, place.keep_out.as_deref());
     let mut settings = load::settings(settings)?;
+    settings.gap_mm = load::gap_mm(place.gap)?;
     settings.at_mm = place.at.as_deref().map(load::parse_at).transpose()?;
     let input = load::input(path, reading, settings.tolerances.flatten_mm, console)?;
     let keep_out = place.keep_out.as_deref();
@@ -66,6 +67,7 @@ pub(super) fn from_input(
     bar.clear();
     let plan = planned.map_err(|error| CliError::Job(format!("{}: {error}", path.display())))?;
     let unreachable = unreachable_boundary(&plan);
+    settings.machine = plan.stream.machine(&settings.machine);
     let (Target { name, regions }, mut notes) = match input {
         Input::Outline(loaded) => (loaded.target, loaded.notes),
         Input::Path(run) => {

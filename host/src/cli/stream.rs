@@ -35,6 +35,7 @@ pub(super) fn run(args: &StreamArgs, console: &Console) -> Result<(), CliError> 
     let setup = SenderSetup {
         host_session: host_session(),
         machine_hash: header.machine_hash,
+        solution: header.machine.kinematics.solution(),
         servo_hz: header.machine.servo_hz,
         resume: args.resume,
     };

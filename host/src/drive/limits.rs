@@ -10,7 +10,7 @@
 use crate::job::{Mark, MotionState, SegmentStream};
 use crate::settings::Settings;
 use headway_firmware::configuration::{JOINTS_MAX, Kinematics};
-use headway_firmware::kinematics::inverse;
+use headway_firmware::kinematics::{inverse, winds};
 use headway_firmware::pose::Pose;
 use headway_firmware::spline::{Span, Spans};
 use headway_protocol::segment::{FlowAction, FlowEvent};
@@ -18,6 +18,7 @@ use headway_protocol::units::{CHANNEL_HEADING, CHANNEL_VOLUME, CHANNELS, UNITS_P
 use rayon::prelude::*;
 use serde::{Deserialize, Serialize};
 use std::collections::VecDeque;
+use std::f64::consts::TAU;
 
 /// Half width of the central differences: rounding gives 10⁻⁶ of an acceleration, truncation less.
 const DIFFERENCE_S: f64 = 2e-4;
@@ -361,7 +362,12 @@ impl Moment {
             return derivatives;
         };
         for joint in 0..JOINTS_MAX {
-            let [a, b, c, d, e] = [a, b, c, d, e].map(|joints| joints[joint]);
+            let winds = winds(kinematics) >> joint & 1 != 0;
+            let [a, b, c, d, e] = [a, b, c, d, e].map(|joints| {
+                // The turn that is nearest to the middle.
+                let turns = ((c[joint] - joints[joint]) / TAU).round();
+                joints[joint] + if winds { turns * TAU } else { 0.0 }
+            });
             // Five-point stencils: fourth order in h for the first two.
             derivatives[0][joint] = (8.0 * (d - b) - (e - a)) / (12.0 * h);
             derivatives[1][joint] = (16.0 * (d + b) - (e + a) - 30.0 * c) / (12.0 * h * h);

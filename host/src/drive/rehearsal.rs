@@ -53,7 +53,7 @@ pub fn rehearse(
     progress: impl FnMut(f64),
 ) -> Result<Rehearsal, RehearsalError> {
     let frames = WireFrames::encode(stream)?;
-    let machine = &settings.machine;
+    let machine = &stream.machine(&settings.machine);
     let begun = Instant::now();
     let simulator = Simulator::new(frames, stream_ticks(&stream.knots), machine, setup)?;
     let simulation = simulator.run(progress)?;

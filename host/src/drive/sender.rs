@@ -98,6 +98,7 @@ impl Sender {
         let setup = SenderSetup {
             host_session,
             machine_hash: 0,
+            solution: 0,
             servo_hz: 0,
             resume: false,
         };
@@ -270,6 +271,7 @@ impl Sender {
                 machine_hash: self.setup.machine_hash,
                 first_sequence: self.first_sequence,
                 position: *self.frames.start(),
+                solution: self.setup.solution,
             }),
             ControlMessage::Command(control) => HostMessage::Control(control),
         };

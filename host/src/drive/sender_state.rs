@@ -12,6 +12,8 @@ pub struct SenderSetup {
     pub host_session: u32,
     /// Hash of the machine configuration that the job was planned for.
     pub machine_hash: u32,
+    /// Joint solution that the job was planned for.
+    pub solution: u8,
     /// Servo rate that the job was planned for.
     pub servo_hz: u32,
     /// Go on with this job if the controller already has part of it.

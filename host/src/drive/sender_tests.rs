@@ -231,6 +231,7 @@ fn stream(knots: usize) -> SegmentStream {
 const SETUP: SenderSetup = SenderSetup {
     host_session: 0xffff_fff0,
     machine_hash: 5,
+    solution: 0,
     servo_hz: 2000,
     resume: false,
 };

@@ -6,13 +6,12 @@
 //! ticks by the cubic through four of them, which is good to a nanometre for jerk-limited motion.
 //! So a run with holds is compared along the path like any other.
 
+use crate::drive::joint_track::JointTrack;
 use crate::drive::plan_curve::PlanCursor;
 use crate::drive::record::{MotionRecord, Step};
 use crate::job::SegmentStream;
 use headway_firmware::configuration::{JOINTS_MAX, MOTORS_MAX, MachineConfiguration};
 use headway_firmware::design::motion_delay_s;
-use headway_firmware::kinematics::inverse;
-use headway_firmware::pose::Pose;
 use headway_protocol::units::CHANNELS;
 
 /// Servo ticks walked past the end of the motion, so that its last steps are seen and averages over
@@ -35,6 +34,7 @@ pub struct PlanSample {
 struct PlanSamples<'a> {
     cursor: PlanCursor<'a>,
     machine: &'a MachineConfiguration,
+    track: JointTrack,
     rates_q16: &'a [u32],
     next: usize,
     segment_q16: u64,
@@ -48,11 +48,10 @@ impl PlanSamples<'_> {
         self.next += 1;
         self.segment_q16 += u64::from(rate);
         let channels = self.cursor.position(segment_ticks);
-        let pose = Pose::from_channels(&channels);
         // A pose without joints was refused at planning; the firmware would fault there.
-        if let Ok(joints) = inverse(&self.machine.kinematics, &pose) {
+        if let Some(joints) = self.track.joints(&channels) {
             for (index, joint) in self.machine.joints.iter().enumerate() {
-                self.last_joints[index] = joints.position[index] * joint.steps_per_unit;
+                self.last_joints[index] = joints[index] * joint.steps_per_unit;
             }
         }
         PlanSample {
@@ -132,6 +131,7 @@ impl<'a> ServoWalk<'a, Box<dyn Iterator<Item = Step> + 'a>> {
         let mut samples = PlanSamples {
             cursor: PlanCursor::new(&stream.start, &stream.knots),
             machine,
+            track: JointTrack::new(machine),
             rates_q16: &record.rates_q16,
             next: 0,
             segment_q16: 0,

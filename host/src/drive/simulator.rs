@@ -16,7 +16,7 @@ use crate::wire_frames::WireFrames;
 use headway_firmware::configuration::{ConfigurationError, MOTORS_MAX, MachineConfiguration};
 use headway_firmware::design::ADVANCE_WINDOW_TICKS_MAX;
 use headway_firmware::machine::Machine;
-use headway_protocol::frame::{FRAME_BYTES_MAX, hash_of};
+use headway_protocol::frame::FRAME_BYTES_MAX;
 use headway_protocol::message::{Control, DeviceState, Fault};
 use headway_protocol::units::UNITS_PER_NATURAL;
 use serde::{Deserialize, Serialize};
@@ -146,7 +146,8 @@ impl Simulator {
             frames,
             SenderSetup {
                 host_session: 0x0485_7000 ^ setup.seed as u32,
-                machine_hash: hash_of(configuration),
+                machine_hash: configuration.hash(),
+                solution: configuration.kinematics.solution(),
                 servo_hz: configuration.servo_hz,
                 resume: false,
             },

@@ -8,21 +8,25 @@
 //! [`STEP_TIME_SPEED_MIN_STEPS_S`] on.
 //! Left out: the extruder's step times; its end is checked by volume and count.
 
+use crate::drive::joint_track::JointTrack;
 use crate::drive::plan_curve::{PlanCursor, stream_ticks};
 use crate::drive::record::{MotionRecord, Step};
 use crate::drive::servo_walk::{Interval, ServoWalk};
 use crate::job::SegmentStream;
 use headway_firmware::configuration::{JOINTS_MAX, MOTORS_MAX, MachineConfiguration};
 use headway_firmware::design::STEP_THRESHOLD_BIAS;
-use headway_firmware::kinematics::{forward, inverse};
+use headway_firmware::kinematics::forward;
 use headway_firmware::pose::Pose;
 use headway_firmware::steps::STEP;
 use headway_protocol::segment::FlowAction;
 use headway_protocol::units::{CHANNEL_VOLUME, CHANNELS, UNITS_PER_NATURAL};
 use serde::{Deserialize, Serialize};
+use std::f64::consts::TAU;
 
 /// Joint speed from which step times are judged: at 1000 steps/s, 10⁻³ step of f32 rounding is 1 us.
 pub const STEP_TIME_SPEED_MIN_STEPS_S: f64 = 1000.0;
+/// Servo ticks between two looks at the joints, to count their turns: 32 ms.
+const TURNS_EVERY_TICKS: usize = 64;
 /// Servo ticks between two looks at what half a step can make.
 const HALF_STEP_EVERY_TICKS: i64 = 64;
 
@@ -83,9 +87,9 @@ fn count_of(position_steps: f64) -> i64 {
 /// Step counts at rest on a pose with its deposited volume, primes and retracts left out.
 pub fn counts_at(channels: &[f64; CHANNELS], machine: &MachineConfiguration) -> [i64; MOTORS_MAX] {
     let mut counts = [0; MOTORS_MAX];
-    if let Ok(joints) = inverse(&machine.kinematics, &Pose::from_channels(channels)) {
+    if let Some(joints) = JointTrack::new(machine).joints(channels) {
         for (index, joint) in machine.joints.iter().enumerate() {
-            counts[index] = count_of(joints.position[index] * joint.steps_per_unit);
+            counts[index] = count_of(joints[index] * joint.steps_per_unit);
         }
     }
     let volume_steps = channels[CHANNEL_VOLUME] * machine.extruder.steps_per_mm3;
@@ -99,8 +103,19 @@ pub fn expected_counts(
     machine: &MachineConfiguration,
 ) -> [i64; MOTORS_MAX] {
     let mut cursor = PlanCursor::new(&stream.start, &stream.knots);
-    let end = cursor.position(stream_ticks(&stream.knots) as f64);
-    let mut counts = counts_at(&end, machine);
+    let mut track = JointTrack::new(machine);
+    let (mut end, mut joints) = ([0.0; CHANNELS], None);
+    let last_tick = stream_ticks(&stream.knots);
+    let ticks = (0..last_tick).step_by(TURNS_EVERY_TICKS);
+    for tick in ticks.chain([last_tick]) {
+        end = cursor.position(tick as f64);
+        joints = track.joints(&end);
+    }
+    let joints = joints.unwrap_or_default();
+    let mut counts = [0; MOTORS_MAX];
+    for (index, joint) in machine.joints.iter().enumerate() {
+        counts[index] = count_of(joints[index] * joint.steps_per_unit);
+    }
     let net_units: i64 = stream
         .events
         .iter()
@@ -204,7 +219,7 @@ impl<'a> Comparison<'a> {
         let planned = Pose::from_channels(&interval.channels(place));
         let tip_mm = (made.tip_mm - planned.tip_mm).norm();
         let axis_rad = (made.tilt_rad - planned.tilt_rad).norm();
-        let heading_rad = (made.heading_rad - planned.heading_rad).abs();
+        let heading_rad = turn_between(made.heading_rad, planned.heading_rad);
         self.tip_error_max_mm = self.tip_error_max_mm.max(tip_mm);
         self.axis_error_max_rad = self.axis_error_max_rad.max(axis_rad);
         self.heading_error_max_rad = self.heading_error_max_rad.max(heading_rad);
@@ -247,7 +262,7 @@ impl<'a> Comparison<'a> {
                 std::array::from_fn(|joint| steps[joint] + f64::from(signs >> joint & 1) - 0.5);
             let pose = pose_of_steps(self.machine, &moved);
             let tip_mm = (pose.tip_mm - here.tip_mm).norm();
-            let heading_rad = (pose.heading_rad - here.heading_rad).abs();
+            let heading_rad = turn_between(pose.heading_rad, here.heading_rad);
             self.half_step_max_mm = self.half_step_max_mm.max(tip_mm);
             self.half_step_max_rad = self.half_step_max_rad.max(heading_rad);
         }
@@ -267,6 +282,12 @@ impl<'a> Comparison<'a> {
             ..TraceFigures::default()
         }
     }
+}
+
+/// Angle between two headings; whole turns are none.
+fn turn_between(one_rad: f64, other_rad: f64) -> f64 {
+    let turns = (one_rad - other_rad) / TAU;
+    TAU * (turns - turns.round()).abs()
 }
 
 /// Pose of whole step counts.

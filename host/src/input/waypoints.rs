@@ -19,6 +19,9 @@ use std::f64::consts::TAU;
 pub const WAYPOINTS_MAX: usize = 200_000;
 /// How far an axis may be from unit length and still be meant as one: what four digits leave.
 const AXIS_LENGTH_SLACK: f64 = 1e-3;
+/// How far the axes before and after one that is no direction may differ for it to lie between them:
+/// less than a corner of the path.
+const AGREEING_RAD: f64 = 20.0 * std::f64::consts::PI / 180.0;
 /// Waypoints closer than this are the same place, mm: below what a step can make.
 pub const SAME_PLACE_MM: f64 = 1e-6;
 
@@ -151,6 +154,9 @@ struct Reader {
     points: Vec<Waypoint>,
     repeated: usize,
     stretched: usize,
+    /// The last waypoint's axis is none: its line, and the length that was given.
+    doubtful: Option<(usize, f64)>,
+    replaced: Vec<usize>,
 }
 
 /// Reads a run. `name` is used where the file has none of its own.
@@ -170,11 +176,16 @@ pub fn read(bytes: &[u8], name: &str, options: &ReadOptions) -> Result<WaypointR
         points: Vec::new(),
         repeated: 0,
         stretched: 0,
+        doubtful: None,
+        replaced: Vec::new(),
     };
     for (index, line) in text.trim_start_matches('\u{feff}').lines().enumerate() {
         let (data, comment) = line.split_once('#').unwrap_or((line, ""));
         reader.comment(index + 1, comment)?;
         reader.data(index + 1, data)?;
+    }
+    if let Some((line, length)) = reader.doubtful {
+        return Err(WaypointError::Axis { line, length });
     }
     let found = reader.points.len();
     if found < 2 {
@@ -320,7 +331,7 @@ impl Reader {
     ) -> Result<Unit<Vector3<f64>>, WaypointError> {
         let length = axis.norm();
         if !(0.5..=1.5).contains(&length) {
-            return Err(WaypointError::Axis { line, length });
+            return self.stand_in(line, length);
         }
         self.stretched += usize::from((length - 1.0).abs() > AXIS_LENGTH_SLACK);
         let axis = Unit::new_normalize(axis);
@@ -332,7 +343,34 @@ impl Reader {
                 max_deg: TILT_MAX_RAD.to_degrees(),
             });
         }
+        self.settle_doubt(&axis)?;
         Ok(axis)
+    }
+
+    /// The axis of the waypoint before in place of one that is none, until the next one is known.
+    fn stand_in(&mut self, line: usize, length: f64) -> Result<Unit<Vector3<f64>>, WaypointError> {
+        let refused = WaypointError::Axis { line, length };
+        let before = self.points.last().ok_or_else(|| refused.clone())?;
+        if self.doubtful.is_some() {
+            return Err(refused);
+        }
+        self.doubtful = Some((line, length));
+        Ok(before.axis)
+    }
+
+    /// Where the axes beside one that is none agree, it is taken to lie between them.
+    fn settle_doubt(&mut self, next: &Unit<Vector3<f64>>) -> Result<(), WaypointError> {
+        let Some((line, length)) = self.doubtful.take() else {
+            return Ok(());
+        };
+        if let Some(last) = self.points.last_mut()
+            && last.axis.angle(next) < AGREEING_RAD
+        {
+            last.axis = Unit::new_normalize(last.axis.into_inner() + next.into_inner());
+            self.replaced.push(line);
+            return Ok(());
+        }
+        Err(WaypointError::Axis { line, length })
     }
 
     fn notes(&self) -> Vec<String> {
@@ -344,6 +382,11 @@ impl Reader {
             notes.push(format!(
                 "{} tool axes were not of length 1 and were made so",
                 self.stretched
+            ));
+        }
+        for line in &self.replaced {
+            notes.push(format!(
+                "line {line}: the tool axis is no direction; it was laid between those of its neighbours"
             ));
         }
         notes
@@ -375,6 +418,24 @@ mod tests {
 
     fn run(text: &str) -> Result<WaypointRun, WaypointError> {
         read(text.as_bytes(), "run", &ReadOptions::default())
+    }
+
+    /// Found in published runs: one axis in thousands is far too short, all others are right.
+    #[test]
+    fn a_single_axis_that_is_none_is_laid_between_its_neighbours() {
+        let text = "0 0 0 0 0 1\n1 0 0 0.02 0 0.01\n2 0 0 0.1 0 0.995\n";
+        let run = read(text.as_bytes(), "run", &ReadOptions::default()).unwrap();
+        let axis = run.points[1].axis;
+        assert!((axis.x - 0.05).abs() < 1e-3 && axis.z > 0.99, "{axis:?}");
+        assert!(run.notes[0].starts_with("line 2: "), "{:?}", run.notes);
+        for text in [
+            "0 0 0 0 0 1\n1 0 0 0.02 0 0.01\n2 0 0 0.9 0 0.436\n",
+            "0 0 0 0 0 1\n1 0 0 0 0 0\n2 0 0 0 0 0\n3 0 0 0 0 1\n",
+            "0 0 0 0 0 0\n1 0 0 0 0 1\n2 0 0 0 0 1\n",
+        ] {
+            let refused = read(text.as_bytes(), "run", &ReadOptions::default());
+            assert!(matches!(refused, Err(WaypointError::Axis { .. })), "{text}");
+        }
     }
 
     #[test]

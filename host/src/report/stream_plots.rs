@@ -4,7 +4,9 @@ use super::plots::{Curve, Panel, TimePlots};
 use super::pose_table::{duration_ticks, samples_within};
 use crate::job::SegmentStream;
 use crate::settings::{Settings, joint_names};
+use headway_firmware::configuration::{JOINTS_MAX, MachineConfiguration};
 use headway_firmware::kinematics;
+use headway_firmware::kinematics::winding::Winding;
 use headway_firmware::pose::Pose;
 use headway_protocol::units::CHANNEL_HEADING;
 
@@ -24,14 +26,15 @@ fn shown(stream: &SegmentStream) -> (String, u64) {
 
 /// Samples the stream for the report's motion sheet: its first layer, where there are more.
 pub fn stream_plots(title: &str, stream: &SegmentStream, settings: &Settings) -> TimePlots {
-    let machine = &settings.machine;
+    let machine = &stream.machine(&settings.machine);
     let servo_hz = f64::from(machine.servo_hz);
     let (what, ticks) = shown(stream);
     let every_ticks = ticks.div_ceil(SAMPLES_MAX).max(1) as f64;
     let names = joint_names(&machine.kinematics);
     let (mut speed, mut heading, mut flow) = (Vec::new(), Vec::new(), Vec::new());
     let mut joints: Vec<Vec<[f64; 2]>> = vec![Vec::new(); names.len()];
-    let mut before: Option<(f64, Vec<f64>)> = None;
+    let mut before: Option<(f64, [f64; JOINTS_MAX])> = None;
+    let mut winding: Option<Winding<f64>> = None;
     for sample in samples_within(stream, servo_hz, every_ticks, [0, ticks]) {
         let time_s = sample.time_s;
         speed.push([time_s, sample.speed_mm_s()]);
@@ -42,7 +45,8 @@ pub fn stream_plots(title: &str, stream: &SegmentStream, settings: &Settings) ->
             before = None;
             continue;
         };
-        let position = found.as_slice().to_vec();
+        let mut position = found.position;
+        unwind(&mut winding, &mut position, machine);
         if let Some((earlier_s, earlier)) = &before {
             for (k, joint) in machine.joints.iter().enumerate() {
                 let rate = (position[k] - earlier[k]) / (time_s - earlier_s);
@@ -94,4 +98,15 @@ pub fn stream_plots(title: &str, stream: &SegmentStream, settings: &Settings) ->
             ),
         ],
     }
+}
+
+/// Adds the turns that joints have made since the first look.
+fn unwind(
+    winding: &mut Option<Winding<f64>>,
+    position: &mut [f64; JOINTS_MAX],
+    machine: &MachineConfiguration,
+) {
+    let kinematics = &machine.kinematics;
+    let at_rest = Winding::at_rest(kinematics, position, &machine.ranges());
+    winding.get_or_insert(at_rest).unwound(kinematics, position);
 }

@@ -145,6 +145,7 @@ fn stream() -> SegmentStream {
             mark(0, 500, MotionState::Travel, None),
             mark(500, 1036, MotionState::Print, Some(0)),
         ],
+        solution: 0,
     }
 }
 

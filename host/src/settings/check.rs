@@ -141,6 +141,9 @@ pub fn joint_names(kinematics: &Kinematics) -> &'static [&'static str] {
     match kinematics {
         Kinematics::Planar => &["x", "y", "z", "c"],
         Kinematics::Gantry { .. } => &["x", "y", "z", "a", "b", "c"],
+        Kinematics::Trunnion { .. } => &["x", "y", "z", "a", "c", "h"],
+        Kinematics::Arm6 { arm, .. } if arm.nozzle => &["j1", "j2", "j3", "j4", "j5", "j6", "h"],
+        Kinematics::Arm6 { .. } => &["j1", "j2", "j3", "j4", "j5", "j6"],
     }
 }
 
@@ -149,6 +152,8 @@ pub(crate) fn kinematics_name(kinematics: &Kinematics) -> &'static str {
     match kinematics {
         Kinematics::Planar => "planar",
         Kinematics::Gantry { .. } => "gantry",
+        Kinematics::Trunnion { .. } => "trunnion",
+        Kinematics::Arm6 { .. } => "arm6",
     }
 }
 
@@ -270,7 +275,9 @@ impl Settings {
                 });
             }
             let joint = &self.machine.joints[axis];
-            if low[axis] < joint.position_min || high[axis] > joint.position_max {
+            // Of an arm no joint is an axis: what it reaches is seen along the path.
+            let is_axis = !joint.rotary;
+            if is_axis && (low[axis] < joint.position_min || high[axis] > joint.position_max) {
                 return Err(SettingsError::WorkArea {
                     axis: name,
                     low: low[axis],

@@ -69,6 +69,7 @@ impl Settings {
             machine,
             work_area_mm,
             at_mm: None,
+            gap_mm: None,
             aperture: Aperture::Ellipse {
                 major_mm: 0.6,
                 minor_mm: 0.2,

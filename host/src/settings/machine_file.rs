@@ -11,13 +11,12 @@ use super::check::SettingsError;
 use super::{
     HeadingLaw, Infill, PassMode, PrimeRetract, Seam, SeamPlace, Settings, Skirt, Tolerances,
 };
-use headway_firmware::configuration::{
-    ExtruderConfiguration, JointConfiguration, Kinematics, MachineConfiguration,
-};
+use headway_firmware::configuration::{ExtruderConfiguration, MachineConfiguration};
 use serde::Deserialize;
-use std::f64::consts::TAU;
 
+mod joints;
 mod write;
+use joints::{FileArm, Joints};
 pub use write::{to_new_toml, to_toml};
 
 /// Why a machine file cannot be used.
@@ -59,6 +58,9 @@ struct File {
     name: String,
     kinematics: KinematicsName,
     pivot_length_mm: Option<f64>,
+    table_centre_mm: Option<[f64; 3]>,
+    arm: Option<FileArm>,
+    joint_solution: Option<u8>,
     servo_hz: Option<u32>,
     step_hz: Option<u32>,
     plan_share: Option<f64>,
@@ -81,6 +83,8 @@ struct File {
 enum KinematicsName {
     Planar,
     Gantry,
+    Trunnion,
+    Arm6,
 }
 
 #[derive(Deserialize)]
@@ -88,39 +92,6 @@ enum KinematicsName {
 struct WorkArea {
     min_mm: [f64; 3],
     max_mm: [f64; 3],
-}
-
-#[derive(Deserialize)]
-#[serde(deny_unknown_fields)]
-struct Joints {
-    x: LinearJoint,
-    y: LinearJoint,
-    z: LinearJoint,
-    a: Option<RotaryJoint>,
-    b: Option<RotaryJoint>,
-    c: RotaryJoint,
-}
-
-#[derive(Deserialize)]
-#[serde(deny_unknown_fields)]
-struct LinearJoint {
-    steps_per_mm: f64,
-    position_min_mm: f64,
-    position_max_mm: f64,
-    speed_max_mm_s: f64,
-    acceleration_max_mm_s2: f64,
-    jerk_max_mm_s3: f64,
-}
-
-#[derive(Deserialize)]
-#[serde(deny_unknown_fields)]
-struct RotaryJoint {
-    steps_per_turn: f64,
-    position_min_deg: Option<f64>,
-    position_max_deg: Option<f64>,
-    speed_max_deg_s: f64,
-    acceleration_max_deg_s2: f64,
-    jerk_max_deg_s3: f64,
 }
 
 #[derive(Deserialize)]
@@ -247,6 +218,7 @@ impl File {
             machine,
             work_area_mm: [self.work_area.min_mm, self.work_area.max_mm],
             at_mm: None,
+            gap_mm: None,
             aperture,
             layers: print.layers.unwrap_or(default.layers),
             layer_height_mm: print.layer_height_mm.unwrap_or(default.layer_height_mm),
@@ -284,68 +256,6 @@ impl File {
             seam: print.seam_over(&default.seam),
             tolerances: self.tolerances.over(&default.tolerances),
         })
-    }
-
-    /// The kinematics and its joints in order; refuses joints that are missing or too many.
-    fn joints(&self) -> Result<(Kinematics, Vec<JointConfiguration>), MachineFileError> {
-        let j = &self.joints;
-        let (x, y, z, c) = (j.x.joint(), j.y.joint(), j.z.joint(), j.c.joint());
-        let wrong = |kinematics, needed, problem: &str| MachineFileError::Joints {
-            kinematics,
-            needed,
-            problem: problem.to_string(),
-        };
-        match self.kinematics {
-            KinematicsName::Planar => {
-                let needed = "the joints x, y, z, c and no pivot_length_mm";
-                if j.a.is_some() || j.b.is_some() || self.pivot_length_mm.is_some() {
-                    let problem = "take joints.a, joints.b and pivot_length_mm out, or use gantry";
-                    return Err(wrong("planar", needed, problem));
-                }
-                Ok((Kinematics::Planar, vec![x, y, z, c]))
-            }
-            KinematicsName::Gantry => {
-                let needed = "the joints x, y, z, a, b, c and pivot_length_mm";
-                let (Some(a), Some(b)) = (&j.a, &j.b) else {
-                    return Err(wrong("gantry", needed, "joints.a or joints.b is missing"));
-                };
-                let Some(pivot_length_mm) = self.pivot_length_mm else {
-                    return Err(wrong("gantry", needed, "pivot_length_mm is missing"));
-                };
-                let kinematics = Kinematics::Gantry { pivot_length_mm };
-                Ok((kinematics, vec![x, y, z, a.joint(), b.joint(), c]))
-            }
-        }
-    }
-}
-
-impl LinearJoint {
-    fn joint(&self) -> JointConfiguration {
-        JointConfiguration {
-            rotary: false,
-            steps_per_unit: self.steps_per_mm,
-            position_min: self.position_min_mm,
-            position_max: self.position_max_mm,
-            speed_max: self.speed_max_mm_s,
-            acceleration_max: self.acceleration_max_mm_s2,
-            jerk_max: self.jerk_max_mm_s3,
-        }
-    }
-}
-
-impl RotaryJoint {
-    fn joint(&self) -> JointConfiguration {
-        JointConfiguration {
-            rotary: true,
-            steps_per_unit: self.steps_per_turn / TAU,
-            position_min: self
-                .position_min_deg
-                .map_or(f64::NEG_INFINITY, f64::to_radians),
-            position_max: self.position_max_deg.map_or(f64::INFINITY, f64::to_radians),
-            speed_max: self.speed_max_deg_s.to_radians(),
-            acceleration_max: self.acceleration_max_deg_s2.to_radians(),
-            jerk_max: self.jerk_max_deg_s3.to_radians(),
-        }
     }
 }
 

@@ -110,6 +110,7 @@ fn job_file(job: &Job) -> Result<Vec<u8>, Box<dyn Error>> {
         machine_hash: hash_of(machine),
         first_sequence: 0,
         position: job.stream.start,
+        solution: machine.kinematics.solution(),
     };
     let mut out = [0; FRAME_BYTES_MAX];
     let refused = |error| format!("{}: {error:?}", job.name);

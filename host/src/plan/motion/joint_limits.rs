@@ -7,13 +7,12 @@ use crate::job::MotionState;
 use crate::plan::route::path_curve::CurvePoint;
 use crate::settings::{Settings, joint_names};
 use headway_firmware::configuration::{JOINTS_MAX, Kinematics};
+use headway_firmware::jet::Jet;
+use headway_firmware::kinematics::winding::Winding;
 use headway_firmware::kinematics::{self, KinematicsError};
 use headway_firmware::load::LoadModel;
 use headway_firmware::pose::Pose;
-use headway_protocol::units::{
-    CHANNEL_HEADING, CHANNEL_TILT_X, CHANNEL_TILT_Y, CHANNEL_X, CHANNEL_Y, CHANNEL_Z, CHANNELS,
-};
-use nalgebra::{Vector2, Vector3};
+use headway_protocol::units::{CHANNEL_X, CHANNEL_Y, CHANNEL_Z, CHANNELS};
 
 /// Why a route cannot be turned into motion.
 #[derive(Clone, Debug, PartialEq, thiserror::Error)]
@@ -41,10 +40,27 @@ pub enum MotionError {
         at_mm: [f64; 3],
     },
     /// The machine cannot take this pose.
-    #[error("{error} with the tip at {at_mm:.3?} mm (machine coordinates); tilt the tool less")]
+    #[error(
+        "{error} with the tip at {at_mm:.3?} mm (machine coordinates); {}",
+        pose_hint(*error)
+    )]
     Kinematics {
         /// What is wrong with the pose.
         error: KinematicsError,
+        /// Tip position, machine coordinates.
+        at_mm: [f64; 3],
+    },
+    /// The joints cannot follow the path through a place where two axes line up.
+    #[error(
+        "joint {name} would have to turn by {:.0}° at once with the tip at {at_mm:.3?} mm (machine \
+         coordinates), where two rotary axes line up; move or turn the part, or lead the tool axis \
+         around this direction", turn_rad.to_degrees()
+    )]
+    JointJump {
+        /// Its name in the machine file.
+        name: &'static str,
+        /// How far, rad.
+        turn_rad: f64,
         /// Tip position, machine coordinates.
         at_mm: [f64; 3],
     },
@@ -102,6 +118,14 @@ pub enum MotionError {
     },
 }
 
+/// What to do about a pose without joints.
+fn pose_hint(error: KinematicsError) -> &'static str {
+    match error {
+        KinematicsError::OutOfReach => "move the part with --at or use a larger machine",
+        _ => "tilt the tool less, or move the part with --at",
+    }
+}
+
 /// What to do about a path that takes too long.
 fn slow_hint(at_speed_s: f64, most_s: f64) -> &'static str {
     if at_speed_s > most_s {
@@ -157,6 +181,8 @@ pub struct MotionLimits {
     pub kinematics: Kinematics,
     /// What the controller checks of every span that it is sent.
     pub span_check: LoadModel,
+    /// Turns of the joints where the stretch begins.
+    pub winding: Winding<f64>,
     /// One for each joint, in the machine's order.
     pub joints: Vec<JointLimit>,
     /// Tip speed, mm/s.
@@ -194,6 +220,7 @@ impl MotionLimits {
         let limits = Self {
             kinematics: machine.kinematics,
             span_check: LoadModel::new(machine),
+            winding: Winding::default(),
             joints: machine
                 .joints
                 .iter()
@@ -277,106 +304,46 @@ pub fn tip_mm(value: &[f64; CHANNELS]) -> [f64; 3] {
     [value[CHANNEL_X], value[CHANNEL_Y], value[CHANNEL_Z]]
 }
 
-/// What the tilt adds to the joints, mm and rad.
-fn remainder(
-    kinematics: &Kinematics,
-    value: &[f64; CHANNELS],
-    tilt_rad: Vector2<f64>,
-) -> Result<[f64; JOINTS_MAX], MotionError> {
-    let at_mm = tip_mm(value);
-    let pose = Pose {
-        tip_mm: Vector3::from(at_mm),
-        tilt_rad,
-        heading_rad: value[CHANNEL_HEADING],
-    };
-    kinematics::remainder(kinematics, &pose)
-        .map_err(|error| MotionError::Kinematics { error, at_mm })
-}
-
-/// Joint motion of a channel motion. A joint is a channel (exact derivatives) plus a function of
-/// the tilt alone, whose derivatives come from a five-point stencil along the tilt's own Taylor
-/// polynomial: errors below 1e-9 of the remainder's scale (first, second), 1e-5 (third).
+/// Joint motion of a channel motion, by its Taylor coefficients: exact but for rounding. Joints that
+/// wind are within half a turn.
 pub fn joint_point(kinematics: &Kinematics, point: &CurvePoint) -> Result<JointPoint, MotionError> {
-    let mut joints = JointPoint {
-        position: [0.0; JOINTS_MAX],
-        first: [0.0; JOINTS_MAX],
-        second: [0.0; JOINTS_MAX],
-        third: [0.0; JOINTS_MAX],
-    };
-    for (joint, carrier) in kinematics::carriers(kinematics).iter().enumerate() {
+    let channels: [Jet<f64, 4>; CHANNELS] = std::array::from_fn(|c| {
+        let (second, third) = (point.second[c] / 2.0, point.third[c] / 6.0);
+        Jet([point.value[c], point.first[c], second, third])
+    });
+    let added = kinematics::remainder(kinematics, &Pose::from_channels(&channels));
+    let mut jets = added.map_err(|error| MotionError::Kinematics {
+        error,
+        at_mm: tip_mm(&point.value),
+    })?;
+    for (jet, carrier) in jets.iter_mut().zip(kinematics::carriers(kinematics)) {
         if let Some(channel) = *carrier {
-            joints.position[joint] = point.value[channel];
-            joints.first[joint] = point.first[channel];
-            joints.second[joint] = point.second[channel];
-            joints.third[joint] = point.third[channel];
+            *jet += channels[channel];
         }
     }
-    add_remainder(kinematics, point, &mut joints)?;
-    Ok(joints)
-}
-
-/// Tilt step of the stencil: the truncation error goes with its fourth power, rounding with the
-/// inverse square; 1e-3 keeps both below 1e-9.
-const STENCIL_STEP_RAD: f64 = 1e-3;
-
-fn add_remainder(
-    kinematics: &Kinematics,
-    point: &CurvePoint,
-    joints: &mut JointPoint,
-) -> Result<(), MotionError> {
-    let of =
-        |values: &[f64; CHANNELS]| Vector2::new(values[CHANNEL_TILT_X], values[CHANNEL_TILT_Y]);
-    let tilt = [
-        of(&point.value),
-        of(&point.first),
-        of(&point.second),
-        of(&point.third),
-    ];
-    let at = remainder(kinematics, &point.value, tilt[0])?;
-    for (position, added) in joints.position.iter_mut().zip(at) {
-        *position += added;
-    }
-    if *kinematics == Kinematics::Planar {
-        return Ok(());
-    }
-    let rate = (tilt[1].norm())
-        .max(tilt[2].norm().sqrt())
-        .max(tilt[3].norm().cbrt());
-    if rate == 0.0 {
-        return Ok(());
-    }
-    let h = STENCIL_STEP_RAD / rate;
-    let along = |s: f64| {
-        let tilt_rad = tilt[0] + s * (tilt[1] + s * (tilt[2] / 2.0 + s * tilt[3] / 6.0));
-        remainder(kinematics, &point.value, tilt_rad)
-    };
-    let (m2, m1, p1, p2) = (along(-2.0 * h)?, along(-h)?, along(h)?, along(2.0 * h)?);
-    for joint in 0..JOINTS_MAX {
-        let (near, far) = (p1[joint] - m1[joint], p2[joint] - m2[joint]);
-        joints.first[joint] += (8.0 * near - far) / (12.0 * h);
-        joints.second[joint] +=
-            (16.0 * (p1[joint] + m1[joint]) - (p2[joint] + m2[joint]) - 30.0 * at[joint])
-                / (12.0 * h * h);
-        joints.third[joint] += (far - 2.0 * near) / (2.0 * h * h * h);
-    }
-    Ok(())
+    Ok(JointPoint {
+        position: jets.map(|jet| jet.0[0]),
+        first: jets.map(|jet| jet.0[1]),
+        second: jets.map(|jet| 2.0 * jet.0[2]),
+        third: jets.map(|jet| 6.0 * jet.0[3]),
+    })
 }
 
 /// Slack of the soft limits: rounding of positions to wire units.
 const RANGE_SLACK: f64 = 1e-6;
 
-/// Fails where a joint is outside its range.
+/// Fails where a joint is outside its range; `positions` with their turns.
 pub fn check_range(
     limits: &MotionLimits,
-    point: &CurvePoint,
-    joints: &JointPoint,
+    at_mm: [f64; 3],
+    positions: &[f64; JOINTS_MAX],
 ) -> Result<(), MotionError> {
     for (joint, limit) in limits.joints.iter().enumerate() {
-        let position = joints.position[joint];
+        let position = positions[joint];
         let inside = position >= limit.position_min - RANGE_SLACK
             && position <= limit.position_max + RANGE_SLACK;
         if !inside {
-            return Err(outside_range(limits, joint, position, tip_mm(&point.value)));
+            return Err(outside_range(limits, joint, position, at_mm));
         }
     }
     Ok(())

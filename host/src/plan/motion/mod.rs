@@ -9,6 +9,7 @@
 //! steps really did (`drive`).
 
 pub mod joint_limits;
+pub mod joint_turns;
 pub mod path_samples;
 pub mod segments;
 pub mod time_law;

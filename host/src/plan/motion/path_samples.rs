@@ -10,6 +10,7 @@ use crate::plan::motion::joint_limits::{
 };
 use crate::plan::route::moves::PathCurve;
 use headway_firmware::configuration::JOINTS_MAX;
+use headway_firmware::kinematics::winding::Winding;
 use headway_protocol::units::{CHANNEL_HEADING, CHANNEL_TILT_X, CHANNEL_VOLUME};
 use nalgebra::Vector3;
 
@@ -78,10 +79,12 @@ impl PathSample {
         span: usize,
         s: f64,
         limits: &MotionLimits,
+        winding: &mut Winding<f64>,
     ) -> Result<Self, MotionError> {
         let point = curve.evaluate_in_span(span, s);
-        let joints = joint_point(&limits.kinematics, &point)?;
-        check_range(limits, &point, &joints)?;
+        let mut joints = joint_point(&limits.kinematics, &point)?;
+        winding.unwound(&limits.kinematics, &mut joints.position);
+        check_range(limits, tip_mm(&point.value), &joints.position)?;
         let first = Vector3::from(tip_mm(&point.first));
         let second = Vector3::from(tip_mm(&point.second));
         let speed = first.norm();
@@ -187,13 +190,15 @@ pub fn sample_path(
     limits: &MotionLimits,
 ) -> Result<Vec<PathSample>, MotionError> {
     let mut samples = Vec::with_capacity(curve.span_count() * (SAMPLES_PER_SPAN_MIN + 1));
+    let mut winding = limits.winding;
     for span in 0..curve.span_count() {
         let cells = cells_of_span(curve, span, limits);
         for cell in 0..cells {
             let s = cell as f64 / cells as f64;
-            samples.push(PathSample::new(curve, span, s, limits)?);
+            samples.push(PathSample::new(curve, span, s, limits, &mut winding)?);
         }
     }
-    samples.push(PathSample::new(curve, curve.span_count() - 1, 1.0, limits)?);
+    let last = curve.span_count() - 1;
+    samples.push(PathSample::new(curve, last, 1.0, limits, &mut winding)?);
     Ok(samples)
 }

@@ -26,6 +26,10 @@ use std::f64::consts::{FRAC_PI_2, PI};
 
 /// Turns of the path above this are corners.
 pub const CORNER_RAD: f64 = PI / 6.0;
+/// Chords of the usual length that make a jump, from how many chords on one is usual, and the least jump.
+const GAP_CHORDS: f64 = 6.0;
+const GAP_CHORDS_MIN: usize = 16;
+const GAP_LEAST_MM: f64 = 2.0;
 /// Share of the tip's, axis' and heading's tolerance that the B-spline may be off the spline.
 const CURVE_SHARE: f64 = 0.1;
 /// Longest span of the B-spline to begin with, mm: a fraction of any aperture.
@@ -64,24 +68,57 @@ pub enum WaypointCurveError {
     },
 }
 
-/// The run as stretches from rest to rest, machine coordinates.
+/// The run's passes, each as stretches from rest to rest, machine coordinates.
 ///
 /// # Errors
 /// [`WaypointCurveError`] with the line.
-pub fn waypoint_curves(
+pub fn waypoint_passes(
     run: &WaypointRun,
     offset_mm: [f64; 3],
     settings: &Settings,
-) -> Result<Vec<PathCurve>, WaypointCurveError> {
+) -> Result<Vec<Vec<PathCurve>>, WaypointCurveError> {
     check_tilt(&run.points, settings)?;
-    let mut curves: Vec<PathCurve> = Vec::new();
+    let gap_mm = settings.gap_mm.unwrap_or_else(|| usual_gap_mm(&run.points));
     let mut spans_left = SPANS_MAX;
-    for stretch in split(&run.points) {
+    let jumps = |pair: [&Waypoint; 2]| (pair[1].tip_mm - pair[0].tip_mm).norm() <= gap_mm;
+    let passes = run.points.chunk_by(|a, b| jumps([a, b]));
+    // A waypoint between two jumps lays nothing.
+    let passes = passes.filter(|points| points.len() > 1);
+    passes
+        .map(|points| pass_curves(points, offset_mm, settings, &mut spans_left))
+        .collect()
+}
+
+/// Jump that ends a pass where none is given: many times the usual spacing, and no less than what any
+/// spacing of a print path may be.
+fn usual_gap_mm(points: &[Waypoint]) -> f64 {
+    let mut chords: Vec<f64> = points
+        .windows(2)
+        .map(|pair| (pair[1].tip_mm - pair[0].tip_mm).norm())
+        .filter(|chord| *chord > SAME_PLACE_MM)
+        .collect();
+    chords.sort_by(f64::total_cmp);
+    // So few points say nothing about what is usual.
+    if chords.len() < GAP_CHORDS_MIN {
+        return f64::INFINITY;
+    }
+    (GAP_CHORDS * chords[chords.len() / 2]).max(GAP_LEAST_MM)
+}
+
+/// One pass.
+fn pass_curves(
+    points: &[Waypoint],
+    offset_mm: [f64; 3],
+    settings: &Settings,
+    spans_left: &mut usize,
+) -> Result<Vec<PathCurve>, WaypointCurveError> {
+    let mut curves: Vec<PathCurve> = Vec::new();
+    for stretch in split(points) {
         let before = curves
             .last()
             .and_then(|curve| curve.control.last().copied());
-        let curve = stretch_curve(stretch, offset_mm, settings, before, spans_left)?;
-        spans_left = spans_left.saturating_sub(curve.control.len());
+        let curve = stretch_curve(stretch, offset_mm, settings, before, *spans_left)?;
+        *spans_left = spans_left.saturating_sub(curve.control.len());
         if let (Some(from), Some(&to)) = (before, curve.control.first())
             && from[CHANNEL_HEADING] != to[CHANNEL_HEADING]
         {

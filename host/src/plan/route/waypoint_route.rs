@@ -1,8 +1,11 @@
 //! Waypoint curves -> the route: approach, prime, print, retract, leave; and the flow along them.
 //!
 //! The head lifts, crosses and turns above everything, lowers straight down, and leaves straight
-//! up. The deposited volume follows the front of the aperture as in planar printing, in the plane
-//! that the tool sees: each step of the tip is turned by the tool axis until the axis points up.
+//! up. Between two passes it draws back along its axis, goes around the ball that holds all that is
+//! printed while the axis turns, and comes down along the new axis; on machines whose joints follow the
+//! whole pose (turning tables, arms) it begins and leaves along the axis too. The deposited volume
+//! follows the front of the aperture as in planar printing, in the plane that the tool sees: each step
+//! of the tip is turned by the tool axis until the axis points up.
 
 use crate::job::MotionState;
 use crate::plan::route::build_route::{event_duration_s, nearest_heading};
@@ -11,54 +14,196 @@ use crate::plan::route::flow::{Bead, FlowPose};
 use crate::plan::route::moves::{PathCurve, Route, Stretch, StretchEvent};
 use crate::plan::route::waypoint_curve::upright;
 use crate::settings::Settings;
-use headway_protocol::units::{CHANNEL_HEADING, CHANNEL_VOLUME, CHANNEL_X, CHANNEL_Z, CHANNELS};
-use nalgebra::Vector3;
+use headway_firmware::kinematics::follows_pose;
+use headway_firmware::pose::tool_axis;
+use headway_protocol::units::{
+    CHANNEL_HEADING, CHANNEL_TILT_X, CHANNEL_TILT_Y, CHANNEL_VOLUME, CHANNEL_X, CHANNEL_Z, CHANNELS,
+};
+use nalgebra::{Rotation2, Vector2, Vector3};
 
 /// Poses in each span from which the deposited volume is integrated.
 const DEPOSIT_STEPS: usize = 2;
 
 type Point = [f64; CHANNELS];
 
-/// The route along the curves of one pass; `start` is the pose at rest before it (machine
+/// The route along the curves of all passes; `start` is the pose at rest before it (machine
 /// coordinates). Headings of the curves may be shifted by the aperture's period.
-pub fn waypoint_route(mut curves: Vec<PathCurve>, start: Point, settings: &Settings) -> Route {
-    let Some(&first) = curves.first().and_then(|curve| curve.control.first()) else {
+pub fn waypoint_route(mut passes: Vec<Vec<PathCurve>>, start: Point, settings: &Settings) -> Route {
+    let period_rad = settings.aperture.period_rad();
+    let clear = Clearance::around(&passes, settings.lift_mm);
+    let first = passes
+        .iter()
+        .flatten()
+        .find_map(|curve| curve.control.first());
+    let Some(&first) = first else {
         return Route::default();
     };
-    let heading = nearest_heading(
-        first[CHANNEL_HEADING],
-        start[CHANNEL_HEADING],
-        settings.aperture.period_rad(),
-    );
-    let turn = heading - first[CHANNEL_HEADING];
-    for point in curves.iter_mut().flat_map(|curve| &mut curve.control) {
-        point[CHANNEL_HEADING] += turn;
+    // Where every joint follows the pose the job begins on the first pass's axis: which joints an upright
+    // tool would have is not determined on a table that turns.
+    let from_above = !follows_pose(&settings.machine.kinematics);
+    let mut here = start;
+    if !from_above {
+        here = clear.off(&first);
+        here[CHANNEL_HEADING] = nearest_heading(first[CHANNEL_HEADING], 0.0, period_rad);
+        here[CHANNEL_VOLUME] = start[CHANNEL_VOLUME];
     }
-    add_flow(&mut curves, start[CHANNEL_VOLUME], settings);
-    let top = |points: &[Point]| {
-        points
-            .iter()
-            .map(|p| p[CHANNEL_Z])
-            .fold(start[CHANNEL_Z], f64::max)
-    };
-    let above = curves
-        .iter()
-        .map(|c| top(&c.control))
-        .fold(start[CHANNEL_Z], f64::max)
-        + settings.lift_mm;
     let mut route = Route::default();
-    approach(&mut route, start, curves[0].control[0], above);
-    print(&mut route, curves, settings);
-    if let Some(end) = route
-        .stretches
-        .last()
-        .and_then(|s| s.curve.control.last().copied())
-    {
-        let mut up = end;
-        up[CHANNEL_Z] = above;
-        line(&mut route, end, up);
+    for (number, curves) in passes.iter_mut().enumerate() {
+        let Some(&begin) = curves.first().and_then(|curve| curve.control.first()) else {
+            continue;
+        };
+        let near_rad = here[CHANNEL_HEADING];
+        let turn =
+            nearest_heading(begin[CHANNEL_HEADING], near_rad, period_rad) - begin[CHANNEL_HEADING];
+        for point in curves.iter_mut().flat_map(|curve| &mut curve.control) {
+            point[CHANNEL_HEADING] += turn;
+        }
+        add_flow(curves, here[CHANNEL_VOLUME], settings);
+        let begin = curves[0].control[0];
+        match (number, from_above) {
+            (0, true) => approach(&mut route, start, begin, clear.above(&start)),
+            (0, false) => line(&mut route, here, begin),
+            _ => clear.travel(&mut route, here, begin),
+        }
+        print(&mut route, std::mem::take(curves), number as u32, settings);
+        if let Some(end) = end_of(&route) {
+            here = end;
+        }
     }
+    let leave = if from_above {
+        let mut up = here;
+        up[CHANNEL_Z] = clear.above(&start);
+        up
+    } else {
+        clear.off(&here)
+    };
+    line(&mut route, here, leave);
     route
+}
+
+fn end_of(route: &Route) -> Option<Point> {
+    let last = route.stretches.last()?;
+    last.curve.control.last().copied()
+}
+
+/// The ball that holds all that is printed, with room: outside of it nothing is touched.
+struct Clearance {
+    centre_mm: Vector3<f64>,
+    radius_mm: f64,
+    top_mm: f64,
+    lift_mm: f64,
+}
+
+/// Longest turn about the ball between two control points of a travel, rad.
+const TRAVEL_STEP_RAD: f64 = 0.1;
+/// Tilt below which a tool is upright, rad.
+const UPRIGHT_RAD: f64 = 1e-6;
+
+impl Clearance {
+    fn around(passes: &[Vec<PathCurve>], lift_mm: f64) -> Clearance {
+        let points = || passes.iter().flatten().flat_map(|curve| &curve.control);
+        let (low, high) = points().fold(
+            ([f64::INFINITY; 3], [f64::NEG_INFINITY; 3]),
+            |(low, high), point| {
+                let tip = &point[CHANNEL_X..=CHANNEL_Z];
+                (
+                    std::array::from_fn(|i| f64::min(low[i], tip[i])),
+                    std::array::from_fn(|i| f64::max(high[i], tip[i])),
+                )
+            },
+        );
+        let centre_mm = 0.5 * (Vector3::from(low) + Vector3::from(high));
+        let radius_mm = points()
+            .map(|point| (tip(point) - centre_mm).norm())
+            .fold(0.0, f64::max);
+        Clearance {
+            centre_mm,
+            radius_mm: radius_mm + lift_mm,
+            top_mm: high[2] + lift_mm,
+            lift_mm,
+        }
+    }
+
+    /// Height above everything, the start included.
+    fn above(&self, start: &Point) -> f64 {
+        self.top_mm.max(start[CHANNEL_Z] + self.lift_mm)
+    }
+
+    /// The pose drawn back along its tool axis until it is outside.
+    fn off(&self, pose: &Point) -> Point {
+        let axis = tool_axis(Vector2::new(pose[CHANNEL_TILT_X], pose[CHANNEL_TILT_Y]));
+        let from = tip(pose) - self.centre_mm;
+        let along = from.dot(&axis);
+        let square = along * along - from.norm_squared() + self.radius_mm * self.radius_mm;
+        let way_mm = (square.max(0.0).sqrt() - along).max(self.lift_mm);
+        moved_to(pose, tip(pose) + way_mm * axis)
+    }
+
+    /// Off along the tool axis, around the ball while the axis turns, down along the new axis.
+    fn travel(&self, route: &mut Route, from: Point, to: Point) {
+        let tilt = |pose: &Point| Vector2::new(pose[CHANNEL_TILT_X], pose[CHANNEL_TILT_Y]);
+        if tilt(&from).norm() < UPRIGHT_RAD && tilt(&to).norm() < UPRIGHT_RAD {
+            let above = from[CHANNEL_Z].max(to[CHANNEL_Z]).max(self.top_mm);
+            return approach(route, from, to, above);
+        }
+        let (off, over) = (self.off(&from), self.off(&to));
+        line(route, from, off);
+        let [out, back] = [&off, &over].map(|pose| tip(pose) - self.centre_mm);
+        let turn_rad = out
+            .angle(&back)
+            .max(polar_turn_rad(tilt(&off), tilt(&over)));
+        let steps = (turn_rad / TRAVEL_STEP_RAD).ceil().max(1.0) as usize;
+        let control = (0..=steps).map(|step| match step {
+            0 => off,
+            last if last == steps => over,
+            step => {
+                let share = step as f64 / steps as f64;
+                let mut pose: Point = std::array::from_fn(|c| off[c] + share * (over[c] - off[c]));
+                let tilt = polar_between(tilt(&off), tilt(&over), share);
+                pose[CHANNEL_TILT_X] = tilt.x;
+                pose[CHANNEL_TILT_Y] = tilt.y;
+                let direction = out.lerp(&back, share);
+                // Opposite ends have no shortest way: straight up is clear as well.
+                let direction = direction.try_normalize(1e-3).unwrap_or_else(Vector3::z);
+                let reach_mm = out.norm() + share * (back.norm() - out.norm());
+                moved_to(&pose, self.centre_mm + reach_mm * direction)
+            }
+        });
+        let control: Vec<Point> = control.collect();
+        if off != over {
+            route.stretches.push(stretch(MotionState::Travel, control));
+        }
+        line(route, over, to);
+    }
+}
+
+fn tip(pose: &Point) -> Vector3<f64> {
+    Vector3::from_fn(|i, _| pose[CHANNEL_X + i])
+}
+
+fn moved_to(pose: &Point, tip_mm: Vector3<f64>) -> Point {
+    let mut moved = *pose;
+    moved[CHANNEL_X..=CHANNEL_Z].copy_from_slice(tip_mm.as_slice());
+    moved
+}
+
+/// By how much the direction of the tilt turns the shorter way, signed.
+fn polar_turn_rad(from: Vector2<f64>, to: Vector2<f64>) -> f64 {
+    if from.norm() < UPRIGHT_RAD || to.norm() < UPRIGHT_RAD {
+        return 0.0;
+    }
+    from.perp(&to).atan2(from.dot(&to))
+}
+
+/// A tilt between two others that keeps away from the upright, where tables that turn have no place of
+/// their own: its size and its direction both change evenly.
+fn polar_between(from: Vector2<f64>, to: Vector2<f64>, share: f64) -> Vector2<f64> {
+    let size = from.norm() + share * (to.norm() - from.norm());
+    let base = if from.norm() < UPRIGHT_RAD { to } else { from };
+    let Some(base) = base.try_normalize(0.0) else {
+        return Vector2::zeros();
+    };
+    size * (Rotation2::new(share * polar_turn_rad(from, to)) * base)
 }
 
 fn stretch(state: MotionState, control: Vec<Point>) -> Stretch {
@@ -92,7 +237,7 @@ fn approach(route: &mut Route, start: Point, first: Point, above: f64) {
 }
 
 /// Prime, all curves as one pass, retract.
-fn print(route: &mut Route, curves: Vec<PathCurve>, settings: &Settings) {
+fn print(route: &mut Route, curves: Vec<PathCurve>, pass: u32, settings: &Settings) {
     let pr = settings.prime_retract;
     let prime_s = event_duration_s(pr.prime_mm3, pr.prime_rate_mm3_s);
     let retract_s = event_duration_s(pr.retract_mm3, pr.retract_rate_mm3_s);
@@ -116,16 +261,12 @@ fn print(route: &mut Route, curves: Vec<PathCurve>, settings: &Settings) {
         };
         let is_last = number + 1 == count;
         route.stretches.push(Stretch {
-            pass: Some(0),
+            pass: Some(pass),
             event: (is_last && retract_s > 0.0).then_some(retract),
             ..stretch(MotionState::Print, curve.control)
         });
     }
-    let end = route
-        .stretches
-        .last()
-        .and_then(|s| s.curve.control.last().copied());
-    if let Some(end) = end
+    if let Some(end) = end_of(route)
         && retract_s > lead_s
     {
         route.stretches.push(Stretch {

@@ -3,7 +3,7 @@
 use crate::settings::aperture_text::aperture_text;
 use crate::settings::check::{joint_names, kinematics_name};
 use crate::settings::{BOTTOM_LAYERS, HeadingLaw, PassMode, SeamPlace, Settings, TOP_LAYERS};
-use headway_firmware::configuration::{JointConfiguration, Kinematics};
+use headway_firmware::configuration::{Arm, JointConfiguration, Kinematics};
 use std::f64::consts::TAU;
 use std::fmt::Write;
 
@@ -45,13 +45,7 @@ fn write_machine(text: &mut String, s: &Settings) -> std::fmt::Result {
         "kinematics = \"{}\"",
         kinematics_name(&machine.kinematics)
     )?;
-    if let Kinematics::Gantry { pivot_length_mm } = machine.kinematics {
-        writeln!(
-            text,
-            "# From the nozzle tip to the crossing of the A and B axes."
-        )?;
-        writeln!(text, "pivot_length_mm = {}", number(pivot_length_mm))?;
-    }
+    write_kinematics(text, &machine.kinematics)?;
     writeln!(text, "servo_hz = {}", machine.servo_hz)?;
     writeln!(
         text,
@@ -65,8 +59,12 @@ fn write_machine(text: &mut String, s: &Settings) -> std::fmt::Result {
     )?;
     writeln!(text, "min_mm = {}", triple(s.work_area_mm[0]))?;
     writeln!(text, "max_mm = {}", triple(s.work_area_mm[1]))?;
+    if let Kinematics::Arm6 { arm, .. } = &machine.kinematics {
+        write_arm(text, arm)?;
+    }
     for (name, joint) in joint_names(&machine.kinematics).iter().zip(&machine.joints) {
-        write_joint(text, name, joint)?;
+        let what = joint_comment(&machine.kinematics, name);
+        write_joint(text, name, what, joint)?;
     }
     let e = &machine.extruder;
     writeln!(
@@ -89,16 +87,102 @@ fn write_machine(text: &mut String, s: &Settings) -> std::fmt::Result {
     writeln!(text, "pressure_advance_window_ms = {window}")
 }
 
-fn write_joint(text: &mut String, name: &str, joint: &JointConfiguration) -> std::fmt::Result {
-    let (what, unit) = match name {
-        "a" => ("\n# Head about X.", "deg"),
-        "b" => ("\n# Head about Y.", "deg"),
-        "c" => (
-            "\n# The nozzle about its axis; without ends it turns for ever.",
-            "deg",
-        ),
-        _ => ("", "mm"),
+/// What the equations need beside the joints; an arm has a group of its own.
+fn write_kinematics(text: &mut String, kinematics: &Kinematics) -> std::fmt::Result {
+    match *kinematics {
+        Kinematics::Planar | Kinematics::Arm6 { .. } => {}
+        Kinematics::Gantry { pivot_length_mm } => {
+            writeln!(
+                text,
+                "# From the nozzle tip to the crossing of the A and B axes."
+            )?;
+            writeln!(text, "pivot_length_mm = {}", number(pivot_length_mm))?;
+        }
+        Kinematics::Trunnion { centre_mm, .. } => {
+            writeln!(
+                text,
+                "# A point on both axes of the table, with the table level."
+            )?;
+            writeln!(text, "table_centre_mm = {}", triple(centre_mm))?;
+        }
+    }
+    if kinematics.solution() != 0 {
+        writeln!(text, "# Chosen by the planner.")?;
+        writeln!(text, "joint_solution = {}", kinematics.solution())?;
+    }
+    Ok(())
+}
+
+/// What a joint is, as a comment; nothing for those that everybody knows.
+fn joint_comment(kinematics: &Kinematics, name: &str) -> &'static str {
+    match (kinematics, name) {
+        (Kinematics::Gantry { .. }, "a") => "\n# Head about X.",
+        (Kinematics::Gantry { .. }, "b") => "\n# Head about Y.",
+        (Kinematics::Trunnion { .. }, "a") => "\n# Table about X.",
+        (Kinematics::Trunnion { .. }, "c") => {
+            "\n# Table about its own normal; without ends it turns for ever."
+        }
+        (_, "c" | "h") => "\n# The nozzle about its axis; without ends it turns for ever.",
+        (Kinematics::Arm6 { .. }, "j1") => "\n# From the base to the flange.",
+        _ => "",
+    }
+}
+
+fn write_arm(text: &mut String, arm: &Arm) -> std::fmt::Result {
+    writeln!(
+        text,
+        "\n# Lengths of the arm (Brandstötter and others, 2014): a1 from the column's axis to the\n\
+         # shoulder's, a2 from the elbow's axis to the forearm's, b beside the column, c1 up to the\n\
+         # shoulder, c2 upper arm, c3 forearm to the wrist's centre, c4 on to the flange.\n[arm]"
+    )?;
+    for (name, length_mm) in [
+        ("a1", arm.a1_mm),
+        ("a2", arm.a2_mm),
+        ("b", arm.b_mm),
+        ("c1", arm.c1_mm),
+        ("c2", arm.c2_mm),
+        ("c3", arm.c3_mm),
+        ("c4", arm.c4_mm),
+    ] {
+        writeln!(text, "{name}_mm = {}", number(length_mm))?;
+    }
+    let list = |values: &[f64]| {
+        let values: Vec<String> = values.iter().map(|v| degrees(*v).to_string()).collect();
+        format!("[{}]", values.join(", "))
     };
+    writeln!(
+        text,
+        "# Joint = model angle + offset, negated where it is reversed."
+    )?;
+    writeln!(text, "offset_deg = {}", list(&arm.offset_rad))?;
+    let reversed: [bool; 6] = std::array::from_fn(|joint| arm.reversed >> joint & 1 != 0);
+    writeln!(text, "reversed = {reversed:?}")?;
+    writeln!(text, "# The arm's base in machine axes.")?;
+    writeln!(text, "base_mm = {}", triple(arm.base.origin_mm))?;
+    writeln!(
+        text,
+        "base_roll_pitch_yaw_deg = {}",
+        list(&arm.base.angles())
+    )?;
+    writeln!(
+        text,
+        "# The nozzle's tip in flange axes, and the tool's axes: Z from the tip into the head."
+    )?;
+    writeln!(text, "tool_mm = {}", triple(arm.tool.origin_mm))?;
+    writeln!(
+        text,
+        "tool_roll_pitch_yaw_deg = {}",
+        list(&arm.tool.angles())
+    )
+}
+
+fn write_joint(
+    text: &mut String,
+    name: &str,
+    what: &str,
+    joint: &JointConfiguration,
+) -> std::fmt::Result {
+    let unit = "mm";
     writeln!(text, "{what}\n[joints.{name}]")?;
     if !joint.rotary {
         writeln!(text, "steps_per_mm = {}", number(joint.steps_per_unit))?;

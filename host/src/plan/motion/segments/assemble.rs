@@ -70,6 +70,7 @@ pub fn assemble(route: &Route, finished: &[FinishedStretch], settings: &Settings
         knots,
         events,
         marks,
+        solution: settings.machine.kinematics.solution(),
     }
 }
 

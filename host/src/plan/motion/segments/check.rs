@@ -278,12 +278,13 @@ pub fn refused_spans(
     window.push(&knot(0, 0));
     window.push(&knot(0, 1));
     let mut pieces = Vec::new();
+    let mut winding = limits.winding.single();
     let mut start_tick = 0.0;
     for (span, &ticks) in durations.iter().enumerate() {
         window.push(&knot(span + 3, span + 2));
         let end_tick = start_tick + f64::from(ticks);
         let at_mm = || tip_mm(&control[span + 1]);
-        match limits.span_check.of_span(&window) {
+        match limits.span_check.of_span(&window, &mut winding) {
             Ok(_) => {}
             Err(SpanFault::Limit(..)) => pieces.push(Piece {
                 start_tick,

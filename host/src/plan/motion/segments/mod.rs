@@ -26,12 +26,14 @@ pub mod warp;
 
 use crate::job::SegmentStream;
 use crate::plan::motion::joint_limits::{MotionError, MotionLimits};
+use crate::plan::motion::joint_turns::choose_solution;
 use crate::plan::motion::path_samples::sample_path;
 use crate::plan::progress::{Progress, Stage, Steps};
 use crate::plan::route::moves::{Route, Stretch, StretchEvent};
 use crate::settings::Settings;
 use check::Ratios;
 use headway_firmware::extruder_limits::event_peaks;
+use headway_firmware::kinematics::winding::Winding;
 use rayon::prelude::*;
 use shaping::Shaping;
 use spline::{RestSpline, quantised};
@@ -81,6 +83,7 @@ pub fn lay_segments_with_progress(
     progress: &dyn Progress,
 ) -> Result<(SegmentStream, MotionReport), MotionError> {
     check_route(route)?;
+    let (settings, windings) = &choose_solution(route, settings)?;
     let steps = Steps::begin(progress, Stage::Segments, route.stretches.len());
     let earlier = repeats::earlier_ones(route);
     let firsts: Vec<Option<FinishedStretch>> = (0..route.stretches.len())
@@ -88,7 +91,7 @@ pub fn lay_segments_with_progress(
         .map(|index| match earlier[index] {
             Some(_) => Ok(None),
             None => {
-                let finished = finish_stretch(route, index, None, settings)?;
+                let finished = finish_stretch(route, index, None, settings, &windings[index])?;
                 steps.step();
                 Ok(Some(finished))
             }
@@ -101,7 +104,7 @@ pub fn lay_segments_with_progress(
                 return Ok(None);
             };
             let known = firsts[first].as_ref().map(|known| (first, known));
-            let finished = finish_stretch(route, index, known, settings)?;
+            let finished = finish_stretch(route, index, known, settings, &windings[index])?;
             steps.step();
             Ok(Some(finished))
         })
@@ -154,9 +157,13 @@ fn finish_stretch(
     index: usize,
     known: Option<(usize, &FinishedStretch)>,
     settings: &Settings,
+    winding: &Winding<f64>,
 ) -> Result<FinishedStretch, MotionError> {
     let stretch = &route.stretches[index];
-    let limits = MotionLimits::of(settings, stretch.state)?;
+    let limits = MotionLimits {
+        winding: *winding,
+        ..MotionLimits::of(settings, stretch.state)?
+    };
     check_event(stretch, &limits)?;
     let first = quantised(&stretch.curve.control[0]);
     let moves = stretch

@@ -1,0 +1,206 @@
+//! Which joint solution a route is run in, and the turns of the joints where each stretch begins.
+//!
+//! In: the route and the machine. Out: the machine in the solution that is fastest by its joints'
+//! speeds, and for every stretch the joints' turns at its start. The joints are followed along the whole
+//! route, as the controller will follow them: a solution that leaves a range, or in which a joint would
+//! have to jump, falls out; where all do, the error is that of the one that came furthest. Between two
+//! solutions there is a singular pose, so that a route keeps to one; a change between two passes would
+//! cost a stop and is left out.
+
+use crate::plan::motion::joint_limits::{MotionError, MotionLimits, check_range, tip_mm};
+use crate::plan::route::moves::{PathCurve, Route};
+use crate::settings::{Settings, joint_names};
+use headway_firmware::configuration::JOINTS_MAX;
+use headway_firmware::kinematics::winding::Winding;
+use headway_firmware::kinematics::{inverse, winds};
+use headway_firmware::pose::Pose;
+use headway_protocol::units::{CHANNEL_HEADING, CHANNEL_TILT_X, CHANNELS};
+
+/// Longest distance and turn between two looks at first.
+const LOOK_MM: f64 = 2.0;
+const LOOK_RAD: f64 = 0.05;
+/// Looks at each span at least and at most.
+const LOOKS_PER_SPAN: [f64; 2] = [2.0, 4000.0];
+/// Turn of a joint between two looks that is looked at closer, and how often the step is halved before it
+/// counts as a jump: to steps of a thousandth of a look.
+const CLOSER_RAD: f64 = 0.5;
+const HALVINGS_MAX: u32 = 10;
+
+/// Joint turns at the start of each stretch.
+pub type Windings = Vec<Winding<f64>>;
+
+/// The settings with the best joint solution of the machine, and the turns in it.
+///
+/// # Errors
+/// [`MotionError`] of the solution that came furthest.
+pub fn choose_solution(
+    route: &Route,
+    settings: &Settings,
+) -> Result<(Settings, Windings), MotionError> {
+    let kinematics = settings.machine.kinematics;
+    if winds(&kinematics) == 0 {
+        let windings = vec![Winding::default(); route.stretches.len()];
+        return Ok((settings.clone(), windings));
+    }
+    let mut best: Option<(f64, Settings, Windings)> = None;
+    let mut furthest: Option<(usize, MotionError)> = None;
+    for solution in 0..kinematics.solutions() {
+        let mut with_it = settings.clone();
+        with_it.machine.kinematics = kinematics.with_solution(solution);
+        match follow(route, &with_it) {
+            Ok((seconds, windings)) => {
+                if best.as_ref().is_none_or(|(least, ..)| seconds < *least) {
+                    best = Some((seconds, with_it, windings));
+                }
+            }
+            Err((looks, error)) => {
+                if furthest.as_ref().is_none_or(|(most, _)| looks > *most) {
+                    furthest = Some((looks, error));
+                }
+            }
+        }
+    }
+    match (best, furthest) {
+        (Some((_, settings, windings)), _) => Ok((settings, windings)),
+        (None, Some((_, error))) => Err(error),
+        (None, None) => Err(MotionError::BadLimit {
+            name: "number of joint solutions",
+        }),
+    }
+}
+
+/// Follows the joints along the route: the least time by their speeds, and the turns; or after how many
+/// looks it failed, and why.
+fn follow(route: &Route, settings: &Settings) -> Result<(f64, Windings), (usize, MotionError)> {
+    let mut windings = Vec::with_capacity(route.stretches.len());
+    let mut follower: Option<Follower<'_>> = None;
+    for stretch in &route.stretches {
+        let limits = MotionLimits::of(settings, stretch.state).map_err(|error| (0, error))?;
+        let Some(start) = stretch.curve.control.first() else {
+            windings.push(follower.as_ref().map_or(Winding::default(), |f| f.winding));
+            continue;
+        };
+        if follower.is_none() {
+            follower = Some(Follower::at_rest(start, settings).map_err(|error| (0, error))?);
+        }
+        let Some(follower) = &mut follower else {
+            continue;
+        };
+        windings.push(follower.winding);
+        if let Err(error) = follower.along(&stretch.curve, &limits) {
+            return Err((follower.looks, error));
+        }
+    }
+    Ok((follower.map_or(0.0, |follower| follower.seconds), windings))
+}
+
+/// The joints at the last look.
+struct Follower<'a> {
+    settings: &'a Settings,
+    winding: Winding<f64>,
+    position: [f64; JOINTS_MAX],
+    looks: usize,
+    seconds: f64,
+}
+
+impl<'a> Follower<'a> {
+    fn at_rest(start: &[f64; CHANNELS], settings: &'a Settings) -> Result<Self, MotionError> {
+        let machine = &settings.machine;
+        let mut follower = Self {
+            settings,
+            winding: Winding::default(),
+            position: [0.0; JOINTS_MAX],
+            looks: 0,
+            seconds: 0.0,
+        };
+        let position = follower.wound(start)?;
+        follower.winding = Winding::at_rest(&machine.kinematics, &position, &machine.ranges());
+        follower.position = position;
+        let kinematics = machine.kinematics;
+        follower
+            .winding
+            .unwound(&kinematics, &mut follower.position);
+        Ok(follower)
+    }
+
+    fn wound(&self, channels: &[f64; CHANNELS]) -> Result<[f64; JOINTS_MAX], MotionError> {
+        let kinematics = &self.settings.machine.kinematics;
+        let joints = inverse(kinematics, &Pose::from_channels(channels));
+        joints
+            .map(|joints| joints.position)
+            .map_err(|error| MotionError::Kinematics {
+                error,
+                at_mm: tip_mm(channels),
+            })
+    }
+
+    fn along(&mut self, curve: &PathCurve, limits: &MotionLimits) -> Result<(), MotionError> {
+        if curve.control.len() < 2 {
+            return Ok(());
+        }
+        for span in 0..curve.span_count() {
+            let (a, b) = (&curve.control[span], &curve.control[span + 1]);
+            let off = |channel: usize| (a[channel] - b[channel]).abs();
+            let way_mm = (0..3).map(off).fold(0.0, f64::max);
+            let turn_rad = (CHANNEL_TILT_X..=CHANNEL_HEADING)
+                .map(off)
+                .fold(0.0, f64::max);
+            let [least, most] = LOOKS_PER_SPAN;
+            let looks = (way_mm / LOOK_MM)
+                .max(turn_rad / LOOK_RAD)
+                .clamp(least, most);
+            let looks = looks.ceil() as usize;
+            for look in 1..=looks {
+                let part = |look: usize| span as f64 + look as f64 / looks as f64;
+                self.step(curve, limits, [part(look - 1), part(look)], 0)?;
+            }
+        }
+        Ok(())
+    }
+
+    /// To the end of the piece of the curve, in steps in which no joint turns far.
+    fn step(
+        &mut self,
+        curve: &PathCurve,
+        limits: &MotionLimits,
+        [from, to]: [f64; 2],
+        halvings: u32,
+    ) -> Result<(), MotionError> {
+        let channels = curve.evaluate(to).value;
+        let kinematics = &self.settings.machine.kinematics;
+        let mut position = self.wound(&channels)?;
+        let mut winding = self.winding;
+        winding.unwound(kinematics, &mut position);
+        let turns = (0..limits.joints.len())
+            .filter(|joint| limits.joints[*joint].rotary)
+            .map(|joint| (joint, (position[joint] - self.position[joint]).abs()));
+        let (joint, turn_rad) = turns.fold(
+            (0, 0.0),
+            |most, turn| {
+                if turn.1 > most.1 { turn } else { most }
+            },
+        );
+        if turn_rad > CLOSER_RAD {
+            if halvings == HALVINGS_MAX {
+                let names = joint_names(kinematics);
+                return Err(MotionError::JointJump {
+                    name: names.get(joint).copied().unwrap_or("?"),
+                    turn_rad,
+                    at_mm: tip_mm(&channels),
+                });
+            }
+            let middle = 0.5 * (from + to);
+            self.step(curve, limits, [from, middle], halvings + 1)?;
+            return self.step(curve, limits, [middle, to], halvings + 1);
+        }
+        check_range(limits, tip_mm(&channels), &position)?;
+        let seconds =
+            limits.joints.iter().enumerate().map(|(joint, limit)| {
+                (position[joint] - self.position[joint]).abs() / limit.speed_max
+            });
+        self.seconds += seconds.fold(0.0, f64::max);
+        self.looks += 1;
+        (self.winding, self.position) = (winding, position);
+        Ok(())
+    }
+}
