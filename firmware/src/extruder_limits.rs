@@ -94,7 +94,7 @@ impl ExtruderGuard {
         if in_ramp && way <= self.ramp_way_max && bend <= self.ramp_bend_max {
             return None;
         }
-        let permille = |value: u32, limit: u32| u64::from(value) * 1000 / u64::from(limit);
+        let permille = |value: u32, limit: u32| u64::from(value) * 1000 / u64::from(limit.max(1));
         let most = permille(way, self.way_limit).max(permille(bend, self.bend_limit));
         Some(most.min(i32::MAX as u64) as i32)
     }

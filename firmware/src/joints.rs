@@ -200,7 +200,7 @@ impl JointTargets {
     }
 
     /// The targets of joints at `added` beyond what they carry, whole turns counted.
-    #[inline(always)]
+    #[inline(never)]
     fn follow_winding<'a>(
         &mut self,
         carriers: &[Option<usize>],
