@@ -211,6 +211,8 @@ fn simulate_writes_report_and_traces() {
         "limit_ratio_velocity",
         "limit_ratio_acceleration",
         "limit_ratio_jerk",
+        "time_share_by_limit",
+        "slow_places",
         "tip_error_um_max",
         "tip_error_um_rms",
         "heading_error_mrad_max",

@@ -37,7 +37,7 @@ pub(super) fn run(args: &PlanArgs, console: &Console) -> Result<(), CliError> {
         limit_ratio_jerk: Some(limits.jerk.ratio),
         bytes: Some(bytes),
         bytes_per_s: Some(bytes as f64 / print_s.max(1e-9)),
-        ..Figures::default()
+        ..planned::time_figures(&planned)
     });
     let job = job_bytes(&planned, &frames)?;
     write_file(&args.output, &job)?;

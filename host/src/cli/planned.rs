@@ -5,13 +5,14 @@ use super::console::Console;
 use super::doubts::doubts;
 use super::job::{self, Job};
 use super::{CliError, load};
+use crate::drive::time_by_limit::{SlowPlace, time_by_limit};
 use crate::geometry::polygon::Region;
 use crate::geometry::{Point2, Vector2};
 use crate::input::{Input, Target};
 use crate::job::SegmentStream;
 use crate::part_transform::PartTransform;
 use crate::plan::outline::unreachable::UnreachableRun;
-use crate::report::figures::{Figures, KindFigures};
+use crate::report::figures::{Figures, KindFigures, SlowPlaceFigures};
 use crate::settings::Settings;
 use crate::{Plan, RegionPlan, plan_target_around, plan_waypoints_with_progress};
 use std::path::Path;
@@ -250,4 +251,23 @@ fn warnings(plan: &Plan, unreachable: &[UnreachableRun]) -> Vec<String> {
         ));
     }
     warnings
+}
+
+/// Which limits take the printing time, and where it is slowest.
+pub(super) fn time_figures(planned: &Planned) -> Figures {
+    let found = time_by_limit(&planned.stream, &planned.settings);
+    let place = |place: SlowPlace| {
+        let [x_mm, y_mm, _] = planned.transform.to_input(place.at_mm);
+        SlowPlaceFigures {
+            x_mm,
+            y_mm,
+            seconds: place.seconds,
+            limit: place.limit,
+        }
+    };
+    Figures {
+        time_share_by_limit: (!found.shares.is_empty()).then_some(found.shares),
+        slow_places: Some(found.slow_places.into_iter().map(place).collect()),
+        ..Figures::default()
+    }
 }

@@ -54,7 +54,7 @@ pub(super) fn run(args: &SimulateArgs, console: &Console) -> Result<(), CliError
     bar.finish_and_clear();
     let rehearsal = rehearsal.map_err(|error| CliError::Job(error.to_string()))?;
     planned.figures =
-        std::mem::take(&mut planned.figures).merged_with(&simulation_figures(&rehearsal));
+        std::mem::take(&mut planned.figures).merged_with(&simulation_figures(&planned, &rehearsal));
     write_traces(args, &planned, &rehearsal)?;
     if let Some(folder) = &args.report {
         write_report(folder, &planned, console)?;
@@ -90,7 +90,7 @@ fn of_no_use(args: &SimulateArgs) -> Option<String> {
     })
 }
 
-fn simulation_figures(rehearsal: &Rehearsal) -> Figures {
+fn simulation_figures(planned: &Planned, rehearsal: &Rehearsal) -> Figures {
     let (s, t, l) = (
         &rehearsal.simulation.figures,
         &rehearsal.trace,
@@ -120,7 +120,7 @@ fn simulation_figures(rehearsal: &Rehearsal) -> Figures {
         holds: Some(s.holds),
         faults: Some(s.faults),
         realtime_factor: Some(rehearsal.realtime_factor),
-        ..Figures::default()
+        ..planned::time_figures(planned)
     }
 }
 

@@ -318,15 +318,15 @@ fn window_behind(spans: &[Span], looks: usize, servo_hz: f64) -> VecDeque<Volume
 }
 
 /// The motion at one moment, in natural units and seconds.
-struct Moment {
+pub(super) struct Moment {
     position: [f64; CHANNELS],
-    velocity: [f64; CHANNELS],
-    acceleration: [f64; CHANNELS],
+    pub(super) velocity: [f64; CHANNELS],
+    pub(super) acceleration: [f64; CHANNELS],
     jerk: [f64; CHANNELS],
 }
 
 impl Moment {
-    fn of(span: &Span, local: f64, servo_hz: f64) -> Self {
+    pub(super) fn of(span: &Span, local: f64, servo_hz: f64) -> Self {
         Moment {
             position: span.position(local),
             velocity: span.velocity(local, servo_hz),
@@ -343,7 +343,7 @@ impl Moment {
     }
 
     /// First to third time derivative of every joint. A pose without joints gives none.
-    fn joint_derivatives(&self, kinematics: &Kinematics) -> [[f64; JOINTS_MAX]; 3] {
+    pub(super) fn joint_derivatives(&self, kinematics: &Kinematics) -> [[f64; JOINTS_MAX]; 3] {
         let mut derivatives = [[0.0; JOINTS_MAX]; 3];
         if matches!(kinematics, Kinematics::Planar) {
             // X Y Z C are channels themselves.

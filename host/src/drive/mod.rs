@@ -14,6 +14,7 @@ pub mod sender_state;
 pub mod servo_walk;
 pub mod simulator;
 pub mod stream_progress;
+pub mod time_by_limit;
 pub mod trace;
 pub mod trace_table;
 pub mod transport;

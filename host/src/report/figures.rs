@@ -4,6 +4,7 @@
 //! has no meaning (a plan that was not simulated has no `tip_error_um_max`).
 
 use serde::{Deserialize, Serialize};
+use std::collections::BTreeMap;
 
 /// What the layers of one kind came to; only of jobs with several layers.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
@@ -48,6 +49,23 @@ impl KindFigures {
         }
         (what, Some(value))
     }
+}
+
+/// Limits that are told in text.
+const LIMITS_TOLD: usize = 4;
+
+/// A place of about a millimetre of a pass, input coordinates.
+#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
+#[serde(default)]
+pub struct SlowPlaceFigures {
+    /// Where it begins.
+    pub x_mm: f64,
+    /// Where it begins.
+    pub y_mm: f64,
+    /// How long it takes.
+    pub seconds: f64,
+    /// The limit that takes most of that.
+    pub limit: String,
 }
 
 /// All figures; the keys are the field names. Shares are of the layers' area, over all layers;
@@ -151,6 +169,12 @@ pub struct Figures {
     /// Worst jerk over its share of the limit.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub limit_ratio_jerk: Option<f64>,
+    /// Share of the printing time at each limit; "none" is what no limit binds.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub time_share_by_limit: Option<BTreeMap<String, f64>>,
+    /// The five places of about a millimetre that take longest, the slowest first.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub slow_places: Option<Vec<SlowPlaceFigures>>,
     /// Tip of the simulated steps against the plan.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub tip_error_um_max: Option<f64>,
@@ -327,6 +351,8 @@ impl Figures {
                 number(self.limit_ratio_acceleration, 4, ""),
             ),
             ("worst jerk / limit", number(self.limit_ratio_jerk, 4, "")),
+            ("printing time at", self.time_shares()),
+            ("slowest place", self.slowest_place()),
             ("segments", count(self.segments)),
             ("bytes", count(self.bytes)),
             (
@@ -334,6 +360,23 @@ impl Figures {
                 number(self.bytes_per_s, 0, "B/s"),
             ),
         ]
+    }
+
+    /// The limits that take most of the time.
+    fn time_shares(&self) -> Option<String> {
+        let mut shares: Vec<_> = self.time_share_by_limit.as_ref()?.iter().collect();
+        shares.sort_by(|a, b| b.1.total_cmp(a.1));
+        let told = shares.iter().take(LIMITS_TOLD);
+        let told = told.map(|(limit, share)| format!("{limit} {:.0} %", 100.0 * **share));
+        Some(told.collect::<Vec<_>>().join(", "))
+    }
+
+    fn slowest_place(&self) -> Option<String> {
+        let place = self.slow_places.as_ref()?.first()?;
+        Some(format!(
+            "{:.2} s a millimetre at ({:.2}, {:.2}), by {}",
+            place.seconds, place.x_mm, place.y_mm, place.limit
+        ))
     }
 
     fn step_rows(&self) -> Vec<Row> {

@@ -1,0 +1,201 @@
+//! Which limit took which share of the printing time, and where the nozzle is slowest.
+//!
+//! [`SegmentStream`] -> shares by the name of the limit, the slowest places. At every servo tick of a
+//! pass the limit that is used most counts, where that is at least [`AT_LIMIT`] of its planned share;
+//! else nothing does ("none": the motion is on its way from one limit to another, or the segments'
+//! fit holds it back). Left out: the extruder with its events, which hardly ever binds.
+
+use crate::drive::limits::Moment;
+use crate::job::{MotionState, SegmentStream};
+use crate::settings::{Settings, joint_names};
+use headway_firmware::spline::{Span, Spans};
+use headway_protocol::units::{CHANNEL_VOLUME, CHANNELS};
+use std::collections::BTreeMap;
+
+/// Share of a limit at which it counts as reached: what the time law and the fit leave below it.
+const AT_LIMIT: f64 = 0.9;
+/// Way of a place, mm: about the width of the widest bead.
+const PLACE_MM: f64 = 1.0;
+/// How many places are told.
+const PLACES: usize = 5;
+
+/// A stretch of about a millimetre of a pass that takes long.
+#[derive(Clone, Debug, PartialEq)]
+pub struct SlowPlace {
+    /// Its first point, machine coordinates.
+    pub at_mm: [f64; 3],
+    /// How long it takes.
+    pub seconds: f64,
+    /// The limit that takes most of that.
+    pub limit: String,
+}
+
+/// The printing time by what binds.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub struct TimeByLimit {
+    /// Share of the printing time by the name of the limit, "none" among them.
+    pub shares: BTreeMap<String, f64>,
+    /// The slowest first.
+    pub slow_places: Vec<SlowPlace>,
+}
+
+/// A limit: (which derivative, which quantity); quantities are the joints, then tip and flow.
+type Key = Option<(usize, usize)>;
+const DERIVATIVES: [&str; 3] = ["speed", "acceleration", "jerk"];
+
+/// Goes through the whole stream.
+pub fn time_by_limit(stream: &SegmentStream, settings: &Settings) -> TimeByLimit {
+    let servo_hz = f64::from(settings.machine.servo_hz);
+    let mut marks = stream.marks.iter();
+    let mut mark = marks.next();
+    let mut ticks: BTreeMap<Key, u64> = BTreeMap::new();
+    let mut places = Places::default();
+    for span in Spans::new(&stream.start, &stream.knots) {
+        while mark.is_some_and(|mark| span.start_tick >= mark.end_tick) {
+            mark = marks.next();
+            places.close();
+        }
+        if mark.is_none_or(|mark| mark.state != MotionState::Print) {
+            continue;
+        }
+        for tick in 0..span.duration_ticks {
+            let moment = Moment::of(&span, f64::from(tick) + 0.5, servo_hz);
+            let key = binding(&moment, settings);
+            *ticks.entry(key).or_default() += 1;
+            places.add(&span, &moment, key, servo_hz);
+        }
+    }
+    places.close();
+    let all: u64 = ticks.values().sum();
+    let share = |(key, ticks): (Key, u64)| (name(key, settings), ticks as f64 / all as f64);
+    let slow = places
+        .slowest
+        .into_iter()
+        .map(|(ticks, at_mm, key)| SlowPlace {
+            at_mm,
+            seconds: ticks as f64 / servo_hz,
+            limit: name(key, settings),
+        });
+    TimeByLimit {
+        shares: ticks.into_iter().map(share).collect(),
+        slow_places: slow.collect(),
+    }
+}
+
+fn name(key: Key, settings: &Settings) -> String {
+    let Some((derivative, quantity)) = key else {
+        return "none".to_string();
+    };
+    let joints = joint_names(&settings.machine.kinematics);
+    let quantity = match quantity.checked_sub(joints.len()) {
+        None => joints[quantity],
+        Some(0) => "tip",
+        Some(_) => "flow",
+    };
+    format!("{quantity}_{}", DERIVATIVES[derivative])
+}
+
+/// The limit that is used most at a moment, if it is reached.
+fn binding(moment: &Moment, settings: &Settings) -> Key {
+    let joint_count = joint_names(&settings.machine.kinematics).len();
+    let norm = |v: &[f64; CHANNELS]| v[0].hypot(v[1]).hypot(v[2]);
+    let mut most = (AT_LIMIT * settings.plan_share, None);
+    let mut look = |derivative: usize, quantity: usize, value: f64, limit: f64| {
+        let used = value.abs() / limit;
+        if used > most.0 {
+            most = (used, Some((derivative, quantity)));
+        }
+    };
+    let [velocity, acceleration, jerk] = moment.joint_derivatives(&settings.machine.kinematics);
+    for (joint, limit) in settings.machine.joints.iter().take(joint_count).enumerate() {
+        look(0, joint, velocity[joint], limit.speed_max);
+        look(1, joint, acceleration[joint], limit.acceleration_max);
+        look(2, joint, jerk[joint], limit.jerk_max);
+    }
+    let (tip, flow) = (joint_count, joint_count + 1);
+    look(0, tip, norm(&moment.velocity), settings.speed_mm_s);
+    look(
+        1,
+        tip,
+        norm(&moment.acceleration),
+        settings.tip_acceleration_mm_s2,
+    );
+    look(
+        0,
+        flow,
+        moment.velocity[CHANNEL_VOLUME],
+        settings.flow_max_mm3_s,
+    );
+    let change_max = settings.flow_rate_of_change_max_mm3_s2;
+    look(1, flow, moment.acceleration[CHANNEL_VOLUME], change_max);
+    most.1
+}
+
+/// Places of [`PLACE_MM`] one after the other; the slowest are kept.
+#[derive(Default)]
+struct Places {
+    way_mm: f64,
+    at_mm: [f64; 3],
+    ticks: BTreeMap<Key, u64>,
+    slowest: Vec<(u64, [f64; 3], Key)>,
+}
+
+impl Places {
+    fn add(&mut self, span: &Span, moment: &Moment, key: Key, servo_hz: f64) {
+        if self.ticks.is_empty() {
+            let at = span.position(0.0);
+            self.at_mm = [at[0], at[1], at[2]];
+        }
+        *self.ticks.entry(key).or_default() += 1;
+        let v = &moment.velocity;
+        self.way_mm += v[0].hypot(v[1]).hypot(v[2]) / servo_hz;
+        if self.way_mm >= PLACE_MM {
+            self.close();
+        }
+    }
+
+    fn close(&mut self) {
+        let ticks: u64 = self.ticks.values().sum();
+        let most = self.ticks.iter().max_by_key(|(_, ticks)| **ticks);
+        if let Some((&key, _)) = most {
+            let behind = self.slowest.partition_point(|other| other.0 >= ticks);
+            self.slowest.insert(behind, (ticks, self.at_mm, key));
+            self.slowest.truncate(PLACES);
+        }
+        self.ticks.clear();
+        self.way_mm = 0.0;
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    //! Goal: shares add up to one, a spiral run at the tip's speed is bound by it, and a limit that
+    //! is lowered takes over.
+    use super::*;
+    use crate::drive::test_streams::spiral;
+
+    #[test]
+    fn the_limit_that_is_reached_takes_the_time() {
+        let mut settings = Settings::default();
+        let stream = spiral(2.0);
+        let fastest = |settings: &mut Settings| {
+            let found = time_by_limit(&stream, settings);
+            let sum: f64 = found.shares.values().sum();
+            assert!((sum - 1.0).abs() < 1e-9, "{found:?}");
+            assert!((1..=PLACES).contains(&found.slow_places.len()));
+            let slow = found.slow_places.windows(2);
+            assert!(
+                slow.into_iter()
+                    .all(|pair| pair[0].seconds >= pair[1].seconds)
+            );
+            found
+        };
+        settings.speed_mm_s = 1e6;
+        let free = fastest(&mut settings);
+        assert!(!free.shares.contains_key("tip_speed"), "{free:?}");
+        settings.speed_mm_s = 1e-3;
+        let bound = fastest(&mut settings);
+        assert!(bound.shares["tip_speed"] > 0.9, "{bound:?}");
+        assert_eq!(bound.slow_places[0].limit, "tip_speed");
+    }
+}
