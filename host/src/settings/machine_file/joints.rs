@@ -166,6 +166,10 @@ impl File {
         if self.arm.is_some() && *name != KinematicsName::Arm6 {
             return Err(wrong("take the group [arm] out, or use arm6"));
         }
+        let tilts = self.joints.a.is_some() && self.joints.b.is_some();
+        if *name == KinematicsName::Gantry && !tilts {
+            return Err(wrong("joints.a or joints.b is missing"));
+        }
         let kinematics = match name {
             KinematicsName::Planar => Kinematics::Planar,
             KinematicsName::Gantry => Kinematics::Gantry {
