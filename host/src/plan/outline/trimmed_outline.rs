@@ -9,11 +9,12 @@
 //! rho - sqrt(rho² - c²/4). So convex points are cut off one after the other (ears), those first
 //! that take least ground, while
 //!
-//! - the chord's sagitta is at most [`REACH_LOST_MM`]; the ear's sides are at most 2 rho, so that
-//!   it
-//!   is looked for in few places;
+//! - the chord's sagitta is at most [`REACH_LOST_MM`]; the ear's sides are at most [`SIDE_CHORDS`]
+//!   such chords, so that it is looked through in bounded time;
 //! - no other point lies in the ear: the rings stay simple and apart;
-//! - what one edge has cut off is at most half a disk: no disk has its larger part behind it.
+//! - what one edge has cut off a disk is at most half of it: no disk has its larger part behind it.
+//!   An ear's lines along its chord are no longer than that, so a disk has at most the chord times
+//!   its own width in it: a deep tooth counts for no more than a shallow one.
 //!
 //! A placement whose clearance to the given outline is [`REACH_LOST_MM`] or more therefore lies
 //! inside the hull, and one inside the outline leaves the hull by no more than that. What is cut
@@ -36,6 +37,9 @@ use std::f64::consts::PI;
 /// Most that the aperture loses of its reach: half the default tolerance of a plan. Beads then
 /// stay back from the outline by less than the head can be placed.
 pub const REACH_LOST_MM: f64 = 5e-4;
+
+/// Longest side of an ear, in longest chords: teeth of 6 mm with the built-in aperture.
+const SIDE_CHORDS: f64 = 400.0;
 
 /// The hull; the region itself where nothing can be cut off.
 pub fn trimmed_outline(region: &Region, aperture: &Aperture) -> Region {
@@ -61,13 +65,14 @@ struct Cutting {
     before: Vec<u32>,
     after: Vec<u32>,
     is_cut: Vec<bool>,
-    /// What the edge to the next point has cut off.
+    /// What the edge to the next point has cut off a disk at most.
     cut_mm2: Vec<f64>,
     /// Points left of each ring.
     left: Vec<usize>,
     point_grid: PointGrid<u32>,
     chord_max_mm: f64,
-    side_max_mm: f64,
+    /// Width of the disk.
+    disk_mm: f64,
     cut_max_mm2: f64,
 }
 
@@ -75,6 +80,8 @@ struct Cutting {
 #[derive(PartialEq)]
 struct Ear {
     area_mm2: f64,
+    /// How much of a disk may lie in it.
+    of_disk_mm2: f64,
     at: Point2,
     points: [u32; 3],
 }
@@ -109,7 +116,7 @@ impl Cutting {
             left: Vec::new(),
             point_grid: PointGrid::of(rho_mm, std::iter::empty()),
             chord_max_mm: 2.0 * (REACH_LOST_MM * (2.0 * rho_mm - REACH_LOST_MM)).sqrt(),
-            side_max_mm: 2.0 * rho_mm,
+            disk_mm: 2.0 * rho_mm,
             cut_max_mm2: 0.5 * PI * rho_mm * rho_mm,
         };
         for (number, ring) in region.rings().enumerate() {
@@ -157,11 +164,14 @@ impl Cutting {
         let [a, b, c] = [p, k, n].map(|i| self.points[i as usize]);
         let area_mm2 = 0.5 * (b - a).perp(&(c - b));
         let is_convex = orientation(a, b, c) == Ordering::Greater;
-        let is_small = (c - a).norm() <= self.chord_max_mm
-            && (b - a).norm() <= self.side_max_mm
-            && (c - b).norm() <= self.side_max_mm;
+        let chord_mm = (c - a).norm();
+        let side_max_mm = SIDE_CHORDS * self.chord_max_mm;
+        let is_small = chord_mm <= self.chord_max_mm
+            && (b - a).norm() <= side_max_mm
+            && (c - b).norm() <= side_max_mm;
         (is_convex && is_small).then_some(Ear {
             area_mm2,
+            of_disk_mm2: area_mm2.min(chord_mm * self.disk_mm),
             at: b,
             points: [p, k, n],
         })
@@ -171,23 +181,39 @@ impl Cutting {
     /// lies in the ear.
     fn may_cut(&self, ear: &Ear) -> bool {
         let [p, k, _] = ear.points;
-        let cut_mm2 = self.cut_mm2[p as usize] + self.cut_mm2[k as usize] + ear.area_mm2;
+        let cut_mm2 = self.cut_mm2[p as usize] + self.cut_mm2[k as usize] + ear.of_disk_mm2;
         if self.left[self.ring_of[k as usize] as usize] <= 3 || cut_mm2 > self.cut_max_mm2 {
             return false;
         }
         let corners = ear.points.map(|i| self.points[i as usize]);
-        let area = Box2::of(&corners);
-        let mut near = self.point_grid.within(&area);
-        !near.any(|&i| {
+        let lies_in_it = |i: u32| {
             !self.is_cut[i as usize]
                 && !ear.points.contains(&i)
                 && is_in_triangle(self.points[i as usize], &corners)
+        };
+        let mut slices = self.slices(&corners);
+        !slices.any(|area| self.point_grid.within(&area).any(|&i| lies_in_it(i)))
+    }
+
+    /// Boxes that hold a triangle: one about it, or, of a long thin one, many from its chord to its
+    /// tip, the middle corner.
+    fn slices(&self, corners: &[Point2; 3]) -> impl Iterator<Item = Box2> + use<> {
+        let [a, b, c] = *corners;
+        let side_mm = (b - a).norm().max((c - b).norm());
+        let count = match side_mm <= self.disk_mm {
+            true => 1,
+            false => (side_mm / self.chord_max_mm).ceil() as usize,
+        };
+        let at = move |k: usize| k as f64 / count as f64;
+        (0..count).map(move |k| {
+            let ends = [at(k), at(k + 1)].map(|t| [a + (b - a) * t, c + (b - c) * t]);
+            Box2::of(ends.as_flattened())
         })
     }
 
     fn cut(&mut self, ear: &Ear) {
         let [p, k, n] = ear.points.map(|i| i as usize);
-        self.cut_mm2[p] += self.cut_mm2[k] + ear.area_mm2;
+        self.cut_mm2[p] += self.cut_mm2[k] + ear.of_disk_mm2;
         self.after[p] = n as u32;
         self.before[n] = p as u32;
         self.is_cut[k] = true;
@@ -423,6 +449,36 @@ mod tests {
             let clear_mm = walls.signed_distance_mm(Point2::new(x, 0.0));
             assert!(clear_mm > 0.4 - 2.0 * REACH_LOST_MM, "{clear_mm}");
         }
+    }
+
+    /// Goal: teeth far deeper than a disk is wide go too, and nothing behind them. Method: a ring of
+    /// 3,000 needles, their roots on a circle, and the same turned inwards about a hole.
+    #[test]
+    fn deep_teeth_are_cut_off() {
+        let needles = |radius_mm: f64, depth_mm: f64| {
+            let point = |i: usize| {
+                let (sin, cos) = (i as f64 * TAU / 6000.0).sin_cos();
+                Point2::new(cos, sin) * (radius_mm + if i % 2 == 0 { 0.0 } else { depth_mm })
+            };
+            Ring {
+                points: (0..6000).map(point).collect(),
+            }
+        };
+        let region = Region {
+            exterior: needles(3.0, 1.5),
+            holes: vec![backwards(needles(1.5, -1.2))],
+        };
+        assert_eq!(validate(&region), Ok(()));
+        let hull = trimmed_outline(&region, &ELLIPSE);
+        assert_eq!(validate(&hull), Ok(()));
+        assert!(count(&hull) <= 6000, "{}", count(&hull));
+        let walls = EdgeIndex::of_region(&hull, 0.6);
+        // The roots are 6 um apart; cutting on may take the stated length.
+        let clear_mm = walls.signed_distance_mm(Point2::new(2.25, 0.0));
+        assert!(
+            (0.75 - 2.0 * REACH_LOST_MM..=0.75).contains(&clear_mm),
+            "{clear_mm}"
+        );
     }
 
     /// Goal: it does not matter where a ring begins, and sharp corners keep everything. Method: the
