@@ -5,11 +5,11 @@
 //! are allowed, as is a repeated closing point; orientation is not judged. Decided with exact
 //! predicates on the coordinates as given: no tolerance. Cost: a grid, so about linear.
 
-use super::Point2;
 use super::edge_index::{Edge, EdgeIndex};
-use super::polygon::{Region, Ring};
+use super::polygon::{Box2, Region, Ring};
 use super::predicates::orientation;
 use super::union_find::root;
+use super::{Point2, Vector2};
 use std::cmp::Ordering;
 use std::fmt;
 use thiserror::Error;
@@ -179,17 +179,19 @@ pub fn validate_apart(regions: &[Region]) -> Result<(), ValidityError> {
             found = Some((region_of[i], region_of[j], p));
         }
     });
-    // Nothing crosses: then a region lies in another where any of its edges does.
-    for (number, edge) in index.edges().iter().enumerate() {
+    // Nothing crosses: then two regions share ground exactly where the exterior of one runs inside
+    // the other, and it does so with all of its edges.
+    for (number, region) in regions.iter().enumerate() {
         if found.is_some() {
             break;
         }
-        let middle = edge.a + (edge.b - edge.a) / 2.0;
-        let mut inside = vec![false; regions.len()];
-        index.for_crossings(middle, |e| inside[region_of[e]] ^= true);
-        let own = region_of[number];
-        let other = (0..regions.len()).find(|&r| r != own && inside[r]);
-        found = other.map(|r| (own, r, middle));
+        found = middles_to_ask(&region.exterior)
+            .into_iter()
+            .find_map(|middle| {
+                let around = rings_around(&index, &region_of, middle);
+                let other = around.into_iter().find(|&r| r != number);
+                other.map(|r| (number, r, middle))
+            });
     }
     match found {
         None => Ok(()),
@@ -199,6 +201,27 @@ pub fn validate_apart(regions: &[Region]) -> Result<(), ValidityError> {
             at_mm: [p.x, p.y],
         }),
     }
+}
+
+/// Middles of some of a ring's edges: more than one, since another ring may touch there.
+fn middles_to_ask(ring: &Ring) -> Vec<Point2> {
+    const ASKED: usize = 5;
+    let edges = ring.edges().filter(|(a, b)| a != b);
+    let every = ring.points.len().div_ceil(ASKED).max(1);
+    let asked = edges.step_by(every);
+    asked.map(|(a, b)| a + (b - a) / 2.0).collect()
+}
+
+/// Those of some rings, or sets of rings, that wind around `p` an odd number of times, ascending:
+/// `of` says which one an edge belongs to.
+fn rings_around(index: &EdgeIndex, of: &[usize], p: Point2) -> Vec<usize> {
+    let mut crossed = Vec::new();
+    index.for_crossings(p, |edge| crossed.push(of[edge]));
+    crossed.sort_unstable();
+    let odd = crossed.chunk_by(|a, b| a == b);
+    odd.filter(|same| same.len() % 2 == 1)
+        .map(|same| same[0])
+        .collect()
 }
 
 /// All edges of one region without zero-length ones, in ring order.
@@ -225,14 +248,28 @@ fn name(ring: usize) -> RingName {
     }
 }
 
-/// About a mean edge length, so that a cell holds few edges.
+/// About a mean edge length, so that a cell holds few edges; less where edges are long and crowded,
+/// as those of a comb are.
 fn cell_mm_for<'a>(rings: impl Iterator<Item = &'a Ring>) -> f64 {
     let (mut length_mm, mut count) = (0.0, 0usize);
-    for ring in rings {
+    let mut bounds: Option<Box2> = None;
+    for ring in rings.filter(|ring| !ring.points.is_empty()) {
         length_mm += ring.perimeter_mm();
         count += ring.points.len();
+        let own = Box2::of(&ring.points);
+        bounds = Some(bounds.map_or(own, |all| Box2 {
+            min: all.min.inf(&own.min),
+            max: all.max.sup(&own.max),
+        }));
     }
-    length_mm / count.max(1) as f64
+    let size = bounds.map_or(Vector2::zeros(), |bounds| bounds.size());
+    let count = count.max(1) as f64;
+    let crowded_mm = (size.x * size.y / count).sqrt();
+    let mean_mm = length_mm / count;
+    match crowded_mm > 0.0 {
+        true => mean_mm.min(crowded_mm),
+        false => mean_mm,
+    }
 }
 
 impl Rings {
@@ -351,15 +388,23 @@ impl Rings {
     /// hole tells, except where it touches: then every piece between touches is asked.
     fn check_nesting(&self, touches: &[RingTouch]) -> Result<(), ValidityError> {
         let rings = self.first.len() - 1;
+        let mut is_touched = vec![false; rings];
+        let mut on_edges: Vec<(usize, Point2)> = Vec::with_capacity(2 * touches.len());
+        for touch in touches {
+            touch.rings.iter().for_each(|&ring| is_touched[ring] = true);
+            on_edges.extend(touch.edges.map(|edge| (edge, touch.at)));
+        }
+        on_edges.sort_by_key(|(edge, _)| *edge);
         for ring in 1..rings {
-            let touched = touches.iter().any(|t| t.rings.contains(&ring));
-            let last = if touched {
+            let last = if is_touched[ring] {
                 self.first[ring + 1]
             } else {
                 self.first[ring] + 1
             };
             for edge in self.first[ring]..last {
-                for middle in self.piece_middles(edge, touches) {
+                let first = on_edges.partition_point(|(other, _)| *other < edge);
+                let here = on_edges[first..].iter().take_while(|on| on.0 == edge);
+                for middle in self.piece_middles(edge, here.map(|on| on.1)) {
                     self.check_place(ring, middle)?;
                 }
             }
@@ -368,11 +413,10 @@ impl Rings {
     }
 
     /// Middles of the pieces of an edge between the points where other rings touch it.
-    fn piece_middles(&self, edge: usize, touches: &[RingTouch]) -> Vec<Point2> {
+    fn piece_middles(&self, edge: usize, touched: impl Iterator<Item = Point2>) -> Vec<Point2> {
         let Edge { a, b } = self.index.edges()[edge];
         let mut stops = vec![a, b];
-        let on_it = |t: &&RingTouch| t.edges.contains(&edge) && t.at != a && t.at != b;
-        stops.extend(touches.iter().filter(on_it).map(|t| t.at));
+        stops.extend(touched.filter(|p| *p != a && *p != b));
         let along = |p: &Point2| (b - a).dot(&(p - a));
         stops.sort_by(|p, q| along(p).total_cmp(&along(q)));
         stops
@@ -382,17 +426,15 @@ impl Rings {
     }
 
     fn check_place(&self, ring: usize, p: Point2) -> Result<(), ValidityError> {
-        let mut inside = vec![false; self.first.len() - 1];
-        self.index
-            .for_crossings(p, |e| inside[self.ring_of[e]] ^= true);
+        let around = rings_around(&self.index, &self.ring_of, p);
         let at_mm = [p.x, p.y];
-        if !inside[0] {
+        if around.first() != Some(&0) {
             return Err(ValidityError::HoleOutside {
                 hole: ring - 1,
                 at_mm,
             });
         }
-        match (1..inside.len()).find(|&other| other != ring && inside[other]) {
+        match around[1..].iter().find(|&&other| other != ring) {
             Some(outer) => Err(ValidityError::HoleInHole {
                 hole: ring - 1,
                 outer: outer - 1,
