@@ -189,10 +189,13 @@ pub fn sample_path(
     curve: &PathCurve,
     limits: &MotionLimits,
 ) -> Result<Vec<PathSample>, MotionError> {
-    let mut samples = Vec::with_capacity(curve.span_count() * (SAMPLES_PER_SPAN_MIN + 1));
+    let cells_of = |span| cells_of_span(curve, span, limits);
+    // Counted first: a long path's samples are most of what planning needs of memory.
+    let count = (0..curve.span_count()).map(cells_of).sum::<usize>() + 1;
+    let mut samples = Vec::with_capacity(count);
     let mut winding = limits.winding;
     for span in 0..curve.span_count() {
-        let cells = cells_of_span(curve, span, limits);
+        let cells = cells_of(span);
         for cell in 0..cells {
             let s = cell as f64 / cells as f64;
             samples.push(PathSample::new(curve, span, s, limits, &mut winding)?);

@@ -242,6 +242,8 @@ pub fn lay_out(path: &TickPath, tolerances: &[f64; CHANNELS], span_ticks_long: f
         if settled || next == *durations {
             break;
         }
+        // One layout of a long stretch at a time.
+        drop(layout);
         layout = Layout::new(path, &next, tolerances, None);
     }
     layout.refined(path, tolerances)
