@@ -21,10 +21,12 @@ pub mod geometry;
 pub mod input;
 pub mod job;
 pub mod job_file;
+mod near_name;
 pub mod part_transform;
 pub mod plan;
 pub mod report;
 pub mod settings;
+mod short_number;
 pub mod wire_frames;
 
 use crate::geometry::polygon::Region;

@@ -13,6 +13,7 @@ pub mod predicates;
 pub mod repair;
 pub mod rounded_polygon;
 pub mod tangent_disk;
+pub mod tangle;
 #[cfg(test)]
 pub mod test_shapes;
 pub mod touching_rings;

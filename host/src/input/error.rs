@@ -4,6 +4,7 @@ use super::waypoints::WaypointError;
 use super::{BYTES_MAX, POINTS_MAX};
 use crate::geometry::Point2;
 use crate::geometry::validity::ValidityError;
+use crate::short_number::Short;
 
 /// A place for messages: `(12.345, -3.000) mm`.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -11,7 +12,11 @@ pub struct At(pub Point2);
 
 impl std::fmt::Display for At {
     fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
-        write!(f, "({:.4}, {:.4}) mm", self.0.x, self.0.y)
+        let beyond = |x: f64| x.abs() >= 1e12;
+        match [self.0.x, self.0.y] {
+            [x, y] if beyond(x) || beyond(y) => write!(f, "({}, {}) mm", Short(x), Short(y)),
+            [x, y] => write!(f, "({x:.4}, {y:.4}) mm"),
+        }
     }
 }
 
@@ -43,6 +48,26 @@ pub enum InputError {
         /// What the parser says, with line and column where it has them.
         problem: String,
     },
+    /// A key that looks like one that is read.
+    #[error(
+        "the key '{key}' is not known: is '{near}' meant? (keys that are like no known one are the \
+         writer's own)"
+    )]
+    Misspelt {
+        /// What the file has.
+        key: String,
+        /// What it is near.
+        near: &'static str,
+    },
+    /// Points under a key that is not read.
+    #[error(
+        "the key '{key}' holds points and is not known: the outline is 'exterior', what is cut out \
+         of it 'holes', a list of outlines; rename it, or take it out"
+    )]
+    UnknownPoints {
+        /// What the file has.
+        key: String,
+    },
     /// A path where an outline is asked for.
     #[error("a waypoint file is a path and has no outline; give a polygon, GeoJSON or SVG file")]
     PathNotOutline,
@@ -61,7 +86,7 @@ pub enum InputError {
     #[error("the file says no units: add \"units\": \"mm\" (or cm, m, um, in) or give --units")]
     NoUnits,
     /// The scale is not a positive number.
-    #[error("--scale {scale}: must be a finite number greater than 0")]
+    #[error("--scale {}: must be a finite number greater than 0", Short(*scale))]
     Scale {
         /// What was given.
         scale: f64,
@@ -125,6 +150,15 @@ pub enum InputError {
     TooManyPoints {
         /// How many.
         points: usize,
+    },
+    /// A scribble.
+    #[error(
+        "the contours cross themselves and each other about {crossings:.0} times: this is no outline, \
+         and too much to mend; draw what is to be filled, or fewer points"
+    )]
+    TooTangled {
+        /// About how often.
+        crossings: f64,
     },
     /// Larger than any machine.
     #[error(

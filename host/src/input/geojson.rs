@@ -1,20 +1,40 @@
 //! GeoJSON (RFC 7946): Polygon and MultiPolygon, alone, in features or in collections.
 //!
 //! Coordinates are taken as plain lengths, not as degrees: mm unless `--units` or a foreign member
-//! `units` at the top says otherwise. A third coordinate is passed over with a note.
+//! `units` at the top says otherwise. A third coordinate is passed over with a note, and so are lines
+//! and points among polygons, which have no inside.
 
+use super::names::shortened;
 use super::outline::{Drawing, RawRing, Rule, Shape};
 use super::{InputError, ReadOptions, Units};
 use crate::geometry::Point2;
+use crate::near_name::near_name;
 use ::geojson::{Feature, GeoJson, Geometry, GeometryValue, JsonObject, PolygonType};
 
 /// Collections may nest; RFC 7946 advises against it, and nobody needs more than this.
 const DEPTH_MAX: usize = 16;
 
+/// Members that mean something, at the top or in a feature.
+const KEYS: [&str; 11] = [
+    "type",
+    "units",
+    "name",
+    "features",
+    "geometry",
+    "geometries",
+    "coordinates",
+    "properties",
+    "bbox",
+    "id",
+    "crs",
+];
+
 struct Reader {
     unit_mm: f64,
     shapes: Vec<Shape>,
     heights: usize,
+    /// What has no inside: place and type.
+    left_out: Vec<(String, &'static str)>,
     name: Option<String>,
 }
 
@@ -33,6 +53,7 @@ pub(super) fn read(bytes: &[u8], options: &ReadOptions) -> Result<Drawing, Input
         GeoJson::Feature(feature) => feature.foreign_members.as_ref(),
         GeoJson::FeatureCollection(collection) => collection.foreign_members.as_ref(),
     };
+    check_keys(foreign)?;
     let said = foreign.and_then(|members| members.get("units")?.as_str());
     let mut notes = Vec::new();
     let units = match (options.units, said) {
@@ -49,6 +70,7 @@ pub(super) fn read(bytes: &[u8], options: &ReadOptions) -> Result<Drawing, Input
         unit_mm: units.mm(),
         shapes: Vec::new(),
         heights: 0,
+        left_out: Vec::new(),
         name: foreign.and_then(|members| string(members, "name")),
     };
     match &file {
@@ -66,6 +88,7 @@ pub(super) fn read(bytes: &[u8], options: &ReadOptions) -> Result<Drawing, Input
             reader.heights
         ));
     }
+    notes.extend(reader.told_of_left_out()?);
     Ok(Drawing {
         name: reader.name,
         shapes: reader.shapes,
@@ -74,13 +97,32 @@ pub(super) fn read(bytes: &[u8], options: &ReadOptions) -> Result<Drawing, Input
 }
 
 impl Reader {
+    /// What has no inside is told where there is something else, and refused where there is not.
+    fn told_of_left_out(&self) -> Result<Option<String>, InputError> {
+        let Some((what, kind)) = self.left_out.first() else {
+            return Ok(None);
+        };
+        if self.shapes.is_empty() {
+            return Err(InputError::NoInside {
+                what: what.clone(),
+                kind,
+            });
+        }
+        let count = self.left_out.len();
+        Ok(Some(format!(
+            "{count} geometries were left out (the first: {what}, a {kind}): only Polygon and \
+             MultiPolygon have an inside"
+        )))
+    }
+
     fn feature(&mut self, feature: &Feature, what: &str) -> Result<(), InputError> {
+        check_keys(feature.foreign_members.as_ref())?;
         let name = feature
             .properties
             .as_ref()
             .and_then(|members| string(members, "name"));
         let what = match &name {
-            Some(name) => format!("{what} ('{name}')"),
+            Some(name) => format!("{what} ('{}')", shortened(name)),
             None => what.to_string(),
         };
         if self.name.is_none() {
@@ -103,10 +145,14 @@ impl Reader {
             GeometryValue::GeometryCollection { geometries } if depth < DEPTH_MAX => geometries
                 .iter()
                 .try_for_each(|geometry| self.geometry(geometry, what, depth + 1)),
-            other => Err(InputError::NoInside {
-                what: what.to_string(),
-                kind: other.type_name(),
+            GeometryValue::GeometryCollection { .. } => Err(InputError::Syntax {
+                format: "GeoJSON",
+                problem: format!("collections are nested more than {DEPTH_MAX} deep"),
             }),
+            other => {
+                self.left_out.push((what.to_string(), other.type_name()));
+                Ok(())
+            }
         }
     }
 
@@ -144,6 +190,16 @@ impl Reader {
         }
         Ok(())
     }
+}
+
+/// Refuses members that look like ones that mean something; others are anybody's.
+fn check_keys(foreign: Option<&JsonObject>) -> Result<(), InputError> {
+    let near = foreign.into_iter().flatten().find_map(|(key, _)| {
+        let near = near_name(key, &KEYS)?;
+        let key = shortened(key);
+        Some(InputError::Misspelt { key, near })
+    });
+    near.map_or(Ok(()), Err)
 }
 
 fn string(members: &JsonObject, key: &str) -> Option<String> {

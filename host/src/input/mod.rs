@@ -12,6 +12,7 @@
 
 pub mod error;
 mod geojson;
+pub mod names;
 pub mod outline;
 mod polygon;
 mod settle;
@@ -224,5 +225,7 @@ pub fn read(
     outline::to_target(drawing, name, options)
 }
 
+#[cfg(test)]
+mod meant_tests;
 #[cfg(test)]
 mod tests;

@@ -5,11 +5,14 @@
 //! in the sense of OGC simple features. Coordinates are never changed beyond unit and scale.
 
 use super::error::At;
+use super::names::part_name;
 use super::settle::{self, NamedRegion};
 use super::{InputError, Loaded, POINTS_MAX, ReadOptions, Target};
 use crate::geometry::Point2;
-use crate::geometry::polygon::{Box2, Ring};
+use crate::geometry::edge_index::Edge;
+use crate::geometry::polygon::{Box2, Region, Ring};
 use crate::geometry::repair::FillRule;
+use crate::geometry::tangle::crossings_about;
 
 /// Largest outline, mm: twice the largest printer there is.
 pub const SIZE_MAX_MM: f64 = 100_000.0;
@@ -19,6 +22,9 @@ pub const SIZE_MIN_MM: f64 = 0.001;
 pub const FAR_MAX_MM: f64 = 1.0e7;
 /// Ends of a contour closer than this are the same point, mm: rounding of drawing programs.
 const CLOSED_MM: f64 = 1.0e-4;
+
+/// Most crossings of an outline that are looked for, or mended: 3,000 points at random make a million.
+const CROSSINGS_MAX: f64 = 3e6;
 
 /// What a format's reader makes of a file: mm, but for `--scale`.
 pub(super) struct Drawing {
@@ -80,6 +86,7 @@ pub(super) fn to_target(
         scale_and_check_points(shape, options.scale)?;
     }
     check_size(&drawing)?;
+    check_tangle(&drawing)?;
     let mut notes = std::mem::take(&mut drawing.notes);
     let mut regions: Vec<NamedRegion> = Vec::new();
     for shape in drawing.shapes {
@@ -101,9 +108,18 @@ pub(super) fn to_target(
         });
     }
     let regions = settle::together(regions, options, &mut notes)?;
+    let rings = regions.iter().flat_map(Region::rings);
+    let points = rings.map(|ring| ring.points.len()).sum();
+    if points > POINTS_MAX {
+        return Err(InputError::TooManyPoints { points });
+    }
     Ok(Loaded {
         target: Target {
-            name: drawing.name.unwrap_or_else(|| name.to_string()),
+            name: [drawing.name.as_deref(), Some(name)]
+                .into_iter()
+                .flatten()
+                .find_map(part_name)
+                .unwrap_or_else(|| "part".to_string()),
             regions,
         },
         notes,
@@ -160,6 +176,24 @@ fn check_size(drawing: &Drawing) -> Result<(), InputError> {
         });
     }
     Ok(())
+}
+
+/// Refuses a scribble, which crosses itself as often as its number of points squared.
+fn check_tangle(drawing: &Drawing) -> Result<(), InputError> {
+    let rings = drawing.shapes.iter().flat_map(|shape| &shape.rings);
+    let edges = rings.flat_map(|ring| {
+        let pairs = ring.points.windows(2);
+        pairs.map(|pair| Edge {
+            a: pair[0],
+            b: pair[1],
+        })
+    });
+    let edges: Vec<Edge> = edges.collect();
+    let crossings = crossings_about(&edges);
+    match crossings > CROSSINGS_MAX {
+        true => Err(InputError::TooTangled { crossings }),
+        false => Ok(()),
+    }
 }
 
 /// Drops repeated points, refuses open contours and such without area.

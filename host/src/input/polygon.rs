@@ -1,12 +1,20 @@
 //! Polygon JSON: `{"name","units","exterior":[[x,y],...],"holes":[[[x,y],...],...]}`.
 //!
 //! The first point is not repeated at a ring's end (a repeated one is dropped). Other keys are for
-//! the writer's own use and are passed over, so is `valid`: validity is measured, not believed.
+//! the writer's own use and are passed over, so is `valid`: validity is measured, not believed. A key
+//! that is nearly one of these, or that holds points, is refused: what it says would be lost.
 
+use super::names::shortened;
 use super::outline::{Drawing, RawRing, Rule, Shape};
 use super::{InputError, ReadOptions, Units};
 use crate::geometry::Point2;
+use crate::near_name::near_name;
 use serde::Deserialize;
+use serde_json::Value;
+use std::collections::BTreeMap;
+
+/// Keys that are read.
+const KEYS: [&str; 4] = ["name", "units", "exterior", "holes"];
 
 #[derive(Deserialize)]
 struct File {
@@ -15,6 +23,8 @@ struct File {
     exterior: Vec<Vec<f64>>,
     #[serde(default)]
     holes: Vec<Vec<Vec<f64>>>,
+    #[serde(flatten)]
+    others: BTreeMap<String, Value>,
 }
 
 /// Reads polygon JSON; one shape, its first ring the exterior.
@@ -23,6 +33,7 @@ pub(super) fn read(bytes: &[u8], options: &ReadOptions) -> Result<Drawing, Input
         format: "polygon JSON",
         problem: error.to_string(),
     })?;
+    check_keys(&file.others)?;
     let unit_mm = units(options, file.units.as_deref())?.mm();
     let mut rings = vec![ring("exterior".into(), &file.exterior, unit_mm)?];
     for (number, points) in file.holes.iter().enumerate() {
@@ -37,6 +48,33 @@ pub(super) fn read(bytes: &[u8], options: &ReadOptions) -> Result<Drawing, Input
         }],
         notes: Vec::new(),
     })
+}
+
+/// Refuses keys that look like known ones, or hold points.
+fn check_keys(others: &BTreeMap<String, Value>) -> Result<(), InputError> {
+    for (key, value) in others {
+        if let Some(near) = near_name(key, &KEYS) {
+            let key = shortened(key);
+            return Err(InputError::Misspelt { key, near });
+        }
+        if holds_points(value) {
+            let key = shortened(key);
+            return Err(InputError::UnknownPoints { key });
+        }
+    }
+    Ok(())
+}
+
+/// A list of points, or a list of such lists.
+fn holds_points(value: &Value) -> bool {
+    let first = |value: &Value| value.as_array().and_then(|list| list.first()).cloned();
+    let is_point = |value: &Value| {
+        let numbers = value.as_array();
+        numbers.is_some_and(|list| list.len() >= 2 && list.iter().all(Value::is_number))
+    };
+    let inner = first(value);
+    let innermost = inner.as_ref().and_then(first);
+    [inner, innermost].iter().flatten().any(is_point)
 }
 
 /// The option's unit, else the file's; none is refused.

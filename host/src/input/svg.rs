@@ -2,13 +2,15 @@
 //!
 //! usvg resolves styles, uses, units, transforms and the view box to CSS pixels (96 to the inch);
 //! here they become mm from the page's lower left corner with y up, so that a part comes out as it
-//! is seen. Each path is a shape of its own with its fill rule; colours say nothing. Arcs and
+//! is seen. With a unit given, one user unit of the page (of its viewBox) is that long. Each path is a shape of its own with its fill rule; colours say nothing. Arcs and
 //! circles arrive as cubics that are within 0.03 % of their radius (usvg); flattening adds at most
 //! the stated tolerance. Leaves out: strokes, text (turn both into paths), images, clips, masks.
 
+use super::names::shortened;
 use super::outline::{Drawing, RawRing, Rule, Shape};
-use super::{InputError, POINTS_MAX, ReadOptions, Units};
-use crate::geometry::Point2;
+use super::{InputError, POINTS_MAX, ReadOptions};
+use crate::geometry::{Point2, Vector2};
+use svgtypes::{Align, AspectRatio, ViewBox};
 use usvg::tiny_skia_path::PathSegment;
 use usvg::{Group, Node, Path, roxmltree};
 
@@ -21,7 +23,8 @@ const DEPTH_MAX: usize = 256;
 
 struct Reader {
     height_px: f64,
-    scale: f64,
+    /// Millimetres in a pixel, across and up; the two differ where a page is stretched.
+    mm_per_px: Vector2,
     flatten_px: f64,
     points: usize,
     shapes: Vec<Shape>,
@@ -47,12 +50,15 @@ pub(super) fn read(bytes: &[u8], options: &ReadOptions) -> Result<Drawing, Input
     .map_err(|error| syntax(error.to_string()))?;
     let tree = usvg::Tree::from_xmltree(&xml, &usvg::Options::default())
         .map_err(|error| syntax(error.to_string()))?;
-    // With --units a pixel is that unit, for pages drawn without real lengths.
-    let scale = options.units.map_or(MM_PER_PX, Units::mm);
+    let px_per_unit = px_per_unit(xml.root_element(), tree.size());
+    let mm_per_px = match options.units {
+        Some(units) => px_per_unit.map(|px| units.mm() / px),
+        None => Vector2::repeat(MM_PER_PX),
+    };
     let mut reader = Reader {
         height_px: f64::from(tree.size().height()),
-        scale,
-        flatten_px: options.flatten_mm / (scale * options.scale),
+        mm_per_px,
+        flatten_px: options.flatten_mm / (mm_per_px.max() * options.scale),
         points: 0,
         shapes: Vec::new(),
         strokes: Vec::new(),
@@ -74,6 +80,10 @@ pub(super) fn read(bytes: &[u8], options: &ReadOptions) -> Result<Drawing, Input
     }
     let mut notes = reader.notes();
     notes.extend(left_out);
+    let unit_mm = px_per_unit.component_mul(&mm_per_px) * options.scale;
+    let page = Vector2::new(tree.size().width().into(), tree.size().height().into());
+    let page_mm = page.component_mul(&mm_per_px) * options.scale;
+    notes.push(size_note(&xml, options, unit_mm, page_mm));
     Ok(Drawing {
         name: title(&xml),
         shapes: reader.shapes,
@@ -106,7 +116,7 @@ impl Reader {
         let number = self.shapes.len() + self.strokes.len() + self.hidden;
         let what = match path.id() {
             "" => format!("shape {number}"),
-            id => format!("shape {number} (id '{id}')"),
+            id => format!("shape {number} (id '{}')", shortened(id)),
         };
         if !path.is_visible() {
             self.hidden += 1;
@@ -197,7 +207,8 @@ impl Reader {
         if current.len() > 1 {
             let points: Vec<Point2> = current
                 .iter()
-                .map(|p| Point2::new(p.x * self.scale, (self.height_px - p.y) * self.scale))
+                .map(|p| Point2::new(p.x, self.height_px - p.y))
+                .map(|p| Point2::from(p.coords.component_mul(&self.mm_per_px)))
                 .collect();
             self.points += points.len();
             rings.push(RawRing {
@@ -229,6 +240,51 @@ impl Reader {
         }
         notes
     }
+}
+
+/// Pixels in a user unit of the page, across and up, as its viewBox says.
+fn px_per_unit(root: roxmltree::Node, size: usvg::Size) -> Vector2 {
+    let view = root.attribute("viewBox").map(str::parse::<ViewBox>);
+    let Some(Ok(view)) = view else {
+        return Vector2::repeat(1.0);
+    };
+    let stretched = Vector2::new(
+        f64::from(size.width()) / view.w,
+        f64::from(size.height()) / view.h,
+    );
+    let aspect = root.attribute("preserveAspectRatio").map(str::parse);
+    let aspect: AspectRatio = aspect.and_then(Result::ok).unwrap_or_default();
+    match (aspect.align, aspect.slice) {
+        (Align::None, _) => stretched,
+        (_, true) => Vector2::repeat(stretched.max()),
+        (_, false) => Vector2::repeat(stretched.min()),
+    }
+}
+
+/// How large a unit of the drawing was taken to be, and why.
+fn size_note(
+    xml: &roxmltree::Document,
+    options: &ReadOptions,
+    unit_mm: Vector2,
+    page_mm: Vector2,
+) -> String {
+    const LENGTHS: [&str; 6] = ["mm", "cm", "in", "pt", "pc", "Q"];
+    let width = xml.root_element().attribute("width").unwrap_or_default();
+    let is_length = LENGTHS.iter().any(|unit| width.trim().ends_with(unit));
+    let why = match (options.units, is_length) {
+        (Some(_), _) => "as --units says",
+        (None, true) => "as its width says",
+        (None, false) => "96 to the inch, since it gives no lengths: see --units",
+    };
+    let across = unit_mm.x;
+    let up = match (unit_mm.y - across).abs() <= 1e-6 * across {
+        true => String::new(),
+        false => format!(" across and {:.6} mm up", unit_mm.y),
+    };
+    format!(
+        "one unit of the SVG is {across:.6} mm{up} ({why}); its page is {:.3} x {:.3} mm",
+        page_mm.x, page_mm.y
+    )
 }
 
 /// Elements that draw something which is not read, and how many of each.

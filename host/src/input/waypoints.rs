@@ -1,22 +1,29 @@
 //! Waypoint files: one run of the tip, `x y z nx ny nz [heading_deg]` a line -> [`WaypointRun`].
 //!
 //! Numbers are parted by blanks, tabs, commas or semicolons; text after `#` is passed over, and so
-//! is one line of column names before the first waypoint. `# units: cm` (or mm, m, um, in) and
-//! `# name: ...` are read; without a unit the file is in mm. The tool axis points from the tip
+//! is one line of column names before the first waypoint. `# units: cm` (or mm, m, um, in), before
+//! the first waypoint, and `# name: ...` are read; without a unit the file is in mm. The tool axis points from the tip
 //! into the head and is made a unit vector; an axis that is clearly none is refused. Headings are
 //! degrees about it and go to the next one by the shorter way.
 //!
 //! Output: mm, input coordinates, headings unwrapped, rad. Leaves out the curve, which is
 //! planning's (`plan::waypoint_curve`).
 
+use super::names::part_name;
 use super::outline::{FAR_MAX_MM, SIZE_MAX_MM};
 use super::{ReadOptions, Units};
+use crate::near_name::near_name;
+use crate::short_number::Short;
 use headway_firmware::pose::TILT_MAX_RAD;
 use nalgebra::{Point3, Unit, Vector3};
 use std::f64::consts::TAU;
 
 /// Most waypoints of a run: a kilometre at 5 mm, or 20 m at 0.1 mm.
 pub const WAYPOINTS_MAX: usize = 200_000;
+/// Farthest heading, degrees: a thousand turns. What is beyond is no heading, and loses digits.
+const HEADING_MAX_DEG: f64 = 360_000.0;
+/// Columns of a table, as its head may call them.
+const COLUMNS: [&str; 7] = ["x", "y", "z", "nx", "ny", "nz", "heading_deg"];
 /// How far an axis may be from unit length and still be meant as one: what four digits leave.
 const AXIS_LENGTH_SLACK: f64 = 1e-3;
 /// How far the axes before and after one that is no direction may differ for it to lie between them:
@@ -112,7 +119,8 @@ pub enum WaypointError {
     },
     /// Farther than digits go.
     #[error(
-        "line {line} lies {distance_mm:.0} mm from the origin or the first waypoint, more than {max_mm:.0} mm: check its units"
+        "line {line} lies {} mm from the origin or the first waypoint, more than {max_mm:.0} mm: check its units",
+        Short(distance_mm.round())
     )]
     TooFar {
         /// Line from 1.
@@ -121,6 +129,38 @@ pub enum WaypointError {
         distance_mm: f64,
         /// The most that is taken.
         max_mm: f64,
+    },
+    /// A heading beyond all turns.
+    #[error("line {line}: a heading of {}° is beyond {HEADING_MAX_DEG}°", Short(*heading_deg))]
+    Heading {
+        /// Line from 1.
+        line: usize,
+        /// What was given.
+        heading_deg: f64,
+    },
+    /// The table's head names another order.
+    #[error(
+        "line {line}: column {column} is called `{text}`; the columns are x y z nx ny nz \
+         [heading_deg], in this order"
+    )]
+    Head {
+        /// Line from 1.
+        line: usize,
+        /// Column from 1.
+        column: usize,
+        /// What it is called.
+        text: String,
+    },
+    /// A unit that would not be heeded.
+    #[error(
+        "line {line}: '{given}' is not read as units: write `# units: mm` (or cm, m, um, in) before \
+         the first waypoint"
+    )]
+    UnitsNotRead {
+        /// Line from 1.
+        line: usize,
+        /// What the file says.
+        given: String,
     },
     /// An unknown length unit.
     #[error("line {line}: units '{given}' are not known: use mm, cm, m, um or in")]
@@ -193,7 +233,10 @@ pub fn read(bytes: &[u8], name: &str, options: &ReadOptions) -> Result<WaypointR
     }
     let notes = reader.notes();
     Ok(WaypointRun {
-        name: reader.name.unwrap_or_else(|| name.to_string()),
+        name: reader
+            .name
+            .or_else(|| part_name(name))
+            .unwrap_or_else(|| "run".to_string()),
         points: reader.points,
         notes,
     })
@@ -202,19 +245,25 @@ pub fn read(bytes: &[u8], name: &str, options: &ReadOptions) -> Result<WaypointR
 impl Reader {
     /// `units: cm`, `name: vase`; anything else is for people.
     fn comment(&mut self, line: usize, comment: &str) -> Result<(), WaypointError> {
-        let Some((key, value)) = comment.split_once(':') else {
+        let Some((key, value)) = comment.split_once([':', '=']) else {
             return Ok(());
         };
-        let value = value.trim();
-        match key.trim() {
-            "units" if !self.units_said && self.points.is_empty() => {
+        let (key, value) = (key.trim(), value.trim());
+        let is_units = key == "units";
+        let is_heeded = is_units && self.points.is_empty() && comment.contains(':');
+        if (is_units && !is_heeded) || near_name(key, &["units"]).is_some() {
+            let given = shortened(comment.trim());
+            return Err(WaypointError::UnitsNotRead { line, given });
+        }
+        match key {
+            "units" if !self.units_said => {
                 let units = Units::parse(value).ok_or_else(|| WaypointError::UnknownUnits {
                     line,
                     given: shortened(value),
                 })?;
                 self.unit_mm = units.mm();
             }
-            "name" if !value.is_empty() => self.name = Some(value.chars().take(200).collect()),
+            "name" => self.name = part_name(value),
             _ => {}
         }
         Ok(())
@@ -226,8 +275,11 @@ impl Reader {
             .filter(|cell| !cell.is_empty())
             .take(9)
             .collect();
-        if cells.is_empty() || self.is_head(&cells) {
+        if cells.is_empty() {
             return Ok(());
+        }
+        if self.is_head(&cells) {
+            return check_head(line, &cells);
         }
         self.check_columns(line, cells.len())?;
         let mut numbers = [0.0; 7];
@@ -283,6 +335,9 @@ impl Reader {
         let tip_mm = Point3::new(x, y, z) * (self.unit_mm * self.scale);
         self.check_distance(line, &tip_mm)?;
         let axis = self.axis(line, Vector3::new(nx, ny, nz))?;
+        if let Some(heading_deg) = heading_deg.filter(|deg| deg.abs() > HEADING_MAX_DEG) {
+            return Err(WaypointError::Heading { line, heading_deg });
+        }
         let before = self.points.last();
         let heading_rad = heading_deg.map(|degrees| {
             let angle = degrees.to_radians();
@@ -391,6 +446,22 @@ impl Reader {
         }
         notes
     }
+}
+
+/// Refuses a head that gives a column the name of another one; other names are anybody's.
+fn check_head(line: usize, cells: &[&str]) -> Result<(), WaypointError> {
+    for (column, cell) in cells.iter().enumerate() {
+        let name = cell.to_ascii_lowercase();
+        let of = COLUMNS.iter().position(|known| *known == name);
+        if of.is_some_and(|of| of != column) {
+            return Err(WaypointError::Head {
+                line,
+                column: column + 1,
+                text: shortened(cell),
+            });
+        }
+    }
+    Ok(())
 }
 
 fn is_same(a: &Waypoint, b: &Waypoint) -> bool {

@@ -9,6 +9,7 @@
 use crate::geometry::Vector2;
 use crate::geometry::aperture::Aperture;
 use crate::geometry::rounded_polygon::{Kind, RoundedPolygon, ShapeError};
+use crate::near_name::near_name;
 
 /// Why a description is not an aperture.
 #[derive(Clone, Debug, PartialEq, thiserror::Error)]
@@ -193,6 +194,21 @@ fn corners(text: &str) -> Result<Vec<Vector2>, ApertureTextError> {
     let refused = |problem: String| ApertureTextError::Corners { problem };
     let value: serde_json::Value =
         serde_json::from_str(text.trim()).map_err(|error| refused(error.to_string()))?;
+    let keys = value
+        .as_object()
+        .into_iter()
+        .flat_map(|object| object.keys());
+    for key in keys {
+        if let Some(near) = near_name(key, &["exterior", "units", "holes", "name"]) {
+            return Err(refused(format!(
+                "the key '{key}' is not known: is '{near}' meant?"
+            )));
+        }
+    }
+    let holes = value.get("holes").and_then(|holes| holes.as_array());
+    if holes.is_some_and(|holes| !holes.is_empty()) {
+        return Err(refused("an aperture has no holes".to_string()));
+    }
     let list = match value.get("exterior") {
         Some(list) => {
             let unit = value.get("units").and_then(|u| u.as_str());
@@ -308,6 +324,14 @@ mod tests {
             (
                 "polygon:[[1,0],[2,0],[2,1]]",
                 "the tool's axis (0, 0) is not inside",
+            ),
+            (
+                "polygon:{\"unit\":\"in\",\"exterior\":[[0,0],[1,0],[1,1]]}",
+                "'units' meant",
+            ),
+            (
+                "polygon:{\"exterior\":[[-1,-1],[1,-1],[0,1]],\"holes\":[[[0,0]]]}",
+                "no holes",
             ),
             ("star:3", "write ellipse:AxB"),
         ] {

@@ -1,14 +1,28 @@
 //! Are the settings possible, and possible together?
 
 use super::{LAYERS_MAX, Settings};
+use crate::short_number::Short;
 use headway_firmware::configuration::{ConfigurationError, Kinematics, MachineConfiguration};
 use headway_firmware::steps::{INTERVAL_TICKS_MAX, INTERVAL_TICKS_MIN};
+use std::f64::consts::TAU;
 
 /// Largest share of the step tick rate that a motor may use at its top speed: an integrator of one
 /// step a tick loses steps at 1, and the time warp and correction need some room.
 pub const STEP_RATE_SHARE_MAX: f64 = 0.9;
 /// Longest work area that makes sense, mm: ten times the largest concrete printers.
 const LENGTH_MAX_MM: f64 = 100_000.0;
+
+/// Longest name of a machine, characters: it is in every job and message.
+const NAME_CHARS_MAX: usize = 200;
+/// Farthest end of a joint that is an end, mm or rad; what is beyond is a number in another unit.
+const POSITION_MAX: f64 = 1.0e6;
+/// Slowest and fastest of anything that moves, in its own unit and a second: from a tower's creep to
+/// what no machine has. Outside of it times and counts leave what numbers hold.
+const SPEED_RANGE: [f64; 2] = [1e-4, 1e6];
+const ACCELERATION_RANGE: [f64; 2] = [1e-4, 1e9];
+const JERK_RANGE: [f64; 2] = [1e-4, 1e13];
+/// Fewest and most steps a unit.
+const STEPS_RANGE: [f64; 2] = [1e-3, 1e9];
 
 /// Longest time from rest to a top speed, or to a top acceleration: slow and heavy machines take
 /// some seconds, and what is above is a number in another unit. Motion that never reaches its speed
@@ -19,7 +33,7 @@ pub const RISE_MAX_S: f64 = 60.0;
 #[derive(Clone, Debug, PartialEq, thiserror::Error)]
 pub enum SettingsError {
     /// A number that must be finite and positive is not.
-    #[error("{key} is {value}, but must be finite and greater than 0")]
+    #[error("{key} is {}, but must be finite and greater than 0", Short(*value))]
     NotPositive {
         /// Key of the machine file.
         key: String,
@@ -27,7 +41,7 @@ pub enum SettingsError {
         value: f64,
     },
     /// A number below its range.
-    #[error("{key} is {value}, but must be at least {low}")]
+    #[error("{key} is {}, but must be at least {}", Short(*value), Short(*low))]
     TooSmall {
         /// Key of the machine file.
         key: String,
@@ -37,7 +51,7 @@ pub enum SettingsError {
         low: f64,
     },
     /// A number above its range.
-    #[error("{key} is {value}, but must be at most {high}")]
+    #[error("{key} is {}, but must be at most {}", Short(*value), Short(*high))]
     TooLarge {
         /// Key of the machine file.
         key: String,
@@ -59,8 +73,16 @@ pub enum SettingsError {
         /// How long that takes.
         rise_s: f64,
     },
+    /// A machine's name that is no name.
+    #[error(
+        "the machine's name has {problem}: give it up to {NAME_CHARS_MAX} printable characters"
+    )]
+    Name {
+        /// What is wrong with it.
+        problem: String,
+    },
     /// Low end not below the high end.
-    #[error("{key}: the lower end {low} must be below the upper end {high}")]
+    #[error("{key}: the lower end {} must be below the upper end {}", Short(*low), Short(*high))]
     EmptyRange {
         /// Key of the machine file.
         key: String,
@@ -107,7 +129,7 @@ pub enum SettingsError {
         step_hz: u32,
     },
     /// A limit of the print asks more than a part of the machine gives.
-    #[error("{key} is {value}, more than the {limit} of {limit_key}")]
+    #[error("{key} is {}, more than the {} of {limit_key}", Short(*value), Short(*limit))]
     Beyond {
         /// Key of what asks.
         key: &'static str,
@@ -160,6 +182,7 @@ pub(crate) fn kinematics_name(kinematics: &Kinematics) -> &'static str {
 impl Settings {
     /// Everything in range and nothing at odds; call it after the last override.
     pub fn check(&self) -> Result<(), SettingsError> {
+        self.check_name()?;
         self.check_joints()?;
         self.check_extruder()?;
         self.check_step_rates()?;
@@ -167,6 +190,19 @@ impl Settings {
         self.check_process()?;
         self.check_flow()?;
         Ok(self.machine.check()?)
+    }
+
+    fn check_name(&self) -> Result<(), SettingsError> {
+        let name = &self.machine_name;
+        let chars = name.chars().count();
+        let problem = if chars > NAME_CHARS_MAX {
+            format!("{chars} characters")
+        } else if name.chars().any(char::is_control) {
+            "control characters in it".to_string()
+        } else {
+            return Ok(());
+        };
+        Err(SettingsError::Name { problem })
     }
 
     fn check_joints(&self) -> Result<(), SettingsError> {
@@ -185,10 +221,13 @@ impl Settings {
         for (name, joint) in names.iter().zip(&machine.joints) {
             let key = |what: &str| format!("joints.{name}.{what}");
             let unit = if joint.rotary { "turn" } else { "mm" };
-            positive(&key(&format!("steps_per_{unit}")), joint.steps_per_unit)?;
-            positive(&key("speed_max"), joint.speed_max)?;
-            positive(&key("acceleration_max"), joint.acceleration_max)?;
-            positive(&key("jerk_max"), joint.jerk_max)?;
+            let a_unit = if joint.rotary { TAU } else { 1.0 };
+            let steps = joint.steps_per_unit * a_unit;
+            sensible(&key(&format!("steps_per_{unit}")), steps, STEPS_RANGE)?;
+            sensible(&key("speed_max"), joint.speed_max, SPEED_RANGE)?;
+            let acceleration = joint.acceleration_max;
+            sensible(&key("acceleration_max"), acceleration, ACCELERATION_RANGE)?;
+            sensible(&key("jerk_max"), joint.jerk_max, JERK_RANGE)?;
             rises(
                 [&key("acceleration_max"), &key("speed_max")],
                 [joint.acceleration_max, joint.speed_max],
@@ -208,17 +247,22 @@ impl Settings {
                     high: joint.position_max,
                 });
             }
+            let ends = [joint.position_min, joint.position_max];
+            for end in ends.into_iter().filter(|end| end.is_finite()) {
+                in_range(&key("position"), end, -POSITION_MAX, POSITION_MAX)?;
+            }
         }
         Ok(())
     }
 
     fn check_extruder(&self) -> Result<(), SettingsError> {
         let e = &self.machine.extruder;
-        positive("extruder.steps_per_mm3", e.steps_per_mm3)?;
-        positive("extruder.speed_max_mm3_s", e.speed_max_mm3_s)?;
-        positive(
+        sensible("extruder.steps_per_mm3", e.steps_per_mm3, STEPS_RANGE)?;
+        sensible("extruder.speed_max_mm3_s", e.speed_max_mm3_s, SPEED_RANGE)?;
+        sensible(
             "extruder.acceleration_max_mm3_s2",
             e.acceleration_max_mm3_s2,
+            ACCELERATION_RANGE,
         )?;
         rises(
             [
@@ -338,10 +382,11 @@ impl Settings {
 
     fn check_flow(&self) -> Result<(), SettingsError> {
         in_range("print.flow_factor", self.flow_factor, 0.01, 10.0)?;
-        positive("flow.flow_max_mm3_s", self.flow_max_mm3_s)?;
-        positive(
+        sensible("flow.flow_max_mm3_s", self.flow_max_mm3_s, SPEED_RANGE)?;
+        sensible(
             "flow.rate_of_change_max_mm3_s2",
             self.flow_rate_of_change_max_mm3_s2,
+            ACCELERATION_RANGE,
         )?;
         rises(
             ["flow.rate_of_change_max_mm3_s2", "flow.flow_max_mm3_s"],
@@ -358,7 +403,7 @@ impl Settings {
             ("flow.prime_rate_mm3_s", p.prime_rate_mm3_s),
             ("flow.flow_max_mm3_s", self.flow_max_mm3_s),
         ] {
-            positive(key, value)?;
+            sensible(key, value, SPEED_RANGE)?;
             if value > limit {
                 return Err(SettingsError::Beyond {
                     key,
@@ -368,7 +413,14 @@ impl Settings {
                 });
             }
         }
-        Ok(())
+        rises(
+            ["flow.retract_rate_mm3_s", "flow.retract_mm3"],
+            [p.retract_rate_mm3_s, p.retract_mm3],
+        )?;
+        rises(
+            ["flow.prime_rate_mm3_s", "flow.prime_mm3"],
+            [p.prime_rate_mm3_s, p.prime_mm3],
+        )
     }
 }
 
@@ -387,6 +439,12 @@ pub fn motor_rates_hz(machine: &MachineConfiguration) -> Vec<(String, f64)> {
     joints
         .chain([("extruder".to_string(), e.steps_per_mm3 * e.speed_max_mm3_s)])
         .collect()
+}
+
+/// Checks that a number is greater than 0 and within what is sensible.
+fn sensible(key: &str, value: f64, [low, high]: [f64; 2]) -> Result<(), SettingsError> {
+    positive(key, value)?;
+    in_range(key, value, low, high)
 }
 
 fn positive(key: &str, value: f64) -> Result<(), SettingsError> {
@@ -490,5 +548,60 @@ mod tests {
                 other => panic!("{key}: {other:?}"),
             }
         }
+    }
+
+    /// Goal: numbers that no machine has are refused by their key. Method: each of them beyond its
+    /// range, as files once brought them.
+    #[test]
+    fn numbers_beyond_any_machine_are_refused() {
+        type Change = fn(&mut Settings);
+        let changes: [(&str, Change); 10] = [
+            ("joints.c.steps_per_turn", |s| {
+                s.machine.joints[3].steps_per_unit = 1e-300;
+            }),
+            ("joints.x.position", |s| {
+                s.machine.joints[0].position_max = 1e308
+            }),
+            ("joints.c.position", |s| {
+                s.machine.joints[3].position_min = -1e300
+            }),
+            ("joints.x.speed_max", |s| {
+                s.machine.joints[0].speed_max = 1e-300
+            }),
+            ("joints.y.acceleration_max", |s| {
+                s.machine.joints[1].acceleration_max = 1e300
+            }),
+            ("joints.z.jerk_max", |s| {
+                s.machine.joints[2].jerk_max = 1e300
+            }),
+            ("extruder.steps_per_mm3", |s| {
+                s.machine.extruder.steps_per_mm3 = 1e-300
+            }),
+            ("flow.rate_of_change_max_mm3_s2", |s| {
+                s.flow_rate_of_change_max_mm3_s2 = 1e300
+            }),
+            ("flow.prime_rate_mm3_s", |s| {
+                s.prime_retract.prime_rate_mm3_s = 1e-300
+            }),
+            ("the machine's name", |s| {
+                s.machine_name = "n".repeat(5_000_000)
+            }),
+        ];
+        for (key, change) in changes {
+            let mut settings = Settings::planar();
+            change(&mut settings);
+            let message = settings.check().expect_err(key).to_string();
+            assert!(
+                message.contains(key) && message.len() < 300,
+                "{key}: {message}"
+            );
+        }
+        let mut settings = Settings::planar();
+        settings.machine_name = "a\u{1b}[31m".to_string();
+        assert!(matches!(settings.check(), Err(SettingsError::Name { .. })));
+        settings.machine_name = "Äpfel 3".to_string();
+        // No stop is no number.
+        settings.machine.joints[3].position_max = f64::INFINITY;
+        settings.check().expect("in order");
     }
 }
