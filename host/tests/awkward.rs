@@ -282,3 +282,172 @@ fn steps_that_are_hardly_meant_are_noted() {
         assert!(said.contains(note), "{said}");
     }
 }
+
+/// Escape sequences of a file's names went to the terminal as they were.
+#[test]
+fn names_of_files_do_not_command_the_terminal() {
+    let folder = folder("names");
+    let name = "a\u{1b}[31m\u{9b}2Jb\u{202e}";
+    let ring = serde_json::json!([[[0, 0], [10, 0], [10, 10]]]);
+    let feature = serde_json::json!({"type": "Feature", "properties": {"name": name},
+        "geometry": {"type": "Polygon", "coordinates": ring}});
+    let title = format!("<title>{}</title>", name.replace('\u{1b}', ""));
+    let page = format!(
+        "<svg xmlns=\"http://www.w3.org/2000/svg\">{title}<path id=\"{title_id}\" d=\"M0 0L1 1\"/></svg>",
+        title_id = "\u{9b}2J\u{202e}"
+    );
+    let machine = succeeded(&headway(&["machine", "new"]));
+    let machine = machine.replace("name = \"planar\"", "name = \"a\\u001b[31m\"");
+    let polygon = serde_json::json!({"name": name, "units": "mm",
+        "exterior": [[0, 0], [10, 0], [10, 10], [0, 10]]});
+    for (file, text) in [
+        ("open.geojson", feature.to_string()),
+        ("line.svg", page),
+        ("machine.toml", machine),
+        ("part.json", polygon.to_string()),
+        (
+            "bad.json",
+            format!("{{\"units\":\"{}\",\"exterior\":[]}}", "\u{9b}2J"),
+        ),
+        ("run.wpt", "0 0 0 0 0 1\n1 0 0 0 0 \u{1b}[2J\n".to_string()),
+    ] {
+        std::fs::write(folder.join(file), text).expect("file");
+    }
+    let job = folder.join("part.hwj");
+    let at = |name: &str| folder.join(name).display().to_string();
+    let part = at("part.json");
+    for arguments in [
+        vec!["inspect", &at("open.geojson")],
+        vec!["inspect", &at("line.svg")],
+        vec!["machine", "check", &at("machine.toml")],
+        vec!["inspect", &part],
+        vec!["inspect", &part, "--json"],
+        vec!["inspect", &at("bad.json")],
+        vec!["inspect", &at("run.wpt")],
+        vec!["plan", &part, "-o", path(&job)],
+        vec!["inspect", path(&job)],
+        vec!["export", path(&job), "--to", "svg"],
+    ] {
+        let output = headway(&arguments);
+        let said = [output.stdout, output.stderr].concat();
+        let said = String::from_utf8(said).expect("text");
+        assert!(!said.is_empty(), "{arguments:?}");
+        let raw = |c: char| (c.is_control() && c != '\n') || c == '\u{202e}';
+        assert!(!said.contains(raw), "{arguments:?}: {said:?}");
+    }
+}
+
+/// Numbers that nothing has went through the door and came out as something else.
+#[test]
+fn numbers_beyond_sense_are_refused_at_the_door() {
+    let folder = folder("numbers");
+    let machine = succeeded(&headway(&["machine", "new"]));
+    let file = |name: &str, text: &str| {
+        let file = folder.join(name);
+        std::fs::write(&file, text).expect("file");
+        file.display().to_string()
+    };
+    let changed = |from: &str, to: &str| {
+        assert!(machine.contains(from), "{from}");
+        file("machine.toml", &machine.replacen(from, to, 1))
+    };
+    let long = format!("name = \"{}\"", "n".repeat(5_000_000));
+    for (from, to, part) in [
+        (
+            "steps_per_turn = 9600",
+            "steps_per_turn = 1e-300",
+            "steps_per_turn",
+        ),
+        (
+            "position_max_mm = 205",
+            "position_max_mm = 1e308",
+            "position",
+        ),
+        ("name = \"planar\"", long.as_str(), "5000000 characters"),
+    ] {
+        let output = headway(&["machine", "check", &changed(from, to)]);
+        refused(&output, 1, &[part]);
+        assert!(stderr(&output).len() < 1000);
+    }
+    let run = file("run.wpt", "0 0 0 0 0 1 1e300\n5 0 0 0 0 1 0\n");
+    refused(&headway(&["inspect", &run]), 1, &["line 1", "heading"]);
+    let (taper, job) = (example("taper.json"), folder.join("part.hwj"));
+    let plan = ["plan", &taper, "-o", path(&job)];
+    for (options, status, part) in [
+        (["--at", "1e308,0,0"], 1, "work area"),
+        (["--scale", "1e300"], 1, "farther"),
+        (["--scale", "1e-300"], 1, "--scale"),
+        (["--speed", "1e300"], 2, "speed"),
+        (["--seam-direction", "1e300"], 2, "seam_direction"),
+        (["--layer-height", "1e300"], 2, "layer_height"),
+        (["--aperture", "ellipse:1e300x1e299"], 2, "aperture"),
+    ] {
+        refused(&headway(&[&plan[..], &options].concat()), status, &[part]);
+    }
+    assert!(!job.exists());
+    refused(
+        &headway(&["machine", "new", "--name", &"n".repeat(100_000)]),
+        2,
+        &["100000 characters"],
+    );
+}
+
+/// Where a solid infill was laid in loops, figures and pictures spoke of lines.
+#[test]
+fn a_label_says_what_was_laid() {
+    let folder = folder("label");
+    let bar = |name: &str, height_mm: f64| {
+        let file = folder.join(name);
+        let ring = serde_json::json!([[0, 0], [16, 0], [16, height_mm], [0, height_mm]]);
+        let text = serde_json::json!({"units": "mm", "exterior": ring}).to_string();
+        std::fs::write(&file, text).expect("file");
+        file
+    };
+    for (file, inside, said) in [
+        (bar("narrow.json", 4.0), "loops", "loops inside"),
+        (bar("wide.json", 9.0), "lines", "100 % lines at 45°"),
+        (bar("thin.json", 1.0), "nothing", "walls alone"),
+    ] {
+        let job = folder.join("bar.hwj");
+        let plan = ["plan", path(&file), "-o", path(&job), "--json"];
+        let print = ["--layers", "2", "--walls", "1"];
+        let figures = object(&headway(&[&plan[..], &print].concat()));
+        assert_eq!(figures["layer_kinds"][0]["inside"], inside, "{figures:?}");
+        let told = succeeded(&headway(&["inspect", path(&job)]));
+        assert!(told.contains(said), "{told}");
+    }
+}
+
+/// A wing thinner than a bead was left out without a word about where, and so was a whole part.
+#[test]
+fn thin_parts_that_vanish_are_named() {
+    let folder = folder("wing");
+    // A bar of 12 x 3 mm with a wing of 6 x 0.3 mm to its right.
+    let bar = [
+        [0.0, 0.0],
+        [12.0, 0.0],
+        [12.0, 1.0],
+        [18.0, 1.0],
+        [18.0, 1.3],
+        [12.0, 1.3],
+    ];
+    let bar = [&bar[..], &[[12.0, 3.0], [0.0, 3.0], [0.0, 0.0]]].concat();
+    let strip = [[0.0, 9.0], [5.0, 9.0], [5.0, 9.3], [0.0, 9.3], [0.0, 9.0]];
+    let parts = serde_json::json!({"type": "MultiPolygon", "coordinates": [[bar], [strip]]});
+    let file = folder.join("wing.geojson");
+    std::fs::write(&file, parts.to_string()).expect("file");
+    let job = folder.join("wing.hwj");
+    let output = headway(&["plan", path(&file), "-o", path(&job), "--json"]);
+    let figures = object(&output);
+    let largest_mm2 = figures["open_largest_mm2"].as_f64().expect("a figure");
+    // What reaches into the wing from the bar is less than a bead's width; cells are 0.01 mm.
+    assert!((largest_mm2 - 1.8).abs() < 0.1, "{largest_mm2}");
+    let said = stderr(&output);
+    let note = said.lines().find(|line| line.contains("stay open"));
+    let note = note.unwrap_or_else(|| panic!("{said}"));
+    assert!(
+        note.contains("2 places") && note.contains("1.50 mm² near (2."),
+        "{note}"
+    );
+    assert!(note.contains("near (15."), "{note}");
+}

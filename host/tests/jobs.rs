@@ -268,7 +268,7 @@ fn layers_are_in_everything_that_tells_of_them() {
     let plan = ["plan", &web, "-o", path(&job), "--json"];
     let figures = object(&headway(&[&plan[..], &print, &ends].concat()));
     assert_eq!(figures["layers"], 3);
-    let kinds = figures["layer_groups"].as_array().expect("kinds");
+    let kinds = figures["layer_kinds"].as_array().expect("kinds");
     let whats: Vec<[f64; 4]> = kinds
         .iter()
         .map(|kind| {

@@ -3,6 +3,7 @@
 
 use super::CliError;
 use super::output_file::{write_file, write_file_with};
+use super::printable::{message, printable};
 use crate::plan::progress::{Progress, Stage};
 use indicatif::{ProgressBar, ProgressDrawTarget, ProgressStyle};
 use std::io::{BufWriter, ErrorKind, IsTerminal, Write};
@@ -29,7 +30,7 @@ impl Console {
     /// A line for the eye.
     pub(super) fn say(&self, line: &str) {
         // Nothing is left to say it to where stderr is closed.
-        let _ = writeln!(std::io::stderr(), "{line}");
+        let _ = writeln!(std::io::stderr(), "{}", message(line));
     }
 
     /// Notes and warnings, one line each.
@@ -41,7 +42,7 @@ impl Console {
 
     /// A result to stdout.
     pub(super) fn result(&self, text: &str) -> Result<(), CliError> {
-        self.write_to(None, |out| out.write_all(text.as_bytes()))
+        self.write_to(None, |out| out.write_all(printable(text).as_bytes()))
     }
 
     /// What `write` writes to `output`, or to stdout where there is none, as it comes.

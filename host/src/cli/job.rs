@@ -2,6 +2,7 @@
 
 use super::CliError;
 use crate::geometry::polygon::Region;
+use crate::input::names::part_name;
 use crate::job::SegmentStream;
 use crate::job_file::{self, JobFile, JobSummary};
 use crate::part_transform::PartTransform;
@@ -36,7 +37,10 @@ pub(super) fn read(path: &Path) -> Result<Job, CliError> {
     Ok(Job {
         stream,
         transform: file.header.transform,
-        name: texts.get(NAME_TEXT).cloned().unwrap_or_else(|| stem(path)),
+        name: texts
+            .get(NAME_TEXT)
+            .and_then(|name| part_name(name))
+            .unwrap_or_else(|| stem(path)),
         outline: texts
             .get(OUTLINE_TEXT)
             .and_then(|text| outline_from_json(text))

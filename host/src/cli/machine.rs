@@ -19,6 +19,9 @@ pub(super) fn run(args: &MachineArgs, console: &Console) -> Result<(), CliError>
             if let Some(name) = name {
                 settings.machine_name.clone_from(name);
             }
+            settings
+                .check()
+                .map_err(|error| CliError::Usage(error.to_string()))?;
             console.result_to(output.as_deref(), &machine_file::to_new_toml(&settings))
         }
         MachineCommand::Check { file, json } => {

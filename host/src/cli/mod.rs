@@ -16,10 +16,12 @@ mod inspect;
 mod job;
 mod load;
 mod machine;
+mod open_ground;
 mod output_file;
 mod pictures;
 mod plan;
 mod planned;
+mod printable;
 mod simulate;
 mod stream;
 

@@ -17,7 +17,6 @@ use crate::report::plan_picture::{PicturePass, PlanPicture, Zone};
 use crate::report::pose_table::{duration_ticks, samples_within};
 use crate::report::stream_plots::stream_plots;
 use crate::report::{LayerSheets, Report, ReportFile, write_report};
-use crate::settings::Infill;
 use headway_protocol::units::{CHANNEL_HEADING, CHANNEL_X, CHANNEL_Y, CHANNEL_Z};
 
 /// Most samples of a picture's paths.
@@ -59,26 +58,21 @@ fn shown_layers(planned: &Planned) -> Vec<ShownLayer> {
         };
         return vec![ShownLayer::of(planned, 0, label)];
     }
-    let kinds = infills.iter().enumerate();
-    kinds
-        .filter_map(|(kind, infill)| {
+    (0..infills.len())
+        .filter_map(|kind| {
             let layer = kind_of_layer.iter().position(|&of| of == kind)?;
             let like = kind_of_layer.iter().filter(|&&of| of == kind).count() - 1;
             let like = match like {
                 0 => String::new(),
                 like => format!(" and {like} like it"),
             };
-            let inside = infill.as_ref().map_or(String::new(), inside_text);
+            let kinds = planned.figures.layer_kinds.as_deref();
+            let laid = kinds.and_then(|kinds| kinds.get(kind)?.inside_text());
+            let inside = laid.map_or(String::new(), |laid| format!(" ({laid})"));
             let label = format!("layer {} of {layers}{like}{inside}", layer + 1);
             Some(ShownLayer::of(planned, layer as u32, label))
         })
         .collect()
-}
-
-/// What is inside the walls.
-fn inside_text(infill: &Infill) -> String {
-    let angle_deg = infill.angle_rad.to_degrees();
-    format!(" ({} % lines at {angle_deg:.0}°)", infill.density_pct)
 }
 
 /// All files of the report.

@@ -4,6 +4,7 @@ use super::args::{InputArgs, PlaceArgs, SettingsArgs};
 use super::console::Console;
 use super::doubts::doubts;
 use super::job::{self, Job};
+use super::open_ground::{self, OpenGround, open_ground};
 use super::{CliError, load};
 use crate::drive::time_by_limit::{SlowPlace, time_by_limit};
 use crate::geometry::polygon::Region;
@@ -11,8 +12,10 @@ use crate::geometry::{Point2, Vector2};
 use crate::input::{Input, Target};
 use crate::job::SegmentStream;
 use crate::part_transform::PartTransform;
+use crate::plan::layers::layer_groups::LayerGroup;
 use crate::plan::outline::unreachable::UnreachableRun;
-use crate::report::figures::{Figures, KindFigures, SlowPlaceFigures};
+use crate::plan::pass::PassKind;
+use crate::report::figures::{Figures, Inside, KindFigures, SlowPlaceFigures};
 use crate::settings::Settings;
 use crate::{Plan, RegionPlan, plan_target_around, plan_waypoints_with_progress};
 use std::path::Path;
@@ -83,11 +86,16 @@ pub(super) fn from_input(
         }
     };
     let mut warnings = warnings(&plan, &unreachable);
+    let open = open_ground(&plan);
+    warnings.extend(open_ground::note(&open, &settings));
     warnings.extend(doubts(&settings));
     console.notes(&warnings);
     notes.extend(warnings);
     Ok(Planned {
-        figures: plan_figures(&plan, &unreachable, plan_s),
+        figures: Figures {
+            open_largest_mm2: largest_mm2(&plan, &open),
+            ..plan_figures(&plan, &unreachable, plan_s)
+        },
         name,
         outline: regions,
         settings,
@@ -136,6 +144,12 @@ pub(super) fn of_job(job: Job) -> Planned {
     }
 }
 
+/// The largest piece of ground that stays open; a path has none.
+fn largest_mm2(plan: &Plan, open: &[OpenGround]) -> Option<f64> {
+    let largest = open.first().map_or(0.0, |piece| piece.area_mm2);
+    (!plan.prints.is_empty()).then_some(largest)
+}
+
 /// Boundary that cannot be touched, input coordinates.
 fn unreachable_boundary(plan: &Plan) -> Vec<UnreachableRun> {
     let in_input = |region: &RegionPlan| {
@@ -164,7 +178,7 @@ fn plan_figures(plan: &Plan, unreachable: &[UnreachableRun], plan_s: f64) -> Fig
     Figures {
         area_mm2: of_area(f.area_mm2),
         layers: is_stack.then_some(u64::from(f.layers)),
-        layer_groups: is_stack.then(|| kind_figures(plan)),
+        layer_kinds: is_stack.then(|| kind_figures(plan)),
         covered_pct_min: is_stack.then_some(f.covered_pct_min),
         overlap_pct_max: is_stack.then_some(f.overlap_pct_max),
         reachable_pct: of_area(f.reachable_pct),
@@ -201,6 +215,24 @@ fn plan_figures(plan: &Plan, unreachable: &[UnreachableRun], plan_s: f64) -> Fig
     }
 }
 
+/// What came to lie inside the walls, which is not always what was asked for.
+fn laid_inside(kind: &LayerGroup) -> Inside {
+    let is_solid = kind.infill.is_some_and(|infill| infill.is_solid());
+    let open = kind.regions.iter().filter(|region| !region.open.is_empty());
+    let (mut lines, mut loops) = (false, false);
+    for region in open {
+        let has_lines = region.passes.iter().any(|p| p.kind == PassKind::Infill);
+        lines |= has_lines;
+        loops |= is_solid && !has_lines;
+    }
+    match (lines, loops) {
+        (true, false) => Inside::Lines,
+        (false, true) => Inside::Loops,
+        (true, true) => Inside::LinesAndLoops,
+        (false, false) => Inside::Nothing,
+    }
+}
+
 /// What the layers of each kind came to.
 fn kind_figures(plan: &Plan) -> Vec<KindFigures> {
     let kinds = plan.kinds.iter().enumerate();
@@ -213,6 +245,7 @@ fn kind_figures(plan: &Plan) -> Vec<KindFigures> {
                 layers: kind.layers,
                 infill_density_pct: kind.infill.map(|infill| infill.density_pct),
                 infill_angle_deg: kind.infill.map(|infill| infill.angle_rad.to_degrees()),
+                inside: kind.infill.map(|_| laid_inside(kind)),
                 infill_covered_pct: infill.map(|[ground, swept]| 100.0 * swept / ground.max(1e-12)),
                 covered_pct: swept.covered_pct(),
                 overlap_pct: swept.overlap_pct(),

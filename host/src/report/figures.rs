@@ -6,6 +6,20 @@
 use serde::{Deserialize, Serialize};
 use std::collections::BTreeMap;
 
+/// What was laid inside the walls of a layer.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(rename_all = "snake_case")]
+pub enum Inside {
+    /// Straight lines.
+    Lines,
+    /// Loops, where a solid infill has too little room for lines.
+    Loops,
+    /// Lines in some regions and loops in others.
+    LinesAndLoops,
+    /// The walls leave no ground, or it stays open.
+    Nothing,
+}
+
 /// What the layers of one kind came to; only of jobs with several layers.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
 #[serde(default)]
@@ -20,6 +34,9 @@ pub struct KindFigures {
     /// Direction of the lines there.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub infill_angle_deg: Option<f64>,
+    /// What was laid there.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub inside: Option<Inside>,
     /// Density that came out.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub infill_covered_pct: Option<f64>,
@@ -32,6 +49,18 @@ pub struct KindFigures {
 }
 
 impl KindFigures {
+    /// What was laid inside the walls, for the eye; `None` where there are no walls.
+    pub fn inside_text(&self) -> Option<String> {
+        let (pct, deg) = (self.infill_density_pct?, self.infill_angle_deg?);
+        let lines = format!("{pct} % lines at {deg:.0}°");
+        Some(match self.inside? {
+            Inside::Lines => lines,
+            Inside::Loops => "loops inside".to_string(),
+            Inside::LinesAndLoops => format!("{lines}, loops where it is narrow"),
+            Inside::Nothing => "walls alone".to_string(),
+        })
+    }
+
     fn row(&self) -> (String, Option<String>) {
         let what = match self.layers {
             0 | 1 => format!("layer {}", self.first_layer + 1),
@@ -41,8 +70,8 @@ impl KindFigures {
             "{:.2} % covered, {:.2} % overlap",
             self.covered_pct, self.overlap_pct
         );
-        if let (Some(pct), Some(deg)) = (self.infill_density_pct, self.infill_angle_deg) {
-            value += &format!(", {pct} % lines at {deg:.0}°");
+        if let Some(inside) = self.inside_text() {
+            value += &format!(", {inside}");
         }
         if let Some(pct) = self.infill_covered_pct {
             value += &format!(" ({pct:.1} % came out)");
@@ -81,7 +110,7 @@ pub struct Figures {
     pub layers: Option<u64>,
     /// Those that are planned alike, by their first one.
     #[serde(skip_serializing_if = "Option::is_none")]
-    pub layer_groups: Option<Vec<KindFigures>>,
+    pub layer_kinds: Option<Vec<KindFigures>>,
     /// `covered_pct` of the layer that has the least.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub covered_pct_min: Option<f64>,
@@ -115,6 +144,9 @@ pub struct Figures {
     /// Boundary length that no aperture inside can touch.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub unreachable_mm: Option<f64>,
+    /// Largest piece of ground in one that nothing covers, of the layers that are to be filled.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub open_largest_mm2: Option<f64>,
     /// The places of that: centre x, y and length of each, at most a thousand.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub unreachable_places_mm: Option<Vec<[f64; 3]>>,
@@ -299,6 +331,10 @@ impl Figures {
             ("infill ground", number(self.infill_mm2, 2, "mm²")),
             ("infill density", number(self.infill_covered_pct, 2, "%")),
             ("unreachable boundary", number(self.unreachable_mm, 2, "mm")),
+            (
+                "largest piece left open",
+                number(self.open_largest_mm2, 3, "mm²"),
+            ),
         ]
     }
 
@@ -315,7 +351,7 @@ impl Figures {
             ),
         ];
         let rows = rows.map(|(what, value)| (what.to_string(), value));
-        let kinds = self.layer_groups.iter().flatten();
+        let kinds = self.layer_kinds.iter().flatten();
         rows.into_iter()
             .chain(kinds.map(KindFigures::row))
             .collect()
