@@ -23,8 +23,9 @@ pub struct Along<'a> {
 }
 
 impl<'a> Along<'a> {
-    /// The tables of a run; `closed` where the last contact meets the first.
-    pub fn new(contacts: &'a [Contact], closed: bool) -> Along<'a> {
+    /// The tables of a run in steps of `entry_mm` at most; `closed` where the last contact meets the
+    /// first.
+    pub fn new(contacts: &'a [Contact], closed: bool, entry_mm: f64) -> Along<'a> {
         let mut length_mm = 0.0;
         let mut positions_mm = Vec::with_capacity(contacts.len());
         for contact in contacts {
@@ -32,6 +33,8 @@ impl<'a> Along<'a> {
             length_mm += contact.length_mm;
         }
         let count = (contacts.len() * ENTRIES_PER_CONTACT).max(1);
+        // On straights contacts may lie farther apart.
+        let count = count.max((length_mm / entry_mm) as usize);
         let table = |value: fn(&Contact) -> f64| {
             let known: Vec<(f64, f64)> = contacts
                 .iter()

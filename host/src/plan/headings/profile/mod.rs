@@ -15,6 +15,7 @@ mod bins;
 mod corridor;
 mod pointwise;
 mod refine;
+mod thinned;
 
 pub use self::ahead::{Ahead, all_ahead};
 use self::along::Along;
@@ -30,6 +31,8 @@ use rayon::prelude::*;
 
 /// Heading bins over the 180° of a symmetric aperture: 3° each, refined afterwards.
 const BINS: usize = 60;
+/// Step of what is wanted along a run, against b: half the distance of contacts.
+const ENTRY_SHARE: f64 = 0.25;
 /// Weight of turning, mm²: from trials on real slices.
 const TURN_WEIGHT: f64 = 0.01;
 /// What tilting to the left of the normal costs beyond tilting to its right, mm²: both often fit
@@ -74,8 +77,25 @@ struct Candidate {
     feasible: bool,
 }
 
-/// Finds the profile along `contacts`; `closed` where the last one meets the first.
+/// Finds the profile along `contacts`; `closed` where the last one meets the first. Straight walls are
+/// thinned out for it.
 pub fn profile(
+    contacts: &[Contact],
+    closed: bool,
+    aperture: &Aperture,
+    walls: &EdgeIndex,
+) -> Vec<Placement> {
+    let kept = thinned::kept(contacts, aperture);
+    if kept.len() == contacts.len() {
+        return whole_profile(contacts, closed, aperture, walls);
+    }
+    let thin = thinned::standing_for_all(contacts, &kept);
+    let found = whole_profile(&thin, closed, aperture, walls);
+    thinned::filled_in(contacts, &kept, &found, aperture)
+}
+
+/// The profile of all contacts, each looked at.
+fn whole_profile(
     contacts: &[Contact],
     closed: bool,
     aperture: &Aperture,
@@ -257,7 +277,7 @@ impl<'a> Run<'a> {
             closed,
             aperture,
             walls,
-            along: Along::new(contacts, closed),
+            along: Along::new(contacts, closed, ENTRY_SHARE * aperture.minor_mm()),
             ahead,
             corridor_share: CORRIDOR_SHARE,
         }
