@@ -1,7 +1,8 @@
 //! The passes of one region as they are printed: ordered, linked, with gap-fill moves into gaps.
 //!
 //! Walls come first, then the lines of an infill. A solid infill is linked and filled up like
-//! everything else; what a sparse one leaves open is meant to stay open.
+//! everything else; what a sparse one leaves open is meant to stay open, and its lines are joined
+//! along the walls alone.
 
 use crate::geometry::Point2;
 use crate::geometry::aperture::Aperture;
@@ -11,6 +12,7 @@ use crate::plan::coverage::pass_ends::{small_ones, take_back_open};
 use crate::plan::joining::bridges::bridged;
 use crate::plan::joining::chains::{around_loops, chained};
 use crate::plan::joining::gap_fill::fill_gaps;
+use crate::plan::joining::infill_links::linked_along_walls;
 use crate::plan::joining::links::linked;
 use crate::plan::joining::order::ordered;
 use crate::plan::joining::seam::with_seam;
@@ -53,6 +55,7 @@ pub fn in_printing_order(
     let finish = Finish {
         lines,
         walls: &walls,
+        open: region.open,
         band,
         from,
         aperture,
@@ -112,6 +115,8 @@ fn joined(
 struct Finish<'a> {
     lines: Vec<LayerPass>,
     walls: &'a EdgeIndex,
+    /// Ground that only lines cover.
+    open: &'a [Region],
     /// Where lines are sparse, what alone is filled up.
     band: Option<EdgeIndex>,
     from: Point2,
@@ -127,7 +132,8 @@ impl Finish<'_> {
         let lines = ordered(self.lines.clone(), from, self.aperture);
         if let Some(band) = &self.band {
             fill_gaps(&mut passes, self.aperture, band);
-            passes.extend(lines);
+            let joined = linked_along_walls(lines, self.open, self.aperture, self.walls);
+            passes.extend(joined);
             return passes;
         }
         if !lines.is_empty() {
