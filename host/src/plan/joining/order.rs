@@ -6,6 +6,7 @@
 
 use crate::geometry::aperture::Aperture;
 use crate::geometry::clearance::Configuration;
+use crate::geometry::polygon::Box2;
 use crate::geometry::{Point2, Vector2};
 use crate::plan::joining::links::LENGTH_SHARE;
 use crate::plan::pass::LayerPass;
@@ -52,6 +53,9 @@ fn greedy(doors: &[Doors], from: Point2) -> Vec<usize> {
     while !left.is_empty() {
         let (mut slot, mut best) = (0, f64::INFINITY);
         for (i, &number) in left.iter().enumerate() {
+            if doors[number].is_beyond(position, best) {
+                continue;
+            }
             let (found, _) = doors[number].nearest(position);
             if found < best {
                 (slot, best) = (i, found);
@@ -73,7 +77,11 @@ struct Door {
 }
 
 /// All of a pass, found once: it is asked for them over and over.
-struct Doors(Vec<Door>);
+struct Doors {
+    doors: Vec<Door>,
+    /// What holds their places.
+    bounds: Box2,
+}
 
 impl Doors {
     /// The ends of an open pass, the calm places of a closed one.
@@ -101,13 +109,23 @@ impl Doors {
                 count - 1 - start
             }),
         };
-        Doors(numbers.into_iter().map(door).collect())
+        let doors: Vec<Door> = numbers.into_iter().map(door).collect();
+        let places: Vec<Point2> = doors.iter().map(|door| door.place).collect();
+        Doors {
+            bounds: Box2::of(&places),
+            doors,
+        }
+    }
+
+    /// True where every door is farther away than this, mm.
+    fn is_beyond(&self, from: Point2, reach_mm: f64) -> bool {
+        !self.bounds.grown(reach_mm).contains(from)
     }
 
     /// The nearest door, and how far away it is.
     fn nearest(&self, from: Point2) -> (f64, Option<&Door>) {
         let (mut best, mut least2) = ((f64::INFINITY, None), f64::INFINITY);
-        for door in &self.0 {
+        for door in &self.doors {
             let distance2 = (door.place - from).norm_squared();
             // The root only where it can be the least.
             if distance2 < least2 && distance2.sqrt() < best.0 {
