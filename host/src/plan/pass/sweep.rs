@@ -4,14 +4,16 @@
 //! the bent edges of a sweep that turns: steps are so small that a raster's cell does not show them.
 
 use super::LayerPass;
-use crate::geometry::Point2;
 use crate::geometry::aperture::Aperture;
 use crate::geometry::clearance::Configuration;
 use crate::geometry::coverage::SweptPose;
+use crate::geometry::{Point2, Vector2};
 
-/// Step between interpolated poses, mm against the minor semi-axis: the scallop left on the
-/// sharpest end of an ellipse of 3 : 1 is then below 1 % of b.
-const POSE_STEP: f64 = 0.15;
+/// Step between interpolated poses, mm against the minor semi-axis, where the sharpest end of an
+/// ellipse of 3 : 1 leaves a scallop of 1 % of b.
+const POSE_STEP: f64 = 1.0 / 6.0;
+/// The longest one, where the flank is flatter.
+const POSE_STEP_MAX: f64 = 0.5;
 /// Largest turn between interpolated poses, rad.
 const POSE_TURN_RAD: f64 = 0.05;
 /// Most poses put between two placements.
@@ -25,7 +27,12 @@ pub fn poses_between(
 ) -> impl Iterator<Item = Configuration> + use<> {
     let turn = turn_to(aperture, from.heading_rad, to.heading_rad);
     let delta = to.center - from.center;
-    let pieces = (delta.norm() / (POSE_STEP * aperture.minor_mm()))
+    let step_mm = POSE_STEP * aperture.minor_mm();
+    let step_mm = match delta.norm() > step_mm {
+        true => step_mm * flatness(aperture, from.heading_rad, delta),
+        false => step_mm,
+    };
+    let pieces = (delta.norm() / step_mm.min(POSE_STEP_MAX * aperture.minor_mm()))
         .max(turn.abs() / POSE_TURN_RAD)
         .ceil()
         .clamp(1.0, POSES_MAX as f64) as usize;
@@ -36,6 +43,20 @@ pub fn poses_between(
             heading_rad: from.heading_rad + turn * t,
         }
     })
+}
+
+/// How much longer a step along `way` may be than where the sharpest end of the aperture is the flank of
+/// the bead, for a scallop of the same depth: depth = step² / (8 radius), and the radius of an ellipse
+/// where its extent is h is a² b² / h³. At least 1.
+pub fn flatness(aperture: &Aperture, heading_rad: f64, way: Vector2) -> f64 {
+    let Aperture::Ellipse { major_mm, .. } = aperture else {
+        return 1.0;
+    };
+    let across = Vector2::new(-way.y, way.x) / way.norm().max(f64::MIN_POSITIVE);
+    let extent_mm = aperture.extent_mm(heading_rad, across);
+    (major_mm / extent_mm.max(f64::MIN_POSITIVE))
+        .powf(1.5)
+        .max(1.0)
 }
 
 /// The turn from one heading to the next: the shorter way round for a symmetric aperture.

@@ -24,8 +24,9 @@ const CELLS_MAX: usize = 50_000_000;
 /// Turn of the raster against the layer, rad: aslant to walls along the axes or at 45°, where whole
 /// rows of cells would fall to either side of a bead's edge at once.
 const SKEW_RAD: f64 = 0.4;
-/// Step between poses against the minor semi-axis.
-const STEP_SHARE: f64 = 0.125;
+/// Step between poses against the minor semi-axis: the sharpest end of an ellipse of 3 : 1 leaves
+/// scallops of 1.5 % of b, which the bead beside it is thought to fill.
+const STEP_SHARE: f64 = 0.2;
 
 /// Fresh ground under one pass, as shares of what it covers.
 #[derive(Clone, Debug, Default, PartialEq)]

@@ -31,6 +31,10 @@ pub struct FlowPose {
 /// only how well the ground of a turn is known: to (pi / n)² = 0.1 %.
 const OUTLINE_POINTS: usize = 96;
 
+/// Turn of the major axis' end, against the move, below which a step is straight: what both ends of
+/// the front do is opposite, so that it counts by its square.
+const HARDLY_TURNED_SHARE: f64 = 3e-3;
+
 /// The aperture's outline at heading 0.
 struct Outline {
     points: Vec<Vector2>,
@@ -102,7 +106,8 @@ fn step_area_mm2(aperture: &Aperture, outline: &Outline, from: &FlowPose, to: &F
     } else {
         0.0
     };
-    if turn_rad == 0.0 || aperture.is_round() {
+    let turned_mm = turn_rad.abs() * aperture.major_mm();
+    if turned_mm <= HARDLY_TURNED_SHARE * length_mm || aperture.is_round() {
         return width_mm * length_mm;
     }
     let (sin, cos) = heading_rad.sin_cos();
@@ -220,27 +225,39 @@ fn averaged(places_mm: &[f64], values: &[f64], half_mm: f64) -> Vec<f64> {
         integral += 0.5 * (values[i] + values[i + 1]) * (places_mm[i + 1] - places_mm[i]);
         integrals.push(integral);
     }
-    let within = |at_mm: f64| {
-        let above = places_mm.partition_point(|&place| place <= at_mm);
-        let from = above.clamp(1, last) - 1;
+    // Places rise, so that the step which holds one is found from that of the one before.
+    let within = |at_mm: f64, from: &mut usize| {
+        while *from > 0 && places_mm[*from] > at_mm {
+            *from -= 1;
+        }
+        while *from + 1 < last && places_mm[*from + 1] <= at_mm {
+            *from += 1;
+        }
         let (low, width_mm) = (
-            at_mm - places_mm[from],
-            places_mm[from + 1] - places_mm[from],
+            at_mm - places_mm[*from],
+            places_mm[*from + 1] - places_mm[*from],
         );
-        let slope = (values[from + 1] - values[from]) / width_mm.max(f64::MIN_POSITIVE);
-        integrals[from] + low * (values[from] + 0.5 * slope * low)
+        let slope = (values[*from + 1] - values[*from]) / width_mm.max(f64::MIN_POSITIVE);
+        integrals[*from] + low * (values[*from] + 0.5 * slope * low)
     };
-    let to = |at_mm: f64| {
+    let to = |at_mm: f64, from: &mut usize| {
         let beyond_mm = at_mm - length_mm;
         if beyond_mm > 0.0 {
-            within(length_mm - beyond_mm) + 2.0 * values[last] * beyond_mm
+            within(length_mm - beyond_mm, from) + 2.0 * values[last] * beyond_mm
         } else {
-            within(at_mm.abs())
+            within(at_mm.abs(), from)
         }
     };
+    let (mut below, mut above) = (0, 0);
     let places = places_mm.iter();
     places
-        .map(|at_mm| (to(at_mm + half_mm) - to(at_mm - half_mm)) / (2.0 * half_mm))
+        .map(|at_mm| {
+            let [low, high] = [
+                to(at_mm - half_mm, &mut below),
+                to(at_mm + half_mm, &mut above),
+            ];
+            (high - low) / (2.0 * half_mm)
+        })
         .collect()
 }
 

@@ -4,11 +4,13 @@
 //! its control points, mm³. What was covered before is known among the passes of a layer that may
 //! touch each other; the same passes in the same order, on whatever layer, are looked at once.
 
-use crate::geometry::Point2;
+use crate::geometry::aperture::Aperture;
 use crate::geometry::polygon::Box2;
 use crate::geometry::union_find::root;
+use crate::geometry::{Point2, Vector2};
 use crate::plan::curve::plane_curve::{PlaneControl, curve_at};
 use crate::plan::layers::PlanePass;
+use crate::plan::pass::sweep::flatness;
 use crate::plan::route::flow::fresh_ground::{fresh_shares, pose_step_mm};
 use crate::plan::route::flow::{Bead, FlowPose};
 use crate::settings::Settings;
@@ -89,11 +91,9 @@ fn volumes_of_group<'a>(
     passes: impl Iterator<Item = &'a PlanePass>,
     settings: &Settings,
 ) -> Vec<Arc<[f64]>> {
-    let step_mm = pose_step_mm(&settings.aperture);
-    let major_mm = settings.aperture.major_mm();
     let (mut poses, mut knots) = (Vec::new(), Vec::new());
     for pass in passes {
-        let (of_pass, at_knots) = sampled(&pass.control, step_mm, major_mm);
+        let (of_pass, at_knots) = sampled(&pass.control, &settings.aperture);
         poses.push(of_pass);
         knots.push(at_knots);
     }
@@ -108,9 +108,10 @@ fn volumes_of_group<'a>(
         .collect()
 }
 
-/// Poses along a curve at most `step_mm` apart, and which of them lie at its control points'
-/// parameters.
-fn sampled(control: &[PlaneControl], step_mm: f64, major_mm: f64) -> (Vec<FlowPose>, Vec<usize>) {
+/// Poses along a curve, so dense that their union is what it sweeps, and which of them lie at its
+/// control points' parameters.
+fn sampled(control: &[PlaneControl], aperture: &Aperture) -> (Vec<FlowPose>, Vec<usize>) {
+    let step_mm = pose_step_mm(aperture);
     let pose = |span: usize, t: f64| {
         let [x, y, heading_rad] = curve_at(control, span, t);
         FlowPose {
@@ -123,8 +124,11 @@ fn sampled(control: &[PlaneControl], step_mm: f64, major_mm: f64) -> (Vec<FlowPo
     for span in 0..spans {
         knots.push(poses.len());
         let [p, q] = [control[span], control[span + 1]];
-        let way_mm = (q[0] - p[0]).hypot(q[1] - p[1]) + major_mm * (q[2] - p[2]).abs();
-        let steps = (way_mm / step_mm).ceil().clamp(1.0, STEPS_MAX) as usize;
+        let way = Vector2::new(q[0] - p[0], q[1] - p[1]);
+        let turned_mm = aperture.major_mm() * (q[2] - p[2]).abs();
+        let moved_mm = way.norm() / flatness(aperture, p[2], way);
+        let steps = ((moved_mm + turned_mm) / step_mm).ceil();
+        let steps = steps.clamp(1.0, STEPS_MAX) as usize;
         poses.extend((0..steps).map(|step| pose(span, step as f64 / steps as f64)));
     }
     knots.push(poses.len());
