@@ -133,6 +133,48 @@ pub enum HeadingProfile {
     Pointwise,
 }
 
+/// What ground is worth: the price at which the planner leaves ground open or lays it twice to
+/// print sooner.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub enum Quality {
+    /// Hardly anything stays open that the aperture reaches.
+    Fine,
+    /// Small voids that the melt closes are left where filling them takes long.
+    #[default]
+    Standard,
+    /// Voids of some tenths of a mm² are left.
+    Fast,
+}
+
+impl Quality {
+    /// Seconds that a mm² of ground is worth.
+    pub fn price_s_mm2(self) -> f64 {
+        match self {
+            Quality::Fine => 16.0,
+            Quality::Standard => 2.0,
+            Quality::Fast => 0.8,
+        }
+    }
+
+    /// Share of what the aperture reaches that is covered in every region, where gap-fill moves can.
+    pub fn floor_share(self) -> f64 {
+        match self {
+            Quality::Fine => 0.99,
+            Quality::Standard => 0.976,
+            Quality::Fast => 0.95,
+        }
+    }
+
+    /// Share of a region that shortcuts may open, whatever they save.
+    pub fn shortcut_share(self) -> f64 {
+        match self {
+            Quality::Fine => 0.001,
+            Quality::Standard => 0.006,
+            Quality::Fast => 0.02,
+        }
+    }
+}
+
 /// Tolerances of planning and fitting.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Tolerances {
@@ -212,6 +254,8 @@ pub struct Settings {
     pub heading_law: HeadingLaw,
     /// Along the pass or point by point.
     pub heading_profile: HeadingProfile,
+    /// What ground is worth in seconds.
+    pub quality: Quality,
     /// Walls and lines; `None` fills with beads along the outline.
     pub infill: Option<Infill>,
     /// Skirt and brim.

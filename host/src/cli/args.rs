@@ -115,6 +115,10 @@ pub(super) struct SettingsArgs {
     /// How the headings along a pass are chosen.
     #[arg(long, value_enum, value_name = "PROFILE")]
     pub heading_profile: Option<ProfileName>,
+    /// What a mm² of ground left open or laid twice is worth in seconds of printing [default:
+    /// standard].
+    #[arg(long, value_enum, value_name = "QUALITY")]
+    pub quality: Option<QualityName>,
     /// How far the aperture may leave the outline, the segments the path, and chords the curves of
     /// the input, mm.
     #[arg(long, value_name = "MM", allow_negative_numbers = true)]
@@ -193,6 +197,16 @@ pub(super) enum PassName {
     Two,
     /// One pass between the walls wherever the aperture spans them.
     One,
+}
+
+#[derive(Clone, Copy, Debug, PartialEq, ValueEnum)]
+pub(super) enum QualityName {
+    /// Hardly anything stays open: the longest print.
+    Fine,
+    /// Small voids that the melt closes are left where filling them takes long.
+    Standard,
+    /// Voids of some tenths of a mm² are left.
+    Fast,
 }
 
 #[derive(Clone, Copy, Debug, PartialEq, ValueEnum)]

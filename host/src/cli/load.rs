@@ -2,7 +2,8 @@
 
 use super::CliError;
 use super::args::{
-    FormatName, InputArgs, LawName, PassName, ProfileName, SeamName, SettingsArgs, UnitName,
+    FormatName, InputArgs, LawName, PassName, ProfileName, QualityName, SeamName, SettingsArgs,
+    UnitName,
 };
 use super::console::Console;
 use super::job;
@@ -10,7 +11,7 @@ use crate::geometry::polygon::Region;
 use crate::input::{self, BYTES_MAX, Format, Input, InputError, Loaded, ReadOptions, Units};
 use crate::settings::aperture_text::{aperture_text, file_of_aperture, parse_aperture};
 use crate::settings::{
-    HeadingLaw, HeadingProfile, Infill, PassMode, SeamPlace, Settings, machine_file,
+    HeadingLaw, HeadingProfile, Infill, PassMode, Quality, SeamPlace, Settings, machine_file,
 };
 use std::fs::File;
 use std::io::Read;
@@ -50,6 +51,13 @@ pub(super) fn settings(args: &SettingsArgs) -> Result<Settings, CliError> {
         settings.heading_law = match law {
             LawName::Tangent => HeadingLaw::Tangent,
             LawName::Linear => HeadingLaw::Linear,
+        };
+    }
+    if let Some(quality) = args.quality {
+        settings.quality = match quality {
+            QualityName::Fine => Quality::Fine,
+            QualityName::Standard => Quality::Standard,
+            QualityName::Fast => Quality::Fast,
         };
     }
     if let Some(tolerance_mm) = args.tolerance {

@@ -4,7 +4,7 @@
 //! a geared direct extruder on 1.75 mm filament, a hot end for 0.4 mm wide to 1.2 mm wide beads.
 
 use super::{
-    HeadingLaw, HeadingProfile, PassMode, PrimeRetract, Seam, SeamPlace, Settings, Skirt,
+    HeadingLaw, HeadingProfile, PassMode, PrimeRetract, Quality, Seam, SeamPlace, Settings, Skirt,
     Tolerances,
 };
 use crate::geometry::aperture::Aperture;
@@ -99,6 +99,7 @@ impl Settings {
             pass_mode: PassMode::Two,
             heading_law: HeadingLaw::Tangent,
             heading_profile: HeadingProfile::Corridor,
+            quality: Quality::default(),
             infill: None,
             skirt: Skirt {
                 loops: 0,

@@ -9,7 +9,8 @@
 use super::aperture_text::{ApertureTextError, parse_aperture};
 use super::check::SettingsError;
 use super::{
-    HeadingLaw, Infill, PassMode, PrimeRetract, Seam, SeamPlace, Settings, Skirt, Tolerances,
+    HeadingLaw, Infill, PassMode, PrimeRetract, Quality, Seam, SeamPlace, Settings, Skirt,
+    Tolerances,
 };
 use headway_firmware::configuration::{ExtruderConfiguration, MachineConfiguration};
 use serde::Deserialize;
@@ -121,6 +122,7 @@ struct Print {
     seam_direction_deg: Option<f64>,
     pass: Option<PassName>,
     law: Option<LawName>,
+    quality: Option<QualityName>,
 }
 
 #[derive(Clone, Copy, Deserialize)]
@@ -135,6 +137,14 @@ enum PassName {
 enum LawName {
     Tangent,
     Linear,
+}
+
+#[derive(Clone, Copy, Deserialize)]
+#[serde(rename_all = "lowercase")]
+enum QualityName {
+    Fine,
+    Standard,
+    Fast,
 }
 
 #[derive(Clone, Copy, Deserialize)]
@@ -247,6 +257,12 @@ impl File {
                 None => default.heading_law,
             },
             heading_profile: default.heading_profile,
+            quality: match print.quality {
+                Some(QualityName::Fine) => Quality::Fine,
+                Some(QualityName::Standard) => Quality::Standard,
+                Some(QualityName::Fast) => Quality::Fast,
+                None => default.quality,
+            },
             infill: self.infill.as_ref().map(FileInfill::infill),
             skirt: self.skirt.over(&default.skirt),
             nozzle_body_radius_mm: print

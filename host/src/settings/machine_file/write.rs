@@ -2,7 +2,9 @@
 
 use crate::settings::aperture_text::aperture_text;
 use crate::settings::check::{joint_names, kinematics_name};
-use crate::settings::{BOTTOM_LAYERS, HeadingLaw, PassMode, SeamPlace, Settings, TOP_LAYERS};
+use crate::settings::{
+    BOTTOM_LAYERS, HeadingLaw, PassMode, Quality, SeamPlace, Settings, TOP_LAYERS,
+};
 use headway_firmware::configuration::{Arm, JointConfiguration, Kinematics};
 use std::f64::consts::TAU;
 use std::fmt::Write;
@@ -251,6 +253,16 @@ fn write_process(text: &mut String, s: &Settings, with_layers: bool) -> std::fmt
         HeadingLaw::Linear => "linear",
     };
     writeln!(text, "law = \"{law}\"")?;
+    let quality = match s.quality {
+        Quality::Fine => "fine",
+        Quality::Standard => "standard",
+        Quality::Fast => "fast",
+    };
+    writeln!(
+        text,
+        "# What ground left open or laid twice is worth in seconds of printing: fine, standard or fast."
+    )?;
+    writeln!(text, "quality = \"{quality}\"")?;
     writeln!(text, "\n[flow]\nfactor = {}", number(s.flow_factor))?;
     writeln!(text, "flow_max_mm3_s = {}", number(s.flow_max_mm3_s))?;
     let change = number(s.flow_rate_of_change_max_mm3_s2);
