@@ -128,9 +128,23 @@ const ROOMS: [(&str, &[&str], &str); 12] = [
 ];
 
 /// The planner's stages in the order of the data: a stage imports only from those before it.
-const STAGES: [&str; 14] = [
-    "pass", "progress", "feasible", "outline", "axis", "headings", "coverage", "beads", "joining",
-    "curve", "layers", "route", "motion", "judge",
+const STAGES: [&str; 16] = [
+    "pass",
+    "progress",
+    "pose_limits",
+    "feasible",
+    "outline",
+    "axis",
+    "headings",
+    "coverage",
+    "beads",
+    "joining",
+    "curve",
+    "shortcuts",
+    "layers",
+    "route",
+    "motion",
+    "judge",
 ];
 const PLAN: &str = "host/src/plan/";
 /// Most files of the planner beside its modules, and of each of its folders.

@@ -4,7 +4,7 @@
 //! Region --outline--> Contour --axis--> Axis --headings, coverage, beads--> LayerPass
 //! (mm)                (mm, local)       (mm)                                (mm, rad)
 //!   --joining--> passes in printing order --curve--> PlaneControl --layers--> PlanePass
-//!                (mm, rad)                           (mm, rad)                (machine coordinates)
+//!                           (mm, rad)                           (mm, rad)       (machine coordinates)
 //!   --route--> Route --motion--> SegmentStream --judge--> PlanFigures
 //!              (mm, rad, mm³)    (integers, ticks)        (%, mm, s)
 //! ```
@@ -14,6 +14,7 @@
 //! that the stages hand on.
 
 pub mod pass;
+pub mod pose_limits;
 pub mod progress;
 
 pub mod feasible;

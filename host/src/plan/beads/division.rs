@@ -233,6 +233,7 @@ mod tests {
     use super::*;
     use crate::geometry::Point2;
     use crate::geometry::test_shapes::ELLIPSE;
+    use crate::plan::headings::profile::TURN_WEIGHT_MM2;
     use crate::settings::{HeadingLaw, HeadingProfile};
 
     const SETTINGS: PassSettings = PassSettings {
@@ -241,6 +242,7 @@ mod tests {
         one_pass: false,
         law: HeadingLaw::Tangent,
         profile: HeadingProfile::Corridor,
+        turn_weight_mm2: TURN_WEIGHT_MM2,
     };
 
     /// A square of 10 mm with struts as its sides: half-width 0.5 mm at the joints, `least_mm` in the

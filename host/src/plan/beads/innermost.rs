@@ -255,7 +255,15 @@ impl Innermost<'_> {
             HeadingProfile::Pointwise => pointwise_profile(&contacts, closed, aperture, walls),
             HeadingProfile::Corridor => {
                 let ahead = ahead.get_or_insert_with(|| all_ahead(&contacts, aperture, walls));
-                refined(&contacts, closed, before, ahead, aperture, walls)
+                refined(
+                    &contacts,
+                    closed,
+                    before,
+                    ahead,
+                    self.settings.turn_weight_mm2,
+                    aperture,
+                    walls,
+                )
             }
         }
     }

@@ -40,6 +40,8 @@ pub struct PassSettings {
     pub law: HeadingLaw,
     /// How the headings of a pass are chosen together.
     pub profile: HeadingProfile,
+    /// What turning weighs there, mm².
+    pub turn_weight_mm2: f64,
 }
 
 impl PassSettings {
@@ -48,7 +50,9 @@ impl PassSettings {
         let aperture = &self.aperture;
         match self.profile {
             HeadingProfile::Pointwise => pointwise_profile(contacts, closed, aperture, walls),
-            HeadingProfile::Corridor => profile(contacts, closed, aperture, walls),
+            HeadingProfile::Corridor => {
+                profile(contacts, closed, self.turn_weight_mm2, aperture, walls)
+            }
         }
     }
 

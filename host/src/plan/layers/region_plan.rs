@@ -17,11 +17,13 @@ use crate::plan::axis::pruned_axis::Axis;
 use crate::plan::beads::infill::infill_passes;
 use crate::plan::beads::passes::{PassSettings, outer_passes, passes};
 use crate::plan::coverage::visits::coverage;
+use crate::plan::headings::profile::turn_weight_mm2;
 use crate::plan::joining::printed_order::{RegionPasses, in_printing_order};
 use crate::plan::outline::contour::Contour;
 use crate::plan::outline::trimmed_outline::trimmed_outline;
 use crate::plan::outline::unreachable::{UnreachableRun, unreachable_runs};
 use crate::plan::pass::{Contact, LayerPass, PassKind, Placement};
+use crate::plan::pose_limits::PoseLimits;
 use crate::settings::{Infill, PassMode, Settings};
 use rayon::prelude::*;
 
@@ -343,5 +345,6 @@ fn pass_settings(settings: &Settings) -> PassSettings {
         one_pass: settings.pass_mode == PassMode::One,
         law: settings.heading_law,
         profile: settings.heading_profile,
+        turn_weight_mm2: turn_weight_mm2(&PoseLimits::of(settings), &settings.aperture),
     }
 }

@@ -1,11 +1,10 @@
 //! The best profile over bins of heading, exactly: dynamic programming (Viterbi) along the run.
 
-use super::TURN_WEIGHT;
-
 /// Largest turn from one contact to the next, bins.
 const TURN_BINS_MAX: usize = 12;
 
-/// Best bin of each contact; `start` fixes the first and last bin of a closed run.
+/// Best bin of each contact; `steps` are what turning between two of them can use
+/// ([`super::turn_slacks_per_mm`]), `start` fixes the first and last bin of a closed run.
 pub fn viterbi(
     costs: &[Vec<f32>],
     steps: &[f64],
@@ -56,7 +55,7 @@ pub fn viterbi(
 fn viterbi_step(
     total: &[f32],
     costs: &[f32],
-    step_mm: f64,
+    slack_per_mm: f64,
     bin_rad: f64,
     reach: usize,
 ) -> (Vec<f32>, Vec<u16>) {
@@ -74,7 +73,7 @@ fn viterbi_step(
     // The best turn, in bins beyond the largest one back.
     let mut best = vec![0u16; bins];
     for n in 0..=reach {
-        let cost = (TURN_WEIGHT * (n as f64 * bin_rad).powi(2) / step_mm) as f32;
+        let cost = ((n as f64 * bin_rad).powi(2) / slack_per_mm) as f32;
         for from in [reach + n, reach - n] {
             let others = &around[from..from + bins];
             for ((next, best), other) in next.iter_mut().zip(&mut best).zip(others) {

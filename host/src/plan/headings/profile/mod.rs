@@ -27,14 +27,19 @@ use crate::geometry::aperture::{Aperture, Turn};
 use crate::geometry::clearance::{Configuration, Turned, WallContact, contact_turned};
 use crate::geometry::edge_index::EdgeIndex;
 use crate::plan::pass::{Contact, Placement};
+use crate::plan::pose_limits::PoseLimits;
 use rayon::prelude::*;
 
 /// Heading bins over the 180° of a symmetric aperture: 3° each, refined afterwards.
 const BINS: usize = 60;
 /// Step of what is wanted along a run, against b: half the distance of contacts.
 const ENTRY_SHARE: f64 = 0.25;
-/// Weight of turning, mm²: from trials on real slices.
-const TURN_WEIGHT: f64 = 0.01;
+/// Weight of turning against a v / √A, with v the tip's speed and A the heading's acceleration limit:
+/// that is a times how far the tip goes while the heading turns by a radian. From trials on real slices,
+/// 0.08 mm² for the built-in machine at 60 mm/s; more opens corners, less is slower.
+const TURN_SHARE: f64 = 0.0426;
+/// The weight for the built-in machine, mm².
+pub const TURN_WEIGHT_MM2: f64 = 0.08;
 /// What tilting to the left of the normal costs beyond tilting to its right, mm²: both often fit
 /// alike, and neither rounding nor noise of some micrometres may choose, nor where along a straight
 /// wall the tilt changes over. More than this is felt where a side is short.
@@ -46,13 +51,13 @@ const INFEASIBLE_MM: f64 = 5.0;
 /// A placement may cut by this share of the aperture before the final push-off.
 const CUT_SHARE_MAX: f64 = 2e-3;
 /// What a heading of the corridor may miss the wanted extent by beyond the best one, against b:
-/// from trials, 0.004 mm for the default ellipse. Profiles of two outlines that differ by noise may
+/// from trials, 0.01 mm for the default ellipse. Profiles of two outlines that differ by noise may
 /// lie at opposite walls of it: then their beads differ by four times as much.
-const CORRIDOR_SHARE: f64 = 0.02;
+const CORRIDOR_SHARE: f64 = 0.05;
 /// The same where a profile is found again for slightly other extents: those add up from round to
 /// round as long as the headings lie still in the corridor, and a little noise decides for how
 /// long.
-const CORRIDOR_AGAIN_SHARE: f64 = 0.01;
+const CORRIDOR_AGAIN_SHARE: f64 = 0.025;
 /// Steps in which the corridor is measured, and most of them to each side.
 const CORRIDOR_STEP_RAD: f64 = 0.03;
 const CORRIDOR_STEPS: usize = 20;
@@ -77,20 +82,27 @@ struct Candidate {
     feasible: bool,
 }
 
-/// Finds the profile along `contacts`; `closed` where the last one meets the first. Straight walls are
-/// thinned out for it.
+/// What turning weighs for a machine, mm² ([`TURN_SHARE`]).
+pub fn turn_weight_mm2(limits: &PoseLimits, aperture: &Aperture) -> f64 {
+    let [_, _, heading] = &limits.axes;
+    TURN_SHARE * aperture.major_mm() * limits.tip_speed_mm_s / heading.acceleration.sqrt()
+}
+
+/// Finds the profile along `contacts`; `closed` where the last one meets the first. Turning by dphi
+/// over ds costs `turn_weight_mm2` dphi² / ds. Straight walls are thinned out for it.
 pub fn profile(
     contacts: &[Contact],
     closed: bool,
+    turn_weight_mm2: f64,
     aperture: &Aperture,
     walls: &EdgeIndex,
 ) -> Vec<Placement> {
     let kept = thinned::kept(contacts, aperture);
     if kept.len() == contacts.len() {
-        return whole_profile(contacts, closed, aperture, walls);
+        return whole_profile(contacts, closed, turn_weight_mm2, aperture, walls);
     }
     let thin = thinned::standing_for_all(contacts, &kept);
-    let found = whole_profile(&thin, closed, aperture, walls);
+    let found = whole_profile(&thin, closed, turn_weight_mm2, aperture, walls);
     thinned::filled_in(contacts, &kept, &found, aperture)
 }
 
@@ -98,6 +110,7 @@ pub fn profile(
 fn whole_profile(
     contacts: &[Contact],
     closed: bool,
+    turn_weight_mm2: f64,
     aperture: &Aperture,
     walls: &EdgeIndex,
 ) -> Vec<Placement> {
@@ -119,7 +132,7 @@ fn whole_profile(
         .into_par_iter()
         .map(|i| turns.iter().map(|turn| cost(i, turn)).collect())
         .collect();
-    let steps = steps_mm(contacts, closed, aperture);
+    let steps = turn_slacks_per_mm(contacts, closed, turn_weight_mm2, aperture);
     let start = if closed {
         closed_start(&costs, &steps, bin_rad)
     } else {
@@ -153,6 +166,7 @@ pub fn refined(
     closed: bool,
     before: &[Placement],
     ahead: &[Ahead],
+    turn_weight_mm2: f64,
     aperture: &Aperture,
     walls: &EdgeIndex,
 ) -> Vec<Placement> {
@@ -162,7 +176,7 @@ pub fn refined(
         ..Run::new(contacts, closed, aperture, walls, ahead)
     };
     if !aperture.is_round() && contacts.len() > 1 {
-        let steps = steps_mm(contacts, closed, aperture);
+        let steps = turn_slacks_per_mm(contacts, closed, turn_weight_mm2, aperture);
         refine(&run, &steps, &mut headings);
         calm(&run, &mut headings);
     }
@@ -413,8 +427,13 @@ fn slide_from(
     (!found.is_some_and(|found| cuts(&found)) && walls.contains(at.center)).then_some(at.into())
 }
 
-/// Distance that the turning between contact i and i + 1 can use, mm.
-fn steps_mm(contacts: &[Contact], closed: bool, aperture: &Aperture) -> Vec<f64> {
+/// Distance that the turning between contact i and i + 1 can use, over the weight of turning, 1/mm.
+fn turn_slacks_per_mm(
+    contacts: &[Contact],
+    closed: bool,
+    turn_weight_mm2: f64,
+    aperture: &Aperture,
+) -> Vec<f64> {
     let count = contacts.len();
     let swing = 0.5 * (aperture.major_mm() + aperture.minor_mm());
     (0..if closed { count } else { count - 1 })
@@ -425,7 +444,7 @@ fn steps_mm(contacts: &[Contact], closed: bool, aperture: &Aperture) -> Vec<f64>
                 .perp(&d.normal)
                 .atan2(c.normal.dot(&d.normal))
                 .abs();
-            ((d.point - c.point).norm() + swing * angle).max(0.01)
+            ((d.point - c.point).norm() + swing * angle).max(0.01) / turn_weight_mm2
         })
         .collect()
 }

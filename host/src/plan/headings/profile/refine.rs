@@ -1,6 +1,6 @@
 //! Continuous refinement of a profile that is right to a bin.
 
-use super::{BINS, Run, TURN_WEIGHT, lap_turn};
+use super::{BINS, Run, lap_turn};
 use rayon::prelude::*;
 
 /// Rounds that move all headings together, and rounds that then try each by itself.
@@ -72,7 +72,7 @@ impl Chain<'_> {
 fn turn_cost(beside: &[Option<(f64, f64)>; 2], heading: f64) -> f64 {
     let beside = beside.iter().flatten();
     beside
-        .map(|(other, step)| TURN_WEIGHT * (heading - other).powi(2) / step)
+        .map(|(other, step)| (heading - other).powi(2) / step)
         .sum()
 }
 
@@ -109,11 +109,11 @@ fn together(
         let [slope, curvature] = slopes[i];
         let (mut diagonal, mut right) = (curvature + 1e-9, -slope);
         for (other, step) in beside.iter().flatten() {
-            let tie = 2.0 * TURN_WEIGHT / step;
+            let tie = 2.0 / step;
             diagonal += tie;
             right += tie * (other - headings[i]);
         }
-        let tie = beside[1].map_or(0.0, |(_, step)| 2.0 * TURN_WEIGHT / step);
+        let tie = beside[1].map_or(0.0, |(_, step)| 2.0 / step);
         rows.push([diagonal, right, tie]);
     }
     for k in 1..unknown {
@@ -213,7 +213,7 @@ mod tests {
     use super::*;
     use crate::geometry::test_shapes::{ELLIPSE as APERTURE, walls};
     use crate::geometry::{Point2, Vector2};
-    use crate::plan::headings::profile::{all_ahead, steps_mm};
+    use crate::plan::headings::profile::{TURN_WEIGHT_MM2, all_ahead, turn_slacks_per_mm};
     use crate::plan::pass::Contact;
 
     /// Contacts along a straight wall whose beads widen and narrow again, slowly.
@@ -238,7 +238,7 @@ mod tests {
         let walls = walls(&[&[[-5.0, 0.0], [30.0, 0.0], [30.0, 9.0], [-5.0, 9.0]]]);
         let ahead = all_ahead(&contacts, &APERTURE, &walls);
         let run = Run::new(&contacts, false, &APERTURE, &walls, &ahead);
-        let steps = steps_mm(&contacts, false, &APERTURE);
+        let steps = turn_slacks_per_mm(&contacts, false, TURN_WEIGHT_MM2, &APERTURE);
         let bin_rad = std::f64::consts::PI / BINS as f64;
         // What gives the extent wanted: e² = a² sin² + b² cos² of the heading against the wall.
         let wanted = |c: &Contact| ((c.extent_mm.powi(2) - 0.04) / 0.32).sqrt().asin();
@@ -253,7 +253,7 @@ mod tests {
             let turns = headings.windows(2).zip(&steps);
             placed
                 + turns
-                    .map(|(w, step)| TURN_WEIGHT * (w[1] - w[0]).powi(2) / step)
+                    .map(|(w, step)| (w[1] - w[0]).powi(2) / step)
                     .sum::<f64>()
         };
         let before = cost(&headings);
