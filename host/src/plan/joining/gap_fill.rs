@@ -13,6 +13,7 @@ use crate::plan::coverage::connections::{eased, inside_connection};
 use crate::plan::coverage::gap_raster::{GapRaster, Ground};
 use crate::plan::pass::sweep::turn_to;
 use crate::plan::pass::{LayerPass, Placement};
+use crate::plan::pose_limits::GroundPrice;
 use rayon::prelude::*;
 use std::collections::HashMap;
 
@@ -33,8 +34,14 @@ const REACH: f64 = 3.0;
 /// memory.
 const BATCH: usize = 64;
 
-/// Fills the gaps that `passes` leave in the region bounded by `walls`.
-pub fn fill_gaps(passes: &mut [LayerPass], aperture: &Aperture, walls: &EdgeIndex) {
+/// Fills the gaps that `passes` leave in the region bounded by `walls`, with excursions that bring
+/// the ground that their time is worth (any, where there is no price).
+pub fn fill_gaps(
+    passes: &mut [LayerPass],
+    aperture: &Aperture,
+    walls: &EdgeIndex,
+    price: Option<&GroundPrice>,
+) {
     if passes.iter().all(|pass| pass.placements.is_empty()) {
         return;
     }
@@ -63,7 +70,7 @@ pub fn fill_gaps(passes: &mut [LayerPass], aperture: &Aperture, walls: &EdgeInde
                 .collect();
             for (gap, ways) in gaps.iter().zip(found) {
                 // Gap-fill moves of this round may have closed the gap already.
-                if let Some(fill) = best_of(ways, &raster, aperture) {
+                if let Some(fill) = best_of(ways, &raster, aperture, price) {
                     raster.cover(&fill.ground);
                     moves.push(fill);
                 } else {
@@ -93,10 +100,12 @@ fn best_of(
     moves: Vec<GapFillMove>,
     raster: &GapRaster,
     aperture: &Aperture,
+    price: Option<&GroundPrice>,
 ) -> Option<GapFillMove> {
     let mut best: Option<(f64, GapFillMove)> = None;
     for fill in moves {
-        let net = raster.net_mm2(&fill.ground);
+        let worth_mm2 = price.map_or(0.0, |price| price.of_excursion_mm2(&fill.fill));
+        let net = raster.net_mm2(&fill.ground) - worth_mm2;
         let least = NET_SHARE_MIN * aperture.area_mm2();
         if net > best.as_ref().map_or(least, |b| b.0) {
             best = Some((net, fill));
@@ -219,7 +228,7 @@ mod tests {
         let mut passes = vec![pass(6.0)];
         let before = covered_pct(&passes, &walls);
         let original = passes[0].placements.clone();
-        fill_gaps(&mut passes, &APERTURE, &walls);
+        fill_gaps(&mut passes, &APERTURE, &walls, None);
         let after = covered_pct(&passes, &walls);
         assert!(after > before + 8.0, "{before} {after}");
         let placements = &passes[0].placements;
@@ -246,9 +255,9 @@ mod tests {
     fn a_full_bar_stays_as_it_is() {
         let walls = walls(3.0, 1.2);
         let mut passes = vec![pass(3.0)];
-        fill_gaps(&mut passes, &APERTURE, &walls);
+        fill_gaps(&mut passes, &APERTURE, &walls, None);
         let count = passes[0].placements.len();
-        fill_gaps(&mut passes, &APERTURE, &walls);
+        fill_gaps(&mut passes, &APERTURE, &walls, None);
         assert_eq!(passes[0].placements.len(), count);
     }
 }

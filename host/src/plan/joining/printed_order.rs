@@ -17,6 +17,7 @@ use crate::plan::joining::links::linked;
 use crate::plan::joining::order::ordered;
 use crate::plan::joining::seam::with_seam;
 use crate::plan::pass::{LayerPass, PassKind};
+use crate::plan::pose_limits::GroundPrice;
 use crate::settings::{SeamPlace, Settings};
 
 /// How often small passes are taken back whose ground gap-fill moves did not reach.
@@ -59,6 +60,7 @@ pub fn in_printing_order(
         band,
         from,
         aperture,
+        price: GroundPrice::of(settings),
     };
     // Gap-fill moves take the place of small passes, if they can.
     let mut is_small = small_ones(&passes, aperture);
@@ -121,6 +123,8 @@ struct Finish<'a> {
     band: Option<EdgeIndex>,
     from: Point2,
     aperture: &'a Aperture,
+    /// What gap-fill moves must bring.
+    price: GroundPrice,
 }
 
 impl Finish<'_> {
@@ -131,7 +135,7 @@ impl Finish<'_> {
         let from = last_place(&passes).unwrap_or(self.from);
         let lines = ordered(self.lines.clone(), from, self.aperture);
         if let Some(band) = &self.band {
-            fill_gaps(&mut passes, self.aperture, band);
+            fill_gaps(&mut passes, self.aperture, band, Some(&self.price));
             let joined = linked_along_walls(lines, self.open, self.aperture, self.walls);
             passes.extend(joined);
             return passes;
@@ -140,7 +144,7 @@ impl Finish<'_> {
             passes.extend(lines);
             passes = linked(passes, self.aperture, self.walls);
         }
-        fill_gaps(&mut passes, self.aperture, self.walls);
+        fill_gaps(&mut passes, self.aperture, self.walls, Some(&self.price));
         passes
     }
 }
