@@ -17,6 +17,7 @@ const POLYGONS: &str = concat!(env!("CARGO_MANIFEST_DIR"), "/../../shared/data/p
 struct Outcome {
     name: String,
     passes: usize,
+    print_s: f64,
     print_mm: f64,
     covered_pct: f64,
 }
@@ -92,12 +93,14 @@ fn outcome(name: &str, rings: &Rings) -> Outcome {
     Outcome {
         name: name.to_string(),
         passes: plan.figures.passes,
+        print_s: plan.figures.print_s,
         print_mm: plan.figures.print_mm,
         covered_pct: plan.figures.covered_pct,
     }
 }
 
-/// Goal: as many passes, path length within 0.1 %, coverage within 0.05. Method:
+/// Goal: time within 2 %, path length within 0.5 %, coverage within 0.1: shortcuts are taken one by one, and
+/// rounding may choose among them. Method:
 /// each part planned whole, in every way.
 #[test]
 fn the_same_part_is_planned_the_same() {
@@ -196,18 +199,20 @@ fn is_planned_the_same(part: &str, ways: &[(&str, Rings)]) {
     let own = &outcomes[0];
     for o in &outcomes {
         println!(
-            "{part} {}: {} passes, {:.3} mm ({:+.3} %), covered {:.3} ({:+.3})",
+            "{part} {}: {:.2} s, {} passes, {:.3} mm ({:+.3} %), covered {:.3} ({:+.3})",
             o.name,
+            o.print_s,
             o.passes,
             o.print_mm,
             100.0 * (o.print_mm / own.print_mm - 1.0),
             o.covered_pct,
             o.covered_pct - own.covered_pct
         );
-        assert_eq!(o.passes, own.passes, "{part} {}", o.name);
+        let slower = o.print_s / own.print_s - 1.0;
+        assert!(slower.abs() <= 0.02, "{part} {}: {slower}", o.name);
         let longer = o.print_mm / own.print_mm - 1.0;
-        assert!(longer.abs() <= 1e-3, "{part} {}: {longer}", o.name);
+        assert!(longer.abs() <= 5e-3, "{part} {}: {longer}", o.name);
         let covered = o.covered_pct - own.covered_pct;
-        assert!(covered.abs() <= 0.05, "{part} {}: {covered}", o.name);
+        assert!(covered.abs() <= 0.1, "{part} {}: {covered}", o.name);
     }
 }

@@ -1,4 +1,4 @@
-//! Goal: noise that no eye can see changes how many passes a real slice takes as little as its widths.
+//! Goal: noise that no eye can see changes the time that a real slice takes by at most 5 %.
 //! Method: every valid slice and the parts of the peers, planned as they are and with each edge divided
 //! every 0.2 mm and moved by 5 um, with two noises. Slices are reference data beside the checkout:
 //! without them the test says so and passes.
@@ -14,6 +14,8 @@ use std::path::PathBuf;
 
 const DATA: &str = concat!(env!("CARGO_MANIFEST_DIR"), "/../../shared/data");
 const NOISE_MM: f64 = 0.005;
+/// Change of the printing time that is allowed.
+const TIME_SHARE: f64 = 0.05;
 const SEEDS: [u64; 2] = [3, 4];
 /// Slices and parts of the peers that are valid.
 const COUNT: usize = 45;
@@ -31,7 +33,7 @@ fn parts(file: &PathBuf) -> Option<Vec<Rings>> {
     Some(rings.collect())
 }
 
-fn passes(parts: &[Rings]) -> usize {
+fn print_s(parts: &[Rings]) -> f64 {
     let target = Target {
         name: "slice".to_string(),
         regions: parts.iter().map(region).collect(),
@@ -39,11 +41,11 @@ fn passes(parts: &[Rings]) -> usize {
     plan_target(&target, &Settings::default())
         .expect("a plan")
         .figures
-        .passes
+        .print_s
 }
 
 #[test]
-fn noise_changes_no_number_of_passes() {
+fn noise_changes_no_printing_time() {
     let folders = ["slices", "peer"].map(|folder| format!("{DATA}/{folder}"));
     let files: Vec<PathBuf> = folders
         .iter()
@@ -56,15 +58,15 @@ fn noise_changes_no_number_of_passes() {
         let parts = parts(file)?;
         let noisy = SEEDS.map(|seed| {
             let noisy = parts.iter().map(|rings| with_noise(rings, NOISE_MM, seed));
-            passes(&noisy.collect::<Vec<_>>())
+            print_s(&noisy.collect::<Vec<_>>())
         });
-        Some((file, passes(&parts), noisy))
+        Some((file, print_s(&parts), noisy))
     });
     let compared: Vec<_> = compared.collect();
     assert_eq!(compared.len(), COUNT);
     let changed = compared
         .iter()
-        .filter(|(_, clean, noisy)| noisy.iter().any(|n| n != clean));
+        .filter(|(_, clean, noisy)| noisy.iter().any(|n| (n / clean - 1.0).abs() > TIME_SHARE));
     let changed: Vec<_> = changed.collect();
     assert!(changed.is_empty(), "{changed:#?}");
 }

@@ -38,7 +38,7 @@ pub fn pass_curves(
     if pass.placements.is_empty() {
         return Vec::new();
     }
-    let control = sharpened(&merged(pass));
+    let control = sharpened(&merged(pass).0);
     let inside = InsideWalls {
         aperture,
         walls,
@@ -149,31 +149,42 @@ fn pieces_without(control: &[PlaneControl], bad: &[bool]) -> Vec<Vec<PlaneContro
     pieces
 }
 
-/// Placements as control points, near-duplicates merged.
-fn merged(pass: &LayerPass) -> Vec<PlaneControl> {
+/// Placements as control points, near-duplicates merged, and the number of the placement that each
+/// one is.
+pub fn merged(pass: &LayerPass) -> (Vec<PlaneControl>, Vec<usize>) {
     let mut control: Vec<PlaneControl> = Vec::with_capacity(pass.placements.len() + 1);
-    for p in &pass.placements {
+    let mut numbers = Vec::with_capacity(pass.placements.len() + 1);
+    for (number, p) in pass.placements.iter().enumerate() {
         let next = [p.at.center.x, p.at.center.y, p.at.heading_rad];
         let near = control.last().is_some_and(|l| {
             (l[0] - next[0]).hypot(l[1] - next[1]) < MERGE_MM && (l[2] - next[2]).abs() < MERGE_RAD
         });
         if !near {
             control.push(next);
+            numbers.push(number);
         }
     }
     if control.len() == 1 {
         control.push(control[0]);
+        numbers.push(numbers[0]);
     }
-    control
+    (control, numbers)
 }
 
-fn sharpened(raw: &[PlaneControl]) -> Vec<PlaneControl> {
+/// True where the second difference of a control polygon is its curve's curvature, no corner;
+/// `step_mm` is the way to the next control point.
+pub fn is_smooth(second: &PlaneControl, step_mm: f64) -> bool {
+    second[0].hypot(second[1]) < SMOOTH_SHARE * step_mm
+}
+
+/// The control polygon of a curve that runs through these points where they are smooth.
+pub fn sharpened(raw: &[PlaneControl]) -> Vec<PlaneControl> {
     let mut control = raw.to_vec();
     for i in 1..raw.len().saturating_sub(1) {
         let step = (raw[i + 1][0] - raw[i - 1][0]).hypot(raw[i + 1][1] - raw[i - 1][1]) / 2.0;
         let second: [f64; 3] =
             std::array::from_fn(|c| raw[i - 1][c] - 2.0 * raw[i][c] + raw[i + 1][c]);
-        if second[0].hypot(second[1]) < SMOOTH_SHARE * step {
+        if is_smooth(&second, step) {
             control[i] = std::array::from_fn(|c| raw[i][c] - second[c] / 6.0);
         }
     }
@@ -358,7 +369,7 @@ mod tests {
         });
         let pass = pass(places, false);
         assert!(pass.placements.len() >= steps as usize);
-        let mut control = sharpened(&merged(&pass));
+        let mut control = sharpened(&merged(&pass).0);
         let inside = InsideWalls {
             aperture: &APERTURE,
             walls: &walls,

@@ -24,6 +24,7 @@ use crate::plan::outline::trimmed_outline::trimmed_outline;
 use crate::plan::outline::unreachable::{UnreachableRun, unreachable_runs};
 use crate::plan::pass::{Contact, LayerPass, PassKind, Placement};
 use crate::plan::pose_limits::PoseLimits;
+use crate::plan::shortcuts::shortened_to_floor;
 use crate::settings::{Infill, PassMode, Settings};
 use rayon::prelude::*;
 
@@ -228,6 +229,12 @@ impl RegionWork {
         let frame = self.frame;
         let passes = std::mem::take(&mut self.passes);
         let passes = self.ordered(passes);
+        let walls = EdgeIndex::of_region(&self.hull, self.settings.aperture.major_mm());
+        let area_mm2 = self.hull.area_mm2();
+        // What a sparse infill leaves open is meant to stay open.
+        let is_filled = |infill: Infill| infill.is_solid();
+        let may_fill = self.settings.infill.is_none_or(is_filled);
+        let passes = shortened_to_floor(passes, &walls, area_mm2, may_fill, &self.settings);
         // Lines that are linked with walls come after them.
         let is_solid = |infill: Infill| infill.is_solid();
         let may_turn = !self.settings.infill.is_some_and(is_solid);

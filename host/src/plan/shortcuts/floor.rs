@@ -1,0 +1,72 @@
+//! The floor of coverage: where a region falls below it, gaps are filled at a higher price.
+//!
+//! In: the passes as they are joined, the region's walls. Out: the same with shortcuts; where too little of
+//! what the aperture reaches is covered then, with fine ones, and gap-fill moves added until enough is. A fixed price leaves regions
+//! of many small corners more open than a printer would have them.
+
+use super::shortened;
+use crate::geometry::Point2;
+use crate::geometry::aperture::Aperture;
+use crate::geometry::coverage::Cell;
+use crate::geometry::edge_index::EdgeIndex;
+use crate::plan::coverage::visits::coverage;
+use crate::plan::joining::gap_fill::fill_gaps;
+use crate::plan::outline::reachable::reachable_count;
+use crate::plan::pass::LayerPass;
+use crate::plan::pose_limits::GroundPrice;
+use crate::settings::{Quality, Settings};
+
+/// Prices against the settings' own, one after the other until the floor holds.
+const PRICES: [f64; 4] = [1.7, 3.0, 6.0, 20.0];
+/// Most cells of the raster on which coverage is counted.
+const CELLS_MAX: usize = 1_000_000;
+/// Open places of which it is asked whether the aperture reaches them.
+const ASKED_MAX: usize = 2000;
+
+/// Replaces stretches of the passes within `walls`, which bound `area_mm2`, by shortcuts: fewer of them and
+/// gap-fill moves besides where the quality's floor would not hold. `may_fill` is false where ground
+/// is meant to stay open.
+pub fn shortened_to_floor(
+    passes: Vec<LayerPass>,
+    walls: &EdgeIndex,
+    area_mm2: f64,
+    may_fill: bool,
+    settings: &Settings,
+) -> Vec<LayerPass> {
+    let aperture = &settings.aperture;
+    let holds = |passes: &[LayerPass]| {
+        !may_fill || covers(passes, walls, aperture, settings.quality.floor_share())
+    };
+    let mut short = passes.clone();
+    shortened(&mut short, walls, area_mm2, settings);
+    if holds(&short) {
+        return short;
+    }
+    let mut short = passes;
+    let fine = Settings {
+        quality: Quality::Fine,
+        ..settings.clone()
+    };
+    shortened(&mut short, walls, area_mm2, &fine);
+    let price = GroundPrice::of(settings);
+    for factor in PRICES {
+        if holds(&short) {
+            break;
+        }
+        fill_gaps(&mut short, aperture, walls, Some(&price.times(factor)));
+    }
+    short
+}
+
+/// True where the passes cover this share of what the aperture reaches within the walls.
+fn covers(passes: &[LayerPass], walls: &EdgeIndex, aperture: &Aperture, least: f64) -> bool {
+    let raster = coverage(passes, walls, aperture, CELLS_MAX);
+    let open = raster.count(Cell::Gap);
+    let covered = (raster.count(Cell::Covered) + raster.count(Cell::Overlap)) as f64;
+    if open == 0 || covered >= least * (covered + open as f64) {
+        return true;
+    }
+    let asked: Vec<Point2> = raster.gaps().step_by(open.div_ceil(ASKED_MAX)).collect();
+    let reached = reachable_count(aperture, &asked, walls) as f64 / asked.len() as f64;
+    covered >= least * (covered + open as f64 * reached)
+}
