@@ -1,8 +1,9 @@
 //! The floor of coverage: where a region falls below it, gaps are filled at a higher price.
 //!
-//! In: the passes as they are joined, the region's walls. Out: the same with shortcuts; where too little of
-//! what the aperture reaches is covered then, with fine ones, and gap-fill moves added until enough is. A fixed price leaves regions
-//! of many small corners more open than a printer would have them.
+//! In: the passes as they are joined, the region's walls. Out: the same with shortcuts; where too
+//! little of what the aperture reaches is covered then, with fine ones, and gap-fill moves added until
+//! enough is. A fixed price leaves regions of many small corners more open than a printer would have
+//! them.
 
 use super::shortened;
 use crate::geometry::Point2;

@@ -217,6 +217,30 @@ fn write_joint(
     writeln!(text, "jerk_max_deg_s3 = {}", degrees(joint.jerk_max))
 }
 
+/// What the planner chooses by.
+fn write_choices(text: &mut String, s: &Settings) -> std::fmt::Result {
+    let pass = match s.pass_mode {
+        PassMode::Two => "two",
+        PassMode::One => "one",
+    };
+    writeln!(text, "pass = \"{pass}\"")?;
+    let law = match s.heading_law {
+        HeadingLaw::Tangent => "tangent",
+        HeadingLaw::Linear => "linear",
+    };
+    writeln!(text, "law = \"{law}\"")?;
+    let quality = match s.quality {
+        Quality::Fine => "fine",
+        Quality::Standard => "standard",
+        Quality::Fast => "fast",
+    };
+    writeln!(
+        text,
+        "# What ground left open or laid twice is worth in seconds of printing: fine, standard or fast."
+    )?;
+    writeln!(text, "quality = \"{quality}\"")
+}
+
 fn write_process(text: &mut String, s: &Settings, with_layers: bool) -> std::fmt::Result {
     writeln!(
         text,
@@ -243,26 +267,7 @@ fn write_process(text: &mut String, s: &Settings, with_layers: bool) -> std::fmt
     writeln!(text, "lift_mm = {}", number(s.lift_mm))?;
     writeln!(text, "overlap_pct = {}", number(s.overlap_pct))?;
     write_travel(text, s)?;
-    let pass = match s.pass_mode {
-        PassMode::Two => "two",
-        PassMode::One => "one",
-    };
-    writeln!(text, "pass = \"{pass}\"")?;
-    let law = match s.heading_law {
-        HeadingLaw::Tangent => "tangent",
-        HeadingLaw::Linear => "linear",
-    };
-    writeln!(text, "law = \"{law}\"")?;
-    let quality = match s.quality {
-        Quality::Fine => "fine",
-        Quality::Standard => "standard",
-        Quality::Fast => "fast",
-    };
-    writeln!(
-        text,
-        "# What ground left open or laid twice is worth in seconds of printing: fine, standard or fast."
-    )?;
-    writeln!(text, "quality = \"{quality}\"")?;
+    write_choices(text, s)?;
     writeln!(text, "\n[flow]\nfactor = {}", number(s.flow_factor))?;
     writeln!(text, "flow_max_mm3_s = {}", number(s.flow_max_mm3_s))?;
     let change = number(s.flow_rate_of_change_max_mm3_s2);
