@@ -184,7 +184,6 @@ fn plan_figures(plan: &Plan, unreachable: &[UnreachableRun], plan_s: f64) -> Fig
         reachable_pct: of_area(f.reachable_pct),
         covered_pct: of_area(f.covered_pct),
         covered_of_reachable_pct: of_area(f.covered_of_reachable_pct),
-        open_largest_mm2: of_area(f.open_largest_mm2),
         outside_depth_mm: of_area(f.outside_depth_mm),
         overlap_pct: of_area(f.overlap_pct),
         kept_out_mm2: (!plan.keep_out.is_empty()).then_some(plan.kept_out_mm2),

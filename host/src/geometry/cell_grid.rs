@@ -56,18 +56,6 @@ impl CellGrid {
         self.cell_mm.powi(2)
     }
 
-    /// The cells beside a cell in its row and column.
-    pub fn beside(&self, cell: usize) -> impl Iterator<Item = usize> + use<> {
-        let (column, row) = (cell % self.columns, cell / self.columns);
-        let around = [
-            (column > 0).then(|| cell - 1),
-            (column + 1 < self.columns).then(|| cell + 1),
-            (row > 0).then(|| cell - self.columns),
-            (row + 1 < self.rows).then(|| cell + self.columns),
-        ];
-        around.into_iter().flatten()
-    }
-
     /// All of its cells.
     pub fn window(&self) -> CellWindow {
         CellWindow {

@@ -124,30 +124,6 @@ impl Coverage {
             .sum()
     }
 
-    /// Area of the largest connected set of cells inside the region that were never visited, mm².
-    pub fn largest_gap_mm2(&self) -> f64 {
-        let grid = self.grid();
-        let mut is_open: Vec<bool> = self.cells.iter().map(|cell| *cell == Cell::Gap).collect();
-        let mut largest = 0;
-        let mut gap = Vec::new();
-        for seed in 0..is_open.len() {
-            if !std::mem::take(&mut is_open[seed]) {
-                continue;
-            }
-            gap.push(seed);
-            let mut size = 0;
-            while let Some(cell) = gap.pop() {
-                size += 1;
-                gap.extend(
-                    grid.beside(cell)
-                        .filter(|&next| std::mem::take(&mut is_open[next])),
-                );
-            }
-            largest = largest.max(size);
-        }
-        largest as f64 * grid.cell_area_mm2()
-    }
-
     /// Shares of the region that were visited, and visited more than once, per cent.
     pub fn covered_and_overlap_pct(&self) -> [f64; 2] {
         let [gap, covered, overlap] =

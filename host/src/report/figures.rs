@@ -126,10 +126,6 @@ pub struct Figures {
     /// Share of the reachable part that is covered.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub covered_of_reachable_pct: Option<f64>,
-    /// Area of the largest single void: ground inside the outline that no pass covers, whether an
-    /// aperture could reach it or not.
-    #[serde(skip_serializing_if = "Option::is_none")]
-    pub open_largest_mm2: Option<f64>,
     /// How far any placed aperture leaves the outline, on the finished segments.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub outside_depth_mm: Option<f64>,
@@ -326,7 +322,6 @@ impl Figures {
                 "covered of reachable",
                 number(self.covered_of_reachable_pct, 2, "%"),
             ),
-            ("largest void", number(self.open_largest_mm2, 3, "mm²")),
             ("overlap", number(self.overlap_pct, 2, "%")),
             (
                 "outside, deepest",

@@ -140,7 +140,7 @@ impl GapRaster {
 
     /// The open cells connected with `seed` that this search has not seen, if any.
     fn gap_of(&mut self, seed: u32) -> Option<Vec<u32>> {
-        let (cells, grid) = (&self.coverage.cells, self.grid);
+        let (cells, columns, rows) = (&self.coverage.cells, self.grid.columns, self.grid.rows);
         let (seen, search) = (&mut self.seen, self.searches);
         let mut is_new = |cell: usize| {
             cells[cell] == Cell::Gap && std::mem::replace(&mut seen[cell], search) != search
@@ -151,8 +151,16 @@ impl GapRaster {
         let mut gap = vec![seed];
         let mut head = 0;
         while head < gap.len() {
-            let around = grid.beside(gap[head] as usize);
+            let at = gap[head] as usize;
             head += 1;
+            let (column, row) = (at % columns, at / columns);
+            let around = [
+                (column > 0).then(|| at - 1),
+                (column + 1 < columns).then(|| at + 1),
+                (row > 0).then(|| at - columns),
+                (row + 1 < rows).then(|| at + columns),
+            ];
+            let around = around.into_iter().flatten();
             gap.extend(around.filter(|&next| is_new(next)).map(|next| next as u32));
         }
         Some(gap)

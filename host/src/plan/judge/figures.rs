@@ -19,8 +19,6 @@ pub struct PlanFigures {
     pub overlap_pct: f64,
     /// The same of the layer of which the most was.
     pub overlap_pct_max: f64,
-    /// The largest single void of any layer: ground inside the regions that was not swept.
-    pub open_largest_mm2: f64,
     /// How far any placed aperture leaves the regions, on any layer.
     pub outside_depth_mm: f64,
     /// Where that is, input coordinates.
@@ -54,8 +52,6 @@ pub struct Swept {
     pub overlap_mm2: f64,
     /// What of it some placement covers.
     pub reachable_mm2: f64,
-    /// Its largest single void.
-    pub open_largest_mm2: f64,
     /// How far any placed aperture leaves it.
     pub outside_depth_mm: f64,
     /// Where that is, input coordinates.
@@ -63,8 +59,7 @@ pub struct Swept {
 }
 
 impl Swept {
-    /// Several together: sums of the areas, the deepest of the depths, the largest of the
-    /// voids.
+    /// Several together: sums of the areas, the deepest of the depths.
     pub fn sum<'a>(parts: impl IntoIterator<Item = &'a Swept>) -> Swept {
         let mut sum = Swept::default();
         for part in parts {
@@ -72,7 +67,6 @@ impl Swept {
             sum.covered_mm2 += part.covered_mm2;
             sum.overlap_mm2 += part.overlap_mm2;
             sum.reachable_mm2 += part.reachable_mm2;
-            sum.open_largest_mm2 = sum.open_largest_mm2.max(part.open_largest_mm2);
             if part.outside_depth_mm > sum.outside_depth_mm {
                 sum.outside_depth_mm = part.outside_depth_mm;
                 sum.outside_at_mm = part.outside_at_mm;

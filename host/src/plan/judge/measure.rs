@@ -200,7 +200,6 @@ fn set_shares(figures: &mut PlanFigures, prints: &[MeasuredPrint], swept: &[Swep
     figures.overlap_pct = all.overlap_pct();
     figures.reachable_pct = 100.0 * all.reachable_mm2 / area_mm2;
     figures.covered_of_reachable_pct = 100.0 * all.covered_mm2 / all.reachable_mm2.max(1e-12);
-    figures.open_largest_mm2 = all.open_largest_mm2;
     figures.outside_depth_mm = all.outside_depth_mm;
     figures.outside_at_mm = all.outside_at_mm;
     figures.covered_pct_min = figures.covered_pct;
@@ -287,7 +286,6 @@ impl<'a> PrintGround<'a> {
             covered_mm2: area_mm2 * covered_share,
             overlap_mm2: area_mm2 * overlap_pct / 100.0,
             reachable_mm2: area_mm2 * (covered_share + (1.0 - covered_share) * gap_share),
-            open_largest_mm2: swept.largest_gap_mm2(),
             ..Swept::default()
         };
         let frame = self.frame;
