@@ -24,10 +24,12 @@ const NEAR_SHARE: f64 = 3.0;
 /// Distance of placements along the wall, against b.
 const STEP_SHARE: f64 = 0.5;
 
-/// Joins lines that follow each other along the walls of `open`; none of it leaves `walls`.
+/// Joins lines that follow each other along the walls of `open`; none of it leaves `walls`. Turning
+/// weighs `turn_weight_mm2`, as along any profile.
 pub fn linked_along_walls(
     lines: Vec<LayerPass>,
     open: &[Region],
+    turn_weight_mm2: f64,
     aperture: &Aperture,
     walls: &EdgeIndex,
 ) -> Vec<LayerPass> {
@@ -42,6 +44,7 @@ pub fn linked_along_walls(
     let along = AlongWalls {
         rings,
         ground,
+        turn_weight_mm2,
         aperture,
         walls,
     };
@@ -112,6 +115,7 @@ impl<'a> WallRing<'a> {
 struct AlongWalls<'a> {
     rings: Vec<WallRing<'a>>,
     ground: EdgeIndex,
+    turn_weight_mm2: f64,
     aperture: &'a Aperture,
     walls: &'a EdgeIndex,
 }
@@ -123,7 +127,13 @@ impl AlongWalls<'_> {
         let (end, start) = (before.placements.last()?, next.placements.first()?);
         let (ring, [from_mm, to_mm]) = self.common_ring(end.at, start.at)?;
         let contacts = self.contacts(ring, from_mm, to_mm);
-        let mut along = profile(&contacts, false, self.aperture, &self.ground);
+        let mut along = profile(
+            &contacts,
+            false,
+            self.turn_weight_mm2,
+            self.aperture,
+            &self.ground,
+        );
         if to_mm < from_mm {
             along.reverse();
         }
@@ -199,6 +209,7 @@ mod tests {
     use super::*;
     use crate::geometry::clearance::is_inside;
     use crate::geometry::test_shapes::{ELLIPSE, region};
+    use crate::plan::headings::profile::TURN_WEIGHT_MM2;
     use crate::plan::pass::test_passes::run;
 
     /// Goal: lines across a room become one pass, without a jump, inside the walls. Method: five
@@ -221,7 +232,7 @@ mod tests {
             &region(&[&[[-2.0, -2.0], [32.0, -2.0], [32.0, 14.0], [-2.0, 14.0]]]),
             0.6,
         );
-        let joined = linked_along_walls(lines, &open, &ELLIPSE, &walls);
+        let joined = linked_along_walls(lines, &open, TURN_WEIGHT_MM2, &ELLIPSE, &walls);
         assert_eq!(joined.len(), 2);
         for pair in joined[0].placements.windows(2) {
             assert!(

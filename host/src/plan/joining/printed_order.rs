@@ -9,6 +9,7 @@ use crate::geometry::aperture::Aperture;
 use crate::geometry::edge_index::{Edge, EdgeIndex};
 use crate::geometry::polygon::Region;
 use crate::plan::coverage::pass_ends::{small_ones, take_back_open};
+use crate::plan::headings::profile::turn_weight_mm2;
 use crate::plan::joining::bridges::bridged;
 use crate::plan::joining::chains::{around_loops, chained};
 use crate::plan::joining::gap_fill::fill_gaps;
@@ -17,7 +18,7 @@ use crate::plan::joining::links::linked;
 use crate::plan::joining::order::ordered;
 use crate::plan::joining::seam::with_seam;
 use crate::plan::pass::{LayerPass, PassKind};
-use crate::plan::pose_limits::GroundPrice;
+use crate::plan::pose_limits::{GroundPrice, PoseLimits};
 use crate::settings::{SeamPlace, Settings};
 
 /// How often small passes are taken back whose ground gap-fill moves did not reach.
@@ -61,6 +62,7 @@ pub fn in_printing_order(
         from,
         aperture,
         price: GroundPrice::of(settings),
+        turn_weight_mm2: turn_weight_mm2(&PoseLimits::of(settings), aperture),
     };
     // Gap-fill moves take the place of small passes, if they can.
     let mut is_small = small_ones(&passes, aperture);
@@ -125,6 +127,7 @@ struct Finish<'a> {
     aperture: &'a Aperture,
     /// What gap-fill moves must bring.
     price: GroundPrice,
+    turn_weight_mm2: f64,
 }
 
 impl Finish<'_> {
@@ -136,7 +139,13 @@ impl Finish<'_> {
         let lines = ordered(self.lines.clone(), from, self.aperture);
         if let Some(band) = &self.band {
             fill_gaps(&mut passes, self.aperture, band, Some(&self.price));
-            let joined = linked_along_walls(lines, self.open, self.aperture, self.walls);
+            let joined = linked_along_walls(
+                lines,
+                self.open,
+                self.turn_weight_mm2,
+                self.aperture,
+                self.walls,
+            );
             passes.extend(joined);
             return passes;
         }
