@@ -6,6 +6,7 @@ pub mod cell_grid;
 pub mod clearance;
 pub mod coverage;
 pub mod edge_index;
+pub mod edge_meeting;
 pub mod frame;
 pub mod point_grid;
 pub mod polygon;

@@ -6,11 +6,10 @@
 //! predicates on the coordinates as given: no tolerance. Cost: a grid, so about linear.
 
 use super::edge_index::{Edge, EdgeIndex};
+use super::edge_meeting::{Meeting, meeting};
 use super::polygon::{Box2, Region, Ring};
-use super::predicates::orientation;
 use super::union_find::root;
 use super::{Point2, Vector2};
-use std::cmp::Ordering;
 use std::fmt;
 use thiserror::Error;
 
@@ -128,18 +127,6 @@ pub enum ValidityError {
         /// Where.
         at_mm: [f64; 2],
     },
-}
-
-/// How two edges meet.
-#[derive(Clone, Copy, Debug, PartialEq)]
-enum Meeting {
-    None,
-    /// In one point that is an end of at least one of them.
-    Touch(Point2),
-    /// In one point inside both.
-    Cross(Point2),
-    /// Along a stretch, here its middle.
-    Along(Point2),
 }
 
 /// Checks one region.
@@ -395,8 +382,8 @@ impl Rings {
             on_edges.extend(touch.edges.map(|edge| (edge, touch.at)));
         }
         on_edges.sort_by_key(|(edge, _)| *edge);
-        for ring in 1..rings {
-            let last = if is_touched[ring] {
+        for (ring, &is_touched) in is_touched.iter().enumerate().take(rings).skip(1) {
+            let last = if is_touched {
                 self.first[ring + 1]
             } else {
                 self.first[ring] + 1
@@ -472,53 +459,6 @@ fn check_connected(touches: &[RingTouch]) -> Result<(), ValidityError> {
         parent[a.max(b)] = a.min(b);
     }
     Ok(())
-}
-
-/// How edges e and f meet, exactly (but for the rounding of a crossing point).
-fn meeting(e: Edge, f: Edge) -> Meeting {
-    let apart = |k: fn(&Point2) -> f64| {
-        k(&e.a).max(k(&e.b)) < k(&f.a).min(k(&f.b)) || k(&f.a).max(k(&f.b)) < k(&e.a).min(k(&e.b))
-    };
-    if apart(|p| p.x) || apart(|p| p.y) {
-        return Meeting::None;
-    }
-    let (fa, fb) = (orientation(e.a, e.b, f.a), orientation(e.a, e.b, f.b));
-    let (ea, eb) = (orientation(f.a, f.b, e.a), orientation(f.a, f.b, e.b));
-    if [fa, fb, ea, eb].iter().all(|o| o.is_eq()) {
-        return meeting_on_line(e, f);
-    }
-    if fa == fb || ea == eb {
-        return Meeting::None;
-    }
-    for (side, p) in [(fa, f.a), (fb, f.b), (ea, e.a), (eb, e.b)] {
-        if side == Ordering::Equal {
-            return Meeting::Touch(p);
-        }
-    }
-    let (d, g) = (e.b - e.a, f.b - f.a);
-    let t = (f.a - e.a).perp(&g) / d.perp(&g);
-    Meeting::Cross(e.a + d * t.clamp(0.0, 1.0))
-}
-
-/// Both edges on one line: the stretch they share.
-fn meeting_on_line(e: Edge, f: Edge) -> Meeting {
-    let d = e.b - e.a;
-    let key = |p: &Point2| if d.x.abs() >= d.y.abs() { p.x } else { p.y };
-    let ordered = |g: Edge| {
-        if key(&g.a) <= key(&g.b) {
-            (g.a, g.b)
-        } else {
-            (g.b, g.a)
-        }
-    };
-    let ((e0, e1), (f0, f1)) = (ordered(e), ordered(f));
-    let low = if key(&e0) >= key(&f0) { e0 } else { f0 };
-    let high = if key(&e1) <= key(&f1) { e1 } else { f1 };
-    match key(&low).total_cmp(&key(&high)) {
-        Ordering::Less => Meeting::Along(low + (high - low) / 2.0),
-        Ordering::Equal => Meeting::Touch(low),
-        Ordering::Greater => Meeting::None,
-    }
 }
 
 #[cfg(test)]

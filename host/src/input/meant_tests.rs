@@ -49,7 +49,7 @@ fn misspelt_keys_of_polygons_are_refused_with_the_near_one() {
 
 #[test]
 fn misspelt_members_of_geojson_are_refused() {
-    let polygon = format!(r#""type":"Polygon","coordinates":[[[0,0],[10,0],[10,10],[0,0]]]"#);
+    let polygon = r#""type":"Polygon","coordinates":[[[0,0],[10,0],[10,10],[0,0]]]"#;
     for (text, near) in [
         (format!(r#"{{{polygon},"unit":"in"}}"#), "units"),
         (

@@ -2,9 +2,10 @@
 //!
 //! usvg resolves styles, uses, units, transforms and the view box to CSS pixels (96 to the inch);
 //! here they become mm from the page's lower left corner with y up, so that a part comes out as it
-//! is seen. With a unit given, one user unit of the page (of its viewBox) is that long. Each path is a shape of its own with its fill rule; colours say nothing. Arcs and
-//! circles arrive as cubics that are within 0.03 % of their radius (usvg); flattening adds at most
-//! the stated tolerance. Leaves out: strokes, text (turn both into paths), images, clips, masks.
+//! is seen. With a unit given, one user unit of the page (of its viewBox) is that long. Each path
+//! is a shape of its own with its fill rule; colours say nothing. Arcs and circles arrive as cubics
+//! that are within 0.03 % of their radius (usvg); flattening adds at most the stated tolerance.
+//! Leaves out: strokes, text (turn both into paths), images, clips, masks.
 
 use super::names::shortened;
 use super::outline::{Drawing, RawRing, Rule, Shape};

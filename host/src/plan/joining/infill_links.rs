@@ -221,7 +221,7 @@ mod tests {
         let open = [room(0.0, 21.0), room(24.0, 30.0)];
         let line = |i: u32| {
             let x = 2.0 + 4.0 * f64::from(i);
-            if i % 2 == 0 {
+            if i.is_multiple_of(2) {
                 run([x, 0.3], [x, 11.7])
             } else {
                 run([x, 11.7], [x, 0.3])

@@ -458,7 +458,8 @@ mod tests {
         let needles = |radius_mm: f64, depth_mm: f64| {
             let point = |i: usize| {
                 let (sin, cos) = (i as f64 * TAU / 6000.0).sin_cos();
-                Point2::new(cos, sin) * (radius_mm + if i % 2 == 0 { 0.0 } else { depth_mm })
+                Point2::new(cos, sin)
+                    * (radius_mm + if i.is_multiple_of(2) { 0.0 } else { depth_mm })
             };
             Ring {
                 points: (0..6000).map(point).collect(),
