@@ -34,8 +34,9 @@ use crate::settings::{Quality, Settings};
 use rayon::prelude::*;
 use std::ops::Range;
 
-/// Lengths of the windows, s.
-const WINDOWS_S: [f64; 2] = [0.1, 0.25];
+/// Lengths of the windows against the time that the heading takes to turn by a radian from rest to
+/// rest: 0.1 and 0.26 s on the built-in machine.
+const WINDOWS: [f64; 2] = [0.8, 2.0];
 /// Rounds over all lengths.
 const ROUNDS: usize = 2;
 /// Windows of one length begin so many times as often as they are long.
@@ -92,10 +93,11 @@ fn shortened(passes: &mut [LayerPass], walls: &EdgeIndex, area_mm2: f64, setting
         price_s_mm2,
         return_mm: return_mm(aperture),
     };
+    let radian_s = limits.rest_to_rest_s(0.0, 1.0);
     for round in 0..ROUNDS {
-        let batches = WINDOWS_S
+        let batches = WINDOWS
             .iter()
-            .flat_map(|s| (0..PHASES).map(move |phase| (*s, phase)));
+            .flat_map(|window| (0..PHASES).map(move |phase| (window * radian_s, phase)));
         for (window_s, phase) in batches {
             let phase = (phase as f64 + 0.5 * (round % 2) as f64) / PHASES as f64;
             chains.par_iter_mut().for_each(|chain| chain.time(&limits));
