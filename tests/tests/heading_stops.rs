@@ -36,7 +36,8 @@ fn cuts_lay_little_twice_and_leave_nothing_open() {
         let (passes, cut, aperture_mm2) = planned(PI);
         println!("{name}: {passes_free} passes, {free:?}; {passes} passes, {cut:?}");
         let cuts = passes as f64 - passes_free as f64;
-        assert!(cuts >= 6.0, "{name}: {cuts}");
+        // Headings that turn no more than they must need few: 4 on the gear.
+        assert!(cuts >= 3.0, "{name}: {cuts}");
         // Two pieces that meet at a placement lay all of the aperture twice, and a little beside it: 1.1
         // times its area when that was so; 0.24 (gear) and 0.28 when this was written.
         let twice_mm2 = (cut.overlap_pct - free.overlap_pct) / 100.0 * cut.area_mm2 / cuts;
