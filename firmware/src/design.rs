@@ -57,9 +57,10 @@ pub const LOAD_ALPHA_MAX: f32 = 0.97;
 /// device measures has f32 and the differences of very short spans in it, at most 4 %.
 pub const LIMIT_MARGIN: f64 = 1.05;
 
-/// The same for the extruder while a prime or retract runs beside a path rate that is not the plan's: a
-/// plan's sum keeps the limit, but a pause, an override or an empty queue moves the path's part against
-/// the event's. Each part is within the limit by itself.
+/// The same for the extruder while the path rate is not the plan's, or has lately been: a plan's sum
+/// keeps the limit, but a pause, an override or an empty queue moves the path's part against an event's,
+/// and the bound by which the rate is chosen takes pressure advance for less than it may be
+/// (`EXTRUDER_ALPHA_MAX`: a plan at 0.95 may come to 1.34 at 200 %).
 pub const RAMP_MARGIN: f64 = 1.5;
 
 /// Least beta: below it nothing really moves, and the rate may change at once (4 per tick).

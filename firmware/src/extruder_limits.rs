@@ -51,7 +51,7 @@ pub struct ExtruderGuard {
     bend_limit: u32,
     way_max: u32,
     bend_max: u32,
-    /// The same in a ramp of the path rate that no plan knew, with a prime or retract beside it.
+    /// The same at a path rate that no plan knew.
     ramp_way_max: u32,
     ramp_bend_max: u32,
 }

@@ -297,7 +297,7 @@ impl Motion {
         // the events that it met.
         let since_ticks = (self.now_ticks as u32).wrapping_sub(self.off_plan_ticks);
         let met_ticks = self.flow.longest_active_ticks() + self.flow.window_ticks();
-        let in_ramp = self.flow.is_active() && since_ticks <= met_ticks;
+        let in_ramp = since_ticks <= met_ticks;
         match self.extruder_guard.exceeded(ways, in_ramp) {
             None => Ok(()),
             Some(value) => Err(Fault {
