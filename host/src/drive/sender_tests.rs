@@ -208,6 +208,7 @@ impl Loopback {
                 self.predictor = Some(KnotPredictor::new(start.position));
                 self.expected = start.first_sequence;
                 self.first = start.first_sequence;
+                self.job = start.job;
             }
         }
         if message == &HostMessage::Control(Control::StatusRequest) {
