@@ -53,6 +53,8 @@ pub struct Sender {
     /// Newest control sequence used.
     control_sequence: u16,
     outstanding: Option<Outstanding>,
+    /// A welcome did not know our stream.
+    doubts: bool,
     commands: VecDeque<Control>,
     events: VecDeque<SenderEvent>,
     first_sequence: u32,
@@ -115,6 +117,7 @@ impl Sender {
             device_session: None,
             control_sequence: setup.host_session as u16,
             outstanding: None,
+            doubts: false,
             commands: VecDeque::new(),
             events: VecDeque::new(),
             first_sequence: 0,
@@ -219,6 +222,9 @@ impl Sender {
             (_, Some(command)) => ControlMessage::Command(command),
             (SenderState::Greeting, None) => ControlMessage::Hello,
             (SenderState::Opening, None) => ControlMessage::Start,
+            (SenderState::Streaming | SenderState::Finishing, None) if self.doubts => {
+                ControlMessage::Hello
+            }
             (SenderState::Done | SenderState::Failed(_), None) => return,
             (_, None) if self.is_silent(now_us) => ControlMessage::Command(Control::StatusRequest),
             (_, None) => return,

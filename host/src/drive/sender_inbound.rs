@@ -41,11 +41,7 @@ impl Sender {
             return;
         }
         if self.state != SenderState::Greeting {
-            if self.is_session(welcome.session) && self.has_lost_stream(welcome) {
-                self.fail(SenderError::StreamLost {
-                    job: self.frames.job(),
-                });
-            }
+            self.doubt(welcome);
             return;
         }
         self.outstanding = None;
@@ -72,6 +68,29 @@ impl Sender {
 
     /// True if the controller greets us without the stream that it had acknowledged: it has
     /// restarted, whatever session it names. An abort ends the stream before we hear of it.
+    /// A welcome that does not know our stream, while we stream. It may be an old one that was overtaken
+    /// on its way: the controller is greeted again, and believed if it says so twice with no
+    /// acknowledgement in between.
+    fn doubt(&mut self, welcome: &Welcome) {
+        let answers = |outstanding: &Outstanding| {
+            outstanding.what == ControlMessage::Hello && outstanding.sent_us.is_some()
+        };
+        let greeted = self.outstanding.as_ref().is_some_and(answers);
+        if greeted {
+            self.outstanding = None;
+        }
+        if !self.is_session(welcome.session) {
+            return;
+        }
+        let lost = self.has_lost_stream(welcome);
+        // A copy of the first one is no second one.
+        if lost && self.doubts && greeted {
+            let job = self.frames.job();
+            self.fail(SenderError::StreamLost { job });
+        }
+        self.doubts = lost;
+    }
+
     fn has_lost_stream(&self, welcome: &Welcome) -> bool {
         let streams = matches!(self.state, SenderState::Streaming | SenderState::Finishing);
         let ends = |outstanding: &Outstanding| {
@@ -142,6 +161,7 @@ impl Sender {
         }
         self.knot_limit = self.knot_limit.max(ack.knot_limit);
         self.event_limit = self.event_limit.max(ack.event_limit);
+        self.doubts = false;
         self.take_acknowledged(now_us, taken);
         if self.acknowledged == self.frames.len() {
             self.state = SenderState::Finishing;
