@@ -13,12 +13,21 @@ fn main() {
     let manifest = std::env::var("CARGO_MANIFEST_DIR").unwrap_or_default();
     println!("cargo:rustc-link-search={manifest}/..");
     println!("cargo:rustc-link-arg-bins=-Tlink.x");
+    // Segments begin where their sections do. Rounded down to a page, the first one would claim the
+    // flash of the boot loader below the image, and a flasher would write it.
+    println!("cargo:rustc-link-arg-bins=--nmagic");
     if std::env::var_os("CARGO_FEATURE_DEFMT").is_some() {
         println!("cargo:rustc-link-arg-bins=-Tdefmt.x");
     }
     // The emulated binaries live where the emulated machine has its memory.
     for binary in ["qemu", "qemu_bench"] {
         println!("cargo:rustc-link-arg-bin={binary}=--defsym=_mem_qemu=1");
+    }
+    println!("cargo:rustc-link-arg-bin=boot_loader=--defsym=_mem_whole=1");
+    // The Feather has its boot loader in the chip's ROM; in emulation it stands behind one.
+    let is_emulated = std::env::var_os("CARGO_FEATURE_EMULATED").is_some();
+    if std::env::var_os("CARGO_FEATURE_FEATHER").is_some() && !is_emulated {
+        println!("cargo:rustc-link-arg-bin=feather=--defsym=_mem_whole=1");
     }
 }
 

@@ -60,11 +60,11 @@ pub fn emulated_planar() -> MachineConfiguration {
     }
 }
 
-/// The machine that the `octopus` board is built for: the one in the file that `HEADWAY_MACHINE`
+/// The machine that a board to flash is built for: the one in the file that `HEADWAY_MACHINE`
 /// named at build time (written by `headway machine firmware`), or the planar machine that the
 /// `headway` command has built in; with the switches of [`HomingConfiguration::standard`].
 /// `None` if the file is not a machine that can be run.
-pub fn octopus_machine() -> Option<(MachineConfiguration, HomingConfiguration)> {
+pub fn board_machine() -> Option<(MachineConfiguration, HomingConfiguration)> {
     const BUILT_FOR: &[u8] = include_bytes!(concat!(env!("OUT_DIR"), "/machine.bin"));
     let machine = if BUILT_FOR.is_empty() {
         built_in_planar()

@@ -16,6 +16,7 @@ extern crate std;
 #[macro_use]
 mod log;
 
+pub mod board;
 pub mod boards;
 pub mod carriers;
 pub mod configuration;

@@ -44,6 +44,8 @@ impl Machine {
     ///
     /// # Errors
     /// [`ConfigurationError`] where either configuration cannot be run.
+    // The machine is large: built where a board needs it, it is not copied.
+    #[inline(always)]
     pub fn with_switches(
         configuration: &MachineConfiguration,
         switches: &HomingConfiguration,

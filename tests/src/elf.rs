@@ -41,9 +41,24 @@ const FLOAT_TEXT_NAMES: [&str; 4] = [
 /// Parts of names of an allocator.
 const HEAP_NAMES: [&str; 3] = ["__rust_alloc", "__rg_alloc", "alloc_error"];
 
+/// What a flasher writes: bytes of the file and the place in memory that it loads them to.
+#[derive(Clone, Copy, Debug)]
+pub struct Segment {
+    /// First address.
+    pub address: u32,
+    /// Bytes in the file.
+    pub bytes: u32,
+    offset: usize,
+}
+
+/// Kind of a program header whose bytes are loaded.
+const SEGMENT_LOADED: u32 = 1;
+
 /// A file, read.
 #[derive(Debug)]
 pub struct Elf {
+    bytes: Vec<u8>,
+    segments: Vec<Segment>,
     sections: Vec<Section>,
     symbols: Vec<String>,
 }
@@ -77,6 +92,22 @@ impl Elf {
                 link: word(at + 24)? as usize,
             });
         }
+        let segments = (0..half(44)? as usize)
+            .map(|index| {
+                let at = word(28)? as usize + index * half(42)? as usize;
+                Some((
+                    word(at)?,
+                    Segment {
+                        address: word(at + 12)?,
+                        bytes: word(at + 16)?,
+                        offset: word(at + 4)? as usize,
+                    },
+                ))
+            })
+            .collect::<Option<Vec<_>>>()?;
+        let loaded =
+            |(kind, segment): &(u32, Segment)| *kind == SEGMENT_LOADED && segment.bytes > 0;
+        let segments = segments.into_iter().filter(loaded);
         let mut symbols = Vec::new();
         for section in sections
             .iter()
@@ -92,7 +123,33 @@ impl Elf {
                 symbols.push(String::from_utf8_lossy(text).into_owned());
             }
         }
-        Some(Self { sections, symbols })
+        Some(Self {
+            bytes: bytes.to_vec(),
+            segments: segments.map(|(_, segment)| segment).collect(),
+            sections,
+            symbols,
+        })
+    }
+
+    /// What a flasher writes.
+    pub fn segments(&self) -> &[Segment] {
+        &self.segments
+    }
+
+    /// The flash from its first byte to its last, as `objcopy -O binary` writes it: gaps are zero. With
+    /// the address of the first byte.
+    pub fn image(&self) -> (u32, Vec<u8>) {
+        let first = self.segments.iter().map(|segment| segment.address).min();
+        let first = first.unwrap_or(0);
+        let mut image = Vec::new();
+        for segment in &self.segments {
+            let at = (segment.address - first) as usize;
+            let end = at + segment.bytes as usize;
+            image.resize(image.len().max(end), 0);
+            let file = &self.bytes[segment.offset..segment.offset + segment.bytes as usize];
+            image[at..end].copy_from_slice(file);
+        }
+        (first, image)
     }
 
     fn allocated(&self) -> impl Iterator<Item = &Section> {

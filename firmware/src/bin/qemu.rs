@@ -96,6 +96,8 @@ mod board {
     static EMERGENCY_TICK: AtomicU32 = AtomicU32::new(NEVER);
     /// Servo ticks that would not have fed a watchdog.
     static UNFED: AtomicU32 = AtomicU32::new(0);
+    /// Servo ticks, each pended by a step tick.
+    static INTERVALS: AtomicU32 = AtomicU32::new(0);
     /// Steps forward less steps back since start-up.
     static PLACES: [AtomicI32; MOTORS_MAX] = [const { AtomicI32::new(0) }; MOTORS_MAX];
 
@@ -155,6 +157,7 @@ mod board {
             switches: switches(),
             emergency: false,
         });
+        INTERVALS.fetch_add(1, Ordering::Relaxed);
         // There is no watchdog to feed: what it would not have been fed is counted.
         let unfed = UNFED.load(Ordering::Relaxed) + u32::from(!done.healthy);
         UNFED.store(unfed, Ordering::Relaxed);
@@ -184,7 +187,7 @@ mod board {
         let mut ended_tick = None;
         loop {
             if let Some(byte) = LINK.receive() {
-                runtime::take_byte(&mut receiver, byte);
+                runtime::take_byte(&mut receiver, 0, byte);
                 ended_tick = None;
             }
             runtime::look_ahead();
@@ -205,6 +208,19 @@ mod board {
         }
     }
 
+    /// Servo ticks that come while work without privilege tries to mask interrupts.
+    fn ticks_through_a_mask() -> u32 {
+        let now = || INTERVALS.load(Ordering::Relaxed);
+        let before = now();
+        runtime::without_masking(|| {
+            cortex_m::interrupt::free(|_| {
+                // Some intervals long, at any speed of the emulator.
+                cortex_m::asm::delay(100_000);
+            });
+        });
+        now().wrapping_sub(before)
+    }
+
     /// Prints what happened; true if it went well.
     fn report() -> bool {
         let trace = with_output(|trace| (trace.digest, trace.steps));
@@ -213,6 +229,7 @@ mod board {
             NEVER => 0,
             tick => LAST_TICK.load(Ordering::Relaxed).wrapping_sub(tick) as i32,
         };
+        let through_a_mask = ticks_through_a_mask();
         with_motion(|motion| {
             let mut counts = motion.counts();
             let counts = counts.get_mut(..motion.motors()).unwrap_or_default();
@@ -220,7 +237,7 @@ mod board {
                 "{}\"step_digest\": \"{:016x}\", \"steps\": {}, \"final_counts\": {:?}, \
                  \"underruns\": {}, \"holds\": {}, \"faults\": {}, \
                  \"last_step_after_emergency_ticks\": {}, \"drivers_on\": {}, \
-                 \"unfed_watchdog_ticks\": {}{}",
+                 \"unfed_watchdog_ticks\": {}, \"servo_ticks_through_a_mask\": {}{}",
                 "{",
                 digest,
                 steps,
@@ -231,6 +248,7 @@ mod board {
                 late,
                 motion.drivers_on(),
                 UNFED.load(Ordering::Relaxed),
+                through_a_mask,
                 "}"
             );
             motion.fault().is_none()

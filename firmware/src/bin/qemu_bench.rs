@@ -184,7 +184,7 @@ mod bench {
     #[inline(never)]
     fn handle(receiver: &mut Receiver, frame: &[u8]) {
         for &byte in frame {
-            runtime::take_byte(receiver, byte);
+            runtime::take_byte(receiver, 0, byte);
         }
     }
 

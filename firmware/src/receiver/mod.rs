@@ -89,11 +89,18 @@ struct Due {
 /// Refusals that wait to be said. A message that would need one more is dropped as if it had been
 /// lost, and answered when the host repeats it.
 const REFUSALS_MAX: usize = 4;
+/// Lines that a host may be at the other end of: each has a decoder of its own, so that noise on one
+/// damages nothing on the other.
+const LINES: usize = 2;
+/// The second of them.
+pub const SECOND_LINE: usize = 1;
 
 /// The controller's end of the line.
 #[derive(Clone, Debug)]
 pub struct Receiver {
-    decoder: FrameDecoder,
+    decoders: [FrameDecoder; LINES],
+    /// Where a valid frame came last.
+    line: usize,
     loads: LoadModel,
     machine_hash: u32,
     servo_hz: u32,
@@ -120,7 +127,8 @@ impl Receiver {
     /// `session` should differ after every start of the controller.
     pub fn new(configuration: &MachineConfiguration, session: u32) -> Self {
         Self {
-            decoder: FrameDecoder::new(),
+            decoders: core::array::from_fn(|_| FrameDecoder::new()),
+            line: 0,
             loads: LoadModel::new(configuration),
             machine_hash: configuration.hash(),
             servo_hz: configuration.servo_hz,
@@ -141,9 +149,21 @@ impl Receiver {
         }
     }
 
-    /// Takes one byte. Frames that are damaged are dropped: the host sends them again.
+    /// Takes one byte of the first line; see [`Self::push_on`].
     pub fn push(&mut self, byte: u8) -> Option<Request> {
-        let frame = self.decoder.push(byte)?.ok()?;
+        self.push_on(0, byte)
+    }
+
+    /// Where reports go: the line on which a valid frame came last, whatever else was heard since.
+    pub fn line(&self) -> usize {
+        self.line
+    }
+
+    /// Takes one byte of a line (0 or [`SECOND_LINE`]). Frames that are damaged are dropped: the host
+    /// sends them again.
+    pub fn push_on(&mut self, line: usize, byte: u8) -> Option<Request> {
+        let frame = self.decoders.get_mut(line)?.push(byte)?.ok()?;
+        self.line = line;
         let sequence = frame.sequence;
         let message = HostMessage::decode(frame.payload);
         let in_order = self

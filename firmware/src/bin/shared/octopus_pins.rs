@@ -2,13 +2,19 @@
 //! `headway_firmware::octopus`.
 
 use crate::ports::{PORT_BYTES, SET_RESET};
-use headway_firmware::octopus::{DIRECTION, EMERGENCY, ENABLE, OFF, STEP, SWITCHES};
+use crate::stm32f4::CoreDelay;
+use embedded_hal::delay::DelayNs;
+use headway_firmware::board::{BoardPins, INPUTS_SETTLE_MS};
+use headway_firmware::inputs::Inputs;
+use headway_firmware::octopus::{DIRECTION, EMERGENCY, ENABLE, OFF, SERIAL, STEP, SWITCHES};
 use headway_firmware::output::Pin;
 
 const MODE: usize = 0x00;
 const PULL: usize = 0x0c;
 const INPUT: usize = 0x10;
 const ALTERNATE: usize = 0x20;
+/// USART 2 among the functions of its pins.
+const SERIAL_FUNCTION: u32 = 7;
 
 /// Port A; the others follow.
 pub const PORTS: usize = 0x4002_0000;
@@ -52,14 +58,34 @@ fn input((port, number): Pin) {
 }
 
 /// Puts a pin to its alternate function.
-pub fn alternate((port, number): Pin, function: u32) {
+fn alternate((port, number): Pin, function: u32) {
     let offset = ALTERNATE + if number >= 8 { 4 } else { 0 };
     modify(port, offset, 4 * (number % 8), 4, function);
     modify(port, MODE, 2 * number, 2, 2);
 }
 
+/// Switches, emergency input and enables, by ports.
+pub struct OctopusPins {
+    motors: usize,
+}
+
+impl BoardPins for OctopusPins {
+    #[inline(always)]
+    fn inputs(&mut self) -> Inputs {
+        Inputs {
+            switches: switches(),
+            emergency: is_high(EMERGENCY),
+        }
+    }
+
+    #[inline(always)]
+    fn hold(&mut self, on: bool) {
+        enable(self.motors, on);
+    }
+}
+
 /// Sets every pin up, before any interrupt is on: all off. Port clocks must run.
-pub fn set_up(motors: usize) {
+pub fn set_up(motors: usize) -> OctopusPins {
     for pin in OFF {
         output(pin, false);
     }
@@ -75,10 +101,17 @@ pub fn set_up(motors: usize) {
     }
     SWITCHES.into_iter().for_each(input);
     input(EMERGENCY);
+    for pin in SERIAL {
+        // An input that floats hears noise.
+        modify(pin.0, PULL, 2 * pin.1, 2, 1);
+        alternate(pin, SERIAL_FUNCTION);
+    }
+    CoreDelay.delay_ms(INPUTS_SETTLE_MS);
+    OctopusPins { motors }
 }
 
 /// Switches pressed, bit 0 = joint 0.
-pub fn switches() -> u8 {
+fn switches() -> u8 {
     let mut pressed = 0;
     for (joint, pin) in SWITCHES.into_iter().enumerate() {
         pressed |= u8::from(is_high(pin)) << joint;
@@ -86,13 +119,8 @@ pub fn switches() -> u8 {
     pressed
 }
 
-/// The emergency input is open.
-pub fn emergency() -> bool {
-    is_high(EMERGENCY)
-}
-
 /// Lets the drivers of the first `motors` motors hold, or all go.
-pub fn enable(motors: usize, on: bool) {
+fn enable(motors: usize, on: bool) {
     for (motor, (port, number)) in ENABLE.into_iter().enumerate() {
         let low = on && motor < motors;
         write(port, 1 << if low { number + 16 } else { number });

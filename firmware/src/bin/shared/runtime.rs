@@ -1,4 +1,4 @@
-//! What both boards do alike: three contexts of different priority around the library.
+//! What all boards do alike: three contexts of different priority around the library.
 //!
 //! ```text
 //! SysTick, highest:  step ticks; pends the servo at the end of each interval
@@ -30,6 +30,8 @@ use cortex_m::peripheral::scb::SystemHandler;
 use cortex_m::peripheral::syst::SystClkSource;
 use cortex_m::peripheral::{SCB, SYST};
 use cortex_m::register::basepri;
+use cortex_m::register::control::{self, Npriv};
+use cortex_m_rt::exception;
 use headway_firmware::inputs::Inputs;
 use headway_firmware::machine::Machine;
 use headway_firmware::motion::{EMERGENCY, Motion};
@@ -62,7 +64,7 @@ struct Servo {
 
 /// A value that contexts of different priority share; each access says why it is alone. Without
 /// a value at first, and so without an image of one in flash.
-struct Shared<T> {
+pub struct Shared<T> {
     value: UnsafeCell<MaybeUninit<T>>,
     is_set: AtomicBool,
 }
@@ -71,7 +73,7 @@ struct Shared<T> {
 unsafe impl<T> Sync for Shared<T> {}
 
 impl<T> Shared<T> {
-    const fn empty() -> Self {
+    pub const fn empty() -> Self {
         Self {
             value: UnsafeCell::new(MaybeUninit::uninit()),
             is_set: AtomicBool::new(false),
@@ -85,7 +87,7 @@ impl<T> Shared<T> {
 
     /// # Safety
     /// Nothing that can interrupt the caller may use the same value.
-    unsafe fn set(&self, value: T) {
+    pub unsafe fn set(&self, value: T) {
         // SAFETY: the caller's promise.
         unsafe { (*self.value.get()).write(value) };
         self.is_set.store(true, Ordering::Release);
@@ -93,7 +95,7 @@ impl<T> Shared<T> {
 
     /// # Safety
     /// Nothing that can interrupt the caller may use the same value.
-    unsafe fn with<R>(&self, work: impl FnOnce(&mut T) -> R) -> Option<R> {
+    pub unsafe fn with<R>(&self, work: impl FnOnce(&mut T) -> R) -> Option<R> {
         if !self.is_set.load(Ordering::Relaxed) {
             return None;
         }
@@ -105,7 +107,7 @@ impl<T> Shared<T> {
     /// As [`Self::with`], and it was set.
     #[inline(always)]
     #[allow(clippy::mut_from_ref)]
-    unsafe fn get(&self) -> &mut T {
+    pub unsafe fn get(&self) -> &mut T {
         // SAFETY: the caller's promise.
         unsafe { (*self.value.get()).assume_init_mut() }
     }
@@ -212,8 +214,8 @@ fn stop_steps() {
     }
 }
 
-/// The board's stop interrupt, pended by its emergency input, which may have been a spike, or by
-/// whoever asked for a stop.
+/// The board's stop interrupt, pended by its emergency input (a spike counts as well) or by whoever asked
+/// for a stop.
 pub fn stop_interrupt(emergency: bool) {
     let asked = STOP_ASKED.swap(false, Ordering::Relaxed);
     if STEPPING.is_set.load(Ordering::Acquire) && (emergency || asked) {
@@ -382,9 +384,34 @@ pub fn start(
     receiver
 }
 
-/// A byte from the line, in the main loop.
-pub fn take_byte(receiver: &mut Receiver, byte: u8) {
-    if let Some(request) = receiver.push(byte) {
+/// Does work of the main loop that would mask interrupts, and cannot: without privilege the core
+/// ignores `cpsid`. For drivers of others that mask what does not concern them, and use neither the
+/// motion nor the core's own registers.
+pub fn without_masking<R>(work: impl FnOnce() -> R) -> R {
+    let mut control = control::read();
+    control.set_npriv(Npriv::Unprivileged);
+    // SAFETY: the work needs no privilege; what follows has it again.
+    unsafe { control::write(control) };
+    let result = work();
+    // SAFETY: the handler below gives privilege back.
+    unsafe { core::arch::asm!("svc 0") };
+    result
+}
+
+/// The main loop asks for its privilege back.
+#[exception]
+fn SVCall() {
+    let mut control = control::read();
+    control.set_npriv(Npriv::Privileged);
+    // SAFETY: what it was before the work without it.
+    unsafe { control::write(control) };
+}
+
+/// A byte from a line, in the main loop.
+// Once in the image, however many lines there are.
+#[inline(never)]
+pub fn take_byte(receiver: &mut Receiver, line: usize, byte: u8) {
+    if let Some(request) = receiver.push_on(line, byte) {
         with_motion(|motion| {
             receiver.apply(request, motion);
             stop_if_due(motion);
@@ -416,6 +443,7 @@ impl Outgoing {
 
     /// What is to be sent now; gets the next report when the last one is out. One call per round of
     /// the main loop: it also tells the servo that the loop lives.
+    #[inline(never)]
     pub fn pending(&mut self, receiver: &mut Receiver) -> &[u8] {
         LINK_PASSES.store(
             LINK_PASSES.load(Ordering::Relaxed).wrapping_add(1),

@@ -1,0 +1,101 @@
+//! Adafruit Feather STM32F405 Express (168 MHz), five drivers on its headers, serial line: what a board
+//! costs that has nothing of its own but pins, all of them the HAL's.
+//!
+//! Pins after the board's published table. Drivers share one enable; PB7 (SDA) is the emergency input.
+//! Built and emulated (QEMU, netduinoplus2): it has not run on hardware.
+#![cfg_attr(target_os = "none", no_std, no_main)]
+
+#[cfg(not(target_os = "none"))]
+fn main() {
+    eprintln!("this binary is for the board: build it for thumbv7em-none-eabihf");
+}
+
+#[cfg(all(target_os = "none", feature = "defmt"))]
+use defmt_rtt as _;
+
+#[cfg(target_os = "none")]
+#[path = "shared/runtime.rs"]
+mod runtime;
+#[cfg(target_os = "none")]
+#[path = "shared/stm32f4.rs"]
+mod stm32f4;
+
+#[cfg(target_os = "none")]
+use {board::Output, stm32f4::pend_stop};
+
+#[cfg(target_os = "none")]
+mod board {
+    use crate::stm32f4::{self, CoreDelay, Parts, SerialLine};
+    use headway_firmware::board::{NoLine, PinBoard, PinOutput};
+    use headway_firmware::output::Pin;
+    use stm32f4xx_hal::gpio::{self, ErasedPin, Input};
+    use stm32f4xx_hal::pac::{self, Interrupt, interrupt};
+    use stm32f4xx_hal::prelude::*;
+
+    type OutputPin = ErasedPin<gpio::Output>;
+    /// X, Y, Z, nozzle, extruder.
+    const MOTORS: usize = 5;
+    pub type Output = PinOutput<OutputPin, OutputPin, MOTORS>;
+    /// X, Y, Z.
+    pub type Pins = PinBoard<ErasedPin<Input>, OutputPin, 3, 1>;
+    pub type UsbLine = NoLine;
+
+    /// STM32F405.
+    pub const CHIP_ID: u32 = 0x413;
+    pub const EMERGENCY: Pin = (1, 7);
+    /// Ports A to C.
+    pub const PORTS_CLOCK_MASK: u32 = 0b111;
+    /// USART 3: TX and RX of the header.
+    pub const SERIAL_PORT: usize = 0x4000_4800;
+    pub const SERIAL_CLOCK_MASK: u32 = 1 << 18;
+    pub const SERIAL_INTERRUPT: Interrupt = Interrupt::USART3;
+
+    #[interrupt]
+    fn USART3() {
+        SerialLine::interrupt();
+    }
+
+    pub fn set_up_board(device: pac::Peripherals, motors: usize) -> Option<Parts> {
+        if motors > MOTORS {
+            return None;
+        }
+        let mut rcc = device.RCC.constrain();
+        let a = device.GPIOA.split(&mut rcc);
+        let b = device.GPIOB.split(&mut rcc);
+        let c = device.GPIOC.split(&mut rcc);
+        b.pb10.into_alternate::<7>();
+        // An input that floats hears noise.
+        b.pb11.into_alternate::<7>().internal_pull_up(true);
+        let steps = [
+            a.pa4.into_push_pull_output().erase(),
+            a.pa6.into_push_pull_output().erase(),
+            c.pc4.into_push_pull_output().erase(),
+            c.pc7.into_push_pull_output().erase(),
+            b.pb13.into_push_pull_output().erase(),
+        ];
+        let directions = [
+            a.pa5.into_push_pull_output().erase(),
+            a.pa7.into_push_pull_output().erase(),
+            c.pc5.into_push_pull_output().erase(),
+            c.pc6.into_push_pull_output().erase(),
+            b.pb14.into_push_pull_output().erase(),
+        ];
+        let switches = [
+            b.pb9.into_pull_up_input().erase(),
+            b.pb8.into_pull_up_input().erase(),
+            c.pc3.into_pull_up_input().erase(),
+        ];
+        let emergency = b.pb7.into_pull_up_input().erase();
+        let enable = c.pc2.into_push_pull_output_in_state(gpio::PinState::High);
+        Some(Parts {
+            output: PinOutput::new(steps, directions, 0),
+            pins: PinBoard::new(switches, emergency, [enable.erase()], &mut CoreDelay),
+            usb: NoLine,
+        })
+    }
+
+    #[cortex_m_rt::entry]
+    fn main() -> ! {
+        stm32f4::main()
+    }
+}

@@ -1,0 +1,308 @@
+//! What the STM32F4 boards share: start-up, clocks, watchdog, emergency input, serial line, main loop.
+//!
+//! A board names its pins, its chip and which serial port it uses, and hands its pins over in
+//! [`Parts`]; `runtime.rs` does the rest. Registers after RM0090 (STM32F405) and RM0390 (STM32F446),
+//! which agree in all that is used here. Built and emulated: it has not run on hardware.
+
+// Each board uses what it needs of this.
+#![allow(dead_code)]
+
+#[cfg_attr(feature = "emulated", allow(unused_imports))]
+#[path = "stm32f4_clocks.rs"]
+mod clocks;
+#[path = "stm32f4_start.rs"]
+pub mod start;
+
+use crate::board::{
+    CHIP_ID, EMERGENCY, Output, PORTS_CLOCK_MASK, Pins, SERIAL_CLOCK_MASK, SERIAL_INTERRUPT,
+    SERIAL_PORT, UsbLine, set_up_board,
+};
+use crate::runtime::{self, Outgoing, Shared, with_motion};
+use core::convert::Infallible;
+use cortex_m::peripheral::{NVIC, Peripherals};
+use cortex_m_rt::exception;
+use embedded_hal::delay::DelayNs;
+use embedded_io::{ErrorType, Read, ReadReady, Write, WriteReady};
+use headway_firmware::board::{BoardPins, ByteRing, chip_fault, exchange};
+use headway_firmware::boards::board_machine;
+use headway_firmware::machine::Machine;
+use headway_firmware::receiver::{Receiver, SECOND_LINE};
+use headway_protocol::message::{Fault, FaultCause};
+use stm32f4xx_hal::pac::{self, Interrupt, interrupt};
+
+pub const CORE_HZ: u32 = 168_000_000;
+/// Of the upper four priority bits: below the steps, above the servo.
+const SERIAL_PRIORITY: u8 = 0x40;
+
+/// What a board hands over.
+pub struct Parts {
+    /// Step and direction pins.
+    pub output: Output,
+    /// Switches, emergency input, enables.
+    pub pins: Pins,
+    /// USB, or a `NoLine`.
+    pub usb: UsbLine,
+}
+
+/// The servo interrupt's.
+static PINS: Shared<Pins> = Shared::empty();
+
+#[exception]
+fn SysTick() {
+    runtime::step_interrupt();
+}
+
+#[exception]
+fn PendSV() {
+    // SAFETY: set before this interrupt is on, which alone uses it.
+    let pins = unsafe { PINS.get() };
+    let done = runtime::servo_interrupt(pins.inputs());
+    pins.hold(done.drivers_on);
+    if done.healthy {
+        start::feed_watchdog();
+    }
+}
+
+/// The emergency input has opened, however shortly, or a stop is asked for.
+#[interrupt]
+fn EXTI9_5() {
+    runtime::stop_interrupt(emergency_input::take());
+}
+
+/// Asks for the stop interrupt.
+pub fn pend_stop() {
+    NVIC::pend(Interrupt::EXTI9_5);
+}
+
+mod emergency_input {
+    //! A rising edge of one line of the external interrupts, 5 to 9. The edge is kept by the chip until
+    //! it is taken; the level is looked at in every servo tick.
+    use super::EMERGENCY;
+
+    /// Its port in the multiplexer, one of four to a register.
+    const MULTIPLEXER: *mut u32 = (0x4001_3808 + LINE / 4 * 4) as *mut u32;
+    const MASK: *mut u32 = 0x4001_3c00 as *mut u32;
+    const RISING: *mut u32 = 0x4001_3c08 as *mut u32;
+    const PENDING: *mut u32 = 0x4001_3c14 as *mut u32;
+    const LINE: u32 = EMERGENCY.1;
+    const _: () = assert!(LINE >= 5 && LINE <= 9, "the lines of this interrupt");
+
+    pub fn set_up() {
+        let shift = LINE % 4 * 4;
+        // SAFETY: registers of this line only, before its interrupt is on.
+        unsafe {
+            let others = MULTIPLEXER.read_volatile() & !(0xf << shift);
+            MULTIPLEXER.write_volatile(others | (EMERGENCY.0 as u32) << shift);
+            RISING.write_volatile(RISING.read_volatile() | 1 << LINE);
+            MASK.write_volatile(MASK.read_volatile() | 1 << LINE);
+            // Writing a one clears the flag.
+            PENDING.write_volatile(1 << LINE);
+        }
+    }
+
+    /// True if there was an edge since it was last taken.
+    pub fn take() -> bool {
+        // SAFETY: as above; a one clears this line's flag alone.
+        unsafe {
+            let edge = PENDING.read_volatile() >> LINE & 1 == 1;
+            PENDING.write_volatile(1 << LINE);
+            edge
+        }
+    }
+}
+
+/// A USART at 1 Mbaud: received bytes go into a ring, sent ones straight out.
+pub struct SerialLine;
+
+const STATE: *mut u32 = SERIAL_PORT as *mut u32;
+const DATA: *mut u32 = (SERIAL_PORT + 4) as *mut u32;
+const BAUD: *mut u32 = (SERIAL_PORT + 8) as *mut u32;
+const CONTROL: *mut u32 = (SERIAL_PORT + 12) as *mut u32;
+const TX_EMPTY: u32 = 1 << 7;
+/// On; interrupt when a byte has come; sends and receives.
+const SERIAL_ON: u32 = 1 << 13 | 1 << 5 | 1 << 3 | 1 << 2;
+/// 42 MHz / 16 / 2.625.
+const ONE_MBAUD: u32 = 2 << 4 | 10;
+/// 5 ms at 1 Mbaud: longer than the main loop's longest round.
+static ARRIVED: ByteRing<512> = ByteRing::new();
+
+impl SerialLine {
+    fn set_up() -> Self {
+        // SAFETY: registers of this USART, before its interrupt is on.
+        unsafe {
+            BAUD.write_volatile(ONE_MBAUD);
+            CONTROL.write_volatile(SERIAL_ON);
+        }
+        Self
+    }
+
+    /// A byte has arrived; for the board's interrupt.
+    pub fn interrupt() {
+        // SAFETY: reading state and data, as this interrupt alone does.
+        let byte = unsafe {
+            let _ = STATE.read_volatile();
+            DATA.read_volatile() as u8
+        };
+        ARRIVED.push(byte);
+    }
+}
+
+impl ErrorType for SerialLine {
+    type Error = Infallible;
+}
+
+impl Read for SerialLine {
+    fn read(&mut self, bytes: &mut [u8]) -> Result<usize, Infallible> {
+        let mut length = 0;
+        for (place, byte) in bytes.iter_mut().zip(core::iter::from_fn(|| ARRIVED.pop())) {
+            *place = byte;
+            length += 1;
+        }
+        Ok(length)
+    }
+}
+
+impl ReadReady for SerialLine {
+    fn read_ready(&mut self) -> Result<bool, Infallible> {
+        Ok(!ARRIVED.is_empty())
+    }
+}
+
+impl Write for SerialLine {
+    fn write(&mut self, bytes: &[u8]) -> Result<usize, Infallible> {
+        let Some(&byte) = bytes.first() else {
+            return Ok(0);
+        };
+        // SAFETY: the main loop alone sends.
+        unsafe { DATA.write_volatile(byte.into()) };
+        Ok(1)
+    }
+
+    fn flush(&mut self) -> Result<(), Infallible> {
+        Ok(())
+    }
+}
+
+impl WriteReady for SerialLine {
+    fn write_ready(&mut self) -> Result<bool, Infallible> {
+        // SAFETY: reading the state has no effect before data is read.
+        Ok(unsafe { STATE.read_volatile() } & TX_EMPTY != 0)
+    }
+}
+
+/// The main loop. Reports go to the line on which a valid frame came last.
+fn serve(mut receiver: Receiver, mut serial: SerialLine, mut usb: UsbLine) -> ! {
+    let mut outgoing = Outgoing::new();
+    loop {
+        let by_usb = receiver.line() == SECOND_LINE;
+        let pending = outgoing.pending(&mut receiver);
+        let (for_serial, for_usb): (&[u8], &[u8]) = if by_usb {
+            (&[], pending)
+        } else {
+            (pending, &[])
+        };
+        let mut sent = exchange(&mut serial, for_serial, |byte| {
+            runtime::take_byte(&mut receiver, 0, byte);
+        });
+        runtime::look_ahead();
+        sent += exchange(&mut usb, for_usb, |byte| {
+            runtime::take_byte(&mut receiver, SECOND_LINE, byte);
+        });
+        outgoing.sent(sent);
+    }
+}
+
+/// What is wrong with this board, where anything is.
+fn set_up_clocks(device: &pac::Peripherals) -> Option<Fault> {
+    let wrong_clock = clocks::set_up(&device.RCC, &device.FLASH);
+    chip_fault(start::device_id(), CHIP_ID).or(wrong_clock)
+}
+
+fn run() -> Option<()> {
+    let (configuration, switches) = board_machine()?;
+    let motors = configuration.joints.len() + 1;
+    let mut core = Peripherals::take()?;
+    let device = pac::Peripherals::take()?;
+    let by_watchdog = device.RCC.csr().read().wdgrstf().bit_is_set();
+    device.RCC.csr().modify(|_, w| w.rmvf().set_bit());
+    let wrong_board = set_up_clocks(&device);
+    // Ports, the serial port, the multiplexer of the external interrupts.
+    // SAFETY: bits that switch clocks on.
+    unsafe {
+        let rcc = &device.RCC;
+        rcc.ahb1enr()
+            .modify(|r, w| w.bits(r.bits() | PORTS_CLOCK_MASK));
+        rcc.apb1enr()
+            .modify(|r, w| w.bits(r.bits() | SERIAL_CLOCK_MASK));
+        rcc.apb2enr().modify(|_, w| w.syscfgen().set_bit());
+    }
+    let parts = set_up_board(device, motors)?;
+    let serial = SerialLine::set_up();
+    emergency_input::set_up();
+    let clocks = CORE_HZ.checked_div(configuration.step_hz)?;
+    let machine = Machine::with_switches(&configuration, &switches, start::session()).ok()?;
+    // SAFETY: what these interrupts use is set up, or not looked at before it is; no lock relies
+    // on their being off.
+    unsafe {
+        PINS.set(parts.pins);
+        core.NVIC.set_priority(Interrupt::EXTI9_5, 0);
+        core.NVIC.set_priority(SERIAL_INTERRUPT, SERIAL_PRIORITY);
+        NVIC::unmask(Interrupt::EXTI9_5);
+        NVIC::unmask(SERIAL_INTERRUPT);
+    }
+    let receiver = runtime::start(machine, parts.output, clocks, &mut core.SCB, &mut core.SYST);
+    let by_watchdog = by_watchdog.then_some(Fault {
+        cause: FaultCause::Watchdog,
+        index: 0,
+        value: 0,
+    });
+    if let Some(fault) = wrong_board.or(by_watchdog) {
+        with_motion(|motion| motion.fail_softly(fault));
+    }
+    // SAFETY: all that interrupts use is set.
+    unsafe { cortex_m::interrupt::enable() }
+    serve(receiver, serial, parts.usb)
+}
+
+/// From the boards' entries. It only ends where the machine built in cannot be run, or the chip has no
+/// clock: nothing ever moves, and the watchdog starts anew.
+pub fn main() -> ! {
+    run();
+    stop()
+}
+
+/// Drivers off, no more interrupts; the watchdog starts anew.
+pub fn stop() -> ! {
+    cortex_m::interrupt::disable();
+    // SAFETY: nothing interrupts any more.
+    unsafe {
+        PINS.with(|pins| pins.hold(false));
+    }
+    loop {
+        cortex_m::asm::nop();
+    }
+}
+
+/// Waits in the core.
+pub struct CoreDelay;
+
+impl DelayNs for CoreDelay {
+    fn delay_ns(&mut self, ns: u32) {
+        let clocks = u64::from(ns) * u64::from(CORE_HZ / 1_000_000) / 1000;
+        cortex_m::asm::delay(clocks as u32);
+    }
+}
+
+#[cfg(feature = "prove-no-panic")]
+unsafe extern "C" {
+    /// Defined nowhere: the image only links if the panic handler is never reached.
+    safe fn a_panic_can_be_reached() -> !;
+}
+
+#[panic_handler]
+fn panic(_: &core::panic::PanicInfo<'_>) -> ! {
+    #[cfg(feature = "prove-no-panic")]
+    a_panic_can_be_reached();
+    #[cfg(not(feature = "prove-no-panic"))]
+    stop()
+}

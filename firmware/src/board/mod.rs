@@ -1,0 +1,32 @@
+//! The edge to the hardware, for any microcontroller: `embedded-hal` 1.0 and `embedded-io`.
+//!
+//! ```text
+//! steps, directions   -> PinOutput (OutputPin)      or the port-wide output::PortOutput
+//! switches, emergency -> PinBoard (InputPin)        -> inputs, once a servo tick
+//! enables, lamp       <- PinBoard (OutputPin), Lamp (SetDutyCycle)
+//! bytes               <-> exchange (Read, Write and their readiness)
+//! ```
+//! A board binary adds clocks, interrupts and which pin is which. What a board may replace by
+//! something faster is the same contract: `PortOutput` and `PinOutput` are both [`StepOutput`]s, and a
+//! test plays the same random interval on both and compares the levels.
+//! Left out: who calls what when, which is the boards' runtime; anything of one chip.
+//!
+//! [`StepOutput`]: crate::output::StepOutput
+
+mod lamp;
+mod line;
+mod pins;
+mod ring;
+mod start;
+
+pub use lamp::Lamp;
+pub use line::{Line, NoLine, exchange};
+pub use pins::{BoardPins, INPUTS_SETTLE_MS, PinBoard, PinOutput};
+pub use ring::ByteRing;
+pub use start::{
+    StartCounter, TIMER_CLOCKS_PER_HZ, chip_fault, crystal_fault, crystal_hz, mix_noise,
+    serial_number, session_of,
+};
+
+#[cfg(test)]
+mod tests;

@@ -1,0 +1,122 @@
+//! Drivers, switches and the emergency input on `embedded-hal` pins.
+//!
+//! Bit m of a mask is motor m. A microcontroller's own pins cannot fail; of those that can, an input
+//! counts as pressed, and an output is left as it is.
+
+use crate::inputs::Inputs;
+use crate::output::StepOutput;
+use embedded_hal::delay::DelayNs;
+use embedded_hal::digital::{InputPin, OutputPin, PinState};
+
+/// Time from the pull-ups on until the inputs are believed: 100 nF of a filter at 40 kΩ, five times
+/// over.
+pub const INPUTS_SETTLE_MS: u32 = 20;
+
+/// Step and direction pins of `MOTORS` drivers, one by one. A pulse begins with its step and ends with
+/// the next step tick, as with `PortOutput`.
+#[derive(Debug)]
+pub struct PinOutput<S, D, const MOTORS: usize> {
+    steps: [S; MOTORS],
+    directions: [D; MOTORS],
+    inverted: u8,
+}
+
+impl<S: OutputPin, D: OutputPin, const MOTORS: usize> PinOutput<S, D, MOTORS> {
+    /// No pulse, all directions as towards smaller positions. `inverted`: motors whose direction pin is
+    /// low for larger positions.
+    pub fn new(steps: [S; MOTORS], directions: [D; MOTORS], inverted: u8) -> Self {
+        let mut output = Self {
+            steps,
+            directions,
+            inverted,
+        };
+        output.end_pulses();
+        output.set_directions(0);
+        output
+    }
+}
+
+impl<S: OutputPin, D: OutputPin, const MOTORS: usize> StepOutput for PinOutput<S, D, MOTORS> {
+    #[inline(always)]
+    fn end_pulses(&mut self) {
+        // All of them: that is quicker than to know which.
+        for step in &mut self.steps {
+            let _ = step.set_low();
+        }
+    }
+
+    fn set_directions(&mut self, directions: u8) {
+        let levels = directions ^ self.inverted;
+        for (motor, direction) in self.directions.iter_mut().enumerate() {
+            let _ = direction.set_state(PinState::from(levels >> motor & 1 == 1));
+        }
+    }
+
+    #[inline(always)]
+    fn step(&mut self, _tick: u64, motors: u8) {
+        for (motor, step) in self.steps.iter_mut().enumerate() {
+            if motors >> motor & 1 == 1 {
+                let _ = step.set_high();
+            }
+        }
+    }
+}
+
+/// What the servo tick reads and writes at a board's pins.
+pub trait BoardPins {
+    /// Levels of the inputs.
+    fn inputs(&mut self) -> Inputs;
+    /// Lets the drivers hold their motors, or go.
+    fn hold(&mut self, on: bool);
+}
+
+/// Inputs pulled up, of switches that are normally closed to ground: pressed or broken is high. Enable
+/// pins, low = on.
+#[derive(Debug)]
+pub struct PinBoard<I, E, const JOINTS: usize, const ENABLES: usize> {
+    switches: [I; JOINTS],
+    emergency: I,
+    enables: [E; ENABLES],
+}
+
+impl<I: InputPin, E: OutputPin, const JOINTS: usize, const ENABLES: usize>
+    PinBoard<I, E, JOINTS, ENABLES>
+{
+    /// Drivers off; returns once the inputs can be believed. Pin m of the switches is joint m's.
+    pub fn new(
+        switches: [I; JOINTS],
+        emergency: I,
+        enables: [E; ENABLES],
+        delay: &mut impl DelayNs,
+    ) -> Self {
+        let mut board = Self {
+            switches,
+            emergency,
+            enables,
+        };
+        board.hold(false);
+        delay.delay_ms(INPUTS_SETTLE_MS);
+        board
+    }
+}
+
+impl<I: InputPin, E: OutputPin, const JOINTS: usize, const ENABLES: usize> BoardPins
+    for PinBoard<I, E, JOINTS, ENABLES>
+{
+    fn inputs(&mut self) -> Inputs {
+        let mut switches = 0;
+        for (joint, pin) in self.switches.iter_mut().enumerate() {
+            switches |= u8::from(pin.is_high().unwrap_or(true)) << joint;
+        }
+        Inputs {
+            switches,
+            emergency: self.emergency.is_high().unwrap_or(true),
+        }
+    }
+
+    fn hold(&mut self, on: bool) {
+        for enable in &mut self.enables {
+            let _ = enable.set_state(PinState::from(!on));
+        }
+    }
+}

@@ -1,0 +1,103 @@
+//! What a board finds out about itself at its start: which start it is, and whether it is the board
+//! that the firmware is for.
+
+use headway_protocol::message::{Fault, FaultCause};
+
+/// Counts the starts of a controller, in a memory that a reset leaves alone. What is found there after
+/// switching on is anything.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[repr(C)]
+pub struct StartCounter {
+    starts: u32,
+    /// `starts` with all bits turned round, or the counter was never written.
+    check: u32,
+}
+
+impl StartCounter {
+    /// As it is found.
+    pub fn from_memory(starts: u32, check: u32) -> Self {
+        Self { starts, check }
+    }
+
+    /// The count of this start, from what the one before left: 1 if it left nothing.
+    pub fn next(self) -> Self {
+        let starts = if self.check == !self.starts {
+            self.starts.wrapping_add(1)
+        } else {
+            1
+        };
+        Self {
+            starts,
+            check: !starts,
+        }
+    }
+
+    /// Starts so far.
+    pub fn starts(self) -> u32 {
+        self.starts
+    }
+}
+
+/// Mixes one more word of what a memory holds before it is used into `noise` (FNV-1a by words).
+#[inline(always)]
+pub fn mix_noise(noise: u32, word: u32) -> u32 {
+    (noise ^ word).wrapping_mul(0x0100_0193).rotate_left(5)
+}
+
+/// A session number: another one for each start, and for each chip. `noise` is what is left in memory of
+/// the run before, where a power cut has taken the counter.
+pub fn session_of(starts: u32, chip: [u32; 3], noise: u32) -> u32 {
+    let mixed = chip.into_iter().fold(noise, mix_noise);
+    // Odd factors lose nothing: two starts of the same noise differ.
+    mixed.wrapping_add(starts.wrapping_mul(0x9e37_79b9))
+}
+
+/// Serial number of a USB device: the chip's id as text.
+pub fn serial_number(chip: [u32; 3]) -> [u8; 24] {
+    let mut text = [b'0'; 24];
+    for (place, digit) in text.iter_mut().enumerate() {
+        let word = chip.get(place / 8).copied().unwrap_or(0);
+        let value = (word >> (28 - 4 * (place % 8)) & 0xf) as u8;
+        *digit = if value < 10 {
+            b'0' + value
+        } else {
+            b'A' + value - 10
+        };
+    }
+    text
+}
+
+/// The fault of a chip whose device id is not the one that the firmware is for. 0 cannot be judged:
+/// the register is not there.
+pub fn chip_fault(found: u32, expected: u32) -> Option<Fault> {
+    (found != 0 && found != expected).then_some(Fault {
+        cause: FaultCause::Board,
+        index: 0,
+        value: found as i32,
+    })
+}
+
+/// Largest deviation of a crystal measured against a chip's internal oscillator, which is off by up to
+/// 8 % hot: the next usual crystals are 30 % away.
+const CRYSTAL_TOLERANCE_PERCENT: u32 = 12;
+
+/// Timer clocks of 16 MHz, times this many Hz, in which 64 edges of the crystal divided by 16 pass.
+pub const TIMER_CLOCKS_PER_HZ: u64 = 16_000_000 * 64 * 16;
+
+/// Frequency of a crystal from so many timer clocks; `None` if there were none.
+pub fn crystal_hz(timer_clocks: u32) -> Option<u32> {
+    let hz = TIMER_CLOCKS_PER_HZ.checked_div(timer_clocks.into())?;
+    u32::try_from(hz).ok()
+}
+
+/// The fault of a crystal that is not the one that the firmware is for, by its measured frequency; one
+/// that could not be measured cannot be judged.
+pub fn crystal_fault(measured_hz: Option<u32>, expected_hz: u32) -> Option<Fault> {
+    let measured_hz = measured_hz?;
+    let tolerance_hz = expected_hz / 100 * CRYSTAL_TOLERANCE_PERCENT;
+    (measured_hz.abs_diff(expected_hz) > tolerance_hz).then_some(Fault {
+        cause: FaultCause::Board,
+        index: 1,
+        value: measured_hz as i32,
+    })
+}

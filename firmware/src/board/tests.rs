@@ -1,0 +1,296 @@
+//! Goal: the generic edge does at every pin what the port-wide one does, and trusts nothing that it
+//! finds at a start. Method: mocks of `embedded-hal`, recorded levels, known crystals.
+
+use super::*;
+use crate::configuration::MOTORS_MAX;
+use crate::inputs::Inputs;
+use crate::output::{Pin, PortOutput, Ports, StepOutput};
+use core::convert::Infallible;
+use embedded_hal::digital::{ErrorType, OutputPin};
+use embedded_hal_mock::eh1::delay::{CheckedDelay, Transaction as Delay};
+use embedded_hal_mock::eh1::digital::{Mock as PinMock, State, Transaction as PinUse};
+use embedded_hal_mock::eh1::pwm::{Mock as PwmMock, Transaction as PwmUse};
+use headway_protocol::message::{DeviceState, FaultCause};
+use std::cell::RefCell;
+use std::collections::VecDeque;
+use std::rc::Rc;
+use std::vec::Vec;
+
+/// Levels of 16 pins of 8 ports, shared by the recorders.
+type Levels = Rc<RefCell<[u16; 8]>>;
+
+struct RecordedPorts(Levels);
+
+impl Ports for RecordedPorts {
+    const STEP: [Pin; MOTORS_MAX] = crate::octopus::STEP;
+    const DIRECTION: [Pin; MOTORS_MAX] = crate::octopus::DIRECTION;
+
+    fn write(&mut self, port: usize, word: u32) {
+        let mut levels = self.0.borrow_mut();
+        levels[port] = levels[port] & !(word >> 16) as u16 | word as u16;
+    }
+}
+
+struct RecordedPin(Levels, Pin);
+
+impl ErrorType for RecordedPin {
+    type Error = Infallible;
+}
+
+impl OutputPin for RecordedPin {
+    fn set_low(&mut self) -> Result<(), Infallible> {
+        self.0.borrow_mut()[self.1.0] &= !(1 << self.1.1);
+        Ok(())
+    }
+
+    fn set_high(&mut self) -> Result<(), Infallible> {
+        self.0.borrow_mut()[self.1.0] |= 1 << self.1.1;
+        Ok(())
+    }
+}
+
+#[test]
+fn pins_one_by_one_have_the_levels_of_the_port_wide_writes() {
+    let (by_port, by_pin) = (Levels::default(), Levels::default());
+    let inverted = 0b0110_0101;
+    let mut ports = PortOutput::new(RecordedPorts(by_port.clone()), MOTORS_MAX, inverted);
+    let pin = |pin| RecordedPin(by_pin.clone(), pin);
+    let mut pins = PinOutput::new(
+        RecordedPorts::STEP.map(pin),
+        RecordedPorts::DIRECTION.map(pin),
+        inverted,
+    );
+    ports.end_pulses();
+    ports.set_directions(0);
+    let mut random = 1u32;
+    let mut seen = [0u16; 8];
+    for tick in 0..20_000 {
+        random = random.wrapping_mul(1_664_525).wrapping_add(1_013_904_223);
+        ports.end_pulses();
+        pins.end_pulses();
+        let signs = core::array::from_fn(|motor| random.rotate_left(3 * motor as u32));
+        ports.step_signs(tick, &signs);
+        pins.step_signs(tick, &signs);
+        if random >> 20 & 3 == 0 {
+            ports.set_directions((random >> 8) as u8);
+            pins.set_directions((random >> 8) as u8);
+        }
+        assert_eq!(by_port, by_pin, "tick {tick}");
+        for (all, now) in seen.iter_mut().zip(by_pin.borrow().iter()) {
+            *all |= now;
+        }
+    }
+    let pins_seen: u32 = seen.iter().map(|port| port.count_ones()).sum();
+    assert_eq!(pins_seen, 2 * MOTORS_MAX as u32, "every pin was high once");
+}
+
+#[test]
+fn a_step_is_one_pulse_and_a_direction_comes_before_it() {
+    let uses = |levels: &[State]| {
+        let uses: Vec<PinUse> = levels.iter().map(|level| PinUse::set(*level)).collect();
+        PinMock::new(&uses)
+    };
+    use State::{High, Low};
+    let mut steps = [uses(&[Low, Low, High, Low]), uses(&[Low, Low, Low])];
+    let mut directions = [uses(&[Low, High]), uses(&[High, Low])];
+    // The second motor turns the other way round.
+    let mut output = PinOutput::new(steps.clone(), directions.clone(), 0b10);
+    output.set_directions(0b11);
+    for signs in [1 << 31, 0] {
+        output.end_pulses();
+        output.step_signs(0, &[signs, 0, 0, 0, 0, 0, 0, 0]);
+    }
+    steps.iter_mut().for_each(PinMock::done);
+    directions.iter_mut().for_each(PinMock::done);
+}
+
+#[test]
+fn inputs_settle_before_they_are_believed_and_broken_ones_count_as_pressed() {
+    let read = |state| PinUse::get(state);
+    let broken = PinUse::get(State::Low).with_error(embedded_hal_mock::eh1::MockError::Io(
+        std::io::ErrorKind::NotConnected,
+    ));
+    let mut switches = [
+        PinMock::new(&[read(State::Low)]),
+        PinMock::new(&[read(State::High)]),
+        PinMock::new(&[broken]),
+    ];
+    let mut emergency = PinMock::new(&[read(State::Low)]);
+    let mut enables = [PinMock::new(&[
+        PinUse::set(State::High),
+        PinUse::set(State::Low),
+    ])];
+    let mut delay = CheckedDelay::new(&[Delay::delay_ms(20)]);
+    let mut pins = PinBoard::new(
+        switches.clone(),
+        emergency.clone(),
+        enables.clone(),
+        &mut delay,
+    );
+    let expected = Inputs {
+        switches: 0b110,
+        emergency: false,
+    };
+    assert_eq!(pins.inputs(), expected);
+    pins.hold(true);
+    delay.done();
+    emergency.done();
+    switches.iter_mut().for_each(PinMock::done);
+    enables.iter_mut().for_each(PinMock::done);
+}
+
+#[test]
+fn the_lamp_tells_the_state_and_is_written_only_when_it_changes() {
+    let mut pwm = PwmMock::new(&[
+        PwmUse::set_duty_cycle(0),
+        PwmUse::max_duty_cycle(200),
+        PwmUse::set_duty_cycle(200),
+        PwmUse::max_duty_cycle(200),
+        PwmUse::set_duty_cycle(10),
+        PwmUse::max_duty_cycle(200),
+        PwmUse::set_duty_cycle(200),
+        PwmUse::max_duty_cycle(200),
+        PwmUse::set_duty_cycle(0),
+    ]);
+    let mut lamp = Lamp::new(pwm.clone());
+    for tick in 0..100 {
+        lamp.show(DeviceState::Running, tick);
+    }
+    lamp.show(DeviceState::Finished, 100);
+    // A blink: on for 512 ticks, then off.
+    for tick in 0..1024 {
+        lamp.show(DeviceState::Faulted, tick);
+    }
+    pwm.done();
+}
+
+/// A line with what has arrived, and room for so many bytes at once.
+struct Recorded {
+    arrived: VecDeque<u8>,
+    sent: Vec<u8>,
+    room: usize,
+}
+
+impl embedded_io::ErrorType for Recorded {
+    type Error = Infallible;
+}
+
+impl embedded_io::Read for Recorded {
+    fn read(&mut self, bytes: &mut [u8]) -> Result<usize, Infallible> {
+        assert!(!self.arrived.is_empty(), "it would wait");
+        let length = bytes.len().min(self.arrived.len());
+        for (byte, arrived) in bytes.iter_mut().zip(self.arrived.drain(..length)) {
+            *byte = arrived;
+        }
+        Ok(length)
+    }
+}
+
+impl embedded_io::ReadReady for Recorded {
+    fn read_ready(&mut self) -> Result<bool, Infallible> {
+        Ok(!self.arrived.is_empty())
+    }
+}
+
+impl embedded_io::Write for Recorded {
+    fn write(&mut self, bytes: &[u8]) -> Result<usize, Infallible> {
+        assert!(self.room > 0, "it would wait");
+        let length = bytes.len().min(self.room);
+        self.sent.extend(&bytes[..length]);
+        self.room -= length;
+        Ok(length)
+    }
+
+    fn flush(&mut self) -> Result<(), Infallible> {
+        Ok(())
+    }
+}
+
+impl embedded_io::WriteReady for Recorded {
+    fn write_ready(&mut self) -> Result<bool, Infallible> {
+        Ok(self.room > 0)
+    }
+}
+
+#[test]
+fn a_line_is_never_waited_for() {
+    let mut line = Recorded {
+        arrived: (0..100).collect(),
+        sent: Vec::new(),
+        room: 3,
+    };
+    let mut taken = Vec::new();
+    assert_eq!(exchange(&mut line, b"report", |byte| taken.push(byte)), 3);
+    assert_eq!(exchange(&mut line, b"ort", |byte| taken.push(byte)), 0);
+    assert_eq!(exchange(&mut line, &[], |byte| taken.push(byte)), 0);
+    assert_eq!(taken, (0..100).collect::<Vec<u8>>());
+    assert_eq!(line.sent, b"rep");
+    assert_eq!(exchange(&mut NoLine, b"report", |_| panic!("no line")), 0);
+}
+
+#[test]
+fn a_full_ring_loses_what_comes_and_keeps_what_it_has() {
+    let ring = ByteRing::<8>::new();
+    let popped = || core::iter::from_fn(|| ring.pop()).collect::<Vec<u8>>();
+    for round in 0..5u8 {
+        assert!(ring.is_empty());
+        for byte in 0..11 {
+            ring.push(round * 16 + byte);
+        }
+        let expected: Vec<u8> = (0..8).map(|byte| round * 16 + byte).collect();
+        assert_eq!(popped(), expected);
+    }
+}
+
+#[test]
+fn every_start_has_a_session_of_its_own() {
+    // Memory after switching on is anything, then it is kept.
+    let after_power = StartCounter::from_memory(0x1234_5678, 0x9abc_def0);
+    let mut counter = after_power.next();
+    assert_eq!(counter.starts(), 1);
+    let chip = [0x0041_002a, 0x5133_3430, 0x2037_3634];
+    let mut sessions = Vec::new();
+    for start in 0..1000u32 {
+        // The same noise each time, as from a boot loader that writes all memory but the counter.
+        sessions.push(session_of(counter.starts(), chip, 7));
+        // Another chip, and the counter lost with other noise.
+        sessions.push(session_of(counter.starts(), [1, 2, 3], 7));
+        sessions.push(session_of(1, chip, mix_noise(start, 99)));
+        counter = counter.next();
+    }
+    assert_eq!(counter.starts(), 1001);
+    sessions.sort_unstable();
+    sessions.dedup();
+    assert!(sessions.len() > 2990, "{} of 3000", sessions.len());
+}
+
+#[test]
+fn another_chip_and_another_crystal_are_told_by_what_they_are() {
+    assert_eq!(chip_fault(0x421, 0x421), None);
+    assert_eq!(chip_fault(0, 0x421), None);
+    let fault = chip_fault(0x419, 0x421).unwrap();
+    assert_eq!(
+        (fault.cause, fault.index, fault.value),
+        (FaultCause::Board, 0, 0x419)
+    );
+    // 64 edges of a sixteenth of the crystal, in clocks of 16 MHz, which may be 8 % off.
+    let clocks = |mhz: f64, off: f64| (16.0 * off * 1024.0 / mhz) as u32;
+    for (mhz, is_ours) in [
+        (12.0, true),
+        (8.0, false),
+        (16.0, false),
+        (25.0, false),
+        (26.0, false),
+    ] {
+        for off in [0.92, 1.0, 1.045] {
+            let measured = crystal_hz(clocks(mhz, off));
+            let fault = crystal_fault(measured, 12_000_000);
+            assert_eq!(fault.is_none(), is_ours, "{mhz} MHz: {fault:?}");
+        }
+    }
+    assert_eq!(crystal_fault(crystal_hz(0), 12_000_000), None);
+    assert_eq!(
+        &serial_number([0x0041_002a, 0x5133_3430, 0x2037_3634]),
+        b"0041002A5133343020373634"
+    );
+}
