@@ -59,8 +59,8 @@ const STEP_WORST_STRAIGHT: f64 = 120.0;
 const SERVO_WORST_PLANAR: f64 = 900.0;
 const SERVO_WORST_GANTRY: f64 = 1500.0;
 // A third of the chip's. With planar and gantry alone 125 KiB were used of 128; the table, the arm and
-// the derivatives of all of them take 31.5 KiB more.
-const FLASH_BYTES: f64 = 160.0 * 1024.0;
+// the derivatives of all of them take 31.5 KiB more; a decoder for each line and the checks of the start 5.
+const FLASH_BYTES: f64 = 176.0 * 1024.0;
 // No goals: what is reached with the jobs as they are planned today, a twentieth above it for another
 // compiler. The worst tick hangs on the job: what coincides in it (1208 instructions with an earlier
 // plan of the same parts, 1269 with this one, by the same firmware).
