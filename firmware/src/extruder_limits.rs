@@ -67,7 +67,7 @@ impl ExtruderGuard {
             * ONE_STEP_WAY;
         let slack = rounding(extruder, servo_hz);
         // Conversions saturate: a limit beyond what a way holds cannot be exceeded.
-        let most = |limit: f64, margin: f64| (limit * margin + slack) as u32;
+        let most = |limit: f64, margin: f64| ((limit * margin + slack) as u32).min(i32::MAX as u32);
         Self {
             way_limit: (way as u32).max(1),
             bend_limit: (bend as u32).max(1),
@@ -81,8 +81,9 @@ impl ExtruderGuard {
     /// True if the ways of the newest servo tick and the one before are what a plan may ask.
     #[inline(always)]
     pub fn is_kept(&self, ways: [i32; 2]) -> bool {
-        let bend = ways[0].wrapping_sub(ways[1]).unsigned_abs();
-        ways[0].unsigned_abs() <= self.way_max && bend <= self.bend_max
+        // Both bounds at once: |a| <= b where a + b, as an unsigned number, is at most 2 b.
+        let within = |a: i32, b: u32| (a as u32).wrapping_add(b) <= b.wrapping_mul(2);
+        within(ways[0].wrapping_sub(ways[1]), self.bend_max) && within(ways[0], self.way_max)
     }
 
     /// Where that is not so: the share of the limit in thousandths, unless it is excused. `in_ramp`:

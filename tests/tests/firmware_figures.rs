@@ -63,6 +63,7 @@ const SERVO_WORST_GANTRY: f64 = 1500.0;
 const FLASH_BYTES: f64 = 176.0 * 1024.0;
 // No goals: what is reached with the jobs as they are planned today, a twentieth above it for another
 // compiler. The worst tick hangs on the job: what coincides in it (1208 instructions with an earlier
-// plan of the same parts, 1269 with this one, by the same firmware).
-const SERVO_WORST_AT_200_PERCENT: [(&str, f64); 2] = [("planar", 1332.0), ("gantry", 1560.0)];
+// plan of the same parts, 1269 with this one, by the same firmware). Of the gantry 1574 since the
+// extruder's limits are held in every tick.
+const SERVO_WORST_AT_200_PERCENT: [(&str, f64); 2] = [("planar", 1332.0), ("gantry", 1652.0)];
 const SPAN_AHEAD: f64 = 780.0;

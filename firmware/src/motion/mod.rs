@@ -86,8 +86,6 @@ pub enum CommandError {
 #[repr(C)]
 pub struct Motion {
     programmer: StepProgrammer,
-    joints: JointTargets,
-    extruder_guard: ExtruderGuard,
     phase: Phase,
     now_ticks: u64,
     /// Servo tick at which a host was last heard of the stream, wrapping.
@@ -113,6 +111,8 @@ pub struct Motion {
     idle_ticks: u32,
     reference: Reference,
     fault: Option<Fault>,
+    extruder_guard: ExtruderGuard,
+    joints: JointTargets,
     warp: TimeWarp,
     hold: Hold,
     stream_start_ticks: Option<u64>,
@@ -272,15 +272,16 @@ impl Motion {
             let motor = joints.count();
             let (deposited, base) = offset.of_motor(motor);
             let extruder = self.flow.target(base, deposited);
-            jumps = reach.jumps | self.programmer.target_mut(motor).replace(extruder);
+            let (jump, ways) = self.programmer.replace_target(motor, extruder);
+            // At rest, as in the tick in which a stream starts, there is nothing to look at.
+            if ways != [0, 0] && !self.extruder_guard.is_kept(ways) {
+                self.check_extruder(ways)?;
+            }
+            jumps = reach.jumps | jump;
             outside = reach.outside;
         }
         let advanced = self.programmer.advance_to_targets(jumps, bank);
         advanced.map_err(|exceeded| step_rate_fault(exceeded, self.servo_hz))?;
-        let ways = self.programmer.newest_ways(self.joints.count());
-        if !self.extruder_guard.is_kept(ways) {
-            self.check_extruder(ways)?;
-        }
         if outside != 0 {
             // After all motors have their programs, which are then taken back as a whole.
             let programmer = &mut self.programmer;
@@ -290,22 +291,23 @@ impl Motion {
         Ok(())
     }
 
-    /// Looks closer at an extruder beyond a plan's limits: also taken back as a whole.
+    /// Looks closer at an extruder beyond a plan's limits: all targets are taken back.
     #[cold]
-    fn check_extruder(&self, ways: [i32; 2]) -> Result<(), Fault> {
+    fn check_extruder(&mut self, ways: [i32; 2]) -> Result<(), Fault> {
         // What the path rate did lasts for the window of pressure advance, and moves the flow against
         // the events that it met.
         let since_ticks = (self.now_ticks as u32).wrapping_sub(self.off_plan_ticks);
         let met_ticks = self.flow.longest_active_ticks() + self.flow.window_ticks();
         let in_ramp = since_ticks <= met_ticks;
-        match self.extruder_guard.exceeded(ways, in_ramp) {
-            None => Ok(()),
-            Some(value) => Err(Fault {
-                cause: FaultCause::Limit,
-                index: self.joints.count() as u8,
-                value,
-            }),
-        }
+        let Some(value) = self.extruder_guard.exceeded(ways, in_ramp) else {
+            return Ok(());
+        };
+        self.programmer.take_back();
+        Err(Fault {
+            cause: FaultCause::Limit,
+            index: self.joints.count() as u8,
+            value,
+        })
     }
 
     /// Chooses the path rate and moves segment time on by it.

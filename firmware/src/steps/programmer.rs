@@ -76,9 +76,8 @@ impl Interval {
 struct MotorTrack {
     /// q2, where it is to be: the newest target; kept from tick to tick.
     target: Target,
-    /// What of it the program knows, 2^-22 steps, and its whole steps.
+    /// What of it the program knows, 2^-22 steps.
     newest: i32,
-    newest_whole: i32,
     /// q2 - q1, 2^-22 steps.
     last_way: i32,
     /// q1 - q0, 2^-22 steps.
@@ -103,7 +102,6 @@ impl MotorTrack {
         Self {
             target: newest,
             newest: newest.fine,
-            newest_whole: newest.whole,
             last_way: 0,
             way_before: 0,
             end: position.wrapping_add(super::BIAS) as u32,
@@ -275,24 +273,28 @@ impl StepProgrammer {
         Ok(())
     }
 
-    /// What the newest program and the one before it move a motor, 2^-22 steps.
-    #[inline]
-    pub fn newest_ways(&self, motor: usize) -> [i32; 2] {
-        let track = &self.tracks[motor % MOTORS_MAX];
-        [track.last_way, track.way_before]
+    /// Puts a new target into its place ([`Target::replace`]). Says too how far it is from the one before
+    /// and how far that was from the one before it, 2^-22 steps.
+    #[inline(always)]
+    pub fn replace_target(&mut self, motor: usize, new: Target) -> (u32, [i32; 2]) {
+        let track = &mut self.tracks[motor % MOTORS_MAX];
+        let way = new.fine.wrapping_sub(track.newest);
+        (track.target.replace(new), [way, track.last_way])
     }
 
     /// Forgets targets that cannot be reached: the motors stay where they are. Says which jumped
     /// furthest.
     #[cold]
-    fn take_back(&mut self) -> StepRateExceeded {
+    pub fn take_back(&mut self) -> StepRateExceeded {
         let mut refused = StepRateExceeded {
             motor: 0,
             steps_per_interval: 0,
         };
         for (motor, track) in (0..).zip(&mut self.tracks) {
-            let steps_per_interval = track.target.whole.abs_diff(track.newest_whole);
-            track.target.whole = track.newest_whole;
+            // Known up to 1024 steps: what arrives is looked at before, so that no target jumps so far.
+            let way = track.target.fine.wrapping_sub(track.newest) >> WAY_FRACTION_BITS;
+            let steps_per_interval = way.unsigned_abs();
+            track.target.whole = track.target.whole.wrapping_sub(way);
             track.target.fine = track.newest;
             if steps_per_interval > refused.steps_per_interval {
                 refused = StepRateExceeded {
@@ -340,7 +342,6 @@ impl MotorTrack {
         let behind = aim.wrapping_sub(self.end) as i32 >> WAY_SHIFT;
         let way = self.last_way.wrapping_add(behind);
         self.newest = self.target.fine;
-        self.newest_whole = self.target.whole;
         self.way_before = self.last_way;
         self.last_way = new_way;
         let half = interval.half_acceleration(twice_mean);
