@@ -124,15 +124,6 @@ pub struct Seam {
     pub direction_rad: f64,
 }
 
-/// How the headings along a pass are chosen.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum HeadingProfile {
-    /// Together: what fits the widths at the least turning and bending (default).
-    Corridor,
-    /// Each by itself, nearest to the law's, as published.
-    Pointwise,
-}
-
 /// What ground is worth: the price at which the planner leaves ground open or lays it twice to
 /// print sooner.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
@@ -253,8 +244,6 @@ pub struct Settings {
     pub pass_mode: PassMode,
     /// Tangent or linear.
     pub heading_law: HeadingLaw,
-    /// Along the pass or point by point.
-    pub heading_profile: HeadingProfile,
     /// What ground is worth in seconds.
     pub quality: Quality,
     /// Walls and lines; `None` fills with beads along the outline.

@@ -32,7 +32,7 @@ fn a_nozzle_with_stops_turns_back() {
     };
     let whole = object(&headway(&["simulate", &example("u-part.json"), "--json"]));
     assert_eq!(whole["passes"], 1);
-    let figures = object(&with_stops(180));
+    let figures = object(&with_stops(150));
     assert_eq!(figures["faults"], 0);
     assert!(figures["passes"].as_u64() > Some(2), "{figures:?}");
     let covered = |figures: &serde_json::Map<String, serde_json::Value>| {
@@ -449,5 +449,9 @@ fn thin_parts_that_vanish_are_named() {
         note.contains("2 places") && note.contains("1.50 mm² near (2."),
         "{note}"
     );
-    assert!(note.contains("near (15."), "{note}");
+    // The middle of the wing, to a raster cell.
+    assert!(
+        note.contains("near (15.0") || note.contains("near (14.99"),
+        "{note}"
+    );
 }

@@ -107,7 +107,6 @@ fn stages(name: &str, rings: &Rings, with_passes: bool) -> f64 {
         overlap: 0.0,
         one_pass: false,
         law: settings.heading_law,
-        profile: settings.heading_profile,
         turn_weight_mm2: TURN_WEIGHT_MM2,
     };
     let count = if with_passes {

@@ -12,7 +12,7 @@ use headway::plan::headings::profile::TURN_WEIGHT_MM2;
 use headway::plan::outline::contour::{Contour, SIMPLIFY_MM};
 use headway::plan::pass::{LayerPass, Placement};
 use headway::plan_target;
-use headway::settings::{HeadingLaw, HeadingProfile, Settings};
+use headway::settings::{HeadingLaw, Settings};
 use headway_tests::layer_oracle::Rings;
 use headway_tests::outlines::region;
 
@@ -36,7 +36,6 @@ fn plain_passes(outline: &[[f64; 2]], aperture: Aperture, one_pass: bool) -> Vec
         overlap: 0.0,
         one_pass,
         law: HeadingLaw::Tangent,
-        profile: HeadingProfile::Corridor,
         turn_weight_mm2: TURN_WEIGHT_MM2,
     };
     passes(

@@ -112,9 +112,6 @@ pub(super) struct SettingsArgs {
     /// How the local width becomes a heading angle.
     #[arg(long, value_enum, value_name = "LAW")]
     pub law: Option<LawName>,
-    /// How the headings along a pass are chosen.
-    #[arg(long, value_enum, value_name = "PROFILE")]
-    pub heading_profile: Option<ProfileName>,
     /// What a mm² of ground left open or laid twice is worth in seconds of printing [default:
     /// standard].
     #[arg(long, value_enum, value_name = "QUALITY")]
@@ -217,14 +214,6 @@ pub(super) enum SeamName {
     Aligned,
     /// In the sharpest corner.
     Sharpest,
-}
-
-#[derive(Clone, Copy, Debug, PartialEq, ValueEnum)]
-pub(super) enum ProfileName {
-    /// Together: what fits the widths at the least turning and bending.
-    Corridor,
-    /// Each by itself, nearest to the law's, as published: slower to print.
-    Pointwise,
 }
 
 #[derive(Clone, Copy, Debug, PartialEq, ValueEnum)]

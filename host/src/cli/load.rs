@@ -2,17 +2,14 @@
 
 use super::CliError;
 use super::args::{
-    FormatName, InputArgs, LawName, PassName, ProfileName, QualityName, SeamName, SettingsArgs,
-    UnitName,
+    FormatName, InputArgs, LawName, PassName, QualityName, SeamName, SettingsArgs, UnitName,
 };
 use super::console::Console;
 use super::job;
 use crate::geometry::polygon::Region;
 use crate::input::{self, BYTES_MAX, Format, Input, InputError, Loaded, ReadOptions, Units};
 use crate::settings::aperture_text::{aperture_text, file_of_aperture, parse_aperture};
-use crate::settings::{
-    HeadingLaw, HeadingProfile, Infill, PassMode, Quality, SeamPlace, Settings, machine_file,
-};
+use crate::settings::{HeadingLaw, Infill, PassMode, Quality, SeamPlace, Settings, machine_file};
 use std::fs::File;
 use std::io::Read;
 use std::path::Path;
@@ -39,12 +36,6 @@ pub(super) fn settings(args: &SettingsArgs) -> Result<Settings, CliError> {
         settings.pass_mode = match pass {
             PassName::Two => PassMode::Two,
             PassName::One => PassMode::One,
-        };
-    }
-    if let Some(profile) = args.heading_profile {
-        settings.heading_profile = match profile {
-            ProfileName::Corridor => HeadingProfile::Corridor,
-            ProfileName::Pointwise => HeadingProfile::Pointwise,
         };
     }
     if let Some(law) = args.law {

@@ -4,8 +4,7 @@
 //! a geared direct extruder on 1.75 mm filament, a hot end for 0.4 mm wide to 1.2 mm wide beads.
 
 use super::{
-    HeadingLaw, HeadingProfile, PassMode, PrimeRetract, Quality, Seam, SeamPlace, Settings, Skirt,
-    Tolerances,
+    HeadingLaw, PassMode, PrimeRetract, Quality, Seam, SeamPlace, Settings, Skirt, Tolerances,
 };
 use crate::geometry::aperture::Aperture;
 use headway_firmware::configuration::{
@@ -98,7 +97,6 @@ impl Settings {
             overlap_pct: 0.0,
             pass_mode: PassMode::Two,
             heading_law: HeadingLaw::Tangent,
-            heading_profile: HeadingProfile::Corridor,
             quality: Quality::default(),
             infill: None,
             skirt: Skirt {

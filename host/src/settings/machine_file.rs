@@ -256,7 +256,6 @@ impl File {
                 Some(LawName::Linear) => HeadingLaw::Linear,
                 None => default.heading_law,
             },
-            heading_profile: default.heading_profile,
             quality: match print.quality {
                 Some(QualityName::Fine) => Quality::Fine,
                 Some(QualityName::Standard) => Quality::Standard,

@@ -234,14 +234,13 @@ mod tests {
     use crate::geometry::Point2;
     use crate::geometry::test_shapes::ELLIPSE;
     use crate::plan::headings::profile::TURN_WEIGHT_MM2;
-    use crate::settings::{HeadingLaw, HeadingProfile};
+    use crate::settings::HeadingLaw;
 
     const SETTINGS: PassSettings = PassSettings {
         aperture: ELLIPSE,
         overlap: 0.0,
         one_pass: false,
         law: HeadingLaw::Tangent,
-        profile: HeadingProfile::Corridor,
         turn_weight_mm2: TURN_WEIGHT_MM2,
     };
 

@@ -10,11 +10,8 @@ use crate::geometry::edge_index::EdgeIndex;
 use crate::plan::beads::channel_walls::Laid;
 use crate::plan::beads::field::Field;
 use crate::plan::beads::passes::{Lengths, PassSettings};
-use crate::plan::headings::profile::{
-    Ahead, all_ahead, lap_turn, pointwise_profile, refined, smooth,
-};
+use crate::plan::headings::profile::{Ahead, all_ahead, lap_turn, refined, smooth};
 use crate::plan::pass::{Contact, LayerPass, Placement};
-use crate::settings::HeadingProfile;
 use rayon::prelude::*;
 
 /// Rounds.
@@ -160,8 +157,7 @@ impl Innermost<'_> {
         if all == 0 {
             return Vec::new();
         }
-        let is_pointwise = self.settings.profile == HeadingProfile::Pointwise;
-        if is_pointwise || all as f64 > WHOLE_SHARE * count as f64 {
+        if all as f64 > WHOLE_SHARE * count as f64 {
             return vec![stretch(0, count)];
         }
         // Begun where nothing moves, so that no stretch is cut in two.
@@ -251,21 +247,16 @@ impl Innermost<'_> {
     ) -> Vec<Placement> {
         let contacts: Vec<Contact> = before.iter().map(|placement| placement.contact).collect();
         let (aperture, walls) = (&self.settings.aperture, self.walls);
-        match self.settings.profile {
-            HeadingProfile::Pointwise => pointwise_profile(&contacts, closed, aperture, walls),
-            HeadingProfile::Corridor => {
-                let ahead = ahead.get_or_insert_with(|| all_ahead(&contacts, aperture, walls));
-                refined(
-                    &contacts,
-                    closed,
-                    before,
-                    ahead,
-                    self.settings.turn_weight_mm2,
-                    aperture,
-                    walls,
-                )
-            }
-        }
+        let ahead = ahead.get_or_insert_with(|| all_ahead(&contacts, aperture, walls));
+        refined(
+            &contacts,
+            closed,
+            before,
+            ahead,
+            self.settings.turn_weight_mm2,
+            aperture,
+            walls,
+        )
     }
 }
 

@@ -21,10 +21,10 @@ use crate::plan::beads::innermost::{Innermost, relax};
 use crate::plan::beads::single_bead_runs::{SingleRun, split_region};
 use crate::plan::coverage::pass_ends::fit_ends;
 use crate::plan::headings::contacts::{ContactSpacing, resampled, wall_contacts};
-use crate::plan::headings::profile::{pointwise_profile, profile};
+use crate::plan::headings::profile::profile;
 use crate::plan::headings::runs::{feasible_runs, printable_runs, trim_ends};
 use crate::plan::pass::{Contact, LayerPass, PassKind, Placement};
-use crate::settings::{HeadingLaw, HeadingProfile};
+use crate::settings::HeadingLaw;
 use rayon::prelude::*;
 
 /// What the pass planner needs of the settings.
@@ -38,8 +38,6 @@ pub struct PassSettings {
     pub one_pass: bool,
     /// How a width becomes a heading angle.
     pub law: HeadingLaw,
-    /// How the headings of a pass are chosen together.
-    pub profile: HeadingProfile,
     /// What turning weighs there, mm².
     pub turn_weight_mm2: f64,
 }
@@ -48,12 +46,7 @@ impl PassSettings {
     /// The placements on a run of contacts.
     fn placements(&self, contacts: &[Contact], closed: bool, walls: &EdgeIndex) -> Vec<Placement> {
         let aperture = &self.aperture;
-        match self.profile {
-            HeadingProfile::Pointwise => pointwise_profile(contacts, closed, aperture, walls),
-            HeadingProfile::Corridor => {
-                profile(contacts, closed, self.turn_weight_mm2, aperture, walls)
-            }
-        }
+        profile(contacts, closed, self.turn_weight_mm2, aperture, walls)
     }
 
     /// How far each of two neighbouring beads reaches over the line between their channels, against

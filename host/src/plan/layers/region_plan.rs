@@ -351,7 +351,6 @@ fn pass_settings(settings: &Settings) -> PassSettings {
         overlap: settings.overlap_pct / 100.0,
         one_pass: settings.pass_mode == PassMode::One,
         law: settings.heading_law,
-        profile: settings.heading_profile,
         turn_weight_mm2: turn_weight_mm2(&PoseLimits::of(settings), &settings.aperture),
     }
 }

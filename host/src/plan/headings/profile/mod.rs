@@ -13,7 +13,6 @@ mod ahead;
 mod along;
 mod bins;
 mod corridor;
-mod pointwise;
 mod refine;
 mod thinned;
 
@@ -145,18 +144,6 @@ fn whole_profile(
         calm(&run, &mut headings);
     }
     run.placements(&headings)
-}
-
-/// The profile that looks at each contact by itself.
-pub fn pointwise_profile(
-    contacts: &[Contact],
-    closed: bool,
-    aperture: &Aperture,
-    walls: &EdgeIndex,
-) -> Vec<Placement> {
-    let ahead = all_ahead(contacts, aperture, walls);
-    let run = Run::new(contacts, closed, aperture, walls, &ahead);
-    run.placements(&pointwise::pointwise(&run))
 }
 
 /// The profile again for contacts that want slightly other extents, starting from the headings of
