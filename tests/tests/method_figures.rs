@@ -5,15 +5,10 @@
 use headway::geometry::Point2;
 use headway::geometry::aperture::Aperture;
 use headway::input::Target;
-use headway::plan::axis::medial_axis::{AxisOptions, MedialAxis};
-use headway::plan::axis::pruned_axis::Axis;
-use headway::plan::beads::passes::{PassSettings, passes};
-use headway::plan::headings::profile::TURN_WEIGHT_MM2;
-use headway::plan::outline::contour::{Contour, SIMPLIFY_MM};
 use headway::plan::pass::{LayerPass, Placement};
 use headway::plan_target;
-use headway::settings::{HeadingLaw, Settings};
-use headway_tests::layer_oracle::Rings;
+use headway::settings::{Quality, Settings};
+use headway_tests::beads;
 use headway_tests::outlines::region;
 
 const ELLIPSE: Aperture = Aperture::Ellipse {
@@ -27,22 +22,7 @@ const ROUND: Aperture = Aperture::Ellipse {
 
 /// The passes of an outline before they are ordered, joined and filled up.
 fn plain_passes(outline: &[[f64; 2]], aperture: Aperture, one_pass: bool) -> Vec<LayerPass> {
-    let rings: Rings = vec![outline.to_vec()];
-    let contour = Contour::of_region(&region(&rings), SIMPLIFY_MM).expect("contour");
-    let walls = contour.edge_index(aperture.major_mm());
-    let axis = MedialAxis::of_edges(&walls, &AxisOptions::default()).expect("axis");
-    let settings = PassSettings {
-        aperture,
-        overlap: 0.0,
-        one_pass,
-        law: HeadingLaw::Tangent,
-        turn_weight_mm2: TURN_WEIGHT_MM2,
-    };
-    passes(
-        &contour.region,
-        &Axis::of_medial_axis(&axis, &aperture),
-        &settings,
-    )
+    beads::plain_passes(&vec![outline.to_vec()], aperture, one_pass).1
 }
 
 /// Covered share of what is reachable, per cent, and the number of passes of the finished plan.
@@ -51,8 +31,10 @@ fn planned(outline: &[[f64; 2]], aperture: Aperture) -> (f64, usize) {
         name: "figure".to_string(),
         regions: vec![region(&vec![outline.to_vec()])],
     };
+    // The figure is about what the beads can cover, not about what covering is worth.
     let settings = Settings {
         aperture,
+        quality: Quality::Fine,
         ..Settings::default()
     };
     let figures = plan_target(&target, &settings).expect("a plan").figures;

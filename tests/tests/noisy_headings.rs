@@ -3,11 +3,10 @@
 
 use headway::geometry::aperture::Aperture;
 use headway::geometry::{Point2, Vector2};
-use headway::input::Target;
-use headway::plan_target;
 use headway::settings::Settings;
+use headway_tests::beads::plain_passes;
 use headway_tests::layer_oracle::Rings;
-use headway_tests::outlines::{region, with_noise};
+use headway_tests::outlines::with_noise;
 use rayon::prelude::*;
 
 /// An L of two arms, 9 mm wide.
@@ -57,19 +56,15 @@ struct Apart {
     heading_rad: f64,
 }
 
-/// The placements of a part, pass by pass.
+/// The placements of a part, pass by pass,
+/// as they are laid: shortcuts are made where they save time, and noise may choose among them.
 fn passes(rings: &Rings, settings: &Settings) -> Vec<Vec<Place>> {
-    let target = Target {
-        name: "L".to_string(),
-        regions: vec![region(rings)],
-    };
-    let plan = plan_target(&target, settings).expect("a plan");
-    let part = &plan.regions()[0];
-    let places = part.passes.iter().map(|pass| {
+    let (contour, passes) = plain_passes(rings, settings.aperture, false);
+    let places = passes.iter().map(|pass| {
         let points = pass
             .placements
             .iter()
-            .map(|p| (part.contour.to_input(p.at.center), p.at.heading_rad));
+            .map(|p| (contour.to_input(p.at.center), p.at.heading_rad));
         places(&points.collect::<Vec<_>>(), &settings.aperture)
     });
     places.collect()

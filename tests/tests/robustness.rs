@@ -7,7 +7,7 @@ use headway::plan::axis::medial_axis::{AxisOptions, MedialAxis};
 use headway::plan::axis::pruned_axis::Axis;
 use headway::plan::outline::contour::{Contour, SIMPLIFY_MM};
 use headway::plan_target;
-use headway::settings::Settings;
+use headway::settings::{Quality, Settings};
 use headway_tests::layer_oracle::Rings;
 use headway_tests::outlines::{
     drawn_ring, example, fine_ring, plate_with_holes, region, with_noise,
@@ -215,9 +215,11 @@ fn a_web_does_not_widen_the_channels_of_its_plates() {
         name: "thin-web".to_string(),
         regions: vec![region(&example("thin-web"))],
     };
-    let figures = plan_target(&target, &Settings::default())
-        .expect("a plan")
-        .figures;
+    let settings = Settings {
+        quality: Quality::Fine,
+        ..Settings::default()
+    };
+    let figures = plan_target(&target, &settings).expect("a plan").figures;
     assert!(figures.covered_of_reachable_pct > 99.3, "{figures:?}");
     assert!(figures.overlap_pct < 2.5, "{figures:?}");
 }
