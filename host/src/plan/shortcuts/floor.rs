@@ -2,7 +2,7 @@
 //!
 //! In: the passes as they are joined, the region's walls. Out: the same with shortcuts; where too
 //! little of what the aperture reaches is covered then, with fine ones, and gap-fill moves added until
-//! enough is. A fixed price leaves regions of many small corners more open than a printer would have
+//! enough is; where that does not do, without shortcuts. A fixed price leaves regions of many small corners more open than a printer would have
 //! them.
 
 use super::shortened;
@@ -18,7 +18,7 @@ use crate::plan::pose_limits::GroundPrice;
 use crate::settings::{Quality, Settings};
 
 /// Prices against the settings' own, one after the other until the floor holds.
-const PRICES: [f64; 4] = [1.7, 3.0, 6.0, 20.0];
+const PRICES: [f64; 3] = [1.7, 3.0, 6.0];
 /// Ground at a part's corners that the curve opens after the floor was counted on placements, mm²: of a
 /// large region it is little, of one of 4 mm² one per cent. Less opens parts of a few mm² below the floor.
 const ROUNDED_MM2: f64 = 0.04;
@@ -48,6 +48,7 @@ pub fn shortened_to_floor(
     if holds(&short) {
         return short;
     }
+    let mut whole = passes.clone();
     let mut short = passes;
     let fine = Settings {
         quality: Quality::Fine,
@@ -61,7 +62,12 @@ pub fn shortened_to_floor(
         }
         fill_gaps(&mut short, aperture, walls, Some(&price.times(factor)));
     }
-    short
+    if holds(&short) {
+        return short;
+    }
+    // What shortcuts opened here is not to be filled again: none of them then.
+    fill_gaps(&mut whole, aperture, walls, None);
+    whole
 }
 
 /// True where the passes cover this share of what the aperture reaches within the walls.
