@@ -1,9 +1,10 @@
 //! What the end-to-end tests in `tests/` share: [`rig`] (host, link and firmware on a virtual
-//! clock), [`gear`] (the six-axis job that bytes are measured with), [`layer_oracle`] (coverage from
-//! the knots alone) and [`judge`] (a plan before it), [`segment_oracle`] (what a stream does, by de
-//! Boor), [`dense_search`] (the published grid search for headings), [`routes`] and [`outlines`] (of
-//! any size), [`beads`] (as they are laid), [`parts`] (that no constant was chosen on), [`folders`] (of reference data), [`cpu_clock`]
-//! (for benches), [`elf`] (what a controller binary holds).
+//! clock), [`gear`] (the six-axis job that bytes are measured with), [`layer_oracle`] (coverage
+//! from the knots alone) and [`judge`] (a plan before it), [`segment_oracle`] (what a stream does,
+//! by de Boor), [`dense_search`] (the published grid search for headings), [`routes`] and
+//! [`outlines`] (of any size), [`beads`] (as they are laid), [`parts`] (that no constant was chosen
+//! on), [`folders`] (of reference data), [`cpu_clock`] (for benches), [`elf`] (what a controller
+//! binary holds).
 
 pub mod beads;
 pub mod cpu_clock;

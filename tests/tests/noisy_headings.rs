@@ -1,5 +1,5 @@
-//! Noise that no eye can see does not change how wide the beads are laid: widths and headings of the
-//! placements of a noisy part against those of the same part without noise.
+//! Noise that no eye can see does not change how wide the beads are laid: widths and headings of
+//! the placements of a noisy part against those of the same part without noise.
 
 use headway::geometry::aperture::Aperture;
 use headway::geometry::{Point2, Vector2};
@@ -19,21 +19,22 @@ const L: [[f64; 2]; 6] = [
     [0.0, 30.0],
 ];
 const NOISE_MM: f64 = 0.005;
-/// Most places of a hundred that may be further apart than that. None was while turning weighed little and
-/// the corridor was narrow, which cost a third of the printing time; 17 and 21 with the first two
-/// noises: beads hand on what the ones before them miss. Headings are told, not held, for the same reason.
+/// Most places of a hundred that may be further apart than that. None was while turning weighed
+/// little and the corridor was narrow, which cost a third of the printing time; 17 and 21 with the
+/// first two noises: beads hand on what the ones before them miss. Headings are told, not held, for
+/// the same reason.
 const WIDER_PCT_MAX: usize = 30;
 /// What no width may differ by, mm: an eighth of the widest bead.
 const WIDTH_MAX_MM: f64 = 0.15;
 const SEEDS: [u64; 4] = [8101, 8102, 8103, 8104];
-/// What a width may differ by: noise moves either wall of a channel by 5 um, and the beads before it hand
-/// their errors on once. The most here is 15.1 um, over forty other noises 19.8 um.
+/// What a width may differ by: noise moves either wall of a channel by 5 um, and the beads before
+/// it hand their errors on once. The most here is 15.1 um, over forty other noises 19.8 um.
 const WIDTH_MM: f64 = 0.02;
-/// The same for headings: most that are compared are of innermost beads, 1.1 mm wide, where 1 degree is
-/// 8 um of width. The most here is 1.01 degrees, over forty other noises 1.6.
+/// The same for headings: most that are compared are of innermost beads, 1.1 mm wide, where 1
+/// degree is 8 um of width. The most here is 1.01 degrees, over forty other noises 1.6.
 const HEADING_RAD: f64 = 2.0 * std::f64::consts::PI / 180.0;
-/// How far from the narrowest and the widest bead headings are compared: there the width hardly depends
-/// on them.
+/// How far from the narrowest and the widest bead headings are compared: there the width hardly
+/// depends on them.
 const FROM_ENDS_MM: f64 = 0.1;
 /// How far from a corner of either pass, mm: in a corner a pass may swing one way or the other.
 const FROM_BENDS_MM: f64 = 1.0;
@@ -112,8 +113,8 @@ fn places(points: &[(Point2, f64)], aperture: &Aperture) -> Vec<Place> {
     (0..=last).map(place).collect()
 }
 
-/// Distance, width and heading of the nearest place between the placements of passes that runs along
-/// with this one; and how far it is from a corner.
+/// Distance, width and heading of the nearest place between the placements of passes that runs
+/// along with this one; and how far it is from a corner.
 fn fellow(place: &Place, passes: &[Vec<Place>]) -> Option<[f64; 4]> {
     let pairs = passes.iter().flat_map(|pass| pass.windows(2));
     let pairs = pairs.filter(|pair| pair[0].along.dot(&place.along).abs() > 0.9);
@@ -170,8 +171,8 @@ fn apart(own: &[Vec<Place>], noisy: &[Vec<Place>], aperture: &Aperture) -> Apart
     apart
 }
 
-/// Goal: noise of 5 um changes few widths by more than 20 um away from corners. Method: an L, its edges divided every 0.2 mm, with
-/// noise against without.
+/// Goal: noise of 5 um changes few widths by more than 20 um away from corners. Method: an L, its
+/// edges divided every 0.2 mm, with noise against without.
 #[test]
 fn invisible_noise_keeps_most_widths() {
     let settings = Settings::default();

@@ -1,9 +1,9 @@
 //! The floor of coverage: where a region falls below it, gaps are filled at a higher price.
 //!
 //! In: the passes as they are joined, the region's walls. Out: the same with shortcuts; where too
-//! little of what the aperture reaches is covered then, with fine ones, and gap-fill moves added until
-//! enough is; where that does not do, without shortcuts. A fixed price leaves regions of many small corners more open than a printer would have
-//! them.
+//! little of what the aperture reaches is covered then, with fine ones, and gap-fill moves added
+//! until enough is; where that does not do, without shortcuts. A fixed price leaves regions of many
+//! small corners more open than a printer would have them.
 
 use super::shortened;
 use crate::geometry::Point2;
@@ -19,8 +19,9 @@ use crate::settings::{Quality, Settings};
 
 /// Prices against the settings' own, one after the other until the floor holds.
 const PRICES: [f64; 3] = [1.7, 3.0, 6.0];
-/// Ground at a part's corners that the curve opens after the floor was counted on placements, mm²: of a
-/// large region it is little, of one of 4 mm² one per cent. Less opens parts of a few mm² below the floor.
+/// Ground at a part's corners that the curve opens after the floor was counted on placements, mm²:
+/// of a large region it is little, of one of 4 mm² one per cent. Less opens parts of a few mm²
+/// below the floor.
 const ROUNDED_MM2: f64 = 0.04;
 /// Highest floor on placements: more is not to be had on parts as small as the aperture.
 const FLOOR_SHARE_MAX: f64 = 0.99;
@@ -29,9 +30,9 @@ const CELLS_MAX: usize = 1_000_000;
 /// Open places of which it is asked whether the aperture reaches them.
 const ASKED_MAX: usize = 2000;
 
-/// Replaces stretches of the passes within `walls`, which bound `area_mm2`, by shortcuts: fewer of them and
-/// gap-fill moves besides where the quality's floor would not hold. `may_fill` is false where ground
-/// is meant to stay open.
+/// Replaces stretches of the passes within `walls`, which bound `area_mm2`, by shortcuts: fewer of
+/// them and gap-fill moves besides where the quality's floor would not hold. `may_fill` is false
+/// where ground is meant to stay open.
 pub fn shortened_to_floor(
     passes: Vec<LayerPass>,
     walls: &EdgeIndex,
