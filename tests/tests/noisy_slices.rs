@@ -1,5 +1,5 @@
 //! Goal: noise that no eye can see changes the time that real slices take by little: all together by at
-//! most 5 %, and few of them by more.
+//! most 3 %, and few of them by more than 5 %.
 //! Method: every valid slice and the parts of the peers, planned as they are and with each edge divided
 //! every 0.2 mm and moved by 5 um, with two noises. Slices are reference data beside the checkout:
 //! without them the test says so and passes.
@@ -21,7 +21,7 @@ const TIME_SHARE: f64 = 0.05;
 /// takes fine shortcuts. 15 today, most of them of 2 to 6 s; none is what is wanted.
 const CHANGED_MAX: usize = 16;
 /// Change of the time of all of them together.
-const ALL_SHARE: f64 = 0.05;
+const ALL_SHARE: f64 = 0.03;
 const SEEDS: [u64; 2] = [3, 4];
 /// Slices and parts of the peers that are valid.
 const COUNT: usize = 45;
