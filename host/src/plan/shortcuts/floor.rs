@@ -49,8 +49,7 @@ pub fn shortened_to_floor(
     if holds(&short) {
         return short;
     }
-    let mut whole = passes.clone();
-    let mut short = passes;
+    let mut short = passes.clone();
     let fine = Settings {
         quality: Quality::Fine,
         ..settings.clone()
@@ -67,6 +66,7 @@ pub fn shortened_to_floor(
         return short;
     }
     // What shortcuts opened here is not to be filled again: none of them then.
+    let mut whole = passes;
     fill_gaps(&mut whole, aperture, walls, None);
     whole
 }
