@@ -107,7 +107,7 @@ pub struct Skirt {
 /// Which place of a loop is its seam.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum SeamPlace {
-    /// The calm place nearest to where the head is.
+    /// The smooth place nearest to where the head is.
     Nearest,
     /// The place farthest along a direction.
     Aligned,

@@ -1,7 +1,7 @@
 //! Host, link and firmware on a virtual clock, with faults drawn from a seed.
 
+use headway::drive::dry_run::{DryRun, dry_run};
 use headway::drive::link::{LinkSpec, Outage};
-use headway::drive::rehearsal::{Rehearsal, rehearse};
 use headway::drive::simulator::SimulatorSetup;
 use headway::job::SegmentStream;
 use headway::settings::Settings;
@@ -60,7 +60,7 @@ pub struct Rig {
     /// Its machine.
     pub settings: Settings,
     /// The run over a perfect line.
-    pub clean: Rehearsal,
+    pub clean: DryRun,
 }
 
 impl Rig {
@@ -78,7 +78,7 @@ impl Rig {
     }
 
     /// Runs it again over another line.
-    pub fn run(&self, setup: &SimulatorSetup) -> Rehearsal {
+    pub fn run(&self, setup: &SimulatorSetup) -> DryRun {
         run(&self.stream, &self.settings, setup)
     }
 
@@ -165,16 +165,16 @@ impl Rig {
     }
 
     /// Steps of the extruder, forward and back.
-    fn extruder_steps(&self, rehearsal: &Rehearsal) -> f64 {
+    fn extruder_steps(&self, dry_run: &DryRun) -> f64 {
         let extruder = self.settings.machine.joints.len() as u8;
-        let steps = rehearsal.simulation.motion.steps.iter();
+        let steps = dry_run.simulation.motion.steps.iter();
         steps.filter(|step| step.motor == extruder).count() as f64
     }
 }
 
-fn run(stream: &SegmentStream, settings: &Settings, setup: &SimulatorSetup) -> Rehearsal {
-    match rehearse(stream, settings, setup, |_| {}) {
-        Ok(rehearsal) => rehearsal,
+fn run(stream: &SegmentStream, settings: &Settings, setup: &SimulatorSetup) -> DryRun {
+    match dry_run(stream, settings, setup, |_| {}) {
+        Ok(dry_run) => dry_run,
         Err(error) => panic!("seed {}, line {:?}: {error}", setup.seed, setup.link),
     }
 }

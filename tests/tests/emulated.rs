@@ -4,7 +4,7 @@
 //! Skipped, and said so, where QEMU or the target is missing; `HEADWAY_DEMAND_EMULATOR=1` makes
 //! that a failure.
 
-use headway::drive::rehearsal::rehearse;
+use headway::drive::dry_run::dry_run;
 use headway::drive::sender::Sender;
 use headway::drive::sender_state::{SenderError, SenderEvent, SenderSetup, SenderState};
 use headway::drive::simulator::{SimulationFigures, SimulatorSetup};
@@ -98,11 +98,11 @@ fn example() -> &'static Example {
         let loaded = read(&bytes, "taper", format, &ReadOptions::default()).expect("valid");
         let plan = plan_target(&loaded.target, &settings).expect("plan");
         let setup = SimulatorSetup::default();
-        let rehearsal = rehearse(&plan.stream, &settings, &setup, |_| {}).expect("rehearsal");
+        let dry_run = dry_run(&plan.stream, &settings, &setup, |_| {}).expect("dry_run");
         Example {
             frames: WireFrames::encode(&plan.stream).expect("a plan can be sent"),
             settings,
-            simulated: rehearsal.simulation.figures,
+            simulated: dry_run.simulation.figures,
         }
     })
 }

@@ -3,7 +3,7 @@
 //! printing. Method: the simulated steps by forward kinematics of our own (counts over steps per mm)
 //! and the layer oracle; settings whose layers can be told by hand.
 
-use headway::drive::rehearsal::{Rehearsal, rehearse};
+use headway::drive::dry_run::{DryRun, dry_run};
 use headway::drive::simulator::SimulatorSetup;
 use headway::input::Target;
 use headway::job::{MotionState, SegmentStream};
@@ -46,9 +46,9 @@ struct Moment {
     extruder: i64,
 }
 
-fn moments(rehearsal: &Rehearsal, settings: &Settings) -> Vec<Moment> {
+fn moments(dry_run: &DryRun, settings: &Settings) -> Vec<Moment> {
     let joints = &settings.machine.joints;
-    let record = &rehearsal.simulation.motion;
+    let record = &dry_run.simulation.motion;
     let mut counts = record.start_counts;
     let steps = record.steps.iter();
     steps
@@ -64,13 +64,13 @@ fn moments(rehearsal: &Rehearsal, settings: &Settings) -> Vec<Moment> {
         .collect()
 }
 
-fn rehearsed(plan: &Plan, settings: &Settings) -> Rehearsal {
+fn run_dry(plan: &Plan, settings: &Settings) -> DryRun {
     let setup = SimulatorSetup::default();
-    let rehearsal = rehearse(&plan.stream, settings, &setup, |_| {}).expect("rehearsal");
-    assert_eq!(rehearsal.simulation.figures.faults, 0);
-    let trace = &rehearsal.trace;
+    let dry_run = dry_run(&plan.stream, settings, &setup, |_| {}).expect("dry_run");
+    assert_eq!(dry_run.simulation.figures.faults, 0);
+    let trace = &dry_run.trace;
     assert_eq!(trace.final_counts, trace.expected_counts);
-    rehearsal
+    dry_run
 }
 
 /// Far enough that both are worth looking at.
@@ -94,13 +94,13 @@ fn steps_of_four_layers_lie_where_they_should() {
     };
     settings.skirt.brim_loops = 1;
     let plan = plan_target(&target(&parts), &settings).expect("a plan");
-    let rehearsal = rehearsed(&plan, &settings);
+    let dry_run = run_dry(&plan, &settings);
     let bed_mm = plan.transform.offset_mm[2];
     let height_of = |layer: usize| bed_mm + settings.layer_height_mm * (layer + 1) as f64;
     let mut layer = 0;
     let mut poses: Vec<Vec<OraclePose>> = vec![Vec::new(); 4];
     let (mut crossings, mut before, mut has_begun) = (0, None::<Moment>, false);
-    for now in moments(&rehearsal, &settings) {
+    for now in moments(&dry_run, &settings) {
         let z_mm = now.tip_mm[2];
         let Some(was) = before.replace(now) else {
             continue;

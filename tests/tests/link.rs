@@ -2,8 +2,8 @@
 //! virtual clock, lines with seeded faults, the steps compared with those of a clean run.
 //! `HEADWAY_SEEDS` sets the number of runs for each line rate (default 6; the campaign took 200).
 
+use headway::drive::dry_run::dry_run;
 use headway::drive::plan_curve::stream_ticks;
-use headway::drive::rehearsal::rehearse;
 use headway::drive::sender_state::{SenderError, SenderState};
 use headway::drive::simulator::{Simulator, SimulatorError, SimulatorSetup};
 use headway::input::ReadOptions;
@@ -110,19 +110,19 @@ fn credits_never_hold_up_a_line_that_carries_the_rate() {
 fn the_six_axis_gear_takes_few_bytes_and_keeps_its_tolerances() {
     let settings = gear::gantry();
     let (stream, report) = lay_segments(&gear::route(400.0), &settings).unwrap();
-    let rehearsal = rehearse(&stream, &settings, &SimulatorSetup::default(), |_| {}).unwrap();
-    let figures = &rehearsal.simulation.figures;
+    let dry_run = dry_run(&stream, &settings, &SimulatorSetup::default(), |_| {}).unwrap();
+    let figures = &dry_run.simulation.figures;
     let per_mm = figures.bytes as f64 / 400.0;
     println!(
         "{} knots, {:.1} a second, {} bytes, {per_mm:.2} a mm, {:.0} a second, {} steps, fit {:.2}",
         stream.knots.len(),
         stream.knots.len() as f64 / figures.motion_s,
         figures.bytes,
-        rehearsal.bytes_per_s,
+        dry_run.bytes_per_s,
         figures.steps,
         report.fit_error_ratio,
     );
-    println!("{:?}\n{:?}", rehearsal.trace, rehearsal.limits);
+    println!("{:?}\n{:?}", dry_run.trace, dry_run.limits);
     assert_eq!(figures.faults, 0);
     assert!(per_mm <= 25.0, "{per_mm} bytes per mm");
 }

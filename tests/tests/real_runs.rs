@@ -3,7 +3,7 @@
 //! out where that folder is missing), planned for example machines and simulated; tip, axis and limits
 //! judged from the recorded steps.
 
-use headway::drive::rehearsal::{Rehearsal, rehearse};
+use headway::drive::dry_run::{DryRun, dry_run};
 use headway::drive::simulator::SimulatorSetup;
 use headway::input::ReadOptions;
 use headway::input::waypoints::read;
@@ -32,27 +32,23 @@ fn planned(name: &str, settings: &Settings) -> Option<Result<Plan, PlanError>> {
 }
 
 /// A run printed in simulation; `None` where the shared data are missing.
-fn printed(name: &str, settings: &Settings) -> Option<Rehearsal> {
+fn printed(name: &str, settings: &Settings) -> Option<DryRun> {
     let plan = planned(name, settings)?.unwrap_or_else(|error| panic!("{name}: {error}"));
     let setup = SimulatorSetup::default();
-    Some(rehearse(&plan.stream, settings, &setup, |_| {}).unwrap())
+    Some(dry_run(&plan.stream, settings, &setup, |_| {}).unwrap())
 }
 
 /// No fault, limits kept, and the pose within what half a step and 5 um explain.
-fn assert_printed(name: &str, rehearsal: &Rehearsal) {
-    let (figures, trace) = (&rehearsal.simulation.figures, &rehearsal.trace);
+fn assert_printed(name: &str, dry_run: &DryRun) {
+    let (figures, trace) = (&dry_run.simulation.figures, &dry_run.trace);
     println!(
         "{name}: {:.1} s, {trace:?}, {:?}",
-        figures.motion_s, rehearsal.limits
+        figures.motion_s, dry_run.limits
     );
-    assert_eq!(
-        figures.faults, 0,
-        "{name}: {:?}",
-        rehearsal.simulation.fault
-    );
-    assert!(rehearsal.limits.velocity.ratio <= 1.0, "{name}");
-    assert!(rehearsal.limits.acceleration.ratio <= 1.0, "{name}");
-    assert!(rehearsal.limits.jerk.ratio <= 1.02, "{name}");
+    assert_eq!(figures.faults, 0, "{name}: {:?}", dry_run.simulation.fault);
+    assert!(dry_run.limits.velocity.ratio <= 1.0, "{name}");
+    assert!(dry_run.limits.acceleration.ratio <= 1.0, "{name}");
+    assert!(dry_run.limits.jerk.ratio <= 1.02, "{name}");
     assert!(
         trace.tip_error_um_max <= trace.half_step_um_max + 5.0,
         "{name}"
@@ -69,8 +65,8 @@ fn assert_printed(name: &str, rehearsal: &Rehearsal) {
 fn swinging_heads_are_not_refused_by_the_controller() {
     let settings = machine("gantry.toml");
     for name in ["dome_cut_132.txt", "freeform_17.txt", "model_2_14.txt"] {
-        if let Some(rehearsal) = printed(name, &settings) {
-            assert_printed(name, &rehearsal);
+        if let Some(dry_run) = printed(name, &settings) {
+            assert_printed(name, &dry_run);
         }
     }
 }
@@ -82,8 +78,8 @@ fn swinging_heads_are_not_refused_by_the_controller() {
 fn a_tilting_table_prints_steep_runs_with_jumps() {
     let settings = machine("trunnion.toml");
     for name in ["0.txt", "topology_10301.txt"] {
-        if let Some(rehearsal) = printed(name, &settings) {
-            assert_printed(name, &rehearsal);
+        if let Some(dry_run) = printed(name, &settings) {
+            assert_printed(name, &dry_run);
         }
     }
 }
@@ -93,8 +89,8 @@ fn a_tilting_table_prints_steep_runs_with_jumps() {
 fn a_tilting_table_prints_all_runs() {
     let settings = machine("trunnion.toml");
     for name in RUNS {
-        if let Some(rehearsal) = printed(name, &settings) {
-            assert_printed(name, &rehearsal);
+        if let Some(dry_run) = printed(name, &settings) {
+            assert_printed(name, &dry_run);
         }
     }
 }
@@ -105,8 +101,8 @@ fn a_tilting_table_prints_all_runs() {
 #[test]
 fn a_small_arm_prints_what_it_reaches_and_tells_the_rest() {
     let settings = machine("arm-small.toml");
-    if let Some(rehearsal) = printed("0.txt", &settings) {
-        assert_printed("0.txt", &rehearsal);
+    if let Some(dry_run) = printed("0.txt", &settings) {
+        assert_printed("0.txt", &dry_run);
     }
     if let Some(Err(error)) = planned("dome_cut_132.txt", &settings) {
         let text = error.to_string();

@@ -3,7 +3,7 @@
 //! depth by the oracle of `headway_tests::layer_oracle`, which knows only the knots. Slices are
 //! reference data beside the checkout: without them the test says so and passes.
 
-use headway::drive::rehearsal::rehearse;
+use headway::drive::dry_run::dry_run;
 use headway::drive::simulator::SimulatorSetup;
 use headway::input::{Format, ReadOptions, read};
 use headway::plan_target;
@@ -51,15 +51,15 @@ fn run(file: &Path, settings: &Settings) -> Option<Row> {
     let plan = plan_target(&loaded.target, settings).unwrap_or_else(|e| panic!("{name}: {e}"));
     let judged = judge(&plan, &loaded.target.regions, settings);
     let (found, of_reachable) = (judged.found, judged.covered_of_reachable_pct);
-    let rehearsal =
-        rehearse(&plan.stream, settings, &SimulatorSetup::default(), |_| {}).expect("rehearsal");
+    let dry_run =
+        dry_run(&plan.stream, settings, &SimulatorSetup::default(), |_| {}).expect("dry_run");
     let unreachable_mm: f64 = plan
         .regions()
         .iter()
         .flat_map(|r| &r.unreachable)
         .map(|run| run.length_mm())
         .sum();
-    let (figures, trace) = (&rehearsal.simulation.figures, &rehearsal.trace);
+    let (figures, trace) = (&dry_run.simulation.figures, &dry_run.trace);
     println!(
         "| {name} | {:.1} | {of_reachable:.2} | {:.2} | {:.2} | {} | {:.1} | {:.1} | {:.2} | {:.2} |",
         found.area_mm2,
@@ -71,11 +71,7 @@ fn run(file: &Path, settings: &Settings) -> Option<Row> {
         trace.tip_error_um_max,
         unreachable_mm,
     );
-    assert_eq!(
-        figures.faults, 0,
-        "{name}: {:?}",
-        rehearsal.simulation.fault
-    );
+    assert_eq!(figures.faults, 0, "{name}: {:?}", dry_run.simulation.fault);
     assert_eq!(trace.final_counts, trace.expected_counts, "{name}");
     assert!(
         trace.tip_error_um_max <= trace.half_step_um_max + 2.0,
@@ -92,14 +88,14 @@ fn run(file: &Path, settings: &Settings) -> Option<Row> {
         plan.figures
     );
     assert!(
-        rehearsal.limits.velocity.ratio <= 1.0 + 1e-6,
+        dry_run.limits.velocity.ratio <= 1.0 + 1e-6,
         "{name}: {:?}",
-        rehearsal.limits
+        dry_run.limits
     );
     assert!(
-        rehearsal.limits.acceleration.ratio <= 1.0 + 1e-6,
+        dry_run.limits.acceleration.ratio <= 1.0 + 1e-6,
         "{name}: {:?}",
-        rehearsal.limits
+        dry_run.limits
     );
     Some(Row {
         area_mm2: found.area_mm2,

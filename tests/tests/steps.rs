@@ -2,7 +2,7 @@
 //! Method: examples planned at 60 and 150 mm/s, streamed to the firmware
 //! library, steps turned back into poses; an independent sampler over the segments.
 
-use headway::drive::rehearsal::{Rehearsal, rehearse};
+use headway::drive::dry_run::{DryRun, dry_run};
 use headway::drive::simulator::SimulatorSetup;
 use headway::input::{Format, ReadOptions, read};
 use headway::job::SegmentStream;
@@ -22,27 +22,23 @@ fn planned(example: &str, settings: &Settings) -> SegmentStream {
     plan_target(&loaded.target, settings).expect("plan").stream
 }
 
-fn rehearsed(example: &str, settings: &Settings) -> Rehearsal {
+fn run_dry(example: &str, settings: &Settings) -> DryRun {
     let setup = SimulatorSetup::default();
-    rehearse(&planned(example, settings), settings, &setup, |_| {}).expect("rehearsal")
+    dry_run(&planned(example, settings), settings, &setup, |_| {}).expect("dry_run")
 }
 
 /// Issue 3: a tick's own rounding is 1.44 us rms; the rest is the averaged parabola.
-fn check_step_times(name: &str, rehearsal: &Rehearsal) {
-    let trace = &rehearsal.trace;
+fn check_step_times(name: &str, dry_run: &DryRun) {
+    let trace = &dry_run.trace;
     assert!(trace.step_time_error_us_rms <= 1.6, "{name}: {trace:?}");
     assert!(trace.step_time_error_us_max <= 5.0, "{name}: {trace:?}");
 }
 
-fn check(name: &str, rehearsal: &Rehearsal) {
-    let (trace, limits) = (&rehearsal.trace, &rehearsal.limits);
-    let figures = &rehearsal.simulation.figures;
+fn check(name: &str, dry_run: &DryRun) {
+    let (trace, limits) = (&dry_run.trace, &dry_run.limits);
+    let figures = &dry_run.simulation.figures;
     println!("{name}: {figures:?}\n{trace:?}\n{limits:?}");
-    assert_eq!(
-        figures.faults, 0,
-        "{name}: {:?}",
-        rehearsal.simulation.fault
-    );
+    assert_eq!(figures.faults, 0, "{name}: {:?}", dry_run.simulation.fault);
     assert_eq!((figures.underruns, figures.holds), (0, 0), "{name}");
     let tip_bound_um = trace.half_step_um_max + 2.0;
     assert!(trace.tip_error_um_max <= tip_bound_um, "{name}: {trace:?}");
@@ -53,7 +49,7 @@ fn check(name: &str, rehearsal: &Rehearsal) {
     );
     assert!(trace.volume_error_pct <= 0.1, "{name}: {trace:?}");
     assert_eq!(trace.final_counts, trace.expected_counts, "{name}");
-    check_step_times(name, rehearsal);
+    check_step_times(name, dry_run);
     // Issue 2's bound is 1 + 1e-6 of the planned share.
     assert!(limits.velocity.ratio <= 1.0 + 1e-6, "{name}: {limits:?}");
     assert!(
@@ -71,7 +67,7 @@ fn steps_reproduce_the_plan_on_the_planar_machine() {
         };
         for example in ["u-part.json", "taper.json"] {
             let name = format!("{example} at {speed_mm_s} mm/s");
-            check(&name, &rehearsed(example, &settings));
+            check(&name, &run_dry(example, &settings));
         }
     }
 }
@@ -83,10 +79,10 @@ fn steps_of_the_planar_gear_come_in_time_at_60_and_150_mm_per_s() {
             speed_mm_s,
             ..Settings::default()
         };
-        let rehearsal = rehearsed("gear.json", &settings);
-        check_step_times(&format!("gear.json at {speed_mm_s} mm/s"), &rehearsal);
-        assert_eq!(rehearsal.simulation.figures.faults, 0);
-        let steps = rehearsal.simulation.figures.steps;
+        let dry_run = run_dry("gear.json", &settings);
+        check_step_times(&format!("gear.json at {speed_mm_s} mm/s"), &dry_run);
+        assert_eq!(dry_run.simulation.figures.faults, 0);
+        let steps = dry_run.simulation.figures.steps;
         assert!(steps > 100_000, "{steps}");
     }
 }
@@ -97,28 +93,28 @@ fn a_plan_at_its_limits_is_not_held_up_on_a_full_queue() {
     // nine times for nothing, so that steps depended on when knots had arrived.
     check(
         "bracket.json",
-        &rehearsed("bracket.json", &Settings::default()),
+        &run_dry("bracket.json", &Settings::default()),
     );
 }
 
-fn rehearsed_gear(speed_mm_s: f64) -> Rehearsal {
+fn dry_run_of_the_gear(speed_mm_s: f64) -> DryRun {
     let settings = Settings {
         speed_mm_s,
         ..gear::gantry()
     };
     let (stream, _) = lay_segments(&gear::route(200.0), &settings).expect("segments");
     let setup = SimulatorSetup::default();
-    rehearse(&stream, &settings, &setup, |_| {}).expect("rehearsal")
+    dry_run(&stream, &settings, &setup, |_| {}).expect("dry_run")
 }
 
 #[test]
 fn steps_reproduce_the_six_axis_gear_on_a_gantry() {
-    check("gear-6axis", &rehearsed_gear(60.0));
+    check("gear-6axis", &dry_run_of_the_gear(60.0));
 }
 
 #[test]
 fn steps_of_the_six_axis_gear_come_in_time_as_fast_as_its_limits_allow() {
-    let rehearsal = rehearsed_gear(150.0);
-    check_step_times("gear-6axis at 150 mm/s", &rehearsal);
-    assert_eq!(rehearsal.simulation.figures.faults, 0);
+    let dry_run = dry_run_of_the_gear(150.0);
+    check_step_times("gear-6axis at 150 mm/s", &dry_run);
+    assert_eq!(dry_run.simulation.figures.faults, 0);
 }

@@ -2,7 +2,7 @@
 //! kept example is written again and compared; it is read, planned, simulated at several microstep
 //! settings, and its bytes are counted. `HEADWAY_WRITE_EXAMPLES=1` writes the example anew.
 
-use headway::drive::rehearsal::rehearse;
+use headway::drive::dry_run::dry_run;
 use headway::drive::simulator::SimulatorSetup;
 use headway::input::ReadOptions;
 use headway::input::waypoints::{WaypointRun, read};
@@ -74,9 +74,8 @@ fn the_gear_takes_few_bytes_whatever_the_microstepping() {
             settings.machine.step_hz *= 2;
         }
         let plan = plan_waypoints(&run, &settings).unwrap();
-        let rehearsal =
-            rehearse(&plan.stream, &settings, &SimulatorSetup::default(), |_| {}).unwrap();
-        let figures = &rehearsal.simulation.figures;
+        let dry_run = dry_run(&plan.stream, &settings, &SimulatorSetup::default(), |_| {}).unwrap();
+        let figures = &dry_run.simulation.figures;
         let per_mm = figures.bytes as f64 / LENGTH_MM;
         println!(
             "microsteps x{finer}: {:.1} mm printed, {:.1} mm travel, {} knots, {} bytes in all, \
@@ -85,18 +84,15 @@ fn the_gear_takes_few_bytes_whatever_the_microstepping() {
             plan.figures.travel_mm,
             plan.stream.knots.len(),
             figures.bytes,
-            rehearsal.bytes_per_s,
+            dry_run.bytes_per_s,
             figures.motion_s,
-            rehearsal.trace,
+            dry_run.trace,
         );
-        assert_eq!(figures.faults, 0, "{:?}", rehearsal.simulation.fault);
+        assert_eq!(figures.faults, 0, "{:?}", dry_run.simulation.fault);
         assert!(per_mm <= 25.0, "{per_mm} bytes a mm, travel included");
-        assert_eq!(
-            rehearsal.trace.final_counts,
-            rehearsal.trace.expected_counts
-        );
-        assert!(rehearsal.limits.velocity.ratio <= 1.0);
-        assert!(rehearsal.limits.acceleration.ratio <= 1.0);
+        assert_eq!(dry_run.trace.final_counts, dry_run.trace.expected_counts);
+        assert!(dry_run.limits.velocity.ratio <= 1.0);
+        assert!(dry_run.limits.acceleration.ratio <= 1.0);
         bytes.push(figures.bytes);
     }
     // Steps are the controller's affair: the stream is the same to the byte.

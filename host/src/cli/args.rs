@@ -208,7 +208,7 @@ pub(super) enum QualityName {
 
 #[derive(Clone, Copy, Debug, PartialEq, ValueEnum)]
 pub(super) enum SeamName {
-    /// The calm place nearest to where the head is.
+    /// The smooth place nearest to where the head is.
     Nearest,
     /// Farthest along a direction.
     Aligned,

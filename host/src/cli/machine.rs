@@ -3,9 +3,9 @@
 use super::CliError;
 use super::args::{KindName, MachineArgs, MachineCommand};
 use super::console::Console;
-use super::doubts::doubts;
 use super::load;
 use super::output_file::write_file;
+use super::warnings::settings_warnings;
 use crate::settings::{Settings, machine_file, motor_rates_hz};
 use serde_json::json;
 
@@ -26,7 +26,7 @@ pub(super) fn run(args: &MachineArgs, console: &Console) -> Result<(), CliError>
         }
         MachineCommand::Check { file, json } => {
             let settings = load::machine(file)?;
-            console.notes(&doubts(&settings));
+            console.notes(&settings_warnings(&settings));
             if *json {
                 return console.result(&format!("{:#}\n", summary_json(&settings)));
             }

@@ -9,7 +9,6 @@ mod args_board;
 mod board;
 mod by_hand;
 mod console;
-mod doubts;
 mod export;
 mod headings;
 mod inspect;
@@ -24,6 +23,7 @@ mod planned;
 mod printable;
 mod simulate;
 mod stream;
+mod warnings;
 
 use args::{Arguments, Command};
 use clap::Parser;

@@ -2,9 +2,9 @@
 
 use super::args::{InputArgs, PlaceArgs, SettingsArgs};
 use super::console::Console;
-use super::doubts::doubts;
 use super::job::{self, Job};
 use super::open_ground::{self, OpenGround, open_ground};
+use super::warnings::settings_warnings;
 use super::{CliError, load};
 use crate::drive::time_by_limit::{SlowPlace, time_by_limit};
 use crate::geometry::polygon::Region;
@@ -88,7 +88,7 @@ pub(super) fn from_input(
     let mut warnings = warnings(&plan, &unreachable);
     let open = open_ground(&plan);
     warnings.extend(open_ground::note(&open, &settings));
-    warnings.extend(doubts(&settings));
+    warnings.extend(settings_warnings(&settings));
     console.notes(&warnings);
     notes.extend(warnings);
     Ok(Planned {

@@ -5,8 +5,8 @@ use super::console::Console;
 use super::output_file::{check_file, check_folder, write_file_with, write_folder};
 use super::planned::{self, Planned};
 use super::{CliError, job, pictures};
+use crate::drive::dry_run::{DryRun, dry_run};
 use crate::drive::link::LinkSpec;
-use crate::drive::rehearsal::{Rehearsal, rehearse};
 use crate::drive::simulator::SimulatorSetup;
 use crate::drive::trace_table;
 use crate::report::figures::Figures;
@@ -48,14 +48,14 @@ pub(super) fn run(args: &SimulateArgs, console: &Console) -> Result<(), CliError
         commands: Vec::new(),
     };
     let bar = console.bar("simulating", BAR_STEPS as u64);
-    let rehearsal = rehearse(&planned.stream, &planned.settings, &setup, |done| {
+    let dry_run = dry_run(&planned.stream, &planned.settings, &setup, |done| {
         bar.set_position((done * BAR_STEPS) as u64);
     });
     bar.finish_and_clear();
-    let rehearsal = rehearsal.map_err(|error| CliError::Job(error.to_string()))?;
+    let dry_run = dry_run.map_err(|error| CliError::Job(error.to_string()))?;
     planned.figures =
-        std::mem::take(&mut planned.figures).merged_with(&simulation_figures(&planned, &rehearsal));
-    write_traces(args, &planned, &rehearsal)?;
+        std::mem::take(&mut planned.figures).merged_with(&simulation_figures(&planned, &dry_run));
+    write_traces(args, &planned, &dry_run)?;
     if let Some(folder) = &args.report {
         write_report(folder, &planned, console)?;
     }
@@ -64,7 +64,7 @@ pub(super) fn run(args: &SimulateArgs, console: &Console) -> Result<(), CliError
     } else {
         console.result(&format!("{}\n{}", planned.name, planned.figures.to_text()))?;
     }
-    verdict(&rehearsal)
+    verdict(&dry_run)
 }
 
 /// What is said of a job that only planning could heed.
@@ -90,15 +90,11 @@ fn of_no_use(args: &SimulateArgs) -> Option<String> {
     })
 }
 
-fn simulation_figures(planned: &Planned, rehearsal: &Rehearsal) -> Figures {
-    let (s, t, l) = (
-        &rehearsal.simulation.figures,
-        &rehearsal.trace,
-        &rehearsal.limits,
-    );
+fn simulation_figures(planned: &Planned, dry_run: &DryRun) -> Figures {
+    let (s, t, l) = (&dry_run.simulation.figures, &dry_run.trace, &dry_run.limits);
     Figures {
         bytes: Some(s.bytes),
-        bytes_per_s: Some(rehearsal.bytes_per_s),
+        bytes_per_s: Some(dry_run.bytes_per_s),
         limit_ratio_velocity: Some(l.velocity.ratio),
         limit_ratio_acceleration: Some(l.acceleration.ratio),
         limit_ratio_jerk: Some(l.jerk.ratio),
@@ -119,19 +115,19 @@ fn simulation_figures(planned: &Planned, rehearsal: &Rehearsal) -> Figures {
         underruns: Some(s.underruns),
         holds: Some(s.holds),
         faults: Some(s.faults),
-        realtime_factor: Some(rehearsal.realtime_factor),
+        realtime_factor: Some(dry_run.realtime_factor),
         ..planned::time_figures(planned)
     }
 }
 
 /// A fault, or steps that do not come to the plan's end, are no success.
-fn verdict(rehearsal: &Rehearsal) -> Result<(), CliError> {
-    if let Some(fault) = &rehearsal.simulation.fault {
+fn verdict(dry_run: &DryRun) -> Result<(), CliError> {
+    if let Some(fault) = &dry_run.simulation.fault {
         return Err(CliError::Job(format!(
             "the controller stopped with a fault: {fault}"
         )));
     }
-    let trace = &rehearsal.trace;
+    let trace = &dry_run.trace;
     if trace.final_counts != trace.expected_counts {
         return Err(CliError::Job(format!(
             "the steps end at {:?}, the plan's last pose asks for {:?}",
@@ -141,13 +137,9 @@ fn verdict(rehearsal: &Rehearsal) -> Result<(), CliError> {
     Ok(())
 }
 
-fn write_traces(
-    args: &SimulateArgs,
-    planned: &Planned,
-    rehearsal: &Rehearsal,
-) -> Result<(), CliError> {
+fn write_traces(args: &SimulateArgs, planned: &Planned, dry_run: &DryRun) -> Result<(), CliError> {
     let machine = &planned.settings.machine;
-    let record = &rehearsal.simulation.motion;
+    let record = &dry_run.simulation.motion;
     if let Some(path) = &args.trace {
         write_file_with(path, |mut out| {
             trace_table::write_poses(

@@ -1,5 +1,6 @@
 //! Moves finished segments: sender, link, simulator; checks what came out. Never imports `plan`.
 
+pub mod dry_run;
 pub mod joint_track;
 pub mod limits;
 pub mod link;
@@ -7,7 +8,6 @@ pub mod link_log;
 pub mod plan_curve;
 pub mod pump;
 pub mod record;
-pub mod rehearsal;
 pub mod round_trip;
 pub mod sender;
 pub mod sender_state;

@@ -22,12 +22,12 @@ const TWO_OPT_ROUNDS: usize = 8;
 /// the head is. Same passes out as in.
 pub fn ordered(passes: Vec<LayerPass>, from: Point2, aperture: &Aperture) -> Vec<LayerPass> {
     let period_rad = aperture.period_rad();
-    let doors: Vec<Doors> = passes
+    let entry_points: Vec<EntryPoints> = passes
         .iter()
-        .map(|pass| Doors::of(pass, period_rad))
+        .map(|pass| EntryPoints::of(pass, period_rad))
         .collect();
     let link_mm = LENGTH_SHARE * aperture.major_mm();
-    let order = two_opt(&doors, greedy(&doors, from), from, link_mm);
+    let order = two_opt(&entry_points, greedy(&entry_points, from), from, link_mm);
     let mut position = from;
     let mut slots: Vec<Option<LayerPass>> = passes.into_iter().map(Some).collect();
     let mut result = Vec::with_capacity(order.len());
@@ -35,7 +35,10 @@ pub fn ordered(passes: Vec<LayerPass>, from: Point2, aperture: &Aperture) -> Vec
         let Some(pass) = slots[number].take() else {
             continue;
         };
-        let start = doors[number].nearest(position).1.map_or(0, |d| d.start);
+        let start = entry_points[number]
+            .nearest(position)
+            .1
+            .map_or(0, |d| d.start);
         let placed = opened(started_at(pass, start, period_rad), aperture);
         if let Some(last) = placed.placements.last() {
             position = last.at.center;
@@ -46,30 +49,30 @@ pub fn ordered(passes: Vec<LayerPass>, from: Point2, aperture: &Aperture) -> Vec
 }
 
 /// Nearest pass first.
-fn greedy(doors: &[Doors], from: Point2) -> Vec<usize> {
-    let mut left: Vec<usize> = (0..doors.len()).collect();
-    let mut order = Vec::with_capacity(doors.len());
+fn greedy(entry_points: &[EntryPoints], from: Point2) -> Vec<usize> {
+    let mut left: Vec<usize> = (0..entry_points.len()).collect();
+    let mut order = Vec::with_capacity(entry_points.len());
     let mut position = from;
     while !left.is_empty() {
         let (mut slot, mut best) = (0, f64::INFINITY);
         for (i, &number) in left.iter().enumerate() {
-            if doors[number].is_beyond(position, best) {
+            if entry_points[number].is_beyond(position, best) {
                 continue;
             }
-            let (found, _) = doors[number].nearest(position);
+            let (found, _) = entry_points[number].nearest(position);
             if found < best {
                 (slot, best) = (i, found);
             }
         }
         let number = left.remove(slot);
-        (position, _) = doors[number].passed(position);
+        (position, _) = entry_points[number].passed(position);
         order.push(number);
     }
     order
 }
 
 /// A placement at which a pass may be entered.
-struct Door {
+struct EntryPoint {
     start: usize,
     place: Point2,
     /// Where the head is after the pass.
@@ -77,30 +80,30 @@ struct Door {
 }
 
 /// All of a pass, found once: it is asked for them over and over.
-struct Doors {
-    doors: Vec<Door>,
+struct EntryPoints {
+    entry_points: Vec<EntryPoint>,
     /// What holds their places.
     bounds: Box2,
 }
 
-impl Doors {
-    /// The ends of an open pass, the calm places of a closed one.
-    fn of(pass: &LayerPass, period_rad: f64) -> Doors {
+impl EntryPoints {
+    /// The ends of an open pass, the smooth places of a closed one.
+    fn of(pass: &LayerPass, period_rad: f64) -> EntryPoints {
         let count = pass.placements.len();
         let numbers: Vec<usize> = if pass.closed {
             let stride = count.div_ceil(STARTS_MAX).max(1);
             let all = || (0..count).step_by(stride);
-            let calm: Vec<usize> = all().filter(|&i| is_calm(pass, i, period_rad)).collect();
-            if calm.is_empty() {
+            let smooth: Vec<usize> = all().filter(|&i| is_smooth(pass, i, period_rad)).collect();
+            if smooth.is_empty() {
                 all().collect()
             } else {
-                calm
+                smooth
             }
         } else {
             vec![0, count - 1]
         };
         let place = |i: usize| pass.placements[i].at.center;
-        let door = |start: usize| Door {
+        let entry = |start: usize| EntryPoint {
             start,
             place: place(start),
             exit: place(if pass.closed {
@@ -109,27 +112,27 @@ impl Doors {
                 count - 1 - start
             }),
         };
-        let doors: Vec<Door> = numbers.into_iter().map(door).collect();
-        let places: Vec<Point2> = doors.iter().map(|door| door.place).collect();
-        Doors {
+        let entry_points: Vec<EntryPoint> = numbers.into_iter().map(entry).collect();
+        let places: Vec<Point2> = entry_points.iter().map(|entry| entry.place).collect();
+        EntryPoints {
             bounds: Box2::of(&places),
-            doors,
+            entry_points,
         }
     }
 
-    /// True where every door is farther away than this, mm.
+    /// True where every entry is farther away than this, mm.
     fn is_beyond(&self, from: Point2, reach_mm: f64) -> bool {
         !self.bounds.grown(reach_mm).contains(from)
     }
 
-    /// The nearest door, and how far away it is.
-    fn nearest(&self, from: Point2) -> (f64, Option<&Door>) {
+    /// The nearest entry, and how far away it is.
+    fn nearest(&self, from: Point2) -> (f64, Option<&EntryPoint>) {
         let (mut best, mut least2) = ((f64::INFINITY, None), f64::INFINITY);
-        for door in &self.doors {
-            let distance2 = (door.place - from).norm_squared();
+        for entry in &self.entry_points {
+            let distance2 = (entry.place - from).norm_squared();
             // The root only where it can be the least.
             if distance2 < least2 && distance2.sqrt() < best.0 {
-                (best, least2) = ((distance2.sqrt(), Some(door)), distance2);
+                (best, least2) = ((distance2.sqrt(), Some(entry)), distance2);
             }
         }
         best
@@ -137,34 +140,34 @@ impl Doors {
 
     /// Where the head is after the pass, entered from `from`, and how far it goes there.
     fn passed(&self, from: Point2) -> (Point2, f64) {
-        let (distance, door) = self.nearest(from);
-        (door.map_or(from, |door| door.exit), distance)
+        let (distance, entry) = self.nearest(from);
+        (entry.map_or(from, |entry| entry.exit), distance)
     }
 }
 
 /// True where wall and heading hardly turn around placement `i`: a seam closes well there, and
 /// badly in a corner.
-fn is_calm(pass: &LayerPass, i: usize, period_rad: f64) -> bool {
+fn is_smooth(pass: &LayerPass, i: usize, period_rad: f64) -> bool {
     let count = pass.placements.len();
     let own = &pass.placements[i];
-    [CALM_WINDOW / 2, CALM_WINDOW].iter().all(|&n| {
+    [SMOOTH_WINDOW / 2, SMOOTH_WINDOW].iter().all(|&n| {
         [(i + n) % count, (i + count - n % count) % count]
             .iter()
             .all(|&j| {
                 let other = &pass.placements[j];
                 let turn = (other.at.heading_rad - own.at.heading_rad).rem_euclid(period_rad);
-                own.contact.normal.dot(&other.contact.normal) > CALM_COS
-                    && turn.min(period_rad - turn) < CALM_TURN_RAD
+                own.contact.normal.dot(&other.contact.normal) > SMOOTH_COS
+                    && turn.min(period_rad - turn) < SMOOTH_TURN_RAD
             })
     })
 }
 
-/// Placements to each side that must be calm: about one aperture.
-const CALM_WINDOW: usize = 8;
+/// Placements to each side that must be smooth: about one aperture.
+const SMOOTH_WINDOW: usize = 8;
 /// Cosine of the largest turn of the wall normal.
-const CALM_COS: f64 = 0.985;
+const SMOOTH_COS: f64 = 0.985;
 /// Largest turn of the heading.
-const CALM_TURN_RAD: f64 = 0.3;
+const SMOOTH_TURN_RAD: f64 = 0.3;
 
 /// An order as far as it has been gone through.
 #[derive(Clone, Copy)]
@@ -181,8 +184,8 @@ struct Progress {
 
 impl Progress {
     /// Goes on to a pass and along it.
-    fn on(self, doors: &Doors) -> Progress {
-        let (at, way_mm) = doors.passed(self.at);
+    fn on(self, entry_points: &EntryPoints) -> Progress {
+        let (at, way_mm) = entry_points.passed(self.at);
         let interrupts = self.passed > 0 && way_mm > self.link_mm;
         let interruption_mm = if interrupts { INTERRUPTION_MM } else { 0.0 };
         Progress {
@@ -194,10 +197,10 @@ impl Progress {
     }
 
     /// What an order costs from here on, mm; no further than to `most_mm`.
-    fn cost_mm(self, doors: &[Doors], order: &[usize], most_mm: f64) -> f64 {
+    fn cost_mm(self, entry_points: &[EntryPoints], order: &[usize], most_mm: f64) -> f64 {
         let mut progress = self;
         for &number in order {
-            progress = progress.on(&doors[number]);
+            progress = progress.on(&entry_points[number]);
             if progress.cost_mm >= most_mm {
                 break;
             }
@@ -210,7 +213,12 @@ impl Progress {
 const INTERRUPTION_MM: f64 = 50.0;
 
 /// Reverses stretches of the order while that makes it cheaper.
-fn two_opt(doors: &[Doors], order: Vec<usize>, from: Point2, link_mm: f64) -> Vec<usize> {
+fn two_opt(
+    entry_points: &[EntryPoints],
+    order: Vec<usize>,
+    from: Point2,
+    link_mm: f64,
+) -> Vec<usize> {
     let count = order.len();
     if !(2..=TWO_OPT_MAX).contains(&count) {
         return order;
@@ -222,7 +230,7 @@ fn two_opt(doors: &[Doors], order: Vec<usize>, from: Point2, link_mm: f64) -> Ve
         passed: 0,
         link_mm,
     };
-    let mut best = start.cost_mm(doors, &order, f64::INFINITY);
+    let mut best = start.cost_mm(entry_points, &order, f64::INFINITY);
     for _ in 0..TWO_OPT_ROUNDS {
         let before = best;
         // Up to pass i.
@@ -230,14 +238,14 @@ fn two_opt(doors: &[Doors], order: Vec<usize>, from: Point2, link_mm: f64) -> Ve
         for i in 0..count - 1 {
             for j in i + 1..count {
                 order[i..=j].reverse();
-                let found = so_far.cost_mm(doors, &order[i..], best);
+                let found = so_far.cost_mm(entry_points, &order[i..], best);
                 if found + 1e-9 < best {
                     best = found;
                 } else {
                     order[i..=j].reverse();
                 }
             }
-            so_far = so_far.on(&doors[order[i]]);
+            so_far = so_far.on(&entry_points[order[i]]);
         }
         if best >= before {
             break;
@@ -246,7 +254,7 @@ fn two_opt(doors: &[Doors], order: Vec<usize>, from: Point2, link_mm: f64) -> Ve
     order
 }
 
-/// The pass turned or rotated so that it starts at placement `start`, one of its doors.
+/// The pass turned or rotated so that it starts at placement `start`, one of its entry points.
 fn started_at(pass: LayerPass, start: usize, period_rad: f64) -> LayerPass {
     if pass.closed {
         return rotated(pass, start, period_rad);

@@ -141,7 +141,7 @@ fn whole_profile(
     let mut headings = unwrap_bins(&chosen, bins, bin_rad);
     if !aperture.is_round() {
         refine(&run, &steps, &mut headings);
-        calm(&run, &mut headings);
+        flatten_ripple(&run, &mut headings);
     }
     run.placements(&headings)
 }
@@ -165,13 +165,13 @@ pub fn refined(
     if !aperture.is_round() && contacts.len() > 1 {
         let steps = turn_slacks_per_mm(contacts, closed, turn_weight_mm2, aperture);
         refine(&run, &steps, &mut headings);
-        calm(&run, &mut headings);
+        flatten_ripple(&run, &mut headings);
     }
     run.placements(&headings)
 }
 
 /// Replaces the headings by the smoothest ones in the corridor about them.
-fn calm(run: &Run, headings: &mut [f64]) {
+fn flatten_ripple(run: &Run, headings: &mut [f64]) {
     let (count, a) = (headings.len(), run.aperture.major_mm());
     let lap = if run.closed {
         lap_turn(headings, run.aperture.period_rad())

@@ -1,4 +1,4 @@
-//! One job simulated and checked: the door that `simulate` and the tests go through.
+//! One job simulated and checked: the entry of `simulate` and of the tests.
 //!
 //! ```text
 //! SegmentStream -> WireFrames -> Simulator -> steps -> TraceFigures
@@ -15,9 +15,9 @@ use crate::wire_frames::{WireFrames, WireFramesError};
 use std::time::Instant;
 use thiserror::Error;
 
-/// Why a job could not be rehearsed.
+/// Why a job could not be run dry.
 #[derive(Debug, Error)]
-pub enum RehearsalError {
+pub enum DryRunError {
     /// The stream cannot be packed.
     #[error(transparent)]
     Frames(#[from] WireFramesError),
@@ -28,7 +28,7 @@ pub enum RehearsalError {
 
 /// What came out.
 #[derive(Clone, Debug)]
-pub struct Rehearsal {
+pub struct DryRun {
     /// Steps, counters, the fault if there was one.
     pub simulation: Simulation,
     /// Steps against the plan.
@@ -45,13 +45,13 @@ pub struct Rehearsal {
 /// `progress` is called now and then with the share done.
 ///
 /// # Errors
-/// [`RehearsalError`]; a latched fault is not one, it is in the result.
-pub fn rehearse(
+/// [`DryRunError`]; a latched fault is not one, it is in the result.
+pub fn dry_run(
     stream: &SegmentStream,
     settings: &Settings,
     setup: &SimulatorSetup,
     progress: impl FnMut(f64),
-) -> Result<Rehearsal, RehearsalError> {
+) -> Result<DryRun, DryRunError> {
     let frames = WireFrames::encode(stream)?;
     let machine = &stream.machine(&settings.machine);
     let begun = Instant::now();
@@ -63,7 +63,7 @@ pub fn rehearse(
         || limits::sample(stream, settings),
     );
     let motion_s = simulation.figures.motion_s;
-    Ok(Rehearsal {
+    Ok(DryRun {
         bytes_per_s: simulation.figures.bytes as f64 / motion_s.max(1e-9),
         realtime_factor: motion_s / wall_s.max(1e-9),
         simulation,
@@ -78,18 +78,15 @@ mod tests {
     use crate::drive::test_streams::spiral;
 
     #[test]
-    fn a_rehearsal_holds_all_three_parts() {
+    fn a_dry_run_holds_all_three_parts() {
         let settings = Settings::default();
         let stream = spiral(2.0);
         let setup = SimulatorSetup::default();
-        let rehearsal = rehearse(&stream, &settings, &setup, |_| {}).unwrap();
-        assert_eq!(rehearsal.simulation.figures.faults, 0);
-        assert_eq!(
-            rehearsal.trace.final_counts,
-            rehearsal.trace.expected_counts
-        );
-        assert!(rehearsal.limits.velocity.ratio > 0.1);
-        assert!(rehearsal.bytes_per_s > 100.0);
-        assert!(rehearsal.realtime_factor > 1.0);
+        let dry_run = dry_run(&stream, &settings, &setup, |_| {}).unwrap();
+        assert_eq!(dry_run.simulation.figures.faults, 0);
+        assert_eq!(dry_run.trace.final_counts, dry_run.trace.expected_counts);
+        assert!(dry_run.limits.velocity.ratio > 0.1);
+        assert!(dry_run.bytes_per_s > 100.0);
+        assert!(dry_run.realtime_factor > 1.0);
     }
 }
