@@ -3,6 +3,8 @@
 //! The planner reports to a [`Progress`]; what is done with that (a bar, a log, nothing) is the
 //! caller's. The plan does not depend on it. Stages come in the order of [`Stage`], each from 0 of
 //! its total to all of it; calls follow one another, from whichever thread.
+//!
+//! In: counts of steps done. Out: calls with a stage, done and total. Leaves out: time.
 
 use rayon::prelude::*;
 use std::sync::{Mutex, PoisonError};

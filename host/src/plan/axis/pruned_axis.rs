@@ -4,6 +4,9 @@
 //! Branches go from their free ends only: a piece with a small object angle between two others
 //! stays, because the channels of both sides have to meet across it. Cutting it out leaves places
 //! that belong to no axis, and gaps there.
+//!
+//! In: the interior medial axis, the aperture. Out: nodes with radius (mm) and links between them.
+//! Why here: passes ask a graph with short links, the medial axis holds curves.
 
 use crate::geometry::aperture::Aperture;
 use crate::geometry::{Point2, Vector2};

@@ -6,6 +6,9 @@
 //! its ends waste. Each change is then spread over a blend length, so that the channels narrow and
 //! widen smoothly instead of jumping. Where r < 2b only one bead fits across the whole passage: a
 //! single run.
+//!
+//! In: axis with radii (mm), narrowest and widest channel (mm). Out: k at every node, whole or
+//! blended. Leaves out: what the outline does between axis and wall (the field does that).
 
 use crate::geometry::aperture::Aperture;
 use crate::plan::axis::pruned_axis::Axis;

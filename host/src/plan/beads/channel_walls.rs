@@ -5,6 +5,10 @@
 //! all the same, that miss would stay as a gap or an overlap. So its wall is moved onto the edge of
 //! what was swept, while its own inner wall stays the level curve: errors are handed on once and
 //! corrected, never piled up, and the jitter of one bead is not amplified by the next.
+//!
+//! In: placements of runs laid so far, a level curve (mm). Out: the level curve moved onto the edge
+//! of what they sweep (mm), at most 0.8 a. Leaves out: ground beyond that, which the figures show
+//! as open.
 
 use crate::geometry::aperture::Aperture;
 use crate::geometry::clearance::{Configuration, Turned};

@@ -6,6 +6,9 @@
 //! at a joint of an odd number of single runs, and two ends are one pass (L. Euler, 1736). Two sides
 //! turn round and end nowhere. All these are nodes of an odd number of single links, so the division is
 //! the cheapest choice of single links where odd nodes cost, whatever loops the axis has.
+//!
+//! In: axis with radii (mm), the necks among its nodes, widths of beads (mm). Out: for each node
+//! whether a single run is on it. Leaves out: where runs begin and end exactly (the cut does that).
 
 use crate::geometry::aperture::Aperture;
 use crate::plan::axis::pruned_axis::{Axis, flood};

@@ -3,6 +3,10 @@
 //! d is the distance to the wall, m to the medial axis, k the bead count of the nearest piece of
 //! axis. v is 0 on the wall and k on the axis; channel j is where j - 1 <= v <= j. Level curves of
 //! such a field stay smooth where peeling by the real sweep would amplify every jitter.
+//!
+//! In: walls, axis, k at its nodes, step of the grid (mm). Out: v at any point, and rings (mm) at a
+//! level. Source for the curves: W. Lorensen and H. Cline, "Marching cubes" (1987), in the plane.
+//! Leaves out: detail below a step.
 
 use crate::geometry::edge_index::{Edge, EdgeIndex};
 use crate::geometry::polygon::{Box2, Ring};

@@ -4,6 +4,9 @@
 //! branch at most ends there: half as many single-bead paths as there are joints and ends of odd
 //! degree (L. Euler, 1736), wherever the walk begins. A pair that would close a loop waits until
 //! the others have been asked: a loop that a branch ends at is better gone around by that branch.
+//!
+//! In: axis, its neighbours, the nodes that may be used, the reach over which directions are taken
+//! (mm). Out: ways as lists of nodes, each link in one of them.
 
 use crate::geometry::Vector2;
 use crate::geometry::union_find::root;

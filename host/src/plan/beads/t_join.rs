@@ -5,6 +5,10 @@
 //! matching of the odd nodes (J. Edmonds and E. Johnson, 1973, on T-joins), where a node that stays
 //! alone pays. Costs are whole numbers inside: sums of floats would let the order of the links choose
 //! among equals.
+//!
+//! In: links as pairs of nodes, what choosing each costs, what an odd node costs (any one unit).
+//! Out: for each link whether it is chosen. Leaves out: the optimum of parts with more than 300 odd
+//! nodes, which are matched in pieces.
 
 use crate::geometry::union_find::root;
 use std::cmp::Reverse;

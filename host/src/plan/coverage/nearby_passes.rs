@@ -2,6 +2,8 @@
 //!
 //! Few ways are asked for, each over a few apertures: only the ground about the way is looked at,
 //! on a raster laid over all passes.
+//!
+//! In: passes, a way as placements (mm, rad). Out: the ground of other beads under it, mm².
 
 use crate::geometry::Point2;
 use crate::geometry::aperture::Aperture;

@@ -4,6 +4,10 @@
 //! Runs are laid up to the joint where they meet another bead, so that nothing stays open there.
 //! What an end covers alone and what it covers again is counted on a raster; the end goes back to
 //! where both together are best.
+//!
+//! In: passes, their bounds (mm). Out: the passes with shorter ends, and which of them are too
+//! small to be printed by themselves (mm² against the aperture's). Leaves out: closed passes, which
+//! have no ends.
 
 use crate::geometry::Point2;
 use crate::geometry::aperture::Aperture;

@@ -1,4 +1,7 @@
 //! How many passes cover each place of a region, on a raster.
+//!
+//! In: passes, bounds (mm), the cell against b. Out: a count for each cell, areas in mm². Leaves
+//! out: what one pass covers twice itself.
 
 use crate::geometry::aperture::Aperture;
 use crate::geometry::cell_grid::{CellGrid, NO_COLUMNS, for_beyond};

@@ -6,6 +6,9 @@
 //! fourth order; corners stay rounded by the spline itself. Then the curve is pushed inside the walls
 //! ([`crate::plan::curve::pushing_inside`]), led around where that fails ([`crate::plan::curve::detours`]), and cut where
 //! there is no way around.
+//!
+//! In: an opened pass (mm, rad), the walls, the tolerance (mm). Out: control points of one curve or
+//! several. The sharpening: see C. de Boor, "A Practical Guide to Splines" (1978).
 
 use crate::geometry::aperture::Aperture;
 use crate::geometry::edge_index::EdgeIndex;

@@ -13,6 +13,9 @@
 //! missed; an aperture that fits but for [`SLACK`] counts. No grid, no tolerance beyond these.
 //! Source: docs/design/heading-law.md; the bound on ln F is ours (see `settle`).
 //! Slots, rectangles and polygons have closed forms of their own: `feasible_polygon`.
+//!
+//! In: aperture, an index of edges (mm), a boundary point and its inward unit normal. Out:
+//! intervals of alpha, rad.
 
 mod polygon;
 

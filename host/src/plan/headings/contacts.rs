@@ -4,6 +4,10 @@
 //! Normals are smoothed over a length tied to the aperture, so that noise and the facets of a
 //! curve do not shake the heading; real corners stay: a convex one keeps its two normals, a reflex
 //! one gets a fan around which the aperture swings with its contact on the corner.
+//!
+//! In: a closed ring (mm), inside on its left, spacing and smoothing (mm). Out: contacts with place
+//! (mm), unit normal and length of wall (mm). Leaves out: the width wanted, which the channel
+//! gives.
 
 use crate::geometry::polygon::Ring;
 use crate::geometry::{Point2, Vector2};

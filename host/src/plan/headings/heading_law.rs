@@ -2,6 +2,8 @@
 //!
 //! Source: eq. 3.4.3 and 3.4.5 of the method for the weights; docs/design/heading-law.md for how they are read
 //! (w = 1 is the major axis along the normal, w = 0 along the tangent) and for the tangent law.
+//!
+//! In: aperture, radius (mm). Out: a weight without unit, an angle in rad. Leaves out: the walls.
 
 use crate::geometry::aperture::Aperture;
 use crate::settings::{HeadingLaw, PassMode};

@@ -1,4 +1,7 @@
 //! What a bridge between two loops spoils: ground that it leaves open or covers again, on a raster.
+//!
+//! In: passes of a region, two loops and where they are opened. Out: ground that becomes worse by
+//! it, mm². Cells of 0.2 b: many places are tried, and few are close.
 
 use crate::geometry::aperture::Aperture;
 use crate::geometry::cell_grid::NO_COLUMNS;

@@ -1,4 +1,7 @@
 //! Tours: ways round through passes that bridges have joined.
+//!
+//! In: passes and the bridges between them. Out: one pass for each tour, its headings (rad)
+//! unwrapped.
 
 use crate::geometry::clearance::Configuration;
 use crate::plan::headings::runs::unwrap_headings;

@@ -4,6 +4,9 @@
 //! that cover the ground of what was taken out. Which loops are joined where is chosen by what it
 //! costs, the cheapest first, as a minimum spanning forest (Kruskal 1956): every loop is reached by
 //! as few bridges as possible.
+//!
+//! In: passes of a region (mm, rad), the walls. Out: fewer passes that lay about the same ground.
+//! Leaves out: bridges over more than 2.6 a.
 
 use crate::geometry::aperture::Aperture;
 use crate::geometry::edge_index::EdgeIndex;

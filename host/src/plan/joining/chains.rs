@@ -3,6 +3,9 @@
 //! A ring that holds no bead in its sharp corners falls into runs from corner to corner; channels
 //! end where others begin. The ends are joined by straight ways, those first that cover the least
 //! ground again; each end is joined once at most ([`super::end_matching`]).
+//!
+//! In: open passes (mm, rad), the walls. Out: the same joined where that covers little ground again
+//! (mm²).
 
 use crate::geometry::aperture::Aperture;
 use crate::geometry::edge_index::EdgeIndex;

@@ -4,6 +4,10 @@
 //! are all taken, joins are exchanged along an alternating path of few joins to another end that is
 //! over (C. Berge 1957), the cheapest found: three ends that meet in a corner must not leave one
 //! here and one there.
+//!
+//! In: pairs of ends and what joining them costs (mm²). Out: the numbers of the pairs to join.
+//! Leaves out: the least cost among all matchings of most pairs; exchanges are of three joins at
+//! most.
 
 use std::collections::{BTreeMap, BTreeSet};
 

@@ -4,6 +4,10 @@
 //! channel fits. For each gap the placement with the largest gain is searched over position and
 //! heading ([`crate::plan::coverage::gap_raster`]); a placement of a pass nearby goes there and comes back, without
 //! an interruption of flow: the one from where the whole gap-fill move gains most.
+//!
+//! In: passes (mm, rad), the walls, the price of ground (s/mm²). Out: the same passes with moves
+//! into gaps. Leaves out: gaps that bring less than their time is worth, which the figures show as
+//! open.
 
 use crate::geometry::aperture::Aperture;
 use crate::geometry::clearance::Configuration;

@@ -3,6 +3,9 @@
 //! Where the straight way from the end of a pass to the start of the next one is short and stays
 //! inside the region, the head goes on printing there: neighbouring loops become a spiral. What
 //! the way covers lies between the two ends, which the seams left open.
+//!
+//! In: passes in printing order (mm, rad), the walls. Out: fewer passes, joined by placements in
+//! between.
 
 use crate::geometry::Point2;
 use crate::geometry::aperture::Aperture;

@@ -3,6 +3,10 @@
 //! Greedy nearest neighbour over both ends of open passes and all places of closed ones, then
 //! 2-opt on the order with bounded rounds. Travel counts, and that a way too long for a link
 //! interrupts the flow; not so the way to the first pass, which comes after travel anyway.
+//!
+//! In: passes (mm, rad), where the head is (mm). Out: the same passes in order, each in its
+//! direction, opened at its seam. Source: G. Croes (1958) for 2-opt. Leaves out: the optimum, and
+//! 2-opt above 60 passes.
 
 use crate::geometry::aperture::Aperture;
 use crate::geometry::clearance::Configuration;

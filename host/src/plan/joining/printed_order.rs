@@ -3,6 +3,9 @@
 //! Walls come first, then the lines of an infill. A solid infill is linked and filled up like
 //! everything else; what a sparse one leaves open is meant to stay open, and its lines are joined
 //! along the walls alone.
+//!
+//! In: walls and lines of a region (mm, rad), where the head is (mm), settings. Out: open passes as
+//! they are printed, before shortcuts.
 
 use crate::geometry::Point2;
 use crate::geometry::aperture::Aperture;

@@ -2,6 +2,9 @@
 //!
 //! A chosen seam is fixed before the order is: the loop is opened there, and the order may only
 //! choose the way round. Loops that have no corner keep the nearest place.
+//!
+//! In: a closed pass (mm, rad), the seam that is asked for. Out: the pass opened there. Leaves out:
+//! what follows from it for the order.
 
 use crate::geometry::Vector2;
 use crate::geometry::aperture::Aperture;

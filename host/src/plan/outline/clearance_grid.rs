@@ -3,6 +3,9 @@
 //! Every aperture holds a disk about its centre, an ellipse also smaller ones along its major axis;
 //! all of them must be clear of the boundary. The clearance of a cell is that of its middle and at
 //! most what the cell rounds off, so a "no" from here is certain and a "yes" says nothing.
+//!
+//! In: aperture, places, an index of edges (mm). Out: centres (mm) that are not ruled out, and
+//! whether a heading (rad) is.
 
 use crate::geometry::aperture::Aperture;
 use crate::geometry::cell_grid::CellGrid;

@@ -13,6 +13,8 @@
 //! A search, not a proof: an answer "yes" comes with its placement, which is inside to
 //! [`SLACK`]; a "no" can be wrong by a sliver (tests against brute force say how thin: a few µm
 //! next to the true edge of what is reachable).
+//!
+//! In: aperture, a point, an index of edges (mm). Out: a placement (mm, rad) or none.
 
 use crate::geometry::aperture::Aperture;
 use crate::geometry::clearance::Configuration;

@@ -4,6 +4,8 @@
 //! [`Placement`] is the aperture placed there; a [`LayerPass`] is a run of placements that is
 //! printed without an interruption of flow. All lengths in mm, headings in rad, coordinates of the
 //! region that is planned. Why here: every stage from the headings to the layers knows these three.
+//!
+//! In and out: nothing is computed here but lengths and bounds (mm).
 
 pub mod sweep;
 #[cfg(test)]

@@ -2,6 +2,10 @@
 //!
 //! Every pass: travel above its start with the heading turned on the way, lower, prime, print,
 //! retract, lift. Each piece is a rest-to-rest stretch. All in machine coordinates.
+//!
+//! In: curves of the passes (mm, rad, mm³) in order, the pose at rest before them. Out: moves with
+//! their curves and the volumes of prime and retract (mm³). Leaves out: time, which the motion
+//! stage finds.
 
 use crate::geometry::Point2;
 use crate::job::MotionState;

@@ -8,6 +8,10 @@
 //! Travel is routed around the keep-outs for a disk that holds aperture and body at any heading.
 //! Where a pass begins or ends closer than that (a body smaller than the aperture), the head first
 //! leaves with its heading kept.
+//!
+//! In: regions and keep-outs (mm), radius of the body (mm). Out: regions to plan on, and corners
+//! (mm) of a way between two placements. Ways are shortest paths over corners that see each other
+//! (E. Dijkstra, 1959).
 
 use crate::geometry::aperture::Aperture;
 use crate::geometry::boolean::{difference, grown};

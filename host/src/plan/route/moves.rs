@@ -1,4 +1,6 @@
 //! The route: everything the head does, in order, as rest-to-rest stretches of C² curves.
+//!
+//! In and out: the types that the route and the motion stage share; mm, rad, mm³.
 
 use crate::job::MotionState;
 use headway_protocol::units::CHANNELS;

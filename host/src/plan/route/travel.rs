@@ -2,6 +2,9 @@
 //!
 //! All in machine coordinates. Avoiding the outline is a wish: where no way inside is found the
 //! head goes straight. Keep-outs are not: without a way around them there is no job.
+//!
+//! In: keep-outs, regions, two placements (mm, rad). Out: straight legs over corners (mm), or an
+//! error with the place.
 
 use crate::geometry::clearance::Configuration;
 use crate::geometry::polygon::Region;

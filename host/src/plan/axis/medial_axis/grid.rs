@@ -2,6 +2,10 @@
 //!
 //! The diagram is only right for segments that meet at ends alone. Rounding to a grid can make
 //! near ones touch or cross, so they are cut where they do, again and again until nothing does.
+//!
+//! In: boundary edges (mm) and an angle (rad). Out: segments in whole grid units of 100 nm that
+//! meet at ends alone, each with its edge's number. Leaves out: what a cut moves, at most a grid
+//! unit.
 
 use crate::geometry::Point2;
 use crate::geometry::Vector2;

@@ -1,4 +1,8 @@
 //! The curved edges of a segment Voronoi diagram.
+//!
+//! In: a point and an edge (mm). Out: points of the curve that is equally far from both, mm, by
+//! their abscissa along the edge. Source: G. Voronoi (1908); the closed form of a parabola by focus
+//! and directrix.
 
 use super::Generator;
 use crate::geometry::edge_index::Edge;

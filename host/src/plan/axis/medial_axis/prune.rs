@@ -8,6 +8,10 @@
 //! 4. Give back the largest disk's centre wherever nothing of the pruned axis is left in that disk
 //!    (a
 //!    square's middle), as a vertex without edges.
+//!
+//! In: the whole axis, bounds of the object angle (rad), of the length against the radius, of the
+//! radius (mm). Out: the part of it that stays, radii unchanged. Sources: D. Attali and A.
+//! Montanvert (1996) for the object angle; the ratio of length and radius is ours.
 
 use super::{AxisEdge, AxisPoint, AxisVertex, MedialAxis};
 use crate::geometry::Point2;

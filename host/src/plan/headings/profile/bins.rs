@@ -1,4 +1,8 @@
 //! The best profile over bins of heading, exactly: dynamic programming (Viterbi) along the run.
+//!
+//! In: for each contact the cost of each bin (mm²), the cost of a turn between neighbours. Out: a
+//! bin for each contact, and unwrapped headings (rad). Source: A. Viterbi (1967); R. Bellman
+//! (1957). Leaves out: what lies between bins (`refine`).
 
 /// Largest turn from one contact to the next, bins.
 const TURN_BINS_MAX: usize = 12;

@@ -8,6 +8,10 @@
 //! the bins (Viterbi), then refined between them. The corridor holds the headings that fit no worse
 //! than that by [`CORRIDOR_SHARE`]: broad where the extent hardly depends on the heading, narrow
 //! where it does.
+//!
+//! In: contacts (mm) with extents wanted, the weight of turning (mm²), walls. Out: one placement
+//! for each contact (mm, unwrapped rad), and whether it fits. Why here: the only place where
+//! headings of a bead are chosen. Leaves out: time, which the shortcuts trade.
 
 mod ahead;
 mod along;

@@ -1,4 +1,7 @@
 //! Continuous refinement of a profile that is right to a bin.
+//!
+//! In: headings (rad) right to a bin. Out: the same, moved to the least cost nearby (mm²). Newton's
+//! method over all together, then one by one.
 
 use super::{BINS, Run, lap_turn};
 use rayon::prelude::*;

@@ -3,6 +3,9 @@
 //! With m spans of the given durations there are m + 3 control points; the first three are equal
 //! and so are the last three (rest). Span i uses control points i..i+4. Source: de Boor, "A
 //! Practical Guide to Splines" (1978). Evaluation is in natural units and seconds.
+//!
+//! In: durations in servo ticks, control points (mm, rad, mm³). Out: value and derivatives by
+//! seconds at a tick. Leaves out: the wire's integers ([`quantised`] rounds to them).
 
 use crate::plan::route::path_curve::CurvePoint;
 use headway_protocol::units::{CHANNELS, UNITS_PER_NATURAL};
