@@ -1,0 +1,183 @@
+//! Rules of the planner alone: the order of its stages, the size of its folders, what the heads of
+//! its files say, and the list of what was fitted.
+
+use super::{Breaches, ROOT, Source, assert_none, code, sources};
+use std::collections::BTreeSet;
+use std::path::Path;
+
+/// The planner's stages in the order of the data: a stage imports only from those before it.
+const STAGES: [&str; 16] = [
+    "pass",
+    "progress",
+    "pose_limits",
+    "feasible",
+    "outline",
+    "axis",
+    "headings",
+    "coverage",
+    "beads",
+    "joining",
+    "curve",
+    "shortcuts",
+    "layers",
+    "route",
+    "motion",
+    "judge",
+];
+const PLAN: &str = "host/src/plan/";
+/// Most files of the planner beside its modules, and of each of its folders.
+const PLAN_FILES_MAX: usize = 4;
+const FOLDER_FILES_MAX: usize = 12;
+
+/// The stage that a path of the planner belongs to, as its place in [`STAGES`].
+fn stage_of(path: &str) -> Option<usize> {
+    let name = path.split([':', '/', '.', ';', ' ']).next()?;
+    STAGES.iter().position(|stage| *stage == name)
+}
+
+pub fn check_stages(source: &Source, breaches: &mut Breaches) {
+    let Some(below) = source.name.strip_prefix(PLAN) else {
+        return;
+    };
+    if below == "mod.rs" {
+        return;
+    }
+    let Some(own) = stage_of(below) else {
+        breaches.add(
+            source,
+            0,
+            "a file of the planner belongs to one of its stages",
+        );
+        return;
+    };
+    for (number, line) in source.lines.iter().enumerate() {
+        for named in code(line).split("crate::plan::").skip(1) {
+            match stage_of(named) {
+                Some(stage) if stage <= own => {}
+                _ => breaches.add(
+                    source,
+                    number,
+                    &format!("stage {} imports from a later one", STAGES[own]),
+                ),
+            }
+        }
+    }
+}
+
+#[test]
+fn stages_of_the_planner_import_from_earlier_ones() {
+    let mut breaches = Breaches(Vec::new());
+    let sources = sources();
+    for source in &sources {
+        check_stages(source, &mut breaches);
+    }
+    let mut folders = std::collections::BTreeMap::<&str, usize>::new();
+    for name in sources.iter().filter_map(|s| s.name.strip_prefix(PLAN)) {
+        let is_test = name.ends_with("tests.rs") || name.contains("/test_");
+        *folders
+            .entry(name.rsplit_once('/').map_or("", |f| f.0))
+            .or_default() += usize::from(!is_test);
+    }
+    for (folder, files) in folders {
+        let most = if folder.is_empty() {
+            PLAN_FILES_MAX
+        } else {
+            FOLDER_FILES_MAX
+        };
+        if files > most {
+            breaches
+                .0
+                .push(format!("{PLAN}{folder}: {files} files, at most {most}"));
+        }
+    }
+    assert_none(&breaches);
+}
+
+/// A head says what goes in and what comes out: a diagram or a sentence.
+#[test]
+fn heads_say_what_goes_in_and_comes_out() {
+    let mut breaches = Breaches(Vec::new());
+    for source in sources() {
+        let is_test = source.name.ends_with("tests.rs") || source.name.contains("/test_");
+        if is_test || !source.name.starts_with(PLAN) {
+            continue;
+        }
+        let text = std::fs::read_to_string(Path::new(ROOT).join(&source.name)).expect("a source");
+        let head: String = text.lines().take_while(|l| l.starts_with("//!")).collect();
+        if !["->", "In:", "In and out:", "Input:"]
+            .iter()
+            .any(|word| head.contains(word))
+        {
+            breaches.add(
+                &source,
+                0,
+                "the head does not say what goes in and comes out",
+            );
+        }
+    }
+    assert_none(&breaches);
+}
+
+/// Goal: the list of fitted constants is true and whole. Method: every row's constant is in its file
+/// with that value; a constant whose comment speaks of trials has a row.
+#[test]
+fn fitted_constants_are_listed() {
+    let page = Path::new(ROOT).join("docs/design/fitted-constants.md");
+    let page = std::fs::read_to_string(page).expect("the list");
+    let rows: Vec<[&str; 3]> = page
+        .lines()
+        .filter(|line| line.starts_with("| `"))
+        .map(|line| {
+            let mut cells = line
+                .split('|')
+                .skip(1)
+                .map(|cell| cell.trim().trim_matches('`'));
+            [(); 3].map(|()| cells.next().expect("three cells"))
+        })
+        .collect();
+    assert!(rows.len() > 30, "{} rows", rows.len());
+    let mut breaches = Breaches(Vec::new());
+    for [file, name, value] in &rows {
+        let text = std::fs::read_to_string(Path::new(ROOT).join(PLAN).join(file));
+        let held = text.is_ok_and(|text| {
+            text.lines().any(|line| {
+                line.contains(&format!("const {name}: ")) && line.ends_with(&format!(" = {value};"))
+            })
+        });
+        if !held {
+            breaches
+                .0
+                .push(format!("{file}: no constant {name} of {value}"));
+        }
+    }
+    let listed: BTreeSet<(&str, &str)> = rows.iter().map(|row| (row[0], row[1])).collect();
+    for source in sources() {
+        let Some(file) = source.name.strip_prefix(PLAN) else {
+            continue;
+        };
+        for (number, name) in constants_from_trials(&source.lines) {
+            if !listed.contains(&(file, name)) {
+                breaches.add(&source, number, &format!("{name} is fitted and not listed"));
+            }
+        }
+    }
+    assert_none(&breaches);
+}
+
+/// Line and name of the constants whose comment says that they come from trials.
+fn constants_from_trials(lines: &[String]) -> Vec<(usize, &str)> {
+    let mut found = Vec::new();
+    let mut says_so = false;
+    for (number, line) in lines.iter().enumerate() {
+        let line = line.trim();
+        if line.starts_with("//") {
+            says_so |= line.contains(" trials");
+            continue;
+        }
+        if let Some((_, named)) = line.split_once("const ").filter(|_| says_so) {
+            found.extend(named.split_once(':').map(|(name, _)| (number, name)));
+        }
+        says_so = false;
+    }
+    found
+}
