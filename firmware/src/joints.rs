@@ -40,8 +40,26 @@ struct JointScale {
     range: u32,
     /// 0.1 µm or µrad per step.
     units_per_step: f64,
-    /// A whole turn of a joint that winds, 2^-31 steps.
+    /// A whole turn of a joint that turns, 2^-31 steps.
     turn: i64,
+    /// It turns without a stop.
+    endless: bool,
+}
+
+impl JointScale {
+    /// A joint without a stop: its whole steps wrap at 32 bits, and only their place in a turn counts.
+    fn endless(steps_per_unit: f64) -> Self {
+        Self {
+            steps_per_natural: steps_per_unit as f32,
+            position_min: i64::MIN,
+            position_max: i64::MAX,
+            lowest: i32::MIN,
+            range: u32::MAX,
+            units_per_step: 1e6 / steps_per_unit,
+            turn: (core::f64::consts::TAU * steps_per_unit * STEP as f64 + 0.5) as i64,
+            endless: true,
+        }
+    }
 }
 
 /// What the joints' new targets are like.
@@ -72,16 +90,19 @@ impl JointTargets {
         let mut joints = [JointScale::default(); MOTORS_MAX];
         let carriers = kinematics::carriers(&configuration.kinematics);
         for (scale, joint) in joints.iter_mut().zip(&configuration.joints) {
-            // Limits beyond what targets hold are cut: a machine whose nozzle turns freely.
+            // A range beyond what targets hold is cut, or has no end.
             let position = |natural: f64| {
                 let position = (natural * joint.steps_per_unit * STEP as f64) as i64;
                 position.clamp(-POSITION_MAX, POSITION_MAX)
             };
-            // Limits beyond what targets hold are cut: a machine whose nozzle turns freely.
             let whole =
                 |position: i64| count(position).clamp(-WHOLE_STEPS_MAX, WHOLE_STEPS_MAX) as i32;
             let (min, max) = (position(joint.position_min), position(joint.position_max));
             let report_units = if joint.rotary { 1e6 } else { 1e4 };
+            if joint.rotary && min <= -POSITION_MAX && max >= POSITION_MAX {
+                *scale = JointScale::endless(joint.steps_per_unit);
+                continue;
+            }
             *scale = JointScale {
                 steps_per_natural: joint.steps_per_unit as f32,
                 position_min: min,
@@ -90,6 +111,7 @@ impl JointTargets {
                 range: (whole(max) - whole(min) - 2).max(0) as u32,
                 units_per_step: report_units / joint.steps_per_unit,
                 turn: position(core::f64::consts::TAU),
+                endless: false,
             };
         }
         let count = carriers.len().min(configuration.joints.len());
@@ -137,6 +159,20 @@ impl JointTargets {
             let below = joint.position_min.saturating_sub(position);
             below.max(position.saturating_sub(joint.position_max))
         })
+    }
+
+    /// How far a joint is from a position, 2^-31 steps: for one that turns without an end the shorter
+    /// way round.
+    pub fn way_to(&self, joint: usize, goal: i64, here: i64) -> i64 {
+        // Whole steps have 32 bits.
+        let way = goal.wrapping_sub(here) << 1 >> 1;
+        let endless = self.joints.get(joint).filter(|joint| joint.endless);
+        let turn = endless.map_or(0, |joint| joint.turn);
+        match way.checked_rem_euclid(turn) {
+            Some(rest) if rest > turn / 2 => rest - turn,
+            Some(rest) => rest,
+            None => way,
+        }
     }
 
     /// The fault of a joint at a position, 2^-31 steps.

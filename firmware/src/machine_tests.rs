@@ -270,7 +270,7 @@ impl Host {
 
     fn stream(&mut self, message: HostMessage<'_>) {
         self.write(self.stream_sequence, &message);
-        self.stream_sequence += 1;
+        self.stream_sequence = self.stream_sequence.wrapping_add(1);
     }
 
     fn write(&mut self, sequence: u16, message: &HostMessage<'_>) {
@@ -465,6 +465,8 @@ mod warp;
 
 #[path = "machine_by_hand_tests.rs"]
 mod by_hand;
+#[path = "machine_endless_tests.rs"]
+mod endless;
 #[path = "machine_fault_tests.rs"]
 mod fault;
 #[path = "machine_refusal_tests.rs"]

@@ -239,7 +239,8 @@ impl Motion {
         if let Some(limits) = hand.machine.joints.get(joint) {
             let speed = GO_TO_SPEED_SHARE * limits.speed_max;
             let limits = MoveLimits::new(limits, speed, self.servo_hz);
-            self.by_hand.mover.begin(here, goal - here, limits);
+            let way = self.joints.way_to(joint, goal, here);
+            self.by_hand.mover.begin(here, way, limits);
         }
         self.by_hand.joint = joint;
         self.by_hand.begun += 1;

@@ -73,7 +73,8 @@ impl Motion {
             .take(self.joints.count())
             .enumerate()
             .any(|(joint, (target, here))| {
-                known >> joint & 1 == 1 && count(*target) != count(*here)
+                let way = self.joints.way_to(joint, *target, *here);
+                known >> joint & 1 == 1 && count(*target) != count(target.wrapping_sub(way))
             });
         if moved {
             return Err(CommandError::Invalid);

@@ -10,6 +10,7 @@
 
 mod by_hand;
 mod commands;
+mod faults;
 mod status;
 
 use crate::carriers::Carriers;
@@ -27,9 +28,11 @@ use crate::inputs::{Inputs, SwitchGuard};
 use crate::interpolator::{Interpolator, TICK_Q16};
 use crate::joints::JointTargets;
 use crate::queue::KnotQueue;
-use crate::steps::{StepBank, StepProgrammer, StepRateExceeded};
+use crate::steps::{StepBank, StepProgrammer};
 use crate::time_warp::{TimeWarp, WarpBounds};
 use by_hand::ByHand;
+pub use faults::EMERGENCY;
+use faults::step_rate_fault;
 use headway_protocol::message::{Fault, FaultCause};
 
 /// Where a stream stands.
@@ -291,25 +294,6 @@ impl Motion {
         Ok(())
     }
 
-    /// Looks closer at an extruder beyond a plan's limits: all targets are taken back.
-    #[cold]
-    fn check_extruder(&mut self, ways: [i32; 2]) -> Result<(), Fault> {
-        // What the path rate did lasts for the window of pressure advance, and moves the flow against
-        // the events that it met.
-        let since_ticks = (self.now_ticks as u32).wrapping_sub(self.off_plan_ticks);
-        let met_ticks = self.flow.longest_active_ticks() + self.flow.window_ticks();
-        let in_ramp = since_ticks <= met_ticks;
-        let Some(value) = self.extruder_guard.exceeded(ways, in_ramp) else {
-            return Ok(());
-        };
-        self.programmer.take_back();
-        Err(Fault {
-            cause: FaultCause::Limit,
-            index: self.joints.count() as u8,
-            value,
-        })
-    }
-
     /// Chooses the path rate and moves segment time on by it.
     fn move_on(&mut self) {
         let wanted_q16 = self.wanted_rate_q16();
@@ -487,20 +471,5 @@ impl Motion {
         self.forget_stream();
         self.reference.lose(self.joints.all());
         self.follows_path = false;
-    }
-}
-
-/// The emergency input, or a host that asks for the same.
-pub const EMERGENCY: Fault = Fault {
-    cause: FaultCause::Emergency,
-    index: 0,
-    value: 0,
-};
-
-fn step_rate_fault(exceeded: StepRateExceeded, servo_hz: u32) -> Fault {
-    Fault {
-        cause: FaultCause::StepRate,
-        index: exceeded.motor,
-        value: exceeded.steps_per_interval.saturating_mul(servo_hz) as i32,
     }
 }

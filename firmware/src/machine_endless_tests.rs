@@ -1,0 +1,125 @@
+//! Goal: a joint that turns without an end never runs out of counts, and is never unwound; counters hold
+//! where they wrap. Method: streams that begin turns away from where the last one ended, and motion across
+//! the wrap of the whole steps, step for step the same as far from it.
+use super::*;
+use crate::steps::STEP;
+
+const TURN_UNITS: i32 = 6_283_185;
+
+fn endless() -> MachineConfiguration {
+    let mut configuration = planar();
+    configuration.joints[3].position_min = f64::NEG_INFINITY;
+    configuration.joints[3].position_max = f64::INFINITY;
+    configuration
+}
+
+fn start(host: &mut Host, configuration: &MachineConfiguration, position: ChannelPoint) {
+    host.refusals.clear();
+    host.control(HostMessage::Start(Start {
+        job: 3,
+        machine_hash: hash_of(configuration),
+        first_sequence: 7000,
+        position,
+        solution: 0,
+    }));
+    host.poll();
+}
+
+#[test]
+fn a_stream_may_begin_turns_away_and_go_to_takes_the_shorter_way() {
+    let configuration = endless();
+    let job = flower();
+    let mut host = Host::new(&configuration, &job);
+    host.run(&job);
+    let end = job.knots.last().unwrap().control;
+    let mut turned = end;
+    // 300 turns back: whole steps of a joint with 16,000 a turn.
+    turned[5] -= 300 * TURN_UNITS;
+    let steps = host.counter.steps;
+    let mut other = turned;
+    other[5] += TURN_UNITS / 3;
+    start(&mut host, &configuration, other);
+    assert_eq!(host.refusals, [RefusalReason::Invalid]);
+    start(&mut host, &configuration, turned);
+    assert_eq!(host.refusals, []);
+    assert_eq!(host.counter.steps, steps);
+    host.control(HostMessage::Control(Control::Abort));
+    (0..200).for_each(|_| host.tick());
+    host.control(HostMessage::Control(Control::GoTo(other)));
+    (0..8000).for_each(|_| host.tick());
+    host.poll();
+    assert_eq!(host.refusals, []);
+    let third = (configuration.joints[3].steps_per_unit * core::f64::consts::TAU / 3.0).round();
+    let made = host.counter.steps - steps;
+    assert!((made as f64 - third).abs() <= 2.0, "{made} {third}");
+    start(&mut host, &configuration, other);
+    assert_eq!(host.refusals, []);
+}
+
+#[test]
+fn steps_across_the_wrap_of_the_counts_are_those_far_from_it() {
+    use crate::steps::{StepPlayer, StepProgrammer};
+    let wrap = 1i64 << 62;
+    let mut digests = Vec::new();
+    // 2^31 whole steps: 223,000 turns of 9600 steps; of the extruder 5.4 litres at 400 steps a mm³.
+    for start in [0, 1000 * STEP, wrap - 200 * STEP, -wrap + 200 * STEP] {
+        let mut programmer = StepProgrammer::new(1, 100);
+        let mut player = StepPlayer::new(100);
+        let mut counter = Counter::default();
+        programmer.set_positions(&[start; 8]);
+        for tick in 0..3000i64 {
+            let swing = 400.0 * (1.0 - (tick as f64 * 0.004).cos());
+            let target = start.wrapping_add((swing * STEP as f64) as i64);
+            let advanced = programmer.advance(&[target; 8], player.idle_bank());
+            assert!(advanced.is_ok());
+            player.hand_over();
+            player.run_interval(&mut counter);
+        }
+        digests.push((counter.digest, counter.steps));
+        assert!(counter.steps > 1000);
+    }
+    assert!(
+        digests.iter().all(|digest| *digest == digests[0]),
+        "{digests:?}"
+    );
+}
+
+#[test]
+fn sequence_numbers_go_on_where_they_wrap() {
+    let (configuration, job) = (planar(), flower());
+    let mut host = Host::new(&configuration, &job);
+    host.control(HostMessage::Control(Control::Abort));
+    (0..3).for_each(|_| host.tick());
+    // A few frames before 2^32, and 16 bits of it on the line.
+    let first_sequence = u32::MAX - 5;
+    host.control(HostMessage::Start(Start {
+        job: 3,
+        machine_hash: hash_of(&configuration),
+        first_sequence,
+        position: job.start,
+        solution: 0,
+    }));
+    host.stream_sequence = first_sequence as u16;
+    host.poll();
+    let before = host.sequence;
+    // Commands wrap too.
+    host.sequence = u16::MAX - 4;
+    host.control(HostMessage::Hello(Hello {
+        protocol_version: PROTOCOL_VERSION,
+        schema_hash: SCHEMA_HASH,
+        host_session: u32::from(before) + 99,
+    }));
+    for percent in 90..=100 {
+        host.sequence = host.sequence.wrapping_add(1);
+        let sequence = host.sequence;
+        host.write(sequence, &HostMessage::Control(Control::Override(percent)));
+        host.poll();
+        assert_eq!(host.machine.motion().override_percent(), percent);
+    }
+    host.run(&job);
+    assert_eq!(
+        host.counter.counts[..5],
+        final_steps(&configuration, &job)[..]
+    );
+    assert_eq!((host.faults.len(), host.refusals.len()), (0, 0));
+}

@@ -1,0 +1,41 @@
+//! The faults of a servo tick.
+
+use super::Motion;
+use crate::steps::StepRateExceeded;
+use headway_protocol::message::{Fault, FaultCause};
+
+/// The emergency input, or a host that asks for the same.
+pub const EMERGENCY: Fault = Fault {
+    cause: FaultCause::Emergency,
+    index: 0,
+    value: 0,
+};
+
+pub(super) fn step_rate_fault(exceeded: StepRateExceeded, servo_hz: u32) -> Fault {
+    Fault {
+        cause: FaultCause::StepRate,
+        index: exceeded.motor,
+        value: exceeded.steps_per_interval.saturating_mul(servo_hz) as i32,
+    }
+}
+
+impl Motion {
+    /// Looks closer at an extruder beyond a plan's limits: all targets are taken back.
+    #[cold]
+    pub(super) fn check_extruder(&mut self, ways: [i32; 2]) -> Result<(), Fault> {
+        // What the path rate did lasts for the window of pressure advance, and moves the flow against
+        // the events that it met.
+        let since_ticks = (self.now_ticks as u32).wrapping_sub(self.off_plan_ticks);
+        let met_ticks = self.flow.longest_active_ticks() + self.flow.window_ticks();
+        let in_ramp = since_ticks <= met_ticks;
+        let Some(value) = self.extruder_guard.exceeded(ways, in_ramp) else {
+            return Ok(());
+        };
+        self.programmer.take_back();
+        Err(Fault {
+            cause: FaultCause::Limit,
+            index: self.joints.count() as u8,
+            value,
+        })
+    }
+}
