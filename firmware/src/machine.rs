@@ -76,6 +76,22 @@ impl Machine {
         self.stop_if_due();
     }
 
+    /// Takes bytes from a second line ([`Receiver::watching`]).
+    pub fn handle_watcher(&mut self, watcher: &mut Receiver, bytes: &[u8]) {
+        watcher.watch(&self.receiver, &self.motion);
+        for &byte in bytes {
+            if let Some(request) = watcher.push(byte) {
+                watcher.apply(request, &mut self.motion);
+            }
+        }
+        self.stop_if_due();
+    }
+
+    /// The next report for a second line, as [`Self::poll_report`].
+    pub fn poll_watcher(&self, watcher: &mut Receiver, out: &mut [u8]) -> usize {
+        watcher.poll_report(&self.motion, out)
+    }
+
     /// Levels of the inputs, for the next servo tick.
     pub fn set_inputs(&mut self, inputs: Inputs) {
         self.motion.set_inputs(inputs);

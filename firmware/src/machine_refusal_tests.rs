@@ -292,3 +292,75 @@ fn events_out_of_their_order_or_behind_the_last_span_are_a_fault() {
         assert_eq!(host.faults[0].cause, FaultCause::Sequence, "{spans:?}");
     }
 }
+
+#[test]
+fn a_second_line_hears_and_stops_but_neither_streams_nor_moves() {
+    let (configuration, job) = (planar(), flower());
+    let mut host = Host::new(&configuration, &job);
+    let mut watcher = Receiver::watching(&configuration, 77);
+    let mut sequence = 40;
+    let mut ask = |host: &mut Host, message: HostMessage<'_>| {
+        sequence += 1;
+        let mut frame = [0; FRAME_BYTES_MAX];
+        let length = encode_frame(sequence, &message, &mut frame).unwrap();
+        host.machine.handle_watcher(&mut watcher, &frame[..length]);
+        let mut said = Vec::new();
+        let mut decoder = FrameDecoder::new();
+        loop {
+            let length = host.machine.poll_watcher(&mut watcher, &mut frame);
+            if length == 0 {
+                return said;
+            }
+            for &byte in &frame[..length] {
+                if let Some(frame) = decoder.push(byte) {
+                    said.push(DeviceMessage::decode(frame.unwrap().payload).unwrap());
+                }
+            }
+        }
+    };
+    let hello = HostMessage::Hello(Hello {
+        protocol_version: PROTOCOL_VERSION,
+        schema_hash: SCHEMA_HASH,
+        host_session: 9,
+    });
+    let streams = |message: &DeviceMessage| match message {
+        DeviceMessage::Welcome(welcome) => welcome.stream.is_some(),
+        _ => false,
+    };
+    let said = ask(&mut host, hello);
+    assert!(said.iter().any(streams), "{said:?}");
+    let is_busy = |message: &DeviceMessage| match message {
+        DeviceMessage::Refused(refusal) => refusal.reason == RefusalReason::Busy,
+        _ => false,
+    };
+    for message in [
+        HostMessage::Start(Start {
+            job: 8,
+            machine_hash: hash_of(&configuration),
+            first_sequence: 1,
+            position: job.start,
+            solution: 0,
+        }),
+        HostMessage::Control(Control::Jog {
+            joint: 0,
+            distance_units: 1000,
+            speed_units_s: 1000,
+        }),
+        HostMessage::Finish(Finish {
+            knots: 0,
+            events: 0,
+        }),
+    ] {
+        assert!(ask(&mut host, message).iter().any(is_busy), "{message:?}");
+    }
+    for _ in 0..2000 {
+        host.send(&job, 8, 16);
+        host.tick();
+    }
+    let steps = host.counter.steps;
+    ask(&mut host, HostMessage::Control(Control::EmergencyStop));
+    (0..50).for_each(|_| host.tick());
+    host.poll();
+    assert_eq!(host.faults[0].cause, FaultCause::Emergency);
+    assert_eq!(host.counter.steps, steps);
+}

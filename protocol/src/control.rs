@@ -125,6 +125,20 @@ impl JointOrder {
 }
 
 impl Control {
+    /// True for what a machine does only at rest with no stream open.
+    pub fn is_at_rest_only(&self) -> bool {
+        matches!(
+            self,
+            Control::SetPosition(_)
+                | Control::SetJoint { .. }
+                | Control::Jog { .. }
+                | Control::GoTo(_)
+                | Control::Home(_)
+                | Control::Extrude { .. }
+                | Control::MotorsOff
+        )
+    }
+
     /// True if every field is in its range.
     pub(crate) fn is_valid(&self) -> bool {
         match *self {

@@ -6,6 +6,7 @@
 //! control frames when newer than the last one. `WIRE.md` of the protocol has the rules.
 
 mod reports;
+mod second_line;
 
 use crate::configuration::MachineConfiguration;
 use crate::design::{NAK_PERIOD_MS, STATUS_PERIOD_MS, ticks_of_ms};
@@ -22,6 +23,7 @@ use headway_protocol::message::{
 };
 use headway_protocol::segment::FlowEvent;
 use heapless::{Deque, Vec};
+use second_line::Watched;
 
 /// A checked message, ready to be applied.
 #[derive(Clone, Debug)]
@@ -111,6 +113,8 @@ pub struct Receiver {
     /// The newest control message that was refused: its repeat is refused again.
     refused: Option<Refusal>,
     stream: Option<Stream>,
+    /// Of a second line: what the first one streams.
+    watched: Option<Watched>,
     due: Due,
     /// Credit that the host was last told.
     knot_limit_told: u32,
@@ -138,6 +142,7 @@ impl Receiver {
             control_taken: 0,
             refused: None,
             stream: None,
+            watched: None,
             due: Due::default(),
             knot_limit_told: 0,
             nak_tick: 0,
@@ -193,6 +198,9 @@ impl Receiver {
     /// Hands a request over to the motion.
     pub fn apply(&mut self, request: Request, motion: &mut Motion) {
         let sequence = request.sequence;
+        if self.refuses_watcher(&request) {
+            return;
+        }
         match request.content {
             Content::Hello(hello) => self.greet(sequence, &hello),
             Content::Start(start) => {

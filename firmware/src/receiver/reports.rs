@@ -106,14 +106,21 @@ impl Receiver {
             step_hz: self.step_hz,
             session: self.session,
             host_session: self.host_session.unwrap_or(0),
-            stream: self.stream.as_ref().map(|stream| OpenStream {
-                job: stream.job,
-                first_sequence: stream.first_sequence,
-                next_sequence: stream.next_sequence,
-                knots_taken: stream.knots,
-                spans_done: motion.spans_done(),
-            }),
+            stream: match self.watched {
+                Some(watched) => watched.0,
+                None => self.open_stream(motion),
+            },
         }
+    }
+
+    pub(super) fn open_stream(&self, motion: &Motion) -> Option<OpenStream> {
+        self.stream.as_ref().map(|stream| OpenStream {
+            job: stream.job,
+            first_sequence: stream.first_sequence,
+            next_sequence: stream.next_sequence,
+            knots_taken: stream.knots,
+            spans_done: motion.spans_done(),
+        })
     }
 
     fn status(&self, motion: &Motion) -> Status {

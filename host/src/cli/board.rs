@@ -20,7 +20,7 @@ use std::fs::File;
 use std::io::BufReader;
 use std::path::Path;
 use std::sync::atomic::{AtomicBool, Ordering};
-use std::time::Instant;
+use std::time::{Duration, Instant};
 
 pub(super) fn run(args: &BoardArgs, console: &Console) -> Result<(), CliError> {
     match &args.command {
@@ -124,11 +124,11 @@ impl Talk {
         &mut self,
         mut wanted: impl FnMut(&mut Sender, &SenderEvent) -> Option<T>,
     ) -> Result<T, CliError> {
-        let mut heard = Instant::now();
+        // One answer is waited for: whatever else the board says takes no longer than that.
+        let begun = Instant::now();
         loop {
             self.pump.turn(&mut self.sender);
             while let Some(event) = self.sender.poll_event() {
-                heard = Instant::now();
                 if let SenderEvent::Connected(welcome) = &event {
                     self.welcome = Some(*welcome);
                 }
@@ -139,8 +139,8 @@ impl Talk {
             if let SenderState::Failed(error) = self.sender.state() {
                 return Err(CliError::Job(error.to_string()));
             }
-            if heard.elapsed() > ANSWER_PATIENCE {
-                return Err(no_answer(&self.port));
+            if begun.elapsed() > ANSWER_PATIENCE {
+                return Err(no_answer(&self.port, &self.sender.said_last()));
             }
         }
     }
@@ -181,8 +181,18 @@ impl Talk {
 
     /// Waits until a move by hand has ended.
     fn wait_for_rest(&mut self) -> Result<Status, CliError> {
+        let begun = Instant::now();
+        let mut moved = (Vec::new(), begun);
         loop {
             let status = self.status()?;
+            if moved.0 != status.counts_steps.as_slice() {
+                moved = (status.counts_steps.to_vec(), Instant::now());
+            } else if moved.1.elapsed() > STANDSTILL_PATIENCE {
+                return Err(never_ends(&status, STANDSTILL_PATIENCE));
+            }
+            if begun.elapsed() > MOVE_PATIENCE {
+                return Err(never_ends(&status, MOVE_PATIENCE));
+            }
             if let Some(fault) = status.fault {
                 return Err(CliError::Job(format!("the board latched a fault: {fault}")));
             }
@@ -193,10 +203,23 @@ impl Talk {
     }
 }
 
+/// A move by hand that makes no step: the longest prime takes a minute and may be of one step.
+const STANDSTILL_PATIENCE: Duration = Duration::from_secs(90);
+/// Longest move by hand: the slowest jog over the longest axis.
+const MOVE_PATIENCE: Duration = Duration::from_secs(3600);
+
+fn never_ends(status: &Status, waited: Duration) -> CliError {
+    CliError::Job(format!(
+        "the move does not end ({} s); the board said last: {}",
+        waited.as_secs(),
+        status_text(status, false).trim()
+    ))
+}
+
 fn info(port: &PortArgs, as_json: bool, console: &Console) -> Result<(), CliError> {
     let talk = Talk::open(port)?;
     let Some(welcome) = talk.welcome else {
-        return Err(no_answer(&port.port));
+        return Err(no_answer(&port.port, &talk.sender.said_last()));
     };
     let [major, minor, patch] = welcome.firmware_version;
     if as_json {

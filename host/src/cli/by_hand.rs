@@ -3,14 +3,12 @@
 use super::CliError;
 use crate::settings::joint_names;
 use headway_firmware::configuration::{JointConfiguration, MachineConfiguration};
+use headway_firmware::extruder_limits::event_peaks;
 use headway_protocol::control::{EVENT_DURATION_TICKS_MAX, EVENT_VOLUME_UNITS_MAX};
 use headway_protocol::message::Control;
 use headway_protocol::segment::FlowAction;
 use headway_protocol::units::Ticks;
 
-/// Peak rate and acceleration of an event of volume 1 in time 1 (`headway_protocol::segment`).
-const EVENT_PEAK_RATE: f64 = 1.875;
-const EVENT_PEAK_ACCELERATION: f64 = 5.7736;
 /// 10⁻⁶ mm³.
 const UNITS_PER_MM3: f64 = 1e6;
 /// Share of a limit where no speed is given.
@@ -119,9 +117,10 @@ pub(super) fn extrude(
     let limit = extruder.speed_max_mm3_s;
     let speed = speed_mm3_s.unwrap_or(SPEED_SHARE * limit);
     let volume_units = (volume_mm3.abs() * UNITS_PER_MM3).round();
-    let by_rate_s = EVENT_PEAK_RATE * volume_mm3.abs() / speed;
-    let by_acceleration = EVENT_PEAK_ACCELERATION * volume_mm3.abs();
-    let by_acceleration_s = (by_acceleration / extruder.acceleration_max_mm3_s2).sqrt();
+    // The peaks of the same volume in a second.
+    let [rate, acceleration] = event_peaks(volume_mm3.abs(), 1.0);
+    let by_rate_s = rate / speed;
+    let by_acceleration_s = (acceleration / extruder.acceleration_max_mm3_s2).sqrt();
     let duration_ticks = (by_rate_s.max(by_acceleration_s) * f64::from(machine.servo_hz)).ceil();
     // So written that a NaN does not fit.
     let fits = speed > 0.0

@@ -4,6 +4,7 @@ use super::args_board::{PortArgs, StreamArgs};
 use super::console::Console;
 use super::{CliError, job};
 use crate::drive::link_log::LinkLog;
+use crate::drive::patience::{ANSWER_US, Patience, Wait};
 use crate::drive::pump::{LineEvent, Pump};
 use crate::drive::sender::Sender;
 use crate::drive::sender_state::{SenderError, SenderEvent, SenderSetup, SenderState};
@@ -22,7 +23,7 @@ use std::sync::{Arc, Once};
 use std::time::{Duration, Instant, SystemTime};
 
 /// Silence at the start after which there is no board.
-pub(super) const ANSWER_PATIENCE: Duration = Duration::from_secs(10);
+pub(super) const ANSWER_PATIENCE: Duration = Duration::from_micros(ANSWER_US);
 /// Steps of the progress bar.
 const BAR_STEPS: f64 = 1000.0;
 
@@ -64,6 +65,7 @@ pub(super) fn run(args: &StreamArgs, console: &Console) -> Result<(), CliError> 
         status: None,
         connected: false,
         has_part: false,
+        patience: Patience::new(&job.stream, header.machine.servo_hz),
         status_period_ms: args.status_period_ms,
         begun: Instant::now(),
     };
@@ -89,7 +91,8 @@ pub(super) fn open(args: &PortArgs, log: Option<LinkLog>) -> Result<Pump, CliErr
         .map_err(|error| CliError::Usage(format!("--port: {error}")))?;
     Pump::open(&port, args.baud, log).map_err(|problem| {
         CliError::Job(format!(
-            "{port}: {problem}; is the board connected, and does nothing else use it?"
+            "{port}: {problem}; is the board connected? A serial port has one user: a program that \
+             streams takes `pause`, `abort` and `stop` at its own terminal, and Ctrl-C"
         ))
     })
 }
@@ -163,6 +166,7 @@ struct Run<'a> {
     connected: bool,
     /// The board has part of this job already.
     has_part: bool,
+    patience: Patience,
     status_period_ms: Option<u16>,
     begun: Instant,
 }
@@ -192,8 +196,12 @@ impl Run<'_> {
             if let Some(result) = self.ended() {
                 return result;
             }
-            if !self.connected && self.begun.elapsed() > ANSWER_PATIENCE {
-                return Err(no_answer(&self.port));
+            let (now_us, is_open) = (self.pump.now_us(), self.pump.is_open());
+            if let Some(overdue) = self.patience.look(now_us, &self.sender, is_open) {
+                return Err(match overdue.wait {
+                    Wait::Welcome => no_answer(&self.port, &overdue.said),
+                    _ => CliError::Job(overdue.to_string()),
+                });
             }
         }
     }
@@ -319,10 +327,10 @@ impl Run<'_> {
 }
 
 /// Nobody speaks our language on that port.
-pub(super) fn no_answer(port: &str) -> CliError {
+pub(super) fn no_answer(port: &str, said: &str) -> CliError {
     CliError::Job(format!(
         "{port}: no answer in {} s; is it the right port and rate (--baud), and is the firmware \
-         flashed?",
+         flashed? It said last: {said}",
         ANSWER_PATIENCE.as_secs()
     ))
 }

@@ -5,6 +5,7 @@ pub mod joint_track;
 pub mod limits;
 pub mod link;
 pub mod link_log;
+pub mod patience;
 pub mod plan_curve;
 pub mod pump;
 pub mod record;
@@ -20,5 +21,7 @@ pub mod trace_table;
 pub mod transport;
 pub mod virtual_board;
 
+#[cfg(test)]
+mod cut_tests;
 #[cfg(test)]
 mod test_streams;

@@ -11,6 +11,7 @@
 //! Left out: opening and closing the line, which is the transport's affair; this machine goes on
 //! by itself when the line comes back.
 
+use crate::drive::patience::said;
 use crate::drive::round_trip::{RETRY_MAX_US, RETRY_MIN_US, RoundTrip};
 use crate::drive::sender_state::{
     ControlMessage, InFlight, Intent, Outstanding, SenderEvent, SenderFigures, SenderSetup,
@@ -19,7 +20,7 @@ use crate::drive::sender_state::{
 use crate::wire_frames::WireFrames;
 use headway_protocol::frame::{FRAME_BYTES_MAX, FrameDecoder, encode_frame, encode_payload};
 use headway_protocol::message::{
-    Control, DeviceMessage, Hello, HostMessage, PROTOCOL_VERSION, SCHEMA_HASH, Start,
+    Control, DeviceMessage, Hello, HostMessage, PROTOCOL_VERSION, SCHEMA_HASH, Start, Status,
 };
 use headway_protocol::units::CHANNELS;
 use std::collections::VecDeque;
@@ -76,6 +77,10 @@ pub struct Sender {
     /// When the last acknowledgement came.
     answered_us: u64,
     asked_us: u64,
+    /// What was heard last, and whether it could not be read.
+    last_message: Option<DeviceMessage>,
+    unreadable: bool,
+    last_status: Option<Status>,
     figures: SenderFigures,
 }
 
@@ -133,6 +138,9 @@ impl Sender {
             heard_us: 0,
             answered_us: 0,
             asked_us: 0,
+            last_message: None,
+            unreadable: false,
+            last_status: None,
             figures: SenderFigures::default(),
         }
     }
@@ -162,6 +170,28 @@ impl Sender {
         (self.acknowledged, self.frames.len())
     }
 
+    /// The newest status of this conversation.
+    pub fn last_status(&self) -> Option<&Status> {
+        self.last_status.as_ref()
+    }
+
+    /// What the controller said last, for a reader.
+    pub fn said_last(&self) -> String {
+        said(self.last_message.as_ref(), self.unreadable)
+    }
+
+    /// The command that waits to be taken, by its sequence number.
+    pub fn waits_for_command(&self) -> Option<u16> {
+        let outstanding = self.outstanding?;
+        let is_command = matches!(outstanding.what, ControlMessage::Command(_));
+        (is_command && outstanding.tries > 0).then_some(outstanding.sequence)
+    }
+
+    /// True if every frame of the stream was taken.
+    pub fn is_all_taken(&self) -> bool {
+        self.acknowledged == self.frames.len()
+    }
+
     /// Estimated round trip.
     pub fn round_trip_us(&self) -> u64 {
         self.round_trip.estimate_us()
@@ -183,12 +213,18 @@ impl Sender {
         for &byte in bytes {
             let message = match self.decoder.push(byte) {
                 None => continue,
-                Some(Ok(frame)) => DeviceMessage::decode(frame.payload).ok(),
+                Some(Ok(frame)) => {
+                    let message = DeviceMessage::decode(frame.payload).ok();
+                    // Its CRC is right: it is the board that says it.
+                    self.unreadable = message.is_none();
+                    message
+                }
                 Some(Err(_)) => None,
             };
             match message {
                 Some(message) => {
                     self.heard_us = now_us;
+                    self.last_message = Some(message.clone());
                     self.handle_message(now_us, message);
                 }
                 None => self.figures.frames_damaged += 1,

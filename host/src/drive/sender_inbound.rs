@@ -144,8 +144,9 @@ impl Sender {
         self.answered_us = now_us;
         let taken = ack.next_sequence.wrapping_sub(self.first_sequence) as usize;
         if let Some(outstanding) = self.outstanding {
-            let behind = ack.control_taken.wrapping_sub(outstanding.sequence) as i16;
-            if outstanding.sent_us.is_some() && behind >= 0 {
+            // One goes at a time: a board that has taken a later one has not taken ours.
+            let is_taken = ack.control_taken == outstanding.sequence;
+            if outstanding.sent_us.is_some() && is_taken {
                 self.outstanding = None;
                 self.note_taken(outstanding.what, taken);
             }
@@ -241,6 +242,12 @@ impl Sender {
         }
     }
 
+    /// Spans of the whole stream.
+    fn spans(&self) -> u32 {
+        let last = self.frames.len().checked_sub(1);
+        last.map_or(0, |last| self.frames.totals_after(last).0)
+    }
+
     /// A fault ends the stream: the controller forgets it.
     fn handle_fault(&mut self, fault: Fault) {
         let begun = matches!(
@@ -256,7 +263,9 @@ impl Sender {
         if !self.is_session(status.session) {
             return;
         }
-        if self.state == SenderState::Finishing && status.state == DeviceState::Finished {
+        self.last_status = Some(status.clone());
+        let is_over = status.state == DeviceState::Finished && status.spans_done == self.spans();
+        if self.state == SenderState::Finishing && is_over {
             self.state = SenderState::Done;
             self.outstanding = None;
         }

@@ -467,3 +467,6 @@ fn goodput_on_a_clean_line_is_above_ninety_per_cent() {
         "{line_s} s of line time in {took_s} s"
     );
 }
+
+#[path = "hostile_board_tests.rs"]
+mod hostile_board;

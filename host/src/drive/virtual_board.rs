@@ -2,7 +2,8 @@
 //! faster. What streams to it streams to a real board.
 //!
 //! Its steps go nowhere but into counters and a digest. Limit switches close where the machine's
-//! range ends, so that homing can be tried. One host at a time; the next one waits.
+//! range ends, so that homing can be tried. One host streams and moves; others may ask and stop
+//! meanwhile (`Receiver::watching`), and the oldest of them is the next one.
 
 use crate::drive::record::{Step, StepDigest};
 use crate::drive::transport::{Listener, Transport};
@@ -11,13 +12,17 @@ use headway_firmware::homing::HomingConfiguration;
 use headway_firmware::inputs::Inputs;
 use headway_firmware::machine::Machine;
 use headway_firmware::output::StepOutput;
+use headway_firmware::receiver::Receiver;
 use headway_protocol::frame::FRAME_BYTES_MAX;
+use std::collections::VecDeque;
 use std::io;
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::time::{Duration, Instant};
 
 /// Most virtual time made up at once: a computer that cannot keep up slows the board down.
 const CATCH_UP_S: f64 = 0.05;
+/// Hosts that may ask and stop while another one streams.
+const WATCHERS_MAX: usize = 4;
 /// Reports of one turn.
 const REPORTS_MAX: usize = 32;
 
@@ -98,6 +103,8 @@ pub struct VirtualBoard {
     steps: Steps,
     listener: Listener,
     line: Option<Box<dyn Transport>>,
+    /// Lines of further hosts, the oldest first.
+    watchers: VecDeque<(Box<dyn Transport>, Receiver)>,
     begun: Instant,
     ticks_done: u64,
     hosts: u64,
@@ -116,6 +123,7 @@ impl VirtualBoard {
             steps: Steps::default(),
             listener,
             line: None,
+            watchers: VecDeque::new(),
             begun: Instant::now(),
             ticks_done: 0,
             hosts: 0,
@@ -162,19 +170,61 @@ impl VirtualBoard {
 
     /// Takes bytes, lets the time pass that has passed, answers.
     fn turn(&mut self) -> io::Result<()> {
-        if self.line.is_none() {
-            self.line = self.listener.accept()?;
-            self.hosts += u64::from(self.line.is_some());
-        }
         let mut buffer = [0u8; 4096];
         match self.line.as_mut().map(|line| line.receive(&mut buffer)) {
             Some(Ok(count)) => self.machine.handle_bytes(&buffer[..count]),
             Some(Err(_)) => self.line = None,
             None => std::thread::sleep(Duration::from_millis(1)),
         }
+        if self.line.is_none() {
+            self.line = self.watchers.pop_front().map(|(line, _)| line);
+        }
+        self.hear_watchers();
         self.pass();
         self.report();
+        self.take_host()
+    }
+
+    /// Lets a host in, if one has come and there is room. Whether the first one is still there has been
+    /// found out before.
+    fn take_host(&mut self) -> io::Result<()> {
+        if self.watchers.len() >= WATCHERS_MAX {
+            return Ok(());
+        }
+        let Some(line) = self.listener.accept()? else {
+            return Ok(());
+        };
+        self.hosts += 1;
+        if self.line.is_none() {
+            self.line = Some(line);
+        } else {
+            let receiver = Receiver::watching(&self.setup.machine, self.setup.session);
+            self.watchers.push_back((line, receiver));
+        }
         Ok(())
+    }
+
+    /// Further hosts: questions, and stops.
+    fn hear_watchers(&mut self) {
+        let machine = &mut self.machine;
+        self.watchers.retain_mut(|(line, receiver)| {
+            let mut buffer = [0u8; 1024];
+            match line.receive(&mut buffer) {
+                Ok(count) => machine.handle_watcher(receiver, &buffer[..count]),
+                Err(_) => return false,
+            }
+            let mut out = [0u8; FRAME_BYTES_MAX];
+            for _ in 0..REPORTS_MAX {
+                let length = machine.poll_watcher(receiver, &mut out);
+                if length == 0 {
+                    break;
+                }
+                if line.send(&out[..length]).is_err() {
+                    return false;
+                }
+            }
+            true
+        });
     }
 
     fn pass(&mut self) {
