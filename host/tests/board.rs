@@ -123,3 +123,70 @@ fn the_command_can_be_a_board_itself() {
     let (well, _, said) = board.end();
     assert!(well && said.contains("1 hosts"), "{said}");
 }
+
+#[test]
+fn a_stop_is_heard_while_another_host_streams_and_a_jog_is_refused_at_once() {
+    let folder = folder("second");
+    let (job, _) = job(&folder, 8);
+    let board = Board::unix(&folder, 1.0);
+    let port = board.port.clone();
+    let streaming = Host::start(&["stream", &job, "--port", &port, "--json"]);
+    let mut state = String::new();
+    for _ in 0..400 {
+        let status = object(&headway(&["board", "status", "--port", &port, "--json"]));
+        state = status["state"].as_str().unwrap().to_string();
+        if state == "running" {
+            break;
+        }
+        std::thread::sleep(std::time::Duration::from_millis(50));
+    }
+    assert_eq!(state, "running");
+    let begun = std::time::Instant::now();
+    let jogged = headway(&["board", "jog", "x", "1", "--port", &port]);
+    assert_eq!(jogged.status.code(), Some(1));
+    assert!(stderr(&jogged).contains("refuses"), "{}", stderr(&jogged));
+    let paused = headway(&["board", "pause", "--port", &port]);
+    assert!(paused.status.success(), "{}", stderr(&paused));
+    let stopped = headway(&["board", "stop", "--port", &port]);
+    assert!(stopped.status.success(), "{}", stderr(&stopped));
+    // Long before the job's end.
+    assert!(begun.elapsed().as_secs() < 20);
+    let (done, _, said) = streaming.end();
+    assert!(!done);
+    assert!(said.contains("emergency stop"), "{said}");
+    // Nothing that was refused runs later.
+    let before = object(&headway(&["board", "status", "--port", &port, "--json"]));
+    std::thread::sleep(std::time::Duration::from_millis(300));
+    let after = object(&headway(&["board", "status", "--port", &port, "--json"]));
+    assert_eq!(before["counts"], after["counts"]);
+    assert_eq!(after["state"], "faulted");
+    board.end();
+}
+
+#[test]
+fn a_client_made_of_the_wire_page_alone_talks_to_a_board() {
+    let folder = folder("wire");
+    let board = Board::unix(&folder, 2.0);
+    let root = concat!(env!("CARGO_MANIFEST_DIR"), "/..");
+    let client = std::process::Command::new("python3")
+        .arg(format!("{root}/tests/wire_client.py"))
+        .arg(format!("{root}/protocol/WIRE.md"))
+        .arg(board.port.strip_prefix("unix:").unwrap())
+        .output();
+    let Ok(output) = client else {
+        assert!(std::env::var_os("CI").is_none(), "CI needs python3");
+        println!("skipped: no python3");
+        return;
+    };
+    let said = String::from_utf8_lossy(&output.stdout);
+    assert!(output.status.success(), "{said}{}", stderr(&output));
+    for words in [
+        "golden frames",
+        "refused",
+        "moved 5 mm",
+        "second line stops",
+    ] {
+        assert!(said.contains(words), "{said}");
+    }
+    board.end();
+}
