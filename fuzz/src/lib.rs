@@ -3,6 +3,7 @@
 //! A target is a few lines; what it checks is here, so that a find can be replayed by a plain test.
 
 pub mod attack;
+pub mod board;
 pub mod job;
 pub mod target;
 

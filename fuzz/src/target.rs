@@ -9,18 +9,21 @@
 use crate::attack::{Action, Attack, Command, Kind, Move};
 use headway::settings::Settings;
 use headway_firmware::configuration::{MOTORS_MAX, MachineConfiguration};
+use headway_firmware::design::{LIMIT_MARGIN, RAMP_MARGIN, SERVO_DELAY_TICKS};
 use headway_firmware::machine::Machine;
 use headway_firmware::output::StepOutput;
+use headway_firmware::receiver::Receiver;
 use headway_protocol::frame::{
     FRAME_BYTES_MAX, FrameDecoder, encode_frame, encode_payload, hash_of,
 };
 use headway_protocol::knot_block::{KnotPredictor, encode_block};
 use headway_protocol::message::{
-    Control, DeviceMessage, FaultCause, Finish, Hello, HostMessage, JointOrder, PROTOCOL_VERSION,
-    SCHEMA_HASH, Start,
+    Control, DeviceMessage, DeviceState, FaultCause, Finish, Hello, HostMessage, JointOrder,
+    PROTOCOL_VERSION, SCHEMA_HASH, Start,
 };
 use headway_protocol::segment::{FlowAction, FlowEvent, Knot};
 use headway_protocol::units::{CHANNEL_TILT_X, CHANNEL_TILT_Y, CHANNEL_Z, CHANNELS, Ticks};
+use std::collections::VecDeque;
 use std::sync::LazyLock;
 
 /// A soft fault ends in rest on the path: longer than any ramp of these machines, servo ticks.
@@ -50,6 +53,8 @@ pub fn machine(kind: Kind) -> (&'static MachineConfiguration, Machine) {
 struct Steps {
     directions: u8,
     steps: u64,
+    /// Of each motor, forward less backward.
+    made: [i64; MOTORS_MAX],
     last_tick: Option<u64>,
 }
 
@@ -65,6 +70,59 @@ impl StepOutput for Steps {
         );
         self.last_tick = Some(tick);
         self.steps += u64::from(motors.count_ones());
+        for (motor, made) in self.made.iter_mut().enumerate() {
+            if motors >> motor & 1 == 1 {
+                *made += if self.directions >> motor & 1 == 1 {
+                    1
+                } else {
+                    -1
+                };
+            }
+        }
+    }
+}
+
+/// Servo ticks over which speeds are looked at.
+const SPEED_TICKS: usize = 40;
+
+/// Steps of all motors over a short time, against their limits.
+struct SpeedWatch {
+    /// Most steps of each in [`SPEED_TICKS`].
+    most: [f64; MOTORS_MAX],
+    history: VecDeque<[i64; MOTORS_MAX]>,
+}
+
+impl SpeedWatch {
+    fn new(configuration: &MachineConfiguration) -> Self {
+        let seconds = SPEED_TICKS as f64 / f64::from(configuration.servo_hz);
+        let mut most = [0.0; MOTORS_MAX];
+        let joints = configuration.joints.iter();
+        let speeds = joints.map(|joint| joint.speed_max * joint.steps_per_unit * LIMIT_MARGIN);
+        let extruder = &configuration.extruder;
+        let extruder = extruder.speed_max_mm3_s * extruder.steps_per_mm3 * RAMP_MARGIN;
+        for (most, speed) in most.iter_mut().zip(speeds.chain([extruder])) {
+            // The counts' rounding at both ends, and 1 % of the servo's interpolation.
+            *most = 1.01 * speed * seconds + 2.0;
+        }
+        SpeedWatch {
+            most,
+            history: VecDeque::new(),
+        }
+    }
+
+    fn look(&mut self, made: &[i64; MOTORS_MAX]) {
+        self.history.push_back(*made);
+        if self.history.len() <= SPEED_TICKS {
+            return;
+        }
+        let before = self.history.pop_front().unwrap_or(*made);
+        for (motor, most) in self.most.iter().enumerate() {
+            let steps = (made[motor] - before[motor]).abs();
+            assert!(
+                steps as f64 <= *most,
+                "motor {motor} made {steps} steps in {SPEED_TICKS} ticks, {most:.1} at its limit"
+            );
+        }
     }
 }
 
@@ -85,6 +143,14 @@ pub struct Target {
     rested: bool,
     knots: u32,
     events: u32,
+    watcher: Receiver,
+    /// Newest sequence number there.
+    second: u16,
+    /// Something came since the last tick.
+    heard: bool,
+    /// Ticks at rest with nothing heard.
+    still_ticks: u32,
+    watch: Option<SpeedWatch>,
 }
 
 /// The middle of both machines' ranges, channel units.
@@ -109,12 +175,28 @@ impl Target {
             rested: false,
             knots: 0,
             events: 0,
+            watcher: Receiver::watching(configuration, 0xfeed),
+            second: 0,
+            heard: false,
+            still_ticks: 0,
+            watch: None,
         }
     }
 
     /// Runs a whole attack.
     pub fn run(attack: &Attack) {
         let mut target = Target::new(attack.kind);
+        target.begin(attack);
+        for action in attack.actions.iter().take(ACTIONS_MAX) {
+            target.act(action);
+        }
+        target.pass(500);
+        target.listen();
+    }
+
+    /// Greets and opens a stream, if the attack says so.
+    pub fn begin(&mut self, attack: &Attack) {
+        let target = self;
         if attack.opened {
             target.act(&Action::Hello {
                 session: 1,
@@ -127,11 +209,53 @@ impl Target {
                 right_machine: true,
             });
         }
-        for action in attack.actions.iter().take(ACTIONS_MAX) {
-            target.act(action);
+    }
+
+    /// From now on speeds are looked at too.
+    pub fn hold_limits(&mut self) {
+        self.watch = Some(SpeedWatch::new(self.configuration));
+    }
+
+    /// A payload in a frame on the second line.
+    pub fn second_payload(&mut self, sequence: u16, payload: &[u8]) {
+        let mut out = [0u8; FRAME_BYTES_MAX];
+        if let Ok(length) = encode_payload(sequence, payload, &mut out) {
+            self.noise(true, &out[..length]);
         }
-        target.pass(500);
-        target.listen();
+    }
+
+    /// A greeting and a command on the second line.
+    pub fn second_command(&mut self, greets: bool, command: u8) {
+        let mut out = [0u8; FRAME_BYTES_MAX];
+        if greets {
+            let hello = HostMessage::Hello(Hello {
+                protocol_version: PROTOCOL_VERSION,
+                schema_hash: SCHEMA_HASH,
+                host_session: 99,
+            });
+            self.second += 1;
+            if let Ok(length) = encode_frame(self.second, &hello, &mut out) {
+                self.noise(true, &out[..length]);
+            }
+        }
+        self.second += 1;
+        self.second_payload(self.second, &[5, command % 17]);
+    }
+
+    /// Bytes as they are.
+    pub fn noise(&mut self, second: bool, bytes: &[u8]) {
+        self.heard = true;
+        if second {
+            self.machine.handle_watcher(&mut self.watcher, bytes);
+            let mut out = [0u8; FRAME_BYTES_MAX];
+            for _ in 0..10 {
+                if self.machine.poll_watcher(&mut self.watcher, &mut out) == 0 {
+                    return;
+                }
+            }
+            panic!("reports without end on the second line");
+        }
+        self.machine.handle_bytes(bytes);
     }
 
     fn send(&mut self, sequence: u16, message: &HostMessage<'_>) {
@@ -156,7 +280,8 @@ impl Target {
         self.listen();
     }
 
-    fn act(&mut self, action: &Action) {
+    pub fn act(&mut self, action: &Action) {
+        self.heard = true;
         match action {
             Action::Hello { session, version } => self.send_control(&HostMessage::Hello(Hello {
                 protocol_version: version.unwrap_or(PROTOCOL_VERSION),
@@ -329,7 +454,7 @@ impl Target {
     }
 
     /// Servo ticks, with the invariants after each.
-    fn pass(&mut self, ticks: u32) {
+    pub fn pass(&mut self, ticks: u32) {
         let ticks = ticks.min(RUN_TICKS_MAX - self.ticks);
         self.ticks += ticks;
         for _ in 0..ticks {
@@ -340,9 +465,19 @@ impl Target {
     fn tick(&mut self) {
         let motion = self.machine.motion();
         let (fault, rested) = (motion.fault(), motion.is_at_rest());
+        let resting = matches!(motion.state(), DeviceState::Idle | DeviceState::Finished);
+        let quiet = rested && resting && !std::mem::take(&mut self.heard);
         let steps_before = self.steps.steps;
         self.machine.run_servo_interval(&mut self.steps);
         let stepped = self.steps.steps != steps_before;
+        self.still_ticks = if quiet { self.still_ticks + 1 } else { 0 };
+        assert!(
+            !(stepped && self.still_ticks > SERVO_DELAY_TICKS),
+            "steps with no stream and no command"
+        );
+        if let Some(watch) = &mut self.watch {
+            watch.look(&self.steps.made);
+        }
         self.check_ranges();
         let Some(fault) = fault else {
             self.ticks_faulted = 0;
@@ -380,7 +515,7 @@ impl Target {
         }
     }
 
-    fn listen(&mut self) {
+    pub fn listen(&mut self) {
         let mut out = [0u8; FRAME_BYTES_MAX];
         // More reports at once than there are kinds would be reports without end.
         for _ in 0..10 {
