@@ -13,6 +13,7 @@
 pub mod error;
 mod geojson;
 pub mod names;
+pub mod near_waypoints;
 pub mod outline;
 mod polygon;
 mod settle;

@@ -10,6 +10,7 @@
 //! planning's (`plan::waypoint_curve`).
 
 use super::names::part_name;
+use super::near_waypoints;
 use super::outline::{FAR_MAX_MM, SIZE_MAX_MM};
 use super::{ReadOptions, Units};
 use crate::near_name::near_name;
@@ -231,13 +232,20 @@ pub fn read(bytes: &[u8], name: &str, options: &ReadOptions) -> Result<WaypointR
     if found < 2 {
         return Err(WaypointError::TooFew { found });
     }
-    let notes = reader.notes();
+    let mut notes = reader.notes();
+    let (points, joined, near_mm) = near_waypoints::joined(reader.points);
+    if joined > 0 {
+        notes.push(format!(
+            "{joined} waypoints lie closer than {near_mm:.3} mm to the one before and were made one \
+             with it"
+        ));
+    }
     Ok(WaypointRun {
         name: reader
             .name
             .or_else(|| part_name(name))
             .unwrap_or_else(|| "run".to_string()),
-        points: reader.points,
+        points,
         notes,
     })
 }

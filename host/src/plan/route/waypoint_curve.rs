@@ -11,6 +11,7 @@
 //! share a place turn the head on the spot. Cubic splines: C. de Boor, A Practical Guide to
 //! Splines (1978), chapter 4. Leaves out flow (`waypoint_route`) and time.
 
+use crate::input::near_waypoints::usual_spacing_mm;
 use crate::input::waypoints::{SAME_PLACE_MM, Waypoint, WaypointRun};
 use crate::plan::route::build_route::nearest_heading;
 use crate::plan::route::moves::PathCurve;
@@ -92,17 +93,12 @@ pub fn waypoint_passes(
 /// Jump that ends a pass where none is given: many times the usual spacing, and no less than what any
 /// spacing of a print path may be.
 fn usual_gap_mm(points: &[Waypoint]) -> f64 {
-    let mut chords: Vec<f64> = points
-        .windows(2)
-        .map(|pair| (pair[1].tip_mm - pair[0].tip_mm).norm())
-        .filter(|chord| *chord > SAME_PLACE_MM)
-        .collect();
-    chords.sort_by(f64::total_cmp);
+    let (usual_mm, chords) = usual_spacing_mm(points);
     // So few points say nothing about what is usual.
-    if chords.len() < GAP_CHORDS_MIN {
+    if chords < GAP_CHORDS_MIN {
         return f64::INFINITY;
     }
-    (GAP_CHORDS * chords[chords.len() / 2]).max(GAP_LEAST_MM)
+    (GAP_CHORDS * usual_mm).max(GAP_LEAST_MM)
 }
 
 /// One pass.
