@@ -43,8 +43,10 @@ use crate::plan::layers::PlanePass;
 use crate::plan::layers::layer_groups::{self, LayerGroup, RegionPrint, TooLongError};
 use crate::plan::layers::region_plan::{RegionPlan, RegionWork};
 use crate::plan::layers::skirt::{SkirtPlan, skirt_plan, skirt_reach_mm};
+use crate::plan::motion::best_place::{FoundPlace, best_place, moved};
 use crate::plan::motion::joint_limits::MotionError;
 use crate::plan::motion::segments::{MotionReport, lay_segments_with_progress};
+use crate::plan::motion::singular::{PassedRoute, SingularPlaces, passed_route};
 use crate::plan::outline::contour::{Contour, ContourError, SIMPLIFY_MM};
 use crate::plan::progress::{Progress, Stage, step_each};
 use crate::plan::route::build_route::build_route;
@@ -52,8 +54,7 @@ use crate::plan::route::keep_out::{cleared, taken};
 use crate::plan::route::moves::Route;
 use crate::plan::route::travel::{TravelError, TravelWays, outline_crossings};
 use crate::plan::route::waypoint_curve::{WaypointCurveError, waypoint_passes};
-use crate::plan::route::waypoint_route::waypoint_route;
-use crate::settings::{Infill, Settings, SettingsError};
+use crate::settings::{Infill, Place, Settings, SettingsError};
 use headway_protocol::units::{CHANNEL_X, CHANNEL_Y, CHANNEL_Z, CHANNELS};
 
 /// A planned target, with all intermediates.
@@ -75,6 +76,10 @@ pub struct Plan {
     pub curves: Vec<PlanePass>,
     /// For each curve the number of its printing, or [`plan::layers::layer_groups::OFF_REGIONS`].
     pub print_of_curve: Vec<usize>,
+    /// The place that was found for a run of waypoints, where one was looked for.
+    pub found_place: Option<FoundPlace>,
+    /// Where two rotary axes line up on a run of waypoints, and how that is passed.
+    pub singular: SingularPlaces,
     /// Everything the head does.
     pub route: Route,
     /// Travels between passes that leave the regions on their way.
@@ -246,6 +251,8 @@ pub fn plan_target_around(
         curves,
         print_of_curve,
         outline_crossings: outline_crossings(&route, &ground),
+        found_place: None,
+        singular: SingularPlaces::default(),
         route,
         stream,
         motion,
@@ -313,10 +320,22 @@ pub fn plan_waypoints_with_progress(
     let low_mm = tips().map(|tip| tip.z).fold(f64::INFINITY, f64::min) - settings.layer_height_mm;
     let high_mm = tips().map(|tip| tip.z).fold(f64::NEG_INFINITY, f64::max);
     let bounds = geometry::polygon::Box2::of(&corners);
-    let transform = PartTransform::choose_box(bounds, [low_mm, high_mm], settings)?;
-    let passes = waypoint_passes(run, transform.offset_mm, settings)?;
+    let mut transform = PartTransform::choose_box(bounds, [low_mm, high_mm], settings)?;
+    let mut passes = waypoint_passes(run, transform.offset_mm, settings)?;
     let pass_count = passes.len();
-    let route = waypoint_route(passes, start_pose(settings), settings);
+    let start = start_pose(settings);
+    let mut found_place = None;
+    if settings.place == Place::Best && settings.at_mm.is_none() {
+        let room_mm = transform.room_mm(bounds, settings);
+        let found = best_place(&passes, room_mm, start, settings)?;
+        passes = moved(&passes, found.shift_mm);
+        transform.offset_mm[0] += found.shift_mm[0];
+        transform.offset_mm[1] += found.shift_mm[1];
+        found_place = Some(found);
+    }
+    let PassedRoute {
+        route, singular, ..
+    } = passed_route(&passes, start, settings)?;
     let (stream, motion) = lay_segments_with_progress(&route, settings, progress)?;
     let (mut figures, measured) = measure(&stream, &[], &[], &transform, settings, progress);
     figures.passes = pass_count;
@@ -330,6 +349,8 @@ pub fn plan_waypoints_with_progress(
         prints: Vec::new(),
         curves: Vec::new(),
         print_of_curve: Vec::new(),
+        found_place,
+        singular,
         route,
         stream,
         motion,

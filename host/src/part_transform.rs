@@ -138,6 +138,16 @@ impl PartTransform {
         Ok(PartTransform { offset_mm })
     }
 
+    /// How far the part may be moved within the work area, mm: along x and y, least and most.
+    pub fn room_mm(&self, bounds: Box2, settings: &Settings) -> [[f64; 2]; 2] {
+        let [low, high] = settings.work_area_mm;
+        let part = [[bounds.min.x, bounds.max.x], [bounds.min.y, bounds.max.y]];
+        std::array::from_fn(|axis| {
+            let [from, to] = part[axis].map(|end| end + self.offset_mm[axis]);
+            [(low[axis] - from).min(0.0), (high[axis] - to).max(0.0)]
+        })
+    }
+
     /// Machine -> input coordinates of a point.
     pub fn to_input(&self, machine_mm: [f64; 3]) -> [f64; 3] {
         std::array::from_fn(|axis| machine_mm[axis] - self.offset_mm[axis])

@@ -52,6 +52,9 @@ pub struct Infill {
 pub const LAYERS_MAX: u32 = 10_000;
 /// Solid layers below a sparse infill: 0.8 mm of 0.2 mm layers, as slicers have it.
 pub const BOTTOM_LAYERS: u32 = 4;
+/// Tool axes may be off by so much where a machine's axes line up: half a degree lifts the edge of a
+/// bead a millimetre wide by 4 um.
+pub const AXIS_TOLERANCE_RAD: f64 = 0.5 * std::f64::consts::PI / 180.0;
 /// Solid layers above a sparse infill: one more, since the first lies on gaps.
 pub const TOP_LAYERS: u32 = 5;
 
@@ -199,6 +202,16 @@ pub struct PrimeRetract {
     pub prime_lead_s: f64,
 }
 
+/// Where a run of waypoints lies.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub enum Place {
+    /// Its box centred over the work area.
+    #[default]
+    Centre,
+    /// Where the machine reaches all of it and takes least time.
+    Best,
+}
+
 /// All settings of a job. Immutable once made; built by [`Settings::default`], a machine file and
 /// the command line, checked by `Settings::check`.
 #[derive(Clone, Debug, PartialEq)]
@@ -214,6 +227,11 @@ pub struct Settings {
     pub at_mm: Option<[f64; 3]>,
     /// Jump between two waypoints that ends a pass (`--gap`), mm; `None`: many times the usual spacing.
     pub gap_mm: Option<f64>,
+    /// Where a run of waypoints lies if `at_mm` does not say it (`--place`).
+    pub place: Place,
+    /// How far the tool axis may leave that of a run of waypoints where two rotary axes of the machine
+    /// line up (`--axis-tolerance`), rad.
+    pub axis_tolerance_rad: f64,
     /// The nozzle's smallest printable feature.
     pub aperture: Aperture,
     /// Layers, all of the same outline.

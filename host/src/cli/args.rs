@@ -84,6 +84,13 @@ pub(super) struct PlaceArgs {
     /// [default: six times the usual spacing].
     #[arg(long, value_name = "MM")]
     pub gap: Option<f64>,
+    /// Where a run of waypoints lies.
+    #[arg(long, value_enum, value_name = "PLACE", conflicts_with = "at")]
+    pub place: Option<PlaceName>,
+    /// How far the tool axis may leave that of the waypoints where two rotary axes of the machine line
+    /// up, degrees; 0 leaves it as it is [default: 0.5].
+    #[arg(long, value_name = "DEG", allow_negative_numbers = true)]
+    pub axis_tolerance: Option<f64>,
 }
 
 /// What overrides the machine file.
@@ -186,6 +193,14 @@ pub(super) enum UnitName {
     M,
     Um,
     In,
+}
+
+#[derive(Clone, Copy, Debug, PartialEq, ValueEnum)]
+pub(super) enum PlaceName {
+    /// Its box centred over the work area.
+    Centre,
+    /// Where the machine reaches all of it and takes least time.
+    Best,
 }
 
 #[derive(Clone, Copy, Debug, PartialEq, ValueEnum)]

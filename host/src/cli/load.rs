@@ -2,17 +2,24 @@
 
 use super::CliError;
 use super::args::{
-    FormatName, InputArgs, LawName, PassName, QualityName, SeamName, SettingsArgs, UnitName,
+    FormatName, InputArgs, LawName, PassName, PlaceName, QualityName, SeamName, SettingsArgs,
+    UnitName,
 };
 use super::console::Console;
 use super::job;
 use crate::geometry::polygon::Region;
 use crate::input::{self, BYTES_MAX, Format, Input, InputError, Loaded, ReadOptions, Units};
 use crate::settings::aperture_text::{aperture_text, file_of_aperture, parse_aperture};
-use crate::settings::{HeadingLaw, Infill, PassMode, Quality, SeamPlace, Settings, machine_file};
+use crate::settings::{
+    AXIS_TOLERANCE_RAD, HeadingLaw, Infill, PassMode, Place, Quality, SeamPlace, Settings,
+    machine_file,
+};
 use std::fs::File;
 use std::io::Read;
 use std::path::Path;
+
+/// More is no tolerance any more.
+const AXIS_TOLERANCE_MAX_DEG: f64 = 10.0;
 
 /// The machine file, or the built-in machine, with the overrides on top; checked.
 pub(super) fn settings(args: &SettingsArgs) -> Result<Settings, CliError> {
@@ -271,6 +278,26 @@ pub(super) fn gap_mm(given: Option<f64>) -> Result<Option<f64>, CliError> {
             "--gap {gap_mm}: write a length in mm above 0, as in --gap 5"
         ))),
         given => Ok(given),
+    }
+}
+
+/// Where a run of waypoints lies.
+pub(super) fn place(given: Option<PlaceName>) -> Place {
+    match given {
+        Some(PlaceName::Best) => Place::Best,
+        Some(PlaceName::Centre) | None => Place::Centre,
+    }
+}
+
+/// Reads how far tool axes may be off, in rad.
+pub(super) fn axis_tolerance_rad(given: Option<f64>) -> Result<f64, CliError> {
+    match given {
+        Some(degrees) if !(0.0..=AXIS_TOLERANCE_MAX_DEG).contains(&degrees) => {
+            Err(CliError::Usage(format!(
+                "--axis-tolerance {degrees}: write an angle from 0 to {AXIS_TOLERANCE_MAX_DEG} degrees"
+            )))
+        }
+        given => Ok(given.map_or(AXIS_TOLERANCE_RAD, f64::to_radians)),
     }
 }
 

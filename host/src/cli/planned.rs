@@ -13,6 +13,7 @@ use crate::input::{Input, Target};
 use crate::job::SegmentStream;
 use crate::part_transform::PartTransform;
 use crate::plan::layers::layer_groups::LayerGroup;
+use crate::plan::motion::singular::SingularPlaces;
 use crate::plan::outline::unreachable::UnreachableRun;
 use crate::plan::pass::PassKind;
 use crate::report::figures::{Figures, Inside, KindFigures, SlowPlaceFigures};
@@ -23,6 +24,8 @@ use std::time::Instant;
 
 /// Places of unreachable boundary that are told one by one.
 const PLACES_TOLD: usize = 3;
+/// Slowing that is worth a note, s.
+const SLOWING_TOLD_S: f64 = 0.1;
 /// Places of unreachable boundary that the figures list.
 const PLACES_LISTED: usize = 1000;
 
@@ -53,6 +56,8 @@ pub(super) fn from_input(
     let outline_option = load::outline_option(settings, place.keep_out.as_deref());
     let mut settings = load::settings(settings)?;
     settings.gap_mm = load::gap_mm(place.gap)?;
+    settings.place = load::place(place.place);
+    settings.axis_tolerance_rad = load::axis_tolerance_rad(place.axis_tolerance)?;
     settings.at_mm = place.at.as_deref().map(load::parse_at).transpose()?;
     let input = load::input(path, reading, settings.tolerances.flatten_mm, console)?;
     let keep_out = place.keep_out.as_deref();
@@ -283,7 +288,45 @@ fn warnings(plan: &Plan, unreachable: &[UnreachableRun]) -> Vec<String> {
             plan.motion.doubled_stretches
         ));
     }
+    warnings.extend(found_place(plan));
+    warnings.extend(singular_places(&plan.singular));
     warnings
+}
+
+/// Where the run was laid.
+fn found_place(plan: &Plan) -> Option<String> {
+    let found = plan.found_place?;
+    let [x, y, z] = plan.transform.offset_mm;
+    Some(format!(
+        "--place best: at {x:.3},{y:.3},{z:.3}; of {} places tried the machine reaches the whole run at {}",
+        found.tried, found.reached
+    ))
+}
+
+/// How the run gets past places where two rotary axes line up, and what that costs.
+fn singular_places(singular: &SingularPlaces) -> Option<String> {
+    let SingularPlaces {
+        places,
+        led_by_rad,
+        slowing_s,
+    } = *singular;
+    let led_by_deg = led_by_rad.to_degrees();
+    let lined_up = format!("two rotary axes line up at {places} places of the path");
+    match slowing_s {
+        _ if places == 0 => None,
+        None => Some(format!(
+            "{lined_up}: the joints would have to jump there, and the tool axis is led past by up to \
+             {led_by_deg:.2}° (--axis-tolerance)"
+        )),
+        Some(slowing_s) if led_by_rad > 0.0 => Some(format!(
+            "{lined_up}: the tool axis is led past by up to {led_by_deg:.2}° (--axis-tolerance), which \
+             saves about {slowing_s:.1} s of slowing"
+        )),
+        Some(slowing_s) if slowing_s >= SLOWING_TOLD_S => Some(format!(
+            "{lined_up}: slowing there costs about {slowing_s:.1} s"
+        )),
+        Some(_) => None,
+    }
 }
 
 /// Which limits take the printing time, and where it is slowest.

@@ -4,7 +4,8 @@
 //! a geared direct extruder on 1.75 mm filament, a hot end for 0.4 mm wide to 1.2 mm wide beads.
 
 use super::{
-    HeadingLaw, PassMode, PrimeRetract, Quality, Seam, SeamPlace, Settings, Skirt, Tolerances,
+    AXIS_TOLERANCE_RAD, HeadingLaw, PassMode, Place, PrimeRetract, Quality, Seam, SeamPlace,
+    Settings, Skirt, Tolerances,
 };
 use crate::geometry::aperture::Aperture;
 use headway_firmware::configuration::{
@@ -69,6 +70,8 @@ impl Settings {
             work_area_mm,
             at_mm: None,
             gap_mm: None,
+            place: Place::default(),
+            axis_tolerance_rad: AXIS_TOLERANCE_RAD,
             aperture: Aperture::Ellipse {
                 major_mm: 0.6,
                 minor_mm: 0.2,

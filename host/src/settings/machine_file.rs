@@ -9,8 +9,8 @@
 use super::aperture_text::{ApertureTextError, parse_aperture};
 use super::check::SettingsError;
 use super::{
-    HeadingLaw, Infill, PassMode, PrimeRetract, Quality, Seam, SeamPlace, Settings, Skirt,
-    Tolerances,
+    AXIS_TOLERANCE_RAD, HeadingLaw, Infill, PassMode, Place, PrimeRetract, Quality, Seam,
+    SeamPlace, Settings, Skirt, Tolerances,
 };
 use headway_firmware::configuration::{ExtruderConfiguration, MachineConfiguration};
 use serde::Deserialize;
@@ -229,6 +229,8 @@ impl File {
             work_area_mm: [self.work_area.min_mm, self.work_area.max_mm],
             at_mm: None,
             gap_mm: None,
+            place: Place::default(),
+            axis_tolerance_rad: AXIS_TOLERANCE_RAD,
             aperture,
             layers: print.layers.unwrap_or(default.layers),
             layer_height_mm: print.layer_height_mm.unwrap_or(default.layer_height_mm),

@@ -53,8 +53,8 @@ pub enum MotionError {
     /// The joints cannot follow the path through a place where two axes line up.
     #[error(
         "joint {name} would have to turn by {:.0}° at once with the tip at {at_mm:.3?} mm (machine \
-         coordinates), where two rotary axes line up; move or turn the part, or lead the tool axis \
-         around this direction", turn_rad.to_degrees()
+         coordinates), where two rotary axes line up; move or turn the part, or let the \
+         tool axis be led past this direction (--axis-tolerance)", turn_rad.to_degrees()
     )]
     JointJump {
         /// Its name in the machine file.
@@ -121,7 +121,7 @@ pub enum MotionError {
 /// What to do about a pose without joints.
 fn pose_hint(error: KinematicsError) -> &'static str {
     match error {
-        KinematicsError::OutOfReach => "move the part with --at or use a larger machine",
+        KinematicsError::OutOfReach => "move the part (--at, --place best) or use a larger machine",
         _ => "tilt the tool less, or move the part with --at",
     }
 }
@@ -152,7 +152,7 @@ fn range_hint(joint_name: &str, rotary: bool) -> &'static str {
             "passes are cut where the nozzle has to turn back, but for every heading it needs half a \
              turn and some 20° more: give it that range in the machine file"
         }
-        (_, true) => "tilt the tool less there, or turn the part",
+        (_, true) => "tilt the tool less there, turn the part, or move it (--at, --place best)",
         (_, false) => "move the part with --at or use a larger machine",
     }
 }

@@ -29,6 +29,24 @@ const HALVINGS_MAX: u32 = 10;
 /// Joint turns at the start of each stretch.
 pub type Windings = Vec<Winding<f64>>;
 
+/// A route followed in one joint solution.
+#[derive(Clone, Debug)]
+pub struct Followed {
+    /// Least time by the speeds of tip and joints, s.
+    pub seconds: f64,
+    /// Least time by those of the joints alone: of two solutions that the tip's speed binds, the one
+    /// whose joints have less to do is better.
+    joint_seconds: f64,
+    /// Turns at the start of each stretch.
+    pub windings: Windings,
+}
+
+impl Followed {
+    fn is_faster_than(&self, other: &Followed) -> bool {
+        (self.seconds, self.joint_seconds) < (other.seconds, other.joint_seconds)
+    }
+}
+
 /// The settings with the best joint solution of the machine, and the turns in it.
 ///
 /// # Errors
@@ -37,20 +55,31 @@ pub fn choose_solution(
     route: &Route,
     settings: &Settings,
 ) -> Result<(Settings, Windings), MotionError> {
-    let kinematics = settings.machine.kinematics;
-    if winds(&kinematics) == 0 {
+    if winds(&settings.machine.kinematics) == 0 {
         let windings = vec![Winding::default(); route.stretches.len()];
         return Ok((settings.clone(), windings));
     }
-    let mut best: Option<(f64, Settings, Windings)> = None;
+    fastest(route, settings).map(|(with_it, followed)| (with_it, followed.windings))
+}
+
+/// The joint solution in which the route is fastest, as the settings with it, and how it is followed.
+///
+/// # Errors
+/// [`MotionError`] of the solution that came furthest.
+pub fn fastest(route: &Route, settings: &Settings) -> Result<(Settings, Followed), MotionError> {
+    let kinematics = settings.machine.kinematics;
+    let mut best: Option<(Settings, Followed)> = None;
     let mut furthest: Option<(usize, MotionError)> = None;
     for solution in 0..kinematics.solutions() {
         let mut with_it = settings.clone();
         with_it.machine.kinematics = kinematics.with_solution(solution);
         match follow(route, &with_it) {
-            Ok((seconds, windings)) => {
-                if best.as_ref().is_none_or(|(least, ..)| seconds < *least) {
-                    best = Some((seconds, with_it, windings));
+            Ok(followed) => {
+                if best
+                    .as_ref()
+                    .is_none_or(|(_, best)| followed.is_faster_than(best))
+                {
+                    best = Some((with_it, followed));
                 }
             }
             Err((looks, error)) => {
@@ -61,7 +90,7 @@ pub fn choose_solution(
         }
     }
     match (best, furthest) {
-        (Some((_, settings, windings)), _) => Ok((settings, windings)),
+        (Some(best), _) => Ok(best),
         (None, Some((_, error))) => Err(error),
         (None, None) => Err(MotionError::BadLimit {
             name: "number of joint solutions",
@@ -69,9 +98,11 @@ pub fn choose_solution(
     }
 }
 
-/// Follows the joints along the route: the least time by their speeds, and the turns; or after how many
-/// looks it failed, and why.
-fn follow(route: &Route, settings: &Settings) -> Result<(f64, Windings), (usize, MotionError)> {
+/// Follows the joints along the route in the settings' joint solution.
+///
+/// # Errors
+/// After how many looks it failed, and why.
+pub fn follow(route: &Route, settings: &Settings) -> Result<Followed, (usize, MotionError)> {
     let mut windings = Vec::with_capacity(route.stretches.len());
     let mut follower: Option<Follower<'_>> = None;
     for stretch in &route.stretches {
@@ -91,7 +122,12 @@ fn follow(route: &Route, settings: &Settings) -> Result<(f64, Windings), (usize,
             return Err((follower.looks, error));
         }
     }
-    Ok((follower.map_or(0.0, |follower| follower.seconds), windings))
+    let [seconds, joint_seconds] = follower.map_or([0.0; 2], |follower| follower.seconds);
+    Ok(Followed {
+        seconds,
+        joint_seconds,
+        windings,
+    })
 }
 
 /// The joints at the last look.
@@ -100,7 +136,9 @@ struct Follower<'a> {
     winding: Winding<f64>,
     position: [f64; JOINTS_MAX],
     looks: usize,
-    seconds: f64,
+    tip_mm: [f64; 3],
+    /// By tip and joints, and by joints alone.
+    seconds: [f64; 2],
 }
 
 impl<'a> Follower<'a> {
@@ -111,7 +149,8 @@ impl<'a> Follower<'a> {
             winding: Winding::default(),
             position: [0.0; JOINTS_MAX],
             looks: 0,
-            seconds: 0.0,
+            tip_mm: tip_mm(start),
+            seconds: [0.0; 2],
         };
         let position = follower.wound(start)?;
         follower.winding = Winding::at_rest(&machine.kinematics, &position, &machine.ranges());
@@ -198,7 +237,15 @@ impl<'a> Follower<'a> {
             limits.joints.iter().enumerate().map(|(joint, limit)| {
                 (position[joint] - self.position[joint]).abs() / limit.speed_max
             });
-        self.seconds += seconds.fold(0.0, f64::max);
+        let by_joints = seconds.fold(0.0, f64::max);
+        let tip = tip_mm(&channels);
+        let way_mm = (0..3)
+            .map(|i| (tip[i] - self.tip_mm[i]).powi(2))
+            .sum::<f64>()
+            .sqrt();
+        self.seconds[0] += by_joints.max(way_mm / limits.tip_speed_mm_s);
+        self.seconds[1] += by_joints;
+        self.tip_mm = tip;
         self.looks += 1;
         (self.winding, self.position) = (winding, position);
         Ok(())

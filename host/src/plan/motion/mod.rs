@@ -8,8 +8,10 @@
 //! Limits are checked on the quantised segments, in joint space. Leaves out: the checks of what the
 //! steps really did (`drive`).
 
+pub mod best_place;
 pub mod joint_limits;
 pub mod joint_turns;
 pub mod path_samples;
 pub mod segments;
+pub mod singular;
 pub mod time_law;
