@@ -39,6 +39,7 @@ use crate::plan::axis::medial_axis::MedialAxisError;
 use crate::plan::judge::figures::{PlanFigures, Swept};
 use crate::plan::judge::measure::{Measured, MeasuredPrint, measure};
 use crate::plan::judge::region_raster::swept_area_mm2;
+use crate::plan::judge::touches::{Touches, touches};
 use crate::plan::layers::PlanePass;
 use crate::plan::layers::layer_groups::{self, LayerGroup, RegionPrint, TooLongError};
 use crate::plan::layers::region_plan::{RegionPlan, RegionWork};
@@ -80,6 +81,8 @@ pub struct Plan {
     pub found_place: Option<FoundPlace>,
     /// Where two rotary axes line up on a run of waypoints, and how that is passed.
     pub singular: SingularPlaces,
+    /// Touches of the head with table and print on a run of waypoints, where its shape is known.
+    pub touches: Option<Touches>,
     /// Everything the head does.
     pub route: Route,
     /// Travels between passes that leave the regions on their way.
@@ -253,6 +256,7 @@ pub fn plan_target_around(
         outline_crossings: outline_crossings(&route, &ground),
         found_place: None,
         singular: SingularPlaces::default(),
+        touches: None,
         route,
         stream,
         motion,
@@ -351,6 +355,7 @@ pub fn plan_waypoints_with_progress(
         print_of_curve: Vec::new(),
         found_place,
         singular,
+        touches: touches(&route, settings),
         route,
         stream,
         motion,

@@ -7,10 +7,12 @@
 pub mod aperture_text;
 mod check;
 mod defaults;
+pub mod head_shape;
 pub mod machine_file;
 
 pub use check::{SettingsError, joint_names, motor_rates_hz};
 
+use self::head_shape::HeadShape;
 use crate::geometry::aperture::Aperture;
 use headway_firmware::configuration::MachineConfiguration;
 
@@ -271,6 +273,8 @@ pub struct Settings {
     /// Radius of what surrounds the aperture and must keep out of keep-outs; 0 for the aperture
     /// alone.
     pub nozzle_body_radius_mm: f64,
+    /// What of nozzle and head could touch the table or the print; `None` where it is not known.
+    pub head: Option<HeadShape>,
     /// Seams of loops.
     pub seam: Seam,
     /// Travel stays inside the part where there is a way.

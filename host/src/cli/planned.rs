@@ -12,6 +12,7 @@ use crate::geometry::{Point2, Vector2};
 use crate::input::{Input, Target};
 use crate::job::SegmentStream;
 use crate::part_transform::PartTransform;
+use crate::plan::judge::touches::{HeadPart, Obstacle};
 use crate::plan::layers::layer_groups::LayerGroup;
 use crate::plan::motion::singular::SingularPlaces;
 use crate::plan::outline::unreachable::UnreachableRun;
@@ -19,6 +20,7 @@ use crate::plan::pass::PassKind;
 use crate::report::figures::{Figures, Inside, KindFigures, SlowPlaceFigures};
 use crate::settings::Settings;
 use crate::{Plan, RegionPlan, plan_target_around, plan_waypoints_with_progress};
+use headway_firmware::configuration::Kinematics;
 use std::path::Path;
 use std::time::Instant;
 
@@ -90,7 +92,7 @@ pub(super) fn from_input(
             )
         }
     };
-    let mut warnings = warnings(&plan, &unreachable);
+    let mut warnings = warnings(&plan, &unreachable, &settings);
     let open = open_ground(&plan);
     warnings.extend(open_ground::note(&open, &settings));
     warnings.extend(settings_warnings(&settings));
@@ -207,6 +209,7 @@ fn plan_figures(plan: &Plan, unreachable: &[UnreachableRun], plan_s: f64) -> Fig
         passes: Some(passes),
         flow_interruptions: Some(passes.saturating_sub(1)),
         outline_crossings: has_area.then_some(plan.outline_crossings as u64),
+        touched_mm: plan.touches.as_ref().map(|touches| touches.touched_mm),
         print_mm: Some(f.print_mm),
         skirt_mm: plan.skirt.is_some().then_some(f.skirt_mm),
         travel_mm: Some(f.travel_mm),
@@ -261,7 +264,7 @@ fn kind_figures(plan: &Plan) -> Vec<KindFigures> {
 }
 
 /// What the user should look at before printing.
-fn warnings(plan: &Plan, unreachable: &[UnreachableRun]) -> Vec<String> {
+fn warnings(plan: &Plan, unreachable: &[UnreachableRun], settings: &Settings) -> Vec<String> {
     let mut warnings = Vec::new();
     let length_mm: f64 = unreachable.iter().map(UnreachableRun::length_mm).sum();
     if length_mm > 0.0 {
@@ -290,6 +293,7 @@ fn warnings(plan: &Plan, unreachable: &[UnreachableRun]) -> Vec<String> {
     }
     warnings.extend(found_place(plan));
     warnings.extend(singular_places(&plan.singular));
+    warnings.extend(touches(plan, settings));
     warnings
 }
 
@@ -301,6 +305,46 @@ fn found_place(plan: &Plan) -> Option<String> {
         "--place best: at {x:.3},{y:.3},{z:.3}; of {} places tried the machine reaches the whole run at {}",
         found.tried, found.reached
     ))
+}
+
+/// What nozzle and head touch; that nobody looked, where a head that tilts has no shape.
+fn touches(plan: &Plan, settings: &Settings) -> Option<String> {
+    let Some(touches) = &plan.touches else {
+        let tilts = settings.machine.kinematics != Kinematics::Planar;
+        let is_run = plan.kinds.is_empty();
+        return (tilts && is_run).then(|| {
+            String::from(
+                "whether the head touches table or print was not looked at: its shape is not in the \
+                 machine file ([head])",
+            )
+        });
+    };
+    let told: Vec<String> = touches
+        .deepest
+        .iter()
+        .map(|touch| {
+            let part = match touch.part {
+                HeadPart::Nozzle => "the nozzle",
+                HeadPart::Head => "the head",
+            };
+            let obstacle = match touch.obstacle {
+                Obstacle::Table => "the table",
+                Obstacle::Print => "what is printed",
+            };
+            let [x, y, z] = plan.transform.to_input(touch.tip_mm);
+            format!(
+                "{part} is {:.2} mm in {obstacle} with the tip at ({x:.3}, {y:.3}, {z:.3})",
+                touch.depth_mm
+            )
+        })
+        .collect();
+    (!told.is_empty()).then(|| {
+        format!(
+            "TOUCHES on {:.1} mm of the path: {}",
+            touches.touched_mm,
+            told.join(", ")
+        )
+    })
 }
 
 /// How the run gets past places where two rotary axes line up, and what that costs.

@@ -159,6 +159,9 @@ pub struct Figures {
     /// Travels between passes that leave the outline on their way.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub outline_crossings: Option<u64>,
+    /// Way of the tip on which nozzle or head touch the table or what is printed.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub touched_mm: Option<f64>,
     /// Tip path with flow.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub print_mm: Option<f64>,
@@ -362,6 +365,7 @@ impl Figures {
             ("passes", count(self.passes)),
             ("flow interruptions", count(self.flow_interruptions)),
             ("travels across the outline", count(self.outline_crossings)),
+            ("path with touches", number(self.touched_mm, 1, "mm")),
             ("printing path", number(self.print_mm, 1, "mm")),
             ("skirt and brim", number(self.skirt_mm, 1, "mm")),
             ("travel", number(self.travel_mm, 1, "mm")),

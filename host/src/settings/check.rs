@@ -371,6 +371,9 @@ impl Settings {
         in_range("print.seam_direction_deg", seam_deg, -360.0, 360.0)?;
         let body_mm = self.nozzle_body_radius_mm;
         in_range("print.nozzle_body_radius_mm", body_mm, 0.0, 1000.0)?;
+        if let Some(head) = &self.head {
+            head.check()?;
+        }
         in_range("plan_share", self.plan_share, 0.1, 0.99)?;
         let t = &self.tolerances;
         in_range("tolerances.outside_mm", t.outside_mm, 1e-5, 1.0)?;
@@ -467,7 +470,7 @@ fn rises(keys: [&str; 2], [change, reached]: [f64; 2]) -> Result<(), SettingsErr
     Err(SettingsError::SlowRise { key, of, rise_s })
 }
 
-fn in_range(key: &str, value: f64, low: f64, high: f64) -> Result<(), SettingsError> {
+pub(super) fn in_range(key: &str, value: f64, low: f64, high: f64) -> Result<(), SettingsError> {
     if value.is_nan() || value < low {
         return Err(SettingsError::TooSmall {
             key: key.to_string(),

@@ -109,6 +109,7 @@ impl Settings {
                 distance_mm: 3.0,
             },
             nozzle_body_radius_mm: 0.0,
+            head: None,
             avoid_crossing: false,
             seam: Seam {
                 place: SeamPlace::Nearest,

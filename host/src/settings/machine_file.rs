@@ -8,6 +8,7 @@
 
 use super::aperture_text::{ApertureTextError, parse_aperture};
 use super::check::SettingsError;
+use super::head_shape::HeadShape;
 use super::{
     AXIS_TOLERANCE_RAD, HeadingLaw, Infill, PassMode, Place, PrimeRetract, Quality, Seam,
     SeamPlace, Settings, Skirt, Tolerances,
@@ -68,6 +69,7 @@ struct File {
     work_area: WorkArea,
     joints: Joints,
     extruder: Extruder,
+    head: Option<FileHead>,
     #[serde(default)]
     print: Print,
     #[serde(default)]
@@ -103,6 +105,28 @@ struct Extruder {
     acceleration_max_mm3_s2: f64,
     pressure_advance_s: Option<f64>,
     pressure_advance_window_ms: Option<f64>,
+}
+
+#[derive(Deserialize)]
+#[serde(deny_unknown_fields)]
+struct FileHead {
+    nozzle_tip_radius_mm: f64,
+    nozzle_angle_deg: f64,
+    nozzle_length_mm: f64,
+    head_radius_mm: f64,
+    head_length_mm: f64,
+}
+
+impl FileHead {
+    fn shape(&self) -> HeadShape {
+        HeadShape {
+            nozzle_tip_radius_mm: self.nozzle_tip_radius_mm,
+            nozzle_angle_rad: self.nozzle_angle_deg.to_radians(),
+            nozzle_length_mm: self.nozzle_length_mm,
+            head_radius_mm: self.head_radius_mm,
+            head_length_mm: self.head_length_mm,
+        }
+    }
 }
 
 #[derive(Default, Deserialize)]
@@ -269,6 +293,7 @@ impl File {
             nozzle_body_radius_mm: print
                 .nozzle_body_radius_mm
                 .unwrap_or(default.nozzle_body_radius_mm),
+            head: self.head.as_ref().map(FileHead::shape),
             avoid_crossing: print.avoid_crossing.unwrap_or(default.avoid_crossing),
             seam: print.seam_over(&default.seam),
             tolerances: self.tolerances.over(&default.tolerances),

@@ -8,3 +8,4 @@
 pub mod figures;
 pub mod measure;
 pub mod region_raster;
+pub mod touches;

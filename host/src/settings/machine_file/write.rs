@@ -2,6 +2,7 @@
 
 use crate::settings::aperture_text::aperture_text;
 use crate::settings::check::{joint_names, kinematics_name};
+use crate::settings::head_shape::HeadShape;
 use crate::settings::{
     BOTTOM_LAYERS, HeadingLaw, PassMode, Quality, SeamPlace, Settings, TOP_LAYERS,
 };
@@ -86,7 +87,29 @@ fn write_machine(text: &mut String, s: &Settings) -> std::fmt::Result {
         number(e.pressure_advance_s)
     )?;
     let window = number(e.pressure_advance_window_ms);
-    writeln!(text, "pressure_advance_window_ms = {window}")
+    writeln!(text, "pressure_advance_window_ms = {window}")?;
+    s.head
+        .as_ref()
+        .map_or(Ok(()), |head| write_head(text, head))
+}
+
+fn write_head(text: &mut String, head: &HeadShape) -> std::fmt::Result {
+    writeln!(
+        text,
+        "\n# What could touch the table or the print: the nozzle, a cone from its flat end up, and the head\n\
+         # above it, a cylinder about the tool's axis.\n[head]"
+    )?;
+    let tip_mm = number(head.nozzle_tip_radius_mm);
+    writeln!(text, "nozzle_tip_radius_mm = {tip_mm}")?;
+    writeln!(text, "# Between the nozzle's sides.")?;
+    writeln!(
+        text,
+        "nozzle_angle_deg = {}",
+        degrees(head.nozzle_angle_rad)
+    )?;
+    writeln!(text, "nozzle_length_mm = {}", number(head.nozzle_length_mm))?;
+    writeln!(text, "head_radius_mm = {}", number(head.head_radius_mm))?;
+    writeln!(text, "head_length_mm = {}", number(head.head_length_mm))
 }
 
 /// What the equations need beside the joints; an arm has a group of its own.

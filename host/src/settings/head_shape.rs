@@ -1,0 +1,61 @@
+//! The shape of what could touch: the nozzle, a cone, and the head above it, a cylinder.
+//!
+//! Lengths in mm along the tool axis from the tip, angles in rad. Used to look for touches with the table
+//! and with what is printed.
+
+use super::check::{SettingsError, in_range};
+
+/// Nozzle and head about the tool axis.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct HeadShape {
+    /// Radius of the nozzle's flat end.
+    pub nozzle_tip_radius_mm: f64,
+    /// Whole angle between the nozzle's sides.
+    pub nozzle_angle_rad: f64,
+    /// How far the nozzle sticks out of the head.
+    pub nozzle_length_mm: f64,
+    /// Radius of the head.
+    pub head_radius_mm: f64,
+    /// How high the head is.
+    pub head_length_mm: f64,
+}
+
+impl HeadShape {
+    /// Radius at a height above the tip, within the head or below it, mm; `None` elsewhere.
+    pub fn radius_mm(&self, height_mm: f64) -> Option<f64> {
+        if height_mm < 0.0 || height_mm > self.nozzle_length_mm + self.head_length_mm {
+            return None;
+        }
+        Some(if height_mm < self.nozzle_length_mm {
+            self.nozzle_tip_radius_mm + height_mm * (0.5 * self.nozzle_angle_rad).tan()
+        } else {
+            self.head_radius_mm
+        })
+    }
+
+    /// True where it is the nozzle that is so far above the tip.
+    pub fn is_nozzle(&self, height_mm: f64) -> bool {
+        height_mm < self.nozzle_length_mm
+    }
+
+    /// Nothing is further from the tip, mm.
+    pub fn reach_mm(&self) -> f64 {
+        let length_mm = self.nozzle_length_mm + self.head_length_mm;
+        let nozzle_mm = self.radius_mm(0.999 * self.nozzle_length_mm).unwrap_or(0.0);
+        length_mm.hypot(self.head_radius_mm.max(nozzle_mm))
+    }
+
+    /// Checks that the numbers can be meant.
+    ///
+    /// # Errors
+    /// [`SettingsError`] with the key.
+    pub(super) fn check(&self) -> Result<(), SettingsError> {
+        let radius_mm = self.nozzle_tip_radius_mm;
+        in_range("head.nozzle_tip_radius_mm", radius_mm, 0.0, 500.0)?;
+        let angle_deg = self.nozzle_angle_rad.to_degrees();
+        in_range("head.nozzle_angle_deg", angle_deg, 0.0, 170.0)?;
+        in_range("head.nozzle_length_mm", self.nozzle_length_mm, 0.1, 1e4)?;
+        in_range("head.head_radius_mm", self.head_radius_mm, 0.0, 1e4)?;
+        in_range("head.head_length_mm", self.head_length_mm, 0.0, 1e4)
+    }
+}
