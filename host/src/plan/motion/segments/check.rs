@@ -162,13 +162,13 @@ fn piece_ratios(low: &Sample, high: &Sample, length_s: f64, limits: &MotionLimit
     for (joint, limit) in limits.joints.iter().enumerate() {
         let (v0, v1) = (low.joints.first[joint], high.joints.first[joint]);
         let (a0, a1) = (low.joints.second[joint], high.joints.second[joint]);
-        let jerk = low.joints.third[joint]
-            .abs()
-            .max(high.joints.third[joint].abs());
+        let (j0, j1) = (low.joints.third[joint], high.joints.third[joint]);
+        // Where joints turn with the whole pose the acceleration has an extremum of its own in between.
+        let acceleration = peak_speed(a0, j0, a1, j1, length_s);
         worst = worst.max(Ratios {
             speed: peak_speed(v0, a0, v1, a1, length_s) / limit.speed_max,
-            acceleration: a0.abs().max(a1.abs()) / limit.acceleration_max,
-            jerk: jerk / limit.jerk_max,
+            acceleration: acceleration / limit.acceleration_max,
+            jerk: j0.abs().max(j1.abs()) / limit.jerk_max,
         });
     }
     let (f0, f1) = (
