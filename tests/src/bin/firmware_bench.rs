@@ -4,12 +4,12 @@
 //! `qemu_bench`, reads sizes and symbols out of the board's ELF, and prints one JSON object.
 //! Instructions are not cycles: the emulator has neither pipeline nor flash wait states.
 
-use headway::input::{Format, ReadOptions, read};
+use headway::input::{Format, ReadOptions, read, waypoints};
 use headway::job::SegmentStream;
 use headway::plan::motion::segments::lay_segments;
-use headway::plan_target;
-use headway::settings::Settings;
+use headway::settings::{Settings, machine_file};
 use headway::wire_frames::WireFrames;
+use headway::{plan_target, plan_waypoints};
 use headway_firmware::design::QUEUE_KNOTS;
 use headway_protocol::frame::{FRAME_BYTES_MAX, encode_frame, encode_payload, hash_of};
 use headway_protocol::message::{
@@ -20,6 +20,7 @@ use headway_tests::gear;
 use serde_json::{Value, json};
 use std::collections::BTreeMap;
 use std::error::Error;
+use std::f64::consts::TAU;
 use std::path::{Path, PathBuf};
 use std::process::Command;
 
@@ -76,6 +77,37 @@ fn example(name: &str, speed_mm_s: f64) -> Result<Job, Box<dyn Error>> {
     })
 }
 
+/// A spiral down a dome, the tool along its normal from 5° to 60°, on a machine of the examples.
+fn dome(machine: &'static str, file: &str) -> Result<Job, Box<dyn Error>> {
+    const WAYPOINTS: usize = 600;
+    const RADIUS_MM: f64 = 20.0;
+    let path = Path::new(ROOT).join("examples/machines").join(file);
+    let settings = machine_file::from_toml(&std::fs::read_to_string(path)?)?;
+    let mut text = String::new();
+    for point in 0..WAYPOINTS {
+        let share = point as f64 / WAYPOINTS as f64;
+        let (across, up) = (5.0 + 55.0 * share).to_radians().sin_cos();
+        let (y, x) = (4.0 * TAU * share).sin_cos();
+        let normal = [across * x, across * y, up];
+        let place = normal.map(|part| RADIUS_MM * part);
+        for number in place.iter().chain(&normal) {
+            text += &format!("{number:.6} ");
+        }
+        text.push('\n');
+    }
+    let run = waypoints::read(text.as_bytes(), "dome", &ReadOptions::default())?;
+    let stream = plan_waypoints(&run, &settings)?.stream;
+    let mut settings = settings;
+    settings.machine = stream.machine(&settings.machine);
+    Ok(Job {
+        machine,
+        name: format!("dome on {file}"),
+        settings,
+        stream,
+        override_percent: 100,
+    })
+}
+
 fn jobs() -> Result<Vec<Job>, Box<dyn Error>> {
     let settings = gear::gantry();
     let (stream, _) = lay_segments(&gear::route(200.0), &settings)?;
@@ -89,6 +121,8 @@ fn jobs() -> Result<Vec<Job>, Box<dyn Error>> {
             stream,
             override_percent: 100,
         },
+        dome("trunnion", "trunnion.toml")?,
+        dome("arm6", "arm-small.toml")?,
     ])
 }
 
