@@ -355,7 +355,8 @@ fn singular_places(singular: &SingularPlaces) -> Option<String> {
         slowing_s,
     } = *singular;
     let led_by_deg = led_by_rad.to_degrees();
-    let lined_up = format!("two rotary axes line up at {places} places of the path");
+    let places_of = if places == 1 { "place" } else { "places" };
+    let lined_up = format!("two rotary axes line up at {places} {places_of} of the path");
     match slowing_s {
         _ if places == 0 => None,
         None => Some(format!(

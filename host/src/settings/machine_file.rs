@@ -10,8 +10,8 @@ use super::aperture_text::{ApertureTextError, parse_aperture};
 use super::check::SettingsError;
 use super::head_shape::HeadShape;
 use super::{
-    AXIS_TOLERANCE_RAD, HeadingLaw, Infill, PassMode, Place, PrimeRetract, Quality, Seam,
-    SeamPlace, Settings, Skirt, Tolerances,
+    HeadingLaw, Infill, PassMode, PrimeRetract, Quality, Seam, SeamPlace, Settings, Skirt,
+    Tolerances,
 };
 use headway_firmware::configuration::{ExtruderConfiguration, MachineConfiguration};
 use serde::Deserialize;
@@ -251,10 +251,6 @@ impl File {
             machine_name: self.name,
             machine,
             work_area_mm: [self.work_area.min_mm, self.work_area.max_mm],
-            at_mm: None,
-            gap_mm: None,
-            place: Place::default(),
-            axis_tolerance_rad: AXIS_TOLERANCE_RAD,
             aperture,
             layers: print.layers.unwrap_or(default.layers),
             layer_height_mm: print.layer_height_mm.unwrap_or(default.layer_height_mm),
@@ -297,6 +293,8 @@ impl File {
             avoid_crossing: print.avoid_crossing.unwrap_or(default.avoid_crossing),
             seam: print.seam_over(&default.seam),
             tolerances: self.tolerances.over(&default.tolerances),
+            // Where the input lies is the command line's.
+            ..default
         })
     }
 }

@@ -12,7 +12,7 @@ use headway_protocol::units::{CHANNEL_X, CHANNEL_Y, CHANNELS};
 use rayon::prelude::*;
 
 /// Places along x and y, odd: the middle is one.
-const PLACES: usize = 9;
+const PLACES: usize = 7;
 
 /// A place that was found.
 #[derive(Clone, Copy, Debug, PartialEq)]
