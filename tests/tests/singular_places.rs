@@ -11,7 +11,7 @@ use headway::settings::{Place, Settings, machine_file};
 use headway::{Plan, plan_waypoints};
 use nalgebra::{Unit, Vector3};
 use rand::{RngExt, SeedableRng};
-use std::f64::consts::{PI, TAU};
+use std::f64::consts::TAU;
 use std::path::Path;
 
 fn machine(name: &str) -> Settings {

@@ -184,6 +184,8 @@ pub(super) enum FormatName {
     /// A run of the tip: x y z nx ny nz [heading_deg] a line.
     #[value(alias = "wpt")]
     Waypoints,
+    /// A curve: {"degree","control_points","weights","knots"}.
+    Nurbs,
 }
 
 #[derive(Clone, Copy, Debug, ValueEnum)]

@@ -173,6 +173,7 @@ pub(super) fn input(
         Some(FormatName::Geojson) => Format::GeoJson,
         Some(FormatName::Svg) => Format::Svg,
         Some(FormatName::Waypoints) => Format::Waypoints,
+        Some(FormatName::Nurbs) => Format::Nurbs,
         None => Format::of_ending(path).ok_or_else(|| {
             let path = path.display().to_string();
             CliError::Usage(InputError::UnknownFormat { path }.to_string())

@@ -3,7 +3,7 @@
 //! ```text
 //! bytes --polygon|geojson|svg--> Shape (rings as drawn, file's unit)
 //!       --outline--> Region (mm, exterior counter-clockwise, holes clockwise, valid) --> Target
-//! bytes --waypoints--> WaypointRun (mm, rad)
+//! bytes --waypoints|nurbs--> WaypointRun (mm, rad)
 //! ```
 //! Input: the file's bytes, its [`Format`] and [`ReadOptions`]. Output: regions in the file's own
 //! coordinates (for SVG: mm from the page's lower left corner, y up), and notes for the user.
@@ -14,6 +14,7 @@ pub mod error;
 mod geojson;
 pub mod names;
 pub mod near_waypoints;
+mod nurbs;
 pub mod outline;
 mod polygon;
 mod settle;
@@ -52,6 +53,8 @@ pub enum Format {
     Svg,
     /// A run of the tip, `x y z nx ny nz [heading_deg]` a line.
     Waypoints,
+    /// A rational B-spline curve, `{"degree","control_points","weights","knots"}`.
+    Nurbs,
 }
 
 /// Length units of files and options.
@@ -141,15 +144,17 @@ impl Format {
             Format::GeoJson => "GeoJSON",
             Format::Svg => "SVG",
             Format::Waypoints => "waypoint",
+            Format::Nurbs => "NURBS JSON",
         }
     }
 
-    /// Reads `json` or `polygon`, `geojson`, `svg`, `waypoints` or its endings `wpt`, `txt`, `csv`.
+    /// Reads `json` or `polygon`, `geojson`, `svg`, `nurbs`, `waypoints` or its endings `wpt`, `txt`, `csv`.
     pub fn parse(text: &str) -> Option<Format> {
         match text {
             "json" | "polygon" => Some(Format::Polygon),
             "geojson" => Some(Format::GeoJson),
             "svg" => Some(Format::Svg),
+            "nurbs" => Some(Format::Nurbs),
             "waypoints" | "wpt" | "txt" | "csv" => Some(Format::Waypoints),
             _ => None,
         }
@@ -176,6 +181,11 @@ pub fn read_any(
         check_scale(options)?;
         let bytes = without_mark(bytes, format)?;
         return Ok(Input::Path(waypoints::read(bytes, name, options)?));
+    }
+    if format == Format::Nurbs || (format == Format::Polygon && nurbs::is_nurbs(bytes)) {
+        check_scale(options)?;
+        let bytes = without_mark(bytes, format)?;
+        return Ok(Input::Path(nurbs::read(bytes, name, options)?));
     }
     read(bytes, name, format, options).map(Input::Outline)
 }
@@ -221,7 +231,7 @@ pub fn read(
         Format::Polygon => polygon::read(bytes, options)?,
         Format::GeoJson => geojson::read(bytes, options)?,
         Format::Svg => svg::read(bytes, options)?,
-        Format::Waypoints => return Err(InputError::PathNotOutline),
+        Format::Waypoints | Format::Nurbs => return Err(InputError::PathNotOutline),
     };
     outline::to_target(drawing, name, options)
 }
