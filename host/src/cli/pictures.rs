@@ -15,12 +15,19 @@ use crate::plan::pass::PassKind;
 use crate::report::coverage_picture::{Cell, CoveragePicture, Raster};
 use crate::report::plan_picture::{PicturePass, PlanPicture, Zone};
 use crate::report::pose_table::{duration_ticks, samples_within};
+use crate::report::space_picture::{SpacePicture, SpacePoint};
 use crate::report::stream_plots::stream_plots;
 use crate::report::{LayerSheets, Report, ReportFile, write_report};
+use headway_firmware::pose::Pose;
 use headway_protocol::units::{CHANNEL_HEADING, CHANNEL_X, CHANNEL_Y, CHANNEL_Z};
 
 /// Most samples of a picture's paths.
 const SAMPLES_MAX: u64 = 200_000;
+
+/// Most samples of the picture in space.
+const SPACE_SAMPLES_MAX: u64 = 20_000;
+/// Cosine of a tilt that can be seen, 0.25°.
+const UPRIGHT_COS: f64 = 0.999_99;
 
 /// A layer that is drawn for all that are like it.
 struct ShownLayer {
@@ -96,12 +103,37 @@ pub(super) fn report_files(planned: &Planned) -> Vec<ReportFile> {
         title: &planned.name,
         figures: &planned.figures,
         layers: sheets.collect(),
+        space: space_picture(planned),
         motion: Some(stream_plots(
             &planned.name,
             &planned.stream,
             &planned.settings,
         )),
         notes: &planned.notes,
+    })
+}
+
+/// The path in space; `None` where the tool stays upright.
+fn space_picture(planned: &Planned) -> Option<SpacePicture> {
+    let stream = &planned.stream;
+    let ticks = duration_ticks(stream);
+    let every_ticks = ticks.div_ceil(SPACE_SAMPLES_MAX).max(1) as f64;
+    let servo_hz = f64::from(planned.settings.machine.servo_hz);
+    let points: Vec<SpacePoint> = samples_within(stream, servo_hz, every_ticks, [0, ticks])
+        .map(|sample| {
+            let pose = Pose::from_channels(&sample.position);
+            SpacePoint {
+                tip_mm: planned.transform.to_input(pose.tip_mm.into()),
+                axis: pose.tool_axis().into(),
+                prints: sample.mark.state == MotionState::Print,
+            }
+        })
+        .collect();
+    let least_up = points.iter().map(|point| point.axis[2]);
+    let least_up = least_up.fold(1.0, f64::min);
+    (least_up < UPRIGHT_COS).then(|| SpacePicture {
+        title: format!("{}: path and tool axes", planned.name),
+        points,
     })
 }
 

@@ -15,12 +15,14 @@ pub mod page;
 pub mod plan_picture;
 pub mod plots;
 pub mod pose_table;
+pub mod space_picture;
 pub mod stream_plots;
 
 use coverage_picture::CoveragePicture;
 use figures::Figures;
 use plan_picture::PlanPicture;
 use plots::TimePlots;
+use space_picture::SpacePicture;
 
 /// Everything that a report shows.
 #[derive(Clone, Debug)]
@@ -31,6 +33,8 @@ pub struct Report<'a> {
     pub figures: &'a Figures,
     /// Sheets of layers; the first has the plain file names.
     pub layers: Vec<LayerSheets<'a>>,
+    /// The path in space, where the tool tilts.
+    pub space: Option<SpacePicture>,
     /// Curves over time.
     pub motion: Option<TimePlots>,
     /// Warnings and notes for the page.
@@ -84,6 +88,11 @@ pub fn write_report(report: &Report) -> Vec<ReportFile> {
             let what = "Deposited area: gaps and overlaps";
             add(format!("coverage{ending}"), caption(what), text);
         }
+    }
+    if let Some(space) = &report.space {
+        let what = "The path in space with its tool axes";
+        let text = space_picture::draw(space);
+        add("space.svg".to_string(), what.to_string(), text);
     }
     if let Some(motion) = &report.motion {
         let what = "Speed, joints, heading and flow over time";

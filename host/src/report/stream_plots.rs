@@ -2,9 +2,9 @@
 
 use super::plots::{Curve, Panel, TimePlots};
 use super::pose_table::{duration_ticks, samples_within};
-use crate::job::SegmentStream;
+use crate::job::{MotionState, SegmentStream};
 use crate::settings::{Settings, joint_names};
-use headway_firmware::configuration::{JOINTS_MAX, MachineConfiguration};
+use headway_firmware::configuration::{JOINTS_MAX, JointConfiguration, MachineConfiguration};
 use headway_firmware::kinematics;
 use headway_firmware::kinematics::winding::Winding;
 use headway_firmware::pose::Pose;
@@ -33,6 +33,7 @@ pub fn stream_plots(title: &str, stream: &SegmentStream, settings: &Settings) ->
     let names = joint_names(&machine.kinematics);
     let (mut speed, mut heading, mut flow) = (Vec::new(), Vec::new(), Vec::new());
     let mut joints: Vec<Vec<[f64; 2]>> = vec![Vec::new(); names.len()];
+    let mut places = joints.clone();
     let mut before: Option<(f64, [f64; JOINTS_MAX])> = None;
     let mut winding: Option<Winding<f64>> = None;
     for sample in samples_within(stream, servo_hz, every_ticks, [0, ticks]) {
@@ -47,6 +48,10 @@ pub fn stream_plots(title: &str, stream: &SegmentStream, settings: &Settings) ->
         };
         let mut position = found.position;
         unwind(&mut winding, &mut position, machine);
+        for (k, places) in places.iter_mut().enumerate() {
+            let place_pct = place_pct(&machine.joints[k], position[k]);
+            places.extend(place_pct.map(|place_pct| [time_s, place_pct]));
+        }
         if let Some((earlier_s, earlier)) = &before {
             for (k, joint) in machine.joints.iter().enumerate() {
                 let rate = (position[k] - earlier[k]) / (time_s - earlier_s);
@@ -55,10 +60,6 @@ pub fn stream_plots(title: &str, stream: &SegmentStream, settings: &Settings) ->
         }
         before = Some((time_s, position));
     }
-    let curve = |name: &str, points| Curve {
-        name: name.to_string(),
-        points,
-    };
     let panel = |title: &str, limit, curves| Panel {
         title: title.to_string(),
         limit,
@@ -67,37 +68,62 @@ pub fn stream_plots(title: &str, stream: &SegmentStream, settings: &Settings) ->
     TimePlots {
         title: format!("{title}: motion as planned{what}"),
         duration_s: ticks as f64 / servo_hz,
-        bands: stream
-            .marks
-            .iter()
-            .filter(|m| m.start_tick < ticks)
-            .map(|m| {
-                (
-                    m.start_tick as f64 / servo_hz,
-                    m.end_tick as f64 / servo_hz,
-                    m.state,
-                )
-            })
-            .collect(),
+        bands: bands(stream, ticks, servo_hz),
         panels: vec![
-            panel("Tip speed, mm/s", None, vec![curve("", speed)]),
+            panel("Tip speed, mm/s", None, one(speed)),
             panel(
                 "Joint speeds, % of each joint's limit",
                 Some(100.0),
-                names
-                    .iter()
-                    .zip(joints)
-                    .map(|(name, points)| curve(&name.to_uppercase(), points))
-                    .collect(),
+                of_joints(names, joints),
             ),
-            panel("Heading, degrees", None, vec![curve("", heading)]),
+            panel(
+                "Joint positions, % of the way from the middle of the range to its ends",
+                Some(100.0),
+                of_joints(names, places),
+            ),
+            panel("Heading, degrees", None, one(heading)),
             panel(
                 "Flow of deposited volume, mm³/s",
                 Some(settings.flow_max_mm3_s * settings.plan_share),
-                vec![curve("", flow)],
+                one(flow),
             ),
         ],
     }
+}
+
+/// What the head does, from when to when, s.
+fn bands(stream: &SegmentStream, ticks: u64, servo_hz: f64) -> Vec<(f64, f64, MotionState)> {
+    let shown = stream.marks.iter().filter(|mark| mark.start_tick < ticks);
+    let seconds = |tick: u64| tick as f64 / servo_hz;
+    shown
+        .map(|mark| (seconds(mark.start_tick), seconds(mark.end_tick), mark.state))
+        .collect()
+}
+
+/// A panel's only curve.
+fn one(points: Vec<[f64; 2]>) -> Vec<Curve> {
+    let name = String::new();
+    vec![Curve { name, points }]
+}
+
+/// A curve for each joint that has points.
+fn of_joints(names: &[&str], points: Vec<Vec<[f64; 2]>>) -> Vec<Curve> {
+    let of_joints = names.iter().zip(points);
+    of_joints
+        .filter(|(_, points)| !points.is_empty())
+        .map(|(name, points)| Curve {
+            name: name.to_uppercase(),
+            points,
+        })
+        .collect()
+}
+
+/// Where a joint is, from the middle of its range (0) to its ends (-100 and 100); a joint without ends is
+/// nowhere between them.
+fn place_pct(joint: &JointConfiguration, position: f64) -> Option<f64> {
+    let half = 0.5 * (joint.position_max - joint.position_min);
+    half.is_finite()
+        .then(|| 100.0 * ((position - joint.position_min) / half - 1.0))
 }
 
 /// Adds the turns that joints have made since the first look.

@@ -217,7 +217,7 @@ fn the_pose_table_keeps_its_columns() {
 fn motion_and_page_hold_what_they_should() {
     let stream = stream();
     let plots = stream_plots::stream_plots("part", &stream, &Settings::default());
-    assert_eq!(plots.panels.len(), 4);
+    assert_eq!(plots.panels.len(), 5);
     // X of the default machine: 10 of 250 mm/s, away from the shorter first spans.
     let middle = plots.panels[1].curves[0]
         .points
@@ -237,6 +237,7 @@ fn motion_and_page_hold_what_they_should() {
         title: "part",
         figures: &figures,
         layers: Vec::new(),
+        space: None,
         motion: Some(plots),
         notes: &notes,
     });
@@ -251,6 +252,7 @@ fn motion_and_page_hold_what_they_should() {
                 coverage: None,
             })
             .to_vec(),
+        space: None,
         motion: None,
         notes: &[],
     });
