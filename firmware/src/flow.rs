@@ -1,15 +1,16 @@
 //! The extruder's target: e = V + K dV/dt + primes - retracts, in motor steps.
 //!
 //! - V is the deposited volume, a channel of the motion: exact integer base plus small offset.
-//! - dV/dt is the mean over the last window (a box by look-back): (V(t) - V(t - W)) / W, which
-//!   lags by W/2 and is exactly 0 once V has rested for W. It limits what a change of path rate
-//!   can do to the extruder's speed.
+//! - dV/dt is the mean over the last window (a box by look-back): (V(t) - V(t - W)) / W, which is that of
+//!   W/2 ago, for which everything else waits (`delay.rs`), and exactly 0 once V has rested for W. The
+//!   window limits what a change of path rate can do to the extruder's speed.
 //! - Primes and retracts run in real time, along x³ (10 - 15 x + 6 x²), and end exactly on their
 //!   integer volume.
 
 use crate::configuration::ExtruderConfiguration;
+use crate::delay::window_ticks;
 use crate::design::{ACTIVE_EVENTS_MAX, ADVANCE_WINDOW_TICKS_MAX, FLOW_OVERRIDE_PERCENT_PER_S};
-use crate::steps::{ScaledUnits, StepScale, Target, steps_to_position};
+use crate::steps::{ScaledUnits, StepScale, Target};
 use headway_protocol::control::EVENT_VOLUME_UNITS_MAX;
 use headway_protocol::segment::{FlowAction, FlowEvent};
 use headway_protocol::units::{CHANNEL_VOLUME, UNITS_PER_NATURAL};
@@ -17,8 +18,10 @@ use heapless::Vec;
 
 /// Flow as planned.
 pub const UNSCALED_Q16: u32 = 1 << 16;
-/// A step in the window, which keeps 16 bits of its fraction and wraps at 32,000 steps.
-const WINDOW_STEP: f32 = (1u32 << 16) as f32;
+/// Fraction bits of [`Flow::advance_gain`].
+const GAIN_BITS: u32 = 20;
+/// Fraction bits in the window, which wraps at 32,768 steps.
+const WINDOW_BITS: u32 = 16;
 
 /// A prime or retract in progress.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -44,8 +47,8 @@ impl ActiveEvent {
 // What every tick uses comes first.
 #[repr(C)]
 pub struct Flow {
-    /// Advance in steps per 2^-16 step gained over the window.
-    advance_gain: f32,
+    /// Advance by what was gained over the window, 2^-20.
+    advance_gain: i32,
     window_ticks: usize,
     newest: usize,
     /// Sum of all events that are over, as a distance.
@@ -92,10 +95,10 @@ impl FlowScaling {
         self.is_asked |= wanted_q16 != UNSCALED_Q16;
     }
 
-    /// What is added to the planned position, `steps` above `base`.
+    /// What is added to the planned `place`.
     #[inline(never)]
-    fn extra(&mut self, base: Target, steps: f32) -> Target {
-        let deposited = base.position().wrapping_add(steps_to_position(steps));
+    fn extra(&mut self, place: Target) -> Target {
+        let deposited = place.position();
         // A target has 32 bits of whole steps: a position wraps with 63.
         let way = deposited.wrapping_sub(self.last.unwrap_or(deposited)) << 1 >> 1;
         self.last = Some(deposited);
@@ -120,14 +123,12 @@ impl FlowScaling {
 impl Flow {
     /// At rest, nothing deposited. A window longer than [`ADVANCE_WINDOW_TICKS_MAX`] is cut.
     pub fn new(extruder: &ExtruderConfiguration, servo_hz: u32) -> Self {
-        let window_s = extruder.pressure_advance_window_ms * 1e-3;
-        let window_ticks = (window_s * f64::from(servo_hz) + 0.5) as usize;
-        let window_ticks = window_ticks.clamp(1, ADVANCE_WINDOW_TICKS_MAX);
+        let window_ticks = window_ticks(extruder, servo_hz) as usize;
         let per_tick = extruder.pressure_advance_s * f64::from(servo_hz) / window_ticks as f64;
         let steps_per_unit = extruder.steps_per_mm3 / UNITS_PER_NATURAL[CHANNEL_VOLUME];
         Self {
             scale: StepScale::new(steps_per_unit),
-            advance_gain: per_tick as f32 / WINDOW_STEP,
+            advance_gain: (per_tick * f64::from(1 << GAIN_BITS) + 0.5) as i32,
             window_ticks,
             window: [0; ADVANCE_WINDOW_TICKS_MAX],
             newest: 0,
@@ -220,26 +221,24 @@ impl Flow {
         self.settled = Target::of_distance(self.settled_exact.position);
     }
 
-    /// Target of this servo tick; `deposited` is V above its base in steps, `base` where that is. To be
-    /// called exactly once per servo tick.
+    /// Target of this servo tick, but for the advance, and the advance, 2^-22 steps; `planned` is where V
+    /// is. To be called exactly once per servo tick.
     #[inline(always)]
-    pub fn target(&mut self, base: Target, deposited: f32) -> Target {
-        let mut base = base;
+    pub fn target(&mut self, planned: Target) -> (Target, i64) {
+        let mut place = planned;
         if self.scaling.is_asked {
-            base = base.plus(self.scaling.extra(base, deposited));
+            place = place.plus(self.scaling.extra(place));
         }
-        let now = base.coarse();
-        let advance = self.advance(now.wrapping_add((deposited * WINDOW_STEP) as i32));
-        let mut steps = deposited + advance;
+        let advance = self.advance(place.coarse());
         if !self.active.is_empty() {
-            steps += self.progress();
+            place = place.moved(self.progress());
         }
-        base.plus(self.settled).moved(steps)
+        (place.plus(self.settled), advance)
     }
 
-    /// K dV/dt over the window, in steps; `now`: V in 2^-16 steps, wrapping.
+    /// K dV/dt over the window, 2^-22 steps; `now`: V in 2^-16 steps, wrapping.
     #[inline]
-    fn advance(&mut self, now: i32) -> f32 {
+    fn advance(&mut self, now: i32) -> i64 {
         self.newest += 1;
         if self.newest >= self.window_ticks {
             self.newest = 0;
@@ -247,7 +246,7 @@ impl Flow {
         let oldest = &mut self.window[self.newest % ADVANCE_WINDOW_TICKS_MAX];
         let gained = now.wrapping_sub(*oldest);
         *oldest = now;
-        gained as f32 * self.advance_gain
+        (i64::from(gained) * i64::from(self.advance_gain)) >> (GAIN_BITS + WINDOW_BITS - 22)
     }
 
     /// Steps of the events in progress; settles those that end, moves all on by a tick.
@@ -287,6 +286,13 @@ mod tests {
         }
     }
 
+    /// Where the motor is to be, advance included, `units` above `base`.
+    fn extruded(flow: &mut Flow, base: i64, units: f32) -> i64 {
+        let deposited = flow.scale.steps(units);
+        let (target, advance) = flow.target(Target::of_position(base).moved(deposited));
+        target.position() + (advance << 9)
+    }
+
     fn steps(position: i64) -> f64 {
         position as f64 / STEP as f64
     }
@@ -299,24 +305,19 @@ mod tests {
         let mut target = 0;
         for tick in 0..400 {
             // 10 mm³/s = 5000 units a tick.
-            target = flow
-                .target(
-                    Target::of_position(base),
-                    flow.scale.steps(tick as f32 * 5000.0),
-                )
-                .position();
+            target = extruded(&mut flow, base, tick as f32 * 5000.0);
         }
         let deposited_mm3 = 399.0 * 5000.0 * 1e-6;
         let expected = (deposited_mm3 + 0.04 * 10.0) * 400.0;
         assert!((steps(target) - expected).abs() < 1e-3, "{}", steps(target));
         for _ in 0..81 {
-            target = flow
-                .target(Target::of_position(base), flow.scale.steps(399.0 * 5000.0))
-                .position();
+            target = extruded(&mut flow, base, 399.0 * 5000.0);
         }
         assert_eq!(
             target,
-            base + steps_to_position(flow.scale.steps(399.0 * 5000.0))
+            Target::of_position(base)
+                .moved(flow.scale.steps(399.0 * 5000.0))
+                .position()
         );
     }
 
@@ -337,7 +338,7 @@ mod tests {
         let mut fastest = 0.0f64;
         let mut last = start;
         for tick in 0..=200 {
-            let target = flow.target(Target::of_position(start), 0.0).position();
+            let target = extruded(&mut flow, start, 0.0);
             if tick == 100 {
                 middle = target;
             }
@@ -357,7 +358,7 @@ mod tests {
         );
         assert!(flow.begin(&event(FlowAction::Retract, 1_500_001)));
         for _ in 0..=200 {
-            last = flow.target(Target::of_position(start), 0.0).position();
+            last = extruded(&mut flow, start, 0.0);
         }
         assert_eq!(last, Target::of_position(start).position());
     }
@@ -391,7 +392,7 @@ mod tests {
             for tick in 0..2000i64 {
                 // A step in four ticks.
                 let base = start.wrapping_add(tick * STEP / 4);
-                let target = flow.target(Target::of_position(base), 0.0).position();
+                let target = extruded(&mut flow, base, 0.0);
                 let moved = target.wrapping_sub(last.unwrap_or(target)) << 1 >> 1;
                 assert!(steps(moved).abs() < 1.0, "{start} {tick} {}", steps(moved));
                 way += steps(moved);

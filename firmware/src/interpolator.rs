@@ -11,8 +11,9 @@ use crate::configuration::MOTORS_MAX;
 use crate::design::{CEILING_OPEN, SPANS_AHEAD};
 use crate::load::SpanLoad;
 use crate::queue::{Ceiling, KnotQueue};
+use crate::real::Real;
 use crate::spline::{SpanShape, SpanWeights};
-use crate::steps::{ScaledUnits, Target};
+use crate::steps::{NEAR_STEPS_MAX, ScaledUnits, Target};
 use headway_protocol::units::{
     CHANNEL_HEADING, CHANNEL_TILT_X, CHANNEL_TILT_Y, CHANNEL_X, CHANNEL_Y, CHANNEL_Z, ChannelPoint,
     UNITS_PER_NATURAL,
@@ -53,6 +54,8 @@ struct ReadySpan {
     load: SpanLoad,
     duration_q16: u32,
     ends_at_rest: bool,
+    /// Some motor may get further than [`NEAR_STEPS_MAX`] from its base.
+    is_far: bool,
 }
 
 impl ReadySpan {
@@ -66,6 +69,7 @@ impl ReadySpan {
             load: SpanLoad::REST,
             duration_q16: 0,
             ends_at_rest: true,
+            is_far: false,
         }
     }
 }
@@ -123,6 +127,23 @@ impl Offset<'_> {
     pub fn of_motor(&self, motor: usize) -> (f32, Target) {
         let motor = &self.span.motors[motor % MOTORS_MAX];
         (self.of(motor.cubic), motor.anchor)
+    }
+
+    /// True if motors may be too far from their bases for [`Target::moved_near`].
+    #[inline(always)]
+    pub fn is_far(&self) -> bool {
+        self.span.is_far
+    }
+
+    /// Where a motor's carrier is.
+    #[inline(always)]
+    pub fn target_of_motor(&self, motor: usize) -> Target {
+        let (steps, base) = self.of_motor(motor);
+        if self.is_far() {
+            base.moved(steps)
+        } else {
+            base.moved_near(steps)
+        }
     }
 
     /// Tip (mm) and heading (rad, within a turn or so of 0).
@@ -376,11 +397,14 @@ impl Interpolator {
                 cubic.map(|units| units * natural)
             });
         }
+        let mut reach_steps = 0.0f32;
         for carrier in self.carriers.motors() {
             let motor = carrier.motor % MOTORS_MAX;
             let base = &mut self.bases[motor];
             next.motors[motor].lay(base, carrier, &self.shape, &weights);
+            reach_steps = reach_steps.larger(next.motors[motor].reach_steps(waiting.span_ticks));
         }
+        next.is_far = reach_steps > NEAR_STEPS_MAX;
         self.ready += 1;
         true
     }
@@ -432,6 +456,14 @@ impl MotorSpan {
             cubic: [0.0; 4],
             anchor: Target::of_position(base),
         }
+    }
+
+    /// At least how far it gets from its base in so many ticks.
+    #[inline(always)]
+    fn reach_steps(&self, ticks: u16) -> f32 {
+        let t = f32::from(ticks);
+        let [c0, c1, c2, c3] = self.cubic.map(f32::abs);
+        ((c3 * t + c2) * t + c1) * t + c0
     }
 
     /// Lays the motor's part of a span; `base` is that of the span before, and moves on.

@@ -190,45 +190,47 @@ impl JointTargets {
         ((1u16 << self.count) - 1) as u8
     }
 
-    /// Writes the joints' targets at the pose; other motors keep theirs. Poses of two calls must be
-    /// near enough that no joint turns by half a turn.
+    /// Puts in the joints' targets at the pose, `put` saying what [`Target::replace`] does; other motors keep
+    /// theirs. Poses of two calls must be near enough that no joint turns by half a turn.
     ///
     /// # Errors
     /// The fault to latch.
     #[inline(always)]
-    pub fn set_targets<'a>(
+    pub fn set_targets(
         &mut self,
         offset: &Offset<'_>,
-        targets: impl Iterator<Item = &'a mut Target>,
+        put: impl FnMut(usize, Target) -> u32,
     ) -> Result<Reach, Fault> {
         // A loop of its own for machines that have nothing to add: joints of a planar machine are
         // channels. That the tilt is none was checked on reception.
         match &self.model {
+            Model::Planar if offset.is_far() => Ok(self.follow_far(offset, put)),
             Model::Planar => {
-                Ok(self.follow(&planar::CARRIERS, offset, targets, |_, _, steps| steps))
+                let near = |_: &JointScale, _, steps, anchor: Target| anchor.moved_near(steps);
+                Ok(self.follow(&planar::CARRIERS, offset, put, near))
             }
             Model::Gantry(pivot_length_mm) => {
                 let (tilt, base) = offset.tilt();
                 let pose = tilt_pose(base, tilt);
                 let added =
                     gantry::remainder(*pivot_length_mm, &pose).map_err(|_| IMPOSSIBLE_POSE)?;
-                let all_steps = |joint: &JointScale, index: usize, steps: f32| {
+                let all_steps = |joint: &JointScale, index: usize, steps: f32, anchor: Target| {
                     let added = added.get(index).copied().unwrap_or(0.0);
-                    steps + added * joint.steps_per_natural
+                    anchor.moved(steps + added * joint.steps_per_natural)
                 };
-                Ok(self.follow(&gantry::CARRIERS, offset, targets, all_steps))
+                Ok(self.follow(&gantry::CARRIERS, offset, put, all_steps))
             }
             Model::Trunnion(trunnion) => {
                 let joints = trunnion.remainder(&whole_pose(offset));
                 let joints = joints.map_err(|_| IMPOSSIBLE_POSE)?;
-                Ok(self.follow_winding(&trunnion::CARRIERS, offset, targets, &joints))
+                Ok(self.follow_winding(&trunnion::CARRIERS, offset, put, &joints))
             }
             Model::Arm6(arm) => {
                 let joints = arm.remainder(&whole_pose(offset));
                 let joints = joints.map_err(|_| IMPOSSIBLE_POSE)?;
                 let carriers = &arm6::CARRIERS_WITH_NOZZLE;
                 match carriers.get(..self.count) {
-                    Some(carriers) => Ok(self.follow_winding(carriers, offset, targets, &joints)),
+                    Some(carriers) => Ok(self.follow_winding(carriers, offset, put, &joints)),
                     None => Err(IMPOSSIBLE_POSE),
                 }
             }
@@ -237,17 +239,17 @@ impl JointTargets {
 
     /// The targets of joints at `added` beyond what they carry, whole turns counted.
     #[inline(never)]
-    fn follow_winding<'a>(
+    fn follow_winding(
         &mut self,
         carriers: &[Option<usize>],
         offset: &Offset<'_>,
-        targets: impl Iterator<Item = &'a mut Target>,
+        mut put: impl FnMut(usize, Target) -> u32,
         added: &[f32; JOINTS_MAX],
     ) -> Reach {
         let mut reach = Reach::default();
         let winds = kinematics::winds(&self.kinematics);
-        let parts = carriers.iter().zip(&self.joints).zip(targets).zip(added);
-        for (index, (((carrier, joint), target), added)) in parts.enumerate() {
+        let parts = carriers.iter().zip(&self.joints).zip(added);
+        for (index, ((carrier, joint), added)) in parts.enumerate() {
             let (mut steps, mut anchor) = match carrier {
                 Some(_) => offset.of_motor(index),
                 None => (0.0, Target::of_position(0)),
@@ -261,7 +263,7 @@ impl JointTargets {
             }
             steps += added * joint.steps_per_natural;
             let new = anchor.moved(steps);
-            reach.jumps |= target.replace(new);
+            reach.jumps |= put(index, new);
             let above = new.whole.wrapping_sub(joint.lowest) as u32;
             if above > joint.range {
                 reach.outside |= 1 << index;
@@ -270,24 +272,31 @@ impl JointTargets {
         reach
     }
 
+    /// A planar machine in a span that is long for its motors.
+    #[inline(never)]
+    fn follow_far(&self, offset: &Offset<'_>, put: impl FnMut(usize, Target) -> u32) -> Reach {
+        let far = |_: &JointScale, _, steps, anchor: Target| anchor.moved(steps);
+        self.follow(&planar::CARRIERS, offset, put, far)
+    }
+
     /// The targets of joints that follow `carriers`, with what else there is.
     #[inline(always)]
-    fn follow<'a, const JOINTS: usize>(
+    fn follow<const JOINTS: usize>(
         &self,
         carriers: &[Option<usize>; JOINTS],
         offset: &Offset<'_>,
-        targets: impl Iterator<Item = &'a mut Target>,
-        all_steps: impl Fn(&JointScale, usize, f32) -> f32,
+        mut put: impl FnMut(usize, Target) -> u32,
+        target: impl Fn(&JointScale, usize, f32, Target) -> Target,
     ) -> Reach {
         let mut reach = Reach::default();
-        let parts = carriers.iter().zip(&self.joints).zip(targets);
-        for (index, ((carrier, joint), target)) in parts.enumerate() {
+        let parts = carriers.iter().zip(&self.joints);
+        for (index, (carrier, joint)) in parts.enumerate() {
             let (steps, anchor) = match carrier {
                 Some(_) => offset.of_motor(index),
                 None => (0.0, Target::of_position(0)),
             };
-            let new = anchor.moved(all_steps(joint, index, steps));
-            reach.jumps |= target.replace(new);
+            let new = target(joint, index, steps, anchor);
+            reach.jumps |= put(index, new);
             let above = new.whole.wrapping_sub(joint.lowest) as u32;
             if above > joint.range {
                 reach.outside |= 1 << index;
@@ -311,7 +320,11 @@ impl JointTargets {
         }
         let mut targets = [Target::of_position(0); MOTORS_MAX];
         targets[self.count % MOTORS_MAX] = offset.of_motor(self.count).1;
-        let reach = self.set_targets(&offset, targets.iter_mut())?;
+        let put = |joint: usize, new| {
+            targets[joint % MOTORS_MAX] = new;
+            0
+        };
+        let reach = self.set_targets(&offset, put)?;
         self.check_limits(reach.outside, |joint| targets[joint % MOTORS_MAX])?;
         Ok(targets.map(Target::position))
     }

@@ -20,6 +20,7 @@ pub mod board;
 pub mod boards;
 pub mod carriers;
 pub mod configuration;
+pub mod delay;
 pub mod design;
 pub mod event_queue;
 pub mod extruder_limits;

@@ -123,3 +123,58 @@ fn sequence_numbers_go_on_where_they_wrap() {
     );
     assert_eq!((host.faults.len(), host.refusals.len()), (0, 0));
 }
+
+#[test]
+fn a_span_longer_than_a_short_way_is_followed_step_by_step() {
+    let mut configuration = planar();
+    let x = &mut configuration.joints[0];
+    x.steps_per_unit = 400.0;
+    (x.speed_max, x.acceleration_max, x.position_max) = (250.0, 2000.0, 1000.0);
+    // 1 s a span, up to 160 mm: 64,000 steps.
+    let places = [
+        0.0, 0.0, 0.0, 40.0, 200.0, 360.0, 400.0, 400.0, 400.0, 400.0,
+    ];
+    let point = |x: f64| to_units(&[x, 0.0, 0.2, 0.0, 0.0, 0.0, 0.1 * x]);
+    let job = Job {
+        start: point(0.0),
+        knots: places.map(|x| rest(point(x), 2000)).to_vec(),
+        events: Vec::new(),
+    };
+    let spans = job.spans();
+    let mut host = Host::new(&configuration, &job);
+    let (mut worst, mut longest) = (0.0f64, 0.0f64);
+    for tick in 0u64.. {
+        host.send(&job, 8, 16);
+        host.tick();
+        if host.machine.motion().state() == DeviceState::Finished {
+            break;
+        }
+        assert!(tick < 40_000, "it never ends: {:?}", host.faults);
+        let motion = host.machine.motion();
+        let Some(start) = motion.stream_start_ticks() else {
+            continue;
+        };
+        let late = SERVO_DELAY_TICKS + motion.delay_ticks();
+        let Some(u) = (tick + 1).checked_sub(start + u64::from(late)) else {
+            continue;
+        };
+        let Some(span) = spans.iter().rfind(|span| span.start_tick <= u) else {
+            continue;
+        };
+        let at = exact(&configuration, &span.position((u - span.start_tick) as f64));
+        let end = exact(
+            &configuration,
+            &span.position(f64::from(span.duration_ticks)),
+        );
+        longest = longest.max(end[0] - exact(&configuration, &span.position(0.0))[0]);
+        worst = worst.max((host.counter.counts[0] as f64 - at[0]).abs());
+    }
+    assert_eq!(host.faults, []);
+    assert!(
+        longest > f64::from(crate::steps::NEAR_STEPS_MAX),
+        "{longest}"
+    );
+    // Half a step, and what single precision makes of 64,000.
+    assert!(worst < 0.75, "{worst}");
+    assert_eq!(host.counter.counts[..5], final_steps(&configuration, &job));
+}

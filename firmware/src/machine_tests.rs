@@ -436,7 +436,8 @@ fn step_positions_follow_the_spline_with_a_constant_delay() {
                 continue;
             };
             // Counts now are those at the end of servo tick `tick`, whose poses lag by the delay.
-            let Some(u) = (tick + 1).checked_sub(start + u64::from(SERVO_DELAY_TICKS)) else {
+            let delay_ticks = SERVO_DELAY_TICKS + host.machine.motion().delay_ticks();
+            let Some(u) = (tick + 1).checked_sub(start + u64::from(delay_ticks)) else {
                 continue;
             };
             let Some(span) = spans.iter().rfind(|s| s.start_tick <= u) else {
@@ -463,6 +464,8 @@ fn step_positions_follow_the_spline_with_a_constant_delay() {
 #[path = "machine_warp_tests.rs"]
 mod warp;
 
+#[path = "machine_advance_tests.rs"]
+mod advance;
 #[path = "machine_by_hand_tests.rs"]
 mod by_hand;
 #[path = "machine_endless_tests.rs"]

@@ -85,6 +85,7 @@ fn disturbed(configuration: &MachineConfiguration, job: &Job, seed: u64) -> Outc
     let joints = configuration.joints.len();
     let mut history: Vec<[i64; 8]> = Vec::new();
     let mut cause = (Cause::Asked, 0);
+    let mut places: Vec<u64> = Vec::new();
     let mut outcome = Outcome::default();
     let mut silent_until = 0;
     let mut next_event = 200 + random.below(1500);
@@ -111,7 +112,7 @@ fn disturbed(configuration: &MachineConfiguration, job: &Job, seed: u64) -> Outc
         if tick >= silent_until {
             host.send(job, 1, 4 + random.below(12) as usize);
         }
-        let u_q16 = host.machine.motion().segment_time_q16();
+        places.push(host.machine.motion().segment_time_q16());
         host.tick();
         let motion = host.machine.motion();
         history.push(motion.targets());
@@ -125,7 +126,11 @@ fn disturbed(configuration: &MachineConfiguration, job: &Job, seed: u64) -> Outc
         }
         observe(configuration, &history, cause.0, &mut outcome);
         if tick % 7 == 0 {
-            let off = off_path(configuration, &spans, u_q16, &motion.targets());
+            // What the motors are told now was evaluated so many ticks ago.
+            let ago = places
+                .len()
+                .saturating_sub(1 + motion.delay_ticks() as usize);
+            let off = off_path(configuration, &spans, places[ago], &motion.targets());
             outcome.worst_off_path_steps = outcome.worst_off_path_steps.max(off);
         }
         if motion.state() == DeviceState::Finished {

@@ -153,12 +153,15 @@ pub fn sample_limits(stream: &SegmentStream, settings: &Settings, per_tick: usiz
             worst.flow_change = worst
                 .flow_change
                 .max(a[6].abs() / (share * settings.flow_rate_of_change_max_mm3_s2));
+            // Everything but the advance waits for half its window.
+            let middle = t - window / 2.0;
             let (mut rate, mut change) = (v[6], a[6]);
             if t >= window {
-                rate += advance * (v[6] - oracle.at(t - window, 1)[6]);
-                change += advance * (a[6] - oracle.at(t - window, 2)[6]);
+                let delayed = |order| oracle.at(middle, order)[6];
+                rate = delayed(1) + advance * (v[6] - oracle.at(t - window, 1)[6]);
+                change = delayed(2) + advance * (a[6] - oracle.at(t - window, 2)[6]);
             }
-            let (event_rate, event_change) = event_rates(stream, t);
+            let (event_rate, event_change) = event_rates(stream, middle);
             worst.extruder_speed = worst
                 .extruder_speed
                 .max((rate + event_rate).abs() / (share * extruder.speed_max_mm3_s));

@@ -137,7 +137,7 @@ impl Motion {
 
     /// At rest with no stream open.
     pub(super) fn is_free(&self) -> bool {
-        matches!(self.phase, Phase::Idle | Phase::Finished) && self.programmer.is_at_rest()
+        matches!(self.phase, Phase::Idle | Phase::Finished) && self.is_at_rest()
     }
 
     fn set_joint(&mut self, joint: usize, position_units: i32) -> Result<(), CommandError> {
@@ -152,7 +152,7 @@ impl Motion {
     }
 
     fn declare_joint(&mut self, joint: usize, position: i64) {
-        let mut positions = self.programmer.newest_targets();
+        let mut positions = self.programmer.newest_targets(&self.waiting);
         if let Some(slot) = positions.get_mut(joint) {
             *slot = position;
         }
@@ -197,7 +197,7 @@ impl Motion {
 
     fn go_to(&mut self, position: &ChannelPoint) -> Result<(), CommandError> {
         let (_, targets) = self.rest_targets(position)?;
-        let here = self.programmer.newest_targets();
+        let here = self.programmer.newest_targets(&self.waiting);
         let known = self.reference.known;
         let hand = &mut self.by_hand;
         hand.route.clear();
@@ -315,7 +315,7 @@ impl Motion {
 
     fn joint_position(&self, motor: usize) -> i64 {
         self.programmer
-            .newest_targets()
+            .newest_targets(&self.waiting)
             .get(motor)
             .copied()
             .unwrap_or_default()
@@ -328,7 +328,8 @@ impl Motion {
         self.follows_path = false;
         self.aborting = false;
         self.drivers_on = true;
-        self.by_hand.targets = self.programmer.newest_targets();
+        self.programmer.forget(&self.waiting);
+        self.by_hand.targets = self.programmer.newest_targets(&self.waiting);
         let motor = self.joints.count();
         self.flow.declare(Target::default());
         self.by_hand.extruder_offset = self.joint_position(motor);
@@ -346,7 +347,7 @@ impl Motion {
         }
         self.tick_homing();
         let goes_on = self.go_on();
-        let flow = self.flow.target(Target::default(), 0.0).distance();
+        let flow = self.flow.target(Target::default()).0.distance();
         let hand = &mut self.by_hand;
         if let Some(target) = hand.targets.get_mut(motor) {
             *target = hand.extruder_offset + flow;
@@ -367,9 +368,9 @@ impl Motion {
         let joint = self.by_hand.joint;
         let rests = self.by_hand.mover.is_done() && self.programmer.is_at_rest();
         let places = if rests {
-            self.programmer.newest_targets()
+            self.programmer.newest_targets(&self.waiting)
         } else {
-            self.programmer.present_positions()
+            self.programmer.present_positions(&self.waiting)
         };
         let here = places.get(joint).copied().unwrap_or_default();
         let pressed = self.inputs.switches >> joint & 1 == 1;

@@ -66,7 +66,7 @@ impl Motion {
     /// Takes over a pose at rest, only if the `known` joints are there already.
     fn place(&mut self, position: &ChannelPoint, known: u8) -> Result<(), CommandError> {
         let (pose, targets) = self.rest_targets(position)?;
-        let here = self.programmer.positions();
+        let here = self.programmer.positions(&self.waiting);
         let moved = targets
             .iter()
             .zip(&here)
@@ -83,6 +83,10 @@ impl Motion {
         self.flow.declare(base);
         self.interpolator.start_at(position);
         self.programmer.set_positions(&targets);
+        let extruder = self.joints.count();
+        self.programmer
+            .wait(&mut self.waiting, extruder, self.delay_ticks);
+        self.still_ticks = self.delay_ticks;
         self.hold = Hold::new(ticks_of_ms(HOLD_RETRACT_DELAY_MS, self.servo_hz));
         self.reference.learn(self.joints.all());
         self.follows_path = true;
@@ -215,6 +219,6 @@ impl Motion {
 
     /// Goes on from where the engine was stopped.
     pub fn engine_stopped(&mut self, stopped: &Stopped) {
-        self.programmer.recover(stopped);
+        self.programmer.recover(stopped, &self.waiting);
     }
 }

@@ -31,7 +31,7 @@ impl Motion {
         let Some(value) = self.extruder_guard.exceeded(ways, in_ramp) else {
             return Ok(());
         };
-        self.programmer.take_back();
+        self.programmer.take_back(&self.waiting);
         Err(Fault {
             cause: FaultCause::Limit,
             index: self.joints.count() as u8,

@@ -15,6 +15,7 @@ mod status;
 
 use crate::carriers::Carriers;
 use crate::configuration::MachineConfiguration;
+use crate::delay::delay_ticks;
 use crate::design::{
     CEILING_OPEN, HOLD_RETRACT_DELAY_MS, MOTORS_IDLE_S, QUIET_START_MS, START_QUEUED_MS,
     START_ROOM_KNOTS, ticks_of_ms,
@@ -28,7 +29,7 @@ use crate::inputs::{Inputs, SwitchGuard};
 use crate::interpolator::{Interpolator, TICK_Q16};
 use crate::joints::JointTargets;
 use crate::queue::KnotQueue;
-use crate::steps::{StepBank, StepProgrammer};
+use crate::steps::{StepBank, StepProgrammer, WaitingTargets};
 use crate::time_warp::{TimeWarp, WarpBounds};
 use by_hand::ByHand;
 pub use faults::EMERGENCY;
@@ -96,6 +97,10 @@ pub struct Motion {
     /// Servo tick at which the path rate was last not that of the plan, wrapping.
     off_plan_ticks: u32,
     servo_hz: u32,
+    /// Servo ticks that the motors wait for pressure advance.
+    delay_ticks: u32,
+    /// Servo ticks that the path and the flow have rested, as long as nothing was to move.
+    still_ticks: u32,
     override_percent: u16,
     /// The same as a path rate.
     override_q16: u32,
@@ -126,6 +131,7 @@ pub struct Motion {
     interpolator: Interpolator,
     carriers: Carriers,
     by_hand: ByHand,
+    waiting: WaitingTargets,
     queue: KnotQueue,
 }
 
@@ -141,6 +147,7 @@ impl Motion {
             extruder_guard: ExtruderGuard::new(configuration),
             interpolator: Interpolator::new(&carriers),
             carriers,
+            waiting: WaitingTargets::NONE,
             queue: KnotQueue::new(),
             events: EventQueue::default(),
             warp: TimeWarp::default(),
@@ -170,6 +177,8 @@ impl Motion {
             now_ticks: 0,
             stream_start_ticks: None,
             servo_hz,
+            still_ticks: 0,
+            delay_ticks: delay_ticks(&configuration.extruder, servo_hz),
         }
     }
 
@@ -225,7 +234,7 @@ impl Motion {
         }
         let pressed = self.inputs.switches & self.guarded_switches();
         let joint = usize::from(self.switch_guard.tick(pressed)?);
-        let position = self.programmer.present_positions();
+        let position = self.programmer.present_positions(&self.waiting);
         let position = position.get(joint).copied().unwrap_or_default();
         let cause = FaultCause::LimitSwitch;
         Some(self.joints.limit_fault(joint, position, cause))
@@ -242,6 +251,7 @@ impl Motion {
                 self.flow.begin(&prime);
             }
             if ready {
+                self.still_ticks = 0;
                 self.phase = Phase::Running;
             }
         }
@@ -268,27 +278,40 @@ impl Motion {
 
     /// Programs the motors for the pose of now.
     fn program(&mut self, bank: &mut StepBank) -> Result<(), Fault> {
-        let (mut jumps, mut outside) = (0, 0);
-        if self.follows_path {
+        let mut outside = 0;
+        let advanced = if self.follows_path {
             let (joints, offset) = (&mut self.joints, self.interpolator.offset());
-            let reach = joints.set_targets(&offset, self.programmer.targets_mut())?;
+            let programmer = &mut self.programmer;
+            let places = programmer.begin();
+            let mut new = programmer.new_targets(&mut self.waiting, places);
+            let reach = match joints.set_targets(&offset, |joint, target| new.put(joint, target)) {
+                Ok(reach) => reach,
+                Err(fault) => {
+                    programmer.take_back_begin();
+                    return Err(fault);
+                }
+            };
             let motor = joints.count();
-            let (deposited, base) = offset.of_motor(motor);
-            let extruder = self.flow.target(base, deposited);
-            let (jump, ways) = self.programmer.replace_target(motor, extruder);
+            let (extruder, advance) = self.flow.target(offset.target_of_motor(motor));
+            let (jump, ways) =
+                programmer.put_extruder((&mut self.waiting, places), motor, extruder, advance);
             // At rest, as in the tick in which a stream starts, there is nothing to look at.
             if ways != [0, 0] && !self.extruder_guard.is_kept(ways) {
                 self.check_extruder(ways)?;
             }
-            jumps = reach.jumps | jump;
             outside = reach.outside;
-        }
-        let advanced = self.programmer.advance_to_targets(jumps, bank);
+            let waiting = &mut self.waiting;
+            let jumps = reach.jumps | jump;
+            self.programmer
+                .advance_to_targets(jumps, waiting, places, bank)
+        } else {
+            self.programmer.advance_at_rest(bank)
+        };
         advanced.map_err(|exceeded| step_rate_fault(exceeded, self.servo_hz))?;
         if outside != 0 {
             // After all motors have their programs, which are then taken back as a whole.
-            let programmer = &mut self.programmer;
-            let target = |joint| *programmer.target_mut(joint);
+            let programmer = &self.programmer;
+            let target = |joint| programmer.target(joint);
             self.joints.check_limits(outside, target)?;
         }
         Ok(())
@@ -409,6 +432,11 @@ impl Motion {
 
     /// One tick at rest.
     fn rest(&mut self) {
+        self.still_ticks = if self.flow.is_active() {
+            0
+        } else {
+            self.still_ticks.saturating_add(1)
+        };
         if self.aborting || self.fault.is_some() {
             self.forget_stream();
             self.aborting = false;
@@ -446,7 +474,7 @@ impl Motion {
                 index: 0,
                 value: self.interpolator.spans_done() as i32,
             });
-        } else if !self.flow.is_active() && self.programmer.is_at_rest() {
+        } else if !self.flow.is_active() && self.is_at_rest() {
             self.events.clear();
             self.phase = Phase::Finished;
         }
@@ -468,6 +496,7 @@ impl Motion {
     fn stop_at_once(&mut self, fault: Fault) {
         self.fault.get_or_insert(fault);
         self.stop_due = true;
+        self.programmer.forget(&self.waiting);
         self.forget_stream();
         self.reference.lose(self.joints.all());
         self.follows_path = false;

@@ -122,16 +122,22 @@ impl Motion {
 
     /// Step counts at the end of the newest interval: joints in order, then the extruder.
     pub fn counts(&self) -> [i64; MOTORS_MAX] {
-        self.programmer.positions().map(count)
+        self.programmer.positions(&self.waiting).map(count)
     }
 
-    /// Targets that the newest servo tick evaluated, 2^-31 steps.
+    /// Targets that the newest program was told, 2^-31 steps: evaluated [`Self::delay_ticks`] before.
     pub fn targets(&self) -> [i64; MOTORS_MAX] {
-        self.programmer.newest_targets()
+        self.programmer.newest_targets(&self.waiting)
+    }
+
+    /// Servo ticks that the motors wait for pressure advance.
+    pub fn delay_ticks(&self) -> u32 {
+        self.delay_ticks
     }
 
     /// True if no motor moves.
     pub fn is_at_rest(&self) -> bool {
-        self.programmer.is_at_rest()
+        let is_drained = self.still_ticks >= self.programmer.wait_ticks();
+        is_drained && self.programmer.is_at_rest()
     }
 }

@@ -17,13 +17,15 @@
 
 mod bank;
 mod engine;
+mod line;
 mod player;
 mod programmer;
 
 pub use bank::StepBank;
 pub use engine::{Moment, StepEngine};
+pub use line::{Places, WAIT_TICKS_MAX, WaitingTargets};
 pub use player::StepPlayer;
-pub use programmer::{StepProgrammer, StepRateExceeded};
+pub use programmer::{NewTargets, StepProgrammer, StepRateExceeded};
 
 use crate::configuration::MOTORS_MAX;
 use crate::design::STEP_THRESHOLD_BIAS;
@@ -120,6 +122,11 @@ const TARGET_SHIFT: u32 = 9;
 /// Fraction bits of a target: 2^-22 step.
 const TARGET_FRACTION_BITS: u32 = POSITION_FRACTION_BITS - TARGET_SHIFT;
 
+/// Fraction bits of a short way.
+const NEAR_FRACTION_BITS: u32 = 16;
+/// Most steps of a way that [`Target::moved_near`] can make.
+pub const NEAR_STEPS_MAX: f32 = 32_000.0;
+
 /// One step as a difference of targets, a way.
 pub(crate) const ONE_STEP_WAY: f64 = (1u32 << TARGET_FRACTION_BITS) as f64;
 
@@ -162,6 +169,16 @@ impl Target {
         Self {
             whole: self.whole.wrapping_add(whole),
             fine: fine.wrapping_add(fraction),
+        }
+    }
+
+    /// Moved by up to [`NEAR_STEPS_MAX`], to 2^-16 step: at half the instructions.
+    #[inline(always)]
+    pub fn moved_near(self, steps: f32) -> Self {
+        let way = (steps * (1 << NEAR_FRACTION_BITS) as f32) as i32;
+        Self {
+            whole: self.whole.wrapping_add(way >> NEAR_FRACTION_BITS),
+            fine: (self.fine).wrapping_add(way << (TARGET_FRACTION_BITS - NEAR_FRACTION_BITS)),
         }
     }
 

@@ -4,6 +4,7 @@
 //! program in 2^-31 steps modulo two, which is the engine's phase. The 64-bit position is put
 //! together when it is asked for.
 
+use super::line::{Line, Places, Row, WaitingTargets, position_near};
 use super::{
     INTERVAL_TICKS_MAX, INTERVAL_TICKS_MIN, StepBank, Stopped, TARGET_FRACTION_BITS, TARGET_SHIFT,
     Target, bank::Motor,
@@ -74,9 +75,9 @@ impl Interval {
 #[derive(Clone, Copy, Debug)]
 #[repr(C)]
 struct MotorTrack {
-    /// q2, where it is to be: the newest target; kept from tick to tick.
+    /// The newest target; kept from tick to tick.
     target: Target,
-    /// What of it the program knows, 2^-22 steps.
+    /// q2, what of the target that it waited for the program knows: 2^-22 steps.
     newest: i32,
     /// q2 - q1, 2^-22 steps.
     last_way: i32,
@@ -117,10 +118,15 @@ impl MotorTrack {
         i64::from(self.mean) * i64::from(ticks)
     }
 
-    /// Where it ends, 2^-31 steps.
-    fn position(&self) -> i64 {
+    /// q2, 2^-31 steps; `held` is how far the newest target is ahead of it, but for less than 512 steps.
+    fn told(&self, held: i64) -> i64 {
+        position_near(self.target.position().wrapping_sub(held), self.newest)
+    }
+
+    /// Where the newest program ends, 2^-31 steps.
+    fn position(&self, held: i64) -> i64 {
         let way = i64::from(self.last_way) << WAY_SHIFT;
-        let aim = self.target.position().wrapping_sub(way);
+        let aim = self.told(held).wrapping_sub(way);
         let behind = self.end.wrapping_sub(aim.wrapping_add(super::BIAS) as u32);
         aim.wrapping_add(i64::from(behind as i32))
     }
@@ -136,6 +142,24 @@ pub struct StepProgrammer {
     serial: u32,
     /// What the engine will have on its pins when the newest program ends.
     directions: u8,
+    line: Line,
+}
+
+/// Where the joints' targets of a servo tick go.
+#[derive(Debug)]
+pub struct NewTargets<'a> {
+    tracks: &'a mut [MotorTrack; MOTORS_MAX],
+    row: &'a mut Row,
+}
+
+impl NewTargets<'_> {
+    /// Puts a new target into its place ([`Target::replace`]).
+    #[inline(always)]
+    pub fn put(&mut self, motor: usize, new: Target) -> u32 {
+        let motor = motor % MOTORS_MAX;
+        self.row[motor] = new.fine;
+        self.tracks[motor].target.replace(new)
+    }
 }
 
 impl StepProgrammer {
@@ -148,51 +172,89 @@ impl StepProgrammer {
             interval,
             serial: 0,
             directions: u8::MAX,
+            line: Line::default(),
         }
     }
 
-    /// Declares positions without a step. Only at rest.
+    /// From now on targets wait in the line for so long before they are followed; a motor's advance does
+    /// not. Only at rest.
+    pub fn wait(&mut self, waiting: &mut WaitingTargets, advanced: usize, wait_ticks: u32) {
+        waiting.rows.fill(self.row());
+        self.line = Line::new(advanced, wait_ticks);
+    }
+
+    /// Servo ticks that targets wait.
+    pub fn wait_ticks(&self) -> u32 {
+        self.line.wait_ticks()
+    }
+
+    /// Declares positions without a step; nothing waits. Only at rest.
     pub fn set_positions(&mut self, positions: &[i64; MOTORS_MAX]) {
         for (motor, (track, position)) in self.tracks.iter_mut().zip(positions).enumerate() {
             *track = MotorTrack::at_rest(*position, motor, self.directions, self.interval);
         }
+        self.line = Line::default();
+    }
+
+    /// Forgets targets that still wait: those that the newest program knows are the last ones.
+    pub fn forget(&mut self, waiting: &WaitingTargets) {
+        let told = self.newest_targets(waiting);
+        for (track, told) in self.tracks.iter_mut().zip(told) {
+            track.target = Target::of_position(told);
+        }
+        self.line = Line::default();
+    }
+
+    /// What the newest targets are in a line.
+    fn row(&self) -> Row {
+        core::array::from_fn(|motor| self.tracks[motor].target.fine)
     }
 
     /// Finds the motors after [`StepEngine::stop`] and goes on from there.
     ///
     /// [`StepEngine::stop`]: super::StepEngine::stop
-    pub fn recover(&mut self, stopped: &Stopped) {
+    pub fn recover(&mut self, stopped: &Stopped, waiting: &WaitingTargets) {
         // The newest program may have been handed over late, or not at all: it is not played.
         let begun = stopped.serial == self.serial;
-        let ticks = self.interval.ticks;
-        let tracks = self.tracks.iter_mut().zip(stopped.unplayed);
-        for (motor, (track, unplayed)) in tracks.enumerate() {
-            let newest = if begun { 0 } else { track.way(ticks) };
-            let end = track.position().wrapping_sub(newest);
-            let stopped = end.wrapping_sub(unplayed);
-            *track = MotorTrack::at_rest(stopped, motor, self.directions, self.interval);
+        let mut positions = match begun {
+            true => self.positions(waiting),
+            false => self.present_positions(waiting),
+        };
+        for (position, unplayed) in positions.iter_mut().zip(stopped.unplayed) {
+            *position = position.wrapping_sub(unplayed);
         }
+        self.set_positions(&positions);
+    }
+
+    fn of_tracks(
+        &self,
+        waiting: &WaitingTargets,
+        position: impl Fn(&MotorTrack, i64) -> i64,
+    ) -> [i64; MOTORS_MAX] {
+        core::array::from_fn(|motor| position(&self.tracks[motor], self.line.held(motor, waiting)))
     }
 
     /// Where the last program ends, in 2^-31 steps.
-    pub fn positions(&self) -> [i64; MOTORS_MAX] {
-        self.tracks.map(|track| track.position())
+    pub fn positions(&self, waiting: &WaitingTargets) -> [i64; MOTORS_MAX] {
+        self.of_tracks(waiting, MotorTrack::position)
     }
 
     /// Where the motors are at the start of this servo tick, before [`Self::advance`]: the newest
     /// program is about to be played.
-    pub fn present_positions(&self) -> [i64; MOTORS_MAX] {
+    pub fn present_positions(&self, waiting: &WaitingTargets) -> [i64; MOTORS_MAX] {
         let ticks = self.interval.ticks;
-        let tracks = &self.tracks;
-        tracks.map(|track| track.position().wrapping_sub(track.way(ticks)))
+        self.of_tracks(waiting, |track, held| {
+            track.position(held).wrapping_sub(track.way(ticks))
+        })
     }
 
-    /// The targets that the last call of [`Self::advance`] was given.
-    pub fn newest_targets(&self) -> [i64; MOTORS_MAX] {
-        self.tracks.map(|track| track.target.position())
+    /// The targets that the newest program was told: those of the last call of [`Self::advance`], or of
+    /// so many before it as targets wait.
+    pub fn newest_targets(&self, waiting: &WaitingTargets) -> [i64; MOTORS_MAX] {
+        self.of_tracks(waiting, MotorTrack::told)
     }
 
-    /// True if the motors rest: the last targets are equal and were reached.
+    /// True if the motors rest: the last targets that came out are equal and were reached.
     pub fn is_at_rest(&self) -> bool {
         self.tracks.iter().all(|track| {
             // Bit 31 is the parity of the count.
@@ -214,46 +276,82 @@ impl StepProgrammer {
         bank: &mut StepBank,
     ) -> Result<(), StepRateExceeded> {
         let mut jumps = 0;
-        for (target, given) in self.targets_mut().zip(targets) {
-            jumps |= target.replace(Target::of_position(*given));
+        for (track, given) in self.tracks.iter_mut().zip(targets) {
+            jumps |= track.target.replace(Target::of_position(*given));
         }
-        self.advance_to_targets(jumps, bank)
+        if jumps > JUMP_STEPS_MAX {
+            let told = self.tracks.each_ref().map(|track| track.newest);
+            return Err(self.take_back_to(&told));
+        }
+        self.advance_to(&self.row(), bank)
     }
 
-    /// The targets for the next [`Self::advance_to_targets`], to be replaced ([`Target::replace`]):
-    /// joints in order, then the extruder. They keep their values from tick to tick.
-    #[inline]
-    pub fn targets_mut(&mut self) -> impl Iterator<Item = &mut Target> {
-        self.tracks.iter_mut().map(|track| &mut track.target)
-    }
-
-    /// One of them.
-    #[inline]
-    pub fn target_mut(&mut self, motor: usize) -> &mut Target {
-        &mut self.tracks[motor % MOTORS_MAX].target
-    }
-
-    /// The same as [`Self::advance`] with the targets as they were replaced; `jumps` is what came of
-    /// that, put together.
+    /// The same with the targets as they are.
     ///
     /// # Errors
     /// As [`Self::advance`].
-    // Its registers are not to be those of all the rest.
-    #[inline(never)]
+    pub fn advance_at_rest(&mut self, bank: &mut StepBank) -> Result<(), StepRateExceeded> {
+        self.advance_to(&self.row(), bank)
+    }
+
+    /// Begins a servo tick: which rows of the line it has.
+    #[inline(always)]
+    pub fn begin(&mut self) -> Places {
+        self.line.begin()
+    }
+
+    /// Takes back that a servo tick was begun, before a target was put in.
+    pub fn take_back_begin(&mut self) {
+        self.line.take_back();
+    }
+
+    /// The joints' targets of a servo tick: for each one is to be put in.
+    #[inline(always)]
+    pub fn new_targets<'a>(
+        &'a mut self,
+        waiting: &'a mut WaitingTargets,
+        places: Places,
+    ) -> NewTargets<'a> {
+        NewTargets {
+            tracks: &mut self.tracks,
+            row: waiting.newest(places),
+        }
+    }
+
+    /// The newest of a motor.
+    #[inline]
+    pub fn target(&self, motor: usize) -> Target {
+        self.tracks[motor % MOTORS_MAX].target
+    }
+
+    /// The same as [`Self::advance`] with targets that were put in; `jumps` is what came of that, put
+    /// together. What comes out of the line is followed.
+    ///
+    /// # Errors
+    /// As [`Self::advance`].
+    #[inline(always)]
     pub fn advance_to_targets(
         &mut self,
         jumps: u32,
+        waiting: &mut WaitingTargets,
+        places: Places,
         bank: &mut StepBank,
     ) -> Result<(), StepRateExceeded> {
         if jumps > JUMP_STEPS_MAX {
-            return Err(self.take_back());
+            return Err(self.take_back(waiting));
         }
+        self.advance_to(waiting.due(places), bank)
+    }
+
+    // Its registers are not to be those of all the rest.
+    #[inline(never)]
+    fn advance_to(&mut self, due: &Row, bank: &mut StepBank) -> Result<(), StepRateExceeded> {
         let mut turns = Turns::default();
+        let mut spare = 0;
         let tracks = self.tracks.get_mut(..self.motors).unwrap_or_default();
         let motors = bank.motors.get_mut(..self.motors).unwrap_or_default();
-        let mut spare = 0;
-        for (track, motor) in tracks.iter_mut().zip(motors) {
-            spare |= track.advance(motor, &mut turns);
+        for ((track, motor), due) in tracks.iter_mut().zip(motors).zip(due) {
+            spare |= track.advance(*due, motor, &mut turns);
             // One motor after the other: for two at once the registers do not suffice.
             compiler_fence(Ordering::SeqCst);
         }
@@ -273,29 +371,45 @@ impl StepProgrammer {
         Ok(())
     }
 
-    /// Puts a new target into its place ([`Target::replace`]). Says too how far it is from the one before
-    /// and how far that was from the one before it, 2^-22 steps.
+    /// Puts in the extruder's target of a tick begun; `advance` is added to the one that is followed now,
+    /// 2^-22 steps. Says too how far that is from the one before and how far that was from the one before
+    /// it, 2^-22 steps.
     #[inline(always)]
-    pub fn replace_target(&mut self, motor: usize, new: Target) -> (u32, [i32; 2]) {
-        let track = &mut self.tracks[motor % MOTORS_MAX];
-        let way = new.fine.wrapping_sub(track.newest);
+    pub fn put_extruder(
+        &mut self,
+        (waiting, places): (&mut WaitingTargets, Places),
+        motor: usize,
+        new: Target,
+        advance: i64,
+    ) -> (u32, [i32; 2]) {
+        let motor = motor % MOTORS_MAX;
+        let track = &mut self.tracks[motor];
+        let due = self
+            .line
+            .exchange(waiting, places, motor, new.fine, advance);
+        let way = due.wrapping_sub(track.newest);
         (track.target.replace(new), [way, track.last_way])
     }
 
-    /// Forgets targets that cannot be reached: the motors stay where they are. Says which jumped
-    /// furthest.
+    /// Forgets targets that cannot be reached: those of the tick before stay. Says which jumped furthest.
     #[cold]
-    pub fn take_back(&mut self) -> StepRateExceeded {
+    pub fn take_back(&mut self, waiting: &WaitingTargets) -> StepRateExceeded {
+        self.line.take_back();
+        let before = *self.line.newest(waiting);
+        self.take_back_to(&before)
+    }
+
+    fn take_back_to(&mut self, row: &Row) -> StepRateExceeded {
         let mut refused = StepRateExceeded {
             motor: 0,
             steps_per_interval: 0,
         };
-        for (motor, track) in (0..).zip(&mut self.tracks) {
+        for ((motor, track), before) in (0..).zip(&mut self.tracks).zip(row) {
             // Known up to 1024 steps: what arrives is looked at before, so that no target jumps so far.
-            let way = track.target.fine.wrapping_sub(track.newest) >> WAY_FRACTION_BITS;
+            let way = track.target.fine.wrapping_sub(*before) >> WAY_FRACTION_BITS;
             let steps_per_interval = way.unsigned_abs();
             track.target.whole = track.target.whole.wrapping_sub(way);
-            track.target.fine = track.newest;
+            track.target.fine = *before;
             if steps_per_interval > refused.steps_per_interval {
                 refused = StepRateExceeded {
                     motor,
@@ -327,21 +441,21 @@ impl StepProgrammer {
 }
 
 impl MotorTrack {
-    /// Takes the next target and computes the rate for the interval between the last two. The
+    /// Takes the next target, the fine part of it, and computes the rate for the interval between the last two. The
     /// result is negative where more than one step a tick would be needed.
     ///
     /// With m the mean velocity and the acceleration 2 h, the first tick has the velocity
     /// m - (N - 1) h and the last m + (N - 1) h; all N make N m exactly.
     #[inline(always)]
-    fn advance(&mut self, motor: &mut Motor, turns: &mut Turns) -> i32 {
+    fn advance(&mut self, due: i32, motor: &mut Motor, turns: &mut Turns) -> i32 {
         let interval = self.interval;
-        let new_way = self.target.fine.wrapping_sub(self.newest);
+        let new_way = due.wrapping_sub(self.newest);
         let twice_mean = new_way.wrapping_sub(self.way_before);
         // From where the last program ends, not from where it was to end.
         let aim = (self.newest.wrapping_sub(self.last_way) << WAY_SHIFT) as u32;
         let behind = aim.wrapping_sub(self.end) as i32 >> WAY_SHIFT;
         let way = self.last_way.wrapping_add(behind);
-        self.newest = self.target.fine;
+        self.newest = due;
         self.way_before = self.last_way;
         self.last_way = new_way;
         let half = interval.half_acceleration(twice_mean);

@@ -56,7 +56,7 @@ fn play(
         }
     }
     assert_eq!(player.overruns(), 0);
-    (record, programmer.positions())
+    (record, programmer.positions(&WaitingTargets::NONE))
 }
 
 #[test]

@@ -10,6 +10,7 @@
 use crate::job::{Mark, MotionState, SegmentStream};
 use crate::settings::Settings;
 use headway_firmware::configuration::{JOINTS_MAX, Kinematics};
+use headway_firmware::delay::delay_ticks;
 use headway_firmware::kinematics::{inverse, winds};
 use headway_firmware::pose::Pose;
 use headway_firmware::spline::{Span, Spans};
@@ -144,6 +145,8 @@ struct Sampler<'a> {
     events: VecDeque<(f64, FlowEvent)>,
     /// Volume rates over the last window, `LOOKS_PER_TICK` a tick.
     window: VecDeque<VolumeRate>,
+    /// Looks that everything else waits for the advance.
+    delay_looks: usize,
     figures: LimitFigures,
 }
 
@@ -166,6 +169,8 @@ impl<'a> Sampler<'a> {
             servo_hz,
             events: stream.events.iter().map(|e| (start_of(e), *e)).collect(),
             window: window_behind(before, window_looks(settings), servo_hz),
+            delay_looks: (delay_ticks(&settings.machine.extruder, settings.machine.servo_hz)
+                * LOOKS_PER_TICK) as usize,
             figures: LimitFigures::default(),
         }
     }
@@ -248,21 +253,26 @@ impl<'a> Sampler<'a> {
         note(&mut figures.acceleration, change, Limit::Flow, time_s);
     }
 
-    /// e = V + K (V(t) - V(t - W)) / W + primes - retracts; everything in it is piecewise linear in
-    /// its second derivative between servo ticks, but for the events.
+    /// e = V(t - W/2) + K (V(t) - V(t - W)) / W + primes - retracts of t - W/2; everything in it is
+    /// piecewise linear in its second derivative between servo ticks, but for the events.
     fn extruder(&mut self, moment: &Moment, ticks: f64, is_end: bool) {
         let extruder = &self.settings.machine.extruder;
         let now = moment.volume_rate();
         let before = self.window.front().copied().unwrap_or_default();
+        let looks_back = self.delay_looks.min(self.window.len());
+        let middle = match looks_back {
+            0 => now,
+            back => self.window[self.window.len() - back],
+        };
         if !is_end {
             self.window.push_back(now);
             self.window.pop_front();
         }
         let looks_s = 1.0 / (self.servo_hz * f64::from(LOOKS_PER_TICK));
         let gain = extruder.pressure_advance_s / (self.window.len() as f64 * looks_s);
-        let event = self.event_rate(ticks);
-        let rate = now.rate_mm3_s + gain * (now.rate_mm3_s - before.rate_mm3_s);
-        let change = now.change_mm3_s2 + gain * (now.change_mm3_s2 - before.change_mm3_s2);
+        let event = self.event_rate(ticks - looks_back as f64 / f64::from(LOOKS_PER_TICK));
+        let rate = middle.rate_mm3_s + gain * (now.rate_mm3_s - before.rate_mm3_s);
+        let change = middle.change_mm3_s2 + gain * (now.change_mm3_s2 - before.change_mm3_s2);
         let time_s = ticks / self.servo_hz;
         let share = self.settings.plan_share;
         let figures = &mut self.figures;

@@ -11,7 +11,7 @@ use crate::drive::plan_curve::PlanCursor;
 use crate::drive::record::{MotionRecord, Step};
 use crate::job::SegmentStream;
 use headway_firmware::configuration::{JOINTS_MAX, MOTORS_MAX, MachineConfiguration};
-use headway_firmware::design::motion_delay_s;
+use headway_firmware::delay::motion_delay_s;
 use headway_protocol::units::CHANNELS;
 
 /// Servo ticks walked past the end of the motion, so that its last steps are seen and averages over
@@ -147,8 +147,7 @@ impl<'a> ServoWalk<'a, Box<dyn Iterator<Item = Step> + 'a>> {
             tick: -3,
             end_tick: (record.rates_q16.len() + TAIL_TICKS) as i64,
             ticks_per_servo_tick: f64::from(machine.step_hz) / f64::from(machine.servo_hz),
-            delay_ticks: motion_delay_s(machine.servo_hz, machine.step_hz)
-                * f64::from(machine.servo_hz),
+            delay_ticks: motion_delay_s(machine) * f64::from(machine.servo_hz),
             first_servo_tick: record.first_servo_tick as f64,
         }
     }

@@ -2,7 +2,7 @@
 //!
 //! [`SegmentStream`] and [`MotionRecord`] -> [`TraceFigures`]. The poses are looked at just before
 //! and just after every step and at every servo tick. The constant delay between a pose's
-//! evaluation and its steps ([`headway_firmware::design::motion_delay_s`]) is taken out. Step times
+//! evaluation and its steps ([`headway_firmware::delay::motion_delay_s`]) is taken out. Step times
 //! are compared with the exact crossing of the planned joint position through n + 1/2; where a
 //! joint hardly moves the crossing time is not defined to microseconds, so they are judged from
 //! [`STEP_TIME_SPEED_MIN_STEPS_S`] on.

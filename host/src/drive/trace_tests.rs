@@ -4,7 +4,7 @@
 
 use super::*;
 use crate::drive::test_streams::{planar, spiral};
-use headway_firmware::design::motion_delay_s;
+use headway_firmware::delay::motion_delay_s;
 use headway_firmware::output::StepOutput;
 
 /// Steps at the tick after each crossing of the exact plan, `late_ticks` later than it should;
@@ -13,7 +13,7 @@ fn ideal(stream: &SegmentStream, machine: &MachineConfiguration, late_ticks: i64
     let first_servo_tick = 7;
     let ratio = f64::from(machine.step_hz / machine.servo_hz);
     let ticks = stream_ticks(&stream.knots);
-    let delay = motion_delay_s(machine.servo_hz, machine.step_hz) * f64::from(machine.servo_hz);
+    let delay = motion_delay_s(machine) * f64::from(machine.servo_hz);
     let mut cursor = PlanCursor::new(&stream.start, &stream.knots);
     let start_counts = counts_at(&cursor.position(0.0), machine);
     let mut record = MotionRecord {

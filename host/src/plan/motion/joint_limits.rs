@@ -7,6 +7,7 @@ use crate::job::MotionState;
 use crate::plan::route::path_curve::CurvePoint;
 use crate::settings::{Settings, joint_names};
 use headway_firmware::configuration::{JOINTS_MAX, Kinematics};
+use headway_firmware::delay::delay_ticks;
 use headway_firmware::jet::Jet;
 use headway_firmware::kinematics::winding::Winding;
 use headway_firmware::kinematics::{self, KinematicsError};
@@ -201,6 +202,8 @@ pub struct MotionLimits {
     pub pressure_advance_s: f64,
     /// Window over which dV/dt is averaged, s, at least a servo tick.
     pub pressure_advance_window_s: f64,
+    /// Servo ticks that everything else waits for the advance: half its window.
+    pub advance_delay_ticks: u32,
     /// Servo ticks a second.
     pub servo_hz: f64,
 }
@@ -243,6 +246,7 @@ impl MotionLimits {
             pressure_advance_s: extruder.pressure_advance_s,
             pressure_advance_window_s: (extruder.pressure_advance_window_ms * 1e-3)
                 .max(1.0 / servo_hz),
+            advance_delay_ticks: delay_ticks(extruder, machine.servo_hz),
             servo_hz,
         };
         limits.checked(count)

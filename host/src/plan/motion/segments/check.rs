@@ -336,7 +336,8 @@ fn flow_at_ticks(spline: &RestSpline, servo_hz: f64) -> Vec<(f64, f64)> {
 const TICKS_AT_ONCE: usize = 4096;
 
 /// Checks the extruder's own rate and acceleration, pressure advance and events included, tick by
-/// tick until the advance has left its window: e' = V' + (K/W) (V'(t) - V'(t - W)) + events.
+/// tick until the advance has left its window: with the advance centred on the motion, e' at t is
+/// V'(t - W/2) + events(t - W/2) + (K/W) (V'(t) - V'(t - W)).
 /// A piece beyond its limit is listed where it happens and where its delayed part came from; one
 /// piece has the worst of all others. Empty for a stretch that lays nothing.
 pub fn check_extruder(
@@ -425,12 +426,14 @@ fn extruder_ratios(
             .copied()
             .unwrap_or((0.0, 0.0))
     };
+    let delay_ticks = limits.advance_delay_ticks as usize;
     let (rate, slope) = at(Some(tick));
     let (old_rate, old_slope) = at(tick.checked_sub(window_ticks));
-    let mut speed = rate + advance * (rate - old_rate);
-    let mut acceleration = slope + advance * (slope - old_slope);
+    let (mid_rate, mid_slope) = at(tick.checked_sub(delay_ticks));
+    let mut speed = mid_rate + advance * (rate - old_rate);
+    let mut acceleration = mid_slope + advance * (slope - old_slope);
     for event in events {
-        let (rate, slope) = event.rates_at(tick as f64);
+        let (rate, slope) = event.rates_at(tick as f64 - delay_ticks as f64);
         speed += rate * limits.servo_hz;
         acceleration += slope * limits.servo_hz * limits.servo_hz;
     }

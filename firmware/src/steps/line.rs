@@ -1,0 +1,174 @@
+//! The line in which all motors wait for pressure advance.
+//!
+//! Targets of successive servo ticks go in, those of some ticks ago come out: as much of them as a
+//! program needs, 2^-22 steps modulo 1024. The advance itself does not wait: it is added to what comes
+//! out. Why, and how long: [`crate::delay`].
+
+use super::TARGET_SHIFT;
+use crate::configuration::MOTORS_MAX;
+use crate::design::ADVANCE_WINDOW_TICKS_MAX;
+
+/// Rows of the line, a power of two: half the longest window, 4 KiB.
+const ROWS: usize = (ADVANCE_WINDOW_TICKS_MAX / 2).next_power_of_two();
+/// The longest wait, servo ticks.
+pub const WAIT_TICKS_MAX: u32 = ROWS as u32 - 1;
+
+/// Fine parts of the targets of one servo tick.
+pub(super) type Row = [i32; MOTORS_MAX];
+
+/// Targets on their way: the rows alone, which are large and so lie elsewhere than what every tick uses.
+#[derive(Clone, Debug)]
+pub struct WaitingTargets {
+    pub(super) rows: [Row; ROWS],
+}
+
+impl WaitingTargets {
+    /// Nothing waits.
+    pub const NONE: Self = Self {
+        rows: [[0; MOTORS_MAX]; ROWS],
+    };
+
+    /// The row to be filled.
+    #[inline(always)]
+    pub(super) fn newest(&mut self, places: Places) -> &mut Row {
+        &mut self.rows[places.newest % ROWS]
+    }
+
+    /// What comes out.
+    #[inline(always)]
+    pub(super) fn due(&self, places: Places) -> &Row {
+        &self.rows[places.oldest % ROWS]
+    }
+}
+
+/// The rows of a servo tick.
+#[derive(Clone, Copy, Debug)]
+pub struct Places {
+    newest: usize,
+    oldest: usize,
+}
+
+/// Where in the rows the newest targets are, and how long they wait.
+#[derive(Clone, Copy, Debug, Default)]
+pub(super) struct Line {
+    newest: usize,
+    wait_ticks: usize,
+    /// What the advance adds to what comes out, 2^-22 steps, and for which motor.
+    advance: i64,
+    advanced: usize,
+}
+
+impl Line {
+    /// Everything rests.
+    pub(super) fn new(advanced: usize, wait_ticks: u32) -> Self {
+        Self {
+            wait_ticks: wait_ticks.min(WAIT_TICKS_MAX) as usize,
+            advanced,
+            ..Self::default()
+        }
+    }
+
+    /// Servo ticks between what goes in and what comes out.
+    pub(super) fn wait_ticks(&self) -> u32 {
+        self.wait_ticks as u32
+    }
+
+    /// Begins a servo tick.
+    #[inline(always)]
+    pub(super) fn begin(&mut self) -> Places {
+        let newest = self.newest.wrapping_add(1) % ROWS;
+        self.newest = newest;
+        let oldest = newest.wrapping_sub(self.wait_ticks) % ROWS;
+        Places { newest, oldest }
+    }
+
+    /// Takes the servo tick back.
+    pub(super) fn take_back(&mut self) {
+        self.newest = self.newest.wrapping_sub(1) % ROWS;
+    }
+
+    /// The newest row.
+    pub(super) fn newest<'a>(&self, waiting: &'a WaitingTargets) -> &'a Row {
+        &waiting.rows[self.newest % ROWS]
+    }
+
+    /// Puts in the motor that has the advance. What comes out for it, with the advance of now.
+    #[inline(always)]
+    pub(super) fn exchange(
+        &mut self,
+        waiting: &mut WaitingTargets,
+        places: Places,
+        motor: usize,
+        fine: i32,
+        advance: i64,
+    ) -> i32 {
+        self.advance = advance;
+        waiting.rows[places.newest % ROWS][motor] = fine;
+        let due = &mut waiting.rows[places.oldest % ROWS][motor];
+        *due = due.wrapping_add(advance as i32);
+        *due
+    }
+
+    /// How far what goes in is ahead of what comes out, 2^-31 steps: but for a tick's way.
+    pub(super) fn held(&self, motor: usize, waiting: &WaitingTargets) -> i64 {
+        let fine = |back: usize| waiting.rows[self.newest.wrapping_sub(back) % ROWS][motor];
+        let way = |back: usize| i64::from(fine(back - 1).wrapping_sub(fine(back)));
+        let ways: i64 = (1..self.wait_ticks).map(way).sum();
+        let advance = if motor == self.advanced {
+            self.advance
+        } else {
+            0
+        };
+        (ways - advance) << TARGET_SHIFT
+    }
+}
+
+/// A position near `about`, both 2^-31 steps, of which the fine part is known.
+pub(super) fn position_near(about: i64, fine: i32) -> i64 {
+    let biased = about.wrapping_add(super::BIAS) >> TARGET_SHIFT;
+    let off = fine.wrapping_sub(biased as i32);
+    (biased.wrapping_add(i64::from(off)) << TARGET_SHIFT).wrapping_sub(super::BIAS)
+}
+
+#[cfg(test)]
+mod tests {
+    //! Goal: targets come out in order after their wait, the advance at once, and what is still held is
+    //! known. Method: known ways through lines of several lengths.
+    use super::*;
+
+    #[test]
+    fn targets_come_out_in_order_and_the_advance_at_once() {
+        for wait in [0, 1, 40, WAIT_TICKS_MAX] {
+            let mut waiting = WaitingTargets::NONE;
+            waiting.rows.fill([7; MOTORS_MAX]);
+            let mut line = Line::new(1, wait);
+            for tick in 0..1000i32 {
+                let places = line.begin();
+                waiting.newest(places)[0] = tick;
+                let advance = i64::from(tick) * 5;
+                let came = line.exchange(&mut waiting, places, 1, tick, advance);
+                let due = tick - wait as i32;
+                let expected = if due < 0 { 7 } else { due };
+                assert_eq!(waiting.due(places)[0], expected, "{wait}");
+                assert_eq!(came, expected + tick * 5, "{wait}");
+                if due > 0 {
+                    let held = i64::from(wait.saturating_sub(1)) << TARGET_SHIFT;
+                    assert_eq!(line.held(0, &waiting), held);
+                    assert_eq!(line.held(1, &waiting), held - (advance << TARGET_SHIFT));
+                }
+            }
+        }
+    }
+
+    #[test]
+    fn a_position_is_known_from_its_fine_part_and_about_where_it_is() {
+        for position in [0, 1i64 << 40, -(1i64 << 50), (1 << 62) - 512] {
+            let exact = position >> TARGET_SHIFT << TARGET_SHIFT;
+            let fine = crate::steps::Target::of_position(exact).fine;
+            for off in [-500, 0, 300] {
+                let about = exact.wrapping_add(off * crate::steps::STEP);
+                assert_eq!(position_near(about, fine) >> 9, exact >> 9, "{off}");
+            }
+        }
+    }
+}
