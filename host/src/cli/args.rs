@@ -33,6 +33,8 @@ pub(super) enum Command {
     Headings(HeadingsArgs),
     /// Run a job through the firmware library and check what comes out.
     Simulate(SimulateArgs),
+    /// Write a job's report, a page that draws and plays it, and open it.
+    View(ViewArgs),
     /// Write a job as a table of poses, a picture or JSON.
     Export(ExportArgs),
     /// Show what is in a job file or an input.
@@ -329,6 +331,29 @@ pub(super) struct SimulateArgs {
     /// The figures as one JSON object on stdout.
     #[arg(long)]
     pub json: bool,
+}
+
+/// `headway view`.
+#[derive(Debug, Args)]
+#[command(after_help = "\
+Examples:
+  headway view part.hwj
+  headway view part.svg -m machine.toml --report pages/part --no-open")]
+pub(super) struct ViewArgs {
+    /// A job file (.hwj), or an input, which is planned.
+    pub input: PathBuf,
+    /// Folder for the page and its pictures [default: the input's name, with -report].
+    #[arg(long, value_name = "DIR")]
+    pub report: Option<PathBuf>,
+    /// Only write the page.
+    #[arg(long)]
+    pub no_open: bool,
+    #[command(flatten)]
+    pub reading: InputArgs,
+    #[command(flatten)]
+    pub place: PlaceArgs,
+    #[command(flatten)]
+    pub settings: SettingsArgs,
 }
 
 /// `headway export`.

@@ -23,6 +23,7 @@ mod planned;
 mod printable;
 mod simulate;
 mod stream;
+mod view;
 mod warnings;
 
 use args::{Arguments, Command};
@@ -80,6 +81,7 @@ pub fn run(arguments: impl IntoIterator<Item = OsString>) -> ExitCode {
         Command::Plan(plan) => plan::run(plan, &console),
         Command::Headings(headings) => headings::run(headings, &console),
         Command::Simulate(simulate) => simulate::run(simulate, &console),
+        Command::View(view) => view::run(view, &console),
         Command::Export(export) => export::run(export, &console),
         Command::Inspect(inspect) => inspect::run(inspect, &console),
         Command::Stream(stream) => stream::run(stream, &console),

@@ -1,6 +1,7 @@
 //! Planner's intermediates -> the report's plain structs.
 
 use super::planned::Planned;
+use crate::drive::time_by_limit::{limit_at, limit_names};
 use crate::geometry::clearance::Configuration;
 use crate::geometry::frame::Frame;
 use crate::geometry::polygon::Region;
@@ -13,16 +14,20 @@ use crate::plan::layers::layer_groups::{OFF_REGIONS, infills_of_layers};
 use crate::plan::outline::contour::{Contour, SIMPLIFY_MM};
 use crate::plan::pass::PassKind;
 use crate::report::coverage_picture::{Cell, CoveragePicture, Raster};
+use crate::report::figures::SlowPlaceFigures;
 use crate::report::plan_picture::{PicturePass, PlanPicture, Zone};
 use crate::report::pose_table::{duration_ticks, samples_within};
 use crate::report::space_picture::{SpacePicture, SpacePoint};
 use crate::report::stream_plots::stream_plots;
-use crate::report::{LayerSheets, Report, ReportFile, write_report};
+use crate::report::track::{Track, TrackOf, track};
+use crate::report::{LayerSheets, Place, Report, ReportFile, write_report};
 use headway_firmware::pose::Pose;
 use headway_protocol::units::{CHANNEL_HEADING, CHANNEL_X, CHANNEL_Y, CHANNEL_Z};
 
 /// Most samples of a picture's paths.
 const SAMPLES_MAX: u64 = 200_000;
+/// Most samples of the page's layers together: about 8 MB of it with seven joints.
+const TRACK_SAMPLES_MAX: u64 = 200_000;
 
 /// Most samples of the picture in space.
 const SPACE_SAMPLES_MAX: u64 = 20_000;
@@ -86,6 +91,7 @@ fn shown_layers(planned: &Planned) -> Vec<ShownLayer> {
 pub(super) fn report_files(planned: &Planned) -> Vec<ReportFile> {
     let shown = shown_layers(planned);
     let rasters = rasters(planned, &shown);
+    let samples_max = TRACK_SAMPLES_MAX / shown.len().max(1) as u64;
     let sheets = shown.iter().zip(rasters).map(|(shown, rasters)| {
         let coverage = (!rasters.is_empty()).then(|| CoveragePicture {
             title: &shown.coverage_title,
@@ -97,19 +103,22 @@ pub(super) fn report_files(planned: &Planned) -> Vec<ReportFile> {
             label: &shown.label,
             plan: plan_picture(&shown.plan_title, planned, shown.layer),
             coverage,
+            track: Some(track_of(planned, shown.layer, samples_max)),
         }
     });
+    let settings = &planned.settings;
     write_report(&Report {
         title: &planned.name,
         figures: &planned.figures,
         layers: sheets.collect(),
         space: space_picture(planned),
-        motion: Some(stream_plots(
-            &planned.name,
-            &planned.stream,
-            &planned.settings,
-        )),
+        motion: Some(stream_plots(&planned.name, &planned.stream, settings)),
         notes: &planned.notes,
+        servo_hz: f64::from(settings.machine.servo_hz),
+        flow_limit_mm3_s: settings.flow_max_mm3_s * settings.plan_share,
+        limits: &limit_names(settings),
+        slow_places: &slow_places(planned),
+        left_out: &planned.left_out,
     })
 }
 
@@ -135,6 +144,37 @@ fn space_picture(planned: &Planned) -> Option<SpacePicture> {
         title: format!("{}: path and tool axes", planned.name),
         points,
     })
+}
+
+/// The motion of a layer, with what holds it back.
+fn track_of(planned: &Planned, layer: u32, samples_max: u64) -> Track {
+    let (stream, settings) = (&planned.stream, &planned.settings);
+    let ticks = match stream.layers() {
+        0 | 1 => [0, duration_ticks(stream)],
+        _ => stream.ticks_of_layer(layer),
+    };
+    let of = TrackOf {
+        stream,
+        settings,
+        transform: &planned.transform,
+        ticks,
+        samples_max,
+    };
+    track(of, |span, t_ticks| limit_at(span, t_ticks, settings))
+}
+
+fn slow_places(planned: &Planned) -> Vec<Place> {
+    let places = planned.figures.slow_places.iter().flatten();
+    let place = |place: &SlowPlaceFigures| Place {
+        what: format!(
+            "{:.2} s for a millimetre, by {}",
+            place.seconds,
+            place.limit.replace('_', " ")
+        ),
+        x_mm: place.x_mm,
+        y_mm: place.y_mm,
+    };
+    places.map(place).collect()
 }
 
 /// What was swept of each layer shown.

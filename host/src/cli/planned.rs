@@ -17,6 +17,7 @@ use crate::plan::layers::layer_groups::LayerGroup;
 use crate::plan::motion::singular::SingularPlaces;
 use crate::plan::outline::unreachable::UnreachableRun;
 use crate::plan::pass::PassKind;
+use crate::report::Place;
 use crate::report::figures::{Figures, Inside, KindFigures, SlowPlaceFigures};
 use crate::settings::Settings;
 use crate::{Plan, RegionPlan, plan_target_around, plan_waypoints_with_progress};
@@ -28,6 +29,8 @@ use std::time::Instant;
 const PLACES_TOLD: usize = 3;
 /// Slowing that is worth a note, s.
 const SLOWING_TOLD_S: f64 = 0.1;
+/// Places of either kind that the report's page lists.
+const PLACES_SHOWN: usize = 20;
 /// Places of unreachable boundary that the figures list.
 const PLACES_LISTED: usize = 1000;
 
@@ -45,6 +48,9 @@ pub(super) struct Planned {
     pub plan: Option<Box<Plan>>,
     /// Boundary that cannot be touched, input coordinates.
     pub unreachable: Vec<UnreachableRun>,
+    /// Ground and boundary that is not printed, the largest of each first; empty for a job from a
+    /// file.
+    pub left_out: Vec<Place>,
 }
 
 /// Reads an input and plans it.
@@ -110,6 +116,7 @@ pub(super) fn from_input(
         stream: plan.stream.clone(),
         notes,
         plan: Some(Box::new(plan)),
+        left_out: left_out(&open, &unreachable),
         unreachable,
     })
 }
@@ -148,6 +155,7 @@ pub(super) fn of_job(job: Job) -> Planned {
         notes: Vec::new(),
         plan: None,
         unreachable: Vec::new(),
+        left_out: Vec::new(),
     }
 }
 
@@ -155,6 +163,26 @@ pub(super) fn of_job(job: Job) -> Planned {
 fn largest_mm2(plan: &Plan, open: &[OpenGround]) -> Option<f64> {
     let largest = open.first().map_or(0.0, |piece| piece.area_mm2);
     (!plan.prints.is_empty()).then_some(largest)
+}
+
+/// Open ground and unreachable boundary as places for the eye.
+fn left_out(open: &[OpenGround], unreachable: &[UnreachableRun]) -> Vec<Place> {
+    let open = open.iter().take(PLACES_SHOWN).map(|piece| Place {
+        what: format!("{:.3} mm² of open ground", piece.area_mm2),
+        x_mm: piece.at.x,
+        y_mm: piece.at.y,
+    });
+    let mut longest: Vec<&UnreachableRun> = unreachable.iter().collect();
+    longest.sort_by(|a, b| b.length_mm().total_cmp(&a.length_mm()));
+    let runs = longest.into_iter().take(PLACES_SHOWN).map(|run| {
+        let at = nalgebra::center(&run.from, &run.to);
+        Place {
+            what: format!("{:.3} mm of boundary out of reach", run.length_mm()),
+            x_mm: at.x,
+            y_mm: at.y,
+        }
+    });
+    open.chain(runs).collect()
 }
 
 /// Boundary that cannot be touched, input coordinates.

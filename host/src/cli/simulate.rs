@@ -31,7 +31,8 @@ pub(super) fn run(args: &SimulateArgs, console: &Console) -> Result<(), CliError
         check_folder(folder)?;
     }
     let mut planned = if job::is_job(&args.input) {
-        console.notes(of_no_use(args).as_slice());
+        let unused = of_no_use(&args.input, &args.reading, &args.place, &args.settings);
+        console.notes(unused.as_slice());
         planned::from_job(&args.input, &args.settings)?
     } else {
         planned::from_input(
@@ -68,21 +69,26 @@ pub(super) fn run(args: &SimulateArgs, console: &Console) -> Result<(), CliError
 }
 
 /// What is said of a job that only planning could heed.
-fn of_no_use(args: &SimulateArgs) -> Option<String> {
+pub(super) fn of_no_use(
+    input: &Path,
+    reading: &InputArgs,
+    place: &PlaceArgs,
+    settings: &SettingsArgs,
+) -> Option<String> {
     let InputArgs {
         from,
         units,
         scale,
         repair,
-    } = args.reading;
-    let of_reading = from.is_some() || units.is_some() || scale != 1.0 || repair;
+    } = reading;
+    let of_reading = from.is_some() || units.is_some() || *scale != 1.0 || *repair;
     let machine_alone = SettingsArgs {
-        machine: args.settings.machine.clone(),
+        machine: settings.machine.clone(),
         ..SettingsArgs::default()
     };
-    let of_plan = args.place != PlaceArgs::default() || args.settings != machine_alone;
+    let of_plan = *place != PlaceArgs::default() || *settings != machine_alone;
     (of_reading || of_plan).then(|| {
-        let path = args.input.display();
+        let path = input.display();
         format!(
             "{path} is planned already: options of input and settings change nothing; plan the \
              input again with them"
@@ -160,7 +166,12 @@ fn write_traces(args: &SimulateArgs, planned: &Planned, dry_run: &DryRun) -> Res
     Ok(())
 }
 
-fn write_report(folder: &Path, planned: &Planned, console: &Console) -> Result<(), CliError> {
+/// Writes the report's files, the page last.
+pub(super) fn write_report(
+    folder: &Path,
+    planned: &Planned,
+    console: &Console,
+) -> Result<(), CliError> {
     let bar = console.stage("report");
     let files = pictures::report_files(planned);
     let files: Vec<(&str, &str)> = files

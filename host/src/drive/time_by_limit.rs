@@ -82,6 +82,22 @@ pub fn time_by_limit(stream: &SegmentStream, settings: &Settings) -> TimeByLimit
     }
 }
 
+/// Names of all limits of a machine, in words, by the numbers of [`limit_at`].
+pub fn limit_names(settings: &Settings) -> Vec<String> {
+    let quantities = joint_names(&settings.machine.kinematics).len() + 2;
+    let keys = (0..DERIVATIVES.len() * quantities).map(|k| Some((k / quantities, k % quantities)));
+    keys.map(|key| name(key, settings).replace('_', " "))
+        .collect()
+}
+
+/// The limit that is used most at so many ticks of a span, if one is reached.
+pub fn limit_at(span: &Span, t_ticks: f64, settings: &Settings) -> Option<usize> {
+    let servo_hz = f64::from(settings.machine.servo_hz);
+    let quantities = joint_names(&settings.machine.kinematics).len() + 2;
+    let (derivative, quantity) = binding(&Moment::of(span, t_ticks, servo_hz), settings)?;
+    Some(derivative * quantities + quantity)
+}
+
 fn name(key: Key, settings: &Settings) -> String {
     let Some((derivative, quantity)) = key else {
         return "none".to_string();

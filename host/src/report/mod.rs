@@ -1,7 +1,7 @@
 //! What people and programs get to see of a job: figures, pictures, tables.
 //!
 //! ```text
-//! plain structs (PlanPicture, CoveragePicture, TimePlots, Figures) --> SVG, JSON, CSV, HTML text
+//! plain structs (PlanPicture, CoveragePicture, TimePlots, Track, Figures) --> SVG, JSON, CSV, HTML
 //! ```
 //! Input: the stages' results, handed over as plain structs in the input's coordinates (mm).
 //! Output: text. Leaves out files: [`write_report`] returns names and contents, the command writes
@@ -17,12 +17,15 @@ pub mod plots;
 pub mod pose_table;
 pub mod space_picture;
 pub mod stream_plots;
+pub mod track;
 
 use coverage_picture::CoveragePicture;
 use figures::Figures;
 use plan_picture::PlanPicture;
 use plots::TimePlots;
+use serde::Serialize;
 use space_picture::SpacePicture;
+use track::Track;
 
 /// Everything that a report shows.
 #[derive(Clone, Debug)]
@@ -39,6 +42,27 @@ pub struct Report<'a> {
     pub motion: Option<TimePlots>,
     /// Warnings and notes for the page.
     pub notes: &'a [String],
+    /// Rate of the servo ticks.
+    pub servo_hz: f64,
+    /// Highest flow that is planned.
+    pub flow_limit_mm3_s: f64,
+    /// Names of the limits that tracks speak of by number.
+    pub limits: &'a [String],
+    /// The slowest places, the slowest first.
+    pub slow_places: &'a [Place],
+    /// What is not printed, the largest first.
+    pub left_out: &'a [Place],
+}
+
+/// Something at a place of the part.
+#[derive(Clone, Debug, PartialEq, Serialize)]
+pub struct Place {
+    /// What is there, in words.
+    pub what: String,
+    /// Where, input coordinates.
+    pub x_mm: f64,
+    /// Where, input coordinates.
+    pub y_mm: f64,
 }
 
 /// Pictures of one layer.
@@ -52,6 +76,8 @@ pub struct LayerSheets<'a> {
     pub plan: PlanPicture<'a>,
     /// Gaps and overlaps.
     pub coverage: Option<CoveragePicture<'a>>,
+    /// Its motion, for the page.
+    pub track: Option<Track>,
 }
 
 /// A file of the report.
@@ -102,7 +128,7 @@ pub fn write_report(report: &Report) -> Vec<ReportFile> {
             plots::draw(motion),
         );
     }
-    let page = page::html(report.title, report.figures, report.notes, &pictures);
+    let page = page::html(report, &pictures);
     let first = ReportFile {
         name: "report.json".to_string(),
         text: report.figures.to_json() + "\n",

@@ -7,11 +7,12 @@
 use crate::job::{Mark, MotionState, SegmentStream};
 use crate::part_transform::PartTransform;
 use headway_firmware::pose::Pose;
-use headway_firmware::spline::Spans;
+use headway_firmware::spline::{Span, Spans};
 use headway_protocol::units::{
     CHANNEL_HEADING, CHANNEL_VOLUME, CHANNEL_X, CHANNEL_Y, CHANNEL_Z, CHANNELS,
 };
 use std::io::Write;
+use std::rc::Rc;
 
 /// Header line of the pose tables.
 pub const POSE_HEADER: &str =
@@ -68,8 +69,18 @@ pub fn samples_within(
     stream: &SegmentStream,
     servo_hz: f64,
     every_ticks: f64,
-    [from, end]: [u64; 2],
+    ticks: [u64; 2],
 ) -> impl Iterator<Item = StreamSample> + '_ {
+    moments_within(stream, servo_hz, every_ticks, ticks).map(|(sample, _, _)| sample)
+}
+
+/// The same, each with its span and the ticks since that began.
+pub fn moments_within(
+    stream: &SegmentStream,
+    servo_hz: f64,
+    every_ticks: f64,
+    [from, end]: [u64; 2],
+) -> impl Iterator<Item = (StreamSample, Rc<Span>, f64)> + '_ {
     let mut next = 0u64;
     let mut mark = 0usize;
     let spans = Spans::new(&stream.start, &stream.knots);
@@ -77,6 +88,7 @@ pub fn samples_within(
         spans.skip_while(move |span| span.start_tick + u64::from(span.duration_ticks) < from);
     let spans = spans.take_while(move |span| span.start_tick <= end);
     spans.flat_map(move |span| {
+        let span = Rc::new(span);
         let mut found = Vec::new();
         let span_end = span.start_tick + u64::from(span.duration_ticks);
         loop {
@@ -91,12 +103,13 @@ pub fn samples_within(
             while mark + 1 < stream.marks.len() && stream.marks[mark].end_tick as f64 <= tick {
                 mark += 1;
             }
-            found.push(StreamSample {
+            let sample = StreamSample {
                 time_s: tick / servo_hz,
                 position: span.position(t),
                 velocity: span.velocity(t, servo_hz),
                 mark: stream.marks.get(mark).copied().unwrap_or(NO_MARK),
-            });
+            };
+            found.push((sample, span.clone(), t));
         }
     })
 }

@@ -170,6 +170,22 @@ fn empty_plan() -> PlanPicture<'static> {
     }
 }
 
+fn empty(figures: &Figures) -> Report<'_> {
+    Report {
+        title: "part",
+        figures,
+        layers: Vec::new(),
+        space: None,
+        motion: None,
+        notes: &[],
+        servo_hz: 2000.0,
+        flow_limit_mm3_s: 50.0,
+        limits: &[],
+        slow_places: &[],
+        left_out: &[],
+    }
+}
+
 #[test]
 fn a_layer_is_sampled_as_it_is_in_the_whole() {
     let mut stream = stream();
@@ -234,27 +250,21 @@ fn motion_and_page_hold_what_they_should() {
     };
     let notes = ["two < three".to_string()];
     let files = write_report(&Report {
-        title: "part",
-        figures: &figures,
-        layers: Vec::new(),
-        space: None,
         motion: Some(plots),
         notes: &notes,
+        ..empty(&figures)
     });
     let files_of_layers = write_report(&Report {
-        title: "part",
-        figures: &figures,
         layers: [(0, "layer 1 of 9"), (4, "layer 5 of 9 and 2 like it")]
             .map(|(layer, label)| LayerSheets {
                 layer,
                 label,
                 plan: empty_plan(),
                 coverage: None,
+                track: Some(track::Track::default()),
             })
             .to_vec(),
-        space: None,
-        motion: None,
-        notes: &[],
+        ..empty(&figures)
     });
     let names: Vec<&str> = files_of_layers
         .iter()
@@ -274,4 +284,74 @@ fn motion_and_page_hold_what_they_should() {
     // Four panels and the limits of two of them.
     assert!(count(&files[1].text, "path") >= 7);
     assert!(files[2].text.contains("two &lt; three") && files[2].text.contains("motion.svg"));
+}
+
+/// Goal: the page's samples are the stream's. Method: the columns read back from the page's block, as
+/// its script does, against the pose table's samples; a name that would end the block stays inside.
+#[test]
+fn the_page_holds_the_motion() {
+    use base64::Engine;
+    let (stream, settings) = (stream(), Settings::default());
+    let transform = PartTransform {
+        offset_mm: [100.0, 0.0, 0.0],
+    };
+    let of = track::TrackOf {
+        stream: &stream,
+        settings: &settings,
+        transform: &transform,
+        ticks: [0, 1036],
+        samples_max: 300,
+    };
+    let track = track::track(of, |_, _| Some(2));
+    // 1036 ticks in steps of 4, both ends included.
+    assert_eq!((track.every_s, track.state.len()), (0.002, 260));
+    assert!(
+        track
+            .limit
+            .iter()
+            .zip(&track.state)
+            .all(|(&l, &s)| (l == 2) == (s == 0))
+    );
+    let figures = Figures::default();
+    let limits = ["x speed", "</script><b>", "tip speed"].map(String::from);
+    let files = write_report(&Report {
+        layers: vec![LayerSheets {
+            layer: 0,
+            label: "",
+            plan: empty_plan(),
+            coverage: None,
+            track: Some(track),
+        }],
+        limits: &limits,
+        ..empty(&figures)
+    });
+    let page = &files.last().expect("the page").text;
+    assert_eq!(page.matches("</script>").count(), 2);
+    let (_, block) = page.split_once("id=\"data\">").expect("the block");
+    let (block, _) = block.split_once("</script>").expect("its end");
+    let block: serde_json::Value = serde_json::from_str(block).expect("JSON");
+    assert_eq!(block["limits"][1], "</script><b>");
+    let column = |name: &str| -> Vec<f64> {
+        let column = &block["layers"][0][name];
+        let text = column["b64"].as_str().expect("text");
+        let bytes = base64::engine::general_purpose::STANDARD
+            .decode(text)
+            .expect("base64");
+        let (min, max) = (
+            column["min"].as_f64().expect("min"),
+            column["max"].as_f64().expect("max"),
+        );
+        let number = |pair: &[u8]| f64::from(u16::from_le_bytes([pair[0], pair[1]]));
+        bytes
+            .chunks(2)
+            .map(|pair| min + (max - min) * number(pair) / 65535.0)
+            .collect()
+    };
+    let samples: Vec<_> = pose_table::samples(&stream, 2000.0, 4.0).collect();
+    for (x, sample) in column("x").iter().zip(&samples) {
+        assert!((x - (sample.position[0] - 100.0)).abs() < 1e-4, "{x}");
+    }
+    for (speed, sample) in column("speed").iter().zip(&samples) {
+        assert!((speed - sample.speed_mm_s()).abs() < 1e-3, "{speed}");
+    }
 }

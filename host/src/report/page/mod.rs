@@ -1,0 +1,104 @@
+//! The report's page: one file with everything in it, which draws, plays and plots the job.
+//!
+//! ```text
+//! Report --verdict (words), data (JSON), figures (tables)--> page.html with page.css and page.js
+//! ```
+//! It opens from disk and asks nothing of anybody: its own policy forbids requests. Without scripts
+//! the figures stay, and the pictures beside it.
+
+mod data;
+mod verdict;
+
+use super::{Report, figures::Figures};
+
+const TEMPLATE: &str = include_str!("page.html");
+const STYLE: &str = include_str!("page.css");
+const SCRIPT: &str = include_str!("page.js");
+/// Groups that a user reads first; the others are folded away.
+const FIRST_GROUPS: [&str; 3] = ["Coverage", "Layers", "Motion"];
+
+/// The page; `pictures` are (file name, caption) of what lies beside it.
+pub fn html(report: &Report, pictures: &[(String, String)]) -> String {
+    let is_first = |group: &str| FIRST_GROUPS.contains(&group);
+    let fields = [
+        ("title", escaped(report.title)),
+        ("css", STYLE.to_string()),
+        ("verdict", escaped(&verdict::verdict(report.figures))),
+        ("notes", notes(report.notes)),
+        ("figures", tables(report.figures, is_first)),
+        ("more", tables(report.figures, |group| !is_first(group))),
+        ("files", files(pictures)),
+        ("data", data::json(report)),
+        ("js", SCRIPT.to_string()),
+    ];
+    filled(TEMPLATE, &fields)
+}
+
+/// The template with each `{name}` replaced once; what is put in is not looked at again.
+fn filled(template: &str, fields: &[(&str, String)]) -> String {
+    let mut page = String::new();
+    let mut rest = template;
+    while let Some(start) = rest.find('{') {
+        let (before, from) = rest.split_at(start);
+        page += before;
+        let named = fields.iter().find(|(name, _)| {
+            from[1..]
+                .strip_prefix(name)
+                .is_some_and(|r| r.starts_with('}'))
+        });
+        match named {
+            Some((name, text)) => {
+                page += text;
+                rest = &from[name.len() + 2..];
+            }
+            None => {
+                page.push('{');
+                rest = &from[1..];
+            }
+        }
+    }
+    page + rest
+}
+
+fn notes(notes: &[String]) -> String {
+    if notes.is_empty() {
+        return String::new();
+    }
+    let items: String = notes
+        .iter()
+        .map(|note| format!("<li>{}</li>\n", escaped(note)))
+        .collect();
+    format!("<section aria-label=\"Notes\"><h2>Notes</h2><ul>\n{items}</ul></section>")
+}
+
+fn tables(figures: &Figures, wanted: impl Fn(&str) -> bool) -> String {
+    let mut text = String::from("<div class=\"groups\">\n");
+    for (group, rows) in figures.groups().into_iter().filter(|(g, _)| wanted(g)) {
+        text += &format!("<div class=\"scroll\"><h2>{group}</h2><table>\n");
+        for (what, value) in rows {
+            let (what, value) = (escaped(&what), escaped(&value));
+            text += &format!("<tr><td>{what}</td><td>{value}</td></tr>\n");
+        }
+        text += "</table></div>\n";
+    }
+    text + "</div>"
+}
+
+fn files(pictures: &[(String, String)]) -> String {
+    let mut text = String::from(
+        "<section aria-label=\"Files\"><h2>Files beside this page</h2><ul>\n\
+         <li><a href=\"report.json\">report.json</a>: all figures</li>\n",
+    );
+    for (file, caption) in pictures {
+        let (file, caption) = (escaped(file), escaped(caption));
+        text += &format!("<li><a href=\"{file}\">{file}</a>: {caption}</li>\n");
+    }
+    text + "</ul></section>"
+}
+
+fn escaped(text: &str) -> String {
+    text.replace('&', "&amp;")
+        .replace('<', "&lt;")
+        .replace('>', "&gt;")
+        .replace('"', "&quot;")
+}

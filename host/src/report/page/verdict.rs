@@ -1,0 +1,71 @@
+//! The figures in one line of plain words.
+//!
+//! In: [`Figures`]. Out: a sentence or several: how long, how much, how well covered, what holds the
+//! motion back, what went wrong. What is not known is not spoken of.
+
+use crate::report::figures::Figures;
+
+/// Time at no limit counts as one by this name.
+const NONE: &str = "none";
+
+/// The line.
+pub fn verdict(figures: &Figures) -> String {
+    let parts = [
+        faults(figures),
+        time(figures),
+        coverage(figures),
+        limit(figures),
+    ];
+    parts.into_iter().flatten().collect::<Vec<_>>().join(" ")
+}
+
+fn faults(figures: &Figures) -> Option<String> {
+    let faults = figures.faults.filter(|&faults| faults > 0)?;
+    Some(format!("The controller stopped with {faults} fault(s)."))
+}
+
+fn time(figures: &Figures) -> Option<String> {
+    let time = duration(figures.print_s?);
+    let material = figures.volume_mm3.map_or(String::new(), |volume| {
+        format!(" with {volume:.1} mm³ of material")
+    });
+    let passes = match figures.passes {
+        Some(1) => " in one pass".to_string(),
+        Some(passes) => format!(" in {passes} passes"),
+        None => String::new(),
+    };
+    Some(format!("Takes {time}{material}{passes}."))
+}
+
+fn duration(seconds: f64) -> String {
+    match seconds {
+        s if s < 100.0 => format!("{s:.1} s"),
+        s if s < 6000.0 => format!("{:.0} min {:02.0} s", (s / 60.0).floor(), s % 60.0),
+        s => format!(
+            "{:.0} h {:02.0} min",
+            (s / 3600.0).floor(),
+            (s % 3600.0) / 60.0
+        ),
+    }
+}
+
+fn coverage(figures: &Figures) -> Option<String> {
+    let covered = figures.covered_pct?;
+    let open = match figures.open_largest_mm2 {
+        Some(open) if open > 0.0 => format!("; the largest place left open has {open:.2} mm²"),
+        Some(_) => "; nothing is left open".to_string(),
+        None => String::new(),
+    };
+    Some(format!("Covers {covered:.1} % of the outline{open}."))
+}
+
+fn limit(figures: &Figures) -> Option<String> {
+    let shares = figures.time_share_by_limit.as_ref()?.iter();
+    let named = shares.filter(|(limit, _)| *limit != NONE);
+    let (limit, share) = named.max_by(|a, b| a.1.total_cmp(b.1))?;
+    let limit = limit.replace('_', " ");
+    Some(format!(
+        "{:.0} % of the printing time is spent at the limit of {limit}.",
+        100.0 * share
+    ))
+}

@@ -1,0 +1,152 @@
+//! The motion of one layer as columns of samples: what the page plays, colours and plots.
+//!
+//! In: a [`SegmentStream`] in machine coordinates, which of its servo ticks, settings. Out: a
+//! [`Track`] in the input's coordinates at even steps of time, at most so many samples; mm, degrees,
+//! mm/s, mm³/s, joint speeds in per cent of their limits. Leaves out what lies between two samples,
+//! which the page says.
+
+use super::pose_table::{StreamSample, moments_within};
+use crate::job::{MotionState, SegmentStream};
+use crate::part_transform::PartTransform;
+use crate::settings::{Settings, joint_names};
+use headway_firmware::configuration::{JOINTS_MAX, MachineConfiguration};
+use headway_firmware::kinematics;
+use headway_firmware::kinematics::winding::Winding;
+use headway_firmware::pose::Pose;
+use headway_firmware::spline::Span;
+use headway_protocol::units::{CHANNEL_HEADING, CHANNEL_X, CHANNEL_Y, CHANNEL_Z};
+
+/// No limit binds.
+pub const NO_LIMIT: u8 = u8::MAX;
+
+/// Columns of samples at even steps, all of one length.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub struct Track {
+    /// Time of the first sample in the job, s.
+    pub start_s: f64,
+    /// Time between two samples, s.
+    pub every_s: f64,
+    /// Tip, mm: x, y, z.
+    pub tip_mm: [Vec<f32>; 3],
+    /// Tool axis; empty where it stands upright throughout.
+    pub tool_axis: [Vec<f32>; 3],
+    /// Heading, unwrapped, degrees.
+    pub heading_deg: Vec<f32>,
+    /// Speed of the tip, mm/s.
+    pub speed_mm_s: Vec<f32>,
+    /// Flow of the deposited volume, mm³/s.
+    pub flow_mm3_s: Vec<f32>,
+    /// Speed of each joint in per cent of its limit; the name first.
+    pub joints_pct: Vec<(String, Vec<f32>)>,
+    /// What the head does, as its place in [`STATES`].
+    pub state: Vec<u8>,
+    /// Number of the limit that binds, or [`NO_LIMIT`].
+    pub limit: Vec<u8>,
+}
+
+/// The states by their number.
+pub const STATES: [MotionState; 5] = [
+    MotionState::Print,
+    MotionState::Travel,
+    MotionState::Prime,
+    MotionState::Retract,
+    MotionState::Hold,
+];
+
+/// What of a stream is sampled.
+#[derive(Clone, Copy, Debug)]
+pub struct TrackOf<'a> {
+    /// The stream.
+    pub stream: &'a SegmentStream,
+    /// Its settings.
+    pub settings: &'a Settings,
+    /// From machine to input coordinates.
+    pub transform: &'a PartTransform,
+    /// First and last servo tick.
+    pub ticks: [u64; 2],
+    /// Most samples (at least two).
+    pub samples_max: u64,
+}
+
+/// Samples the motion; `limit_at` says which limit binds at so many ticks of a span.
+pub fn track(of: TrackOf, limit_at: impl Fn(&Span, f64) -> Option<usize>) -> Track {
+    let [from, end] = of.ticks;
+    let every_ticks = (end - from).div_ceil(of.samples_max.max(2)).max(1);
+    let machine = &of.stream.machine(&of.settings.machine);
+    let servo_hz = f64::from(machine.servo_hz);
+    let mut track = Track {
+        start_s: from as f64 / servo_hz,
+        every_s: every_ticks as f64 / servo_hz,
+        joints_pct: joint_names(&machine.kinematics)
+            .iter()
+            .map(|name| (name.to_uppercase(), Vec::new()))
+            .collect(),
+        ..Track::default()
+    };
+    let mut joints = JointSpeeds::default();
+    for (sample, span, t) in moments_within(of.stream, servo_hz, every_ticks as f64, of.ticks) {
+        track.push(&sample, of.transform);
+        let speeds = joints.at(&sample, machine);
+        for (k, (_, column)) in track.joints_pct.iter_mut().enumerate() {
+            column.push(speeds[k]);
+        }
+        let prints = sample.mark.state == MotionState::Print;
+        let limit = prints.then(|| limit_at(&span, t)).flatten();
+        let number = limit.and_then(|limit| u8::try_from(limit).ok());
+        track.limit.push(number.unwrap_or(NO_LIMIT));
+    }
+    if track.tool_axis[2].iter().all(|&nz| nz == 1.0) {
+        track.tool_axis = Default::default();
+    }
+    track
+}
+
+impl Track {
+    fn push(&mut self, sample: &StreamSample, transform: &PartTransform) {
+        let p = &sample.position;
+        let tip = transform.to_input([p[CHANNEL_X], p[CHANNEL_Y], p[CHANNEL_Z]]);
+        let axis = Pose::from_channels(p).tool_axis();
+        for k in 0..3 {
+            self.tip_mm[k].push(tip[k] as f32);
+            self.tool_axis[k].push(axis[k] as f32);
+        }
+        self.heading_deg
+            .push(p[CHANNEL_HEADING].to_degrees() as f32);
+        self.speed_mm_s.push(sample.speed_mm_s() as f32);
+        self.flow_mm3_s.push(sample.flow_mm3_s() as f32);
+        let state = STATES.iter().position(|&state| state == sample.mark.state);
+        self.state.push(state.unwrap_or(STATES.len() - 1) as u8);
+    }
+}
+
+/// Joint speeds from one sample to the next.
+#[derive(Default)]
+struct JointSpeeds {
+    before: Option<(f64, [f64; JOINTS_MAX])>,
+    winding: Option<Winding<f64>>,
+}
+
+impl JointSpeeds {
+    /// Per cent of each limit since the sample before; 0 at the first and where no joints reach.
+    fn at(&mut self, sample: &StreamSample, machine: &MachineConfiguration) -> [f32; JOINTS_MAX] {
+        let mut speeds = [0.0; JOINTS_MAX];
+        let pose = Pose::from_channels(&sample.position);
+        let Ok(found) = kinematics::inverse(&machine.kinematics, &pose) else {
+            self.before = None;
+            return speeds;
+        };
+        let mut position = found.position;
+        let at_rest = Winding::at_rest(&machine.kinematics, &position, &machine.ranges());
+        let winding = self.winding.get_or_insert(at_rest);
+        winding.unwound(&machine.kinematics, &mut position);
+        if let Some((earlier_s, earlier)) = &self.before {
+            let passed_s = sample.time_s - earlier_s;
+            for (k, joint) in machine.joints.iter().enumerate() {
+                let rate = (position[k] - earlier[k]) / passed_s;
+                speeds[k] = (100.0 * rate / joint.speed_max) as f32;
+            }
+        }
+        self.before = Some((sample.time_s, position));
+        speeds
+    }
+}

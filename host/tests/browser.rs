@@ -1,0 +1,79 @@
+//! Goal: the report's page works in a real browser: it loads without an error or a request, plays,
+//! slides, zooms, shows places, switches layers, fits a phone, prints, and has no serious accessibility
+//! fault. Method: `host/tests/browser/report.mjs` drives Chromium by Playwright over reports that the
+//! command wrote.
+//!
+//! Skipped, and said so, where Node, Chromium or the two packages are missing (`NODE_TOOLS` names the
+//! folder whose `node_modules` has playwright-core and axe-core); `HEADWAY_DEMAND_BROWSER=1` makes
+//! that a failure.
+
+use std::path::{Path, PathBuf};
+use std::process::Command;
+
+/// Largest page of an example, bytes.
+const PAGE_BYTES_MAX: u64 = 15_000_000;
+
+fn root() -> PathBuf {
+    Path::new(env!("CARGO_MANIFEST_DIR")).join("..")
+}
+
+/// What is missing to drive a browser, if anything.
+fn missing() -> Option<String> {
+    let tools = std::env::var_os("NODE_TOOLS").map(PathBuf::from);
+    let Some(tools) = tools else {
+        return Some("NODE_TOOLS is not set".to_string());
+    };
+    let browser = std::env::var("CHROMIUM").unwrap_or_else(|_| "/usr/bin/chromium".to_string());
+    let needed = [
+        tools.join("node_modules/playwright-core"),
+        tools.join("node_modules/axe-core"),
+        PathBuf::from(browser),
+    ];
+    let absent = needed.iter().find(|path| !path.exists());
+    absent.map(|path| format!("{} is missing", path.display()))
+}
+
+#[test]
+fn the_page_works_in_a_browser() {
+    if let Some(what) = missing() {
+        let demanded = std::env::var_os("HEADWAY_DEMAND_BROWSER").is_some();
+        assert!(!demanded, "{what}");
+        eprintln!("left out: {what}");
+        return;
+    }
+    let folder = tempfile::tempdir().expect("a folder");
+    let reports: [(&str, &[&str]); 3] = [
+        (
+            "letter.json",
+            &["--layers", "3", "--walls", "1", "--infill-density", "40"],
+        ),
+        ("washers.geojson", &[]),
+        ("gear-6axis.wpt", &["-m", "examples/machines/gantry.toml"]),
+    ];
+    for (input, options) in reports {
+        let report = folder.path().join(input);
+        let view = Command::new(env!("CARGO_BIN_EXE_headway"))
+            .current_dir(root())
+            .args(["view", "--no-open", "--quiet"])
+            .arg(Path::new("examples").join(input))
+            .arg("--report")
+            .arg(&report)
+            .args(options)
+            .output()
+            .expect("the command");
+        assert!(view.status.success(), "{input}: {view:?}");
+        let page = report.join("index.html");
+        let bytes = page.metadata().expect("the page").len();
+        assert!(bytes < PAGE_BYTES_MAX, "{input}: {bytes} bytes");
+        let driven = Command::new("node")
+            .arg(root().join("host/tests/browser/report.mjs"))
+            .arg(&page)
+            .output()
+            .expect("node");
+        let said = String::from_utf8_lossy(&driven.stdout);
+        let failed = String::from_utf8_lossy(&driven.stderr);
+        println!("{input}, {bytes} bytes:\n{said}");
+        assert!(driven.status.success(), "{input}:\n{said}{failed}");
+        assert!(said.lines().count() > 15, "{input}: {said}");
+    }
+}

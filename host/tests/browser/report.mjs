@@ -1,0 +1,159 @@
+// Goal: the report's page works in a real browser. Method: Chromium opens the page from disk, driven
+// by Playwright; every step changes what the page shows and that is asserted. Usage:
+//   node report.mjs PAGE [SCREENSHOT]      with playwright-core and axe-core installed beside it
+// The browser is $CHROMIUM or /usr/bin/chromium. Prints a line a check; exits 1 at the first that fails.
+import { createRequire } from "node:module";
+import { readFileSync } from "node:fs";
+import { pathToFileURL } from "node:url";
+import path from "node:path";
+
+const require = createRequire(path.join(process.env.NODE_TOOLS || process.cwd(), "x.js"));
+const { chromium } = require("playwright-core");
+const axe = readFileSync(require.resolve("axe-core/axe.min.js"), "utf8");
+const [, , file, screenshot] = process.argv;
+
+function check(holds, what) {
+  if (!holds) throw new Error(`does not hold: ${what}`);
+  console.log(`ok ${what}`);
+}
+
+const browser = await chromium.launch({
+  executablePath: process.env.CHROMIUM || "/usr/bin/chromium",
+  args: ["--no-sandbox", "--disable-gpu", "--disable-quic", "--no-first-run",
+    "--disable-background-networking", "--disable-component-update", "--disable-sync"],
+});
+try {
+  const page = await browser.newPage({ viewport: { width: 1280, height: 900 } });
+  const complaints = [], requests = [];
+  page.on("console", (message) => { if (message.type() === "error") complaints.push(message.text()); });
+  page.on("pageerror", (error) => complaints.push(String(error)));
+  page.on("request", (request) => requests.push(request.url()));
+  const url = pathToFileURL(path.resolve(file)).href;
+  await page.goto(url);
+  const data = await page.evaluate(() => JSON.parse(document.getElementById("data").textContent));
+  const clock = () => page.textContent("#clock");
+  const now = () => page.textContent("#now");
+  // A sum over the pixels: another picture, another number.
+  const picture = (id = "base") => page.evaluate((id) => {
+    const canvas = document.getElementById(id);
+    const pixels = canvas.getContext("2d").getImageData(0, 0, canvas.width, canvas.height).data;
+    let sum = 0;
+    for (let i = 0; i < pixels.length; i += 4) sum = (sum * 31 + pixels[i] * 65536 + pixels[i + 1] * 256 + pixels[i + 2] + pixels[i + 3]) % 2147483647;
+    return sum;
+  }, id);
+  const inked = () => page.evaluate(() => {
+    const canvas = document.getElementById("base");
+    const pixels = canvas.getContext("2d").getImageData(0, 0, canvas.width, canvas.height).data;
+    let count = 0;
+    for (let i = 0; i < pixels.length; i += 4) if (pixels[i] + pixels[i + 1] + pixels[i + 2] < 740) count++;
+    return count;
+  });
+
+  check(await page.isVisible("#stage"), "the drawing is there");
+  check(await inked() > 2000, "the path is drawn");
+  check((await page.textContent(".verdict")).startsWith("Takes "), "the verdict begins with the time");
+  const first = await picture();
+
+  await page.click("#ahead");
+  const stepped = await clock();
+  check(stepped !== "0.00 of 0.00 s", "a step moves the clock");
+  const nozzle = await picture("over");
+  await page.evaluate(() => { const time = document.getElementById("time"); time.value = Math.floor(time.max / 2); time.dispatchEvent(new Event("input")); });
+  check(await clock() !== stepped, "the slider moves the clock");
+  check(await picture("over") !== nozzle, "the nozzle moves with it");
+
+  const before = await clock();
+  await page.click("#play");
+  await page.waitForTimeout(400);
+  await page.click("#play");
+  check(await clock() !== before, "it plays");
+  const rested = await clock();
+  await page.waitForTimeout(200);
+  check(await clock() === rested, "it rests");
+  await page.focus("#over");
+  await page.keyboard.press("ArrowRight");
+  await page.keyboard.press("Shift+ArrowRight");
+  check(await clock() !== rested, "keys step");
+
+  for (const key of ["width", "heading", "limit"]) {
+    const was = await picture(), words = await page.textContent("#legend");
+    await page.selectOption("#colour", key);
+    check(await picture() !== was && await page.textContent("#legend") !== words, `colour by ${key} changes picture and legend`);
+  }
+  await page.selectOption("#colour", "speed");
+  for (const box of ["beads", "outline"]) {
+    if (box === "outline" && !data.outline.length) continue;
+    if (await page.isDisabled(`[data-show=${box}]`)) continue;
+    const was = await picture();
+    await page.click(`[data-show=${box}]`);
+    check(await picture() !== was, `${box} can be switched`);
+    await page.click(`[data-show=${box}]`);
+  }
+
+  const fitted = await picture();
+  await page.click("#in");
+  check(await picture() !== fitted, "it zooms");
+  const box = await page.locator("#over").boundingBox();
+  await page.mouse.move(box.x + 200, box.y + 200);
+  await page.mouse.down();
+  await page.mouse.move(box.x + 260, box.y + 230, { steps: 4 });
+  await page.mouse.up();
+  await page.mouse.wheel(0, -240);
+  await page.waitForTimeout(100);
+  await page.click("#fit");
+  check(await picture() === fitted, "it fits again as it was");
+  check(typeof first === "number", "a picture has a sum");
+
+  const plots = await page.locator(".plot canvas").count();
+  check(plots === 8, "four plots with a cursor each");
+  const at = await clock();
+  await page.locator(".plot").first().scrollIntoViewIfNeeded();
+  const plot = await page.locator(".plot").first().boundingBox();
+  await page.mouse.click(plot.x + 0.8 * plot.width, plot.y + 0.5 * plot.height);
+  check(await clock() !== at, "a click in a plot goes there");
+
+  const shows = page.locator("#slow button");
+  check(await shows.count() === data.slow_places.length, "every slow place has its button");
+  if (data.slow_places.length) {
+    const here = await now();
+    await shows.first().click();
+    check(await now() !== here && await picture() !== fitted, "a slow place is shown");
+    const place = data.slow_places[0], told = (await now()).match(/(-?[\d.]+), (-?[\d.]+), /);
+    const away = Math.hypot(Number(told[1]) - place.x_mm, Number(told[2]) - place.y_mm);
+    check(away < 0.5, `the nozzle stands there, ${away.toFixed(3)} mm away`);
+    await page.click("#fit");
+  }
+  if (data.layers.length > 1) {
+    const was = await clock();
+    await page.selectOption("#layer", "1");
+    check(await clock() !== was, "another layer has another time");
+    await page.selectOption("#layer", "0");
+  }
+  if (data.layers[0].nx) {
+    const was = await picture();
+    await page.evaluate(() => window.scrollTo(0, 0));
+    await page.mouse.move(box.x + 300, box.y + 200);
+    await page.mouse.down();
+    await page.mouse.move(box.x + 380, box.y + 240, { steps: 4 });
+    await page.mouse.up();
+    check(await picture() !== was, "six axes turn around");
+  }
+
+  await page.evaluate(axe);
+  const faults = await page.evaluate(async () => (await window.axe.run()).violations.map((v) => ({ id: v.id, impact: v.impact, nodes: v.nodes.map((n) => n.html).slice(0, 3) })));
+  const serious = faults.filter((fault) => ["serious", "critical"].includes(fault.impact));
+  check(serious.length === 0, `no serious accessibility fault${serious.length ? JSON.stringify(serious) : ""}`);
+
+  if (screenshot) await page.screenshot({ path: screenshot, fullPage: false });
+  await page.setViewportSize({ width: 390, height: 800 });
+  await page.waitForTimeout(300);
+  const wide = await page.evaluate(() => document.documentElement.scrollWidth);
+  check(wide <= 390, `a phone's width holds it (${wide} px)`);
+  check(await inked() > 300, "the path is drawn there");
+  await page.emulateMedia({ media: "print" });
+  check(!await page.isVisible("#play"), "print leaves the buttons out");
+  check(complaints.length === 0, `nothing on the console ${complaints.join(" | ")}`);
+  check(requests.length === 1 && requests[0] === url, `no request but the page (${requests.length})`);
+} finally {
+  await browser.close();
+}
