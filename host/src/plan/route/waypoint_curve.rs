@@ -182,7 +182,9 @@ fn stretch_curve(
     spans_max: usize,
 ) -> Result<PathCurve, WaypointCurveError> {
     let mut poses: Vec<Point> = points.iter().map(|point| pose(point, offset_mm)).collect();
-    let across = points.iter().any(|point| point.heading_rad.is_none());
+    // A round nozzle lays the same whichever way it is turned: it need not turn.
+    let across =
+        !settings.aperture.is_round() && points.iter().any(|point| point.heading_rad.is_none());
     let near_rad = before.map_or(0.0, |before| before[CHANNEL_HEADING]);
     if let [from, to] = points
         && (to.tip_mm - from.tip_mm).norm() < SAME_PLACE_MM
