@@ -44,10 +44,10 @@ use crate::plan::layers::PlanePass;
 use crate::plan::layers::layer_groups::{self, LayerGroup, RegionPrint, TooLongError};
 use crate::plan::layers::region_plan::{RegionPlan, RegionWork};
 use crate::plan::layers::skirt::{SkirtPlan, skirt_plan, skirt_reach_mm};
-use crate::plan::motion::best_place::{FoundPlace, best_place, moved};
+use crate::plan::motion::best_place::{FoundPlace, NoPlaceError, best_place, moved};
 use crate::plan::motion::joint_limits::MotionError;
 use crate::plan::motion::segments::{MotionReport, lay_segments_with_progress};
-use crate::plan::motion::singular::{PassedRoute, SingularPlaces, passed_route};
+use crate::plan::motion::singular::{PassedPlaces, SingularPlaces, passed_places};
 use crate::plan::outline::contour::{Contour, ContourError, SIMPLIFY_MM};
 use crate::plan::progress::{Progress, Stage, step_each};
 use crate::plan::route::build_route::build_route;
@@ -55,6 +55,7 @@ use crate::plan::route::keep_out::{cleared, taken};
 use crate::plan::route::moves::Route;
 use crate::plan::route::travel::{TravelError, TravelWays, outline_crossings};
 use crate::plan::route::waypoint_curve::{WaypointCurveError, waypoint_passes};
+use crate::plan::route::waypoint_route::waypoint_route;
 use crate::settings::{Infill, Place, Settings, SettingsError};
 use headway_protocol::units::{CHANNEL_X, CHANNEL_Y, CHANNEL_Z, CHANNELS};
 
@@ -154,6 +155,9 @@ pub enum PlanError {
     /// The part does not fit on the machine.
     #[error(transparent)]
     Place(#[from] PlaceError),
+    /// No place on the table from which the whole run is reached.
+    #[error(transparent)]
+    NoPlace(#[from] NoPlaceError),
     /// The motion breaks a limit that slowing cannot mend.
     #[error(transparent)]
     Motion(#[from] MotionError),
@@ -332,14 +336,15 @@ pub fn plan_waypoints_with_progress(
     if settings.place == Place::Best && settings.at_mm.is_none() {
         let room_mm = transform.room_mm(bounds, settings);
         let found = best_place(&passes, room_mm, start, settings)?;
-        passes = moved(&passes, found.shift_mm);
+        passes = moved(&passes, found.shift_mm, 0.0);
         transform.offset_mm[0] += found.shift_mm[0];
         transform.offset_mm[1] += found.shift_mm[1];
         found_place = Some(found);
     }
-    let PassedRoute {
-        route, singular, ..
-    } = passed_route(&passes, start, settings)?;
+    let PassedPlaces {
+        passes, singular, ..
+    } = passed_places(&passes, start, settings)?;
+    let route = waypoint_route(passes, start, settings);
     let (stream, motion) = lay_segments_with_progress(&route, settings, progress)?;
     let (mut figures, measured) = measure(&stream, &[], &[], &transform, settings, progress);
     figures.passes = pass_count;

@@ -188,7 +188,7 @@ fn random_runs(seeds: std::ops::Range<u64>) -> impl Iterator<Item = (String, Way
 
 #[test]
 fn random_smooth_runs_print_on_a_tilting_table() {
-    let [printed, tried] = printed(random_runs(0..5));
+    let [printed, tried] = printed(random_runs(0..3));
     assert_eq!(printed, tried);
 }
 
@@ -208,7 +208,9 @@ fn nine_of_ten_runs_print_on_a_tilting_table() {
 fn a_place_is_found_on_a_table_beyond_the_arm() {
     let mut settings = machine("arm-small.toml");
     settings.work_area_mm[1][1] = 700.0;
-    let run = random_run(1, 0.2);
+    // Short, for it is followed at every place.
+    let mut run = random_run(1, 0.2);
+    run.points.truncate(60);
     let refused = plan_waypoints(&run, &settings).unwrap_err().to_string();
     assert!(refused.contains("--place best"), "{refused}");
     settings.place = Place::Best;

@@ -89,6 +89,10 @@ pub(super) struct PlaceArgs {
     /// Where a run of waypoints lies.
     #[arg(long, value_enum, value_name = "PLACE", conflicts_with = "at")]
     pub place: Option<PlaceName>,
+    /// Turns a run of waypoints about Z, counter-clockwise, degrees; places and messages are those of the
+    /// turned run.
+    #[arg(long, value_name = "DEG", allow_negative_numbers = true)]
+    pub turn: Option<f64>,
     /// How far the tool axis may leave that of the waypoints where two rotary axes of the machine line
     /// up, degrees; 0 leaves it as it is [default: 0.5].
     #[arg(long, value_name = "DEG", allow_negative_numbers = true)]

@@ -2,8 +2,8 @@
 
 use super::CliError;
 use super::args::{
-    FormatName, InputArgs, LawName, PassName, PlaceName, QualityName, SeamName, SettingsArgs,
-    UnitName,
+    FormatName, InputArgs, LawName, PassName, PlaceArgs, PlaceName, QualityName, SeamName,
+    SettingsArgs, UnitName,
 };
 use super::console::Console;
 use super::job;
@@ -239,6 +239,20 @@ pub(super) fn outline_option(args: &SettingsArgs, keep_out: Option<&Path>) -> Op
         .map(|(name, _)| *name)
 }
 
+/// The first option given that only runs of waypoints know.
+pub(super) fn run_option(args: &PlaceArgs) -> Option<&'static str> {
+    let given = [
+        ("--gap", args.gap.is_some()),
+        ("--place", args.place.is_some()),
+        ("--turn", args.turn.is_some()),
+        ("--axis-tolerance", args.axis_tolerance.is_some()),
+    ];
+    given
+        .iter()
+        .find(|(_, given)| *given)
+        .map(|(name, _)| *name)
+}
+
 /// Reads keep-outs with the input's units and scale; none without a file.
 pub(super) fn keep_out(
     path: Option<&Path>,
@@ -287,6 +301,16 @@ pub(super) fn place(given: Option<PlaceName>) -> Place {
     match given {
         Some(PlaceName::Best) => Place::Best,
         Some(PlaceName::Centre) | None => Place::Centre,
+    }
+}
+
+/// How far a run is turned, in rad.
+pub(super) fn turn_rad(given: Option<f64>) -> Result<f64, CliError> {
+    match given {
+        Some(degrees) if !(-360.0..=360.0).contains(&degrees) => Err(CliError::Usage(format!(
+            "--turn {degrees}: write an angle from -360 to 360 degrees"
+        ))),
+        given => Ok(given.unwrap_or(0.0).to_radians()),
     }
 }
 

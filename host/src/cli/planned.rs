@@ -67,7 +67,16 @@ pub(super) fn from_input(
     settings.place = load::place(place.place);
     settings.axis_tolerance_rad = load::axis_tolerance_rad(place.axis_tolerance)?;
     settings.at_mm = place.at.as_deref().map(load::parse_at).transpose()?;
+    let turn_rad = load::turn_rad(place.turn)?;
     let input = load::input(path, reading, settings.tolerances.flatten_mm, console)?;
+    if let (Input::Outline(_), Some(option)) = (&input, load::run_option(place)) {
+        let problem = format!("{option} goes with runs of waypoints: outlines have no tool axes");
+        return Err(CliError::Usage(problem));
+    }
+    let input = match input {
+        Input::Path(run) => Input::Path(run.turned(turn_rad)),
+        outline => outline,
+    };
     let keep_out = place.keep_out.as_deref();
     if let (Input::Path(_), Some(option)) = (&input, outline_option) {
         let problem = format!("{option} goes with outlines: waypoints are followed as they are");

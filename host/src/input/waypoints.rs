@@ -16,7 +16,7 @@ use super::{ReadOptions, Units};
 use crate::near_name::near_name;
 use crate::short_number::Short;
 use headway_firmware::pose::TILT_MAX_RAD;
-use nalgebra::{Point3, Unit, Vector3};
+use nalgebra::{Point3, Rotation3, Unit, Vector3};
 use std::f64::consts::TAU;
 
 /// Most waypoints of a run: a kilometre at 5 mm, or 20 m at 0.1 mm.
@@ -55,6 +55,20 @@ pub struct WaypointRun {
     pub points: Vec<Waypoint>,
     /// One line each: repeated waypoints, axes made unit vectors.
     pub notes: Vec<String>,
+}
+
+impl WaypointRun {
+    /// The run turned about Z through the origin.
+    #[must_use]
+    pub fn turned(mut self, turn_rad: f64) -> WaypointRun {
+        let turn = Rotation3::from_axis_angle(&Vector3::z_axis(), turn_rad);
+        for point in &mut self.points {
+            point.tip_mm = turn * point.tip_mm;
+            point.axis = turn * point.axis;
+            point.heading_rad = point.heading_rad.map(|heading| heading + turn_rad);
+        }
+        self
+    }
 }
 
 /// Why a file is not a run, with the line.

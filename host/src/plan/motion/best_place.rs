@@ -2,17 +2,26 @@
 //!
 //! In: the passes at one place (mm, rad, machine coordinates) and how far they may be moved. Out: by how
 //! much they are moved. Places on an even grid are tried, the one in the middle among them; each is
-//! followed in every joint solution, as planning follows it. Leaves out turning the part, which the user
-//! does, and heights: the part stands on the bed.
+//! followed in every joint solution, as planning follows it. Where none is reached turns of the part are
+//! tried, to tell which one helps: turning it is the user's (`--turn`). Leaves out heights: the part stands on
+//! the bed.
 
+use crate::geometry::polygon::Box2;
+use crate::geometry::{Point2, Vector2};
 use crate::plan::motion::joint_limits::MotionError;
-use crate::plan::motion::singular::{Passes, passed_route};
+use crate::plan::motion::singular::{Passes, passed_places};
 use crate::settings::Settings;
-use headway_protocol::units::{CHANNEL_X, CHANNEL_Y, CHANNELS};
+use headway_protocol::units::{
+    CHANNEL_HEADING, CHANNEL_TILT_X, CHANNEL_TILT_Y, CHANNEL_X, CHANNEL_Y, CHANNELS,
+};
+use nalgebra::Rotation2;
 use rayon::prelude::*;
 
-/// Places along x and y, odd: the middle is one.
+/// Places along x and y.
 const PLACES: usize = 7;
+/// The same for each turn of the part, and the step of the turns, degrees.
+const PLACES_TURNED: usize = 3;
+const TURN_DEG: f64 = 45.0;
 
 /// A place that was found.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -25,66 +34,116 @@ pub struct FoundPlace {
     pub tried: usize,
 }
 
+/// No place was found.
+#[derive(Clone, Debug, PartialEq, thiserror::Error)]
+#[error(
+    "the machine reaches the whole run at none of {tried} places on the table{}; where it would lie: \
+     {error}",
+    turn_hint(*turn_deg)
+)]
+pub struct NoPlaceError {
+    /// Places tried.
+    pub tried: usize,
+    /// By how much the part has to be turned for there to be one, degrees.
+    pub turn_deg: Option<f64>,
+    /// Why not in the middle.
+    pub error: MotionError,
+}
+
+fn turn_hint(turn_deg: Option<f64>) -> String {
+    match turn_deg {
+        Some(degrees) => format!(
+            "; it does with the part turned by {degrees:.0}° (--turn {degrees:.0} --place best)"
+        ),
+        None => format!(", nor with the part turned in steps of {TURN_DEG:.0}°"),
+    }
+}
+
 /// Looks at places; `room_mm` is how far the passes may be moved each way (x, then y: least, most).
 ///
 /// # Errors
-/// [`MotionError`] of the place nearest to where the passes are, if none is reached.
+/// [`NoPlaceError`] where none is reached.
 pub fn best_place(
     passes: &Passes,
     room_mm: [[f64; 2]; 2],
     start: [f64; CHANNELS],
     settings: &Settings,
-) -> Result<FoundPlace, MotionError> {
-    let along = |[low, high]: [f64; 2], index: usize| {
-        low + (high - low) * index as f64 / (PLACES - 1) as f64
+) -> Result<FoundPlace, NoPlaceError> {
+    let seconds_at = |shift: [f64; 2], turn_rad: f64| {
+        let moved = moved(passes, shift, turn_rad);
+        passed_places(&moved, start, settings).map(|passed| passed.seconds)
     };
-    let mut shifts: Vec<[f64; 2]> = (0..PLACES * PLACES)
-        .map(|index| {
-            [
-                along(room_mm[0], index % PLACES),
-                along(room_mm[1], index / PLACES),
-            ]
-        })
-        .collect();
-    shifts.push([0.0; 2]);
-    shifts.sort_by(|a, b| a[0].hypot(a[1]).total_cmp(&b[0].hypot(b[1])));
-    shifts.dedup();
+    let shifts = shifts(room_mm, PLACES);
     let timed: Vec<Result<f64, MotionError>> = shifts
         .par_iter()
-        .map(|shift| {
-            let moved = moved(passes, *shift);
-            passed_route(&moved, start, settings).map(|passed| passed.seconds)
-        })
+        .map(|&shift| seconds_at(shift, 0.0))
         .collect();
     let reached = timed.iter().filter(|seconds| seconds.is_ok()).count();
     let of_places = shifts.iter().zip(&timed);
     let seconds = of_places.filter_map(|(shift, seconds)| Some((shift, *seconds.as_ref().ok()?)));
     let best = seconds.min_by(|a, b| a.1.total_cmp(&b.1));
+    let tried = shifts.len();
     match (best, timed.into_iter().next()) {
-        (Some((&shift_mm, _)), _) => Ok(FoundPlace {
-            shift_mm,
+        (None, Some(Err(error))) => {
+            let fewer = self::shifts(room_mm, PLACES_TURNED);
+            let turns = (1..=(180.0 / TURN_DEG) as i32).flat_map(|step| [step, -step]);
+            let turn_deg = turns
+                .map(|step| TURN_DEG * f64::from(step))
+                .find(|turn_deg| {
+                    fewer
+                        .par_iter()
+                        .any(|&shift| seconds_at(shift, turn_deg.to_radians()).is_ok())
+                });
+            Err(NoPlaceError {
+                tried,
+                turn_deg,
+                error,
+            })
+        }
+        (best, _) => Ok(FoundPlace {
+            shift_mm: best.map_or([0.0; 2], |(shift, _)| *shift),
             reached,
-            tried: shifts.len(),
-        }),
-        (None, Some(Err(error))) => Err(error),
-        (None, _) => Ok(FoundPlace {
-            shift_mm: [0.0; 2],
-            reached,
-            tried: shifts.len(),
+            tried,
         }),
     }
 }
 
-/// The passes at another place.
-pub fn moved(passes: &Passes, [x, y]: [f64; 2]) -> Passes {
+/// An even grid of so many places each way, and the middle; the nearest first.
+fn shifts(room_mm: [[f64; 2]; 2], places: usize) -> Vec<[f64; 2]> {
+    let along = |[low, high]: [f64; 2], index: usize| {
+        low + (high - low) * index as f64 / (places - 1) as f64
+    };
+    let places_of = |index: usize| {
+        [
+            along(room_mm[0], index % places),
+            along(room_mm[1], index / places),
+        ]
+    };
+    let mut shifts: Vec<[f64; 2]> = (0..places * places).map(places_of).collect();
+    shifts.push([0.0; 2]);
+    shifts.sort_by(|a, b| a[0].hypot(a[1]).total_cmp(&b[0].hypot(b[1])));
+    shifts.dedup();
+    shifts
+}
+
+/// The passes at another place, turned about their middle.
+pub fn moved(passes: &Passes, [x, y]: [f64; 2], turn_rad: f64) -> Passes {
     let mut passes = passes.clone();
-    for point in passes
-        .iter_mut()
-        .flatten()
-        .flat_map(|curve| &mut curve.control)
-    {
-        point[CHANNEL_X] += x;
-        point[CHANNEL_Y] += y;
+    let points = || passes.iter().flatten().flat_map(|curve| &curve.control);
+    let tips: Vec<Point2> = points()
+        .map(|point| Point2::new(point[CHANNEL_X], point[CHANNEL_Y]))
+        .collect();
+    let box_mm = Box2::of(&tips);
+    let middle = nalgebra::center(&box_mm.min, &box_mm.max);
+    let turn = Rotation2::new(turn_rad);
+    let points = passes.iter_mut().flatten();
+    for point in points.flat_map(|curve| &mut curve.control) {
+        let from_middle = Vector2::new(point[CHANNEL_X] - middle.x, point[CHANNEL_Y] - middle.y);
+        let tip = middle.coords + turn * from_middle + Vector2::new(x, y);
+        let tilt = turn * Vector2::new(point[CHANNEL_TILT_X], point[CHANNEL_TILT_Y]);
+        (point[CHANNEL_X], point[CHANNEL_Y]) = (tip.x, tip.y);
+        (point[CHANNEL_TILT_X], point[CHANNEL_TILT_Y]) = (tilt.x, tilt.y);
+        point[CHANNEL_HEADING] += turn_rad;
     }
     passes
 }

@@ -17,9 +17,9 @@
 //! C² and needs no finer spans. Lifting off is left to the user.
 
 use crate::plan::motion::joint_limits::MotionError;
-use crate::plan::motion::joint_turns::{Followed, follow};
-use crate::plan::route::moves::{PathCurve, Route};
-use crate::plan::route::waypoint_route::waypoint_route;
+use crate::plan::motion::joint_turns::{fastest, follow};
+use crate::plan::route::moves::PathCurve;
+use crate::plan::route::waypoint_route::waypoint_way;
 use crate::settings::Settings;
 use headway_firmware::configuration::Kinematics;
 use headway_firmware::kinematics::{forward, inverse};
@@ -55,84 +55,91 @@ pub struct SingularPlaces {
     pub slowing_s: Option<f64>,
 }
 
-/// The run's route in the fastest way that the joints can follow.
+/// A run's passes in the fastest way that the joints can follow.
 #[derive(Clone, Debug)]
-pub struct PassedRoute {
-    /// The route.
-    pub route: Route,
-    /// Its least time by the speeds of joints and tip, s.
+pub struct PassedPlaces {
+    /// The passes.
+    pub passes: Passes,
+    /// Their least time by the speeds of joints and tip, s.
     pub seconds: f64,
-    /// Its singular places.
+    /// Their singular places.
     pub singular: SingularPlaces,
 }
 
-/// The route along the passes: as they are, or led past singular places where that is needed or saves time.
+/// The passes as they are, or led past singular places where that is needed or saves time.
 ///
 /// # Errors
 /// [`MotionError`] where no joint solution can follow.
-pub fn passed_route(
+pub fn passed_places(
     passes: &Passes,
     start: Point,
     settings: &Settings,
-) -> Result<PassedRoute, MotionError> {
-    let plain = waypoint_route(passes.clone(), start, settings);
-    let slowed = least(&plain, settings);
-    let mut best: Option<(f64, Route, SingularPlaces)> = None;
-    let tolerance_rad = settings.axis_tolerance_rad;
-    for solution in 0..settings.machine.kinematics.solutions() {
-        let kinematics = settings.machine.kinematics.with_solution(solution);
-        let mut led = passes.clone();
-        let pasts = led
-            .iter_mut()
-            .map(|pass| lead_past(pass, &kinematics, tolerance_rad));
-        let places = pasts.sum();
-        if places == 0 {
-            continue;
-        }
-        let route = waypoint_route(led, start, settings);
-        let mut with_it = settings.clone();
-        with_it.machine.kinematics = kinematics;
-        if let Ok(followed) = follow(&route, &with_it)
-            && best
-                .as_ref()
-                .is_none_or(|(least, ..)| followed.seconds < *least)
-        {
-            let singular = SingularPlaces {
-                places,
-                led_by_rad: tolerance_rad,
-                slowing_s: slowed
-                    .as_ref()
-                    .ok()
-                    .map(|slowed| slowed.seconds - followed.seconds),
-            };
-            best = Some((followed.seconds, route, singular));
-        }
-    }
-    let of_plain = |slowed: Followed, singular: SingularPlaces| PassedRoute {
-        seconds: slowed.seconds,
+) -> Result<PassedPlaces, MotionError> {
+    let way = |passes: &Passes| waypoint_way(passes.clone(), start, settings);
+    let slowed = fastest(&way(passes), settings).map(|(_, followed)| followed.seconds);
+    let best = least_led(passes, start, settings);
+    let plain = |seconds: f64, places: usize, slowing_s: Option<f64>| PassedPlaces {
+        passes: passes.clone(),
+        seconds,
         singular: SingularPlaces {
+            places,
             led_by_rad: 0.0,
-            ..singular
+            slowing_s,
         },
-        route: plain,
     };
     match (slowed, best) {
-        (Ok(slowed), Some((seconds, _, singular))) if slowed.seconds < seconds + WORTH_S => {
-            Ok(of_plain(slowed, singular))
-        }
-        (_, Some((seconds, route, singular))) => Ok(PassedRoute {
-            route,
-            seconds,
-            singular,
+        (Ok(slowed), Some(led)) if slowed < led.seconds + WORTH_S => Ok(plain(
+            slowed,
+            led.singular.places,
+            Some(slowed - led.seconds),
+        )),
+        (slowed, Some(led)) => Ok(PassedPlaces {
+            singular: SingularPlaces {
+                slowing_s: slowed.ok().map(|slowed| slowed - led.seconds),
+                ..led.singular
+            },
+            ..led
         }),
-        (Ok(slowed), None) => Ok(of_plain(slowed, SingularPlaces::default())),
+        (Ok(slowed), None) => Ok(plain(slowed, 0, None)),
         (Err(error), None) => Err(error),
     }
 }
 
-/// The fastest joint solution.
-fn least(route: &Route, settings: &Settings) -> Result<Followed, MotionError> {
-    crate::plan::motion::joint_turns::fastest(route, settings).map(|(_, followed)| followed)
+/// The fastest of the joint solutions in which the passes come near singular places, led past these.
+fn least_led(passes: &Passes, start: Point, settings: &Settings) -> Option<PassedPlaces> {
+    let tolerance_rad = settings.axis_tolerance_rad;
+    let mut best: Option<PassedPlaces> = None;
+    for solution in 0..settings.machine.kinematics.solutions() {
+        let kinematics = settings.machine.kinematics.with_solution(solution);
+        let mut led = passes.clone();
+        let places: usize = led
+            .iter_mut()
+            .map(|pass| lead_past(pass, &kinematics, tolerance_rad))
+            .sum();
+        if places == 0 {
+            continue;
+        }
+        let mut with_it = settings.clone();
+        with_it.machine.kinematics = kinematics;
+        let followed = follow(&waypoint_way(led.clone(), start, settings), &with_it);
+        if let Ok(followed) = followed
+            && best
+                .as_ref()
+                .is_none_or(|best| followed.seconds < best.seconds)
+        {
+            let singular = SingularPlaces {
+                places,
+                led_by_rad: tolerance_rad,
+                slowing_s: None,
+            };
+            best = Some(PassedPlaces {
+                passes: led,
+                seconds: followed.seconds,
+                singular,
+            });
+        }
+    }
+    best
 }
 
 /// The tool axis, from the tip, in which two rotary axes of the machine line up near this pose.

@@ -28,7 +28,21 @@ type Point = [f64; CHANNELS];
 
 /// The route along the curves of all passes; `start` is the pose at rest before it (machine
 /// coordinates). Headings of the curves may be shifted by the aperture's period.
-pub fn waypoint_route(mut passes: Vec<Vec<PathCurve>>, start: Point, settings: &Settings) -> Route {
+pub fn waypoint_route(passes: Vec<Vec<PathCurve>>, start: Point, settings: &Settings) -> Route {
+    along(passes, start, settings, true)
+}
+
+/// The same way without flow: to see whether the joints can follow.
+pub fn waypoint_way(passes: Vec<Vec<PathCurve>>, start: Point, settings: &Settings) -> Route {
+    along(passes, start, settings, false)
+}
+
+fn along(
+    mut passes: Vec<Vec<PathCurve>>,
+    start: Point,
+    settings: &Settings,
+    with_flow: bool,
+) -> Route {
     let period_rad = settings.aperture.period_rad();
     let clear = Clearance::around(&passes, settings.lift_mm);
     let first = passes
@@ -58,7 +72,9 @@ pub fn waypoint_route(mut passes: Vec<Vec<PathCurve>>, start: Point, settings: &
         for point in curves.iter_mut().flat_map(|curve| &mut curve.control) {
             point[CHANNEL_HEADING] += turn;
         }
-        add_flow(curves, here[CHANNEL_VOLUME], settings);
+        if with_flow {
+            add_flow(curves, here[CHANNEL_VOLUME], settings);
+        }
         let begin = curves[0].control[0];
         match (number, from_above) {
             (0, true) => approach(&mut route, start, begin, clear.above(&start)),
