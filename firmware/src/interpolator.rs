@@ -54,7 +54,8 @@ struct ReadySpan {
     load: SpanLoad,
     duration_q16: u32,
     ends_at_rest: bool,
-    /// Some motor may get further than [`NEAR_STEPS_MAX`] from its base.
+    /// Some motor may get further than [`NEAR_STEPS_MAX`] from its base; so of machines whose joints follow
+    /// more than a channel.
     is_far: bool,
 }
 
@@ -397,14 +398,19 @@ impl Interpolator {
                 cubic.map(|units| units * natural)
             });
         }
+        // Joints that follow more than a channel take any way: there it is not worth a look.
+        let may_be_near = !self.carriers.tilts() && !self.carriers.follows_pose();
         let mut reach_steps = 0.0f32;
         for carrier in self.carriers.motors() {
             let motor = carrier.motor % MOTORS_MAX;
             let base = &mut self.bases[motor];
             next.motors[motor].lay(base, carrier, &self.shape, &weights);
-            reach_steps = reach_steps.larger(next.motors[motor].reach_steps(waiting.span_ticks));
+            if may_be_near {
+                let reach = next.motors[motor].reach_steps(waiting.span_ticks);
+                reach_steps = reach_steps.larger(reach);
+            }
         }
-        next.is_far = reach_steps > NEAR_STEPS_MAX;
+        next.is_far = !may_be_near || reach_steps > NEAR_STEPS_MAX;
         self.ready += 1;
         true
     }
