@@ -284,6 +284,19 @@ impl MotionLimits {
         }
     }
 
+    /// Largest flow, the extruder's rate with the whole pressure advance included, mm³/s.
+    pub fn flow_rate_max_mm3_s(&self) -> f64 {
+        let of_extruder = self.extruder_speed_max_mm3_s / (1.0 + self.advance_ratio());
+        self.flow_max_mm3_s.min(of_extruder)
+    }
+
+    /// Largest change of flow, mm³/s²: pressure advance multiplies it by 1 + K/W while the window
+    /// sees nothing of it yet; what leaves the window is left to the check of the finished segments.
+    pub fn flow_slope_max_mm3_s2(&self) -> f64 {
+        let of_extruder = self.extruder_acceleration_max_mm3_s2 / (1.0 + self.advance_ratio());
+        self.flow_rate_of_change_max_mm3_s2.min(of_extruder)
+    }
+
     /// K / W: what a change of flow adds to the extruder's rate at once.
     pub fn advance_ratio(&self) -> f64 {
         self.pressure_advance_s / self.pressure_advance_window_s

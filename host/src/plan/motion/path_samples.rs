@@ -119,10 +119,7 @@ impl PathSample {
             // The part of the jerk that the path's shape makes at constant u̇.
             inverse = inverse.max((self.joint_third[joint].abs() / limit.jerk_max).cbrt());
         }
-        let flow = self.volume_first_mm3.abs();
-        inverse = inverse
-            .max(flow / limits.flow_max_mm3_s)
-            .max(flow * (1.0 + limits.advance_ratio()) / limits.extruder_speed_max_mm3_s);
+        inverse = inverse.max(self.volume_first_mm3.abs() / limits.flow_rate_max_mm3_s());
         scale / inverse.max(1e-9)
     }
 
@@ -148,11 +145,7 @@ impl PathSample {
                 limit.acceleration_max,
             );
         }
-        // Pressure advance multiplies a change of flow by 1 + K/W while the window sees nothing
-        // of it yet; what leaves the window is left to the check of the finished segments.
-        let flow_bound = limits
-            .flow_rate_of_change_max_mm3_s2
-            .min(limits.extruder_acceleration_max_mm3_s2 / (1.0 + limits.advance_ratio()));
+        let flow_bound = limits.flow_slope_max_mm3_s2();
         push(self.volume_first_mm3, self.volume_second_mm3, flow_bound);
         let bound = limits.tip_acceleration_mm_s2 * TIP_SIDES[0][1];
         for [sin, cos] in TIP_SIDES {

@@ -108,15 +108,22 @@ impl PathCurve {
     /// Point and derivatives in a span at `s` in 0..=1.
     pub fn evaluate_in_span(&self, span: usize, s: f64) -> CurvePoint {
         let p = self.span_control(span);
-        let second = [1.0 - s, 3.0 * s - 2.0, 1.0 - 3.0 * s, s];
+        let [value, first, second] = basis_weights(s);
         let third = [-1.0, 3.0, -3.0, 1.0];
         CurvePoint {
-            value: sum(&p, &value_weights(s)),
-            first: sum(&p, &first_weights(s)),
+            value: sum(&p, &value),
+            first: sum(&p, &first),
             second: sum(&p, &second),
             third: sum(&p, &third),
         }
     }
+}
+
+/// Weights of the four control points of a uniform cubic span at `s`: value, first and second
+/// derivative.
+pub fn basis_weights(s: f64) -> [[f64; 4]; 3] {
+    let second = [1.0 - s, 3.0 * s - 2.0, 1.0 - 3.0 * s, s];
+    [value_weights(s), first_weights(s), second]
 }
 
 /// Weights of a span's control points at `s`.

@@ -27,6 +27,12 @@ const SPREAD_ROUNDS: usize = 7;
 const HALVING_ROUNDS: usize = 8;
 /// Error that the spreading aims at, against the tolerance.
 const ERROR_AIM: f64 = 0.65;
+/// Error that a span of a layout before may grow to, below what is allowed ([`ERROR_MAX`]): cutting
+/// it would show the limits what the path does within a few milliseconds.
+const ERROR_KEPT: f64 = 1.6;
+/// Error of the fit, against its share of the tolerance, that slows the motion down: the whole
+/// tolerance with room for what lies between ticks.
+pub const ERROR_MAX: f64 = 1.8;
 
 /// Longest span, ticks, of a stretch with this limit of the tip's speed.
 pub fn span_ticks_long(tip_speed_mm_s: f64, servo_hz: f64) -> f64 {
@@ -209,10 +215,12 @@ impl Layout {
         self.errors.iter().copied().fold(0.0, f64::max)
     }
 
-    /// Cuts spans beyond the tolerance until all keep it or cannot be cut further.
-    fn refined(mut self, path: &TickPath, tolerances: &[f64; CHANNELS]) -> Self {
+    /// Cuts spans beyond `error_max` until all keep it or cannot be cut further.
+    fn refined(mut self, path: &TickPath, tolerances: &[f64; CHANNELS], error_max: f64) -> Self {
         for _ in 0..HALVING_ROUNDS {
-            let Some((halved, spans)) = halve(&self.spline.durations_ticks, &self.errors) else {
+            let Some((halved, spans)) =
+                halve(&self.spline.durations_ticks, &self.errors, error_max)
+            else {
                 break;
             };
             let before = Before {
@@ -246,7 +254,7 @@ pub fn lay_out(path: &TickPath, tolerances: &[f64; CHANNELS], span_ticks_long: f
         drop(layout);
         layout = Layout::new(path, &next, tolerances, None);
     }
-    layout.refined(path, tolerances)
+    layout.refined(path, tolerances, 1.0)
 }
 
 /// Fits again after the time law changed a little: every knot stays at its place of the path, so
@@ -289,16 +297,20 @@ pub fn lay_out_again(
         layout: before,
         spans,
     };
-    Layout::new(path, &durations, tolerances, Some(&before)).refined(path, tolerances)
+    Layout::new(path, &durations, tolerances, Some(&before)).refined(path, tolerances, ERROR_KEPT)
 }
 
-/// Cuts the spans beyond the tolerance in two; none where nothing is to be cut. With the durations
+/// Cuts the spans beyond `error_max` in two; none where nothing is to be cut. With the durations
 /// the numbers of those that stay.
-fn halve(durations_ticks: &[u16], errors: &[f64]) -> Option<(Vec<u16>, Vec<Option<usize>>)> {
+fn halve(
+    durations_ticks: &[u16],
+    errors: &[f64],
+    error_max: f64,
+) -> Option<(Vec<u16>, Vec<Option<usize>>)> {
     let mut halved = Vec::with_capacity(durations_ticks.len() + 8);
     let mut spans = Vec::with_capacity(durations_ticks.len() + 8);
     for (span, (&ticks, &error)) in durations_ticks.iter().zip(errors).enumerate() {
-        if error > 1.0 && usize::from(ticks) >= 2 * SPAN_TICKS_MIN {
+        if error > error_max && usize::from(ticks) >= 2 * SPAN_TICKS_MIN {
             halved.extend([ticks / 2, ticks - ticks / 2]);
             spans.extend([None; 2]);
         } else {

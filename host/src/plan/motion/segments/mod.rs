@@ -15,10 +15,12 @@
 //! it dies out within the smoothing window).
 
 pub mod assemble;
+mod banded;
 pub mod check;
 pub mod fit;
 pub mod layout;
 mod repeats;
+mod retiming;
 pub mod shaping;
 pub mod spline;
 pub mod tick_path;

@@ -1,18 +1,21 @@
-//! One moving stretch: time law, fit and check, slowed locally until every limit is kept.
+//! One moving stretch: time law, fit and check, until every limit is kept.
 //!
-//! In: the stretch, its samples and limits. Out: a [`FinishedStretch`]. The first rounds lower the
-//! caps of the time law around a piece beyond its limit and plan again; the later ones, where only
-//! a few per cent are missing, stretch the finished motion in time around the piece
-//! ([`super::warp`]), which cannot raise a new peak elsewhere.
+//! In: the stretch, its samples and limits. Out: a [`FinishedStretch`]. A first time law that knows
+//! the jerk only through a smoothing window gives a first fit; that motion is run anew in the least
+//! time along it ([`super::retiming`]), twice, since each new fit differs a little. Then only a few
+//! per cent are missing here and there, and the finished motion is stretched in time around those
+//! places ([`super::warp`]), which cannot raise a new peak elsewhere. Where all of that takes longer
+//! than the first time law did, the first fit is stretched as it is, and the shorter one counts.
 
 use super::check::{self, EventRun, JERK_RATIO_MAX, Piece, Ratios};
 use super::layout::{self, Layout};
+use super::retiming::retimed;
 use super::spline::RestSpline;
 use super::tick_path::TickPath;
 use super::{FinishedStretch, dwell_ticks, warp};
 use crate::plan::motion::joint_limits::{MotionError, MotionLimits, tip_mm};
 use crate::plan::motion::path_samples::PathSample;
-use crate::plan::motion::time_law::{Caps, TimeLaw, check_duration, smoothing_ticks, time_law};
+use crate::plan::motion::time_law::{Shares, TimeLaw, check_duration, time_law};
 use crate::plan::route::moves::{Stretch, StretchEvent};
 use headway_protocol::segment::SPAN_TICKS_MAX;
 use headway_protocol::units::CHANNELS;
@@ -22,20 +25,14 @@ const SPEED_AIM: f64 = 0.9985;
 /// Share of the acceleration limits that the time law aims at: the fit overshoots at corners of
 /// the acceleration.
 const ACCELERATION_AIM: f64 = 0.97;
-/// Rounds by lower caps, then by local stretching of the time: more of the first kind only trade
-/// one place for another.
-const CAP_ROUNDS: usize = 2;
-const WARP_ROUNDS: usize = 18;
+/// Rounds that run the motion anew: a third brings half a per cent for a third of the time again.
+const RETIMING_ROUNDS: usize = 2;
+/// Rounds of local stretching of the time.
+const WARP_ROUNDS: usize = 20;
 /// Rounds in which a jerk beyond its limit counts; after them it is let pass.
 const JERK_ROUNDS: usize = 14;
 /// Doublings of all durations after that: each halves speeds and quarters accelerations.
 const DOUBLING_ROUNDS: usize = 6;
-/// Slowing goes a little beyond what the ratio asks, or it would creep up to the limit.
-const SLOWING_EXTRA: f64 = 0.995;
-/// Error of the fit, against its share of the tolerance, that slows the motion down: the whole
-/// tolerance with room for what lies between ticks.
-const FIT_ERROR_MAX: f64 = 1.8;
-
 /// One moving stretch on its way to a spline.
 pub struct Shaping<'a> {
     /// The stretch.
@@ -70,8 +67,24 @@ fn finished(layout: Layout, pieces: &[Piece]) -> FinishedStretch {
 impl Shaping<'_> {
     /// Times, fits and checks until nothing exceeds its limit.
     pub fn finish(&self) -> Result<FinishedStretch, MotionError> {
-        let mut caps = Caps::uniform(self.samples.len(), SPEED_AIM, ACCELERATION_AIM);
-        let mut law = self.time_law(&caps)?;
+        let law = self.time_law()?;
+        let first_ticks = law.ticks() as u64;
+        let retimed = self.settled(law, RETIMING_ROUNDS)?;
+        if retimed.spline.ticks() <= first_ticks && !retimed.doubled {
+            return Ok(retimed);
+        }
+        let plain = self.settled(self.time_law()?, 0)?;
+        let is_shorter = plain.spline.ticks() < retimed.spline.ticks();
+        Ok(if is_shorter { plain } else { retimed })
+    }
+
+    /// Fits a time law, runs it anew in the first rounds and stretches it until nothing exceeds its
+    /// limit.
+    fn settled(
+        &self,
+        mut law: TimeLaw,
+        retiming_rounds: usize,
+    ) -> Result<FinishedStretch, MotionError> {
         let long_ticks = layout::span_ticks_long(self.limits.tip_speed_mm_s, self.limits.servo_hz);
         let mut layout = layout::lay_out(
             &self.path(&law).with_tangents(),
@@ -79,38 +92,48 @@ impl Shaping<'_> {
             long_ticks,
         );
         let mut before: Option<Checked> = None;
-        for round in 0..=CAP_ROUNDS + WARP_ROUNDS {
-            let ratios = self.motion_ratios(&layout, before.as_ref())?;
-            let mut pieces = self.pieces(&layout, &ratios);
-            if pieces
-                .iter()
-                .all(|piece| piece.is_kept(round < JERK_ROUNDS))
-            {
-                let refused = check::refused_spans(&layout.spline, self.limits)?;
-                if refused.is_empty() {
-                    return Ok(finished(layout, &pieces));
-                }
-                pieces.extend(refused);
-            }
-            pieces.retain(|piece| !piece.is_kept(round < JERK_ROUNDS));
-            let next = if round < CAP_ROUNDS {
-                self.lower_caps(&mut caps, &law.u_at_tick, &pieces);
-                self.time_law(&caps)?
+        for round in 0..=retiming_rounds + WARP_ROUNDS {
+            let (next, ratios) = if round < retiming_rounds {
+                let least_ticks = self.least_ticks();
+                let u_at_tick = retimed(&layout, &law.u_at_tick, least_ticks, self.limits)?;
+                (TimeLaw { u_at_tick }, None)
             } else {
-                let slowness = warp::slowness(law.ticks(), &pieces, round - CAP_ROUNDS);
-                let duration_s = slowness.iter().sum::<f64>() / self.limits.servo_hz;
-                check_duration(duration_s, self.samples, self.limits, self.begin_mm())?;
-                TimeLaw {
-                    u_at_tick: warp::stretched(&law.u_at_tick, &slowness),
+                let with_jerk = round < retiming_rounds + JERK_ROUNDS;
+                let ratios = self.motion_ratios(&layout, before.as_ref())?;
+                let mut pieces = self.pieces(&layout, &ratios);
+                if pieces.iter().all(|piece| piece.is_kept(with_jerk)) {
+                    let refused = check::refused_spans(&layout.spline, self.limits)?;
+                    if refused.is_empty() {
+                        return Ok(finished(layout, &pieces));
+                    }
+                    pieces.extend(refused);
                 }
+                pieces.retain(|piece| !piece.is_kept(with_jerk));
+                let next = self.stretched(&law, &pieces, round - retiming_rounds)?;
+                (next, Some(ratios))
             };
             let path = self.path(&next);
             let again = layout::lay_out_again(&path, self.tolerances, &layout, &law.u_at_tick);
             let layout = std::mem::replace(&mut layout, again);
-            before = Some(Checked { layout, ratios });
+            before = ratios.map(|ratios| Checked { layout, ratios });
             law = next;
         }
         self.doubled(layout)
+    }
+
+    /// The time around the pieces beyond a limit stretched.
+    fn stretched(
+        &self,
+        law: &TimeLaw,
+        pieces: &[Piece],
+        round: usize,
+    ) -> Result<TimeLaw, MotionError> {
+        let slowness = warp::slowness(law.ticks(), pieces, round);
+        let duration_s = slowness.iter().sum::<f64>() / self.limits.servo_hz;
+        check_duration(duration_s, self.samples, self.limits, self.begin_mm())?;
+        Ok(TimeLaw {
+            u_at_tick: warp::stretched(&law.u_at_tick, &slowness),
+        })
     }
 
     /// The spline of a stretch that this one repeats, moved here, where it keeps the limits as that one
@@ -159,11 +182,23 @@ impl Shaping<'_> {
         pieces
     }
 
-    fn time_law(&self, caps: &Caps) -> Result<TimeLaw, MotionError> {
+    fn time_law(&self) -> Result<TimeLaw, MotionError> {
+        let aims = Shares {
+            speed: SPEED_AIM,
+            acceleration: ACCELERATION_AIM,
+        };
         let least_s = self.stretch.dwell_s;
-        let mut law = time_law(self.samples, self.limits, caps, least_s, self.begin_mm())?;
+        let mut law = time_law(self.samples, self.limits, aims, least_s, self.begin_mm())?;
         law.pad_to(layout::MOVING_TICKS_MIN);
         Ok(law)
+    }
+
+    /// Ticks that the stretch lasts at least.
+    fn least_ticks(&self) -> usize {
+        let of_dwell = (self.stretch.dwell_s * self.limits.servo_hz)
+            .ceil()
+            .max(0.0);
+        layout::MOVING_TICKS_MIN.max(of_dwell as usize)
     }
 
     fn begin_mm(&self) -> [f64; 3] {
@@ -182,9 +217,9 @@ impl Shaping<'_> {
         let mut start_tick = 0.0;
         for (&ticks, &error) in spline.durations_ticks.iter().zip(&layout.errors) {
             let end_tick = start_tick + f64::from(ticks);
-            if error > FIT_ERROR_MAX {
+            if error > layout::ERROR_MAX {
                 let ratios = Ratios {
-                    speed: (error / FIT_ERROR_MAX).min(2.0),
+                    speed: (error / layout::ERROR_MAX).min(2.0),
                     ..Ratios::default()
                 };
                 pieces.push(Piece {
@@ -233,35 +268,6 @@ impl Shaping<'_> {
             None => {}
         }
         events
-    }
-
-    /// Lowers the caps around the pieces beyond a limit by what they exceed it.
-    fn lower_caps(&self, caps: &mut Caps, u_at_tick: &[f64], pieces: &[Piece]) {
-        let mut factors = Caps::uniform(self.samples.len(), 1.0, 1.0);
-        // The smoothed motion at a tick is made of the profile half a window around it.
-        let reach_ticks = smoothing_ticks(self.samples, self.limits) as f64 / 2.0 + 4.0;
-        let last_tick = u_at_tick.len() - 1;
-        let u_at = |tick: f64| u_at_tick[tick.clamp(0.0, last_tick as f64) as usize];
-        for piece in pieces {
-            let (speed, acceleration) = piece.slowing();
-            let low = u_at((piece.start_tick - reach_ticks).floor());
-            let high = u_at((piece.end_tick + reach_ticks).ceil());
-            let from = self.samples.partition_point(|sample| sample.u < low);
-            let to = self.samples.partition_point(|sample| sample.u <= high);
-            for i in from.saturating_sub(1)..(to + 1).min(self.samples.len()) {
-                if speed > 1.0 {
-                    factors.speed[i] = factors.speed[i].min(SLOWING_EXTRA / speed);
-                }
-                if acceleration > 1.0 {
-                    factors.acceleration[i] =
-                        factors.acceleration[i].min(SLOWING_EXTRA / acceleration);
-                }
-            }
-        }
-        for i in 0..self.samples.len() {
-            caps.speed[i] *= factors.speed[i];
-            caps.acceleration[i] *= factors.acceleration[i];
-        }
     }
 
     /// The last resort: every duration doubled, which halves speeds and quarters accelerations

@@ -10,8 +10,8 @@
 use super::check::Piece;
 use rayon::prelude::*;
 
-/// Flank of the first round: about the time in which a head stops.
-const FLANK_TICKS: f64 = 80.0;
+/// Flank of the first round: twice the time in which the heading builds up its acceleration.
+const FLANK_TICKS: f64 = 45.0;
 /// Growth of the flank from round to round.
 const FLANK_GROWTH: f64 = 1.25;
 /// Slowing beyond what the ratio asks, per round: knots are moved to whole ticks, which changes
@@ -97,7 +97,7 @@ pub fn stretched(u_at_tick: &[f64], slowness: &[f64]) -> Vec<f64> {
 
 /// Cubic through the two middle values with central slopes; kept between them, so that the path
 /// never runs back.
-fn catmull_rom(p: [f64; 4], s: f64) -> f64 {
+pub fn catmull_rom(p: [f64; 4], s: f64) -> f64 {
     // Differences from the first middle value keep the digits where u is large.
     let [a, b, c] = [p[0] - p[1], p[2] - p[1], p[3] - p[1]];
     let (m0, m1) = (0.5 * (b - a), 0.5 * c);

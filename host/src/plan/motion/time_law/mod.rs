@@ -4,7 +4,8 @@
 //! u at every servo tick, from rest to rest.
 //! Two steps: time-optimal parametrisation by reachability ([`reachability`], after Pham and Pham,
 //! TOPP-RA, 2018), then a smoothing of the speed profile that makes the acceleration continuous
-//! ([`smoothing`]). The caps of [`Caps`] let the check of the finished segments slow a place down.
+//! ([`smoothing`]). What it leaves to the jerk's limit is taken from the fitted motion
+//! ([`crate::plan::motion::segments`]).
 
 pub mod reachability;
 pub mod smoothing;
@@ -12,23 +13,13 @@ pub mod smoothing;
 use crate::plan::motion::joint_limits::{MotionError, MotionLimits};
 use crate::plan::motion::path_samples::{PathSample, tip_way_mm};
 
-/// Local shares of the limits, one for each path sample, 1 at first.
-#[derive(Clone, Debug, PartialEq)]
-pub struct Caps {
-    /// Share of every speed limit.
-    pub speed: Vec<f64>,
-    /// Share of every acceleration limit.
-    pub acceleration: Vec<f64>,
-}
-
-impl Caps {
-    /// The same shares everywhere.
-    pub fn uniform(count: usize, speed: f64, acceleration: f64) -> Self {
-        Self {
-            speed: vec![speed; count],
-            acceleration: vec![acceleration; count],
-        }
-    }
+/// Shares of the limits that are aimed at.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Shares {
+    /// Of every speed limit.
+    pub speed: f64,
+    /// Of every acceleration limit.
+    pub acceleration: f64,
 }
 
 /// The motion along one stretch.
@@ -100,11 +91,11 @@ pub fn check_duration(
 pub fn time_law(
     samples: &[PathSample],
     limits: &MotionLimits,
-    caps: &Caps,
+    aims: Shares,
     duration_min_s: f64,
     from_mm: [f64; 3],
 ) -> Result<TimeLaw, MotionError> {
-    let rate = reachability::fastest_rates(samples, limits, caps);
+    let rate = reachability::fastest_rates(samples, limits, aims);
     let u: Vec<f64> = samples.iter().map(|sample| sample.u).collect();
     let window_ticks = smoothing_ticks(samples, limits);
     let tick_s = 1.0 / limits.servo_hz;

@@ -7,7 +7,7 @@
 //! acceleration is constant in a cell and meets the constraints at both of its ends, which keeps
 //! the profile still where a joint stands (their "interpolation" scheme).
 
-use super::Caps;
+use super::Shares;
 use crate::plan::motion::joint_limits::MotionLimits;
 use crate::plan::motion::path_samples::{PathSample, ROWS_MAX, Row};
 use rayon::prelude::*;
@@ -157,13 +157,13 @@ const SAMPLES_MIN: usize = 128;
 fn cells(
     samples: &[PathSample],
     limits: &MotionLimits,
-    caps: &Caps,
+    aims: Shares,
     range: Range<usize>,
 ) -> Vec<Cell> {
     let rows: Vec<Rows> = (range.start..range.end + 1)
         .into_par_iter()
         .with_min_len(SAMPLES_MIN)
-        .map(|i| Rows::new(&samples[i], limits, caps.acceleration[i]))
+        .map(|i| Rows::new(&samples[i], limits, aims.acceleration))
         .collect();
     let pairs = rows.par_windows(2).zip(range).with_min_len(SAMPLES_MIN);
     pairs
@@ -171,19 +171,19 @@ fn cells(
         .collect()
 }
 
-/// Largest u̇ at every sample (0 at both ends) within the limits times the caps.
-pub fn fastest_rates(samples: &[PathSample], limits: &MotionLimits, caps: &Caps) -> Vec<f64> {
+/// Largest u̇ at every sample (0 at both ends) within the limits times these shares.
+pub fn fastest_rates(samples: &[PathSample], limits: &MotionLimits, aims: Shares) -> Vec<f64> {
     let last = samples.len() - 1;
     let mut x_max: Vec<f64> = (0..samples.len())
         .into_par_iter()
         .with_min_len(SAMPLES_MIN)
-        .map(|i| samples[i].rate_max(limits, caps.speed[i]).powi(2))
+        .map(|i| samples[i].rate_max(limits, aims.speed).powi(2))
         .collect();
     x_max[last] = 0.0;
     let blocks = || (0..last).step_by(CELLS_AT_ONCE);
     let block = |from: usize| from..(from + CELLS_AT_ONCE).min(last);
     for from in blocks().rev() {
-        let cells = cells(samples, limits, caps, block(from));
+        let cells = cells(samples, limits, aims, block(from));
         for (i, cell) in block(from).zip(&cells).rev() {
             x_max[i] = cell.largest_controllable(x_max[i], x_max[i + 1]);
         }
@@ -191,7 +191,7 @@ pub fn fastest_rates(samples: &[PathSample], limits: &MotionLimits, caps: &Caps)
     x_max[0] = 0.0;
     let mut x = 0.0;
     for from in blocks() {
-        let cells = cells(samples, limits, caps, block(from));
+        let cells = cells(samples, limits, aims, block(from));
         for (i, cell) in block(from).zip(&cells) {
             (x_max[i], x) = cell.advanced(x, x_max[i + 1]);
             x_max[i + 1] = x;
@@ -213,8 +213,11 @@ mod tests {
     fn rates(curve: &PathCurve) -> (Vec<f64>, Vec<f64>, Vec<PathSample>, MotionLimits) {
         let limits = MotionLimits::of(&Settings::default(), MotionState::Print).unwrap();
         let samples = sample_path(curve, &limits).unwrap();
-        let caps = Caps::uniform(samples.len(), 1.0, 1.0);
-        let rate = fastest_rates(&samples, &limits, &caps);
+        let aims = Shares {
+            speed: 1.0,
+            acceleration: 1.0,
+        };
+        let rate = fastest_rates(&samples, &limits, aims);
         let u = samples.iter().map(|sample| sample.u).collect();
         (u, rate, samples, limits)
     }
