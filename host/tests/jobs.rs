@@ -201,6 +201,7 @@ fn simulate_writes_report_and_traces() {
         "print_mm",
         "travel_mm",
         "print_s",
+        "time_bound_s",
         "volume_mm3",
         "plan_s",
         "heading_travel_rad",

@@ -251,6 +251,7 @@ fn plan_figures(plan: &Plan, unreachable: &[UnreachableRun], plan_s: f64) -> Fig
         skirt_mm: plan.skirt.is_some().then_some(f.skirt_mm),
         travel_mm: Some(f.travel_mm),
         print_s: Some(f.print_s),
+        time_bound_s: Some(plan.motion.time_bound_s),
         volume_mm3: Some(f.volume_mm3),
         plan_s: Some(plan_s),
         heading_travel_rad: Some(f.heading_travel_rad),

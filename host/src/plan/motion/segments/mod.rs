@@ -30,6 +30,7 @@ use crate::job::SegmentStream;
 use crate::plan::motion::joint_limits::{MotionError, MotionLimits};
 use crate::plan::motion::joint_turns::choose_solution;
 use crate::plan::motion::path_samples::sample_path;
+use crate::plan::motion::time_law::without_jerk_s;
 use crate::plan::progress::{Progress, Stage, Steps};
 use crate::plan::route::moves::{Route, Stretch, StretchEvent};
 use crate::settings::Settings;
@@ -51,6 +52,8 @@ pub struct MotionReport {
     pub doubled_stretches: usize,
     /// Duration of the stream, s.
     pub duration_s: f64,
+    /// The same if no joint had a limit of its jerk, s.
+    pub time_bound_s: f64,
 }
 
 /// Duration of a stretch that moves nothing.
@@ -68,6 +71,8 @@ pub struct FinishedStretch {
     pub fit_error_ratio: f64,
     /// True where local slowing did not settle.
     pub doubled: bool,
+    /// How long it takes without limits of the jerk, s.
+    pub time_bound_s: f64,
 }
 
 /// Turns a route into the stream of segments, within every limit times the plan's share.
@@ -118,6 +123,7 @@ pub fn lay_segments_with_progress(
         report.ratios = report.ratios.max(stretch.ratios);
         report.fit_error_ratio = report.fit_error_ratio.max(stretch.fit_error_ratio);
         report.doubled_stretches += usize::from(stretch.doubled);
+        report.time_bound_s += stretch.time_bound_s;
     }
     let stream = assemble::assemble(route, &finished, settings);
     let ticks = stream.marks.last().map_or(0, |mark| mark.end_tick);
@@ -184,6 +190,7 @@ fn finish_stretch(
             ratios: Ratios::default(),
             fit_error_ratio: 0.0,
             doubled: false,
+            time_bound_s: ticks as f64 / limits.servo_hz,
         });
     }
     let samples = sample_path(&stretch.curve, &limits)?;
@@ -202,7 +209,11 @@ fn finish_stretch(
             return Ok(finished);
         }
     }
-    shaping.finish()
+    let least_s = without_jerk_s(&samples, &limits).max(stretch.dwell_s);
+    Ok(FinishedStretch {
+        time_bound_s: least_s,
+        ..shaping.finish()?
+    })
 }
 
 /// Fails where a prime or retract alone is more than the extruder may do; the controller asks the same.

@@ -141,6 +141,9 @@ mod tests {
         let (stream, report) = lay_segments(&same, &settings).expect("segments");
         assert!(report.ratios.speed <= 1.0 && report.ratios.acceleration <= 1.0);
         assert_ne!(report, MotionReport::default());
+        // Jerk takes some of the time, not most of it.
+        let share = report.time_bound_s / report.duration_s;
+        assert!((0.5..1.0).contains(&share), "{share}");
         let prints = stream
             .marks
             .iter()

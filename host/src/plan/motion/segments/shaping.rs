@@ -61,6 +61,7 @@ fn finished(layout: Layout, pieces: &[Piece]) -> FinishedStretch {
         fit_error_ratio: layout.worst_error(),
         spline: layout.spline,
         doubled: false,
+        time_bound_s: 0.0,
     }
 }
 
@@ -159,6 +160,7 @@ impl Shaping<'_> {
             fit_error_ratio: known.fit_error_ratio,
             spline,
             doubled: known.doubled,
+            time_bound_s: known.time_bound_s,
         }))
     }
 

@@ -87,6 +87,21 @@ pub fn check_duration(
     }
 }
 
+/// How long a sampled path takes at least by its speeds and accelerations, whatever the jerk, s.
+pub fn without_jerk_s(samples: &[PathSample], limits: &MotionLimits) -> f64 {
+    let mut limits = limits.clone();
+    for joint in &mut limits.joints {
+        joint.jerk_max = f64::INFINITY;
+    }
+    let all = Shares {
+        speed: 1.0,
+        acceleration: 1.0,
+    };
+    let rate = reachability::fastest_rates(samples, &limits, all);
+    let u: Vec<f64> = samples.iter().map(|sample| sample.u).collect();
+    smoothing::duration_s(&u, &rate)
+}
+
 /// The time law of a sampled path: duration at least `duration_min_s`. `from_mm` is where it begins.
 pub fn time_law(
     samples: &[PathSample],

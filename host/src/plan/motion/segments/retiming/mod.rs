@@ -180,3 +180,117 @@ fn run_at(u_at_tick: &[f64], slowness: &[f64], least_ticks: usize) -> Vec<f64> {
     run.push(u_at_tick[last]);
     run
 }
+
+#[cfg(test)]
+mod tests {
+    //! Goal: the least time along a known motion within a jerk limit, no motion below its least
+    //! duration, and the ticks of a motion at another pace.
+    use super::super::fit::channel_tolerances;
+    use super::super::layout::lay_out;
+    use super::super::tick_path::TickPath;
+    use super::*;
+    use crate::job::MotionState;
+    use crate::plan::route::moves::PathCurve;
+    use crate::settings::Settings;
+    use headway_protocol::units::{CHANNEL_HEADING, CHANNEL_X};
+
+    /// A turn of the heading over a way of the tip that no limit of its own slows, both from rest to
+    /// rest; u runs as a quintic over so many ticks.
+    fn turn(turn_rad: f64, ticks: u32) -> (PathCurve, Vec<f64>) {
+        let mut to = [0.0; 7];
+        (to[CHANNEL_X], to[CHANNEL_HEADING]) = (0.1, turn_rad);
+        let curve = PathCurve {
+            control: vec![[0.0; 7], to],
+        };
+        let u = |k: u32| {
+            let x = f64::from(k) / f64::from(ticks);
+            x * x * x * (10.0 - 15.0 * x + 6.0 * x * x)
+        };
+        (curve, (0..=ticks).map(u).collect())
+    }
+
+    const TURN_RAD: f64 = 2.0;
+
+    /// After so many rounds, the ticks.
+    fn ticks_after(rounds: u32, least_ticks: usize) -> usize {
+        let settings = Settings::default();
+        let limits = MotionLimits::of(&settings, MotionState::Print).expect("limits");
+        let tolerances = channel_tolerances(&settings.tolerances);
+        let (curve, mut u_at_tick) = turn(TURN_RAD, 1000);
+        for _ in 0..rounds {
+            let path = TickPath::new(&curve, &u_at_tick).with_tangents();
+            let layout = lay_out(&path, &tolerances, 256.0);
+            u_at_tick = retimed(&layout, &u_at_tick, least_ticks, &limits).expect("retimed");
+            assert_eq!((u_at_tick[0], u_at_tick[u_at_tick.len() - 1]), (0.0, 1.0));
+            assert!(u_at_tick.windows(2).all(|pair| pair[1] >= pair[0]));
+        }
+        u_at_tick.len() - 1
+    }
+
+    /// Goal: near the seven phases of a motion within speed, acceleration and jerk, whose time is
+    /// known: turn / v + v / a + a / j.
+    #[test]
+    fn a_turn_takes_the_time_of_its_seven_phases() {
+        let settings = Settings::default();
+        let limits = MotionLimits::of(&settings, MotionState::Print).expect("limits");
+        let heading = limits.joints[limits.joints.len() - 1];
+        let (v, a, j) = (
+            heading.speed_max,
+            heading.acceleration_max,
+            heading.jerk_max,
+        );
+        assert!(TURN_RAD > v * v / a + v * a / j, "the turn reaches its speed");
+        let best_s = TURN_RAD / v + v / a + a / j;
+        let found_s = ticks_after(4, 18) as f64 / limits.servo_hz;
+        assert!(
+            found_s > 0.99 * best_s && found_s < 1.04 * best_s,
+            "{found_s} {best_s}"
+        );
+    }
+
+    #[test]
+    fn a_least_duration_is_kept() {
+        assert_eq!(ticks_after(2, 700), 700);
+    }
+
+    #[test]
+    fn a_motion_at_half_the_pace_takes_twice_the_ticks() {
+        let (_, u_at_tick) = turn(1.0, 400);
+        assert_eq!(run_at(&u_at_tick, &[1.0; 401], 18), u_at_tick);
+        let slow = run_at(&u_at_tick, &[2.0; 401], 18);
+        assert_eq!(slow.len(), 801);
+        for (k, u) in u_at_tick.iter().enumerate() {
+            assert!((slow[2 * k] - u).abs() < 1e-12, "{k}");
+        }
+    }
+
+    /// Goal: a pace that changes is followed to the order of the interpolation.
+    #[test]
+    fn a_pace_that_changes_is_followed() {
+        let u_at_tick: Vec<f64> = (0..=1000).map(f64::from).collect();
+        // dt_new / dt_old = 1 + t / 1000: the new time is t + t² / 2000, 1500 in all.
+        let slowness: Vec<f64> = (0..=1000).map(|t| 1.0 + f64::from(t) / 1000.0).collect();
+        let run = run_at(&u_at_tick, &slowness, 18);
+        assert_eq!(run.len(), 1501);
+        // The last ticks take the motion as ending at rest.
+        for (tick, u) in run.iter().enumerate().take(1498) {
+            let new_time = u + u * u / 2000.0;
+            assert!((new_time - tick as f64).abs() < 1e-3, "{tick} {u}");
+        }
+    }
+
+    #[test]
+    fn windows_hold_three_coefficients_between_them() {
+        for cells in [1.0, 40.0, 93.0, 200.0, 1000.0] {
+            let grid = PaceGrid::new(cells * KNOT_TICKS, 2000.0);
+            for sweep in 0..2 {
+                let windows = grid.windows(sweep);
+                assert_eq!(windows[0].start, 0);
+                assert_eq!(windows[windows.len() - 1].end, grid.count());
+                for pair in windows.windows(2) {
+                    assert_eq!(pair[0].end + HELD, pair[1].start);
+                }
+            }
+        }
+    }
+}
