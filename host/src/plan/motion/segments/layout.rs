@@ -22,6 +22,8 @@ const SPAN_WAY_MM: f64 = 0.1;
 const SPAN_TICKS_LONGEST: f64 = 0.5 * SPAN_TICKS_MAX as f64;
 /// Spans to begin with.
 const SPAN_TICKS_FIRST: f64 = 12.0;
+/// How late a knot may come for the span before it to keep its least length.
+const LATE_TICKS_MAX: usize = 3;
 /// Rounds of spreading and of halving; a span of 256 ticks halves seven times.
 const SPREAD_ROUNDS: usize = 7;
 const HALVING_ROUNDS: usize = 8;
@@ -29,7 +31,7 @@ const HALVING_ROUNDS: usize = 8;
 const ERROR_AIM: f64 = 0.65;
 /// Error that a span of a layout before may grow to, below what is allowed ([`ERROR_MAX`]): cutting
 /// it would show the limits what the path does within a few milliseconds.
-const ERROR_KEPT: f64 = 1.6;
+const ERROR_KEPT: f64 = 1.75;
 /// Error of the fit, against its share of the tolerance, that slows the motion down: the whole
 /// tolerance with room for what lies between ticks.
 pub const ERROR_MAX: f64 = 1.8;
@@ -269,16 +271,25 @@ pub fn lay_out_again(
     let count = before.spline.durations_ticks.len();
     let ticks = path.ticks();
     let (mut tick_before, mut last_knot) = (0, 0);
+    let (mut first_before, mut first_span) = (0, 0);
     let mut durations = Vec::with_capacity(count);
     let mut spans = Vec::with_capacity(count);
     for (span, &duration) in before.spline.durations_ticks.iter().enumerate() {
-        let first_before = tick_before;
         tick_before += usize::from(duration);
         let u = u_before[tick_before];
-        let place = u_at_tick.partition_point(|&other| other < u);
-        let latest = ticks - SPAN_TICKS_MIN * (count - span - 1);
-        let place = place.clamp((last_knot + SPAN_TICKS_MIN).min(latest), latest);
-        let place = if span + 1 == count { ticks } else { place };
+        let wanted = u_at_tick.partition_point(|&other| other < u);
+        let least = last_knot + SPAN_TICKS_MIN;
+        let is_last = span + 1 == count;
+        // A faster motion may have no room for a knot: its two spans become one.
+        if !is_last && (least > wanted + LATE_TICKS_MAX || least + SPAN_TICKS_MIN > ticks) {
+            continue;
+        }
+        let latest = ticks.saturating_sub(SPAN_TICKS_MIN).max(least);
+        let place = if is_last {
+            ticks
+        } else {
+            wanted.clamp(least, latest)
+        };
         // Slowed manifold, a span may outgrow the longest that the wire has: it becomes several.
         let parts = (place - last_knot)
             .div_ceil(usize::from(SPAN_TICKS_MAX))
@@ -290,8 +301,13 @@ pub fn lay_out_again(
             durations.push(duration as u16);
             let now = &u_at_tick[first..(last_knot + 2).min(u_at_tick.len())];
             let then = &u_before[first_before..(tick_before + 2).min(u_before.len())];
-            spans.push((now == then).then_some(span));
+            spans.push((first_span == span && now == then).then_some(span));
         }
+        (first_before, first_span) = (tick_before, span + 1);
+    }
+    if durations.len() < 3 {
+        durations = Density::first(ticks).durations(ticks);
+        spans = vec![None; durations.len()];
     }
     let before = Before {
         layout: before,

@@ -2,7 +2,7 @@
 //!
 //! In: the stretch, its samples and limits. Out: a [`FinishedStretch`]. A first time law that knows
 //! the jerk only through a smoothing window gives a first fit; that motion is run anew in the least
-//! time along it ([`super::retiming`]), twice, since each new fit differs a little. Then only a few
+//! time along it ([`super::retiming`]), three times, since each new fit differs a little. Then only a few
 //! per cent are missing here and there, and the finished motion is stretched in time around those
 //! places ([`super::warp`]), which cannot raise a new peak elsewhere. Where all of that takes longer
 //! than the first time law did, the first fit is stretched as it is, and the shorter one counts.
@@ -25,8 +25,8 @@ const SPEED_AIM: f64 = 0.9985;
 /// Share of the acceleration limits that the time law aims at: the fit overshoots at corners of
 /// the acceleration.
 const ACCELERATION_AIM: f64 = 0.97;
-/// Rounds that run the motion anew: a third brings half a per cent for a third of the time again.
-const RETIMING_ROUNDS: usize = 2;
+/// Rounds that run the motion anew: the third brings 1 %, more trade one place for another.
+const RETIMING_ROUNDS: usize = 3;
 /// Rounds of local stretching of the time.
 const WARP_ROUNDS: usize = 20;
 /// Rounds in which a jerk beyond its limit counts; after them it is let pass.

@@ -1,7 +1,7 @@
 //! The limits of a fitted motion as rows over its squared pace.
 //!
-//! In: a spline with its fit errors, the limits, a stretch of the pace's own spline. Out: rows at the
-//! places that the check of the finished segments looks at. Run at a pace p(t) with b = p², a joint
+//! In: a spline with its fit errors, the limits, a stretch of the pace's own spline. Out: rows at
+//! places a few ticks apart, the ends of its spans among them. Run at a pace p(t) with b = p², a joint
 //! that had q', q'', q''' (by the old time) has the speed q' sqrt(b), the acceleration
 //! q'' b + q' b' / 2 and the jerk (q''' b + 3/2 q'' b' + 1/2 q' b'') sqrt(b). All rows are scaled to a
 //! bound of 1. Left out: pressure advance's memory and flow events, which the check slows down.
@@ -17,15 +17,15 @@ use std::ops::Range;
 /// Shares of the limits that are aimed at: the fit of the new motion overshoots by the rest.
 const SPEED_AIM: f64 = 0.998;
 const ACCELERATION_AIM: f64 = 0.978;
-const JERK_AIM: f64 = 0.88;
-/// Longest piece between two places, as the check has them.
-const PIECE_TICKS: f64 = 8.0;
+const JERK_AIM: f64 = 0.92;
+/// Longest piece between two places.
+const PIECE_TICKS: f64 = 5.0;
 /// Most that one round slows or speeds up, as b.
 const SQUARED_PACE_MIN: f64 = 0.3;
 const SQUARED_PACE_MAX: f64 = 4.0;
 /// Share of a violation that one round leaves: from a motion far beyond a limit the least time
 /// lies far away, where its fit is no guide.
-const VIOLATION_LEFT: f64 = 0.45;
+const VIOLATION_LEFT: f64 = 0.35;
 /// Room that a row gets which sees coefficients that are held.
 const HELD_ROOM: f64 = 1e-3;
 /// The pace as it is: (b, b', b'').

@@ -4,7 +4,7 @@
 //! motion. The fitted spline is itself a curve with known derivatives by its own time t, so the
 //! motion of least time along it asks for the pace p(t) = dt_old / dt_new alone: near 1, and smooth
 //! even where the motion begins from rest. b = p² is a uniform cubic spline; the limits are rows over
-//! (b, b', b'') ([`limit_rows`]), jerk included; the least time is found in windows of some 0.5 s
+//! (b, b', b'') ([`limit_rows`]), jerk included; the least time is found in windows of some 0.7 s
 //! with their ends held, two sweeps of them, the second over the ends of the first
 //! ([`interior_point`]). The windows of a sweep do not see each other, so that threads change nothing.
 //! Leaves out: that the new motion is fitted again. Its own check answers for every limit.
@@ -22,9 +22,9 @@ use limit_rows::{Motion, Rows};
 use rayon::prelude::*;
 use std::ops::Range;
 
-/// Distance of the pace's knots: 5 ms, half the time in which the heading builds up its
-/// acceleration.
-const KNOT_TICKS: f64 = 10.0;
+/// Distance of the pace's knots: 7 ms, less than the time in which the heading builds up its
+/// acceleration. With 4 or 5 ms it follows what the fit makes of single spans.
+const KNOT_TICKS: f64 = 14.0;
 /// Coefficients of a window.
 const WINDOW: usize = 96;
 /// Coefficients between two windows that both hold: a cubic sees four.
@@ -239,7 +239,10 @@ mod tests {
             heading.acceleration_max,
             heading.jerk_max,
         );
-        assert!(TURN_RAD > v * v / a + v * a / j, "the turn reaches its speed");
+        assert!(
+            TURN_RAD > v * v / a + v * a / j,
+            "the turn reaches its speed"
+        );
         let best_s = TURN_RAD / v + v / a + a / j;
         let found_s = ticks_after(4, 18) as f64 / limits.servo_hz;
         assert!(
