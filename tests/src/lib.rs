@@ -12,6 +12,7 @@ pub mod dense_search;
 pub mod elf;
 pub mod folders;
 pub mod gear;
+pub mod jerk_reference;
 pub mod judge;
 pub mod layer_oracle;
 pub mod outlines;

@@ -37,6 +37,15 @@ fn curve_through(points: impl Iterator<Item = (f64, f64, f64)>) -> Vec<[f64; 7]>
     control
 }
 
+/// A wave of the tip with a wave of the heading over it: amplitude, rad, and rad a mm of way.
+pub fn wave(heading_rad: f64, per_mm: f64) -> Vec<[f64; 7]> {
+    curve_through((0..=600).map(|i| {
+        let x = 0.05 * f64::from(i);
+        let y = 0.8 * (0.7 * x).sin();
+        (50.0 + x, 60.0 + y, heading_rad * (per_mm * x).sin())
+    }))
+}
+
 /// A gear of 20 lobes, slowly growing, nozzle on the tangent.
 pub fn gear(length_mm: f64) -> Vec<[f64; 7]> {
     let radius = |t: f64| 20.0 + 0.8 * (20.0 * t).sin() + 0.45 * t / std::f64::consts::TAU;

@@ -4,7 +4,8 @@
 
 use headway::plan::motion::segments::lay_segments;
 use headway::settings::Settings;
-use headway_tests::routes::{gear, random_smooth, route_of, two_passes, zigzag};
+use headway_tests::jerk_reference::{ReferenceLimits, derivatives_of, least_time_s};
+use headway_tests::routes::{gear, random_smooth, route_of, two_passes, wave, zigzag};
 use headway_tests::segment_oracle::{Oracle, UNITS, duration_s, sample_limits, worst_fit};
 use rand::{RngExt, SeedableRng};
 use rand_pcg::Pcg32;
@@ -57,6 +58,32 @@ fn gear_keeps_its_limits_and_its_path() {
             heading_rad <= settings.tolerances.heading_rad,
             "{heading_rad}"
         );
+    }
+}
+
+/// Goal: the time is that of the best motion within speed, acceleration and jerk, to 4 %. Method: a
+/// reference of its own that only knows the path ([`jerk_reference`](headway_tests::jerk_reference));
+/// paths on which tip speed, heading speed, heading acceleration and heading jerk bind.
+#[test]
+fn smooth_paths_take_the_time_of_a_jerk_limited_reference() {
+    let settings = Settings::default();
+    let limits = ReferenceLimits::of(&settings);
+    let paths = [
+        gear(60.0),
+        wave(0.0, 1.0),
+        wave(0.6, 1.3),
+        wave(1.2, 2.1),
+        wave(0.3, 4.0),
+    ];
+    for (case, control) in paths.into_iter().enumerate() {
+        let route = route_of(control);
+        let reference_s = least_time_s(&derivatives_of(&route.stretches[0].curve), &limits);
+        let (stream, _) = lay_segments(&route, &settings).unwrap();
+        let mark = stream.marks.last().unwrap();
+        let ticks = mark.end_tick - mark.start_tick;
+        let ratio = ticks as f64 / f64::from(settings.machine.servo_hz) / reference_s;
+        println!("case {case}: {ratio:.4} of {reference_s:.4} s");
+        assert!(ratio > 0.99 && ratio < 1.04, "case {case}: {ratio}");
     }
 }
 
