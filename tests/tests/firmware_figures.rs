@@ -71,10 +71,10 @@ const SERVO_WORST_TRUNNION: f64 = 1713.0;
 const FLASH_BYTES: f64 = 176.0 * 1024.0;
 // No goals: what is reached with the jobs as they are planned today, a twentieth above it for another
 // compiler. The worst tick hangs on the job: what coincides in it (1208 instructions with an earlier
-// plan of the same parts, 1269 with this one, by the same firmware). Of the gantry 1574 since the
-// extruder's limits are held in every tick.
+// plan of the same parts, 1269 with the one before, 1347 with today's, by the same firmware). Of the
+// gantry 1574 since the extruder's limits are held in every tick.
 const SERVO_WORST_AT_200_PERCENT: [(&str, f64); 4] = [
-    ("planar", 1332.0),
+    ("planar", 1414.0),
     ("gantry", 1652.0),
     ("trunnion", 2076.0),
     ("arm6", 2916.0),
