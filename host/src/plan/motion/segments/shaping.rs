@@ -17,6 +17,7 @@ use crate::plan::motion::joint_limits::{MotionError, MotionLimits, tip_mm};
 use crate::plan::motion::path_samples::PathSample;
 use crate::plan::motion::time_law::{Shares, TimeLaw, check_duration, time_law};
 use crate::plan::route::moves::{Stretch, StretchEvent};
+use headway_firmware::configuration::Kinematics;
 use headway_protocol::segment::SPAN_TICKS_MAX;
 use headway_protocol::units::CHANNELS;
 
@@ -69,6 +70,11 @@ impl Shaping<'_> {
     /// Times, fits and checks until nothing exceeds its limit.
     pub fn finish(&self) -> Result<FinishedStretch, MotionError> {
         let law = self.time_law()?;
+        // Where joints turn with the whole pose the check sees its samples only, too few for a motion
+        // that is at its limits nearly everywhere.
+        if !matches!(self.limits.kinematics, Kinematics::Planar) {
+            return self.settled(law, 0);
+        }
         let first_ticks = law.ticks() as u64;
         let retimed = self.settled(law, RETIMING_ROUNDS)?;
         if retimed.spline.ticks() <= first_ticks && !retimed.doubled {

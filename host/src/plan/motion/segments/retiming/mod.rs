@@ -72,7 +72,11 @@ impl PaceGrid {
     fn windows(&self, sweep: usize) -> Vec<Range<usize>> {
         let mut windows = Vec::new();
         let mut start = 0;
-        let mut end = if sweep % 2 == 0 { WINDOW } else { WINDOW / 2 };
+        let mut end = if sweep.is_multiple_of(2) {
+            WINDOW
+        } else {
+            WINDOW / 2
+        };
         while start < self.count() {
             // No last window that is only a stub.
             let is_last = end + WINDOW / 2 >= self.count();
