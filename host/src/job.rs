@@ -73,6 +73,31 @@ impl SegmentStream {
         }
     }
 
+    /// Puts a stream behind this one that begins where it ends; its passes are counted from
+    /// `first_pass` on. Both end at rest and begin with a short one, so that nothing is
+    /// computed anew: the rest that ends this one is the one that the other begins with.
+    pub fn append(&mut self, next: SegmentStream, first_pass: u32) {
+        if self.knots.is_empty() {
+            *self = next;
+            return;
+        }
+        let spans = self.knots.len() as u32;
+        let ticks = self.marks.last().map_or(0, |mark| mark.end_tick);
+        self.knots.extend(next.knots);
+        let events = next.events.into_iter();
+        self.events.extend(events.map(|event| FlowEvent {
+            span: event.span + spans,
+            ..event
+        }));
+        let marks = next.marks.into_iter();
+        self.marks.extend(marks.map(|mark| Mark {
+            start_tick: mark.start_tick + ticks,
+            end_tick: mark.end_tick + ticks,
+            pass: mark.pass.map(|pass| pass + first_pass),
+            ..mark
+        }));
+    }
+
     /// Layers of the job; 1 where nothing is said of layers.
     pub fn layers(&self) -> u32 {
         self.marks.last().map_or(1, |mark| mark.layer + 1)

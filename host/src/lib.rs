@@ -10,7 +10,8 @@
 //! WaypointRun --curve--> PathCurve --route--> Route, and on as above
 //! ```
 //!
-//! [`plan_target`] is that pipeline, [`plan_waypoints`] its short form; every intermediate stays in
+//! [`layer_stack`] is that pipeline, [`plan_target`] runs it for a prism, [`part_plan`] for a part with
+//! changing layers a few layers at a time, [`plan_waypoints`] its short form; every intermediate stays in
 //! [`Plan`], for pictures and tests.
 //! `drive` moves the finished stream, `report` draws and tabulates, `cli` is the command.
 #![forbid(unsafe_code)]
@@ -21,7 +22,10 @@ pub mod geometry;
 pub mod input;
 pub mod job;
 pub mod job_file;
+pub mod layer_stack;
+pub mod mesh;
 mod near_name;
+pub mod part_plan;
 pub mod part_transform;
 pub mod plan;
 pub mod report;
@@ -29,34 +33,34 @@ pub mod settings;
 mod short_number;
 pub mod wire_frames;
 
+use crate::geometry::Point2;
 use crate::geometry::polygon::Region;
-use crate::geometry::{Point2, Vector2};
 use crate::input::Target;
 use crate::input::waypoints::WaypointRun;
 use crate::job::SegmentStream;
+use crate::layer_stack::{LeftOut, Stack, plan_stack};
 use crate::part_transform::{PartTransform, PlaceError};
 use crate::plan::axis::medial_axis::MedialAxisError;
 use crate::plan::judge::figures::{PlanFigures, Swept};
-use crate::plan::judge::measure::{Measured, MeasuredPrint, measure};
+use crate::plan::judge::measure::{Measured, measure};
 use crate::plan::judge::region_raster::swept_area_mm2;
 use crate::plan::judge::touches::{Touches, touches};
 use crate::plan::layers::PlanePass;
 use crate::plan::layers::layer_groups::{self, LayerGroup, RegionPrint, TooLongError};
-use crate::plan::layers::region_plan::{RegionPlan, RegionWork};
-use crate::plan::layers::skirt::{SkirtPlan, skirt_plan, skirt_reach_mm};
+use crate::plan::layers::region_plan::RegionPlan;
+use crate::plan::layers::skirt::{SkirtPlan, skirt_reach_mm};
 use crate::plan::motion::best_place::{FoundPlace, NoPlaceError, best_place, moved};
 use crate::plan::motion::joint_limits::MotionError;
 use crate::plan::motion::segments::{MotionReport, lay_segments_with_progress};
 use crate::plan::motion::singular::{PassedPlaces, SingularPlaces, passed_places};
-use crate::plan::outline::contour::{Contour, ContourError, SIMPLIFY_MM};
-use crate::plan::progress::{Progress, Stage, step_each};
-use crate::plan::route::build_route::build_route;
-use crate::plan::route::keep_out::{cleared, taken};
+use crate::plan::outline::contour::ContourError;
+use crate::plan::progress::Progress;
+use crate::plan::route::keep_out::cleared;
 use crate::plan::route::moves::Route;
-use crate::plan::route::travel::{TravelError, TravelWays, outline_crossings};
+use crate::plan::route::travel::TravelError;
 use crate::plan::route::waypoint_curve::{WaypointCurveError, waypoint_passes};
 use crate::plan::route::waypoint_route::waypoint_route;
-use crate::settings::{Infill, Place, Settings, SettingsError};
+use crate::settings::{Place, Settings, SettingsError};
 use headway_protocol::units::{CHANNEL_X, CHANNEL_Y, CHANNEL_Z, CHANNELS};
 
 /// A planned target, with all intermediates.
@@ -68,6 +72,8 @@ pub struct Plan {
     pub keep_out: Vec<Region>,
     /// Ground of the target given up to that.
     pub kept_out_mm2: f64,
+    /// Regions of a part that are not printed.
+    pub left_out: Vec<LeftOut>,
     /// What is printed around the regions before them, on the first layer.
     pub skirt: Option<SkirtPlan>,
     /// The kinds of layer, in the order of their first ones.
@@ -173,6 +179,26 @@ pub enum PlanError {
     /// Nothing of the target is left.
     #[error("the keep-outs, grown for the nozzle's body, leave no ground to print on: move them")]
     AllKeptOut,
+    /// Nothing of a part is left.
+    #[error(
+        "nothing can be printed: in none of its {left_out} regions does the aperture fit with room \
+         to move; use a smaller --aperture or a larger --scale"
+    )]
+    NoLayerPrintable {
+        /// Regions that were left out.
+        left_out: usize,
+    },
+    /// A first layer of its own, where the route cannot be divided behind it.
+    #[error(
+        "this machine's joints wind up and are planned over all layers at once: leave out \
+         --first-layer-height and --first-layer-speed"
+    )]
+    FirstLayerWinds,
+    /// Pieces of a part that want different solutions.
+    #[error(
+        "the joints cannot stay in one solution over all layers: print them in parts (--layer-range)"
+    )]
+    AnotherSolution,
     /// No placement of the aperture lies inside, or it has no room to move.
     #[error(
         "nothing can be printed: the widest place, near ({:.3}, {:.3}) mm, is {width_mm:.3} mm \
@@ -219,89 +245,20 @@ pub fn plan_target_around(
     if cleared.regions.is_empty() {
         return Err(PlanError::AllKeptOut);
     }
-    let start = start_pose(settings);
-    let shift = Vector2::new(transform.offset_mm[0], transform.offset_mm[1]);
-    let from = Point2::new(start[CHANNEL_X], start[CHANNEL_Y]) - shift;
-    let (infills, kind_of_layer) = layer_groups::infills_of_layers(settings);
-    let (works, widest) = region_works(&cleared.regions, &infills, settings, progress)?;
-    let skirt = skirt_plan(&target.regions, &taken(keep_out, settings), from, settings)?;
-    let from = skirt.as_ref().and_then(SkirtPlan::end).unwrap_or(from);
-    let kinds = layer_groups::layer_groups(works, &infills, &kind_of_layer, progress);
-    let prints = layer_groups::region_prints(&kinds, &kind_of_layer, from);
-    let (curves, print_of_curve) =
-        layer_groups::plane_passes(skirt.as_ref(), &kinds, &prints, &transform, settings)?;
-    if curves.is_empty() {
-        return Err(nothing_printable(widest, settings));
-    }
-    let on_machine = |regions: &[Region]| -> Vec<Region> {
-        regions.iter().map(|region| region.shifted(shift)).collect()
-    };
-    let ground = on_machine(&cleared.regions);
-    let mut ways = TravelWays::new(&on_machine(keep_out), &ground, settings)?;
-    let route = build_route(&curves, start, &mut ways, settings).map_err(|e| e.shifted(-shift))?;
-    let (stream, motion) = lay_segments_with_progress(&route, settings, progress)?;
-    let (figures, measured) = measure(
-        &stream,
-        &printings(&kinds, &prints),
-        &print_of_curve,
-        &transform,
-        settings,
-        progress,
-    );
-    Ok(Plan {
-        transform,
-        keep_out: keep_out.to_vec(),
-        kept_out_mm2: cleared.lost_mm2,
-        skirt,
+    let (kinds, layers) = layer_groups::prism_layers(settings);
+    let stack = Stack {
+        outlines: vec![cleared.regions],
         kinds,
-        prints,
-        curves,
-        print_of_curve,
-        outline_crossings: outline_crossings(&route, &ground),
-        found_place: None,
-        singular: SingularPlaces::default(),
-        touches: None,
-        route,
-        stream,
-        motion,
-        measured,
-        figures,
-    })
-}
-
-/// The regions with their passes for each of the infills, and the widest disk in them.
-#[expect(clippy::type_complexity, reason = "kinds of regions, and a disk")]
-fn region_works(
-    regions: &[Region],
-    infills: &[Option<Infill>],
-    settings: &Settings,
-    progress: &dyn Progress,
-) -> Result<(Vec<Vec<RegionWork>>, Option<(Point2, f64)>), PlanError> {
-    let outlines: Vec<&Region> = regions.iter().collect();
-    let contours = step_each(progress, Stage::Contour, outlines, |region| {
-        Contour::of_region(region, SIMPLIFY_MM)
-    })?;
-    let axes = step_each(progress, Stage::Axis, contours, |contour| {
-        RegionWork::begin(contour, settings)
-    })?;
-    let works = layer_groups::with_passes(&axes, infills, progress);
-    let widest = axes.iter().filter_map(RegionWork::widest_disk);
-    let widest = widest.max_by(|a, b| a.1.total_cmp(&b.1));
-    if works.iter().flatten().all(RegionWork::is_empty) {
-        return Err(nothing_printable(widest, settings));
-    }
-    Ok((works, widest))
-}
-
-fn printings<'a>(kinds: &'a [LayerGroup], prints: &[RegionPrint]) -> Vec<MeasuredPrint<'a>> {
-    let prints = prints.iter();
-    prints
-        .map(|print| MeasuredPrint {
-            contour: &kinds[print.kind].regions[print.region].contour,
-            layer: print.layer,
-            like: print.like,
-        })
-        .collect()
+        layers,
+        keep_out,
+        kept_out_mm2: cleared.lost_mm2,
+        skirt_around: Some(&target.regions),
+        transform,
+        start: start_pose(settings),
+        is_last: true,
+        may_leave_out: false,
+    };
+    plan_stack(stack, settings, progress)
 }
 
 /// Plans a run of waypoints: curve, route, segments, figures. Regions, curves and rasters stay
@@ -352,6 +309,7 @@ pub fn plan_waypoints_with_progress(
         transform,
         keep_out: Vec::new(),
         kept_out_mm2: 0.0,
+        left_out: Vec::new(),
         skirt: None,
         outline_crossings: 0,
         kinds: Vec::new(),

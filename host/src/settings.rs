@@ -92,6 +92,16 @@ impl Infill {
         infill
     }
 
+    /// The lines of a layer inside the shells of a part, turned by 90° on every other one.
+    pub fn inside(&self, layer: u32) -> Infill {
+        let without_shells = Infill {
+            bottom_layers: Some(0),
+            top_layers: Some(0),
+            ..*self
+        };
+        without_shells.of_layer(layer, layer + 1)
+    }
+
     /// True where the lines leave nothing open on purpose.
     pub fn is_solid(&self) -> bool {
         self.density_pct >= 100.0

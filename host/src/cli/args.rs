@@ -48,7 +48,7 @@ pub(super) enum Command {
 }
 
 /// What is read, and where it goes on the machine.
-#[derive(Debug, Args)]
+#[derive(Clone, Debug, Args)]
 #[command(next_help_heading = "Input")]
 pub(super) struct InputArgs {
     /// Format of the input, where its ending does not say it.
@@ -68,6 +68,21 @@ pub(super) struct InputArgs {
     /// Mend crossings, overlaps and open contours by the fill rule, and say what was changed.
     #[arg(long)]
     pub repair: bool,
+    /// Turn a mesh about its x, then y, then z axis, degrees.
+    #[arg(long, value_name = "X,Y,Z", allow_hyphen_values = true)]
+    pub rotate: Option<String>,
+}
+
+/// How a mesh is divided into layers.
+#[derive(Clone, Debug, Default, PartialEq, Args)]
+#[command(next_help_heading = "Input")]
+pub(super) struct LayerArgs {
+    /// Layers of a mesh that are wanted, counted from 1, first and last [default: all].
+    #[arg(long, value_name = "A-B")]
+    pub layer_range: Option<String>,
+    /// Height of the first layer of a mesh, mm [default: that of the others].
+    #[arg(long, value_name = "MM", allow_negative_numbers = true)]
+    pub first_layer_height: Option<f64>,
 }
 
 /// Where the input goes on the machine.
@@ -97,6 +112,11 @@ pub(super) struct PlaceArgs {
     /// up, degrees; 0 leaves it as it is [default: 0.5].
     #[arg(long, value_name = "DEG", allow_negative_numbers = true)]
     pub axis_tolerance: Option<f64>,
+    #[command(flatten)]
+    pub layers: LayerArgs,
+    /// Tip speed while the first layer of a mesh is printed, mm/s [default: that of the others].
+    #[arg(long, value_name = "MM_S", allow_negative_numbers = true)]
+    pub first_layer_speed: Option<f64>,
 }
 
 /// What overrides the machine file.
@@ -116,7 +136,7 @@ pub(super) struct SettingsArgs {
     /// Layer height, mm.
     #[arg(long, value_name = "MM", allow_negative_numbers = true)]
     pub layer_height: Option<f64>,
-    /// Layers, all of the same outline [default: 1].
+    /// Layers of an outline, all the same [default: 1]; a mesh has its own.
     #[arg(long, value_name = "N", allow_negative_numbers = true)]
     pub layers: Option<u32>,
     /// Passes across a narrow passage.
@@ -192,6 +212,13 @@ pub(super) enum FormatName {
     Waypoints,
     /// A curve: {"degree","control_points","weights","knots"}.
     Nurbs,
+    /// Triangles of a solid, binary or ASCII.
+    Stl,
+    /// 3D Manufacturing Format.
+    #[value(name = "3mf")]
+    ThreeMf,
+    /// Wavefront triangles or polygons of a solid.
+    Obj,
 }
 
 #[derive(Clone, Copy, Debug, ValueEnum)]
@@ -253,9 +280,10 @@ pub(super) enum LawName {
 Examples:
   headway plan examples/bracket.json --output bracket.hwj
   headway plan drawing.svg -m my-printer.toml --speed 40 --overlap 5 -o part.hwj --json
-  headway plan examples/bracket.json --layers 40 --walls 2 --infill-density 20 -o bracket.hwj")]
+  headway plan examples/bracket.json --layers 40 --walls 2 --infill-density 20 -o bracket.hwj
+  headway plan part.stl --layer-height 0.25 --walls 2 --infill-density 15 -o part.hwj")]
 pub(super) struct PlanArgs {
-    /// Outline (polygon JSON, GeoJSON, SVG) or waypoints.
+    /// Mesh (STL, 3MF, OBJ), outline (polygon JSON, GeoJSON, SVG) or waypoints.
     pub input: PathBuf,
     /// Job file to write.
     #[arg(short, long, value_name = "JOB.hwj")]
@@ -308,7 +336,7 @@ Examples:
   headway simulate part.hwj --trace poses.csv --trace-steps steps.csv
   headway simulate part.svg --link \"drop=0.01,flip=1e-5,stall=2s@5s\" --seed 7 --json")]
 pub(super) struct SimulateArgs {
-    /// Outline (polygon JSON, GeoJSON, SVG), waypoints, or a job file (.hwj).
+    /// Mesh (STL, 3MF, OBJ), outline (polygon JSON, GeoJSON, SVG), waypoints, or a job file (.hwj).
     pub input: PathBuf,
     /// Folder for figures and pictures; made where it is not there.
     #[arg(long, value_name = "DIR")]
@@ -403,12 +431,23 @@ pub(super) enum ExportName {
 #[command(after_help = "\
 Examples:
   headway inspect part.hwj
-  headway inspect drawing.svg --json")]
+  headway inspect drawing.svg --json
+  headway inspect part.stl --layer-height 0.3")]
 pub(super) struct InspectArgs {
     /// A job file (.hwj), or an input.
     pub file: PathBuf,
     #[command(flatten)]
     pub input: InputArgs,
+    #[command(flatten)]
+    pub layers: LayerArgs,
+    /// Height of a mesh's layers, mm.
+    #[arg(
+        long,
+        value_name = "MM",
+        default_value_t = 0.2,
+        allow_negative_numbers = true
+    )]
+    pub layer_height: f64,
     /// One JSON object on stdout.
     #[arg(long)]
     pub json: bool,

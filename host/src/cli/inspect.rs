@@ -8,6 +8,8 @@ use crate::geometry::polygon::{Box2, Region, Ring};
 use crate::input::waypoints::WaypointRun;
 use crate::input::{Input, Loaded, ReadOptions};
 use crate::job_file::JobSummary;
+use crate::mesh::LoadedMesh;
+use crate::mesh::layers::{SlicedPart, sliced};
 use crate::report::figures::Figures;
 use crate::report::job_texts::NAME_TEXT;
 use serde_json::json;
@@ -27,11 +29,64 @@ pub(super) fn run(args: &InspectArgs, console: &Console) -> Result<(), CliError>
             return console.result(&format!("{:#}\n", path_json(&run)));
         }
         Input::Path(run) => return console.result(&path_text(&run)),
+        Input::Mesh(loaded) => return mesh(args, &loaded, console),
     };
     if args.json {
         return console.result(&format!("{:#}\n", input_json(&loaded)));
     }
     console.result(&input_text(&loaded))
+}
+
+/// A mesh as it is cut.
+fn mesh(args: &InspectArgs, loaded: &LoadedMesh, console: &Console) -> Result<(), CliError> {
+    let heights = load::layer_heights(&args.layers, args.layer_height)?;
+    let part = sliced(&loaded.mesh, &heights)
+        .map_err(|error| CliError::Job(format!("{}: {error}", args.file.display())))?;
+    console.notes(&part.notes);
+    if args.json {
+        return console.result(&format!("{:#}\n", mesh_json(loaded, &part)));
+    }
+    let [low, high] = loaded.mesh.bounds_mm();
+    let size = high - low;
+    console.result(&format!(
+        "{}: {:.3} x {:.3} x {:.3} mm at ({:.3}, {:.3}, {:.3}), {:.3} mm³ in {} triangles\n  {} layers \
+         of {} mm, {:.3} mm³\n",
+        loaded.name,
+        size.x,
+        size.y,
+        size.z,
+        low.x,
+        low.y,
+        low.z,
+        loaded.mesh.volume_mm3(),
+        loaded.mesh.triangles.len(),
+        part.wanted_layers().len(),
+        heights.layer_mm,
+        part.volume_mm3(),
+    ))
+}
+
+fn mesh_json(loaded: &LoadedMesh, part: &SlicedPart) -> serde_json::Value {
+    let mesh = &loaded.mesh;
+    let [low, high] = mesh.bounds_mm();
+    let notes = [&loaded.notes[..], &part.notes[..]].concat();
+    let layers = part.wanted_layers().iter().map(|layer| {
+        json!({
+            "z_mm": layer.top_mm,
+            "area_mm2": layer.area_mm2(),
+            "regions": layer.regions.len(),
+        })
+    });
+    json!({
+        "kind": "mesh",
+        "name": loaded.name,
+        "triangles": mesh.triangles.len(),
+        "volume_mm3": mesh.volume_mm3(),
+        "layers_volume_mm3": part.volume_mm3(),
+        "box_mm": [[low.x, low.y, low.z], [high.x, high.y, high.z]],
+        "layers": layers.collect::<Vec<_>>(),
+        "notes": notes,
+    })
 }
 
 fn job_json(summary: &JobSummary) -> serde_json::Value {

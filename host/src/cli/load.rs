@@ -2,13 +2,15 @@
 
 use super::CliError;
 use super::args::{
-    FormatName, InputArgs, LawName, PassName, PlaceArgs, PlaceName, QualityName, SeamName,
-    SettingsArgs, UnitName,
+    FormatName, InputArgs, LawName, LayerArgs, PassName, PlaceArgs, PlaceName, QualityName,
+    SeamName, SettingsArgs, UnitName,
 };
 use super::console::Console;
 use super::job;
 use crate::geometry::polygon::Region;
 use crate::input::{self, BYTES_MAX, Format, Input, InputError, Loaded, ReadOptions, Units};
+use crate::mesh::MeshFormat;
+use crate::mesh::layers::LayerHeights;
 use crate::settings::aperture_text::{aperture_text, file_of_aperture, parse_aperture};
 use crate::settings::{
     AXIS_TOLERANCE_RAD, HeadingLaw, Infill, PassMode, Place, Quality, SeamPlace, Settings,
@@ -174,6 +176,9 @@ pub(super) fn input(
         Some(FormatName::Svg) => Format::Svg,
         Some(FormatName::Waypoints) => Format::Waypoints,
         Some(FormatName::Nurbs) => Format::Nurbs,
+        Some(FormatName::Stl) => Format::Mesh(MeshFormat::Stl),
+        Some(FormatName::ThreeMf) => Format::Mesh(MeshFormat::ThreeMf),
+        Some(FormatName::Obj) => Format::Mesh(MeshFormat::Obj),
         None => Format::of_ending(path).ok_or_else(|| {
             let path = path.display().to_string();
             CliError::Usage(InputError::UnknownFormat { path }.to_string())
@@ -194,13 +199,15 @@ pub(super) fn input(
         scale: args.scale,
         flatten_mm,
         repair: args.repair,
+        rotate_rad: rotate_rad(args.rotate.as_deref(), format)?,
     };
-    let bytes = read_file(path)?;
+    let bytes = read_bounded(path, format.bytes_max())?;
     let input = input::read_any(&bytes, &job::stem(path), format, &options)
         .map_err(|error| CliError::Job(format!("{}: {error}", path.display())))?;
     console.notes(match &input {
         Input::Outline(loaded) => &loaded.notes,
         Input::Path(run) => &run.notes,
+        Input::Mesh(loaded) => &loaded.notes,
     });
     Ok(input)
 }
@@ -214,12 +221,13 @@ pub(super) fn target(
 ) -> Result<Loaded, CliError> {
     match input(path, args, flatten_mm, console)? {
         Input::Outline(loaded) => Ok(loaded),
-        Input::Path(_) => Err(CliError::Job(format!(
-            "{}: {}",
-            path.display(),
-            InputError::PathNotOutline
-        ))),
+        Input::Path(_) => Err(not_outline(path, &InputError::PathNotOutline)),
+        Input::Mesh(_) => Err(not_outline(path, &InputError::MeshNotOutline)),
     }
+}
+
+fn not_outline(path: &Path, error: &InputError) -> CliError {
+    CliError::Job(format!("{}: {error}", path.display()))
 }
 
 /// The first option given that only outlines know: a run of waypoints is followed as it is.
@@ -265,24 +273,120 @@ pub(super) fn keep_out(
     };
     let reading = InputArgs {
         from: None,
-        ..*args
+        rotate: None,
+        ..args.clone()
     };
     let loaded = target(path, &reading, flatten_mm, console)?;
     Ok(loaded.target.regions)
 }
 
+/// The turns of a mesh; none of anything else.
+fn rotate_rad(text: Option<&str>, format: Format) -> Result<[f64; 3], CliError> {
+    let Some(text) = text else {
+        return Ok([0.0; 3]);
+    };
+    if !matches!(format, Format::Mesh(_)) {
+        return Err(CliError::Usage(InputError::NotTurned.to_string()));
+    }
+    let turns_deg = three_numbers(text).ok_or_else(|| {
+        CliError::Usage(format!(
+            "--rotate {text}: write three angles in degrees, as in --rotate 90,0,45"
+        ))
+    })?;
+    Ok(turns_deg.map(f64::to_radians))
+}
+
+/// How a mesh is divided: the options over the layer height.
+pub(super) fn layer_heights(args: &LayerArgs, layer_mm: f64) -> Result<LayerHeights, CliError> {
+    let first_mm = args.first_layer_height.unwrap_or(layer_mm);
+    for (option, height_mm) in [
+        ("--layer-height", layer_mm),
+        ("--first-layer-height", first_mm),
+    ] {
+        if !(LAYER_MM[0]..=LAYER_MM[1]).contains(&height_mm) {
+            return Err(CliError::Usage(format!(
+                "{option} {height_mm}: write a height of {} to {} mm",
+                LAYER_MM[0], LAYER_MM[1]
+            )));
+        }
+    }
+    let range = args.layer_range.as_deref().map(parse_range).transpose()?;
+    Ok(LayerHeights {
+        first_mm,
+        layer_mm,
+        range,
+    })
+}
+
+/// Tip speed of the first layer, checked as every other.
+pub(super) fn first_layer_speed(
+    place: &PlaceArgs,
+    settings: &Settings,
+) -> Result<Option<f64>, CliError> {
+    let Some(speed_mm_s) = place.first_layer_speed else {
+        return Ok(None);
+    };
+    let is_slower = speed_mm_s >= SPEED_MIN_MM_S && speed_mm_s <= settings.speed_mm_s;
+    is_slower.then_some(Some(speed_mm_s)).ok_or_else(|| {
+        CliError::Usage(format!(
+            "--first-layer-speed {speed_mm_s}: write a speed of {SPEED_MIN_MM_S} mm/s up to that of \
+             the other layers, {} mm/s (--speed)",
+            settings.speed_mm_s
+        ))
+    })
+}
+
+/// Slowest tip speed, mm/s, as machine files have it.
+const SPEED_MIN_MM_S: f64 = 0.01;
+
+/// The first option given that only meshes know.
+pub(super) fn mesh_option(place: &PlaceArgs) -> Option<&'static str> {
+    let given = [
+        ("--layer-range", place.layers.layer_range.is_some()),
+        (
+            "--first-layer-height",
+            place.layers.first_layer_height.is_some(),
+        ),
+        ("--first-layer-speed", place.first_layer_speed.is_some()),
+    ];
+    given
+        .iter()
+        .find(|(_, given)| *given)
+        .map(|(name, _)| *name)
+}
+
+/// Least and greatest height of a layer, mm, as machine files have it.
+const LAYER_MM: [f64; 2] = [0.001, 10.0];
+
+/// Reads `A-B` or `A`.
+fn parse_range(text: &str) -> Result<[u32; 2], CliError> {
+    let (from, to) = text.split_once('-').unwrap_or((text, text));
+    match (from.trim().parse(), to.trim().parse()) {
+        (Ok(from), Ok(to)) => Ok([from, to]),
+        _ => Err(CliError::Usage(format!(
+            "--layer-range {text}: write the first and the last layer, as in --layer-range 1-20"
+        ))),
+    }
+}
+
 /// Reads `X,Y,Z`.
 pub(super) fn parse_at(text: &str) -> Result<[f64; 3], CliError> {
+    three_numbers(text).ok_or_else(|| {
+        CliError::Usage(format!(
+            "--at {text}: write three numbers in mm, as in --at 100,80,0"
+        ))
+    })
+}
+
+fn three_numbers(text: &str) -> Option<[f64; 3]> {
     let numbers: Vec<f64> = text
         .split(',')
         .filter_map(|part| part.trim().parse().ok())
         .filter(|number: &f64| number.is_finite())
         .collect();
     match (numbers.as_slice(), text.split(',').count()) {
-        (&[x, y, z], 3) => Ok([x, y, z]),
-        _ => Err(CliError::Usage(format!(
-            "--at {text}: write three numbers in mm, as in --at 100,80,0"
-        ))),
+        (&[x, y, z], 3) => Some([x, y, z]),
+        _ => None,
     }
 }
 
@@ -326,20 +430,25 @@ pub(super) fn axis_tolerance_rad(given: Option<f64>) -> Result<f64, CliError> {
     }
 }
 
-/// Reads a file of bounded size.
+/// Reads a file of the size of outlines and texts.
 pub(super) fn read_file(path: &Path) -> Result<Vec<u8>, CliError> {
+    read_bounded(path, BYTES_MAX)
+}
+
+/// Reads a file of bounded size.
+fn read_bounded(path: &Path, bytes_max: u64) -> Result<Vec<u8>, CliError> {
     let file = |problem| CliError::File {
         path: path.display().to_string(),
         problem,
     };
     // Devices and pipes have no length: no more than that is read of them.
-    let mut open = File::open(path).map_err(file)?.take(BYTES_MAX + 1);
+    let mut open = File::open(path).map_err(file)?.take(bytes_max + 1);
     let mut read = Vec::new();
     open.read_to_end(&mut read).map_err(file)?;
     let bytes = read.len() as u64;
-    if bytes > BYTES_MAX {
+    if bytes > bytes_max {
         let bytes = std::fs::metadata(path).map_or(bytes, |known| known.len().max(bytes));
-        let error = InputError::FileTooLarge { bytes };
+        let error = InputError::FileTooLarge { bytes, bytes_max };
         return Err(CliError::Job(format!("{}: {error}", path.display())));
     }
     Ok(read)

@@ -62,13 +62,15 @@ impl ShownLayer {
 fn shown_layers(planned: &Planned) -> Vec<ShownLayer> {
     let layers = planned.stream.layers();
     let (infills, kind_of_layer) = infills_of_layers(&planned.settings);
-    // A job from a file may have come without its settings.
+    // A range of layers need not begin with the first.
+    let lowest = planned.stream.marks.first().map_or(0, |mark| mark.layer);
+    // A job from a file may have come without its settings, a part's layers are all different.
     if layers <= 1 || kind_of_layer.len() != layers as usize {
         let label = match layers {
             0 | 1 => String::new(),
-            _ => format!("layer 1 of {layers}"),
+            _ => format!("layer {} of {layers}", lowest + 1),
         };
-        return vec![ShownLayer::of(planned, 0, label)];
+        return vec![ShownLayer::of(planned, lowest, label)];
     }
     (0..infills.len())
         .filter_map(|kind| {

@@ -5,11 +5,12 @@ use super::console::Console;
 use super::job::{self, Job};
 use super::open_ground::{self, OpenGround, open_ground};
 use super::warnings::settings_warnings;
-use super::{CliError, load};
+use super::{CliError, load, planned_part};
 use crate::drive::time_by_limit::{SlowPlace, time_by_limit};
 use crate::geometry::polygon::Region;
 use crate::geometry::{Point2, Vector2};
-use crate::input::{Input, Target};
+use crate::input::waypoints::WaypointRun;
+use crate::input::{Input, Loaded, Target};
 use crate::job::SegmentStream;
 use crate::part_transform::PartTransform;
 use crate::plan::judge::touches::{HeadPart, Obstacle};
@@ -53,50 +54,51 @@ pub(super) struct Planned {
     pub left_out: Vec<Place>,
 }
 
+/// An input that is planned in one piece.
+enum Flat {
+    Outline(Loaded),
+    Path(WaypointRun),
+}
+
 /// Reads an input and plans it.
 pub(super) fn from_input(
     path: &Path,
     reading: &InputArgs,
     place: &PlaceArgs,
-    settings: &SettingsArgs,
+    settings_args: &SettingsArgs,
     console: &Console,
 ) -> Result<Planned, CliError> {
-    let outline_option = load::outline_option(settings, place.keep_out.as_deref());
-    let mut settings = load::settings(settings)?;
+    let mut settings = load::settings(settings_args)?;
     settings.gap_mm = load::gap_mm(place.gap)?;
     settings.place = load::place(place.place);
     settings.axis_tolerance_rad = load::axis_tolerance_rad(place.axis_tolerance)?;
     settings.at_mm = place.at.as_deref().map(load::parse_at).transpose()?;
     let turn_rad = load::turn_rad(place.turn)?;
     let input = load::input(path, reading, settings.tolerances.flatten_mm, console)?;
-    if let (Input::Outline(_), Some(option)) = (&input, load::run_option(place)) {
-        let problem = format!("{option} goes with runs of waypoints: outlines have no tool axes");
-        return Err(CliError::Usage(problem));
-    }
-    let input = match input {
-        Input::Path(run) => Input::Path(run.turned(turn_rad)),
-        outline => outline,
-    };
     let keep_out = place.keep_out.as_deref();
-    if let (Input::Path(_), Some(option)) = (&input, outline_option) {
-        let problem = format!("{option} goes with outlines: waypoints are followed as they are");
-        return Err(CliError::Usage(problem));
-    }
+    check_options(&input, place, settings_args)?;
     let keep_out = load::keep_out(keep_out, reading, settings.tolerances.flatten_mm, console)?;
+    let input = match input {
+        Input::Mesh(loaded) => {
+            return planned_part::from_mesh(path, loaded, place, &keep_out, settings, console);
+        }
+        Input::Outline(loaded) => Flat::Outline(loaded),
+        Input::Path(run) => Flat::Path(run.turned(turn_rad)),
+    };
     let bar = console.planning();
     let begun = Instant::now();
     let planned = match &input {
-        Input::Outline(loaded) => plan_target_around(&loaded.target, &keep_out, &settings, &bar),
-        Input::Path(run) => plan_waypoints_with_progress(run, &settings, &bar),
+        Flat::Outline(loaded) => plan_target_around(&loaded.target, &keep_out, &settings, &bar),
+        Flat::Path(run) => plan_waypoints_with_progress(run, &settings, &bar),
     };
     let plan_s = begun.elapsed().as_secs_f64();
     bar.clear();
     let plan = planned.map_err(|error| CliError::Job(format!("{}: {error}", path.display())))?;
-    let unreachable = unreachable_boundary(&plan);
+    let unreachable = unreachable_boundary(plan.regions());
     settings.machine = plan.stream.machine(&settings.machine);
     let (Target { name, regions }, mut notes) = match input {
-        Input::Outline(loaded) => (loaded.target, loaded.notes),
-        Input::Path(run) => {
+        Flat::Outline(loaded) => (loaded.target, loaded.notes),
+        Flat::Path(run) => {
             let regions = Vec::new();
             (
                 Target {
@@ -128,6 +130,33 @@ pub(super) fn from_input(
         left_out: left_out(&open, &unreachable),
         unreachable,
     })
+}
+
+/// Options that go with another kind of input.
+fn check_options(
+    input: &Input,
+    place: &PlaceArgs,
+    settings: &SettingsArgs,
+) -> Result<(), CliError> {
+    let of_outlines = load::outline_option(settings, place.keep_out.as_deref());
+    let problem = match (input, of_outlines, load::mesh_option(place)) {
+        (Input::Mesh(_), ..) if settings.layers.is_some() => {
+            "--layers goes with outlines: a mesh has its own; --layer-range takes some of them"
+                .to_string()
+        }
+        (Input::Path(_), Some(option), _) => {
+            format!("{option} goes with outlines: waypoints are followed as they are")
+        }
+        (Input::Outline(_) | Input::Mesh(_), ..) if load::run_option(place).is_some() => {
+            let option = load::run_option(place).unwrap_or_default();
+            format!("{option} goes with runs of waypoints: outlines have no tool axes")
+        }
+        (Input::Outline(_) | Input::Path(_), _, Some(option)) => {
+            format!("{option} goes with meshes: an outline has the same layers all the way")
+        }
+        _ => return Ok(()),
+    };
+    Err(CliError::Usage(problem))
 }
 
 /// Reads a job file. A machine that is given must be the job's.
@@ -175,7 +204,7 @@ fn largest_mm2(plan: &Plan, open: &[OpenGround]) -> Option<f64> {
 }
 
 /// Open ground and unreachable boundary as places for the eye.
-fn left_out(open: &[OpenGround], unreachable: &[UnreachableRun]) -> Vec<Place> {
+pub(super) fn left_out(open: &[OpenGround], unreachable: &[UnreachableRun]) -> Vec<Place> {
     let open = open.iter().take(PLACES_SHOWN).map(|piece| Place {
         what: format!("{:.3} mm² of open ground", piece.area_mm2),
         x_mm: piece.at.x,
@@ -194,8 +223,8 @@ fn left_out(open: &[OpenGround], unreachable: &[UnreachableRun]) -> Vec<Place> {
     open.chain(runs).collect()
 }
 
-/// Boundary that cannot be touched, input coordinates.
-fn unreachable_boundary(plan: &Plan) -> Vec<UnreachableRun> {
+/// Boundary of regions that cannot be touched, input coordinates.
+pub(super) fn unreachable_boundary(regions: &[RegionPlan]) -> Vec<UnreachableRun> {
     let in_input = |region: &RegionPlan| {
         let offset: Vector2 = region.contour.offset;
         let shifted = move |run: &UnreachableRun| UnreachableRun {
@@ -204,7 +233,7 @@ fn unreachable_boundary(plan: &Plan) -> Vec<UnreachableRun> {
         };
         region.unreachable.iter().map(shifted).collect::<Vec<_>>()
     };
-    plan.regions().iter().flat_map(in_input).collect()
+    regions.iter().flat_map(in_input).collect()
 }
 
 fn plan_figures(plan: &Plan, unreachable: &[UnreachableRun], plan_s: f64) -> Figures {

@@ -80,8 +80,10 @@ pub(super) fn of_no_use(
         units,
         scale,
         repair,
+        rotate,
     } = reading;
-    let of_reading = from.is_some() || units.is_some() || *scale != 1.0 || *repair;
+    let of_reading =
+        from.is_some() || units.is_some() || *scale != 1.0 || *repair || rotate.is_some();
     let machine_alone = SettingsArgs {
         machine: settings.machine.clone(),
         ..SettingsArgs::default()

@@ -32,6 +32,16 @@ pub fn difference(from: &[Region], cut: &[Region]) -> Vec<Region> {
     )
 }
 
+/// What lies in both.
+pub fn intersection(one: &[Region], other: &[Region]) -> Vec<Region> {
+    overlaid(
+        &paths(one.iter().flat_map(Region::rings)),
+        &paths(other.iter().flat_map(Region::rings)),
+        OverlayRule::Intersect,
+        FillRule::NonZero,
+    )
+}
+
 /// What lies within `by_mm` of the regions; arcs are chords that pass inside them by at most 1.3e-4
 /// of `by_mm`.
 pub fn grown(regions: &[Region], by_mm: f64) -> Vec<Region> {

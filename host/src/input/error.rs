@@ -1,9 +1,10 @@
 //! Why an input cannot be planned: what, where (mm, in the input's coordinates), what to do.
 
+use super::POINTS_MAX;
 use super::waypoints::WaypointError;
-use super::{BYTES_MAX, POINTS_MAX};
 use crate::geometry::Point2;
 use crate::geometry::validity::ValidityError;
+use crate::mesh::MeshError;
 use crate::short_number::Short;
 
 /// A place for messages: `(12.345, -3.000) mm`.
@@ -25,16 +26,18 @@ impl std::fmt::Display for At {
 pub enum InputError {
     /// The file is larger than anything sensible.
     #[error(
-        "the file has {bytes} bytes, more than {BYTES_MAX}: reduce the number of points, or split it"
+        "the file has {bytes} bytes, more than {bytes_max}: reduce the number of points, or split it"
     )]
     FileTooLarge {
         /// Its size.
         bytes: u64,
+        /// The most that is read of its format.
+        bytes_max: u64,
     },
     /// The ending says nothing.
     #[error(
-        "cannot tell the format of '{path}': use the ending .json, .geojson, .svg or .wpt, or \
-         --from polygon|geojson|svg|waypoints"
+        "cannot tell the format of '{path}': use the ending .json, .geojson, .svg, .wpt, .stl, .3mf or \
+         .obj, or --from polygon|geojson|svg|waypoints|stl|3mf|obj"
     )]
     UnknownFormat {
         /// The file.
@@ -71,6 +74,15 @@ pub enum InputError {
     /// A path where an outline is asked for.
     #[error("a waypoint file is a path and has no outline; give a polygon, GeoJSON or SVG file")]
     PathNotOutline,
+    /// A solid where an outline is asked for.
+    #[error("a mesh is a solid and has no outline; give a polygon, GeoJSON or SVG file")]
+    MeshNotOutline,
+    /// Not a closed mesh.
+    #[error(transparent)]
+    Mesh(#[from] MeshError),
+    /// Turns of what is flat.
+    #[error("--rotate turns meshes: an outline lies in the layer's plane; turn it in the drawing")]
+    NotTurned,
     /// Not a run of waypoints.
     #[error("not a readable waypoint file: {0}")]
     Waypoints(#[from] WaypointError),

@@ -4,6 +4,7 @@
 //! bytes --polygon|geojson|svg--> Shape (rings as drawn, file's unit)
 //!       --outline--> Region (mm, exterior counter-clockwise, holes clockwise, valid) --> Target
 //! bytes --waypoints|nurbs--> WaypointRun (mm, rad)
+//! bytes --mesh--> LoadedMesh (mm, closed)
 //! ```
 //! Input: the file's bytes, its [`Format`] and [`ReadOptions`]. Output: regions in the file's own
 //! coordinates (for SVG: mm from the page's lower left corner, y up), and notes for the user.
@@ -25,6 +26,7 @@ pub use error::InputError;
 use waypoints::WaypointRun;
 
 use crate::geometry::polygon::Region;
+use crate::mesh::{self, LoadedMesh, MeshFormat, MeshOptions};
 use std::path::Path;
 
 /// Most points that an input may have, all rings together. A million edges is minutes of planning;
@@ -32,6 +34,8 @@ use std::path::Path;
 pub const POINTS_MAX: usize = 1_000_000;
 /// Largest file that is read, bytes: [`POINTS_MAX`] points with 60 characters each.
 pub const BYTES_MAX: u64 = 64 * 1024 * 1024;
+/// The same of a mesh, bytes: binary STL of all triangles that are taken, 50 bytes each.
+pub const MESH_BYTES_MAX: u64 = 50 * mesh::TRIANGLES_MAX as u64;
 
 /// One layer's outline, mm, in the input's own coordinates.
 #[derive(Clone, Debug, PartialEq)]
@@ -55,6 +59,8 @@ pub enum Format {
     Waypoints,
     /// A rational B-spline curve, `{"degree","control_points","weights","knots"}`.
     Nurbs,
+    /// Triangles of a solid.
+    Mesh(MeshFormat),
 }
 
 /// Length units of files and options.
@@ -83,6 +89,8 @@ pub struct ReadOptions {
     pub flatten_mm: f64,
     /// Mend crossings, overlaps and open contours by the fill rule.
     pub repair: bool,
+    /// Turns about the file's x, then y, then z axis; of meshes only.
+    pub rotate_rad: [f64; 3],
 }
 
 /// A target and what the user should know about how it was read.
@@ -101,6 +109,7 @@ impl Default for ReadOptions {
             scale: 1.0,
             flatten_mm: 0.001,
             repair: false,
+            rotate_rad: [0.0; 3],
         }
     }
 }
@@ -145,10 +154,19 @@ impl Format {
             Format::Svg => "SVG",
             Format::Waypoints => "waypoint",
             Format::Nurbs => "NURBS JSON",
+            Format::Mesh(_) => "mesh",
         }
     }
 
-    /// Reads `json` or `polygon`, `geojson`, `svg`, `nurbs`, `waypoints` or its endings `wpt`, `txt`, `csv`.
+    /// Largest file of this format that is read.
+    pub fn bytes_max(self) -> u64 {
+        match self {
+            Format::Mesh(_) => MESH_BYTES_MAX,
+            _ => BYTES_MAX,
+        }
+    }
+
+    /// Reads `stl`, `3mf`, `obj`, `json` or `polygon`, `geojson`, `svg`, `nurbs`, `waypoints` or its endings `wpt`, `txt`, `csv`.
     pub fn parse(text: &str) -> Option<Format> {
         match text {
             "json" | "polygon" => Some(Format::Polygon),
@@ -156,6 +174,9 @@ impl Format {
             "svg" => Some(Format::Svg),
             "nurbs" => Some(Format::Nurbs),
             "waypoints" | "wpt" | "txt" | "csv" => Some(Format::Waypoints),
+            "stl" => Some(Format::Mesh(MeshFormat::Stl)),
+            "3mf" => Some(Format::Mesh(MeshFormat::ThreeMf)),
+            "obj" => Some(Format::Mesh(MeshFormat::Obj)),
             _ => None,
         }
     }
@@ -168,6 +189,8 @@ pub enum Input {
     Outline(Loaded),
     /// A path to be followed.
     Path(WaypointRun),
+    /// A solid, to be cut into layers.
+    Mesh(LoadedMesh),
 }
 
 /// Reads an input of any format. `name` is used where the file has none of its own.
@@ -177,6 +200,15 @@ pub fn read_any(
     format: Format,
     options: &ReadOptions,
 ) -> Result<Input, InputError> {
+    if let Format::Mesh(format) = format {
+        check_scale(options)?;
+        let options = MeshOptions {
+            unit_mm: options.units.map(Units::mm),
+            scale: options.scale,
+            rotate_rad: options.rotate_rad,
+        };
+        return Ok(Input::Mesh(mesh::read(bytes, name, format, &options)?));
+    }
     if format == Format::Waypoints {
         check_scale(options)?;
         let bytes = without_mark(bytes, format)?;
@@ -232,6 +264,7 @@ pub fn read(
         Format::GeoJson => geojson::read(bytes, options)?,
         Format::Svg => svg::read(bytes, options)?,
         Format::Waypoints | Format::Nurbs => return Err(InputError::PathNotOutline),
+        Format::Mesh(_) => return Err(InputError::MeshNotOutline),
     };
     outline::to_target(drawing, name, options)
 }

@@ -20,6 +20,20 @@ pub enum Inside {
     Nothing,
 }
 
+/// Ground of a layer, by a place in it; input coordinates.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
+#[serde(default)]
+pub struct LayerPlace {
+    /// Where.
+    pub x_mm: f64,
+    /// Where.
+    pub y_mm: f64,
+    /// The layer's top.
+    pub z_mm: f64,
+    /// How much.
+    pub area_mm2: f64,
+}
+
 /// What the layers of one kind came to; only of jobs with several layers.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
 #[serde(default)]
@@ -147,6 +161,15 @@ pub struct Figures {
     /// Largest piece of ground in one that nothing covers, of the layers that are to be filled.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub open_largest_mm2: Option<f64>,
+    /// Ground that hangs farther than half a bead over what is below, all layers of a part.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub overhang_mm2: Option<f64>,
+    /// By layer, the most first.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub overhang_places: Option<Vec<LayerPlace>>,
+    /// Regions of a part that are not printed.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub left_out_places: Option<Vec<LayerPlace>>,
     /// The places of that: centre x, y and length of each, at most a thousand.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub unreachable_places_mm: Option<Vec<[f64; 3]>>,
@@ -340,6 +363,11 @@ impl Figures {
             (
                 "largest piece left open",
                 number(self.open_largest_mm2, 3, "mm²"),
+            ),
+            ("hanging over nothing", number(self.overhang_mm2, 2, "mm²")),
+            (
+                "regions not printed",
+                count(self.left_out_places.as_ref().map(|p| p.len() as u64)),
             ),
         ]
     }

@@ -1,8 +1,8 @@
 //! The passes of one region as they are printed: ordered, linked, with gap-fill moves into gaps.
 //!
-//! Walls come first, then the lines of an infill. A solid infill is linked and filled up like
-//! everything else; what a sparse one leaves open is meant to stay open, and its lines are joined
-//! along the walls alone.
+//! Walls come first, then the lines of a solid infill, linked and filled up like everything else, then
+//! those of a sparse one: what they leave open is meant to stay open, and they are joined along the
+//! walls alone.
 //!
 //! In: walls and lines of a region (mm, rad), where the head is (mm), settings. Out: open passes as
 //! they are printed, before shortcuts.
@@ -29,11 +29,13 @@ const ROUNDS_MAX: usize = 4;
 
 /// What belongs to one region, local coordinates.
 pub struct RegionPasses<'a> {
-    /// Its passes in any order.
+    /// Its passes in any order, but those below.
     pub passes: Vec<LayerPass>,
+    /// The lines of a sparse infill.
+    pub sparse: Vec<LayerPass>,
     /// The region.
     pub region: &'a Region,
-    /// Ground that only infill lines cover.
+    /// Ground that is meant to stay open between those lines.
     pub open: &'a [Region],
 }
 
@@ -49,7 +51,7 @@ pub fn in_printing_order(
     let (lines, loops): (Vec<LayerPass>, Vec<LayerPass>) =
         region.passes.into_iter().partition(is_line);
     let passes = joined(loops, from, &walls, settings);
-    // The ground of the walls alone: between the outline and what the lines are to cover.
+    // The ground that is to be filled: between the outline and what the sparse lines have.
     let is_sparse = settings.infill.is_some_and(|infill| !infill.is_solid());
     let band = is_sparse.then(|| {
         let rings = region.open.iter().flat_map(Region::edges);
@@ -59,6 +61,7 @@ pub fn in_printing_order(
     });
     let finish = Finish {
         lines,
+        sparse: region.sparse,
         walls: &walls,
         open: region.open,
         band,
@@ -121,8 +124,9 @@ fn joined(
 /// What comes once the loops are joined: the lines of an infill, and gap-fill moves into gaps.
 struct Finish<'a> {
     lines: Vec<LayerPass>,
+    sparse: Vec<LayerPass>,
     walls: &'a EdgeIndex,
-    /// Ground that only lines cover.
+    /// Ground that sparse lines have.
     open: &'a [Region],
     /// Where lines are sparse, what alone is filled up.
     band: Option<EdgeIndex>,
@@ -140,23 +144,23 @@ impl Finish<'_> {
         let mut passes: Vec<LayerPass> = kept.map(|p| p.0.clone()).collect();
         let from = last_place(&passes).unwrap_or(self.from);
         let lines = ordered(self.lines.clone(), from, self.aperture);
-        if let Some(band) = &self.band {
-            fill_gaps(&mut passes, self.aperture, band, Some(&self.price));
+        if !lines.is_empty() {
+            passes.extend(lines);
+            passes = linked(passes, self.aperture, self.walls);
+        }
+        let from = last_place(&passes).unwrap_or(self.from);
+        let ground = self.band.as_ref().unwrap_or(self.walls);
+        fill_gaps(&mut passes, self.aperture, ground, Some(&self.price));
+        if self.band.is_some() {
             let joined = linked_along_walls(
-                lines,
+                ordered(self.sparse.clone(), from, self.aperture),
                 self.open,
                 self.turn_weight_mm2,
                 self.aperture,
                 self.walls,
             );
             passes.extend(joined);
-            return passes;
         }
-        if !lines.is_empty() {
-            passes.extend(lines);
-            passes = linked(passes, self.aperture, self.walls);
-        }
-        fill_gaps(&mut passes, self.aperture, self.walls, Some(&self.price));
         passes
     }
 }

@@ -43,6 +43,44 @@ pub struct PlanFigures {
     pub heading_rate_max_rad_s: f64,
 }
 
+impl PlanFigures {
+    /// Sets shares and depths from those of all printings and the layer of each, ordered by layer.
+    pub fn set_shares(&mut self, layers: &[u32], swept: &[Swept]) {
+        let all = Swept::sum(swept);
+        let of_layers = || layers.chunk_by(|p, q| p == q);
+        self.layers = of_layers().count().max(1) as u32;
+        self.area_mm2 = all.area_mm2 / f64::from(self.layers);
+        let area_mm2 = all.area_mm2.max(1e-12);
+        self.covered_pct = all.covered_pct();
+        self.overlap_pct = all.overlap_pct();
+        self.reachable_pct = 100.0 * all.reachable_mm2 / area_mm2;
+        self.covered_of_reachable_pct = 100.0 * all.covered_mm2 / all.reachable_mm2.max(1e-12);
+        self.outside_depth_mm = all.outside_depth_mm;
+        self.outside_at_mm = all.outside_at_mm;
+        self.covered_pct_min = self.covered_pct;
+        self.overlap_pct_max = self.overlap_pct;
+        let mut done = 0;
+        for layer in of_layers() {
+            let layer_swept = Swept::sum(&swept[done..done + layer.len()]);
+            done += layer.len();
+            self.covered_pct_min = self.covered_pct_min.min(layer_swept.covered_pct());
+            self.overlap_pct_max = self.overlap_pct_max.max(layer_swept.overlap_pct());
+        }
+    }
+
+    /// Adds lengths, times and counts of what comes after; shares are set of all together.
+    pub fn add_lengths(&mut self, next: &PlanFigures) {
+        self.passes += next.passes;
+        self.print_mm += next.print_mm;
+        self.skirt_mm += next.skirt_mm;
+        self.travel_mm += next.travel_mm;
+        self.print_s += next.print_s;
+        self.volume_mm3 += next.volume_mm3;
+        self.heading_travel_rad += next.heading_travel_rad;
+        self.heading_rate_max_rad_s = self.heading_rate_max_rad_s.max(next.heading_rate_max_rad_s);
+    }
+}
+
 /// What one printing of a region came to, or several together.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct Swept {

@@ -136,7 +136,8 @@ pub fn measure(
     measure_up_to(u32::MAX, &[]);
     figures.skirt_mm = skirt_mm;
     figures.passes = print_of_pass.len();
-    set_shares(&mut figures, prints, &measured.swept);
+    let layers: Vec<u32> = prints.iter().map(|print| print.layer).collect();
+    figures.set_shares(&layers, &measured.swept);
     (figures, measured)
 }
 
@@ -188,29 +189,6 @@ fn same(
         ..*swept
     };
     (apart_mm <= SAME_MM).then_some(moved)
-}
-
-/// Shares and depths over all printings.
-fn set_shares(figures: &mut PlanFigures, prints: &[MeasuredPrint], swept: &[Swept]) {
-    let all = Swept::sum(swept);
-    figures.layers = prints.last().map_or(1, |print| print.layer + 1);
-    figures.area_mm2 = all.area_mm2 / f64::from(figures.layers);
-    let area_mm2 = all.area_mm2.max(1e-12);
-    figures.covered_pct = all.covered_pct();
-    figures.overlap_pct = all.overlap_pct();
-    figures.reachable_pct = 100.0 * all.reachable_mm2 / area_mm2;
-    figures.covered_of_reachable_pct = 100.0 * all.covered_mm2 / all.reachable_mm2.max(1e-12);
-    figures.outside_depth_mm = all.outside_depth_mm;
-    figures.outside_at_mm = all.outside_at_mm;
-    figures.covered_pct_min = figures.covered_pct;
-    figures.overlap_pct_max = figures.overlap_pct;
-    let mut done = 0;
-    for layer in prints.chunk_by(|p, q| p.layer == q.layer) {
-        let layer_swept = Swept::sum(&swept[done..done + layer.len()]);
-        done += layer.len();
-        figures.covered_pct_min = figures.covered_pct_min.min(layer_swept.covered_pct());
-        figures.overlap_pct_max = figures.overlap_pct_max.max(layer_swept.overlap_pct());
-    }
 }
 
 /// What a printing is measured against, in a frame of its own.

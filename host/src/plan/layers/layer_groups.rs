@@ -1,7 +1,7 @@
 //! The layers of a job: which are alike, and how each one's regions are printed.
 //!
-//! A job is a prism: every layer has the same outline and lies one layer height above the one
-//! below. Layers with the same lines inside are planned once ([`LayerGroup`]); what differs from
+//! Of a prism every layer has the same outline, of a part that changes its own. Layers of the same
+//! outline with the same lines inside are planned once ([`LayerGroup`]); what differs from
 //! one to the next is its height, the order of its regions and which way round each is printed,
 //! begun near the place where the head is ([`RegionPrint`]).
 //!
@@ -11,6 +11,7 @@
 use crate::geometry::clearance::Configuration;
 use crate::geometry::edge_index::EdgeIndex;
 use crate::geometry::frame::{Frame, settled};
+use crate::geometry::polygon::Region;
 use crate::geometry::{Point2, Vector2};
 use crate::part_transform::PartTransform;
 use crate::plan::curve::heading_stops::PassCutter;
@@ -97,16 +98,63 @@ pub fn infills_of_layers(settings: &Settings) -> (Vec<Option<Infill>>, Vec<usize
     (kinds, of_layer)
 }
 
-/// The passes of every region with each of the lines, unordered: `[kind][region]`.
+/// What the layers of a kind are asked to be.
+#[derive(Clone, Debug, PartialEq)]
+pub struct LayerKind {
+    /// Number of the outline among the different ones.
+    pub outline: usize,
+    /// Walls and lines; `None` for loops all the way in.
+    pub infill: Option<Infill>,
+    /// Ground that is filled whatever the lines' density, input coordinates.
+    pub solid: Vec<Region>,
+}
+
+/// One layer of a stack.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct StackLayer {
+    /// Number in the job, from 0.
+    pub number: u32,
+    /// Its top, input coordinates.
+    pub top_mm: f64,
+    /// Number of its kind.
+    pub kind: usize,
+}
+
+/// Kinds and layers of a prism: one outline, solid layers at the bottom and the top.
+pub fn prism_layers(settings: &Settings) -> (Vec<LayerKind>, Vec<StackLayer>) {
+    let (infills, kind_of_layer) = infills_of_layers(settings);
+    let kinds = infills.into_iter().map(|infill| LayerKind {
+        outline: 0,
+        infill,
+        solid: Vec::new(),
+    });
+    let layers = (0u32..)
+        .zip(kind_of_layer)
+        .map(|(number, kind)| StackLayer {
+            number,
+            top_mm: settings.layer_height_mm * f64::from(number + 1),
+            kind,
+        });
+    (kinds.collect(), layers.collect())
+}
+
+/// The passes of the regions of each kind, unordered: `[kind][region]`. `outlines` are the regions
+/// of the different outlines.
 pub fn with_passes(
-    regions: &[RegionWork],
-    infills: &[Option<Infill>],
+    outlines: &[Vec<RegionWork>],
+    kinds: &[LayerKind],
     progress: &dyn Progress,
 ) -> Vec<Vec<RegionWork>> {
-    let steps = Steps::begin(progress, Stage::Passes, regions.len() * infills.len());
-    let regions: Vec<&RegionWork> = regions.iter().collect();
-    of_each_kind(&regions, infills.len(), |region, kind| {
-        let region = region.with_passes(infills[kind]);
+    let regions = |kind: &LayerKind| outlines[kind.outline].len();
+    let steps = Steps::begin(progress, Stage::Passes, kinds.iter().map(regions).sum());
+    let counts: Vec<usize> = kinds.iter().map(regions).collect();
+    of_each_kind(&counts, |kind, region| {
+        let LayerKind {
+            outline,
+            infill,
+            ref solid,
+        } = kinds[kind];
+        let region = outlines[outline][region].with_passes(infill, solid);
         steps.step();
         region
     })
@@ -115,25 +163,24 @@ pub fn with_passes(
 /// The kinds of layer, their regions' passes ordered and joined.
 pub fn layer_groups(
     works: Vec<Vec<RegionWork>>,
-    infills: &[Option<Infill>],
-    kind_of_layer: &[usize],
+    kinds: &[LayerKind],
+    layers: &[StackLayer],
     progress: &dyn Progress,
 ) -> Vec<LayerGroup> {
-    let count = works.first().map_or(0, Vec::len);
-    let steps = Steps::begin(progress, Stage::Order, count * works.len());
-    let numbers: Vec<usize> = (0..count).collect();
-    let regions = of_each_kind(&numbers, works.len(), |number, kind| {
-        let region = works[kind][number].clone().in_order();
+    let counts: Vec<usize> = works.iter().map(Vec::len).collect();
+    let steps = Steps::begin(progress, Stage::Order, counts.iter().sum());
+    let regions = of_each_kind(&counts, |kind, region| {
+        let region = works[kind][region].clone().in_order();
         steps.step();
         region
     });
-    let kinds = infills.iter().zip(regions).enumerate();
+    let kinds = kinds.iter().zip(regions).enumerate();
     kinds
-        .map(|(kind, (&infill, regions))| {
-            let mut its_layers = (0u32..).zip(kind_of_layer).filter(|(_, of)| **of == kind);
-            let first_layer = its_layers.next().map_or(0, |(layer, _)| layer);
+        .map(|(number, (kind, regions))| {
+            let mut its_layers = layers.iter().filter(|layer| layer.kind == number);
+            let first_layer = its_layers.next().map_or(0, |layer| layer.number);
             LayerGroup {
-                infill,
+                infill: kind.infill,
                 layers: 1 + its_layers.count() as u32,
                 first_layer,
                 regions,
@@ -142,25 +189,22 @@ pub fn layer_groups(
         .collect()
 }
 
-/// What is made of each item and kind, `[kind][item]`: some items side by side, each one's kinds as
-/// well.
-fn of_each_kind<T: Copy + Send + Sync, U: Send>(
-    items: &[T],
-    kinds: usize,
-    make: impl Fn(T, usize) -> U + Sync,
-) -> Vec<Vec<U>> {
-    let mut made: Vec<Vec<U>> = (0..kinds).map(|_| Vec::new()).collect();
-    for items in items.chunks(SIDE_BY_SIDE) {
-        let of_items = items.par_iter().map(|&item| {
-            let of_item = (0..kinds).into_par_iter().map(|kind| make(item, kind));
-            of_item.collect()
-        });
-        let of_items: Vec<Vec<U>> = of_items.collect();
-        for (kind, of_kind) in of_items
-            .into_iter()
-            .flat_map(|of| of.into_iter().enumerate())
-        {
-            made[kind].push(of_kind);
+/// What is made of each region of each kind, `[kind][region]`, `counts` of them, some side by side:
+/// those of the first regions of all kinds first, so that a prism's kinds run together.
+fn of_each_kind<U: Send>(counts: &[usize], make: impl Fn(usize, usize) -> U + Sync) -> Vec<Vec<U>> {
+    let most = counts.iter().max().copied().unwrap_or(0);
+    let mut made: Vec<Vec<U>> = counts.iter().map(|_| Vec::new()).collect();
+    let all: Vec<(usize, usize)> = (0..most)
+        .flat_map(|region| (0..counts.len()).map(move |kind| (kind, region)))
+        .filter(|&(kind, region)| region < counts[kind])
+        .collect();
+    for some in all.chunks(SIDE_BY_SIDE) {
+        let found = some
+            .par_iter()
+            .map(|&(kind, region)| (kind, make(kind, region)));
+        let found: Vec<(usize, U)> = found.collect();
+        for (kind, of_region) in found {
+            made[kind].push(of_region);
         }
     }
     made
@@ -170,13 +214,18 @@ fn of_each_kind<T: Copy + Send + Sync, U: Send>(
 /// where the layer below was left. `from` is where the head is first, input coordinates.
 pub fn region_prints(
     kinds: &[LayerGroup],
-    kind_of_layer: &[usize],
+    layers: &[StackLayer],
     from: Point2,
 ) -> Vec<RegionPrint> {
     let mut position = from;
     let mut prints: Vec<RegionPrint> = Vec::new();
     let mut known = BTreeMap::new();
-    for (layer, &kind) in kind_of_layer.iter().enumerate() {
+    for &StackLayer {
+        number: layer,
+        kind,
+        ..
+    } in layers
+    {
         let regions = &kinds[kind].regions;
         let centers: Vec<Point2> = regions.iter().map(RegionPlan::middle).collect();
         for region in region_order(&centers, position) {
@@ -184,7 +233,7 @@ pub fn region_prints(
             position = regions[region].end(turned).unwrap_or(position);
             let like = *known.entry((kind, region, turned)).or_insert(prints.len());
             prints.push(RegionPrint {
-                layer: layer as u32,
+                layer,
                 kind,
                 region,
                 turned,
@@ -211,6 +260,7 @@ pub fn plane_passes(
     skirt: Option<&SkirtPlan>,
     kinds: &[LayerGroup],
     prints: &[RegionPrint],
+    layers: &[StackLayer],
     transform: &PartTransform,
     settings: &Settings,
 ) -> Result<(Vec<PlanePass>, Vec<usize>), TooLongError> {
@@ -240,21 +290,23 @@ pub fn plane_passes(
     let of_print = |print: &RegionPrint| curves[print.like].iter();
     check_length(
         around.iter().chain(prints.iter().flat_map(of_print)),
-        settings,
+        layers.len() as u32,
     )?;
+    let top_mm: BTreeMap<u32, f64> = layers.iter().map(|l| (l.number, l.top_mm)).collect();
     let (mut passes, mut print_of_pass) = (Vec::new(), Vec::new());
     let mut add = |curves: &[PrintCurve], layer: u32, print: usize| {
         for curve in curves {
             passes.push(PlanePass {
                 kind: curve.kind,
                 layer,
-                z_mm: transform.offset_mm[2] + settings.layer_height_mm * f64::from(layer + 1),
+                z_mm: transform.offset_mm[2] + top_mm.get(&layer).copied().unwrap_or_default(),
                 control: curve.control.clone(),
             });
             print_of_pass.push(print);
         }
     };
-    add(&around, 0, OFF_REGIONS);
+    let first_layer = layers.first().map_or(0, |layer| layer.number);
+    add(&around, first_layer, OFF_REGIONS);
     for (number, print) in prints.iter().enumerate() {
         add(&curves[print.like], print.layer, number);
     }
@@ -373,7 +425,7 @@ fn curves_of(
 
 fn check_length<'a>(
     curves: impl Iterator<Item = &'a PrintCurve>,
-    settings: &Settings,
+    layers: u32,
 ) -> Result<(), TooLongError> {
     let points: usize = curves.map(|curve| curve.control.len()).sum();
     if points <= POINTS_MAX {
@@ -381,9 +433,9 @@ fn check_length<'a>(
     }
     let share = POINTS_MAX as f64 / points as f64;
     Err(TooLongError {
-        layers: settings.layers,
+        layers,
         points,
-        fitting: (f64::from(settings.layers) * share).floor().max(0.0) as u32,
+        fitting: (f64::from(layers) * share).floor().max(0.0) as u32,
     })
 }
 

@@ -4,12 +4,14 @@
 //! Contour --region_plan--> RegionPlan --layer_groups--> LayerGroup, RegionPrint, PlanePass
 //! (mm, local)              (mm, rad)                    (alike layers once; machine coordinates)
 //! outline --skirt--> SkirtPlan (loops around the first layer)
+//! outlines --shells--> ground that lies open above or below, overhangs
 //! ```
 //!
-//! Leaves out: parts whose outline changes from layer to layer.
+//! Leaves out: which layers there are (`layer_stack`, `part_plan`), supports.
 
 pub mod layer_groups;
 pub mod region_plan;
+pub mod shells;
 pub mod skirt;
 
 use crate::plan::curve::plane_curve::PlaneControl;

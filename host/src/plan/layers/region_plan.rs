@@ -6,11 +6,11 @@
 
 use crate::geometry::Point2;
 use crate::geometry::aperture::Aperture;
-use crate::geometry::boolean::filled;
+use crate::geometry::boolean::{difference, filled, grown, intersection};
 use crate::geometry::coverage::Cell;
 use crate::geometry::edge_index::EdgeIndex;
 use crate::geometry::frame::Frame;
-use crate::geometry::polygon::Region;
+use crate::geometry::polygon::{Region, Ring};
 use crate::geometry::repair::FillRule;
 use crate::plan::axis::medial_axis::{AxisOptions, MedialAxis, MedialAxisError};
 use crate::plan::axis::pruned_axis::Axis;
@@ -148,7 +148,13 @@ pub struct RegionWork {
     axis: Axis,
     unreachable: Vec<UnreachableRun>,
     passes: Vec<LayerPass>,
+    /// The lines of a sparse infill.
+    sparse: Vec<LayerPass>,
     open: Vec<Region>,
+    /// What of that sparse lines have.
+    sparse_open: Vec<Region>,
+    /// Part of the open ground is filled, part is not.
+    is_mixed: bool,
 }
 
 impl RegionWork {
@@ -187,12 +193,16 @@ impl RegionWork {
             axis,
             unreachable,
             passes: Vec::new(),
+            sparse: Vec::new(),
             open: Vec::new(),
+            sparse_open: Vec::new(),
+            is_mixed: false,
         })
     }
 
-    /// The region with its passes, unordered: walls with these lines inside, or loops.
-    pub fn with_passes(&self, infill: Option<Infill>) -> RegionWork {
+    /// The region with its passes, unordered: walls with these lines inside, or loops. `solid` is
+    /// ground that is filled whatever the lines' density, input coordinates.
+    pub fn with_passes(&self, infill: Option<Infill>, solid: &[Region]) -> RegionWork {
         let mut work = self.clone();
         let how = pass_settings(&self.settings);
         work.settings.infill = infill.map(|infill| Infill {
@@ -205,16 +215,64 @@ impl RegionWork {
                 let walls = infill.walls as usize;
                 let (mut passes, rings) = outer_passes(&self.hull, &self.axis, &how, walls);
                 work.open = filled(rings.iter(), FillRule::Positive);
-                passes.extend(infill_passes(&work.open, infill, &how));
+                let [solid, sparse] = self.divided(&work.open, infill, solid);
+                let filled = Infill {
+                    density_pct: infill.density_pct.max(100.0),
+                    ..*infill
+                };
+                passes.extend(infill_passes(&solid, &filled, &how));
+                work.is_mixed = !solid.is_empty() && !sparse.is_empty();
+                work.sparse = infill_passes(&sparse, infill, &how);
+                work.sparse_open = sparse;
                 work.passes = passes;
             }
         }
         work
     }
 
+    /// The ground inside the walls that is filled, and the rest. What is to be filled reaches into
+    /// the rest by a bead's width, to hold on to the lines there; strips thinner than the narrowest
+    /// bead, which the walls leave of a slope, are no ground to fill.
+    fn divided(&self, open: &[Region], infill: &Infill, solid: &[Region]) -> [Vec<Region>; 2] {
+        if infill.is_solid() {
+            return [open.to_vec(), Vec::new()];
+        }
+        if solid.is_empty() {
+            return [Vec::new(), open.to_vec()];
+        }
+        let aperture = &self.settings.aperture;
+        let offset = self.contour.offset;
+        let solid: Vec<Region> = solid
+            .iter()
+            .map(|region| self.frame.region_in(&region.shifted(-offset)))
+            .collect();
+        let is_wide = |region: &Region, width_mm: f64| {
+            let perimeter_mm: f64 = region.rings().map(Ring::perimeter_mm).sum();
+            2.0 * region.area_mm2() >= width_mm * perimeter_mm
+        };
+        let mut inside = intersection(&solid, open);
+        inside.retain(|region| is_wide(region, aperture.minor_mm()));
+        let solid = intersection(&grown(&inside, 2.0 * aperture.major_mm()), open);
+        let mut sparse = difference(open, &solid);
+        // A strip that no bead fits in is no ground for lines.
+        let (sparse_ground, strips): (Vec<Region>, Vec<Region>) = sparse
+            .drain(..)
+            .partition(|region| is_wide(region, 2.0 * aperture.major_mm()));
+        if strips.is_empty() {
+            return [solid, sparse_ground];
+        }
+        [difference(open, &sparse_ground), sparse_ground]
+    }
+
     /// True where nothing of it can be printed.
     pub fn is_empty(&self) -> bool {
-        self.passes.is_empty()
+        self.passes.is_empty() && self.sparse.is_empty()
+    }
+
+    /// The middle of its box, input coordinates, and its area, mm².
+    pub fn place(&self) -> (Point2, f64) {
+        let middle = self.contour.to_input(Point2::origin());
+        (middle, self.contour.region.area_mm2())
     }
 
     /// Centre (input coordinates) and radius of the widest disk, mm.
@@ -237,7 +295,8 @@ impl RegionWork {
         let passes = shortened_to_floor(passes, &walls, area_mm2, may_fill, &self.settings);
         // Lines that are linked with walls come after them.
         let is_solid = |infill: Infill| infill.is_solid();
-        let may_turn = !self.settings.infill.is_some_and(is_solid);
+        let is_all_solid = self.settings.infill.is_some_and(is_solid);
+        let may_turn = !is_all_solid && !self.is_mixed;
         let is_wall = |pass: &LayerPass| pass.kind != PassKind::Infill;
         let lines_from = match may_turn {
             true => passes.iter().take_while(|pass| is_wall(pass)).count(),
@@ -277,12 +336,14 @@ impl RegionWork {
         let from = |corner: Point2, passes: Vec<LayerPass>| {
             let region = RegionPasses {
                 passes,
+                sparse: self.sparse.clone(),
                 region: &self.hull,
-                open: &self.open,
+                open: &self.sparse_open,
             };
             in_printing_order(region, corner, &self.settings)
         };
-        let count: usize = passes.iter().map(|p| p.placements.len()).sum();
+        let all = passes.iter().chain(&self.sparse);
+        let count: usize = all.map(|p| p.placements.len()).sum();
         if count > SMALL_MAX {
             return from(low, passes);
         }

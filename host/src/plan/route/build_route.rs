@@ -34,12 +34,14 @@ struct Head<'a> {
     route: Route,
 }
 
-/// Builds the route; `start` is the pose at rest before it (machine coordinates).
+/// Builds the route; `start` is the pose at rest before it (machine coordinates), `first_number` that
+/// of its first pass.
 ///
 /// # Errors
 /// Where there is no way from one pass to the next.
 pub fn build_route(
     passes: &[PlanePass],
+    first_number: u32,
     start: [f64; CHANNELS],
     ways: &mut TravelWays,
     settings: &Settings,
@@ -50,19 +52,27 @@ pub fn build_route(
         route: Route::default(),
     };
     let volumes_mm3 = volumes_mm3(passes, settings);
-    for (number, (pass, volume_mm3)) in passes.iter().zip(&volumes_mm3).enumerate() {
+    for (number, (pass, volume_mm3)) in (first_number..).zip(passes.iter().zip(&volumes_mm3)) {
         head.travel_to(pass, ways)?;
-        head.print(pass, volume_mm3, number as u32);
-    }
-    if let Some(last) = passes.last() {
-        let up = head.at[CHANNEL_Z] + settings.lift_mm;
-        head.line(
-            MotionState::Travel,
-            last.layer,
-            [(CHANNEL_Z, up)].as_slice(),
-        );
+        head.print(pass, volume_mm3, number);
     }
     Ok(head.route)
+}
+
+/// Lifts the head off at the end of a route.
+pub fn lift_at_end(route: &mut Route, settings: &Settings) {
+    let last = route.stretches.last().map(|last| last.layer);
+    let (Some(layer), Some(at)) = (last, route.end()) else {
+        return;
+    };
+    let mut head = Head {
+        settings,
+        at,
+        route: std::mem::take(route),
+    };
+    let up = at[CHANNEL_Z] + settings.lift_mm;
+    head.line(MotionState::Travel, layer, &[(CHANNEL_Z, up)]);
+    *route = head.route;
 }
 
 impl Head<'_> {

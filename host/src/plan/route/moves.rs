@@ -60,3 +60,10 @@ pub struct Route {
     /// Stretches in order; each begins where the one before it ended.
     pub stretches: Vec<Stretch>,
 }
+
+impl Route {
+    /// Where it ends; `None` where it does not begin.
+    pub fn end(&self) -> Option<[f64; CHANNELS]> {
+        self.stretches.last()?.curve.control.last().copied()
+    }
+}

@@ -1,0 +1,233 @@
+//! A mesh -> its job: layers cut, planned piece by piece, what each piece showed put together.
+
+use super::args::PlaceArgs;
+use super::console::Console;
+use super::open_ground::{OpenGround, open_ground};
+use super::planned::{Planned, left_out, unreachable_boundary};
+use super::warnings::settings_warnings;
+use super::{CliError, load};
+use crate::Plan;
+use crate::geometry::polygon::Region;
+use crate::layer_stack::LeftOut;
+use crate::mesh::LoadedMesh;
+use crate::mesh::layers::{SlicedPart, sliced};
+use crate::part_plan::{FirstLayer, PartPlan, plan_part};
+use crate::plan::layers::shells::Overhang;
+use crate::plan::outline::unreachable::UnreachableRun;
+use crate::report::figures::{Figures, LayerPlace};
+use crate::settings::Settings;
+use std::path::Path;
+use std::time::Instant;
+
+/// Places of each kind that are told one by one.
+const PLACES_TOLD: usize = 3;
+/// Places of each kind that the figures list.
+const PLACES_LISTED: usize = 1000;
+
+/// What is kept of the pieces of a plan.
+#[derive(Default)]
+struct Seen {
+    unreachable: Vec<UnreachableRun>,
+    unreachable_mm: f64,
+    open: Vec<OpenGround>,
+    infill_mm2: [f64; 2],
+}
+
+impl Seen {
+    fn piece(&mut self, plan: &Plan) {
+        for (number, kind) in plan.kinds.iter().enumerate() {
+            let runs = unreachable_boundary(&kind.regions);
+            let length_mm: f64 = runs.iter().map(UnreachableRun::length_mm).sum();
+            self.unreachable_mm += length_mm * f64::from(kind.layers);
+            self.unreachable.extend(runs);
+            if let Some([ground, swept]) = plan.infill_area_mm2(Some(number)) {
+                self.infill_mm2[0] += ground;
+                self.infill_mm2[1] += swept;
+            }
+        }
+        self.open.extend(open_ground(plan));
+        self.open.sort_by(|a, b| b.area_mm2.total_cmp(&a.area_mm2));
+        self.open.truncate(PLACES_LISTED);
+    }
+}
+
+/// Cuts a mesh into layers and plans them.
+pub(super) fn from_mesh(
+    path: &Path,
+    loaded: LoadedMesh,
+    place: &PlaceArgs,
+    keep_out: &[Region],
+    settings: Settings,
+    console: &Console,
+) -> Result<Planned, CliError> {
+    let job = |error: String| CliError::Job(format!("{}: {error}", path.display()));
+    let heights = load::layer_heights(&place.layers, settings.layer_height_mm)?;
+    let first = FirstLayer {
+        speed_mm_s: load::first_layer_speed(place, &settings)?,
+    };
+    let bar = console.stage("cutting");
+    let part = sliced(&loaded.mesh, &heights).map_err(|error| job(error.to_string()))?;
+    bar.finish_and_clear();
+    let LoadedMesh {
+        name, mut notes, ..
+    } = loaded;
+    console.notes(&part.notes);
+    notes.extend(part.notes.iter().cloned());
+    let bar = console.planning();
+    let begun = Instant::now();
+    let mut seen = Seen::default();
+    let planned = plan_part(&part, keep_out, first, &settings, &bar, &mut |plan| {
+        seen.piece(plan);
+    });
+    let plan_s = begun.elapsed().as_secs_f64();
+    bar.clear();
+    let planned = planned.map_err(|error| job(error.to_string()))?;
+    let mut warnings = warnings(&part, &planned);
+    warnings.extend(settings_warnings(&settings));
+    console.notes(&warnings);
+    notes.extend(warnings);
+    let figures = Figures {
+        plan_s: Some(plan_s),
+        ..part_figures(&part, &planned, &seen, keep_out)
+    };
+    let lowest = part.wanted_layers().iter();
+    let lowest = lowest.map(|layer| &layer.regions).find(|r| !r.is_empty());
+    Ok(Planned {
+        figures,
+        name,
+        outline: lowest.cloned().unwrap_or_default(),
+        settings: Settings {
+            machine: planned.stream.machine(&settings.machine),
+            ..settings
+        },
+        transform: planned.transform,
+        stream: planned.stream,
+        notes,
+        plan: None,
+        left_out: left_out(&seen.open, &seen.unreachable),
+        unreachable: seen.unreachable,
+    })
+}
+
+/// Overhangs of the layers that are printed.
+fn overhangs<'a>(
+    part: &'a SlicedPart,
+    planned: &'a PartPlan,
+) -> impl Iterator<Item = (u32, &'a Overhang)> {
+    let all = (0u32..).zip(&planned.overhangs);
+    all.filter(|(layer, overhang)| part.wanted.contains(layer) && overhang.area_mm2 > 0.0)
+}
+
+fn part_figures(
+    part: &SlicedPart,
+    planned: &PartPlan,
+    seen: &Seen,
+    keep_out: &[Region],
+) -> Figures {
+    let f = &planned.figures;
+    let passes = f.passes as u64;
+    let [ground_mm2, swept_mm2] = seen.infill_mm2;
+    let top_mm = |layer: u32| part.layers[layer as usize].top_mm;
+    let mut hanging: Vec<LayerPlace> = overhangs(part, planned)
+        .map(|(layer, overhang)| LayerPlace {
+            x_mm: overhang.at.x,
+            y_mm: overhang.at.y,
+            z_mm: top_mm(layer),
+            area_mm2: overhang.area_mm2,
+        })
+        .collect();
+    hanging.sort_by(|a, b| b.area_mm2.total_cmp(&a.area_mm2));
+    let hanging_mm2: f64 = hanging.iter().map(|place| place.area_mm2).sum::<f64>() + 0.0;
+    hanging.truncate(PLACES_LISTED);
+    let left_out = planned.left_out.iter().map(|left_out| LayerPlace {
+        x_mm: left_out.at.x,
+        y_mm: left_out.at.y,
+        z_mm: top_mm(left_out.layer),
+        area_mm2: left_out.area_mm2,
+    });
+    let place = |run: &UnreachableRun| {
+        let at = nalgebra::center(&run.from, &run.to);
+        [at.x, at.y, run.length_mm()]
+    };
+    let runs = seen.unreachable.iter().take(PLACES_LISTED);
+    Figures {
+        area_mm2: Some(f.area_mm2),
+        layers: Some(part.wanted_layers().len() as u64),
+        covered_pct_min: Some(f.covered_pct_min),
+        overlap_pct_max: Some(f.overlap_pct_max),
+        reachable_pct: Some(f.reachable_pct),
+        covered_pct: Some(f.covered_pct),
+        covered_of_reachable_pct: Some(f.covered_of_reachable_pct),
+        outside_depth_mm: Some(f.outside_depth_mm),
+        overlap_pct: Some(f.overlap_pct),
+        kept_out_mm2: (!keep_out.is_empty()).then_some(planned.kept_out_mm2),
+        infill_mm2: (ground_mm2 > 0.0).then_some(ground_mm2),
+        infill_covered_pct: (ground_mm2 > 0.0).then(|| 100.0 * swept_mm2 / ground_mm2),
+        unreachable_mm: Some(seen.unreachable_mm),
+        unreachable_places_mm: Some(runs.map(place).collect()),
+        open_largest_mm2: Some(seen.open.first().map_or(0.0, |open| open.area_mm2)),
+        overhang_mm2: Some(hanging_mm2),
+        overhang_places: Some(hanging),
+        left_out_places: Some(left_out.take(PLACES_LISTED).collect()),
+        passes: Some(passes),
+        flow_interruptions: Some(passes.saturating_sub(1)),
+        outline_crossings: Some(planned.outline_crossings as u64),
+        print_mm: Some(f.print_mm),
+        skirt_mm: planned.has_skirt.then_some(f.skirt_mm),
+        travel_mm: Some(f.travel_mm),
+        print_s: Some(f.print_s),
+        volume_mm3: Some(f.volume_mm3),
+        heading_travel_rad: Some(f.heading_travel_rad),
+        heading_rate_max_rad_s: Some(f.heading_rate_max_rad_s),
+        segments: Some(planned.stream.knots.len() as u64),
+        ..Figures::default()
+    }
+}
+
+/// What the user should look at before printing.
+fn warnings(part: &SlicedPart, planned: &PartPlan) -> Vec<String> {
+    let mut warnings = Vec::new();
+    let top_mm = |layer: u32| part.layers[layer as usize].top_mm;
+    let mut hanging: Vec<(u32, &Overhang)> = overhangs(part, planned).collect();
+    hanging.sort_by(|a, b| b.1.area_mm2.total_cmp(&a.1.area_mm2));
+    if !hanging.is_empty() {
+        let all_mm2: f64 = hanging.iter().map(|(_, o)| o.area_mm2).sum();
+        let told = hanging.iter().take(PLACES_TOLD).map(|(layer, o)| {
+            let z_mm = top_mm(*layer);
+            format!(
+                "{:.2} mm² near ({:.2}, {:.2}, {z_mm:.2})",
+                o.area_mm2, o.at.x, o.at.y
+            )
+        });
+        warnings.push(format!(
+            "{all_mm2:.2} mm² on {} layers hang farther than half a bead over what is below, and no \
+             supports are made: turn the part (--rotate) or print supports with it; the most: {}",
+            hanging.len(),
+            told.collect::<Vec<_>>().join(", ")
+        ));
+    }
+    let mut left_out: Vec<&LeftOut> = planned.left_out.iter().collect();
+    left_out.sort_by(|a, b| b.area_mm2.total_cmp(&a.area_mm2));
+    if !left_out.is_empty() {
+        let all_mm2: f64 = left_out.iter().map(|l| l.area_mm2).sum();
+        let told = left_out.iter().take(PLACES_TOLD).map(|l| {
+            let (at, z_mm) = (l.at, top_mm(l.layer));
+            format!(
+                "{:.3} mm² near ({:.2}, {:.2}, {z_mm:.2}): {}",
+                l.area_mm2, at.x, at.y, l.why
+            )
+        });
+        warnings.push(format!(
+            "{} regions, {all_mm2:.3} mm², are not printed; the largest: {}",
+            left_out.len(),
+            told.collect::<Vec<_>>().join("; ")
+        ));
+    }
+    let doubled = planned.motion.doubled_stretches;
+    if doubled > 0 {
+        warnings.push(format!(
+            "{doubled} stretches had to be slowed as a whole to keep the limits"
+        ));
+    }
+    warnings
+}

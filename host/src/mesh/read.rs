@@ -1,0 +1,233 @@
+//! A mesh file -> a closed mesh in mm, upright, with notes of what was mended.
+
+use super::clean::{Cleaned, clean, with_shared_vertices};
+use super::close_gaps::{ClosedGaps, GAP_MAX_MM, close_gaps};
+use super::error::At3;
+use super::orient::{Turned, orient};
+use super::{Mesh, MeshError, Point3, obj, stl, threemf};
+
+/// Most triangles that are read: 1 GB while they are sorted.
+pub const TRIANGLES_MAX: usize = 8_000_000;
+/// Largest part, mm: beyond that the units are wrong.
+pub const SIZE_MAX_MM: f64 = 10_000.0;
+/// Least extent along its longest axis, mm.
+pub const SIZE_MIN_MM: f64 = 0.1;
+/// Farthest from the origin, mm: beyond that single-precision coordinates step by more than 1 µm
+/// many times over.
+const FAR_MAX_MM: f64 = 100_000.0;
+
+/// Mesh formats that can be read.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum MeshFormat {
+    /// Binary or ASCII.
+    Stl,
+    /// 3D Manufacturing Format.
+    ThreeMf,
+    /// Wavefront.
+    Obj,
+}
+
+/// How to read.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct MeshOptions {
+    /// Millimetres in one of the file's units, over what the file says.
+    pub unit_mm: Option<f64>,
+    /// Factor on all coordinates, after the unit.
+    pub scale: f64,
+    /// Turns about the file's x, then y, then z axis.
+    pub rotate_rad: [f64; 3],
+}
+
+impl Default for MeshOptions {
+    fn default() -> MeshOptions {
+        MeshOptions {
+            unit_mm: None,
+            scale: 1.0,
+            rotate_rad: [0.0; 3],
+        }
+    }
+}
+
+/// What a file holds, before anything is checked.
+pub(super) struct RawMesh {
+    pub mesh: Mesh,
+    pub name: Option<String>,
+    pub unit_mm: f64,
+    pub notes: Vec<String>,
+}
+
+/// A closed mesh and what the user should know about how it was read.
+#[derive(Clone, Debug, PartialEq)]
+pub struct LoadedMesh {
+    /// The file's own name for the part, or the one that was given.
+    pub name: String,
+    /// Closed, mm.
+    pub mesh: Mesh,
+    /// One line each: what was mended.
+    pub notes: Vec<String>,
+}
+
+pub(super) fn syntax(format: &'static str, problem: String) -> MeshError {
+    MeshError::Syntax { format, problem }
+}
+
+/// Reads a mesh and makes it closed. `name` is used where the file has none of its own.
+///
+/// # Errors
+/// [`MeshError`] with the place.
+pub fn read(
+    bytes: &[u8],
+    name: &str,
+    format: MeshFormat,
+    options: &MeshOptions,
+) -> Result<LoadedMesh, MeshError> {
+    let raw = match format {
+        MeshFormat::Stl => stl::read(bytes)?,
+        MeshFormat::ThreeMf => threemf::read(bytes)?,
+        MeshFormat::Obj => obj::read(bytes)?,
+    };
+    let mut mesh = raw.mesh;
+    let triangles = mesh.triangles.len();
+    check_numbers(&mesh)?;
+    let factor = options.unit_mm.unwrap_or(raw.unit_mm) * options.scale;
+    let turn = turns(options.rotate_rad);
+    for vertex in &mut mesh.vertices {
+        let p = Point3::from(vertex.coords * factor);
+        *vertex = turn.iter().fold(p, |p, turn| turn(p));
+    }
+    check_size(&mesh)?;
+    let mut mesh = with_shared_vertices(&mesh);
+    let cleaned = clean(&mut mesh);
+    if mesh.triangles.is_empty() {
+        return Err(MeshError::NothingEnclosed { triangles });
+    }
+    let gaps = close_gaps(&mut mesh)?;
+    let turned = orient(&mut mesh);
+    let mut notes = raw.notes;
+    notes.extend(notes_of(cleaned, turned, gaps));
+    Ok(LoadedMesh {
+        name: raw.name.unwrap_or_else(|| name.to_string()),
+        mesh,
+        notes,
+    })
+}
+
+/// The turns that are not none. Quarter turns are exact.
+fn turns(rotate_rad: [f64; 3]) -> Vec<impl Fn(Point3) -> Point3> {
+    let given = rotate_rad.into_iter().enumerate();
+    let given = given.filter(|(_, angle_rad)| *angle_rad != 0.0);
+    let turn = |(axis, angle_rad): (usize, f64)| {
+        let quarters = angle_rad / std::f64::consts::FRAC_PI_2;
+        let (sin, cos) = if (quarters - quarters.round()).abs() < 1e-12 {
+            let quarter = quarters.round().rem_euclid(4.0) as usize;
+            [(0.0, 1.0), (1.0, 0.0), (0.0, -1.0), (-1.0, 0.0)][quarter % 4]
+        } else {
+            angle_rad.sin_cos()
+        };
+        move |p: Point3| {
+            let (i, j) = ((axis + 1) % 3, (axis + 2) % 3);
+            let mut turned = p;
+            turned[i] = cos * p[i] - sin * p[j];
+            turned[j] = sin * p[i] + cos * p[j];
+            turned
+        }
+    };
+    given.map(turn).collect()
+}
+
+fn check_numbers(mesh: &Mesh) -> Result<(), MeshError> {
+    let triangles = mesh.triangles.len();
+    if triangles == 0 {
+        return Err(MeshError::Empty);
+    }
+    if triangles > TRIANGLES_MAX {
+        return Err(MeshError::TooMany { triangles });
+    }
+    for (triangle, vertices) in mesh.triangles.iter().enumerate() {
+        for &vertex in vertices {
+            let Some(p) = mesh.vertices.get(vertex as usize) else {
+                return Err(MeshError::NoSuchVertex {
+                    triangle,
+                    vertex: vertex as usize,
+                    vertices: mesh.vertices.len(),
+                });
+            };
+            if !p.coords.iter().all(|x| x.is_finite()) {
+                let corner = [p.x, p.y, p.z];
+                return Err(MeshError::NotFinite { triangle, corner });
+            }
+        }
+    }
+    Ok(())
+}
+
+fn check_size(mesh: &Mesh) -> Result<(), MeshError> {
+    let used = mesh.triangles.iter().flatten();
+    let used = used.map(|&vertex| mesh.vertices[vertex as usize]);
+    let used = Mesh {
+        vertices: used.collect(),
+        triangles: Vec::new(),
+    };
+    let [low, high] = used.bounds_mm();
+    let size_mm: [f64; 3] = (high - low).into();
+    if !size_mm.iter().all(|&size| size <= SIZE_MAX_MM) {
+        return Err(MeshError::TooBig { size_mm });
+    }
+    if size_mm.iter().all(|&size| size < SIZE_MIN_MM) {
+        return Err(MeshError::TooSmall { size_mm });
+    }
+    let middle = nalgebra::center(&low, &high);
+    if middle.coords.amax() > FAR_MAX_MM {
+        return Err(MeshError::TooFar {
+            at: At3(middle),
+            max_mm: FAR_MAX_MM,
+        });
+    }
+    Ok(())
+}
+
+fn notes_of(cleaned: Cleaned, turned: Turned, gaps: ClosedGaps) -> Vec<String> {
+    let mut notes = Vec::new();
+    let mut note = |count: usize, text: String| {
+        if count > 0 {
+            notes.push(text);
+        }
+    };
+    let many = |count: usize, what: &str| {
+        let plural = if count == 1 { "" } else { "s" };
+        format!("{count} {what}{plural}")
+    };
+    let Cleaned {
+        collapsed,
+        duplicates,
+    } = cleaned;
+    note(
+        collapsed,
+        many(collapsed, "triangle") + " with two corners at one place left out",
+    );
+    note(
+        duplicates,
+        many(duplicates, "copied triangle") + " left out",
+    );
+    let Turned { triangles, shells } = turned;
+    note(
+        triangles,
+        many(triangles, "triangle") + " looked the other way than its neighbours; turned",
+    );
+    note(
+        shells,
+        many(shells, "shell") + " looked inwards all over; turned",
+    );
+    let count = gaps.welded + gaps.split + gaps.filled;
+    note(
+        count,
+        format!(
+            "gaps up to {GAP_MAX_MM} mm closed: {}, {}, {} (the widest {:.4} mm)",
+            many(gaps.welded, "corner") + " moved",
+            many(gaps.split, "edge") + " divided",
+            many(gaps.filled, "triangle") + " added",
+            gaps.widest_mm
+        ),
+    );
+    notes
+}

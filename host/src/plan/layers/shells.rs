@@ -1,0 +1,136 @@
+//! What of each layer lies open above or below: it is filled, however sparse the inside is.
+//!
+//! Input: the outlines of all layers of a part, upwards (mm, input coordinates). Output: of each layer
+//! the ground that one of the next few layers above or below does not have, as overlapping
+//! regions; and what hangs over nothing. The planner takes from it what lies inside the walls.
+
+use crate::geometry::Point2;
+use crate::geometry::boolean::{difference, grown};
+use crate::geometry::polygon::Region;
+use rayon::prelude::*;
+
+/// Solid layers that close a part.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct ShellLayers {
+    /// Above ground that lies open below.
+    pub bottom: u32,
+    /// Below ground that lies open above.
+    pub top: u32,
+}
+
+/// Of each layer the ground that lies open within so many layers.
+pub fn solid_ground(outlines: &[&[Region]], shells: ShellLayers) -> Vec<Vec<Region>> {
+    let layers = (0..outlines.len()).into_par_iter();
+    layers
+        .map(|layer| open_of(outlines, layer, shells))
+        .collect()
+}
+
+fn open_of(outlines: &[&[Region]], layer: usize, shells: ShellLayers) -> Vec<Region> {
+    let own = outlines[layer];
+    let above = (1..=shells.top as usize).map(|step| outlines.get(layer + step));
+    let below = (1..=shells.bottom as usize).map(|step| {
+        layer
+            .checked_sub(step)
+            .and_then(|other| outlines.get(other))
+    });
+    let mut open = Vec::new();
+    let mut last: &[Region] = own;
+    for other in above.chain(below) {
+        let Some(&other) = other else {
+            // Above the last layer and below the first there is nothing.
+            return own.to_vec();
+        };
+        if other != own && other != last {
+            open.extend(difference(own, other));
+        }
+        last = other;
+    }
+    open
+}
+
+/// Ground that hangs over nothing.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub struct Overhang {
+    /// How much, mm².
+    pub area_mm2: f64,
+    /// The largest piece of it, mm².
+    pub largest_mm2: f64,
+    /// A place of that, input coordinates.
+    pub at: Point2,
+}
+
+/// Of each layer but the first the ground that lies farther than `reach_mm` from what is below.
+pub fn overhangs(outlines: &[&[Region]], reach_mm: f64) -> Vec<Overhang> {
+    let layers = (0..outlines.len()).into_par_iter();
+    let found = layers.map(|layer| {
+        let below = layer.checked_sub(1).map(|below| outlines[below]);
+        let Some(below) = below.filter(|below| *below != outlines[layer]) else {
+            return Overhang::default();
+        };
+        let open = difference(outlines[layer], &grown(below, reach_mm));
+        let mut hanging = Overhang::default();
+        for region in &open {
+            let area_mm2 = region.area_mm2();
+            hanging.area_mm2 += area_mm2;
+            if area_mm2 > hanging.largest_mm2 {
+                hanging.largest_mm2 = area_mm2;
+                hanging.at = region.exterior.points.first().copied().unwrap_or_default();
+            }
+        }
+        hanging
+    });
+    found.collect()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::geometry::test_shapes::region;
+
+    fn square(size: f64) -> Vec<Region> {
+        vec![region(&[&[
+            [0.0, 0.0],
+            [size, 0.0],
+            [size, size],
+            [0.0, size],
+        ]])]
+    }
+
+    fn area_mm2(regions: &[Region]) -> f64 {
+        regions.iter().map(Region::area_mm2).sum()
+    }
+
+    /// Goal: of a stair that narrows, each step is open as many layers deep as there are top layers,
+    /// the lowest layer all over, the inside nowhere. Method: areas by hand.
+    #[test]
+    fn a_stair_is_open_at_its_steps() {
+        let (wide, narrow) = (square(10.0), square(4.0));
+        let mut layers = vec![wide.as_slice(); 6];
+        layers.extend([narrow.as_slice(); 6]);
+        let shells = ShellLayers { bottom: 1, top: 2 };
+        let open = solid_ground(&layers, shells);
+        let areas: Vec<f64> = open.iter().map(|open| area_mm2(open).round()).collect();
+        let expected = [
+            100.0, 0.0, 0.0, 0.0, 84.0, 84.0, 0.0, 0.0, 0.0, 0.0, 16.0, 16.0,
+        ];
+        assert_eq!(areas, expected);
+    }
+
+    /// Goal: only what juts out farther than the reach hangs. Method: a wider square on a narrow
+    /// one, the ring beyond the reach by hand (corners round).
+    #[test]
+    fn what_juts_out_hangs() {
+        let (narrow, wide) = (square(4.0), square(5.0));
+        let layers = [narrow.as_slice(), wide.as_slice(), wide.as_slice()];
+        let found = overhangs(&layers, 0.3);
+        let expected = 25.0 - (4.3 * 4.3 - (1.0 - std::f64::consts::FRAC_PI_4) * 0.09);
+        assert!(
+            (found[1].area_mm2 - expected).abs() < 1e-3,
+            "{:?}",
+            found[1]
+        );
+        assert_eq!([found[0], found[2]], [Overhang::default(); 2]);
+        assert_eq!(overhangs(&layers, 1.5)[1].area_mm2, 0.0);
+    }
+}

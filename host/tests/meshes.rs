@@ -1,0 +1,276 @@
+//! Goal: the command takes a mesh from a file to a job that runs, says what it is made of, and leaves
+//! nothing behind where it refuses. Method: the binary on the example hook and on broken files.
+
+mod rig;
+
+use rig::{example, folder, headway, object, path, stderr, succeeded};
+
+/// A tetrahedron of 10 mm as an ASCII STL.
+const TETRAHEDRON: [[[i32; 3]; 3]; 4] = [
+    [[0, 0, 0], [0, 10, 0], [10, 0, 0]],
+    [[0, 0, 0], [10, 0, 0], [0, 0, 10]],
+    [[0, 0, 0], [0, 0, 10], [0, 10, 0]],
+    [[10, 0, 0], [0, 10, 0], [0, 0, 10]],
+];
+
+fn stl(triangles: &[[[i32; 3]; 3]]) -> String {
+    let mut text = String::from("solid part\n");
+    for triangle in triangles {
+        text += "facet normal 0 0 0\nouter loop\n";
+        for [x, y, z] in triangle {
+            text += &format!("vertex {x} {y} {z}\n");
+        }
+        text += "endloop\nendfacet\n";
+    }
+    text + "endsolid part\n"
+}
+
+/// Goal: what `inspect --json` says of a mesh is what other programs rely on. Method: layers counted
+/// and summed up against the volume; turned, scaled and cut otherwise by hand.
+#[test]
+fn a_mesh_is_inspected_by_layers() {
+    let hook = example("hook.stl");
+    let found = object(&headway(&["inspect", &hook, "--json"]));
+    let layers = found["layers"].as_array().expect("layers");
+    assert_eq!(layers.len(), 60);
+    assert!((layers[59]["z_mm"].as_f64().expect("a height") - 12.0).abs() < 1e-6);
+    assert_eq!(layers[0]["regions"], 1);
+    let area_mm2 = |layer: &serde_json::Value| layer["area_mm2"].as_f64().expect("an area");
+    let volume_mm3: f64 = layers.iter().map(|layer| 0.2 * area_mm2(layer)).sum();
+    let mesh_mm3 = found["volume_mm3"].as_f64().expect("a volume");
+    assert!(
+        (volume_mm3 / mesh_mm3 - 1.0).abs() < 1e-3,
+        "{volume_mm3} {mesh_mm3}"
+    );
+    let turned = [
+        "inspect",
+        &hook,
+        "--json",
+        "--rotate",
+        "90,0,0",
+        "--scale",
+        "0.5",
+        "--layer-height",
+        "0.25",
+        "--first-layer-height",
+        "0.4",
+        "--layer-range",
+        "2-11",
+    ];
+    let found = object(&headway(&turned));
+    let layers = found["layers"].as_array().expect("layers");
+    assert_eq!(layers.len(), 10);
+    // On its back: 20 mm high from z = 0, the second layer's top above the first.
+    assert!((layers[0]["z_mm"].as_f64().expect("a height") - 0.65).abs() < 1e-6);
+}
+
+/// Goal: a range of layers of the hook becomes a job, runs without a fault and lies at its height.
+/// Method: simulated; the poses of the job.
+#[test]
+fn a_mesh_is_printed() {
+    let folder = folder("printed");
+    let job = folder.join("hook.hwj");
+    let output = headway(&[
+        "plan",
+        &example("hook.stl"),
+        "-o",
+        path(&job),
+        "--layer-range",
+        "21-23",
+        "--walls",
+        "2",
+        "--infill-density",
+        "20",
+        "--json",
+    ]);
+    let figures = object(&output);
+    assert_eq!(figures["layers"], 3);
+    assert_eq!(figures["left_out_places"].as_array().map(Vec::len), Some(0));
+    let report = folder.join("report");
+    let found = object(&headway(&[
+        "simulate",
+        path(&job),
+        "--report",
+        path(&report),
+        "--json",
+    ]));
+    assert_eq!((&found["faults"], &found["layers"]), (&0.into(), &3.into()));
+    let poses = succeeded(&headway(&[
+        "export",
+        path(&job),
+        "--to",
+        "csv",
+        "--every-ms",
+        "100",
+    ]));
+    let printed = poses.lines().filter(|line| line.ends_with(",print"));
+    let heights: Vec<f64> = printed
+        .map(|line| {
+            line.split(',')
+                .nth(5)
+                .and_then(|z| z.parse().ok())
+                .expect("a height")
+        })
+        .collect();
+    assert!(
+        heights.iter().all(|z| (4.19..4.61).contains(z)),
+        "{heights:?}"
+    );
+}
+
+/// Goal: a broken mesh is refused with its place and a remedy, exit 1; senseless options, exit 2;
+/// neither leaves a file. Method: files and words.
+#[test]
+fn broken_meshes_leave_nothing_behind() {
+    let folder = folder("broken");
+    let whole = stl(&TETRAHEDRON);
+    let cases: &[(&str, String, &[&str], i32, &str)] = &[
+        (
+            "open.stl",
+            stl(&TETRAHEDRON[..3]),
+            &[],
+            1,
+            "open in 1 place",
+        ),
+        (
+            "sheet.stl",
+            stl(&[TETRAHEDRON[0], TETRAHEDRON[0]]),
+            &[],
+            1,
+            "open",
+        ),
+        (
+            "none.stl",
+            "solid none\nendsolid none\n".into(),
+            &[],
+            1,
+            "no triangle",
+        ),
+        (
+            "cut.stl",
+            whole[..150].to_string(),
+            &[],
+            1,
+            "export it again",
+        ),
+        (
+            "word.stl",
+            whole.replace("10", "ten"),
+            &[],
+            1,
+            "export it again",
+        ),
+        ("far.stl", whole.replace("10", "1e30"), &[], 1, "--units"),
+        ("nothing.3mf", "PK".into(), &[], 1, "not a readable 3MF"),
+        ("nothing.obj", "# nothing\n".into(), &[], 1, "no triangle"),
+        (
+            "whole.stl",
+            whole.clone(),
+            &["--scale", "0.001"],
+            1,
+            "smaller than",
+        ),
+        (
+            "whole.stl",
+            whole.clone(),
+            &["--units", "m", "--scale", "2"],
+            1,
+            "larger than",
+        ),
+        (
+            "whole.stl",
+            whole.clone(),
+            &["--layer-height", "9", "--scale", "0.1"],
+            1,
+            "half of its first layer",
+        ),
+        (
+            "whole.stl",
+            whole.clone(),
+            &["--layer-range", "60-70"],
+            1,
+            "layers 1 to 50",
+        ),
+        (
+            "whole.stl",
+            whole.clone(),
+            &["--scale", "0.04"],
+            1,
+            "nothing can be printed",
+        ),
+        (
+            "whole.stl",
+            whole.clone(),
+            &["--scale", "100"],
+            1,
+            "work area",
+        ),
+        (
+            "whole.stl",
+            whole.clone(),
+            &["--layer-range", "b"],
+            2,
+            "--layer-range 1-20",
+        ),
+        (
+            "whole.stl",
+            whole.clone(),
+            &["--rotate", "90"],
+            2,
+            "--rotate 90,0,45",
+        ),
+        (
+            "whole.stl",
+            whole.clone(),
+            &["--layers", "5"],
+            2,
+            "--layer-range",
+        ),
+        (
+            "whole.stl",
+            whole.clone(),
+            &["--first-layer-height", "0"],
+            2,
+            "--first-layer-height 0",
+        ),
+        (
+            "whole.stl",
+            whole.clone(),
+            &["--first-layer-speed", "500"],
+            2,
+            "--first-layer-speed 500",
+        ),
+        (
+            "flat.json",
+            std::fs::read_to_string(example("taper.json")).expect("example"),
+            &["--layer-range", "1-2"],
+            2,
+            "goes with meshes",
+        ),
+        (
+            "flat.json",
+            std::fs::read_to_string(example("taper.json")).expect("example"),
+            &["--rotate", "1,2,3"],
+            2,
+            "--rotate turns meshes",
+        ),
+    ];
+    for (name, text, options, status, word) in cases {
+        let file = folder.join(name);
+        std::fs::write(&file, text).expect("file");
+        let job = folder.join("part.hwj");
+        let mut arguments = vec!["plan", path(&file), "-o", path(&job)];
+        arguments.extend_from_slice(options);
+        let output = headway(&arguments);
+        let said = stderr(&output);
+        assert_eq!(
+            output.status.code(),
+            Some(*status),
+            "{name} {options:?}: {said}"
+        );
+        assert!(said.contains(word), "{name} {options:?}: {said}");
+        std::fs::remove_file(&file).expect("the file");
+        let left = std::fs::read_dir(&folder).expect("folder").count();
+        assert_eq!(left, 0, "{name} {options:?}");
+    }
+}

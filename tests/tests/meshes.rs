@@ -1,0 +1,231 @@
+//! Goal: a part whose layers change is planned layer by layer as its outlines ask, whole and the same
+//! with any number of threads. Method: solids by formula, their sections known by hand; the job
+//! run through the firmware library; a prism against the plan of its outline.
+
+use headway::drive::dry_run::dry_run;
+use headway::drive::simulator::SimulatorSetup;
+use headway::geometry::polygon::Region;
+use headway::input::Target;
+use headway::job::{MotionState, SegmentStream};
+use headway::mesh::layers::{LayerHeights, SlicedPart, sliced};
+use headway::mesh::{Mesh, Point3};
+use headway::part_plan::{FirstLayer, PartPlan, plan_part};
+use headway::plan_target;
+use headway::settings::{Infill, Settings};
+use std::f64::consts::TAU;
+
+/// A body of revolution about z from its profile (radius, z), bottom to top, its ends on the axis.
+fn revolved(profile: &[[f64; 2]], around: u32) -> Mesh {
+    let mut mesh = Mesh::default();
+    for &[radius, z] in profile {
+        for k in 0..around {
+            let (sin, cos) = (TAU * f64::from(k) / f64::from(around)).sin_cos();
+            mesh.vertices
+                .push(Point3::new(radius * cos, radius * sin, z));
+        }
+    }
+    for row in 0..profile.len() as u32 - 1 {
+        for k in 0..around {
+            let next = (k + 1) % around;
+            let (a, b) = (row * around + k, row * around + next);
+            mesh.triangles
+                .extend([[a, b, b + around], [a, b + around, a + around]]);
+        }
+    }
+    mesh
+}
+
+fn cut(mesh: &Mesh, first_mm: f64, layer_mm: f64) -> SlicedPart {
+    let heights = LayerHeights {
+        first_mm,
+        layer_mm,
+        range: None,
+    };
+    sliced(mesh, &heights).expect("layers")
+}
+
+fn planned(part: &SlicedPart, first: FirstLayer, settings: &Settings) -> PartPlan {
+    plan_part(part, &[], first, settings, &(), &mut |_| {}).expect("a plan")
+}
+
+/// Runs the job through the firmware library.
+fn check_run(stream: &SegmentStream, settings: &Settings) {
+    let run = dry_run(stream, settings, &SimulatorSetup::default(), |_| {}).expect("a run");
+    assert_eq!(run.simulation.figures.faults, 0);
+    assert_eq!(run.trace.final_counts, run.trace.expected_counts);
+}
+
+/// Volume that is deposited on each layer, mm³, and its print moves' height.
+fn layers_of(stream: &SegmentStream) -> Vec<(u32, f64)> {
+    let mut found: Vec<(u32, f64)> = Vec::new();
+    for mark in &stream.marks {
+        if mark.state == MotionState::Print && found.last().is_none_or(|l| l.0 != mark.layer) {
+            found.push((mark.layer, mark.start_tick as f64));
+        }
+    }
+    found
+}
+
+/// Goal: a prism given as a mesh is the prism given as an outline. Method: both planned; path, time,
+/// volume and coverage compared (travel to the first pass may differ: the outline has other
+/// first points).
+#[test]
+fn an_upright_mesh_is_its_outline() {
+    let mesh = revolved(&[[0.0, 0.0], [7.0, 0.0], [7.0, 1.2], [0.0, 1.2]], 6);
+    let settings = Settings {
+        layers: 6,
+        ..Settings::default()
+    };
+    let part = cut(&mesh, 0.2, 0.2);
+    assert_eq!(part.layers.len(), 6);
+    // The same to the last digit: planned once.
+    let first = &part.layers[0].regions;
+    assert!(part.layers.iter().all(|layer| layer.regions == *first));
+    let target = Target {
+        name: "prism".to_string(),
+        regions: first.clone(),
+    };
+    let prism = plan_target(&target, &settings).expect("a prism");
+    let part = planned(&part, FirstLayer::default(), &settings);
+    let (one, other) = (&prism.figures, &part.figures);
+    assert_eq!((one.passes, one.layers), (other.passes, other.layers));
+    assert!((one.print_mm - other.print_mm).abs() < 1e-3 * one.print_mm);
+    assert!((one.volume_mm3 - other.volume_mm3).abs() < 1e-3 * one.volume_mm3);
+    assert!((one.covered_pct - other.covered_pct).abs() < 0.1);
+    assert!((one.print_s - other.print_s).abs() < 0.02 * one.print_s);
+    check_run(&part.stream, &settings);
+}
+
+/// Goal: every layer of a cone is printed at its height, in order, and gets its volume; threads
+/// change nothing; the first layer has its own height and is slower. Method: volumes by the sum of
+/// sections, streams compared whole.
+#[test]
+fn a_cone_is_printed_layer_by_layer() {
+    let mesh = revolved(&[[0.0, 0.0], [6.0, 0.0], [3.0, 3.0], [0.0, 3.0]], 40);
+    let settings = Settings::default();
+    let part = cut(&mesh, 0.3, 0.2);
+    assert_eq!(part.layers.len(), 14);
+    let first = FirstLayer {
+        speed_mm_s: Some(20.0),
+    };
+    let of_threads = |threads: usize| {
+        let pool = rayon::ThreadPoolBuilder::new().num_threads(threads).build();
+        pool.expect("threads")
+            .install(|| planned(&part, first, &settings))
+    };
+    let plan = of_threads(1);
+    assert_eq!(plan.stream, of_threads(3).stream);
+    let layers: Vec<u32> = layers_of(&plan.stream).iter().map(|l| l.0).collect();
+    assert_eq!(layers, (0..14).collect::<Vec<u32>>());
+    let f = &plan.figures;
+    assert!(f.covered_pct > 97.0, "{}", f.covered_pct);
+    assert!(f.outside_depth_mm < 1e-3, "{}", f.outside_depth_mm);
+    // What is covered times each layer's height, within what is laid twice.
+    let expected = part.volume_mm3() * f.covered_pct / 100.0;
+    assert!(
+        (f.volume_mm3 / expected - 1.0).abs() < 0.01,
+        "{} {expected}",
+        f.volume_mm3
+    );
+    assert!(plan.left_out.is_empty());
+    check_run(&plan.stream, &settings);
+    // The first layer alone, slow and as fast as the others.
+    let time_s = |first: FirstLayer| {
+        let one = SlicedPart {
+            wanted: 0..1,
+            ..part.clone()
+        };
+        planned(&one, first, &settings).figures.print_s
+    };
+    assert!(time_s(first) > 1.5 * time_s(FirstLayer::default()));
+}
+
+/// Goal: what no bead fits in leaves the others, and is told. Method: a cone up to a point: its tip
+/// is listed, everything below printed; a needle alone is refused.
+#[test]
+fn a_tip_is_left_out_and_told() {
+    let settings = Settings::default();
+    let mesh = revolved(&[[0.0, 0.0], [3.0, 0.0], [0.0, 3.0]], 24);
+    let part = cut(&mesh, 0.2, 0.2);
+    let plan = planned(&part, FirstLayer::default(), &settings);
+    let left_out: Vec<u32> = plan.left_out.iter().map(|l| l.layer).collect();
+    assert!(!left_out.is_empty() && left_out.len() < 5, "{left_out:?}");
+    assert_eq!(left_out.last(), Some(&14));
+    let printed = layers_of(&plan.stream).len();
+    assert_eq!(printed + left_out.len(), 15);
+    let needle = revolved(&[[0.0, 0.0], [0.1, 0.0], [0.1, 3.0], [0.0, 3.0]], 24);
+    let part = cut(&needle, 0.2, 0.2);
+    let error = plan_part(
+        &part,
+        &[],
+        FirstLayer::default(),
+        &settings,
+        &(),
+        &mut |_| {},
+    );
+    let text = error.expect_err("too thin").to_string();
+    assert!(text.contains("nothing can be printed"), "{text}");
+}
+
+/// Goal: of a stair with sparse lines, steps are closed, the inside is not, and what is closed holds
+/// on to the inside by a bead's width. Method: ground that is swept on each layer, against walls
+/// alone, from the pieces' rasters.
+#[test]
+fn steps_are_closed_and_the_inside_is_sparse() {
+    let stair = [
+        [0.0, 0.0],
+        [16.0, 0.0],
+        [16.0, 2.4],
+        [8.0, 2.4],
+        [8.0, 4.8],
+        [0.0, 4.8],
+    ];
+    let mesh = revolved(&stair, 4);
+    let part = cut(&mesh, 0.2, 0.2);
+    let settings = Settings {
+        infill: Some(Infill {
+            density_pct: 20.0,
+            bottom_layers: Some(2),
+            top_layers: Some(2),
+            ..Infill::solid(2)
+        }),
+        ..Settings::default()
+    };
+    let mut covered = vec![0.0; part.layers.len()];
+    let plan = plan_part(
+        &part,
+        &[],
+        FirstLayer::default(),
+        &settings,
+        &(),
+        &mut |plan| {
+            for (print, swept) in plan.prints.iter().zip(&plan.measured.swept) {
+                covered[print.layer as usize] += swept.covered_mm2;
+            }
+        },
+    )
+    .expect("a stair");
+    let area_mm2 = |layer: usize| {
+        part.layers[layer]
+            .regions
+            .iter()
+            .map(Region::area_mm2)
+            .sum::<f64>()
+    };
+    let pct: Vec<f64> = covered
+        .iter()
+        .enumerate()
+        .map(|(layer, covered)| 100.0 * covered / area_mm2(layer))
+        .collect();
+    for layer in [0, 1, 22, 23] {
+        assert!(pct[layer] > 96.0, "{layer}: {pct:?}");
+    }
+    for layer in [2, 5, 9, 12, 15, 21] {
+        assert!(pct[layer] < 75.0, "{layer}: {pct:?}");
+    }
+    // The step: three quarters closed, the rest under the upper body sparse.
+    for layer in [10, 11] {
+        assert!(pct[layer] > 82.0 && pct[layer] < 95.0, "{layer}: {pct:?}");
+    }
+    check_run(&plan.stream, &settings);
+}
