@@ -8,7 +8,7 @@
 //! [`Machine::servo_tick`], then `step_hz / servo_hz` times [`Machine::step_tick`] (or
 //! [`Machine::run_servo_interval`], which is both at once with the same result);
 //! [`Machine::poll_report`] until it returns 0. Time is the number of calls. A board that runs
-//! servo and steps in interrupts of their own takes the parts with [`Machine::into_parts`].
+//! servo and steps in interrupts of their own builds the parts where they live ([`Machine::check`]).
 
 use crate::configuration::{ConfigurationError, MachineConfiguration};
 use crate::homing::HomingConfiguration;
@@ -16,7 +16,7 @@ use crate::inputs::Inputs;
 use crate::motion::Motion;
 use crate::output::StepOutput;
 use crate::receiver::Receiver;
-use crate::steps::{StepEngine, StepPlayer};
+use crate::steps::StepPlayer;
 use headway_protocol::message::{Fault, FaultCause};
 
 /// Receiver, motion and step player.
@@ -51,8 +51,7 @@ impl Machine {
         switches: &HomingConfiguration,
         session: u32,
     ) -> Result<Self, ConfigurationError> {
-        configuration.check()?;
-        switches.check(configuration)?;
+        Self::check(configuration, switches)?;
         Ok(Self {
             receiver: Receiver::new(configuration, session),
             motion: Motion::new(configuration, switches),
@@ -61,9 +60,17 @@ impl Machine {
         })
     }
 
-    /// The parts, for boards where each lives in an interrupt of its own.
-    pub fn into_parts(self) -> (Receiver, Motion, StepEngine) {
-        (self.receiver, self.motion, self.player.into_engine())
+    /// Whether a machine of these can be run: for boards, which build its parts where each lives, in
+    /// an interrupt of its own.
+    ///
+    /// # Errors
+    /// [`ConfigurationError`] where either configuration cannot be run.
+    pub fn check(
+        configuration: &MachineConfiguration,
+        switches: &HomingConfiguration,
+    ) -> Result<(), ConfigurationError> {
+        configuration.check()?;
+        switches.check(configuration)
     }
 
     /// Takes bytes from the line.

@@ -25,7 +25,7 @@ use board::{Trace as Output, pend_stop};
 
 #[cfg(target_os = "none")]
 mod board {
-    use crate::runtime::{self, Outgoing, with_motion, with_output};
+    use crate::runtime::{self, Board, Outgoing, with_motion, with_output};
     use core::sync::atomic::{AtomicI32, AtomicU32, Ordering};
     use cortex_m::peripheral::{NVIC, Peripherals};
     use cortex_m_rt::exception;
@@ -34,7 +34,6 @@ mod board {
     use headway_firmware::configuration::MOTORS_MAX;
     use headway_firmware::homing::HomingConfiguration;
     use headway_firmware::inputs::Inputs;
-    use headway_firmware::machine::Machine;
     use headway_firmware::output::StepOutput;
     use headway_firmware::receiver::Receiver;
     use headway_protocol::message::DeviceState;
@@ -259,7 +258,11 @@ mod board {
     fn run() -> Option<bool> {
         let configuration = emulated_planar();
         let switches = HomingConfiguration::standard(&configuration);
-        let machine = Machine::with_switches(&configuration, &switches, SESSION).ok()?;
+        let board = Board {
+            configuration: &configuration,
+            switches: &switches,
+            session: SESSION,
+        };
         let mut peripherals = Peripherals::take()?;
         for uart in [LINK, BUTTON] {
             uart.write(DIVIDER, 16);
@@ -278,12 +281,12 @@ mod board {
             steps: 0,
         };
         let receiver = runtime::start(
-            machine,
+            &board,
             output,
             CLOCKS_PER_STEP_TICK,
             &mut peripherals.SCB,
             &mut peripherals.SYST,
-        );
+        )?;
         Some(serve(receiver))
     }
 

@@ -30,11 +30,11 @@ use bench::{Output, pend_stop};
 #[cfg(target_os = "none")]
 mod bench {
     use crate::ports::{DriverPorts, PORT_BYTES, SET_RESET};
-    use crate::runtime::{self, with_motion};
+    use crate::runtime::{self, Board, with_motion};
     use cortex_m_semihosting::{debug, hprintln, syscall};
     use headway_firmware::configuration::{MOTORS_MAX, MachineConfiguration};
+    use headway_firmware::homing::HomingConfiguration;
     use headway_firmware::inputs::Inputs;
-    use headway_firmware::machine::Machine;
     use headway_firmware::octopus::DIRECTION;
     use headway_firmware::output::PortOutput;
     use headway_firmware::receiver::Receiver;
@@ -317,17 +317,21 @@ mod bench {
     fn run(counts: &mut Counts) -> Option<bool> {
         let mut file = File::open()?;
         let configuration = file.configuration()?;
-        let machine = Machine::new(&configuration, 1).ok()?;
-        let interval_ticks = machine.interval_ticks();
+        let interval_ticks = configuration.interval_ticks();
+        let board = Board {
+            configuration: &configuration,
+            switches: &HomingConfiguration::none(),
+            session: 1,
+        };
         // The runtime pends its interrupts; here they are called instead.
         cortex_m::interrupt::disable();
         let mut host = Host {
             file,
             frame: [0; FRAME_BYTES_MAX],
             receiver: runtime::set_up(
-                machine,
+                &board,
                 PortOutput::new(DriverPorts::new(PORTS), MOTORS_MAX, 0),
-            ),
+            )?,
         };
         let empty = {
             let before = now();

@@ -32,11 +32,13 @@ use cortex_m::peripheral::{SCB, SYST};
 use cortex_m::register::basepri;
 use cortex_m::register::control::{self, Npriv};
 use cortex_m_rt::exception;
+use headway_firmware::configuration::MachineConfiguration;
+use headway_firmware::homing::HomingConfiguration;
 use headway_firmware::inputs::Inputs;
 use headway_firmware::machine::Machine;
 use headway_firmware::motion::{EMERGENCY, Motion};
 use headway_firmware::receiver::Receiver;
-use headway_firmware::steps::{Moment, StepBank, StepEngine, Stopped};
+use headway_firmware::steps::{Moment, StepBank, StepEngine, StepPlayer, Stopped};
 use headway_firmware::watchdog::ServoHealth;
 use headway_protocol::frame::FRAME_BYTES_MAX;
 use headway_protocol::message::{Fault, FaultCause};
@@ -335,41 +337,65 @@ pub fn with_motion<R>(work: impl FnOnce(&mut Motion) -> R) -> Option<R> {
     }
 }
 
-/// Puts the machine where the interrupts find it, before any of them is on.
-pub fn set_up(machine: Machine, output: Output) -> Receiver {
-    let (receiver, motion, engine) = machine.into_parts();
-    let servo = Servo {
-        motion,
-        health: ServoHealth::new(),
-        overruns_seen: 0,
-    };
+/// What a board is to run.
+pub struct Board<'a> {
+    pub configuration: &'a MachineConfiguration,
+    pub switches: &'a HomingConfiguration,
+    /// Of this start of the board.
+    pub session: u32,
+}
+
+/// Puts the machine where the interrupts find it, before any of them is on; `None` where it cannot
+/// be run.
+// Never part of its caller: what is built on the stack here is gone when the main loop begins.
+#[inline(never)]
+pub fn set_up(board: &Board, output: Output) -> Option<Receiver> {
+    let Board {
+        configuration,
+        switches,
+        session,
+    } = *board;
+    Machine::check(configuration, switches).ok()?;
+    place_servo(configuration, switches);
     // SAFETY: none of the interrupts that use these is on yet.
     unsafe {
-        SERVO.set(servo);
         for bank in &BANKS {
             bank.set(StepBank::default());
         }
         let playing = BANKS[0].place().as_ptr();
         PLAYING.store(playing, Ordering::Relaxed);
         STEPPING.set(Stepping {
-            engine,
+            engine: StepPlayer::new(configuration.interval_ticks()).into_engine(),
             playing,
             next: None,
             output,
         });
     }
-    receiver
+    Some(Receiver::new(configuration, session))
 }
 
-/// Puts the machine to work: from here on steps and servo run.
+/// The servo's part, the largest, by itself: two of its size on the stack at once would leave no room
+/// for anything else.
+#[inline(never)]
+fn place_servo(configuration: &MachineConfiguration, switches: &HomingConfiguration) {
+    let servo = Servo {
+        motion: Motion::new(configuration, switches),
+        health: ServoHealth::new(),
+        overruns_seen: 0,
+    };
+    // SAFETY: the servo's interrupt is not on yet.
+    unsafe { SERVO.set(servo) };
+}
+
+/// Puts the machine to work: from here on steps and servo run. `None` where it cannot be run.
 pub fn start(
-    machine: Machine,
+    board: &Board,
     output: Output,
     clocks_per_step_tick: u32,
     scb: &mut SCB,
     syst: &mut SYST,
-) -> Receiver {
-    let receiver = set_up(machine, output);
+) -> Option<Receiver> {
+    let receiver = set_up(board, output)?;
     // SAFETY: none of these interrupts is on yet, and what they use is set.
     unsafe {
         scb.set_priority(SystemHandler::SysTick, 0);
@@ -381,7 +407,7 @@ pub fn start(
     syst.clear_current();
     syst.enable_interrupt();
     syst.enable_counter();
-    receiver
+    Some(receiver)
 }
 
 /// Does work of the main loop that would mask interrupts, and cannot: without privilege the core

@@ -17,7 +17,7 @@ use crate::board::{
     CHIP_ID, EMERGENCY, Output, PORTS_CLOCK_MASK, Pins, SERIAL_CLOCK_MASK, SERIAL_INTERRUPT,
     SERIAL_PORT, UsbLine, set_up_board,
 };
-use crate::runtime::{self, Outgoing, Shared, with_motion};
+use crate::runtime::{self, Board, Outgoing, Shared, with_motion};
 use core::convert::Infallible;
 use cortex_m::peripheral::{NVIC, Peripherals};
 use cortex_m_rt::exception;
@@ -25,7 +25,6 @@ use embedded_hal::delay::DelayNs;
 use embedded_io::{ErrorType, Read, ReadReady, Write, WriteReady};
 use headway_firmware::board::{BoardPins, ByteRing, chip_fault, exchange};
 use headway_firmware::boards::board_machine;
-use headway_firmware::machine::Machine;
 use headway_firmware::receiver::{Receiver, SECOND_LINE};
 use headway_protocol::message::{Fault, FaultCause};
 use stm32f4xx_hal::pac::{self, Interrupt, interrupt};
@@ -240,7 +239,11 @@ fn run() -> Option<()> {
     let serial = SerialLine::set_up();
     emergency_input::set_up();
     let clocks = CORE_HZ.checked_div(configuration.step_hz)?;
-    let machine = Machine::with_switches(&configuration, &switches, start::session()).ok()?;
+    let board = Board {
+        configuration: &configuration,
+        switches: &switches,
+        session: start::session(),
+    };
     // SAFETY: what these interrupts use is set up, or not looked at before it is; no lock relies
     // on their being off.
     unsafe {
@@ -250,7 +253,7 @@ fn run() -> Option<()> {
         NVIC::unmask(Interrupt::EXTI9_5);
         NVIC::unmask(SERIAL_INTERRUPT);
     }
-    let receiver = runtime::start(machine, parts.output, clocks, &mut core.SCB, &mut core.SYST);
+    let receiver = runtime::start(&board, parts.output, clocks, &mut core.SCB, &mut core.SYST)?;
     let by_watchdog = by_watchdog.then_some(Fault {
         cause: FaultCause::Watchdog,
         index: 0,
