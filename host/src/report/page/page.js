@@ -40,13 +40,21 @@
     l.width = new Float32Array(l.count);
     l.cost = new Float32Array(l.count);
     for (let i = 0; i < l.count; i++) {
-      const k = Math.min(i, l.count - 2), dx = l.x[k + 1] - l.x[k], dy = l.y[k + 1] - l.y[k];
-      const moved = Math.hypot(dx, dy);
-      // Too short a step has no direction that the rounding leaves: the one before holds.
-      l.width[i] = moved > 2e-3 || !i ? extent(l.heading[i], -dy / (moved || 1), dx / (moved || 1)) : l.width[i - 1];
+      const [dx, dy] = direction(l, i), moved = Math.hypot(dx, dy);
+      l.width[i] = moved > 0 ? extent(l.heading[i], -dy / moved, dx / moved) : i ? l.width[i - 1] : 0;
       l.cost[i] = 1 / Math.max(l.speed[i] * l.width[i], 0.05);
     }
     return l;
+  }
+  // The chord about a sample, long enough that the rounding of places does not turn it, mm.
+  function direction(l, i) {
+    let a = i, b = i;
+    for (let tries = 0; tries < 60; tries++) {
+      if (Math.hypot(l.x[b] - l.x[a], l.y[b] - l.y[a]) > 0.12) break;
+      if (a > 0 && l.state[a - 1] === l.state[i]) a--;
+      if (b + 1 < l.count && l.state[b + 1] === l.state[i]) b++;
+    }
+    return [l.x[b] - l.x[a], l.y[b] - l.y[a]];
   }
   // Width of the nozzle across a unit normal, mm.
   function extent(degrees, nx, ny) {
