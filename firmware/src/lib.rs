@@ -25,6 +25,7 @@ pub mod design;
 pub mod event_queue;
 pub mod extruder_limits;
 pub mod flow;
+pub mod heat;
 pub mod hold;
 pub mod homing;
 pub mod inputs;

@@ -20,3 +20,4 @@ pub mod parts;
 pub mod rig;
 pub mod routes;
 pub mod segment_oracle;
+pub mod thermal;

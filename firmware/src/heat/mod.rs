@@ -1,0 +1,353 @@
+//! Heaters, their sensors and fans, and what switches them off.
+//!
+//! ```text
+//! conversions -> samples -> sensor -> guard -> regulator -> schedule of the PWM -> heater pins
+//! 12 bit         share      °C        fault    duty 0..1    servo ticks             servo interrupt
+//!                                       |        ^ flow, fan (feed-forward)
+//!                                       +-> all off, latched, supply cut where only that helps
+//! ```
+//! [`Heat::sample`] whenever a conversion is there, [`Heat::tick`] ten times a second, both in a board's
+//! main loop: the interrupts only play [`pwm::SoftPwm`]. Nothing that a host says raises a limit or
+//! clears a cause. Left out: who converts, and which pin is which.
+
+pub mod configuration;
+pub mod fans;
+pub mod guard;
+pub mod pwm;
+pub mod regulator;
+pub mod samples;
+pub mod sensor;
+
+pub use configuration::{HEATERS_MAX, HeatConfiguration, HeaterConfiguration, HeaterRole};
+pub use guard::{HeatCause, HeatFault};
+pub use regulator::PERIOD_S;
+
+use fans::{FanSpeeds, Fans};
+use guard::{Guard, View};
+use heapless::Vec;
+use pwm::{CHANNELS, Schedule};
+use regulator::{Draught, Regulator};
+use samples::Samples;
+
+/// Time that no host may be heard while something heats, s. Klipper's `MAX_HEAT_TIME` is 5 s, because its
+/// host regulates; here the board does, and the time is that in which a person starts the next command.
+pub const HOST_SILENT_S: f32 = 30.0;
+/// Rest in a pause after which hot ends wait cooler, s: shorter ones are not worth the wait afterwards.
+pub const STANDBY_AFTER_S: f32 = 60.0;
+/// How much cooler, K: PLA at 210 °C stops oozing and does not cook.
+pub const STANDBY_K: f32 = 50.0;
+/// This close to the target is there, K: twice Klipper's `PID_SETTLE_DELTA`,
+const READY_K: f32 = 2.0;
+/// and no faster, K/s.
+const READY_SLOPE_K_S: f32 = 0.3;
+/// From a fault that switching off may not help to the cut of the supply, s: the head comes to rest and
+/// retracts meanwhile.
+const SUPPLY_CUT_S: f32 = 2.0;
+
+/// What the machine asks for and does, for a period.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub struct Orders {
+    /// Targets, °C; 0 is off.
+    pub targets_c: [f32; HEATERS_MAX],
+    /// Part fan, 0 to 1.
+    pub part_fan: f32,
+    /// Melt that flows, mm³/s.
+    pub flow_mm3_s: f32,
+    /// The drivers hold their motors.
+    pub drivers_on: bool,
+    /// A host was heard since the last period.
+    pub host_heard: bool,
+    /// A fault of the machine is latched.
+    pub faulted: bool,
+    /// The head rests in a pause.
+    pub paused: bool,
+    /// Pulses of the hot end's fan since the last period.
+    pub fan_turns: u8,
+}
+
+/// What is to be put out.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub struct Outputs {
+    /// Duties of the heaters, 0 to 1.
+    pub duties: [f32; HEATERS_MAX],
+    /// Speeds of the fans.
+    pub fans: FanSpeeds,
+    /// Only without its supply does the heater stop.
+    pub cut_supply: bool,
+    /// Heaters that are not yet at what was asked for: a mask.
+    pub not_ready: u8,
+}
+
+impl Outputs {
+    /// The period as the PWM plays it: heaters from channel 0, then part, hot end and controller fan.
+    pub fn schedule(&self) -> Schedule {
+        let mut channels = [(0.0, false); CHANNELS];
+        let fans = [self.fans.part, self.fans.hot_end, self.fans.controller];
+        let heaters = self.duties.into_iter().map(|duty| (duty, false));
+        let all = heaters.chain(fans.into_iter().map(|speed| (speed, true)));
+        for (channel, output) in channels.iter_mut().zip(all) {
+            *channel = output;
+        }
+        Schedule::new(&channels)
+    }
+}
+
+/// A heater at work.
+#[derive(Clone, Copy, Debug)]
+struct Heater {
+    configuration: HeaterConfiguration,
+    samples: Samples,
+    regulator: Regulator,
+    guard: Guard,
+    target_c: f32,
+    reading_c: Option<f32>,
+    duty: f32,
+    expected: f32,
+}
+
+impl Heater {
+    /// One period: duty to come, or the fault.
+    fn tick(&mut self, target_c: f32, draught: &Draught) -> Result<f32, HeatCause> {
+        let configuration = &self.configuration;
+        let read = self.samples.take();
+        let reading = read.and_then(|reading| configuration.sensor.celsius(reading.share));
+        let view = View {
+            reading,
+            frozen_at: read.ok().and_then(|reading| reading.frozen_at),
+            target_c,
+            duty: self.duty,
+            expected: self.expected,
+        };
+        self.reading_c = reading.ok();
+        let (duty, expected) = (0.0, 0.0);
+        (self.duty, self.expected) = (duty, expected);
+        if let Some(cause) = self.guard.tick(configuration, &view) {
+            return Err(cause);
+        }
+        let Ok(reading_c) = reading else {
+            return Ok(0.0);
+        };
+        if target_c <= 0.0 || self.guard.is_blind() {
+            self.regulator.rest(reading_c);
+            return Ok(0.0);
+        }
+        let (gains, plant) = (&configuration.gains, &configuration.plant);
+        self.expected = plant.holding_duty(target_c, draught);
+        self.duty = self
+            .regulator
+            .duty(gains, plant, target_c, reading_c, draught);
+        Ok(self.duty)
+    }
+
+    fn is_ready(&self, target_c: f32) -> bool {
+        target_c <= 0.0
+            || self.reading_c.is_some_and(|reading_c| {
+                (reading_c - target_c).abs() <= READY_K
+                    && self.regulator.slope_k_s().abs() <= READY_SLOPE_K_S
+            })
+    }
+}
+
+/// All heaters of a board.
+#[derive(Clone, Debug)]
+pub struct Heat {
+    heaters: Vec<Heater, HEATERS_MAX>,
+    fans: Fans,
+    fan_tells_turns: bool,
+    fault: Option<HeatFault>,
+    silent_s: f32,
+    paused_s: f32,
+    /// A heater is hot or heats without being asked, whatever was latched first.
+    disobeys: bool,
+    disobeyed_s: f32,
+}
+
+impl Heat {
+    /// All off.
+    pub fn new(configuration: &HeatConfiguration) -> Self {
+        let heaters = configuration.heaters.iter().map(|heater| Heater {
+            configuration: *heater,
+            samples: Samples::default(),
+            regulator: Regulator::default(),
+            guard: Guard::default(),
+            target_c: 0.0,
+            reading_c: None,
+            duty: 0.0,
+            expected: 0.0,
+        });
+        Self {
+            heaters: heaters.collect(),
+            fans: Fans::default(),
+            fan_tells_turns: configuration.fan_tells_turns,
+            fault: None,
+            silent_s: 0.0,
+            paused_s: 0.0,
+            disobeys: false,
+            disobeyed_s: 0.0,
+        }
+    }
+
+    /// A conversion of a heater's sensor, 0 to 4095.
+    pub fn sample(&mut self, heater: usize, raw: u16) {
+        if let Some(heater) = self.heaters.get_mut(heater) {
+            heater.samples.push(raw);
+        }
+    }
+
+    /// One period of [`PERIOD_S`].
+    pub fn tick(&mut self, orders: &Orders) -> Outputs {
+        self.note_host(orders);
+        self.note_pause(orders);
+        let off = self.fault.is_some() || orders.faulted;
+        let mut outputs = Outputs::default();
+        let mut heats = false;
+        for (index, heater) in self.heaters.iter_mut().enumerate() {
+            let asked_c = orders.targets_c.get(index).copied().unwrap_or(0.0);
+            // What is no number is off, too.
+            let asked_c = if asked_c > 0.0 {
+                asked_c.min(heater.configuration.target_max_c())
+            } else {
+                0.0
+            };
+            let is_hot_end = heater.configuration.role == HeaterRole::HotEnd;
+            let waits = is_hot_end && self.paused_s >= STANDBY_AFTER_S;
+            let target_c = match (off, waits) {
+                (true, _) => 0.0,
+                (false, true) => (asked_c - STANDBY_K).max(0.0),
+                (false, false) => asked_c,
+            };
+            let draught = Draught {
+                fan: if is_hot_end { orders.part_fan } else { 0.0 },
+                flow_mm3_s: if is_hot_end { orders.flow_mm3_s } else { 0.0 },
+            };
+            heater.target_c = target_c;
+            let last_c = heater.reading_c;
+            match heater.tick(target_c, &draught) {
+                Ok(duty) => {
+                    if let Some(place) = outputs.duties.get_mut(index) {
+                        *place = duty;
+                    }
+                }
+                Err(cause) => {
+                    self.disobeys |= cause.is_disobedience();
+                    let celsius = heater.reading_c.or(last_c).unwrap_or(0.0);
+                    self.fault.get_or_insert(HeatFault {
+                        cause,
+                        heater: index as u8,
+                        value: (celsius * 100.0) as i32,
+                    });
+                }
+            }
+            outputs.not_ready |= u8::from(!heater.is_ready(asked_c)) << index;
+            heats |= target_c > 0.0;
+        }
+        self.tick_fans(orders, heats, &mut outputs);
+        if self.fault.is_some() {
+            self.leave(&mut outputs);
+        }
+        outputs
+    }
+
+    fn tick_fans(&mut self, orders: &Orders, heats: bool, outputs: &mut Outputs) {
+        let hot_ends = self
+            .heaters
+            .iter()
+            .filter(|heater| heater.configuration.role == HeaterRole::HotEnd);
+        let hot_end_heats = heats && !self.heaters.is_empty();
+        self.fans
+            .tick_hot_end(hot_ends.map(|heater| heater.reading_c), hot_end_heats);
+        let drivers_on = orders.drivers_on || heats;
+        outputs.fans = self.fans.tick_others(orders.part_fan, drivers_on);
+        let stalled = self.fan_tells_turns && self.fans.stalled(orders.fan_turns);
+        if stalled && heats {
+            self.latch(HeatCause::FanStalled, 0);
+        }
+    }
+
+    /// A host must be heard while something heats.
+    fn note_host(&mut self, orders: &Orders) {
+        let heats = orders.targets_c.iter().any(|target_c| *target_c > 0.0);
+        self.silent_s = if orders.host_heard || !heats {
+            0.0
+        } else {
+            self.silent_s + PERIOD_S
+        };
+        if self.silent_s >= HOST_SILENT_S {
+            self.latch(HeatCause::HostSilent, HOST_SILENT_S as i32);
+        }
+    }
+
+    fn note_pause(&mut self, orders: &Orders) {
+        self.paused_s = if orders.paused {
+            self.paused_s + PERIOD_S
+        } else {
+            0.0
+        };
+    }
+
+    fn latch(&mut self, cause: HeatCause, value: i32) {
+        self.fault.get_or_insert(HeatFault {
+            cause,
+            heater: 0,
+            value,
+        });
+    }
+
+    /// Everything off, and the supply where a transistor may not obey.
+    fn leave(&mut self, outputs: &mut Outputs) {
+        outputs.duties = [0.0; HEATERS_MAX];
+        for heater in &mut self.heaters {
+            heater.duty = 0.0;
+        }
+        if self.disobeys {
+            self.disobeyed_s += PERIOD_S;
+        }
+        outputs.cut_supply = self.disobeyed_s >= SUPPLY_CUT_S;
+    }
+
+    /// The latched fault.
+    pub fn fault(&self) -> Option<HeatFault> {
+        self.fault
+    }
+
+    /// Begins anew, all off; what was wrong and still is trips again.
+    pub fn clear_fault(&mut self) {
+        self.fault = None;
+        self.disobeys = false;
+        self.disobeyed_s = 0.0;
+        self.silent_s = 0.0;
+        for heater in &mut self.heaters {
+            heater.guard = Guard::default();
+        }
+    }
+
+    /// Heaters.
+    pub fn count(&self) -> usize {
+        self.heaters.len()
+    }
+
+    /// A heater's configuration.
+    pub fn configuration(&self, heater: usize) -> Option<&HeaterConfiguration> {
+        self.heaters.get(heater).map(|heater| &heater.configuration)
+    }
+
+    /// Target in force, °C: that of a standby, or 0 after a fault.
+    pub fn target_c(&self, heater: usize) -> f32 {
+        self.heaters
+            .get(heater)
+            .map_or(0.0, |heater| heater.target_c)
+    }
+
+    /// Duty of the period to come, 0 to 1.
+    pub fn duty(&self, heater: usize) -> f32 {
+        self.heaters.get(heater).map_or(0.0, |heater| heater.duty)
+    }
+
+    /// Temperature of the last period, °C.
+    pub fn reading_c(&self, heater: usize) -> Option<f32> {
+        self.heaters.get(heater)?.reading_c
+    }
+}
+
+#[cfg(test)]
+mod tests;
