@@ -3,8 +3,8 @@
 //! from the knots alone) and [`judge`] (a plan before it), [`segment_oracle`] (what a stream does,
 //! by de Boor), [`dense_search`] (the published grid search for headings), [`routes`] and
 //! [`outlines`] (of any size), [`beads`] (as they are laid), [`parts`] (that no constant was chosen
-//! on), [`folders`] (of reference data), [`cpu_clock`] (for benches), [`elf`] (what a controller
-//! binary holds).
+//! on), [`thermal`] (heaters to heat and to break), [`folders`] (of reference data), [`cpu_clock`] (for
+//! benches), [`elf`] (what a controller binary holds).
 
 pub mod beads;
 pub mod cpu_clock;

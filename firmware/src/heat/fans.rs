@@ -4,6 +4,7 @@
 //! (`heater_temp` 50) and `controller_fan` (`idle_timeout` 30).
 
 use super::regulator::PERIOD_S;
+use super::unit_share;
 
 /// Above it a hot end needs its fan, °C: below, no plastic softens.
 const HOT_C: f32 = 50.0;
@@ -54,7 +55,7 @@ impl Fans {
             self.after_run_s - PERIOD_S
         };
         self.speeds.controller = f32::from(u8::from(self.after_run_s > 0.0));
-        self.speeds.part = part.max(0.0).min(1.0);
+        self.speeds.part = unit_share(part);
         self.speeds
     }
 

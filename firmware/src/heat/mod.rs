@@ -148,6 +148,11 @@ impl Heater {
     }
 }
 
+/// A share between 0 and 1; what is no number is 0.
+fn unit_share(value: f32) -> f32 {
+    if value > 0.0 { value.min(1.0) } else { 0.0 }
+}
+
 /// All heaters of a board.
 #[derive(Clone, Debug)]
 pub struct Heat {

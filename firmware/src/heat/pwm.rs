@@ -4,6 +4,7 @@
 //! without an edge costs a subtraction and a branch; nothing of it is in the step interrupt. A schedule
 //! is good for [`PERIODS_MAX`] periods: a main loop that no longer comes leaves every heater off.
 
+use super::unit_share;
 use heapless::Vec;
 
 /// Outputs.
@@ -38,10 +39,7 @@ impl Schedule {
     pub fn new(duties: &[(f32, bool); CHANNELS]) -> Self {
         let on_ticks = duties.map(|(duty, is_fan)| {
             let period = if is_fan { FAN_TICKS } else { HEATER_TICKS };
-            (
-                period,
-                (duty.max(0.0).min(1.0) * f32::from(period) + 0.5) as u16,
-            )
+            (period, (unit_share(duty) * f32::from(period) + 0.5) as u16)
         });
         let mut edges = Vec::new();
         let mut tick = 0;

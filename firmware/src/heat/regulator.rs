@@ -7,6 +7,7 @@
 //! (conditional integration, as Klipper's `ControlPID`), and far from the target.
 
 use super::configuration::{Gains, Plant};
+use super::unit_share;
 
 /// Control period, s: a tenth of the shortest lag of a heater.
 pub const PERIOD_S: f32 = 0.1;
@@ -78,11 +79,11 @@ impl Regulator {
         let asked =
             plant.holding_duty(target_c, draught) + gains.proportional * error_k + self.integral
                 - gains.derivative * self.slope_k_s;
-        let duty = asked.max(0.0).min(1.0);
+        let duty = unit_share(asked);
         let further = (asked > duty && error_k > 0.0) || (asked < duty && error_k < 0.0);
         if !further && error_k.abs() < INTEGRAL_BAND_K {
             let integral = self.integral + gains.integral * error_k * PERIOD_S;
-            self.integral = integral.max(-INTEGRAL_MAX).min(INTEGRAL_MAX);
+            self.integral = integral.clamp(-INTEGRAL_MAX, INTEGRAL_MAX);
         }
         duty
     }
