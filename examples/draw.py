@@ -6,6 +6,7 @@ Run it after a change and commit what it writes; the planner never needs it.
 import json
 import math
 import pathlib
+import struct
 
 HERE = pathlib.Path(__file__).parent
 
@@ -103,6 +104,25 @@ def letter_r():
     return outline, [counter]
 
 
+def dome(radius=40.0, base=16.0, half=20, step=2):
+    """The top of a ball as a sheet of triangles: what a nozzle that tilts prints on."""
+    def corner(x, y):
+        return x, y, math.sqrt(radius ** 2 - x * x - y * y) - base
+    triangles = []
+    for x in range(-half, half, step):
+        for y in range(-half, half, step):
+            a, b, c, d = (corner(x, y), corner(x + step, y),
+                          corner(x + step, y + step), corner(x, y + step))
+            triangles += [(a, b, c), (a, c, d)]
+    return triangles
+
+
+def write_stl(name, triangles):
+    facet = lambda corners: struct.pack("<12fH", 0, 0, 0, *sum(corners, ()), 0)
+    (HERE / f"{name}.stl").write_bytes(
+        bytes(80) + struct.pack("<I", len(triangles)) + b"".join(map(facet, triangles)))
+
+
 def main():
     write("u-part", "a narrow and a wide arm", u_part())
     write("bracket", "an angle with four holes", *bracket())
@@ -110,6 +130,8 @@ def main():
     write("taper", "a passage that narrows from several beads to one", taper())
     write("letter", "a capital R", *letter_r())
     write("thin-web", "two blocks joined by a web of one bead", thin_web())
+    write("dome-ring", "a ring for dome.stl", circle(0, 0, 16)[::-1], [circle(0, 0, 6)])
+    write_stl("dome", dome())
     (HERE / "washers.geojson").write_text(json.dumps({
         "type": "FeatureCollection", "units": "mm", "name": "washers",
         "features": [{

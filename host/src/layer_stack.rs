@@ -65,6 +65,18 @@ struct Begun {
     left_out: Vec<LeftOut>,
 }
 
+/// A stack up to its route.
+pub(crate) struct RoutedStack {
+    pub left_out: Vec<LeftOut>,
+    pub skirt: Option<SkirtPlan>,
+    pub kinds: Vec<LayerGroup>,
+    pub prints: Vec<RegionPrint>,
+    pub curves: Vec<PlanePass>,
+    pub print_of_curve: Vec<usize>,
+    pub route: Route,
+    pub outline_crossings: usize,
+}
+
 /// Plans a stack: one line for each stage.
 ///
 /// # Errors
@@ -75,36 +87,16 @@ pub(crate) fn plan_stack(
     progress: &dyn Progress,
 ) -> Result<Plan, PlanError> {
     let transform = stack.transform;
-    let shift = Vector2::new(transform.offset_mm[0], transform.offset_mm[1]);
-    let from = Point2::new(stack.start[CHANNEL_X], stack.start[CHANNEL_Y]) - shift;
-    let begun = begin(&stack, settings, progress)?;
-    let works = layer_groups::with_passes(&begun.works, &stack.kinds, progress);
-    if !stack.may_leave_out && works.iter().flatten().all(RegionWork::is_empty) {
-        return Err(crate::nothing_printable(begun.widest, settings));
-    }
-    let mut left_out = begun.left_out;
-    left_out.extend(too_narrow(&stack, &works));
-    let taken = taken(stack.keep_out, settings);
-    let skirt = stack.skirt_around.map(|around| {
-        let skirt = skirt_plan(around, &taken, from, settings)?;
-        Ok::<_, PlanError>(skirt)
-    });
-    let skirt = skirt.transpose()?.flatten();
-    let from = skirt.as_ref().and_then(SkirtPlan::end).unwrap_or(from);
-    let kinds = layer_groups::layer_groups(works, &stack.kinds, &stack.layers, progress);
-    let prints = layer_groups::region_prints(&kinds, &stack.layers, from);
-    let (curves, print_of_curve) = layer_groups::plane_passes(
-        skirt.as_ref(),
-        &kinds,
-        &prints,
-        &stack.layers,
-        &transform,
-        settings,
-    )?;
-    if curves.is_empty() && !stack.may_leave_out {
-        return Err(crate::nothing_printable(begun.widest, settings));
-    }
-    let (route, outline_crossings) = route_of(&stack, &curves, settings)?;
+    let RoutedStack {
+        left_out,
+        skirt,
+        kinds,
+        prints,
+        curves,
+        print_of_curve,
+        route,
+        outline_crossings,
+    } = route_stack(&stack, settings, progress)?;
     let (stream, motion) = lay_segments_with_progress(&route, settings, progress)?;
     let (figures, measured) = measure(
         &stream,
@@ -128,11 +120,64 @@ pub(crate) fn plan_stack(
         found_place: None,
         singular: SingularPlaces::default(),
         touches: None,
+        on_surface: None,
         route,
         stream,
         motion,
         measured,
         figures,
+    })
+}
+
+/// The stages of a stack before time.
+///
+/// # Errors
+/// [`PlanError`].
+pub(crate) fn route_stack(
+    stack: &Stack,
+    settings: &Settings,
+    progress: &dyn Progress,
+) -> Result<RoutedStack, PlanError> {
+    let transform = stack.transform;
+    let shift = Vector2::new(transform.offset_mm[0], transform.offset_mm[1]);
+    let from = Point2::new(stack.start[CHANNEL_X], stack.start[CHANNEL_Y]) - shift;
+    let begun = begin(stack, settings, progress)?;
+    let works = layer_groups::with_passes(&begun.works, &stack.kinds, progress);
+    if !stack.may_leave_out && works.iter().flatten().all(RegionWork::is_empty) {
+        return Err(crate::nothing_printable(begun.widest, settings));
+    }
+    let mut left_out = begun.left_out;
+    left_out.extend(too_narrow(stack, &works));
+    let taken = taken(stack.keep_out, settings);
+    let skirt = stack.skirt_around.map(|around| {
+        let skirt = skirt_plan(around, &taken, from, settings)?;
+        Ok::<_, PlanError>(skirt)
+    });
+    let skirt = skirt.transpose()?.flatten();
+    let from = skirt.as_ref().and_then(SkirtPlan::end).unwrap_or(from);
+    let kinds = layer_groups::layer_groups(works, &stack.kinds, &stack.layers, progress);
+    let prints = layer_groups::region_prints(&kinds, &stack.layers, from);
+    let (curves, print_of_curve) = layer_groups::plane_passes(
+        skirt.as_ref(),
+        &kinds,
+        &prints,
+        &stack.layers,
+        &transform,
+        settings,
+    )?;
+    if curves.is_empty() && !stack.may_leave_out {
+        return Err(crate::nothing_printable(begun.widest, settings));
+    }
+    let (route, outline_crossings) = route_of(stack, &curves, settings)?;
+    Ok(RoutedStack {
+        left_out,
+        skirt,
+        kinds,
+        prints,
+        curves,
+        print_of_curve,
+        route,
+        outline_crossings,
     })
 }
 

@@ -8,10 +8,12 @@
 //!    --route--> Route --time law, segments--> SegmentStream --measure--> Figures
 //!               (mm, rad, mm³)                (integer units, servo ticks)
 //! WaypointRun --curve--> PathCurve --route--> Route, and on as above
+//! Route, SplineSurface --on surface--> Route (mm, rad, tool axis), and on as above
 //! ```
 //!
 //! [`layer_stack`] is that pipeline, [`plan_target`] runs it for a prism, [`part_plan`] for a part with
-//! changing layers a few layers at a time, [`plan_waypoints`] its short form; every intermediate stays in
+//! changing layers a few layers at a time, [`surface_plan`] for one that lies on a surface, [`plan_waypoints`]
+//! its short form; every intermediate stays in
 //! [`Plan`], for pictures and tests.
 //! `drive` moves the finished stream, `report` draws and tabulates, `cli` is the command.
 #![forbid(unsafe_code)]
@@ -31,6 +33,7 @@ pub mod plan;
 pub mod report;
 pub mod settings;
 mod short_number;
+pub mod surface_plan;
 pub mod wire_frames;
 
 use crate::geometry::Point2;
@@ -52,7 +55,7 @@ use crate::plan::layers::skirt::{SkirtPlan, skirt_reach_mm};
 use crate::plan::motion::best_place::{FoundPlace, NoPlaceError, best_place, moved};
 use crate::plan::motion::joint_limits::MotionError;
 use crate::plan::motion::segments::{MotionReport, lay_segments_with_progress};
-use crate::plan::motion::singular::{PassedPlaces, SingularPlaces, passed_places};
+use crate::plan::motion::singular::{Passes, SingularPlaces, passed_places};
 use crate::plan::outline::contour::ContourError;
 use crate::plan::progress::Progress;
 use crate::plan::route::keep_out::cleared;
@@ -61,6 +64,7 @@ use crate::plan::route::travel::TravelError;
 use crate::plan::route::waypoint_curve::{WaypointCurveError, waypoint_passes};
 use crate::plan::route::waypoint_route::waypoint_route;
 use crate::settings::{Place, Settings, SettingsError};
+use crate::surface_plan::{OnSurface, SurfaceError};
 use headway_protocol::units::{CHANNEL_X, CHANNEL_Y, CHANNEL_Z, CHANNELS};
 
 /// A planned target, with all intermediates.
@@ -90,6 +94,8 @@ pub struct Plan {
     pub singular: SingularPlaces,
     /// Touches of the head with table and print on a run of waypoints, where its shape is known.
     pub touches: Option<Touches>,
+    /// The surface that it lies on, where there is one.
+    pub on_surface: Option<OnSurface>,
     /// Everything the head does.
     pub route: Route,
     /// Travels between passes that leave the regions on their way.
@@ -170,6 +176,9 @@ pub enum PlanError {
     /// The waypoints have no curve that can be planned.
     #[error(transparent)]
     Waypoints(#[from] WaypointCurveError),
+    /// The plan does not go onto its surface.
+    #[error(transparent)]
+    Surface(#[from] SurfaceError),
     /// Travel around the keep-outs.
     #[error(transparent)]
     Travel(#[from] TravelError),
@@ -285,22 +294,16 @@ pub fn plan_waypoints_with_progress(
     let low_mm = tips().map(|tip| tip.z).fold(f64::INFINITY, f64::min) - settings.layer_height_mm;
     let high_mm = tips().map(|tip| tip.z).fold(f64::NEG_INFINITY, f64::max);
     let bounds = geometry::polygon::Box2::of(&corners);
-    let mut transform = PartTransform::choose_box(bounds, [low_mm, high_mm], settings)?;
-    let mut passes = waypoint_passes(run, transform.offset_mm, settings)?;
+    let transform = PartTransform::choose_box(bounds, [low_mm, high_mm], settings)?;
+    let passes = waypoint_passes(run, transform.offset_mm, settings)?;
     let pass_count = passes.len();
     let start = start_pose(settings);
-    let mut found_place = None;
-    if settings.place == Place::Best && settings.at_mm.is_none() {
-        let room_mm = transform.room_mm(bounds, settings);
-        let found = best_place(&passes, room_mm, start, settings)?;
-        passes = moved(&passes, found.shift_mm, 0.0);
-        transform.offset_mm[0] += found.shift_mm[0];
-        transform.offset_mm[1] += found.shift_mm[1];
-        found_place = Some(found);
-    }
-    let PassedPlaces {
-        passes, singular, ..
-    } = passed_places(&passes, start, settings)?;
+    let PlacedPasses {
+        passes,
+        transform,
+        found_place,
+        singular,
+    } = placed_passes(passes, transform, bounds, settings)?;
     let route = waypoint_route(passes, start, settings);
     let (stream, motion) = lay_segments_with_progress(&route, settings, progress)?;
     let (mut figures, measured) = measure(&stream, &[], &[], &transform, settings, progress);
@@ -319,11 +322,46 @@ pub fn plan_waypoints_with_progress(
         found_place,
         singular,
         touches: touches(&route, settings),
+        on_surface: None,
         route,
         stream,
         motion,
         measured,
         figures,
+    })
+}
+
+/// Passes where they lie on the machine, led past what is singular there.
+pub(crate) struct PlacedPasses {
+    pub passes: Passes,
+    pub transform: PartTransform,
+    pub found_place: Option<FoundPlace>,
+    pub singular: SingularPlaces,
+}
+
+/// Looks for the best place, where that is asked for, and leads the tool axis past singular places.
+pub(crate) fn placed_passes(
+    mut passes: Passes,
+    mut transform: PartTransform,
+    bounds: geometry::polygon::Box2,
+    settings: &Settings,
+) -> Result<PlacedPasses, PlanError> {
+    let start = start_pose(settings);
+    let mut found_place = None;
+    if settings.place == Place::Best && settings.at_mm.is_none() {
+        let room_mm = transform.room_mm(bounds, settings);
+        let found = best_place(&passes, room_mm, start, settings)?;
+        passes = moved(&passes, found.shift_mm, 0.0);
+        transform.offset_mm[0] += found.shift_mm[0];
+        transform.offset_mm[1] += found.shift_mm[1];
+        found_place = Some(found);
+    }
+    let led = passed_places(&passes, start, settings)?;
+    Ok(PlacedPasses {
+        passes: led.passes,
+        transform,
+        found_place,
+        singular: led.singular,
     })
 }
 

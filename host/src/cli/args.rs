@@ -97,6 +97,9 @@ pub(super) struct PlaceArgs {
     /// input's coordinates; read like the input.
     #[arg(long, value_name = "FILE")]
     pub keep_out: Option<PathBuf>,
+    /// Mesh, in the outline's coordinates, whose upper side the layers follow; for heads that tilt.
+    #[arg(long, value_name = "MESH")]
+    pub surface: Option<PathBuf>,
     /// Waypoints further apart than this end a pass: retract, travel clear of what is printed, prime
     /// [default: six times the usual spacing].
     #[arg(long, value_name = "MM")]

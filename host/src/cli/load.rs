@@ -9,8 +9,8 @@ use super::console::Console;
 use super::job;
 use crate::geometry::polygon::Region;
 use crate::input::{self, BYTES_MAX, Format, Input, InputError, Loaded, ReadOptions, Units};
-use crate::mesh::MeshFormat;
 use crate::mesh::layers::LayerHeights;
+use crate::mesh::{self, Mesh, MeshFormat, MeshOptions};
 use crate::settings::aperture_text::{aperture_text, file_of_aperture, parse_aperture};
 use crate::settings::{
     AXIS_TOLERANCE_RAD, HeadingLaw, Infill, PassMode, Place, Quality, SeamPlace, Settings,
@@ -163,6 +163,18 @@ fn machine_with_polygon(text: String, path: &Path) -> Result<String, CliError> {
     Ok(text.replacen(given, &with_polygon(given, folder)?, 1))
 }
 
+impl UnitName {
+    fn units(self) -> Units {
+        match self {
+            UnitName::Mm => Units::Mm,
+            UnitName::Cm => Units::Cm,
+            UnitName::M => Units::M,
+            UnitName::Um => Units::Um,
+            UnitName::In => Units::In,
+        }
+    }
+}
+
 /// Reads an input and says its notes.
 pub(super) fn input(
     path: &Path,
@@ -189,13 +201,7 @@ pub(super) fn input(
         return Err(CliError::Usage(error.to_string()));
     }
     let options = ReadOptions {
-        units: args.units.map(|unit| match unit {
-            UnitName::Mm => Units::Mm,
-            UnitName::Cm => Units::Cm,
-            UnitName::M => Units::M,
-            UnitName::Um => Units::Um,
-            UnitName::In => Units::In,
-        }),
+        units: args.units.map(UnitName::units),
         scale: args.scale,
         flatten_mm,
         repair: args.repair,
@@ -247,13 +253,36 @@ pub(super) fn outline_option(args: &SettingsArgs, keep_out: Option<&Path>) -> Op
         .map(|(name, _)| *name)
 }
 
-/// The first option given that only runs of waypoints know.
+/// Reads the mesh that an outline is laid on, with the outline's units and scale; none without a file.
+pub(super) fn surface(path: Option<&Path>, args: &InputArgs) -> Result<Option<Mesh>, CliError> {
+    let Some(path) = path else {
+        return Ok(None);
+    };
+    let Some(format @ Format::Mesh(mesh_format)) = Format::of_ending(path) else {
+        return Err(CliError::Usage(format!(
+            "--surface {}: give a mesh, by its ending .stl, .3mf or .obj",
+            path.display()
+        )));
+    };
+    let bytes = read_bounded(path, format.bytes_max())?;
+    let options = MeshOptions {
+        unit_mm: args.units.map(|unit| unit.units().mm()),
+        scale: args.scale,
+        rotate_rad: [0.0; 3],
+    };
+    let mesh = mesh::read_surface(&bytes, mesh_format, &options);
+    let mesh = mesh.map_err(|error| CliError::Job(format!("{}: {error}", path.display())))?;
+    Ok(Some(mesh))
+}
+
+/// The first option given that only runs of waypoints know, and what lies on a surface.
 pub(super) fn run_option(args: &PlaceArgs) -> Option<&'static str> {
+    let is_flat = args.surface.is_none();
     let given = [
         ("--gap", args.gap.is_some()),
-        ("--place", args.place.is_some()),
         ("--turn", args.turn.is_some()),
-        ("--axis-tolerance", args.axis_tolerance.is_some()),
+        ("--place", is_flat && args.place.is_some()),
+        ("--axis-tolerance", is_flat && args.axis_tolerance.is_some()),
     ];
     given
         .iter()

@@ -21,6 +21,7 @@ use crate::plan::pass::PassKind;
 use crate::report::Place;
 use crate::report::figures::{Figures, Inside, KindFigures, SlowPlaceFigures};
 use crate::settings::Settings;
+use crate::surface_plan::plan_on_surface;
 use crate::{Plan, RegionPlan, plan_target_around, plan_waypoints_with_progress};
 use headway_firmware::configuration::Kinematics;
 use std::path::Path;
@@ -60,6 +61,20 @@ enum Flat {
     Path(WaypointRun),
 }
 
+impl Flat {
+    /// Its name, its regions where it has any, and the notes of reading.
+    fn named(self) -> (Target, Vec<String>) {
+        match self {
+            Flat::Outline(loaded) => (loaded.target, loaded.notes),
+            Flat::Path(run) => {
+                let regions = Vec::new();
+                let name = run.name;
+                (Target { name, regions }, run.notes)
+            }
+        }
+    }
+}
+
 /// Reads an input and plans it.
 pub(super) fn from_input(
     path: &Path,
@@ -77,6 +92,7 @@ pub(super) fn from_input(
     let input = load::input(path, reading, settings.tolerances.flatten_mm, console)?;
     let keep_out = place.keep_out.as_deref();
     check_options(&input, place, settings_args)?;
+    let surface = load::surface(place.surface.as_deref(), reading)?;
     let keep_out = load::keep_out(keep_out, reading, settings.tolerances.flatten_mm, console)?;
     let input = match input {
         Input::Mesh(loaded) => {
@@ -87,28 +103,24 @@ pub(super) fn from_input(
     };
     let bar = console.planning();
     let begun = Instant::now();
-    let planned = match &input {
-        Flat::Outline(loaded) => plan_target_around(&loaded.target, &keep_out, &settings, &bar),
-        Flat::Path(run) => plan_waypoints_with_progress(run, &settings, &bar),
+    let planned = match (&input, &surface) {
+        (Flat::Outline(Loaded { target, .. }), Some(mesh)) => {
+            plan_on_surface(target, mesh, &keep_out, &settings, &bar)
+        }
+        (Flat::Outline(Loaded { target, .. }), None) => {
+            plan_target_around(target, &keep_out, &settings, &bar)
+        }
+        (Flat::Path(run), _) => plan_waypoints_with_progress(run, &settings, &bar),
     };
     let plan_s = begun.elapsed().as_secs_f64();
     bar.clear();
     let plan = planned.map_err(|error| CliError::Job(format!("{}: {error}", path.display())))?;
-    let unreachable = unreachable_boundary(plan.regions());
-    settings.machine = plan.stream.machine(&settings.machine);
-    let (Target { name, regions }, mut notes) = match input {
-        Flat::Outline(loaded) => (loaded.target, loaded.notes),
-        Flat::Path(run) => {
-            let regions = Vec::new();
-            (
-                Target {
-                    name: run.name,
-                    regions,
-                },
-                run.notes,
-            )
-        }
+    let unreachable = match &plan.on_surface {
+        Some(laid) => laid.unreachable.clone(),
+        None => unreachable_boundary(plan.regions()),
     };
+    settings.machine = plan.stream.machine(&settings.machine);
+    let (Target { name, regions }, mut notes) = input.named();
     let mut warnings = warnings(&plan, &unreachable, &settings);
     let open = open_ground(&plan);
     warnings.extend(open_ground::note(&open, &settings));
@@ -143,6 +155,9 @@ fn check_options(
         (Input::Mesh(_), ..) if settings.layers.is_some() => {
             "--layers goes with outlines: a mesh has its own; --layer-range takes some of them"
                 .to_string()
+        }
+        (Input::Mesh(_) | Input::Path(_), ..) if place.surface.is_some() => {
+            "--surface goes with outlines: only they are laid on a surface".to_string()
         }
         (Input::Path(_), Some(option), _) => {
             format!("{option} goes with outlines: waypoints are followed as they are")
@@ -358,10 +373,24 @@ fn warnings(plan: &Plan, unreachable: &[UnreachableRun], settings: &Settings) ->
             plan.motion.doubled_stretches
         ));
     }
+    warnings.extend(on_surface(plan));
     warnings.extend(found_place(plan));
     warnings.extend(singular_places(&plan.singular));
     warnings.extend(touches(plan, settings));
     warnings
+}
+
+/// How the surface was taken.
+fn on_surface(plan: &Plan) -> Option<String> {
+    let laid = plan.on_surface.as_ref()?;
+    let (off_mm, [x, y, z]) = (laid.fitted.off_mm, laid.fitted.off_at);
+    Some(format!(
+        "the surface is smoothed, at most {off_mm:.3} mm off the mesh, near ({x:.2}, {y:.2}, {z:.2}); its steepest \
+         slope under the plan is {:.1}°, and beads are planned {:.2} to {:.2} mm wide to be widened there",
+        laid.slope_max_rad.to_degrees(),
+        2.0 * laid.planned.minor_mm(),
+        2.0 * laid.planned.major_mm(),
+    ))
 }
 
 /// Where the run was laid.
@@ -397,6 +426,7 @@ fn touches(plan: &Plan, settings: &Settings) -> Option<String> {
             let obstacle = match touch.obstacle {
                 Obstacle::Table => "the table",
                 Obstacle::Print => "what is printed",
+                Obstacle::Surface => "the surface",
             };
             let [x, y, z] = plan.transform.to_input(touch.tip_mm);
             format!(

@@ -13,6 +13,7 @@ pub mod polygon;
 pub mod predicates;
 pub mod repair;
 pub mod rounded_polygon;
+pub mod spline_surface;
 pub mod tangent_disk;
 pub mod tangle;
 #[cfg(test)]

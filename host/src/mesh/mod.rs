@@ -14,6 +14,7 @@ mod clean;
 pub mod close_gaps;
 pub mod error;
 mod half_edges;
+pub mod height_map;
 pub mod layers;
 mod obj;
 mod orient;
@@ -28,7 +29,7 @@ mod test_meshes;
 mod tests;
 
 pub use error::MeshError;
-pub use read::{LoadedMesh, MeshFormat, MeshOptions, TRIANGLES_MAX, read};
+pub use read::{LoadedMesh, MeshFormat, MeshOptions, TRIANGLES_MAX, read, read_surface};
 
 /// A point in space, mm.
 pub type Point3 = nalgebra::Point3<f64>;

@@ -81,6 +81,36 @@ pub fn read(
     format: MeshFormat,
     options: &MeshOptions,
 ) -> Result<LoadedMesh, MeshError> {
+    let (mut mesh, mut notes, cleaned, own_name) = read_raw(bytes, format, options)?;
+    let gaps = close_gaps(&mut mesh)?;
+    let turned = orient(&mut mesh);
+    notes.extend(notes_of(cleaned, turned, gaps));
+    Ok(LoadedMesh {
+        name: own_name.unwrap_or_else(|| name.to_string()),
+        mesh,
+        notes,
+    })
+}
+
+/// Reads a mesh of which the topmost triangles count, closed or not.
+///
+/// # Errors
+/// [`MeshError`] with the place.
+pub fn read_surface(
+    bytes: &[u8],
+    format: MeshFormat,
+    options: &MeshOptions,
+) -> Result<Mesh, MeshError> {
+    read_raw(bytes, format, options).map(|(mesh, ..)| mesh)
+}
+
+/// The triangles in mm, corners shared, those without an area left out; notes, what was left out, and the
+/// file's own name for the part.
+fn read_raw(
+    bytes: &[u8],
+    format: MeshFormat,
+    options: &MeshOptions,
+) -> Result<(Mesh, Vec<String>, Cleaned, Option<String>), MeshError> {
     let raw = match format {
         MeshFormat::Stl => stl::read(bytes)?,
         MeshFormat::ThreeMf => threemf::read(bytes)?,
@@ -101,15 +131,7 @@ pub fn read(
     if mesh.triangles.is_empty() {
         return Err(MeshError::NothingEnclosed { triangles });
     }
-    let gaps = close_gaps(&mut mesh)?;
-    let turned = orient(&mut mesh);
-    let mut notes = raw.notes;
-    notes.extend(notes_of(cleaned, turned, gaps));
-    Ok(LoadedMesh {
-        name: raw.name.unwrap_or_else(|| name.to_string()),
-        mesh,
-        notes,
-    })
+    Ok((mesh, raw.notes, cleaned, raw.name))
 }
 
 /// The turns that are not none. Quarter turns are exact.

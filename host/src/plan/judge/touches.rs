@@ -38,6 +38,8 @@ pub enum Obstacle {
     Table,
     /// What is printed already.
     Print,
+    /// What it is printed on.
+    Surface,
 }
 
 /// A touch.
@@ -73,17 +75,25 @@ struct Look {
 
 /// Looks along the route; nothing where the head's shape is not known.
 pub fn touches(route: &Route, settings: &Settings) -> Option<Touches> {
+    touches_on(route, settings, &[])
+}
+
+/// The same above a surface, of which these points are known, mm.
+pub fn touches_on(route: &Route, settings: &Settings, surface: &[Vector3<f64>]) -> Option<Touches> {
     let head = settings.head.as_ref()?;
     let looks = looks(route);
     let slack_mm = 0.5 * settings.layer_height_mm;
     let table_mm = settings.work_area_mm[0][2];
-    let found: Vec<[Option<Touch>; 2]> = looks
+    let found: Vec<[Option<Touch>; 3]> = looks
         .par_iter()
         .enumerate()
         .map(|(index, look)| {
+            let laid = looks[..index].iter().filter(|before| before.lays);
+            let laid = laid.map(|before| &before.tip);
             let touches = [
                 touch_of_table(look, head, table_mm),
-                touch_of_print(look, head, &looks[..index]),
+                touch_of_points(look, head, Obstacle::Print, laid),
+                touch_of_points(look, head, Obstacle::Surface, surface.iter()),
             ];
             touches.map(|touch| touch.filter(|touch| touch.depth_mm > slack_mm))
         })
@@ -173,13 +183,18 @@ fn touch_of_table(look: &Look, head: &HeadShape, table_mm: f64) -> Option<Touch>
     })
 }
 
-/// How deep what was laid before is in nozzle or head.
-fn touch_of_print(look: &Look, head: &HeadShape, before: &[Look]) -> Option<Touch> {
+/// How deep points of what was laid before, or of the surface, are in nozzle or head.
+fn touch_of_points<'a>(
+    look: &Look,
+    head: &HeadShape,
+    obstacle: Obstacle,
+    points: impl Iterator<Item = &'a Vector3<f64>>,
+) -> Option<Touch> {
     let reach_square = head.reach_mm() * head.reach_mm();
     let slope = (0.5 * head.nozzle_angle_rad).cos();
     let mut deepest: Option<(f64, HeadPart)> = None;
-    for laid in before.iter().filter(|before| before.lays) {
-        let away = laid.tip - look.tip;
+    for point in points {
+        let away = point - look.tip;
         let height_mm = away.dot(&look.axis);
         let square = away.norm_squared();
         if height_mm <= 0.0 || square > reach_square {
@@ -210,7 +225,7 @@ fn touch_of_print(look: &Look, head: &HeadShape, before: &[Look]) -> Option<Touc
     }
     deepest.map(|(depth_mm, part)| Touch {
         part,
-        obstacle: Obstacle::Print,
+        obstacle,
         depth_mm,
         tip_mm: look.tip.into(),
     })

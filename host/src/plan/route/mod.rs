@@ -15,6 +15,7 @@ pub mod keep_out;
 pub mod moves;
 pub mod path_curve;
 pub mod shortest_path;
+pub mod surface;
 pub mod travel;
 pub mod waypoint_curve;
 pub mod waypoint_route;

@@ -419,7 +419,7 @@ fn solve(mut rows: Vec<Row>) -> Vec<Point> {
 }
 
 /// Control points of the uniform cubic B-spline with natural ends through these samples.
-fn through_samples(samples: &[Point]) -> Vec<Point> {
+pub fn through_samples(samples: &[Point]) -> Vec<Point> {
     let last = samples.len() - 1;
     let rows = samples.iter().enumerate().map(|(i, &value)| {
         if i == 0 || i == last {

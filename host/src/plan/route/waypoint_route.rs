@@ -24,27 +24,95 @@ use nalgebra::{Rotation2, Vector2, Vector3};
 /// Poses in each span from which the deposited volume is integrated.
 const DEPOSIT_STEPS: usize = 2;
 
+/// Nothing stands on the table before.
+const NO_TOP: f64 = f64::NEG_INFINITY;
+
 type Point = [f64; CHANNELS];
 
 /// The route along the curves of all passes; `start` is the pose at rest before it (machine
 /// coordinates). Headings of the curves may be shifted by the aperture's period.
 pub fn waypoint_route(passes: Vec<Vec<PathCurve>>, start: Point, settings: &Settings) -> Route {
-    along(passes, start, settings, true)
+    along(
+        passes,
+        start,
+        settings,
+        NO_TOP,
+        true,
+        &mut |route, curves, pass| {
+            print(route, curves, pass, settings);
+        },
+    )
+}
+
+/// The route along stretches that are complete with flow and events: the way to the first and from the
+/// last of them is added, above `top_mm` where the head comes from above. `curves` replace those of all
+/// stretches that move, in order.
+pub fn complete_route(
+    stretches: &[Stretch],
+    curves: Vec<PathCurve>,
+    top_mm: f64,
+    start: Point,
+    settings: &Settings,
+) -> Route {
+    along(
+        vec![curves],
+        start,
+        settings,
+        top_mm,
+        false,
+        &mut |route, curves, _| {
+            let mut curves = curves.into_iter().peekable();
+            let mut here = curves
+                .peek()
+                .and_then(|curve| curve.control.first().copied());
+            for stretch in stretches {
+                let curve = match (moves(stretch), here) {
+                    (true, _) => curves.next(),
+                    (false, here) => here.map(|here| PathCurve {
+                        control: vec![here],
+                    }),
+                };
+                let Some(curve) = curve else { break };
+                here = curve.control.last().copied();
+                route.stretches.push(Stretch {
+                    curve,
+                    ..stretch.clone()
+                });
+            }
+        },
+    )
+}
+
+/// True where a stretch is no dwell.
+pub fn moves(stretch: &Stretch) -> bool {
+    stretch.curve.control.len() > 1
 }
 
 /// The same way without flow: to see whether the joints can follow.
 pub fn waypoint_way(passes: Vec<Vec<PathCurve>>, start: Point, settings: &Settings) -> Route {
-    along(passes, start, settings, false)
+    along(
+        passes,
+        start,
+        settings,
+        NO_TOP,
+        false,
+        &mut |route, curves, pass| {
+            print(route, curves, pass, settings);
+        },
+    )
 }
 
 fn along(
     mut passes: Vec<Vec<PathCurve>>,
     start: Point,
     settings: &Settings,
+    top_mm: f64,
     with_flow: bool,
+    lay: &mut dyn FnMut(&mut Route, Vec<PathCurve>, u32),
 ) -> Route {
     let period_rad = settings.aperture.period_rad();
-    let clear = Clearance::around(&passes, settings.lift_mm);
+    let mut clear = Clearance::around(&passes, settings.lift_mm);
+    clear.top_mm = clear.top_mm.max(top_mm + settings.lift_mm);
     let first = passes
         .iter()
         .flatten()
@@ -81,7 +149,7 @@ fn along(
             (0, false) => line(&mut route, here, begin),
             _ => clear.travel(&mut route, here, begin),
         }
-        print(&mut route, std::mem::take(curves), number as u32, settings);
+        lay(&mut route, std::mem::take(curves), number as u32);
         if let Some(end) = end_of(&route) {
             here = end;
         }
