@@ -4,7 +4,7 @@
 
 use crate::configuration::{MOTORS_MAX, MachineConfiguration};
 use crate::kinematics;
-use crate::steps::{ScaledUnits, StepScale};
+use crate::steps::{NEAR_STEP, ScaledUnits, StepScale};
 use headway_protocol::units::{CHANNEL_VOLUME, ChannelPoint, UNITS_PER_NATURAL};
 use heapless::Vec;
 
@@ -17,6 +17,8 @@ pub struct Carrier {
     pub channel: usize,
     /// Motor steps of its units.
     pub scale: StepScale,
+    /// The same for small offsets: steps, or 2^-16 steps where [`Carriers::may_be_near`].
+    pub offset_scale: f32,
 }
 
 /// All of them: joints in order, then the extruder.
@@ -42,6 +44,13 @@ impl Carriers {
             .iter()
             .zip(joints)
             .chain(core::iter::once(extruder));
+        let tilts = channels.contains(&None);
+        let follows_pose = kinematics::follows_pose(&configuration.kinematics);
+        let unit = if tilts || follows_pose {
+            1.0
+        } else {
+            NEAR_STEP
+        };
         let motors = all.enumerate().filter_map(|(motor, (channel, steps))| {
             let channel = (*channel)?;
             let scale = StepScale::new(steps / UNITS_PER_NATURAL.get(channel)?);
@@ -49,12 +58,13 @@ impl Carriers {
                 motor,
                 channel,
                 scale,
+                offset_scale: scale.steps(unit),
             })
         });
         Self {
             motors: motors.take(MOTORS_MAX).collect(),
-            tilts: channels.contains(&None),
-            follows_pose: kinematics::follows_pose(&configuration.kinematics),
+            tilts,
+            follows_pose,
         }
     }
 
@@ -66,6 +76,12 @@ impl Carriers {
     /// True if joints of the machine follow the whole pose.
     pub fn follows_pose(&self) -> bool {
         self.follows_pose
+    }
+
+    /// True if the joints are channels, so that spans are worth a look whether they are short. Joints that
+    /// follow more than a channel take any way.
+    pub fn may_be_near(&self) -> bool {
+        !self.tilts && !self.follows_pose
     }
 
     /// The motors that follow a channel.

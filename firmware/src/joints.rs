@@ -1,6 +1,6 @@
 //! Interpolated motors -> joint targets in steps, with the soft limits.
 //!
-//! A carrier's integer base is exact (interpolator.rs); its offset and what the tilt adds are f32.
+//! A carrier's integer base is exact (interpolator/ready_span.rs); its offset and what the tilt adds are f32.
 
 use crate::configuration::{JOINTS_MAX, Kinematics, MOTORS_MAX, MachineConfiguration};
 use crate::interpolator::{Offset, RestPose};
@@ -206,8 +206,8 @@ impl JointTargets {
         match &self.model {
             Model::Planar if offset.is_far() => Ok(self.follow_far(offset, put)),
             Model::Planar => {
-                let near = |_: &JointScale, _, steps, anchor: Target| anchor.moved_near(steps);
-                Ok(self.follow(&planar::CARRIERS, offset, put, near))
+                let near = |_: &JointScale, _, way, anchor: Target| anchor.moved_near(way);
+                Ok(follow(&self.joints, &planar::CARRIERS, offset, put, near))
             }
             Model::Gantry(pivot_length_mm) => {
                 let (tilt, base) = offset.tilt();
@@ -218,91 +218,65 @@ impl JointTargets {
                     let added = added.get(index).copied().unwrap_or(0.0);
                     anchor.moved(steps + added * joint.steps_per_natural)
                 };
-                Ok(self.follow(&gantry::CARRIERS, offset, put, all_steps))
+                Ok(follow(
+                    &self.joints,
+                    &gantry::CARRIERS,
+                    offset,
+                    put,
+                    all_steps,
+                ))
             }
             Model::Trunnion(trunnion) => {
                 let joints = trunnion.remainder(&whole_pose(offset));
                 let joints = joints.map_err(|_| IMPOSSIBLE_POSE)?;
-                Ok(self.follow_winding(&trunnion::CARRIERS, offset, put, &joints))
+                Ok(self.follow_winding::<{ trunnion::WINDS }, _>(
+                    &trunnion::CARRIERS,
+                    (offset, &joints),
+                    put,
+                ))
             }
             Model::Arm6(arm) => {
                 let joints = arm.remainder(&whole_pose(offset));
                 let joints = joints.map_err(|_| IMPOSSIBLE_POSE)?;
-                let carriers = &arm6::CARRIERS_WITH_NOZZLE;
-                match carriers.get(..self.count) {
-                    Some(carriers) => Ok(self.follow_winding(carriers, offset, put, &joints)),
-                    None => Err(IMPOSSIBLE_POSE),
-                }
+                let at = (offset, &joints);
+                Ok(if self.count > arm6::CARRIERS.len() {
+                    let carriers = &arm6::CARRIERS_WITH_NOZZLE;
+                    self.follow_winding::<{ arm6::WINDS }, _>(carriers, at, put)
+                } else {
+                    self.follow_winding::<{ arm6::WINDS }, _>(&arm6::CARRIERS, at, put)
+                })
             }
         }
     }
 
-    /// The targets of joints at `added` beyond what they carry, whole turns counted.
+    /// The targets of joints at what is `added` beyond what they carry, whole turns of `WINDS` counted.
     #[inline(never)]
-    fn follow_winding(
+    fn follow_winding<const WINDS: u8, const JOINTS: usize>(
         &mut self,
-        carriers: &[Option<usize>],
-        offset: &Offset<'_>,
-        mut put: impl FnMut(usize, Target) -> u32,
-        added: &[f32; JOINTS_MAX],
+        carriers: &[Option<usize>; JOINTS],
+        (offset, added): (&Offset<'_>, &[f32; JOINTS_MAX]),
+        put: impl FnMut(usize, Target) -> u32,
     ) -> Reach {
-        let mut reach = Reach::default();
-        let winds = kinematics::winds(&self.kinematics);
-        let parts = carriers.iter().zip(&self.joints).zip(added);
-        for (index, ((carrier, joint), added)) in parts.enumerate() {
-            let (mut steps, mut anchor) = match carrier {
-                Some(_) => offset.of_motor(index),
-                None => (0.0, Target::of_position(0)),
-            };
-            if winds >> index & 1 != 0 {
-                let turns = self.winding.follow(index, *added);
+        let winding = &mut self.winding;
+        let wound = |joint: &JointScale, index: usize, steps: f32, mut anchor: Target| {
+            let added = added.get(index).copied().unwrap_or(0.0);
+            if WINDS >> index & 1 != 0 {
+                let turns = winding.follow(index, added);
                 if turns != 0 {
                     let way = i64::from(turns).wrapping_mul(joint.turn);
                     anchor = Target::of_position(anchor.position().wrapping_add(way));
                 }
             }
-            steps += added * joint.steps_per_natural;
-            let new = anchor.moved(steps);
-            reach.jumps |= put(index, new);
-            let above = new.whole.wrapping_sub(joint.lowest) as u32;
-            if above > joint.range {
-                reach.outside |= 1 << index;
-            }
-        }
-        reach
+            anchor.moved(steps + added * joint.steps_per_natural)
+        };
+        follow(&self.joints, carriers, offset, put, wound)
     }
 
     /// A planar machine in a span that is long for its motors.
     #[inline(never)]
     fn follow_far(&self, offset: &Offset<'_>, put: impl FnMut(usize, Target) -> u32) -> Reach {
         let far = |_: &JointScale, _, steps, anchor: Target| anchor.moved(steps);
-        self.follow(&planar::CARRIERS, offset, put, far)
-    }
-
-    /// The targets of joints that follow `carriers`, with what else there is.
-    #[inline(always)]
-    fn follow<const JOINTS: usize>(
-        &self,
-        carriers: &[Option<usize>; JOINTS],
-        offset: &Offset<'_>,
-        mut put: impl FnMut(usize, Target) -> u32,
-        target: impl Fn(&JointScale, usize, f32, Target) -> Target,
-    ) -> Reach {
-        let mut reach = Reach::default();
-        let parts = carriers.iter().zip(&self.joints);
-        for (index, (carrier, joint)) in parts.enumerate() {
-            let (steps, anchor) = match carrier {
-                Some(_) => offset.of_motor(index),
-                None => (0.0, Target::of_position(0)),
-            };
-            let new = target(joint, index, steps, anchor);
-            reach.jumps |= put(index, new);
-            let above = new.whole.wrapping_sub(joint.lowest) as u32;
-            if above > joint.range {
-                reach.outside |= 1 << index;
-            }
-        }
-        reach
+        follow(&self.joints, &planar::CARRIERS, offset, put, far)
     }
 
     /// The targets of a pose at rest, 2^-31 steps: joints, then the extruder.
@@ -352,6 +326,31 @@ impl JointTargets {
         }
         Ok(())
     }
+}
+
+/// The targets of joints that follow `carriers`, with what else there is.
+#[inline(always)]
+fn follow<const JOINTS: usize>(
+    joints: &[JointScale; MOTORS_MAX],
+    carriers: &[Option<usize>; JOINTS],
+    offset: &Offset<'_>,
+    mut put: impl FnMut(usize, Target) -> u32,
+    mut target: impl FnMut(&JointScale, usize, f32, Target) -> Target,
+) -> Reach {
+    let mut reach = Reach::default();
+    for (index, (carrier, joint)) in carriers.iter().zip(joints).enumerate() {
+        let (way, anchor) = match carrier {
+            Some(_) => offset.of_motor(index),
+            None => (0.0, Target::of_position(0)),
+        };
+        let new = target(joint, index, way, anchor);
+        reach.jumps |= put(index, new);
+        let above = new.whole.wrapping_sub(joint.lowest) as u32;
+        if above > joint.range {
+            reach.outside |= 1 << index;
+        }
+    }
+    reach
 }
 
 /// The pose of machines whose joints follow all of it.

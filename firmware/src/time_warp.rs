@@ -59,6 +59,13 @@ impl TimeWarp {
         *self = Self::default();
     }
 
+    /// Starts from rest, where the rate may jump and nothing limits it.
+    #[inline(always)]
+    pub fn start(&mut self, rate_q16: u32) {
+        self.rate_q16 = rate_q16;
+        self.slope = 0.0;
+    }
+
     /// Next rate, 2^-16. True as second value if the queue's end holds it below what is wanted.
     /// `stop_ahead`: where the end is near, gives the stop ceiling so many ticks ahead of here.
     pub fn step(

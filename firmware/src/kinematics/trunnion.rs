@@ -21,6 +21,9 @@ pub const CARRIERS: [Option<usize>; 6] = [None, None, None, None, None, Some(CHA
 /// Joints that count turns: C and H.
 pub const WINDS: u8 = 0b11_0000;
 
+/// Below it a root has no relative accuracy (`real.rs`): a tool tilted by less than 1e-15 rad is upright.
+const ROOT_MIN: f64 = 1e-30;
+
 /// The table's numbers.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Trunnion<R> {
@@ -52,20 +55,25 @@ impl<R: Real> Trunnion<R> {
             return Err(KinematicsError::TiltOutOfReach);
         }
         let theta = square.root();
-        let (a, c) = if self.tilts_forward {
-            (theta, tilt.y.angle_from_x(-tilt.x))
+        let (a, [x, y]) = if self.tilts_forward {
+            (theta, [-tilt.x, tilt.y])
         } else {
-            (-theta, (-tilt.y).angle_from_x(tilt.x))
+            (-theta, [tilt.x, -tilt.y])
         };
-        let [x, y, z] = self.turned([pose.tip_mm.x, pose.tip_mm.y, pose.tip_mm.z], a, c);
+        // The table's turn needs no trigonometry; an upright tool leaves it free.
+        let (c, turn) = if square > R::of(ROOT_MIN) {
+            (y.angle_from_x(x), (y / theta, x / theta))
+        } else {
+            (R::of(0.0), (R::of(0.0), R::of(1.0)))
+        };
+        let [x, y, z] = self.turned([pose.tip_mm.x, pose.tip_mm.y, pose.tip_mm.z], a, turn);
         Ok([x, y, z, a, c, c, R::of(0.0)])
     }
 
-    /// A point of the part in machine axes, with the table at A, C.
-    fn turned(&self, part_mm: [R; 3], a: R, c: R) -> [R; 3] {
+    /// A point of the part in machine axes, with the table at A, and at C by its sine and cosine.
+    fn turned(&self, part_mm: [R; 3], a: R, (sine_c, cosine_c): (R, R)) -> [R; 3] {
         let [cx, cy, cz] = self.centre_mm;
         let (sine_a, cosine_a) = a.sine_cosine();
-        let (sine_c, cosine_c) = c.sine_cosine();
         let (x, y, z) = (part_mm[0] - cx, part_mm[1] - cy, part_mm[2] - cz);
         let across = sine_c * x + cosine_c * y;
         [

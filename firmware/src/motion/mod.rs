@@ -11,18 +11,19 @@
 mod by_hand;
 mod commands;
 mod faults;
+mod rate;
 mod status;
 
 use crate::carriers::Carriers;
 use crate::configuration::MachineConfiguration;
 use crate::delay::delay_ticks;
 use crate::design::{
-    CEILING_OPEN, HOLD_RETRACT_DELAY_MS, MOTORS_IDLE_S, QUIET_START_MS, START_QUEUED_MS,
-    START_ROOM_KNOTS, ticks_of_ms,
+    HOLD_RETRACT_DELAY_MS, MOTORS_IDLE_S, QUIET_START_MS, START_QUEUED_MS, START_ROOM_KNOTS,
+    ticks_of_ms,
 };
 use crate::event_queue::EventQueue;
 use crate::extruder_limits::ExtruderGuard;
-use crate::flow::{Flow, UNSCALED_Q16};
+use crate::flow::Flow;
 use crate::hold::Hold;
 use crate::homing::HomingConfiguration;
 use crate::inputs::{Inputs, SwitchGuard};
@@ -30,7 +31,7 @@ use crate::interpolator::{Interpolator, TICK_Q16};
 use crate::joints::JointTargets;
 use crate::queue::KnotQueue;
 use crate::steps::{StepBank, StepProgrammer, WaitingTargets};
-use crate::time_warp::{TimeWarp, WarpBounds};
+use crate::time_warp::TimeWarp;
 use by_hand::ByHand;
 pub use faults::EMERGENCY;
 use faults::step_rate_fault;
@@ -315,92 +316,6 @@ impl Motion {
             self.joints.check_limits(outside, target)?;
         }
         Ok(())
-    }
-
-    /// Chooses the path rate and moves segment time on by it.
-    fn move_on(&mut self) {
-        let wanted_q16 = self.wanted_rate_q16();
-        if wanted_q16 == 0 && self.warp.rate_q16() == 0 {
-            self.rest();
-            return;
-        }
-        self.hold.moving();
-        // Nothing can limit a steady rate of up to 1 where the outlook is free: this is the case in nearly
-        // all ticks, and the time warp need not be asked.
-        let steady = wanted_q16 == self.warp.rate_q16() && wanted_q16 <= TICK_Q16;
-        let rate_q16 = if steady && self.interpolator.is_free(wanted_q16) {
-            self.held = false;
-            wanted_q16
-        } else {
-            self.ask_warp(wanted_q16)
-        };
-        if rate_q16 != TICK_Q16 {
-            self.off_plan_ticks = self.now_ticks as u32;
-        }
-        self.interpolator.advance(rate_q16, &mut self.queue);
-        self.note_rest(rate_q16, wanted_q16);
-    }
-
-    /// The next path rate; notes whether the queue's end holds it.
-    // Its registers are not to be those of all ticks.
-    #[inline(never)]
-    fn ask_warp(&mut self, wanted_q16: u32) -> u32 {
-        let before_q16 = self.warp.rate_q16();
-        let (interpolator, queue) = (&self.interpolator, &self.queue);
-        let load = *interpolator.load();
-        let remaining_ticks = interpolator.remaining_q16() as f32 / TICK_Q16 as f32;
-        let bounds = WarpBounds {
-            wanted_q16,
-            remaining_ticks,
-            load,
-            next_load: queue.front().map_or(load, |next| next.load),
-            ceiling_at_end: interpolator.ceiling_at_end(queue),
-            at_rest: interpolator.is_at_rest_point(),
-        };
-        let stop_ahead = |ticks: f32| {
-            if ticks < remaining_ticks {
-                bounds
-                    .ceiling_at_end
-                    .before(remaining_ticks - ticks, &load)
-                    .stop
-            } else if interpolator.ends_at_rest() {
-                CEILING_OPEN
-            } else {
-                queue.stop_ahead(ticks - remaining_ticks)
-            }
-        };
-        let stop_ahead = queue.is_short().then_some(stop_ahead);
-        let (rate_q16, limited) = self.warp.step(&bounds, stop_ahead);
-        // Once held, it is so until the head gets no slower any more.
-        let held = limited || (self.held && rate_q16 < before_q16);
-        if held && !self.held {
-            self.underruns = self.underruns.saturating_add(1);
-        }
-        self.held = held;
-        rate_q16
-    }
-
-    /// Rate that override and pause ask for, before any limit.
-    fn wanted_rate_q16(&self) -> u32 {
-        if self.phase == Phase::Running && self.may_move() {
-            self.rate_asked_q16()
-        } else {
-            0
-        }
-    }
-
-    fn rate_asked_q16(&self) -> u32 {
-        let asked = self.override_q16;
-        if self.interpolator.is_dwell() {
-            // A dwell waits for melt, which runs in real time whatever the override.
-            return TICK_Q16;
-        }
-        let factor_q16 = self.flow.factor_q16();
-        if factor_q16 > UNSCALED_Q16 {
-            // More melt than planned at the planned motor speed: the head goes slower.
-            return asked.min(u32::MAX / factor_q16);
-        }
-        asked
     }
 
     fn quiet_ticks(&self) -> u32 {

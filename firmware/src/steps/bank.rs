@@ -54,18 +54,56 @@ impl Motor {
     }
 }
 
-/// The direction bits change in the middle of an interval.
-#[derive(Clone, Copy, Debug, Default)]
-pub(super) struct Turn {
+/// The direction bits change in the middle of an interval. In one word, which is quickly moved, and whose
+/// order is that of the ticks.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, PartialOrd, Ord)]
+pub(super) struct Turn(u32);
+
+impl Turn {
+    /// No turn.
+    const NONE: Self = Self(0);
+
+    #[inline(always)]
+    fn new(ticks_left: u32, directions: u32) -> Self {
+        Self(ticks_left << 8 | directions)
+    }
+
     /// Ticks of the interval that are left when they do; 0 for no turn.
-    pub(super) ticks_left: u32,
-    /// All of them, from then on.
-    pub(super) directions: u8,
+    #[inline(always)]
+    pub(super) fn ticks_left(self) -> u32 {
+        self.0 >> 8
+    }
+
+    /// All of them, from then on; while turns are put in order, those that change.
+    #[inline(always)]
+    pub(super) fn directions(self) -> u8 {
+        self.0 as u8
+    }
 }
 
 /// Places for turns: one for each motor and at least one more, a power of two, so that a masked
 /// index needs no check.
 pub(super) const TURNS: usize = (MOTORS_MAX + 1).next_power_of_two();
+
+/// Puts a turn into its place among so many before it, or into one of the same tick. How many there are
+/// then.
+#[inline(always)]
+fn insert(turns: &mut [Turn; TURNS], count: usize, mut new: Turn) -> usize {
+    let mut place = 0;
+    while place < count {
+        let there = &mut turns[place % TURNS];
+        if there.ticks_left() == new.ticks_left() {
+            *there = Turn(there.0 | new.0);
+            return count;
+        }
+        if *there < new {
+            core::mem::swap(there, &mut new);
+        }
+        place += 1;
+    }
+    turns[count % TURNS] = new;
+    count + 1
+}
 
 /// One interval.
 #[derive(Clone, Debug, Default)]
@@ -84,50 +122,43 @@ pub struct StepBank {
 impl StepBank {
     /// True if a motor turns round within the interval.
     pub fn reverses(&self) -> bool {
-        self.turns[0].ticks_left != 0
+        self.turns[0] != Turn::NONE
+    }
+
+    /// No motor turns round in this interval.
+    #[inline(always)]
+    pub(super) fn turn_nowhere(&mut self) {
+        self.turns[0] = Turn::NONE;
     }
 
     /// Says when which of the `reversing` motors turn round, in an interval so many ticks long.
     // Few intervals have a turn: its registers are not to be theirs.
     #[inline(never)]
     pub(super) fn plan_turns(&mut self, reversing: u8, interval_ticks: u32) {
-        let turns = &mut self.turns;
         let mut count = 0;
-        let mut left = reversing;
+        let mut left = u32::from(reversing);
         while left != 0 {
             let motor = left.trailing_zeros() as usize % MOTORS_MAX;
             left &= left - 1;
             let ticks = self.motors[motor].ticks_until_turn();
-            let ticks_left = interval_ticks.saturating_sub(ticks).max(1);
-            // Into its place among those before it, with the bit that changes.
-            let mut place = count;
-            while place > 0 && turns[(place - 1) % TURNS].ticks_left < ticks_left {
-                turns[place % TURNS] = turns[(place - 1) % TURNS];
-                place -= 1;
-            }
-            turns[place % TURNS] = Turn {
-                ticks_left,
-                directions: 1 << motor,
-            };
-            count += 1;
+            // At least 1: the velocity of the last tick is already on the other side.
+            let turn = Turn::new(interval_ticks.wrapping_sub(ticks), 1 << motor);
+            count = insert(&mut self.turns, count, turn);
         }
-        // All that turn in the same tick as one, with all directions from then on.
-        let (mut directions, mut last) = (self.directions, 0);
-        for index in 0..count {
-            let turn = turns[index % TURNS];
-            directions ^= turn.directions;
-            if index > 0 && turns[last].ticks_left != turn.ticks_left {
-                last = (last + 1) % TURNS;
-            }
-            turns[last] = Turn { directions, ..turn };
+        // With all directions from then on.
+        let mut directions = self.directions;
+        for place in 0..count {
+            let turn = &mut self.turns[place % TURNS];
+            directions ^= turn.directions();
+            *turn = Turn::new(turn.ticks_left(), u32::from(directions));
         }
-        turns[(last + 1) % TURNS].ticks_left = 0;
+        self.turns[count % TURNS] = Turn::NONE;
     }
 
     /// Stands still from here on.
     pub(super) fn stop(&mut self) {
         self.motors.iter_mut().for_each(Motor::stop);
-        self.turns[0].ticks_left = 0;
+        self.turns[0] = Turn::NONE;
     }
 
     /// The same, with so many ticks left: what is not played.
@@ -139,5 +170,64 @@ impl StepBank {
         };
         self.stop();
         stopped
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    //! Goal: the direction pins change in the tick in which each motor does. Method: random motors that all
+    //! turn round, many of them in the same tick, against the sign of every tick's velocity.
+    use super::*;
+
+    #[test]
+    fn turns_are_in_order_and_those_of_one_tick_are_one() {
+        const TICKS: i32 = 100;
+        let (mut state, mut merged) = (7u32, 0);
+        let mut random = |below: u32| {
+            state = state.wrapping_mul(1_664_525).wrapping_add(1_013_904_223);
+            (state >> 8) % below
+        };
+        for _ in 0..2000 {
+            let mut bank = StepBank {
+                directions: random(256) as u8,
+                ..StepBank::default()
+            };
+            let mut reversing = 0u8;
+            for (index, motor) in bank.motors.iter_mut().enumerate() {
+                // Turns after 1 to 4 ticks, or after up to 99.
+                let latest = if random(2) == 0 { 4 } else { TICKS as u32 - 1 };
+                let after = 1 + random(latest) as i32;
+                let acceleration = 2 + random(1000) as i32;
+                motor.acceleration = acceleration;
+                motor.velocity = 1 - acceleration * after;
+                if random(2) == 0 {
+                    (motor.acceleration, motor.velocity) =
+                        (-acceleration, acceleration * after - 1);
+                }
+                reversing |= u8::from(random(3) > 0) << index;
+            }
+            bank.plan_turns(reversing, TICKS as u32);
+            let (mut directions, mut turns) = (bank.directions, bank.turns.iter());
+            let mut next = turns.next().copied().unwrap_or_default();
+            for tick in 1..TICKS {
+                let mut expected = directions;
+                for (index, motor) in bank.motors.iter().enumerate() {
+                    let at = |tick: i32| motor.velocity + tick * motor.acceleration;
+                    let turns =
+                        at(tick - 1) < 0 && at(tick) >= 0 || at(tick - 1) >= 0 && at(tick) < 0;
+                    if reversing >> index & 1 != 0 && turns {
+                        expected ^= 1 << index;
+                    }
+                }
+                merged += u32::from((expected ^ directions).count_ones() > 1);
+                if expected != directions {
+                    assert_eq!(next, Turn::new((TICKS - tick) as u32, u32::from(expected)));
+                    next = turns.next().copied().unwrap_or_default();
+                }
+                directions = expected;
+            }
+            assert_eq!(next, Turn::NONE);
+        }
+        assert!(merged > 500, "{merged}");
     }
 }

@@ -98,9 +98,9 @@ impl StepEngine {
     #[inline(always)]
     fn turn<O: StepOutput>(&mut self, left: u32, bank: &StepBank, output: &mut O) -> Moment {
         let mut next = bank.turns[self.turn as usize % TURNS];
-        if next.ticks_left == left {
-            self.directions = next.directions;
-            output.set_directions(next.directions);
+        if next.ticks_left() == left {
+            self.directions = next.directions();
+            output.set_directions(next.directions());
             self.turn += 1;
             next = bank.turns[self.turn as usize % TURNS];
         }
@@ -108,7 +108,7 @@ impl StepEngine {
             self.event_in(1, 0);
             return Moment::Ending;
         }
-        let next_left = next.ticks_left.max(1);
+        let next_left = next.ticks_left().max(1);
         self.event_in(left - next_left, next_left);
         if left + 1 == self.interval_ticks {
             Moment::Begun

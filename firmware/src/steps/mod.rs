@@ -124,6 +124,8 @@ const TARGET_FRACTION_BITS: u32 = POSITION_FRACTION_BITS - TARGET_SHIFT;
 
 /// Fraction bits of a short way.
 const NEAR_FRACTION_BITS: u32 = 16;
+/// One step as a short way.
+pub const NEAR_STEP: f32 = (1 << NEAR_FRACTION_BITS) as f32;
 /// Most steps of a way that [`Target::moved_near`] can make.
 pub const NEAR_STEPS_MAX: f32 = 32_000.0;
 
@@ -172,10 +174,10 @@ impl Target {
         }
     }
 
-    /// Moved by up to [`NEAR_STEPS_MAX`], to 2^-16 step: at half the instructions.
+    /// Moved by up to [`NEAR_STEPS_MAX`], in 2^-16 step: at half the instructions.
     #[inline(always)]
-    pub fn moved_near(self, steps: f32) -> Self {
-        let way = (steps * (1 << NEAR_FRACTION_BITS) as f32) as i32;
+    pub fn moved_near(self, way: f32) -> Self {
+        let way = way as i32;
         Self {
             whole: self.whole.wrapping_add(way >> NEAR_FRACTION_BITS),
             fine: (self.fine).wrapping_add(way << (TARGET_FRACTION_BITS - NEAR_FRACTION_BITS)),

@@ -364,7 +364,7 @@ impl StepProgrammer {
         bank.directions = self.directions ^ turns.before;
         self.directions = bank.directions ^ turns.within;
         if turns.within == 0 {
-            bank.turns[0].ticks_left = 0;
+            bank.turn_nowhere();
         } else {
             bank.plan_turns(turns.within, self.interval.ticks as u32);
         }

@@ -1,0 +1,112 @@
+//! The path rate of a servo tick, and segment time moved on by it.
+//!
+//! In: what override, pause and flow ask for (2^-16), the spans' loads and ceilings. Out: segment time moved
+//! on, and the phase where the head came to rest. How a limit bends the rate is `time_warp.rs`.
+
+use super::Motion;
+use super::Phase;
+use crate::design::CEILING_OPEN;
+use crate::flow::UNSCALED_Q16;
+use crate::interpolator::TICK_Q16;
+use crate::time_warp::WarpBounds;
+
+impl Motion {
+    /// Chooses the path rate and moves segment time on by it.
+    pub(super) fn move_on(&mut self) {
+        let wanted_q16 = self.wanted_rate_q16();
+        if wanted_q16 == 0 && self.warp.rate_q16() == 0 {
+            self.rest();
+            return;
+        }
+        self.hold.moving();
+        let rate_q16 = if self.is_unlimited(wanted_q16) {
+            self.held = false;
+            wanted_q16
+        } else {
+            self.ask_warp(wanted_q16)
+        };
+        if rate_q16 != TICK_Q16 {
+            self.off_plan_ticks = self.now_ticks as u32;
+        }
+        self.interpolator.advance(rate_q16, &mut self.queue);
+        self.note_rest(rate_q16, wanted_q16);
+    }
+
+    /// True if nothing limits the rate that is wanted, as in nearly all ticks, so that the time warp need not
+    /// be asked: a steady one, or one from rest, of up to 1 where the outlook is free.
+    #[inline(always)]
+    fn is_unlimited(&mut self, wanted_q16: u32) -> bool {
+        if wanted_q16 > TICK_Q16 || !self.interpolator.is_free(wanted_q16, &self.queue) {
+            return false;
+        }
+        if wanted_q16 != self.warp.rate_q16() {
+            if !self.interpolator.is_at_rest_point() {
+                return false;
+            }
+            self.warp.start(wanted_q16);
+        }
+        true
+    }
+
+    /// The next path rate; notes whether the queue's end holds it.
+    // Its registers are not to be those of all ticks.
+    #[inline(never)]
+    fn ask_warp(&mut self, wanted_q16: u32) -> u32 {
+        let before_q16 = self.warp.rate_q16();
+        let (interpolator, queue) = (&self.interpolator, &self.queue);
+        let load = *interpolator.load();
+        let remaining_ticks = interpolator.remaining_q16() as f32 / TICK_Q16 as f32;
+        let bounds = WarpBounds {
+            wanted_q16,
+            remaining_ticks,
+            load,
+            next_load: queue.front().map_or(load, |next| next.load),
+            ceiling_at_end: interpolator.ceiling_at_end(queue),
+            at_rest: interpolator.is_at_rest_point(),
+        };
+        let stop_ahead = |ticks: f32| {
+            if ticks < remaining_ticks {
+                bounds
+                    .ceiling_at_end
+                    .before(remaining_ticks - ticks, &load)
+                    .stop
+            } else if interpolator.ends_at_rest() {
+                CEILING_OPEN
+            } else {
+                queue.stop_ahead(ticks - remaining_ticks)
+            }
+        };
+        let stop_ahead = queue.is_short().then_some(stop_ahead);
+        let (rate_q16, limited) = self.warp.step(&bounds, stop_ahead);
+        // Once held, it is so until the head gets no slower any more.
+        let held = limited || (self.held && rate_q16 < before_q16);
+        if held && !self.held {
+            self.underruns = self.underruns.saturating_add(1);
+        }
+        self.held = held;
+        rate_q16
+    }
+
+    /// Rate that override and pause ask for, before any limit.
+    fn wanted_rate_q16(&self) -> u32 {
+        if self.phase == Phase::Running && self.may_move() {
+            self.rate_asked_q16()
+        } else {
+            0
+        }
+    }
+
+    fn rate_asked_q16(&self) -> u32 {
+        let asked = self.override_q16;
+        if self.interpolator.is_dwell() {
+            // A dwell waits for melt, which runs in real time whatever the override.
+            return TICK_Q16;
+        }
+        let factor_q16 = self.flow.factor_q16();
+        if factor_q16 > UNSCALED_Q16 {
+            // More melt than planned at the planned motor speed: the head goes slower.
+            return asked.min(u32::MAX / factor_q16);
+        }
+        asked
+    }
+}
