@@ -9,6 +9,7 @@
 //!               (mm, rad, mm³)                (integer units, servo ticks)
 //! WaypointRun --curve--> PathCurve --route--> Route, and on as above
 //! Route, SplineSurface --on surface--> Route (mm, rad, tool axis), and on as above
+//! GcodeProgram --route--> Route, layer by layer ([`gcode_plan`])
 //! ```
 //!
 //! [`layer_stack`] is that pipeline, [`plan_target`] runs it for a prism, [`part_plan`] for a part with
@@ -20,6 +21,8 @@
 
 pub mod cli;
 pub mod drive;
+pub mod gcode;
+pub mod gcode_plan;
 pub mod geometry;
 pub mod input;
 pub mod job;

@@ -119,6 +119,7 @@ pub fn route(length_mm: f64) -> Route {
             pass: Some(0),
             curve: PathCurve { control },
             dwell_s: 0.0,
+            speed_mm_s: None,
             event: None,
         }],
     }

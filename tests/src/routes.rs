@@ -13,6 +13,7 @@ pub fn moving(state: MotionState, control: Vec<[f64; 7]>) -> Stretch {
         pass: (state == MotionState::Print).then_some(0),
         curve: PathCurve { control },
         dwell_s: 0.0,
+        speed_mm_s: None,
         event: None,
     }
 }

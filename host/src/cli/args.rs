@@ -71,6 +71,9 @@ pub(super) struct InputArgs {
     /// Turn a mesh about its x, then y, then z axis, degrees.
     #[arg(long, value_name = "X,Y,Z", allow_hyphen_values = true)]
     pub rotate: Option<String>,
+    /// Diameter of the filament of G-code, mm [default: what the file says, or 1.75].
+    #[arg(long, value_name = "MM", allow_negative_numbers = true)]
+    pub filament_diameter: Option<f64>,
 }
 
 /// How a mesh is divided into layers.
@@ -222,6 +225,8 @@ pub(super) enum FormatName {
     ThreeMf,
     /// Wavefront triangles or polygons of a solid.
     Obj,
+    /// What a slicer wrote: its centre lines, with the nozzle turned for their widths.
+    Gcode,
 }
 
 #[derive(Clone, Copy, Debug, ValueEnum)]
@@ -284,9 +289,10 @@ Examples:
   headway plan examples/bracket.json --output bracket.hwj
   headway plan drawing.svg -m my-printer.toml --speed 40 --overlap 5 -o part.hwj --json
   headway plan examples/bracket.json --layers 40 --walls 2 --infill-density 20 -o bracket.hwj
-  headway plan part.stl --layer-height 0.25 --walls 2 --infill-density 15 -o part.hwj")]
+  headway plan part.stl --layer-height 0.25 --walls 2 --infill-density 15 -o part.hwj
+  headway plan sliced.gcode -o part.hwj")]
 pub(super) struct PlanArgs {
-    /// Mesh (STL, 3MF, OBJ), outline (polygon JSON, GeoJSON, SVG) or waypoints.
+    /// Mesh (STL, 3MF, OBJ), outline (polygon JSON, GeoJSON, SVG), waypoints or G-code.
     pub input: PathBuf,
     /// Job file to write.
     #[arg(short, long, value_name = "JOB.hwj")]

@@ -4,6 +4,7 @@ use super::CliError;
 use super::args::InspectArgs;
 use super::console::Console;
 use super::{job, load};
+use crate::gcode::GcodeProgram;
 use crate::geometry::polygon::{Box2, Region, Ring};
 use crate::input::waypoints::WaypointRun;
 use crate::input::{Input, Loaded, ReadOptions};
@@ -30,6 +31,10 @@ pub(super) fn run(args: &InspectArgs, console: &Console) -> Result<(), CliError>
         }
         Input::Path(run) => return console.result(&path_text(&run)),
         Input::Mesh(loaded) => return mesh(args, &loaded, console),
+        Input::Gcode(program) if args.json => {
+            return console.result(&format!("{:#}\n", gcode_json(&program)));
+        }
+        Input::Gcode(program) => return console.result(&gcode_text(&program)),
     };
     if args.json {
         return console.result(&format!("{:#}\n", input_json(&loaded)));
@@ -159,6 +164,40 @@ fn path_text(run: &WaypointRun) -> String {
         run.name,
         run.points.len(),
         chords_mm(run)
+    )
+}
+
+fn gcode_json(program: &GcodeProgram) -> serde_json::Value {
+    json!({
+        "kind": "gcode",
+        "name": program.name,
+        "slicer": program.slicer.name(),
+        "layers": program.layers(),
+        "passes": program.passes.len(),
+        "length_mm": program.print_mm(),
+        "volume_mm3": program.volume_mm3(),
+        "estimate_s": program.estimate_s,
+        "headings": program.has_headings,
+        "notes": program.notes,
+    })
+}
+
+fn gcode_text(program: &GcodeProgram) -> String {
+    let volume = program
+        .volume_mm3()
+        .map_or("no extrusion told".to_string(), |mm3| {
+            format!("{mm3:.3} mm³")
+        });
+    let estimate = program
+        .estimate_s
+        .map_or(String::new(), |s| format!("; its estimate is {s:.1} s"));
+    format!(
+        "{}: {}, {} layers, {} passes of {:.3} mm, {volume}{estimate}\n",
+        program.name,
+        program.slicer.name(),
+        program.layers(),
+        program.passes.len(),
+        program.print_mm(),
     )
 }
 

@@ -7,6 +7,7 @@ use super::args::{
 };
 use super::console::Console;
 use super::job;
+use crate::gcode::FILAMENT_MM;
 use crate::geometry::polygon::Region;
 use crate::input::{self, BYTES_MAX, Format, Input, InputError, Loaded, ReadOptions, Units};
 use crate::mesh::layers::LayerHeights;
@@ -191,6 +192,7 @@ pub(super) fn input(
         Some(FormatName::Stl) => Format::Mesh(MeshFormat::Stl),
         Some(FormatName::ThreeMf) => Format::Mesh(MeshFormat::ThreeMf),
         Some(FormatName::Obj) => Format::Mesh(MeshFormat::Obj),
+        Some(FormatName::Gcode) => Format::Gcode,
         None => Format::of_ending(path).ok_or_else(|| {
             let path = path.display().to_string();
             CliError::Usage(InputError::UnknownFormat { path }.to_string())
@@ -206,6 +208,7 @@ pub(super) fn input(
         flatten_mm,
         repair: args.repair,
         rotate_rad: rotate_rad(args.rotate.as_deref(), format)?,
+        filament_mm: filament_mm(args.filament_diameter, format)?,
     };
     let bytes = read_bounded(path, format.bytes_max())?;
     let input = input::read_any(&bytes, &job::stem(path), format, &options)
@@ -214,6 +217,7 @@ pub(super) fn input(
         Input::Outline(loaded) => &loaded.notes,
         Input::Path(run) => &run.notes,
         Input::Mesh(loaded) => &loaded.notes,
+        Input::Gcode(program) => &program.notes,
     });
     Ok(input)
 }
@@ -227,7 +231,7 @@ pub(super) fn target(
 ) -> Result<Loaded, CliError> {
     match input(path, args, flatten_mm, console)? {
         Input::Outline(loaded) => Ok(loaded),
-        Input::Path(_) => Err(not_outline(path, &InputError::PathNotOutline)),
+        Input::Path(_) | Input::Gcode(_) => Err(not_outline(path, &InputError::PathNotOutline)),
         Input::Mesh(_) => Err(not_outline(path, &InputError::MeshNotOutline)),
     }
 }
@@ -303,6 +307,7 @@ pub(super) fn keep_out(
     let reading = InputArgs {
         from: None,
         rotate: None,
+        filament_diameter: None,
         ..args.clone()
     };
     let loaded = target(path, &reading, flatten_mm, console)?;
@@ -323,6 +328,23 @@ fn rotate_rad(text: Option<&str>, format: Format) -> Result<[f64; 3], CliError> 
         ))
     })?;
     Ok(turns_deg.map(f64::to_radians))
+}
+
+/// The filament of G-code; none of anything else.
+fn filament_mm(given: Option<f64>, format: Format) -> Result<Option<f64>, CliError> {
+    match given {
+        Some(_) if format != Format::Gcode => Err(CliError::Usage(
+            "--filament-diameter goes with G-code: what else is planned has its own flow"
+                .to_string(),
+        )),
+        Some(mm) if !(FILAMENT_MM[0]..=FILAMENT_MM[1]).contains(&mm) => {
+            Err(CliError::Usage(format!(
+                "--filament-diameter {mm}: write a diameter of {} to {} mm",
+                FILAMENT_MM[0], FILAMENT_MM[1]
+            )))
+        }
+        given => Ok(given),
+    }
 }
 
 /// How a mesh is divided: the options over the layer height.

@@ -20,6 +20,7 @@ mod output_file;
 mod pictures;
 mod plan;
 mod planned;
+mod planned_gcode;
 mod planned_part;
 mod printable;
 mod simulate;

@@ -5,7 +5,7 @@ use super::console::Console;
 use super::job::{self, Job};
 use super::open_ground::{self, OpenGround, open_ground};
 use super::warnings::settings_warnings;
-use super::{CliError, load, planned_part};
+use super::{CliError, load, planned_gcode, planned_part};
 use crate::drive::time_by_limit::{SlowPlace, time_by_limit};
 use crate::geometry::polygon::Region;
 use crate::geometry::{Point2, Vector2};
@@ -98,6 +98,15 @@ pub(super) fn from_input(
         Input::Mesh(loaded) => {
             return planned_part::from_mesh(path, loaded, place, &keep_out, settings, console);
         }
+        Input::Gcode(program) => {
+            return planned_gcode::from_gcode(
+                path,
+                program,
+                settings_args.speed,
+                settings,
+                console,
+            );
+        }
         Input::Outline(loaded) => Flat::Outline(loaded),
         Input::Path(run) => Flat::Path(run.turned(turn_rad)),
     };
@@ -156,17 +165,19 @@ fn check_options(
             "--layers goes with outlines: a mesh has its own; --layer-range takes some of them"
                 .to_string()
         }
-        (Input::Mesh(_) | Input::Path(_), ..) if place.surface.is_some() => {
+        (Input::Mesh(_) | Input::Path(_) | Input::Gcode(_), ..) if place.surface.is_some() => {
             "--surface goes with outlines: only they are laid on a surface".to_string()
         }
-        (Input::Path(_), Some(option), _) => {
-            format!("{option} goes with outlines: waypoints are followed as they are")
+        (Input::Path(_) | Input::Gcode(_), Some(option), _) => {
+            format!("{option} goes with outlines: a path is followed as it is")
         }
-        (Input::Outline(_) | Input::Mesh(_), ..) if load::run_option(place).is_some() => {
+        (Input::Outline(_) | Input::Mesh(_) | Input::Gcode(_), ..)
+            if load::run_option(place).is_some() =>
+        {
             let option = load::run_option(place).unwrap_or_default();
             format!("{option} goes with runs of waypoints: outlines have no tool axes")
         }
-        (Input::Outline(_) | Input::Path(_), _, Some(option)) => {
+        (Input::Outline(_) | Input::Path(_) | Input::Gcode(_), _, Some(option)) => {
             format!("{option} goes with meshes: an outline has the same layers all the way")
         }
         _ => return Ok(()),

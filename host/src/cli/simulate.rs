@@ -81,9 +81,14 @@ pub(super) fn of_no_use(
         scale,
         repair,
         rotate,
+        filament_diameter,
     } = reading;
-    let of_reading =
-        from.is_some() || units.is_some() || *scale != 1.0 || *repair || rotate.is_some();
+    let of_reading = from.is_some()
+        || units.is_some()
+        || *scale != 1.0
+        || *repair
+        || rotate.is_some()
+        || filament_diameter.is_some();
     let machine_alone = SettingsArgs {
         machine: settings.machine.clone(),
         ..SettingsArgs::default()

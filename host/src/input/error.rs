@@ -2,6 +2,7 @@
 
 use super::POINTS_MAX;
 use super::waypoints::WaypointError;
+use crate::gcode::GcodeError;
 use crate::geometry::Point2;
 use crate::geometry::validity::ValidityError;
 use crate::mesh::MeshError;
@@ -36,8 +37,8 @@ pub enum InputError {
     },
     /// The ending says nothing.
     #[error(
-        "cannot tell the format of '{path}': use the ending .json, .geojson, .svg, .wpt, .stl, .3mf or \
-         .obj, or --from polygon|geojson|svg|waypoints|stl|3mf|obj"
+        "cannot tell the format of '{path}': use the ending .json, .geojson, .svg, .wpt, .stl, .3mf, \
+         .obj or .gcode, or --from polygon|geojson|svg|waypoints|stl|3mf|obj|gcode"
     )]
     UnknownFormat {
         /// The file.
@@ -80,6 +81,9 @@ pub enum InputError {
     /// Not a closed mesh.
     #[error(transparent)]
     Mesh(#[from] MeshError),
+    /// The G-code.
+    #[error(transparent)]
+    Gcode(#[from] GcodeError),
     /// Turns of what is flat.
     #[error("--rotate turns meshes: an outline lies in the layer's plane; turn it in the drawing")]
     NotTurned,

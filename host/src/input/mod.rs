@@ -5,6 +5,7 @@
 //!       --outline--> Region (mm, exterior counter-clockwise, holes clockwise, valid) --> Target
 //! bytes --waypoints|nurbs--> WaypointRun (mm, rad)
 //! bytes --mesh--> LoadedMesh (mm, closed)
+//! bytes --gcode--> GcodeProgram (mm, mm³), with tilts WaypointRun
 //! ```
 //! Input: the file's bytes, its [`Format`] and [`ReadOptions`]. Output: regions in the file's own
 //! coordinates (for SVG: mm from the page's lower left corner, y up), and notes for the user.
@@ -12,6 +13,7 @@
 //! out. Leaves out files and threads: reading the bytes is the command's business.
 
 pub mod error;
+mod gcode_run;
 mod geojson;
 pub mod names;
 pub mod near_waypoints;
@@ -25,6 +27,7 @@ pub mod waypoints;
 pub use error::InputError;
 use waypoints::WaypointRun;
 
+use crate::gcode::{self, GCODE_BYTES_MAX, GcodeOptions, GcodeProgram};
 use crate::geometry::polygon::Region;
 use crate::mesh::{self, LoadedMesh, MeshFormat, MeshOptions};
 use std::path::Path;
@@ -61,6 +64,8 @@ pub enum Format {
     Nurbs,
     /// Triangles of a solid.
     Mesh(MeshFormat),
+    /// What a slicer or a post-processor wrote.
+    Gcode,
 }
 
 /// Length units of files and options.
@@ -91,6 +96,8 @@ pub struct ReadOptions {
     pub repair: bool,
     /// Turns about the file's x, then y, then z axis; of meshes only.
     pub rotate_rad: [f64; 3],
+    /// Diameter of the filament of G-code, over what the file says.
+    pub filament_mm: Option<f64>,
 }
 
 /// A target and what the user should know about how it was read.
@@ -110,6 +117,7 @@ impl Default for ReadOptions {
             flatten_mm: 0.001,
             repair: false,
             rotate_rad: [0.0; 3],
+            filament_mm: None,
         }
     }
 }
@@ -155,6 +163,7 @@ impl Format {
             Format::Waypoints => "waypoint",
             Format::Nurbs => "NURBS JSON",
             Format::Mesh(_) => "mesh",
+            Format::Gcode => "G-code",
         }
     }
 
@@ -162,11 +171,13 @@ impl Format {
     pub fn bytes_max(self) -> u64 {
         match self {
             Format::Mesh(_) => MESH_BYTES_MAX,
+            Format::Gcode => GCODE_BYTES_MAX,
             _ => BYTES_MAX,
         }
     }
 
-    /// Reads `stl`, `3mf`, `obj`, `json` or `polygon`, `geojson`, `svg`, `nurbs`, `waypoints` or its endings `wpt`, `txt`, `csv`.
+    /// Reads `gcode`, `gco`, `g`, `nc`, `ngc`, `stl`, `3mf`, `obj`,
+    /// `json` or `polygon`, `geojson`, `svg`, `nurbs`, `waypoints` or its endings `wpt`, `txt`, `csv`.
     pub fn parse(text: &str) -> Option<Format> {
         match text {
             "json" | "polygon" => Some(Format::Polygon),
@@ -177,6 +188,7 @@ impl Format {
             "stl" => Some(Format::Mesh(MeshFormat::Stl)),
             "3mf" => Some(Format::Mesh(MeshFormat::ThreeMf)),
             "obj" => Some(Format::Mesh(MeshFormat::Obj)),
+            "gcode" | "gco" | "g" | "nc" | "ngc" => Some(Format::Gcode),
             _ => None,
         }
     }
@@ -191,6 +203,8 @@ pub enum Input {
     Path(WaypointRun),
     /// A solid, to be cut into layers.
     Mesh(LoadedMesh),
+    /// A slicer's path, to be followed with a turned nozzle.
+    Gcode(GcodeProgram),
 }
 
 /// Reads an input of any format. `name` is used where the file has none of its own.
@@ -208,6 +222,20 @@ pub fn read_any(
             rotate_rad: options.rotate_rad,
         };
         return Ok(Input::Mesh(mesh::read(bytes, name, format, &options)?));
+    }
+    if format == Format::Gcode {
+        check_scale(options)?;
+        let bytes = without_mark(bytes, format)?;
+        let options = GcodeOptions {
+            scale: options.scale,
+            filament_mm: options.filament_mm,
+        };
+        let name = names::part_name(name).unwrap_or_else(|| "gcode".to_string());
+        let program = gcode::read(bytes, &name, &options)?;
+        return Ok(match program.has_tilts {
+            true => Input::Path(gcode_run::waypoint_run(program)),
+            false => Input::Gcode(program),
+        });
     }
     if format == Format::Waypoints {
         check_scale(options)?;
@@ -263,7 +291,9 @@ pub fn read(
         Format::Polygon => polygon::read(bytes, options)?,
         Format::GeoJson => geojson::read(bytes, options)?,
         Format::Svg => svg::read(bytes, options)?,
-        Format::Waypoints | Format::Nurbs => return Err(InputError::PathNotOutline),
+        Format::Waypoints | Format::Nurbs | Format::Gcode => {
+            return Err(InputError::PathNotOutline);
+        }
         Format::Mesh(_) => return Err(InputError::MeshNotOutline),
     };
     outline::to_target(drawing, name, options)

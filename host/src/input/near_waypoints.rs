@@ -79,6 +79,7 @@ fn middle(group: &[Waypoint]) -> Waypoint {
         tip_mm: Point3::from(tip),
         axis: Unit::new_normalize(axis),
         heading_rad: headings.map(|sum| share * sum),
+        begins: first.begins,
     }
 }
 

@@ -192,6 +192,7 @@ impl Nurbs {
                 tip_mm: Point3::from(place),
                 axis: Unit::new_unchecked(Vector3::z()),
                 heading_rad: None,
+                begins: false,
             })
             .collect())
     }

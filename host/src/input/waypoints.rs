@@ -44,6 +44,8 @@ pub struct Waypoint {
     pub axis: Unit<Vector3<f64>>,
     /// Heading about the tool axis, unwrapped, rad; `None` lays the major axis across the travel.
     pub heading_rad: Option<f64>,
+    /// A pass begins here, whatever the distance from the one before.
+    pub begins: bool,
 }
 
 /// A run of waypoints, two or more, no two in a row the same.
@@ -373,6 +375,7 @@ impl Reader {
             tip_mm,
             axis,
             heading_rad,
+            begins: false,
         };
         if before.is_some_and(|before| is_same(before, &waypoint)) {
             self.repeated += 1;

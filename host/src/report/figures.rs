@@ -200,6 +200,9 @@ pub struct Figures {
     /// The same without limits of the joints' jerk.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub time_bound_s: Option<f64>,
+    /// The slicer's own estimate of the printing time, of G-code.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub slicer_estimate_s: Option<f64>,
     /// What the passes deposit; primes and retracts are not in it.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub volume_mm3: Option<f64>,
@@ -402,6 +405,7 @@ impl Figures {
             ("travel", number(self.travel_mm, 1, "mm")),
             ("print time", number(self.print_s, 2, "s")),
             ("without limits of jerk", number(self.time_bound_s, 2, "s")),
+            ("slicer's estimate", number(self.slicer_estimate_s, 2, "s")),
             ("deposited volume", number(self.volume_mm3, 2, "mm³")),
             ("planning time", number(self.plan_s, 2, "s")),
             ("heading travel", number(self.heading_travel_rad, 1, "rad")),

@@ -260,6 +260,7 @@ mod tests {
                 control: ends.to_vec(),
             },
             dwell_s: 0.0,
+            speed_mm_s: None,
             event: None,
         };
         Route {

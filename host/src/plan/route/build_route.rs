@@ -107,6 +107,7 @@ impl Head<'_> {
             pass,
             curve,
             dwell_s,
+            speed_mm_s: None,
             event,
         });
     }
@@ -279,11 +280,20 @@ pub fn event_duration_s(volume_mm3: f64, rate_mm3_s: f64) -> f64 {
 /// `from_rad` from which all of the pass stays within the stops of the joint that turns the nozzle.
 /// Where there is none the nearest of all: the check of the joints' ranges then names the joint.
 fn entry_heading(pass: &PlanePass, from_rad: f64, settings: &Settings) -> f64 {
+    entry_heading_of(|| pass.control.iter().map(|c| c[2]), from_rad, settings)
+}
+
+/// The same of a pass with these headings.
+pub fn entry_heading_of<I: Iterator<Item = f64>>(
+    headings_rad: impl Fn() -> I,
+    from_rad: f64,
+    settings: &Settings,
+) -> f64 {
     let period_rad = settings.aperture.period_rad();
-    let first_rad = pass.control[0][2];
+    let first_rad = headings_rad().next().unwrap_or(from_rad);
     let nearest_rad = nearest_heading(first_rad, from_rad, period_rad);
     let [low_rad, high_rad] = heading_range(settings);
-    let turned = pass.control.iter().map(|c| c[2] - first_rad);
+    let turned = headings_rad().map(|heading_rad| heading_rad - first_rad);
     let (least_rad, most_rad) = turned.fold((0.0_f64, 0.0_f64), |(least, most), turned| {
         (least.min(turned), most.max(turned))
     });

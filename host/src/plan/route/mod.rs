@@ -5,12 +5,16 @@
 //! (mm, rad)                                                            (mm, rad, mm³)
 //! WaypointRun --waypoint_curve--> PathCurve --waypoint_route--> Route
 //! (mm, input)                     (mm, rad, machine coordinates)
+//! GcodePass   --bead_curve, gcode_route--> Route
+//! (mm, input)                              (mm, rad, mm³)
 //! ```
 //!
 //! Leaves out: how fast it goes (`motion`).
 
+pub mod bead_curve;
 pub mod build_route;
 pub mod flow;
+pub mod gcode_route;
 pub mod keep_out;
 pub mod moves;
 pub mod path_curve;

@@ -28,6 +28,8 @@ pub struct Stretch {
     pub curve: PathCurve,
     /// Least duration; the only duration of a dwell.
     pub dwell_s: f64,
+    /// Tip speed of its own, below that of its state, mm/s.
+    pub speed_mm_s: Option<f64>,
     /// Flow event that starts with the stretch (prime), or so long before its end (retract).
     pub event: Option<StretchEvent>,
 }

@@ -79,9 +79,15 @@ pub fn waypoint_passes(
     settings: &Settings,
 ) -> Result<Vec<Vec<PathCurve>>, WaypointCurveError> {
     check_tilt(&run.points, settings)?;
-    let gap_mm = settings.gap_mm.unwrap_or_else(|| usual_gap_mm(&run.points));
+    let is_divided = run.points.iter().any(|point| point.begins);
+    let gap_mm = settings.gap_mm.unwrap_or_else(|| match is_divided {
+        true => f64::INFINITY,
+        false => usual_gap_mm(&run.points),
+    });
     let mut spans_left = SPANS_MAX;
-    let jumps = |pair: [&Waypoint; 2]| (pair[1].tip_mm - pair[0].tip_mm).norm() <= gap_mm;
+    let jumps = |pair: [&Waypoint; 2]| {
+        !pair[1].begins && (pair[1].tip_mm - pair[0].tip_mm).norm() <= gap_mm
+    };
     let passes = run.points.chunk_by(|a, b| jumps([a, b]));
     // A waypoint between two jumps lays nothing.
     let passes = passes.filter(|points| points.len() > 1);

@@ -297,6 +297,7 @@ fn stretch(state: MotionState, control: Vec<Point>) -> Stretch {
         pass: None,
         curve: PathCurve { control },
         dwell_s: 0.0,
+        speed_mm_s: None,
         event: None,
     }
 }

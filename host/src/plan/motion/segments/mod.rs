@@ -168,9 +168,12 @@ fn finish_stretch(
     winding: &Winding<f64>,
 ) -> Result<FinishedStretch, MotionError> {
     let stretch = &route.stretches[index];
+    let of_state = MotionLimits::of(settings, stretch.state)?;
+    let own_mm_s = stretch.speed_mm_s.unwrap_or(f64::INFINITY);
     let limits = MotionLimits {
         winding: *winding,
-        ..MotionLimits::of(settings, stretch.state)?
+        tip_speed_mm_s: of_state.tip_speed_mm_s.min(own_mm_s),
+        ..of_state
     };
     check_event(stretch, &limits)?;
     let first = quantised(&stretch.curve.control[0]);

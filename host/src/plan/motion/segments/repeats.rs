@@ -55,6 +55,7 @@ fn is_repeated(route: &Route, first: usize, index: usize) -> bool {
     };
     points.len() == others.len()
         && (own.event, own.dwell_s) == (other.event, other.dwell_s)
+        && own.speed_mm_s == other.speed_mm_s
         && before(index) == before(first)
         && (0..CHANNELS).all(is_constant)
 }
@@ -95,6 +96,7 @@ mod tests {
             pass: (state == MotionState::Print).then_some(layer),
             curve: PathCurve { control },
             dwell_s: 0.0,
+            speed_mm_s: None,
             event: None,
         }
     }

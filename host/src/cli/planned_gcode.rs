@@ -1,0 +1,116 @@
+//! A slicer's G-code -> its job, and what the user should know of it.
+
+use super::CliError;
+use super::console::Console;
+use super::planned::Planned;
+use super::warnings::settings_warnings;
+use crate::gcode::GcodeProgram;
+use crate::gcode_plan::{GcodePlan, plan_gcode};
+use crate::report::figures::Figures;
+use crate::settings::Settings;
+use std::path::Path;
+use std::time::Instant;
+
+/// Volume beside the file's that is told, per cent.
+const VOLUME_TOLD_PCT: f64 = 0.5;
+
+/// Plans a file's passes; `speed_mm_s` bounds its speeds.
+pub(super) fn from_gcode(
+    path: &Path,
+    program: GcodeProgram,
+    speed_mm_s: Option<f64>,
+    settings: Settings,
+    console: &Console,
+) -> Result<Planned, CliError> {
+    let bar = console.planning();
+    let begun = Instant::now();
+    let planned = plan_gcode(&program, speed_mm_s, &settings, &bar);
+    let plan_s = begun.elapsed().as_secs_f64();
+    bar.clear();
+    let planned = planned.map_err(|error| CliError::Job(format!("{}: {error}", path.display())))?;
+    let mut warnings = warnings(&program, &planned);
+    warnings.extend(settings_warnings(&settings));
+    console.notes(&warnings);
+    let f = &planned.figures;
+    let passes = f.passes as u64;
+    let figures = Figures {
+        layers: Some(u64::from(f.layers)),
+        passes: Some(passes),
+        flow_interruptions: Some(passes.saturating_sub(1)),
+        print_mm: Some(f.print_mm),
+        travel_mm: Some(f.travel_mm),
+        print_s: Some(f.print_s),
+        time_bound_s: Some(planned.motion.time_bound_s),
+        slicer_estimate_s: program.estimate_s,
+        volume_mm3: Some(f.volume_mm3),
+        plan_s: Some(plan_s),
+        heading_travel_rad: Some(f.heading_travel_rad),
+        heading_rate_max_rad_s: Some(f.heading_rate_max_rad_s),
+        segments: Some(planned.stream.knots.len() as u64),
+        ..Figures::default()
+    };
+    let GcodeProgram {
+        name, mut notes, ..
+    } = program;
+    notes.extend(warnings);
+    Ok(Planned {
+        figures,
+        name,
+        outline: Vec::new(),
+        settings: Settings {
+            machine: planned.stream.machine(&settings.machine),
+            ..planned.settings
+        },
+        transform: planned.transform,
+        stream: planned.stream,
+        notes,
+        plan: None,
+        unreachable: Vec::new(),
+        left_out: Vec::new(),
+    })
+}
+
+fn warnings(program: &GcodeProgram, planned: &GcodePlan) -> Vec<String> {
+    let mut warnings = Vec::new();
+    let f = &planned.figures;
+    if let Some(estimate_s) = program.estimate_s {
+        warnings.push(format!(
+            "{} reckons with {estimate_s:.1} s, this job takes {:.1} s: {:+.1} %",
+            program.slicer.name(),
+            f.print_s,
+            100.0 * (f.print_s / estimate_s - 1.0)
+        ));
+    }
+    let aperture = &planned.settings.aperture;
+    let widths_mm = [2.0 * aperture.major_mm(), 2.0 * aperture.minor_mm()];
+    let sides = ["wider", "narrower"]
+        .iter()
+        .zip(planned.beyond_mm)
+        .zip(widths_mm);
+    for ((side, beyond_mm), width_mm) in sides {
+        if beyond_mm > 0.0 {
+            warnings.push(format!(
+                "{beyond_mm:.1} mm of {:.1} mm of beads are to be {side} than the {width_mm:.3} mm that this \
+                 nozzle lays: the volume is the file's, the bead as wide as it can be made; slice for \
+                 widths of {:.3} to {:.3} mm",
+                f.print_mm, widths_mm[1], widths_mm[0]
+            ));
+        }
+    }
+    let flow = planned.settings.flow_factor;
+    if let Some(volume_mm3) = program.volume_mm3().map(|mm3| mm3 * flow) {
+        let beside_pct = 100.0 * (f.volume_mm3 / volume_mm3.max(1e-9) - 1.0);
+        if beside_pct.abs() > VOLUME_TOLD_PCT {
+            warnings.push(format!(
+                "the job deposits {beside_pct:+.2} % of what the file asks"
+            ));
+        }
+    }
+    let doubled = planned.motion.doubled_stretches;
+    if doubled > 0 {
+        warnings.push(format!(
+            "{doubled} stretches had to be slowed as a whole to keep the limits"
+        ));
+    }
+    warnings
+}

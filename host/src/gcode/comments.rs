@@ -1,0 +1,204 @@
+//! What slicers say in comments: widths, heights, layers, kinds, times, the filament.
+//!
+//! In: comments in order. Out: [`Comments`] (mm, s). PrusaSlicer and OrcaSlicer (and their relatives)
+//! write `TYPE:`, `WIDTH:`, `HEIGHT:`, `LAYER_CHANGE` and their settings; CuraEngine `TYPE:`, `LAYER:`,
+//! `TIME_ELAPSED:`. Everything else is for people.
+
+/// Who wrote the file.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub enum Slicer {
+    /// Nobody that says so.
+    #[default]
+    Plain,
+    /// PrusaSlicer, Slic3r, SuperSlicer.
+    PrusaSlicer,
+    /// OrcaSlicer, Bambu Studio.
+    OrcaSlicer,
+    /// CuraEngine.
+    Cura,
+    /// Headway's own export.
+    Headway,
+}
+
+/// What holds for the moves that follow.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub struct Hint {
+    /// Width of the bead.
+    pub width_mm: Option<f64>,
+    /// Height of the bead.
+    pub height_mm: Option<f64>,
+    /// Layers begun so far.
+    pub layers: u32,
+}
+
+/// What was said.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub struct Comments {
+    /// Who wrote it.
+    pub slicer: Slicer,
+    /// What holds now.
+    pub hint: Hint,
+    /// The slicer's estimate of the printing time.
+    pub estimate_s: Option<f64>,
+    /// Diameter of the filament.
+    pub filament_mm: Option<f64>,
+    /// G90 and G91 are also those of E, as Marlin has it.
+    pub modes_of_e: bool,
+    /// The extruder's letter, where it is not E.
+    pub extruder: Option<u8>,
+}
+
+/// Plausible beads and heights, mm.
+const SIZES_MM: [f64; 2] = [0.001, 100.0];
+
+impl Slicer {
+    /// As notes call it.
+    pub fn name(self) -> &'static str {
+        match self {
+            Slicer::Plain => "plain G-code",
+            Slicer::PrusaSlicer => "PrusaSlicer",
+            Slicer::OrcaSlicer => "OrcaSlicer",
+            Slicer::Cura => "Cura",
+            Slicer::Headway => "Headway",
+        }
+    }
+}
+
+impl Comments {
+    /// Takes one comment.
+    pub fn read(&mut self, text: &str) {
+        if let Some(extruder) = text.strip_prefix("headway extruder=") {
+            self.slicer = Slicer::Headway;
+            let letter = extruder.bytes().next().filter(u8::is_ascii_uppercase);
+            self.extruder = letter;
+            return;
+        }
+        self.detect(text);
+        if text == "LAYER_CHANGE" || text == "CHANGE_LAYER" || text.starts_with("LAYER:") {
+            self.hint.layers += 1;
+        }
+        let Some((key, value)) = text.split_once([':', '=']) else {
+            return;
+        };
+        let value = value.trim();
+        match key.trim() {
+            "WIDTH" | "LINE_WIDTH" => self.hint.width_mm = size(value),
+            "HEIGHT" | "LAYER_HEIGHT" => self.hint.height_mm = size(value),
+            "TIME_ELAPSED" => self.estimate_s = value.parse().ok().filter(|s: &f64| s.is_finite()),
+            "filament_diameter" => {
+                let first = value.split(',').next().unwrap_or_default();
+                self.filament_mm = size(first).or(self.filament_mm);
+            }
+            "FLAVOR" => self.modes_of_e = value.starts_with("Marlin"),
+            key if key.starts_with("estimated printing time (normal") => {
+                self.estimate_s = duration_s(value).or(self.estimate_s);
+            }
+            // Orca: "model printing time: 1m 2s; total estimated time: 2m 3s".
+            "model printing time" => {
+                let total = value.rsplit_once(':').map_or(value, |(_, total)| total);
+                self.estimate_s = duration_s(total.trim()).or(self.estimate_s);
+            }
+            _ => {}
+        }
+    }
+
+    fn detect(&mut self, text: &str) {
+        if self.slicer != Slicer::Plain {
+            return;
+        }
+        let marks = [
+            ("OrcaSlicer", Slicer::OrcaSlicer),
+            ("BambuStudio", Slicer::OrcaSlicer),
+            ("PrusaSlicer", Slicer::PrusaSlicer),
+            ("SuperSlicer", Slicer::PrusaSlicer),
+            ("Slic3r", Slicer::PrusaSlicer),
+            ("Cura_SteamEngine", Slicer::Cura),
+        ];
+        let is_origin = text.contains("enerated")
+            || text.contains("Slicer ")
+            || text.starts_with("BambuStudio");
+        let found = marks
+            .iter()
+            .find(|(mark, _)| is_origin && text.contains(mark));
+        self.slicer = found.map_or(Slicer::Plain, |(_, slicer)| *slicer);
+    }
+}
+
+fn size(text: &str) -> Option<f64> {
+    let value: f64 = text.trim().parse().ok()?;
+    (SIZES_MM[0]..=SIZES_MM[1])
+        .contains(&value)
+        .then_some(value)
+}
+
+/// `1d 2h 3m 4s`.
+fn duration_s(text: &str) -> Option<f64> {
+    let mut seconds = 0.0;
+    let mut found = false;
+    for part in text.split_whitespace() {
+        let unit = match part.chars().last() {
+            Some('d') => 86_400.0,
+            Some('h') => 3600.0,
+            Some('m') => 60.0,
+            Some('s') => 1.0,
+            _ => break,
+        };
+        let number: f64 = part[..part.len() - 1].parse().ok()?;
+        seconds += number * unit;
+        found = true;
+    }
+    (found && f64::is_finite(seconds)).then_some(seconds)
+}
+
+#[cfg(test)]
+mod tests {
+    //! Goal: what the three slicers write is understood. Method: comments as they stand in files.
+    use super::*;
+
+    fn after(texts: &[&str]) -> Comments {
+        let mut comments = Comments::default();
+        texts.iter().for_each(|text| comments.read(text));
+        comments
+    }
+
+    #[test]
+    fn comments_of_the_slicers() {
+        let prusa = after(&[
+            "generated by PrusaSlicer 2.5.0 on 2026-11-20",
+            "LAYER_CHANGE",
+            "HEIGHT:0.2",
+            "TYPE:Perimeter",
+            "WIDTH:0.457521",
+            "estimated printing time (normal mode) = 1h 2m 3s",
+            "filament_diameter = 1.75,1.75",
+        ]);
+        assert_eq!(prusa.slicer, Slicer::PrusaSlicer);
+        assert_eq!(prusa.hint.width_mm, Some(0.457521));
+        assert_eq!((prusa.hint.height_mm, prusa.hint.layers), (Some(0.2), 1));
+        assert_eq!(prusa.estimate_s, Some(3723.0));
+        assert_eq!(prusa.filament_mm, Some(1.75));
+        let orca = after(&[
+            "generated by OrcaSlicer 2.1.1 on 2026-01-01",
+            "CHANGE_LAYER",
+            "LINE_WIDTH: 0.42",
+            "model printing time: 9m 37s; total estimated time: 15m 42s",
+        ]);
+        assert_eq!(
+            (orca.slicer, orca.hint.width_mm),
+            (Slicer::OrcaSlicer, Some(0.42))
+        );
+        assert_eq!((orca.hint.layers, orca.estimate_s), (1, Some(942.0)));
+        let cura = after(&[
+            "FLAVOR:Marlin",
+            "Generated with Cura_SteamEngine 4.13.0",
+            "LAYER:0",
+            "TIME_ELAPSED:19.5",
+        ]);
+        assert_eq!((cura.slicer, cura.modes_of_e), (Slicer::Cura, true));
+        assert_eq!((cura.hint.layers, cura.estimate_s), (1, Some(19.5)));
+        // Pictures and settings in comments are no sizes.
+        let odd = after(&["WIDTH:abc", "HEIGHT:1e99", "TIME_ELAPSED:inf"]);
+        assert_eq!(odd.hint, Hint::default());
+        assert_eq!(odd.estimate_s, None);
+    }
+}

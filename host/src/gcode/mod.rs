@@ -1,0 +1,311 @@
+//! G-code in: what a slicer or a post-processor wrote -> passes with widths, speeds and volumes.
+//!
+//! ```text
+//! bytes --words--> Line --interpreter--> Steps --passes--> GcodeProgram
+//!                 (letters, numbers)    (mm, deg, mm/s)    (mm, mm³)
+//! ```
+//! In: text of PrusaSlicer, OrcaSlicer, Cura, or plain G-code. Out: [`GcodeProgram`], its places in the
+//! file's own coordinates, and notes on what it says and Headway does not do. Leaves out how the
+//! nozzle is turned and how the head moves: that is planning's.
+
+pub mod arcs;
+pub mod comments;
+pub mod error;
+pub mod interpreter;
+pub mod passes;
+pub mod words;
+
+pub use error::GcodeError;
+
+use comments::Slicer;
+use headway_firmware::pose::TILT_MAX_RAD;
+use interpreter::Steps;
+use nalgebra::{Rotation3, Unit, Vector3};
+
+/// Largest file, bytes.
+pub const GCODE_BYTES_MAX: u64 = 256 * 1024 * 1024;
+/// Longest line without its comment.
+pub const LINE_CHARS_MAX: usize = 1000;
+/// Most straight moves of a file, curves in chords.
+pub const MOVES_MAX: usize = 2_000_000;
+/// Farthest place, mm.
+pub const PLACE_MAX_MM: f64 = 100_000.0;
+/// Farthest turn of a rotary axis, degrees: a thousand turns.
+pub const ANGLE_MAX_DEG: f64 = 360_000.0;
+/// Diameters of filament, mm.
+pub const FILAMENT_MM: [f64; 2] = [0.1, 20.0];
+/// Diameter where nobody says it.
+pub const FILAMENT_DEFAULT_MM: f64 = 1.75;
+/// Lines of each kind that a note names.
+const LINES_TOLD: usize = 8;
+
+/// A place of the tip and the turns of head or table.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub struct Place {
+    /// Tip, mm.
+    pub tip_mm: [f64; 3],
+    /// A, B, C, degrees.
+    pub turn_deg: [f64; 3],
+}
+
+/// What holds between two places of a pass.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Leg {
+    /// Line of the file, from 1.
+    pub line: usize,
+    /// Tip speed.
+    pub speed_mm_s: f64,
+    /// Width of the bead, where a comment tells it.
+    pub width_mm: Option<f64>,
+    /// Height of the bead, where it is known.
+    pub height_mm: Option<f64>,
+    /// What it deposits; `None` in a file that extrudes nothing.
+    pub volume_mm3: Option<f64>,
+}
+
+/// A prime or retract.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub struct Push {
+    /// Volume; `None` is the machine's own.
+    pub mm3: Option<f64>,
+    /// Rate that the file asks.
+    pub rate_mm3_s: Option<f64>,
+}
+
+/// One run without an interruption of flow.
+#[derive(Clone, Debug, PartialEq)]
+pub struct GcodePass {
+    /// Layer from 0.
+    pub layer: u32,
+    /// Where the head goes from the pass before to this one, ends left out.
+    pub travel: Vec<Place>,
+    /// Two or more places.
+    pub points: Vec<Place>,
+    /// Between them, one less.
+    pub legs: Vec<Leg>,
+    /// Before it.
+    pub prime: Option<Push>,
+    /// After it.
+    pub retract: Option<Push>,
+}
+
+/// A file's passes and what else it says.
+#[derive(Clone, Debug, PartialEq)]
+pub struct GcodeProgram {
+    /// Name for headers and pictures.
+    pub name: String,
+    /// Who wrote it.
+    pub slicer: Slicer,
+    /// Passes in order, one or more.
+    pub passes: Vec<GcodePass>,
+    /// The slicer's estimate of the printing time.
+    pub estimate_s: Option<f64>,
+    /// C is given: headings are told.
+    pub has_headings: bool,
+    /// A or B is given: the tool tilts.
+    pub has_tilts: bool,
+    /// One line each: what is not done, what was taken how.
+    pub notes: Vec<String>,
+}
+
+/// How to read.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct GcodeOptions {
+    /// Factor on all places and lengths, not on volumes of E.
+    pub scale: f64,
+    /// Diameter of the filament, over what the file says.
+    pub filament_mm: Option<f64>,
+}
+
+impl Default for GcodeOptions {
+    fn default() -> GcodeOptions {
+        GcodeOptions {
+            scale: 1.0,
+            filament_mm: None,
+        }
+    }
+}
+
+impl Place {
+    /// Between the tips.
+    pub fn distance_mm(&self, other: &Place) -> f64 {
+        let squares = (0..3).map(|i| (self.tip_mm[i] - other.tip_mm[i]).powi(2));
+        squares.sum::<f64>().sqrt()
+    }
+
+    /// Tool axis from the tip into the head, and heading about it, rad: the head stands at
+    /// R_x(A) R_y(B) R_z(C), heading by the smallest turn from upright to the axis.
+    pub fn axis_and_heading(&self) -> (Unit<Vector3<f64>>, f64) {
+        let [a, b, c] = self.turn_deg.map(f64::to_radians);
+        let tilted = Rotation3::from_axis_angle(&Vector3::x_axis(), a)
+            * Rotation3::from_axis_angle(&Vector3::y_axis(), b);
+        let axis = Unit::new_normalize(tilted * Vector3::z());
+        let upright = Rotation3::rotation_between(&Vector3::z(), &axis).unwrap_or_default();
+        let x = upright.inverse() * (tilted * Vector3::x());
+        (axis, c + x.y.atan2(x.x))
+    }
+}
+
+impl Push {
+    /// Two pushes in a row; the machine's own, where one of them is that.
+    fn and(self, mm3: Option<f64>) -> Push {
+        let sum = self.mm3.zip(mm3).map(|(a, b)| a + b);
+        Push { mm3: sum, ..self }
+    }
+}
+
+impl GcodePass {
+    /// What it deposits, mm³; `None` where the file does not say it.
+    pub fn volume_mm3(&self) -> Option<f64> {
+        self.legs.iter().map(|leg| leg.volume_mm3).sum()
+    }
+}
+
+impl GcodeProgram {
+    /// Layers of the passes.
+    pub fn layers(&self) -> u32 {
+        self.passes.last().map_or(1, |pass| pass.layer + 1)
+    }
+
+    /// Length of all passes, mm.
+    pub fn print_mm(&self) -> f64 {
+        let pairs = self.passes.iter().flat_map(|pass| pass.points.windows(2));
+        pairs.map(|pair| pair[1].distance_mm(&pair[0])).sum()
+    }
+
+    /// What all passes deposit, mm³; `None` where the file does not say it.
+    pub fn volume_mm3(&self) -> Option<f64> {
+        self.passes.iter().map(GcodePass::volume_mm3).sum()
+    }
+}
+
+/// Reads a file. `name` is used for headers.
+///
+/// # Errors
+/// [`GcodeError`], the first that is found.
+pub fn read(bytes: &[u8], name: &str, options: &GcodeOptions) -> Result<GcodeProgram, GcodeError> {
+    if bytes.starts_with(b"GCDE") {
+        return Err(GcodeError::Binary);
+    }
+    let text = std::str::from_utf8(bytes).map_err(|error| GcodeError::NotText {
+        at_byte: error.valid_up_to(),
+    })?;
+    let steps = interpreter::steps(text.trim_start_matches('\u{feff}'))?;
+    let filament_mm = filament_mm(&steps, options)?;
+    let (mut passes, left_out) = passes::passes(&steps, filament_mm);
+    if passes.is_empty() {
+        return Err(GcodeError::NothingPrinted { lines: steps.lines });
+    }
+    if options.scale != 1.0 {
+        passes.iter_mut().for_each(|pass| pass.scale(options.scale));
+    }
+    check_tilt(&passes)?;
+    let mut notes = notes(&steps, options, filament_mm);
+    if left_out.purged_mm3 > 1e-6 {
+        notes.push(format!(
+            "line {}: {:.2} mm³ are pushed out on the spot beyond what was pulled back: not done, prime \
+             the nozzle before the job",
+            left_out.line, left_out.purged_mm3
+        ));
+    }
+    Ok(GcodeProgram {
+        name: name.to_string(),
+        slicer: steps.comments.slicer,
+        estimate_s: steps.comments.estimate_s.filter(|s| *s > 0.0),
+        has_tilts: steps.turns[0],
+        has_headings: steps.turns[1] || steps.turns[0],
+        passes,
+        notes,
+    })
+}
+
+impl GcodePass {
+    fn scale(&mut self, factor: f64) {
+        for place in self.points.iter_mut().chain(&mut self.travel) {
+            place.tip_mm.iter_mut().for_each(|c| *c *= factor);
+        }
+        for leg in &mut self.legs {
+            leg.width_mm = leg.width_mm.map(|mm| mm * factor);
+            leg.height_mm = leg.height_mm.map(|mm| mm * factor);
+            leg.volume_mm3 = leg.volume_mm3.map(|mm3| mm3 * factor.powi(3));
+        }
+    }
+}
+
+fn filament_mm(steps: &Steps, options: &GcodeOptions) -> Result<f64, GcodeError> {
+    let said = options.filament_mm.or(steps.comments.filament_mm);
+    let diameter_mm = said.unwrap_or(FILAMENT_DEFAULT_MM);
+    if (FILAMENT_MM[0]..=FILAMENT_MM[1]).contains(&diameter_mm) {
+        Ok(diameter_mm)
+    } else {
+        Err(GcodeError::Filament {
+            line: 0,
+            diameter_mm,
+        })
+    }
+}
+
+/// Poses have tilts up to a bound.
+fn check_tilt(passes: &[GcodePass]) -> Result<(), GcodeError> {
+    for pass in passes {
+        let lines = pass.legs.iter().map(|leg| leg.line);
+        for (place, line) in pass.points.iter().skip(1).zip(lines) {
+            let tilt_rad = place.axis_and_heading().0.z.clamp(-1.0, 1.0).acos();
+            if tilt_rad > TILT_MAX_RAD {
+                return Err(GcodeError::Tilt {
+                    line,
+                    tilt_deg: tilt_rad.to_degrees(),
+                    max_deg: TILT_MAX_RAD.to_degrees(),
+                });
+            }
+        }
+    }
+    Ok(())
+}
+
+fn notes(steps: &Steps, options: &GcodeOptions, filament_mm: f64) -> Vec<String> {
+    let mut notes = Vec::new();
+    let comments = &steps.comments;
+    if steps.extrudes && comments.filament_mm.is_none() && options.filament_mm.is_none() {
+        notes.push(format!(
+            "no line tells the filament's diameter: {filament_mm} mm is taken (--filament-diameter)"
+        ));
+    }
+    let more = |count: usize| match count.saturating_sub(LINES_TOLD) {
+        0 => String::new(),
+        more => format!(" and {more} more"),
+    };
+    if !steps.carried.is_empty() {
+        let told: Vec<&str> = steps
+            .carried
+            .iter()
+            .take(LINES_TOLD)
+            .map(String::as_str)
+            .collect();
+        notes.push(format!(
+            "temperatures and fans are not in the job, set them by the controller that has them: {}{}",
+            told.join(", "),
+            more(steps.carried.len())
+        ));
+    }
+    if !steps.undone.is_empty() {
+        let mut undone: Vec<_> = steps.undone.iter().collect();
+        undone.sort_by_key(|(_, (line, _))| *line);
+        let told = undone
+            .iter()
+            .take(LINES_TOLD)
+            .map(|(code, (line, times))| match times {
+                1 => format!("line {line} {code}"),
+                _ => format!("line {line} {code} ({times} times)"),
+            });
+        notes.push(format!(
+            "not done: {}{}",
+            told.collect::<Vec<_>>().join(", "),
+            more(undone.len())
+        ));
+    }
+    notes
+}
+
+#[cfg(test)]
+mod tests;

@@ -1,0 +1,301 @@
+//! Goal: modes, units, arcs, retraction and comments come out as a controller would move; what is no
+//! G-code is refused with line and remedy. Method: short programs whose passes are known.
+use super::*;
+
+fn program(text: &str) -> GcodeProgram {
+    read(text.as_bytes(), "t", &GcodeOptions::default()).expect(text)
+}
+
+fn tips(pass: &GcodePass) -> Vec<[f64; 3]> {
+    pass.points.iter().map(|place| place.tip_mm).collect()
+}
+
+/// Cross-section of 1.75 mm filament.
+const FILAMENT_MM2: f64 = 0.25 * std::f64::consts::PI * 1.75 * 1.75;
+
+#[test]
+fn modes_and_units() {
+    let absolute = program("G1 X10 Y0 Z.2 F1200\nG1 X20 E1\nG1 Y10 E3\nG92 E0 X0\nG1 X-5 E1\n");
+    assert_eq!(absolute.passes.len(), 1);
+    let pass = &absolute.passes[0];
+    assert_eq!(
+        tips(pass),
+        [
+            [10.0, 0.0, 0.2],
+            [20.0, 0.0, 0.2],
+            [20.0, 10.0, 0.2],
+            [15.0, 10.0, 0.2]
+        ]
+    );
+    let volumes: Vec<f64> = pass
+        .legs
+        .iter()
+        .map(|leg| leg.volume_mm3.expect("told") / FILAMENT_MM2)
+        .collect();
+    assert!(
+        volumes
+            .iter()
+            .zip([1.0, 2.0, 1.0])
+            .all(|(a, b)| (a - b).abs() < 1e-12),
+        "{volumes:?}"
+    );
+    assert_eq!(pass.legs[0].speed_mm_s, 20.0);
+    assert_eq!(pass.legs[0].height_mm, Some(0.2));
+    let relative = program("G91\nM83\nG1 X10 Z.2 F600\nG1 X10 E1\nG90\nG1 X10 E1 F1200\n");
+    assert_eq!(
+        tips(&relative.passes[0]),
+        [[10.0, 0.0, 0.2], [20.0, 0.0, 0.2], [10.0, 0.0, 0.2]]
+    );
+    assert_eq!(relative.passes[0].legs[1].speed_mm_s, 20.0);
+    // Marlin's G90 is also that of E, Klipper's is not.
+    let marlin = program(";FLAVOR:Marlin\nM83\nG1 X1 E5\nG90\nG1 X2 E6\n");
+    assert!((marlin.volume_mm3().expect("told") / FILAMENT_MM2 - 6.0).abs() < 1e-12);
+    let inches = program("G20\nG1 X1 Z.01 F60\nG1 X2 E.1\n");
+    assert!((inches.passes[0].points[1].tip_mm[0] - 50.8).abs() < 1e-12);
+    assert!((inches.passes[0].legs[0].speed_mm_s - 25.4).abs() < 1e-12);
+    let volumetric = program("M200 D2\nM221 S50\nM220 S200\nG1 X10 E3 F600\n");
+    assert_eq!(volumetric.volume_mm3(), Some(1.5));
+    assert_eq!(volumetric.passes[0].legs[0].speed_mm_s, 20.0);
+    let inverse = program("G93\nG1 X10 E1 F6\n");
+    assert_eq!(inverse.passes[0].legs[0].speed_mm_s, 1.0);
+}
+
+#[test]
+fn curves_go_through_planes_modes_and_turns() {
+    let length = |text: &str| program(text).print_mm();
+    let quarter = 5.0 * std::f64::consts::PI;
+    for text in [
+        "G0 X10\nG3 X0 Y10 I-10 E1",
+        "G0 X10\nG2 X20 Y10 R10 E1",
+        "G0 X10\nG90.1\nG3 X0 Y10 I0 J0 E1",
+        "G18\nG0 Z10\nG3 X10 Z0 K-10 E1",
+        "G19\nG0 Y10\nG3 Y0 Z10 J-10 E1",
+        "G0 X10\nG5 I0 J5.522847 P5.522847 Q0 X0 Y10 E1",
+    ] {
+        // G5 is a Bezier curve, 0.03 % off a circle.
+        assert!(
+            (length(text) / quarter - 1.0).abs() < 4e-4,
+            "{text}: {}",
+            length(text)
+        );
+    }
+    let helix = program("G0 X10 Z1\nG3 X10 Y0 Z2 I-10 P2 E4\n");
+    let pass = &helix.passes[0];
+    assert_eq!(
+        pass.points.last().map(|place| place.tip_mm),
+        Some([10.0, 0.0, 2.0])
+    );
+    assert!((helix.print_mm() / (8.0 * quarter) - 1.0).abs() < 1e-3);
+    assert!((helix.volume_mm3().expect("told") / FILAMENT_MM2 - 4.0).abs() < 1e-9);
+}
+
+#[test]
+fn retraction_and_travel_part_passes() {
+    let text = "M83\nG1 E3 F300 ; purge\nG1 E-1 F1800\nG0 X5 Y5 Z.2\nG1 E1\nG1 X15 E.5 F1200\nG1 E-.8 F2400\n\
+                G0 Z.6\nG0 X20 Y9\nG0 Z.2\nG1 E.9\nG1 Y19 E.5\nG10\nG0 X0\nG11\nG1 X-5 E.2\nG0 X-9\nG1 X-11 E.1\n";
+    let read = program(text);
+    assert_eq!(read.passes.len(), 4);
+    let volumes = |push: Option<Push>| {
+        push.and_then(|push| push.mm3)
+            .map(|mm3| (mm3 / FILAMENT_MM2 * 1e9).round() / 1e9)
+    };
+    assert_eq!(volumes(read.passes[0].prime), Some(1.0));
+    assert_eq!(volumes(read.passes[0].retract), Some(0.8));
+    // A little more than was pulled is a prime; what went into the air before is not.
+    assert_eq!(volumes(read.passes[1].prime), Some(0.9));
+    assert!(
+        read.notes
+            .iter()
+            .any(|note| note.contains("line 2") && note.contains("7.22 mm³")),
+        "{:?}",
+        read.notes
+    );
+    assert_eq!(
+        read.passes[0].retract.and_then(|push| push.rate_mm3_s),
+        Some(40.0 * FILAMENT_MM2)
+    );
+    let ways: Vec<[f64; 3]> = read.passes[1]
+        .travel
+        .iter()
+        .map(|place| place.tip_mm)
+        .collect();
+    assert_eq!(ways, [[15.0, 5.0, 0.6], [20.0, 9.0, 0.6]]);
+    // Firmware retraction without M207 is the machine's own.
+    assert_eq!(
+        read.passes[1].retract,
+        Some(Push {
+            mm3: None,
+            rate_mm3_s: None
+        })
+    );
+    assert_eq!(
+        read.passes[2].prime,
+        Some(Push {
+            mm3: None,
+            rate_mm3_s: None
+        })
+    );
+    assert_eq!((read.passes[2].retract, read.passes[3].prime), (None, None));
+}
+
+#[test]
+fn layers_and_widths_are_those_of_comments_or_of_z() {
+    let told = program(
+        ";LAYER_CHANGE\n;HEIGHT:0.3\n;WIDTH:0.5\nG0 Z.3\nG1 X9 E1\n;WIDTH:0.6\nG1 X19 E2\n;LAYER_CHANGE\n;HEIGHT:0.2\nG0 Z.5\nG1 X0 E4\n",
+    );
+    assert_eq!(
+        told.passes
+            .iter()
+            .map(|pass| pass.layer)
+            .collect::<Vec<_>>(),
+        [0, 1]
+    );
+    let legs: Vec<_> = told
+        .passes
+        .iter()
+        .flat_map(|pass| &pass.legs)
+        .map(|leg| (leg.width_mm, leg.height_mm))
+        .collect();
+    assert_eq!(
+        legs,
+        [
+            (Some(0.5), Some(0.3)),
+            (Some(0.6), Some(0.3)),
+            (Some(0.6), Some(0.2))
+        ]
+    );
+    let plain = program("G0 Z.3\nG1 X9 E1\nG0 Z5\nG0 X0\nG0 Z.3\nG1 Y5 E2\nG0 Z.55\nG1 X9 E3\n");
+    assert_eq!(
+        plain
+            .passes
+            .iter()
+            .map(|pass| pass.layer)
+            .collect::<Vec<_>>(),
+        [0, 0, 1]
+    );
+    assert!((plain.passes[2].legs[0].height_mm.expect("z") - 0.25).abs() < 1e-12);
+}
+
+#[test]
+fn what_extrudes_nothing_prints_what_it_mills() {
+    let read = program(
+        "%\nG21 G90\nG0 Z5\nG0 X1 Y1\nG1 Z.2 F300\nG1 X9 F900\nX9 Y9 C45\nG0 Z5\nM30\nG1 X99\n",
+    );
+    assert_eq!(read.passes.len(), 1);
+    assert_eq!(
+        tips(&read.passes[0]),
+        [[1.0, 1.0, 0.2], [9.0, 1.0, 0.2], [9.0, 9.0, 0.2]]
+    );
+    assert!(read.has_headings && !read.has_tilts);
+    assert_eq!(read.volume_mm3(), None);
+    assert_eq!(read.passes[0].prime, Some(Push::default()));
+}
+
+#[test]
+fn turns_of_the_head_are_axes_and_headings() {
+    let place = |a: f64, b: f64, c: f64| Place {
+        tip_mm: [0.0; 3],
+        turn_deg: [a, b, c],
+    };
+    let (axis, heading_rad) = place(0.0, 0.0, 30.0).axis_and_heading();
+    assert!((axis.z - 1.0).abs() < 1e-15 && (heading_rad.to_degrees() - 30.0).abs() < 1e-12);
+    let (axis, _) = place(0.0, 20.0, 0.0).axis_and_heading();
+    assert!((axis.x - 20f64.to_radians().sin()).abs() < 1e-12);
+    let (axis, heading_rad) = place(20.0, 0.0, -10.0).axis_and_heading();
+    assert!((axis.y + 20f64.to_radians().sin()).abs() < 1e-12);
+    assert!((heading_rad.to_degrees() + 10.0).abs() < 1e-9);
+}
+
+#[test]
+fn what_is_not_done_is_told_with_its_line() {
+    let read = program(
+        "M104 S215\nG29\nM900 K0.05\nM117 hello\nSTART_PRINT BED=60\nG1 X9 E1\nM900 K0\nM106 S255\n",
+    );
+    let notes = read.notes.join("\n");
+    for part in [
+        "line 1 M104 S215",
+        "line 8 M106 S255",
+        "line 2 G29",
+        "line 3 M900 (2 times)",
+        "line 4 M117",
+        "line 5 START_PRINT",
+    ] {
+        assert!(notes.contains(part), "{part}: {notes}");
+    }
+}
+
+/// Broken files: what each is refused for.
+const BROKEN: [(&str, &str); 36] = [
+    ("", "nothing is printed"),
+    ("; only a comment\n", "nothing is printed"),
+    ("G1 X10 Y10\nG1 X0 E-1\n", "nothing is printed"),
+    ("G28\nM104 S200\n", "nothing is printed"),
+    ("G1 X10 Y", "line 1: Y has no number"),
+    ("G1 X1 E1\nG1 X", "line 2: X has no number"),
+    ("G1 X1.2.3 E1", "line 1: X has no number"),
+    ("G1 X1,5 E1", "line 1: X has no number"),
+    ("G1 X-", "line 1: X has no number"),
+    ("G1 Xnan E1", "X has no number"),
+    ("G1 X1 X2 E1", "line 1: X is given twice"),
+    ("G1 X1 E1 E2", "line 1: E is given twice"),
+    ("X10 Y10 E1", "line 1: it names an axis, and no G0"),
+    ("G0 G1 X1", "line 1: two motions"),
+    ("G1 X1e9 E1", "E is given twice"),
+    ("G1 X1000000000 E1", "line 1: X1000000000 is beyond 100000"),
+    (
+        "G91\nG1 X90000 E1\nG1 X90000 E1",
+        "line 3: X180000 is beyond",
+    ),
+    ("G1 X10 E1 F0", "line 1: F0 is no feed rate"),
+    ("G1 X10 E1 F-100", "line 1: F-100 is no feed rate"),
+    ("G93\nG1 X10 E1", "line 2: with G93"),
+    ("G2 X10 Y0 E1", "line 1: the arc has neither centre"),
+    ("G2 X10 Y0 R1 E1", "line 1: the arc of radius 1"),
+    (
+        "G3 X10 Y0 I2 J0 E1",
+        "line 1: the arc has radius 2.0000 mm at its start and 8.0000",
+    ),
+    ("G2 X10 Y0 I5 P900 E1", "line 1: the arc has P900"),
+    ("G5 X10 Y0 I1 J1 E1", "line 1: the arc (G5) needs P and Q"),
+    (
+        "G18\nG5 X10 I1 J1 P1 Q1 E1",
+        "line 2: the arc (G5) lies in the XY plane",
+    ),
+    ("G41 D1\nG1 X1 E1", "line 1: G41 is not read"),
+    ("G55\nG1 X1 E1", "line 1: G55 is not read"),
+    ("G81 X1 Z-1 R1", "line 1: G81 is not read"),
+    ("#1=5\nG1 X#1", "line 1: variables, expressions"),
+    ("O100 while [#1 LT 5]", "line 1: variables, expressions"),
+    ("N1 G1 X1*99", "line 1: its checksum is 99"),
+    (
+        "G1 X1 (never ends",
+        "line 1: the comment that begins with '('",
+    ),
+    ("T0\nG1 X1 E1\nT1\nG1 X2 E2", "line 3: tool T1 after T0"),
+    ("M200 D500\nG1 X1 E1", "line 1: a filament diameter of 500"),
+    (
+        "{\"exterior\": [[0,0]]}",
+        "line 1: '{\"exterior\": [[0,0]]}' is no word",
+    ),
+];
+
+#[test]
+fn broken_files_are_refused() {
+    for (text, part) in BROKEN {
+        let error = read(text.as_bytes(), "t", &GcodeOptions::default())
+            .expect_err(text)
+            .to_string();
+        assert!(error.contains(part), "{text}: {error}");
+    }
+    let long = format!("G1 X{}", "1".repeat(LINE_CHARS_MAX));
+    let error = |bytes: &[u8]| {
+        read(bytes, "t", &GcodeOptions::default())
+            .expect_err("broken")
+            .to_string()
+    };
+    assert!(error(long.as_bytes()).contains("line 1 is longer"));
+    assert!(error(b"GCDE\x01\x00").contains("binary G-code"));
+    assert!(error(b"G1 X1 \xff\xfe E1").contains("byte 6 is not UTF-8"));
+    let tilted = "G1 X1 A0 E1\nG1 X2 A170 E2";
+    assert!(error(tilted.as_bytes()).contains("line 2: the tool axis is tilted by 170"));
+}

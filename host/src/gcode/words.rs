@@ -1,0 +1,251 @@
+//! One line of G-code -> its words and comments.
+//!
+//! In: a line's text and number. Out: [`Line`]. A word is a letter and a decimal number (blanks between
+//! are allowed; no exponent, for E is a letter); a letter alone is a flag. `;` begins a comment, `( )`
+//! holds one; `N` and a checksum `*n` (verified) frame a line; a name of several letters is a macro.
+//! Source: RS274/NGC 3 (NIST IR 6556, 2000) and what Marlin, Klipper and RepRapFirmware take beside it.
+//!
+//! Own code, because the published parsers drop what is needed here: `gcode` keeps numbers as f32,
+//! which at 200 mm is 15 µm, and `async-gcode` wants an executor; neither knows macros.
+
+use super::LINE_CHARS_MAX;
+use super::error::GcodeError;
+
+/// Longest number, characters.
+const NUMBER_CHARS_MAX: usize = 32;
+/// Longest piece of a line that a message repeats.
+const TOLD_CHARS: usize = 24;
+
+/// A letter, in upper case, and its number; `None` for a flag.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Word {
+    /// `b'A'` to `b'Z'`.
+    pub letter: u8,
+    /// The number.
+    pub value: Option<f64>,
+}
+
+/// What a line says.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub struct Line<'a> {
+    /// Words in order, line numbers left out.
+    pub words: Vec<Word>,
+    /// A macro or a code with a text (`START_PRINT`, `M117 hello`), as it stands.
+    pub command: Option<&'a str>,
+    /// Comments in order.
+    pub comments: Vec<&'a str>,
+}
+
+/// A text cut short for a message.
+pub fn shortened(text: &str) -> String {
+    let text = text.trim();
+    let mut short: String = text.chars().take(TOLD_CHARS).collect();
+    if short.len() < text.len() {
+        short.push_str("...");
+    }
+    short
+}
+
+/// Reads one line.
+///
+/// # Errors
+/// [`GcodeError`] with the line.
+pub fn read_line(text: &str, line: usize) -> Result<Line<'_>, GcodeError> {
+    // Slicers append settings and pictures as comments of any length.
+    let code_end = text.find(';').unwrap_or(text.len());
+    if code_end > LINE_CHARS_MAX {
+        return Err(GcodeError::LongLine { line });
+    }
+    let mut found = Line::default();
+    let (code, comment) = text.split_at(code_end);
+    if !comment.is_empty() {
+        found.comments.push(comment[1..].trim());
+    }
+    let mut rest = checked(code, line)?.trim_start_matches('/').trim();
+    if rest.starts_with('%') {
+        return Ok(found);
+    }
+    while let Some(letter) = rest.bytes().next() {
+        if letter == b'(' {
+            let end = rest.find(')').ok_or(GcodeError::OpenComment { line })?;
+            found.comments.push(rest[1..end].trim());
+            rest = rest[end + 1..].trim_start();
+            continue;
+        }
+        if !letter.is_ascii_alphabetic() {
+            return Err(no_word(rest, line));
+        }
+        if found.words.is_empty() && is_macro(rest) {
+            found.command = Some(rest);
+            return Ok(found);
+        }
+        let whole = rest;
+        let (word, left) = word(rest, line)?;
+        rest = left;
+        if word.letter == b'N' && found.words.is_empty() {
+            continue;
+        }
+        found.words.push(word);
+        if found.words.len() == 1 && takes_text(word) {
+            found.command = Some(whole);
+            return Ok(found);
+        }
+    }
+    twice(&found.words, line)?;
+    Ok(found)
+}
+
+/// A word and what follows it.
+fn word(text: &str, line: usize) -> Result<(Word, &str), GcodeError> {
+    let letter = text.as_bytes()[0].to_ascii_uppercase();
+    let after = text[1..].trim_start();
+    if after.starts_with(['[', '#', '<', '=']) || letter == b'O' {
+        return Err(GcodeError::Computed { line });
+    }
+    if let Some(quoted) = after.strip_prefix('"') {
+        let end = quoted.find('"').ok_or_else(|| no_word(text, line))?;
+        let value = None;
+        return Ok((Word { letter, value }, quoted[end + 1..].trim_start()));
+    }
+    let is_number = |c: char| c.is_ascii_digit() || matches!(c, '.' | '+' | '-');
+    let end = after.find(|c| !is_number(c)).unwrap_or(after.len());
+    let (number, rest) = after.split_at(end);
+    let bad = || GcodeError::Number {
+        line,
+        letter: char::from(letter),
+        text: shortened(after),
+    };
+    let value = match number {
+        "" => None,
+        _ if number.len() > NUMBER_CHARS_MAX => return Err(bad()),
+        _ => Some(number.parse::<f64>().map_err(|_| bad())?),
+    };
+    let begins_word = |c: char| c.is_ascii_alphabetic() || c.is_whitespace() || c == '(';
+    if !rest.is_empty() && !rest.starts_with(begins_word) {
+        return Err(bad());
+    }
+    Ok((Word { letter, value }, rest.trim_start()))
+}
+
+/// Two letters in a row begin a name.
+fn is_macro(text: &str) -> bool {
+    let second = text.as_bytes().get(1);
+    second.is_some_and(|c| c.is_ascii_alphabetic() || *c == b'_')
+}
+
+/// Codes whose parameters are not those of motion, and may be any text.
+fn takes_text(word: Word) -> bool {
+    const READ: [u32; 26] = [
+        0, 1, 2, 30, 82, 83, 101, 103, 104, 106, 107, 108, 109, 140, 141, 190, 191, 200, 207, 208,
+        220, 221, 226, 227, 228, 600,
+    ];
+    let number = word.value.filter(|value| *value >= 0.0);
+    word.letter == b'M' && number.is_none_or(|value| !READ.contains(&(value as u32)))
+}
+
+/// The code without its checksum.
+fn checked(code: &str, line: usize) -> Result<&str, GcodeError> {
+    let Some((code, given)) = code.split_once('*') else {
+        return Ok(code);
+    };
+    let found = code.bytes().fold(0, |sum, byte| sum ^ byte);
+    match given.trim().parse::<u8>() {
+        Ok(given) if given == found => Ok(code),
+        _ => Err(GcodeError::Checksum {
+            line,
+            given: shortened(given),
+            found,
+        }),
+    }
+}
+
+/// Parameters stand once; codes (G, M) may be several.
+fn twice(words: &[Word], line: usize) -> Result<(), GcodeError> {
+    let mut seen = 0u32;
+    for word in words
+        .iter()
+        .filter(|word| !matches!(word.letter, b'G' | b'M'))
+    {
+        let bit = 1 << (word.letter - b'A');
+        if seen & bit != 0 {
+            let letter = char::from(word.letter);
+            return Err(GcodeError::Twice { line, letter });
+        }
+        seen |= bit;
+    }
+    Ok(())
+}
+
+fn no_word(text: &str, line: usize) -> GcodeError {
+    match text.starts_with(['#', '[', '$']) {
+        true => GcodeError::Computed { line },
+        false => GcodeError::NoWord {
+            line,
+            text: shortened(text),
+        },
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    //! Goal: words, comments and frames of all dialects. Method: lines as they stand in files.
+    use super::*;
+
+    fn words(text: &str) -> String {
+        let line = read_line(text, 1).expect(text);
+        let words = line.words.iter().map(|word| match word.value {
+            Some(value) => format!("{}{value}", char::from(word.letter)),
+            None => format!("{}", char::from(word.letter)),
+        });
+        words.collect::<Vec<_>>().join(" ")
+    }
+
+    #[test]
+    fn words_of_all_dialects() {
+        for (text, expected) in [
+            (
+                "G1 X118.957 Y86.043 E1.0205 ; perimeter",
+                "G1 X118.957 Y86.043 E1.0205",
+            ),
+            ("g1x.5y-.25e1e5", ""),
+            ("G1X.5Y-.25E1", "G1 X0.5 Y-0.25 E1"),
+            ("N30 G0 X 10 (rapid) Y+3", "G0 X10 Y3"),
+            ("G28 X Y", "G28 X Y"),
+            ("%", ""),
+            ("/G1 X1", "G1 X1"),
+            ("N3 T0*57", "T0"),
+            ("M117 Layer 3 of 9!", "M117"),
+            ("M98 P\"start.g\"", "M98"),
+        ] {
+            if !expected.is_empty() || text == "%" {
+                assert_eq!(words(text), expected, "{text}");
+            }
+        }
+        let line = read_line("G1 (a) X1 (b) ; c", 1).expect("comments");
+        assert_eq!(line.comments, ["c", "a", "b"]);
+        let line = read_line("START_PRINT BED=60", 1).expect("macro");
+        assert_eq!(line.command, Some("START_PRINT BED=60"));
+    }
+
+    #[test]
+    fn what_is_no_line_is_refused() {
+        for (text, part) in [
+            ("G1 X1E5 E3", "E is given twice"),
+            ("G1 X1.2.3", "no number"),
+            ("G1 X1,5", "no number"),
+            ("G1 X--5", "no number"),
+            ("G1 X#5", "not computed"),
+            ("#5=3", "not computed"),
+            ("O100 sub", "not computed"),
+            ("G1 (open X1", "no ')'"),
+            ("N3 T0*58", "makes 57"),
+            ("?", "no word"),
+        ] {
+            let error = read_line(text, 7).expect_err(text).to_string();
+            assert!(
+                error.contains(part) && error.contains("line 7"),
+                "{text}: {error}"
+            );
+        }
+    }
+}

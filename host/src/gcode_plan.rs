@@ -1,0 +1,149 @@
+//! A slicer's path -> its job: the file's centre lines with a turned nozzle, layer by layer.
+//!
+//! ```text
+//! GcodeProgram --gcode_route--> Route --time law, segments--> SegmentStream --measure--> PlanFigures
+//! (mm, mm³, mm/s)               (mm, rad, mm³)                (integer units, servo ticks)
+//! ```
+//! Layers are planned one by one and their streams put together, so that beside the file's path only
+//! finished segments grow. Machines whose joints wind up are planned in one piece. Leaves out what is
+//! the slicer's: which ground is printed, in which order, how densely.
+
+use crate::gcode::GcodeProgram;
+use crate::geometry::Point2;
+use crate::geometry::polygon::Box2;
+use crate::job::SegmentStream;
+use crate::part_transform::PartTransform;
+use crate::plan::judge::figures::PlanFigures;
+use crate::plan::judge::measure::measure;
+use crate::plan::motion::segments::{MotionReport, lay_segments_with_progress};
+use crate::plan::progress::Progress;
+use crate::plan::route::build_route::lift_at_end;
+use crate::plan::route::gcode_route::{GcodeWay, gcode_route};
+use crate::settings::Settings;
+use crate::{PlanError, start_pose};
+use headway_firmware::kinematics::winds;
+
+/// A planned file.
+#[derive(Clone, Debug)]
+pub struct GcodePlan {
+    /// Where the file's origin lies on the machine.
+    pub transform: PartTransform,
+    /// The settings with the file's speeds.
+    pub settings: Settings,
+    /// The stream for the controller.
+    pub stream: SegmentStream,
+    /// What it reaches of the limits.
+    pub motion: MotionReport,
+    /// Lengths, times, volume; no shares of any area.
+    pub figures: PlanFigures,
+    /// Length of beads that are wider, and narrower, than the nozzle lays, mm.
+    pub beyond_mm: [f64; 2],
+}
+
+/// Plans a file. Speeds are the file's, at most `speed_max_mm_s`.
+///
+/// # Errors
+/// [`PlanError`].
+pub fn plan_gcode(
+    program: &GcodeProgram,
+    speed_max_mm_s: Option<f64>,
+    settings: &Settings,
+    progress: &dyn Progress,
+) -> Result<GcodePlan, PlanError> {
+    let settings = with_speeds(program, speed_max_mm_s, settings);
+    settings.check()?;
+    let transform = place(program, &settings)?;
+    let way = GcodeWay {
+        slicer: program.slicer,
+        headings_told: program.has_headings,
+        offset_mm: transform.offset_mm,
+        settings: &settings,
+    };
+    let is_whole = winds(&settings.machine.kinematics) != 0;
+    let passes = program.passes.as_slice();
+    let pieces = passes.chunk_by(|a, b| is_whole || a.layer == b.layer);
+    let count = pieces.clone().count();
+    let mut at = start_pose(&settings);
+    let mut stream = SegmentStream::default();
+    let mut motion = MotionReport::default();
+    let mut figures = PlanFigures::default();
+    let mut beyond_mm = [0.0; 2];
+    for (number, piece) in pieces.enumerate() {
+        let first_pass = figures.passes as u32;
+        let made = gcode_route(piece, first_pass, at, &way);
+        let mut route = made.route;
+        if number + 1 == count {
+            lift_at_end(&mut route, &settings);
+        }
+        let Some(end) = route.end() else {
+            continue;
+        };
+        at = end;
+        let (laid, report) = lay_segments_with_progress(&route, &settings, progress)?;
+        let (mut of_piece, _) = measure(&laid, &[], &[], &transform, &settings, progress);
+        of_piece.passes = made.passes as usize;
+        figures.add_lengths(&of_piece);
+        motion.ratios = motion.ratios.max(report.ratios);
+        motion.fit_error_ratio = motion.fit_error_ratio.max(report.fit_error_ratio);
+        motion.doubled_stretches += report.doubled_stretches;
+        motion.duration_s += report.duration_s;
+        motion.time_bound_s += report.time_bound_s;
+        for (sum, mm) in beyond_mm.iter_mut().zip(made.beyond_mm) {
+            *sum += mm;
+        }
+        if !stream.knots.is_empty() && laid.solution != stream.solution {
+            return Err(PlanError::AnotherSolution);
+        }
+        // Passes are counted over the whole file already.
+        stream.append(laid, 0);
+    }
+    figures.layers = program.layers();
+    Ok(GcodePlan {
+        transform,
+        settings,
+        stream,
+        motion,
+        figures,
+        beyond_mm,
+    })
+}
+
+/// The file's speeds: the plan's share of the limit is the fastest of them.
+fn with_speeds(
+    program: &GcodeProgram,
+    speed_max_mm_s: Option<f64>,
+    settings: &Settings,
+) -> Settings {
+    let legs = program.passes.iter().flat_map(|pass| &pass.legs);
+    let fastest_mm_s = legs.map(|leg| leg.speed_mm_s).fold(0.0, f64::max);
+    let speed_mm_s = fastest_mm_s / settings.plan_share;
+    let slowest = |speed: f64| speed_max_mm_s.map_or(speed, |most| speed.min(most));
+    Settings {
+        speed_mm_s: slowest(speed_mm_s).max(0.01),
+        layers: program.layers(),
+        ..settings.clone()
+    }
+}
+
+/// The file's z = 0 lies on the bed; what is printed lies over the middle of the work area.
+fn place(program: &GcodeProgram, settings: &Settings) -> Result<PartTransform, PlanError> {
+    let tips = || program.passes.iter().flat_map(|pass| &pass.points);
+    let corners: Vec<Point2> = tips()
+        .map(|p| Point2::new(p.tip_mm[0], p.tip_mm[1]))
+        .collect();
+    let heights = || tips().map(|p| p.tip_mm[2]);
+    let low_mm = heights().fold(f64::INFINITY, f64::min);
+    let top_mm = heights().fold(f64::NEG_INFINITY, f64::max);
+    // Paths drawn on z = 0 lie one layer above the bed, as waypoints do.
+    let bed_mm = if low_mm > 0.0 {
+        0.0
+    } else {
+        low_mm - settings.layer_height_mm
+    };
+    let bounds = Box2::of(&corners);
+    Ok(PartTransform::choose_box(
+        bounds,
+        [bed_mm, top_mm],
+        settings,
+    )?)
+}

@@ -1,0 +1,507 @@
+//! A bead's centre line as G-code has it -> a C² curve with headings and volume.
+//!
+//! In: a [`GcodePass`] (mm, input coordinates), what wrote it, the nozzle. Out: [`BeadCurve`]: control
+//! points of a uniform cubic B-spline (mm, rad, mm³ from 0), cut where the speed changes.
+//!
+//! A control point lies on every vertex. At one where the way turns from d1 to d2 the curve passes
+//! h |d1 - d2| / 6 beside it, with h the distance of its neighbours: that gives h. From there the
+//! distances grow evenly to [`SPACING_MAX_MM`]; on straight legs the curve is the leg.
+//!
+//! The heading is that at which the nozzle's bead is as wide as the file's: 90° ± alpha from the travel
+//! with 2 e(alpha) = width; which of the two, leg by leg, turns least along the pass (shortest path). It
+//! is averaged over a to either side. Where the file tells headings they are kept. Leaves out flow
+//! onto covered ground: volumes are the file's.
+
+use crate::gcode::comments::Slicer;
+use crate::gcode::{GcodePass, Leg, Place};
+use crate::geometry::Vector2;
+use crate::geometry::aperture::Aperture;
+use crate::settings::Settings;
+use headway_protocol::units::{
+    CHANNEL_HEADING, CHANNEL_VOLUME, CHANNEL_X, CHANNEL_Y, CHANNEL_Z, CHANNELS,
+};
+use std::f64::consts::{FRAC_PI_2, FRAC_PI_4, PI};
+
+/// How far the curve may pass beside a vertex: a corner, and a joint of a polygon that stands for a
+/// curve; less what the fit of the segments takes, and what the steps grow by before a corner.
+const CORNER_MM: f64 = 0.036;
+const JOINT_MM: f64 = 0.014;
+/// Turns above this are corners.
+const CORNER_RAD: f64 = PI / 6.0;
+/// Shortest and longest distance of control points.
+const SPACING_MIN_MM: f64 = 0.02;
+const SPACING_MAX_MM: f64 = 1.0;
+/// By how much distances grow along the way.
+const SPACING_GROWTH: f64 = 0.3;
+/// Turns of the heading above this want control points closer than a third of the averaging.
+const HEADING_STEP_RAD: f64 = 0.02;
+/// Places closer than this are one.
+const SAME_MM: f64 = 0.002;
+/// Speeds alike to this share are one; runs shorter than this take their neighbour's.
+const SPEED_SHARE: f64 = 0.1;
+const SPEED_RUN_MM: f64 = 2.0;
+/// Beads wider or narrower than the nozzle's by this share are told.
+const WIDTH_SHARE: f64 = 0.02;
+
+/// A pass in channel space.
+#[derive(Clone, Debug, PartialEq)]
+pub struct BeadCurve {
+    /// Control points from rest to rest, and the tip speed, mm/s.
+    pub stretches: Vec<(Vec<[f64; CHANNELS]>, f64)>,
+    /// Length whose bead is wider than the nozzle lays, and narrower, mm.
+    pub beyond_mm: [f64; 2],
+}
+
+/// A pass without legs that stand, by legs.
+struct Way {
+    points: Vec<Place>,
+    legs: Vec<Leg>,
+    length_mm: Vec<f64>,
+}
+
+impl BeadCurve {
+    /// Headings of all control points.
+    pub fn headings_rad(&self) -> impl Iterator<Item = f64> {
+        let control = self.stretches.iter().flat_map(|(control, _)| control);
+        control.map(|point| point[CHANNEL_HEADING])
+    }
+}
+
+/// The curve of a pass; `None` where it stands. Headings are kept where `headings_told`.
+pub fn bead_curve(
+    pass: &GcodePass,
+    slicer: Slicer,
+    headings_told: bool,
+    settings: &Settings,
+) -> Option<BeadCurve> {
+    let way = Way::of(pass)?;
+    let widths_mm = way.widths_mm(slicer, settings);
+    let aperture = &settings.aperture;
+    let headings = match headings_told {
+        true => Headings::Told(unwrapped(&way.points)),
+        false if aperture.is_round() => Headings::Told(vec![0.0; way.points.len()]),
+        false => Headings::Averaged(least_turning(&way, &widths_mm, aperture)),
+    };
+    let volumes_mm3 = way.volumes_mm3(&widths_mm, &headings, settings);
+    let control = way.control(&headings, &volumes_mm3, aperture);
+    let mut stretches = Vec::new();
+    for ([from, to], speed_mm_s) in way.speed_runs() {
+        let [from, to] = [from, to].map(|node| control.vertices[node]);
+        stretches.push((control.points[from..=to].to_vec(), speed_mm_s));
+    }
+    let mut beyond_mm = [0.0; 2];
+    if !headings_told {
+        for (width_mm, length_mm) in widths_mm.iter().zip(&way.length_mm) {
+            let wide = *width_mm > 2.0 * aperture.major_mm() * (1.0 + WIDTH_SHARE);
+            let narrow = *width_mm < 2.0 * aperture.minor_mm() * (1.0 - WIDTH_SHARE);
+            beyond_mm[0] += f64::from(u8::from(wide)) * length_mm;
+            beyond_mm[1] += f64::from(u8::from(narrow)) * length_mm;
+        }
+    }
+    Some(BeadCurve {
+        stretches,
+        beyond_mm,
+    })
+}
+
+fn direction(from: &Place, to: &Place) -> [f64; 3] {
+    let length_mm = to.distance_mm(from).max(1e-12);
+    std::array::from_fn(|i| (to.tip_mm[i] - from.tip_mm[i]) / length_mm)
+}
+
+/// |d1 - d2| of two directions.
+fn turn(d1: [f64; 3], d2: [f64; 3]) -> f64 {
+    (0..3).map(|i| (d2[i] - d1[i]).powi(2)).sum::<f64>().sqrt()
+}
+
+/// Control points' distance at a vertex that turns by |d1 - d2|.
+fn spacing_mm(turn: f64) -> f64 {
+    let is_corner = turn > 2.0 * (0.5 * CORNER_RAD).sin();
+    let beside_mm = if is_corner { CORNER_MM } else { JOINT_MM };
+    (6.0 * beside_mm / turn.max(1e-9)).clamp(SPACING_MIN_MM, SPACING_MAX_MM)
+}
+
+/// Ends of the steps of a leg, from its start, the last the leg's end: they grow from both ends.
+fn steps_mm(length_mm: f64, first_mm: f64, last_mm: f64, longest_mm: f64) -> Vec<f64> {
+    let mut ends = Vec::new();
+    let mut at = 0.0;
+    while at < length_mm {
+        let left = (length_mm - at).max(0.0);
+        let step = (first_mm + SPACING_GROWTH * at).min(last_mm + SPACING_GROWTH * left);
+        at += step.clamp(SPACING_MIN_MM, longest_mm);
+        ends.push(at);
+    }
+    let scale = length_mm / at.max(f64::MIN_POSITIVE);
+    ends.iter_mut().for_each(|end| *end *= scale);
+    ends
+}
+
+/// Lets no distance be more than what its neighbours and the legs beside it allow.
+fn graded(spacings_mm: &mut [f64], length_mm: &[f64]) {
+    let count = spacings_mm.len();
+    for (i, length_mm) in length_mm.iter().enumerate() {
+        for node in [i, i + 1] {
+            spacings_mm[node] = spacings_mm[node].min(length_mm.max(SPACING_MIN_MM));
+        }
+    }
+    for i in 1..count {
+        spacings_mm[i] = spacings_mm[i].min(spacings_mm[i - 1] + SPACING_GROWTH * length_mm[i - 1]);
+    }
+    for i in (1..count).rev() {
+        spacings_mm[i - 1] =
+            spacings_mm[i - 1].min(spacings_mm[i] + SPACING_GROWTH * length_mm[i - 1]);
+    }
+}
+
+/// Control points of a way without flow through these tips: its corners are passed like those of beads.
+/// Each comes with its share of the way.
+pub fn travel_control(tips_mm: &[[f64; 3]]) -> Vec<([f64; 3], f64)> {
+    let mut points: Vec<Place> = Vec::new();
+    for tip_mm in tips_mm {
+        let place = Place {
+            tip_mm: *tip_mm,
+            turn_deg: [0.0; 3],
+        };
+        if points
+            .last()
+            .is_none_or(|last| last.distance_mm(&place) > SAME_MM)
+        {
+            points.push(place);
+        } else if points.len() > 1
+            && let Some(last) = points.last_mut()
+        {
+            *last = place;
+        }
+    }
+    let pairs = || points.windows(2);
+    let length_mm: Vec<f64> = pairs().map(|pair| pair[1].distance_mm(&pair[0])).collect();
+    let whole_mm: f64 = length_mm.iter().sum();
+    let directions: Vec<[f64; 3]> = pairs().map(|pair| direction(&pair[0], &pair[1])).collect();
+    // A straight way is its ends.
+    let longest_mm = if directions.len() < 2 {
+        f64::INFINITY
+    } else {
+        4.0 * SPACING_MAX_MM
+    };
+    let mut spacings_mm = vec![longest_mm; points.len()];
+    for (i, pair) in directions.windows(2).enumerate() {
+        spacings_mm[i + 1] = spacing_mm(turn(pair[0], pair[1]));
+    }
+    graded(&mut spacings_mm, &length_mm);
+    let mut control: Vec<([f64; 3], f64)> = points
+        .first()
+        .map(|point| (point.tip_mm, 0.0))
+        .into_iter()
+        .collect();
+    let mut before_mm = 0.0;
+    for (i, length_mm) in length_mm.iter().enumerate() {
+        let steps = match directions.len() {
+            1 => vec![*length_mm],
+            _ => steps_mm(*length_mm, spacings_mm[i], spacings_mm[i + 1], longest_mm),
+        };
+        for (k, end) in steps.iter().enumerate() {
+            let tip_mm = match k + 1 == steps.len() {
+                true => points[i + 1].tip_mm,
+                false => std::array::from_fn(|c| points[i].tip_mm[c] + end * directions[i][c]),
+            };
+            control.push((tip_mm, (before_mm + end) / whole_mm));
+        }
+        before_mm += length_mm;
+    }
+    control
+}
+
+/// Control points, and which of them lie on the way's vertices.
+struct Control {
+    points: Vec<[f64; CHANNELS]>,
+    vertices: Vec<usize>,
+}
+
+impl Way {
+    fn of(pass: &GcodePass) -> Option<Way> {
+        let mut points = vec![*pass.points.first()?];
+        let mut legs: Vec<Leg> = Vec::new();
+        let mut carried_mm3 = 0.0;
+        for (point, leg) in pass.points.iter().skip(1).zip(&pass.legs) {
+            let mut leg = *leg;
+            leg.volume_mm3 = leg.volume_mm3.map(|mm3| mm3 + carried_mm3);
+            let last = points.last()?;
+            if point.distance_mm(last) > SAME_MM {
+                points.push(*point);
+                legs.push(leg);
+                carried_mm3 = 0.0;
+            } else {
+                carried_mm3 = leg.volume_mm3.unwrap_or(0.0);
+            }
+        }
+        if let Some(volume_mm3) = legs.last_mut()?.volume_mm3.as_mut() {
+            *volume_mm3 += carried_mm3;
+        }
+        let pairs = points.windows(2);
+        let length_mm = pairs.map(|pair| pair[1].distance_mm(&pair[0])).collect();
+        Some(Way {
+            points,
+            legs,
+            length_mm,
+        })
+    }
+
+    /// Widths of the beads: as told, or of what is deposited.
+    fn widths_mm(&self, slicer: Slicer, settings: &Settings) -> Vec<f64> {
+        let legs = self.legs.iter().zip(&self.length_mm);
+        let widest_mm = 2.0 * settings.aperture.major_mm();
+        legs.map(|(leg, length_mm)| {
+            let height_mm = leg.height_mm.unwrap_or(settings.layer_height_mm);
+            let of_volume = leg.volume_mm3.map(|volume_mm3| {
+                let area_mm2 = volume_mm3 / length_mm;
+                match slicer {
+                    // Cura reckons with rectangles, the others with round sides.
+                    Slicer::Cura => area_mm2 / height_mm,
+                    _ => area_mm2 / height_mm + height_mm * (1.0 - FRAC_PI_4),
+                }
+            });
+            leg.width_mm.or(of_volume).unwrap_or(widest_mm)
+        })
+        .collect()
+    }
+
+    /// Volume at each vertex: the file's, or that of the beads which the turned nozzle lays.
+    fn volumes_mm3(&self, widths_mm: &[f64], headings: &Headings, settings: &Settings) -> Vec<f64> {
+        let aperture = &settings.aperture;
+        let mut volume_mm3 = 0.0;
+        let mut volumes = vec![volume_mm3];
+        for (i, leg) in self.legs.iter().enumerate() {
+            let height_mm = leg.height_mm.unwrap_or(settings.layer_height_mm);
+            let laid = || {
+                let width_mm = match headings {
+                    Headings::Told(headings) => {
+                        let [dx, dy, _] = direction(&self.points[i], &self.points[i + 1]);
+                        let heading_rad = 0.5 * (headings[i] + headings[i + 1]);
+                        2.0 * aperture.extent_mm(heading_rad, Vector2::new(-dy, dx))
+                    }
+                    Headings::Averaged(_) => {
+                        let half_mm = 0.5 * widths_mm[i];
+                        2.0 * half_mm.clamp(aperture.minor_mm(), aperture.major_mm())
+                    }
+                };
+                width_mm * height_mm * self.length_mm[i]
+            };
+            volume_mm3 += leg.volume_mm3.unwrap_or_else(laid) * settings.flow_factor;
+            volumes.push(volume_mm3);
+        }
+        volumes
+    }
+
+    fn control(&self, headings: &Headings, volumes_mm3: &[f64], aperture: &Aperture) -> Control {
+        let pairs = self.points.windows(2);
+        let directions: Vec<[f64; 3]> = pairs.map(|pair| direction(&pair[0], &pair[1])).collect();
+        let average_mm = aperture.major_mm();
+        let mut spacings_mm = vec![SPACING_MAX_MM; self.points.len()];
+        for node in 1..directions.len() {
+            spacings_mm[node] = spacing_mm(turn(directions[node - 1], directions[node]));
+            if headings.step_rad(node) > HEADING_STEP_RAD {
+                spacings_mm[node] = spacings_mm[node].min(average_mm / 3.0);
+            }
+        }
+        graded(&mut spacings_mm, &self.length_mm);
+        let mut places_mm = vec![0.0];
+        for length_mm in &self.length_mm {
+            places_mm.push(places_mm[places_mm.len() - 1] + length_mm);
+        }
+        let mut control = Control {
+            points: Vec::new(),
+            vertices: vec![0],
+        };
+        let mut push = |leg: usize, at_mm: f64, tip_mm: [f64; 3], volume_mm3: f64| {
+            let mut point = [0.0; CHANNELS];
+            point[CHANNEL_X] = tip_mm[0];
+            point[CHANNEL_Y] = tip_mm[1];
+            point[CHANNEL_Z] = tip_mm[2];
+            point[CHANNEL_HEADING] = headings.at(leg, at_mm, &places_mm, average_mm);
+            point[CHANNEL_VOLUME] = volume_mm3;
+            control.points.push(point);
+            control.points.len() - 1
+        };
+        push(0, 0.0, self.points[0].tip_mm, 0.0);
+        for (leg, length_mm) in self.length_mm.iter().enumerate() {
+            let ends = steps_mm(
+                *length_mm,
+                spacings_mm[leg],
+                spacings_mm[leg + 1],
+                SPACING_MAX_MM,
+            );
+            let mut vertex = 0;
+            for (k, end_mm) in ends.iter().enumerate() {
+                let share = end_mm / length_mm;
+                let is_last = k + 1 == ends.len();
+                let tip_mm = match is_last {
+                    true => self.points[leg + 1].tip_mm,
+                    false => std::array::from_fn(|c| {
+                        self.points[leg].tip_mm[c] + end_mm * directions[leg][c]
+                    }),
+                };
+                let [from, to] = [volumes_mm3[leg], volumes_mm3[leg + 1]];
+                vertex = push(
+                    leg,
+                    places_mm[leg] + end_mm,
+                    tip_mm,
+                    from + share * (to - from),
+                );
+            }
+            control.vertices.push(vertex);
+        }
+        control
+    }
+
+    /// From vertex to vertex at one speed; short ones go with the slower of both.
+    fn speed_runs(&self) -> Vec<([usize; 2], f64)> {
+        let mut runs: Vec<([usize; 2], f64, f64)> = Vec::new();
+        for (leg, (of, length_mm)) in self.legs.iter().zip(&self.length_mm).enumerate() {
+            let speed_mm_s = of.speed_mm_s;
+            match runs.last_mut() {
+                Some((ends, speed, run_mm))
+                    if (*speed - speed_mm_s).abs() <= SPEED_SHARE * *speed
+                        || *run_mm < SPEED_RUN_MM =>
+                {
+                    ends[1] = leg + 1;
+                    *speed = speed.min(speed_mm_s);
+                    *run_mm += length_mm;
+                }
+                _ => runs.push(([leg, leg + 1], speed_mm_s, *length_mm)),
+            }
+        }
+        // A short one at the end.
+        if let [.., (before, before_mm_s, _), (last, last_mm_s, run_mm)] = runs.as_mut_slice()
+            && *run_mm < SPEED_RUN_MM
+        {
+            before[1] = last[1];
+            *before_mm_s = before_mm_s.min(*last_mm_s);
+            runs.pop();
+        }
+        runs.into_iter()
+            .map(|(ends, speed, _)| (ends, speed))
+            .collect()
+    }
+}
+
+/// Headings along a way.
+enum Headings {
+    /// At each vertex, evenly between them.
+    Told(Vec<f64>),
+    /// Of each leg, averaged.
+    Averaged(Vec<f64>),
+}
+
+impl Headings {
+    fn step_rad(&self, node: usize) -> f64 {
+        match self {
+            Headings::Told(headings) => {
+                (headings[node + 1] - 2.0 * headings[node] + headings[node - 1]).abs()
+            }
+            Headings::Averaged(headings) => (headings[node] - headings[node - 1]).abs(),
+        }
+    }
+
+    /// At a place of a leg.
+    fn at(&self, leg: usize, at_mm: f64, places_mm: &[f64], average_mm: f64) -> f64 {
+        match self {
+            Headings::Told(headings) => {
+                let share = (at_mm - places_mm[leg]) / (places_mm[leg + 1] - places_mm[leg]);
+                headings[leg] + share * (headings[leg + 1] - headings[leg])
+            }
+            Headings::Averaged(headings) => {
+                let last = headings.len() - 1;
+                let first_leg = places_mm.partition_point(|place| *place <= at_mm - average_mm);
+                let own = first_leg.saturating_sub(1).min(last);
+                let (mut sum, mut before) = (0.0, 0.0);
+                for (i, heading_rad) in headings.iter().enumerate().skip(own) {
+                    let after = match i == last {
+                        true => 1.0,
+                        false => bell((places_mm[i + 1] - at_mm) / average_mm),
+                    };
+                    sum += heading_rad * (after - before);
+                    before = after;
+                    if after >= 1.0 {
+                        break;
+                    }
+                }
+                sum
+            }
+        }
+    }
+}
+
+/// Integral of a triangle of width 2 about 0 up to `x`.
+fn bell(x: f64) -> f64 {
+    match x {
+        _ if x <= -1.0 => 0.0,
+        _ if x < 0.0 => 0.5 * (x + 1.0) * (x + 1.0),
+        _ if x < 1.0 => 1.0 - 0.5 * (1.0 - x) * (1.0 - x),
+        _ => 1.0,
+    }
+}
+
+/// Headings as told, from turn to turn the shorter way where C is wrapped.
+fn unwrapped(points: &[Place]) -> Vec<f64> {
+    let mut before: Option<f64> = None;
+    let headings = points.iter().map(|point| {
+        let heading_rad = point.axis_and_heading().1;
+        let turns = before.map_or(0.0, |before| ((before - heading_rad) / (2.0 * PI)).round());
+        let heading_rad = heading_rad + 2.0 * PI * turns;
+        before = Some(heading_rad);
+        heading_rad
+    });
+    headings.collect()
+}
+
+/// Of each leg the heading that lays its width, on the side which turns least along the way.
+fn least_turning(way: &Way, widths_mm: &[f64], aperture: &Aperture) -> Vec<f64> {
+    let mut travel_rad = 0.0;
+    let candidates: Vec<[f64; 2]> = way
+        .points
+        .windows(2)
+        .zip(widths_mm)
+        .map(|(pair, width_mm)| {
+            let [dx, dy, _] = direction(&pair[0], &pair[1]);
+            // Straight up there is no direction: as before.
+            if dx.hypot(dy) > 1e-6 {
+                travel_rad = f64::atan2(dy, dx);
+            }
+            let alpha_rad = aperture.angle_of_extent_rad(0.5 * width_mm);
+            [1.0, -1.0].map(|side| travel_rad + FRAC_PI_2 + side * alpha_rad)
+        })
+        .collect();
+    let change = |from: f64, to: f64| aperture.wrapped_rad(to - from);
+    // Least sums of turning up to each leg, and from which side they come.
+    let mut sums = [0.0; 2];
+    let mut from_side: Vec<[usize; 2]> = vec![[0, 1]];
+    for pair in candidates.windows(2) {
+        let mut next = [0.0; 2];
+        let mut came = [0; 2];
+        for (side, to) in pair[1].iter().enumerate() {
+            let by = [0, 1].map(|from: usize| sums[from] + change(pair[0][from], *to).abs());
+            // The same side where both are alike.
+            let other = 1 - side;
+            came[side] = if by[other] < by[side] - 1e-9 {
+                other
+            } else {
+                side
+            };
+            next[side] = by[came[side]];
+        }
+        sums = next;
+        from_side.push(came);
+    }
+    let mut side = usize::from(sums[1] < sums[0] - 1e-9);
+    let mut sides = vec![side; candidates.len()];
+    for leg in (1..candidates.len()).rev() {
+        side = from_side[leg][side];
+        sides[leg - 1] = side;
+    }
+    let mut heading_rad = candidates.first().map_or(0.0, |first| first[sides[0]]);
+    let headings = candidates.iter().zip(&sides).map(|(candidate, side)| {
+        heading_rad += change(heading_rad, candidate[*side]);
+        heading_rad
+    });
+    headings.collect()
+}

@@ -1,0 +1,252 @@
+//! Passes of G-code -> the route: the file's own ways between them, prime and retract as events.
+//!
+//! In: [`GcodePass`]es of some layers (mm, input coordinates), the part's offset, the pose at rest before.
+//! Out: [`Route`] in machine coordinates. Travel goes as the file has it, its corners passed like those
+//! of beads, lifted where the file lifts; before the first pass the head comes from above. A pass without
+//! a prime or retract in the file has none. Leaves out keep-outs and travel inside the part.
+
+use crate::gcode::comments::Slicer;
+use crate::gcode::{GcodePass, Push};
+use crate::job::MotionState;
+use crate::plan::route::bead_curve::{BeadCurve, bead_curve, travel_control};
+use crate::plan::route::build_route::entry_heading_of;
+use crate::plan::route::flow::event_duration_s;
+use crate::plan::route::moves::{PathCurve, Route, Stretch, StretchEvent};
+use crate::settings::Settings;
+use headway_protocol::units::{
+    CHANNEL_HEADING, CHANNEL_VOLUME, CHANNEL_X, CHANNEL_Y, CHANNEL_Z, CHANNELS,
+};
+use rayon::prelude::*;
+
+/// Smallest push that is made, mm³.
+const PUSH_MIN_MM3: f64 = 1e-3;
+/// Share of the extruder's limits that pushes use: rounding of their durations to ticks.
+const PUSH_SHARE: f64 = 0.98;
+
+/// What a route is made of beside its passes.
+#[derive(Clone, Copy, Debug)]
+pub struct GcodeWay<'a> {
+    /// Who wrote the file.
+    pub slicer: Slicer,
+    /// C is told.
+    pub headings_told: bool,
+    /// Machine coordinates of the file's origin, mm.
+    pub offset_mm: [f64; 3],
+    /// Speeds, nozzle, pushes of the machine.
+    pub settings: &'a Settings,
+}
+
+/// The route of some passes, and the length whose beads are wider and narrower than the nozzle's.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub struct GcodeRoute {
+    /// What the head does.
+    pub route: Route,
+    /// Passes in it.
+    pub passes: u32,
+    /// Length of beads beyond the nozzle, wider and narrower, mm.
+    pub beyond_mm: [f64; 2],
+}
+
+struct Head<'a> {
+    way: &'a GcodeWay<'a>,
+    at: [f64; CHANNELS],
+    made: GcodeRoute,
+}
+
+/// Builds the route of `passes` from the pose `start`; `first_number` is that of the first of them.
+pub fn gcode_route(
+    passes: &[GcodePass],
+    first_number: u32,
+    start: [f64; CHANNELS],
+    way: &GcodeWay,
+) -> GcodeRoute {
+    let curves: Vec<Option<BeadCurve>> = passes
+        .par_iter()
+        .map(|pass| bead_curve(pass, way.slicer, way.headings_told, way.settings))
+        .collect();
+    let mut head = Head {
+        way,
+        at: start,
+        made: GcodeRoute::default(),
+    };
+    for (pass, curve) in passes.iter().zip(&curves) {
+        let Some(curve) = curve else {
+            continue;
+        };
+        let number = first_number + head.made.passes;
+        head.travel(pass, curve, number == 0);
+        head.print(pass, curve, number);
+        head.made.passes += 1;
+        for (sum, mm) in head.made.beyond_mm.iter_mut().zip(curve.beyond_mm) {
+            *sum += mm;
+        }
+    }
+    head.made
+}
+
+impl Head<'_> {
+    fn stretch(
+        &mut self,
+        state: MotionState,
+        layer: u32,
+        control: Vec<[f64; CHANNELS]>,
+    ) -> &mut Stretch {
+        if let Some(&last) = control.last() {
+            self.at = last;
+        }
+        let stretches = &mut self.made.route.stretches;
+        stretches.push(Stretch {
+            state,
+            layer,
+            pass: None,
+            curve: PathCurve { control },
+            dwell_s: 0.0,
+            speed_mm_s: None,
+            event: None,
+        });
+        let last = stretches.len() - 1;
+        &mut stretches[last]
+    }
+
+    fn line(&mut self, layer: u32, to: [f64; CHANNELS]) {
+        if to != self.at {
+            let control = vec![self.at, to];
+            self.stretch(MotionState::Travel, layer, control);
+        }
+    }
+
+    fn on_machine(&self, tip_mm: [f64; 3]) -> [f64; 3] {
+        std::array::from_fn(|i| tip_mm[i] + self.way.offset_mm[i])
+    }
+
+    /// To the pass's start: from above at first, else the file's way.
+    fn travel(&mut self, pass: &GcodePass, curve: &BeadCurve, is_first: bool) {
+        let settings = self.way.settings;
+        let heading_rad =
+            entry_heading_of(|| curve.headings_rad(), self.at[CHANNEL_HEADING], settings);
+        let begin = self.on_machine(pass.points[0].tip_mm);
+        let mut to = self.at;
+        to[CHANNEL_X..=CHANNEL_Z].copy_from_slice(&begin);
+        to[CHANNEL_HEADING] = heading_rad;
+        if is_first {
+            let above = self.at[CHANNEL_Z].max(begin[2]) + settings.lift_mm;
+            let (mut up, mut over) = (self.at, to);
+            up[CHANNEL_Z] = above;
+            over[CHANNEL_Z] = above;
+            self.line(pass.layer, up);
+            self.line(pass.layer, over);
+            self.line(pass.layer, to);
+            return;
+        }
+        let from = self.at;
+        let mut tips = vec![[from[CHANNEL_X], from[CHANNEL_Y], from[CHANNEL_Z]]];
+        tips.extend(
+            pass.travel
+                .iter()
+                .map(|place| self.on_machine(place.tip_mm)),
+        );
+        tips.push(begin);
+        let way = travel_control(&tips);
+        if way.len() < 2 {
+            self.line(pass.layer, to);
+            return;
+        }
+        let turn_rad = heading_rad - from[CHANNEL_HEADING];
+        let mut control: Vec<[f64; CHANNELS]> = way
+            .into_iter()
+            .map(|(tip_mm, share)| {
+                let mut point = from;
+                point[CHANNEL_X..=CHANNEL_Z].copy_from_slice(&tip_mm);
+                point[CHANNEL_HEADING] += share * turn_rad;
+                point
+            })
+            .collect();
+        // To the last digit: the pass begins there.
+        if let [first, .., last] = control.as_mut_slice() {
+            *first = from;
+            *last = to;
+        }
+        self.stretch(MotionState::Travel, pass.layer, control);
+    }
+
+    /// Volume, duration of a push; `None` where there is none.
+    fn push(&self, push: Option<Push>, own_mm3: f64, own_rate_mm3_s: f64) -> Option<(f64, f64)> {
+        let push = push?;
+        let settings = self.way.settings;
+        let volume_mm3 = push.mm3.unwrap_or(own_mm3);
+        let extruder = &settings.machine.extruder;
+        let share = PUSH_SHARE * settings.plan_share;
+        let most_mm3_s = extruder.speed_max_mm3_s * share;
+        let asked_mm3_s = match push.rate_mm3_s {
+            Some(rate_mm3_s) if rate_mm3_s > 0.0 => rate_mm3_s,
+            _ if own_rate_mm3_s > 0.0 => own_rate_mm3_s,
+            _ => most_mm3_s,
+        };
+        let acceleration = extruder.acceleration_max_mm3_s2 * share;
+        let duration_s = event_duration_s(volume_mm3, asked_mm3_s.min(most_mm3_s), acceleration);
+        (volume_mm3 > PUSH_MIN_MM3).then_some((volume_mm3, duration_s))
+    }
+
+    /// Prime, print, retract.
+    fn print(&mut self, pass: &GcodePass, curve: &BeadCurve, number: u32) {
+        let of_machine = self.way.settings.prime_retract;
+        let prime = self.push(
+            pass.prime,
+            of_machine.prime_mm3,
+            of_machine.prime_rate_mm3_s,
+        );
+        let retract = self.push(
+            pass.retract,
+            of_machine.retract_mm3,
+            of_machine.retract_rate_mm3_s,
+        );
+        if let Some((volume_mm3, duration_s)) = prime {
+            let stretch = self.stretch(MotionState::Prime, pass.layer, vec![self.at]);
+            stretch.dwell_s = (duration_s - of_machine.prime_lead_s).max(0.0);
+            stretch.event = Some(StretchEvent::PrimeAtStart {
+                volume_mm3,
+                duration_s,
+            });
+        }
+        let first = curve
+            .stretches
+            .first()
+            .and_then(|(control, _)| control.first());
+        let turn_rad = first.map_or(0.0, |first| {
+            self.at[CHANNEL_HEADING] - first[CHANNEL_HEADING]
+        });
+        let start = self.at;
+        for (k, (control, speed_mm_s)) in curve.stretches.iter().enumerate() {
+            let control = control.iter().map(|of_file| {
+                let mut point = start;
+                for (i, channel) in (CHANNEL_X..=CHANNEL_Z).enumerate() {
+                    point[channel] = of_file[channel] + self.way.offset_mm[i];
+                }
+                point[CHANNEL_HEADING] = of_file[CHANNEL_HEADING] + turn_rad;
+                point[CHANNEL_VOLUME] += of_file[CHANNEL_VOLUME];
+                point
+            });
+            let control = control.collect();
+            let stretch = self.stretch(MotionState::Print, pass.layer, control);
+            stretch.pass = Some(number);
+            stretch.speed_mm_s = Some(*speed_mm_s);
+            if let Some((volume_mm3, duration_s)) = retract
+                && k + 1 == curve.stretches.len()
+            {
+                let lead_s = of_machine.retract_lead_s.min(duration_s);
+                stretch.event = Some(StretchEvent::RetractBeforeEnd {
+                    volume_mm3,
+                    duration_s,
+                    lead_s,
+                });
+            }
+        }
+        if let Some((_, duration_s)) = retract {
+            let dwell_s = duration_s - of_machine.retract_lead_s.min(duration_s);
+            if dwell_s > 0.0 {
+                self.stretch(MotionState::Retract, pass.layer, vec![self.at])
+                    .dwell_s = dwell_s;
+            }
+        }
+    }
+}
