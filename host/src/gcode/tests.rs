@@ -235,7 +235,7 @@ const BROKEN: [(&str, &str); 36] = [
     ("G1 X1.2.3 E1", "line 1: X has no number"),
     ("G1 X1,5 E1", "line 1: X has no number"),
     ("G1 X-", "line 1: X has no number"),
-    ("G1 Xnan E1", "X has no number"),
+    ("G1 Xnan E1", "line 1: N is given twice"),
     ("G1 X1 X2 E1", "line 1: X is given twice"),
     ("G1 X1 E1 E2", "line 1: E is given twice"),
     ("X10 Y10 E1", "line 1: it names an axis, and no G0"),
