@@ -1,7 +1,7 @@
 //! `headway export`: a job as tables, pictures or JSON.
 
 use super::CliError;
-use super::args::{ExportArgs, ExportName};
+use super::args_export::{ExportArgs, ExportName};
 use super::console::Console;
 use super::job::{self, Job};
 use super::pictures;

@@ -6,6 +6,7 @@
 
 mod args;
 mod args_board;
+mod args_export;
 mod board;
 mod by_hand;
 mod console;

@@ -83,11 +83,7 @@ pub(super) fn from_input(
     settings_args: &SettingsArgs,
     console: &Console,
 ) -> Result<Planned, CliError> {
-    let mut settings = load::settings(settings_args)?;
-    settings.gap_mm = load::gap_mm(place.gap)?;
-    settings.place = load::place(place.place);
-    settings.axis_tolerance_rad = load::axis_tolerance_rad(place.axis_tolerance)?;
-    settings.at_mm = place.at.as_deref().map(load::parse_at).transpose()?;
+    let mut settings = placed_settings(place, settings_args)?;
     let turn_rad = load::turn_rad(place.turn)?;
     let input = load::input(path, reading, settings.tolerances.flatten_mm, console)?;
     let keep_out = place.keep_out.as_deref();
@@ -150,6 +146,17 @@ pub(super) fn from_input(
         plan: Some(Box::new(plan)),
         left_out: left_out(&open, &unreachable),
         unreachable,
+    })
+}
+
+/// The settings with the options of where the input lies.
+fn placed_settings(place: &PlaceArgs, settings: &SettingsArgs) -> Result<Settings, CliError> {
+    Ok(Settings {
+        gap_mm: load::gap_mm(place.gap)?,
+        place: load::place(place.place),
+        axis_tolerance_rad: load::axis_tolerance_rad(place.axis_tolerance)?,
+        at_mm: place.at.as_deref().map(load::parse_at).transpose()?,
+        ..load::settings(settings)?
     })
 }
 

@@ -45,9 +45,20 @@ pub fn arc_chords(
     let [dx, dy] = [to[0] - from[0], to[1] - from[1]];
     let offset = match (words.centre_mm, words.radius_mm) {
         (Some(offset), _) => offset,
-        (None, Some(radius_mm)) => centre_of_radius([dx, dy], radius_mm, words.clockwise)
-            .ok_or_else(|| bad(format!("of radius {radius_mm} does not reach its end, or ends where it begins: give its centre (I, J, K)")))?,
-        (None, None) => return Err(bad("has neither centre (I, J, K) nor radius (R)".to_string())),
+        (None, Some(radius_mm)) => {
+            let centre = centre_of_radius([dx, dy], radius_mm, words.clockwise);
+            centre.ok_or_else(|| {
+                bad(format!(
+                    "of radius {radius_mm} does not reach its end, or ends where it begins: give its \
+                     centre (I, J, K)"
+                ))
+            })?
+        }
+        (None, None) => {
+            return Err(bad(
+                "has neither centre (I, J, K) nor radius (R)".to_string()
+            ));
+        }
     };
     let radius_mm = offset[0].hypot(offset[1]);
     let end_mm = (dx - offset[0]).hypot(dy - offset[1]);

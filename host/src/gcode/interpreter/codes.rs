@@ -1,0 +1,187 @@
+//! Codes that are no motion: modes, offsets, filament, tools, firmware retraction.
+//!
+//! In: a code and its line. Out: the interpreter's state; what is not done is noted with its line.
+
+use super::{AXES, Firmware, Interpreter, bounded_percent, code_name, tenths, value};
+use crate::gcode::FILAMENT_MM;
+use crate::gcode::error::GcodeError;
+use crate::gcode::words::{Line, Word};
+
+impl Interpreter {
+    /// Modes and codes that are no motion; true where they take the line's axis words.
+    pub(super) fn g_code(
+        &mut self,
+        code: i64,
+        word: &Word,
+        line: &Line,
+        number: usize,
+    ) -> Result<bool, GcodeError> {
+        let not_read = |remedy: &'static str| GcodeError::NotRead {
+            line: number,
+            code: code_name(word),
+            remedy,
+        };
+        match code {
+            170 => self.plane = [0, 1, 2],
+            180 => self.plane = [2, 0, 1],
+            190 => self.plane = [1, 2, 0],
+            200 => self.unit_mm = 25.4,
+            210 => self.unit_mm = 1.0,
+            900 | 910 => {
+                self.relative = code == 910;
+                if self.found.comments.modes_of_e {
+                    self.e_relative = self.relative;
+                }
+            }
+            901 => self.centres_absolute = true,
+            911 => self.centres_absolute = false,
+            930 => self.inverse_time = true,
+            940 => self.inverse_time = false,
+            920 => {
+                self.set_position(line, number)?;
+                return Ok(true);
+            }
+            921 | 922 => self.offset = [0.0; 6],
+            280 => {
+                self.home(line);
+                return Ok(true);
+            }
+            100 | 110 if line.words.iter().any(|word| word.letter == b'L') => {
+                return Err(not_read(
+                    "coordinate systems are not kept: write places of one system (G54)",
+                ));
+            }
+            100 => self.firmware(Firmware::Retract(self.retract_mm[0]), number)?,
+            110 => self.firmware(Firmware::Prime(self.retract_mm[1]), number)?,
+            // Path control, cancelled offsets, the first coordinate system: as it is.
+            400 | 490 | 540 | 610 | 611 | 640 | 690 | 800 | 970 | 980 | 990 => {}
+            410 | 420 => {
+                return Err(not_read(
+                    "offset by the tool's radius: let the post-processor compute it",
+                ));
+            }
+            550..=599 => {
+                return Err(not_read(
+                    "write all places in the first coordinate system (G54)",
+                ));
+            }
+            730 | 760 | 810..=899 => {
+                return Err(not_read("let the post-processor write its moves out"));
+            }
+            51..=53 | 331 | 950 | 960 => {
+                return Err(not_read("write it as G1, G2, G3 or G5, with G94 or G93"));
+            }
+            _ => {
+                self.undone(code_name(word), number);
+                return Ok(true);
+            }
+        }
+        Ok(false)
+    }
+
+    pub(super) fn m_code(
+        &mut self,
+        word: &Word,
+        line: &Line,
+        number: usize,
+    ) -> Result<(), GcodeError> {
+        match tenths(word) {
+            820 => self.e_relative = false,
+            830 => self.e_relative = true,
+            20 | 300 => self.ended = true,
+            1040 | 1060 | 1070 | 1090 | 1400 | 1410 | 1900 | 1910 => {
+                let parameters: Vec<String> = line.words.iter().map(code_name).collect();
+                self.found
+                    .carried
+                    .push(format!("line {number} {}", parameters.join(" ")));
+            }
+            2000 => self.filament(line, number)?,
+            2070 => self.retract_mm[0] = self.length(line, b'S', number)?.map(f64::abs),
+            2080 => {
+                let more_mm = self.length(line, b'S', number)?.unwrap_or(0.0);
+                self.retract_mm[1] = self.retract_mm[0].map(|mm| (mm + more_mm).max(0.0));
+            }
+            2200 | 2210 => {
+                let Some(percent) = bounded_percent(line, number)? else {
+                    return Ok(());
+                };
+                match tenths(word) {
+                    2200 => self.speed_factor = percent / 100.0,
+                    _ => self.flow_factor = percent / 100.0,
+                }
+            }
+            1010 => self.firmware(Firmware::Prime(self.retract_mm[1]), number)?,
+            1030 => self.firmware(Firmware::Retract(self.retract_mm[0]), number)?,
+            2270 if line.words.len() == 1 => self.firmware(Firmware::Prime(None), number)?,
+            2280 if line.words.len() == 1 => self.firmware(Firmware::Retract(None), number)?,
+            _ => self.undone(code_name(word), number),
+        }
+        Ok(())
+    }
+
+    /// M200: E in mm³ with a diameter, in mm with 0.
+    pub(super) fn filament(&mut self, line: &Line, number: usize) -> Result<(), GcodeError> {
+        let diameter_mm = value(line, b'D', number)?;
+        let is_on = value(line, b'S', number)?.map(|on| on != 0.0);
+        match diameter_mm {
+            Some(diameter_mm) if diameter_mm != 0.0 => {
+                if !(FILAMENT_MM[0]..=FILAMENT_MM[1]).contains(&diameter_mm) {
+                    return Err(GcodeError::Filament {
+                        line: number,
+                        diameter_mm,
+                    });
+                }
+                self.found.comments.filament_mm = Some(diameter_mm);
+                self.volumetric = is_on.unwrap_or(true);
+            }
+            Some(_) => self.volumetric = false,
+            None => self.volumetric = is_on.unwrap_or(self.volumetric),
+        }
+        Ok(())
+    }
+
+    pub(super) fn tool_change(&mut self, word: &Word, number: usize) -> Result<(), GcodeError> {
+        // "T-1", "T?": no tool, which one.
+        let Some(tool) = word.value.filter(|tool| *tool >= 0.0) else {
+            return Ok(());
+        };
+        let tool = tool.min(1e6) as u32;
+        match self.tool {
+            Some(before) if before != tool && self.has_printed => Err(GcodeError::SecondTool {
+                line: number,
+                tool,
+                before,
+            }),
+            _ => {
+                self.tool = Some(tool);
+                Ok(())
+            }
+        }
+    }
+
+    /// G92.
+    pub(super) fn set_position(&mut self, line: &Line, number: usize) -> Result<(), GcodeError> {
+        let extruder = self.extruder();
+        if let Some(e) = self.length(line, extruder, number)? {
+            self.e = e;
+        }
+        for (axis, letter) in AXES.into_iter().enumerate() {
+            if let Some(place) = self.place(line, letter, number)? {
+                self.offset[axis] = self.at[axis] - place;
+            }
+        }
+        Ok(())
+    }
+
+    /// G28: the head is at the machine's zero.
+    pub(super) fn home(&mut self, line: &Line) {
+        let named = |letter: u8| line.words.iter().any(|word| word.letter == letter);
+        let all = !AXES.iter().any(|letter| named(*letter));
+        for (axis, letter) in AXES.into_iter().enumerate() {
+            if all || named(letter) {
+                self.at[axis] = 0.0;
+                self.offset[axis] = 0.0;
+            }
+        }
+    }
+}

@@ -1,0 +1,373 @@
+//! Lines in order -> steps of the head: what a controller's modes make of them.
+//!
+//! In: the text. Out: [`Steps`]: places (mm, degrees) in one frame, filament, speeds (mm/s), with the
+//! line of each. Modes: units (G20, G21), distances (G90, G91, M82, M83), planes (G17 to G19), arc
+//! centres (G90.1, G91.1), feed (G93, G94), offsets (G92), filament (M200, M221), speed (M220), firmware
+//! retraction (G10, G11, M207, M208; M227 and M228 as prime and retract). What else a line says is not done
+//! and told with its number. Source: RS274/NGC 3 (NIST IR 6556), Marlin's and Klipper's command lists.
+
+mod codes;
+mod moves;
+
+use super::comments::{Comments, Hint};
+use super::error::GcodeError;
+use super::words::{Line, Word, read_line, shortened};
+use super::{ANGLE_MAX_DEG, MOVES_MAX, PLACE_MAX_MM};
+use std::collections::BTreeMap;
+
+/// Fastest feed that is taken, mm/min.
+const FEED_MAX_MM_MIN: f64 = 1e7;
+/// Farthest that E goes in a file, mm or mm³.
+const EXTRUDER_MAX: f64 = 1e9;
+/// Feed before the first F, mm/min, as Marlin has it.
+const FEED_DEFAULT_MM_MIN: f64 = 1500.0;
+/// Letters of the axes, in the order of a place.
+const AXES: [u8; 6] = *b"XYZABC";
+
+/// What a step does to the melt beside what it extrudes.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub enum Firmware {
+    /// Nothing.
+    None,
+    /// Firmware retraction, mm of filament where M207 says it.
+    Retract(Option<f64>),
+    /// Its end.
+    Prime(Option<f64>),
+}
+
+/// One straight step; a curve is many.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Step {
+    /// Line from 1.
+    pub line: usize,
+    /// Where it goes: X, Y, Z mm, A, B, C degrees.
+    pub to: [f64; 6],
+    /// What goes through the extruder, mm of filament, or mm³ where `volumetric`.
+    pub extruded: f64,
+    /// The unit of that.
+    pub volumetric: bool,
+    /// Tip speed, mm/s.
+    pub speed_mm_s: f64,
+    /// G0.
+    pub rapid: bool,
+    /// Number of what comments say of it.
+    pub hint: usize,
+    /// Firmware retraction.
+    pub firmware: Firmware,
+}
+
+/// A file's steps.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub struct Steps {
+    /// Steps in order.
+    pub steps: Vec<Step>,
+    /// What comments say; steps have the numbers.
+    pub hints: Vec<Hint>,
+    /// All that comments say of the whole.
+    pub comments: Comments,
+    /// Some move names the extruder.
+    pub extrudes: bool,
+    /// Some move names A or B; C.
+    pub turns: [bool; 2],
+    /// Temperatures and fans, with their lines.
+    pub carried: Vec<String>,
+    /// What is not done: first line and times.
+    pub undone: BTreeMap<String, (usize, usize)>,
+    /// Lines that were read.
+    pub lines: usize,
+}
+
+/// The motion in force.
+#[derive(Clone, Copy, Debug, PartialEq)]
+enum Motion {
+    Line { rapid: bool },
+    Arc { clockwise: bool },
+    Bezier,
+}
+
+struct Interpreter {
+    found: Steps,
+    at: [f64; 6],
+    offset: [f64; 6],
+    e: f64,
+    unit_mm: f64,
+    relative: bool,
+    e_relative: bool,
+    centres_absolute: bool,
+    plane: [usize; 3],
+    inverse_time: bool,
+    feed_mm_min: f64,
+    motion: Option<Motion>,
+    bezier_mm: [f64; 2],
+    volumetric: bool,
+    speed_factor: f64,
+    flow_factor: f64,
+    retract_mm: [Option<f64>; 2],
+    tool: Option<u32>,
+    has_printed: bool,
+    ended: bool,
+}
+
+/// Reads all lines.
+///
+/// # Errors
+/// [`GcodeError`], the first.
+pub fn steps(text: &str) -> Result<Steps, GcodeError> {
+    let mut interpreter = Interpreter::new();
+    for (index, text) in text.lines().enumerate() {
+        let number = index + 1;
+        interpreter.found.lines = number;
+        let line = read_line(text, number)?;
+        let before = interpreter.found.comments.hint;
+        for comment in &line.comments {
+            interpreter.found.comments.read(comment);
+        }
+        let hint = interpreter.found.comments.hint;
+        if hint != before {
+            interpreter.found.hints.push(hint);
+        }
+        // Settings at the end of a file are comments.
+        if !interpreter.ended {
+            interpreter.line(&line, number)?;
+        }
+    }
+    Ok(interpreter.found)
+}
+
+/// A code in tenths: G92.1 is 921.
+fn tenths(word: &Word) -> i64 {
+    let value = word.value.unwrap_or(-1.0);
+    (value * 10.0).round().clamp(-1e6, 1e6) as i64
+}
+
+fn code_name(word: &Word) -> String {
+    match word.value {
+        Some(value) => format!("{}{value}", char::from(word.letter)),
+        None => char::from(word.letter).to_string(),
+    }
+}
+
+impl Interpreter {
+    fn new() -> Interpreter {
+        Interpreter {
+            found: Steps {
+                hints: vec![Hint::default()],
+                ..Steps::default()
+            },
+            at: [0.0; 6],
+            offset: [0.0; 6],
+            e: 0.0,
+            unit_mm: 1.0,
+            relative: false,
+            e_relative: false,
+            centres_absolute: false,
+            plane: [0, 1, 2],
+            inverse_time: false,
+            feed_mm_min: FEED_DEFAULT_MM_MIN,
+            motion: None,
+            bezier_mm: [0.0; 2],
+            volumetric: false,
+            speed_factor: 1.0,
+            flow_factor: 1.0,
+            retract_mm: [None; 2],
+            tool: None,
+            has_printed: false,
+            ended: false,
+        }
+    }
+
+    fn undone(&mut self, what: String, line: usize) {
+        let entry = self.found.undone.entry(what).or_insert((line, 0));
+        entry.1 += 1;
+    }
+
+    fn line(&mut self, line: &Line, number: usize) -> Result<(), GcodeError> {
+        if let Some(command) = line.command {
+            let name: String = command
+                .split(|c: char| c.is_whitespace() || c == '"')
+                .next()
+                .map(shortened)
+                .unwrap_or_default();
+            self.undone(name, number);
+            return Ok(());
+        }
+        let mut motion: Option<(Motion, String)> = None;
+        let mut is_taken = false;
+        let mut in_machine = false;
+        for word in &line.words {
+            match word.letter {
+                b'G' => {
+                    let code = tenths(word);
+                    if let Some(next) = motion_of(code) {
+                        let name = code_name(word);
+                        if let Some((_, first)) = &motion {
+                            let first = first.clone();
+                            let second = name;
+                            let line = number;
+                            return Err(GcodeError::TwoMotions {
+                                line,
+                                first,
+                                second,
+                            });
+                        }
+                        motion = Some((next, name));
+                    } else if code == 530 {
+                        in_machine = true;
+                    } else {
+                        is_taken |= self.g_code(code, word, line, number)?;
+                    }
+                }
+                b'M' => {
+                    self.m_code(word, line, number)?;
+                    is_taken = true;
+                }
+                b'T' => {
+                    self.tool_change(word, number)?;
+                    is_taken = true;
+                }
+                _ => {}
+            }
+        }
+        if let Some((motion, _)) = motion {
+            self.motion = Some(motion);
+        } else if is_taken {
+            return Ok(());
+        }
+        let extruder = self.extruder();
+        let is_motion = |word: &Word| AXES.contains(&word.letter) || word.letter == extruder;
+        if line.words.iter().any(is_motion) {
+            return self.go(line, number, in_machine);
+        }
+        // A feed alone.
+        self.feed(line, number)?;
+        Ok(())
+    }
+
+    fn extruder(&self) -> u8 {
+        self.found.comments.extruder.unwrap_or(b'E')
+    }
+
+    fn length(&self, line: &Line, letter: u8, number: usize) -> Result<Option<f64>, GcodeError> {
+        let given = value(line, letter, number)?.map(|value| value * self.unit_mm);
+        bounded(given, letter, number, EXTRUDER_MAX)
+    }
+
+    /// An axis' word in mm or degrees.
+    fn place(&self, line: &Line, letter: u8, number: usize) -> Result<Option<f64>, GcodeError> {
+        let is_linear = matches!(letter, b'X' | b'Y' | b'Z');
+        let scale = if is_linear { self.unit_mm } else { 1.0 };
+        let given = value(line, letter, number)?.map(|value| value * scale);
+        let most = if is_linear {
+            PLACE_MAX_MM
+        } else {
+            ANGLE_MAX_DEG
+        };
+        bounded(given, letter, number, most)
+    }
+
+    /// The line's F; true where there is one.
+    fn feed(&mut self, line: &Line, number: usize) -> Result<bool, GcodeError> {
+        let Some(feed) = value(line, b'F', number)? else {
+            return Ok(false);
+        };
+        if !(feed > 0.0 && feed.is_finite()) {
+            return Err(GcodeError::Feed {
+                line: number,
+                value: feed,
+            });
+        }
+        let scale = if self.inverse_time { 1.0 } else { self.unit_mm };
+        bounded(Some(feed * scale), b'F', number, FEED_MAX_MM_MIN)?;
+        self.feed_mm_min = feed * scale;
+        Ok(true)
+    }
+
+    fn firmware(&mut self, firmware: Firmware, line: usize) -> Result<(), GcodeError> {
+        self.push(self.at, 0.0, self.feed_mm_min / 60.0, false, firmware, line)
+    }
+
+    fn push(
+        &mut self,
+        to: [f64; 6],
+        extruded: f64,
+        speed_mm_s: f64,
+        rapid: bool,
+        firmware: Firmware,
+        line: usize,
+    ) -> Result<(), GcodeError> {
+        if self.found.steps.len() >= MOVES_MAX {
+            return Err(GcodeError::TooMany { line });
+        }
+        self.found.steps.push(Step {
+            line,
+            to,
+            extruded,
+            volumetric: self.volumetric,
+            speed_mm_s,
+            rapid,
+            hint: self.found.hints.len() - 1,
+            firmware,
+        });
+        self.has_printed |= extruded > 0.0;
+        self.at = to;
+        Ok(())
+    }
+}
+
+fn motion_of(tenths: i64) -> Option<Motion> {
+    match tenths {
+        0 => Some(Motion::Line { rapid: true }),
+        10 => Some(Motion::Line { rapid: false }),
+        20 => Some(Motion::Arc { clockwise: true }),
+        30 => Some(Motion::Arc { clockwise: false }),
+        50 => Some(Motion::Bezier),
+        _ => None,
+    }
+}
+
+/// A word's number.
+fn value(line: &Line, letter: u8, number: usize) -> Result<Option<f64>, GcodeError> {
+    let word = line.words.iter().find(|word| word.letter == letter);
+    match word {
+        None => Ok(None),
+        Some(Word {
+            value: Some(value), ..
+        }) => Ok(Some(*value)),
+        Some(Word { value: None, .. }) => Err(GcodeError::Number {
+            line: number,
+            letter: char::from(letter),
+            text: String::new(),
+        }),
+    }
+}
+
+fn bounded(
+    given: Option<f64>,
+    letter: u8,
+    line: usize,
+    most: f64,
+) -> Result<Option<f64>, GcodeError> {
+    match given {
+        Some(value) if !value.is_finite() || value.abs() > most => Err(GcodeError::Beyond {
+            line,
+            letter: char::from(letter),
+            value,
+            most,
+        }),
+        given => Ok(given),
+    }
+}
+
+/// S of M220 and M221.
+fn bounded_percent(line: &Line, number: usize) -> Result<Option<f64>, GcodeError> {
+    let given = value(line, b'S', number)?;
+    match given {
+        Some(percent) if !(1.0..=1000.0).contains(&percent) => Err(GcodeError::Beyond {
+            line: number,
+            letter: 'S',
+            value: percent,
+            most: 1000.0,
+        }),
+        given => Ok(given),
+    }
+}

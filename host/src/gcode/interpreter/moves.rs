@@ -1,0 +1,195 @@
+//! Motion: a line's place by the motion in force, curves as chords.
+//!
+//! In: a line and the modes. Out: steps (mm, degrees, mm/s) of one frame.
+
+use super::{AXES, EXTRUDER_MAX, Firmware, Interpreter, Motion, bounded, value};
+use crate::gcode::arcs::{ArcWords, arc_chords, bezier_chords};
+use crate::gcode::error::GcodeError;
+use crate::gcode::words::Line;
+use crate::gcode::{ANGLE_MAX_DEG, PLACE_MAX_MM};
+
+impl Interpreter {
+    /// A motion: to the line's place, by the motion in force.
+    pub(super) fn go(
+        &mut self,
+        line: &Line,
+        number: usize,
+        in_machine: bool,
+    ) -> Result<(), GcodeError> {
+        let motion = self.motion.ok_or(GcodeError::NoMotion { line: number })?;
+        let rapid = motion == Motion::Line { rapid: true };
+        let has_feed = self.feed(line, number)?;
+        if self.inverse_time && !rapid && !has_feed {
+            return Err(GcodeError::NoInverseTime { line: number });
+        }
+        let mut to = self.at;
+        for (axis, letter) in AXES.into_iter().enumerate() {
+            let Some(place) = self.place(line, letter, number)? else {
+                continue;
+            };
+            if axis >= 3 {
+                self.found.turns[usize::from(axis == 5)] = true;
+            }
+            to[axis] = match (self.relative, in_machine) {
+                (_, true) => place,
+                (true, _) => self.at[axis] + place,
+                (false, _) => self.offset[axis] + place,
+            };
+            let most = if axis < 3 {
+                PLACE_MAX_MM
+            } else {
+                ANGLE_MAX_DEG
+            };
+            bounded(Some(to[axis]), letter, number, most)?;
+        }
+        let extruder = self.extruder();
+        let mut extruded = 0.0;
+        if let Some(e) = self.length(line, extruder, number)? {
+            extruded = if self.e_relative { e } else { e - self.e };
+            self.e += extruded;
+            bounded(Some(self.e), extruder, number, EXTRUDER_MAX)?;
+            self.found.extrudes = true;
+        }
+        extruded *= self.flow_factor;
+        let places = match motion {
+            Motion::Line { .. } => Vec::new(),
+            Motion::Arc { clockwise } => self.arc(line, to, clockwise, number)?,
+            Motion::Bezier => self.bezier(line, to, number)?,
+        };
+        self.along(&places, to, extruded, rapid, number)
+    }
+
+    /// Along the places of a curve in its plane, everything else evenly; straight without them.
+    pub(super) fn along(
+        &mut self,
+        places: &[[f64; 2]],
+        to: [f64; 6],
+        extruded: f64,
+        rapid: bool,
+        number: usize,
+    ) -> Result<(), GcodeError> {
+        let from = self.at;
+        let mut way = vec![from];
+        let count = places.len();
+        for (k, place) in places.iter().enumerate().take(count.saturating_sub(1)) {
+            let share = (k + 1) as f64 / count as f64;
+            let mut at: [f64; 6] =
+                std::array::from_fn(|axis| from[axis] + share * (to[axis] - from[axis]));
+            at[self.plane[0]] = place[0];
+            at[self.plane[1]] = place[1];
+            way.push(at);
+        }
+        way.push(to);
+        let length = |range: std::ops::Range<usize>| -> f64 {
+            way.windows(2)
+                .map(|pair| {
+                    range
+                        .clone()
+                        .map(|axis| (pair[1][axis] - pair[0][axis]).powi(2))
+                        .sum::<f64>()
+                        .sqrt()
+                })
+                .sum()
+        };
+        // The feed is the tip's; of the rotary axes where the tip stands.
+        let (tip_mm, turned_deg) = (length(0..3), length(3..6));
+        let speed = match self.inverse_time && !rapid {
+            true => (if tip_mm > 0.0 { tip_mm } else { turned_deg }) * self.feed_mm_min / 60.0,
+            false => self.feed_mm_min / 60.0,
+        };
+        let speed_mm_s = (speed * self.speed_factor).max(1e-6);
+        for pair in way.windows(2) {
+            let leg: f64 = (0..3)
+                .map(|axis| (pair[1][axis] - pair[0][axis]).powi(2))
+                .sum::<f64>()
+                .sqrt();
+            let share = match tip_mm > 0.0 {
+                true => leg / tip_mm,
+                false => 1.0 / (way.len() - 1) as f64,
+            };
+            self.push(
+                pair[1],
+                extruded * share,
+                speed_mm_s,
+                rapid,
+                Firmware::None,
+                number,
+            )?;
+        }
+        Ok(())
+    }
+
+    pub(super) fn arc(
+        &self,
+        line: &Line,
+        to: [f64; 6],
+        clockwise: bool,
+        number: usize,
+    ) -> Result<Vec<[f64; 2]>, GcodeError> {
+        let [u, v, _] = self.plane;
+        let mut centre = [0.0; 2];
+        let mut is_given = false;
+        for (slot, axis) in [u, v].into_iter().enumerate() {
+            let letter = b"IJK"[axis];
+            if let Some(given) = self.length(line, letter, number)? {
+                is_given = true;
+                centre[slot] = match self.centres_absolute {
+                    true => self.offset[axis] + given - self.at[axis],
+                    false => given,
+                };
+            } else if self.centres_absolute {
+                centre[slot] = -self.at[axis] + self.offset[axis];
+            }
+        }
+        let words = ArcWords {
+            clockwise,
+            centre_mm: is_given.then_some(centre),
+            radius_mm: self.length(line, b'R', number)?,
+            turns: value(line, b'P', number)?,
+        };
+        arc_chords([self.at[u], self.at[v]], [to[u], to[v]], &words, number)
+    }
+
+    pub(super) fn bezier(
+        &mut self,
+        line: &Line,
+        to: [f64; 6],
+        number: usize,
+    ) -> Result<Vec<[f64; 2]>, GcodeError> {
+        let bad = |problem: &str| GcodeError::Arc {
+            line: number,
+            problem: problem.to_string(),
+        };
+        if self.plane != [0, 1, 2] {
+            return Err(bad("(G5) lies in the XY plane: write G17 before it"));
+        }
+        let first = [
+            self.length(line, b'I', number)?,
+            self.length(line, b'J', number)?,
+        ];
+        let second = [
+            self.length(line, b'P', number)?,
+            self.length(line, b'Q', number)?,
+        ];
+        let ([Some(p), Some(q)], [i, j]) = (second, first) else {
+            return Err(bad(
+                "(G5) needs P and Q, its second control point from its end",
+            ));
+        };
+        // Without I and J it goes on as the one before it ended.
+        let [i, j] = match (i, j) {
+            (Some(i), Some(j)) => [i, j],
+            (None, None) => self.bezier_mm,
+            _ => return Err(bad("(G5) needs both I and J, or neither")),
+        };
+        self.bezier_mm = [-p, -q];
+        let from = [self.at[0], self.at[1]];
+        let end = [to[0], to[1]];
+        Ok(bezier_chords([
+            from,
+            [from[0] + i, from[1] + j],
+            [end[0] + p, end[1] + q],
+            end,
+        ]))
+    }
+}
