@@ -46,7 +46,7 @@ class Page:
                 value, data = self.read(data, match.group(1))
                 values.append(value)
             return values, data
-        if kind == "u8":
+        if kind in ("u8", "bool"):
             return data[0], data[1:]
         if kind in ("u16", "u32"):
             value = shift = 0
@@ -56,7 +56,7 @@ class Page:
                 shift += 7
                 if byte < 128:
                     return value, data
-        if kind == "i32":
+        if kind in ("i16", "i32"):
             value, data = self.read(data, "u32")
             return (value >> 1) ^ -(value & 1), data
         if kind == "bytes":
@@ -86,7 +86,7 @@ class Page:
     def write(self, value, kind):
         if match := re.fullmatch(r"(\w+)\*(\d+)", kind):
             return b"".join(self.write(item, match.group(1)) for item in value)
-        if kind == "u8":
+        if kind in ("u8", "bool"):
             return bytes([value])
         if kind in ("u16", "u32"):
             out = bytearray()
@@ -94,7 +94,7 @@ class Page:
                 out.append(value & 127 | 128)
                 value >>= 7
             return bytes(out + bytes([value]))
-        if kind == "i32":
+        if kind in ("i16", "i32"):
             return self.write(value << 1 if value >= 0 else (-value << 1) - 1, "u32")
         if kind == "bytes":
             return self.write(len(value), "u32") + value

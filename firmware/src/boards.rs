@@ -3,6 +3,7 @@
 use crate::configuration::{
     ExtruderConfiguration, JointConfiguration, Kinematics, MachineConfiguration,
 };
+use crate::heat::HeatConfiguration;
 use crate::homing::HomingConfiguration;
 use core::f64::consts::TAU;
 use heapless::Vec;
@@ -60,12 +61,30 @@ pub fn emulated_planar() -> MachineConfiguration {
     }
 }
 
+/// What the file that `HEADWAY_MACHINE` named holds: a machine, and behind it the heaters, if any.
+const BUILT_FOR: &[u8] = include_bytes!(concat!(env!("OUT_DIR"), "/machine.bin"));
+
+/// Heaters of a board that has them: those of the machine it is built for, or a hot end and a bed with the
+/// usual thermistors. `None` if they cannot be.
+pub fn board_heaters() -> Option<HeatConfiguration> {
+    if BUILT_FOR.is_empty() {
+        return Some(HeatConfiguration::standard());
+    }
+    let (_, rest) = postcard::take_from_bytes::<MachineConfiguration>(BUILT_FOR).ok()?;
+    let heaters = if rest.is_empty() {
+        HeatConfiguration::standard()
+    } else {
+        postcard::from_bytes::<HeatConfiguration>(rest).ok()?
+    };
+    heaters.check().ok()?;
+    Some(heaters)
+}
+
 /// The machine that a board to flash is built for: the one in the file that `HEADWAY_MACHINE`
 /// named at build time (written by `headway machine firmware`), or the planar machine that the
 /// `headway` command has built in; with the switches of [`HomingConfiguration::standard`].
 /// `None` if the file is not a machine that can be run.
 pub fn board_machine() -> Option<(MachineConfiguration, HomingConfiguration)> {
-    const BUILT_FOR: &[u8] = include_bytes!(concat!(env!("OUT_DIR"), "/machine.bin"));
     let machine = if BUILT_FOR.is_empty() {
         built_in_planar()
     } else {

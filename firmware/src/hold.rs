@@ -65,6 +65,19 @@ impl Hold {
         })
     }
 
+    /// The stream is given up where the head rests: gives the retract, once.
+    pub fn leave(&mut self, flow_active: bool) -> Option<FlowEvent> {
+        if flow_active || self.melt != Melt::AsPlanned {
+            return None;
+        }
+        let primed = self.primed.take()?;
+        self.melt = Melt::Retracted;
+        Some(FlowEvent {
+            action: FlowAction::Retract,
+            ..primed
+        })
+    }
+
     /// The head may go on as far as the path is concerned: true if the melt is ready too. Gives
     /// the prime that is due now, if one is.
     pub fn ready(&mut self, flow_active: bool) -> (bool, Option<FlowEvent>) {

@@ -472,6 +472,8 @@ mod by_hand;
 mod endless;
 #[path = "machine_fault_tests.rs"]
 mod fault;
+#[path = "machine_heat_tests.rs"]
+mod heat;
 #[path = "machine_refusal_tests.rs"]
 mod refusal;
 #[path = "machine_switch_tests.rs"]

@@ -2,6 +2,8 @@
 //! (`generic-bigtreetech-octopus-v1.1.cfg`).
 
 use crate::configuration::MOTORS_MAX;
+use crate::heat::HEATERS_MAX;
+use crate::heat::pwm::CHANNELS;
 use crate::output::Pin;
 
 const A: usize = 0;
@@ -58,7 +60,15 @@ pub const SWITCHES: [Pin; MOTORS_MAX] = [
 ];
 /// Emergency input, the signal pin of the probe port: normally closed to ground, pulled up.
 pub const EMERGENCY: Pin = (B, 7);
-/// Heaters and fans: this firmware does not drive them, they are kept off.
+/// Heaters 0 to 2, hot end, bed and second hot end (HE0, the bed's, HE1), then part, hot end and
+/// controller fan (FAN0 to FAN2): the channels of the PWM.
+pub const HEAT: [Pin; CHANNELS] = [(A, 2), (A, 1), (A, 3), (A, 8), (E, 5), (D, 12)];
+/// Thermistors of these heaters (T0, TB, T1), 4.7 kOhm to 3.3 V, and their channels of converter 3, from
+/// the data sheet of the STM32F446.
+pub const SENSORS: [(Pin, u32); HEATERS_MAX] = [((F, 4), 14), ((F, 3), 9), ((F, 5), 15)];
+/// PS-ON, high = the supply is on (`pins_BTT_OCTOPUS_V1_common.h` of Marlin).
+pub const SUPPLY: Pin = (E, 11);
+/// All heaters and fans: off until they are asked for.
 pub const OFF: [Pin; 11] = [
     (A, 1),
     (A, 2),

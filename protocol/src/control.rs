@@ -14,6 +14,10 @@ pub const FLOW_PERCENT_RANGE: core::ops::RangeInclusive<u16> = 10..=200;
 pub const REPORT_PERIOD_RANGE_MS: core::ops::RangeInclusive<u16> = 20..=60_000;
 /// Largest volume of one prime or retract: 1000 mm³, far beyond any nozzle's need.
 pub const EVENT_VOLUME_UNITS_MAX: u32 = 1_000_000_000;
+/// Heaters that a command can name.
+pub const HEATERS_MAX: usize = 3;
+/// Highest target that can be asked for, tenths of a degree; the board's own limits are below it.
+pub const DECIDEGREES_MAX: u16 = 5000;
 /// Longest prime or retract: a minute at a 2 kHz servo.
 pub const EVENT_DURATION_TICKS_MAX: u32 = 120_000;
 
@@ -73,6 +77,17 @@ pub enum Control {
     GoTo(ChannelPoint),
     /// Let the motors go (at rest only): where they are is not known afterwards.
     MotorsOff,
+    /// Heat, at any time; 0 switches off.
+    Heat {
+        /// Heater from 0.
+        heater: u8,
+        /// Target, tenths of a degree Celsius, up to [`DECIDEGREES_MAX`].
+        decidegrees: u16,
+        /// The stream rests until it is there.
+        wait: bool,
+    },
+    /// Part fan in thousandths of its full speed.
+    Fan(u16),
 }
 
 /// Joints in an order, four bits each from the lowest up: joint + 1, 0 ends the list. Empty means
@@ -139,6 +154,11 @@ impl Control {
         )
     }
 
+    /// True for what makes something hot.
+    pub fn heats(&self) -> bool {
+        matches!(self, Control::Heat { decidegrees, .. } if *decidegrees > 0)
+    }
+
     /// True if every field is in its range.
     pub(crate) fn is_valid(&self) -> bool {
         match *self {
@@ -151,6 +171,12 @@ impl Control {
             Control::Home(order) => order.is_valid(),
             Control::SetJoint { joint, .. } => usize::from(joint) < REPORT_MOTORS_MAX,
             Control::ReportPeriod(ms) => REPORT_PERIOD_RANGE_MS.contains(&ms),
+            Control::Heat {
+                heater,
+                decidegrees,
+                ..
+            } => usize::from(heater) < HEATERS_MAX && decidegrees <= DECIDEGREES_MAX,
+            Control::Fan(permille) => permille <= 1000,
             Control::FlowOverride(percent) => FLOW_PERCENT_RANGE.contains(&percent),
             Control::Extrude {
                 volume_units,

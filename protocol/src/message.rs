@@ -7,16 +7,17 @@
 //! `WIRE.md` has the bytes and the rules; this file has the types and the check of every field.
 
 pub use crate::control::{
-    Control, EVENT_DURATION_TICKS_MAX, EVENT_VOLUME_UNITS_MAX, FLOW_PERCENT_RANGE, JointOrder,
-    OVERRIDE_PERCENT_MAX, REPORT_MOTORS_MAX, REPORT_PERIOD_RANGE_MS,
+    Control, DECIDEGREES_MAX, EVENT_DURATION_TICKS_MAX, EVENT_VOLUME_UNITS_MAX, FLOW_PERCENT_RANGE,
+    HEATERS_MAX, JointOrder, OVERRIDE_PERCENT_MAX, REPORT_MOTORS_MAX, REPORT_PERIOD_RANGE_MS,
 };
+pub use crate::fault::{Fault, FaultCause};
 use crate::segment::{FlowEvent, SPAN_TICKS_MAX};
 use crate::units::ChannelPoint;
 use heapless::Vec;
 use serde::{Deserialize, Serialize};
 
 /// Version of the whole protocol; another one is refused with both values shown.
-pub const PROTOCOL_VERSION: u16 = 4;
+pub const PROTOCOL_VERSION: u16 = 5;
 /// The layout of every message, field by field: its hash guards against a build that changed a
 /// message and forgot the version. Change it with the types; the golden test of `WIRE.md` tells.
 pub const SCHEMA: &str = "\
@@ -28,14 +29,14 @@ host: 0 hello{protocol u16,schema u32,host_session u32}\n\
  5 control 0 pause 1 resume 2 override u16 3 abort 4 stop 5 clear 6 status\n\
  7 position i32*7 8 jog{joint u8,distance i32,speed u32} 9 home u32 10 joint{joint u8,position i32}\n\
  11 report u16 12 flow u16 13 extrude{action u8,volume u32,duration u32} 14 goto i32*7\n\
- 15 motors off\n\
+ 15 motors off 16 heat{heater u8,decidegrees u16,wait bool} 17 fan u16\n\
 device: 0 welcome{protocol u16,schema u32,firmware u8*3,machine_hash u32,knots u16,events u16,\
 servo u32,step u32,session u32,host_session u32,stream option{job u32,first u32,next u32,knots u32,spans u32}}\n\
  1 refused{sequence u16,reason 0 protocol u16 1 schema u32 2 machine u32 3 no stream 4 busy 5 faulted 6 invalid 7 no hello}\n\
  2 ack{session u32,next u32,knot_limit u32,event_limit u32,control u16} 3 nak(ack)\n\
  4 status{session u32,state u8,sigma u16,override u16,flow u16,spans u32,knots u16,events u16,\
-referenced u8,switches u8,counts vec i32,fault option}\n\
- 5 fault{cause 0..13 u8,index u8,value i32}\n\
+referenced u8,switches u8,counts vec i32,heaters vec{decidegrees i16,target u16,duty u16},fan u16,fault option}\n\
+ 5 fault{cause 0..25 u8,index u8,value i32}\n\
 block: v1\n";
 /// CRC-32 of [`SCHEMA`].
 pub const SCHEMA_HASH: u32 = crate::frame::CRC.checksum(SCHEMA.as_bytes());
@@ -226,6 +227,8 @@ pub enum DeviceState {
     Jogging,
     /// A fault is latched.
     Faulted,
+    /// Coming to rest, or resting, until a heater is there.
+    Heating,
 }
 
 /// Where the machine is.
@@ -253,57 +256,24 @@ pub struct Status {
     pub switches: u8,
     /// Step counts: joints in order, then the extruder.
     pub counts_steps: Vec<i32, REPORT_MOTORS_MAX>,
+    /// Heaters in order.
+    pub heaters: Vec<HeaterStatus, HEATERS_MAX>,
+    /// Part fan in thousandths.
+    pub fan_permille: u16,
     /// The latched fault.
     pub fault: Option<Fault>,
 }
 
-/// What tripped a fault.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash, Serialize, Deserialize)]
+/// What a heater is doing.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
 #[cfg_attr(feature = "defmt", derive(defmt::Format))]
-pub enum FaultCause {
-    /// Emergency input or command.
-    Emergency,
-    /// Limit switch of joint `index`.
-    LimitSwitch,
-    /// Joint `index` would leave its range, at `value` (0.1 µm or µrad).
-    SoftLimit,
-    /// A segment that cannot be: `value` is the knot's number.
-    BadSegment,
-    /// The stream's totals or order are wrong: `value` is the sequence number.
-    Sequence,
-    /// The pose has no joint positions: `value` is the span.
-    Kinematics,
-    /// The control loop was not served in time.
-    Watchdog,
-    /// Motor `index` would need more than one step a tick: `value` is its speed in thousandths of
-    /// a step per step tick.
-    StepRate,
-    /// Step ticks were missed.
-    StepOverrun,
-    /// The time warp left its bounds.
-    TimeWarp,
-    /// Homing did not find the switch of joint `index`.
-    Homing,
-    /// The machine configuration cannot be run.
-    Configuration,
-    /// The firmware is for another board; it cannot be cleared. `index` 0: `value` is the chip's
-    /// device id; 1: the crystal has `value` Hz, or does not start (0); 2: the core's clock does not
-    /// lock.
-    Board,
-    /// Motor `index` would exceed its speed or acceleration limit: `value` is the share in thousandths.
-    Limit,
-}
-
-/// A latched fault with the value that tripped it.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash, Serialize, Deserialize)]
-#[cfg_attr(feature = "defmt", derive(defmt::Format))]
-pub struct Fault {
-    /// What tripped.
-    pub cause: FaultCause,
-    /// Joint or motor, 0 where it has no meaning.
-    pub index: u8,
-    /// The value, as the cause says.
-    pub value: i32,
+pub struct HeaterStatus {
+    /// Temperature, tenths of a degree Celsius; the lowest number where it is not known.
+    pub decidegrees: i16,
+    /// Target in force, tenths of a degree; 0 is off.
+    pub target_decidegrees: u16,
+    /// Duty in thousandths.
+    pub duty_permille: u16,
 }
 
 impl core::fmt::Display for RefusalReason {
@@ -320,50 +290,6 @@ impl core::fmt::Display for RefusalReason {
                  then `headway board go JOB`)",
             ),
             Self::NoHello => f.write_str("it has restarted and waits for a greeting"),
-        }
-    }
-}
-
-impl core::fmt::Display for Fault {
-    fn fmt(&self, f: &mut core::fmt::Formatter<'_>) -> core::fmt::Result {
-        let (index, value) = (self.index, self.value);
-        match self.cause {
-            FaultCause::Emergency => f.write_str("emergency stop"),
-            FaultCause::LimitSwitch => write!(f, "limit switch of joint {index}"),
-            FaultCause::SoftLimit => write!(
-                f,
-                "joint {index} would leave its range, at {value} (0.1 µm or µrad)"
-            ),
-            FaultCause::BadSegment => write!(f, "knot {value} cannot be run"),
-            FaultCause::Sequence => write!(f, "the stream's totals or order are wrong ({value})"),
-            FaultCause::Kinematics => write!(f, "the pose of span {value} has no joint positions"),
-            FaultCause::Watchdog => f.write_str("the control loop was not served in time"),
-            FaultCause::StepRate => write!(
-                f,
-                "motor {index} would need {value} thousandths of a step per step tick"
-            ),
-            FaultCause::StepOverrun => write!(f, "step ticks were missed ({value})"),
-            FaultCause::TimeWarp => f.write_str("the time warp left its bounds"),
-            FaultCause::Homing => write!(f, "homing did not find the switch of joint {index}"),
-            FaultCause::Limit => write!(
-                f,
-                "motor {index} would reach {} % of its speed or acceleration limit",
-                value / 10
-            ),
-            FaultCause::Configuration => f.write_str("the machine configuration cannot be run"),
-            FaultCause::Board => match (index, value) {
-                (0, _) => write!(
-                    f,
-                    "the firmware is for another chip than this one (device id {value:#x}); flash the image of this board"
-                ),
-                (1, 0) => f.write_str("the board's crystal does not start"),
-                (1, _) => write!(
-                    f,
-                    "the board's crystal has {:.1} MHz, the firmware is for another; flash the image of this board",
-                    f64::from(value) / 1e6
-                ),
-                _ => f.write_str("the clock of the board's core does not lock"),
-            },
         }
     }
 }

@@ -80,6 +80,12 @@ fn host_message<'a>(name: &str, block: &'a [u8]) -> Option<HostMessage<'a>> {
         }),
         "go_to" => HostMessage::Control(Control::GoTo(POSITION)),
         "motors_off" => HostMessage::Control(Control::MotorsOff),
+        "heat" => HostMessage::Control(Control::Heat {
+            heater: 1,
+            decidegrees: 2105,
+            wait: true,
+        }),
+        "fan" => HostMessage::Control(Control::Fan(350)),
         _ => return None,
     })
 }
@@ -135,6 +141,17 @@ fn device_message(name: &str) -> Option<DeviceMessage> {
             referenced: 0b1111,
             switches: 0b100,
             counts_steps: [8000, -16_000, 80, 2400, 0].into_iter().collect(),
+            heaters: [(2098, 2100, 415), (-3, 0, 0)]
+                .into_iter()
+                .map(
+                    |(decidegrees, target_decidegrees, duty_permille)| HeaterStatus {
+                        decidegrees,
+                        target_decidegrees,
+                        duty_permille,
+                    },
+                )
+                .collect(),
+            fan_permille: 350,
             fault: Some(fault),
         }),
         "fault" => DeviceMessage::Fault(fault),
@@ -184,7 +201,7 @@ fn wire_md_states_the_bytes_of_this_build() {
     for line in golden
         .lines()
         .filter(|line| line.starts_with("    "))
-        .take(27)
+        .take(29)
     {
         let cells: Vec<&str> = line.split_whitespace().collect();
         let sequence = u16::from_str_radix(cells[1], 16).unwrap();
@@ -194,7 +211,7 @@ fn wire_md_states_the_bytes_of_this_build() {
         }
         lines += 1;
     }
-    assert_eq!(lines, 27, "every variant has its line");
+    assert_eq!(lines, 29, "every variant has its line");
     assert!(wrong.is_empty(), "this build writes:\n{}", wrong.join("\n"));
 }
 

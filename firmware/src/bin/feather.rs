@@ -26,7 +26,8 @@ use {board::Output, stm32f4::pend_stop};
 #[cfg(target_os = "none")]
 mod board {
     use crate::stm32f4::{self, CoreDelay, Parts, SerialLine};
-    use headway_firmware::board::{NoLine, PinBoard, PinOutput};
+    use headway_firmware::board::{NoHeat, NoLine, PinBoard, PinOutput};
+    use headway_firmware::heat::HeatConfiguration;
     use headway_firmware::output::Pin;
     use stm32f4xx_hal::gpio::{self, ErasedPin, Input};
     use stm32f4xx_hal::pac::{self, Interrupt, interrupt};
@@ -39,6 +40,7 @@ mod board {
     /// X, Y, Z.
     pub type Pins = PinBoard<ErasedPin<Input>, OutputPin, 3, 1>;
     pub type UsbLine = NoLine;
+    pub type HeatPins = NoHeat;
 
     /// STM32F405.
     pub const CHIP_ID: u32 = 0x413;
@@ -49,6 +51,13 @@ mod board {
     pub const SERIAL_PORT: usize = 0x4000_4800;
     pub const SERIAL_CLOCK_MASK: u32 = 1 << 18;
     pub const SERIAL_INTERRUPT: Interrupt = Interrupt::USART3;
+
+    /// It has none.
+    pub fn heaters() -> Option<HeatConfiguration> {
+        Some(HeatConfiguration::none())
+    }
+
+    pub fn heaters_off() {}
 
     #[interrupt]
     fn USART3() {
@@ -91,6 +100,7 @@ mod board {
             output: PinOutput::new(steps, directions, 0),
             pins: PinBoard::new(switches, emergency, [enable.erase()], &mut CoreDelay),
             usb: NoLine,
+            heat: NoHeat,
         })
     }
 

@@ -15,6 +15,9 @@ fn main() {
 use defmt_rtt as _;
 
 #[cfg(target_os = "none")]
+#[path = "shared/octopus_heat.rs"]
+mod heat;
+#[cfg(target_os = "none")]
 #[path = "shared/octopus_pins.rs"]
 mod pins;
 #[cfg(target_os = "none")]
@@ -43,6 +46,9 @@ mod board {
 
     pub type Output = PortOutput<DriverPorts>;
     pub type Pins = pins::OctopusPins;
+    pub type HeatPins = crate::heat::OctopusHeat;
+    pub use crate::pins::heaters_off;
+    pub use headway_firmware::boards::board_heaters as heaters;
     #[cfg(feature = "octopus")]
     pub type UsbLine = crate::usb::UsbLine;
     #[cfg(not(feature = "octopus"))]
@@ -76,6 +82,7 @@ mod board {
             output: PortOutput::new(DriverPorts::new(pins::PORTS), motors, 0),
             pins,
             usb,
+            heat: crate::heat::OctopusHeat::set_up(),
         })
     }
 

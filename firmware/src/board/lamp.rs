@@ -25,7 +25,10 @@ impl<P: SetDutyCycle> Lamp<P> {
     pub fn show(&mut self, state: DeviceState, now_ticks: u64) {
         let percent = match state {
             DeviceState::Idle | DeviceState::Finished => 5,
-            DeviceState::Filling | DeviceState::Paused | DeviceState::Starved => 50,
+            DeviceState::Filling
+            | DeviceState::Paused
+            | DeviceState::Starved
+            | DeviceState::Heating => 50,
             DeviceState::Running
             | DeviceState::Aborting
             | DeviceState::Homing

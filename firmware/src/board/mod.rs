@@ -4,6 +4,7 @@
 //! steps, directions   -> PinOutput (OutputPin)      or the port-wide output::PortOutput
 //! switches, emergency -> PinBoard (InputPin)        -> inputs, once a servo tick
 //! enables, lamp       <- PinBoard (OutputPin), Lamp (SetDutyCycle)
+//! heaters, fans       <- BoardPins::put_heat; their sensors -> HeatPort
 //! bytes               <-> exchange (Read, Write and their readiness)
 //! ```
 //! A board binary adds clocks, interrupts and which pin is which. What a board may replace by
@@ -13,12 +14,14 @@
 //!
 //! [`StepOutput`]: crate::output::StepOutput
 
+mod heat_port;
 mod lamp;
 mod line;
 mod pins;
 mod ring;
 mod start;
 
+pub use heat_port::{HeatPort, NoHeat};
 pub use lamp::Lamp;
 pub use line::{Line, NoLine, exchange};
 pub use pins::{BoardPins, INPUTS_SETTLE_MS, PinBoard, PinOutput};

@@ -68,6 +68,9 @@ pub trait BoardPins {
     fn inputs(&mut self) -> Inputs;
     /// Lets the drivers hold their motors, or go.
     fn hold(&mut self, on: bool);
+    /// Levels of heaters and fans, a bit each; a board without them has nothing to do.
+    #[inline(always)]
+    fn put_heat(&mut self, _levels: u8) {}
 }
 
 /// Inputs pulled up, of switches that are normally closed to ground: pressed or broken is high. Enable

@@ -6,6 +6,7 @@
 //!                                       |        ^ flow, fan (feed-forward)
 //!                                       +-> all off, latched, supply cut where only that helps
 //! ```
+//! [`service::HeatService`] puts it beside the motion, [`panel::HeatPanel`] is what the two tell each other.
 //! [`Heat::sample`] whenever a conversion is there, [`Heat::tick`] ten times a second, both in a board's
 //! main loop: the interrupts only play [`pwm::SoftPwm`]. Nothing that a host says raises a limit or
 //! clears a cause. Left out: who converts, and which pin is which.
@@ -13,10 +14,12 @@
 pub mod configuration;
 pub mod fans;
 pub mod guard;
+pub mod panel;
 pub mod pwm;
 pub mod regulator;
 pub mod samples;
 pub mod sensor;
+pub mod service;
 
 pub use configuration::{HEATERS_MAX, HeatConfiguration, HeaterConfiguration, HeaterRole};
 pub use guard::{HeatCause, HeatFault};
@@ -79,6 +82,11 @@ pub struct Outputs {
 }
 
 impl Outputs {
+    /// No heater is to have power.
+    pub fn is_cold(&self) -> bool {
+        self.duties.iter().all(|duty| *duty <= 0.0)
+    }
+
     /// The period as the PWM plays it: heaters from channel 0, then part, hot end and controller fan.
     pub fn schedule(&self) -> Schedule {
         let mut channels = [(0.0, false); CHANNELS];
@@ -170,18 +178,22 @@ pub struct Heat {
 impl Heat {
     /// All off.
     pub fn new(configuration: &HeatConfiguration) -> Self {
-        let heaters = configuration.heaters.iter().map(|heater| Heater {
-            configuration: *heater,
-            samples: Samples::default(),
-            regulator: Regulator::default(),
-            guard: Guard::default(),
-            target_c: 0.0,
-            reading_c: None,
-            duty: 0.0,
-            expected: 0.0,
-        });
+        let mut heaters = Vec::new();
+        for heater in &configuration.heaters {
+            // Room for all by the type's bound; collecting could panic.
+            let _ = heaters.push(Heater {
+                configuration: *heater,
+                samples: Samples::default(),
+                regulator: Regulator::default(),
+                guard: Guard::default(),
+                target_c: 0.0,
+                reading_c: None,
+                duty: 0.0,
+                expected: 0.0,
+            });
+        }
         Self {
-            heaters: heaters.collect(),
+            heaters,
             fans: Fans::default(),
             fan_tells_turns: configuration.fan_tells_turns,
             fault: None,
@@ -355,4 +367,4 @@ impl Heat {
 }
 
 #[cfg(test)]
-mod tests;
+pub(crate) mod tests;

@@ -1,5 +1,6 @@
 //! What the link may ask of the motion. A board calls these under a short lock.
 
+use super::heated::PAUSED;
 use super::{CommandError, Motion, Phase};
 use crate::configuration::MOTORS_MAX;
 use crate::design::{HOLD_RETRACT_DELAY_MS, ticks_of_ms};
@@ -45,7 +46,8 @@ impl Motion {
         self.drivers_on = true;
         self.phase = Phase::Filling { starved: false };
         self.finish = false;
-        self.paused = false;
+        self.rests = 0;
+        self.note_heat();
         self.held = false;
         self.heard_ticks = self.now_ticks as u32;
         self.stream_start_ticks = None;
@@ -162,12 +164,12 @@ impl Motion {
 
     /// Comes to rest on the path.
     pub fn pause(&mut self) {
-        self.paused = true;
+        self.rests |= PAUSED;
     }
 
     /// Goes on after a pause.
     pub fn resume(&mut self) {
-        self.paused = false;
+        self.rests &= !PAUSED;
     }
 
     /// Takes over the levels of the inputs; to be called before [`Self::tick`].

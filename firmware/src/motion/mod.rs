@@ -11,6 +11,7 @@
 mod by_hand;
 mod commands;
 mod faults;
+mod heated;
 mod rate;
 mod status;
 
@@ -24,6 +25,7 @@ use crate::design::{
 use crate::event_queue::EventQueue;
 use crate::extruder_limits::ExtruderGuard;
 use crate::flow::Flow;
+use crate::heat::panel::HeatPanel;
 use crate::hold::Hold;
 use crate::homing::HomingConfiguration;
 use crate::inputs::{Inputs, SwitchGuard};
@@ -109,7 +111,8 @@ pub struct Motion {
     switch_guard: SwitchGuard,
     /// The motors follow the interpolator's pose; otherwise they stay where they are.
     follows_path: bool,
-    paused: bool,
+    /// Why the stream rests: a pause, a heater.
+    rests: u8,
     aborting: bool,
     finish: bool,
     held: bool,
@@ -132,6 +135,7 @@ pub struct Motion {
     interpolator: Interpolator,
     carriers: Carriers,
     by_hand: ByHand,
+    heat: HeatPanel,
     waiting: WaitingTargets,
     queue: KnotQueue,
 }
@@ -159,11 +163,12 @@ impl Motion {
             reference: Reference::default(),
             follows_path: false,
             by_hand: ByHand::new(configuration, switches),
+            heat: HeatPanel::default(),
             inputs: Inputs::default(),
             switch_guard: SwitchGuard::default(),
             drivers_on: false,
             idle_ticks: 0,
-            paused: false,
+            rests: 0,
             aborting: false,
             finish: false,
             override_percent: 100,
@@ -261,10 +266,6 @@ impl Motion {
         }
     }
 
-    fn may_move(&self) -> bool {
-        !self.paused && !self.aborting && self.fault.is_none()
-    }
-
     /// Starts the flow events whose place segment time has reached.
     fn begin_due_events(&mut self) {
         // At most one a tick: two at the same place start half a millisecond apart.
@@ -353,6 +354,9 @@ impl Motion {
             self.still_ticks.saturating_add(1)
         };
         if self.aborting || self.fault.is_some() {
+            if self.pulls_back() {
+                return;
+            }
             self.forget_stream();
             self.aborting = false;
             return;
@@ -403,7 +407,7 @@ impl Motion {
         self.flow.cut();
         self.warp.stop();
         self.finish = false;
-        self.paused = false;
+        self.rests = 0;
         self.phase = Phase::Idle;
     }
 

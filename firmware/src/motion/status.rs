@@ -1,5 +1,6 @@
 //! What the motion tells of itself.
 
+use super::heated::PAUSED;
 use super::{Motion, Phase};
 use crate::configuration::MOTORS_MAX;
 use crate::steps::count;
@@ -15,8 +16,11 @@ impl Motion {
             return DeviceState::Aborting;
         }
         let streams = matches!(self.phase, Phase::Filling { .. } | Phase::Running);
-        if self.paused && streams {
+        if self.rests & PAUSED != 0 && streams {
             return DeviceState::Paused;
+        }
+        if self.rests != 0 && streams {
+            return DeviceState::Heating;
         }
         match self.phase {
             Phase::Idle => DeviceState::Idle,

@@ -5,6 +5,7 @@
 //! loads), [`Receiver::apply`] hands it over. Stream frames are taken in order, exactly once;
 //! control frames when newer than the last one. `WIRE.md` of the protocol has the rules.
 
+mod commands;
 mod reports;
 mod second_line;
 
@@ -12,7 +13,7 @@ use crate::configuration::MachineConfiguration;
 use crate::design::{NAK_PERIOD_MS, STATUS_PERIOD_MS, ticks_of_ms};
 use crate::kinematics::winding::Winding;
 use crate::load::{LoadModel, SpanFault, SpanLoad};
-use crate::motion::{CommandError, EMERGENCY, Motion};
+use crate::motion::{CommandError, Motion};
 use crate::queue::{Ceiling, QueuedKnot};
 use crate::spline::SpanWindow;
 use headway_protocol::frame::{FrameDecoder, full_sequence};
@@ -201,6 +202,9 @@ impl Receiver {
         if self.refuses_watcher(&request) {
             return;
         }
+        if self.watched.is_none() {
+            motion.heat_mut().hear();
+        }
         match request.content {
             Content::Hello(hello) => self.greet(sequence, &hello),
             Content::Start(start) => {
@@ -310,44 +314,6 @@ impl Receiver {
                 });
             }
             Err(error) => self.refuse_control(sequence, reason_of(error)),
-        }
-    }
-
-    fn control(&mut self, sequence: u16, control: Control, motion: &mut Motion) {
-        match control {
-            Control::Pause => motion.pause(),
-            Control::Resume => motion.resume(),
-            Control::Override(percent) => motion.set_override(percent),
-            Control::Abort => {
-                motion.abort();
-                self.stream = None;
-            }
-            Control::EmergencyStop => motion.fail_at_once(EMERGENCY),
-            Control::ClearFault => {
-                if motion.clear_fault() {
-                    self.stream = None;
-                    // The same one again is news.
-                    self.last_fault = None;
-                } else {
-                    self.refuse_control(sequence, RefusalReason::Busy);
-                }
-            }
-            Control::StatusRequest => self.due.status = true,
-            Control::ReportPeriod(period_ms) => {
-                self.status_period_ticks = ticks_of_ms(period_ms.into(), self.servo_hz).into();
-            }
-            Control::FlowOverride(percent) => motion.set_flow_override(percent),
-            Control::SetPosition(_)
-            | Control::SetJoint { .. }
-            | Control::Jog { .. }
-            | Control::GoTo(_)
-            | Control::MotorsOff
-            | Control::Home(_)
-            | Control::Extrude { .. } => {
-                if let Err(error) = motion.command_at_rest(&control) {
-                    self.refuse_control(sequence, reason_of(error));
-                }
-            }
         }
     }
 

@@ -141,6 +141,8 @@ impl Receiver {
             queue_knots: motion.queued_knots() as u16,
             queue_events: motion.queued_events() as u16,
             counts_steps,
+            heaters: motion.heat().readings().clone(),
+            fan_permille: motion.heat().fan_permille(),
             fault: motion.fault(),
         }
     }

@@ -58,7 +58,7 @@ impl Content {
     pub(super) fn needs_the_line(&self) -> bool {
         match self {
             Content::Hello(_) | Content::Unreadable(_) => false,
-            Content::Control(control) => control.is_at_rest_only(),
+            Content::Control(control) => control.is_at_rest_only() || control.heats(),
             _ => true,
         }
     }

@@ -60,6 +60,8 @@ Examples:
   headway board jog x 10 --speed 20 --port /dev/ttyACM0
   headway board set-joint c 0 --port /dev/ttyACM0
   headway board extrude 5 --port /dev/ttyACM0
+  headway board heat hot-end 210 --port /dev/ttyACM0
+  headway board fan 40 --port /dev/ttyACM0
   headway board go part.hwj --port /dev/ttyACM0
   headway board simulate --listen tcp:127.0.0.1:7000
   headway board replay print.log")]
@@ -172,6 +174,26 @@ pub(super) enum BoardCommand {
     Flow {
         /// Per cent of the planned volume, 10 to 200.
         #[arg(value_parser = clap::value_parser!(u16).range(10..=200))]
+        percent: u16,
+        #[command(flatten)]
+        port: PortArgs,
+    },
+    /// Set the target of a heater, and wait until it is there.
+    Heat {
+        /// hot-end, bed, hot-end-2, or the heater's number.
+        heater: String,
+        /// Target, °C; 0 switches off.
+        celsius: f64,
+        /// Do not wait: the stream rests until it is there, if there is one.
+        #[arg(long)]
+        no_wait: bool,
+        #[command(flatten)]
+        port: PortArgs,
+    },
+    /// Part fan.
+    Fan {
+        /// Per cent of its full speed.
+        #[arg(value_parser = clap::value_parser!(u16).range(0..=100))]
         percent: u16,
         #[command(flatten)]
         port: PortArgs,

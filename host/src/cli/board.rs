@@ -3,6 +3,7 @@
 use super::args_board::{BoardArgs, BoardCommand, BoardMachineArgs, PortArgs};
 use super::by_hand::{extrude, jog, joint_number, set_joint};
 use super::console::Console;
+use super::heat::{heat, heaters_json, heaters_text, is_there};
 use super::stream::{ANSWER_PATIENCE, catch_interrupts, host_session, no_answer, open};
 use super::{CliError, load};
 use crate::drive::link_log::{read_log, replay};
@@ -74,18 +75,12 @@ pub(super) fn run(args: &BoardArgs, console: &Console) -> Result<(), CliError> {
             let status = talk.wait_for_rest()?;
             console.result(&status_text(&status, false))
         }
-        BoardCommand::Pause { port } => Talk::open(port)?.order(Control::Pause),
-        BoardCommand::Resume { port } => Talk::open(port)?.order(Control::Resume),
-        BoardCommand::Override { percent, port } => {
-            Talk::open(port)?.order(Control::Override(*percent))
-        }
-        BoardCommand::Flow { percent, port } => {
-            Talk::open(port)?.order(Control::FlowOverride(*percent))
-        }
-        BoardCommand::MotorsOff { port } => Talk::open(port)?.order(Control::MotorsOff),
-        BoardCommand::Abort { port } => Talk::open(port)?.order(Control::Abort),
-        BoardCommand::Stop { port } => Talk::open(port)?.order(Control::EmergencyStop),
-        BoardCommand::Reset { port } => Talk::open(port)?.order(Control::ClearFault),
+        BoardCommand::Heat {
+            heater,
+            celsius,
+            no_wait,
+            port,
+        } => heat_up(heat(heater, *celsius, !no_wait)?, port, console),
         BoardCommand::Simulate {
             listen,
             machine,
@@ -95,7 +90,27 @@ pub(super) fn run(args: &BoardArgs, console: &Console) -> Result<(), CliError> {
         BoardCommand::Replay { log, machine, json } => {
             run_replay(log, machine.as_deref(), *json, console)
         }
+        simple => match order(simple) {
+            Some((port, control)) => Talk::open(port)?.order(control),
+            None => Ok(()),
+        },
     }
+}
+
+/// Commands that are given and no more.
+fn order(command: &BoardCommand) -> Option<(&PortArgs, Control)> {
+    Some(match command {
+        BoardCommand::Pause { port } => (port, Control::Pause),
+        BoardCommand::Resume { port } => (port, Control::Resume),
+        BoardCommand::Override { percent, port } => (port, Control::Override(*percent)),
+        BoardCommand::Flow { percent, port } => (port, Control::FlowOverride(*percent)),
+        BoardCommand::Fan { percent, port } => (port, Control::Fan(percent * 10)),
+        BoardCommand::MotorsOff { port } => (port, Control::MotorsOff),
+        BoardCommand::Abort { port } => (port, Control::Abort),
+        BoardCommand::Stop { port } => (port, Control::EmergencyStop),
+        BoardCommand::Reset { port } => (port, Control::ClearFault),
+        _ => return None,
+    })
 }
 
 /// A conversation without a stream.
@@ -275,6 +290,8 @@ fn status_text(status: &Status, as_json: bool) -> String {
             "referenced": bits(status.referenced),
             "switches": bits(status.switches),
             "counts": status.counts_steps.to_vec(),
+            "heaters": heaters_json(status),
+            "fan": f64::from(status.fan_permille) / 1000.0,
             "fault": fault,
         });
         return format!("{value:#}\n");
@@ -282,12 +299,13 @@ fn status_text(status: &Status, as_json: bool) -> String {
     let fault = fault.map_or(String::new(), |fault| format!("; fault: {fault}"));
     format!(
         "{state} at {:.0} % of the planned rate, {} knots queued{fault}\ncounts {:?}, known joints \
-         {:?}, pressed switches {:?}\n",
+         {:?}, pressed switches {:?}\n{}",
         f64::from(status.sigma_permille) / 10.0,
         status.queue_knots,
         status.counts_steps.as_slice(),
         bits(status.referenced),
         bits(status.switches),
+        heaters_text(status),
     )
 }
 
@@ -323,6 +341,37 @@ fn home(
     let status = talk.wait_for_rest()?;
     console.result(&status_text(&status, false))
 }
+
+/// Heats, and waits until it is there where that was asked: a board that hears nobody switches off.
+fn heat_up(command: Control, port: &PortArgs, console: &Console) -> Result<(), CliError> {
+    let mut talk = Talk::open(port)?;
+    talk.order(command)?;
+    let begun = Instant::now();
+    loop {
+        let status = talk.status()?;
+        let there = match command {
+            Control::Heat {
+                heater,
+                decidegrees,
+                wait: true,
+            } => is_there(&status, heater, decidegrees),
+            _ => true,
+        };
+        if let Some(fault) = status.fault {
+            return Err(CliError::Job(format!("the board latched a fault: {fault}")));
+        }
+        if there {
+            return console.result(&status_text(&status, false));
+        }
+        if begun.elapsed() > MOVE_PATIENCE {
+            return Err(never_ends(&status, MOVE_PATIENCE));
+        }
+        std::thread::sleep(HEAT_LOOK);
+    }
+}
+
+/// How often a heater is looked at.
+const HEAT_LOOK: Duration = Duration::from_millis(500);
 
 /// Gives a command that names a motor, and waits for its end.
 fn move_joint(

@@ -12,6 +12,7 @@ mod by_hand;
 mod console;
 mod export;
 mod headings;
+mod heat;
 mod inspect;
 mod job;
 mod load;

@@ -2,6 +2,7 @@
 
 use super::args_board::{PortArgs, StreamArgs};
 use super::console::Console;
+use super::heat::heat;
 use super::{CliError, job};
 use crate::drive::link_log::LinkLog;
 use crate::drive::patience::{ANSWER_US, Patience, Wait};
@@ -347,6 +348,11 @@ fn command(line: &str) -> Option<Control> {
         ["abort"] => Some(Control::Abort),
         ["stop"] => Some(Control::EmergencyStop),
         ["override", text] => percent(text, 1..=200).map(Control::Override),
+        ["fan", text] => percent(text, 0..=100).map(|percent| Control::Fan(10 * percent)),
+        ["heat", heater, text] => text
+            .parse()
+            .ok()
+            .and_then(|celsius| heat(heater, celsius, false).ok()),
         ["flow", text] => percent(text, 10..=200).map(Control::FlowOverride),
         _ => None,
     }

@@ -182,7 +182,10 @@ impl Patience {
 
     /// What is waited for in this state of things; `None` if nothing is.
     fn wait_of(&self, sender: &Sender, status: Option<&Status>) -> Option<Wait> {
-        let is_paused = status.is_some_and(|status| status.state == DeviceState::Paused);
+        // A board that heats watches its heaters itself.
+        let is_paused = status.is_some_and(|status| {
+            matches!(status.state, DeviceState::Paused | DeviceState::Heating)
+        });
         match sender.state() {
             SenderState::Greeting => Some(Wait::Welcome),
             SenderState::Opening => Some(Wait::Opening),

@@ -113,6 +113,8 @@ impl Loopback {
             queue_knots: 0,
             queue_events: 0,
             counts_steps: Default::default(),
+            heaters: Default::default(),
+            fan_permille: 0,
             fault: None,
         }
     }

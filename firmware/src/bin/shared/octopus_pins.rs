@@ -6,7 +6,9 @@ use crate::stm32f4::CoreDelay;
 use embedded_hal::delay::DelayNs;
 use headway_firmware::board::{BoardPins, INPUTS_SETTLE_MS};
 use headway_firmware::inputs::Inputs;
-use headway_firmware::octopus::{DIRECTION, EMERGENCY, ENABLE, OFF, SERIAL, STEP, SWITCHES};
+use headway_firmware::octopus::{
+    DIRECTION, EMERGENCY, ENABLE, HEAT, OFF, SENSORS, SERIAL, STEP, SUPPLY, SWITCHES,
+};
 use headway_firmware::output::Pin;
 
 const MODE: usize = 0x00;
@@ -15,6 +17,11 @@ const INPUT: usize = 0x10;
 const ALTERNATE: usize = 0x20;
 /// USART 2 among the functions of its pins.
 const SERIAL_FUNCTION: u32 = 7;
+
+/// Mode of a pin that a converter reads.
+const ANALOG: u32 = 3;
+/// Clocks of the ports, a bit each.
+const PORTS_CLOCK: *mut u32 = 0x4002_3830 as *mut u32;
 
 /// Port A; the others follow.
 pub const PORTS: usize = 0x4002_0000;
@@ -47,8 +54,14 @@ fn is_high((port, number): Pin) -> bool {
     levels >> number & 1 == 1
 }
 
-fn output((port, number): Pin, high: bool) {
+/// The level of an output.
+#[inline(always)]
+fn put((port, number): Pin, high: bool) {
     write(port, 1 << if high { number } else { number + 16 });
+}
+
+fn output((port, number): Pin, high: bool) {
+    put((port, number), high);
     modify(port, MODE, 2 * number, 2, 1);
 }
 
@@ -82,12 +95,35 @@ impl BoardPins for OctopusPins {
     fn hold(&mut self, on: bool) {
         enable(self.motors, on);
     }
+
+    #[inline(always)]
+    fn put_heat(&mut self, levels: u8) {
+        for (channel, pin) in HEAT.into_iter().enumerate() {
+            put(pin, levels >> channel & 1 == 1);
+        }
+    }
+}
+
+/// Heaters and fans off, whatever was before: their ports may have no clock yet, and no memory is used.
+pub fn heaters_off() {
+    // SAFETY: a bit each that switches the clock of port A, B, D and E on; the others stay.
+    unsafe { PORTS_CLOCK.write_volatile(PORTS_CLOCK.read_volatile() | 0b1_1011) };
+    for pin in OFF {
+        output(pin, false);
+    }
+}
+
+/// The supply of heaters and motors, by PS-ON.
+pub fn supply(on: bool) {
+    put(SUPPLY, on);
 }
 
 /// Sets every pin up, before any interrupt is on: all off. Port clocks must run.
 pub fn set_up(motors: usize) -> OctopusPins {
-    for pin in OFF {
-        output(pin, false);
+    heaters_off();
+    output(SUPPLY, true);
+    for (pin, _) in SENSORS {
+        modify(pin.0, MODE, 2 * pin.1, 2, ANALOG);
     }
     for enable in ENABLE {
         output(enable, true);

@@ -10,12 +10,14 @@
 #[cfg_attr(feature = "emulated", allow(unused_imports))]
 #[path = "stm32f4_clocks.rs"]
 mod clocks;
+#[path = "stm32f4_heat.rs"]
+mod heat;
 #[path = "stm32f4_start.rs"]
 pub mod start;
 
 use crate::board::{
-    CHIP_ID, EMERGENCY, Output, PORTS_CLOCK_MASK, Pins, SERIAL_CLOCK_MASK, SERIAL_INTERRUPT,
-    SERIAL_PORT, UsbLine, set_up_board,
+    CHIP_ID, EMERGENCY, HeatPins, Output, PORTS_CLOCK_MASK, Pins, SERIAL_CLOCK_MASK,
+    SERIAL_INTERRUPT, SERIAL_PORT, UsbLine, heaters, heaters_off, set_up_board,
 };
 use crate::runtime::{self, Board, Outgoing, Shared, with_motion};
 use core::convert::Infallible;
@@ -27,6 +29,7 @@ use headway_firmware::board::{BoardPins, ByteRing, chip_fault, exchange};
 use headway_firmware::boards::board_machine;
 use headway_firmware::receiver::{Receiver, SECOND_LINE};
 use headway_protocol::message::{Fault, FaultCause};
+use heat::HeatLoop;
 use stm32f4xx_hal::pac::{self, Interrupt, interrupt};
 
 pub const CORE_HZ: u32 = 168_000_000;
@@ -41,6 +44,8 @@ pub struct Parts {
     pub pins: Pins,
     /// USB, or a `NoLine`.
     pub usb: UsbLine,
+    /// Sensors of the heaters, and their supply.
+    pub heat: HeatPins,
 }
 
 /// The servo interrupt's.
@@ -57,6 +62,7 @@ fn PendSV() {
     let pins = unsafe { PINS.get() };
     let done = runtime::servo_interrupt(pins.inputs());
     pins.hold(done.drivers_on);
+    heat::servo_tick(pins);
     if done.healthy {
         start::feed_watchdog();
     }
@@ -190,7 +196,12 @@ impl WriteReady for SerialLine {
 }
 
 /// The main loop. Reports go to the line on which a valid frame came last.
-fn serve(mut receiver: Receiver, mut serial: SerialLine, mut usb: UsbLine) -> ! {
+fn serve(
+    mut receiver: Receiver,
+    mut heat: HeatLoop,
+    mut serial: SerialLine,
+    mut usb: UsbLine,
+) -> ! {
     let mut outgoing = Outgoing::new();
     loop {
         let by_usb = receiver.line() == SECOND_LINE;
@@ -204,6 +215,7 @@ fn serve(mut receiver: Receiver, mut serial: SerialLine, mut usb: UsbLine) -> ! 
             runtime::take_byte(&mut receiver, 0, byte);
         });
         runtime::look_ahead();
+        heat.turn();
         sent += exchange(&mut usb, for_usb, |byte| {
             runtime::take_byte(&mut receiver, SECOND_LINE, byte);
         });
@@ -248,6 +260,7 @@ fn run() -> Option<()> {
     // on their being off.
     unsafe {
         PINS.set(parts.pins);
+        heat::set_up();
         core.NVIC.set_priority(Interrupt::EXTI9_5, 0);
         core.NVIC.set_priority(SERIAL_INTERRUPT, SERIAL_PRIORITY);
         NVIC::unmask(Interrupt::EXTI9_5);
@@ -262,9 +275,10 @@ fn run() -> Option<()> {
     if let Some(fault) = wrong_board.or(by_watchdog) {
         with_motion(|motion| motion.fail_softly(fault));
     }
+    let heat = HeatLoop::new(&configuration, &heaters()?, parts.heat)?;
     // SAFETY: all that interrupts use is set.
     unsafe { cortex_m::interrupt::enable() }
-    serve(receiver, serial, parts.usb)
+    serve(receiver, heat, serial, parts.usb)
 }
 
 /// From the boards' entries. It only ends where the machine built in cannot be run, or the chip has no
@@ -274,9 +288,10 @@ pub fn main() -> ! {
     stop()
 }
 
-/// Drivers off, no more interrupts; the watchdog starts anew.
+/// Heaters and drivers off, no more interrupts; the watchdog starts anew.
 pub fn stop() -> ! {
     cortex_m::interrupt::disable();
+    heaters_off();
     // SAFETY: nothing interrupts any more.
     unsafe {
         PINS.with(|pins| pins.hold(false));
@@ -284,6 +299,12 @@ pub fn stop() -> ! {
     loop {
         cortex_m::asm::nop();
     }
+}
+
+/// What no handler has dealt with.
+#[exception]
+unsafe fn HardFault(_: &cortex_m_rt::ExceptionFrame) -> ! {
+    stop()
 }
 
 /// Waits in the core.

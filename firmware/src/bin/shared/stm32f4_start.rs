@@ -56,6 +56,8 @@ unsafe extern "C" fn clean_up() {
     // what is not set up later.
     unsafe {
         core::arch::asm!("cpsid i");
+        // Before anything else: a heater that a run or a boot loader before left on.
+        crate::board::heaters_off();
         SYSTICK_CONTROL.write_volatile(0);
         for word in 0..NVIC_WORDS {
             NVIC_CLEAR_ENABLE.add(word).write_volatile(u32::MAX);

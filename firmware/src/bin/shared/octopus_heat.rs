@@ -1,0 +1,84 @@
+//! Converter 3 of the STM32F446, after RM0390 (chapter 13): the thermistors one after the other, a conversion
+//! at a time, begun and fetched by the main loop, which never waits for it.
+
+use crate::pins;
+use headway_firmware::board::HeatPort;
+use headway_firmware::octopus::SENSORS;
+
+const CLOCKS: *mut u32 = 0x4002_3844 as *mut u32;
+const CLOCK_ON: u32 = 1 << 10;
+const CONVERTER: usize = 0x4001_2200;
+const STATE: *mut u32 = CONVERTER as *mut u32;
+const CONTROL: *mut u32 = (CONVERTER + 0x08) as *mut u32;
+/// Sampling times of channels 10 to 18, and 0 to 9.
+const SAMPLING: [*mut u32; 2] = [
+    (CONVERTER + 0x0c) as *mut u32,
+    (CONVERTER + 0x10) as *mut u32,
+];
+const SEQUENCE: *mut u32 = (CONVERTER + 0x34) as *mut u32;
+const DATA: *mut u32 = (CONVERTER + 0x4c) as *mut u32;
+const COMMON: *mut u32 = 0x4001_2304 as *mut u32;
+/// 84 MHz / 4: at most 36.
+const BY_FOUR: u32 = 1 << 16;
+/// 480 clocks of every channel, three bits each: 23 us for the filter of 4.7 kOhm and 100 nF to follow.
+const SLOWEST: u32 = 0o7_777_777_777 & 0x3fff_ffff;
+const ON: u32 = 1;
+const START: u32 = 1 << 30;
+const DONE: u32 = 1 << 1;
+
+/// Sensors and supply.
+pub struct OctopusHeat {
+    /// Which one is being converted.
+    sensor: usize,
+}
+
+impl OctopusHeat {
+    /// Before interrupts are on.
+    pub fn set_up() -> Self {
+        // SAFETY: registers of this converter, which nothing else uses; the clock's other bits stay.
+        unsafe {
+            CLOCKS.write_volatile(CLOCKS.read_volatile() | CLOCK_ON);
+            COMMON.write_volatile(BY_FOUR);
+            for sampling in SAMPLING {
+                sampling.write_volatile(SLOWEST);
+            }
+            CONTROL.write_volatile(ON);
+        }
+        let heat = Self { sensor: 0 };
+        heat.begin();
+        heat
+    }
+
+    fn begin(&self) {
+        let channel = SENSORS.get(self.sensor).map_or(0, |(_, channel)| *channel);
+        // SAFETY: as above.
+        unsafe {
+            SEQUENCE.write_volatile(channel);
+            CONTROL.write_volatile(ON | START);
+        }
+    }
+}
+
+impl HeatPort for OctopusHeat {
+    fn poll(&mut self) -> Option<(usize, u16)> {
+        // SAFETY: as above; reading the data clears the flag.
+        let raw = unsafe {
+            if STATE.read_volatile() & DONE == 0 {
+                return None;
+            }
+            DATA.read_volatile() as u16
+        };
+        let sensor = self.sensor;
+        self.sensor = if sensor + 1 < SENSORS.len() {
+            sensor + 1
+        } else {
+            0
+        };
+        self.begin();
+        Some((sensor, raw))
+    }
+
+    fn supply(&mut self, on: bool) {
+        pins::supply(on);
+    }
+}

@@ -1,0 +1,73 @@
+//! Heaters of an STM32F4 board: the loop at 10 Hz in the main loop, the PWM in the servo interrupt.
+
+use crate::board::HeatPins;
+use crate::runtime::{Shared, with_motion};
+use headway_firmware::board::{BoardPins, HeatPort};
+use headway_firmware::configuration::MachineConfiguration;
+use headway_firmware::heat::pwm::SoftPwm;
+use headway_firmware::heat::service::HeatService;
+use headway_firmware::heat::{HeatConfiguration, Outputs};
+
+/// The servo interrupt's; the main loop holds it off while it loads a schedule.
+static PWM: Shared<SoftPwm> = Shared::empty();
+
+/// Before any interrupt is on.
+pub fn set_up() {
+    // SAFETY: nothing interrupts yet.
+    unsafe { PWM.set(SoftPwm::default()) }
+}
+
+/// One servo tick, for its interrupt.
+#[inline(always)]
+pub fn servo_tick(pins: &mut impl BoardPins) {
+    // SAFETY: set before this interrupt is on; the main loop raises BASEPRI.
+    if let Some(levels) = unsafe { PWM.get() }.tick() {
+        pins.put_heat(levels);
+    }
+}
+
+/// The main loop's part.
+pub struct HeatLoop {
+    service: HeatService,
+    port: HeatPins,
+}
+
+impl HeatLoop {
+    /// All off; `None` before the motion is there.
+    // Never part of its caller, whose stack lasts.
+    #[inline(never)]
+    pub fn new(
+        machine: &MachineConfiguration,
+        heat: &HeatConfiguration,
+        port: HeatPins,
+    ) -> Option<Self> {
+        let service = with_motion(|motion| HeatService::new(machine, heat, motion))?;
+        Some(Self { service, port })
+    }
+
+    /// One round of the main loop.
+    #[inline(never)]
+    pub fn turn(&mut self) {
+        if let Some((heater, raw)) = self.port.poll() {
+            self.service.sample(heater, raw);
+        }
+        let served = with_motion(|motion| self.service.serve(motion, 0)).flatten();
+        if let Some(outputs) = served {
+            self.put_out(&outputs);
+        }
+    }
+
+    fn put_out(&mut self, outputs: &Outputs) {
+        let schedule = outputs.schedule();
+        with_motion(|_| {
+            // SAFETY: the servo is held off.
+            let pwm = unsafe { PWM.get() };
+            if outputs.is_cold() {
+                // Now, not after the present period.
+                pwm.cut();
+            }
+            pwm.load(&schedule);
+        });
+        self.port.supply(!outputs.cut_supply);
+    }
+}

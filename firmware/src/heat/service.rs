@@ -1,0 +1,124 @@
+//! Heat beside the motion: when a period is due, what the motion tells the heaters, and the reverse.
+//!
+//! In: the motion, its servo ticks as the clock. Out: outputs of each period; faults latched in the
+//! motion, which comes to rest on the path and pulls the melt back while that is safe.
+
+use super::{Heat, HeatCause, HeatConfiguration, HeatFault, Orders, Outputs, PERIOD_S};
+use crate::configuration::MachineConfiguration;
+use crate::motion::Motion;
+use headway_protocol::message::{DeviceState, Fault, FaultCause};
+
+/// The heat loop of a board's main loop.
+#[derive(Clone, Debug)]
+pub struct HeatService {
+    heat: Heat,
+    period_ticks: u64,
+    next_ticks: u64,
+    steps_per_mm3: f32,
+    extruder_steps: i64,
+}
+
+impl HeatService {
+    /// All off; the motion is told which heaters there are.
+    pub fn new(
+        machine: &MachineConfiguration,
+        heat: &HeatConfiguration,
+        motion: &mut Motion,
+    ) -> Self {
+        motion.heat_mut().set_up(heat);
+        Self {
+            heat: Heat::new(heat),
+            period_ticks: (PERIOD_S * machine.servo_hz as f32) as u64,
+            next_ticks: 0,
+            steps_per_mm3: machine.extruder.steps_per_mm3 as f32,
+            extruder_steps: 0,
+        }
+    }
+
+    /// A conversion of a heater's sensor, 0 to 4095.
+    pub fn sample(&mut self, heater: usize, raw: u16) {
+        self.heat.sample(heater, raw);
+    }
+
+    /// Fan pulses and the like are the board's: the heaters themselves.
+    pub fn heat(&self) -> &Heat {
+        &self.heat
+    }
+
+    /// What is to be put out from now on, once in a period; `None` between.
+    pub fn serve(&mut self, motion: &mut Motion, fan_turns: u8) -> Option<Outputs> {
+        let now_ticks = motion.now_ticks();
+        if now_ticks < self.next_ticks {
+            return None;
+        }
+        self.next_ticks = now_ticks + self.period_ticks;
+        if self.heat.fault().is_some() && motion.fault().is_none() {
+            self.heat.clear_fault();
+        }
+        let (targets_c, part_fan) = motion.heat().orders();
+        let orders = Orders {
+            targets_c,
+            part_fan,
+            flow_mm3_s: self.flow_mm3_s(motion),
+            drivers_on: motion.drivers_on(),
+            host_heard: motion.heat_mut().take_heard(),
+            faulted: motion.fault().is_some(),
+            paused: motion.state() == DeviceState::Paused,
+            fan_turns,
+        };
+        let outputs = self.heat.tick(&orders);
+        if let Some(fault) = self.heat.fault() {
+            motion.fail_softly(fault.into());
+        }
+        self.tell(motion, outputs.not_ready);
+        Some(outputs)
+    }
+
+    fn tell(&self, motion: &mut Motion, not_ready: u8) {
+        let faulted = motion.fault().is_some();
+        let panel = motion.heat_mut();
+        if faulted {
+            panel.all_off();
+        }
+        for heater in 0..self.heat.count() {
+            let reading_c = self.heat.reading_c(heater);
+            let (target_c, duty) = (self.heat.target_c(heater), self.heat.duty(heater));
+            panel.note(heater, reading_c, target_c, duty);
+        }
+        panel.note_ready(not_ready);
+        motion.note_heat();
+    }
+
+    /// Mean flow of the last period.
+    fn flow_mm3_s(&mut self, motion: &Motion) -> f32 {
+        let extruder = motion.motors() - 1;
+        let steps = motion.counts().get(extruder).copied().unwrap_or_default();
+        let way = steps.wrapping_sub(self.extruder_steps);
+        self.extruder_steps = steps;
+        way as f32 / self.steps_per_mm3 / PERIOD_S
+    }
+}
+
+impl From<HeatFault> for Fault {
+    fn from(fault: HeatFault) -> Self {
+        let cause = match fault.cause {
+            HeatCause::SensorOpen => FaultCause::SensorOpen,
+            HeatCause::SensorShorted => FaultCause::SensorShorted,
+            HeatCause::SensorSilent => FaultCause::SensorSilent,
+            HeatCause::SensorFrozen => FaultCause::SensorFrozen,
+            HeatCause::OverTemperature => FaultCause::OverTemperature,
+            HeatCause::UnderTemperature => FaultCause::UnderTemperature,
+            HeatCause::HeatingSlow => FaultCause::HeatingSlow,
+            HeatCause::Drift => FaultCause::TemperatureDrift,
+            HeatCause::HeaterStuck => FaultCause::HeaterStuck,
+            HeatCause::PowerMismatch => FaultCause::PowerMismatch,
+            HeatCause::HostSilent => FaultCause::HostSilent,
+            HeatCause::FanStalled => FaultCause::FanStalled,
+        };
+        Self {
+            cause,
+            index: fault.heater,
+            value: fault.value,
+        }
+    }
+}

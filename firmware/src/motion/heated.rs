@@ -1,0 +1,82 @@
+//! What heaters do to the motion: a stream that waits for them, and melt that is left behind hot.
+
+use super::{CommandError, Motion};
+use crate::heat::panel::HeatPanel;
+use headway_protocol::message::FaultCause;
+
+/// The stream rests because the host asked for it,
+pub(super) const PAUSED: u8 = 1;
+/// or until a heater is there.
+const HEATING: u8 = 2;
+
+impl Motion {
+    /// Orders and readings of the heaters.
+    pub fn heat(&self) -> &HeatPanel {
+        &self.heat
+    }
+
+    /// The same, to write to.
+    pub fn heat_mut(&mut self) -> &mut HeatPanel {
+        &mut self.heat
+    }
+
+    /// Sets a heater's target, tenths of a degree; the stream `wait`s for it.
+    ///
+    /// # Errors
+    /// [`CommandError`]: a fault is latched, or the heater cannot have that.
+    pub fn set_heater(
+        &mut self,
+        heater: u8,
+        decidegrees: u16,
+        wait: bool,
+    ) -> Result<(), CommandError> {
+        if self.fault.is_some() && decidegrees > 0 {
+            return Err(CommandError::Faulted);
+        }
+        self.heat.set_target(heater, decidegrees, wait)?;
+        self.note_heat();
+        Ok(())
+    }
+
+    /// Takes over whether the stream waits for a heater.
+    pub fn note_heat(&mut self) {
+        self.rests &= !HEATING;
+        if self.heat.holds_stream() {
+            self.rests |= HEATING;
+        }
+    }
+
+    /// Nothing holds the stream.
+    #[inline(always)]
+    pub(super) fn may_move(&self) -> bool {
+        self.rests == 0 && !self.aborting && self.fault.is_none()
+    }
+
+    /// At rest, before a faulty stream is left: pulls the melt back where a heater was the cause, which
+    /// is still hot then. True while that goes on.
+    pub(super) fn pulls_back(&mut self) -> bool {
+        let hot = self.fault.is_some_and(|fault| {
+            matches!(
+                fault.cause,
+                FaultCause::SensorOpen
+                    | FaultCause::SensorShorted
+                    | FaultCause::SensorSilent
+                    | FaultCause::SensorFrozen
+                    | FaultCause::OverTemperature
+                    | FaultCause::TemperatureDrift
+                    | FaultCause::HeaterStuck
+                    | FaultCause::PowerMismatch
+                    | FaultCause::HostSilent
+                    | FaultCause::FanStalled
+            )
+        });
+        if !hot {
+            return false;
+        }
+        let active = self.flow.is_active();
+        if let Some(retract) = self.hold.leave(active) {
+            return self.flow.begin(&retract);
+        }
+        active
+    }
+}

@@ -1,0 +1,141 @@
+//! Why a controller has stopped, with the value that tripped it, and how that reads.
+
+use serde::{Deserialize, Serialize};
+
+/// What tripped a fault.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash, Serialize, Deserialize)]
+#[cfg_attr(feature = "defmt", derive(defmt::Format))]
+pub enum FaultCause {
+    /// Emergency input or command.
+    Emergency,
+    /// Limit switch of joint `index`.
+    LimitSwitch,
+    /// Joint `index` would leave its range, at `value` (0.1 µm or µrad).
+    SoftLimit,
+    /// A segment that cannot be: `value` is the knot's number.
+    BadSegment,
+    /// The stream's totals or order are wrong: `value` is the sequence number.
+    Sequence,
+    /// The pose has no joint positions: `value` is the span.
+    Kinematics,
+    /// The control loop was not served in time.
+    Watchdog,
+    /// Motor `index` would need more than one step a tick: `value` is its speed in thousandths of
+    /// a step per step tick.
+    StepRate,
+    /// Step ticks were missed.
+    StepOverrun,
+    /// The time warp left its bounds.
+    TimeWarp,
+    /// Homing did not find the switch of joint `index`.
+    Homing,
+    /// The machine configuration cannot be run.
+    Configuration,
+    /// The firmware is for another board; it cannot be cleared. `index` 0: `value` is the chip's
+    /// device id; 1: the crystal has `value` Hz, or does not start (0); 2: the core's clock does not
+    /// lock.
+    Board,
+    /// Motor `index` would exceed its speed or acceleration limit: `value` is the share in thousandths.
+    Limit,
+    /// The sensor of heater `index` is broken; `value` here and below: its last temperature, 0.01 °C.
+    SensorOpen,
+    /// The sensor of heater `index` is shorted.
+    SensorShorted,
+    /// The sensor of heater `index` gives no numbers.
+    SensorSilent,
+    /// The sensor of heater `index` gives always the same number.
+    SensorFrozen,
+    /// Heater `index` is above its limit.
+    OverTemperature,
+    /// Heater `index` is colder than can be.
+    UnderTemperature,
+    /// Heater `index` does not get warmer as fast as it should.
+    HeatingSlow,
+    /// Heater `index` has left its target.
+    TemperatureDrift,
+    /// Heater `index` gets warmer while it is off.
+    HeaterStuck,
+    /// Heater `index` takes another power than its temperature does.
+    PowerMismatch,
+    /// No host was heard for `value` s while something was heated.
+    HostSilent,
+    /// The fan of a hot end does not turn.
+    FanStalled,
+}
+
+/// A latched fault with the value that tripped it.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash, Serialize, Deserialize)]
+#[cfg_attr(feature = "defmt", derive(defmt::Format))]
+pub struct Fault {
+    /// What tripped.
+    pub cause: FaultCause,
+    /// Joint or motor, 0 where it has no meaning.
+    pub index: u8,
+    /// The value, as the cause says.
+    pub value: i32,
+}
+
+impl core::fmt::Display for Fault {
+    fn fmt(&self, f: &mut core::fmt::Formatter<'_>) -> core::fmt::Result {
+        let (index, value) = (self.index, self.value);
+        match self.cause {
+            FaultCause::Emergency => f.write_str("emergency stop"),
+            FaultCause::LimitSwitch => write!(f, "limit switch of joint {index}"),
+            FaultCause::SoftLimit => write!(
+                f,
+                "joint {index} would leave its range, at {value} (0.1 µm or µrad)"
+            ),
+            FaultCause::BadSegment => write!(f, "knot {value} cannot be run"),
+            FaultCause::Sequence => write!(f, "the stream's totals or order are wrong ({value})"),
+            FaultCause::Kinematics => write!(f, "the pose of span {value} has no joint positions"),
+            FaultCause::Watchdog => f.write_str("the control loop was not served in time"),
+            FaultCause::StepRate => write!(
+                f,
+                "motor {index} would need {value} thousandths of a step per step tick"
+            ),
+            FaultCause::StepOverrun => write!(f, "step ticks were missed ({value})"),
+            FaultCause::TimeWarp => f.write_str("the time warp left its bounds"),
+            FaultCause::Homing => write!(f, "homing did not find the switch of joint {index}"),
+            FaultCause::Limit => write!(
+                f,
+                "motor {index} would reach {} % of its speed or acceleration limit",
+                value / 10
+            ),
+            FaultCause::HostSilent => write!(f, "no host was heard for {value} s while heating"),
+            FaultCause::FanStalled => f.write_str("the fan of a hot end does not turn"),
+            FaultCause::SensorOpen => heater_fault(f, "has a broken sensor", self),
+            FaultCause::SensorShorted => heater_fault(f, "has a shorted sensor", self),
+            FaultCause::SensorSilent => heater_fault(f, "has a sensor that gives no numbers", self),
+            FaultCause::SensorFrozen => heater_fault(f, "has a sensor that is frozen", self),
+            FaultCause::OverTemperature => heater_fault(f, "is above its limit", self),
+            FaultCause::UnderTemperature => heater_fault(f, "is colder than can be", self),
+            FaultCause::HeatingSlow => heater_fault(f, "does not heat as fast as it should", self),
+            FaultCause::TemperatureDrift => heater_fault(f, "has left its target", self),
+            FaultCause::HeaterStuck => heater_fault(f, "gets warmer while it is off", self),
+            FaultCause::PowerMismatch => heater_fault(
+                f,
+                "takes another power than its temperature does (does the sensor sit in it?)",
+                self,
+            ),
+            FaultCause::Configuration => f.write_str("the machine configuration cannot be run"),
+            FaultCause::Board => match (index, value) {
+                (0, _) => write!(
+                    f,
+                    "the firmware is for another chip than this one (device id {value:#x}); flash the image of this board"
+                ),
+                (1, 0) => f.write_str("the board's crystal does not start"),
+                (1, _) => write!(
+                    f,
+                    "the board's crystal has {:.1} MHz, the firmware is for another; flash the image of this board",
+                    f64::from(value) / 1e6
+                ),
+                _ => f.write_str("the clock of the board's core does not lock"),
+            },
+        }
+    }
+}
+
+fn heater_fault(f: &mut core::fmt::Formatter<'_>, what: &str, fault: &Fault) -> core::fmt::Result {
+    let celsius = f64::from(fault.value) / 100.0;
+    write!(f, "heater {} {what} (last {celsius:.1} °C)", fault.index)
+}
