@@ -2,6 +2,8 @@
 //! at a time, begun and fetched by the main loop, which never waits for it.
 
 use crate::pins;
+use crate::stm32f4::CoreDelay;
+use embedded_hal::delay::DelayNs;
 use headway_firmware::board::HeatPort;
 use headway_firmware::octopus::SENSORS;
 
@@ -23,6 +25,8 @@ const BY_FOUR: u32 = 1 << 16;
 /// 480 clocks of every channel, three bits each: 23 us for the filter of 4.7 kOhm and 100 nF to follow.
 const SLOWEST: u32 = 0o7_777_777_777 & 0x3fff_ffff;
 const ON: u32 = 1;
+/// Time from on until it can convert, three times the data sheet's.
+const WAKING_US: u32 = 10;
 const START: u32 = 1 << 30;
 const DONE: u32 = 1 << 1;
 
@@ -44,6 +48,7 @@ impl OctopusHeat {
             }
             CONTROL.write_volatile(ON);
         }
+        CoreDelay.delay_us(WAKING_US);
         let heat = Self { sensor: 0 };
         heat.begin();
         heat

@@ -56,7 +56,8 @@ unsafe extern "C" fn clean_up() {
     // what is not set up later.
     unsafe {
         core::arch::asm!("cpsid i");
-        // Before anything else: a heater that a run or a boot loader before left on.
+        start_watchdog();
+        // A heater that a run or a boot loader before left on.
         crate::board::heaters_off();
         SYSTICK_CONTROL.write_volatile(0);
         for word in 0..NVIC_WORDS {
@@ -69,7 +70,6 @@ unsafe extern "C" fn clean_up() {
         ICSR.write_volatile(CLEAR_PENDING_SYSTEM);
         VTOR.write_volatile(core::ptr::addr_of!(VECTORS) as u32);
         core::arch::asm!("msr basepri, {0}", "cpsie f", "dsb", "isb", in(reg) 0);
-        start_watchdog();
         let mut noise = 0;
         for word in 0..RAM_WORDS {
             noise = mix_noise(noise, RAM.add(word).read_volatile());
