@@ -8,7 +8,8 @@ use std::path::PathBuf;
 #[command(after_help = "\
 Examples:
   headway export part.hwj --to csv --every-ms 2 --output poses.csv
-  headway export part.hwj --to svg --layer 5 > layer-5.svg")]
+  headway export part.hwj --to svg --layer 5 > layer-5.svg
+  headway export part.hwj --to gcode --dialect klipper -o part.gcode")]
 pub(super) struct ExportArgs {
     /// A job file (.hwj).
     pub job: PathBuf,
@@ -29,6 +30,67 @@ pub(super) struct ExportArgs {
     /// File to write [default: stdout].
     #[arg(short, long, value_name = "FILE")]
     pub output: Option<PathBuf>,
+    #[command(flatten)]
+    pub gcode: GcodeArgs,
+}
+
+/// What G-code is written like.
+#[derive(Debug, Args)]
+#[command(next_help_heading = "G-code")]
+pub(super) struct GcodeArgs {
+    /// Controller that G-code is for.
+    #[arg(long, value_enum, value_name = "CONTROLLER")]
+    pub dialect: Option<DialectName>,
+    /// How primes and retracts are written [default: firmware; extruder for linuxcnc and grblhal].
+    #[arg(long, value_enum, value_name = "HOW")]
+    pub retraction: Option<RetractionName>,
+    /// Diameter of the filament, mm.
+    #[arg(
+        long,
+        value_name = "MM",
+        default_value_t = 1.75,
+        allow_negative_numbers = true
+    )]
+    pub filament_diameter: f64,
+    /// Letters of the tilt about X, about Y, and of the heading.
+    #[arg(long, value_name = "A,B,C", default_value = "A,B,C")]
+    pub letters: String,
+    /// Headings from 0 to 360 degrees, for axes that go the shorter way; else they count turns.
+    #[arg(long)]
+    pub wrapped: bool,
+    /// How far a move may be beside the job's path, mm [default: 0.002].
+    #[arg(long, value_name = "MM", allow_negative_numbers = true)]
+    pub line_tolerance: Option<f64>,
+    /// Start block with fields like {x} or {time_s}, in place of the dialect's.
+    #[arg(long, value_name = "FILE")]
+    pub start: Option<PathBuf>,
+    /// End block.
+    #[arg(long, value_name = "FILE")]
+    pub end: Option<PathBuf>,
+}
+
+#[derive(Clone, Copy, Debug, ValueEnum)]
+pub(super) enum DialectName {
+    /// Klipper; the heading is a manual stepper with a G-code axis.
+    Klipper,
+    /// RepRapFirmware 3.
+    Reprapfirmware,
+    /// LinuxCNC; inverse time, U is the extruder.
+    Linuxcnc,
+    /// grblHAL; inverse time, U is the extruder.
+    Grblhal,
+    /// Marlin 2.1 with extra axes.
+    Marlin,
+}
+
+#[derive(Clone, Copy, Debug, ValueEnum)]
+pub(super) enum RetractionName {
+    /// G10 and G11, lengths set before (M207, SET_RETRACTION).
+    Firmware,
+    /// M228 retracts, M227 primes.
+    Source,
+    /// The extruder's axis back and forth.
+    Extruder,
 }
 
 #[derive(Clone, Copy, Debug, ValueEnum)]
@@ -39,4 +101,6 @@ pub(super) enum ExportName {
     Svg,
     /// Everything: knots, events, marks, figures.
     Json,
+    /// Moves for another controller, of the --dialect.
+    Gcode,
 }

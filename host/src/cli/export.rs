@@ -1,8 +1,9 @@
-//! `headway export`: a job as tables, pictures or JSON.
+//! `headway export`: a job as tables, pictures, JSON or G-code.
 
 use super::CliError;
 use super::args_export::{ExportArgs, ExportName};
 use super::console::Console;
+use super::export_gcode;
 use super::job::{self, Job};
 use super::pictures;
 use super::planned::{self, Planned};
@@ -23,6 +24,7 @@ pub(super) fn run(args: &ExportArgs, console: &Console) -> Result<(), CliError> 
     let job = job::read(&args.job)?;
     let text = match args.to {
         ExportName::Csv => return csv(&job, args, console),
+        ExportName::Gcode => return export_gcode::run(&job, args, console),
         ExportName::Svg => svg(planned::of_job(job), args.layer)?,
         ExportName::Json => format!("{:#}\n", json(&job)),
     };

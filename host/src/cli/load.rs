@@ -129,7 +129,7 @@ pub(super) fn machine(path: &Path) -> Result<Settings, CliError> {
         .map_err(|error| CliError::Job(format!("{}: {error}", path.display())))
 }
 
-fn read_text(path: &Path) -> Result<String, CliError> {
+pub(super) fn read_text(path: &Path) -> Result<String, CliError> {
     String::from_utf8(read_file(path)?).map_err(|_| {
         let path = path.display();
         CliError::Job(format!("{path}: not a text in UTF-8; save it as that"))

@@ -11,6 +11,7 @@ mod board;
 mod by_hand;
 mod console;
 mod export;
+mod export_gcode;
 mod headings;
 mod heat;
 mod inspect;

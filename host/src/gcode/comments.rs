@@ -46,6 +46,8 @@ pub struct Comments {
     pub modes_of_e: bool,
     /// The extruder's letter, where it is not E.
     pub extruder: Option<u8>,
+    /// The letters of A, B and C, where they are others.
+    pub turns: Option<[u8; 3]>,
 }
 
 /// Plausible beads and heights, mm.
@@ -67,10 +69,16 @@ impl Slicer {
 impl Comments {
     /// Takes one comment.
     pub fn read(&mut self, text: &str) {
-        if let Some(extruder) = text.strip_prefix("headway extruder=") {
+        if let Some(letters) = text.strip_prefix("headway extruder=") {
             self.slicer = Slicer::Headway;
-            let letter = extruder.bytes().next().filter(u8::is_ascii_uppercase);
-            self.extruder = letter;
+            let of = |text: Option<&str>| -> Vec<u8> {
+                text.map_or(Vec::new(), |text| {
+                    text.bytes().filter(u8::is_ascii_uppercase).collect()
+                })
+            };
+            let (extruder, turns) = letters.split_once(" turns=").unwrap_or((letters, ""));
+            self.extruder = of(Some(extruder)).first().copied();
+            self.turns = <[u8; 3]>::try_from(of(Some(turns))).ok();
             return;
         }
         self.detect(text);

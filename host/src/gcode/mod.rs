@@ -1,4 +1,5 @@
-//! G-code in: what a slicer or a post-processor wrote -> passes with widths, speeds and volumes.
+//! G-code in: what a slicer or a post-processor wrote -> passes with widths, speeds and volumes. G-code
+//! out: [`write`].
 //!
 //! ```text
 //! bytes --words--> Line --interpreter--> Steps --passes--> GcodeProgram
@@ -14,6 +15,7 @@ pub mod error;
 pub mod interpreter;
 pub mod passes;
 pub mod words;
+pub mod write;
 
 pub use error::GcodeError;
 

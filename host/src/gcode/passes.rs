@@ -4,6 +4,7 @@
 //! without extruding, or the filament is pulled. Where no line of the file extrudes, everything but G0 that
 //! moves in the plane prints. What is pushed into the air before the first pass is left out and told.
 
+use super::comments::Slicer;
 use super::interpreter::{Firmware, Step, Steps};
 use super::{GcodePass, Leg, Place, Push};
 use std::f64::consts::PI;
@@ -39,6 +40,8 @@ struct Builder {
     /// Pulled and not yet pushed, mm³.
     outstanding_mm3: f64,
     left_out: LeftOut,
+    /// Most that a prime adds.
+    extra_mm3: f64,
     layer: u32,
     top_mm: f64,
 }
@@ -56,6 +59,11 @@ pub fn passes(steps: &Steps, filament_mm: f64) -> (Vec<GcodePass>, LeftOut) {
         pushed: None,
         outstanding_mm3: 0.0,
         left_out: LeftOut::default(),
+        extra_mm3: match steps.comments.slicer {
+            // Ours purge nothing.
+            Slicer::Headway => f64::INFINITY,
+            _ => EXTRA_MM3,
+        },
         layer: 0,
         top_mm: f64::NEG_INFINITY,
     };
@@ -152,7 +160,7 @@ impl Builder {
         let owed_mm3 = mm3.min(self.outstanding_mm3);
         self.outstanding_mm3 -= owed_mm3;
         let extra_mm3 = mm3 - owed_mm3;
-        if extra_mm3 > EXTRA_MM3 || self.passes.is_empty() {
+        if extra_mm3 > self.extra_mm3 {
             if extra_mm3 > 1e-9 && self.left_out.purged_mm3 == 0.0 {
                 self.left_out.line = line;
             }

@@ -2,10 +2,10 @@
 //!
 //! In: a code and its line. Out: the interpreter's state; what is not done is noted with its line.
 
-use super::{AXES, Firmware, Interpreter, bounded_percent, code_name, tenths, value};
+use super::{Firmware, Interpreter, bounded_percent, code_name, tenths, value};
 use crate::gcode::FILAMENT_MM;
 use crate::gcode::error::GcodeError;
-use crate::gcode::words::{Line, Word};
+use crate::gcode::words::{Line, Word, shortened};
 
 impl Interpreter {
     /// Modes and codes that are no motion; true where they take the line's axis words.
@@ -96,10 +96,22 @@ impl Interpreter {
                     .push(format!("line {number} {}", parameters.join(" ")));
             }
             2000 => self.filament(line, number)?,
-            2070 => self.retract_mm[0] = self.length(line, b'S', number)?.map(f64::abs),
+            2070 => {
+                let pulled_mm = self.length(line, b'S', number)?.map(f64::abs);
+                let more_mm = self.length(line, b'R', number)?;
+                self.retract_by(pulled_mm, more_mm);
+            }
+            // RepRapFirmware's are limits of axes.
+            2080 if line
+                .words
+                .iter()
+                .any(|word| self.axes().contains(&word.letter)) =>
+            {
+                self.undone(code_name(word), number);
+            }
             2080 => {
-                let more_mm = self.length(line, b'S', number)?.unwrap_or(0.0);
-                self.retract_mm[1] = self.retract_mm[0].map(|mm| (mm + more_mm).max(0.0));
+                let more_mm = self.length(line, b'S', number)?;
+                self.retract_by(None, more_mm);
             }
             2200 | 2210 => {
                 let Some(percent) = bounded_percent(line, number)? else {
@@ -116,6 +128,41 @@ impl Interpreter {
             2280 if line.words.len() == 1 => self.firmware(Firmware::Retract(None), number)?,
             _ => self.undone(code_name(word), number),
         }
+        Ok(())
+    }
+
+    /// What G10 pulls and G11 pushes more; what is not given stays.
+    fn retract_by(&mut self, pulled_mm: Option<f64>, more_mm: Option<f64>) {
+        let [before_mm, pushed_mm] = self.retract_mm;
+        let before_more_mm = pushed_mm
+            .zip(before_mm)
+            .map_or(0.0, |(pushed, pulled)| pushed - pulled);
+        let pulled_mm = pulled_mm.or(before_mm);
+        let more_mm = more_mm.unwrap_or(before_more_mm);
+        self.retract_mm = [pulled_mm, pulled_mm.map(|mm| (mm + more_mm).max(0.0))];
+    }
+
+    /// Klipper's lengths of G10 and G11.
+    pub(super) fn set_retraction(&mut self, command: &str, line: usize) -> Result<(), GcodeError> {
+        let mut given = [None; 2];
+        for pair in command.split_whitespace().skip(1) {
+            let (key, number) = pair.split_once('=').unwrap_or((pair, ""));
+            let slot = match key {
+                "RETRACT_LENGTH" => 0,
+                "UNRETRACT_EXTRA_LENGTH" => 1,
+                _ => continue,
+            };
+            let number = number
+                .parse()
+                .ok()
+                .filter(|mm: &f64| (0.0..=1e3).contains(&mm.abs()));
+            given[slot] = Some(number.ok_or_else(|| GcodeError::Number {
+                line,
+                letter: '=',
+                text: shortened(pair),
+            })?);
+        }
+        self.retract_by(given[0], given[1]);
         Ok(())
     }
 
@@ -165,7 +212,7 @@ impl Interpreter {
         if let Some(e) = self.length(line, extruder, number)? {
             self.e = e;
         }
-        for (axis, letter) in AXES.into_iter().enumerate() {
+        for (axis, letter) in self.axes().into_iter().enumerate() {
             if let Some(place) = self.place(line, letter, number)? {
                 self.offset[axis] = self.at[axis] - place;
             }
@@ -176,8 +223,9 @@ impl Interpreter {
     /// G28: the head is at the machine's zero.
     pub(super) fn home(&mut self, line: &Line) {
         let named = |letter: u8| line.words.iter().any(|word| word.letter == letter);
-        let all = !AXES.iter().any(|letter| named(*letter));
-        for (axis, letter) in AXES.into_iter().enumerate() {
+        let axes = self.axes();
+        let all = !axes.iter().any(|letter| named(*letter));
+        for (axis, letter) in axes.into_iter().enumerate() {
             if all || named(letter) {
                 self.at[axis] = 0.0;
                 self.offset[axis] = 0.0;

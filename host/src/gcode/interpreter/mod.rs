@@ -21,8 +21,6 @@ const FEED_MAX_MM_MIN: f64 = 1e7;
 const EXTRUDER_MAX: f64 = 1e9;
 /// Feed before the first F, mm/min, as Marlin has it.
 const FEED_DEFAULT_MM_MIN: f64 = 1500.0;
-/// Letters of the axes, in the order of a place.
-const AXES: [u8; 6] = *b"XYZABC";
 
 /// What a step does to the melt beside what it extrudes.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -188,7 +186,12 @@ impl Interpreter {
                 .next()
                 .map(shortened)
                 .unwrap_or_default();
-            self.undone(name, number);
+            match name.as_str() {
+                "SET_RETRACTION" => self.set_retraction(command, number)?,
+                // Waiting and progress: nothing to do.
+                "M400" | "M73" | "M105" => {}
+                _ => self.undone(name, number),
+            }
             return Ok(());
         }
         let mut motion: Option<(Motion, String)> = None;
@@ -234,13 +237,20 @@ impl Interpreter {
             return Ok(());
         }
         let extruder = self.extruder();
-        let is_motion = |word: &Word| AXES.contains(&word.letter) || word.letter == extruder;
+        let axes = self.axes();
+        let is_motion = |word: &Word| axes.contains(&word.letter) || word.letter == extruder;
         if line.words.iter().any(is_motion) {
             return self.go(line, number, in_machine);
         }
         // A feed alone.
         self.feed(line, number)?;
         Ok(())
+    }
+
+    /// Letters of the axes, in the order of a place.
+    fn axes(&self) -> [u8; 6] {
+        let [a, b, c] = self.found.comments.turns.unwrap_or(*b"ABC");
+        [b'X', b'Y', b'Z', a, b, c]
     }
 
     fn extruder(&self) -> u8 {

@@ -2,7 +2,7 @@
 //!
 //! In: a line and the modes. Out: steps (mm, degrees, mm/s) of one frame.
 
-use super::{AXES, EXTRUDER_MAX, Firmware, Interpreter, Motion, bounded, value};
+use super::{EXTRUDER_MAX, Firmware, Interpreter, Motion, bounded, value};
 use crate::gcode::arcs::{ArcWords, arc_chords, bezier_chords};
 use crate::gcode::error::GcodeError;
 use crate::gcode::words::Line;
@@ -23,7 +23,7 @@ impl Interpreter {
             return Err(GcodeError::NoInverseTime { line: number });
         }
         let mut to = self.at;
-        for (axis, letter) in AXES.into_iter().enumerate() {
+        for (axis, letter) in self.axes().into_iter().enumerate() {
             let Some(place) = self.place(line, letter, number)? else {
                 continue;
             };

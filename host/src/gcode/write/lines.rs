@@ -1,0 +1,144 @@
+//! The motion of a stretch -> straight moves within a tolerance.
+//!
+//! In: the channels at every servo tick. Out: ends of moves in which all axes go evenly, as far apart as
+//! the tolerances allow, by which ticks. Between two ends every tick's pose lies beside the move by no more
+//! than the tolerances, the place along the move taken where both are nearest. Leaves out what the controller
+//! makes of it: its own acceleration and corners.
+
+use headway_protocol::units::{CHANNEL_HEADING, CHANNEL_TILT_X, CHANNEL_VOLUME, CHANNELS};
+
+/// Poses that are looked at between two ends.
+const LOOKS_MAX: usize = 48;
+
+/// How far poses may lie beside a move.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct LineTolerances {
+    /// Tip, mm.
+    pub tip_mm: f64,
+    /// Heading and tilt, rad.
+    pub turn_rad: f64,
+    /// Deposited volume, mm³.
+    pub volume_mm3: f64,
+}
+
+/// Ticks at which moves end, of the poses of every tick; the first move begins at 0.
+pub fn move_ends(poses: &[[f64; CHANNELS]], tolerances: &LineTolerances) -> Vec<usize> {
+    let last = poses.len().saturating_sub(1);
+    let mut ends = Vec::new();
+    let mut from = 0;
+    while from < last {
+        let (mut good, mut step) = (from + 1, 2);
+        // Farther by doubling, then by halving.
+        let mut bad = loop {
+            let to = from + step;
+            if to >= last {
+                if is_straight(poses, from, last, tolerances) {
+                    good = last;
+                }
+                break last;
+            }
+            if !is_straight(poses, from, to, tolerances) {
+                break to;
+            }
+            good = to;
+            step *= 2;
+        };
+        while good < last && bad > good + 1 {
+            let middle = good + (bad - good) / 2;
+            match is_straight(poses, from, middle, tolerances) {
+                true => good = middle,
+                false => bad = middle,
+            }
+        }
+        ends.push(good);
+        from = good;
+    }
+    ends
+}
+
+fn is_straight(
+    poses: &[[f64; CHANNELS]],
+    from: usize,
+    to: usize,
+    tolerances: &LineTolerances,
+) -> bool {
+    let between = to - from;
+    let looks = between.saturating_sub(1).min(LOOKS_MAX);
+    (1..=looks).all(|k| {
+        let at = from + (k * between) / (looks + 1);
+        beside(&poses[at], &poses[from], &poses[to], tolerances) <= 1.0
+    })
+}
+
+/// How far a pose lies beside a move, against the tolerances.
+pub fn beside(
+    pose: &[f64; CHANNELS],
+    from: &[f64; CHANNELS],
+    to: &[f64; CHANNELS],
+    tolerances: &LineTolerances,
+) -> f64 {
+    let unit = |channel: usize| match channel {
+        CHANNEL_VOLUME => tolerances.volume_mm3,
+        CHANNEL_TILT_X..=CHANNEL_HEADING => tolerances.turn_rad,
+        _ => tolerances.tip_mm,
+    };
+    let way: [f64; CHANNELS] = std::array::from_fn(|c| (to[c] - from[c]) / unit(c));
+    let off: [f64; CHANNELS] = std::array::from_fn(|c| (pose[c] - from[c]) / unit(c));
+    // Along the tip and the turns: the volume only follows.
+    let geometry = 0..CHANNEL_VOLUME;
+    let dot = |a: &[f64; CHANNELS], b: &[f64; CHANNELS]| -> f64 {
+        geometry.clone().map(|c| a[c] * b[c]).sum()
+    };
+    let share = (dot(&off, &way) / dot(&way, &way).max(1e-12)).clamp(0.0, 1.0);
+    let left: [f64; CHANNELS] = std::array::from_fn(|c| off[c] - share * way[c]);
+    let tip = (left[0] * left[0] + left[1] * left[1] + left[2] * left[2]).sqrt();
+    let turn = left[CHANNEL_TILT_X..=CHANNEL_HEADING]
+        .iter()
+        .fold(0.0, |most: f64, c| most.max(c.abs()));
+    tip.max(turn).max(left[CHANNEL_VOLUME].abs())
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// Goal: no pose lies farther beside its move than allowed, and straight ways are one. Method: a
+    /// straight way and a circle on which the heading turns.
+    #[test]
+    fn moves_keep_their_tolerance() {
+        let tolerances = LineTolerances {
+            tip_mm: 0.002,
+            turn_rad: 3e-4,
+            volume_mm3: 0.01,
+        };
+        let straight: Vec<[f64; CHANNELS]> = (0..1000)
+            .map(|i| f64::from(i) * 1e-3)
+            .map(|t| [9.0 * t * t, t * t, 0.2, 0.0, 0.0, 0.5 * t * t, t * t])
+            .collect();
+        assert_eq!(move_ends(&straight, &tolerances), [999]);
+        let circle: Vec<[f64; CHANNELS]> = (0..4000)
+            .map(|i| f64::from(i) * 1e-3)
+            .map(|t| {
+                [
+                    5.0 * t.cos(),
+                    5.0 * t.sin(),
+                    0.2,
+                    0.0,
+                    0.0,
+                    t + 0.2 * t.sin(),
+                    0.5 * t,
+                ]
+            })
+            .collect();
+        let ends = move_ends(&circle, &tolerances);
+        let mut from = 0;
+        for to in &ends {
+            for pose in &circle[from..*to] {
+                assert!(beside(pose, &circle[from], &circle[*to], &tolerances) <= 1.02);
+            }
+            from = *to;
+        }
+        // The chord of an arc of 5 mm with 2 µm is 0.28 mm.
+        assert!((60..110).contains(&ends.len()), "{}", ends.len());
+    }
+}

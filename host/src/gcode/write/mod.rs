@@ -1,0 +1,562 @@
+//! G-code out: a finished stream -> moves for another controller.
+//!
+//! ```text
+//! SegmentStream --ticks--> poses of a stretch --lines--> straight moves --dialect--> text
+//! (servo ticks)            (mm, rad, mm³)               (mm, deg, mm of filament, mm/min)
+//! ```
+//! In: a job's stream in machine coordinates, options. Out: text of the [`Dialect`], and [`Written`]: how many
+//! moves it has, and how many a second at most. X Y Z are the tip; a tilt is A B with the head at R_x(A) R_y(B)
+//! R_z(C), C the heading, degrees. Time is the stream's: each move lasts as long as its ticks. Leaves out
+//! heaters and fans, pressure advance (the controller's own), and axes of machines that do not know the tip.
+
+pub mod dialect;
+pub mod lines;
+pub mod template;
+
+use crate::job::{Mark, MotionState, SegmentStream};
+use dialect::{Dialect, Retraction};
+use headway_firmware::pose::Pose;
+use headway_firmware::spline::{Span, Spans};
+use headway_protocol::segment::FlowAction;
+use headway_protocol::units::{
+    CHANNEL_HEADING, CHANNEL_TILT_X, CHANNEL_TILT_Y, CHANNEL_VOLUME, CHANNELS,
+};
+use lines::{LineTolerances, move_ends};
+use std::collections::VecDeque;
+use std::f64::consts::PI;
+use std::io::Write;
+use template::{FieldError, filled};
+
+/// Tip tolerance where none is given, mm: with what decimals take, well below a step.
+pub const TIP_TOLERANCE_MM: f64 = 0.002;
+/// Heading and tilt, rad: 0.02°.
+const TURN_TOLERANCE_RAD: f64 = 0.02 * PI / 180.0;
+/// Volume of a bead of 0.1 mm² over 20 µm, mm³.
+const VOLUME_TOLERANCE_MM3: f64 = 0.002;
+/// Time over which moves are counted, s.
+const WINDOW_S: f64 = 0.5;
+/// Feed to the job's start, mm/min.
+const APPROACH_MM_MIN: f64 = 3000.0;
+/// Tips that stay within this do not move, mm; headings, degrees.
+const STANDS_MM: f64 = 5e-5;
+const STANDS_DEG: f64 = 5e-4;
+
+/// What is written.
+#[derive(Clone, Debug, PartialEq)]
+pub struct JobText<'a> {
+    /// The job's name.
+    pub name: &'a str,
+    /// The machine it was planned for.
+    pub machine: &'a str,
+    /// Its motion.
+    pub stream: &'a SegmentStream,
+    /// Servo ticks a second.
+    pub servo_hz: f64,
+}
+
+/// How.
+#[derive(Clone, Debug, PartialEq)]
+pub struct WriteOptions {
+    /// For which controller.
+    pub dialect: Dialect,
+    /// Primes and retracts; `None` is the dialect's.
+    pub retraction: Option<Retraction>,
+    /// Diameter of the filament, mm.
+    pub filament_mm: f64,
+    /// Letters of tilt about X, about Y, heading.
+    pub turns: [u8; 3],
+    /// Headings within one turn.
+    pub wrapped: bool,
+    /// How far the tip may be beside the stream's, mm.
+    pub tip_mm: f64,
+    /// Start and end block; `None` are the dialect's.
+    pub blocks: [Option<String>; 2],
+}
+
+/// What was written.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub struct Written {
+    /// Moves.
+    pub moves: usize,
+    /// Most of them in half a second, a second.
+    pub moves_a_second: f64,
+    /// Duration of the stream, s.
+    pub duration_s: f64,
+    /// What moves extrude, mm³.
+    pub volume_mm3: f64,
+}
+
+/// Why nothing is written.
+#[derive(Debug, thiserror::Error)]
+pub enum WriteError {
+    /// The blocks.
+    #[error(transparent)]
+    Field(#[from] FieldError),
+    /// The place to write to.
+    #[error(transparent)]
+    Io(#[from] std::io::Error),
+}
+
+/// The numbers of the last move, as they were written.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+struct At {
+    tip_mm: [f64; 3],
+    turn_deg: [f64; 3],
+}
+
+struct Writer<'a, W> {
+    out: W,
+    options: &'a WriteOptions,
+    servo_hz: f64,
+    at: At,
+    /// Turns before they are wrapped.
+    turn_deg: [f64; 3],
+    tilts: bool,
+    /// Extruded so far, 10⁻⁵ mm of filament.
+    e_units: i64,
+    e_mm: f64,
+    feed: String,
+    retracted_mm: Option<f64>,
+    /// Length and speed that the controller retracts by.
+    retraction: String,
+    recent: VecDeque<f64>,
+    written: Written,
+}
+
+/// Writes a job.
+///
+/// # Errors
+/// [`WriteError`].
+pub fn write_gcode(
+    out: impl Write,
+    job: &JobText,
+    options: &WriteOptions,
+) -> Result<Written, WriteError> {
+    let stream = job.stream;
+    let ticks = stream.marks.last().map_or(0, |mark| mark.end_tick);
+    let mut poses = Poses::new(stream);
+    let first = poses.at(0);
+    let tilts = stream.start[CHANNEL_TILT_X] != 0
+        || stream.start[CHANNEL_TILT_Y] != 0
+        || stream
+            .knots
+            .iter()
+            .any(|knot| knot.control[CHANNEL_TILT_X] != 0 || knot.control[CHANNEL_TILT_Y] != 0);
+    let mut writer = Writer {
+        out,
+        options,
+        servo_hz: job.servo_hz,
+        at: At::default(),
+        turn_deg: [0.0; 3],
+        tilts,
+        e_units: 0,
+        e_mm: 0.0,
+        feed: String::new(),
+        retracted_mm: None,
+        retraction: String::new(),
+        recent: VecDeque::new(),
+        written: Written {
+            duration_s: ticks as f64 / job.servo_hz,
+            ..Written::default()
+        },
+    };
+    writer.begin(job, &first)?;
+    let events = event_ticks(stream);
+    let mut layer = None;
+    for mark in &stream.marks {
+        if mark.state == MotionState::Print && layer != Some(mark.layer) {
+            layer = Some(mark.layer);
+            let z_mm = poses.at(mark.start_tick)[2];
+            writeln!(writer.out, ";LAYER_CHANGE\n;Z:{z_mm:.4}")?;
+        }
+        let within = |tick: u64| (mark.start_tick..mark.end_tick).contains(&tick);
+        let of_mark = events.iter().filter(|(tick, ..)| within(*tick));
+        for (_, action, volume_mm3, duration_s) in of_mark.clone() {
+            if *action == FlowAction::Prime {
+                writer.prime(*volume_mm3, *duration_s)?;
+            }
+        }
+        writer.stretch(mark, &mut poses)?;
+        for (_, action, volume_mm3, duration_s) in of_mark {
+            if *action == FlowAction::Retract {
+                writer.retract(*volume_mm3, *duration_s)?;
+            }
+        }
+    }
+    writer.end(job, &first)
+}
+
+/// Ticks of the events, with volume, mm³, and duration, s at ticks of 1.
+fn event_ticks(stream: &SegmentStream) -> Vec<(u64, FlowAction, f64, f64)> {
+    let starts: Vec<u64> = Spans::new(&stream.start, &stream.knots)
+        .map(|span| span.start_tick)
+        .collect();
+    let events = stream.events.iter();
+    events
+        .filter_map(|event| {
+            let start = starts.get(event.span as usize)?;
+            let tick = start + u64::from(event.offset_ticks);
+            let volume_mm3 = f64::from(event.volume_units) * 1e-6;
+            Some((
+                tick,
+                event.action,
+                volume_mm3,
+                f64::from(event.duration_ticks.0),
+            ))
+        })
+        .collect()
+}
+
+/// Poses at ticks that do not fall by more than a span.
+struct Poses<'a> {
+    stream: &'a SegmentStream,
+    spans: Spans<'a>,
+    span: Option<Span>,
+}
+
+impl<'a> Poses<'a> {
+    fn new(stream: &'a SegmentStream) -> Poses<'a> {
+        let mut spans = Spans::new(&stream.start, &stream.knots);
+        let span = spans.next();
+        Poses {
+            stream,
+            spans,
+            span,
+        }
+    }
+
+    fn at(&mut self, tick: u64) -> [f64; CHANNELS] {
+        if self
+            .span
+            .as_ref()
+            .is_some_and(|span| tick < span.start_tick)
+        {
+            *self = Poses::new(self.stream);
+        }
+        while let Some(span) = &self.span {
+            let local = tick - span.start_tick;
+            if local > u64::from(span.duration_ticks)
+                && let Some(next) = self.spans.next()
+            {
+                self.span = Some(next);
+                continue;
+            }
+            return span.position((local as f64).min(f64::from(span.duration_ticks)));
+        }
+        [0.0; CHANNELS]
+    }
+}
+
+impl<W: Write> Writer<'_, W> {
+    fn filament_mm2(&self) -> f64 {
+        0.25 * PI * self.options.filament_mm * self.options.filament_mm
+    }
+
+    fn style(&self) -> Retraction {
+        self.options
+            .retraction
+            .unwrap_or(self.options.dialect.retraction())
+    }
+
+    /// Header, start block, the way to the job's first pose.
+    fn begin(&mut self, job: &JobText, first: &[f64; CHANNELS]) -> Result<(), WriteError> {
+        let options = self.options;
+        let [a, b, c] = options.turns.map(char::from);
+        let extruder = char::from(options.dialect.extruder());
+        writeln!(
+            self.out,
+            ";headway extruder={extruder} turns={a}{b}{c}\n;generated by headway for {}: {}\n;filament_diameter = {}",
+            options.dialect.name(),
+            one_line(job.name),
+            options.filament_mm
+        )?;
+        let start = options.blocks[0]
+            .as_deref()
+            .unwrap_or(options.dialect.start());
+        let block = filled(start, &self.fields(job, first))?;
+        self.out.write_all(block.as_bytes())?;
+        let to = self.place(first);
+        let words = self.words(&to, true);
+        match options.dialect.is_machine_tool() {
+            true => writeln!(self.out, "G0{words}")?,
+            false => writeln!(self.out, "G0{words} F{APPROACH_MM_MIN}")?,
+        }
+        self.at = to;
+        Ok(())
+    }
+
+    fn end(mut self, job: &JobText, first: &[f64; CHANNELS]) -> Result<Written, WriteError> {
+        let options = self.options;
+        let end = options.blocks[1]
+            .as_deref()
+            .unwrap_or(options.dialect.end());
+        let block = filled(end, &self.fields(job, first))?;
+        self.out.write_all(block.as_bytes())?;
+        writeln!(
+            self.out,
+            ";{} moves, at most {:.0} a second",
+            self.written.moves, self.written.moves_a_second
+        )?;
+        self.out.flush()?;
+        Ok(self.written)
+    }
+
+    fn fields(&self, job: &JobText, first: &[f64; CHANNELS]) -> Vec<(&'static str, String)> {
+        let volume_mm3 = job
+            .stream
+            .knots
+            .last()
+            .map_or(0.0, |knot| f64::from(knot.control[CHANNEL_VOLUME]) * 1e-6);
+        vec![
+            ("name", one_line(job.name)),
+            ("machine", one_line(job.machine)),
+            ("dialect", self.options.dialect.name().to_string()),
+            ("layers", job.stream.layers().to_string()),
+            ("time_s", format!("{:.1}", self.written.duration_s)),
+            ("volume_mm3", format!("{volume_mm3:.3}")),
+            (
+                "filament_mm",
+                format!("{:.3}", volume_mm3 / self.filament_mm2()),
+            ),
+            ("x", format!("{:.3}", first[0])),
+            ("y", format!("{:.3}", first[1])),
+            ("z", format!("{:.3}", first[2])),
+            ("c", format!("{:.3}", first[CHANNEL_HEADING].to_degrees())),
+        ]
+    }
+
+    /// The place of a pose, turns unwound.
+    fn place(&mut self, pose: &[f64; CHANNELS]) -> At {
+        let mut turn_deg = [0.0, 0.0, pose[CHANNEL_HEADING].to_degrees()];
+        if self.tilts {
+            let axis = Pose::from_channels(pose).tool_axis();
+            let b = axis.x.clamp(-1.0, 1.0).asin().to_degrees();
+            let a = f64::atan2(-axis.y, axis.z).to_degrees();
+            // What R_x(A) R_y(B) turns about the axis beside the smallest turn to it.
+            let tilted = crate::gcode::Place {
+                tip_mm: [0.0; 3],
+                turn_deg: [a, b, 0.0],
+            };
+            let twist_deg = tilted.axis_and_heading().1.to_degrees();
+            turn_deg = [a, b, turn_deg[2] - twist_deg];
+        }
+        for (turn, before) in turn_deg.iter_mut().zip(self.turn_deg) {
+            // The heading is unwound by itself; its twist is not.
+            if self.tilts {
+                *turn += 360.0 * ((before - *turn) / 360.0).round();
+            }
+        }
+        self.turn_deg = turn_deg;
+        if self.options.wrapped {
+            turn_deg[2] = turn_deg[2].rem_euclid(360.0);
+        }
+        At {
+            tip_mm: [pose[0], pose[1], pose[2]].map(|mm| (mm * 1e4).round() / 1e4),
+            turn_deg: turn_deg.map(|deg| (deg * 1e3).round() / 1e3),
+        }
+    }
+
+    /// The words that change.
+    fn words(&self, to: &At, all: bool) -> String {
+        let mut words = String::new();
+        for (axis, letter) in ["X", "Y", "Z"].into_iter().enumerate() {
+            if all || (to.tip_mm[axis] - self.at.tip_mm[axis]).abs() > STANDS_MM {
+                words.push_str(&format!(" {letter}{}", short(to.tip_mm[axis], 4)));
+            }
+        }
+        for (axis, letter) in self.options.turns.into_iter().enumerate() {
+            let is_used = axis == 2 || self.tilts;
+            if is_used && (all || (to.turn_deg[axis] - self.at.turn_deg[axis]).abs() > STANDS_DEG) {
+                words.push_str(&format!(
+                    " {}{}",
+                    char::from(letter),
+                    short(to.turn_deg[axis], 3)
+                ));
+            }
+        }
+        words
+    }
+
+    /// Filament up to `e_mm` as a word; empty where nothing comes.
+    fn extrusion(&mut self, e_mm: f64) -> String {
+        let units = (e_mm * 1e5).round() as i64;
+        let (before, extruder) = (self.e_units, char::from(self.options.dialect.extruder()));
+        self.e_mm = e_mm;
+        if units == before {
+            return String::new();
+        }
+        self.e_units = units;
+        let number = match self.options.dialect.is_machine_tool() {
+            true => units,
+            false => units - before,
+        };
+        format!(" {extruder}{}", short(number as f64 * 1e-5, 5))
+    }
+
+    /// One stretch of the stream.
+    fn stretch(&mut self, mark: &Mark, poses: &mut Poses) -> Result<(), WriteError> {
+        let all: Vec<[f64; CHANNELS]> = (mark.start_tick..=mark.end_tick)
+            .map(|tick| poses.at(tick))
+            .collect();
+        let tolerances = LineTolerances {
+            tip_mm: self.options.tip_mm,
+            turn_rad: TURN_TOLERANCE_RAD,
+            volume_mm3: VOLUME_TOLERANCE_MM3,
+        };
+        let stands = all.first() == all.last() && all.iter().all(|pose| *pose == all[0]);
+        if stands {
+            return Ok(());
+        }
+        let mut from = 0;
+        let area_mm2 = self.filament_mm2();
+        for end in move_ends(&all, &tolerances) {
+            let seconds = (end - from) as f64 / self.servo_hz;
+            let extruded_mm3 = all[end][CHANNEL_VOLUME] - all[from][CHANNEL_VOLUME];
+            self.written.volume_mm3 += extruded_mm3;
+            let e_mm = self.e_mm + extruded_mm3 / area_mm2;
+            let time_s = (mark.start_tick + end as u64) as f64 / self.servo_hz;
+            self.line(&all[end], e_mm, seconds, time_s)?;
+            from = end;
+        }
+        Ok(())
+    }
+
+    fn line(
+        &mut self,
+        pose: &[f64; CHANNELS],
+        e_mm: f64,
+        seconds: f64,
+        time_s: f64,
+    ) -> Result<(), WriteError> {
+        let before_deg = self.turn_deg;
+        let to = self.place(pose);
+        let squares =
+            |a: &[f64; 3], b: &[f64; 3]| (0..3).map(|i| (a[i] - b[i]).powi(2)).sum::<f64>().sqrt();
+        let way_mm = squares(&to.tip_mm, &self.at.tip_mm);
+        let turned_deg = squares(&self.turn_deg, &before_deg);
+        let words = self.words(&to, false) + &self.extrusion(e_mm);
+        if words.is_empty() {
+            return Ok(());
+        }
+        let feed = match (self.options.dialect.is_machine_tool(), way_mm > STANDS_MM) {
+            (true, _) => format!(" F{}", short(60.0 / seconds, 4)),
+            (false, true) => format!(" F{}", short(60.0 * way_mm / seconds, 2)),
+            (false, false) => format!(" F{}", short((60.0 * turned_deg / seconds).max(1.0), 2)),
+        };
+        // Inverse time belongs to its line; a speed goes on.
+        let is_new = self.options.dialect.is_machine_tool() || feed != self.feed;
+        match is_new {
+            true => writeln!(self.out, "G1{words}{feed}")?,
+            false => writeln!(self.out, "G1{words}")?,
+        }
+        self.feed = feed;
+        self.at = to;
+        self.count(time_s);
+        Ok(())
+    }
+
+    fn count(&mut self, time_s: f64) {
+        self.written.moves += 1;
+        self.recent.push_back(time_s);
+        while self
+            .recent
+            .front()
+            .is_some_and(|first| *first < time_s - WINDOW_S)
+        {
+            self.recent.pop_front();
+        }
+        let rate = self.recent.len() as f64 / WINDOW_S;
+        self.written.moves_a_second = self.written.moves_a_second.max(rate);
+    }
+
+    /// The extruder alone.
+    fn push(&mut self, by_mm: f64, seconds: f64) -> Result<(), WriteError> {
+        let word = self.extrusion(self.e_mm + by_mm);
+        if word.is_empty() {
+            return Ok(());
+        }
+        let feed = match self.options.dialect.is_machine_tool() {
+            true => 60.0 / seconds.max(1e-3),
+            false => 60.0 * by_mm.abs() / seconds.max(1e-3),
+        };
+        self.feed = format!(" F{}", short(feed, 2));
+        writeln!(self.out, "G1{word}{}", self.feed)?;
+        Ok(())
+    }
+
+    fn retract(&mut self, volume_mm3: f64, ticks: f64) -> Result<(), WriteError> {
+        let (length_mm, seconds) = (volume_mm3 / self.filament_mm2(), ticks / self.servo_hz);
+        self.retracted_mm = Some(length_mm);
+        match self.style() {
+            Retraction::Extruder => return self.push(-length_mm, seconds),
+            Retraction::Source => writeln!(self.out, "M228")?,
+            Retraction::Firmware => {
+                let speed_mm_s = length_mm / seconds.max(1e-3);
+                self.set_retraction(length_mm, speed_mm_s, 0.0)?;
+                writeln!(self.out, "G10")?;
+            }
+        }
+        Ok(())
+    }
+
+    fn prime(&mut self, volume_mm3: f64, ticks: f64) -> Result<(), WriteError> {
+        let (length_mm, seconds) = (volume_mm3 / self.filament_mm2(), ticks / self.servo_hz);
+        let retracted_mm = self.retracted_mm.take();
+        match (self.style(), retracted_mm) {
+            (Retraction::Source, _) => writeln!(self.out, "M227")?,
+            // Firmware retraction has nothing to give back before the first retract.
+            (Retraction::Extruder, _) | (_, None) => return self.push(length_mm, seconds),
+            (Retraction::Firmware, Some(retracted_mm)) => {
+                let speed_mm_s = length_mm / seconds.max(1e-3);
+                self.set_retraction(retracted_mm, speed_mm_s, length_mm - retracted_mm)?;
+                writeln!(self.out, "G11")?;
+            }
+        }
+        Ok(())
+    }
+
+    /// What the controller retracts by, where it changes.
+    fn set_retraction(
+        &mut self,
+        length_mm: f64,
+        speed_mm_s: f64,
+        extra_mm: f64,
+    ) -> Result<(), WriteError> {
+        let [length, speed, extra] =
+            [(length_mm, 5), (speed_mm_s, 2), (extra_mm, 5)].map(|(n, d)| short(n, d));
+        let minute = short(60.0 * speed_mm_s, 1);
+        let text = match self.options.dialect {
+            Dialect::Klipper => format!(
+                "SET_RETRACTION RETRACT_LENGTH={length} RETRACT_SPEED={speed} UNRETRACT_SPEED={speed} \
+                 UNRETRACT_EXTRA_LENGTH={extra}"
+            ),
+            Dialect::RepRapFirmware => format!("M207 S{length} R{extra} F{minute}"),
+            _ => format!("M207 S{length} F{minute}\nM208 S{extra} F{minute}"),
+        };
+        if text != self.retraction {
+            writeln!(self.out, "{text}")?;
+            self.retraction = text;
+        }
+        Ok(())
+    }
+}
+
+/// A number without needless digits.
+fn short(value: f64, decimals: usize) -> String {
+    let text = format!("{value:.decimals$}");
+    let text = match text.contains('.') {
+        true => text.trim_end_matches('0').trim_end_matches('.'),
+        false => &text,
+    };
+    match text {
+        "-0" => "0".to_string(),
+        text => text.to_string(),
+    }
+}
+
+/// Names are comments of one line.
+fn one_line(text: &str) -> String {
+    text.chars()
+        .filter(|c| !c.is_control() && !matches!(c, '(' | ')' | ';'))
+        .collect()
+}

@@ -1,0 +1,302 @@
+//! Goal: what is written for another controller is the job's own motion: every dialect's text, read
+//! back by the reader of G-code, has the same path (5 µm, 0.05°), volume and time. Method: planned
+//! jobs written in all dialects; every third tick of the stream against the moves that are read.
+
+use headway::gcode::interpreter::{Firmware, steps};
+use headway::gcode::write::dialect::{Dialect, Retraction};
+use headway::gcode::write::{JobText, TIP_TOLERANCE_MM, WriteOptions, Written, write_gcode};
+use headway::gcode::{GcodeOptions, Place, read};
+use headway::input::ReadOptions;
+use headway::job::{MotionState, SegmentStream};
+use headway::report::pose_table::{StreamSample, duration_ticks, samples};
+use headway::settings::{Settings, machine_file};
+use headway::{plan_target, plan_waypoints};
+use headway_firmware::pose::{Pose, tilt_of_axis};
+use std::f64::consts::PI;
+use std::path::Path;
+
+const DIALECTS: [Dialect; 5] = [
+    Dialect::Klipper,
+    Dialect::RepRapFirmware,
+    Dialect::LinuxCnc,
+    Dialect::GrblHal,
+    Dialect::Marlin,
+];
+/// What is asked of the path, and of the area of 1.75 mm filament.
+const TIP_MM: f64 = 0.005;
+const TURN_RAD: f64 = 0.05 * PI / 180.0;
+const FILAMENT_MM2: f64 = 0.25 * PI * 1.75 * 1.75;
+
+fn options(dialect: Dialect) -> WriteOptions {
+    WriteOptions {
+        dialect,
+        retraction: None,
+        filament_mm: 1.75,
+        turns: *b"ABC",
+        wrapped: false,
+        tip_mm: TIP_TOLERANCE_MM,
+        blocks: [None, None],
+    }
+}
+
+fn written(stream: &SegmentStream, servo_hz: f64, options: &WriteOptions) -> (String, Written) {
+    let job = JobText {
+        name: "test (part)",
+        machine: "bench",
+        stream,
+        servo_hz,
+    };
+    let mut text = Vec::new();
+    let written = write_gcode(&mut text, &job, options).expect("written");
+    (String::from_utf8(text).expect("text"), written)
+}
+
+/// Tip, tilt and heading as the stream has them.
+fn channels(place: &Place) -> [f64; 6] {
+    let (axis, heading_rad) = place.axis_and_heading();
+    let tilt = tilt_of_axis(&axis.into_inner());
+    let [x, y, z] = place.tip_mm;
+    [x, y, z, tilt.x, tilt.y, heading_rad]
+}
+
+/// How far a sample is from a move, against what is asked; headings are known up to turns.
+fn beside(sample: &StreamSample, from: &[f64; 6], to: &[f64; 6]) -> f64 {
+    let unit = |c: usize| if c < 3 { TIP_MM } else { TURN_RAD };
+    let pose = Pose::from_channels(&sample.position);
+    let tilt = tilt_of_axis(&pose.tool_axis());
+    let p = sample.position;
+    let own = [p[0], p[1], p[2], tilt.x, tilt.y, p[5]];
+    let mut off: [f64; 6] = std::array::from_fn(|c| (own[c] - from[c]) / unit(c));
+    let turn = 2.0 * PI / TURN_RAD;
+    let mut way: [f64; 6] = std::array::from_fn(|c| (to[c] - from[c]) / unit(c));
+    way[5] -= turn * (way[5] / turn).round();
+    off[5] -= turn * (off[5] / turn).round();
+    let dot = |a: &[f64; 6], b: &[f64; 6]| -> f64 { (0..6).map(|c| a[c] * b[c]).sum() };
+    let share = (dot(&off, &way) / dot(&way, &way).max(1e-12)).clamp(0.0, 1.0);
+    let left: [f64; 6] = std::array::from_fn(|c| off[c] - share * way[c]);
+    let tip = (left[0].powi(2) + left[1].powi(2) + left[2].powi(2)).sqrt();
+    left[3..].iter().fold(tip, |most, c| most.max(c.abs()))
+}
+
+/// Reads a text back and holds it against the stream; the worst place against what is asked.
+fn check(stream: &SegmentStream, servo_hz: f64, options: &WriteOptions) -> (f64, Written) {
+    let dialect = options.dialect;
+    let (text, written) = written(stream, servo_hz, options);
+    let back = steps(&text).expect("our own text");
+    let moves: Vec<_> = back
+        .steps
+        .iter()
+        .filter(|step| step.firmware == Firmware::None)
+        .collect();
+    let places: Vec<[f64; 6]> = moves
+        .iter()
+        .map(|step| {
+            let [x, y, z, a, b, c] = step.to;
+            channels(&Place {
+                tip_mm: [x, y, z],
+                turn_deg: [a, b, c],
+            })
+        })
+        .collect();
+    let (mut at, mut worst) = (0, 0.0f64);
+    for sample in samples(stream, servo_hz, 3.0) {
+        let ahead = at..(at + 6).min(places.len() - 1);
+        let of = |i: usize| beside(&sample, &places[i], &places[i + 1]);
+        let best = ahead
+            .min_by(|i, k| of(*i).total_cmp(&of(*k)))
+            .expect("a move");
+        at = best;
+        worst = worst.max(of(best));
+    }
+    assert!(worst <= 1.0, "{dialect:?}: {worst} of what is asked");
+    assert!(
+        at + 12 > places.len(),
+        "{dialect:?}: the path ends at {at} of {}",
+        places.len()
+    );
+    // Volume of the moves: primes stand.
+    let mut before = None;
+    let (mut extruded_mm, mut seconds) = (0.0, 0.0);
+    for step in moves.iter().skip(1) {
+        let from: [f64; 6] = before.unwrap_or(moves[0].to);
+        let length = |range: std::ops::Range<usize>| -> f64 {
+            range
+                .map(|c| (step.to[c] - from[c]).powi(2))
+                .sum::<f64>()
+                .sqrt()
+        };
+        if from != step.to {
+            extruded_mm += step.extruded;
+            let tip_mm = length(0..3);
+            // F is the tip's speed; of turns alone degrees.
+            seconds += if tip_mm > 0.0 { tip_mm } else { length(3..6) } / step.speed_mm_s;
+        }
+        before = Some(step.to);
+    }
+    let asked_mm3 = written.volume_mm3;
+    let share = extruded_mm * FILAMENT_MM2 / asked_mm3;
+    assert!(
+        (share - 1.0).abs() < 1e-4,
+        "{dialect:?}: {share} of the volume"
+    );
+    // Dwells of primes and retracts are the controller's.
+    let moving = stream
+        .marks
+        .iter()
+        .filter(|mark| matches!(mark.state, MotionState::Print | MotionState::Travel));
+    let moving_s: f64 = moving
+        .map(|mark| (mark.end_tick - mark.start_tick) as f64 / servo_hz)
+        .sum();
+    assert!(
+        (seconds / moving_s - 1.0).abs() < 5e-3,
+        "{dialect:?}: {seconds} s of {moving_s}"
+    );
+    (worst, written)
+}
+
+fn example(name: &str) -> Vec<u8> {
+    let path = Path::new(env!("CARGO_MANIFEST_DIR"))
+        .join("../examples")
+        .join(name);
+    std::fs::read(path).expect("an example")
+}
+
+/// A plate with a hole and its job of two layers.
+fn plate() -> (SegmentStream, f64) {
+    let text = br#"{"units":"mm","exterior":[[0,0],[14,0],[14,9],[5,9],[0,6]],"holes":[[[8,3],[8,6],[11,6],[11,3]]]}"#;
+    let read = headway::input::read(
+        text,
+        "plate",
+        headway::input::Format::Polygon,
+        &ReadOptions::default(),
+    );
+    let settings = Settings {
+        layers: 2,
+        ..Settings::default()
+    };
+    let plan = plan_target(&read.expect("a plate").target, &settings).expect("a plan");
+    (plan.stream, f64::from(settings.machine.servo_hz))
+}
+
+#[test]
+fn every_dialect_is_read_back_as_the_job() {
+    let (stream, servo_hz) = plate();
+    assert!(duration_ticks(&stream) > 4000);
+    for dialect in DIALECTS {
+        let (worst, written) = check(&stream, servo_hz, &options(dialect));
+        println!("{dialect:?}: {worst:.3} of what is asked, {written:?}");
+        assert!(
+            written.moves_a_second <= dialect.moves_a_second_max(),
+            "{written:?}"
+        );
+        for retraction in [
+            Retraction::Firmware,
+            Retraction::Source,
+            Retraction::Extruder,
+        ] {
+            if dialect.is_machine_tool() && retraction == Retraction::Firmware {
+                // G10 is a coordinate system there.
+                continue;
+            }
+            let other = WriteOptions {
+                retraction: Some(retraction),
+                wrapped: true,
+                turns: *b"UVW",
+                ..options(dialect)
+            };
+            if !dialect.is_machine_tool() {
+                check(&stream, servo_hz, &other);
+            }
+            // The passes and their pushes come back too.
+            let (text, _) = self::written(
+                &stream,
+                servo_hz,
+                &WriteOptions {
+                    turns: *b"ABC",
+                    ..other
+                },
+            );
+            let program =
+                read(text.as_bytes(), "t", &GcodeOptions::default()).expect("our own text");
+            assert_eq!(program.layers(), 2, "{dialect:?}");
+            assert!(program.has_headings && !program.has_tilts);
+            let primes = program
+                .passes
+                .iter()
+                .filter(|pass| pass.prime.is_some())
+                .count();
+            let events = stream.events.len();
+            let retracts = program
+                .passes
+                .iter()
+                .filter(|pass| pass.retract.is_some())
+                .count();
+            assert_eq!(primes + retracts, events, "{dialect:?} {retraction:?}");
+        }
+    }
+}
+
+/// Goal: a tilt comes back as the same axis and heading. Method: the first waypoints of the gear in six axes.
+#[test]
+fn tilts_are_read_back_as_axes() {
+    let text = String::from_utf8(example("gear-6axis.wpt")).expect("text");
+    let head: Vec<&str> = text.lines().take(160).collect();
+    let read = headway::input::waypoints::read(
+        head.join("\n").as_bytes(),
+        "gear",
+        &ReadOptions::default(),
+    );
+    let machine = String::from_utf8(example("machines/gantry.toml")).expect("text");
+    let settings = machine_file::from_toml(&machine).expect("a machine");
+    let plan = plan_waypoints(&read.expect("a run"), &settings).expect("a plan");
+    let servo_hz = f64::from(settings.machine.servo_hz);
+    for dialect in DIALECTS {
+        let (worst, written) = check(&plan.stream, servo_hz, &options(dialect));
+        println!("{dialect:?}: {worst:.3} of what is asked, {written:?}");
+    }
+}
+
+/// Goal: a sliced file that goes through a job and out again is the file's path. Method: its passes.
+#[test]
+fn start_blocks_have_fields_and_say_what_they_lack() {
+    let (stream, servo_hz) = plate();
+    let blocks = [
+        Some("START X={x} TIME={time_s} ; {name}".to_string()),
+        Some("END".to_string()),
+    ];
+    let (text, _) = written(
+        &stream,
+        servo_hz,
+        &WriteOptions {
+            blocks,
+            ..options(Dialect::Klipper)
+        },
+    );
+    assert!(
+        text.contains("START X=0 TIME=") || text.contains("START X=0.000 TIME="),
+        "{}",
+        &text[..400]
+    );
+    assert!(text.contains("; test part\n") && text.contains("\nEND\n"));
+    let blocks = [Some("G1 X{where}".to_string()), None];
+    let job = JobText {
+        name: "t",
+        machine: "m",
+        stream: &stream,
+        servo_hz,
+    };
+    let refused = write_gcode(
+        std::io::sink(),
+        &job,
+        &WriteOptions {
+            blocks,
+            ..options(Dialect::Marlin)
+        },
+    );
+    assert!(
+        refused
+            .expect_err("unknown")
+            .to_string()
+            .contains("{where}")
+    );
+}
