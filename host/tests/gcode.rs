@@ -120,3 +120,77 @@ fn broken_files_leave_nothing_behind() {
         assert_eq!(left.len(), 1, "{text}: {left:?}");
     }
 }
+
+/// Goal: a job goes out for another controller and comes back as the same beads. Method: the square
+/// exported, inspected and planned again; options that do not fit are refused as wrong usage.
+#[test]
+fn a_job_is_exported_as_gcode() {
+    let folder = folder("gcode_export");
+    let [input, job, out] =
+        ["square.gcode", "square.hwj", "out.gcode"].map(|name| folder.join(name));
+    std::fs::write(&input, square()).expect("written");
+    succeeded(&headway(&["plan", path(&input), "-o", path(&job)]));
+    let export = [
+        "export",
+        path(&job),
+        "--to",
+        "gcode",
+        "--dialect",
+        "reprapfirmware",
+        "-o",
+        path(&out),
+    ];
+    let ran = headway(&export);
+    succeeded(&ran);
+    assert!(stderr(&ran).contains("moves, at most"), "{}", stderr(&ran));
+    let [before, after] =
+        [&input, &out].map(|file| object(&headway(&["inspect", path(file), "--json"])));
+    assert_eq!(
+        (&after["slicer"], &after["layers"]),
+        (&"Headway".into(), &2.into())
+    );
+    assert_eq!(after["headings"], true);
+    let volume_mm3 = |of: &serde_json::Map<String, serde_json::Value>| {
+        of["volume_mm3"].as_f64().expect("a volume")
+    };
+    assert!((volume_mm3(&after) / volume_mm3(&before) - 1.0).abs() < 1e-3);
+    succeeded(&headway(&["plan", path(&out), "-o", path(&job)]));
+    let block = folder.join("start.txt");
+    std::fs::write(&block, "G28\nM109 S{hot}\n").expect("written");
+    for wrong in [
+        &["--to", "gcode"][..],
+        &["--to", "gcode", "--dialect", "marlin", "--letters", "A,A,C"],
+        &[
+            "--to",
+            "gcode",
+            "--dialect",
+            "marlin",
+            "--filament-diameter",
+            "0",
+        ],
+        &[
+            "--to",
+            "gcode",
+            "--dialect",
+            "marlin",
+            "--line-tolerance",
+            "-1",
+        ],
+        &[
+            "--to",
+            "gcode",
+            "--dialect",
+            "marlin",
+            "--start",
+            path(&block),
+        ],
+    ] {
+        let refused = headway(&[&["export", path(&job)], wrong].concat());
+        assert_eq!(
+            refused.status.code(),
+            Some(2),
+            "{wrong:?}: {}",
+            stderr(&refused)
+        );
+    }
+}

@@ -225,7 +225,7 @@ fn what_is_not_done_is_told_with_its_line() {
 }
 
 /// Broken files: what each is refused for.
-const BROKEN: [(&str, &str); 36] = [
+const BROKEN: [(&str, &str); 37] = [
     ("", "nothing is printed"),
     ("; only a comment\n", "nothing is printed"),
     ("G1 X10 Y10\nG1 X0 E-1\n", "nothing is printed"),
@@ -260,6 +260,11 @@ const BROKEN: [(&str, &str); 36] = [
     (
         "G18\nG5 X10 I1 J1 P1 Q1 E1",
         "line 2: the arc (G5) lies in the XY plane",
+    ),
+    // Found by fuzzing: a control point beyond all machines.
+    (
+        "G5 X1 Y1 I1 J2 P-4829141 Q1 E1",
+        "line 1: the arc leaves 100000 mm",
     ),
     ("G41 D1\nG1 X1 E1", "line 1: G41 is not read"),
     ("G55\nG1 X1 E1", "line 1: G55 is not read"),

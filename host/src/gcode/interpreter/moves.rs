@@ -77,6 +77,12 @@ impl Interpreter {
                 std::array::from_fn(|axis| from[axis] + share * (to[axis] - from[axis]));
             at[self.plane[0]] = place[0];
             at[self.plane[1]] = place[1];
+            if place.iter().any(|mm| mm.abs() > PLACE_MAX_MM) {
+                return Err(GcodeError::Arc {
+                    line: number,
+                    problem: format!("leaves {PLACE_MAX_MM} mm: check I, J, K, P, Q and R"),
+                });
+            }
             way.push(at);
         }
         way.push(to);

@@ -11,6 +11,7 @@
 
 pub mod dialect;
 pub mod lines;
+mod pushes;
 pub mod template;
 
 use crate::job::{Mark, MotionState, SegmentStream};
@@ -467,77 +468,6 @@ impl<W: Write> Writer<'_, W> {
         }
         let rate = self.recent.len() as f64 / WINDOW_S;
         self.written.moves_a_second = self.written.moves_a_second.max(rate);
-    }
-
-    /// The extruder alone.
-    fn push(&mut self, by_mm: f64, seconds: f64) -> Result<(), WriteError> {
-        let word = self.extrusion(self.e_mm + by_mm);
-        if word.is_empty() {
-            return Ok(());
-        }
-        let feed = match self.options.dialect.is_machine_tool() {
-            true => 60.0 / seconds.max(1e-3),
-            false => 60.0 * by_mm.abs() / seconds.max(1e-3),
-        };
-        self.feed = format!(" F{}", short(feed, 2));
-        writeln!(self.out, "G1{word}{}", self.feed)?;
-        Ok(())
-    }
-
-    fn retract(&mut self, volume_mm3: f64, ticks: f64) -> Result<(), WriteError> {
-        let (length_mm, seconds) = (volume_mm3 / self.filament_mm2(), ticks / self.servo_hz);
-        self.retracted_mm = Some(length_mm);
-        match self.style() {
-            Retraction::Extruder => return self.push(-length_mm, seconds),
-            Retraction::Source => writeln!(self.out, "M228")?,
-            Retraction::Firmware => {
-                let speed_mm_s = length_mm / seconds.max(1e-3);
-                self.set_retraction(length_mm, speed_mm_s, 0.0)?;
-                writeln!(self.out, "G10")?;
-            }
-        }
-        Ok(())
-    }
-
-    fn prime(&mut self, volume_mm3: f64, ticks: f64) -> Result<(), WriteError> {
-        let (length_mm, seconds) = (volume_mm3 / self.filament_mm2(), ticks / self.servo_hz);
-        let retracted_mm = self.retracted_mm.take();
-        match (self.style(), retracted_mm) {
-            (Retraction::Source, _) => writeln!(self.out, "M227")?,
-            // Firmware retraction has nothing to give back before the first retract.
-            (Retraction::Extruder, _) | (_, None) => return self.push(length_mm, seconds),
-            (Retraction::Firmware, Some(retracted_mm)) => {
-                let speed_mm_s = length_mm / seconds.max(1e-3);
-                self.set_retraction(retracted_mm, speed_mm_s, length_mm - retracted_mm)?;
-                writeln!(self.out, "G11")?;
-            }
-        }
-        Ok(())
-    }
-
-    /// What the controller retracts by, where it changes.
-    fn set_retraction(
-        &mut self,
-        length_mm: f64,
-        speed_mm_s: f64,
-        extra_mm: f64,
-    ) -> Result<(), WriteError> {
-        let [length, speed, extra] =
-            [(length_mm, 5), (speed_mm_s, 2), (extra_mm, 5)].map(|(n, d)| short(n, d));
-        let minute = short(60.0 * speed_mm_s, 1);
-        let text = match self.options.dialect {
-            Dialect::Klipper => format!(
-                "SET_RETRACTION RETRACT_LENGTH={length} RETRACT_SPEED={speed} UNRETRACT_SPEED={speed} \
-                 UNRETRACT_EXTRA_LENGTH={extra}"
-            ),
-            Dialect::RepRapFirmware => format!("M207 S{length} R{extra} F{minute}"),
-            _ => format!("M207 S{length} F{minute}\nM208 S{extra} F{minute}"),
-        };
-        if text != self.retraction {
-            writeln!(self.out, "{text}")?;
-            self.retraction = text;
-        }
-        Ok(())
     }
 }
 
