@@ -55,6 +55,9 @@ pub(super) struct GcodeArgs {
     /// Letters of the tilt about X, about Y, and of the heading.
     #[arg(long, value_name = "A,B,C", default_value = "A,B,C")]
     pub letters: String,
+    /// Letter of the extruder [default: E; U for linuxcnc and grblhal].
+    #[arg(long, value_name = "LETTER")]
+    pub extruder: Option<char>,
     /// Headings from 0 to 360 degrees, for axes that go the shorter way; else they count turns.
     #[arg(long)]
     pub wrapped: bool,

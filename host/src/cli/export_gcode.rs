@@ -28,8 +28,8 @@ pub(super) fn run(job: &Job, args: &ExportArgs, console: &Console) -> Result<(),
     let checked = write_gcode(std::io::sink(), &text, &options);
     let written = checked.map_err(|error| CliError::Usage(error.to_string()))?;
     console.notes(&notes(&written, &options));
-    console.write_to(args.output.as_deref(), |mut out| {
-        match write_gcode(&mut out, &text, &options) {
+    console.write_to(args.output.as_deref(), |out| {
+        match write_gcode(out, &text, &options) {
             Ok(_) => Ok(()),
             Err(WriteError::Io(error)) => Err(error),
             Err(error) => Err(std::io::Error::other(error)),
@@ -67,6 +67,10 @@ fn options(args: &ExportArgs) -> Result<WriteOptions, CliError> {
         }),
         filament_mm: between("--filament-diameter", of.filament_diameter, FILAMENT_MM)?,
         turns: letters(&of.letters)?,
+        extruder: of
+            .extruder
+            .map(|letter| extruder(letter, &of.letters))
+            .transpose()?,
         wrapped: of.wrapped,
         tip_mm: between(
             "--line-tolerance",
@@ -74,6 +78,20 @@ fn options(args: &ExportArgs) -> Result<WriteOptions, CliError> {
             TIP_MM,
         )?,
         blocks: [block(of.start.as_deref())?, block(of.end.as_deref())?],
+    })
+}
+
+/// A letter that no axis has.
+fn extruder(letter: char, axes: &str) -> Result<u8, CliError> {
+    let letter = letter.to_ascii_uppercase();
+    // On a machine that does not tilt the letters of the tilt are free.
+    let heading = axes.split(',').nth(2).unwrap_or_default().trim();
+    let is_free =
+        "EABCUVWHJ".contains(letter) && !heading.eq_ignore_ascii_case(&letter.to_string());
+    u8::try_from(letter).ok().filter(|_| is_free).ok_or_else(|| {
+        CliError::Usage(format!(
+            "--extruder {letter}: write a letter of E, A, B, C, U, V, W, H, J that is not the heading's"
+        ))
     })
 }
 

@@ -250,7 +250,9 @@ impl Interpreter {
     /// Letters of the axes, in the order of a place.
     fn axes(&self) -> [u8; 6] {
         let [a, b, c] = self.found.comments.turns.unwrap_or(*b"ABC");
-        [b'X', b'Y', b'Z', a, b, c]
+        let extruder = self.extruder();
+        // A letter that extrudes does not turn.
+        [b'X', b'Y', b'Z', a, b, c].map(|letter| if letter == extruder { 0 } else { letter })
     }
 
     fn extruder(&self) -> u8 {

@@ -74,11 +74,15 @@ impl Dialect {
     pub fn start(self) -> &'static str {
         match self {
             Dialect::Klipper => {
-                "MANUAL_STEPPER STEPPER=heading GCODE_AXIS=C\nG21\nG90\nM83\nG28\nG92 E0 C0\n"
+                "MANUAL_STEPPER STEPPER=heading GCODE_AXIS={heading}\nG21\nG90\nM83\nG28\nG92 {extruder}0 {heading}0\n"
             }
-            Dialect::RepRapFirmware | Dialect::Marlin => "G21\nG90\nM83\nG28\nG92 E0 C0\n",
-            Dialect::LinuxCnc => "G21 G90 G17 G40 G49 G80\nG64 P0.005\nG92 U0 C0\nG93\n",
-            Dialect::GrblHal => "G21 G90 G17\nG92 U0 C0\nG93\n",
+            Dialect::RepRapFirmware | Dialect::Marlin => {
+                "G21\nG90\nM83\nG28\nG92 {extruder}0 {heading}0\n"
+            }
+            Dialect::LinuxCnc => {
+                "G21 G90 G17 G40 G49 G80\nG64 P0.005\nG92 {extruder}0 {heading}0\nG93\n"
+            }
+            Dialect::GrblHal => "G21 G90 G17\nG92 {extruder}0 {heading}0\nG93\n",
         }
     }
 
