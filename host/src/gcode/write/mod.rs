@@ -11,18 +11,19 @@
 
 pub mod dialect;
 pub mod lines;
+mod poses;
 mod pushes;
 pub mod template;
 
 use crate::job::{Mark, MotionState, SegmentStream};
 use dialect::{Dialect, Retraction};
 use headway_firmware::pose::Pose;
-use headway_firmware::spline::{Span, Spans};
 use headway_protocol::segment::FlowAction;
 use headway_protocol::units::{
     CHANNEL_HEADING, CHANNEL_TILT_X, CHANNEL_TILT_Y, CHANNEL_VOLUME, CHANNELS,
 };
 use lines::{LineTolerances, move_ends};
+use poses::{Poses, event_ticks};
 use std::collections::VecDeque;
 use std::f64::consts::PI;
 use std::io::Write;
@@ -199,67 +200,6 @@ pub fn write_gcode(
     writer.end(job, &first)
 }
 
-/// Ticks of the events, with volume, mm³, and duration, s at ticks of 1.
-fn event_ticks(stream: &SegmentStream) -> Vec<(u64, FlowAction, f64, f64)> {
-    let starts: Vec<u64> = Spans::new(&stream.start, &stream.knots)
-        .map(|span| span.start_tick)
-        .collect();
-    let events = stream.events.iter();
-    events
-        .filter_map(|event| {
-            let start = starts.get(event.span as usize)?;
-            let tick = start + u64::from(event.offset_ticks);
-            let volume_mm3 = f64::from(event.volume_units) * 1e-6;
-            Some((
-                tick,
-                event.action,
-                volume_mm3,
-                f64::from(event.duration_ticks.0),
-            ))
-        })
-        .collect()
-}
-
-/// Poses at ticks that do not fall by more than a span.
-struct Poses<'a> {
-    stream: &'a SegmentStream,
-    spans: Spans<'a>,
-    span: Option<Span>,
-}
-
-impl<'a> Poses<'a> {
-    fn new(stream: &'a SegmentStream) -> Poses<'a> {
-        let mut spans = Spans::new(&stream.start, &stream.knots);
-        let span = spans.next();
-        Poses {
-            stream,
-            spans,
-            span,
-        }
-    }
-
-    fn at(&mut self, tick: u64) -> [f64; CHANNELS] {
-        if self
-            .span
-            .as_ref()
-            .is_some_and(|span| tick < span.start_tick)
-        {
-            *self = Poses::new(self.stream);
-        }
-        while let Some(span) = &self.span {
-            let local = tick - span.start_tick;
-            if local > u64::from(span.duration_ticks)
-                && let Some(next) = self.spans.next()
-            {
-                self.span = Some(next);
-                continue;
-            }
-            return span.position((local as f64).min(f64::from(span.duration_ticks)));
-        }
-        [0.0; CHANNELS]
-    }
-}
-
 impl<W: Write> Writer<'_, W> {
     fn filament_mm2(&self) -> f64 {
         0.25 * PI * self.options.filament_mm * self.options.filament_mm
@@ -320,11 +260,9 @@ impl<W: Write> Writer<'_, W> {
     }
 
     fn fields(&self, job: &JobText, first: &[f64; CHANNELS]) -> Vec<(&'static str, String)> {
-        let volume_mm3 = job
-            .stream
-            .knots
-            .last()
-            .map_or(0.0, |knot| f64::from(knot.control[CHANNEL_VOLUME]) * 1e-6);
+        let end_tick = job.stream.marks.last().map_or(0, |mark| mark.end_tick);
+        let end = Poses::new(job.stream).at(end_tick);
+        let volume_mm3 = end[CHANNEL_VOLUME] - first[CHANNEL_VOLUME];
         vec![
             ("name", one_line(job.name)),
             ("machine", one_line(job.machine)),
