@@ -163,6 +163,23 @@ fn a_stop_is_heard_while_another_host_streams_and_a_jog_is_refused_at_once() {
     board.end();
 }
 
+/// Goal: a stream that is begun while somebody asks for the status is no second host for good: it was
+/// refused as one. Method: a line that is open when the stream comes, and goes without a word.
+#[test]
+fn a_stream_begun_while_another_host_only_asks_is_taken() {
+    let folder = folder("asked");
+    let (job, _) = job(&folder, 1);
+    let board = Board::unix(&folder, 20.0);
+    let path = board.port.strip_prefix("unix:").unwrap();
+    let asking = std::os::unix::net::UnixStream::connect(path).unwrap();
+    let streaming = Host::start(&["stream", &job, "--port", &board.port, "--json"]);
+    std::thread::sleep(std::time::Duration::from_millis(150));
+    drop(asking);
+    let (done, _, said) = streaming.end();
+    assert!(done, "{said}");
+    assert_eq!(board.end().hosts, 2);
+}
+
 #[test]
 fn a_client_made_of_the_wire_page_alone_talks_to_a_board() {
     let folder = folder("wire");

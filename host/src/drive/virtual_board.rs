@@ -3,7 +3,8 @@
 //!
 //! Its steps go nowhere but into counters and a digest. Limit switches close where the machine's
 //! range ends, so that homing can be tried. One host streams and moves; others may ask and stop
-//! meanwhile (`Receiver::watching`), and the oldest of them is the next one.
+//! meanwhile (`Receiver::watching`). Where the first one leaves, who has just come is the next one, else
+//! the oldest of the others.
 
 use crate::drive::record::{Step, StepDigest};
 use crate::drive::transport::{Listener, Transport};
@@ -14,6 +15,7 @@ use headway_firmware::machine::Machine;
 use headway_firmware::output::StepOutput;
 use headway_firmware::receiver::Receiver;
 use headway_protocol::frame::FRAME_BYTES_MAX;
+use headway_protocol::message::DeviceState;
 use std::collections::VecDeque;
 use std::io;
 use std::sync::atomic::{AtomicBool, Ordering};
@@ -23,6 +25,9 @@ use std::time::{Duration, Instant};
 const CATCH_UP_S: f64 = 0.05;
 /// Hosts that may ask and stop while another one streams.
 const WATCHERS_MAX: usize = 4;
+/// A host that comes while another one only asks waits so long for the line to be free: what asks is
+/// soon gone, and the newcomer may have come to stream. While the board moves it is let in at once.
+const TURN_WAIT_S: f64 = 1.0;
 /// Reports of one turn.
 const REPORTS_MAX: usize = 32;
 
@@ -105,6 +110,8 @@ pub struct VirtualBoard {
     line: Option<Box<dyn Transport>>,
     /// Lines of further hosts, the oldest first.
     watchers: VecDeque<(Box<dyn Transport>, Receiver)>,
+    /// Has just come, and when: nothing of it is read before it is the first one or a watcher.
+    newcomer: Option<(Box<dyn Transport>, Instant)>,
     begun: Instant,
     ticks_done: u64,
     hosts: u64,
@@ -124,6 +131,7 @@ impl VirtualBoard {
             listener,
             line: None,
             watchers: VecDeque::new(),
+            newcomer: None,
             begun: Instant::now(),
             ticks_done: 0,
             hosts: 0,
@@ -176,9 +184,6 @@ impl VirtualBoard {
             Some(Err(_)) => self.line = None,
             None => std::thread::sleep(Duration::from_millis(1)),
         }
-        if self.line.is_none() {
-            self.line = self.watchers.pop_front().map(|(line, _)| line);
-        }
         self.hear_watchers();
         self.pass();
         self.report();
@@ -188,16 +193,19 @@ impl VirtualBoard {
     /// Lets a host in, if one has come and there is room. Whether the first one is still there has been
     /// found out before.
     fn take_host(&mut self) -> io::Result<()> {
-        if self.watchers.len() >= WATCHERS_MAX {
-            return Ok(());
+        if self.newcomer.is_none() && self.watchers.len() < WATCHERS_MAX {
+            self.newcomer = self.listener.accept()?.map(|line| (line, Instant::now()));
+            self.hosts += u64::from(self.newcomer.is_some());
         }
-        let Some(line) = self.listener.accept()? else {
-            return Ok(());
-        };
-        self.hosts += 1;
         if self.line.is_none() {
-            self.line = Some(line);
-        } else {
+            self.line = match self.newcomer.take() {
+                Some((line, _)) => Some(line),
+                None => self.watchers.pop_front().map(|(line, _)| line),
+            };
+        }
+        let rests = self.machine.motion().state() == DeviceState::Idle;
+        let waits = |since: Instant| rests && since.elapsed().as_secs_f64() < TURN_WAIT_S;
+        if let Some((line, _)) = self.newcomer.take_if(|(_, since)| !waits(*since)) {
             let receiver = Receiver::watching(&self.setup.machine, self.setup.session);
             self.watchers.push_back((line, receiver));
         }
