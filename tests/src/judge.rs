@@ -51,3 +51,26 @@ fn rings(regions: &[Region]) -> Rings {
         .map(|ring| ring.points.iter().map(|p| [p.x, p.y]).collect())
         .collect()
 }
+
+/// Seconds from the first prime to the end of the last retract: what the head needs to come from where the
+/// machine rests hangs on where a part begins, not on how it is printed.
+///
+/// # Panics
+/// Where nothing is printed.
+pub fn print_without_approach_s(
+    plan: &headway::Plan,
+    settings: &headway::settings::Settings,
+) -> f64 {
+    let off = [
+        headway::job::MotionState::Travel,
+        headway::job::MotionState::Hold,
+    ];
+    let mut at_work = plan
+        .stream
+        .marks
+        .iter()
+        .filter(|mark| !off.contains(&mark.state));
+    let first = at_work.next().expect("a pass");
+    let last = at_work.next_back().unwrap_or(first);
+    (last.end_tick - first.start_tick) as f64 / f64::from(settings.machine.servo_hz)
+}

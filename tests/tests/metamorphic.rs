@@ -7,14 +7,15 @@ use headway::input::{Format, ReadOptions, Target, Units, read};
 use headway::plan_target;
 use headway::settings::Settings;
 use headway_tests::folders::skipped;
+use headway_tests::judge::print_without_approach_s;
 use headway_tests::layer_oracle::Rings;
 use headway_tests::outlines::{example, region};
 use headway_tests::parts::held_out;
 use rayon::prelude::*;
 
-/// Change of the printing time that is allowed: 2 % hold but for small parts of some seconds, where one
-/// shortcut more or less, or a round of the time law, counts (taper 3.1 %, truss 1 2.2 %).
-const TIME_SHARE: f64 = 0.04;
+/// Change of the printing time that is allowed: 2 % but for the U-part, mirrored and turned (2.2 %), where
+/// one place of 0.1 s is slowed less.
+const TIME_SHARE: f64 = 0.025;
 const POLYGONS: &str = concat!(env!("CARGO_MANIFEST_DIR"), "/../../shared/data/polygons");
 
 struct Outcome {
@@ -92,19 +93,19 @@ fn outcome(name: &str, rings: &Rings) -> Outcome {
         name: name.to_string(),
         regions,
     };
-    let plan = plan_target(&target, &Settings::default()).expect(name);
+    let settings = Settings::default();
+    let plan = plan_target(&target, &settings).expect(name);
     Outcome {
         name: name.to_string(),
         passes: plan.figures.passes,
-        print_s: plan.figures.print_s,
+        print_s: print_without_approach_s(&plan, &settings),
         print_mm: plan.figures.print_mm,
         covered_pct: plan.figures.covered_pct,
     }
 }
 
-/// Goal: time within 4 %, path length within 0.5 %, coverage within 0.1: shortcuts are taken one by one, and
-/// rounding may choose among them. Method:
-/// each part planned whole, in every way.
+/// Goal: time from the first prime on within 2.5 %, path length within 0.5 %, coverage within 0.1: shortcuts
+/// are taken one by one, and rounding may choose among them. Method: each part planned whole, in every way.
 #[test]
 fn the_same_part_is_planned_the_same() {
     for part in ["u-part", "taper", "bracket", "gear", "thin-web"] {

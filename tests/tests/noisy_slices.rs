@@ -8,6 +8,7 @@ use headway::input::{Format, ReadOptions, Target, read};
 use headway::plan_target;
 use headway::settings::Settings;
 use headway_tests::folders::files;
+use headway_tests::judge::print_without_approach_s;
 use headway_tests::layer_oracle::Rings;
 use headway_tests::outlines::{region, with_noise};
 use rayon::prelude::*;
@@ -44,10 +45,8 @@ fn print_s(parts: &[Rings]) -> f64 {
         name: "slice".to_string(),
         regions: parts.iter().map(region).collect(),
     };
-    plan_target(&target, &Settings::default())
-        .expect("a plan")
-        .figures
-        .print_s
+    let settings = Settings::default();
+    print_without_approach_s(&plan_target(&target, &settings).expect("a plan"), &settings)
 }
 
 #[test]
