@@ -1,7 +1,8 @@
 //! From ordered passes to the route: travel with lift, prime, print, retract.
 //!
 //! Every pass: travel above its start with the heading turned on the way, lower, prime, print,
-//! retract, lift. Each piece is a rest-to-rest stretch. All in machine coordinates.
+//! retract, lift. A pass that begins right above the end of the one before it is risen to, without a
+//! retract. Each piece is a rest-to-rest stretch. All in machine coordinates.
 //!
 //! In: curves of the passes (mm, rad, mm³) in order, the pose at rest before them. Out: moves with
 //! their curves and the volumes of prime and retract (mm³). Leaves out: time, which the motion
@@ -13,6 +14,7 @@ use crate::plan::curve::heading_stops::heading_range;
 use crate::plan::curve::plane_curve::configuration;
 use crate::plan::layers::PlanePass;
 use crate::plan::route::flow::pass_volumes::volumes_mm3;
+use crate::plan::route::hop::{CROSS_MIN_MM, Hop};
 use crate::plan::route::keep_out::Way;
 use crate::plan::route::moves::{PathCurve, Route, Stretch, StretchEvent};
 use crate::plan::route::travel::{TravelError, TravelWays};
@@ -24,8 +26,6 @@ use headway_protocol::units::{
 /// Step of the control points of a rounded way, against b: corners of at most 30° are then cut by
 /// a fifth of that, less than the way keeps from the outline.
 const ROUND_STEP_SHARE: f64 = 0.5;
-/// Most control points of one rounded way; longer ones are cut by more.
-const ROUND_STEPS_MAX: f64 = 20_000.0;
 
 /// Where the head is while the route is built.
 struct Head<'a> {
@@ -52,11 +52,34 @@ pub fn build_route(
         route: Route::default(),
     };
     let volumes_mm3 = volumes_mm3(passes, settings);
-    for (number, (pass, volume_mm3)) in (first_number..).zip(passes.iter().zip(&volumes_mm3)) {
-        head.travel_to(pass, ways)?;
+    let mut rises = false;
+    for (i, (number, volume_mm3)) in (first_number..).zip(&volumes_mm3).enumerate() {
+        let pass = &passes[i];
+        if rises {
+            head.rise(pass);
+        } else {
+            head.travel_to(pass, ways)?;
+            head.prime(pass.layer);
+        }
         head.print(pass, volume_mm3, number);
+        rises = passes
+            .get(i + 1)
+            .is_some_and(|next| follows_above(pass, next));
+        if !rises {
+            head.retract(pass.layer);
+        }
     }
     Ok(head.route)
+}
+
+/// True where a pass begins right above the end of the one before it: nothing is crossed, so the melt
+/// stays where it is.
+fn follows_above(pass: &PlanePass, next: &PlanePass) -> bool {
+    let (Some(end), Some(begin)) = (pass.control.last(), next.control.first()) else {
+        return false;
+    };
+    let apart_mm = (begin[0] - end[0]).hypot(begin[1] - end[1]);
+    next.z_mm > pass.z_mm && apart_mm < CROSS_MIN_MM
 }
 
 /// Lifts the head off at the end of a route.
@@ -112,21 +135,50 @@ impl Head<'_> {
         });
     }
 
-    /// Lift, cross with the heading turned the shorter way, lower.
+    /// Lift, cross with the heading turned the shorter way, lower: as one curve where nothing is in the way.
     fn travel_to(&mut self, pass: &PlanePass, ways: &mut TravelWays) -> Result<(), TravelError> {
         let first = pass.control[0];
         let heading = entry_heading(pass, self.at[CHANNEL_HEADING], self.settings);
         let above = pass.z_mm.max(self.at[CHANNEL_Z]) + self.settings.lift_mm;
-        self.line(MotionState::Travel, pass.layer, &[(CHANNEL_Z, above)]);
         let here = configuration([
             self.at[CHANNEL_X],
             self.at[CHANNEL_Y],
             self.at[CHANNEL_HEADING],
         ]);
         let way = ways.way(here, configuration(first))?;
-        self.cross(pass.layer, way, Point2::new(first[0], first[1]), heading);
+        let to = Point2::new(first[0], first[1]);
+        if self.hop(pass, &way, to, above, heading) {
+            return Ok(());
+        }
+        self.line(MotionState::Travel, pass.layer, &[(CHANNEL_Z, above)]);
+        self.cross(pass.layer, way, to, heading);
         self.line(MotionState::Travel, pass.layer, &[(CHANNEL_Z, pass.z_mm)]);
         Ok(())
+    }
+
+    /// The travel without a stop; false where it has to be made of straight moves.
+    fn hop(&mut self, pass: &PlanePass, way: &Way, to: Point2, above: f64, heading: f64) -> bool {
+        let straight = way.corners.is_empty();
+        if way.out.is_some() || way.back.is_some() || !(straight || way.rounded) {
+            return false;
+        }
+        let mut legs = vec![Point2::new(self.at[CHANNEL_X], self.at[CHANNEL_Y])];
+        legs.extend(&way.corners);
+        legs.push(to);
+        let round_mm = ROUND_STEP_SHARE * self.settings.aperture.minor_mm();
+        let hop = Hop {
+            start: self.at,
+            legs: &legs,
+            heading_rad: heading,
+            above_mm: above,
+            end_mm: pass.z_mm,
+            step_mm: if straight { f64::INFINITY } else { round_mm },
+        };
+        let Some(control) = hop.control(self.settings) else {
+            return false;
+        };
+        self.push(MotionState::Travel, pass.layer, None, control, 0.0, None);
+        true
     }
 
     /// Along the way's legs, the heading turned in proportion on those between out and back.
@@ -146,10 +198,6 @@ impl Head<'_> {
         let mut legs = vec![Point2::new(self.at[CHANNEL_X], self.at[CHANNEL_Y])];
         legs.extend(way.corners);
         legs.push(way.back.unwrap_or(to));
-        if way.rounded && legs.len() > 2 {
-            self.cross_rounded(layer, &legs, heading_rad);
-            return;
-        }
         let length_mm =
             |legs: &[Point2]| -> f64 { legs.windows(2).map(|w| (w[1] - w[0]).norm()).sum() };
         let whole_mm = length_mm(&legs);
@@ -164,87 +212,62 @@ impl Head<'_> {
         move_to(self, to, heading_rad);
     }
 
-    /// The same without a stop: the legs' even samples as control points of one curve.
-    fn cross_rounded(&mut self, layer: u32, legs: &[Point2], heading_rad: f64) {
-        let whole_mm: f64 = legs.windows(2).map(|w| (w[1] - w[0]).norm()).sum();
-        let step_mm = ROUND_STEP_SHARE * self.settings.aperture.minor_mm();
-        let steps = (whole_mm / step_mm).ceil().clamp(8.0, ROUND_STEPS_MAX) as usize;
-        let start = self.at;
-        let (mut leg, mut before_mm) = (0, 0.0);
-        let mut control: Vec<[f64; CHANNELS]> = (0..steps)
-            .map(|i| {
-                let share = i as f64 / steps as f64;
-                let along_mm = whole_mm * share;
-                let length_mm = |leg: usize| (legs[leg + 1] - legs[leg]).norm();
-                while leg + 2 < legs.len() && along_mm > before_mm + length_mm(leg) {
-                    before_mm += length_mm(leg);
-                    leg += 1;
-                }
-                let t = (along_mm - before_mm) / length_mm(leg).max(1e-12);
-                let at = legs[leg] + (legs[leg + 1] - legs[leg]) * t.clamp(0.0, 1.0);
-                let mut point = start;
-                point[CHANNEL_X] = at.x;
-                point[CHANNEL_Y] = at.y;
-                point[CHANNEL_HEADING] += (heading_rad - start[CHANNEL_HEADING]) * share;
-                point
-            })
-            .collect();
-        // The end to the last digit: the next stretch begins there.
-        let mut end = start;
-        end[CHANNEL_X] = legs[legs.len() - 1].x;
-        end[CHANNEL_Y] = legs[legs.len() - 1].y;
-        end[CHANNEL_HEADING] = heading_rad;
-        control.push(end);
-        self.push(MotionState::Travel, layer, None, control, 0.0, None);
+    /// Up to a pass that begins right above, turned on the way. Then the head stands until the melt may
+    /// move: pressure advance reaches ahead by half its window.
+    fn rise(&mut self, pass: &PlanePass) {
+        let first = pass.control[0];
+        let heading = entry_heading(pass, self.at[CHANNEL_HEADING], self.settings);
+        let to = [
+            (CHANNEL_X, first[0]),
+            (CHANNEL_Y, first[1]),
+            (CHANNEL_Z, pass.z_mm),
+            (CHANNEL_HEADING, heading),
+        ];
+        self.line(MotionState::Travel, pass.layer, &to);
+        let window_ms = self.settings.machine.extruder.pressure_advance_window_ms;
+        let ahead_s = 0.5e-3 * window_ms;
+        let here = vec![self.at];
+        self.push(MotionState::Hold, pass.layer, None, here, ahead_s, None);
     }
 
-    /// Prime, print, retract.
-    fn print(&mut self, pass: &PlanePass, volume_mm3: &[f64], number: u32) {
-        let s = self.settings;
-        let pr = s.prime_retract;
-        let prime_s = event_duration_s(pr.prime_mm3, pr.prime_rate_mm3_s);
-        let retract_s = event_duration_s(pr.retract_mm3, pr.retract_rate_mm3_s);
-        if prime_s > 0.0 {
+    /// Stands until the melt is at the aperture, but for the lead.
+    fn prime(&mut self, layer: u32) {
+        let pr = self.settings.prime_retract;
+        let duration_s = event_duration_s(pr.prime_mm3, pr.prime_rate_mm3_s);
+        if duration_s > 0.0 {
             let event = StretchEvent::PrimeAtStart {
                 volume_mm3: pr.prime_mm3,
-                duration_s: prime_s,
+                duration_s,
             };
-            let dwell_s = (prime_s - pr.prime_lead_s).max(0.0);
-            self.push(
-                MotionState::Prime,
-                pass.layer,
-                None,
-                vec![self.at],
-                dwell_s,
-                Some(event),
-            );
+            let dwell_s = (duration_s - pr.prime_lead_s).max(0.0);
+            let here = vec![self.at];
+            self.push(MotionState::Prime, layer, None, here, dwell_s, Some(event));
         }
-        let lead_s = pr.retract_lead_s.min(retract_s);
-        let retract = StretchEvent::RetractBeforeEnd {
-            volume_mm3: pr.retract_mm3,
-            duration_s: retract_s,
-            lead_s,
-        };
-        let event = (retract_s > 0.0).then_some(retract);
+    }
+
+    fn print(&mut self, pass: &PlanePass, volume_mm3: &[f64], number: u32) {
         let control = self.print_control(pass, volume_mm3);
-        self.push(
-            MotionState::Print,
-            pass.layer,
-            Some(number),
-            control,
-            0.0,
-            event,
-        );
-        if retract_s > lead_s {
-            let dwell_s = retract_s - lead_s;
-            self.push(
-                MotionState::Retract,
-                pass.layer,
-                None,
-                vec![self.at],
-                dwell_s,
-                None,
-            );
+        let number = Some(number);
+        self.push(MotionState::Print, pass.layer, number, control, 0.0, None);
+    }
+
+    /// Pulls the melt back: begins before the last pass ends, and stands until it is done.
+    fn retract(&mut self, layer: u32) {
+        let pr = self.settings.prime_retract;
+        let duration_s = event_duration_s(pr.retract_mm3, pr.retract_rate_mm3_s);
+        let lead_s = pr.retract_lead_s.min(duration_s);
+        if duration_s > 0.0
+            && let Some(printed) = self.route.stretches.last_mut()
+        {
+            printed.event = Some(StretchEvent::RetractBeforeEnd {
+                volume_mm3: pr.retract_mm3,
+                duration_s,
+                lead_s,
+            });
+        }
+        if duration_s > lead_s {
+            let (here, dwell_s) = (vec![self.at], duration_s - lead_s);
+            self.push(MotionState::Retract, layer, None, here, dwell_s, None);
         }
     }
 

@@ -1,8 +1,8 @@
 //! Route: everything the head does, in order, as moves from rest to rest.
 //!
 //! ```text
-//! PlanePass   --flow, travel (keep_out, shortest_path), build_route--> Route
-//! (mm, rad)                                                            (mm, rad, mm³)
+//! PlanePass   --flow, travel (keep_out, shortest_path), hop, build_route--> Route
+//! (mm, rad)                                                                 (mm, rad, mm³)
 //! WaypointRun --waypoint_curve--> PathCurve --waypoint_route--> Route
 //! (mm, input)                     (mm, rad, machine coordinates)
 //! GcodePass   --bead_curve, gcode_route--> Route
@@ -15,6 +15,7 @@ pub mod bead_curve;
 pub mod build_route;
 pub mod flow;
 pub mod gcode_route;
+mod hop;
 pub mod keep_out;
 pub mod moves;
 pub mod path_curve;
