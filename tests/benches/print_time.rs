@@ -39,7 +39,7 @@ fn main() {
     let numbers = words.iter().find_map(|word| word.parse::<f64>().ok());
     let settings = settings(numbers.unwrap_or(60.0), &has);
     let slicer = slicer_times(settings.speed_mm_s);
-    let files = ["slices", "peer"].map(|folder| files(&format!("{DATA}/{folder}"), "json"));
+    let files = ["slices", "peer"].map(|folder| files(format!("{DATA}/{folder}"), "json"));
     let outcomes = files.iter().flatten().filter_map(|file| {
         let name = file.file_stem()?.to_str()?.to_string();
         let &slicer_s = slicer.get(&name)?;
