@@ -306,6 +306,8 @@ pub fn opened(mut pass: LayerPass, aperture: &Aperture) -> LayerPass {
     let first = placements[0];
     let mut end = first;
     end.at.heading_rad += lap;
+    // By one: a long pass is not to have room for twice its length.
+    placements.reserve_exact(1);
     placements.push(end);
     let along = (placements[2].at.center - first.at.center)
         .try_normalize(1e-12)

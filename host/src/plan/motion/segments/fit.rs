@@ -130,8 +130,8 @@ impl NormalEquations {
 
 /// Fits control points to the path; `shares` are of the spans with these durations, at least three.
 pub fn fit(path: &TickPath, durations_ticks: &[u16], shares: &[SpanShare]) -> RestSpline {
-    let start = quantised(&path.value()[0]);
-    let end = quantised(&path.value()[path.ticks()]);
+    let start = quantised(&path.value(0));
+    let end = quantised(&path.value(path.ticks()));
     let travel: [f64; CHANNELS] = std::array::from_fn(|c| end[c] - start[c]);
     let NormalEquations { band, right } = NormalEquations::of(shares, &travel);
     let mut solved = right;
@@ -174,38 +174,39 @@ pub struct TickSums {
     bends: [[f64; CHANNELS]; 2],
 }
 
+/// Room of a thread for the ticks of a span.
+#[derive(Default)]
+struct Room {
+    /// Powers 1 to 3 of s.
+    shares: Vec<[f64; 3]>,
+    values: Vec<[f64; CHANNELS]>,
+}
+
 /// The sums of every span; `known` has those of a span where they are known already.
 pub fn tick_sums<'a>(
     path: &TickPath,
     durations_ticks: &[u16],
     known: impl Fn(usize) -> Option<&'a TickSums> + Sync,
 ) -> Vec<TickSums> {
-    let start = quantised(&path.value()[0]);
+    let start = quantised(&path.value(0));
     let first_ticks = first_ticks(durations_ticks);
     (0..durations_ticks.len())
         .into_par_iter()
         .with_min_len(SPANS_MIN)
-        .map_init(Vec::new, |shares, span| match known(span) {
+        .map_init(Room::default, |room, span| match known(span) {
             Some(known) => known.clone(),
-            None => TickSums::of(
-                path,
-                first_ticks[span],
-                durations_ticks[span],
-                &start,
-                shares,
-            ),
+            None => TickSums::of(path, first_ticks[span], durations_ticks[span], &start, room),
         })
         .collect()
 }
 
 impl TickSums {
-    /// `shares` is room for powers 1 to 3 of s.
     fn of(
         path: &TickPath,
         first_tick: usize,
         ticks: u16,
         start: &[f64; CHANNELS],
-        shares: &mut Vec<[f64; 3]>,
+        Room { shares, values }: &mut Room,
     ) -> Self {
         let duration = f64::from(ticks);
         shares.clear();
@@ -216,7 +217,9 @@ impl TickSums {
         // There is no acceleration at the path's last tick.
         let is_last = first_tick + usize::from(ticks) == path.ticks();
         let bend_shares = &shares[..shares.len() - usize::from(is_last)];
-        let (moments, bends) = moments(&path.value()[first_tick..], start, shares);
+        // The last tick's second difference reaches into the next span.
+        path.values(first_tick..=first_tick + usize::from(ticks) + 1, values);
+        let (moments, bends) = moments(values, start, shares);
         Self {
             powers: powers(shares),
             bend_powers: powers(bend_shares),
@@ -238,6 +241,22 @@ pub fn span_shares<'a>(
         .map(|span| match known(span) {
             Some(known) => known.clone(),
             None => SpanShare::of(durations_ticks, span, &sums[span]),
+        })
+        .collect()
+}
+
+/// The same at once, with nothing known before and nothing kept.
+pub fn shares_of_path(path: &TickPath, durations_ticks: &[u16]) -> Vec<SpanShare> {
+    let start = quantised(&path.value(0));
+    let first_ticks = first_ticks(durations_ticks);
+    let spans = (0..durations_ticks.len())
+        .into_par_iter()
+        .with_min_len(SPANS_MIN);
+    spans
+        .map_init(Room::default, |room, span| {
+            let (first_tick, ticks) = (first_ticks[span], durations_ticks[span]);
+            let sums = TickSums::of(path, first_tick, ticks, &start, room);
+            SpanShare::of(durations_ticks, span, &sums)
         })
         .collect()
 }
@@ -385,7 +404,7 @@ pub fn span_errors(
             let mut worst = 0.0f64;
             for t in 1..=spline.durations_ticks[span] {
                 let k = first_ticks[span] + usize::from(t);
-                let (at, value) = (f64::from(t), &path.value()[k]);
+                let (at, value) = (f64::from(t), path.value(k));
                 let mut error = [0.0; CHANNELS];
                 for c in 0..CHANNELS {
                     error[c] = c0[c] + at * (c1[c] + at * (c2[c] + at * c3[c])) - value[c];
@@ -434,15 +453,11 @@ mod tests {
             let spline = fit(&path, &durations_ticks, &shares);
             let control = &spline.control;
             let last = control.len() - 1;
-            assert!(
-                control[..3]
-                    .iter()
-                    .all(|p| *p == quantised(&path.value()[0]))
-            );
+            assert!(control[..3].iter().all(|p| *p == quantised(&path.value(0))));
             assert!(
                 control[last - 2..]
                     .iter()
-                    .all(|p| *p == quantised(&path.value()[400]))
+                    .all(|p| *p == quantised(&path.value(400)))
             );
             span_errors(&path, &spline, &tolerances, |_| None)
                 .into_iter()

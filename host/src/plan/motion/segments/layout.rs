@@ -5,7 +5,7 @@
 //! bring its error to the tolerance, spreads the knots anew by that density, and fits again; spans
 //! that still exceed it are halved.
 
-use super::fit::{SpanShare, TickSums, fit, span_errors, span_shares, tick_sums};
+use super::fit::{SpanShare, TickSums, fit, shares_of_path, span_errors, span_shares, tick_sums};
 use super::spline::{RestSpline, durations_around};
 use super::tick_path::TickPath;
 use headway_protocol::segment::SPAN_TICKS_MAX;
@@ -130,7 +130,7 @@ pub struct Layout {
     pub errors: Vec<f64>,
     /// For each span the one that it was in the layout before ([`lay_out_again`]), if any.
     was: Vec<Option<usize>>,
-    /// What the ticks of each span gave to the fit, and what the span then did.
+    /// What the ticks of each span gave to the fit, and what the span then did; nothing of a draft.
     sums: Vec<TickSums>,
     shares: Vec<SpanShare>,
 }
@@ -144,7 +144,7 @@ struct Before<'a> {
 
 impl Before<'_> {
     fn sums_of(&self, span: usize) -> Option<&TickSums> {
-        self.spans[span].map(|same| &self.layout.sums[same])
+        self.layout.sums.get(self.spans[span]?)
     }
 
     /// The span before whose neighbours are as long as those of this one are.
@@ -157,7 +157,7 @@ impl Before<'_> {
     /// The share of a span between spans of the same lengths.
     fn share_of(&self, span: usize, durations_ticks: &[u16]) -> Option<&SpanShare> {
         let same = self.same_between(span, durations_ticks)?;
-        Some(&self.layout.shares[same])
+        self.layout.shares.get(same)
     }
 
     /// The error of a span that has stayed the same curve under the same path.
@@ -193,6 +193,20 @@ impl Layout {
                 || vec![None; durations_ticks.len()],
                 |before| before.spans.clone(),
             ),
+        }
+    }
+
+    /// One of which hardly a span will stay as it is.
+    fn draft(path: &TickPath, durations_ticks: &[u16], tolerances: &[f64; CHANNELS]) -> Self {
+        let shares = shares_of_path(path, durations_ticks);
+        let spline = fit(path, durations_ticks, &shares);
+        let errors = span_errors(path, &spline, tolerances, |_| None);
+        Self {
+            spline,
+            errors,
+            sums: Vec::new(),
+            shares: Vec::new(),
+            was: vec![None; durations_ticks.len()],
         }
     }
 
@@ -243,7 +257,7 @@ impl Layout {
 /// The path must last at least [`MOVING_TICKS_MIN`].
 pub fn lay_out(path: &TickPath, tolerances: &[f64; CHANNELS], span_ticks_long: f64) -> Layout {
     let first = Density::first(path.ticks()).durations(path.ticks());
-    let mut layout = Layout::new(path, &first, tolerances, None);
+    let mut layout = Layout::draft(path, &first, tolerances);
     for _ in 0..SPREAD_ROUNDS {
         let durations = &layout.spline.durations_ticks;
         let wanted = Density::wanted(durations, &layout.errors, span_ticks_long);
@@ -252,9 +266,7 @@ pub fn lay_out(path: &TickPath, tolerances: &[f64; CHANNELS], span_ticks_long: f
         if settled || next == *durations {
             break;
         }
-        // One layout of a long stretch at a time.
-        drop(layout);
-        layout = Layout::new(path, &next, tolerances, None);
+        layout = Layout::draft(path, &next, tolerances);
     }
     layout.refined(path, tolerances, 1.0)
 }

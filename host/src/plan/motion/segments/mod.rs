@@ -29,8 +29,6 @@ pub mod warp;
 use crate::job::SegmentStream;
 use crate::plan::motion::joint_limits::{MotionError, MotionLimits};
 use crate::plan::motion::joint_turns::choose_solution;
-use crate::plan::motion::path_samples::sample_path;
-use crate::plan::motion::time_law::without_jerk_s;
 use crate::plan::progress::{Progress, Stage, Steps};
 use crate::plan::route::moves::{Route, Stretch, StretchEvent};
 use crate::settings::Settings;
@@ -196,13 +194,11 @@ fn finish_stretch(
             time_bound_s: ticks as f64 / limits.servo_hz,
         });
     }
-    let samples = sample_path(&stretch.curve, &limits)?;
     let before = index.checked_sub(1).map(|before| &route.stretches[before]);
     let tolerances = fit::channel_tolerances(&settings.tolerances);
     let shaping = Shaping {
         stretch,
         before,
-        samples: &samples,
         limits: &limits,
         tolerances: &tolerances,
     };
@@ -212,11 +208,7 @@ fn finish_stretch(
             return Ok(finished);
         }
     }
-    let least_s = without_jerk_s(&samples, &limits).max(stretch.dwell_s);
-    Ok(FinishedStretch {
-        time_bound_s: least_s,
-        ..shaping.finish()?
-    })
+    shaping.finish()
 }
 
 /// Fails where a prime or retract alone is more than the extruder may do; the controller asks the same.

@@ -1,6 +1,6 @@
 //! One moving stretch: time law, fit and check, until every limit is kept.
 //!
-//! In: the stretch, its samples and limits. Out: a [`FinishedStretch`]. A first time law that knows
+//! In: the stretch and its limits. Out: a [`FinishedStretch`]. A first time law that knows
 //! the jerk only through a smoothing window gives a first fit; that motion is run anew in the least
 //! time along it ([`super::retiming`]), three times, since each new fit differs a little. Then only a few
 //! per cent are missing here and there, and the finished motion is stretched in time around those
@@ -14,8 +14,8 @@ use super::spline::RestSpline;
 use super::tick_path::TickPath;
 use super::{FinishedStretch, dwell_ticks, warp};
 use crate::plan::motion::joint_limits::{MotionError, MotionLimits, tip_mm};
-use crate::plan::motion::path_samples::PathSample;
-use crate::plan::motion::time_law::{Shares, TimeLaw, check_duration, time_law};
+use crate::plan::motion::path_samples::{sample_path, tip_way_mm};
+use crate::plan::motion::time_law::{Shares, TimeLaw, check_duration, time_law, without_jerk_s};
 use crate::plan::route::moves::{Stretch, StretchEvent};
 use headway_firmware::configuration::Kinematics;
 use headway_protocol::segment::SPAN_TICKS_MAX;
@@ -40,12 +40,20 @@ pub struct Shaping<'a> {
     pub stretch: &'a Stretch,
     /// The one before it, whose prime may still run.
     pub before: Option<&'a Stretch>,
-    /// Samples of its path.
-    pub samples: &'a [PathSample],
     /// What binds it.
     pub limits: &'a MotionLimits,
     /// Error of each channel that the fit may use.
     pub tolerances: &'a [f64; CHANNELS],
+}
+
+/// What is known of a stretch's time from samples of its path, which a long one has no room to keep.
+pub struct FirstTiming {
+    /// The motion with which fitting begins.
+    law: TimeLaw,
+    /// Way of the tip, mm.
+    way_mm: f64,
+    /// How long the stretch takes without limits of the jerk, s.
+    least_s: f64,
 }
 
 /// A layout and the ratios of its spans.
@@ -69,18 +77,26 @@ fn finished(layout: Layout, pieces: &[Piece]) -> FinishedStretch {
 impl Shaping<'_> {
     /// Times, fits and checks until nothing exceeds its limit.
     pub fn finish(&self) -> Result<FinishedStretch, MotionError> {
-        let law = self.time_law()?;
+        let first = self.first_timing()?;
+        Ok(FinishedStretch {
+            time_bound_s: first.least_s,
+            ..self.shortest(first)?
+        })
+    }
+
+    fn shortest(&self, first: FirstTiming) -> Result<FinishedStretch, MotionError> {
+        let FirstTiming { law, way_mm, .. } = first;
         // Where joints turn with the whole pose the check sees its samples only, too few for a motion
         // that is at its limits nearly everywhere.
         if !matches!(self.limits.kinematics, Kinematics::Planar) {
-            return self.settled(law, 0);
+            return self.settled(law, way_mm, 0);
         }
         let first_ticks = law.ticks() as u64;
-        let retimed = self.settled(law, RETIMING_ROUNDS)?;
+        let retimed = self.settled(law.clone(), way_mm, RETIMING_ROUNDS)?;
         if retimed.spline.ticks() <= first_ticks && !retimed.doubled {
             return Ok(retimed);
         }
-        let plain = self.settled(self.time_law()?, 0)?;
+        let plain = self.settled(law, way_mm, 0)?;
         let is_shorter = plain.spline.ticks() < retimed.spline.ticks();
         Ok(if is_shorter { plain } else { retimed })
     }
@@ -90,14 +106,11 @@ impl Shaping<'_> {
     fn settled(
         &self,
         mut law: TimeLaw,
+        way_mm: f64,
         retiming_rounds: usize,
     ) -> Result<FinishedStretch, MotionError> {
         let long_ticks = layout::span_ticks_long(self.limits.tip_speed_mm_s, self.limits.servo_hz);
-        let mut layout = layout::lay_out(
-            &self.path(&law).with_tangents(),
-            self.tolerances,
-            long_ticks,
-        );
+        let mut layout = layout::lay_out(&self.path(&law), self.tolerances, long_ticks);
         let mut before: Option<Checked> = None;
         for round in 0..=retiming_rounds + WARP_ROUNDS {
             let (next, ratios) = if round < retiming_rounds {
@@ -116,7 +129,7 @@ impl Shaping<'_> {
                     pieces.extend(refused);
                 }
                 pieces.retain(|piece| !piece.is_kept(with_jerk));
-                let next = self.stretched(&law, &pieces, round - retiming_rounds)?;
+                let next = self.stretched(&law, way_mm, &pieces, round - retiming_rounds)?;
                 (next, Some(ratios))
             };
             let path = self.path(&next);
@@ -132,12 +145,13 @@ impl Shaping<'_> {
     fn stretched(
         &self,
         law: &TimeLaw,
+        way_mm: f64,
         pieces: &[Piece],
         round: usize,
     ) -> Result<TimeLaw, MotionError> {
         let slowness = warp::slowness(law.ticks(), pieces, round);
         let duration_s = slowness.iter().sum::<f64>() / self.limits.servo_hz;
-        check_duration(duration_s, self.samples, self.limits, self.begin_mm())?;
+        check_duration(duration_s, way_mm, self.limits, self.begin_mm())?;
         Ok(TimeLaw {
             u_at_tick: warp::stretched(&law.u_at_tick, &slowness),
         })
@@ -190,15 +204,20 @@ impl Shaping<'_> {
         pieces
     }
 
-    fn time_law(&self) -> Result<TimeLaw, MotionError> {
+    fn first_timing(&self) -> Result<FirstTiming, MotionError> {
+        let samples = sample_path(&self.stretch.curve, self.limits)?;
         let aims = Shares {
             speed: SPEED_AIM,
             acceleration: ACCELERATION_AIM,
         };
         let least_s = self.stretch.dwell_s;
-        let mut law = time_law(self.samples, self.limits, aims, least_s, self.begin_mm())?;
+        let mut law = time_law(&samples, self.limits, aims, least_s, self.begin_mm())?;
         law.pad_to(layout::MOVING_TICKS_MIN);
-        Ok(law)
+        Ok(FirstTiming {
+            law,
+            way_mm: tip_way_mm(&samples),
+            least_s: without_jerk_s(&samples, self.limits).max(least_s),
+        })
     }
 
     /// Ticks that the stretch lasts at least.

@@ -1,46 +1,28 @@
 //! A curve as it is to be run: its channels at every servo tick.
 //!
-//! In: a path curve and its parameter at ticks 0..=n. Out: channels in natural units. Tangents are
-//! made when they are asked for, or kept where each is asked for several times.
+//! In: a path curve and its parameter at ticks 0..=n. Out: channels in natural units. They are made span by
+//! span when they are asked for: of a long path all of them would fill the memory, and most spans of a
+//! motion that changed a little are known already.
 
 use crate::plan::route::moves::PathCurve;
 use headway_protocol::units::CHANNELS;
-use rayon::prelude::*;
-
-/// Ticks that are worth a thread.
-const TICKS_MIN: usize = 1024;
+use std::ops::RangeInclusive;
 
 /// The path by ticks.
 pub struct TickPath<'a> {
     curve: &'a PathCurve,
     u_at_tick: &'a [f64],
-    value: Vec<[f64; CHANNELS]>,
-    /// The tangents, or none.
-    kept: Vec<[f64; CHANNELS]>,
 }
 
 impl<'a> TickPath<'a> {
     /// The curve at the given path parameters, at least one.
     pub fn new(curve: &'a PathCurve, u_at_tick: &'a [f64]) -> Self {
-        Self {
-            value: at_ticks(u_at_tick, |u| curve.value(u)),
-            kept: Vec::new(),
-            curve,
-            u_at_tick,
-        }
-    }
-
-    /// The same with its tangents.
-    pub fn with_tangents(self) -> Self {
-        Self {
-            kept: at_ticks(self.u_at_tick, |u| self.curve.tangent(u)),
-            ..self
-        }
+        Self { curve, u_at_tick }
     }
 
     /// Duration in ticks.
     pub fn ticks(&self) -> usize {
-        self.value.len() - 1
+        self.u_at_tick.len() - 1
     }
 
     /// Path parameter at ticks 0..=n.
@@ -48,19 +30,21 @@ impl<'a> TickPath<'a> {
         self.u_at_tick
     }
 
-    /// Channels at ticks 0..=n.
-    pub fn value(&self) -> &[[f64; CHANNELS]] {
-        &self.value
+    /// Channels at a tick.
+    pub fn value(&self, tick: usize) -> [f64; CHANNELS] {
+        self.curve.value(self.u_at_tick[tick])
+    }
+
+    /// Channels at these ticks, as far as the path has them, into `values`.
+    pub fn values(&self, ticks: RangeInclusive<usize>, values: &mut Vec<[f64; CHANNELS]>) {
+        values.clear();
+        let end = (ticks.end() + 1).min(self.u_at_tick.len());
+        let places = &self.u_at_tick[*ticks.start()..end];
+        values.extend(places.iter().map(|&u| self.curve.value(u)));
     }
 
     /// Derivative by the path parameter at a tick.
     pub fn tangent(&self, tick: usize) -> [f64; CHANNELS] {
-        let kept = self.kept.get(tick).copied();
-        kept.unwrap_or_else(|| self.curve.tangent(self.u_at_tick[tick]))
+        self.curve.tangent(self.u_at_tick[tick])
     }
-}
-
-fn at_ticks(u_at_tick: &[f64], of: impl Fn(f64) -> [f64; CHANNELS] + Sync) -> Vec<[f64; CHANNELS]> {
-    let ticks = u_at_tick.par_iter().with_min_len(TICKS_MIN);
-    ticks.map(|&u| of(u)).collect()
 }

@@ -67,14 +67,14 @@ const STRETCH_MAX_S: f64 = 6.0 * 3600.0;
 const PATIENCE_S: f64 = 20.0 * 60.0;
 const SLOWDOWN_MAX: f64 = 200.0;
 
-/// Fails for a stretch that would take senselessly long. `from_mm` is where it begins.
+/// Fails for a stretch that would take senselessly long. `way_mm` is the tip's, `from_mm` where it begins.
 pub fn check_duration(
     duration_s: f64,
-    samples: &[PathSample],
+    way_mm: f64,
     limits: &MotionLimits,
     from_mm: [f64; 3],
 ) -> Result<(), MotionError> {
-    let at_speed_s = tip_way_mm(samples) / limits.tip_speed_mm_s;
+    let at_speed_s = way_mm / limits.tip_speed_mm_s;
     let most_s = (SLOWDOWN_MAX * at_speed_s).clamp(PATIENCE_S, STRETCH_MAX_S);
     match duration_s <= most_s {
         true => Ok(()),
@@ -116,7 +116,7 @@ pub fn time_law(
     let tick_s = 1.0 / limits.servo_hz;
     let eased = smoothing::ease_rates(&u, &rate, window_ticks as f64 * tick_s);
     let duration_s = smoothing::duration_s(&u, &eased).max(duration_min_s);
-    check_duration(duration_s, samples, limits, from_mm)?;
+    check_duration(duration_s, tip_way_mm(samples), limits, from_mm)?;
     let u_at_tick = smoothing::on_ticks(&u, &eased, tick_s, window_ticks, duration_min_s);
     Ok(TimeLaw { u_at_tick })
 }

@@ -222,7 +222,7 @@ mod tests {
         let tolerances = channel_tolerances(&settings.tolerances);
         let (curve, mut u_at_tick) = turn(TURN_RAD, 1000);
         for _ in 0..rounds {
-            let path = TickPath::new(&curve, &u_at_tick).with_tangents();
+            let path = TickPath::new(&curve, &u_at_tick);
             let layout = lay_out(&path, &tolerances, 256.0);
             u_at_tick = retimed(&layout, &u_at_tick, least_ticks, &limits).expect("retimed");
             assert_eq!((u_at_tick[0], u_at_tick[u_at_tick.len() - 1]), (0.0, 1.0));
