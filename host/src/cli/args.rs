@@ -346,7 +346,7 @@ Examples:
   headway simulate part.hwj --trace poses.csv --trace-steps steps.csv
   headway simulate part.svg --link \"drop=0.01,flip=1e-5,stall=2s@5s\" --seed 7 --json")]
 pub(super) struct SimulateArgs {
-    /// Mesh (STL, 3MF, OBJ), outline (polygon JSON, GeoJSON, SVG), waypoints, or a job file (.hwj).
+    /// Mesh (STL, 3MF, OBJ), outline (polygon JSON, GeoJSON, SVG), waypoints, G-code, or a job file (.hwj).
     pub input: PathBuf,
     /// Folder for figures and pictures; made where it is not there.
     #[arg(long, value_name = "DIR")]
