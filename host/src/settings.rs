@@ -8,6 +8,7 @@ pub mod aperture_text;
 mod check;
 mod defaults;
 pub mod head_shape;
+pub mod heat;
 pub mod machine_file;
 
 pub use check::{SettingsError, joint_names, motor_rates_hz};
@@ -15,6 +16,7 @@ pub use check::{SettingsError, joint_names, motor_rates_hz};
 use self::head_shape::HeadShape;
 use crate::geometry::aperture::Aperture;
 use headway_firmware::configuration::MachineConfiguration;
+use headway_firmware::heat::HeatConfiguration;
 
 /// How passes are laid where the passage is narrow.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -291,6 +293,10 @@ pub struct Settings {
     pub avoid_crossing: bool,
     /// Tolerances.
     pub tolerances: Tolerances,
+    /// Temperatures that a job sets, if it sets any.
+    pub material: Option<heat::Material>,
+    /// Heaters of the board, where they are not those that it has built in.
+    pub heaters: Option<HeatConfiguration>,
 }
 
 #[cfg(test)]

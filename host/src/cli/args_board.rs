@@ -31,6 +31,19 @@ pub(super) struct StreamArgs {
     pub job: PathBuf,
     #[command(flatten)]
     pub port: PortArgs,
+    /// Hot end, °C: the job waits for it, and switches off at its end [default: the machine file's
+    /// material].
+    #[arg(long, value_name = "C", help_heading = "Temperatures")]
+    pub hot_end: Option<f64>,
+    /// Bed, °C.
+    #[arg(long, value_name = "C", help_heading = "Temperatures")]
+    pub bed: Option<f64>,
+    /// Part fan, per cent.
+    #[arg(long, value_name = "PCT", help_heading = "Temperatures")]
+    pub fan: Option<f64>,
+    /// Leave heaters and fan as they are, whatever the job's machine file says.
+    #[arg(long, help_heading = "Temperatures", conflicts_with_all = ["hot_end", "bed", "fan"])]
+    pub no_heat: bool,
     /// Go on with this job where the board has part of it.
     #[arg(long)]
     pub resume: bool,
@@ -187,6 +200,18 @@ pub(super) enum BoardCommand {
         /// Do not wait: the stream rests until it is there, if there is one.
         #[arg(long)]
         no_wait: bool,
+        #[command(flatten)]
+        port: PortArgs,
+    },
+    /// Find a heater's gains and loss: full power on and off around a temperature, some minutes.
+    Tune {
+        /// hot-end, bed, hot-end-2, or the heater's number.
+        heater: String,
+        /// Temperature to swing around, °C: where it is printed with.
+        celsius: f64,
+        /// The result goes into this machine file [default: it is printed].
+        #[command(flatten)]
+        machine: BoardMachineArgs,
         #[command(flatten)]
         port: PortArgs,
     },

@@ -5,6 +5,7 @@ use super::by_hand::{extrude, jog, joint_number, set_joint};
 use super::console::Console;
 use super::heat::{heat, heaters_json, heaters_text, is_there};
 use super::stream::{ANSWER_PATIENCE, catch_interrupts, host_session, no_answer, open};
+use super::tune::tune;
 use super::{CliError, load};
 use crate::drive::link_log::{read_log, replay};
 use crate::drive::pump::Pump;
@@ -67,20 +68,19 @@ pub(super) fn run(args: &BoardArgs, console: &Console) -> Result<(), CliError> {
             let command = extrude(&settings.machine, *volume, *speed)?;
             move_joint(command, &settings.machine, port, console)
         }
-        BoardCommand::Go { job, port } => {
-            let job = super::job::read(job)?;
-            let mut talk = Talk::open(port)?;
-            talk.check_machine(&job.file.header.machine)?;
-            talk.order(Control::GoTo(*job.file.frames.start()))?;
-            let status = talk.wait_for_rest()?;
-            console.result(&status_text(&status, false))
-        }
+        BoardCommand::Go { job, port } => go(job, port, console),
         BoardCommand::Heat {
             heater,
             celsius,
             no_wait,
             port,
         } => heat_up(heat(heater, *celsius, !no_wait)?, port, console),
+        BoardCommand::Tune {
+            heater,
+            celsius,
+            machine,
+            port,
+        } => tune(heater, *celsius, machine, port, console),
         BoardCommand::Simulate {
             listen,
             machine,
@@ -95,6 +95,16 @@ pub(super) fn run(args: &BoardArgs, console: &Console) -> Result<(), CliError> {
             None => Ok(()),
         },
     }
+}
+
+/// To where a job begins.
+fn go(job: &Path, port: &PortArgs, console: &Console) -> Result<(), CliError> {
+    let job = super::job::read(job)?;
+    let mut talk = Talk::open(port)?;
+    talk.check_machine(&job.file.header.machine)?;
+    talk.order(Control::GoTo(*job.file.frames.start()))?;
+    let status = talk.wait_for_rest()?;
+    console.result(&status_text(&status, false))
 }
 
 /// Commands that are given and no more.
@@ -114,7 +124,7 @@ fn order(command: &BoardCommand) -> Option<(&PortArgs, Control)> {
 }
 
 /// A conversation without a stream.
-struct Talk {
+pub(super) struct Talk {
     port: String,
     pump: Pump,
     sender: Sender,
@@ -123,7 +133,7 @@ struct Talk {
 
 impl Talk {
     /// Connects and greets.
-    fn open(port: &PortArgs) -> Result<Talk, CliError> {
+    pub(super) fn open(port: &PortArgs) -> Result<Talk, CliError> {
         let mut talk = Talk {
             port: port.port.clone(),
             pump: open(port, None)?,
@@ -174,7 +184,7 @@ impl Talk {
     }
 
     /// Gives a command and waits until it is taken or refused.
-    fn order(&mut self, control: Control) -> Result<(), CliError> {
+    pub(super) fn order(&mut self, control: Control) -> Result<(), CliError> {
         self.sender.command(control);
         self.until(|_, event| match event {
             SenderEvent::Taken(taken) if *taken == control => Some(Ok(())),
@@ -186,7 +196,7 @@ impl Talk {
         })?
     }
 
-    fn status(&mut self) -> Result<Status, CliError> {
+    pub(super) fn status(&mut self) -> Result<Status, CliError> {
         self.sender.command(Control::StatusRequest);
         self.until(|_, event| match event {
             SenderEvent::Status(status) => Some(status.clone()),

@@ -33,10 +33,15 @@ pub(super) fn run(args: &MachineArgs, console: &Console) -> Result<(), CliError>
             console.result(&summary_text(&settings))
         }
         MachineCommand::Firmware { file, output } => {
-            let machine = load::machine(file)?.machine;
-            let bytes = postcard::to_allocvec(&machine).map_err(|problem| {
+            let settings = load::machine(file)?;
+            let machine = settings.machine;
+            let unwritten = |problem: postcard::Error| {
                 CliError::Job(format!("the machine cannot be written: {problem}"))
-            })?;
+            };
+            let mut bytes = postcard::to_allocvec(&machine).map_err(unwritten)?;
+            if let Some(heaters) = &settings.heaters {
+                bytes.extend(postcard::to_allocvec(heaters).map_err(unwritten)?);
+            }
             write_file(output, &bytes)?;
             console.result(&format!(
                 "{}: machine {:08x}, {} joints\n",

@@ -28,6 +28,7 @@ mod planned_part;
 mod printable;
 mod simulate;
 mod stream;
+mod tune;
 mod view;
 mod warnings;
 

@@ -1,8 +1,9 @@
 //! `headway stream`: a job to a board, with progress, pause and abort on the path, and a log.
 
 use super::args_board::{PortArgs, StreamArgs};
+use super::board::Talk;
 use super::console::Console;
-use super::heat::heat;
+use super::heat::{heat, heaters_text, job_orders};
 use super::{CliError, job};
 use crate::drive::link_log::LinkLog;
 use crate::drive::patience::{ANSWER_US, Patience, Wait};
@@ -11,6 +12,8 @@ use crate::drive::sender::Sender;
 use crate::drive::sender_state::{SenderError, SenderEvent, SenderSetup, SenderState};
 use crate::drive::stream_progress::{Progress, Timeline};
 use crate::drive::transport::Port;
+use crate::settings::Settings;
+use crate::settings::heat::Material;
 use headway_firmware::configuration::MachineConfiguration;
 use headway_protocol::message::{Control, DeviceState, RefusalReason, Status};
 use indicatif::{ProgressBar, ProgressDrawTarget, ProgressStyle};
@@ -52,6 +55,8 @@ pub(super) fn run(args: &StreamArgs, console: &Console) -> Result<(), CliError> 
         .as_deref()
         .map(|path| log_file(path, &header.machine))
         .transpose()?;
+    let [before, after] = job_orders(&material(args, job.settings.as_ref())?)?;
+    give(&args.port, &before)?;
     let pump = open(&args.port, log)?;
     let mut run = Run {
         timeline: Timeline::new(&job.stream, f64::from(header.machine.servo_hz)),
@@ -76,12 +81,59 @@ pub(super) fn run(args: &StreamArgs, console: &Console) -> Result<(), CliError> 
     let Run { pump, .. } = run;
     pump.finish()
         .map_err(|error| CliError::Job(format!("the log could not be written: {error}")))?;
+    // The line may be gone: then the board switches off by itself.
+    let off = give(&args.port, &after);
+    if result.is_ok() {
+        off?;
+    }
     if args.json {
         console.result(&format!("{figures:#}\n"))?;
     } else if result.is_ok() {
         console.say(&format!("{}: done", job.name));
     }
     result
+}
+
+/// What the job is printed with: the options over what its machine file says.
+fn material(args: &StreamArgs, settings: Option<&Settings>) -> Result<Material, CliError> {
+    let of_job = settings.and_then(|settings| settings.material);
+    let off = Material {
+        hot_end_c: 0.0,
+        bed_c: 0.0,
+        fan_pct: 0.0,
+    };
+    if args.no_heat {
+        return Ok(off);
+    }
+    let of_job = of_job.unwrap_or(off);
+    let material = Material {
+        hot_end_c: args.hot_end.unwrap_or(of_job.hot_end_c),
+        bed_c: args.bed.unwrap_or(of_job.bed_c),
+        fan_pct: args.fan.unwrap_or(of_job.fan_pct),
+    };
+    if !(0.0..=100.0).contains(&material.fan_pct) {
+        return Err(CliError::Usage(format!(
+            "--fan {}: 0 to 100",
+            material.fan_pct
+        )));
+    }
+    Ok(material)
+}
+
+/// Gives commands in a conversation of their own; none, none.
+fn give(port: &PortArgs, commands: &[Control]) -> Result<(), CliError> {
+    if commands.is_empty() {
+        return Ok(());
+    }
+    let mut talk = Talk::open(port)?;
+    for command in commands {
+        talk.order(*command).map_err(|error| {
+            CliError::Job(format!(
+                "{error} (has the board this heater, and may it be that hot? --no-heat leaves it alone)"
+            ))
+        })?;
+    }
+    Ok(())
 }
 
 /// Opens the port, or says what to look at.
@@ -235,12 +287,13 @@ impl Run<'_> {
         let pass = at.pass.map_or("-".to_string(), |pass| pass.to_string());
         self.bar.set_position((at.done * BAR_STEPS) as u64);
         self.bar.set_message(format!(
-            "{left}  layer {}/{} pass {pass}  {:.0} mm/s  queue {}  {:?}",
+            "{left}  layer {}/{} pass {pass}  {:.0} mm/s  queue {}  {:?}  {}",
             at.layer + 1,
             self.timeline.layers(),
             at.tip_mm_s,
             status.queue_knots,
-            status.state
+            status.state,
+            heaters_text(status).trim_end()
         ));
     }
 
@@ -250,8 +303,8 @@ impl Run<'_> {
                 Some(control) => self.sender.command(control),
                 None if line.trim().is_empty() => {}
                 None => self.say(
-                    "commands: pause, resume, override PCT (1 to 200), flow PCT (10 to 200), abort, \
-                     stop",
+                    "commands: pause, resume, override PCT (1 to 200), flow PCT (10 to 200), fan PCT, heat \
+                     HEATER C, abort, stop",
                 ),
             }
         }

@@ -9,6 +9,7 @@ pub mod patience;
 pub mod plan_curve;
 pub mod pump;
 pub mod record;
+pub mod relay_tuning;
 pub mod round_trip;
 pub mod sender;
 pub mod sender_state;

@@ -1,9 +1,11 @@
 //! Are the settings possible, and possible together?
 
+use super::heat::wrong_heater;
 use super::{LAYERS_MAX, Settings};
 use crate::short_number::Short;
 use headway_firmware::configuration::{ConfigurationError, Kinematics, MachineConfiguration};
 use headway_firmware::steps::{INTERVAL_TICKS_MAX, INTERVAL_TICKS_MIN};
+use headway_protocol::control::DECIDEGREES_MAX;
 use std::f64::consts::TAU;
 
 /// Largest share of the step tick rate that a motor may use at its top speed: an integrator of one
@@ -32,6 +34,12 @@ pub const RISE_MAX_S: f64 = 60.0;
 /// Settings that cannot be used, with the key as the machine file spells it.
 #[derive(Clone, Debug, PartialEq, thiserror::Error)]
 pub enum SettingsError {
+    /// A number of a heater is out of its range.
+    #[error("heaters.{key}: a number is not finite, negative, or above 500 °C")]
+    Heater {
+        /// Key of the heater.
+        key: &'static str,
+    },
     /// A number that must be finite and positive is not.
     #[error("{key} is {}, but must be finite and greater than 0", Short(*value))]
     NotPositive {
@@ -189,6 +197,7 @@ impl Settings {
         self.check_work_area()?;
         self.check_process()?;
         self.check_flow()?;
+        self.check_heat()?;
         Ok(self.machine.check()?)
     }
 
@@ -381,6 +390,17 @@ impl Settings {
         in_range("tolerances.axis_mrad", t.axis_rad * 1e3, 0.01, 100.0)?;
         in_range("tolerances.heading_mrad", t.heading_rad * 1e3, 0.01, 100.0)?;
         in_range("tolerances.flatten_mm", t.flatten_mm, 1e-5, 1.0)
+    }
+
+    fn check_heat(&self) -> Result<(), SettingsError> {
+        if let Some(material) = &self.material {
+            let hottest_c = f64::from(DECIDEGREES_MAX) / 10.0;
+            in_range("material.hot_end_c", material.hot_end_c, 0.0, hottest_c)?;
+            in_range("material.bed_c", material.bed_c, 0.0, hottest_c)?;
+            in_range("material.fan_pct", material.fan_pct, 0.0, 100.0)?;
+        }
+        let wrong = self.heaters.as_ref().and_then(wrong_heater);
+        wrong.map_or(Ok(()), |key| Err(SettingsError::Heater { key }))
     }
 
     fn check_flow(&self) -> Result<(), SettingsError> {

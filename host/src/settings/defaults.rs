@@ -123,6 +123,8 @@ impl Settings {
                 heading_rad: 2e-4,
                 flatten_mm: 0.001,
             },
+            material: None,
+            heaters: None,
         }
     }
 }

@@ -16,8 +16,11 @@ use super::{
 use headway_firmware::configuration::{ExtruderConfiguration, MachineConfiguration};
 use serde::Deserialize;
 
+mod heat;
 mod joints;
 mod write;
+use heat::{FileHeaters, FileMaterial};
+pub use heat::{write_heater, write_heaters};
 use joints::{FileArm, Joints};
 pub use write::{to_new_toml, to_toml};
 
@@ -79,6 +82,8 @@ struct File {
     skirt: FileSkirt,
     #[serde(default)]
     tolerances: FileTolerances,
+    material: Option<FileMaterial>,
+    heaters: Option<FileHeaters>,
 }
 
 #[derive(Clone, Copy, Deserialize, PartialEq)]
@@ -225,20 +230,10 @@ impl File {
     fn into_settings(self) -> Result<Settings, MachineFileError> {
         let default = Settings::default();
         let (kinematics, joints) = self.joints()?;
-        let e = &self.extruder;
-        let default_e = &default.machine.extruder;
         let machine = MachineConfiguration {
             kinematics,
             joints: joints.into_iter().collect(),
-            extruder: ExtruderConfiguration {
-                steps_per_mm3: e.steps_per_mm3,
-                speed_max_mm3_s: e.speed_max_mm3_s,
-                acceleration_max_mm3_s2: e.acceleration_max_mm3_s2,
-                pressure_advance_s: e.pressure_advance_s.unwrap_or(default_e.pressure_advance_s),
-                pressure_advance_window_ms: e
-                    .pressure_advance_window_ms
-                    .unwrap_or(default_e.pressure_advance_window_ms),
-            },
+            extruder: self.extruder.over(&default.machine.extruder),
             servo_hz: self.servo_hz.unwrap_or(default.machine.servo_hz),
             step_hz: self.step_hz.unwrap_or(default.machine.step_hz),
         };
@@ -293,9 +288,31 @@ impl File {
             avoid_crossing: print.avoid_crossing.unwrap_or(default.avoid_crossing),
             seam: print.seam_over(&default.seam),
             tolerances: self.tolerances.over(&default.tolerances),
+            material: self.material.as_ref().map(FileMaterial::material),
+            heaters: self
+                .heaters
+                .as_ref()
+                .map(FileHeaters::heaters)
+                .transpose()?,
             // Where the input lies is the command line's.
             ..default
         })
+    }
+}
+
+impl Extruder {
+    fn over(&self, default: &ExtruderConfiguration) -> ExtruderConfiguration {
+        ExtruderConfiguration {
+            steps_per_mm3: self.steps_per_mm3,
+            speed_max_mm3_s: self.speed_max_mm3_s,
+            acceleration_max_mm3_s2: self.acceleration_max_mm3_s2,
+            pressure_advance_s: self
+                .pressure_advance_s
+                .unwrap_or(default.pressure_advance_s),
+            pressure_advance_window_ms: self
+                .pressure_advance_window_ms
+                .unwrap_or(default.pressure_advance_window_ms),
+        }
     }
 }
 

@@ -1,5 +1,6 @@
 //! Writes a machine file with its comments; [`super::from_toml`] reads exactly the same settings.
 
+use super::heat::{write_heaters, write_material};
 use crate::settings::aperture_text::aperture_text;
 use crate::settings::check::{joint_names, kinematics_name};
 use crate::settings::head_shape::HeadShape;
@@ -29,6 +30,12 @@ fn written(settings: &Settings, with_layers: bool) -> String {
     let _ = write_process(&mut text, settings, with_layers);
     let _ = write_infill(&mut text, settings, with_layers);
     let _ = write_skirt(&mut text, settings);
+    if let Some(material) = &settings.material {
+        let _ = write_material(&mut text, material);
+    }
+    if let Some(heaters) = &settings.heaters {
+        let _ = write_heaters(&mut text, heaters);
+    }
     text
 }
 

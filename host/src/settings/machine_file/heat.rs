@@ -1,0 +1,178 @@
+//! `[material]` and `[heaters]` of a machine file.
+
+use super::MachineFileError;
+use crate::settings::heat::{HEATER_KEYS, Material};
+use headway_firmware::heat::configuration::{Gains, Plant};
+use headway_firmware::heat::sensor::{Sensor, SensorCurve};
+use headway_firmware::heat::{HeatConfiguration, HeaterConfiguration};
+use serde::Deserialize;
+use std::fmt::Write;
+
+#[derive(Deserialize)]
+#[serde(deny_unknown_fields)]
+pub(super) struct FileMaterial {
+    hot_end_c: f64,
+    bed_c: Option<f64>,
+    fan_pct: Option<f64>,
+}
+
+impl FileMaterial {
+    pub(super) fn material(&self) -> Material {
+        Material {
+            hot_end_c: self.hot_end_c,
+            bed_c: self.bed_c.unwrap_or(0.0),
+            fan_pct: self.fan_pct.unwrap_or(0.0),
+        }
+    }
+}
+
+#[derive(Deserialize)]
+#[serde(deny_unknown_fields)]
+pub(super) struct FileHeaters {
+    hot_end: FileHeater,
+    bed: Option<FileHeater>,
+    hot_end_2: Option<FileHeater>,
+    fan_tells_turns: Option<bool>,
+}
+
+/// A named curve, or a, b and c of Steinhart and Hart.
+#[derive(Deserialize)]
+#[serde(untagged)]
+enum FileSensor {
+    Name(String),
+    SteinhartHart([f32; 3]),
+}
+
+#[derive(Deserialize)]
+#[serde(deny_unknown_fields)]
+struct FileHeater {
+    sensor: Option<FileSensor>,
+    limit_c: Option<f32>,
+    power_w: Option<f32>,
+    loss_w_k: Option<f32>,
+    fan_loss_w_k: Option<f32>,
+    melt_j_mm3_k: Option<f32>,
+    measured: Option<bool>,
+    proportional: Option<f32>,
+    integral: Option<f32>,
+    derivative: Option<f32>,
+}
+
+impl FileHeaters {
+    pub(super) fn heaters(&self) -> Result<HeatConfiguration, MachineFileError> {
+        let given = [
+            (Some(&self.hot_end), HeaterConfiguration::HOT_END),
+            (self.bed.as_ref(), HeaterConfiguration::BED),
+            (self.hot_end_2.as_ref(), HeaterConfiguration::HOT_END),
+        ];
+        if self.bed.is_none() && self.hot_end_2.is_some() {
+            let problem = "heaters.hot_end_2: the bed is heater 1, give it too";
+            return Err(MachineFileError::Toml(problem.to_string()));
+        }
+        let mut configuration = HeatConfiguration {
+            fan_tells_turns: self.fan_tells_turns.unwrap_or(false),
+            ..HeatConfiguration::none()
+        };
+        for (key, (heater, default)) in HEATER_KEYS.iter().zip(given) {
+            let Some(heater) = heater else { continue };
+            // As many as there are keys.
+            let _ = configuration.heaters.push(heater.over(key, &default)?);
+        }
+        Ok(configuration)
+    }
+}
+
+impl FileHeater {
+    fn over(
+        &self,
+        key: &str,
+        default: &HeaterConfiguration,
+    ) -> Result<HeaterConfiguration, MachineFileError> {
+        let sensor = match &self.sensor {
+            None => default.sensor,
+            Some(FileSensor::SteinhartHart(coefficients)) => Sensor::steinhart_hart(*coefficients),
+            Some(FileSensor::Name(name)) => named(key, name)?,
+        };
+        let (plant, gains) = (&default.plant, &default.gains);
+        Ok(HeaterConfiguration {
+            role: default.role,
+            sensor,
+            limit_c: self.limit_c.unwrap_or(default.limit_c),
+            plant: Plant {
+                power_w: self.power_w.unwrap_or(plant.power_w),
+                loss_w_k: self.loss_w_k.unwrap_or(plant.loss_w_k),
+                fan_loss_w_k: self.fan_loss_w_k.unwrap_or(plant.fan_loss_w_k),
+                melt_j_mm3_k: self.melt_j_mm3_k.unwrap_or(plant.melt_j_mm3_k),
+                measured: self.measured.unwrap_or(plant.measured),
+            },
+            gains: Gains {
+                proportional: self.proportional.unwrap_or(gains.proportional),
+                integral: self.integral.unwrap_or(gains.integral),
+                derivative: self.derivative.unwrap_or(gains.derivative),
+            },
+        })
+    }
+}
+
+fn named(key: &str, name: &str) -> Result<Sensor, MachineFileError> {
+    let found = Sensor::NAMED.iter().find(|(known, _)| *known == name);
+    found.map(|(_, sensor)| *sensor).ok_or_else(|| {
+        let known: Vec<_> = Sensor::NAMED.iter().map(|(known, _)| *known).collect();
+        MachineFileError::Toml(format!(
+            "heaters.{key}.sensor `{name}`: {}, or a, b and c of Steinhart and Hart",
+            known.join(", ")
+        ))
+    })
+}
+
+/// Writes the group of what is printed.
+pub(super) fn write_material(text: &mut String, material: &Material) -> std::fmt::Result {
+    writeln!(
+        text,
+        "\n# Set before the job, which waits for it, and switched off after it.\n[material]"
+    )?;
+    writeln!(text, "hot_end_c = {}", material.hot_end_c)?;
+    writeln!(text, "bed_c = {}", material.bed_c)?;
+    writeln!(text, "fan_pct = {}", material.fan_pct)
+}
+
+/// Writes the group of heaters.
+pub fn write_heaters(text: &mut String, heaters: &HeatConfiguration) -> std::fmt::Result {
+    if heaters.fan_tells_turns {
+        writeln!(text, "\n[heaters]\nfan_tells_turns = true")?;
+    }
+    for (key, heater) in HEATER_KEYS.iter().zip(&heaters.heaters) {
+        write_heater(text, key, heater)?;
+    }
+    Ok(())
+}
+
+/// Writes one heater.
+pub fn write_heater(
+    text: &mut String,
+    key: &str,
+    heater: &HeaterConfiguration,
+) -> std::fmt::Result {
+    let (plant, gains) = (&heater.plant, &heater.gains);
+    writeln!(text, "\n[heaters.{key}]")?;
+    let name = Sensor::NAMED
+        .iter()
+        .find(|(_, known)| *known == heater.sensor);
+    match (name, heater.sensor.curve) {
+        (Some((name, _)), _) => writeln!(text, "sensor = \"{name}\"")?,
+        (None, SensorCurve::SteinhartHart([a, b, c])) => {
+            writeln!(text, "sensor = [{a:e}, {b:e}, {c:e}]")?;
+        }
+        // Platinum has its name.
+        (None, SensorCurve::Platinum(_)) => {}
+    }
+    writeln!(text, "limit_c = {}", heater.limit_c)?;
+    writeln!(text, "power_w = {}", plant.power_w)?;
+    writeln!(text, "loss_w_k = {}", plant.loss_w_k)?;
+    writeln!(text, "fan_loss_w_k = {}", plant.fan_loss_w_k)?;
+    writeln!(text, "melt_j_mm3_k = {}", plant.melt_j_mm3_k)?;
+    writeln!(text, "measured = {}", plant.measured)?;
+    writeln!(text, "proportional = {}", gains.proportional)?;
+    writeln!(text, "integral = {}", gains.integral)?;
+    writeln!(text, "derivative = {}", gains.derivative)
+}
