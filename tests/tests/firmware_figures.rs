@@ -65,9 +65,10 @@ const SERVO_WORST_PLANAR: f64 = 900.0;
 const SERVO_WORST_GANTRY: f64 = 1500.0;
 const SERVO_WORST_TRUNNION: f64 = 1500.0;
 const SERVO_WORST_ARM6: f64 = 2500.0;
-// A third of the chip's. With planar and gantry alone 125 KiB were used of 128; the table, the arm and
-// the derivatives of all of them take 31.5 KiB more; a decoder for each line and the checks of the start 5.
-const FLASH_BYTES: f64 = 176.0 * 1024.0;
+// Three eighths of the chip's 512 KiB. With planar and gantry alone 125 KiB were used of 128; the table, the arm and
+// the derivatives of all of them take 31.5 KiB more; a decoder for each line and the checks of the start 5;
+// heaters, their guards, commands and status 13.1 (185.6 KiB in all, where 176 were allowed before).
+const FLASH_BYTES: f64 = 192.0 * 1024.0;
 // No goals: what is reached with the jobs as they are planned today, a twentieth above it for another
 // compiler. The worst tick hangs on the job: what coincides in it (1208 instructions with an earlier
 // plan of the same parts, 1269 with the one before, 1347 with the next, by one firmware, 1219 with
