@@ -17,7 +17,6 @@ use crate::plan::motion::joint_limits::{MotionError, MotionLimits, tip_mm};
 use crate::plan::motion::path_samples::{sample_path, tip_way_mm};
 use crate::plan::motion::time_law::{Shares, TimeLaw, check_duration, time_law, without_jerk_s};
 use crate::plan::route::moves::{Stretch, StretchEvent};
-use headway_firmware::configuration::Kinematics;
 use headway_protocol::segment::SPAN_TICKS_MAX;
 use headway_protocol::units::CHANNELS;
 
@@ -74,6 +73,21 @@ fn finished(layout: Layout, pieces: &[Piece]) -> FinishedStretch {
     }
 }
 
+/// The one of two motions that keeps the jerk, or the shorter one where both do; else the one that is less
+/// beyond it. A motion slowed as a whole is the last resort.
+fn better(motion: FinishedStretch, other: FinishedStretch) -> FinishedStretch {
+    let rank = |motion: &FinishedStretch| {
+        let jerk = motion.ratios.jerk;
+        let beyond = if jerk <= JERK_RATIO_MAX { 0.0 } else { jerk };
+        (motion.doubled, beyond, motion.spline.ticks())
+    };
+    if rank(&other) < rank(&motion) {
+        other
+    } else {
+        motion
+    }
+}
+
 impl Shaping<'_> {
     /// Times, fits and checks until nothing exceeds its limit.
     pub fn finish(&self) -> Result<FinishedStretch, MotionError> {
@@ -86,19 +100,22 @@ impl Shaping<'_> {
 
     fn shortest(&self, first: FirstTiming) -> Result<FinishedStretch, MotionError> {
         let FirstTiming { law, way_mm, .. } = first;
-        // Where joints turn with the whole pose the check sees its samples only, too few for a motion
-        // that is at its limits nearly everywhere.
-        if !matches!(self.limits.kinematics, Kinematics::Planar) {
-            return self.settled(law, way_mm, 0);
-        }
         let first_ticks = law.ticks() as u64;
-        let retimed = self.settled(law.clone(), way_mm, RETIMING_ROUNDS)?;
-        if retimed.spline.ticks() <= first_ticks && !retimed.doubled {
-            return Ok(retimed);
+        let mut best = self.settled(law.clone(), way_mm, RETIMING_ROUNDS)?;
+        let keeps_jerk = |motion: &FinishedStretch| motion.ratios.jerk <= JERK_RATIO_MAX;
+        if !keeps_jerk(&best) {
+            // A motion a little different may settle where this one does not.
+            for rounds in (1..RETIMING_ROUNDS).rev() {
+                best = better(best, self.settled(law.clone(), way_mm, rounds)?);
+                if keeps_jerk(&best) {
+                    break;
+                }
+            }
         }
-        let plain = self.settled(law, way_mm, 0)?;
-        let is_shorter = plain.spline.ticks() < retimed.spline.ticks();
-        Ok(if is_shorter { plain } else { retimed })
+        if best.spline.ticks() <= first_ticks && !best.doubled && keeps_jerk(&best) {
+            return Ok(best);
+        }
+        Ok(better(best, self.settled(law, way_mm, 0)?))
     }
 
     /// Fits a time law, runs it anew in the first rounds and stretches it until nothing exceeds its
