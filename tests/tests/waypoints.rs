@@ -135,3 +135,79 @@ fn the_curve_is_the_gear_between_its_waypoints_too() {
     // tolerance.
     assert!(worst_mm < 1e-3, "{worst_mm} mm");
 }
+
+/// A straight run of 40 mm along x at this y, with further columns.
+fn straight(head: &str, y_mm: f64, further: impl Fn(f64) -> String) -> WaypointRun {
+    let line = |i: i32| {
+        let x_mm = 2.0 * f64::from(i);
+        format!("{x_mm} {y_mm} 1 0 0 1 {}\n", further(x_mm))
+    };
+    let text: String = (0..=20).map(line).collect();
+    let text = format!("x y z nx ny nz {head}\n{text}");
+    read(text.as_bytes(), "run", &ReadOptions::default()).unwrap()
+}
+
+/// Goal: widths and heights of the waypoints are laid. Method: straight runs whose volume is known; without
+/// headings the nozzle turns until its bead is that wide, with them the flow alone follows.
+#[test]
+fn widths_and_heights_of_waypoints_are_laid() {
+    let settings = Settings::default();
+    // Along 40 mm, and the aperture's own area at the start (0.6 x 0.2 mm semi-axes, 0.2 mm high).
+    let start_mm3 = std::f64::consts::PI * 0.6 * 0.2 * 0.2;
+    let volume_mm3 = |run: &WaypointRun| plan_waypoints(run, &settings).unwrap().figures.volume_mm3;
+    let near = |found: f64, expected: f64| {
+        assert!((found / expected - 1.0).abs() < 0.005, "{found} {expected}")
+    };
+    let plain = straight("heading_deg", 0.0, |_| "90".to_string());
+    near(volume_mm3(&plain), 40.0 * 1.2 * 0.2 + start_mm3);
+    let wide = straight("heading_deg width_mm height_mm", 0.0, |_| {
+        "90 1.5 0.3".to_string()
+    });
+    near(volume_mm3(&wide), 40.0 * 1.5 * 0.3 + start_mm3);
+    let growing = straight("height_mm", 0.0, |x_mm| format!("{}", 0.2 + 0.005 * x_mm));
+    near(volume_mm3(&growing), 40.0 * 1.2 * 0.3 + start_mm3);
+
+    // From 0.6 to 1.0 mm: the heading goes along, and the volume is that of the mean.
+    let turned = straight("width_mm", 0.0, |x_mm| format!("{}", 0.6 + 0.01 * x_mm));
+    let plan = plan_waypoints(&turned, &settings).unwrap();
+    near(plan.figures.volume_mm3, 40.0 * 0.8 * 0.2 + start_mm3);
+    let printed = |stretch: &&headway::plan::route::moves::Stretch| stretch.pass.is_some();
+    let stretch = plan.route.stretches.iter().find(printed).unwrap();
+    for share in [0.1, 0.5, 0.9] {
+        let pose = stretch
+            .curve
+            .evaluate(share * stretch.curve.span_count() as f64)
+            .value;
+        let (sin, cos) = pose[5].sin_cos();
+        let width_mm = 2.0 * (0.6 * sin).hypot(0.2 * cos);
+        assert!(
+            (width_mm - (0.6 + 0.4 * share)).abs() < 0.002,
+            "{share}: {width_mm}"
+        );
+    }
+}
+
+/// Goal: several files are one job in their order, passes of their own even where one ends near the other's
+/// beginning. Method: three lines 0.5 mm apart, from both ends.
+#[test]
+fn several_runs_are_one_job_in_order() {
+    let none = |_: f64| String::new();
+    let run = straight("", 0.0, none);
+    let mut back = straight("", 0.5, none);
+    back.points.reverse();
+    let all = run.then(back, None).then(straight("", 1.0, none), None);
+    let plan = plan_waypoints(&all, &Settings::default()).unwrap();
+    assert_eq!(plan.figures.passes, 3);
+    let starts: Vec<[f64; 2]> = (0..3)
+        .map(|pass| {
+            let mut stretches = plan.route.stretches.iter();
+            let first = stretches
+                .find(|stretch| stretch.pass == Some(pass))
+                .unwrap();
+            let [x, y, ..] = first.curve.control[0];
+            let [dx, dy, _] = plan.transform.offset_mm;
+            [x - dx, y - dy].map(|way| (way * 1e6).round() / 1e6)
+        })
+        .collect();
+    assert_eq!(starts, [[0.0, 0.0], [40.0, 0.5], [0.0, 1.0]]);
+}

@@ -2,6 +2,7 @@
 
 use super::args_board::{BoardArgs, StreamArgs};
 use super::args_export::ExportArgs;
+use super::args_machine::MachineArgs;
 use clap::{Args, Parser, Subcommand, ValueEnum};
 use std::path::PathBuf;
 
@@ -93,6 +94,9 @@ pub(super) struct LayerArgs {
 #[derive(Debug, Default, PartialEq, Args)]
 #[command(next_help_heading = "Input")]
 pub(super) struct PlaceArgs {
+    /// Further runs of waypoints, printed after the input in this order, as one job.
+    #[arg(value_name = "MORE")]
+    pub more: Vec<PathBuf>,
     /// Machine coordinates of the input's origin, mm [default: the input's box centred over the
     /// work area, on the bed].
     #[arg(long, value_name = "X,Y,Z", allow_hyphen_values = true)]
@@ -423,56 +427,4 @@ pub(super) struct InspectArgs {
     /// One JSON object on stdout.
     #[arg(long)]
     pub json: bool,
-}
-
-/// `headway machine`.
-#[derive(Debug, Args)]
-#[command(after_help = "\
-Examples:
-  headway machine new --kind planar > my-printer.toml
-  headway machine check my-printer.toml
-  headway machine firmware my-printer.toml -o my-printer.bin")]
-pub(super) struct MachineArgs {
-    #[command(subcommand)]
-    pub command: MachineCommand,
-}
-
-#[derive(Debug, Subcommand)]
-pub(super) enum MachineCommand {
-    /// Write a commented machine file to start from.
-    New {
-        /// Kinematics of the machine.
-        #[arg(long, value_enum, default_value = "planar")]
-        kind: KindName,
-        /// Name of the machine in messages and job files [default: the kind].
-        #[arg(long)]
-        name: Option<String>,
-        /// File to write [default: stdout].
-        #[arg(short, long, value_name = "FILE")]
-        output: Option<PathBuf>,
-    },
-    /// Read a machine file, say what is wrong or what it amounts to.
-    Check {
-        /// The machine file.
-        file: PathBuf,
-        /// One JSON object on stdout.
-        #[arg(long)]
-        json: bool,
-    },
-    /// Write what a board's firmware is built with (`HEADWAY_MACHINE`, see docs/guide/boards.md).
-    Firmware {
-        /// The machine file.
-        file: PathBuf,
-        /// File to write.
-        #[arg(short, long, value_name = "FILE")]
-        output: PathBuf,
-    },
-}
-
-#[derive(Clone, Copy, Debug, ValueEnum)]
-pub(super) enum KindName {
-    /// X Y Z and a nozzle that turns.
-    Planar,
-    /// X Y Z and a head that tilts (A, B) and turns (C).
-    Gantry,
 }

@@ -2,27 +2,21 @@
 
 use super::CliError;
 use super::args::{
-    FormatName, InputArgs, LawName, LayerArgs, PassName, PlaceArgs, PlaceName, QualityName,
-    SeamName, SettingsArgs, UnitName,
+    FormatName, InputArgs, LawName, LayerArgs, PassName, PlaceArgs, QualityName, SeamName,
+    SettingsArgs, UnitName,
 };
 use super::console::Console;
 use super::job;
 use crate::gcode::FILAMENT_MM;
 use crate::geometry::polygon::Region;
 use crate::input::{self, BYTES_MAX, Format, Input, InputError, Loaded, ReadOptions, Units};
+use crate::mesh::MeshFormat;
 use crate::mesh::layers::LayerHeights;
-use crate::mesh::{self, Mesh, MeshFormat, MeshOptions};
 use crate::settings::aperture_text::{aperture_text, file_of_aperture, parse_aperture};
-use crate::settings::{
-    AXIS_TOLERANCE_RAD, HeadingLaw, Infill, PassMode, Place, Quality, SeamPlace, Settings,
-    machine_file,
-};
+use crate::settings::{HeadingLaw, Infill, PassMode, Quality, SeamPlace, Settings, machine_file};
 use std::fs::File;
 use std::io::Read;
 use std::path::Path;
-
-/// More is no tolerance any more.
-const AXIS_TOLERANCE_MAX_DEG: f64 = 10.0;
 
 /// The machine file, or the built-in machine, with the overrides on top; checked.
 pub(super) fn settings(args: &SettingsArgs) -> Result<Settings, CliError> {
@@ -165,7 +159,7 @@ fn machine_with_polygon(text: String, path: &Path) -> Result<String, CliError> {
 }
 
 impl UnitName {
-    fn units(self) -> Units {
+    pub(super) fn units(self) -> Units {
         match self {
             UnitName::Mm => Units::Mm,
             UnitName::Cm => Units::Cm,
@@ -257,32 +251,11 @@ pub(super) fn outline_option(args: &SettingsArgs, keep_out: Option<&Path>) -> Op
         .map(|(name, _)| *name)
 }
 
-/// Reads the mesh that an outline is laid on, with the outline's units and scale; none without a file.
-pub(super) fn surface(path: Option<&Path>, args: &InputArgs) -> Result<Option<Mesh>, CliError> {
-    let Some(path) = path else {
-        return Ok(None);
-    };
-    let Some(format @ Format::Mesh(mesh_format)) = Format::of_ending(path) else {
-        return Err(CliError::Usage(format!(
-            "--surface {}: give a mesh, by its ending .stl, .3mf or .obj",
-            path.display()
-        )));
-    };
-    let bytes = read_bounded(path, format.bytes_max())?;
-    let options = MeshOptions {
-        unit_mm: args.units.map(|unit| unit.units().mm()),
-        scale: args.scale,
-        rotate_rad: [0.0; 3],
-    };
-    let mesh = mesh::read_surface(&bytes, mesh_format, &options);
-    let mesh = mesh.map_err(|error| CliError::Job(format!("{}: {error}", path.display())))?;
-    Ok(Some(mesh))
-}
-
 /// The first option given that only runs of waypoints know, and what lies on a surface.
 pub(super) fn run_option(args: &PlaceArgs) -> Option<&'static str> {
     let is_flat = args.surface.is_none();
     let given = [
+        ("a second input", !args.more.is_empty()),
         ("--gap", args.gap.is_some()),
         ("--turn", args.turn.is_some()),
         ("--place", is_flat && args.place.is_some()),
@@ -441,53 +414,13 @@ fn three_numbers(text: &str) -> Option<[f64; 3]> {
     }
 }
 
-/// The jump that ends a pass.
-pub(super) fn gap_mm(given: Option<f64>) -> Result<Option<f64>, CliError> {
-    match given {
-        Some(gap_mm) if !(gap_mm > 0.0 && gap_mm.is_finite()) => Err(CliError::Usage(format!(
-            "--gap {gap_mm}: write a length in mm above 0, as in --gap 5"
-        ))),
-        given => Ok(given),
-    }
-}
-
-/// Where a run of waypoints lies.
-pub(super) fn place(given: Option<PlaceName>) -> Place {
-    match given {
-        Some(PlaceName::Best) => Place::Best,
-        Some(PlaceName::Centre) | None => Place::Centre,
-    }
-}
-
-/// How far a run is turned, in rad.
-pub(super) fn turn_rad(given: Option<f64>) -> Result<f64, CliError> {
-    match given {
-        Some(degrees) if !(-360.0..=360.0).contains(&degrees) => Err(CliError::Usage(format!(
-            "--turn {degrees}: write an angle from -360 to 360 degrees"
-        ))),
-        given => Ok(given.unwrap_or(0.0).to_radians()),
-    }
-}
-
-/// Reads how far tool axes may be off, in rad.
-pub(super) fn axis_tolerance_rad(given: Option<f64>) -> Result<f64, CliError> {
-    match given {
-        Some(degrees) if !(0.0..=AXIS_TOLERANCE_MAX_DEG).contains(&degrees) => {
-            Err(CliError::Usage(format!(
-                "--axis-tolerance {degrees}: write an angle from 0 to {AXIS_TOLERANCE_MAX_DEG} degrees"
-            )))
-        }
-        given => Ok(given.map_or(AXIS_TOLERANCE_RAD, f64::to_radians)),
-    }
-}
-
 /// Reads a file of the size of outlines and texts.
 pub(super) fn read_file(path: &Path) -> Result<Vec<u8>, CliError> {
     read_bounded(path, BYTES_MAX)
 }
 
 /// Reads a file of bounded size.
-fn read_bounded(path: &Path, bytes_max: u64) -> Result<Vec<u8>, CliError> {
+pub(super) fn read_bounded(path: &Path, bytes_max: u64) -> Result<Vec<u8>, CliError> {
     let file = |problem| CliError::File {
         path: path.display().to_string(),
         problem,

@@ -1,7 +1,7 @@
 //! `headway machine new|check|firmware`.
 
 use super::CliError;
-use super::args::{KindName, MachineArgs, MachineCommand};
+use super::args_machine::{KindName, MachineArgs, MachineCommand};
 use super::console::Console;
 use super::load;
 use super::output_file::write_file;

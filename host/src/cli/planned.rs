@@ -4,8 +4,9 @@ use super::args::{InputArgs, PlaceArgs, SettingsArgs};
 use super::console::Console;
 use super::job::{self, Job};
 use super::open_ground::{self, OpenGround, open_ground};
+use super::run_notes::run_notes;
 use super::warnings::settings_warnings;
-use super::{CliError, load, planned_gcode, planned_part};
+use super::{CliError, load, load_run, planned_gcode, planned_part};
 use crate::drive::time_by_limit::{SlowPlace, time_by_limit};
 use crate::geometry::polygon::Region;
 use crate::geometry::{Point2, Vector2};
@@ -13,9 +14,7 @@ use crate::input::waypoints::WaypointRun;
 use crate::input::{Input, Loaded, Target};
 use crate::job::SegmentStream;
 use crate::part_transform::PartTransform;
-use crate::plan::judge::touches::{HeadPart, Obstacle};
 use crate::plan::layers::layer_groups::LayerGroup;
-use crate::plan::motion::singular::SingularPlaces;
 use crate::plan::outline::unreachable::UnreachableRun;
 use crate::plan::pass::PassKind;
 use crate::report::Place;
@@ -23,14 +22,11 @@ use crate::report::figures::{Figures, Inside, KindFigures, SlowPlaceFigures};
 use crate::settings::Settings;
 use crate::surface_plan::plan_on_surface;
 use crate::{Plan, RegionPlan, plan_target_around, plan_waypoints_with_progress};
-use headway_firmware::configuration::Kinematics;
 use std::path::Path;
 use std::time::Instant;
 
 /// Places of unreachable boundary that are told one by one.
 const PLACES_TOLD: usize = 3;
-/// Slowing that is worth a note, s.
-const SLOWING_TOLD_S: f64 = 0.1;
 /// Places of either kind that the report's page lists.
 const PLACES_SHOWN: usize = 20;
 /// Places of unreachable boundary that the figures list.
@@ -84,12 +80,13 @@ pub(super) fn from_input(
     console: &Console,
 ) -> Result<Planned, CliError> {
     let mut settings = placed_settings(place, settings_args)?;
-    let turn_rad = load::turn_rad(place.turn)?;
-    let input = load::input(path, reading, settings.tolerances.flatten_mm, console)?;
+    let turn_rad = load_run::turn_rad(place.turn)?;
+    let flatten_mm = settings.tolerances.flatten_mm;
+    let input = load::input(path, reading, flatten_mm, console)?;
     let keep_out = place.keep_out.as_deref();
     check_options(&input, place, settings_args)?;
-    let surface = load::surface(place.surface.as_deref(), reading)?;
-    let keep_out = load::keep_out(keep_out, reading, settings.tolerances.flatten_mm, console)?;
+    let surface = load_run::surface(place.surface.as_deref(), reading)?;
+    let keep_out = load::keep_out(keep_out, reading, flatten_mm, console)?;
     let input = match input {
         Input::Mesh(loaded) => {
             return planned_part::from_mesh(path, loaded, place, &keep_out, settings, console);
@@ -104,7 +101,10 @@ pub(super) fn from_input(
             );
         }
         Input::Outline(loaded) => Flat::Outline(loaded),
-        Input::Path(run) => Flat::Path(run.turned(turn_rad)),
+        Input::Path(run) => {
+            let run = load_run::with_more(run, reading, place, flatten_mm, console)?;
+            Flat::Path(run.turned(turn_rad))
+        }
     };
     let bar = console.planning();
     let begun = Instant::now();
@@ -152,9 +152,9 @@ pub(super) fn from_input(
 /// The settings with the options of where the input lies.
 fn placed_settings(place: &PlaceArgs, settings: &SettingsArgs) -> Result<Settings, CliError> {
     Ok(Settings {
-        gap_mm: load::gap_mm(place.gap)?,
-        place: load::place(place.place),
-        axis_tolerance_rad: load::axis_tolerance_rad(place.axis_tolerance)?,
+        gap_mm: load_run::gap_mm(place.gap)?,
+        place: load_run::place(place.place),
+        axis_tolerance_rad: load_run::axis_tolerance_rad(place.axis_tolerance)?,
         at_mm: place.at.as_deref().map(load::parse_at).transpose()?,
         ..load::settings(settings)?
     })
@@ -391,102 +391,8 @@ fn warnings(plan: &Plan, unreachable: &[UnreachableRun], settings: &Settings) ->
             plan.motion.doubled_stretches
         ));
     }
-    warnings.extend(on_surface(plan));
-    warnings.extend(found_place(plan));
-    warnings.extend(singular_places(&plan.singular));
-    warnings.extend(touches(plan, settings));
+    warnings.extend(run_notes(plan, settings));
     warnings
-}
-
-/// How the surface was taken.
-fn on_surface(plan: &Plan) -> Option<String> {
-    let laid = plan.on_surface.as_ref()?;
-    let (off_mm, [x, y, z]) = (laid.fitted.off_mm, laid.fitted.off_at);
-    Some(format!(
-        "the surface is smoothed, at most {off_mm:.3} mm off the mesh, near ({x:.2}, {y:.2}, {z:.2}); its steepest \
-         slope under the plan is {:.1}°, and beads are planned {:.2} to {:.2} mm wide to be widened there",
-        laid.slope_max_rad.to_degrees(),
-        2.0 * laid.planned.minor_mm(),
-        2.0 * laid.planned.major_mm(),
-    ))
-}
-
-/// Where the run was laid.
-fn found_place(plan: &Plan) -> Option<String> {
-    let found = plan.found_place?;
-    let [x, y, z] = plan.transform.offset_mm;
-    Some(format!(
-        "--place best: at {x:.3},{y:.3},{z:.3}; of {} places tried the machine reaches the whole run at {}",
-        found.tried, found.reached
-    ))
-}
-
-/// What nozzle and head touch; that nobody looked, where a head that tilts has no shape.
-fn touches(plan: &Plan, settings: &Settings) -> Option<String> {
-    let Some(touches) = &plan.touches else {
-        let tilts = settings.machine.kinematics != Kinematics::Planar;
-        let is_run = plan.kinds.is_empty();
-        return (tilts && is_run).then(|| {
-            String::from(
-                "whether the head touches table or print was not looked at: its shape is not in the \
-                 machine file ([head])",
-            )
-        });
-    };
-    let told: Vec<String> = touches
-        .deepest
-        .iter()
-        .map(|touch| {
-            let part = match touch.part {
-                HeadPart::Nozzle => "the nozzle",
-                HeadPart::Head => "the head",
-            };
-            let obstacle = match touch.obstacle {
-                Obstacle::Table => "the table",
-                Obstacle::Print => "what is printed",
-                Obstacle::Surface => "the surface",
-            };
-            let [x, y, z] = plan.transform.to_input(touch.tip_mm);
-            format!(
-                "{part} is {:.2} mm in {obstacle} with the tip at ({x:.3}, {y:.3}, {z:.3})",
-                touch.depth_mm
-            )
-        })
-        .collect();
-    (!told.is_empty()).then(|| {
-        format!(
-            "TOUCHES on {:.1} mm of the path: {}",
-            touches.touched_mm,
-            told.join(", ")
-        )
-    })
-}
-
-/// How the run gets past places where two rotary axes line up, and what that costs.
-fn singular_places(singular: &SingularPlaces) -> Option<String> {
-    let SingularPlaces {
-        places,
-        led_by_rad,
-        slowing_s,
-    } = *singular;
-    let led_by_deg = led_by_rad.to_degrees();
-    let places_of = if places == 1 { "place" } else { "places" };
-    let lined_up = format!("two rotary axes line up at {places} {places_of} of the path");
-    match slowing_s {
-        _ if places == 0 => None,
-        None => Some(format!(
-            "{lined_up}: the joints would have to jump there, and the tool axis is led past by up to \
-             {led_by_deg:.2}° (--axis-tolerance)"
-        )),
-        Some(slowing_s) if led_by_rad > 0.0 => Some(format!(
-            "{lined_up}: the tool axis is led past by up to {led_by_deg:.2}° (--axis-tolerance), which \
-             saves about {slowing_s:.1} s of slowing"
-        )),
-        Some(slowing_s) if slowing_s >= SLOWING_TOLD_S => Some(format!(
-            "{lined_up}: slowing there costs about {slowing_s:.1} s"
-        )),
-        Some(_) => None,
-    }
 }
 
 /// Which limits take the printing time, and where it is slowest.

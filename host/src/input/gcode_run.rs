@@ -29,6 +29,8 @@ pub fn waypoint_run(program: GcodeProgram) -> WaypointRun {
             tip_mm: Point3::from(place.tip_mm),
             axis,
             heading_rad: Some(heading),
+            width_mm: None,
+            height_mm: None,
             begins,
         });
     };

@@ -18,6 +18,11 @@ const NEAR_MAX_MM: f64 = 0.02;
 /// between two pieces of a run shows, less than what somebody writes down on purpose.
 const NEAR_RAD: f64 = 10.0 * std::f64::consts::PI / 180.0;
 
+/// Chords of the usual length that make a jump, from how many chords on one is usual, and the least jump.
+const GAP_CHORDS: f64 = 6.0;
+const GAP_CHORDS_MIN: usize = 16;
+const GAP_LEAST_MM: f64 = 2.0;
+
 /// The waypoints with near ones made one; how many are fewer, and how near, mm, counts as one.
 pub(super) fn joined(points: Vec<Waypoint>) -> (Vec<Waypoint>, usize, f64) {
     let near_mm = near_mm(&points);
@@ -50,7 +55,7 @@ fn near_mm(points: &[Waypoint]) -> f64 {
 }
 
 /// The median distance of neighbours that differ, mm, and of how many pairs it is.
-pub fn usual_spacing_mm(points: &[Waypoint]) -> (f64, usize) {
+fn usual_spacing_mm(points: &[Waypoint]) -> (f64, usize) {
     let mut chords: Vec<f64> = points
         .windows(2)
         .map(|pair| (pair[1].tip_mm - pair[0].tip_mm).norm())
@@ -59,6 +64,17 @@ pub fn usual_spacing_mm(points: &[Waypoint]) -> (f64, usize) {
     chords.sort_by(f64::total_cmp);
     let median_mm = chords.get(chords.len() / 2).copied().unwrap_or(0.0);
     (median_mm, chords.len())
+}
+
+/// Jump that ends a pass where none is given: many times the usual spacing, and no less than what any
+/// spacing of a print path may be.
+pub fn usual_gap_mm(points: &[Waypoint]) -> f64 {
+    let (usual_mm, chords) = usual_spacing_mm(points);
+    // So few points say nothing about what is usual.
+    if chords < GAP_CHORDS_MIN {
+        return f64::INFINITY;
+    }
+    (GAP_CHORDS * usual_mm).max(GAP_LEAST_MM)
 }
 
 /// The mean of a group; of one waypoint itself.
@@ -79,7 +95,7 @@ fn middle(group: &[Waypoint]) -> Waypoint {
         tip_mm: Point3::from(tip),
         axis: Unit::new_normalize(axis),
         heading_rad: headings.map(|sum| share * sum),
-        begins: first.begins,
+        ..first
     }
 }
 

@@ -192,6 +192,8 @@ impl Nurbs {
                 tip_mm: Point3::from(place),
                 axis: Unit::new_unchecked(Vector3::z()),
                 heading_rad: None,
+                width_mm: None,
+                height_mm: None,
                 begins: false,
             })
             .collect())

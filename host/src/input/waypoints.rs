@@ -1,5 +1,8 @@
 //! Waypoint files: one run of the tip, `x y z nx ny nz [heading_deg]` a line -> [`WaypointRun`].
 //!
+//! A head may name further columns behind the first six, in any order: `heading_deg`, `width_mm` and
+//! `height_mm` of the bead. Without a head a seventh column is the heading.
+//!//!
 //! Numbers are parted by blanks, tabs, commas or semicolons; text after `#` is passed over, and so
 //! is one line of column names before the first waypoint. `# units: cm` (or mm, m, um, in), before
 //! the first waypoint, and `# name: ...` are read; without a unit the file is in mm. The tool axis points from the tip
@@ -10,7 +13,7 @@
 //! planning's (`plan::waypoint_curve`).
 
 use super::names::part_name;
-use super::near_waypoints;
+use super::near_waypoints::{self, usual_gap_mm};
 use super::outline::{FAR_MAX_MM, SIZE_MAX_MM};
 use super::{ReadOptions, Units};
 use crate::near_name::near_name;
@@ -23,8 +26,11 @@ use std::f64::consts::TAU;
 pub const WAYPOINTS_MAX: usize = 200_000;
 /// Farthest heading, degrees: a thousand turns. What is beyond is no heading, and loses digits.
 const HEADING_MAX_DEG: f64 = 360_000.0;
-/// Columns of a table, as its head may call them.
-const COLUMNS: [&str; 7] = ["x", "y", "z", "nx", "ny", "nz", "heading_deg"];
+/// Columns of a table, as its head may call them: those that are always there, and those behind them.
+const COLUMNS: [&str; 6] = ["x", "y", "z", "nx", "ny", "nz"];
+const FURTHER: [&str; 3] = ["heading_deg", "width_mm", "height_mm"];
+/// Widest and highest bead, mm.
+const BEAD_MAX_MM: f64 = 100.0;
 /// How far an axis may be from unit length and still be meant as one: what four digits leave.
 const AXIS_LENGTH_SLACK: f64 = 1e-3;
 /// How far the axes before and after one that is no direction may differ for it to lie between them:
@@ -44,6 +50,10 @@ pub struct Waypoint {
     pub axis: Unit<Vector3<f64>>,
     /// Heading about the tool axis, unwrapped, rad; `None` lays the major axis across the travel.
     pub heading_rad: Option<f64>,
+    /// Width of the bead, mm; `None` lays what the nozzle lays.
+    pub width_mm: Option<f64>,
+    /// Height of the bead, mm; `None` for the layer height.
+    pub height_mm: Option<f64>,
     /// A pass begins here, whatever the distance from the one before.
     pub begins: bool,
 }
@@ -60,6 +70,34 @@ pub struct WaypointRun {
 }
 
 impl WaypointRun {
+    /// This run and then another one, as passes of their own. Jumps within each end its passes by its own usual
+    /// spacing, unless the jump that does is given.
+    #[must_use]
+    pub fn then(mut self, mut next: WaypointRun, gap_mm: Option<f64>) -> WaypointRun {
+        if gap_mm.is_none() {
+            self.divide();
+            next.divide();
+        }
+        if let Some(first) = next.points.first_mut() {
+            first.begins = true;
+        }
+        self.points.extend(next.points);
+        self.notes.extend(next.notes);
+        self
+    }
+
+    /// Ends passes at jumps, where nothing says yet where they end.
+    fn divide(&mut self) {
+        if self.points.iter().any(|point| point.begins) {
+            return;
+        }
+        let gap_mm = usual_gap_mm(&self.points);
+        for index in 1..self.points.len() {
+            let chord = self.points[index].tip_mm - self.points[index - 1].tip_mm;
+            self.points[index].begins = chord.norm() > gap_mm;
+        }
+    }
+
     /// The run turned about Z through the origin.
     #[must_use]
     pub fn turned(mut self, turn_rad: f64) -> WaypointRun {
@@ -84,7 +122,8 @@ pub enum WaypointError {
     },
     /// A wrong number of columns.
     #[error(
-        "line {line} has {columns} columns; write x y z nx ny nz, or x y z nx ny nz heading_deg"
+        "line {line} has {columns} columns; write x y z nx ny nz, or x y z nx ny nz heading_deg; further ones \
+         (width_mm, height_mm) are named in a head: x y z nx ny nz width_mm"
     )]
     Columns {
         /// Line from 1.
@@ -94,7 +133,7 @@ pub enum WaypointError {
     },
     /// Some lines have a heading and some have not.
     #[error(
-        "line {line} has {columns} columns, the lines before it {before}: a heading is given everywhere or nowhere"
+        "line {line} has {columns} columns, the lines before it {before}: a column is given everywhere or nowhere"
     )]
     Mixed {
         /// Line from 1.
@@ -157,8 +196,8 @@ pub enum WaypointError {
     },
     /// The table's head names another order.
     #[error(
-        "line {line}: column {column} is called `{text}`; the columns are x y z nx ny nz \
-         [heading_deg], in this order"
+        "line {line}: column {column} is called `{text}`; the columns are x y z nx ny nz in this order, then \
+         any of heading_deg, width_mm, height_mm, each once"
     )]
     Head {
         /// Line from 1.
@@ -167,6 +206,14 @@ pub enum WaypointError {
         column: usize,
         /// What it is called.
         text: String,
+    },
+    /// No bead.
+    #[error("line {line}: a bead of {} mm; write a width or height above 0, up to {BEAD_MAX_MM} mm", Short(*given_mm))]
+    Bead {
+        /// Line from 1.
+        line: usize,
+        /// What was given.
+        given_mm: f64,
     },
     /// A unit that would not be heeded.
     #[error(
@@ -207,6 +254,8 @@ struct Reader {
     units_said: bool,
     scale: f64,
     columns: Option<usize>,
+    /// What stands behind the first six, of [`FURTHER`].
+    further: Vec<usize>,
     name: Option<String>,
     points: Vec<Waypoint>,
     repeated: usize,
@@ -229,6 +278,7 @@ pub fn read(bytes: &[u8], name: &str, options: &ReadOptions) -> Result<WaypointR
         units_said: options.units.is_some(),
         scale: options.scale,
         columns: None,
+        further: vec![0],
         name: None,
         points: Vec::new(),
         repeated: 0,
@@ -297,16 +347,17 @@ impl Reader {
         let cells: Vec<&str> = data
             .split(|c: char| c.is_whitespace() || c == ',' || c == ';')
             .filter(|cell| !cell.is_empty())
-            .take(9)
+            .take(COLUMNS.len() + FURTHER.len() + 2)
             .collect();
         if cells.is_empty() {
             return Ok(());
         }
         if self.is_head(&cells) {
-            return check_head(line, &cells);
+            self.further = further_columns(line, &cells)?;
+            return Ok(());
         }
         self.check_columns(line, cells.len())?;
-        let mut numbers = [0.0; 7];
+        let mut numbers = [0.0; COLUMNS.len() + FURTHER.len()];
         for (column, (cell, number)) in cells.iter().zip(&mut numbers).enumerate() {
             *number = finite(cell).ok_or_else(|| WaypointError::Number {
                 line,
@@ -314,8 +365,13 @@ impl Reader {
                 text: shortened(cell),
             })?;
         }
-        let heading_deg = (cells.len() == 7).then_some(numbers[6]);
-        self.push(line, &numbers, heading_deg)
+        let (pose, behind) = numbers.split_at(COLUMNS.len());
+        let mut further = [None; FURTHER.len()];
+        let given = cells.len() - COLUMNS.len();
+        for (&which, &number) in self.further.iter().zip(&behind[..given]) {
+            further[which] = Some(number);
+        }
+        self.push(line, pose, further)
     }
 
     /// One line of column names, before any number: the table's head.
@@ -333,7 +389,8 @@ impl Reader {
     }
 
     fn check_columns(&mut self, line: usize, columns: usize) -> Result<(), WaypointError> {
-        if !(6..=7).contains(&columns) {
+        let most = COLUMNS.len() + self.further.len();
+        if !(COLUMNS.len()..=most).contains(&columns) {
             return Err(WaypointError::Columns { line, columns });
         }
         match self.columns.replace(columns) {
@@ -349,16 +406,20 @@ impl Reader {
     fn push(
         &mut self,
         line: usize,
-        numbers: &[f64; 7],
-        heading_deg: Option<f64>,
+        pose: &[f64],
+        [heading_deg, width_mm, height_mm]: [Option<f64>; FURTHER.len()],
     ) -> Result<(), WaypointError> {
         if self.points.len() == WAYPOINTS_MAX {
             return Err(WaypointError::TooMany { line });
         }
-        let [x, y, z, nx, ny, nz, _] = *numbers;
-        let tip_mm = Point3::new(x, y, z) * (self.unit_mm * self.scale);
+        let tip_mm = Point3::new(pose[0], pose[1], pose[2]) * (self.unit_mm * self.scale);
         self.check_distance(line, &tip_mm)?;
-        let axis = self.axis(line, Vector3::new(nx, ny, nz))?;
+        let axis = self.axis(line, Vector3::new(pose[3], pose[4], pose[5]))?;
+        for given_mm in [width_mm, height_mm].into_iter().flatten() {
+            if !(given_mm > 0.0 && given_mm <= BEAD_MAX_MM) {
+                return Err(WaypointError::Bead { line, given_mm });
+            }
+        }
         if let Some(heading_deg) = heading_deg.filter(|deg| deg.abs() > HEADING_MAX_DEG) {
             return Err(WaypointError::Heading { line, heading_deg });
         }
@@ -375,6 +436,8 @@ impl Reader {
             tip_mm,
             axis,
             heading_rad,
+            width_mm,
+            height_mm,
             begins: false,
         };
         if before.is_some_and(|before| is_same(before, &waypoint)) {
@@ -473,20 +536,36 @@ impl Reader {
     }
 }
 
-/// Refuses a head that gives a column the name of another one; other names are anybody's.
-fn check_head(line: usize, cells: &[&str]) -> Result<(), WaypointError> {
+/// What the columns behind the first six are. Refuses a head that gives a column the name of another one; other
+/// names of the first seven are anybody's.
+fn further_columns(line: usize, cells: &[&str]) -> Result<Vec<usize>, WaypointError> {
+    let mut further: Vec<usize> = Vec::new();
     for (column, cell) in cells.iter().enumerate() {
         let name = cell.to_ascii_lowercase();
         let of = COLUMNS.iter().position(|known| *known == name);
-        if of.is_some_and(|of| of != column) {
-            return Err(WaypointError::Head {
-                line,
-                column: column + 1,
-                text: shortened(cell),
-            });
+        let behind = FURTHER.iter().position(|known| *known == name);
+        let refused = || WaypointError::Head {
+            line,
+            column: column + 1,
+            text: shortened(cell),
+        };
+        if of.is_some_and(|of| of != column) || (behind.is_some() && column < COLUMNS.len()) {
+            return Err(refused());
+        }
+        if column >= COLUMNS.len() {
+            // A seventh one is the heading, whatever it is called.
+            let only = cells.len() == COLUMNS.len() + 1;
+            let which = behind.or(only.then_some(0)).ok_or_else(refused)?;
+            if further.contains(&which) {
+                return Err(refused());
+            }
+            further.push(which);
         }
     }
-    Ok(())
+    if further.is_empty() {
+        further.push(0);
+    }
+    Ok(further)
 }
 
 fn is_same(a: &Waypoint, b: &Waypoint) -> bool {
@@ -498,6 +577,7 @@ fn is_same(a: &Waypoint, b: &Waypoint) -> bool {
             (Some(a), Some(b)) => (a - b).abs() < SAME_RAD,
             _ => true,
         }
+        && (a.width_mm, a.height_mm) == (b.width_mm, b.height_mm)
 }
 
 fn finite(cell: &str) -> Option<f64> {
@@ -511,6 +591,46 @@ fn shortened(text: &str) -> String {
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    /// Goal: further columns are read by their names, in any order, and what cannot be meant is refused.
+    #[test]
+    fn further_columns_go_by_their_names() {
+        let run = |text: &str| read(text.as_bytes(), "run", &ReadOptions::default());
+        let table = |head: &str, rest: &str| {
+            run(&format!(
+                "x y z nx ny nz {head}\n0 0 1 0 0 1 {rest}\n5 0 1 0 0 1 {rest}\n"
+            ))
+        };
+        let points = table("height_mm Width_mm", "0.3 0.8").unwrap().points;
+        assert_eq!(points[1].width_mm, Some(0.8));
+        assert_eq!(points[1].height_mm, Some(0.3));
+        assert_eq!(points[1].heading_rad, None);
+        let points = table("heading_deg width_mm", "90 0.8").unwrap().points;
+        assert!((points[0].heading_rad.unwrap() - TAU / 4.0).abs() < 1e-12);
+        assert_eq!(points[0].height_mm, None);
+        // A seventh column without a known name is the heading, as without a head.
+        assert!(table("psi", "90").unwrap().points[0].heading_rad.is_some());
+        for (head, rest) in [
+            ("width_mm width_mm", "1 1"),
+            ("width_mm breadth", "1 1"),
+            ("width_mm x", "1 1"),
+        ] {
+            let error = table(head, rest).unwrap_err();
+            assert!(
+                matches!(error, WaypointError::Head { column: 8, .. }),
+                "{error}"
+            );
+        }
+        for width in ["0", "-1", "1e3"] {
+            let error = table("width_mm", width).unwrap_err();
+            assert!(
+                matches!(error, WaypointError::Bead { line: 2, .. }),
+                "{error}"
+            );
+        }
+        let error = run("0 0 1 0 0 1 90 0.8\n").unwrap_err();
+        assert!(error.to_string().contains("named in a head"), "{error}");
+    }
 
     fn run(text: &str) -> Result<WaypointRun, WaypointError> {
         read(text.as_bytes(), "run", &ReadOptions::default())

@@ -1,17 +1,21 @@
 //! Waypoints -> C² curves from rest to rest: an interpolating cubic spline, cut at its corners.
 //!
 //! In: a [`WaypointRun`] (mm, input coordinates), the part's offset, tolerances and aperture. Out:
-//! [`PathCurve`]s in machine coordinates that join end to end, the volume channel left at 0.
+//! [`PathCurve`]s in machine coordinates that join end to end. As long as no flow is known the volume
+//! channel holds how much larger the bead's section is than what the nozzle lays, as a share: 0 where the
+//! waypoints have neither widths nor heights.
 //!
 //! ```text
 //! waypoints -> runs between corners -> cubic spline over chord length
 //!           -> even samples -> uniform B-spline through them, refined until it agrees
 //! ```
+//! A width turns the nozzle as far as it lays such a bead, where no heading is given.
 //! A turn of more than [`CORNER_RAD`] is a corner: the head comes to rest there. Waypoints that
 //! share a place turn the head on the spot. Cubic splines: C. de Boor, A Practical Guide to
 //! Splines (1978), chapter 4. Leaves out flow (`waypoint_route`) and time.
 
-use crate::input::near_waypoints::usual_spacing_mm;
+use crate::geometry::aperture::Aperture;
+use crate::input::near_waypoints::usual_gap_mm;
 use crate::input::waypoints::{SAME_PLACE_MM, Waypoint, WaypointRun};
 use crate::plan::route::build_route::nearest_heading;
 use crate::plan::route::moves::PathCurve;
@@ -27,10 +31,6 @@ use std::f64::consts::{FRAC_PI_2, PI};
 
 /// Turns of the path above this are corners.
 pub const CORNER_RAD: f64 = PI / 6.0;
-/// Chords of the usual length that make a jump, from how many chords on one is usual, and the least jump.
-const GAP_CHORDS: f64 = 6.0;
-const GAP_CHORDS_MIN: usize = 16;
-const GAP_LEAST_MM: f64 = 2.0;
 /// Share of the tip's, axis' and heading's tolerance that the B-spline may be off the spline.
 const CURVE_SHARE: f64 = 0.1;
 /// Longest span of the B-spline to begin with, mm: a fraction of any aperture.
@@ -85,26 +85,13 @@ pub fn waypoint_passes(
         false => usual_gap_mm(&run.points),
     });
     let mut spans_left = SPANS_MAX;
-    let jumps = |pair: [&Waypoint; 2]| {
-        !pair[1].begins && (pair[1].tip_mm - pair[0].tip_mm).norm() <= gap_mm
-    };
-    let passes = run.points.chunk_by(|a, b| jumps([a, b]));
+    let goes_on = |a: &Waypoint, b: &Waypoint| !b.begins && (b.tip_mm - a.tip_mm).norm() <= gap_mm;
+    let passes = run.points.chunk_by(goes_on);
     // A waypoint between two jumps lays nothing.
     let passes = passes.filter(|points| points.len() > 1);
     passes
         .map(|points| pass_curves(points, offset_mm, settings, &mut spans_left))
         .collect()
-}
-
-/// Jump that ends a pass where none is given: many times the usual spacing, and no less than what any
-/// spacing of a print path may be.
-fn usual_gap_mm(points: &[Waypoint]) -> f64 {
-    let (usual_mm, chords) = usual_spacing_mm(points);
-    // So few points say nothing about what is usual.
-    if chords < GAP_CHORDS_MIN {
-        return f64::INFINITY;
-    }
-    (GAP_CHORDS * usual_mm).max(GAP_LEAST_MM)
 }
 
 /// One pass.
@@ -204,9 +191,10 @@ fn stretch_curve(
     }
     let spline = Spline::through(&poses);
     let curve = Curve {
+        beads: Beads::of(points, &spline.knots, settings),
         spline,
         across,
-        period_rad: settings.aperture.period_rad(),
+        settings,
     };
     let too_uneven = WaypointCurveError::TooUneven {
         from: points.first().map_or(0, |point| point.line),
@@ -229,21 +217,80 @@ fn stretch_curve(
 }
 
 /// The curve that is meant: the spline, and the rule for the heading.
-struct Curve {
+struct Curve<'a> {
     spline: Spline,
-    /// The major axis lies across the travel.
+    /// Widths and heights of the bead, where they are given.
+    beads: Option<Beads>,
+    /// The major axis lies across the travel, or aslant for a narrower bead.
     across: bool,
-    /// Headings so far apart are the same deposit.
-    period_rad: f64,
+    settings: &'a Settings,
 }
 
-impl Curve {
+/// Widths and heights along a stretch.
+struct Beads {
+    /// Width in the first channel, height in the second, mm, over the length of the stretch.
+    spline: Spline,
+    has_width: bool,
+}
+
+impl Beads {
+    fn of(points: &[Waypoint], knots: &[f64], settings: &Settings) -> Option<Beads> {
+        let has_width = points.iter().all(|point| point.width_mm.is_some());
+        if !has_width && points.iter().all(|point| point.height_mm.is_none()) {
+            return None;
+        }
+        let values: Vec<Point> = points
+            .iter()
+            .map(|point| {
+                let mut value = [0.0; CHANNELS];
+                value[0] = point.width_mm.unwrap_or_default();
+                value[1] = point.height_mm.unwrap_or(settings.layer_height_mm);
+                value
+            })
+            .collect();
+        Some(Beads {
+            spline: Spline::over(knots.to_vec(), &values),
+            has_width,
+        })
+    }
+
+    /// Width (where it is given) and height at a place, mm. Between waypoints a spline may leave what they
+    /// span: not below a tenth of the least.
+    fn at(&self, s: f64) -> (Option<f64>, f64) {
+        let value = self.spline.value(s);
+        let least = |channel: usize| {
+            let given = self.spline.points.iter().map(|point| point[channel]);
+            0.1 * given.fold(f64::INFINITY, f64::min)
+        };
+        let width_mm = self.has_width.then(|| value[0].max(least(0)));
+        (width_mm, value[1].max(least(1)))
+    }
+}
+
+impl Curve<'_> {
     /// The pose at chord length `s`, its heading near `near_rad` where the rule gives it.
     fn pose(&self, s: f64, near_rad: f64) -> Point {
         let mut pose = self.spline.value(s);
+        let aperture = &self.settings.aperture;
+        let bead = self.beads.as_ref().map(|beads| beads.at(s));
+        let width_mm = bead.and_then(|(width_mm, _)| width_mm);
+        if !self.across && bead.is_none() {
+            return pose;
+        }
+        let direction = self.spline.slope(s);
         if self.across {
-            let direction = self.spline.slope(s);
-            pose[CHANNEL_HEADING] = across_heading(&pose, &direction, near_rad, self.period_rad);
+            // The angle between the major axis and the normal at which such a bead is laid.
+            let aslant_rad =
+                width_mm.map_or(0.0, |width_mm| aperture.angle_of_extent_rad(0.5 * width_mm));
+            let period_rad = aperture.period_rad();
+            let turned_rad = near_rad + aslant_rad;
+            let across_rad = across_heading(&pose, &direction, turned_rad, period_rad);
+            pose[CHANNEL_HEADING] = across_rad - aslant_rad;
+        }
+        if let Some((width_mm, height_mm)) = bead {
+            let laid_mm = laid_width_mm(&pose, &direction, aperture);
+            let wider = width_mm.map_or(1.0, |width_mm| width_mm / laid_mm);
+            pose[CHANNEL_VOLUME] = wider * height_mm / self.settings.layer_height_mm - 1.0;
         }
         pose
     }
@@ -298,6 +345,14 @@ fn across_heading(pose: &Point, direction: &Point, near_rad: f64, period_rad: f6
     nearest_heading(travel.y.atan2(travel.x) + FRAC_PI_2, near_rad, period_rad)
 }
 
+/// Width of the bead that the nozzle lays in this direction by its own, mm.
+fn laid_width_mm(pose: &Point, direction: &Point, aperture: &Aperture) -> f64 {
+    let travel = upright(pose) * Vector3::new(direction[0], direction[1], direction[2]);
+    let across = Vector2::new(-travel.y, travel.x);
+    let across = across.try_normalize(1e-9).unwrap_or_else(Vector2::x);
+    2.0 * aperture.extent_mm(pose[CHANNEL_HEADING], across)
+}
+
 /// Takes the tool axis of a pose to Z: directions as the tool sees them, but for its heading.
 pub fn upright(pose: &Point) -> Rotation3<f64> {
     let tilt = Vector2::new(pose[CHANNEL_TILT_X], pose[CHANNEL_TILT_Y]);
@@ -325,6 +380,11 @@ impl Spline {
             length += chord.norm();
             knots.push(length);
         }
+        Spline::over(knots, points)
+    }
+
+    /// The same over these lengths, which rise.
+    fn over(knots: Vec<f64>, points: &[Point]) -> Spline {
         let n = points.len();
         let mut rows = vec![Row::fixed([0.0; CHANNELS]); n];
         if n > 2 {
@@ -439,10 +499,12 @@ pub fn through_samples(samples: &[Point]) -> Vec<Point> {
         }
     });
     let mut control = solve(rows.collect());
-    // Flow is added later; rounding must not leave a trace of it.
-    control
-        .iter_mut()
-        .for_each(|point| point[CHANNEL_VOLUME] = 0.0);
+    // Where all samples have none, rounding must not leave a trace of it.
+    if samples.iter().all(|sample| sample[CHANNEL_VOLUME] == 0.0) {
+        control
+            .iter_mut()
+            .for_each(|point| point[CHANNEL_VOLUME] = 0.0);
+    }
     control
 }
 

@@ -27,6 +27,17 @@ const DEPOSIT_STEPS: usize = 2;
 /// Nothing stands on the table before.
 const NO_TOP: f64 = f64::NEG_INFINITY;
 
+/// What becomes of the curves' volume channel.
+#[derive(Clone, Copy)]
+enum Volumes {
+    /// The flow is found.
+    Laid,
+    /// It is the flow.
+    Known,
+    /// Nothing flows.
+    None,
+}
+
 type Point = [f64; CHANNELS];
 
 /// The route along the curves of all passes; `start` is the pose at rest before it (machine
@@ -37,7 +48,7 @@ pub fn waypoint_route(passes: Vec<Vec<PathCurve>>, start: Point, settings: &Sett
         start,
         settings,
         NO_TOP,
-        true,
+        Volumes::Laid,
         &mut |route, curves, pass| {
             print(route, curves, pass, settings);
         },
@@ -59,7 +70,7 @@ pub fn complete_route(
         start,
         settings,
         top_mm,
-        false,
+        Volumes::Known,
         &mut |route, curves, _| {
             let mut curves = curves.into_iter().peekable();
             let mut here = curves
@@ -95,7 +106,7 @@ pub fn waypoint_way(passes: Vec<Vec<PathCurve>>, start: Point, settings: &Settin
         start,
         settings,
         NO_TOP,
-        false,
+        Volumes::None,
         &mut |route, curves, pass| {
             print(route, curves, pass, settings);
         },
@@ -107,7 +118,7 @@ fn along(
     start: Point,
     settings: &Settings,
     top_mm: f64,
-    with_flow: bool,
+    volumes: Volumes,
     lay: &mut dyn FnMut(&mut Route, Vec<PathCurve>, u32),
 ) -> Route {
     let period_rad = settings.aperture.period_rad();
@@ -140,8 +151,14 @@ fn along(
         for point in curves.iter_mut().flat_map(|curve| &mut curve.control) {
             point[CHANNEL_HEADING] += turn;
         }
-        if with_flow {
-            add_flow(curves, here[CHANNEL_VOLUME], settings);
+        match volumes {
+            Volumes::Laid => add_flow(curves, here[CHANNEL_VOLUME], settings),
+            Volumes::Known => {}
+            Volumes::None => {
+                for point in curves.iter_mut().flat_map(|curve| &mut curve.control) {
+                    point[CHANNEL_VOLUME] = 0.0;
+                }
+            }
         }
         let begin = curves[0].control[0];
         match (number, from_above) {
@@ -361,9 +378,11 @@ fn print(route: &mut Route, curves: Vec<PathCurve>, pass: u32, settings: &Settin
     }
 }
 
-/// Fills in the volume channel of all curves, one after the other.
+/// Fills in the volume channel of all curves, one after the other. Until then it holds how much larger the
+/// bead's section is than what the nozzle lays.
 fn add_flow(curves: &mut [PathCurve], start_mm3: f64, settings: &Settings) {
     let mut poses = Vec::new();
+    let mut sections: Vec<f64> = Vec::new();
     let mut at = [0.0; 2];
     let mut before: Option<Point> = None;
     for curve in curves.iter() {
@@ -373,6 +392,8 @@ fn add_flow(curves: &mut [PathCurve], start_mm3: f64, settings: &Settings) {
             let pose = curve.evaluate(k as f64 / DEPOSIT_STEPS as f64).value;
             if let Some(before) = before {
                 at = developed(at, &before, &pose);
+                let larger = 0.5 * (before[CHANNEL_VOLUME] + pose[CHANNEL_VOLUME]);
+                sections.push(1.0 + larger);
             }
             before = Some(pose);
             poses.push(FlowPose {
@@ -381,7 +402,11 @@ fn add_flow(curves: &mut [PathCurve], start_mm3: f64, settings: &Settings) {
             });
         }
     }
-    let volume = Bead::of(settings).deposit(&poses, &FreshShares::all(poses.len()));
+    let fresh = FreshShares {
+        steps: sections,
+        ..FreshShares::all(poses.len())
+    };
+    let volume = Bead::of(settings).deposit(&poses, &fresh);
     let mut next = 0;
     for curve in curves.iter_mut() {
         for (i, point) in curve.control.iter_mut().enumerate() {

@@ -1,0 +1,56 @@
+//! The options of `headway machine`, with their help.
+
+use clap::{Args, Subcommand, ValueEnum};
+use std::path::PathBuf;
+
+/// `headway machine`.
+#[derive(Debug, Args)]
+#[command(after_help = "\
+Examples:
+  headway machine new --kind planar > my-printer.toml
+  headway machine check my-printer.toml
+  headway machine firmware my-printer.toml -o my-printer.bin")]
+pub(super) struct MachineArgs {
+    #[command(subcommand)]
+    pub command: MachineCommand,
+}
+
+#[derive(Debug, Subcommand)]
+pub(super) enum MachineCommand {
+    /// Write a commented machine file to start from.
+    New {
+        /// Kinematics of the machine.
+        #[arg(long, value_enum, default_value = "planar")]
+        kind: KindName,
+        /// Name of the machine in messages and job files [default: the kind].
+        #[arg(long)]
+        name: Option<String>,
+        /// File to write [default: stdout].
+        #[arg(short, long, value_name = "FILE")]
+        output: Option<PathBuf>,
+    },
+    /// Read a machine file, say what is wrong or what it amounts to.
+    Check {
+        /// The machine file.
+        file: PathBuf,
+        /// One JSON object on stdout.
+        #[arg(long)]
+        json: bool,
+    },
+    /// Write what a board's firmware is built with (`HEADWAY_MACHINE`, see docs/guide/boards.md).
+    Firmware {
+        /// The machine file.
+        file: PathBuf,
+        /// File to write.
+        #[arg(short, long, value_name = "FILE")]
+        output: PathBuf,
+    },
+}
+
+#[derive(Clone, Copy, Debug, ValueEnum)]
+pub(super) enum KindName {
+    /// X Y Z and a nozzle that turns.
+    Planar,
+    /// X Y Z and a head that tilts (A, B) and turns (C).
+    Gantry,
+}

@@ -1,0 +1,95 @@
+//! Options and files of paths in space -> runs, surfaces, places.
+
+use super::CliError;
+use super::args::{InputArgs, PlaceArgs, PlaceName};
+use super::console::Console;
+use super::load::{input, read_bounded};
+use crate::input::waypoints::WaypointRun;
+use crate::input::{Format, Input};
+use crate::mesh::{self, Mesh, MeshOptions};
+use crate::settings::{AXIS_TOLERANCE_RAD, Place};
+use std::path::Path;
+
+/// More is no tolerance any more.
+const AXIS_TOLERANCE_MAX_DEG: f64 = 10.0;
+
+/// A run with those that are to be printed after it.
+pub(super) fn with_more(
+    run: WaypointRun,
+    args: &InputArgs,
+    place: &PlaceArgs,
+    flatten_mm: f64,
+    console: &Console,
+) -> Result<WaypointRun, CliError> {
+    place.more.iter().try_fold(run, |run, path| {
+        match input(path, args, flatten_mm, console)? {
+            Input::Path(next) => Ok(run.then(next, place.gap)),
+            Input::Outline(_) | Input::Mesh(_) | Input::Gcode(_) => Err(CliError::Usage(format!(
+                "{}: only runs of waypoints are put together to one job",
+                path.display()
+            ))),
+        }
+    })
+}
+
+/// Reads the mesh that an outline is laid on, with the outline's units and scale; none without a file.
+pub(super) fn surface(path: Option<&Path>, args: &InputArgs) -> Result<Option<Mesh>, CliError> {
+    let Some(path) = path else {
+        return Ok(None);
+    };
+    let Some(format @ Format::Mesh(mesh_format)) = Format::of_ending(path) else {
+        return Err(CliError::Usage(format!(
+            "--surface {}: give a mesh, by its ending .stl, .3mf or .obj",
+            path.display()
+        )));
+    };
+    let bytes = read_bounded(path, format.bytes_max())?;
+    let options = MeshOptions {
+        unit_mm: args.units.map(|unit| unit.units().mm()),
+        scale: args.scale,
+        rotate_rad: [0.0; 3],
+    };
+    let mesh = mesh::read_surface(&bytes, mesh_format, &options);
+    let mesh = mesh.map_err(|error| CliError::Job(format!("{}: {error}", path.display())))?;
+    Ok(Some(mesh))
+}
+
+/// The jump that ends a pass.
+pub(super) fn gap_mm(given: Option<f64>) -> Result<Option<f64>, CliError> {
+    match given {
+        Some(gap_mm) if !(gap_mm > 0.0 && gap_mm.is_finite()) => Err(CliError::Usage(format!(
+            "--gap {gap_mm}: write a length in mm above 0, as in --gap 5"
+        ))),
+        given => Ok(given),
+    }
+}
+
+/// Where a run of waypoints lies.
+pub(super) fn place(given: Option<PlaceName>) -> Place {
+    match given {
+        Some(PlaceName::Best) => Place::Best,
+        Some(PlaceName::Centre) | None => Place::Centre,
+    }
+}
+
+/// How far a run is turned, in rad.
+pub(super) fn turn_rad(given: Option<f64>) -> Result<f64, CliError> {
+    match given {
+        Some(degrees) if !(-360.0..=360.0).contains(&degrees) => Err(CliError::Usage(format!(
+            "--turn {degrees}: write an angle from -360 to 360 degrees"
+        ))),
+        given => Ok(given.unwrap_or(0.0).to_radians()),
+    }
+}
+
+/// Reads how far tool axes may be off, in rad.
+pub(super) fn axis_tolerance_rad(given: Option<f64>) -> Result<f64, CliError> {
+    match given {
+        Some(degrees) if !(0.0..=AXIS_TOLERANCE_MAX_DEG).contains(&degrees) => {
+            Err(CliError::Usage(format!(
+                "--axis-tolerance {degrees}: write an angle from 0 to {AXIS_TOLERANCE_MAX_DEG} degrees"
+            )))
+        }
+        given => Ok(given.map_or(AXIS_TOLERANCE_RAD, f64::to_radians)),
+    }
+}

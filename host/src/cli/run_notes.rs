@@ -1,0 +1,112 @@
+//! What the user should know of a path in space: its surface, its place, singular places, touches.
+
+use crate::Plan;
+use crate::plan::judge::touches::{HeadPart, Obstacle};
+use crate::plan::motion::singular::SingularPlaces;
+use crate::settings::Settings;
+use headway_firmware::configuration::Kinematics;
+
+/// Slowing that is worth a note, s.
+const SLOWING_TOLD_S: f64 = 0.1;
+
+/// One line each.
+pub(super) fn run_notes(plan: &Plan, settings: &Settings) -> Vec<String> {
+    let notes = [
+        on_surface(plan),
+        found_place(plan),
+        singular_places(&plan.singular),
+        touches(plan, settings),
+    ];
+    notes.into_iter().flatten().collect()
+}
+
+/// How the surface was taken.
+fn on_surface(plan: &Plan) -> Option<String> {
+    let laid = plan.on_surface.as_ref()?;
+    let (off_mm, [x, y, z]) = (laid.fitted.off_mm, laid.fitted.off_at);
+    Some(format!(
+        "the surface is smoothed, at most {off_mm:.3} mm off the mesh, near ({x:.2}, {y:.2}, {z:.2}); its steepest \
+         slope under the plan is {:.1}°, and beads are planned {:.2} to {:.2} mm wide to be widened there",
+        laid.slope_max_rad.to_degrees(),
+        2.0 * laid.planned.minor_mm(),
+        2.0 * laid.planned.major_mm(),
+    ))
+}
+
+/// Where the run was laid.
+fn found_place(plan: &Plan) -> Option<String> {
+    let found = plan.found_place?;
+    let [x, y, z] = plan.transform.offset_mm;
+    Some(format!(
+        "--place best: at {x:.3},{y:.3},{z:.3}; of {} places tried the machine reaches the whole run at {}",
+        found.tried, found.reached
+    ))
+}
+
+/// What nozzle and head touch; that nobody looked, where a head that tilts has no shape.
+fn touches(plan: &Plan, settings: &Settings) -> Option<String> {
+    let Some(touches) = &plan.touches else {
+        let tilts = settings.machine.kinematics != Kinematics::Planar;
+        let is_run = plan.kinds.is_empty();
+        return (tilts && is_run).then(|| {
+            String::from(
+                "whether the head touches table or print was not looked at: its shape is not in the \
+                 machine file ([head])",
+            )
+        });
+    };
+    let told: Vec<String> = touches
+        .deepest
+        .iter()
+        .map(|touch| {
+            let part = match touch.part {
+                HeadPart::Nozzle => "the nozzle",
+                HeadPart::Head => "the head",
+            };
+            let obstacle = match touch.obstacle {
+                Obstacle::Table => "the table",
+                Obstacle::Print => "what is printed",
+                Obstacle::Surface => "the surface",
+            };
+            let [x, y, z] = plan.transform.to_input(touch.tip_mm);
+            format!(
+                "{part} is {:.2} mm in {obstacle} with the tip at ({x:.3}, {y:.3}, {z:.3})",
+                touch.depth_mm
+            )
+        })
+        .collect();
+    (!told.is_empty()).then(|| {
+        format!(
+            "TOUCHES on {:.1} mm of the path: {}",
+            touches.touched_mm,
+            told.join(", ")
+        )
+    })
+}
+
+/// How the run gets past places where two rotary axes line up, and what that costs.
+fn singular_places(singular: &SingularPlaces) -> Option<String> {
+    let SingularPlaces {
+        places,
+        led_by_rad,
+        slowing_s,
+    } = *singular;
+    let led_by_deg = led_by_rad.to_degrees();
+    let places_of = if places == 1 { "place" } else { "places" };
+    let lined_up = format!("two rotary axes line up at {places} {places_of} of the path");
+    match slowing_s {
+        _ if places == 0 => None,
+        None => Some(format!(
+            "{lined_up}: the joints would have to jump there, and the tool axis is led past by up to \
+             {led_by_deg:.2}° (--axis-tolerance)"
+        )),
+        Some(slowing_s) if led_by_rad > 0.0 => Some(format!(
+            "{lined_up}: the tool axis is led past by up to {led_by_deg:.2}° (--axis-tolerance), which \
+             saves about {slowing_s:.1} s of slowing"
+        )),
+        Some(slowing_s) if slowing_s >= SLOWING_TOLD_S => Some(format!(
+            "{lined_up}: slowing there costs about {slowing_s:.1} s"
+        )),
+        Some(_) => None,
+    }
+}
