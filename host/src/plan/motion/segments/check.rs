@@ -10,6 +10,7 @@ use crate::plan::motion::joint_limits::{
     JointPoint, MotionError, MotionLimits, joint_point, outside_range, tip_mm,
 };
 use crate::plan::route::path_curve::CurvePoint;
+use headway_firmware::configuration::Kinematics;
 use headway_firmware::load::SpanFault;
 use headway_firmware::spline::SpanWindow;
 use headway_protocol::segment::{Knot, REST_TICKS};
@@ -56,6 +57,9 @@ pub struct Piece {
 const RATIO_MAX: f64 = 1.0 - 1e-6;
 /// The same of the jerk, which a cubic piece has as a mean over it.
 pub const JERK_RATIO_MAX: f64 = 1.01;
+/// What an extremum between two samples may be beyond the estimate where joints turn with the whole pose: half of
+/// this was the most, beside the pole of a turning table.
+const BETWEEN_SHARE: f64 = 1e-4;
 /// By how much a span that the controller would refuse is slowed in one round.
 const REFUSED_SLOWING: f64 = 1.05;
 /// Largest jerk ratio that one round answers: jerk falls faster than it is asked to.
@@ -159,6 +163,10 @@ fn peak_tip_speed(low: &CurvePoint, high: &CurvePoint, length_s: f64) -> f64 {
 /// Ratios between two neighbouring samples.
 fn piece_ratios(low: &Sample, high: &Sample, length_s: f64, limits: &MotionLimits) -> Ratios {
     let mut worst = Ratios::default();
+    let beyond = match limits.kinematics {
+        Kinematics::Planar => 1.0,
+        _ => 1.0 + BETWEEN_SHARE,
+    };
     for (joint, limit) in limits.joints.iter().enumerate() {
         let (v0, v1) = (low.joints.first[joint], high.joints.first[joint]);
         let (a0, a1) = (low.joints.second[joint], high.joints.second[joint]);
@@ -166,8 +174,8 @@ fn piece_ratios(low: &Sample, high: &Sample, length_s: f64, limits: &MotionLimit
         // Where joints turn with the whole pose the acceleration has an extremum of its own in between.
         let acceleration = peak_speed(a0, j0, a1, j1, length_s);
         worst = worst.max(Ratios {
-            speed: peak_speed(v0, a0, v1, a1, length_s) / limit.speed_max,
-            acceleration: acceleration / limit.acceleration_max,
+            speed: beyond * peak_speed(v0, a0, v1, a1, length_s) / limit.speed_max,
+            acceleration: beyond * acceleration / limit.acceleration_max,
             jerk: j0.abs().max(j1.abs()) / limit.jerk_max,
         });
     }
