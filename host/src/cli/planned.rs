@@ -83,22 +83,16 @@ pub(super) fn from_input(
     let turn_rad = load_run::turn_rad(place.turn)?;
     let flatten_mm = settings.tolerances.flatten_mm;
     let input = load::input(path, reading, flatten_mm, console)?;
-    let keep_out = place.keep_out.as_deref();
     check_options(&input, place, settings_args)?;
     let surface = load_run::surface(place.surface.as_deref(), reading)?;
-    let keep_out = load::keep_out(keep_out, reading, flatten_mm, console)?;
+    let keep_out = load::keep_out(place.keep_out.as_deref(), reading, flatten_mm, console)?;
     let input = match input {
         Input::Mesh(loaded) => {
             return planned_part::from_mesh(path, loaded, place, &keep_out, settings, console);
         }
         Input::Gcode(program) => {
-            return planned_gcode::from_gcode(
-                path,
-                program,
-                settings_args.speed,
-                settings,
-                console,
-            );
+            let speed_mm_s = settings_args.speed;
+            return planned_gcode::from_gcode(path, program, speed_mm_s, settings, console);
         }
         Input::Outline(loaded) => Flat::Outline(loaded),
         Input::Path(run) => {

@@ -22,6 +22,7 @@ pub mod outline;
 mod polygon;
 mod settle;
 mod svg;
+mod waypoint_error;
 pub mod waypoints;
 
 pub use error::InputError;
