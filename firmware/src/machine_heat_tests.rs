@@ -161,6 +161,32 @@ fn melt_is_pulled_back_once_and_by_what_was_primed() {
 }
 
 #[test]
+fn a_heaters_fault_after_an_abort_leaves_the_machine_free() {
+    let job = flower();
+    let mut hot = Hot::new(200.0);
+    for _ in 0..15 {
+        hot.host.send(&job, 8, 16);
+        hot.run(200);
+    }
+    hot.host.control(HostMessage::Control(Control::Abort));
+    hot.run(2000);
+    assert_eq!(hot.host.machine.motion().state(), DeviceState::Idle);
+    hot.host.control(HostMessage::Control(Control::MotorsOff));
+    hot.host.machine.motion.fail_softly(Fault {
+        cause: FaultCause::HostSilent,
+        index: 0,
+        value: 30,
+    });
+    hot.run(1000);
+    hot.host.control(HostMessage::Control(Control::ClearFault));
+    hot.run(10);
+    hot.host
+        .control(HostMessage::Control(Control::SetPosition(job.start)));
+    hot.host.poll();
+    assert_eq!(hot.host.refusals, []);
+}
+
+#[test]
 fn only_what_is_there_can_be_heated_and_only_by_who_streams() {
     let mut hot = Hot::new(25.0);
     hot.heat(0, 2751, false);

@@ -1,6 +1,6 @@
 //! What heaters do to the motion: a stream that waits for them, and melt that is left behind hot.
 
-use super::{CommandError, Motion};
+use super::{CommandError, Motion, Phase};
 use crate::heat::panel::HeatPanel;
 use headway_protocol::message::FaultCause;
 
@@ -70,7 +70,9 @@ impl Motion {
                     | FaultCause::FanStalled
             )
         });
-        if !hot {
+        // Without a stream there is nothing that it was primed for, and the motors may have been let go.
+        let streams = matches!(self.phase, Phase::Filling { .. } | Phase::Running);
+        if !hot || !streams {
             return false;
         }
         let active = self.flow.is_active();
