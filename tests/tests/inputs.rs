@@ -114,6 +114,7 @@ fn examples_have_the_area_they_were_drawn_with() {
         ("bracket.json", 1, 270.16, 1e-3),
         ("gear.json", 1, 210.09, 1e-3),
         ("letter.json", 1, 158.91, 1e-3),
+        ("dome-ring.json", 1, 691.15, 1e-3),
     ];
     for (name, regions, area, tolerance) in expected {
         let path = PathBuf::from(EXAMPLES).join(name);
