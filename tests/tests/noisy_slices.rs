@@ -8,7 +8,6 @@ use headway::input::{Format, ReadOptions, Target, read};
 use headway::plan_target;
 use headway::settings::Settings;
 use headway_tests::folders::files;
-use headway_tests::judge::print_without_approach_s;
 use headway_tests::layer_oracle::Rings;
 use headway_tests::outlines::{region, with_noise};
 use rayon::prelude::*;
@@ -45,8 +44,10 @@ fn print_s(parts: &[Rings]) -> f64 {
         name: "slice".to_string(),
         regions: parts.iter().map(region).collect(),
     };
-    let settings = Settings::default();
-    print_without_approach_s(&plan_target(&target, &settings).expect("a plan"), &settings)
+    plan_target(&target, &Settings::default())
+        .expect("a plan")
+        .figures
+        .print_s
 }
 
 #[test]
