@@ -1,6 +1,6 @@
 //! Interpolated motors -> joint targets in steps, with the soft limits.
 //!
-//! A carrier's integer base is exact (interpolator/ready_span.rs); its offset and what the tilt adds are f32.
+//! A joint channel's integer base is exact (interpolator/ready_span.rs); its offset and what the tilt adds are f32.
 
 use crate::configuration::{JOINTS_MAX, Kinematics, MOTORS_MAX, MachineConfiguration};
 use crate::interpolator::{Offset, RestPose};
@@ -88,7 +88,7 @@ impl JointTargets {
     /// From the machine's configuration.
     pub fn new(configuration: &MachineConfiguration) -> Self {
         let mut joints = [JointScale::default(); MOTORS_MAX];
-        let carriers = kinematics::carriers(&configuration.kinematics);
+        let joint_channels = kinematics::joint_channels(&configuration.kinematics);
         for (scale, joint) in joints.iter_mut().zip(&configuration.joints) {
             // A range beyond what targets hold is cut, or has no end.
             let position = |natural: f64| {
@@ -114,7 +114,7 @@ impl JointTargets {
                 endless: false,
             };
         }
-        let count = carriers.len().min(configuration.joints.len());
+        let count = joint_channels.len().min(configuration.joints.len());
         Self {
             model: Model::new(&configuration.kinematics),
             kinematics: configuration.kinematics,
@@ -207,7 +207,13 @@ impl JointTargets {
             Model::Planar if offset.is_far() => Ok(self.follow_far(offset, put)),
             Model::Planar => {
                 let near = |_: &JointScale, _, way, anchor: Target| anchor.moved_near(way);
-                Ok(follow(&self.joints, &planar::CARRIERS, offset, put, near))
+                Ok(follow(
+                    &self.joints,
+                    &planar::JOINT_CHANNELS,
+                    offset,
+                    put,
+                    near,
+                ))
             }
             Model::Gantry(pivot_length_mm) => {
                 let (tilt, base) = offset.tilt();
@@ -220,7 +226,7 @@ impl JointTargets {
                 };
                 Ok(follow(
                     &self.joints,
-                    &gantry::CARRIERS,
+                    &gantry::JOINT_CHANNELS,
                     offset,
                     put,
                     all_steps,
@@ -230,7 +236,7 @@ impl JointTargets {
                 let joints = trunnion.remainder(&whole_pose(offset));
                 let joints = joints.map_err(|_| IMPOSSIBLE_POSE)?;
                 Ok(self.follow_winding::<{ trunnion::WINDS }, _>(
-                    &trunnion::CARRIERS,
+                    &trunnion::JOINT_CHANNELS,
                     (offset, &joints),
                     put,
                 ))
@@ -239,11 +245,11 @@ impl JointTargets {
                 let joints = arm.remainder(&whole_pose(offset));
                 let joints = joints.map_err(|_| IMPOSSIBLE_POSE)?;
                 let at = (offset, &joints);
-                Ok(if self.count > arm6::CARRIERS.len() {
-                    let carriers = &arm6::CARRIERS_WITH_NOZZLE;
-                    self.follow_winding::<{ arm6::WINDS }, _>(carriers, at, put)
+                Ok(if self.count > arm6::JOINT_CHANNELS.len() {
+                    let joint_channels = &arm6::JOINT_CHANNELS_WITH_NOZZLE;
+                    self.follow_winding::<{ arm6::WINDS }, _>(joint_channels, at, put)
                 } else {
-                    self.follow_winding::<{ arm6::WINDS }, _>(&arm6::CARRIERS, at, put)
+                    self.follow_winding::<{ arm6::WINDS }, _>(&arm6::JOINT_CHANNELS, at, put)
                 })
             }
         }
@@ -253,7 +259,7 @@ impl JointTargets {
     #[inline(never)]
     fn follow_winding<const WINDS: u8, const JOINTS: usize>(
         &mut self,
-        carriers: &[Option<usize>; JOINTS],
+        joint_channels: &[Option<usize>; JOINTS],
         (offset, added): (&Offset<'_>, &[f32; JOINTS_MAX]),
         put: impl FnMut(usize, Target) -> u32,
     ) -> Reach {
@@ -269,14 +275,14 @@ impl JointTargets {
             }
             anchor.moved(steps + added * joint.steps_per_natural)
         };
-        follow(&self.joints, carriers, offset, put, wound)
+        follow(&self.joints, joint_channels, offset, put, wound)
     }
 
     /// A planar machine in a span that is long for its motors.
     #[inline(never)]
     fn follow_far(&self, offset: &Offset<'_>, put: impl FnMut(usize, Target) -> u32) -> Reach {
         let far = |_: &JointScale, _, steps, anchor: Target| anchor.moved(steps);
-        follow(&self.joints, &planar::CARRIERS, offset, put, far)
+        follow(&self.joints, &planar::JOINT_CHANNELS, offset, put, far)
     }
 
     /// The targets of a pose at rest, 2^-31 steps: joints, then the extruder.
@@ -328,18 +334,18 @@ impl JointTargets {
     }
 }
 
-/// The targets of joints that follow `carriers`, with what else there is.
+/// The targets of joints that follow `joint_channels`, with what else there is.
 #[inline(always)]
 fn follow<const JOINTS: usize>(
     joints: &[JointScale; MOTORS_MAX],
-    carriers: &[Option<usize>; JOINTS],
+    joint_channels: &[Option<usize>; JOINTS],
     offset: &Offset<'_>,
     mut put: impl FnMut(usize, Target) -> u32,
     mut target: impl FnMut(&JointScale, usize, f32, Target) -> Target,
 ) -> Reach {
     let mut reach = Reach::default();
-    for (index, (carrier, joint)) in carriers.iter().zip(joints).enumerate() {
-        let (way, anchor) = match carrier {
+    for (index, (joint_channel, joint)) in joint_channels.iter().zip(joints).enumerate() {
+        let (way, anchor) = match joint_channel {
             Some(_) => offset.of_motor(index),
             None => (0.0, Target::of_position(0)),
         };
@@ -371,14 +377,14 @@ mod tests {
     //! the limits of a joint with 80 steps a mm, by a few hundredths of a step.
     use super::*;
     use crate::boards::emulated_planar;
-    use crate::carriers::Carriers;
+    use crate::joint_channels::JointChannels;
     use headway_protocol::units::ChannelPoint;
 
     #[test]
     fn a_soft_limit_trips_before_the_step_beyond_it() {
         let configuration = emulated_planar();
         let mut joints = JointTargets::new(&configuration);
-        let carriers = Carriers::new(&configuration);
+        let joint_channels = JointChannels::new(&configuration);
         // The next step above 310 mm is due 62.5 of 0.1 µm further, that below -10 mm just so far.
         for (x_units, refused) in [
             (3_100_000, false),
@@ -393,7 +399,7 @@ mod tests {
         ] {
             let mut pose = ChannelPoint::default();
             pose[0] = x_units;
-            let targets = joints.targets(&RestPose::new(&carriers, &pose));
+            let targets = joints.targets(&RestPose::new(&joint_channels, &pose));
             assert_eq!(targets.is_err(), refused, "{x_units}");
         }
     }
@@ -404,11 +410,11 @@ mod tests {
         configuration.joints[3].position_min = f64::NEG_INFINITY;
         configuration.joints[3].position_max = f64::INFINITY;
         let mut joints = JointTargets::new(&configuration);
-        let carriers = Carriers::new(&configuration);
+        let joint_channels = JointChannels::new(&configuration);
         for heading_units in [0, 2_000_000_000, -2_000_000_000] {
             let mut pose = ChannelPoint::default();
             pose[5] = heading_units;
-            let at_rest = RestPose::new(&carriers, &pose);
+            let at_rest = RestPose::new(&joint_channels, &pose);
             assert!(joints.targets(&at_rest).is_ok(), "{heading_units}");
             assert!(joints.is_in_range(3, i64::from(heading_units) << 30));
         }

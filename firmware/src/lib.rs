@@ -18,7 +18,6 @@ mod log;
 
 pub mod board;
 pub mod boards;
-pub mod carriers;
 pub mod configuration;
 pub mod delay;
 pub mod design;
@@ -31,6 +30,7 @@ pub mod homing;
 pub mod inputs;
 pub mod interpolator;
 pub mod jet;
+pub mod joint_channels;
 pub mod joint_move;
 pub mod joints;
 pub mod kinematics;

@@ -216,14 +216,18 @@ impl LoadModel {
             let channels = channel_jets(window, polynomial, t);
             let remainder = model.remainder(&Pose::from_channels(&channels));
             let remainder = remainder.map_err(SpanFault::Kinematics)?;
-            let carriers = kinematics::carriers(&self.kinematics);
-            let parts = state.iter_mut().zip(remainder).zip(carriers).enumerate();
-            for (index, ((slot, mut joint), carrier)) in parts {
+            let joint_channels = kinematics::joint_channels(&self.kinematics);
+            let parts = state
+                .iter_mut()
+                .zip(remainder)
+                .zip(joint_channels)
+                .enumerate();
+            for (index, ((slot, mut joint), joint_channel)) in parts {
                 if winds >> index & 1 != 0 {
                     let turns = winding.follow(index, joint.value());
                     joint.0[0] += turns as f32 * core::f32::consts::TAU;
                 }
-                if let Some(channel) = carrier.and_then(|channel| channels.get(channel)) {
+                if let Some(channel) = joint_channel.and_then(|channel| channels.get(channel)) {
                     joint += *channel;
                 }
                 let Jet([position, rate, half_acceleration]) = joint;
@@ -450,12 +454,12 @@ mod tests {
                 control: control(i),
                 duration_ticks: 10,
             });
-            let carrier = window.polynomial::<f64>().acceleration(0.0)[0].abs() * 4e6 * 1e-4;
-            if i > 8 && carrier > 1.6 * 3000.0 {
+            let joint_channel = window.polynomial::<f64>().acceleration(0.0)[0].abs() * 4e6 * 1e-4;
+            if i > 8 && joint_channel > 1.6 * 3000.0 {
                 let load = model.of_span(&window, &mut Winding::default()).unwrap();
                 assert!(
                     load.alpha < 0.2,
-                    "knot {i}: {load:?}, the tip alone {carrier} mm/s²"
+                    "knot {i}: {load:?}, the tip alone {joint_channel} mm/s²"
                 );
                 looked += 1;
             }

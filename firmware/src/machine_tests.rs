@@ -466,14 +466,14 @@ mod warp;
 
 #[path = "machine_advance_tests.rs"]
 mod advance;
-#[path = "machine_by_hand_tests.rs"]
-mod by_hand;
 #[path = "machine_endless_tests.rs"]
 mod endless;
 #[path = "machine_fault_tests.rs"]
 mod fault;
 #[path = "machine_heat_tests.rs"]
 mod heat;
+#[path = "machine_jog_tests.rs"]
+mod jog;
 #[path = "machine_refusal_tests.rs"]
 mod refusal;
 #[path = "machine_switch_tests.rs"]

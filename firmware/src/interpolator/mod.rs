@@ -8,9 +8,9 @@
 
 mod ready_span;
 
-use crate::carriers::Carriers;
 use crate::configuration::MOTORS_MAX;
 use crate::design::{CEILING_OPEN, SPANS_AHEAD};
+use crate::joint_channels::JointChannels;
 use crate::load::SpanLoad;
 use crate::queue::{Ceiling, KnotQueue};
 use crate::spline::SpanShape;
@@ -69,19 +69,19 @@ pub struct Interpolator {
     shape: SpanShape,
     /// Its bases.
     bases: [ScaledUnits; MOTORS_MAX],
-    carriers: Carriers,
+    joint_channels: JointChannels,
 }
 
 impl Interpolator {
     /// At rest on the origin.
-    pub fn new(carriers: &Carriers) -> Self {
+    pub fn new(joint_channels: &JointChannels) -> Self {
         let origin = ChannelPoint::default();
-        let bases = carriers.scaled(&origin);
+        let bases = joint_channels.scaled(&origin);
         Self {
             spans: [ReadySpan::at_rest(&bases, &origin); SPANS],
             place: 0,
             ready: 0,
-            carriers: carriers.clone(),
+            joint_channels: joint_channels.clone(),
             bases,
             shape: SpanShape::at_rest(&origin),
             playing: false,
@@ -99,7 +99,7 @@ impl Interpolator {
     /// Starts anew at rest on `start`. In its place: it is large for a stack.
     pub fn start_at(&mut self, start: &ChannelPoint) {
         self.shape = SpanShape::at_rest(start);
-        self.bases = self.carriers.scaled(start);
+        self.bases = self.joint_channels.scaled(start);
         self.place = 0;
         self.ready = 0;
         self.spans[0] = ReadySpan::at_rest(&self.bases, start);
@@ -255,7 +255,7 @@ impl Interpolator {
         };
         self.shape.push(&waiting.knot);
         let next = &mut self.spans[(self.place + 1 + self.ready) % SPANS];
-        next.lay(waiting, &self.carriers, &self.shape, &mut self.bases);
+        next.lay(waiting, &self.joint_channels, &self.shape, &mut self.bases);
         self.ready += 1;
         true
     }

@@ -1,10 +1,10 @@
 //! A span as a servo tick plays it: cubics for motors, tilt and place, from exact integer bases.
 //!
-//! In: a queued knot, the spline's shape (channel units), the carriers. Out: at any tick of the span, motors
+//! In: a queued knot, the spline's shape (channel units), the joint channels. Out: at any tick of the span, motors
 //! in steps from their bases, the tilt in µrad, tip in mm and heading in rad from theirs.
 
-use crate::carriers::{Carrier, Carriers};
 use crate::configuration::MOTORS_MAX;
+use crate::joint_channels::{JointChannel, JointChannels};
 use crate::load::SpanLoad;
 use crate::queue::QueuedKnot;
 use crate::real::Real;
@@ -68,7 +68,7 @@ impl ReadySpan {
     pub(super) fn lay(
         &mut self,
         waiting: &QueuedKnot,
-        carriers: &Carriers,
+        joint_channels: &JointChannels,
         shape: &SpanShape,
         bases: &mut [ScaledUnits; MOTORS_MAX],
     ) {
@@ -76,12 +76,12 @@ impl ReadySpan {
         self.load = waiting.load;
         self.duration_q16 = u32::from(waiting.span_ticks) << 16;
         self.ends_at_rest = waiting.ends_at_rest;
-        if carriers.tilts() {
+        if joint_channels.tilts() {
             let channels = [CHANNEL_TILT_X, CHANNEL_TILT_Y];
             self.tilt_base = channels.map(|channel| shape.base()[channel]);
             self.tilt = channels.map(|channel| shape.cubic(channel, &weights));
         }
-        if carriers.follows_pose() {
+        if joint_channels.follows_pose() {
             self.place_base = PLACE_CHANNELS.map(|channel| place_of(shape.base(), channel));
             self.place = PLACE_CHANNELS.map(|channel| {
                 let natural = 1.0 / UNITS_PER_NATURAL[channel] as f32;
@@ -89,13 +89,13 @@ impl ReadySpan {
                 cubic.map(|units| units * natural)
             });
         }
-        let may_be_near = carriers.may_be_near();
+        let may_be_near = joint_channels.may_be_near();
         let ticks = f32::from(waiting.span_ticks);
         let mut reach = 0.0f32;
-        for carrier in carriers.motors() {
-            let index = carrier.motor % MOTORS_MAX;
+        for joint_channel in joint_channels.motors() {
+            let index = joint_channel.motor % MOTORS_MAX;
             let motor = &mut self.motors[index];
-            motor.lay(&mut bases[index], carrier, shape, &weights);
+            motor.lay(&mut bases[index], joint_channel, shape, &weights);
             if may_be_near {
                 reach = reach.larger(motor.reach(ticks));
             }
@@ -152,8 +152,8 @@ pub struct RestPose(ReadySpan);
 
 impl RestPose {
     /// On `start`.
-    pub fn new(carriers: &Carriers, start: &ChannelPoint) -> Self {
-        Self(ReadySpan::at_rest(&carriers.scaled(start), start))
+    pub fn new(joint_channels: &JointChannels, start: &ChannelPoint) -> Self {
+        Self(ReadySpan::at_rest(&joint_channels.scaled(start), start))
     }
 
     /// As [`super::Interpolator::offset`].
@@ -176,7 +176,7 @@ impl Offset<'_> {
         ((c3 * self.t + c2) * self.t + c1) * self.t + c0
     }
 
-    /// Where a motor's carrier is above its base, and that base: in steps where motors may be far, else in
+    /// Where a motor's joint channel is above its base, and that base: in steps where motors may be far, else in
     /// 2^-16 steps.
     #[inline(always)]
     pub fn of_motor(&self, motor: usize) -> (f32, Target) {
@@ -190,7 +190,7 @@ impl Offset<'_> {
         self.span.is_far
     }
 
-    /// Where a motor's carrier is.
+    /// Where a motor's joint channel is.
     #[inline(always)]
     pub fn target_of_motor(&self, motor: usize) -> Target {
         let (way, base) = self.of_motor(motor);
@@ -238,16 +238,16 @@ impl MotorSpan {
     fn lay(
         &mut self,
         base: &mut ScaledUnits,
-        carrier: &Carrier,
+        joint_channel: &JointChannel,
         shape: &SpanShape,
         weights: &SpanWeights<f32>,
     ) {
-        let cubic = shape.cubic(carrier.channel, weights);
-        *base = carrier
+        let cubic = shape.cubic(joint_channel.channel, weights);
+        *base = joint_channel
             .scale
-            .advanced(base, shape.base_step(carrier.channel));
+            .advanced(base, shape.base_step(joint_channel.channel));
         *self = Self {
-            cubic: cubic.map(|units| units * carrier.offset_scale),
+            cubic: cubic.map(|units| units * joint_channel.offset_scale),
             anchor: Target::of_position(base.position),
         };
     }

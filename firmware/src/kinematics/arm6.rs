@@ -17,9 +17,9 @@ use headway_protocol::units::CHANNEL_HEADING;
 use nalgebra::Vector3;
 
 /// No joint follows a channel,
-pub const CARRIERS: [Option<usize>; 6] = [None; 6];
+pub const JOINT_CHANNELS: [Option<usize>; 6] = [None; 6];
 /// but for the nozzle's own.
-pub const CARRIERS_WITH_NOZZLE: [Option<usize>; 7] =
+pub const JOINT_CHANNELS_WITH_NOZZLE: [Option<usize>; 7] =
     [None, None, None, None, None, None, Some(CHANNEL_HEADING)];
 /// Joints that count turns.
 pub const WINDS: u8 = 0b11_1111;

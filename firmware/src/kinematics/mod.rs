@@ -3,7 +3,7 @@
 //! Pure functions, generic over the number type: f64 for planning, f32 on the servo tick.
 //! Units: mm for linear joints, rad for rotary ones; joints in the machine's order.
 //!
-//! A joint position is a *carrier* plus a *remainder*. The carrier is the one channel that the
+//! A joint position is a *joint channel* plus a *remainder*. The joint channel is the one channel that the
 //! joint follows one to one (X carries x, C carries the heading), kept as an exact integer on the
 //! controller; the remainder is what the tilt adds, small enough for f32. The split is what keeps
 //! step counts exact far from the origin.
@@ -67,22 +67,22 @@ impl<R> Joints<R> {
 /// Number of joints of a machine, the extruder not counted.
 pub const fn joint_count(kinematics: &Kinematics) -> usize {
     match kinematics {
-        Kinematics::Planar => planar::CARRIERS.len(),
-        Kinematics::Gantry { .. } => gantry::CARRIERS.len(),
-        Kinematics::Trunnion { .. } => trunnion::CARRIERS.len(),
-        Kinematics::Arm6 { arm, .. } if arm.nozzle => arm6::CARRIERS_WITH_NOZZLE.len(),
-        Kinematics::Arm6 { .. } => arm6::CARRIERS.len(),
+        Kinematics::Planar => planar::JOINT_CHANNELS.len(),
+        Kinematics::Gantry { .. } => gantry::JOINT_CHANNELS.len(),
+        Kinematics::Trunnion { .. } => trunnion::JOINT_CHANNELS.len(),
+        Kinematics::Arm6 { arm, .. } if arm.nozzle => arm6::JOINT_CHANNELS_WITH_NOZZLE.len(),
+        Kinematics::Arm6 { .. } => arm6::JOINT_CHANNELS.len(),
     }
 }
 
 /// For each joint the channel that it follows one to one, if any.
-pub const fn carriers(kinematics: &Kinematics) -> &'static [Option<usize>] {
+pub const fn joint_channels(kinematics: &Kinematics) -> &'static [Option<usize>] {
     match kinematics {
-        Kinematics::Planar => &planar::CARRIERS,
-        Kinematics::Gantry { .. } => &gantry::CARRIERS,
-        Kinematics::Trunnion { .. } => &trunnion::CARRIERS,
-        Kinematics::Arm6 { arm, .. } if arm.nozzle => &arm6::CARRIERS_WITH_NOZZLE,
-        Kinematics::Arm6 { .. } => &arm6::CARRIERS,
+        Kinematics::Planar => &planar::JOINT_CHANNELS,
+        Kinematics::Gantry { .. } => &gantry::JOINT_CHANNELS,
+        Kinematics::Trunnion { .. } => &trunnion::JOINT_CHANNELS,
+        Kinematics::Arm6 { arm, .. } if arm.nozzle => &arm6::JOINT_CHANNELS_WITH_NOZZLE,
+        Kinematics::Arm6 { .. } => &arm6::JOINT_CHANNELS,
     }
 }
 
@@ -132,7 +132,7 @@ impl<R: Real> Model<R> {
         }
     }
 
-    /// What each joint adds to its carrier.
+    /// What each joint adds to its joint channel.
     ///
     /// # Errors
     /// See [`KinematicsError`]. The tip of the pose may be anything where
@@ -158,7 +158,7 @@ impl<R: Real> Model<R> {
     }
 }
 
-/// What each joint adds to its carrier, see [`Model::remainder`].
+/// What each joint adds to its joint channel, see [`Model::remainder`].
 ///
 /// # Errors
 /// See [`KinematicsError`].
@@ -190,15 +190,15 @@ pub fn inverse<R: Real>(
         return Err(KinematicsError::NotFinite);
     }
     let mut position = remainder(kinematics, pose)?;
-    let carriers = carriers(kinematics);
-    for (joint, carrier) in position.iter_mut().zip(carriers) {
-        if let Some(channel) = carrier.and_then(|channel| channels.get(channel)) {
+    let joint_channels = joint_channels(kinematics);
+    for (joint, joint_channel) in position.iter_mut().zip(joint_channels) {
+        if let Some(channel) = joint_channel.and_then(|channel| channels.get(channel)) {
             *joint += *channel;
         }
     }
     Ok(Joints {
         position,
-        count: carriers.len(),
+        count: joint_channels.len(),
     })
 }
 

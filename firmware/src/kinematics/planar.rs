@@ -8,7 +8,7 @@ use headway_protocol::units::{CHANNEL_HEADING, CHANNEL_X, CHANNEL_Y, CHANNEL_Z};
 use nalgebra::{Vector2, Vector3};
 
 /// X Y Z C follow x, y, z and the heading.
-pub const CARRIERS: [Option<usize>; 4] = [
+pub const JOINT_CHANNELS: [Option<usize>; 4] = [
     Some(CHANNEL_X),
     Some(CHANNEL_Y),
     Some(CHANNEL_Z),

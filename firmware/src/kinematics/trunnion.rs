@@ -16,7 +16,8 @@ use headway_protocol::units::CHANNEL_HEADING;
 use nalgebra::{Vector2, Vector3};
 
 /// H follows the heading; the others turn with the table.
-pub const CARRIERS: [Option<usize>; 6] = [None, None, None, None, None, Some(CHANNEL_HEADING)];
+pub const JOINT_CHANNELS: [Option<usize>; 6] =
+    [None, None, None, None, None, Some(CHANNEL_HEADING)];
 
 /// Joints that count turns: C and H.
 pub const WINDS: u8 = 0b11_0000;

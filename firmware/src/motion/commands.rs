@@ -100,7 +100,7 @@ impl Motion {
         &mut self,
         position: &ChannelPoint,
     ) -> Result<(RestPose, [i64; MOTORS_MAX]), CommandError> {
-        let pose = RestPose::new(&self.carriers, position);
+        let pose = RestPose::new(&self.joint_channels, position);
         let targets = self.joints.targets(&pose);
         let targets = targets.map_err(|_| CommandError::Invalid)?;
         Ok((pose, targets))
@@ -183,7 +183,7 @@ impl Motion {
         match self.phase {
             Phase::Idle => {}
             Phase::Finished => self.phase = Phase::Idle,
-            Phase::Filling { .. } | Phase::Running | Phase::ByHand => self.aborting = true,
+            Phase::Filling { .. } | Phase::Running | Phase::Jog => self.aborting = true,
         }
     }
 

@@ -8,14 +8,13 @@
 //! Everything here is called by the servo interrupt, except the commands, which a board calls
 //! under a short lock. Deadline of [`Motion::tick`] on a board: one servo period.
 
-mod by_hand;
 mod commands;
 mod faults;
 mod heated;
+mod jog;
 mod rate;
 mod status;
 
-use crate::carriers::Carriers;
 use crate::configuration::MachineConfiguration;
 use crate::delay::delay_ticks;
 use crate::design::{
@@ -30,14 +29,15 @@ use crate::hold::Hold;
 use crate::homing::HomingConfiguration;
 use crate::inputs::{Inputs, SwitchGuard};
 use crate::interpolator::{Interpolator, TICK_Q16};
+use crate::joint_channels::JointChannels;
 use crate::joints::JointTargets;
 use crate::queue::KnotQueue;
 use crate::steps::{StepBank, StepProgrammer, WaitingTargets};
 use crate::time_warp::TimeWarp;
-use by_hand::ByHand;
 pub use faults::EMERGENCY;
 use faults::step_rate_fault;
 use headway_protocol::message::{Fault, FaultCause};
+use jog::Jog;
 
 /// Where a stream stands.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -51,7 +51,7 @@ enum Phase {
     /// Ran to its end.
     Finished,
     /// No stream; a joint moves, or melt, by command.
-    ByHand,
+    Jog,
 }
 
 /// What is known of the motors' place in the world.
@@ -133,8 +133,8 @@ pub struct Motion {
     flow: Flow,
     events: EventQueue,
     interpolator: Interpolator,
-    carriers: Carriers,
-    by_hand: ByHand,
+    joint_channels: JointChannels,
+    jog: Jog,
     heat: HeatPanel,
     waiting: WaitingTargets,
     queue: KnotQueue,
@@ -144,14 +144,14 @@ impl Motion {
     /// At rest, nothing declared.
     pub fn new(configuration: &MachineConfiguration, switches: &HomingConfiguration) -> Self {
         let servo_hz = configuration.servo_hz.max(1);
-        let carriers = Carriers::new(configuration);
+        let joint_channels = JointChannels::new(configuration);
         let joints = JointTargets::new(configuration);
         let motors = joints.count() + 1;
         Self {
             joints,
             extruder_guard: ExtruderGuard::new(configuration),
-            interpolator: Interpolator::new(&carriers),
-            carriers,
+            interpolator: Interpolator::new(&joint_channels),
+            joint_channels,
             waiting: WaitingTargets::NONE,
             queue: KnotQueue::new(),
             events: EventQueue::default(),
@@ -162,7 +162,7 @@ impl Motion {
             phase: Phase::Idle,
             reference: Reference::default(),
             follows_path: false,
-            by_hand: ByHand::new(configuration, switches),
+            jog: Jog::new(configuration, switches),
             heat: HeatPanel::default(),
             inputs: Inputs::default(),
             switch_guard: SwitchGuard::default(),
@@ -199,8 +199,8 @@ impl Motion {
             self.stop_at_once(fault);
             return false;
         }
-        let programmed = if self.phase == Phase::ByHand {
-            let targets = self.tick_by_hand();
+        let programmed = if self.phase == Phase::Jog {
+            let targets = self.tick_jog();
             let advanced = self.programmer.advance(&targets, bank);
             advanced.map_err(|exceeded| step_rate_fault(exceeded, self.servo_hz))
         } else {

@@ -29,8 +29,8 @@ impl Motion {
             Phase::Running if self.held => DeviceState::Starved,
             Phase::Running => DeviceState::Running,
             Phase::Finished => DeviceState::Finished,
-            Phase::ByHand if self.by_hand.is_homing() => DeviceState::Homing,
-            Phase::ByHand => DeviceState::Jogging,
+            Phase::Jog if self.jog.is_homing() => DeviceState::Homing,
+            Phase::Jog => DeviceState::Jogging,
         }
     }
 

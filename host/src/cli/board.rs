@@ -1,9 +1,9 @@
 //! `headway board`: questions and commands to a board, a board without hardware, replay of logs.
 
 use super::args_board::{BoardArgs, BoardCommand, BoardMachineArgs, PortArgs};
-use super::by_hand::{extrude, jog, joint_number, set_joint};
 use super::console::Console;
 use super::heat::{heat, heaters_json, heaters_text, is_there};
+use super::jog::{extrude, jog, joint_number, set_joint};
 use super::stream::{ANSWER_PATIENCE, catch_interrupts, host_session, no_answer, open};
 use super::tune::tune;
 use super::{CliError, load};

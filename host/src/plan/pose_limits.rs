@@ -34,10 +34,10 @@ impl PoseLimits {
     /// The limits of printing with these settings.
     pub fn of(settings: &Settings) -> PoseLimits {
         let (machine, share) = (&settings.machine, settings.plan_share);
-        let carriers = kinematics::carriers(&machine.kinematics);
+        let joint_channels = kinematics::joint_channels(&machine.kinematics);
         let of_channel = |channel: usize| {
-            let joints = machine.joints.iter().zip(carriers);
-            let joints = joints.filter(|(_, carrier)| **carrier == Some(channel));
+            let joints = machine.joints.iter().zip(joint_channels);
+            let joints = joints.filter(|(_, joint_channel)| **joint_channel == Some(channel));
             let least = AxisLimits {
                 speed: f64::INFINITY,
                 acceleration: f64::INFINITY,
@@ -114,7 +114,7 @@ impl GroundPrice {
 
     /// The ground that a move from a bead and back to it must bring, mm²: `way` is out and back with a
     /// stop where it turns back, and ends where it began.
-    pub fn of_excursion_mm2(&self, way: &[Configuration]) -> f64 {
+    pub fn of_gap_fill_mm2(&self, way: &[Configuration]) -> f64 {
         let (mut way_mm, mut turn_rad) = (0.0, 0.0);
         let starts = way.last().into_iter().chain(way);
         for (from, to) in starts.zip(way) {
@@ -131,22 +131,22 @@ mod tests {
     use super::*;
     use crate::geometry::Point2;
 
-    /// Goal: the price of an excursion is its time over the settings' price. Method: 1 mm out and back
+    /// Goal: the price of a gap-fill move is its time over the settings' price. Method: 1 mm out and back
     /// without a turn on the built-in machine, 95 % of 3000 mm/s² and 3·10⁵ mm/s³, by hand; a turn by a
     /// radian in place takes longer.
     #[test]
-    fn an_excursion_costs_its_time() {
+    fn a_gap_fill_move_costs_its_time() {
         let settings = Settings::default();
         let price = GroundPrice::of(&settings);
         let at = |x: f64, heading_rad: f64| Configuration {
             center: Point2::new(x, 0.0),
             heading_rad,
         };
-        let found = price.of_excursion_mm2(&[at(1.0, 0.0), at(0.0, 0.0)]);
+        let found = price.of_gap_fill_mm2(&[at(1.0, 0.0), at(0.0, 0.0)]);
         let one_way_s = 2.0 * (1.0f64 / (0.95 * 3000.0)).sqrt() + 2.0 * 3000.0 / 3e5;
         let expected = 2.0 * one_way_s / settings.quality.price_s_mm2();
         assert!((found - expected).abs() < 1e-12, "{found} {expected}");
-        let turned = price.of_excursion_mm2(&[at(1.0, 3.0), at(0.0, 0.0)]);
+        let turned = price.of_gap_fill_mm2(&[at(1.0, 3.0), at(0.0, 0.0)]);
         assert!(turned > found);
     }
 }

@@ -25,10 +25,10 @@ const ROOM_RAD: [f64; 3] = [0.03, 0.1, 0.25];
 /// Stops of the joint that follows the heading one to one, rad; the tool stands upright.
 pub fn heading_range(settings: &Settings) -> [f64; 2] {
     let machine = &settings.machine;
-    let carriers = kinematics::carriers(&machine.kinematics).iter();
-    let mut turning = carriers
+    let joint_channels = kinematics::joint_channels(&machine.kinematics).iter();
+    let mut turning = joint_channels
         .zip(&machine.joints)
-        .filter(|(carrier, _)| **carrier == Some(CHANNEL_HEADING));
+        .filter(|(joint_channel, _)| **joint_channel == Some(CHANNEL_HEADING));
     turning
         .next()
         .map_or([f64::NEG_INFINITY, f64::INFINITY], |(_, joint)| {

@@ -351,7 +351,7 @@ fn bridge(
     with_ways(passes, loops, [opened(0)?, opened(1)?], aperture, walls)
 }
 
-/// The bridge between two openings, if there are free ways.
+/// The bridge between two openings, if there are connections.
 fn with_ways(
     passes: &[LayerPass],
     loops: [usize; 2],

@@ -167,7 +167,7 @@ fn ends_at_loops(passes: &[LayerPass], reach_mm: f64) -> Vec<(End, End)> {
     near
 }
 
-/// The free ways from the end of a run onto a loop, either way round.
+/// The connections from the end of a run onto a loop, either way round.
 fn meetings_at(
     passes: &[LayerPass],
     end: End,

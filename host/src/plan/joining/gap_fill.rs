@@ -38,7 +38,7 @@ const REACH: f64 = 3.0;
 /// memory.
 const BATCH: usize = 64;
 
-/// Fills the gaps that `passes` leave in the region bounded by `walls`, with excursions that bring
+/// Fills the gaps that `passes` leave in the region bounded by `walls`, with gap-fill moves that bring
 /// the ground that their time is worth (any, where there is no price).
 pub fn fill_gaps(
     passes: &mut [LayerPass],
@@ -108,7 +108,7 @@ fn best_of(
 ) -> Option<GapFillMove> {
     let mut best: Option<(f64, GapFillMove)> = None;
     for fill in moves {
-        let worth_mm2 = price.map_or(0.0, |price| price.of_excursion_mm2(&fill.fill));
+        let worth_mm2 = price.map_or(0.0, |price| price.of_gap_fill_mm2(&fill.fill));
         let net = raster.net_mm2(&fill.ground) - worth_mm2;
         let least = NET_SHARE_MIN * aperture.area_mm2();
         if net > best.as_ref().map_or(least, |b| b.0) {
@@ -160,7 +160,7 @@ impl Starts {
         found.iter().map(|f| [f.1, f.2]).collect()
     }
 
-    /// Gap-fill moves to `at` from the nearest starts that have a free way there.
+    /// Gap-fill moves to `at` from the nearest starts that have a connection there.
     fn gap_fill_moves_to(
         &self,
         at: Configuration,

@@ -333,8 +333,8 @@ pub fn joint_point(kinematics: &Kinematics, point: &CurvePoint) -> Result<JointP
         error,
         at_mm: tip_mm(&point.value),
     })?;
-    for (jet, carrier) in jets.iter_mut().zip(kinematics::carriers(kinematics)) {
-        if let Some(channel) = *carrier {
+    for (jet, joint_channel) in jets.iter_mut().zip(kinematics::joint_channels(kinematics)) {
+        if let Some(channel) = *joint_channel {
             *jet += channels[channel];
         }
     }

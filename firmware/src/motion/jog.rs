@@ -22,7 +22,7 @@ const Z: usize = 2;
 
 /// State of the moves by hand.
 #[derive(Clone, Debug)]
-pub(super) struct ByHand {
+pub(super) struct Jog {
     machine: MachineConfiguration,
     switches: HomingConfiguration,
     /// Joints to be homed, and how many of them are.
@@ -40,7 +40,7 @@ pub(super) struct ByHand {
     extruder_offset: i64,
 }
 
-impl ByHand {
+impl Jog {
     pub(super) fn new(machine: &MachineConfiguration, switches: &HomingConfiguration) -> Self {
         Self {
             machine: machine.clone(),
@@ -141,7 +141,7 @@ impl Motion {
     }
 
     fn set_joint(&mut self, joint: usize, position_units: i32) -> Result<(), CommandError> {
-        let position = self.by_hand.position_of(joint, position_units);
+        let position = self.jog.position_of(joint, position_units);
         let position = position.ok_or(CommandError::Invalid)?;
         if !self.joints.is_in_range(joint, position) {
             return Err(CommandError::Invalid);
@@ -157,7 +157,7 @@ impl Motion {
             *slot = position;
         }
         self.programmer.set_positions(&positions);
-        self.by_hand.targets = positions;
+        self.jog.targets = positions;
         self.reference.learn(1 << joint);
         self.follows_path = false;
     }
@@ -168,7 +168,7 @@ impl Motion {
         distance_units: i32,
         speed_units_s: u32,
     ) -> Result<(), CommandError> {
-        let hand = &self.by_hand;
+        let hand = &self.jog;
         let distance = hand.position_of(joint, distance_units);
         let (Some(distance), Some(limits)) = (distance, hand.machine.joints.get(joint)) else {
             return Err(CommandError::Invalid);
@@ -188,10 +188,10 @@ impl Motion {
                 return Err(CommandError::Invalid);
             }
         }
-        self.by_hand.route.clear();
-        self.begin_by_hand();
-        self.by_hand.joint = joint;
-        self.by_hand.mover.begin(here, distance, limits);
+        self.jog.route.clear();
+        self.begin_jog();
+        self.jog.joint = joint;
+        self.jog.mover.begin(here, distance, limits);
         Ok(())
     }
 
@@ -199,7 +199,7 @@ impl Motion {
         let (_, targets) = self.rest_targets(position)?;
         let here = self.programmer.newest_targets(&self.waiting);
         let known = self.reference.known;
-        let hand = &mut self.by_hand;
+        let hand = &mut self.jog;
         hand.route.clear();
         let rises = targets.get(Z) > here.get(Z);
         let mut add = |joint: usize| {
@@ -219,15 +219,15 @@ impl Motion {
         if !rises {
             add(Z);
         }
-        self.begin_by_hand();
-        self.by_hand.mover = JointMove::at_rest(self.joint_position(0));
-        self.by_hand.joint = 0;
+        self.begin_jog();
+        self.jog.mover = JointMove::at_rest(self.joint_position(0));
+        self.jog.joint = 0;
         Ok(())
     }
 
     /// Begins the next move of the route once the last one rests. True while there is one to come.
     fn go_on(&mut self) -> bool {
-        let hand = &self.by_hand;
+        let hand = &self.jog;
         let Some(&(joint, goal)) = hand.route.get(hand.begun) else {
             return false;
         };
@@ -240,15 +240,15 @@ impl Motion {
             let speed = GO_TO_SPEED_SHARE * limits.speed_max;
             let limits = MoveLimits::new(limits, speed, self.servo_hz);
             let way = self.joints.way_to(joint, goal, here);
-            self.by_hand.mover.begin(here, way, limits);
+            self.jog.mover.begin(here, way, limits);
         }
-        self.by_hand.joint = joint;
-        self.by_hand.begun += 1;
+        self.jog.joint = joint;
+        self.jog.begun += 1;
         true
     }
 
     fn home(&mut self, order: JointOrder) -> Result<(), CommandError> {
-        let hand = &mut self.by_hand;
+        let hand = &mut self.jog;
         hand.order.clear();
         if order == JointOrder::ALL {
             let all = hand.switches.joints.iter().map(|switch| switch.joint);
@@ -261,16 +261,16 @@ impl Motion {
             hand.order.clear();
             return Err(CommandError::Invalid);
         }
-        self.by_hand.homed = 0;
-        self.by_hand.route.clear();
-        self.begin_by_hand();
+        self.jog.homed = 0;
+        self.jog.route.clear();
+        self.begin_jog();
         self.home_next();
         Ok(())
     }
 
     /// Begins with the next joint of the order.
     fn home_next(&mut self) {
-        let hand = &mut self.by_hand;
+        let hand = &mut self.jog;
         hand.homing = hand.order.get(hand.homed).and_then(|joint| {
             hand.joint = usize::from(*joint);
             let switch = hand.switches.of(*joint)?;
@@ -288,21 +288,21 @@ impl Motion {
         volume_units: u32,
         duration_ticks: Ticks,
     ) -> Result<(), CommandError> {
-        let extruder = &self.by_hand.machine.extruder;
+        let extruder = &self.jog.machine.extruder;
         let volume_mm3 = f64::from(volume_units) / UNITS_PER_NATURAL[CHANNEL_VOLUME];
         let duration_s = f64::from(duration_ticks.0) / f64::from(self.servo_hz);
         if event_ratio(extruder, volume_mm3, duration_s) > 1.0 {
             return Err(CommandError::Invalid);
         }
-        self.by_hand.route.clear();
-        self.begin_by_hand();
+        self.jog.route.clear();
+        self.begin_jog();
         let motor = self.joints.count();
         let here = self.joint_position(motor);
         self.flow.declare(Target::default());
-        self.by_hand.extruder_offset = here;
+        self.jog.extruder_offset = here;
         // Nobody moves: the mover rests where the first joint is.
-        self.by_hand.joint = 0;
-        self.by_hand.mover = JointMove::at_rest(self.joint_position(0));
+        self.jog.joint = 0;
+        self.jog.mover = JointMove::at_rest(self.joint_position(0));
         self.flow.begin(&FlowEvent {
             span: 0,
             offset_ticks: 0,
@@ -321,34 +321,34 @@ impl Motion {
             .unwrap_or_default()
     }
 
-    fn begin_by_hand(&mut self) {
-        self.phase = Phase::ByHand;
-        self.by_hand.begun = 0;
+    fn begin_jog(&mut self) {
+        self.phase = Phase::Jog;
+        self.jog.begun = 0;
         self.idle_ticks = 0;
         self.follows_path = false;
         self.aborting = false;
         self.drivers_on = true;
         self.programmer.forget(&self.waiting);
-        self.by_hand.targets = self.programmer.newest_targets(&self.waiting);
+        self.jog.targets = self.programmer.newest_targets(&self.waiting);
         let motor = self.joints.count();
         self.flow.declare(Target::default());
-        self.by_hand.extruder_offset = self.joint_position(motor);
+        self.jog.extruder_offset = self.joint_position(motor);
     }
 
     /// One servo tick: the motors' targets.
-    pub(super) fn tick_by_hand(&mut self) -> [i64; MOTORS_MAX] {
+    pub(super) fn tick_jog(&mut self) -> [i64; MOTORS_MAX] {
         let motor = self.joints.count();
         if self.aborting || self.fault.is_some() {
-            self.by_hand.homing = None;
-            self.by_hand.order.clear();
-            self.by_hand.route.clear();
-            self.by_hand.mover.brake();
+            self.jog.homing = None;
+            self.jog.order.clear();
+            self.jog.route.clear();
+            self.jog.mover.brake();
             self.flow.cut();
         }
         self.tick_homing();
         let goes_on = self.go_on();
         let flow = self.flow.target(Target::default()).0.distance();
-        let hand = &mut self.by_hand;
+        let hand = &mut self.jog;
         if let Some(target) = hand.targets.get_mut(motor) {
             *target = hand.extruder_offset + flow;
         }
@@ -361,12 +361,12 @@ impl Motion {
             self.phase = Phase::Idle;
             self.aborting = false;
         }
-        self.by_hand.targets
+        self.jog.targets
     }
 
     fn tick_homing(&mut self) {
-        let joint = self.by_hand.joint;
-        let rests = self.by_hand.mover.is_done() && self.programmer.is_at_rest();
+        let joint = self.jog.joint;
+        let rests = self.jog.mover.is_done() && self.programmer.is_at_rest();
         let places = if rests {
             self.programmer.newest_targets(&self.waiting)
         } else {
@@ -374,7 +374,7 @@ impl Motion {
         };
         let here = places.get(joint).copied().unwrap_or_default();
         let pressed = self.inputs.switches >> joint & 1 == 1;
-        let hand = &mut self.by_hand;
+        let hand = &mut self.jog;
         let Some(homing) = &mut hand.homing else {
             return;
         };
@@ -382,10 +382,10 @@ impl Motion {
             HomingOutcome::Moving => {}
             HomingOutcome::Homed(shift) => {
                 self.declare_joint(joint, here.saturating_add(shift));
-                self.by_hand.homed += 1;
+                self.jog.homed += 1;
                 self.home_next();
-                let place = self.joint_position(self.by_hand.joint);
-                self.by_hand.mover = JointMove::at_rest(place);
+                let place = self.joint_position(self.jog.joint);
+                self.jog.mover = JointMove::at_rest(place);
             }
             HomingOutcome::Failed => self.fail_softly(Fault {
                 cause: FaultCause::Homing,
@@ -398,8 +398,8 @@ impl Motion {
     /// Joints whose switch must stop what moves now.
     pub(super) fn guarded_switches(&self) -> u8 {
         match self.phase {
-            Phase::Running => self.by_hand.all_guards(),
-            Phase::ByHand => self.by_hand.guarded(),
+            Phase::Running => self.jog.all_guards(),
+            Phase::Jog => self.jog.guarded(),
             Phase::Idle | Phase::Filling { .. } | Phase::Finished => 0,
         }
     }

@@ -10,31 +10,31 @@ use heapless::Vec;
 
 /// A motor that follows a channel.
 #[derive(Clone, Copy, Debug, Default)]
-pub struct Carrier {
+pub struct JointChannel {
     /// Which motor.
     pub motor: usize,
     /// Channel that it follows.
     pub channel: usize,
     /// Motor steps of its units.
     pub scale: StepScale,
-    /// The same for small offsets: steps, or 2^-16 steps where [`Carriers::may_be_near`].
+    /// The same for small offsets: steps, or 2^-16 steps where [`JointChannels::may_be_near`].
     pub offset_scale: f32,
 }
 
 /// All of them: joints in order, then the extruder.
 #[derive(Clone, Debug)]
-pub struct Carriers {
-    motors: Vec<Carrier, MOTORS_MAX>,
+pub struct JointChannels {
+    motors: Vec<JointChannel, MOTORS_MAX>,
     /// A joint follows no channel: it comes from the tilt,
     tilts: bool,
     /// or from the whole pose.
     follows_pose: bool,
 }
 
-impl Carriers {
+impl JointChannels {
     /// From the machine's configuration.
     pub fn new(configuration: &MachineConfiguration) -> Self {
-        let channels = kinematics::carriers(&configuration.kinematics);
+        let channels = kinematics::joint_channels(&configuration.kinematics);
         let joints = configuration
             .joints
             .iter()
@@ -54,7 +54,7 @@ impl Carriers {
         let motors = all.enumerate().filter_map(|(motor, (channel, steps))| {
             let channel = (*channel)?;
             let scale = StepScale::new(steps / UNITS_PER_NATURAL.get(channel)?);
-            Some(Carrier {
+            Some(JointChannel {
                 motor,
                 channel,
                 scale,
@@ -86,16 +86,16 @@ impl Carriers {
 
     /// The motors that follow a channel.
     #[inline(always)]
-    pub fn motors(&self) -> &[Carrier] {
+    pub fn motors(&self) -> &[JointChannel] {
         &self.motors
     }
 
     /// Where the motors are at `base`; 0 for those that follow no channel.
     pub fn scaled(&self, base: &ChannelPoint) -> [ScaledUnits; MOTORS_MAX] {
         let mut scaled = [ScaledUnits::default(); MOTORS_MAX];
-        for carrier in &self.motors {
-            let units = base.get(carrier.channel).copied().unwrap_or(0);
-            scaled[carrier.motor % MOTORS_MAX] = carrier.scale.scaled(i64::from(units));
+        for joint_channel in &self.motors {
+            let units = base.get(joint_channel.channel).copied().unwrap_or(0);
+            scaled[joint_channel.motor % MOTORS_MAX] = joint_channel.scale.scaled(i64::from(units));
         }
         scaled
     }
