@@ -7,9 +7,9 @@
 use super::half_edges::{Edges, ends};
 use super::{Mesh, Point3, volume_mm3};
 
-/// What was turned.
+/// What was turned to look outwards.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
-pub(super) struct Turned {
+pub(super) struct Reoriented {
     /// Triangles that looked the other way than their neighbours.
     pub triangles: usize,
     /// Shells that looked inwards all over.
@@ -17,9 +17,9 @@ pub(super) struct Turned {
 }
 
 /// Makes neighbours agree, and shells look outwards.
-pub(super) fn orient(mesh: &mut Mesh) -> Turned {
+pub(super) fn orient(mesh: &mut Mesh) -> Reoriented {
     let (shell_of, triangles) = agree(mesh);
-    Turned {
+    Reoriented {
         triangles,
         shells: turn_shells(mesh, &shell_of),
     }

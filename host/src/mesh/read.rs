@@ -3,7 +3,7 @@
 use super::clean::{Cleaned, clean, with_shared_vertices};
 use super::close_gaps::{ClosedGaps, GAP_MAX_MM, close_gaps};
 use super::error::At3;
-use super::orient::{Turned, orient};
+use super::orient::{Reoriented, orient};
 use super::{Mesh, MeshError, Point3, obj, stl, threemf};
 
 /// Most triangles that are read: 1 GB while they are sorted.
@@ -208,7 +208,7 @@ fn check_size(mesh: &Mesh) -> Result<(), MeshError> {
     Ok(())
 }
 
-fn notes_of(cleaned: Cleaned, turned: Turned, gaps: ClosedGaps) -> Vec<String> {
+fn notes_of(cleaned: Cleaned, turned: Reoriented, gaps: ClosedGaps) -> Vec<String> {
     let mut notes = Vec::new();
     let mut note = |count: usize, text: String| {
         if count > 0 {
@@ -231,7 +231,7 @@ fn notes_of(cleaned: Cleaned, turned: Turned, gaps: ClosedGaps) -> Vec<String> {
         duplicates,
         many(duplicates, "copied triangle") + " left out",
     );
-    let Turned { triangles, shells } = turned;
+    let Reoriented { triangles, shells } = turned;
     note(
         triangles,
         many(triangles, "triangle") + " looked the other way than its neighbours; turned",
