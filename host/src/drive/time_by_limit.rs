@@ -174,12 +174,26 @@ impl Places {
         let ticks: u64 = self.ticks.values().sum();
         let most = self.ticks.iter().max_by_key(|(_, ticks)| **ticks);
         if let Some((&key, _)) = most {
-            let behind = self.slowest.partition_point(|other| other.0 >= ticks);
-            self.slowest.insert(behind, (ticks, self.at_mm, key));
-            self.slowest.truncate(PLACES);
+            self.keep(ticks, key);
         }
         self.ticks.clear();
         self.way_mm = 0.0;
+    }
+
+    /// The same place on another layer counts once, where it is slowest.
+    fn keep(&mut self, ticks: u64, key: Key) {
+        let at_mm = self.at_mm;
+        let apart_mm = |other: &[f64; 3]| (other[0] - at_mm[0]).hypot(other[1] - at_mm[1]);
+        let mut others = self.slowest.iter();
+        if let Some(same) = others.position(|(_, other, _)| apart_mm(other) < PLACE_MM) {
+            if self.slowest[same].0 >= ticks {
+                return;
+            }
+            self.slowest.remove(same);
+        }
+        let behind = self.slowest.partition_point(|other| other.0 >= ticks);
+        self.slowest.insert(behind, (ticks, at_mm, key));
+        self.slowest.truncate(PLACES);
     }
 }
 
@@ -204,6 +218,14 @@ mod tests {
                 slow.into_iter()
                     .all(|pair| pair[0].seconds >= pair[1].seconds)
             );
+            // No place is told twice.
+            for (i, one) in found.slow_places.iter().enumerate() {
+                let others = found.slow_places[..i].iter();
+                let apart = |other: &SlowPlace| {
+                    (other.at_mm[0] - one.at_mm[0]).hypot(other.at_mm[1] - one.at_mm[1])
+                };
+                assert!(others.into_iter().all(|other| apart(other) >= PLACE_MM));
+            }
             found
         };
         settings.speed_mm_s = 1e6;
