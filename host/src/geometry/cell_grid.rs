@@ -76,6 +76,17 @@ impl CellGrid {
         }
     }
 
+    /// The cells that the aperture may cover at any of the poses, or up to `beyond_mm` from them.
+    pub fn window_of<'a>(
+        &self,
+        aperture: &Aperture,
+        poses: impl IntoIterator<Item = &'a Configuration>,
+        beyond_mm: f64,
+    ) -> CellWindow {
+        let centers: Vec<Point2> = poses.into_iter().map(|at| at.center).collect();
+        self.window_about(&Box2::of(&centers).grown(aperture.reach_mm() + beyond_mm))
+    }
+
     /// The rows of one band, all columns.
     pub fn band(&self, band: usize) -> CellWindow {
         let first = band * BAND_ROWS;
@@ -181,6 +192,44 @@ pub fn for_beyond([from, to]: [usize; 2], known: [usize; 2], mut visit: impl FnM
         if !columns.is_empty() {
             visit(columns);
         }
+    }
+}
+
+/// What swept each row of a window last, and which columns: of the cells that a pose shares with the
+/// one before it in a row only the first and the last visit count, so that a step costs what it adds.
+pub struct SweptRows<T> {
+    first_row: usize,
+    last: Vec<(T, [usize; 2])>,
+}
+
+impl<T: Copy> SweptRows<T> {
+    /// Nothing swept yet; `none` is nobody's mark.
+    pub fn of(window: &CellWindow, none: T) -> SweptRows<T> {
+        SweptRows {
+            first_row: window.rows[0],
+            last: vec![(none, NO_COLUMNS); window.rows[1] + 1 - window.rows[0]],
+        }
+    }
+
+    /// Comes to columns of a row: the mark and the columns that were there before.
+    pub fn come(&mut self, row: usize, mark: T, columns: [usize; 2]) -> (T, [usize; 2]) {
+        std::mem::replace(&mut self.last[row - self.first_row], (mark, columns))
+    }
+
+    /// Comes to columns of a row, and visits those that were not swept last in it, or all of them
+    /// where the sweep does not go on from that mark.
+    #[inline]
+    pub fn for_new(
+        &mut self,
+        row: usize,
+        mark: T,
+        columns: [usize; 2],
+        goes_on: impl FnOnce(T) -> bool,
+        visit: impl FnMut(Range<usize>),
+    ) {
+        let (before, known) = self.come(row, mark, columns);
+        let known = if goes_on(before) { known } else { NO_COLUMNS };
+        for_beyond(columns, known, visit);
     }
 }
 

@@ -5,12 +5,10 @@
 //! beads swing or lie over each other anyway. Input: passes. Output: what a cut costs, and where
 //! the piece behind it begins.
 
-use crate::geometry::Point2;
 use crate::geometry::aperture::Aperture;
-use crate::geometry::coverage::{Cell, Coverage};
+use crate::geometry::coverage::{Cell, Coverage, return_mm};
 use crate::geometry::edge_index::EdgeIndex;
-use crate::geometry::polygon::Box2;
-use crate::plan::coverage::visits::{CELLS_MAX, coverage};
+use crate::plan::coverage::raster::{CELLS_MAX, is_fine, within_walls};
 use crate::plan::pass::sweep::poses_between;
 use crate::plan::pass::{LayerPass, Placement};
 
@@ -19,9 +17,6 @@ use crate::plan::pass::{LayerPass, Placement};
 const OPEN_WEIGHT: i64 = 15;
 /// Most placements of the second piece that are left out.
 const SKIPPED_MAX: usize = 64;
-/// Largest cell against the minor semi-axis: a coarser raster (of a region of more than about 0.28
-/// m with the built-in aperture) says nothing about a cut.
-const CELL_SHARE_MAX: f64 = 0.5;
 
 /// What the passes of a region cover, and how often.
 pub struct DepositedArea {
@@ -36,8 +31,8 @@ impl DepositedArea {
         walls: &EdgeIndex,
         aperture: &Aperture,
     ) -> Option<DepositedArea> {
-        let raster = coverage(passes, walls, aperture, CELLS_MAX);
-        (raster.cell_mm <= CELL_SHARE_MAX * aperture.minor_mm()).then_some(DepositedArea {
+        let raster = within_walls(passes, walls, aperture, CELLS_MAX, return_mm(aperture));
+        is_fine(raster.cell_mm, aperture).then_some(DepositedArea {
             raster,
             aperture: *aperture,
         })
@@ -62,9 +57,9 @@ impl DepositedArea {
 
     /// The cells that a pass lays, and is alone to lay.
     fn laid_once(&self, placements: &[Placement]) -> Vec<LaidCell> {
-        let centers: Vec<Point2> = placements.iter().map(|p| p.at.center).collect();
         let grid = self.raster.grid();
-        let window = grid.window_about(&Box2::of(&centers).grown(self.aperture.reach_mm()));
+        let placed = placements.iter().map(|placement| &placement.at);
+        let window = grid.window_of(&self.aperture, placed, 0.0);
         let mut laid: Vec<Option<LaidCell>> = vec![None; window.len()];
         let poses = (0..placements.len()).flat_map(|number| {
             let at = placements[number].at;

@@ -4,16 +4,15 @@
 //! in mm². Cells of 0.1 b, at most six million; larger regions get larger ones.
 
 use crate::geometry::aperture::Aperture;
-use crate::geometry::cell_grid::{ASIDE, CellGrid, CellWindow, NO_COLUMNS, for_beyond};
+use crate::geometry::cell_grid::{ASIDE, CellGrid, CellWindow, NO_COLUMNS, SweptRows, for_beyond};
 use crate::geometry::clearance::{Configuration, is_inside};
-use crate::geometry::coverage::{Cell, Coverage, SweptPose, return_mm};
+use crate::geometry::coverage::{Cell, Coverage, return_mm};
 use crate::geometry::edge_index::EdgeIndex;
-use crate::geometry::polygon::Box2;
 use crate::geometry::{Point2, Vector2};
-use crate::plan::coverage::visits::CELL_SHARE;
+use crate::plan::coverage::raster::within_walls;
 use crate::plan::headings::profile::slide_inside;
 use crate::plan::pass::LayerPass;
-use crate::plan::pass::sweep::{poses, poses_between};
+use crate::plan::pass::sweep::poses_between;
 use rayon::prelude::*;
 use std::ops::Range;
 
@@ -80,19 +79,7 @@ impl GroundCell {
 impl GapRaster {
     /// The raster of what `passes` cover within `walls`.
     pub fn of(passes: &[LayerPass], aperture: &Aperture, walls: &EdgeIndex) -> GapRaster {
-        let swept: Vec<SweptPose> = passes
-            .iter()
-            .enumerate()
-            .flat_map(|(number, pass)| {
-                poses(pass, aperture).map(move |at| SweptPose {
-                    at,
-                    pass: number as u32,
-                    path_mm: 0.0,
-                })
-            })
-            .collect();
-        let cell_mm = CELL_SHARE * aperture.minor_mm();
-        let coverage = Coverage::sweep(walls, aperture, &swept, cell_mm, CELLS_MAX, f64::MAX);
+        let coverage = within_walls(passes, walls, aperture, CELLS_MAX, f64::MAX);
         let cells = coverage.cells.len();
         let open = |cell: &u32| coverage.cells[*cell as usize] == Cell::Gap;
         let open: Vec<u32> = (0..cells as u32).into_par_iter().filter(open).collect();
@@ -375,8 +362,8 @@ struct Walk<'a> {
     listed: Vec<Listed>,
     /// The part of the window that all listed cells are in, `None` before there are any.
     listed_window: Option<CellWindow>,
-    /// In each row of the window the last columns that the path came to, and where it was there.
-    last_of_row: Vec<(f32, [usize; 2])>,
+    /// Where the path was when it came to each row of the window last.
+    swept: SweptRows<f32>,
 }
 
 /// A cell of the gap-fill move, the first and last place of the path that covers it.
@@ -398,15 +385,14 @@ enum Part {
 
 impl<'a> Walk<'a> {
     fn about(grid: &'a CellGrid, fill: &[Configuration], aperture: &'a Aperture) -> Self {
-        let centers: Vec<Point2> = fill.iter().map(|at| at.center).collect();
-        let window = grid.window_about(&Box2::of(&centers).grown(aperture.reach_mm()));
+        let window = grid.window_of(aperture, fill, 0.0);
         Walk {
             grid,
             aperture,
             slots: vec![0; window.len()],
             listed: Vec::new(),
             listed_window: None,
-            last_of_row: vec![(0.0, NO_COLUMNS); window.rows[1] + 1 - window.rows[0]],
+            swept: SweptRows::of(&window, 0.0),
             window,
         }
     }
@@ -427,8 +413,7 @@ impl<'a> Walk<'a> {
         for at in std::iter::once(from).chain(poses_between(aperture, from, towards)) {
             grid.for_rows_within(&window, aperture, at, |row, low, high| {
                 let own = [low, high];
-                let last = &mut self.last_of_row[row - self.window.rows[0]];
-                let (before_mm, known) = std::mem::replace(last, (at_mm, own));
+                let (before_mm, known) = self.swept.come(row, at_mm, own);
                 for_beyond(known, own, |columns| {
                     self.visit(part, row, columns, before_mm);
                 });
@@ -441,11 +426,10 @@ impl<'a> Walk<'a> {
 
     /// Ends a part of the path.
     fn end(&mut self, part: Part) {
-        for number in 0..self.last_of_row.len() {
-            let last = &mut self.last_of_row[number];
-            let (at_mm, columns) = std::mem::replace(last, (0.0, NO_COLUMNS));
+        for row in self.window.rows[0]..=self.window.rows[1] {
+            let (at_mm, columns) = self.swept.come(row, 0.0, NO_COLUMNS);
             for_beyond(columns, NO_COLUMNS, |columns| {
-                self.visit(part, self.window.rows[0] + number, columns, at_mm);
+                self.visit(part, row, columns, at_mm);
             });
         }
     }

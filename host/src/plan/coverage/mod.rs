@@ -1,9 +1,9 @@
 //! Coverage: what passes cover, what they leave open, and where a nozzle may go between them.
 //!
 //! ```text
-//! LayerPass --visits--------> passes a cell (count)
+//! LayerPass --raster--------> counts of a cell; areas covered first, again and by one pass (mm²)
 //!           --gap_raster----> gaps (cells), gain of a placement (mm²)
-//!           --nearby_passes-> area that a connection would cover again (mm²)
+//!           --exchange------> change of the areas where poses are replaced (mm²)
 //!           --deposited_area> cost of cutting a pass in two (mm²)
 //!           --pass_ends-----> LayerPass, cut back where others cover the ground
 //! Configuration, Configuration --connections--> configurations between them, inside the walls
@@ -13,7 +13,7 @@
 
 pub mod connections;
 pub mod deposited_area;
+pub mod exchange;
 pub mod gap_raster;
-pub mod nearby_passes;
 pub mod pass_ends;
-pub mod visits;
+pub mod raster;

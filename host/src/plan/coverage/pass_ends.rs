@@ -13,7 +13,7 @@ use crate::geometry::Point2;
 use crate::geometry::aperture::Aperture;
 use crate::geometry::clearance::Configuration;
 use crate::geometry::polygon::Box2;
-use crate::plan::coverage::visits::{CELL_SHARE, Visits};
+use crate::plan::coverage::raster::{CELL_SHARE, Raster};
 use crate::plan::pass::sweep::{poses, poses_between};
 use crate::plan::pass::{LayerPass, bounds_of};
 use std::cell::Cell;
@@ -33,9 +33,6 @@ const SMALL_SHARE_MIN: f64 = 12.0;
 const OPEN_SHARE_MAX: f64 = 0.5;
 /// A pass that covers this share of its ground alone stays, however small: nothing else is near.
 const APART_SHARE: f64 = 0.9;
-/// Largest cell against the minor semi-axis: on a raster too coarse for the aperture (a region of
-/// more than about 0.3 m with the built-in one) the ends stay as they are.
-const CELL_SHARE_MAX: f64 = 0.5;
 /// Apertures whose centres are farther apart share no ground, against their reach: 2 and rounding.
 const NEAR_SHARE: f64 = 2.1;
 /// Least placements of a pass.
@@ -44,16 +41,16 @@ const PLACEMENTS_MIN: usize = 2;
 /// Cuts the ends of open passes back and drops passes that cover next to nothing alone. `bounds`
 /// holds all passes.
 pub fn fit_ends(passes: &mut Vec<LayerPass>, aperture: &Aperture, bounds: &Box2) {
-    let Some(mut visits) = fine_visits(passes, bounds, aperture) else {
+    let Some(mut raster) = fine_raster(passes, bounds, aperture) else {
         return;
     };
     for pass in passes.iter_mut().filter(|pass| !pass.closed) {
         for _ in 0..2 {
-            visits.cut_end(pass);
+            raster.cut_end(pass);
             pass.placements.reverse();
         }
     }
-    passes.retain(|pass| !visits.drop_idle(pass, ALONE_SHARE_MIN, Some(APART_SHARE)));
+    passes.retain(|pass| !raster.drop_idle(pass, ALONE_SHARE_MIN, Some(APART_SHARE)));
 }
 
 /// Which passes cover less alone than an interruption of flow is worth, now that it is known which
@@ -67,11 +64,11 @@ pub fn small_ones(passes: &[LayerPass], aperture: &Aperture) -> Vec<bool> {
     let (Some(longest), true) = (longest, passes.len() > 1) else {
         return is_small;
     };
-    let Some(mut visits) = fine_visits(passes, &bounds_of(passes, aperture), aperture) else {
+    let Some(mut raster) = fine_raster(passes, &bounds_of(passes, aperture), aperture) else {
         return is_small;
     };
     for (number, pass) in passes.iter().enumerate() {
-        is_small[number] = number != longest && visits.drop_idle(pass, SMALL_SHARE_MIN, None);
+        is_small[number] = number != longest && raster.drop_idle(pass, SMALL_SHARE_MIN, None);
     }
     is_small
 }
@@ -87,14 +84,14 @@ pub fn take_back_open(
     if !is_small.contains(&true) {
         return false;
     }
-    let Some(mut visits) = fine_visits(filled, &bounds_of(passes, aperture), aperture) else {
+    let Some(mut raster) = fine_raster(filled, &bounds_of(passes, aperture), aperture) else {
         return false;
     };
-    let open_max = OPEN_SHARE_MAX * aperture.area_mm2() / visits.cell_area_mm2();
+    let open_max = OPEN_SHARE_MAX * aperture.area_mm2() / raster.cell_area_mm2();
     let mut is_any = false;
     for (pass, is_small) in passes.iter().zip(is_small).filter(|p| *p.1) {
         let mut open = 0;
-        visits.for_cells_once(poses(pass, aperture), |_, count| {
+        raster.for_cells_once(poses(pass, aperture), |count| {
             open += u32::from(*count == 0);
         });
         *is_small = f64::from(open) <= open_max;
@@ -103,15 +100,14 @@ pub fn take_back_open(
     is_any
 }
 
-/// The visits of all passes, if the raster is fine enough for the aperture.
-fn fine_visits(passes: &[LayerPass], bounds: &Box2, aperture: &Aperture) -> Option<Visits> {
-    let visits = Visits::of_passes(passes, bounds, aperture, CELL_SHARE);
-    let cell_mm = visits.cell_area_mm2().sqrt();
-    (cell_mm <= CELL_SHARE_MAX * aperture.minor_mm()).then_some(visits)
+/// The raster of all passes, if it is fine enough for the aperture: else the ends stay as they are.
+fn fine_raster(passes: &[LayerPass], bounds: &Box2, aperture: &Aperture) -> Option<Raster> {
+    let raster = Raster::of_passes(passes, bounds, aperture, CELL_SHARE);
+    raster.is_fine().then_some(raster)
 }
 
-impl Visits {
-    /// Takes a pass's visits off if it covers less alone than this share of the aperture's area,
+impl Raster {
+    /// Takes a pass off the counts if it covers less alone than this share of the aperture's area,
     /// and than `apart_share` of its own ground; whether it did.
     fn drop_idle(&mut self, pass: &LayerPass, alone_share: f64, apart_share: Option<f64>) -> bool {
         let aperture = *self.aperture();
@@ -119,14 +115,14 @@ impl Visits {
         let (alone, mut all) = (Cell::new(0), 0);
         // As soon as it covers enough alone, the rest does not matter.
         let poses_asked = poses(pass, &aperture).take_while(|_| f64::from(alone.get()) < cells_min);
-        self.for_cells_once(poses_asked, |_, count| {
+        self.for_cells_once(poses_asked, |count| {
             alone.set(alone.get() + u32::from(*count == 1));
             all += 1;
         });
         let least = apart_share.map_or(cells_min, |share| cells_min.min(share * f64::from(all)));
         let is_idle = f64::from(alone.get()) < least;
         if is_idle {
-            self.for_cells_once(poses(pass, &aperture), |_, count| *count -= 1);
+            self.for_cells_once(poses(pass, &aperture), |count| *count -= 1);
         }
         is_idle
     }
@@ -148,7 +144,7 @@ impl Visits {
             let own = std::iter::once((back + 1, at));
             let shared = between.into_iter().flatten().map(|at| (back, at));
             for (cut, at) in own.chain(shared) {
-                self.for_cells_new(std::iter::once(at), |_, count| {
+                self.for_cells_new(std::iter::once(at), |count| {
                     if cut <= window {
                         freed[cut] += if *count > 1 { AGAIN_WEIGHT } else { -1.0 };
                     }
@@ -172,8 +168,8 @@ impl Visits {
             let centers: Vec<Point2> = tail.placements.iter().map(|p| p.at.center).collect();
             let near = Box2::of(&centers).grown(NEAR_SHARE * aperture.reach_mm());
             let is_near = |at: &Configuration| near.contains(at.center);
-            self.for_cells_once(poses(pass, &aperture).filter(is_near), |_, _| {});
-            self.for_cells_new(poses(&tail, &aperture), |_, count| *count -= 1);
+            self.for_cells_once(poses(pass, &aperture).filter(is_near), |_| {});
+            self.for_cells_new(poses(&tail, &aperture), |count| *count -= 1);
         }
     }
 

@@ -6,8 +6,7 @@
 use crate::geometry::aperture::Aperture;
 use crate::geometry::cell_grid::NO_COLUMNS;
 use crate::geometry::clearance::Configuration;
-use crate::geometry::polygon::Box2;
-use crate::plan::coverage::visits::Visits;
+use crate::plan::coverage::raster::Raster;
 use crate::plan::pass::sweep::swept;
 use crate::plan::pass::{LayerPass, bounds_of};
 use std::collections::HashMap;
@@ -40,7 +39,7 @@ impl Bridge {
 
 /// What bridges cost among the passes of a region.
 pub struct BridgeCosts {
-    visits: Visits,
+    raster: Raster,
 }
 
 impl BridgeCosts {
@@ -48,14 +47,14 @@ impl BridgeCosts {
     pub fn of(passes: &[LayerPass], aperture: &Aperture) -> BridgeCosts {
         let bounds = bounds_of(passes, aperture);
         BridgeCosts {
-            visits: Visits::of_passes(passes, &bounds, aperture, CELL_SHARE),
+            raster: Raster::of_passes(passes, &bounds, aperture, CELL_SHARE),
         }
     }
 
     /// What bridges between two of the passes cost.
     pub fn between<'a>(&'a self, loops: [usize; 2], passes: &'a [LayerPass]) -> PairCosts<'a> {
         PairCosts {
-            visits: &self.visits,
+            raster: &self.raster,
             loops: loops.map(|number| &passes[number]),
             steps: HashMap::new(),
             marks: Vec::new(),
@@ -73,7 +72,7 @@ struct RowRun {
 /// What bridges between two passes cost. Many places are tried, most of whose ways are the passes'
 /// own: the cells under each of their steps are found once.
 pub struct PairCosts<'a> {
-    visits: &'a Visits,
+    raster: &'a Raster,
     loops: [&'a LayerPass; 2],
     /// By side and number of the placement that the step begins with.
     steps: HashMap<(usize, usize), Rc<[RowRun]>>,
@@ -106,7 +105,7 @@ impl PairCosts<'_> {
             let way: Vec<Configuration> = [from].into_iter().chain(between).chain([to]).collect();
             swept.push((4 << end, self.rows_under(&way)));
         }
-        self.spoiled_cells(&swept) as f64 * self.visits.cell_area_mm2()
+        self.spoiled_cells(&swept) as f64 * self.raster.cell_area_mm2()
     }
 
     /// The steps of a loop that a bridge takes out.
@@ -127,7 +126,7 @@ impl PairCosts<'_> {
         let pass = self.loops[side];
         let count = pass.placements.len();
         let mut steps = Vec::new();
-        let mut left_mm = WINDOW_SHARE * self.visits.aperture().major_mm();
+        let mut left_mm = WINDOW_SHARE * self.raster.aperture().major_mm();
         let mut at = from;
         for _ in 0..count {
             let (step, next) = match end {
@@ -163,11 +162,10 @@ impl PairCosts<'_> {
 
     /// The cells under a way: of each row all from the first column to the last one, step by step.
     fn rows_under(&self, way: &[Configuration]) -> Rc<[RowRun]> {
-        let (grid, aperture) = (self.visits.grid(), self.visits.aperture());
+        let (grid, aperture) = (self.raster.grid(), self.raster.aperture());
         let mut found: Vec<RowRun> = Vec::new();
         for ends in way.windows(2) {
-            let centers = [ends[0].center, ends[1].center];
-            let window = grid.window_about(&Box2::of(&centers).grown(aperture.reach_mm()));
+            let window = grid.window_of(aperture, ends, 0.0);
             let [first, last] = window.rows;
             let mut rows = vec![NO_COLUMNS; last + 1 - first];
             for at in swept(ends.iter().copied(), aperture) {
@@ -214,7 +212,7 @@ impl PairCosts<'_> {
                 }
             }
         }
-        let all_columns = self.visits.grid().columns;
+        let all_columns = self.raster.grid().columns;
         let cells = self.marks.iter().enumerate();
         let cells = cells.filter(|(_, mark)| **mark != 0);
         cells
@@ -222,7 +220,7 @@ impl PairCosts<'_> {
                 let (old, new) = ((mark & 3).count_ones(), (mark >> 2).count_ones());
                 let row = at / columns + low[0] as usize;
                 let cell = row * all_columns + at % columns + low[1] as usize;
-                let others = self.visits.count(cell).saturating_sub(old);
+                let others = self.raster.count(cell).saturating_sub(old);
                 spoils(others + new) - spoils(others + old)
             })
             .sum()

@@ -15,25 +15,28 @@
 
 mod chain;
 mod floor;
-mod ground;
 mod local_time;
 mod smoothing;
 mod window;
 
 use self::chain::{Chain, swept_poses};
 pub use self::floor::shortened_to_floor;
-use self::ground::Ground;
 use self::local_time::step_s;
 use self::window::{Scratch, Search, Shortcut, swept_range};
 use crate::geometry::clearance::Configuration;
 use crate::geometry::coverage::return_mm;
 use crate::geometry::edge_index::EdgeIndex;
+use crate::plan::coverage::raster::Raster;
 use crate::plan::pass::LayerPass;
 use crate::plan::pose_limits::PoseLimits;
 use crate::settings::{Quality, Settings};
 use rayon::prelude::*;
 use std::ops::Range;
 
+/// Raster cell against the minor semi-axis: 0.03 mm for 0.2 mm.
+const CELL_SHARE: f64 = 0.15;
+/// Most cells: larger parts get larger ones.
+const CELLS_MAX: usize = 12_000_000;
 /// Lengths of the windows against the time that the heading takes to turn by a radian from rest to
 /// rest: 0.1 and 0.26 s on the built-in machine.
 const WINDOWS: [f64; 2] = [0.8, 2.0];
@@ -78,11 +81,11 @@ fn shortened(passes: &mut [LayerPass], walls: &EdgeIndex, area_mm2: f64, setting
         .par_iter()
         .map(|pass| Chain::of(pass, step_mm, turn_mm));
     let mut chains: Vec<Chain> = chains.collect();
-    let mut ground = Ground::over(&walls.bounds(), aperture);
+    let mut raster = Raster::over(&walls.bounds(), aperture, CELL_SHARE, CELLS_MAX);
     for chain in &chains {
         let mut poses = Vec::new();
         swept_poses(&chain.poses, 0..chain.poses.len(), &mut poses);
-        ground.add(&poses);
+        raster.add(&poses);
     }
     let price_s_mm2 = settings.quality.price_s_mm2();
     let mut left_mm2 = settings.quality.shortcut_share() * area_mm2;
@@ -101,9 +104,9 @@ fn shortened(passes: &mut [LayerPass], walls: &EdgeIndex, area_mm2: f64, setting
         for (window_s, phase) in batches {
             let phase = (phase as f64 + 0.5 * (round % 2) as f64) / PHASES as f64;
             chains.par_iter_mut().for_each(|chain| chain.time(&limits));
-            let found = found(&search, &chains, &ground, window_s, phase);
+            let found = found(&search, &chains, &raster, window_s, phase);
             search.price_s_mm2 = search.price_s_mm2.max(price_within(&found, left_mm2));
-            left_mm2 -= take(found, &search, &mut chains, &mut ground);
+            left_mm2 -= take(found, &search, &mut chains, &mut raster);
         }
     }
     for (pass, chain) in long.iter_mut().zip(&chains) {
@@ -115,7 +118,7 @@ fn shortened(passes: &mut [LayerPass], walls: &EdgeIndex, area_mm2: f64, setting
 fn found(
     search: &Search,
     chains: &[Chain],
-    ground: &Ground,
+    raster: &Raster,
     window_s: f64,
     phase: f64,
 ) -> Vec<Shortcut> {
@@ -127,7 +130,7 @@ fn found(
     let windows = windows.into_par_iter();
     windows
         .map_init(Scratch::default, |scratch, (number, range)| {
-            search.best(chains, ground, number, range, scratch)
+            search.best(chains, raster, number, range, scratch)
         })
         .flatten()
         .collect()
@@ -153,22 +156,22 @@ fn windows(chain: &Chain, window_s: f64, phase: f64) -> Vec<Range<usize>> {
 
 /// Takes the shortcuts that still gain with those before them taken, the last of a chain first, so that
 /// numbers of poses stay right. What they open, mm².
-fn take(found: Vec<Shortcut>, search: &Search, chains: &mut [Chain], ground: &mut Ground) -> f64 {
-    let mut lost_mm2 = 0.0;
+fn take(found: Vec<Shortcut>, search: &Search, chains: &mut [Chain], raster: &mut Raster) -> f64 {
+    let mut opened_mm2 = 0.0;
     let mut scratch = Scratch::default();
     let mut swept: Vec<Configuration> = Vec::new();
     for shortcut in found.into_iter().rev() {
         let chain = &mut chains[shortcut.chain];
-        let change = search.ground_again(chain, ground, &shortcut, &mut scratch);
+        let change = search.change_again(chain, raster, &shortcut, &mut scratch);
         if search.gain_s(shortcut.saved_s, change) <= 0.0 {
             continue;
         }
-        lost_mm2 += change.lost_mm2;
+        opened_mm2 += change.opened_mm2;
         let own = swept_range(chain, &shortcut.range);
         let after = chain.poses.len() - own.end;
         swept.clear();
         swept_poses(&chain.poses, own.clone(), &mut swept);
-        ground.remove(&swept);
+        raster.remove(&swept);
         chain.poses.splice(shortcut.range.clone(), shortcut.poses);
         chain.contacts.splice(shortcut.range, shortcut.contacts);
         swept.clear();
@@ -177,25 +180,25 @@ fn take(found: Vec<Shortcut>, search: &Search, chains: &mut [Chain], ground: &mu
             own.start..chain.poses.len() - after,
             &mut swept,
         );
-        ground.add(&swept);
+        raster.add(&swept);
     }
-    lost_mm2
+    opened_mm2
 }
 
 /// The price, s/mm², at which the shortcuts open no more ground than this.
 fn price_within(found: &[Shortcut], most_mm2: f64) -> f64 {
     let opening = found
         .iter()
-        .filter(|shortcut| shortcut.change.lost_mm2 > 0.0);
-    let price = |shortcut: &Shortcut| shortcut.saved_s / shortcut.change.lost_mm2;
+        .filter(|shortcut| shortcut.change.opened_mm2 > 0.0);
+    let price = |shortcut: &Shortcut| shortcut.saved_s / shortcut.change.opened_mm2;
     let mut opening: Vec<(f64, f64)> = opening
-        .map(|shortcut| (price(shortcut), shortcut.change.lost_mm2))
+        .map(|shortcut| (price(shortcut), shortcut.change.opened_mm2))
         .collect();
     opening.sort_by(|p, q| q.0.total_cmp(&p.0));
-    let mut opened_mm2 = 0.0;
-    let beyond = opening.iter().find(|(_, lost_mm2)| {
-        opened_mm2 += lost_mm2;
-        opened_mm2 > most_mm2
+    let mut sum_mm2 = 0.0;
+    let beyond = opening.iter().find(|(_, opened_mm2)| {
+        sum_mm2 += opened_mm2;
+        sum_mm2 > most_mm2
     });
     beyond.map_or(0.0, |(price_s_mm2, _)| *price_s_mm2)
 }
@@ -205,6 +208,7 @@ mod tests {
     use super::*;
     use crate::geometry::clearance::is_inside;
     use crate::geometry::test_shapes::{self, ELLIPSE};
+    use crate::plan::coverage::exchange::CoverageChange;
     use crate::plan::pass::test_passes::run;
 
     /// A bar of 20 x 1.2 mm, and a bead along it whose heading wavers by 0.2 rad every 0.8 mm.
@@ -267,9 +271,9 @@ mod tests {
             poses: Vec::new(),
             contacts: Vec::new(),
             saved_s,
-            change: ground::GroundChange {
-                lost_mm2: 1.0,
-                twice_mm2: 0.0,
+            change: CoverageChange {
+                opened_mm2: 1.0,
+                recovered_mm2: 0.0,
             },
         };
         let found = [3.0, 1.0, 2.0].map(shortcut);

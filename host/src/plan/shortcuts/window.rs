@@ -4,13 +4,14 @@
 //! saved less the price of the ground that it leaves open or lays twice; none where nothing gains.
 
 use super::chain::{Chain, swept_poses};
-use super::ground::{Footprint, Ground, GroundChange};
 use super::local_time::{Knot, duration_s, find_rates, step_s};
 use super::smoothing::Smoother;
 use crate::geometry::Vector2;
 use crate::geometry::aperture::Aperture;
 use crate::geometry::clearance::Configuration;
 use crate::geometry::edge_index::EdgeIndex;
+use crate::plan::coverage::exchange::{CoverageChange, Exchange};
+use crate::plan::coverage::raster::Raster;
 use crate::plan::curve::plane_curve::{PlaneControl, configuration};
 use crate::plan::headings::profile::slide_inside;
 use crate::plan::pass::Contact;
@@ -44,8 +45,8 @@ const SHIFT_MIN_MM: f64 = 2e-4;
 const SHIFT_TAPER: f64 = 0.2;
 /// Replacements that are taken off the walls and looked at in full.
 const CHECKED_MAX: usize = 3;
-/// What laying ground twice costs against leaving it open.
-const TWICE_SHARE: f64 = 0.5;
+/// What covering a place again costs against leaving it open.
+const AGAIN_WEIGHT: f64 = 0.5;
 /// Farthest that a replacement reaches beyond the poses that it replaces, against a.
 const REACH_SHARE: f64 = 0.5;
 
@@ -76,7 +77,7 @@ pub struct Shortcut {
     /// Time saved, s.
     pub saved_s: f64,
     /// What it does to the ground.
-    pub change: GroundChange,
+    pub change: CoverageChange,
 }
 
 /// A replacement before it is known whether it fits.
@@ -92,7 +93,7 @@ struct Candidate {
 /// Memory that serves many windows.
 #[derive(Default)]
 pub struct Scratch {
-    footprint: Footprint,
+    exchange: Exchange,
     knots: Vec<Knot>,
     rates: Vec<f64>,
     around: Vec<PlaneControl>,
@@ -101,15 +102,15 @@ pub struct Scratch {
 
 impl Search<'_> {
     /// What the time saved is worth beyond the ground.
-    pub fn gain_s(&self, saved_s: f64, ground: GroundChange) -> f64 {
-        saved_s - self.price_s_mm2 * (ground.lost_mm2 + TWICE_SHARE * ground.twice_mm2)
+    pub fn gain_s(&self, saved_s: f64, change: CoverageChange) -> f64 {
+        saved_s - self.price_s_mm2 * (change.opened_mm2 + AGAIN_WEIGHT * change.recovered_mm2)
     }
 
     /// The best replacement of a run of poses of one of `chains`.
     pub fn best(
         &self,
         chains: &[Chain],
-        ground: &Ground,
+        raster: &Raster,
         number: usize,
         range: Range<usize>,
         scratch: &mut Scratch,
@@ -118,12 +119,12 @@ impl Search<'_> {
         if range.len() < 6 || self.excess_s(chain, &range) < EXCESS_MIN_S {
             return None;
         }
-        self.look(chain, ground, &range, scratch);
+        self.look(chain, raster, &range, scratch);
         let mut candidates = self.smoothed(chain, &range);
         candidates.extend(loops_cut(chain, &range));
         for candidate in &mut candidates {
             candidate.gain_s = self
-                .valued(chain, ground, &range, candidate, scratch)
+                .valued(chain, raster, &range, candidate, scratch)
                 .map_or(0.0, |(saved_s, change)| self.gain_s(saved_s, change));
         }
         // The first of equals.
@@ -136,7 +137,7 @@ impl Search<'_> {
             }
             let fits = candidate.is_cut || self.slid(chain, &mut candidate);
             let Some((saved_s, change)) = fits
-                .then(|| self.valued(chain, ground, &range, &candidate, scratch))
+                .then(|| self.valued(chain, raster, &range, &candidate, scratch))
                 .flatten()
             else {
                 continue;
@@ -172,7 +173,7 @@ impl Search<'_> {
     }
 
     /// Looks at the ground about a run.
-    fn look(&self, chain: &Chain, ground: &Ground, range: &Range<usize>, scratch: &mut Scratch) {
+    fn look(&self, chain: &Chain, raster: &Raster, range: &Range<usize>, scratch: &mut Scratch) {
         let own = swept_range(chain, range);
         let mut old = Vec::new();
         swept_poses(&chain.poses, own.clone(), &mut old);
@@ -181,29 +182,29 @@ impl Search<'_> {
             swept_poses(&chain.poses, range, &mut beside);
         }
         let reach_mm = REACH_SHARE * self.aperture.major_mm();
-        scratch.footprint.look(ground, &old, &beside, reach_mm);
+        scratch.exchange.look(raster, &old, &beside, reach_mm);
     }
 
     /// The change of the ground alone, for a shortcut found earlier.
-    pub fn ground_again(
+    pub fn change_again(
         &self,
         chain: &Chain,
-        ground: &Ground,
+        raster: &Raster,
         shortcut: &Shortcut,
         scratch: &mut Scratch,
-    ) -> GroundChange {
-        self.look(chain, ground, &shortcut.range, scratch);
-        self.ground_change(chain, ground, &shortcut.range, &shortcut.poses, scratch)
+    ) -> CoverageChange {
+        self.look(chain, raster, &shortcut.range, scratch);
+        self.change_of(chain, raster, &shortcut.range, &shortcut.poses, scratch)
     }
 
-    fn ground_change(
+    fn change_of(
         &self,
         chain: &Chain,
-        ground: &Ground,
+        raster: &Raster,
         range: &Range<usize>,
         poses: &[PlaneControl],
         scratch: &mut Scratch,
-    ) -> GroundChange {
+    ) -> CoverageChange {
         // One pose more to either side, whose place on the curve hangs on its neighbours.
         let before = range.start.saturating_sub(2)..range.start;
         let after = range.end..(range.end + 2).min(chain.poses.len());
@@ -216,23 +217,23 @@ impl Search<'_> {
         let count = scratch.around.len();
         let own = lead.saturating_sub(1)..count - tail.saturating_sub(1);
         swept_poses(&scratch.around, own, &mut scratch.swept);
-        scratch.footprint.change(ground, &scratch.swept)
+        scratch.exchange.change(raster, &scratch.swept)
     }
 
     /// Time saved and what it does to the ground; `None` where it saves none.
     fn valued(
         &self,
         chain: &Chain,
-        ground: &Ground,
+        raster: &Raster,
         range: &Range<usize>,
         candidate: &Candidate,
         scratch: &mut Scratch,
-    ) -> Option<(f64, GroundChange)> {
+    ) -> Option<(f64, CoverageChange)> {
         let saved_s = self.saved_s(chain, range, &candidate.poses, scratch)?;
         (saved_s > GAIN_MIN_S).then(|| {
             (
                 saved_s,
-                self.ground_change(chain, ground, range, &candidate.poses, scratch),
+                self.change_of(chain, raster, range, &candidate.poses, scratch),
             )
         })
     }

@@ -9,17 +9,12 @@
 
 use crate::geometry::Point2;
 use crate::geometry::aperture::Aperture;
-use crate::geometry::cell_grid::{CellGrid, NO_COLUMNS, for_beyond};
 use crate::geometry::clearance::Configuration;
-use crate::geometry::polygon::Box2;
+use crate::plan::coverage::raster::{Advance, newly_covered};
 use crate::plan::route::flow::FlowPose;
-use rayon::prelude::*;
-use std::sync::atomic::{AtomicU32, Ordering};
 
-/// Cell against the minor semi-axis: the share of a front of 2b is then known to 5 %, of any mm of
-/// a bead to 0.3 %.
-const CELL_SHARE: f64 = 0.1;
-/// Most cells of a raster; a larger layer gets larger ones, which its longer passes average out.
+/// Most cells of the raster. Those of 0.1 b tell the share of a front of 2b to 5 %, of any mm of a bead
+/// to 0.3 %; a larger layer gets larger ones, which its longer passes average out.
 const CELLS_MAX: usize = 50_000_000;
 /// Turn of the raster against the layer, rad: aslant to walls along the axes or at 45°, where whole
 /// rows of cells would fall to either side of a bead's edge at once.
@@ -55,15 +50,15 @@ pub fn pose_step_mm(aperture: &Aperture) -> f64 {
 /// The fresh ground of each pass, in printing order.
 pub fn fresh_shares(passes: &[Vec<FlowPose>], aperture: &Aperture) -> Vec<FreshShares> {
     let placed: Vec<Configuration> = passes.iter().flatten().map(on_raster).collect();
-    let mut firsts = vec![false; placed.len()];
+    let mut starts = vec![false; placed.len()];
     let mut begin = 0;
     for pass in passes {
         if !pass.is_empty() {
-            firsts[begin] = true;
+            starts[begin] = true;
         }
         begin += pass.len();
     }
-    let counts = count_cells(&placed, &firsts, aperture);
+    let counts = newly_covered(&placed, &starts, aperture, CELLS_MAX);
     let mut begin = 0;
     passes
         .iter()
@@ -84,86 +79,26 @@ fn on_raster(pose: &FlowPose) -> Configuration {
     }
 }
 
-/// Cells that a pose takes in, and those of them that were never covered.
-#[derive(Clone, Copy, Debug, Default)]
-struct Taken {
-    cells: u32,
-    fresh: u32,
-}
-
-impl Taken {
-    /// All of it where it takes in nothing.
-    fn fresh_share(&self) -> f64 {
-        match self.cells {
-            0 => 1.0,
-            cells => f64::from(self.fresh) / f64::from(cells),
-        }
+/// All of it where it takes in nothing.
+fn fresh_share(advance: &Advance) -> f64 {
+    match advance.cells {
+        0 => 1.0,
+        cells => f64::from(advance.fresh) / f64::from(cells),
     }
-}
-
-/// For each pose what it takes in over the one before it, all of it where it is the first of a pass.
-fn count_cells(placed: &[Configuration], firsts: &[bool], aperture: &Aperture) -> Vec<Taken> {
-    let centers: Vec<Point2> = placed.iter().map(|at| at.center).collect();
-    if centers.is_empty() {
-        return Vec::new();
-    }
-    let bounds = Box2::of(&centers).grown(aperture.reach_mm());
-    let cell_mm = CELL_SHARE * aperture.minor_mm();
-    let grid = CellGrid::over(&bounds, cell_mm, CELLS_MAX);
-    let of_band = grid.poses_of_bands(aperture, placed.iter().copied());
-    // Sums of whole numbers: the same in whatever order the bands add them.
-    let counts: Vec<[AtomicU32; 2]> = (0..placed.len()).map(|_| Default::default()).collect();
-    of_band.into_par_iter().enumerate().for_each_init(
-        || (Vec::new(), Vec::new()),
-        |(covered, last_of_row), (band, numbers)| {
-            let window = grid.band(band);
-            covered.clear();
-            covered.resize(window.len(), false);
-            last_of_row.clear();
-            last_of_row.resize(window.rows[1] + 1 - window.rows[0], (u32::MAX, NO_COLUMNS));
-            for number in numbers {
-                let at = placed[number as usize];
-                let mut taken = Taken::default();
-                grid.for_rows_within(&window, aperture, at, |row, from, to| {
-                    let last = &mut last_of_row[row - window.rows[0]];
-                    let (before, columns) = std::mem::replace(last, (number, [from, to]));
-                    let goes_on = before.wrapping_add(1) == number && !firsts[number as usize];
-                    let known = if goes_on { columns } else { NO_COLUMNS };
-                    for_beyond([from, to], known, |columns| {
-                        for cell in &mut covered[window.numbers(row, columns)] {
-                            taken.cells += 1;
-                            taken.fresh += u32::from(!*cell);
-                            *cell = true;
-                        }
-                    });
-                });
-                let [cells, fresh] = &counts[number as usize];
-                cells.fetch_add(taken.cells, Ordering::Relaxed);
-                fresh.fetch_add(taken.fresh, Ordering::Relaxed);
-            }
-        },
-    );
-    counts
-        .into_iter()
-        .map(|[cells, fresh]| Taken {
-            cells: cells.into_inner(),
-            fresh: fresh.into_inner(),
-        })
-        .collect()
 }
 
 /// Least cells that a share is taken of.
 const CELLS_MIN: u32 = 200;
 
 /// Shares from counts. A step that takes in few cells has the share of the steps about it.
-fn shares(counts: &[Taken]) -> FreshShares {
+fn shares(counts: &[Advance]) -> FreshShares {
     let Some((first, steps)) = counts.split_first() else {
         return FreshShares::default();
     };
-    let mut sums = vec![Taken::default()];
+    let mut sums = vec![Advance::default()];
     for step in steps {
         let sum = sums[sums.len() - 1];
-        sums.push(Taken {
+        sums.push(Advance {
             cells: sum.cells + step.cells,
             fresh: sum.fresh + step.fresh,
         });
@@ -173,18 +108,18 @@ fn shares(counts: &[Taken]) -> FreshShares {
         loop {
             let from = step.saturating_sub(reach);
             let to = (step + reach + 1).min(steps.len());
-            let about = Taken {
+            let about = Advance {
                 cells: sums[to].cells - sums[from].cells,
                 fresh: sums[to].fresh - sums[from].fresh,
             };
             if about.cells >= CELLS_MIN || to - from == steps.len() {
-                return about.fresh_share();
+                return fresh_share(&about);
             }
             reach = 2 * reach + 1;
         }
     };
     FreshShares {
-        start: first.fresh_share(),
+        start: fresh_share(first),
         steps: (0..steps.len()).map(of_step).collect(),
     }
 }

@@ -1,0 +1,328 @@
+//! The raster on which it is counted what beads cover: one engine, a query for each question.
+//!
+//! A cell is covered where its centre lies in a placed aperture. Stages ask with cells of their own
+//! size, for what is asked often may be coarse; stamping, rows and counting are the same for all.
+//!
+//! ```text
+//! of_passes        how many passes cover each cell            (pass_ends, bridge_cost, links)
+//! add, remove      how many poses cover each cell             (exchange)
+//! for_cells_once   what one pass covers, each cell once       (pass_ends)
+//! recovered_mm2    what a connection covers again, mm²        (links, chains)
+//! newly_covered    cells that each pose covers first          (flow)
+//! within_walls     covered, open and overlapped cells of a region (gaps, cuts, floor, order)
+//! ```
+//!
+//! In: passes or poses (mm, rad), bounds (mm), the cell against b. Out: counts for each cell, areas
+//! in mm². Leaves out: what one pass covers twice itself, but in [`within_walls`].
+
+use crate::geometry::aperture::Aperture;
+use crate::geometry::cell_grid::{CellGrid, CellWindow, SweptRows};
+use crate::geometry::clearance::Configuration;
+use crate::geometry::coverage::Coverage;
+use crate::geometry::edge_index::EdgeIndex;
+use crate::geometry::polygon::Box2;
+use crate::plan::pass::LayerPass;
+use crate::plan::pass::sweep::{poses, swept, swept_poses};
+use rayon::prelude::*;
+use std::sync::atomic::{AtomicU32, Ordering};
+
+/// Raster cell against the minor semi-axis where nothing else is said, and most cells.
+pub const CELL_SHARE: f64 = 0.1;
+pub const CELLS_MAX: usize = 8_000_000;
+/// Largest cell against the minor semi-axis: a coarser raster (of a region of more than about 0.3 m
+/// with the built-in aperture) says nothing about ends and cuts of beads.
+const FINE_SHARE_MAX: f64 = 0.5;
+
+/// No pose or pass yet.
+const NOBODY: u32 = u32::MAX;
+
+/// How many passes, or poses, cover each cell.
+pub struct Raster {
+    aperture: Aperture,
+    grid: CellGrid,
+    counts: Vec<u16>,
+    walk: Walk,
+}
+
+/// A walk over the raster that sees each cell once; its memory is taken with the first.
+struct Walk {
+    number: u32,
+    /// The last walk that saw the cell.
+    seen: Vec<u32>,
+    rows: SweptRows<u32>,
+}
+
+impl Raster {
+    /// Nothing covered yet, over these bounds.
+    pub fn over(bounds: &Box2, aperture: &Aperture, cell_share: f64, cells_max: usize) -> Raster {
+        let grid = CellGrid::over(bounds, cell_share * aperture.minor_mm(), cells_max);
+        Raster {
+            aperture: *aperture,
+            grid,
+            counts: vec![0; grid.len()],
+            walk: Walk {
+                number: 0,
+                seen: Vec::new(),
+                rows: SweptRows::of(&grid.window(), 0),
+            },
+        }
+    }
+
+    /// How many of `passes`, which lie within `bounds`, cover each cell, in cells of this share of b.
+    pub fn of_passes(
+        passes: &[LayerPass],
+        bounds: &Box2,
+        aperture: &Aperture,
+        cell_share: f64,
+    ) -> Raster {
+        let mut raster = Raster::over(bounds, aperture, cell_share, CELLS_MAX);
+        let (mut dense, mut pass_of) = (Vec::new(), Vec::new());
+        for (number, pass) in passes.iter().enumerate() {
+            dense.extend(poses(pass, aperture));
+            pass_of.resize(dense.len(), number as u32);
+        }
+        let of_pose = |pose: u32| pass_of.get(pose as usize).copied().unwrap_or(NOBODY);
+        stamp(
+            &raster.grid,
+            aperture,
+            &dense,
+            &mut raster.counts,
+            // The last pass that covered the cell.
+            NOBODY,
+            |before, pose| of_pose(before) == of_pose(pose),
+            |counts, last, pose| {
+                let own = of_pose(pose);
+                for (count, last) in counts.iter_mut().zip(last) {
+                    *count = count.saturating_add(u16::from(*last != own));
+                    *last = own;
+                }
+            },
+        );
+        raster
+    }
+
+    /// The nozzle.
+    pub fn aperture(&self) -> &Aperture {
+        &self.aperture
+    }
+
+    /// Its place and size.
+    pub fn grid(&self) -> &CellGrid {
+        &self.grid
+    }
+
+    /// How many passes or poses cover a cell.
+    pub fn count(&self, cell: usize) -> u32 {
+        u32::from(self.counts[cell])
+    }
+
+    /// The counts of a window, row by row, put behind each other in `counts`.
+    pub fn counts_of(&self, window: &CellWindow, counts: &mut Vec<u16>) {
+        counts.clear();
+        let all = self.grid.window();
+        for row in window.rows[0]..=window.rows[1] {
+            let cells = all.numbers(row, window.columns[0]..window.columns[1] + 1);
+            counts.extend_from_slice(&self.counts[cells]);
+        }
+    }
+
+    /// Area of one cell, mm².
+    pub fn cell_area_mm2(&self) -> f64 {
+        self.grid.cell_area_mm2()
+    }
+
+    /// True where the cells are small enough to tell where a bead ends.
+    pub fn is_fine(&self) -> bool {
+        is_fine(self.grid.cell_mm, &self.aperture)
+    }
+
+    /// Adds poses, each by itself.
+    pub fn add(&mut self, poses: &[Configuration]) {
+        self.change(poses, |count| count.saturating_add(1));
+    }
+
+    /// Takes poses away that were added before.
+    pub fn remove(&mut self, poses: &[Configuration]) {
+        self.change(poses, |count| count.saturating_sub(1));
+    }
+
+    fn change(&mut self, poses: &[Configuration], change: impl Fn(u16) -> u16) {
+        let window = self.grid.window();
+        for &at in poses {
+            self.grid.for_rows(&self.aperture, at, |row, from, to| {
+                for count in &mut self.counts[window.numbers(row, from..to + 1)] {
+                    *count = change(*count);
+                }
+            });
+        }
+    }
+
+    /// From here on every cell is new again.
+    pub fn begin_walk(&mut self) {
+        self.walk.number += 1;
+        self.walk.seen.resize(self.grid.len(), 0);
+    }
+
+    /// Visits the count of each cell under the poses once.
+    pub fn for_cells_once(
+        &mut self,
+        poses: impl Iterator<Item = Configuration>,
+        visit: impl FnMut(&mut u16),
+    ) {
+        self.begin_walk();
+        self.for_cells_new(poses, visit);
+    }
+
+    /// The same, but not those that this walk has seen before.
+    pub fn for_cells_new(
+        &mut self,
+        poses: impl Iterator<Item = Configuration>,
+        mut visit: impl FnMut(&mut u16),
+    ) {
+        let (Walk { number, seen, rows }, counts) = (&mut self.walk, &mut self.counts);
+        let window = self.grid.window();
+        for at in poses {
+            self.grid.for_rows(&self.aperture, at, |row, from, to| {
+                let goes_on = |before| before == *number;
+                rows.for_new(row, *number, [from, to], goes_on, |columns| {
+                    for cell in window.numbers(row, columns) {
+                        if seen[cell] != *number {
+                            seen[cell] = *number;
+                            visit(&mut counts[cell]);
+                        }
+                    }
+                });
+            });
+        }
+    }
+
+    /// Area of beads that a connection covers again, mm²; what lies under the stretches of path
+    /// `own` does not count.
+    pub fn recovered_mm2(&self, own: [Vec<Configuration>; 2], connection: &[Configuration]) -> f64 {
+        const OWN: u8 = 1;
+        const CONNECTION: u8 = 2;
+        let (grid, aperture) = (&self.grid, &self.aperture);
+        let window = grid.window_of(aperture, connection, 0.0);
+        let mut marks = vec![0u8; window.len()];
+        let mut mark = |path: &[Configuration], mark: u8| {
+            for at in swept(path.iter().copied(), aperture) {
+                grid.for_rows_within(&window, aperture, at, |row, from, to| {
+                    for cell in &mut marks[window.numbers(row, from..to + 1)] {
+                        *cell |= mark;
+                    }
+                });
+            }
+        };
+        for own in &own {
+            mark(own, OWN);
+        }
+        mark(connection, CONNECTION);
+        let mut counts = Vec::new();
+        self.counts_of(&window, &mut counts);
+        let cells = marks.iter().zip(&counts);
+        let again = cells.filter(|&(&mark, &count)| mark == CONNECTION && count > 0);
+        again.count() as f64 * self.cell_area_mm2()
+    }
+}
+
+/// Cells that a pose covers and the one before it does not, and those of them that nothing covered
+/// before.
+#[derive(Clone, Copy, Debug, Default)]
+pub struct Advance {
+    /// All of them.
+    pub cells: u32,
+    /// Those covered for the first time.
+    pub fresh: u32,
+}
+
+/// For each pose its advance over the one before it, all of it where it is the first of a pass
+/// (`starts`).
+pub fn newly_covered(
+    poses: &[Configuration],
+    starts: &[bool],
+    aperture: &Aperture,
+    cells_max: usize,
+) -> Vec<Advance> {
+    let Some((first, _)) = poses.split_first() else {
+        return Vec::new();
+    };
+    let cell_mm = CELL_SHARE * aperture.minor_mm();
+    let bounds = poses
+        .iter()
+        .fold(Box2::of(&[first.center]), |bounds, at| Box2 {
+            min: bounds.min.inf(&at.center),
+            max: bounds.max.sup(&at.center),
+        });
+    let grid = CellGrid::over(&bounds.grown(aperture.reach_mm()), cell_mm, cells_max);
+    // Sums of whole numbers: the same in whatever order the bands add them.
+    let counts: Vec<[AtomicU32; 2]> = (0..poses.len()).map(|_| Default::default()).collect();
+    stamp(
+        &grid,
+        aperture,
+        poses,
+        &mut vec![(); grid.len()],
+        false,
+        |before, pose| before.wrapping_add(1) == pose && !starts[pose as usize],
+        |_, covered, pose| {
+            let [cells, fresh] = &counts[pose as usize];
+            cells.fetch_add(covered.len() as u32, Ordering::Relaxed);
+            let open = covered.iter().filter(|covered| !**covered).count();
+            fresh.fetch_add(open as u32, Ordering::Relaxed);
+            covered.fill(true);
+        },
+    );
+    let advance = |[cells, fresh]: [AtomicU32; 2]| Advance {
+        cells: cells.into_inner(),
+        fresh: fresh.into_inner(),
+    };
+    counts.into_iter().map(advance).collect()
+}
+
+/// Sweeps poses in their order over a grid, bands of rows side by side. `visit` gets cells of a row
+/// that a pose covers (what belongs to them, and a note for each that begins as `blank`), but not
+/// those under the last pose that came to the row where the sweep `goes_on` from that one.
+fn stamp<T: Send, N: Clone + Send + Sync>(
+    grid: &CellGrid,
+    aperture: &Aperture,
+    poses: &[Configuration],
+    cells: &mut [T],
+    blank: N,
+    goes_on: impl Fn(u32, u32) -> bool + Sync,
+    visit: impl Fn(&mut [T], &mut [N], u32) + Sync,
+) {
+    let of_band = grid.poses_of_bands(aperture, poses.iter().copied());
+    let bands = grid.bands_of(cells).zip(&of_band);
+    bands.for_each_init(Vec::new, |notes, ((band, cells), numbers)| {
+        notes.clear();
+        notes.resize(cells.len(), blank.clone());
+        let mut rows = SweptRows::of(&band, NOBODY);
+        for &pose in numbers {
+            grid.for_rows_within(&band, aperture, poses[pose as usize], |row, from, to| {
+                let goes_on = |before| goes_on(before, pose);
+                rows.for_new(row, pose, [from, to], goes_on, |columns| {
+                    let own = band.numbers(row, columns);
+                    visit(&mut cells[own.clone()], &mut notes[own], pose);
+                });
+            });
+        }
+    });
+}
+
+/// True where cells of this size tell where a bead ends.
+pub fn is_fine(cell_mm: f64, aperture: &Aperture) -> bool {
+    cell_mm <= FINE_SHARE_MAX * aperture.minor_mm()
+}
+
+/// What passes cover of the region within `walls`, on a raster of at most so many cells; a pass
+/// that comes back after `return_mm` of path covers the place again.
+pub fn within_walls(
+    passes: &[LayerPass],
+    walls: &EdgeIndex,
+    aperture: &Aperture,
+    cells_max: usize,
+    return_mm: f64,
+) -> Coverage {
+    let poses = swept_poses(passes, aperture);
+    let cell_mm = CELL_SHARE * aperture.minor_mm();
+    Coverage::sweep(walls, aperture, &poses, cell_mm, cells_max, return_mm)
+}
