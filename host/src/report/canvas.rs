@@ -10,10 +10,10 @@ use svg::node::element::{Circle, Group, Line, Path, Rectangle, Text};
 const DRAWING_PX: f64 = 1000.0;
 /// White around the drawing, px.
 const MARGIN_PX: f64 = 24.0;
-/// ClearanceGrid for the title, px.
+/// Height kept for the title, px.
 const TITLE_PX: f64 = 40.0;
-/// Width of the legend, px.
-const LEGEND_PX: f64 = 250.0;
+/// Width of the legend: its longest entry at 15 px, px.
+const LEGEND_PX: f64 = 330.0;
 /// Least height of the drawing, so that the legend fits beside a flat part, px.
 const HEIGHT_MIN_PX: f64 = 260.0;
 
