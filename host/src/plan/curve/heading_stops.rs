@@ -18,7 +18,7 @@ use std::cmp::Reverse;
 use std::collections::{BinaryHeap, VecDeque};
 use std::ops::Deref;
 
-/// ClearanceGrid left before each stop, rad, tried in this order: the curve is sharpened and pushed
+/// Turn left before each stop, rad, tried in this order: the curve is sharpened and pushed
 /// off the walls, and its headings leave those of the placements by a few degrees at the most.
 const ROOM_RAD: [f64; 3] = [0.03, 0.1, 0.25];
 

@@ -107,7 +107,7 @@ impl Density {
                 piece += 1;
             }
             let at = done + (wanted - before) / self.per_tick[piece];
-            // ClearanceGrid for the knots that are still to come.
+            // Ticks kept for the knots that are still to come.
             let least = last_knot + SPAN_TICKS_MIN;
             let latest = ticks - SPAN_TICKS_MIN * (spans - knot);
             let place = (at.round() as usize).clamp(least.min(latest), latest);
