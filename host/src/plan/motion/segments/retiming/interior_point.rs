@@ -10,7 +10,7 @@
 //! where they do not settle, the window stays as it was.
 
 use super::super::banded::{Band, Factored};
-use super::limit_rows::{Place, Rows};
+use super::limit_rows::{Place, Rows, SQUARED_PACE_FLOOR};
 use std::ops::Range;
 
 /// Newton steps; six to eight are usual.
@@ -82,7 +82,8 @@ pub fn least_time(window: &Window, coefficients: Vec<f64>) -> Option<Vec<f64>> {
     }
     let is_finite = iterate.coefficients.iter().all(|value| value.is_finite());
     let is_kept = iterate.worst_excess() < worst_before.max(VIOLATION_MAX);
-    (is_finite && is_kept).then(|| iterate.coefficients[window.free.clone()].to_vec())
+    let moves = iterate.b.iter().all(|b| *b >= SQUARED_PACE_FLOOR);
+    (is_finite && is_kept && moves).then(|| iterate.coefficients[window.free.clone()].to_vec())
 }
 
 impl Iterate {

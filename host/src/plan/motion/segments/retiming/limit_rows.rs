@@ -23,6 +23,9 @@ const PIECE_TICKS: f64 = 5.0;
 /// Most that one round slows or speeds up, as b.
 const SQUARED_PACE_MIN: f64 = 0.3;
 const SQUARED_PACE_MAX: f64 = 4.0;
+/// Squared pace below which a result is not taken: half of what was asked for. Steps that did not
+/// settle may end near 0 or below, where the motion would last for ever.
+pub const SQUARED_PACE_FLOOR: f64 = 0.5 * SQUARED_PACE_MIN;
 /// Share of a violation that one round leaves: from a motion far beyond a limit the least time
 /// lies far away, where its fit is no guide.
 const VIOLATION_LEFT: f64 = 0.35;

@@ -18,7 +18,7 @@ use super::warp::catmull_rom;
 use crate::plan::motion::joint_limits::{MotionError, MotionLimits};
 use crate::plan::route::path_curve::basis_weights;
 use interior_point::{Window, least_time};
-use limit_rows::{Motion, Rows};
+use limit_rows::{Motion, Rows, SQUARED_PACE_FLOOR};
 use rayon::prelude::*;
 use std::ops::Range;
 
@@ -127,10 +127,15 @@ pub fn retimed(
             let around = squared_pace[cell..cell + 4].iter();
             let [weights, ..] = grid.basis(s);
             let b: f64 = weights.iter().zip(around).map(|(w, c)| w * c).sum();
-            b.max(f64::MIN_POSITIVE).sqrt().recip()
+            slowness_of(b)
         })
         .collect();
     Ok(run_at(u_at_tick, &slowness, least_ticks))
+}
+
+/// How many times as long a motion takes at this squared pace, bounded.
+fn slowness_of(squared_pace: f64) -> f64 {
+    squared_pace.max(SQUARED_PACE_FLOOR).sqrt().recip()
 }
 
 fn solved_window(
@@ -269,6 +274,16 @@ mod tests {
         for (k, u) in u_at_tick.iter().enumerate() {
             assert!((slow[2 * k] - u).abs() < 1e-12, "{k}");
         }
+    }
+
+    /// Goal: a squared pace near zero, where steps did not settle, asks for no endless motion.
+    #[test]
+    fn no_pace_lets_a_motion_last_for_ever() {
+        let slowest = limit_rows::SQUARED_PACE_FLOOR.sqrt().recip();
+        for b in [0.0, -1.0, f64::NAN, 1e-300] {
+            assert_eq!(slowness_of(b), slowest, "{b}");
+        }
+        assert_eq!(slowness_of(4.0), 0.5);
     }
 
     /// Goal: a pace that changes is followed to the order of the interpolation.
