@@ -13,11 +13,12 @@
 //! reads header and footer only. Lengths are checked against the file before memory is taken.
 //! Left out: the outline and the pictures, which are made from the input.
 
+use crate::frame_writer::FrameWriter;
 use crate::job::{Mark, SegmentStream};
 use crate::part_transform::PartTransform;
 use crate::wire_frames::{WireFrames, WireFramesError};
 use headway_firmware::configuration::MachineConfiguration;
-use headway_protocol::frame::{CRC, FRAME_BYTES_MAX, FrameDecoder, encode_payload};
+use headway_protocol::frame::{CRC, FrameDecoder};
 use headway_protocol::message::{PROTOCOL_VERSION, SCHEMA_HASH};
 use headway_protocol::units::ChannelPoint;
 use serde::{Deserialize, Serialize};
@@ -34,7 +35,7 @@ const HEADER_BYTES_MAX: u64 = 256 << 20;
 /// Largest index: 64 frames an entry.
 const INDEX_BYTES_MAX: u64 = 64 << 20;
 /// Frames between two entries of the index.
-const INDEX_EVERY_FRAMES: usize = 64;
+pub(crate) const INDEX_EVERY_FRAMES: usize = 64;
 const FOOTER_BYTES: u64 = 24;
 
 /// What the file says about the job before its frames.
@@ -72,6 +73,25 @@ pub struct JobHeader {
     pub texts: BTreeMap<String, String>,
 }
 
+/// What a header says of its stream.
+#[derive(Clone, Debug, PartialEq)]
+pub struct StreamFacts {
+    /// Pose at rest before the first span, channel units.
+    pub start: ChannelPoint,
+    /// Identity of the stream (`WireFrames::job`).
+    pub job: u32,
+    /// Frames.
+    pub frames: u32,
+    /// Knots in them.
+    pub knots: u32,
+    /// Flow events in them.
+    pub events: u32,
+    /// What the stream is doing when.
+    pub marks: Vec<Mark>,
+    /// The joint solution that it is run in.
+    pub solution: u8,
+}
+
 impl JobHeader {
     /// Header for a stream; figures and texts are left for the caller to fill in.
     pub fn new(
@@ -81,20 +101,42 @@ impl JobHeader {
         machine: &MachineConfiguration,
         transform: PartTransform,
     ) -> Self {
-        JobHeader {
-            format_version: FORMAT_VERSION,
-            protocol_version: PROTOCOL_VERSION,
-            schema_hash: SCHEMA_HASH,
-            machine_name: machine_name.to_string(),
-            machine: stream.machine(machine),
-            machine_hash: machine.hash(),
-            transform,
+        let facts = StreamFacts {
             start: *frames.start(),
             job: frames.job(),
             frames: frames.len() as u32,
             knots: stream.knots.len() as u32,
             events: stream.events.len() as u32,
             marks: stream.marks.clone(),
+            solution: stream.solution,
+        };
+        JobHeader::of_facts(facts, machine_name, machine, transform)
+    }
+
+    /// The same of what is known of a stream.
+    pub fn of_facts(
+        stream: StreamFacts,
+        machine_name: &str,
+        machine: &MachineConfiguration,
+        transform: PartTransform,
+    ) -> Self {
+        JobHeader {
+            format_version: FORMAT_VERSION,
+            protocol_version: PROTOCOL_VERSION,
+            schema_hash: SCHEMA_HASH,
+            machine_name: machine_name.to_string(),
+            machine: MachineConfiguration {
+                kinematics: machine.kinematics.with_solution(stream.solution),
+                ..machine.clone()
+            },
+            machine_hash: machine.hash(),
+            transform,
+            start: stream.start,
+            job: stream.job,
+            frames: stream.frames,
+            knots: stream.knots,
+            events: stream.events,
+            marks: stream.marks,
             figures_json: String::from("{}"),
             texts: BTreeMap::new(),
         }
@@ -211,6 +253,22 @@ pub fn write(
     header: &JobHeader,
     frames: &WireFrames,
 ) -> Result<u64, JobFileError> {
+    let start = write_header(out, header)?;
+    let mut packed = FrameWriter::default();
+    let mut totals = (0, 0);
+    for frame in 0..frames.len() {
+        let (knots, events) = frames.totals_after(frame);
+        let payload = frames.payload(frame);
+        packed.write(out, payload, knots - totals.0, events - totals.1)?;
+        totals = (knots, events);
+    }
+    let tail = packed.tail(start)?;
+    out.write_all(&tail)?;
+    Ok(start + packed.bytes() + tail.len() as u64)
+}
+
+/// Writes the beginning of a job; returns where its frames begin.
+pub(crate) fn write_header(out: &mut impl Write, header: &JobHeader) -> Result<u64, JobFileError> {
     let mut section = Vec::from((0u32).to_le_bytes());
     section =
         postcard::to_extend(header, section).map_err(|_| damaged(8, "header", "unwritable"))?;
@@ -223,30 +281,10 @@ pub fn write(
     section.extend_from_slice(&CRC.checksum(&section).to_le_bytes());
     out.write_all(MAGIC)?;
     out.write_all(&section)?;
-    let mut offset = (MAGIC.len() + section.len()) as u64;
-    let mut index = Vec::new();
-    let mut knots_before = 0;
-    let mut line = [0u8; FRAME_BYTES_MAX];
-    for frame in 0..frames.len() {
-        if frame % INDEX_EVERY_FRAMES == 0 {
-            index.push(IndexEntry {
-                frame: frame as u32,
-                offset,
-                knots_before,
-            });
-        }
-        let length = encode_payload(frame as u16, frames.payload(frame), &mut line)
-            .map_err(|_| damaged(offset, "frames", "a frame is too long"))?;
-        out.write_all(&line[..length])?;
-        offset += length as u64;
-        knots_before = frames.totals_after(frame).0;
-    }
-    let tail = index_and_footer(&index, offset, frames.len() as u32)?;
-    out.write_all(&tail)?;
-    Ok(offset + tail.len() as u64)
+    Ok((MAGIC.len() + section.len()) as u64)
 }
 
-fn index_and_footer(
+pub(crate) fn index_and_footer(
     index: &[IndexEntry],
     index_start: u64,
     frames: u32,
@@ -260,7 +298,7 @@ fn index_and_footer(
     Ok(tail)
 }
 
-fn damaged(at_byte: u64, part: &'static str, why: &'static str) -> JobFileError {
+pub(crate) fn damaged(at_byte: u64, part: &'static str, why: &'static str) -> JobFileError {
     JobFileError::Damaged { at_byte, part, why }
 }
 

@@ -20,13 +20,15 @@ use crate::plan::route::travel::{TravelWays, outline_crossings};
 use crate::settings::Settings;
 use crate::{Plan, PlanError};
 use headway_protocol::units::{CHANNEL_X, CHANNEL_Y, CHANNELS};
+use serde::{Deserialize, Serialize};
 
 /// A region that is not printed, and the others are.
-#[derive(Clone, Debug, PartialEq)]
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct LeftOut {
     /// The first layer that has it, from 0.
     pub layer: u32,
     /// A place in it, input coordinates.
+    #[serde(with = "crate::geometry::as_numbers")]
     pub at: Point2,
     /// Its area.
     pub area_mm2: f64,

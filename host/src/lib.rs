@@ -21,15 +21,19 @@
 
 pub mod cli;
 pub mod drive;
+mod frame_writer;
 pub mod gcode;
 pub mod gcode_plan;
 pub mod geometry;
 pub mod input;
 pub mod job;
 pub mod job_file;
+pub mod job_spool;
 pub mod layer_stack;
 pub mod mesh;
 mod near_name;
+pub mod open_ground;
+pub mod part_piece;
 pub mod part_plan;
 pub mod part_transform;
 pub mod plan;
@@ -211,6 +215,9 @@ pub enum PlanError {
         "the joints cannot stay in one solution over all layers: print them in parts (--layer-range)"
     )]
     AnotherSolution,
+    /// What was planned cannot be handed on.
+    #[error("{0}")]
+    Output(String),
     /// No placement of the aperture lies inside, or it has no room to move.
     #[error(
         "nothing can be printed: the widest place, near ({:.3}, {:.3}) mm, is {width_mm:.3} mm \

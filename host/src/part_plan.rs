@@ -1,25 +1,31 @@
 //! A part with changing layers -> one job, planned a few layers at a time.
 //!
-//! What planning makes of a few layers (walls, passes, curves, rasters) is shown to the caller and
-//! dropped before the next ones: beside the outlines only the finished segments grow with the
-//! part. The streams of the pieces, each from rest to rest, follow one another ([`SegmentStream::append`]).
-//! Layers of a piece are planned side by side; a piece is the same whatever the number of threads.
+//! What planning makes of a few layers (walls, passes, curves, rasters) comes down to a [`Piece`] and is
+//! dropped before the next ones; the streams of the pieces, each from rest to rest, are handed on as they
+//! come. Layers of a piece are planned side by side; a piece is the same whatever the number of threads,
+//! and may come from whoever keeps pieces.
+//!
+//! In: sliced layers (mm), settings, a cache. Out: streams in order, and what the figures need. Leaves
+//! out: files, and the clock.
 
+use crate::PlanError;
 use crate::geometry::Point2;
 use crate::geometry::polygon::{Box2, Region};
 use crate::job::SegmentStream;
 use crate::layer_stack::{LeftOut, Stack, plan_stack};
 use crate::mesh::layers::{SlicedPart, TargetLayer};
+use crate::open_ground::OpenGround;
+use crate::part_piece::{Piece, PieceCache, key_of};
 use crate::part_transform::PartTransform;
 use crate::plan::judge::figures::{PlanFigures, Swept};
 use crate::plan::layers::layer_groups::{LayerKind, StackLayer};
 use crate::plan::layers::shells::{Overhang, ShellLayers, overhangs, solid_ground};
 use crate::plan::layers::skirt::skirt_reach_mm;
 use crate::plan::motion::segments::MotionReport;
+use crate::plan::outline::unreachable::UnreachableRun;
 use crate::plan::progress::Progress;
 use crate::plan::route::keep_out::cleared;
 use crate::settings::{BOTTOM_LAYERS, Settings, TOP_LAYERS};
-use crate::{Plan, PlanError};
 use headway_firmware::kinematics::winds;
 use headway_protocol::units::CHANNELS;
 
@@ -36,16 +42,22 @@ pub struct FirstLayer {
 }
 
 /// A planned part.
-#[derive(Clone, Debug)]
+#[derive(Clone, Debug, Default)]
 pub struct PartPlan {
     /// Where the part lies on the machine.
     pub transform: PartTransform,
-    /// The stream for the controller.
+    /// The stream for the controller; empty where the pieces of it were handed on.
     pub stream: SegmentStream,
+    /// The joint solution that it is run in.
+    pub solution: u8,
+    /// Knots of it.
+    pub segments: u64,
     /// What the stream reaches of the limits.
     pub motion: MotionReport,
     /// What the plan is judged on, over all regions and layers.
     pub figures: PlanFigures,
+    /// What was swept of each printing, with its layer.
+    pub swept: Vec<(u32, Swept)>,
     /// Regions that are not printed.
     pub left_out: Vec<LeftOut>,
     /// Ground given up to keep-outs, all layers together.
@@ -53,13 +65,36 @@ pub struct PartPlan {
     /// A skirt or brim was printed.
     pub has_skirt: bool,
     /// Travels between passes that leave the regions on their way.
-    pub outline_crossings: usize,
+    pub outline_crossings: u64,
     /// What hangs over nothing, by layer of the whole part.
     pub overhangs: Vec<Overhang>,
+    /// Boundary that cannot be touched, at most [`PLACES_MAX`] runs.
+    pub unreachable: Vec<UnreachableRun>,
+    /// Length of it over all layers.
+    pub unreachable_mm: f64,
+    /// Ground that was to be filled and stays open, the largest [`PLACES_MAX`] pieces.
+    pub open: Vec<OpenGround>,
+    /// Ground that lines are to cover, and what of it was swept.
+    pub infill_mm2: [f64; 2],
 }
 
-/// Plans the wanted layers of a part around keep-outs (input coordinates). `seen` is shown every
-/// piece before it is dropped.
+/// Places of each kind that are kept.
+pub const PLACES_MAX: usize = 1000;
+
+/// What planning a part is given and gives.
+pub struct PartDoors<'a> {
+    /// Is told how far it is.
+    pub progress: &'a dyn Progress,
+    /// Pieces that were planned before.
+    pub cache: &'a mut dyn PieceCache,
+    /// What plans: pieces of another program are not taken.
+    pub program: &'a str,
+    /// Takes the stream piece by piece, each with the number of its first pass. What it says of a
+    /// piece that it cannot take ends planning.
+    pub take: &'a mut dyn FnMut(SegmentStream, u32) -> Result<(), String>,
+}
+
+/// Plans the wanted layers of a part around keep-outs (input coordinates), the whole stream in memory.
 ///
 /// # Errors
 /// [`PlanError`]; a region that cannot be planned is left out instead.
@@ -69,7 +104,32 @@ pub fn plan_part(
     first: FirstLayer,
     settings: &Settings,
     progress: &dyn Progress,
-    seen: &mut dyn FnMut(&Plan),
+) -> Result<PartPlan, PlanError> {
+    let mut stream = SegmentStream::default();
+    let mut take = |piece: SegmentStream, first_pass| {
+        stream.append(piece, first_pass);
+        Ok(())
+    };
+    let doors = PartDoors {
+        progress,
+        cache: &mut (),
+        program: "",
+        take: &mut take,
+    };
+    let planned = plan_part_in_pieces(part, keep_out, first, settings, doors)?;
+    Ok(PartPlan { stream, ..planned })
+}
+
+/// The same; what grows with the layers are their outlines.
+///
+/// # Errors
+/// [`PlanError`]; a region that cannot be planned is left out instead.
+pub fn plan_part_in_pieces(
+    part: &SlicedPart,
+    keep_out: &[Region],
+    first: FirstLayer,
+    settings: &Settings,
+    doors: PartDoors,
 ) -> Result<PartPlan, PlanError> {
     settings.check()?;
     let is_like_others = |layer: &TargetLayer| {
@@ -79,30 +139,22 @@ pub fn plan_part(
     if !may_divide(settings) && !part.layers.iter().all(is_like_others) {
         return Err(PlanError::FirstLayerWinds);
     }
-    let transform = place(part, settings)?;
     let outlines: Vec<&[Region]> = part.layers.iter().map(|l| l.regions.as_slice()).collect();
-    let solid = solid_of(&outlines, settings);
     let mut planned = PartPlan {
-        transform,
-        stream: SegmentStream::default(),
-        motion: MotionReport::default(),
-        figures: PlanFigures::default(),
-        left_out: Vec::new(),
-        kept_out_mm2: 0.0,
-        has_skirt: false,
-        outline_crossings: 0,
+        transform: place(part, settings)?,
         overhangs: overhangs(&outlines, settings.aperture.major_mm()),
+        ..PartPlan::default()
     };
-    let mut done = Done {
-        at: crate::start_pose(settings),
-        ..Done::default()
-    };
+    let mut at = crate::start_pose(settings);
     let wanted = part.wanted_layers();
     let mut rest = wanted;
     while let Some(lowest) = rest.first() {
+        let layers = wanted.len() - rest.len();
+        doors.progress.layers(layers, wanted.len());
         let is_first = lowest.number == wanted[0].number;
         let own = settings_of(lowest, first, settings);
-        let (stack, used) = gather(rest, &solid, keep_out, &own, transform, done.at);
+        let solid = |layer: u32| solid_of(&outlines, layer, settings);
+        let (stack, used) = gather(rest, &solid, keep_out, &own, planned.transform, at);
         rest = &rest[used..];
         let stack = Stack {
             skirt_around: Some(lowest.regions.as_slice())
@@ -110,62 +162,73 @@ pub fn plan_part(
             is_last: rest.is_empty(),
             ..stack
         };
-        let kept_out_mm2 = stack.kept_out_mm2;
-        let plan = plan_stack(stack, &own, progress)?;
-        planned.kept_out_mm2 += kept_out_mm2;
-        seen(&plan);
-        planned.add(plan, &mut done)?;
+        let key = key_of(&stack, &own, doors.program);
+        let piece = match doors.cache.get(key) {
+            Some(known) => known,
+            None => {
+                let piece = Piece::of(plan_stack(stack, &own, doors.progress)?);
+                doors.cache.put(key, &piece);
+                piece
+            }
+        };
+        let first_pass = planned.figures.passes as u32;
+        at = piece.end.unwrap_or(at);
+        let stream = planned.add(piece)?;
+        if !stream.knots.is_empty() {
+            (doors.take)(stream, first_pass).map_err(PlanError::Output)?;
+        }
     }
-    if planned.stream.knots.is_empty() {
+    doors.progress.layers(wanted.len(), wanted.len());
+    if planned.segments == 0 {
         return Err(PlanError::NoLayerPrintable {
             left_out: planned.left_out.len(),
         });
     }
-    let layers: Vec<u32> = done.swept.iter().map(|(layer, _)| *layer).collect();
-    let swept: Vec<Swept> = done.swept.into_iter().map(|(_, swept)| swept).collect();
+    let (layers, swept): (Vec<u32>, Vec<Swept>) = planned.swept.iter().copied().unzip();
     planned.figures.set_shares(&layers, &swept);
     Ok(planned)
+}
+
+impl PartPlan {
+    /// Takes over what is kept of a piece, and hands on its stream.
+    fn add(&mut self, piece: Piece) -> Result<SegmentStream, PlanError> {
+        self.swept.extend(piece.swept);
+        self.figures.add_lengths(&piece.figures);
+        self.left_out.extend(piece.left_out);
+        self.kept_out_mm2 += piece.kept_out_mm2;
+        self.has_skirt |= piece.has_skirt;
+        self.outline_crossings += piece.outline_crossings;
+        self.motion.ratios = self.motion.ratios.max(piece.ratios);
+        self.motion.fit_error_ratio = self.motion.fit_error_ratio.max(piece.fit_error_ratio);
+        self.motion.doubled_stretches += piece.doubled_stretches as usize;
+        self.motion.duration_s += piece.duration_s;
+        self.unreachable_mm += piece.unreachable_mm;
+        let room = PLACES_MAX - self.unreachable.len();
+        self.unreachable
+            .extend(piece.unreachable.into_iter().take(room));
+        self.open.extend(piece.open);
+        self.open.sort_by(|a, b| b.area_mm2.total_cmp(&a.area_mm2));
+        self.open.truncate(PLACES_MAX);
+        for (all, own) in self.infill_mm2.iter_mut().zip(piece.infill_mm2) {
+            *all += own;
+        }
+        let stream = piece.stream;
+        if stream.knots.is_empty() {
+            return Ok(stream);
+        }
+        if self.segments > 0 && stream.solution != self.solution {
+            return Err(PlanError::AnotherSolution);
+        }
+        self.solution = stream.solution;
+        self.segments += stream.knots.len() as u64;
+        Ok(stream)
+    }
 }
 
 /// True where the pieces of a route can be laid one by one: joints that wind up (arms, turning
 /// tables) are followed along the whole of it.
 fn may_divide(settings: &Settings) -> bool {
     winds(&settings.machine.kinematics) == 0
-}
-
-/// What goes on from piece to piece.
-#[derive(Default)]
-struct Done {
-    at: [f64; CHANNELS],
-    swept: Vec<(u32, Swept)>,
-}
-
-impl PartPlan {
-    /// Takes over what is kept of a piece.
-    fn add(&mut self, plan: Plan, done: &mut Done) -> Result<(), PlanError> {
-        done.at = plan.route.end().unwrap_or(done.at);
-        let layers = plan.prints.iter().map(|print| print.layer);
-        done.swept
-            .extend(layers.zip(plan.measured.swept.iter().copied()));
-        let first_pass = self.figures.passes as u32;
-        self.figures.add_lengths(&plan.figures);
-        self.left_out.extend(plan.left_out);
-        self.has_skirt |= plan.skirt.is_some();
-        self.outline_crossings += plan.outline_crossings;
-        let motion = &plan.motion;
-        self.motion.ratios = self.motion.ratios.max(motion.ratios);
-        self.motion.fit_error_ratio = self.motion.fit_error_ratio.max(motion.fit_error_ratio);
-        self.motion.doubled_stretches += motion.doubled_stretches;
-        self.motion.duration_s += motion.duration_s;
-        if plan.stream.knots.is_empty() {
-            return Ok(());
-        }
-        if !self.stream.knots.is_empty() && plan.stream.solution != self.stream.solution {
-            return Err(PlanError::AnotherSolution);
-        }
-        self.stream.append(plan.stream, first_pass);
-        Ok(())
-    }
 }
 
 /// Where a part goes: the box of all its layers.
@@ -188,17 +251,17 @@ fn place(part: &SlicedPart, settings: &Settings) -> Result<PartTransform, PlanEr
     )?)
 }
 
-/// Of each layer what is filled whatever the density.
-fn solid_of(outlines: &[&[Region]], settings: &Settings) -> Vec<Vec<Region>> {
+/// What of a layer is filled whatever the density.
+fn solid_of(outlines: &[&[Region]], layer: u32, settings: &Settings) -> Vec<Region> {
     match &settings.infill {
         Some(infill) if !infill.is_solid() => {
             let shells = ShellLayers {
                 bottom: infill.bottom_layers.unwrap_or(BOTTOM_LAYERS),
                 top: infill.top_layers.unwrap_or(TOP_LAYERS),
             };
-            solid_ground(outlines, shells)
+            solid_ground(outlines, layer as usize, shells)
         }
-        _ => vec![Vec::new(); outlines.len()],
+        _ => Vec::new(),
     }
 }
 
@@ -218,7 +281,7 @@ fn settings_of(layer: &TargetLayer, first: FirstLayer, settings: &Settings) -> S
 /// The next layers of the same settings, as many as are planned at a time, and how many they are.
 fn gather<'a>(
     layers: &'a [TargetLayer],
-    solid: &[Vec<Region>],
+    solid: &dyn Fn(u32) -> Vec<Region>,
     keep_out: &'a [Region],
     settings: &Settings,
     transform: PartTransform,
@@ -271,7 +334,7 @@ fn gather<'a>(
             outline,
             // Between the solid ground there are no solid layers but those of the shells.
             infill: infill.map(|infill| infill.inside(layer.number)),
-            solid: solid[layer.number as usize].clone(),
+            solid: solid(layer.number),
         };
         let known_kind = stack.kinds.iter().position(|known| *known == kind);
         let kind_number = known_kind.unwrap_or(stack.kinds.len());

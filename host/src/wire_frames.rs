@@ -79,28 +79,11 @@ impl WireFrames {
 
     /// Packs a stream. Events must be ordered by span and lie within the stream.
     pub fn encode(stream: &SegmentStream) -> Result<Self, WireFramesError> {
-        check_events(stream)?;
         let mut frames = WireFrames::new(stream.start);
-        let mut predictor = KnotPredictor::new(stream.start);
-        let mut knots_done = 0;
-        let mut events = stream.events.as_slice();
-        while knots_done < stream.knots.len() {
-            let rest = &stream.knots[knots_done..];
-            let wanted = knots_before_event_limit(knots_done, rest.len(), events);
-            let (block, count) = encode_block(&mut predictor, &rest[..wanted]);
-            knots_done += count;
-            let due = events.partition_point(|event| (event.span as usize) < knots_done);
-            for event in &events[..due] {
-                frames.push(&HostMessage::Flow(*event), 0, 1);
-            }
-            events = &events[due..];
-            frames.push(&HostMessage::Knots(&block), count as u32, 0);
-        }
-        let finish = Finish {
-            knots: stream.knots.len() as u32,
-            events: stream.events.len() as u32,
-        };
-        frames.push(&HostMessage::Finish(finish), 0, 0);
+        let mut packer = StreamPacker::new(stream.start);
+        let mut push = |payload: &[u8], knots, events| frames.append(payload, knots, events);
+        packer.add(stream, &mut push)?;
+        packer.finish(&mut push);
         Ok(frames)
     }
 
@@ -197,16 +180,6 @@ impl WireFrames {
         Ok((knots, events))
     }
 
-    fn push(&mut self, message: &HostMessage<'_>, knots: u32, events: u32) {
-        let mut buffer = [0u8; MESSAGE_BYTES_MAX];
-        // Every stream message fits: blocks are bounded by the message's size.
-        let payload = postcard::to_slice(message, &mut buffer)
-            .map(|payload| &*payload)
-            .unwrap_or(&[]);
-        debug_assert!(!payload.is_empty());
-        self.append(payload, knots, events);
-    }
-
     fn append(&mut self, payload: &[u8], knots: u32, events: u32) {
         self.bytes.extend_from_slice(payload);
         let (knots_before, events_before) = match self.entries.last() {
@@ -219,6 +192,99 @@ impl WireFrames {
             events: events_before + events,
         });
     }
+}
+
+/// Packs a stream that comes piece by piece, into the same payloads as the whole of it.
+pub struct StreamPacker {
+    predictor: KnotPredictor,
+    /// Knots that may yet share a block with later ones, and the events from them on.
+    knots: Vec<Knot>,
+    events: Vec<FlowEvent>,
+    /// Knots packed, and events in all.
+    knots_done: usize,
+    event_count: u32,
+}
+
+impl StreamPacker {
+    /// A stream that begins at rest there.
+    pub fn new(start: ChannelPoint) -> StreamPacker {
+        StreamPacker {
+            predictor: KnotPredictor::new(start),
+            knots: Vec::new(),
+            events: Vec::new(),
+            knots_done: 0,
+            event_count: 0,
+        }
+    }
+
+    /// The next piece, which begins where the last one ended. `emit` takes payloads with the knots
+    /// and events in them.
+    ///
+    /// # Errors
+    /// [`WireFramesError::EventOutOfOrder`].
+    pub fn add(
+        &mut self,
+        piece: &SegmentStream,
+        emit: &mut impl FnMut(&[u8], u32, u32),
+    ) -> Result<(), WireFramesError> {
+        check_events(piece)?;
+        let before = (self.knots_done + self.knots.len()) as u32;
+        self.knots.extend_from_slice(&piece.knots);
+        self.events
+            .extend(piece.events.iter().map(|event| FlowEvent {
+                span: event.span + before,
+                ..*event
+            }));
+        self.event_count += piece.events.len() as u32;
+        self.pack(KNOTS_PER_BLOCK_MAX, emit);
+        Ok(())
+    }
+
+    /// The rest, and the end of the stream.
+    pub fn finish(mut self, emit: &mut impl FnMut(&[u8], u32, u32)) {
+        self.pack(1, emit);
+        let finish = Finish {
+            knots: self.knots_done as u32,
+            events: self.event_count,
+        };
+        push(&HostMessage::Finish(finish), 0, 0, emit);
+    }
+
+    /// Packs while there are so many knots. Fewer than a block takes might be followed by knots
+    /// and events that belong in it.
+    fn pack(&mut self, least: usize, emit: &mut impl FnMut(&[u8], u32, u32)) {
+        let (mut done, mut due) = (0, 0);
+        while self.knots.len() - done >= least {
+            let (rest, events) = (&self.knots[done..], &self.events[due..]);
+            let wanted = knots_before_event_limit(self.knots_done, rest.len(), events);
+            let (block, count) = encode_block(&mut self.predictor, &rest[..wanted]);
+            done += count;
+            self.knots_done += count;
+            let now = events.partition_point(|event| (event.span as usize) < self.knots_done);
+            for event in &events[..now] {
+                push(&HostMessage::Flow(*event), 0, 1, emit);
+            }
+            due += now;
+            push(&HostMessage::Knots(&block), count as u32, 0, emit);
+        }
+        self.knots.drain(..done);
+        self.events.drain(..due);
+    }
+}
+
+fn push(
+    message: &HostMessage<'_>,
+    knots: u32,
+    events: u32,
+    emit: &mut impl FnMut(&[u8], u32, u32),
+) {
+    let mut buffer = [0u8; MESSAGE_BYTES_MAX];
+    // Every stream message fits: blocks are bounded by the message's size.
+    let payload = postcard::to_slice(message, &mut buffer)
+        .map(|payload| &*payload)
+        .unwrap_or(&[]);
+    debug_assert!(!payload.is_empty());
+    emit(payload, knots, events);
 }
 
 fn check_events(stream: &SegmentStream) -> Result<(), WireFramesError> {
@@ -305,6 +371,40 @@ mod tests {
         }
         assert_eq!(frames_of_events, original.events.len());
         assert_eq!((knots_sent, events_sent), (500, 11));
+    }
+
+    /// Goal: a stream in pieces is packed as the whole of it. Method: cut at every few knots, at an
+    /// event and beside it.
+    #[test]
+    fn pieces_are_packed_as_the_whole() {
+        let whole = stream(300, &[0, 0, 31, 32, 33, 33, 33, 33, 33, 33, 64, 299]);
+        let frames = WireFrames::encode(&whole).unwrap();
+        for length in [1, 5, 31, 32, 33, 64, 170] {
+            let mut pieces = WireFrames::new(whole.start);
+            let mut packer = StreamPacker::new(whole.start);
+            let mut add = |payload: &[u8], knots, events| pieces.append(payload, knots, events);
+            for (number, knots) in whole.knots.chunks(length).enumerate() {
+                let first = (number * length) as u32;
+                let own = |event: &&FlowEvent| {
+                    event
+                        .span
+                        .checked_sub(first)
+                        .is_some_and(|span| span < knots.len() as u32)
+                };
+                let events = whole.events.iter().filter(own).map(|event| FlowEvent {
+                    span: event.span - first,
+                    ..*event
+                });
+                let piece = SegmentStream {
+                    knots: knots.to_vec(),
+                    events: events.collect(),
+                    ..SegmentStream::default()
+                };
+                packer.add(&piece, &mut add).unwrap();
+            }
+            packer.finish(&mut add);
+            assert_eq!(pieces, frames, "pieces of {length}");
+        }
     }
 
     #[test]

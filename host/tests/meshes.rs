@@ -3,7 +3,7 @@
 
 mod rig;
 
-use rig::{example, folder, headway, object, path, stderr, succeeded};
+use rig::{command, example, folder, headway, headway_with, object, path, stderr, succeeded};
 
 /// A tetrahedron of 10 mm as an ASCII STL.
 const TETRAHEDRON: [[[i32; 3]; 3]; 4] = [
@@ -116,6 +116,84 @@ fn a_mesh_is_printed() {
         heights.iter().all(|z| (4.19..4.61).contains(z)),
         "{heights:?}"
     );
+}
+
+/// Goal: a job is the same file for any number of threads, with and without pieces that were kept, after
+/// one of these was damaged (told) and after planning was stopped in mid-way, which leaves no job and
+/// nothing half. Method: a tetrahedron, whose layers all differ, planned in all these ways; Ctrl-C as a signal.
+#[cfg(unix)]
+#[test]
+fn a_stopped_plan_goes_on_and_makes_the_same_job() {
+    let folder = folder("cached");
+    let mesh = folder.join("tetrahedron.stl");
+    std::fs::write(&mesh, stl(&TETRAHEDRON)).expect("a mesh");
+    let names = |folder: &std::path::Path| -> Vec<std::path::PathBuf> {
+        let entries = std::fs::read_dir(folder).expect("a folder");
+        let mut names: Vec<_> = entries.map(|entry| entry.expect("a name").path()).collect();
+        names.sort();
+        names
+    };
+    let job = folder.join("job.hwj");
+    let cache = folder.join("cache");
+    let asked = [
+        "plan",
+        path(&mesh),
+        "-o",
+        path(&job),
+        "--layer-height",
+        "0.4",
+        "--walls",
+        "1",
+        "--infill-density",
+        "20",
+    ];
+    let with_cache = [&asked[..], &["--cache", path(&cache)]].concat();
+    let bytes = |output: &std::process::Output| {
+        succeeded(output);
+        std::fs::read(&job).expect("a job")
+    };
+    let expected = bytes(&headway_with("1", &asked));
+    std::fs::remove_file(&job).expect("a job");
+
+    let mut planning = command(&with_cache).spawn().expect("the command starts");
+    while !cache.is_dir()
+        || !names(&cache)
+            .iter()
+            .any(|p| p.extension() == Some("piece".as_ref()))
+    {
+        std::thread::sleep(std::time::Duration::from_millis(5));
+        assert_eq!(
+            planning.try_wait().expect("a child"),
+            None,
+            "planned before it was stopped"
+        );
+    }
+    let interrupt = ["-INT", &planning.id().to_string()];
+    let told = std::process::Command::new("kill").args(interrupt).status();
+    assert!(told.expect("kill").success());
+    let stopped = planning.wait_with_output().expect("an end");
+    assert_eq!(stopped.status.code(), Some(130), "{}", stderr(&stopped));
+    assert!(stderr(&stopped).contains("goes on"), "{}", stderr(&stopped));
+    assert_eq!(names(&folder), [cache.clone(), mesh.clone()]);
+    let kept = names(&cache);
+    assert!(
+        kept.iter().all(|p| p.extension() == Some("piece".as_ref())),
+        "{kept:?}"
+    );
+
+    assert!(bytes(&headway(&with_cache)) == expected);
+    let all = names(&cache);
+    assert!(all.len() > kept.len());
+    let mut damaged = std::fs::read(&all[0]).expect("a piece");
+    let middle = damaged.len() / 2;
+    damaged[middle] ^= 1;
+    std::fs::write(&all[0], damaged).expect("room");
+    let again = headway(&with_cache);
+    assert!(bytes(&again) == expected);
+    assert!(stderr(&again).contains("is damaged"), "{}", stderr(&again));
+    let whole = headway(&with_cache);
+    assert!(bytes(&whole) == expected);
+    assert!(!stderr(&whole).contains("damaged"), "{}", stderr(&whole));
 }
 
 /// Goal: a broken mesh is refused with its place and a remedy, exit 1; senseless options, exit 2;

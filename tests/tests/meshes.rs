@@ -45,7 +45,7 @@ fn cut(mesh: &Mesh, first_mm: f64, layer_mm: f64) -> SlicedPart {
 }
 
 fn planned(part: &SlicedPart, first: FirstLayer, settings: &Settings) -> PartPlan {
-    plan_part(part, &[], first, settings, &(), &mut |_| {}).expect("a plan")
+    plan_part(part, &[], first, settings, &()).expect("a plan")
 }
 
 /// Runs the job through the firmware library.
@@ -155,14 +155,7 @@ fn a_tip_is_left_out_and_told() {
     assert_eq!(printed + left_out.len(), 15);
     let needle = revolved(&[[0.0, 0.0], [0.1, 0.0], [0.1, 3.0], [0.0, 3.0]], 24);
     let part = cut(&needle, 0.2, 0.2);
-    let error = plan_part(
-        &part,
-        &[],
-        FirstLayer::default(),
-        &settings,
-        &(),
-        &mut |_| {},
-    );
+    let error = plan_part(&part, &[], FirstLayer::default(), &settings, &());
     let text = error.expect_err("too thin").to_string();
     assert!(text.contains("nothing can be printed"), "{text}");
 }
@@ -192,19 +185,10 @@ fn steps_are_closed_and_the_inside_is_sparse() {
         ..Settings::default()
     };
     let mut covered = vec![0.0; part.layers.len()];
-    let plan = plan_part(
-        &part,
-        &[],
-        FirstLayer::default(),
-        &settings,
-        &(),
-        &mut |plan| {
-            for (print, swept) in plan.prints.iter().zip(&plan.measured.swept) {
-                covered[print.layer as usize] += swept.covered_mm2;
-            }
-        },
-    )
-    .expect("a stair");
+    let plan = planned(&part, FirstLayer::default(), &settings);
+    for (layer, swept) in &plan.swept {
+        covered[*layer as usize] += swept.covered_mm2;
+    }
     let area_mm2 = |layer: usize| {
         part.layers[layer]
             .regions

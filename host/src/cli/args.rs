@@ -123,6 +123,9 @@ pub(super) struct PlaceArgs {
     /// up, degrees; 0 leaves it as it is [default: 0.5].
     #[arg(long, value_name = "DEG", allow_negative_numbers = true)]
     pub axis_tolerance: Option<f64>,
+    /// Folder where planned layers of a mesh are kept: what was planned before is not planned again.
+    #[arg(long, value_name = "DIR")]
+    pub cache: Option<PathBuf>,
     #[command(flatten)]
     pub layers: LayerArgs,
     /// Tip speed while the first layer of a mesh is printed, mm/s [default: that of the others].

@@ -5,10 +5,11 @@ use super::CliError;
 use super::output_file::{write_file, write_file_with};
 use super::printable::{message, printable};
 use crate::plan::progress::{Progress, Stage};
-use indicatif::{ProgressBar, ProgressDrawTarget, ProgressStyle};
+use indicatif::{HumanDuration, ProgressBar, ProgressDrawTarget, ProgressStyle};
 use std::io::{BufWriter, ErrorKind, IsTerminal, Write};
 use std::path::Path;
-use std::time::Duration;
+use std::sync::{Mutex, PoisonError};
+use std::time::{Duration, Instant};
 
 /// The terminal, or the pipe.
 pub(super) struct Console {
@@ -79,7 +80,10 @@ impl Console {
         if let Ok(style) = ProgressStyle::with_template("{spinner} {msg} {pos}/{len} {elapsed}") {
             bar.set_style(style);
         }
-        PlanningBar(bar)
+        PlanningBar {
+            bar,
+            layers: Mutex::new(None),
+        }
     }
 
     /// A spinner with the stage's name; invisible in a pipe.
@@ -112,20 +116,46 @@ impl Console {
 }
 
 /// Shows what the planner tells.
-pub(super) struct PlanningBar(ProgressBar);
+pub(super) struct PlanningBar {
+    bar: ProgressBar,
+    /// Of a part: since when, and how far it is.
+    layers: Mutex<Option<(Instant, String)>>,
+}
 
 impl PlanningBar {
     pub(super) fn clear(&self) {
-        self.0.finish_and_clear();
+        self.bar.finish_and_clear();
+    }
+
+    fn layers_text(&self) -> String {
+        let layers = self.layers.lock().unwrap_or_else(PoisonError::into_inner);
+        let text = layers.as_ref().map(|(_, text)| text.clone());
+        text.unwrap_or_default()
     }
 }
 
 impl Progress for PlanningBar {
     fn at(&self, stage: Stage, done: usize, total: usize) {
         if done == 0 {
-            self.0.set_message(stage.name());
-            self.0.set_length(total as u64);
+            let layers = self.layers_text();
+            self.bar.set_message(format!("{layers}{}", stage.name()));
+            self.bar.set_length(total as u64);
         }
-        self.0.set_position(done as u64);
+        self.bar.set_position(done as u64);
+    }
+
+    fn layers(&self, done: usize, total: usize) {
+        let mut layers = self.layers.lock().unwrap_or_else(PoisonError::into_inner);
+        let since = layers
+            .as_ref()
+            .map_or_else(Instant::now, |(since, _)| *since);
+        let left = match done {
+            0 => String::new(),
+            _ => {
+                let left = since.elapsed().mul_f64((total - done) as f64 / done as f64);
+                format!(", {} left", HumanDuration(left))
+            }
+        };
+        *layers = Some((since, format!("{done} of {total} layers{left}: ")));
     }
 }

@@ -372,6 +372,7 @@ pub(super) fn mesh_option(place: &PlaceArgs) -> Option<&'static str> {
             place.layers.first_layer_height.is_some(),
         ),
         ("--first-layer-speed", place.first_layer_speed.is_some()),
+        ("--cache", place.cache.is_some()),
     ];
     given
         .iter()

@@ -14,6 +14,7 @@ use std::ffi::{OsStr, OsString};
 use std::fs::{File, OpenOptions};
 use std::io::{BufWriter, Error, ErrorKind, Write};
 use std::path::{Path, PathBuf};
+use std::sync::{Mutex, PoisonError};
 use tempfile::{Builder, NamedTempFile};
 
 /// The page that makes a report of a folder.
@@ -41,12 +42,38 @@ fn write_whole(
         return write(&mut out).and_then(|()| out.flush());
     }
     let place = place_of(path)?;
+    let _writing = WRITING.lock().unwrap_or_else(PoisonError::into_inner);
     let mut part = part_beside(&place)?;
     let mut out = BufWriter::new(part.as_file_mut());
     write(&mut out).and_then(|()| out.flush())?;
     drop(out);
     put(part, &place)
 }
+
+/// A file without a name near `path`, which is gone with the program.
+pub(super) fn nameless_file(path: &Path) -> Result<File, CliError> {
+    let file = match is_stream(path) {
+        true => tempfile::tempfile(),
+        false => place_of(path).and_then(|place| tempfile::tempfile_in(parent(&place))),
+    };
+    file.map_err(|problem| file_error(path, problem))
+}
+
+/// Whoever ends the program lets what is being written come to its end first.
+static WRITING: Mutex<()> = Mutex::new(());
+
+/// Ends the program on Ctrl-C with nothing half written, after a line of what is left for the next time.
+pub(super) fn end_whole_on_interrupt(line: String) {
+    // Where there is a handler already, that one stays.
+    let _ = ctrlc::set_handler(move || {
+        let _writing = WRITING.lock().unwrap_or_else(PoisonError::into_inner);
+        let _ = writeln!(std::io::stderr(), "{line}");
+        std::process::exit(INTERRUPTED);
+    });
+}
+
+/// What shells say of a program that was interrupted.
+const INTERRUPTED: i32 = 130;
 
 /// Gives a part that was written its name.
 fn put(part: NamedTempFile, place: &Path) -> std::io::Result<()> {

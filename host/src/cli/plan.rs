@@ -3,33 +3,36 @@
 use super::CliError;
 use super::args::PlanArgs;
 use super::console::Console;
-use super::output_file::{check_file, write_file};
+use super::output_file::{check_file, write_file_with};
 use super::planned::{self, Planned};
-use crate::drive::limits;
-use crate::job_file::{self, JobHeader};
+use super::planned_job::{PackedJob, PlannedJob};
+use crate::job_file::{JobHeader, StreamFacts};
 use crate::report::figures::Figures;
 use crate::report::job_texts::{NAME_TEXT, OUTLINE_TEXT, SETTINGS_TEXT, outline_to_json};
 use crate::settings::machine_file;
-use crate::wire_frames::WireFrames;
 
 pub(super) fn run(args: &PlanArgs, console: &Console) -> Result<(), CliError> {
     check_file(&args.output)?;
+    let mut job = PlannedJob::new(&args.output);
     let mut planned = planned::from_input(
         &args.input,
         &args.reading,
         &args.place,
         &args.settings,
+        Some(&mut job),
         console,
     )?;
     let bar = console.stage("checking");
-    let (limits, frames) = rayon::join(
-        || limits::sample(&planned.stream, &planned.settings),
-        || WireFrames::encode(&planned.stream),
-    );
-    let frames =
-        frames.map_err(|error| CliError::Job(format!("the plan cannot be packed: {error}")))?;
+    if job.is_empty() {
+        job.take(&planned.stream, 0, &planned.settings)?;
+    }
+    let PackedJob {
+        mut frames,
+        limits,
+        times,
+    } = job.finish(&planned.settings)?;
     bar.finish_and_clear();
-    let bytes = frames.line_bytes() as u64;
+    let bytes = frames.line_bytes;
     let print_s = planned.figures.print_s.unwrap_or_default();
     planned.figures = std::mem::take(&mut planned.figures).merged_with(&Figures {
         limit_ratio_velocity: Some(limits.velocity.ratio),
@@ -37,14 +40,19 @@ pub(super) fn run(args: &PlanArgs, console: &Console) -> Result<(), CliError> {
         limit_ratio_jerk: Some(limits.jerk.ratio),
         bytes: Some(bytes),
         bytes_per_s: Some(bytes as f64 / print_s.max(1e-9)),
-        ..planned::time_figures(&planned)
+        ..planned::time_figures(times, &planned)
     });
-    let job = job_bytes(&planned, &frames)?;
-    write_file(&args.output, &job)?;
+    let header = header(&planned, frames.facts.clone());
+    let mut length = 0;
+    write_file_with(&args.output, |out| {
+        let written = frames.write(&mut { out }, &header);
+        length = written.map_err(std::io::Error::other)?;
+        Ok(())
+    })?;
     console.say(&format!(
         "{}: job of {} bytes written to {}",
         planned.name,
-        job.len(),
+        length,
         args.output.display()
     ));
     if args.json {
@@ -53,11 +61,10 @@ pub(super) fn run(args: &PlanArgs, console: &Console) -> Result<(), CliError> {
     console.result(&planned.figures.to_text())
 }
 
-fn job_bytes(planned: &Planned, frames: &WireFrames) -> Result<Vec<u8>, CliError> {
+fn header(planned: &Planned, stream: StreamFacts) -> JobHeader {
     let settings = &planned.settings;
-    let mut header = JobHeader::new(
-        &planned.stream,
-        frames,
+    let mut header = JobHeader::of_facts(
+        stream,
         &settings.machine_name,
         &settings.machine,
         planned.transform,
@@ -74,8 +81,5 @@ fn job_bytes(planned: &Planned, frames: &WireFrames) -> Result<Vec<u8>, CliError
         (SETTINGS_TEXT, machine_file::to_toml(settings)),
     ];
     header.texts = texts.map(|(key, text)| (key.to_string(), text)).into();
-    let mut bytes = Vec::new();
-    job_file::write(&mut bytes, &header, frames)
-        .map_err(|error| CliError::Job(error.to_string()))?;
-    Ok(bytes)
+    header
 }

@@ -3,16 +3,18 @@
 use super::args::{InputArgs, PlaceArgs, SettingsArgs};
 use super::console::Console;
 use super::job::{self, Job};
-use super::open_ground::{self, OpenGround, open_ground};
+use super::planned_job::PlannedJob;
 use super::run_notes::run_notes;
 use super::warnings::settings_warnings;
 use super::{CliError, load, load_run, planned_gcode, planned_part};
-use crate::drive::time_by_limit::{SlowPlace, time_by_limit};
+use crate::drive::time_by_limit::{SlowPlace, TimeByLimit};
+use crate::geometry::Point2;
 use crate::geometry::polygon::Region;
-use crate::geometry::{Point2, Vector2};
 use crate::input::waypoints::WaypointRun;
 use crate::input::{Input, Loaded, Target};
 use crate::job::SegmentStream;
+use crate::open_ground::{self, OpenGround, open_ground};
+use crate::part_piece::unreachable_boundary;
 use crate::part_transform::PartTransform;
 use crate::plan::layers::layer_groups::LayerGroup;
 use crate::plan::outline::unreachable::UnreachableRun;
@@ -21,7 +23,7 @@ use crate::report::Place;
 use crate::report::figures::{Figures, Inside, KindFigures, SlowPlaceFigures};
 use crate::settings::Settings;
 use crate::surface_plan::plan_on_surface;
-use crate::{Plan, RegionPlan, plan_target_around, plan_waypoints_with_progress};
+use crate::{Plan, plan_target_around, plan_waypoints_with_progress};
 use std::path::Path;
 use std::time::Instant;
 
@@ -71,12 +73,14 @@ impl Flat {
     }
 }
 
-/// Reads an input and plans it.
+/// Reads an input and plans it. The stream of a mesh goes to `job` where there is one, piece by piece,
+/// and is then none of the result.
 pub(super) fn from_input(
     path: &Path,
     reading: &InputArgs,
     place: &PlaceArgs,
     settings_args: &SettingsArgs,
+    job: Option<&mut PlannedJob>,
     console: &Console,
 ) -> Result<Planned, CliError> {
     let mut settings = placed_settings(place, settings_args)?;
@@ -88,11 +92,11 @@ pub(super) fn from_input(
     let keep_out = load::keep_out(place.keep_out.as_deref(), reading, flatten_mm, console)?;
     let input = match input {
         Input::Mesh(loaded) => {
-            return planned_part::from_mesh(path, loaded, place, &keep_out, settings, console);
+            return planned_part::from_mesh(path, loaded, place, &keep_out, settings, job, console);
         }
         Input::Gcode(program) => {
-            let speed_mm_s = settings_args.speed;
-            return planned_gcode::from_gcode(path, program, speed_mm_s, settings, console);
+            let speed = settings_args.speed;
+            return planned_gcode::from_gcode(path, program, speed, settings, console);
         }
         Input::Outline(loaded) => Flat::Outline(loaded),
         Input::Path(run) => {
@@ -100,8 +104,7 @@ pub(super) fn from_input(
             Flat::Path(run.turned(turn_rad))
         }
     };
-    let bar = console.planning();
-    let begun = Instant::now();
+    let (bar, begun) = (console.planning(), Instant::now());
     let planned = match (&input, &surface) {
         (Flat::Outline(Loaded { target, .. }), Some(mesh)) => {
             plan_on_surface(target, mesh, &keep_out, &settings, &bar)
@@ -250,19 +253,6 @@ pub(super) fn left_out(open: &[OpenGround], unreachable: &[UnreachableRun]) -> V
     open.chain(runs).collect()
 }
 
-/// Boundary of regions that cannot be touched, input coordinates.
-pub(super) fn unreachable_boundary(regions: &[RegionPlan]) -> Vec<UnreachableRun> {
-    let in_input = |region: &RegionPlan| {
-        let offset: Vector2 = region.contour.offset;
-        let shifted = move |run: &UnreachableRun| UnreachableRun {
-            from: run.from + offset,
-            to: run.to + offset,
-        };
-        region.unreachable.iter().map(shifted).collect::<Vec<_>>()
-    };
-    regions.iter().flat_map(in_input).collect()
-}
-
 fn plan_figures(plan: &Plan, unreachable: &[UnreachableRun], plan_s: f64) -> Figures {
     let f = &plan.figures;
     let passes = f.passes as u64;
@@ -390,8 +380,7 @@ fn warnings(plan: &Plan, unreachable: &[UnreachableRun], settings: &Settings) ->
 }
 
 /// Which limits take the printing time, and where it is slowest.
-pub(super) fn time_figures(planned: &Planned) -> Figures {
-    let found = time_by_limit(&planned.stream, &planned.settings);
+pub(super) fn time_figures(found: TimeByLimit, planned: &Planned) -> Figures {
     let place = |place: SlowPlace| {
         let [x_mm, y_mm, _] = planned.transform.to_input(place.at_mm);
         SlowPlaceFigures {

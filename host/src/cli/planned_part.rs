@@ -2,16 +2,19 @@
 
 use super::args::PlaceArgs;
 use super::console::Console;
-use super::open_ground::{OpenGround, open_ground};
-use super::planned::{Planned, left_out, unreachable_boundary};
+use super::output_file::end_whole_on_interrupt;
+use super::piece_cache::{CacheFolder, program};
+use super::planned::{Planned, left_out};
+use super::planned_job::PlannedJob;
 use super::warnings::settings_warnings;
 use super::{CliError, load};
-use crate::Plan;
+use crate::PlanError;
 use crate::geometry::polygon::Region;
+use crate::job::SegmentStream;
 use crate::layer_stack::LeftOut;
 use crate::mesh::LoadedMesh;
 use crate::mesh::layers::{SlicedPart, sliced};
-use crate::part_plan::{FirstLayer, PartPlan, plan_part};
+use crate::part_plan::{FirstLayer, PLACES_MAX, PartDoors, PartPlan, plan_part_in_pieces};
 use crate::plan::layers::shells::Overhang;
 use crate::plan::outline::unreachable::UnreachableRun;
 use crate::report::figures::{Figures, LayerPlace};
@@ -21,35 +24,6 @@ use std::time::Instant;
 
 /// Places of each kind that are told one by one.
 const PLACES_TOLD: usize = 3;
-/// Places of each kind that the figures list.
-const PLACES_LISTED: usize = 1000;
-
-/// What is kept of the pieces of a plan.
-#[derive(Default)]
-struct Seen {
-    unreachable: Vec<UnreachableRun>,
-    unreachable_mm: f64,
-    open: Vec<OpenGround>,
-    infill_mm2: [f64; 2],
-}
-
-impl Seen {
-    fn piece(&mut self, plan: &Plan) {
-        for (number, kind) in plan.kinds.iter().enumerate() {
-            let runs = unreachable_boundary(&kind.regions);
-            let length_mm: f64 = runs.iter().map(UnreachableRun::length_mm).sum();
-            self.unreachable_mm += length_mm * f64::from(kind.layers);
-            self.unreachable.extend(runs);
-            if let Some([ground, swept]) = plan.infill_area_mm2(Some(number)) {
-                self.infill_mm2[0] += ground;
-                self.infill_mm2[1] += swept;
-            }
-        }
-        self.open.extend(open_ground(plan));
-        self.open.sort_by(|a, b| b.area_mm2.total_cmp(&a.area_mm2));
-        self.open.truncate(PLACES_LISTED);
-    }
-}
 
 /// Cuts a mesh into layers and plans them.
 pub(super) fn from_mesh(
@@ -58,37 +32,50 @@ pub(super) fn from_mesh(
     place: &PlaceArgs,
     keep_out: &[Region],
     settings: Settings,
+    mut job: Option<&mut PlannedJob>,
     console: &Console,
 ) -> Result<Planned, CliError> {
-    let job = |error: String| CliError::Job(format!("{}: {error}", path.display()));
+    let failed = |error: String| CliError::Job(format!("{}: {error}", path.display()));
     let heights = load::layer_heights(&place.layers, settings.layer_height_mm)?;
     let first = FirstLayer {
         speed_mm_s: load::first_layer_speed(place, &settings)?,
     };
     let bar = console.stage("cutting");
-    let part = sliced(&loaded.mesh, &heights).map_err(|error| job(error.to_string()))?;
+    let part = sliced(&loaded.mesh, &heights).map_err(|error| failed(error.to_string()))?;
     bar.finish_and_clear();
     let LoadedMesh {
         name, mut notes, ..
     } = loaded;
     console.notes(&part.notes);
     notes.extend(part.notes.iter().cloned());
-    let bar = console.planning();
     let begun = Instant::now();
-    let mut seen = Seen::default();
-    let planned = plan_part(&part, keep_out, first, &settings, &bar, &mut |plan| {
-        seen.piece(plan);
-    });
+    let mut cache = CacheFolder::open(place.cache.as_deref())?;
+    end_whole_on_interrupt(interrupted(place.cache.as_deref()));
+    let mut stream = SegmentStream::default();
+    let mut take = |piece: SegmentStream, first_pass| match &mut job {
+        Some(job) => {
+            let taken = job.take(&piece, first_pass, &settings);
+            taken.map_err(|error| error.to_string())
+        }
+        None => {
+            stream.append(piece, first_pass);
+            Ok(())
+        }
+    };
+    let planned = planned_pieces(
+        &part, keep_out, first, &settings, &mut cache, &mut take, console,
+    );
     let plan_s = begun.elapsed().as_secs_f64();
-    bar.clear();
-    let planned = planned.map_err(|error| job(error.to_string()))?;
+    console.notes(&cache.notes);
+    notes.append(&mut cache.notes);
+    let planned = planned.map_err(|error| failed(error.to_string()))?;
     let mut warnings = warnings(&part, &planned);
     warnings.extend(settings_warnings(&settings));
     console.notes(&warnings);
     notes.extend(warnings);
     let figures = Figures {
         plan_s: Some(plan_s),
-        ..part_figures(&part, &planned, &seen, keep_out)
+        ..part_figures(&part, &planned, keep_out)
     };
     let lowest = part.wanted_layers().iter();
     let lowest = lowest.map(|layer| &layer.regions).find(|r| !r.is_empty());
@@ -96,17 +83,58 @@ pub(super) fn from_mesh(
         figures,
         name,
         outline: lowest.cloned().unwrap_or_default(),
-        settings: Settings {
-            machine: planned.stream.machine(&settings.machine),
-            ..settings
-        },
+        settings: in_solution(planned.solution, settings),
         transform: planned.transform,
-        stream: planned.stream,
+        stream,
         notes,
         plan: None,
-        left_out: left_out(&seen.open, &seen.unreachable),
-        unreachable: seen.unreachable,
+        left_out: left_out(&planned.open, &planned.unreachable),
+        unreachable: planned.unreachable,
     })
+}
+
+/// The settings with the machine in a joint solution.
+fn in_solution(solution: u8, mut settings: Settings) -> Settings {
+    let kinematics = &mut settings.machine.kinematics;
+    *kinematics = kinematics.with_solution(solution);
+    settings
+}
+
+/// Plans a part under the bar; `take` takes its stream.
+fn planned_pieces(
+    part: &SlicedPart,
+    keep_out: &[Region],
+    first: FirstLayer,
+    settings: &Settings,
+    cache: &mut CacheFolder,
+    take: &mut dyn FnMut(SegmentStream, u32) -> Result<(), String>,
+    console: &Console,
+) -> Result<PartPlan, PlanError> {
+    let bar = console.planning();
+    let doors = PartDoors {
+        progress: &bar,
+        cache,
+        program: &program(),
+        take,
+    };
+    let planned = plan_part_in_pieces(part, keep_out, first, settings, doors);
+    bar.clear();
+    planned
+}
+
+/// What is said on Ctrl-C.
+fn interrupted(cache: Option<&Path>) -> String {
+    match cache {
+        Some(folder) => format!(
+            "stopped, no job is written; the layers planned so far are in {}: the same command goes on \
+             with them",
+            folder.display()
+        ),
+        None => {
+            "stopped, no job is written; with --cache DIR the same command would go on where it was"
+                .to_string()
+        }
+    }
 }
 
 /// Overhangs of the layers that are printed.
@@ -118,15 +146,10 @@ fn overhangs<'a>(
     all.filter(|(layer, overhang)| part.wanted.contains(layer) && overhang.area_mm2 > 0.0)
 }
 
-fn part_figures(
-    part: &SlicedPart,
-    planned: &PartPlan,
-    seen: &Seen,
-    keep_out: &[Region],
-) -> Figures {
+fn part_figures(part: &SlicedPart, planned: &PartPlan, keep_out: &[Region]) -> Figures {
     let f = &planned.figures;
     let passes = f.passes as u64;
-    let [ground_mm2, swept_mm2] = seen.infill_mm2;
+    let [ground_mm2, swept_mm2] = planned.infill_mm2;
     let top_mm = |layer: u32| part.layers[layer as usize].top_mm;
     let mut hanging: Vec<LayerPlace> = overhangs(part, planned)
         .map(|(layer, overhang)| LayerPlace {
@@ -138,7 +161,7 @@ fn part_figures(
         .collect();
     hanging.sort_by(|a, b| b.area_mm2.total_cmp(&a.area_mm2));
     let hanging_mm2: f64 = hanging.iter().map(|place| place.area_mm2).sum::<f64>() + 0.0;
-    hanging.truncate(PLACES_LISTED);
+    hanging.truncate(PLACES_MAX);
     let left_out = planned.left_out.iter().map(|left_out| LayerPlace {
         x_mm: left_out.at.x,
         y_mm: left_out.at.y,
@@ -149,7 +172,7 @@ fn part_figures(
         let at = nalgebra::center(&run.from, &run.to);
         [at.x, at.y, run.length_mm()]
     };
-    let runs = seen.unreachable.iter().take(PLACES_LISTED);
+    let runs = planned.unreachable.iter();
     Figures {
         area_mm2: Some(f.area_mm2),
         layers: Some(part.wanted_layers().len() as u64),
@@ -163,15 +186,15 @@ fn part_figures(
         kept_out_mm2: (!keep_out.is_empty()).then_some(planned.kept_out_mm2),
         infill_mm2: (ground_mm2 > 0.0).then_some(ground_mm2),
         infill_covered_pct: (ground_mm2 > 0.0).then(|| 100.0 * swept_mm2 / ground_mm2),
-        unreachable_mm: Some(seen.unreachable_mm),
+        unreachable_mm: Some(planned.unreachable_mm),
         unreachable_places_mm: Some(runs.map(place).collect()),
-        open_largest_mm2: Some(seen.open.first().map_or(0.0, |open| open.area_mm2)),
+        open_largest_mm2: Some(planned.open.first().map_or(0.0, |open| open.area_mm2)),
         overhang_mm2: Some(hanging_mm2),
         overhang_places: Some(hanging),
-        left_out_places: Some(left_out.take(PLACES_LISTED).collect()),
+        left_out_places: Some(left_out.take(PLACES_MAX).collect()),
         passes: Some(passes),
         flow_interruptions: Some(passes.saturating_sub(1)),
-        outline_crossings: Some(planned.outline_crossings as u64),
+        outline_crossings: Some(planned.outline_crossings),
         print_mm: Some(f.print_mm),
         skirt_mm: planned.has_skirt.then_some(f.skirt_mm),
         travel_mm: Some(f.travel_mm),
@@ -179,7 +202,7 @@ fn part_figures(
         volume_mm3: Some(f.volume_mm3),
         heading_travel_rad: Some(f.heading_travel_rad),
         heading_rate_max_rad_s: Some(f.heading_rate_max_rad_s),
-        segments: Some(planned.stream.knots.len() as u64),
+        segments: Some(planned.segments),
         ..Figures::default()
     }
 }

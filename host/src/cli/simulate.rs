@@ -8,6 +8,7 @@ use super::{CliError, job, pictures};
 use crate::drive::dry_run::{DryRun, dry_run};
 use crate::drive::link::LinkSpec;
 use crate::drive::simulator::SimulatorSetup;
+use crate::drive::time_by_limit::time_by_limit;
 use crate::drive::trace_table;
 use crate::report::figures::Figures;
 use std::path::Path;
@@ -40,6 +41,7 @@ pub(super) fn run(args: &SimulateArgs, console: &Console) -> Result<(), CliError
             &args.reading,
             &args.place,
             &args.settings,
+            None,
             console,
         )?
     };
@@ -129,7 +131,7 @@ fn simulation_figures(planned: &Planned, dry_run: &DryRun) -> Figures {
         holds: Some(s.holds),
         faults: Some(s.faults),
         realtime_factor: Some(dry_run.realtime_factor),
-        ..planned::time_figures(planned)
+        ..planned::time_figures(time_by_limit(&planned.stream, &planned.settings), planned)
     }
 }
 

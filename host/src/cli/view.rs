@@ -6,6 +6,7 @@ use super::console::Console;
 use super::output_file::check_folder;
 use super::simulate::{of_no_use, write_report};
 use super::{job, planned};
+use crate::drive::time_by_limit::time_by_limit;
 use std::path::PathBuf;
 
 pub(super) fn run(args: &ViewArgs, console: &Console) -> Result<(), CliError> {
@@ -21,10 +22,11 @@ pub(super) fn run(args: &ViewArgs, console: &Console) -> Result<(), CliError> {
             &args.reading,
             &args.place,
             &args.settings,
+            None,
             console,
         )?
     };
-    let times = planned::time_figures(&planned);
+    let times = planned::time_figures(time_by_limit(&planned.stream, &planned.settings), &planned);
     planned.figures = std::mem::take(&mut planned.figures).merged_with(&times);
     write_report(&folder, &planned, console)?;
     let page = folder.join("index.html");

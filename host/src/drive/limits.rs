@@ -75,33 +75,93 @@ const SPANS_HELD: usize = 64 * SPANS_AT_ONCE;
 
 /// Looks at the whole stream.
 pub fn sample(stream: &SegmentStream, settings: &Settings) -> LimitFigures {
-    let starts = Spans::new(&stream.start, &stream.knots).map(|span| span.start_tick);
-    let starts: Vec<u64> = starts.collect();
-    let mut spans = Spans::new(&stream.start, &stream.knots);
-    let mut figures = LimitFigures::default();
-    // A long job has more spans than are to be held at the same time.
-    let mut held: Vec<Span> = Vec::new();
-    loop {
-        let known = held.len();
-        held.extend(spans.by_ref().take(SPANS_HELD));
-        if held.len() == known {
-            return figures;
-        }
-        let parts = (known..held.len()).into_par_iter().step_by(SPANS_AT_ONCE);
-        let parts: Vec<LimitFigures> = parts
-            .map(|from| {
-                let (before, rest) = held.split_at(from);
-                let mut sampler = Sampler::new(stream, &starts, before, settings);
-                for span in rest.iter().take(SPANS_AT_ONCE) {
-                    sampler.span(span);
-                }
-                sampler.figures
+    let mut tally = LimitTally::default();
+    tally.add(stream, settings);
+    tally.figures
+}
+
+/// Looks at a stream piece by piece: what the pressure advance and the events of a piece still do in the
+/// next one counts there.
+#[derive(Clone, Debug, Default)]
+pub struct LimitTally {
+    /// What was found so far.
+    pub figures: LimitFigures,
+    /// Servo ticks of the pieces so far.
+    ticks: u64,
+    /// The last spans.
+    before: Vec<Span>,
+    /// Events that may not have ended: start tick and event, in order.
+    events: Vec<(f64, FlowEvent)>,
+}
+
+impl LimitTally {
+    /// Looks at the next piece, which begins where the last one ended, at rest.
+    pub fn add(&mut self, piece: &SegmentStream, settings: &Settings) {
+        let from = self.ticks;
+        let whole = || {
+            let spans = Spans::new(&piece.start, &piece.knots);
+            spans.map(|mut span| {
+                span.start_tick += from;
+                span
             })
-            .collect();
-        figures = parts.into_iter().fold(figures, LimitFigures::with);
-        // A span has a look at least: the window does not reach back further.
-        held.drain(..held.len().saturating_sub(window_looks(settings)));
+        };
+        let starts: Vec<u64> = whole().map(|span| span.start_tick).collect();
+        let start_of = |event: &FlowEvent| {
+            let span = starts.get(event.span as usize).copied().unwrap_or(from);
+            span as f64 + f64::from(event.offset_ticks)
+        };
+        let events = piece.events.iter().map(|event| (start_of(event), *event));
+        self.events.extend(events);
+        let marks: Vec<Mark> = piece.marks.iter().map(|mark| shifted(mark, from)).collect();
+        let mut spans = whole();
+        let mut held = std::mem::take(&mut self.before);
+        loop {
+            let known = held.len();
+            // A long job has more spans than are to be held at the same time.
+            held.extend(spans.by_ref().take(SPANS_HELD));
+            if held.len() == known {
+                break;
+            }
+            let parts = (known..held.len()).into_par_iter().step_by(SPANS_AT_ONCE);
+            let parts: Vec<LimitFigures> = parts
+                .map(|first| {
+                    let (before, rest) = held.split_at(first);
+                    let rest = &rest[..rest.len().min(SPANS_AT_ONCE)];
+                    let mut sampler = Sampler::new(&marks, &self.events, before, rest, settings);
+                    for span in rest {
+                        sampler.span(span);
+                    }
+                    sampler.figures
+                })
+                .collect();
+            self.figures = parts.into_iter().fold(self.figures, LimitFigures::with);
+            if let Some(last) = held.last() {
+                self.ticks = last.start_tick + u64::from(last.duration_ticks);
+            }
+            // A span has a look at least: the window does not reach back further.
+            held.drain(..held.len().saturating_sub(window_looks(settings)));
+        }
+        let behind = self.ticks as f64 - f64::from(delay_ticks_of(settings));
+        self.events.retain(|event| end_of(event) >= behind);
+        self.before = held;
     }
+}
+
+fn shifted(mark: &Mark, ticks: u64) -> Mark {
+    Mark {
+        start_tick: mark.start_tick + ticks,
+        end_tick: mark.end_tick + ticks,
+        ..*mark
+    }
+}
+
+fn end_of((start, event): &(f64, FlowEvent)) -> f64 {
+    start + f64::from(event.duration_ticks.0)
+}
+
+/// Ticks that everything else waits for the pressure advance.
+fn delay_ticks_of(settings: &Settings) -> u32 {
+    delay_ticks(&settings.machine.extruder, settings.machine.servo_hz)
 }
 
 /// Looks in the window of the extruder's pressure advance.
@@ -151,26 +211,30 @@ struct Sampler<'a> {
 }
 
 impl<'a> Sampler<'a> {
-    /// A sampler that has looked at the spans `before`; `starts` are the first ticks of all.
+    /// A sampler that has looked at the spans `before` and will look at `spans`.
     fn new(
-        stream: &'a SegmentStream,
-        starts: &[u64],
+        marks: &'a [Mark],
+        events: &[(f64, FlowEvent)],
         before: &[Span],
+        spans: &[Span],
         settings: &'a Settings,
     ) -> Self {
         let servo_hz = f64::from(settings.machine.servo_hz);
-        let start_of = |event: &FlowEvent| {
-            let span = starts.get(event.span as usize).copied().unwrap_or(0);
-            span as f64 + f64::from(event.offset_ticks)
-        };
+        let delay = delay_ticks_of(settings);
+        let first = spans.first().map_or(0, |span| span.start_tick) as f64;
+        let from = first - f64::from(delay);
+        let to = spans.last().map_or(0.0, |span| {
+            span.start_tick as f64 + f64::from(span.duration_ticks)
+        });
+        let events = &events[..events.partition_point(|event| event.0 <= to)];
+        let own = events.iter().filter(|event| end_of(event) >= from);
         Sampler {
             settings,
-            marks: &stream.marks,
+            marks: &marks[marks.partition_point(|mark| (mark.end_tick as f64) < first)..],
             servo_hz,
-            events: stream.events.iter().map(|e| (start_of(e), *e)).collect(),
+            events: own.copied().collect(),
             window: window_behind(before, window_looks(settings), servo_hz),
-            delay_looks: (delay_ticks(&settings.machine.extruder, settings.machine.servo_hz)
-                * LOOKS_PER_TICK) as usize,
+            delay_looks: (delay * LOOKS_PER_TICK) as usize,
             figures: LimitFigures::default(),
         }
     }
@@ -284,8 +348,7 @@ impl<'a> Sampler<'a> {
 
     /// Primes and retracts at this moment: x³ (10 - 15 x + 6 x²) of their volume.
     fn event_rate(&mut self, ticks: f64) -> VolumeRate {
-        let ended =
-            |event: &(f64, FlowEvent)| ticks >= event.0 + f64::from(event.1.duration_ticks.0);
+        let ended = |event: &(f64, FlowEvent)| ticks >= end_of(event);
         while self.events.front().is_some_and(ended) {
             self.events.pop_front();
         }

@@ -25,4 +25,4 @@ pub mod virtual_board;
 #[cfg(test)]
 mod cut_tests;
 #[cfg(test)]
-mod test_streams;
+pub(crate) mod test_streams;

@@ -45,40 +45,57 @@ const DERIVATIVES: [&str; 3] = ["speed", "acceleration", "jerk"];
 
 /// Goes through the whole stream.
 pub fn time_by_limit(stream: &SegmentStream, settings: &Settings) -> TimeByLimit {
-    let servo_hz = f64::from(settings.machine.servo_hz);
-    let mut marks = stream.marks.iter();
-    let mut mark = marks.next();
-    let mut ticks: BTreeMap<Key, u64> = BTreeMap::new();
-    let mut places = Places::default();
-    for span in Spans::new(&stream.start, &stream.knots) {
-        while mark.is_some_and(|mark| span.start_tick >= mark.end_tick) {
-            mark = marks.next();
-            places.close();
+    let mut tally = TimeTally::default();
+    tally.add(stream, settings);
+    tally.finish(settings)
+}
+
+/// Counts a stream piece by piece.
+#[derive(Default)]
+pub struct TimeTally {
+    ticks: BTreeMap<Key, u64>,
+    places: Places,
+}
+
+impl TimeTally {
+    /// Counts the next piece, which begins at rest.
+    pub fn add(&mut self, piece: &SegmentStream, settings: &Settings) {
+        let servo_hz = f64::from(settings.machine.servo_hz);
+        let mut marks = piece.marks.iter();
+        let mut mark = marks.next();
+        for span in Spans::new(&piece.start, &piece.knots) {
+            while mark.is_some_and(|mark| span.start_tick >= mark.end_tick) {
+                mark = marks.next();
+                self.places.close();
+            }
+            if mark.is_none_or(|mark| mark.state != MotionState::Print) {
+                continue;
+            }
+            for tick in 0..span.duration_ticks {
+                let moment = Moment::of(&span, f64::from(tick) + 0.5, servo_hz);
+                let key = binding(&moment, settings);
+                *self.ticks.entry(key).or_default() += 1;
+                self.places.add(&span, &moment, key, servo_hz);
+            }
         }
-        if mark.is_none_or(|mark| mark.state != MotionState::Print) {
-            continue;
-        }
-        for tick in 0..span.duration_ticks {
-            let moment = Moment::of(&span, f64::from(tick) + 0.5, servo_hz);
-            let key = binding(&moment, settings);
-            *ticks.entry(key).or_default() += 1;
-            places.add(&span, &moment, key, servo_hz);
-        }
+        self.places.close();
     }
-    places.close();
-    let all: u64 = ticks.values().sum();
-    let share = |(key, ticks): (Key, u64)| (name(key, settings), ticks as f64 / all as f64);
-    let slow = places
-        .slowest
-        .into_iter()
-        .map(|(ticks, at_mm, key)| SlowPlace {
+
+    /// What all pieces came to.
+    pub fn finish(self, settings: &Settings) -> TimeByLimit {
+        let servo_hz = f64::from(settings.machine.servo_hz);
+        let all: u64 = self.ticks.values().sum();
+        let share = |(key, ticks): (Key, u64)| (name(key, settings), ticks as f64 / all as f64);
+        let slow = self.places.slowest.into_iter();
+        let slow = slow.map(|(ticks, at_mm, key)| SlowPlace {
             at_mm,
             seconds: ticks as f64 / servo_hz,
             limit: name(key, settings),
         });
-    TimeByLimit {
-        shares: ticks.into_iter().map(share).collect(),
-        slow_places: slow.collect(),
+        TimeByLimit {
+            shares: self.ticks.into_iter().map(share).collect(),
+            slow_places: slow.collect(),
+        }
     }
 }
 

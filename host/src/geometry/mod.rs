@@ -1,6 +1,7 @@
 //! Planar geometry under the planner: shapes, apertures, distances. Knows no planning.
 
 pub mod aperture;
+pub mod as_numbers;
 pub mod boolean;
 pub mod cell_grid;
 pub mod clearance;

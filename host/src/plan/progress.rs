@@ -54,6 +54,11 @@ impl Stage {
 pub trait Progress: Sync {
     /// `done` of `total` steps of a stage are done.
     fn at(&self, stage: Stage, done: usize, total: usize);
+
+    /// `done` of `total` layers of a part are planned; the stages begin again for the next ones.
+    fn layers(&self, done: usize, total: usize) {
+        let _ = (done, total);
+    }
 }
 
 /// Nobody.

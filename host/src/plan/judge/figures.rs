@@ -2,8 +2,10 @@
 //!
 //! In: what was swept of each printing of a region, mm². Out: shares in per cent, depths in µm.
 
+use serde::{Deserialize, Serialize};
+
 /// What a plan is judged on. Shares are weighted by area over all layers.
-#[derive(Clone, Copy, Debug, Default, PartialEq)]
+#[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
 pub struct PlanFigures {
     /// Layers.
     pub layers: u32,
@@ -82,7 +84,7 @@ impl PlanFigures {
 }
 
 /// What one printing of a region came to, or several together.
-#[derive(Clone, Copy, Debug, Default, PartialEq)]
+#[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
 pub struct Swept {
     /// Area of the region.
     pub area_mm2: f64,

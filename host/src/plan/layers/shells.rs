@@ -1,6 +1,6 @@
 //! What of each layer lies open above or below: it is filled, however sparse the inside is.
 //!
-//! Input: the outlines of all layers of a part, upwards (mm, input coordinates). Output: of each layer
+//! Input: the outlines of all layers of a part, upwards (mm, input coordinates). Output: of a layer
 //! the ground that one of the next few layers above or below does not have, as overlapping
 //! regions; and what hangs over nothing. The planner takes from it what lies inside the walls.
 
@@ -18,15 +18,8 @@ pub struct ShellLayers {
     pub top: u32,
 }
 
-/// Of each layer the ground that lies open within so many layers.
-pub fn solid_ground(outlines: &[&[Region]], shells: ShellLayers) -> Vec<Vec<Region>> {
-    let layers = (0..outlines.len()).into_par_iter();
-    layers
-        .map(|layer| open_of(outlines, layer, shells))
-        .collect()
-}
-
-fn open_of(outlines: &[&[Region]], layer: usize, shells: ShellLayers) -> Vec<Region> {
+/// The ground of a layer that lies open within so many layers.
+pub fn solid_ground(outlines: &[&[Region]], layer: usize, shells: ShellLayers) -> Vec<Region> {
     let own = outlines[layer];
     let above = (1..=shells.top as usize).map(|step| outlines.get(layer + step));
     let below = (1..=shells.bottom as usize).map(|step| {
@@ -109,8 +102,8 @@ mod tests {
         let mut layers = vec![wide.as_slice(); 6];
         layers.extend([narrow.as_slice(); 6]);
         let shells = ShellLayers { bottom: 1, top: 2 };
-        let open = solid_ground(&layers, shells);
-        let areas: Vec<f64> = open.iter().map(|open| area_mm2(open).round()).collect();
+        let open = |layer| area_mm2(&solid_ground(&layers, layer, shells)).round();
+        let areas: Vec<f64> = (0..layers.len()).map(open).collect();
         let expected = [
             100.0, 0.0, 0.0, 0.0, 84.0, 84.0, 0.0, 0.0, 0.0, 0.0, 16.0, 16.0,
         ];

@@ -11,16 +11,19 @@ use crate::geometry::edge_index::{Edge, EdgeIndex};
 use crate::plan::feasible::is_touchable;
 use crate::plan::outline::trimmed_outline::is_beyond_reach;
 use rayon::prelude::*;
+use serde::{Deserialize, Serialize};
 
 /// How well the ends of a run are known, mm.
 pub const END_MM: f64 = 1e-3;
 
 /// A run along one edge.
-#[derive(Clone, Copy, Debug, PartialEq)]
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 pub struct UnreachableRun {
     /// Where it begins, in the edge's direction.
+    #[serde(with = "crate::geometry::as_numbers")]
     pub from: Point2,
     /// Where it ends.
+    #[serde(with = "crate::geometry::as_numbers")]
     pub to: Point2,
 }
 

@@ -16,12 +16,13 @@ use headway_firmware::spline::SpanWindow;
 use headway_protocol::segment::{Knot, REST_TICKS};
 use headway_protocol::units::{CHANNEL_VOLUME, CHANNELS, to_units};
 use rayon::prelude::*;
+use serde::{Deserialize, Serialize};
 
 /// Longest piece between two samples.
 const PIECE_TICKS: f64 = 8.0;
 
 /// Ratios of a piece of the motion against the planned share of the limits.
-#[derive(Clone, Copy, Debug, Default, PartialEq)]
+#[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
 pub struct Ratios {
     /// Joint speed, tip speed, flow, extruder rate.
     pub speed: f64,

@@ -9,20 +9,23 @@ use crate::Plan;
 use crate::geometry::Point2;
 use crate::geometry::coverage::{Cell, Coverage};
 use crate::settings::Settings;
+use serde::{Deserialize, Serialize};
 
 /// Places that are told one by one.
 const PLACES_TOLD: usize = 3;
 
 /// A piece of ground that nothing covers.
-pub(super) struct OpenGround {
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+pub struct OpenGround {
     /// Its area.
     pub area_mm2: f64,
     /// A place in it, near its middle.
+    #[serde(with = "crate::geometry::as_numbers")]
     pub at: Point2,
 }
 
 /// All pieces of the layers that were to be filled, the largest first.
-pub(super) fn open_ground(plan: &Plan) -> Vec<OpenGround> {
+pub fn open_ground(plan: &Plan) -> Vec<OpenGround> {
     let mut found = Vec::new();
     for (print, raster) in plan.prints.iter().zip(&plan.measured.rasters) {
         let infill = plan.kinds[print.kind].infill;
@@ -41,7 +44,7 @@ pub(super) fn open_ground(plan: &Plan) -> Vec<OpenGround> {
 }
 
 /// What the user is told of it: pieces as large as the narrowest bead is wide, or larger.
-pub(super) fn note(open: &[OpenGround], settings: &Settings) -> Option<String> {
+pub fn note(open: &[OpenGround], settings: &Settings) -> Option<String> {
     let least_mm2 = (2.0 * settings.aperture.minor_mm()).powi(2);
     let open = &open[..open.partition_point(|piece| piece.area_mm2 >= least_mm2)];
     let all_mm2: f64 = open.iter().map(|piece| piece.area_mm2).sum();
