@@ -5,6 +5,7 @@ use crate::configuration::{
 };
 use crate::heat::HeatConfiguration;
 use crate::homing::HomingConfiguration;
+use crate::shaping::UNSHAPED;
 use core::f64::consts::TAU;
 use heapless::Vec;
 
@@ -49,6 +50,7 @@ pub fn emulated_planar() -> MachineConfiguration {
     MachineConfiguration {
         kinematics: Kinematics::Planar,
         joints,
+        shapers: UNSHAPED,
         extruder: ExtruderConfiguration {
             steps_per_mm3: 400.0,
             speed_max_mm3_s: 60.0,
@@ -127,6 +129,7 @@ pub fn built_in_planar() -> MachineConfiguration {
     MachineConfiguration {
         kinematics: Kinematics::Planar,
         joints: [belt, belt, screw, nozzle].into_iter().collect(),
+        shapers: UNSHAPED,
         extruder: ExtruderConfiguration {
             steps_per_mm3: 166.3,
             speed_max_mm3_s: 80.0,

@@ -3,6 +3,7 @@
 //! The host builds it from the machine file and plans against the same numbers; the handshake
 //! compares its hash. Joint order: the kinematics' joints first, the extruder is motor `joints.len()`.
 
+use crate::shaping::{Shaper, wrong_shaper};
 use heapless::Vec;
 use serde::{Deserialize, Serialize};
 
@@ -217,6 +218,8 @@ pub struct MachineConfiguration {
     /// Joints in the kinematics' order (`planar`: X Y Z C; `gantry`: X Y Z A B C; `trunnion`: X Y Z A C
     /// H; `arm6`: 1 to 6 and, where there is one, the nozzle's).
     pub joints: Vec<JointConfiguration, JOINTS_MAX>,
+    /// The joints' input shapers, in the joints' order.
+    pub shapers: [Shaper; JOINTS_MAX],
     /// The extruder.
     pub extruder: ExtruderConfiguration,
     /// Servo interrupt rate; span durations count its ticks.
@@ -243,6 +246,9 @@ pub enum ConfigurationError {
     /// A length of the kinematics is not finite or not positive where it must be, or axes of a frame
     /// are not at right angles.
     Kinematics,
+    /// The input shaper of this joint: a frequency or damping that is none, one so low that it does not
+    /// fit the controller, or an acceleration for which it is.
+    Shaper(usize),
 }
 
 impl core::fmt::Display for ConfigurationError {
@@ -257,6 +263,11 @@ impl core::fmt::Display for ConfigurationError {
             Self::TickRates => formatter
                 .write_str("the step rate must be a multiple of the servo rate, 65 to 256 times"),
             Self::Joint(joint) => write!(formatter, "a number of joint {joint} is out of range"),
+            Self::Shaper(joint) => write!(
+                formatter,
+                "the shaper of joint {joint} does not fit: its frequency must be higher (up to a quarter \
+                 of the servo rate), its damping from 0 to 0.5"
+            ),
             Self::Kinematics => {
                 formatter.write_str("a length or frame of the kinematics is out of range")
             }
@@ -339,7 +350,7 @@ impl MachineConfiguration {
         if !not_negative || !positive.iter().all(is_positive) || !fits(extruder.steps_per_mm3) {
             return Err(ConfigurationError::Joint(given));
         }
-        Ok(())
+        wrong_shaper(self).map_or(Ok(()), |joint| Err(ConfigurationError::Shaper(joint)))
     }
 }
 

@@ -40,6 +40,10 @@ pub const QUEUE_EVENTS: usize = 64;
 /// Longest window of pressure advance in servo ticks: 128 ms at 2 kHz for 1 KiB of RAM.
 pub const ADVANCE_WINDOW_TICKS_MAX: usize = 256;
 
+/// Servo ticks that targets can be on their way to the motors: half the longest window of pressure advance
+/// and the longest shaper, which is `smooth` at 17 Hz; 8 KiB.
+pub const LINE_TICKS: usize = 256;
+
 /// Largest path rate: feed override up to 200 %.
 pub const PATH_RATE_MAX: f32 = 2.0;
 

@@ -2,14 +2,17 @@
 //!
 //! - V is the deposited volume, a channel of the motion: exact integer base plus small offset.
 //! - dV/dt is the mean over the last window (a box by look-back): (V(t) - V(t - W)) / W, which is that of
-//!   W/2 ago, for which everything else waits (`delay.rs`), and exactly 0 once V has rested for W. The
+//!   W/2 ago, for which everything else waits (`delay.rs`), and exactly 0 once V has rested for W. Where
+//!   a shaper waits longer, so does the advance. The
 //!   window limits what a change of path rate can do to the extruder's speed.
 //! - Primes and retracts run in real time, along x³ (10 - 15 x + 6 x²), and end exactly on their
 //!   integer volume.
 
 use crate::configuration::ExtruderConfiguration;
 use crate::delay::window_ticks;
-use crate::design::{ACTIVE_EVENTS_MAX, ADVANCE_WINDOW_TICKS_MAX, FLOW_OVERRIDE_PERCENT_PER_S};
+use crate::design::{
+    ACTIVE_EVENTS_MAX, ADVANCE_WINDOW_TICKS_MAX, FLOW_OVERRIDE_PERCENT_PER_S, LINE_TICKS,
+};
 use crate::steps::{ScaledUnits, StepScale, Target};
 use headway_protocol::control::EVENT_VOLUME_UNITS_MAX;
 use headway_protocol::segment::{FlowAction, FlowEvent};
@@ -22,6 +25,8 @@ pub const UNSCALED_Q16: u32 = 1 << 16;
 const GAIN_BITS: u32 = 20;
 /// Fraction bits in the window, which wraps at 32,768 steps.
 const WINDOW_BITS: u32 = 16;
+/// Servo ticks of flow that are kept: the longest window, and the longest wait.
+const WINDOW_ROWS: usize = ADVANCE_WINDOW_TICKS_MAX + LINE_TICKS;
 
 /// A prime or retract in progress.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -50,6 +55,10 @@ pub struct Flow {
     /// Advance by what was gained over the window, 2^-20.
     advance_gain: i32,
     window_ticks: usize,
+    /// Servo ticks that the advance waits.
+    wait_ticks: usize,
+    /// Rows of the window in use: both together.
+    length: usize,
     newest: usize,
     /// Sum of all events that are over, as a distance.
     settled: Target,
@@ -59,7 +68,7 @@ pub struct Flow {
     /// Sum of all events that are over, exact.
     settled_exact: ScaledUnits,
     /// V over the last window, 2^-16 steps, wrapping.
-    window: [i32; ADVANCE_WINDOW_TICKS_MAX],
+    window: [i32; WINDOW_ROWS],
 }
 
 /// Flow override: what is deposited above or below the plan.
@@ -121,16 +130,20 @@ impl FlowScaling {
 }
 
 impl Flow {
-    /// At rest, nothing deposited. A window longer than [`ADVANCE_WINDOW_TICKS_MAX`] is cut.
-    pub fn new(extruder: &ExtruderConfiguration, servo_hz: u32) -> Self {
+    /// At rest, nothing deposited. A window longer than [`ADVANCE_WINDOW_TICKS_MAX`] is cut. The advance
+    /// waits for `wait_ticks` ([`crate::shaping::Delays`]).
+    pub fn new(extruder: &ExtruderConfiguration, servo_hz: u32, wait_ticks: u32) -> Self {
         let window_ticks = window_ticks(extruder, servo_hz) as usize;
+        let wait_ticks = (wait_ticks as usize).min(LINE_TICKS);
         let per_tick = extruder.pressure_advance_s * f64::from(servo_hz) / window_ticks as f64;
         let steps_per_unit = extruder.steps_per_mm3 / UNITS_PER_NATURAL[CHANNEL_VOLUME];
         Self {
             scale: StepScale::new(steps_per_unit),
             advance_gain: (per_tick * f64::from(1 << GAIN_BITS) + 0.5) as i32,
             window_ticks,
-            window: [0; ADVANCE_WINDOW_TICKS_MAX],
+            wait_ticks,
+            length: window_ticks + wait_ticks,
+            window: [0; WINDOW_ROWS],
             newest: 0,
             active: Vec::new(),
             settled_exact: ScaledUnits::default(),
@@ -162,7 +175,7 @@ impl Flow {
         self.settled_exact = ScaledUnits::default();
         self.settled = Target::default();
         self.scaling.settle();
-        self.window = [place.coarse(); ADVANCE_WINDOW_TICKS_MAX];
+        self.window = [place.coarse(); WINDOW_ROWS];
     }
 
     /// Begins a prime or retract in this servo tick, before its target. False if too many run already.
@@ -202,9 +215,9 @@ impl Flow {
         durations.max().unwrap_or(0)
     }
 
-    /// Window of pressure advance, servo ticks.
-    pub fn window_ticks(&self) -> u32 {
-        self.window_ticks as u32
+    /// How long a flow is remembered by pressure advance, servo ticks.
+    pub fn memory_ticks(&self) -> u32 {
+        self.length as u32
     }
 
     /// Stops all events where they are: what they have moved so far stays moved.
@@ -240,12 +253,20 @@ impl Flow {
     #[inline]
     fn advance(&mut self, now: i32) -> i64 {
         self.newest += 1;
-        if self.newest >= self.window_ticks {
+        if self.newest >= self.length {
             self.newest = 0;
         }
-        let oldest = &mut self.window[self.newest % ADVANCE_WINDOW_TICKS_MAX];
-        let gained = now.wrapping_sub(*oldest);
-        *oldest = now;
+        let oldest = &mut self.window[self.newest % WINDOW_ROWS];
+        let before = core::mem::replace(oldest, now);
+        let mut due = now;
+        if self.wait_ticks != 0 {
+            let back = match self.newest.checked_sub(self.wait_ticks) {
+                Some(back) => back,
+                None => self.newest + self.window_ticks,
+            };
+            due = self.window[back % WINDOW_ROWS];
+        }
+        let gained = due.wrapping_sub(before);
         (i64::from(gained) * i64::from(self.advance_gain)) >> (GAIN_BITS + WINDOW_BITS - 22)
     }
 
@@ -299,7 +320,7 @@ mod tests {
 
     #[test]
     fn advance_leads_a_steady_flow_by_k_and_vanishes_at_rest() {
-        let mut flow = Flow::new(&extruder(), 2000);
+        let mut flow = Flow::new(&extruder(), 2000, 0);
         let base = 0;
         flow.declare(Target::of_position(base));
         let mut target = 0;
@@ -323,7 +344,7 @@ mod tests {
 
     #[test]
     fn events_follow_the_smooth_step_and_end_on_their_volume() {
-        let mut flow = Flow::new(&extruder(), 2000);
+        let mut flow = Flow::new(&extruder(), 2000, 0);
         let start = flow.scale.scaled(12_345_678).position;
         flow.declare(Target::of_position(start));
         let event = |action, volume_units| FlowEvent {
@@ -365,7 +386,7 @@ mod tests {
 
     #[test]
     fn a_fifth_event_at_once_is_refused() {
-        let mut flow = Flow::new(&extruder(), 2000);
+        let mut flow = Flow::new(&extruder(), 2000, 0);
         let event = FlowEvent {
             span: 0,
             offset_ticks: 0,
@@ -384,7 +405,7 @@ mod tests {
         // Whole steps have 32 bits: 5.4 litres at 400 steps a mm³.
         let wrap = 1i64 << 62;
         for start in [0, wrap - 40 * STEP, 2 * (wrap - 20 * STEP)] {
-            let mut flow = Flow::new(&extruder(), 2000);
+            let mut flow = Flow::new(&extruder(), 2000, 0);
             flow.set_override(150);
             flow.declare(Target::of_position(start));
             let mut last = None;

@@ -332,6 +332,7 @@ mod tests {
     //! speed and acceleration with known answers.
     use super::*;
     use crate::configuration::ExtruderConfiguration;
+    use crate::shaping::UNSHAPED;
     use headway_protocol::segment::Knot;
 
     fn configuration() -> MachineConfiguration {
@@ -347,6 +348,7 @@ mod tests {
         MachineConfiguration {
             kinematics: Kinematics::Planar,
             joints: core::iter::repeat_n(joint, 4).collect(),
+            shapers: UNSHAPED,
             extruder: ExtruderConfiguration {
                 steps_per_mm3: 400.0,
                 speed_max_mm3_s: 50.0,

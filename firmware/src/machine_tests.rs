@@ -4,6 +4,7 @@
 use super::*;
 use crate::configuration::{ExtruderConfiguration, JointConfiguration, Kinematics};
 use crate::design::SERVO_DELAY_TICKS;
+use crate::shaping::UNSHAPED;
 use crate::spline::{Span, Spans};
 use headway_protocol::frame::{FRAME_BYTES_MAX, FrameDecoder, encode_frame, hash_of};
 use headway_protocol::knot_block::{KnotPredictor, encode_block};
@@ -41,6 +42,7 @@ fn planar() -> MachineConfiguration {
     MachineConfiguration {
         kinematics: Kinematics::Planar,
         joints,
+        shapers: UNSHAPED,
         extruder: ExtruderConfiguration {
             steps_per_mm3: 400.0,
             speed_max_mm3_s: 60.0,
@@ -476,6 +478,8 @@ mod heat;
 mod jog;
 #[path = "machine_refusal_tests.rs"]
 mod refusal;
+#[path = "machine_shaping_tests.rs"]
+mod shaping;
 #[path = "machine_switch_tests.rs"]
 mod switch;
 #[path = "machine_world_tests.rs"]

@@ -87,8 +87,8 @@ impl Motion {
         self.programmer.set_positions(&targets);
         let extruder = self.joints.count();
         self.programmer
-            .wait(&mut self.waiting, extruder, self.delay_ticks);
-        self.still_ticks = self.delay_ticks;
+            .wait(&mut self.waiting, extruder, &self.delays);
+        self.still_ticks = self.delays.settle_ticks;
         self.hold = Hold::new(ticks_of_ms(HOLD_RETRACT_DELAY_MS, self.servo_hz));
         self.reference.learn(self.joints.all());
         self.follows_path = true;

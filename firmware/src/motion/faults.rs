@@ -23,10 +23,10 @@ impl Motion {
     /// Looks closer at an extruder beyond a plan's limits: all targets are taken back.
     #[cold]
     pub(super) fn check_extruder(&mut self, ways: [i32; 2]) -> Result<(), Fault> {
-        // What the path rate did lasts for the window of pressure advance, and moves the flow against
+        // What the path rate did lasts as long as pressure advance remembers, and moves the flow against
         // the events that it met.
         let since_ticks = (self.now_ticks as u32).wrapping_sub(self.off_plan_ticks);
-        let met_ticks = self.flow.longest_active_ticks() + self.flow.window_ticks();
+        let met_ticks = self.flow.longest_active_ticks() + self.flow.memory_ticks();
         let in_ramp = since_ticks <= met_ticks;
         let Some(value) = self.extruder_guard.exceeded(ways, in_ramp) else {
             return Ok(());

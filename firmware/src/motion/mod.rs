@@ -16,7 +16,6 @@ mod rate;
 mod status;
 
 use crate::configuration::MachineConfiguration;
-use crate::delay::delay_ticks;
 use crate::design::{
     HOLD_RETRACT_DELAY_MS, MOTORS_IDLE_S, QUIET_START_MS, START_QUEUED_MS, START_ROOM_KNOTS,
     ticks_of_ms,
@@ -32,6 +31,7 @@ use crate::interpolator::{Interpolator, TICK_Q16};
 use crate::joint_channels::JointChannels;
 use crate::joints::JointTargets;
 use crate::queue::KnotQueue;
+use crate::shaping::Delays;
 use crate::steps::{StepBank, StepProgrammer, WaitingTargets};
 use crate::time_warp::TimeWarp;
 pub use faults::EMERGENCY;
@@ -100,8 +100,8 @@ pub struct Motion {
     /// Servo tick at which the path rate was last not that of the plan, wrapping.
     off_plan_ticks: u32,
     servo_hz: u32,
-    /// Servo ticks that the motors wait for pressure advance.
-    delay_ticks: u32,
+    /// Servo ticks that motors wait for pressure advance and shapers.
+    delays: Delays,
     /// Servo ticks that the path and the flow have rested, as long as nothing was to move.
     still_ticks: u32,
     override_percent: u16,
@@ -147,16 +147,17 @@ impl Motion {
         let joint_channels = JointChannels::new(configuration);
         let joints = JointTargets::new(configuration);
         let motors = joints.count() + 1;
+        let delays = Delays::of(configuration).unwrap_or_default();
         Self {
             joints,
             extruder_guard: ExtruderGuard::new(configuration),
             interpolator: Interpolator::new(&joint_channels),
             joint_channels,
-            waiting: WaitingTargets::NONE,
+            waiting: WaitingTargets::new(configuration, &delays),
             queue: KnotQueue::new(),
             events: EventQueue::default(),
             warp: TimeWarp::default(),
-            flow: Flow::new(&configuration.extruder, servo_hz),
+            flow: Flow::new(&configuration.extruder, servo_hz, delays.advance_ticks),
             hold: Hold::new(ticks_of_ms(HOLD_RETRACT_DELAY_MS, servo_hz)),
             programmer: StepProgrammer::new(motors, configuration.interval_ticks()),
             phase: Phase::Idle,
@@ -184,7 +185,7 @@ impl Motion {
             stream_start_ticks: None,
             servo_hz,
             still_ticks: 0,
-            delay_ticks: delay_ticks(&configuration.extruder, servo_hz),
+            delays,
         }
     }
 

@@ -134,14 +134,14 @@ impl Motion {
         self.programmer.newest_targets(&self.waiting)
     }
 
-    /// Servo ticks that the motors wait for pressure advance.
+    /// Servo ticks that the motors wait for pressure advance and shapers.
     pub fn delay_ticks(&self) -> u32 {
-        self.delay_ticks
+        self.delays.line_ticks
     }
 
     /// True if no motor moves.
     pub fn is_at_rest(&self) -> bool {
-        let is_drained = self.still_ticks >= self.programmer.wait_ticks();
+        let is_drained = self.still_ticks >= self.programmer.settle_ticks();
         is_drained && self.programmer.is_at_rest()
     }
 }

@@ -2,14 +2,17 @@
 //!
 //! Targets of successive servo ticks go in, those of some ticks ago come out: as much of them as a
 //! program needs, 2^-22 steps modulo 1024. The advance itself does not wait: it is added to what comes
-//! out. Why, and how long: [`crate::delay`].
+//! out. Why, and how long: [`crate::delay`]. Joints that are shaped come out as a mean of several rows
+//! (`shaper.rs`).
 
 use super::TARGET_SHIFT;
-use crate::configuration::MOTORS_MAX;
-use crate::design::ADVANCE_WINDOW_TICKS_MAX;
+use super::shaper::Shapers;
+use crate::configuration::{MOTORS_MAX, MachineConfiguration};
+use crate::design::LINE_TICKS;
+use crate::shaping::{Delays, shapes};
 
-/// Rows of the line, a power of two: half the longest window, 4 KiB.
-const ROWS: usize = (ADVANCE_WINDOW_TICKS_MAX / 2).next_power_of_two();
+/// Rows of the line, a power of two.
+pub(super) const ROWS: usize = LINE_TICKS.next_power_of_two();
 /// The longest wait, servo ticks.
 pub const WAIT_TICKS_MAX: u32 = ROWS as u32 - 1;
 
@@ -20,13 +23,43 @@ pub(super) type Row = [i32; MOTORS_MAX];
 #[derive(Clone, Debug)]
 pub struct WaitingTargets {
     pub(super) rows: [Row; ROWS],
+    pub(super) shapers: Shapers,
 }
 
 impl WaitingTargets {
     /// Nothing waits.
     pub const NONE: Self = Self {
         rows: [[0; MOTORS_MAX]; ROWS],
+        shapers: Shapers::NONE,
     };
+
+    /// The line of a machine, nothing in it.
+    pub fn new(configuration: &MachineConfiguration, delays: &Delays) -> Self {
+        Self {
+            shapers: Shapers::new(&shapes(configuration), delays),
+            ..Self::NONE
+        }
+    }
+
+    /// Everything rests at a row.
+    pub(super) fn rest(&mut self, row: Row) {
+        self.rows.fill(row);
+        self.shapers.rest(&row);
+    }
+
+    /// True if all motors come out as they went in.
+    #[inline(always)]
+    pub(super) fn is_plain(&self) -> bool {
+        self.shapers.is_none()
+    }
+
+    /// What comes out, shaped.
+    #[inline(never)]
+    pub(super) fn shaped(&mut self, places: Places) -> Row {
+        let mut row = self.rows[places.oldest % ROWS];
+        self.shapers.follow(&self.rows, places.newest, &mut row);
+        row
+    }
 
     /// The row to be filled.
     #[inline(always)]
@@ -53,6 +86,8 @@ pub struct Places {
 pub(super) struct Line {
     newest: usize,
     wait_ticks: usize,
+    /// Servo ticks until nothing of a target is on its way.
+    settle_ticks: u32,
     /// What the advance adds to what comes out, 2^-22 steps, and for which motor.
     advance: i64,
     advanced: usize,
@@ -60,17 +95,18 @@ pub(super) struct Line {
 
 impl Line {
     /// Everything rests.
-    pub(super) fn new(advanced: usize, wait_ticks: u32) -> Self {
+    pub(super) fn new(advanced: usize, delays: &Delays) -> Self {
         Self {
-            wait_ticks: wait_ticks.min(WAIT_TICKS_MAX) as usize,
+            wait_ticks: delays.line_ticks.min(WAIT_TICKS_MAX) as usize,
+            settle_ticks: delays.settle_ticks,
             advanced,
             ..Self::default()
         }
     }
 
-    /// Servo ticks between what goes in and what comes out.
-    pub(super) fn wait_ticks(&self) -> u32 {
-        self.wait_ticks as u32
+    /// Servo ticks after which what has gone in has come out.
+    pub(super) fn settle_ticks(&self) -> u32 {
+        self.settle_ticks
     }
 
     /// Begins a servo tick.
@@ -109,7 +145,8 @@ impl Line {
         *due
     }
 
-    /// How far what goes in is ahead of what comes out, 2^-31 steps: but for a tick's way.
+    /// How far what goes in is ahead of what comes out, 2^-31 steps: but for a tick's way, and what a
+    /// shaper takes it off its plan.
     pub(super) fn held(&self, motor: usize, waiting: &WaitingTargets) -> i64 {
         let fine = |back: usize| waiting.rows[self.newest.wrapping_sub(back) % ROWS][motor];
         let way = |back: usize| i64::from(fine(back - 1).wrapping_sub(fine(back)));
@@ -141,7 +178,11 @@ mod tests {
         for wait in [0, 1, 40, WAIT_TICKS_MAX] {
             let mut waiting = WaitingTargets::NONE;
             waiting.rows.fill([7; MOTORS_MAX]);
-            let mut line = Line::new(1, wait);
+            let delays = Delays {
+                line_ticks: wait,
+                ..Delays::default()
+            };
+            let mut line = Line::new(1, &delays);
             for tick in 0..1000i32 {
                 let places = line.begin();
                 waiting.newest(places)[0] = tick;

@@ -20,6 +20,7 @@ mod engine;
 mod line;
 mod player;
 mod programmer;
+mod shaper;
 
 pub use bank::StepBank;
 pub use engine::{Moment, StepEngine};

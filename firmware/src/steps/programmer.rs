@@ -11,6 +11,7 @@ use super::{
 };
 use crate::configuration::MOTORS_MAX;
 use crate::design::STEP_RATE_SHARE_MAX;
+use crate::shaping::Delays;
 use core::sync::atomic::{Ordering, compiler_fence};
 
 /// A motor would need more than one step a tick.
@@ -176,16 +177,16 @@ impl StepProgrammer {
         }
     }
 
-    /// From now on targets wait in the line for so long before they are followed; a motor's advance does
-    /// not. Only at rest.
-    pub fn wait(&mut self, waiting: &mut WaitingTargets, advanced: usize, wait_ticks: u32) {
-        waiting.rows.fill(self.row());
-        self.line = Line::new(advanced, wait_ticks);
+    /// From now on targets wait in the line for so long before they are followed, shaped where they are
+    /// to be; a motor's advance does not. Only at rest.
+    pub fn wait(&mut self, waiting: &mut WaitingTargets, advanced: usize, delays: &Delays) {
+        waiting.rest(self.row());
+        self.line = Line::new(advanced, delays);
     }
 
-    /// Servo ticks that targets wait.
-    pub fn wait_ticks(&self) -> u32 {
-        self.line.wait_ticks()
+    /// Servo ticks after which nothing of a target is on its way.
+    pub fn settle_ticks(&self) -> u32 {
+        self.line.settle_ticks()
     }
 
     /// Declares positions without a step; nothing waits. Only at rest.
@@ -340,7 +341,11 @@ impl StepProgrammer {
         if jumps > JUMP_STEPS_MAX {
             return Err(self.take_back(waiting));
         }
-        self.advance_to(waiting.due(places), bank)
+        if waiting.is_plain() {
+            self.advance_to(waiting.due(places), bank)
+        } else {
+            self.advance_to(&waiting.shaped(places), bank)
+        }
     }
 
     // Its registers are not to be those of all the rest.

@@ -6,8 +6,11 @@ use super::console::Console;
 use super::load;
 use super::output_file::write_file;
 use super::warnings::settings_warnings;
-use crate::settings::{Settings, machine_file, motor_rates_hz};
+use crate::settings::{Settings, joint_names, machine_file, motor_rates_hz};
+use headway_firmware::configuration::MachineConfiguration;
+use headway_firmware::shaping::shapes;
 use serde_json::json;
+use std::f64::consts::SQRT_2;
 
 pub(super) fn run(args: &MachineArgs, console: &Console) -> Result<(), CliError> {
     match &args.command {
@@ -67,7 +70,63 @@ fn summary_json(settings: &Settings) -> serde_json::Value {
         "servo_hz": settings.machine.servo_hz,
         "step_hz": settings.machine.step_hz,
         "motors": motors,
+        "shapers": shaper_figures(&settings.machine),
     })
+}
+
+/// What a joint's input shaper costs.
+#[derive(serde::Serialize)]
+struct ShaperFigures {
+    joint: &'static str,
+    delay_ms: f64,
+    length_ms: f64,
+    /// Furthest off its plan at the joint's acceleration limit: linear joints.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    off_plan_um: Option<f64>,
+    /// The same of joints that turn.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    off_plan_mrad: Option<f64>,
+    /// What a corner of 90° between two joints like this one loses at most.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    corner_um: Option<f64>,
+}
+
+fn shaper_figures(machine: &MachineConfiguration) -> Vec<ShaperFigures> {
+    let tick_s = 1.0 / f64::from(machine.servo_hz);
+    let names = joint_names(&machine.kinematics);
+    let shapes = shapes(machine);
+    let joints = names.iter().zip(&machine.joints).zip(&shapes);
+    let figures = joints.filter_map(|((name, joint), shape)| {
+        let shape = shape.as_ref()?;
+        let variance_s2 = shape.variance_ticks2() * tick_s * tick_s;
+        let off_plan = 0.5 * joint.acceleration_max * variance_s2;
+        let off_plan_um = (!joint.rotary).then_some(1e3 * off_plan);
+        Some(ShaperFigures {
+            joint: name,
+            delay_ms: 1e3 * tick_s * shape.delay_ticks(),
+            length_ms: 1e3 * tick_s * shape.length_ticks(),
+            off_plan_um,
+            off_plan_mrad: joint.rotary.then_some(1e3 * off_plan),
+            corner_um: off_plan_um.map(|off_um| SQRT_2 * off_um),
+        })
+    });
+    figures.collect()
+}
+
+fn shapers_text(machine: &MachineConfiguration) -> String {
+    let lines = shaper_figures(machine).into_iter().map(|figures| {
+        let off = match (figures.off_plan_um, figures.corner_um) {
+            (Some(off_um), Some(corner_um)) => {
+                format!("{off_um:.1} µm, off a corner of 90° up to {corner_um:.1} µm")
+            }
+            _ => format!("{:.2} mrad", figures.off_plan_mrad.unwrap_or_default()),
+        };
+        format!(
+            "  shaper of {}: late by {:.1} ms, {:.1} ms long, off its plan by up to {off}\n",
+            figures.joint, figures.delay_ms, figures.length_ms
+        )
+    });
+    lines.collect()
 }
 
 fn summary_text(settings: &Settings) -> String {
@@ -87,5 +146,5 @@ fn summary_text(settings: &Settings) -> String {
             "  {motor:10} {rate_hz:8.0} steps/s at its top speed, {share_pct:4.1} % of the step tick\n"
         );
     }
-    text
+    text + &shapers_text(&settings.machine)
 }

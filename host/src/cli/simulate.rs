@@ -120,6 +120,8 @@ fn simulation_figures(planned: &Planned, dry_run: &DryRun) -> Figures {
         heading_error_mrad_max: Some(t.heading_error_mrad_max),
         half_step_um_max: Some(t.half_step_um_max),
         half_step_mrad_max: Some(t.half_step_mrad_max),
+        // 0 exactly where nothing is shaped.
+        shaping_error_um_max: (t.shaping_error_um_max > 0.0).then_some(t.shaping_error_um_max),
         volume_error_pct: Some(t.volume_error_pct),
         step_time_error_us_max: Some(t.step_time_error_us_max),
         step_time_error_us_rms: Some(t.step_time_error_us_rms),

@@ -10,7 +10,7 @@
 use crate::job::{Mark, MotionState, SegmentStream};
 use crate::settings::Settings;
 use headway_firmware::configuration::{JOINTS_MAX, Kinematics};
-use headway_firmware::delay::delay_ticks;
+use headway_firmware::delay::advance_centre_ticks;
 use headway_firmware::kinematics::{inverse, winds};
 use headway_firmware::pose::Pose;
 use headway_firmware::spline::{Span, Spans};
@@ -161,7 +161,7 @@ fn end_of((start, event): &(f64, FlowEvent)) -> f64 {
 
 /// Ticks that everything else waits for the pressure advance.
 fn delay_ticks_of(settings: &Settings) -> u32 {
-    delay_ticks(&settings.machine.extruder, settings.machine.servo_hz)
+    advance_centre_ticks(&settings.machine.extruder, settings.machine.servo_hz)
 }
 
 /// Looks in the window of the extruder's pressure advance.

@@ -14,6 +14,7 @@ pub mod round_trip;
 pub mod sender;
 pub mod sender_state;
 pub mod servo_walk;
+mod shaped_plan;
 pub mod simulator;
 pub mod stream_progress;
 pub mod time_by_limit;

@@ -4,14 +4,17 @@
 //! between a pose's evaluation and its steps taken out. At tick i the controller was at segment
 //! time u_i (it says so itself); plan and joint positions are exact there and interpolated between
 //! ticks by the cubic through four of them, which is good to a nanometre for jerk-limited motion.
-//! So a run with holds is compared along the path like any other.
+//! So a run with holds is compared along the path like any other. Where joints are shaped, the plan is
+//! the shaped one (`shaped_plan.rs`).
 
 use crate::drive::joint_track::JointTrack;
 use crate::drive::plan_curve::PlanCursor;
 use crate::drive::record::{MotionRecord, Step};
+use crate::drive::shaped_plan::ShapedPlan;
 use crate::job::SegmentStream;
 use headway_firmware::configuration::{JOINTS_MAX, MOTORS_MAX, MachineConfiguration};
 use headway_firmware::delay::motion_delay_s;
+use headway_firmware::shaping::Delays;
 use headway_protocol::units::CHANNELS;
 
 /// Servo ticks walked past the end of the motion, so that its last steps are seen and averages over
@@ -31,7 +34,7 @@ pub struct PlanSample {
 
 /// Where the controller was at each servo tick.
 #[derive(Debug)]
-struct PlanSamples<'a> {
+pub(super) struct PlanSamples<'a> {
     cursor: PlanCursor<'a>,
     machine: &'a MachineConfiguration,
     track: JointTrack,
@@ -42,7 +45,7 @@ struct PlanSamples<'a> {
 }
 
 impl PlanSamples<'_> {
-    fn next(&mut self) -> PlanSample {
+    pub(super) fn next(&mut self) -> PlanSample {
         let segment_ticks = self.segment_q16 as f64 / 65_536.0;
         let rate = self.rates_q16.get(self.next).copied().unwrap_or(0);
         self.next += 1;
@@ -109,8 +112,9 @@ impl Interval<'_> {
 
 /// The walk over a whole record.
 pub struct ServoWalk<'a, I: Iterator<Item = Step>> {
-    samples: PlanSamples<'a>,
+    samples: ShapedPlan<'a>,
     window: [PlanSample; 4],
+    rates_q16: &'a [u32],
     steps: std::iter::Peekable<I>,
     pending: Vec<(f64, Step)>,
     counts: [i64; MOTORS_MAX],
@@ -128,7 +132,7 @@ impl<'a> ServoWalk<'a, Box<dyn Iterator<Item = Step> + 'a>> {
         machine: &'a MachineConfiguration,
         record: &'a MotionRecord,
     ) -> Self {
-        let mut samples = PlanSamples {
+        let plan = PlanSamples {
             cursor: PlanCursor::new(&stream.start, &stream.knots),
             machine,
             track: JointTrack::new(machine),
@@ -137,7 +141,9 @@ impl<'a> ServoWalk<'a, Box<dyn Iterator<Item = Step> + 'a>> {
             segment_q16: 0,
             last_joints: [0.0; JOINTS_MAX],
         };
+        let mut samples = ShapedPlan::new(plan, machine);
         let first = samples.next();
+        let settle_ticks = Delays::of(machine).unwrap_or_default().settle_ticks as usize;
         ServoWalk {
             samples,
             window: [first; 4],
@@ -145,11 +151,17 @@ impl<'a> ServoWalk<'a, Box<dyn Iterator<Item = Step> + 'a>> {
             pending: Vec::new(),
             counts: record.start_counts,
             tick: -3,
-            end_tick: (record.rates_q16.len() + TAIL_TICKS) as i64,
+            rates_q16: &record.rates_q16,
+            end_tick: (record.rates_q16.len() + TAIL_TICKS + settle_ticks) as i64,
             ticks_per_servo_tick: f64::from(machine.step_hz) / f64::from(machine.servo_hz),
             delay_ticks: motion_delay_s(machine) * f64::from(machine.servo_hz),
             first_servo_tick: record.first_servo_tick as f64,
         }
+    }
+
+    /// Largest distance so far of the shaped tip from the planned path, mm; 0 where no joint is shaped.
+    pub fn shaping_error_mm(&self) -> f64 {
+        self.samples.off_path_mm()
     }
 
     /// The next interval, `None` after the end of the motion.
@@ -181,7 +193,7 @@ impl<'a> ServoWalk<'a, Box<dyn Iterator<Item = Step> + 'a>> {
         }
         let rate = usize::try_from(self.tick)
             .ok()
-            .and_then(|tick| self.samples.rates_q16.get(tick));
+            .and_then(|tick| self.rates_q16.get(tick));
         Some(Interval {
             tick: self.tick,
             window: &self.window,

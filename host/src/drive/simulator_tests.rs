@@ -45,6 +45,52 @@ fn the_steps_reproduce_the_plan() {
     assert!(figures.step_time_error_us_max < 6.0, "{figures:?}");
 }
 
+/// Goal: shaped steps are compared with the shaped plan, to half a step like others, and how far that is
+/// from the path is told. Method: a spiral, whose tip on a circle of radius r at the speed v comes to lie
+/// inside by v² / r times half the variance of the shaper.
+#[test]
+fn shaped_steps_reproduce_the_shaped_plan() {
+    use headway_firmware::shaping::{Shaper, ShaperKind, shapes};
+    let stream = spiral(3.0);
+    let frames = WireFrames::encode(&stream).unwrap();
+    let ticks = stream_ticks(&stream.knots);
+    for kind in [ShaperKind::Mzv, ShaperKind::Ei, ShaperKind::Smooth] {
+        let mut machine = planar();
+        for joint in [0, 1, 3] {
+            machine.shapers[joint] = Shaper {
+                kind,
+                frequency_hz: 38.0 + 3.0 * joint as f64,
+                damping: 0.1,
+            };
+        }
+        let simulator = Simulator::new(frames.clone(), ticks, &machine, &SimulatorSetup::default());
+        let simulation = simulator.unwrap().run(|_| {}).unwrap();
+        assert_eq!(simulation.figures.faults, 0, "{:?}", simulation.fault);
+        let figures = compare(&stream, &machine, &simulation.motion);
+        assert_eq!(figures.final_counts, figures.expected_counts, "{figures:?}");
+        assert!(
+            figures.tip_error_um_max <= figures.half_step_um_max + 2.0,
+            "{figures:?}"
+        );
+        assert!(figures.heading_error_mrad_max <= figures.half_step_mrad_max + 0.2);
+        assert!(figures.step_time_error_us_max < 6.0, "{figures:?}");
+        let variance_ticks2 = shapes(&machine)[0].as_ref().unwrap().variance_ticks2();
+        let acceleration_mm_s2 = machine.joints[0].acceleration_max;
+        let most_um = 0.5e3 * variance_ticks2 / 4e6 * acceleration_mm_s2;
+        // Not more than both joints at their limits, and not nothing.
+        let off_um = figures.shaping_error_um_max;
+        assert!(
+            off_um > 5.0 && off_um < 1.42 * most_um,
+            "{off_um} {most_um}"
+        );
+    }
+    let plain = run(&stream, &SimulatorSetup::default());
+    assert_eq!(
+        compare(&stream, &planar(), &plain.motion).shaping_error_um_max,
+        0.0
+    );
+}
+
 #[test]
 fn a_bad_line_does_not_change_a_step() {
     let stream = spiral(3.0);

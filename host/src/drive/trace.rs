@@ -51,6 +51,10 @@ pub struct TraceFigures {
     pub half_step_um_max: f64,
     /// What half a step of every joint can make in heading, at worst.
     pub half_step_mrad_max: f64,
+    /// Largest distance of the shaped path from the planned one, where joints are shaped; all the errors
+    /// above are then those from the shaped plan.
+    #[serde(default)]
+    pub shaping_error_um_max: f64,
     /// Counts that the last pose asks for: joints, then the extruder.
     pub expected_counts: Vec<i64>,
     /// Counts that the steps came to.
@@ -71,6 +75,7 @@ pub fn compare(
     let motors = machine.joints.len() + 1;
     let expected = expected_counts(stream, machine);
     let mut figures = comparison.figures();
+    figures.shaping_error_um_max = walk.shaping_error_mm() * 1e3;
     let counts = record.final_counts();
     figures.volume_error_pct = volume_error_pct(stream, machine, record);
     figures.expected_counts = expected[..motors].to_vec();

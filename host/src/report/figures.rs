@@ -254,6 +254,9 @@ pub struct Figures {
     /// What half a step of every joint can make in heading.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub half_step_mrad_max: Option<f64>,
+    /// Input shapers' path from the planned one, where joints are shaped; the errors above are from theirs.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub shaping_error_um_max: Option<f64>,
     /// Deposited volume of the steps against the plan.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub volume_error_pct: Option<f64>,
@@ -471,6 +474,10 @@ impl Figures {
             (
                 "half a step in heading",
                 number(self.half_step_mrad_max, 3, "mrad"),
+            ),
+            (
+                "shapers off the planned path",
+                number(self.shaping_error_um_max, 1, "µm"),
             ),
             ("volume error", number(self.volume_error_pct, 4, "%")),
             (

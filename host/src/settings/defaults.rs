@@ -11,6 +11,7 @@ use crate::geometry::aperture::Aperture;
 use headway_firmware::configuration::{
     ExtruderConfiguration, JointConfiguration, Kinematics, MachineConfiguration,
 };
+use headway_firmware::shaping::UNSHAPED;
 use std::f64::consts::TAU;
 
 /// Work area of both built-in machines, mm.
@@ -177,6 +178,7 @@ fn machine(kinematics: Kinematics, joints: &[JointConfiguration]) -> MachineConf
     MachineConfiguration {
         kinematics,
         joints: joints.iter().copied().collect(),
+        shapers: UNSHAPED,
         extruder: ExtruderConfiguration {
             // 400 steps per mm of 1.75 mm filament (2.405 mm²).
             steps_per_mm3: 166.3,

@@ -18,10 +18,13 @@ use serde::Deserialize;
 
 mod heat;
 mod joints;
+mod shaper;
 mod write;
 use heat::{FileHeaters, FileMaterial};
 pub use heat::{write_heater, write_heaters};
 use joints::{FileArm, Joints};
+use shaper::FileShaper;
+use std::collections::BTreeMap;
 pub use write::{to_new_toml, to_toml};
 
 /// Why a machine file cannot be used.
@@ -39,6 +42,14 @@ pub enum MachineFileError {
         needed: &'static str,
         /// What is wrong with what is given.
         problem: String,
+    },
+    /// A shaper for a joint that the kinematics have not.
+    #[error("shaper.{joint}: kinematics \"{kinematics}\" have no such joint; take the group out")]
+    Shaper {
+        /// The joint.
+        joint: String,
+        /// Kinematics by name.
+        kinematics: &'static str,
     },
     /// The aperture cannot be read.
     #[error("print.aperture: {0}")]
@@ -71,6 +82,8 @@ struct File {
     plan_share: Option<f64>,
     work_area: WorkArea,
     joints: Joints,
+    #[serde(default)]
+    shaper: BTreeMap<String, FileShaper>,
     extruder: Extruder,
     head: Option<FileHead>,
     #[serde(default)]
@@ -232,6 +245,7 @@ impl File {
         let (kinematics, joints) = self.joints()?;
         let machine = MachineConfiguration {
             kinematics,
+            shapers: shaper::shapers(&self.shaper, &kinematics)?,
             joints: joints.into_iter().collect(),
             extruder: self.extruder.over(&default.machine.extruder),
             servo_hz: self.servo_hz.unwrap_or(default.machine.servo_hz),

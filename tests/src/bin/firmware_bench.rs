@@ -11,6 +11,7 @@ use headway::settings::{Settings, machine_file};
 use headway::wire_frames::WireFrames;
 use headway::{plan_target, plan_waypoints};
 use headway_firmware::design::QUEUE_KNOTS;
+use headway_firmware::shaping::{Shaper, ShaperKind};
 use headway_protocol::frame::{FRAME_BYTES_MAX, encode_frame, encode_payload, hash_of};
 use headway_protocol::message::{
     Control, Hello, HostMessage, PROTOCOL_VERSION, SCHEMA_HASH, Start,
@@ -42,6 +43,20 @@ struct Job {
 }
 
 impl Job {
+    /// The same with the joints shaped that swing a frame: X and Y, or all but the nozzle of an arm.
+    fn shaped(&self) -> Self {
+        let mut settings = self.settings.clone();
+        let joints = if self.machine == "arm6" { 6 } else { 2 };
+        settings.machine.shapers[..joints].fill(BENCH_SHAPER);
+        Self {
+            machine: self.machine,
+            name: format!("{}, {joints} joints shaped", self.name),
+            settings,
+            stream: self.stream.clone(),
+            override_percent: 100,
+        }
+    }
+
     /// The same at the fastest feed override.
     fn doubled(&self) -> Self {
         Self {
@@ -53,6 +68,13 @@ impl Job {
         }
     }
 }
+
+/// The shaper of the bench: one that costs as much as any.
+const BENCH_SHAPER: Shaper = Shaper {
+    kind: ShaperKind::Ei,
+    frequency_hz: 43.0,
+    damping: 0.1,
+};
 
 fn example(name: &str, speed_mm_s: f64) -> Result<Job, Box<dyn Error>> {
     let settings = Settings {
@@ -299,9 +321,13 @@ fn mean_per_second(values: &BTreeMap<String, u64>) -> f64 {
 fn measure() -> Result<Value, Box<dyn Error>> {
     let elf = build("qemu_bench", &[])?;
     let mut runs = Vec::new();
-    let mut doubled_runs = Vec::new();
+    let (mut doubled_runs, mut shaped_runs) = (Vec::new(), Vec::new());
     for job in jobs()? {
-        for (runs, job) in [(&mut doubled_runs, job.doubled()), (&mut runs, job)] {
+        for (runs, job) in [
+            (&mut doubled_runs, job.doubled()),
+            (&mut shaped_runs, job.shaped()),
+            (&mut runs, job),
+        ] {
             let values = play(&elf, &job)?;
             eprintln!("{}: {values:?}", job.name);
             runs.push((job, values));
@@ -328,6 +354,7 @@ fn measure() -> Result<Value, Box<dyn Error>> {
         },
         "servo_tick_instructions": servo_per_machine(&runs),
         "servo_tick_instructions_at_200_percent": servo_per_machine(&doubled_runs),
+        "servo_tick_instructions_shaped": servo_per_machine(&shaped_runs),
         "span_ahead_instructions": ahead_per_machine(&runs),
         "cpu_fraction": (per_second / CORE_HZ * 1e4).round() / 1e4,
         "ram_bytes": board.ram_bytes(),

@@ -7,7 +7,7 @@ use crate::job::MotionState;
 use crate::plan::route::path_curve::CurvePoint;
 use crate::settings::{Settings, joint_names};
 use headway_firmware::configuration::{JOINTS_MAX, Kinematics};
-use headway_firmware::delay::delay_ticks;
+use headway_firmware::delay::advance_centre_ticks;
 use headway_firmware::jet::Jet;
 use headway_firmware::kinematics::winding::Winding;
 use headway_firmware::kinematics::{self, KinematicsError};
@@ -246,7 +246,7 @@ impl MotionLimits {
             pressure_advance_s: extruder.pressure_advance_s,
             pressure_advance_window_s: (extruder.pressure_advance_window_ms * 1e-3)
                 .max(1.0 / servo_hz),
-            advance_delay_ticks: delay_ticks(extruder, machine.servo_hz),
+            advance_delay_ticks: advance_centre_ticks(extruder, machine.servo_hz),
             servo_hz,
         };
         limits.checked(count)

@@ -1,6 +1,7 @@
 //! Writes a machine file with its comments; [`super::from_toml`] reads exactly the same settings.
 
 use super::heat::{write_heaters, write_material};
+use super::shaper::write_shapers;
 use crate::settings::aperture_text::aperture_text;
 use crate::settings::check::{joint_names, kinematics_name};
 use crate::settings::head_shape::HeadShape;
@@ -76,6 +77,7 @@ fn write_machine(text: &mut String, s: &Settings) -> std::fmt::Result {
         let what = joint_comment(&machine.kinematics, name);
         write_joint(text, name, what, joint)?;
     }
+    write_shapers(text, machine)?;
     let e = &machine.extruder;
     writeln!(
         text,
@@ -405,7 +407,7 @@ fn write_skirt(text: &mut String, s: &Settings) -> std::fmt::Result {
 }
 
 /// Shortest decimal that reads back as the same number.
-fn number(value: f64) -> String {
+pub(super) fn number(value: f64) -> String {
     format!("{value}")
 }
 
