@@ -70,6 +70,7 @@ pub enum Shape {
 
 impl Shaper {
     /// Its impulses or averages; `None` if it does not shape.
+    #[inline(never)]
     pub fn shape(&self, servo_hz: u32) -> Option<Shape> {
         let damped = libm::sqrt(1.0 - self.damping * self.damping);
         let period_ticks = f64::from(servo_hz) / (self.frequency_hz * damped);
@@ -157,6 +158,7 @@ pub struct Delays {
 
 impl Delays {
     /// Of a machine; `None` where a shaper is longer than the line, or takes a joint too far off its plan.
+    #[inline(never)]
     pub fn of(configuration: &MachineConfiguration) -> Option<Self> {
         let servo_hz = configuration.servo_hz.max(1);
         let centre_ticks = advance_centre_ticks(&configuration.extruder, servo_hz);
@@ -186,6 +188,7 @@ impl Delays {
 }
 
 /// The shapes of a machine's joints.
+#[inline(never)]
 pub fn shapes(configuration: &MachineConfiguration) -> [Option<Shape>; JOINTS_MAX] {
     let servo_hz = configuration.servo_hz.max(1);
     let mut shapes = [const { None }; JOINTS_MAX];

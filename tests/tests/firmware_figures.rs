@@ -33,7 +33,7 @@ fn the_firmware_keeps_to_its_room() {
         assert!(value <= bound, "{pointer} is {value}, above {bound}");
     };
     at_most("/cpu_fraction", 0.25);
-    at_most("/ram_bytes", 64.0 * 1024.0);
+    at_most("/ram_bytes", 96.0 * 1024.0);
     at_most("/flash_bytes", FLASH_BYTES);
     assert!(number("/queue_segments") >= 256.0);
     // With USB the octopus has the panics of its driver, none of ours.
@@ -76,10 +76,10 @@ const SERVO_WORST_SHAPED: [(&str, f64); 4] = [
     ("trunnion", 1.2 * SERVO_WORST_TRUNNION),
     ("arm6", 1.2 * SERVO_WORST_ARM6),
 ];
-// Three eighths of the chip's 512 KiB. With planar and gantry alone 125 KiB were used of 128; the table, the arm and
+// Half of the chip's 512 KiB. With planar and gantry alone 125 KiB were used of 128; the table, the arm and
 // the derivatives of all of them take 31.5 KiB more; a decoder for each line and the checks of the start 5;
-// heaters, their guards, commands and status 13.1 (185.6 KiB in all, where 176 were allowed before).
-const FLASH_BYTES: f64 = 192.0 * 1024.0;
+// heaters, their guards, commands and status 13.1 (185.6 KiB in all, where 176 were allowed before); shapers 16.
+const FLASH_BYTES: f64 = 256.0 * 1024.0;
 // No goals: what is reached with the jobs as they are planned today, a twentieth above it for another
 // compiler. The worst tick hangs on the job: what coincides in it (1208 instructions with an earlier
 // plan of the same parts, 1269 with the one before, 1347 with the next, by one firmware, 1219 with

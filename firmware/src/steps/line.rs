@@ -47,10 +47,9 @@ impl WaitingTargets {
         self.shapers.rest(&row);
     }
 
-    /// True if all motors come out as they went in.
-    #[inline(always)]
-    pub(super) fn is_plain(&self) -> bool {
-        self.shapers.is_none()
+    /// True if a motor is shaped.
+    pub(super) fn shapes(&self) -> bool {
+        !self.shapers.is_none()
     }
 
     /// What comes out, shaped.
@@ -86,6 +85,8 @@ pub struct Places {
 pub(super) struct Line {
     newest: usize,
     wait_ticks: usize,
+    /// A motor is shaped.
+    shapes: bool,
     /// Servo ticks until nothing of a target is on its way.
     settle_ticks: u32,
     /// What the advance adds to what comes out, 2^-22 steps, and for which motor.
@@ -95,13 +96,20 @@ pub(super) struct Line {
 
 impl Line {
     /// Everything rests.
-    pub(super) fn new(advanced: usize, delays: &Delays) -> Self {
+    pub(super) fn new(advanced: usize, delays: &Delays, shapes: bool) -> Self {
         Self {
+            shapes,
             wait_ticks: delays.line_ticks.min(WAIT_TICKS_MAX) as usize,
             settle_ticks: delays.settle_ticks,
             advanced,
             ..Self::default()
         }
+    }
+
+    /// True if a motor does not come out as it went in.
+    #[inline(always)]
+    pub(super) fn shapes(&self) -> bool {
+        self.shapes
     }
 
     /// Servo ticks after which what has gone in has come out.
@@ -182,7 +190,7 @@ mod tests {
                 line_ticks: wait,
                 ..Delays::default()
             };
-            let mut line = Line::new(1, &delays);
+            let mut line = Line::new(1, &delays, false);
             for tick in 0..1000i32 {
                 let places = line.begin();
                 waiting.newest(places)[0] = tick;

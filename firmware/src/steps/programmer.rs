@@ -181,7 +181,7 @@ impl StepProgrammer {
     /// to be; a motor's advance does not. Only at rest.
     pub fn wait(&mut self, waiting: &mut WaitingTargets, advanced: usize, delays: &Delays) {
         waiting.rest(self.row());
-        self.line = Line::new(advanced, delays);
+        self.line = Line::new(advanced, delays, waiting.shapes());
     }
 
     /// Servo ticks after which nothing of a target is on its way.
@@ -341,11 +341,20 @@ impl StepProgrammer {
         if jumps > JUMP_STEPS_MAX {
             return Err(self.take_back(waiting));
         }
-        if waiting.is_plain() {
-            self.advance_to(waiting.due(places), bank)
-        } else {
-            self.advance_to(&waiting.shaped(places), bank)
+        if self.line.shapes() {
+            return self.advance_shaped(waiting, places, bank);
         }
+        self.advance_to(waiting.due(places), bank)
+    }
+
+    #[inline(never)]
+    fn advance_shaped(
+        &mut self,
+        waiting: &mut WaitingTargets,
+        places: Places,
+        bank: &mut StepBank,
+    ) -> Result<(), StepRateExceeded> {
+        self.advance_to(&waiting.shaped(places), bank)
     }
 
     // Its registers are not to be those of all the rest.

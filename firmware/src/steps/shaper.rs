@@ -177,7 +177,6 @@ impl Shapers {
     }
 
     /// True if no motor is shaped.
-    #[inline(always)]
     pub(super) fn is_none(&self) -> bool {
         self.count == 0
     }
