@@ -228,7 +228,7 @@ fn a_stop_at_once_knows_where_shaped_motors_are() {
             host.send(&job, 8, 16);
             host.tick();
             let motion = host.machine.motion();
-            if motion.now_ticks() % 50 == 0 {
+            if motion.now_ticks().is_multiple_of(50) {
                 // What is told while it moves is what was stepped, but for the interval being played.
                 for (told, is) in motion.counts().iter().zip(host.counter.counts) {
                     assert!((told - is).abs() <= 30, "{told} {is}");
