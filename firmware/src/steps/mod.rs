@@ -17,6 +17,7 @@
 
 mod bank;
 mod engine;
+mod interval;
 mod line;
 mod player;
 mod programmer;

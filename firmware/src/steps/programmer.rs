@@ -4,13 +4,10 @@
 //! program in 2^-31 steps modulo two, which is the engine's phase. The 64-bit position is put
 //! together when it is asked for.
 
+use super::interval::Interval;
 use super::line::{Line, Places, Row, WaitingTargets, position_near};
-use super::{
-    INTERVAL_TICKS_MAX, INTERVAL_TICKS_MIN, StepBank, Stopped, TARGET_FRACTION_BITS, TARGET_SHIFT,
-    Target, bank::Motor,
-};
+use super::{StepBank, Stopped, TARGET_FRACTION_BITS, TARGET_SHIFT, Target, bank::Motor};
 use crate::configuration::MOTORS_MAX;
-use crate::design::STEP_RATE_SHARE_MAX;
 use crate::shaping::Delays;
 use core::sync::atomic::{Ordering, compiler_fence};
 
@@ -25,52 +22,10 @@ pub struct StepRateExceeded {
 
 /// A way is a difference of targets: 512 steps fit 32 bits, so that a sum of two ways in the
 /// longest interval does.
-const WAY_SHIFT: u32 = TARGET_SHIFT;
-const WAY_FRACTION_BITS: u32 = TARGET_FRACTION_BITS;
-/// Scale of [`Interval::per_way`]: the largest that fits 32 bits for the shortest interval.
-const WAY_SCALE_BITS: u32 = 28;
+pub(super) const WAY_SHIFT: u32 = TARGET_SHIFT;
+pub(super) const WAY_FRACTION_BITS: u32 = TARGET_FRACTION_BITS;
 /// Largest change of a target in a tick, whole steps: beyond it the 32 bits of a way would wrap.
 const JUMP_STEPS_MAX: u32 = 255;
-
-/// Numbers of the servo interval, N step ticks long.
-#[derive(Clone, Copy, Debug)]
-struct Interval {
-    ticks: i32,
-    /// 2^(28 + 9) / N.
-    per_way: i32,
-    /// 2^(32 + 9 - 2) / N².
-    per_bend: i32,
-    /// Half the way of the largest rate, 2^-22 steps an interval.
-    half_way_max: i32,
-}
-
-impl Interval {
-    fn new(ticks: u32) -> Self {
-        let ticks = ticks.clamp(INTERVAL_TICKS_MIN, INTERVAL_TICKS_MAX);
-        let n = u64::from(ticks);
-        let per_way = ((1u64 << (WAY_SCALE_BITS + WAY_SHIFT)) + n / 2) / n;
-        let per_bend = ((1u64 << (30 + WAY_SHIFT)) + n * n / 2) / (n * n);
-        let steps_max = (f64::from(ticks) * STEP_RATE_SHARE_MAX) as u32;
-        Self {
-            ticks: ticks as i32,
-            per_way: per_way as i32,
-            per_bend: per_bend as i32,
-            half_way_max: ((steps_max << (WAY_FRACTION_BITS - 1)) - 1) as i32,
-        }
-    }
-
-    /// Half of the acceleration, A / 2 N², from twice the mean second difference.
-    #[inline(always)]
-    fn half_acceleration(&self, twice_mean: i32) -> i32 {
-        ((i64::from(twice_mean) * i64::from(self.per_bend)) >> 32) as i32
-    }
-
-    /// Mean velocity way / N.
-    #[inline(always)]
-    fn velocity(&self, way: i32) -> i32 {
-        ((i64::from(way) * i64::from(self.per_way)) >> WAY_SCALE_BITS) as i32
-    }
-}
 
 /// One motor's targets of the last three servo ticks, and where it really is.
 #[derive(Clone, Copy, Debug)]

@@ -475,10 +475,7 @@ impl Figures {
                 "half a step in heading",
                 number(self.half_step_mrad_max, 3, "mrad"),
             ),
-            (
-                "shapers off the planned path",
-                number(self.shaping_error_um_max, 1, "µm"),
-            ),
+            ("shaping error", number(self.shaping_error_um_max, 1, "µm")),
             ("volume error", number(self.volume_error_pct, 4, "%")),
             (
                 "step time error, worst",
