@@ -65,14 +65,6 @@ const STEP_RAD: f64 = 0.02;
 /// Uncovered cells that are asked whether they could be reached; more are sampled evenly.
 const ASKED_MAX: usize = 20_000;
 
-/// A sampled print pose, with its pass.
-#[derive(Clone, Copy)]
-struct PrintPose {
-    at: Configuration,
-    pass: u32,
-    path_mm: f64,
-}
-
 /// Turn of a raster against the region's own frame, rad: aslant to walls along the axes or at 45°,
 /// where whole rows of cells would fall to either side of a wall at once.
 const SKEW_RAD: f64 = 0.4;
@@ -95,13 +87,13 @@ pub fn measure(
     let mut measured = Measured::default();
     let mut skirt_mm = 0.0;
     // Poses of printings that later ones repeat.
-    let mut known: BTreeMap<usize, Vec<PrintPose>> = BTreeMap::new();
+    let mut known: BTreeMap<usize, Vec<SweptPose>> = BTreeMap::new();
     let repeated: BTreeSet<usize> = (prints.iter().enumerate())
         .filter(|(number, print)| print.like < *number)
         .map(|(_, print)| print.like)
         .collect();
     let cell_mm = raster_cell_mm(prints);
-    let mut measure_up_to = |layer: u32, poses: &[PrintPose]| {
+    let mut measure_up_to = |layer: u32, poses: &[SweptPose]| {
         skirt_mm += length_off_regions_mm(poses, print_of_pass);
         let first = measured.swept.len();
         let of_layer = prints[first..].iter();
@@ -143,10 +135,10 @@ pub fn measure(
 
 /// The poses of each of the printings.
 fn poses_of_prints(
-    poses: &[PrintPose],
+    poses: &[SweptPose],
     print_of_pass: &[usize],
     prints: Range<usize>,
-) -> Vec<Vec<PrintPose>> {
+) -> Vec<Vec<SweptPose>> {
     let mut of_prints = vec![Vec::new(); prints.len()];
     for pass in poses.chunk_by(|p, q| p.pass == q.pass) {
         let print = print_of_pass.get(pass[0].pass as usize);
@@ -169,8 +161,8 @@ fn raster_cell_mm(prints: &[MeasuredPrint]) -> f64 {
 /// What poses sweep that are the same as others were, to [`SAME_MM`]; the depth is then the others'
 /// and what a point of the aperture is moved by at most. `None` where they are not.
 fn same(
-    poses: &[PrintPose],
-    others: &[PrintPose],
+    poses: &[SweptPose],
+    others: &[SweptPose],
     swept: &Swept,
     settings: &Settings,
 ) -> Option<Swept> {
@@ -218,20 +210,19 @@ impl<'a> PrintGround<'a> {
         }
     }
 
-    fn local(&self, pose: &PrintPose) -> SweptPose {
+    fn local(&self, pose: &SweptPose) -> SweptPose {
         let center = self.contour.to_local(pose.at.center - self.shift);
         SweptPose {
             at: Configuration {
                 center: self.frame.point_in(center),
                 heading_rad: self.frame.angle_in(pose.at.heading_rad),
             },
-            pass: pose.pass,
-            path_mm: pose.path_mm,
+            ..*pose
         }
     }
 
     /// What the poses sweep of the region, and how deep they leave it.
-    fn measure(&self, poses: &[PrintPose], cell_mm: f64) -> (Swept, RegionRaster) {
+    fn measure(&self, poses: &[SweptPose], cell_mm: f64) -> (Swept, RegionRaster) {
         let poses: Vec<SweptPose> = poses.iter().map(|pose| self.local(pose)).collect();
         let (depth_mm, at) = deepest(&poses, &self.walls, self.settings);
         let at = self.contour.to_input(self.frame.point_out(at.center));
@@ -272,7 +263,7 @@ impl<'a> PrintGround<'a> {
 }
 
 /// Path of the passes that belong to no region.
-fn length_off_regions_mm(poses: &[PrintPose], region_of_pass: &[usize]) -> f64 {
+fn length_off_regions_mm(poses: &[SweptPose], region_of_pass: &[usize]) -> f64 {
     let passes = poses.chunk_by(|p, q| p.pass == q.pass);
     let off = passes.filter_map(|poses| {
         let last = poses.last()?;
@@ -287,7 +278,7 @@ fn length_off_regions_mm(poses: &[PrintPose], region_of_pass: &[usize]) -> f64 {
 fn walk_stream(
     stream: &SegmentStream,
     settings: &Settings,
-    of_layer: &mut impl FnMut(u32, &[PrintPose]),
+    of_layer: &mut impl FnMut(u32, &[SweptPose]),
 ) -> PlanFigures {
     let servo_hz = f64::from(settings.machine.servo_hz);
     let mut figures = PlanFigures::default();
@@ -343,7 +334,7 @@ fn walk_stream(
                 center: Point2::new(at[0], at[1]),
                 heading_rad: at[3],
             };
-            poses.push(PrintPose { at, pass, path_mm });
+            poses.push(SweptPose { at, pass, path_mm });
         }
         tick += u64::from(span.duration_ticks);
         let [before, after] = [0.0, ticks].map(|local| span.position(local)[CHANNEL_VOLUME]);

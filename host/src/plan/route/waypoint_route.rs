@@ -7,10 +7,12 @@
 //! follows the front of the aperture as in planar printing, in the plane that the tool sees: each step
 //! of the tip is turned by the tool axis until the axis points up.
 
+use crate::geometry::Point2;
+use crate::geometry::clearance::Configuration;
 use crate::job::MotionState;
 use crate::plan::route::build_route::{event_duration_s, nearest_heading};
+use crate::plan::route::flow::Bead;
 use crate::plan::route::flow::fresh_ground::FreshShares;
-use crate::plan::route::flow::{Bead, FlowPose};
 use crate::plan::route::moves::{PathCurve, Route, Stretch, StretchEvent};
 use crate::plan::route::waypoint_curve::upright;
 use crate::settings::Settings;
@@ -396,8 +398,8 @@ fn add_flow(curves: &mut [PathCurve], start_mm3: f64, settings: &Settings) {
                 sections.push(1.0 + larger);
             }
             before = Some(pose);
-            poses.push(FlowPose {
-                centre_mm: at,
+            poses.push(Configuration {
+                center: Point2::from(at),
                 heading_rad: pose[CHANNEL_HEADING],
             });
         }

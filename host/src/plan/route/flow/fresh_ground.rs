@@ -11,7 +11,6 @@ use crate::geometry::Point2;
 use crate::geometry::aperture::Aperture;
 use crate::geometry::clearance::Configuration;
 use crate::plan::coverage::raster::{Advance, newly_covered};
-use crate::plan::route::flow::FlowPose;
 
 /// Most cells of the raster. Those of 0.1 b tell the share of a front of 2b to 5 %, of any mm of a bead
 /// to 0.3 %; a larger layer gets larger ones, which its longer passes average out.
@@ -48,7 +47,7 @@ pub fn pose_step_mm(aperture: &Aperture) -> f64 {
 }
 
 /// The fresh ground of each pass, in printing order.
-pub fn fresh_shares(passes: &[Vec<FlowPose>], aperture: &Aperture) -> Vec<FreshShares> {
+pub fn fresh_shares(passes: &[Vec<Configuration>], aperture: &Aperture) -> Vec<FreshShares> {
     let placed: Vec<Configuration> = passes.iter().flatten().map(on_raster).collect();
     let mut starts = vec![false; placed.len()];
     let mut begin = 0;
@@ -70,11 +69,11 @@ pub fn fresh_shares(passes: &[Vec<FlowPose>], aperture: &Aperture) -> Vec<FreshS
         .collect()
 }
 
-fn on_raster(pose: &FlowPose) -> Configuration {
+fn on_raster(pose: &Configuration) -> Configuration {
     let (sin, cos) = SKEW_RAD.sin_cos();
-    let [x, y] = pose.centre_mm;
+    let Point2 { coords: at } = pose.center;
     Configuration {
-        center: Point2::new(x * cos - y * sin, x * sin + y * cos),
+        center: Point2::new(at.x * cos - at.y * sin, at.x * sin + at.y * cos),
         heading_rad: pose.heading_rad + SKEW_RAD,
     }
 }
@@ -132,12 +131,17 @@ mod tests {
     use crate::geometry::test_shapes::ELLIPSE;
     use std::f64::consts::{FRAC_PI_2, PI};
 
-    fn line(from: [f64; 2], to: [f64; 2], headings_rad: [f64; 2], count: u32) -> Vec<FlowPose> {
+    fn line(
+        from: [f64; 2],
+        to: [f64; 2],
+        headings_rad: [f64; 2],
+        count: u32,
+    ) -> Vec<Configuration> {
         (0..=count)
             .map(|i| {
                 let t = f64::from(i) / f64::from(count);
-                FlowPose {
-                    centre_mm: [0, 1].map(|c| from[c] + (to[c] - from[c]) * t),
+                Configuration {
+                    center: Point2::from([0, 1].map(|c| from[c] + (to[c] - from[c]) * t)),
                     heading_rad: headings_rad[0] + (headings_rad[1] - headings_rad[0]) * t,
                 }
             })

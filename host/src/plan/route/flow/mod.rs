@@ -14,18 +14,10 @@ pub mod pass_volumes;
 
 use crate::geometry::Vector2;
 use crate::geometry::aperture::Aperture;
+use crate::geometry::clearance::Configuration;
 use crate::plan::route::flow::fresh_ground::FreshShares;
 use crate::settings::Settings;
 use rayon::prelude::*;
-
-/// A pose of the aperture in the layer plane.
-#[derive(Clone, Copy, Debug, PartialEq)]
-pub struct FlowPose {
-    /// Aperture centre, mm.
-    pub centre_mm: [f64; 2],
-    /// Heading, rad, unwrapped.
-    pub heading_rad: f64,
-}
 
 /// Points of the outline. The front of a pure translation is scaled to be exact, so this bounds
 /// only how well the ground of a turn is known: to (pi / n)² = 0.1 %.
@@ -92,11 +84,13 @@ fn positive_mean(a: f64, b: f64) -> f64 {
 }
 
 /// Ground newly covered by the step from one pose to the next, mm².
-fn step_area_mm2(aperture: &Aperture, outline: &Outline, from: &FlowPose, to: &FlowPose) -> f64 {
-    let step = Vector2::new(
-        to.centre_mm[0] - from.centre_mm[0],
-        to.centre_mm[1] - from.centre_mm[1],
-    );
+fn step_area_mm2(
+    aperture: &Aperture,
+    outline: &Outline,
+    from: &Configuration,
+    to: &Configuration,
+) -> f64 {
+    let step = to.center - from.center;
     let turn_rad = to.heading_rad - from.heading_rad;
     let heading_rad = from.heading_rad + 0.5 * turn_rad;
     let length_mm = step.norm();
@@ -157,7 +151,7 @@ impl<'a> Bead<'a> {
     ///
     /// The fresh ground under the first pose is brought along the first aperture length of the
     /// path, as a surplus that fades out linearly.
-    pub fn deposit(&self, poses: &[FlowPose], fresh: &FreshShares) -> Vec<f64> {
+    pub fn deposit(&self, poses: &[Configuration], fresh: &FreshShares) -> Vec<f64> {
         if poses.is_empty() {
             return Vec::new();
         }
@@ -194,7 +188,7 @@ const SMOOTHING_SHARE: [f64; 2] = [1.0, 2.0];
 pub const SMOOTHING_ROUNDS: usize = 3;
 
 /// Place of each pose along the pass, mm; a turn counts as the way of the minor axis' end.
-fn places_mm(poses: &[FlowPose], aperture: &Aperture) -> Vec<f64> {
+fn places_mm(poses: &[Configuration], aperture: &Aperture) -> Vec<f64> {
     let mut places = vec![0.0];
     let mut place_mm = 0.0;
     for pair in poses.windows(2) {
@@ -205,9 +199,9 @@ fn places_mm(poses: &[FlowPose], aperture: &Aperture) -> Vec<f64> {
     places
 }
 
-fn step_length_mm(pair: &[FlowPose]) -> f64 {
-    let [from, to] = [pair[0].centre_mm, pair[1].centre_mm];
-    (to[0] - from[0]).hypot(to[1] - from[1])
+fn step_length_mm(pair: &[Configuration]) -> f64 {
+    let step = pair[1].center - pair[0].center;
+    step.x.hypot(step.y)
 }
 
 /// The mean of a rising function over `half_mm` to either side of each place. Beyond the ends the
@@ -265,7 +259,7 @@ fn averaged(places_mm: &[f64], values: &[f64], half_mm: f64) -> Vec<f64> {
 /// length (or the whole path, where that is shorter).
 fn add_start_footprint(
     steps: &mut [f64],
-    poses: &[FlowPose],
+    poses: &[Configuration],
     aperture: &Aperture,
     start_footprint_mm2: f64,
 ) {
@@ -302,6 +296,7 @@ mod tests {
     //! Goal: the volumes of docs/design/flow.md in the cases that have a closed form, and against a
     //! raster for one that has none.
     use super::*;
+    use crate::geometry::Point2;
     use crate::geometry::test_shapes::ELLIPSE;
 
     fn bead(height_mm: f64, flow_factor: f64) -> Bead<'static> {
@@ -314,7 +309,7 @@ mod tests {
     }
 
     /// On ground that nothing has covered, with or without that under the first pose.
-    fn deposit(poses: &[FlowPose], bead: &Bead, start: f64) -> Vec<f64> {
+    fn deposit(poses: &[Configuration], bead: &Bead, start: f64) -> Vec<f64> {
         let fresh = FreshShares {
             start,
             ..FreshShares::all(poses.len())
@@ -322,10 +317,10 @@ mod tests {
         bead.deposit(poses, &fresh)
     }
 
-    fn straight(heading_rad: f64, count: usize) -> Vec<FlowPose> {
+    fn straight(heading_rad: f64, count: usize) -> Vec<Configuration> {
         (0..count)
-            .map(|i| FlowPose {
-                centre_mm: [0.1 * i as f64, 0.0],
+            .map(|i| Configuration {
+                center: Point2::new(0.1 * i as f64, 0.0),
                 heading_rad,
             })
             .collect()
@@ -346,9 +341,9 @@ mod tests {
     #[test]
     fn turning_on_the_spot_lays_what_it_newly_covers() {
         // The front of an ellipse that turns covers |w| (a² - b²) at once: two quarters lead.
-        let poses: Vec<FlowPose> = (0..=90)
-            .map(|i| FlowPose {
-                centre_mm: [0.0, 0.0],
+        let poses: Vec<Configuration> = (0..=90)
+            .map(|i| Configuration {
+                center: Point2::origin(),
                 heading_rad: f64::from(i).to_radians() * 0.1,
             })
             .collect();
@@ -362,11 +357,11 @@ mod tests {
     fn a_turn_in_motion_agrees_with_a_raster() {
         // Quarter turn over 1.5 mm, no ground covered twice by the front as a whole.
         let count = 3001;
-        let poses: Vec<FlowPose> = (0..count)
+        let poses: Vec<Configuration> = (0..count)
             .map(|i| {
                 let t = f64::from(i) / f64::from(count - 1);
-                FlowPose {
-                    centre_mm: [1.5 * t, 0.0],
+                Configuration {
+                    center: Point2::new(1.5 * t, 0.0),
                     heading_rad: std::f64::consts::FRAC_PI_2 * (1.0 - t),
                 }
             })
@@ -377,9 +372,8 @@ mod tests {
         for ix in -200..600 {
             for iy in -200..200 {
                 let p = Vector2::new(f64::from(ix) * cell, f64::from(iy) * cell);
-                let covers = |pose: &FlowPose| {
-                    let centre = Vector2::new(pose.centre_mm[0], pose.centre_mm[1]);
-                    ELLIPSE.contains(pose.heading_rad, p - centre)
+                let covers = |pose: &Configuration| {
+                    ELLIPSE.contains(pose.heading_rad, p - pose.center.coords)
                 };
                 if covers(&poses[0]) {
                     started += 1;

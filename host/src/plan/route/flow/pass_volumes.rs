@@ -5,14 +5,15 @@
 //! touch each other; the same passes in the same order, on whatever layer, are looked at once.
 
 use crate::geometry::aperture::Aperture;
+use crate::geometry::clearance::Configuration;
 use crate::geometry::polygon::Box2;
 use crate::geometry::union_find::root;
 use crate::geometry::{Point2, Vector2};
 use crate::plan::curve::plane_curve::{PlaneControl, curve_at};
 use crate::plan::layers::PlanePass;
 use crate::plan::pass::sweep::flatness;
+use crate::plan::route::flow::Bead;
 use crate::plan::route::flow::fresh_ground::{fresh_shares, pose_step_mm};
-use crate::plan::route::flow::{Bead, FlowPose};
 use crate::settings::Settings;
 use rayon::prelude::*;
 use std::collections::{BTreeMap, HashMap};
@@ -110,12 +111,12 @@ fn volumes_of_group<'a>(
 
 /// Poses along a curve, so dense that their union is what it sweeps, and which of them lie at its
 /// control points' parameters.
-fn sampled(control: &[PlaneControl], aperture: &Aperture) -> (Vec<FlowPose>, Vec<usize>) {
+fn sampled(control: &[PlaneControl], aperture: &Aperture) -> (Vec<Configuration>, Vec<usize>) {
     let step_mm = pose_step_mm(aperture);
     let pose = |span: usize, t: f64| {
         let [x, y, heading_rad] = curve_at(control, span, t);
-        FlowPose {
-            centre_mm: [x, y],
+        Configuration {
+            center: Point2::new(x, y),
             heading_rad,
         }
     };
