@@ -110,7 +110,7 @@ fn stages(name: &str, rings: &Rings, with_passes: bool) -> f64 {
         turn_weight_mm2: TURN_WEIGHT_MM2,
     };
     let count = if with_passes {
-        passes(&contour.region, &pruned, &pass_settings).len()
+        passes(&contour.region, &walls, &pruned, &pass_settings).len()
     } else {
         0
     };

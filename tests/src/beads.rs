@@ -32,6 +32,6 @@ pub fn plain_passes(
         turn_weight_mm2: TURN_WEIGHT_MM2,
     };
     let axis = Axis::of_medial_axis(&axis, &aperture);
-    let found = passes(&contour.region, &axis, &settings);
+    let found = passes(&contour.region, &walls, &axis, &settings);
     (contour, found)
 }

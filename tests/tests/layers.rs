@@ -8,7 +8,7 @@ use headway::drive::simulator::SimulatorSetup;
 use headway::input::Target;
 use headway::job::{MotionState, SegmentStream};
 use headway::plan::layers::layer_groups::RegionPrint;
-use headway::plan::layers::region_plan::Turned;
+use headway::plan::layers::region_plan::Reversal;
 use headway::plan::pass::{LayerPass, PassKind};
 use headway::settings::{Infill, SeamPlace, Settings};
 use headway::{Plan, PlanError, plan_target};
@@ -368,7 +368,7 @@ fn layers_with_lines_are_turned_to_save_travel() {
         ..Settings::default()
     };
     let plan = plan_target(&target(&[example("u-part")]), &settings).expect("a plan");
-    let passes = |print: &RegionPrint, turned: Turned| {
+    let passes = |print: &RegionPrint, turned: Reversal| {
         plan.kinds[print.kind].regions[print.region].passes_turned(turned)
     };
     let ends = |pass: &LayerPass| {
@@ -379,7 +379,7 @@ fn layers_with_lines_are_turned_to_save_travel() {
     for pair in plan.prints.windows(2) {
         let below = passes(&pair[0], pair[0].turned);
         let from = ends(&below[below.len() - 1])[1];
-        let way_mm = |turned: Turned| {
+        let way_mm = |turned: Reversal| {
             let passes = passes(&pair[1], turned);
             let is_line = |pass: &LayerPass| pass.kind == PassKind::Infill;
             assert!(passes.is_sorted_by_key(is_line), "walls come first");
@@ -394,14 +394,14 @@ fn layers_with_lines_are_turned_to_save_travel() {
             .infill
             .is_none_or(|infill| infill.is_solid())
         {
-            assert_eq!(pair[1].turned, Turned::default());
+            assert_eq!(pair[1].turned, Reversal::default());
             continue;
         }
         let chosen_mm = way_mm(pair[1].turned);
         for (walls, lines) in [(false, false), (true, false), (false, true), (true, true)] {
-            assert!(chosen_mm < way_mm(Turned { walls, lines }) + 1e-6);
+            assert!(chosen_mm < way_mm(Reversal { walls, lines }) + 1e-6);
         }
-        turned_layers += u32::from(pair[1].turned != Turned::default());
+        turned_layers += u32::from(pair[1].turned != Reversal::default());
     }
     assert!(turned_layers > 0);
 }

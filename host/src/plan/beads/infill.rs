@@ -70,15 +70,11 @@ fn is_narrow(region: &Region, aperture: &Aperture) -> bool {
 /// The ground filled along its outline; nothing where it has no medial axis.
 fn loops_of(region: &Region, settings: &PassSettings) -> Vec<LayerPass> {
     let walls = EdgeIndex::of_region(region, settings.aperture.major_mm());
-    MedialAxis::of_edges(&walls, &AxisOptions::default())
-        .map(|axis| {
-            passes(
-                region,
-                &Axis::of_medial_axis(&axis, &settings.aperture),
-                settings,
-            )
-        })
-        .unwrap_or_default()
+    let axis = MedialAxis::of_edges(&walls, &AxisOptions::default());
+    axis.map_or(Vec::new(), |axis| {
+        let axis = Axis::of_medial_axis(&axis, &settings.aperture);
+        passes(region, &walls, &axis, settings)
+    })
 }
 
 /// The lines of an infill.

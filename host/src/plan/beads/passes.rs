@@ -18,7 +18,7 @@ use crate::plan::beads::bead_count::{ChannelWidths, bead_counts, blended};
 use crate::plan::beads::channel_walls::Laid;
 use crate::plan::beads::field::Field;
 use crate::plan::beads::innermost::{Innermost, relax};
-use crate::plan::beads::single_bead_runs::{SingleRun, split_region};
+use crate::plan::beads::single_bead_runs::{Piece, SingleRun, split_region};
 use crate::plan::coverage::pass_ends::fit_ends;
 use crate::plan::headings::contacts::{ContactSpacing, resampled, wall_contacts};
 use crate::plan::headings::profile::profile;
@@ -125,15 +125,21 @@ impl Lengths {
     }
 }
 
-/// All passes of one region.
-pub fn passes(region: &Region, axis: &Axis, settings: &PassSettings) -> Vec<LayerPass> {
-    outer_passes(region, axis, settings, CHANNELS_MAX).0
+/// All passes of one region within `walls`, its own edges.
+pub fn passes(
+    region: &Region,
+    walls: &EdgeIndex,
+    axis: &Axis,
+    settings: &PassSettings,
+) -> Vec<LayerPass> {
+    outer_passes(region, walls, axis, settings, CHANNELS_MAX).0
 }
 
 /// The outermost `channels` loops of one region, and the rings that bound what they leave open,
 /// inside on the left (they may cross themselves by a little).
 pub fn outer_passes(
     region: &Region,
+    walls: &EdgeIndex,
     axis: &Axis,
     settings: &PassSettings,
     channels: usize,
@@ -141,12 +147,17 @@ pub fn outer_passes(
     let lengths = Lengths::of(&settings.aperture);
     let axis = axis.densified(lengths.axis_mm);
     let axis = axis.split_at_radius(settings.aperture.minor_mm());
-    let walls = EdgeIndex::of_region(region, settings.aperture.major_mm());
-    let split = split_region(region, &walls, &axis, settings);
+    let split = split_region(region, walls, &axis, settings);
     let found: Vec<(Vec<LayerPass>, Vec<Ring>)> = split
         .pieces
         .par_iter()
-        .map(|piece| piece_passes(&piece.region, &piece.axis, settings, lengths, channels))
+        .map(|piece| {
+            // Most regions are one piece.
+            let own = (piece.region != *region)
+                .then(|| EdgeIndex::of_region(&piece.region, settings.aperture.major_mm()));
+            let walls = own.as_ref().unwrap_or(walls);
+            piece_passes(piece, walls, settings, lengths, channels)
+        })
         .collect();
     let (mut all, mut open) = (Vec::new(), Vec::new());
     for (passes, rings) in found {
@@ -156,7 +167,7 @@ pub fn outer_passes(
     let singles: Vec<LayerPass> = split
         .runs
         .par_iter()
-        .flat_map(|run| single_passes(run, &walls, settings))
+        .flat_map(|run| single_passes(run, walls, settings))
         .collect();
     all.extend(singles);
     fit_ends(&mut all, &settings.aperture, &region.bounds());
@@ -165,8 +176,11 @@ pub fn outer_passes(
 
 /// At most `channels` channels of one piece, outermost first, and the outer wall of the next.
 fn piece_passes(
-    piece: &Region,
-    axis: &Axis,
+    Piece {
+        region: piece,
+        axis,
+    }: &Piece,
+    walls: &EdgeIndex,
     settings: &PassSettings,
     lengths: Lengths,
     channels: usize,
@@ -175,16 +189,15 @@ fn piece_passes(
         return (Vec::new(), Vec::new());
     }
     let aperture = &settings.aperture;
-    let walls = EdgeIndex::of_region(piece, aperture.major_mm());
     let widths = ChannelWidths::of(aperture, settings.overlap);
     let counts = bead_counts(axis, widths);
     let beads = blended(axis, &counts, lengths.axis_mm, lengths.blend_mm, widths);
-    let field = Field::new(&walls, axis, &beads, widths.most_mm, lengths.grid_mm);
+    let field = Field::new(walls, axis, &beads, widths.most_mm, lengths.grid_mm);
     let needed = (field.max().ceil() as usize).max(1);
     let mut laid = Laid::new(aperture);
     let mut all = Vec::new();
     for channel in 1..=channels.min(needed) {
-        let found = channel_passes(channel, piece, &walls, &field, &laid, settings, lengths);
+        let found = channel_passes(channel, piece, walls, &field, &laid, settings, lengths);
         for pass in &found {
             laid.add(0, &pass.placements, pass.closed);
         }

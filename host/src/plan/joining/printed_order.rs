@@ -33,8 +33,9 @@ pub struct RegionPasses<'a> {
     pub passes: Vec<LayerPass>,
     /// The lines of a sparse infill.
     pub sparse: Vec<LayerPass>,
-    /// The region.
+    /// The region, and its edges.
     pub region: &'a Region,
+    pub walls: &'a EdgeIndex,
     /// Ground that is meant to stay open between those lines.
     pub open: &'a [Region],
 }
@@ -46,11 +47,11 @@ pub fn in_printing_order(
     settings: &Settings,
 ) -> Vec<LayerPass> {
     let aperture = &settings.aperture;
-    let walls = EdgeIndex::of_region(region.region, aperture.major_mm());
+    let walls = region.walls;
     let is_line = |pass: &LayerPass| pass.kind == PassKind::Infill;
     let (lines, loops): (Vec<LayerPass>, Vec<LayerPass>) =
         region.passes.into_iter().partition(is_line);
-    let passes = joined(loops, from, &walls, settings);
+    let passes = joined(loops, from, walls, settings);
     // The ground that is to be filled: between the outline and what the sparse lines have.
     let is_sparse = settings.infill.is_some_and(|infill| !infill.is_solid());
     let band = is_sparse.then(|| {
@@ -62,7 +63,7 @@ pub fn in_printing_order(
     let finish = Finish {
         lines,
         sparse: region.sparse,
-        walls: &walls,
+        walls,
         open: region.open,
         band,
         from,

@@ -19,7 +19,7 @@ use crate::plan::curve::layer_path::pass_curves;
 use crate::plan::curve::plane_curve::PlaneControl;
 use crate::plan::joining::order::region_order;
 use crate::plan::layers::PlanePass;
-use crate::plan::layers::region_plan::{RegionPlan, RegionWork, Turned};
+use crate::plan::layers::region_plan::{RegionPlan, RegionWork, Reversal};
 use crate::plan::layers::skirt::SkirtPlan;
 use crate::plan::pass::{LayerPass, PassKind};
 use crate::plan::progress::{Progress, SIDE_BY_SIDE, Stage, Steps};
@@ -76,7 +76,7 @@ pub struct RegionPrint {
     /// Number of the region.
     pub region: usize,
     /// What of it is printed the other way round.
-    pub turned: Turned,
+    pub turned: Reversal,
     /// The first printing that runs the same curves: its own number, or an earlier one's.
     pub like: usize,
 }

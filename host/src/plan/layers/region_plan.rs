@@ -27,6 +27,7 @@ use crate::plan::pose_limits::PoseLimits;
 use crate::plan::shortcuts::shortened_to_floor;
 use crate::settings::{Infill, PassMode, Settings};
 use rayon::prelude::*;
+use std::sync::Arc;
 
 /// Everything that planning one region of a layer made.
 #[derive(Clone, Debug)]
@@ -65,9 +66,9 @@ impl RegionPlan {
 
     /// What is printed the other way round so that the way from `from` (input coordinates) to the
     /// walls and from there to the lines is the shortest.
-    pub fn turned(&self, from: Point2) -> Turned {
+    pub fn turned(&self, from: Point2) -> Reversal {
         let from = self.frame.point_in(self.contour.to_local(from));
-        let way_mm = |turned: Turned| {
+        let way_mm = |turned: Reversal| {
             let (mut at, mut way_mm) = (from, 0.0);
             for (ends, is_turned) in self.ends.iter().zip([turned.walls, turned.lines]) {
                 if let Some([first, last]) = *ends {
@@ -82,9 +83,9 @@ impl RegionPlan {
             }
             way_mm
         };
-        let mut best = (Turned::default(), way_mm(Turned::default()));
+        let mut best = (Reversal::default(), way_mm(Reversal::default()));
         for (walls, lines) in [(true, false), (false, true), (true, true)] {
-            let turned = Turned { walls, lines };
+            let turned = Reversal { walls, lines };
             let is_idle = |is_turned: bool, ends: Option<_>| is_turned && ends.is_none();
             if is_idle(walls, self.ends[0]) || is_idle(lines, self.ends[1]) {
                 continue;
@@ -99,7 +100,7 @@ impl RegionPlan {
     }
 
     /// Where the printing ends, input coordinates.
-    pub fn end(&self, turned: Turned) -> Option<Point2> {
+    pub fn end(&self, turned: Reversal) -> Option<Point2> {
         let (walls, lines) = self.passes.split_at(self.lines_from);
         let (group, is_turned) = match lines.is_empty() {
             true => (walls, turned.walls),
@@ -113,7 +114,7 @@ impl RegionPlan {
     }
 
     /// The passes, walls and lines each the one way round or the other.
-    pub fn passes_turned(&self, turned: Turned) -> Vec<LayerPass> {
+    pub fn passes_turned(&self, turned: Reversal) -> Vec<LayerPass> {
         let mut passes = self.passes.clone();
         let (walls, lines) = passes.split_at_mut(self.lines_from);
         for (group, is_turned) in [(walls, turned.walls), (lines, turned.lines)] {
@@ -130,7 +131,7 @@ impl RegionPlan {
 
 /// What of a region is printed the other way round.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, PartialOrd, Ord)]
-pub struct Turned {
+pub struct Reversal {
     /// The loops.
     pub walls: bool,
     /// The lines inside them, which come after them.
@@ -144,6 +145,8 @@ pub struct RegionWork {
     frame: Frame,
     settings: Settings,
     hull: Region,
+    /// The edges of the hull.
+    walls: Arc<EdgeIndex>,
     widest: Option<(Point2, f64)>,
     axis: Axis,
     unreachable: Vec<UnreachableRun>,
@@ -170,13 +173,13 @@ impl RegionWork {
         let mut hull = trimmed_outline(&outline, &settings.aperture);
         hull.begin_at_extremes();
         let reach_mm = settings.aperture.major_mm();
-        let ground = EdgeIndex::of_region(&hull, reach_mm);
+        let walls = EdgeIndex::of_region(&hull, reach_mm);
         // The diagram takes one thread, and most of the time here.
         let (medial_axis, unreachable) = rayon::join(
-            || MedialAxis::of_edges(&ground, &AxisOptions::default()),
+            || MedialAxis::of_edges(&walls, &AxisOptions::default()),
             || {
-                let walls = EdgeIndex::of_region(&outline, reach_mm);
-                unreachable_runs(&settings.aperture, &walls, &ground)
+                let outline = EdgeIndex::of_region(&outline, reach_mm);
+                unreachable_runs(&settings.aperture, &outline, &walls)
             },
         );
         let medial_axis = medial_axis?;
@@ -189,6 +192,7 @@ impl RegionWork {
             frame,
             settings,
             hull,
+            walls: Arc::new(walls),
             widest: disks.max_by(|a, b| a.1.total_cmp(&b.1)),
             axis,
             unreachable,
@@ -210,10 +214,11 @@ impl RegionWork {
             ..infill
         });
         match &work.settings.infill {
-            None => work.passes = passes(&self.hull, &self.axis, &how),
+            None => work.passes = passes(&self.hull, &self.walls, &self.axis, &how),
             Some(infill) => {
                 let walls = infill.walls as usize;
-                let (mut passes, rings) = outer_passes(&self.hull, &self.axis, &how, walls);
+                let (mut passes, rings) =
+                    outer_passes(&self.hull, &self.walls, &self.axis, &how, walls);
                 work.open = filled(rings.iter(), FillRule::Positive);
                 let [solid, sparse] = self.divided(&work.open, infill, solid);
                 let filled = Infill {
@@ -287,12 +292,11 @@ impl RegionWork {
         let frame = self.frame;
         let passes = std::mem::take(&mut self.passes);
         let passes = self.ordered(passes);
-        let walls = EdgeIndex::of_region(&self.hull, self.settings.aperture.major_mm());
         let area_mm2 = self.hull.area_mm2();
         // What a sparse infill leaves open is meant to stay open.
         let is_filled = |infill: Infill| infill.is_solid();
         let may_fill = self.settings.infill.is_none_or(is_filled);
-        let passes = shortened_to_floor(passes, &walls, area_mm2, may_fill, &self.settings);
+        let passes = shortened_to_floor(passes, &self.walls, area_mm2, may_fill, &self.settings);
         // Lines that are linked with walls come after them.
         let is_solid = |infill: Infill| infill.is_solid();
         let is_all_solid = self.settings.infill.is_some_and(is_solid);
@@ -338,6 +342,7 @@ impl RegionWork {
                 passes,
                 sparse: self.sparse.clone(),
                 region: &self.hull,
+                walls: &self.walls,
                 open: &self.sparse_open,
             };
             in_printing_order(region, corner, &self.settings)
@@ -353,13 +358,12 @@ impl RegionWork {
             high,
             Point2::new(low.x, high.y),
         ];
-        let walls = EdgeIndex::of_region(&self.hull, self.settings.aperture.major_mm());
         let tried = corners.into_par_iter().map(|corner| {
             let passes = from(corner, passes.clone());
             let aperture = &self.settings.aperture;
             let path_mm: f64 = passes.iter().map(LayerPass::length_mm).sum();
             let strip_mm2 = aperture.minor_mm() * path_mm;
-            let wasted_mm2 = wasted_area_mm2(&passes, aperture, &walls) + strip_mm2;
+            let wasted_mm2 = wasted_area_mm2(&passes, aperture, &self.walls) + strip_mm2;
             // Of corners that are alike, rounding must not choose.
             ((passes.len(), (wasted_mm2 * 1e3).round() as u64), passes)
         });
