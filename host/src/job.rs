@@ -11,11 +11,11 @@ use serde::{Deserialize, Serialize};
 pub enum MotionState {
     /// Moving without flow.
     Travel,
-    /// Standing while the melt is brought to the aperture.
+    /// Standing while the material is brought to the aperture.
     Prime,
     /// Printing.
     Print,
-    /// Standing (or finishing) while the melt is pulled back.
+    /// Standing (or finishing) while the material is pulled back.
     Retract,
     /// Standing for another reason.
     Hold,

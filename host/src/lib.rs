@@ -289,7 +289,7 @@ pub fn plan_waypoints(run: &WaypointRun, settings: &Settings) -> Result<Plan, Pl
     plan_waypoints_with_progress(run, settings, &())
 }
 
-/// The same, telling how far it is: segments and figures.
+/// The same, with progress: segments and figures.
 ///
 /// # Errors
 /// [`PlanError`].

@@ -147,7 +147,7 @@ pub struct Seam {
 pub enum Quality {
     /// Hardly anything stays open that the aperture reaches.
     Fine,
-    /// Small voids that the melt closes are left where filling them takes long.
+    /// Small voids that the material closes are left where filling them takes long.
     #[default]
     Standard,
     /// Voids of some tenths of a mm² are left.

@@ -307,7 +307,7 @@ fn narrowed(aperture: &Aperture, slope_max_rad: f64) -> Result<Aperture, Surface
     })
 }
 
-/// Places what was carried over, adds the way there and back, and finds its motion.
+/// Places what was mapped over, adds the way there and back, and finds its motion.
 fn laid_out(
     stretches: &[Stretch],
     mesh: &Mesh,

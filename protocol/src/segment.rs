@@ -32,9 +32,9 @@ pub struct Knot {
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash, Serialize, Deserialize)]
 #[cfg_attr(feature = "defmt", derive(defmt::Format))]
 pub enum FlowAction {
-    /// Push melt to the aperture.
+    /// Push material to the aperture.
     Prime,
-    /// Pull melt back.
+    /// Pull material back.
     Retract,
 }
 

@@ -266,7 +266,7 @@ pub(super) enum PassName {
 pub(super) enum QualityName {
     /// Hardly anything stays open: the longest print.
     Fine,
-    /// Small voids that the melt closes are left where filling them takes long.
+    /// Small voids that the material closes are left where filling them takes long.
     Standard,
     /// Voids of some tenths of a mm² are left.
     Fast,

@@ -145,7 +145,7 @@ pub(super) enum BoardCommand {
         #[command(flatten)]
         port: PortArgs,
     },
-    /// Push melt through the nozzle, or pull it back, and wait.
+    /// Push material through the nozzle, or pull it back, and wait.
     Extrude {
         /// How much, mm³; negative pulls back.
         #[arg(allow_negative_numbers = true)]

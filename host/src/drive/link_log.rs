@@ -307,7 +307,7 @@ pub fn replay(log: &LogText, machine: &MachineConfiguration) -> Result<Replay, L
     }
     let last_tick = (end_us + TAIL_US) * servo_hz / 1_000_000;
     let mut rested = 0;
-    // At rest for a second: longer than any wait for melt or for more of a stream.
+    // At rest for a second: longer than any wait for material or for more of a stream.
     while rested < servo_hz {
         if tick >= last_tick {
             return Err(LogError::Restless);

@@ -55,7 +55,7 @@ pub struct Sender {
     control_sequence: u16,
     outstanding: Option<Outstanding>,
     /// A welcome did not know our stream.
-    doubts: bool,
+    may_have_lost_stream: bool,
     commands: VecDeque<Control>,
     events: VecDeque<SenderEvent>,
     first_sequence: u32,
@@ -122,7 +122,7 @@ impl Sender {
             device_session: None,
             control_sequence: setup.host_session as u16,
             outstanding: None,
-            doubts: false,
+            may_have_lost_stream: false,
             commands: VecDeque::new(),
             events: VecDeque::new(),
             first_sequence: 0,
@@ -258,7 +258,7 @@ impl Sender {
             (_, Some(command)) => ControlMessage::Command(command),
             (SenderState::Greeting, None) => ControlMessage::Hello,
             (SenderState::Opening, None) => ControlMessage::Start,
-            (SenderState::Streaming | SenderState::Finishing, None) if self.doubts => {
+            (SenderState::Streaming | SenderState::Finishing, None) if self.may_have_lost_stream => {
                 ControlMessage::Hello
             }
             (SenderState::Done | SenderState::Failed(_), None) => return,

@@ -41,7 +41,7 @@ impl Sender {
             return;
         }
         if self.state != SenderState::Greeting {
-            self.doubt(welcome);
+            self.look_for_loss(welcome);
             return;
         }
         self.outstanding = None;
@@ -71,7 +71,7 @@ impl Sender {
     /// A welcome that does not know our stream, while we stream. It may be an old one that was overtaken
     /// on its way: the controller is greeted again, and believed if it says so twice with no
     /// acknowledgement in between.
-    fn doubt(&mut self, welcome: &Welcome) {
+    fn look_for_loss(&mut self, welcome: &Welcome) {
         let answers = |outstanding: &Outstanding| {
             outstanding.what == ControlMessage::Hello && outstanding.sent_us.is_some()
         };
@@ -84,11 +84,11 @@ impl Sender {
         }
         let lost = self.has_lost_stream(welcome);
         // A copy of the first one is no second one.
-        if lost && self.doubts && greeted {
+        if lost && self.may_have_lost_stream && greeted {
             let job = self.frames.job();
             self.fail(SenderError::StreamLost { job });
         }
-        self.doubts = lost;
+        self.may_have_lost_stream = lost;
     }
 
     fn has_lost_stream(&self, welcome: &Welcome) -> bool {
@@ -162,7 +162,7 @@ impl Sender {
         }
         self.knot_limit = self.knot_limit.max(ack.knot_limit);
         self.event_limit = self.event_limit.max(ack.event_limit);
-        self.doubts = false;
+        self.may_have_lost_stream = false;
         self.take_acknowledged(now_us, taken);
         if self.acknowledged == self.frames.len() {
             self.state = SenderState::Finishing;

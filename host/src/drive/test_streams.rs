@@ -1,4 +1,4 @@
-//! Streams and machines for the tests of this room.
+//! Streams and machines for the tests of this module.
 
 use crate::job::{Mark, MotionState, SegmentStream};
 use crate::settings::Settings;

@@ -1,4 +1,4 @@
-//! Goal: the house rules hold without anybody watching: rooms import one way, files and functions
+//! Goal: the house rules hold without anybody watching: modules import one way, files and functions
 //! stay short, nothing can panic where a hot nozzle moves. Method: read every source line; a breach
 //! names file, line and rule.
 //!
@@ -35,9 +35,9 @@ impl Breaches {
     }
 }
 
-/// (room, what its files may not name, why). A room is a path prefix; the longest match wins
+/// (module, what its files may not name, why). A module is a path prefix; the longest match wins
 /// nothing: all rules whose prefix matches apply.
-const ROOMS: [(&str, &[&str], &str); 14] = [
+const MODULES: [(&str, &[&str], &str); 14] = [
     (
         "protocol/src/",
         &["headway_firmware", "headway::", "headway_tests", "std::"],
@@ -259,8 +259,8 @@ fn code(line: &str) -> &str {
 }
 
 fn check_rooms(source: &Source, breaches: &mut Breaches) {
-    for (room, forbidden, why) in ROOMS {
-        if !source.name.starts_with(room) {
+    for (module, forbidden, why) in MODULES {
+        if !source.name.starts_with(module) {
             continue;
         }
         for (number, line) in source.lines.iter().enumerate() {
@@ -277,7 +277,7 @@ fn check_rooms(source: &Source, breaches: &mut Breaches) {
 fn check_panics(source: &Source, breaches: &mut Breaches) {
     let on_controller = ["protocol/src/", "firmware/src/"]
         .iter()
-        .any(|room| source.name.starts_with(room));
+        .any(|module| source.name.starts_with(module));
     let words: &[&str] = if on_controller { &PANICS } else { &LEFTOVERS };
     for (number, line) in source.lines.iter().enumerate() {
         let code = code(line);
@@ -376,7 +376,7 @@ fn assert_none(breaches: &Breaches) {
 }
 
 #[test]
-fn rooms_import_one_way() {
+fn modules_import_one_way() {
     let mut breaches = Breaches(Vec::new());
     for source in sources() {
         check_rooms(&source, &mut breaches);

@@ -22,7 +22,7 @@ const EXTRUDER_MAX: f64 = 1e9;
 /// Feed before the first F, mm/min, as Marlin has it.
 const FEED_DEFAULT_MM_MIN: f64 = 1500.0;
 
-/// What a step does to the melt beside what it extrudes.
+/// What a step does to the material beside what it extrudes.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum Firmware {
     /// Nothing.

@@ -1,7 +1,7 @@
-//! What a bridge between two loops spoils: ground that it leaves open or covers again, on a raster.
+//! What a bridge between two loops costs: area that it leaves open or covers again, on a raster.
 //!
-//! In: passes of a region, two loops and where they are opened. Out: ground that becomes worse by
-//! it, mm². Cells of 0.2 b: many places are tried, and few are close.
+//! In: passes of a region, two loops and where they are opened. Out: area that it wastes,
+//! mm². Cells of 0.2 b: many places are tried, and few are close.
 
 use crate::geometry::aperture::Aperture;
 use crate::geometry::cell_grid::NO_COLUMNS;
@@ -76,12 +76,12 @@ pub struct PairCosts<'a> {
     loops: [&'a LayerPass; 2],
     /// By side and number of the placement that the step begins with.
     steps: HashMap<(usize, usize), Rc<[RowRun]>>,
-    /// Room for the marks of the cells about a bridge.
+    /// Memory for the marks of the cells about a bridge.
     marks: Vec<u8>,
 }
 
 impl PairCosts<'_> {
-    /// Ground that the bridge leaves open or covers again, less what it closes, mm².
+    /// Area that the bridge leaves open or covers again, less what it closes, mm².
     pub fn cost_mm2(&mut self, bridge: &Bridge) -> f64 {
         // What is printed as before belongs to a loop and to a way both.
         let mut swept: Vec<(u8, Rc<[RowRun]>)> = Vec::new();
@@ -105,7 +105,7 @@ impl PairCosts<'_> {
             let way: Vec<Configuration> = [from].into_iter().chain(between).chain([to]).collect();
             swept.push((4 << end, self.rows_under(&way)));
         }
-        self.spoiled_cells(&swept) as f64 * self.raster.cell_area_mm2()
+        self.wasted_cells(&swept) as f64 * self.raster.cell_area_mm2()
     }
 
     /// The steps of a loop that a bridge takes out.
@@ -187,9 +187,9 @@ impl PairCosts<'_> {
         found.into()
     }
 
-    /// How many cells are spoiled more after than before, by swept steps each with the marks of what
+    /// How many cells more are wasted after than before, by swept steps each with the marks of what
     /// it belongs to: before to either loop (1, 2), after to either way that joins them (4, 8).
-    fn spoiled_cells(&mut self, swept: &[(u8, Rc<[RowRun]>)]) -> i64 {
+    fn wasted_cells(&mut self, swept: &[(u8, Rc<[RowRun]>)]) -> i64 {
         let runs = || swept.iter().flat_map(|(_, runs)| runs.iter());
         let (mut low, mut high) = ([u32::MAX; 2], [0; 2]);
         for run in runs() {
@@ -221,13 +221,13 @@ impl PairCosts<'_> {
                 let row = at / columns + low[0] as usize;
                 let cell = row * all_columns + at % columns + low[1] as usize;
                 let others = self.raster.count(cell).saturating_sub(old);
-                spoils(others + new) - spoils(others + old)
+                waste(others + new) - waste(others + old)
             })
             .sum()
     }
 }
 
-/// What a cell under so many beads is worth: best is one.
-fn spoils(beads: u32) -> i64 {
+/// 1 where a cell under so many beads is open or covered again, 0 under one bead.
+fn waste(beads: u32) -> i64 {
     i64::from(beads != 1)
 }

@@ -27,7 +27,7 @@ const PLACES: usize = 6;
 /// What is taken out of either loop to begin with, against the extents of the aperture along the
 /// travel: beads side by side, or the tip of a loop that meets the flank of another bead.
 const OPENINGS: [f64; 3] = [1.7, 0.8, 0.3];
-/// Most ground that a bridge may spoil, against the aperture's area: left open or covered again.
+/// Most area that a bridge may waste, against the aperture's: left open or covered again.
 const COST_SHARE_MAX: f64 = 3.0;
 /// The same before it is fitted.
 const BEGUN_SHARE_MAX: f64 = 6.0;
@@ -71,7 +71,7 @@ pub fn bridged(passes: Vec<LayerPass>, aperture: &Aperture, walls: &EdgeIndex) -
 /// A bridge that could be built.
 struct Candidate {
     bridge: Bridge,
-    /// What it spoils ([`BridgeCosts::cost_mm2`]).
+    /// What it wastes ([`BridgeCosts::cost_mm2`]).
     cost_mm2: f64,
     /// The same, less what it is worth to use up the ends of a run: the lowest is built first.
     rank_mm2: f64,
@@ -134,7 +134,7 @@ fn joined(passes: &[LayerPass], bridges: &[Bridge]) -> Vec<Tour> {
     tours
 }
 
-/// The bridge with the ends of its openings moved, placement by placement, to where it spoils
+/// The bridge with the ends of its openings moved, placement by placement, to where it wastes
 /// least, and what it costs then.
 fn fitted(
     begun: &Candidate,
@@ -266,7 +266,7 @@ fn candidates(
     found.chain(own_gaps).collect()
 }
 
-/// Those of two loops that spoil little enough; where there is none, the cheapest once fitted.
+/// Those of two loops that waste little enough; where there is none, the cheapest once fitted.
 fn within_limit(
     mut found: Vec<Candidate>,
     passes: &[LayerPass],

@@ -4,7 +4,7 @@
 //! touch of each kind with its place, and how much of the way touches. Looked at in the part's frame:
 //! where the table turns, the bed turns with the part. The table is a plane; what is printed is the way of
 //! the tip with flow up to then. Poses are looked at every [`LOOK_MM`]. Touches not deeper than half a
-//! layer are what the melt gives. Leaves out the machine's frame and arms, and what else stands on the table.
+//! layer are what the material gives. Leaves out the machine's frame and arms, and what else stands on the table.
 
 use crate::job::MotionState;
 use crate::plan::motion::joint_limits::tip_mm;

@@ -376,14 +376,14 @@ impl RegionWork {
 
 /// Most placements of a region that is ordered from several corners: about 600 mm of path.
 const SMALL_MAX: usize = 6000;
-/// Most cells of the raster on which it is counted what a small region spoils.
+/// Most cells of the raster on which it is counted what a small region wastes.
 const CELLS_MAX: usize = 1_000_000;
 
-/// Ground within the walls that is left open or covered again, mm².
+/// Area within the walls that is left open or covered again, mm².
 fn wasted_area_mm2(passes: &[LayerPass], aperture: &Aperture, walls: &EdgeIndex) -> f64 {
     let raster = within_walls(passes, walls, aperture, CELLS_MAX, return_mm(aperture));
-    let spoiled = |cell: &&Cell| matches!(cell, Cell::Gap | Cell::Overlap);
-    raster.cells.iter().filter(spoiled).count() as f64 * raster.cell_mm.powi(2)
+    let wasted = |cell: &&Cell| matches!(cell, Cell::Gap | Cell::Overlap);
+    raster.cells.iter().filter(wasted).count() as f64 * raster.cell_mm.powi(2)
 }
 
 /// Where the first pass begins and the last one ends.

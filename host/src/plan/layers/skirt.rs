@@ -3,7 +3,7 @@
 //! Loop i lies against the level curve of the outside distance that the loops inside it are to
 //! fill: the outline of the part grown by that distance. Such curves end at the exterior medial
 //! axis, so they cannot cross themselves. Contacts along a curve get a heading profile like any
-//! wall, the widest bead wherever the ground opposite leaves room, so the loops tile.
+//! wall, the widest bead wherever what lies opposite leaves space, so the loops tile.
 //!
 //! Input: the target's regions (mm, input coordinates). Output: passes about a local origin, in
 //! printing order, the outermost loop first. A brim follows every level curve, a skirt the outer

@@ -34,7 +34,7 @@ pub struct ClearanceGrid<'a> {
 }
 
 impl<'a> ClearanceGrid<'a> {
-    /// The room in which an aperture that covers one of the points lies.
+    /// The space in which an aperture that covers one of the points lies.
     pub fn about(
         aperture: &'a Aperture,
         points: &[Point2],

@@ -54,19 +54,19 @@ pub fn covering_configuration(
     search(aperture, p, index, None)
 }
 
-/// The same; headings at which the room about `p` certainly holds no centre are left out.
+/// The same; headings at which the clearance about `p` certainly holds no centre are left out.
 fn search(
     aperture: &Aperture,
     p: Point2,
     index: &EdgeIndex,
-    room: Option<&ClearanceGrid>,
+    clearance: Option<&ClearanceGrid>,
 ) -> Option<Configuration> {
     if !index.contains(p) {
         return None;
     }
-    let centres = room.map(|room| room.centres_about(p));
-    let may_fit = |heading_rad: f64| match (room, &centres) {
-        (Some(room), Some(centres)) => room.may_fit(centres, p, heading_rad),
+    let centres = clearance.map(|grid| grid.centres_about(p));
+    let may_fit = |heading_rad: f64| match (clearance, &centres) {
+        (Some(grid), Some(centres)) => grid.may_fit(centres, p, heading_rad),
         _ => true,
     };
     let (axes, starts) = match aperture {
@@ -359,7 +359,7 @@ pub fn reachable_count(aperture: &Aperture, points: &[Point2], index: &EdgeIndex
     sorted.sort_by_key(tile);
     let tiles: Vec<&[Point2]> = sorted.chunk_by(|p, q| tile(p) == tile(q)).collect();
     let count_in = |points: &&[Point2]| {
-        let mut room: Option<ClearanceGrid> = None;
+        let mut clearance: Option<ClearanceGrid> = None;
         let mut found: Vec<Configuration> = Vec::new();
         let mut missed = 0;
         let is_reached = |p: &&Point2| {
@@ -367,10 +367,10 @@ pub fn reachable_count(aperture: &Aperture, points: &[Point2], index: &EdgeIndex
             if found.iter().rev().any(covers) {
                 return true;
             }
-            if missed == MISSES && room.is_none() {
-                room = Some(ClearanceGrid::about(aperture, points, index));
+            if missed == MISSES && clearance.is_none() {
+                clearance = Some(ClearanceGrid::about(aperture, points, index));
             }
-            let at = search(aperture, **p, index, room.as_ref());
+            let at = search(aperture, **p, index, clearance.as_ref());
             found.extend(at);
             missed += usize::from(at.is_none());
             at.is_some()
@@ -455,7 +455,7 @@ mod tests {
         assert!(missed <= 3, "{missed} missed of {no}");
     }
 
-    /// Goal: what the room leaves out is never what could be covered, and it leaves most of it out.
+    /// Goal: what the clearance grid leaves out is never what could be covered, and it leaves most of it out.
     /// Method: random points of a coast with bays far smaller than the aperture; every "yes" of the
     /// plain search must stay one, and what was counted side by side is at least that.
     #[test]
@@ -473,15 +473,15 @@ mod tests {
             })
             .filter(|p| index.contains(*p))
             .collect();
-        let room = ClearanceGrid::about(&ELLIPSE, &points, &index);
+        let grid = ClearanceGrid::about(&ELLIPSE, &points, &index);
         let (mut yes, mut shut) = (0, 0);
         for p in &points {
             let plain = is_reachable(&ELLIPSE, *p, &index);
-            let found = search(&ELLIPSE, *p, &index, Some(&room));
+            let found = search(&ELLIPSE, *p, &index, Some(&grid));
             assert!(!plain || found.is_some(), "{p}");
             yes += usize::from(plain);
-            let centres = room.centres_about(*p);
-            let is_shut = (0..180).all(|k| !room.may_fit(&centres, *p, f64::from(k).to_radians()));
+            let centres = grid.centres_about(*p);
+            let is_shut = (0..180).all(|k| !grid.may_fit(&centres, *p, f64::from(k).to_radians()));
             shut += usize::from(is_shut);
         }
         println!(

@@ -1,4 +1,4 @@
-//! Passes for the tests of this room.
+//! Passes for the tests of this module.
 
 use crate::geometry::clearance::Configuration;
 use crate::geometry::{Point2, Vector2};

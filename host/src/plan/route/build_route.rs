@@ -72,7 +72,7 @@ pub fn build_route(
     Ok(head.route)
 }
 
-/// True where a pass begins right above the end of the one before it: nothing is crossed, so the melt
+/// True where a pass begins right above the end of the one before it: nothing is crossed, so the material
 /// stays where it is.
 fn follows_above(pass: &PlanePass, next: &PlanePass) -> bool {
     let (Some(end), Some(begin)) = (pass.control.last(), next.control.first()) else {
@@ -212,7 +212,7 @@ impl Head<'_> {
         move_to(self, to, heading_rad);
     }
 
-    /// Up to a pass that begins right above, turned on the way. Then the head stands until the melt may
+    /// Up to a pass that begins right above, turned on the way. Then the head stands until the material may
     /// move: pressure advance reaches ahead by half its window.
     fn rise(&mut self, pass: &PlanePass) {
         let first = pass.control[0];
@@ -230,7 +230,7 @@ impl Head<'_> {
         self.push(MotionState::Hold, pass.layer, None, here, ahead_s, None);
     }
 
-    /// Stands until the melt is at the aperture, but for the lead.
+    /// Stands until the material is at the aperture, but for the lead.
     fn prime(&mut self, layer: u32) {
         let pr = self.settings.prime_retract;
         let duration_s = event_duration_s(pr.prime_mm3, pr.prime_rate_mm3_s);
@@ -251,7 +251,7 @@ impl Head<'_> {
         self.push(MotionState::Print, pass.layer, number, control, 0.0, None);
     }
 
-    /// Pulls the melt back: begins before the last pass ends, and stands until it is done.
+    /// Pulls the material back: begins before the last pass ends, and stands until it is done.
     fn retract(&mut self, layer: u32) {
         let pr = self.settings.prime_retract;
         let duration_s = event_duration_s(pr.retract_mm3, pr.retract_rate_mm3_s);

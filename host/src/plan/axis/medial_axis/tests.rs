@@ -97,10 +97,10 @@ fn topology_is_the_regions() {
     }
 }
 
-/// Goal: the skeletons that everybody would draw. Method: rectangle (the spine alone), square (its
+/// Goal: the axes that everybody would draw. Method: rectangle (the spine alone), square (its
 /// middle), ring (a closed chain), wedge (reaches into the tip).
 #[test]
-fn skeletons_of_simple_shapes() {
+fn axes_of_simple_shapes() {
     let options = PruneOptions::default();
     let (axis, _) = axis_of(&region(&[&[
         [0.0, 0.0],
@@ -163,7 +163,7 @@ fn skeletons_of_simple_shapes() {
 /// Goal: invisible noise leaves the pruned axis as it is. Method: total length with and without
 /// noise of 20 µm.
 #[test]
-fn noise_leaves_the_skeleton() {
+fn noise_leaves_the_axis() {
     let options = PruneOptions {
         radius_min_mm: 0.18,
         ..PruneOptions::default()

@@ -174,9 +174,9 @@ pub struct TickSums {
     bends: [[f64; CHANNELS]; 2],
 }
 
-/// Room of a thread for the ticks of a span.
+/// Memory of a thread for the ticks of a span.
 #[derive(Default)]
-struct Room {
+struct Scratch {
     /// Powers 1 to 3 of s.
     shares: Vec<[f64; 3]>,
     values: Vec<[f64; CHANNELS]>,
@@ -193,9 +193,9 @@ pub fn tick_sums<'a>(
     (0..durations_ticks.len())
         .into_par_iter()
         .with_min_len(SPANS_MIN)
-        .map_init(Room::default, |room, span| match known(span) {
+        .map_init(Scratch::default, |scratch, span| match known(span) {
             Some(known) => known.clone(),
-            None => TickSums::of(path, first_ticks[span], durations_ticks[span], &start, room),
+            None => TickSums::of(path, first_ticks[span], durations_ticks[span], &start, scratch),
         })
         .collect()
 }
@@ -206,7 +206,7 @@ impl TickSums {
         first_tick: usize,
         ticks: u16,
         start: &[f64; CHANNELS],
-        Room { shares, values }: &mut Room,
+        Scratch { shares, values }: &mut Scratch,
     ) -> Self {
         let duration = f64::from(ticks);
         shares.clear();
@@ -253,9 +253,9 @@ pub fn shares_of_path(path: &TickPath, durations_ticks: &[u16]) -> Vec<SpanShare
         .into_par_iter()
         .with_min_len(SPANS_MIN);
     spans
-        .map_init(Room::default, |room, span| {
+        .map_init(Scratch::default, |scratch, span| {
             let (first_tick, ticks) = (first_ticks[span], durations_ticks[span]);
-            let sums = TickSums::of(path, first_tick, ticks, &start, room);
+            let sums = TickSums::of(path, first_tick, ticks, &start, scratch);
             SpanShare::of(durations_ticks, span, &sums)
         })
         .collect()

@@ -81,7 +81,7 @@ pub fn lay_segments(
     lay_segments_with_progress(route, settings, &())
 }
 
-/// The same, telling how far it is.
+/// The same, with progress.
 pub fn lay_segments_with_progress(
     route: &Route,
     settings: &Settings,

@@ -49,13 +49,13 @@ impl SurfaceFrame {
     }
 
     /// Where a step in the plan leads.
-    pub fn carried(&self, step: Vector2) -> Vector3<f64> {
+    pub fn mapped(&self, step: Vector2) -> Vector3<f64> {
         step.x * self.along[0] + step.y * self.along[1]
     }
 
     /// How much wider than in the plan a bead has to be that is laid in this direction of the plan.
     pub fn width_factor(&self, direction: Vector2) -> f64 {
-        self.area_factor() * direction.norm() / self.carried(direction).norm()
+        self.area_factor() * direction.norm() / self.mapped(direction).norm()
     }
 }
 

@@ -7,7 +7,7 @@
 //! In: the route of the plan, in whose z the surface is 0, the aperture that it was planned with and the
 //! surface. Out: stretches in the same order, in the surface's coordinates. The tool axis is the normal;
 //! heights become ways along it, so that lifts draw back along the tool and travel follows the surface. The
-//! heading is carried without a twist (section "poses" of the design: the smallest rotation from Z), then
+//! heading is mapped without a twist (section "poses" of the design: the smallest rotation from Z), then
 //! turned for the width that the slope asks. The deposited volume grows as the ground does: by the area of the
 //! layer's middle over that of the plan. Leaves out the way to the first pass and from the last one
 //! ([`crate::plan::route::waypoint_route`]).
@@ -32,7 +32,7 @@ use headway_protocol::units::{
     CHANNEL_Z, CHANNELS,
 };
 
-/// Longest step between two places that are carried over, mm: a fraction of any aperture.
+/// Longest step between two places that are mapped over, mm: a fraction of any aperture.
 const SAMPLE_MM: f64 = 0.25;
 /// Least area on a layer for one of the plan: below, the layer nearly folds.
 const AREA_FACTOR_MIN: f64 = 0.1;
@@ -66,27 +66,27 @@ pub fn on_surface(
     let is_begun = |stretch: &Stretch| stretch.state != MotionState::Travel;
     let first = route.stretches.iter().position(is_begun);
     let stretches = &route.stretches[first.unwrap_or(route.stretches.len())..];
-    let carrier = Carrier {
+    let surface_map = SurfaceMap {
         planned,
         surface,
         settings,
         turn_weight_mm2: turn_weight_mm2(&PoseLimits::of(settings), &settings.aperture),
     };
     let of_passes = stretches.iter().map(|stretch| match stretch.state {
-        MotionState::Print => carrier.turns(&stretch.curve).map(Some),
+        MotionState::Print => surface_map.turns(&stretch.curve).map(Some),
         _ => Ok(None),
     });
     let of_passes = of_passes.collect::<Result<Vec<_>, _>>()?;
     let turns = between(stretches, of_passes);
     let mut volume_mm3 = 0.0;
-    let carried = stretches
+    let mapped = stretches
         .iter()
         .zip(&turns)
         .map(|(stretch, turns)| Stretch {
-            curve: carrier.carried(&stretch.curve, turns, &mut volume_mm3),
+            curve: surface_map.mapped(&stretch.curve, turns, &mut volume_mm3),
             ..stretch.clone()
         });
-    Ok(carried.collect())
+    Ok(mapped.collect())
 }
 
 /// Fills in the turns off the passes: even along the way from one pass to the next.
@@ -134,14 +134,14 @@ fn way_mm(from: &Point, to: &Point) -> f64 {
     (CHANNEL_X..=CHANNEL_Z).map(along).sum::<f64>().sqrt()
 }
 
-struct Carrier<'a> {
+struct SurfaceMap<'a> {
     planned: &'a Aperture,
     surface: &'a SplineSurface,
     settings: &'a Settings,
     turn_weight_mm2: f64,
 }
 
-impl Carrier<'_> {
+impl SurfaceMap<'_> {
     fn frame(&self, pose: &Point) -> SurfaceFrame {
         let [x, y, z] = [CHANNEL_X, CHANNEL_Y, CHANNEL_Z].map(|channel| pose[channel]);
         SurfaceFrame::at(self.surface, x, y, z)
@@ -184,7 +184,7 @@ impl Carrier<'_> {
             let heading_rad = planned[CHANNEL_HEADING];
             let across = Vector2::new(-direction.y, direction.x);
             let extent_mm = self.planned.extent_mm(heading_rad, across);
-            let seen = upright(&self.pose(&planned)) * frame.carried(direction);
+            let seen = upright(&self.pose(&planned)) * frame.mapped(direction);
             beads.push(Bead {
                 heading_rad,
                 travel_rad: seen.y.atan2(seen.x),
@@ -200,9 +200,9 @@ impl Carrier<'_> {
         ))
     }
 
-    /// A curve carried over, with these turns at its control points; `volume_mm3` goes on from the curve
+    /// A curve mapped over, with these turns at its control points; `volume_mm3` goes on from the curve
     /// before.
-    fn carried(&self, curve: &PathCurve, turns: &[f64], volume_mm3: &mut f64) -> PathCurve {
+    fn mapped(&self, curve: &PathCurve, turns: &[f64], volume_mm3: &mut f64) -> PathCurve {
         let mut turned = curve.clone();
         for (point, turn) in turned.control.iter_mut().zip(turns) {
             point[CHANNEL_HEADING] += turn;
