@@ -258,7 +258,9 @@ impl Sender {
             (_, Some(command)) => ControlMessage::Command(command),
             (SenderState::Greeting, None) => ControlMessage::Hello,
             (SenderState::Opening, None) => ControlMessage::Start,
-            (SenderState::Streaming | SenderState::Finishing, None) if self.may_have_lost_stream => {
+            (SenderState::Streaming | SenderState::Finishing, None)
+                if self.may_have_lost_stream =>
+            {
                 ControlMessage::Hello
             }
             (SenderState::Done | SenderState::Failed(_), None) => return,

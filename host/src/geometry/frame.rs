@@ -11,7 +11,7 @@
 //! All of it is integrated or walked along the boundary, so needless points change nothing. Shapes
 //! that come out the same in several frames are symmetric, and any of these frames serves.
 //!
-//! What comes out is settled ([`Frame::settled_in`]): the same to the last digit, so that nothing
+//! What comes out is snapped ([`Frame::snapped_in`]): the same to the last digit, so that nothing
 //! that is decided on it later hangs on how turning and shifting were rounded.
 
 use super::clearance::Configuration;
@@ -29,18 +29,18 @@ const SAME_SHARE: f64 = 1e-7;
 const SAME_RADIUS_SHARE: f64 = 1e-9;
 /// Most of them that are told apart; a circle of more points is the same from each.
 const FARTHEST_MAX: usize = 1024;
-/// Most points of all ways that are alike in which the settled coordinates are looked at; beyond that
+/// Most points of all ways that are alike in which the snapped coordinates are looked at; beyond that
 /// the first way is taken.
 const POINTS_ALIKE_MAX: usize = 200_000;
 /// Ways from a vertex at which the boundary's radius is looked at, against the radius of the vertex.
 const WALKED_SHARES: [f64; 4] = [0.01, 0.03, 0.1, 0.3];
 /// Most edges walked to each side.
 const EDGES_WALKED_MAX: usize = 256;
-/// Coordinates are settled on multiples of this (mm, rad): 10⁴ times what turning a part of 100 mm rounds
+/// Coordinates are snapped on multiples of this (mm, rad): 10⁴ times what turning a part of 100 mm rounds
 /// (one coordinate in 10⁴ comes out a step beside), and no more: steps of 10⁻⁶ mm plan a sixth of
 /// the real slices another way. A power of two: round measures never lie halfway between multiples.
 const SETTLED: f64 = 1.0 / (1 << 27) as f64;
-/// A settled point this near the line of its neighbours was on it: each of the three moves by up to 0.7
+/// A snapped point this near the line of its neighbours was on it: each of the three moves by up to 0.7
 /// steps.
 pub const ON_LINE_MM: f64 = 2.0 * SETTLED;
 /// Gauss-Legendre nodes and weights on [0, 1]: exact to the fifth degree.
@@ -164,8 +164,8 @@ impl Frame {
 
     /// A region in the frame, the same to the last digit however it was given outside: coordinates on
     /// a grid, rings begun at their extreme points, holes in the order of these.
-    pub fn settled_in(&self, region: &Region) -> Region {
-        let mut region = self.region_by(region, |p| self.point_in(p).map(settled));
+    pub fn snapped_in(&self, region: &Region) -> Region {
+        let mut region = self.region_by(region, |p| self.point_in(p).map(snapped));
         for ring in region.rings_mut() {
             ring.points.dedup();
             while ring.points.len() > 1 && ring.points.first() == ring.points.last() {
@@ -206,7 +206,7 @@ impl Frame {
 }
 
 /// A coordinate or an angle without the digits that rounding decides.
-pub fn settled(value: f64) -> f64 {
+pub fn snapped(value: f64) -> f64 {
     // Never the negative zero.
     (value / SETTLED).round() * SETTLED + 0.0
 }
@@ -277,7 +277,7 @@ impl Lie {
 }
 
 /// The frame of the greatest way of all; of those that are alike (the region is symmetric, up to what
-/// its coordinates were rounded to) the one in which its settled corners, by x and y, come first.
+/// its coordinates were rounded to) the one in which its snapped corners, by x and y, come first.
 fn first_of(lies: Vec<Lie>, region: &Region) -> Frame {
     let mut alike: Vec<Lie> = Vec::new();
     for lie in lies {
@@ -296,8 +296,8 @@ fn first_of(lies: Vec<Lie>, region: &Region) -> Frame {
     }
     let mut best: Option<(Frame, Vec<Point2>)> = None;
     for frame in frames {
-        let settled = frame.settled_in(region);
-        let mut points: Vec<Point2> = settled.rings().flat_map(corners).collect();
+        let snapped = frame.snapped_in(region);
+        let mut points: Vec<Point2> = snapped.rings().flat_map(corners).collect();
         points.sort_by(|p, q| p.x.total_cmp(&q.x).then(p.y.total_cmp(&q.y)));
         let key = |p: &Point2| [p.x, p.y];
         let is_first =
@@ -309,7 +309,7 @@ fn first_of(lies: Vec<Lie>, region: &Region) -> Frame {
     best.map_or(Frame::IDENTITY, |(frame, _)| frame)
 }
 
-/// The points of a settled ring that are not on the line of their neighbours, up to what settling moves
+/// The points of a snapped ring that are not on the line of their neighbours, up to what snapping moves
 /// them: a needless point does not choose the frame.
 fn corners(ring: &Ring) -> impl Iterator<Item = Point2> + '_ {
     let (points, count) = (&ring.points, ring.points.len());
@@ -487,11 +487,11 @@ mod tests {
     }
 
     /// Goal: parts that are symmetric, or nearly so, and gears whose farthest vertices come in pairs
-    /// settle to the same digits however they are given, needless points or none. Method: a hinge leaf
+    /// snap to the same digits however they are given, needless points or none. Method: a hinge leaf
     /// whose one hole is off by what rounding leaves, a gear with a bore, both with rings begun elsewhere
     /// and holes in another order, in 40 poses; the frame made again with points on the edges.
     #[test]
-    fn symmetric_regions_settle_to_the_same_digits() {
+    fn symmetric_regions_snap_to_the_same_digits() {
         let circle = |x: f64, y: f64, count: u32| Ring {
             points: (0..count)
                 .map(|i| -std::f64::consts::TAU * f64::from(i) / f64::from(count))
@@ -509,7 +509,7 @@ mod tests {
         let mut gear = region(&(0..68).map(tooth).collect::<Vec<_>>());
         gear.holes = vec![circle(0.0, 0.0, 34)];
         for shape in [&leaf, &gear] {
-            let own = Frame::of_region(shape).settled_in(shape);
+            let own = Frame::of_region(shape).snapped_in(shape);
             for k in 0..40 {
                 let mut posed = pose(k).region_in(shape);
                 let count = posed.exterior.points.len();
@@ -517,10 +517,10 @@ mod tests {
                 if k % 3 == 1 {
                     posed.holes.reverse();
                 }
-                let settled = Frame::of_region(&posed).settled_in(&posed);
-                assert_eq!(settled, own, "pose {k}");
+                let snapped = Frame::of_region(&posed).snapped_in(&posed);
+                assert_eq!(snapped, own, "pose {k}");
                 let frame = Frame::of_region(&with_needless_points(&posed));
-                assert_eq!(frame.settled_in(&posed), own, "pose {k}");
+                assert_eq!(frame.snapped_in(&posed), own, "pose {k}");
             }
         }
     }

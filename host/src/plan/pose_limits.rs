@@ -88,31 +88,31 @@ impl AxisLimits {
     }
 }
 
-/// What time is worth in ground.
+/// What time is worth in area, covered or left open.
 #[derive(Clone, Copy, Debug)]
-pub struct GroundPrice {
+pub struct AreaPrice {
     limits: PoseLimits,
     price_s_mm2: f64,
 }
 
-impl GroundPrice {
+impl AreaPrice {
     /// The price of these settings.
-    pub fn of(settings: &Settings) -> GroundPrice {
-        GroundPrice {
+    pub fn of(settings: &Settings) -> AreaPrice {
+        AreaPrice {
             limits: PoseLimits::of(settings),
             price_s_mm2: settings.quality.price_s_mm2(),
         }
     }
 
-    /// The same for ground that is worth so many times as much.
-    pub fn times(self, factor: f64) -> GroundPrice {
-        GroundPrice {
+    /// The same for area that is worth so many times as much.
+    pub fn times(self, factor: f64) -> AreaPrice {
+        AreaPrice {
             price_s_mm2: factor * self.price_s_mm2,
             ..self
         }
     }
 
-    /// The ground that a move from a bead and back to it must bring, mm²: `way` is out and back with a
+    /// The area that a move from a bead and back to it must bring, mm²: `way` is out and back with a
     /// stop where it turns back, and ends where it began.
     pub fn of_gap_fill_mm2(&self, way: &[Configuration]) -> f64 {
         let (mut way_mm, mut turn_rad) = (0.0, 0.0);
@@ -137,7 +137,7 @@ mod tests {
     #[test]
     fn a_gap_fill_move_costs_its_time() {
         let settings = Settings::default();
-        let price = GroundPrice::of(&settings);
+        let price = AreaPrice::of(&settings);
         let at = |x: f64, heading_rad: f64| Configuration {
             center: Point2::new(x, 0.0),
             heading_rad,

@@ -44,18 +44,18 @@ pub fn cheapest_division(
     is_neck: &[bool],
     settings: &PassSettings,
 ) -> Vec<bool> {
-    let ground = Ground::new(axis, neighbours, is_neck, settings);
-    let (links, costs) = ground.links();
+    let passages = Passages::new(axis, neighbours, is_neck, settings);
+    let (links, costs) = passages.links();
     let end_cost = END_SHARE * settings.aperture.major_mm();
     let chosen = cheapest_links(axis.points.len(), &links, &costs, end_cost);
     let chosen = links.iter().zip(chosen).filter(|link| link.1);
-    let mut single = ground.nodes_of(chosen.map(|link| link.0));
-    ground.make_islands_single(&mut single, &links, &costs, end_cost);
+    let mut single = passages.nodes_of(chosen.map(|link| link.0));
+    passages.make_islands_single(&mut single, &links, &costs, end_cost);
     single
 }
 
 /// The axis and what is printed on it.
-struct Ground<'a> {
+struct Passages<'a> {
     axis: &'a Axis,
     neighbours: &'a [Vec<u32>],
     is_neck: &'a [bool],
@@ -66,14 +66,14 @@ struct Ground<'a> {
     more: Vec<f64>,
 }
 
-impl<'a> Ground<'a> {
+impl<'a> Passages<'a> {
     fn new(
         axis: &'a Axis,
         neighbours: &'a [Vec<u32>],
         is_neck: &'a [bool],
         settings: &'a PassSettings,
-    ) -> Ground<'a> {
-        let mut ground = Ground {
+    ) -> Passages<'a> {
+        let mut passages = Passages {
             axis,
             neighbours,
             is_neck,
@@ -81,10 +81,10 @@ impl<'a> Ground<'a> {
             is_open: Vec::new(),
             more: Vec::new(),
         };
-        ground.is_open = ground.open_nodes();
-        let more = |node| ground.more_for_one_bead(node, settings.one_pass);
-        ground.more = (0..axis.points.len()).map(more).collect();
-        ground
+        passages.is_open = passages.open_nodes();
+        let more = |node| passages.more_for_one_bead(node, settings.one_pass);
+        passages.more = (0..axis.points.len()).map(more).collect();
+        passages
     }
 
     /// The neighbours of a node that something goes on to: nothing does through a neck.

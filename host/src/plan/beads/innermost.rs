@@ -2,7 +2,7 @@
 //!
 //! In: the passes of a channel, and what bounds it. Out: the same passes, their contacts with the
 //! extents that close the gap, their headings found again. Rounds of a damped iteration: a bead that
-//! widens turns, and its neighbour sees that in the next round. Only the stretches about contacts
+//! widens turns, and its neighbour sees that in the next round. Only the sections about contacts
 //! that take part are found again; a plate's loops meet the axis at their corners alone.
 
 use crate::geometry::clearance::Configuration;
@@ -42,8 +42,8 @@ pub struct Innermost<'a> {
     pub lengths: Lengths,
 }
 
-/// A stretch of a pass that is found again in every round.
-struct Stretch {
+/// A section of a pass that is found again in every round.
+struct Section {
     /// Its first placement; it may go on beyond the last one of a closed pass.
     from: usize,
     count: usize,
@@ -54,24 +54,24 @@ struct Stretch {
 /// In each round gives each half of the gap (or overlap) that two innermost beads leave between them
 /// to the width that is wanted of either, and finds their headings again.
 pub fn relax(found: &mut [LayerPass], innermost: &Innermost) {
-    let mut stretches: Vec<Option<Vec<Stretch>>> = (0..found.len()).map(|_| None).collect();
+    let mut sections: Vec<Option<Vec<Section>>> = (0..found.len()).map(|_| None).collect();
     for _ in 0..ROUNDS {
-        let is_done = |own: &Option<Vec<Stretch>>| own.as_ref().is_some_and(Vec::is_empty);
-        if stretches.iter().all(is_done) {
+        let is_done = |own: &Option<Vec<Section>>| own.as_ref().is_some_and(Vec::is_empty);
+        if sections.iter().all(is_done) {
             return;
         }
         let mut laid = Laid::new(&innermost.settings.aperture);
         for (run, pass) in found.iter().enumerate() {
             laid.add(run as u32, &pass.placements, pass.closed);
         }
-        let passes = found.par_iter_mut().zip(&mut stretches).enumerate();
-        passes.for_each(|(run, (pass, stretches))| match stretches {
+        let passes = found.par_iter_mut().zip(&mut sections).enumerate();
+        passes.for_each(|(run, (pass, sections))| match sections {
             None => {
                 let all: Vec<usize> = (0..pass.placements.len()).collect();
                 let moved = innermost.share_out(pass, run, &all, &laid);
-                let mut own = innermost.stretches_about(&moved, pass.closed);
+                let mut own = innermost.sections_about(&moved, pass.closed);
                 innermost.find_again(pass, &mut own);
-                *stretches = Some(own);
+                *sections = Some(own);
             }
             Some(own) => {
                 let count = pass.placements.len();
@@ -132,11 +132,11 @@ impl Innermost<'_> {
         beyond.fold(f64::NEG_INFINITY, f64::max) < self.channel as f64 + 0.3
     }
 
-    /// The stretches about the contacts that moved, none of which meet; all of the pass where they
+    /// The sections about the contacts that moved, none of which meet; all of the pass where they
     /// would be most of it.
-    fn stretches_about(&self, moved: &[bool], closed: bool) -> Vec<Stretch> {
+    fn sections_about(&self, moved: &[bool], closed: bool) -> Vec<Section> {
         let count = moved.len();
-        let stretch = |from: usize, count: usize| Stretch {
+        let section = |from: usize, count: usize| Section {
             from,
             count,
             ahead: None,
@@ -158,15 +158,15 @@ impl Innermost<'_> {
             return Vec::new();
         }
         if all as f64 > WHOLE_SHARE * count as f64 {
-            return vec![stretch(0, count)];
+            return vec![section(0, count)];
         }
-        // Begun where nothing moves, so that no stretch is cut in two.
+        // Begun where nothing moves, so that no section is cut in two.
         let begin = if closed {
             (0..count).find(|&i| !taken[i]).unwrap_or(0)
         } else {
             0
         };
-        let mut found: Vec<Stretch> = Vec::new();
+        let mut found: Vec<Section> = Vec::new();
         for k in 0..count {
             let i = (begin + k) % count;
             if !taken[i] {
@@ -174,7 +174,7 @@ impl Innermost<'_> {
             }
             match found.last_mut() {
                 Some(last) if last.from + last.count == begin + k => last.count += 1,
-                _ => found.push(stretch(begin + k, 1)),
+                _ => found.push(section(begin + k, 1)),
             }
         }
         found
@@ -185,11 +185,11 @@ impl Innermost<'_> {
         (margin_mm / self.lengths.contact_mm).ceil() as usize
     }
 
-    /// The placements of the stretches again, for what their contacts want now.
-    fn find_again(&self, pass: &mut LayerPass, stretches: &mut [Stretch]) {
+    /// The placements of the sections again, for what their contacts want now.
+    fn find_again(&self, pass: &mut LayerPass, sections: &mut [Section]) {
         let count = pass.placements.len();
         let closed = pass.closed;
-        if let [whole] = stretches
+        if let [whole] = sections
             && whole.count == count
         {
             let mut again = self.placements_again(&pass.placements, closed, &mut whole.ahead);
@@ -202,8 +202,8 @@ impl Innermost<'_> {
             true => lap_turn(&headings, self.settings.aperture.period_rad()),
             false => 0.0,
         };
-        for stretch in stretches {
-            let numbers = || stretch.from..stretch.from + stretch.count;
+        for section in sections {
+            let numbers = || section.from..section.from + section.count;
             // Beyond the last placement the heading goes on into the next lap.
             let laps_rad = |number: usize| lap_rad * (number / count) as f64;
             let before: Vec<Placement> = numbers()
@@ -213,20 +213,20 @@ impl Innermost<'_> {
                     placement
                 })
                 .collect();
-            let mut again = self.placements_again(&before, false, &mut stretch.ahead);
+            let mut again = self.placements_again(&before, false, &mut section.ahead);
             smooth(&mut again, false, &self.settings.aperture);
             for (k, number) in numbers().enumerate() {
                 // The ends of an open pass are free.
-                let from_start = if !closed && stretch.from == 0 {
+                let from_start = if !closed && section.from == 0 {
                     usize::MAX
                 } else {
                     k
                 };
-                let is_last = !closed && stretch.from + stretch.count == count;
+                let is_last = !closed && section.from + section.count == count;
                 let from_end = if is_last {
                     usize::MAX
                 } else {
-                    stretch.count - 1 - k
+                    section.count - 1 - k
                 };
                 let share = from_start.min(from_end) as f64 / (0.5 * self.margin() as f64);
                 let mut placement = again[k];

@@ -197,9 +197,9 @@ impl Ways {
     }
 
     /// The cheapest ways from an odd node (E. Dijkstra, 1959) until `is_enough` of what was reached.
-    fn search(&self, from: usize, is_enough: impl Fn(&[(i64, usize)]) -> bool) -> Search {
+    fn search(&self, from: usize, is_enough: impl Fn(&[(i64, usize)]) -> bool) -> Reached {
         let start = self.odd[from];
-        let mut search = Search {
+        let mut search = Reached {
             best: BTreeMap::from([(start, (0, None))]),
             reached: Vec::new(),
         };
@@ -231,7 +231,7 @@ impl Ways {
 }
 
 /// What a search found.
-struct Search {
+struct Reached {
     /// For each key node the cost of the way there and the last chain of it.
     best: BTreeMap<usize, (i64, Option<usize>)>,
     /// The odd nodes by rising cost: cost and number.

@@ -53,13 +53,13 @@ pub struct GapRaster {
 }
 
 /// What a gap-fill move covers, whatever the others do.
-pub struct Ground {
-    cells: Vec<GroundCell>,
+pub struct Footprint {
+    cells: Vec<FootprintCell>,
 }
 
 /// A cell of it.
 #[derive(Clone, Copy)]
-struct GroundCell {
+struct FootprintCell {
     cell: u32,
     /// The pass covers it too, within 4a of path before or after.
     is_own: bool,
@@ -67,7 +67,7 @@ struct GroundCell {
     is_returned_to: bool,
 }
 
-impl GroundCell {
+impl FootprintCell {
     /// Whether the cell, `state` before the gap-fill move, counts as covered again after it: by
     /// another pass or long ago by this one, or by one that was here more than 4a of path before or
     /// after.
@@ -263,42 +263,42 @@ impl GapRaster {
         (f64::from(open) - AGAIN_WEIGHT * f64::from(again)) * self.cell_area_mm2()
     }
 
-    /// What the ground of a gap-fill move newly covers, less the weighted ground that it covers
+    /// What a gap-fill move newly covers, less the weighted area that it covers
     /// again, mm².
-    pub fn net_mm2(&self, ground: &Ground) -> f64 {
+    pub fn net_mm2(&self, footprint: &Footprint) -> f64 {
         let (mut open, mut again) = (0, 0);
-        for ground in &ground.cells {
-            match self.coverage.cells[ground.cell as usize] {
+        for own in &footprint.cells {
+            match self.coverage.cells[own.cell as usize] {
                 Cell::Gap => open += 1,
-                Cell::Covered if ground.is_twice(Cell::Covered) => again += 1,
+                Cell::Covered if own.is_twice(Cell::Covered) => again += 1,
                 _ => {}
             }
         }
         (f64::from(open) - NET_AGAIN_WEIGHT * f64::from(again)) * self.cell_area_mm2()
     }
 
-    /// Marks the ground of a gap-fill move as covered; sums and gaps stay until the next update.
-    pub fn cover(&mut self, ground: &Ground) {
-        for ground in &ground.cells {
-            let state = &mut self.coverage.cells[ground.cell as usize];
-            *state = match (*state, ground.is_twice(*state)) {
+    /// Marks the footprint of a gap-fill move as covered; sums and gaps stay until the next update.
+    pub fn cover(&mut self, footprint: &Footprint) {
+        for own in &footprint.cells {
+            let state = &mut self.coverage.cells[own.cell as usize];
+            *state = match (*state, own.is_twice(*state)) {
                 (Cell::Gap, false) => Cell::Covered,
                 (Cell::Gap | Cell::Covered, true) => Cell::Overlap,
                 (other, _) => other,
             };
-            self.stale_rows[ground.cell as usize / self.grid.columns] = true;
+            self.stale_rows[own.cell as usize / self.grid.columns] = true;
         }
     }
 
     /// What a gap-fill move from behind placement `after` covers, and where the 4a of the pass
     /// before and after it do.
-    pub fn ground(
+    pub fn footprint(
         &self,
         pass: &LayerPass,
         after: usize,
         fill: &[Configuration],
         aperture: &Aperture,
-    ) -> Ground {
+    ) -> Footprint {
         let return_mm = return_mm(aperture);
         let placements = &pass.placements;
         let start = placements[after].at;
@@ -331,13 +331,13 @@ impl GapRaster {
             walk.go(Part::Pass, p, q, at_mm);
         }
         walk.end(Part::Pass);
-        let ground = |listed: &Listed| GroundCell {
+        let cell = |listed: &Listed| FootprintCell {
             cell: listed.cell,
             is_own: listed.is_own,
             is_returned_to: listed.last_mm - listed.first_mm > return_mm as f32,
         };
-        Ground {
-            cells: walk.listed.iter().map(ground).collect(),
+        Footprint {
+            cells: walk.listed.iter().map(cell).collect(),
         }
     }
 }
@@ -530,9 +530,9 @@ mod tests {
         }
     }
 
-    /// Goal: own ground counts again only after more than 4a of path, that of another pass at once,
+    /// Goal: own cells count again only after more than 4a of path, that of another pass at once,
     /// and what was covered brings nothing any more. Method: gap-fill moves to where the aperture
-    /// covers ground above its own bead (up to y = 1.2 mm): near, far along the bead and back, and
+    /// covers what lies above its own bead (up to y = 1.2 mm): near, far along the bead and back, and
     /// the near one beside a second pass that was there before.
     #[test]
     fn a_gap_fill_move_pays_for_what_it_covers_again() {
@@ -554,19 +554,19 @@ mod tests {
         let own = bead(0.6);
         let index = 27;
         let mut raster = GapRaster::of(std::slice::from_ref(&own), &APERTURE, &walls(&[BAR]));
-        let ground = raster.ground(&own, index, &near, &APERTURE);
-        let gained = raster.net_mm2(&ground);
+        let footprint = raster.footprint(&own, index, &near, &APERTURE);
+        let gained = raster.net_mm2(&footprint);
         // The aperture swept over 0.4 mm, less what lies in the bead below y = 1.2 mm.
         assert!((0.10..0.17).contains(&gained), "{gained}");
         // 3.8 mm of path: a bead of 1.5 mm and its ends are gone over again.
-        let net = raster.net_mm2(&raster.ground(&own, index, &far, &APERTURE));
+        let net = raster.net_mm2(&raster.footprint(&own, index, &far, &APERTURE));
         let paid = (gained - net) / NET_AGAIN_WEIGHT;
         assert!((1.0..3.0).contains(&paid), "{paid}");
-        raster.cover(&ground);
-        assert!(raster.net_mm2(&ground) <= 0.0);
+        raster.cover(&footprint);
+        assert!(raster.net_mm2(&footprint) <= 0.0);
         let both = [own, bead(1.8)];
         let raster = GapRaster::of(&both, &APERTURE, &walls(&[BAR]));
-        let net = raster.net_mm2(&raster.ground(&both[0], index, &near, &APERTURE));
+        let net = raster.net_mm2(&raster.footprint(&both[0], index, &near, &APERTURE));
         assert!(net < 0.0, "{net}");
     }
 
@@ -582,8 +582,8 @@ mod tests {
         let first = counts(&raster);
         for (index, y) in [(10, 1.1), (30, 1.3), (50, 1.0)] {
             let x = own.placements[index].at.center.x;
-            let ground = raster.ground(&own, index, &[at(x, y), at(x, 0.6)], &APERTURE);
-            raster.cover(&ground);
+            let footprint = raster.footprint(&own, index, &[at(x, y), at(x, 0.6)], &APERTURE);
+            raster.cover(&footprint);
             raster.update();
             let followed = counts(&raster);
             assert!(followed != first);

@@ -56,7 +56,7 @@ pub fn pass_curves(
     // The first piece is the last of `open`. They have new ends, so they are pushed again. Each round
     // removes at least one span, and few rounds ever happen.
     while let Some(piece) = open.pop() {
-        match settled(&piece, &inside).or_else(Unsettled::makeshift) {
+        match pushed_inside(&piece, &inside).or_else(NotInside::makeshift) {
             Ok(curve) => curves.push(curve),
             Err(bad) => open.extend(pieces_without(&piece, &bad)),
         }
@@ -65,17 +65,17 @@ pub fn pass_curves(
 }
 
 /// What pushing left of a curve.
-struct Unsettled {
+struct NotInside {
     /// Spans that stay outside or are taken off their way.
     bad: Vec<bool>,
     /// The curve inside the walls, yet somewhat off its way.
     makeshift: Option<Vec<PlaneControl>>,
 }
 
-impl Unsettled {
+impl NotInside {
     /// Nothing but where it is bad.
-    fn cut(bad: Vec<bool>) -> Unsettled {
-        Unsettled {
+    fn cut(bad: Vec<bool>) -> NotInside {
+        NotInside {
             bad,
             makeshift: None,
         }
@@ -92,21 +92,24 @@ fn led(
     raw: Vec<PlaneControl>,
     inside: &InsideWalls,
 ) -> Result<Vec<PlaneControl>, (Vec<PlaneControl>, Vec<bool>)> {
-    let left = match settled(&raw, inside) {
+    let left = match pushed_inside(&raw, inside) {
         Ok(control) => return Ok(control),
         Err(left) => left,
     };
     let Some(around) = detoured(&raw, &left.bad, inside) else {
         return left.makeshift().map_err(|bad| (raw, bad));
     };
-    match (settled(&around, inside), left.makeshift) {
+    match (pushed_inside(&around, inside), left.makeshift) {
         (Ok(control), _) | (Err(_), Some(control)) => Ok(control),
         (Err(left), None) => left.makeshift().map_err(|bad| (around, bad)),
     }
 }
 
 /// The curve pushed inside.
-fn settled(raw: &[PlaneControl], inside: &InsideWalls) -> Result<Vec<PlaneControl>, Unsettled> {
+fn pushed_inside(
+    raw: &[PlaneControl],
+    inside: &InsideWalls,
+) -> Result<Vec<PlaneControl>, NotInside> {
     let near_mm = NEAR_SHARE * inside.aperture.minor_mm();
     let far_mm = FAR_SHARE * inside.aperture.major_mm();
     let mut pushed = raw.to_vec();
@@ -123,7 +126,7 @@ fn settled(raw: &[PlaneControl], inside: &InsideWalls) -> Result<Vec<PlaneContro
     let still_cuts = left.contains(&true);
     if !is_astray(near_mm) {
         return if still_cuts {
-            Err(Unsettled::cut(left))
+            Err(NotInside::cut(left))
         } else {
             Ok(projected)
         };
@@ -134,7 +137,7 @@ fn settled(raw: &[PlaneControl], inside: &InsideWalls) -> Result<Vec<PlaneContro
         return Ok(pushed);
     };
     let makeshift = (!still_cuts && !is_astray(far_mm)).then_some(projected);
-    Err(Unsettled { bad, makeshift })
+    Err(NotInside { bad, makeshift })
 }
 
 /// The runs of control points between bad spans, short ones left out, the last first.
@@ -378,8 +381,8 @@ mod tests {
             walls: &walls,
             tolerance_mm: 4e-4,
         };
-        let is_settled = inside.push(&mut control);
-        assert!(!is_settled, "no longer a swing in which moves go astray");
+        let is_inside = inside.push(&mut control);
+        assert!(!is_inside, "no longer a swing in which moves go astray");
         let curves = pass_curves(&pass, &APERTURE, &walls, 4e-4);
         assert_eq!(curves.len(), 1);
         for span in 0..curves[0].len() - 1 {

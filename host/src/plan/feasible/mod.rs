@@ -6,13 +6,18 @@
 //! For each edge, F is the factor by which the aperture, scaled about the contact p, would just
 //! touch it: the edge is harmless where F >= 1. In the frame that makes the aperture a unit disk it
 //! is the radius of a disk touching p and the edge, a closed form. ln F changes with alpha by at
-//! most 3/2 (a/b - b/a) per radian, so a whole interval is settled by one look at its middle unless
+//! most 3/2 (a/b - b/a) per radian, so a whole interval is decided by one look at its middle unless
 //! some edge is near contact there; only those are halved, down to [`RESOLUTION_RAD`].
 //!
 //! Accuracy: interval ends to `RESOLUTION_RAD`; a gap or an interval narrower than that may be
 //! missed; an aperture that fits but for [`SLACK`] counts. No grid, no tolerance beyond these.
-//! Source: docs/design/heading-law.md; the bound on ln F is ours (see `settle`).
+//! Source: docs/design/heading-law.md; the bound on ln F is ours (see `decide`).
 //! Slots, rectangles and polygons have closed forms of their own: `feasible_polygon`.
+//!
+//! Why two engines say which headings fit: here the aperture touches the boundary at p exactly, as what
+//! can be reached at all and the user's table of headings ask. Beads touch no wall but the outermost, and
+//! may stand off a wall where that costs less than turning; so `headings::profile` slides each heading
+//! off the walls and prices the slide.
 //!
 //! In: aperture, an index of edges (mm), a boundary point and its inward unit normal. Out:
 //! intervals of alpha, rad.
@@ -34,7 +39,7 @@ pub const RESOLUTION_RAD: f64 = 1e-7;
 pub const SLACK: f64 = 1e-9;
 /// Edges that rise less than this above the tangent at p cannot be cut by more, mm.
 const RISE_MIN_MM: f64 = 1e-9;
-/// Pieces that the half turn is first divided into: coarse, since most settle at once.
+/// Pieces that the half turn is first divided into: coarse, since most are decided at once.
 const PIECES: usize = 16;
 /// Bound on the second derivative of 1 - 1/F near contact, in (a/b)²: four terms of at most that.
 const BEND: f64 = 4.0;
@@ -44,7 +49,7 @@ const BEND_MAX: f64 = 2.0;
 const ROOT_STEPS_MAX: usize = 60;
 /// An angle this close to that of a flat side has it on the wall, rad.
 const ON_FLAT_RAD: f64 = 1e-9;
-/// Looks per query before what is left is settled by its middle: only an aperture in contact over
+/// Looks per query before what is left is decided by its middle: only an aperture in contact over
 /// a whole range (a passage of exactly its width) comes near it.
 const LOOKS_MAX: usize = 50_000;
 
@@ -77,7 +82,7 @@ pub fn feasible_angles(
             return FeasibleAngles::of_runs(runs, aperture.period_rad(), flats);
         }
     };
-    let mut search = Search::new([major_mm, minor_mm], edges, false);
+    let mut search = IntervalSearch::new([major_mm, minor_mm], edges, false);
     search.run(aperture.is_round());
     FeasibleAngles::of_runs(search.runs, PI, Vec::new())
 }
@@ -89,7 +94,7 @@ pub fn is_touchable(aperture: &Aperture, index: &EdgeIndex, p: Point2, normal: V
     };
     let is_free_of = |reach_mm: f64| {
         let edges = edges_near(index, p, normal, reach_mm);
-        let mut search = Search::new([*major_mm, *minor_mm], edges, true);
+        let mut search = IntervalSearch::new([*major_mm, *minor_mm], edges, true);
         search.run(aperture.is_round());
         !search.runs.is_empty()
     };
@@ -142,7 +147,7 @@ fn edges_near(index: &EdgeIndex, p: Point2, normal: Vector2, reach_mm: f64) -> V
         .collect()
 }
 
-struct Search {
+struct IntervalSearch {
     axes: [f64; 2],
     edges: Vec<LocalEdge>,
     /// Numbers of the edges still open, one stretch for each level of the halving.
@@ -184,14 +189,14 @@ impl DiskFrame {
     }
 }
 
-impl Search {
+impl IntervalSearch {
     /// Keeps the edges that can matter: at whatever angle, the aperture lies in the disk of its
     /// greatest radius of curvature that touches at p (Blaschke).
-    fn new(axes: [f64; 2], mut edges: Vec<LocalEdge>, first_only: bool) -> Search {
+    fn new(axes: [f64; 2], mut edges: Vec<LocalEdge>, first_only: bool) -> IntervalSearch {
         let [a, b] = axes;
         let rolling_mm = a * a / b * (1.0 + SLACK);
         edges.retain(|[from, to]| touching_radius(*from, *to, Vector2::x()) < rolling_mm);
-        Search {
+        IntervalSearch {
             axes,
             open: (0..edges.len() as u32).collect(),
             edges,
@@ -201,7 +206,7 @@ impl Search {
         }
     }
 
-    /// Settles the half turn, or as much of it as the first feasible run takes.
+    /// Decides the half turn, or as much of it as the first feasible run takes.
     fn run(&mut self, is_round: bool) {
         if is_round {
             let frame = DiskFrame::new(self.axes, 0.0);
@@ -212,16 +217,16 @@ impl Search {
         let step = PI / PIECES as f64;
         for k in 0..PIECES {
             let low = -FRAC_PI_2 + k as f64 * step;
-            self.settle(low, low + step, 0);
+            self.decide(low, low + step, 0);
         }
     }
 
-    /// Settles [low, high] against the edges of the open stretch from `first` on.
+    /// Decides [low, high] against the edges of the open stretch from `first` on.
     ///
     /// For an obstacle point w, with u = diag(1/a, 1/b) R(-alpha) w and h the extent along N,
     /// F = h |u|² / (2 N·w). There d ln|u|² <= (a/b - b/a) dalpha and d ln h <= (a/b - b/a)/2
     /// dalpha, whatever w, so the least F over an edge has the same bound.
-    fn settle(&mut self, low: f64, high: f64, first: usize) {
+    fn decide(&mut self, low: f64, high: f64, first: usize) {
         if self.first_only && !self.runs.is_empty() {
             return;
         }
@@ -247,13 +252,13 @@ impl Search {
         }
         if self.open.len() == last {
             self.add(low, high, true);
-        } else if let Some([from, to]) = self.settled_by_roots([low, middle, high], last) {
+        } else if let Some([from, to]) = self.decided_by_roots([low, middle, high], last) {
             self.add(from, to, from <= to);
         } else if high - low <= RESOLUTION_RAD || self.looks > LOOKS_MAX {
             self.add(low, high, least >= 1.0);
         } else {
-            self.settle(low, middle, last);
-            self.settle(middle, high, last);
+            self.decide(low, middle, last);
+            self.decide(middle, high, last);
         }
         self.open.truncate(last);
     }
@@ -262,7 +267,7 @@ impl Search {
     /// each is monotone over it: then there is at most one place of contact an edge, found by
     /// regula falsi. `None` where some edge may turn back: its slope, as seen over the stretch, is
     /// not above what its second derivative (below [`BEND`] (a/b)²) could undo.
-    fn settled_by_roots(&self, [low, middle, high]: [f64; 3], first: usize) -> Option<[f64; 2]> {
+    fn decided_by_roots(&self, [low, middle, high]: [f64; 3], first: usize) -> Option<[f64; 2]> {
         let [a, b] = self.axes;
         let bend = BEND * (a / b).powi(2) * (high - low);
         if bend > BEND_MAX {

@@ -4,7 +4,7 @@
 //! of the core about a fixed point: the corner stands at p + R N, whatever the angle. For each wall
 //! near p the angles at which core and wall come exactly R apart have closed forms (a corner of the
 //! core against the wall's line or end, a side of the core against the wall's end); between two of
-//! them the answer cannot change, so one look at the middle settles each stretch. What every wall
+//! them the answer cannot change, so one look at the middle decides each stretch. What every wall
 //! leaves free is F(p). Where a side lies flat on the wall the aperture may also slide along it:
 //! there the free positions are found instead, again in closed form.
 //!

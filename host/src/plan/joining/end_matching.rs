@@ -36,7 +36,7 @@ pub fn matched(pairs: &[Pair]) -> Vec<usize> {
             if !matching.is_over(&end) {
                 continue;
             }
-            let mut search = Search {
+            let mut search = AlternatingPath {
                 matching: &matching,
                 seen: BTreeSet::from([end]),
                 path: Vec::new(),
@@ -105,7 +105,7 @@ impl Matching<'_> {
 }
 
 /// The cheapest alternating path from an end that is over to another one.
-struct Search<'a> {
+struct AlternatingPath<'a> {
     matching: &'a Matching<'a>,
     seen: BTreeSet<End>,
     path: Vec<usize>,
@@ -113,7 +113,7 @@ struct Search<'a> {
     best: Option<(f64, Vec<usize>)>,
 }
 
-impl Search<'_> {
+impl AlternatingPath<'_> {
     /// Tries the pairs of `end`, which is over or was given up, with so many joins to give up.
     fn go_on(&mut self, end: End, exchanges: usize, cost: f64) {
         let matching = self.matching;

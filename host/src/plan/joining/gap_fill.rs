@@ -14,10 +14,10 @@ use crate::geometry::clearance::Configuration;
 use crate::geometry::edge_index::EdgeIndex;
 use crate::geometry::point_grid::PointGrid;
 use crate::plan::coverage::connections::{eased, inside_connection};
-use crate::plan::coverage::gap_raster::{GapRaster, Ground};
+use crate::plan::coverage::gap_raster::{Footprint, GapRaster};
 use crate::plan::pass::sweep::turn_to;
 use crate::plan::pass::{LayerPass, Placement};
-use crate::plan::pose_limits::GroundPrice;
+use crate::plan::pose_limits::AreaPrice;
 use rayon::prelude::*;
 use std::collections::HashMap;
 
@@ -44,7 +44,7 @@ pub fn fill_gaps(
     passes: &mut [LayerPass],
     aperture: &Aperture,
     walls: &EdgeIndex,
-    price: Option<&GroundPrice>,
+    price: Option<&AreaPrice>,
 ) {
     if passes.iter().all(|pass| pass.placements.is_empty()) {
         return;
@@ -75,7 +75,7 @@ pub fn fill_gaps(
             for (gap, ways) in gaps.iter().zip(found) {
                 // Gap-fill moves of this round may have closed the gap already.
                 if let Some(fill) = best_of(ways, &raster, aperture, price) {
-                    raster.cover(&fill.ground);
+                    raster.cover(&fill.footprint);
                     moves.push(fill);
                 } else {
                     *failures.entry((gap[0], gap.len())).or_default() += 1;
@@ -96,7 +96,7 @@ struct GapFillMove {
     after: usize,
     /// Out and back, the start left out at the beginning and repeated at the end.
     fill: Vec<Configuration>,
-    ground: Ground,
+    footprint: Footprint,
 }
 
 /// The gap-fill move with the largest net gain, if any is worth its way.
@@ -104,12 +104,12 @@ fn best_of(
     moves: Vec<GapFillMove>,
     raster: &GapRaster,
     aperture: &Aperture,
-    price: Option<&GroundPrice>,
+    price: Option<&AreaPrice>,
 ) -> Option<GapFillMove> {
     let mut best: Option<(f64, GapFillMove)> = None;
     for fill in moves {
         let worth_mm2 = price.map_or(0.0, |price| price.of_gap_fill_mm2(&fill.fill));
-        let net = raster.net_mm2(&fill.ground) - worth_mm2;
+        let net = raster.net_mm2(&fill.footprint) - worth_mm2;
         let least = NET_SHARE_MIN * aperture.area_mm2();
         if net > best.as_ref().map_or(least, |b| b.0) {
             best = Some((net, fill));
@@ -178,7 +178,7 @@ impl Starts {
             Some(GapFillMove {
                 pass,
                 after,
-                ground: raster.ground(&passes[pass], after, &fill, aperture),
+                footprint: raster.footprint(&passes[pass], after, &fill, aperture),
                 fill,
             })
         });

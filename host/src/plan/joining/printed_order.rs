@@ -21,7 +21,7 @@ use crate::plan::joining::links::linked;
 use crate::plan::joining::order::ordered;
 use crate::plan::joining::seam::with_seam;
 use crate::plan::pass::{LayerPass, PassKind};
-use crate::plan::pose_limits::{GroundPrice, PoseLimits};
+use crate::plan::pose_limits::{AreaPrice, PoseLimits};
 use crate::settings::{SeamPlace, Settings};
 
 /// How often small passes are taken back whose ground gap-fill moves did not reach.
@@ -68,7 +68,7 @@ pub fn in_printing_order(
         band,
         from,
         aperture,
-        price: GroundPrice::of(settings),
+        price: AreaPrice::of(settings),
         turn_weight_mm2: turn_weight_mm2(&PoseLimits::of(settings), aperture),
     };
     // Gap-fill moves take the place of small passes, if they can.
@@ -134,7 +134,7 @@ struct Finish<'a> {
     from: Point2,
     aperture: &'a Aperture,
     /// What gap-fill moves must bring.
-    price: GroundPrice,
+    price: AreaPrice,
     turn_weight_mm2: f64,
 }
 

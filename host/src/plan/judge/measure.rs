@@ -107,8 +107,8 @@ pub fn measure(
                 let found = match same {
                     Some(swept) => (swept, None),
                     None => {
-                        let ground = PrintGround::of(print, transform, settings);
-                        let (swept, raster) = ground.measure(poses, cell_mm);
+                        let region = PrintedRegion::of(print, transform, settings);
+                        let (swept, raster) = region.measure(poses, cell_mm);
                         (swept, (print.like >= first + number).then_some(raster))
                     }
                 };
@@ -184,7 +184,7 @@ fn same(
 }
 
 /// What a printing is measured against, in a frame of its own.
-struct PrintGround<'a> {
+struct PrintedRegion<'a> {
     contour: &'a Contour,
     settings: &'a Settings,
     shift: Vector2,
@@ -193,14 +193,14 @@ struct PrintGround<'a> {
     walls: EdgeIndex,
 }
 
-impl<'a> PrintGround<'a> {
+impl<'a> PrintedRegion<'a> {
     fn of(print: &MeasuredPrint<'a>, transform: &PartTransform, settings: &'a Settings) -> Self {
         let contour = print.contour;
         let may_mirror = settings.aperture.is_mirror_image();
         let mut frame = contour.frame.mirrored_if(may_mirror);
         frame.turn_rad += SKEW_RAD;
         let outline = frame.region_in(&contour.region);
-        PrintGround {
+        PrintedRegion {
             contour,
             settings,
             shift: Vector2::new(transform.offset_mm[0], transform.offset_mm[1]),

@@ -10,7 +10,7 @@
 
 use crate::geometry::clearance::Configuration;
 use crate::geometry::edge_index::EdgeIndex;
-use crate::geometry::frame::{Frame, settled};
+use crate::geometry::frame::{Frame, snapped};
 use crate::geometry::polygon::Region;
 use crate::geometry::{Point2, Vector2};
 use crate::part_transform::PartTransform;
@@ -328,7 +328,7 @@ struct OwnFrame {
 impl OwnFrame {
     fn of(region: &RegionPlan, settings: &Settings) -> OwnFrame {
         let frame = region.frame();
-        let hull = frame.settled_in(&region.hull);
+        let hull = frame.snapped_in(&region.hull);
         OwnFrame {
             frame,
             walls: EdgeIndex::of_region(&hull, settings.aperture.major_mm()),
@@ -360,8 +360,8 @@ impl OwnFrame {
             let at = placement.at;
             let heading_rad = self.frame.angle_in(at.heading_rad) - periods_rad;
             placement.at = Configuration {
-                center: self.frame.point_in(at.center).map(settled),
-                heading_rad: settled(heading_rad),
+                center: self.frame.point_in(at.center).map(snapped),
+                heading_rad: snapped(heading_rad),
             };
         }
         let mut curves = pass_curves(&pass, aperture, &self.walls, tolerance_mm);

@@ -166,10 +166,10 @@ impl RegionWork {
     /// # Errors
     /// [`MedialAxisError`].
     pub fn begin(contour: Contour, settings: &Settings) -> Result<RegionWork, MedialAxisError> {
-        // Not one made anew: where settling moved a point, that would turn, and move them all.
+        // Not one made anew: where snapping moved a point, that would turn, and move them all.
         let may_mirror = settings.aperture.is_mirror_image();
         let frame = contour.frame.mirrored_if(may_mirror);
-        let outline = frame.settled_in(&contour.region);
+        let outline = frame.snapped_in(&contour.region);
         let mut hull = trimmed_outline(&outline, &settings.aperture);
         hull.begin_at_extremes();
         let reach_mm = settings.aperture.major_mm();

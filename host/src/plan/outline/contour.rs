@@ -30,7 +30,7 @@ const RUN_MAX: usize = 256;
 pub struct Contour {
     /// The region in local coordinates: input minus `offset`.
     pub region: Region,
-    /// The frame in which it was settled and cleaned: its points lie on the grid there.
+    /// The frame in which it was snapped to a grid and cleaned: its points lie on the grid there.
     pub frame: Frame,
     /// Add this to local coordinates to get the input's.
     pub offset: Vector2,
@@ -88,7 +88,7 @@ impl Contour {
         // Which points are needless must not depend on how the region lies.
         let local = region.shifted(-offset);
         let frame = Frame::of_region(&local);
-        let local = frame.settled_in(&local);
+        let local = frame.snapped_in(&local);
         let clean = |ring: &Ring, is_exterior: bool| cleaned_ring(ring, tolerance_mm, is_exterior);
         let first = region.exterior.points.first().copied();
         let exterior = clean(&local.exterior, true).ok_or_else(|| ContourError::Empty {

@@ -73,7 +73,7 @@ fn search(
         Aperture::Ellipse { major_mm, minor_mm } => ([*major_mm, *minor_mm], STARTS),
         Aperture::Rounded(_) => ([1.0; 2], STARTS.map(|s| start_of(aperture, s))),
     };
-    let mut search = Search {
+    let mut search = PlacementSearch {
         p,
         axes,
         aperture,
@@ -140,7 +140,7 @@ fn start_of(aperture: &Aperture, [x, y]: [f64; 2]) -> [f64; 2] {
     [point.x, point.y]
 }
 
-struct Search<'a> {
+struct PlacementSearch<'a> {
     p: Point2,
     /// Semi-axes that the frame is scaled by; 1 for an aperture that is no ellipse.
     axes: [f64; 2],
@@ -161,7 +161,7 @@ struct Search<'a> {
 /// Edges that share a box.
 const EDGES_PER_BOX: usize = 8;
 
-impl Search<'_> {
+impl PlacementSearch<'_> {
     fn collect_edges(&mut self) {
         let reach_mm = 2.0 * self.aperture.major_mm();
         let mut numbers = Vec::new();

@@ -180,7 +180,7 @@ fn apart_by(one: &Edge, other: &Edge, reach_mm: f64) -> bool {
 }
 
 /// A run of corners that turn to the right by little, which share a node.
-struct Run {
+struct CornerRun {
     /// The edge before the first corner.
     edge: usize,
     turned_rad: f64,
@@ -211,7 +211,7 @@ impl Corners<'_> {
     }
 
     /// True where the corner at the end of `edge` can share the run's node.
-    fn goes_on(&self, run: &Run, edge: usize, turned_rad: f64) -> bool {
+    fn goes_on(&self, run: &CornerRun, edge: usize, turned_rad: f64) -> bool {
         let step_mm = (self.point(edge + 1) - self.point(edge)).norm();
         let whole_rad = run.turned_rad + turned_rad;
         // The node lies farther out than the clearance by about an eighth of this.
@@ -220,7 +220,7 @@ impl Corners<'_> {
     }
 
     /// The node of a run whose last corner begins edge `next`.
-    fn node(&self, run: &Run, next: usize) -> Option<Point2> {
+    fn node(&self, run: &CornerRun, next: usize) -> Option<Point2> {
         let normal = self.normal(run.edge);
         let normal_next = turned_by(normal, -run.turned_rad);
         let p = self.point(run.edge + 1) + normal * self.clearance_mm;
@@ -255,7 +255,7 @@ fn ring_nodes(ring: &Ring, clearance_mm: f64) -> Vec<Point2> {
         points: &ring.points,
         clearance_mm,
     };
-    let mut run: Option<Run> = None;
+    let mut run: Option<CornerRun> = None;
     // Behind a corner to the left no run goes on.
     let first = (0..count).find(|&i| corners.turned_rad(i) <= 0.0);
     let first = first.unwrap_or(0);
@@ -272,7 +272,7 @@ fn ring_nodes(ring: &Ring, clearance_mm: f64) -> Vec<Point2> {
         if turned_rad > NODE_TURN_RAD {
             nodes.extend(corners.sharp(edge, turned_rad));
         } else if turned_rad > 0.0 {
-            run = Some(Run {
+            run = Some(CornerRun {
                 edge,
                 turned_rad,
                 length_mm: 0.0,

@@ -14,7 +14,7 @@ use crate::plan::coverage::raster::within_walls;
 use crate::plan::joining::gap_fill::fill_gaps;
 use crate::plan::outline::reachable::reachable_count;
 use crate::plan::pass::LayerPass;
-use crate::plan::pose_limits::GroundPrice;
+use crate::plan::pose_limits::AreaPrice;
 use crate::settings::{Quality, Settings};
 
 /// Prices against the settings' own, one after the other until the floor holds.
@@ -55,7 +55,7 @@ pub fn shortened_to_floor(
         ..settings.clone()
     };
     shortened(&mut short, walls, area_mm2, &fine);
-    let price = GroundPrice::of(settings);
+    let price = AreaPrice::of(settings);
     for factor in PRICES {
         if holds(&short) {
             break;

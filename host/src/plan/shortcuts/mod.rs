@@ -22,7 +22,7 @@ mod window;
 use self::chain::{Chain, swept_poses};
 pub use self::floor::shortened_to_floor;
 use self::local_time::step_s;
-use self::window::{Scratch, Search, Shortcut, swept_range};
+use self::window::{Scratch, Shortcut, ShortcutSearch, swept_range};
 use crate::geometry::clearance::Configuration;
 use crate::geometry::coverage::return_mm;
 use crate::geometry::edge_index::EdgeIndex;
@@ -89,7 +89,7 @@ fn shortened(passes: &mut [LayerPass], walls: &EdgeIndex, area_mm2: f64, setting
     }
     let price_s_mm2 = settings.quality.price_s_mm2();
     let mut left_mm2 = settings.quality.shortcut_share() * area_mm2;
-    let mut search = Search {
+    let mut search = ShortcutSearch {
         aperture,
         walls,
         limits: &limits,
@@ -116,7 +116,7 @@ fn shortened(passes: &mut [LayerPass], walls: &EdgeIndex, area_mm2: f64, setting
 
 /// The shortcuts of all windows of one length, in the order of the chains and along them.
 fn found(
-    search: &Search,
+    search: &ShortcutSearch,
     chains: &[Chain],
     raster: &Raster,
     window_s: f64,
@@ -156,7 +156,12 @@ fn windows(chain: &Chain, window_s: f64, phase: f64) -> Vec<Range<usize>> {
 
 /// Takes the shortcuts that still gain with those before them taken, the last of a chain first, so that
 /// numbers of poses stay right. What they open, mm².
-fn take(found: Vec<Shortcut>, search: &Search, chains: &mut [Chain], raster: &mut Raster) -> f64 {
+fn take(
+    found: Vec<Shortcut>,
+    search: &ShortcutSearch,
+    chains: &mut [Chain],
+    raster: &mut Raster,
+) -> f64 {
     let mut opened_mm2 = 0.0;
     let mut scratch = Scratch::default();
     let mut swept: Vec<Configuration> = Vec::new();

@@ -51,7 +51,7 @@ const AGAIN_WEIGHT: f64 = 0.5;
 const REACH_SHARE: f64 = 0.5;
 
 /// What every window needs.
-pub struct Search<'a> {
+pub struct ShortcutSearch<'a> {
     /// The nozzle.
     pub aperture: &'a Aperture,
     /// What it keeps inside of.
@@ -100,7 +100,7 @@ pub struct Scratch {
     swept: Vec<Configuration>,
 }
 
-impl Search<'_> {
+impl ShortcutSearch<'_> {
     /// What the time saved is worth beyond the ground.
     pub fn gain_s(&self, saved_s: f64, change: CoverageChange) -> f64 {
         saved_s - self.price_s_mm2 * (change.opened_mm2 + AGAIN_WEIGHT * change.recovered_mm2)

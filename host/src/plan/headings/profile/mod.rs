@@ -11,7 +11,9 @@
 //!
 //! In: contacts (mm) with extents wanted, the weight of turning (mm²), walls. Out: one placement
 //! for each contact (mm, unwrapped rad), and whether it fits. Why here: the only place where
-//! headings of a bead are chosen. Leaves out: time, which the shortcuts trade.
+//! headings of a bead are chosen. Headings are not taken from F(p) ([`crate::plan::feasible`]): that
+//! knows an aperture that touches the wall exactly, and a bead may stand off it at a price.
+//! Leaves out: time, which the shortcuts trade.
 
 mod ahead;
 mod along;
@@ -128,7 +130,7 @@ fn whole_profile(
     };
     let bin_rad = period_rad / bins as f64;
     let ahead = all_ahead(contacts, aperture, walls);
-    let run = Run::new(contacts, closed, aperture, walls, &ahead);
+    let run = ContactRun::new(contacts, closed, aperture, walls, &ahead);
     let turns: Vec<Turn> = (0..bins).map(|bin| (bin as f64 * bin_rad).into()).collect();
     let cost = |i: usize, turn: &Turn| run.place(i, *turn).cost as f32;
     let costs: Vec<Vec<f32>> = (0..contacts.len())
@@ -162,9 +164,9 @@ pub fn refined(
     walls: &EdgeIndex,
 ) -> Vec<Placement> {
     let mut headings: Vec<f64> = before.iter().map(|p| p.at.heading_rad).collect();
-    let run = Run {
+    let run = ContactRun {
         corridor_share: CORRIDOR_AGAIN_SHARE,
-        ..Run::new(contacts, closed, aperture, walls, ahead)
+        ..ContactRun::new(contacts, closed, aperture, walls, ahead)
     };
     if !aperture.is_round() && contacts.len() > 1 {
         let steps = turn_slacks_per_mm(contacts, closed, turn_weight_mm2, aperture);
@@ -175,7 +177,7 @@ pub fn refined(
 }
 
 /// Replaces the headings by the smoothest ones in the corridor about them.
-fn flatten_ripple(run: &Run, headings: &mut [f64]) {
+fn flatten_ripple(run: &ContactRun, headings: &mut [f64]) {
     let (count, a) = (headings.len(), run.aperture.major_mm());
     let lap = if run.closed {
         lap_turn(headings, run.aperture.period_rad())
@@ -257,7 +259,7 @@ pub fn smooth(placements: &mut [Placement], closed: bool, aperture: &Aperture) {
 }
 
 /// A run of contacts with what placing the aperture on them needs.
-struct Run<'a> {
+struct ContactRun<'a> {
     contacts: &'a [Contact],
     closed: bool,
     aperture: &'a Aperture,
@@ -269,15 +271,15 @@ struct Run<'a> {
     corridor_share: f64,
 }
 
-impl<'a> Run<'a> {
+impl<'a> ContactRun<'a> {
     fn new(
         contacts: &'a [Contact],
         closed: bool,
         aperture: &'a Aperture,
         walls: &'a EdgeIndex,
         ahead: &'a [Ahead],
-    ) -> Run<'a> {
-        Run {
+    ) -> ContactRun<'a> {
+        ContactRun {
             contacts,
             closed,
             aperture,

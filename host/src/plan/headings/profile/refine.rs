@@ -3,7 +3,7 @@
 //! In: headings (rad) right to a bin. Out: the same, moved to the least cost nearby (mm²). Newton's
 //! method over all together, then one by one.
 
-use super::{BINS, Run, lap_turn};
+use super::{BINS, ContactRun, lap_turn};
 use rayon::prelude::*;
 
 /// Rounds that move all headings together, and rounds that then try each by itself.
@@ -15,7 +15,7 @@ const SHRINK: f64 = 0.6;
 /// Moves the headings to the least cost of placements and turning near them. All together first:
 /// what a bin is too coarse for is spread along the run, where single moves would stop half way.
 /// Then each by itself, where the placements' costs are not smooth.
-pub fn refine(run: &Run, steps: &[f64], headings: &mut Vec<f64>) {
+pub fn refine(run: &ContactRun, steps: &[f64], headings: &mut Vec<f64>) {
     let count = headings.len();
     let chain = Chain {
         steps,
@@ -81,7 +81,7 @@ fn turn_cost(beside: &[Option<(f64, f64)>; 2], heading: f64) -> f64 {
 
 /// A Newton step for all headings, each by at most `width`; on a closed run `pin` stays.
 fn together(
-    run: &Run,
+    run: &ContactRun,
     chain: &Chain,
     pin: usize,
     width: f64,
@@ -152,7 +152,7 @@ fn together(
 /// Pattern search on each heading with its neighbours fixed, even contacts then odd ones, so that
 /// the result does not depend on the number of threads.
 fn one_by_one(
-    run: &Run,
+    run: &ContactRun,
     chain: &Chain,
     width: f64,
     headings: &mut Vec<f64>,
@@ -240,7 +240,7 @@ mod tests {
         let contacts = waves();
         let walls = walls(&[&[[-5.0, 0.0], [30.0, 0.0], [30.0, 9.0], [-5.0, 9.0]]]);
         let ahead = all_ahead(&contacts, &APERTURE, &walls);
-        let run = Run::new(&contacts, false, &APERTURE, &walls, &ahead);
+        let run = ContactRun::new(&contacts, false, &APERTURE, &walls, &ahead);
         let steps = turn_slacks_per_mm(&contacts, false, TURN_WEIGHT_MM2, &APERTURE);
         let bin_rad = std::f64::consts::PI / BINS as f64;
         // What gives the extent wanted: e² = a² sin² + b² cos² of the heading against the wall.

@@ -195,7 +195,13 @@ pub fn tick_sums<'a>(
         .with_min_len(SPANS_MIN)
         .map_init(Scratch::default, |scratch, span| match known(span) {
             Some(known) => known.clone(),
-            None => TickSums::of(path, first_ticks[span], durations_ticks[span], &start, scratch),
+            None => TickSums::of(
+                path,
+                first_ticks[span],
+                durations_ticks[span],
+                &start,
+                scratch,
+            ),
         })
         .collect()
 }
