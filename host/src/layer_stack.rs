@@ -3,13 +3,13 @@
 
 use crate::geometry::polygon::Region;
 use crate::geometry::{Point2, Vector2};
+use crate::layer_time::lay_with_layer_times;
 use crate::part_transform::PartTransform;
 use crate::plan::judge::measure::{MeasuredPrint, measure};
 use crate::plan::layers::PlanePass;
 use crate::plan::layers::layer_groups::{self, LayerGroup, LayerKind, RegionPrint, StackLayer};
 use crate::plan::layers::region_plan::RegionWork;
 use crate::plan::layers::skirt::{SkirtPlan, skirt_plan};
-use crate::plan::motion::segments::lay_segments_with_progress;
 use crate::plan::motion::singular::SingularPlaces;
 use crate::plan::outline::contour::{Contour, SIMPLIFY_MM};
 use crate::plan::progress::{Progress, Stage, step_each};
@@ -96,10 +96,10 @@ pub(crate) fn plan_stack(
         prints,
         curves,
         print_of_curve,
-        route,
+        mut route,
         outline_crossings,
     } = route_stack(&stack, settings, progress)?;
-    let (stream, motion) = lay_segments_with_progress(&route, settings, progress)?;
+    let (stream, motion, slowed) = lay_with_layer_times(&mut route, settings, progress)?;
     let (figures, measured) = measure(
         &stream,
         &printings(&kinds, &prints),
@@ -123,6 +123,7 @@ pub(crate) fn plan_stack(
         singular: SingularPlaces::default(),
         touches: None,
         on_surface: None,
+        slowed,
         route,
         stream,
         motion,

@@ -30,6 +30,8 @@ pub mod job;
 pub mod job_file;
 pub mod job_spool;
 pub mod layer_stack;
+pub mod layer_time;
+pub mod layer_uses;
 pub mod mesh;
 mod near_name;
 pub mod open_ground;
@@ -40,6 +42,7 @@ pub mod plan;
 pub mod report;
 pub mod settings;
 mod short_number;
+pub mod stacked_ground;
 pub mod surface_plan;
 pub mod wire_frames;
 
@@ -49,6 +52,7 @@ use crate::input::Target;
 use crate::input::waypoints::WaypointRun;
 use crate::job::SegmentStream;
 use crate::layer_stack::{LeftOut, Stack, plan_stack};
+use crate::layer_time::SlowedLayers;
 use crate::part_transform::{PartTransform, PlaceError};
 use crate::plan::axis::medial_axis::MedialAxisError;
 use crate::plan::judge::figures::{PlanFigures, Swept};
@@ -103,6 +107,8 @@ pub struct Plan {
     pub touches: Option<Touches>,
     /// The surface that it lies on, where there is one.
     pub on_surface: Option<OnSurface>,
+    /// Layers that were slowed to last long enough.
+    pub slowed: SlowedLayers,
     /// Everything the head does.
     pub route: Route,
     /// Travels between passes that leave the regions on their way.
@@ -333,6 +339,7 @@ pub fn plan_waypoints_with_progress(
         singular,
         touches: touches(&route, settings),
         on_surface: None,
+        slowed: SlowedLayers::default(),
         route,
         stream,
         motion,

@@ -8,12 +8,15 @@ use crate::Plan;
 use crate::geometry::polygon::Region;
 use crate::job::SegmentStream;
 use crate::layer_stack::{LeftOut, Stack};
+use crate::layer_time::SlowedLayers;
+use crate::layer_uses::{LayerUse, layer_uses};
 use crate::open_ground::{OpenGround, open_ground};
 use crate::plan::judge::figures::{PlanFigures, Swept};
 use crate::plan::layers::region_plan::RegionPlan;
 use crate::plan::motion::segments::check::Ratios;
 use crate::plan::outline::unreachable::UnreachableRun;
 use crate::settings::Settings;
+use crate::stacked_ground::{OpenCells, open_cells};
 use headway_protocol::frame::CRC;
 use headway_protocol::units::CHANNELS;
 use serde::{Deserialize, Serialize};
@@ -59,6 +62,12 @@ pub struct Piece {
     pub open: Vec<OpenGround>,
     /// Ground that lines are to cover, and what of it was swept.
     pub infill_mm2: [f64; 2],
+    /// What its layers are spent on.
+    pub uses: Vec<LayerUse>,
+    /// Layers that were slowed.
+    pub slowed: SlowedLayers,
+    /// Open ground by cells, and the layers that were looked at.
+    pub open_cells: (OpenCells, u32),
 }
 
 /// Pieces that were planned before.
@@ -80,8 +89,11 @@ impl PieceCache for () {
 
 impl Piece {
     /// What is kept of a plan.
-    pub fn of(plan: Plan) -> Piece {
+    pub fn of(plan: Plan, settings: &Settings) -> Piece {
         let mut piece = Piece {
+            uses: layer_uses(&plan, f64::from(settings.machine.servo_hz)),
+            slowed: plan.slowed,
+            open_cells: open_cells(&plan, settings.aperture.minor_mm()),
             end: plan.route.end(),
             open: open_ground(&plan),
             kept_out_mm2: plan.kept_out_mm2,

@@ -13,6 +13,8 @@ use crate::geometry::Point2;
 use crate::geometry::polygon::{Box2, Region};
 use crate::job::SegmentStream;
 use crate::layer_stack::{LeftOut, Stack, plan_stack};
+use crate::layer_time::SlowedLayers;
+use crate::layer_uses::LayerUse;
 use crate::mesh::layers::{SlicedPart, TargetLayer};
 use crate::open_ground::OpenGround;
 use crate::part_piece::{Piece, PieceCache, key_of};
@@ -26,6 +28,7 @@ use crate::plan::outline::unreachable::UnreachableRun;
 use crate::plan::progress::Progress;
 use crate::plan::route::keep_out::cleared;
 use crate::settings::{BOTTOM_LAYERS, Settings, TOP_LAYERS};
+use crate::stacked_ground::OpenCells;
 use headway_firmware::kinematics::winds;
 use headway_protocol::units::CHANNELS;
 
@@ -76,6 +79,12 @@ pub struct PartPlan {
     pub open: Vec<OpenGround>,
     /// Ground that lines are to cover, and what of it was swept.
     pub infill_mm2: [f64; 2],
+    /// What the layers are spent on.
+    pub uses: Vec<LayerUse>,
+    /// Layers that were slowed.
+    pub slowed: SlowedLayers,
+    /// Open ground by cells, and the layers that were looked at.
+    pub open_cells: (OpenCells, u32),
 }
 
 /// Places of each kind that are kept.
@@ -166,7 +175,7 @@ pub fn plan_part_in_pieces(
         let piece = match doors.cache.get(key) {
             Some(known) => known,
             None => {
-                let piece = Piece::of(plan_stack(stack, &own, doors.progress)?);
+                let piece = Piece::of(plan_stack(stack, &own, doors.progress)?, &own);
                 doors.cache.put(key, &piece);
                 piece
             }
@@ -212,6 +221,13 @@ impl PartPlan {
         for (all, own) in self.infill_mm2.iter_mut().zip(piece.infill_mm2) {
             *all += own;
         }
+        self.uses.extend(piece.uses);
+        self.slowed.layers += piece.slowed.layers;
+        self.slowed.still_short += piece.slowed.still_short;
+        for (cell, layers) in piece.open_cells.0 {
+            *self.open_cells.0.entry(cell).or_default() += layers;
+        }
+        self.open_cells.1 += piece.open_cells.1;
         let stream = piece.stream;
         if stream.knots.is_empty() {
             return Ok(stream);

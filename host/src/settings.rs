@@ -9,6 +9,7 @@ mod check;
 mod defaults;
 pub mod head_shape;
 pub mod heat;
+pub mod kinds;
 pub mod machine_file;
 
 pub use check::{SettingsError, joint_names, motor_rates_hz};
@@ -287,6 +288,12 @@ pub struct Settings {
     pub nozzle_body_radius_mm: f64,
     /// What of nozzle and head could touch the table or the print; `None` where it is not known.
     pub head: Option<HeadShape>,
+    /// What the kinds of bead ask for where it differs.
+    pub kinds: kinds::Kinds,
+    /// Least time of a layer, s; shorter ones are printed slower. 0 for none.
+    pub layer_time_min_s: f64,
+    /// Least tip speed that short layers are slowed to.
+    pub slow_speed_min_mm_s: f64,
     /// Seams of loops.
     pub seam: Seam,
     /// Travel stays inside the part where there is a way.

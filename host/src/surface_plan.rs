@@ -374,6 +374,7 @@ fn laid_out(
         singular,
         touches,
         on_surface: Some(laid),
+        slowed: Default::default(),
         route,
         stream,
         motion,

@@ -196,6 +196,108 @@ fn a_stopped_plan_goes_on_and_makes_the_same_job() {
     assert!(!stderr(&whole).contains("damaged"), "{}", stderr(&whole));
 }
 
+/// Goal: speeds of kinds are kept, short layers are slowed to their least time, and what time and material are
+/// spent on adds up to the whole. Method: figures of a prism of six layers against its totals; the way of each kind over
+/// its time; a material by hand.
+#[test]
+fn kinds_and_layer_times_are_kept_and_told() {
+    let folder = folder("kinds");
+    let machine = folder.join("machine.toml");
+    let mut text = succeeded(&headway(&["machine", "new"]));
+    text += "\n[material]\nhot_end_c = 0\ndensity_g_cm3 = 1.25\nprice_per_kg = 20\ndiameter_mm = 1.75\n";
+    text += "\n[kinds.first_layer]\nspeed_mm_s = 15\nflow_factor = 1.1\n";
+    std::fs::write(&machine, text).expect("a machine file");
+    let job = folder.join("job.hwj");
+    let asked = [
+        "plan",
+        &example("bracket.json"),
+        "-m",
+        path(&machine),
+        "-o",
+        path(&job),
+        "--layers",
+        "4",
+        "--walls",
+        "1",
+        "--infill-density",
+        "20",
+        "--bottom",
+        "1",
+        "--top",
+        "1",
+        "--json",
+    ];
+    let plain = object(&headway(&asked));
+    let number = |value: &serde_json::Value| value.as_f64().expect("a number");
+    let kinds = |figures: &serde_json::Map<String, serde_json::Value>| {
+        figures["by_kind"].as_object().expect("kinds").clone()
+    };
+    for (key, of_kind) in [("print_s", "seconds"), ("volume_mm3", "volume_mm3")] {
+        let sum: f64 = kinds(&plain)
+            .values()
+            .map(|kind| number(&kind[of_kind]))
+            .sum();
+        assert!(
+            (sum / number(&plain[key]) - 1.0).abs() < 1e-3,
+            "{key}: {sum}"
+        );
+    }
+    let volume_mm3 = number(&plain["volume_mm3"]);
+    let mass_g = number(&plain["mass_g"]);
+    assert!((mass_g - 1.25e-3 * volume_mm3).abs() < 1e-9);
+    assert!((number(&plain["material_cost"]) - 0.02 * mass_g).abs() < 1e-9);
+    assert!((number(&plain["filament_mm"]) - volume_mm3 / 2.405_281_875).abs() < 1e-3);
+    let layers = plain["by_layer"].as_array().expect("layers");
+    // The lowest is the slow one, and fuller by a tenth than the highest, which is as solid.
+    assert_eq!((&layers[0]["layer"], layers.len()), (&0.into(), 4));
+    let top = layers
+        .iter()
+        .find(|layer| layer["layer"] == 3)
+        .expect("a top");
+    let fuller = number(&layers[0]["volume_mm3"]) / number(&top["volume_mm3"]);
+    assert!((fuller - 1.1).abs() < 0.02, "{fuller}");
+
+    let slow = [
+        "--wall-speed",
+        "20",
+        "--sparse-speed",
+        "30",
+        "--min-layer-time",
+        "12",
+    ];
+    let slowed = object(&headway(&[&asked[..], &slow].concat()));
+    let speed_mm_s = |kind: &str| {
+        let kind = &kinds(&slowed)[kind];
+        number(&kind["way_mm"]) / number(&kind["seconds"])
+    };
+    assert!(speed_mm_s("walls") < 20.0 && speed_mm_s("sparse") < 30.0);
+    let seconds = |figures: &serde_json::Map<String, serde_json::Value>| -> Vec<f64> {
+        let layers = figures["by_layer"].as_array().expect("layers");
+        layers
+            .iter()
+            .map(|layer| number(&layer["seconds"]))
+            .collect()
+    };
+    assert!(
+        seconds(&plain).iter().any(|s| *s < 12.0),
+        "{:?}",
+        seconds(&plain)
+    );
+    let least = seconds(&slowed).into_iter().fold(f64::INFINITY, f64::min);
+    assert!((11.99..14.5).contains(&least), "{least}");
+    assert!(number(&slowed["slowed_layers"]) > 0.0);
+    let found = object(&headway(&["simulate", path(&job), "--json"]));
+    assert_eq!(found["faults"], 0);
+
+    let fast = headway(&[&asked[..], &["--wall-speed", "90"]].concat());
+    assert_eq!(fast.status.code(), Some(2));
+    assert!(
+        stderr(&fast).contains("kinds.walls.speed_mm_s"),
+        "{}",
+        stderr(&fast)
+    );
+}
+
 /// Goal: a broken mesh is refused with its place and a remedy, exit 1; senseless options, exit 2;
 /// neither leaves a file. Method: files and words.
 #[test]

@@ -147,6 +147,18 @@ pub(super) struct SettingsArgs {
     /// Tip speed while printing, mm/s.
     #[arg(long, value_name = "MM_S", allow_negative_numbers = true)]
     pub speed: Option<f64>,
+    /// Tip speed of the walls, below --speed, mm/s.
+    #[arg(long, value_name = "MM_S", allow_negative_numbers = true)]
+    pub wall_speed: Option<f64>,
+    /// Tip speed of the lines of filled ground, below --speed, mm/s.
+    #[arg(long, value_name = "MM_S", allow_negative_numbers = true)]
+    pub solid_speed: Option<f64>,
+    /// Tip speed of the lines of a sparse infill, below --speed, mm/s.
+    #[arg(long, value_name = "MM_S", allow_negative_numbers = true)]
+    pub sparse_speed: Option<f64>,
+    /// Least time of a layer, s: shorter ones are printed slower [default: 0].
+    #[arg(long, value_name = "S", allow_negative_numbers = true)]
+    pub min_layer_time: Option<f64>,
     /// Layer height, mm.
     #[arg(long, value_name = "MM", allow_negative_numbers = true)]
     pub layer_height: Option<f64>,

@@ -32,6 +32,7 @@ pub(super) fn settings(args: &SettingsArgs) -> Result<Settings, CliError> {
     if let Some(speed_mm_s) = args.speed {
         settings.speed_mm_s = speed_mm_s;
     }
+    of_layers(args, &mut settings);
     if let Some(layer_height_mm) = args.layer_height {
         settings.layer_height_mm = layer_height_mm;
     }
@@ -84,6 +85,19 @@ pub(super) fn settings(args: &SettingsArgs) -> Result<Settings, CliError> {
         .check()
         .map_err(|error| CliError::Usage(error.to_string()))?;
     Ok(settings)
+}
+
+/// What differs from kind to kind and from layer to layer.
+fn of_layers(args: &SettingsArgs, settings: &mut Settings) {
+    let kinds = &mut settings.kinds;
+    for (kind, speed_mm_s) in [
+        (&mut kinds.walls, args.wall_speed),
+        (&mut kinds.solid, args.solid_speed),
+        (&mut kinds.sparse, args.sparse_speed),
+    ] {
+        kind.speed_mm_s = speed_mm_s.or(kind.speed_mm_s);
+    }
+    settings.layer_time_min_s = args.min_layer_time.unwrap_or(settings.layer_time_min_s);
 }
 
 /// Walls and lines as the options change them.
@@ -239,6 +253,10 @@ pub(super) fn outline_option(args: &SettingsArgs, keep_out: Option<&Path>) -> Op
     let given = [
         ("--layers", args.layers.is_some()),
         ("--walls", args.walls.is_some()),
+        ("--wall-speed", args.wall_speed.is_some()),
+        ("--solid-speed", args.solid_speed.is_some()),
+        ("--sparse-speed", args.sparse_speed.is_some()),
+        ("--min-layer-time", args.min_layer_time.is_some()),
         ("--skirt", args.skirt.is_some()),
         ("--brim", args.brim.is_some()),
         ("--avoid-crossing", args.avoid_crossing.is_some()),

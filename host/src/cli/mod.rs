@@ -33,6 +33,7 @@ mod run_notes;
 mod simulate;
 mod stream;
 mod tune;
+mod use_figures;
 mod view;
 mod warnings;
 

@@ -246,7 +246,7 @@ fn zones(planned: &Planned) -> Vec<Zone> {
         .map(|curve| match curve.kind {
             PassKind::TwoPass => Zone::TwoPass,
             PassKind::OnePass => Zone::OnePass,
-            PassKind::Infill => Zone::Infill,
+            PassKind::Infill | PassKind::Sparse => Zone::Infill,
             PassKind::Skirt => Zone::Skirt,
         })
         .collect()

@@ -5,6 +5,7 @@ use super::console::Console;
 use super::job::{self, Job};
 use super::planned_job::PlannedJob;
 use super::run_notes::run_notes;
+use super::use_figures::{short_layers_note, stacked_figures, use_figures};
 use super::warnings::settings_warnings;
 use super::{CliError, load, load_run, planned_gcode, planned_part};
 use crate::drive::time_by_limit::{SlowPlace, TimeByLimit};
@@ -13,15 +14,16 @@ use crate::geometry::polygon::Region;
 use crate::input::waypoints::WaypointRun;
 use crate::input::{Input, Loaded, Target};
 use crate::job::SegmentStream;
+use crate::layer_uses::layer_uses;
 use crate::open_ground::{self, OpenGround, open_ground};
 use crate::part_piece::unreachable_boundary;
 use crate::part_transform::PartTransform;
 use crate::plan::layers::layer_groups::LayerGroup;
 use crate::plan::outline::unreachable::UnreachableRun;
-use crate::plan::pass::PassKind;
 use crate::report::Place;
 use crate::report::figures::{Figures, Inside, KindFigures, SlowPlaceFigures};
 use crate::settings::Settings;
+use crate::stacked_ground::open_cells;
 use crate::surface_plan::plan_on_surface;
 use crate::{Plan, plan_target_around, plan_waypoints_with_progress};
 use std::path::Path;
@@ -132,7 +134,7 @@ pub(super) fn from_input(
     Ok(Planned {
         figures: Figures {
             open_largest_mm2: largest_mm2(&plan, &open),
-            ..plan_figures(&plan, &unreachable, plan_s)
+            ..all_figures(&plan, &unreachable, plan_s, &settings)
         },
         name,
         outline: regions,
@@ -253,6 +255,20 @@ pub(super) fn left_out(open: &[OpenGround], unreachable: &[UnreachableRun]) -> V
     open.chain(runs).collect()
 }
 
+fn all_figures(
+    plan: &Plan,
+    unreachable: &[UnreachableRun],
+    plan_s: f64,
+    settings: &Settings,
+) -> Figures {
+    let uses = layer_uses(plan, f64::from(settings.machine.servo_hz));
+    let top_mm = |layer: u32| settings.layer_height_mm * f64::from(layer + 1);
+    let cells = open_cells(plan, settings.aperture.minor_mm());
+    plan_figures(plan, unreachable, plan_s)
+        .merged_with(&use_figures(&uses, plan.slowed, top_mm, settings))
+        .merged_with(&stacked_figures(&cells))
+}
+
 fn plan_figures(plan: &Plan, unreachable: &[UnreachableRun], plan_s: f64) -> Figures {
     let f = &plan.figures;
     let passes = f.passes as u64;
@@ -313,7 +329,7 @@ fn laid_inside(kind: &LayerGroup) -> Inside {
     let open = kind.regions.iter().filter(|region| !region.open.is_empty());
     let (mut lines, mut loops) = (false, false);
     for region in open {
-        let has_lines = region.passes.iter().any(|p| p.kind == PassKind::Infill);
+        let has_lines = region.passes.iter().any(|p| p.kind.is_line());
         lines |= has_lines;
         loops |= is_solid && !has_lines;
     }
@@ -375,6 +391,7 @@ fn warnings(plan: &Plan, unreachable: &[UnreachableRun], settings: &Settings) ->
             plan.motion.doubled_stretches
         ));
     }
+    warnings.extend(short_layers_note(plan.slowed, settings));
     warnings.extend(run_notes(plan, settings));
     warnings
 }

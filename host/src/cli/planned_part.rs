@@ -6,6 +6,7 @@ use super::output_file::end_whole_on_interrupt;
 use super::piece_cache::{CacheFolder, program};
 use super::planned::{Planned, left_out};
 use super::planned_job::PlannedJob;
+use super::use_figures::{short_layers_note, stacked_figures, use_figures};
 use super::warnings::settings_warnings;
 use super::{CliError, load};
 use crate::PlanError;
@@ -70,12 +71,13 @@ pub(super) fn from_mesh(
     notes.append(&mut cache.notes);
     let planned = planned.map_err(|error| failed(error.to_string()))?;
     let mut warnings = warnings(&part, &planned);
+    warnings.extend(short_layers_note(planned.slowed, &settings));
     warnings.extend(settings_warnings(&settings));
     console.notes(&warnings);
     notes.extend(warnings);
     let figures = Figures {
         plan_s: Some(plan_s),
-        ..part_figures(&part, &planned, keep_out)
+        ..all_figures(&part, &planned, keep_out, &settings)
     };
     let lowest = part.wanted_layers().iter();
     let lowest = lowest.map(|layer| &layer.regions).find(|r| !r.is_empty());
@@ -144,6 +146,19 @@ fn overhangs<'a>(
 ) -> impl Iterator<Item = (u32, &'a Overhang)> {
     let all = (0u32..).zip(&planned.overhangs);
     all.filter(|(layer, overhang)| part.wanted.contains(layer) && overhang.area_mm2 > 0.0)
+}
+
+fn all_figures(
+    part: &SlicedPart,
+    planned: &PartPlan,
+    keep_out: &[Region],
+    settings: &Settings,
+) -> Figures {
+    let top_mm = |layer: u32| part.layers[layer as usize].top_mm;
+    let of_uses = use_figures(&planned.uses, planned.slowed, top_mm, settings);
+    part_figures(part, planned, keep_out)
+        .merged_with(&of_uses)
+        .merged_with(&stacked_figures(&planned.open_cells))
 }
 
 fn part_figures(part: &SlicedPart, planned: &PartPlan, keep_out: &[Region]) -> Figures {

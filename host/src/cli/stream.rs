@@ -101,6 +101,7 @@ fn material(args: &StreamArgs, settings: Option<&Settings>) -> Result<Material, 
         hot_end_c: 0.0,
         bed_c: 0.0,
         fan_pct: 0.0,
+        ..Material::default()
     };
     if args.no_heat {
         return Ok(off);
@@ -110,6 +111,7 @@ fn material(args: &StreamArgs, settings: Option<&Settings>) -> Result<Material, 
         hot_end_c: args.hot_end.unwrap_or(of_job.hot_end_c),
         bed_c: args.bed.unwrap_or(of_job.bed_c),
         fan_pct: args.fan.unwrap_or(of_job.fan_pct),
+        ..of_job
     };
     if !(0.0..=100.0).contains(&material.fan_pct) {
         return Err(CliError::Usage(format!(

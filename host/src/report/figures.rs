@@ -3,97 +3,12 @@
 //! Other programs read these keys; they change only with a version. A figure is absent where it
 //! has no meaning (a plan that was not simulated has no `tip_error_um_max`).
 
+pub use super::layer_figures::{Inside, KindFigures, LayerFigures, LayerPlace, UseFigures};
 use serde::{Deserialize, Serialize};
 use std::collections::BTreeMap;
 
-/// What was laid inside the walls of a layer.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
-#[serde(rename_all = "snake_case")]
-pub enum Inside {
-    /// Straight lines.
-    Lines,
-    /// Loops, where a solid infill has too little room for lines.
-    Loops,
-    /// Lines in some regions and loops in others.
-    LinesAndLoops,
-    /// The walls leave no ground, or it stays open.
-    Nothing,
-}
-
-/// Ground of a layer, by a place in it; input coordinates.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
-#[serde(default)]
-pub struct LayerPlace {
-    /// Where.
-    pub x_mm: f64,
-    /// Where.
-    pub y_mm: f64,
-    /// The layer's top.
-    pub z_mm: f64,
-    /// How much.
-    pub area_mm2: f64,
-}
-
-/// What the layers of one kind came to; only of jobs with several layers.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
-#[serde(default)]
-pub struct KindFigures {
-    /// The lowest of them, from 0.
-    pub first_layer: u32,
-    /// How many they are.
-    pub layers: u32,
-    /// Density that was asked for inside the walls.
-    #[serde(skip_serializing_if = "Option::is_none")]
-    pub infill_density_pct: Option<f64>,
-    /// Direction of the lines there.
-    #[serde(skip_serializing_if = "Option::is_none")]
-    pub infill_angle_deg: Option<f64>,
-    /// What was laid there.
-    #[serde(skip_serializing_if = "Option::is_none")]
-    pub inside: Option<Inside>,
-    /// Density that came out.
-    #[serde(skip_serializing_if = "Option::is_none")]
-    pub infill_covered_pct: Option<f64>,
-    /// Share of the outline that is covered.
-    pub covered_pct: f64,
-    /// Share of the outline that is swept more than once on the layer.
-    pub overlap_pct: f64,
-    /// How far any placed aperture leaves the outline.
-    pub outside_depth_mm: f64,
-}
-
-impl KindFigures {
-    /// What was laid inside the walls, for the eye; `None` where there are no walls.
-    pub fn inside_text(&self) -> Option<String> {
-        let (pct, deg) = (self.infill_density_pct?, self.infill_angle_deg?);
-        let lines = format!("{pct} % lines at {deg:.0}°");
-        Some(match self.inside? {
-            Inside::Lines => lines,
-            Inside::Loops => "loops inside".to_string(),
-            Inside::LinesAndLoops => format!("{lines}, loops where it is narrow"),
-            Inside::Nothing => "walls alone".to_string(),
-        })
-    }
-
-    fn row(&self) -> (String, Option<String>) {
-        let what = match self.layers {
-            0 | 1 => format!("layer {}", self.first_layer + 1),
-            layers => format!("layer {} and {} like it", self.first_layer + 1, layers - 1),
-        };
-        let mut value = format!(
-            "{:.2} % covered, {:.2} % overlap",
-            self.covered_pct, self.overlap_pct
-        );
-        if let Some(inside) = self.inside_text() {
-            value += &format!(", {inside}");
-        }
-        if let Some(pct) = self.infill_covered_pct {
-            value += &format!(" ({pct:.1} % came out)");
-        }
-        (what, Some(value))
-    }
-}
-
+/// Layers that are told in text, those that take longest.
+const LAYERS_TOLD: usize = 3;
 /// Limits that are told in text.
 const LIMITS_TOLD: usize = 4;
 
@@ -161,6 +76,12 @@ pub struct Figures {
     /// Largest piece of ground in one that nothing covers, of the layers that are to be filled.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub open_largest_mm2: Option<f64>,
+    /// Most layers on which the same tenth of a millimetre is open, away from the outline.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub open_ground_stacked_max_layers: Option<u64>,
+    /// Such ground that is open on half of the layers or more.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub open_ground_stacked_mm2: Option<f64>,
     /// Ground that hangs farther than half a bead over what is below, all layers of a part.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub overhang_mm2: Option<f64>,
@@ -206,6 +127,27 @@ pub struct Figures {
     /// What the passes deposit; primes and retracts are not in it.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub volume_mm3: Option<f64>,
+    /// Time, volume and way by kind of bead: walls, solid, sparse, skirt; travel and standing.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub by_kind: Option<BTreeMap<String, UseFigures>>,
+    /// Time and volume by layer, those that take longest first, at most a thousand.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub by_layer: Option<Vec<LayerFigures>>,
+    /// Mass of the passes, where the material's density is known.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub mass_g: Option<f64>,
+    /// What that costs, where its price is known.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub material_cost: Option<f64>,
+    /// Length of the filament, where its diameter is known.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub filament_mm: Option<f64>,
+    /// Layers that were slowed to last as long as is asked.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub slowed_layers: Option<u64>,
+    /// Those of them that are over too soon all the same.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub short_layers: Option<u64>,
     /// Duration of planning.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub plan_s: Option<f64>,
@@ -370,6 +312,14 @@ impl Figures {
                 "largest piece left open",
                 number(self.open_largest_mm2, 3, "mm²"),
             ),
+            (
+                "open on the same place, layers",
+                count(self.open_ground_stacked_max_layers),
+            ),
+            (
+                "open on half the layers",
+                number(self.open_ground_stacked_mm2, 2, "mm²"),
+            ),
             ("hanging over nothing", number(self.overhang_mm2, 2, "mm²")),
             (
                 "regions not printed",
@@ -392,8 +342,28 @@ impl Figures {
         ];
         let rows = rows.map(|(what, value)| (what.to_string(), value));
         let kinds = self.layer_kinds.iter().flatten();
+        let used = self.by_kind.iter().flatten().map(|(name, used)| {
+            let share_pct = 100.0 * used.seconds / self.print_s.unwrap_or(f64::INFINITY);
+            let value = format!(
+                "{:.1} s ({share_pct:.1} %), {:.1} mm³",
+                used.seconds, used.volume_mm3
+            );
+            (format!("time, volume: {name}"), Some(value))
+        });
+        let longest = self
+            .by_layer
+            .iter()
+            .flatten()
+            .take(LAYERS_TOLD)
+            .map(|layer| {
+                let value = format!("{:.1} s, {:.1} mm³", layer.seconds, layer.volume_mm3);
+                let what = format!("long layer {}, z {:.2}", layer.layer + 1, layer.z_mm);
+                (what, Some(value))
+            });
         rows.into_iter()
             .chain(kinds.map(KindFigures::row))
+            .chain(used)
+            .chain(longest)
             .collect()
     }
 
@@ -410,6 +380,11 @@ impl Figures {
             ("without limits of jerk", number(self.time_bound_s, 2, "s")),
             ("slicer's estimate", number(self.slicer_estimate_s, 2, "s")),
             ("deposited volume", number(self.volume_mm3, 2, "mm³")),
+            ("mass", number(self.mass_g, 2, "g")),
+            ("cost of the material", number(self.material_cost, 2, "")),
+            ("filament", number(self.filament_mm, 1, "mm")),
+            ("layers slowed", count(self.slowed_layers)),
+            ("layers too short all the same", count(self.short_layers)),
             ("planning time", number(self.plan_s, 2, "s")),
             ("heading travel", number(self.heading_travel_rad, 1, "rad")),
             (

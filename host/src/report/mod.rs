@@ -11,6 +11,7 @@ mod canvas;
 pub mod coverage_picture;
 pub mod figures;
 pub mod job_texts;
+mod layer_figures;
 pub mod page;
 pub mod plan_picture;
 pub mod plots;

@@ -1,7 +1,7 @@
 //! Are the settings possible, and possible together?
 
 use super::heat::wrong_heater;
-use super::{LAYERS_MAX, Settings};
+use super::{LAYERS_MAX, Settings, kinds};
 use crate::short_number::Short;
 use headway_firmware::configuration::{ConfigurationError, Kinematics, MachineConfiguration};
 use headway_firmware::steps::{INTERVAL_TICKS_MAX, INTERVAL_TICKS_MIN};
@@ -359,6 +359,7 @@ impl Settings {
             1e6,
         )?;
         in_range("print.lift_mm", self.lift_mm, 0.0, 1000.0)?;
+        kinds::check(self)?;
         in_range("print.overlap_pct", self.overlap_pct, 0.0, 50.0)?;
         if let Some(infill) = &self.infill {
             in_range("infill.walls", f64::from(infill.walls), 1.0, 1000.0)?;
@@ -395,9 +396,7 @@ impl Settings {
     fn check_heat(&self) -> Result<(), SettingsError> {
         if let Some(material) = &self.material {
             let hottest_c = f64::from(DECIDEGREES_MAX) / 10.0;
-            in_range("material.hot_end_c", material.hot_end_c, 0.0, hottest_c)?;
-            in_range("material.bed_c", material.bed_c, 0.0, hottest_c)?;
-            in_range("material.fan_pct", material.fan_pct, 0.0, 100.0)?;
+            material.check(hottest_c)?;
         }
         let wrong = self.heaters.as_ref().and_then(wrong_heater);
         wrong.map_or(Ok(()), |key| Err(SettingsError::Heater { key }))

@@ -112,6 +112,9 @@ impl Settings {
             nozzle_body_radius_mm: 0.0,
             head: None,
             avoid_crossing: false,
+            kinds: super::kinds::Kinds::default(),
+            layer_time_min_s: 0.0,
+            slow_speed_min_mm_s: 10.0,
             seam: Seam {
                 place: SeamPlace::Nearest,
                 // The far side of the machine.

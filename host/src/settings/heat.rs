@@ -1,9 +1,10 @@
 //! What is melted, and what melts it: the `[material]` and `[heaters]` groups of a machine file.
 
+use super::check::{SettingsError, in_range};
 use headway_firmware::heat::HeatConfiguration;
 
 /// Temperatures that a job is printed with.
-#[derive(Clone, Copy, Debug, PartialEq)]
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct Material {
     /// Hot end, °C.
     pub hot_end_c: f64,
@@ -11,6 +12,29 @@ pub struct Material {
     pub bed_c: f64,
     /// Part fan, per cent.
     pub fan_pct: f64,
+    /// Density, g/cm³: the figures tell the mass.
+    pub density_g_cm3: Option<f64>,
+    /// Price of a kilogram, in whatever money: the figures tell what the material costs.
+    pub price_per_kg: Option<f64>,
+    /// Diameter of the filament: the figures tell its length.
+    pub diameter_mm: Option<f64>,
+}
+
+impl Material {
+    /// Temperatures up to `hottest_c`, and what the figures of mass and cost are made of.
+    pub(super) fn check(&self, hottest_c: f64) -> Result<(), SettingsError> {
+        in_range("material.hot_end_c", self.hot_end_c, 0.0, hottest_c)?;
+        in_range("material.bed_c", self.bed_c, 0.0, hottest_c)?;
+        in_range("material.fan_pct", self.fan_pct, 0.0, 100.0)?;
+        for (key, value, most) in [
+            ("material.density_g_cm3", self.density_g_cm3, 30.0),
+            ("material.price_per_kg", self.price_per_kg, 1e6),
+            ("material.diameter_mm", self.diameter_mm, 20.0),
+        ] {
+            in_range(key, value.unwrap_or(most), 1e-3, most)?;
+        }
+        Ok(())
+    }
 }
 
 /// Names of the heaters in the order of their numbers, as machine files have them.

@@ -18,11 +18,13 @@ use serde::Deserialize;
 
 mod heat;
 mod joints;
+mod kinds;
 mod shaper;
 mod write;
 use heat::{FileHeaters, FileMaterial};
 pub use heat::{write_heater, write_heaters};
 use joints::{FileArm, Joints};
+use kinds::FileKinds;
 use shaper::FileShaper;
 use std::collections::BTreeMap;
 pub use write::{to_new_toml, to_toml};
@@ -91,6 +93,8 @@ struct File {
     #[serde(default)]
     flow: Flow,
     infill: Option<FileInfill>,
+    #[serde(default)]
+    kinds: FileKinds,
     #[serde(default)]
     skirt: FileSkirt,
     #[serde(default)]
@@ -165,6 +169,8 @@ struct Print {
     pass: Option<PassName>,
     law: Option<LawName>,
     quality: Option<QualityName>,
+    layer_time_min_s: Option<f64>,
+    slow_speed_min_mm_s: Option<f64>,
 }
 
 #[derive(Clone, Copy, Deserialize)]
@@ -257,7 +263,7 @@ impl File {
             None => default.aperture,
         };
         Ok(Settings {
-            machine_name: self.name,
+            machine_name: self.name.clone(),
             machine,
             work_area_mm: [self.work_area.min_mm, self.work_area.max_mm],
             aperture,
@@ -309,8 +315,20 @@ impl File {
                 .map(FileHeaters::heaters)
                 .transpose()?,
             // Where the input lies is the command line's.
-            ..default
+            ..self.of_layers(default)
         })
+    }
+
+    /// What differs from kind to kind and from layer to layer.
+    fn of_layers(&self, default: Settings) -> Settings {
+        let print = &self.print;
+        let least_mm_s = default.slow_speed_min_mm_s;
+        Settings {
+            kinds: self.kinds.kinds(),
+            layer_time_min_s: print.layer_time_min_s.unwrap_or(default.layer_time_min_s),
+            slow_speed_min_mm_s: print.slow_speed_min_mm_s.unwrap_or(least_mm_s),
+            ..default
+        }
     }
 }
 

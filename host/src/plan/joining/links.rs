@@ -14,7 +14,7 @@ use crate::geometry::edge_index::EdgeIndex;
 use crate::geometry::point_grid::PointGrid;
 use crate::plan::coverage::connections::bent_connection;
 use crate::plan::coverage::raster::{CELL_SHARE, Raster};
-use crate::plan::pass::{LayerPass, PassKind, Placement, bounds_of};
+use crate::plan::pass::{LayerPass, Placement, bounds_of};
 use std::collections::BTreeMap;
 
 /// Longest link, against a: neighbouring beads lie up to 2a apart, and where one crosses, ends are
@@ -92,9 +92,7 @@ pub fn link(
     let aperture = *raster.aperture();
     let (end, start) = (before.placements().next_back()?, next.placements().next()?);
     let length_mm = (start.at.center - end.at.center).norm();
-    let lines = [before, next]
-        .iter()
-        .all(|d| d.pass.kind == PassKind::Infill);
+    let lines = [before, next].iter().all(|d| d.pass.kind.is_line());
     let share = if lines {
         LINE_LENGTH_SHARE
     } else {

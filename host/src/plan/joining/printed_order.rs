@@ -20,7 +20,7 @@ use crate::plan::joining::infill_links::linked_along_walls;
 use crate::plan::joining::links::linked;
 use crate::plan::joining::order::ordered;
 use crate::plan::joining::seam::with_seam;
-use crate::plan::pass::{LayerPass, PassKind};
+use crate::plan::pass::LayerPass;
 use crate::plan::pose_limits::{AreaPrice, PoseLimits};
 use crate::settings::{SeamPlace, Settings};
 
@@ -48,7 +48,7 @@ pub fn in_printing_order(
 ) -> Vec<LayerPass> {
     let aperture = &settings.aperture;
     let walls = region.walls;
-    let is_line = |pass: &LayerPass| pass.kind == PassKind::Infill;
+    let is_line = |pass: &LayerPass| pass.kind.is_line();
     let (lines, loops): (Vec<LayerPass>, Vec<LayerPass>) =
         region.passes.into_iter().partition(is_line);
     let passes = joined(loops, from, walls, settings);

@@ -228,6 +228,9 @@ impl RegionWork {
                 passes.extend(infill_passes(&solid, &filled, &how));
                 work.is_mixed = !solid.is_empty() && !sparse.is_empty();
                 work.sparse = infill_passes(&sparse, infill, &how);
+                for line in &mut work.sparse {
+                    line.kind = PassKind::Sparse;
+                }
                 work.sparse_open = sparse;
                 work.passes = passes;
             }
@@ -301,7 +304,7 @@ impl RegionWork {
         let is_solid = |infill: Infill| infill.is_solid();
         let is_all_solid = self.settings.infill.is_some_and(is_solid);
         let may_turn = !is_all_solid && !self.is_mixed;
-        let is_wall = |pass: &LayerPass| pass.kind != PassKind::Infill;
+        let is_wall = |pass: &LayerPass| !pass.kind.is_line();
         let lines_from = match may_turn {
             true => passes.iter().take_while(|pass| is_wall(pass)).count(),
             false => passes.len(),

@@ -49,8 +49,10 @@ pub enum PassKind {
     TwoPass,
     /// On the medial axis, touching both walls.
     OnePass,
-    /// A straight line of the infill.
+    /// A straight line of filled ground.
     Infill,
+    /// A straight line of a sparse infill.
+    Sparse,
     /// A loop around the part: skirt or brim.
     Skirt,
 }
@@ -59,6 +61,11 @@ impl PassKind {
     /// True for the beads that fill the part along its walls and axis.
     pub fn follows_walls(self) -> bool {
         matches!(self, PassKind::TwoPass | PassKind::OnePass)
+    }
+
+    /// True for straight lines inside the walls.
+    pub fn is_line(self) -> bool {
+        matches!(self, PassKind::Infill | PassKind::Sparse)
     }
 }
 

@@ -13,12 +13,14 @@ use crate::job::MotionState;
 use crate::plan::curve::heading_stops::heading_range;
 use crate::plan::curve::plane_curve::configuration;
 use crate::plan::layers::PlanePass;
+use crate::plan::pass::PassKind;
 use crate::plan::route::flow::pass_volumes::volumes_mm3;
 use crate::plan::route::hop::{CROSS_MIN_MM, Hop};
 use crate::plan::route::keep_out::Way;
 use crate::plan::route::moves::{PathCurve, Route, Stretch, StretchEvent};
 use crate::plan::route::travel::{TravelError, TravelWays};
 use crate::settings::Settings;
+use crate::settings::kinds::KindSettings;
 use headway_protocol::units::{
     CHANNEL_HEADING, CHANNEL_VOLUME, CHANNEL_X, CHANNEL_Y, CHANNEL_Z, CHANNELS,
 };
@@ -131,6 +133,7 @@ impl Head<'_> {
             curve,
             dwell_s,
             speed_mm_s: None,
+            acceleration_mm_s2: None,
             event,
         });
     }
@@ -246,9 +249,16 @@ impl Head<'_> {
     }
 
     fn print(&mut self, pass: &PlanePass, volume_mm3: &[f64], number: u32) {
-        let control = self.print_control(pass, volume_mm3);
+        let asked = asked_of(pass, self.settings);
+        let flow = asked.flow_factor.unwrap_or(1.0);
+        let control = self.print_control(pass, volume_mm3, flow);
         let number = Some(number);
         self.push(MotionState::Print, pass.layer, number, control, 0.0, None);
+        if let Some(printed) = self.route.stretches.last_mut() {
+            let share = self.settings.plan_share;
+            printed.speed_mm_s = asked.speed_mm_s.map(|speed| speed * share);
+            printed.acceleration_mm_s2 = asked.acceleration_mm_s2.map(|bend| bend * share);
+        }
     }
 
     /// Pulls the material back: begins before the last pass ends, and stands until it is done.
@@ -272,7 +282,12 @@ impl Head<'_> {
     }
 
     /// The pass in channel space.
-    fn print_control(&self, pass: &PlanePass, volume_mm3: &[f64]) -> Vec<[f64; CHANNELS]> {
+    fn print_control(
+        &self,
+        pass: &PlanePass,
+        volume_mm3: &[f64],
+        flow: f64,
+    ) -> Vec<[f64; CHANNELS]> {
         let turn = self.at[CHANNEL_HEADING] - pass.control[0][2];
         let places = pass.control.iter().zip(volume_mm3);
         places
@@ -282,10 +297,25 @@ impl Head<'_> {
                 point[CHANNEL_Y] = y;
                 point[CHANNEL_Z] = pass.z_mm;
                 point[CHANNEL_HEADING] = heading + turn;
-                point[CHANNEL_VOLUME] += volume_mm3;
+                point[CHANNEL_VOLUME] += flow * volume_mm3;
                 point
             })
             .collect()
+    }
+}
+
+/// What is asked of a pass beside the general settings.
+fn asked_of(pass: &PlanePass, settings: &Settings) -> KindSettings {
+    let kinds = &settings.kinds;
+    let own = match pass.kind {
+        PassKind::TwoPass | PassKind::OnePass => kinds.walls,
+        PassKind::Infill => kinds.solid,
+        PassKind::Sparse => kinds.sparse,
+        PassKind::Skirt => kinds.skirt,
+    };
+    match pass.layer {
+        0 => own.with(kinds.first_layer),
+        _ => own,
     }
 }
 
@@ -347,7 +377,6 @@ pub fn nearest_heading(heading_rad: f64, from_rad: f64, period_rad: f64) -> f64 
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::plan::pass::PassKind;
 
     /// Goal: a pass is entered at the nearest heading from which it fits between the stops. Method: a
     /// pass that turns by 300° one way, stops 450° either way, headings 180° apart.

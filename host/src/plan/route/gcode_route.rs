@@ -102,6 +102,7 @@ impl Head<'_> {
             curve: PathCurve { control },
             dwell_s: 0.0,
             speed_mm_s: None,
+            acceleration_mm_s2: None,
             event: None,
         });
         let last = stretches.len() - 1;

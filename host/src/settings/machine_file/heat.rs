@@ -14,6 +14,9 @@ pub(super) struct FileMaterial {
     hot_end_c: f64,
     bed_c: Option<f64>,
     fan_pct: Option<f64>,
+    density_g_cm3: Option<f64>,
+    price_per_kg: Option<f64>,
+    diameter_mm: Option<f64>,
 }
 
 impl FileMaterial {
@@ -22,6 +25,9 @@ impl FileMaterial {
             hot_end_c: self.hot_end_c,
             bed_c: self.bed_c.unwrap_or(0.0),
             fan_pct: self.fan_pct.unwrap_or(0.0),
+            density_g_cm3: self.density_g_cm3,
+            price_per_kg: self.price_per_kg,
+            diameter_mm: self.diameter_mm,
         }
     }
 }
@@ -133,7 +139,17 @@ pub(super) fn write_material(text: &mut String, material: &Material) -> std::fmt
     )?;
     writeln!(text, "hot_end_c = {}", material.hot_end_c)?;
     writeln!(text, "bed_c = {}", material.bed_c)?;
-    writeln!(text, "fan_pct = {}", material.fan_pct)
+    writeln!(text, "fan_pct = {}", material.fan_pct)?;
+    for (key, value) in [
+        ("density_g_cm3", material.density_g_cm3),
+        ("price_per_kg", material.price_per_kg),
+        ("diameter_mm", material.diameter_mm),
+    ] {
+        if let Some(value) = value {
+            writeln!(text, "{key} = {value}")?;
+        }
+    }
+    Ok(())
 }
 
 /// Writes the group of heaters.

@@ -1,6 +1,7 @@
 //! Writes a machine file with its comments; [`super::from_toml`] reads exactly the same settings.
 
 use super::heat::{write_heaters, write_material};
+use super::kinds::write_kinds;
 use super::shaper::write_shapers;
 use crate::settings::aperture_text::aperture_text;
 use crate::settings::check::{joint_names, kinematics_name};
@@ -31,6 +32,7 @@ fn written(settings: &Settings, with_layers: bool) -> String {
     let _ = write_process(&mut text, settings, with_layers);
     let _ = write_infill(&mut text, settings, with_layers);
     let _ = write_skirt(&mut text, settings);
+    let _ = write_kinds(&mut text, &settings.kinds);
     if let Some(material) = &settings.material {
         let _ = write_material(&mut text, material);
     }
@@ -297,6 +299,12 @@ fn write_process(text: &mut String, s: &Settings, with_layers: bool) -> std::fmt
     )?;
     writeln!(text, "# Travel moves are lifted by this much.")?;
     writeln!(text, "lift_mm = {}", number(s.lift_mm))?;
+    // Jobs carry this text: what is not asked for is left out.
+    if s.layer_time_min_s > 0.0 {
+        writeln!(text, "layer_time_min_s = {}", number(s.layer_time_min_s))?;
+        let slow_mm_s = number(s.slow_speed_min_mm_s);
+        writeln!(text, "slow_speed_min_mm_s = {slow_mm_s}")?;
+    }
     writeln!(text, "overlap_pct = {}", number(s.overlap_pct))?;
     write_travel(text, s)?;
     write_choices(text, s)?;

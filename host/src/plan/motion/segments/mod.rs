@@ -168,9 +168,11 @@ fn finish_stretch(
     let stretch = &route.stretches[index];
     let of_state = MotionLimits::of(settings, stretch.state)?;
     let own_mm_s = stretch.speed_mm_s.unwrap_or(f64::INFINITY);
+    let own_mm_s2 = stretch.acceleration_mm_s2.unwrap_or(f64::INFINITY);
     let limits = MotionLimits {
         winding: *winding,
         tip_speed_mm_s: of_state.tip_speed_mm_s.min(own_mm_s),
+        tip_acceleration_mm_s2: of_state.tip_acceleration_mm_s2.min(own_mm_s2),
         ..of_state
     };
     check_event(stretch, &limits)?;

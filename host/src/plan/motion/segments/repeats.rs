@@ -56,6 +56,7 @@ fn is_repeated(route: &Route, first: usize, index: usize) -> bool {
     points.len() == others.len()
         && (own.event, own.dwell_s) == (other.event, other.dwell_s)
         && own.speed_mm_s == other.speed_mm_s
+        && own.acceleration_mm_s2 == other.acceleration_mm_s2
         && before(index) == before(first)
         && (0..CHANNELS).all(is_constant)
 }
@@ -97,6 +98,7 @@ mod tests {
             curve: PathCurve { control },
             dwell_s: 0.0,
             speed_mm_s: None,
+            acceleration_mm_s2: None,
             event: None,
         }
     }

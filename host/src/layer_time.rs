@@ -1,0 +1,103 @@
+//! Layers that are over too soon are printed slower, so that each has its time to cool.
+//!
+//! In: a route, laid at full speed; the least time of a layer (s) and the least speed (mm/s). Out: the
+//! stream with the passes of short layers slowed, and how many layers that were. Speed alone gives:
+//! nothing waits, since a nozzle that waits oozes. Left out: fans.
+
+use crate::job::{MotionState, SegmentStream};
+use crate::plan::motion::joint_limits::MotionError;
+use crate::plan::motion::segments::{MotionReport, lay_segments_with_progress};
+use crate::plan::progress::Progress;
+use crate::plan::route::moves::Route;
+use crate::settings::Settings;
+use headway_protocol::units::{CHANNEL_X, CHANNEL_Y, CHANNEL_Z, CHANNELS};
+use serde::{Deserialize, Serialize};
+use std::collections::BTreeMap;
+
+/// Layers that were slowed.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
+pub struct SlowedLayers {
+    /// How many.
+    pub layers: u32,
+    /// Those of them that are over too soon even at the least speed.
+    pub still_short: u32,
+}
+
+/// Segments of a route whose layers last as long as is asked.
+///
+/// # Errors
+/// [`MotionError`].
+pub(crate) fn lay_with_layer_times(
+    route: &mut Route,
+    settings: &Settings,
+    progress: &dyn Progress,
+) -> Result<(SegmentStream, MotionReport, SlowedLayers), MotionError> {
+    let (stream, report) = lay_segments_with_progress(route, settings, progress)?;
+    let slowed = slow_short_layers(route, &stream, settings);
+    if slowed == SlowedLayers::default() {
+        return Ok((stream, report, slowed));
+    }
+    let (stream, report) = lay_segments_with_progress(route, settings, progress)?;
+    Ok((stream, report, slowed))
+}
+
+/// Slows the passes of short layers: at this speed all along they take the time that is wanted, and
+/// where they are slower anyway a little more.
+fn slow_short_layers(
+    route: &mut Route,
+    stream: &SegmentStream,
+    settings: &Settings,
+) -> SlowedLayers {
+    let mut slowed = SlowedLayers::default();
+    let least_s = settings.layer_time_min_s;
+    if least_s <= 0.0 {
+        return slowed;
+    }
+    let servo_hz = f64::from(settings.machine.servo_hz);
+    // Of each layer all of its time and that of its passes, and their way.
+    let mut layers: BTreeMap<u32, [f64; 3]> = BTreeMap::new();
+    for mark in &stream.marks {
+        let seconds = (mark.end_tick - mark.start_tick) as f64 / servo_hz;
+        let of_layer = layers.entry(mark.layer).or_default();
+        of_layer[0] += seconds;
+        if mark.state == MotionState::Print {
+            of_layer[1] += seconds;
+        }
+    }
+    let printed = route.stretches.iter();
+    for stretch in printed.filter(|stretch| stretch.state == MotionState::Print) {
+        layers.entry(stretch.layer).or_default()[2] += way_mm(&stretch.curve.control);
+    }
+    let mut speeds: BTreeMap<u32, f64> = BTreeMap::new();
+    for (layer, [all_s, print_s, way_mm]) in layers {
+        if all_s >= least_s || print_s <= 0.0 {
+            continue;
+        }
+        let wanted_mm_s = way_mm / (print_s + least_s - all_s);
+        let slowest_mm_s = settings.slow_speed_min_mm_s;
+        slowed.layers += 1;
+        slowed.still_short += u32::from(wanted_mm_s < slowest_mm_s);
+        speeds.insert(layer, wanted_mm_s.max(slowest_mm_s));
+    }
+    for stretch in &mut route.stretches {
+        let is_print = stretch.state == MotionState::Print;
+        if let (true, Some(&speed_mm_s)) = (is_print, speeds.get(&stretch.layer)) {
+            let own_mm_s = stretch.speed_mm_s.unwrap_or(f64::INFINITY);
+            stretch.speed_mm_s = Some(own_mm_s.min(speed_mm_s));
+        }
+    }
+    slowed
+}
+
+/// Way of the tip.
+pub(crate) fn way_mm(control: &[[f64; CHANNELS]]) -> f64 {
+    let legs = control.windows(2).map(|pair| {
+        [CHANNEL_X, CHANNEL_Y, CHANNEL_Z]
+            .map(|channel| pair[1][channel] - pair[0][channel])
+            .iter()
+            .map(|way| way * way)
+            .sum::<f64>()
+            .sqrt()
+    });
+    legs.sum()
+}
