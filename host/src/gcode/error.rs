@@ -124,6 +124,19 @@ pub enum GcodeError {
         /// What was given.
         value: f64,
     },
+    /// Slower than any machine file has it, for long.
+    #[error(
+        "line {line}: it prints at {} mm/s for {} s: check F, which is mm/min, and the modes (G93, G94)",
+        Short(*speed_mm_s), Short(*seconds)
+    )]
+    Slow {
+        /// Line from 1.
+        line: usize,
+        /// Tip speed.
+        speed_mm_s: f64,
+        /// How long.
+        seconds: f64,
+    },
     /// Inverse time without a time.
     #[error("line {line}: with G93 every G1, G2, G3 and G5 needs its own F")]
     NoInverseTime {

@@ -38,6 +38,9 @@ pub const ANGLE_MAX_DEG: f64 = 360_000.0;
 pub const FILAMENT_MM: [f64; 2] = [0.1, 20.0];
 /// Diameter where nobody says it.
 pub const FILAMENT_DEFAULT_MM: f64 = 1.75;
+/// Slowest bead, mm/s, as machine files have it; how long one may be slower, s.
+const SPEED_MIN_MM_S: f64 = 0.01;
+const SLOW_S_MAX: f64 = 60.0;
 /// Lines of each kind that a note names.
 const LINES_TOLD: usize = 8;
 
@@ -201,6 +204,7 @@ pub fn read(bytes: &[u8], name: &str, options: &GcodeOptions) -> Result<GcodePro
     if options.scale != 1.0 {
         passes.iter_mut().for_each(|pass| pass.scale(options.scale));
     }
+    check_speed(&passes)?;
     check_tilt(&passes)?;
     let mut notes = notes(&steps, options, filament_mm);
     if left_out.purged_mm3 > 1e-6 {
@@ -245,6 +249,24 @@ fn filament_mm(steps: &Steps, options: &GcodeOptions) -> Result<f64, GcodeError>
             diameter_mm,
         })
     }
+}
+
+/// A job of months is a feed in the wrong unit.
+fn check_speed(passes: &[GcodePass]) -> Result<(), GcodeError> {
+    for pass in passes {
+        for (pair, leg) in pass.points.windows(2).zip(&pass.legs) {
+            let (line, speed_mm_s) = (leg.line, leg.speed_mm_s);
+            let seconds = pair[1].distance_mm(&pair[0]) / speed_mm_s;
+            if speed_mm_s < SPEED_MIN_MM_S && seconds > SLOW_S_MAX {
+                return Err(GcodeError::Slow {
+                    line,
+                    speed_mm_s,
+                    seconds,
+                });
+            }
+        }
+    }
+    Ok(())
 }
 
 /// Poses have tilts up to a bound.
