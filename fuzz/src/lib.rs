@@ -5,6 +5,7 @@
 pub mod attack;
 pub mod board;
 pub mod job;
+pub mod package;
 pub mod target;
 
 use headway::input::{self, Format, InputError, ReadOptions};
