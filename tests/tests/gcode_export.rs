@@ -79,6 +79,27 @@ fn beside(sample: &StreamSample, from: &[f64; 6], to: &[f64; 6]) -> f64 {
     left[3..].iter().fold(tip, |most, c| most.max(c.abs()))
 }
 
+/// Every third tick of a stream against moves in order, which end where it does; the worst place
+/// against what is asked.
+fn beside_moves(stream: &SegmentStream, servo_hz: f64, places: &[[f64; 6]]) -> f64 {
+    let (mut at, mut worst) = (0, 0.0f64);
+    for sample in samples(stream, servo_hz, 3.0) {
+        let ahead = at..(at + 6).min(places.len() - 1);
+        let of = |i: usize| beside(&sample, &places[i], &places[i + 1]);
+        let best = ahead
+            .min_by(|i, k| of(*i).total_cmp(&of(*k)))
+            .expect("a move");
+        at = best;
+        worst = worst.max(of(best));
+    }
+    assert!(
+        at + 12 > places.len(),
+        "the path ends at {at} of {}",
+        places.len()
+    );
+    worst
+}
+
 /// Reads a text back and holds it against the stream; the worst place against what is asked.
 fn check(stream: &SegmentStream, servo_hz: f64, options: &WriteOptions) -> (f64, Written) {
     let dialect = options.dialect;
@@ -99,22 +120,8 @@ fn check(stream: &SegmentStream, servo_hz: f64, options: &WriteOptions) -> (f64,
             })
         })
         .collect();
-    let (mut at, mut worst) = (0, 0.0f64);
-    for sample in samples(stream, servo_hz, 3.0) {
-        let ahead = at..(at + 6).min(places.len() - 1);
-        let of = |i: usize| beside(&sample, &places[i], &places[i + 1]);
-        let best = ahead
-            .min_by(|i, k| of(*i).total_cmp(&of(*k)))
-            .expect("a move");
-        at = best;
-        worst = worst.max(of(best));
-    }
+    let worst = beside_moves(stream, servo_hz, &places);
     assert!(worst <= 1.0, "{dialect:?}: {worst} of what is asked");
-    assert!(
-        at + 12 > places.len(),
-        "{dialect:?}: the path ends at {at} of {}",
-        places.len()
-    );
     // Volume of the moves: primes stand.
     let mut before = None;
     let (mut extruded_mm, mut seconds) = (0.0, 0.0);
@@ -254,6 +261,71 @@ fn tilts_are_read_back_as_axes() {
         let (worst, written) = check(&plan.stream, servo_hz, &options(dialect));
         println!("{dialect:?}: {worst:.3} of what is asked, {written:?}");
     }
+}
+
+/// What LinuxCNC's stand-alone interpreter makes of a text: the places of its canonical moves, X Y Z mm,
+/// A B C degrees. `None` where it is not installed (Debian's `linuxcnc-uspace`).
+fn canonical_moves(text: &str) -> Option<Vec<[f64; 6]>> {
+    let file = std::env::temp_dir().join(format!("headway-rs274-{}.ngc", std::process::id()));
+    std::fs::write(&file, text).expect("a file");
+    let ran = std::process::Command::new("rs274")
+        .arg("-g")
+        .arg(&file)
+        .current_dir(std::env::temp_dir())
+        .output();
+    std::fs::remove_file(&file).expect("the file");
+    let ran = ran.ok()?;
+    let said = String::from_utf8_lossy(&ran.stdout).into_owned();
+    let errors = String::from_utf8_lossy(&ran.stderr).into_owned();
+    assert!(ran.status.success(), "{errors}{said}");
+    assert!(said.contains("PROGRAM_END"), "{errors}{said}");
+    let moves = said.lines().filter_map(|line| {
+        let numbers = line
+            .split_once("STRAIGHT_FEED(")
+            .or_else(|| line.split_once("STRAIGHT_TRAVERSE("))?;
+        let numbers: Vec<f64> = numbers
+            .1
+            .trim_end_matches([')', ' '])
+            .split(',')
+            .filter_map(|number| number.trim().parse().ok())
+            .collect();
+        <[f64; 6]>::try_from(numbers).ok()
+    });
+    Some(moves.collect())
+}
+
+/// Goal: LinuxCNC takes its dialect without an error, and moves as the job does. Method: its stand-alone
+/// interpreter on the plate's text; every third tick of the stream against its canonical moves, 5 µm
+/// and 0.05°; the extruder (A here, it knows no U) against the volume. Skips where it is not installed.
+#[test]
+fn linuxcnc_makes_the_same_moves() {
+    let (stream, servo_hz) = plate();
+    let with_a = WriteOptions {
+        extruder: Some(b'A'),
+        ..options(Dialect::LinuxCnc)
+    };
+    let (text, written) = written(&stream, servo_hz, &with_a);
+    let Some(moves) = canonical_moves(&text) else {
+        println!("skipped: rs274 (linuxcnc-uspace) is not installed");
+        return;
+    };
+    assert!(moves.len() > written.moves, "{} moves", moves.len());
+    let places: Vec<[f64; 6]> = moves
+        .iter()
+        .map(|&[x, y, z, _, _, c]| [x, y, z, 0.0, 0.0, c.to_radians()])
+        .collect();
+    let worst = beside_moves(&stream, servo_hz, &places);
+    println!("rs274: {worst:.3} of what is asked, {} moves", moves.len());
+    assert!(worst <= 1.0, "{worst} of what is asked");
+    // Primes and retracts stand; what moves extrude is the job's volume.
+    let extruded_mm: f64 = moves
+        .windows(2)
+        .filter(|pair| pair[0][..3] != pair[1][..3] || pair[0][5] != pair[1][5])
+        .map(|pair| pair[1][3] - pair[0][3])
+        .sum();
+    // The interpreter prints A to 10⁻⁴ mm.
+    let share = extruded_mm * FILAMENT_MM2 / written.volume_mm3;
+    assert!((share - 1.0).abs() < 1e-3, "{share} of the volume");
 }
 
 /// Goal: a sliced file that goes through a job and out again is the file's path. Method: its passes.
