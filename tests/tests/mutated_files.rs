@@ -105,8 +105,17 @@ fn packed(model: &[u8]) -> Vec<u8> {
     let mut package = zip::ZipWriter::new(Cursor::new(Vec::new()));
     let options = zip::write::SimpleFileOptions::default();
     let files: [(&str, &[u8]); 3] = [
-        ("[Content_Types].xml", b"<Types xmlns=\"http://schemas.openxmlformats.org/package/2006/content-types\"><Default Extension=\"rels\" ContentType=\"application/vnd.openxmlformats-package.relationships+xml\"/><Default Extension=\"model\" ContentType=\"application/vnd.ms-package.3dmanufacturing-3dmodel+xml\"/></Types>"),
-        ("_rels/.rels", b"<Relationships xmlns=\"http://schemas.openxmlformats.org/package/2006/relationships\"><Relationship Target=\"/3D/3dmodel.model\" Id=\"rel0\" Type=\"http://schemas.microsoft.com/3dmanufacturing/2013/01/3dmodel\"/></Relationships>"),
+        ("[Content_Types].xml", b"<Types xmlns=\"http://schemas.openxmlformats.org/package/2006/content-types\">\
+                <Default Extension=\"rels\" \
+                ContentType=\"application/vnd.openxmlformats-package.relationships+xml\"/>\
+                <Default Extension=\"model\" \
+                ContentType=\"application/vnd.ms-package.3dmanufacturing-3dmodel+xml\"/>\
+                </Types>"),
+        ("_rels/.rels", b"<Relationships xmlns=\"http://schemas.openxmlformats.org/package/2006/relationships\">\
+                <Relationship Target=\"/3D/3dmodel.model\" \
+                Id=\"rel0\" \
+                Type=\"http://schemas.microsoft.com/3dmanufacturing/2013/01/3dmodel\"/>\
+                </Relationships>"),
         ("3D/3dmodel.model", model),
     ];
     for (name, bytes) in files {
