@@ -20,7 +20,7 @@ use crate::report::pose_table::{duration_ticks, samples_within};
 use crate::report::space_picture::{SpacePicture, SpacePoint};
 use crate::report::stream_plots::stream_plots;
 use crate::report::track::{Track, TrackOf, track};
-use crate::report::{LayerSheets, Place, Report, ReportFile, write_report};
+use crate::report::{LayerSheets, PageLayer, Place, Report, ReportFile, write_report};
 use headway_firmware::pose::Pose;
 use headway_protocol::units::{CHANNEL_HEADING, CHANNEL_X, CHANNEL_Y, CHANNEL_Z};
 
@@ -93,7 +93,8 @@ fn shown_layers(planned: &Planned) -> Vec<ShownLayer> {
 pub(super) fn report_files(planned: &Planned) -> Vec<ReportFile> {
     let shown = shown_layers(planned);
     let rasters = rasters(planned, &shown);
-    let samples_max = TRACK_SAMPLES_MAX / shown.len().max(1) as u64;
+    let samples = samples_of_layers(planned, &shown);
+    let more_layers = more_layers(planned, &shown, &samples);
     let sheets = shown.iter().zip(rasters).map(|(shown, rasters)| {
         let coverage = (!rasters.is_empty()).then(|| CoveragePicture {
             title: &shown.coverage_title,
@@ -105,7 +106,7 @@ pub(super) fn report_files(planned: &Planned) -> Vec<ReportFile> {
             label: &shown.label,
             plan: plan_picture(&shown.plan_title, planned, shown.layer),
             coverage,
-            track: Some(track_of(planned, shown.layer, samples_max)),
+            track: Some(track_of(planned, shown.layer, samples(shown.layer))),
         }
     });
     let settings = &planned.settings;
@@ -113,6 +114,7 @@ pub(super) fn report_files(planned: &Planned) -> Vec<ReportFile> {
         title: &planned.name,
         figures: &planned.figures,
         layers: sheets.collect(),
+        more_layers,
         space: space_picture(planned),
         motion: Some(stream_plots(&planned.name, &planned.stream, settings)),
         notes: &planned.notes,
@@ -122,6 +124,49 @@ pub(super) fn report_files(planned: &Planned) -> Vec<ReportFile> {
         slow_places: &slow_places(planned),
         left_out: &planned.left_out,
     })
+}
+
+/// Layers that the pictures leave out and that are like none of those shown: a part's, or those of a job
+/// that came without its settings.
+fn more_layers(
+    planned: &Planned,
+    shown: &[ShownLayer],
+    samples: &impl Fn(u32) -> u64,
+) -> Vec<PageLayer> {
+    let [only] = shown else {
+        return Vec::new();
+    };
+    let (layers, stream) = (planned.stream.layers(), &planned.stream);
+    let (_, kind_of_layer) = infills_of_layers(&planned.settings);
+    if kind_of_layer.len() == layers as usize {
+        return Vec::new();
+    }
+    let more = (only.layer + 1..layers).filter(|&layer| {
+        let [from, end] = stream.ticks_of_layer(layer);
+        from < end
+    });
+    more.map(|layer| PageLayer {
+        label: format!("layer {} of {layers}", layer + 1),
+        track: track_of(planned, layer, samples(layer)),
+    })
+    .collect()
+}
+
+/// How many samples a layer may have: its share of all time that the page shows.
+fn samples_of_layers(planned: &Planned, shown: &[ShownLayer]) -> impl Fn(u32) -> u64 {
+    let stream = &planned.stream;
+    let ticks = |layer: u32| {
+        let [from, end] = stream.ticks_of_layer(layer);
+        end.saturating_sub(from)
+    };
+    let all = match shown {
+        [_] => duration_ticks(stream),
+        _ => shown.iter().map(|shown| ticks(shown.layer)).sum(),
+    };
+    move |layer| match stream.layers() {
+        0 | 1 => TRACK_SAMPLES_MAX,
+        _ => (TRACK_SAMPLES_MAX as f64 * ticks(layer) as f64 / all.max(1) as f64) as u64,
+    }
 }
 
 /// The path in space; `None` where the tool stays upright.
@@ -168,11 +213,14 @@ fn track_of(planned: &Planned, layer: u32, samples_max: u64) -> Track {
 fn slow_places(planned: &Planned) -> Vec<Place> {
     let places = planned.figures.slow_places.iter().flatten();
     let place = |place: &SlowPlaceFigures| Place {
-        what: format!(
-            "{:.2} s for a millimetre, by {}",
-            place.seconds,
-            place.limit.replace('_', " ")
-        ),
+        what: match place.limit.as_str() {
+            "none" => format!("{:.2} s for a millimetre", place.seconds),
+            limit => format!(
+                "{:.2} s for a millimetre, by {}",
+                place.seconds,
+                limit.replace('_', " ")
+            ),
+        },
         x_mm: place.x_mm,
         y_mm: place.y_mm,
     };

@@ -237,14 +237,14 @@ fn largest_mm2(plan: &Plan, open: &[OpenGround]) -> Option<f64> {
 
 /// Open ground and unreachable boundary as places for the eye.
 pub(super) fn left_out(open: &[OpenGround], unreachable: &[UnreachableRun]) -> Vec<Place> {
-    let open = open.iter().take(PLACES_SHOWN).map(|piece| Place {
+    let open = open.iter().map(|piece| Place {
         what: format!("{:.3} mm² of open ground", piece.area_mm2),
         x_mm: piece.at.x,
         y_mm: piece.at.y,
     });
     let mut longest: Vec<&UnreachableRun> = unreachable.iter().collect();
     longest.sort_by(|a, b| b.length_mm().total_cmp(&a.length_mm()));
-    let runs = longest.into_iter().take(PLACES_SHOWN).map(|run| {
+    let runs = longest.into_iter().map(|run| {
         let at = nalgebra::center(&run.from, &run.to);
         Place {
             what: format!("{:.3} mm of boundary out of reach", run.length_mm()),
@@ -252,7 +252,27 @@ pub(super) fn left_out(open: &[OpenGround], unreachable: &[UnreachableRun]) -> V
             y_mm: at.y,
         }
     });
-    open.chain(runs).collect()
+    told_once(open).chain(told_once(runs)).collect()
+}
+
+/// The first places, each once with how often it comes: layers that are alike lack the same.
+fn told_once(places: impl Iterator<Item = Place>) -> impl Iterator<Item = Place> {
+    let mut told: Vec<(Place, usize)> = Vec::new();
+    for place in places {
+        let known = told.iter().position(|(other, _)| *other == place);
+        match known {
+            Some(number) => told[number].1 += 1,
+            None if told.len() < PLACES_SHOWN => told.push((place, 1)),
+            None => {}
+        }
+    }
+    told.into_iter().map(|(place, times)| match times {
+        1 => place,
+        times => Place {
+            what: format!("{}, on {times} layers", place.what),
+            ..place
+        },
+    })
 }
 
 fn all_figures(

@@ -37,6 +37,8 @@ pub struct Report<'a> {
     pub figures: &'a Figures,
     /// Sheets of layers; the first has the plain file names.
     pub layers: Vec<LayerSheets<'a>>,
+    /// Layers of which only the motion is known; the page alone shows them.
+    pub more_layers: Vec<PageLayer>,
     /// The path in space, where the tool tilts.
     pub space: Option<SpacePicture>,
     /// Curves over time.
@@ -79,6 +81,15 @@ pub struct LayerSheets<'a> {
     pub coverage: Option<CoveragePicture<'a>>,
     /// Its motion, for the page.
     pub track: Option<Track>,
+}
+
+/// A layer without pictures of its own.
+#[derive(Clone, Debug)]
+pub struct PageLayer {
+    /// Which layer that is.
+    pub label: String,
+    /// Its motion.
+    pub track: Track,
 }
 
 /// A file of the report.

@@ -175,6 +175,7 @@ fn empty(figures: &Figures) -> Report<'_> {
         title: "part",
         figures,
         layers: Vec::new(),
+        more_layers: Vec::new(),
         space: None,
         motion: None,
         notes: &[],

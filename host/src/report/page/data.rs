@@ -37,6 +37,8 @@ struct Data<'a> {
 #[derive(Serialize)]
 struct Layer<'a> {
     label: &'a str,
+    /// Neither outline nor ground of it is known.
+    bare: bool,
     start_s: f64,
     every_s: f64,
     x: Column,
@@ -86,7 +88,10 @@ struct Ground {
 pub fn json(report: &Report) -> String {
     let sheets = report.layers.iter();
     let sheets = sheets.filter_map(|sheet| Some((sheet, sheet.track.as_ref()?)));
-    let layers = sheets.map(|(sheet, track)| layer(sheet, track)).collect();
+    let sheets = sheets.map(|(sheet, track)| layer(sheet.label, track, Some(sheet)));
+    let bare = report.more_layers.iter();
+    let bare = bare.map(|more| layer(&more.label, &more.track, None));
+    let layers = sheets.chain(bare).collect();
     let first = report.layers.first();
     let rings = |regions: &[Region]| -> Vec<Vec<f64>> {
         let regions = regions.iter();
@@ -119,12 +124,14 @@ pub fn json(report: &Report) -> String {
     text.replace('<', "\\u003c")
 }
 
-fn layer<'a>(sheet: &'a LayerSheets, track: &'a Track) -> Layer<'a> {
+fn layer<'a>(label: &'a str, track: &'a Track, sheet: Option<&'a LayerSheets>) -> Layer<'a> {
     let axis = |k: usize| (!track.tool_axis[k].is_empty()).then(|| column(&track.tool_axis[k]));
     let joints = track.joints_pct.iter();
-    let grounds = sheet.coverage.iter().flat_map(|picture| &picture.rasters);
+    let coverage = sheet.iter().filter_map(|sheet| sheet.coverage.as_ref());
+    let grounds = coverage.flat_map(|picture| &picture.rasters);
     Layer {
-        label: sheet.label,
+        label,
+        bare: sheet.is_none(),
         start_s: track.start_s,
         every_s: track.every_s,
         x: column(&track.tip_mm[0]),

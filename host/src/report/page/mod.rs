@@ -24,6 +24,7 @@ pub fn html(report: &Report, pictures: &[(String, String)]) -> String {
         ("title", escaped(report.title)),
         ("css", STYLE.to_string()),
         ("verdict", escaped(&verdict::verdict(report.figures))),
+        ("tiles", tiles(report.figures)),
         ("notes", notes(report.notes)),
         ("figures", tables(report.figures, is_first)),
         ("more", tables(report.figures, |group| !is_first(group))),
@@ -60,6 +61,18 @@ fn filled(template: &str, fields: &[(&str, String)]) -> String {
     page + rest
 }
 
+/// The figures that a user reads first, large.
+fn tiles(figures: &Figures) -> String {
+    let tiles: String = verdict::tiles(figures)
+        .iter()
+        .map(|(what, value)| format!("<div><dt>{what}</dt><dd>{}</dd></div>\n", escaped(value)))
+        .collect();
+    match tiles.as_str() {
+        "" => tiles,
+        _ => format!("<dl class=\"tiles\">\n{tiles}</dl>"),
+    }
+}
+
 fn notes(notes: &[String]) -> String {
     if notes.is_empty() {
         return String::new();
@@ -68,7 +81,9 @@ fn notes(notes: &[String]) -> String {
         .iter()
         .map(|note| format!("<li>{}</li>\n", escaped(note)))
         .collect();
-    format!("<section aria-label=\"Notes\"><h2>Notes</h2><ul>\n{items}</ul></section>")
+    format!(
+        "<section class=\"card notes\" aria-label=\"Notes\"><h2>Notes</h2><ul>\n{items}</ul></section>"
+    )
 }
 
 fn tables(figures: &Figures, wanted: impl Fn(&str) -> bool) -> String {
@@ -86,7 +101,7 @@ fn tables(figures: &Figures, wanted: impl Fn(&str) -> bool) -> String {
 
 fn files(pictures: &[(String, String)]) -> String {
     let mut text = String::from(
-        "<section aria-label=\"Files\"><h2>Files beside this page</h2><ul>\n\
+        "<section class=\"card\" aria-label=\"Files\"><h2>Files beside this page</h2><ul>\n\
          <li><a href=\"report.json\">report.json</a>: all figures</li>\n",
     );
     for (file, caption) in pictures {

@@ -23,7 +23,7 @@
     return opened.get(number);
   }
   function open(source) {
-    const l = { label: source.label, start: source.start_s, every: source.every_s, ground: source.ground };
+    const l = { label: source.label, bare: source.bare, start: source.start_s, every: source.every_s, ground: source.ground };
     for (const name of ["x", "y", "z", "heading", "speed", "flow"]) l[name] = values(source[name]);
     if (source.nx) for (const name of ["nx", "ny", "nz"]) l[name] = values(source[name]);
     l.joints = source.joints.map((joint) => ({ name: joint.name, value: values(joint) }));
@@ -149,7 +149,7 @@
     }
     if (z[0] <= z[1]) middle = [(plane[0][0] + plane[0][1]) / 2, (plane[1][0] + plane[1][1]) / 2, (z[0] + z[1]) / 2];
     for (let i = 0; i < layer.count; i++) if (layer.state[i] === PRINT) add(...project(layer.x[i], layer.y[i], layer.z[i]));
-    for (const ring of data.outline) for (let i = 0; i < ring.length; i += 2) add(...project(ring[i], ring[i + 1], middle[2]));
+    if (!layer.bare) for (const ring of data.outline) for (let i = 0; i < ring.length; i += 2) add(...project(ring[i], ring[i + 1], middle[2]));
     if (x0 > x1) { x0 = y0 = 0; x1 = y1 = 10; }
     const room = 0.94;
     view = { x: (x0 + x1) / 2, y: (y0 + y1) / 2, scale: room * Math.min(base.width / (x1 - x0 || 1), base.height / (y1 - y0 || 1)) };
@@ -265,10 +265,10 @@
     c.fillStyle = "#fff"; c.fillRect(0, 0, base.width, base.height);
     drawGround(c);
     if (data.keep_out.length) lines(c, data.keep_out, "#a0aec0", 3, true);
-    if (shown.axis) lines(c, data.axis, "#718096", 1, false);
+    if (shown.axis && !layer.bare) lines(c, data.axis, "#718096", 1, false);
     drawPath(c);
     drawAxes(c);
-    if (shown.outline) { lines(c, data.outline, "#1a202c", 1.2, true); lines(c, data.unreachable, "#d53f8c", 3, false); }
+    if (shown.outline && !layer.bare) { lines(c, data.outline, "#1a202c", 1.2, true); lines(c, data.unreachable, "#d53f8c", 3, false); }
     const nice = niceStep(120 * ratio() / view.scale);
     c.fillStyle = "#1a202c"; c.font = `${13 * ratio()}px system-ui,sans-serif`;
     c.fillRect(12 * ratio(), base.height - 14 * ratio(), nice * view.scale, 3 * ratio());
@@ -343,12 +343,12 @@
     { title: "Tip speed, mm/s", curves: () => [{ name: "", value: layer.speed }] },
     { title: "Joint speeds, % of each limit", curves: () => layer.joints, limit: 100 },
     { title: "Heading, °", curves: () => [{ name: "", value: layer.heading }] },
-    { title: "Flow, mm³/s", curves: () => [{ name: "", value: layer.flow }], limit: data.flow_limit_mm3_s },
+    { last: true, title: "Flow, mm³/s", curves: () => [{ name: "", value: layer.flow }], limit: data.flow_limit_mm3_s },
   ];
   let span = [0, 1];
   panels.forEach((panel) => {
     const box = document.createElement("div");
-    box.className = "plot";
+    box.className = panel.last ? "plot last" : "plot";
     panel.base = document.createElement("canvas"); panel.over = document.createElement("canvas");
     panel.base.setAttribute("role", "img"); panel.base.setAttribute("aria-label", panel.title);
     panel.over.setAttribute("aria-hidden", "true");
@@ -367,9 +367,11 @@
       from = null;
     });
     panel.over.addEventListener("wheel", (e) => {
+      // The page scrolls over the plots; only with a key held down the wheel is theirs.
+      if (!e.ctrlKey && !e.shiftKey) return;
       e.preventDefault();
       const middle = span[0] + (e.clientX - panel.over.getBoundingClientRect().left) / panel.over.clientWidth * (span[1] - span[0]);
-      const factor = Math.exp(e.deltaY * 0.002);
+      const factor = Math.exp((e.deltaY || e.deltaX) * 0.002);
       setSpan(middle + (span[0] - middle) * factor, middle + (span[1] - middle) * factor);
     }, { passive: false });
   });
@@ -388,7 +390,8 @@
     for (const curve of curves) for (let i = Math.floor(span[0]); i <= span[1]; i++) { if (curve.value[i] < low) low = curve.value[i]; if (curve.value[i] > high) high = curve.value[i]; }
     if (panel.limit && high > 0.6 * panel.limit) high = Math.max(high, 1.05 * panel.limit);
     if (!(high > low)) { high = low + 1; }
-    const y = (v) => h - 6 * ratio() - (v - low) / (high - low) * (h - 26 * ratio());
+    const top = 24 * ratio(), foot = panel.last ? h - 20 * ratio() : h, r = ratio();
+    const y = (v) => foot - 5 * r - (v - low) / (high - low) * (foot - top - 10 * r);
     c.fillStyle = "#fff"; c.fillRect(0, 0, w, h);
     // What the head does, behind the curves.
     const inks = ["#ebf8ff", "#fff", "#c6f6d5", "#fed7d7", "#edf2f7"];
@@ -396,8 +399,17 @@
     for (let i = begun + 1; i <= Math.floor(span[1]) + 1; i++) if (layer.state[i] !== layer.state[begun] || i > span[1]) {
       c.fillStyle = inks[layer.state[begun]] || "#fff";
       const x0 = (begun - span[0]) / (span[1] - span[0]) * w, x1 = (i - span[0]) / (span[1] - span[0]) * w;
-      c.fillRect(x0, 0, x1 - x0, h);
+      c.fillRect(x0, top, x1 - x0, foot - top);
       begun = i;
+    }
+    const seconds = (i) => layer.start + i * layer.every, long = (span[1] - span[0]) * layer.every;
+    const tick = niceStep(long / Math.max(2, w / r / 110)), digits = Math.max(0, -Math.floor(Math.log10(tick)));
+    c.font = `${11 * r}px system-ui,sans-serif`; c.fillStyle = "#4a5568";
+    for (let t = Math.ceil(seconds(span[0]) / tick) * tick; t <= seconds(span[1]); t += tick) {
+      const x = (t - seconds(span[0])) / long * w, words = `${t.toFixed(digits)} s`;
+      c.globalAlpha = 0.12; c.fillRect(x, top, r, foot - top); c.globalAlpha = 1;
+      const room = c.measureText(words).width;
+      if (panel.last && x - room / 2 > 0 && x + room / 2 < w) c.fillText(words, x - room / 2, h - 6 * r);
     }
     if (panel.limit && panel.limit <= high) {
       c.setLineDash([5, 4]); c.strokeStyle = "#9b2c2c"; c.beginPath(); c.moveTo(0, y(panel.limit)); c.lineTo(w, y(panel.limit)); c.stroke(); c.setLineDash([]);
@@ -416,23 +428,25 @@
       }
       c.stroke(); c.globalAlpha = 1;
     });
-    c.font = `${12 * ratio()}px system-ui,sans-serif`; c.fillStyle = "#1a202c";
-    c.fillText(`${panel.title}   ${number(low)} to ${number(high)}`, 6 * ratio(), 14 * ratio());
-    let right = w - 6 * ratio();
-    curves.filter((curve) => curve.name).forEach((curve, k) => {
-      right -= c.measureText(curve.name).width + 22 * ratio();
-      c.fillStyle = INKS[k % INKS.length]; c.fillRect(right, 6 * ratio(), 12 * ratio(), 8 * ratio());
-      c.fillStyle = "#1a202c"; c.fillText(curve.name, right + 15 * ratio(), 14 * ratio());
-    });
-    const time = (i) => `${(layer.start + i * layer.every).toFixed(2)} s`;
-    c.fillText(time(span[0]), 6 * ratio(), h - 5 * ratio());
-    c.fillText(time(span[1]), w - c.measureText(time(span[1])).width - 6 * ratio(), h - 5 * ratio());
+    c.fillStyle = "#1a202c"; c.font = `600 ${12.5 * r}px system-ui,sans-serif`;
+    c.fillText(panel.title, 8 * r, 16 * r);
+    const right = c.measureText(panel.title).width + 20 * r;
+    c.font = `${12 * r}px system-ui,sans-serif`; c.fillStyle = "#4a5568";
+    const between = `${number(low)} to ${number(high)}`;
+    c.fillText(between, right, 16 * r);
+    const named = curves.map((curve, k) => [curve.name, INKS[k % INKS.length]]).filter(([name]) => name);
+    let left = w - named.reduce((sum, [name]) => sum + c.measureText(name).width + 24 * r, 4 * r);
+    if (left > right + c.measureText(between).width) for (const [name, ink] of named) {
+      c.fillStyle = ink; c.fillRect(left, 11 * r, 12 * r, 3 * r);
+      c.fillStyle = "#1a202c"; c.fillText(name, left + 15 * r, 16 * r);
+      left += c.measureText(name).width + 24 * r;
+    }
   }
   function drawCursor() {
     for (const panel of panels) {
       const c = panel.over.getContext("2d"), x = (at - span[0]) / (span[1] - span[0]) * panel.over.width;
       c.clearRect(0, 0, panel.over.width, panel.over.height);
-      c.fillStyle = "#1a202c"; c.fillRect(x - ratio() / 2, 0, 1.5 * ratio(), panel.over.height);
+      c.fillStyle = "#1a202c"; c.fillRect(x - ratio() / 2, 24 * ratio(), 1.5 * ratio(), panel.over.height);
     }
   }
   function drawPlots() { panels.forEach(drawPlot); drawCursor(); }
@@ -452,6 +466,9 @@
   function choose(k) {
     layer = layerOf(k);
     at = 0;
+    $("layer").value = k; $("which").textContent = layer.label;
+    $("layer").setAttribute("aria-valuetext", layer.label);
+    $("bare").textContent = layer.bare ? "Outline and ground are drawn on the first layer that is shown alone." : "";
     $("time").max = layer.count - 1;
     $("thinned").textContent = layer.every * data.servo_hz > 1.5 ? `Drawn every ${number(1000 * layer.every)} ms of the motion.` : "";
     resize(); fit(); span = [0, layer.count - 1];
@@ -533,13 +550,18 @@
   $("out").addEventListener("click", () => zoom(1 / 1.5));
   $("three").addEventListener("change", () => { fit(); draw(); });
   $("colour").addEventListener("change", () => { colour = $("colour").value; drawLegend(); draw(); });
-  $("layer").addEventListener("change", () => { stop(); choose(Number($("layer").value)); });
+  const turnTo = (k) => { if (k >= 0 && k < data.layers.length) { playing = false; $("play").textContent = "Play"; choose(k); } };
+  $("layer").addEventListener("input", () => turnTo(Number($("layer").value)));
   $("whole").addEventListener("click", () => setSpan(0, layer.count - 1));
+  const widen = (factor) => { const middle = at >= span[0] && at <= span[1] ? at : (span[0] + span[1]) / 2; setSpan(middle + (span[0] - middle) * factor, middle + (span[1] - middle) * factor); };
+  $("narrower").addEventListener("click", () => widen(0.5));
+  $("wider").addEventListener("click", () => widen(2));
   $("near").addEventListener("click", () => setSpan(at - 1 / layer.every, at + 1 / layer.every));
   document.addEventListener("keydown", (e) => {
     if (/^(INPUT|SELECT|BUTTON|SUMMARY|A)$/.test(e.target.tagName)) return;
     const tenth = Math.max(1, Math.round(0.1 / layer.every)), by = e.shiftKey ? tenth : 1;
-    const act = { " ": play, ArrowLeft: () => step(-by), ArrowRight: () => step(by), "+": () => zoom(1.5), "=": () => zoom(1.5), "-": () => zoom(1 / 1.5), 0: whole }[e.key];
+    const act = { " ": play, ArrowLeft: () => step(-by), ArrowRight: () => step(by), "+": () => zoom(1.5), "=": () => zoom(1.5), "-": () => zoom(1 / 1.5), 0: whole,
+      PageUp: () => turnTo(Number($("layer").value) + 1), PageDown: () => turnTo(Number($("layer").value) - 1) }[e.key];
     if (act) { e.preventDefault(); act(); }
   });
 
@@ -575,12 +597,15 @@
 
   // ---- begin ----
   for (const [key, mode] of Object.entries(modes)) $("colour").add(new Option(mode.name, key));
-  data.layers.forEach((each, k) => $("layer").add(new Option(each.label || "the only one", k)));
+  $("layer").max = data.layers.length - 1;
+  $("layers").hidden = data.layers.length < 2;
   ["stage", "plots", "places"].forEach((id) => { $(id).hidden = false; });
   const spatial = Boolean(data.layers[0].nx);
   $("spatial").hidden = $("axes").hidden = !spatial;
+  // What the report does not have cannot be switched.
+  const absent = { outline: !data.outline.length, axis: !data.axis.length, open: !data.layers.some((l) => l.ground.length), twice: !data.layers.some((l) => l.ground.length) };
+  for (const name in absent) document.querySelector(`[data-show=${name}]`).parentElement.hidden = absent[name];
   $("three").checked = spatial;
   choose(0);
   new ResizeObserver(() => { if (resize()) { fit(); draw(); } drawPlots(); }).observe(over.parentElement);
-  window.addEventListener("beforeprint", draw);
 })();

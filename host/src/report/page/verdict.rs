@@ -19,6 +19,28 @@ pub fn verdict(figures: &Figures) -> String {
     parts.into_iter().flatten().collect::<Vec<_>>().join(" ")
 }
 
+/// The first figures, a name and a value with its unit each.
+pub fn tiles(figures: &Figures) -> Vec<(&'static str, String)> {
+    let tiles = [
+        ("Time", figures.print_s.map(duration)),
+        (
+            "Material",
+            figures.volume_mm3.map(|v| format!("{v:.1} mm³")),
+        ),
+        ("Covered", figures.covered_pct.map(|v| format!("{v:.1} %"))),
+        (
+            "Printed path",
+            figures.print_mm.map(|v| format!("{v:.0} mm")),
+        ),
+        ("Passes", figures.passes.map(|v| v.to_string())),
+        ("Layers", figures.layers.map(|v| v.to_string())),
+    ];
+    let known = tiles.into_iter();
+    known
+        .filter_map(|(what, value)| Some((what, value?)))
+        .collect()
+}
+
 fn faults(figures: &Figures) -> Option<String> {
     let faults = figures.faults.filter(|&faults| faults > 0)?;
     Some(format!("The controller stopped with {faults} fault(s)."))
