@@ -1,4 +1,4 @@
-//! Goal: a NURBS curve is followed as it is; how even its speed is, is printed. Method: the butterfly curve of the CNC
+//! Goal: a NURBS curve is followed as it is; how even its speed is, is held. Method: the butterfly curve of the CNC
 //! interpolation literature (../shared/data/nurbs, left out where it is missing) at 80 mm/s with a round
 //! nozzle; every servo tick's tip against the curve by an evaluation of its own (the B-spline basis
 //! functions by their definition), the speed where it is the asked one for a while.
@@ -137,15 +137,26 @@ fn the_butterfly_is_followed_within_a_micrometre() {
     let even = speeds
         .windows(2 * around + 1)
         .filter(|window| window.iter().all(near));
-    let off = even.map(|window| (window[around] / asked_mm_s - 1.0).abs());
-    let off: Vec<f64> = off.collect();
-    let worst_off = off.iter().fold(0.0, |most: f64, off| most.max(*off));
+    let shares: Vec<f64> = even.map(|window| window[around] / asked_mm_s).collect();
+    let mean = shares.iter().sum::<f64>() / shares.len() as f64;
+    let farthest = |from: f64| {
+        let off = shares.iter().map(|share| (share - from).abs());
+        off.fold(0.0, f64::max)
+    };
+    let spread2 = shares.iter().map(|share| (share - mean).powi(2));
+    let rms = (spread2.sum::<f64>() / shares.len() as f64).sqrt();
     println!(
-        "chord error {:.3} um, {} of {} ticks even, off by up to {:.5} %",
+        "chord error {:.3} um, {} of {} ticks even, off by up to {:.5} %; mean {mean:.5}, \
+         about it {:.5} % rms, {:.5} % at most",
         1e3 * worst_mm,
-        off.len(),
+        shares.len(),
         speeds.len(),
-        100.0 * worst_off
+        100.0 * farthest(1.0),
+        100.0 * rms,
+        100.0 * farthest(mean)
     );
     assert!(worst_mm <= 1e-3, "{worst_mm}");
+    // Measured 0.155 and 0.029 %, with a mean of 0.9975: the time law aims at 0.998 of a speed.
+    assert!(shares.len() > 5000 && mean > 0.996, "{mean}");
+    assert!(farthest(mean) <= 2.5e-3 && rms <= 5e-4, "{rms}");
 }
