@@ -3,6 +3,7 @@
 use super::args_board::{BoardArgs, StreamArgs};
 use super::args_export::ExportArgs;
 use super::args_machine::MachineArgs;
+use super::args_shell::{CompletionsArgs, ManArgs};
 use clap::{Args, Parser, Subcommand, ValueEnum};
 use std::path::PathBuf;
 
@@ -47,6 +48,10 @@ pub(super) enum Command {
     Board(BoardArgs),
     /// Write or check a machine file.
     Machine(MachineArgs),
+    /// Write the script by which a shell completes this command.
+    Completions(CompletionsArgs),
+    /// Write manual pages.
+    Man(ManArgs),
 }
 
 /// What is read, and where it goes on the machine.

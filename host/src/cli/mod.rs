@@ -8,6 +8,7 @@ mod args;
 mod args_board;
 mod args_export;
 mod args_machine;
+mod args_shell;
 mod board;
 mod console;
 mod export;
@@ -30,6 +31,7 @@ mod planned_job;
 mod planned_part;
 mod printable;
 mod run_notes;
+mod shell;
 mod simulate;
 mod stream;
 mod tune;
@@ -97,6 +99,8 @@ pub fn run(arguments: impl IntoIterator<Item = OsString>) -> ExitCode {
         Command::Inspect(inspect) => inspect::run(inspect, &console),
         Command::Stream(stream) => stream::run(stream, &console),
         Command::Board(board) => board::run(board, &console),
+        Command::Completions(completions) => shell::completions(completions, &console),
+        Command::Man(man) => shell::man(man, &console),
     };
     match result {
         Ok(()) => ExitCode::SUCCESS,

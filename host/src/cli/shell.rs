@@ -1,0 +1,67 @@
+//! `headway completions` and `headway man`: what a shell and `man` know of this command.
+//!
+//! Both are made of the very options that the command reads, so that they cannot fall behind it.
+//! In: a shell's name, or a folder. Out: a script on stdout; a page, or a page for each command.
+
+use super::CliError;
+use super::args::Arguments;
+use super::args_shell::{CompletionsArgs, ManArgs};
+use super::console::Console;
+use super::output_file::write_file;
+use clap::{Command, CommandFactory};
+
+pub(super) fn completions(args: &CompletionsArgs, console: &Console) -> Result<(), CliError> {
+    let mut script = Vec::new();
+    clap_complete::generate(
+        args.shell.generator(),
+        &mut Arguments::command(),
+        "headway",
+        &mut script,
+    );
+    console.result(&String::from_utf8_lossy(&script))
+}
+
+pub(super) fn man(args: &ManArgs, console: &Console) -> Result<(), CliError> {
+    let mut command = Arguments::command();
+    command.build();
+    let Some(folder) = &args.output else {
+        return console.result(&page(&command)?);
+    };
+    let mut pages = Vec::new();
+    add_pages(&command, &mut pages)?;
+    std::fs::create_dir_all(folder).map_err(|problem| CliError::File {
+        path: folder.display().to_string(),
+        problem,
+    })?;
+    // The folder may be one that other pages live in: only ours are written.
+    for (name, text) in &pages {
+        write_file(&folder.join(name), text.as_bytes())?;
+    }
+    console.say(&format!(
+        "{}: {} pages; read one with man -l {}",
+        folder.display(),
+        pages.len(),
+        folder.join("headway.1").display()
+    ));
+    Ok(())
+}
+
+/// The pages of a command and of those below it.
+fn add_pages(command: &Command, pages: &mut Vec<(String, String)>) -> Result<(), CliError> {
+    let name = command.get_display_name().unwrap_or(command.get_name());
+    pages.push((format!("{name}.1"), page(command)?));
+    for below in command.get_subcommands() {
+        if below.get_name() != "help" && !below.is_hide_set() {
+            add_pages(below, pages)?;
+        }
+    }
+    Ok(())
+}
+
+fn page(command: &Command) -> Result<String, CliError> {
+    let mut text = Vec::new();
+    clap_mangen::Man::new(command.clone())
+        .render(&mut text)
+        .map_err(|problem| CliError::Job(format!("the page cannot be written: {problem}")))?;
+    Ok(String::from_utf8_lossy(&text).into_owned())
+}
