@@ -67,8 +67,20 @@ pub struct Flow {
     scale: StepScale,
     /// Sum of all events that are over, exact.
     settled_exact: ScaledUnits,
-    /// V over the last window, 2^-16 steps, wrapping.
-    window: [i32; WINDOW_ROWS],
+}
+
+/// V over the last window and wait, 2^-16 steps, wrapping: large, and so it lies elsewhere than what every
+/// tick uses.
+#[derive(Clone, Debug)]
+pub struct FlowWindow {
+    rows: [i32; WINDOW_ROWS],
+}
+
+impl FlowWindow {
+    /// Nothing has flowed.
+    pub const NONE: Self = Self {
+        rows: [0; WINDOW_ROWS],
+    };
 }
 
 /// Flow override: what is deposited above or below the plan.
@@ -143,7 +155,6 @@ impl Flow {
             window_ticks,
             wait_ticks,
             length: window_ticks + wait_ticks,
-            window: [0; WINDOW_ROWS],
             newest: 0,
             active: Vec::new(),
             settled_exact: ScaledUnits::default(),
@@ -170,12 +181,12 @@ impl Flow {
     }
 
     /// Declares where the deposited volume is, with no event behind it. Only at rest.
-    pub fn declare(&mut self, place: Target) {
+    pub fn declare(&mut self, window: &mut FlowWindow, place: Target) {
         self.active.clear();
         self.settled_exact = ScaledUnits::default();
         self.settled = Target::default();
         self.scaling.settle();
-        self.window = [place.coarse(); WINDOW_ROWS];
+        window.rows = [place.coarse(); WINDOW_ROWS];
     }
 
     /// Begins a prime or retract in this servo tick, before its target. False if too many run already.
@@ -237,12 +248,12 @@ impl Flow {
     /// Target of this servo tick, but for the advance, and the advance, 2^-22 steps; `planned` is where V
     /// is. To be called exactly once per servo tick.
     #[inline(always)]
-    pub fn target(&mut self, planned: Target) -> (Target, i64) {
+    pub fn target(&mut self, window: &mut FlowWindow, planned: Target) -> (Target, i64) {
         let mut place = planned;
         if self.scaling.is_asked {
             place = place.plus(self.scaling.extra(place));
         }
-        let advance = self.advance(place.coarse());
+        let advance = self.advance(window, place.coarse());
         if !self.active.is_empty() {
             place = place.moved(self.progress());
         }
@@ -251,12 +262,12 @@ impl Flow {
 
     /// K dV/dt over the window, 2^-22 steps; `now`: V in 2^-16 steps, wrapping.
     #[inline]
-    fn advance(&mut self, now: i32) -> i64 {
+    fn advance(&mut self, window: &mut FlowWindow, now: i32) -> i64 {
         self.newest += 1;
         if self.newest >= self.length {
             self.newest = 0;
         }
-        let oldest = &mut self.window[self.newest % WINDOW_ROWS];
+        let oldest = &mut window.rows[self.newest % WINDOW_ROWS];
         let before = core::mem::replace(oldest, now);
         let mut due = now;
         if self.wait_ticks != 0 {
@@ -264,7 +275,7 @@ impl Flow {
                 Some(back) => back,
                 None => self.newest + self.window_ticks,
             };
-            due = self.window[back % WINDOW_ROWS];
+            due = window.rows[back % WINDOW_ROWS];
         }
         let gained = due.wrapping_sub(before);
         (i64::from(gained) * i64::from(self.advance_gain)) >> (GAIN_BITS + WINDOW_BITS - 22)
@@ -307,10 +318,26 @@ mod tests {
         }
     }
 
+    struct Tested {
+        flow: Flow,
+        window: FlowWindow,
+    }
+
+    impl Tested {
+        fn new() -> Self {
+            Self {
+                flow: Flow::new(&extruder(), 2000, 0),
+                window: FlowWindow::NONE,
+            }
+        }
+    }
+
     /// Where the motor is to be, advance included, `units` above `base`.
-    fn extruded(flow: &mut Flow, base: i64, units: f32) -> i64 {
-        let deposited = flow.scale.steps(units);
-        let (target, advance) = flow.target(Target::of_position(base).moved(deposited));
+    fn extruded(flow: &mut Tested, base: i64, units: f32) -> i64 {
+        let deposited = flow.flow.scale.steps(units);
+        let (target, advance) = flow
+            .flow
+            .target(&mut flow.window, Target::of_position(base).moved(deposited));
         target.position() + (advance << 9)
     }
 
@@ -320,9 +347,10 @@ mod tests {
 
     #[test]
     fn advance_leads_a_steady_flow_by_k_and_vanishes_at_rest() {
-        let mut flow = Flow::new(&extruder(), 2000, 0);
+        let mut flow = Tested::new();
         let base = 0;
-        flow.declare(Target::of_position(base));
+        flow.flow
+            .declare(&mut flow.window, Target::of_position(base));
         let mut target = 0;
         for tick in 0..400 {
             // 10 mm³/s = 5000 units a tick.
@@ -337,16 +365,17 @@ mod tests {
         assert_eq!(
             target,
             Target::of_position(base)
-                .moved(flow.scale.steps(399.0 * 5000.0))
+                .moved(flow.flow.scale.steps(399.0 * 5000.0))
                 .position()
         );
     }
 
     #[test]
     fn events_follow_the_smooth_step_and_end_on_their_volume() {
-        let mut flow = Flow::new(&extruder(), 2000, 0);
-        let start = flow.scale.scaled(12_345_678).position;
-        flow.declare(Target::of_position(start));
+        let mut flow = Tested::new();
+        let start = flow.flow.scale.scaled(12_345_678).position;
+        flow.flow
+            .declare(&mut flow.window, Target::of_position(start));
         let event = |action, volume_units| FlowEvent {
             span: 0,
             offset_ticks: 0,
@@ -354,7 +383,7 @@ mod tests {
             volume_units,
             duration_ticks: Ticks(200),
         };
-        assert!(flow.begin(&event(FlowAction::Prime, 1_500_001)));
+        assert!(flow.flow.begin(&event(FlowAction::Prime, 1_500_001)));
         let mut middle = 0;
         let mut fastest = 0.0f64;
         let mut last = start;
@@ -372,12 +401,12 @@ mod tests {
             (fastest / (1.875 * 600.0 / 200.0) - 1.0).abs() < 1e-3,
             "{fastest}"
         );
-        assert!(!flow.is_active());
+        assert!(!flow.flow.is_active());
         assert_eq!(
             count(last),
             ((12.345_678f64 + 1.500_001) * 400.0).round() as i64
         );
-        assert!(flow.begin(&event(FlowAction::Retract, 1_500_001)));
+        assert!(flow.flow.begin(&event(FlowAction::Retract, 1_500_001)));
         for _ in 0..=200 {
             last = extruded(&mut flow, start, 0.0);
         }
@@ -386,7 +415,7 @@ mod tests {
 
     #[test]
     fn a_fifth_event_at_once_is_refused() {
-        let mut flow = Flow::new(&extruder(), 2000, 0);
+        let mut flow = Tested::new();
         let event = FlowEvent {
             span: 0,
             offset_ticks: 0,
@@ -395,9 +424,9 @@ mod tests {
             duration_ticks: Ticks(10),
         };
         for _ in 0..ACTIVE_EVENTS_MAX {
-            assert!(flow.begin(&event));
+            assert!(flow.flow.begin(&event));
         }
-        assert!(!flow.begin(&event));
+        assert!(!flow.flow.begin(&event));
     }
 
     #[test]
@@ -405,9 +434,10 @@ mod tests {
         // Whole steps have 32 bits: 5.4 litres at 400 steps a mm³.
         let wrap = 1i64 << 62;
         for start in [0, wrap - 40 * STEP, 2 * (wrap - 20 * STEP)] {
-            let mut flow = Flow::new(&extruder(), 2000, 0);
-            flow.set_override(150);
-            flow.declare(Target::of_position(start));
+            let mut flow = Tested::new();
+            flow.flow.set_override(150);
+            flow.flow
+                .declare(&mut flow.window, Target::of_position(start));
             let mut last = None;
             let mut way = 0.0;
             for tick in 0..2000i64 {

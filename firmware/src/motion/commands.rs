@@ -82,7 +82,7 @@ impl Motion {
             return Err(CommandError::Invalid);
         }
         let (_, base) = pose.offset().of_motor(self.joints.count());
-        self.flow.declare(base);
+        self.flow.declare(&mut self.flow_window, base);
         self.interpolator.start_at(position);
         self.programmer.set_positions(&targets);
         let extruder = self.joints.count();

@@ -298,7 +298,7 @@ impl Motion {
         self.begin_jog();
         let motor = self.joints.count();
         let here = self.joint_position(motor);
-        self.flow.declare(Target::default());
+        self.flow.declare(&mut self.flow_window, Target::default());
         self.jog.extruder_offset = here;
         // Nobody moves: the mover rests where the first joint is.
         self.jog.joint = 0;
@@ -331,7 +331,7 @@ impl Motion {
         self.programmer.forget(&self.waiting);
         self.jog.targets = self.programmer.newest_targets(&self.waiting);
         let motor = self.joints.count();
-        self.flow.declare(Target::default());
+        self.flow.declare(&mut self.flow_window, Target::default());
         self.jog.extruder_offset = self.joint_position(motor);
     }
 
@@ -347,7 +347,8 @@ impl Motion {
         }
         self.tick_homing();
         let goes_on = self.go_on();
-        let flow = self.flow.target(Target::default()).0.distance();
+        let (flow, _) = self.flow.target(&mut self.flow_window, Target::default());
+        let flow = flow.distance();
         let hand = &mut self.jog;
         if let Some(target) = hand.targets.get_mut(motor) {
             *target = hand.extruder_offset + flow;

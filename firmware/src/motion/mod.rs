@@ -22,7 +22,7 @@ use crate::design::{
 };
 use crate::event_queue::EventQueue;
 use crate::extruder_limits::ExtruderGuard;
-use crate::flow::Flow;
+use crate::flow::{Flow, FlowWindow};
 use crate::heat::panel::HeatPanel;
 use crate::hold::Hold;
 use crate::homing::HomingConfiguration;
@@ -100,8 +100,6 @@ pub struct Motion {
     /// Servo tick at which the path rate was last not that of the plan, wrapping.
     off_plan_ticks: u32,
     servo_hz: u32,
-    /// Servo ticks that motors wait for pressure advance and shapers.
-    delays: Delays,
     /// Servo ticks that the path and the flow have rested, as long as nothing was to move.
     still_ticks: u32,
     override_percent: u16,
@@ -130,12 +128,15 @@ pub struct Motion {
     stream_start_ticks: Option<u64>,
     underruns: u32,
     holds: u32,
+    flow: Flow,
     events: EventQueue,
     interpolator: Interpolator,
     joint_channels: JointChannels,
-    flow: Flow,
+    /// Servo ticks that motors wait for pressure advance and shapers.
+    delays: Delays,
     jog: Jog,
     heat: HeatPanel,
+    flow_window: FlowWindow,
     waiting: WaitingTargets,
     queue: KnotQueue,
 }
@@ -153,6 +154,7 @@ impl Motion {
             extruder_guard: ExtruderGuard::new(configuration),
             interpolator: Interpolator::new(&joint_channels),
             joint_channels,
+            flow_window: FlowWindow::NONE,
             waiting: WaitingTargets::new(configuration, &delays),
             queue: KnotQueue::new(),
             events: EventQueue::default(),
@@ -295,7 +297,9 @@ impl Motion {
                 }
             };
             let motor = joints.count();
-            let (extruder, advance) = self.flow.target(offset.target_of_motor(motor));
+            let (extruder, advance) = self
+                .flow
+                .target(&mut self.flow_window, offset.target_of_motor(motor));
             let (jump, ways) =
                 programmer.put_extruder((&mut self.waiting, places), motor, extruder, advance);
             // At rest, as in the tick in which a stream starts, there is nothing to look at.

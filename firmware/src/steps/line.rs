@@ -24,6 +24,8 @@ pub(super) type Row = [i32; MOTORS_MAX];
 pub struct WaitingTargets {
     pub(super) rows: [Row; ROWS],
     pub(super) shapers: Shapers,
+    /// What came out last, where a motor is shaped.
+    shaped: Row,
 }
 
 impl WaitingTargets {
@@ -31,6 +33,7 @@ impl WaitingTargets {
     pub const NONE: Self = Self {
         rows: [[0; MOTORS_MAX]; ROWS],
         shapers: Shapers::NONE,
+        shaped: [0; MOTORS_MAX],
     };
 
     /// The line of a machine, nothing in it.
@@ -54,10 +57,11 @@ impl WaitingTargets {
 
     /// What comes out, shaped.
     #[inline(never)]
-    pub(super) fn shaped(&mut self, places: Places) -> Row {
-        let mut row = self.rows[places.oldest % ROWS];
-        self.shapers.follow(&self.rows, places.newest, &mut row);
-        row
+    pub(super) fn shaped(&mut self, places: Places) -> &Row {
+        self.shaped = self.rows[places.oldest % ROWS];
+        self.shapers
+            .follow(&self.rows, places.newest, &mut self.shaped);
+        &self.shaped
     }
 
     /// The row to be filled.
@@ -85,13 +89,13 @@ pub struct Places {
 pub(super) struct Line {
     newest: usize,
     wait_ticks: usize,
+    /// What the advance adds to what comes out, 2^-22 steps, and for which motor.
+    advance: i64,
+    advanced: u8,
     /// A motor is shaped.
     shapes: bool,
     /// Servo ticks until nothing of a target is on its way.
-    settle_ticks: u32,
-    /// What the advance adds to what comes out, 2^-22 steps, and for which motor.
-    advance: i64,
-    advanced: usize,
+    settle_ticks: u16,
 }
 
 impl Line {
@@ -100,8 +104,8 @@ impl Line {
         Self {
             shapes,
             wait_ticks: delays.line_ticks.min(WAIT_TICKS_MAX) as usize,
-            settle_ticks: delays.settle_ticks,
-            advanced,
+            settle_ticks: delays.settle_ticks.min(WAIT_TICKS_MAX) as u16,
+            advanced: advanced as u8,
             ..Self::default()
         }
     }
@@ -114,7 +118,7 @@ impl Line {
 
     /// Servo ticks after which what has gone in has come out.
     pub(super) fn settle_ticks(&self) -> u32 {
-        self.settle_ticks
+        u32::from(self.settle_ticks)
     }
 
     /// Begins a servo tick.
@@ -159,7 +163,7 @@ impl Line {
         let fine = |back: usize| waiting.rows[self.newest.wrapping_sub(back) % ROWS][motor];
         let way = |back: usize| i64::from(fine(back - 1).wrapping_sub(fine(back)));
         let ways: i64 = (1..self.wait_ticks).map(way).sum();
-        let advance = if motor == self.advanced {
+        let advance = if motor == usize::from(self.advanced) {
             self.advance
         } else {
             0

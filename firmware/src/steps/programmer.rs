@@ -296,20 +296,12 @@ impl StepProgrammer {
         if jumps > JUMP_STEPS_MAX {
             return Err(self.take_back(waiting));
         }
-        if self.line.shapes() {
-            return self.advance_shaped(waiting, places, bank);
-        }
-        self.advance_to(waiting.due(places), bank)
-    }
-
-    #[inline(never)]
-    fn advance_shaped(
-        &mut self,
-        waiting: &mut WaitingTargets,
-        places: Places,
-        bank: &mut StepBank,
-    ) -> Result<(), StepRateExceeded> {
-        self.advance_to(&waiting.shaped(places), bank)
+        let due = if self.line.shapes() {
+            waiting.shaped(places)
+        } else {
+            waiting.due(places)
+        };
+        self.advance_to(due, bank)
     }
 
     // Its registers are not to be those of all the rest.
