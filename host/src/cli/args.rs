@@ -81,6 +81,9 @@ pub(super) struct InputArgs {
     /// Diameter of the filament of G-code, mm [default: what the file says, or 1.75].
     #[arg(long, value_name = "MM", allow_negative_numbers = true)]
     pub filament_diameter: Option<f64>,
+    /// Layer of a DXF drawing that is read; once for each [default: all but frozen and off].
+    #[arg(long, value_name = "NAME")]
+    pub dxf_layer: Vec<String>,
 }
 
 /// How a mesh is divided into layers.
@@ -238,6 +241,8 @@ pub(super) enum FormatName {
     Geojson,
     /// Filled shapes of an SVG page.
     Svg,
+    /// Contours of an ASCII DXF drawing.
+    Dxf,
     /// A run of the tip: x y z nx ny nz [heading_deg] a line.
     #[value(alias = "wpt")]
     Waypoints,

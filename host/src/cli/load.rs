@@ -195,6 +195,7 @@ pub(super) fn input(
         Some(FormatName::Polygon) => Format::Polygon,
         Some(FormatName::Geojson) => Format::GeoJson,
         Some(FormatName::Svg) => Format::Svg,
+        Some(FormatName::Dxf) => Format::Dxf,
         Some(FormatName::Waypoints) => Format::Waypoints,
         Some(FormatName::Nurbs) => Format::Nurbs,
         Some(FormatName::Stl) => Format::Mesh(MeshFormat::Stl),
@@ -210,6 +211,9 @@ pub(super) fn input(
         let error = InputError::Scale { scale: args.scale };
         return Err(CliError::Usage(error.to_string()));
     }
+    if !args.dxf_layer.is_empty() && format != Format::Dxf {
+        return Err(CliError::Usage(InputError::NoLayers.to_string()));
+    }
     let options = ReadOptions {
         units: args.units.map(UnitName::units),
         scale: args.scale,
@@ -217,6 +221,7 @@ pub(super) fn input(
         repair: args.repair,
         rotate_rad: rotate_rad(args.rotate.as_deref(), format)?,
         filament_mm: filament_mm(args.filament_diameter, format)?,
+        dxf_layers: args.dxf_layer.clone(),
     };
     let bytes = read_bounded(path, format.bytes_max())?;
     let input = input::read_any(&bytes, &job::stem(path), format, &options)
@@ -299,6 +304,7 @@ pub(super) fn keep_out(
         from: None,
         rotate: None,
         filament_diameter: None,
+        dxf_layer: Vec::new(),
         ..args.clone()
     };
     let loaded = target(path, &reading, flatten_mm, console)?;

@@ -84,13 +84,15 @@ pub(super) fn of_no_use(
         repair,
         rotate,
         filament_diameter,
+        dxf_layer,
     } = reading;
     let of_reading = from.is_some()
         || units.is_some()
         || *scale != 1.0
         || *repair
         || rotate.is_some()
-        || filament_diameter.is_some();
+        || filament_diameter.is_some()
+        || !dxf_layer.is_empty();
     let machine_alone = SettingsArgs {
         machine: settings.machine.clone(),
         ..SettingsArgs::default()

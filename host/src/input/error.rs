@@ -37,8 +37,8 @@ pub enum InputError {
     },
     /// The ending says nothing.
     #[error(
-        "cannot tell the format of '{path}': use the ending .json, .geojson, .svg, .wpt, .stl, .3mf, \
-         .obj or .gcode, or --from polygon|geojson|svg|waypoints|stl|3mf|obj|gcode"
+        "cannot tell the format of '{path}': use the ending .json, .geojson, .svg, .dxf, .wpt, .stl, \
+         .3mf, .obj or .gcode, or --from polygon|geojson|svg|dxf|waypoints|stl|3mf|obj|gcode"
     )]
     UnknownFormat {
         /// The file.
@@ -234,6 +234,26 @@ pub enum InputError {
         /// Which is the first.
         first: String,
     },
+    /// More than two curves end at a place.
+    #[error(
+        "more than two ends meet at {at}: a contour goes through each place once; take the extra lines \
+         away, or choose the outline's layers with --dxf-layer"
+    )]
+    Branch {
+        /// Where.
+        at: At,
+    },
+    /// A layer that the drawing does not have.
+    #[error("there is no layer '{given}'; the drawing has {there}")]
+    UnknownLayer {
+        /// What was asked for.
+        given: String,
+        /// Those that there are.
+        there: String,
+    },
+    /// Layers of what has none.
+    #[error("--dxf-layer goes with DXF: no other format that is read has layers of a drawing")]
+    NoLayers,
     /// Nothing but what is not read.
     #[error("there is no filled shape in it: {left_out}")]
     NothingFilled {

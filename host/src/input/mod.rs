@@ -1,7 +1,7 @@
 //! What the user hands in -> a [`Target`] in mm.
 //!
 //! ```text
-//! bytes --polygon|geojson|svg--> Shape (rings as drawn, file's unit)
+//! bytes --polygon|geojson|svg|dxf--> Shape (rings as drawn, file's unit)
 //!       --outline--> Region (mm, exterior counter-clockwise, holes clockwise, valid) --> Target
 //! bytes --waypoints|nurbs--> WaypointRun (mm, rad)
 //! bytes --mesh--> LoadedMesh (mm, closed)
@@ -12,6 +12,7 @@
 //! Nothing is mended in silence: what is not a valid outline is refused with the place and a way
 //! out. Leaves out files and threads: reading the bytes is the command's business.
 
+mod dxf;
 pub mod error;
 mod gcode_run;
 mod geojson;
@@ -59,6 +60,8 @@ pub enum Format {
     GeoJson,
     /// Filled shapes of an SVG page.
     Svg,
+    /// Contours of an ASCII DXF drawing.
+    Dxf,
     /// A run of the tip, `x y z nx ny nz [heading_deg]` a line.
     Waypoints,
     /// A rational B-spline curve, `{"degree","control_points","weights","knots"}`.
@@ -99,6 +102,8 @@ pub struct ReadOptions {
     pub rotate_rad: [f64; 3],
     /// Diameter of the filament of G-code, over what the file says.
     pub filament_mm: Option<f64>,
+    /// Layers of a DXF drawing that are read; without any, all that are seen.
+    pub dxf_layers: Vec<String>,
 }
 
 /// A target and what the user should know about how it was read.
@@ -119,6 +124,7 @@ impl Default for ReadOptions {
             repair: false,
             rotate_rad: [0.0; 3],
             filament_mm: None,
+            dxf_layers: Vec::new(),
         }
     }
 }
@@ -161,6 +167,7 @@ impl Format {
             Format::Polygon => "polygon JSON",
             Format::GeoJson => "GeoJSON",
             Format::Svg => "SVG",
+            Format::Dxf => "DXF",
             Format::Waypoints => "waypoint",
             Format::Nurbs => "NURBS JSON",
             Format::Mesh(_) => "mesh",
@@ -178,12 +185,13 @@ impl Format {
     }
 
     /// Reads `gcode`, `gco`, `g`, `nc`, `ngc`, `stl`, `3mf`, `obj`,
-    /// `json` or `polygon`, `geojson`, `svg`, `nurbs`, `waypoints` or its endings `wpt`, `txt`, `csv`.
+    /// `json` or `polygon`, `geojson`, `svg`, `dxf`, `nurbs`, `waypoints` or its endings `wpt`, `txt`, `csv`.
     pub fn parse(text: &str) -> Option<Format> {
         match text {
             "json" | "polygon" => Some(Format::Polygon),
             "geojson" => Some(Format::GeoJson),
             "svg" => Some(Format::Svg),
+            "dxf" => Some(Format::Dxf),
             "nurbs" => Some(Format::Nurbs),
             "waypoints" | "wpt" | "txt" | "csv" => Some(Format::Waypoints),
             "stl" => Some(Format::Mesh(MeshFormat::Stl)),
@@ -292,6 +300,7 @@ pub fn read(
         Format::Polygon => polygon::read(bytes, options)?,
         Format::GeoJson => geojson::read(bytes, options)?,
         Format::Svg => svg::read(bytes, options)?,
+        Format::Dxf => dxf::read(bytes, options)?,
         Format::Waypoints | Format::Nurbs | Format::Gcode => {
             return Err(InputError::PathNotOutline);
         }

@@ -22,7 +22,7 @@ const CHORD_MAX_MM: f64 = 1.0;
 /// Most halvings of a knot span.
 const HALVINGS_MAX: u32 = 24;
 /// Highest degree.
-const DEGREE_MAX: usize = 9;
+pub(super) const DEGREE_MAX: usize = 9;
 
 #[derive(Deserialize)]
 struct File {
@@ -35,10 +35,10 @@ struct File {
 }
 
 /// A curve in homogeneous coordinates.
-struct Nurbs {
-    degree: usize,
-    control: Vec<Vector4<f64>>,
-    knots: Vec<f64>,
+pub(super) struct Nurbs {
+    pub degree: usize,
+    pub control: Vec<Vector4<f64>>,
+    pub knots: Vec<f64>,
 }
 
 /// True where a JSON file holds a curve, by its keys.
@@ -145,7 +145,7 @@ impl Nurbs {
     }
 
     /// The place at a parameter in the knot span after `knot`, by de Boor's triangle.
-    fn place(&self, knot: usize, u: f64) -> Vector3<f64> {
+    pub fn place(&self, knot: usize, u: f64) -> Vector3<f64> {
         let p = self.degree;
         let mut triangle: Vec<Vector4<f64>> = self.control[knot - p..=knot].to_vec();
         for level in 1..=p {

@@ -1,0 +1,133 @@
+//! DXF: the contours of a drawing, curves flattened.
+//!
+//! ```text
+//! bytes --records--> whole records of chosen layers --dxf crate--> entities
+//!       --curves--> chords (mm) --join--> contours --outline--> regions
+//! ```
+//! What a contour lies in is decided by the even-odd rule: a contour in another one is a hole, one in a
+//! hole an island. In: ASCII DXF, unit by `$INSUNITS` (mm where it says none) or `--units`. Out: contours,
+//! mm before `--scale`, and notes. Leaves out blocks, hatches, texts, dimensions, solids, and binary DXF.
+
+mod curves;
+mod join;
+mod records;
+
+use super::outline::{Drawing, Rule, Shape};
+use super::{InputError, ReadOptions, Units};
+use curves::{Flattener, Piece};
+use records::Record;
+
+/// Records that the crate gets at once: it holds about 1 kB for each.
+const RECORDS_AT_ONCE: usize = 1000;
+
+fn syntax(problem: String) -> InputError {
+    InputError::Syntax {
+        format: "DXF",
+        problem,
+    }
+}
+
+/// Reads the contours of a drawing.
+pub(super) fn read(bytes: &[u8], options: &ReadOptions) -> Result<Drawing, InputError> {
+    let text = text(bytes)?;
+    let mut found = records::read(&text, &options.dxf_layers)?;
+    if found.records.is_empty() {
+        let left_out = match found.notes.is_empty() {
+            true => "it has no lines, arcs, circles, polylines, ellipses or splines".to_string(),
+            false => found.notes.join("; "),
+        };
+        return Err(InputError::NothingFilled { left_out });
+    }
+    let mut notes = std::mem::take(&mut found.notes);
+    let unit = match options.units {
+        Some(units) => units,
+        None => unit(found.units, &mut notes)?,
+    };
+    let mut flattener = Flattener {
+        unit_mm: unit.mm(),
+        tolerance_mm: options.flatten_mm / options.scale,
+        points: 0,
+    };
+    let mut pieces = Vec::with_capacity(found.records.len());
+    for batch in found.records.chunks(RECORDS_AT_ONCE) {
+        entities(batch, &mut flattener, &mut pieces)?;
+    }
+    let rings = join::contours(pieces, options.scale, &mut notes)?;
+    let what = "the drawing".to_string();
+    let rule = Rule::EvenOdd;
+    Ok(Drawing {
+        name: None,
+        shapes: vec![Shape { what, rings, rule }],
+        notes,
+    })
+}
+
+/// The text; bytes of another code page than UTF-8 only occur in names.
+fn text(bytes: &[u8]) -> Result<String, InputError> {
+    let problem = if bytes.starts_with(b"AutoCAD Binary DXF") || bytes.starts_with(b"AutoCAD DXB") {
+        "it is binary; save it as ASCII DXF"
+    } else if bytes.starts_with(b"AC10") {
+        "it is a DWG file; save it as ASCII DXF"
+    } else {
+        return Ok(match std::str::from_utf8(bytes) {
+            Ok(text) => text.to_string(),
+            Err(_) => bytes.iter().map(|&byte| char::from(byte)).collect(),
+        });
+    };
+    Err(syntax(problem.to_string()))
+}
+
+/// The drawing's unit, as `$INSUNITS` counts them.
+fn unit(number: Option<i32>, notes: &mut Vec<String>) -> Result<Units, InputError> {
+    Ok(match number {
+        None | Some(0) => {
+            notes.push("the drawing says no units; mm were taken (see --units)".to_string());
+            Units::Mm
+        }
+        Some(1) => Units::In,
+        Some(4) => Units::Mm,
+        Some(5) => Units::Cm,
+        Some(6) => Units::M,
+        Some(13) => Units::Um,
+        Some(other) => {
+            let name = match other {
+                2 => "feet, ",
+                8 => "microinches, ",
+                9 => "mils, ",
+                10 => "yards, ",
+                14 => "decimetres, ",
+                _ => "",
+            };
+            let given = format!("{name}$INSUNITS {other}");
+            return Err(InputError::UnknownUnits { given });
+        }
+    })
+}
+
+/// The chords of some records.
+fn entities(
+    batch: &[Record],
+    flattener: &mut Flattener,
+    pieces: &mut Vec<Piece>,
+) -> Result<(), InputError> {
+    let mut text = String::from("0\nSECTION\n2\nENTITIES\n");
+    batch.iter().for_each(|record| text.push_str(&record.text));
+    text.push_str("0\nENDSEC\n0\nEOF\n");
+    let drawing = dxf::Drawing::load(&mut text.as_bytes()).map_err(|error| {
+        let first = batch.first().map_or("", |record| &record.what);
+        syntax(format!("{error}, counted from the {first}"))
+    })?;
+    if drawing.entities().count() != batch.len() {
+        let first = batch.first().map_or("", |record| &record.what);
+        return Err(syntax(format!(
+            "an entity after the {first} has its groups in an order that cannot be read"
+        )));
+    }
+    for (record, entity) in batch.iter().zip(drawing.entities()) {
+        pieces.push(flattener.piece(&record.what, &entity.specific)?);
+    }
+    Ok(())
+}
+
+#[cfg(test)]
+mod tests;
