@@ -12,9 +12,10 @@ use crate::design::SWITCH_SETTLE_TICKS;
 use crate::joint_move::{JointMove, MoveLimits};
 use crate::steps::STEP;
 use heapless::Vec;
+use serde::{Deserialize, Serialize};
 
 /// How one joint finds its switch; mm for linear joints, rad for rotary ones.
-#[derive(Clone, Copy, Debug, PartialEq)]
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 pub struct JointHoming {
     /// Joint from 0 in the kinematics' order.
     pub joint: u8,
@@ -36,7 +37,7 @@ pub struct JointHoming {
 
 /// The switches of a machine, in the order in which all are homed. Not part of the machine's
 /// hash: a plan does not depend on it.
-#[derive(Clone, Debug, Default, PartialEq)]
+#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
 pub struct HomingConfiguration {
     /// One entry per joint with a switch.
     pub joints: Vec<JointHoming, JOINTS_MAX>,

@@ -43,6 +43,7 @@ pub mod pose;
 pub mod queue;
 pub mod real;
 pub mod receiver;
+pub mod settings;
 pub mod shaping;
 pub mod spline;
 pub mod steps;

@@ -83,6 +83,16 @@ impl Machine {
         self.stop_if_due();
     }
 
+    /// The board has a store for settings, see [`Receiver::keep_settings`].
+    pub fn keep_settings(&mut self) {
+        self.receiver.keep_settings();
+    }
+
+    /// Stores settings that have come, see [`Receiver::store_settings`].
+    pub fn store_settings(&mut self, put: impl FnOnce(&[u8]) -> bool) {
+        self.receiver.store_settings(put);
+    }
+
     /// Takes bytes from a second line ([`Receiver::watching`]).
     pub fn handle_watcher(&mut self, watcher: &mut Receiver, bytes: &[u8]) {
         watcher.watch(&self.receiver, &self.motion);

@@ -124,6 +124,72 @@ fn the_command_can_be_a_board_itself() {
     assert!(well && said.contains("1 hosts"), "{said}");
 }
 
+/// A board in a process of its own whose flash is this file, and its port.
+fn board_with_flash(flash: &str) -> (Host, String) {
+    let listen = ["board", "simulate", "--listen", "tcp:127.0.0.1:0"];
+    let board = Host::start(&[&listen[..], &["--speed", "10", "--settings", flash]].concat());
+    board.wait_for("listens on ");
+    let said = board.said.lock().unwrap().clone();
+    let port = said.split("listens on ").nth(1).unwrap();
+    let port = port.split(';').next().unwrap().to_string();
+    (board, port)
+}
+
+#[test]
+fn a_board_keeps_the_machine_that_it_is_configured_for() {
+    let folder = folder("configure");
+    let (planar_job, _) = job(&folder, 1);
+    let place = |name: &str| folder.join(name).display().to_string();
+    let (gantry, gantry_job, flash) = (place("g.toml"), place("g.hwj"), place("flash"));
+    let run = place("spiral.wpt");
+    for arguments in [
+        &["machine", "new", "--kind", "gantry", "-o", &gantry][..],
+        &["plan", &run, "-m", &gantry, "-o", &gantry_job],
+    ] {
+        let done = headway(arguments);
+        assert!(done.status.success(), "{}", stderr(&done));
+    }
+    let inspected = object(&headway(&["inspect", &gantry_job, "--json"]));
+    let hash = |port: &str| {
+        let info = object(&headway(&["board", "info", "--port", port, "--json"]));
+        info["machine_hash"].clone()
+    };
+    let (board, port) = board_with_flash(&flash);
+    let before = hash(&port);
+    assert_ne!(before, inspected["machine_hash"]);
+    let refused = headway(&["stream", &gantry_job, "--port", &port]);
+    assert_eq!(refused.status.code(), Some(1));
+    let done = headway(&["board", "configure", &gantry, "--port", &port]);
+    assert!(done.status.success(), "{}", stderr(&done));
+    assert_eq!(hash(&port), before, "in force from the next start");
+    board.interrupt();
+    board.end();
+
+    let (board, port) = board_with_flash(&flash);
+    assert_eq!(hash(&port), inspected["machine_hash"]);
+    let refused = headway(&["stream", &planar_job, "--port", &port]);
+    assert_eq!(refused.status.code(), Some(1));
+    let printed = headway(&["stream", &gantry_job, "--port", &port, "--json"]);
+    assert_eq!(object(&printed)["done"], true);
+    board.interrupt();
+    board.end();
+
+    // A board without a store says so.
+    let board = Board::unix(&folder, 50.0);
+    let refused = headway(&["board", "configure", &gantry, "--port", &board.port]);
+    assert_eq!(refused.status.code(), Some(1));
+    assert!(stderr(&refused).contains("nowhere to keep settings"));
+    // And a file that is no flash is left alone.
+    let listen = ["board", "simulate", "--listen", "tcp:127.0.0.1:0"];
+    let refused = headway(&[&listen[..], &["--settings", &gantry]].concat());
+    assert_eq!(refused.status.code(), Some(1));
+    assert!(
+        std::fs::read_to_string(&gantry)
+            .unwrap()
+            .contains("[extruder]")
+    );
+}
+
 #[test]
 fn a_stop_is_heard_while_another_host_streams_and_a_jog_is_refused_at_once() {
     let folder = folder("second");

@@ -21,6 +21,11 @@ pub const DECIDEGREES_MAX: u16 = 5000;
 /// Longest prime or retract: a minute at a 2 kHz servo.
 pub const EVENT_DURATION_TICKS_MAX: u32 = 120_000;
 
+/// Longest record of settings.
+pub const SETTINGS_BYTES_MAX: usize = 2048;
+/// Bytes of it in a message.
+pub const SETTINGS_PART_BYTES: usize = 32;
+
 /// Commands that overtake the stream.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
 #[cfg_attr(feature = "defmt", derive(defmt::Format))]
@@ -88,6 +93,20 @@ pub enum Control {
     },
     /// Part fan in thousandths of its full speed.
     Fan(u16),
+    /// New settings of the board follow in parts (at rest and cold only).
+    SettingsBegin {
+        /// Bytes of the whole record, 1..=[`SETTINGS_BYTES_MAX`].
+        length: u16,
+    },
+    /// The next [`SETTINGS_PART_BYTES`] of them; zeros behind the record's end.
+    SettingsPart {
+        /// Where they belong: the parts come in order.
+        offset: u16,
+        /// The bytes.
+        bytes: [u8; SETTINGS_PART_BYTES],
+    },
+    /// They are complete: check and store them. They are in force from the board's next start.
+    SettingsEnd,
 }
 
 /// Joints in an order, four bits each from the lowest up: joint + 1, 0 ends the list. Empty means
@@ -151,6 +170,14 @@ impl Control {
                 | Control::Home(_)
                 | Control::Extrude { .. }
                 | Control::MotorsOff
+        ) || self.is_settings()
+    }
+
+    /// True for the messages that bring new settings.
+    pub fn is_settings(&self) -> bool {
+        matches!(
+            self,
+            Control::SettingsBegin { .. } | Control::SettingsPart { .. } | Control::SettingsEnd
         )
     }
 
@@ -186,7 +213,12 @@ impl Control {
                 (1..=EVENT_VOLUME_UNITS_MAX).contains(&volume_units)
                     && (1..=EVENT_DURATION_TICKS_MAX).contains(&duration_ticks.0)
             }
+            Control::SettingsBegin { length } => {
+                (1..=SETTINGS_BYTES_MAX).contains(&usize::from(length))
+            }
+            Control::SettingsPart { offset, .. } => usize::from(offset) < SETTINGS_BYTES_MAX,
             Control::Pause
+            | Control::SettingsEnd
             | Control::Resume
             | Control::Abort
             | Control::EmergencyStop

@@ -14,6 +14,15 @@ pub const CRC: Crc<u32> = Crc::<u32>::new(&CRC_32_ISO_HDLC);
 /// Table in flash, not rebuilt for each use.
 static CRC_TABLE: Crc<u32> = CRC;
 
+/// CRC-32 of these bytes, one behind the other.
+pub fn checksum(parts: &[&[u8]]) -> u32 {
+    let mut digest = CRC_TABLE.digest();
+    for part in parts {
+        digest.update(part);
+    }
+    digest.finalize()
+}
+
 /// Longest postcard message: a full knot block with its tag and length.
 pub const MESSAGE_BYTES_MAX: usize = 248;
 /// Sequence number and CRC.

@@ -22,4 +22,5 @@ pub mod frame;
 pub mod knot_block;
 pub mod message;
 pub mod segment;
+pub mod settings;
 pub mod units;

@@ -9,9 +9,11 @@
 pub use crate::control::{
     Control, DECIDEGREES_MAX, EVENT_DURATION_TICKS_MAX, EVENT_VOLUME_UNITS_MAX, FLOW_PERCENT_RANGE,
     HEATERS_MAX, JointOrder, OVERRIDE_PERCENT_MAX, REPORT_MOTORS_MAX, REPORT_PERIOD_RANGE_MS,
+    SETTINGS_BYTES_MAX, SETTINGS_PART_BYTES,
 };
 pub use crate::fault::{Fault, FaultCause};
 use crate::segment::{FlowEvent, SPAN_TICKS_MAX};
+pub use crate::settings::{SettingsProblem, SettingsRefusal};
 use crate::units::ChannelPoint;
 use heapless::Vec;
 use serde::{Deserialize, Serialize};
@@ -30,9 +32,11 @@ host: 0 hello{protocol u16,schema u32,host_session u32}\n\
  7 position i32*7 8 jog{joint u8,distance i32,speed u32} 9 home u32 10 joint{joint u8,position i32}\n\
  11 report u16 12 flow u16 13 extrude{action u8,volume u32,duration u32} 14 goto i32*7\n\
  15 motors off 16 heat{heater u8,decidegrees u16,wait bool} 17 fan u16\n\
+ 18 settings{length u16} 19 part{offset u16,bytes u8*32} 20 settings end\n\
 device: 0 welcome{protocol u16,schema u32,firmware u8*3,machine_hash u32,knots u16,events u16,\
 servo u32,step u32,session u32,host_session u32,stream option{job u32,first u32,next u32,knots u32,spans u32}}\n\
- 1 refused{sequence u16,reason 0 protocol u16 1 schema u32 2 machine u32 3 no stream 4 busy 5 faulted 6 invalid 7 no hello}\n\
+ 1 refused{sequence u16,reason 0 protocol u16 1 schema u32 2 machine u32 3 no stream 4 busy 5 faulted 6 invalid 7 no hello \
+8 settings{problem 0..11 u8,index u8}}\n\
  2 ack{session u32,next u32,knot_limit u32,event_limit u32,control u16} 3 nak(ack)\n\
  4 status{session u32,state u8,sigma u16,override u16,flow u16,spans u32,knots u16,events u16,\
 referenced u8,switches u8,counts vec i32,heaters vec{decidegrees i16,target u16,duty u16},fan u16,fault option}\n\
@@ -184,6 +188,8 @@ pub enum RefusalReason {
     Invalid,
     /// A command came before any `Hello` since the controller's start.
     NoHello,
+    /// The settings cannot be taken.
+    Settings(SettingsRefusal),
 }
 
 /// What was taken, and how much more may come. Limits are totals since `Start`, so that lost or
@@ -290,6 +296,7 @@ impl core::fmt::Display for RefusalReason {
                  then `headway board go JOB`)",
             ),
             Self::NoHello => f.write_str("it has restarted and waits for a greeting"),
+            Self::Settings(refusal) => refusal.fmt(f),
         }
     }
 }

@@ -86,6 +86,12 @@ fn host_message<'a>(name: &str, block: &'a [u8]) -> Option<HostMessage<'a>> {
             wait: true,
         }),
         "fan" => HostMessage::Control(Control::Fan(350)),
+        "settings_begin" => HostMessage::Control(Control::SettingsBegin { length: 33 }),
+        "settings_part" => HostMessage::Control(Control::SettingsPart {
+            offset: 32,
+            bytes: core::array::from_fn(|place| if place == 0 { 7 } else { 0 }),
+        }),
+        "settings_end" => HostMessage::Control(Control::SettingsEnd),
         _ => return None,
     })
 }
@@ -126,6 +132,13 @@ fn device_message(name: &str) -> Option<DeviceMessage> {
         "refused" => DeviceMessage::Refused(Refusal {
             sequence: 2,
             reason: RefusalReason::Machine(9),
+        }),
+        "refused_settings" => DeviceMessage::Refused(Refusal {
+            sequence: 4,
+            reason: RefusalReason::Settings(SettingsRefusal {
+                problem: SettingsProblem::Joint,
+                index: 2,
+            }),
         }),
         "ack" => DeviceMessage::Ack(ack),
         "nak" => DeviceMessage::Nak(ack),
@@ -201,7 +214,7 @@ fn wire_md_states_the_bytes_of_this_build() {
     for line in golden
         .lines()
         .filter(|line| line.starts_with("    "))
-        .take(29)
+        .take(33)
     {
         let cells: Vec<&str> = line.split_whitespace().collect();
         let sequence = u16::from_str_radix(cells[1], 16).unwrap();
@@ -211,7 +224,7 @@ fn wire_md_states_the_bytes_of_this_build() {
         }
         lines += 1;
     }
-    assert_eq!(lines, 29, "every variant has its line");
+    assert_eq!(lines, 33, "every variant has its line");
     assert!(wrong.is_empty(), "this build writes:\n{}", wrong.join("\n"));
 }
 

@@ -64,6 +64,11 @@ impl HeatPanel {
         Ok(())
     }
 
+    /// True if a heater is asked for.
+    pub fn is_on(&self) -> bool {
+        self.targets_c.iter().any(|target_c| *target_c > 0.0)
+    }
+
     /// The part fan, in thousandths.
     ///
     /// # Errors

@@ -3,7 +3,9 @@
 use super::{Receiver, reason_of};
 use crate::design::ticks_of_ms;
 use crate::motion::{EMERGENCY, Motion};
-use headway_protocol::message::{Control, RefusalReason};
+use headway_protocol::message::{
+    Control, DeviceState, RefusalReason, SettingsProblem, SettingsRefusal,
+};
 
 impl Receiver {
     pub(super) fn control(&mut self, sequence: u16, control: Control, motion: &mut Motion) {
@@ -44,6 +46,11 @@ impl Receiver {
                     self.refuse_control(sequence, reason_of(error));
                 }
             }
+            Control::SettingsBegin { .. } | Control::SettingsPart { .. } | Control::SettingsEnd => {
+                if let Err(reason) = self.take_settings(sequence, &control, motion) {
+                    self.refuse_control(sequence, reason);
+                }
+            }
             Control::SetPosition(_)
             | Control::SetJoint { .. }
             | Control::Jog { .. }
@@ -55,6 +62,50 @@ impl Receiver {
                     self.refuse_control(sequence, reason_of(error));
                 }
             }
+        }
+    }
+
+    /// New settings, in parts: only while nothing moves, nothing is hot by our doing and no stream is open,
+    /// since flash that is written holds the core up.
+    fn take_settings(
+        &mut self,
+        sequence: u16,
+        control: &Control,
+        motion: &Motion,
+    ) -> Result<(), RefusalReason> {
+        let is_free = matches!(
+            motion.state(),
+            DeviceState::Idle | DeviceState::Finished | DeviceState::Faulted
+        );
+        if !is_free || !motion.is_at_rest() || motion.heat().is_on() {
+            return Err(RefusalReason::Busy);
+        }
+        let taken = match control {
+            Control::SettingsBegin { length } => self.settings.begin(*length),
+            Control::SettingsPart { offset, bytes } => self.settings.part(*offset, bytes),
+            _ => {
+                self.settings_sequence = sequence;
+                self.settings.end()
+            }
+        };
+        taken.map_err(RefusalReason::Settings)
+    }
+
+    /// The board has a store for settings: without one they are refused.
+    pub fn keep_settings(&mut self) {
+        self.settings.keep();
+    }
+
+    /// Stores settings that have come, if there are any: to be called after [`Self::apply`] and before
+    /// reports are asked for, with what writes a record and tells whether it is there now.
+    pub fn store_settings(&mut self, put: impl FnOnce(&[u8]) -> bool) {
+        let stored = self.settings.take().map(put);
+        if stored == Some(false) {
+            let reason = RefusalReason::Settings(SettingsRefusal {
+                problem: SettingsProblem::NotStored,
+                index: 0,
+            });
+            self.refuse_control(self.settings_sequence, reason);
         }
     }
 }

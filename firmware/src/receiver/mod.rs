@@ -15,6 +15,7 @@ use crate::kinematics::winding::Winding;
 use crate::load::{LoadModel, SpanFault, SpanLoad};
 use crate::motion::{CommandError, Motion};
 use crate::queue::{Ceiling, QueuedKnot};
+use crate::settings::inbox::SettingsInbox;
 use crate::spline::SpanWindow;
 use headway_protocol::frame::{FrameDecoder, full_sequence};
 use headway_protocol::knot_block::{KNOTS_PER_BLOCK_MAX, KnotPredictor, decode_block};
@@ -116,6 +117,9 @@ pub struct Receiver {
     stream: Option<Stream>,
     /// Of a second line: what the first one streams.
     watched: Option<Watched>,
+    settings: SettingsInbox,
+    /// The message that completed them.
+    settings_sequence: u16,
     due: Due,
     /// Credit that the host was last told.
     knot_limit_told: u32,
@@ -144,6 +148,8 @@ impl Receiver {
             refused: None,
             stream: None,
             watched: None,
+            settings: SettingsInbox::default(),
+            settings_sequence: 0,
             due: Due::default(),
             knot_limit_told: 0,
             nak_tick: 0,

@@ -76,6 +76,7 @@ Examples:
   headway board heat hot-end 210 --port /dev/ttyACM0
   headway board fan 40 --port /dev/ttyACM0
   headway board go part.hwj --port /dev/ttyACM0
+  headway board configure machine.toml --port /dev/ttyACM0
   headway board simulate --listen tcp:127.0.0.1:7000
   headway board replay print.log")]
 pub(super) struct BoardArgs {
@@ -89,6 +90,26 @@ pub(super) struct BoardMachineArgs {
     /// Machine file of the board [default: the built-in planar machine].
     #[arg(short, long, value_name = "MACHINE.toml")]
     pub machine: Option<PathBuf>,
+}
+
+/// `headway board simulate`.
+#[derive(Debug, Args)]
+pub(super) struct SimulateArgs {
+    /// Where hosts connect: tcp:HOST:PORT or unix:PATH.
+    #[arg(long, value_name = "PORT")]
+    pub listen: String,
+    #[command(flatten)]
+    pub machine: BoardMachineArgs,
+    /// Virtual seconds per second.
+    #[arg(long, value_name = "FACTOR", default_value_t = 1.0)]
+    pub speed: f64,
+    /// Without limit switches.
+    #[arg(long)]
+    pub no_switches: bool,
+    /// File that stands for the board's flash: keeps what `board configure` sends, and is read at the
+    /// start, before --machine.
+    #[arg(long, value_name = "FILE")]
+    pub settings: Option<PathBuf>,
 }
 
 #[derive(Debug, Subcommand)]
@@ -243,20 +264,15 @@ pub(super) enum BoardCommand {
         #[command(flatten)]
         port: PortArgs,
     },
-    /// Be a board without hardware: the firmware library on a socket.
-    Simulate {
-        /// Where hosts connect: tcp:HOST:PORT or unix:PATH.
-        #[arg(long, value_name = "PORT")]
-        listen: String,
+    /// Send a machine file to a board that keeps settings; in force from its next start.
+    Configure {
+        /// Machine file: kinematics, joints, extruder, heaters.
+        machine: PathBuf,
         #[command(flatten)]
-        machine: BoardMachineArgs,
-        /// Virtual seconds per second.
-        #[arg(long, value_name = "FACTOR", default_value_t = 1.0)]
-        speed: f64,
-        /// Without limit switches.
-        #[arg(long)]
-        no_switches: bool,
+        port: PortArgs,
     },
+    /// Be a board without hardware: the firmware library on a socket.
+    Simulate(SimulateArgs),
     /// Run the host's side of a log through the firmware library.
     Replay {
         /// A log that headway stream --log wrote.

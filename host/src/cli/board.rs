@@ -1,27 +1,25 @@
 //! `headway board`: questions and commands to a board, a board without hardware, replay of logs.
 
 use super::args_board::{BoardArgs, BoardCommand, BoardMachineArgs, PortArgs};
+use super::configure::configure;
 use super::console::Console;
 use super::heat::{heat, heaters_json, heaters_text, is_there};
 use super::jog::{extrude, jog, joint_number, set_joint};
-use super::stream::{ANSWER_PATIENCE, catch_interrupts, host_session, no_answer, open};
+use super::simulated_board::simulate;
+use super::stream::{ANSWER_PATIENCE, host_session, no_answer, open};
 use super::tune::tune;
 use super::{CliError, load};
 use crate::drive::link_log::{read_log, replay};
 use crate::drive::pump::Pump;
 use crate::drive::sender::Sender;
 use crate::drive::sender_state::{SenderEvent, SenderState};
-use crate::drive::transport::{Listener, Port};
-use crate::drive::virtual_board::{BoardSetup, VirtualBoard};
 use crate::settings::Settings;
 use headway_firmware::configuration::MachineConfiguration;
-use headway_firmware::homing::HomingConfiguration;
 use headway_protocol::message::{Control, DeviceState, JointOrder, Status, Welcome};
 use serde_json::json;
 use std::fs::File;
 use std::io::BufReader;
 use std::path::Path;
-use std::sync::atomic::{AtomicBool, Ordering};
 use std::time::{Duration, Instant};
 
 pub(super) fn run(args: &BoardArgs, console: &Console) -> Result<(), CliError> {
@@ -81,12 +79,8 @@ pub(super) fn run(args: &BoardArgs, console: &Console) -> Result<(), CliError> {
             machine,
             port,
         } => tune(heater, *celsius, machine, port, console),
-        BoardCommand::Simulate {
-            listen,
-            machine,
-            speed,
-            no_switches,
-        } => simulate(listen, machine, *speed, *no_switches, console),
+        BoardCommand::Simulate(asked) => simulate(asked, console),
+        BoardCommand::Configure { machine, port } => configure(machine, port, console),
         BoardCommand::Replay { log, machine, json } => {
             run_replay(log, machine.as_deref(), *json, console)
         }
@@ -324,7 +318,7 @@ fn bits(mask: u8) -> Vec<u8> {
     (0..8).filter(|bit| mask >> bit & 1 == 1).collect()
 }
 
-fn settings(args: &BoardMachineArgs) -> Result<Settings, CliError> {
+pub(super) fn settings(args: &BoardMachineArgs) -> Result<Settings, CliError> {
     args.machine
         .as_deref()
         .map_or_else(|| Ok(Settings::default()), load::machine)
@@ -395,55 +389,6 @@ fn move_joint(
     talk.order(command)?;
     let status = talk.wait_for_rest()?;
     console.result(&status_text(&status, false))
-}
-
-fn simulate(
-    listen: &str,
-    machine: &BoardMachineArgs,
-    speed: f64,
-    no_switches: bool,
-    console: &Console,
-) -> Result<(), CliError> {
-    let port: Port = listen
-        .parse()
-        .map_err(|error| CliError::Usage(format!("--listen: {error}")))?;
-    if !(0.01..=1000.0).contains(&speed) {
-        return Err(CliError::Usage(format!(
-            "--speed {speed}: a number from 0.01 to 1000"
-        )));
-    }
-    let settings = settings(machine)?;
-    let listener =
-        Listener::bind(&port).map_err(|problem| CliError::Job(format!("{port}: {problem}")))?;
-    let place = |problem: std::io::Error| CliError::Job(format!("{port}: {problem}"));
-    let switches = if no_switches {
-        HomingConfiguration::none()
-    } else {
-        HomingConfiguration::standard(&settings.machine)
-    };
-    let listening = listener.port().map_err(place)?;
-    let setup = BoardSetup {
-        machine: settings.machine,
-        switches,
-        session: host_session(),
-        speed,
-    };
-    let mut board = VirtualBoard::new(setup, listener)
-        .map_err(|error| CliError::Job(format!("the firmware cannot run this machine: {error}")))?;
-    console.say(&format!(
-        "a board of machine {} listens on {listening}; Ctrl-C ends it",
-        settings.machine_name
-    ));
-    let interrupts = catch_interrupts();
-    let stop = AtomicBool::new(false);
-    let figures = board
-        .serve(&stop, |_| stop.store(interrupts() > 0, Ordering::Relaxed))
-        .map_err(place)?;
-    console.say(&format!(
-        "{} steps, counts {:?}, {} underruns, {} hosts",
-        figures.steps, figures.counts, figures.underruns, figures.hosts
-    ));
-    Ok(())
 }
 
 fn run_replay(

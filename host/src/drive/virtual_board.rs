@@ -115,7 +115,12 @@ pub struct VirtualBoard {
     begun: Instant,
     ticks_done: u64,
     hosts: u64,
+    /// Keeps settings that come, if it can.
+    store: Option<SettingsWriter>,
 }
+
+/// Writes a record of settings where it outlasts a restart; true if it is there.
+pub type SettingsWriter = Box<dyn FnMut(&[u8]) -> bool>;
 
 impl VirtualBoard {
     /// Starts up.
@@ -135,7 +140,14 @@ impl VirtualBoard {
             begun: Instant::now(),
             ticks_done: 0,
             hosts: 0,
+            store: None,
         })
+    }
+
+    /// The board has a store: settings that come are kept with `store`, for its next start.
+    pub fn keep_settings(&mut self, store: SettingsWriter) {
+        self.machine.keep_settings();
+        self.store = Some(store);
     }
 
     /// Serves until told to stop; `each` is called after every turn and may drop the line.
@@ -180,7 +192,15 @@ impl VirtualBoard {
     fn turn(&mut self) -> io::Result<()> {
         let mut buffer = [0u8; 4096];
         match self.line.as_mut().map(|line| line.receive(&mut buffer)) {
-            Some(Ok(count)) => self.machine.handle_bytes(&buffer[..count]),
+            Some(Ok(count)) => {
+                // One at a time: what one completes is stored before the next is taken.
+                for byte in &buffer[..count] {
+                    self.machine.handle_bytes(core::slice::from_ref(byte));
+                    if let Some(store) = &mut self.store {
+                        self.machine.store_settings(store);
+                    }
+                }
+            }
             Some(Err(_)) => self.line = None,
             None => std::thread::sleep(Duration::from_millis(1)),
         }

@@ -1,0 +1,78 @@
+//! Settings on their way in: parts of the line, in order -> a checked record that waits to be stored.
+//!
+//! In: the messages `SettingsBegin`, `SettingsPart`, `SettingsEnd`. Out: the record, for whoever has a flash.
+//! Left out: whether the board may take settings now, which the receiver asks the motion.
+
+use super::{BoardSettings, Record, SettingsProblem, SettingsRefusal, refusal};
+use headway_protocol::message::SETTINGS_PART_BYTES;
+
+/// What has come of a record.
+#[derive(Clone, Debug, Default)]
+pub struct SettingsInbox {
+    /// The board has a store.
+    keeps: bool,
+    length: usize,
+    record: Record,
+    is_checked: bool,
+}
+
+impl SettingsInbox {
+    /// The board has a store.
+    pub fn keep(&mut self) {
+        self.keeps = true;
+    }
+
+    /// A new record; what came of another one is forgotten.
+    ///
+    /// # Errors
+    /// `NoStore`.
+    pub fn begin(&mut self, length: u16) -> Result<(), SettingsRefusal> {
+        if !self.keeps {
+            return Err(refusal(SettingsProblem::NoStore, 0));
+        }
+        self.length = length.into();
+        self.record.clear();
+        self.is_checked = false;
+        Ok(())
+    }
+
+    /// The next part.
+    ///
+    /// # Errors
+    /// `Incomplete` where it is not the next one.
+    pub fn part(
+        &mut self,
+        offset: u16,
+        bytes: &[u8; SETTINGS_PART_BYTES],
+    ) -> Result<(), SettingsRefusal> {
+        let missing = self.length.saturating_sub(self.record.len());
+        let wanted = missing.min(SETTINGS_PART_BYTES);
+        let is_next = usize::from(offset) == self.record.len() && wanted > 0 && !self.is_checked;
+        let part = bytes.get(..wanted).filter(|_| is_next);
+        part.and_then(|part| self.record.extend_from_slice(part).ok())
+            .ok_or(refusal(SettingsProblem::Incomplete, 0))
+    }
+
+    /// It is complete: checks it.
+    ///
+    /// # Errors
+    /// What is wrong with it.
+    pub fn end(&mut self) -> Result<(), SettingsRefusal> {
+        if self.length == 0 || self.record.len() != self.length {
+            return Err(refusal(SettingsProblem::Incomplete, 0));
+        }
+        BoardSettings::decode(&self.record)?;
+        self.is_checked = true;
+        Ok(())
+    }
+
+    /// The record that is to be stored now, once.
+    pub fn take(&mut self) -> Option<&[u8]> {
+        if !self.is_checked {
+            return None;
+        }
+        self.is_checked = false;
+        self.length = 0;
+        Some(&self.record)
+    }
+}

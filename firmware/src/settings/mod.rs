@@ -1,0 +1,175 @@
+//! Settings of a board that are not built in: the machine, its switches, its heaters.
+//!
+//! ```text
+//! version u8 | section: tag u8, length u16 LE, postcard body | section | ... | CRC-32 u32 LE of all before it
+//! ```
+//! Here, because host and board check a record with the very same code. In: bytes, at most
+//! [`SETTINGS_BYTES_MAX`]. Out: [`BoardSettings`] that can be run, or a [`SettingsRefusal`] with the place.
+//! A section that is missing leaves the board's own, the machine alone must be there; an unknown one is
+//! refused, unless its tag says that a board may do without it. `store` keeps a record in flash, `inbox`
+//! collects one from the line. Left out: which pin is which, which is the board's.
+
+pub mod inbox;
+pub mod store;
+#[cfg(test)]
+mod tests;
+
+use crate::configuration::{ConfigurationError, MachineConfiguration};
+use crate::heat::HeatConfiguration;
+use crate::homing::HomingConfiguration;
+use crate::machine::Machine;
+use headway_protocol::frame::checksum;
+pub use headway_protocol::message::{SETTINGS_BYTES_MAX, SettingsProblem, SettingsRefusal};
+use heapless::Vec;
+use serde::{Deserialize, Serialize};
+
+/// Layout of the record.
+pub const SETTINGS_VERSION: u8 = 1;
+/// [`MachineConfiguration`].
+const MACHINE: u8 = 1;
+/// [`HomingConfiguration`].
+const SWITCHES: u8 = 2;
+/// [`HeatConfiguration`].
+const HEATERS: u8 = 3;
+/// A section with this bit may be left alone by a board that does not know it.
+const MAY_BE_SKIPPED: u8 = 0x80;
+/// Tag and length.
+const HEAD_BYTES: usize = 3;
+const CRC_BYTES: usize = 4;
+
+/// A record of settings.
+pub type Record = Vec<u8, SETTINGS_BYTES_MAX>;
+
+/// What a board can be told without building its firmware.
+#[derive(Clone, Debug, PartialEq)]
+pub struct BoardSettings {
+    /// Kinematics, joints, extruder, rates.
+    pub machine: MachineConfiguration,
+    /// Switches to home to.
+    pub switches: HomingConfiguration,
+    /// Heaters; `None` leaves the board's own.
+    pub heaters: Option<HeatConfiguration>,
+}
+
+impl BoardSettings {
+    /// Checks everything, as the board does before it takes them.
+    ///
+    /// # Errors
+    /// The first number that is wrong.
+    pub fn check(&self) -> Result<(), SettingsRefusal> {
+        self.machine.check().map_err(of_machine)?;
+        Machine::check(&self.machine, &self.switches).map_err(|error| match error {
+            ConfigurationError::Joint(joint) => refusal(SettingsProblem::Switch, joint),
+            other => of_machine(other),
+        })?;
+        if let Some(heaters) = &self.heaters {
+            let checked = heaters.check();
+            checked.map_err(|range| refusal(SettingsProblem::Heater, range.0))?;
+        }
+        Ok(())
+    }
+
+    /// Checks them and writes the record.
+    ///
+    /// # Errors
+    /// As [`Self::check`]; `Section` for one that has no room, which the largest machine has.
+    pub fn encode(&self) -> Result<Record, SettingsRefusal> {
+        self.check()?;
+        let mut record = Record::new();
+        let too_long = |_| refusal(SettingsProblem::Section, 0);
+        record.push(SETTINGS_VERSION).map_err(too_long)?;
+        section(&mut record, MACHINE, &self.machine)?;
+        section(&mut record, SWITCHES, &self.switches)?;
+        if let Some(heaters) = &self.heaters {
+            section(&mut record, HEATERS, heaters)?;
+        }
+        let crc = checksum(&[&record]).to_le_bytes();
+        let no_room = refusal(SettingsProblem::Section, 0);
+        record.extend_from_slice(&crc).map_err(|_| no_room)?;
+        Ok(record)
+    }
+
+    /// Reads a record and checks it.
+    ///
+    /// # Errors
+    /// What is wrong with it, and where.
+    pub fn decode(record: &[u8]) -> Result<Self, SettingsRefusal> {
+        let damaged = refusal(SettingsProblem::Damaged, 0);
+        let (body, crc) = record.split_last_chunk::<CRC_BYTES>().ok_or(damaged)?;
+        if checksum(&[body]) != u32::from_le_bytes(*crc) {
+            return Err(damaged);
+        }
+        let (version, mut rest) = body.split_first().ok_or(damaged)?;
+        if *version != SETTINGS_VERSION {
+            return Err(refusal(SettingsProblem::Version, SETTINGS_VERSION.into()));
+        }
+        let (mut machine, mut switches, mut heaters) = (None, None, None);
+        // Each round takes at least a head off a bounded record.
+        while let Some((&[tag, low, high], behind)) = rest.split_first_chunk::<HEAD_BYTES>() {
+            let wrong = refusal(SettingsProblem::Section, tag.into());
+            let length = usize::from(u16::from_le_bytes([low, high]));
+            let (content, after) = behind.split_at_checked(length).ok_or(wrong)?;
+            match tag {
+                MACHINE => once(&mut machine, content, wrong)?,
+                SWITCHES => once(&mut switches, content, wrong)?,
+                HEATERS => once(&mut heaters, content, wrong)?,
+                _ if tag & MAY_BE_SKIPPED != 0 => {}
+                _ => return Err(wrong),
+            }
+            rest = after;
+        }
+        if !rest.is_empty() {
+            return Err(damaged);
+        }
+        let machine: MachineConfiguration =
+            machine.ok_or(refusal(SettingsProblem::Section, MACHINE.into()))?;
+        let settings = Self {
+            switches: switches.unwrap_or_else(|| HomingConfiguration::standard(&machine)),
+            machine,
+            heaters,
+        };
+        settings.check()?;
+        Ok(settings)
+    }
+}
+
+/// Appends a section.
+fn section<T: Serialize>(record: &mut Record, tag: u8, value: &T) -> Result<(), SettingsRefusal> {
+    let no_room = refusal(SettingsProblem::Section, tag.into());
+    let mut content = [0u8; SETTINGS_BYTES_MAX];
+    let content = postcard::to_slice(value, &mut content).map_err(|_| no_room)?;
+    let [low, high] = (content.len() as u16).to_le_bytes();
+    let head = record.extend_from_slice(&[tag, low, high]);
+    head.and_then(|()| record.extend_from_slice(content))
+        .map_err(|_| no_room)
+}
+
+/// Reads a section into its place, which must be empty yet.
+fn once<'a, T: Deserialize<'a>>(
+    place: &mut Option<T>,
+    content: &'a [u8],
+    wrong: SettingsRefusal,
+) -> Result<(), SettingsRefusal> {
+    let (value, rest) = postcard::take_from_bytes(content).map_err(|_| wrong)?;
+    if !rest.is_empty() || place.replace(value).is_some() {
+        return Err(wrong);
+    }
+    Ok(())
+}
+
+pub(crate) fn refusal(problem: SettingsProblem, index: usize) -> SettingsRefusal {
+    SettingsRefusal {
+        problem,
+        index: index.min(u8::MAX.into()) as u8,
+    }
+}
+
+fn of_machine(error: ConfigurationError) -> SettingsRefusal {
+    match error {
+        ConfigurationError::JointCount { needed, .. } => refusal(SettingsProblem::Joints, needed),
+        ConfigurationError::TickRates => refusal(SettingsProblem::Joints, 0),
+        ConfigurationError::Joint(joint) => refusal(SettingsProblem::Joint, joint),
+        ConfigurationError::Shaper(joint) => refusal(SettingsProblem::Shaper, joint),
+        ConfigurationError::Kinematics => refusal(SettingsProblem::Kinematics, 0),
+    }
+}

@@ -1,0 +1,363 @@
+//! Goal: settings come over the line whole or are refused with the place, and a power cut at any byte of
+//! storing them leaves the old or the new ones.
+//! Method: records with one thing wrong; a flash model that dies after so many bytes erased or written, at
+//! every number of them, and is read by a new store; frames through the whole controller.
+
+use super::store::{SLOT_BYTES_MIN, SettingsStore, StoreError};
+use super::*;
+use crate::boards::{built_in_planar, emulated_planar};
+use embedded_storage::nor_flash::{
+    ErrorType, NorFlash, NorFlashError, NorFlashErrorKind, ReadNorFlash,
+};
+use headway_protocol::frame::{FRAME_BYTES_MAX, FrameDecoder, encode_frame};
+use headway_protocol::message::{
+    Control, DeviceMessage, Hello, HostMessage, PROTOCOL_VERSION, RefusalReason, SCHEMA_HASH,
+    SETTINGS_PART_BYTES,
+};
+use std::vec;
+use std::vec::Vec as StdVec;
+
+const ERASE_BYTES: usize = 4096;
+
+/// Two sectors of NOR flash: erasing sets bits, a word is programmed once, and the power may fail.
+#[derive(Clone)]
+struct FlashModel {
+    bytes: StdVec<u8>,
+    /// Bytes that may still be erased or programmed before the power is cut.
+    left: usize,
+}
+
+#[derive(Debug)]
+struct PowerCut;
+
+impl NorFlashError for PowerCut {
+    fn kind(&self) -> NorFlashErrorKind {
+        NorFlashErrorKind::Other
+    }
+}
+
+impl ErrorType for FlashModel {
+    type Error = PowerCut;
+}
+
+impl ReadNorFlash for FlashModel {
+    const READ_SIZE: usize = 1;
+    fn read(&mut self, offset: u32, bytes: &mut [u8]) -> Result<(), PowerCut> {
+        let offset = offset as usize;
+        bytes.copy_from_slice(&self.bytes[offset..offset + bytes.len()]);
+        Ok(())
+    }
+    fn capacity(&self) -> usize {
+        self.bytes.len()
+    }
+}
+
+impl NorFlash for FlashModel {
+    const WRITE_SIZE: usize = 4;
+    const ERASE_SIZE: usize = ERASE_BYTES;
+    fn erase(&mut self, from: u32, to: u32) -> Result<(), PowerCut> {
+        for byte in &mut self.bytes[from as usize..to as usize] {
+            self.left = self.left.checked_sub(1).ok_or(PowerCut)?;
+            *byte = 0xff;
+        }
+        Ok(())
+    }
+    fn write(&mut self, offset: u32, bytes: &[u8]) -> Result<(), PowerCut> {
+        let place = offset as usize;
+        for (cell, byte) in self.bytes[place..].iter_mut().zip(bytes) {
+            self.left = self.left.checked_sub(1).ok_or(PowerCut)?;
+            assert_eq!(*cell, 0xff, "a word is programmed once");
+            *cell = *byte;
+        }
+        Ok(())
+    }
+}
+
+fn flash() -> FlashModel {
+    FlashModel {
+        // As it comes out of another use.
+        bytes: vec![0x5a; 2 * ERASE_BYTES],
+        left: usize::MAX,
+    }
+}
+
+fn settings(machine: MachineConfiguration) -> BoardSettings {
+    BoardSettings {
+        switches: HomingConfiguration::standard(&machine),
+        machine,
+        heaters: Some(HeatConfiguration::standard()),
+    }
+}
+
+#[test]
+fn a_power_cut_at_any_byte_leaves_the_old_or_the_new_record_whole() {
+    let [old, new] = [built_in_planar(), emulated_planar()].map(|m| settings(m).encode().unwrap());
+    let mut store = SettingsStore::new(flash()).unwrap();
+    assert_eq!(store.take(), None);
+    store.put(&old).unwrap();
+    let before = store.into_flash();
+    let (mut kept_old, mut kept_new) = (0, 0);
+    for cut in 0.. {
+        let mut flash = before.clone();
+        flash.left = cut;
+        let mut store = SettingsStore::new(flash).unwrap();
+        let put = store.put(&new);
+        let mut flash = store.into_flash();
+        flash.left = usize::MAX;
+        let mut store = SettingsStore::new(flash).unwrap();
+        let found = store.take().unwrap();
+        if put.is_ok() {
+            assert_eq!(found, new);
+            kept_new += 1;
+            break;
+        }
+        assert!(found == old || found == new, "cut after {cut} bytes");
+        kept_old += usize::from(found == old);
+        // What was left half done is no hindrance.
+        store.put(&new).unwrap();
+        assert_eq!(store.take().unwrap(), new);
+    }
+    assert_eq!(kept_new, 1);
+    let bytes = ERASE_BYTES + new.len();
+    assert!(kept_old > bytes, "{kept_old} cuts of at least {bytes}");
+}
+
+#[test]
+fn records_take_turns_and_a_flash_that_cannot_hold_one_is_told() {
+    let mut store = SettingsStore::new(flash()).unwrap();
+    for round in 0..5u8 {
+        let record = [round; 77];
+        store.put(&record).unwrap();
+        assert_eq!(store.take().unwrap(), record);
+    }
+    assert_eq!(store.put(&[]), Err(StoreError::Unsuitable));
+    assert_eq!(store.put(&[0; 2049]), Err(StoreError::Unsuitable));
+    let mut small = flash();
+    small.bytes.truncate(2 * SLOT_BYTES_MIN - 2);
+    assert!(matches!(
+        SettingsStore::new(small),
+        Err(StoreError::Unsuitable)
+    ));
+}
+
+#[test]
+fn a_record_comes_back_and_what_is_wrong_with_one_is_told_with_its_place() {
+    let right = settings(built_in_planar());
+    let record = right.encode().unwrap();
+    assert_eq!(BoardSettings::decode(&record).unwrap(), right);
+    for place in 0..record.len() {
+        let mut flipped = record.clone();
+        flipped[place] ^= 0x10;
+        assert!(BoardSettings::decode(&flipped).is_err(), "byte {place}");
+        assert!(BoardSettings::decode(&record[..place]).is_err());
+    }
+    let wrong = |change: fn(&mut BoardSettings), problem, index| {
+        let mut settings = right.clone();
+        change(&mut settings);
+        let refused = refusal(problem, index);
+        assert_eq!(settings.encode(), Err(refused));
+        // The board says the same of a record that nobody checked.
+        assert_eq!(BoardSettings::decode(&unchecked(&settings)), Err(refused));
+    };
+    wrong(
+        |s| s.machine.joints[1].speed_max = f64::NAN,
+        SettingsProblem::Joint,
+        1,
+    );
+    wrong(|s| s.machine.step_hz += 1, SettingsProblem::Joints, 0);
+    wrong(|s| s.machine.joints.truncate(3), SettingsProblem::Joints, 4);
+    wrong(
+        |s| s.switches.joints[2].fast_natural_s = 1e9,
+        SettingsProblem::Switch,
+        1,
+    );
+    let cold = |s: &mut BoardSettings| s.heaters.as_mut().unwrap().heaters[1].limit_c = -1.0;
+    wrong(cold, SettingsProblem::Heater, 1);
+}
+
+#[test]
+fn sections_may_be_left_out_or_skipped_but_are_not_doubled_or_unknown() {
+    let right = settings(built_in_planar());
+    let build = |tags: &[u8]| {
+        let mut record = Record::new();
+        record.push(SETTINGS_VERSION).unwrap();
+        for tag in tags {
+            match *tag {
+                SWITCHES => section(&mut record, SWITCHES, &right.switches).unwrap(),
+                other => section(&mut record, other, &right.machine).unwrap(),
+            }
+        }
+        sealed(record)
+    };
+    let alone = BoardSettings::decode(&build(&[MACHINE, 0x85])).unwrap();
+    assert_eq!(alone.heaters, None);
+    assert_eq!(alone.switches, right.switches);
+    for (tags, index) in [
+        (&[MACHINE, MACHINE][..], MACHINE),
+        (&[MACHINE, 5], 5),
+        (&[SWITCHES], MACHINE),
+    ] {
+        let refused = Err(refusal(SettingsProblem::Section, index.into()));
+        assert_eq!(BoardSettings::decode(&build(tags)), refused, "{tags:?}");
+    }
+    let mut other = Record::new();
+    other.push(9).unwrap();
+    let refused = Err(refusal(SettingsProblem::Version, 1));
+    assert_eq!(BoardSettings::decode(&sealed(other)), refused);
+}
+
+fn sealed(mut record: Record) -> Record {
+    let crc = checksum(&[&record]).to_le_bytes();
+    record.extend_from_slice(&crc).unwrap();
+    record
+}
+
+fn unchecked(settings: &BoardSettings) -> Record {
+    let mut record = Record::new();
+    record.push(SETTINGS_VERSION).unwrap();
+    section(&mut record, MACHINE, &settings.machine).unwrap();
+    section(&mut record, SWITCHES, &settings.switches).unwrap();
+    section(&mut record, HEATERS, settings.heaters.as_ref().unwrap()).unwrap();
+    sealed(record)
+}
+
+/// A controller and its host.
+struct Line {
+    machine: Machine,
+    sequence: u16,
+    stored: StdVec<StdVec<u8>>,
+    flash_works: bool,
+}
+
+impl Line {
+    fn new(keeps: bool) -> Self {
+        let mut machine = Machine::new(&built_in_planar(), 7).unwrap();
+        if keeps {
+            machine.keep_settings();
+        }
+        let mut line = Self {
+            machine,
+            sequence: 0,
+            stored: vec![],
+            flash_works: true,
+        };
+        let hello = HostMessage::Hello(Hello {
+            protocol_version: PROTOCOL_VERSION,
+            schema_hash: SCHEMA_HASH,
+            host_session: 3,
+        });
+        assert_eq!(line.say(&hello), None);
+        line
+    }
+
+    /// Why the message is refused; every one must be answered.
+    fn say(&mut self, message: &HostMessage) -> Option<RefusalReason> {
+        let mut out = [0u8; FRAME_BYTES_MAX];
+        let length = encode_frame(self.sequence, message, &mut out).unwrap();
+        self.machine.handle_bytes(&out[..length]);
+        let (stored, works) = (&mut self.stored, self.flash_works);
+        self.machine.store_settings(|record| {
+            stored.push(record.to_vec());
+            works
+        });
+        let (mut answers, mut refused) = (0, None);
+        let mut decoder = FrameDecoder::new();
+        loop {
+            let length = self.machine.poll_report(&mut out);
+            if length == 0 {
+                break;
+            }
+            for byte in &out[..length] {
+                let Some(Ok(frame)) = decoder.push(*byte) else {
+                    continue;
+                };
+                match DeviceMessage::decode(frame.payload).unwrap() {
+                    DeviceMessage::Refused(refusal) => {
+                        assert_eq!(refusal.sequence, self.sequence);
+                        refused = Some(refusal.reason);
+                        answers += 1;
+                    }
+                    DeviceMessage::Ack(_) | DeviceMessage::Welcome(_) => answers += 1,
+                    _ => {}
+                }
+            }
+        }
+        assert!(answers > 0, "{message:?} is answered");
+        self.sequence += 1;
+        refused
+    }
+
+    fn order(&mut self, control: Control) -> Option<RefusalReason> {
+        self.say(&HostMessage::Control(control))
+    }
+
+    /// Uploads a record up to its end.
+    fn upload(&mut self, record: &[u8]) -> Option<RefusalReason> {
+        let length = record.len() as u16;
+        let begun = self.order(Control::SettingsBegin { length });
+        if begun.is_some() {
+            return begun;
+        }
+        for (number, part) in record.chunks(SETTINGS_PART_BYTES).enumerate() {
+            let mut bytes = [0; SETTINGS_PART_BYTES];
+            bytes[..part.len()].copy_from_slice(part);
+            let offset = (number * SETTINGS_PART_BYTES) as u16;
+            assert_eq!(self.order(Control::SettingsPart { offset, bytes }), None);
+        }
+        self.order(Control::SettingsEnd)
+    }
+}
+
+fn because(problem: SettingsProblem, index: usize) -> Option<RefusalReason> {
+    Some(RefusalReason::Settings(refusal(problem, index)))
+}
+
+#[test]
+fn an_upload_is_stored_once_or_refused_with_its_reason() {
+    let right = settings(emulated_planar());
+    let record = right.encode().unwrap();
+    let mut line = Line::new(true);
+    assert_eq!(line.upload(&record), None);
+    assert_eq!(line.stored, [record.to_vec()]);
+    let incomplete = because(SettingsProblem::Incomplete, 0);
+    assert_eq!(line.order(Control::SettingsEnd), incomplete, "it is gone");
+    line.order(Control::SettingsBegin { length: 100 });
+    let bytes = [0; SETTINGS_PART_BYTES];
+    assert_eq!(
+        line.order(Control::SettingsPart { offset: 32, bytes }),
+        incomplete
+    );
+    assert_eq!(line.order(Control::SettingsPart { offset: 0, bytes }), None);
+    assert_eq!(line.order(Control::SettingsEnd), incomplete);
+    let mut wrong = right.clone();
+    wrong.machine.joints[2].steps_per_unit = -1.0;
+    assert_eq!(
+        line.upload(&unchecked(&wrong)),
+        because(SettingsProblem::Joint, 2)
+    );
+    let damaged = because(SettingsProblem::Damaged, 0);
+    assert_eq!(line.upload(&record[1..]), damaged);
+    assert_eq!(line.stored.len(), 1, "nothing of these was stored");
+    line.flash_works = false;
+    assert_eq!(line.upload(&record), because(SettingsProblem::NotStored, 0));
+    let mut without = Line::new(false);
+    assert_eq!(
+        without.upload(&record),
+        because(SettingsProblem::NoStore, 0)
+    );
+    assert!(without.stored.is_empty());
+}
+
+#[test]
+fn a_machine_that_moves_takes_no_settings() {
+    let record = settings(emulated_planar()).encode().unwrap();
+    let mut line = Line::new(true);
+    let jog = Control::Jog {
+        joint: 0,
+        distance_units: 100_000,
+        speed_units_s: 100_000,
+    };
+    assert_eq!(line.order(jog), None);
+    assert_eq!(line.upload(&record), Some(RefusalReason::Busy));
+    assert!(line.stored.is_empty());
+}

@@ -1,0 +1,83 @@
+//! Why a board does not take new settings, and where in them that is.
+
+use serde::{Deserialize, Serialize};
+
+/// What is wrong with settings.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
+#[cfg_attr(feature = "defmt", derive(defmt::Format))]
+pub enum SettingsProblem {
+    /// The board has nowhere to keep settings.
+    NoStore,
+    /// A part is missing or came out of order.
+    Incomplete,
+    /// The record's own CRC does not match.
+    Damaged,
+    /// The record has another version: `index` is the board's.
+    Version,
+    /// Section `index` cannot be read, comes twice, or is not known.
+    Section,
+    /// The number of joints (`index` are needed), or the tick rates if it is 0.
+    Joints,
+    /// A number of joint `index`; the extruder counts as the last one.
+    Joint,
+    /// A length or frame of the kinematics.
+    Kinematics,
+    /// A number of the switch of joint `index`.
+    Switch,
+    /// A number of heater `index`.
+    Heater,
+    /// The store failed: what it kept before is in force.
+    NotStored,
+    /// The input shaper of joint `index`.
+    Shaper,
+}
+
+/// A refusal of settings, with the place.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
+#[cfg_attr(feature = "defmt", derive(defmt::Format))]
+pub struct SettingsRefusal {
+    /// What is wrong.
+    pub problem: SettingsProblem,
+    /// Which section, joint or heater.
+    pub index: u8,
+}
+
+impl core::fmt::Display for SettingsRefusal {
+    fn fmt(&self, f: &mut core::fmt::Formatter<'_>) -> core::fmt::Result {
+        let index = self.index;
+        match self.problem {
+            SettingsProblem::NoStore => f.write_str(
+                "it has nowhere to keep settings; build its firmware for the machine (headway \
+                 machine firmware)",
+            ),
+            SettingsProblem::Incomplete => {
+                f.write_str("a part of the settings is missing; configure it again")
+            }
+            SettingsProblem::Damaged => f.write_str("the settings are damaged; configure it again"),
+            SettingsProblem::Version => write!(
+                f,
+                "it reads settings of version {index}; use the headway of its firmware"
+            ),
+            SettingsProblem::Section => write!(
+                f,
+                "it cannot read section {index} of the settings; use the headway of its firmware"
+            ),
+            SettingsProblem::Joints if index == 0 => {
+                f.write_str("the step rate must be a multiple of the servo rate, 65 to 256 times")
+            }
+            SettingsProblem::Joints => write!(f, "the kinematics need {index} joints"),
+            SettingsProblem::Joint => write!(f, "a number of joint {index} is out of range"),
+            SettingsProblem::Kinematics => {
+                f.write_str("a length or frame of the kinematics is out of range")
+            }
+            SettingsProblem::Switch => {
+                write!(f, "a number of the switch of joint {index} is out of range")
+            }
+            SettingsProblem::Heater => write!(f, "a number of heater {index} is out of range"),
+            SettingsProblem::Shaper => write!(f, "the shaper of joint {index} does not fit"),
+            SettingsProblem::NotStored => {
+                f.write_str("its flash did not take the settings; those of before stay in force")
+            }
+        }
+    }
+}
