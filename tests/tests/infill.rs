@@ -5,7 +5,6 @@
 use headway::geometry::Point2;
 use headway::geometry::polygon::{Region, Ring};
 use headway::input::Target;
-use headway::plan::pass::PassKind;
 use headway::settings::{Infill, Settings};
 use headway::{Plan, plan_target};
 use headway_tests::layer_oracle::{Rings, print_poses, sweep};
@@ -103,7 +102,7 @@ fn a_solid_inside_is_covered_by_lines_across_their_travel() {
     // What joins them along the walls is none of the lines.
     let (mut passes, mut lines_mm, mut whole_mm, mut joins_mm) = (0, 0.0, 0.0, 0.0);
     for pass in &sparse.regions()[0].passes {
-        if pass.kind != PassKind::Infill {
+        if !pass.kind.is_line() {
             continue;
         }
         passes += 1;
@@ -156,7 +155,7 @@ fn narrow_ground_is_filled_in_loops() {
     assert!(share > 99.0, "{share}");
     assert!(outside_mm < 0.002, "{outside_mm}");
     let passes = &plan.regions()[0].passes;
-    assert!(passes.iter().all(|pass| pass.kind != PassKind::Infill));
+    assert!(passes.iter().all(|pass| !pass.kind.is_line()));
     assert!(plan.infill_area_mm2(None).is_some());
 }
 

@@ -9,7 +9,7 @@ use headway::input::Target;
 use headway::job::{MotionState, SegmentStream};
 use headway::plan::layers::layer_groups::RegionPrint;
 use headway::plan::layers::region_plan::Reversal;
-use headway::plan::pass::{LayerPass, PassKind};
+use headway::plan::pass::LayerPass;
 use headway::settings::{Infill, SeamPlace, Settings};
 use headway::{Plan, PlanError, plan_target};
 use headway_tests::layer_oracle::{OraclePose, Rings, print_poses, sweep};
@@ -212,7 +212,7 @@ fn solid_layers_lie_below_and_above_the_sparse_ones() {
     let mean_pct = mean.sum::<f64>() / 8.0;
     assert!((figures.covered_pct - mean_pct).abs() < 0.3, "{mean_pct}");
     for (number, curve) in plan.curves.iter().enumerate() {
-        if curve.kind != PassKind::Infill || curve.layer < 2 || curve.layer == 7 {
+        if !curve.kind.is_line() || curve.layer < 2 || curve.layer == 7 {
             continue;
         }
         // Lines are joined along the walls, where the nozzle goes round: a third of the way at least is
@@ -381,7 +381,7 @@ fn layers_with_lines_are_turned_to_save_travel() {
         let from = ends(&below[below.len() - 1])[1];
         let way_mm = |turned: Reversal| {
             let passes = passes(&pair[1], turned);
-            let is_line = |pass: &LayerPass| pass.kind == PassKind::Infill;
+            let is_line = |pass: &LayerPass| pass.kind.is_line();
             assert!(passes.is_sorted_by_key(is_line), "walls come first");
             let first_line = passes.iter().position(is_line).expect("lines");
             let to_lines = match first_line {
