@@ -28,6 +28,9 @@ const WATCHERS_MAX: usize = 4;
 /// A host that comes while another one only asks waits so long for the line to be free: what asks is
 /// soon gone, and the newcomer may have come to stream. While the board moves it is let in at once.
 const TURN_WAIT_S: f64 = 1.0;
+/// Virtual time between two looks at what there is to report: a computer that makes up much time at
+/// once still tells the host as often as a board whose main loop never rests.
+const REPORT_PERIOD_S: f64 = 0.005;
 /// Reports of one turn.
 const REPORTS_MAX: usize = 32;
 
@@ -261,7 +264,8 @@ impl VirtualBoard {
         let due = (self.begun.elapsed().as_secs_f64() * rate_hz) as u64;
         let most = (CATCH_UP_S * rate_hz) as u64 + 1;
         let ticks = due.saturating_sub(self.ticks_done).min(most);
-        for _ in 0..ticks {
+        let report_ticks = (REPORT_PERIOD_S * servo_hz) as u64 + 1;
+        for tick in 1..=ticks {
             let switches = self.switches();
             self.machine.set_inputs(Inputs {
                 switches,
@@ -271,6 +275,9 @@ impl VirtualBoard {
             if let Some(start) = self.machine.motion().stream_start_ticks() {
                 let interval_ticks = u64::from(self.machine.interval_ticks());
                 self.steps.begin_job(start * interval_ticks);
+            }
+            if tick.is_multiple_of(report_ticks) {
+                self.report();
             }
         }
         self.ticks_done = due;
