@@ -21,6 +21,7 @@
 
 pub mod cli;
 pub mod drive;
+pub mod findings;
 mod frame_writer;
 pub mod gcode;
 pub mod gcode_plan;
@@ -28,6 +29,7 @@ pub mod geometry;
 pub mod input;
 pub mod job;
 pub mod job_file;
+pub mod job_packing;
 pub mod job_spool;
 pub mod layer_stack;
 pub mod layer_time;

@@ -5,7 +5,7 @@ use super::args_machine::{KindName, MachineArgs, MachineCommand};
 use super::console::Console;
 use super::load;
 use super::output_file::write_file;
-use super::warnings::settings_warnings;
+use crate::findings::settings_warnings::settings_warnings;
 use crate::settings::{Settings, joint_names, machine_file, motor_rates_hz};
 use headway_firmware::configuration::MachineConfiguration;
 use headway_firmware::shaping::shapes;

@@ -28,18 +28,14 @@ mod piece_cache;
 mod plan;
 mod planned;
 mod planned_gcode;
-mod planned_job;
 mod planned_part;
 mod printable;
-mod run_notes;
 mod shell;
 mod simulate;
 mod simulated_board;
 mod stream;
 mod tune;
-mod use_figures;
 mod view;
-mod warnings;
 
 use args::{Arguments, Command};
 use clap::Parser;

@@ -3,17 +3,14 @@
 use super::CliError;
 use super::args::PlanArgs;
 use super::console::Console;
-use super::output_file::{check_file, write_file_with};
-use super::planned::{self, Planned};
-use super::planned_job::{PackedJob, PlannedJob};
-use crate::job_file::{JobHeader, StreamFacts};
-use crate::report::figures::Figures;
-use crate::report::job_texts::{NAME_TEXT, OUTLINE_TEXT, SETTINGS_TEXT, outline_to_json};
-use crate::settings::machine_file;
+use super::output_file::{check_file, nameless_file, write_file_with};
+use super::planned;
+use crate::job_packing::{JobFacts, JobPacking, job_header};
+use crate::job_spool::SpoolError;
 
 pub(super) fn run(args: &PlanArgs, console: &Console) -> Result<(), CliError> {
     check_file(&args.output)?;
-    let mut job = PlannedJob::new(&args.output);
+    let mut job = JobPacking::new(nameless_file(&args.output)?);
     let mut planned = planned::from_input(
         &args.input,
         &args.reading,
@@ -23,29 +20,26 @@ pub(super) fn run(args: &PlanArgs, console: &Console) -> Result<(), CliError> {
         console,
     )?;
     let bar = console.stage("checking");
+    let spooled = |error: SpoolError| CliError::Job(error.to_string());
     if job.is_empty() {
-        job.take(&planned.stream, 0, &planned.settings)?;
+        let taken = job.take(&planned.stream, 0, &planned.settings);
+        taken.map_err(spooled)?;
     }
-    let PackedJob {
-        mut frames,
-        limits,
-        times,
-    } = job.finish(&planned.settings)?;
+    let mut packed = job.finish(&planned.settings).map_err(spooled)?;
     bar.finish_and_clear();
-    let bytes = frames.line_bytes;
-    let print_s = planned.figures.print_s.unwrap_or_default();
-    planned.figures = std::mem::take(&mut planned.figures).merged_with(&Figures {
-        limit_ratio_velocity: Some(limits.velocity.ratio),
-        limit_ratio_acceleration: Some(limits.acceleration.ratio),
-        limit_ratio_jerk: Some(limits.jerk.ratio),
-        bytes: Some(bytes),
-        bytes_per_s: Some(bytes as f64 / print_s.max(1e-9)),
-        ..planned::time_figures(times, &planned)
-    });
-    let header = header(&planned, frames.facts.clone());
+    let of_plan = std::mem::take(&mut planned.figures);
+    planned.figures = packed.figures(of_plan, &planned.transform);
+    let facts = JobFacts {
+        name: &planned.name,
+        outline: &planned.outline,
+        settings: &planned.settings,
+        transform: planned.transform,
+        figures: &planned.figures,
+    };
+    let header = job_header(&facts, packed.frames.facts.clone());
     let mut length = 0;
     write_file_with(&args.output, |out| {
-        let written = frames.write(&mut { out }, &header);
+        let written = packed.frames.write(&mut { out }, &header);
         length = written.map_err(std::io::Error::other)?;
         Ok(())
     })?;
@@ -59,27 +53,4 @@ pub(super) fn run(args: &PlanArgs, console: &Console) -> Result<(), CliError> {
         return console.result(&(planned.figures.to_json() + "\n"));
     }
     console.result(&planned.figures.to_text())
-}
-
-fn header(planned: &Planned, stream: StreamFacts) -> JobHeader {
-    let settings = &planned.settings;
-    let mut header = JobHeader::of_facts(
-        stream,
-        &settings.machine_name,
-        &settings.machine,
-        planned.transform,
-    );
-    // How long planning took is no property of the job: the same job is the same file.
-    let figures = Figures {
-        plan_s: None,
-        ..planned.figures.clone()
-    };
-    header.figures_json = figures.to_json();
-    let texts = [
-        (NAME_TEXT, planned.name.clone()),
-        (OUTLINE_TEXT, outline_to_json(&planned.outline)),
-        (SETTINGS_TEXT, machine_file::to_toml(settings)),
-    ];
-    header.texts = texts.map(|(key, text)| (key.to_string(), text)).into();
-    header
 }

@@ -3,7 +3,7 @@
 use super::CliError;
 use super::console::Console;
 use super::planned::Planned;
-use super::warnings::settings_warnings;
+use crate::findings::settings_warnings::settings_warnings;
 use crate::gcode::GcodeProgram;
 use crate::gcode_plan::{GcodePlan, plan_gcode};
 use crate::report::figures::Figures;

@@ -4,14 +4,15 @@ use super::args::PlaceArgs;
 use super::console::Console;
 use super::output_file::end_whole_on_interrupt;
 use super::piece_cache::{CacheFolder, program};
-use super::planned::{Planned, left_out};
-use super::planned_job::PlannedJob;
-use super::use_figures::{short_layers_note, stacked_figures, use_figures};
-use super::warnings::settings_warnings;
+use super::planned::Planned;
 use super::{CliError, load};
 use crate::PlanError;
+use crate::findings::left_out::left_out;
+use crate::findings::settings_warnings::settings_warnings;
+use crate::findings::use_figures::{short_layers_note, stacked_figures, use_figures};
 use crate::geometry::polygon::Region;
 use crate::job::SegmentStream;
+use crate::job_packing::JobPacking;
 use crate::layer_stack::LeftOut;
 use crate::mesh::LoadedMesh;
 use crate::mesh::layers::{SlicedPart, sliced};
@@ -20,6 +21,7 @@ use crate::plan::layers::shells::Overhang;
 use crate::plan::outline::unreachable::UnreachableRun;
 use crate::report::figures::{Figures, LayerPlace};
 use crate::settings::Settings;
+use std::fs::File;
 use std::path::Path;
 use std::time::Instant;
 
@@ -33,7 +35,7 @@ pub(super) fn from_mesh(
     place: &PlaceArgs,
     keep_out: &[Region],
     settings: Settings,
-    mut job: Option<&mut PlannedJob>,
+    mut job: Option<&mut JobPacking<File>>,
     console: &Console,
 ) -> Result<Planned, CliError> {
     let failed = |error: String| CliError::Job(format!("{}: {error}", path.display()));

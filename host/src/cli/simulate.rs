@@ -10,6 +10,7 @@ use crate::drive::link::LinkSpec;
 use crate::drive::simulator::SimulatorSetup;
 use crate::drive::time_by_limit::time_by_limit;
 use crate::drive::trace_table;
+use crate::findings::time_figures;
 use crate::report::figures::Figures;
 use std::path::Path;
 
@@ -135,7 +136,10 @@ fn simulation_figures(planned: &Planned, dry_run: &DryRun) -> Figures {
         holds: Some(s.holds),
         faults: Some(s.faults),
         realtime_factor: Some(dry_run.realtime_factor),
-        ..planned::time_figures(time_by_limit(&planned.stream, &planned.settings), planned)
+        ..time_figures(
+            time_by_limit(&planned.stream, &planned.settings),
+            &planned.transform,
+        )
     }
 }
 

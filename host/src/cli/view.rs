@@ -7,6 +7,7 @@ use super::output_file::check_folder;
 use super::simulate::{of_no_use, write_report};
 use super::{job, planned};
 use crate::drive::time_by_limit::time_by_limit;
+use crate::findings::time_figures;
 use std::path::PathBuf;
 
 pub(super) fn run(args: &ViewArgs, console: &Console) -> Result<(), CliError> {
@@ -26,7 +27,10 @@ pub(super) fn run(args: &ViewArgs, console: &Console) -> Result<(), CliError> {
             console,
         )?
     };
-    let times = planned::time_figures(time_by_limit(&planned.stream, &planned.settings), &planned);
+    let times = time_figures(
+        time_by_limit(&planned.stream, &planned.settings),
+        &planned.transform,
+    );
     planned.figures = std::mem::take(&mut planned.figures).merged_with(&times);
     write_report(&folder, &planned, console)?;
     let page = folder.join("index.html");

@@ -8,7 +8,7 @@ const STEP_SHARE: f64 = 0.25;
 const STEP_DEG: f64 = 2.0;
 
 /// One line for each.
-pub(super) fn settings_warnings(settings: &Settings) -> Vec<String> {
+pub(crate) fn settings_warnings(settings: &Settings) -> Vec<String> {
     steep_layers(settings)
         .into_iter()
         .chain(coarse_steps(settings))

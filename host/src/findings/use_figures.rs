@@ -11,7 +11,7 @@ use std::collections::BTreeMap;
 const LAYERS_LISTED: usize = 1000;
 
 /// The figures of a job's uses; `top_mm` is where a layer ends.
-pub(super) fn use_figures(
+pub(crate) fn use_figures(
     uses: &[LayerUse],
     slowed: SlowedLayers,
     top_mm: impl Fn(u32) -> f64,
@@ -63,7 +63,7 @@ pub(super) fn use_figures(
 }
 
 /// Open ground that lies over itself; none of one layer.
-pub(super) fn stacked_figures((cells, layers): &(OpenCells, u32)) -> Figures {
+pub(crate) fn stacked_figures((cells, layers): &(OpenCells, u32)) -> Figures {
     if *layers < 2 {
         return Figures::default();
     }
@@ -76,7 +76,7 @@ pub(super) fn stacked_figures((cells, layers): &(OpenCells, u32)) -> Figures {
 }
 
 /// What is said of layers that are over too soon all the same.
-pub(super) fn short_layers_note(slowed: SlowedLayers, settings: &Settings) -> Option<String> {
+pub(crate) fn short_layers_note(slowed: SlowedLayers, settings: &Settings) -> Option<String> {
     (slowed.still_short > 0).then(|| {
         format!(
             "{} layers are over in less than {} s even at {} mm/s: print several parts at a time, or \

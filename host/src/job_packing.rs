@@ -1,0 +1,142 @@
+//! A job on its way to its file: packed, checked against the limits and timed as its pieces come.
+//!
+//! In: pieces of a stream, of whatever planned it, and a file for their frames. Out: the job's frames,
+//! the figures that only the finished motion shows, the job's header. Leaves out where the job goes.
+
+use crate::drive::limits::{LimitFigures, LimitTally};
+use crate::drive::time_by_limit::{TimeByLimit, TimeTally};
+use crate::findings::time_figures;
+use crate::geometry::polygon::Region;
+use crate::job::SegmentStream;
+use crate::job_file::{JobHeader, StreamFacts};
+use crate::job_spool::{JobSpool, SpoolError, SpooledJob};
+use crate::part_transform::PartTransform;
+use crate::report::figures::Figures;
+use crate::report::job_texts::{NAME_TEXT, OUTLINE_TEXT, SETTINGS_TEXT, outline_to_json};
+use crate::settings::{Settings, machine_file};
+use std::io::{Read, Seek, Write};
+
+/// The job so far.
+pub struct JobPacking<F: Write> {
+    spool: JobSpool<F>,
+    is_empty: bool,
+    limits: LimitTally,
+    times: TimeTally,
+}
+
+/// A whole job.
+pub struct PackedJob<F> {
+    /// Its frames.
+    pub frames: SpooledJob<F>,
+    /// What it reaches of the limits.
+    pub limits: LimitFigures,
+    /// What takes its time.
+    pub times: TimeByLimit,
+}
+
+/// What a job's header says beside its stream.
+pub struct JobFacts<'a> {
+    /// Name of the part.
+    pub name: &'a str,
+    /// Its outline, input coordinates.
+    pub outline: &'a [Region],
+    /// The settings it was planned with.
+    pub settings: &'a Settings,
+    /// Where it lies on the machine.
+    pub transform: PartTransform,
+    /// Its figures.
+    pub figures: &'a Figures,
+}
+
+impl<F: Read + Write + Seek> JobPacking<F> {
+    /// An empty job; its frames go to `file`.
+    pub fn new(file: F) -> JobPacking<F> {
+        JobPacking {
+            spool: JobSpool::new(file),
+            is_empty: true,
+            limits: LimitTally::default(),
+            times: TimeTally::default(),
+        }
+    }
+
+    /// Nothing was taken yet.
+    pub fn is_empty(&self) -> bool {
+        self.is_empty
+    }
+
+    /// Takes the next piece, its passes counted from `first_pass` on.
+    ///
+    /// # Errors
+    /// [`SpoolError`].
+    pub fn take(
+        &mut self,
+        piece: &SegmentStream,
+        first_pass: u32,
+        settings: &Settings,
+    ) -> Result<(), SpoolError> {
+        self.is_empty = false;
+        let settings = Settings {
+            machine: piece.machine(&settings.machine),
+            ..settings.clone()
+        };
+        let (limits, times) = (&mut self.limits, &mut self.times);
+        let added = self.spool.add(piece, first_pass);
+        rayon::join(
+            || limits.add(piece, &settings),
+            || times.add(piece, &settings),
+        );
+        added
+    }
+
+    /// All of it.
+    ///
+    /// # Errors
+    /// [`SpoolError`].
+    pub fn finish(self, settings: &Settings) -> Result<PackedJob<F>, SpoolError> {
+        Ok(PackedJob {
+            frames: self.spool.finish()?,
+            limits: self.limits.figures,
+            times: self.times.finish(settings),
+        })
+    }
+}
+
+impl<F> PackedJob<F> {
+    /// The figures of a plan with those of its finished motion.
+    pub fn figures(&self, planned: Figures, transform: &PartTransform) -> Figures {
+        let bytes = self.frames.line_bytes;
+        let print_s = planned.print_s.unwrap_or_default();
+        planned.merged_with(&Figures {
+            limit_ratio_velocity: Some(self.limits.velocity.ratio),
+            limit_ratio_acceleration: Some(self.limits.acceleration.ratio),
+            limit_ratio_jerk: Some(self.limits.jerk.ratio),
+            bytes: Some(bytes),
+            bytes_per_s: Some(bytes as f64 / print_s.max(1e-9)),
+            ..time_figures(self.times.clone(), transform)
+        })
+    }
+}
+
+/// The header of a job.
+pub fn job_header(job: &JobFacts, stream: StreamFacts) -> JobHeader {
+    let settings = job.settings;
+    let mut header = JobHeader::of_facts(
+        stream,
+        &settings.machine_name,
+        &settings.machine,
+        job.transform,
+    );
+    // How long planning took is no property of the job: the same job is the same file.
+    let figures = Figures {
+        plan_s: None,
+        ..job.figures.clone()
+    };
+    header.figures_json = figures.to_json();
+    let texts = [
+        (NAME_TEXT, job.name.to_string()),
+        (OUTLINE_TEXT, outline_to_json(job.outline)),
+        (SETTINGS_TEXT, machine_file::to_toml(settings)),
+    ];
+    header.texts = texts.map(|(key, text)| (key.to_string(), text)).into();
+    header
+}
