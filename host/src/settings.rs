@@ -11,6 +11,7 @@ pub mod head_shape;
 pub mod heat;
 pub mod kinds;
 pub mod machine_file;
+pub mod options;
 
 pub use check::{SettingsError, joint_names, motor_rates_hz};
 

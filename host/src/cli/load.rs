@@ -13,120 +13,68 @@ use crate::input::{self, BYTES_MAX, Format, Input, InputError, Loaded, ReadOptio
 use crate::mesh::MeshFormat;
 use crate::mesh::layers::LayerHeights;
 use crate::settings::aperture_text::{aperture_text, file_of_aperture, parse_aperture};
-use crate::settings::{HeadingLaw, Infill, PassMode, Quality, SeamPlace, Settings, machine_file};
+use crate::settings::options::Options;
+use crate::settings::{HeadingLaw, PassMode, Quality, SeamPlace, Settings, machine_file};
 use std::fs::File;
 use std::io::Read;
 use std::path::Path;
 
 /// The machine file, or the built-in machine, with the overrides on top; checked.
 pub(super) fn settings(args: &SettingsArgs) -> Result<Settings, CliError> {
-    let mut settings = match &args.machine {
+    let of_machine = match &args.machine {
         Some(path) => machine(path)?,
         None => Settings::default(),
     };
-    if let Some(text) = &args.aperture {
-        let text = with_polygon(text, Path::new(""))?;
-        settings.aperture =
-            parse_aperture(&text).map_err(|error| CliError::Usage(error.to_string()))?;
-    }
-    if let Some(speed_mm_s) = args.speed {
-        settings.speed_mm_s = speed_mm_s;
-    }
-    of_layers(args, &mut settings);
-    if let Some(layer_height_mm) = args.layer_height {
-        settings.layer_height_mm = layer_height_mm;
-    }
-    settings.layers = args.layers.unwrap_or(settings.layers);
-    if let Some(pass) = args.pass {
-        settings.pass_mode = match pass {
+    // The machine file was checked on its own: what fails now is an option.
+    options(args)?
+        .over(of_machine)
+        .map_err(|error| CliError::Usage(error.to_string()))
+}
+
+/// The options as the library has them.
+fn options(args: &SettingsArgs) -> Result<Options, CliError> {
+    let aperture = args.aperture.as_deref();
+    let aperture = aperture.map(|text| with_polygon(text, Path::new("")));
+    Ok(Options {
+        aperture: aperture.transpose()?,
+        speed_mm_s: args.speed,
+        wall_speed_mm_s: args.wall_speed,
+        solid_speed_mm_s: args.solid_speed,
+        sparse_speed_mm_s: args.sparse_speed,
+        layer_time_min_s: args.min_layer_time,
+        layer_height_mm: args.layer_height,
+        layers: args.layers,
+        pass_mode: args.pass.map(|pass| match pass {
             PassName::Two => PassMode::Two,
             PassName::One => PassMode::One,
-        };
-    }
-    if let Some(law) = args.law {
-        settings.heading_law = match law {
+        }),
+        heading_law: args.law.map(|law| match law {
             LawName::Tangent => HeadingLaw::Tangent,
             LawName::Linear => HeadingLaw::Linear,
-        };
-    }
-    if let Some(quality) = args.quality {
-        settings.quality = match quality {
+        }),
+        quality: args.quality.map(|quality| match quality {
             QualityName::Fine => Quality::Fine,
             QualityName::Standard => Quality::Standard,
             QualityName::Fast => Quality::Fast,
-        };
-    }
-    if let Some(tolerance_mm) = args.tolerance {
-        settings.tolerances.outside_mm = tolerance_mm;
-        settings.tolerances.tip_mm = tolerance_mm;
-        settings.tolerances.flatten_mm = tolerance_mm;
-    }
-    if let Some(overlap_pct) = args.overlap {
-        settings.overlap_pct = overlap_pct;
-    }
-    settings.infill = infill(args, settings.infill)?;
-    settings.avoid_crossing = args.avoid_crossing.unwrap_or(settings.avoid_crossing);
-    if let Some(seam) = args.seam {
-        settings.seam.place = match seam {
+        }),
+        tolerance_mm: args.tolerance,
+        overlap_pct: args.overlap,
+        walls: args.walls,
+        infill_density_pct: args.infill_density,
+        infill_angle_rad: args.infill_angle.map(f64::to_radians),
+        bottom_layers: args.bottom,
+        top_layers: args.top,
+        skirt_loops: args.skirt,
+        skirt_distance_mm: args.skirt_distance_mm,
+        brim_loops: args.brim,
+        avoid_crossing: args.avoid_crossing,
+        seam: args.seam.map(|seam| match seam {
             SeamName::Nearest => SeamPlace::Nearest,
             SeamName::Aligned => SeamPlace::Aligned,
             SeamName::Sharpest => SeamPlace::Sharpest,
-        };
-    }
-    if let Some(direction_deg) = args.seam_direction {
-        settings.seam.direction_rad = direction_deg.to_radians();
-    }
-    let skirt = &mut settings.skirt;
-    skirt.loops = args.skirt.unwrap_or(skirt.loops);
-    skirt.brim_loops = args.brim.unwrap_or(skirt.brim_loops);
-    skirt.distance_mm = args.skirt_distance_mm.unwrap_or(skirt.distance_mm);
-    // The machine file was checked on its own: what fails now is an option.
-    settings
-        .check()
-        .map_err(|error| CliError::Usage(error.to_string()))?;
-    Ok(settings)
-}
-
-/// What differs from kind to kind and from layer to layer.
-fn of_layers(args: &SettingsArgs, settings: &mut Settings) {
-    let kinds = &mut settings.kinds;
-    for (kind, speed_mm_s) in [
-        (&mut kinds.walls, args.wall_speed),
-        (&mut kinds.solid, args.solid_speed),
-        (&mut kinds.sparse, args.sparse_speed),
-    ] {
-        kind.speed_mm_s = speed_mm_s.or(kind.speed_mm_s);
-    }
-    settings.layer_time_min_s = args.min_layer_time.unwrap_or(settings.layer_time_min_s);
-}
-
-/// Walls and lines as the options change them.
-fn infill(args: &SettingsArgs, of_file: Option<Infill>) -> Result<Option<Infill>, CliError> {
-    let base = match (args.walls, of_file) {
-        (Some(walls), None) => Some(Infill::solid(walls)),
-        (Some(walls), Some(infill)) => Some(Infill { walls, ..infill }),
-        (None, of_file) => of_file,
-    };
-    let Some(mut infill) = base else {
-        let without = "lines and solid layers fill the ground inside the walls: say how many with \
-                       --walls (without it every layer is solid)";
-        let of_lines = args.infill_density.is_some() || args.infill_angle.is_some();
-        let of_solid = args.bottom.is_some() || args.top.is_some();
-        return if of_lines || of_solid {
-            Err(CliError::Usage(without.to_string()))
-        } else {
-            Ok(None)
-        };
-    };
-    if let Some(density_pct) = args.infill_density {
-        infill.density_pct = density_pct;
-    }
-    if let Some(angle_deg) = args.infill_angle {
-        infill.angle_rad = angle_deg.to_radians();
-    }
-    infill.bottom_layers = args.bottom.or(infill.bottom_layers);
-    infill.top_layers = args.top.or(infill.top_layers);
-    Ok(Some(infill))
+        }),
+        seam_direction_rad: args.seam_direction.map(f64::to_radians),
+    })
 }
 
 /// Reads and checks a machine file.

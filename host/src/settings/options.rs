@@ -1,0 +1,188 @@
+//! What is set for one job over the machine's own settings.
+//!
+//! In: [`Settings`] of a machine, and options, `None` where the machine's stay. Out: settings, checked
+//! as a whole. The same for the command and for library users. Leaves out where the input lies.
+
+use super::aperture_text::{ApertureTextError, parse_aperture};
+use super::{HeadingLaw, Infill, PassMode, Quality, SeamPlace, Settings, SettingsError};
+
+/// Options of a job; each `None` leaves what the machine file or the default says.
+///
+/// Made by [`Options::default`] and changed field by field, so that new ones break nobody.
+#[derive(Clone, Debug, Default, PartialEq)]
+#[non_exhaustive]
+pub struct Options {
+    /// The nozzle's aperture, mm: `ellipse:AxB` (semi-axes), `circle:R`, `stadium:LxW`, `rect:LxWxR`
+    /// (full sizes, corner radius), `polygon:[[x,y],...]` (corners about the tool's axis).
+    pub aperture: Option<String>,
+    /// Tip speed while printing.
+    pub speed_mm_s: Option<f64>,
+    /// Tip speed of the walls, below that.
+    pub wall_speed_mm_s: Option<f64>,
+    /// Tip speed of the lines of filled ground, below that.
+    pub solid_speed_mm_s: Option<f64>,
+    /// Tip speed of the lines of a sparse infill, below that.
+    pub sparse_speed_mm_s: Option<f64>,
+    /// Least time of a layer: shorter ones are printed slower.
+    pub layer_time_min_s: Option<f64>,
+    /// Layer height.
+    pub layer_height_mm: Option<f64>,
+    /// Layers of an outline, all the same.
+    pub layers: Option<u32>,
+    /// Passes across a narrow passage.
+    pub pass_mode: Option<PassMode>,
+    /// How the local width becomes a heading.
+    pub heading_law: Option<HeadingLaw>,
+    /// What ground left open is worth in time.
+    pub quality: Option<Quality>,
+    /// How far the aperture may leave the outline, and the segments the path.
+    pub tolerance_mm: Option<f64>,
+    /// Overlap of neighbouring passes, per cent of the bead width.
+    pub overlap_pct: Option<f64>,
+    /// Loops along the outline, with straight lines inside.
+    pub walls: Option<u32>,
+    /// Share of the ground inside the walls that lines cover; goes with walls.
+    pub infill_density_pct: Option<f64>,
+    /// Direction of the lines against the x axis; goes with walls.
+    pub infill_angle_rad: Option<f64>,
+    /// Solid layers at the bottom; go with walls.
+    pub bottom_layers: Option<u32>,
+    /// Solid layers at the top; go with walls.
+    pub top_layers: Option<u32>,
+    /// Loops around the first layer, at a distance.
+    pub skirt_loops: Option<u32>,
+    /// From the part, or its brim, to the innermost loop of the skirt.
+    pub skirt_distance_mm: Option<f64>,
+    /// Loops around the first layer that touch it.
+    pub brim_loops: Option<u32>,
+    /// Travel stays inside the part where there is a way.
+    pub avoid_crossing: Option<bool>,
+    /// Where loops begin and end.
+    pub seam: Option<SeamPlace>,
+    /// Direction of aligned seams against the x axis.
+    pub seam_direction_rad: Option<f64>,
+}
+
+/// Options that cannot be used.
+#[derive(Clone, Debug, PartialEq, thiserror::Error)]
+pub enum OptionsError {
+    /// The aperture is none.
+    #[error(transparent)]
+    Aperture(#[from] ApertureTextError),
+    /// The settings are not possible, or not together.
+    #[error(transparent)]
+    Settings(#[from] SettingsError),
+    /// Lines, and no walls that they are inside of.
+    #[error(
+        "lines and solid layers fill the ground inside the walls: say how many with --walls (without it \
+         every layer is solid)"
+    )]
+    NoWalls,
+}
+
+impl Options {
+    /// The settings with these options.
+    ///
+    /// # Errors
+    /// [`OptionsError`]; the settings were checked, so that what fails is an option.
+    pub fn over(&self, mut settings: Settings) -> Result<Settings, OptionsError> {
+        fn set<T: Copy>(setting: &mut T, option: Option<T>) {
+            *setting = option.unwrap_or(*setting);
+        }
+        if let Some(text) = &self.aperture {
+            settings.aperture = parse_aperture(text)?;
+        }
+        set(&mut settings.speed_mm_s, self.speed_mm_s);
+        let kinds = &mut settings.kinds;
+        for (kind, speed_mm_s) in [
+            (&mut kinds.walls, self.wall_speed_mm_s),
+            (&mut kinds.solid, self.solid_speed_mm_s),
+            (&mut kinds.sparse, self.sparse_speed_mm_s),
+        ] {
+            kind.speed_mm_s = speed_mm_s.or(kind.speed_mm_s);
+        }
+        set(&mut settings.layer_time_min_s, self.layer_time_min_s);
+        set(&mut settings.layer_height_mm, self.layer_height_mm);
+        set(&mut settings.layers, self.layers);
+        set(&mut settings.pass_mode, self.pass_mode);
+        set(&mut settings.heading_law, self.heading_law);
+        set(&mut settings.quality, self.quality);
+        let tolerances = &mut settings.tolerances;
+        set(&mut tolerances.outside_mm, self.tolerance_mm);
+        set(&mut tolerances.tip_mm, self.tolerance_mm);
+        set(&mut tolerances.flatten_mm, self.tolerance_mm);
+        set(&mut settings.overlap_pct, self.overlap_pct);
+        settings.infill = self.infill(settings.infill)?;
+        set(&mut settings.avoid_crossing, self.avoid_crossing);
+        set(&mut settings.seam.place, self.seam);
+        set(&mut settings.seam.direction_rad, self.seam_direction_rad);
+        set(&mut settings.skirt.loops, self.skirt_loops);
+        set(&mut settings.skirt.brim_loops, self.brim_loops);
+        set(&mut settings.skirt.distance_mm, self.skirt_distance_mm);
+        settings.check()?;
+        Ok(settings)
+    }
+
+    /// Walls and lines as the options change them.
+    fn infill(&self, of_file: Option<Infill>) -> Result<Option<Infill>, OptionsError> {
+        let base = match (self.walls, of_file) {
+            (Some(walls), None) => Some(Infill::solid(walls)),
+            (Some(walls), Some(infill)) => Some(Infill { walls, ..infill }),
+            (None, of_file) => of_file,
+        };
+        let Some(mut infill) = base else {
+            let of_lines = self.infill_density_pct.is_some() || self.infill_angle_rad.is_some();
+            let of_solid = self.bottom_layers.is_some() || self.top_layers.is_some();
+            return match of_lines || of_solid {
+                true => Err(OptionsError::NoWalls),
+                false => Ok(None),
+            };
+        };
+        infill.density_pct = self.infill_density_pct.unwrap_or(infill.density_pct);
+        infill.angle_rad = self.infill_angle_rad.unwrap_or(infill.angle_rad);
+        infill.bottom_layers = self.bottom_layers.or(infill.bottom_layers);
+        infill.top_layers = self.top_layers.or(infill.top_layers);
+        Ok(Some(infill))
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// Goal: options change what they name and nothing else; what cannot be is refused with the key.
+    #[test]
+    fn options_go_over_the_settings() {
+        let plain = Settings::default();
+        assert_eq!(Options::default().over(plain.clone()), Ok(plain.clone()));
+        let options = Options {
+            speed_mm_s: Some(40.0),
+            walls: Some(2),
+            infill_density_pct: Some(30.0),
+            ..Options::default()
+        };
+        let expected = Settings {
+            speed_mm_s: 40.0,
+            infill: Some(Infill {
+                density_pct: 30.0,
+                ..Infill::solid(2)
+            }),
+            ..plain.clone()
+        };
+        assert_eq!(options.over(plain.clone()), Ok(expected));
+        let without_walls = Options {
+            top_layers: Some(3),
+            ..Options::default()
+        };
+        assert_eq!(
+            without_walls.over(plain.clone()),
+            Err(OptionsError::NoWalls)
+        );
+        let still = Options {
+            speed_mm_s: Some(0.0),
+            ..Options::default()
+        };
+        let refused = still.over(plain).unwrap_err().to_string();
+        assert!(refused.contains("speed"), "{refused}");
+    }
+}
