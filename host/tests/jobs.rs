@@ -57,7 +57,7 @@ fn what_is_inside_and_around_is_in_the_job() {
         assert!(picture.contains(name), "{name}");
     }
     let run = example("gear-6axis.wpt");
-    let machine = example("machines/free-gantry.toml");
+    let machine = example("machines/gantry.toml");
     let waypoints = headway(&["simulate", &run, "-m", &machine, "--brim", "2"]);
     assert_eq!(waypoints.status.code(), Some(2), "{}", stderr(&waypoints));
     assert!(stderr(&waypoints).contains("--brim goes with outlines"));
