@@ -6,7 +6,7 @@ use crate::configuration::{JOINTS_MAX, Kinematics, MOTORS_MAX, MachineConfigurat
 use crate::interpolator::{Offset, RestPose};
 use crate::kinematics::winding::Winding;
 use crate::kinematics::{self, Model, arm6, gantry, planar, trunnion};
-use crate::load::tilt_pose;
+use crate::load::{range_slack, tilt_pose};
 use crate::motion::CommandError;
 use crate::pose::Pose;
 use crate::steps::{STEP, Target, count};
@@ -34,6 +34,9 @@ struct JointScale {
     /// Soft limits, 2^-31 steps.
     position_min: i64,
     position_max: i64,
+    /// What a path may be beyond them: twice as much as spans are taken with, whose check is rounded and looks at some
+    /// places only.
+    slack: i64,
     /// The same in whole steps, one further in because targets may be one off: the lowest, and what
     /// may be added to it. Beyond it the exact position is looked at.
     lowest: i32,
@@ -53,6 +56,7 @@ impl JointScale {
             steps_per_natural: steps_per_unit as f32,
             position_min: i64::MIN,
             position_max: i64::MAX,
+            slack: 0,
             lowest: i32::MIN,
             range: u32::MAX,
             units_per_step: 1e6 / steps_per_unit,
@@ -107,6 +111,7 @@ impl JointTargets {
                 steps_per_natural: joint.steps_per_unit as f32,
                 position_min: min,
                 position_max: max,
+                slack: position(2.0 * range_slack(joint)),
                 lowest: whole(min) + 1,
                 range: (whole(max) - whole(min) - 2).max(0) as u32,
                 units_per_step: report_units / joint.steps_per_unit,
@@ -309,7 +314,7 @@ impl JointTargets {
         Ok(targets.map(Target::position))
     }
 
-    /// Looks closer at the joints in `outside`: no step may go beyond a limit, rounded to a step.
+    /// Looks closer at the joints in `outside`: no step may go beyond a limit and its slack, rounded to a step.
     ///
     /// # Errors
     /// The fault of the first that would.
@@ -325,7 +330,8 @@ impl JointTargets {
             left &= left - 1;
             let joint = &self.joints[index];
             let position = target(index).position();
-            let (lowest, highest) = (count(joint.position_min), count(joint.position_max));
+            let lowest = count(joint.position_min.saturating_sub(joint.slack));
+            let highest = count(joint.position_max.saturating_add(joint.slack));
             if !(lowest..=highest).contains(&count(position)) {
                 return Err(self.limit_fault(index, position, FaultCause::SoftLimit));
             }

@@ -56,6 +56,16 @@ pub enum SpanFault {
 /// slope to stop with, and hold up a plan that is right.
 const EXTRUDER_ALPHA_MAX: f32 = 0.7;
 
+/// Most that a joint may be beyond an end of its range, mm or rad: the tolerance of a fitted path, 1 µm, and more
+/// than that of its angles, 0.1 mrad.
+const RANGE_SLACK_MAX: f64 = 1e-3;
+
+/// How far beyond the ends of its range a joint's position still counts as the end, mm or rad: half a step, which no
+/// motor can tell from it. A path along the very end comes out of interpolation and rounding on either side.
+pub fn range_slack(joint: &JointConfiguration) -> f64 {
+    (0.5 / joint.steps_per_unit).min(RANGE_SLACK_MAX)
+}
+
 /// Limits of one joint in servo ticks.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 struct JointLimit {
@@ -63,6 +73,7 @@ struct JointLimit {
     per_speed: f32,
     position_min: f32,
     position_max: f32,
+    range_slack: f32,
     units_per_natural: f32,
 }
 
@@ -73,6 +84,7 @@ impl JointLimit {
             per_speed: (servo_hz / joint.speed_max) as f32,
             position_min: joint.position_min as f32,
             position_max: joint.position_max as f32,
+            range_slack: range_slack(joint) as f32,
             units_per_natural: if joint.rotary { 1e6 } else { 1e4 },
         }
     }
@@ -313,9 +325,8 @@ fn check_limit(motor: usize, ratio: f32) -> Result<(), SpanFault> {
 }
 
 fn check_range(joint: usize, limit: &JointLimit, position: f32) -> Result<(), SpanFault> {
-    // A step or two of slack: f32 is coarser than a step far from the origin, and the servo checks
-    // exactly.
-    let slack = 1e-6 * (1.0 + position.abs());
+    // f32 is coarser than half a step far from the origin; the servo checks exactly.
+    let slack = limit.range_slack + 1e-6 * (1.0 + position.abs());
     // Written so that a NaN is refused.
     let inside = position >= limit.position_min - slack && position <= limit.position_max + slack;
     if inside {
@@ -404,6 +415,18 @@ mod tests {
         let model = LoadModel::new(&configuration());
         let beyond = model.of_span(&window(99.0, 60.0, 0.0), &mut Winding::default());
         assert!(matches!(beyond, Err(SpanFault::SoftLimit(0, units)) if units > 1_000_000));
+        // The end belongs to the range, and so does what half a step leaves open: 1 µm at 80 steps a mm.
+        let ends_at = |end_mm: f64| {
+            // The newest span ends on the seventh control point.
+            let way = window(end_mm - 7.0 * 60.0 * 0.005, 60.0, 0.0);
+            model.of_span(&way, &mut Winding::default())
+        };
+        assert!(ends_at(100.0009).is_ok());
+        let beyond = ends_at(100.0015);
+        assert!(
+            matches!(beyond, Err(SpanFault::SoftLimit(0, _))),
+            "{beyond:?}"
+        );
         // 4 % above the limit is what differences of short spans may make of a plan.
         assert!(
             model

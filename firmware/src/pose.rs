@@ -12,6 +12,10 @@ use nalgebra::{RealField, Rotation3, Vector2, Vector3};
 
 /// Largest angle between tool axis and Z; beyond it the tilt vector is too close to the pole.
 pub const TILT_MAX_RAD: f64 = 150.0 * core::f64::consts::PI / 180.0;
+/// What the rounding of a file may add to it: a unit vector of four digits is off by up to 0.09 mrad.
+pub const TILT_ROUNDING_RAD: f64 = 1e-4;
+/// Largest tilt that has joints: what interpolation and a fit within 0.1 mrad make of the largest one is not refused.
+pub const TILT_REACH_RAD: f64 = TILT_MAX_RAD + 5.0 * TILT_ROUNDING_RAD;
 
 /// Where the nozzle is and how it is turned.
 #[derive(Clone, Copy, Debug, PartialEq)]

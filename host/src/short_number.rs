@@ -15,9 +15,33 @@ impl fmt::Display for Short {
     }
 }
 
+/// A number with `digits` digits behind the point, or as many more as it takes to tell it from `others`.
+pub(crate) fn told_apart(number: f64, others: &[f64], digits: usize) -> String {
+    /// Beyond it doubles of the size of an angle or a machine have no more digits.
+    const DIGITS_MAX: usize = 12;
+    let with = |value: f64, digits: usize| format!("{value:.digits$}");
+    let reads_alike = |digits: usize| {
+        let number_text = with(number, digits);
+        let mut unlike = others.iter().filter(|other| **other != number);
+        unlike.any(|other| with(*other, digits) == number_text)
+    };
+    let enough = (digits..DIGITS_MAX).find(|digits| !reads_alike(*digits));
+    with(number, enough.unwrap_or(DIGITS_MAX))
+}
+
 #[cfg(test)]
 mod tests {
-    use super::Short;
+    use super::{Short, told_apart};
+
+    /// Goal: no message says that a number is outside of itself.
+    #[test]
+    fn numbers_show_the_digits_that_differ() {
+        assert_eq!(told_apart(-130.5, &[-120.0, 30.0], 3), "-130.500");
+        assert_eq!(told_apart(-120.000_04, &[-120.0, 30.0], 3), "-120.00004");
+        assert_eq!(told_apart(150.000_2, &[150.0], 1), "150.0002");
+        assert_eq!(told_apart(f64::INFINITY, &[1.0], 1), "inf");
+        assert_eq!(told_apart(1.0, &[1.0], 2), "1.00");
+    }
 
     #[test]
     fn numbers_are_short() {

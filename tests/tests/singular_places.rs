@@ -202,6 +202,47 @@ fn nine_of_ten_runs_print_on_a_tilting_table() {
     assert!(10 * printed >= 9 * tried, "{printed} of {tried}");
 }
 
+/// A ring of 20 mm whose tool leans out by so much all the way round.
+fn ring(lean: f64) -> WaypointRun {
+    run((0..=120).map(|index| {
+        let turn = f64::from(index) * TAU / 120.0;
+        let tip = Vector3::new(20.0 * turn.cos(), 20.0 * turn.sin(), 20.0);
+        (tip, leaning(lean, turn))
+    }))
+}
+
+/// Goal: the ends of a joint's range, and the largest tilt of a pose, belong to it; what is told of one beyond shows
+/// by how much. Method: rings at the table's last 120 degrees and a little beyond, and at 150 degrees on a table that
+/// tilts further.
+#[test]
+fn a_ring_at_the_very_end_of_a_range_prints() {
+    let settings = machine("trunnion.toml");
+    let at = |degrees: f64| plan_waypoints(&ring(degrees.to_radians()), &settings);
+    assert_prints("A -120", &at(120.0).unwrap(), &settings);
+    let refused = at(120.009).unwrap_err().to_string();
+    assert!(refused.contains("to -120.009°, outside"), "{refused}");
+    let refused = at(120.0045).unwrap_err().to_string();
+    let told = refused.split("to -120.").nth(1).unwrap_or(&refused);
+    assert!(!told.starts_with("000°"), "{refused}");
+
+    let mut tilting = settings.clone();
+    tilting.machine.joints[3].position_min = -160f64.to_radians();
+    let steep = ring(150f64.to_radians());
+    assert_prints(
+        "A -150",
+        &plan_waypoints(&steep, &tilting).unwrap(),
+        &tilting,
+    );
+    // Four digits of an axis of 150 degrees: 150.004 degrees.
+    let read = |axis: &str| {
+        let text = format!("0 0 1 {axis}\n5 0 1 {axis}\n");
+        read(text.as_bytes(), "rounded", &ReadOptions::default())
+    };
+    assert!(read("0.4999 0 -0.8660").is_ok());
+    let refused = read("0.4996 0 -0.8663").unwrap_err().to_string();
+    assert!(refused.contains("150.03°, more than 150°"), "{refused}");
+}
+
 /// Goal: `--place best` finds a place where the middle of the table is out of reach. Method: the small arm
 /// with a bed that is far longer than its arm.
 #[test]

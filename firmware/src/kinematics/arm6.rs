@@ -11,7 +11,7 @@
 
 use super::KinematicsError;
 use crate::configuration::{Arm, JOINTS_MAX};
-use crate::pose::{Pose, TILT_MAX_RAD, tilt_of_axis, tool_axis};
+use crate::pose::{Pose, TILT_REACH_RAD, tilt_of_axis, tool_axis};
 use crate::real::Real;
 use headway_protocol::units::CHANNEL_HEADING;
 use nalgebra::Vector3;
@@ -112,7 +112,7 @@ impl<R: Real> Arm6<R> {
     #[inline(never)]
     pub fn remainder(&self, pose: &Pose<R>) -> Result<[R; JOINTS_MAX], KinematicsError> {
         let tilt = pose.tilt_rad;
-        let in_reach = tilt.x * tilt.x + tilt.y * tilt.y <= R::of(TILT_MAX_RAD * TILT_MAX_RAD);
+        let in_reach = tilt.x * tilt.x + tilt.y * tilt.y <= R::of(TILT_REACH_RAD * TILT_REACH_RAD);
         if !in_reach {
             return Err(KinematicsError::TiltOutOfReach);
         }

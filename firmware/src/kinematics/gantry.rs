@@ -6,7 +6,7 @@
 
 use super::KinematicsError;
 use crate::configuration::JOINTS_MAX;
-use crate::pose::{Pose, TILT_MAX_RAD, tilt_of_axis, tool_axis};
+use crate::pose::{Pose, TILT_REACH_RAD, tilt_of_axis, tool_axis};
 use crate::real::Real;
 use headway_protocol::units::{CHANNEL_HEADING, CHANNEL_X, CHANNEL_Y, CHANNEL_Z};
 use nalgebra::Vector3;
@@ -37,7 +37,7 @@ pub fn remainder<R: Real>(
     let tilt = pose.tilt_rad;
     let theta_squared = tilt.x * tilt.x + tilt.y * tilt.y;
     // The comparison is written so that a NaN is refused too.
-    let in_reach = theta_squared <= R::of(TILT_MAX_RAD * TILT_MAX_RAD);
+    let in_reach = theta_squared <= R::of(TILT_REACH_RAD * TILT_REACH_RAD);
     if !in_reach {
         return Err(KinematicsError::TiltOutOfReach);
     }

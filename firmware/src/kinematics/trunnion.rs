@@ -10,7 +10,7 @@
 
 use super::KinematicsError;
 use crate::configuration::JOINTS_MAX;
-use crate::pose::{Pose, TILT_MAX_RAD};
+use crate::pose::{Pose, TILT_REACH_RAD};
 use crate::real::Real;
 use headway_protocol::units::CHANNEL_HEADING;
 use nalgebra::{Vector2, Vector3};
@@ -51,7 +51,7 @@ impl<R: Real> Trunnion<R> {
         let tilt = pose.tilt_rad;
         let square = tilt.x * tilt.x + tilt.y * tilt.y;
         // The comparison is written so that a NaN is refused too.
-        let in_reach = square <= R::of(TILT_MAX_RAD * TILT_MAX_RAD);
+        let in_reach = square <= R::of(TILT_REACH_RAD * TILT_REACH_RAD);
         if !in_reach {
             return Err(KinematicsError::TiltOutOfReach);
         }

@@ -1,7 +1,7 @@
 //! Why G-code is not taken: the line, what is wrong, what to do.
 
 use super::{LINE_CHARS_MAX, MOVES_MAX};
-use crate::short_number::Short;
+use crate::short_number::{Short, told_apart};
 
 /// Refusals, the first that is found.
 #[derive(Clone, Debug, PartialEq, thiserror::Error)]
@@ -191,7 +191,8 @@ pub enum GcodeError {
     },
     /// Headings on some moves of a pass, tilts beyond what a pose can say.
     #[error(
-        "line {line}: the tool axis is tilted by {tilt_deg:.1}°, more than {max_deg:.0}°: turn the part over"
+        "line {line}: the tool axis is tilted by {}°, more than {max_deg:.0}°: turn the part over",
+        told_apart(*tilt_deg, &[*max_deg], 1)
     )]
     Tilt {
         /// Line from 1.

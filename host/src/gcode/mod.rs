@@ -20,7 +20,7 @@ pub mod write;
 pub use error::GcodeError;
 
 use comments::Slicer;
-use headway_firmware::pose::TILT_MAX_RAD;
+use headway_firmware::pose::{TILT_MAX_RAD, TILT_ROUNDING_RAD};
 use interpreter::Steps;
 use nalgebra::{Rotation3, Unit, Vector3};
 
@@ -275,7 +275,7 @@ fn check_tilt(passes: &[GcodePass]) -> Result<(), GcodeError> {
         let lines = pass.legs.iter().map(|leg| leg.line);
         for (place, line) in pass.points.iter().skip(1).zip(lines) {
             let tilt_rad = place.axis_and_heading().0.z.clamp(-1.0, 1.0).acos();
-            if tilt_rad > TILT_MAX_RAD {
+            if tilt_rad > TILT_MAX_RAD + TILT_ROUNDING_RAD {
                 return Err(GcodeError::Tilt {
                     line,
                     tilt_deg: tilt_rad.to_degrees(),

@@ -1,7 +1,7 @@
 //! Why a file is not a run of waypoints, with the line and what to do.
 
 use super::waypoints::{BEAD_MAX_MM, HEADING_MAX_DEG, WAYPOINTS_MAX};
-use crate::short_number::Short;
+use crate::short_number::{Short, told_apart};
 
 /// Why a file is not a run, with the line.
 #[derive(Clone, Debug, PartialEq, thiserror::Error)]
@@ -55,7 +55,8 @@ pub enum WaypointError {
     },
     /// Tilted beyond what a pose can say.
     #[error(
-        "line {line}: the tool axis is tilted by {tilt_deg:.1}°, more than {max_deg:.0}°: turn the part over"
+        "line {line}: the tool axis is tilted by {}°, more than {max_deg:.0}°: turn the part over",
+        told_apart(*tilt_deg, &[*max_deg], 1)
     )]
     Tilt {
         /// Line from 1.

@@ -18,7 +18,7 @@ use super::outline::{FAR_MAX_MM, SIZE_MAX_MM};
 pub use super::waypoint_error::WaypointError;
 use super::{ReadOptions, Units};
 use crate::near_name::near_name;
-use headway_firmware::pose::TILT_MAX_RAD;
+use headway_firmware::pose::{TILT_MAX_RAD, TILT_ROUNDING_RAD};
 use nalgebra::{Point3, Rotation3, Unit, Vector3};
 use std::f64::consts::TAU;
 
@@ -342,7 +342,7 @@ impl Reader {
         self.stretched += usize::from((length - 1.0).abs() > AXIS_LENGTH_SLACK);
         let axis = Unit::new_normalize(axis);
         let tilt_rad = axis.x.hypot(axis.y).atan2(axis.z);
-        if tilt_rad > TILT_MAX_RAD {
+        if tilt_rad > TILT_MAX_RAD + TILT_ROUNDING_RAD {
             return Err(WaypointError::Tilt {
                 line,
                 tilt_deg: tilt_rad.to_degrees(),

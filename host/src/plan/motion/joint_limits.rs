@@ -6,12 +6,13 @@
 use crate::job::MotionState;
 use crate::plan::route::path_curve::CurvePoint;
 use crate::settings::{Settings, joint_names};
+use crate::short_number::told_apart;
 use headway_firmware::configuration::{JOINTS_MAX, Kinematics};
 use headway_firmware::delay::advance_centre_ticks;
 use headway_firmware::jet::Jet;
 use headway_firmware::kinematics::winding::Winding;
 use headway_firmware::kinematics::{self, KinematicsError};
-use headway_firmware::load::LoadModel;
+use headway_firmware::load::{LoadModel, range_slack};
 use headway_firmware::pose::Pose;
 use headway_protocol::units::{CHANNEL_X, CHANNEL_Y, CHANNEL_Z, CHANNELS};
 
@@ -143,7 +144,8 @@ fn place_in_range(rotary: bool, values: [f64; 3]) -> String {
         false => (" mm", 1.0),
     };
     let [position, minimum, maximum] = values.map(|value| value * scale);
-    format!("{position:.3}{unit}, outside its range {minimum:.3}{unit} to {maximum:.3}{unit}")
+    let position = told_apart(position, &[minimum, maximum], 3);
+    format!("{position}{unit}, outside its range {minimum:.3}{unit} to {maximum:.3}{unit}")
 }
 
 /// What the user can do.
@@ -167,6 +169,8 @@ pub struct JointLimit {
     pub position_min: f64,
     /// Highest position, mm or rad.
     pub position_max: f64,
+    /// How far beyond either the path may go, mm or rad.
+    pub range_slack: f64,
     /// Speed, mm/s or rad/s.
     pub speed_max: f64,
     /// Acceleration, mm/s² or rad/s².
@@ -232,6 +236,7 @@ impl MotionLimits {
                     rotary: joint.rotary,
                     position_min: joint.position_min,
                     position_max: joint.position_max,
+                    range_slack: PATH_SLACK_SHARE * range_slack(joint),
                     speed_max: joint.speed_max * share,
                     acceleration_max: joint.acceleration_max * share,
                     jerk_max: joint.jerk_max * share,
@@ -346,8 +351,9 @@ pub fn joint_point(kinematics: &Kinematics, point: &CurvePoint) -> Result<JointP
     })
 }
 
-/// Slack of the soft limits: rounding of positions to wire units.
-const RANGE_SLACK: f64 = 1e-6;
+/// Share of what the controller takes beyond the ends of a range that the path may use: the other half is for the
+/// fit and for rounding to wire units.
+const PATH_SLACK_SHARE: f64 = 0.5;
 
 /// Fails where a joint is outside its range; `positions` with their turns.
 pub fn check_range(
@@ -357,8 +363,8 @@ pub fn check_range(
 ) -> Result<(), MotionError> {
     for (joint, limit) in limits.joints.iter().enumerate() {
         let position = positions[joint];
-        let inside = position >= limit.position_min - RANGE_SLACK
-            && position <= limit.position_max + RANGE_SLACK;
+        let inside = position >= limit.position_min - limit.range_slack
+            && position <= limit.position_max + limit.range_slack;
         if !inside {
             return Err(outside_range(limits, joint, position, at_mm));
         }
