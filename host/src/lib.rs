@@ -17,8 +17,11 @@
 //! its short form; every intermediate stays in
 //! [`Plan`], for pictures and tests.
 //! `drive` moves the finished stream, `report` draws and tabulates, `cli` is the command.
+//!
+//! **Library users build on [`api`]**: semantic versioning covers that module and nothing else here.
 #![forbid(unsafe_code)]
 
+pub mod api;
 pub mod cli;
 pub mod drive;
 pub mod findings;

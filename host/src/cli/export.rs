@@ -7,12 +7,10 @@ use super::export_gcode;
 use super::job::{self, Job};
 use super::pictures;
 use super::planned::{self, Planned};
+use crate::report::pose_table::ROWS_MAX;
 use crate::report::{plan_picture, pose_table};
 use headway_protocol::segment::FlowAction;
 use serde_json::json;
-
-/// Most rows of a table: eleven hours at the default, some gigabytes.
-const ROWS_MAX: f64 = 4e7;
 
 pub(super) fn run(args: &ExportArgs, console: &Console) -> Result<(), CliError> {
     if !(args.every_ms.is_finite() && args.every_ms > 0.0) {

@@ -202,24 +202,12 @@ fn not_outline(path: &Path, error: &InputError) -> CliError {
 }
 
 /// The first option given that only outlines know: a run of waypoints is followed as it is.
-pub(super) fn outline_option(args: &SettingsArgs, keep_out: Option<&Path>) -> Option<&'static str> {
-    let given = [
-        ("--layers", args.layers.is_some()),
-        ("--walls", args.walls.is_some()),
-        ("--wall-speed", args.wall_speed.is_some()),
-        ("--solid-speed", args.solid_speed.is_some()),
-        ("--sparse-speed", args.sparse_speed.is_some()),
-        ("--min-layer-time", args.min_layer_time.is_some()),
-        ("--skirt", args.skirt.is_some()),
-        ("--brim", args.brim.is_some()),
-        ("--avoid-crossing", args.avoid_crossing.is_some()),
-        ("--seam", args.seam.is_some()),
-        ("--keep-out", keep_out.is_some()),
-    ];
-    given
-        .iter()
-        .find(|(_, given)| *given)
-        .map(|(name, _)| *name)
+pub(super) fn outline_option(
+    args: &SettingsArgs,
+    keep_out: Option<&Path>,
+) -> Result<Option<&'static str>, CliError> {
+    let of_settings = options(args)?.of_outlines();
+    Ok(of_settings.or(keep_out.map(|_| "--keep-out")))
 }
 
 /// The first option given that only runs of waypoints know, and what lies on a surface.

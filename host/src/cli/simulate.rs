@@ -8,10 +8,8 @@ use super::{CliError, job, pictures};
 use crate::drive::dry_run::{DryRun, dry_run};
 use crate::drive::link::LinkSpec;
 use crate::drive::simulator::SimulatorSetup;
-use crate::drive::time_by_limit::time_by_limit;
 use crate::drive::trace_table;
-use crate::findings::time_figures;
-use crate::report::figures::Figures;
+use crate::findings::simulated::{outcome, simulation_figures};
 use std::path::Path;
 
 /// Time between two rows of `--trace`.
@@ -57,8 +55,13 @@ pub(super) fn run(args: &SimulateArgs, console: &Console) -> Result<(), CliError
     });
     bar.finish_and_clear();
     let dry_run = dry_run.map_err(|error| CliError::Job(error.to_string()))?;
-    planned.figures =
-        std::mem::take(&mut planned.figures).merged_with(&simulation_figures(&planned, &dry_run));
+    let simulated = simulation_figures(
+        &dry_run,
+        &planned.stream,
+        &planned.transform,
+        &planned.settings,
+    );
+    planned.figures = std::mem::take(&mut planned.figures).merged_with(&simulated);
     write_traces(args, &planned, &dry_run)?;
     if let Some(folder) = &args.report {
         write_report(folder, &planned, console)?;
@@ -68,7 +71,7 @@ pub(super) fn run(args: &SimulateArgs, console: &Console) -> Result<(), CliError
     } else {
         console.result(&format!("{}\n{}", planned.name, planned.figures.to_text()))?;
     }
-    verdict(&dry_run)
+    outcome(&dry_run).map_err(CliError::Job)
 }
 
 /// What is said of a job that only planning could heed.
@@ -106,58 +109,6 @@ pub(super) fn of_no_use(
              input again with them"
         )
     })
-}
-
-fn simulation_figures(planned: &Planned, dry_run: &DryRun) -> Figures {
-    let (s, t, l) = (&dry_run.simulation.figures, &dry_run.trace, &dry_run.limits);
-    Figures {
-        bytes: Some(s.bytes),
-        bytes_per_s: Some(dry_run.bytes_per_s),
-        limit_ratio_velocity: Some(l.velocity.ratio),
-        limit_ratio_acceleration: Some(l.acceleration.ratio),
-        limit_ratio_jerk: Some(l.jerk.ratio),
-        heading_travel_rad: Some(l.heading_travel_rad),
-        heading_rate_max_rad_s: Some(l.heading_rate_max_rad_s),
-        tip_error_um_max: Some(t.tip_error_um_max),
-        tip_error_um_rms: Some(t.tip_error_um_rms),
-        heading_error_mrad_max: Some(t.heading_error_mrad_max),
-        half_step_um_max: Some(t.half_step_um_max),
-        half_step_mrad_max: Some(t.half_step_mrad_max),
-        // 0 exactly where nothing is shaped.
-        shaping_error_um_max: (t.shaping_error_um_max > 0.0).then_some(t.shaping_error_um_max),
-        volume_error_pct: Some(t.volume_error_pct),
-        step_time_error_us_max: Some(t.step_time_error_us_max),
-        step_time_error_us_rms: Some(t.step_time_error_us_rms),
-        steps: Some(s.steps),
-        step_digest: Some(s.step_digest.clone()),
-        final_counts: Some(s.final_counts.clone()),
-        resent_frames: Some(s.resent_frames),
-        underruns: Some(s.underruns),
-        holds: Some(s.holds),
-        faults: Some(s.faults),
-        realtime_factor: Some(dry_run.realtime_factor),
-        ..time_figures(
-            time_by_limit(&planned.stream, &planned.settings),
-            &planned.transform,
-        )
-    }
-}
-
-/// A fault, or steps that do not come to the plan's end, are no success.
-fn verdict(dry_run: &DryRun) -> Result<(), CliError> {
-    if let Some(fault) = &dry_run.simulation.fault {
-        return Err(CliError::Job(format!(
-            "the controller stopped with a fault: {fault}"
-        )));
-    }
-    let trace = &dry_run.trace;
-    if trace.final_counts != trace.expected_counts {
-        return Err(CliError::Job(format!(
-            "the steps end at {:?}, the plan's last pose asks for {:?}",
-            trace.final_counts, trace.expected_counts
-        )));
-    }
-    Ok(())
 }
 
 fn write_traces(args: &SimulateArgs, planned: &Planned, dry_run: &DryRun) -> Result<(), CliError> {

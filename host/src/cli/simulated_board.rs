@@ -6,7 +6,8 @@ use super::CliError;
 use super::args_board::SimulateArgs;
 use super::board::settings;
 use super::console::Console;
-use super::stream::{catch_interrupts, host_session};
+use super::stream::catch_interrupts;
+use crate::drive::pump::host_session;
 use crate::drive::transport::{Listener, Port};
 use crate::drive::virtual_board::{BoardSetup, SettingsWriter, VirtualBoard};
 use embedded_storage::nor_flash::{

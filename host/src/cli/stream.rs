@@ -7,7 +7,7 @@ use super::heat::{heat, heaters_text, job_orders};
 use super::{CliError, job};
 use crate::drive::link_log::LinkLog;
 use crate::drive::patience::{ANSWER_US, Patience, Wait};
-use crate::drive::pump::{LineEvent, Pump};
+use crate::drive::pump::{LineEvent, Pump, host_session};
 use crate::drive::sender::Sender;
 use crate::drive::sender_state::{SenderError, SenderEvent, SenderSetup, SenderState};
 use crate::drive::stream_progress::{Progress, Timeline};
@@ -24,7 +24,7 @@ use std::path::Path;
 use std::sync::atomic::{AtomicUsize, Ordering};
 use std::sync::mpsc::{Receiver, channel};
 use std::sync::{Arc, Once};
-use std::time::{Duration, Instant, SystemTime};
+use std::time::{Duration, Instant};
 
 /// Silence at the start after which there is no board.
 pub(super) const ANSWER_PATIENCE: Duration = Duration::from_micros(ANSWER_US);
@@ -150,15 +150,6 @@ pub(super) fn open(args: &PortArgs, log: Option<LinkLog>) -> Result<Pump, CliErr
              streams takes `pause`, `abort` and `stop` at its own terminal, and Ctrl-C"
         ))
     })
-}
-
-/// A number that no other run of the host has: time and process.
-pub(super) fn host_session() -> u32 {
-    let time = SystemTime::now().duration_since(SystemTime::UNIX_EPOCH);
-    let nanoseconds = time.map_or(0, |time| time.as_nanos() as u64);
-    let mixed =
-        (nanoseconds ^ u64::from(std::process::id()) << 40).wrapping_mul(0x9e37_79b9_7f4a_7c15);
-    (mixed >> 32) as u32
 }
 
 fn log_file(path: &Path, machine: &MachineConfiguration) -> Result<LinkLog, CliError> {

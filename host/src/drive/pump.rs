@@ -8,7 +8,7 @@ use crate::drive::sender::Sender;
 use crate::drive::transport::{Port, Transport};
 use headway_protocol::frame::FRAME_BYTES_MAX;
 use std::io;
-use std::time::{Duration, Instant};
+use std::time::{Duration, Instant, SystemTime};
 
 /// Time between two attempts to open a port.
 const REOPEN: Duration = Duration::from_millis(250);
@@ -34,6 +34,15 @@ pub struct Pump {
     begun: Instant,
     log: Option<LinkLog>,
     opened: u64,
+}
+
+/// A number that no other run of the host has: time and process.
+pub fn host_session() -> u32 {
+    let time = SystemTime::now().duration_since(SystemTime::UNIX_EPOCH);
+    let nanoseconds = time.map_or(0, |time| time.as_nanos() as u64);
+    let mixed =
+        (nanoseconds ^ u64::from(std::process::id()) << 40).wrapping_mul(0x9e37_79b9_7f4a_7c15);
+    (mixed >> 32) as u32
 }
 
 struct OpenLine(Box<dyn Transport>);

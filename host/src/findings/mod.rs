@@ -7,6 +7,7 @@
 pub mod left_out;
 mod run_notes;
 pub mod settings_warnings;
+pub mod simulated;
 pub mod use_figures;
 
 use crate::Plan;

@@ -309,6 +309,16 @@ pub fn read(
     outline::to_target(drawing, name, options)
 }
 
+/// Polygons as they are, mm: each an exterior and its holes.
+pub fn read_rings(
+    polygons: &[Vec<Vec<[f64; 2]>>],
+    name: &str,
+    options: &ReadOptions,
+) -> Result<Loaded, InputError> {
+    check_scale(options)?;
+    outline::to_target(outline::of_polygons(polygons), name, options)
+}
+
 #[cfg(test)]
 mod meant_tests;
 #[cfg(test)]

@@ -67,6 +67,32 @@ pub(super) struct NamedRing {
     pub ring: Ring,
 }
 
+/// Polygons, each an exterior and its holes, as a drawing.
+pub(super) fn of_polygons(polygons: &[Vec<Vec<[f64; 2]>>]) -> Drawing {
+    let ring = |(polygon, number): (usize, usize), points: &[[f64; 2]]| RawRing {
+        what: match number {
+            0 => format!("the exterior of polygon {polygon}"),
+            _ => format!("hole {} of polygon {polygon}", number - 1),
+        },
+        points: points.iter().map(|[x, y]| Point2::new(*x, *y)).collect(),
+        closed: true,
+    };
+    let shapes = polygons.iter().enumerate().map(|(polygon, rings)| Shape {
+        what: format!("polygon {polygon}"),
+        rings: rings
+            .iter()
+            .enumerate()
+            .map(|(number, points)| ring((polygon, number), points))
+            .collect(),
+        rule: Rule::ExteriorFirst,
+    });
+    Drawing {
+        name: None,
+        shapes: shapes.collect(),
+        notes: Vec::new(),
+    }
+}
+
 /// Builds the target, or says what is wrong with the drawing.
 pub(super) fn to_target(
     mut drawing: Drawing,

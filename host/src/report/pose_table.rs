@@ -18,6 +18,9 @@ use std::rc::Rc;
 pub const POSE_HEADER: &str =
     "t_s,layer,pass,x_mm,y_mm,z_mm,nx,ny,nz,heading_rad,speed_mm_s,flow_mm3_s,state";
 
+/// Most rows of a table: eleven hours at the default of the command, some gigabytes.
+pub const ROWS_MAX: f64 = 4e7;
+
 /// The stream at one moment, machine coordinates.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct StreamSample {

@@ -65,7 +65,7 @@ pub struct Options {
 
 /// Options that cannot be used.
 #[derive(Clone, Debug, PartialEq, thiserror::Error)]
-pub enum OptionsError {
+pub(crate) enum OptionsError {
     /// The aperture is none.
     #[error(transparent)]
     Aperture(#[from] ApertureTextError),
@@ -85,7 +85,7 @@ impl Options {
     ///
     /// # Errors
     /// [`OptionsError`]; the settings were checked, so that what fails is an option.
-    pub fn over(&self, mut settings: Settings) -> Result<Settings, OptionsError> {
+    pub(crate) fn over(&self, mut settings: Settings) -> Result<Settings, OptionsError> {
         fn set<T: Copy>(setting: &mut T, option: Option<T>) {
             *setting = option.unwrap_or(*setting);
         }
@@ -121,6 +121,27 @@ impl Options {
         set(&mut settings.skirt.distance_mm, self.skirt_distance_mm);
         settings.check()?;
         Ok(settings)
+    }
+
+    /// The first option given that only outlines know, as the command calls it: a path is followed as it
+    /// is.
+    pub(crate) fn of_outlines(&self) -> Option<&'static str> {
+        let given = [
+            ("--layers", self.layers.is_some()),
+            ("--walls", self.walls.is_some()),
+            ("--wall-speed", self.wall_speed_mm_s.is_some()),
+            ("--solid-speed", self.solid_speed_mm_s.is_some()),
+            ("--sparse-speed", self.sparse_speed_mm_s.is_some()),
+            ("--min-layer-time", self.layer_time_min_s.is_some()),
+            ("--skirt", self.skirt_loops.is_some()),
+            ("--brim", self.brim_loops.is_some()),
+            ("--avoid-crossing", self.avoid_crossing.is_some()),
+            ("--seam", self.seam.is_some()),
+        ];
+        given
+            .iter()
+            .find(|(_, given)| *given)
+            .map(|(name, _)| *name)
     }
 
     /// Walls and lines as the options change them.

@@ -31,6 +31,15 @@ pub enum Retraction {
 }
 
 impl Dialect {
+    /// All of them.
+    pub const ALL: [Dialect; 5] = [
+        Dialect::Klipper,
+        Dialect::RepRapFirmware,
+        Dialect::LinuxCnc,
+        Dialect::GrblHal,
+        Dialect::Marlin,
+    ];
+
     /// As options and headers call it.
     pub fn name(self) -> &'static str {
         match self {

@@ -1,0 +1,243 @@
+//! A planned job: what it is, what is made of it.
+//!
+//! In: what [`super::plan`] made, or the bytes of a job file. Out: poses, figures, tables, G-code, the file's
+//! bytes, a simulated run. Leaves out pictures: `headway view` makes them of the file.
+
+use super::{Error, JobPose};
+use crate::drive::dry_run::dry_run;
+use crate::drive::link::LinkSpec;
+use crate::drive::simulator::SimulatorSetup;
+use crate::findings::simulated::{outcome, simulation_figures};
+use crate::gcode::write::dialect::Dialect;
+use crate::gcode::write::{JobText, TIP_TOLERANCE_MM, WriteOptions, write_gcode};
+use crate::job::SegmentStream;
+use crate::job_file::{self, JobFile};
+use crate::report::figures::Figures;
+use crate::report::job_texts::{NAME_TEXT, SETTINGS_TEXT};
+use crate::report::pose_table;
+use crate::settings::{Settings, machine_file};
+use std::io::{Cursor, Write};
+
+/// A planned job.
+#[derive(Clone, Debug)]
+pub struct Job {
+    bytes: Vec<u8>,
+    pub(super) file: JobFile,
+    pub(super) stream: SegmentStream,
+    settings: Settings,
+    figures: Figures,
+    notes: Vec<String>,
+}
+
+/// What a simulated run came to.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Simulation {
+    figures: Figures,
+    outcome: Result<(), String>,
+}
+
+impl Job {
+    /// Reads a job file.
+    ///
+    /// # Errors
+    /// [`Error::Job`] where a byte of it is not as it was written, with the place.
+    pub fn from_bytes(bytes: Vec<u8>) -> Result<Job, Error> {
+        let job_error = |error: String| Error::Job(error);
+        let file = job_file::read(&mut Cursor::new(bytes.as_slice()));
+        let file = file.map_err(|error| job_error(error.to_string()))?;
+        let stream = file
+            .stream()
+            .map_err(|error| job_error(error.to_string()))?;
+        let header = &file.header;
+        let text = header.texts.get(SETTINGS_TEXT);
+        let settings = text.and_then(|text| machine_file::from_toml(text).ok());
+        let settings = Settings {
+            machine: header.machine.clone(),
+            machine_name: header.machine_name.clone(),
+            ..settings.unwrap_or_default()
+        };
+        Ok(Job {
+            figures: serde_json::from_str(&header.figures_json).unwrap_or_default(),
+            notes: Vec::new(),
+            bytes,
+            stream,
+            settings,
+            file,
+        })
+    }
+
+    /// A job that was planned just now: read back, so that what is handed out is what the file holds.
+    pub(super) fn planned(
+        bytes: Vec<u8>,
+        figures: Figures,
+        notes: Vec<String>,
+    ) -> Result<Job, Error> {
+        Ok(Job {
+            figures,
+            notes,
+            ..Job::from_bytes(bytes)?
+        })
+    }
+
+    /// Name of the part.
+    pub fn name(&self) -> &str {
+        let name = self.file.header.texts.get(NAME_TEXT);
+        name.map_or("part", String::as_str)
+    }
+
+    /// What the user should know of it, one line each; of a job from a file nothing is known any more.
+    pub fn notes(&self) -> &[String] {
+        &self.notes
+    }
+
+    /// The job file, byte for byte as the command writes it.
+    pub fn bytes(&self) -> &[u8] {
+        &self.bytes
+    }
+
+    /// The figures as one JSON object, with the keys of `headway plan --json`.
+    pub fn figures_json(&self) -> String {
+        self.figures.to_json()
+    }
+
+    /// A figure by its key, where it is a number.
+    pub fn figure(&self, key: &str) -> Option<f64> {
+        number(&self.figures, key)
+    }
+
+    /// How long it takes.
+    pub fn duration_s(&self) -> f64 {
+        pose_table::duration_ticks(&self.stream) as f64 / self.servo_hz()
+    }
+
+    /// Its poses at even steps of time, from its begin to its end.
+    ///
+    /// # Errors
+    /// [`Error::Job`] where the step is none, or makes more than 40 million poses.
+    pub fn poses(&self, every_s: f64) -> Result<impl Iterator<Item = JobPose> + '_, Error> {
+        let servo_hz = self.servo_hz();
+        let every_ticks = self.checked_step_s(every_s)? * servo_hz;
+        let (transform, aperture) = (&self.file.header.transform, &self.settings.aperture);
+        let samples = pose_table::samples(&self.stream, servo_hz, every_ticks);
+        Ok(samples.map(move |sample| JobPose::of(&sample, transform, aperture)))
+    }
+
+    /// Writes its poses as CSV, with the columns of `headway export --to csv`.
+    ///
+    /// # Errors
+    /// As [`Job::poses`], and where it cannot be written.
+    pub fn write_csv(&self, mut out: impl Write, every_s: f64) -> Result<(), Error> {
+        let every_ms = 1e3 * self.checked_step_s(every_s)?;
+        let transform = &self.file.header.transform;
+        let servo_hz = self.servo_hz();
+        pose_table::write_csv(&mut out, &self.stream, servo_hz, every_ms, transform)
+            .map_err(|error| Error::Job(format!("the table cannot be written: {error}")))
+    }
+
+    /// Writes it as G-code for `klipper`, `reprapfirmware`, `linuxcnc`, `grblhal` or `marlin`, with the
+    /// defaults of `headway export --to gcode`.
+    ///
+    /// # Errors
+    /// [`Error::Job`] for another dialect, or where it cannot be written.
+    pub fn write_gcode(&self, out: impl Write, dialect: &str) -> Result<(), Error> {
+        let known = Dialect::ALL.into_iter().find(|of| of.name() == dialect);
+        let dialect = known.ok_or_else(|| {
+            let names = Dialect::ALL.map(Dialect::name).join(", ");
+            let dialect: String = dialect.chars().take(40).collect();
+            Error::Job(format!(
+                "{dialect} is no known dialect: give one of {names}"
+            ))
+        })?;
+        let text = JobText {
+            name: self.name(),
+            machine: &self.file.header.machine_name,
+            stream: &self.stream,
+            servo_hz: self.servo_hz(),
+        };
+        let options = WriteOptions {
+            dialect,
+            retraction: None,
+            filament_mm: 1.75,
+            turns: *b"ABC",
+            extruder: None,
+            wrapped: false,
+            tip_mm: TIP_TOLERANCE_MM,
+            blocks: [None, None],
+        };
+        let written = write_gcode(out, &text, &options);
+        written
+            .map(|_| ())
+            .map_err(|error| Error::Job(error.to_string()))
+    }
+
+    /// Streams it over a simulated line to the firmware library and compares every step with the plan.
+    /// `link` are the line's faults as in `headway simulate --link` (none: an empty text), `seed` fixes
+    /// every random choice.
+    ///
+    /// # Errors
+    /// [`Error::Job`] where the link's text is none; a fault of the run is in the result.
+    pub fn simulate(&self, link: &str, seed: u64) -> Result<Simulation, Error> {
+        let job_error = |error: String| Error::Job(error);
+        let link = match link {
+            "" => LinkSpec::default(),
+            text => text
+                .parse()
+                .map_err(|error: crate::drive::link::LinkSpecError| job_error(error.to_string()))?,
+        };
+        let setup = SimulatorSetup {
+            link,
+            seed,
+            commands: Vec::new(),
+        };
+        let run = dry_run(&self.stream, &self.settings, &setup, |_| {});
+        let run = run.map_err(|error| job_error(error.to_string()))?;
+        let transform = &self.file.header.transform;
+        let figures = simulation_figures(&run, &self.stream, transform, &self.settings);
+        Ok(Simulation {
+            figures: self.figures.clone().merged_with(&figures),
+            outcome: outcome(&run),
+        })
+    }
+
+    pub(super) fn servo_hz(&self) -> f64 {
+        f64::from(self.file.header.machine.servo_hz)
+    }
+
+    fn checked_step_s(&self, every_s: f64) -> Result<f64, Error> {
+        let problem = match every_s > 0.0 && every_s.is_finite() {
+            false => "give a time greater than 0".to_string(),
+            true if self.duration_s() / every_s > pose_table::ROWS_MAX => format!(
+                "{:.1} s of motion make more than {:.0} rows; give a longer time",
+                self.duration_s(),
+                pose_table::ROWS_MAX
+            ),
+            true => return Ok(every_s),
+        };
+        Err(Error::Job(format!("a step of {every_s} s: {problem}")))
+    }
+}
+
+impl Simulation {
+    /// The figures of plan and run as one JSON object, with the keys of `headway simulate --json`.
+    pub fn figures_json(&self) -> String {
+        self.figures.to_json()
+    }
+
+    /// A figure by its key, where it is a number.
+    pub fn figure(&self, key: &str) -> Option<f64> {
+        number(&self.figures, key)
+    }
+
+    /// Whether the steps came to the plan's end without a fault; else what happened.
+    ///
+    /// # Errors
+    /// [`Error::Job`].
+    pub fn check(&self) -> Result<(), Error> {
+        self.outcome.clone().map_err(Error::Job)
+    }
+}
+
+fn number(figures: &Figures, key: &str) -> Option<f64> {
+    let value: serde_json::Value = serde_json::from_str(&figures.to_json()).ok()?;
+    value.get(key)?.as_f64()
+}

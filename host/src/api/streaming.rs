@@ -1,0 +1,102 @@
+//! A job to a board, to its end.
+//!
+//! In: a port by name. Out: steps of progress to whoever watches, who aborts with `Break`. Leaves out
+//! heaters, pause and going on with a job that was begun: the command has them.
+
+use super::{Error, Job};
+use crate::drive::patience::Patience;
+use crate::drive::pump::{Pump, host_session};
+use crate::drive::sender::Sender;
+use crate::drive::sender_state::{SenderEvent, SenderSetup, SenderState};
+use crate::drive::stream_progress::Timeline;
+use crate::drive::transport::Port;
+use headway_protocol::message::{Control, DeviceState, Status};
+use std::ops::ControlFlow;
+
+/// Where a streamed job is.
+#[derive(Clone, Copy, Debug, PartialEq)]
+#[non_exhaustive]
+pub struct StreamStep {
+    /// Share of the job's time that is done, 0 to 1.
+    pub done: f64,
+    /// Time left at the present rate; `None` while the head rests.
+    pub left_s: Option<f64>,
+    /// Layer from 0.
+    pub layer: u32,
+    /// Speed of the tip.
+    pub speed_mm_s: f64,
+}
+
+impl Job {
+    /// Streams it to a board, until the machine has reached its end: `port` is a serial port's name,
+    /// `tcp:HOST:PORT` or `unix:PATH`; `baud` counts for serial ports. `watch` is called at each report of
+    /// the board and aborts on the path with `Break`. The machine must stand where the job begins
+    /// (`headway board go`), and be as hot as it has to be: heaters are left alone.
+    ///
+    /// # Errors
+    /// [`Error::Line`], and [`Error::Stopped`] once the machine rests after an abort.
+    pub fn stream(
+        &self,
+        port: &str,
+        baud: u32,
+        watch: &mut dyn FnMut(StreamStep) -> ControlFlow<()>,
+    ) -> Result<(), Error> {
+        let line_error = |error: String| Error::Line(error);
+        let port: Port = port
+            .parse()
+            .map_err(|error: crate::drive::transport::PortError| line_error(error.to_string()))?;
+        let header = &self.file.header;
+        let setup = SenderSetup {
+            host_session: host_session(),
+            machine_hash: header.machine_hash,
+            solution: header.machine.kinematics.solution(),
+            servo_hz: header.machine.servo_hz,
+            resume: false,
+        };
+        let mut sender = Sender::new(self.file.frames.clone(), setup);
+        let timeline = Timeline::new(&self.stream, self.servo_hz());
+        let mut patience = Patience::new(&self.stream, header.machine.servo_hz);
+        let mut pump = Pump::open(&port, baud, None)
+            .map_err(|error| line_error(format!("{port}: {error}; is the board connected?")))?;
+        let (mut rests, mut is_aborting) = (false, false);
+        // Ends: the board is heard of, or patience with it runs out.
+        loop {
+            // A lost line opens again by itself.
+            let _ = pump.turn(&mut sender);
+            while let Some(event) = sender.poll_event() {
+                match event {
+                    SenderEvent::Status(status) => {
+                        rests = matches!(status.state, DeviceState::Idle | DeviceState::Faulted);
+                        if watch(step(&timeline, &status)).is_break() && !is_aborting {
+                            sender.command(Control::Abort);
+                            is_aborting = true;
+                        }
+                    }
+                    SenderEvent::Fault(fault) => {
+                        return Err(line_error(format!("{port}: {fault}")));
+                    }
+                    _ => {}
+                }
+            }
+            match sender.state() {
+                SenderState::Done => return Ok(()),
+                SenderState::Failed(error) => return Err(line_error(format!("{port}: {error}"))),
+                SenderState::Aborted if rests => return Err(Error::Stopped),
+                _ => {}
+            }
+            if let Some(overdue) = patience.look(pump.now_us(), &sender, pump.is_open()) {
+                return Err(line_error(format!("{port}: {overdue}")));
+            }
+        }
+    }
+}
+
+fn step(timeline: &Timeline, status: &Status) -> StreamStep {
+    let at = timeline.at(status);
+    StreamStep {
+        done: at.done,
+        left_s: at.left_s,
+        layer: at.layer,
+        speed_mm_s: at.tip_mm_s,
+    }
+}
