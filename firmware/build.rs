@@ -12,6 +12,11 @@ fn main() {
     }
     let manifest = std::env::var("CARGO_MANIFEST_DIR").unwrap_or_default();
     println!("cargo:rustc-link-search={manifest}/..");
+    // Sector 3 is the settings': only the vectors lie before it, code begins behind it.
+    // Before the script, which would place it itself.
+    if std::env::var_os("CARGO_FEATURE_OCTOPUS_SERIAL").is_some() {
+        println!("cargo:rustc-link-arg-bin=octopus=--defsym=_stext=0x08010000");
+    }
     println!("cargo:rustc-link-arg-bins=-Tlink.x");
     // Segments begin where their sections do. Rounded down to a page, the first one would claim the
     // flash of the boot loader below the image, and a flasher would write it.

@@ -5,8 +5,11 @@ use crate::configuration::{
 };
 use crate::heat::HeatConfiguration;
 use crate::homing::HomingConfiguration;
+use crate::settings::store::SettingsStore;
+use crate::settings::{BoardLimits, BoardSettings};
 use crate::shaping::UNSHAPED;
 use core::f64::consts::TAU;
+use embedded_storage::nor_flash::NorFlash;
 use heapless::Vec;
 
 /// Switches of the emulated board: joint, at the upper end, and how many steps from where the
@@ -80,6 +83,16 @@ pub fn board_heaters() -> Option<HeatConfiguration> {
     };
     heaters.check().ok()?;
     Some(heaters)
+}
+
+/// What a board runs: what its flash keeps, where it can run that, else what is built in.
+pub fn kept_settings<F: NorFlash>(
+    store: &mut SettingsStore<F>,
+    limits: &BoardLimits,
+) -> Option<BoardSettings> {
+    let settings = BoardSettings::decode(&store.take()?).ok()?;
+    settings.check_for(limits).ok()?;
+    Some(settings)
 }
 
 /// The machine that a board to flash is built for: the one in the file that `HEADWAY_MACHINE`

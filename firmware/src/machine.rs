@@ -16,6 +16,7 @@ use crate::inputs::Inputs;
 use crate::motion::Motion;
 use crate::output::StepOutput;
 use crate::receiver::Receiver;
+use crate::settings::BoardLimits;
 use crate::steps::StepPlayer;
 use headway_protocol::message::{Fault, FaultCause};
 
@@ -84,8 +85,8 @@ impl Machine {
     }
 
     /// The board has a store for settings, see [`Receiver::keep_settings`].
-    pub fn keep_settings(&mut self) {
-        self.receiver.keep_settings();
+    pub fn keep_settings(&mut self, board: BoardLimits) {
+        self.receiver.keep_settings(board);
     }
 
     /// Stores settings that have come, see [`Receiver::store_settings`].

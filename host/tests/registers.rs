@@ -447,3 +447,22 @@ fn an_image_claims_no_flash_but_its_own() {
         assert!(ends <= Some(end), "{bin} ends at {ends:x?}");
     }
 }
+
+#[test]
+fn the_octopus_keeps_its_settings_out_of_reach_of_its_code() {
+    if skipped() {
+        return;
+    }
+    let _alone = alone();
+    let elf = build(OCTOPUS.bin, OCTOPUS.features);
+    // Sector 3, and the last one with what is behind the chip's 512 KiB.
+    let kept = [(0x0800_c000, 0x0801_0000), (0x0806_0000, 0x0900_0000)];
+    let flashed = elf.segments().iter().filter(|s| s.address >= LOADER_FLASH);
+    let flashed: Vec<_> = flashed.filter(|s| s.address < 0x2000_0000).collect();
+    assert!(flashed.len() > 1, "{flashed:?}");
+    for segment in flashed {
+        let end = segment.address + segment.bytes;
+        let is_free = kept.map(|(from, to)| end <= from || segment.address >= to);
+        assert_eq!(is_free, [true; 2], "{segment:x?}");
+    }
+}

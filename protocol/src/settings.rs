@@ -30,6 +30,8 @@ pub enum SettingsProblem {
     NotStored,
     /// The input shaper of joint `index`.
     Shaper,
+    /// This board cannot run them: it has `index` motors, and rates of its own.
+    Board,
 }
 
 /// A refusal of settings, with the place.
@@ -75,6 +77,10 @@ impl core::fmt::Display for SettingsRefusal {
             }
             SettingsProblem::Heater => write!(f, "a number of heater {index} is out of range"),
             SettingsProblem::Shaper => write!(f, "the shaper of joint {index} does not fit"),
+            SettingsProblem::Board => write!(
+                f,
+                "it has {index} motors at most, and the step and servo rates of its own firmware"
+            ),
             SettingsProblem::NotStored => {
                 f.write_str("its flash did not take the settings; those of before stay in force")
             }

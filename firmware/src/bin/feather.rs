@@ -26,6 +26,7 @@ use {board::Output, stm32f4::pend_stop};
 #[cfg(target_os = "none")]
 mod board {
     use crate::stm32f4::{self, CoreDelay, Parts, SerialLine};
+    use headway_firmware::board::sector_flash::Sector;
     use headway_firmware::board::{NoHeat, NoLine, PinBoard, PinOutput};
     use headway_firmware::heat::HeatConfiguration;
     use headway_firmware::output::Pin;
@@ -35,7 +36,19 @@ mod board {
 
     type OutputPin = ErasedPin<gpio::Output>;
     /// X, Y, Z, nozzle, extruder.
-    const MOTORS: usize = 5;
+    pub const MOTORS: usize = 5;
+    pub const HAS_HEATERS: bool = false;
+    /// Behind all code: the chip has 1 MiB.
+    pub const SETTINGS_SECTORS: [Sector; 2] = [
+        Sector {
+            number: 8,
+            address: 0x0808_0000,
+        },
+        Sector {
+            number: 9,
+            address: 0x080a_0000,
+        },
+    ];
     pub type Output = PinOutput<OutputPin, OutputPin, MOTORS>;
     /// X, Y, Z.
     pub type Pins = PinBoard<ErasedPin<Input>, OutputPin, 3, 1>;

@@ -6,6 +6,7 @@
 //! enables, lamp       <- PinBoard (OutputPin), Lamp (SetDutyCycle)
 //! heaters, fans       <- BoardPins::put_heat; their sensors -> HeatPort
 //! bytes               <-> exchange (Read, Write and their readiness)
+//! settings            <-> sector_flash (an STM32F4's), for the store
 //! ```
 //! A board binary adds clocks, interrupts and which pin is which. What a board may replace by
 //! something faster is the same contract: `PortOutput` and `PinOutput` are both [`StepOutput`]s, and a
@@ -19,6 +20,7 @@ mod lamp;
 mod line;
 mod pins;
 mod ring;
+pub mod sector_flash;
 mod start;
 
 pub use heat_port::{HeatPort, NoHeat};

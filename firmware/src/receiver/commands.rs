@@ -3,6 +3,7 @@
 use super::{Receiver, reason_of};
 use crate::design::ticks_of_ms;
 use crate::motion::{EMERGENCY, Motion};
+use crate::settings::BoardLimits;
 use headway_protocol::message::{
     Control, DeviceState, RefusalReason, SettingsProblem, SettingsRefusal,
 };
@@ -91,9 +92,9 @@ impl Receiver {
         taken.map_err(RefusalReason::Settings)
     }
 
-    /// The board has a store for settings: without one they are refused.
-    pub fn keep_settings(&mut self) {
-        self.settings.keep();
+    /// The board has a store for settings that it can run: without one they are refused.
+    pub fn keep_settings(&mut self, board: BoardLimits) {
+        self.settings.keep(board);
     }
 
     /// Stores settings that have come, if there are any: to be called after [`Self::apply`] and before

@@ -3,14 +3,14 @@
 //! In: the messages `SettingsBegin`, `SettingsPart`, `SettingsEnd`. Out: the record, for whoever has a flash.
 //! Left out: whether the board may take settings now, which the receiver asks the motion.
 
-use super::{BoardSettings, Record, SettingsProblem, SettingsRefusal, refusal};
+use super::{BoardLimits, BoardSettings, Record, SettingsProblem, SettingsRefusal, refusal};
 use headway_protocol::message::SETTINGS_PART_BYTES;
 
 /// What has come of a record.
 #[derive(Clone, Debug, Default)]
 pub struct SettingsInbox {
-    /// The board has a store.
-    keeps: bool,
+    /// Of a board that has a store.
+    keeps: Option<BoardLimits>,
     length: usize,
     record: Record,
     is_checked: bool,
@@ -18,8 +18,8 @@ pub struct SettingsInbox {
 
 impl SettingsInbox {
     /// The board has a store.
-    pub fn keep(&mut self) {
-        self.keeps = true;
+    pub fn keep(&mut self, board: BoardLimits) {
+        self.keeps = Some(board);
     }
 
     /// A new record; what came of another one is forgotten.
@@ -27,7 +27,7 @@ impl SettingsInbox {
     /// # Errors
     /// `NoStore`.
     pub fn begin(&mut self, length: u16) -> Result<(), SettingsRefusal> {
-        if !self.keeps {
+        if self.keeps.is_none() {
             return Err(refusal(SettingsProblem::NoStore, 0));
         }
         self.length = length.into();
@@ -61,7 +61,10 @@ impl SettingsInbox {
         if self.length == 0 || self.record.len() != self.length {
             return Err(refusal(SettingsProblem::Incomplete, 0));
         }
-        BoardSettings::decode(&self.record)?;
+        let settings = BoardSettings::decode(&self.record)?;
+        if let Some(board) = &self.keeps {
+            settings.check_for(board)?;
+        }
         self.is_checked = true;
         Ok(())
     }

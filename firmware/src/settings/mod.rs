@@ -40,6 +40,17 @@ const CRC_BYTES: usize = 4;
 /// A record of settings.
 pub type Record = Vec<u8, SETTINGS_BYTES_MAX>;
 
+/// What a board can run at all, whatever its settings: those beyond would keep it from starting.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct BoardLimits {
+    /// Drivers that it has.
+    pub motors_max: usize,
+    /// Rates of its interrupts.
+    pub servo_hz: u32,
+    /// As above.
+    pub step_hz: u32,
+}
+
 /// What a board can be told without building its firmware.
 #[derive(Clone, Debug, PartialEq)]
 pub struct BoardSettings {
@@ -67,6 +78,21 @@ impl BoardSettings {
             checked.map_err(|range| refusal(SettingsProblem::Heater, range.0))?;
         }
         Ok(())
+    }
+
+    /// Whether a board can run them.
+    ///
+    /// # Errors
+    /// `Board`, with the motors that it can have.
+    pub fn check_for(&self, board: &BoardLimits) -> Result<(), SettingsRefusal> {
+        let machine = &self.machine;
+        let suits = machine.joints.len() < board.motors_max
+            && (machine.servo_hz, machine.step_hz) == (board.servo_hz, board.step_hz);
+        if suits {
+            Ok(())
+        } else {
+            Err(refusal(SettingsProblem::Board, board.motors_max))
+        }
     }
 
     /// Checks them and writes the record.

@@ -114,6 +114,19 @@ impl<F: NorFlash> SettingsStore<F> {
         if same { Ok(()) } else { Err(StoreError::Flash) }
     }
 
+    /// Stores a record so that the last slot has it: whoever overwrites the first one, as new firmware may
+    /// that lies around it, takes nothing away.
+    ///
+    /// # Errors
+    /// As [`Self::put`]; where only the first slot has it, it is in force all the same.
+    pub fn put_last(&mut self, record: &[u8]) -> Result<(), StoreError> {
+        self.put(record)?;
+        if self.newest().is_some_and(|found| found.slot == 0) {
+            self.put(record)?;
+        }
+        Ok(())
+    }
+
     /// The slot in force.
     fn newest(&mut self) -> Option<Found> {
         let mut newest: Option<Found> = None;

@@ -18,6 +18,11 @@ use std::vec;
 use std::vec::Vec as StdVec;
 
 const ERASE_BYTES: usize = 4096;
+const BOARD: BoardLimits = BoardLimits {
+    motors_max: 5,
+    servo_hz: 2000,
+    step_hz: 200_000,
+};
 
 /// Two sectors of NOR flash: erasing sets bits, a word is programmed once, and the power may fail.
 #[derive(Clone)]
@@ -233,7 +238,7 @@ impl Line {
     fn new(keeps: bool) -> Self {
         let mut machine = Machine::new(&built_in_planar(), 7).unwrap();
         if keeps {
-            machine.keep_settings();
+            machine.keep_settings(BOARD);
         }
         let mut line = Self {
             machine,
@@ -335,6 +340,18 @@ fn an_upload_is_stored_once_or_refused_with_its_reason() {
         line.upload(&unchecked(&wrong)),
         because(SettingsProblem::Joint, 2)
     );
+    // One motor more than the board has, and steps too fast for it, right as they are.
+    let beyond = because(SettingsProblem::Board, 5);
+    let mut wide = right.clone();
+    wide.machine.kinematics = crate::configuration::Kinematics::Gantry {
+        pivot_length_mm: 50.0,
+    };
+    let rotary = wide.machine.joints[3];
+    wide.machine.joints.extend([rotary; 2]);
+    assert_eq!(line.upload(&wide.encode().unwrap()), beyond);
+    let mut fast = right.clone();
+    fast.machine.step_hz = 400_000;
+    assert_eq!(line.upload(&fast.encode().unwrap()), beyond);
     let damaged = because(SettingsProblem::Damaged, 0);
     assert_eq!(line.upload(&record[1..]), damaged);
     assert_eq!(line.stored.len(), 1, "nothing of these was stored");

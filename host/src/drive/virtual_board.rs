@@ -14,6 +14,7 @@ use headway_firmware::inputs::Inputs;
 use headway_firmware::machine::Machine;
 use headway_firmware::output::StepOutput;
 use headway_firmware::receiver::Receiver;
+use headway_firmware::settings::BoardLimits;
 use headway_protocol::frame::FRAME_BYTES_MAX;
 use headway_protocol::message::DeviceState;
 use std::collections::VecDeque;
@@ -149,7 +150,12 @@ impl VirtualBoard {
 
     /// The board has a store: settings that come are kept with `store`, for its next start.
     pub fn keep_settings(&mut self, store: SettingsWriter) {
-        self.machine.keep_settings();
+        let machine = &self.setup.machine;
+        self.machine.keep_settings(BoardLimits {
+            motors_max: MOTORS_MAX,
+            servo_hz: machine.servo_hz,
+            step_hz: machine.step_hz,
+        });
         self.store = Some(store);
     }
 

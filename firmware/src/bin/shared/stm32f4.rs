@@ -10,13 +10,15 @@
 #[cfg_attr(feature = "emulated", allow(unused_imports))]
 #[path = "stm32f4_clocks.rs"]
 mod clocks;
+#[path = "stm32f4_flash.rs"]
+mod flash;
 #[path = "stm32f4_heat.rs"]
 mod heat;
 #[path = "stm32f4_start.rs"]
 pub mod start;
 
 use crate::board::{
-    CHIP_ID, EMERGENCY, HeatPins, Output, PORTS_CLOCK_MASK, Pins, SERIAL_CLOCK_MASK,
+    CHIP_ID, EMERGENCY, HAS_HEATERS, HeatPins, Output, PORTS_CLOCK_MASK, Pins, SERIAL_CLOCK_MASK,
     SERIAL_INTERRUPT, SERIAL_PORT, UsbLine, heaters, heaters_off, set_up_board,
 };
 use crate::runtime::{self, Board, Outgoing, Shared, with_motion};
@@ -25,8 +27,12 @@ use cortex_m::peripheral::{NVIC, Peripherals};
 use cortex_m_rt::exception;
 use embedded_hal::delay::DelayNs;
 use embedded_io::{ErrorType, Read, ReadReady, Write, WriteReady};
+use flash::KeptSettings;
 use headway_firmware::board::{BoardPins, ByteRing, chip_fault, exchange};
 use headway_firmware::boards::board_machine;
+use headway_firmware::configuration::MachineConfiguration;
+use headway_firmware::heat::HeatConfiguration;
+use headway_firmware::homing::HomingConfiguration;
 use headway_firmware::receiver::{Receiver, SECOND_LINE};
 use headway_protocol::message::{Fault, FaultCause};
 use heat::HeatLoop;
@@ -199,6 +205,7 @@ impl WriteReady for SerialLine {
 fn serve(
     mut receiver: Receiver,
     mut heat: HeatLoop,
+    mut kept: KeptSettings,
     mut serial: SerialLine,
     mut usb: UsbLine,
 ) -> ! {
@@ -213,14 +220,33 @@ fn serve(
         };
         let mut sent = exchange(&mut serial, for_serial, |byte| {
             runtime::take_byte(&mut receiver, 0, byte);
+            kept.store(&mut receiver);
         });
         runtime::look_ahead();
         heat.turn();
         sent += exchange(&mut usb, for_usb, |byte| {
             runtime::take_byte(&mut receiver, SECOND_LINE, byte);
+            kept.store(&mut receiver);
         });
         outgoing.sent(sent);
     }
+}
+
+/// What is kept in flash, else what is built in.
+// Never part of its caller, whose stack lasts.
+#[inline(never)]
+fn what_to_run(
+    kept: &mut KeptSettings,
+) -> Option<(MachineConfiguration, HomingConfiguration, HeatConfiguration)> {
+    if let Some(settings) = kept.settings() {
+        let heaters = match settings.heaters {
+            Some(heaters) if HAS_HEATERS => heaters,
+            _ => heaters()?,
+        };
+        return Some((settings.machine, settings.switches, heaters));
+    }
+    let (machine, switches) = board_machine()?;
+    Some((machine, switches, heaters()?))
 }
 
 /// What is wrong with this board, where anything is.
@@ -230,7 +256,8 @@ fn set_up_clocks(device: &pac::Peripherals) -> Option<Fault> {
 }
 
 fn run() -> Option<()> {
-    let (configuration, switches) = board_machine()?;
+    let mut kept = KeptSettings::find()?;
+    let (configuration, switches, heaters) = what_to_run(&mut kept)?;
     let motors = configuration.joints.len() + 1;
     let mut core = Peripherals::take()?;
     let device = pac::Peripherals::take()?;
@@ -266,7 +293,7 @@ fn run() -> Option<()> {
         NVIC::unmask(Interrupt::EXTI9_5);
         NVIC::unmask(SERIAL_INTERRUPT);
     }
-    let receiver = runtime::start(&board, parts.output, clocks, &mut core.SCB, &mut core.SYST)?;
+    let mut receiver = runtime::start(&board, parts.output, clocks, &mut core.SCB, &mut core.SYST)?;
     let by_watchdog = by_watchdog.then_some(Fault {
         cause: FaultCause::Watchdog,
         index: 0,
@@ -275,10 +302,11 @@ fn run() -> Option<()> {
     if let Some(fault) = wrong_board.or(by_watchdog) {
         with_motion(|motion| motion.fail_softly(fault));
     }
-    let heat = HeatLoop::new(&configuration, &heaters()?, parts.heat)?;
+    receiver.keep_settings(kept.limits());
+    let heat = HeatLoop::new(&configuration, &heaters, parts.heat)?;
     // SAFETY: all that interrupts use is set.
     unsafe { cortex_m::interrupt::enable() }
-    serve(receiver, heat, serial, parts.usb)
+    serve(receiver, heat, kept, serial, parts.usb)
 }
 
 /// From the boards' entries. It only ends where the machine built in cannot be run, or the chip has no

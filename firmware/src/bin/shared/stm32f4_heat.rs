@@ -26,6 +26,12 @@ pub fn servo_tick(pins: &mut impl BoardPins) {
     }
 }
 
+/// Nothing more is switched on before the loop has its next turn; from the main loop.
+pub fn cut() {
+    // SAFETY: the servo is held off.
+    with_motion(|_| unsafe { PWM.with(SoftPwm::cut) });
+}
+
 /// The main loop's part.
 pub struct HeatLoop {
     service: HeatService,

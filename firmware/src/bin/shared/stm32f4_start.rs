@@ -91,6 +91,39 @@ unsafe fn start_watchdog() {
     }
 }
 
+const WATCHDOG_STATE: *const u32 = 0x4000_300c as *const u32;
+/// Longer than both sectors take to erase, by their worst: 32 kHz / 256 = 125 per s, 10 s.
+const PATIENT: [u32; 2] = [6, 1250];
+const USUAL: [u32; 2] = [3, WATCHDOG_MS];
+/// Its registers take some periods of its own clock, 0.2 ms in all.
+const WATCHDOG_LOOKS_MAX: u32 = 200_000;
+
+/// The watchdog waits while flash is erased, or as usual again.
+pub fn patient_watchdog(patient: bool) {
+    let [prescaler, reload] = if patient { PATIENT } else { USUAL };
+    for (register, value) in [(WATCHDOG_PRESCALER, prescaler), (WATCHDOG_RELOAD, reload)] {
+        for _ in 0..WATCHDOG_LOOKS_MAX {
+            // SAFETY: reading has no effect.
+            if unsafe { WATCHDOG_STATE.read_volatile() } & 3 == 0 {
+                break;
+            }
+        }
+        // SAFETY: registers that are used for this alone; a write too early is ignored.
+        unsafe {
+            WATCHDOG_KEY.write_volatile(0x5555);
+            register.write_volatile(value);
+        }
+    }
+    // Loads the new value once the registers have it.
+    for _ in 0..WATCHDOG_LOOKS_MAX {
+        // SAFETY: reading has no effect.
+        if unsafe { WATCHDOG_STATE.read_volatile() } & 3 == 0 {
+            break;
+        }
+    }
+    feed_watchdog();
+}
+
 pub fn feed_watchdog() {
     // SAFETY: a single write to a register that is used for this alone.
     unsafe { WATCHDOG_KEY.write_volatile(0xaaaa) }

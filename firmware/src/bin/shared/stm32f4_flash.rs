@@ -1,0 +1,85 @@
+//! Settings in the flash of an STM32F4 board: read at the start, stored from the main loop.
+//!
+//! While a sector is erased the core stands still (up to 2 s), so before it heaters and fans are off by their
+//! pins and in their schedule, and the watchdog waits longer; that nothing moves and no heater has a target has
+//! been asked before (`Receiver`). Bytes that come meanwhile are lost, and sent again by the host.
+
+use crate::board::{MOTORS, SETTINGS_SECTORS, heaters_off};
+use crate::stm32f4::{heat, start};
+use headway_firmware::board::sector_flash::{FlashBus, LOOKS_MAX, SectorFlash};
+use headway_firmware::boards::{board_machine, kept_settings};
+use headway_firmware::receiver::Receiver;
+use headway_firmware::settings::store::SettingsStore;
+use headway_firmware::settings::{BoardLimits, BoardSettings};
+
+/// The flash controller.
+const CONTROLLER: usize = 0x4002_3c00;
+
+struct Registers;
+
+impl FlashBus for Registers {
+    fn register(&mut self, register: usize) -> u32 {
+        // SAFETY: a register of the flash controller; reading has no effect.
+        unsafe { ((CONTROLLER + register) as *const u32).read_volatile() }
+    }
+    fn set_register(&mut self, register: usize, value: u32) {
+        // SAFETY: the main loop alone uses the controller, and changes only sectors without code.
+        unsafe { ((CONTROLLER + register) as *mut u32).write_volatile(value) }
+    }
+    fn word(&mut self, address: u32) -> u32 {
+        // SAFETY: flash of this chip.
+        unsafe { (address as *const u32).read_volatile() }
+    }
+    fn set_word(&mut self, address: u32, value: u32) {
+        // SAFETY: in a sector that the linker keeps free of code and data; nothing refers to it.
+        unsafe { (address as *mut u32).write_volatile(value) }
+    }
+}
+
+/// The store, and what the board can run.
+pub struct KeptSettings {
+    store: SettingsStore<SectorFlash<Registers>>,
+    limits: BoardLimits,
+}
+
+impl KeptSettings {
+    /// `None` where nothing right is built in.
+    #[inline(never)]
+    pub fn find() -> Option<Self> {
+        let (built_in, _) = board_machine()?;
+        let flash = SectorFlash::new(Registers, SETTINGS_SECTORS, LOOKS_MAX);
+        Some(Self {
+            store: SettingsStore::new(flash).ok()?,
+            limits: BoardLimits {
+                motors_max: MOTORS,
+                servo_hz: built_in.servo_hz,
+                step_hz: built_in.step_hz,
+            },
+        })
+    }
+
+    pub fn limits(&self) -> BoardLimits {
+        self.limits
+    }
+
+    /// What is kept and can be run.
+    pub fn settings(&mut self) -> Option<BoardSettings> {
+        kept_settings(&mut self.store, &self.limits)
+    }
+
+    /// Stores settings that have come, if there are any.
+    pub fn store(&mut self, receiver: &mut Receiver) {
+        receiver.store_settings(|record| self.put(record));
+    }
+
+    #[inline(never)]
+    fn put(&mut self, record: &[u8]) -> bool {
+        // A pin that is high would stay so while the core stands still.
+        heat::cut();
+        heaters_off();
+        start::patient_watchdog(true);
+        let stored = self.store.put_last(record).is_ok();
+        start::patient_watchdog(false);
+        stored
+    }
+}
