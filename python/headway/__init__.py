@@ -1,0 +1,309 @@
+"""Plans, simulates and exports the motion of print heads with turning, non-round nozzles.
+
+Lengths are in mm, times in s, volumes in mm3, headings in rad; the unit is the last part of a name.
+Coordinates are the part's own. Every failure is a :class:`HeadwayError` (a ``ValueError``) whose text says
+where and what helps.
+
+    >>> import headway
+    >>> job = headway.plan([[(0, 0), (6, 0), (6, 6), (0, 6)]], name="square")
+    >>> poses = job.poses(every_ms=1)
+    >>> job.write("square.hwj")
+"""
+
+from __future__ import annotations
+
+import json
+import os
+from collections.abc import Callable, Mapping, Sequence
+from typing import Any, Optional, Union
+
+import numpy as np
+import numpy.typing as npt
+
+from . import _headway
+from ._headway import HeadwayError, JobError, OptionsError, PartError, PlanError, __version__
+
+__all__ = [
+    "STATES",
+    "HeadwayError",
+    "Job",
+    "JobError",
+    "OptionsError",
+    "PartError",
+    "PlanError",
+    "__version__",
+    "plan",
+    "plan_file",
+    "read_job",
+]
+
+#: What the head does, by the number in the column ``state``.
+STATES = ("travel", "prime", "print", "retract", "hold")
+
+PathLike = Union[str, "os.PathLike[str]"]
+#: Called with the stage's name, the steps of it done and the steps of it in all; what it raises stops.
+Progress = Callable[[str, int, int], Any]
+_Rings = list[list[tuple[float, float]]]
+
+
+class Job:
+    """A planned job."""
+
+    def __init__(self, native: _headway.Job) -> None:
+        self._native = native
+
+    def __repr__(self) -> str:
+        return f"<headway.Job {self.name!r}, {self.duration_s:.1f} s>"
+
+    @property
+    def name(self) -> str:
+        """Name of the part."""
+        return self._native.name
+
+    @property
+    def notes(self) -> list[str]:
+        """What there is to know of it; of a job that was read, nothing is known any more."""
+        return self._native.notes
+
+    @property
+    def duration_s(self) -> float:
+        """How long it takes."""
+        return self._native.duration_s
+
+    @property
+    def figures(self) -> dict[str, Any]:
+        """The figures, with the keys of ``headway plan --json``."""
+        figures: dict[str, Any] = json.loads(self._native.figures_json())
+        return figures
+
+    def poses(self, every_ms: float = 1.0) -> dict[str, npt.NDArray[Any]]:
+        """The poses at even steps of time, a column for each quantity.
+
+        ``time_s``, ``layer`` (from 0), ``pass`` (from 0, -1 off the passes), ``x_mm``, ``y_mm``, ``z_mm``
+        (the tip), ``nx``, ``ny``, ``nz`` (unit vector of the tool axis, the tilt), ``heading_rad``
+        (about it, counter-clockwise, unwrapped), ``width_mm`` (of the bead; NaN where nothing is
+        printed), ``speed_mm_s``, ``flow_mm3_s``, ``state`` (a number into :data:`STATES`).
+        """
+        columns: dict[str, npt.NDArray[Any]] = {
+            name: np.frombuffer(doubles, dtype=np.float64)
+            for name, doubles in self._native.columns(every_ms * 1e-3)
+        }
+        for name in ("layer", "pass", "state"):
+            columns[name] = columns[name].astype(np.int64)
+        return columns
+
+    def simulate(self, link: str = "", seed: int = 1) -> dict[str, Any]:
+        """Streams it over a simulated line to the firmware library; figures of plan and run.
+
+        ``link`` are faults of the line as in ``headway simulate --link``, ``seed`` fixes every random
+        choice. A fault of the controller, or steps that do not come to the plan's end, raise
+        :class:`JobError`.
+        """
+        text, problem = self._native.simulate(link, seed)
+        if problem is not None:
+            raise JobError(problem)
+        figures: dict[str, Any] = json.loads(text)
+        return figures
+
+    def to_bytes(self) -> bytes:
+        """The job file, byte for byte as the command writes it."""
+        return self._native.data()
+
+    def write(self, path: PathLike) -> None:
+        """Writes the job file (``.hwj``), for ``headway stream``, ``view`` and ``export``."""
+        _write(path, self.to_bytes())
+
+    def write_csv(self, path: PathLike, every_ms: float = 1.0) -> None:
+        """Writes its poses with the columns of ``headway export --to csv``."""
+        _write(path, self._native.csv(every_ms * 1e-3))
+
+    def write_gcode(self, path: PathLike, dialect: str) -> None:
+        """Writes G-code for klipper, reprapfirmware, linuxcnc, grblhal or marlin."""
+        _write(path, self._native.gcode(dialect))
+
+
+def plan(
+    geometry: Any,
+    *,
+    name: str = "part",
+    machine: Optional[PathLike] = None,
+    keep_out: Any = None,
+    at_mm: Optional[Sequence[float]] = None,
+    progress: Optional[Progress] = None,
+    aperture: Optional[str] = None,
+    speed_mm_s: Optional[float] = None,
+    wall_speed_mm_s: Optional[float] = None,
+    solid_speed_mm_s: Optional[float] = None,
+    sparse_speed_mm_s: Optional[float] = None,
+    layer_time_min_s: Optional[float] = None,
+    layer_height_mm: Optional[float] = None,
+    layers: Optional[int] = None,
+    pass_mode: Optional[str] = None,
+    heading_law: Optional[str] = None,
+    quality: Optional[str] = None,
+    tolerance_mm: Optional[float] = None,
+    overlap_pct: Optional[float] = None,
+    walls: Optional[int] = None,
+    infill_density_pct: Optional[float] = None,
+    infill_angle_deg: Optional[float] = None,
+    bottom_layers: Optional[int] = None,
+    top_layers: Optional[int] = None,
+    skirt_loops: Optional[int] = None,
+    skirt_distance_mm: Optional[float] = None,
+    brim_loops: Optional[int] = None,
+    avoid_crossing: Optional[bool] = None,
+    seam: Optional[str] = None,
+    seam_direction_deg: Optional[float] = None,
+) -> Job:
+    """Plans an outline in mm.
+
+    ``geometry`` is a shapely ``Polygon`` or ``MultiPolygon``, anything with ``__geo_interface__``, a GeoJSON
+    mapping, one ring (points ``(x, y)``, or an array of n x 2), or a sequence of rings: the exterior, then
+    its holes. ``machine`` is the path of a machine file; without it the built-in planar machine is used.
+    ``keep_out``, geometry as well, is what neither aperture nor nozzle body may enter; ``at_mm`` puts the
+    origin there on the machine. ``progress`` is called in this thread; what it raises, and Ctrl-C, stop the
+    planning. Other threads of Python run on. The options are those of the command, ``None`` leaves the
+    machine's: ``aperture`` ("ellipse:0.6x0.2", semi-axes), ``pass_mode`` ("two", "one"), ``heading_law``
+    ("tangent", "linear"), ``quality`` ("fine", "standard", "fast"), ``seam`` ("nearest", "aligned",
+    "sharpest"); lines and solid layers go with ``walls``.
+    """
+    options = {key: value for key, value in locals().items() if key in _OPTIONS}
+    part = _headway.Part.from_polygons(name, _polygons(geometry))
+    return _planned(part, machine, keep_out, at_mm, progress, options)
+
+
+def plan_file(
+    path: PathLike,
+    *,
+    machine: Optional[PathLike] = None,
+    keep_out: Any = None,
+    at_mm: Optional[Sequence[float]] = None,
+    progress: Optional[Progress] = None,
+    units: Optional[str] = None,
+    scale: float = 1.0,
+    repair: bool = False,
+    **options: Any,
+) -> Job:
+    """Plans a file: polygon JSON, GeoJSON, SVG, DXF, waypoints or NURBS, by its ending.
+
+    ``units`` (mm, cm, m, um, in) and ``scale`` are of its coordinates, ``repair`` mends crossings and open
+    contours by the fill rule; the options are those of :func:`plan`.
+    """
+    unknown = sorted(set(options) - _OPTIONS)
+    if unknown:
+        raise TypeError(f"plan_file() has no option {unknown[0]}; there are {', '.join(sorted(_OPTIONS))}")
+    stem, ending = os.path.splitext(os.path.basename(os.fspath(path)))
+    flatten_mm = options.get("tolerance_mm")
+    part = _headway.Part.from_bytes(
+        stem, ending[1:], _read(path), units, scale, repair, flatten_mm
+    )
+    return _planned(part, machine, keep_out, at_mm, progress, options)
+
+
+def read_job(path: PathLike) -> Job:
+    """Reads a job file; one that was altered is refused with the place."""
+    return Job(_headway.Job.from_bytes(_read(path)))
+
+
+_OPTIONS = frozenset(plan.__kwdefaults__ or ()) - {
+    "name",
+    "machine",
+    "keep_out",
+    "at_mm",
+    "progress",
+}
+
+
+def _planned(
+    part: _headway.Part,
+    machine: Optional[PathLike],
+    keep_out: Any,
+    at_mm: Optional[Sequence[float]],
+    progress: Optional[Progress],
+    options: dict[str, Any],
+) -> Job:
+    if progress is not None and not callable(progress):
+        raise TypeError("progress is no function: give one of stage, done and total")
+    if keep_out is not None:
+        part = part.keeping_out(_headway.Part.from_polygons("keep_out", _polygons(keep_out)))
+    if at_mm is not None:
+        part = part.placed_at([float(number) for number in at_mm])
+    text = None if machine is None else _read(machine).decode("utf-8")
+    return Job(_headway.plan(part, text, options, progress))
+
+
+def _read(path: PathLike) -> bytes:
+    with open(path, "rb") as file:
+        return file.read()
+
+
+def _write(path: PathLike, data: bytes) -> None:
+    with open(path, "wb") as file:
+        file.write(data)
+
+
+def _polygons(geometry: Any) -> list[_Rings]:
+    """Polygons, each a list of rings, whatever they come as."""
+    if hasattr(geometry, "__geo_interface__"):
+        geometry = geometry.__geo_interface__
+    if isinstance(geometry, Mapping):
+        return _of_mapping(geometry)
+    if isinstance(geometry, (str, bytes)) or not hasattr(geometry, "__iter__"):
+        raise PartError(
+            f"{type(geometry).__name__} is no outline: give a shapely Polygon, rings of points, or an "
+            "object with __geo_interface__"
+        )
+    rings = list(geometry)
+    if rings and _is_point(rings[0]):
+        rings = [rings]
+    return [[_ring(ring, number) for number, ring in enumerate(rings)]]
+
+
+def _of_mapping(mapping: Mapping[str, Any]) -> list[_Rings]:
+    kind = mapping.get("type")
+    if kind == "Polygon":
+        return [_rings(mapping)]
+    if kind == "MultiPolygon":
+        return [_rings({"coordinates": rings}) for rings in _list(mapping, "coordinates")]
+    if kind == "GeometryCollection":
+        return [found for part in _list(mapping, "geometries") for found in _polygons(part)]
+    if kind == "FeatureCollection":
+        return [found for part in _list(mapping, "features") for found in _polygons(part)]
+    if kind == "Feature":
+        return _polygons(mapping.get("geometry"))
+    raise PartError(
+        f"{kind} has no area: give a Polygon or MultiPolygon (a line becomes one by shapely's buffer)"
+    )
+
+
+def _list(mapping: Mapping[str, Any], key: str) -> list[Any]:
+    found = mapping.get(key)
+    if found is None or not hasattr(found, "__iter__"):
+        raise PartError(f"{mapping.get('type')} has no {key}")
+    return list(found)
+
+
+def _rings(mapping: Mapping[str, Any]) -> _Rings:
+    return [_ring(ring, number) for number, ring in enumerate(_list(mapping, "coordinates"))]
+
+
+def _is_point(item: Any) -> bool:
+    first = next(iter(item), None) if hasattr(item, "__iter__") else None
+    return isinstance(first, (int, float, np.number))
+
+
+def _ring(ring: Any, number: int) -> list[tuple[float, float]]:
+    what = "the exterior" if number == 0 else f"hole {number - 1}"
+    if not hasattr(ring, "__iter__"):
+        raise PartError(f"{what} is {ring!r}: give its points")
+    points = []
+    for place, point in enumerate(ring):
+        try:
+            x, y = point
+            points.append((float(x), float(y)))
+        except (TypeError, ValueError):
+            raise PartError(
+                f"point {place} of {what} is {str(point)[:80]}: give two numbers, x and y in mm (shapely's "
+                "force_2d drops a height)"
+            ) from None
+    return points

@@ -1,0 +1,137 @@
+//! Options as keywords.
+//!
+//! In: a dict, `None` where the machine's setting stays. Out: [`Options`]; the library's texts with the
+//! command's options called as the keywords are.
+
+use crate::OptionsError;
+use headway::api::{HeadingLaw, Options, PassMode, Quality, SeamPlace};
+use pyo3::prelude::*;
+use pyo3::types::PyDict;
+
+/// The command's options and the keywords beside them, longer ones before those that they begin with.
+const KEYWORDS: [(&str, &str); 27] = [
+    ("--skirt-distance-mm", "skirt_distance_mm"),
+    ("--infill-density", "infill_density_pct"),
+    ("--infill-angle", "infill_angle_deg"),
+    ("--seam-direction", "seam_direction_deg"),
+    ("--avoid-crossing", "avoid_crossing"),
+    ("--min-layer-time", "layer_time_min_s"),
+    ("--sparse-speed", "sparse_speed_mm_s"),
+    ("--solid-speed", "solid_speed_mm_s"),
+    ("--wall-speed", "wall_speed_mm_s"),
+    ("--layer-height", "layer_height_mm"),
+    ("--tolerance", "tolerance_mm"),
+    ("--aperture", "aperture"),
+    ("--keep-out", "keep_out"),
+    ("--overlap", "overlap_pct"),
+    ("--quality", "quality"),
+    ("--bottom", "bottom_layers"),
+    ("--layers", "layers"),
+    ("--repair", "repair"),
+    ("--speed", "speed_mm_s"),
+    ("--units", "units"),
+    ("--scale", "scale"),
+    ("--skirt", "skirt_loops"),
+    ("--walls", "walls"),
+    ("--brim", "brim_loops"),
+    ("--pass", "pass_mode"),
+    ("--top", "top_layers"),
+    ("--at", "at_mm"),
+];
+
+/// A text of the library with keywords in place of the command's options.
+pub fn as_keywords(text: &str) -> String {
+    KEYWORDS
+        .iter()
+        .fold(text.to_string(), |text, (option, keyword)| {
+            text.replace(option, keyword)
+        })
+}
+
+/// The options of a dict.
+pub fn options(given: &Bound<'_, PyDict>) -> PyResult<Options> {
+    let mut options = Options::default();
+    for (key, value) in given {
+        let key: String = key.extract()?;
+        if value.is_none() {
+            continue;
+        }
+        let o = &mut options;
+        match key.as_str() {
+            "aperture" => o.aperture = Some(read(&key, &value, "a text as in ellipse:0.6x0.2")?),
+            "speed_mm_s" => o.speed_mm_s = Some(number(&key, &value)?),
+            "wall_speed_mm_s" => o.wall_speed_mm_s = Some(number(&key, &value)?),
+            "solid_speed_mm_s" => o.solid_speed_mm_s = Some(number(&key, &value)?),
+            "sparse_speed_mm_s" => o.sparse_speed_mm_s = Some(number(&key, &value)?),
+            "layer_time_min_s" => o.layer_time_min_s = Some(number(&key, &value)?),
+            "layer_height_mm" => o.layer_height_mm = Some(number(&key, &value)?),
+            "layers" => o.layers = Some(count(&key, &value)?),
+            "pass_mode" => o.pass_mode = Some(one_of(&key, &value, &PASSES)?),
+            "heading_law" => o.heading_law = Some(one_of(&key, &value, &LAWS)?),
+            "quality" => o.quality = Some(one_of(&key, &value, &QUALITIES)?),
+            "tolerance_mm" => o.tolerance_mm = Some(number(&key, &value)?),
+            "overlap_pct" => o.overlap_pct = Some(number(&key, &value)?),
+            "walls" => o.walls = Some(count(&key, &value)?),
+            "infill_density_pct" => o.infill_density_pct = Some(number(&key, &value)?),
+            "infill_angle_deg" => o.infill_angle_rad = Some(number(&key, &value)?.to_radians()),
+            "bottom_layers" => o.bottom_layers = Some(count(&key, &value)?),
+            "top_layers" => o.top_layers = Some(count(&key, &value)?),
+            "skirt_loops" => o.skirt_loops = Some(count(&key, &value)?),
+            "skirt_distance_mm" => o.skirt_distance_mm = Some(number(&key, &value)?),
+            "brim_loops" => o.brim_loops = Some(count(&key, &value)?),
+            "avoid_crossing" => o.avoid_crossing = Some(read(&key, &value, "True or False")?),
+            "seam" => o.seam = Some(one_of(&key, &value, &SEAMS)?),
+            "seam_direction_deg" => o.seam_direction_rad = Some(number(&key, &value)?.to_radians()),
+            _ => return Err(OptionsError::new_err(format!("{key} is no option"))),
+        }
+    }
+    Ok(options)
+}
+
+const PASSES: [(&str, PassMode); 2] = [("two", PassMode::Two), ("one", PassMode::One)];
+const LAWS: [(&str, HeadingLaw); 2] = [
+    ("tangent", HeadingLaw::Tangent),
+    ("linear", HeadingLaw::Linear),
+];
+const QUALITIES: [(&str, Quality); 3] = [
+    ("fine", Quality::Fine),
+    ("standard", Quality::Standard),
+    ("fast", Quality::Fast),
+];
+const SEAMS: [(&str, SeamPlace); 3] = [
+    ("nearest", SeamPlace::Nearest),
+    ("aligned", SeamPlace::Aligned),
+    ("sharpest", SeamPlace::Sharpest),
+];
+
+fn number(key: &str, value: &Bound<'_, PyAny>) -> PyResult<f64> {
+    read(key, value, "a number")
+}
+
+fn count(key: &str, value: &Bound<'_, PyAny>) -> PyResult<u32> {
+    read(key, value, "a whole number from 0 on")
+}
+
+fn one_of<T: Copy>(key: &str, value: &Bound<'_, PyAny>, names: &[(&str, T)]) -> PyResult<T> {
+    let all: Vec<&str> = names.iter().map(|(name, _)| *name).collect();
+    let text: Option<String> = value.extract().ok();
+    let known = names
+        .iter()
+        .find(|(name, _)| Some(*name) == text.as_deref());
+    known
+        .map(|(_, meant)| *meant)
+        .ok_or_else(|| wrong(key, value, &format!("one of {}", all.join(", "))))
+}
+
+fn read<'py, T: for<'a> FromPyObject<'a, 'py>>(
+    key: &str,
+    value: &Bound<'py, PyAny>,
+    what: &str,
+) -> PyResult<T> {
+    value.extract().map_err(|_| wrong(key, value, what))
+}
+
+fn wrong(key: &str, value: &Bound<'_, PyAny>, what: &str) -> PyErr {
+    let given: String = value.to_string().chars().take(80).collect();
+    OptionsError::new_err(format!("{key} is {given}: give {what}"))
+}

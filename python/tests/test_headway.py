@@ -1,0 +1,373 @@
+"""Goal: planning from Python is planning by the command. Method: areas by shapely from the poses alone,
+files against the command's byte for byte, every door with bad input, exceptions and interrupts on the way.
+
+The command is taken from HEADWAY_COMMAND or the workspace's target folder; where it is not, those tests
+skip, unless HEADWAY_DEMAND_COMMAND is set.
+"""
+
+import math
+import os
+import pathlib
+import subprocess
+import sys
+import threading
+import time
+import _thread
+
+import numpy as np
+import pytest
+import shapely
+import shapely.affinity
+import shapely.geometry
+
+import headway
+
+ROOT = pathlib.Path(__file__).resolve().parents[2]
+EXAMPLES = ROOT / "examples"
+# The built-in machine's aperture: semi-axes.
+MAJOR_MM, MINOR_MM = 0.6, 0.2
+
+
+def command():
+    path = os.environ.get("HEADWAY_COMMAND", str(ROOT / "target" / "debug" / "headway"))
+    if not os.path.exists(path):
+        if "HEADWAY_DEMAND_COMMAND" in os.environ:
+            pytest.fail(f"{path} is not there")
+        pytest.skip(f"{path} is not there: cargo build -p headway")
+    return path
+
+
+@pytest.fixture(scope="module")
+def frame():
+    return shapely.box(0, 0, 10, 7).difference(shapely.box(3.5, 2.5, 6.5, 4.5))
+
+
+@pytest.fixture(scope="module")
+def job(frame):
+    return headway.plan(frame, name="frame")
+
+
+def swept(poses):
+    """Ground under the aperture while it prints: hulls of the ellipse at each two poses that follow."""
+    disk = shapely.Point(0, 0).buffer(1, quad_segs=16)
+    ellipse = shapely.affinity.scale(disk, MAJOR_MM, MINOR_MM)
+    prints = poses["state"] == headway.STATES.index("print")
+    hulls = []
+    before, before_pass = None, None
+    for k in np.flatnonzero(prints):
+        turned = shapely.affinity.rotate(ellipse, poses["heading_rad"][k], origin=(0, 0), use_radians=True)
+        here = shapely.affinity.translate(turned, poses["x_mm"][k], poses["y_mm"][k])
+        if before is not None and before_pass == poses["pass"][k]:
+            hulls.append(shapely.union(before, here).convex_hull)
+        before, before_pass = here, poses["pass"][k]
+    return shapely.union_all(hulls)
+
+
+def test_poses_cover_the_polygon(frame, job):
+    ground = swept(job.poses(every_ms=5))
+    covered_pct = 100 * ground.intersection(frame).area / frame.area
+    # A raster of 0.02 mm against polygons of 64 corners and hulls of 0.3 mm of way.
+    assert covered_pct == pytest.approx(job.figures["covered_pct"], abs=0.5)
+    assert covered_pct > 95
+    # Hulls stand over on the inner side of a bend by the sagitta of 0.3 mm on 0.2 mm and more.
+    assert ground.difference(frame.buffer(0.02)).area < 0.02
+
+
+def test_poses_are_the_figures(job):
+    poses = job.poses(every_ms=1)
+    assert {len(column) for column in poses.values()} == {len(poses["time_s"])}
+    assert poses["time_s"][-1] == pytest.approx(job.duration_s, abs=1.1e-3)
+    volume_mm3 = poses["flow_mm3_s"].sum() * 1e-3
+    assert volume_mm3 == pytest.approx(job.figures["volume_mm3"], rel=0.01)
+    width_mm = poses["width_mm"]
+    is_print = poses["state"] == headway.STATES.index("print")
+    assert np.isnan(width_mm[~is_print]).all()
+    laid = width_mm[~np.isnan(width_mm)]
+    assert len(laid) > 0.9 * is_print.sum()
+    assert (2 * MINOR_MM - 1e-9 <= laid).all() and (laid <= 2 * MAJOR_MM + 1e-9).all()
+    # The width of an ellipse across the way, from heading and differences of the tip.
+    way = np.arctan2(np.gradient(poses["y_mm"]), np.gradient(poses["x_mm"]))
+    turn = way - poses["heading_rad"]
+    expected = 2 * np.hypot(MAJOR_MM * np.sin(turn), MINOR_MM * np.cos(turn))
+    fast = is_print & (poses["speed_mm_s"] > 10)
+    assert fast.sum() > 500
+    # Differences of a millisecond lag in sharp bends: nearly all agree to 0.05 mm.
+    assert np.mean(np.abs(expected - width_mm)[fast] < 0.05) > 0.98
+    upright = poses["nz"]
+    assert (upright == 1).all() and (poses["nx"] == 0).all()
+    poses["x_mm"] += 1  # The arrays are the caller's.
+
+
+@pytest.mark.parametrize(
+    ("name", "words", "options"),
+    [
+        ("taper.json", [], {}),
+        ("washers.geojson", [], {}),
+        (
+            "letter.svg",
+            "--walls 1 --infill-density 40 --infill-angle 30 --speed 45 --quality fast".split(),
+            {
+                "walls": 1,
+                "infill_density_pct": 40,
+                "infill_angle_deg": 30,
+                "speed_mm_s": 45,
+                "quality": "fast",
+            },
+        ),
+        ("gear-6axis.wpt", ["-m", str(EXAMPLES / "machines" / "gantry.toml")], {}),
+    ],
+)
+def test_a_job_is_that_of_the_command(tmp_path, name, words, options):
+    by_command = tmp_path / "command.hwj"
+    plan = [command(), "plan", str(EXAMPLES / name), "-o", str(by_command), *words]
+    subprocess.run(plan, check=True, capture_output=True)
+    if "-m" in words:
+        options = {**options, "machine": words[1]}
+    job = headway.plan_file(EXAMPLES / name, **options)
+    job.write(tmp_path / "python.hwj")
+    assert (tmp_path / "python.hwj").read_bytes() == by_command.read_bytes()
+    for kind, ending in [(["csv"], "csv"), (["gcode", "--dialect", "klipper"], "gcode")]:
+        exported = tmp_path / f"command.{ending}"
+        export = [command(), "export", str(by_command), "--to", *kind, "-o", str(exported)]
+        subprocess.run(export, check=True, capture_output=True)
+        written = tmp_path / f"python.{ending}"
+        if ending == "csv":
+            job.write_csv(written)
+        else:
+            job.write_gcode(written, "klipper")
+        assert written.read_bytes() == exported.read_bytes()
+
+
+def test_geometry_comes_as_it_is(frame, job):
+    exterior = list(frame.exterior.coords)
+    hole = list(frame.interiors[0].coords)
+    forms = [
+        [exterior, hole],
+        [np.array(exterior), np.array(hole)],
+        (tuple(exterior), tuple(hole)),
+        shapely.geometry.mapping(frame),
+        {"type": "Feature", "geometry": shapely.geometry.mapping(frame), "properties": {}},
+        shapely.MultiPolygon([frame]),
+    ]
+    for form in forms:
+        assert headway.plan(form, name="frame").to_bytes() == job.to_bytes()
+    square = np.array([[0, 0], [5, 0], [5, 5], [0, 5]])
+    assert headway.plan(square).to_bytes() == headway.plan([square.tolist()]).to_bytes()
+    two = shapely.MultiPolygon([shapely.box(0, 0, 3, 3), shapely.box(5, 0, 8, 3)])
+    assert headway.plan(two).figures["area_mm2"] == pytest.approx(18, rel=1e-3)
+
+
+def test_keep_out_and_place(frame):
+    clamp = shapely.box(-1, -1, 2, 2)
+    job = headway.plan(frame, keep_out=clamp, at_mm=[20, 30, 0])
+    assert job.figures["kept_out_mm2"] > 3
+    poses = job.poses(every_ms=5)
+    at = poses["state"] == headway.STATES.index("print")
+    tips = shapely.points(poses["x_mm"][at], poses["y_mm"][at])
+    assert not shapely.intersects(clamp.buffer(MINOR_MM - 0.01), tips).any()
+    with pytest.raises(headway.PlanError, match="work area|fit|reach"):
+        headway.plan(frame, at_mm=[1e6, 0, 0])
+
+
+BAD_GEOMETRY = [
+    (None, "no outline"),
+    (3, "no outline"),
+    ("POLYGON ((0 0, 1 0, 1 1, 0 0))", "no outline"),
+    ([], None),
+    ([[]], None),
+    ([[(0, 0), (1, 0)]], None),
+    ([[(0, 0), (5, 0), (5, math.nan)]], None),
+    ([[(0, 0), (5, 0), (5, 1e300)]], None),
+    ([[(0, 0), (5, 0, 1), (5, 5)]], "point 1 of the exterior"),
+    ([[(0, 0), (5, "x"), (5, 5)]], "point 1 of the exterior"),
+    ([[(0, 0), (5, 5), (5, 0), (0, 5)]], "cross"),
+    (shapely.LineString([(0, 0), (1, 1)]), "buffer"),
+    (shapely.Polygon(), None),
+    (shapely.Polygon([(0, 0, 1), (5, 0, 1), (5, 5, 1)]), "force_2d"),
+    ({"type": "Polygon"}, "no coordinates"),
+    ({"type": "Feature", "geometry": None}, "no outline"),
+    ([5, 6], "give its points"),
+]
+
+
+@pytest.mark.parametrize(("geometry", "said"), BAD_GEOMETRY)
+def test_bad_geometry_is_refused(geometry, said):
+    with pytest.raises(headway.PartError, match=said):
+        headway.plan(geometry)
+
+
+BAD_OPTIONS = [
+    ({"speed_mm_s": -1}, headway.OptionsError, "speed"),
+    ({"speed_mm_s": math.inf}, headway.OptionsError, "speed"),
+    ({"speed_mm_s": "fast"}, headway.OptionsError, "speed_mm_s is fast: give a number"),
+    ({"layers": 2.5}, headway.OptionsError, "layers is 2.5: give a whole number"),
+    ({"layers": -1}, headway.OptionsError, "layers"),
+    ({"layers": 10**30}, headway.OptionsError, "layers"),
+    ({"quality": "best"}, headway.OptionsError, "fine, standard, fast"),
+    ({"seam": 3}, headway.OptionsError, "nearest"),
+    ({"aperture": "star:3"}, headway.OptionsError, "star"),
+    ({"aperture": 0.4}, headway.OptionsError, "aperture"),
+    ({"infill_density_pct": 30}, headway.OptionsError, "how many with walls"),
+    ({"at_mm": [1, 2]}, (ValueError, TypeError), None),
+    ({"at_mm": [1, 2, math.nan]}, headway.PartError, "finite"),
+    ({"progress": 3}, TypeError, "function"),
+    ({"speed": 40}, TypeError, "speed"),
+    ({"machine": "nowhere.toml"}, FileNotFoundError, "nowhere"),
+]
+
+
+@pytest.mark.parametrize(("options", "kind", "said"), BAD_OPTIONS)
+def test_bad_options_are_refused(options, kind, said):
+    with pytest.raises(kind, match=said):
+        headway.plan([[(0, 0), (5, 0), (5, 5), (0, 5)]], **options)
+
+
+def test_bad_files_are_refused(tmp_path, job):
+    with pytest.raises(TypeError, match="no option speed"):
+        headway.plan_file(EXAMPLES / "taper.json", speed=3)
+    for ending, data in [("svg", b"<svg"), ("json", b"{"), ("stl", b"solid"), ("png", b"")]:
+        path = tmp_path / f"bad.{ending}"
+        path.write_bytes(data)
+        with pytest.raises(headway.PartError):
+            headway.plan_file(path)
+    with pytest.raises(headway.OptionsError, match="outlines"):
+        headway.plan_file(EXAMPLES / "gear-6axis.wpt", layers=2)
+    with pytest.raises(headway.PartError, match="units"):
+        headway.plan_file(EXAMPLES / "taper.json", units="mile")
+    machine = tmp_path / "machine.toml"
+    machine.write_text("[print]\nspeed = 3\n")
+    with pytest.raises(headway.OptionsError):
+        headway.plan([[(0, 0), (5, 0), (5, 5)]], machine=machine)
+    data = bytearray(job.to_bytes())
+    data[len(data) // 2] ^= 1
+    altered = tmp_path / "altered.hwj"
+    altered.write_bytes(data)
+    with pytest.raises(headway.JobError, match="frame|checksum"):
+        headway.read_job(altered)
+    for every_ms in (0, -1, math.nan, 1e-12):
+        with pytest.raises(headway.JobError, match="step"):
+            job.poses(every_ms=every_ms)
+    with pytest.raises(headway.JobError, match="klipper"):
+        job.write_gcode(tmp_path / "x.gcode", "basic")
+
+
+def test_a_plan_that_cannot_be_says_why():
+    with pytest.raises(headway.PlanError, match="aperture"):
+        headway.plan([[(0, 0), (0.1, 0), (0, 0.1)]])
+    assert issubclass(headway.PlanError, ValueError)
+
+
+def test_a_job_comes_back(tmp_path, job):
+    job.write(tmp_path / "frame.hwj")
+    again = headway.read_job(tmp_path / "frame.hwj")
+    assert again.to_bytes() == job.to_bytes()
+    assert again.name == "frame" and "frame" in repr(again)
+    assert again.figures["passes"] == job.figures["passes"]
+
+
+def test_a_simulated_run(job):
+    clean = job.simulate()
+    assert clean["faults"] == 0 and clean["tip_error_um_max"] < 20
+    faulty = job.simulate(link="drop=0.02,flip=1e-4", seed=3)
+    assert faulty["step_digest"] == clean["step_digest"]
+    assert faulty["resent_frames"] > 0
+    with pytest.raises(headway.JobError, match="link|drop"):
+        job.simulate(link="drop=often")
+
+
+def test_progress_is_told(frame, job):
+    told = []
+    thread = threading.get_ident()
+
+    def progress(stage, done, total):
+        assert threading.get_ident() == thread
+        told.append((stage, done, total))
+
+    assert headway.plan(frame, name="frame", progress=progress).to_bytes() == job.to_bytes()
+    assert ("segments", told[-1][2], told[-1][2]) in told or told[-1][0] == "figures"
+    for before, after in zip(told, told[1:]):
+        assert after[1] > before[1] if after[0] == before[0] else after[1] == 0
+
+
+class Enough(Exception):
+    pass
+
+
+def test_what_the_callback_raises_stops_the_planning(frame, job):
+    calls = []
+
+    def progress(stage, done, total):
+        calls.append(stage)
+        if stage == "segments":
+            raise Enough(stage)
+
+    with pytest.raises(Enough, match="segments"):
+        headway.plan(frame, progress=progress)
+    assert calls.count("segments") == 1
+    # The next plan is as if nothing had been.
+    assert headway.plan(frame, name="frame").to_bytes() == job.to_bytes()
+
+
+# Some seconds of planning.
+LONG = shapely.Point(0, 0).buffer(45).difference(shapely.Point(0, 0).buffer(12))
+
+
+def test_ctrl_c_stops_the_planning():
+    timer = threading.Timer(0.3, _thread.interrupt_main)
+    begun = time.monotonic()
+    timer.start()
+    with pytest.raises(KeyboardInterrupt):
+        headway.plan(LONG)
+    # At once, whatever the planner is at: signals are looked for every 20 ms.
+    assert time.monotonic() - begun < 2
+
+
+def test_other_threads_run_while_planning(frame):
+    beats = []
+    end = threading.Event()
+
+    def beat():
+        while not end.wait(0.005):
+            beats.append(time.monotonic())
+
+    thread = threading.Thread(target=beat)
+    thread.start()
+    begun = time.monotonic()
+    headway.plan(frame)
+    took_s = time.monotonic() - begun
+    end.set()
+    thread.join()
+    # With the interpreter held there would be one or two.
+    assert len(beats) > min(5, took_s / 0.05)
+
+
+def test_two_plans_at_once_are_the_same(frame, job):
+    made = []
+    threads = [
+        threading.Thread(target=lambda: made.append(headway.plan(frame, name="frame").to_bytes()))
+        for _ in range(2)
+    ]
+    for thread in threads:
+        thread.start()
+    for thread in threads:
+        thread.join()
+    assert made == [job.to_bytes()] * 2
+
+
+def test_the_package_is_typed():
+    assert (pathlib.Path(headway.__file__).parent / "py.typed").exists()
+    pytest.importorskip("mypy")
+    check = [sys.executable, "-m", "mypy", "--strict", "--cache-dir", os.devnull, str(ROOT / "python" / "headway")]
+    found = subprocess.run(check, capture_output=True, text=True, cwd=os.path.dirname(__file__))
+    assert found.returncode == 0, found.stdout
+
+
+def test_the_guide_runs(tmp_path, monkeypatch, capsys):
+    text = (ROOT / "docs" / "guide" / "libraries.md").read_text(encoding="utf-8")
+    blocks = [block.split("```")[0] for block in text.split("```python\n")[1:]]
+    assert blocks
+    monkeypatch.chdir(tmp_path)
+    for block in blocks:
+        exec(block, {})
+    assert {"disk.hwj", "disk.gcode"} <= {path.name for path in tmp_path.iterdir()}
+    assert "disk" in capsys.readouterr().out
