@@ -77,7 +77,7 @@ use crate::plan::progress::Progress;
 use crate::plan::route::keep_out::cleared;
 use crate::plan::route::moves::Route;
 use crate::plan::route::travel::TravelError;
-use crate::plan::route::waypoint_curve::{WaypointCurveError, waypoint_passes};
+use crate::plan::route::waypoint_curve::{WaypointCurveError, WaypointPasses, waypoint_passes};
 use crate::plan::route::waypoint_route::waypoint_route;
 use crate::settings::{Place, Settings, SettingsError};
 use crate::surface_plan::{OnSurface, SurfaceError};
@@ -316,7 +316,11 @@ pub fn plan_waypoints_with_progress(
     let high_mm = tips().map(|tip| tip.z).fold(f64::NEG_INFINITY, f64::max);
     let bounds = geometry::polygon::Box2::of(&corners);
     let transform = PartTransform::choose_box(bounds, [low_mm, high_mm], settings)?;
-    let passes = waypoint_passes(run, transform.offset_mm, settings)?;
+    let asked = waypoint_passes(run, transform.offset_mm, settings)?;
+    let WaypointPasses {
+        passes,
+        speeds_mm_s,
+    } = asked;
     let pass_count = passes.len();
     let start = start_pose(settings);
     let PlacedPasses {
@@ -325,7 +329,12 @@ pub fn plan_waypoints_with_progress(
         found_place,
         singular,
     } = placed_passes(passes, transform, bounds, settings)?;
-    let route = waypoint_route(passes, start, settings);
+    let mut route = waypoint_route(passes, start, settings);
+    let stretches = route.stretches.iter_mut();
+    let printed = stretches.filter(|stretch| stretch.pass.is_some());
+    for (stretch, speeds_mm_s) in printed.zip(speeds_mm_s) {
+        stretch.speeds_mm_s = speeds_mm_s;
+    }
     let (stream, motion) = lay_segments_with_progress(&route, settings, progress)?;
     let (mut figures, measured) = measure(&stream, &[], &[], &transform, settings, progress);
     figures.passes = pass_count;

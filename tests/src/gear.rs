@@ -120,6 +120,7 @@ pub fn route(length_mm: f64) -> Route {
             curve: PathCurve { control },
             dwell_s: 0.0,
             speed_mm_s: None,
+            speeds_mm_s: Vec::new(),
             acceleration_mm_s2: None,
             event: None,
         }],

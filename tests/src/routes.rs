@@ -14,6 +14,7 @@ pub fn moving(state: MotionState, control: Vec<[f64; 7]>) -> Stretch {
         curve: PathCurve { control },
         dwell_s: 0.0,
         speed_mm_s: None,
+        speeds_mm_s: Vec::new(),
         acceleration_mm_s2: None,
         event: None,
     }

@@ -212,3 +212,59 @@ fn several_runs_are_one_job_in_order() {
         .collect();
     assert_eq!(starts, [[0.0, 0.0], [40.0, 0.5], [0.0, 1.0]]);
 }
+
+/// Goal: the tip goes at the speeds that waypoints ask for, without resting where they change. Method: a straight run
+/// along x at 20 mm/s, faster from 10 to 20 mm, then at 80 mm/s, the print speed, and at 35 mm/s
+/// from 32 mm on; the speed by the times of the simulated steps, half a millimetre each.
+#[test]
+fn waypoints_are_passed_at_the_speeds_they_ask_for() {
+    let asked = |x_mm: f64| match x_mm {
+        x_mm if x_mm <= 10.0 => 20.0,
+        x_mm if x_mm <= 20.0 => 20.0 + 6.0 * (x_mm - 10.0),
+        x_mm if x_mm <= 30.0 => 80.0,
+        _ => 35.0,
+    };
+    let run = straight("speed_mm_s", 0.0, |x_mm| format!("{}", asked(x_mm)));
+    let mut settings = Settings::default();
+    let refused = plan_waypoints(&run, &settings).unwrap_err().to_string();
+    assert!(refused.contains("line 11: asks for 68 mm/s"), "{refused}");
+    settings.speed_mm_s = 80.0;
+    let plan = plan_waypoints(&run, &settings).unwrap();
+    let simulated = dry_run(&plan.stream, &settings, &SimulatorSetup::default(), |_| {}).unwrap();
+    assert_eq!(simulated.simulation.figures.faults, 0);
+    assert!(simulated.limits.velocity.ratio <= 1.0);
+    assert!(simulated.limits.acceleration.ratio <= 1.0);
+    let record = &simulated.simulation.motion;
+    let steps_per_mm = settings.machine.joints[0].steps_per_unit;
+    // When X was last at each place of the part; the head leaves straight up.
+    let mut count = record.start_counts[0];
+    let mut passed: Vec<(f64, f64)> = Vec::new();
+    for step in record.steps.iter().filter(|step| step.motor == 0) {
+        count += if step.forward { 1 } else { -1 };
+        let x_mm = count as f64 / steps_per_mm - plan.transform.offset_mm[0];
+        let at_s = step.tick as f64 / f64::from(settings.machine.step_hz);
+        passed.retain(|(before_mm, _)| *before_mm < x_mm - 1e-9);
+        passed.push((x_mm, at_s));
+    }
+    let speed_mm_s = |x_mm: f64| {
+        let after = |x_mm: f64| passed[passed.partition_point(|(at, _)| *at < x_mm)];
+        let (from, to) = (after(x_mm - 0.25), after(x_mm + 0.25));
+        (to.0 - from.0) / (to.1 - from.1)
+    };
+    // A step is made within 5 us of its time, the motion aims at 0.998 of a speed, and its fit takes the rest. Where the
+    // asked speed rises it is kept below by the smoothing of the acceleration as well.
+    for x_mm in [4.0, 6.0, 8.0, 13.0, 15.0, 17.0, 23.0, 26.0, 35.0, 37.0] {
+        let (found, expected) = (speed_mm_s(x_mm), settings.plan_share * asked(x_mm));
+        println!("x {x_mm} mm: {found:.2} of {expected:.2} mm/s");
+        assert!(found <= 1.005 * expected, "x {x_mm} mm: {found} mm/s");
+        let least = if (10.0..=20.0).contains(&x_mm) {
+            0.95
+        } else {
+            0.99
+        };
+        assert!(found >= least * expected, "x {x_mm} mm: {found} mm/s");
+    }
+    // Nowhere does it rest.
+    let slowest = (20..380).map(|tenth| speed_mm_s(0.1 * f64::from(tenth)));
+    assert!(slowest.fold(f64::INFINITY, f64::min) > 15.0, "a rest");
+}

@@ -31,6 +31,7 @@ pub fn waypoint_run(program: GcodeProgram) -> WaypointRun {
             heading_rad: Some(heading),
             width_mm: None,
             height_mm: None,
+            speed_mm_s: None,
             begins,
         });
     };

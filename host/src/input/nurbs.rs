@@ -194,6 +194,7 @@ impl Nurbs {
                 heading_rad: None,
                 width_mm: None,
                 height_mm: None,
+                speed_mm_s: None,
                 begins: false,
             })
             .collect())

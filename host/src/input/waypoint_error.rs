@@ -1,6 +1,6 @@
 //! Why a file is not a run of waypoints, with the line and what to do.
 
-use super::waypoints::{BEAD_MAX_MM, HEADING_MAX_DEG, WAYPOINTS_MAX};
+use super::waypoints::{BEAD_MAX_MM, HEADING_MAX_DEG, SPEED_RANGE_MM_S, WAYPOINTS_MAX};
 use crate::short_number::{Short, told_apart};
 
 /// Why a file is not a run, with the line.
@@ -15,7 +15,7 @@ pub enum WaypointError {
     /// A wrong number of columns.
     #[error(
         "line {line} has {columns} columns; write x y z nx ny nz, or x y z nx ny nz heading_deg; further ones \
-         (width_mm, height_mm) are named in a head: x y z nx ny nz width_mm"
+         (width_mm, height_mm, speed_mm_s) are named in a head: x y z nx ny nz width_mm"
     )]
     Columns {
         /// Line from 1.
@@ -90,7 +90,7 @@ pub enum WaypointError {
     /// The table's head names another order.
     #[error(
         "line {line}: column {column} is called `{text}`; the columns are x y z nx ny nz in this order, then \
-         any of heading_deg, width_mm, height_mm, each once"
+         any of heading_deg, width_mm, height_mm, speed_mm_s, each once"
     )]
     Head {
         /// Line from 1.
@@ -107,6 +107,19 @@ pub enum WaypointError {
         line: usize,
         /// What was given.
         given_mm: f64,
+    },
+    /// A speed that no head prints at.
+    #[error(
+        "line {line}: a speed of {} mm/s; write one of {} to {} mm/s",
+        Short(*given_mm_s),
+        SPEED_RANGE_MM_S[0],
+        SPEED_RANGE_MM_S[1]
+    )]
+    Speed {
+        /// Line from 1.
+        line: usize,
+        /// What was given.
+        given_mm_s: f64,
     },
     /// A unit that would not be heeded.
     #[error(

@@ -1,8 +1,8 @@
 //! Waypoint files: one run of the tip, `x y z nx ny nz [heading_deg]` a line -> [`WaypointRun`].
 //!
 //! A head may name further columns behind the first six, in any order: `heading_deg`, `width_mm` and
-//! `height_mm` of the bead. Without a head a seventh column is the heading.
-//!//!
+//! `height_mm` of the bead, `speed_mm_s` of the tip. Without a head a seventh column is the heading.
+//!
 //! Numbers are parted by blanks, tabs, commas or semicolons; text after `#` is passed over, and so
 //! is one line of column names before the first waypoint. `# units: cm` (or mm, m, um, in), before
 //! the first waypoint, and `# name: ...` are read; without a unit the file is in mm. The tool axis points from the tip
@@ -28,9 +28,11 @@ pub const WAYPOINTS_MAX: usize = 200_000;
 pub(super) const HEADING_MAX_DEG: f64 = 360_000.0;
 /// Columns of a table, as its head may call them: those that are always there, and those behind them.
 const COLUMNS: [&str; 6] = ["x", "y", "z", "nx", "ny", "nz"];
-const FURTHER: [&str; 3] = ["heading_deg", "width_mm", "height_mm"];
+const FURTHER: [&str; 4] = ["heading_deg", "width_mm", "height_mm", "speed_mm_s"];
 /// Widest and highest bead, mm.
 pub(super) const BEAD_MAX_MM: f64 = 100.0;
+/// Slowest and fastest asked speed, mm/s.
+pub(super) const SPEED_RANGE_MM_S: [f64; 2] = [0.1, 10_000.0];
 /// How far an axis may be from unit length and still be meant as one: what four digits leave.
 const AXIS_LENGTH_SLACK: f64 = 1e-3;
 /// How far the axes before and after one that is no direction may differ for it to lie between them:
@@ -54,6 +56,8 @@ pub struct Waypoint {
     pub width_mm: Option<f64>,
     /// Height of the bead, mm; `None` for the layer height.
     pub height_mm: Option<f64>,
+    /// Speed of the tip, mm/s, changing evenly from one to the next; `None` for the print speed.
+    pub speed_mm_s: Option<f64>,
     /// A pass begins here, whatever the distance from the one before.
     pub begins: bool,
 }
@@ -270,7 +274,7 @@ impl Reader {
         &mut self,
         line: usize,
         pose: &[f64],
-        [heading_deg, width_mm, height_mm]: [Option<f64>; FURTHER.len()],
+        [heading_deg, width_mm, height_mm, speed_mm_s]: [Option<f64>; FURTHER.len()],
     ) -> Result<(), WaypointError> {
         if self.points.len() == WAYPOINTS_MAX {
             return Err(WaypointError::TooMany { line });
@@ -282,6 +286,10 @@ impl Reader {
             if !(given_mm > 0.0 && given_mm <= BEAD_MAX_MM) {
                 return Err(WaypointError::Bead { line, given_mm });
             }
+        }
+        let [slowest, fastest] = SPEED_RANGE_MM_S;
+        if let Some(given_mm_s) = speed_mm_s.filter(|speed| !(slowest..=fastest).contains(speed)) {
+            return Err(WaypointError::Speed { line, given_mm_s });
         }
         if let Some(heading_deg) = heading_deg.filter(|deg| deg.abs() > HEADING_MAX_DEG) {
             return Err(WaypointError::Heading { line, heading_deg });
@@ -301,6 +309,7 @@ impl Reader {
             heading_rad,
             width_mm,
             height_mm,
+            speed_mm_s,
             begins: false,
         };
         if before.is_some_and(|before| is_same(before, &waypoint)) {
@@ -440,7 +449,7 @@ fn is_same(a: &Waypoint, b: &Waypoint) -> bool {
             (Some(a), Some(b)) => (a - b).abs() < SAME_RAD,
             _ => true,
         }
-        && (a.width_mm, a.height_mm) == (b.width_mm, b.height_mm)
+        && (a.width_mm, a.height_mm, a.speed_mm_s) == (b.width_mm, b.height_mm, b.speed_mm_s)
 }
 
 fn finite(cell: &str) -> Option<f64> {
@@ -488,6 +497,16 @@ mod tests {
             let error = table("width_mm", width).unwrap_err();
             assert!(
                 matches!(error, WaypointError::Bead { line: 2, .. }),
+                "{error}"
+            );
+        }
+        let points = table("speed_mm_s", "35").unwrap().points;
+        assert_eq!(points[1].speed_mm_s, Some(35.0));
+        assert_eq!(points[1].heading_rad, None);
+        for speed in ["0", "-5", "1e5"] {
+            let error = table("speed_mm_s", speed).unwrap_err();
+            assert!(
+                matches!(error, WaypointError::Speed { line: 2, .. }),
                 "{error}"
             );
         }

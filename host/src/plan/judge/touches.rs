@@ -261,6 +261,7 @@ mod tests {
             },
             dwell_s: 0.0,
             speed_mm_s: None,
+            speeds_mm_s: Vec::new(),
             acceleration_mm_s2: None,
             event: None,
         };

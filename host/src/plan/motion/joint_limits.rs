@@ -192,6 +192,8 @@ pub struct MotionLimits {
     pub joints: Vec<JointLimit>,
     /// Tip speed, mm/s.
     pub tip_speed_mm_s: f64,
+    /// Tip speeds asked along the path, by its parameter; see `Stretch::speeds_mm_s`.
+    pub asked_mm_s: Vec<[f64; 2]>,
     /// Length of the tip's acceleration vector, mm/s².
     pub tip_acceleration_mm_s2: f64,
     /// dV/dt, mm³/s.
@@ -243,6 +245,7 @@ impl MotionLimits {
                 })
                 .collect(),
             tip_speed_mm_s: tip_speed_mm_s * share,
+            asked_mm_s: Vec::new(),
             tip_acceleration_mm_s2: settings.tip_acceleration_mm_s2 * share,
             flow_max_mm3_s: settings.flow_max_mm3_s * share,
             flow_rate_of_change_max_mm3_s2: settings.flow_rate_of_change_max_mm3_s2 * share,
@@ -287,6 +290,46 @@ impl MotionLimits {
             Some((name, _)) => Err(MotionError::BadLimit { name }),
             None => Ok(self),
         }
+    }
+
+    /// Tip speed at a place of the path, mm/s.
+    pub fn tip_speed_at_mm_s(&self, u: f64) -> f64 {
+        let after = self.asked_mm_s.partition_point(|[at, _]| *at <= u);
+        let ends = (
+            after.checked_sub(1).map(|before| self.asked_mm_s[before]),
+            self.asked_mm_s.get(after),
+        );
+        let asked_mm_s = match ends {
+            (Some([from, slow]), Some([to, fast])) => {
+                slow + (fast - slow) * (u - from) / (to - from)
+            }
+            (Some([_, only]), None) | (None, Some(&[_, only])) => only,
+            (None, None) => f64::INFINITY,
+        };
+        self.tip_speed_mm_s.min(asked_mm_s)
+    }
+
+    /// The slowest of them.
+    pub fn slowest_tip_mm_s(&self) -> f64 {
+        let asked = self.asked_mm_s.iter().map(|[_, speed]| *speed);
+        asked.fold(self.tip_speed_mm_s, f64::min)
+    }
+
+    /// Tip speeds at the ticks of a motion along the path; empty where none are asked.
+    pub fn asked_at_ticks(&self, u_at_tick: &[f64]) -> Vec<f64> {
+        if self.asked_mm_s.is_empty() {
+            return Vec::new();
+        }
+        let at = |u: &f64| self.tip_speed_at_mm_s(*u);
+        u_at_tick.iter().map(at).collect()
+    }
+
+    /// The one at a share of the motion's time.
+    pub fn tip_speed_at_share_mm_s(&self, asked_at_tick: &[f64], share: f64) -> f64 {
+        let last = asked_at_tick.len().saturating_sub(1);
+        let tick = (share * last as f64).round() as usize;
+        let asked = asked_at_tick.get(tick.min(last)).copied();
+        asked.unwrap_or(self.tip_speed_mm_s)
     }
 
     /// Largest flow, the extruder's rate with the whole pressure advance included, mm³/s.

@@ -113,7 +113,7 @@ impl PathSample {
 
     /// Largest u̇ that every speed limit (and the jerk of the path's shape) allows, times `scale`.
     pub fn rate_max(&self, limits: &MotionLimits, scale: f64) -> f64 {
-        let mut inverse: f64 = self.tip_speed_mm / limits.tip_speed_mm_s;
+        let mut inverse: f64 = self.tip_speed_mm / limits.tip_speed_at_mm_s(self.u);
         for (joint, limit) in limits.joints.iter().enumerate() {
             inverse = inverse.max(self.joint_first[joint].abs() / limit.speed_max);
             // The part of the jerk that the path's shape makes at constant u̇.
@@ -171,7 +171,7 @@ fn cells_of_span(curve: &PathCurve, span: usize, limits: &MotionLimits) -> usize
     let longest_mm = legs.map(|leg| leg_mm(&leg[0], &leg[1])).fold(0.0, f64::max);
     let cells = (leg_mm(a, b) / SAMPLE_STEP_MM)
         .max(turn_rad / SAMPLE_STEP_RAD)
-        .max(longest_mm / (limits.tip_speed_mm_s * SAMPLE_STEP_S));
+        .max(longest_mm / (limits.slowest_tip_mm_s() * SAMPLE_STEP_S));
     let least = SAMPLES_PER_SPAN_MIN.max(SAMPLES_PER_STRETCH_MIN.div_ceil(curve.span_count()));
     (cells.ceil() as usize).clamp(least, SAMPLES_PER_SPAN_MAX)
 }

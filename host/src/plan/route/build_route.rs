@@ -133,6 +133,7 @@ impl Head<'_> {
             curve,
             dwell_s,
             speed_mm_s: None,
+            speeds_mm_s: Vec::new(),
             acceleration_mm_s2: None,
             event,
         });

@@ -102,6 +102,7 @@ impl Head<'_> {
             curve: PathCurve { control },
             dwell_s: 0.0,
             speed_mm_s: None,
+            speeds_mm_s: Vec::new(),
             acceleration_mm_s2: None,
             event: None,
         });

@@ -30,6 +30,8 @@ pub struct Stretch {
     pub dwell_s: f64,
     /// Tip speed of its own, below that of its state, mm/s.
     pub speed_mm_s: Option<f64>,
+    /// Asked tip speeds along it: path parameter, rising, and mm/s; even in between. Empty where none are.
+    pub speeds_mm_s: Vec<[f64; 2]>,
     /// Tip acceleration of its own, below that of its state, mm/s².
     pub acceleration_mm_s2: Option<f64>,
     /// Flow event that starts with the stretch (prime), or so long before its end (retract).

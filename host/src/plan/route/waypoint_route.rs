@@ -317,6 +317,7 @@ fn stretch(state: MotionState, control: Vec<Point>) -> Stretch {
         curve: PathCurve { control },
         dwell_s: 0.0,
         speed_mm_s: None,
+        speeds_mm_s: Vec::new(),
         acceleration_mm_s2: None,
         event: None,
     }

@@ -162,7 +162,13 @@ fn peak_tip_speed(low: &CurvePoint, high: &CurvePoint, length_s: f64) -> f64 {
 }
 
 /// Ratios between two neighbouring samples.
-fn piece_ratios(low: &Sample, high: &Sample, length_s: f64, limits: &MotionLimits) -> Ratios {
+fn piece_ratios(
+    low: &Sample,
+    high: &Sample,
+    length_s: f64,
+    limits: &MotionLimits,
+    tip_mm_s: f64,
+) -> Ratios {
     let mut worst = Ratios::default();
     let beyond = match limits.kinematics {
         Kinematics::Planar => 1.0,
@@ -192,7 +198,7 @@ fn piece_ratios(low: &Sample, high: &Sample, length_s: f64, limits: &MotionLimit
     let tip = peak_tip_speed(&low.point, &high.point, length_s);
     let tip_acceleration = tip_norm(&low.point.second).max(tip_norm(&high.point.second));
     worst.max(Ratios {
-        speed: (tip / limits.tip_speed_mm_s).max(flow / limits.flow_max_mm3_s),
+        speed: (tip / tip_mm_s).max(flow / limits.flow_max_mm3_s),
         acceleration: (tip_acceleration / limits.tip_acceleration_mm_s2)
             .max(g0.abs().max(g1.abs()) / limits.flow_rate_of_change_max_mm3_s2),
         jerk: 0.0,
@@ -202,19 +208,32 @@ fn piece_ratios(low: &Sample, high: &Sample, length_s: f64, limits: &MotionLimit
 /// Spans that are worth a thread.
 const SPANS_MIN: usize = 32;
 
-/// Ratios of joints, tip and flow in the pieces of each span; `known` has those of a span where they
-/// are known already.
+/// Ratios of joints, tip and flow in the pieces of each span; `asked_at_tick` has the tip speeds asked at the ticks
+/// (or none), `known` the ratios of a span where they are known already.
 pub fn motion_ratios<'a>(
     spline: &RestSpline,
     limits: &MotionLimits,
+    asked_at_tick: &[f64],
     known: impl Fn(usize) -> Option<&'a Vec<Ratios>> + Sync,
 ) -> Result<Vec<Vec<Ratios>>, MotionError> {
+    let durations = spline.durations_ticks.iter();
+    let first_ticks: Vec<f64> = durations
+        .scan(0.0, |tick, &ticks| {
+            let first = *tick;
+            *tick += f64::from(ticks);
+            Some(first)
+        })
+        .collect();
+    let ticks = spline.ticks().max(1) as f64;
+    let tip_mm_s = |tick: f64| limits.tip_speed_at_share_mm_s(asked_at_tick, tick / ticks);
     let spans = (0..spline.durations_ticks.len()).into_par_iter();
     spans
         .with_min_len(SPANS_MIN)
         .map(|span| match known(span) {
             Some(known) => Ok(known.clone()),
-            None => span_ratios(spline, span, limits),
+            None => span_ratios(spline, span, limits, |tick| {
+                tip_mm_s(first_ticks[span] + tick)
+            }),
         })
         .collect()
 }
@@ -249,6 +268,7 @@ fn span_ratios(
     spline: &RestSpline,
     span: usize,
     limits: &MotionLimits,
+    tip_mm_s: impl Fn(f64) -> f64,
 ) -> Result<Vec<Ratios>, MotionError> {
     let cubics = spline.span_polynomials(span);
     let sample = |t: f64| {
@@ -261,7 +281,8 @@ fn span_ratios(
         .map(|piece| {
             let from = piece as f64 * length;
             let high = sample(from + length)?;
-            let ratios = piece_ratios(&low, &high, length / limits.servo_hz, limits);
+            let tip_mm_s = tip_mm_s(from).min(tip_mm_s(from + length));
+            let ratios = piece_ratios(&low, &high, length / limits.servo_hz, limits, tip_mm_s);
             low = high;
             Ok(ratios)
         })

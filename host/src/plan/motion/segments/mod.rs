@@ -172,6 +172,7 @@ fn finish_stretch(
     let limits = MotionLimits {
         winding: *winding,
         tip_speed_mm_s: of_state.tip_speed_mm_s.min(own_mm_s),
+        asked_mm_s: stretch.speeds_mm_s.clone(),
         tip_acceleration_mm_s2: of_state.tip_acceleration_mm_s2.min(own_mm_s2),
         ..of_state
     };

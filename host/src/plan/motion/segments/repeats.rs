@@ -56,6 +56,8 @@ fn is_repeated(route: &Route, first: usize, index: usize) -> bool {
     points.len() == others.len()
         && (own.event, own.dwell_s) == (other.event, other.dwell_s)
         && own.speed_mm_s == other.speed_mm_s
+        && own.speeds_mm_s.is_empty()
+        && other.speeds_mm_s.is_empty()
         && own.acceleration_mm_s2 == other.acceleration_mm_s2
         && before(index) == before(first)
         && (0..CHANNELS).all(is_constant)
@@ -98,6 +100,7 @@ mod tests {
             curve: PathCurve { control },
             dwell_s: 0.0,
             speed_mm_s: None,
+            speeds_mm_s: Vec::new(),
             acceleration_mm_s2: None,
             event: None,
         }

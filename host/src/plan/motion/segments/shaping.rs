@@ -136,7 +136,7 @@ impl Shaping<'_> {
                 (TimeLaw { u_at_tick }, None)
             } else {
                 let with_jerk = round < retiming_rounds + JERK_ROUNDS;
-                let ratios = self.motion_ratios(&layout, before.as_ref())?;
+                let ratios = self.motion_ratios(&layout, &law, before.as_ref())?;
                 let mut pieces = self.pieces(&layout, &ratios);
                 if pieces.iter().all(|piece| piece.is_kept(with_jerk)) {
                     let refused = check::refused_spans(&layout.spline, self.limits)?;
@@ -155,7 +155,7 @@ impl Shaping<'_> {
             before = ratios.map(|ratios| Checked { layout, ratios });
             law = next;
         }
-        self.doubled(layout)
+        self.doubled(layout, &law)
     }
 
     /// The time around the pieces beyond a limit stretched.
@@ -181,7 +181,7 @@ impl Shaping<'_> {
         spline: RestSpline,
         known: &FinishedStretch,
     ) -> Result<Option<FinishedStretch>, MotionError> {
-        let ratios = check::motion_ratios(&spline, self.limits, |_| None)?;
+        let ratios = check::motion_ratios(&spline, self.limits, &[], |_| None)?;
         let pieces = self.limit_pieces(&spline, &ratios);
         let jerk_max = known.ratios.jerk.max(JERK_RATIO_MAX) * (1.0 + 1e-6);
         let keeps_jerk = |piece: &Piece| piece.ratios.jerk <= jerk_max;
@@ -205,9 +205,11 @@ impl Shaping<'_> {
     fn motion_ratios(
         &self,
         layout: &Layout,
+        law: &TimeLaw,
         before: Option<&Checked>,
     ) -> Result<Vec<Vec<Ratios>>, MotionError> {
-        check::motion_ratios(&layout.spline, self.limits, |span| {
+        let asked = self.limits.asked_at_ticks(&law.u_at_tick);
+        check::motion_ratios(&layout.spline, self.limits, &asked, |span| {
             let before = before?;
             let same = layout.span_before(&before.layout, span)?;
             Some(&before.ratios[same])
@@ -316,13 +318,13 @@ impl Shaping<'_> {
 
     /// The last resort: every duration doubled, which halves speeds and quarters accelerations
     /// exactly and leaves the shape as it is.
-    fn doubled(&self, mut layout: Layout) -> Result<FinishedStretch, MotionError> {
+    fn doubled(&self, mut layout: Layout, law: &TimeLaw) -> Result<FinishedStretch, MotionError> {
         let mut pieces = Vec::new();
         for _ in 0..DOUBLING_ROUNDS {
             for ticks in &mut layout.spline.durations_ticks {
                 *ticks = ticks.saturating_mul(2).min(SPAN_TICKS_MAX);
             }
-            let ratios = self.motion_ratios(&layout, None)?;
+            let ratios = self.motion_ratios(&layout, law, None)?;
             pieces = self.pieces(&layout, &ratios);
             let refused = check::refused_spans(&layout.spline, self.limits)?;
             if pieces.iter().all(|piece| piece.is_kept(false)) && refused.is_empty() {

@@ -130,8 +130,18 @@ pub struct Motion<'a> {
     pub fit_slowing: &'a [f64],
     /// Tick at which each span begins.
     pub first_ticks: &'a [usize],
+    /// Tip speeds asked at its ticks; empty where none are.
+    pub asked_at_tick: &'a [f64],
     /// What binds it.
     pub limits: &'a MotionLimits,
+}
+
+impl Motion<'_> {
+    fn tip_speed_at_mm_s(&self, tick: f64) -> f64 {
+        let last = self.asked_at_tick.len().saturating_sub(1).max(1);
+        let (asked, share) = (self.asked_at_tick, tick / last as f64);
+        self.limits.tip_speed_at_share_mm_s(asked, share)
+    }
 }
 
 impl Rows {
@@ -170,7 +180,9 @@ impl Rows {
                 if piece > 0 {
                     rows.push_accelerations(&point, &joints, motion.limits, grid);
                     let slowing = motion.fit_slowing[span];
-                    rows.push_pace(speed_share(&point, &joints, motion.limits).max(slowing));
+                    let tip_mm_s = motion.tip_speed_at_mm_s(start_tick + tick);
+                    let share = speed_share(&point, &joints, motion.limits, tip_mm_s);
+                    rows.push_pace(share.max(slowing));
                 }
                 let own = &rows.rows[from..];
                 rows.have_room |= own.iter().any(|row| row.excess(&AS_IT_IS).0 > 0.0);
@@ -283,10 +295,15 @@ fn tip(channels: &[f64; CHANNELS]) -> Vector3<f64> {
 }
 
 /// Largest share of a speed limit: tip, joints, flow and extruder.
-fn speed_share(point: &CurvePoint, joints: &JointPoint, limits: &MotionLimits) -> f64 {
+fn speed_share(
+    point: &CurvePoint,
+    joints: &JointPoint,
+    limits: &MotionLimits,
+    tip_mm_s: f64,
+) -> f64 {
     let of_joints = limits.joints.iter().zip(joints.first);
     let share = of_joints
         .map(|(limit, speed)| speed.abs() / limit.speed_max)
-        .fold(tip(&point.first).norm() / limits.tip_speed_mm_s, f64::max);
+        .fold(tip(&point.first).norm() / tip_mm_s, f64::max);
     share.max(point.first[CHANNEL_VOLUME].abs() / limits.flow_rate_max_mm3_s())
 }

@@ -106,6 +106,7 @@ pub fn retimed(
         spline,
         fit_slowing: &fit_slowing.collect::<Vec<_>>(),
         first_ticks: &first_ticks(&spline.durations_ticks),
+        asked_at_tick: &limits.asked_at_ticks(u_at_tick),
         limits,
     };
     let mut squared_pace = vec![1.0; grid.count()];

@@ -14,12 +14,15 @@
 //! share a place turn the head on the spot. Cubic splines: C. de Boor, A Practical Guide to
 //! Splines (1978), chapter 4. Leaves out flow (`waypoint_route`) and time.
 
+pub mod chord_spline;
+
 use crate::geometry::aperture::Aperture;
 use crate::input::near_waypoints::usual_gap_mm;
 use crate::input::waypoints::{SAME_PLACE_MM, Waypoint, WaypointRun};
 use crate::plan::route::build_route::nearest_heading;
 use crate::plan::route::moves::PathCurve;
 use crate::settings::Settings;
+use chord_spline::{Spline, through_samples};
 use headway_firmware::configuration::Kinematics;
 use headway_firmware::pose::{tilt_of_axis, tool_axis};
 use headway_protocol::units::{
@@ -56,6 +59,19 @@ pub enum WaypointCurveError {
         /// Angle from Z.
         tilt_deg: f64,
     },
+    /// A speed above what the job prints at.
+    #[error(
+        "line {line}: asks for {asked_mm_s} mm/s, more than the print speed of {print_mm_s} mm/s; raise that \
+         (--speed {asked_mm_s})"
+    )]
+    TooFast {
+        /// Line of the waypoint.
+        line: usize,
+        /// What it asks for.
+        asked_mm_s: f64,
+        /// What there is.
+        print_mm_s: f64,
+    },
     /// The spacing is too uneven.
     #[error(
         "between lines {from} and {to} the waypoints are so uneven that their curve needs more \
@@ -69,7 +85,17 @@ pub enum WaypointCurveError {
     },
 }
 
-/// The run's passes, each as stretches from rest to rest, machine coordinates.
+/// A run's passes, each as stretches from rest to rest, machine coordinates.
+#[derive(Clone, Debug, Default)]
+pub struct WaypointPasses {
+    /// Their curves.
+    pub passes: Vec<Vec<PathCurve>>,
+    /// For each curve of all passes in order the speeds that its waypoints ask for: path parameter and mm/s; empty
+    /// where they ask for none.
+    pub speeds_mm_s: Vec<Vec<[f64; 2]>>,
+}
+
+/// The run's passes.
 ///
 /// # Errors
 /// [`WaypointCurveError`] with the line.
@@ -77,8 +103,9 @@ pub fn waypoint_passes(
     run: &WaypointRun,
     offset_mm: [f64; 3],
     settings: &Settings,
-) -> Result<Vec<Vec<PathCurve>>, WaypointCurveError> {
+) -> Result<WaypointPasses, WaypointCurveError> {
     check_tilt(&run.points, settings)?;
+    check_speeds(&run.points, settings)?;
     let is_divided = run.points.iter().any(|point| point.begins);
     let gap_mm = settings.gap_mm.unwrap_or_else(|| match is_divided {
         true => f64::INFINITY,
@@ -89,36 +116,84 @@ pub fn waypoint_passes(
     let passes = run.points.chunk_by(goes_on);
     // A waypoint between two jumps lays nothing.
     let passes = passes.filter(|points| points.len() > 1);
-    passes
-        .map(|points| pass_curves(points, offset_mm, settings, &mut spans_left))
-        .collect()
+    let mut all = WaypointPasses::default();
+    for points in passes {
+        let (curves, speeds): (Vec<_>, Vec<_>) =
+            pass_curves(points, offset_mm, settings, &mut spans_left)?
+                .into_iter()
+                .unzip();
+        all.passes.push(curves);
+        all.speeds_mm_s.extend(speeds);
+    }
+    Ok(all)
 }
 
-/// One pass.
+/// A curve and the speeds asked along it.
+type SpeedCurve = (PathCurve, Vec<[f64; 2]>);
+
+/// One pass: its curves, with the speeds asked along each.
 fn pass_curves(
     points: &[Waypoint],
     offset_mm: [f64; 3],
     settings: &Settings,
     spans_left: &mut usize,
-) -> Result<Vec<PathCurve>, WaypointCurveError> {
-    let mut curves: Vec<PathCurve> = Vec::new();
+) -> Result<Vec<SpeedCurve>, WaypointCurveError> {
+    let mut curves: Vec<SpeedCurve> = Vec::new();
     for stretch in split(points) {
         let before = curves
             .last()
-            .and_then(|curve| curve.control.last().copied());
+            .and_then(|(curve, _)| curve.control.last().copied());
         let curve = stretch_curve(stretch, offset_mm, settings, before, *spans_left)?;
         *spans_left = spans_left.saturating_sub(curve.control.len());
         if let (Some(from), Some(&to)) = (before, curve.control.first())
             && from[CHANNEL_HEADING] != to[CHANNEL_HEADING]
         {
             // The corner's two sides lie differently across the travel.
-            curves.push(PathCurve {
-                control: vec![from, to],
-            });
+            let control = vec![from, to];
+            curves.push((PathCurve { control }, Vec::new()));
         }
-        curves.push(curve);
+        let speeds = asked_speeds(stretch, &curve, settings);
+        curves.push((curve, speeds));
     }
     Ok(curves)
+}
+
+/// The speeds asked along a stretch's curve, by its parameter; those without one print at the print speed.
+fn asked_speeds(points: &[Waypoint], curve: &PathCurve, settings: &Settings) -> Vec<[f64; 2]> {
+    if points.iter().all(|point| point.speed_mm_s.is_none()) {
+        return Vec::new();
+    }
+    let mut way_mm = 0.0;
+    let ways = points.iter().enumerate().map(|(index, point)| {
+        let before = points[index.saturating_sub(1)];
+        way_mm += (point.tip_mm - before.tip_mm).norm();
+        way_mm
+    });
+    let ways: Vec<f64> = ways.collect();
+    let per_mm = curve.span_count() as f64 / ways.last().copied().unwrap_or(0.0).max(SAME_PLACE_MM);
+    let speed_mm_s = |point: &Waypoint| point.speed_mm_s.unwrap_or(settings.speed_mm_s);
+    let planned_mm_s = |point: &Waypoint| speed_mm_s(point) * settings.plan_share;
+    let speeds = points.iter().zip(ways);
+    speeds
+        .map(|(point, way_mm)| [way_mm * per_mm, planned_mm_s(point)])
+        .collect()
+}
+
+/// Speeds above the print speed would be cut without a word.
+fn check_speeds(points: &[Waypoint], settings: &Settings) -> Result<(), WaypointCurveError> {
+    for point in points {
+        if let Some(asked_mm_s) = point
+            .speed_mm_s
+            .filter(|speed| *speed > settings.speed_mm_s)
+        {
+            return Err(WaypointCurveError::TooFast {
+                line: point.line,
+                asked_mm_s,
+                print_mm_s: settings.speed_mm_s,
+            });
+        }
+    }
+    Ok(())
 }
 
 fn check_tilt(points: &[Waypoint], settings: &Settings) -> Result<(), WaypointCurveError> {
@@ -360,154 +435,5 @@ pub fn upright(pose: &Point) -> Rotation3<f64> {
     Rotation3::new(Vector3::new(tilt.x, tilt.y, 0.0)).inverse()
 }
 
-/// Cubic spline over the chord length of its tip, all channels at once. Its first and last piece
-/// are parabolas: natural ends would turn the travel there by a quarter of a chord's turn.
-struct Spline {
-    /// Chord length at each point, mm.
-    knots: Vec<f64>,
-    points: Vec<Point>,
-    /// Second derivatives by chord length.
-    bends: Vec<Point>,
-}
-
-impl Spline {
-    /// Through two or more points whose tips differ from one to the next.
-    fn through(points: &[Point]) -> Spline {
-        let mut knots = vec![0.0];
-        let mut length = 0.0;
-        for pair in points.windows(2) {
-            let chord = Vector3::from_fn(|i, _| pair[1][i] - pair[0][i]);
-            length += chord.norm();
-            knots.push(length);
-        }
-        Spline::over(knots, points)
-    }
-
-    /// The same over these lengths, which rise.
-    fn over(knots: Vec<f64>, points: &[Point]) -> Spline {
-        let n = points.len();
-        let mut rows = vec![Row::fixed([0.0; CHANNELS]); n];
-        if n > 2 {
-            rows[0].above = -1.0;
-            rows[n - 1].below = -1.0;
-        }
-        for i in 1..n - 1 {
-            let (left, right) = (knots[i] - knots[i - 1], knots[i + 1] - knots[i]);
-            rows[i] = Row {
-                below: left / 6.0,
-                middle: (left + right) / 3.0,
-                above: right / 6.0,
-                value: std::array::from_fn(|c| {
-                    (points[i + 1][c] - points[i][c]) / right
-                        - (points[i][c] - points[i - 1][c]) / left
-                }),
-            };
-        }
-        Spline {
-            bends: solve(rows),
-            points: points.to_vec(),
-            knots,
-        }
-    }
-
-    fn length(&self) -> f64 {
-        self.knots[self.knots.len() - 1]
-    }
-
-    /// Piece at `s`, its length, and how far into it.
-    fn piece(&self, s: f64) -> (usize, f64, f64) {
-        let after = self.knots.partition_point(|knot| *knot <= s);
-        let piece = after.clamp(1, self.knots.len() - 1) - 1;
-        let length = self.knots[piece + 1] - self.knots[piece];
-        (
-            piece,
-            length,
-            ((s - self.knots[piece]) / length).clamp(0.0, 1.0),
-        )
-    }
-
-    fn value(&self, s: f64) -> Point {
-        let (i, h, b) = self.piece(s);
-        let a = 1.0 - b;
-        std::array::from_fn(|c| {
-            let bend = (a * a * a - a) * self.bends[i][c] + (b * b * b - b) * self.bends[i + 1][c];
-            a * self.points[i][c] + b * self.points[i + 1][c] + bend * h * h / 6.0
-        })
-    }
-
-    fn slope(&self, s: f64) -> Point {
-        let (i, h, b) = self.piece(s);
-        let a = 1.0 - b;
-        std::array::from_fn(|c| {
-            let bend =
-                (3.0 * b * b - 1.0) * self.bends[i + 1][c] - (3.0 * a * a - 1.0) * self.bends[i][c];
-            (self.points[i + 1][c] - self.points[i][c]) / h + bend * h / 6.0
-        })
-    }
-}
-
-/// One row of a tridiagonal system.
-#[derive(Clone, Copy)]
-struct Row {
-    below: f64,
-    middle: f64,
-    above: f64,
-    value: Point,
-}
-
-impl Row {
-    fn fixed(value: Point) -> Row {
-        Row {
-            below: 0.0,
-            middle: 1.0,
-            above: 0.0,
-            value,
-        }
-    }
-}
-
-/// Solves a diagonally dominant tridiagonal system (Thomas).
-fn solve(mut rows: Vec<Row>) -> Vec<Point> {
-    for i in 1..rows.len() {
-        let (before, factor) = (rows[i - 1], rows[i].below / rows[i - 1].middle);
-        rows[i].middle -= factor * before.above;
-        for c in 0..CHANNELS {
-            rows[i].value[c] -= factor * before.value[c];
-        }
-    }
-    let mut solution = vec![[0.0; CHANNELS]; rows.len()];
-    let mut next = [0.0; CHANNELS];
-    for (row, slot) in rows.iter().zip(&mut solution).rev() {
-        *slot = std::array::from_fn(|c| (row.value[c] - row.above * next[c]) / row.middle);
-        next = *slot;
-    }
-    solution
-}
-
-/// Control points of the uniform cubic B-spline with natural ends through these samples.
-pub fn through_samples(samples: &[Point]) -> Vec<Point> {
-    let last = samples.len() - 1;
-    let rows = samples.iter().enumerate().map(|(i, &value)| {
-        if i == 0 || i == last {
-            return Row::fixed(value);
-        }
-        Row {
-            below: 1.0 / 6.0,
-            middle: 4.0 / 6.0,
-            above: 1.0 / 6.0,
-            value,
-        }
-    });
-    let mut control = solve(rows.collect());
-    // Where all samples have none, rounding must not leave a trace of it.
-    if samples.iter().all(|sample| sample[CHANNEL_VOLUME] == 0.0) {
-        control
-            .iter_mut()
-            .for_each(|point| point[CHANNEL_VOLUME] = 0.0);
-    }
-    control
-}
-
 #[cfg(test)]
-#[path = "waypoint_curve_tests.rs"]
 mod tests;

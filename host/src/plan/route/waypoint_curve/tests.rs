@@ -7,7 +7,7 @@ use crate::input::waypoints::read;
 
 fn curves_of(text: &str, settings: &Settings) -> Result<Vec<PathCurve>, WaypointCurveError> {
     let run = read(text.as_bytes(), "run", &ReadOptions::default()).unwrap();
-    waypoint_passes(&run, [0.0; 3], settings).map(|passes| passes.into_iter().flatten().collect())
+    waypoint_passes(&run, [0.0; 3], settings).map(|all| all.passes.into_iter().flatten().collect())
 }
 
 fn circle(heading: bool) -> String {
