@@ -25,7 +25,8 @@ Ctrl-C pauses on the path, a second one aborts on the path, a third one leaves t
 Examples:
   headway stream part.hwj --port /dev/ttyACM0
   headway stream part.hwj --port tcp:printer.local:7000 --resume
-  headway stream part.hwj --port unix:/tmp/board --log print.log --json")]
+  headway stream part.hwj --port unix:/tmp/board --log print.log --json
+  headway stream part.hwj --port /dev/ttyACM0 --view")]
 pub(super) struct StreamArgs {
     /// A job file (.hwj).
     pub job: PathBuf,
@@ -54,6 +55,22 @@ pub(super) struct StreamArgs {
     /// anew [default: 100]. Where the line is silent for 0.2 s it is asked.
     #[arg(long, value_name = "MS", value_parser = status_period())]
     pub status_period_ms: Option<u16>,
+    /// Serve the job's page on this machine alone, with the print on it and what commands it. Its address
+    /// has a random key in it: whoever knows it moves the machine.
+    #[arg(long, help_heading = "Page")]
+    pub view: bool,
+    /// Port of 127.0.0.1 for the page; 0 takes a free one.
+    #[arg(
+        long,
+        value_name = "N",
+        default_value_t = 0,
+        requires = "view",
+        help_heading = "Page"
+    )]
+    pub view_port: u16,
+    /// Only say where the page is.
+    #[arg(long, requires = "view", help_heading = "Page")]
+    pub no_open: bool,
     /// The figures as one JSON object on stdout.
     #[arg(long)]
     pub json: bool,

@@ -19,6 +19,8 @@ mod heat;
 mod inspect;
 mod job;
 mod jog;
+mod live;
+mod live_page;
 mod load;
 mod load_run;
 mod machine;

@@ -15,6 +15,7 @@ use crate::plan::outline::contour::{Contour, SIMPLIFY_MM};
 use crate::plan::pass::PassKind;
 use crate::report::coverage_picture::{Cell, CoveragePicture, Raster};
 use crate::report::figures::SlowPlaceFigures;
+use crate::report::page::live_html;
 use crate::report::plan_picture::{PicturePass, PlanPicture, Zone};
 use crate::report::pose_table::{duration_ticks, samples_within};
 use crate::report::space_picture::{SpacePicture, SpacePoint};
@@ -91,6 +92,33 @@ fn shown_layers(planned: &Planned) -> Vec<ShownLayer> {
 
 /// All files of the report.
 pub(super) fn report_files(planned: &Planned) -> Vec<ReportFile> {
+    with_report(planned, write_report)
+}
+
+/// The page with the bar that watches and orders a print.
+pub(super) fn live_page(planned: &Planned) -> String {
+    with_report(planned, live_html)
+}
+
+/// The layers of the page in its order, and for each layer of the job which of them shows it.
+pub(super) fn page_layers(planned: &Planned) -> (Vec<u32>, Vec<usize>) {
+    let shown = shown_layers(planned);
+    let mut of_page: Vec<u32> = shown.iter().map(|shown| shown.layer).collect();
+    of_page.extend(bare_layers(planned, &shown));
+    let (_, kinds) = infills_of_layers(&planned.settings);
+    let layers = planned.stream.layers();
+    let alike = |a: u32, b: u32| match kinds.len() == layers as usize {
+        true => kinds.get(a as usize) == kinds.get(b as usize),
+        false => a == b,
+    };
+    let page_of = |layer| of_page.iter().position(|&page| alike(page, layer));
+    let lowest = of_page.first().copied().unwrap_or(0);
+    let page_of = (0..lowest + layers).map(|layer| page_of(layer).unwrap_or(0));
+    let page_of = page_of.collect();
+    (of_page, page_of)
+}
+
+fn with_report<T>(planned: &Planned, finish: impl FnOnce(&Report) -> T) -> T {
     let shown = shown_layers(planned);
     let rasters = rasters(planned, &shown);
     let samples = samples_of_layers(planned, &shown);
@@ -110,7 +138,7 @@ pub(super) fn report_files(planned: &Planned) -> Vec<ReportFile> {
         }
     });
     let settings = &planned.settings;
-    write_report(&Report {
+    finish(&Report {
         title: &planned.name,
         figures: &planned.figures,
         layers: sheets.collect(),
@@ -133,6 +161,17 @@ fn more_layers(
     shown: &[ShownLayer],
     samples: &impl Fn(u32) -> u64,
 ) -> Vec<PageLayer> {
+    let layers = planned.stream.layers();
+    let more = bare_layers(planned, shown).into_iter();
+    more.map(|layer| PageLayer {
+        label: format!("layer {} of {layers}", layer + 1),
+        track: track_of(planned, layer, samples(layer)),
+    })
+    .collect()
+}
+
+/// Their numbers.
+fn bare_layers(planned: &Planned, shown: &[ShownLayer]) -> Vec<u32> {
     let [only] = shown else {
         return Vec::new();
     };
@@ -141,15 +180,11 @@ fn more_layers(
     if kind_of_layer.len() == layers as usize {
         return Vec::new();
     }
-    let more = (only.layer + 1..layers).filter(|&layer| {
-        let [from, end] = stream.ticks_of_layer(layer);
+    let moves = |layer: &u32| {
+        let [from, end] = stream.ticks_of_layer(*layer);
         from < end
-    });
-    more.map(|layer| PageLayer {
-        label: format!("layer {} of {layers}", layer + 1),
-        track: track_of(planned, layer, samples(layer)),
-    })
-    .collect()
+    };
+    (only.layer + 1..layers).filter(moves).collect()
 }
 
 /// How many samples a layer may have: its share of all time that the page shows.

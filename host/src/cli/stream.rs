@@ -3,7 +3,9 @@
 use super::args_board::{PortArgs, StreamArgs};
 use super::board::Talk;
 use super::console::Console;
-use super::heat::{heat, heaters_text, job_orders};
+use super::heat::{heat, heaters_json, heaters_text, job_orders};
+use super::live::{LivePrint, Snapshot};
+use super::live_page::{self, PageClock};
 use super::{CliError, job};
 use crate::drive::link_log::LinkLog;
 use crate::drive::patience::{ANSWER_US, Patience, Wait};
@@ -55,6 +57,10 @@ pub(super) fn run(args: &StreamArgs, console: &Console) -> Result<(), CliError> 
         .as_deref()
         .map(|path| log_file(path, &header.machine))
         .transpose()?;
+    let live = args
+        .view
+        .then(|| live_page::open(&args.job, args.view_port, args.no_open, console))
+        .transpose()?;
     let [before, after] = job_orders(&material(args, job.settings.as_ref())?)?;
     give(&args.port, &before)?;
     let pump = open(&args.port, log)?;
@@ -74,9 +80,12 @@ pub(super) fn run(args: &StreamArgs, console: &Console) -> Result<(), CliError> 
         patience: Patience::new(&job.stream, header.machine.servo_hz),
         status_period_ms: args.status_period_ms,
         begun: Instant::now(),
+        live,
+        said: String::new(),
     };
     let result = run.until_end();
     run.bar.finish_and_clear();
+    run.tell_the_end(&result);
     let figures = run.figures(&result);
     let Run { pump, .. } = run;
     pump.finish()
@@ -215,11 +224,82 @@ struct Run<'a> {
     patience: Patience,
     status_period_ms: Option<u16>,
     begun: Instant,
+    /// The page that watches, and the clock of its layers.
+    live: Option<(LivePrint, PageClock)>,
+    /// What the board said last that a page should show.
+    said: String,
 }
 
 impl Run<'_> {
+    /// What the page's people asked for; one order at a time, so that none piles up.
+    fn follow_page(&mut self) {
+        let Some((live, _)) = &self.live else {
+            return;
+        };
+        if live.stop() {
+            self.sender.command(Control::EmergencyStop);
+        } else if !self.sender.has_command()
+            && let Some(control) = live.order()
+        {
+            self.sender.command(control);
+        }
+    }
+
+    fn snapshot(&self, clock: &PageClock) -> Snapshot {
+        let mut snapshot = Snapshot {
+            line_open: self.pump.is_open(),
+            layers: self.timeline.layers(),
+            said: self.said.clone(),
+            ..Snapshot::default()
+        };
+        if let Some(status) = &self.status {
+            let at = self.timeline.at(status);
+            (snapshot.page_layer, snapshot.page_time_s) =
+                clock.at(at.layer, at.done * self.timeline.duration_s());
+            snapshot.state = format!("{:?}", status.state).to_lowercase();
+            snapshot.done = at.done;
+            snapshot.left_s = at.left_s;
+            snapshot.layer = at.layer;
+            snapshot.pass = at.pass;
+            snapshot.tip_mm_s = at.tip_mm_s;
+            snapshot.override_percent = status.override_percent;
+            snapshot.flow_percent = status.flow_percent;
+            snapshot.heaters = heaters_json(status);
+            snapshot.fan_percent = f64::from(status.fan_permille) / 10.0;
+            snapshot.queue_knots = status.queue_knots;
+        }
+        snapshot
+    }
+
+    fn publish(&self) {
+        if let Some((live, clock)) = &self.live {
+            live.publish(&self.snapshot(clock));
+        }
+    }
+
+    /// Pages that ask once more hear how it ended.
+    fn tell_the_end(&self, result: &Result<(), CliError>) {
+        if let Some((live, clock)) = &self.live {
+            let ended = match result {
+                Ok(()) => "done".to_string(),
+                Err(error) => error.to_string(),
+            };
+            live.publish_last(&Snapshot {
+                ended: Some(ended),
+                ..self.snapshot(clock)
+            });
+            std::thread::sleep(live_page::LAST_LOOK);
+        }
+    }
+
     fn say(&self, line: &str) {
         self.bar.suspend(|| self.console.say(line));
+    }
+
+    /// To the terminal and to the page.
+    fn tell(&mut self, what: String) {
+        self.say(&what);
+        self.said = what;
     }
 
     fn until_end(&mut self) -> Result<(), CliError> {
@@ -233,11 +313,13 @@ impl Run<'_> {
                     )),
                     LineEvent::Opened => self.say(&format!("{}: the line is back", self.port)),
                 }
+                self.publish();
             }
             while let Some(event) = self.sender.poll_event() {
                 self.note(event);
             }
             self.follow_commands();
+            self.follow_page();
             self.follow_interrupts()?;
             if let Some(result) = self.ended() {
                 return result;
@@ -265,9 +347,10 @@ impl Run<'_> {
             SenderEvent::Status(status) => {
                 self.show(&self.timeline.at(&status), &status);
                 self.status = Some(status);
+                self.publish();
             }
-            SenderEvent::Refused(refusal) => self.say(&format!("refused: {}", refusal.reason)),
-            SenderEvent::Fault(fault) => self.say(&format!("fault: {fault}")),
+            SenderEvent::Refused(refusal) => self.tell(format!("refused: {}", refusal.reason)),
+            SenderEvent::Fault(fault) => self.tell(format!("fault: {fault}")),
             SenderEvent::Taken(Control::Pause) => self.say("pausing; `resume` goes on"),
             SenderEvent::Taken(_) => {}
         }
@@ -380,6 +463,11 @@ pub(super) fn no_answer(port: &str, said: &str) -> CliError {
          flashed? It said last: {said}",
         ANSWER_PATIENCE.as_secs()
     ))
+}
+
+/// What a page may order: nothing that heats.
+pub(super) fn page_order(line: &str) -> Option<Control> {
+    command(line).filter(|control| !matches!(control, Control::Heat { .. } | Control::Fan(_)))
 }
 
 /// A line of stdin as a command.

@@ -187,6 +187,12 @@ impl Sender {
         (is_command && outstanding.tries > 0).then_some(outstanding.sequence)
     }
 
+    /// True while a command waits to be said or taken.
+    pub fn has_command(&self) -> bool {
+        let under_way = self.outstanding.map(|outstanding| outstanding.what);
+        !self.commands.is_empty() || matches!(under_way, Some(ControlMessage::Command(_)))
+    }
+
     /// True if every frame of the stream was taken.
     pub fn is_all_taken(&self) -> bool {
         self.acknowledged == self.frames.len()

@@ -14,11 +14,23 @@ use super::{Report, figures::Figures};
 const TEMPLATE: &str = include_str!("page.html");
 const STYLE: &str = include_str!("page.css");
 const SCRIPT: &str = include_str!("page.js");
+/// The bar of a page that is served while it prints, and what fills it.
+const LIVE_BAR: &str = include_str!("live.html");
+const LIVE_SCRIPT: &str = include_str!("live.js");
 /// Groups that a user reads first; the others are folded away.
 const FIRST_GROUPS: [&str; 3] = ["Coverage", "Layers", "Motion"];
 
 /// The page; `pictures` are (file name, caption) of what lies beside it.
 pub fn html(report: &Report, pictures: &[(String, String)]) -> String {
+    page(report, &files(pictures), ["", "", ""])
+}
+
+/// The page as it is served while the job prints: with a bar that asks its own server and nobody else.
+pub fn live_html(report: &Report) -> String {
+    page(report, "", [";connect-src 'self'", LIVE_BAR, LIVE_SCRIPT])
+}
+
+fn page(report: &Report, files: &str, [policy, live, live_js]: [&str; 3]) -> String {
     let is_first = |group: &str| FIRST_GROUPS.contains(&group);
     let fields = [
         ("title", escaped(report.title)),
@@ -28,7 +40,10 @@ pub fn html(report: &Report, pictures: &[(String, String)]) -> String {
         ("notes", notes(report.notes)),
         ("figures", tables(report.figures, is_first)),
         ("more", tables(report.figures, |group| !is_first(group))),
-        ("files", files(pictures)),
+        ("files", files.to_string()),
+        ("policy", policy.to_string()),
+        ("live", live.to_string()),
+        ("livejs", live_js.to_string()),
         ("data", data::json(report)),
         ("js", SCRIPT.to_string()),
     ];

@@ -607,5 +607,12 @@
   for (const name in absent) document.querySelector(`[data-show=${name}]`).parentElement.hidden = absent[name];
   $("three").checked = spatial;
   choose(0);
+  // Where a print is, from the bar of a served page.
+  document.addEventListener("print-at", (e) => {
+    const { layer: k, time_s } = e.detail;
+    if (playing || !data.layers[k]) return;
+    if (Number($("layer").value) !== k || layer !== layerOf(k)) choose(k);
+    go((time_s - layer.start) / layer.every);
+  });
   new ResizeObserver(() => { if (resize()) { fit(); draw(); } drawPlots(); }).observe(over.parentElement);
 })();

@@ -1,0 +1,168 @@
+//! A print watched and ordered about from a page on this machine.
+//!
+//! ```text
+//! stream's loop --Snapshot (try_lock)--> Board of the page --GET status--> page
+//! stream's loop <--Control (8 at most)-- orders            <--POST order-- page
+//! ```
+//! Why here: only `cli` does IO. The loop that streams never waits for a page: a snapshot that cannot be
+//! put down at once is left out (the next one comes in 0.1 s), and orders wait in a channel with 8 places;
+//! when it is full the page is told so. A stop does not queue. Leaves out: a page on another machine.
+
+mod access;
+mod server;
+
+use headway_protocol::message::Control;
+use serde::Serialize;
+use std::sync::atomic::{AtomicBool, Ordering};
+use std::sync::mpsc::{Receiver, SyncSender, TrySendError, sync_channel};
+use std::sync::{Arc, Mutex, PoisonError};
+use std::time::Instant;
+
+pub(super) use server::serve;
+
+/// Orders that wait for the stream's loop.
+const ORDERS_MAX: usize = 8;
+
+/// What a page is told of the print.
+#[derive(Clone, Debug, Default, Serialize)]
+pub(super) struct Snapshot {
+    /// What the board does; empty before it has answered.
+    pub state: String,
+    /// The line is there.
+    pub line_open: bool,
+    /// Share of the job's time that is done, 0..=1.
+    pub done: f64,
+    /// Time left at the present rate; `None` while the head rests.
+    pub left_s: Option<f64>,
+    /// Layer from 0, and how many there are.
+    pub layer: u32,
+    pub layers: u32,
+    /// Pass from 0.
+    pub pass: Option<u32>,
+    /// Which of the page's layers shows it, and the time on that layer's clock.
+    pub page_layer: usize,
+    pub page_time_s: f64,
+    /// Speed of the tip.
+    pub tip_mm_s: f64,
+    pub override_percent: u16,
+    pub flow_percent: u16,
+    /// `{celsius, target_celsius, duty}` for each heater that the board has.
+    pub heaters: Vec<serde_json::Value>,
+    pub fan_percent: f64,
+    pub queue_knots: u16,
+    /// What was said last, a refusal or a fault.
+    pub said: String,
+    /// How it ended.
+    pub ended: Option<String>,
+}
+
+/// Why an order is not taken.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+enum NotTaken {
+    /// Too many wait.
+    Full,
+    /// The print is over.
+    Over,
+}
+
+/// What the loop and the server share.
+struct Shared {
+    snapshot: Mutex<(Snapshot, Instant)>,
+    stop: AtomicBool,
+    orders: SyncSender<Control>,
+}
+
+impl Shared {
+    fn snapshot(&self) -> (Snapshot, Instant) {
+        let held = self.snapshot.lock();
+        held.unwrap_or_else(PoisonError::into_inner).clone()
+    }
+
+    fn order(&self, control: Control) -> Result<(), NotTaken> {
+        if control == Control::EmergencyStop {
+            self.stop.store(true, Ordering::Relaxed);
+            return Ok(());
+        }
+        self.orders.try_send(control).map_err(|error| match error {
+            TrySendError::Full(_) => NotTaken::Full,
+            TrySendError::Disconnected(_) => NotTaken::Over,
+        })
+    }
+}
+
+/// The loop's end of it.
+pub(super) struct LivePrint {
+    shared: Arc<Shared>,
+    orders: Receiver<Control>,
+    /// Where the page is.
+    pub url: String,
+}
+
+impl LivePrint {
+    /// Leaves a snapshot for the pages, or leaves it out.
+    pub(super) fn publish(&self, snapshot: &Snapshot) {
+        if let Ok(mut held) = self.shared.snapshot.try_lock() {
+            *held = (snapshot.clone(), Instant::now());
+        }
+    }
+
+    /// The last snapshot: nothing waits for this one any more.
+    pub(super) fn publish_last(&self, snapshot: &Snapshot) {
+        let held = self.shared.snapshot.lock();
+        *held.unwrap_or_else(PoisonError::into_inner) = (snapshot.clone(), Instant::now());
+    }
+
+    /// A stop that a page asked for, once.
+    pub(super) fn stop(&self) -> bool {
+        self.shared.stop.swap(false, Ordering::Relaxed)
+    }
+
+    /// The next order.
+    pub(super) fn order(&self) -> Option<Control> {
+        self.orders.try_recv().ok()
+    }
+}
+
+fn shared() -> (Arc<Shared>, Receiver<Control>) {
+    let (sender, orders) = sync_channel(ORDERS_MAX);
+    let shared = Shared {
+        snapshot: Mutex::new((Snapshot::default(), Instant::now())),
+        stop: AtomicBool::new(false),
+        orders: sender,
+    };
+    (Arc::new(shared), orders)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// Goal: a page can never hold the loop up or fill memory. Method: a thread holds the lock, orders
+    /// come without anybody taking them.
+    #[test]
+    fn a_held_lock_and_a_full_channel_hold_nothing_up() {
+        let (shared, orders) = shared();
+        let print = LivePrint {
+            shared: shared.clone(),
+            orders,
+            url: String::new(),
+        };
+        let held = shared.snapshot.lock().unwrap();
+        print.publish(&Snapshot {
+            layer: 7,
+            ..Snapshot::default()
+        });
+        drop(held);
+        assert_eq!(shared.snapshot().0.layer, 0);
+        for _ in 0..ORDERS_MAX {
+            assert_eq!(shared.order(Control::Pause), Ok(()));
+        }
+        assert_eq!(shared.order(Control::Pause), Err(NotTaken::Full));
+        // A stop goes by all that wait.
+        assert_eq!(shared.order(Control::EmergencyStop), Ok(()));
+        assert!(print.stop() && !print.stop());
+        assert_eq!(std::iter::from_fn(|| print.order()).count(), ORDERS_MAX);
+        drop(print);
+        assert_eq!(shared.order(Control::Pause), Err(NotTaken::Over));
+    }
+}
