@@ -7,6 +7,8 @@
 //! folder whose `node_modules` has playwright-core and axe-core); `HEADWAY_DEMAND_BROWSER=1` makes
 //! that a failure.
 
+mod rig;
+
 use std::path::{Path, PathBuf};
 use std::process::Command;
 
@@ -76,4 +78,41 @@ fn the_page_works_in_a_browser() {
         assert!(driven.status.success(), "{input}:\n{said}{failed}");
         assert!(said.lines().count() > 15, "{input}: {said}");
     }
+}
+
+/// Goal: the bar of a served page shows the print and commands it. Method: Chromium on the page of a print
+/// to a board in this process; the command must end well though the page is closed on the way.
+#[cfg(unix)]
+#[test]
+fn the_page_of_a_print_works_in_a_browser() {
+    if let Some(what) = missing() {
+        let demanded = std::env::var_os("HEADWAY_DEMAND_BROWSER").is_some();
+        assert!(!demanded, "{what}");
+        eprintln!("left out: {what}");
+        return;
+    }
+    let folder = rig::folder("live");
+    let (job, expected) = rig::board::job(&folder, 12);
+    let board = rig::board::Board::unix(&folder, 1.0);
+    let view = ["--view", "--no-open", "--json"];
+    let stream = [&["stream", &job, "--port", &board.port], &view[..]].concat();
+    let host = rig::board::Host::start(&stream);
+    host.wait_for("page: http://");
+    let said = host.said.lock().expect("words").clone();
+    let url = said
+        .split("page: ")
+        .nth(1)
+        .and_then(|rest| rest.lines().next());
+    let driven = Command::new("node")
+        .arg(root().join("host/tests/browser/live.mjs"))
+        .arg(url.expect("an address"))
+        .output()
+        .expect("node");
+    let told = String::from_utf8_lossy(&driven.stdout);
+    let failed = String::from_utf8_lossy(&driven.stderr);
+    assert!(driven.status.success(), "{told}{failed}");
+    assert!(told.lines().count() >= 8, "{told}");
+    let (well, _, said) = host.end();
+    assert!(well, "{said}");
+    assert_eq!(rig::board::counts(&board.end()), expected);
 }

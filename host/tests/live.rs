@@ -68,7 +68,7 @@ impl Page {
     fn print(&self) -> Value {
         let (status, body) = self.get("status");
         assert_eq!(status, 200);
-        // Bodies of this server are short enough to come in one piece, or chunked: the object is within.
+        // It may come chunked: the object is within.
         let object = &body[body.find('{').unwrap()..=body.rfind('}').unwrap()];
         serde_json::from_str::<Value>(object).unwrap()["print"].clone()
     }
@@ -190,7 +190,7 @@ fn a_page_ends_the_job_and_stops_it_at_once() {
 }
 
 /// Pages that ask as fast as they can, one that connects and says nothing, one that never reads: the
-/// motors make the very steps of the simulation all the same.
+/// motors end where the simulation has them all the same.
 #[test]
 fn pages_that_hammer_stall_and_hang_up_change_no_step() {
     let folder = folder("hammer");
