@@ -7,6 +7,7 @@ use super::live::{LivePrint, serve};
 use super::pictures::{live_page, page_layers};
 use super::planned::{self, Planned};
 use crate::drive::time_by_limit::time_by_limit;
+use crate::findings::time_figures;
 use std::path::Path;
 use std::time::Duration;
 
@@ -51,7 +52,7 @@ pub(super) fn open(
     console: &Console,
 ) -> Result<(LivePrint, PageClock), CliError> {
     let mut planned = planned::from_job(job, &SettingsArgs::default())?;
-    let times = planned::time_figures(time_by_limit(&planned.stream, &planned.settings), &planned);
+    let times = time_figures(time_by_limit(&planned.stream, &planned.settings), &planned);
     planned.figures = std::mem::take(&mut planned.figures).merged_with(&times);
     let clock = PageClock::of(&planned);
     let live = serve(live_page(&planned), port)?;
