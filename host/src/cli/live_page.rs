@@ -52,7 +52,10 @@ pub(super) fn open(
     console: &Console,
 ) -> Result<(LivePrint, PageClock), CliError> {
     let mut planned = planned::from_job(job, &SettingsArgs::default())?;
-    let times = time_figures(time_by_limit(&planned.stream, &planned.settings), &planned);
+    let times = time_figures(
+        time_by_limit(&planned.stream, &planned.settings),
+        &planned.transform,
+    );
     planned.figures = std::mem::take(&mut planned.figures).merged_with(&times);
     let clock = PageClock::of(&planned);
     let live = serve(live_page(&planned), port)?;
