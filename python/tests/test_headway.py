@@ -125,7 +125,8 @@ def test_a_job_is_that_of_the_command(tmp_path, name, words, options):
         options = {**options, "machine": words[1]}
     job = headway.plan_file(EXAMPLES / name, **options)
     job.write(tmp_path / "python.hwj")
-    assert (tmp_path / "python.hwj").read_bytes() == by_command.read_bytes()
+    is_same = (tmp_path / "python.hwj").read_bytes() == by_command.read_bytes()
+    assert is_same, f"another job than that of {command()}; is that of this checkout?"
     for kind, ending in [(["csv"], "csv"), (["gcode", "--dialect", "klipper"], "gcode")]:
         exported = tmp_path / f"command.{ending}"
         export = [command(), "export", str(by_command), "--to", *kind, "-o", str(exported)]
