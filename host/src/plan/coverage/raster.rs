@@ -4,10 +4,10 @@
 //! size, for what is asked often may be coarse; stamping, rows and counting are the same for all.
 //!
 //! ```text
-//! of_passes        how many passes cover each cell            (pass_ends, bridge_cost, links)
+//! of_passes        how many passes cover each cell            (pass_ends, bridge_cost)
 //! add, remove      how many poses cover each cell             (exchange)
 //! for_cells_once   what one pass covers, each cell once       (pass_ends)
-//! recovered_mm2    what a connection covers again, mm²        (links, chains)
+//! NearbyPasses     what a connection covers again, mm²        (links, chains)
 //! newly_covered    cells that each pose covers first          (flow)
 //! within_walls     covered, open and overlapped cells of a region (gaps, cuts, floor, order)
 //! ```
@@ -15,14 +15,16 @@
 //! In: passes or poses (mm, rad), bounds (mm), the cell against b. Out: counts for each cell, areas
 //! in mm². Leaves out: what one pass covers twice itself, but in [`within_walls`].
 
+use crate::geometry::Point2;
 use crate::geometry::aperture::Aperture;
 use crate::geometry::cell_grid::{CellGrid, CellWindow, SweptRows};
 use crate::geometry::clearance::Configuration;
 use crate::geometry::coverage::Coverage;
 use crate::geometry::edge_index::EdgeIndex;
+use crate::geometry::point_grid::PointGrid;
 use crate::geometry::polygon::Box2;
-use crate::plan::pass::LayerPass;
 use crate::plan::pass::sweep::{poses, swept, swept_poses};
+use crate::plan::pass::{LayerPass, bounds_of};
 use rayon::prelude::*;
 use std::sync::atomic::{AtomicU32, Ordering};
 
@@ -195,33 +197,58 @@ impl Raster {
             });
         }
     }
+}
+
+/// The poses of passes by place. Few connections are asked for, each over a few apertures: only the
+/// cells about a connection are stamped, where a raster of a whole region would cost far more.
+pub struct NearbyPasses {
+    aperture: Aperture,
+    grid: CellGrid,
+    poses: PointGrid<Configuration>,
+}
+
+impl NearbyPasses {
+    /// Those of `passes`.
+    pub fn of(passes: &[LayerPass], aperture: &Aperture) -> NearbyPasses {
+        let cell_mm = CELL_SHARE * aperture.minor_mm();
+        let all = passes.iter().flat_map(|pass| poses(pass, aperture));
+        NearbyPasses {
+            aperture: *aperture,
+            grid: CellGrid::over(&bounds_of(passes, aperture), cell_mm, CELLS_MAX),
+            poses: PointGrid::of(2.0 * aperture.reach_mm(), all.map(|at| (at.center, at))),
+        }
+    }
+
+    /// The nozzle.
+    pub fn aperture(&self) -> &Aperture {
+        &self.aperture
+    }
 
     /// Area of beads that a connection covers again, mm²; what lies under the stretches of path
     /// `own` does not count.
     pub fn recovered_mm2(&self, own: [Vec<Configuration>; 2], connection: &[Configuration]) -> f64 {
         const OWN: u8 = 1;
-        const CONNECTION: u8 = 2;
+        const BEAD: u8 = 2;
+        const CONNECTION: u8 = 4;
         let (grid, aperture) = (&self.grid, &self.aperture);
         let window = grid.window_of(aperture, connection, 0.0);
         let mut marks = vec![0u8; window.len()];
-        let mut mark = |path: &[Configuration], mark: u8| {
-            for at in swept(path.iter().copied(), aperture) {
-                grid.for_rows_within(&window, aperture, at, |row, from, to| {
-                    for cell in &mut marks[window.numbers(row, from..to + 1)] {
-                        *cell |= mark;
-                    }
-                });
-            }
+        let mut mark = |at: Configuration, mark: u8| {
+            grid.for_rows_within(&window, aperture, at, |row, from, to| {
+                for cell in &mut marks[window.numbers(row, from..to + 1)] {
+                    *cell |= mark;
+                }
+            });
         };
-        for own in &own {
-            mark(own, OWN);
+        let centers: Vec<Point2> = connection.iter().map(|at| at.center).collect();
+        let area = Box2::of(&centers).grown(2.0 * aperture.reach_mm());
+        self.poses.within(&area).for_each(|at| mark(*at, BEAD));
+        for own in own {
+            swept(own.into_iter(), aperture).for_each(|at| mark(at, OWN));
         }
-        mark(connection, CONNECTION);
-        let mut counts = Vec::new();
-        self.counts_of(&window, &mut counts);
-        let cells = marks.iter().zip(&counts);
-        let again = cells.filter(|&(&mark, &count)| mark == CONNECTION && count > 0);
-        again.count() as f64 * self.cell_area_mm2()
+        swept(connection.iter().copied(), aperture).for_each(|at| mark(at, CONNECTION));
+        let again = marks.iter().filter(|&&mark| mark == BEAD | CONNECTION);
+        again.count() as f64 * grid.cell_area_mm2()
     }
 }
 

@@ -10,12 +10,12 @@
 use crate::geometry::aperture::Aperture;
 use crate::geometry::edge_index::EdgeIndex;
 use crate::geometry::point_grid::PointGrid;
-use crate::plan::coverage::raster::{CELL_SHARE, Raster};
+use crate::plan::coverage::raster::NearbyPasses;
 use crate::plan::headings::runs::unwrap_headings;
 use crate::plan::joining::end_matching::{End, Pair, matched};
 use crate::plan::joining::links::{Directed, link, nearest_of_each};
 use crate::plan::joining::order::{opened, rotated};
-use crate::plan::pass::{LayerPass, Placement, bounds_of};
+use crate::plan::pass::{LayerPass, Placement};
 use rayon::prelude::*;
 use std::collections::{HashMap, HashSet};
 use std::sync::LazyLock;
@@ -41,12 +41,10 @@ struct Join {
 /// Joins the ends of open passes where that is cheap.
 pub fn chained(passes: Vec<LayerPass>, aperture: &Aperture, walls: &EdgeIndex) -> Vec<LayerPass> {
     let near = near_ends(&passes, END_REACH_SHARE * aperture.major_mm());
-    let raster = LazyLock::new(|| {
-        Raster::of_passes(&passes, &bounds_of(&passes, aperture), aperture, CELL_SHARE)
-    });
+    let nearby = LazyLock::new(|| NearbyPasses::of(&passes, aperture));
     let joins: Vec<Join> = near
         .into_par_iter()
-        .filter_map(|ends| join(&passes, ends, &raster, walls))
+        .filter_map(|ends| join(&passes, ends, &nearby, walls))
         .collect();
     joined_up(&passes, joins, aperture)
 }
@@ -112,10 +110,10 @@ pub fn around_loops(
     if near.is_empty() {
         return passes;
     }
-    let raster = Raster::of_passes(&passes, &bounds_of(&passes, aperture), aperture, CELL_SHARE);
+    let nearby = NearbyPasses::of(&passes, aperture);
     let mut meetings: Vec<Meeting> = near
         .into_par_iter()
-        .flat_map_iter(|(end, place)| meetings_at(&passes, end, place, &raster, walls))
+        .flat_map_iter(|(end, place)| meetings_at(&passes, end, place, &nearby, walls))
         .collect();
     meetings.sort_by(|x, y| {
         let (x, y) = (&x.join, &y.join);
@@ -174,10 +172,10 @@ fn meetings_at(
     passes: &[LayerPass],
     end: End,
     (number, at): (usize, usize),
-    raster: &Raster,
+    nearby: &NearbyPasses,
     walls: &EdgeIndex,
 ) -> Vec<Meeting> {
-    let aperture = raster.aperture();
+    let aperture = nearby.aperture();
     let run = Directed {
         pass: &passes[end.0],
         backwards: end.1 == 0,
@@ -191,7 +189,7 @@ fn meetings_at(
             pass: &opened,
             backwards: false,
         };
-        let (mut way, cost_mm2) = link(run, next, raster, walls)?;
+        let (mut way, cost_mm2) = link(run, next, nearby, walls)?;
         way.pop();
         Some(Meeting {
             number,
@@ -234,12 +232,17 @@ fn near_ends(passes: &[LayerPass], reach_mm: f64) -> Vec<[End; 2]> {
 }
 
 /// The way between two ends, if there is a free and cheap one.
-fn join(passes: &[LayerPass], ends: [End; 2], raster: &Raster, walls: &EdgeIndex) -> Option<Join> {
+fn join(
+    passes: &[LayerPass],
+    ends: [End; 2],
+    nearby: &NearbyPasses,
+    walls: &EdgeIndex,
+) -> Option<Join> {
     let directed = |(number, end): End, last: usize| Directed {
         pass: &passes[number],
         backwards: end != last,
     };
-    let (mut way, cost_mm2) = link(directed(ends[0], 1), directed(ends[1], 0), raster, walls)?;
+    let (mut way, cost_mm2) = link(directed(ends[0], 1), directed(ends[1], 0), nearby, walls)?;
     way.pop();
     Some(Join {
         ends,

@@ -13,8 +13,8 @@ use crate::geometry::clearance::Configuration;
 use crate::geometry::edge_index::EdgeIndex;
 use crate::geometry::point_grid::PointGrid;
 use crate::plan::coverage::connections::bent_connection;
-use crate::plan::coverage::raster::{CELL_SHARE, Raster};
-use crate::plan::pass::{LayerPass, Placement, bounds_of};
+use crate::plan::coverage::raster::NearbyPasses;
+use crate::plan::pass::{LayerPass, Placement};
 use std::collections::BTreeMap;
 
 /// Longest link, against a: neighbouring beads lie up to 2a apart, and where one crosses, ends are
@@ -31,11 +31,11 @@ pub const TURN_MAX_RAD: f64 = 2.0;
 
 /// Joins passes in printing order where a link is possible.
 pub fn linked(passes: Vec<LayerPass>, aperture: &Aperture, walls: &EdgeIndex) -> Vec<LayerPass> {
-    let raster = Raster::of_passes(&passes, &bounds_of(&passes, aperture), aperture, CELL_SHARE);
+    let nearby = NearbyPasses::of(&passes, aperture);
     let mut result: Vec<LayerPass> = Vec::with_capacity(passes.len());
     for mut next in passes {
         let before = result.last().map(Directed::ahead);
-        let link = before.and_then(|before| link(before, Directed::ahead(&next), &raster, walls));
+        let link = before.and_then(|before| link(before, Directed::ahead(&next), &nearby, walls));
         let (Some(before), Some((link, _))) = (result.last_mut(), link) else {
             result.push(next);
             continue;
@@ -86,10 +86,10 @@ impl<'a> Directed<'a> {
 pub fn link(
     before: Directed,
     next: Directed,
-    raster: &Raster,
+    nearby: &NearbyPasses,
     walls: &EdgeIndex,
 ) -> Option<(Vec<Placement>, f64)> {
-    let aperture = *raster.aperture();
+    let aperture = *nearby.aperture();
     let (end, start) = (before.placements().next_back()?, next.placements().next()?);
     let length_mm = (start.at.center - end.at.center).norm();
     let lines = [before, next].iter().all(|d| d.pass.kind.is_line());
@@ -105,7 +105,7 @@ pub fn link(
     let reach_mm = OWN_SHARE * aperture.major_mm();
     let own_end = stretch(before.placements().rev(), reach_mm);
     let own_start = stretch(next.placements(), reach_mm);
-    let recovered_mm2 = raster.recovered_mm2([own_end, own_start], &way);
+    let recovered_mm2 = nearby.recovered_mm2([own_end, own_start], &way);
     if !lines && recovered_mm2 > AGAIN_SHARE_MAX * aperture.area_mm2() {
         return None;
     }
