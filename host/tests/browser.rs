@@ -9,6 +9,7 @@
 
 mod rig;
 
+use std::ffi::OsStr;
 use std::path::{Path, PathBuf};
 use std::process::Command;
 
@@ -35,12 +36,33 @@ fn missing() -> Option<String> {
     absent.map(|path| format!("{} is missing", path.display()))
 }
 
-#[test]
-fn the_page_works_in_a_browser() {
-    if let Some(what) = missing() {
+/// True where there is no browser to drive, which may be forbidden.
+fn skipped() -> bool {
+    let missing = missing();
+    if let Some(what) = &missing {
         let demanded = std::env::var_os("HEADWAY_DEMAND_BROWSER").is_some();
         assert!(!demanded, "{what}");
         eprintln!("left out: {what}");
+    }
+    missing.is_some()
+}
+
+/// What a script said of a page, which must be nothing bad.
+fn driven(script: &str, page: impl AsRef<OsStr>) -> String {
+    let driven = Command::new("node")
+        .arg(root().join("host/tests/browser").join(script))
+        .arg(page)
+        .output()
+        .expect("node");
+    let said = String::from_utf8_lossy(&driven.stdout).into_owned();
+    let failed = String::from_utf8_lossy(&driven.stderr);
+    assert!(driven.status.success(), "{said}{failed}");
+    said
+}
+
+#[test]
+fn the_page_works_in_a_browser() {
+    if skipped() {
         return;
     }
     let folder = tempfile::tempdir().expect("a folder");
@@ -67,15 +89,9 @@ fn the_page_works_in_a_browser() {
         let page = report.join("index.html");
         let bytes = page.metadata().expect("the page").len();
         assert!(bytes < PAGE_BYTES_MAX, "{input}: {bytes} bytes");
-        let driven = Command::new("node")
-            .arg(root().join("host/tests/browser/report.mjs"))
-            .arg(&page)
-            .output()
-            .expect("node");
-        let said = String::from_utf8_lossy(&driven.stdout);
-        let failed = String::from_utf8_lossy(&driven.stderr);
-        println!("{input}, {bytes} bytes:\n{said}");
-        assert!(driven.status.success(), "{input}:\n{said}{failed}");
+        println!("{input}, {bytes} bytes");
+        let said = driven("report.mjs", &page);
+        println!("{said}");
         assert!(said.lines().count() > 15, "{input}: {said}");
     }
 }
@@ -85,10 +101,7 @@ fn the_page_works_in_a_browser() {
 #[cfg(unix)]
 #[test]
 fn the_page_of_a_print_works_in_a_browser() {
-    if let Some(what) = missing() {
-        let demanded = std::env::var_os("HEADWAY_DEMAND_BROWSER").is_some();
-        assert!(!demanded, "{what}");
-        eprintln!("left out: {what}");
+    if skipped() {
         return;
     }
     let folder = rig::folder("live");
@@ -103,14 +116,7 @@ fn the_page_of_a_print_works_in_a_browser() {
         .split("page: ")
         .nth(1)
         .and_then(|rest| rest.lines().next());
-    let driven = Command::new("node")
-        .arg(root().join("host/tests/browser/live.mjs"))
-        .arg(url.expect("an address"))
-        .output()
-        .expect("node");
-    let told = String::from_utf8_lossy(&driven.stdout);
-    let failed = String::from_utf8_lossy(&driven.stderr);
-    assert!(driven.status.success(), "{told}{failed}");
+    let told = driven("live.mjs", url.expect("an address"));
     assert!(told.lines().count() >= 8, "{told}");
     let (well, _, said) = host.end();
     assert!(well, "{said}");

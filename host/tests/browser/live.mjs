@@ -1,31 +1,10 @@
 // Goal: the bar of a served page shows a print and commands it, and asks nobody but its own server.
 // Method: Chromium on the page while a simulated board prints. Usage: node live.mjs URL
-import { createRequire } from "node:module";
-import { readFileSync } from "node:fs";
-import path from "node:path";
+import { check, checkAccessibility, checkPhone, onPage } from "./driver.mjs";
 
-const require = createRequire(path.join(process.env.NODE_TOOLS || process.cwd(), "x.js"));
-const { chromium } = require("playwright-core");
-const axe = readFileSync(require.resolve("axe-core/axe.min.js"), "utf8");
 const [, , url, screenshot] = process.argv;
 
-function check(holds, what) {
-  if (!holds) throw new Error(`does not hold: ${what}`);
-  console.log(`ok ${what}`);
-}
-
-const browser = await chromium.launch({
-  executablePath: process.env.CHROMIUM || "/usr/bin/chromium",
-  args: ["--no-sandbox", "--disable-gpu", "--disable-quic", "--no-first-run",
-    "--disable-background-networking", "--disable-component-update", "--disable-sync"],
-});
-try {
-  const page = await browser.newPage({ viewport: { width: 1280, height: 900 } });
-  const complaints = [], requests = [];
-  page.on("console", (message) => { if (message.type() === "error") complaints.push(message.text()); });
-  page.on("pageerror", (error) => complaints.push(String(error)));
-  page.on("request", (request) => requests.push(request.url()));
-  await page.goto(url);
+await onPage(url, async (page, complaints, requests) => {
   const state = (word) => page.waitForFunction((word) => document.getElementById("live-state").textContent.startsWith(word), word, { timeout: 20000 });
   const done = () => page.evaluate(() => document.getElementById("live-done").value);
   const clock = () => page.textContent("#clock");
@@ -49,20 +28,12 @@ try {
   page.once("dialog", (dialog) => dialog.dismiss());
   await page.click("[data-order=abort]");
   check(await page.textContent("#live-state") === "paused", "the end of a job is asked about, and can be declined");
-  await page.evaluate(axe);
-  const faults = await page.evaluate(async () => (await window.axe.run()).violations.map((v) => ({ id: v.id, impact: v.impact, nodes: v.nodes.map((n) => n.html).slice(0, 3) })));
-  const serious = faults.filter((fault) => ["serious", "critical"].includes(fault.impact));
-  check(serious.length === 0, `no serious accessibility fault${serious.length ? JSON.stringify(serious) : ""}`);
+  await checkAccessibility(page);
   if (screenshot) await page.screenshot({ path: screenshot });
-  await page.setViewportSize({ width: 390, height: 800 });
-  await page.waitForTimeout(300);
-  const wide = await page.evaluate(() => document.documentElement.scrollWidth);
-  check(wide <= 390, `a phone's width holds it (${wide} px)`);
+  await checkPhone(page);
   await page.click("[data-order=resume]");
   await state("running");
   check(complaints.length === 0, `nothing on the console ${complaints.join(" | ")}`);
   // Browsers ask for an icon of their own accord; without the key it gets nothing.
   check(requests.every((r) => r.startsWith(url) || r === new URL("/favicon.ico", url).href), "no request but to its own server");
-} finally {
-  await browser.close();
-}
+});

@@ -1,35 +1,15 @@
 // Goal: the report's page works in a real browser. Method: Chromium opens the page from disk, driven
 // by Playwright; every step changes what the page shows and that is asserted. Usage:
 //   node report.mjs PAGE [SCREENSHOT]      with playwright-core and axe-core installed beside it
-// The browser is $CHROMIUM or /usr/bin/chromium. Prints a line a check; exits 1 at the first that fails.
-import { createRequire } from "node:module";
-import { readFileSync } from "node:fs";
+// Prints a line a check; exits 1 at the first that fails.
+import { check, checkAccessibility, checkPhone, onPage } from "./driver.mjs";
 import { pathToFileURL } from "node:url";
 import path from "node:path";
 
-const require = createRequire(path.join(process.env.NODE_TOOLS || process.cwd(), "x.js"));
-const { chromium } = require("playwright-core");
-const axe = readFileSync(require.resolve("axe-core/axe.min.js"), "utf8");
 const [, , file, screenshot] = process.argv;
+const url = pathToFileURL(path.resolve(file)).href;
 
-function check(holds, what) {
-  if (!holds) throw new Error(`does not hold: ${what}`);
-  console.log(`ok ${what}`);
-}
-
-const browser = await chromium.launch({
-  executablePath: process.env.CHROMIUM || "/usr/bin/chromium",
-  args: ["--no-sandbox", "--disable-gpu", "--disable-quic", "--no-first-run",
-    "--disable-background-networking", "--disable-component-update", "--disable-sync"],
-});
-try {
-  const page = await browser.newPage({ viewport: { width: 1280, height: 900 } });
-  const complaints = [], requests = [];
-  page.on("console", (message) => { if (message.type() === "error") complaints.push(message.text()); });
-  page.on("pageerror", (error) => complaints.push(String(error)));
-  page.on("request", (request) => requests.push(request.url()));
-  const url = pathToFileURL(path.resolve(file)).href;
-  await page.goto(url);
+await onPage(url, async (page, complaints, requests) => {
   const data = await page.evaluate(() => JSON.parse(document.getElementById("data").textContent));
   const clock = () => page.textContent("#clock");
   const now = () => page.textContent("#now");
@@ -146,21 +126,13 @@ try {
     check(await picture() !== was, "six axes turn around");
   }
 
-  await page.evaluate(axe);
-  const faults = await page.evaluate(async () => (await window.axe.run()).violations.map((v) => ({ id: v.id, impact: v.impact, nodes: v.nodes.map((n) => n.html).slice(0, 3) })));
-  const serious = faults.filter((fault) => ["serious", "critical"].includes(fault.impact));
-  check(serious.length === 0, `no serious accessibility fault${serious.length ? JSON.stringify(serious) : ""}`);
+  await checkAccessibility(page);
 
   if (screenshot) await page.screenshot({ path: screenshot, fullPage: false });
-  await page.setViewportSize({ width: 390, height: 800 });
-  await page.waitForTimeout(300);
-  const wide = await page.evaluate(() => document.documentElement.scrollWidth);
-  check(wide <= 390, `a phone's width holds it (${wide} px)`);
+  await checkPhone(page);
   check(await inked() > 300, "the path is drawn there");
   await page.emulateMedia({ media: "print" });
   check(!await page.isVisible("#play"), "print leaves the buttons out");
   check(complaints.length === 0, `nothing on the console ${complaints.join(" | ")}`);
   check(requests.length === 1 && requests[0] === url, `no request but the page (${requests.length})`);
-} finally {
-  await browser.close();
-}
+});
