@@ -1,6 +1,7 @@
 //! Pins of the BTT Octopus v1.1 (STM32F446ZE), after the board file that Klipper publishes
 //! (`generic-bigtreetech-octopus-v1.1.cfg`).
 
+use crate::board::sector_flash::Sector;
 use crate::configuration::MOTORS_MAX;
 use crate::heat::HEATERS_MAX;
 use crate::heat::pwm::CHANNELS;
@@ -14,6 +15,18 @@ const E: usize = 4;
 const F: usize = 5;
 const G: usize = 6;
 
+/// Where settings are kept: sector 3, between the vectors and the code (`build.rs`), and the last one,
+/// behind the map.
+pub const SETTINGS_SECTORS: [Sector; 2] = [
+    Sector {
+        number: 3,
+        address: 0x0800_c000,
+    },
+    Sector {
+        number: 7,
+        address: 0x0806_0000,
+    },
+];
 /// Step pins of drivers 0 to 7.
 pub const STEP: [Pin; MOTORS_MAX] = [
     (F, 13),

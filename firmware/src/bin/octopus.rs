@@ -41,7 +41,6 @@ mod board {
     use crate::pins;
     use crate::ports::DriverPorts;
     use crate::stm32f4::{self, Parts, SerialLine};
-    use headway_firmware::board::sector_flash::Sector;
     use headway_firmware::output::{Pin, PortOutput};
     use stm32f4xx_hal::pac::{self, Interrupt, interrupt};
 
@@ -57,17 +56,7 @@ mod board {
 
     pub const HAS_HEATERS: bool = true;
     pub const MOTORS: usize = headway_firmware::configuration::MOTORS_MAX;
-    /// Sector 3, between the vectors and the code (`build.rs`), and the last one, behind the map.
-    pub const SETTINGS_SECTORS: [Sector; 2] = [
-        Sector {
-            number: 3,
-            address: 0x0800_c000,
-        },
-        Sector {
-            number: 7,
-            address: 0x0806_0000,
-        },
-    ];
+    pub use headway_firmware::octopus::SETTINGS_SECTORS;
 
     /// STM32F446.
     pub const CHIP_ID: u32 = 0x421;

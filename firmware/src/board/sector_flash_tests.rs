@@ -4,22 +4,13 @@
 //! keeps what it has read; the settings' store runs on it, and its power is cut.
 
 use super::*;
+use crate::octopus::SETTINGS_SECTORS;
 use crate::settings::store::SettingsStore;
 use std::collections::BTreeMap;
 use std::vec;
 use std::vec::Vec;
 
-/// The Octopus's: 16 KiB and 128 KiB.
-const SECTORS: [Sector; 2] = [
-    Sector {
-        number: 3,
-        address: 0x0800_c000,
-    },
-    Sector {
-        number: 7,
-        address: 0x0806_0000,
-    },
-];
+/// The Octopus's sectors.
 const SECTOR_BYTES: [usize; 2] = [16 * 1024, 128 * 1024];
 const SEQUENCE_ERROR: u32 = 1 << 7;
 const PARALLELISM_ERROR: u32 = 1 << 6;
@@ -65,7 +56,7 @@ impl Controller {
     }
 
     fn place(&mut self, address: u32) -> &mut [u8] {
-        let sectors = SECTORS.iter().zip(&mut self.memory);
+        let sectors = SETTINGS_SECTORS.iter().zip(&mut self.memory);
         for (sector, memory) in sectors {
             let offset = address.wrapping_sub(sector.address) as usize;
             if let Some(word) = memory.get_mut(offset..offset.wrapping_add(4)) {
@@ -92,7 +83,9 @@ impl Controller {
         } else if self.write_protected {
             self.state |= WRITE_PROTECTION_ERROR;
         } else if self.begin() {
-            let which = SECTORS.iter().position(|sector| sector.number == number);
+            let which = SETTINGS_SECTORS
+                .iter()
+                .position(|sector| sector.number == number);
             self.memory[which.expect("a sector of ours")].fill(0xff);
             self.erased.push(number);
         }
@@ -177,7 +170,7 @@ impl FlashBus for &mut Controller {
 }
 
 fn store(controller: &mut Controller) -> SettingsStore<SectorFlash<&mut Controller>> {
-    SettingsStore::new(SectorFlash::new(controller, SECTORS, 100)).unwrap()
+    SettingsStore::new(SectorFlash::new(controller, SETTINGS_SECTORS, 100)).unwrap()
 }
 
 #[test]
@@ -238,7 +231,7 @@ fn a_power_cut_between_any_two_words_leaves_the_old_or_the_new_settings() {
 fn what_the_controller_refuses_is_told_and_nothing_is_written() {
     let protected = &mut Controller::new();
     protected.write_protected = true;
-    let mut flash = SectorFlash::new(protected, SECTORS, 100);
+    let mut flash = SectorFlash::new(protected, SETTINGS_SECTORS, 100);
     let refused = Err(FlashError::Refused(WRITE_PROTECTION_ERROR));
     assert_eq!(flash.erase(0, BLOCK_BYTES as u32), refused);
     assert_eq!(flash.into_bus().memory[0][0], 0x5a);
@@ -246,14 +239,14 @@ fn what_the_controller_refuses_is_told_and_nothing_is_written() {
     let dead = &mut Controller::new();
     let mut bus: &mut Controller = dead;
     bus.set_register(KEY, 1);
-    let mut flash = SectorFlash::new(dead, SECTORS, 100);
+    let mut flash = SectorFlash::new(dead, SETTINGS_SECTORS, 100);
     assert_eq!(flash.erase(0, BLOCK_BYTES as u32), Err(FlashError::Locked));
     assert_eq!(flash.write(0, &[0; 4]), Err(FlashError::Locked));
     let slow = &mut Controller::new();
     slow.looks = 101;
-    let mut flash = SectorFlash::new(&mut *slow, SECTORS, 100);
+    let mut flash = SectorFlash::new(&mut *slow, SETTINGS_SECTORS, 100);
     assert_eq!(flash.erase(0, BLOCK_BYTES as u32), Err(FlashError::Busy));
-    let mut flash = SectorFlash::new(&mut *slow, SECTORS, 100);
+    let mut flash = SectorFlash::new(&mut *slow, SETTINGS_SECTORS, 100);
     let end = 2 * BLOCK_BYTES as u32;
     for (offset, bytes) in [(2, 4), (0, 3), (end - 4, 8), (end, 4)] {
         let wrong = Err(FlashError::Range);
