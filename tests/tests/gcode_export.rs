@@ -4,7 +4,7 @@
 
 use headway::gcode::interpreter::{Firmware, steps};
 use headway::gcode::write::dialect::{Dialect, Retraction};
-use headway::gcode::write::{JobText, TIP_TOLERANCE_MM, WriteOptions, Written, write_gcode};
+use headway::gcode::write::{JobText, WriteOptions, Written, write_gcode};
 use headway::gcode::{GcodeOptions, Place, read};
 use headway::input::ReadOptions;
 use headway::job::{MotionState, SegmentStream};
@@ -26,19 +26,6 @@ const DIALECTS: [Dialect; 5] = [
 const TIP_MM: f64 = 0.005;
 const TURN_RAD: f64 = 0.05 * PI / 180.0;
 const FILAMENT_MM2: f64 = 0.25 * PI * 1.75 * 1.75;
-
-fn options(dialect: Dialect) -> WriteOptions {
-    WriteOptions {
-        dialect,
-        retraction: None,
-        filament_mm: 1.75,
-        turns: *b"ABC",
-        extruder: None,
-        wrapped: false,
-        tip_mm: TIP_TOLERANCE_MM,
-        blocks: [None, None],
-    }
-}
 
 fn written(stream: &SegmentStream, servo_hz: f64, options: &WriteOptions) -> (String, Written) {
     let job = JobText {
@@ -191,7 +178,7 @@ fn every_dialect_is_read_back_as_the_job() {
     let (stream, servo_hz) = plate();
     assert!(duration_ticks(&stream) > 4000);
     for dialect in DIALECTS {
-        let (worst, written) = check(&stream, servo_hz, &options(dialect));
+        let (worst, written) = check(&stream, servo_hz, &WriteOptions::of_dialect(dialect));
         println!("{dialect:?}: {worst:.3} of what is asked, {written:?}");
         assert!(
             written.moves_a_second <= dialect.moves_a_second_max(),
@@ -211,7 +198,7 @@ fn every_dialect_is_read_back_as_the_job() {
                 wrapped: true,
                 turns: *b"UVW",
                 extruder: dialect.is_machine_tool().then_some(b'A'),
-                ..options(dialect)
+                ..WriteOptions::of_dialect(dialect)
             };
             check(&stream, servo_hz, &other);
             // The passes and their pushes come back too.
@@ -258,7 +245,7 @@ fn tilts_are_read_back_as_axes() {
     let plan = plan_waypoints(&read.expect("a run"), &settings).expect("a plan");
     let servo_hz = f64::from(settings.machine.servo_hz);
     for dialect in DIALECTS {
-        let (worst, written) = check(&plan.stream, servo_hz, &options(dialect));
+        let (worst, written) = check(&plan.stream, servo_hz, &WriteOptions::of_dialect(dialect));
         println!("{dialect:?}: {worst:.3} of what is asked, {written:?}");
     }
 }
@@ -302,7 +289,7 @@ fn linuxcnc_makes_the_same_moves() {
     let (stream, servo_hz) = plate();
     let with_a = WriteOptions {
         extruder: Some(b'A'),
-        ..options(Dialect::LinuxCnc)
+        ..WriteOptions::of_dialect(Dialect::LinuxCnc)
     };
     let (text, written) = written(&stream, servo_hz, &with_a);
     let Some(moves) = canonical_moves(&text) else {
@@ -341,7 +328,7 @@ fn start_blocks_have_fields_and_say_what_they_lack() {
         servo_hz,
         &WriteOptions {
             blocks,
-            ..options(Dialect::Klipper)
+            ..WriteOptions::of_dialect(Dialect::Klipper)
         },
     );
     assert!(
@@ -362,7 +349,7 @@ fn start_blocks_have_fields_and_say_what_they_lack() {
         &job,
         &WriteOptions {
             blocks,
-            ..options(Dialect::Marlin)
+            ..WriteOptions::of_dialect(Dialect::Marlin)
         },
     );
     assert!(

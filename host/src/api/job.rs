@@ -9,7 +9,7 @@ use crate::drive::link::LinkSpec;
 use crate::drive::simulator::SimulatorSetup;
 use crate::findings::simulated::{outcome, simulation_figures};
 use crate::gcode::write::dialect::Dialect;
-use crate::gcode::write::{JobText, TIP_TOLERANCE_MM, WriteOptions, write_gcode};
+use crate::gcode::write::{JobText, WriteOptions, write_gcode};
 use crate::job::SegmentStream;
 use crate::job_file::{self, JobFile};
 use crate::report::figures::Figures;
@@ -154,16 +154,7 @@ impl Job {
             stream: &self.stream,
             servo_hz: self.servo_hz(),
         };
-        let options = WriteOptions {
-            dialect,
-            retraction: None,
-            filament_mm: 1.75,
-            turns: *b"ABC",
-            extruder: None,
-            wrapped: false,
-            tip_mm: TIP_TOLERANCE_MM,
-            blocks: [None, None],
-        };
+        let options = WriteOptions::of_dialect(dialect);
         let written = write_gcode(out, &text, &options);
         written
             .map(|_| ())

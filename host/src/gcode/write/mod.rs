@@ -77,6 +77,22 @@ pub struct WriteOptions {
     pub blocks: [Option<String>; 2],
 }
 
+impl WriteOptions {
+    /// What a dialect writes where nothing else is asked for.
+    pub fn of_dialect(dialect: Dialect) -> WriteOptions {
+        WriteOptions {
+            dialect,
+            retraction: None,
+            filament_mm: 1.75,
+            turns: *b"ABC",
+            extruder: None,
+            wrapped: false,
+            tip_mm: TIP_TOLERANCE_MM,
+            blocks: [None, None],
+        }
+    }
+}
+
 /// What was written.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct Written {
