@@ -17,9 +17,7 @@ pub(crate) fn left_out(open: &[OpenGround], unreachable: &[UnreachableRun]) -> V
         x_mm: piece.at.x,
         y_mm: piece.at.y,
     });
-    let mut longest: Vec<&UnreachableRun> = unreachable.iter().collect();
-    longest.sort_by(|a, b| b.length_mm().total_cmp(&a.length_mm()));
-    let runs = longest.into_iter().map(|run| {
+    let runs = longest_first(unreachable).into_iter().map(|run| {
         let at = nalgebra::center(&run.from, &run.to);
         Place {
             what: format!("{:.3} mm of boundary out of reach", run.length_mm()),
@@ -28,6 +26,13 @@ pub(crate) fn left_out(open: &[OpenGround], unreachable: &[UnreachableRun]) -> V
         }
     });
     told_once(open).chain(told_once(runs)).collect()
+}
+
+/// Runs by their length.
+pub(super) fn longest_first(unreachable: &[UnreachableRun]) -> Vec<&UnreachableRun> {
+    let mut longest: Vec<&UnreachableRun> = unreachable.iter().collect();
+    longest.sort_by(|a, b| b.length_mm().total_cmp(&a.length_mm()));
+    longest
 }
 
 /// The first places, each once with how often it comes: layers that are alike lack the same.

@@ -23,7 +23,7 @@ use crate::report::Place;
 use crate::report::figures::{Figures, Inside, KindFigures, SlowPlaceFigures};
 use crate::settings::Settings;
 use crate::stacked_ground::open_cells;
-use left_out::left_out;
+use left_out::{left_out, longest_first};
 use run_notes::run_notes;
 use settings_warnings::settings_warnings;
 use use_figures::{short_layers_note, stacked_figures, use_figures};
@@ -186,10 +186,8 @@ fn warnings(plan: &Plan, unreachable: &[UnreachableRun], settings: &Settings) ->
     let mut warnings = Vec::new();
     let length_mm: f64 = unreachable.iter().map(UnreachableRun::length_mm).sum();
     if length_mm > 0.0 {
-        let mut longest: Vec<&UnreachableRun> = unreachable.iter().collect();
-        longest.sort_by(|a, b| b.length_mm().total_cmp(&a.length_mm()));
-        let places: Vec<String> = longest
-            .iter()
+        let places: Vec<String> = longest_first(unreachable)
+            .into_iter()
             .take(PLACES_TOLD)
             .map(|run| {
                 let at = nalgebra::center(&run.from, &run.to);
