@@ -26,17 +26,20 @@ pub(super) fn settings(args: &SettingsArgs) -> Result<Settings, CliError> {
         None => Settings::default(),
     };
     // The machine file was checked on its own: what fails now is an option.
-    options(args)?
-        .over(of_machine)
-        .map_err(|error| CliError::Usage(error.to_string()))
-}
-
-/// The options as the library has them.
-fn options(args: &SettingsArgs) -> Result<Options, CliError> {
     let aperture = args.aperture.as_deref();
     let aperture = aperture.map(|text| with_polygon(text, Path::new("")));
-    Ok(Options {
+    Options {
         aperture: aperture.transpose()?,
+        ..options(args)
+    }
+    .over(of_machine)
+    .map_err(|error| CliError::Usage(error.to_string()))
+}
+
+/// The options as the library has them, but the aperture, which may lie in a file.
+fn options(args: &SettingsArgs) -> Options {
+    Options {
+        aperture: None,
         speed_mm_s: args.speed,
         wall_speed_mm_s: args.wall_speed,
         solid_speed_mm_s: args.solid_speed,
@@ -74,7 +77,7 @@ fn options(args: &SettingsArgs) -> Result<Options, CliError> {
             SeamName::Sharpest => SeamPlace::Sharpest,
         }),
         seam_direction_rad: args.seam_direction.map(f64::to_radians),
-    })
+    }
 }
 
 /// Reads and checks a machine file.
@@ -202,12 +205,9 @@ fn not_outline(path: &Path, error: &InputError) -> CliError {
 }
 
 /// The first option given that only outlines know: a run of waypoints is followed as it is.
-pub(super) fn outline_option(
-    args: &SettingsArgs,
-    keep_out: Option<&Path>,
-) -> Result<Option<&'static str>, CliError> {
-    let of_settings = options(args)?.of_outlines();
-    Ok(of_settings.or(keep_out.map(|_| "--keep-out")))
+pub(super) fn outline_option(args: &SettingsArgs, keep_out: Option<&Path>) -> Option<&'static str> {
+    let of_settings = options(args).of_outlines();
+    of_settings.or(keep_out.map(|_| "--keep-out"))
 }
 
 /// The first option given that only runs of waypoints know, and what lies on a surface.

@@ -140,7 +140,7 @@ fn check_options(
     place: &PlaceArgs,
     settings: &SettingsArgs,
 ) -> Result<(), CliError> {
-    let of_outlines = load::outline_option(settings, place.keep_out.as_deref())?;
+    let of_outlines = load::outline_option(settings, place.keep_out.as_deref());
     let problem = match (input, of_outlines, load::mesh_option(place)) {
         (Input::Mesh(_), ..) if settings.layers.is_some() => {
             "--layers goes with outlines: a mesh has its own; --layer-range takes some of them"
