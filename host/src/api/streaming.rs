@@ -46,13 +46,7 @@ impl Job {
             .parse()
             .map_err(|error: crate::drive::transport::PortError| line_error(error.to_string()))?;
         let header = &self.file.header;
-        let setup = SenderSetup {
-            host_session: host_session(),
-            machine_hash: header.machine_hash,
-            solution: header.machine.kinematics.solution(),
-            servo_hz: header.machine.servo_hz,
-            resume: false,
-        };
+        let setup = SenderSetup::of_job(header, host_session(), false);
         let mut sender = Sender::new(self.file.frames.clone(), setup);
         let timeline = Timeline::new(&self.stream, self.servo_hz());
         let mut patience = Patience::new(&self.stream, header.machine.servo_hz);

@@ -13,6 +13,7 @@ use std::io::BufReader;
 use std::path::Path;
 
 /// A job read back: the stream and what rode along.
+#[derive(Clone)]
 pub(super) struct Job {
     pub file: JobFile,
     pub stream: SegmentStream,

@@ -1,14 +1,13 @@
 //! The page of a job that prints: planned job -> page, and which of its layers shows which moment.
 
 use super::CliError;
-use super::args::SettingsArgs;
 use super::console::Console;
+use super::job::Job;
 use super::live::{LivePrint, serve};
 use super::pictures::{live_page, page_layers};
 use super::planned::{self, Planned};
 use crate::drive::time_by_limit::time_by_limit;
 use crate::findings::time_figures;
-use std::path::Path;
 use std::time::Duration;
 
 /// How long a page may still ask once the print is over.
@@ -46,12 +45,12 @@ impl PageClock {
 
 /// Makes the page, serves it and says where.
 pub(super) fn open(
-    job: &Path,
+    job: Job,
     port: u16,
     no_open: bool,
     console: &Console,
 ) -> Result<(LivePrint, PageClock), CliError> {
-    let mut planned = planned::from_job(job, &SettingsArgs::default())?;
+    let mut planned = planned::of_job(job);
     let times = time_figures(
         time_by_limit(&planned.stream, &planned.settings),
         &planned.transform,

@@ -39,13 +39,7 @@ static INTERRUPTS: AtomicUsize = AtomicUsize::new(0);
 pub(super) fn run(args: &StreamArgs, console: &Console) -> Result<(), CliError> {
     let job = job::read(&args.job)?;
     let header = &job.file.header;
-    let setup = SenderSetup {
-        host_session: host_session(),
-        machine_hash: header.machine_hash,
-        solution: header.machine.kinematics.solution(),
-        servo_hz: header.machine.servo_hz,
-        resume: args.resume,
-    };
+    let setup = SenderSetup::of_job(header, host_session(), args.resume);
     let frames = job.file.frames.clone();
     let sender = if args.resume {
         Sender::resuming(frames, setup)
@@ -59,7 +53,7 @@ pub(super) fn run(args: &StreamArgs, console: &Console) -> Result<(), CliError> 
         .transpose()?;
     let live = args
         .view
-        .then(|| live_page::open(&args.job, args.view_port, args.no_open, console))
+        .then(|| live_page::open(job.clone(), args.view_port, args.no_open, console))
         .transpose()?;
     let [before, after] = job_orders(&material(args, job.settings.as_ref())?)?;
     give(&args.port, &before)?;

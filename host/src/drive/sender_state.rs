@@ -1,5 +1,6 @@
 //! What can be said about a conversation with the controller: setup, states, errors, news, counters.
 
+use crate::job_file::JobHeader;
 use headway_protocol::message::{
     Control, Fault, PROTOCOL_VERSION, Refusal, RefusalReason, SCHEMA_HASH, Status, Welcome,
 };
@@ -197,6 +198,17 @@ pub(super) enum Intent {
 }
 
 impl SenderSetup {
+    /// What a job's header says of the machine that it was planned for.
+    pub fn of_job(header: &JobHeader, host_session: u32, resume: bool) -> SenderSetup {
+        SenderSetup {
+            host_session,
+            machine_hash: header.machine_hash,
+            solution: header.machine.kinematics.solution(),
+            servo_hz: header.machine.servo_hz,
+            resume,
+        }
+    }
+
     /// Can this controller run the job?
     pub(super) fn check_welcome(
         &self,
