@@ -112,6 +112,26 @@ fn a_report_that_fails_leaves_none() {
     assert_eq!(std::fs::read_dir(&folder).expect("folder").count(), 1);
 }
 
+/// Somebody's folder that a report is to go to stays as it is, before and without any planning.
+#[test]
+fn a_report_does_not_replace_other_pages() {
+    let site = folder("site");
+    std::fs::write(site.join("index.html"), "<html>mine</html>").expect("file");
+    let input = example("taper.json");
+    for command in ["simulate", "view"] {
+        let output = headway(&[command, &input, "--report", path(&site)]);
+        assert_eq!(output.status.code(), Some(1));
+        let told = stderr(&output);
+        assert!(
+            told.contains("index.html") && told.contains("another folder"),
+            "{told}"
+        );
+        let kept = std::fs::read_to_string(site.join("index.html")).expect("kept");
+        assert_eq!(kept, "<html>mine</html>");
+        assert_eq!(std::fs::read_dir(&site).expect("folder").count(), 1);
+    }
+}
+
 /// What is no file is written as it comes, and a link stays one.
 #[test]
 fn devices_and_links_are_written_through() {

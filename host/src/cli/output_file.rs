@@ -2,23 +2,36 @@
 //!
 //! What is written goes to a file beside its place (`.NAME.xxxxxx.part`), to the disk, and only then
 //! to its name, so that a full disk or the end of the program in mid-write costs no file that was
-//! there. A report's folder takes its place the same way; where one is already, its files replace
-//! those of the same names, `index.html` last, so that a report with that page is whole.
+//! there. A report's folder takes its place the same way; where a report is already, its files replace
+//! those of the same names, `index.html` last, so that a report with that page is whole. Files of those
+//! names that no report wrote are refused, not replaced: a page says who wrote it.
 //!
 //! Input: a path and bytes, or what writes them. Pipes, devices and sockets are written as they come.
 //! Leaves out the journal of a line (`--log`): what was on the line before a crash is what it is for.
 //! A program that is killed leaves its `.part` behind.
 
 use super::CliError;
+use crate::report::page::PAGE_GENERATOR;
 use std::ffi::{OsStr, OsString};
 use std::fs::{File, OpenOptions};
-use std::io::{BufWriter, Error, ErrorKind, Write};
+use std::io::{BufWriter, Error, ErrorKind, Read, Write};
 use std::path::{Path, PathBuf};
 use std::sync::{Mutex, PoisonError};
 use tempfile::{Builder, NamedTempFile};
 
 /// The page that makes a report of a folder.
 const REPORT_PAGE: &str = "index.html";
+/// Names that a report is likely to write; layers have more of their own.
+const REPORT_NAMES: [&str; 6] = [
+    REPORT_PAGE,
+    "report.json",
+    "plan.svg",
+    "coverage.svg",
+    "motion.svg",
+    "space.svg",
+];
+/// How far into a page its writer is looked for, bytes.
+const PAGE_HEAD_BYTES: u64 = 4096;
 
 /// Writes a file, or says which one could not be written.
 pub(super) fn write_file(path: &Path, bytes: &[u8]) -> Result<(), CliError> {
@@ -115,8 +128,43 @@ pub(super) fn check_folder(path: &Path) -> Result<(), CliError> {
     }
 }
 
+/// The same of a folder for a report: what is there already must be a report.
+pub(super) fn check_report_folder(path: &Path) -> Result<(), CliError> {
+    check_folder(path)?;
+    check_replaceable(path, REPORT_NAMES.into_iter())
+}
+
+/// Refuses to replace files of a folder that has no report's page.
+fn check_replaceable<'a>(
+    folder: &Path,
+    mut names: impl Iterator<Item = &'a str>,
+) -> Result<(), CliError> {
+    if is_report_page(&folder.join(REPORT_PAGE)) {
+        return Ok(());
+    }
+    // A link that leads nowhere is somebody's, too.
+    let is_there = |name: &&str| folder.join(name).symlink_metadata().is_ok();
+    names.find(is_there).map_or(Ok(()), |name| {
+        Err(CliError::Job(format!(
+            "{}: is not part of a report of headway, so it is not replaced; name another folder for the \
+             report, or move that file away",
+            folder.join(name).display()
+        )))
+    })
+}
+
+/// A page that a report wrote.
+fn is_report_page(page: &Path) -> bool {
+    let mut head = Vec::new();
+    let read = |file: File| file.take(PAGE_HEAD_BYTES).read_to_end(&mut head);
+    page.is_file()
+        && File::open(page).and_then(read).is_ok()
+        && String::from_utf8_lossy(&head).contains(PAGE_GENERATOR)
+}
+
 /// Writes a report's files, names with their texts, into its folder.
 pub(super) fn write_folder(folder: &Path, files: &[(&str, &str)]) -> Result<(), CliError> {
+    check_replaceable(folder, files.iter().map(|(name, _)| *name))?;
     write_whole_folder(folder, files).map_err(|problem| file_error(folder, problem))
 }
 
@@ -280,7 +328,7 @@ mod tests {
             (b"two".to_vec(), 0o640)
         );
         let report = folder.path().join("deep").join("report");
-        write_folder(&report, &[("index.html", "page")]).unwrap();
+        write_folder(&report, &[("index.html", PAGE_GENERATOR)]).unwrap();
         assert_eq!(mode(&report), mode(&folder.path().join("deep")));
     }
 
@@ -290,38 +338,68 @@ mod tests {
     fn a_report_is_whole_or_none() {
         let folder = tempfile::tempdir().unwrap();
         let report = folder.path().join("report");
-        let files = |text| {
-            [
-                ("report.json", text),
-                ("plan.svg", text),
-                ("index.html", text),
-            ]
-        };
-        write_folder(&report, &files("one")).unwrap();
+        let text = |text: &str| format!("{PAGE_GENERATOR}{text}");
+        let [one, two, three] = ["one", "two", "three"].map(text);
+        fn files(text: &str) -> [(&str, &str); 3] {
+            ["report.json", "plan.svg", "index.html"].map(|name| (name, text))
+        }
+        write_folder(&report, &files(&one)).unwrap();
         std::fs::write(report.join("mine"), "mine").unwrap();
-        write_folder(&report, &files("two")).unwrap();
+        check_report_folder(&report).unwrap();
+        write_folder(&report, &files(&two)).unwrap();
         assert_eq!(
             names(&report),
             ["index.html", "mine", "plan.svg", "report.json"]
         );
         for name in ["index.html", "plan.svg", "report.json"] {
-            assert_eq!(std::fs::read_to_string(report.join(name)).unwrap(), "two");
+            assert_eq!(std::fs::read_to_string(report.join(name)).unwrap(), two);
         }
         assert_eq!(names(folder.path()), ["report"]);
         // A folder in the way of a picture: no page says that there is a report.
         std::fs::remove_file(report.join("plan.svg")).unwrap();
         std::fs::create_dir_all(report.join("plan.svg").join("full")).unwrap();
-        assert!(write_folder(&report, &files("three")).is_err());
+        assert!(write_folder(&report, &files(&three)).is_err());
         assert_eq!(names(&report), ["mine", "plan.svg", "report.json"]);
         // What cannot even be written beside leaves the old report as it is.
         let bad = [("index.html", "four"), ("no/such/folder", "four")];
         let other = folder.path().join("other");
-        write_folder(&other, &files("one")).unwrap();
+        write_folder(&other, &files(&one)).unwrap();
         assert!(write_folder(&other, &bad).is_err());
         assert_eq!(
             std::fs::read_to_string(other.join("index.html")).unwrap(),
-            "one"
+            one
         );
         assert_eq!(names(&other).len(), 3);
+    }
+
+    /// Goal: files that no report wrote stay, whichever of a report's names they have. Method: a
+    /// folder of somebody's for each name; the folder before and after.
+    #[test]
+    fn files_of_others_are_refused_and_stay() {
+        let folder = tempfile::tempdir().unwrap();
+        let files = [("plan-layer-5.svg", "x"), ("index.html", PAGE_GENERATOR)];
+        for name in ["index.html", "report.json", "plan.svg", "plan-layer-5.svg"] {
+            let site = folder.path().join(name);
+            std::fs::create_dir(&site).unwrap();
+            std::fs::write(site.join(name), "mine").unwrap();
+            let told = match name {
+                // Layers are not known before the plan.
+                "plan-layer-5.svg" => write_folder(&site, &files),
+                _ => check_report_folder(&site),
+            };
+            let told = told.unwrap_err().to_string();
+            assert!(
+                told.contains(name) && told.contains("another folder"),
+                "{told}"
+            );
+            assert_eq!(names(&site), [name]);
+            assert_eq!(std::fs::read_to_string(site.join(name)).unwrap(), "mine");
+        }
+        let own = folder.path().join("own");
+        std::fs::create_dir(&own).unwrap();
+        std::fs::write(own.join("notes.txt"), "mine").unwrap();
+        check_report_folder(&own).unwrap();
+        write_folder(&own, &files).unwrap();
+        assert_eq!(names(&own).len(), 3);
     }
 }

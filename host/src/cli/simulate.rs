@@ -2,7 +2,7 @@
 
 use super::args::{InputArgs, PlaceArgs, SettingsArgs, SimulateArgs};
 use super::console::Console;
-use super::output_file::{check_file, check_folder, write_file_with, write_folder};
+use super::output_file::{check_file, check_report_folder, write_file_with, write_folder};
 use super::planned::{self, Planned};
 use super::{CliError, job, pictures};
 use crate::drive::dry_run::{DryRun, dry_run};
@@ -28,7 +28,7 @@ pub(super) fn run(args: &SimulateArgs, console: &Console) -> Result<(), CliError
         check_file(file)?;
     }
     if let Some(folder) = &args.report {
-        check_folder(folder)?;
+        check_report_folder(folder)?;
     }
     let mut planned = if job::is_job(&args.input) {
         let unused = of_no_use(&args.input, &args.reading, &args.place, &args.settings);

@@ -3,7 +3,7 @@
 use super::CliError;
 use super::args::ViewArgs;
 use super::console::Console;
-use super::output_file::check_folder;
+use super::output_file::check_report_folder;
 use super::simulate::{of_no_use, write_report};
 use super::{job, planned};
 use crate::drive::time_by_limit::time_by_limit;
@@ -12,7 +12,7 @@ use std::path::PathBuf;
 
 pub(super) fn run(args: &ViewArgs, console: &Console) -> Result<(), CliError> {
     let folder = args.report.clone().unwrap_or_else(|| beside(args));
-    check_folder(&folder)?;
+    check_report_folder(&folder)?;
     let mut planned = if job::is_job(&args.input) {
         let unused = of_no_use(&args.input, &args.reading, &args.place, &args.settings);
         console.notes(unused.as_slice());

@@ -11,6 +11,8 @@ mod verdict;
 
 use super::{Report, figures::Figures};
 
+/// Says in a page who wrote it, by which a later report knows that it may be replaced.
+pub const PAGE_GENERATOR: &str = r#"<meta name="generator" content="Headway">"#;
 const TEMPLATE: &str = include_str!("page.html");
 const STYLE: &str = include_str!("page.css");
 const SCRIPT: &str = include_str!("page.js");
@@ -33,6 +35,7 @@ pub fn live_html(report: &Report) -> String {
 fn page(report: &Report, files: &str, [policy, live, live_js]: [&str; 3]) -> String {
     let is_first = |group: &str| FIRST_GROUPS.contains(&group);
     let fields = [
+        ("generator", PAGE_GENERATOR.to_string()),
         ("title", escaped(report.title)),
         ("css", STYLE.to_string()),
         ("verdict", escaped(&verdict::verdict(report.figures))),
