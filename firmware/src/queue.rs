@@ -112,7 +112,7 @@ impl KnotQueue {
         self.queued_ticks
     }
 
-    /// True if its end may soon be felt: in the middle of a stretch.
+    /// True if its end may soon be felt: in the middle of a move.
     pub fn is_short(&self) -> bool {
         self.queued_ticks < SHORT_TICKS && !self.ends_at_rest
     }

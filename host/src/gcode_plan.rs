@@ -85,7 +85,7 @@ pub fn plan_gcode(
         figures.add_lengths(&of_piece);
         motion.ratios = motion.ratios.max(report.ratios);
         motion.fit_error_ratio = motion.fit_error_ratio.max(report.fit_error_ratio);
-        motion.doubled_stretches += report.doubled_stretches;
+        motion.doubled_moves += report.doubled_moves;
         motion.duration_s += report.duration_s;
         motion.time_bound_s += report.time_bound_s;
         for (sum, mm) in beyond_mm.iter_mut().zip(made.beyond_mm) {

@@ -5,7 +5,7 @@ use headway_protocol::segment::{FlowEvent, Knot};
 use headway_protocol::units::ChannelPoint;
 use serde::{Deserialize, Serialize};
 
-/// What the head does during a stretch of the job (the `state` column of the CSV files).
+/// What the head does during a move of the job (the `state` column of the CSV files).
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash, Serialize, Deserialize)]
 #[serde(rename_all = "lowercase")]
 pub enum MotionState {
@@ -34,7 +34,7 @@ impl MotionState {
     }
 }
 
-/// A stretch of the stream between two rests: what it is, and when, in servo ticks of segment time.
+/// A move of the stream between two rests: what it is, and when, in servo ticks of segment time.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Mark {
     /// First tick (0 = start of span 0 of the stream).

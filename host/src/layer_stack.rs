@@ -283,7 +283,7 @@ fn route_of(
         let of_outline = of_outline.map_err(|error| error.shifted(-shift))?;
         crossings += outline_crossings(&of_outline, &ground);
         number += curves.len() as u32;
-        route.stretches.extend(of_outline.stretches);
+        route.moves.extend(of_outline.moves);
         at = route.end().unwrap_or(at);
     }
     if stack.is_last {

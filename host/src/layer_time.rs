@@ -64,9 +64,9 @@ fn slow_short_layers(
             of_layer[1] += seconds;
         }
     }
-    let printed = route.stretches.iter();
-    for stretch in printed.filter(|stretch| stretch.state == MotionState::Print) {
-        layers.entry(stretch.layer).or_default()[2] += way_mm(&stretch.curve.control);
+    let printed = route.moves.iter();
+    for route_move in printed.filter(|route_move| route_move.state == MotionState::Print) {
+        layers.entry(route_move.layer).or_default()[2] += way_mm(&route_move.curve.control);
     }
     let mut speeds: BTreeMap<u32, f64> = BTreeMap::new();
     for (layer, [all_s, print_s, way_mm]) in layers {
@@ -79,11 +79,11 @@ fn slow_short_layers(
         slowed.still_short += u32::from(wanted_mm_s < slowest_mm_s);
         speeds.insert(layer, wanted_mm_s.max(slowest_mm_s));
     }
-    for stretch in &mut route.stretches {
-        let is_print = stretch.state == MotionState::Print;
-        if let (true, Some(&speed_mm_s)) = (is_print, speeds.get(&stretch.layer)) {
-            let own_mm_s = stretch.speed_mm_s.unwrap_or(f64::INFINITY);
-            stretch.speed_mm_s = Some(own_mm_s.min(speed_mm_s));
+    for route_move in &mut route.moves {
+        let is_print = route_move.state == MotionState::Print;
+        if let (true, Some(&speed_mm_s)) = (is_print, speeds.get(&route_move.layer)) {
+            let own_mm_s = route_move.speed_mm_s.unwrap_or(f64::INFINITY);
+            route_move.speed_mm_s = Some(own_mm_s.min(speed_mm_s));
         }
     }
     slowed

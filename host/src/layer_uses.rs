@@ -85,13 +85,13 @@ pub fn layer_uses(plan: &Plan, servo_hz: f64) -> Vec<LayerUse> {
         let key = (mark.layer, what(mark.state, mark.pass));
         all.entry(key).or_default()[0] += seconds;
     }
-    for stretch in &plan.route.stretches {
-        let control = &stretch.curve.control;
+    for route_move in &plan.route.moves {
+        let control = &route_move.curve.control;
         let (Some(first), Some(last)) = (control.first(), control.last()) else {
             continue;
         };
         let of_key = all
-            .entry((stretch.layer, what(stretch.state, stretch.pass)))
+            .entry((route_move.layer, what(route_move.state, route_move.pass)))
             .or_default();
         of_key[1] += last[CHANNEL_VOLUME] - first[CHANNEL_VOLUME];
         of_key[2] += way_mm(control);

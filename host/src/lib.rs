@@ -330,10 +330,10 @@ pub fn plan_waypoints_with_progress(
         singular,
     } = placed_passes(passes, transform, bounds, settings)?;
     let mut route = waypoint_route(passes, start, settings);
-    let stretches = route.stretches.iter_mut();
-    let printed = stretches.filter(|stretch| stretch.pass.is_some());
-    for (stretch, speeds_mm_s) in printed.zip(speeds_mm_s) {
-        stretch.speeds_mm_s = speeds_mm_s;
+    let moves = route.moves.iter_mut();
+    let printed = moves.filter(|route_move| route_move.pass.is_some());
+    for (route_move, speeds_mm_s) in printed.zip(speeds_mm_s) {
+        route_move.speeds_mm_s = speeds_mm_s;
     }
     let (stream, motion) = lay_segments_with_progress(&route, settings, progress)?;
     let (mut figures, measured) = measure(&stream, &[], &[], &transform, settings, progress);

@@ -42,8 +42,8 @@ pub struct Piece {
     pub ratios: Ratios,
     /// Worst error of the fit against its share of the tolerance.
     pub fit_error_ratio: f64,
-    /// Stretches whose whole time had to be doubled.
-    pub doubled_stretches: u64,
+    /// Moves whose whole time had to be doubled.
+    pub doubled_moves: u64,
     /// Duration, s.
     pub duration_s: f64,
     /// Regions that are not printed.
@@ -102,7 +102,7 @@ impl Piece {
             figures: plan.figures,
             ratios: plan.motion.ratios,
             fit_error_ratio: plan.motion.fit_error_ratio,
-            doubled_stretches: plan.motion.doubled_stretches as u64,
+            doubled_moves: plan.motion.doubled_moves as u64,
             duration_s: plan.motion.duration_s,
             ..Piece::default()
         };

@@ -209,7 +209,7 @@ impl PartPlan {
         self.outline_crossings += piece.outline_crossings;
         self.motion.ratios = self.motion.ratios.max(piece.ratios);
         self.motion.fit_error_ratio = self.motion.fit_error_ratio.max(piece.fit_error_ratio);
-        self.motion.doubled_stretches += piece.doubled_stretches as usize;
+        self.motion.doubled_moves += piece.doubled_moves as usize;
         self.motion.duration_s += piece.duration_s;
         self.unreachable_mm += piece.unreachable_mm;
         let room = PLACES_MAX - self.unreachable.len();

@@ -2,7 +2,7 @@
 //!
 //! ```text
 //! Mesh --samples, fit--> SplineSurface (mm, input coordinates)
-//! Target --route_stack--> Route in the plan's plane --on_surface--> [Stretch] --complete_route--> Route
+//! Target --route_stack--> Route in the plan's plane --on_surface--> [RouteMove] --complete_route--> Route
 //! (mm)                    (mm, rad, height above the surface)      (mm, rad, tool axis, mm³)
 //! ```
 //! The outline is the target as seen from above, in the mesh's coordinates. It is planned with an aperture
@@ -27,9 +27,9 @@ use crate::plan::motion::segments::lay_segments_with_progress;
 use crate::plan::outline::unreachable::UnreachableRun;
 use crate::plan::progress::Progress;
 use crate::plan::route::keep_out::cleared;
-use crate::plan::route::moves::{PathCurve, Route, Stretch};
+use crate::plan::route::moves::{PathCurve, Route, RouteMove};
 use crate::plan::route::surface::{LayerFoldsError, on_surface};
-use crate::plan::route::waypoint_route::{complete_route, moves};
+use crate::plan::route::waypoint_route::{complete_route, has_motion};
 use crate::settings::Settings;
 use crate::{PlacedPasses, Plan, PlanError, placed_passes, start_pose};
 use headway_firmware::configuration::Kinematics;
@@ -168,12 +168,12 @@ pub fn plan_on_surface(
         may_leave_out: false,
     };
     let routed = route_stack(&stack, &flat, progress)?;
-    for stretch in routed.route.stretches.iter().filter(|s| s.pass.is_some()) {
-        for point in &stretch.curve.control {
+    for route_move in routed.route.moves.iter().filter(|s| s.pass.is_some()) {
+        for point in &route_move.curve.control {
             under(&map, Point2::new(point[CHANNEL_X], point[CHANNEL_Y]))?;
         }
     }
-    let stretches = on_surface(&routed.route, &flat.aperture, &fitted.surface, settings)
+    let moves = on_surface(&routed.route, &flat.aperture, &fitted.surface, settings)
         .map_err(SurfaceError::from)?;
     let regions = routed.kinds.iter().take(1).flat_map(|kind| &kind.regions);
     let unreachable = regions.flat_map(|region| {
@@ -189,7 +189,7 @@ pub fn plan_on_surface(
         planned: flat.aperture,
         fitted,
     };
-    let plan = laid_out(&stretches, mesh, &map, laid, settings, progress)?;
+    let plan = laid_out(&moves, mesh, &map, laid, settings, progress)?;
     Ok(Plan {
         keep_out: keep_out.to_vec(),
         kept_out_mm2: stack.kept_out_mm2,
@@ -309,7 +309,7 @@ fn narrowed(aperture: &Aperture, slope_max_rad: f64) -> Result<Aperture, Surface
 
 /// Places what was mapped over, adds the way there and back, and finds its motion.
 fn laid_out(
-    stretches: &[Stretch],
+    moves: &[RouteMove],
     mesh: &Mesh,
     map: &HeightMap,
     laid: OnSurface,
@@ -317,7 +317,9 @@ fn laid_out(
     progress: &dyn Progress,
 ) -> Result<Plan, PlanError> {
     let [low, high] = mesh.bounds_mm();
-    let all = stretches.iter().flat_map(|stretch| &stretch.curve.control);
+    let all = moves
+        .iter()
+        .flat_map(|route_move| &route_move.curve.control);
     let corners: Vec<Point2> = all
         .clone()
         .map(|point| Point2::new(point[CHANNEL_X], point[CHANNEL_Y]))
@@ -326,9 +328,9 @@ fn laid_out(
     let top_mm = all.map(|point| point[CHANNEL_Z]).fold(low.z, f64::max);
     let bounds = Box2::of(&corners);
     let transform = PartTransform::choose_box(bounds, [low.z, top_mm], settings)?;
-    let curves = stretches.iter().filter(|stretch| moves(stretch));
+    let curves = moves.iter().filter(|route_move| has_motion(route_move));
     let curves: Vec<PathCurve> = curves
-        .map(|stretch| shifted(&stretch.curve, transform.offset_mm))
+        .map(|route_move| shifted(&route_move.curve, transform.offset_mm))
         .collect();
     let PlacedPasses {
         passes,
@@ -339,7 +341,7 @@ fn laid_out(
     let curves = passes.into_iter().flatten().collect();
     let start = start_pose(settings);
     let mesh_top_mm = high.z + transform.offset_mm[2];
-    let route = complete_route(stretches, curves, mesh_top_mm, start, settings);
+    let route = complete_route(moves, curves, mesh_top_mm, start, settings);
     let touches = touches_on(
         &route,
         settings,
@@ -384,7 +386,7 @@ fn laid_out(
 }
 
 fn passes_of(route: &Route) -> usize {
-    let passes = route.stretches.iter().filter_map(|stretch| stretch.pass);
+    let passes = route.moves.iter().filter_map(|route_move| route_move.pass);
     passes.max().map_or(0, |last| last as usize + 1)
 }
 

@@ -5,7 +5,7 @@
 //! axis along the tangent, flow on. The gantry's limits do not bind at 60 mm/s.
 
 use headway::job::MotionState;
-use headway::plan::route::moves::{PathCurve, Route, Stretch};
+use headway::plan::route::moves::{PathCurve, Route, RouteMove};
 use headway::settings::Settings;
 use headway_firmware::configuration::{JointConfiguration, Kinematics};
 use headway_firmware::pose::tilt_of_axis;
@@ -101,7 +101,7 @@ pub fn waypoint_file(length_mm: f64) -> String {
     text
 }
 
-/// The gear as one printed stretch.
+/// The gear as one printed move.
 pub fn route(length_mm: f64) -> Route {
     let control = points(length_mm)
         .iter()
@@ -113,7 +113,7 @@ pub fn route(length_mm: f64) -> Route {
         })
         .collect();
     Route {
-        stretches: vec![Stretch {
+        moves: vec![RouteMove {
             state: MotionState::Print,
             layer: 0,
             pass: Some(0),

@@ -139,7 +139,7 @@ impl Rig {
 pub struct Met {
     /// How often the queue ran dry.
     pub underruns: u64,
-    /// How often the head came to rest in the middle of a stretch.
+    /// How often the head came to rest in the middle of a move.
     pub holds: u64,
     /// Stream frames sent again.
     pub resent_frames: u64,

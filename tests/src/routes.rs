@@ -1,13 +1,13 @@
 //! Routes of known shape on the built-in planar machine, for the tests of the motion.
 
 use headway::job::MotionState;
-use headway::plan::route::moves::{PathCurve, Route, Stretch, StretchEvent};
+use headway::plan::route::moves::{MoveEvent, PathCurve, Route, RouteMove};
 use headway::settings::Settings;
 use rand::RngExt;
 use rand_pcg::Pcg32;
 
-pub fn moving(state: MotionState, control: Vec<[f64; 7]>) -> Stretch {
-    Stretch {
+pub fn moving(state: MotionState, control: Vec<[f64; 7]>) -> RouteMove {
+    RouteMove {
         state,
         layer: 0,
         pass: (state == MotionState::Print).then_some(0),
@@ -22,7 +22,7 @@ pub fn moving(state: MotionState, control: Vec<[f64; 7]>) -> Stretch {
 
 pub fn route_of(control: Vec<[f64; 7]>) -> Route {
     Route {
-        stretches: vec![moving(MotionState::Print, control)],
+        moves: vec![moving(MotionState::Print, control)],
     }
 }
 
@@ -149,14 +149,14 @@ pub fn two_passes(settings: &Settings) -> Route {
     let pass = |control: Vec<[f64; 7]>, number: u32| {
         let mut dwell = moving(MotionState::Prime, vec![control[0]]);
         dwell.dwell_s = prime_s - flow.prime_lead_s;
-        dwell.event = Some(StretchEvent::PrimeAtStart {
+        dwell.event = Some(MoveEvent::PrimeAtStart {
             volume_mm3: flow.prime_mm3,
             duration_s: prime_s,
         });
         let last = control[control.len() - 1];
         let mut print = moving(MotionState::Print, control);
         print.pass = Some(number);
-        print.event = Some(StretchEvent::RetractBeforeEnd {
+        print.event = Some(MoveEvent::RetractBeforeEnd {
             volume_mm3: flow.retract_mm3,
             duration_s: retract_s,
             lead_s: flow.retract_lead_s,
@@ -165,19 +165,19 @@ pub fn two_passes(settings: &Settings) -> Route {
         retract.dwell_s = retract_s - flow.retract_lead_s;
         [dwell, print, retract]
     };
-    route.stretches.extend(pass(first, 0));
+    route.moves.extend(pass(first, 0));
     let mut lifted = [end, begin];
     lifted[0][2] += 0.4;
     lifted[1][2] += 0.4;
     route
-        .stretches
+        .moves
         .push(moving(MotionState::Travel, vec![end, lifted[0]]));
     route
-        .stretches
+        .moves
         .push(moving(MotionState::Travel, lifted.to_vec()));
     route
-        .stretches
+        .moves
         .push(moving(MotionState::Travel, vec![lifted[1], begin]));
-    route.stretches.extend(pass(std::mem::take(&mut second), 1));
+    route.moves.extend(pass(std::mem::take(&mut second), 1));
     route
 }

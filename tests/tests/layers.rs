@@ -235,7 +235,7 @@ fn solid_layers_lie_below_and_above_the_sparse_ones() {
     }
 }
 
-/// Tip heights of a stream's printing stretches by layer, and how many passes each layer has.
+/// Tip heights of a stream's printing moves by layer, and how many passes each layer has.
 fn heights_and_passes(stream: &SegmentStream) -> Vec<(f64, usize)> {
     let mut layers: Vec<(f64, usize)> = Vec::new();
     for mark in &stream.marks {
@@ -291,7 +291,7 @@ fn layers_are_the_one_layer_stacked() {
         pool.install(|| plan_target(&target, &settings).expect("a plan"))
     };
     let (one, five) = (planned(1, 2), planned(5, 1));
-    // The last stretch of one layer lifts the head, and shows in its last knots.
+    // The last move of one layer lifts the head, and shows in its last knots.
     let same = one.stream.knots.iter().zip(&five.stream.knots);
     let same = same.take_while(|(a, b)| a == b).count();
     assert!(same + 60 > one.stream.knots.len(), "{same}");

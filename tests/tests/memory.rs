@@ -1,4 +1,4 @@
-//! Goal: what planning keeps of a long stretch stays bounded a servo tick, so that a plate of 240 mm has
+//! Goal: what planning keeps of a long move stays bounded a servo tick, so that a plate of 240 mm has
 //! room. Method: an allocator that counts, over the laying of the segments of a long spiral. A test of its own
 //! file, since all of a program shares the allocator.
 

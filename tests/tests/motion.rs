@@ -50,7 +50,7 @@ fn gear_keeps_its_limits_and_its_path() {
         assert!(worst.all() <= 1.0 + 1e-6, "{worst:?}");
         // Something must bind, or the plan is too slow.
         assert!(worst.all() > 0.97, "{worst:?}");
-        assert_eq!(report.doubled_stretches, 0);
+        assert_eq!(report.doubled_moves, 0);
         let (tip_mm, heading_rad) = worst_fit(&stream, &control);
         println!("fit {tip_mm} {heading_rad}");
         assert!(tip_mm <= settings.tolerances.tip_mm, "{tip_mm}");
@@ -77,7 +77,7 @@ fn smooth_paths_take_the_time_of_a_jerk_limited_reference() {
     ];
     for (case, control) in paths.into_iter().enumerate() {
         let route = route_of(control);
-        let reference_s = least_time_s(&derivatives_of(&route.stretches[0].curve), &limits);
+        let reference_s = least_time_s(&derivatives_of(&route.moves[0].curve), &limits);
         let (stream, _) = lay_segments(&route, &settings).unwrap();
         let mark = stream.marks.last().unwrap();
         let ticks = mark.end_tick - mark.start_tick;
@@ -131,7 +131,7 @@ fn random_curves_keep_every_limit() {
             worst.all()
         );
         assert!(worst.all() <= 1.0 + 1e-6, "case {case}: {worst:?}");
-        assert_eq!(report.doubled_stretches, 0, "case {case}");
+        assert_eq!(report.doubled_moves, 0, "case {case}");
         assert!(report.ratios.jerk <= 1.02, "case {case}: {report:?}");
         tightest = tightest.max(worst.all());
         let (tip_mm, heading_rad) = worst_fit(&stream, &control);
@@ -164,7 +164,7 @@ fn stretches_join_at_exact_rest_and_marks_have_no_gap() {
     let route = two_passes(&settings);
     let (stream, _) = lay_segments(&route, &settings).unwrap();
     let oracle = Oracle::new(&stream);
-    assert_eq!(stream.marks.len(), route.stretches.len() + 1);
+    assert_eq!(stream.marks.len(), route.moves.len() + 1);
     assert_eq!(
         stream.marks[stream.marks.len() - 1].end_tick as f64,
         oracle.end_tick()
@@ -172,9 +172,9 @@ fn stretches_join_at_exact_rest_and_marks_have_no_gap() {
     for pair in stream.marks.windows(2) {
         assert_eq!(pair[0].end_tick, pair[1].start_tick);
     }
-    for (mark, stretch) in stream.marks[1..].iter().zip(&route.stretches) {
+    for (mark, route_move) in stream.marks[1..].iter().zip(&route.moves) {
         let (start, end) = (mark.start_tick as f64, mark.end_tick as f64);
-        let control = &stretch.curve.control;
+        let control = &route_move.curve.control;
         for (tick, wanted) in [(start, control[0]), (end, control[control.len() - 1])] {
             let (p, v, a) = (oracle.at(tick, 0), oracle.at(tick, 1), oracle.at(tick, 2));
             for c in 0..7 {
@@ -182,8 +182,8 @@ fn stretches_join_at_exact_rest_and_marks_have_no_gap() {
                 assert!(v[c].abs() < 1e-6 && a[c].abs() < 1e-3);
             }
         }
-        if stretch.curve.control.len() == 1 {
-            let ticks = (stretch.dwell_s * 2000.0).ceil().max(1.0);
+        if route_move.curve.control.len() == 1 {
+            let ticks = (route_move.dwell_s * 2000.0).ceil().max(1.0);
             assert_eq!(end - start, ticks);
         }
     }
@@ -284,7 +284,7 @@ fn tilting_on_a_gantry_keeps_every_joint_within_its_limits() {
     let highest = worst.iter().flatten().fold(0.0f64, |a, &b| a.max(b));
     assert!(highest <= 1.0 + 1e-4, "{worst:?}");
     assert!(highest > 0.95, "{worst:?}");
-    assert_eq!(report.doubled_stretches, 0);
+    assert_eq!(report.doubled_moves, 0);
 }
 
 #[test]
@@ -312,7 +312,7 @@ fn places_outside_the_machine_are_refused_with_joint_and_place() {
     broken[3][1] = f64::NAN;
     assert!(matches!(
         lay_segments(&route_of(broken), &settings),
-        Err(MotionError::NotFinite { stretch: 0 })
+        Err(MotionError::NotFinite { route_move: 0 })
     ));
 }
 
@@ -322,7 +322,7 @@ fn places_outside_the_machine_are_refused_with_joint_and_place() {
 fn paths_that_take_for_ever_are_refused_with_their_place() {
     use headway::plan::motion::joint_limits::MotionError;
     let route = route_of(gear(10.0));
-    let begin = route.stretches[0].curve.control[0];
+    let begin = route.moves[0].curve.control[0];
     let slow = Settings {
         speed_mm_s: 0.008,
         ..Settings::default()

@@ -26,7 +26,7 @@ fn with_threads(threads: usize, work: impl FnOnce() -> Plan + Send) -> Plan {
 }
 
 /// Goal: every stage comes once and in order, begins with 0 of its total and ends with all of it,
-/// one step at a time; regions and stretches are what is counted. Method: a listener that keeps
+/// one step at a time; regions and moves are what is counted. Method: a listener that keeps
 /// everything it is told, with four threads; the plan beside one of a single thread that nobody
 /// listens to.
 #[test]
@@ -46,7 +46,7 @@ fn stages_come_in_order_and_reach_their_totals() {
     for calls in stages {
         let (stage, _, total) = calls[0];
         let expected = match stage {
-            Stage::Segments => plan.route.stretches.len(),
+            Stage::Segments => plan.route.moves.len(),
             _ => target.regions.len(),
         };
         assert_eq!(total, expected, "{stage:?}");

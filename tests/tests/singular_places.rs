@@ -107,10 +107,10 @@ fn assert_prints(name: &str, plan: &Plan, settings: &Settings) {
 fn led_by_rad(run: &WaypointRun, plan: &Plan) -> f64 {
     let passes = plan
         .route
-        .stretches
+        .moves
         .iter()
-        .filter(|stretch| stretch.pass.is_some());
-    let curves: Vec<_> = passes.map(|stretch| &stretch.curve).collect();
+        .filter(|route_move| route_move.pass.is_some());
+    let curves: Vec<_> = passes.map(|route_move| &route_move.curve).collect();
     let offset = Vector3::from(plan.transform.offset_mm);
     let mut worst = 0.0f64;
     for point in &run.points {

@@ -107,9 +107,9 @@ fn the_curve_is_the_gear_between_its_waypoints_too() {
     let plan = plan_waypoints(&run, &settings).unwrap();
     let print: Vec<_> = plan
         .route
-        .stretches
+        .moves
         .iter()
-        .filter(|stretch| stretch.pass.is_some())
+        .filter(|route_move| route_move.pass.is_some())
         .collect();
     assert_eq!(print.len(), 1, "the gear has no corner");
     let curve = &print[0].curve;
@@ -172,12 +172,12 @@ fn widths_and_heights_of_waypoints_are_laid() {
     let turned = straight("width_mm", 0.0, |x_mm| format!("{}", 0.6 + 0.01 * x_mm));
     let plan = plan_waypoints(&turned, &settings).unwrap();
     near(plan.figures.volume_mm3, 40.0 * 0.8 * 0.2 + start_mm3);
-    let printed = |stretch: &&headway::plan::route::moves::Stretch| stretch.pass.is_some();
-    let stretch = plan.route.stretches.iter().find(printed).unwrap();
+    let printed = |route_move: &&headway::plan::route::moves::RouteMove| route_move.pass.is_some();
+    let route_move = plan.route.moves.iter().find(printed).unwrap();
     for share in [0.1, 0.5, 0.9] {
-        let pose = stretch
+        let pose = route_move
             .curve
-            .evaluate(share * stretch.curve.span_count() as f64)
+            .evaluate(share * route_move.curve.span_count() as f64)
             .value;
         let (sin, cos) = pose[5].sin_cos();
         let width_mm = 2.0 * (0.6 * sin).hypot(0.2 * cos);
@@ -201,9 +201,9 @@ fn several_runs_are_one_job_in_order() {
     assert_eq!(plan.figures.passes, 3);
     let starts: Vec<[f64; 2]> = (0..3)
         .map(|pass| {
-            let mut stretches = plan.route.stretches.iter();
-            let first = stretches
-                .find(|stretch| stretch.pass == Some(pass))
+            let mut moves = plan.route.moves.iter();
+            let first = moves
+                .find(|route_move| route_move.pass == Some(pass))
                 .unwrap();
             let [x, y, ..] = first.curve.control[0];
             let [dx, dy, _] = plan.transform.offset_mm;

@@ -114,7 +114,7 @@ impl Motion {
         self.underruns
     }
 
-    /// How often the head came to rest in the middle of a stretch.
+    /// How often the head came to rest in the middle of a move.
     pub fn holds(&self) -> u32 {
         self.holds
     }

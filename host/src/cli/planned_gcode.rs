@@ -106,10 +106,10 @@ fn warnings(program: &GcodeProgram, planned: &GcodePlan) -> Vec<String> {
             ));
         }
     }
-    let doubled = planned.motion.doubled_stretches;
+    let doubled = planned.motion.doubled_moves;
     if doubled > 0 {
         warnings.push(format!(
-            "{doubled} stretches had to be slowed as a whole to keep the limits"
+            "{doubled} moves had to be slowed as a whole to keep the limits"
         ));
     }
     warnings

@@ -263,10 +263,10 @@ fn warnings(part: &SlicedPart, planned: &PartPlan) -> Vec<String> {
             told.collect::<Vec<_>>().join("; ")
         ));
     }
-    let doubled = planned.motion.doubled_stretches;
+    let doubled = planned.motion.doubled_moves;
     if doubled > 0 {
         warnings.push(format!(
-            "{doubled} stretches had to be slowed as a whole to keep the limits"
+            "{doubled} moves had to be slowed as a whole to keep the limits"
         ));
     }
     warnings

@@ -77,7 +77,7 @@ pub struct SimulationFigures {
     pub resent_frames: u64,
     /// How often the queue's end made the head slow down.
     pub underruns: u64,
-    /// How often the head came to rest in the middle of a stretch.
+    /// How often the head came to rest in the middle of a move.
     pub holds: u64,
     /// Faults latched.
     pub faults: u64,

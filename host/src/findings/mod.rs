@@ -201,10 +201,10 @@ fn warnings(plan: &Plan, unreachable: &[UnreachableRun], settings: &Settings) ->
             places.join(", ")
         ));
     }
-    if plan.motion.doubled_stretches > 0 {
+    if plan.motion.doubled_moves > 0 {
         warnings.push(format!(
-            "{} stretches had to be slowed as a whole to keep the limits",
-            plan.motion.doubled_stretches
+            "{} moves had to be slowed as a whole to keep the limits",
+            plan.motion.doubled_moves
         ));
     }
     warnings.extend(short_layers_note(plan.slowed, settings));

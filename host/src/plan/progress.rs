@@ -20,7 +20,7 @@ pub enum Stage {
     Passes,
     /// Passes ordered, joined and gaps filled, by region.
     Order,
-    /// Stretches of the route timed and fitted.
+    /// Moves of the route timed and fitted.
     Segments,
     /// Figures measured, by region.
     Figures,

@@ -1,4 +1,4 @@
-//! The motion of a stretch -> straight moves within a tolerance.
+//! The motion of a move -> straight moves within a tolerance.
 //!
 //! In: the channels at every servo tick. Out: ends of moves in which all axes go evenly, as far apart as
 //! the tolerances allow, by which ticks. Between two ends every tick's pose lies beside the move by no more

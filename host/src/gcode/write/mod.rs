@@ -1,7 +1,7 @@
 //! G-code out: a finished stream -> moves for another controller.
 //!
 //! ```text
-//! SegmentStream --ticks--> poses of a stretch --lines--> straight moves --dialect--> text
+//! SegmentStream --ticks--> poses of a move --lines--> straight moves --dialect--> text
 //! (servo ticks)            (mm, rad, mm³)               (mm, deg, mm of filament, mm/min)
 //! ```
 //! In: a job's stream in machine coordinates, options. Out: text of the [`Dialect`], and [`Written`]: how many
@@ -206,7 +206,7 @@ pub fn write_gcode(
                 writer.prime(*volume_mm3, *duration_s)?;
             }
         }
-        writer.stretch(mark, &mut poses)?;
+        writer.route_move(mark, &mut poses)?;
         for (_, action, volume_mm3, duration_s) in of_mark {
             if *action == FlowAction::Retract {
                 writer.retract(*volume_mm3, *duration_s)?;
@@ -367,8 +367,8 @@ impl<W: Write> Writer<'_, W> {
         format!(" {extruder}{}", short(number as f64 * 1e-5, 5))
     }
 
-    /// One stretch of the stream.
-    fn stretch(&mut self, mark: &Mark, poses: &mut Poses) -> Result<(), WriteError> {
+    /// One move of the stream.
+    fn route_move(&mut self, mark: &Mark, poses: &mut Poses) -> Result<(), WriteError> {
         let all: Vec<[f64; CHANNELS]> = (mark.start_tick..=mark.end_tick)
             .map(|tick| poses.at(tick))
             .collect();

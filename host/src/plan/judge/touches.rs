@@ -126,15 +126,15 @@ fn looks(route: &Route) -> Vec<Look> {
     let wanted =
         |a: &[f64; CHANNELS], b: &[f64; CHANNELS]| way(a, b) / LOOK_MM + turn(a, b) / LOOK_RAD;
     let legs = route
-        .stretches
+        .moves
         .iter()
-        .flat_map(|stretch| stretch.curve.control.windows(2));
+        .flat_map(|route_move| route_move.curve.control.windows(2));
     let all: f64 = legs.map(|leg| wanted(&leg[0], &leg[1])).sum();
     let share = (LOOKS_MAX / all.max(1.0)).min(1.0);
     let mut looks: Vec<Look> = Vec::new();
     let mut due = 0.0;
-    for stretch in &route.stretches {
-        let curve = &stretch.curve;
+    for route_move in &route.moves {
+        let curve = &route_move.curve;
         for (span, leg) in curve.control.windows(2).enumerate() {
             let count = share * wanted(&leg[0], &leg[1]);
             while due < count {
@@ -145,7 +145,7 @@ fn looks(route: &Route) -> Vec<Look> {
                     step_mm: looks.last().map_or(0.0, |last| (tip - last.tip).norm()),
                     tip,
                     axis: tool_axis(tilt),
-                    lays: stretch.state == MotionState::Print,
+                    lays: route_move.state == MotionState::Print,
                 });
                 due += 1.0;
             }
@@ -236,7 +236,7 @@ mod tests {
     //! Goal: what touches is told with its depth, what does not is not. Method: places whose distances
     //! are worked out by hand.
     use super::*;
-    use crate::plan::route::moves::{PathCurve, Stretch};
+    use crate::plan::route::moves::{PathCurve, RouteMove};
 
     const HEAD: HeadShape = HeadShape {
         nozzle_tip_radius_mm: 1.0,
@@ -252,7 +252,7 @@ mod tests {
     }
 
     fn route(legs: &[(MotionState, [[f64; CHANNELS]; 2])]) -> Route {
-        let stretch = |(state, ends): &(MotionState, [[f64; CHANNELS]; 2])| Stretch {
+        let route_move = |(state, ends): &(MotionState, [[f64; CHANNELS]; 2])| RouteMove {
             state: *state,
             layer: 0,
             pass: None,
@@ -266,7 +266,7 @@ mod tests {
             event: None,
         };
         Route {
-            stretches: legs.iter().map(stretch).collect(),
+            moves: legs.iter().map(route_move).collect(),
         }
     }
 

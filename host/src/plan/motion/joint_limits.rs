@@ -1,6 +1,6 @@
 //! Limits of joints, tip, flow and extruder, and the motion of the joints under a path.
 //!
-//! In: the settings; motion of the channels by any parameter. Out: the limits that bind a stretch
+//! In: the settings; motion of the channels by any parameter. Out: the limits that bind a move
 //! (the plan's share of the machine's), joint motion by the same parameter.
 
 use crate::job::MotionState;
@@ -66,19 +66,19 @@ pub enum MotionError {
         /// Tip position, machine coordinates.
         at_mm: [f64; 3],
     },
-    /// A control point is not finite, or a stretch has none.
-    #[error("stretch {stretch} of the route has no finite path; this is a fault of the planner")]
+    /// A control point is not finite, or a move has none.
+    #[error("move {route_move} of the route has no finite path; this is a fault of the planner")]
     NotFinite {
         /// Index in the route.
-        stretch: usize,
+        route_move: usize,
     },
-    /// A stretch does not begin where the one before it ended.
+    /// A move does not begin where the one before it ended.
     #[error(
-        "stretch {stretch} of the route begins {gap:.6} away from the end of the one before it"
+        "move {route_move} of the route begins {gap:.6} away from the end of the one before it"
     )]
     Gap {
         /// Index in the route.
-        stretch: usize,
+        route_move: usize,
         /// Largest difference of a channel, mm, rad or mm³.
         gap: f64,
     },
@@ -88,7 +88,7 @@ pub enum MotionError {
         /// Which one.
         name: &'static str,
     },
-    /// A stretch would take for ever.
+    /// A move would take for ever.
     #[error(
         "the path that begins with the tip at {from_mm:.3?} mm (machine coordinates) would take \
          {duration_s:.0} s ({at_speed_s:.0} s at its speed), more than the {most_s:.0} s that can be \
@@ -179,20 +179,20 @@ pub struct JointLimit {
     pub jerk_max: f64,
 }
 
-/// All limits that bind a stretch, share applied.
+/// All limits that bind a move, share applied.
 #[derive(Clone, Debug, PartialEq)]
 pub struct MotionLimits {
     /// The machine's equations.
     pub kinematics: Kinematics,
     /// What the controller checks of every span that it is sent.
     pub span_check: LoadModel,
-    /// Turns of the joints where the stretch begins.
+    /// Turns of the joints where the move begins.
     pub winding: Winding<f64>,
     /// One for each joint, in the machine's order.
     pub joints: Vec<JointLimit>,
     /// Tip speed, mm/s.
     pub tip_speed_mm_s: f64,
-    /// Tip speeds asked along the path, by its parameter; see `Stretch::speeds_mm_s`.
+    /// Tip speeds asked along the path, by its parameter; see `RouteMove::speeds_mm_s`.
     pub asked_mm_s: Vec<[f64; 2]>,
     /// Length of the tip's acceleration vector, mm/s².
     pub tip_acceleration_mm_s2: f64,
@@ -215,7 +215,7 @@ pub struct MotionLimits {
 }
 
 impl MotionLimits {
-    /// The limits of a kind of stretch: travel has its own tip speed.
+    /// The limits of a kind of move: travel has its own tip speed.
     pub fn of(settings: &Settings, state: MotionState) -> Result<Self, MotionError> {
         let machine = &settings.machine;
         let share = settings.plan_share;

@@ -1,7 +1,7 @@
-//! Which joint solution a route is run in, and the turns of the joints where each stretch begins.
+//! Which joint solution a route is run in, and the turns of the joints where each move begins.
 //!
 //! In: the route and the machine. Out: the machine in the solution that is fastest by its joints'
-//! speeds, and for every stretch the joints' turns at its start. The joints are followed along the whole
+//! speeds, and for every move the joints' turns at its start. The joints are followed along the whole
 //! route, as the controller will follow them: a solution that leaves a range, or in which a joint would
 //! have to jump, falls out; where all do, the error is that of the one that came furthest. Between two
 //! solutions there is a singular pose, so that a route keeps to one; a change between two passes would
@@ -26,7 +26,7 @@ const LOOKS_PER_SPAN: [f64; 2] = [2.0, 4000.0];
 const CLOSER_RAD: f64 = 0.5;
 const HALVINGS_MAX: u32 = 10;
 
-/// Joint turns at the start of each stretch.
+/// Joint turns at the start of each move.
 pub type Windings = Vec<Winding<f64>>;
 
 /// A route followed in one joint solution.
@@ -37,7 +37,7 @@ pub struct Followed {
     /// Least time by those of the joints alone: of two solutions that the tip's speed binds, the one
     /// whose joints have less to do is better.
     joint_seconds: f64,
-    /// Turns at the start of each stretch.
+    /// Turns at the start of each move.
     pub windings: Windings,
 }
 
@@ -56,7 +56,7 @@ pub fn choose_solution(
     settings: &Settings,
 ) -> Result<(Settings, Windings), MotionError> {
     if winds(&settings.machine.kinematics) == 0 {
-        let windings = vec![Winding::default(); route.stretches.len()];
+        let windings = vec![Winding::default(); route.moves.len()];
         return Ok((settings.clone(), windings));
     }
     fastest(route, settings).map(|(with_it, followed)| (with_it, followed.windings))
@@ -103,11 +103,11 @@ pub fn fastest(route: &Route, settings: &Settings) -> Result<(Settings, Followed
 /// # Errors
 /// After how many looks it failed, and why.
 pub fn follow(route: &Route, settings: &Settings) -> Result<Followed, (usize, MotionError)> {
-    let mut windings = Vec::with_capacity(route.stretches.len());
+    let mut windings = Vec::with_capacity(route.moves.len());
     let mut follower: Option<Follower<'_>> = None;
-    for stretch in &route.stretches {
-        let limits = MotionLimits::of(settings, stretch.state).map_err(|error| (0, error))?;
-        let Some(start) = stretch.curve.control.first() else {
+    for route_move in &route.moves {
+        let limits = MotionLimits::of(settings, route_move.state).map_err(|error| (0, error))?;
+        let Some(start) = route_move.curve.control.first() else {
             windings.push(follower.as_ref().map_or(Winding::default(), |f| f.winding));
             continue;
         };
@@ -118,7 +118,7 @@ pub fn follow(route: &Route, settings: &Settings) -> Result<Followed, (usize, Mo
             continue;
         };
         windings.push(follower.winding);
-        if let Err(error) = follower.along(&stretch.curve, &limits) {
+        if let Err(error) = follower.along(&route_move.curve, &limits) {
             return Err((follower.looks, error));
         }
     }

@@ -67,7 +67,7 @@ const SAMPLE_STEP_RAD: f64 = 0.03;
 /// Longest time between samples at the limit of the tip's speed: where it alone binds, the rate
 /// follows the shape of the path, and between coarser samples of a slow path it runs beyond.
 const SAMPLE_STEP_S: f64 = 0.1;
-/// Least samples a span and a stretch: second derivatives are linear in a span.
+/// Least samples a span and a move: second derivatives are linear in a span.
 const SAMPLES_PER_SPAN_MIN: usize = 2;
 const SAMPLES_PER_STRETCH_MIN: usize = 200;
 /// Bound for absurdly long spans: the grid only gets coarser.

@@ -41,7 +41,7 @@ const WRIST: usize = 4;
 
 type Point = [f64; CHANNELS];
 
-/// The passes of a run, each as stretches from rest to rest.
+/// The passes of a run, each as moves from rest to rest.
 pub type Passes = Vec<Vec<PathCurve>>;
 
 /// How a run passes its singular places.
@@ -256,7 +256,7 @@ fn least_tilt(from: Vector2<f64>, to: Vector2<f64>) -> f64 {
     (from + share.clamp(0.0, 1.0) * step).norm()
 }
 
-/// What is added around a near stretch, as a share of the tolerance.
+/// What is added around a stretch near a singular place, as a share of the tolerance.
 struct Lead {
     /// Where it begins to grow, is whole, begins to shrink, has gone: way, mm.
     ways_mm: [f64; 4],

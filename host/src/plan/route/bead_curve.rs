@@ -47,7 +47,7 @@ const WIDTH_SHARE: f64 = 0.02;
 #[derive(Clone, Debug, PartialEq)]
 pub struct BeadCurve {
     /// Control points from rest to rest, and the tip speed, mm/s.
-    pub stretches: Vec<(Vec<[f64; CHANNELS]>, f64)>,
+    pub moves: Vec<(Vec<[f64; CHANNELS]>, f64)>,
     /// Length whose bead is wider than the nozzle lays, and narrower, mm.
     pub beyond_mm: [f64; 2],
 }
@@ -62,7 +62,7 @@ struct Way {
 impl BeadCurve {
     /// Headings of all control points.
     pub fn headings_rad(&self) -> impl Iterator<Item = f64> {
-        let control = self.stretches.iter().flat_map(|(control, _)| control);
+        let control = self.moves.iter().flat_map(|(control, _)| control);
         control.map(|point| point[CHANNEL_HEADING])
     }
 }
@@ -84,10 +84,10 @@ pub fn bead_curve(
     };
     let volumes_mm3 = way.volumes_mm3(&widths_mm, &headings, settings);
     let control = way.control(&headings, &volumes_mm3, aperture);
-    let mut stretches = Vec::new();
+    let mut moves = Vec::new();
     for ([from, to], speed_mm_s) in way.speed_runs() {
         let [from, to] = [from, to].map(|node| control.vertices[node]);
-        stretches.push((control.points[from..=to].to_vec(), speed_mm_s));
+        moves.push((control.points[from..=to].to_vec(), speed_mm_s));
     }
     let mut beyond_mm = [0.0; 2];
     if !headings_told {
@@ -98,10 +98,7 @@ pub fn bead_curve(
             beyond_mm[1] += f64::from(u8::from(narrow)) * length_mm;
         }
     }
-    Some(BeadCurve {
-        stretches,
-        beyond_mm,
-    })
+    Some(BeadCurve { moves, beyond_mm })
 }
 
 fn direction(from: &Place, to: &Place) -> [f64; 3] {

@@ -2,7 +2,7 @@
 //!
 //! Every pass: travel above its start with the heading turned on the way, lower, prime, print,
 //! retract, lift. A pass that begins right above the end of the one before it is risen to, without a
-//! retract. Each piece is a rest-to-rest stretch. All in machine coordinates.
+//! retract. Each piece is a rest-to-rest move. All in machine coordinates.
 //!
 //! In: curves of the passes (mm, rad, mm³) in order, the pose at rest before them. Out: moves with
 //! their curves and the volumes of prime and retract (mm³). Leaves out: time, which the motion
@@ -17,7 +17,7 @@ use crate::plan::pass::PassKind;
 use crate::plan::route::flow::pass_volumes::volumes_mm3;
 use crate::plan::route::hop::{CROSS_MIN_MM, Hop};
 use crate::plan::route::keep_out::Way;
-use crate::plan::route::moves::{PathCurve, Route, Stretch, StretchEvent};
+use crate::plan::route::moves::{MoveEvent, PathCurve, Route, RouteMove};
 use crate::plan::route::travel::{TravelError, TravelWays};
 use crate::settings::Settings;
 use crate::settings::kinds::KindSettings;
@@ -86,7 +86,7 @@ fn follows_above(pass: &PlanePass, next: &PlanePass) -> bool {
 
 /// Lifts the head off at the end of a route.
 pub fn lift_at_end(route: &mut Route, settings: &Settings) {
-    let last = route.stretches.last().map(|last| last.layer);
+    let last = route.moves.last().map(|last| last.layer);
     let (Some(layer), Some(at)) = (last, route.end()) else {
         return;
     };
@@ -101,7 +101,7 @@ pub fn lift_at_end(route: &mut Route, settings: &Settings) {
 }
 
 impl Head<'_> {
-    /// A straight stretch to the given channel values; nothing where it would not move.
+    /// A straight move to the given channel values; nothing where it would not move.
     fn line(&mut self, state: MotionState, layer: u32, to: &[(usize, f64)]) {
         let mut target = self.at;
         for &(channel, value) in to {
@@ -120,13 +120,13 @@ impl Head<'_> {
         pass: Option<u32>,
         control: Vec<[f64; CHANNELS]>,
         dwell_s: f64,
-        event: Option<StretchEvent>,
+        event: Option<MoveEvent>,
     ) {
         if let Some(&last) = control.last() {
             self.at = last;
         }
         let curve = PathCurve { control };
-        self.route.stretches.push(Stretch {
+        self.route.moves.push(RouteMove {
             state,
             layer,
             pass,
@@ -239,7 +239,7 @@ impl Head<'_> {
         let pr = self.settings.prime_retract;
         let duration_s = event_duration_s(pr.prime_mm3, pr.prime_rate_mm3_s);
         if duration_s > 0.0 {
-            let event = StretchEvent::PrimeAtStart {
+            let event = MoveEvent::PrimeAtStart {
                 volume_mm3: pr.prime_mm3,
                 duration_s,
             };
@@ -255,7 +255,7 @@ impl Head<'_> {
         let control = self.print_control(pass, volume_mm3, flow);
         let number = Some(number);
         self.push(MotionState::Print, pass.layer, number, control, 0.0, None);
-        if let Some(printed) = self.route.stretches.last_mut() {
+        if let Some(printed) = self.route.moves.last_mut() {
             let share = self.settings.plan_share;
             printed.speed_mm_s = asked.speed_mm_s.map(|speed| speed * share);
             printed.acceleration_mm_s2 = asked.acceleration_mm_s2.map(|bend| bend * share);
@@ -268,9 +268,9 @@ impl Head<'_> {
         let duration_s = event_duration_s(pr.retract_mm3, pr.retract_rate_mm3_s);
         let lead_s = pr.retract_lead_s.min(duration_s);
         if duration_s > 0.0
-            && let Some(printed) = self.route.stretches.last_mut()
+            && let Some(printed) = self.route.moves.last_mut()
         {
-            printed.event = Some(StretchEvent::RetractBeforeEnd {
+            printed.event = Some(MoveEvent::RetractBeforeEnd {
                 volume_mm3: pr.retract_mm3,
                 duration_s,
                 lead_s,

@@ -11,7 +11,7 @@ use crate::job::MotionState;
 use crate::plan::route::bead_curve::{BeadCurve, bead_curve, travel_control};
 use crate::plan::route::build_route::entry_heading_of;
 use crate::plan::route::flow::event_duration_s;
-use crate::plan::route::moves::{PathCurve, Route, Stretch, StretchEvent};
+use crate::plan::route::moves::{MoveEvent, PathCurve, Route, RouteMove};
 use crate::settings::Settings;
 use headway_protocol::units::{
     CHANNEL_HEADING, CHANNEL_VOLUME, CHANNEL_X, CHANNEL_Y, CHANNEL_Z, CHANNELS,
@@ -85,17 +85,17 @@ pub fn gcode_route(
 }
 
 impl Head<'_> {
-    fn stretch(
+    fn route_move(
         &mut self,
         state: MotionState,
         layer: u32,
         control: Vec<[f64; CHANNELS]>,
-    ) -> &mut Stretch {
+    ) -> &mut RouteMove {
         if let Some(&last) = control.last() {
             self.at = last;
         }
-        let stretches = &mut self.made.route.stretches;
-        stretches.push(Stretch {
+        let moves = &mut self.made.route.moves;
+        moves.push(RouteMove {
             state,
             layer,
             pass: None,
@@ -106,14 +106,14 @@ impl Head<'_> {
             acceleration_mm_s2: None,
             event: None,
         });
-        let last = stretches.len() - 1;
-        &mut stretches[last]
+        let last = moves.len() - 1;
+        &mut moves[last]
     }
 
     fn line(&mut self, layer: u32, to: [f64; CHANNELS]) {
         if to != self.at {
             let control = vec![self.at, to];
-            self.stretch(MotionState::Travel, layer, control);
+            self.route_move(MotionState::Travel, layer, control);
         }
     }
 
@@ -168,7 +168,7 @@ impl Head<'_> {
             *first = from;
             *last = to;
         }
-        self.stretch(MotionState::Travel, pass.layer, control);
+        self.route_move(MotionState::Travel, pass.layer, control);
     }
 
     /// Volume, duration of a push; `None` where there is none.
@@ -203,22 +203,19 @@ impl Head<'_> {
             of_machine.retract_rate_mm3_s,
         );
         if let Some((volume_mm3, duration_s)) = prime {
-            let stretch = self.stretch(MotionState::Prime, pass.layer, vec![self.at]);
-            stretch.dwell_s = (duration_s - of_machine.prime_lead_s).max(0.0);
-            stretch.event = Some(StretchEvent::PrimeAtStart {
+            let route_move = self.route_move(MotionState::Prime, pass.layer, vec![self.at]);
+            route_move.dwell_s = (duration_s - of_machine.prime_lead_s).max(0.0);
+            route_move.event = Some(MoveEvent::PrimeAtStart {
                 volume_mm3,
                 duration_s,
             });
         }
-        let first = curve
-            .stretches
-            .first()
-            .and_then(|(control, _)| control.first());
+        let first = curve.moves.first().and_then(|(control, _)| control.first());
         let turn_rad = first.map_or(0.0, |first| {
             self.at[CHANNEL_HEADING] - first[CHANNEL_HEADING]
         });
         let start = self.at;
-        for (k, (control, speed_mm_s)) in curve.stretches.iter().enumerate() {
+        for (k, (control, speed_mm_s)) in curve.moves.iter().enumerate() {
             let control = control.iter().map(|of_file| {
                 let mut point = start;
                 for (i, channel) in (CHANNEL_X..=CHANNEL_Z).enumerate() {
@@ -229,14 +226,14 @@ impl Head<'_> {
                 point
             });
             let control = control.collect();
-            let stretch = self.stretch(MotionState::Print, pass.layer, control);
-            stretch.pass = Some(number);
-            stretch.speed_mm_s = Some(*speed_mm_s);
+            let route_move = self.route_move(MotionState::Print, pass.layer, control);
+            route_move.pass = Some(number);
+            route_move.speed_mm_s = Some(*speed_mm_s);
             if let Some((volume_mm3, duration_s)) = retract
-                && k + 1 == curve.stretches.len()
+                && k + 1 == curve.moves.len()
             {
                 let lead_s = of_machine.retract_lead_s.min(duration_s);
-                stretch.event = Some(StretchEvent::RetractBeforeEnd {
+                route_move.event = Some(MoveEvent::RetractBeforeEnd {
                     volume_mm3,
                     duration_s,
                     lead_s,
@@ -246,7 +243,7 @@ impl Head<'_> {
         if let Some((_, duration_s)) = retract {
             let dwell_s = duration_s - of_machine.retract_lead_s.min(duration_s);
             if dwell_s > 0.0 {
-                self.stretch(MotionState::Retract, pass.layer, vec![self.at])
+                self.route_move(MotionState::Retract, pass.layer, vec![self.at])
                     .dwell_s = dwell_s;
             }
         }

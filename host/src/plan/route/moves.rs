@@ -1,4 +1,4 @@
-//! The route: everything the head does, in order, as rest-to-rest stretches of C² curves.
+//! The route: everything the head does, in order, as rest-to-rest moves of C² curves.
 //!
 //! In and out: the types that the route and the motion stage share; mm, rad, mm³.
 
@@ -17,14 +17,14 @@ pub struct PathCurve {
 
 /// One rest-to-rest piece of the route.
 #[derive(Clone, Debug, PartialEq)]
-pub struct Stretch {
+pub struct RouteMove {
     /// What it is.
     pub state: MotionState,
     /// Layer from 0.
     pub layer: u32,
     /// Pass number over the whole job, where it belongs to one.
     pub pass: Option<u32>,
-    /// Where it goes. Prime and hold stretches are dwells of `dwell_s`.
+    /// Where it goes. Prime and hold moves are dwells of `dwell_s`.
     pub curve: PathCurve,
     /// Least duration; the only duration of a dwell.
     pub dwell_s: f64,
@@ -34,21 +34,21 @@ pub struct Stretch {
     pub speeds_mm_s: Vec<[f64; 2]>,
     /// Tip acceleration of its own, below that of its state, mm/s².
     pub acceleration_mm_s2: Option<f64>,
-    /// Flow event that starts with the stretch (prime), or so long before its end (retract).
-    pub event: Option<StretchEvent>,
+    /// Flow event that starts with the move (prime), or so long before its end (retract).
+    pub event: Option<MoveEvent>,
 }
 
-/// A prime or retract tied to a stretch.
+/// A prime or retract tied to a move.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub enum StretchEvent {
-    /// Starts with the stretch (a `Prime` dwell whose `dwell_s` is the duration less the lead).
+pub enum MoveEvent {
+    /// Starts with the move (a `Prime` dwell whose `dwell_s` is the duration less the lead).
     PrimeAtStart {
         /// Volume, mm³.
         volume_mm3: f64,
         /// Duration of the push, s.
         duration_s: f64,
     },
-    /// Starts `lead_s` before the stretch's end (a `Print` stretch; the retract runs on into the
+    /// Starts `lead_s` before the move's end (a `Print` move; the retract runs on into the
     /// `Retract` dwell that follows).
     RetractBeforeEnd {
         /// Volume, mm³.
@@ -63,13 +63,13 @@ pub enum StretchEvent {
 /// The whole route, in machine coordinates.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct Route {
-    /// Stretches in order; each begins where the one before it ended.
-    pub stretches: Vec<Stretch>,
+    /// Moves in order; each begins where the one before it ended.
+    pub moves: Vec<RouteMove>,
 }
 
 impl Route {
     /// Where it ends; `None` where it does not begin.
     pub fn end(&self) -> Option<[f64; CHANNELS]> {
-        self.stretches.last()?.curve.control.last().copied()
+        self.moves.last()?.curve.control.last().copied()
     }
 }

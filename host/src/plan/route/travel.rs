@@ -134,9 +134,9 @@ pub fn outline_crossings(route: &Route, regions: &[Region]) -> usize {
         .map(|region| TravelRouter::ground_of(region.rings(), true, 0.0))
         .collect();
     let (mut crossings, mut printed, mut crosses) = (0, false, false);
-    for stretch in &route.stretches {
-        let points = stretch.curve.control.iter();
-        match stretch.state {
+    for route_move in &route.moves {
+        let points = route_move.curve.control.iter();
+        match route_move.state {
             MotionState::Travel if printed => {
                 let way: Vec<Point2> = points
                     .map(|c| Point2::new(c[CHANNEL_X], c[CHANNEL_Y]))

@@ -13,7 +13,7 @@ use crate::job::MotionState;
 use crate::plan::route::build_route::{event_duration_s, nearest_heading};
 use crate::plan::route::flow::Bead;
 use crate::plan::route::flow::fresh_ground::FreshShares;
-use crate::plan::route::moves::{PathCurve, Route, Stretch, StretchEvent};
+use crate::plan::route::moves::{MoveEvent, PathCurve, Route, RouteMove};
 use crate::plan::route::waypoint_curve::upright;
 use crate::settings::Settings;
 use headway_firmware::kinematics::follows_pose;
@@ -57,11 +57,11 @@ pub fn waypoint_route(passes: Vec<Vec<PathCurve>>, start: Point, settings: &Sett
     )
 }
 
-/// The route along stretches that are complete with flow and events: the way to the first and from the
+/// The route along moves that are complete with flow and events: the way to the first and from the
 /// last of them is added, above `top_mm` where the head comes from above. `curves` replace those of all
-/// stretches that move, in order.
+/// moves that move, in order.
 pub fn complete_route(
-    stretches: &[Stretch],
+    moves: &[RouteMove],
     curves: Vec<PathCurve>,
     top_mm: f64,
     start: Point,
@@ -78,8 +78,8 @@ pub fn complete_route(
             let mut here = curves
                 .peek()
                 .and_then(|curve| curve.control.first().copied());
-            for stretch in stretches {
-                let curve = match (moves(stretch), here) {
+            for route_move in moves {
+                let curve = match (has_motion(route_move), here) {
                     (true, _) => curves.next(),
                     (false, here) => here.map(|here| PathCurve {
                         control: vec![here],
@@ -87,18 +87,18 @@ pub fn complete_route(
                 };
                 let Some(curve) = curve else { break };
                 here = curve.control.last().copied();
-                route.stretches.push(Stretch {
+                route.moves.push(RouteMove {
                     curve,
-                    ..stretch.clone()
+                    ..route_move.clone()
                 });
             }
         },
     )
 }
 
-/// True where a stretch is no dwell.
-pub fn moves(stretch: &Stretch) -> bool {
-    stretch.curve.control.len() > 1
+/// True where a move is no dwell.
+pub fn has_motion(route_move: &RouteMove) -> bool {
+    route_move.curve.control.len() > 1
 }
 
 /// The same way without flow: to see whether the joints can follow.
@@ -185,7 +185,7 @@ fn along(
 }
 
 fn end_of(route: &Route) -> Option<Point> {
-    let last = route.stretches.last()?;
+    let last = route.moves.last()?;
     last.curve.control.last().copied()
 }
 
@@ -274,7 +274,7 @@ impl Clearance {
         });
         let control: Vec<Point> = control.collect();
         if off != over {
-            route.stretches.push(stretch(MotionState::Travel, control));
+            route.moves.push(route_move(MotionState::Travel, control));
         }
         line(route, over, to);
     }
@@ -309,8 +309,8 @@ fn polar_between(from: Vector2<f64>, to: Vector2<f64>, share: f64) -> Vector2<f6
     size * (Rotation2::new(share * polar_turn_rad(from, to)) * base)
 }
 
-fn stretch(state: MotionState, control: Vec<Point>) -> Stretch {
-    Stretch {
+fn route_move(state: MotionState, control: Vec<Point>) -> RouteMove {
+    RouteMove {
         state,
         layer: 0,
         pass: None,
@@ -327,8 +327,8 @@ fn stretch(state: MotionState, control: Vec<Point>) -> Stretch {
 fn line(route: &mut Route, from: Point, to: Point) {
     if from != to {
         route
-            .stretches
-            .push(stretch(MotionState::Travel, vec![from, to]));
+            .moves
+            .push(route_move(MotionState::Travel, vec![from, to]));
     }
 }
 
@@ -348,36 +348,36 @@ fn print(route: &mut Route, curves: Vec<PathCurve>, pass: u32, settings: &Settin
     let prime_s = event_duration_s(pr.prime_mm3, pr.prime_rate_mm3_s);
     let retract_s = event_duration_s(pr.retract_mm3, pr.retract_rate_mm3_s);
     if prime_s > 0.0 {
-        route.stretches.push(Stretch {
+        route.moves.push(RouteMove {
             dwell_s: (prime_s - pr.prime_lead_s).max(0.0),
-            event: Some(StretchEvent::PrimeAtStart {
+            event: Some(MoveEvent::PrimeAtStart {
                 volume_mm3: pr.prime_mm3,
                 duration_s: prime_s,
             }),
-            ..stretch(MotionState::Prime, vec![curves[0].control[0]])
+            ..route_move(MotionState::Prime, vec![curves[0].control[0]])
         });
     }
     let count = curves.len();
     let lead_s = pr.retract_lead_s.min(retract_s);
     for (number, curve) in curves.into_iter().enumerate() {
-        let retract = StretchEvent::RetractBeforeEnd {
+        let retract = MoveEvent::RetractBeforeEnd {
             volume_mm3: pr.retract_mm3,
             duration_s: retract_s,
             lead_s,
         };
         let is_last = number + 1 == count;
-        route.stretches.push(Stretch {
+        route.moves.push(RouteMove {
             pass: Some(pass),
             event: (is_last && retract_s > 0.0).then_some(retract),
-            ..stretch(MotionState::Print, curve.control)
+            ..route_move(MotionState::Print, curve.control)
         });
     }
     if let Some(end) = end_of(route)
         && retract_s > lead_s
     {
-        route.stretches.push(Stretch {
+        route.moves.push(RouteMove {
             dwell_s: retract_s - lead_s,
-            ..stretch(MotionState::Retract, vec![end])
+            ..route_move(MotionState::Retract, vec![end])
         });
     }
 }

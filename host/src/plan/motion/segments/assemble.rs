@@ -1,11 +1,11 @@
-//! Finished stretches -> one stream: knots with their durations, events by span, marks by tick.
+//! Finished moves -> one stream: knots with their durations, events by span, marks by tick.
 //!
 //! Knot n carries control point P_n and the duration of span n + 2 (see
 //! `headway_protocol::segment`), so control points and durations are shifted by two spans.
 
-use super::FinishedStretch;
+use super::FinishedMove;
 use crate::job::{Mark, MotionState, SegmentStream};
-use crate::plan::route::moves::{Route, Stretch, StretchEvent};
+use crate::plan::route::moves::{MoveEvent, Route, RouteMove};
 use crate::settings::Settings;
 use headway_protocol::segment::{FlowAction, FlowEvent, Knot, REST_TICKS, SPAN_TICKS_MAX};
 use headway_protocol::units::{CHANNEL_VOLUME, ChannelPoint, Ticks, UNITS_PER_NATURAL, to_units};
@@ -18,11 +18,11 @@ pub fn dwell_spans(ticks: u64) -> Vec<u16> {
         .collect()
 }
 
-/// Spans at rest before the first stretch: the wire fixes the durations of spans 0 and 1.
+/// Spans at rest before the first move: the wire fixes the durations of spans 0 and 1.
 const LEAD_IN_SPANS: usize = 2;
 
-/// Joins the stretches.
-pub fn assemble(route: &Route, finished: &[FinishedStretch], settings: &Settings) -> SegmentStream {
+/// Joins the moves.
+pub fn assemble(route: &Route, finished: &[FinishedMove], settings: &Settings) -> SegmentStream {
     let servo_hz = f64::from(settings.machine.servo_hz);
     let Some(first) = finished.first() else {
         return SegmentStream::default();
@@ -35,13 +35,13 @@ pub fn assemble(route: &Route, finished: &[FinishedStretch], settings: &Settings
         start_tick: 0,
         end_tick: tick,
         state: MotionState::Hold,
-        layer: route.stretches.first().map_or(0, |stretch| stretch.layer),
+        layer: route.moves.first().map_or(0, |route_move| route_move.layer),
         pass: None,
     }];
     let mut events = Vec::new();
-    for (stretch, motion) in route.stretches.iter().zip(finished) {
+    for (route_move, motion) in route.moves.iter().zip(finished) {
         let spans = &motion.spline.durations_ticks;
-        if let Some(event) = flow_event(stretch, spans, durations.len(), servo_hz) {
+        if let Some(event) = flow_event(route_move, spans, durations.len(), servo_hz) {
             events.push(event);
         }
         durations.extend(spans);
@@ -50,9 +50,9 @@ pub fn assemble(route: &Route, finished: &[FinishedStretch], settings: &Settings
         marks.push(Mark {
             start_tick: tick,
             end_tick,
-            state: stretch.state,
-            layer: stretch.layer,
-            pass: stretch.pass,
+            state: route_move.state,
+            layer: route_move.layer,
+            pass: route_move.pass,
         });
         tick = end_tick;
     }
@@ -74,21 +74,21 @@ pub fn assemble(route: &Route, finished: &[FinishedStretch], settings: &Settings
     }
 }
 
-/// The wire's event for a stretch whose first span is `first_span` of the stream.
+/// The wire's event for a move whose first span is `first_span` of the stream.
 fn flow_event(
-    stretch: &Stretch,
+    route_move: &RouteMove,
     spans: &[u16],
     first_span: usize,
     servo_hz: f64,
 ) -> Option<FlowEvent> {
     let stretch_ticks: u64 = spans.iter().map(|&ticks| u64::from(ticks)).sum();
     let in_ticks = |seconds: f64| (seconds * servo_hz).round().max(0.0) as u64;
-    let (action, volume_mm3, duration_s, mut offset) = match stretch.event? {
-        StretchEvent::PrimeAtStart {
+    let (action, volume_mm3, duration_s, mut offset) = match route_move.event? {
+        MoveEvent::PrimeAtStart {
             volume_mm3,
             duration_s,
         } => (FlowAction::Prime, volume_mm3, duration_s, 0),
-        StretchEvent::RetractBeforeEnd {
+        MoveEvent::RetractBeforeEnd {
             volume_mm3,
             duration_s,
             lead_s,

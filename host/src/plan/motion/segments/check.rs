@@ -1,4 +1,4 @@
-//! Check of a finished stretch against every limit, in joint space, on the quantised spline.
+//! Check of a finished move against every limit, in joint space, on the quantised spline.
 //!
 //! In: a spline from rest to rest, limits (the plan's share), flow events that overlap it. Out: the
 //! worst speed, acceleration and jerk ratio of every piece of a few ticks. On a linear machine the
@@ -43,10 +43,10 @@ impl Ratios {
     }
 }
 
-/// Ratios between two ticks of the stretch.
+/// Ratios between two ticks of the move.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Piece {
-    /// First tick, from the stretch's start.
+    /// First tick, from the move's start.
     pub start_tick: f64,
     /// Last tick.
     pub end_tick: f64,
@@ -92,10 +92,10 @@ impl Piece {
     }
 }
 
-/// A prime or retract that runs during a stretch.
+/// A prime or retract that runs during a move.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct EventRun {
-    /// Start, ticks from the stretch's start; negative where it began before.
+    /// Start, ticks from the move's start; negative where it began before.
     pub start_tick: f64,
     /// Duration, ticks.
     pub duration_ticks: f64,
@@ -340,7 +340,7 @@ pub fn refused_spans(
     Ok(pieces)
 }
 
-/// dV/dt and d²V/dt² at every tick of a stretch, per second.
+/// dV/dt and d²V/dt² at every tick of a move, per second.
 fn flow_at_ticks(spline: &RestSpline, servo_hz: f64) -> Vec<(f64, f64)> {
     let mut flow = vec![(0.0, 0.0); spline.ticks() as usize + 1];
     let mut rest = &mut flow[1..];
@@ -369,7 +369,7 @@ const TICKS_AT_ONCE: usize = 4096;
 /// tick until the advance has left its window: with the advance centred on the motion, e' at t is
 /// V'(t - W/2) + events(t - W/2) + (K/W) (V'(t) - V'(t - W)).
 /// A piece beyond its limit is listed where it happens and where its delayed part came from; one
-/// piece has the worst of all others. Empty for a stretch that lays nothing.
+/// piece has the worst of all others. Empty for a move that lays nothing.
 pub fn check_extruder(
     spline: &RestSpline,
     limits: &MotionLimits,

@@ -14,7 +14,7 @@ use headway_protocol::units::CHANNELS;
 /// Shortest span: 3 ms. In a shorter one the rounding to wire units is felt as acceleration (0.1 um
 /// in 1 ms is 100 mm/s²), and the time law has nothing faster.
 const SPAN_TICKS_MIN: usize = 6;
-/// Longest span of a moving stretch: 128 ms, or as long as the tip takes for a way of 0.1 mm. In a
+/// Longest span of a move: 128 ms, or as long as the tip takes for a way of 0.1 mm. In a
 /// shorter way the rounding to wire units is felt as speed (0.1 um in 0.1 mm is 0.1 %). Half of
 /// what the wire has leaves room for slowing.
 const SPAN_TICKS_LONG: f64 = 256.0;
@@ -36,7 +36,7 @@ const ERROR_KEPT: f64 = 1.75;
 /// tolerance with room for what lies between ticks.
 pub const ERROR_MAX: f64 = 1.8;
 
-/// Longest span, ticks, of a stretch with this limit of the tip's speed.
+/// Longest span, ticks, of a move with this limit of the tip's speed.
 pub fn span_ticks_long(tip_speed_mm_s: f64, servo_hz: f64) -> f64 {
     (SPAN_WAY_MM / tip_speed_mm_s * servo_hz).clamp(SPAN_TICKS_LONG, SPAN_TICKS_LONGEST)
 }
@@ -119,7 +119,7 @@ impl Density {
     }
 }
 
-/// Shortest stretch that moves: three spans.
+/// Shortest move that is no dwell: three spans.
 pub const MOVING_TICKS_MIN: usize = 3 * SPAN_TICKS_MIN;
 
 /// A layout and how good it is.

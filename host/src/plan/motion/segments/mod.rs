@@ -1,17 +1,17 @@
 //! Route -> the finished stream of knots, events and marks.
 //!
-//! In: [`Route`] and settings. Out: [`SegmentStream`]. Every stretch is timed, fitted and checked
+//! In: [`Route`] and settings. Out: [`SegmentStream`]. Every move is timed, fitted and checked
 //! by itself (in parallel, the result does not depend on the number of threads):
 //!
 //! ```text
-//! Stretch -> samples -> u(t) on servo ticks -> spline (quantised) -> ratios in joint space
+//! Move -> samples -> u(t) on servo ticks -> spline (quantised) -> ratios in joint space
 //!                          ^                                             |
 //!                          +-- local slowing where a ratio is above 1 -----+
 //! ```
 //!
-//! A print stretch that an earlier layer had as well takes that one's spline, moved and checked.
+//! A print move that an earlier layer had as well takes that one's spline, moved and checked.
 //!
-//! Left out: what one stretch's pressure advance still does in the next (they are joined at rest;
+//! Left out: what one move's pressure advance still does in the next (they are joined at rest;
 //! it dies out within the smoothing window).
 
 pub mod assemble;
@@ -30,7 +30,7 @@ use crate::job::SegmentStream;
 use crate::plan::motion::joint_limits::{MotionError, MotionLimits};
 use crate::plan::motion::joint_turns::choose_solution;
 use crate::plan::progress::{Progress, Stage, Steps};
-use crate::plan::route::moves::{Route, Stretch, StretchEvent};
+use crate::plan::route::moves::{MoveEvent, Route, RouteMove};
 use crate::settings::Settings;
 use check::Ratios;
 use headway_firmware::extruder_limits::event_peaks;
@@ -42,25 +42,25 @@ use spline::{RestSpline, quantised};
 /// What the finished segments reach of the planned share of the limits.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct MotionReport {
-    /// Worst ratios over all stretches.
+    /// Worst ratios over all moves.
     pub ratios: Ratios,
     /// Worst error of the fit against the share of the tolerance that it may use.
     pub fit_error_ratio: f64,
-    /// Stretches whose whole time had to be doubled, because local slowing did not settle.
-    pub doubled_stretches: usize,
+    /// Moves whose whole time had to be doubled, because local slowing did not settle.
+    pub doubled_moves: usize,
     /// Duration of the stream, s.
     pub duration_s: f64,
     /// The same if no joint had a limit of its jerk, s.
     pub time_bound_s: f64,
 }
 
-/// Duration of a stretch that moves nothing.
-pub fn dwell_ticks(stretch: &Stretch, servo_hz: f64) -> u64 {
-    (stretch.dwell_s.max(0.0) * servo_hz).ceil().max(1.0) as u64
+/// Duration of a dwell, in servo ticks; at least one.
+pub fn dwell_ticks(route_move: &RouteMove, servo_hz: f64) -> u64 {
+    (route_move.dwell_s.max(0.0) * servo_hz).ceil().max(1.0) as u64
 }
 
-/// A finished stretch.
-pub struct FinishedStretch {
+/// A finished move.
+pub struct FinishedMove {
     /// Its motion; a dwell has equal control points.
     pub spline: RestSpline,
     /// Worst ratios against the planned share of the limits.
@@ -89,39 +89,39 @@ pub fn lay_segments_with_progress(
 ) -> Result<(SegmentStream, MotionReport), MotionError> {
     check_route(route)?;
     let (settings, windings) = &choose_solution(route, settings)?;
-    let steps = Steps::begin(progress, Stage::Segments, route.stretches.len());
+    let steps = Steps::begin(progress, Stage::Segments, route.moves.len());
     let earlier = repeats::earlier_ones(route);
-    let firsts: Vec<Option<FinishedStretch>> = (0..route.stretches.len())
+    let firsts: Vec<Option<FinishedMove>> = (0..route.moves.len())
         .into_par_iter()
         .map(|index| match earlier[index] {
             Some(_) => Ok(None),
             None => {
-                let finished = finish_stretch(route, index, None, settings, &windings[index])?;
+                let finished = finish_move(route, index, None, settings, &windings[index])?;
                 steps.step();
                 Ok(Some(finished))
             }
         })
         .collect::<Result<_, MotionError>>()?;
-    let repeated: Vec<Option<FinishedStretch>> = (0..route.stretches.len())
+    let repeated: Vec<Option<FinishedMove>> = (0..route.moves.len())
         .into_par_iter()
         .map(|index| {
             let Some(first) = earlier[index] else {
                 return Ok(None);
             };
             let known = firsts[first].as_ref().map(|known| (first, known));
-            let finished = finish_stretch(route, index, known, settings, &windings[index])?;
+            let finished = finish_move(route, index, known, settings, &windings[index])?;
             steps.step();
             Ok(Some(finished))
         })
         .collect::<Result<_, MotionError>>()?;
     let both = firsts.into_iter().zip(repeated);
-    let finished: Vec<FinishedStretch> = both.filter_map(|(a, b)| a.or(b)).collect();
+    let finished: Vec<FinishedMove> = both.filter_map(|(a, b)| a.or(b)).collect();
     let mut report = MotionReport::default();
-    for stretch in &finished {
-        report.ratios = report.ratios.max(stretch.ratios);
-        report.fit_error_ratio = report.fit_error_ratio.max(stretch.fit_error_ratio);
-        report.doubled_stretches += usize::from(stretch.doubled);
-        report.time_bound_s += stretch.time_bound_s;
+    for route_move in &finished {
+        report.ratios = report.ratios.max(route_move.ratios);
+        report.fit_error_ratio = report.fit_error_ratio.max(route_move.fit_error_ratio);
+        report.doubled_moves += usize::from(route_move.doubled);
+        report.time_bound_s += route_move.time_bound_s;
     }
     let stream = assemble::assemble(route, &finished, settings);
     let ticks = stream.marks.last().map_or(0, |mark| mark.end_tick);
@@ -129,17 +129,17 @@ pub fn lay_segments_with_progress(
     Ok((stream, report))
 }
 
-/// Largest step between stretches that rounding explains, mm, rad or mm³.
+/// Largest step between moves that rounding explains, mm, rad or mm³.
 const GAP_MAX: f64 = 1e-7;
 
 fn check_route(route: &Route) -> Result<(), MotionError> {
-    for (index, stretch) in route.stretches.iter().enumerate() {
-        let control = &stretch.curve.control;
+    for (index, route_move) in route.moves.iter().enumerate() {
+        let control = &route_move.curve.control;
         let finite = control.iter().flatten().all(|value| value.is_finite());
-        if control.is_empty() || !finite || !stretch.dwell_s.is_finite() {
-            return Err(MotionError::NotFinite { stretch: index });
+        if control.is_empty() || !finite || !route_move.dwell_s.is_finite() {
+            return Err(MotionError::NotFinite { route_move: index });
         }
-        let before = index.checked_sub(1).map(|before| &route.stretches[before]);
+        let before = index.checked_sub(1).map(|before| &route.moves[before]);
         if let Some(end) = before.and_then(|before| before.curve.control.last()) {
             let gap = end
                 .iter()
@@ -148,7 +148,7 @@ fn check_route(route: &Route) -> Result<(), MotionError> {
                 .fold(0.0, f64::max);
             if gap > GAP_MAX {
                 return Err(MotionError::Gap {
-                    stretch: index,
+                    route_move: index,
                     gap,
                 });
             }
@@ -157,36 +157,36 @@ fn check_route(route: &Route) -> Result<(), MotionError> {
     Ok(())
 }
 
-/// One stretch; `known` is an earlier one that it repeats.
-fn finish_stretch(
+/// One move; `known` is an earlier one that it repeats.
+fn finish_move(
     route: &Route,
     index: usize,
-    known: Option<(usize, &FinishedStretch)>,
+    known: Option<(usize, &FinishedMove)>,
     settings: &Settings,
     winding: &Winding<f64>,
-) -> Result<FinishedStretch, MotionError> {
-    let stretch = &route.stretches[index];
-    let of_state = MotionLimits::of(settings, stretch.state)?;
-    let own_mm_s = stretch.speed_mm_s.unwrap_or(f64::INFINITY);
-    let own_mm_s2 = stretch.acceleration_mm_s2.unwrap_or(f64::INFINITY);
+) -> Result<FinishedMove, MotionError> {
+    let route_move = &route.moves[index];
+    let of_state = MotionLimits::of(settings, route_move.state)?;
+    let own_mm_s = route_move.speed_mm_s.unwrap_or(f64::INFINITY);
+    let own_mm_s2 = route_move.acceleration_mm_s2.unwrap_or(f64::INFINITY);
     let limits = MotionLimits {
         winding: *winding,
         tip_speed_mm_s: of_state.tip_speed_mm_s.min(own_mm_s),
-        asked_mm_s: stretch.speeds_mm_s.clone(),
+        asked_mm_s: route_move.speeds_mm_s.clone(),
         tip_acceleration_mm_s2: of_state.tip_acceleration_mm_s2.min(own_mm_s2),
         ..of_state
     };
-    check_event(stretch, &limits)?;
-    let first = quantised(&stretch.curve.control[0]);
-    let moves = stretch
+    check_event(route_move, &limits)?;
+    let first = quantised(&route_move.curve.control[0]);
+    let moves = route_move
         .curve
         .control
         .iter()
         .any(|point| quantised(point) != first);
     if !moves {
-        let ticks = dwell_ticks(stretch, limits.servo_hz);
+        let ticks = dwell_ticks(route_move, limits.servo_hz);
         let durations_ticks = assemble::dwell_spans(ticks);
-        return Ok(FinishedStretch {
+        return Ok(FinishedMove {
             spline: RestSpline {
                 control: vec![first; durations_ticks.len() + 3],
                 durations_ticks,
@@ -197,16 +197,16 @@ fn finish_stretch(
             time_bound_s: ticks as f64 / limits.servo_hz,
         });
     }
-    let before = index.checked_sub(1).map(|before| &route.stretches[before]);
+    let before = index.checked_sub(1).map(|before| &route.moves[before]);
     let tolerances = fit::channel_tolerances(&settings.tolerances);
     let shaping = Shaping {
-        stretch,
+        route_move,
         before,
         limits: &limits,
         tolerances: &tolerances,
     };
     if let Some((first, known)) = known {
-        let spline = repeats::moved(&known.spline, &route.stretches[first], stretch);
+        let spline = repeats::moved(&known.spline, &route.moves[first], route_move);
         if let Some(finished) = shaping.taken_over(spline, known)? {
             return Ok(finished);
         }
@@ -215,13 +215,13 @@ fn finish_stretch(
 }
 
 /// Fails where a prime or retract alone is more than the extruder may do; the controller asks the same.
-fn check_event(stretch: &Stretch, limits: &MotionLimits) -> Result<(), MotionError> {
-    let (volume_mm3, duration_s) = match stretch.event {
-        Some(StretchEvent::PrimeAtStart {
+fn check_event(route_move: &RouteMove, limits: &MotionLimits) -> Result<(), MotionError> {
+    let (volume_mm3, duration_s) = match route_move.event {
+        Some(MoveEvent::PrimeAtStart {
             volume_mm3,
             duration_s,
         })
-        | Some(StretchEvent::RetractBeforeEnd {
+        | Some(MoveEvent::RetractBeforeEnd {
             volume_mm3,
             duration_s,
             ..

@@ -1,12 +1,12 @@
-//! Stretches that repeat an earlier one elsewhere: the same print on another layer.
+//! Moves that repeat an earlier one elsewhere: the same print on another layer.
 //!
-//! In: the route. Out: for each stretch an earlier one of the same course, moved by a constant in
-//! every channel; and the earlier one's spline moved there. Timing and fitting a stretch takes many
+//! In: the route. Out: for each move an earlier one of the same course, moved by a constant in
+//! every channel; and the earlier one's spline moved there. Timing and fitting a move takes many
 //! rounds, moving it takes one check, which [`super::shaping`] makes as of any other spline.
 
 use super::spline::{RestSpline, quantised};
 use crate::job::MotionState;
-use crate::plan::route::moves::{Route, Stretch};
+use crate::plan::route::moves::{Route, RouteMove};
 use headway_protocol::units::{CHANNEL_X, CHANNEL_Y, CHANNELS};
 use std::collections::HashMap;
 use std::hash::{DefaultHasher, Hash, Hasher};
@@ -15,38 +15,38 @@ use std::hash::{DefaultHasher, Hash, Hasher};
 /// wire tells apart.
 const MOVE_TOLERANCE: f64 = 1e-9;
 
-/// For each stretch the first one that it repeats.
+/// For each move the first one that it repeats.
 pub fn earlier_ones(route: &Route) -> Vec<Option<usize>> {
     let mut known: HashMap<u64, usize> = HashMap::new();
-    let stretches = route.stretches.iter().enumerate();
-    stretches
-        .map(|(index, stretch)| {
-            if stretch.state != MotionState::Print {
+    let moves = route.moves.iter().enumerate();
+    moves
+        .map(|(index, route_move)| {
+            if route_move.state != MotionState::Print {
                 return None;
             }
-            let first = *known.entry(course_hash(stretch)).or_insert(index);
+            let first = *known.entry(course_hash(route_move)).or_insert(index);
             (first < index && is_repeated(route, first, index)).then_some(first)
         })
         .collect()
 }
 
 /// Of the places in the plane.
-fn course_hash(stretch: &Stretch) -> u64 {
+fn course_hash(route_move: &RouteMove) -> u64 {
     let mut hasher = DefaultHasher::new();
-    for point in &stretch.curve.control {
+    for point in &route_move.curve.control {
         (point[CHANNEL_X].to_bits(), point[CHANNEL_Y].to_bits()).hash(&mut hasher);
     }
     hasher.finish()
 }
 
-/// True where a stretch is another one moved, with the same events in it and before it.
+/// True where a move is another one moved, with the same events in it and before it.
 fn is_repeated(route: &Route, first: usize, index: usize) -> bool {
     let before = |index: usize| {
-        let before = &route.stretches[index.checked_sub(1)?];
+        let before = &route.moves[index.checked_sub(1)?];
         let is_dwell = before.curve.control.len() == 1;
         Some((before.state, before.event, before.dwell_s, is_dwell))
     };
-    let (own, other) = (&route.stretches[index], &route.stretches[first]);
+    let (own, other) = (&route.moves[index], &route.moves[first]);
     let (points, others) = (&own.curve.control, &other.curve.control);
     let moved = |channel: usize, k: usize| points[k][channel] - others[k][channel];
     let is_constant = |channel: usize| {
@@ -63,9 +63,9 @@ fn is_repeated(route: &Route, first: usize, index: usize) -> bool {
         && (0..CHANNELS).all(is_constant)
 }
 
-/// The spline of stretch `first` moved to where `own` begins; it ends where `own` ends, which may be
+/// The spline of move `first` moved to where `own` begins; it ends where `own` ends, which may be
 /// a unit beside the move.
-pub fn moved(spline: &RestSpline, first: &Stretch, own: &Stretch) -> RestSpline {
+pub fn moved(spline: &RestSpline, first: &RouteMove, own: &RouteMove) -> RestSpline {
     let mut control = spline.control.clone();
     let ends = [own.curve.control.first(), own.curve.control.last()];
     if let ([Some(start), Some(end)], Some(from)) = (ends, first.curve.control.first()) {
@@ -92,8 +92,8 @@ mod tests {
     use crate::settings::Settings;
     use headway_protocol::units::{CHANNEL_HEADING, CHANNEL_VOLUME, CHANNEL_Z, to_units};
 
-    fn stretch(state: MotionState, layer: u32, control: Vec<[f64; CHANNELS]>) -> Stretch {
-        Stretch {
+    fn route_move(state: MotionState, layer: u32, control: Vec<[f64; CHANNELS]>) -> RouteMove {
+        RouteMove {
             state,
             layer,
             pass: (state == MotionState::Print).then_some(layer),
@@ -109,7 +109,7 @@ mod tests {
     /// The same wave on each of the layers, entered half turns apart, its volume going on; `aside_mm`
     /// moves one place of the last.
     fn route(layers: u32, aside_mm: f64) -> Route {
-        let mut stretches: Vec<Stretch> = Vec::new();
+        let mut moves: Vec<RouteMove> = Vec::new();
         let mut volume_mm3 = 0.3;
         for layer in 0..layers {
             let mut wave: Vec<[f64; CHANNELS]> = (0..=120)
@@ -126,17 +126,17 @@ mod tests {
                 wave[60][1] += aside_mm;
             }
             let start = [0.0, 0.0, 1.0, 0.0, 0.0, 0.0, volume_mm3];
-            let before = stretches.last().and_then(|s| s.curve.control.last());
+            let before = moves.last().and_then(|s| s.curve.control.last());
             let way = vec![*before.unwrap_or(&start), wave[0]];
-            stretches.push(stretch(MotionState::Travel, layer, way));
+            moves.push(route_move(MotionState::Travel, layer, way));
             volume_mm3 = wave[120][CHANNEL_VOLUME];
-            stretches.push(stretch(MotionState::Print, layer, wave));
+            moves.push(route_move(MotionState::Print, layer, wave));
         }
-        Route { stretches }
+        Route { moves }
     }
 
     /// Goal: what repeats is found, and runs as the first did to a unit at its end; what is elsewhere
-    /// by a hundred nanometres is not. Method: three layers of a wave; knots of each print stretch.
+    /// by a hundred nanometres is not. Method: three layers of a wave; knots of each print move.
     #[test]
     fn a_print_on_another_layer_runs_as_the_first_did() {
         let settings = Settings::default();
@@ -157,12 +157,12 @@ mod tests {
             .filter(|m| m.state == MotionState::Print);
         let times: Vec<u64> = prints.map(|m| m.end_tick - m.start_tick).collect();
         assert_eq!(times, [times[0]; 3]);
-        // A stretch alone is laid as the first of three.
+        // A move alone is laid as the first of three.
         let (alone, _) = lay_segments(&route(1, 0.0), &settings).expect("segments");
         let count = alone.knots.len() - 6;
         assert_eq!(stream.knots[..count], alone.knots[..count]);
         // The last layer ends on its own last place.
-        let last = same.stretches[5].curve.control[120];
+        let last = same.moves[5].curve.control[120];
         let found = stream.knots.last().expect("knots").control;
         assert_eq!(found, to_units(&last));
     }

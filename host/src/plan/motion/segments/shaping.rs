@@ -1,6 +1,6 @@
-//! One moving stretch: time law, fit and check, until every limit is kept.
+//! One move: time law, fit and check, until every limit is kept.
 //!
-//! In: the stretch and its limits. Out: a [`FinishedStretch`]. A first time law that knows
+//! In: the move and its limits. Out: a [`FinishedMove`]. A first time law that knows
 //! the jerk only through a smoothing window gives a first fit; that motion is run anew in the least
 //! time along it ([`super::retiming`]), three times, since each new fit differs a little. Then only a few
 //! per cent are missing here and there, and the finished motion is stretched in time around those
@@ -12,11 +12,11 @@ use super::layout::{self, Layout};
 use super::retiming::retimed;
 use super::spline::RestSpline;
 use super::tick_path::TickPath;
-use super::{FinishedStretch, dwell_ticks, warp};
+use super::{FinishedMove, dwell_ticks, warp};
 use crate::plan::motion::joint_limits::{MotionError, MotionLimits, tip_mm};
 use crate::plan::motion::path_samples::{sample_path, tip_way_mm};
 use crate::plan::motion::time_law::{Shares, TimeLaw, check_duration, time_law, without_jerk_s};
-use crate::plan::route::moves::{Stretch, StretchEvent};
+use crate::plan::route::moves::{MoveEvent, RouteMove};
 use headway_protocol::segment::SPAN_TICKS_MAX;
 use headway_protocol::units::CHANNELS;
 
@@ -33,25 +33,25 @@ const WARP_ROUNDS: usize = 20;
 const JERK_ROUNDS: usize = 14;
 /// Doublings of all durations after that: each halves speeds and quarters accelerations.
 const DOUBLING_ROUNDS: usize = 6;
-/// One moving stretch on its way to a spline.
+/// A move on its way to a spline.
 pub struct Shaping<'a> {
-    /// The stretch.
-    pub stretch: &'a Stretch,
+    /// The move.
+    pub route_move: &'a RouteMove,
     /// The one before it, whose prime may still run.
-    pub before: Option<&'a Stretch>,
+    pub before: Option<&'a RouteMove>,
     /// What binds it.
     pub limits: &'a MotionLimits,
     /// Error of each channel that the fit may use.
     pub tolerances: &'a [f64; CHANNELS],
 }
 
-/// What is known of a stretch's time from samples of its path, which a long one has no room to keep.
+/// What is known of a move's time from samples of its path, which a long one has no room to keep.
 pub struct FirstTiming {
     /// The motion with which fitting begins.
     law: TimeLaw,
     /// Way of the tip, mm.
     way_mm: f64,
-    /// How long the stretch takes without limits of the jerk, s.
+    /// How long the move takes without limits of the jerk, s.
     least_s: f64,
 }
 
@@ -61,8 +61,8 @@ struct Checked {
     ratios: Vec<Vec<Ratios>>,
 }
 
-fn finished(layout: Layout, pieces: &[Piece]) -> FinishedStretch {
-    FinishedStretch {
+fn finished(layout: Layout, pieces: &[Piece]) -> FinishedMove {
+    FinishedMove {
         ratios: pieces
             .iter()
             .fold(Ratios::default(), |worst, piece| worst.max(piece.ratios)),
@@ -75,8 +75,8 @@ fn finished(layout: Layout, pieces: &[Piece]) -> FinishedStretch {
 
 /// The one of two motions that keeps the jerk, or the shorter one where both do; else the one that is less
 /// beyond it. A motion slowed as a whole is the last resort.
-fn better(motion: FinishedStretch, other: FinishedStretch) -> FinishedStretch {
-    let rank = |motion: &FinishedStretch| {
+fn better(motion: FinishedMove, other: FinishedMove) -> FinishedMove {
+    let rank = |motion: &FinishedMove| {
         let jerk = motion.ratios.jerk;
         let beyond = if jerk <= JERK_RATIO_MAX { 0.0 } else { jerk };
         (motion.doubled, beyond, motion.spline.ticks())
@@ -90,19 +90,19 @@ fn better(motion: FinishedStretch, other: FinishedStretch) -> FinishedStretch {
 
 impl Shaping<'_> {
     /// Times, fits and checks until nothing exceeds its limit.
-    pub fn finish(&self) -> Result<FinishedStretch, MotionError> {
+    pub fn finish(&self) -> Result<FinishedMove, MotionError> {
         let first = self.first_timing()?;
-        Ok(FinishedStretch {
+        Ok(FinishedMove {
             time_bound_s: first.least_s,
             ..self.shortest(first)?
         })
     }
 
-    fn shortest(&self, first: FirstTiming) -> Result<FinishedStretch, MotionError> {
+    fn shortest(&self, first: FirstTiming) -> Result<FinishedMove, MotionError> {
         let FirstTiming { law, way_mm, .. } = first;
         let first_ticks = law.ticks() as u64;
         let mut best = self.settled(law.clone(), way_mm, RETIMING_ROUNDS)?;
-        let keeps_jerk = |motion: &FinishedStretch| motion.ratios.jerk <= JERK_RATIO_MAX;
+        let keeps_jerk = |motion: &FinishedMove| motion.ratios.jerk <= JERK_RATIO_MAX;
         if !keeps_jerk(&best) {
             // A motion a little different may settle where this one does not.
             for rounds in (1..RETIMING_ROUNDS).rev() {
@@ -118,14 +118,14 @@ impl Shaping<'_> {
         Ok(better(best, self.settled(law, way_mm, 0)?))
     }
 
-    /// Fits a time law, runs it anew in the first rounds and stretches it until nothing exceeds its
+    /// Fits a time law, runs it anew in the first rounds and moves it until nothing exceeds its
     /// limit.
     fn settled(
         &self,
         mut law: TimeLaw,
         way_mm: f64,
         retiming_rounds: usize,
-    ) -> Result<FinishedStretch, MotionError> {
+    ) -> Result<FinishedMove, MotionError> {
         let long_ticks = layout::span_ticks_long(self.limits.tip_speed_mm_s, self.limits.servo_hz);
         let mut layout = layout::lay_out(&self.path(&law), self.tolerances, long_ticks);
         let mut before: Option<Checked> = None;
@@ -174,13 +174,13 @@ impl Shaping<'_> {
         })
     }
 
-    /// The spline of a stretch that this one repeats, moved here, where it keeps the limits as that one
+    /// The spline of a move that this one repeats, moved here, where it keeps the limits as that one
     /// did: rounding at its end may take what was spared.
     pub fn taken_over(
         &self,
         spline: RestSpline,
-        known: &FinishedStretch,
-    ) -> Result<Option<FinishedStretch>, MotionError> {
+        known: &FinishedMove,
+    ) -> Result<Option<FinishedMove>, MotionError> {
         let ratios = check::motion_ratios(&spline, self.limits, &[], |_| None)?;
         let pieces = self.limit_pieces(&spline, &ratios);
         let jerk_max = known.ratios.jerk.max(JERK_RATIO_MAX) * (1.0 + 1e-6);
@@ -192,7 +192,7 @@ impl Shaping<'_> {
             return Ok(None);
         }
         let ratios = pieces.iter().map(|piece| piece.ratios);
-        Ok(Some(FinishedStretch {
+        Ok(Some(FinishedMove {
             ratios: ratios.fold(Ratios::default(), Ratios::max),
             fit_error_ratio: known.fit_error_ratio,
             spline,
@@ -224,12 +224,12 @@ impl Shaping<'_> {
     }
 
     fn first_timing(&self) -> Result<FirstTiming, MotionError> {
-        let samples = sample_path(&self.stretch.curve, self.limits)?;
+        let samples = sample_path(&self.route_move.curve, self.limits)?;
         let aims = Shares {
             speed: SPEED_AIM,
             acceleration: ACCELERATION_AIM,
         };
-        let least_s = self.stretch.dwell_s;
+        let least_s = self.route_move.dwell_s;
         let mut law = time_law(&samples, self.limits, aims, least_s, self.begin_mm())?;
         law.pad_to(layout::MOVING_TICKS_MIN);
         Ok(FirstTiming {
@@ -239,20 +239,20 @@ impl Shaping<'_> {
         })
     }
 
-    /// Ticks that the stretch lasts at least.
+    /// Ticks that the move lasts at least.
     fn least_ticks(&self) -> usize {
-        let of_dwell = (self.stretch.dwell_s * self.limits.servo_hz)
+        let of_dwell = (self.route_move.dwell_s * self.limits.servo_hz)
             .ceil()
             .max(0.0);
         layout::MOVING_TICKS_MIN.max(of_dwell as usize)
     }
 
     fn begin_mm(&self) -> [f64; 3] {
-        tip_mm(&self.stretch.curve.control[0])
+        tip_mm(&self.route_move.curve.control[0])
     }
 
     fn path<'a>(&'a self, law: &'a TimeLaw) -> TickPath<'a> {
-        TickPath::new(&self.stretch.curve, &law.u_at_tick)
+        TickPath::new(&self.route_move.curve, &law.u_at_tick)
     }
 
     /// Ratios of the motion, and of the fit where even the cut spans miss their tolerance: slower
@@ -279,7 +279,7 @@ impl Shaping<'_> {
         pieces
     }
 
-    /// Events that run while the stretch moves or its advance dies out.
+    /// Events that run during the move or while its advance dies out.
     fn events(&self, ticks: f64) -> Vec<EventRun> {
         let hz = self.limits.servo_hz;
         let run = |start_tick: f64, duration_s: f64, volume_mm3: f64| EventRun {
@@ -290,7 +290,7 @@ impl Shaping<'_> {
         let mut events = Vec::new();
         if let Some(before) = self.before
             && before.curve.control.len() == 1
-            && let Some(StretchEvent::PrimeAtStart {
+            && let Some(MoveEvent::PrimeAtStart {
                 volume_mm3,
                 duration_s,
             }) = before.event
@@ -298,8 +298,8 @@ impl Shaping<'_> {
             let start_tick = -(dwell_ticks(before, hz) as f64);
             events.push(run(start_tick, duration_s, volume_mm3));
         }
-        match self.stretch.event {
-            Some(StretchEvent::RetractBeforeEnd {
+        match self.route_move.event {
+            Some(MoveEvent::RetractBeforeEnd {
                 volume_mm3,
                 duration_s,
                 lead_s,
@@ -307,7 +307,7 @@ impl Shaping<'_> {
                 let start_tick = (ticks - (lead_s * hz).round()).max(0.0);
                 events.push(run(start_tick, duration_s, -volume_mm3));
             }
-            Some(StretchEvent::PrimeAtStart {
+            Some(MoveEvent::PrimeAtStart {
                 volume_mm3,
                 duration_s,
             }) => events.push(run(0.0, duration_s, volume_mm3)),
@@ -318,7 +318,7 @@ impl Shaping<'_> {
 
     /// The last resort: every duration doubled, which halves speeds and quarters accelerations
     /// exactly and leaves the shape as it is.
-    fn doubled(&self, mut layout: Layout, law: &TimeLaw) -> Result<FinishedStretch, MotionError> {
+    fn doubled(&self, mut layout: Layout, law: &TimeLaw) -> Result<FinishedMove, MotionError> {
         let mut pieces = Vec::new();
         for _ in 0..DOUBLING_ROUNDS {
             for ticks in &mut layout.spline.durations_ticks {
@@ -331,7 +331,7 @@ impl Shaping<'_> {
                 break;
             }
         }
-        Ok(FinishedStretch {
+        Ok(FinishedMove {
             doubled: true,
             ..finished(layout, &pieces)
         })

@@ -3,7 +3,7 @@
 //! In: a path curve and its parameter at ticks 0..=n. Out: channels in natural units. They are made span by
 //! span when they are asked for: of a long path all of them would fill the memory, and most spans of a
 //! motion that changed a little are known already. At the curve's ends they are its end points to the last bit:
-//! stretches meet there, and what is quantised on either side has to be the same.
+//! moves meet there, and what is quantised on either side has to be the same.
 
 use crate::plan::route::moves::PathCurve;
 use headway_protocol::units::CHANNELS;
@@ -67,7 +67,7 @@ impl<'a> TickPath<'a> {
 mod tests {
     use super::*;
 
-    /// Goal: where one stretch ends the next one begins, to the last bit. Method: curves whose ends lie half a
+    /// Goal: where one move ends the next one begins, to the last bit. Method: curves whose ends lie half a
     /// unit of the wire beside its grid, where a rounding of 10⁻¹⁷ made a unit: the sent curve was then not the
     /// one that had been checked (1.004 of an acceleration limit at a start from rest).
     #[test]

@@ -22,7 +22,7 @@ pub struct Shares {
     pub acceleration: f64,
 }
 
-/// The motion along one stretch.
+/// The motion along one move.
 #[derive(Clone, Debug, PartialEq)]
 pub struct TimeLaw {
     /// Path parameter at ticks 0..=n; at rest at both ends.
@@ -35,7 +35,7 @@ impl TimeLaw {
         self.u_at_tick.len() - 1
     }
 
-    /// Waits at the end until the stretch lasts `ticks`.
+    /// Waits at the end until the move lasts `ticks`.
     pub fn pad_to(&mut self, ticks: usize) {
         let end = self.u_at_tick[self.ticks()];
         while self.ticks() < ticks {
@@ -60,14 +60,14 @@ pub fn smoothing_ticks(samples: &[PathSample], limits: &MotionLimits) -> usize {
     2 * (seconds * limits.servo_hz / 2.0).ceil() as usize
 }
 
-/// Longest stretch: beyond it a limit is next to zero somewhere, and the ticks would fill memory.
+/// Longest move: beyond it a limit is next to zero somewhere, and the ticks would fill memory.
 const STRETCH_MAX_S: f64 = 6.0 * 3600.0;
-/// A stretch that takes longer than this may take so many times what it would at the tip's speed:
+/// A move that takes longer than this may take so many times what it would at the tip's speed:
 /// planning takes its time by the ticks, and what is slower is a limit that is not meant.
 const PATIENCE_S: f64 = 20.0 * 60.0;
 const SLOWDOWN_MAX: f64 = 200.0;
 
-/// Fails for a stretch that would take senselessly long. `way_mm` is the tip's, `from_mm` where it begins.
+/// Fails for a move that would take senselessly long. `way_mm` is the tip's, `from_mm` where it begins.
 pub fn check_duration(
     duration_s: f64,
     way_mm: f64,

@@ -198,7 +198,7 @@ mod tests {
     }
 
     /// Goal: a last sample closer to the end than the window does not stand still. Found on a real
-    /// slice, which was refused with a stretch of 500,000,000 s.
+    /// slice, which was refused with a move of 500,000,000 s.
     #[test]
     fn coarse_samples_near_the_ends_go_on() {
         let u = [0.0, 0.1, 1.0, 2.0, 2.9, 3.0];

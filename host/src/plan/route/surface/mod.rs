@@ -1,11 +1,11 @@
-//! The route of a planar plan -> the same on a surface: its stretches from the first prime to the last lift.
+//! The route of a planar plan -> the same on a surface: its moves from the first prime to the last lift.
 //!
 //! ```text
-//! Route (x, y, height above the surface, heading) --frame--> tip, tool axis, stretch of lengths
-//!   --headings--> headings in the tangent plane --> [Stretch] (mm, rad, mm³)
+//! Route (x, y, height above the surface, heading) --frame--> tip, tool axis, move of lengths
+//!   --headings--> headings in the tangent plane --> [RouteMove] (mm, rad, mm³)
 //! ```
 //! In: the route of the plan, in whose z the surface is 0, the aperture that it was planned with and the
-//! surface. Out: stretches in the same order, in the surface's coordinates. The tool axis is the normal;
+//! surface. Out: moves in the same order, in the surface's coordinates. The tool axis is the normal;
 //! heights become ways along it, so that lifts draw back along the tool and travel follows the surface. The
 //! heading is mapped without a twist (section "poses" of the design: the smallest rotation from Z), then
 //! turned for the width that the slope asks. The deposited volume grows as the ground does: by the area of the
@@ -21,7 +21,7 @@ use crate::geometry::spline_surface::SplineSurface;
 use crate::job::MotionState;
 use crate::plan::headings::profile::turn_weight_mm2;
 use crate::plan::pose_limits::PoseLimits;
-use crate::plan::route::moves::{PathCurve, Route, Stretch};
+use crate::plan::route::moves::{PathCurve, Route, RouteMove};
 use crate::plan::route::waypoint_curve::chord_spline::through_samples;
 use crate::plan::route::waypoint_curve::upright;
 use crate::settings::Settings;
@@ -54,7 +54,7 @@ pub struct LayerFoldsError {
     pub at_mm: [f64; 2],
 }
 
-/// Carries a route over. The stretches before the first prime or print are left out.
+/// Carries a route over. The moves before the first prime or print are left out.
 ///
 /// # Errors
 /// [`LayerFoldsError`].
@@ -63,48 +63,48 @@ pub fn on_surface(
     planned: &Aperture,
     surface: &SplineSurface,
     settings: &Settings,
-) -> Result<Vec<Stretch>, LayerFoldsError> {
-    let is_begun = |stretch: &Stretch| stretch.state != MotionState::Travel;
-    let first = route.stretches.iter().position(is_begun);
-    let stretches = &route.stretches[first.unwrap_or(route.stretches.len())..];
+) -> Result<Vec<RouteMove>, LayerFoldsError> {
+    let is_begun = |route_move: &RouteMove| route_move.state != MotionState::Travel;
+    let first = route.moves.iter().position(is_begun);
+    let moves = &route.moves[first.unwrap_or(route.moves.len())..];
     let surface_map = SurfaceMap {
         planned,
         surface,
         settings,
         turn_weight_mm2: turn_weight_mm2(&PoseLimits::of(settings), &settings.aperture),
     };
-    let of_passes = stretches.iter().map(|stretch| match stretch.state {
-        MotionState::Print => surface_map.turns(&stretch.curve).map(Some),
+    let of_passes = moves.iter().map(|route_move| match route_move.state {
+        MotionState::Print => surface_map.turns(&route_move.curve).map(Some),
         _ => Ok(None),
     });
     let of_passes = of_passes.collect::<Result<Vec<_>, _>>()?;
-    let turns = between(stretches, of_passes);
+    let turns = between(moves, of_passes);
     let mut volume_mm3 = 0.0;
-    let mapped = stretches
+    let mapped = moves
         .iter()
         .zip(&turns)
-        .map(|(stretch, turns)| Stretch {
-            curve: surface_map.mapped(&stretch.curve, turns, &mut volume_mm3),
-            ..stretch.clone()
+        .map(|(route_move, turns)| RouteMove {
+            curve: surface_map.mapped(&route_move.curve, turns, &mut volume_mm3),
+            ..route_move.clone()
         });
     Ok(mapped.collect())
 }
 
 /// Fills in the turns off the passes: even along the way from one pass to the next.
-fn between(stretches: &[Stretch], of_passes: Vec<Option<Vec<f64>>>) -> Vec<Vec<f64>> {
+fn between(moves: &[RouteMove], of_passes: Vec<Option<Vec<f64>>>) -> Vec<Vec<f64>> {
     let ends = |turns: &Vec<f64>| Some([*turns.first()?, *turns.last()?]);
     let known: Vec<Option<[f64; 2]>> = of_passes
         .iter()
         .map(|turns| turns.as_ref().and_then(ends))
         .collect();
-    let length_mm = |stretch: &Stretch| -> f64 {
-        let legs = stretch.curve.control.windows(2);
+    let length_mm = |route_move: &RouteMove| -> f64 {
+        let legs = route_move.curve.control.windows(2);
         legs.map(|leg| way_mm(&leg[0], &leg[1])).sum()
     };
-    let mut turns: Vec<Vec<f64>> = Vec::with_capacity(stretches.len());
+    let mut turns: Vec<Vec<f64>> = Vec::with_capacity(moves.len());
     let mut index = 0;
     for group in known.chunk_by(|p, q| p.is_none() && q.is_none()) {
-        let here = &stretches[index..index + group.len()];
+        let here = &moves[index..index + group.len()];
         let before = known[..index].iter().flatten().next_back();
         let after = known[index + group.len()..].iter().flatten().next();
         let from = before
@@ -113,10 +113,10 @@ fn between(stretches: &[Stretch], of_passes: Vec<Option<Vec<f64>>>) -> Vec<Vec<f
         let to = after.map_or(from, |ends| ends[0]);
         let whole_mm: f64 = here.iter().map(length_mm).sum();
         let mut way = 0.0;
-        for (stretch, of_pass) in here.iter().zip(&of_passes[index..]) {
-            let step_mm = length_mm(stretch);
+        for (route_move, of_pass) in here.iter().zip(&of_passes[index..]) {
+            let step_mm = length_mm(route_move);
             turns.push(of_pass.clone().unwrap_or_else(|| {
-                let spans = stretch.curve.span_count();
+                let spans = route_move.curve.span_count();
                 let turn = |i: usize| {
                     let share = i as f64 / spans.max(1) as f64;
                     from + (to - from) * (way + share * step_mm) / whole_mm.max(1e-9)

@@ -38,7 +38,7 @@ pub const CORNER_RAD: f64 = PI / 6.0;
 const CURVE_SHARE: f64 = 0.1;
 /// Longest span of the B-spline to begin with, mm: a fraction of any aperture.
 const SPAN_MM: f64 = 0.5;
-/// Most spans of a run, all stretches together: 10 m at 10 µm.
+/// Most spans of a run, all moves together: 10 m at 10 µm.
 const SPANS_MAX: usize = 1 << 20;
 /// Tilt that a machine without tilting axes can ignore, rad: far below the axis tolerance.
 const UPRIGHT_RAD: f64 = 1e-6;
@@ -78,14 +78,14 @@ pub enum WaypointCurveError {
          than {SPANS_MAX} spans; space them more evenly"
     )]
     TooUneven {
-        /// First line of the stretch.
+        /// First line of the move.
         from: usize,
         /// Its last.
         to: usize,
     },
 }
 
-/// A run's passes, each as stretches from rest to rest, machine coordinates.
+/// A run's passes, each as moves from rest to rest, machine coordinates.
 #[derive(Clone, Debug, Default)]
 pub struct WaypointPasses {
     /// Their curves.
@@ -139,11 +139,11 @@ fn pass_curves(
     spans_left: &mut usize,
 ) -> Result<Vec<SpeedCurve>, WaypointCurveError> {
     let mut curves: Vec<SpeedCurve> = Vec::new();
-    for stretch in split(points) {
+    for route_move in split(points) {
         let before = curves
             .last()
             .and_then(|(curve, _)| curve.control.last().copied());
-        let curve = stretch_curve(stretch, offset_mm, settings, before, *spans_left)?;
+        let curve = move_curve(route_move, offset_mm, settings, before, *spans_left)?;
         *spans_left = spans_left.saturating_sub(curve.control.len());
         if let (Some(from), Some(&to)) = (before, curve.control.first())
             && from[CHANNEL_HEADING] != to[CHANNEL_HEADING]
@@ -152,13 +152,13 @@ fn pass_curves(
             let control = vec![from, to];
             curves.push((PathCurve { control }, Vec::new()));
         }
-        let speeds = asked_speeds(stretch, &curve, settings);
+        let speeds = asked_speeds(route_move, &curve, settings);
         curves.push((curve, speeds));
     }
     Ok(curves)
 }
 
-/// The speeds asked along a stretch's curve, by its parameter; those without one print at the print speed.
+/// The speeds asked along a move's curve, by its parameter; those without one print at the print speed.
 fn asked_speeds(points: &[Waypoint], curve: &PathCurve, settings: &Settings) -> Vec<[f64; 2]> {
     if points.iter().all(|point| point.speed_mm_s.is_none()) {
         return Vec::new();
@@ -242,7 +242,7 @@ fn pose(point: &Waypoint, offset_mm: [f64; 3]) -> Point {
     pose
 }
 
-fn stretch_curve(
+fn move_curve(
     points: &[Waypoint],
     offset_mm: [f64; 3],
     settings: &Settings,
@@ -301,9 +301,9 @@ struct Curve<'a> {
     settings: &'a Settings,
 }
 
-/// Widths and heights along a stretch.
+/// Widths and heights along a move.
 struct Beads {
-    /// Width in the first channel, height in the second, mm, over the length of the stretch.
+    /// Width in the first channel, height in the second, mm, over the length of the move.
     spline: Spline,
     has_width: bool,
 }
