@@ -91,7 +91,7 @@ pub struct PartPlan {
 pub const PLACES_MAX: usize = 1000;
 
 /// What planning a part is given and gives.
-pub struct PartDoors<'a> {
+pub struct PartContext<'a> {
     /// Is told how far it is.
     pub progress: &'a dyn Progress,
     /// Pieces that were planned before.
@@ -119,13 +119,13 @@ pub fn plan_part(
         stream.append(piece, first_pass);
         Ok(())
     };
-    let doors = PartDoors {
+    let context = PartContext {
         progress,
         cache: &mut (),
         program: "",
         take: &mut take,
     };
-    let planned = plan_part_in_pieces(part, keep_out, first, settings, doors)?;
+    let planned = plan_part_in_pieces(part, keep_out, first, settings, context)?;
     Ok(PartPlan { stream, ..planned })
 }
 
@@ -138,7 +138,7 @@ pub fn plan_part_in_pieces(
     keep_out: &[Region],
     first: FirstLayer,
     settings: &Settings,
-    doors: PartDoors,
+    context: PartContext,
 ) -> Result<PartPlan, PlanError> {
     settings.check()?;
     let is_like_others = |layer: &TargetLayer| {
@@ -159,7 +159,7 @@ pub fn plan_part_in_pieces(
     let mut rest = wanted;
     while let Some(lowest) = rest.first() {
         let layers = wanted.len() - rest.len();
-        doors.progress.layers(layers, wanted.len());
+        context.progress.layers(layers, wanted.len());
         let is_first = lowest.number == wanted[0].number;
         let own = settings_of(lowest, first, settings);
         let solid = |layer: u32| solid_of(&outlines, layer, settings);
@@ -171,12 +171,12 @@ pub fn plan_part_in_pieces(
             is_last: rest.is_empty(),
             ..stack
         };
-        let key = key_of(&stack, &own, doors.program);
-        let piece = match doors.cache.get(key) {
+        let key = key_of(&stack, &own, context.program);
+        let piece = match context.cache.get(key) {
             Some(known) => known,
             None => {
-                let piece = Piece::of(plan_stack(stack, &own, doors.progress)?, &own);
-                doors.cache.put(key, &piece);
+                let piece = Piece::of(plan_stack(stack, &own, context.progress)?, &own);
+                context.cache.put(key, &piece);
                 piece
             }
         };
@@ -184,10 +184,10 @@ pub fn plan_part_in_pieces(
         at = piece.end.unwrap_or(at);
         let stream = planned.add(piece)?;
         if !stream.knots.is_empty() {
-            (doors.take)(stream, first_pass).map_err(PlanError::Output)?;
+            (context.take)(stream, first_pass).map_err(PlanError::Output)?;
         }
     }
-    doors.progress.layers(wanted.len(), wanted.len());
+    context.progress.layers(wanted.len(), wanted.len());
     if planned.segments == 0 {
         return Err(PlanError::NoLayerPrintable {
             left_out: planned.left_out.len(),

@@ -16,7 +16,7 @@ use crate::job_packing::JobPacking;
 use crate::layer_stack::LeftOut;
 use crate::mesh::LoadedMesh;
 use crate::mesh::layers::{SlicedPart, sliced};
-use crate::part_plan::{FirstLayer, PLACES_MAX, PartDoors, PartPlan, plan_part_in_pieces};
+use crate::part_plan::{FirstLayer, PLACES_MAX, PartContext, PartPlan, plan_part_in_pieces};
 use crate::plan::layers::shells::Overhang;
 use crate::plan::outline::unreachable::UnreachableRun;
 use crate::report::figures::{Figures, LayerPlace};
@@ -115,13 +115,13 @@ fn planned_pieces(
     console: &Console,
 ) -> Result<PartPlan, PlanError> {
     let bar = console.planning();
-    let doors = PartDoors {
+    let context = PartContext {
         progress: &bar,
         cache,
         program: &program(),
         take,
     };
-    let planned = plan_part_in_pieces(part, keep_out, first, settings, doors);
+    let planned = plan_part_in_pieces(part, keep_out, first, settings, context);
     bar.clear();
     planned
 }

@@ -1,4 +1,4 @@
-//! Who may ask what of the page's server: the only door to a machine that moves.
+//! Who may ask what of the page's server: the only access to a machine that moves.
 //!
 //! In: a request's method, target, `Host` and `Origin`. Out: what it may have, or the status with which it
 //! is refused. Every path begins with a random token of 128 bits, compared in constant time; a name
@@ -37,24 +37,24 @@ impl Refused {
     }
 }
 
-/// What opens the door.
-pub(super) struct Door {
+/// The token and the hosts that are let in.
+pub(super) struct Access {
     token: String,
     hosts: [String; 2],
 }
 
-impl Door {
+impl Access {
     /// With a new token, for a server on this port.
-    pub(super) fn new(port: u16) -> Result<Door, getrandom::Error> {
+    pub(super) fn new(port: u16) -> Result<Access, getrandom::Error> {
         let mut bytes = [0u8; TOKEN_BYTES];
         getrandom::fill(&mut bytes)?;
         let token = bytes.iter().map(|byte| format!("{byte:02x}")).collect();
-        Ok(Door::with_token(token, port))
+        Ok(Access::with_token(token, port))
     }
 
-    fn with_token(token: String, port: u16) -> Door {
+    fn with_token(token: String, port: u16) -> Access {
         let hosts = ["127.0.0.1", "localhost"].map(|name| format!("{name}:{port}"));
-        Door { token, hosts }
+        Access { token, hosts }
     }
 
     pub(super) fn url(&self) -> String {
@@ -100,13 +100,14 @@ mod tests {
     /// right request is made wrong alone.
     #[test]
     fn only_the_token_this_host_and_this_page_get_in() {
-        let door = Door::with_token("0123abcd".into(), 4000);
+        let access = Access::with_token("0123abcd".into(), 4000);
         let host = ["127.0.0.1:4000"];
-        let ask = |target: &str| door.let_in(false, target, &host, &[]);
+        let ask = |target: &str| access.let_in(false, target, &host, &[]);
         assert_eq!(ask("/0123abcd/"), Ok(Asked::Page));
         assert_eq!(ask("/0123abcd/status"), Ok(Asked::Status));
-        let order =
-            |hosts: &[&str], origins: &[&str]| door.let_in(true, "/0123abcd/order", hosts, origins);
+        let order = |hosts: &[&str], origins: &[&str]| {
+            access.let_in(true, "/0123abcd/order", hosts, origins)
+        };
         assert_eq!(order(&host, &["http://127.0.0.1:4000"]), Ok(Asked::Order));
         assert_eq!(order(&["localhost:4000"], &[]), Ok(Asked::Order));
         assert_eq!(ask("/0123abcd/order"), Err(Refused::Method));
@@ -140,7 +141,7 @@ mod tests {
 
     #[test]
     fn two_doors_have_two_tokens_of_128_bits() {
-        let [one, other] = [0, 1].map(|_| Door::new(1).unwrap().token);
+        let [one, other] = [0, 1].map(|_| Access::new(1).unwrap().token);
         assert_eq!(one.len(), 2 * TOKEN_BYTES);
         assert_ne!(one, other);
     }

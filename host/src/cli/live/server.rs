@@ -4,7 +4,7 @@
 //! reads slowly holds up one of [`WORKERS`] threads and nothing else. Leaves out: encryption (the bytes do
 //! not leave the machine), files.
 
-use super::access::{Asked, Door};
+use super::access::{Access, Asked};
 use super::{LivePrint, NotTaken, Shared, shared};
 use crate::cli::CliError;
 use crate::cli::stream::page_order;
@@ -27,7 +27,7 @@ const HEADERS: [(&str, &str); 4] = [
 ];
 
 struct Service {
-    door: Door,
+    access: Access,
     page: String,
     shared: Arc<Shared>,
 }
@@ -39,13 +39,13 @@ pub(in crate::cli) fn serve(page: String, port: u16) -> Result<LivePrint, CliErr
         .map_err(|error| failed(format!("port {port} of 127.0.0.1: {error}")))?;
     let address = listener.local_addr();
     let port = address.map_err(|error| failed(error.to_string()))?.port();
-    let door = Door::new(port).map_err(|error| failed(error.to_string()))?;
+    let access = Access::new(port).map_err(|error| failed(error.to_string()))?;
     let server =
         Server::from_listener(listener, None).map_err(|error| failed(error.to_string()))?;
-    let (server, url) = (Arc::new(server), door.url());
+    let (server, url) = (Arc::new(server), access.url());
     let (shared, orders) = shared();
     let service = Arc::new(Service {
-        door,
+        access,
         page,
         shared: shared.clone(),
     });
@@ -75,7 +75,7 @@ impl Service {
         let is_post = *request.method() == Method::Post;
         let is_get = *request.method() == Method::Get;
         let (hosts, origins) = (named("Host"), named("Origin"));
-        let asked = self.door.let_in(is_post, request.url(), &hosts, &origins);
+        let asked = self.access.let_in(is_post, request.url(), &hosts, &origins);
         let (status, kind, text) = match asked {
             Err(refused) => (refused.status(), "text/plain", String::new()),
             Ok(_) if !is_get && !is_post => (405, "text/plain", String::new()),

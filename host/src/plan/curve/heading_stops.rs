@@ -7,6 +7,7 @@
 //! ([`crate::plan::coverage::deposited_area`]).
 
 use crate::geometry::edge_index::EdgeIndex;
+use crate::geometry::frame::Frame;
 use crate::plan::coverage::deposited_area::DepositedArea;
 use crate::plan::curve::plane_curve::PlaneControl;
 use crate::plan::pass::LayerPass;
@@ -16,7 +17,6 @@ use headway_protocol::units::CHANNEL_HEADING;
 use std::cell::OnceCell;
 use std::cmp::Reverse;
 use std::collections::{BinaryHeap, VecDeque};
-use std::ops::Deref;
 
 /// Turn left before each stop, rad, tried in this order: the curve is sharpened and pushed
 /// off the walls, and its headings leave those of the placements by a few degrees at the most.
@@ -37,24 +37,28 @@ pub fn heading_range(settings: &Settings) -> [f64; 2] {
 }
 
 /// Cuts the passes of a region where they turn further than the nozzle may.
-pub struct PassCutter<'a, W> {
+pub struct PassCutter<'a> {
     passes: &'a [LayerPass],
-    walls: W,
+    walls: &'a EdgeIndex,
     settings: &'a Settings,
     stops: Stops,
     /// Made for the first pass that is cut.
     ground: OnceCell<Option<DepositedArea>>,
 }
 
-impl<'a, W: Deref<Target = EdgeIndex>> PassCutter<'a, W> {
-    /// Of all the passes within some walls, which are only looked at where a pass is cut: they may
-    /// be made then.
-    pub fn new(passes: &'a [LayerPass], walls: W, settings: &'a Settings) -> PassCutter<'a, W> {
+impl<'a> PassCutter<'a> {
+    /// Of all the passes within some walls, both in a frame.
+    pub fn new(
+        passes: &'a [LayerPass],
+        walls: &'a EdgeIndex,
+        frame: &Frame,
+        settings: &'a Settings,
+    ) -> PassCutter<'a> {
         PassCutter {
             passes,
             walls,
             settings,
-            stops: Stops::of(settings),
+            stops: Stops::seen_from(frame, settings),
             ground: OnceCell::new(),
         }
     }
@@ -96,7 +100,7 @@ impl<'a, W: Deref<Target = EdgeIndex>> PassCutter<'a, W> {
             return vec![pass.clone()];
         }
         let ground = self.ground.get_or_init(|| {
-            DepositedArea::of_passes(self.passes, &self.walls, &self.settings.aperture)
+            DepositedArea::of_passes(self.passes, self.walls, &self.settings.aperture)
         });
         let costs = ground.as_ref().map(|g| g.cuts_of(&pass.placements));
         let cut_at = |cut: usize, begin_max: usize| {
@@ -124,9 +128,11 @@ struct Stops {
 }
 
 impl Stops {
-    fn of(settings: &Settings) -> Stops {
+    /// The stops as headings of a frame.
+    fn seen_from(frame: &Frame, settings: &Settings) -> Stops {
+        let [one_rad, other_rad] = heading_range(settings).map(|rad| frame.angle_in(rad));
         Stops {
-            range_rad: heading_range(settings),
+            range_rad: [one_rad.min(other_rad), one_rad.max(other_rad)],
             period_rad: settings.aperture.period_rad(),
         }
     }
@@ -217,7 +223,7 @@ mod tests {
     fn pieces(settings: &Settings, pass: &LayerPass) -> Vec<LayerPass> {
         let walls = walls(&[&[[-9.0, -9.0], [9.0, -9.0], [9.0, 9.0], [-9.0, 9.0]]]);
         let passes = std::slice::from_ref(pass);
-        PassCutter::new(passes, &walls, settings).pieces(pass, 0.1)
+        PassCutter::new(passes, &walls, &Frame::IDENTITY, settings).pieces(pass, 0.1)
     }
 
     /// Goal: a pass is cut as seldom as the stops allow, and no piece begins far from where the one

@@ -8,6 +8,7 @@
 //! Input: the regions with their axes. Output: kinds, printings, and the curves of the whole job in
 //! machine coordinates. The same curve is kept once, however many layers print it.
 
+use crate::geometry::aperture::Aperture;
 use crate::geometry::clearance::Configuration;
 use crate::geometry::edge_index::EdgeIndex;
 use crate::geometry::frame::{Frame, snapped};
@@ -25,9 +26,7 @@ use crate::plan::pass::{LayerPass, PassKind};
 use crate::plan::progress::{Progress, SIDE_BY_SIDE, Stage, Steps};
 use crate::settings::{Infill, Settings};
 use rayon::prelude::*;
-use std::cell::LazyCell;
 use std::collections::BTreeMap;
-use std::ops::Deref;
 use std::sync::Arc;
 
 /// The region of a pass that belongs to none: skirt and brim count as neither coverage nor depth.
@@ -272,20 +271,26 @@ pub fn plane_passes(
                 return Vec::new();
             }
             let region = &kinds[print.kind].regions[print.region];
-            let reach_mm = settings.aperture.major_mm();
-            let walls = LazyCell::new(|| EdgeIndex::of_region(&region.hull, reach_mm));
-            let shift = region.contour.offset + place;
-            let passes = region.passes_turned(print.turned);
-            let own = OwnFrame::of(region, settings);
-            let whole = |pass: &LayerPass, tolerance_mm| own.curves(pass, settings, tolerance_mm);
-            curves_of(&passes, walls, whole, shift, settings)
+            let framed = FramedPasses {
+                passes: &region.passes_turned(print.turned),
+                walls: &region.walls,
+                frame: region.frame,
+                shift: region.contour.offset + place,
+            };
+            framed.curves(region_curves, settings)
         })
         .collect();
     let around = skirt.map_or(Vec::new(), |skirt| {
-        let (walls, aperture) = (&skirt.walls, &settings.aperture);
-        let whole =
-            |pass: &LayerPass, tolerance_mm| pass_curves(pass, aperture, walls, tolerance_mm);
-        curves_of(&skirt.passes, walls, whole, skirt.offset + place, settings)
+        let framed = FramedPasses {
+            passes: &skirt.passes,
+            walls: &skirt.walls,
+            frame: Frame::IDENTITY,
+            shift: skirt.offset + place,
+        };
+        let whole = |pass: &LayerPass, walls: &EdgeIndex, aperture: &Aperture, tolerance_mm| {
+            pass_curves(pass, aperture, walls, tolerance_mm)
+        };
+        framed.curves(whole, settings)
     });
     let of_print = |print: &RegionPrint| curves[print.like].iter();
     check_length(
@@ -318,109 +323,95 @@ const PERIOD_SHARE: f64 = 0.37;
 /// Ends of a pass that differ by less along an axis lie equally far along it, mm.
 const SAME_MM: f64 = 1e-6;
 
-/// A region's own frame, where curves are taken off its walls: many small steps, in which rounding
-/// would grow into another curve.
-struct OwnFrame {
-    frame: Frame,
-    walls: EdgeIndex,
-}
-
-impl OwnFrame {
-    fn of(region: &RegionPlan, settings: &Settings) -> OwnFrame {
-        let frame = region.frame();
-        let hull = frame.snapped_in(&region.hull);
-        OwnFrame {
-            frame,
-            walls: EdgeIndex::of_region(&hull, settings.aperture.major_mm()),
-        }
+/// The curves of a region's pass, found the same way in whatever direction it runs: the path is pushed
+/// off the walls in many small steps, in which rounding would grow into another curve.
+fn region_curves(
+    pass: &LayerPass,
+    walls: &EdgeIndex,
+    aperture: &Aperture,
+    tolerance_mm: f64,
+) -> Vec<Vec<PlaneControl>> {
+    let mut pass = pass.clone();
+    let is_back = runs_back(&pass);
+    if is_back {
+        pass.placements.reverse();
     }
-
-    /// The curves of a pass, found the same way in whatever direction it runs and wherever the
-    /// region lies.
-    fn curves(
-        &self,
-        pass: &LayerPass,
-        settings: &Settings,
-        tolerance_mm: f64,
-    ) -> Vec<Vec<PlaneControl>> {
-        let aperture = &settings.aperture;
-        let mut pass = pass.clone();
-        let is_back = self.runs_back(&pass);
-        if is_back {
-            pass.placements.reverse();
-        }
-        let Some(first) = pass.placements.first() else {
-            return Vec::new();
+    let Some(first) = pass.placements.first() else {
+        return Vec::new();
+    };
+    // Headings a period apart are the same, but for their last digits.
+    let period_rad = aperture.period_rad();
+    let periods_rad = (first.at.heading_rad / period_rad + PERIOD_SHARE).floor() * period_rad;
+    for placement in &mut pass.placements {
+        placement.at = Configuration {
+            center: placement.at.center.map(snapped),
+            heading_rad: snapped(placement.at.heading_rad - periods_rad),
         };
-        // Headings a period apart are the same, but for their last digits.
-        let period_rad = aperture.period_rad();
-        let first_rad = self.frame.angle_in(first.at.heading_rad);
-        let periods_rad = (first_rad / period_rad + PERIOD_SHARE).floor() * period_rad;
-        for placement in &mut pass.placements {
-            let at = placement.at;
-            let heading_rad = self.frame.angle_in(at.heading_rad) - periods_rad;
-            placement.at = Configuration {
-                center: self.frame.point_in(at.center).map(snapped),
-                heading_rad: snapped(heading_rad),
-            };
-        }
-        let mut curves = pass_curves(&pass, aperture, &self.walls, tolerance_mm);
+    }
+    let mut curves = pass_curves(&pass, aperture, walls, tolerance_mm);
+    if is_back {
+        curves.reverse();
+    }
+    for curve in &mut curves {
         if is_back {
-            curves.reverse();
+            curve.reverse();
         }
-        for curve in &mut curves {
-            if is_back {
-                curve.reverse();
-            }
-            for control in curve {
-                let at = self.frame.configuration_out(Configuration {
-                    center: Point2::new(control[0], control[1]),
-                    heading_rad: control[2] + periods_rad,
-                });
-                *control = [at.center.x, at.center.y, at.heading_rad];
-            }
-        }
-        curves
-    }
-
-    /// True where the first placement lies farther along the frame's axes than the last one; of a
-    /// loop, the first that does not lie where its counterpart does.
-    fn runs_back(&self, pass: &LayerPass) -> bool {
-        let forwards = pass.placements.iter().map(|p| p.at.center);
-        let pairs = forwards.clone().zip(forwards.rev());
-        let mut ways = pairs.map(|(first, last)| self.frame.vector_in(last - first));
-        let way = ways.find(|way| way.amax() > SAME_MM);
-        way.is_some_and(|way| {
-            let along_mm = if way.x.abs() > SAME_MM { way.x } else { way.y };
-            along_mm < 0.0
-        })
-    }
-}
-
-/// The curves of passes, `whole` makes those of one or of a piece of one that stays within a
-/// tolerance.
-fn curves_of(
-    passes: &[LayerPass],
-    walls: impl Deref<Target = EdgeIndex>,
-    whole: impl Fn(&LayerPass, f64) -> Vec<Vec<PlaneControl>>,
-    shift: Vector2,
-    settings: &Settings,
-) -> Vec<PrintCurve> {
-    let tolerance_mm = PATH_SHARE * settings.tolerances.outside_mm;
-    let mut curves = Vec::new();
-    let cutter = PassCutter::new(passes, walls, settings);
-    for pass in passes {
-        for control in cutter.curves(pass, |pass| whole(pass, tolerance_mm)) {
-            let control = control.iter();
-            curves.push(PrintCurve {
-                kind: pass.kind,
-                control: control
-                    .map(|c| [c[0] + shift.x, c[1] + shift.y, c[2]])
-                    .collect(),
-            });
+        for control in curve {
+            control[2] += periods_rad;
         }
     }
     curves
+}
+
+/// True where the first placement lies farther along the axes than the last one; of a loop, the first
+/// that does not lie where its counterpart does.
+fn runs_back(pass: &LayerPass) -> bool {
+    let forwards = pass.placements.iter().map(|p| p.at.center);
+    let pairs = forwards.clone().zip(forwards.rev());
+    let mut ways = pairs.map(|(first, last)| last - first);
+    let way = ways.find(|way| way.amax() > SAME_MM);
+    way.is_some_and(|way| {
+        let along_mm = if way.x.abs() > SAME_MM { way.x } else { way.y };
+        along_mm < 0.0
+    })
+}
+
+/// Passes and walls in a frame; `shift` leads from outside the frame to machine coordinates, mm.
+struct FramedPasses<'a> {
+    passes: &'a [LayerPass],
+    walls: &'a EdgeIndex,
+    frame: Frame,
+    shift: Vector2,
+}
+
+impl FramedPasses<'_> {
+    /// Their curves in machine coordinates; `whole` makes those of one or of a piece of one that stays
+    /// within a tolerance.
+    fn curves(
+        &self,
+        whole: impl Fn(&LayerPass, &EdgeIndex, &Aperture, f64) -> Vec<Vec<PlaneControl>>,
+        settings: &Settings,
+    ) -> Vec<PrintCurve> {
+        let tolerance_mm = PATH_SHARE * settings.tolerances.outside_mm;
+        let whole = |pass: &LayerPass| whole(pass, self.walls, &settings.aperture, tolerance_mm);
+        let to_machine = |control: &PlaneControl| {
+            let at = self.frame.configuration_out(Configuration {
+                center: Point2::new(control[0], control[1]),
+                heading_rad: control[2],
+            });
+            let center = at.center + self.shift;
+            [center.x, center.y, at.heading_rad]
+        };
+        let cutter = PassCutter::new(self.passes, self.walls, &self.frame, settings);
+        let mut curves = Vec::new();
+        for pass in self.passes {
+            curves.extend(cutter.curves(pass, whole).iter().map(|control| PrintCurve {
+                kind: pass.kind,
+                control: control.iter().map(to_machine).collect(),
+            }));
+        }
+        curves
+    }
 }
 
 fn check_length<'a>(
@@ -446,14 +437,14 @@ mod tests {
     use crate::plan::pass::test_passes::{arc, pass};
     use std::f64::consts::{FRAC_PI_2, PI, TAU};
 
-    /// What the frame's turning rounds of a coordinate; settling headings at another period moves
-    /// them by up to 4e-9.
+    /// What adding periods rounds of a heading; settling headings at another period moves them by up to
+    /// 4e-9.
     const ROUNDING: f64 = 1e-11;
 
     /// Goal: a pass makes the same curve in whatever direction it runs and however many periods its
     /// headings are away. Method: an arc whose ends lie equally far along an axis, an open loop
     /// that ends where it begins, a bow that begins at a heading of 0, each against its reverse
-    /// with headings some periods on, in two frames.
+    /// with headings some periods on.
     #[test]
     fn curves_do_not_depend_on_direction_or_period() {
         let settings = Settings::default();
@@ -468,34 +459,26 @@ mod tests {
             pass((0..=90).map(place), false),
             arc(center, 1.4, 0.0, 2.0),
         ];
-        for (turn_rad, is_mirrored) in [(0.0, false), (0.7, true)] {
-            let own = OwnFrame {
-                frame: Frame {
-                    centre: Point2::origin(),
-                    turn_rad,
-                    is_mirrored,
-                },
-                walls: walls(&[&[[-2.4, -2.4], [2.4, -2.4], [2.4, 2.4], [-2.4, 2.4]]]),
-            };
-            for pass in &passes {
-                let curves = own.curves(pass, &settings, 1e-3);
-                for periods in [-3.0, 1.0, 4.0] {
-                    let periods_rad = periods * settings.aperture.period_rad();
-                    let mut other = pass.clone();
-                    other.placements.reverse();
-                    for placement in &mut other.placements {
-                        placement.at.heading_rad += periods_rad;
-                    }
-                    let mut others = own.curves(&other, &settings, 1e-3);
-                    others.reverse();
-                    assert_eq!(curves.len(), others.len());
-                    for (curve, other) in curves.iter().zip(&others) {
-                        assert_eq!(curve.len(), other.len());
-                        for (a, b) in curve.iter().zip(other.iter().rev()) {
-                            let apart = [a[0] - b[0], a[1] - b[1], a[2] + periods_rad - b[2]];
-                            let apart = apart.iter().fold(0.0, |most: f64, d| most.max(d.abs()));
-                            assert!(apart < ROUNDING, "{a:?} {b:?}");
-                        }
+        let walls = walls(&[&[[-2.4, -2.4], [2.4, -2.4], [2.4, 2.4], [-2.4, 2.4]]]);
+        let aperture = &settings.aperture;
+        for pass in &passes {
+            let curves = region_curves(pass, &walls, aperture, 1e-3);
+            for periods in [-3.0, 1.0, 4.0] {
+                let periods_rad = periods * aperture.period_rad();
+                let mut other = pass.clone();
+                other.placements.reverse();
+                for placement in &mut other.placements {
+                    placement.at.heading_rad += periods_rad;
+                }
+                let mut others = region_curves(&other, &walls, aperture, 1e-3);
+                others.reverse();
+                assert_eq!(curves.len(), others.len());
+                for (curve, other) in curves.iter().zip(&others) {
+                    assert_eq!(curve.len(), other.len());
+                    for (a, b) in curve.iter().zip(other.iter().rev()) {
+                        let apart = [a[0] - b[0], a[1] - b[1], a[2] + periods_rad - b[2]];
+                        let apart = apart.iter().fold(0.0, |most: f64, d| most.max(d.abs()));
+                        assert!(apart < ROUNDING, "{a:?} {b:?}");
                     }
                 }
             }

@@ -1,8 +1,8 @@
 //! One region of a layer: axis, passes, printing order.
 //!
 //! All of it happens in the region's own frame ([`Frame`]), so that the same region turned or
-//! mirrored comes out the same; what leaves this file is about the contour's local origin again.
-//! Input: a [`Contour`]. Output: a [`RegionPlan`].
+//! mirrored comes out the same. Passes stay there until they are curves; what else leaves this file
+//! is about the contour's local origin again. Input: a [`Contour`]. Output: a [`RegionPlan`].
 
 use crate::geometry::Point2;
 use crate::geometry::aperture::Aperture;
@@ -22,7 +22,7 @@ use crate::plan::joining::printed_order::{RegionPasses, in_printing_order};
 use crate::plan::outline::contour::Contour;
 use crate::plan::outline::trimmed_outline::trimmed_outline;
 use crate::plan::outline::unreachable::{UnreachableRun, unreachable_runs};
-use crate::plan::pass::{Contact, LayerPass, PassKind, Placement};
+use crate::plan::pass::{LayerPass, PassKind};
 use crate::plan::pose_limits::PoseLimits;
 use crate::plan::shortcuts::shortened_to_floor;
 use crate::settings::{Infill, PassMode, Settings};
@@ -32,7 +32,10 @@ use std::sync::Arc;
 /// Everything that planning one region of a layer made.
 #[derive(Clone, Debug)]
 pub struct RegionPlan {
-    frame: Frame,
+    /// The frame that it was planned in.
+    pub frame: Frame,
+    /// The edges of the hull, in that frame.
+    pub walls: Arc<EdgeIndex>,
     /// Where the first of the walls begins and the last one ends, and of the lines, in that frame;
     /// `None` where there are none or they may not be turned round.
     ends: [Option<[Point2; 2]>; 2],
@@ -47,7 +50,7 @@ pub struct RegionPlan {
     pub axis: Axis,
     /// Boundary that the aperture cannot touch, local.
     pub unreachable: Vec<UnreachableRun>,
-    /// Passes in printing order, or the reverse of it, local.
+    /// Passes in printing order, or the reverse of it, in that frame.
     pub passes: Vec<LayerPass>,
     /// The ground inside the walls that infill lines are to cover, local.
     pub open: Vec<Region>,
@@ -57,11 +60,6 @@ impl RegionPlan {
     /// The middle of the region's box, input coordinates.
     pub fn middle(&self) -> Point2 {
         self.contour.to_input(Point2::origin())
-    }
-
-    /// The frame that it was planned in.
-    pub fn frame(&self) -> Frame {
-        self.frame
     }
 
     /// What is printed the other way round so that the way from `from` (input coordinates) to the
@@ -110,10 +108,11 @@ impl RegionPlan {
             true => group.first()?.placements.first()?,
             false => group.last()?.placements.last()?,
         };
-        Some(self.contour.to_input(placement.at.center))
+        let center = self.frame.point_out(placement.at.center);
+        Some(self.contour.to_input(center))
     }
 
-    /// The passes, walls and lines each the one way round or the other.
+    /// The passes in the region's frame, walls and lines each the one way round or the other.
     pub fn passes_turned(&self, turned: Reversal) -> Vec<LayerPass> {
         let mut passes = self.passes.clone();
         let (walls, lines) = passes.split_at_mut(self.lines_from);
@@ -322,13 +321,14 @@ impl RegionWork {
         });
         RegionPlan {
             frame,
+            walls: self.walls,
             ends,
             lines_from,
             contour: self.contour,
             hull: frame.region_out(&self.hull),
             axis,
             unreachable: unreachable.collect(),
-            passes: passes.into_iter().map(|p| pass_out(p, &frame)).collect(),
+            passes,
             open: self.open.iter().map(out).collect(),
         }
     }
@@ -394,23 +394,6 @@ fn ends_of(passes: &[LayerPass]) -> Option<[Point2; 2]> {
     let first = passes.first()?.placements.first()?;
     let last = passes.last()?.placements.last()?;
     Some([first.at.center, last.at.center])
-}
-
-/// A pass of the frame outside it.
-fn pass_out(mut pass: LayerPass, frame: &Frame) -> LayerPass {
-    for placement in &mut pass.placements {
-        let contact = placement.contact;
-        *placement = Placement {
-            at: frame.configuration_out(placement.at),
-            contact: Contact {
-                point: frame.point_out(contact.point),
-                normal: frame.vector_out(contact.normal),
-                ..contact
-            },
-            ..*placement
-        };
-    }
-    pass
 }
 
 fn pass_settings(settings: &Settings) -> PassSettings {
