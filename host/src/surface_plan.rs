@@ -317,9 +317,7 @@ fn laid_out(
     progress: &dyn Progress,
 ) -> Result<Plan, PlanError> {
     let [low, high] = mesh.bounds_mm();
-    let all = moves
-        .iter()
-        .flat_map(|route_move| &route_move.curve.control);
+    let all = moves.iter().flat_map(|moved| &moved.curve.control);
     let corners: Vec<Point2> = all
         .clone()
         .map(|point| Point2::new(point[CHANNEL_X], point[CHANNEL_Y]))
