@@ -56,6 +56,8 @@ class Page:
                 shift += 7
                 if byte < 128:
                     return value, data
+        if kind == "f32":
+            return struct.unpack("<f", data[:4])[0], data[4:]
         if kind in ("i16", "i32"):
             value, data = self.read(data, "u32")
             return (value >> 1) ^ -(value & 1), data
@@ -94,6 +96,8 @@ class Page:
                 out.append(value & 127 | 128)
                 value >>= 7
             return bytes(out + bytes([value]))
+        if kind == "f32":
+            return struct.pack("<f", value)
         if kind in ("i16", "i32"):
             return self.write(value << 1 if value >= 0 else (-value << 1) - 1, "u32")
         if kind == "bytes":

@@ -3,10 +3,10 @@
 use crate::configuration::{
     ExtruderConfiguration, JointConfiguration, Kinematics, MachineConfiguration,
 };
-use crate::heat::HeatConfiguration;
+use crate::drivers::DriversConfiguration;
 use crate::homing::HomingConfiguration;
 use crate::settings::store::SettingsStore;
-use crate::settings::{BoardLimits, BoardSettings};
+use crate::settings::{BoardLimits, BoardSettings, record_hash};
 use crate::shaping::UNSHAPED;
 use core::f64::consts::TAU;
 use embedded_storage::nor_flash::NorFlash;
@@ -66,48 +66,36 @@ pub fn emulated_planar() -> MachineConfiguration {
     }
 }
 
-/// What the file that `HEADWAY_MACHINE` named holds: a machine, and behind it the heaters, if any.
+/// What the file that `HEADWAY_MACHINE` named holds: a record of settings.
 const BUILT_FOR: &[u8] = include_bytes!(concat!(env!("OUT_DIR"), "/machine.bin"));
 
-/// Heaters of a board that has them: those of the machine it is built for, or a hot end and a bed with the
-/// usual thermistors. `None` if they cannot be.
-pub fn board_heaters() -> Option<HeatConfiguration> {
-    if BUILT_FOR.is_empty() {
-        return Some(HeatConfiguration::standard());
+/// What a board to flash is built for: the settings in the file that `HEADWAY_MACHINE` named at build time
+/// (written by `headway machine firmware`), or the planar machine that the `headway` command has built in, with
+/// the switches of [`HomingConfiguration::standard`] and drivers that stand alone. `None` if the file holds
+/// nothing that can be run.
+pub fn built_for() -> Option<BoardSettings> {
+    if !BUILT_FOR.is_empty() {
+        return BoardSettings::decode(BUILT_FOR).ok();
     }
-    let (_, rest) = postcard::take_from_bytes::<MachineConfiguration>(BUILT_FOR).ok()?;
-    let heaters = if rest.is_empty() {
-        HeatConfiguration::standard()
-    } else {
-        postcard::from_bytes::<HeatConfiguration>(rest).ok()?
-    };
-    heaters.check().ok()?;
-    Some(heaters)
+    let machine = built_in_planar();
+    Some(BoardSettings {
+        switches: HomingConfiguration::standard(&machine),
+        machine,
+        heaters: None,
+        drivers: DriversConfiguration::none(),
+    })
 }
 
-/// What a board runs: what its flash keeps, where it can run that, else what is built in.
+/// What a board runs: what its flash keeps, where it can run that, else what is built in; and the hash of
+/// what is kept.
 pub fn kept_settings<F: NorFlash>(
     store: &mut SettingsStore<F>,
     limits: &BoardLimits,
-) -> Option<BoardSettings> {
-    let settings = BoardSettings::decode(&store.take()?).ok()?;
+) -> Option<(BoardSettings, u32)> {
+    let record = store.take()?;
+    let settings = BoardSettings::decode(&record).ok()?;
     settings.check_for(limits).ok()?;
-    Some(settings)
-}
-
-/// The machine that a board to flash is built for: the one in the file that `HEADWAY_MACHINE`
-/// named at build time (written by `headway machine firmware`), or the planar machine that the
-/// `headway` command has built in; with the switches of [`HomingConfiguration::standard`].
-/// `None` if the file is not a machine that can be run.
-pub fn board_machine() -> Option<(MachineConfiguration, HomingConfiguration)> {
-    let machine = if BUILT_FOR.is_empty() {
-        built_in_planar()
-    } else {
-        postcard::from_bytes(BUILT_FOR).ok()?
-    };
-    machine.check().ok()?;
-    let switches = HomingConfiguration::standard(&machine);
-    Some((machine, switches))
+    Some((settings, record_hash(&record)))
 }
 
 /// The planar machine that the `headway` command plans for when it is told of no other: 250 x 250 x

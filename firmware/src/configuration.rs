@@ -326,31 +326,54 @@ impl MachineConfiguration {
         if !range.contains(&ticks) || ticks.checked_mul(self.servo_hz) != Some(self.step_hz) {
             return Err(ConfigurationError::TickRates);
         }
-        for (index, joint) in self.joints.iter().enumerate() {
-            let positive = [
-                joint.speed_max,
-                joint.acceleration_max,
-                joint.jerk_max,
-                joint.steps_per_unit,
-            ];
-            let range_is_right = joint.position_min < joint.position_max;
-            if !range_is_right || !positive.iter().all(is_positive) || !fits(joint.steps_per_unit) {
-                return Err(ConfigurationError::Joint(index));
-            }
+        if let Some(joint) = self.joints.iter().position(|joint| joint.wrong().is_some()) {
+            return Err(ConfigurationError::Joint(joint));
         }
-        let extruder = &self.extruder;
-        let positive = [
-            extruder.steps_per_mm3,
-            extruder.speed_max_mm3_s,
-            extruder.acceleration_max_mm3_s2,
-        ];
-        let not_negative = extruder.pressure_advance_s >= 0.0
-            && extruder.pressure_advance_window_ms >= 0.0
-            && extruder.pressure_advance_s.is_finite();
-        if !not_negative || !positive.iter().all(is_positive) || !fits(extruder.steps_per_mm3) {
+        if self.extruder.wrong().is_some() {
             return Err(ConfigurationError::Joint(given));
         }
         wrong_shaper(self).map_or(Ok(()), |joint| Err(ConfigurationError::Shaper(joint)))
+    }
+}
+
+/// A number that cannot be, with its place among [`headway_protocol::settings::items`].
+pub type WrongNumber = (u8, f64);
+
+/// The first of them that is not right.
+pub(crate) fn first_wrong(numbers: &[(bool, u8, f64)]) -> Option<WrongNumber> {
+    let wrong = numbers.iter().find(|(is_right, _, _)| !is_right)?;
+    Some((wrong.1, wrong.2))
+}
+
+impl JointConfiguration {
+    /// The first number that cannot be.
+    pub fn wrong(&self) -> Option<WrongNumber> {
+        let positive = |item, value: f64| (is_positive(&value), item, value);
+        first_wrong(&[
+            (self.position_min < self.position_max, 1, self.position_min),
+            positive(2, self.speed_max),
+            positive(3, self.acceleration_max),
+            positive(4, self.jerk_max),
+            positive(5, self.steps_per_unit),
+            (fits(self.steps_per_unit), 5, self.steps_per_unit),
+        ])
+    }
+}
+
+impl ExtruderConfiguration {
+    /// The first number that cannot be.
+    pub fn wrong(&self) -> Option<WrongNumber> {
+        let positive = |item, value: f64| (is_positive(&value), item, value);
+        let (advance_s, window_ms) = (self.pressure_advance_s, self.pressure_advance_window_ms);
+        let advances = advance_s >= 0.0 && advance_s.is_finite();
+        first_wrong(&[
+            positive(2, self.speed_max_mm3_s),
+            positive(3, self.acceleration_max_mm3_s2),
+            positive(5, self.steps_per_mm3),
+            (fits(self.steps_per_mm3), 5, self.steps_per_mm3),
+            (advances, 6, advance_s),
+            (window_ms >= 0.0, 7, window_ms),
+        ])
     }
 }
 

@@ -7,7 +7,10 @@
 //! motor's true position come in every servo tick, a [`JointMove`] is told what to do. The switch
 //! must hold for [`SWITCH_SETTLE_TICKS`]; the position taken is that of its first tick.
 
-use crate::configuration::{ConfigurationError, JOINTS_MAX, MachineConfiguration};
+use crate::configuration::{
+    ConfigurationError, JOINTS_MAX, JointConfiguration, MachineConfiguration, WrongNumber,
+    first_wrong,
+};
 use crate::design::SWITCH_SETTLE_TICKS;
 use crate::joint_move::{JointMove, MoveLimits};
 use crate::steps::STEP;
@@ -33,6 +36,24 @@ pub struct JointHoming {
     pub position_natural: f64,
     /// The switch also stops motion that runs into it at other times.
     pub guards: bool,
+}
+
+impl JointHoming {
+    /// The first number that cannot be.
+    pub fn wrong(&self, limits: &JointConfiguration) -> Option<WrongNumber> {
+        let speed_fits = |speed: f64| speed > 0.0 && speed <= limits.speed_max;
+        let way_fits = |way: f64| way > 0.0 && way.is_finite();
+        let (fast, slow) = (self.fast_natural_s, self.slow_natural_s);
+        let (back_off, travel) = (self.back_off_natural, self.travel_max_natural);
+        let position = self.position_natural;
+        first_wrong(&[
+            (speed_fits(fast), 1, fast),
+            (speed_fits(slow), 2, slow),
+            (way_fits(back_off), 3, back_off),
+            (way_fits(travel), 4, travel),
+            (position.is_finite(), 5, position),
+        ])
+    }
 }
 
 /// The switches of a machine, in the order in which all are homed. Not part of the machine's
@@ -91,14 +112,7 @@ impl HomingConfiguration {
             let Some(limits) = machine.joints.get(joint) else {
                 return wrong;
             };
-            let speed_fits = |speed: f64| speed > 0.0 && speed <= limits.speed_max;
-            let way_fits = |way: f64| way > 0.0 && way.is_finite();
-            let fits = speed_fits(homing.fast_natural_s)
-                && speed_fits(homing.slow_natural_s)
-                && way_fits(homing.back_off_natural)
-                && way_fits(homing.travel_max_natural)
-                && homing.position_natural.is_finite();
-            if !fits {
+            if homing.wrong(limits).is_some() {
                 return wrong;
             }
         }

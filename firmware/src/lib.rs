@@ -21,6 +21,7 @@ pub mod boards;
 pub mod configuration;
 pub mod delay;
 pub mod design;
+pub mod drivers;
 pub mod event_queue;
 pub mod extruder_limits;
 pub mod flow;

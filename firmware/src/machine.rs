@@ -11,6 +11,7 @@
 //! servo and steps in interrupts of their own builds the parts where they live ([`Machine::check`]).
 
 use crate::configuration::{ConfigurationError, MachineConfiguration};
+use crate::drivers::{DriverPort, DriverService};
 use crate::homing::HomingConfiguration;
 use crate::inputs::Inputs;
 use crate::motion::Motion;
@@ -87,6 +88,25 @@ impl Machine {
     /// The board has a store for settings, see [`Receiver::keep_settings`].
     pub fn keep_settings(&mut self, board: BoardLimits) {
         self.receiver.keep_settings(board);
+    }
+
+    /// Where the settings in force came from, see [`Receiver::settings_in_force`].
+    pub fn settings_in_force(&mut self, hash: u32) {
+        self.receiver.settings_in_force(hash);
+    }
+
+    /// Looks after the drivers, where it is their turn: to be called again and again.
+    pub fn serve_drivers(&mut self, service: &mut DriverService, port: &mut impl DriverPort) {
+        if service.is_due(&self.motion) {
+            service.turn(port);
+            service.tell(&mut self.motion);
+        }
+    }
+
+    /// Sets the drivers up, before the first servo tick.
+    pub fn set_up_drivers(&mut self, service: &mut DriverService, port: &mut impl DriverPort) {
+        service.set_up(port);
+        service.tell(&mut self.motion);
     }
 
     /// Stores settings that have come, see [`Receiver::store_settings`].

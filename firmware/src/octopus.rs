@@ -60,6 +60,17 @@ pub const ENABLE: [Pin; MOTORS_MAX] = [
     (D, 4),
     (E, 0),
 ];
+/// UART of drivers 0 to 7, one wire each (`uart_pin` of the same file).
+pub const UART: [Pin; MOTORS_MAX] = [
+    (C, 4),
+    (D, 11),
+    (C, 6),
+    (C, 7),
+    (F, 2),
+    (E, 4),
+    (E, 1),
+    (D, 3),
+];
 /// Switch of joint 0 to 7, STOP_0 to STOP_7: normally closed to ground, pulled up, pressed = high.
 pub const SWITCHES: [Pin; MOTORS_MAX] = [
     (G, 6),

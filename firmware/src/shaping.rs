@@ -103,6 +103,15 @@ impl Shaper {
         Some(Shape::Impulses(scaled.into_iter().collect()))
     }
 
+    /// The number to blame where it does not fit, with its place among the items of a refusal.
+    pub(crate) fn wrong_number(&self) -> (u8, f64) {
+        if (0.0..=DAMPING_MAX).contains(&self.damping) {
+            (1, self.frequency_hz)
+        } else {
+            (2, self.damping)
+        }
+    }
+
     /// True if its numbers make sense; that it fits the line is [`Delays::of`]'s.
     fn is_right(&self, servo_hz: u32) -> bool {
         // A period of at least four servo ticks: shorter ones cannot be told from others.

@@ -7,6 +7,7 @@
 pub mod aperture_text;
 mod check;
 mod defaults;
+pub mod drivers;
 pub mod head_shape;
 pub mod heat;
 pub mod kinds;
@@ -18,6 +19,7 @@ pub use check::{SettingsError, joint_names, motor_rates_hz};
 use self::head_shape::HeadShape;
 use crate::geometry::aperture::Aperture;
 use headway_firmware::configuration::MachineConfiguration;
+use headway_firmware::drivers::DriversConfiguration;
 use headway_firmware::heat::HeatConfiguration;
 
 /// How passes are laid where the passage is narrow.
@@ -305,6 +307,8 @@ pub struct Settings {
     pub material: Option<heat::Material>,
     /// Heaters of the board, where they are not those that it has built in.
     pub heaters: Option<HeatConfiguration>,
+    /// Drivers that the board sets up; none for those that stand alone.
+    pub drivers: DriversConfiguration,
 }
 
 #[cfg(test)]

@@ -110,9 +110,12 @@ fn a_machine_for_the_firmware_reads_back_as_the_same_machine() {
     let said = headway(&["machine", "firmware", path(&file), "-o", path(&bytes)]);
     assert!(succeeded(&said).contains("6 joints"));
     let bytes = std::fs::read(&bytes).expect("file");
-    let machine: headway_firmware::configuration::MachineConfiguration =
-        postcard::from_bytes(&bytes).expect("a machine");
-    assert_eq!(machine, headway::settings::Settings::gantry().machine);
+    let settings =
+        headway_firmware::settings::BoardSettings::decode(&bytes).expect("what a board reads");
+    assert_eq!(
+        settings.machine,
+        headway::settings::Settings::gantry().machine
+    );
 }
 
 #[test]

@@ -61,6 +61,15 @@ pub enum FaultCause {
     HostSilent,
     /// The fan of a hot end does not turn.
     FanStalled,
+    /// The driver of motor `index` does not answer or cannot be set up; `value`: 0 silent, 1 noise, 0x100 +
+    /// register: a write not taken, 0x200 + register: reads back otherwise, 0x300 + version: another chip.
+    DriverSilent,
+    /// The driver of motor `index` has started anew: its settings were gone.
+    DriverReset,
+    /// The driver of motor `index` has switched off for heat; `value` here and below: its DRV_STATUS.
+    DriverHot,
+    /// The driver of motor `index` has switched off for a short.
+    DriverShort,
 }
 
 /// A latched fault with the value that tripped it.
@@ -103,6 +112,10 @@ impl core::fmt::Display for Fault {
             ),
             FaultCause::HostSilent => write!(f, "no host was heard for {value} s while heating"),
             FaultCause::FanStalled => f.write_str("the fan of a hot end does not turn"),
+            FaultCause::DriverSilent
+            | FaultCause::DriverReset
+            | FaultCause::DriverHot
+            | FaultCause::DriverShort => driver_fault(f, self),
             FaultCause::SensorOpen => heater_fault(f, "has a broken sensor", self),
             FaultCause::SensorShorted => heater_fault(f, "has a shorted sensor", self),
             FaultCause::SensorSilent => heater_fault(f, "has a sensor that gives no numbers", self),
@@ -132,6 +145,24 @@ impl core::fmt::Display for Fault {
                 _ => f.write_str("the clock of the board's core does not lock"),
             },
         }
+    }
+}
+
+/// A fault of a motor's driver.
+fn driver_fault(f: &mut core::fmt::Formatter<'_>, fault: &Fault) -> core::fmt::Result {
+    let (index, value) = (fault.index, fault.value);
+    write!(f, "the driver of motor {index} ")?;
+    match (fault.cause, value >> 8) {
+        (FaultCause::DriverReset, _) => {
+            f.write_str("has started anew (is its supply steady?); it is set up again")
+        }
+        (FaultCause::DriverHot, _) => write!(f, "has switched off for heat ({value:#010x})"),
+        (FaultCause::DriverShort, _) => write!(f, "has switched off for a short ({value:#010x})"),
+        (_, 1) => write!(f, "does not take register {:#04x}", value & 0xff),
+        (_, 2) => write!(f, "reads register {:#04x} back otherwise", value & 0xff),
+        (_, 3) => write!(f, "is no TMC2209 (version {:#04x})", value & 0xff),
+        _ if value == 1 => f.write_str("answers with noise"),
+        _ => f.write_str("does not answer (is the motors' supply on, the jumper set for UART?)"),
     }
 }
 

@@ -4,6 +4,7 @@
 //! - [`segment`]: the motion as knots of a non-uniform cubic B-spline, and flow events tied to it.
 //! - [`knot_block`]: knots predicted and bit-packed, as they travel.
 //! - [`control`]: the commands that overtake the stream.
+//! - [`driver`]: what a status says of a motor's driver.
 //! - [`fault`]: why a controller has stopped.
 //! - [`message`]: everything that either side can say.
 //! - [`frame`]: COBS framing, CRC-32 and sequence numbers.
@@ -17,6 +18,7 @@ extern crate std;
 
 mod cobs_decode;
 pub mod control;
+pub mod driver;
 pub mod fault;
 pub mod frame;
 pub mod knot_block;

@@ -11,15 +11,16 @@ pub use crate::control::{
     HEATERS_MAX, JointOrder, OVERRIDE_PERCENT_MAX, REPORT_MOTORS_MAX, REPORT_PERIOD_RANGE_MS,
     SETTINGS_BYTES_MAX, SETTINGS_PART_BYTES,
 };
+pub use crate::driver::{DriverFlags, DriverStatus};
 pub use crate::fault::{Fault, FaultCause};
 use crate::segment::{FlowEvent, SPAN_TICKS_MAX};
-pub use crate::settings::{SettingsProblem, SettingsRefusal};
+pub use crate::settings::{RefusedNumber, SettingsProblem, SettingsRefusal};
 use crate::units::ChannelPoint;
 use heapless::Vec;
 use serde::{Deserialize, Serialize};
 
 /// Version of the whole protocol; another one is refused with both values shown.
-pub const PROTOCOL_VERSION: u16 = 5;
+pub const PROTOCOL_VERSION: u16 = 6;
 /// The layout of every message, field by field: its hash guards against a build that changed a
 /// message and forgot the version. Change it with the types; the golden test of `WIRE.md` tells.
 pub const SCHEMA: &str = "\
@@ -34,13 +35,14 @@ host: 0 hello{protocol u16,schema u32,host_session u32}\n\
  15 motors off 16 heat{heater u8,decidegrees u16,wait bool} 17 fan u16\n\
  18 settings{length u16} 19 part{offset u16,bytes u8*32} 20 settings end\n\
 device: 0 welcome{protocol u16,schema u32,firmware u8*3,machine_hash u32,knots u16,events u16,\
-servo u32,step u32,session u32,host_session u32,stream option{job u32,first u32,next u32,knots u32,spans u32}}\n\
+servo u32,step u32,session u32,host_session u32,stream option{job u32,first u32,next u32,knots u32,spans u32},settings_hash u32}\n\
  1 refused{sequence u16,reason 0 protocol u16 1 schema u32 2 machine u32 3 no stream 4 busy 5 faulted 6 invalid 7 no hello \
-8 settings{problem 0..12 u8,index u8}}\n\
+8 settings{problem 0..13 u8,index u8,item u8,value f32}}\n\
  2 ack{session u32,next u32,knot_limit u32,event_limit u32,control u16} 3 nak(ack)\n\
  4 status{session u32,state u8,sigma u16,override u16,flow u16,spans u32,knots u16,events u16,\
-referenced u8,switches u8,counts vec i32,heaters vec{decidegrees i16,target u16,duty u16},fan u16,fault option}\n\
- 5 fault{cause 0..25 u8,index u8,value i32}\n\
+referenced u8,switches u8,counts vec i32,heaters vec{decidegrees i16,target u16,duty u16},fan u16,fault option,\
+drivers vec{flags u16,scale u8,retries u16}}\n\
+ 5 fault{cause 0..29 u8,index u8,value i32}\n\
 block: v1\n";
 /// CRC-32 of [`SCHEMA`].
 pub const SCHEMA_HASH: u32 = crate::frame::CRC.checksum(SCHEMA.as_bytes());
@@ -141,6 +143,8 @@ pub struct Welcome {
     pub host_session: u32,
     /// The stream that is open, or the last one if it has ended, until the next `Start`.
     pub stream: Option<OpenStream>,
+    /// CRC-32 of the settings in force, drivers and pins among them; 0 where they are built in.
+    pub settings_hash: u32,
 }
 
 /// A stream in progress, as the controller knows it.
@@ -268,6 +272,8 @@ pub struct Status {
     pub fan_permille: u16,
     /// The latched fault.
     pub fault: Option<Fault>,
+    /// Drivers in the motors' order; empty where the board does not speak with them.
+    pub drivers: Vec<DriverStatus, REPORT_MOTORS_MAX>,
 }
 
 /// What a heater is doing.

@@ -32,7 +32,22 @@ pub enum SettingsProblem {
     Shaper,
     /// This board cannot run them: it has `index` motors, and rates of its own.
     Board,
+    /// A number of the driver of motor `index`.
+    Driver,
 }
+
+/// A number that is refused, as near as f32 has it; NaN for one that is none.
+#[derive(Clone, Copy, Debug, Serialize, Deserialize)]
+#[cfg_attr(feature = "defmt", derive(defmt::Format))]
+pub struct RefusedNumber(pub f32);
+
+impl PartialEq for RefusedNumber {
+    fn eq(&self, other: &Self) -> bool {
+        self.0.to_bits() == other.0.to_bits()
+    }
+}
+
+impl Eq for RefusedNumber {}
 
 /// A refusal of settings, with the place.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
@@ -42,10 +57,77 @@ pub struct SettingsRefusal {
     pub problem: SettingsProblem,
     /// Which section, joint or heater.
     pub index: u8,
+    /// Which of its numbers, from 1 in the order of [`items`]; 0 where it is none of them.
+    pub item: u8,
+    /// The number that is refused; 0 where `item` is 0.
+    pub value: RefusedNumber,
+}
+
+/// Names of the numbers that can be refused, as near to a machine file's as the board knows them.
+pub const fn items(problem: SettingsProblem) -> &'static [&'static str] {
+    match problem {
+        SettingsProblem::Joint => &[
+            "position_min",
+            "speed_max",
+            "acceleration_max",
+            "jerk_max",
+            "steps_per_unit",
+            "pressure_advance_s",
+            "pressure_advance_window_ms",
+        ],
+        SettingsProblem::Switch => &[
+            "fast speed",
+            "slow speed",
+            "back_off",
+            "travel_max",
+            "position",
+        ],
+        SettingsProblem::Heater => &[
+            "limit_c",
+            "sensor",
+            "power_w",
+            "loss_w_k",
+            "fan_loss_w_k",
+            "melt_j_mm3_k",
+            "proportional",
+            "integral",
+            "derivative",
+        ],
+        SettingsProblem::Shaper => &["frequency_hz", "damping"],
+        SettingsProblem::Driver => &[
+            "address",
+            "sense_mohm",
+            "run_ma",
+            "hold_ma",
+            "microsteps",
+            "full steps times microsteps",
+            "threshold",
+            "motor",
+        ],
+        _ => &[],
+    }
+}
+
+impl SettingsRefusal {
+    /// Which number is refused, by name.
+    pub fn item_name(&self) -> Option<&'static str> {
+        let place = usize::from(self.item).checked_sub(1)?;
+        items(self.problem).get(place).copied()
+    }
 }
 
 impl core::fmt::Display for SettingsRefusal {
     fn fmt(&self, f: &mut core::fmt::Formatter<'_>) -> core::fmt::Result {
+        self.write_place(f)?;
+        match self.item_name() {
+            Some(name) => write!(f, ": {name} = {}", self.value.0),
+            None => Ok(()),
+        }
+    }
+}
+
+impl SettingsRefusal {
+    fn write_place(&self, f: &mut core::fmt::Formatter<'_>) -> core::fmt::Result {
         let index = self.index;
         match self.problem {
             SettingsProblem::NoStore => f.write_str(
@@ -81,6 +163,9 @@ impl core::fmt::Display for SettingsRefusal {
                 f,
                 "it has {index} motors at most, and the step and servo rates of its own firmware"
             ),
+            SettingsProblem::Driver => {
+                write!(f, "a number of the driver of motor {index} does not fit")
+            }
             SettingsProblem::NotStored => {
                 f.write_str("its flash did not take the settings; those of before stay in force")
             }

@@ -128,6 +128,7 @@ fn device_message(name: &str) -> Option<DeviceMessage> {
                 knots_taken: 0,
                 spans_done: 0,
             }),
+            settings_hash: 0x1122_3344,
         }),
         "refused" => DeviceMessage::Refused(Refusal {
             sequence: 2,
@@ -138,6 +139,8 @@ fn device_message(name: &str) -> Option<DeviceMessage> {
             reason: RefusalReason::Settings(SettingsRefusal {
                 problem: SettingsProblem::Joint,
                 index: 2,
+                item: 5,
+                value: RefusedNumber(-1.5),
             }),
         }),
         "ack" => DeviceMessage::Ack(ack),
@@ -166,6 +169,14 @@ fn device_message(name: &str) -> Option<DeviceMessage> {
                 .collect(),
             fan_permille: 350,
             fault: Some(fault),
+            drivers: [(0, 0, 0), (0x83, 17, 300)]
+                .into_iter()
+                .map(|(flags, scale, retries)| DriverStatus {
+                    flags,
+                    scale,
+                    retries,
+                })
+                .collect(),
         }),
         "fault" => DeviceMessage::Fault(fault),
         _ => return None,

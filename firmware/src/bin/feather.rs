@@ -28,6 +28,7 @@ mod board {
     use crate::stm32f4::{self, CoreDelay, Parts, SerialLine};
     use headway_firmware::board::sector_flash::Sector;
     use headway_firmware::board::{NoHeat, NoLine, PinBoard, PinOutput};
+    use headway_firmware::drivers::NoDrivers;
     use headway_firmware::heat::HeatConfiguration;
     use headway_firmware::output::Pin;
     use stm32f4xx_hal::gpio::{self, ErasedPin, Input};
@@ -37,7 +38,6 @@ mod board {
     type OutputPin = ErasedPin<gpio::Output>;
     /// X, Y, Z, nozzle, extruder.
     pub const MOTORS: usize = 5;
-    pub const HAS_HEATERS: bool = false;
     /// Behind all code: the chip has 1 MiB.
     pub const SETTINGS_SECTORS: [Sector; 2] = [
         Sector {
@@ -54,6 +54,8 @@ mod board {
     pub type Pins = PinBoard<ErasedPin<Input>, OutputPin, 3, 1>;
     pub type UsbLine = NoLine;
     pub type HeatPins = NoHeat;
+    /// Its drivers stand alone: no pin is left for their wires.
+    pub type DriverPins = NoDrivers;
 
     /// STM32F405.
     pub const CHIP_ID: u32 = 0x413;
@@ -65,9 +67,9 @@ mod board {
     pub const SERIAL_CLOCK_MASK: u32 = 1 << 18;
     pub const SERIAL_INTERRUPT: Interrupt = Interrupt::USART3;
 
-    /// It has none.
-    pub fn heaters() -> Option<HeatConfiguration> {
-        Some(HeatConfiguration::none())
+    /// It has none, whatever the settings say.
+    pub fn heaters(_settings: Option<HeatConfiguration>) -> HeatConfiguration {
+        HeatConfiguration::none()
     }
 
     pub fn heaters_off() {}
@@ -114,6 +116,7 @@ mod board {
             pins: PinBoard::new(switches, emergency, [enable.erase()], &mut CoreDelay),
             usb: NoLine,
             heat: NoHeat,
+            drivers: NoDrivers,
         })
     }
 

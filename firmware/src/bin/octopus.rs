@@ -1,4 +1,4 @@
-//! BTT Octopus v1.1 (STM32F446ZE at 168 MHz): eight drivers, stand-alone TMCs, USB CDC and USART 2.
+//! BTT Octopus v1.1 (STM32F446ZE at 168 MHz): eight drivers, TMC2209 by UART or alone, USB CDC and USART 2.
 //!
 //! Start-up and main loop are in `shared/stm32f4.rs`, steps, servo and link in `shared/runtime.rs`; pins
 //! and their sense are in `shared/octopus_pins.rs`. Steps are port-wide writes, which do at the pins
@@ -14,6 +14,9 @@ fn main() {
 #[cfg(all(target_os = "none", feature = "defmt"))]
 use defmt_rtt as _;
 
+#[cfg(target_os = "none")]
+#[path = "shared/octopus_drivers.rs"]
+mod drivers;
 #[cfg(target_os = "none")]
 #[path = "shared/octopus_heat.rs"]
 mod heat;
@@ -41,6 +44,7 @@ mod board {
     use crate::pins;
     use crate::ports::DriverPorts;
     use crate::stm32f4::{self, Parts, SerialLine};
+    use headway_firmware::heat::HeatConfiguration;
     use headway_firmware::output::{Pin, PortOutput};
     use stm32f4xx_hal::pac::{self, Interrupt, interrupt};
 
@@ -48,13 +52,18 @@ mod board {
     pub type Pins = pins::OctopusPins;
     pub type HeatPins = crate::heat::OctopusHeat;
     pub use crate::pins::heaters_off;
-    pub use headway_firmware::boards::board_heaters as heaters;
+    pub type DriverPins = crate::drivers::OctopusDrivers;
+
+    /// A hot end and a bed with the usual thermistors, where the settings say nothing of heaters.
+    pub fn heaters(settings: Option<HeatConfiguration>) -> HeatConfiguration {
+        settings.unwrap_or_else(HeatConfiguration::standard)
+    }
+
     #[cfg(feature = "octopus")]
     pub type UsbLine = crate::usb::UsbLine;
     #[cfg(not(feature = "octopus"))]
     pub type UsbLine = headway_firmware::board::NoLine;
 
-    pub const HAS_HEATERS: bool = true;
     pub const MOTORS: usize = headway_firmware::configuration::MOTORS_MAX;
     pub use headway_firmware::octopus::SETTINGS_SECTORS;
 
@@ -87,6 +96,7 @@ mod board {
             pins,
             usb,
             heat: crate::heat::OctopusHeat::set_up(),
+            drivers: crate::drivers::set_up(),
         })
     }
 

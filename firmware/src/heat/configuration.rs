@@ -6,6 +6,7 @@
 //! those of Klipper's board files (22.2, 1.08, 114 of 255). Left out: which pin is which.
 
 use super::sensor::Sensor;
+use crate::configuration::{WrongNumber, first_wrong};
 use heapless::Vec;
 use serde::{Deserialize, Serialize};
 
@@ -125,21 +126,24 @@ impl HeaterConfiguration {
         self.limit_c - TARGET_MARGIN_K
     }
 
-    fn is_right(&self) -> bool {
+    /// The first number that cannot be.
+    pub fn wrong(&self) -> Option<WrongNumber> {
         let (plant, gains) = (&self.plant, &self.gains);
-        let positive = [self.limit_c, plant.power_w, plant.loss_w_k];
-        let not_negative = [
-            plant.fan_loss_w_k,
-            plant.melt_j_mm3_k,
-            gains.proportional,
-            gains.integral,
-            gains.derivative,
-        ];
-        // No usual hot end holds more.
-        self.limit_c <= 500.0
-            && self.sensor.is_right()
-            && positive.iter().all(|v| *v > 0.0 && v.is_finite())
-            && not_negative.iter().all(|v| *v >= 0.0 && v.is_finite())
+        let positive = |item, v: f32| (v > 0.0 && v.is_finite(), item, f64::from(v));
+        let not_negative = |item, v: f32| (v >= 0.0 && v.is_finite(), item, f64::from(v));
+        first_wrong(&[
+            positive(1, self.limit_c),
+            // No usual hot end holds more.
+            (self.limit_c <= 500.0, 1, f64::from(self.limit_c)),
+            (self.sensor.is_right(), 2, 0.0),
+            positive(3, plant.power_w),
+            positive(4, plant.loss_w_k),
+            not_negative(5, plant.fan_loss_w_k),
+            not_negative(6, plant.melt_j_mm3_k),
+            not_negative(7, gains.proportional),
+            not_negative(8, gains.integral),
+            not_negative(9, gains.derivative),
+        ])
     }
 }
 
@@ -166,7 +170,10 @@ impl HeatConfiguration {
     /// # Errors
     /// [`HeaterRange`], the first heater with a number that cannot be.
     pub fn check(&self) -> Result<(), HeaterRange> {
-        let wrong = self.heaters.iter().position(|heater| !heater.is_right());
+        let wrong = self
+            .heaters
+            .iter()
+            .position(|heater| heater.wrong().is_some());
         wrong.map_or(Ok(()), |heater| Err(HeaterRange(heater)))
     }
 }

@@ -200,7 +200,7 @@ impl Motion {
     }
 
     /// Clears the latched fault once the machine rests; false if it still moves, or is another board
-    /// than the firmware is for.
+    /// than the firmware is for. What is still wrong with a driver comes back at once.
     pub fn clear_fault(&mut self) -> bool {
         let other_board = |fault: Fault| fault.cause == FaultCause::Board;
         let rests = self.phase == Phase::Idle
@@ -208,7 +208,7 @@ impl Motion {
             && !self.inputs.emergency
             && !self.fault.is_some_and(other_board);
         if rests {
-            self.fault = None;
+            self.fault = self.drivers.fault();
         }
         rests
     }

@@ -20,6 +20,7 @@ use crate::design::{
     HOLD_RETRACT_DELAY_MS, MOTORS_IDLE_S, QUIET_START_MS, START_QUEUED_MS, START_ROOM_KNOTS,
     ticks_of_ms,
 };
+use crate::drivers::DriverPanel;
 use crate::event_queue::EventQueue;
 use crate::extruder_limits::ExtruderGuard;
 use crate::flow::{Flow, FlowWindow};
@@ -136,6 +137,7 @@ pub struct Motion {
     delays: Delays,
     jog: Jog,
     heat: HeatPanel,
+    drivers: DriverPanel,
     flow_window: FlowWindow,
     waiting: WaitingTargets,
     queue: KnotQueue,
@@ -167,6 +169,7 @@ impl Motion {
             follows_path: false,
             jog: Jog::new(configuration, switches),
             heat: HeatPanel::default(),
+            drivers: DriverPanel::default(),
             inputs: Inputs::default(),
             switch_guard: SwitchGuard::default(),
             drivers_on: false,

@@ -3,6 +3,7 @@
 use super::heated::PAUSED;
 use super::{Motion, Phase};
 use crate::configuration::MOTORS_MAX;
+use crate::drivers::DriverPanel;
 use crate::steps::count;
 use headway_protocol::message::{DeviceState, Fault};
 
@@ -32,6 +33,16 @@ impl Motion {
             Phase::Jog if self.jog.is_homing() => DeviceState::Homing,
             Phase::Jog => DeviceState::Jogging,
         }
+    }
+
+    /// What is known of the drivers.
+    pub fn drivers(&self) -> &DriverPanel {
+        &self.drivers
+    }
+
+    /// The same, to write to.
+    pub(crate) fn drivers_mut(&mut self) -> &mut DriverPanel {
+        &mut self.drivers
     }
 
     /// The latched fault.

@@ -5,7 +5,7 @@ use crate::design::ticks_of_ms;
 use crate::motion::{EMERGENCY, Motion};
 use crate::settings::BoardLimits;
 use headway_protocol::message::{
-    Control, DeviceState, RefusalReason, SettingsProblem, SettingsRefusal,
+    Control, DeviceState, RefusalReason, RefusedNumber, SettingsProblem, SettingsRefusal,
 };
 
 impl Receiver {
@@ -92,6 +92,11 @@ impl Receiver {
         taken.map_err(RefusalReason::Settings)
     }
 
+    /// The settings in force came from a record with this CRC; 0: they are built in.
+    pub fn settings_in_force(&mut self, hash: u32) {
+        self.settings_hash = hash;
+    }
+
     /// The board has a store for settings that it can run: without one they are refused.
     pub fn keep_settings(&mut self, board: BoardLimits) {
         self.settings.keep(board);
@@ -105,6 +110,8 @@ impl Receiver {
             let reason = RefusalReason::Settings(SettingsRefusal {
                 problem: SettingsProblem::NotStored,
                 index: 0,
+                item: 0,
+                value: RefusedNumber(0.0),
             });
             self.refuse_control(self.settings_sequence, reason);
         }

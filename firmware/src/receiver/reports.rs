@@ -110,6 +110,7 @@ impl Receiver {
                 Some(watched) => watched.0,
                 None => self.open_stream(motion),
             },
+            settings_hash: self.settings_hash,
         }
     }
 
@@ -144,6 +145,7 @@ impl Receiver {
             heaters: motion.heat().readings().clone(),
             fan_permille: motion.heat().fan_permille(),
             fault: motion.fault(),
+            drivers: motion.drivers().status().clone(),
         }
     }
 }

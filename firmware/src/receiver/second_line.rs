@@ -25,6 +25,7 @@ impl Receiver {
     pub fn watch(&mut self, first: &Receiver, motion: &Motion) {
         if self.watched.is_some() {
             self.watched = Some(Watched(first.open_stream(motion)));
+            self.settings_hash = first.settings_hash;
         }
     }
 

@@ -14,11 +14,14 @@ pub mod store;
 #[cfg(test)]
 mod tests;
 
-use crate::configuration::{ConfigurationError, MachineConfiguration};
+use crate::configuration::{ConfigurationError, MachineConfiguration, WrongNumber};
+use crate::drivers::DriversConfiguration;
 use crate::heat::HeatConfiguration;
 use crate::homing::HomingConfiguration;
 use crate::machine::Machine;
+use crate::shaping::Shaper;
 use headway_protocol::frame::checksum;
+use headway_protocol::message::RefusedNumber;
 pub use headway_protocol::message::{SETTINGS_BYTES_MAX, SettingsProblem, SettingsRefusal};
 use heapless::Vec;
 use serde::{Deserialize, Serialize};
@@ -31,6 +34,8 @@ const MACHINE: u8 = 1;
 const SWITCHES: u8 = 2;
 /// [`HeatConfiguration`].
 const HEATERS: u8 = 3;
+/// [`DriversConfiguration`].
+const DRIVERS: u8 = 4;
 /// A section with this bit may be left alone by a board that does not know it.
 const MAY_BE_SKIPPED: u8 = 0x80;
 /// Tag and length.
@@ -60,6 +65,8 @@ pub struct BoardSettings {
     pub switches: HomingConfiguration,
     /// Heaters; `None` leaves the board's own.
     pub heaters: Option<HeatConfiguration>,
+    /// Drivers that the board speaks with.
+    pub drivers: DriversConfiguration,
 }
 
 impl BoardSettings {
@@ -68,16 +75,34 @@ impl BoardSettings {
     /// # Errors
     /// The first number that is wrong.
     pub fn check(&self) -> Result<(), SettingsRefusal> {
-        self.machine.check().map_err(of_machine)?;
-        Machine::check(&self.machine, &self.switches).map_err(|error| match error {
-            ConfigurationError::Joint(joint) => refusal(SettingsProblem::Switch, joint),
-            other => of_machine(other),
+        let machine = &self.machine;
+        machine
+            .check()
+            .map_err(|error| of_machine(error, machine))?;
+        Machine::check(machine, &self.switches).map_err(|error| match error {
+            ConfigurationError::Joint(joint) => self.wrong_switch(joint),
+            other => of_machine(other, machine),
         })?;
         if let Some(heaters) = &self.heaters {
-            let checked = heaters.check();
-            checked.map_err(|range| refusal(SettingsProblem::Heater, range.0))?;
+            heaters.check().map_err(|range| {
+                let heater = heaters.heaters.get(range.0);
+                let wrong = heater.and_then(|heater| heater.wrong());
+                with_number(refusal(SettingsProblem::Heater, range.0), wrong)
+            })?;
         }
-        Ok(())
+        self.drivers.check(machine).map_err(|wrong| {
+            let place = refusal(SettingsProblem::Driver, wrong.motor);
+            with_number(place, Some((wrong.item.number(), wrong.value)))
+        })
+    }
+
+    /// Where the switches of a joint are wrong.
+    fn wrong_switch(&self, joint: usize) -> SettingsRefusal {
+        let limits = self.machine.joints.get(joint);
+        let mut switches = self.switches.joints.iter();
+        let switch = switches.find(|switch| usize::from(switch.joint) == joint);
+        let wrong = switch.zip(limits).and_then(|(switch, l)| switch.wrong(l));
+        with_number(refusal(SettingsProblem::Switch, joint), wrong)
     }
 
     /// Whether a board can run them.
@@ -109,10 +134,18 @@ impl BoardSettings {
         if let Some(heaters) = &self.heaters {
             section(&mut record, HEATERS, heaters)?;
         }
+        if !self.drivers.is_none() {
+            section(&mut record, DRIVERS, &self.drivers)?;
+        }
         let crc = checksum(&[&record]).to_le_bytes();
         let no_room = refusal(SettingsProblem::Section, 0);
         record.extend_from_slice(&crc).map_err(|_| no_room)?;
         Ok(record)
+    }
+
+    /// The record's CRC, which tells two boards' settings apart; 0 if there can be none.
+    pub fn hash(&self) -> u32 {
+        self.encode().map_or(0, |record| record_hash(&record))
     }
 
     /// Reads a record and checks it.
@@ -130,6 +163,7 @@ impl BoardSettings {
             return Err(refusal(SettingsProblem::Version, SETTINGS_VERSION.into()));
         }
         let (mut machine, mut switches, mut heaters) = (None, None, None);
+        let mut drivers = None;
         // Each round takes at least a head off a bounded record.
         while let Some((&[tag, low, high], behind)) = rest.split_first_chunk::<HEAD_BYTES>() {
             let wrong = refusal(SettingsProblem::Section, tag.into());
@@ -139,6 +173,7 @@ impl BoardSettings {
                 MACHINE => once(&mut machine, content, wrong)?,
                 SWITCHES => once(&mut switches, content, wrong)?,
                 HEATERS => once(&mut heaters, content, wrong)?,
+                DRIVERS => once(&mut drivers, content, wrong)?,
                 _ if tag & MAY_BE_SKIPPED != 0 => {}
                 _ => return Err(wrong),
             }
@@ -153,10 +188,17 @@ impl BoardSettings {
             switches: switches.unwrap_or_else(|| HomingConfiguration::standard(&machine)),
             machine,
             heaters,
+            drivers: drivers.unwrap_or_default(),
         };
         settings.check()?;
         Ok(settings)
     }
+}
+
+/// CRC of a record that was checked.
+pub fn record_hash(record: &[u8]) -> u32 {
+    let crc = record.last_chunk::<CRC_BYTES>();
+    crc.map_or(0, |crc| u32::from_le_bytes(*crc))
 }
 
 /// Appends a section.
@@ -187,15 +229,36 @@ pub(crate) fn refusal(problem: SettingsProblem, index: usize) -> SettingsRefusal
     SettingsRefusal {
         problem,
         index: index.min(u8::MAX.into()) as u8,
+        item: 0,
+        value: RefusedNumber(0.0),
     }
 }
 
-fn of_machine(error: ConfigurationError) -> SettingsRefusal {
+/// With the number that is refused.
+fn with_number(place: SettingsRefusal, wrong: Option<WrongNumber>) -> SettingsRefusal {
+    match wrong {
+        Some((item, value)) => SettingsRefusal {
+            item,
+            value: RefusedNumber(value as f32),
+            ..place
+        },
+        None => place,
+    }
+}
+
+fn of_machine(error: ConfigurationError, machine: &MachineConfiguration) -> SettingsRefusal {
     match error {
         ConfigurationError::JointCount { needed, .. } => refusal(SettingsProblem::Joints, needed),
         ConfigurationError::TickRates => refusal(SettingsProblem::Joints, 0),
-        ConfigurationError::Joint(joint) => refusal(SettingsProblem::Joint, joint),
-        ConfigurationError::Shaper(joint) => refusal(SettingsProblem::Shaper, joint),
+        ConfigurationError::Joint(joint) => {
+            let of_joint = machine.joints.get(joint).and_then(|joint| joint.wrong());
+            let wrong = of_joint.or_else(|| machine.extruder.wrong());
+            with_number(refusal(SettingsProblem::Joint, joint), wrong)
+        }
+        ConfigurationError::Shaper(joint) => {
+            let wrong = machine.shapers.get(joint).map(Shaper::wrong_number);
+            with_number(refusal(SettingsProblem::Shaper, joint), wrong)
+        }
         ConfigurationError::Kinematics => refusal(SettingsProblem::Kinematics, 0),
     }
 }

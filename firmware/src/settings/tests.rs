@@ -6,6 +6,8 @@
 use super::store::{SLOT_BYTES_MIN, SettingsStore, StoreError};
 use super::*;
 use crate::boards::{built_in_planar, emulated_planar};
+use crate::drivers::{Chopper, DriverConfiguration};
+use crate::shaping::ShaperKind;
 use embedded_storage::nor_flash::{
     ErrorType, NorFlash, NorFlashError, NorFlashErrorKind, ReadNorFlash,
 };
@@ -91,6 +93,7 @@ fn settings(machine: MachineConfiguration) -> BoardSettings {
         switches: HomingConfiguration::standard(&machine),
         machine,
         heaters: Some(HeatConfiguration::standard()),
+        drivers: DriversConfiguration::none(),
     }
 }
 
@@ -156,28 +159,70 @@ fn a_record_comes_back_and_what_is_wrong_with_one_is_told_with_its_place() {
         assert!(BoardSettings::decode(&flipped).is_err(), "byte {place}");
         assert!(BoardSettings::decode(&record[..place]).is_err());
     }
-    let wrong = |change: fn(&mut BoardSettings), problem, index| {
+    let wrong = |change: fn(&mut BoardSettings), problem, index, number: (u8, f32)| {
         let mut settings = right.clone();
         change(&mut settings);
-        let refused = refusal(problem, index);
+        let refused = SettingsRefusal {
+            item: number.0,
+            value: RefusedNumber(number.1),
+            ..refusal(problem, index)
+        };
         assert_eq!(settings.encode(), Err(refused));
         // The board says the same of a record that nobody checked.
         assert_eq!(BoardSettings::decode(&unchecked(&settings)), Err(refused));
+        refused
     };
     wrong(
         |s| s.machine.joints[1].speed_max = f64::NAN,
         SettingsProblem::Joint,
         1,
+        (2, f32::NAN),
     );
-    wrong(|s| s.machine.step_hz += 1, SettingsProblem::Joints, 0);
-    wrong(|s| s.machine.joints.truncate(3), SettingsProblem::Joints, 4);
+    let told = wrong(
+        |s| s.machine.joints[2].steps_per_unit = 40_000.5,
+        SettingsProblem::Joint,
+        2,
+        (5, 40_000.5),
+    );
+    let text = std::format!("{told}");
+    assert!(
+        text.ends_with("joint 2 is out of range: steps_per_unit = 40000.5"),
+        "{text}"
+    );
+    wrong(
+        |s| s.machine.extruder.pressure_advance_s = -0.5,
+        SettingsProblem::Joint,
+        4,
+        (6, -0.5),
+    );
+    let none = (0, 0.0);
+    wrong(|s| s.machine.step_hz += 1, SettingsProblem::Joints, 0, none);
+    wrong(
+        |s| s.machine.joints.truncate(3),
+        SettingsProblem::Joints,
+        4,
+        none,
+    );
     wrong(
         |s| s.switches.joints[2].fast_natural_s = 1e9,
         SettingsProblem::Switch,
         1,
+        (1, 1e9),
+    );
+    wrong(
+        |s| {
+            s.machine.shapers[0] = Shaper {
+                kind: ShaperKind::Zv,
+                frequency_hz: 2e6,
+                damping: 0.1,
+            };
+        },
+        SettingsProblem::Shaper,
+        0,
+        (1, 2e6),
     );
     let cold = |s: &mut BoardSettings| s.heaters.as_mut().unwrap().heaters[1].limit_c = -1.0;
-    wrong(cold, SettingsProblem::Heater, 1);
+    wrong(cold, SettingsProblem::Heater, 1, (1, -1.0));
 }
 
 #[test]
@@ -199,7 +244,7 @@ fn sections_may_be_left_out_or_skipped_but_are_not_doubled_or_unknown() {
     assert_eq!(alone.switches, right.switches);
     for (tags, index) in [
         (&[MACHINE, MACHINE][..], MACHINE),
-        (&[MACHINE, 5], 5),
+        (&[MACHINE, 9], 9),
         (&[SWITCHES], MACHINE),
     ] {
         let refused = Err(refusal(SettingsProblem::Section, index.into()));
@@ -223,6 +268,9 @@ fn unchecked(settings: &BoardSettings) -> Record {
     section(&mut record, MACHINE, &settings.machine).unwrap();
     section(&mut record, SWITCHES, &settings.switches).unwrap();
     section(&mut record, HEATERS, settings.heaters.as_ref().unwrap()).unwrap();
+    if !settings.drivers.is_none() {
+        section(&mut record, DRIVERS, &settings.drivers).unwrap();
+    }
     sealed(record)
 }
 
@@ -336,9 +384,14 @@ fn an_upload_is_stored_once_or_refused_with_its_reason() {
     assert_eq!(line.order(Control::SettingsEnd), incomplete);
     let mut wrong = right.clone();
     wrong.machine.joints[2].steps_per_unit = -1.0;
+    let refused = SettingsRefusal {
+        item: 5,
+        value: RefusedNumber(-1.0),
+        ..refusal(SettingsProblem::Joint, 2)
+    };
     assert_eq!(
         line.upload(&unchecked(&wrong)),
-        because(SettingsProblem::Joint, 2)
+        Some(RefusalReason::Settings(refused))
     );
     // One motor more than the board has, and steps too fast for it, right as they are.
     let beyond = because(SettingsProblem::Board, 5);
@@ -377,4 +430,62 @@ fn a_machine_that_moves_takes_no_settings() {
     assert_eq!(line.order(jog), None);
     assert_eq!(line.upload(&record), Some(RefusalReason::Busy));
     assert!(line.stored.is_empty());
+}
+
+/// A driver that makes the built-in machine's X steps.
+fn driver() -> DriverConfiguration {
+    DriverConfiguration {
+        address: 0,
+        sense_mohm: 110,
+        run_ma: 800,
+        hold_ma: 400,
+        microsteps: 16,
+        interpolates: true,
+        full_steps_per_unit: 5.0,
+        chopper: Chopper::Stealth,
+        spread_below_clocks: 0,
+    }
+}
+
+#[test]
+fn drivers_come_back_and_their_wrong_numbers_are_told() {
+    let mut right = settings(built_in_planar());
+    let bare = right.encode().unwrap();
+    right.drivers.drivers.push(Some(driver())).unwrap();
+    right.drivers.drivers.push(None).unwrap();
+    let record = right.encode().unwrap();
+    assert_eq!(BoardSettings::decode(&record).unwrap(), right);
+    assert_ne!(bare, record);
+    let with = |change: fn(&mut DriverConfiguration), item, value: f32| {
+        let mut settings = right.clone();
+        change(settings.drivers.drivers[0].as_mut().unwrap());
+        let refused = SettingsRefusal {
+            item,
+            value: RefusedNumber(value),
+            ..refusal(SettingsProblem::Driver, 0)
+        };
+        assert_eq!(settings.encode(), Err(refused));
+        assert_eq!(BoardSettings::decode(&unchecked(&settings)), Err(refused));
+    };
+    with(|d| d.address = 4, 1, 4.0);
+    with(|d| d.sense_mohm = 11, 2, 11.0);
+    // The data sheet's table: 0.11 ohm give 1.77 A at most.
+    with(|d| d.run_ma = 1800, 3, 1800.0);
+    with(|d| d.run_ma = 0, 3, 0.0);
+    with(|d| d.hold_ma = 801, 4, 801.0);
+    with(|d| d.microsteps = 24, 5, 24.0);
+    with(|d| d.microsteps = 0, 5, 0.0);
+    with(|d| d.microsteps = 32, 6, 160.0);
+    with(|d| d.full_steps_per_unit = f64::NAN, 6, f32::NAN);
+    with(|d| d.spread_below_clocks = 1 << 20, 7, 1_048_576.0);
+    for _ in 0..3 {
+        right.drivers.drivers.push(None).unwrap();
+    }
+    right.drivers.drivers.push(Some(driver())).unwrap();
+    let refused = SettingsRefusal {
+        item: 8,
+        value: RefusedNumber(5.0),
+        ..refusal(SettingsProblem::Driver, 5)
+    };
+    assert_eq!(right.encode(), Err(refused), "the machine has five motors");
 }

@@ -3,6 +3,7 @@
 use super::args_board::{BoardArgs, BoardCommand, BoardMachineArgs, PortArgs};
 use super::configure::configure;
 use super::console::Console;
+use super::drivers::{drivers_json, drivers_text};
 use super::heat::{heat, heaters_json, heaters_text, is_there};
 use super::jog::{extrude, jog, joint_number, set_joint};
 use super::simulated_board::simulate;
@@ -261,14 +262,19 @@ fn info(port: &PortArgs, as_json: bool, console: &Console) -> Result<(), CliErro
             "step_hz": welcome.step_hz,
             "session": format!("{:08x}", welcome.session),
             "stream": stream,
+            "settings_hash": format!("{:08x}", welcome.settings_hash),
         });
         return console.result(&format!("{value:#}\n"));
     }
     let stream = welcome.stream.map_or("no stream".to_string(), |stream| {
         format!("job {:08x}, {} knots taken", stream.job, stream.knots_taken)
     });
+    let settings = match welcome.settings_hash {
+        0 => "settings built in".to_string(),
+        hash => format!("settings {hash:08x}"),
+    };
     console.result(&format!(
-        "firmware {major}.{minor}.{patch}, protocol {}, schema {:08x}\nmachine {:08x}, servo {} Hz, \
+        "firmware {major}.{minor}.{patch}, protocol {}, schema {:08x}\nmachine {:08x}, {settings}, servo {} Hz, \
          steps {} Hz\nqueue of {} knots and {} flow events; {stream}\n",
         welcome.protocol_version,
         welcome.schema_hash,
@@ -297,6 +303,7 @@ fn status_text(status: &Status, as_json: bool) -> String {
             "counts": status.counts_steps.to_vec(),
             "heaters": heaters_json(status),
             "fan": f64::from(status.fan_permille) / 1000.0,
+            "drivers": drivers_json(status),
             "fault": fault,
         });
         return format!("{value:#}\n");
@@ -304,13 +311,14 @@ fn status_text(status: &Status, as_json: bool) -> String {
     let fault = fault.map_or(String::new(), |fault| format!("; fault: {fault}"));
     format!(
         "{state} at {:.0} % of the planned rate, {} knots queued{fault}\ncounts {:?}, known joints \
-         {:?}, pressed switches {:?}\n{}",
+         {:?}, pressed switches {:?}\n{}{}",
         f64::from(status.sigma_permille) / 10.0,
         status.queue_knots,
         status.counts_steps.as_slice(),
         bits(status.referenced),
         bits(status.switches),
         heaters_text(status),
+        drivers_text(status),
     )
 }
 

@@ -7,20 +7,26 @@ use super::args_board::PortArgs;
 use super::board::Talk;
 use super::console::Console;
 use super::{CliError, load};
+use crate::settings::Settings;
 use headway_firmware::homing::HomingConfiguration;
-use headway_firmware::settings::BoardSettings;
+use headway_firmware::settings::{BoardSettings, record_hash};
 use headway_protocol::message::{Control, SETTINGS_PART_BYTES};
 use std::path::Path;
 
+/// What of a machine file is the board's.
+pub(super) fn board_settings(settings: Settings) -> BoardSettings {
+    BoardSettings {
+        switches: HomingConfiguration::standard(&settings.machine),
+        machine: settings.machine,
+        heaters: settings.heaters,
+        drivers: settings.drivers,
+    }
+}
+
 pub(super) fn configure(path: &Path, port: &PortArgs, console: &Console) -> Result<(), CliError> {
     let settings = load::machine(path)?;
-    let machine = settings.machine;
-    let hash = machine.hash();
-    let settings = BoardSettings {
-        switches: HomingConfiguration::standard(&machine),
-        machine,
-        heaters: settings.heaters,
-    };
+    let hash = settings.machine.hash();
+    let settings = board_settings(settings);
     let place = path.display();
     let record = settings
         .encode()
@@ -37,7 +43,8 @@ pub(super) fn configure(path: &Path, port: &PortArgs, console: &Console) -> Resu
     }
     talk.order(Control::SettingsEnd)?;
     console.result(&format!(
-        "{place}: stored, {length} bytes; the board is machine {hash:08x} from its next start: switch it \
-         off and on\n"
+        "{place}: stored, {length} bytes; the board is machine {hash:08x} with settings {:08x} from its \
+         next start: switch it off and on\n",
+        record_hash(&record),
     ))
 }

@@ -2,6 +2,7 @@
 
 use super::CliError;
 use super::args_machine::{KindName, MachineArgs, MachineCommand};
+use super::configure::board_settings;
 use super::console::Console;
 use super::load;
 use super::output_file::write_file;
@@ -37,15 +38,15 @@ pub(super) fn run(args: &MachineArgs, console: &Console) -> Result<(), CliError>
         }
         MachineCommand::Firmware { file, output } => {
             let settings = load::machine(file)?;
+            let settings = board_settings(settings);
+            let record = settings.encode().map_err(|refusal| {
+                CliError::Job(format!(
+                    "{}: the firmware refuses: {refusal}",
+                    file.display()
+                ))
+            })?;
             let machine = settings.machine;
-            let unwritten = |problem: postcard::Error| {
-                CliError::Job(format!("the machine cannot be written: {problem}"))
-            };
-            let mut bytes = postcard::to_allocvec(&machine).map_err(unwritten)?;
-            if let Some(heaters) = &settings.heaters {
-                bytes.extend(postcard::to_allocvec(heaters).map_err(unwritten)?);
-            }
-            write_file(output, &bytes)?;
+            write_file(output, &record)?;
             console.result(&format!(
                 "{}: machine {:08x}, {} joints\n",
                 output.display(),

@@ -12,6 +12,7 @@ mod args_shell;
 mod board;
 mod configure;
 mod console;
+mod drivers;
 mod export;
 mod export_gcode;
 mod headings;

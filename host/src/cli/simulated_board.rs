@@ -5,11 +5,13 @@
 use super::CliError;
 use super::args_board::SimulateArgs;
 use super::board::settings;
+use super::configure::board_settings;
 use super::console::Console;
 use super::stream::catch_interrupts;
 use crate::drive::pump::host_session;
 use crate::drive::transport::{Listener, Port};
 use crate::drive::virtual_board::{BoardSetup, SettingsWriter, VirtualBoard};
+use crate::drive::virtual_drivers::VirtualDrivers;
 use embedded_storage::nor_flash::{
     ErrorType, NorFlash, NorFlashError, NorFlashErrorKind, ReadNorFlash,
 };
@@ -39,15 +41,11 @@ pub(super) fn simulate(asked: &SimulateArgs, console: &Console) -> Result<(), Cl
     let place = |problem: std::io::Error| CliError::Job(format!("{port}: {problem}"));
     let name = match kept {
         Some(_) => "its settings".to_string(),
-        None => settings.machine_name,
+        None => settings.machine_name.clone(),
     };
-    let (machine, switches) = match kept {
-        Some(kept) => (kept.machine, kept.switches),
-        None => {
-            let switches = HomingConfiguration::standard(&settings.machine);
-            (settings.machine, switches)
-        }
-    };
+    let hash = kept.as_ref().map_or(0, BoardSettings::hash);
+    let kept = kept.unwrap_or_else(|| board_settings(settings));
+    let (machine, switches) = (kept.machine, kept.switches);
     let switches = if asked.no_switches {
         HomingConfiguration::none()
     } else {
@@ -65,6 +63,10 @@ pub(super) fn simulate(asked: &SimulateArgs, console: &Console) -> Result<(), Cl
     console.say(&format!(
         "a board of machine {name} listens on {listening}; Ctrl-C ends it"
     ));
+    board.settings_in_force(hash);
+    if !kept.drivers.is_none() {
+        board.drive_with(&kept.drivers, VirtualDrivers::of(&kept.drivers));
+    }
     if let Some(flash) = flash {
         board.keep_settings(flash.into_writer());
     }

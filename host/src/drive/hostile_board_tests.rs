@@ -326,6 +326,7 @@ fn kinds() -> Vec<(&'static str, Ends, Liar)> {
                             session: ack.session + 1,
                             host_session: SETUP.host_session,
                             stream: None,
+                            settings_hash: 0,
                         });
                     }
                     welcome.map_or(Vec::new(), |w| vec![frame(&DeviceMessage::Welcome(w))])

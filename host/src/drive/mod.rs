@@ -22,6 +22,7 @@ pub mod trace;
 pub mod trace_table;
 pub mod transport;
 pub mod virtual_board;
+pub mod virtual_drivers;
 
 #[cfg(test)]
 mod cut_tests;

@@ -115,6 +115,7 @@ impl Loopback {
             counts_steps: Default::default(),
             heaters: Default::default(),
             fan_permille: 0,
+            drivers: Default::default(),
             fault: None,
         }
     }
@@ -199,6 +200,7 @@ impl Loopback {
                 session: self.session,
                 host_session: hello.host_session,
                 stream,
+                settings_hash: 0,
             }));
         }
         if self.deaf {

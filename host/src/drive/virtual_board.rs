@@ -8,7 +8,9 @@
 
 use crate::drive::record::{Step, StepDigest};
 use crate::drive::transport::{Listener, Transport};
+use crate::drive::virtual_drivers::VirtualDrivers;
 use headway_firmware::configuration::{ConfigurationError, MOTORS_MAX, MachineConfiguration};
+use headway_firmware::drivers::{DriverService, DriversConfiguration};
 use headway_firmware::homing::HomingConfiguration;
 use headway_firmware::inputs::Inputs;
 use headway_firmware::machine::Machine;
@@ -121,6 +123,7 @@ pub struct VirtualBoard {
     hosts: u64,
     /// Keeps settings that come, if it can.
     store: Option<SettingsWriter>,
+    drivers: Option<(DriverService, VirtualDrivers)>,
 }
 
 /// Writes a record of settings where it outlasts a restart; true if it is there.
@@ -145,6 +148,7 @@ impl VirtualBoard {
             ticks_done: 0,
             hosts: 0,
             store: None,
+            drivers: None,
         })
     }
 
@@ -157,6 +161,18 @@ impl VirtualBoard {
             step_hz: machine.step_hz,
         });
         self.store = Some(store);
+    }
+
+    /// The settings in force came from a record with this CRC.
+    pub fn settings_in_force(&mut self, hash: u32) {
+        self.machine.settings_in_force(hash);
+    }
+
+    /// Drivers that it speaks with: they are set up now, and looked after from here on.
+    pub fn drive_with(&mut self, drivers: &DriversConfiguration, mut port: VirtualDrivers) {
+        let mut service = DriverService::new(drivers, self.setup.machine.servo_hz);
+        self.machine.set_up_drivers(&mut service, &mut port);
+        self.drivers = Some((service, port));
     }
 
     /// Serves until told to stop; `each` is called after every turn and may drop the line.
@@ -215,6 +231,9 @@ impl VirtualBoard {
         }
         self.hear_watchers();
         self.pass();
+        if let Some((service, port)) = &mut self.drivers {
+            self.machine.serve_drivers(service, port);
+        }
         self.report();
         self.take_host()
     }

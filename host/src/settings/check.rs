@@ -1,5 +1,6 @@
 //! Are the settings possible, and possible together?
 
+use super::drivers::check_drivers;
 use super::heat::wrong_heater;
 use super::{LAYERS_MAX, Settings, kinds};
 use crate::short_number::Short;
@@ -39,6 +40,18 @@ pub enum SettingsError {
     Heater {
         /// Key of the heater.
         key: &'static str,
+    },
+    /// A number of a driver does not fit.
+    #[error("drivers.{motor}: {item} is {}; {remedy}", Short(*value))]
+    Driver {
+        /// Motor by name.
+        motor: &'static str,
+        /// Which number.
+        item: &'static str,
+        /// What was given.
+        value: f64,
+        /// What would fit.
+        remedy: &'static str,
     },
     /// A number that must be finite and positive is not.
     #[error("{key} is {}, but must be finite and greater than 0", Short(*value))]
@@ -399,7 +412,8 @@ impl Settings {
             material.check(hottest_c)?;
         }
         let wrong = self.heaters.as_ref().and_then(wrong_heater);
-        wrong.map_or(Ok(()), |key| Err(SettingsError::Heater { key }))
+        wrong.map_or(Ok(()), |key| Err(SettingsError::Heater { key }))?;
+        check_drivers(&self.drivers, &self.machine)
     }
 
     fn check_flow(&self) -> Result<(), SettingsError> {

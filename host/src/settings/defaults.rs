@@ -11,6 +11,7 @@ use crate::geometry::aperture::Aperture;
 use headway_firmware::configuration::{
     ExtruderConfiguration, JointConfiguration, Kinematics, MachineConfiguration,
 };
+use headway_firmware::drivers::DriversConfiguration;
 use headway_firmware::shaping::UNSHAPED;
 use std::f64::consts::TAU;
 
@@ -129,6 +130,7 @@ impl Settings {
             },
             material: None,
             heaters: None,
+            drivers: DriversConfiguration::none(),
         }
     }
 }

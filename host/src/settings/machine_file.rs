@@ -16,11 +16,13 @@ use super::{
 use headway_firmware::configuration::{ExtruderConfiguration, MachineConfiguration};
 use serde::Deserialize;
 
+mod drivers;
 mod heat;
 mod joints;
 mod kinds;
 mod shaper;
 mod write;
+use drivers::FileDriver;
 use heat::{FileHeaters, FileMaterial};
 pub use heat::{write_heater, write_heaters};
 use joints::{FileArm, Joints};
@@ -101,6 +103,8 @@ struct File {
     tolerances: FileTolerances,
     material: Option<FileMaterial>,
     heaters: Option<FileHeaters>,
+    #[serde(default)]
+    drivers: BTreeMap<String, FileDriver>,
 }
 
 #[derive(Clone, Copy, Deserialize, PartialEq)]
@@ -264,6 +268,7 @@ impl File {
         };
         Ok(Settings {
             machine_name: self.name.clone(),
+            drivers: drivers::drivers(&self.drivers, &machine)?,
             machine,
             work_area_mm: [self.work_area.min_mm, self.work_area.max_mm],
             aperture,

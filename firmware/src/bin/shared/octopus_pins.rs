@@ -34,7 +34,8 @@ fn register(port: usize, offset: usize) -> *mut u32 {
 fn modify(port: usize, offset: usize, shift: u32, width: u32, value: u32) {
     let register = register(port, offset);
     let mask = ((1 << width) - 1) << shift;
-    // SAFETY: a register of a port of this chip; only used before interrupts are on.
+    // SAFETY: a register of a port of this chip; used before interrupts are on, and after it for the
+    // drivers' wires from the main loop alone, where no interrupt changes modes.
     unsafe {
         let old = register.read_volatile();
         register.write_volatile(old & !mask | value << shift);
@@ -48,7 +49,7 @@ fn write(port: usize, word: u32) {
     unsafe { register(port, SET_RESET).write_volatile(word) }
 }
 
-fn is_high((port, number): Pin) -> bool {
+pub fn is_high((port, number): Pin) -> bool {
     // SAFETY: reading an input has no effect.
     let levels = unsafe { register(port, INPUT).read_volatile() };
     levels >> number & 1 == 1
@@ -60,12 +61,12 @@ fn put((port, number): Pin, high: bool) {
     write(port, 1 << if high { number } else { number + 16 });
 }
 
-fn output((port, number): Pin, high: bool) {
+pub fn output((port, number): Pin, high: bool) {
     put((port, number), high);
     modify(port, MODE, 2 * number, 2, 1);
 }
 
-fn input((port, number): Pin) {
+pub fn input((port, number): Pin) {
     modify(port, PULL, 2 * number, 2, 1);
     modify(port, MODE, 2 * number, 2, 0);
 }

@@ -445,6 +445,11 @@ pub fn take_byte(receiver: &mut Receiver, line: usize, byte: u8) {
     }
 }
 
+/// The main loop lives.
+pub fn note_pass() {
+    count(&LINK_PASSES);
+}
+
 /// Work for the spans to come, one at most: to be called in each round of the main loop. True if there
 /// was any.
 pub fn look_ahead() -> bool {
@@ -471,10 +476,7 @@ impl Outgoing {
     /// the main loop: it also tells the servo that the loop lives.
     #[inline(never)]
     pub fn pending(&mut self, receiver: &mut Receiver) -> &[u8] {
-        LINK_PASSES.store(
-            LINK_PASSES.load(Ordering::Relaxed).wrapping_add(1),
-            Ordering::Relaxed,
-        );
+        note_pass();
         if self.sent >= self.length {
             self.sent = 0;
             self.length = with_motion(|motion| receiver.poll_report(motion, &mut self.frame))

@@ -10,6 +10,8 @@
 #[cfg_attr(feature = "emulated", allow(unused_imports))]
 #[path = "stm32f4_clocks.rs"]
 mod clocks;
+#[path = "stm32f4_drivers.rs"]
+mod drivers;
 #[path = "stm32f4_flash.rs"]
 mod flash;
 #[path = "stm32f4_heat.rs"]
@@ -18,22 +20,22 @@ mod heat;
 pub mod start;
 
 use crate::board::{
-    CHIP_ID, EMERGENCY, HAS_HEATERS, HeatPins, Output, PORTS_CLOCK_MASK, Pins, SERIAL_CLOCK_MASK,
+    CHIP_ID, DriverPins, EMERGENCY, HeatPins, Output, PORTS_CLOCK_MASK, Pins,
+    SERIAL_CLOCK_MASK,
     SERIAL_INTERRUPT, SERIAL_PORT, UsbLine, heaters, heaters_off, set_up_board,
 };
 use crate::runtime::{self, Board, Outgoing, Shared, with_motion};
 use core::convert::Infallible;
 use cortex_m::peripheral::{NVIC, Peripherals};
 use cortex_m_rt::exception;
+use drivers::DriverLoop;
 use embedded_hal::delay::DelayNs;
 use embedded_io::{ErrorType, Read, ReadReady, Write, WriteReady};
 use flash::KeptSettings;
 use headway_firmware::board::{BoardPins, ByteRing, chip_fault, exchange};
-use headway_firmware::boards::board_machine;
-use headway_firmware::configuration::MachineConfiguration;
-use headway_firmware::heat::HeatConfiguration;
-use headway_firmware::homing::HomingConfiguration;
+use headway_firmware::boards::built_for;
 use headway_firmware::receiver::{Receiver, SECOND_LINE};
+use headway_firmware::settings::BoardSettings;
 use headway_protocol::message::{Fault, FaultCause};
 use heat::HeatLoop;
 use stm32f4xx_hal::pac::{self, Interrupt, interrupt};
@@ -52,6 +54,8 @@ pub struct Parts {
     pub usb: UsbLine,
     /// Sensors of the heaters, and their supply.
     pub heat: HeatPins,
+    /// Wires to the drivers, or `NoDrivers`.
+    pub drivers: DriverPins,
 }
 
 /// The servo interrupt's.
@@ -205,6 +209,7 @@ impl WriteReady for SerialLine {
 fn serve(
     mut receiver: Receiver,
     mut heat: HeatLoop,
+    mut drivers: DriverLoop,
     mut kept: KeptSettings,
     mut serial: SerialLine,
     mut usb: UsbLine,
@@ -224,6 +229,7 @@ fn serve(
         });
         runtime::look_ahead();
         heat.turn();
+        drivers.turn();
         sent += exchange(&mut usb, for_usb, |byte| {
             runtime::take_byte(&mut receiver, SECOND_LINE, byte);
             kept.store(&mut receiver);
@@ -235,18 +241,8 @@ fn serve(
 /// What is kept in flash, else what is built in.
 // Never part of its caller, whose stack lasts.
 #[inline(never)]
-fn what_to_run(
-    kept: &mut KeptSettings,
-) -> Option<(MachineConfiguration, HomingConfiguration, HeatConfiguration)> {
-    if let Some(settings) = kept.settings() {
-        let heaters = match settings.heaters {
-            Some(heaters) if HAS_HEATERS => heaters,
-            _ => heaters()?,
-        };
-        return Some((settings.machine, settings.switches, heaters));
-    }
-    let (machine, switches) = board_machine()?;
-    Some((machine, switches, heaters()?))
+fn what_to_run(kept: &mut KeptSettings) -> Option<BoardSettings> {
+    kept.settings().or_else(built_for)
 }
 
 /// What is wrong with this board, where anything is.
@@ -257,7 +253,12 @@ fn set_up_clocks(device: &pac::Peripherals) -> Option<Fault> {
 
 fn run() -> Option<()> {
     let mut kept = KeptSettings::find()?;
-    let (configuration, switches, heaters) = what_to_run(&mut kept)?;
+    let BoardSettings {
+        machine: configuration,
+        switches,
+        heaters: asked,
+        drivers,
+    } = what_to_run(&mut kept)?;
     let motors = configuration.joints.len() + 1;
     let mut core = Peripherals::take()?;
     let device = pac::Peripherals::take()?;
@@ -303,10 +304,14 @@ fn run() -> Option<()> {
         with_motion(|motion| motion.fail_softly(fault));
     }
     receiver.keep_settings(kept.limits());
-    let heat = HeatLoop::new(&configuration, &heaters, parts.heat)?;
+    receiver.settings_in_force(kept.hash());
+    let heat = HeatLoop::new(&configuration, &heaters(asked), parts.heat)?;
+    core.DCB.enable_trace();
+    core.DWT.enable_cycle_counter();
+    let drivers = DriverLoop::new(&drivers, configuration.servo_hz, parts.drivers);
     // SAFETY: all that interrupts use is set.
     unsafe { cortex_m::interrupt::enable() }
-    serve(receiver, heat, kept, serial, parts.usb)
+    serve(receiver, heat, drivers, kept, serial, parts.usb)
 }
 
 /// From the boards' entries. It only ends where the machine built in cannot be run, or the chip has no

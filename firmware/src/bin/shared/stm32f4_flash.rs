@@ -7,7 +7,7 @@
 use crate::board::{MOTORS, SETTINGS_SECTORS, heaters_off};
 use crate::stm32f4::{heat, start};
 use headway_firmware::board::sector_flash::{FlashBus, LOOKS_MAX, SectorFlash};
-use headway_firmware::boards::{board_machine, kept_settings};
+use headway_firmware::boards::{built_for, kept_settings};
 use headway_firmware::receiver::Receiver;
 use headway_firmware::settings::store::SettingsStore;
 use headway_firmware::settings::{BoardLimits, BoardSettings};
@@ -40,13 +40,14 @@ impl FlashBus for Registers {
 pub struct KeptSettings {
     store: SettingsStore<SectorFlash<Registers>>,
     limits: BoardLimits,
+    hash: u32,
 }
 
 impl KeptSettings {
     /// `None` where nothing right is built in.
     #[inline(never)]
     pub fn find() -> Option<Self> {
-        let (built_in, _) = board_machine()?;
+        let built_in = built_for()?.machine;
         let flash = SectorFlash::new(Registers, SETTINGS_SECTORS, LOOKS_MAX);
         Some(Self {
             store: SettingsStore::new(flash).ok()?,
@@ -55,6 +56,7 @@ impl KeptSettings {
                 servo_hz: built_in.servo_hz,
                 step_hz: built_in.step_hz,
             },
+            hash: 0,
         })
     }
 
@@ -64,7 +66,14 @@ impl KeptSettings {
 
     /// What is kept and can be run.
     pub fn settings(&mut self) -> Option<BoardSettings> {
-        kept_settings(&mut self.store, &self.limits)
+        let (settings, hash) = kept_settings(&mut self.store, &self.limits)?;
+        self.hash = hash;
+        Some(settings)
+    }
+
+    /// Of what is in force: 0 where that is built in.
+    pub fn hash(&self) -> u32 {
+        self.hash
     }
 
     /// Stores settings that have come, if there are any.

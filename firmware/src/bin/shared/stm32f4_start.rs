@@ -129,6 +129,13 @@ pub fn feed_watchdog() {
     unsafe { WATCHDOG_KEY.write_volatile(0xaaaa) }
 }
 
+/// Feeds it before the servo does: while interrupts are masked.
+pub fn feed_if_early() {
+    if cortex_m::register::primask::read().is_inactive() {
+        feed_watchdog();
+    }
+}
+
 /// Which kind of chip this is; 0 where the register is not there.
 pub fn device_id() -> u32 {
     // SAFETY: reading has no effect.

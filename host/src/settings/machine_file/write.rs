@@ -1,5 +1,6 @@
 //! Writes a machine file with its comments; [`super::from_toml`] reads exactly the same settings.
 
+use super::drivers::write_drivers;
 use super::heat::{write_heaters, write_material};
 use super::kinds::write_kinds;
 use super::shaper::write_shapers;
@@ -39,6 +40,7 @@ fn written(settings: &Settings, with_layers: bool) -> String {
     if let Some(heaters) = &settings.heaters {
         let _ = write_heaters(&mut text, heaters);
     }
+    let _ = write_drivers(&mut text, &settings.drivers, &settings.machine);
     text
 }
 
@@ -425,7 +427,7 @@ fn degrees(rad: f64) -> String {
 
 /// The shortest decimal near `value` that `back` turns into exactly `wanted`: 1080 rather than
 /// 1080.0000000000002. Neighbouring floats are tried where rounding never hits.
-fn nice(value: f64, wanted: f64, back: impl Fn(f64) -> f64) -> String {
+pub(super) fn nice(value: f64, wanted: f64, back: impl Fn(f64) -> f64) -> String {
     for digits in 0..=15usize {
         let text = format!("{value:.digits$}");
         if text.parse().is_ok_and(|v: f64| back(v) == wanted) {

@@ -1,0 +1,34 @@
+//! Drivers of an STM32F4 board that speaks with them: set up before interrupts are on, then asked by the main
+//! loop while nothing moves.
+
+use crate::board::DriverPins;
+use crate::runtime::with_motion;
+use headway_firmware::drivers::{DriverPort, DriverService, DriversConfiguration};
+
+/// The main loop's part.
+pub struct DriverLoop {
+    service: DriverService,
+    port: DriverPins,
+}
+
+impl DriverLoop {
+    /// Sets them up: interrupts are not on yet.
+    // Never part of its caller, whose stack lasts.
+    #[inline(never)]
+    pub fn new(drivers: &DriversConfiguration, servo_hz: u32, mut port: DriverPins) -> Self {
+        let mut service = DriverService::new(drivers, servo_hz);
+        service.set_up(&mut port);
+        with_motion(|motion| service.tell(motion));
+        port.slow_down();
+        Self { service, port }
+    }
+
+    /// One round of the main loop. A turn takes 30 ms, more only where a driver answers with noise.
+    #[inline(never)]
+    pub fn turn(&mut self) {
+        if with_motion(|motion| self.service.is_due(motion)) == Some(true) {
+            self.service.turn(&mut self.port);
+            with_motion(|motion| self.service.tell(motion));
+        }
+    }
+}

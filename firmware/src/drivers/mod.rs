@@ -1,0 +1,44 @@
+//! Stepper drivers of type TMC2209, set up and asked over their one-wire UART.
+//!
+//! ```text
+//! configuration -> registers -> link            -> datagram  -> one_wire
+//! mA, modes        32 bit       counted writes     bytes, CRC   levels of the pin
+//!                                     service: all motors; panel: what a status and the faults know of it
+//! ```
+//! [`service::DriverService`] sets every driver up before a motor is enabled, and reads one after the other
+//! while nothing moves: a board has no time for it else. Register and bit numbers are those of the data
+//! sheet (ADI, TMC2209 rev. 1.09, chapters 4, 5 and 9). Left out: StallGuard and CoolStep, and what a
+//! driver does to itself meanwhile, which is to switch off.
+
+pub mod configuration;
+pub mod datagram;
+pub mod link;
+pub mod one_wire;
+pub mod panel;
+pub mod registers;
+pub mod service;
+
+pub use configuration::{Chopper, DriverConfiguration, DriversConfiguration};
+pub use link::{DriverLink, LinkError};
+pub use panel::DriverPanel;
+pub use service::DriverService;
+
+/// Bytes to a driver and back on one wire.
+pub trait DriverPort {
+    /// Sends `request` to the driver of `motor` and takes what it answers within a bounded time: how
+    /// many bytes came. What was sent is not among them. With an empty `reply` nothing is waited for.
+    fn exchange(&mut self, motor: usize, request: &[u8], reply: &mut [u8]) -> usize;
+
+    /// From here on interrupts disturb it: a port by pins takes a rate that bears them.
+    fn slow_down(&mut self) {}
+}
+
+/// Of a board without such drivers.
+#[derive(Clone, Copy, Debug, Default)]
+pub struct NoDrivers;
+
+impl DriverPort for NoDrivers {
+    fn exchange(&mut self, _motor: usize, _request: &[u8], _reply: &mut [u8]) -> usize {
+        0
+    }
+}
