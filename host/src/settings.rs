@@ -8,13 +8,15 @@ pub mod aperture_text;
 mod check;
 mod defaults;
 pub mod drivers;
+mod error;
 pub mod head_shape;
 pub mod heat;
 pub mod kinds;
 pub mod machine_file;
 pub mod options;
 
-pub use check::{SettingsError, joint_names, motor_rates_hz};
+pub use check::{joint_names, motor_rates_hz};
+pub use error::SettingsError;
 
 use self::head_shape::HeadShape;
 use crate::geometry::aperture::Aperture;

@@ -35,7 +35,8 @@ host: 0 hello{protocol u16,schema u32,host_session u32}\n\
  15 motors off 16 heat{heater u8,decidegrees u16,wait bool} 17 fan u16\n\
  18 settings{length u16} 19 part{offset u16,bytes u8*32} 20 settings end\n\
 device: 0 welcome{protocol u16,schema u32,firmware u8*3,machine_hash u32,knots u16,events u16,\
-servo u32,step u32,session u32,host_session u32,stream option{job u32,first u32,next u32,knots u32,spans u32},settings_hash u32}\n\
+servo u32,step u32,session u32,host_session u32,stream option{job u32,first u32,next u32,knots u32,spans u32},\
+settings_hash u32}\n\
  1 refused{sequence u16,reason 0 protocol u16 1 schema u32 2 machine u32 3 no stream 4 busy 5 faulted 6 invalid 7 no hello \
 8 settings{problem 0..13 u8,index u8,item u8,value f32}}\n\
  2 ack{session u32,next u32,knot_limit u32,event_limit u32,control u16} 3 nak(ack)\n\

@@ -230,6 +230,60 @@ fn a_driver_is_set_up_bit_by_bit_whatever_interrupts_do() {
     }
 }
 
+/// Drivers with a wire each, as the Octopus has them: all at node address 0.
+#[derive(Clone)]
+struct Each(Vec<Bench>);
+
+impl Wires for Each {
+    fn drive(&mut self, motor: usize, high: bool) {
+        self.0[motor].drive(motor, high);
+    }
+    fn release(&mut self, motor: usize) {
+        self.0[motor].release(motor);
+    }
+    fn is_high(&mut self, motor: usize) -> bool {
+        self.0[motor].is_high(motor)
+    }
+}
+
+impl BitClock for Each {
+    fn now_clocks(&mut self) -> u32 {
+        let now = self.0[0].now_clocks();
+        for other in &self.0[1..] {
+            other.0.borrow_mut().now = now;
+        }
+        now
+    }
+}
+
+#[test]
+fn each_motor_has_a_wire_and_a_current_of_its_own() {
+    let lines: Vec<_> = (0..8)
+        .map(|_| Line::new(Some(VirtualDriver::new(0))))
+        .collect();
+    let each = Each(lines.iter().cloned().map(Bench).collect());
+    let mut port = OneWire::new(each.clone(), each, BIT_CLOCKS);
+    // In another order than that of the motors.
+    for motor in [3, 0, 7, 1, 6, 2, 5, 4] {
+        let with = DriverConfiguration {
+            address: 0,
+            run_ma: 300 + 50 * motor as u16,
+            hold_ma: 150,
+            ..driver()
+        };
+        let mut link = DriverLink::new(&mut port, motor, 0);
+        assert_eq!(link.set_up(&with), Ok(()));
+    }
+    for (motor, line) in lines.iter().enumerate() {
+        let line = line.borrow();
+        let chip = line.driver.as_ref().expect("it is there");
+        // Step of the fine range at 0.11 ohm: 30.6 mA.
+        let scale = ((300.0 + 50.0 * motor as f64) / 30.6).floor() as u32 - 1;
+        assert_eq!(chip.register(0x10) >> 8 & 31, scale, "motor {motor}");
+        assert_eq!(line.collisions, 0);
+    }
+}
+
 #[test]
 fn noise_is_tried_again_and_counted_and_never_taken_for_a_value() {
     let (mut retried, mut failed) = (0, 0);

@@ -132,16 +132,30 @@ fn scale_of(current_ma: u16, sense_mohm: u16, full_scale_mv: u64) -> u64 {
         .unwrap_or(0)
 }
 
+/// Current of so many steps of the scale, mA rms, rounded down.
+fn current_of(steps: u64, sense_mohm: u16, full_scale_mv: u64) -> u16 {
+    let resistance_mohm = u64::from(sense_mohm) + INSIDE_MOHM;
+    let whole = SCALES_SQRT_2_MILLI * resistance_mohm;
+    let current = (steps * full_scale_mv * 1_000_000)
+        .checked_div(whole)
+        .unwrap_or(0);
+    current.min(u16::MAX.into()) as u16
+}
+
 /// Current of a scale, mA rms.
 pub fn current_ma(scale: u8, fine: bool, sense_mohm: u16) -> u16 {
     let [coarse_mv, fine_mv] = FULL_SCALE_MV;
     let full_scale_mv = if fine { fine_mv } else { coarse_mv };
-    let resistance_mohm = u64::from(sense_mohm) + INSIDE_MOHM;
-    let whole = SCALES_SQRT_2_MILLI * resistance_mohm;
-    let current = ((u64::from(scale) + 1) * full_scale_mv * 1_000_000)
-        .checked_div(whole)
-        .unwrap_or(0);
-    current.min(u16::MAX.into()) as u16
+    current_of(u64::from(scale) + 1, sense_mohm, full_scale_mv)
+}
+
+/// Least and most run current with this sense resistor, mA rms.
+pub fn run_range_ma(sense_mohm: u16) -> [u16; 2] {
+    let [coarse_mv, fine_mv] = FULL_SCALE_MV;
+    // The lowest step is rounded up: below it the scale would be 0.
+    let least = current_of(1, sense_mohm, fine_mv).saturating_add(1);
+    let most = current_of(SCALES, sense_mohm, coarse_mv);
+    [least, most.min(CURRENT_MAX_MA)]
 }
 
 impl DriverConfiguration {
@@ -149,7 +163,10 @@ impl DriverConfiguration {
     /// below the lowest scale.
     pub fn current_scale(&self) -> Option<CurrentScale> {
         let [coarse_mv, fine_mv] = FULL_SCALE_MV;
-        let fits = |mv| (1..=SCALES).contains(&scale_of(self.run_ma, self.sense_mohm, mv));
+        let fits = |mv| {
+            let full_ma = current_of(SCALES, self.sense_mohm, mv);
+            scale_of(self.run_ma, self.sense_mohm, mv) >= 1 && self.run_ma <= full_ma
+        };
         let fine = fits(fine_mv);
         let full_scale_mv = if fine { fine_mv } else { coarse_mv };
         if !fits(full_scale_mv) {

@@ -3,7 +3,8 @@
 //! Edges are due at times counted from the start of each byte, so that an interrupt delays one of them and
 //! never those after it. In: bytes and a clock that counts. Out: levels; bytes, sampled in the middle of
 //! their bits. A driver takes the rate from the first byte of a datagram (data sheet, chapter 4.1: 9,600 bit/s
-//! and more), so the clock need not be right, only even. Left out: echo, as the pin is not read while it sends.
+//! and more), so the clock need not be right; an interrupt that delays that byte's edges changes the rate, so the
+//! rest of the datagram and its answer go by the edges that were made. Left out: echo, as the pin is not read while it sends.
 
 use super::DriverPort;
 
@@ -31,6 +32,16 @@ const GAP_BITS_MAX: u32 = 12;
 /// clock stands.
 const LOOKS_MAX: u32 = 2_000_000;
 const BITS: u32 = 8;
+/// Bits between the first and the third falling edge of a sync byte (0x05), which a driver takes the rate from.
+const SYNC_BITS: u32 = 4;
+
+/// What an answer has next.
+enum Heard {
+    Byte(u8),
+    /// Its stop bit is missing.
+    Broken,
+    Nothing,
+}
 
 /// Wires with their clock.
 #[derive(Debug)]
@@ -55,13 +66,15 @@ impl<W: Wires, C: BitClock> OneWire<W, C> {
         self.bit_clocks = bit_clocks;
     }
 
-    /// Until so many clocks are over since `start`.
-    fn wait(&mut self, start: u32, clocks: u32) {
+    /// Until so many clocks are over since `start`; when that really was.
+    fn wait(&mut self, start: u32, clocks: u32) -> u32 {
         for _ in 0..LOOKS_MAX {
-            if self.clock.now_clocks().wrapping_sub(start) >= clocks {
-                return;
+            let now = self.clock.now_clocks();
+            if now.wrapping_sub(start) >= clocks {
+                return now;
             }
         }
+        start.wrapping_add(clocks)
     }
 
     /// Until the wire is low; when that was, or `None` after so many bits.
@@ -79,27 +92,39 @@ impl<W: Wires, C: BitClock> OneWire<W, C> {
         None
     }
 
-    fn send(&mut self, motor: usize, byte: u8) {
+    /// Sends a byte at this many clocks a bit. The datagram's first is the sync byte: from its third falling
+    /// edge on the rate is that by which the driver takes the rest. Returned is the rate.
+    fn send(&mut self, motor: usize, byte: u8, mut bit_clocks: u32, is_sync: bool) -> u32 {
         let start = self.clock.now_clocks();
         // Start bit, the byte, stop bit.
         let mut levels = u32::from(byte) << 1 | 1 << (BITS + 1);
         for bit in 1..=BITS + 2 {
             self.wires.drive(motor, levels & 1 == 1);
             levels >>= 1;
-            self.wait(start, bit * self.bit_clocks);
+            let now = self.wait(start, bit * bit_clocks);
+            if is_sync && bit == SYNC_BITS {
+                bit_clocks = now.wrapping_sub(start) / SYNC_BITS;
+            }
         }
+        bit_clocks
     }
 
-    /// A byte; `None` where none comes, or its stop bit is missing.
-    fn receive(&mut self, motor: usize, bits_max: u32) -> Option<u8> {
-        let start = self.falls(motor, bits_max)?;
+    /// What comes next within so many bits.
+    fn receive(&mut self, motor: usize, bit_clocks: u32, bits_max: u32) -> Heard {
+        let Some(start) = self.falls(motor, bits_max) else {
+            return Heard::Nothing;
+        };
         let mut byte = 0u8;
         for bit in 0..BITS {
-            self.wait(start, self.bit_clocks * (2 * bit + 3) / 2);
+            self.wait(start, bit_clocks * (2 * bit + 3) / 2);
             byte |= u8::from(self.wires.is_high(motor)) << bit;
         }
-        self.wait(start, self.bit_clocks * (2 * BITS + 3) / 2);
-        self.wires.is_high(motor).then_some(byte)
+        self.wait(start, bit_clocks * (2 * BITS + 3) / 2);
+        if self.wires.is_high(motor) {
+            Heard::Byte(byte)
+        } else {
+            Heard::Broken
+        }
     }
 }
 
@@ -109,20 +134,28 @@ impl<W: Wires, C: BitClock> DriverPort for OneWire<W, C> {
         let idle_from = self.clock.now_clocks();
         self.wires.drive(motor, true);
         self.wait(idle_from, GAP_BITS_MAX * self.bit_clocks);
-        for byte in request {
-            self.send(motor, *byte);
+        let mut bit_clocks = self.bit_clocks;
+        for (place, byte) in request.iter().enumerate() {
+            bit_clocks = self.send(motor, *byte, bit_clocks, place == 0);
         }
         self.wires.release(motor);
         let mut bits_max = ANSWER_BITS_MAX;
-        let mut came = 0;
+        let (mut came, mut is_whole) = (0, true);
+        // What follows a broken byte is heard too, so that nobody speaks against it.
         for place in reply {
-            let Some(byte) = self.receive(motor, bits_max) else {
-                break;
-            };
-            *place = byte;
-            came += 1;
+            match self.receive(motor, bit_clocks, bits_max) {
+                Heard::Byte(byte) if is_whole => {
+                    *place = byte;
+                    came += 1;
+                }
+                Heard::Nothing => break,
+                Heard::Byte(_) | Heard::Broken => is_whole = false,
+            }
             bits_max = GAP_BITS_MAX;
         }
+        // The last stop bit is heard at its middle.
+        let heard = self.clock.now_clocks();
+        self.wait(heard, bit_clocks);
         came
     }
 }

@@ -1,10 +1,10 @@
 //! Are the settings possible, and possible together?
 
 use super::drivers::check_drivers;
+use super::error::SettingsError;
 use super::heat::wrong_heater;
 use super::{LAYERS_MAX, Settings, kinds};
-use crate::short_number::Short;
-use headway_firmware::configuration::{ConfigurationError, Kinematics, MachineConfiguration};
+use headway_firmware::configuration::{Kinematics, MachineConfiguration};
 use headway_firmware::steps::{INTERVAL_TICKS_MAX, INTERVAL_TICKS_MIN};
 use headway_protocol::control::DECIDEGREES_MAX;
 use std::f64::consts::TAU;
@@ -16,7 +16,7 @@ pub const STEP_RATE_SHARE_MAX: f64 = 0.9;
 const LENGTH_MAX_MM: f64 = 100_000.0;
 
 /// Longest name of a machine, characters: it is in every job and message.
-const NAME_CHARS_MAX: usize = 200;
+pub(super) const NAME_CHARS_MAX: usize = 200;
 /// Farthest end of a joint that is an end, mm or rad; what is beyond is a number in another unit.
 const POSITION_MAX: f64 = 1.0e6;
 /// Slowest and fastest of anything that moves, in its own unit and a second: from a tower's creep to
@@ -31,153 +31,6 @@ const STEPS_RANGE: [f64; 2] = [1e-3, 1e9];
 /// some seconds, and what is above is a number in another unit. Motion that never reaches its speed
 /// takes for ever, and so does planning it.
 pub const RISE_MAX_S: f64 = 60.0;
-
-/// Settings that cannot be used, with the key as the machine file spells it.
-#[derive(Clone, Debug, PartialEq, thiserror::Error)]
-pub enum SettingsError {
-    /// A number of a heater is out of its range.
-    #[error("heaters.{key}: a number is not finite, negative, or above 500 °C")]
-    Heater {
-        /// Key of the heater.
-        key: &'static str,
-    },
-    /// A number of a driver does not fit.
-    #[error("drivers.{motor}: {item} is {}; {remedy}", Short(*value))]
-    Driver {
-        /// Motor by name.
-        motor: &'static str,
-        /// Which number.
-        item: &'static str,
-        /// What was given.
-        value: f64,
-        /// What would fit.
-        remedy: &'static str,
-    },
-    /// A number that must be finite and positive is not.
-    #[error("{key} is {}, but must be finite and greater than 0", Short(*value))]
-    NotPositive {
-        /// Key of the machine file.
-        key: String,
-        /// What was given.
-        value: f64,
-    },
-    /// A number below its range.
-    #[error("{key} is {}, but must be at least {}", Short(*value), Short(*low))]
-    TooSmall {
-        /// Key of the machine file.
-        key: String,
-        /// What was given.
-        value: f64,
-        /// The least possible.
-        low: f64,
-    },
-    /// A number above its range.
-    #[error("{key} is {}, but must be at most {}", Short(*value), Short(*high))]
-    TooLarge {
-        /// Key of the machine file.
-        key: String,
-        /// What was given.
-        value: f64,
-        /// The most possible.
-        high: f64,
-    },
-    /// A limit so low that what it changes takes for ever to reach its own limit.
-    #[error(
-        "{key} is so low that it takes {rise_s:.0} s to reach {of}, more than {RISE_MAX_S} s: raise \
-         the one or lower the other"
-    )]
-    SlowRise {
-        /// Key of the machine file.
-        key: String,
-        /// Key of what it would reach.
-        of: String,
-        /// How long that takes.
-        rise_s: f64,
-    },
-    /// A machine's name that is no name.
-    #[error(
-        "the machine's name has {problem}: give it up to {NAME_CHARS_MAX} printable characters"
-    )]
-    Name {
-        /// What is wrong with it.
-        problem: String,
-    },
-    /// Low end not below the high end.
-    #[error("{key}: the lower end {} must be below the upper end {}", Short(*low), Short(*high))]
-    EmptyRange {
-        /// Key of the machine file.
-        key: String,
-        /// Lower end.
-        low: f64,
-        /// Upper end.
-        high: f64,
-    },
-    /// The kinematics has another number of joints.
-    #[error("kinematics {kinematics} has {needed} joints, but {given} are given")]
-    JointCount {
-        /// Kinematics by name.
-        kinematics: &'static str,
-        /// Joints needed.
-        needed: usize,
-        /// Joints given.
-        given: usize,
-    },
-    /// A motor steps faster than the step tick can.
-    #[error(
-        "{motor} makes {rate_hz:.0} steps/s at its top speed, more than 90 % of step_hz = {step_hz}: \
-         lower its speed_max or its steps (microsteps), or raise step_hz"
-    )]
-    StepRate {
-        /// Joint or extruder by name.
-        motor: String,
-        /// Step rate at top speed.
-        rate_hz: f64,
-        /// Step tick rate.
-        step_hz: u32,
-    },
-    /// The controller cannot run it.
-    #[error("the controller cannot run this machine: {0}")]
-    Controller(#[from] ConfigurationError),
-    /// Step and servo ticks do not fit.
-    #[error(
-        "step_hz = {step_hz} must be a whole multiple of servo_hz = {servo_hz}, \
-         {INTERVAL_TICKS_MIN} to {INTERVAL_TICKS_MAX} times"
-    )]
-    TickRates {
-        /// Servo rate.
-        servo_hz: u32,
-        /// Step rate.
-        step_hz: u32,
-    },
-    /// A limit of the print asks more than a part of the machine gives.
-    #[error("{key} is {}, more than the {} of {limit_key}", Short(*value), Short(*limit))]
-    Beyond {
-        /// Key of what asks.
-        key: &'static str,
-        /// What it asks.
-        value: f64,
-        /// Key of what limits.
-        limit_key: &'static str,
-        /// What it gives.
-        limit: f64,
-    },
-    /// The work area leaves a joint's range.
-    #[error(
-        "work_area {axis} runs from {low} to {high} mm, beyond the joint's range {min} to {max} mm"
-    )]
-    WorkArea {
-        /// Axis by name.
-        axis: &'static str,
-        /// Work area.
-        low: f64,
-        /// Work area.
-        high: f64,
-        /// Joint range.
-        min: f64,
-        /// Joint range.
-        max: f64,
-    },
-}
 
 /// Names of the joints in the kinematics' order, as in the machine file.
 pub fn joint_names(kinematics: &Kinematics) -> &'static [&'static str] {

@@ -1,9 +1,10 @@
 //! Drivers that the board sets up: the `[drivers]` groups of a machine file, checked.
 
-use super::check::{SettingsError, joint_names};
+use super::check::joint_names;
+use super::error::SettingsError;
 use headway_firmware::configuration::MachineConfiguration;
 use headway_firmware::drivers::DriversConfiguration;
-use headway_firmware::drivers::configuration::DriverItem;
+use headway_firmware::drivers::configuration::{DriverItem, run_range_ma};
 use headway_protocol::message::SettingsProblem;
 use headway_protocol::settings::items;
 
@@ -17,13 +18,13 @@ pub fn motor_names(machine: &MachineConfiguration) -> Vec<&'static str> {
 }
 
 /// What would fit.
-const fn remedy(item: DriverItem) -> &'static str {
+fn remedy(item: DriverItem, sense_mohm: u16) -> String {
     match item {
         DriverItem::Address => "a node address is 0 to 3, and 0 where each driver has a wire",
         DriverItem::Sense => "sense resistors have 50 to 500 mΩ, usually 110",
         DriverItem::Run => {
-            "it must be above the lowest step of the scale, within what the sense resistor gives (325 mV / \
-             (R + 20 mΩ) / 1.414), and 2000 at most"
+            let [least, most] = run_range_ma(sense_mohm);
+            return format!("a sense resistor of {sense_mohm} mΩ gives {least} to {most}");
         }
         DriverItem::Hold => "at most run_ma",
         DriverItem::Microsteps => "a power of two from 1 to 256",
@@ -31,6 +32,7 @@ const fn remedy(item: DriverItem) -> &'static str {
         DriverItem::Threshold => "spread_above_full_steps_s is too low",
         DriverItem::Motor => "the machine has no such motor",
     }
+    .to_string()
 }
 
 /// Every driver, against the machine's steps.
@@ -40,6 +42,8 @@ pub(super) fn check_drivers(
 ) -> Result<(), SettingsError> {
     drivers.check(machine).map_err(|wrong| {
         let names = motor_names(machine);
+        let driver = drivers.drivers.get(wrong.motor).copied().flatten();
+        let sense_mohm = driver.map_or(0, |driver| driver.sense_mohm);
         let place = usize::from(wrong.item.number()).saturating_sub(1);
         SettingsError::Driver {
             motor: names.get(wrong.motor).copied().unwrap_or("?"),
@@ -48,7 +52,7 @@ pub(super) fn check_drivers(
                 .copied()
                 .unwrap_or("?"),
             value: wrong.value,
-            remedy: remedy(wrong.item),
+            remedy: remedy(wrong.item, sense_mohm),
         }
     })
 }

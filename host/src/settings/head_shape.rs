@@ -3,7 +3,8 @@
 //! Lengths in mm along the tool axis from the tip, angles in rad. Used to look for touches with the table
 //! and with what is printed.
 
-use super::check::{SettingsError, in_range};
+use super::check::in_range;
+use super::error::SettingsError;
 
 /// Nozzle and head about the tool axis.
 #[derive(Clone, Copy, Debug, PartialEq)]

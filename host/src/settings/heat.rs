@@ -1,6 +1,7 @@
 //! What is melted, and what melts it: the `[material]` and `[heaters]` groups of a machine file.
 
-use super::check::{SettingsError, in_range};
+use super::check::in_range;
+use super::error::SettingsError;
 use headway_firmware::heat::HeatConfiguration;
 
 /// Temperatures that a job is printed with.

@@ -4,7 +4,8 @@
 //! pass. Speeds and accelerations of a kind lie below those of `[print]`, which are the ceiling.
 
 use super::Settings;
-use super::check::{SettingsError, in_range};
+use super::check::in_range;
+use super::error::SettingsError;
 
 /// What one kind asks for.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]

@@ -7,7 +7,7 @@
 //! radians.
 
 use super::aperture_text::{ApertureTextError, parse_aperture};
-use super::check::SettingsError;
+use super::error::SettingsError;
 use super::head_shape::HeadShape;
 use super::{
     HeadingLaw, Infill, PassMode, PrimeRetract, Quality, Seam, SeamPlace, Settings, Skirt,

@@ -20,8 +20,7 @@ mod heat;
 pub mod start;
 
 use crate::board::{
-    CHIP_ID, DriverPins, EMERGENCY, HeatPins, Output, PORTS_CLOCK_MASK, Pins,
-    SERIAL_CLOCK_MASK,
+    CHIP_ID, DriverPins, EMERGENCY, HeatPins, Output, PORTS_CLOCK_MASK, Pins, SERIAL_CLOCK_MASK,
     SERIAL_INTERRUPT, SERIAL_PORT, UsbLine, heaters, heaters_off, set_up_board,
 };
 use crate::runtime::{self, Board, Outgoing, Shared, with_motion};
