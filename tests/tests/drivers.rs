@@ -77,7 +77,9 @@ impl Line {
         for byte in reply {
             let levels = u32::from(byte) << 1 | 1 << 9;
             for place in 0..10 {
-                let flips = self.noise.is_some_and(|one_in| self.roll() % one_in == 0);
+                let flips = self
+                    .noise
+                    .is_some_and(|one_in| self.roll().is_multiple_of(one_in));
                 let level = (levels >> place & 1 == 1) != flips;
                 self.answer.push((at, level));
                 at = at.wrapping_add(bit);
@@ -134,7 +136,7 @@ impl BitClock for Bench {
     fn now_clocks(&mut self) -> u32 {
         let mut line = self.0.borrow_mut();
         // What a look takes, and now and then an interrupt.
-        let interrupt = if line.jitter_clocks > 0 && line.roll() % 64 == 0 {
+        let interrupt = if line.jitter_clocks > 0 && line.roll().is_multiple_of(64) {
             line.roll() % line.jitter_clocks
         } else {
             0
