@@ -12,6 +12,8 @@
 
 use crate::configuration::{ConfigurationError, MachineConfiguration};
 use crate::drivers::{DriverPort, DriverService};
+use crate::heat::service::HeatService;
+use crate::heat::{HeatConfiguration, Outputs};
 use crate::homing::HomingConfiguration;
 use crate::inputs::Inputs;
 use crate::motion::Motion;
@@ -175,6 +177,20 @@ impl Machine {
     /// length; 0 if there is nothing to say.
     pub fn poll_report(&mut self, out: &mut [u8]) -> usize {
         self.receiver.poll_report(&self.motion, out)
+    }
+
+    /// The machine has these heaters: what looks after them, off at first.
+    pub fn add_heaters(
+        &mut self,
+        configuration: &MachineConfiguration,
+        heat: &HeatConfiguration,
+    ) -> HeatService {
+        HeatService::new(configuration, heat, &mut self.motion)
+    }
+
+    /// What heaters and fans are to put out from now on, once in a period; `None` between.
+    pub fn serve_heat(&mut self, service: &mut HeatService, fan_turns: u8) -> Option<Outputs> {
+        service.serve(&mut self.motion, fan_turns)
     }
 
     /// What the motion is doing.

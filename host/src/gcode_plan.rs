@@ -9,16 +9,18 @@
 //! the slicer's: which ground is printed, in which order, how densely.
 
 use crate::gcode::GcodeProgram;
+use crate::gcode_heat::{LaidPasses, events_behind, events_of};
 use crate::geometry::Point2;
 use crate::geometry::polygon::Box2;
 use crate::job::SegmentStream;
+use crate::job_heat::HeatEvent;
 use crate::part_transform::PartTransform;
 use crate::plan::judge::figures::PlanFigures;
 use crate::plan::judge::measure::measure;
 use crate::plan::motion::segments::{MotionReport, lay_segments_with_progress};
 use crate::plan::progress::Progress;
 use crate::plan::route::build_route::lift_at_end;
-use crate::plan::route::gcode_route::{GcodeWay, gcode_route};
+use crate::plan::route::gcode_route::{GcodeRoute, GcodeWay, gcode_route};
 use crate::settings::Settings;
 use crate::{PlanError, start_pose};
 use headway_firmware::kinematics::winds;
@@ -38,6 +40,8 @@ pub struct GcodePlan {
     pub figures: PlanFigures,
     /// Length of beads that are wider, and narrower, than the nozzle lays, mm.
     pub beyond_mm: [f64; 2],
+    /// The file's orders of heaters and fans.
+    pub heat: Vec<HeatEvent>,
 }
 
 /// Plans a file. Speeds are the file's, at most `speed_max_mm_s`.
@@ -64,48 +68,85 @@ pub fn plan_gcode(
     let pieces = passes.chunk_by(|a, b| is_whole || a.layer == b.layer);
     let count = pieces.clone().count();
     let mut at = start_pose(&settings);
-    let mut stream = SegmentStream::default();
-    let mut motion = MotionReport::default();
-    let mut figures = PlanFigures::default();
-    let mut beyond_mm = [0.0; 2];
+    let mut planned = GcodePlan {
+        transform,
+        settings: settings.clone(),
+        stream: SegmentStream::default(),
+        motion: MotionReport::default(),
+        figures: PlanFigures::default(),
+        beyond_mm: [0.0; 2],
+        heat: Vec::new(),
+    };
+    let mut first = 0;
     for (number, piece) in pieces.enumerate() {
-        let first_pass = figures.passes as u32;
-        let made = gcode_route(piece, first_pass, at, &way);
-        let mut route = made.route;
+        let first_pass = planned.figures.passes as u32;
+        let mut made = gcode_route(piece, first_pass, at, &way);
         if number + 1 == count {
-            lift_at_end(&mut route, &settings);
+            lift_at_end(&mut made.route, &settings);
         }
-        let Some(end) = route.end() else {
-            continue;
+        let (laid, report) = match made.route.end() {
+            Some(end) => {
+                at = end;
+                lay_segments_with_progress(&made.route, &settings, progress)?
+            }
+            // None of its beads is printed; what it orders of heaters still is.
+            None => Default::default(),
         };
-        at = end;
-        let (laid, report) = lay_segments_with_progress(&route, &settings, progress)?;
-        let (mut of_piece, _) = measure(&laid, &[], &[], &transform, &settings, progress);
-        of_piece.passes = made.passes as usize;
-        figures.add_lengths(&of_piece);
-        motion.ratios = motion.ratios.max(report.ratios);
-        motion.fit_error_ratio = motion.fit_error_ratio.max(report.fit_error_ratio);
-        motion.doubled_moves += report.doubled_moves;
-        motion.duration_s += report.duration_s;
-        motion.time_bound_s += report.time_bound_s;
-        for (sum, mm) in beyond_mm.iter_mut().zip(made.beyond_mm) {
-            *sum += mm;
+        let laid_passes = LaidPasses {
+            first,
+            passes: piece,
+            numbers: &made.numbers,
+            stream: &laid,
+            offset_mm: transform.offset_mm,
+        };
+        let of_piece = events_of(&program.heat, &laid_passes, planned.end_tick());
+        planned.heat.extend(of_piece);
+        first += piece.len();
+        if !laid.knots.is_empty() {
+            planned.add(laid, &report, &made, progress)?;
         }
-        if !stream.knots.is_empty() && laid.solution != stream.solution {
+    }
+    planned.figures.layers = program.layers();
+    let behind = events_behind(&program.heat, passes.len(), planned.end_tick());
+    planned.heat.extend(behind);
+    Ok(planned)
+}
+
+impl GcodePlan {
+    /// Puts a piece behind the others.
+    fn add(
+        &mut self,
+        laid: SegmentStream,
+        report: &MotionReport,
+        made: &GcodeRoute,
+        progress: &dyn Progress,
+    ) -> Result<(), PlanError> {
+        if !self.stream.knots.is_empty() && laid.solution != self.stream.solution {
             return Err(PlanError::AnotherSolution);
         }
+        let (mut of_piece, _) = measure(&laid, &[], &[], &self.transform, &self.settings, progress);
+        of_piece.passes = made.passes as usize;
+        self.figures.add_lengths(&of_piece);
+        add_motion(&mut self.motion, report);
+        for (sum, mm) in self.beyond_mm.iter_mut().zip(made.beyond_mm) {
+            *sum += mm;
+        }
         // Passes are counted over the whole file already.
-        stream.append(laid, 0);
+        self.stream.append(laid, 0);
+        Ok(())
     }
-    figures.layers = program.layers();
-    Ok(GcodePlan {
-        transform,
-        settings,
-        stream,
-        motion,
-        figures,
-        beyond_mm,
-    })
+
+    fn end_tick(&self) -> u64 {
+        self.stream.marks.last().map_or(0, |mark| mark.end_tick)
+    }
+}
+
+fn add_motion(sum: &mut MotionReport, report: &MotionReport) {
+    sum.ratios = sum.ratios.max(report.ratios);
+    sum.fit_error_ratio = sum.fit_error_ratio.max(report.fit_error_ratio);
+    sum.doubled_moves += report.doubled_moves;
+    sum.duration_s += report.duration_s;
+    sum.time_bound_s += report.time_bound_s;
 }
 
 /// The file's speeds: the plan's share of the limit is the fastest of them.

@@ -15,6 +15,7 @@
 
 use crate::frame_writer::FrameWriter;
 use crate::job::{Mark, SegmentStream};
+use crate::job_heat::{HEAT_TEXT, HeatEvent, from_json};
 use crate::part_transform::PartTransform;
 use crate::wire_frames::{WireFrames, WireFramesError};
 use headway_firmware::configuration::MachineConfiguration;
@@ -161,6 +162,14 @@ pub struct JobFile {
     pub header: JobHeader,
     /// The stream, packed.
     pub frames: WireFrames,
+}
+
+impl JobHeader {
+    /// What the job orders of heaters and fans, by tick; empty where a text says nothing that is known.
+    pub fn heat(&self) -> Vec<HeatEvent> {
+        let text = self.texts.get(HEAT_TEXT);
+        text.and_then(|text| from_json(text)).unwrap_or_default()
+    }
 }
 
 impl JobFile {

@@ -9,6 +9,7 @@ use crate::findings::time_figures;
 use crate::geometry::polygon::Region;
 use crate::job::SegmentStream;
 use crate::job_file::{JobHeader, StreamFacts};
+use crate::job_heat::{self, HEAT_TEXT, HeatEvent, job_events};
 use crate::job_spool::{JobSpool, SpoolError, SpooledJob};
 use crate::part_transform::PartTransform;
 use crate::report::figures::Figures;
@@ -46,6 +47,8 @@ pub struct JobFacts<'a> {
     pub transform: PartTransform,
     /// Its figures.
     pub figures: &'a Figures,
+    /// What its file orders of heaters and fans.
+    pub heat: &'a [HeatEvent],
 }
 
 impl<F: Read + Write + Seek> JobPacking<F> {
@@ -120,6 +123,7 @@ impl<F> PackedJob<F> {
 /// The header of a job.
 pub fn job_header(job: &JobFacts, stream: StreamFacts) -> JobHeader {
     let settings = job.settings;
+    let heat = job_events(job.heat, settings.material.as_ref(), &stream.marks);
     let mut header = JobHeader::of_facts(
         stream,
         &settings.machine_name,
@@ -138,5 +142,9 @@ pub fn job_header(job: &JobFacts, stream: StreamFacts) -> JobHeader {
         (SETTINGS_TEXT, machine_file::to_toml(settings)),
     ];
     header.texts = texts.map(|(key, text)| (key.to_string(), text)).into();
+    if !heat.is_empty() {
+        let text = job_heat::to_json(&heat);
+        header.texts.insert(HEAT_TEXT.to_string(), text);
+    }
     header
 }

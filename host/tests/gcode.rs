@@ -39,11 +39,7 @@ fn a_sliced_file_becomes_a_job() {
     );
     let ran = headway(&["plan", path(&input), "-o", path(&job), "--json"]);
     let told = stderr(&ran);
-    for part in [
-        "line 2 M104 S215",
-        "line 7 M900",
-        "PrusaSlicer reckons with 6.0 s",
-    ] {
+    for part in ["line 7 M900", "PrusaSlicer reckons with 6.0 s"] {
         assert!(told.contains(part), "{part}: {told}");
     }
     let figures = object(&ran);
@@ -52,7 +48,14 @@ fn a_sliced_file_becomes_a_job() {
     assert!((laid_mm3 / asked_mm3 - 1.0).abs() < 1e-3);
     assert_eq!(figures["slicer_estimate_s"], 6.0);
     assert_eq!(figures["layers"], 2);
-    succeeded(&headway(&["inspect", path(&job)]));
+    // What the file heats is in the job, at its very start and end.
+    let told = succeeded(&headway(&["inspect", path(&job)]));
+    assert!(told.contains("at 0.000 s: hot end 215 °C\n"), "{told}");
+    let of_job = object(&headway(&["inspect", path(&job), "--json"]));
+    let heat = of_job["heat"].as_array().expect("orders");
+    assert_eq!(heat.len(), 2);
+    assert_eq!(heat[1]["order"]["fan_pct"], 0.0);
+    assert_eq!(heat[1]["t_s"], of_job["duration_s"]);
     // What goes with outlines or meshes is no option of a path.
     for option in [["--walls", "2"], ["--layer-range", "1-1"], ["--turn", "5"]] {
         let refused = headway(&["plan", path(&input), "-o", path(&job), option[0], option[1]]);
@@ -61,7 +64,7 @@ fn a_sliced_file_becomes_a_job() {
 }
 
 /// Texts that are no G-code that can be printed; the rest are made of the square.
-const BROKEN: [&str; 20] = [
+const BROKEN: [&str; 22] = [
     "",
     "G28\nM104 S200\n",
     "G1 X10 Y",
@@ -82,6 +85,8 @@ const BROKEN: [&str; 20] = [
     "N1 G1 X1*99",
     "T0\nG1 X1 E1\nT1\nG1 X2 E2",
     "M200 D500\nG1 X1 E1",
+    "M104 S2000\nG1 X1 E1",
+    "M106 S-1\nG1 X1 E1",
 ];
 
 #[test]

@@ -7,8 +7,11 @@ mod rig;
 
 use headway::drive::link_log::{Entry, Way, read_log};
 use headway::drive::transport::Port;
+use headway::job_file;
+use headway_firmware::heat::HeatConfiguration;
+use headway_firmware::spline::Spans;
 use headway_protocol::frame::FrameDecoder;
-use headway_protocol::message::DeviceMessage;
+use headway_protocol::message::{DeviceMessage, DeviceState, Status};
 use rig::board::{Board, Host, counts, job, sleep_into_the_job};
 use rig::{folder, headway, object, stderr, stdout};
 use serde_json::Value;
@@ -225,41 +228,159 @@ fn ctrl_c_pauses_on_the_path_and_a_second_one_aborts() {
     assert_ne!(counts(&board.end()), expected);
 }
 
+/// What the board said of itself in a log.
+fn statuses(log: &str) -> Vec<Status> {
+    let text = std::fs::read_to_string(log).unwrap();
+    let log = read_log(&mut text.as_bytes()).unwrap();
+    let mut decoder = FrameDecoder::new();
+    let heard = log.entries.iter().filter_map(|entry| match entry {
+        Entry::Bytes {
+            way: Way::Up,
+            bytes,
+            ..
+        } => Some(bytes),
+        _ => None,
+    });
+    let mut statuses = Vec::new();
+    for &byte in heard.flatten() {
+        if let Some(Ok(frame)) = decoder.push(byte)
+            && let DeviceMessage::Status(status) = DeviceMessage::decode(frame.payload).unwrap()
+        {
+            statuses.push(status);
+        }
+    }
+    statuses
+}
+
 /// Goal: the board tells its status as often as it was asked to. Method: the same job twice; statuses
 /// in the logs, a hundred and then twenty milliseconds of the board's time apart.
 #[test]
 fn a_status_comes_as_often_as_asked_for() {
     let folder = folder("period");
     let (job, _) = job(&folder, 1);
-    let statuses = |period: &[&str]| {
+    let count = |period: &[&str]| {
         let board = Board::unix(&folder, 4.0);
         let log = folder.join("print.log").display().to_string();
         let stream = ["stream", &job, "--port", &board.port, "--log", &log];
         let streamed = headway(&[&stream[..], period].concat());
         assert!(streamed.status.success(), "{}", stderr(&streamed));
         board.end();
-        let text = std::fs::read_to_string(&log).unwrap();
-        let log = read_log(&mut text.as_bytes()).unwrap();
-        let mut decoder = FrameDecoder::new();
-        let heard = log.entries.iter().filter_map(|entry| match entry {
-            Entry::Bytes {
-                way: Way::Up,
-                bytes,
-                ..
-            } => Some(bytes),
-            _ => None,
-        });
-        let mut statuses = 0;
-        for &byte in heard.flatten() {
-            if let Some(Ok(frame)) = decoder.push(byte) {
-                let message = DeviceMessage::decode(frame.payload).unwrap();
-                statuses += u32::from(matches!(message, DeviceMessage::Status(_)));
-            }
-        }
-        statuses
+        statuses(&log).len()
     };
-    let (seldom, often) = (statuses(&[]), statuses(&["--status-period-ms", "20"]));
+    let (seldom, often) = (count(&[]), count(&["--status-period-ms", "20"]));
     assert!(seldom > 5 && often > 3 * seldom, "{seldom} {often}");
     let refused = headway(&["stream", &job, "--port", "x", "--status-period-ms", "19"]);
     assert_eq!(refused.status.code(), Some(2));
+}
+
+/// Spans of the board within which an order may come late: those of a status period and of the way to the board and
+/// back, at five times the speed on a busy machine.
+const SPANS_LATE: u32 = 60;
+
+/// Spans before each layer's first tick.
+fn spans_before_layers(job: &str) -> Vec<u32> {
+    let file = std::fs::read(job).unwrap();
+    let stream = job_file::read(&mut std::io::Cursor::new(file))
+        .unwrap()
+        .stream()
+        .unwrap();
+    let ends: Vec<u64> = Spans::new(&stream.start, &stream.knots)
+        .map(|span| span.start_tick + u64::from(span.duration_ticks))
+        .collect();
+    let before = |layer| {
+        let [begin, _] = stream.ticks_of_layer(layer);
+        ends.iter().filter(|&&end| end < begin).count() as u32
+    };
+    (0..stream.layers()).map(before).collect()
+}
+
+/// Goal: temperatures and fan change where the job says, on a board that holds heaters: it waits for the first
+/// layer's at rest, the fan comes with the second layer, all is off in the end. Method: a job of three layers with
+/// a material, streamed to heaters of a model; the board's own statuses in the log against the spans at which its
+/// layers begin.
+#[test]
+fn heaters_and_fan_follow_the_path() {
+    let folder = folder("heat");
+    let machine = folder.join("machine.toml");
+    let text = stdout(&headway(&["machine", "new", "--kind", "planar"]));
+    let material = "\n[material]\nhot_end_c = 35\nfirst_layer_hot_end_c = 40\nfan_pct = 50\n\
+        fan_from_layer = 2\n";
+    std::fs::write(&machine, text + material).unwrap();
+    let part = folder.join("square.json");
+    let square = r#"{"units":"mm","exterior":[[0,0],[8,0],[8,8],[0,8]]}"#;
+    std::fs::write(&part, square).unwrap();
+    let [machine, part, job] = [
+        machine.display().to_string(),
+        part.display().to_string(),
+        folder.join("square.hwj").display().to_string(),
+    ];
+    let planned = headway(&["plan", &part, "-m", &machine, "--layers", "3", "-o", &job]);
+    assert!(planned.status.success(), "{}", stderr(&planned));
+    let settings = headway::settings::machine_file::from_toml(
+        &std::fs::read_to_string(folder.join("machine.toml")).unwrap(),
+    );
+    let board = Board::of_machine(
+        &Port::Unix(folder.join("board")),
+        5.0,
+        settings.unwrap().machine,
+        HeatConfiguration::standard(),
+    );
+    let log = folder.join("print.log").display().to_string();
+    let ran = headway(&[
+        "stream",
+        &job,
+        "--port",
+        &board.port,
+        "--log",
+        &log,
+        "--json",
+    ]);
+    let figures = object(&ran);
+    assert_eq!(figures["done"], true, "{}", stderr(&ran));
+    // The board's heat loop takes an order over once in 0.1 s.
+    let off = |status: &serde_json::Map<String, Value>| {
+        let targets = [0, 1].map(|heater| status["heaters"][heater]["target_celsius"].clone());
+        targets == [Value::from(0.0), Value::from(0.0)] && status["fan"] == 0.0
+    };
+    let ask = || {
+        object(&headway(&[
+            "board",
+            "status",
+            "--port",
+            &board.port,
+            "--json",
+        ]))
+    };
+    assert!((0..50).any(|_| off(&ask())), "{:?}", ask());
+    board.end();
+    let spans = spans_before_layers(&job);
+    let told = statuses(&log);
+    assert!(
+        told.iter()
+            .any(|status| status.state == DeviceState::Heating)
+    );
+    // Nothing moves before both are there.
+    let begins = told.iter().find(|status| status.spans_done > 0).unwrap();
+    let hot = begins.heaters[0].decidegrees;
+    assert!((380..=420).contains(&hot), "{hot}");
+    let moving = told
+        .iter()
+        .filter(|status| status.state == DeviceState::Running);
+    let (mut before, mut after, mut late) = (0, 0, 0);
+    for status in moving {
+        let (done, target) = (status.spans_done, status.heaters[0].target_decidegrees);
+        if done < spans[1] {
+            assert_eq!((target, status.fan_permille), (400, 0), "{done} spans");
+            before += 1;
+        } else if (target, status.fan_permille) != (350, 500) {
+            late = late.max(done - spans[1]);
+        } else {
+            after += 1;
+        }
+        if done > spans[1] + SPANS_LATE {
+            assert_eq!((target, status.fan_permille), (350, 500), "{done} spans");
+        }
+    }
+    println!("{before} statuses before, {after} after, {late} spans late of {spans:?}");
+    assert!(before > 3 && after > 10, "{before} {after}");
 }

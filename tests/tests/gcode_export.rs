@@ -33,6 +33,7 @@ fn written(stream: &SegmentStream, servo_hz: f64, options: &WriteOptions) -> (St
         machine: "bench",
         stream,
         servo_hz,
+        heat: &[],
     };
     let mut text = Vec::new();
     let written = write_gcode(&mut text, &job, options).expect("written");
@@ -343,6 +344,7 @@ fn start_blocks_have_fields_and_say_what_they_lack() {
         machine: "m",
         stream: &stream,
         servo_hz,
+        heat: &[],
     };
     let refused = write_gcode(
         std::io::sink(),

@@ -153,6 +153,7 @@ impl Job {
             machine: &self.file.header.machine_name,
             stream: &self.stream,
             servo_hz: self.servo_hz(),
+            heat: &self.file.header.heat(),
         };
         let options = WriteOptions::of_dialect(dialect);
         let written = write_gcode(out, &text, &options);

@@ -152,6 +152,7 @@ fn packed(part: &Part, plan: &Plan, plan_s: f64, settings: &Settings) -> Result<
         settings,
         transform: plan.transform,
         figures: &figures,
+        heat: &[],
     };
     let header = job_header(&facts, packed.frames.facts.clone());
     let mut bytes = Vec::new();

@@ -23,6 +23,7 @@ pub(super) fn run(job: &Job, args: &ExportArgs, console: &Console) -> Result<(),
         machine: &job.file.header.machine_name,
         stream: &job.stream,
         servo_hz: job.servo_hz(),
+        heat: &job.file.header.heat(),
     };
     // What the blocks lack is said before anything is written.
     let checked = write_gcode(std::io::sink(), &text, &options);

@@ -1,7 +1,6 @@
 //! `headway board heat` and what a status says of heaters.
 
 use super::CliError;
-use crate::settings::heat::Material;
 use headway_protocol::message::{Control, DECIDEGREES_MAX, HEATERS_MAX, HeaterStatus, Status};
 use serde_json::{Value, json};
 use std::fmt::Write;
@@ -38,24 +37,6 @@ pub(super) fn heat(heater: &str, celsius: f64, wait: bool) -> Result<Control, Cl
         decidegrees: decidegrees as u16,
         wait,
     })
-}
-
-/// What is set before a job, and what is switched off after it.
-pub(super) fn job_orders(material: &Material) -> Result<[Vec<Control>; 2], CliError> {
-    let mut before = Vec::new();
-    let mut after = Vec::new();
-    // The bed first: it takes longer.
-    for (heater, celsius) in [("bed", material.bed_c), ("hot-end", material.hot_end_c)] {
-        if celsius > 0.0 {
-            before.push(heat(heater, celsius, true)?);
-            after.push(heat(heater, 0.0, false)?);
-        }
-    }
-    if material.fan_pct > 0.0 {
-        before.push(Control::Fan((material.fan_pct * 10.0).round() as u16));
-        after.push(Control::Fan(0));
-    }
-    Ok([before, after])
 }
 
 /// True once a heater is where it was asked to be, or is switched off.

@@ -9,11 +9,15 @@ use crate::geometry::polygon::{Box2, Region, Ring};
 use crate::input::waypoints::WaypointRun;
 use crate::input::{Input, Loaded, ReadOptions};
 use crate::job_file::JobSummary;
+use crate::job_heat::{self, HeatEvent};
 use crate::mesh::LoadedMesh;
 use crate::mesh::layers::{SlicedPart, sliced};
 use crate::report::figures::Figures;
 use crate::report::job_texts::NAME_TEXT;
 use serde_json::json;
+
+/// Orders of heaters and fans that are told one by one.
+const ORDERS_TOLD: usize = 20;
 
 pub(super) fn run(args: &InspectArgs, console: &Console) -> Result<(), CliError> {
     if job::is_job(&args.file) {
@@ -110,6 +114,7 @@ fn job_json(summary: &JobSummary) -> serde_json::Value {
         "knots": header.knots,
         "events": header.events,
         "duration_s": duration_s(summary),
+        "heat": heat_json(summary),
         "figures": figures,
     })
 }
@@ -134,7 +139,33 @@ fn job_text(summary: &JobSummary) -> String {
         header.frames,
         summary.frames_end - summary.frames_start,
         figures.to_text(),
-    )
+    ) + &heat_text(summary)
+}
+
+/// Orders of heaters and fans with their times.
+fn heat_json(summary: &JobSummary) -> Vec<serde_json::Value> {
+    let header = &summary.header;
+    let servo_hz = f64::from(header.machine.servo_hz);
+    let one = |event: &HeatEvent| {
+        json!({
+            "t_s": event.tick as f64 / servo_hz,
+            "order": event.order,
+        })
+    };
+    header.heat().iter().map(one).collect()
+}
+
+/// The same as lines, most of many left out.
+fn heat_text(summary: &JobSummary) -> String {
+    let header = &summary.header;
+    let mut lines = job_heat::list(&header.heat(), f64::from(header.machine.servo_hz));
+    let more = lines.len().saturating_sub(ORDERS_TOLD);
+    lines.truncate(ORDERS_TOLD);
+    let mut text: String = lines.iter().map(|line| format!("  {line}\n")).collect();
+    if more > 0 {
+        text += &format!("  and {more} more orders (--json lists them)\n");
+    }
+    text
 }
 
 fn duration_s(summary: &JobSummary) -> f64 {
@@ -178,6 +209,10 @@ fn gcode_json(program: &GcodeProgram) -> serde_json::Value {
         "volume_mm3": program.volume_mm3(),
         "estimate_s": program.estimate_s,
         "headings": program.has_headings,
+        "heat": program.heat.iter().map(|placed| json!({
+            "line": placed.line,
+            "order": placed.order,
+        })).collect::<Vec<_>>(),
         "notes": program.notes,
     })
 }

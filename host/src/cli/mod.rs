@@ -37,6 +37,7 @@ mod shell;
 mod simulate;
 mod simulated_board;
 mod stream;
+mod stream_heat;
 mod tune;
 mod view;
 

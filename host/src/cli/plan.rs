@@ -35,6 +35,7 @@ pub(super) fn run(args: &PlanArgs, console: &Console) -> Result<(), CliError> {
         settings: &planned.settings,
         transform: planned.transform,
         figures: &planned.figures,
+        heat: &planned.heat,
     };
     let header = job_header(&facts, packed.frames.facts.clone());
     let mut length = 0;

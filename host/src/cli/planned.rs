@@ -9,6 +9,7 @@ use crate::geometry::polygon::Region;
 use crate::input::waypoints::WaypointRun;
 use crate::input::{Input, Loaded, Target};
 use crate::job::SegmentStream;
+use crate::job_heat::HeatEvent;
 use crate::job_packing::JobPacking;
 use crate::part_transform::PartTransform;
 use crate::plan::outline::unreachable::UnreachableRun;
@@ -28,6 +29,8 @@ pub(super) struct Planned {
     pub settings: Settings,
     pub transform: PartTransform,
     pub stream: SegmentStream,
+    /// What its file orders of heaters and fans.
+    pub heat: Vec<HeatEvent>,
     pub figures: Figures,
     /// Notes of reading and planning.
     pub notes: Vec<String>,
@@ -116,6 +119,7 @@ pub(super) fn from_input(
         settings,
         transform: plan.transform,
         stream: plan.stream.clone(),
+        heat: Vec::new(),
         notes,
         plan: Some(Box::new(plan)),
         left_out: found.left_out,
@@ -196,6 +200,7 @@ pub(super) fn of_job(job: Job) -> Planned {
         outline: job.outline,
         settings,
         transform: job.transform,
+        heat: job.file.header.heat(),
         stream: job.stream,
         notes: Vec::new(),
         plan: None,

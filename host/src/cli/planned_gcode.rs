@@ -63,6 +63,7 @@ pub(super) fn from_gcode(
         },
         transform: planned.transform,
         stream: planned.stream,
+        heat: planned.heat,
         notes,
         plan: None,
         unreachable: Vec::new(),

@@ -90,6 +90,7 @@ pub(super) fn from_mesh(
         settings: in_solution(planned.solution, settings),
         transform: planned.transform,
         stream,
+        heat: Vec::new(),
         notes,
         plan: None,
         left_out: left_out(&planned.open, &planned.unreachable),

@@ -10,10 +10,13 @@ use crate::drive::link::LinkSpec;
 use crate::drive::simulator::SimulatorSetup;
 use crate::drive::trace_table;
 use crate::findings::simulated::{outcome, simulation_figures};
+use crate::job_heat::{self, job_events};
 use std::path::Path;
 
 /// Time between two rows of `--trace`.
 const TRACE_EVERY_MS: f64 = 1.0;
+/// Orders of heaters and fans that are told one by one.
+const ORDERS_TOLD: usize = 12;
 /// Steps of the progress bar.
 const BAR_STEPS: f64 = 1000.0;
 
@@ -44,6 +47,7 @@ pub(super) fn run(args: &SimulateArgs, console: &Console) -> Result<(), CliError
             console,
         )?
     };
+    tell_heat(&mut planned, console);
     let setup = SimulatorSetup {
         link,
         seed: args.seed,
@@ -72,6 +76,26 @@ pub(super) fn run(args: &SimulateArgs, console: &Console) -> Result<(), CliError
         console.result(&format!("{}\n{}", planned.name, planned.figures.to_text()))?;
     }
     outcome(&dry_run).map_err(CliError::Job)
+}
+
+/// Says what is ordered of heaters and fans: the simulated line carries the motion alone.
+fn tell_heat(planned: &mut Planned, console: &Console) {
+    let material = planned.settings.material.as_ref();
+    let events = job_events(&planned.heat, material, &planned.stream.marks);
+    if events.is_empty() {
+        return;
+    }
+    let servo_hz = f64::from(planned.settings.machine.servo_hz);
+    let mut told = job_heat::list(&events, servo_hz);
+    if let Some(more) = told.len().checked_sub(ORDERS_TOLD).filter(|more| *more > 0) {
+        told.truncate(ORDERS_TOLD);
+        told.push(format!(
+            "and {more} more (`headway inspect JOB` lists them)"
+        ));
+    }
+    let note = format!("heaters and fans: {}", told.join("; "));
+    console.notes(std::slice::from_ref(&note));
+    planned.notes.push(note);
 }
 
 /// What is said of a job that only planning could heed.

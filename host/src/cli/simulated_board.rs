@@ -15,6 +15,7 @@ use crate::drive::virtual_drivers::VirtualDrivers;
 use embedded_storage::nor_flash::{
     ErrorType, NorFlash, NorFlashError, NorFlashErrorKind, ReadNorFlash,
 };
+use headway_firmware::heat::HeatConfiguration;
 use headway_firmware::homing::HomingConfiguration;
 use headway_firmware::settings::BoardSettings;
 use headway_firmware::settings::store::SettingsStore;
@@ -57,6 +58,7 @@ pub(super) fn simulate(asked: &SimulateArgs, console: &Console) -> Result<(), Cl
         switches,
         session: host_session(),
         speed,
+        heat: kept.heaters.unwrap_or_else(HeatConfiguration::none),
     };
     let mut board = VirtualBoard::new(setup, listener)
         .map_err(|error| CliError::Job(format!("the firmware cannot run this machine: {error}")))?;

@@ -3,9 +3,10 @@
 use super::args_board::{PortArgs, StreamArgs};
 use super::board::Talk;
 use super::console::Console;
-use super::heat::{heat, heaters_json, heaters_text, job_orders};
+use super::heat::{heat, heaters_json, heaters_text};
 use super::live::{LivePrint, Snapshot};
 use super::live_page::{self, PageClock};
+use super::stream_heat::StreamHeat;
 use super::{CliError, job};
 use crate::drive::link_log::LinkLog;
 use crate::drive::patience::{ANSWER_US, Patience, Wait};
@@ -14,8 +15,6 @@ use crate::drive::sender::Sender;
 use crate::drive::sender_state::{SenderError, SenderEvent, SenderSetup, SenderState};
 use crate::drive::stream_progress::{Progress, Timeline};
 use crate::drive::transport::Port;
-use crate::settings::Settings;
-use crate::settings::heat::Material;
 use headway_firmware::configuration::MachineConfiguration;
 use headway_protocol::message::{Control, DeviceState, RefusalReason, Status};
 use indicatif::{ProgressBar, ProgressDrawTarget, ProgressStyle};
@@ -30,6 +29,8 @@ use std::time::{Duration, Instant};
 
 /// Silence at the start after which there is no board.
 pub(super) const ANSWER_PATIENCE: Duration = Duration::from_micros(ANSWER_US);
+/// How often the board tells where it is if heaters or fans change on the path, ms: 3 mm at 60 mm/s.
+const HEAT_STATUS_MS: u16 = 50;
 /// Steps of the progress bar.
 const BAR_STEPS: f64 = 1000.0;
 
@@ -55,8 +56,8 @@ pub(super) fn run(args: &StreamArgs, console: &Console) -> Result<(), CliError> 
         .view
         .then(|| live_page::open(job.clone(), args.view_port, args.no_open, console))
         .transpose()?;
-    let [before, after] = job_orders(&material(args, job.settings.as_ref())?)?;
-    give(&args.port, &before)?;
+    let heat = StreamHeat::of(args, &job)?;
+    give(&args.port, &heat.before)?;
     let pump = open(&args.port, log)?;
     let mut run = Run {
         timeline: Timeline::new(&job.stream, f64::from(header.machine.servo_hz)),
@@ -76,16 +77,17 @@ pub(super) fn run(args: &StreamArgs, console: &Console) -> Result<(), CliError> 
         begun: Instant::now(),
         live,
         said: String::new(),
+        heat,
     };
     let result = run.until_end();
     run.bar.finish_and_clear();
     run.tell_the_end(&result);
     let figures = run.figures(&result);
-    let Run { pump, .. } = run;
+    let Run { pump, heat, .. } = run;
     pump.finish()
         .map_err(|error| CliError::Job(format!("the log could not be written: {error}")))?;
     // The line may be gone: then the board switches off by itself.
-    let off = give(&args.port, &after);
+    let off = give(&args.port, &heat.after);
     if result.is_ok() {
         off?;
     }
@@ -95,34 +97,6 @@ pub(super) fn run(args: &StreamArgs, console: &Console) -> Result<(), CliError> 
         console.say(&format!("{}: done", job.name));
     }
     result
-}
-
-/// What the job is printed with: the options over what its machine file says.
-fn material(args: &StreamArgs, settings: Option<&Settings>) -> Result<Material, CliError> {
-    let of_job = settings.and_then(|settings| settings.material);
-    let off = Material {
-        hot_end_c: 0.0,
-        bed_c: 0.0,
-        fan_pct: 0.0,
-        ..Material::default()
-    };
-    if args.no_heat {
-        return Ok(off);
-    }
-    let of_job = of_job.unwrap_or(off);
-    let material = Material {
-        hot_end_c: args.hot_end.unwrap_or(of_job.hot_end_c),
-        bed_c: args.bed.unwrap_or(of_job.bed_c),
-        fan_pct: args.fan.unwrap_or(of_job.fan_pct),
-        ..of_job
-    };
-    if !(0.0..=100.0).contains(&material.fan_pct) {
-        return Err(CliError::Usage(format!(
-            "--fan {}: 0 to 100",
-            material.fan_pct
-        )));
-    }
-    Ok(material)
 }
 
 /// Gives commands in a conversation of their own; none, none.
@@ -222,6 +196,8 @@ struct Run<'a> {
     live: Option<(LivePrint, PageClock)>,
     /// What the board said last that a page should show.
     said: String,
+    /// Heaters and fans.
+    heat: StreamHeat,
 }
 
 impl Run<'_> {
@@ -334,11 +310,13 @@ impl Run<'_> {
                 self.connected = true;
                 let job = self.sender.frames().job();
                 self.has_part = welcome.stream.is_some_and(|stream| stream.job == job);
-                if let Some(period_ms) = self.status_period_ms {
+                let often = self.heat.changes().then_some(HEAT_STATUS_MS);
+                if let Some(period_ms) = self.status_period_ms.or(often) {
                     self.sender.command(Control::ReportPeriod(period_ms));
                 }
             }
             SenderEvent::Status(status) => {
+                self.order_heat(&status);
                 self.show(&self.timeline.at(&status), &status);
                 self.status = Some(status);
                 self.publish();
@@ -347,6 +325,18 @@ impl Run<'_> {
             SenderEvent::Fault(fault) => self.tell(format!("fault: {fault}")),
             SenderEvent::Taken(Control::Pause) => self.say("pausing; `resume` goes on"),
             SenderEvent::Taken(_) => {}
+        }
+    }
+
+    /// Heaters and fans whose place on the path is done.
+    fn order_heat(&mut self, status: &Status) {
+        let streams = matches!(
+            self.sender.state(),
+            SenderState::Streaming | SenderState::Finishing
+        );
+        let done_tick = self.timeline.done_tick(status);
+        while streams && let Some(control) = self.heat.due(done_tick) {
+            self.sender.command(control);
         }
     }
 

@@ -23,6 +23,7 @@ pub mod trace_table;
 pub mod transport;
 pub mod virtual_board;
 pub mod virtual_drivers;
+mod virtual_heaters;
 
 #[cfg(test)]
 mod cut_tests;

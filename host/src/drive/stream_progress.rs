@@ -67,18 +67,19 @@ impl Timeline {
         self.ends.last().map_or(0.0, |&end| end as f64) / self.servo_hz
     }
 
+    /// The servo tick up to which a machine with this status is done, whole spans.
+    pub fn done_tick(&self, status: &Status) -> u64 {
+        let Some(last) = (status.spans_done as usize).checked_sub(1) else {
+            return 0;
+        };
+        let end = self.ends.get(last).or(self.ends.last());
+        end.copied().unwrap_or(0)
+    }
+
     /// Where a machine with this status is.
     pub fn at(&self, status: &Status) -> Progress {
         let spans = status.spans_done as usize;
-        let tick = match spans.checked_sub(1) {
-            Some(last) => self
-                .ends
-                .get(last)
-                .or(self.ends.last())
-                .copied()
-                .unwrap_or(0),
-            None => 0,
-        };
+        let tick = self.done_tick(status);
         let total = self.ends.last().copied().unwrap_or(0);
         let rate = f64::from(status.sigma_permille) / 1000.0;
         let left_s = total.saturating_sub(tick) as f64 / self.servo_hz;

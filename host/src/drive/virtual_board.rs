@@ -1,7 +1,7 @@
 //! A board without hardware: the firmware library behind a TCP or unix socket, in real time or
 //! faster. What streams to it streams to a real board.
 //!
-//! Its steps go nowhere but into counters and a digest. Limit switches close where the machine's
+//! Its heaters are a model. Its steps go nowhere but into counters and a digest. Limit switches close where the machine's
 //! range ends, so that homing can be tried. One host streams and moves; others may ask and stop
 //! meanwhile (`Receiver::watching`). Where the first one leaves, who has just come is the next one, else
 //! the oldest of the others.
@@ -9,8 +9,10 @@
 use crate::drive::record::{Step, StepDigest};
 use crate::drive::transport::{Listener, Transport};
 use crate::drive::virtual_drivers::VirtualDrivers;
+use crate::drive::virtual_heaters::VirtualHeaters;
 use headway_firmware::configuration::{ConfigurationError, MOTORS_MAX, MachineConfiguration};
 use headway_firmware::drivers::{DriverService, DriversConfiguration};
+use headway_firmware::heat::HeatConfiguration;
 use headway_firmware::homing::HomingConfiguration;
 use headway_firmware::inputs::Inputs;
 use headway_firmware::machine::Machine;
@@ -48,6 +50,8 @@ pub struct BoardSetup {
     pub session: u32,
     /// Virtual seconds per second.
     pub speed: f64,
+    /// Its heaters, cold at first; none of them and no fan where there are none.
+    pub heat: HeatConfiguration,
 }
 
 /// Follows the steps.
@@ -111,6 +115,7 @@ pub struct BoardFigures {
 pub struct VirtualBoard {
     setup: BoardSetup,
     machine: Machine,
+    heaters: VirtualHeaters,
     steps: Steps,
     listener: Listener,
     line: Option<Box<dyn Transport>>,
@@ -135,10 +140,12 @@ impl VirtualBoard {
     /// # Errors
     /// [`ConfigurationError`] where the firmware cannot run the machine.
     pub fn new(setup: BoardSetup, listener: Listener) -> Result<VirtualBoard, ConfigurationError> {
-        let machine = Machine::with_switches(&setup.machine, &setup.switches, setup.session)?;
+        let mut machine = Machine::with_switches(&setup.machine, &setup.switches, setup.session)?;
+        let heaters = VirtualHeaters::new(&mut machine, &setup.machine, &setup.heat);
         Ok(VirtualBoard {
             setup,
             machine,
+            heaters,
             steps: Steps::default(),
             listener,
             line: None,
@@ -297,6 +304,7 @@ impl VirtualBoard {
                 emergency: false,
             });
             self.machine.run_servo_interval(&mut self.steps);
+            self.heaters.tick(&mut self.machine);
             if let Some(start) = self.machine.motion().stream_start_ticks() {
                 let interval_ticks = u64::from(self.machine.interval_ticks());
                 self.steps.begin_job(start * interval_ticks);

@@ -116,6 +116,16 @@ pub enum GcodeError {
         /// The most that is taken.
         most: f64,
     },
+    /// A temperature or a fan that cannot be.
+    #[error("line {line}: a target of {}: write 0 to {} (°C for heaters, M106 of 255 for fans)", Short(*value), Short(*most))]
+    Heat {
+        /// Line from 1.
+        line: usize,
+        /// What was given.
+        value: f64,
+        /// The most that is taken.
+        most: f64,
+    },
     /// Not a speed.
     #[error("line {line}: F{} is no feed rate; it must be above 0", Short(*value))]
     Feed {

@@ -19,6 +19,7 @@ pub mod write;
 
 pub use error::GcodeError;
 
+use crate::job_heat::HeatOrder;
 use comments::Slicer;
 use headway_firmware::pose::{TILT_MAX_RAD, TILT_ROUNDING_RAD};
 use interpreter::Steps;
@@ -94,6 +95,28 @@ pub struct GcodePass {
     pub retract: Option<Push>,
 }
 
+/// Where an order of heaters and fans stands; passes are counted from 0, their number is the end.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum HeatPlace {
+    /// Where the head leaves for a pass, behind the retract of the one before.
+    Leaving(usize),
+    /// Where a pass begins, before its prime.
+    Start(usize),
+    /// At a place of a pass, as its points are counted.
+    Point(usize, usize),
+}
+
+/// An order of heaters and fans.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct PlacedOrder {
+    /// Line of the file, from 1.
+    pub line: usize,
+    /// Where.
+    pub place: HeatPlace,
+    /// What.
+    pub order: HeatOrder,
+}
+
 /// A file's passes and what else it says.
 #[derive(Clone, Debug, PartialEq)]
 pub struct GcodeProgram {
@@ -103,6 +126,8 @@ pub struct GcodeProgram {
     pub slicer: Slicer,
     /// Passes in order, one or more.
     pub passes: Vec<GcodePass>,
+    /// Orders of heaters and fans, in their order.
+    pub heat: Vec<PlacedOrder>,
     /// The slicer's estimate of the printing time.
     pub estimate_s: Option<f64>,
     /// C is given: headings are told.
@@ -197,7 +222,7 @@ pub fn read(bytes: &[u8], name: &str, options: &GcodeOptions) -> Result<GcodePro
     })?;
     let steps = interpreter::steps(text.trim_start_matches('\u{feff}'))?;
     let filament_mm = filament_mm(&steps, options)?;
-    let (mut passes, left_out) = passes::passes(&steps, filament_mm);
+    let (mut passes, heat, left_out) = passes::passes(&steps, filament_mm);
     if passes.is_empty() {
         return Err(GcodeError::NothingPrinted { lines: steps.lines });
     }
@@ -221,6 +246,7 @@ pub fn read(bytes: &[u8], name: &str, options: &GcodeOptions) -> Result<GcodePro
         has_tilts: steps.turns[0],
         has_headings: steps.turns[1] || steps.turns[0],
         passes,
+        heat,
         notes,
     })
 }
@@ -307,7 +333,7 @@ fn notes(steps: &Steps, options: &GcodeOptions, filament_mm: f64) -> Vec<String>
             .map(String::as_str)
             .collect();
         notes.push(format!(
-            "temperatures and fans are not in the job, set them by the controller that has them: {}{}",
+            "heaters and fans that no job has, order them by the controller that has them: {}{}",
             told.join(", "),
             more(steps.carried.len())
         ));

@@ -5,8 +5,8 @@
 //! moves in the plane prints. What is pushed into the air before the first pass is left out and told.
 
 use super::comments::Slicer;
-use super::interpreter::{Firmware, Step, Steps};
-use super::{GcodePass, Leg, Place, Push};
+use super::interpreter::{Firmware, HeatStep, Step, Steps};
+use super::{GcodePass, HeatPlace, Leg, Place, PlacedOrder, Push};
 use std::f64::consts::PI;
 
 /// Steps below this move nothing, mm.
@@ -31,6 +31,7 @@ pub struct LeftOut {
 
 struct Builder {
     passes: Vec<GcodePass>,
+    heat: Vec<PlacedOrder>,
     open: Option<GcodePass>,
     at: Place,
     travel: Vec<Place>,
@@ -46,12 +47,14 @@ struct Builder {
     top_mm: f64,
 }
 
-/// Puts steps together to passes; `filament_mm` is the filament's diameter.
-pub fn passes(steps: &Steps, filament_mm: f64) -> (Vec<GcodePass>, LeftOut) {
+/// Puts steps together to passes, with the orders of heaters and fans; `filament_mm` is the filament's
+/// diameter.
+pub fn passes(steps: &Steps, filament_mm: f64) -> (Vec<GcodePass>, Vec<PlacedOrder>, LeftOut) {
     let area_mm2 = 0.25 * PI * filament_mm * filament_mm;
     let layers_told = steps.hints.iter().any(|hint| hint.layers > 0);
     let mut builder = Builder {
         passes: Vec::new(),
+        heat: Vec::new(),
         open: None,
         at: Place::default(),
         travel: Vec::new(),
@@ -67,7 +70,11 @@ pub fn passes(steps: &Steps, filament_mm: f64) -> (Vec<GcodePass>, LeftOut) {
         layer: 0,
         top_mm: f64::NEG_INFINITY,
     };
-    for step in &steps.steps {
+    let mut heat = steps.heat.iter().peekable();
+    for (number, step) in steps.steps.iter().enumerate() {
+        while let Some(order) = heat.next_if(|order| order.step <= number) {
+            builder.order(order);
+        }
         let scale = if step.volumetric { 1.0 } else { area_mm2 };
         let hint = steps.hints[step.hint];
         let told_layer = layers_told.then(|| hint.layers.saturating_sub(1));
@@ -80,6 +87,7 @@ pub fn passes(steps: &Steps, filament_mm: f64) -> (Vec<GcodePass>, LeftOut) {
         };
         builder.step(step, leg, scale, told_layer);
     }
+    heat.for_each(|order| builder.order(order));
     builder.close();
     let mut passes = builder.passes;
     if !steps.extrudes {
@@ -89,7 +97,7 @@ pub fn passes(steps: &Steps, filament_mm: f64) -> (Vec<GcodePass>, LeftOut) {
         }
     }
     add_heights(&mut passes);
-    (passes, builder.left_out)
+    (passes, builder.heat, builder.left_out)
 }
 
 impl Builder {
@@ -132,6 +140,21 @@ impl Builder {
                 self.at = to;
             }
         }
+    }
+
+    /// An order of heaters and fans: it stands where the head is now.
+    fn order(&mut self, order: &HeatStep) {
+        let pass = self.passes.len();
+        let place = match &self.open {
+            Some(open) => HeatPlace::Point(pass, open.points.len() - 1),
+            None if self.travel.is_empty() => HeatPlace::Leaving(pass),
+            None => HeatPlace::Start(pass),
+        };
+        self.heat.push(PlacedOrder {
+            line: order.line,
+            place,
+            order: order.order,
+        });
     }
 
     fn pull(&mut self, mm3: Option<f64>, rate_mm3_s: Option<f64>) {

@@ -2,8 +2,8 @@
 //!
 //! In: a [`GcodeProgram`] whose A or B is told (mm, degrees, the head at R_x(A) R_y(B) R_z(C)). Out:
 //! [`WaypointRun`], a pass of the file beginning where it does. Long legs are divided, so that the spline
-//! through the waypoints keeps to them. Leaves out widths, speeds, volumes and travel: such a run has the
-//! machine's, and says so.
+//! through the waypoints keeps to them. Leaves out widths, speeds, volumes, travel, heaters and
+//! fans: such a run has the machine's, and says so.
 
 use super::waypoints::{Waypoint, WaypointRun};
 use crate::gcode::{GcodeProgram, Place};
@@ -57,6 +57,12 @@ pub fn waypoint_run(program: GcodeProgram) -> WaypointRun {
         }
     }
     let mut notes = program.notes;
+    if !program.heat.is_empty() {
+        notes.push(format!(
+            "{} orders of heaters and fans are not kept on a path of tilts: set [material] in the machine file",
+            program.heat.len()
+        ));
+    }
     notes.push(
         "A or B tilts the tool: the path is followed as waypoints, at the machine's speed, with the \
          beads that the nozzle lays at these headings; the file's speeds and volumes are not kept"

@@ -1,5 +1,6 @@
 //! What is melted, and what melts it: the `[material]` and `[heaters]` groups of a machine file.
 
+use super::LAYERS_MAX;
 use super::check::in_range;
 use super::error::SettingsError;
 use headway_firmware::heat::HeatConfiguration;
@@ -13,6 +14,12 @@ pub struct Material {
     pub bed_c: f64,
     /// Part fan, per cent.
     pub fan_pct: f64,
+    /// Hot end while the first layer is printed, °C, where it differs.
+    pub first_layer_hot_end_c: Option<f64>,
+    /// Bed while the first layer is printed, °C, where it differs.
+    pub first_layer_bed_c: Option<f64>,
+    /// Layer, from 1, with which the fan comes on; `None` is the first.
+    pub fan_from_layer: Option<u32>,
     /// Density, g/cm³: the figures tell the mass.
     pub density_g_cm3: Option<f64>,
     /// Price of a kilogram, in whatever money: the figures tell what the material costs.
@@ -27,6 +34,19 @@ impl Material {
         in_range("material.hot_end_c", self.hot_end_c, 0.0, hottest_c)?;
         in_range("material.bed_c", self.bed_c, 0.0, hottest_c)?;
         in_range("material.fan_pct", self.fan_pct, 0.0, 100.0)?;
+        for (key, celsius) in [
+            ("material.first_layer_hot_end_c", self.first_layer_hot_end_c),
+            ("material.first_layer_bed_c", self.first_layer_bed_c),
+        ] {
+            in_range(key, celsius.unwrap_or(0.0), 0.0, hottest_c)?;
+        }
+        let fan_from = f64::from(self.fan_from_layer.unwrap_or(1));
+        in_range(
+            "material.fan_from_layer",
+            fan_from,
+            1.0,
+            f64::from(LAYERS_MAX),
+        )?;
         for (key, value, most) in [
             ("material.density_g_cm3", self.density_g_cm3, 30.0),
             ("material.price_per_kg", self.price_per_kg, 1e6),

@@ -4,6 +4,8 @@ use super::{command, headway, object, stderr};
 use headway::drive::transport::{Listener, Port};
 use headway::drive::virtual_board::{BoardFigures, BoardSetup, VirtualBoard};
 use headway::settings::Settings;
+use headway_firmware::configuration::MachineConfiguration;
+use headway_firmware::heat::HeatConfiguration;
 use headway_firmware::homing::HomingConfiguration;
 use serde_json::Value;
 use std::io::{BufRead, BufReader, Read, Write};
@@ -46,11 +48,21 @@ pub struct Board {
 impl Board {
     pub fn start(port: &Port, speed: f64) -> Board {
         let machine = Settings::default().machine;
+        Board::of_machine(port, speed, machine, HeatConfiguration::none())
+    }
+
+    pub fn of_machine(
+        port: &Port,
+        speed: f64,
+        machine: MachineConfiguration,
+        heat: HeatConfiguration,
+    ) -> Board {
         let setup = BoardSetup {
             switches: HomingConfiguration::standard(&machine),
             machine,
             session: 77,
             speed,
+            heat,
         };
         let listener = Listener::bind(port).unwrap();
         let port = listener.port().unwrap().to_string();

@@ -89,12 +89,6 @@ impl Interpreter {
             820 => self.e_relative = false,
             830 => self.e_relative = true,
             20 | 300 => self.ended = true,
-            1040 | 1060 | 1070 | 1090 | 1400 | 1410 | 1900 | 1910 => {
-                let parameters: Vec<String> = line.words.iter().map(code_name).collect();
-                self.found
-                    .carried
-                    .push(format!("line {number} {}", parameters.join(" ")));
-            }
             2000 => self.filament(line, number)?,
             2070 => {
                 let pulled_mm = self.length(line, b'S', number)?.map(f64::abs);
@@ -126,6 +120,7 @@ impl Interpreter {
             1030 => self.firmware(Firmware::Retract(self.retract_mm[0]), number)?,
             2270 if line.words.len() == 1 => self.firmware(Firmware::Prime(None), number)?,
             2280 if line.words.len() == 1 => self.firmware(Firmware::Retract(None), number)?,
+            _ if self.heat_code(word, line, number)? => {}
             _ => self.undone(code_name(word), number),
         }
         Ok(())

@@ -3,11 +3,15 @@
 //! In: the text. Out: [`Steps`]: places (mm, degrees) in one frame, filament, speeds (mm/s), with the
 //! line of each. Modes: units (G20, G21), distances (G90, G91, M82, M83), planes (G17 to G19), arc
 //! centres (G90.1, G91.1), feed (G93, G94), offsets (G92), filament (M200, M221), speed (M220), firmware
-//! retraction (G10, G11, M207, M208; M227 and M228 as prime and retract). What else a line says is not done
-//! and told with its number. Source: RS274/NGC 3 (NIST IR 6556), Marlin's and Klipper's command lists.
+//! retraction (G10, G11, M207, M208; M227 and M228 as prime and retract). Heaters and fans are orders among the
+//! steps. What else a line says is not done and told with its number. Source: RS274/NGC 3 (NIST IR 6556),
+//! Marlin's and Klipper's command lists.
 
 mod codes;
+mod heat;
 mod moves;
+
+pub use heat::HeatStep;
 
 use super::comments::{Comments, Hint};
 use super::error::GcodeError;
@@ -67,7 +71,9 @@ pub struct Steps {
     pub extrudes: bool,
     /// Some move names A or B; C.
     pub turns: [bool; 2],
-    /// Temperatures and fans, with their lines.
+    /// Orders of heaters and fans.
+    pub heat: Vec<HeatStep>,
+    /// Those that no job has, with their lines.
     pub carried: Vec<String>,
     /// What is not done: first line and times.
     pub undone: BTreeMap<String, (usize, usize)>,

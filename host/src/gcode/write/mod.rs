@@ -5,17 +5,20 @@
 //! (servo ticks)            (mm, rad, mm³)               (mm, deg, mm of filament, mm/min)
 //! ```
 //! In: a job's stream in machine coordinates, options. Out: text of the [`Dialect`], and [`Written`]: how many
-//! moves it has, and how many a second at most. X Y Z are the tip; a tilt is A B with the head at R_x(A) R_y(B)
-//! R_z(C), C the heading, degrees. Time is the stream's: each move lasts as long as its ticks. Leaves out
-//! heaters and fans, pressure advance (the controller's own), and axes of machines that do not know the tip.
+//! moves it has, and how many a second at most. Orders of heaters and fans stand where the job has them, a move
+//! ending there. X Y Z are the tip; a tilt is A B with the head at R_x(A) R_y(B) R_z(C), C the heading, degrees.
+//! Time is the stream's: each move lasts as long as its ticks. Leaves out pressure advance (the controller's
+//! own), and axes of machines that do not know the tip.
 
 pub mod dialect;
+mod heat;
 pub mod lines;
 mod poses;
 mod pushes;
 pub mod template;
 
-use crate::job::{Mark, MotionState, SegmentStream};
+use crate::job::{MotionState, SegmentStream};
+use crate::job_heat::HeatEvent;
 use dialect::{Dialect, Retraction};
 use headway_firmware::pose::Pose;
 use headway_protocol::segment::FlowAction;
@@ -54,6 +57,8 @@ pub struct JobText<'a> {
     pub stream: &'a SegmentStream,
     /// Servo ticks a second.
     pub servo_hz: f64,
+    /// What it orders of heaters and fans, by tick.
+    pub heat: &'a [HeatEvent],
 }
 
 /// How.
@@ -193,7 +198,10 @@ pub fn write_gcode(
     writer.begin(job, &first)?;
     let events = event_ticks(stream);
     let mut layer = None;
+    let first_orders = job.heat.iter().take_while(|event| event.tick == 0);
+    let mut heat = &job.heat[first_orders.count()..];
     for mark in &stream.marks {
+        writer.orders_until(&mut heat, mark.start_tick, false)?;
         if mark.state == MotionState::Print && layer != Some(mark.layer) {
             layer = Some(mark.layer);
             let z_mm = poses.at(mark.start_tick)[2];
@@ -206,13 +214,15 @@ pub fn write_gcode(
                 writer.prime(*volume_mm3, *duration_s)?;
             }
         }
-        writer.route_move(mark, &mut poses)?;
+        let ticks = [mark.start_tick, mark.end_tick];
+        writer.move_with_orders(ticks, &mut heat, &mut poses)?;
         for (_, action, volume_mm3, duration_s) in of_mark {
             if *action == FlowAction::Retract {
                 writer.retract(*volume_mm3, *duration_s)?;
             }
         }
     }
+    writer.orders_until(&mut heat, u64::MAX, true)?;
     writer.end(job, &first)
 }
 
@@ -249,6 +259,8 @@ impl<W: Write> Writer<'_, W> {
             .unwrap_or(options.dialect.start());
         let block = filled(start, &self.fields(job, first))?;
         self.out.write_all(block.as_bytes())?;
+        let orders = heat::first_lines(job.heat, options);
+        self.out.write_all(orders.as_bytes())?;
         let to = self.place(first);
         let words = self.words(&to, true);
         match options.dialect.is_machine_tool() {
@@ -279,7 +291,7 @@ impl<W: Write> Writer<'_, W> {
         let end_tick = job.stream.marks.last().map_or(0, |mark| mark.end_tick);
         let end = Poses::new(job.stream).at(end_tick);
         let volume_mm3 = end[CHANNEL_VOLUME] - first[CHANNEL_VOLUME];
-        vec![
+        let mut fields = vec![
             ("name", one_line(job.name)),
             ("machine", one_line(job.machine)),
             ("extruder", char::from(self.extruder()).to_string()),
@@ -296,7 +308,9 @@ impl<W: Write> Writer<'_, W> {
             ("y", format!("{:.3}", first[1])),
             ("z", format!("{:.3}", first[2])),
             ("c", format!("{:.3}", first[CHANNEL_HEADING].to_degrees())),
-        ]
+        ];
+        fields.extend(heat::first_fields(job.heat));
+        fields
     }
 
     /// The place of a pose, turns unwound.
@@ -367,11 +381,10 @@ impl<W: Write> Writer<'_, W> {
         format!(" {extruder}{}", short(number as f64 * 1e-5, 5))
     }
 
-    /// One move of the stream.
-    fn route_move(&mut self, mark: &Mark, poses: &mut Poses) -> Result<(), WriteError> {
-        let all: Vec<[f64; CHANNELS]> = (mark.start_tick..=mark.end_tick)
-            .map(|tick| poses.at(tick))
-            .collect();
+    /// A move of the stream, or a part of it, from tick to tick.
+    fn route_move(&mut self, [from, to]: [u64; 2], poses: &mut Poses) -> Result<(), WriteError> {
+        let all: Vec<[f64; CHANNELS]> = (from..=to).map(|tick| poses.at(tick)).collect();
+        let from_tick = from;
         let tolerances = LineTolerances {
             tip_mm: self.options.tip_mm,
             turn_rad: TURN_TOLERANCE_RAD,
@@ -388,7 +401,7 @@ impl<W: Write> Writer<'_, W> {
             let extruded_mm3 = all[end][CHANNEL_VOLUME] - all[from][CHANNEL_VOLUME];
             self.written.volume_mm3 += extruded_mm3;
             let e_mm = self.e_mm + extruded_mm3 / area_mm2;
-            let time_s = (mark.start_tick + end as u64) as f64 / self.servo_hz;
+            let time_s = (from_tick + end as u64) as f64 / self.servo_hz;
             self.line(&all[end], e_mm, seconds, time_s)?;
             from = end;
         }

@@ -43,6 +43,8 @@ pub struct GcodeRoute {
     pub route: Route,
     /// Passes in it.
     pub passes: u32,
+    /// The number of each pass that was given; none where it is not printed.
+    pub numbers: Vec<Option<u32>>,
     /// Length of beads beyond the nozzle, wider and narrower, mm.
     pub beyond_mm: [f64; 2],
 }
@@ -71,9 +73,11 @@ pub fn gcode_route(
     };
     for (pass, curve) in passes.iter().zip(&curves) {
         let Some(curve) = curve else {
+            head.made.numbers.push(None);
             continue;
         };
         let number = first_number + head.made.passes;
+        head.made.numbers.push(Some(number));
         head.travel(pass, curve, number == 0);
         head.print(pass, curve, number);
         head.made.passes += 1;

@@ -14,6 +14,9 @@ pub(super) struct FileMaterial {
     hot_end_c: f64,
     bed_c: Option<f64>,
     fan_pct: Option<f64>,
+    first_layer_hot_end_c: Option<f64>,
+    first_layer_bed_c: Option<f64>,
+    fan_from_layer: Option<u32>,
     density_g_cm3: Option<f64>,
     price_per_kg: Option<f64>,
     diameter_mm: Option<f64>,
@@ -25,6 +28,9 @@ impl FileMaterial {
             hot_end_c: self.hot_end_c,
             bed_c: self.bed_c.unwrap_or(0.0),
             fan_pct: self.fan_pct.unwrap_or(0.0),
+            first_layer_hot_end_c: self.first_layer_hot_end_c,
+            first_layer_bed_c: self.first_layer_bed_c,
+            fan_from_layer: self.fan_from_layer,
             density_g_cm3: self.density_g_cm3,
             price_per_kg: self.price_per_kg,
             diameter_mm: self.diameter_mm,
@@ -140,7 +146,12 @@ pub(super) fn write_material(text: &mut String, material: &Material) -> std::fmt
     writeln!(text, "hot_end_c = {}", material.hot_end_c)?;
     writeln!(text, "bed_c = {}", material.bed_c)?;
     writeln!(text, "fan_pct = {}", material.fan_pct)?;
+    if let Some(layer) = material.fan_from_layer {
+        writeln!(text, "fan_from_layer = {layer}")?;
+    }
     for (key, value) in [
+        ("first_layer_hot_end_c", material.first_layer_hot_end_c),
+        ("first_layer_bed_c", material.first_layer_bed_c),
         ("density_g_cm3", material.density_g_cm3),
         ("price_per_kg", material.price_per_kg),
         ("diameter_mm", material.diameter_mm),

@@ -1,0 +1,141 @@
+//! The orders of heaters and fans that `stream` gives: before the job, on its path, after it.
+//!
+//! In: a job's orders by servo tick, options over them. Out: commands for the board, each due once the spans up
+//! to its tick are done. Leaves out how a board holds a temperature, and that it rests until it is there.
+
+use super::CliError;
+use super::args_board::StreamArgs;
+use super::heat::heat;
+use super::job::Job;
+use crate::job_heat::{
+    BED, HEAT_TEXT, HOT_END, HeatEvent, HeatOrder, all_off, from_json, material_events,
+};
+use headway_protocol::message::Control;
+use std::collections::VecDeque;
+
+/// What a job orders.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub(super) struct StreamHeat {
+    /// Before it.
+    pub before: Vec<Control>,
+    /// After it, however it ends.
+    pub after: Vec<Control>,
+    /// On its path, with their ticks.
+    on_path: VecDeque<(u64, Control)>,
+}
+
+impl StreamHeat {
+    /// The orders of a job under the options.
+    pub(super) fn of(args: &StreamArgs, job: &Job) -> Result<StreamHeat, CliError> {
+        if args.no_heat {
+            return Ok(StreamHeat::default());
+        }
+        let mut events = of_job(job)?;
+        for (name, celsius) in [("bed", args.bed), ("hot-end", args.hot_end)] {
+            let Some(celsius) = celsius else { continue };
+            // Says what is wrong with the option.
+            heat(name, celsius, true)?;
+            let heater = if name == "bed" { BED } else { HOT_END };
+            replace(&mut events, HeatOrder::wait_for(heater, celsius));
+        }
+        if let Some(fan_pct) = args.fan {
+            if !(0.0..=100.0).contains(&fan_pct) {
+                return Err(CliError::Usage(format!("--fan {fan_pct}: 0 to 100")));
+            }
+            replace(&mut events, HeatOrder::Fan { fan_pct });
+        }
+        let end_tick = job.stream.marks.last().map_or(0, |mark| mark.end_tick);
+        Ok(StreamHeat::of_events(&events, end_tick))
+    }
+
+    fn of_events(events: &[HeatEvent], end_tick: u64) -> StreamHeat {
+        let control = |event: &HeatEvent| Some((event.tick, event.order.control()?));
+        let (mut before, mut on_path) = (Vec::new(), VecDeque::new());
+        for (tick, control) in events.iter().filter_map(control) {
+            if tick == 0 {
+                before.push(control);
+            } else if tick < end_tick {
+                on_path.push_back((tick, control));
+            }
+        }
+        StreamHeat {
+            before,
+            after: all_off(events)
+                .iter()
+                .filter_map(HeatOrder::control)
+                .collect(),
+            on_path,
+        }
+    }
+
+    /// Something changes on the path.
+    pub(super) fn changes(&self) -> bool {
+        !self.on_path.is_empty()
+    }
+
+    /// The next command that is due once this tick is done.
+    pub(super) fn due(&mut self, done_tick: u64) -> Option<Control> {
+        let (tick, _) = self.on_path.front()?;
+        match *tick <= done_tick {
+            true => self.on_path.pop_front().map(|(_, control)| control),
+            false => None,
+        }
+    }
+}
+
+/// A job's own orders; one that was planned before jobs had them sets what its material asks.
+fn of_job(job: &Job) -> Result<Vec<HeatEvent>, CliError> {
+    match job.file.header.texts.get(HEAT_TEXT) {
+        Some(text) => from_json(text).ok_or_else(|| {
+            CliError::Job(format!(
+                "{}: the job's orders of heaters and fans cannot be read: plan it again, or leave them out \
+                 with --no-heat",
+                job.name
+            ))
+        }),
+        None => {
+            let material = job.settings.as_ref().and_then(|settings| settings.material);
+            let marks = &job.stream.marks;
+            Ok(material.map_or(Vec::new(), |material| material_events(&material, marks)))
+        }
+    }
+}
+
+/// One order for the whole job in place of all of the same heater, or of the fan.
+fn replace(events: &mut Vec<HeatEvent>, order: HeatOrder) {
+    events.retain(|event| !event.order.is_of_same(&order));
+    events.insert(0, HeatEvent { tick: 0, order });
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// Goal: each order is given once, when its tick is done, and all is off in the end. Method: orders
+    /// by hand.
+    #[test]
+    fn orders_come_when_their_place_is_done() {
+        let event = |tick, order| HeatEvent { tick, order };
+        let fan = |fan_pct| HeatOrder::Fan { fan_pct };
+        let mut events = vec![
+            event(0, HeatOrder::wait_for(HOT_END, 215.0)),
+            event(10, fan(50.0)),
+            event(20, HeatOrder::target(HOT_END, 205.0)),
+            event(30, fan(0.0)),
+        ];
+        let mut orders = StreamHeat::of_events(&events, 30);
+        assert_eq!(orders.before, [heat("hot-end", 215.0, true).unwrap()]);
+        assert_eq!(
+            orders.after,
+            [heat("hot-end", 0.0, false).unwrap(), Control::Fan(0)]
+        );
+        assert_eq!(orders.due(9), None);
+        assert_eq!(orders.due(25), Some(Control::Fan(500)));
+        assert_eq!(orders.due(25), Some(heat("hot-end", 205.0, false).unwrap()));
+        assert_eq!(orders.due(u64::MAX), None);
+        replace(&mut events, fan(10.0));
+        let orders = StreamHeat::of_events(&events, 30);
+        assert_eq!(orders.before[0], Control::Fan(100));
+        assert_eq!(orders.on_path.len(), 1);
+    }
+}

@@ -1,0 +1,169 @@
+//! Codes of heaters and fans -> orders at their place among the steps.
+//!
+//! In: M104, M109, M140, M190, M116, M106, M107 (°C, 0 to 255 or a fraction with its point), and what Headway
+//! writes for machine tools: M67 and M68 with E for the output, M66 for the wait. Out: [`HeatStep`]s. What
+//! no job has (chambers, other fans, tools beyond the second) is carried as a text with its line.
+
+use super::{Interpreter, code_name, tenths, value};
+use crate::gcode::comments::Slicer;
+use crate::gcode::error::GcodeError;
+use crate::gcode::words::{Line, Word};
+use crate::job_heat::{BED, HOT_END, HeatOrder};
+use headway_protocol::message::DECIDEGREES_MAX;
+
+/// The second hot end among the heaters.
+const HOT_END_2: u8 = 2;
+/// Full speed of a fan in M106.
+const FAN_FULL: f64 = 255.0;
+/// Analog outputs of machine tools, as Headway writes them, and digital inputs that tell a heater is there.
+const OUTPUTS: [(u8, Option<u8>); 4] = [
+    (0, Some(HOT_END)),
+    (1, Some(BED)),
+    (2, None),
+    (3, Some(HOT_END_2)),
+];
+
+/// An order among the steps.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct HeatStep {
+    /// Line from 1.
+    pub line: usize,
+    /// Steps before it.
+    pub step: usize,
+    /// What.
+    pub order: HeatOrder,
+}
+
+impl Interpreter {
+    /// A code of heaters and fans; false for all others.
+    pub(super) fn heat_code(
+        &mut self,
+        word: &Word,
+        line: &Line,
+        number: usize,
+    ) -> Result<bool, GcodeError> {
+        let is_ours = self.found.comments.slicer == Slicer::Headway;
+        match tenths(word) {
+            code @ (1040 | 1090) => match value(line, b'T', number)? {
+                None | Some(0.0) => self.target(HOT_END, code == 1090, line, number)?,
+                Some(1.0) => self.target(HOT_END_2, code == 1090, line, number)?,
+                Some(_) => self.carried(line, number),
+            },
+            code @ (1400 | 1900) => self.target(BED, code == 1900, line, number)?,
+            1160 => {
+                for heater in [BED, HOT_END, HOT_END_2] {
+                    self.wait(heater, number);
+                }
+            }
+            1060 if value(line, b'P', number)?.is_some_and(|fan| fan != 0.0) => {
+                self.carried(line, number);
+            }
+            1060 => {
+                let speed = checked(value(line, b'S', number)?, number, FAN_FULL)?;
+                let fan_pct = match speed.unwrap_or(FAN_FULL) {
+                    share if share < 1.0 => 100.0 * share,
+                    speed => 100.0 * speed / FAN_FULL,
+                };
+                self.order(HeatOrder::Fan { fan_pct }, number);
+            }
+            1070 => self.order(HeatOrder::Fan { fan_pct: 0.0 }, number),
+            1410 | 1910 => self.carried(line, number),
+            670 | 680 if is_ours => self.output(line, number)?,
+            660 if is_ours => {
+                let input = value(line, b'P', number)?;
+                if let Some(heater) = output(input).and_then(|(_, heater)| heater) {
+                    self.wait(heater, number);
+                }
+            }
+            _ => return Ok(false),
+        }
+        Ok(true)
+    }
+
+    /// S, or R, which waits for cooling too.
+    fn target(
+        &mut self,
+        heater: u8,
+        waits: bool,
+        line: &Line,
+        number: usize,
+    ) -> Result<(), GcodeError> {
+        let given = match value(line, b'S', number)? {
+            None => value(line, b'R', number)?,
+            given => given,
+        };
+        let celsius = checked(given, number, f64::from(DECIDEGREES_MAX) / 10.0)?;
+        match (celsius, waits) {
+            (Some(celsius), false) => self.order(HeatOrder::target(heater, celsius), number),
+            (Some(celsius), true) => self.order(HeatOrder::wait_for(heater, celsius), number),
+            (None, true) if self.wait(heater, number) => {}
+            (None, _) => self.carried(line, number),
+        }
+        Ok(())
+    }
+
+    /// Waits for what a heater was asked for last; false where that is nothing.
+    fn wait(&mut self, heater: u8, line: usize) -> bool {
+        let orders = self.found.heat.iter().rev().map(|step| step.order);
+        let mut of_heater = orders.filter_map(|order| match order {
+            HeatOrder::Heater {
+                heater: of,
+                celsius,
+                ..
+            } => (of == heater).then_some(celsius),
+            HeatOrder::Fan { .. } => None,
+        });
+        let celsius = of_heater.next().filter(|celsius| *celsius > 0.0);
+        if let Some(celsius) = celsius {
+            self.order(HeatOrder::wait_for(heater, celsius), line);
+        }
+        celsius.is_some()
+    }
+
+    /// M67 and M68 of our own text.
+    fn output(&mut self, line: &Line, number: usize) -> Result<(), GcodeError> {
+        let most = f64::from(DECIDEGREES_MAX) / 10.0;
+        let given = checked(value(line, b'Q', number)?, number, most)?;
+        match (output(value(line, b'E', number)?), given) {
+            (Some((_, Some(heater))), Some(celsius)) => {
+                self.order(HeatOrder::target(heater, celsius), number);
+            }
+            (Some((_, None)), Some(share)) => {
+                let fan_pct = 100.0 * share.min(1.0);
+                self.order(HeatOrder::Fan { fan_pct }, number);
+            }
+            _ => self.carried(line, number),
+        }
+        Ok(())
+    }
+
+    fn order(&mut self, order: HeatOrder, line: usize) {
+        self.found.heat.push(HeatStep {
+            line,
+            step: self.found.steps.len(),
+            order,
+        });
+    }
+
+    fn carried(&mut self, line: &Line, number: usize) {
+        let parameters: Vec<String> = line.words.iter().map(code_name).collect();
+        let carried = format!("line {number} {}", parameters.join(" "));
+        self.found.carried.push(carried);
+    }
+}
+
+/// What is behind an output, or an input.
+fn output(number: Option<f64>) -> Option<(u8, Option<u8>)> {
+    let of = |(output, _): &&(u8, Option<u8>)| Some(f64::from(*output)) == number;
+    OUTPUTS.iter().find(of).copied()
+}
+
+/// A number from 0 to `most`.
+fn checked(given: Option<f64>, line: usize, most: f64) -> Result<Option<f64>, GcodeError> {
+    match given {
+        Some(value) if !(0.0..=most).contains(&value) => {
+            Err(GcodeError::Heat { line, value, most })
+        }
+        given => Ok(given),
+    }
+}
