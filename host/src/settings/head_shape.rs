@@ -5,6 +5,7 @@
 
 use super::check::in_range;
 use super::error::SettingsError;
+use nalgebra::Vector3;
 
 /// Nozzle and head about the tool axis.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -32,6 +33,38 @@ impl HeadShape {
         } else {
             self.head_radius_mm
         })
+    }
+
+    /// How deep a point is in nozzle or head, mm, `away` from the tip of a tool along `axis` (unit). Negative
+    /// outside, and then no more than its distance from them; it changes by no more than the point moves.
+    pub fn depth_mm(&self, away: &Vector3<f64>, axis: &Vector3<f64>) -> f64 {
+        let height_mm = away.dot(axis);
+        let square = away.norm_squared() - height_mm * height_mm;
+        let from_axis_mm = square.max(0.0).sqrt();
+        let (sin, cos) = (0.5 * self.nozzle_angle_rad).sin_cos();
+        let nozzle_mm = ((self.nozzle_tip_radius_mm - from_axis_mm) * cos + height_mm * sin)
+            .min(height_mm)
+            .min(self.nozzle_length_mm - height_mm);
+        let in_head_mm = height_mm - self.nozzle_length_mm;
+        let head_mm = (self.head_radius_mm - from_axis_mm)
+            .min(in_head_mm)
+            .min(self.head_length_mm - in_head_mm);
+        nozzle_mm.max(head_mm)
+    }
+
+    /// How far the lowest edge of nozzle and head is below the tip, mm, of a tool along `axis` (unit).
+    pub fn below_tip_mm(&self, axis: &Vector3<f64>) -> f64 {
+        let across = axis.xy().norm();
+        let nozzle_mm = self.nozzle_length_mm;
+        let wide_mm = nozzle_mm * (0.5 * self.nozzle_angle_rad).tan() + self.nozzle_tip_radius_mm;
+        let edges = [
+            (0.0, self.nozzle_tip_radius_mm),
+            (nozzle_mm, wide_mm),
+            (nozzle_mm, self.head_radius_mm),
+            (nozzle_mm + self.head_length_mm, self.head_radius_mm),
+        ];
+        let below = edges.map(|(height_mm, radius_mm)| radius_mm * across - height_mm * axis.z);
+        below.into_iter().fold(f64::NEG_INFINITY, f64::max)
     }
 
     /// True where it is the nozzle that is so far above the tip.

@@ -13,6 +13,7 @@
 
 pub mod bead_curve;
 pub mod build_route;
+pub mod clear_travel;
 pub mod flow;
 pub mod gcode_route;
 mod hop;

@@ -1,9 +1,10 @@
 //! Waypoint curves -> the route: approach, prime, print, retract, leave; and the flow along them.
 //!
 //! The head lifts, crosses and turns above everything, lowers straight down, and leaves straight
-//! up. Between two passes it draws back along its axis, goes around the ball that holds all that is
-//! printed while the axis turns, and comes down along the new axis; on machines whose joints follow the
-//! whole pose (turning tables, arms) it begins and leaves along the axis too. The deposited volume
+//! up. Between two passes it draws back along its axis, crosses while the axis turns, and comes down
+//! along the new axis: close to what is printed where the head's shape tells that it is clear
+//! ([`crate::plan::route::clear_travel`]), otherwise around the ball that holds all of the job. On machines
+//! whose joints follow the whole pose (turning tables, arms) it begins and leaves along the axis too. The deposited volume
 //! follows the front of the aperture as in planar printing, in the plane that the tool sees: each step
 //! of the tip is turned by the tool axis until the axis points up.
 
@@ -11,6 +12,9 @@ use crate::geometry::Point2;
 use crate::geometry::clearance::Configuration;
 use crate::job::MotionState;
 use crate::plan::route::build_route::{event_duration_s, nearest_heading};
+use crate::plan::route::clear_travel::{
+    Legs, PrintedSoFar, UPRIGHT_RAD, crossing, moved_to, tilt, tip,
+};
 use crate::plan::route::flow::Bead;
 use crate::plan::route::flow::fresh_ground::FreshShares;
 use crate::plan::route::moves::{MoveEvent, PathCurve, Route, RouteMove};
@@ -18,10 +22,8 @@ use crate::plan::route::waypoint_curve::upright;
 use crate::settings::Settings;
 use headway_firmware::kinematics::follows_pose;
 use headway_firmware::pose::tool_axis;
-use headway_protocol::units::{
-    CHANNEL_HEADING, CHANNEL_TILT_X, CHANNEL_TILT_Y, CHANNEL_VOLUME, CHANNEL_X, CHANNEL_Z, CHANNELS,
-};
-use nalgebra::{Rotation2, Vector2, Vector3};
+use headway_protocol::units::{CHANNEL_HEADING, CHANNEL_VOLUME, CHANNEL_X, CHANNEL_Z, CHANNELS};
+use nalgebra::Vector3;
 
 /// Poses in each span from which the deposited volume is integrated.
 const DEPOSIT_STEPS: usize = 2;
@@ -143,6 +145,7 @@ fn along(
         here[CHANNEL_VOLUME] = start[CHANNEL_VOLUME];
     }
     let mut route = Route::default();
+    let mut printed = PrintedSoFar::nothing(settings);
     for (number, curves) in passes.iter_mut().enumerate() {
         let Some(&begin) = curves.first().and_then(|curve| curve.control.first()) else {
             continue;
@@ -166,9 +169,15 @@ fn along(
         match (number, from_above) {
             (0, true) => approach(&mut route, start, begin, clear.above(&start)),
             (0, false) => line(&mut route, here, begin),
-            _ => clear.travel(&mut route, here, begin),
+            _ => clear.travel(&mut route, [here, begin], printed.as_mut()),
         }
+        let before = route.moves.len();
         lay(&mut route, std::mem::take(curves), number as u32);
+        if let Some(printed) = &mut printed {
+            let laid = route.moves[before..].iter();
+            let laid = laid.filter(|route_move| route_move.state == MotionState::Print);
+            laid.for_each(|route_move| printed.add(&route_move.curve));
+        }
         if let Some(end) = end_of(&route) {
             here = end;
         }
@@ -196,11 +205,6 @@ struct Clearance {
     top_mm: f64,
     lift_mm: f64,
 }
-
-/// Longest turn about the ball between two control points of a travel, rad.
-const TRAVEL_STEP_RAD: f64 = 0.1;
-/// Tilt below which a tool is upright, rad.
-const UPRIGHT_RAD: f64 = 1e-6;
 
 impl Clearance {
     fn around(passes: &[Vec<PathCurve>], lift_mm: f64) -> Clearance {
@@ -234,7 +238,7 @@ impl Clearance {
 
     /// The pose drawn back along its tool axis until it is outside.
     fn off(&self, pose: &Point) -> Point {
-        let axis = tool_axis(Vector2::new(pose[CHANNEL_TILT_X], pose[CHANNEL_TILT_Y]));
+        let axis = tool_axis(tilt(pose));
         let from = tip(pose) - self.centre_mm;
         let along = from.dot(&axis);
         let square = along * along - from.norm_squared() + self.radius_mm * self.radius_mm;
@@ -242,71 +246,42 @@ impl Clearance {
         moved_to(pose, tip(pose) + way_mm * axis)
     }
 
-    /// Off along the tool axis, around the ball while the axis turns, down along the new axis.
-    fn travel(&self, route: &mut Route, from: Point, to: Point) {
-        let tilt = |pose: &Point| Vector2::new(pose[CHANNEL_TILT_X], pose[CHANNEL_TILT_Y]);
+    /// Off along the tool axis, across while the axis turns, down along the new axis: close by where that
+    /// is known to be clear, otherwise around the ball.
+    fn travel(&self, route: &mut Route, ends: [Point; 2], printed: Option<&mut PrintedSoFar>) {
+        let [from, to] = ends;
+        let around = self.around_the_ball(from, to);
+        let legs = match printed {
+            Some(printed) => printed.travel(&from, &to, 2.0 * self.radius_mm, around),
+            None => around,
+        };
+        for control in legs {
+            travel_along(route, control);
+        }
+    }
+
+    /// Outside the ball; between upright poses above all of it.
+    fn around_the_ball(&self, from: Point, to: Point) -> Legs {
         if tilt(&from).norm() < UPRIGHT_RAD && tilt(&to).norm() < UPRIGHT_RAD {
             let above = from[CHANNEL_Z].max(to[CHANNEL_Z]).max(self.top_mm);
-            return approach(route, from, to, above);
+            let [off, over] = [from, to].map(|pose| {
+                let mut pose = pose;
+                pose[CHANNEL_Z] = above;
+                pose
+            });
+            return [vec![from, off], vec![off, over], vec![over, to]];
         }
         let (off, over) = (self.off(&from), self.off(&to));
-        line(route, from, off);
         let [out, back] = [&off, &over].map(|pose| tip(pose) - self.centre_mm);
-        let turn_rad = out
-            .angle(&back)
-            .max(polar_turn_rad(tilt(&off), tilt(&over)));
-        let steps = (turn_rad / TRAVEL_STEP_RAD).ceil().max(1.0) as usize;
-        let control = (0..=steps).map(|step| match step {
-            0 => off,
-            last if last == steps => over,
-            step => {
-                let share = step as f64 / steps as f64;
-                let mut pose: Point = std::array::from_fn(|c| off[c] + share * (over[c] - off[c]));
-                let tilt = polar_between(tilt(&off), tilt(&over), share);
-                pose[CHANNEL_TILT_X] = tilt.x;
-                pose[CHANNEL_TILT_Y] = tilt.y;
-                let direction = out.lerp(&back, share);
-                // Opposite ends have no shortest way: straight up is clear as well.
-                let direction = direction.try_normalize(1e-3).unwrap_or_else(Vector3::z);
-                let reach_mm = out.norm() + share * (back.norm() - out.norm());
-                moved_to(&pose, self.centre_mm + reach_mm * direction)
-            }
-        });
-        let control: Vec<Point> = control.collect();
-        if off != over {
-            route.moves.push(route_move(MotionState::Travel, control));
-        }
-        line(route, over, to);
+        let around = |share: f64| {
+            // Opposite ends have no shortest way: straight up is clear as well.
+            let direction = out.lerp(&back, share).try_normalize(1e-3);
+            let reach_mm = out.norm() + share * (back.norm() - out.norm());
+            self.centre_mm + reach_mm * direction.unwrap_or_else(Vector3::z)
+        };
+        let across = crossing(&off, &over, out.angle(&back), around);
+        [vec![from, off], across, vec![over, to]]
     }
-}
-
-fn tip(pose: &Point) -> Vector3<f64> {
-    Vector3::from_fn(|i, _| pose[CHANNEL_X + i])
-}
-
-fn moved_to(pose: &Point, tip_mm: Vector3<f64>) -> Point {
-    let mut moved = *pose;
-    moved[CHANNEL_X..=CHANNEL_Z].copy_from_slice(tip_mm.as_slice());
-    moved
-}
-
-/// By how much the direction of the tilt turns the shorter way, signed.
-fn polar_turn_rad(from: Vector2<f64>, to: Vector2<f64>) -> f64 {
-    if from.norm() < UPRIGHT_RAD || to.norm() < UPRIGHT_RAD {
-        return 0.0;
-    }
-    from.perp(&to).atan2(from.dot(&to))
-}
-
-/// A tilt between two others that keeps away from the upright, where tables that turn have no place of
-/// their own: its size and its direction both change evenly.
-fn polar_between(from: Vector2<f64>, to: Vector2<f64>, share: f64) -> Vector2<f64> {
-    let size = from.norm() + share * (to.norm() - from.norm());
-    let base = if from.norm() < UPRIGHT_RAD { to } else { from };
-    let Some(base) = base.try_normalize(0.0) else {
-        return Vector2::zeros();
-    };
-    size * (Rotation2::new(share * polar_turn_rad(from, to)) * base)
 }
 
 fn route_move(state: MotionState, control: Vec<Point>) -> RouteMove {
@@ -323,13 +298,16 @@ fn route_move(state: MotionState, control: Vec<Point>) -> RouteMove {
     }
 }
 
-/// A straight travel; nothing where it would not move.
-fn line(route: &mut Route, from: Point, to: Point) {
-    if from != to {
-        route
-            .moves
-            .push(route_move(MotionState::Travel, vec![from, to]));
+/// A travel; nothing where it would not move.
+fn travel_along(route: &mut Route, control: Vec<Point>) {
+    if control.first() != control.last() {
+        route.moves.push(route_move(MotionState::Travel, control));
     }
+}
+
+/// A straight one.
+fn line(route: &mut Route, from: Point, to: Point) {
+    travel_along(route, vec![from, to]);
 }
 
 /// Up, across while turning, down.
