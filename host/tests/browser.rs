@@ -66,16 +66,18 @@ fn the_page_works_in_a_browser() {
         return;
     }
     let folder = tempfile::tempdir().expect("a folder");
-    let reports: [(&str, &[&str]); 3] = [
+    let reports: [(&str, &[&str]); 5] = [
         (
             "letter.json",
             &["--layers", "3", "--walls", "1", "--infill-density", "40"],
         ),
         ("washers.geojson", &[]),
         ("gear-6axis.wpt", &["-m", "examples/machines/gantry.toml"]),
+        ("gear-6axis.wpt", &["-m", "examples/machines/trunnion.toml"]),
+        ("u-part.json", &["-m", "examples/machines/arm-small.toml"]),
     ];
-    for (input, options) in reports {
-        let report = folder.path().join(input);
+    for (number, (input, options)) in reports.into_iter().enumerate() {
+        let report = folder.path().join(format!("{number}-{input}"));
         let view = Command::new(env!("CARGO_BIN_EXE_headway"))
             .current_dir(root())
             .args(["view", "--no-open", "--quiet"])

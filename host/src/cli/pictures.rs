@@ -15,6 +15,7 @@ use crate::plan::outline::contour::{Contour, SIMPLIFY_MM};
 use crate::plan::pass::PassKind;
 use crate::report::coverage_picture::{Cell, CoveragePicture, Raster};
 use crate::report::figures::SlowPlaceFigures;
+use crate::report::machine_links::MachineLinks;
 use crate::report::page::live_html;
 use crate::report::plan_picture::{PicturePass, PlanPicture, Zone};
 use crate::report::pose_table::{duration_ticks, samples_within};
@@ -138,6 +139,7 @@ fn with_report<T>(planned: &Planned, finish: impl FnOnce(&Report) -> T) -> T {
         }
     });
     let settings = &planned.settings;
+    let machine = planned.stream.machine(&settings.machine);
     finish(&Report {
         title: &planned.name,
         figures: &planned.figures,
@@ -146,6 +148,7 @@ fn with_report<T>(planned: &Planned, finish: impl FnOnce(&Report) -> T) -> T {
         space: space_picture(planned),
         motion: Some(stream_plots(&planned.name, &planned.stream, settings)),
         notes: &planned.notes,
+        machine: MachineLinks::of(&machine, settings, &planned.transform),
         servo_hz: f64::from(settings.machine.servo_hz),
         flow_limit_mm3_s: settings.flow_max_mm3_s * settings.plan_share,
         limits: &limit_names(settings),

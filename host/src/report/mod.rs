@@ -12,6 +12,7 @@ pub mod coverage_picture;
 pub mod figures;
 pub mod job_texts;
 mod layer_figures;
+pub mod machine_links;
 pub mod page;
 pub mod plan_picture;
 pub mod plots;
@@ -22,6 +23,7 @@ pub mod track;
 
 use coverage_picture::CoveragePicture;
 use figures::Figures;
+use machine_links::MachineLinks;
 use plan_picture::PlanPicture;
 use plots::TimePlots;
 use serde::Serialize;
@@ -45,6 +47,8 @@ pub struct Report<'a> {
     pub motion: Option<TimePlots>,
     /// Warnings and notes for the page.
     pub notes: &'a [String],
+    /// The machine around the path, where its tool can tilt.
+    pub machine: Option<MachineLinks>,
     /// Rate of the servo ticks.
     pub servo_hz: f64,
     /// Highest flow that is planned.

@@ -179,6 +179,7 @@ fn empty(figures: &Figures) -> Report<'_> {
         space: None,
         motion: None,
         notes: &[],
+        machine: None,
         servo_hz: 2000.0,
         flow_limit_mm3_s: 50.0,
         limits: &[],

@@ -9,7 +9,7 @@ use super::pose_table::{StreamSample, moments_within};
 use crate::job::{MotionState, SegmentStream};
 use crate::part_transform::PartTransform;
 use crate::settings::{Settings, joint_names};
-use headway_firmware::configuration::{JOINTS_MAX, MachineConfiguration};
+use headway_firmware::configuration::{JOINTS_MAX, Kinematics, MachineConfiguration};
 use headway_firmware::kinematics;
 use headway_firmware::kinematics::winding::Winding;
 use headway_firmware::pose::Pose;
@@ -38,11 +38,18 @@ pub struct Track {
     pub flow_mm3_s: Vec<f32>,
     /// Speed of each joint in per cent of its limit; the name first.
     pub joints_pct: Vec<(String, Vec<f32>)>,
+    /// Position of each joint, mm or rad, continuous, at every so many samples; empty where no links are drawn.
+    pub joints_at: Vec<Vec<f32>>,
+    /// How many samples lie between two of those positions.
+    pub joints_every: usize,
     /// What the head does, as its place in [`STATES`].
     pub state: Vec<u8>,
     /// Number of the limit that binds, or [`NO_LIMIT`].
     pub limit: Vec<u8>,
 }
+
+/// Most positions of a joint as a share of the samples: drawn links need fewer than plotted speeds.
+const POSITIONS_SHARE: u64 = 4;
 
 /// The states by their number.
 pub const STATES: [MotionState; 5] = [
@@ -83,10 +90,19 @@ pub fn track(of: TrackOf, limit_at: impl Fn(&Span, f64) -> Option<usize>) -> Tra
             .collect(),
         ..Track::default()
     };
+    let links = !matches!(machine.kinematics, Kinematics::Planar);
+    let samples = (end - from) / every_ticks + 1;
+    let positions_max = (of.samples_max / POSITIONS_SHARE).max(1);
+    track.joints_every = samples.div_ceil(positions_max).max(1) as usize;
+    track.joints_at = vec![Vec::new(); if links { machine.joints.len() } else { 0 }];
     let mut joints = JointSpeeds::default();
     for (sample, span, t) in moments_within(of.stream, servo_hz, every_ticks as f64, of.ticks) {
+        let due = track.state.len().is_multiple_of(track.joints_every);
         track.push(&sample, of.transform);
         let speeds = joints.at(&sample, machine);
+        for (column, at) in track.joints_at.iter_mut().zip(joints.last).filter(|_| due) {
+            column.push(at as f32);
+        }
         for (k, (_, column)) in track.joints_pct.iter_mut().enumerate() {
             column.push(speeds[k]);
         }
@@ -122,6 +138,8 @@ impl Track {
 /// Joint speeds from one sample to the next.
 #[derive(Default)]
 struct JointSpeeds {
+    /// Positions where the joints last reached.
+    last: [f64; JOINTS_MAX],
     before: Option<(f64, [f64; JOINTS_MAX])>,
     winding: Option<Winding<f64>>,
 }
@@ -139,6 +157,7 @@ impl JointSpeeds {
         let at_rest = Winding::at_rest(&machine.kinematics, &position, &machine.ranges());
         let winding = self.winding.get_or_insert(at_rest);
         winding.unwound(&machine.kinematics, &mut position);
+        self.last = position;
         if let Some((earlier_s, earlier)) = &self.before {
             let passed_s = sample.time_s - earlier_s;
             for (k, joint) in machine.joints.iter().enumerate() {

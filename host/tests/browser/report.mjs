@@ -125,6 +125,41 @@ await onPage(url, async (page, complaints, requests) => {
     await page.mouse.up();
     check(await picture() !== was, "six axes turn around");
   }
+  if (data.machine) {
+    // The page's own links end where the pose has its tip. Half a step of 16 bits a joint, at most a metre of lever each.
+    const off = await page.evaluate(() => {
+      const data = JSON.parse(document.getElementById("data").textContent), layer = data.layers[0];
+      const column = ({ min, max, b64 }) => {
+        const raw = atob(b64), count = raw.length / 2;
+        return Array.from({ length: count }, (_, i) => min + (max - min) * (raw.charCodeAt(2 * i) + 256 * raw.charCodeAt(2 * i + 1)) / 65535);
+      };
+      const tip = [layer.x, layer.y, layer.z].map(column), joints = layer.joints_at.map(column);
+      const slides = joints.map((_, k) => data.machine.links.some(({ joint }) => joint && joint.number === k && joint.slides));
+      const coarse = layer.joints_at.reduce((sum, { min, max }, k) => sum + (max - min) / 65535 * (slides[k] ? 0.5 : 500), 0.005);
+      let most = 0;
+      joints[0].forEach((_, key) => {
+        const frames = Links.frames(data.machine.links, Links.joints(joints, layer.joints_every, key * layer.joints_every));
+        const tool = Links.times(Links.inverse(frames[data.machine.part]), frames[data.machine.tool]);
+        const i = Math.min(key * layer.joints_every, tip[0].length - 1);
+        most = Math.max(most, Math.hypot(...tip.map((at, k) => at[i] - tool[k][3])));
+      });
+      return { most, coarse, keys: joints[0].length };
+    });
+    check(off.keys > 100 && off.most < off.coarse, `the links end at the tip at ${off.keys} moments: ${off.most.toFixed(4)} mm off, ${off.coarse.toFixed(4)} mm of rounding`);
+    const bare = await picture("over"), read = await now();
+    await page.click("[data-show=machine]");
+    check(await picture("over") !== bare && await now() !== read, "the machine's links can be switched on, with their joints' positions");
+    if (screenshot) await page.screenshot({ path: screenshot.replace(".png", "-machine.png"), fullPage: false });
+    if (await page.isVisible("[data-show=turning]")) {
+      const still = await picture();
+      await page.click("[data-show=turning]");
+      check(await picture() !== still, "the part moves with its table");
+      if (screenshot) await page.screenshot({ path: screenshot.replace(".png", "-turning.png"), fullPage: false });
+      await page.click("[data-show=turning]");
+    }
+    await page.click("[data-show=machine]");
+    await page.click("#fit");
+  }
 
   await checkAccessibility(page);
 

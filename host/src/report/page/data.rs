@@ -7,6 +7,7 @@
 use crate::geometry::Point2;
 use crate::geometry::polygon::Region;
 use crate::report::coverage_picture::{Cell, Raster};
+use crate::report::machine_links::MachineLinks;
 use crate::report::track::Track;
 use crate::report::{LayerSheets, Place, Report};
 use base64::Engine;
@@ -30,6 +31,8 @@ struct Data<'a> {
     axis: Vec<Vec<f64>>,
     unreachable: Vec<Vec<f64>>,
     layers: Vec<Layer<'a>>,
+    #[serde(skip_serializing_if = "Option::is_none")]
+    machine: Option<&'a MachineLinks>,
     slow_places: &'a [Place],
     left_out: &'a [Place],
 }
@@ -54,6 +57,8 @@ struct Layer<'a> {
     speed: Column,
     flow: Column,
     joints: Vec<Joint<'a>>,
+    joints_at: Vec<Column>,
+    joints_every: usize,
     state: String,
     limit: String,
     ground: Vec<Ground>,
@@ -116,6 +121,7 @@ pub fn json(report: &Report) -> String {
         axis: first.map_or(Vec::new(), |sheet| lines(&sheet.plan.axis)),
         unreachable: first.map_or(Vec::new(), |sheet| lines(&sheet.plan.unreachable)),
         layers,
+        machine: report.machine.as_ref(),
         slow_places: report.slow_places,
         left_out: report.left_out,
     };
@@ -149,6 +155,8 @@ fn layer<'a>(label: &'a str, track: &'a Track, sheet: Option<&'a LayerSheets>) -
                 column: column(values),
             })
             .collect(),
+        joints_at: track.joints_at.iter().map(|at| column(at)).collect(),
+        joints_every: track.joints_every,
         state: STANDARD.encode(&track.state),
         limit: STANDARD.encode(&track.limit),
         ground: grounds.filter_map(ground).collect(),

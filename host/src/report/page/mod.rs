@@ -16,6 +16,8 @@ pub const PAGE_GENERATOR: &str = r#"<meta name="generator" content="Headway">"#;
 const TEMPLATE: &str = include_str!("page.html");
 const STYLE: &str = include_str!("page.css");
 const SCRIPT: &str = include_str!("page.js");
+/// What the page's script needs to draw the machine's links.
+const MACHINE_SCRIPT: &str = include_str!("machine.js");
 /// The bar of a page that is served while it prints, and what fills it.
 const LIVE_BAR: &str = include_str!("live.html");
 const LIVE_SCRIPT: &str = include_str!("live.js");
@@ -48,6 +50,7 @@ fn page(report: &Report, files: &str, [policy, live, live_js]: [&str; 3]) -> Str
         ("live", live.to_string()),
         ("livejs", live_js.to_string()),
         ("data", data::json(report)),
+        ("machinejs", MACHINE_SCRIPT.to_string()),
         ("js", SCRIPT.to_string()),
     ];
     filled(TEMPLATE, &fields)

@@ -27,6 +27,7 @@
     for (const name of ["x", "y", "z", "heading", "speed", "flow"]) l[name] = values(source[name]);
     if (source.nx) for (const name of ["nx", "ny", "nz"]) l[name] = values(source[name]);
     l.joints = source.joints.map((joint) => ({ name: joint.name, value: values(joint) }));
+    l.jointsAt = source.joints_at.map(values); l.jointsEvery = source.joints_every;
     l.state = bytes(source.state);
     l.limit = bytes(source.limit);
     l.count = l.x.length;
@@ -120,25 +121,53 @@
   const shown = {};
   document.querySelectorAll("[data-show]").forEach((box) => {
     shown[box.dataset.show] = box.checked;
-    box.addEventListener("change", () => { shown[box.dataset.show] = box.checked; draw(); });
+    box.addEventListener("change", () => {
+      shown[box.dataset.show] = box.checked;
+      // The machine is far larger than the part: the view goes there and back.
+      if (box.dataset.show === "machine" || box.dataset.show === "turning") { if (shown.machine) $("three").checked = true; fit(); }
+      draw();
+    });
   });
   let layer = layerOf(0), at = 0, playing = false, colour = "speed";
   const LOOK = { yaw: -0.6, pitch: 1.0 };
   let view = { x: 0, y: 0, scale: 10 }, turn = { ...LOOK }, middle = [0, 0, 0];
   const ratio = () => Math.min(window.devicePixelRatio || 1, 2);
   const flat = () => !$("three").checked;
+  // The machine at the cursor: frames of its links, and how the part lies when the ground is at rest.
+  let linkFrames = [], fixed = null, onGround = null;
+  const machineShown = () => shown.machine && data.machine && !flat();
+  function moveMachine() {
+    linkFrames = machineShown() ? Links.frames(data.machine.links, Links.joints(layer.jointsAt, layer.jointsEvery, at)) : [];
+    const part = linkFrames[data.machine?.part];
+    // Either the part keeps still and the ground moves about it, or the other way round.
+    onGround = part && shown.turning ? part : null;
+    fixed = part && !shown.turning ? Links.inverse(part) : null;
+  }
   function project(x, y, z) {
     if (flat()) return [x, y];
+    return slanted(onGround ? Links.placed(onGround, [x, y, z]) : [x, y, z]);
+  }
+  // Seen from the side, by coordinates that keep still.
+  function slanted([x, y, z]) {
     const cx = x - middle[0], cy = y - middle[1], cz = z - middle[2];
     const c = Math.cos(turn.yaw), s = Math.sin(turn.yaw);
     const u = cx * c - cy * s, v = cx * s + cy * c;
     return [u + middle[0], v * Math.cos(turn.pitch) + cz * Math.sin(turn.pitch) + middle[1]];
   }
-  const px = (x, y, z) => {
-    const [u, v] = project(x, y, z);
-    return [(u - view.x) * view.scale + base.width / 2, base.height / 2 - (v - view.y) * view.scale];
-  };
+  const onScreen = ([u, v]) => [(u - view.x) * view.scale + base.width / 2, base.height / 2 - (v - view.y) * view.scale];
+  const px = (x, y, z) => onScreen(project(x, y, z));
+  // Every solid of the machine: corners as they keep still, and the joint that moves it.
+  function solids() {
+    const out = [], moves = [];
+    data.machine.links.forEach((link, number) => {
+      moves.push(link.joint ? link.joint.number : moves[link.parent] ?? -1);
+      const frame = fixed ? Links.times(fixed, linkFrames[number]) : linkFrames[number];
+      for (const solid of link.solids) out.push({ joint: moves[number], corners: solid.map((corner) => Links.placed(frame, corner)) });
+    });
+    return out;
+  }
   function fit() {
+    moveMachine();
     let x0 = Infinity, x1 = -Infinity, y0 = Infinity, y1 = -Infinity;
     const add = (x, y) => { x0 = Math.min(x0, x); x1 = Math.max(x1, x); y0 = Math.min(y0, y); y1 = Math.max(y1, y); };
     const z = [Infinity, -Infinity];
@@ -150,6 +179,7 @@
     if (z[0] <= z[1]) middle = [(plane[0][0] + plane[0][1]) / 2, (plane[1][0] + plane[1][1]) / 2, (z[0] + z[1]) / 2];
     for (let i = 0; i < layer.count; i++) if (layer.state[i] === PRINT) add(...project(layer.x[i], layer.y[i], layer.z[i]));
     if (!layer.bare) for (const ring of data.outline) for (let i = 0; i < ring.length; i += 2) add(...project(ring[i], ring[i + 1], middle[2]));
+    if (machineShown()) for (const { corners } of solids()) for (const corner of corners) add(...slanted(corner));
     if (x0 > x1) { x0 = y0 = 0; x1 = y1 = 10; }
     const room = 0.94;
     view = { x: (x0 + x1) / 2, y: (y0 + y1) / 2, scale: room * Math.min(base.width / (x1 - x0 || 1), base.height / (y1 - y0 || 1)) };
@@ -161,6 +191,13 @@
       if (canvas.width !== w || canvas.height !== h) { canvas.width = w; canvas.height = h; changed = true; }
     }
     return changed;
+  }
+
+  // True if a joint moves what the part lies on.
+  function carriesPart() {
+    const { links, part } = data.machine;
+    for (let k = part; k > 0; k = links[k].parent) if (links[k].joint) return true;
+    return false;
   }
 
   // ---- the layer ----
@@ -278,9 +315,26 @@
     const p = Math.pow(10, Math.floor(Math.log10(v)));
     return [5, 2, 1].map((k) => k * p).find((k) => k <= v) || p;
   }
+  // Links as outlines of their solids, the far ones first; in the colour that the plots give their joint.
+  function drawMachine(c) {
+    if (!machineShown()) return;
+    const depth = ([x, y, z]) => ((x - middle[0]) * Math.sin(turn.yaw) + (y - middle[1]) * Math.cos(turn.yaw)) * Math.sin(turn.pitch) - (z - middle[2]) * Math.cos(turn.pitch);
+    const mean = (corners) => corners.reduce((sum, corner) => sum + depth(corner), 0) / corners.length;
+    const far = solids().map((solid) => [mean(solid.corners), solid]).sort((a, b) => b[0] - a[0]);
+    c.lineJoin = "round";
+    for (const [, { joint, corners }] of far) {
+      c.beginPath();
+      Links.hull(corners.map((corner) => onScreen(slanted(corner)))).forEach(([x, y], k) => { k ? c.lineTo(x, y) : c.moveTo(x, y); });
+      c.closePath();
+      const ink = joint < 0 ? "#718096" : INKS[joint % INKS.length];
+      c.fillStyle = `${ink}30`; c.fill();
+      c.strokeStyle = `${ink}b0`; c.lineWidth = ratio(); c.stroke();
+    }
+  }
   function drawOver() {
     const c = over.getContext("2d");
     c.clearRect(0, 0, over.width, over.height);
+    drawMachine(c);
     const i = Math.floor(at), a = layer.heading[i] * Math.PI / 180, cos = Math.cos(a), sin = Math.sin(a);
     c.beginPath();
     data.nozzle.forEach(([u, v], k) => {
@@ -305,6 +359,10 @@
       ["Speed", `${number(layer.speed[i])} mm/s`], ["Bead", layer.state[i] === PRINT ? `${layer.width[i].toFixed(2)} mm` : "none"],
       ["Heading", `${layer.heading[i].toFixed(1)}°`], ["Flow", `${number(layer.flow[i])} mm³/s`],
       ["Limited by", limit === 255 ? "nothing" : data.limits[limit]]];
+    if (machineShown()) Links.joints(layer.jointsAt, layer.jointsEvery, at).forEach((position, k) => {
+      const slides = data.machine.links.some(({ joint }) => joint && joint.number === k && joint.slides);
+      rows.push([layer.joints[k].name, slides ? `${position.toFixed(2)} mm` : `${(position * 180 / Math.PI).toFixed(1)}°`]);
+    });
     $("now").replaceChildren(...rows.flatMap(([what, value]) => {
       const dt = document.createElement("dt"), dd = document.createElement("dd");
       dt.textContent = what; dd.textContent = value;
@@ -452,15 +510,17 @@
   function drawPlots() { panels.forEach(drawPlot); drawCursor(); }
 
   // ---- moving about ----
-  function drawMoment() { drawOver(); drawNow(); drawCursor(); }
+  function drawMoment() { moveMachine(); drawOver(); drawNow(); drawCursor(); }
   function draw() {
     for (const name of ["beads", "open", "twice"]) document.querySelector(`[data-show=${name}]`).disabled = !flat();
-    resize(); drawBase(); drawMoment();
+    document.querySelector("[data-show=turning]").disabled = !machineShown();
+    resize(); moveMachine(); drawBase(); drawMoment();
   }
   function go(i) {
     at = Math.min(Math.max(i, 0), layer.count - 1);
     if (at < span[0] || at > span[1]) setSpan(at - (span[1] - span[0]) / 2, at + (span[1] - span[0]) / 2);
-    if (playing || !shown.future) drawBase();
+    moveMachine();
+    if (playing || !shown.future || onGround) drawBase();
     drawMoment();
   }
   function choose(k) {
@@ -600,12 +660,13 @@
   $("layer").max = data.layers.length - 1;
   $("layers").hidden = data.layers.length < 2;
   ["stage", "plots", "places"].forEach((id) => { $(id).hidden = false; });
-  const spatial = Boolean(data.layers[0].nx);
-  $("spatial").hidden = $("axes").hidden = !spatial;
+  const tilts = Boolean(data.layers[0].nx), spatial = tilts || Boolean(data.machine);
+  $("spatial").hidden = !spatial; $("axes").hidden = !tilts; $("machine").hidden = !data.machine;
+  $("turning").hidden = !data.machine || !carriesPart();
   // What the report does not have cannot be switched.
   const absent = { outline: !data.outline.length, axis: !data.axis.length, open: !data.layers.some((l) => l.ground.length), twice: !data.layers.some((l) => l.ground.length) };
   for (const name in absent) document.querySelector(`[data-show=${name}]`).parentElement.hidden = absent[name];
-  $("three").checked = spatial;
+  $("three").checked = tilts;
   choose(0);
   // Where a print is, from the bar of a served page.
   document.addEventListener("print-at", (e) => {
