@@ -14,8 +14,11 @@ use crate::configuration::{
 use crate::design::SWITCH_SETTLE_TICKS;
 use crate::joint_move::{JointMove, MoveLimits};
 use crate::steps::STEP;
+use core::f64::consts::TAU;
 use heapless::Vec;
 use serde::{Deserialize, Serialize};
+
+const DEGREE_RAD: f64 = TAU / 360.0;
 
 /// How one joint finds its switch; mm for linear joints, rad for rotary ones.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
@@ -39,6 +42,34 @@ pub struct JointHoming {
 }
 
 impl JointHoming {
+    /// A switch where the joint's range ends. Fast at a quarter of the speed limit, 40 mm/s or 1 rad/s at
+    /// most; slow at a tenth of that; 3 mm or 3° back. A joint without ends is searched for a turn.
+    pub fn usual(joint: u8, towards_max: bool, limits: &JointConfiguration) -> Self {
+        let (most, back_off_natural) = if limits.rotary {
+            (1.0, 3.0 * DEGREE_RAD)
+        } else {
+            (40.0, 3.0)
+        };
+        let quarter = 0.25 * limits.speed_max;
+        let fast = if quarter < most { quarter } else { most };
+        let range = limits.position_max - limits.position_min;
+        let range = if range.is_finite() { range } else { TAU };
+        Self {
+            joint,
+            towards_max,
+            fast_natural_s: fast,
+            slow_natural_s: 0.1 * fast,
+            back_off_natural,
+            travel_max_natural: 1.1 * range,
+            position_natural: if towards_max {
+                limits.position_max
+            } else {
+                limits.position_min
+            },
+            guards: true,
+        }
+    }
+
     /// The first number that cannot be.
     pub fn wrong(&self, limits: &JointConfiguration) -> Option<WrongNumber> {
         let speed_fits = |speed: f64| speed > 0.0 && speed <= limits.speed_max;
@@ -71,32 +102,15 @@ impl HomingConfiguration {
     }
 
     /// For machines with a switch at the upper end of Z, which goes first, away from what lies on
-    /// the bed, and at the lower ends of X and Y. Fast at a quarter of the speed limit, 40 mm/s at
-    /// most; slow at a tenth of that; 3 mm back.
+    /// the bed, and at the lower ends of X and Y; each as [`JointHoming::usual`].
     pub fn standard(machine: &MachineConfiguration) -> Self {
         let mut joints = Vec::new();
         for (joint, towards_max) in [(2u8, true), (0, false), (1, false)] {
             let Some(limits) = machine.joints.get(usize::from(joint)) else {
                 continue;
             };
-            let quarter = 0.25 * limits.speed_max;
-            let fast = if quarter < 40.0 { quarter } else { 40.0 };
-            let position = if towards_max {
-                limits.position_max
-            } else {
-                limits.position_min
-            };
             // Three joints fit by the type's bound.
-            let _ = joints.push(JointHoming {
-                joint,
-                towards_max,
-                fast_natural_s: fast,
-                slow_natural_s: 0.1 * fast,
-                back_off_natural: 3.0,
-                travel_max_natural: 1.1 * (limits.position_max - limits.position_min),
-                position_natural: position,
-                guards: true,
-            });
+            let _ = joints.push(JointHoming::usual(joint, towards_max, limits));
         }
         Self { joints }
     }

@@ -3,7 +3,7 @@
 //! carriage whose switch bounces; the motor counts are compared with the carriage.
 use super::world::{World, machine};
 use super::*;
-use crate::homing::HomingConfiguration;
+use crate::homing::{HomingConfiguration, JointHoming};
 use crate::inputs::Inputs;
 use crate::motion::CommandError;
 use headway_protocol::message::JointOrder;
@@ -56,6 +56,48 @@ fn homing_finds_the_switch_from_anywhere_in_any_order() {
         }
         assert_eq!(world.host.machine.motion().referenced(), mask);
         assert_eq!(world.last_pressed, 0, "all switches are free again");
+    }
+}
+
+#[test]
+fn joints_are_homed_at_either_end_in_the_order_given() {
+    let (configuration, _) = machine();
+    // Z down onto its switch, after X and Y; X and Y at either end.
+    for ends in 0..8u8 {
+        let mut switches = HomingConfiguration::none();
+        for joint in [0u8, 1, 2] {
+            let limits = &configuration.joints[usize::from(joint)];
+            let towards_max = ends >> joint & 1 == 1;
+            let homing = JointHoming::usual(joint, towards_max, limits);
+            switches.joints.push(homing).unwrap();
+        }
+        let mut world = World::new(&configuration, &switches);
+        world.command(Control::Home(JointOrder::ALL));
+        let mut first_moved = [None; 3];
+        for tick in 0..400_000u32 {
+            world.tick();
+            for (joint, moved) in first_moved.iter_mut().enumerate() {
+                if moved.is_none() && world.truth(joint) != 0 {
+                    *moved = Some(tick);
+                }
+            }
+            if world.host.machine.motion().state() == DeviceState::Idle {
+                break;
+            }
+        }
+        world.settle();
+        assert_eq!(world.host.faults, [], "ends {ends:03b}");
+        assert!(first_moved.is_sorted(), "{first_moved:?}");
+        assert_eq!(world.host.machine.motion().referenced(), 0b111);
+        for joint in 0..3 {
+            let error =
+                world.belief(joint) as f64 - expected(&world, &configuration, &switches, joint);
+            // As above, without chatter.
+            assert!(
+                error.abs() <= 1.3,
+                "ends {ends:03b}, joint {joint}: {error}"
+            );
+        }
     }
 }
 

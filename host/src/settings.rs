@@ -14,6 +14,7 @@ pub mod heat;
 pub mod kinds;
 pub mod machine_file;
 pub mod options;
+mod switches;
 
 pub use check::{joint_names, motor_rates_hz};
 pub use error::SettingsError;
@@ -23,6 +24,7 @@ use crate::geometry::aperture::Aperture;
 use headway_firmware::configuration::MachineConfiguration;
 use headway_firmware::drivers::DriversConfiguration;
 use headway_firmware::heat::HeatConfiguration;
+use headway_firmware::homing::HomingConfiguration;
 
 /// How passes are laid where the passage is narrow.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -311,6 +313,8 @@ pub struct Settings {
     pub heaters: Option<HeatConfiguration>,
     /// Drivers that the board sets up; none for those that stand alone.
     pub drivers: DriversConfiguration,
+    /// Switches to home to; `None`: the usual ones.
+    pub switches: Option<HomingConfiguration>,
 }
 
 #[cfg(test)]

@@ -8,7 +8,6 @@ use super::board::Talk;
 use super::console::Console;
 use super::{CliError, load};
 use crate::settings::Settings;
-use headway_firmware::homing::HomingConfiguration;
 use headway_firmware::settings::{BoardSettings, record_hash};
 use headway_protocol::message::{Control, SETTINGS_PART_BYTES};
 use std::path::Path;
@@ -16,7 +15,7 @@ use std::path::Path;
 /// What of a machine file is the board's.
 pub(super) fn board_settings(settings: Settings) -> BoardSettings {
     BoardSettings {
-        switches: HomingConfiguration::standard(&settings.machine),
+        switches: settings.homing(),
         machine: settings.machine,
         heaters: settings.heaters,
         drivers: settings.drivers,

@@ -1,8 +1,8 @@
 //! A board without hardware: the firmware library behind a TCP or unix socket, in real time or
 //! faster. What streams to it streams to a real board.
 //!
-//! Its heaters are a model. Its steps go nowhere but into counters and a digest. Limit switches close where the machine's
-//! range ends, so that homing can be tried. One host streams and moves; others may ask and stop
+//! Its heaters are a model. Its steps go nowhere but into counters and a digest. Limit switches close at their
+//! places, so that homing can be tried. One host streams and moves; others may ask and stop
 //! meanwhile (`Receiver::watching`). Where the first one leaves, who has just come is the next one, else
 //! the oldest of the others.
 
@@ -328,9 +328,9 @@ impl VirtualBoard {
             let middle = 0.5 * (joint.position_min + joint.position_max);
             let at = middle + self.steps.counts[number] as f64 / joint.steps_per_unit;
             let pressed = if switch.towards_max {
-                at >= joint.position_max
+                at >= switch.position_natural
             } else {
-                at <= joint.position_min
+                at <= switch.position_natural
             };
             mask |= u8::from(pressed) << number;
         }

@@ -131,6 +131,7 @@ impl Settings {
             material: None,
             heaters: None,
             drivers: DriversConfiguration::none(),
+            switches: None,
         }
     }
 }

@@ -26,6 +26,20 @@ pub enum SettingsError {
         /// What would fit.
         remedy: String,
     },
+    /// A number of a switch does not fit.
+    #[error(
+        "switches.{joint}: {item} is {}; speeds are above 0 and at most the joint's speed_max, ways above 0, and \
+         the position is a place: the end of the joint's range, unless it is given",
+        Short(*value)
+    )]
+    Switch {
+        /// Joint by name.
+        joint: &'static str,
+        /// Which number.
+        item: &'static str,
+        /// What was given.
+        value: f64,
+    },
     /// A number that must be finite and positive is not.
     #[error("{key} is {}, but must be finite and greater than 0", Short(*value))]
     NotPositive {

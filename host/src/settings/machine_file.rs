@@ -21,6 +21,7 @@ mod heat;
 mod joints;
 mod kinds;
 mod shaper;
+mod switches;
 mod write;
 use drivers::FileDriver;
 use heat::{FileHeaters, FileMaterial};
@@ -29,6 +30,7 @@ use joints::{FileArm, Joints};
 use kinds::FileKinds;
 use shaper::FileShaper;
 use std::collections::BTreeMap;
+use switches::FileSwitch;
 pub use write::{to_new_toml, to_toml};
 
 /// Why a machine file cannot be used.
@@ -105,6 +107,7 @@ struct File {
     heaters: Option<FileHeaters>,
     #[serde(default)]
     drivers: BTreeMap<String, FileDriver>,
+    switches: Option<BTreeMap<String, FileSwitch>>,
 }
 
 #[derive(Clone, Copy, Deserialize, PartialEq)]
@@ -269,6 +272,11 @@ impl File {
         Ok(Settings {
             machine_name: self.name.clone(),
             drivers: drivers::drivers(&self.drivers, &machine)?,
+            switches: self
+                .switches
+                .as_ref()
+                .map(|given| switches::switches(given, &machine))
+                .transpose()?,
             machine,
             work_area_mm: [self.work_area.min_mm, self.work_area.max_mm],
             aperture,

@@ -4,6 +4,7 @@ use super::drivers::write_drivers;
 use super::heat::{write_heaters, write_material};
 use super::kinds::write_kinds;
 use super::shaper::write_shapers;
+use super::switches::write_switches;
 use crate::settings::aperture_text::aperture_text;
 use crate::settings::check::{joint_names, kinematics_name};
 use crate::settings::head_shape::HeadShape;
@@ -41,6 +42,9 @@ fn written(settings: &Settings, with_layers: bool) -> String {
         let _ = write_heaters(&mut text, heaters);
     }
     let _ = write_drivers(&mut text, &settings.drivers, &settings.machine);
+    if let Some(switches) = &settings.switches {
+        let _ = write_switches(&mut text, switches, &settings.machine);
+    }
     text
 }
 
@@ -421,7 +425,7 @@ pub(super) fn number(value: f64) -> String {
     format!("{value}")
 }
 
-fn degrees(rad: f64) -> String {
+pub(super) fn degrees(rad: f64) -> String {
     nice(rad.to_degrees(), rad, f64::to_radians)
 }
 

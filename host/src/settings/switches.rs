@@ -1,0 +1,37 @@
+//! Switches of a machine: those of its file, or the usual ones.
+
+use super::Settings;
+use super::check::joint_names;
+use super::error::SettingsError;
+use headway_firmware::homing::HomingConfiguration;
+use headway_protocol::message::SettingsProblem;
+use headway_protocol::settings::items;
+
+impl Settings {
+    /// Switches that the board homes to, in that order.
+    pub fn homing(&self) -> HomingConfiguration {
+        let usual = || HomingConfiguration::standard(&self.machine);
+        self.switches.clone().unwrap_or_else(usual)
+    }
+
+    /// Every number of those that are given.
+    pub(super) fn check_switches(&self) -> Result<(), SettingsError> {
+        let names = joint_names(&self.machine.kinematics);
+        for homing in self.switches.iter().flat_map(|given| &given.joints) {
+            let number = usize::from(homing.joint);
+            let limits = self.machine.joints.get(number);
+            let wrong = limits.and_then(|limits| homing.wrong(limits));
+            let Some((item, value)) = wrong else { continue };
+            let place = usize::from(item).saturating_sub(1);
+            return Err(SettingsError::Switch {
+                joint: names.get(number).copied().unwrap_or("?"),
+                item: items(SettingsProblem::Switch)
+                    .get(place)
+                    .copied()
+                    .unwrap_or("?"),
+                value,
+            });
+        }
+        Ok(())
+    }
+}
