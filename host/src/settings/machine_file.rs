@@ -14,6 +14,8 @@ use super::{
     Tolerances,
 };
 use headway_firmware::configuration::{ExtruderConfiguration, MachineConfiguration};
+use headway_firmware::heat::HeatConfiguration;
+use headway_firmware::homing::HomingConfiguration;
 use serde::Deserialize;
 
 mod drivers;
@@ -272,11 +274,7 @@ impl File {
         Ok(Settings {
             machine_name: self.name.clone(),
             drivers: drivers::drivers(&self.drivers, &machine)?,
-            switches: self
-                .switches
-                .as_ref()
-                .map(|given| switches::switches(given, &machine))
-                .transpose()?,
+            switches: self.switches(&machine)?,
             machine,
             work_area_mm: [self.work_area.min_mm, self.work_area.max_mm],
             aperture,
@@ -322,14 +320,26 @@ impl File {
             seam: print.seam_over(&default.seam),
             tolerances: self.tolerances.over(&default.tolerances),
             material: self.material.as_ref().map(FileMaterial::material),
-            heaters: self
-                .heaters
-                .as_ref()
-                .map(FileHeaters::heaters)
-                .transpose()?,
+            heaters: self.heaters()?,
             // Where the input lies is the command line's.
             ..self.of_layers(default)
         })
+    }
+
+    fn heaters(&self) -> Result<Option<HeatConfiguration>, MachineFileError> {
+        let given = self.heaters.as_ref();
+        given.map(FileHeaters::heaters).transpose()
+    }
+
+    /// Switches that are given.
+    fn switches(
+        &self,
+        machine: &MachineConfiguration,
+    ) -> Result<Option<HomingConfiguration>, MachineFileError> {
+        let given = self.switches.as_ref();
+        given
+            .map(|given| switches::switches(given, machine))
+            .transpose()
     }
 
     /// What differs from kind to kind and from layer to layer.
