@@ -22,6 +22,7 @@
 #![forbid(unsafe_code)]
 
 pub mod api;
+pub mod calibration;
 pub mod cli;
 pub mod drive;
 pub mod findings;
@@ -322,6 +323,7 @@ pub fn plan_waypoints_with_progress(
     let WaypointPasses {
         passes,
         speeds_mm_s,
+        asked,
     } = asked;
     let pass_count = passes.len();
     let start = start_pose(settings);
@@ -331,7 +333,7 @@ pub fn plan_waypoints_with_progress(
         found_place,
         singular,
     } = placed_passes(passes, transform, bounds, settings)?;
-    let mut route = waypoint_route(passes, start, settings);
+    let mut route = waypoint_route(passes, &asked, start, settings);
     let moves = route.moves.iter_mut();
     let printed = moves.filter(|route_move| route_move.pass.is_some());
     for (route_move, speeds_mm_s) in printed.zip(speeds_mm_s) {

@@ -1,6 +1,7 @@
 //! The options of every command, with their help.
 
 use super::args_board::{BoardArgs, StreamArgs};
+use super::args_calibrate::CalibrateArgs;
 use super::args_export::ExportArgs;
 use super::args_machine::MachineArgs;
 use super::args_shell::{CompletionsArgs, ManArgs};
@@ -46,6 +47,8 @@ pub(super) enum Command {
     Stream(StreamArgs),
     /// Ask a board, command it, or be one without hardware.
     Board(BoardArgs),
+    /// Write a job that lays a pattern from which a number of the machine file is read.
+    Calibrate(CalibrateArgs),
     /// Write or check a machine file.
     Machine(MachineArgs),
     /// Write the script by which a shell completes this command.

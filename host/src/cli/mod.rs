@@ -6,10 +6,12 @@
 
 mod args;
 mod args_board;
+mod args_calibrate;
 mod args_export;
 mod args_machine;
 mod args_shell;
 mod board;
+mod calibrate;
 mod configure;
 mod console;
 mod drivers;
@@ -93,6 +95,7 @@ pub fn run(arguments: impl IntoIterator<Item = OsString>) -> ExitCode {
     let console = Console::new(arguments.quiet);
     let result = match &arguments.command {
         Command::Machine(machine) => machine::run(machine, &console),
+        Command::Calibrate(calibrate) => calibrate::run(calibrate, &console),
         Command::Plan(plan) => plan::run(plan, &console),
         Command::Headings(headings) => headings::run(headings, &console),
         Command::Simulate(simulate) => simulate::run(simulate, &console),

@@ -11,6 +11,7 @@ use crate::input::{Input, Loaded, Target};
 use crate::job::SegmentStream;
 use crate::job_heat::HeatEvent;
 use crate::job_packing::JobPacking;
+use crate::mesh::Mesh;
 use crate::part_transform::PartTransform;
 use crate::plan::outline::unreachable::UnreachableRun;
 use crate::report::Place;
@@ -73,7 +74,7 @@ pub(super) fn from_input(
     job: Option<&mut JobPacking<File>>,
     console: &Console,
 ) -> Result<Planned, CliError> {
-    let mut settings = placed_settings(place, settings_args)?;
+    let settings = placed_settings(place, settings_args)?;
     let turn_rad = load_run::turn_rad(place.turn)?;
     let flatten_mm = settings.tolerances.flatten_mm;
     let input = load::input(path, reading, flatten_mm, console)?;
@@ -94,13 +95,34 @@ pub(super) fn from_input(
             Flat::Path(run.turned(turn_rad))
         }
     };
+    planned_flat(input, surface.as_ref(), &keep_out, settings, path, console)
+}
+
+/// Plans a run of waypoints that no file holds; `path` is what messages call it.
+pub(super) fn from_run(
+    run: WaypointRun,
+    settings: Settings,
+    path: &Path,
+    console: &Console,
+) -> Result<Planned, CliError> {
+    planned_flat(Flat::Path(run), None, &[], settings, path, console)
+}
+
+fn planned_flat(
+    input: Flat,
+    surface: Option<&Mesh>,
+    keep_out: &[Region],
+    mut settings: Settings,
+    path: &Path,
+    console: &Console,
+) -> Result<Planned, CliError> {
     let (bar, begun) = (console.planning(), Instant::now());
-    let planned = match (&input, &surface) {
+    let planned = match (&input, surface) {
         (Flat::Outline(Loaded { target, .. }), Some(mesh)) => {
-            plan_on_surface(target, mesh, &keep_out, &settings, &bar)
+            plan_on_surface(target, mesh, keep_out, &settings, &bar)
         }
         (Flat::Outline(Loaded { target, .. }), None) => {
-            plan_target_around(target, &keep_out, &settings, &bar)
+            plan_target_around(target, keep_out, &settings, &bar)
         }
         (Flat::Path(run), _) => plan_waypoints_with_progress(run, &settings, &bar),
     };

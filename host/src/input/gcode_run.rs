@@ -5,7 +5,7 @@
 //! through the waypoints keeps to them. Leaves out widths, speeds, volumes, travel, heaters and
 //! fans: such a run has the machine's, and says so.
 
-use super::waypoints::{Waypoint, WaypointRun};
+use super::waypoints::{PassAsked, Waypoint, WaypointRun};
 use crate::gcode::{GcodeProgram, Place};
 use nalgebra::{Point3, UnitVector3};
 use std::f64::consts::TAU;
@@ -33,6 +33,7 @@ pub fn waypoint_run(program: GcodeProgram) -> WaypointRun {
             height_mm: None,
             speed_mm_s: None,
             begins,
+            asked: PassAsked::default(),
         });
     };
     for pass in &program.passes {

@@ -8,7 +8,7 @@
 //! curves of a list.
 
 use super::names::{part_name, shortened};
-use super::waypoints::{WAYPOINTS_MAX, Waypoint, WaypointRun};
+use super::waypoints::{PassAsked, WAYPOINTS_MAX, Waypoint, WaypointRun};
 use super::{InputError, ReadOptions, Units};
 use nalgebra::{Point3, Unit, Vector3, Vector4};
 use serde::Deserialize;
@@ -196,6 +196,7 @@ impl Nurbs {
                 height_mm: None,
                 speed_mm_s: None,
                 begins: false,
+                asked: PassAsked::default(),
             })
             .collect())
     }

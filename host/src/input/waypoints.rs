@@ -18,6 +18,7 @@ use super::outline::{FAR_MAX_MM, SIZE_MAX_MM};
 pub use super::waypoint_error::WaypointError;
 use super::{ReadOptions, Units};
 use crate::near_name::near_name;
+use crate::settings::PrimeRetract;
 use headway_firmware::pose::{TILT_MAX_RAD, TILT_ROUNDING_RAD};
 use nalgebra::{Point3, Rotation3, Unit, Vector3};
 use std::f64::consts::TAU;
@@ -60,6 +61,17 @@ pub struct Waypoint {
     pub speed_mm_s: Option<f64>,
     /// A pass begins here, whatever the distance from the one before.
     pub begins: bool,
+    /// What the pass that begins here asks for.
+    pub asked: PassAsked,
+}
+
+/// What a pass asks for over the settings; no file says it.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub struct PassAsked {
+    /// Its prime and its retract; `None` for those of the settings.
+    pub prime_retract: Option<PrimeRetract>,
+    /// Its headings are meant as they are: not shifted by half turns that leave the bead the same.
+    pub keeps_heading: bool,
 }
 
 /// A run of waypoints, two or more, no two in a row the same.
@@ -311,6 +323,7 @@ impl Reader {
             height_mm,
             speed_mm_s,
             begins: false,
+            asked: PassAsked::default(),
         };
         if before.is_some_and(|before| is_same(before, &waypoint)) {
             self.repeated += 1;

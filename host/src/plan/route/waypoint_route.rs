@@ -10,6 +10,7 @@
 
 use crate::geometry::Point2;
 use crate::geometry::clearance::Configuration;
+use crate::input::waypoints::PassAsked;
 use crate::job::MotionState;
 use crate::plan::route::build_route::{event_duration_s, nearest_heading};
 use crate::plan::route::clear_travel::{
@@ -19,7 +20,7 @@ use crate::plan::route::flow::Bead;
 use crate::plan::route::flow::fresh_ground::FreshShares;
 use crate::plan::route::moves::{MoveEvent, PathCurve, Route, RouteMove};
 use crate::plan::route::waypoint_curve::upright;
-use crate::settings::Settings;
+use crate::settings::{PrimeRetract, Settings};
 use headway_firmware::kinematics::follows_pose;
 use headway_firmware::pose::tool_axis;
 use headway_protocol::units::{CHANNEL_HEADING, CHANNEL_VOLUME, CHANNEL_X, CHANNEL_Z, CHANNELS};
@@ -45,16 +46,27 @@ enum Volumes {
 type Point = [f64; CHANNELS];
 
 /// The route along the curves of all passes; `start` is the pose at rest before it (machine
-/// coordinates). Headings of the curves may be shifted by the aperture's period.
-pub fn waypoint_route(passes: Vec<Vec<PathCurve>>, start: Point, settings: &Settings) -> Route {
+/// coordinates), `asked` what its passes ask for, in order. Headings of the curves may be shifted by the
+/// aperture's period, but where they are asked to be kept.
+pub fn waypoint_route(
+    passes: Vec<Vec<PathCurve>>,
+    asked: &[PassAsked],
+    start: Point,
+    settings: &Settings,
+) -> Route {
     along(
         passes,
+        asked,
         start,
         settings,
         NO_TOP,
         Volumes::Laid,
         &mut |route, curves, pass| {
-            print(route, curves, pass, settings);
+            let own = asked
+                .get(pass as usize)
+                .and_then(|asked| asked.prime_retract);
+            let prime_retract = own.unwrap_or(settings.prime_retract);
+            print(route, curves, pass, prime_retract);
         },
     )
 }
@@ -71,6 +83,7 @@ pub fn complete_route(
 ) -> Route {
     along(
         vec![curves],
+        &[],
         start,
         settings,
         top_mm,
@@ -107,18 +120,20 @@ pub fn has_motion(route_move: &RouteMove) -> bool {
 pub fn waypoint_way(passes: Vec<Vec<PathCurve>>, start: Point, settings: &Settings) -> Route {
     along(
         passes,
+        &[],
         start,
         settings,
         NO_TOP,
         Volumes::None,
         &mut |route, curves, pass| {
-            print(route, curves, pass, settings);
+            print(route, curves, pass, settings.prime_retract);
         },
     )
 }
 
 fn along(
     mut passes: Vec<Vec<PathCurve>>,
+    asked: &[PassAsked],
     start: Point,
     settings: &Settings,
     top_mm: f64,
@@ -151,8 +166,13 @@ fn along(
             continue;
         };
         let near_rad = here[CHANNEL_HEADING];
-        let turn =
-            nearest_heading(begin[CHANNEL_HEADING], near_rad, period_rad) - begin[CHANNEL_HEADING];
+        let turn = match asked.get(number) {
+            Some(asked) if asked.keeps_heading => 0.0,
+            _ => {
+                nearest_heading(begin[CHANNEL_HEADING], near_rad, period_rad)
+                    - begin[CHANNEL_HEADING]
+            }
+        };
         for point in curves.iter_mut().flat_map(|curve| &mut curve.control) {
             point[CHANNEL_HEADING] += turn;
         }
@@ -321,8 +341,7 @@ fn approach(route: &mut Route, start: Point, first: Point, above: f64) {
 }
 
 /// Prime, all curves as one pass, retract.
-fn print(route: &mut Route, curves: Vec<PathCurve>, pass: u32, settings: &Settings) {
-    let pr = settings.prime_retract;
+fn print(route: &mut Route, curves: Vec<PathCurve>, pass: u32, pr: PrimeRetract) {
     let prime_s = event_duration_s(pr.prime_mm3, pr.prime_rate_mm3_s);
     let retract_s = event_duration_s(pr.retract_mm3, pr.retract_rate_mm3_s);
     if prime_s > 0.0 {

@@ -18,7 +18,7 @@ pub mod chord_spline;
 
 use crate::geometry::aperture::Aperture;
 use crate::input::near_waypoints::usual_gap_mm;
-use crate::input::waypoints::{SAME_PLACE_MM, Waypoint, WaypointRun};
+use crate::input::waypoints::{PassAsked, SAME_PLACE_MM, Waypoint, WaypointRun};
 use crate::plan::route::build_route::nearest_heading;
 use crate::plan::route::moves::PathCurve;
 use crate::settings::Settings;
@@ -93,6 +93,8 @@ pub struct WaypointPasses {
     /// For each curve of all passes in order the speeds that its waypoints ask for: path parameter and mm/s; empty
     /// where they ask for none.
     pub speeds_mm_s: Vec<Vec<[f64; 2]>>,
+    /// What each pass asks for.
+    pub asked: Vec<PassAsked>,
 }
 
 /// The run's passes.
@@ -123,6 +125,7 @@ pub fn waypoint_passes(
                 .into_iter()
                 .unzip();
         all.passes.push(curves);
+        all.asked.push(points[0].asked);
         all.speeds_mm_s.extend(speeds);
     }
     Ok(all)

@@ -1,0 +1,178 @@
+//! `headway calibrate`: a machine file -> jobs that lay a pattern, and how it is read.
+//!
+//! In: the pattern's name, options, settings. Out: a job file as `plan` writes it, or one for each value with
+//! its machine file, and a table of lines with the values they stand for, in pattern coordinates.
+
+use super::args_calibrate::CalibrateArgs;
+use super::console::Console;
+use super::output_file::{check_file, nameless_file, write_file};
+use super::plan::write_job;
+use super::{CliError, load, planned};
+use crate::calibration::{Asked, CalibrationError, Line, Pattern, PatternJob, pattern};
+use crate::job::SegmentStream;
+use crate::job_packing::JobPacking;
+use crate::settings::machine_file;
+use crate::short_number::Short;
+use headway_protocol::units::{CHANNEL_VOLUME, UNITS_PER_NATURAL};
+use serde_json::{Value, json};
+use std::path::{Path, PathBuf};
+
+/// A job that was written.
+struct Written {
+    file: PathBuf,
+    machine_file: Option<PathBuf>,
+    value: Option<f64>,
+    print_s: Option<f64>,
+    volume_mm3: f64,
+}
+
+pub(super) fn run(args: &CalibrateArgs, console: &Console) -> Result<(), CliError> {
+    let settings = load::settings(&args.settings)?;
+    if let Some(option) = load::outline_option(&args.settings, None) {
+        return Err(CliError::Usage(format!(
+            "{option} goes with outlines: a pattern is laid as it is"
+        )));
+    }
+    let asked = Asked {
+        length_mm: args.length,
+        from: args.from,
+        to: args.to,
+        lines: args.lines,
+        turns: args.turns,
+        tilt_deg: args.tilt,
+        at_mm: args.at.as_deref().map(load::parse_at).transpose()?,
+    };
+    let drawn = pattern(args.pattern.kind(), &asked, &settings).map_err(pattern_error)?;
+    let named = PathBuf::from(format!("{}.hwj", drawn.kind.name()));
+    let output = args.output.clone().unwrap_or(named);
+    let files: Vec<PathBuf> = drawn.jobs.iter().map(|job| file_of(&output, job)).collect();
+    for file in &files {
+        check_file(file)?;
+    }
+    let mut written = Vec::new();
+    for (job, file) in drawn.jobs.iter().zip(files) {
+        written.push(write(job, file, console)?);
+    }
+    if args.json {
+        return console.result(&format!("{:#}\n", as_json(&drawn, &written)));
+    }
+    console.result(&as_text(&drawn, &written))
+}
+
+fn pattern_error(error: CalibrationError) -> CliError {
+    match error.is_usage() {
+        true => CliError::Usage(error.to_string()),
+        false => CliError::Job(error.to_string()),
+    }
+}
+
+/// The name of one of several jobs has its value in it.
+fn file_of(output: &Path, job: &PatternJob) -> PathBuf {
+    let Some(value) = job.value else {
+        return output.to_path_buf();
+    };
+    let stem = output.file_stem().unwrap_or_default().to_string_lossy();
+    let ending = output.extension().unwrap_or("hwj".as_ref());
+    output.with_file_name(format!("{stem}-{value:.4}.{}", ending.to_string_lossy()))
+}
+
+fn write(job: &PatternJob, file: PathBuf, console: &Console) -> Result<Written, CliError> {
+    let packing = JobPacking::new(nameless_file(&file)?);
+    let planned = planned::from_run(job.run.clone(), job.settings.clone(), &file, console)?;
+    let planned = write_job(planned, packing, &file, console)?;
+    let machine_file = job.value.map(|_| file.with_extension("toml"));
+    if let Some(path) = &machine_file {
+        write_file(path, machine_file::to_toml(&job.settings).as_bytes())?;
+    }
+    Ok(Written {
+        machine_file,
+        value: job.value,
+        print_s: planned.figures.print_s,
+        volume_mm3: volume_mm3(&planned.stream),
+        file,
+    })
+}
+
+/// What a stream lays, primes and retracts left out.
+fn volume_mm3(stream: &SegmentStream) -> f64 {
+    let end = stream
+        .knots
+        .last()
+        .map_or(stream.start, |knot| knot.control);
+    let units = end[CHANNEL_VOLUME].wrapping_sub(stream.start[CHANNEL_VOLUME]);
+    units as f64 / UNITS_PER_NATURAL[CHANNEL_VOLUME]
+}
+
+fn as_json(drawn: &Pattern, written: &[Written]) -> Value {
+    let jobs = written.iter().map(|job| {
+        json!({
+            "file": job.file.display().to_string(),
+            "machine_file": job.machine_file.as_ref().map(|path| path.display().to_string()),
+            "value": job.value,
+            "print_s": job.print_s,
+            "volume_mm3": job.volume_mm3,
+        })
+    });
+    let lines = drawn.lines.iter().enumerate().map(|(number, line)| {
+        let [from_mm, to_mm] = line.ends_mm();
+        json!({
+            "line": number + 1,
+            "job": line.job,
+            "what": line.what,
+            "value": line.value,
+            "from_mm": from_mm,
+            "to_mm": to_mm,
+            "heading_deg": line.heading_deg(),
+        })
+    });
+    json!({
+        "pattern": drawn.kind.name(),
+        "unit": drawn.unit,
+        "at_mm": drawn.at_mm,
+        "jobs": jobs.collect::<Vec<Value>>(),
+        "lines": lines.collect::<Vec<Value>>(),
+        "read": drawn.reading,
+        "change": drawn.change,
+    })
+}
+
+fn as_text(drawn: &Pattern, written: &[Written]) -> String {
+    let [x, y, z] = drawn.at_mm;
+    let mut text = format!(
+        "{}: its origin lies at {x:.2}, {y:.2}, {z:.2} mm on the machine; lines as they are printed\n",
+        drawn.kind.name()
+    );
+    text += &format!(
+        "{:>4}  {:>10}  {:>18}  {:>18}  {}\n",
+        "line", drawn.unit, "from x, y", "to x, y", "what"
+    );
+    for (number, line) in drawn.lines.iter().enumerate() {
+        text += &line_text(number + 1, line);
+    }
+    for job in written {
+        let seconds = job.print_s.unwrap_or_default();
+        let (file, volume_mm3) = (job.file.display(), job.volume_mm3);
+        text += &format!("job: {file}, {seconds:.1} s, {volume_mm3:.1} mm³");
+        if let Some(path) = &job.machine_file {
+            text += &format!(", for {}", path.display());
+        }
+        text += "\n";
+    }
+    for sentence in &drawn.reading {
+        text += &format!("read: {sentence}\n");
+    }
+    text + &format!("change: {}\n", drawn.change)
+}
+
+fn line_text(number: usize, line: &Line) -> String {
+    let value = line.value.map_or("-".to_string(), value_text);
+    let place = |[x, y, _]: [f64; 3]| format!("{x:.2}, {y:.2}");
+    let [from, to] = line.ends_mm().map(place);
+    let what = &line.what;
+    format!("{number:>4}  {value:>10}  {from:>18}  {to:>18}  {what}\n")
+}
+
+/// Four digits are finer than any pattern is read.
+fn value_text(value: f64) -> String {
+    Short((value * 1e4).round() / 1e4).to_string()
+}
