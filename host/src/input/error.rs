@@ -269,7 +269,10 @@ pub enum InputError {
         problem: ValidityError,
     },
     /// Two regions share some area.
-    #[error("{first} and {second} overlap near {at}; move them apart, or let --repair merge them")]
+    #[error(
+        "{first} and {second} overlap near {at}; move them apart, let --repair merge them, or, where one is \
+         meant as a hole, cut it out in the drawing program (Inkscape: Path, Difference)"
+    )]
     Overlap {
         /// One region.
         first: String,
