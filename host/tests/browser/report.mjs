@@ -29,6 +29,9 @@ await onPage(url, async (page, complaints, requests) => {
     return count;
   });
 
+  // Two frames later what was drawn is on the screen. A page of 5 MB takes about a second; this many on a busy machine.
+  const drawnMs = await page.evaluate(() => new Promise((drawn) => requestAnimationFrame(() => requestAnimationFrame(() => drawn(performance.now())))));
+  check(drawnMs < 30000, `drawn ${Math.round(drawnMs)} ms after it was opened`);
   check(await page.isVisible("#stage"), "the drawing is there");
   check(await inked() > 2000, "the path is drawn");
   check((await page.textContent(".verdict")).startsWith("Takes "), "the verdict begins with the time");
