@@ -73,7 +73,13 @@ fn the_guides_blocks_run_as_they_stand() {
         let (folder, blocks) = run_page(&page);
         run += blocks;
         let made: &[&str] = match page.file_stem().and_then(|name| name.to_str()) {
-            Some("first-prints") => &["report/index.html", "poses.csv", "hook.hwj", "hill-report/index.html", "turned.gcode"],
+            Some("first-prints") => &[
+                "report/index.html",
+                "poses.csv",
+                "hook.hwj",
+                "hill-report/index.html",
+                "turned.gcode",
+            ],
             Some("calibration") => &["heading.hwj", "pivot.hwj", "advance-0.0600.toml"],
             _ => &[],
         };
