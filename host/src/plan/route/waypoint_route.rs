@@ -165,25 +165,15 @@ fn along(
         let Some(&begin) = curves.first().and_then(|curve| curve.control.first()) else {
             continue;
         };
-        let near_rad = here[CHANNEL_HEADING];
-        let turn = match asked.get(number) {
-            Some(asked) if asked.keeps_heading => 0.0,
-            _ => {
-                nearest_heading(begin[CHANNEL_HEADING], near_rad, period_rad)
-                    - begin[CHANNEL_HEADING]
-            }
-        };
-        for point in curves.iter_mut().flat_map(|curve| &mut curve.control) {
-            point[CHANNEL_HEADING] += turn;
+        if !asked.get(number).is_some_and(|asked| asked.keeps_heading) {
+            let heading = begin[CHANNEL_HEADING];
+            let turn = nearest_heading(heading, here[CHANNEL_HEADING], period_rad) - heading;
+            change(curves, |point| point[CHANNEL_HEADING] += turn);
         }
         match volumes {
             Volumes::Laid => add_flow(curves, here[CHANNEL_VOLUME], settings),
             Volumes::Known => {}
-            Volumes::None => {
-                for point in curves.iter_mut().flat_map(|curve| &mut curve.control) {
-                    point[CHANNEL_VOLUME] = 0.0;
-                }
-            }
+            Volumes::None => change(curves, |point| point[CHANNEL_VOLUME] = 0.0),
         }
         let begin = curves[0].control[0];
         match (number, from_above) {
@@ -211,6 +201,14 @@ fn along(
     };
     line(&mut route, here, leave);
     route
+}
+
+/// Changes every control point of curves.
+fn change(curves: &mut [PathCurve], how: impl Fn(&mut Point)) {
+    curves
+        .iter_mut()
+        .flat_map(|curve| &mut curve.control)
+        .for_each(how);
 }
 
 fn end_of(route: &Route) -> Option<Point> {
