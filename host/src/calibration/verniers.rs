@@ -120,28 +120,22 @@ pub(super) fn nozzle(asked: &Asked, settings: &Settings) -> Result<Drawn, Calibr
     })
 }
 
+/// The length of now; a machine that has none, or several numbers in its place, is refused.
+fn pivot_length_mm(settings: &Settings) -> Result<f64, CalibrationError> {
+    let several = |kinematics, key| Err(CalibrationError::SeveralNumbers { kinematics, key });
+    match settings.machine.kinematics {
+        Kinematics::Gantry { pivot_length_mm } => Ok(pivot_length_mm),
+        Kinematics::Planar => Err(CalibrationError::NoPivot {
+            kinematics: "planar",
+        }),
+        Kinematics::Trunnion { .. } => several("trunnion", "centre_mm"),
+        Kinematics::Arm6 { .. } => several("arm6", "tool and arm lengths"),
+    }
+}
+
 /// Pivot length: halves that lean to either side.
 pub(super) fn pivot(asked: &Asked, settings: &Settings) -> Result<Drawn, CalibrationError> {
-    let pivot_mm = match settings.machine.kinematics {
-        Kinematics::Gantry { pivot_length_mm } => pivot_length_mm,
-        Kinematics::Planar => {
-            return Err(CalibrationError::NoPivot {
-                kinematics: "planar",
-            });
-        }
-        Kinematics::Trunnion { .. } => {
-            return Err(CalibrationError::SeveralNumbers {
-                kinematics: "trunnion",
-                key: "centre_mm",
-            });
-        }
-        Kinematics::Arm6 { .. } => {
-            return Err(CalibrationError::SeveralNumbers {
-                kinematics: "arm6",
-                key: "tool and arm lengths",
-            });
-        }
-    };
+    let pivot_mm = pivot_length_mm(settings)?;
     let tilt_deg = asked.tilt_deg.unwrap_or(TILT_DEG);
     let (sin, cos) = tilt_deg.to_radians().sin_cos();
     let shift_mm = |value: f64| 2.0 * (pivot_mm - value) * sin;
