@@ -20,6 +20,8 @@ pub enum Use {
     Solid,
     /// Lines of a sparse infill.
     Sparse,
+    /// Lines over open space.
+    Bridge,
     /// Skirt and brim.
     Skirt,
     /// Moves without flow.
@@ -35,6 +37,7 @@ impl Use {
             Use::Walls => "walls",
             Use::Solid => "solid",
             Use::Sparse => "sparse",
+            Use::Bridge => "bridge",
             Use::Skirt => "skirt",
             Use::Travel => "travel",
             Use::Standing => "standing",
@@ -46,6 +49,7 @@ impl Use {
             PassKind::TwoPass | PassKind::OnePass => Use::Walls,
             PassKind::Infill => Use::Solid,
             PassKind::Sparse => Use::Sparse,
+            PassKind::Bridge => Use::Bridge,
             PassKind::Skirt => Use::Skirt,
         }
     }

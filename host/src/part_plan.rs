@@ -20,6 +20,7 @@ use crate::open_ground::OpenGround;
 use crate::part_piece::{Piece, PieceCache, key_of};
 use crate::part_transform::PartTransform;
 use crate::plan::judge::figures::{PlanFigures, Swept};
+use crate::plan::layers::bridge_ground::{Bridge, bridges};
 use crate::plan::layers::layer_groups::{LayerKind, StackLayer};
 use crate::plan::layers::shells::{Overhang, ShellLayers, overhangs, solid_ground};
 use crate::plan::layers::skirt::skirt_reach_mm;
@@ -163,7 +164,12 @@ pub fn plan_part_in_pieces(
         let is_first = lowest.number == wanted[0].number;
         let own = settings_of(lowest, first, settings);
         let solid = |layer: u32| solid_of(&outlines, layer, settings);
-        let (stack, used) = gather(rest, &solid, keep_out, &own, planned.transform, at);
+        let bridges = |layer: u32| bridges_of(&outlines, layer, settings);
+        let ground = LayerGround {
+            solid: &solid,
+            bridges: &bridges,
+        };
+        let (stack, used) = gather(rest, ground, keep_out, &own, planned.transform, at);
         rest = &rest[used..];
         let stack = Stack {
             skirt_around: Some(lowest.regions.as_slice())
@@ -281,6 +287,25 @@ fn solid_of(outlines: &[&[Region]], layer: u32, settings: &Settings) -> Vec<Regi
     }
 }
 
+/// What of a layer is bridged, where there are lines to do it with.
+fn bridges_of(outlines: &[&[Region]], layer: u32, settings: &Settings) -> Vec<Bridge> {
+    let below = (layer as usize).checked_sub(1);
+    match (below, &settings.infill) {
+        (Some(below), Some(_)) => {
+            let reach_mm = settings.aperture.major_mm();
+            bridges(outlines[layer as usize], outlines[below], reach_mm)
+        }
+        _ => Vec::new(),
+    }
+}
+
+/// What the lines inside a layer's walls have to heed, by the layer's number.
+#[derive(Clone, Copy)]
+struct LayerGround<'a> {
+    solid: &'a dyn Fn(u32) -> Vec<Region>,
+    bridges: &'a dyn Fn(u32) -> Vec<Bridge>,
+}
+
 /// The settings of a layer's piece.
 fn settings_of(layer: &TargetLayer, first: FirstLayer, settings: &Settings) -> Settings {
     let is_first = layer.number == 0;
@@ -297,7 +322,7 @@ fn settings_of(layer: &TargetLayer, first: FirstLayer, settings: &Settings) -> S
 /// The next layers of the same settings, as many as are planned at a time, and how many they are.
 fn gather<'a>(
     layers: &'a [TargetLayer],
-    solid: &dyn Fn(u32) -> Vec<Region>,
+    ground: LayerGround,
     keep_out: &'a [Region],
     settings: &Settings,
     transform: PartTransform,
@@ -350,7 +375,8 @@ fn gather<'a>(
             outline,
             // Between the solid ground there are no solid layers but those of the shells.
             infill: infill.map(|infill| infill.inside(layer.number)),
-            solid: solid(layer.number),
+            solid: (ground.solid)(layer.number),
+            bridges: (ground.bridges)(layer.number),
         };
         let known_kind = stack.kinds.iter().position(|known| *known == kind);
         let kind_number = known_kind.unwrap_or(stack.kinds.len());

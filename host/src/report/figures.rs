@@ -127,7 +127,7 @@ pub struct Figures {
     /// What the passes deposit; primes and retracts are not in it.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub volume_mm3: Option<f64>,
-    /// Time, volume and way by kind of bead: walls, solid, sparse, skirt; travel and standing.
+    /// Time, volume and way by kind of bead: walls, solid, sparse, bridge, skirt; travel and standing.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub by_kind: Option<BTreeMap<String, UseFigures>>,
     /// Time and volume by layer, those that take longest first, at most a thousand.

@@ -43,6 +43,8 @@ pub struct Kinds {
     pub solid: KindSettings,
     /// Lines of a sparse infill.
     pub sparse: KindSettings,
+    /// Lines over open space.
+    pub bridge: KindSettings,
     /// Skirt and brim.
     pub skirt: KindSettings,
     /// The lowest layer, whatever is printed.
@@ -51,11 +53,12 @@ pub struct Kinds {
 
 impl Kinds {
     /// All of them by their names in a machine file.
-    pub fn named(&self) -> [(&'static str, &KindSettings); 5] {
+    pub fn named(&self) -> [(&'static str, &KindSettings); 6] {
         [
             ("walls", &self.walls),
             ("solid", &self.solid),
             ("sparse", &self.sparse),
+            ("bridge", &self.bridge),
             ("skirt", &self.skirt),
             ("first_layer", &self.first_layer),
         ]

@@ -61,6 +61,19 @@ pub fn infill_passes(
     found
 }
 
+/// Lines side by side over ground that nothing is below, all in the direction `angle_rad`.
+pub fn bridge_lines(regions: &[Region], angle_rad: f64, settings: &PassSettings) -> Vec<LayerPass> {
+    let infill = Infill {
+        angle_rad,
+        ..Infill::solid(0)
+    };
+    let mut lines = infill_lines(regions, &settings.aperture, &infill, settings.overlap);
+    for line in &mut lines {
+        line.kind = PassKind::Bridge;
+    }
+    lines
+}
+
 /// Twice the area over the perimeter: the width of a strip.
 fn is_narrow(region: &Region, aperture: &Aperture) -> bool {
     let perimeter_mm: f64 = region.rings().map(Ring::perimeter_mm).sum();

@@ -1,8 +1,8 @@
 //! The passes of one region as they are printed: ordered, linked, with gap-fill moves into gaps.
 //!
 //! Walls come first, then the lines of a solid infill, linked and filled up like everything else, then
-//! those of a sparse one: what they leave open is meant to stay open, and they are joined along the
-//! walls alone.
+//! bridges, linked with each other alone so that their speed and flow are theirs, then the lines of a sparse
+//! infill: what they leave open is meant to stay open, and they are joined along the walls alone.
 //!
 //! In: walls and lines of a region (mm, rad), where the head is (mm), settings. Out: open passes as
 //! they are printed, before shortcuts.
@@ -33,10 +33,12 @@ pub struct RegionPasses<'a> {
     pub passes: Vec<LayerPass>,
     /// The lines of a sparse infill.
     pub sparse: Vec<LayerPass>,
+    /// The lines over open space.
+    pub bridges: Vec<LayerPass>,
     /// The region, and its edges.
     pub region: &'a Region,
     pub walls: &'a EdgeIndex,
-    /// Ground that is meant to stay open between those lines.
+    /// Ground that only the last two have: what stays open between them is meant to.
     pub open: &'a [Region],
 }
 
@@ -54,7 +56,7 @@ pub fn in_printing_order(
     let passes = joined(loops, from, walls, settings);
     // The ground that is to be filled: between the outline and what the sparse lines have.
     let is_sparse = settings.infill.is_some_and(|infill| !infill.is_solid());
-    let band = is_sparse.then(|| {
+    let band = (is_sparse || !region.bridges.is_empty()).then(|| {
         let rings = region.open.iter().flat_map(Region::edges);
         let edges = region.region.edges().chain(rings);
         let edges = edges.map(|(a, b)| Edge { a, b }).collect();
@@ -63,6 +65,7 @@ pub fn in_printing_order(
     let finish = Finish {
         lines,
         sparse: region.sparse,
+        bridges: region.bridges,
         walls,
         open: region.open,
         band,
@@ -126,8 +129,9 @@ fn joined(
 struct Finish<'a> {
     lines: Vec<LayerPass>,
     sparse: Vec<LayerPass>,
+    bridges: Vec<LayerPass>,
     walls: &'a EdgeIndex,
-    /// Ground that sparse lines have.
+    /// Ground that sparse lines and bridges have.
     open: &'a [Region],
     /// Where lines are sparse, what alone is filled up.
     band: Option<EdgeIndex>,
@@ -152,6 +156,12 @@ impl Finish<'_> {
         let from = last_place(&passes).unwrap_or(self.from);
         let ground = self.band.as_ref().unwrap_or(self.walls);
         fill_gaps(&mut passes, self.aperture, ground, Some(&self.price));
+        let mut from = from;
+        if !self.bridges.is_empty() {
+            let bridges = ordered(self.bridges.clone(), from, self.aperture);
+            passes.extend(linked(bridges, self.aperture, self.walls));
+            from = last_place(&passes).unwrap_or(from);
+        }
         if self.band.is_some() {
             let joined = linked_along_walls(
                 ordered(self.sparse.clone(), from, self.aperture),

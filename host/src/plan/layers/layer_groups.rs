@@ -20,6 +20,7 @@ use crate::plan::curve::layer_path::pass_curves;
 use crate::plan::curve::plane_curve::PlaneControl;
 use crate::plan::joining::order::region_order;
 use crate::plan::layers::PlanePass;
+use crate::plan::layers::bridge_ground::Bridge;
 use crate::plan::layers::region_plan::{RegionPlan, RegionWork, Reversal};
 use crate::plan::layers::skirt::SkirtPlan;
 use crate::plan::pass::{LayerPass, PassKind};
@@ -106,6 +107,8 @@ pub struct LayerKind {
     pub infill: Option<Infill>,
     /// Ground that is filled whatever the lines' density, input coordinates.
     pub solid: Vec<Region>,
+    /// What spans open space, input coordinates.
+    pub bridges: Vec<Bridge>,
 }
 
 /// One layer of a stack.
@@ -126,6 +129,7 @@ pub fn prism_layers(settings: &Settings) -> (Vec<LayerKind>, Vec<StackLayer>) {
         outline: 0,
         infill,
         solid: Vec::new(),
+        bridges: Vec::new(),
     });
     let layers = (0u32..)
         .zip(kind_of_layer)
@@ -152,8 +156,9 @@ pub fn with_passes(
             outline,
             infill,
             ref solid,
+            ref bridges,
         } = kinds[kind];
-        let region = outlines[outline][region].with_passes(infill, solid);
+        let region = outlines[outline][region].with_passes(infill, solid, bridges);
         steps.step();
         region
     })

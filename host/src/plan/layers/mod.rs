@@ -4,11 +4,13 @@
 //! Contour --region_plan--> RegionPlan --layer_groups--> LayerGroup, RegionPrint, PlanePass
 //! (mm, local)              (mm, rad)                    (alike layers once; machine coordinates)
 //! outline --skirt--> SkirtPlan (loops around the first layer)
+//! outlines --bridge_ground--> Bridge (what spans open space, and in which direction)
 //! outlines --shells--> ground that lies open above or below, overhangs
 //! ```
 //!
 //! Leaves out: which layers there are (`layer_stack`, `part_plan`), supports.
 
+pub mod bridge_ground;
 pub mod layer_groups;
 pub mod region_plan;
 pub mod shells;

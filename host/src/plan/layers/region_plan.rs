@@ -14,11 +14,12 @@ use crate::geometry::polygon::{Region, Ring};
 use crate::geometry::repair::FillRule;
 use crate::plan::axis::medial_axis::{AxisOptions, MedialAxis, MedialAxisError};
 use crate::plan::axis::pruned_axis::Axis;
-use crate::plan::beads::infill::infill_passes;
+use crate::plan::beads::infill::{bridge_lines, infill_passes};
 use crate::plan::beads::passes::{PassSettings, outer_passes, passes};
 use crate::plan::coverage::raster::within_walls;
 use crate::plan::headings::profile::turn_weight_mm2;
 use crate::plan::joining::printed_order::{RegionPasses, in_printing_order};
+use crate::plan::layers::bridge_ground::Bridge;
 use crate::plan::outline::contour::Contour;
 use crate::plan::outline::trimmed_outline::trimmed_outline;
 use crate::plan::outline::unreachable::{UnreachableRun, unreachable_runs};
@@ -152,8 +153,10 @@ pub struct RegionWork {
     passes: Vec<LayerPass>,
     /// The lines of a sparse infill.
     sparse: Vec<LayerPass>,
+    /// The lines over open space.
+    bridges: Vec<LayerPass>,
     open: Vec<Region>,
-    /// What of that sparse lines have.
+    /// What of that sparse lines and bridges have.
     sparse_open: Vec<Region>,
     /// Part of the open ground is filled, part is not.
     is_mixed: bool,
@@ -197,6 +200,7 @@ impl RegionWork {
             unreachable,
             passes: Vec::new(),
             sparse: Vec::new(),
+            bridges: Vec::new(),
             open: Vec::new(),
             sparse_open: Vec::new(),
             is_mixed: false,
@@ -204,8 +208,13 @@ impl RegionWork {
     }
 
     /// The region with its passes, unordered: walls with these lines inside, or loops. `solid` is
-    /// ground that is filled whatever the lines' density, input coordinates.
-    pub fn with_passes(&self, infill: Option<Infill>, solid: &[Region]) -> RegionWork {
+    /// ground that is filled whatever the lines' density, `bridges` what spans open space, input coordinates.
+    pub fn with_passes(
+        &self,
+        infill: Option<Infill>,
+        solid: &[Region],
+        bridges: &[Bridge],
+    ) -> RegionWork {
         let mut work = self.clone();
         let how = pass_settings(&self.settings);
         work.settings.infill = infill.map(|infill| Infill {
@@ -219,22 +228,49 @@ impl RegionWork {
                 let (mut passes, rings) =
                     outer_passes(&self.hull, &self.walls, &self.axis, &how, walls);
                 work.open = filled(rings.iter(), FillRule::Positive);
-                let [solid, sparse] = self.divided(&work.open, infill, solid);
+                let (mut rest, mut bridged) = (work.open.clone(), Vec::new());
+                for bridge in bridges {
+                    let ground = self.bridged(&bridge.ground, &rest);
+                    let angle_rad = self.frame.angle_in(bridge.angle_rad);
+                    work.bridges.extend(bridge_lines(&ground, angle_rad, &how));
+                    if !ground.is_empty() {
+                        rest = difference(&rest, &ground);
+                    }
+                    bridged.extend(ground);
+                }
+                let [solid, sparse] = self.divided(&rest, infill, solid);
                 let filled = Infill {
                     density_pct: infill.density_pct.max(100.0),
                     ..*infill
                 };
                 passes.extend(infill_passes(&solid, &filled, &how));
-                work.is_mixed = !solid.is_empty() && !sparse.is_empty();
+                let parts = [&solid, &sparse, &bridged];
+                work.is_mixed = parts.iter().filter(|part| !part.is_empty()).count() > 1;
                 work.sparse = infill_passes(&sparse, infill, &how);
                 for line in &mut work.sparse {
                     line.kind = PassKind::Sparse;
                 }
                 work.sparse_open = sparse;
+                work.sparse_open.extend(bridged);
                 work.passes = passes;
             }
         }
         work
+    }
+
+    /// The open ground that a bridge has: a bead's width more on its anchors than what it spans.
+    fn bridged(&self, ground: &[Region], open: &[Region]) -> Vec<Region> {
+        let aperture = &self.settings.aperture;
+        let offset = self.contour.offset;
+        let shifted = ground.iter().map(|region| region.shifted(-offset));
+        let ground: Vec<Region> = shifted.map(|r| self.frame.region_in(&r)).collect();
+        let mut inside = intersection(&ground, open);
+        // What the walls leave of it may be too thin to be worth lines of its own.
+        inside.retain(|region| is_wide(region, aperture.major_mm()));
+        if inside.is_empty() {
+            return inside;
+        }
+        intersection(&grown(&inside, 2.0 * aperture.major_mm()), open)
     }
 
     /// The ground inside the walls that is filled, and the rest. What is to be filled reaches into
@@ -253,10 +289,6 @@ impl RegionWork {
             .iter()
             .map(|region| self.frame.region_in(&region.shifted(-offset)))
             .collect();
-        let is_wide = |region: &Region, width_mm: f64| {
-            let perimeter_mm: f64 = region.rings().map(Ring::perimeter_mm).sum();
-            2.0 * region.area_mm2() >= width_mm * perimeter_mm
-        };
         let mut inside = intersection(&solid, open);
         inside.retain(|region| is_wide(region, aperture.minor_mm()));
         let solid = intersection(&grown(&inside, 2.0 * aperture.major_mm()), open);
@@ -273,7 +305,7 @@ impl RegionWork {
 
     /// True where nothing of it can be printed.
     pub fn is_empty(&self) -> bool {
-        self.passes.is_empty() && self.sparse.is_empty()
+        self.passes.is_empty() && self.sparse.is_empty() && self.bridges.is_empty()
     }
 
     /// The middle of its box, input coordinates, and its area, mm².
@@ -344,13 +376,14 @@ impl RegionWork {
             let region = RegionPasses {
                 passes,
                 sparse: self.sparse.clone(),
+                bridges: self.bridges.clone(),
                 region: &self.hull,
                 walls: &self.walls,
                 open: &self.sparse_open,
             };
             in_printing_order(region, corner, &self.settings)
         };
-        let all = passes.iter().chain(&self.sparse);
+        let all = passes.iter().chain(&self.sparse).chain(&self.bridges);
         let count: usize = all.map(|p| p.placements.len()).sum();
         if count > SMALL_MAX {
             return from(low, passes);
@@ -375,6 +408,12 @@ impl RegionWork {
         let best = tried.into_iter().min_by_key(|(key, _)| *key);
         best.map_or(Vec::new(), |(_, passes)| passes)
     }
+}
+
+/// Twice the area over the perimeter is the width of a strip.
+fn is_wide(region: &Region, width_mm: f64) -> bool {
+    let perimeter_mm: f64 = region.rings().map(Ring::perimeter_mm).sum();
+    2.0 * region.area_mm2() >= width_mm * perimeter_mm
 }
 
 /// Most placements of a region that is ordered from several corners: about 600 mm of path.

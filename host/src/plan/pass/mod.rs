@@ -53,6 +53,8 @@ pub enum PassKind {
     Infill,
     /// A straight line of a sparse infill.
     Sparse,
+    /// A straight line over open space, from anchor to anchor.
+    Bridge,
     /// A loop around the part: skirt or brim.
     Skirt,
 }
@@ -65,7 +67,7 @@ impl PassKind {
 
     /// True for straight lines inside the walls.
     pub fn is_line(self) -> bool {
-        matches!(self, PassKind::Infill | PassKind::Sparse)
+        matches!(self, PassKind::Infill | PassKind::Sparse | PassKind::Bridge)
     }
 }
 

@@ -10,6 +10,7 @@ pub(super) struct FileKinds {
     walls: FileKind,
     solid: FileKind,
     sparse: FileKind,
+    bridge: FileKind,
     skirt: FileKind,
     first_layer: FileKind,
 }
@@ -38,6 +39,7 @@ impl FileKinds {
             walls: self.walls.settings(),
             solid: self.solid.settings(),
             sparse: self.sparse.settings(),
+            bridge: self.bridge.settings(),
             skirt: self.skirt.settings(),
             first_layer: self.first_layer.settings(),
         }

@@ -1,0 +1,173 @@
+//! Goal: what spans open space between two anchors is printed across it, from anchor to anchor, at the speed and
+//! with the flow of its own, and nothing else is. Method: a table (two legs and a plate) turned about z, cut
+//! by hand into layers; the finished stream over the gap by its own samples: directions, speeds, the volume
+//! against the same plan at another flow. A shelf, held at one end, has no bridge.
+
+use headway::geometry::Point2;
+use headway::geometry::polygon::{Region, Ring};
+use headway::job::MotionState;
+use headway::layer_uses::Use;
+use headway::mesh::layers::{SlicedPart, TargetLayer};
+use headway::part_plan::{FirstLayer, PartPlan, plan_part};
+use headway::report::pose_table::{StreamSample, samples_within};
+use headway::settings::kinds::{KindSettings, Kinds};
+use headway::settings::{Infill, Settings};
+use headway_protocol::units::CHANNEL_VOLUME;
+
+/// How the table lies, and where its gap is in its own frame: between the legs, inside the walls.
+const TURN_DEG: f64 = 17.3;
+const GAP_MM: [[f64; 2]; 2] = [[5.5, 2.0], [14.5, 6.0]];
+/// Legs and plate, layers of 0.2 mm.
+const LEG_LAYERS: u32 = 1;
+const LAYERS: u32 = 3;
+const SPEED_MM_S: f64 = 20.0;
+
+fn turned(x: f64, y: f64, turn_deg: f64) -> Point2 {
+    let (sin, cos) = turn_deg.to_radians().sin_cos();
+    Point2::new(x * cos - y * sin, x * sin + y * cos)
+}
+
+fn box_of([x, y]: [f64; 2], [u, v]: [f64; 2]) -> Region {
+    let corners = [[x, y], [u, y], [u, v], [x, v]];
+    Region {
+        exterior: Ring {
+            points: corners.map(|[x, y]| turned(x, y, TURN_DEG)).to_vec(),
+        },
+        holes: Vec::new(),
+    }
+}
+
+/// A plate of 20 x 8 mm on these legs.
+fn table(legs: &[Region]) -> SlicedPart {
+    let layers = (0..LAYERS).map(|number| TargetLayer {
+        number,
+        height_mm: 0.2,
+        top_mm: 0.2 * f64::from(number + 1),
+        regions: match number < LEG_LAYERS {
+            true => legs.to_vec(),
+            false => vec![box_of([0.0, 0.0], [20.0, 8.0])],
+        },
+    });
+    SlicedPart {
+        layers: layers.collect(),
+        wanted: 0..LAYERS,
+        notes: Vec::new(),
+    }
+}
+
+fn legs() -> [Region; 2] {
+    [
+        box_of([0.0, 0.0], [4.0, 8.0]),
+        box_of([16.0, 0.0], [20.0, 8.0]),
+    ]
+}
+
+fn planned(part: &SlicedPart, density_pct: f64, bridge: KindSettings) -> PartPlan {
+    let settings = Settings {
+        infill: Some(Infill {
+            density_pct,
+            bottom_layers: Some(0),
+            top_layers: Some(0),
+            ..Infill::solid(1)
+        }),
+        kinds: Kinds {
+            bridge,
+            ..Kinds::default()
+        },
+        ..Settings::default()
+    };
+    plan_part(part, &[], FirstLayer::default(), &settings, &()).expect("a plan")
+}
+
+/// Samples of the beads over the middle of the gap on a layer.
+fn over_gap(plan: &PartPlan, layer: u32) -> Vec<StreamSample> {
+    let servo_hz = f64::from(Settings::default().machine.servo_hz);
+    let [low, high] = GAP_MM;
+    let ticks = plan.stream.ticks_of_layer(layer);
+    let is_in = |sample: &StreamSample| {
+        let [x, y, _] = [0, 1, 2].map(|i| sample.position[i] - plan.transform.offset_mm[i]);
+        let at = turned(x, y, -TURN_DEG);
+        (low[0]..high[0]).contains(&at.x) && (low[1]..high[1]).contains(&at.y)
+    };
+    let samples = samples_within(&plan.stream, servo_hz, 4.0, ticks);
+    let prints = samples.filter(|sample| sample.mark.state == MotionState::Print);
+    prints.filter(is_in).collect()
+}
+
+fn of_kind(plan: &PartPlan, what: Use) -> (f64, Vec<u32>) {
+    let uses = plan.uses.iter().filter(|used| used.what == what);
+    let volume_mm3 = uses.clone().map(|used| used.volume_mm3).sum();
+    (volume_mm3, uses.map(|used| used.layer).collect())
+}
+
+#[test]
+fn a_bridge_goes_from_anchor_to_anchor_as_it_is_asked() {
+    let part = table(&legs());
+    let thin = KindSettings {
+        speed_mm_s: Some(SPEED_MM_S),
+        flow_factor: Some(0.8),
+        ..KindSettings::default()
+    };
+    for density_pct in [20.0, 100.0] {
+        let plan = planned(&part, density_pct, thin);
+        let samples = over_gap(&plan, LEG_LAYERS);
+        assert!(samples.len() > 200, "{}", samples.len());
+        let (mut off_deg, mut fastest, mut rate_mm2) = (0.0f64, 0.0f64, Vec::new());
+        for sample in &samples {
+            let along_deg = sample.velocity[1].atan2(sample.velocity[0]).to_degrees();
+            let off = (along_deg - TURN_DEG).rem_euclid(180.0);
+            off_deg = off_deg.max(off.min(180.0 - off));
+            fastest = fastest.max(sample.speed_mm_s());
+            rate_mm2.push(sample.velocity[CHANNEL_VOLUME] / sample.speed_mm_s());
+        }
+        println!(
+            "{density_pct} %: {off_deg:.4} deg, {fastest:.2} mm/s, {} samples",
+            samples.len()
+        );
+        assert!(off_deg < 1.0, "{off_deg}");
+        // The plan's share of what is asked.
+        let asked = SPEED_MM_S * Settings::default().plan_share;
+        assert!(
+            fastest <= asked * 1.001 && fastest > 0.98 * asked,
+            "{fastest}"
+        );
+        // Only the layer over the gap is bridged.
+        let (thin_mm3, layers) = of_kind(&plan, Use::Bridge);
+        assert_eq!(layers, [LEG_LAYERS]);
+        // The bead over the gap: rows tile what the walls leave, so that width times height is asked.
+        let mean_mm2 = rate_mm2.iter().sum::<f64>() / rate_mm2.len() as f64;
+        let width_mm = mean_mm2 / (0.8 * 0.2);
+        assert!((0.4..=1.201).contains(&width_mm), "{width_mm}");
+        // The layer above lies on it.
+        let above = over_gap(&plan, LEG_LAYERS + 1);
+        let fastest_above = above
+            .iter()
+            .map(StreamSample::speed_mm_s)
+            .fold(0.0, f64::max);
+        assert!(fastest_above > 1.5 * SPEED_MM_S, "{fastest_above}");
+        if density_pct < 100.0 {
+            continue;
+        }
+        let full = planned(&part, density_pct, KindSettings::default());
+        let (full_mm3, _) = of_kind(&full, Use::Bridge);
+        assert!(
+            (thin_mm3 / full_mm3 - 0.8).abs() < 1e-4,
+            "{thin_mm3} {full_mm3}"
+        );
+        for what in [Use::Walls, Use::Solid, Use::Sparse] {
+            let [thin, full] = [&plan, &full].map(|plan| of_kind(plan, what).0);
+            assert!(
+                (thin - full).abs() < 1e-6 * full.max(1.0),
+                "{what:?}: {thin} {full}"
+            );
+        }
+    }
+}
+
+#[test]
+fn what_is_held_at_one_end_is_no_bridge() {
+    let shelf = table(&legs()[..1]);
+    let plan = planned(&shelf, 20.0, KindSettings::default());
+    assert!(of_kind(&plan, Use::Bridge).1.is_empty());
+    assert!(plan.overhangs[LEG_LAYERS as usize].area_mm2 > 100.0);
+}
