@@ -49,15 +49,48 @@ fn skipped() -> bool {
 
 /// What a script said of a page, which must be nothing bad.
 fn driven(script: &str, page: impl AsRef<OsStr>) -> String {
+    driven_with(script, &[page.as_ref()])
+}
+
+fn driven_with(script: &str, arguments: &[&OsStr]) -> String {
     let driven = Command::new("node")
         .arg(root().join("host/tests/browser").join(script))
-        .arg(page)
+        .args(arguments)
         .output()
         .expect("node");
     let said = String::from_utf8_lossy(&driven.stdout).into_owned();
     let failed = String::from_utf8_lossy(&driven.stderr);
     assert!(driven.status.success(), "{said}{failed}");
     said
+}
+
+/// The page of an example.
+fn written(input: &str, options: &[&str], report: &Path) -> PathBuf {
+    let view = Command::new(env!("CARGO_BIN_EXE_headway"))
+        .current_dir(root())
+        .args(["view", "--no-open", "--quiet"])
+        .arg(Path::new("examples").join(input))
+        .arg("--report")
+        .arg(report)
+        .args(options)
+        .output()
+        .expect("the command");
+    assert!(view.status.success(), "{input}: {view:?}");
+    report.join("index.html")
+}
+
+/// Goal: the README shows the page as it is. Method: `picture.mjs` holds a new picture of it against that one; where
+/// the page was changed on purpose, `node host/tests/browser/picture.mjs PAGE docs/pictures/report.png take`.
+#[test]
+fn the_page_looks_as_the_kept_picture() {
+    if skipped() {
+        return;
+    }
+    let folder = tempfile::tempdir().expect("a folder");
+    let page = written("u-part.json", &[], &folder.path().join("u-part"));
+    let kept = root().join("docs/pictures/report.png");
+    let said = driven_with("picture.mjs", &[page.as_ref(), kept.as_ref()]);
+    assert_eq!(said.lines().count(), 2, "{said}");
 }
 
 #[test]
@@ -78,17 +111,7 @@ fn the_page_works_in_a_browser() {
     ];
     for (number, (input, options)) in reports.into_iter().enumerate() {
         let report = folder.path().join(format!("{number}-{input}"));
-        let view = Command::new(env!("CARGO_BIN_EXE_headway"))
-            .current_dir(root())
-            .args(["view", "--no-open", "--quiet"])
-            .arg(Path::new("examples").join(input))
-            .arg("--report")
-            .arg(&report)
-            .args(options)
-            .output()
-            .expect("the command");
-        assert!(view.status.success(), "{input}: {view:?}");
-        let page = report.join("index.html");
+        let page = written(input, options, &report);
         let bytes = page.metadata().expect("the page").len();
         assert!(bytes < PAGE_BYTES_MAX, "{input}: {bytes} bytes");
         println!("{input}, {bytes} bytes");

@@ -5,8 +5,17 @@ mod rig;
 
 use rig::{folder, headway, path, stderr, succeeded};
 
-const COMMANDS: [&str; 9] = [
-    "plan", "headings", "simulate", "view", "export", "inspect", "stream", "board", "machine",
+const COMMANDS: [&str; 10] = [
+    "plan",
+    "headings",
+    "simulate",
+    "view",
+    "export",
+    "inspect",
+    "stream",
+    "board",
+    "calibrate",
+    "machine",
 ];
 
 #[test]
