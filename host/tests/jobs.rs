@@ -96,6 +96,10 @@ fn a_job_is_the_same_wherever_it_goes() {
         "{volume_mm3}"
     );
     assert!(succeeded(&headway(&["export", path(&job), "--to", "svg"])).starts_with("<svg"));
+    let by_width = ["export", path(&job), "--to", "svg", "--colour", "width"];
+    assert!(succeeded(&headway(&by_width)).contains("bead width"));
+    let no_picture = headway(&["export", path(&job), "--to", "csv", "--colour", "width"]);
+    assert_eq!(no_picture.status.code(), Some(2));
     let knots = object(&headway(&["export", path(&job), "--to", "json"]));
     assert_eq!(
         knots["knots"].as_array().map(Vec::len),

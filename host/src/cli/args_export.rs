@@ -1,5 +1,6 @@
 //! The options of `headway export`, with their help.
 
+use crate::report::plan_marks::Colouring;
 use clap::{Args, ValueEnum};
 use std::path::PathBuf;
 
@@ -8,7 +9,7 @@ use std::path::PathBuf;
 #[command(after_help = "\
 Examples:
   headway export part.hwj --to csv --every-ms 2 --output poses.csv
-  headway export part.hwj --to svg --layer 5 > layer-5.svg
+  headway export part.hwj --to svg --layer 5 --colour width > layer-5.svg
   headway export part.hwj --to gcode --dialect klipper -o part.gcode")]
 pub(super) struct ExportArgs {
     /// A job file (.hwj).
@@ -19,6 +20,9 @@ pub(super) struct ExportArgs {
     /// Layer of the picture, from 1.
     #[arg(long, value_name = "N", default_value_t = 1)]
     pub layer: u32,
+    /// What the picture's passes are coloured by [default: zone].
+    #[arg(long, value_enum, value_name = "WHAT")]
+    pub colour: Option<ColourName>,
     /// Time between two rows of the table, ms.
     #[arg(
         long,
@@ -94,6 +98,32 @@ pub(super) enum RetractionName {
     Source,
     /// The extruder's axis back and forth.
     Extruder,
+}
+
+#[derive(Clone, Copy, Debug, ValueEnum)]
+pub(super) enum ColourName {
+    /// The rule that each pass follows; a job from a file has one colour.
+    Zone,
+    /// When it is printed.
+    Order,
+    /// Speed of the tip.
+    Speed,
+    /// Width of the bead.
+    Width,
+    /// Heading.
+    Heading,
+}
+
+impl ColourName {
+    pub(super) fn colouring(self) -> Colouring {
+        match self {
+            ColourName::Zone => Colouring::Zone,
+            ColourName::Order => Colouring::Order,
+            ColourName::Speed => Colouring::Speed,
+            ColourName::Width => Colouring::Width,
+            ColourName::Heading => Colouring::Heading,
+        }
+    }
 }
 
 #[derive(Clone, Copy, Debug, ValueEnum)]

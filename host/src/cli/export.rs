@@ -1,12 +1,13 @@
 //! `headway export`: a job as tables, pictures, JSON or G-code.
 
 use super::CliError;
-use super::args_export::{ExportArgs, ExportName};
+use super::args_export::{ColourName, ExportArgs, ExportName};
 use super::console::Console;
 use super::export_gcode;
 use super::job::{self, Job};
 use super::pictures;
 use super::planned::{self, Planned};
+use crate::report::plan_picture::PlanPicture;
 use crate::report::pose_table::ROWS_MAX;
 use crate::report::{plan_picture, pose_table};
 use headway_protocol::segment::FlowAction;
@@ -19,18 +20,24 @@ pub(super) fn run(args: &ExportArgs, console: &Console) -> Result<(), CliError> 
             args.every_ms
         )));
     }
+    if args.colour.is_some() && !matches!(args.to, ExportName::Svg) {
+        return Err(CliError::Usage(
+            "--colour goes with pictures: --to svg".to_string(),
+        ));
+    }
     let job = job::read(&args.job)?;
     let text = match args.to {
         ExportName::Csv => return csv(&job, args, console),
         ExportName::Gcode => return export_gcode::run(&job, args, console),
-        ExportName::Svg => svg(planned::of_job(job), args.layer)?,
+        ExportName::Svg => svg(planned::of_job(job), args)?,
         ExportName::Json => format!("{:#}\n", json(&job)),
     };
     console.result_to(args.output.as_deref(), &text)
 }
 
 /// A layer's picture.
-fn svg(planned: Planned, number: u32) -> Result<String, CliError> {
+fn svg(planned: Planned, args: &ExportArgs) -> Result<String, CliError> {
+    let number = args.layer;
     let layers = planned.stream.layers();
     if !(1..=layers).contains(&number) {
         return Err(CliError::Usage(format!(
@@ -41,7 +48,10 @@ fn svg(planned: Planned, number: u32) -> Result<String, CliError> {
         1 => planned.name.clone(),
         _ => format!("{}: layer {number} of {layers}", planned.name),
     };
-    let picture = pictures::plan_picture(&title, &planned, number - 1);
+    let picture = PlanPicture {
+        colouring: args.colour.unwrap_or(ColourName::Zone).colouring(),
+        ..pictures::plan_picture(&title, &planned, number - 1)
+    };
     Ok(plan_picture::draw(&picture))
 }
 

@@ -17,6 +17,7 @@ use crate::report::coverage_picture::{Cell, CoveragePicture, Raster};
 use crate::report::figures::SlowPlaceFigures;
 use crate::report::machine_links::MachineLinks;
 use crate::report::page::live_html;
+use crate::report::plan_marks::Colouring;
 use crate::report::plan_picture::{PicturePass, PlanPicture, Zone};
 use crate::report::pose_table::{duration_ticks, samples_within};
 use crate::report::space_picture::{SpacePicture, SpacePoint};
@@ -319,6 +320,7 @@ pub(super) fn plan_picture<'a>(
             .iter()
             .map(|run| vec![run.from, run.to])
             .collect(),
+        colouring: Colouring::Zone,
     }
 }
 
@@ -367,12 +369,14 @@ fn stream_paths(
                 if is_new {
                     passes.push(PicturePass {
                         placements: Vec::new(),
+                        speeds_mm_s: Vec::new(),
                     });
                 }
                 let number = sample.mark.pass.map_or(usize::MAX, |pass| pass as usize);
                 let zone = zone_of.get(number).copied().unwrap_or(Zone::Unknown);
                 if let Some(pass) = passes.last_mut() {
                     pass.placements.push((at, zone));
+                    pass.speeds_mm_s.push(sample.speed_mm_s());
                 }
             }
             // The way to the first pass interrupts nothing.

@@ -145,6 +145,20 @@ impl Canvas {
         self.add_group(group);
     }
 
+    /// A word or number beside a point, legible on lines.
+    pub(super) fn label(&mut self, point: Point2, text: &str) {
+        let (x, y) = self.px(point);
+        let text = Text::new(text)
+            .set("x", format!("{:.1}", x + 6.0))
+            .set("y", format!("{:.1}", y - 6.0))
+            .set("font-size", 13)
+            .set("fill", INK)
+            .set("stroke", "white")
+            .set("stroke-width", 3)
+            .set("paint-order", "stroke");
+        self.add_group(Group::new().add(text));
+    }
+
     /// One more row of the legend.
     pub(super) fn legend(&mut self, swatch: Swatch, text: &str) {
         let x = self.left_px + self.drawing_width_px + MARGIN_PX;

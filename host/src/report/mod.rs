@@ -14,6 +14,7 @@ pub mod job_texts;
 mod layer_figures;
 pub mod machine_links;
 pub mod page;
+pub mod plan_marks;
 pub mod plan_picture;
 pub mod plots;
 pub mod pose_table;

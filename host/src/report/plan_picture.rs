@@ -2,6 +2,7 @@
 //! outlines at their headings, interruptions.
 
 use super::canvas::{Canvas, FAINT, INK, Swatch};
+use super::plan_marks::{Colouring, draw_marks, draw_values, mark_legend, value_legend};
 use crate::geometry::aperture::Aperture;
 use crate::geometry::clearance::Configuration;
 use crate::geometry::polygon::{Box2, Region};
@@ -61,6 +62,8 @@ pub enum Zone {
 pub struct PicturePass {
     /// Placements along it, with the zone of each.
     pub placements: Vec<(Configuration, Zone)>,
+    /// The tip's speed at each; empty where it is not known.
+    pub speeds_mm_s: Vec<f64>,
 }
 
 /// What is drawn, mm, in the input's coordinates.
@@ -82,6 +85,8 @@ pub struct PlanPicture<'a> {
     pub travel: Vec<Vec<Point2>>,
     /// Boundary pieces that no placement inside touches.
     pub unreachable: Vec<Vec<Point2>>,
+    /// What the passes' lines are coloured by.
+    pub colouring: Colouring,
 }
 
 /// Draws the sheet.
@@ -106,7 +111,10 @@ pub fn draw(picture: &PlanPicture) -> String {
     }
     draw_nozzles(&mut canvas, picture);
     draw_lines(&mut canvas, &picture.axis, FAINT, 0.8, "6 3");
-    draw_passes(&mut canvas, picture);
+    if picture.colouring == Colouring::Zone {
+        draw_passes(&mut canvas, picture);
+    }
+    draw_values(&mut canvas, picture);
     draw_lines(&mut canvas, &picture.travel, TRAVEL, 1.2, "4 3");
     canvas.add(
         Path::new()
@@ -132,6 +140,7 @@ pub fn draw(picture: &PlanPicture) -> String {
     };
     canvas.dots(&ends(true), 4.5, TRAVEL);
     canvas.dots(&ends(false), 3.5, START);
+    draw_marks(&mut canvas, picture);
     draw_legend(&mut canvas, picture);
     canvas.finish()
 }
@@ -163,10 +172,13 @@ fn draw_legend(canvas: &mut Canvas, picture: &PlanPicture) {
     }
     for (zone, _, colour, name) in ZONES {
         let placements = || picture.passes.iter().flat_map(|pass| &pass.placements);
-        if placements().any(|(_, its_zone)| *its_zone == zone) {
+        let is_shown = picture.colouring == Colouring::Zone;
+        if is_shown && placements().any(|(_, its_zone)| *its_zone == zone) {
             canvas.legend(Swatch::Line(colour, 1.6, false), name);
         }
     }
+    value_legend(canvas, picture);
+    mark_legend(canvas, picture);
     if !picture.keep_out.is_empty() {
         canvas.legend(Swatch::Fill(KEEP_OUT), "keep-out");
     }

@@ -13,6 +13,7 @@ use crate::part_transform::PartTransform;
 use crate::settings::Settings;
 use coverage_picture::Cell;
 use headway_protocol::segment::Knot;
+use plan_marks::Colouring;
 use plan_picture::{PicturePass, Zone};
 use usvg::roxmltree::Document;
 
@@ -52,6 +53,7 @@ fn the_plan_shows_passes_nozzles_and_interruptions() {
             placements: (0..=8)
                 .map(|k| at(1.0 + k as f64, zone(1.0 + k as f64)))
                 .collect(),
+            speeds_mm_s: (0..=8).map(f64::from).collect(),
         })
         .collect();
     let picture = PlanPicture {
@@ -66,6 +68,7 @@ fn the_plan_shows_passes_nozzles_and_interruptions() {
         passes,
         travel: vec![vec![Point2::new(9.0, 5.0), Point2::new(1.0, 5.0)]],
         unreachable: Vec::new(),
+        colouring: Colouring::Zone,
     };
     let text = plan_picture::draw(&picture);
     // Starts and ends of two passes, and two dots of the legend.
@@ -73,6 +76,66 @@ fn the_plan_shows_passes_nozzles_and_interruptions() {
     // Nine placements 1 mm apart, every one of two passes drawn (two arcs each).
     assert_eq!(text.matches('A').count(), 2 * 2 * 9);
     assert!(text.contains("one bead across") && text.contains("1 mm") && text.contains("&lt;"));
+    // Both passes run to the right, 100 px a mm: an arrow each 70 px, so that each of 8 steps has one, but for the
+    // half distance before the first; its tip is to the right of its other corners.
+    let arrows = arrows(&text);
+    assert_eq!(arrows.len(), 2 * 8);
+    assert!(
+        arrows
+            .iter()
+            .all(|[tip, left, right]| tip > left && tip > right)
+    );
+    assert!(
+        text.contains("\n1\n") && text.contains("\n2\n"),
+        "passes are numbered"
+    );
+    // Speeds of 0 to 8 mm/s in steps of 1: each step of a pass is of the next colour, and the last two of the last.
+    let coloured = PlanPicture {
+        colouring: Colouring::Speed,
+        ..picture
+    };
+    let text = plan_picture::draw(&coloured);
+    assert!(text.contains("speed 7.00 to 8.00 mm/s") && !text.contains("one bead across"));
+    let xml = Document::parse(&text).expect("well-formed");
+    for (colour, from_px) in [
+        ("#440154", "M124"),
+        ("#277f8e", "M424"),
+        ("#fde725", "M824"),
+    ] {
+        let line = xml
+            .descendants()
+            .find(|n| n.attribute("stroke") == Some(colour) && n.tag_name().name() == "path");
+        let data = line.and_then(|n| n.attribute("d")).unwrap_or_default();
+        assert_eq!(data.matches(from_px).count(), 2, "{colour}: {data}");
+    }
+    let by_width = PlanPicture {
+        colouring: Colouring::Width,
+        ..coloured
+    };
+    assert!(plan_picture::draw(&by_width).contains("bead width"));
+}
+
+/// The x of the corners of each arrow of a sheet, the tip first.
+fn arrows(text: &str) -> Vec<[f64; 3]> {
+    let xml = Document::parse(text).expect("well-formed");
+    let marks = xml
+        .descendants()
+        .find(|n| n.attribute("class") == Some("direction"));
+    let data = marks
+        .and_then(|n| n.attribute("d"))
+        .unwrap_or_default()
+        .to_owned();
+    let triangles = data.split('Z').filter(|triangle| !triangle.is_empty());
+    triangles
+        .map(|triangle| {
+            let corners = triangle
+                .split(['M', 'L'])
+                .filter(|corner| !corner.is_empty());
+            let x = corners.map(|corner| corner.split(' ').next().and_then(|x| x.parse().ok()));
+            let x: Vec<f64> = x.map(|x| x.expect("a number")).collect();
+            [x[0], x[1], x[2]]
+        })
+        .collect()
 }
 
 #[test]
@@ -164,9 +227,11 @@ fn empty_plan() -> PlanPicture<'static> {
                 },
                 Zone::Unknown,
             )],
+            speeds_mm_s: Vec::new(),
         }],
         travel: Vec::new(),
         unreachable: Vec::new(),
+        colouring: Colouring::Zone,
     }
 }
 
