@@ -8,6 +8,7 @@ use crate::homing::HomingConfiguration;
 use crate::settings::store::SettingsStore;
 use crate::settings::{BoardLimits, BoardSettings, record_hash};
 use crate::shaping::UNSHAPED;
+use crate::wiring::Wiring;
 use core::f64::consts::TAU;
 use embedded_storage::nor_flash::NorFlash;
 use heapless::Vec;
@@ -83,6 +84,7 @@ pub fn built_for() -> Option<BoardSettings> {
         machine,
         heaters: None,
         drivers: DriversConfiguration::none(),
+        wiring: Wiring::STANDARD,
     })
 }
 

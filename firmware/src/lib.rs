@@ -50,3 +50,4 @@ pub mod spline;
 pub mod steps;
 pub mod time_warp;
 pub mod watchdog;
+pub mod wiring;

@@ -6,6 +6,7 @@ use crate::configuration::MOTORS_MAX;
 use crate::heat::HEATERS_MAX;
 use crate::heat::pwm::CHANNELS;
 use crate::output::Pin;
+use crate::wiring::BoardInputs;
 
 const A: usize = 0;
 const B: usize = 1;
@@ -82,8 +83,23 @@ pub const SWITCHES: [Pin; MOTORS_MAX] = [
     (G, 14),
     (G, 15),
 ];
-/// Emergency input, the signal pin of the probe port: normally closed to ground, pulled up.
-pub const EMERGENCY: Pin = (B, 7);
+/// The signal pin of the probe port, pulled up: the emergency input, unless settings give it another role.
+pub const PROBE: Pin = (B, 7);
+/// Inputs by number: the switches, then the probe port. All of them are lines 5 to 15 of the external
+/// interrupts.
+pub const INPUTS: BoardInputs = BoardInputs {
+    count: MOTORS_MAX as u8 + 1,
+    emergency: MOTORS_MAX as u8,
+    emergency_mask: 0x1ff,
+};
+/// Pin of an input.
+pub fn input(number: u8) -> Option<Pin> {
+    match SWITCHES.get(usize::from(number)) {
+        Some(pin) => Some(*pin),
+        None if usize::from(number) == SWITCHES.len() => Some(PROBE),
+        None => None,
+    }
+}
 /// Heaters 0 to 2, hot end, bed and second hot end (HE0, the bed's, HE1), then part, hot end and
 /// controller fan (FAN0 to FAN2): the channels of the PWM.
 pub const HEAT: [Pin; CHANNELS] = [(A, 2), (A, 1), (A, 3), (A, 8), (E, 5), (D, 12)];

@@ -25,6 +25,7 @@ use headway_firmware::configuration::MachineConfiguration;
 use headway_firmware::drivers::DriversConfiguration;
 use headway_firmware::heat::HeatConfiguration;
 use headway_firmware::homing::HomingConfiguration;
+use headway_firmware::wiring::Wiring;
 
 /// How passes are laid where the passage is narrow.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -315,6 +316,8 @@ pub struct Settings {
     pub drivers: DriversConfiguration,
     /// Switches to home to; `None`: the usual ones.
     pub switches: Option<HomingConfiguration>,
+    /// Roles of the board's inputs, senses of its motors.
+    pub wiring: Wiring,
 }
 
 #[cfg(test)]

@@ -38,7 +38,7 @@ device: 0 welcome{protocol u16,schema u32,firmware u8*3,machine_hash u32,knots u
 servo u32,step u32,session u32,host_session u32,stream option{job u32,first u32,next u32,knots u32,spans u32},\
 settings_hash u32}\n\
  1 refused{sequence u16,reason 0 protocol u16 1 schema u32 2 machine u32 3 no stream 4 busy 5 faulted 6 invalid 7 no hello \
-8 settings{problem 0..13 u8,index u8,item u8,value f32}}\n\
+8 settings{problem 0..14 u8,index u8,item u8,value f32}}\n\
  2 ack{session u32,next u32,knot_limit u32,event_limit u32,control u16} 3 nak(ack)\n\
  4 status{session u32,state u8,sigma u16,override u16,flow u16,spans u32,knots u16,events u16,\
 referenced u8,switches u8,counts vec i32,heaters vec{decidegrees i16,target u16,duty u16},fan u16,fault option,\

@@ -34,6 +34,8 @@ pub enum SettingsProblem {
     Board,
     /// A number of the driver of motor `index`.
     Driver,
+    /// An input of joint `index`'s switch, or the emergency input.
+    Wiring,
 }
 
 /// A number that is refused, as near as f32 has it; NaN for one that is none.
@@ -104,6 +106,7 @@ pub const fn items(problem: SettingsProblem) -> &'static [&'static str] {
             "threshold",
             "motor",
         ],
+        SettingsProblem::Wiring => &["switch input", "emergency input"],
         _ => &[],
     }
 }
@@ -162,6 +165,11 @@ impl SettingsRefusal {
             SettingsProblem::Board => write!(
                 f,
                 "it has {index} motors at most, and the step and servo rates of its own firmware"
+            ),
+            SettingsProblem::Wiring => write!(
+                f,
+                "the wiring does not fit (joint {index} where it is a switch): an input is missing on the \
+                 board, taken twice, or without an interrupt"
             ),
             SettingsProblem::Driver => {
                 write!(f, "a number of the driver of motor {index} does not fit")

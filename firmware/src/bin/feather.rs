@@ -31,6 +31,7 @@ mod board {
     use headway_firmware::drivers::NoDrivers;
     use headway_firmware::heat::HeatConfiguration;
     use headway_firmware::output::Pin;
+    use headway_firmware::wiring::{BoardInputs, Wiring};
     use stm32f4xx_hal::gpio::{self, ErasedPin, Input};
     use stm32f4xx_hal::pac::{self, Interrupt, interrupt};
     use stm32f4xx_hal::prelude::*;
@@ -50,8 +51,8 @@ mod board {
         },
     ];
     pub type Output = PinOutput<OutputPin, OutputPin, MOTORS>;
-    /// X, Y, Z.
-    pub type Pins = PinBoard<ErasedPin<Input>, OutputPin, 3, 1>;
+    /// Four inputs.
+    pub type Pins = PinBoard<ErasedPin<Input>, OutputPin, 4, 1>;
     pub type UsbLine = NoLine;
     pub type HeatPins = NoHeat;
     /// Its drivers stand alone: no pin is left for their wires.
@@ -59,7 +60,18 @@ mod board {
 
     /// STM32F405.
     pub const CHIP_ID: u32 = 0x413;
-    pub const EMERGENCY: Pin = (1, 7);
+    /// Switches of X, Y and Z, then the emergency input; Z's has no line of the interrupts that are used.
+    const INPUT_PINS: [Pin; 4] = [(1, 9), (1, 8), (2, 3), (1, 7)];
+    pub const INPUTS: BoardInputs = BoardInputs {
+        count: 4,
+        emergency: 3,
+        emergency_mask: 0b1011,
+    };
+
+    pub fn input(number: u8) -> Option<Pin> {
+        INPUT_PINS.get(usize::from(number)).copied()
+    }
+
     /// Ports A to C.
     pub const PORTS_CLOCK_MASK: u32 = 0b111;
     /// USART 3: TX and RX of the header.
@@ -79,7 +91,7 @@ mod board {
         SerialLine::interrupt();
     }
 
-    pub fn set_up_board(device: pac::Peripherals, motors: usize) -> Option<Parts> {
+    pub fn set_up_board(device: pac::Peripherals, motors: usize, wiring: &Wiring) -> Option<Parts> {
         if motors > MOTORS {
             return None;
         }
@@ -104,7 +116,7 @@ mod board {
             c.pc6.into_push_pull_output().erase(),
             b.pb14.into_push_pull_output().erase(),
         ];
-        let switches = [
+        let [x, y, z] = [
             b.pb9.into_pull_up_input().erase(),
             b.pb8.into_pull_up_input().erase(),
             c.pc3.into_pull_up_input().erase(),
@@ -112,8 +124,13 @@ mod board {
         let emergency = b.pb7.into_pull_up_input().erase();
         let enable = c.pc2.into_push_pull_output_in_state(gpio::PinState::High);
         Some(Parts {
-            output: PinOutput::new(steps, directions, 0),
-            pins: PinBoard::new(switches, emergency, [enable.erase()], &mut CoreDelay),
+            output: PinOutput::new(steps, directions, wiring.reversed_motors),
+            pins: PinBoard::new(
+                [x, y, z, emergency],
+                wiring.map(&INPUTS),
+                [enable.erase()],
+                &mut CoreDelay,
+            ),
             usb: NoLine,
             heat: NoHeat,
             drivers: NoDrivers,

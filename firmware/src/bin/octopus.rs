@@ -45,7 +45,8 @@ mod board {
     use crate::ports::DriverPorts;
     use crate::stm32f4::{self, Parts, SerialLine};
     use headway_firmware::heat::HeatConfiguration;
-    use headway_firmware::output::{Pin, PortOutput};
+    use headway_firmware::output::PortOutput;
+    use headway_firmware::wiring::Wiring;
     use stm32f4xx_hal::pac::{self, Interrupt, interrupt};
 
     pub type Output = PortOutput<DriverPorts>;
@@ -69,7 +70,7 @@ mod board {
 
     /// STM32F446.
     pub const CHIP_ID: u32 = 0x421;
-    pub const EMERGENCY: Pin = headway_firmware::octopus::EMERGENCY;
+    pub use headway_firmware::octopus::{INPUTS, input};
     /// Ports A to G.
     pub const PORTS_CLOCK_MASK: u32 = 0x7f;
     /// USART 2.
@@ -82,8 +83,8 @@ mod board {
         SerialLine::interrupt();
     }
 
-    pub fn set_up_board(device: pac::Peripherals, motors: usize) -> Option<Parts> {
-        let pins = pins::set_up(motors);
+    pub fn set_up_board(device: pac::Peripherals, motors: usize, wiring: &Wiring) -> Option<Parts> {
+        let pins = pins::set_up(motors, wiring.map(&INPUTS));
         #[cfg(feature = "octopus")]
         let usb = crate::usb::set_up(device)?;
         #[cfg(not(feature = "octopus"))]
@@ -92,7 +93,11 @@ mod board {
             headway_firmware::board::NoLine
         };
         Some(Parts {
-            output: PortOutput::new(DriverPorts::new(pins::PORTS), motors, 0),
+            output: PortOutput::new(
+                DriverPorts::new(pins::PORTS),
+                motors,
+                wiring.reversed_motors,
+            ),
             pins,
             usb,
             heat: crate::heat::OctopusHeat::set_up(),

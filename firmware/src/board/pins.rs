@@ -5,6 +5,7 @@
 
 use crate::inputs::Inputs;
 use crate::output::StepOutput;
+use crate::wiring::{INPUTS_MAX, InputMap};
 use embedded_hal::delay::DelayNs;
 use embedded_hal::digital::{InputPin, OutputPin, PinState};
 
@@ -73,28 +74,28 @@ pub trait BoardPins {
     fn put_heat(&mut self, _levels: u8) {}
 }
 
-/// Inputs pulled up, of switches that are normally closed to ground: pressed or broken is high. Enable
-/// pins, low = on.
+/// Inputs pulled up, by number, with their roles; one that cannot be read counts as pressed. Enable pins,
+/// low = on.
 #[derive(Debug)]
-pub struct PinBoard<I, E, const JOINTS: usize, const ENABLES: usize> {
-    switches: [I; JOINTS],
-    emergency: I,
+pub struct PinBoard<I, E, const INPUTS: usize, const ENABLES: usize> {
+    inputs: [I; INPUTS],
+    map: InputMap,
     enables: [E; ENABLES],
 }
 
-impl<I: InputPin, E: OutputPin, const JOINTS: usize, const ENABLES: usize>
-    PinBoard<I, E, JOINTS, ENABLES>
+impl<I: InputPin, E: OutputPin, const INPUTS: usize, const ENABLES: usize>
+    PinBoard<I, E, INPUTS, ENABLES>
 {
-    /// Drivers off; returns once the inputs can be believed. Pin m of the switches is joint m's.
+    /// Drivers off; returns once the inputs can be believed. 16 inputs at most.
     pub fn new(
-        switches: [I; JOINTS],
-        emergency: I,
+        inputs: [I; INPUTS],
+        map: InputMap,
         enables: [E; ENABLES],
         delay: &mut impl DelayNs,
     ) -> Self {
         let mut board = Self {
-            switches,
-            emergency,
+            inputs,
+            map,
             enables,
         };
         board.hold(false);
@@ -103,18 +104,16 @@ impl<I: InputPin, E: OutputPin, const JOINTS: usize, const ENABLES: usize>
     }
 }
 
-impl<I: InputPin, E: OutputPin, const JOINTS: usize, const ENABLES: usize> BoardPins
-    for PinBoard<I, E, JOINTS, ENABLES>
+impl<I: InputPin, E: OutputPin, const INPUTS: usize, const ENABLES: usize> BoardPins
+    for PinBoard<I, E, INPUTS, ENABLES>
 {
     fn inputs(&mut self) -> Inputs {
-        let mut switches = 0;
-        for (joint, pin) in self.switches.iter_mut().enumerate() {
-            switches |= u8::from(pin.is_high().unwrap_or(true)) << joint;
+        let mut levels = 0;
+        for (number, pin) in (0u8..INPUTS_MAX).zip(&mut self.inputs) {
+            let pressed = !self.map.is_open(number);
+            levels |= u16::from(pin.is_high().unwrap_or(pressed)) << number;
         }
-        Inputs {
-            switches,
-            emergency: self.emergency.is_high().unwrap_or(true),
-        }
+        self.map.inputs(levels)
     }
 
     fn hold(&mut self, on: bool) {

@@ -5,6 +5,7 @@ use super::*;
 use crate::configuration::MOTORS_MAX;
 use crate::inputs::Inputs;
 use crate::output::{Pin, PortOutput, Ports, StepOutput};
+use crate::wiring::{BoardInputs, Wiring};
 use core::convert::Infallible;
 use embedded_hal::digital::{ErrorType, OutputPin};
 use embedded_hal_mock::eh1::delay::{CheckedDelay, Transaction as Delay};
@@ -121,9 +122,15 @@ fn inputs_settle_before_they_are_believed_and_broken_ones_count_as_pressed() {
         PinUse::set(State::Low),
     ])];
     let mut delay = CheckedDelay::new(&[Delay::delay_ms(20)]);
+    let [x, y, z] = switches.clone();
+    let inputs = BoardInputs {
+        count: 4,
+        emergency: 3,
+        emergency_mask: 0b1000,
+    };
     let mut pins = PinBoard::new(
-        switches.clone(),
-        emergency.clone(),
+        [x, y, z, emergency.clone()],
+        Wiring::STANDARD.map(&inputs),
         enables.clone(),
         &mut delay,
     );

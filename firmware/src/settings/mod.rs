@@ -7,7 +7,8 @@
 //! [`SETTINGS_BYTES_MAX`]. Out: [`BoardSettings`] that can be run, or a [`SettingsRefusal`] with the place.
 //! A section that is missing leaves the board's own, the machine alone must be there; an unknown one is
 //! refused, unless its tag says that a board may do without it. `store` keeps a record in flash, `inbox`
-//! collects one from the line. Left out: which pin is which, which is the board's.
+//! collects one from the line. Left out: which pin an input is,
+//! which is the board's.
 
 pub mod inbox;
 pub mod store;
@@ -20,6 +21,7 @@ use crate::heat::HeatConfiguration;
 use crate::homing::HomingConfiguration;
 use crate::machine::Machine;
 use crate::shaping::Shaper;
+use crate::wiring::{BoardInputs, Wiring, WrongWiring};
 use headway_protocol::frame::checksum;
 use headway_protocol::message::RefusedNumber;
 pub use headway_protocol::message::{SETTINGS_BYTES_MAX, SettingsProblem, SettingsRefusal};
@@ -36,6 +38,8 @@ const SWITCHES: u8 = 2;
 const HEATERS: u8 = 3;
 /// [`DriversConfiguration`].
 const DRIVERS: u8 = 4;
+/// [`Wiring`].
+const WIRING: u8 = 5;
 /// A section with this bit may be left alone by a board that does not know it.
 const MAY_BE_SKIPPED: u8 = 0x80;
 /// Tag and length.
@@ -54,6 +58,8 @@ pub struct BoardLimits {
     pub servo_hz: u32,
     /// As above.
     pub step_hz: u32,
+    /// Its inputs.
+    pub inputs: BoardInputs,
 }
 
 /// What a board can be told without building its firmware.
@@ -67,6 +73,8 @@ pub struct BoardSettings {
     pub heaters: Option<HeatConfiguration>,
     /// Drivers that the board speaks with.
     pub drivers: DriversConfiguration,
+    /// Roles of inputs, senses of motors.
+    pub wiring: Wiring,
 }
 
 impl BoardSettings {
@@ -93,7 +101,18 @@ impl BoardSettings {
         self.drivers.check(machine).map_err(|wrong| {
             let place = refusal(SettingsProblem::Driver, wrong.motor);
             with_number(place, Some((wrong.item.number(), wrong.value)))
-        })
+        })?;
+        let wired = self.wiring.check(machine);
+        wired.map_err(|wrong| self.of_wiring(wrong))
+    }
+
+    fn of_wiring(&self, wrong: WrongWiring) -> SettingsRefusal {
+        let (joint, item, input) = match wrong {
+            WrongWiring::Switch(joint) => (joint, 1, self.wiring.switch_inputs.get(joint).copied()),
+            WrongWiring::Emergency => (0, 2, self.wiring.emergency_input),
+        };
+        let number = input.map(|input| (item, f64::from(input)));
+        with_number(refusal(SettingsProblem::Wiring, joint), number)
     }
 
     /// Where the switches of a joint are wrong.
@@ -113,11 +132,11 @@ impl BoardSettings {
         let machine = &self.machine;
         let suits = machine.joints.len() < board.motors_max
             && (machine.servo_hz, machine.step_hz) == (board.servo_hz, board.step_hz);
-        if suits {
-            Ok(())
-        } else {
-            Err(refusal(SettingsProblem::Board, board.motors_max))
+        if !suits {
+            return Err(refusal(SettingsProblem::Board, board.motors_max));
         }
+        let wired = self.wiring.check_for(machine, &board.inputs);
+        wired.map_err(|wrong| self.of_wiring(wrong))
     }
 
     /// Checks them and writes the record.
@@ -136,6 +155,9 @@ impl BoardSettings {
         }
         if !self.drivers.is_none() {
             section(&mut record, DRIVERS, &self.drivers)?;
+        }
+        if self.wiring != Wiring::STANDARD {
+            section(&mut record, WIRING, &self.wiring)?;
         }
         let crc = checksum(&[&record]).to_le_bytes();
         let no_room = refusal(SettingsProblem::Section, 0);
@@ -163,7 +185,7 @@ impl BoardSettings {
             return Err(refusal(SettingsProblem::Version, SETTINGS_VERSION.into()));
         }
         let (mut machine, mut switches, mut heaters) = (None, None, None);
-        let mut drivers = None;
+        let (mut drivers, mut wiring) = (None, None);
         // Each round takes at least a head off a bounded record.
         while let Some((&[tag, low, high], behind)) = rest.split_first_chunk::<HEAD_BYTES>() {
             let wrong = refusal(SettingsProblem::Section, tag.into());
@@ -174,6 +196,7 @@ impl BoardSettings {
                 SWITCHES => once(&mut switches, content, wrong)?,
                 HEATERS => once(&mut heaters, content, wrong)?,
                 DRIVERS => once(&mut drivers, content, wrong)?,
+                WIRING => once(&mut wiring, content, wrong)?,
                 _ if tag & MAY_BE_SKIPPED != 0 => {}
                 _ => return Err(wrong),
             }
@@ -189,6 +212,7 @@ impl BoardSettings {
             machine,
             heaters,
             drivers: drivers.unwrap_or_default(),
+            wiring: wiring.unwrap_or_default(),
         };
         settings.check()?;
         Ok(settings)

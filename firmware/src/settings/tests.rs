@@ -24,6 +24,11 @@ const BOARD: BoardLimits = BoardLimits {
     motors_max: 5,
     servo_hz: 2000,
     step_hz: 200_000,
+    inputs: BoardInputs {
+        count: 9,
+        emergency: 8,
+        emergency_mask: 0x1ff,
+    },
 };
 
 /// Two sectors of NOR flash: erasing sets bits, a word is programmed once, and the power may fail.
@@ -94,6 +99,7 @@ fn settings(machine: MachineConfiguration) -> BoardSettings {
         machine,
         heaters: Some(HeatConfiguration::standard()),
         drivers: DriversConfiguration::none(),
+        wiring: Wiring::STANDARD,
     }
 }
 
@@ -488,4 +494,30 @@ fn drivers_come_back_and_their_wrong_numbers_are_told() {
         ..refusal(SettingsProblem::Driver, 5)
     };
     assert_eq!(right.encode(), Err(refused), "the machine has five motors");
+}
+
+#[test]
+fn wiring_comes_back_and_what_a_board_has_not_is_told() {
+    let mut right = settings(built_in_planar());
+    right.wiring.reversed_motors = 0b10;
+    right.wiring.emergency_input = Some(7);
+    right.wiring.open_inputs = 1 << 8;
+    right.wiring.switch_inputs[2] = 8;
+    let record = right.encode().unwrap();
+    assert_eq!(BoardSettings::decode(&record).unwrap(), right);
+    assert_eq!(right.check_for(&BOARD), Ok(()));
+    let refused = |item, joint, value: f32| {
+        Err(SettingsRefusal {
+            item,
+            value: RefusedNumber(value),
+            ..refusal(SettingsProblem::Wiring, joint)
+        })
+    };
+    right.wiring.emergency_input = Some(8);
+    assert_eq!(right.check(), refused(1, 2, 8.0), "Z has it");
+    right.wiring.emergency_input = Some(12);
+    assert_eq!(right.check(), Ok(()));
+    assert_eq!(right.check_for(&BOARD), refused(2, 0, 12.0));
+    right.wiring.emergency_input = Some(16);
+    assert_eq!(right.check(), refused(2, 0, 16.0));
 }

@@ -19,6 +19,7 @@ pub(super) fn board_settings(settings: Settings) -> BoardSettings {
         machine: settings.machine,
         heaters: settings.heaters,
         drivers: settings.drivers,
+        wiring: settings.wiring,
     }
 }
 

@@ -16,6 +16,7 @@ use headway_firmware::heat::HeatConfiguration;
 use headway_firmware::homing::HomingConfiguration;
 use headway_firmware::inputs::Inputs;
 use headway_firmware::machine::Machine;
+use headway_firmware::octopus::INPUTS;
 use headway_firmware::output::StepOutput;
 use headway_firmware::receiver::Receiver;
 use headway_firmware::settings::BoardLimits;
@@ -166,6 +167,7 @@ impl VirtualBoard {
             motors_max: MOTORS_MAX,
             servo_hz: machine.servo_hz,
             step_hz: machine.step_hz,
+            inputs: INPUTS,
         });
         self.store = Some(store);
     }

@@ -267,7 +267,8 @@ impl Settings {
         let wrong = self.heaters.as_ref().and_then(wrong_heater);
         wrong.map_or(Ok(()), |key| Err(SettingsError::Heater { key }))?;
         check_drivers(&self.drivers, &self.machine)?;
-        self.check_switches()
+        self.check_switches()?;
+        self.check_wiring()
     }
 
     fn check_flow(&self) -> Result<(), SettingsError> {

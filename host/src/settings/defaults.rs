@@ -13,6 +13,7 @@ use headway_firmware::configuration::{
 };
 use headway_firmware::drivers::DriversConfiguration;
 use headway_firmware::shaping::UNSHAPED;
+use headway_firmware::wiring::Wiring;
 use std::f64::consts::TAU;
 
 /// Work area of both built-in machines, mm.
@@ -132,6 +133,7 @@ impl Settings {
             heaters: None,
             drivers: DriversConfiguration::none(),
             switches: None,
+            wiring: Wiring::STANDARD,
         }
     }
 }

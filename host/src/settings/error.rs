@@ -26,6 +26,17 @@ pub enum SettingsError {
         /// What would fit.
         remedy: String,
     },
+    /// Inputs that cannot be.
+    #[error(
+        "wiring.{key} is {input}: inputs are numbered from 0 to 15 as the board has them, and the emergency input \
+         is no switch"
+    )]
+    Wiring {
+        /// Which one.
+        key: String,
+        /// What was given.
+        input: u8,
+    },
     /// A number of a switch does not fit.
     #[error(
         "switches.{joint}: {item} is {}; speeds are above 0 and at most the joint's speed_max, ways above 0, and \

@@ -24,6 +24,7 @@ mod joints;
 mod kinds;
 mod shaper;
 mod switches;
+mod wiring;
 mod write;
 use drivers::FileDriver;
 use heat::{FileHeaters, FileMaterial};
@@ -33,6 +34,7 @@ use kinds::FileKinds;
 use shaper::FileShaper;
 use std::collections::BTreeMap;
 use switches::FileSwitch;
+use wiring::FileWiring;
 pub use write::{to_new_toml, to_toml};
 
 /// Why a machine file cannot be used.
@@ -110,6 +112,8 @@ struct File {
     #[serde(default)]
     drivers: BTreeMap<String, FileDriver>,
     switches: Option<BTreeMap<String, FileSwitch>>,
+    #[serde(default)]
+    wiring: FileWiring,
 }
 
 #[derive(Clone, Copy, Deserialize, PartialEq)]
@@ -275,6 +279,7 @@ impl File {
             machine_name: self.name.clone(),
             drivers: drivers::drivers(&self.drivers, &machine)?,
             switches: self.switches(&machine)?,
+            wiring: self.wiring.wiring(&machine)?,
             machine,
             work_area_mm: [self.work_area.min_mm, self.work_area.max_mm],
             aperture,

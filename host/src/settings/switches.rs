@@ -4,6 +4,7 @@ use super::Settings;
 use super::check::joint_names;
 use super::error::SettingsError;
 use headway_firmware::homing::HomingConfiguration;
+use headway_firmware::wiring::WrongWiring;
 use headway_protocol::message::SettingsProblem;
 use headway_protocol::settings::items;
 
@@ -12,6 +13,24 @@ impl Settings {
     pub fn homing(&self) -> HomingConfiguration {
         let usual = || HomingConfiguration::standard(&self.machine);
         self.switches.clone().unwrap_or_else(usual)
+    }
+
+    /// Every input, whatever board.
+    pub(super) fn check_wiring(&self) -> Result<(), SettingsError> {
+        let wiring = &self.wiring;
+        wiring.check(&self.machine).map_err(|wrong| match wrong {
+            WrongWiring::Switch(joint) => {
+                let names = joint_names(&self.machine.kinematics);
+                SettingsError::Wiring {
+                    key: format!("switch_inputs.{}", names.get(joint).unwrap_or(&"?")),
+                    input: wiring.switch_inputs.get(joint).copied().unwrap_or(0),
+                }
+            }
+            WrongWiring::Emergency => SettingsError::Wiring {
+                key: "emergency_input".to_string(),
+                input: wiring.emergency_input.unwrap_or(0),
+            },
+        })
     }
 
     /// Every number of those that are given.

@@ -7,9 +7,10 @@ use embedded_hal::delay::DelayNs;
 use headway_firmware::board::{BoardPins, INPUTS_SETTLE_MS};
 use headway_firmware::inputs::Inputs;
 use headway_firmware::octopus::{
-    DIRECTION, EMERGENCY, ENABLE, HEAT, OFF, SENSORS, SERIAL, STEP, SUPPLY, SWITCHES,
+    DIRECTION, ENABLE, HEAT, OFF, PROBE, SENSORS, SERIAL, STEP, SUPPLY, SWITCHES,
 };
 use headway_firmware::output::Pin;
+use headway_firmware::wiring::InputMap;
 
 const MODE: usize = 0x00;
 const PULL: usize = 0x0c;
@@ -81,15 +82,13 @@ fn alternate((port, number): Pin, function: u32) {
 /// Switches, emergency input and enables, by ports.
 pub struct OctopusPins {
     motors: usize,
+    map: InputMap,
 }
 
 impl BoardPins for OctopusPins {
     #[inline(always)]
     fn inputs(&mut self) -> Inputs {
-        Inputs {
-            switches: switches(),
-            emergency: is_high(EMERGENCY),
-        }
+        self.map.inputs(levels())
     }
 
     #[inline(always)]
@@ -120,7 +119,7 @@ pub fn supply(on: bool) {
 }
 
 /// Sets every pin up, before any interrupt is on: all off. Port clocks must run.
-pub fn set_up(motors: usize) -> OctopusPins {
+pub fn set_up(motors: usize, map: InputMap) -> OctopusPins {
     heaters_off();
     output(SUPPLY, true);
     for (pin, _) in SENSORS {
@@ -137,23 +136,24 @@ pub fn set_up(motors: usize) -> OctopusPins {
         output(pin, false);
     }
     SWITCHES.into_iter().for_each(input);
-    input(EMERGENCY);
+    input(PROBE);
     for pin in SERIAL {
         // An input that floats hears noise.
         modify(pin.0, PULL, 2 * pin.1, 2, 1);
         alternate(pin, SERIAL_FUNCTION);
     }
     CoreDelay.delay_ms(INPUTS_SETTLE_MS);
-    OctopusPins { motors }
+    OctopusPins { motors, map }
 }
 
-/// Switches pressed, bit 0 = joint 0.
-fn switches() -> u8 {
-    let mut pressed = 0;
-    for (joint, pin) in SWITCHES.into_iter().enumerate() {
-        pressed |= u8::from(is_high(pin)) << joint;
+/// Levels of the inputs, by number.
+#[inline(always)]
+fn levels() -> u16 {
+    let mut high = 0;
+    for (number, pin) in SWITCHES.into_iter().chain([PROBE]).enumerate() {
+        high |= u16::from(is_high(pin)) << number;
     }
-    pressed
+    high
 }
 
 /// Lets the drivers of the first `motors` motors hold, or all go.

@@ -20,8 +20,8 @@ mod heat;
 pub mod start;
 
 use crate::board::{
-    CHIP_ID, DriverPins, EMERGENCY, HeatPins, Output, PORTS_CLOCK_MASK, Pins, SERIAL_CLOCK_MASK,
-    SERIAL_INTERRUPT, SERIAL_PORT, UsbLine, heaters, heaters_off, set_up_board,
+    CHIP_ID, DriverPins, HeatPins, INPUTS, Output, PORTS_CLOCK_MASK, Pins, SERIAL_CLOCK_MASK,
+    SERIAL_INTERRUPT, SERIAL_PORT, UsbLine, heaters, heaters_off, input, set_up_board,
 };
 use crate::runtime::{self, Board, Outgoing, Shared, with_motion};
 use core::convert::Infallible;
@@ -83,43 +83,57 @@ fn EXTI9_5() {
     runtime::stop_interrupt(emergency_input::take());
 }
 
+/// The same, of an input on the upper lines.
+#[interrupt]
+fn EXTI15_10() {
+    runtime::stop_interrupt(emergency_input::take());
+}
+
 /// Asks for the stop interrupt.
 pub fn pend_stop() {
     NVIC::pend(Interrupt::EXTI9_5);
 }
 
 mod emergency_input {
-    //! A rising edge of one line of the external interrupts, 5 to 9. The edge is kept by the chip until
-    //! it is taken; the level is looked at in every servo tick.
-    use super::EMERGENCY;
+    //! An edge of one line of the external interrupts, 5 to 15. The edge is kept by the chip until it is taken;
+    //! the level is looked at in every servo tick.
+    use core::sync::atomic::{AtomicU32, Ordering};
+    use headway_firmware::output::Pin;
 
-    /// Its port in the multiplexer, one of four to a register.
-    const MULTIPLEXER: *mut u32 = (0x4001_3808 + LINE / 4 * 4) as *mut u32;
+    /// Ports in the multiplexer, four lines to a register.
+    const MULTIPLEXER: *mut u32 = 0x4001_3808 as *mut u32;
     const MASK: *mut u32 = 0x4001_3c00 as *mut u32;
     const RISING: *mut u32 = 0x4001_3c08 as *mut u32;
+    const FALLING: *mut u32 = 0x4001_3c0c as *mut u32;
     const PENDING: *mut u32 = 0x4001_3c14 as *mut u32;
-    const LINE: u32 = EMERGENCY.1;
-    const _: () = assert!(LINE >= 5 && LINE <= 9, "the lines of this interrupt");
+    /// Bit of the line.
+    static LINE: AtomicU32 = AtomicU32::new(0);
 
-    pub fn set_up() {
-        let shift = LINE % 4 * 4;
-        // SAFETY: registers of this line only, before its interrupt is on.
+    /// `falls`: it is normally open, so that it stops by going low.
+    pub fn set_up((port, line): Pin, falls: bool) {
+        let bit = 1u32 << (line & 15);
+        let shift = line % 4 * 4;
+        let edge = if falls { FALLING } else { RISING };
+        // SAFETY: registers of this line only, one of 16, before its interrupt is on.
         unsafe {
-            let others = MULTIPLEXER.read_volatile() & !(0xf << shift);
-            MULTIPLEXER.write_volatile(others | (EMERGENCY.0 as u32) << shift);
-            RISING.write_volatile(RISING.read_volatile() | 1 << LINE);
-            MASK.write_volatile(MASK.read_volatile() | 1 << LINE);
+            let multiplexer = MULTIPLEXER.add((line & 15) as usize / 4);
+            let others = multiplexer.read_volatile() & !(0xf << shift);
+            multiplexer.write_volatile(others | (port as u32) << shift);
+            edge.write_volatile(edge.read_volatile() | bit);
+            MASK.write_volatile(MASK.read_volatile() | bit);
             // Writing a one clears the flag.
-            PENDING.write_volatile(1 << LINE);
+            PENDING.write_volatile(bit);
         }
+        LINE.store(bit, Ordering::Relaxed);
     }
 
     /// True if there was an edge since it was last taken.
     pub fn take() -> bool {
+        let bit = LINE.load(Ordering::Relaxed);
         // SAFETY: as above; a one clears this line's flag alone.
         unsafe {
-            let edge = PENDING.read_volatile() >> LINE & 1 == 1;
-            PENDING.write_volatile(1 << LINE);
+            let edge = PENDING.read_volatile() & bit != 0;
+            PENDING.write_volatile(bit);
             edge
         }
     }
@@ -257,6 +271,7 @@ fn run() -> Option<()> {
         switches,
         heaters: asked,
         drivers,
+        wiring,
     } = what_to_run(&mut kept)?;
     let motors = configuration.joints.len() + 1;
     let mut core = Peripherals::take()?;
@@ -274,9 +289,10 @@ fn run() -> Option<()> {
             .modify(|r, w| w.bits(r.bits() | SERIAL_CLOCK_MASK));
         rcc.apb2enr().modify(|_, w| w.syscfgen().set_bit());
     }
-    let parts = set_up_board(device, motors)?;
+    let parts = set_up_board(device, motors, &wiring)?;
     let serial = SerialLine::set_up();
-    emergency_input::set_up();
+    let map = wiring.map(&INPUTS);
+    emergency_input::set_up(input(map.emergency())?, map.is_open(map.emergency()));
     let clocks = CORE_HZ.checked_div(configuration.step_hz)?;
     let board = Board {
         configuration: &configuration,
@@ -289,8 +305,10 @@ fn run() -> Option<()> {
         PINS.set(parts.pins);
         heat::set_up();
         core.NVIC.set_priority(Interrupt::EXTI9_5, 0);
+        core.NVIC.set_priority(Interrupt::EXTI15_10, 0);
         core.NVIC.set_priority(SERIAL_INTERRUPT, SERIAL_PRIORITY);
         NVIC::unmask(Interrupt::EXTI9_5);
+        NVIC::unmask(Interrupt::EXTI15_10);
         NVIC::unmask(SERIAL_INTERRUPT);
     }
     let mut receiver = runtime::start(&board, parts.output, clocks, &mut core.SCB, &mut core.SYST)?;

@@ -5,6 +5,7 @@ use super::heat::{write_heaters, write_material};
 use super::kinds::write_kinds;
 use super::shaper::write_shapers;
 use super::switches::write_switches;
+use super::wiring::write_wiring;
 use crate::settings::aperture_text::aperture_text;
 use crate::settings::check::{joint_names, kinematics_name};
 use crate::settings::head_shape::HeadShape;
@@ -42,6 +43,7 @@ fn written(settings: &Settings, with_layers: bool) -> String {
         let _ = write_heaters(&mut text, heaters);
     }
     let _ = write_drivers(&mut text, &settings.drivers, &settings.machine);
+    let _ = write_wiring(&mut text, &settings.wiring, &settings.machine);
     if let Some(switches) = &settings.switches {
         let _ = write_switches(&mut text, switches, &settings.machine);
     }

@@ -1,0 +1,277 @@
+//! Which input of a board has which role, which are normally open, and which motors turn the other way.
+//!
+//! ```text
+//! levels of the inputs, a bit each -> senses -> roles -> Inputs: switches by joint, emergency
+//! ```
+//! In: a [`Wiring`] of the settings, and the board's own: how many inputs it has, which of them is the
+//! emergency input if nothing else is said, and which ones may be it. Out: an [`InputMap`] for the servo tick.
+//! Left out: roles of step pins, heaters and fans, which are the board's.
+
+use crate::configuration::{JOINTS_MAX, MachineConfiguration};
+use crate::inputs::Inputs;
+use serde::{Deserialize, Serialize};
+
+/// For a joint without a switch.
+pub const NO_INPUT: u8 = u8::MAX;
+/// Inputs of a board, at most: a bit each.
+pub const INPUTS_MAX: u8 = 16;
+
+/// Inputs and motors, as they are wired.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
+pub struct Wiring {
+    /// A bit for each motor that turns the other way.
+    pub reversed_motors: u8,
+    /// Input of each joint's switch, or [`NO_INPUT`].
+    pub switch_inputs: [u8; JOINTS_MAX],
+    /// Emergency input; `None`: the board's own.
+    pub emergency_input: Option<u8>,
+    /// A bit for each input that is low while pressed: normally open to ground.
+    pub open_inputs: u16,
+}
+
+/// Inputs of a board.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct BoardInputs {
+    /// How many it has.
+    pub count: u8,
+    /// The emergency input, where the settings name none.
+    pub emergency: u8,
+    /// A bit for each that may be the emergency input: those whose edges interrupt.
+    pub emergency_mask: u16,
+}
+
+/// What of a wiring cannot be.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum WrongWiring {
+    /// Input of this joint's switch: it is the emergency input, or none of the board.
+    Switch(usize),
+    /// The emergency input: none of the board, or without an interrupt.
+    Emergency,
+}
+
+impl Default for Wiring {
+    fn default() -> Self {
+        Self::STANDARD
+    }
+}
+
+impl Wiring {
+    /// Joint m's switch at input m, all normally closed to ground, no motor reversed.
+    pub const STANDARD: Self = Self {
+        reversed_motors: 0,
+        switch_inputs: [0, 1, 2, 3, 4, 5, 6],
+        emergency_input: None,
+        open_inputs: 0,
+    };
+
+    /// Whether it is an input at all, whatever board.
+    ///
+    /// # Errors
+    /// [`WrongWiring`], the first that is found.
+    pub fn check(&self, machine: &MachineConfiguration) -> Result<(), WrongWiring> {
+        let any = BoardInputs {
+            count: INPUTS_MAX,
+            emergency: NO_INPUT,
+            emergency_mask: u16::MAX,
+        };
+        self.check_for(machine, &any)
+    }
+
+    /// Whether a board can run it.
+    ///
+    /// # Errors
+    /// As [`Self::check`].
+    pub fn check_for(
+        &self,
+        machine: &MachineConfiguration,
+        board: &BoardInputs,
+    ) -> Result<(), WrongWiring> {
+        let bit = |input: u8| u32::from(board.emergency_mask).checked_shr(input.into());
+        if let Some(input) = self.emergency_input
+            && (input >= board.count || bit(input).unwrap_or(0) & 1 == 0)
+        {
+            return Err(WrongWiring::Emergency);
+        }
+        let emergency = self.emergency_input.unwrap_or(board.emergency);
+        let switches = self.switch_inputs.iter().take(machine.joints.len());
+        for (joint, input) in switches.enumerate() {
+            // The standard ones beyond a small board's inputs have no switch.
+            let is_standard = usize::from(*input) == joint;
+            let is_there = *input < board.count || *input == NO_INPUT || is_standard;
+            let is_asked = self.emergency_input.is_some() || !is_standard;
+            let is_taken = *input == emergency && *input != NO_INPUT && is_asked;
+            if !is_there || is_taken {
+                return Err(WrongWiring::Switch(joint));
+            }
+        }
+        Ok(())
+    }
+
+    /// For the servo tick of a board.
+    pub fn map(&self, board: &BoardInputs) -> InputMap {
+        let emergency = self.emergency_input.unwrap_or(board.emergency);
+        let mut switches = self.switch_inputs;
+        for input in &mut switches {
+            if *input >= board.count || *input == emergency {
+                *input = NO_INPUT;
+            }
+        }
+        InputMap {
+            switches,
+            emergency,
+            open: self.open_inputs,
+        }
+    }
+}
+
+/// From levels to roles.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct InputMap {
+    switches: [u8; JOINTS_MAX],
+    emergency: u8,
+    open: u16,
+}
+
+impl InputMap {
+    /// The emergency input.
+    pub fn emergency(&self) -> u8 {
+        self.emergency
+    }
+
+    /// Whether an input is low while pressed.
+    pub fn is_open(&self, input: u8) -> bool {
+        bit(self.open, input)
+    }
+
+    /// Roles of these levels, bit i = input i, 1 = high.
+    #[inline]
+    pub fn inputs(&self, levels: u16) -> Inputs {
+        let pressed = levels ^ self.open;
+        let mut switches = 0;
+        for (joint, input) in self.switches.iter().enumerate() {
+            switches |= u8::from(bit(pressed, *input)) << joint;
+        }
+        Inputs {
+            switches,
+            emergency: bit(pressed, self.emergency),
+        }
+    }
+}
+
+/// A bit; none beyond the last.
+#[inline]
+fn bit(bits: u16, number: u8) -> bool {
+    u32::from(bits).checked_shr(number.into()).unwrap_or(0) & 1 == 1
+}
+
+#[cfg(test)]
+mod tests {
+    //! Goal: each input acts in its role and sense alone, and a wiring that cannot be is refused. Method: every
+    //! level of nine inputs, against a table worked out by hand; a board that has four.
+    use super::*;
+    use crate::boards::built_in_planar;
+
+    const BIG: BoardInputs = BoardInputs {
+        count: 9,
+        emergency: 8,
+        emergency_mask: 0x1ff,
+    };
+
+    #[test]
+    fn every_input_acts_in_its_role_alone() {
+        // Z at a probe on input 8, normally open; emergency on 7; Y none; C on 0 by X's side.
+        let wiring = Wiring {
+            switch_inputs: [0, NO_INPUT, 8, 3, 4, 5, 6],
+            emergency_input: Some(7),
+            open_inputs: 1 << 8 | 1 << 3,
+            ..Wiring::STANDARD
+        };
+        assert_eq!(wiring.check_for(&built_in_planar(), &BIG), Ok(()));
+        let map = wiring.map(&BIG);
+        assert!(map.is_open(8) && !map.is_open(7) && map.emergency() == 7);
+        for levels in 0..1u16 << 9 {
+            let high = |input: u16| levels >> input & 1 == 1;
+            let expected = [
+                high(0),
+                false,
+                !high(8),
+                !high(3),
+                high(4),
+                high(5),
+                high(6),
+            ];
+            let found = map.inputs(levels);
+            let by_joint: [bool; 7] =
+                core::array::from_fn(|joint| found.switches >> joint & 1 == 1);
+            assert_eq!(by_joint, expected, "{levels:b}");
+            assert_eq!(found.emergency, high(7));
+        }
+        // The board's own: joint m at input m, the last one stops.
+        let map = Wiring::STANDARD.map(&BIG);
+        for levels in 0..1u16 << 9 {
+            let found = map.inputs(levels);
+            assert_eq!(found.switches, levels as u8 & 0x7f);
+            assert_eq!(found.emergency, levels >> 8 & 1 == 1);
+        }
+    }
+
+    #[test]
+    fn a_small_board_has_fewer_and_says_so() {
+        let small = BoardInputs {
+            count: 4,
+            emergency: 3,
+            emergency_mask: 0b1011,
+        };
+        let machine = built_in_planar();
+        assert_eq!(Wiring::STANDARD.check_for(&machine, &small), Ok(()));
+        // Its emergency input is no switch of the nozzle's.
+        let found = Wiring::STANDARD.map(&small).inputs(0b1111);
+        assert_eq!((found.switches, found.emergency), (0b111, true));
+        for (wiring, wrong) in [
+            (
+                Wiring {
+                    emergency_input: Some(2),
+                    ..Wiring::STANDARD
+                },
+                WrongWiring::Emergency,
+            ),
+            (
+                Wiring {
+                    emergency_input: Some(9),
+                    ..Wiring::STANDARD
+                },
+                WrongWiring::Emergency,
+            ),
+            (
+                Wiring {
+                    emergency_input: Some(1),
+                    ..Wiring::STANDARD
+                },
+                WrongWiring::Switch(1),
+            ),
+            (
+                Wiring {
+                    switch_inputs: [0, 1, 3, 3, 4, 5, 6],
+                    ..Wiring::STANDARD
+                },
+                WrongWiring::Switch(2),
+            ),
+            (
+                Wiring {
+                    switch_inputs: [6, 1, 2, 3, 4, 5, 6],
+                    ..Wiring::STANDARD
+                },
+                WrongWiring::Switch(0),
+            ),
+        ] {
+            assert_eq!(wiring.check_for(&machine, &small), Err(wrong), "{wiring:?}");
+        }
+        let nowhere = Wiring {
+            emergency_input: Some(200),
+            ..Wiring::STANDARD
+        };
+        assert_eq!(nowhere.check(&machine), Err(WrongWiring::Emergency));
+        let found = nowhere.map(&small).inputs(u16::MAX);
+        assert!(!found.emergency);
+    }
+}
