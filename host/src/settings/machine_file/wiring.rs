@@ -49,12 +49,12 @@ impl FileWiring {
             wiring.open_inputs |= 1 << input;
         }
         // An input has one role: a joint whose own one is taken by another has no switch.
-        for joint in 0..joints.len() {
-            let own = wiring.switch_inputs[joint];
-            let is_given = self.switch_inputs.contains_key(joints[joint]);
+        for (name, place) in joints.iter().zip(&mut wiring.switch_inputs) {
+            let own = *place;
+            let is_given = self.switch_inputs.contains_key(*name);
             let others = self.switch_inputs.values().copied();
             if !is_given && others.chain(self.emergency_input).any(|input| input == own) {
-                wiring.switch_inputs[joint] = NO_INPUT;
+                *place = NO_INPUT;
             }
         }
         Ok(wiring)
