@@ -209,12 +209,12 @@ fn turns_of_the_head_are_axes_and_headings() {
 #[test]
 fn what_is_not_done_is_told_with_its_line() {
     let read = program(
-        "M104 S215\nG29\nM900 K0.05\nM117 hello\nSTART_PRINT BED=60\nG1 X9 E1\nM900 K0\nM106 S255\n",
+        "M141 S60\nG29\nM900 K0.05\nM117 hello\nSTART_PRINT BED=60\nG1 X9 E1\nM900 K0\nM106 P1 S255\n",
     );
     let notes = read.notes.join("\n");
     for part in [
-        "line 1 M104 S215",
-        "line 8 M106 S255",
+        "line 1 M141 S60",
+        "line 8 M106 P1 S255",
         "line 2 G29",
         "line 3 M900 (2 times)",
         "line 4 M117",
@@ -222,6 +222,40 @@ fn what_is_not_done_is_told_with_its_line() {
     ] {
         assert!(notes.contains(part), "{part}: {notes}");
     }
+}
+
+/// Goal: orders of heaters and fan are read as controllers mean them. Method: one line of each, before the
+/// only bead.
+#[test]
+fn orders_of_heaters_and_fans_are_read() {
+    let read = program(
+        "M140 S60\nM104 T1 S190\nM109 R215\nM116\nM106\nM106 S0.25\nM106 S51\nM107\nM109\nM190 S0\nG1 X9 E1\n",
+    );
+    let orders: Vec<(usize, String)> = read
+        .heat
+        .iter()
+        .map(|placed| (placed.line, placed.order.text()))
+        .collect();
+    let orders: Vec<(usize, &str)> = orders.iter().map(|(l, o)| (*l, &**o)).collect();
+    assert_eq!(
+        orders,
+        [
+            (1, "bed 60 °C"),
+            (2, "second hot end 190 °C"),
+            (3, "hot end 215 °C, waits"),
+            (4, "bed 60 °C, waits"),
+            (4, "hot end 215 °C, waits"),
+            (4, "second hot end 190 °C, waits"),
+            (5, "fan 100 %"),
+            (6, "fan 25 %"),
+            (7, "fan 20 %"),
+            (8, "fan off"),
+            (9, "hot end 215 °C, waits"),
+            (10, "bed off"),
+        ]
+    );
+    let first = HeatPlace::Leaving(0);
+    assert!(read.heat.iter().all(|placed| placed.place == first));
 }
 
 /// Broken files: what each is refused for.

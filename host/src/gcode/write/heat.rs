@@ -103,7 +103,7 @@ fn lines(order: &HeatOrder, dialect: Dialect, at_rest: bool) -> String {
         }
         (HeatOrder::Fan { fan_pct }, false) => {
             let speed = match fan_pct > 0.0 {
-                true => (2.55 * fan_pct).round().max(FAN_LEAST),
+                true => (fan_pct * 255.0 / 100.0).round().max(FAN_LEAST),
                 false => 0.0,
             };
             format!("M106 S{}\n", short(speed, 0))

@@ -2,7 +2,7 @@
 //!
 //! Input: the outlines of a layer and of the one below (mm, input coordinates). Output: [`Bridge`]s, ground with
 //! the direction of its lines: that in which most of the ground lies between two anchors, of those that are as
-//! good the one with the shortest spans. Tried are the directions of the ground's own edges and across them,
+//! good the one whose longest span is the shortest. Tried are the directions of the ground's own edges and across them,
 //! which are exact, and a fan of all. Leaves out what is held at one end only (it hangs, and is told), and walls
 //! over open space.
 
@@ -80,8 +80,8 @@ struct Spans {
     angle_rad: f64,
     /// Ground between two anchors, mm².
     held_mm2: f64,
-    /// Mean length of a span, each weighing by its length, mm.
-    mean_mm: f64,
+    /// The longest span, mm.
+    longest_mm: f64,
     /// The held strips.
     strips: Vec<Ring>,
 }
@@ -148,8 +148,8 @@ fn angles(sides: &[Side]) -> Vec<f64> {
     exact.chain(fan).collect()
 }
 
-/// The direction with the most ground between anchors; of equals that of the shortest spans, of those the
-/// first.
+/// The direction with the most ground between anchors; of equals that whose longest span is the shortest, of
+/// those the first.
 fn best_of(sides: &[Side], angles: Vec<f64>, reach_mm: f64) -> Option<Spans> {
     let all: Vec<Spans> = angles
         .into_iter()
@@ -159,7 +159,8 @@ fn best_of(sides: &[Side], angles: Vec<f64>, reach_mm: f64) -> Option<Spans> {
     let equals = all
         .into_iter()
         .filter(|spans| most_mm2 > 0.0 && spans.held_mm2 >= (1.0 - EQUAL_SHARE) * most_mm2);
-    equals.min_by(|p, q| (p.mean_mm + 1e-9).total_cmp(&q.mean_mm))
+    // Rounding must not choose.
+    equals.min_by_key(|spans| (spans.longest_mm * 1e3).round() as u64)
 }
 
 /// The lines in a direction across the ground, and what of them lies between two anchors.
@@ -187,7 +188,7 @@ fn spans(sides: &[Side], angle_rad: f64, reach_mm: f64) -> Spans {
             found.push((at.coords.dot(&along), side.is_anchor));
         }
     }
-    let (mut held_mm, mut squares) = (0.0, 0.0);
+    let (mut held_mm, mut longest_mm) = (0.0, 0.0f64);
     let mut strips = Vec::new();
     for (line, mut found) in crossings.into_iter().enumerate() {
         found.sort_by(|p, q| p.0.total_cmp(&q.0));
@@ -198,7 +199,7 @@ fn spans(sides: &[Side], angle_rad: f64, reach_mm: f64) -> Spans {
                 continue;
             }
             held_mm += to - from;
-            squares += (to - from).powi(2);
+            longest_mm = longest_mm.max(to - from);
             // A little more on all sides: the ground cuts it off again.
             let half_mm = 0.5 * step_mm + LOOK_MM;
             let corner = |t: f64, h: f64| Point2::from(along * t + across * h);
@@ -216,7 +217,7 @@ fn spans(sides: &[Side], angle_rad: f64, reach_mm: f64) -> Spans {
     Spans {
         angle_rad,
         held_mm2: held_mm * step_mm,
-        mean_mm: squares / f64::max(held_mm, 1e-12),
+        longest_mm,
         strips,
     }
 }
