@@ -109,9 +109,15 @@ pub(super) struct PlaceArgs {
     #[arg(value_name = "MORE")]
     pub more: Vec<PathBuf>,
     /// Machine coordinates of the input's origin, mm [default: the input's box centred over the
-    /// work area, on the bed].
+    /// work area, on the bed]. Given several times, an outline or mesh is printed at each place.
     #[arg(long, value_name = "X,Y,Z", allow_hyphen_values = true)]
-    pub at: Option<String>,
+    pub at: Vec<String>,
+    /// So many of an outline or mesh, in rows, up to 1000.
+    #[arg(long, value_name = "N", value_parser = clap::value_parser!(u32).range(1..=1000))]
+    pub copies: Option<u32>,
+    /// Between the boxes of copies, mm [default: 5].
+    #[arg(long, value_name = "MM", allow_negative_numbers = true)]
+    pub copy_gap: Option<f64>,
     /// Outlines that neither aperture nor nozzle body enters (clamps, finished neighbours), in the
     /// input's coordinates; read like the input.
     #[arg(long, value_name = "FILE")]

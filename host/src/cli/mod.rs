@@ -14,6 +14,7 @@ mod board;
 mod calibrate;
 mod configure;
 mod console;
+mod copies;
 mod drivers;
 mod export;
 mod export_gcode;

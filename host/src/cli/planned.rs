@@ -3,7 +3,7 @@
 use super::args::{InputArgs, PlaceArgs, SettingsArgs};
 use super::console::Console;
 use super::job::{self, Job};
-use super::{CliError, load, load_run, planned_gcode, planned_part};
+use super::{CliError, copies, load, load_run, planned_gcode, planned_part};
 use crate::findings::findings;
 use crate::geometry::polygon::Region;
 use crate::input::waypoints::WaypointRun;
@@ -89,7 +89,13 @@ pub(super) fn from_input(
             let speed = settings_args.speed;
             return planned_gcode::from_gcode(path, program, speed, settings, console);
         }
-        Input::Outline(loaded) => Flat::Outline(loaded),
+        Input::Outline(mut loaded) => {
+            let layer = std::iter::once(&mut loaded.target.regions);
+            let told = copies::spread(place, layer, &settings)?;
+            console.notes(told.as_slice());
+            loaded.notes.extend(told);
+            Flat::Outline(loaded)
+        }
         Input::Path(run) => {
             let run = load_run::with_more(run, reading, place, flatten_mm, console)?;
             Flat::Path(run.turned(turn_rad))
@@ -155,7 +161,7 @@ fn placed_settings(place: &PlaceArgs, settings: &SettingsArgs) -> Result<Setting
         gap_mm: load_run::gap_mm(place.gap)?,
         place: load_run::place(place.place),
         axis_tolerance_rad: load_run::axis_tolerance_rad(place.axis_tolerance)?,
-        at_mm: place.at.as_deref().map(load::parse_at).transpose()?,
+        at_mm: copies::first_at_mm(place)?,
         ..load::settings(settings)?
     })
 }
@@ -174,6 +180,13 @@ fn check_options(
         }
         (Input::Mesh(_) | Input::Path(_) | Input::Gcode(_), ..) if place.surface.is_some() => {
             "--surface goes with outlines: only they are laid on a surface".to_string()
+        }
+        (Input::Path(_) | Input::Gcode(_), ..) if copies::option(place).is_some() => {
+            let option = copies::option(place).unwrap_or_default();
+            format!("{option} goes with outlines and meshes: a path is printed once")
+        }
+        _ if place.surface.is_some() && copies::option(place).is_some() => {
+            "a surface carries one part: leave --copies and further --at out".to_string()
         }
         (Input::Path(_) | Input::Gcode(_), Some(option), _) => {
             format!("{option} goes with outlines: a path is followed as it is")

@@ -5,7 +5,7 @@ use super::console::Console;
 use super::output_file::end_whole_on_interrupt;
 use super::piece_cache::{CacheFolder, program};
 use super::planned::Planned;
-use super::{CliError, load};
+use super::{CliError, copies, load};
 use crate::PlanError;
 use crate::findings::left_out::left_out;
 use crate::findings::settings_warnings::settings_warnings;
@@ -44,7 +44,9 @@ pub(super) fn from_mesh(
         speed_mm_s: load::first_layer_speed(place, &settings)?,
     };
     let bar = console.stage("cutting");
-    let part = sliced(&loaded.mesh, &heights).map_err(|error| failed(error.to_string()))?;
+    let mut part = sliced(&loaded.mesh, &heights).map_err(|error| failed(error.to_string()))?;
+    let layers = part.layers.iter_mut().map(|layer| &mut layer.regions);
+    part.notes.extend(copies::spread(place, layers, &settings)?);
     bar.finish_and_clear();
     let LoadedMesh {
         name, mut notes, ..

@@ -12,6 +12,7 @@
 //! Nothing is mended in silence: what is not a valid outline is refused with the place and a way
 //! out. Leaves out files and threads: reading the bytes is the command's business.
 
+pub mod copies;
 mod dxf;
 pub mod error;
 mod gcode_run;

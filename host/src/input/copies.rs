@@ -1,0 +1,213 @@
+//! Several of the same part on the bed: where each lies, and that none touches another.
+//!
+//! In: how many and how far apart, or a place for each (mm); the part's outlines. Out: offsets against the first
+//! one, which lies where the input has it. Rows are as many and as long as leaves the least of the work
+//! area's length and width used up. Leaves out parts of different files, and turning.
+
+use crate::geometry::boolean::{filled, grown, intersection};
+use crate::geometry::polygon::{Box2, Region};
+use crate::geometry::repair::FillRule;
+use crate::geometry::{Point2, Vector2};
+use thiserror::Error;
+
+/// Most parts on a bed.
+pub const COPIES_MAX: u32 = 1000;
+/// Parts closer than this touch, mm.
+const TOUCH_MM: f64 = 0.1;
+
+/// Why parts cannot lie so.
+#[derive(Clone, Debug, PartialEq, Error)]
+pub enum CopiesError {
+    /// The bed is too small.
+    #[error(
+        "{copies} parts of {width_mm:.3} x {height_mm:.3} mm with {gap_mm} mm between them do not fit on the work \
+         area: {fitting} do; print fewer --copies or lower --copy-gap"
+    )]
+    TooMany {
+        /// Asked for.
+        copies: u32,
+        /// Of one, along x.
+        width_mm: f64,
+        /// Of one, along y.
+        height_mm: f64,
+        /// Between them.
+        gap_mm: f64,
+        /// That fit.
+        fitting: u32,
+    },
+    /// Two parts touch.
+    #[error(
+        "parts {first} and {second} touch near ({:.3}, {:.3}): move one of their --at, or use --copies, which \
+         leaves --copy-gap between them",
+        .at.x, .at.y
+    )]
+    Touch {
+        /// One of them, from 1.
+        first: usize,
+        /// The other.
+        second: usize,
+        /// Where, coordinates of the first part's input.
+        at: Point2,
+    },
+}
+
+/// Offsets of `copies` parts in rows with `gap_mm` between their boxes, on an area of this size.
+///
+/// # Errors
+/// [`CopiesError::TooMany`].
+pub fn in_rows(
+    copies: u32,
+    part: Box2,
+    gap_mm: f64,
+    area_mm: [f64; 2],
+) -> Result<Vec<Vector2>, CopiesError> {
+    let size = part.size();
+    let pitch = size.add_scalar(gap_mm);
+    let along = |axis: usize| {
+        let fits = (area_mm[axis] + gap_mm) / pitch[axis].max(1e-9);
+        (fits + 1e-9).floor().clamp(0.0, f64::from(COPIES_MAX)) as u32
+    };
+    let (columns_max, rows_max) = (along(0), along(1));
+    let fitting = columns_max * rows_max;
+    // One that is too large for the machine is told by its own size.
+    if copies > fitting.max(1) {
+        return Err(CopiesError::TooMany {
+            copies,
+            width_mm: size.x,
+            height_mm: size.y,
+            gap_mm,
+            fitting,
+        });
+    }
+    let used = |columns: u32| {
+        let rows = copies.div_ceil(columns);
+        let share = |count: u32, axis: usize| f64::from(count) * pitch[axis] / area_mm[axis];
+        share(columns, 0).max(share(rows, 1))
+    };
+    let may = |columns: &u32| copies.div_ceil(*columns) <= rows_max.max(1);
+    let columns = (1..=columns_max.clamp(1, copies)).filter(may);
+    let columns = columns
+        .min_by(|a, b| used(*a).total_cmp(&used(*b)))
+        .unwrap_or(1);
+    let place = |number: u32| {
+        let [column, row] = [number % columns, number / columns].map(f64::from);
+        Vector2::new(column * pitch.x, row * pitch.y)
+    };
+    Ok((0..copies).map(place).collect())
+}
+
+/// Refuses parts that touch; `outlines` are all outlines of one of them.
+///
+/// # Errors
+/// [`CopiesError::Touch`], the first pair.
+pub fn check_apart<'a>(
+    outlines: impl Iterator<Item = &'a Region>,
+    offsets: &[Vector2],
+) -> Result<(), CopiesError> {
+    let rings: Vec<_> = outlines.flat_map(Region::rings).cloned().collect();
+    let corners: Vec<Point2> = rings.iter().flat_map(|ring| ring.points.clone()).collect();
+    let size = Box2::of(&corners).grown(TOUCH_MM).size();
+    // Made where two boxes meet.
+    let mut whole: Option<[Vec<Region>; 2]> = None;
+    for (second, to) in offsets.iter().enumerate() {
+        for (first, from) in offsets[..second].iter().enumerate() {
+            let apart = to - from;
+            if apart.x.abs() >= size.x || apart.y.abs() >= size.y {
+                continue;
+            }
+            let [part, around] = whole.get_or_insert_with(|| {
+                let part = filled(rings.iter(), FillRule::NonZero);
+                let around = grown(&part, TOUCH_MM);
+                [part, around]
+            });
+            let other: Vec<Region> = part.iter().map(|region| region.shifted(apart)).collect();
+            let shared = intersection(around, &other);
+            if let Some(place) = shared
+                .first()
+                .and_then(|region| region.exterior.points.first())
+            {
+                return Err(CopiesError::Touch {
+                    first: first + 1,
+                    second: second + 1,
+                    at: place + from,
+                });
+            }
+        }
+    }
+    Ok(())
+}
+
+/// The outlines once at each offset.
+pub fn copied(regions: &[Region], offsets: &[Vector2]) -> Vec<Region> {
+    let at = |&offset: &Vector2| regions.iter().map(move |region| region.shifted(offset));
+    offsets.iter().flat_map(at).collect()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::geometry::test_shapes::region;
+
+    fn part(width: f64, height: f64) -> Region {
+        region(&[&[
+            [1.0, 2.0],
+            [1.0 + width, 2.0],
+            [1.0 + width, 2.0 + height],
+            [1.0, 2.0 + height],
+        ]])
+    }
+
+    /// Goal: rows fill the bed evenly, no more than fit. Method: sizes by hand.
+    #[test]
+    fn rows_lie_side_by_side_with_their_gap() {
+        let bounds = part(20.0, 10.0).bounds();
+        let rows = in_rows(6, bounds, 5.0, [100.0, 100.0]).unwrap();
+        let expected = [
+            [0.0, 0.0],
+            [25.0, 0.0],
+            [0.0, 15.0],
+            [25.0, 15.0],
+            [0.0, 30.0],
+            [25.0, 30.0],
+        ];
+        assert_eq!(rows, expected.map(|[x, y]| Vector2::new(x, y)));
+        // Four fit along x to the last digit, six along y.
+        assert_eq!(in_rows(24, bounds, 5.0, [95.0, 85.0]).unwrap().len(), 24);
+        let error = in_rows(25, bounds, 5.0, [95.0, 85.0]).unwrap_err();
+        assert!(error.to_string().contains("24 do"), "{error}");
+        assert_eq!(
+            in_rows(1, bounds, 5.0, [1.0, 1.0]).unwrap(),
+            [Vector2::zeros()]
+        );
+        assert!(check_apart([part(20.0, 10.0)].iter(), &rows).is_ok());
+    }
+
+    /// Goal: parts that touch are refused with their place, nested ones that do not are taken. Method:
+    /// a plate, and an L around whose corner another one lies.
+    #[test]
+    fn parts_that_touch_are_refused_with_their_place() {
+        let plate = part(20.0, 10.0);
+        let offsets = [[0.0, 0.0], [30.0, 0.0], [45.0, 5.0]].map(|[x, y]| Vector2::new(x, y));
+        let error = check_apart([plate].iter(), &offsets).unwrap_err();
+        let CopiesError::Touch { first, second, at } = &error else {
+            panic!("{error}");
+        };
+        assert_eq!((*first, *second), (2, 3));
+        assert!(
+            (45.8..51.2).contains(&at.x) && (6.8..12.2).contains(&at.y),
+            "{at}"
+        );
+        let corner = region(&[&[
+            [0.0, 0.0],
+            [20.0, 0.0],
+            [20.0, 2.0],
+            [2.0, 2.0],
+            [2.0, 20.0],
+            [0.0, 20.0],
+        ]]);
+        let nested = [Vector2::zeros(), Vector2::new(4.0, 4.0)];
+        assert!(check_apart([corner.clone()].iter(), &nested).is_ok());
+        let closer = [Vector2::zeros(), Vector2::new(2.05, 4.0)];
+        assert!(check_apart([corner].iter(), &closer).is_err());
+    }
+}
