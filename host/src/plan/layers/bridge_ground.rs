@@ -13,8 +13,9 @@ use crate::geometry::repair::FillRule;
 use crate::geometry::{Point2, Vector2};
 use std::f64::consts::{FRAC_PI_2, PI};
 
-/// How far the ground is grown back after what lies within reach of the anchors was taken off, mm beyond it.
-const GROWN_BACK_MM: f64 = 0.02;
+/// How far the ground is grown back after what lies within reach of the anchors was taken off, against that
+/// reach: into right corners, which are the root of 2 away.
+const GROWN_BACK_SHARE: f64 = 1.5;
 /// How far outside an edge it is looked whether the layer below is there, mm: well above rounding.
 const LOOK_MM: f64 = 0.02;
 /// Steps of the fan, and of the search around the best of it.
@@ -51,7 +52,7 @@ pub fn bridges(own: &[Region], below: &[Region], reach_mm: f64) -> Vec<Bridge> {
         return Vec::new();
     }
     let open = difference(own, below);
-    let whole = intersection(&grown(&hanging, reach_mm + GROWN_BACK_MM), &open);
+    let whole = intersection(&grown(&hanging, GROWN_BACK_SHARE * reach_mm), &open);
     let below: Vec<EdgeIndex> = below
         .iter()
         .map(|region| EdgeIndex::of_region(region, reach_mm))
@@ -282,7 +283,8 @@ mod tests {
         assert_eq!(found.len(), 1);
         let angle_deg = found[0].angle_rad.to_degrees().rem_euclid(180.0);
         assert!(!(0.1..=179.9).contains(&angle_deg), "{angle_deg}");
-        assert!((area_mm2(&found[0]) - 264.0).abs() < 0.1);
+        let held_mm2 = area_mm2(&found[0]);
+        assert!((held_mm2 - 264.0).abs() < 0.1, "{held_mm2}");
         // A shelf.
         let shelf = [box_of([0.0, 0.0], [20.0, 10.0])];
         let post = [box_of([0.0, 0.0], [5.0, 10.0])];
