@@ -73,6 +73,7 @@ use crate::plan::layers::region_plan::RegionPlan;
 use crate::plan::layers::skirt::{SkirtPlan, skirt_reach_mm};
 use crate::plan::motion::best_place::{FoundPlace, NoPlaceError, best_place, moved};
 use crate::plan::motion::joint_limits::MotionError;
+use crate::plan::motion::lift_off::Cuts;
 use crate::plan::motion::segments::{MotionReport, lay_segments_with_progress};
 use crate::plan::motion::singular::{Passes, SingularPlaces, passed_places};
 use crate::plan::outline::contour::ContourError;
@@ -325,14 +326,19 @@ pub fn plan_waypoints_with_progress(
         speeds_mm_s,
         asked,
     } = asked;
-    let pass_count = passes.len();
     let start = start_pose(settings);
     let PlacedPasses {
         passes,
+        cuts,
         transform,
         found_place,
         singular,
-    } = placed_passes(passes, transform, bounds, settings)?;
+    } = placed_passes(passes, transform, bounds, settings, true)?;
+    let pass_count = passes.len();
+    let (speeds_mm_s, asked) = match &cuts {
+        Some(cuts) => (cuts.speeds(&speeds_mm_s), cuts.of_passes(&asked)),
+        None => (speeds_mm_s, asked),
+    };
     let mut route = waypoint_route(passes, &asked, start, settings);
     let moves = route.moves.iter_mut();
     let printed = moves.filter(|route_move| route_move.pass.is_some());
@@ -369,31 +375,36 @@ pub fn plan_waypoints_with_progress(
 /// Passes where they lie on the machine, led past what is singular there.
 pub(crate) struct PlacedPasses {
     pub passes: Passes,
+    /// Where they were cut.
+    pub cuts: Option<Cuts>,
     pub transform: PartTransform,
     pub found_place: Option<FoundPlace>,
     pub singular: SingularPlaces,
 }
 
-/// Looks for the best place, where that is asked for, and leads the tool axis past singular places.
+/// Looks for the best place, where that is asked for, and leads the tool axis past singular places, or
+/// cuts passes there where they `may_lift`.
 pub(crate) fn placed_passes(
     mut passes: Passes,
     mut transform: PartTransform,
     bounds: geometry::polygon::Box2,
     settings: &Settings,
+    may_lift: bool,
 ) -> Result<PlacedPasses, PlanError> {
     let start = start_pose(settings);
     let mut found_place = None;
     if settings.place == Place::Best && settings.at_mm.is_none() {
         let room_mm = transform.room_mm(bounds, settings);
-        let found = best_place(&passes, room_mm, start, settings)?;
+        let found = best_place(&passes, room_mm, start, settings, may_lift)?;
         passes = moved(&passes, found.shift_mm, 0.0);
         transform.offset_mm[0] += found.shift_mm[0];
         transform.offset_mm[1] += found.shift_mm[1];
         found_place = Some(found);
     }
-    let led = passed_places(&passes, start, settings)?;
+    let led = passed_places(&passes, start, settings, may_lift)?;
     Ok(PlacedPasses {
         passes: led.passes,
+        cuts: led.cuts,
         transform,
         found_place,
         singular: led.singular,

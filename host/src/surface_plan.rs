@@ -335,7 +335,8 @@ fn laid_out(
         transform,
         found_place,
         singular,
-    } = placed_passes(vec![curves], transform, bounds, settings)?;
+        ..
+    } = placed_passes(vec![curves], transform, bounds, settings, false)?;
     let curves = passes.into_iter().flatten().collect();
     let start = start_pose(settings);
     let mesh_top_mm = high.z + transform.offset_mm[2];

@@ -7,6 +7,7 @@ use headway::drive::dry_run::dry_run;
 use headway::drive::simulator::SimulatorSetup;
 use headway::input::ReadOptions;
 use headway::input::waypoints::{WaypointRun, read};
+use headway::job::MotionState;
 use headway::settings::{Place, Settings, machine_file};
 use headway::{Plan, plan_waypoints};
 use nalgebra::{Unit, Vector3};
@@ -151,11 +152,31 @@ fn a_path_through_the_pole_is_led_past_it_within_the_tolerance() {
             "{name}: {led_rad}"
         );
     }
+    // With no tolerance the head lifts off at the pole, and goes on at the same place.
     settings.axis_tolerance_rad = 0.0;
-    let refused = plan_waypoints(&arc(0.0), &settings)
-        .unwrap_err()
-        .to_string();
-    assert!(refused.contains("--axis-tolerance"), "{refused}");
+    let lifted = plan_waypoints(&arc(0.0), &settings).unwrap();
+    assert_eq!((lifted.singular.lifts, lifted.figures.passes), (1, 2));
+    assert_prints("lifted", &lifted, &settings);
+    let led_rad = led_by_rad(&arc(0.0), &lifted);
+    assert!(led_rad < 2e-3, "{led_rad}");
+    let printed = lifted.route.moves.iter().filter(|m| m.pass.is_some());
+    let ends: Vec<_> = printed
+        .map(|m| [&m.curve.control[0], m.curve.control.last().unwrap()].map(|p| [p[0], p[1], p[2]]))
+        .collect();
+    assert_eq!(ends.len(), 2);
+    assert_eq!(ends[0][1], ends[1][0]);
+    // What it is told to cost is what passes between the two prints, as the joints' speeds alone allow.
+    let marks = lifted.stream.marks.iter();
+    let printed: Vec<_> = marks.filter(|m| m.state == MotionState::Print).collect();
+    let ticks = printed[1].start_tick - printed[0].end_tick;
+    let between_s = ticks as f64 / f64::from(settings.machine.servo_hz);
+    let told_s = lifted.singular.lifting_s;
+    println!("lifting off takes {between_s:.2} s, told {told_s:.2} s");
+    assert!(told_s > 0.5 * between_s && told_s < 1.05 * between_s);
+    // What begins at the pole needs no lift, and an arm's wrist is refused with what helps.
+    let begins = plan_waypoints(&helix(1.0), &settings).unwrap();
+    assert_eq!(begins.singular.lifts, 0);
+    assert_prints("begins upright", &begins, &settings);
     // Beside the pole slowing is enough, and the axis is what the run says.
     let beside = plan_waypoints(&arc(0.5), &machine("trunnion.toml")).unwrap();
     assert_eq!(beside.singular.led_by_rad, 0.0);

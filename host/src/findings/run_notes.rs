@@ -90,12 +90,19 @@ fn singular_places(singular: &SingularPlaces) -> Option<String> {
         places,
         led_by_rad,
         slowing_s,
+        lifts,
+        lifting_s,
     } = *singular;
     let led_by_deg = led_by_rad.to_degrees();
     let places_of = if places == 1 { "place" } else { "places" };
     let lined_up = format!("two rotary axes line up at {places} {places_of} of the path");
     match slowing_s {
         _ if places == 0 => None,
+        None if lifts > 0 => Some(format!(
+            "{lined_up}: the joints would have to jump there, so the head lifts off {lifts} times and goes on \
+             with the table turned, which costs about {lifting_s:.1} s and leaves a joint in the bead each time; \
+             a larger --axis-tolerance passes without"
+        )),
         None => Some(format!(
             "{lined_up}: the joints would have to jump there, and the tool axis is led past by up to \
              {led_by_deg:.2}° (--axis-tolerance)"

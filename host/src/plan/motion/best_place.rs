@@ -59,7 +59,8 @@ fn turn_hint(turn_deg: Option<f64>) -> String {
     }
 }
 
-/// Looks at places; `room_mm` is how far the passes may be moved each way (x, then y: least, most).
+/// Looks at places; `room_mm` is how far the passes may be moved each way (x, then y: least, most). Where
+/// they `may_lift` they may be cut at singular places.
 ///
 /// # Errors
 /// [`NoPlaceError`] where none is reached.
@@ -68,10 +69,11 @@ pub fn best_place(
     room_mm: [[f64; 2]; 2],
     start: [f64; CHANNELS],
     settings: &Settings,
+    may_lift: bool,
 ) -> Result<FoundPlace, NoPlaceError> {
     let seconds_at = |shift: [f64; 2], turn_rad: f64| {
         let moved = moved(passes, shift, turn_rad);
-        passed_places(&moved, start, settings).map(|passed| passed.seconds)
+        passed_places(&moved, start, settings, may_lift).map(|passed| passed.seconds)
     };
     let shifts = shifts(room_mm, PLACES);
     let timed: Vec<Result<f64, MotionError>> = shifts

@@ -11,6 +11,7 @@
 pub mod best_place;
 pub mod joint_limits;
 pub mod joint_turns;
+pub mod lift_off;
 pub mod path_samples;
 pub mod segments;
 pub mod singular;

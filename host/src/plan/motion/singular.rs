@@ -14,11 +14,13 @@
 //! Near the singular direction a vector of the tolerance's length is added to the tilt relative to it; it
 //! begins along the tilt where the path comes in and turns to the tilt where it goes out, so that the sum
 //! never vanishes. It grows and turns by quintic steps over [`RAMP_MM`] on either side: the curve stays
-//! C² and needs no finer spans. Lifting off is left to the user.
+//! C² and needs no finer spans. Where neither slowing nor leading past is enough, and the caller can have
+//! more passes, the head lifts off there ([`super::lift_off`]).
 
 use crate::plan::motion::joint_limits::MotionError;
 use crate::plan::motion::joint_turns::{fastest, follow};
-use crate::plan::route::moves::PathCurve;
+use crate::plan::motion::lift_off::{Cuts, cut_at_the_pole};
+use crate::plan::route::moves::{PathCurve, Route, RouteMove};
 use crate::plan::route::waypoint_route::waypoint_way;
 use crate::settings::Settings;
 use headway_firmware::configuration::Kinematics;
@@ -53,6 +55,10 @@ pub struct SingularPlaces {
     pub led_by_rad: f64,
     /// What slowing costs more than leading past, s; `None` where slowing alone is not enough.
     pub slowing_s: Option<f64>,
+    /// How often the head lifts off, and what that costs in all, s.
+    pub lifts: usize,
+    /// See `lifts`.
+    pub lifting_s: f64,
 }
 
 /// A run's passes in the fastest way that the joints can follow.
@@ -60,13 +66,16 @@ pub struct SingularPlaces {
 pub struct PassedPlaces {
     /// The passes.
     pub passes: Passes,
+    /// Where they were cut.
+    pub cuts: Option<Cuts>,
     /// Their least time by the speeds of joints and tip, s.
     pub seconds: f64,
     /// Their singular places.
     pub singular: SingularPlaces,
 }
 
-/// The passes as they are, or led past singular places where that is needed or saves time.
+/// The passes as they are, or led past singular places where that is needed or saves time, or cut there
+/// as a last resort (`may_lift`).
 ///
 /// # Errors
 /// [`MotionError`] where no joint solution can follow.
@@ -74,17 +83,19 @@ pub fn passed_places(
     passes: &Passes,
     start: Point,
     settings: &Settings,
+    may_lift: bool,
 ) -> Result<PassedPlaces, MotionError> {
     let way = |passes: &Passes| waypoint_way(passes.clone(), start, settings);
     let slowed = fastest(&way(passes), settings).map(|(_, followed)| followed.seconds);
     let best = least_led(passes, start, settings);
     let plain = |seconds: f64, places: usize, slowing_s: Option<f64>| PassedPlaces {
         passes: passes.clone(),
+        cuts: None,
         seconds,
         singular: SingularPlaces {
             places,
-            led_by_rad: 0.0,
             slowing_s,
+            ..SingularPlaces::default()
         },
     };
     match (slowed, best) {
@@ -101,7 +112,8 @@ pub fn passed_places(
             ..led
         }),
         (Ok(slowed), None) => Ok(plain(slowed, 0, None)),
-        (Err(error), None) => Err(error),
+        (Err(error), None) if !may_lift => Err(error),
+        (Err(error), None) => lifted_off(passes, start, settings).ok_or(error),
     }
 }
 
@@ -130,16 +142,52 @@ fn least_led(passes: &Passes, start: Point, settings: &Settings) -> Option<Passe
             let singular = SingularPlaces {
                 places,
                 led_by_rad: tolerance_rad,
-                slowing_s: None,
+                ..SingularPlaces::default()
             };
             best = Some(PassedPlaces {
                 passes: led,
+                cuts: None,
                 seconds: followed.seconds,
                 singular,
             });
         }
     }
     best
+}
+
+/// The passes cut at the pole of a tilting table, where the joints can follow then.
+fn lifted_off(passes: &Passes, start: Point, settings: &Settings) -> Option<PassedPlaces> {
+    if !matches!(settings.machine.kinematics, Kinematics::Trunnion { .. }) {
+        return None;
+    }
+    let cut = cut_at_the_pole(passes);
+    let route = waypoint_way(cut.passes.clone(), start, settings);
+    let (with_it, followed) = fastest(&route, settings).ok()?;
+    // What lies between the passes that were one: prime, retract and the travels.
+    let mut lifting_s = 0.0;
+    for pass in &cut.cuts.goes_on {
+        let number = Some(*pass as u32);
+        let begin = route.moves.iter().position(|m| m.pass == number)?;
+        let is_print = |m: &RouteMove| m.pass.is_some();
+        let before = route.moves[..begin].iter().rposition(is_print)? + 1;
+        let between = Route {
+            moves: route.moves[before..begin].to_vec(),
+        };
+        let dwells_s: f64 = between.moves.iter().map(|m| m.dwell_s).sum();
+        lifting_s += dwells_s + follow(&between, &with_it).ok()?.seconds;
+    }
+    let singular = SingularPlaces {
+        places: cut.cuts.goes_on.len(),
+        lifts: cut.cuts.goes_on.len(),
+        lifting_s,
+        ..SingularPlaces::default()
+    };
+    Some(PassedPlaces {
+        passes: cut.passes,
+        cuts: Some(cut.cuts),
+        seconds: followed.seconds,
+        singular,
+    })
 }
 
 /// The tool axis, from the tip, in which two rotary axes of the machine line up near this pose.
