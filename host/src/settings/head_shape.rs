@@ -22,6 +22,24 @@ pub struct HeadShape {
     pub head_length_mm: f64,
 }
 
+/// A circle about the tool axis, an edge of nozzle or head.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Rim {
+    /// Above the tip.
+    pub height_mm: f64,
+    /// Its radius.
+    pub radius_mm: f64,
+    /// True for the nozzle's.
+    pub is_nozzle: bool,
+}
+
+impl Rim {
+    /// How far its lowest point is below the tip, mm, of a tool along `axis` (unit).
+    pub fn below_tip_mm(&self, axis: &Vector3<f64>) -> f64 {
+        self.radius_mm * axis.xy().norm() - self.height_mm * axis.z
+    }
+}
+
 impl HeadShape {
     /// Radius at a height above the tip, within the head or below it, mm; `None` elsewhere.
     pub fn radius_mm(&self, height_mm: f64) -> Option<f64> {
@@ -52,18 +70,26 @@ impl HeadShape {
         nozzle_mm.max(head_mm)
     }
 
-    /// How far the lowest edge of nozzle and head is below the tip, mm, of a tool along `axis` (unit).
-    pub fn below_tip_mm(&self, axis: &Vector3<f64>) -> f64 {
-        let across = axis.xy().norm();
+    /// The rims of nozzle and head: one of them is the lowest, however the tool leans.
+    pub fn rims(&self) -> [Rim; 4] {
         let nozzle_mm = self.nozzle_length_mm;
         let wide_mm = nozzle_mm * (0.5 * self.nozzle_angle_rad).tan() + self.nozzle_tip_radius_mm;
-        let edges = [
-            (0.0, self.nozzle_tip_radius_mm),
-            (nozzle_mm, wide_mm),
-            (nozzle_mm, self.head_radius_mm),
-            (nozzle_mm + self.head_length_mm, self.head_radius_mm),
-        ];
-        let below = edges.map(|(height_mm, radius_mm)| radius_mm * across - height_mm * axis.z);
+        [
+            (0.0, self.nozzle_tip_radius_mm, true),
+            (nozzle_mm, wide_mm, true),
+            (nozzle_mm, self.head_radius_mm, false),
+            (nozzle_mm + self.head_length_mm, self.head_radius_mm, false),
+        ]
+        .map(|(height_mm, radius_mm, is_nozzle)| Rim {
+            height_mm,
+            radius_mm,
+            is_nozzle,
+        })
+    }
+
+    /// How far the lowest rim is below the tip, mm, of a tool along `axis` (unit).
+    pub fn below_tip_mm(&self, axis: &Vector3<f64>) -> f64 {
+        let below = self.rims().map(|rim| rim.below_tip_mm(axis));
         below.into_iter().fold(f64::NEG_INFINITY, f64::max)
     }
 

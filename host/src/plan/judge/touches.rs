@@ -7,13 +7,12 @@
 //! layer are what the material gives. Leaves out the machine's frame and arms, and what else stands on the table.
 
 use crate::job::MotionState;
-use crate::plan::motion::joint_limits::tip_mm;
-use crate::plan::route::moves::Route;
+use crate::plan::route::moves::{Route, tilt, tip};
 use crate::settings::Settings;
 use crate::settings::head_shape::HeadShape;
 use headway_firmware::pose::tool_axis;
-use headway_protocol::units::{CHANNEL_TILT_X, CHANNEL_TILT_Y, CHANNELS};
-use nalgebra::{Vector2, Vector3};
+use headway_protocol::units::CHANNELS;
+use nalgebra::Vector3;
 use rayon::prelude::*;
 
 /// Way and turn between two looks, before there are too many.
@@ -117,12 +116,8 @@ pub fn touches_on(route: &Route, settings: &Settings, surface: &[Vector3<f64>]) 
 }
 
 fn looks(route: &Route) -> Vec<Look> {
-    let turn = |a: &[f64; CHANNELS], b: &[f64; CHANNELS]| {
-        (a[CHANNEL_TILT_X] - b[CHANNEL_TILT_X]).hypot(a[CHANNEL_TILT_Y] - b[CHANNEL_TILT_Y])
-    };
-    let way = |a: &[f64; CHANNELS], b: &[f64; CHANNELS]| {
-        (Vector3::from(tip_mm(a)) - Vector3::from(tip_mm(b))).norm()
-    };
+    let turn = |a: &[f64; CHANNELS], b: &[f64; CHANNELS]| (tilt(a) - tilt(b)).norm();
+    let way = |a: &[f64; CHANNELS], b: &[f64; CHANNELS]| (tip(a) - tip(b)).norm();
     let wanted =
         |a: &[f64; CHANNELS], b: &[f64; CHANNELS]| way(a, b) / LOOK_MM + turn(a, b) / LOOK_RAD;
     let legs = route
@@ -139,12 +134,11 @@ fn looks(route: &Route) -> Vec<Look> {
             let count = share * wanted(&leg[0], &leg[1]);
             while due < count {
                 let pose = curve.evaluate(span as f64 + due / count).value;
-                let tip = Vector3::from(tip_mm(&pose));
-                let tilt = Vector2::new(pose[CHANNEL_TILT_X], pose[CHANNEL_TILT_Y]);
+                let tip = tip(&pose);
                 looks.push(Look {
                     step_mm: looks.last().map_or(0.0, |last| (tip - last.tip).norm()),
                     tip,
-                    axis: tool_axis(tilt),
+                    axis: tool_axis(tilt(&pose)),
                     lays: route_move.state == MotionState::Print,
                 });
                 due += 1.0;
@@ -157,21 +151,13 @@ fn looks(route: &Route) -> Vec<Look> {
 
 /// How deep the lowest edge of nozzle and head is below the table.
 fn touch_of_table(look: &Look, head: &HeadShape, table_mm: f64) -> Option<Touch> {
-    let across = look.axis.xy().norm();
-    let nozzle_mm = head.nozzle_length_mm;
-    let wide_mm = nozzle_mm * (0.5 * head.nozzle_angle_rad).tan() + head.nozzle_tip_radius_mm;
-    let edges = [
-        (0.0, head.nozzle_tip_radius_mm, HeadPart::Nozzle),
-        (nozzle_mm, wide_mm, HeadPart::Nozzle),
-        (nozzle_mm, head.head_radius_mm, HeadPart::Head),
-        (
-            nozzle_mm + head.head_length_mm,
-            head.head_radius_mm,
-            HeadPart::Head,
-        ),
-    ];
-    let depths = edges.map(|(height_mm, radius_mm, part)| {
-        let lowest_mm = look.tip.z + height_mm * look.axis.z - radius_mm * across;
+    let depths = head.rims().map(|rim| {
+        let lowest_mm = look.tip.z - rim.below_tip_mm(&look.axis);
+        let part = if rim.is_nozzle {
+            HeadPart::Nozzle
+        } else {
+            HeadPart::Head
+        };
         (table_mm - lowest_mm, part)
     });
     let deepest = depths.into_iter().max_by(|a, b| a.0.total_cmp(&b.0));

@@ -15,9 +15,8 @@
 //! or ends at the pole is not cut. Arms are left out: their wrist lines up in another direction at each place.
 
 use crate::plan::motion::singular::Passes;
-use crate::plan::route::moves::PathCurve;
+use crate::plan::route::moves::{PathCurve, tilt};
 use headway_protocol::units::{CHANNEL_TILT_X, CHANNEL_TILT_Y, CHANNELS};
-use nalgebra::Vector2;
 
 /// A path this near to the pole goes through it, rad. What is dropped of its tilt is no more.
 const NEAR_RAD: f64 = 2e-4;
@@ -112,6 +111,7 @@ impl CutPasses {
         for _ in 0..DOUBLINGS {
             control = halved_spans(&control);
         }
+        let ends_there = places.last() == Some(&last);
         let mut begin = 0;
         for place in places {
             let at = place * finer;
@@ -131,7 +131,7 @@ impl CutPasses {
         }
         let piece = control.split_off(begin);
         self.push(straightened(piece), number, finer as f64, begin);
-        if near_the_pole(&curve.control).last() == Some(&last) && !is_last {
+        if ends_there && !is_last {
             self.begin_pass();
         }
     }
@@ -153,10 +153,6 @@ impl CutPasses {
             self.passes.push(Vec::new());
         }
     }
-}
-
-fn tilt(point: &Point) -> Vector2<f64> {
-    Vector2::new(point[CHANNEL_TILT_X], point[CHANNEL_TILT_Y])
 }
 
 /// The control points nearest to the pole, one each time that a curve comes near it. One that stays there

@@ -20,7 +20,7 @@
 use crate::plan::motion::joint_limits::MotionError;
 use crate::plan::motion::joint_turns::{fastest, follow};
 use crate::plan::motion::lift_off::{Cuts, cut_at_the_pole};
-use crate::plan::route::moves::{PathCurve, Route, RouteMove};
+use crate::plan::route::moves::{PathCurve, Route, RouteMove, tilt};
 use crate::plan::route::waypoint_route::waypoint_way;
 use crate::settings::Settings;
 use headway_firmware::configuration::Kinematics;
@@ -214,10 +214,6 @@ fn singular_axis(kinematics: &Kinematics, pose: &Point) -> Option<Vector3<f64>> 
             Some(forward(kinematics, &joints).tool_axis())
         }
     }
-}
-
-fn tilt(pose: &Point) -> Vector2<f64> {
-    Vector2::new(pose[CHANNEL_TILT_X], pose[CHANNEL_TILT_Y])
 }
 
 /// A control point of a pass.

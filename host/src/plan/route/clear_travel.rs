@@ -10,7 +10,7 @@
 //! flow up to then. The legs along the axes are as clear as the poses that they lead to; what touches
 //! there, and on a travel that is not clear, the judge tells.
 
-use crate::plan::route::moves::PathCurve;
+use crate::plan::route::moves::{PathCurve, tilt, tip};
 use crate::settings::Settings;
 use crate::settings::head_shape::HeadShape;
 use headway_firmware::pose::tool_axis;
@@ -37,21 +37,11 @@ pub const UPRIGHT_RAD: f64 = 1e-6;
 
 type Point = [f64; CHANNELS];
 
-/// The tip of a pose.
-pub fn tip(pose: &Point) -> Vector3<f64> {
-    Vector3::from_fn(|i, _| pose[CHANNEL_X + i])
-}
-
 /// A pose with its tip elsewhere.
 pub fn moved_to(pose: &Point, tip_mm: Vector3<f64>) -> Point {
     let mut moved = *pose;
     moved[CHANNEL_X..CHANNEL_X + 3].copy_from_slice(tip_mm.as_slice());
     moved
-}
-
-/// The tilt of a pose.
-pub fn tilt(pose: &Point) -> Vector2<f64> {
-    Vector2::new(pose[CHANNEL_TILT_X], pose[CHANNEL_TILT_Y])
 }
 
 /// By how much the direction of the tilt turns the shorter way, signed.
@@ -139,6 +129,7 @@ impl PrintedSoFar {
 
     /// A curve that has been printed.
     pub fn add(&mut self, curve: &PathCurve) {
+        let (before, mut is_thinned) = (self.points.len(), false);
         for (span, leg) in curve.control.windows(2).enumerate() {
             let way_mm = (tip(&leg[1]) - tip(&leg[0])).norm();
             let count = (way_mm / self.spacing_mm).ceil().max(1.0) as usize;
@@ -157,9 +148,14 @@ impl PrintedSoFar {
                 let every_second = self.points.iter().step_by(2).copied();
                 self.points = every_second.collect();
                 self.spacing_mm *= 2.0;
+                is_thinned = true;
             }
         }
-        self.balls = self.points.chunks(CHUNK).map(ball).collect();
+        // Full chunks stay as they are, unless the points were thinned.
+        let kept = if is_thinned { 0 } else { before / CHUNK };
+        self.balls.truncate(kept);
+        let chunks = self.points[kept * CHUNK..].chunks(CHUNK);
+        self.balls.extend(chunks.map(ball));
     }
 
     /// The travel from the end of a pass to the beginning of the next, back, across and down: `known` if

@@ -3,7 +3,8 @@
 //! In and out: the types that the route and the motion stage share; mm, rad, mm³.
 
 use crate::job::MotionState;
-use headway_protocol::units::CHANNELS;
+use headway_protocol::units::{CHANNEL_TILT_X, CHANNEL_TILT_Y, CHANNEL_X, CHANNELS};
+use nalgebra::{Vector2, Vector3};
 
 /// A path in channel space (mm, mm, mm, rad, rad, rad, mm³; heading unwrapped): the uniform cubic
 /// B-spline of these control points with natural ends (phantom points P_{-1} = 2 P_0 - P_1), so it
@@ -72,4 +73,14 @@ impl Route {
     pub fn end(&self) -> Option<[f64; CHANNELS]> {
         self.moves.last()?.curve.control.last().copied()
     }
+}
+
+/// The tip of a pose in channel space, mm.
+pub fn tip(pose: &[f64; CHANNELS]) -> Vector3<f64> {
+    Vector3::from_fn(|i, _| pose[CHANNEL_X + i])
+}
+
+/// The tilt of a pose in channel space, rad.
+pub fn tilt(pose: &[f64; CHANNELS]) -> Vector2<f64> {
+    Vector2::new(pose[CHANNEL_TILT_X], pose[CHANNEL_TILT_Y])
 }

@@ -13,12 +13,10 @@ use crate::geometry::clearance::Configuration;
 use crate::input::waypoints::PassAsked;
 use crate::job::MotionState;
 use crate::plan::route::build_route::{event_duration_s, nearest_heading};
-use crate::plan::route::clear_travel::{
-    Legs, PrintedSoFar, UPRIGHT_RAD, crossing, moved_to, tilt, tip,
-};
+use crate::plan::route::clear_travel::{Legs, PrintedSoFar, UPRIGHT_RAD, crossing, moved_to};
 use crate::plan::route::flow::Bead;
 use crate::plan::route::flow::fresh_ground::FreshShares;
-use crate::plan::route::moves::{MoveEvent, PathCurve, Route, RouteMove};
+use crate::plan::route::moves::{MoveEvent, PathCurve, Route, RouteMove, tilt, tip};
 use crate::plan::route::waypoint_curve::upright;
 use crate::settings::{PrimeRetract, Settings};
 use headway_firmware::kinematics::follows_pose;
