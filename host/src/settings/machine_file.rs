@@ -447,6 +447,21 @@ impl FileTolerances {
 mod tests {
     use super::*;
 
+    /// The built-in planar machine's file with groups more, read.
+    pub(super) fn planar_with(groups: &str) -> Result<Settings, String> {
+        let text = to_toml(&Settings::planar()) + groups;
+        from_toml(&text).map_err(|error| error.to_string())
+    }
+
+    /// What a file with these groups, one text in them replaced by another, is refused with has the part.
+    pub(super) fn assert_refused(groups: &str, cases: &[(&str, &str, &str)]) {
+        for (from, to, part) in cases {
+            assert!(groups.contains(from), "{from} is not in the groups");
+            let error = planar_with(&groups.replace(from, to)).expect_err(to);
+            assert!(error.contains(part), "{to}: {error}");
+        }
+    }
+
     #[test]
     fn built_in_machines_are_valid_and_read_back_exactly() {
         let lines = Settings {

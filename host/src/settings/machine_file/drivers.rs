@@ -168,14 +168,10 @@ pub(super) fn write_drivers(
 mod tests {
     //! Goal: drivers are read and written back as they are, and what cannot be is refused with the number.
     //! Method: the built-in machines' files with groups more.
+    use super::super::tests::{assert_refused, planar_with as read};
     use super::super::{from_toml, to_toml};
     use crate::settings::Settings;
     use crate::settings::drivers::{EXTRUDER, motor_names};
-
-    fn read(group: &str) -> Result<Settings, String> {
-        let text = to_toml(&Settings::planar()) + group;
-        from_toml(&text).map_err(|error| error.to_string())
-    }
 
     const X: &str = "[drivers.x]\nrun_ma = 800\nmicrosteps = 16\nfull_steps_per_mm = 5\n";
 
@@ -201,7 +197,7 @@ mod tests {
 
     #[test]
     fn drivers_that_cannot_be_are_refused() {
-        for (from, to, part) in [
+        let cases = [
             ("drivers.x", "drivers.q", "x, y, z, c, extruder"),
             ("run_ma = 800", "run_ma = 1900", "drivers.x: run_ma is 1900"),
             (
@@ -241,9 +237,7 @@ mod tests {
                 "too low",
             ),
             ("run_ma = 800", "run_ma = 800\nloud = true", "unknown field"),
-        ] {
-            let error = read(&X.replace(from, to)).expect_err(to);
-            assert!(error.contains(part), "{to}: {error}");
-        }
+        ];
+        assert_refused(X, &cases);
     }
 }

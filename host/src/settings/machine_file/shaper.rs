@@ -86,13 +86,9 @@ pub(super) fn write_shapers(text: &mut String, machine: &MachineConfiguration) -
 mod tests {
     //! Goal: shapers are read and written back as they are, and what cannot be run is refused with its
     //! place. Method: machine files with a group more.
+    use super::super::tests::planar_with as read;
     use super::super::{from_toml, to_toml};
     use crate::settings::Settings;
-
-    fn read(group: &str) -> Result<Settings, String> {
-        let text = to_toml(&Settings::planar()) + group;
-        from_toml(&text).map_err(|error| error.to_string())
-    }
 
     #[test]
     fn shapers_read_back() {

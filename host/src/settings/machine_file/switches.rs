@@ -170,14 +170,10 @@ pub(super) fn write_switches(
 mod tests {
     //! Goal: switches at either end are read and written back as they are, in the order of homing, and what
     //! cannot be is refused with its key and value. Method: the built-in machine's file with groups more.
+    use super::super::tests::{assert_refused, planar_with as read};
     use super::super::{from_toml, to_toml};
     use crate::settings::Settings;
     use headway_firmware::homing::HomingConfiguration;
-
-    fn read(group: &str) -> Result<Settings, String> {
-        let text = to_toml(&Settings::planar()) + group;
-        from_toml(&text).map_err(|error| error.to_string())
-    }
 
     const ALL: &str = "[switches.x]\nend = \"min\"\n[switches.y]\nend = \"max\"\nposition_mm = 254.5\n\
                        [switches.z]\nend = \"min\"\nfast_mm_s = 4\nslow_mm_s = 0.5\n";
@@ -221,7 +217,7 @@ mod tests {
 
     #[test]
     fn switches_that_cannot_be_are_refused() {
-        for (from, to, part) in [
+        let cases = [
             ("switches.x", "switches.q", "x, y, z, c"),
             ("\"min\"", "\"low\"", "unknown variant"),
             ("254.5", "nan", "switches.y: position is NaN"),
@@ -241,10 +237,8 @@ mod tests {
                 "switches.z: back_off is -1",
             ),
             ("slow_mm_s", "slow_deg_s", "slow: give it in mm"),
-        ] {
-            let error = read(&ALL.replace(from, to)).expect_err(to);
-            assert!(error.contains(part), "{to}: {error}");
-        }
+        ];
+        assert_refused(ALL, &cases);
         let endless = read("[switches.c]\nend = \"min\"\n").expect_err("where is it?");
         assert!(endless.contains("switches.c: position is"), "{endless}");
     }
