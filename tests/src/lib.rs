@@ -4,7 +4,8 @@
 //! by de Boor), [`dense_search`] (the published grid search for headings), [`routes`] and
 //! [`outlines`] (of any size), [`beads`] (as they are laid), [`parts`] (that no constant was chosen
 //! on), [`thermal`] (heaters to heat and to break), [`folders`] (of reference data), [`cpu_clock`] (for
-//! benches), [`elf`] (what a controller binary holds).
+//! benches), [`elf`] (what a controller binary holds), [`rs274`] (another interpreter of G-code), [`written_path`]
+//! (a stream against what was written of it).
 
 pub mod beads;
 pub mod cpu_clock;
@@ -19,5 +20,7 @@ pub mod outlines;
 pub mod parts;
 pub mod rig;
 pub mod routes;
+pub mod rs274;
 pub mod segment_oracle;
 pub mod thermal;
+pub mod written_path;

@@ -8,10 +8,12 @@ use headway::gcode::write::{JobText, WriteOptions, Written, write_gcode};
 use headway::gcode::{GcodeOptions, Place, read};
 use headway::input::ReadOptions;
 use headway::job::{MotionState, SegmentStream};
-use headway::report::pose_table::{StreamSample, duration_ticks, samples};
+use headway::job_heat::{BED, HOT_END, HeatEvent, HeatOrder};
+use headway::report::pose_table::{duration_ticks, samples_within};
 use headway::settings::{Settings, machine_file};
 use headway::{plan_target, plan_waypoints};
-use headway_firmware::pose::{Pose, tilt_of_axis};
+use headway_tests::rs274::{Canonical, canonical, places};
+use headway_tests::written_path::{TIP_MM, beside_moves, channels};
 use std::f64::consts::PI;
 use std::path::Path;
 
@@ -22,70 +24,29 @@ const DIALECTS: [Dialect; 5] = [
     Dialect::GrblHal,
     Dialect::Marlin,
 ];
-/// What is asked of the path, and of the area of 1.75 mm filament.
-const TIP_MM: f64 = 0.005;
-const TURN_RAD: f64 = 0.05 * PI / 180.0;
+/// Cross-section of 1.75 mm filament.
 const FILAMENT_MM2: f64 = 0.25 * PI * 1.75 * 1.75;
 
 fn written(stream: &SegmentStream, servo_hz: f64, options: &WriteOptions) -> (String, Written) {
+    written_with(stream, servo_hz, &[], options)
+}
+
+fn written_with(
+    stream: &SegmentStream,
+    servo_hz: f64,
+    heat: &[HeatEvent],
+    options: &WriteOptions,
+) -> (String, Written) {
     let job = JobText {
         name: "test (part)",
         machine: "bench",
         stream,
         servo_hz,
-        heat: &[],
+        heat,
     };
     let mut text = Vec::new();
     let written = write_gcode(&mut text, &job, options).expect("written");
     (String::from_utf8(text).expect("text"), written)
-}
-
-/// Tip, tilt and heading as the stream has them.
-fn channels(place: &Place) -> [f64; 6] {
-    let (axis, heading_rad) = place.axis_and_heading();
-    let tilt = tilt_of_axis(&axis.into_inner());
-    let [x, y, z] = place.tip_mm;
-    [x, y, z, tilt.x, tilt.y, heading_rad]
-}
-
-/// How far a sample is from a move, against what is asked; headings are known up to turns.
-fn beside(sample: &StreamSample, from: &[f64; 6], to: &[f64; 6]) -> f64 {
-    let unit = |c: usize| if c < 3 { TIP_MM } else { TURN_RAD };
-    let pose = Pose::from_channels(&sample.position);
-    let tilt = tilt_of_axis(&pose.tool_axis());
-    let p = sample.position;
-    let own = [p[0], p[1], p[2], tilt.x, tilt.y, p[5]];
-    let mut off: [f64; 6] = std::array::from_fn(|c| (own[c] - from[c]) / unit(c));
-    let turn = 2.0 * PI / TURN_RAD;
-    let mut way: [f64; 6] = std::array::from_fn(|c| (to[c] - from[c]) / unit(c));
-    way[5] -= turn * (way[5] / turn).round();
-    off[5] -= turn * (off[5] / turn).round();
-    let dot = |a: &[f64; 6], b: &[f64; 6]| -> f64 { (0..6).map(|c| a[c] * b[c]).sum() };
-    let share = (dot(&off, &way) / dot(&way, &way).max(1e-12)).clamp(0.0, 1.0);
-    let left: [f64; 6] = std::array::from_fn(|c| off[c] - share * way[c]);
-    let tip = (left[0].powi(2) + left[1].powi(2) + left[2].powi(2)).sqrt();
-    left[3..].iter().fold(tip, |most, c| most.max(c.abs()))
-}
-
-/// Every third tick of a stream against moves in order, which end where it does; the worst place
-/// against what is asked.
-fn beside_moves(stream: &SegmentStream, servo_hz: f64, places: &[[f64; 6]]) -> f64 {
-    let (mut at, mut worst) = (0, 0.0f64);
-    for sample in samples(stream, servo_hz, 3.0) {
-        let ahead = at..(at + 6).min(places.len() - 1);
-        let of = |i: usize| beside(&sample, &places[i], &places[i + 1]);
-        let best = ahead
-            .min_by(|i, k| of(*i).total_cmp(&of(*k)))
-            .expect("a move");
-        at = best;
-        worst = worst.max(of(best));
-    }
-    assert!(
-        at + 12 > places.len(),
-        "the path ends at {at} of {}",
-        places.len()
-    );
-    worst
 }
 
 /// Reads a text back and holds it against the stream; the worst place against what is asked.
@@ -251,35 +212,18 @@ fn tilts_are_read_back_as_axes() {
     }
 }
 
-/// What LinuxCNC's stand-alone interpreter makes of a text: the places of its canonical moves, X Y Z mm,
-/// A B C degrees. `None` where it is not installed (Debian's `linuxcnc-uspace`).
-fn canonical_moves(text: &str) -> Option<Vec<[f64; 6]>> {
-    let file = std::env::temp_dir().join(format!("headway-rs274-{}.ngc", std::process::id()));
-    std::fs::write(&file, text).expect("a file");
-    let ran = std::process::Command::new("rs274")
-        .arg("-g")
-        .arg(&file)
-        .current_dir(std::env::temp_dir())
-        .output();
-    std::fs::remove_file(&file).expect("the file");
-    let ran = ran.ok()?;
-    let said = String::from_utf8_lossy(&ran.stdout).into_owned();
-    let errors = String::from_utf8_lossy(&ran.stderr).into_owned();
-    assert!(ran.status.success(), "{errors}{said}");
-    assert!(said.contains("PROGRAM_END"), "{errors}{said}");
-    let moves = said.lines().filter_map(|line| {
-        let numbers = line
-            .split_once("STRAIGHT_FEED(")
-            .or_else(|| line.split_once("STRAIGHT_TRAVERSE("))?;
-        let numbers: Vec<f64> = numbers
-            .1
-            .trim_end_matches([')', ' '])
-            .split(',')
-            .filter_map(|number| number.trim().parse().ok())
-            .collect();
-        <[f64; 6]>::try_from(numbers).ok()
-    });
-    Some(moves.collect())
+/// Places that the interpreter goes through, X Y Z mm, A B C degrees; `None` without it.
+fn canonical_places(text: &str) -> Option<(Vec<[f64; 6]>, Vec<(usize, Canonical)>)> {
+    let mut moves = vec![[0.0; 6]];
+    let mut outputs = Vec::new();
+    for command in canonical(text)? {
+        let at = moves[moves.len() - 1];
+        if let Canonical::Output(..) = command {
+            outputs.push((moves.len() - 1, command));
+        }
+        moves.extend(places(&command, &at));
+    }
+    Some((moves, outputs))
 }
 
 /// Goal: LinuxCNC takes its dialect without an error, and moves as the job does. Method: its stand-alone
@@ -293,17 +237,21 @@ fn linuxcnc_makes_the_same_moves() {
         ..WriteOptions::of_dialect(Dialect::LinuxCnc)
     };
     let (text, written) = written(&stream, servo_hz, &with_a);
-    let Some(moves) = canonical_moves(&text) else {
+    let Some((moves, _)) = canonical_places(&text) else {
         println!("skipped: rs274 (linuxcnc-uspace) is not installed");
         return;
     };
+    check_canonical(&stream, servo_hz, &moves, &written);
+}
+
+fn check_canonical(stream: &SegmentStream, servo_hz: f64, moves: &[[f64; 6]], written: &Written) {
     assert!(moves.len() > written.moves, "{} moves", moves.len());
-    let places: Vec<[f64; 6]> = moves
+    let places: Vec<[f64; 6]> = moves[1..]
         .iter()
         .map(|&[x, y, z, _, _, c]| [x, y, z, 0.0, 0.0, c.to_radians()])
         .collect();
-    let worst = beside_moves(&stream, servo_hz, &places);
-    println!("rs274: {worst:.3} of what is asked, {} moves", moves.len());
+    let worst = beside_moves(stream, servo_hz, &places);
+    println!("rs274: {worst:.3} of what is asked, {} places", moves.len());
     assert!(worst <= 1.0, "{worst} of what is asked");
     // Primes and retracts stand; what moves extrude is the job's volume.
     let extruded_mm: f64 = moves
@@ -314,6 +262,90 @@ fn linuxcnc_makes_the_same_moves() {
     // The interpreter prints A to 10⁻⁴ mm.
     let share = extruded_mm * FILAMENT_MM2 / written.volume_mm3;
     assert!((share - 1.0).abs() < 1e-3, "{share} of the volume");
+}
+
+/// Orders of all kinds on the plate's path: before it, within beads, on a way, waits, at the end.
+fn orders(stream: &SegmentStream) -> Vec<HeatEvent> {
+    let marks = &stream.marks;
+    let prints = marks.iter().filter(|mark| mark.state == MotionState::Print);
+    let middle = |mark: &headway::job::Mark| (mark.start_tick + mark.end_tick) / 2;
+    let beads: Vec<u64> = prints.map(middle).collect();
+    let ways = marks
+        .iter()
+        .filter(|mark| mark.state == MotionState::Travel);
+    let way = ways.map(middle).nth(2).expect("a way between beads");
+    let end = marks.last().expect("marks").end_tick;
+    let fan = |fan_pct| HeatOrder::Fan { fan_pct };
+    let mut orders = vec![
+        (0, HeatOrder::wait_for(BED, 60.0)),
+        (0, HeatOrder::wait_for(HOT_END, 215.0)),
+        (0, fan(0.0)),
+        (beads[0], fan(50.0)),
+        (beads[0] + 400, HeatOrder::target(HOT_END, 207.5)),
+        (way, HeatOrder::wait_for(2, 190.0)),
+        (beads[beads.len() - 1], HeatOrder::wait_for(BED, 55.0)),
+        (end, HeatOrder::target(HOT_END, 0.0)),
+        (end, fan(0.0)),
+    ];
+    orders.sort_by_key(|(tick, _)| *tick);
+    let event = |(tick, order)| HeatEvent { tick, order };
+    orders.into_iter().map(event).collect()
+}
+
+/// Goal: LinuxCNC takes orders of heaters, fans and waits, and sets its outputs where the job does. Method:
+/// the plate with orders of all kinds through its stand-alone interpreter: the moves as without them, each
+/// output with its value, with the motion where nothing waits, at the place of its tick.
+#[test]
+fn linuxcnc_sets_heaters_and_fans_on_the_path() {
+    let (stream, servo_hz) = plate();
+    let heat = orders(&stream);
+    let with_a = WriteOptions {
+        extruder: Some(b'A'),
+        ..WriteOptions::of_dialect(Dialect::LinuxCnc)
+    };
+    let (text, written) = written_with(&stream, servo_hz, &heat, &with_a);
+    let waits = text.lines().filter(|line| line.starts_with("M66 ")).count();
+    assert_eq!(waits, 4);
+    let Some((moves, outputs)) = canonical_places(&text) else {
+        println!("skipped: rs274 (linuxcnc-uspace) is not installed");
+        return;
+    };
+    check_canonical(&stream, servo_hz, &moves, &written);
+    assert_eq!(outputs.len(), heat.len());
+    let end_tick = stream.marks.last().expect("marks").end_tick;
+    for (event, (at, output)) in heat.iter().zip(&outputs) {
+        let (number, value, waits) = match event.order {
+            HeatOrder::Heater {
+                heater: 2,
+                celsius,
+                wait,
+            } => (3, celsius, wait),
+            HeatOrder::Heater {
+                heater,
+                celsius,
+                wait,
+            } => (usize::from(heater), celsius, wait),
+            HeatOrder::Fan { fan_pct } => (2, fan_pct / 100.0, false),
+        };
+        let at_rest = event.tick == 0 || event.tick == end_tick;
+        assert_eq!(
+            *output,
+            Canonical::Output(number, value, !waits && !at_rest)
+        );
+        if event.tick == 0 {
+            assert_eq!(*at, 0);
+            continue;
+        }
+        // The last tick is at rest where the one before it is.
+        let tick = event.tick.min(end_tick - 1);
+        let mut sample = samples_within(&stream, servo_hz, 1.0, [tick, tick + 1]);
+        let p = sample.next().expect("a pose").position;
+        let beside_mm = (0..3)
+            .map(|i| (p[i] - moves[*at][i]).powi(2))
+            .sum::<f64>()
+            .sqrt();
+        assert!(beside_mm < TIP_MM, "{event:?}: {beside_mm} mm");
+    }
 }
 
 /// Goal: a sliced file that goes through a job and out again is the file's path. Method: its passes.
