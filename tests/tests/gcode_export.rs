@@ -212,8 +212,11 @@ fn tilts_are_read_back_as_axes() {
     }
 }
 
+/// Outputs with the number of the place at which each is set.
+type Outputs = Vec<(usize, Canonical)>;
+
 /// Places that the interpreter goes through, X Y Z mm, A B C degrees; `None` without it.
-fn canonical_places(text: &str) -> Option<(Vec<[f64; 6]>, Vec<(usize, Canonical)>)> {
+fn canonical_places(text: &str) -> Option<(Vec<[f64; 6]>, Outputs)> {
     let mut moves = vec![[0.0; 6]];
     let mut outputs = Vec::new();
     for command in canonical(text)? {

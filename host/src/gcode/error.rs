@@ -43,6 +43,16 @@ pub enum GcodeError {
         /// What stands there, cut short.
         text: String,
     },
+    /// A parameter of an extended command.
+    #[error("line {line}: {key}='{text}' is no number that can be taken; write it as {key}=12.5")]
+    Parameter {
+        /// Line from 1.
+        line: usize,
+        /// The parameter.
+        key: String,
+        /// What stands there, cut short.
+        text: String,
+    },
     /// The same letter twice.
     #[error("line {line}: {letter} is given twice: divide the line")]
     Twice {

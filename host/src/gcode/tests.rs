@@ -258,6 +258,135 @@ fn orders_of_heaters_and_fans_are_read() {
     assert!(read.heat.iter().all(|placed| placed.place == first));
 }
 
+/// Lines and orders of a program whose only bead comes last.
+fn orders_of(text: &str) -> (Vec<String>, GcodeProgram) {
+    let read = program(&format!("{text}G1 X9 E1\n"));
+    let told = |placed: &PlacedOrder| format!("{} {}", placed.line, placed.order.text());
+    (read.heat.iter().map(told).collect(), read)
+}
+
+/// Goal: RepRapFirmware's G10 with a tool sets its temperature and retracts nothing. Method: G10 and M568 of
+/// two tools and of a third, beside a G10 that retracts.
+#[test]
+fn temperatures_of_tools_are_no_retracts() {
+    let (orders, read) = orders_of(
+        "G10 P0 S215 R180\nG10 S190 P1\nM568 P0 S210.5 A2\nG10 S200\nG10 P2 S99\nG10 P1 X3 Y4\nM116\nM568 P1 S0\n",
+    );
+    assert_eq!(
+        orders,
+        [
+            "1 hot end 215 °C",
+            "2 second hot end 190 °C",
+            "3 hot end 210.5 °C",
+            "4 hot end 200 °C",
+            "7 hot end 200 °C, waits",
+            "7 second hot end 190 °C, waits",
+            "8 second hot end off",
+        ]
+    );
+    assert_eq!((read.passes.len(), read.passes[0].prime), (1, None));
+    let notes = read.notes.join("\n");
+    for part in [
+        "line 1 G10 R",
+        "line 3 M568 A",
+        "line 5 G10 P2 S99",
+        "line 6 G10 P1 X3 Y4",
+    ] {
+        assert!(notes.contains(part), "{part}: {notes}");
+    }
+    // A switch of 0 or 1 retracts, as Marlin has it.
+    for retract in ["G10", "G10 S1", "G10 S0"] {
+        let text = format!("M207 S1\nG1 X9 E1\n{retract}\nG0 X19\nG11\nG1 X29 E2\n");
+        let read = program(&text);
+        let pulled = read.passes[0].retract.and_then(|push| push.mm3);
+        assert!(
+            (pulled.expect(retract) - FILAMENT_MM2).abs() < 1e-9,
+            "{retract}"
+        );
+        assert!(read.heat.is_empty());
+    }
+    let hot = read_error("G10 P0 S9000\nG1 X1 E1");
+    assert!(hot.contains("line 1: a target of 9000"), "{hot}");
+}
+
+fn read_error(text: &str) -> String {
+    let error = read(text.as_bytes(), "t", &GcodeOptions::default());
+    error.expect_err(text).to_string()
+}
+
+/// Goal: Klipper's commands are orders, waits those that a target reaches. Method: each of them, known and
+/// unknown sections.
+#[test]
+fn orders_of_klipper_are_read() {
+    let (orders, read) = orders_of(
+        "SET_HEATER_TEMPERATURE HEATER=heater_bed TARGET=60\nset_heater_temperature heater=extruder target=215\n\
+         TEMPERATURE_WAIT SENSOR=heater_bed MINIMUM=58\nTEMPERATURE_WAIT SENSOR=extruder MINIMUM=210 MAXIMUM=220\n\
+         TEMPERATURE_WAIT SENSOR=extruder MAXIMUM=50\nTEMPERATURE_WAIT SENSOR=\"temperature_sensor chamber\" MINIMUM=40\n\
+         SET_FAN_SPEED FAN=part_cooling_fan SPEED=0.5\nSET_FAN_SPEED FAN=exhaust SPEED=1\n\
+         SET_HEATER_TEMPERATURE HEATER=chamber TARGET=50\nSET_HEATER_TEMPERATURE HEATER=extruder1 TARGET=190\n\
+         SET_HEATER_TEMPERATURE HEATER=extruder1\nTURN_OFF_HEATERS\n",
+    );
+    assert_eq!(
+        orders,
+        [
+            "1 bed 60 °C",
+            "2 hot end 215 °C",
+            "3 bed 60 °C, waits",
+            "4 hot end 215 °C, waits",
+            "7 fan 50 %",
+            "10 second hot end 190 °C",
+            "11 second hot end off",
+            "12 hot end off",
+            "12 bed off",
+        ]
+    );
+    let notes = read.notes.join("\n");
+    for line in [5, 6, 8, 9] {
+        assert!(notes.contains(&format!("line {line} ")), "{line}: {notes}");
+    }
+    for (text, part) in [
+        (
+            "SET_HEATER_TEMPERATURE HEATER=extruder TARGET=hot",
+            "line 1: TARGET='hot'",
+        ),
+        (
+            "SET_HEATER_TEMPERATURE HEATER=extruder TARGET=-5",
+            "line 1: a target of -5",
+        ),
+        (
+            "SET_FAN_SPEED FAN=fan SPEED=255",
+            "line 1: a target of 255: write 0 to 1",
+        ),
+        (
+            "SET_RETRACTION RETRACT_LENGTH=5000",
+            "line 1: RETRACT_LENGTH='5000'",
+        ),
+    ] {
+        let error = read_error(&format!("{text}\nG1 X1 E1"));
+        assert!(error.contains(part), "{text}: {error}");
+    }
+}
+
+/// Goal: T is a tool change where it stands alone, and numbers that no tool has change nothing. Method: what
+/// start and end blocks of printers with changers write.
+#[test]
+fn only_tools_change_tools() {
+    let read = program(
+        "M83\nM620 S0A\nT0\nM221 S; kept\nM221 Z0\nG1 E50 F200\nT1000\nG28 Z P0 T300\nG1 X9 E1 F1200\nM104 T1 S0\n\
+         M109 S200 T0\nG1 X0 E1\nM221 R; back\nT255\nT65535\n",
+    );
+    assert_eq!((read.passes.len(), read.passes[0].points.len()), (1, 3));
+    assert!(read_error("T0\nG1 X1 E1\nM6 T1\nG1 X2 E2").contains("line 3: tool T1 after T0"));
+    assert!(read_error("T0\nG1 X1 E1\nT1 G1 X2 E2").contains("line 3: tool T1 after T0"));
+}
+
+/// Goal: an arc of its centre alone is a full circle. Method: its length.
+#[test]
+fn a_centre_alone_is_a_full_circle() {
+    let read = program("G0 X5\nG2 I-5 E3\n");
+    assert!((read.print_mm() / (10.0 * std::f64::consts::PI) - 1.0).abs() < 4e-4);
+}
+
 /// Broken files: what each is refused for.
 const BROKEN: [(&str, &str); 37] = [
     ("", "nothing is printed"),

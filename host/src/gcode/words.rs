@@ -135,9 +135,9 @@ fn is_macro(text: &str) -> bool {
 
 /// Codes whose parameters are not those of motion, and may be any text.
 fn takes_text(word: Word) -> bool {
-    const READ: [u32; 30] = [
-        0, 1, 2, 30, 66, 67, 68, 82, 83, 101, 103, 104, 106, 107, 108, 109, 116, 140, 141, 190,
-        191, 200, 207, 208, 220, 221, 226, 227, 228, 600,
+    const READ: [u32; 32] = [
+        0, 1, 2, 6, 30, 66, 67, 68, 82, 83, 101, 103, 104, 106, 107, 108, 109, 116, 140, 141, 190,
+        191, 200, 207, 208, 220, 221, 226, 227, 228, 568, 600,
     ];
     let number = word.value.filter(|value| *value >= 0.0);
     word.letter == b'M' && number.is_none_or(|value| !READ.contains(&(value as u32)))

@@ -5,7 +5,22 @@
 use super::{Firmware, Interpreter, bounded_percent, code_name, tenths, value};
 use crate::gcode::FILAMENT_MM;
 use crate::gcode::error::GcodeError;
-use crate::gcode::words::{Line, Word, shortened};
+use crate::gcode::words::{Line, Word};
+
+/// Tools that slicers count; numbers from here on are orders to a changer.
+const TOOLS: f64 = 255.0;
+/// S of a G10 that retracts is a switch of 0 or 1 (Marlin); more is a temperature (RepRapFirmware).
+const SWITCH_MAX: f64 = 1.0;
+
+/// G10 with a tool (P), or with a temperature.
+fn is_of_a_tool(line: &Line) -> bool {
+    let mut words = line.words.iter();
+    words.any(|word| match word.letter {
+        b'P' | b'R' => true,
+        b'S' => word.value.is_some_and(|value| value > SWITCH_MAX),
+        _ => false,
+    })
+}
 
 impl Interpreter {
     /// Modes and codes that are no motion; true where they take the line's axis words.
@@ -50,6 +65,10 @@ impl Interpreter {
                 return Err(not_read(
                     "coordinate systems are not kept: write places of one system (G54)",
                 ));
+            }
+            100 if is_of_a_tool(line) => {
+                self.tool_temperature(line, number)?;
+                return Ok(true);
             }
             100 => self.firmware(Firmware::Retract(self.retract_mm[0]), number)?,
             110 => self.firmware(Firmware::Prime(self.retract_mm[1]), number)?,
@@ -107,6 +126,10 @@ impl Interpreter {
                 let more_mm = self.length(line, b'S', number)?;
                 self.retract_by(None, more_mm);
             }
+            // S or R alone keep the factor and take it back.
+            2200 | 2210 if line.words.iter().skip(1).any(|word| word.value.is_none()) => {
+                self.undone(code_name(word), number);
+            }
             2200 | 2210 => {
                 let Some(percent) = bounded_percent(line, number)? else {
                     return Ok(());
@@ -127,7 +150,7 @@ impl Interpreter {
     }
 
     /// What G10 pulls and G11 pushes more; what is not given stays.
-    fn retract_by(&mut self, pulled_mm: Option<f64>, more_mm: Option<f64>) {
+    pub(super) fn retract_by(&mut self, pulled_mm: Option<f64>, more_mm: Option<f64>) {
         let [before_mm, pushed_mm] = self.retract_mm;
         let before_more_mm = pushed_mm
             .zip(before_mm)
@@ -135,30 +158,6 @@ impl Interpreter {
         let pulled_mm = pulled_mm.or(before_mm);
         let more_mm = more_mm.unwrap_or(before_more_mm);
         self.retract_mm = [pulled_mm, pulled_mm.map(|mm| (mm + more_mm).max(0.0))];
-    }
-
-    /// Klipper's lengths of G10 and G11.
-    pub(super) fn set_retraction(&mut self, command: &str, line: usize) -> Result<(), GcodeError> {
-        let mut given = [None; 2];
-        for pair in command.split_whitespace().skip(1) {
-            let (key, number) = pair.split_once('=').unwrap_or((pair, ""));
-            let slot = match key {
-                "RETRACT_LENGTH" => 0,
-                "UNRETRACT_EXTRA_LENGTH" => 1,
-                _ => continue,
-            };
-            let number = number
-                .parse()
-                .ok()
-                .filter(|mm: &f64| (0.0..=1e3).contains(&mm.abs()));
-            given[slot] = Some(number.ok_or_else(|| GcodeError::Number {
-                line,
-                letter: '=',
-                text: shortened(pair),
-            })?);
-        }
-        self.retract_by(given[0], given[1]);
-        Ok(())
     }
 
     /// M200: E in mm³ with a diameter, in mm with 0.
@@ -183,11 +182,12 @@ impl Interpreter {
     }
 
     pub(super) fn tool_change(&mut self, word: &Word, number: usize) -> Result<(), GcodeError> {
-        // "T-1", "T?": no tool, which one.
-        let Some(tool) = word.value.filter(|tool| *tool >= 0.0) else {
+        // "T-1", "T?", T255, T1000: no tool, which one, put it back, the nozzle as it is.
+        let is_tool = |tool: &f64| (0.0..TOOLS).contains(tool);
+        let Some(tool) = word.value.filter(is_tool) else {
             return Ok(());
         };
-        let tool = tool.min(1e6) as u32;
+        let tool = tool as u32;
         match self.tool {
             Some(before) if before != tool && self.has_printed => Err(GcodeError::SecondTool {
                 line: number,

@@ -1,8 +1,9 @@
 //! Codes of heaters and fans -> orders at their place among the steps.
 //!
-//! In: M104, M109, M140, M190, M116, M106, M107 (°C, 0 to 255 or a fraction with its point), and what Headway
-//! writes for machine tools: M67 and M68 with E for the output, M66 for the wait. Out: [`HeatStep`]s. What
-//! no job has (chambers, other fans, tools beyond the second) is carried as a text with its line.
+//! In: M104, M109, M140, M190, M116, M106, M107 (°C, 0 to 255 or a fraction with its point), G10 and M568 of
+//! RepRapFirmware (P the tool, S its temperature), and what Headway writes for machine tools: M67 and M68 with E
+//! for the output, M66 for the wait. Out: [`HeatStep`]s. What no job has (chambers, other fans, standby, tools
+//! beyond the second) is carried as a text with its line.
 
 use super::{Interpreter, code_name, tenths, value};
 use crate::gcode::comments::Slicer;
@@ -12,7 +13,7 @@ use crate::job_heat::{BED, HOT_END, HeatOrder};
 use headway_protocol::message::DECIDEGREES_MAX;
 
 /// The second hot end among the heaters.
-const HOT_END_2: u8 = 2;
+pub(super) const HOT_END_2: u8 = 2;
 /// Full speed of a fan in M106.
 const FAN_FULL: f64 = 255.0;
 /// Analog outputs of machine tools, as Headway writes them, and digital inputs that tell a heater is there.
@@ -68,6 +69,7 @@ impl Interpreter {
             }
             1070 => self.order(HeatOrder::Fan { fan_pct: 0.0 }, number),
             1410 | 1910 => self.carried(line, number),
+            5680 => self.tool_temperature(line, number)?,
             670 | 680 if is_ours => self.output(line, number)?,
             660 if is_ours => {
                 let input = value(line, b'P', number)?;
@@ -92,7 +94,7 @@ impl Interpreter {
             None => value(line, b'R', number)?,
             given => given,
         };
-        let celsius = checked(given, number, f64::from(DECIDEGREES_MAX) / 10.0)?;
+        let celsius = checked(given, number, most_c())?;
         match (celsius, waits) {
             (Some(celsius), false) => self.order(HeatOrder::target(heater, celsius), number),
             (Some(celsius), true) => self.order(HeatOrder::wait_for(heater, celsius), number),
@@ -102,8 +104,35 @@ impl Interpreter {
         Ok(())
     }
 
-    /// Waits for what a heater was asked for last; false where that is nothing.
-    fn wait(&mut self, heater: u8, line: usize) -> bool {
+    /// G10 and M568 of RepRapFirmware: S of tool P, which is the first without it. Its standby (R), its offsets
+    /// and its state (A) are carried.
+    pub(super) fn tool_temperature(
+        &mut self,
+        line: &Line,
+        number: usize,
+    ) -> Result<(), GcodeError> {
+        let tool = value(line, b'P', number)?.unwrap_or(0.0);
+        let celsius = checked(value(line, b'S', number)?, number, most_c())?;
+        let heater = match tool {
+            0.0 => Some(HOT_END),
+            1.0 => Some(HOT_END_2),
+            _ => None,
+        };
+        let (Some(heater), Some(celsius)) = (heater, celsius) else {
+            self.carried(line, number);
+            return Ok(());
+        };
+        self.order(HeatOrder::target(heater, celsius), number);
+        let code = line.words.first().map(code_name).unwrap_or_default();
+        let beside = |word: &&Word| !matches!(word.letter, b'G' | b'M' | b'P' | b'S');
+        for word in line.words.iter().filter(beside) {
+            self.undone(format!("{code} {}", char::from(word.letter)), number);
+        }
+        Ok(())
+    }
+
+    /// What a heater was asked for last.
+    pub(super) fn target_c(&self, heater: u8) -> Option<f64> {
         let orders = self.found.heat.iter().rev().map(|step| step.order);
         let mut of_heater = orders.filter_map(|order| match order {
             HeatOrder::Heater {
@@ -113,7 +142,12 @@ impl Interpreter {
             } => (of == heater).then_some(celsius),
             HeatOrder::Fan { .. } => None,
         });
-        let celsius = of_heater.next().filter(|celsius| *celsius > 0.0);
+        of_heater.next()
+    }
+
+    /// Waits for what a heater was asked for last; false where that is nothing.
+    fn wait(&mut self, heater: u8, line: usize) -> bool {
+        let celsius = self.target_c(heater).filter(|celsius| *celsius > 0.0);
         if let Some(celsius) = celsius {
             self.order(HeatOrder::wait_for(heater, celsius), line);
         }
@@ -122,8 +156,7 @@ impl Interpreter {
 
     /// M67 and M68 of our own text.
     fn output(&mut self, line: &Line, number: usize) -> Result<(), GcodeError> {
-        let most = f64::from(DECIDEGREES_MAX) / 10.0;
-        let given = checked(value(line, b'Q', number)?, number, most)?;
+        let given = checked(value(line, b'Q', number)?, number, most_c())?;
         match (output(value(line, b'E', number)?), given) {
             (Some((_, Some(heater))), Some(celsius)) => {
                 self.order(HeatOrder::target(heater, celsius), number);
@@ -137,7 +170,7 @@ impl Interpreter {
         Ok(())
     }
 
-    fn order(&mut self, order: HeatOrder, line: usize) {
+    pub(super) fn order(&mut self, order: HeatOrder, line: usize) {
         self.found.heat.push(HeatStep {
             line,
             step: self.found.steps.len(),
@@ -158,8 +191,17 @@ fn output(number: Option<f64>) -> Option<(u8, Option<u8>)> {
     OUTPUTS.iter().find(of).copied()
 }
 
+/// Hottest target, °C.
+pub(super) fn most_c() -> f64 {
+    f64::from(DECIDEGREES_MAX) / 10.0
+}
+
 /// A number from 0 to `most`.
-fn checked(given: Option<f64>, line: usize, most: f64) -> Result<Option<f64>, GcodeError> {
+pub(super) fn checked(
+    given: Option<f64>,
+    line: usize,
+    most: f64,
+) -> Result<Option<f64>, GcodeError> {
     match given {
         Some(value) if !(0.0..=most).contains(&value) => {
             Err(GcodeError::Heat { line, value, most })

@@ -9,6 +9,7 @@
 
 mod codes;
 mod heat;
+mod klipper;
 mod moves;
 
 pub use heat::HeatStep;
@@ -193,7 +194,7 @@ impl Interpreter {
                 .map(shortened)
                 .unwrap_or_default();
             match name.as_str() {
-                "SET_RETRACTION" => self.set_retraction(command, number)?,
+                _ if self.extended(&name, command, number)? => {}
                 // Waiting and progress: nothing to do.
                 "M400" | "M73" | "M105" => {}
                 _ => self.undone(name, number),
@@ -230,7 +231,8 @@ impl Interpreter {
                     self.m_code(word, line, number)?;
                     is_taken = true;
                 }
-                b'T' => {
+                // Beside another code T is its parameter; M6 changes to it.
+                b'T' if line.words.iter().all(is_beside_tool) => {
                     self.tool_change(word, number)?;
                     is_taken = true;
                 }
@@ -244,7 +246,13 @@ impl Interpreter {
         }
         let extruder = self.extruder();
         let axes = self.axes();
-        let is_motion = |word: &Word| axes.contains(&word.letter) || word.letter == extruder;
+        // A full circle names its centre alone.
+        let is_circle = matches!(self.motion, Some(Motion::Arc { .. }));
+        let is_motion = |word: &Word| {
+            axes.contains(&word.letter)
+                || word.letter == extruder
+                || is_circle && matches!(word.letter, b'I' | b'J' | b'K')
+        };
         if line.words.iter().any(is_motion) {
             return self.go(line, number, in_machine);
         }
@@ -329,6 +337,15 @@ impl Interpreter {
         self.has_printed |= extruded > 0.0;
         self.at = to;
         Ok(())
+    }
+}
+
+/// True for words that a tool change may have beside it.
+fn is_beside_tool(word: &Word) -> bool {
+    match word.letter {
+        b'M' => tenths(word) == 60,
+        b'G' => motion_of(tenths(word)).is_some(),
+        _ => true,
     }
 }
 
