@@ -1,7 +1,7 @@
 //! Goal: noise that no eye can see changes the time that real slices take by little: all together by at
 //! most 3 %, and few of them by more than 5 %.
 //! Method: every valid slice and the parts of the peers, planned as they are and with each edge divided
-//! every 0.2 mm and moved by 5 um, with two noises. Slices are reference data beside the checkout:
+//! every 0.2 mm and moved by 5 um, with two noises; one in four of them, and all by name. Slices are reference data beside the checkout:
 //! without them the test says so and passes.
 
 use headway::input::{Format, ReadOptions, Target, read};
@@ -25,6 +25,8 @@ const ALL_SHARE: f64 = 0.03;
 const SEEDS: [u64; 2] = [3, 4];
 /// Slices and parts of the peers that are valid.
 const COUNT: usize = 45;
+/// Of so many files one is looked at where not all are asked for.
+const STRIDE: usize = 4;
 
 /// The rings of each region of a file; `None` where it is refused.
 fn parts(file: &PathBuf) -> Option<Vec<Rings>> {
@@ -50,8 +52,8 @@ fn print_s(parts: &[Rings]) -> f64 {
         .print_s
 }
 
-#[test]
-fn noise_changes_no_printing_time() {
+/// Every `stride`-th part; at most `changed_max` of them may change by more than [`TIME_SHARE`].
+fn is_changed_little(stride: usize, changed_max: usize) {
     let folders = ["slices", "peer"].map(|folder| format!("{DATA}/{folder}"));
     let files: Vec<PathBuf> = folders
         .iter()
@@ -60,16 +62,17 @@ fn noise_changes_no_printing_time() {
     if files.is_empty() {
         return;
     }
-    let compared = files.par_iter().filter_map(|file| {
-        let parts = parts(file)?;
+    let valid = files.iter().filter_map(|file| Some((file, parts(file)?)));
+    let asked: Vec<_> = valid.step_by(stride).collect();
+    assert_eq!(asked.len(), COUNT.div_ceil(stride));
+    let compared = asked.par_iter().map(|(file, parts)| {
         let noisy = SEEDS.map(|seed| {
             let noisy = parts.iter().map(|rings| with_noise(rings, NOISE_MM, seed));
             print_s(&noisy.collect::<Vec<_>>())
         });
-        Some((file, print_s(&parts), noisy))
+        (file, print_s(parts), noisy)
     });
     let compared: Vec<_> = compared.collect();
-    assert_eq!(compared.len(), COUNT);
     let changed = compared
         .iter()
         .filter(|(_, clean, noisy)| noisy.iter().any(|n| (n / clean - 1.0).abs() > TIME_SHARE));
@@ -77,11 +80,22 @@ fn noise_changes_no_printing_time() {
     for (file, clean, noisy) in &changed {
         println!("{}: {clean:.2} s, {noisy:.2?} s", file.display());
     }
-    assert!(changed.len() <= CHANGED_MAX, "{changed:#?}");
+    assert!(changed.len() <= changed_max, "{changed:#?}");
     for noise in 0..SEEDS.len() {
         let clean: f64 = compared.iter().map(|(_, clean, _)| clean).sum();
         let noisy: f64 = compared.iter().map(|(_, _, noisy)| noisy[noise]).sum();
         println!("all: {clean:.1} s, with noise {noisy:.1} s");
         assert!((noisy / clean - 1.0).abs() <= ALL_SHARE, "{noisy} {clean}");
     }
+}
+
+#[test]
+fn noise_changes_no_printing_time() {
+    is_changed_little(STRIDE, CHANGED_MAX.div_ceil(STRIDE));
+}
+
+#[test]
+#[ignore = "five minutes; run by name"]
+fn noise_changes_no_printing_time_of_any() {
+    is_changed_little(1, CHANGED_MAX);
 }
