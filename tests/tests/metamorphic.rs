@@ -115,12 +115,31 @@ fn the_same_part_is_planned_the_same() {
 
 /// Goal: neither does rounding choose where a part is symmetric, up to the last digits (a hinge leaf, a
 /// truss), or its teeth are alike (gears): these differed by up to 3.4 % of path and 0.3 of coverage.
+/// Method: the ways whose digits differ.
 #[test]
 fn symmetric_parts_are_planned_the_same() {
+    let asked = [
+        "as it is",
+        "turned by 17 deg",
+        "mirrored and turned",
+        "points on edges",
+    ];
+    symmetric_parts_in(|way| asked.contains(&way));
+}
+
+#[test]
+#[ignore = "minutes; run by name"]
+fn symmetric_parts_are_planned_the_same_in_every_way() {
+    symmetric_parts_in(|_| true);
+}
+
+fn symmetric_parts_in(is_asked: impl Fn(&str) -> bool) {
     let parts = held_out();
     for name in ["gear 1", "gear 2", "hinge leaf 1", "truss 1"] {
         let part = parts.iter().find(|part| part.name == name).expect(name);
-        is_planned_the_same(name, &ways(&rings_of(&part.regions[0])));
+        let mut ways = ways(&rings_of(&part.regions[0]));
+        ways.retain(|(way, _)| is_asked(way));
+        is_planned_the_same(name, &ways);
     }
 }
 
