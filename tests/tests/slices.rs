@@ -10,6 +10,7 @@ use headway::plan_target;
 use headway::settings::{Quality, Settings};
 use headway_tests::folders::{files, skipped};
 use headway_tests::judge::{judge, judge_finely};
+use rayon::prelude::*;
 use std::path::Path;
 
 const SLICES: &str = concat!(env!("CARGO_MANIFEST_DIR"), "/../../shared/data/slices");
@@ -113,7 +114,7 @@ fn every_slice_plans_and_simulates_within_the_figures() {
          | print s | tip error µm | unreachable mm |"
     );
     let rows: Vec<Row> = files
-        .iter()
+        .par_iter()
         .filter_map(|file| run(file, &settings))
         .collect();
     if files.is_empty() {
