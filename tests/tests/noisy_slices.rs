@@ -1,8 +1,8 @@
 //! Goal: noise that no eye can see changes the time that real slices take by little: all together by at
 //! most 3 %, and few of them by more than 5 %.
 //! Method: every valid slice and the parts of the peers, planned as they are and with each edge divided
-//! every 0.2 mm and moved by 5 um, with two noises; one in four of them, and all by name. Slices are reference data beside the checkout:
-//! without them the test says so and passes.
+//! every 0.2 mm and moved by 5 um, with two noises; one in four of them, and all by name. Slices are
+//! reference data beside the checkout: without them the test says so and passes.
 
 use headway::input::{Format, ReadOptions, Target, read};
 use headway::plan_target;
