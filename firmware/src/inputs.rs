@@ -5,7 +5,7 @@ use crate::design::SWITCH_SETTLE_TICKS;
 /// Levels of the inputs: bits set while pressed.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct Inputs {
-    /// Limit switches, bit 0 = joint 0.
+    /// Limit switches, bit 0 = joint 0; bit 7 is the probe.
     pub switches: u8,
     /// Emergency input.
     pub emergency: bool,

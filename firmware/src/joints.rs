@@ -182,12 +182,17 @@ impl JointTargets {
 
     /// The fault of a joint at a position, 2^-31 steps.
     pub(crate) fn limit_fault(&self, joint: usize, position: i64, cause: FaultCause) -> Fault {
-        let units_per_step = self.joints.get(joint).map_or(0.0, |j| j.units_per_step);
         Fault {
             cause,
             index: joint as u8,
-            value: (position as f64 / STEP as f64 * units_per_step) as i32,
+            value: self.units_of(joint, position),
         }
+    }
+
+    /// A joint's position, 2^-31 steps, in 0.1 µm or µrad.
+    pub(crate) fn units_of(&self, joint: usize, position: i64) -> i32 {
+        let units_per_step = self.joints.get(joint).map_or(0.0, |j| j.units_per_step);
+        (position as f64 / STEP as f64 * units_per_step) as i32
     }
 
     /// Mask of all joints.

@@ -476,6 +476,8 @@ mod fault;
 mod heat;
 #[path = "machine_jog_tests.rs"]
 mod jog;
+#[path = "machine_probe_tests.rs"]
+mod probe;
 #[path = "machine_refusal_tests.rs"]
 mod refusal;
 #[path = "machine_shaping_tests.rs"]

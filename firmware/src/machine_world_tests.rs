@@ -3,6 +3,7 @@
 use super::*;
 use crate::homing::{HomingConfiguration, JointHoming};
 use crate::inputs::Inputs;
+use headway_protocol::message::PROBE_BIT;
 
 /// A machine with carriages: where each motor really is, in steps from its switch.
 pub(super) struct World {
@@ -17,6 +18,8 @@ pub(super) struct World {
     chatter: [u32; 8],
     random: u32,
     pub(super) stuck: u8,
+    /// The bed below each place of X and Y, true steps: the probe's.
+    pub(super) bed: Option<fn(i64, i64) -> i64>,
 }
 
 pub(super) fn machine() -> (MachineConfiguration, HomingConfiguration) {
@@ -61,6 +64,7 @@ impl World {
             chatter: [0; 8],
             random: 7,
             stuck: 0,
+            bed: None,
         }
     }
 
@@ -76,6 +80,11 @@ impl World {
             if (upper && truth >= place) || (!upper && truth <= place) {
                 pressed |= 1 << joint;
             }
+        }
+        if let Some(bed) = self.bed
+            && self.truth(2) <= bed(self.truth(0), self.truth(1))
+        {
+            pressed |= 1 << PROBE_BIT;
         }
         for joint in 0..8 {
             if (pressed ^ self.last_pressed) >> joint & 1 == 1 {
@@ -116,7 +125,10 @@ impl World {
         for tick in 1..400_000 {
             self.tick();
             let motion = self.host.machine.motion();
-            let free = !matches!(motion.state(), DeviceState::Homing | DeviceState::Jogging);
+            let free = !matches!(
+                motion.state(),
+                DeviceState::Homing | DeviceState::Jogging | DeviceState::Probing
+            );
             if free && motion.is_at_rest() {
                 for _ in 0..SERVO_DELAY_TICKS {
                     self.tick();

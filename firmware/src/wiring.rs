@@ -9,6 +9,7 @@
 
 use crate::configuration::{JOINTS_MAX, MachineConfiguration};
 use crate::inputs::Inputs;
+use headway_protocol::message::PROBE_BIT;
 use serde::{Deserialize, Serialize};
 
 /// For a joint without a switch.
@@ -27,6 +28,8 @@ pub struct Wiring {
     pub emergency_input: Option<u8>,
     /// A bit for each input that is low while pressed: normally open to ground.
     pub open_inputs: u16,
+    /// The probe's; `None`: that of Z's switch, which the probe then is.
+    pub probe_input: Option<u8>,
 }
 
 /// Inputs of a board.
@@ -47,7 +50,12 @@ pub enum WrongWiring {
     Switch(usize),
     /// The emergency input: none of the board, or without an interrupt.
     Emergency,
+    /// The probe's input: it is the emergency input, or none of the board.
+    Probe,
 }
+
+/// The joint whose switch may be the probe.
+const Z: usize = 2;
 
 impl Default for Wiring {
     fn default() -> Self {
@@ -62,6 +70,7 @@ impl Wiring {
         switch_inputs: [0, 1, 2, 3, 4, 5, 6],
         emergency_input: None,
         open_inputs: 0,
+        probe_input: None,
     };
 
     /// Whether it is an input at all, whatever board.
@@ -93,6 +102,11 @@ impl Wiring {
             return Err(WrongWiring::Emergency);
         }
         let emergency = self.emergency_input.unwrap_or(board.emergency);
+        if let Some(input) = self.probe_input
+            && (input >= board.count || input == emergency)
+        {
+            return Err(WrongWiring::Probe);
+        }
         let switches = self.switch_inputs.iter().take(machine.joints.len());
         for (joint, input) in switches.enumerate() {
             // The standard ones beyond a small board's inputs have no switch.
@@ -120,6 +134,7 @@ impl Wiring {
             switches,
             emergency,
             open: self.open_inputs,
+            probe: self.probe_input.unwrap_or(switches[Z]),
         }
     }
 }
@@ -130,6 +145,7 @@ pub struct InputMap {
     switches: [u8; JOINTS_MAX],
     emergency: u8,
     open: u16,
+    probe: u8,
 }
 
 impl InputMap {
@@ -151,6 +167,7 @@ impl InputMap {
         for (joint, input) in self.switches.iter().enumerate() {
             switches |= u8::from(bit(pressed, *input)) << joint;
         }
+        switches |= u8::from(bit(pressed, self.probe)) << PROBE_BIT;
         Inputs {
             switches,
             emergency: bit(pressed, self.emergency),
@@ -205,12 +222,28 @@ mod tests {
                 core::array::from_fn(|joint| found.switches >> joint & 1 == 1);
             assert_eq!(by_joint, expected, "{levels:b}");
             assert_eq!(found.emergency, high(7));
+            // Z's switch is the probe, unless that has an input of its own.
+            assert_eq!(found.switches >> 7 == 1, !high(8));
+        }
+        let apart = Wiring {
+            switch_inputs: [0, 1, 2, 3, 4, NO_INPUT, 6],
+            probe_input: Some(5),
+            ..wiring
+        };
+        assert_eq!(apart.check_for(&built_in_planar(), &BIG), Ok(()));
+        let map = apart.map(&BIG);
+        for levels in 0..1u16 << 9 {
+            let found = map.inputs(levels);
+            assert_eq!(found.switches >> 7 == 1, levels >> 5 & 1 == 1);
+            assert_eq!(found.switches >> 2 & 1 == 1, levels >> 2 & 1 == 1);
+            assert_eq!(found.switches >> 5 & 1, 0);
         }
         // The board's own: joint m at input m, the last one stops.
         let map = Wiring::STANDARD.map(&BIG);
         for levels in 0..1u16 << 9 {
             let found = map.inputs(levels);
-            assert_eq!(found.switches, levels as u8 & 0x7f);
+            let z = levels as u8 >> 2 & 1;
+            assert_eq!(found.switches, levels as u8 & 0x7f | z << 7);
             assert_eq!(found.emergency, levels >> 8 & 1 == 1);
         }
     }
@@ -226,7 +259,7 @@ mod tests {
         assert_eq!(Wiring::STANDARD.check_for(&machine, &small), Ok(()));
         // Its emergency input is no switch of the nozzle's.
         let found = Wiring::STANDARD.map(&small).inputs(0b1111);
-        assert_eq!((found.switches, found.emergency), (0b111, true));
+        assert_eq!((found.switches, found.emergency), (0b1000_0111, true));
         for (wiring, wrong) in [
             (
                 Wiring {
@@ -262,6 +295,20 @@ mod tests {
                     ..Wiring::STANDARD
                 },
                 WrongWiring::Switch(0),
+            ),
+            (
+                Wiring {
+                    probe_input: Some(3),
+                    ..Wiring::STANDARD
+                },
+                WrongWiring::Probe,
+            ),
+            (
+                Wiring {
+                    probe_input: Some(4),
+                    ..Wiring::STANDARD
+                },
+                WrongWiring::Probe,
             ),
         ] {
             assert_eq!(wiring.check_for(&machine, &small), Err(wrong), "{wiring:?}");

@@ -107,6 +107,20 @@ pub enum Control {
     },
     /// They are complete: check and store them. They are in force from the board's next start.
     SettingsEnd,
+    /// Find where a referenced joint trips the probe (at rest only): fast towards it, back, slowly
+    /// again, and back. [`Status::probe`](crate::message::Status) tells; the position is not changed.
+    Probe {
+        /// Joint from 0 in the kinematics' order.
+        joint: u8,
+        /// Furthest way and its direction, 0.1 µm or µrad; its end must be in the joint's range.
+        distance_units: i32,
+        /// Speed of the search, 0.1 µm/s or µrad/s, above 0.
+        fast_units_s: u32,
+        /// Speed of the touch that counts, above 0.
+        slow_units_s: u32,
+        /// Way back before that touch and after it, above 0.
+        back_off_units: u32,
+    },
 }
 
 /// Joints in an order, four bits each from the lowest up: joint + 1, 0 ends the list. Empty means
@@ -170,6 +184,7 @@ impl Control {
                 | Control::Home(_)
                 | Control::Extrude { .. }
                 | Control::MotorsOff
+                | Control::Probe { .. }
         ) || self.is_settings()
     }
 
@@ -196,6 +211,16 @@ impl Control {
                 ..
             } => usize::from(joint) < REPORT_MOTORS_MAX && speed_units_s > 0,
             Control::Home(order) => order.is_valid(),
+            Control::Probe {
+                joint,
+                fast_units_s,
+                slow_units_s,
+                back_off_units,
+                ..
+            } => {
+                let speeds = fast_units_s > 0 && slow_units_s > 0;
+                usize::from(joint) < REPORT_MOTORS_MAX && speeds && back_off_units > 0
+            }
             Control::SetJoint { joint, .. } => usize::from(joint) < REPORT_MOTORS_MAX,
             Control::ReportPeriod(ms) => REPORT_PERIOD_RANGE_MS.contains(&ms),
             Control::Heat {

@@ -20,7 +20,7 @@ use heapless::Vec;
 use serde::{Deserialize, Serialize};
 
 /// Version of the whole protocol; another one is refused with both values shown.
-pub const PROTOCOL_VERSION: u16 = 6;
+pub const PROTOCOL_VERSION: u16 = 7;
 /// The layout of every message, field by field: its hash guards against a build that changed a
 /// message and forgot the version. Change it with the types; the golden test of `WIRE.md` tells.
 pub const SCHEMA: &str = "\
@@ -34,6 +34,7 @@ host: 0 hello{protocol u16,schema u32,host_session u32}\n\
  11 report u16 12 flow u16 13 extrude{action u8,volume u32,duration u32} 14 goto i32*7\n\
  15 motors off 16 heat{heater u8,decidegrees u16,wait bool} 17 fan u16\n\
  18 settings{length u16} 19 part{offset u16,bytes u8*32} 20 settings end\n\
+ 21 probe{joint u8,distance i32,fast u32,slow u32,back u32}\n\
 device: 0 welcome{protocol u16,schema u32,firmware u8*3,machine_hash u32,knots u16,events u16,\
 servo u32,step u32,session u32,host_session u32,stream option{job u32,first u32,next u32,knots u32,spans u32},\
 settings_hash u32}\n\
@@ -42,7 +43,7 @@ settings_hash u32}\n\
  2 ack{session u32,next u32,knot_limit u32,event_limit u32,control u16} 3 nak(ack)\n\
  4 status{session u32,state u8,sigma u16,override u16,flow u16,spans u32,knots u16,events u16,\
 referenced u8,switches u8,counts vec i32,heaters vec{decidegrees i16,target u16,duty u16},fan u16,fault option,\
-drivers vec{flags u16,scale u8,retries u16}}\n\
+drivers vec{flags u16,scale u8,retries u16},probe 0 none 1 touched i32 2 not found 3 pressed 4 stays pressed}\n\
  5 fault{cause 0..29 u8,index u8,value i32}\n\
 block: v1\n";
 /// CRC-32 of [`SCHEMA`].
@@ -240,6 +241,25 @@ pub enum DeviceState {
     Faulted,
     /// Coming to rest, or resting, until a heater is there.
     Heating,
+    /// Probing.
+    Probing,
+}
+
+/// What the newest [`Control::Probe`] found.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Hash, Serialize, Deserialize)]
+#[cfg_attr(feature = "defmt", derive(defmt::Format))]
+pub enum ProbeResult {
+    /// Nothing yet: none was asked for, it is under way, or it was broken off.
+    #[default]
+    None,
+    /// Where the joint was when the probe tripped, 0.1 µm or µrad: counted in whole servo ticks.
+    Touched(i32),
+    /// The probe did not trip on the whole way.
+    NotFound,
+    /// It was pressed before anything moved: nothing did.
+    Pressed,
+    /// It stays pressed on the way back.
+    StaysPressed,
 }
 
 /// Where the machine is.
@@ -263,7 +283,7 @@ pub struct Status {
     pub queue_events: u16,
     /// Joints whose position is known, bit 0 = joint 0: declared, or homed.
     pub referenced: u8,
-    /// Joints whose switch is pressed.
+    /// Joints whose switch is pressed; bit [`PROBE_BIT`]: the probe is.
     pub switches: u8,
     /// Step counts: joints in order, then the extruder.
     pub counts_steps: Vec<i32, REPORT_MOTORS_MAX>,
@@ -275,7 +295,12 @@ pub struct Status {
     pub fault: Option<Fault>,
     /// Drivers in the motors' order; empty where the board does not speak with them.
     pub drivers: Vec<DriverStatus, REPORT_MOTORS_MAX>,
+    /// What the newest probing found.
+    pub probe: ProbeResult,
 }
+
+/// The probe's bit of [`Status::switches`].
+pub const PROBE_BIT: u8 = 7;
 
 /// What a heater is doing.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]

@@ -106,7 +106,7 @@ pub const fn items(problem: SettingsProblem) -> &'static [&'static str] {
             "threshold",
             "motor",
         ],
-        SettingsProblem::Wiring => &["switch input", "emergency input"],
+        SettingsProblem::Wiring => &["switch input", "emergency input", "probe input"],
         _ => &[],
     }
 }

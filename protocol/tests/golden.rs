@@ -92,6 +92,13 @@ fn host_message<'a>(name: &str, block: &'a [u8]) -> Option<HostMessage<'a>> {
             bytes: core::array::from_fn(|place| if place == 0 { 7 } else { 0 }),
         }),
         "settings_end" => HostMessage::Control(Control::SettingsEnd),
+        "probe" => HostMessage::Control(Control::Probe {
+            joint: 2,
+            distance_units: -80_000,
+            fast_units_s: 50_000,
+            slow_units_s: 10_000,
+            back_off_units: 20_000,
+        }),
         _ => return None,
     })
 }
@@ -177,6 +184,7 @@ fn device_message(name: &str) -> Option<DeviceMessage> {
                     retries,
                 })
                 .collect(),
+            probe: ProbeResult::Touched(-1234),
         }),
         "fault" => DeviceMessage::Fault(fault),
         _ => return None,
@@ -225,7 +233,7 @@ fn wire_md_states_the_bytes_of_this_build() {
     for line in golden
         .lines()
         .filter(|line| line.starts_with("    "))
-        .take(33)
+        .take(34)
     {
         let cells: Vec<&str> = line.split_whitespace().collect();
         let sequence = u16::from_str_radix(cells[1], 16).unwrap();
@@ -235,7 +243,7 @@ fn wire_md_states_the_bytes_of_this_build() {
         }
         lines += 1;
     }
-    assert_eq!(lines, 33, "every variant has its line");
+    assert_eq!(lines, 34, "every variant has its line");
     assert!(wrong.is_empty(), "this build writes:\n{}", wrong.join("\n"));
 }
 

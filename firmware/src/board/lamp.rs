@@ -32,6 +32,7 @@ impl<P: SetDutyCycle> Lamp<P> {
             DeviceState::Running
             | DeviceState::Aborting
             | DeviceState::Homing
+            | DeviceState::Probing
             | DeviceState::Jogging => 100,
             DeviceState::Faulted if now_ticks % BLINK_TICKS < BLINK_TICKS / 2 => 100,
             DeviceState::Faulted => 0,

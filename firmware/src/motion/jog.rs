@@ -1,4 +1,4 @@
-//! Moves outside any stream: jog, homing, prime and retract by hand.
+//! Moves outside any stream: jog, homing, probing, prime and retract by hand.
 //!
 //! Joint space only, one joint at a time: no tool-centre transform takes part. All begin and end at
 //! rest with no stream open; an abort or a fault brakes them. Afterwards the motors stay where
@@ -10,7 +10,7 @@ use crate::extruder_limits::event_ratio;
 use crate::homing::{Homing, HomingConfiguration, HomingOutcome};
 use crate::joint_move::{JointMove, MoveLimits};
 use crate::steps::{STEP, StepScale, Target};
-use headway_protocol::message::{Control, Fault, FaultCause, JointOrder};
+use headway_protocol::message::{Control, Fault, FaultCause, JointOrder, PROBE_BIT};
 use headway_protocol::segment::{FlowAction, FlowEvent};
 use headway_protocol::units::{CHANNEL_VOLUME, ChannelPoint, Ticks, UNITS_PER_NATURAL};
 use heapless::Vec;
@@ -23,7 +23,7 @@ const Z: usize = 2;
 /// State of the moves by hand.
 #[derive(Clone, Debug)]
 pub(super) struct Jog {
-    machine: MachineConfiguration,
+    pub(super) machine: MachineConfiguration,
     switches: HomingConfiguration,
     /// Joints to be homed, and how many of them are.
     order: Vec<u8, { JointOrder::JOINTS_MAX }>,
@@ -31,9 +31,11 @@ pub(super) struct Jog {
     /// Moves to make one after the other: joint and goal; and how many of them have begun.
     route: Vec<(u8, i64), JOINTS_MAX>,
     begun: usize,
-    homing: Option<Homing>,
-    joint: usize,
-    mover: JointMove,
+    pub(super) homing: Option<Homing>,
+    /// The homing under way is a probing.
+    pub(super) probing: bool,
+    pub(super) joint: usize,
+    pub(super) mover: JointMove,
     /// Where the motors are to be.
     targets: [i64; MOTORS_MAX],
     /// Extruder position less what the flow says.
@@ -50,6 +52,7 @@ impl Jog {
             route: Vec::new(),
             begun: 0,
             homing: None,
+            probing: false,
             joint: 0,
             mover: JointMove::at_rest(0),
             targets: [0; MOTORS_MAX],
@@ -61,9 +64,23 @@ impl Jog {
         self.homing.is_some() || self.homed < self.order.len()
     }
 
+    pub(super) fn is_probing(&self) -> bool {
+        self.homing.is_some() && self.probing
+    }
+
+    /// Nothing is under way: a stop leaves what was.
+    pub(super) fn clear(&mut self) {
+        self.homing = None;
+        self.probing = false;
+        self.order.clear();
+        self.homed = 0;
+        self.route.clear();
+        self.begun = 0;
+    }
+
     /// Joints whose switches stop the present motion, of those that guard.
     fn guarded(&self) -> u8 {
-        let homing = self.is_homing();
+        let homing = self.is_homing() && !self.probing;
         let moves = |joint: u8| usize::from(joint) == self.joint && !homing;
         let towards = |up: bool| self.mover.direction() == if up { 1 } else { -1 };
         self.switches
@@ -79,14 +96,14 @@ impl Jog {
     }
 
     /// Steps of a distance on the wire, 0.1 µm or µrad.
-    fn position_of(&self, joint: usize, units: i32) -> Option<i64> {
+    pub(super) fn position_of(&self, joint: usize, units: i32) -> Option<i64> {
         let joint = self.machine.joints.get(joint)?;
         let scale = StepScale::new(joint.steps_per_unit / units_per_natural(joint.rotary));
         Some(scale.scaled(i64::from(units)).position)
     }
 }
 
-fn units_per_natural(rotary: bool) -> f64 {
+pub(super) fn units_per_natural(rotary: bool) -> f64 {
     if rotary { 1e6 } else { 1e4 }
 }
 
@@ -119,6 +136,7 @@ impl Motion {
                 Ok(())
             }
             Control::Home(order) => self.home(order),
+            Control::Probe { .. } => self.probe(command),
             Control::Extrude {
                 action,
                 volume_units,
@@ -188,7 +206,7 @@ impl Motion {
                 return Err(CommandError::Invalid);
             }
         }
-        self.jog.route.clear();
+        self.jog.clear();
         self.begin_jog();
         self.jog.joint = joint;
         self.jog.mover.begin(here, distance, limits);
@@ -200,7 +218,7 @@ impl Motion {
         let here = self.programmer.newest_targets(&self.waiting);
         let known = self.reference.known;
         let hand = &mut self.jog;
-        hand.route.clear();
+        hand.clear();
         let rises = targets.get(Z) > here.get(Z);
         let mut add = |joint: usize| {
             if known >> joint & 1 == 1
@@ -249,7 +267,7 @@ impl Motion {
 
     fn home(&mut self, order: JointOrder) -> Result<(), CommandError> {
         let hand = &mut self.jog;
-        hand.order.clear();
+        hand.clear();
         if order == JointOrder::ALL {
             let all = hand.switches.joints.iter().map(|switch| switch.joint);
             hand.order.extend(all.take(JointOrder::JOINTS_MAX));
@@ -261,8 +279,6 @@ impl Motion {
             hand.order.clear();
             return Err(CommandError::Invalid);
         }
-        self.jog.homed = 0;
-        self.jog.route.clear();
         self.begin_jog();
         self.home_next();
         Ok(())
@@ -294,7 +310,7 @@ impl Motion {
         if event_ratio(extruder, volume_mm3, duration_s) > 1.0 {
             return Err(CommandError::Invalid);
         }
-        self.jog.route.clear();
+        self.jog.clear();
         self.begin_jog();
         let motor = self.joints.count();
         let here = self.joint_position(motor);
@@ -313,7 +329,7 @@ impl Motion {
         Ok(())
     }
 
-    fn joint_position(&self, motor: usize) -> i64 {
+    pub(super) fn joint_position(&self, motor: usize) -> i64 {
         self.programmer
             .newest_targets(&self.waiting)
             .get(motor)
@@ -321,9 +337,8 @@ impl Motion {
             .unwrap_or_default()
     }
 
-    fn begin_jog(&mut self) {
+    pub(super) fn begin_jog(&mut self) {
         self.phase = Phase::Jog;
-        self.jog.begun = 0;
         self.idle_ticks = 0;
         self.follows_path = false;
         self.aborting = false;
@@ -339,9 +354,7 @@ impl Motion {
     pub(super) fn tick_jog(&mut self) -> [i64; MOTORS_MAX] {
         let motor = self.joints.count();
         if self.aborting || self.fault.is_some() {
-            self.jog.homing = None;
-            self.jog.order.clear();
-            self.jog.route.clear();
+            self.jog.clear();
             self.jog.mover.brake();
             self.flow.cut();
         }
@@ -374,12 +387,22 @@ impl Motion {
             self.programmer.present_positions(&self.waiting)
         };
         let here = places.get(joint).copied().unwrap_or_default();
-        let pressed = self.inputs.switches >> joint & 1 == 1;
+        let bit = if self.jog.probing {
+            usize::from(PROBE_BIT)
+        } else {
+            joint
+        };
+        let pressed = self.inputs.switches >> bit & 1 == 1;
         let hand = &mut self.jog;
         let Some(homing) = &mut hand.homing else {
             return;
         };
-        match homing.tick(pressed, here, rests, &mut hand.mover) {
+        let outcome = homing.tick(pressed, here, rests, &mut hand.mover);
+        if hand.probing {
+            self.note_probe(outcome, joint, pressed);
+            return;
+        }
+        match outcome {
             HomingOutcome::Moving => {}
             HomingOutcome::Homed(shift) => {
                 self.declare_joint(joint, here.saturating_add(shift));
@@ -396,11 +419,17 @@ impl Motion {
         }
     }
 
+    /// The probe may be the joint's switch: pressed together they stop nothing.
+    fn guarded_by_hand(&self) -> u8 {
+        let probed = self.jog.is_probing() && self.inputs.switches >> PROBE_BIT & 1 == 1;
+        self.jog.guarded() & !(u8::from(probed) << self.jog.joint)
+    }
+
     /// Joints whose switch must stop what moves now.
     pub(super) fn guarded_switches(&self) -> u8 {
         match self.phase {
             Phase::Running => self.jog.all_guards(),
-            Phase::Jog => self.jog.guarded(),
+            Phase::Jog => self.guarded_by_hand(),
             Phase::Idle | Phase::Filling { .. } | Phase::Finished => 0,
         }
     }

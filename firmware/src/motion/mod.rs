@@ -12,6 +12,7 @@ mod commands;
 mod faults;
 mod heated;
 mod jog;
+mod probe;
 mod rate;
 mod status;
 
@@ -37,7 +38,7 @@ use crate::steps::{StepBank, StepProgrammer, WaitingTargets};
 use crate::time_warp::TimeWarp;
 pub use faults::EMERGENCY;
 use faults::step_rate_fault;
-use headway_protocol::message::{Fault, FaultCause};
+use headway_protocol::message::{Fault, FaultCause, ProbeResult};
 use jog::Jog;
 
 /// Where a stream stands.
@@ -136,6 +137,7 @@ pub struct Motion {
     /// Servo ticks that motors wait for pressure advance and shapers.
     delays: Delays,
     jog: Jog,
+    probe: ProbeResult,
     heat: HeatPanel,
     drivers: DriverPanel,
     flow_window: FlowWindow,
@@ -168,6 +170,7 @@ impl Motion {
             reference: Reference::default(),
             follows_path: false,
             jog: Jog::new(configuration, switches),
+            probe: ProbeResult::None,
             heat: HeatPanel::default(),
             drivers: DriverPanel::default(),
             inputs: Inputs::default(),

@@ -30,6 +30,7 @@ impl Motion {
             Phase::Running if self.held => DeviceState::Starved,
             Phase::Running => DeviceState::Running,
             Phase::Finished => DeviceState::Finished,
+            Phase::Jog if self.jog.is_probing() => DeviceState::Probing,
             Phase::Jog if self.jog.is_homing() => DeviceState::Homing,
             Phase::Jog => DeviceState::Jogging,
         }
@@ -110,7 +111,7 @@ impl Motion {
         self.reference.known
     }
 
-    /// Joints whose switch is pressed, as a mask.
+    /// Joints whose switch is pressed, as a mask, and the probe.
     pub fn switches(&self) -> u8 {
         self.inputs.switches
     }

@@ -58,6 +58,7 @@ impl Receiver {
             | Control::GoTo(_)
             | Control::MotorsOff
             | Control::Home(_)
+            | Control::Probe { .. }
             | Control::Extrude { .. } => {
                 if let Err(error) = motion.command_at_rest(&control) {
                     self.refuse_control(sequence, reason_of(error));

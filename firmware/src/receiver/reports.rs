@@ -146,6 +146,7 @@ impl Receiver {
             fan_permille: motion.heat().fan_permille(),
             fault: motion.fault(),
             drivers: motion.drivers().status().clone(),
+            probe: motion.probe_result(),
         }
     }
 }

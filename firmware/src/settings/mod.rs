@@ -110,6 +110,7 @@ impl BoardSettings {
         let (joint, item, input) = match wrong {
             WrongWiring::Switch(joint) => (joint, 1, self.wiring.switch_inputs.get(joint).copied()),
             WrongWiring::Emergency => (0, 2, self.wiring.emergency_input),
+            WrongWiring::Probe => (0, 3, self.wiring.probe_input),
         };
         let number = input.map(|input| (item, f64::from(input)));
         with_number(refusal(SettingsProblem::Wiring, joint), number)

@@ -100,6 +100,7 @@ mod tests {
             fan_permille: 0,
             fault: None,
             drivers: [driver(0xa3), driver(0), driver(1)].into_iter().collect(),
+            probe: Default::default(),
         };
         let text = drivers_text(&status);
         let lines: Vec<&str> = text.lines().collect();

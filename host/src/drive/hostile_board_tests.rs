@@ -411,6 +411,11 @@ fn kinds() -> Vec<(&'static str, Ends, Liar)> {
             state(DeviceState::Jogging),
         ),
         (
+            "probing in mid-job",
+            Overdue(Stream),
+            state(DeviceState::Probing),
+        ),
+        (
             "filling for ever",
             Overdue(Progress),
             statuses(|_, s| {

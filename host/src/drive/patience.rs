@@ -265,7 +265,10 @@ impl Patience {
         }
         let elsewhere = streams
             && status.is_some_and(|status| match status.state {
-                DeviceState::Idle | DeviceState::Homing | DeviceState::Jogging => true,
+                DeviceState::Idle
+                | DeviceState::Homing
+                | DeviceState::Jogging
+                | DeviceState::Probing => true,
                 DeviceState::Finished => status.spans_done != self.spans || !sender.is_all_taken(),
                 _ => false,
             });

@@ -116,6 +116,7 @@ impl Loopback {
             heaters: Default::default(),
             fan_permille: 0,
             drivers: Default::default(),
+            probe: Default::default(),
             fault: None,
         }
     }

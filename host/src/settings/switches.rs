@@ -30,6 +30,10 @@ impl Settings {
                 key: "emergency_input".to_string(),
                 input: wiring.emergency_input.unwrap_or(0),
             },
+            WrongWiring::Probe => SettingsError::Wiring {
+                key: "probe_input".to_string(),
+                input: wiring.probe_input.unwrap_or(0),
+            },
         })
     }
 

@@ -17,6 +17,7 @@ pub(super) struct FileWiring {
     #[serde(default)]
     switch_inputs: BTreeMap<String, u8>,
     emergency_input: Option<u8>,
+    probe_input: Option<u8>,
     #[serde(default)]
     normally_open: Vec<u8>,
 }
@@ -29,6 +30,7 @@ impl FileWiring {
     ) -> Result<Wiring, MachineFileError> {
         let mut wiring = Wiring {
             emergency_input: self.emergency_input,
+            probe_input: self.probe_input,
             ..Wiring::STANDARD
         };
         let motors = motor_names(machine);
@@ -53,7 +55,8 @@ impl FileWiring {
             let own = *place;
             let is_given = self.switch_inputs.contains_key(*name);
             let others = self.switch_inputs.values().copied();
-            if !is_given && others.chain(self.emergency_input).any(|input| input == own) {
+            let mut others = others.chain(self.emergency_input).chain(self.probe_input);
+            if !is_given && others.any(|input| input == own) {
                 *place = NO_INPUT;
             }
         }
@@ -101,6 +104,9 @@ pub(super) fn write_wiring(
     if let Some(input) = wiring.emergency_input {
         writeln!(text, "emergency_input = {input}")?;
     }
+    if let Some(input) = wiring.probe_input {
+        writeln!(text, "probe_input = {input}")?;
+    }
     let open = (0..INPUTS_MAX).filter(|input| wiring.open_inputs >> input & 1 == 1);
     let open: Vec<String> = open.map(|input| input.to_string()).collect();
     writeln!(text, "normally_open = [{}]", open.join(", "))
@@ -128,6 +134,14 @@ mod tests {
         assert_eq!(wiring.emergency_input, Some(3));
         assert_eq!(wiring.open_inputs, 1 << 8 | 1);
         assert_eq!(from_toml(&to_toml(&settings)).expect("again"), settings);
+        let apart = ALL
+            .replace("z = 8", "z = 1")
+            .replace("normally", "probe_input = 2\nnormally");
+        let apart = read(&apart).expect("a machine");
+        // Y's own input is Z's now, and Z's own the probe's.
+        assert_eq!(apart.wiring.switch_inputs[..3], [0, NO_INPUT, 1]);
+        assert_eq!(apart.wiring.probe_input, Some(2));
+        assert_eq!(from_toml(&to_toml(&apart)).expect("again"), apart);
         assert_eq!(read("").expect("a machine").wiring, Wiring::STANDARD);
         assert_eq!(settings.machine.hash(), Settings::planar().machine.hash());
     }
@@ -148,6 +162,8 @@ mod tests {
             ("z = 8", "z = 3", "switch_inputs.z is 3"),
             ("z = 8", "z = 16", "switch_inputs.z is 16"),
             ("_input = 3", "_input = 16", "emergency_input is 16"),
+            ("[0, 8]", "[0]\nprobe_input = 16", "probe_input is 16"),
+            ("[0, 8]", "[0]\nprobe_input = 3", "probe_input is 3"),
             ("[0, 8]", "[16]", "input 16"),
             ("normally_open", "open", "unknown field"),
         ];

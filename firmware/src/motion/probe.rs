@@ -1,0 +1,86 @@
+//! Where a joint trips the probe: homing's approach, whose end is told and changes no position.
+//!
+//! In: an order with way and speeds. Out: [`ProbeResult`] for the status. Left out: what the place means,
+//! which is the host's.
+
+use super::jog::units_per_natural;
+use super::{CommandError, Motion};
+use crate::homing::{Homing, HomingOutcome, JointHoming};
+use crate::joint_move::JointMove;
+use headway_protocol::message::{Control, PROBE_BIT, ProbeResult};
+
+impl Motion {
+    /// What the newest probing found.
+    pub fn probe_result(&self) -> ProbeResult {
+        self.probe
+    }
+
+    /// Begins a probing; with a probe that is pressed already nothing moves.
+    pub(super) fn probe(&mut self, order: &Control) -> Result<(), CommandError> {
+        let (joint, touch) = self.probe_touch(order).ok_or(CommandError::Invalid)?;
+        let homing = Homing::new(&touch, &self.jog.machine).ok_or(CommandError::Invalid)?;
+        if self.inputs.switches >> PROBE_BIT & 1 == 1 {
+            self.probe = ProbeResult::Pressed;
+            return Ok(());
+        }
+        self.probe = ProbeResult::None;
+        self.jog.clear();
+        self.begin_jog();
+        self.jog.joint = joint;
+        self.jog.mover = JointMove::at_rest(self.joint_position(joint));
+        self.jog.homing = Some(homing);
+        self.jog.probing = true;
+        Ok(())
+    }
+
+    /// The order as the approach to a switch; `None` where it does not fit the joint, or the joint is not
+    /// known.
+    fn probe_touch(&self, order: &Control) -> Option<(usize, JointHoming)> {
+        let Control::Probe {
+            joint,
+            distance_units,
+            fast_units_s,
+            slow_units_s,
+            back_off_units,
+        } = *order
+        else {
+            return None;
+        };
+        let number = usize::from(joint);
+        let limits = self.jog.machine.joints.get(number)?;
+        let natural = |units: f64| units / units_per_natural(limits.rotary);
+        let touch = JointHoming {
+            joint,
+            towards_max: distance_units > 0,
+            fast_natural_s: natural(fast_units_s.into()),
+            slow_natural_s: natural(slow_units_s.into()),
+            back_off_natural: natural(back_off_units.into()),
+            travel_max_natural: natural(distance_units.unsigned_abs().into()),
+            position_natural: 0.0,
+            guards: false,
+        };
+        // Whole ways, not those of the joint: the range is looked at for both ends of what may move.
+        let way = self.jog.position_of(number, distance_units)?;
+        let back_units = i32::try_from(back_off_units).ok()?;
+        let back = self.jog.position_of(number, back_units)? * -way.signum();
+        let here = self.joint_position(number);
+        let in_range = |way: i64| self.joints.is_in_range(number, here.saturating_add(way));
+        let known = self.reference.known >> number & 1 == 1;
+        let fits = known && touch.wrong(limits).is_none() && in_range(way) && in_range(back);
+        fits.then_some((number, touch))
+    }
+
+    /// Takes over how a probing goes on.
+    pub(super) fn note_probe(&mut self, outcome: HomingOutcome, joint: usize, pressed: bool) {
+        self.probe = match outcome {
+            HomingOutcome::Moving => return,
+            // The shift that would have made its place 0.
+            HomingOutcome::Homed(shift) => {
+                ProbeResult::Touched(self.joints.units_of(joint, shift.saturating_neg()))
+            }
+            HomingOutcome::Failed if pressed => ProbeResult::StaysPressed,
+            HomingOutcome::Failed => ProbeResult::NotFound,
+        };
+        self.jog.clear();
+    }
+}
