@@ -187,6 +187,8 @@ pub struct Homing {
 
 impl Homing {
     /// `None` if the joint is not one of the machine.
+    // Once for homing and probing: kilobytes of soft doubles.
+    #[inline(never)]
     pub fn new(homing: &JointHoming, machine: &MachineConfiguration) -> Option<Self> {
         let joint = machine.joints.get(usize::from(homing.joint))?;
         let position = |natural: f64| (natural * joint.steps_per_unit * STEP as f64) as i64;

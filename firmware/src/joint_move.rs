@@ -26,6 +26,7 @@ pub struct MoveLimits {
 
 impl MoveLimits {
     /// For a joint at `speed_natural_s` (mm/s or rad/s): half its acceleration, its jerk kept.
+    #[inline(never)]
     pub fn new(joint: &JointConfiguration, speed_natural_s: f64, servo_hz: u32) -> Self {
         let servo_hz = f64::from(servo_hz);
         let by_jerk = joint.jerk_max * SMOOTHING_TICKS as f64 / servo_hz;

@@ -190,6 +190,7 @@ impl JointTargets {
     }
 
     /// A joint's position, 2^-31 steps, in 0.1 µm or µrad.
+    #[inline(never)]
     pub(crate) fn units_of(&self, joint: usize, position: i64) -> i32 {
         let units_per_step = self.joints.get(joint).map_or(0.0, |j| j.units_per_step);
         (position as f64 / STEP as f64 * units_per_step) as i32

@@ -96,6 +96,7 @@ impl Jog {
     }
 
     /// Steps of a distance on the wire, 0.1 µm or µrad.
+    #[inline(never)]
     pub(super) fn position_of(&self, joint: usize, units: i32) -> Option<i64> {
         let joint = self.machine.joints.get(joint)?;
         let scale = StepScale::new(joint.steps_per_unit / units_per_natural(joint.rotary));
@@ -329,6 +330,7 @@ impl Motion {
         Ok(())
     }
 
+    #[inline(never)]
     pub(super) fn joint_position(&self, motor: usize) -> i64 {
         self.programmer
             .newest_targets(&self.waiting)
@@ -337,6 +339,7 @@ impl Motion {
             .unwrap_or_default()
     }
 
+    #[inline(never)]
     pub(super) fn begin_jog(&mut self) {
         self.phase = Phase::Jog;
         self.idle_ticks = 0;
