@@ -179,6 +179,8 @@ pub struct Homing {
     slow: MoveLimits,
     back_off: i64,
     travel_max: i64,
+    /// The end of the search: the touch goes no further.
+    furthest: i64,
     home: i64,
     pressed_ticks: u32,
     first_pressed: i64,
@@ -200,6 +202,7 @@ impl Homing {
             slow: limits(homing.slow_natural_s),
             back_off: position(homing.back_off_natural),
             travel_max: position(homing.travel_max_natural),
+            furthest: 0,
             home: position(homing.position_natural),
             pressed_ticks: 0,
             first_pressed: 0,
@@ -262,10 +265,16 @@ impl Homing {
 
     fn enter(&mut self, stage: Stage, here: i64, mover: &mut JointMove) {
         self.stage = stage;
+        if stage == Stage::Seek {
+            self.furthest = here.saturating_add(self.travel_max * self.direction);
+        }
         let (way, limits) = match stage {
             Stage::Seek => (self.travel_max, self.fast),
             // Twice the way back: the switch must be there.
-            Stage::Touch => (2 * self.back_off, self.slow),
+            Stage::Touch => {
+                let left = self.furthest.saturating_sub(here) * self.direction;
+                (left.min(2 * self.back_off), self.slow)
+            }
             Stage::Release => (-2 * self.back_off, self.slow),
             Stage::BackOff | Stage::Leave | Stage::Found | Stage::Touched => {
                 (-self.back_off, self.fast)

@@ -140,6 +140,28 @@ fn what_goes_wrong_is_told_and_is_no_fault() {
     assert!(matches!(result(&world), ProbeResult::Touched(_)));
 }
 
+/// Regression: a second touch that did not trip went on by twice the way back, out of the range.
+#[test]
+fn the_second_touch_goes_no_further_than_the_first_may() {
+    let mut world = declared(0);
+    // 9.75 mm down, of 9.9 that it may go, and 10 that Z has left.
+    world.bed = Some(|_, _| -3900);
+    world.command(probe(-9.9));
+    let mut lowest = 0;
+    for _ in 0..20_000 {
+        world.tick();
+        lowest = lowest.min(world.truth(Z));
+        if lowest <= -3900 && world.truth(Z) > -3600 {
+            world.bed = None;
+        }
+    }
+    world.settle();
+    assert!(world.bed.is_none());
+    assert_eq!(result(&world), ProbeResult::NotFound);
+    assert!((-3960..-3900).contains(&lowest), "{lowest}");
+    assert_eq!(world.truth(Z), -3960);
+}
+
 #[test]
 fn a_probing_that_cannot_be_is_refused_and_moves_nothing() {
     let (configuration, switches) = machine();

@@ -122,6 +122,7 @@ impl Wiring {
     }
 
     /// For the servo tick of a board.
+    #[inline(never)]
     pub fn map(&self, board: &BoardInputs) -> InputMap {
         let emergency = self.emergency_input.unwrap_or(board.emergency);
         let mut switches = self.switch_inputs;
