@@ -22,6 +22,7 @@
 #![forbid(unsafe_code)]
 
 pub mod api;
+pub mod bed_mesh;
 pub mod calibration;
 pub mod cli;
 pub mod drive;

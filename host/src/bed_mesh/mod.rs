@@ -1,0 +1,179 @@
+//! A bed that is not flat: its heights, and a job that follows them.
+//!
+//! ```text
+//! bed.toml --file--> BedMesh --surface--> shift of the tip in Z at (x, y, z)
+//! SegmentStream --refined: spans of at most 2 mm--> --shifted control points--> --checked--> SegmentStream
+//! ```
+//! In: a finished job, machine coordinates, and a mesh in the same. Out: the same job over that bed: marks,
+//! events, volumes and times are kept, Z alone changes. Applied when a job is sent, not when it is planned
+//! and not on the board: docs/design/bed-mesh.md says why. Every span is looked at again by the code with
+//! which the board will. Left out: probing, which is `cli/probe.rs`.
+
+mod file;
+mod refined;
+mod surface;
+
+pub use file::{BedMeshFileError, from_toml, to_toml};
+
+use crate::job::SegmentStream;
+use crate::short_number::Short;
+use headway_firmware::configuration::MachineConfiguration;
+use headway_firmware::load::{LoadModel, SpanFault};
+use headway_firmware::spline::SpanWindow;
+use headway_protocol::units::{CHANNEL_X, CHANNEL_Y, CHANNEL_Z, ChannelPoint, UNITS_PER_NATURAL};
+use refined::refined;
+
+/// Longest way of a span along the bed, mm. Control points are moved, not the curve: between them a bed
+/// with the curvature m'' is missed by up to way² m'' / 6, 0.5 µm for a millimetre of warp in 100 mm.
+const SPAN_MM: f64 = 2.0;
+/// Where the whole mesh still counts, mm above Z 0, unless the file says otherwise: Klipper's `fade_start`.
+pub const FADE_START_MM: f64 = 1.0;
+/// Where it counts no more, unless the file says otherwise: Klipper's and Marlin's.
+pub const FADE_HEIGHT_MM: f64 = 10.0;
+/// Largest share by which a layer may be thicker or thinner than planned where the mesh is blended out.
+pub const LAYER_SHARE_MAX: f64 = 0.05;
+
+/// Heights of a bed.
+#[derive(Clone, Debug, PartialEq)]
+pub struct BedMesh {
+    /// Hash of the machine whose bed it is.
+    pub machine_hash: u32,
+    /// Corner of the grid with the lowest x and y, mm, machine coordinates.
+    pub min_mm: [f64; 2],
+    /// The opposite corner.
+    pub max_mm: [f64; 2],
+    /// Z at which the nozzle touches the bed, mm: rows from the lowest y up, in each from the lowest x up.
+    pub heights_mm: Vec<Vec<f64>>,
+    /// Z up to which the job follows the bed wholly, mm.
+    pub fade_start_mm: f64,
+    /// Z from which on it is planar, mm.
+    pub fade_height_mm: f64,
+}
+
+/// Why a job cannot follow a bed.
+#[derive(Clone, Debug, PartialEq, thiserror::Error)]
+pub enum BedMeshError {
+    /// The mesh is of another machine.
+    #[error(
+        "the mesh was probed with machine {mesh:08x}, the job is for {job:08x}; probe the bed again with the \
+         machine file of the job"
+    )]
+    Machine {
+        /// Machine of the mesh.
+        mesh: u32,
+        /// Machine of the job.
+        job: u32,
+    },
+    /// It is blended out so fast that layers would be too thick or too thin.
+    #[error(
+        "the bed is up to {} mm off its mean: blended out from {} to {} mm layers would be {} % off; a \
+         fade_height_mm of at least {} keeps to 5 %, a level bed is better",
+        Short(*deviation_mm),
+        Short(fade_mm[0]),
+        Short(fade_mm[1]),
+        Short(100.0 * deviation_mm / (fade_mm[1] - fade_mm[0])),
+        Short(fade_mm[0] + deviation_mm / LAYER_SHARE_MAX)
+    )]
+    Fade {
+        /// Largest distance from the mean.
+        deviation_mm: f64,
+        /// Start and end of the blend.
+        fade_mm: [f64; 2],
+    },
+    /// A joint cannot follow.
+    #[error("over this bed, {} s into the job: {}", Short(*at_s), fault_text(fault))]
+    Span {
+        /// Start of the span in the job.
+        at_s: f64,
+        /// What the board would say.
+        fault: SpanFault,
+    },
+}
+
+fn fault_text(fault: &SpanFault) -> String {
+    match fault {
+        SpanFault::SoftLimit(joint, units) => format!(
+            "joint {joint} would be at {} (mm or rad), out of its range; is Z 0 where the nozzle touches the bed?",
+            Short(f64::from(*units) * if *joint < 3 { 1e-4 } else { 1e-6 })
+        ),
+        SpanFault::Limit(motor, permille) => format!(
+            "motor {motor} would need {} times its limit; plan the job slower, or level the bed",
+            Short(f64::from(*permille) * 1e-3)
+        ),
+        SpanFault::Kinematics(error) => format!("{error}; place the part elsewhere"),
+    }
+}
+
+/// The job over a bed: the same for the same mesh.
+///
+/// # Errors
+/// [`BedMeshError`].
+pub fn over_bed(
+    stream: &SegmentStream,
+    mesh: &BedMesh,
+    machine: &MachineConfiguration,
+) -> Result<SegmentStream, BedMeshError> {
+    let (of_mesh, of_job) = (mesh.machine_hash, machine.hash());
+    if of_mesh != of_job {
+        return Err(BedMeshError::Machine {
+            mesh: of_mesh,
+            job: of_job,
+        });
+    }
+    mesh.check_fade()?;
+    let mut over = refined(stream, SPAN_MM);
+    over.start = mesh.shifted(&over.start);
+    for knot in &mut over.knots {
+        knot.control = mesh.shifted(&knot.control);
+    }
+    check(&over, machine)?;
+    Ok(over)
+}
+
+impl BedMesh {
+    /// A pose of the plan over this bed, channel units.
+    pub fn shifted(&self, point: &ChannelPoint) -> ChannelPoint {
+        let tip = [CHANNEL_X, CHANNEL_Y, CHANNEL_Z];
+        let tip_mm = tip.map(|c| f64::from(point[c]) / UNITS_PER_NATURAL[c]);
+        let shift = self.shift_mm(tip_mm) * UNITS_PER_NATURAL[CHANNEL_Z];
+        let mut shifted = *point;
+        shifted[CHANNEL_Z] = point[CHANNEL_Z].saturating_add(shift.round() as i32);
+        shifted
+    }
+
+    fn check_fade(&self) -> Result<(), BedMeshError> {
+        let deviation_mm = self.deviation_mm();
+        let fade_mm = [self.fade_start_mm, self.fade_height_mm];
+        if deviation_mm > LAYER_SHARE_MAX * (fade_mm[1] - fade_mm[0]) {
+            return Err(BedMeshError::Fade {
+                deviation_mm,
+                fade_mm,
+            });
+        }
+        Ok(())
+    }
+}
+
+/// Looks at every span as the board will when it arrives.
+fn check(stream: &SegmentStream, machine: &MachineConfiguration) -> Result<(), BedMeshError> {
+    let machine = stream.machine(machine);
+    let loads = LoadModel::new(&machine);
+    let mut window = SpanWindow::at_rest(&stream.start);
+    let mut winding = loads.winding_at(&stream.start);
+    let mut ticks = 0u64;
+    for knot in &stream.knots {
+        window.push(knot);
+        loads
+            .of_span(&window, &mut winding)
+            .map_err(|fault| BedMeshError::Span {
+                at_s: ticks as f64 / f64::from(machine.servo_hz),
+                fault,
+            })?;
+        ticks += u64::from(window.duration_ticks());
+    }
+    Ok(())
+}
+
+#[cfg(test)]
+#[path = "tests.rs"]
+mod tests;
