@@ -14,6 +14,7 @@ pub mod heat;
 pub mod kinds;
 pub mod machine_file;
 pub mod options;
+pub mod probe;
 mod switches;
 
 pub use check::{joint_names, motor_rates_hz};
@@ -318,6 +319,8 @@ pub struct Settings {
     pub switches: Option<HomingConfiguration>,
     /// Roles of the board's inputs, senses of its motors.
     pub wiring: Wiring,
+    /// The probe, if there is one.
+    pub probe: Option<probe::ProbeSettings>,
 }
 
 #[cfg(test)]

@@ -141,9 +141,9 @@ impl Curve {
                 let low = self.starts[span + i - 1];
                 let high = self.starts[span + i + 2 - round];
                 let share = (knot - low) / (high - low);
-                for channel in 0..CHANNELS {
-                    let before = points[i - 1][channel];
-                    points[i][channel] = before + share * (points[i][channel] - before);
+                let before = points[i - 1];
+                for (value, before) in points[i].iter_mut().zip(before) {
+                    *value = before + share * (*value - before);
                 }
             }
         }

@@ -45,6 +45,9 @@ pub(super) struct StreamArgs {
     /// Leave heaters and fan as they are, whatever the job's machine file says.
     #[arg(long, help_heading = "Temperatures", conflicts_with_all = ["hot_end", "bed", "fan"])]
     pub no_heat: bool,
+    /// Print over the bed of this mesh (headway board mesh), blended out above it.
+    #[arg(long, value_name = "BED.toml")]
+    pub mesh: Option<PathBuf>,
     /// Go on with this job where the board has part of it.
     #[arg(long)]
     pub resume: bool,
@@ -93,6 +96,8 @@ Examples:
   headway board heat hot-end 210 --port /dev/ttyACM0
   headway board fan 40 --port /dev/ttyACM0
   headway board go part.hwj --port /dev/ttyACM0
+  headway board probe --at 100,100 --repeat 10 --machine machine.toml --port /dev/ttyACM0
+  headway board mesh --area 20,20,230,210 --machine machine.toml --port /dev/ttyACM0
   headway board configure machine.toml --port /dev/ttyACM0
   headway board simulate --listen tcp:127.0.0.1:7000
   headway board replay print.log")]
@@ -123,10 +128,61 @@ pub(super) struct SimulateArgs {
     /// Without limit switches.
     #[arg(long)]
     pub no_switches: bool,
+    /// Its bed: a mesh as `board mesh` writes it [default: flat, at Z 0].
+    #[arg(long, value_name = "BED.toml")]
+    pub bed: Option<PathBuf>,
     /// File that stands for the board's flash: keeps what `board configure` sends, and is read at the
     /// start, before --machine.
     #[arg(long, value_name = "FILE")]
     pub settings: Option<PathBuf>,
+}
+
+/// `headway board probe`.
+#[derive(Debug, Args)]
+pub(super) struct ProbeArgs {
+    /// Where the probe is to touch, machine coordinates, mm [default: where it is].
+    #[arg(long, value_name = "X,Y", allow_hyphen_values = true)]
+    pub at: Option<String>,
+    /// So many touches, whose spread is told, however large it is [default: the machine file's samples].
+    #[arg(long, value_name = "N", value_parser = clap::value_parser!(u32).range(1..=100))]
+    pub repeat: Option<u32>,
+    /// One JSON object on stdout.
+    #[arg(long)]
+    pub json: bool,
+    #[command(flatten)]
+    pub machine: BoardMachineArgs,
+    #[command(flatten)]
+    pub port: PortArgs,
+}
+
+/// `headway board mesh`.
+#[derive(Debug, Args)]
+pub(super) struct MeshArgs {
+    /// Corners of the ground to probe, machine coordinates, mm.
+    #[arg(long, value_name = "X0,Y0,X1,Y1", allow_hyphen_values = true)]
+    pub area: String,
+    /// Points along x and along y, 3 to 64 each.
+    #[arg(long, value_name = "NxM", default_value = "5x5", value_parser = points)]
+    pub points: [u32; 2],
+    /// Z from which on a job is planar again, mm [default: 10, or as much as a warped bed needs].
+    #[arg(long, value_name = "MM")]
+    pub fade_height: Option<f64>,
+    /// File to write.
+    #[arg(short, long, value_name = "FILE", default_value = "bed.toml")]
+    pub output: PathBuf,
+    #[command(flatten)]
+    pub machine: BoardMachineArgs,
+    #[command(flatten)]
+    pub port: PortArgs,
+}
+
+/// 5x5.
+fn points(text: &str) -> Result<[u32; 2], String> {
+    let read = text.split_once('x').and_then(|(columns, rows)| {
+        let side = |part: &str| part.parse().ok().filter(|side| (3..=64).contains(side));
+        Some([side(columns)?, side(rows)?])
+    });
+    read.ok_or_else(|| "columns x rows, 3 to 64 each, as 5x5".to_string())
 }
 
 #[derive(Debug, Subcommand)]
@@ -200,9 +256,16 @@ pub(super) enum BoardCommand {
     Go {
         /// A job file (.hwj).
         job: PathBuf,
+        /// Over the bed of this mesh, as it will be streamed.
+        #[arg(long, value_name = "BED.toml")]
+        mesh: Option<PathBuf>,
         #[command(flatten)]
         port: PortArgs,
     },
+    /// Find where the bed is below the probe, and wait.
+    Probe(ProbeArgs),
+    /// Probe points all over the bed and write a mesh for `stream --mesh`.
+    Mesh(MeshArgs),
     /// Come to rest on the path.
     Pause {
         #[command(flatten)]

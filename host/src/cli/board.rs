@@ -6,6 +6,7 @@ use super::console::Console;
 use super::drivers::{drivers_json, drivers_text};
 use super::heat::{heat, heaters_json, heaters_text, is_there};
 use super::jog::{extrude, jog, joint_number, set_joint};
+use super::probe::{mesh, over_bed, probe};
 use super::simulated_board::simulate;
 use super::stream::{ANSWER_PATIENCE, no_answer, open};
 use super::tune::tune;
@@ -17,7 +18,7 @@ use crate::drive::sender::Sender;
 use crate::drive::sender_state::{SenderEvent, SenderState};
 use crate::settings::Settings;
 use headway_firmware::configuration::MachineConfiguration;
-use headway_protocol::message::{Control, DeviceState, JointOrder, Status, Welcome};
+use headway_protocol::message::{Control, DeviceState, JointOrder, PROBE_BIT, Status, Welcome};
 use serde_json::json;
 use std::fs::File;
 use std::io::BufReader;
@@ -68,7 +69,9 @@ pub(super) fn run(args: &BoardArgs, console: &Console) -> Result<(), CliError> {
             let command = extrude(&settings.machine, *volume, *speed)?;
             move_joint(command, &settings.machine, port, console)
         }
-        BoardCommand::Go { job, port } => go(job, port, console),
+        BoardCommand::Go { job, mesh, port } => go(job, mesh.as_deref(), port, console),
+        BoardCommand::Probe(args) => probe(args, console),
+        BoardCommand::Mesh(args) => mesh(args, console),
         BoardCommand::Heat {
             heater,
             celsius,
@@ -94,8 +97,8 @@ pub(super) fn run(args: &BoardArgs, console: &Console) -> Result<(), CliError> {
 }
 
 /// To where a job begins.
-fn go(job: &Path, port: &PortArgs, console: &Console) -> Result<(), CliError> {
-    let job = super::job::read(job)?;
+fn go(job: &Path, mesh: Option<&Path>, port: &PortArgs, console: &Console) -> Result<(), CliError> {
+    let job = over_bed(super::job::read(job)?, mesh)?;
     let mut talk = Talk::open(port)?;
     talk.check_machine(&job.file.header.machine)?;
     talk.order(Control::GoTo(*job.file.frames.start()))?;
@@ -167,7 +170,7 @@ impl Talk {
     }
 
     /// Joint names and units are the machine's: it must be the board's.
-    fn check_machine(&self, machine: &MachineConfiguration) -> Result<(), CliError> {
+    pub(super) fn check_machine(&self, machine: &MachineConfiguration) -> Result<(), CliError> {
         let ours = machine.hash();
         match &self.welcome {
             Some(welcome) if welcome.machine_hash != ours => Err(CliError::Job(format!(
@@ -201,7 +204,7 @@ impl Talk {
     }
 
     /// Waits until a move by hand has ended.
-    fn wait_for_rest(&mut self) -> Result<Status, CliError> {
+    pub(super) fn wait_for_rest(&mut self) -> Result<Status, CliError> {
         let begun = Instant::now();
         let mut moved = (Vec::new(), begun);
         loop {
@@ -217,7 +220,10 @@ impl Talk {
             if let Some(fault) = status.fault {
                 return Err(CliError::Job(format!("the board latched a fault: {fault}")));
             }
-            if !matches!(status.state, DeviceState::Jogging | DeviceState::Homing) {
+            if !matches!(
+                status.state,
+                DeviceState::Jogging | DeviceState::Homing | DeviceState::Probing
+            ) {
                 return Ok(status);
             }
         }
@@ -299,7 +305,8 @@ fn status_text(status: &Status, as_json: bool) -> String {
             "queue_knots": status.queue_knots,
             "queue_events": status.queue_events,
             "referenced": bits(status.referenced),
-            "switches": bits(status.switches),
+            "switches": bits(switches_of(status)),
+            "probe_pressed": is_probe_pressed(status),
             "counts": status.counts_steps.to_vec(),
             "heaters": heaters_json(status),
             "fan": f64::from(status.fan_permille) / 1000.0,
@@ -311,15 +318,29 @@ fn status_text(status: &Status, as_json: bool) -> String {
     let fault = fault.map_or(String::new(), |fault| format!("; fault: {fault}"));
     format!(
         "{state} at {:.0} % of the planned rate, {} knots queued{fault}\ncounts {:?}, known joints \
-         {:?}, pressed switches {:?}\n{}{}",
+         {:?}, pressed switches {:?}{}\n{}{}",
         f64::from(status.sigma_permille) / 10.0,
         status.queue_knots,
         status.counts_steps.as_slice(),
         bits(status.referenced),
-        bits(status.switches),
+        bits(switches_of(status)),
+        if is_probe_pressed(status) {
+            ", and the probe"
+        } else {
+            ""
+        },
         heaters_text(status),
         drivers_text(status),
     )
+}
+
+/// Without the probe.
+fn switches_of(status: &Status) -> u8 {
+    status.switches & !(1 << PROBE_BIT)
+}
+
+fn is_probe_pressed(status: &Status) -> bool {
+    status.switches >> PROBE_BIT & 1 == 1
 }
 
 /// Joints of a mask.

@@ -1,6 +1,7 @@
 //! Job files on disk: reading, and what can be told of them without planning again.
 
 use super::CliError;
+use crate::bed_mesh::{BedMesh, over_bed};
 use crate::geometry::polygon::Region;
 use crate::input::names::part_name;
 use crate::job::SegmentStream;
@@ -8,6 +9,7 @@ use crate::job_file::{self, JobFile, JobSummary};
 use crate::part_transform::PartTransform;
 use crate::report::job_texts::{NAME_TEXT, OUTLINE_TEXT, SETTINGS_TEXT, outline_from_json};
 use crate::settings::{Settings, machine_file};
+use crate::wire_frames::WireFrames;
 use std::fs::File;
 use std::io::BufReader;
 use std::path::Path;
@@ -60,6 +62,23 @@ pub(super) fn read_summary(path: &Path) -> Result<JobSummary, CliError> {
 }
 
 impl Job {
+    /// The same job over a bed; it is another one for the board.
+    ///
+    /// Errors are texts without the mesh's place.
+    pub(super) fn over_bed(mut self, mesh: &BedMesh) -> Result<Job, String> {
+        let header = &mut self.file.header;
+        let stream = over_bed(&self.stream, mesh, &header.machine);
+        let stream = stream.map_err(|error| error.to_string())?;
+        let frames = WireFrames::encode(&stream).map_err(|error| error.to_string())?;
+        header.start = stream.start;
+        header.job = frames.job();
+        header.frames = frames.len() as u32;
+        header.knots = stream.knots.len() as u32;
+        self.file.frames = frames;
+        self.stream = stream;
+        Ok(self)
+    }
+
     /// Servo rate of the job's machine.
     pub(super) fn servo_hz(&self) -> f64 {
         f64::from(self.file.header.machine.servo_hz)

@@ -36,6 +36,7 @@ mod planned;
 mod planned_gcode;
 mod planned_part;
 mod printable;
+mod probe;
 mod shell;
 mod simulate;
 mod simulated_board;

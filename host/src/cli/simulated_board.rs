@@ -7,16 +7,18 @@ use super::args_board::SimulateArgs;
 use super::board::settings;
 use super::configure::board_settings;
 use super::console::Console;
+use super::probe::read_mesh;
 use super::stream::catch_interrupts;
 use crate::drive::pump::host_session;
 use crate::drive::transport::{Listener, Port};
-use crate::drive::virtual_board::{BoardSetup, SettingsWriter, VirtualBoard};
+use crate::drive::virtual_board::{BoardSetup, SettingsWriter, VirtualBed, VirtualBoard};
 use crate::drive::virtual_drivers::VirtualDrivers;
+use crate::settings::Settings;
 use embedded_storage::nor_flash::{
     ErrorType, NorFlash, NorFlashError, NorFlashErrorKind, ReadNorFlash,
 };
 use headway_firmware::heat::HeatConfiguration;
-use headway_firmware::homing::HomingConfiguration;
+use headway_firmware::homing::{HomingConfiguration, JointHoming};
 use headway_firmware::settings::BoardSettings;
 use headway_firmware::settings::store::SettingsStore;
 use std::fs::File;
@@ -35,6 +37,7 @@ pub(super) fn simulate(asked: &SimulateArgs, console: &Console) -> Result<(), Cl
         )));
     }
     let settings = settings(&asked.machine)?;
+    let bed = bed(asked, &settings)?;
     let flash = asked.settings.as_deref().map(FlashFile::open).transpose()?;
     let kept = flash.as_ref().and_then(FlashFile::settings);
     let listener =
@@ -59,6 +62,7 @@ pub(super) fn simulate(asked: &SimulateArgs, console: &Console) -> Result<(), Cl
         session: host_session(),
         speed,
         heat: kept.heaters.unwrap_or_else(HeatConfiguration::none),
+        bed,
     };
     let mut board = VirtualBoard::new(setup, listener)
         .map_err(|error| CliError::Job(format!("the firmware cannot run this machine: {error}")))?;
@@ -82,6 +86,19 @@ pub(super) fn simulate(asked: &SimulateArgs, console: &Console) -> Result<(), Cl
         figures.steps, figures.counts, figures.underruns, figures.hosts
     ));
     Ok(())
+}
+
+/// What its probe trips at: with Z homed at the bed and no input of its own it is Z's switch.
+fn bed(asked: &SimulateArgs, settings: &Settings) -> Result<VirtualBed, CliError> {
+    let z_down = |switch: &JointHoming| switch.joint == 2 && !switch.towards_max;
+    let z_at_bed = settings.homing().joints.iter().any(z_down);
+    Ok(VirtualBed {
+        mesh: asked.bed.as_deref().map(read_mesh).transpose()?,
+        probe: settings.probe.unwrap_or_default(),
+        is_switch_of_z: settings.probe.is_some()
+            && settings.wiring.probe_input.is_none()
+            && z_at_bed,
+    })
 }
 
 /// Sector of the flash that a file stands for.

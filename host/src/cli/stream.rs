@@ -6,6 +6,7 @@ use super::console::Console;
 use super::heat::{heat, heaters_json, heaters_text};
 use super::live::{LivePrint, Snapshot};
 use super::live_page::{self, PageClock};
+use super::probe::over_bed;
 use super::stream_heat::StreamHeat;
 use super::{CliError, job};
 use crate::drive::link_log::LinkLog;
@@ -38,7 +39,7 @@ const BAR_STEPS: f64 = 1000.0;
 static INTERRUPTS: AtomicUsize = AtomicUsize::new(0);
 
 pub(super) fn run(args: &StreamArgs, console: &Console) -> Result<(), CliError> {
-    let job = job::read(&args.job)?;
+    let job = over_bed(job::read(&args.job)?, args.mesh.as_deref())?;
     let header = &job.file.header;
     let setup = SenderSetup::of_job(header, host_session(), args.resume);
     let frames = job.file.frames.clone();

@@ -6,22 +6,27 @@
 //! meanwhile (`Receiver::watching`). Where the first one leaves, who has just come is the next one, else
 //! the oldest of the others.
 
+use crate::bed_mesh::BedMesh;
 use crate::drive::record::{Step, StepDigest};
 use crate::drive::transport::{Listener, Transport};
 use crate::drive::virtual_drivers::VirtualDrivers;
 use crate::drive::virtual_heaters::VirtualHeaters;
-use headway_firmware::configuration::{ConfigurationError, MOTORS_MAX, MachineConfiguration};
+use crate::settings::probe::ProbeSettings;
+use headway_firmware::configuration::{
+    ConfigurationError, JOINTS_MAX, MOTORS_MAX, MachineConfiguration,
+};
 use headway_firmware::drivers::{DriverService, DriversConfiguration};
 use headway_firmware::heat::HeatConfiguration;
 use headway_firmware::homing::HomingConfiguration;
 use headway_firmware::inputs::Inputs;
+use headway_firmware::kinematics::forward;
 use headway_firmware::machine::Machine;
 use headway_firmware::octopus::INPUTS;
 use headway_firmware::output::StepOutput;
 use headway_firmware::receiver::Receiver;
 use headway_firmware::settings::BoardLimits;
 use headway_protocol::frame::FRAME_BYTES_MAX;
-use headway_protocol::message::DeviceState;
+use headway_protocol::message::{DeviceState, PROBE_BIT};
 use std::collections::VecDeque;
 use std::io;
 use std::sync::atomic::{AtomicBool, Ordering};
@@ -53,7 +58,33 @@ pub struct BoardSetup {
     pub speed: f64,
     /// Its heaters, cold at first; none of them and no fan where there are none.
     pub heat: HeatConfiguration,
+    /// What its probe trips at.
+    pub bed: VirtualBed,
 }
+
+/// A bed below a probe.
+#[derive(Clone, Debug, Default)]
+pub struct VirtualBed {
+    /// Its heights; flat at Z 0 without.
+    pub mesh: Option<BedMesh>,
+    /// Where the probe is, from the nozzle.
+    pub probe: ProbeSettings,
+    /// It is Z's switch at its lower end.
+    pub is_switch_of_z: bool,
+}
+
+impl VirtualBed {
+    /// True where the probe touches the bed with the nozzle there, mm.
+    fn is_touched(&self, [x_mm, y_mm, z_mm]: [f64; 3]) -> bool {
+        let [dx_mm, dy_mm] = self.probe.offset_mm;
+        let (x_mm, y_mm) = (x_mm + dx_mm, y_mm + dy_mm);
+        let height = |mesh: &BedMesh| mesh.height_mm(x_mm, y_mm);
+        z_mm - self.probe.z_offset_mm <= self.mesh.as_ref().map_or(0.0, height)
+    }
+}
+
+/// The joint that comes down to it.
+const Z: usize = 2;
 
 /// Follows the steps.
 #[derive(Clone, Debug, Default)]
@@ -318,21 +349,37 @@ impl VirtualBoard {
         self.ticks_done = due;
     }
 
-    /// Bit of each joint that has run into its switch. The board starts in the middle of its range
-    /// and does not know it.
+    /// Where the joints truly are, mm and rad. The board starts in the middle of its range and does not
+    /// know it; a joint without ends at 0.
+    fn joints(&self) -> [f64; JOINTS_MAX] {
+        let mut joints = [0.0; JOINTS_MAX];
+        let counted = self.setup.machine.joints.iter().zip(self.steps.counts);
+        for (place, (joint, count)) in joints.iter_mut().zip(counted) {
+            let middle = 0.5 * (joint.position_min + joint.position_max);
+            let middle = if middle.is_finite() { middle } else { 0.0 };
+            *place = middle + count as f64 / joint.steps_per_unit;
+        }
+        joints
+    }
+
+    /// Bit of each joint that has run into its switch, and of the probe.
     fn switches(&self) -> u8 {
-        let mut mask = 0;
+        let joints = self.joints();
+        let tip = forward(&self.setup.machine.kinematics, &joints).tip_mm;
+        let bed = &self.setup.bed;
+        let touched = bed.is_touched([tip.x, tip.y, tip.z]);
+        let mut mask = u8::from(touched) << PROBE_BIT;
         for switch in &self.setup.switches.joints {
             let number = usize::from(switch.joint);
-            let Some(joint) = self.setup.machine.joints.get(number) else {
+            let Some(at) = joints.get(number) else {
                 continue;
             };
-            let middle = 0.5 * (joint.position_min + joint.position_max);
-            let at = middle + self.steps.counts[number] as f64 / joint.steps_per_unit;
-            let pressed = if switch.towards_max {
-                at >= switch.position_natural
+            let pressed = if number == Z && bed.is_switch_of_z {
+                touched
+            } else if switch.towards_max {
+                *at >= switch.position_natural
             } else {
-                at <= switch.position_natural
+                *at <= switch.position_natural
             };
             mask |= u8::from(pressed) << number;
         }

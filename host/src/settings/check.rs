@@ -268,6 +268,7 @@ impl Settings {
         wrong.map_or(Ok(()), |key| Err(SettingsError::Heater { key }))?;
         check_drivers(&self.drivers, &self.machine)?;
         self.check_switches()?;
+        self.check_probe()?;
         self.check_wiring()
     }
 

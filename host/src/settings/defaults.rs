@@ -134,6 +134,7 @@ impl Settings {
             drivers: DriversConfiguration::none(),
             switches: None,
             wiring: Wiring::STANDARD,
+            probe: None,
         }
     }
 }

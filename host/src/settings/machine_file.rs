@@ -22,6 +22,7 @@ mod drivers;
 mod heat;
 mod joints;
 mod kinds;
+mod probe;
 mod shaper;
 mod switches;
 mod wiring;
@@ -31,6 +32,7 @@ use heat::{FileHeaters, FileMaterial};
 pub use heat::{write_heater, write_heaters};
 use joints::{FileArm, Joints};
 use kinds::FileKinds;
+use probe::FileProbe;
 use shaper::FileShaper;
 use std::collections::BTreeMap;
 use switches::FileSwitch;
@@ -114,6 +116,7 @@ struct File {
     switches: Option<BTreeMap<String, FileSwitch>>,
     #[serde(default)]
     wiring: FileWiring,
+    probe: Option<FileProbe>,
 }
 
 #[derive(Clone, Copy, Deserialize, PartialEq)]
@@ -280,6 +283,7 @@ impl File {
             drivers: drivers::drivers(&self.drivers, &machine)?,
             switches: self.switches(&machine)?,
             wiring: self.wiring.wiring(&machine)?,
+            probe: self.probe.as_ref().map(FileProbe::probe),
             machine,
             work_area_mm: [self.work_area.min_mm, self.work_area.max_mm],
             aperture,
@@ -343,8 +347,14 @@ impl File {
     ) -> Result<Option<HomingConfiguration>, MachineFileError> {
         let given = self.switches.as_ref();
         given
-            .map(|given| switches::switches(given, machine))
+            .map(|given| switches::switches(given, machine, self.z_of_probe_mm()))
             .transpose()
+    }
+
+    /// How high the nozzle is where Z is homed by the probe.
+    fn z_of_probe_mm(&self) -> Option<f64> {
+        let probe = self.probe.filter(|_| self.wiring.z_is_probe())?;
+        Some(probe.probe().z_offset_mm)
     }
 
     /// What differs from kind to kind and from layer to layer.

@@ -2,7 +2,7 @@
 
 use super::{command, headway, object, stderr};
 use headway::drive::transport::{Listener, Port};
-use headway::drive::virtual_board::{BoardFigures, BoardSetup, VirtualBoard};
+use headway::drive::virtual_board::{BoardFigures, BoardSetup, VirtualBed, VirtualBoard};
 use headway::settings::Settings;
 use headway_firmware::configuration::MachineConfiguration;
 use headway_firmware::heat::HeatConfiguration;
@@ -63,6 +63,7 @@ impl Board {
             session: 77,
             speed,
             heat,
+            bed: VirtualBed::default(),
         };
         let listener = Listener::bind(port).unwrap();
         let port = listener.port().unwrap().to_string();

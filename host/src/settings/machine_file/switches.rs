@@ -46,10 +46,12 @@ fn usual_order(name: &str, end: EndName) -> u8 {
     }
 }
 
-/// In the order of homing; refuses one for a joint that the machine has not.
+/// In the order of homing; refuses one for a joint that the machine has not. Z down that says no place is at
+/// `z_of_probe_mm`, if the probe is its switch.
 pub(super) fn switches(
     given: &BTreeMap<String, FileSwitch>,
     machine: &MachineConfiguration,
+    z_of_probe_mm: Option<f64>,
 ) -> Result<HomingConfiguration, MachineFileError> {
     let names = joint_names(&machine.kinematics);
     let mut found = Vec::new();
@@ -62,7 +64,12 @@ pub(super) fn switches(
             return Err(MachineFileError::Toml(problem));
         };
         let order = switch.order.unwrap_or(usual_order(name, switch.end));
-        let homing = switch.homing(name, number as u8, &machine.joints[number])?;
+        let mut homing = switch.homing(name, number as u8, &machine.joints[number])?;
+        if let Some(z_mm) = z_of_probe_mm
+            && (name.as_str(), switch.end, switch.position_mm) == ("z", EndName::Min, None)
+        {
+            homing.position_natural = z_mm;
+        }
         found.push((order, number, homing));
     }
     found.sort_by_key(|(order, number, _)| (*order, *number));

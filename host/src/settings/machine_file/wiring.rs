@@ -23,6 +23,11 @@ pub(super) struct FileWiring {
 }
 
 impl FileWiring {
+    /// The probe has no input of its own: it is Z's switch.
+    pub(super) fn z_is_probe(&self) -> bool {
+        self.probe_input.is_none()
+    }
+
     /// Over the board's own; refuses joints and motors that the machine has not.
     pub(super) fn wiring(
         &self,

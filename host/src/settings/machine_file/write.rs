@@ -3,6 +3,7 @@
 use super::drivers::write_drivers;
 use super::heat::{write_heaters, write_material};
 use super::kinds::write_kinds;
+use super::probe::write_probe;
 use super::shaper::write_shapers;
 use super::switches::write_switches;
 use super::wiring::write_wiring;
@@ -46,6 +47,9 @@ fn written(settings: &Settings, with_layers: bool) -> String {
     let _ = write_wiring(&mut text, &settings.wiring, &settings.machine);
     if let Some(switches) = &settings.switches {
         let _ = write_switches(&mut text, switches, &settings.machine);
+    }
+    if let Some(probe) = &settings.probe {
+        let _ = write_probe(&mut text, probe);
     }
     text
 }
