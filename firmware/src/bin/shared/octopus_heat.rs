@@ -23,7 +23,7 @@ const COMMON: *mut u32 = 0x4001_2304 as *mut u32;
 /// 84 MHz / 4: at most 36.
 const BY_FOUR: u32 = 1 << 16;
 /// 480 clocks of every channel, three bits each: 23 us for the filter of 4.7 kOhm and 100 nF to follow.
-const SLOWEST: u32 = 0o7_777_777_777 & 0x3fff_ffff;
+const SLOWEST: u32 = 0o7_777_777_777;
 const ON: u32 = 1;
 /// Time from on until it can convert, three times the data sheet's.
 const WAKING_US: u32 = 10;
