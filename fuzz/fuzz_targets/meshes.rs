@@ -32,6 +32,7 @@ fuzz_target!(|bytes: &[u8]| {
             let heights = LayerHeights {
                 first_mm: height_mm,
                 layer_mm: height_mm,
+                ranges: Vec::new(),
                 range: None,
             };
             match sliced(&loaded.mesh, &heights) {

@@ -220,10 +220,10 @@ pub enum PlanError {
         /// Regions that were left out.
         left_out: usize,
     },
-    /// A first layer of its own, where the route cannot be divided behind it.
+    /// Layers of several heights or speeds, where the route cannot be divided between them.
     #[error(
         "this machine's joints wind up and are planned over all layers at once: leave out \
-         --first-layer-height and --first-layer-speed"
+         --layer-heights, --first-layer-height and --first-layer-speed"
     )]
     FirstLayerWinds,
     /// Pieces of a part that want different solutions.

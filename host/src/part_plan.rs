@@ -142,10 +142,8 @@ pub fn plan_part_in_pieces(
     context: PartContext,
 ) -> Result<PartPlan, PlanError> {
     settings.check()?;
-    let is_like_others = |layer: &TargetLayer| {
-        let same_height = (layer.height_mm - settings.layer_height_mm).abs() < 1e-9;
-        same_height && first.speed_mm_s.is_none()
-    };
+    let is_like_others =
+        |layer: &TargetLayer| is_as_high(layer, settings) && first.speed_mm_s.is_none();
     if !may_divide(settings) && !part.layers.iter().all(is_like_others) {
         return Err(PlanError::FirstLayerWinds);
     }
@@ -253,6 +251,10 @@ fn may_divide(settings: &Settings) -> bool {
     winds(&settings.machine.kinematics) == 0
 }
 
+fn is_as_high(layer: &TargetLayer, settings: &Settings) -> bool {
+    (layer.height_mm - settings.layer_height_mm).abs() < 1e-9
+}
+
 /// Where a part goes: the box of all its layers.
 fn place(part: &SlicedPart, settings: &Settings) -> Result<PartTransform, PlanError> {
     let regions = part.layers.iter().flat_map(|layer| &layer.regions);
@@ -350,8 +352,8 @@ fn gather<'a>(
         usize::MAX
     };
     for layer in layers.iter().take(most) {
-        // The first layer may have its own height and speed.
-        let is_other = layer.number == 1;
+        // The first layer may have its own height and speed, others a height.
+        let is_other = layer.number == 1 || !is_as_high(layer, settings);
         if used > 0 && may_divide && (is_other || stack.kinds.len() >= KINDS_AT_A_TIME) {
             break;
         }

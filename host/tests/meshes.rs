@@ -62,6 +62,25 @@ fn a_mesh_is_inspected_by_layers() {
     assert_eq!(layers.len(), 10);
     // On its back: 20 mm high from z = 0, the second layer's top above the first.
     assert!((layers[0]["z_mm"].as_f64().expect("a height") - 0.65).abs() < 1e-6);
+
+    // 12 mm high: 20 layers up to 2 mm, the first among them, 50 of 0.2 mm; what lies above is told.
+    let ranges = [
+        "inspect",
+        &hook,
+        "--json",
+        "--layer-heights",
+        "0-2:0.1,20-30:0.1",
+    ];
+    let found = object(&headway(&ranges));
+    let layers = found["layers"].as_array().expect("layers");
+    let number = |layer: &serde_json::Value, key: &str| layer[key].as_f64().expect("a number");
+    assert_eq!(layers.len(), 70);
+    assert!((number(&layers[0], "height_mm") - 0.1).abs() < 1e-9);
+    assert!((number(&layers[19], "z_mm") - 2.0).abs() < 1e-9);
+    assert!((number(&layers[69], "height_mm") - 0.2).abs() < 1e-9);
+    let notes = found["notes"].to_string();
+    assert!(notes.contains("20 of 0.1 mm from 0 to 2 mm"), "{notes}");
+    assert!(notes.contains("1 of the ranges lie above"), "{notes}");
 }
 
 /// Goal: a range of layers of the hook becomes a job, runs without a fault and lies at its height.
@@ -81,10 +100,26 @@ fn a_mesh_is_printed() {
         "2",
         "--infill-density",
         "20",
+        "--layer-heights",
+        "4.4-6:0.15",
         "--json",
     ]);
     let figures = object(&output);
     assert_eq!(figures["layers"], 3);
+    let layers = figures["by_layer"].as_array().expect("layers");
+    let mut heights: Vec<f64> = layers
+        .iter()
+        .map(|layer| layer["height_mm"].as_f64().expect("a height"))
+        .collect();
+    heights.sort_by(f64::total_cmp);
+    // Eleven layers fit 1.6 mm.
+    let expected = [1.6 / 11.0, 0.2, 0.2];
+    let pairs = heights.iter().zip(expected);
+    assert!(
+        pairs
+            .clone()
+            .all(|(found, asked)| (found - asked).abs() < 1e-9)
+    );
     assert_eq!(figures["left_out_places"].as_array().map(Vec::len), Some(0));
     let report = folder.join("report");
     let found = object(&headway(&[
@@ -405,6 +440,53 @@ fn broken_meshes_leave_nothing_behind() {
             &["--layers", "5"],
             2,
             "--layer-range",
+        ),
+        (
+            "whole.stl",
+            whole.clone(),
+            &["--layer-heights", "0-2:0.1,1-10:0.2"],
+            2,
+            "begins below the end of the one before it, 2 mm",
+        ),
+        (
+            "whole.stl",
+            whole.clone(),
+            &["--layer-heights", "2-0:0.1"],
+            2,
+            "write the lower end first",
+        ),
+        (
+            "whole.stl",
+            whole.clone(),
+            &["--layer-heights", "0-2=0.1"],
+            2,
+            "--layer-heights 0-2:0.1,2-10:0.2",
+        ),
+        (
+            "whole.stl",
+            whole.clone(),
+            &["--layer-heights", "0-2:0"],
+            2,
+            "--layer-heights 0: write a height",
+        ),
+        (
+            "whole.stl",
+            whole.clone(),
+            &["--layer-heights", "4-8:1.5"],
+            2,
+            "widest bead is 1.200 mm wide",
+        ),
+        (
+            "whole.stl",
+            whole.clone(),
+            &[
+                "--layer-heights",
+                "0-0.2:0.1",
+                "--first-layer-height",
+                "0.3",
+            ],
+            2,
+            "lies in the first layer",
         ),
         (
             "whole.stl",

@@ -7,7 +7,7 @@ use headway::drive::simulator::SimulatorSetup;
 use headway::geometry::polygon::Region;
 use headway::input::Target;
 use headway::job::{MotionState, SegmentStream};
-use headway::mesh::layers::{LayerHeights, SlicedPart, sliced};
+use headway::mesh::layers::{HeightRange, LayerHeights, SlicedPart, sliced};
 use headway::mesh::{Mesh, Point3};
 use headway::part_plan::{FirstLayer, PartPlan, plan_part};
 use headway::plan_target;
@@ -39,6 +39,7 @@ fn cut(mesh: &Mesh, first_mm: f64, layer_mm: f64) -> SlicedPart {
     let heights = LayerHeights {
         first_mm,
         layer_mm,
+        ranges: Vec::new(),
         range: None,
     };
     sliced(mesh, &heights).expect("layers")
@@ -138,6 +139,88 @@ fn a_cone_is_printed_layer_by_layer() {
         planned(&one, first, &settings).figures.print_s
     };
     assert!(time_s(first) > 1.5 * time_s(FirstLayer::default()));
+}
+
+/// Half a step of the z joint and what the segments may be off, mm.
+const Z_SLACK_MM: f64 = 0.5 / 400.0 + 0.001;
+
+/// Goal: layers of several heights are cut at their middles, get their own volume and lie where they should.
+/// Method: a cone whose ranges ask for 7 layers up to 1 mm, leave 1 to 2 mm out and ask for a height of which no
+/// whole number fits up to 3 mm; tops, sections and volumes by hand, against the simulated steps, the sections
+/// and the flow.
+#[test]
+fn ranges_have_layers_of_their_own_height() {
+    let around = 40;
+    let mesh = revolved(&[[0.0, 0.0], [6.0, 0.0], [3.0, 3.0], [0.0, 3.0]], around);
+    let settings = Settings::default();
+    let range = |from_mm, to_mm, layer_mm| HeightRange {
+        from_mm,
+        to_mm,
+        layer_mm,
+    };
+    let heights = LayerHeights {
+        first_mm: 0.3,
+        layer_mm: 0.2,
+        ranges: vec![range(0.0, 1.0, 0.1), range(2.0, 3.0, 0.3)],
+        range: None,
+    };
+    let part = sliced(&mesh, &heights).expect("layers");
+    let mut tops_mm = vec![0.3];
+    tops_mm.extend((4..=10).map(|k| 0.1 * f64::from(k)));
+    tops_mm.extend((6..=10).map(|k| 0.2 * f64::from(k)));
+    tops_mm.extend((9..=12).map(|k| 0.25 * f64::from(k)));
+    let bottoms_mm = std::iter::once(&0.0).chain(&tops_mm);
+    let heights_mm: Vec<f64> = tops_mm.iter().zip(bottoms_mm).map(|(t, b)| t - b).collect();
+    assert_eq!(part.layers.len(), tops_mm.len());
+    assert!(
+        part.notes[0].contains("5 of 0.2 mm from 1 to 2 mm (no range"),
+        "{:?}",
+        part.notes
+    );
+    let share = 0.5 * f64::from(around) * (TAU / f64::from(around)).sin();
+    for (layer, (top_mm, height_mm)) in part.layers.iter().zip(tops_mm.iter().zip(&heights_mm)) {
+        assert!((layer.top_mm - top_mm).abs() < 1e-9, "{}", layer.top_mm);
+        let expected_mm2 = share * (6.0 - (top_mm - 0.5 * height_mm)).powi(2);
+        assert!(
+            (layer.area_mm2() / expected_mm2 - 1.0).abs() < 1e-6,
+            "{top_mm}"
+        );
+    }
+
+    let plan = planned(&part, FirstLayer::default(), &settings);
+    assert!(plan.left_out.is_empty());
+    for (number, height_mm) in (0u32..).zip(&heights_mm) {
+        let uses = plan.uses.iter().filter(|used| used.layer == number);
+        let volume_mm3: f64 = uses.map(|used| used.volume_mm3).sum();
+        let swept = plan.swept.iter().filter(|(layer, _)| *layer == number);
+        let covered_mm2: f64 = swept.map(|(_, swept)| swept.covered_mm2).sum();
+        // What is laid outside of the raster's cells, as on every layer.
+        let ratio = volume_mm3 / (covered_mm2 * height_mm);
+        assert!((ratio - 1.0).abs() < 0.01, "layer {number}: {ratio}");
+    }
+
+    let run = dry_run(&plan.stream, &settings, &SimulatorSetup::default(), |_| {}).expect("a run");
+    assert_eq!(run.simulation.figures.faults, 0);
+    let record = &run.simulation.motion;
+    let steps_per_mm = settings.machine.joints[2].steps_per_unit;
+    let (mut z_steps, mut layer) = (record.start_counts[2], 0);
+    for step in record.steps.iter() {
+        let way = if step.forward { 1 } else { -1 };
+        z_steps += if step.motor == 2 { way } else { 0 };
+        if step.motor != 4 || !step.forward {
+            continue;
+        }
+        let z_mm = z_steps as f64 / steps_per_mm - plan.transform.offset_mm[2];
+        let next = tops_mm.get(layer + 1);
+        if next.is_some_and(|next_mm| (z_mm - next_mm).abs() < Z_SLACK_MM) {
+            layer += 1;
+        }
+        assert!(
+            (z_mm - tops_mm[layer]).abs() < Z_SLACK_MM,
+            "{z_mm} on layer {layer}"
+        );
+    }
+    assert_eq!(layer + 1, tops_mm.len());
 }
 
 /// Goal: what no bead fits in leaves the others, and is told. Method: a cone up to a point: its tip

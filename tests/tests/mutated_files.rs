@@ -203,6 +203,7 @@ fn is_taken(bytes: &[u8], format: Format) -> bool {
             let heights = LayerHeights {
                 first_mm: 0.3,
                 layer_mm: 0.3,
+                ranges: Vec::new(),
                 range: None,
             };
             match sliced(&loaded.mesh, &heights) {

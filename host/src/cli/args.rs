@@ -96,6 +96,10 @@ pub(super) struct LayerArgs {
     /// Layers of a mesh that are wanted, counted from 1, first and last [default: all].
     #[arg(long, value_name = "A-B")]
     pub layer_range: Option<String>,
+    /// Heights of a mesh's layers by ranges above the bed, mm, upwards: 0-2:0.1,2-10:0.2; elsewhere that of
+    /// --layer-height.
+    #[arg(long, value_name = "A-B:MM,...", allow_hyphen_values = true)]
+    pub layer_heights: Option<String>,
     /// Height of the first layer of a mesh, mm [default: that of the others].
     #[arg(long, value_name = "MM", allow_negative_numbers = true)]
     pub first_layer_height: Option<f64>,

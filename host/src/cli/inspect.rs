@@ -3,6 +3,7 @@
 use super::CliError;
 use super::args::InspectArgs;
 use super::console::Console;
+use super::layer_options::layer_heights;
 use super::{job, load};
 use crate::gcode::GcodeProgram;
 use crate::geometry::polygon::{Box2, Region, Ring};
@@ -48,7 +49,7 @@ pub(super) fn run(args: &InspectArgs, console: &Console) -> Result<(), CliError>
 
 /// A mesh as it is cut.
 fn mesh(args: &InspectArgs, loaded: &LoadedMesh, console: &Console) -> Result<(), CliError> {
-    let heights = load::layer_heights(&args.layers, args.layer_height)?;
+    let heights = layer_heights(&args.layers, args.layer_height)?;
     let part = sliced(&loaded.mesh, &heights)
         .map_err(|error| CliError::Job(format!("{}: {error}", args.file.display())))?;
     console.notes(&part.notes);
@@ -57,9 +58,13 @@ fn mesh(args: &InspectArgs, loaded: &LoadedMesh, console: &Console) -> Result<()
     }
     let [low, high] = loaded.mesh.bounds_mm();
     let size = high - low;
+    let of_height = match heights.ranges.is_empty() {
+        true => format!(" of {} mm", heights.layer_mm),
+        false => String::new(),
+    };
     console.result(&format!(
-        "{}: {:.3} x {:.3} x {:.3} mm at ({:.3}, {:.3}, {:.3}), {:.3} mm³ in {} triangles\n  {} layers \
-         of {} mm, {:.3} mm³\n",
+        "{}: {:.3} x {:.3} x {:.3} mm at ({:.3}, {:.3}, {:.3}), {:.3} mm³ in {} triangles\n  {} layers{}, \
+         {:.3} mm³\n",
         loaded.name,
         size.x,
         size.y,
@@ -70,7 +75,7 @@ fn mesh(args: &InspectArgs, loaded: &LoadedMesh, console: &Console) -> Result<()
         loaded.mesh.volume_mm3(),
         loaded.mesh.triangles.len(),
         part.wanted_layers().len(),
-        heights.layer_mm,
+        of_height,
         part.volume_mm3(),
     ))
 }
@@ -82,6 +87,7 @@ fn mesh_json(loaded: &LoadedMesh, part: &SlicedPart) -> serde_json::Value {
     let layers = part.wanted_layers().iter().map(|layer| {
         json!({
             "z_mm": layer.top_mm,
+            "height_mm": layer.height_mm,
             "area_mm2": layer.area_mm2(),
             "regions": layer.regions.len(),
         })

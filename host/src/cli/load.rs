@@ -2,8 +2,8 @@
 
 use super::CliError;
 use super::args::{
-    FormatName, InputArgs, LawName, LayerArgs, PassName, PlaceArgs, QualityName, SeamName,
-    SettingsArgs, UnitName,
+    FormatName, InputArgs, LawName, PassName, PlaceArgs, QualityName, SeamName, SettingsArgs,
+    UnitName,
 };
 use super::console::Console;
 use super::job;
@@ -11,7 +11,6 @@ use crate::gcode::FILAMENT_MM;
 use crate::geometry::polygon::Region;
 use crate::input::{self, BYTES_MAX, Format, Input, InputError, Loaded, ReadOptions, Units};
 use crate::mesh::MeshFormat;
-use crate::mesh::layers::LayerHeights;
 use crate::settings::aperture_text::{aperture_text, file_of_aperture, parse_aperture};
 use crate::settings::options::Options;
 use crate::settings::{HeadingLaw, PassMode, Quality, SeamPlace, Settings, machine_file};
@@ -280,28 +279,6 @@ fn filament_mm(given: Option<f64>, format: Format) -> Result<Option<f64>, CliErr
     }
 }
 
-/// How a mesh is divided: the options over the layer height.
-pub(super) fn layer_heights(args: &LayerArgs, layer_mm: f64) -> Result<LayerHeights, CliError> {
-    let first_mm = args.first_layer_height.unwrap_or(layer_mm);
-    for (option, height_mm) in [
-        ("--layer-height", layer_mm),
-        ("--first-layer-height", first_mm),
-    ] {
-        if !(LAYER_MM[0]..=LAYER_MM[1]).contains(&height_mm) {
-            return Err(CliError::Usage(format!(
-                "{option} {height_mm}: write a height of {} to {} mm",
-                LAYER_MM[0], LAYER_MM[1]
-            )));
-        }
-    }
-    let range = args.layer_range.as_deref().map(parse_range).transpose()?;
-    Ok(LayerHeights {
-        first_mm,
-        layer_mm,
-        range,
-    })
-}
-
 /// Tip speed of the first layer, checked as every other.
 pub(super) fn first_layer_speed(
     place: &PlaceArgs,
@@ -327,6 +304,7 @@ const SPEED_MIN_MM_S: f64 = 0.01;
 pub(super) fn mesh_option(place: &PlaceArgs) -> Option<&'static str> {
     let given = [
         ("--layer-range", place.layers.layer_range.is_some()),
+        ("--layer-heights", place.layers.layer_heights.is_some()),
         (
             "--first-layer-height",
             place.layers.first_layer_height.is_some(),
@@ -338,20 +316,6 @@ pub(super) fn mesh_option(place: &PlaceArgs) -> Option<&'static str> {
         .iter()
         .find(|(_, given)| *given)
         .map(|(name, _)| *name)
-}
-
-/// Least and greatest height of a layer, mm, as machine files have it.
-const LAYER_MM: [f64; 2] = [0.001, 10.0];
-
-/// Reads `A-B` or `A`.
-fn parse_range(text: &str) -> Result<[u32; 2], CliError> {
-    let (from, to) = text.split_once('-').unwrap_or((text, text));
-    match (from.trim().parse(), to.trim().parse()) {
-        (Ok(from), Ok(to)) => Ok([from, to]),
-        _ => Err(CliError::Usage(format!(
-            "--layer-range {text}: write the first and the last layer, as in --layer-range 1-20"
-        ))),
-    }
 }
 
 /// Reads `X,Y,Z`.

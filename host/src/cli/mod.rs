@@ -23,6 +23,7 @@ mod heat;
 mod inspect;
 mod job;
 mod jog;
+mod layer_options;
 mod live;
 mod live_page;
 mod load;

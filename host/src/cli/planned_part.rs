@@ -2,6 +2,7 @@
 
 use super::args::PlaceArgs;
 use super::console::Console;
+use super::layer_options::{check_bead_height, layer_heights};
 use super::output_file::end_whole_on_interrupt;
 use super::piece_cache::{CacheFolder, program};
 use super::planned::Planned;
@@ -39,7 +40,8 @@ pub(super) fn from_mesh(
     console: &Console,
 ) -> Result<Planned, CliError> {
     let failed = |error: String| CliError::Job(format!("{}: {error}", path.display()));
-    let heights = load::layer_heights(&place.layers, settings.layer_height_mm)?;
+    let heights = layer_heights(&place.layers, settings.layer_height_mm)?;
+    check_bead_height(&heights, &settings)?;
     let first = FirstLayer {
         speed_mm_s: load::first_layer_speed(place, &settings)?,
     };
@@ -159,8 +161,11 @@ fn all_figures(
     keep_out: &[Region],
     settings: &Settings,
 ) -> Figures {
-    let top_mm = |layer: u32| part.layers[layer as usize].top_mm;
-    let of_uses = use_figures(&planned.uses, planned.slowed, top_mm, settings);
+    let place_mm = |layer: u32| {
+        let layer = &part.layers[layer as usize];
+        [layer.top_mm, layer.height_mm]
+    };
+    let of_uses = use_figures(&planned.uses, planned.slowed, place_mm, settings);
     part_figures(part, planned, keep_out)
         .merged_with(&of_uses)
         .merged_with(&stacked_figures(&planned.open_cells))

@@ -80,10 +80,11 @@ fn all_figures(
     settings: &Settings,
 ) -> Figures {
     let uses = layer_uses(plan, f64::from(settings.machine.servo_hz));
-    let top_mm = |layer: u32| settings.layer_height_mm * f64::from(layer + 1);
+    let height_mm = settings.layer_height_mm;
+    let place_mm = |layer: u32| [height_mm * f64::from(layer + 1), height_mm];
     let cells = open_cells(plan, settings.aperture.minor_mm());
     plan_figures(plan, unreachable, plan_s)
-        .merged_with(&use_figures(&uses, plan.slowed, top_mm, settings))
+        .merged_with(&use_figures(&uses, plan.slowed, place_mm, settings))
         .merged_with(&stacked_figures(&cells))
 }
 

@@ -10,11 +10,11 @@ use std::collections::BTreeMap;
 /// Layers that the figures list.
 const LAYERS_LISTED: usize = 1000;
 
-/// The figures of a job's uses; `top_mm` is where a layer ends.
+/// The figures of a job's uses; `place_mm` is where a layer ends, and its height.
 pub(crate) fn use_figures(
     uses: &[LayerUse],
     slowed: SlowedLayers,
-    top_mm: impl Fn(u32) -> f64,
+    place_mm: impl Fn(u32) -> [f64; 2],
     settings: &Settings,
 ) -> Figures {
     if uses.is_empty() {
@@ -27,10 +27,14 @@ pub(crate) fn use_figures(
         kind.seconds += used.seconds;
         kind.volume_mm3 += used.volume_mm3;
         kind.way_mm += used.way_mm;
-        let layer = by_layer.entry(used.layer).or_insert_with(|| LayerFigures {
-            layer: used.layer,
-            z_mm: top_mm(used.layer),
-            ..LayerFigures::default()
+        let layer = by_layer.entry(used.layer).or_insert_with(|| {
+            let [z_mm, height_mm] = place_mm(used.layer);
+            LayerFigures {
+                layer: used.layer,
+                z_mm,
+                height_mm,
+                ..LayerFigures::default()
+            }
         });
         layer.seconds += used.seconds;
         layer.volume_mm3 += used.volume_mm3;

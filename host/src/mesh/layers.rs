@@ -1,28 +1,53 @@
 //! Closed mesh and layer heights -> the regions of every layer.
 //!
-//! Layers are counted up from the mesh's lowest point; the first may have a height of its own. Each
-//! is the section at half its height, so that what a slope gains on one half it loses on the
-//! other. The last layer is the last one whose middle lies in the part: up to half a
-//! layer is lost or gained at the top.
+//! Layers are counted up from the mesh's lowest point; the first may have a height of its own, and so may
+//! ranges of z. Each is the section at half its height, so that what a slope gains on one half it loses
+//! on the other. A range begins and ends with a layer: its layers are lowered until a whole number of
+//! them fits, and so are those between ranges. The last layer is the last one whose middle lies in the
+//! part: up to half a layer is lost or gained at the top.
 
 use super::slice::{Section, Slicer};
 use super::{Mesh, MeshError};
 use crate::geometry::polygon::Region;
 use crate::settings::LAYERS_MAX;
+use crate::short_number::Short;
 use std::ops::Range;
 
 /// A middle that is this near below the top cuts nothing but rounding, mm.
 const HAIR_MM: f64 = 1e-5;
 
 /// How a part is divided.
-#[derive(Clone, Copy, Debug, PartialEq)]
+#[derive(Clone, Debug, PartialEq)]
 pub struct LayerHeights {
     /// Of the first layer, mm.
     pub first_mm: f64,
     /// Of the others, mm.
     pub layer_mm: f64,
+    /// Heights of their own, upwards, none over another.
+    pub ranges: Vec<HeightRange>,
     /// First and last layer that are wanted, counted from 1; `None` for all.
     pub range: Option<[u32; 2]>,
+}
+
+/// Layers of a height of their own.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct HeightRange {
+    /// Where they begin above the part's lowest point, mm.
+    pub from_mm: f64,
+    /// Where they end.
+    pub to_mm: f64,
+    /// How high they are at most.
+    pub layer_mm: f64,
+}
+
+/// Layers of one height, over each other.
+#[derive(Clone, Copy, Debug, PartialEq)]
+struct Band {
+    from_mm: f64,
+    layer_mm: f64,
+    /// How many there are; infinite above the last range.
+    layers: f64,
+    is_range: bool,
 }
 
 /// One layer of a part.
@@ -69,23 +94,110 @@ impl SlicedPart {
     }
 }
 
-impl LayerHeights {
-    /// Bottom and top of a layer above the part's lowest point, mm.
-    fn of_layer_mm(&self, number: u32) -> [f64; 2] {
-        let top_mm = |number: u32| self.first_mm + f64::from(number) * self.layer_mm;
-        match number.checked_sub(1) {
-            None => [0.0, self.first_mm],
-            Some(below) => [top_mm(below), top_mm(number)],
+/// Share of a layer that a range may be longer than a whole number of them.
+const FIT_SHARE: f64 = 1e-6;
+
+impl HeightRange {
+    /// The height of its layers where so much of it is left: the asked one where that fits.
+    pub fn fitted_mm(&self, left_mm: f64) -> f64 {
+        left_mm / fitting(left_mm, self.layer_mm)
+    }
+}
+
+/// How many layers of at most this height make up a stretch.
+fn fitting(stretch_mm: f64, layer_mm: f64) -> f64 {
+    (stretch_mm / layer_mm - FIT_SHARE).ceil().max(1.0)
+}
+
+impl Band {
+    fn between(from_mm: f64, to_mm: f64, layer_mm: f64, is_range: bool) -> Band {
+        let layers = fitting(to_mm - from_mm, layer_mm);
+        Band {
+            from_mm,
+            layer_mm: (to_mm - from_mm) / layers,
+            layers,
+            is_range,
         }
     }
 
-    /// How many layers have their middle in a part of this height.
-    fn count(&self, height_mm: f64) -> f64 {
-        let beyond_mm = height_mm - HAIR_MM - self.first_mm;
-        if height_mm - HAIR_MM <= self.first_mm / 2.0 {
-            return 0.0;
+    fn top_mm(&self) -> f64 {
+        self.from_mm + self.layers * self.layer_mm
+    }
+
+    /// Bottom and top of one of its layers above the part's lowest point, mm.
+    fn layer_mm(&self, number: u32) -> [f64; 2] {
+        [number, number + 1].map(|below| self.from_mm + f64::from(below) * self.layer_mm)
+    }
+}
+
+impl LayerHeights {
+    /// The layers of a part of this height: their middles lie in it. Of each band as many as that are.
+    fn bands(&self, height_mm: f64) -> Vec<Band> {
+        let first = Band {
+            from_mm: 0.0,
+            layer_mm: self.first_mm,
+            layers: 1.0,
+            is_range: false,
+        };
+        let (mut bands, mut top_mm) = (vec![first], self.first_mm);
+        for range in &self.ranges {
+            if range.from_mm > top_mm + FIT_SHARE * self.layer_mm {
+                bands.push(Band::between(top_mm, range.from_mm, self.layer_mm, false));
+                top_mm = range.from_mm;
+            }
+            if range.to_mm > top_mm {
+                bands.push(Band::between(top_mm, range.to_mm, range.layer_mm, true));
+                top_mm = range.to_mm;
+            }
         }
-        1.0 + (beyond_mm / self.layer_mm - 0.5).ceil().max(0.0)
+        bands.push(Band {
+            from_mm: top_mm,
+            layer_mm: self.layer_mm,
+            layers: f64::INFINITY,
+            is_range: false,
+        });
+        for band in &mut bands {
+            let inside_mm = height_mm - HAIR_MM - band.from_mm;
+            let inside = (inside_mm / band.layer_mm - 0.5).ceil().max(0.0);
+            band.layers = band.layers.min(inside);
+        }
+        bands.retain(|band| band.layers > 0.0);
+        bands
+    }
+
+    /// What is said of ranges: which layers they became, and what lies between them.
+    fn note(&self, bands: &[Band]) -> Option<String> {
+        let mut told: Vec<Band> = bands.to_vec();
+        if let [first, second, ..] = *bands
+            && (first.layer_mm - second.layer_mm).abs() < FIT_SHARE * first.layer_mm
+        {
+            told.remove(0);
+            told[0].from_mm = 0.0;
+            told[0].layers += 1.0;
+        }
+        let top_mm = told.last()?.top_mm();
+        let lines = told.iter().map(|band| {
+            let mm = |mm: f64| Short((mm * 1e4).round() / 1e4);
+            let is_first = band.layers == 1.0 && band.from_mm == 0.0;
+            format!(
+                "{} of {} mm from {} to {} mm{}",
+                band.layers,
+                mm(band.layer_mm),
+                mm(band.from_mm),
+                mm(band.top_mm()),
+                match band.is_range || is_first {
+                    true => "",
+                    false => " (no range: --layer-height)",
+                }
+            )
+        });
+        let lines = lines.collect::<Vec<_>>().join(", ");
+        let beyond = self.ranges.iter();
+        let beyond = match beyond.filter(|range| range.from_mm >= top_mm).count() {
+            0 => String::new(),
+            count => format!("; {count} of the ranges lie above the part"),
+        };
+        (!self.ranges.is_empty()).then(|| format!("layers: {lines}{beyond}"))
     }
 }
 
@@ -96,8 +208,9 @@ impl LayerHeights {
 pub fn sliced(mesh: &Mesh, heights: &LayerHeights) -> Result<SlicedPart, MeshError> {
     let [low, high] = mesh.bounds_mm();
     let height_mm = high.z - low.z;
-    let layers = heights.count(height_mm);
-    if layers < 1.0 {
+    let bands = heights.bands(height_mm);
+    let layers: f64 = bands.iter().map(|band| band.layers).sum();
+    if height_mm - HAIR_MM <= heights.first_mm / 2.0 || layers < 1.0 {
         let first_mm = heights.first_mm;
         return Err(MeshError::NoLayer {
             height_mm,
@@ -105,7 +218,8 @@ pub fn sliced(mesh: &Mesh, heights: &LayerHeights) -> Result<SlicedPart, MeshErr
         });
     }
     if layers > f64::from(LAYERS_MAX) {
-        let layer_mm = heights.layer_mm;
+        let layer_mm = bands.iter().map(|band| band.layer_mm);
+        let layer_mm = layer_mm.fold(heights.layer_mm, f64::min);
         return Err(MeshError::TooManyLayers { layers, layer_mm });
     }
     let layers = layers as u32;
@@ -114,24 +228,24 @@ pub fn sliced(mesh: &Mesh, heights: &LayerHeights) -> Result<SlicedPart, MeshErr
         return Err(MeshError::NoSuchLayer { from, to, layers });
     }
     let wanted = (from - 1)..to.min(layers);
-    let middles: Vec<f64> = (0..layers)
-        .map(|number| {
-            let [bottom, top] = heights.of_layer_mm(number);
-            low.z + 0.5 * (bottom + top)
-        })
+    let layers_mm = bands.iter();
+    let layers_mm: Vec<[f64; 2]> = layers_mm
+        .flat_map(|band| (0..band.layers as u32).map(|number| band.layer_mm(number)))
+        .collect();
+    let middles = layers_mm.iter();
+    let middles: Vec<f64> = middles
+        .map(|[bottom, top]| low.z + 0.5 * (bottom + top))
         .collect();
     let sections = Slicer::new(mesh).sections(&middles);
-    let notes = overlap_note(&sections, &middles).into_iter().collect();
-    let layers = (0..layers).zip(sections);
+    let notes = heights.note(&bands).into_iter();
+    let notes = notes.chain(overlap_note(&sections, &middles)).collect();
+    let layers = (0..layers).zip(layers_mm).zip(sections);
     let layers: Vec<TargetLayer> = layers
-        .map(|(number, section)| {
-            let [bottom_mm, top_mm] = heights.of_layer_mm(number);
-            TargetLayer {
-                number,
-                height_mm: top_mm - bottom_mm,
-                top_mm: low.z + top_mm,
-                regions: section.regions,
-            }
+        .map(|((number, [bottom_mm, top_mm]), section)| TargetLayer {
+            number,
+            height_mm: top_mm - bottom_mm,
+            top_mm: low.z + top_mm,
+            regions: section.regions,
         })
         .collect();
     let part = SlicedPart {

@@ -113,6 +113,8 @@ pub struct LayerFigures {
     pub layer: u32,
     /// Its top.
     pub z_mm: f64,
+    /// From its bottom to its top.
+    pub height_mm: f64,
     /// How long.
     pub seconds: f64,
     /// What is deposited.

@@ -23,6 +23,7 @@ fn main() -> Result<(), Box<dyn Error>> {
     let heights = LayerHeights {
         first_mm: layer_mm,
         layer_mm,
+        ranges: Vec::new(),
         range: None,
     };
     let part = sliced(&loaded.mesh, &heights)?;
