@@ -285,9 +285,191 @@ fn prime_and_retract_step_from_line_to_line() {
     );
 }
 
+/// What a frame of one frequency does that is driven by places at times: its distance from them, over the
+/// same times. In steps of 20 µs.
+fn swing_mm(driven: &[(f64, f64)], hz: f64, damping: f64) -> Vec<(f64, f64)> {
+    const STEP_S: f64 = 2e-5;
+    let omega = std::f64::consts::TAU * hz;
+    let (mut at_mm, mut speed_mm_s) = (driven[0].1, 0.0);
+    let mut swung = Vec::new();
+    for pair in driven.windows(2) {
+        let [(t0_s, from_mm), (t1_s, to_mm)] = [pair[0], pair[1]];
+        let count = ((t1_s - t0_s) / STEP_S).ceil().max(1.0);
+        let (step_s, rate_mm_s) = ((t1_s - t0_s) / count, (to_mm - from_mm) / (t1_s - t0_s));
+        for step in 0..count as usize {
+            let place_mm = from_mm + (to_mm - from_mm) * step as f64 / count;
+            let pull = omega * omega * (place_mm - at_mm);
+            speed_mm_s += step_s * (pull + 2.0 * damping * omega * (rate_mm_s - speed_mm_s));
+            at_mm += step_s * speed_mm_s;
+        }
+        swung.push((t1_s, at_mm - to_mm));
+    }
+    swung
+}
+
+/// Goal: a frame's frequency, read off the walls as the words say, is the frame's. Method: the second leg of a wall
+/// through a frame of a known frequency; waves counted by their zeros, by the way of the tip.
+#[test]
+fn waves_behind_a_corner_tell_the_frequency_of_the_frame() {
+    let arguments = ["ringing", "--length", "40", "--speed", "100"];
+    let (table, passes) = laid("ringing", &arguments);
+    assert_laid(&table, &passes);
+    assert_eq!(passes.len(), 30, "two walls of fifteen layers");
+    let read = table["read"].to_string();
+    assert!(read.contains("95.0 mm/s"), "{read}");
+    // The outer wall reads Y along X, the inner one X along Y.
+    for (pass, along, across) in [(&passes[0], 0, 1), (&passes[1], 1, 0)] {
+        for frame_hz in [28.0, 45.0] {
+            let driven = pass.iter().map(|pose| (pose.t_s, pose.place_mm[across]));
+            let swung = swing_mm(&driven.collect::<Vec<_>>(), frame_hz, 0.05);
+            let corner_mm = pass.iter().map(|pose| pose.place_mm[along]);
+            let corner_mm = corner_mm.fold(f64::INFINITY, f64::min);
+            let behind = pass
+                .iter()
+                .skip(1)
+                .zip(&swung)
+                .filter_map(|(pose, (_, off_mm))| {
+                    let way_mm = pose.place_mm[along] - corner_mm;
+                    let on_leg = (pose.place_mm[across] - corner_of(pass, across)).abs() < 0.02;
+                    (on_leg && (4.0..20.0).contains(&way_mm)).then_some((way_mm, *off_mm))
+                });
+            let behind: Vec<(f64, f64)> = behind.collect();
+            let zeros: Vec<f64> = behind
+                .windows(2)
+                .filter(|pair| (pair[0].1 < 0.0) != (pair[1].1 < 0.0))
+                .map(|pair| {
+                    let share = pair[0].1 / (pair[0].1 - pair[1].1);
+                    pair[0].0 + share * (pair[1].0 - pair[0].0)
+                })
+                .collect();
+            assert!(zeros.len() >= 5, "{frame_hz} Hz: {zeros:?}");
+            let waves = (zeros.len() - 1) as f64 / 2.0;
+            let read_hz = 95.0 * waves / (zeros[zeros.len() - 1] - zeros[0]);
+            println!("{frame_hz} Hz is read as {read_hz:.2} Hz by {waves} waves");
+            // Half a step of the motors against waves of some 20 µm moves a zero by a few per cent of a wave.
+            assert!(
+                (read_hz / frame_hz - 1.0).abs() < 0.03,
+                "{frame_hz} {read_hz}"
+            );
+        }
+    }
+}
+
+/// Least place of a pass along an axis: where its corner is.
+fn corner_of(pass: &[Pose], axis: usize) -> f64 {
+    let places = pass.iter().map(|pose| pose.place_mm[axis]);
+    places.fold(f64::INFINITY, f64::min)
+}
+
+/// Times and places of a motor, mm, by its recorded steps.
+fn steps_of(trace: &Path, motor: &str, steps_per_mm: f64) -> Vec<(f64, f64)> {
+    let text = std::fs::read_to_string(trace).expect("steps");
+    let mut count = 0;
+    let rows = text.lines().skip(1).filter_map(|row| {
+        let cells: Vec<&str> = row.split(',').collect();
+        (cells[1] == motor).then(|| {
+            count += cells[2].parse::<i64>().expect("direction");
+            let t_s = cells[0].parse::<f64>().expect("time") * 1e-6;
+            (t_s, count as f64 / steps_per_mm)
+        })
+    });
+    rows.collect()
+}
+
+/// Goal: each joint is shaken at the told frequency at the told time, within its limits, and a frame shakes most when
+/// its own is due. Method: the recorded steps; a period is the time between two passages upwards from the middle.
+#[test]
+fn each_joint_is_shaken_at_the_told_frequency_at_its_time() {
+    let folder = folder("resonance");
+    let [job, steps] = ["shake.hwj", "steps.csv"].map(|name| folder.join(name));
+    let asked = [
+        "calibrate",
+        "resonance",
+        "--from",
+        "20",
+        "--to",
+        "60",
+        "--json",
+        "-o",
+        path(&job),
+    ];
+    let table = object(&headway(&asked));
+    let ran = [
+        "simulate",
+        path(&job),
+        "--trace-steps",
+        path(&steps),
+        "--json",
+    ];
+    let figures = object(&headway(&ran));
+    assert_eq!(figures["faults"], 0, "{figures:?}");
+    for limit in ["limit_ratio_velocity", "limit_ratio_acceleration"] {
+        let ratio = figures[limit].as_f64().expect("ratio");
+        assert!(ratio <= 1.0, "{limit} {ratio}");
+    }
+    let counts = figures["final_counts"].as_array().expect("counts");
+    let shaken = table["shaken"].as_array().expect("joints");
+    assert_eq!(shaken.len(), 2);
+    let (mut worst, mut periods) = (0.0f64, 0);
+    for (number, joint) in shaken.iter().enumerate() {
+        let of = |key: &str| joint[key].as_f64().expect("number");
+        let (begin_s, end_s) = (of("begin_s"), of("end_s"));
+        assert!((end_s - begin_s - 40.0).abs() < 0.1, "1 Hz a second");
+        let places = steps_of(&steps, &number.to_string(), 80.0);
+        // Still before and behind, but for what waits in the line.
+        let outside = places
+            .iter()
+            .filter(|(t_s, _)| *t_s < begin_s || *t_s > end_s + 0.2);
+        assert_eq!(outside.count(), 0);
+        assert_eq!(places.last().expect("steps").1, 0.0, "{counts:?}");
+        let most_mm = places.iter().map(|place| place.1.abs()).fold(0.0, f64::max);
+        assert!(
+            (most_mm - of("amplitude_mm")).abs() < 0.5 / 80.0 + 1e-9,
+            "{most_mm}"
+        );
+        let upwards: Vec<f64> = places
+            .windows(2)
+            .filter(|pair| pair[0].1 == 0.0 && pair[1].1 > 0.0)
+            .map(|pair| pair[1].0)
+            .collect();
+        for pair in upwards.windows(2) {
+            let middle_s = 0.5 * (pair[0] + pair[1]);
+            if middle_s < begin_s + 1.0 || middle_s > end_s - 1.0 {
+                // It grows and fades there, so that the middle is passed early or late.
+                continue;
+            }
+            let told_hz = 20.0 + middle_s - begin_s;
+            worst = worst.max((1.0 / (pair[1] - pair[0]) / told_hz - 1.0).abs());
+            periods += 1;
+        }
+        for frame_hz in [28.0, 45.0] {
+            let swung = swing_mm(&places, frame_hz, 0.05);
+            let most = swung.iter().max_by(|a, b| a.1.abs().total_cmp(&b.1.abs()));
+            let read_hz = 20.0 + most.expect("a swing").0 - begin_s;
+            println!("a frame of {frame_hz} Hz shakes most at {read_hz:.2} Hz");
+            assert!(
+                (read_hz / frame_hz - 1.0).abs() < 0.03,
+                "{frame_hz} {read_hz}"
+            );
+        }
+    }
+    println!("{periods} periods, off by {:.2} % at most", 100.0 * worst);
+    assert!(periods > 2800, "{periods}");
+    // A servo tick of a period of 17 ms is 3 %: the steps are finer than that.
+    assert!(worst < 0.02, "{worst}");
+}
+
 #[test]
 fn options_of_other_things_are_refused() {
-    let cases: [(&[&str], i32, &str); 5] = [
+    let cases: [(&[&str], i32, &str); 9] = [
+        (&["ringing", "--lines", "5"], 2, "--lines does not go"),
+        (&["resonance", "--length", "50"], 2, "--length does not go"),
+        (&["resonance", "--to", "140"], 2, "less than a step"),
+        (
+            &["resonance", "--from", "50", "--to", "40"],
+            2,
+            "--from below --to",
+        ),
         (&["steps", "--lines", "5"], 2, "--lines does not go"),
         (&["heading", "--walls", "2"], 2, "--walls"),
         (&["heading", "--aperture", "circle:0.3"], 1, "round"),

@@ -89,6 +89,27 @@ pub enum CalibrationError {
         "the six joints of an arm are not read off lines one by one: take their steps from gear and motor"
     )]
     ArmSteps,
+    /// The tip is not moved by X and Y alone.
+    #[error(
+        "X and Y of the tip are joints of their own on planar machines and gantries alone: on others a frame's \
+         ringing is no one joint's"
+    )]
+    NoLinearJoints,
+    /// Frequencies that cannot be shaken.
+    #[error(
+        "frequencies from {from} to {to} Hz: write --from below --to, both from {low} to {high} Hz; above that the \
+         acceleration_max of X and Y allows less than a step to and fro"
+    )]
+    Frequencies {
+        /// First.
+        from: f64,
+        /// Last.
+        to: f64,
+        /// Least.
+        low: f64,
+        /// Most.
+        high: f64,
+    },
     /// Nothing that could be stepped.
     #[error(
         "flow.{key} is 0 in the machine file: begin with an estimate, as with 2 mm³ for a small nozzle"
@@ -113,6 +134,8 @@ impl CalibrationError {
         use CalibrationError as E;
         match self {
             E::Option { .. } | E::Lines { .. } | E::Range { .. } | E::Values { .. } => true,
+            E::Frequencies { .. } => true,
+            E::NoLinearJoints => false,
             E::Area { .. } | E::Round | E::NoPivot { .. } | E::SeveralNumbers { .. } => false,
             E::ArmSteps | E::NoVolume { .. } | E::Machine { .. } => false,
         }

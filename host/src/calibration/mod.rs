@@ -11,10 +11,13 @@
 mod error;
 mod line;
 mod patterns;
+mod ringing;
+mod sweep;
 mod verniers;
 
 pub use error::CalibrationError;
 pub use line::Line;
+pub use sweep::{RISE_HZ_S, Shaken, Sweep};
 
 use crate::input::waypoints::WaypointRun;
 use crate::settings::Settings;
@@ -39,6 +42,8 @@ pub enum PatternKind {
     Prime,
     /// Volume that is pulled back after a pass.
     Retract,
+    /// Frequency and damping of the frame.
+    Ringing,
 }
 
 impl PatternKind {
@@ -52,6 +57,7 @@ impl PatternKind {
             PatternKind::Advance => "advance",
             PatternKind::Prime => "prime",
             PatternKind::Retract => "retract",
+            PatternKind::Ringing => "ringing",
         }
     }
 }
@@ -133,6 +139,7 @@ pub fn pattern(
         PatternKind::Advance => patterns::advance(asked, settings),
         PatternKind::Prime => patterns::prime(asked, settings),
         PatternKind::Retract => patterns::retract(asked, settings),
+        PatternKind::Ringing => ringing::ringing(asked, settings),
     }?;
     let at_mm = match asked.at_mm {
         Some(at_mm) => at_mm,
@@ -168,9 +175,40 @@ pub fn pattern(
     })
 }
 
+/// The motion that shakes X, then Y, from `from` to `to` Hz, and how it is read.
+///
+/// # Errors
+/// As [`pattern`].
+pub fn resonance(
+    asked: &Asked,
+    settings: &Settings,
+) -> Result<(Sweep, Vec<String>, &'static str), CalibrationError> {
+    let others = [
+        ("--length", asked.length_mm.is_some()),
+        ("--lines", asked.lines.is_some()),
+        ("--turns", asked.turns.is_some()),
+        ("--tilt", asked.tilt_deg.is_some()),
+    ];
+    if let Some((option, _)) = others.into_iter().find(|(_, given)| *given) {
+        let pattern = "resonance";
+        return Err(CalibrationError::Option { option, pattern });
+    }
+    let swept = sweep::sweep([asked.from, asked.to], asked.at_mm, settings)?;
+    let mut reading = vec![
+        "Nothing is laid: it may run cold. Fix an accelerometer to the head (or look and listen): the table tells which \
+         frequency is when. Where the head, for X, or what Y moves shakes most is the frequency."
+            .to_string(),
+        "Of a spectrum take the highest peak; damping = (width of the peak at 0.71 of its height) / (2 times its \
+         frequency)."
+            .to_string(),
+    ];
+    reading.extend(ringing::shaped_note(settings));
+    Ok((swept, reading, ringing::CHANGE))
+}
+
 /// Options that are numbers, and go with the pattern.
 fn check_asked(kind: PatternKind, asked: &Asked) -> Result<(), CalibrationError> {
-    let steps_values = kind != PatternKind::Steps;
+    let steps_values = !matches!(kind, PatternKind::Steps | PatternKind::Ringing);
     let given = [
         ("--from", asked.from.is_some(), steps_values),
         ("--to", asked.to.is_some(), steps_values),

@@ -12,6 +12,7 @@ Examples:
   headway calibrate steps -m my-printer.toml
   headway calibrate heading -m my-printer.toml --from -20 --to 20 --lines 9 -o fan.hwj
   headway calibrate advance -m my-printer.toml --to 0.1 -o advance.hwj
+  headway calibrate resonance -m my-printer.toml --from 20 --to 70 -o shake.hwj
 
 What each is for and how it is read: docs/guide/calibration.md")]
 pub(super) struct CalibrateArgs {
@@ -66,11 +67,16 @@ pub(super) enum PatternName {
     Prime,
     /// Volume of a retract: lines that end with more and more.
     Retract,
+    /// Where the frame rings, by eye: walls with waves behind their corners.
+    Ringing,
+    /// Where the frame rings, by an accelerometer: X, then Y, shaken from --from to --to Hz; nothing is laid.
+    Resonance,
 }
 
 impl PatternName {
-    pub(super) fn kind(self) -> PatternKind {
-        match self {
+    /// `None` for what lays nothing.
+    pub(super) fn kind(self) -> Option<PatternKind> {
+        Some(match self {
             PatternName::Steps => PatternKind::Steps,
             PatternName::Heading => PatternKind::Heading,
             PatternName::Nozzle => PatternKind::Nozzle,
@@ -78,6 +84,8 @@ impl PatternName {
             PatternName::Advance => PatternKind::Advance,
             PatternName::Prime => PatternKind::Prime,
             PatternName::Retract => PatternKind::Retract,
-        }
+            PatternName::Ringing => PatternKind::Ringing,
+            PatternName::Resonance => return None,
+        })
     }
 }

@@ -7,15 +7,23 @@ use super::args_calibrate::CalibrateArgs;
 use super::console::Console;
 use super::output_file::{check_file, nameless_file, write_file};
 use super::plan::write_job;
+use super::planned::Planned;
 use super::{CliError, load, planned};
-use crate::calibration::{Asked, CalibrationError, Line, Pattern, PatternJob, pattern};
+use crate::calibration::{
+    Asked, CalibrationError, Line, Pattern, PatternJob, RISE_HZ_S, Sweep, pattern, resonance,
+};
 use crate::job::SegmentStream;
 use crate::job_packing::JobPacking;
-use crate::settings::machine_file;
+use crate::part_transform::PartTransform;
+use crate::report::figures::Figures;
+use crate::settings::{Settings, machine_file};
 use crate::short_number::Short;
 use headway_protocol::units::{CHANNEL_VOLUME, UNITS_PER_NATURAL};
 use serde_json::{Value, json};
 use std::path::{Path, PathBuf};
+
+/// Rows of the table of frequencies are so far apart, Hz.
+const TABLE_HZ: f64 = 5.0;
 
 /// A job that was written.
 struct Written {
@@ -42,7 +50,10 @@ pub(super) fn run(args: &CalibrateArgs, console: &Console) -> Result<(), CliErro
         tilt_deg: args.tilt,
         at_mm: args.at.as_deref().map(load::parse_at).transpose()?,
     };
-    let drawn = pattern(args.pattern.kind(), &asked, &settings).map_err(pattern_error)?;
+    let Some(kind) = args.pattern.kind() else {
+        return shake(&asked, settings, args, console);
+    };
+    let drawn = pattern(kind, &asked, &settings).map_err(pattern_error)?;
     let named = PathBuf::from(format!("{}.hwj", drawn.kind.name()));
     let output = args.output.clone().unwrap_or(named);
     let files: Vec<PathBuf> = drawn.jobs.iter().map(|job| file_of(&output, job)).collect();
@@ -57,6 +68,93 @@ pub(super) fn run(args: &CalibrateArgs, console: &Console) -> Result<(), CliErro
         return console.result(&format!("{:#}\n", as_json(&drawn, &written)));
     }
     console.result(&as_text(&drawn, &written))
+}
+
+/// What shakes the machine, which is no run of lines.
+fn shake(
+    asked: &Asked,
+    settings: Settings,
+    args: &CalibrateArgs,
+    console: &Console,
+) -> Result<(), CliError> {
+    let (swept, read, change) = resonance(asked, &settings).map_err(pattern_error)?;
+    let file = args.output.clone().unwrap_or("resonance.hwj".into());
+    check_file(&file)?;
+    let packing = JobPacking::new(nameless_file(&file)?);
+    let planned = Planned {
+        name: "resonance".to_string(),
+        outline: Vec::new(),
+        transform: PartTransform {
+            offset_mm: swept.at_mm,
+        },
+        stream: swept.stream.clone(),
+        heat: Vec::new(),
+        figures: Figures::default(),
+        notes: Vec::new(),
+        plan: None,
+        unreachable: Vec::new(),
+        left_out: Vec::new(),
+        // Nothing is laid: nothing is heated.
+        settings: Settings {
+            material: None,
+            ..settings
+        },
+    };
+    write_job(planned, packing, &file, console)?;
+    let file = file.display().to_string();
+    if !args.json {
+        return console.result(&shaken_text(&swept, &file, &read, change));
+    }
+    let shaken = swept.shaken.iter().map(|shaken| {
+        json!({
+            "joint": shaken.joint,
+            "begin_s": shaken.begin_s,
+            "end_s": shaken.end_s,
+            "from_hz": shaken.from_hz,
+            "to_hz": shaken.to_hz,
+            "rise_hz_s": RISE_HZ_S,
+            "amplitude_mm": shaken.amplitude_mm,
+        })
+    });
+    let table = json!({
+        "pattern": "resonance",
+        "unit": "Hz",
+        "at_mm": swept.at_mm,
+        "jobs": [{ "file": file }],
+        "shaken": shaken.collect::<Vec<Value>>(),
+        "read": read,
+        "change": change,
+    });
+    console.result(&format!("{table:#}\n"))
+}
+
+fn shaken_text(swept: &Sweep, file: &str, read: &[String], change: &str) -> String {
+    let [x, y, z] = swept.at_mm;
+    let mut text = format!("resonance: about {x:.2}, {y:.2}, {z:.2} mm on the machine\n");
+    text += &format!("{:>6}  {:>10}  {:>10}\n", "Hz", "X at s", "Y at s");
+    let (from, to) = swept
+        .shaken
+        .first()
+        .map_or((0.0, 0.0), |shaken| (shaken.from_hz, shaken.to_hz));
+    let rows = ((to - from) / TABLE_HZ).floor() as u32;
+    for row in 0..=rows {
+        let hz = from + TABLE_HZ * f64::from(row);
+        let at: Vec<String> = swept
+            .seconds_of(hz)
+            .iter()
+            .map(|at_s| format!("{at_s:>10.1}"))
+            .collect();
+        text += &format!("{:>6}  {}\n", Short(hz), at.join("  "));
+    }
+    for shaken in &swept.shaken {
+        let (joint, most_mm) = (shaken.joint, shaken.amplitude_mm);
+        text += &format!("{joint}: {most_mm:.3} mm to either side at most\n");
+    }
+    text += &format!("job: {file}\n");
+    for sentence in read {
+        text += &format!("read: {sentence}\n");
+    }
+    text + &format!("change: {change}\n")
 }
 
 fn pattern_error(error: CalibrationError) -> CliError {
