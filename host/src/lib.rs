@@ -37,6 +37,7 @@ pub mod job;
 pub mod job_file;
 pub mod job_heat;
 pub mod job_packing;
+pub mod job_resume;
 pub mod job_spool;
 pub mod layer_stack;
 pub mod layer_time;

@@ -1,5 +1,6 @@
 //! The options of `stream` and `board`, with their help.
 
+use super::resume_from::{Place, parse_place};
 use clap::{Args, Subcommand};
 use headway_protocol::message::REPORT_PERIOD_RANGE_MS;
 use std::path::PathBuf;
@@ -26,6 +27,7 @@ Examples:
   headway stream part.hwj --port /dev/ttyACM0
   headway stream part.hwj --port tcp:printer.local:7000 --resume
   headway stream part.hwj --port unix:/tmp/board --log print.log --json
+  headway stream part.hwj --port /dev/ttyACM0 --resume-from print.log --log rest.log
   headway stream part.hwj --port /dev/ttyACM0 --view")]
 pub(super) struct StreamArgs {
     /// A job file (.hwj).
@@ -51,6 +53,13 @@ pub(super) struct StreamArgs {
     /// Go on with this job where the board has part of it.
     #[arg(long)]
     pub resume: bool,
+    /// Begin again after a power cut, at the start of the pass that was being printed: LOG is what --log wrote then;
+    /// or pass:N (from 0, as the progress tells it), or layer:N (from 1). Home the machine first.
+    #[arg(long, value_name = "LOG", value_parser = parse_place, conflicts_with = "resume")]
+    pub resume_from: Option<Place>,
+    /// With --resume-from, where Z is homed downwards: it was homed without touching the part.
+    #[arg(long, requires = "resume_from")]
+    pub part_clear: bool,
     /// Write every byte of the conversation (headway board replay reads it).
     #[arg(long, value_name = "FILE")]
     pub log: Option<PathBuf>,

@@ -38,6 +38,7 @@ mod planned_gcode;
 mod planned_part;
 mod printable;
 mod probe;
+mod resume_from;
 mod shell;
 mod simulate;
 mod simulated_board;

@@ -21,6 +21,7 @@ use headway_firmware::heat::HeatConfiguration;
 use headway_firmware::homing::{HomingConfiguration, JointHoming};
 use headway_firmware::settings::BoardSettings;
 use headway_firmware::settings::store::SettingsStore;
+use headway_firmware::wiring::Wiring;
 use std::fs::File;
 use std::io::{Read, Seek, SeekFrom, Write};
 use std::path::Path;
@@ -69,6 +70,11 @@ pub(super) fn simulate(asked: &SimulateArgs, console: &Console) -> Result<(), Cl
     console.say(&format!(
         "a board of machine {name} listens on {listening}; Ctrl-C ends it"
     ));
+    if kept.wiring != Wiring::STANDARD {
+        console.say(
+            "its [wiring] is left out: a simulated board has no pins; its motors turn as told, and switch m is joint m's",
+        );
+    }
     board.settings_in_force(hash);
     if !kept.drivers.is_none() {
         board.drive_with(&kept.drivers, VirtualDrivers::of(&kept.drivers));

@@ -7,6 +7,7 @@ use super::heat::{heat, heaters_json, heaters_text};
 use super::live::{LivePrint, Snapshot};
 use super::live_page::{self, PageClock};
 use super::probe::over_bed;
+use super::resume_from::Resumed;
 use super::stream_heat::StreamHeat;
 use super::{CliError, job};
 use crate::drive::link_log::LinkLog;
@@ -15,14 +16,13 @@ use crate::drive::pump::{LineEvent, Pump, host_session};
 use crate::drive::sender::Sender;
 use crate::drive::sender_state::{SenderError, SenderEvent, SenderSetup, SenderState};
 use crate::drive::stream_progress::{Progress, Timeline};
+use crate::drive::synced_file::SyncedFile;
 use crate::drive::transport::Port;
 use headway_firmware::configuration::MachineConfiguration;
 use headway_protocol::message::{Control, DeviceState, RefusalReason, Status};
 use indicatif::{ProgressBar, ProgressDrawTarget, ProgressStyle};
 use serde_json::json;
-use std::fs::File;
-use std::io::{BufRead, BufWriter};
-use std::path::Path;
+use std::io::BufRead;
 use std::sync::atomic::{AtomicUsize, Ordering};
 use std::sync::mpsc::{Receiver, channel};
 use std::sync::{Arc, Once};
@@ -39,7 +39,12 @@ const BAR_STEPS: f64 = 1000.0;
 static INTERRUPTS: AtomicUsize = AtomicUsize::new(0);
 
 pub(super) fn run(args: &StreamArgs, console: &Console) -> Result<(), CliError> {
-    let job = over_bed(job::read(&args.job)?, args.mesh.as_deref())?;
+    let whole = over_bed(job::read(&args.job)?, args.mesh.as_deref())?;
+    let resumed = args.resume_from.as_ref();
+    let resumed = resumed
+        .map(|place| Resumed::of(place, args, &whole))
+        .transpose()?;
+    let job = resumed.as_ref().map_or(&whole, |rest| &rest.job);
     let header = &job.file.header;
     let setup = SenderSetup::of_job(header, host_session(), args.resume);
     let frames = job.file.frames.clone();
@@ -48,17 +53,16 @@ pub(super) fn run(args: &StreamArgs, console: &Console) -> Result<(), CliError> 
     } else {
         Sender::new(frames, setup)
     };
-    let log = args
-        .log
-        .as_deref()
-        .map(|path| log_file(path, &header.machine))
-        .transpose()?;
     let live = args
         .view
         .then(|| live_page::open(job.clone(), args.view_port, args.no_open, console))
         .transpose()?;
-    let heat = StreamHeat::of(args, &job)?;
-    give(&args.port, &heat.before)?;
+    let heat = StreamHeat::of(args, job)?;
+    match &resumed {
+        Some(rest) => rest.begin(&args.port, &heat, console)?,
+        None => give(&args.port, &heat.before)?,
+    }
+    let log = log_file(args, &header.machine, resumed.as_ref())?;
     let pump = open(&args.port, log)?;
     let mut run = Run {
         timeline: Timeline::new(&job.stream, f64::from(header.machine.servo_hz)),
@@ -83,7 +87,10 @@ pub(super) fn run(args: &StreamArgs, console: &Console) -> Result<(), CliError> 
     let result = run.until_end();
     run.bar.finish_and_clear();
     run.tell_the_end(&result);
-    let figures = run.figures(&result);
+    let mut figures = run.figures(&result);
+    if let Some(rest) = &resumed {
+        figures["resumed"] = rest.figures.clone();
+    }
     let Run { pump, heat, .. } = run;
     pump.finish()
         .map_err(|error| CliError::Job(format!("the log could not be written: {error}")))?;
@@ -101,7 +108,7 @@ pub(super) fn run(args: &StreamArgs, console: &Console) -> Result<(), CliError> 
 }
 
 /// Gives commands in a conversation of their own; none, none.
-fn give(port: &PortArgs, commands: &[Control]) -> Result<(), CliError> {
+pub(super) fn give(port: &PortArgs, commands: &[Control]) -> Result<(), CliError> {
     if commands.is_empty() {
         return Ok(());
     }
@@ -130,12 +137,24 @@ pub(super) fn open(args: &PortArgs, log: Option<LinkLog>) -> Result<Pump, CliErr
     })
 }
 
-fn log_file(path: &Path, machine: &MachineConfiguration) -> Result<LinkLog, CliError> {
-    let file = File::create(path).map_err(|problem| CliError::File {
+/// The log that was asked for.
+fn log_file(
+    args: &StreamArgs,
+    machine: &MachineConfiguration,
+    resumed: Option<&Resumed>,
+) -> Result<Option<LinkLog>, CliError> {
+    let Some(path) = &args.log else {
+        return Ok(None);
+    };
+    let file = SyncedFile::create(path).map_err(|problem| CliError::File {
         path: path.display().to_string(),
         problem,
     })?;
-    Ok(LinkLog::new(Box::new(BufWriter::new(file)), Some(machine)))
+    let mut log = LinkLog::new(Box::new(file), Some(machine));
+    if let Some(rest) = resumed {
+        log.remark(&rest.remark);
+    }
+    Ok(Some(log))
 }
 
 /// From now on Ctrl-C only counts. The count at this moment is returned.

@@ -84,7 +84,7 @@ impl StreamHeat {
 }
 
 /// A job's own orders; one that was planned before jobs had them sets what its material asks.
-fn of_job(job: &Job) -> Result<Vec<HeatEvent>, CliError> {
+pub(super) fn of_job(job: &Job) -> Result<Vec<HeatEvent>, CliError> {
     match job.file.header.texts.get(HEAT_TEXT) {
         Some(text) => from_json(text).ok_or_else(|| {
             CliError::Job(format!(

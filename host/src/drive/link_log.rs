@@ -8,6 +8,9 @@
 //! 1236000 < 0e0201...          board to host
 //! 1240000 ! line lost          what happened to the line
 //! ```
+//! Lines that begin with `#` say more; `log_place` has one of them. What is buffered goes out ten times a second, so
+//! that a host that dies leaves a log that ends within a line.
+//!
 //! A replay needs no board and no clock: the host's bytes go to a controller at their times, on a
 //! virtual clock, so the same log gives the same steps each time.
 
@@ -20,10 +23,12 @@ use std::fmt::Write as _;
 use std::io::{self, BufRead, Write};
 use thiserror::Error;
 
-const HEAD: &str = "# headway link log 1";
+pub(super) const HEAD: &str = "# headway link log 1";
 const MACHINE: &str = "# machine ";
 /// Longest line that is read: a chunk of 64 KiB in hex.
-const LINE_BYTES_MAX: usize = 140_000;
+pub(super) const LINE_BYTES_MAX: usize = 140_000;
+/// How long lines may wait in memory, us.
+const FLUSH_US: u64 = 100_000;
 /// Virtual time after the last byte within which the machine must have come to rest, us.
 const TAIL_US: u64 = 120_000_000;
 /// Longest log that is replayed, us: four weeks.
@@ -43,6 +48,7 @@ pub enum Way {
 pub struct LinkLog {
     out: Box<dyn Write + Send>,
     problem: Option<io::Error>,
+    flushed_us: u64,
 }
 
 impl std::fmt::Debug for LinkLog {
@@ -56,7 +62,11 @@ impl std::fmt::Debug for LinkLog {
 impl LinkLog {
     /// Begins a log.
     pub fn new(out: Box<dyn Write + Send>, machine: Option<&MachineConfiguration>) -> LinkLog {
-        let mut log = LinkLog { out, problem: None };
+        let mut log = LinkLog {
+            out,
+            problem: None,
+            flushed_us: 0,
+        };
         log.line(HEAD);
         let bytes = machine.and_then(|machine| postcard::to_allocvec(machine).ok());
         if let Some(bytes) = bytes {
@@ -72,6 +82,15 @@ impl LinkLog {
             Way::Up => '<',
         };
         self.line(&format!("{now_us} {arrow} {}", hex(bytes)));
+        if now_us >= self.flushed_us + FLUSH_US && self.problem.is_none() {
+            self.flushed_us = now_us;
+            self.problem = self.out.flush().err();
+        }
+    }
+
+    /// Says more of the conversation, in a line that a replay leaves out.
+    pub fn remark(&mut self, what: &str) {
+        self.line(&format!("# {}", what.replace(['\n', '\r'], " ")));
     }
 
     /// Something happened to the line.
@@ -168,6 +187,9 @@ pub enum LogError {
         /// What is wrong.
         why: &'static str,
     },
+    /// No stream began.
+    #[error("in this log no stream began: nothing of a job was printed with it")]
+    NoStream,
     /// The machine is not said.
     #[error("the log does not say which machine it is of; give its machine file (--machine)")]
     NoMachine,
@@ -227,7 +249,7 @@ pub fn read_log(input: &mut impl BufRead) -> Result<LogText, LogError> {
     }
 }
 
-fn entry(text: &str) -> Result<Entry, &'static str> {
+pub(super) fn entry(text: &str) -> Result<Entry, &'static str> {
     let mut parts = text.splitn(3, ' ');
     let at_us = parts
         .next()
