@@ -92,7 +92,7 @@ impl Resumed {
             .map_err(|error| of_part(job, &error))?;
         told.extend(told_of(&again, stream.layers()));
         Ok(Resumed {
-            remark: rest_remark(job.file.header.job, pass),
+            remark: rest_remark(job.file.frames.job(), pass),
             figures: figures(&again),
             told,
             way: again.way,

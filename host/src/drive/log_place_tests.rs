@@ -4,7 +4,7 @@ use super::*;
 use crate::drive::link_log::LinkLog;
 use crate::settings::Settings;
 use headway_protocol::frame::{FRAME_BYTES_MAX, encode_frame};
-use headway_protocol::message::{Ack, Status};
+use headway_protocol::message::{Ack, ProbeResult, Status};
 use std::io::Write;
 use std::sync::{Arc, Mutex};
 
@@ -63,6 +63,7 @@ fn status(state: DeviceState, spans_done: u32) -> DeviceMessage {
         fan_permille: 0,
         fault: None,
         drivers: Default::default(),
+        probe: ProbeResult::None,
     })
 }
 
