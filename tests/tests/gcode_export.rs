@@ -192,6 +192,107 @@ fn every_dialect_is_read_back_as_the_job() {
     }
 }
 
+/// A round plate with a round hole: curves at all radii.
+fn disk() -> (SegmentStream, f64) {
+    let ring = |radius: f64, sign: f64| -> Vec<[f64; 2]> {
+        let at = |k: u32| sign * f64::from(k) * 2.0 * PI / 180.0;
+        (0..180)
+            .map(|k| [radius * at(k).cos(), radius * at(k).sin()])
+            .collect()
+    };
+    let text =
+        serde_json::json!({"units": "mm", "exterior": ring(9.0, 1.0), "holes": [ring(3.0, -1.0)]});
+    let read = headway::input::read(
+        text.to_string().as_bytes(),
+        "disk",
+        headway::input::Format::Polygon,
+        &ReadOptions::default(),
+    );
+    let settings = Settings::default();
+    let plan = plan_target(&read.expect("a disk").target, &settings).expect("a plan");
+    (plan.stream, f64::from(settings.machine.servo_hz))
+}
+
+/// Goal: arcs are the job's path and fewer moves than straight ones, in the dialects that have them; the others
+/// refuse. Method: a round plate and a plate with straight sides in both ways, read back.
+#[test]
+fn arcs_are_read_back_as_the_job() {
+    for (name, (stream, servo_hz)) in [("disk", disk()), ("plate", plate())] {
+        for dialect in [
+            Dialect::LinuxCnc,
+            Dialect::RepRapFirmware,
+            Dialect::Marlin,
+            Dialect::Klipper,
+        ] {
+            let [straight, arcs] = [false, true].map(|arcs| {
+                let options = WriteOptions {
+                    arcs: Some(arcs),
+                    ..WriteOptions::of_dialect(dialect)
+                };
+                let (worst, written_there) = check(&stream, servo_hz, &options);
+                let bytes = written(&stream, servo_hz, &options).0.len();
+                println!(
+                    "{name} {dialect:?}: {worst:.3} of what is asked, {} moves, {} arcs, {:.0} a second, {bytes} bytes",
+                    written_there.moves, written_there.arcs, written_there.moves_a_second
+                );
+                written_there
+            });
+            assert_eq!(straight.arcs, 0);
+            assert!(arcs.moves <= straight.moves, "{dialect:?}");
+            assert!(arcs.arcs > 0 || dialect == Dialect::Klipper, "{dialect:?}");
+            assert!((arcs.volume_mm3 - straight.volume_mm3).abs() < 1e-6);
+        }
+    }
+    let (stream, servo_hz) = plate();
+    let refused = |options: WriteOptions| {
+        let job = JobText {
+            name: "t",
+            machine: "m",
+            stream: &stream,
+            servo_hz,
+            heat: &[],
+        };
+        let written = write_gcode(std::io::sink(), &job, &options);
+        written.expect_err("no arcs").to_string()
+    };
+    let grbl = WriteOptions {
+        arcs: Some(true),
+        ..WriteOptions::of_dialect(Dialect::GrblHal)
+    };
+    assert!(refused(grbl).contains("inverse time"));
+    let lettered = WriteOptions {
+        arcs: Some(true),
+        turns: *b"ABJ",
+        ..WriteOptions::of_dialect(Dialect::LinuxCnc)
+    };
+    assert!(refused(lettered).contains("J is an axis"));
+}
+
+/// Goal: LinuxCNC runs the arcs that are written as the job's path. Method: its stand-alone interpreter on a round
+/// plate; its canonical arcs, all axes evenly along them, against every third tick of the stream.
+#[test]
+fn linuxcnc_runs_the_same_arcs() {
+    let (stream, servo_hz) = disk();
+    let with_a = WriteOptions {
+        extruder: Some(b'A'),
+        ..WriteOptions::of_dialect(Dialect::LinuxCnc)
+    };
+    let (text, written) = written(&stream, servo_hz, &with_a);
+    let Some(commands) = canonical(&text) else {
+        println!("skipped: rs274 (linuxcnc-uspace) is not installed");
+        return;
+    };
+    let is_arc = |command: &&Canonical| matches!(command, Canonical::Arc { .. });
+    assert_eq!(commands.iter().filter(is_arc).count(), written.arcs);
+    assert!(written.arcs > 20, "{written:?}");
+    let mut moves = vec![[0.0; 6]];
+    for command in &commands {
+        let at = moves[moves.len() - 1];
+        moves.extend(places(command, &at));
+    }
+    check_canonical(&stream, servo_hz, &moves, &written);
+}
+
 /// Goal: a tilt comes back as the same axis and heading. Method: the first waypoints of the gear in six axes.
 #[test]
 fn tilts_are_read_back_as_axes() {

@@ -68,6 +68,16 @@ pub(super) struct GcodeArgs {
     /// How far a move may be beside the job's path, mm [default: 0.002].
     #[arg(long, value_name = "MM", allow_negative_numbers = true)]
     pub line_tolerance: Option<f64>,
+    /// Arcs (G2, G3) where they are fewer moves [default: on for linuxcnc, off for the others].
+    #[arg(
+        long,
+        value_enum,
+        value_name = "on|off",
+        num_args = 0..=1,
+        require_equals = true,
+        default_missing_value = "on"
+    )]
+    pub arcs: Option<ArcsName>,
     /// Start block with fields like {x} or {time_s}, in place of the dialect's.
     #[arg(long, value_name = "FILE")]
     pub start: Option<PathBuf>,
@@ -88,6 +98,14 @@ pub(super) enum DialectName {
     Grblhal,
     /// Marlin 2.1 with extra axes.
     Marlin,
+}
+
+#[derive(Clone, Copy, Debug, PartialEq, ValueEnum)]
+pub(super) enum ArcsName {
+    /// Arcs of the XY plane.
+    On,
+    /// Straight moves alone.
+    Off,
 }
 
 #[derive(Clone, Copy, Debug, ValueEnum)]

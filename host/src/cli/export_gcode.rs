@@ -1,7 +1,7 @@
 //! `headway export --to gcode`: a job for another controller.
 
 use super::CliError;
-use super::args_export::{DialectName, ExportArgs, RetractionName};
+use super::args_export::{ArcsName, DialectName, ExportArgs, RetractionName};
 use super::console::Console;
 use super::job::Job;
 use super::load;
@@ -78,6 +78,7 @@ fn options(args: &ExportArgs) -> Result<WriteOptions, CliError> {
             of.line_tolerance.unwrap_or(TIP_TOLERANCE_MM),
             TIP_MM,
         )?,
+        arcs: of.arcs.map(|arcs| arcs == ArcsName::On),
         blocks: [block(of.start.as_deref())?, block(of.end.as_deref())?],
     })
 }
@@ -117,8 +118,12 @@ fn letters(text: &str) -> Result<[u8; 3], CliError> {
 
 fn notes(written: &Written, options: &WriteOptions) -> Vec<String> {
     let most = options.dialect.moves_a_second_max();
+    let arcs = match written.arcs {
+        0 => String::new(),
+        arcs => format!(" ({arcs} arcs)"),
+    };
     let mut notes = vec![format!(
-        "{} moves, at most {:.0} a second, {:.1} s",
+        "{} moves{arcs}, at most {:.0} a second, {:.1} s",
         written.moves, written.moves_a_second, written.duration_s
     )];
     if written.moves_a_second > most {

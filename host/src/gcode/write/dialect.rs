@@ -2,7 +2,10 @@
 //!
 //! In: a [`Dialect`]. Out: its rules. Feed of a move that also turns: Klipper, RepRapFirmware and Marlin
 //! take F as the speed of X, Y, Z and let the other axes follow; of turns alone F is degrees a minute.
-//! LinuxCNC and grblHAL are told the time of each move (G93), which no rule of mixed moves can change.
+//! LinuxCNC and grblHAL are told the time of each move (G93), which no rule of mixed moves can change. Arcs: only
+//! LinuxCNC runs them as arcs. RepRapFirmware and Marlin make chords of them, all axes evenly; Klipper's
+//! `gcode_arcs` passes on X, Y, Z and E alone; grblHAL multiplies the F of G93 by the number of its chords and
+//! takes it as mm/min (`mc_arc`).
 
 /// Controllers that are written for.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -28,6 +31,17 @@ pub enum Retraction {
     Source,
     /// The extruder's axis alone.
     Extruder,
+}
+
+/// Arcs that a controller runs as a job has them.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum ArcsWritten {
+    /// None.
+    None,
+    /// Those on which the heading stands.
+    Standing,
+    /// All.
+    Turning,
 }
 
 impl Dialect {
@@ -69,6 +83,20 @@ impl Dialect {
         }
     }
 
+    /// Arcs that it runs with all its axes.
+    pub fn arcs(self) -> ArcsWritten {
+        match self {
+            Dialect::LinuxCnc | Dialect::RepRapFirmware | Dialect::Marlin => ArcsWritten::Turning,
+            Dialect::Klipper => ArcsWritten::Standing,
+            Dialect::GrblHal => ArcsWritten::None,
+        }
+    }
+
+    /// Arcs are written where nothing else is asked: it makes no chords of its own of them.
+    pub fn has_arcs_unasked(self) -> bool {
+        self == Dialect::LinuxCnc
+    }
+
     /// Moves a second that its buffer is trusted with: a bound of ours, from a line of 45 characters at
     /// 115200 baud for controllers that are fed over a line, and what planners keep up with else.
     pub fn moves_a_second_max(self) -> f64 {
@@ -89,7 +117,7 @@ impl Dialect {
                 "G21\nG90\nM83\nG28\nG92 {extruder}0 {heading}0\n"
             }
             Dialect::LinuxCnc => {
-                "G21 G90 G17 G40 G49 G80\nG64 P0.005\nG92 {extruder}0 {heading}0\nG93\n"
+                "G21 G90 G91.1 G17 G40 G49 G80\nG64 P0.005\nG92 {extruder}0 {heading}0\nG93\n"
             }
             Dialect::GrblHal => "G21 G90 G17\nG92 {extruder}0 {heading}0\nG93\n",
         }

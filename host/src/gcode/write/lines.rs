@@ -6,7 +6,10 @@
 //! makes of it: its own acceleration and corners.
 
 use headway_protocol::units::{CHANNEL_HEADING, CHANNEL_TILT_X, CHANNEL_VOLUME, CHANNELS};
+use std::f64::consts::PI;
 
+/// An axis that goes the shorter way goes less than half a turn.
+const WRAPPED_TURN_MAX_RAD: f64 = 0.95 * PI;
 /// Poses that are looked at between two ends.
 const LOOKS_MAX: usize = 48;
 
@@ -17,6 +20,8 @@ pub struct LineTolerances {
     pub tip_mm: f64,
     /// Heading and tilt, rad.
     pub turn_rad: f64,
+    /// Headings are written within one turn, for axes that go the shorter way.
+    pub wrapped: bool,
     /// Deposited volume, mm³.
     pub volume_mm3: f64,
 }
@@ -27,33 +32,54 @@ pub fn move_ends(poses: &[[f64; CHANNELS]], tolerances: &LineTolerances) -> Vec<
     let mut ends = Vec::new();
     let mut from = 0;
     while from < last {
-        let (mut good, mut step) = (from + 1, 2);
-        // Farther by doubling, then by halving.
-        let mut bad = loop {
-            let to = from + step;
-            if to >= last {
-                if is_straight(poses, from, last, tolerances) {
-                    good = last;
-                }
-                break last;
-            }
-            if !is_straight(poses, from, to, tolerances) {
-                break to;
-            }
-            good = to;
-            step *= 2;
-        };
-        while good < last && bad > good + 1 {
-            let middle = good + (bad - good) / 2;
-            match is_straight(poses, from, middle, tolerances) {
-                true => good = middle,
-                false => bad = middle,
-            }
-        }
-        ends.push(good);
-        from = good;
+        from = line_end(poses, from, tolerances);
+        ends.push(from);
     }
     ends
+}
+
+/// The tick at which the straight move from a tick ends.
+pub(super) fn line_end(
+    poses: &[[f64; CHANNELS]],
+    from: usize,
+    tolerances: &LineTolerances,
+) -> usize {
+    let last = poses.len().saturating_sub(1);
+    farthest(from, from + 1, last, |to| {
+        is_straight(poses, from, to, tolerances)
+    })
+}
+
+/// The farthest good tick up to `last`, `good` being one: farther by doubling, then by halving.
+pub(super) fn farthest(
+    from: usize,
+    mut good: usize,
+    last: usize,
+    is_good: impl Fn(usize) -> bool,
+) -> usize {
+    let mut step = 2 * (good - from);
+    let mut bad = loop {
+        let to = from + step;
+        if to >= last {
+            if is_good(last) {
+                good = last;
+            }
+            break last;
+        }
+        if !is_good(to) {
+            break to;
+        }
+        good = to;
+        step *= 2;
+    };
+    while good < last && bad > good + 1 {
+        let middle = good + (bad - good) / 2;
+        match is_good(middle) {
+            true => good = middle,
+            false => bad = middle,
+        }
+    }
+    good
 }
 
 fn is_straight(
@@ -63,6 +89,10 @@ fn is_straight(
     tolerances: &LineTolerances,
 ) -> bool {
     let between = to - from;
+    let turned_rad = (poses[to][CHANNEL_HEADING] - poses[from][CHANNEL_HEADING]).abs();
+    if tolerances.wrapped && turned_rad > WRAPPED_TURN_MAX_RAD && between > 1 {
+        return false;
+    }
     let looks = between.saturating_sub(1).min(LOOKS_MAX);
     (1..=looks).all(|k| {
         let at = from + (k * between) / (looks + 1);
@@ -109,6 +139,7 @@ mod tests {
         let tolerances = LineTolerances {
             tip_mm: 0.002,
             turn_rad: 3e-4,
+            wrapped: false,
             volume_mm3: 0.01,
         };
         let straight: Vec<[f64; CHANNELS]> = (0..1000)

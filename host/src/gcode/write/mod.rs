@@ -1,8 +1,8 @@
 //! G-code out: a finished stream -> moves for another controller.
 //!
 //! ```text
-//! SegmentStream --ticks--> poses of a move --lines--> straight moves --dialect--> text
-//! (servo ticks)            (mm, rad, mm³)               (mm, deg, mm of filament, mm/min)
+//! SegmentStream --ticks--> poses of a move --lines, arcs--> moves --dialect--> text
+//! (servo ticks)            (mm, rad, mm³)                   (mm, deg, mm of filament, mm/min)
 //! ```
 //! In: a job's stream in machine coordinates, options. Out: text of the [`Dialect`], and [`Written`]: how many
 //! moves it has, and how many a second at most. Orders of heaters and fans stand where the job has them, a move
@@ -10,22 +10,23 @@
 //! Time is the stream's: each move lasts as long as its ticks. Leaves out pressure advance (the controller's
 //! own), and axes of machines that do not know the tip.
 
+pub mod arc_moves;
 pub mod dialect;
 mod heat;
 pub mod lines;
+mod moves;
 mod poses;
 mod pushes;
 pub mod template;
 
 use crate::job::{MotionState, SegmentStream};
 use crate::job_heat::HeatEvent;
-use dialect::{Dialect, Retraction};
+use dialect::{ArcsWritten, Dialect, Retraction};
 use headway_firmware::pose::Pose;
 use headway_protocol::segment::FlowAction;
 use headway_protocol::units::{
     CHANNEL_HEADING, CHANNEL_TILT_X, CHANNEL_TILT_Y, CHANNEL_VOLUME, CHANNELS,
 };
-use lines::{LineTolerances, move_ends};
 use poses::{Poses, event_ticks};
 use std::collections::VecDeque;
 use std::f64::consts::PI;
@@ -34,12 +35,6 @@ use template::{FieldError, filled};
 
 /// Tip tolerance where none is given, mm: with what decimals take, well below a step.
 pub const TIP_TOLERANCE_MM: f64 = 0.002;
-/// Heading and tilt, rad: 0.02°.
-const TURN_TOLERANCE_RAD: f64 = 0.02 * PI / 180.0;
-/// Volume of a bead of 0.1 mm² over 20 µm, mm³.
-const VOLUME_TOLERANCE_MM3: f64 = 0.002;
-/// Time over which moves are counted, s.
-const WINDOW_S: f64 = 0.5;
 /// Feed to the job's start, mm/min.
 const APPROACH_MM_MIN: f64 = 3000.0;
 /// Tips that stay within this do not move, mm; headings, degrees.
@@ -78,6 +73,8 @@ pub struct WriteOptions {
     pub wrapped: bool,
     /// How far the tip may be beside the stream's, mm.
     pub tip_mm: f64,
+    /// Arcs (G2, G3) where they are fewer than straight moves; `None` is the dialect's.
+    pub arcs: Option<bool>,
     /// Start and end block; `None` are the dialect's.
     pub blocks: [Option<String>; 2],
 }
@@ -93,6 +90,7 @@ impl WriteOptions {
             extruder: None,
             wrapped: false,
             tip_mm: TIP_TOLERANCE_MM,
+            arcs: None,
             blocks: [None, None],
         }
     }
@@ -103,6 +101,8 @@ impl WriteOptions {
 pub struct Written {
     /// Moves.
     pub moves: usize,
+    /// Arcs among them.
+    pub arcs: usize,
     /// Most of them in half a second, a second.
     pub moves_a_second: f64,
     /// Duration of the stream, s.
@@ -122,6 +122,14 @@ pub enum WriteError {
     Letter {
         /// The letter of both.
         letter: char,
+    },
+    /// Arcs that the controller would not run as the job does.
+    #[error("{dialect} has no arcs that are written: {reason}")]
+    Arcs {
+        /// Its name.
+        dialect: &'static str,
+        /// Why, and what to do.
+        reason: &'static str,
     },
     /// The place to write to.
     #[error(transparent)]
@@ -143,6 +151,7 @@ struct Writer<'a, W> {
     /// Turns before they are wrapped.
     turn_deg: [f64; 3],
     tilts: bool,
+    arcs: ArcsWritten,
     /// Extruded so far, 10⁻⁵ mm of filament.
     e_units: i64,
     e_mm: f64,
@@ -152,6 +161,27 @@ struct Writer<'a, W> {
     retraction: String,
     recent: VecDeque<f64>,
     written: Written,
+}
+
+/// The arcs that are written.
+fn arcs_written(options: &WriteOptions) -> Result<ArcsWritten, WriteError> {
+    let has = options.dialect.arcs();
+    let refused = |reason| WriteError::Arcs {
+        dialect: options.dialect.name(),
+        reason,
+    };
+    // I and J are an arc's centre.
+    let is_free = !options.turns.contains(&b'J') && options.extruder != Some(b'J');
+    match options.arcs {
+        Some(false) => Ok(ArcsWritten::None),
+        None if options.dialect.has_arcs_unasked() && is_free => Ok(has),
+        None => Ok(ArcsWritten::None),
+        Some(true) if !is_free => Err(refused("J is an axis here: give it another letter")),
+        Some(true) if has == ArcsWritten::None => Err(refused(
+            "it takes the inverse time of an arc as a speed in mm/min; leave --arcs out",
+        )),
+        Some(true) => Ok(has),
+    }
 }
 
 /// Writes a job.
@@ -180,6 +210,7 @@ pub fn write_gcode(
         at: At::default(),
         turn_deg: [0.0; 3],
         tilts,
+        arcs: arcs_written(options)?,
         e_units: 0,
         e_mm: 0.0,
         feed: String::new(),
@@ -262,7 +293,7 @@ impl<W: Write> Writer<'_, W> {
         let orders = heat::first_lines(job.heat, options);
         self.out.write_all(orders.as_bytes())?;
         let to = self.place(first);
-        let words = self.words(&to, true);
+        let words = self.words(&to, 6);
         match options.dialect.is_machine_tool() {
             true => writeln!(self.out, "G0{words}")?,
             false => writeln!(self.out, "G0{words} F{APPROACH_MM_MIN}")?,
@@ -344,17 +375,19 @@ impl<W: Write> Writer<'_, W> {
         }
     }
 
-    /// The words that change.
-    fn words(&self, to: &At, all: bool) -> String {
+    /// The words that change, and those of the first `told` axes.
+    fn words(&self, to: &At, told: usize) -> String {
         let mut words = String::new();
         for (axis, letter) in ["X", "Y", "Z"].into_iter().enumerate() {
-            if all || (to.tip_mm[axis] - self.at.tip_mm[axis]).abs() > STANDS_MM {
+            let moves = (to.tip_mm[axis] - self.at.tip_mm[axis]).abs() > STANDS_MM;
+            if axis < told || moves {
                 words.push_str(&format!(" {letter}{}", short(to.tip_mm[axis], 4)));
             }
         }
         for (axis, letter) in self.options.turns.into_iter().enumerate() {
             let is_used = axis == 2 || self.tilts;
-            if is_used && (all || (to.turn_deg[axis] - self.at.turn_deg[axis]).abs() > STANDS_DEG) {
+            let turns = (to.turn_deg[axis] - self.at.turn_deg[axis]).abs() > STANDS_DEG;
+            if is_used && (axis + 3 < told || turns) {
                 words.push_str(&format!(
                     " {}{}",
                     char::from(letter),
@@ -379,81 +412,6 @@ impl<W: Write> Writer<'_, W> {
             false => units - before,
         };
         format!(" {extruder}{}", short(number as f64 * 1e-5, 5))
-    }
-
-    /// A move of the stream, or a part of it, from tick to tick.
-    fn route_move(&mut self, [from, to]: [u64; 2], poses: &mut Poses) -> Result<(), WriteError> {
-        let all: Vec<[f64; CHANNELS]> = (from..=to).map(|tick| poses.at(tick)).collect();
-        let from_tick = from;
-        let tolerances = LineTolerances {
-            tip_mm: self.options.tip_mm,
-            turn_rad: TURN_TOLERANCE_RAD,
-            volume_mm3: VOLUME_TOLERANCE_MM3,
-        };
-        let stands = all.first() == all.last() && all.iter().all(|pose| *pose == all[0]);
-        if stands {
-            return Ok(());
-        }
-        let mut from = 0;
-        let area_mm2 = self.filament_mm2();
-        for end in move_ends(&all, &tolerances) {
-            let seconds = (end - from) as f64 / self.servo_hz;
-            let extruded_mm3 = all[end][CHANNEL_VOLUME] - all[from][CHANNEL_VOLUME];
-            self.written.volume_mm3 += extruded_mm3;
-            let e_mm = self.e_mm + extruded_mm3 / area_mm2;
-            let time_s = (from_tick + end as u64) as f64 / self.servo_hz;
-            self.line(&all[end], e_mm, seconds, time_s)?;
-            from = end;
-        }
-        Ok(())
-    }
-
-    fn line(
-        &mut self,
-        pose: &[f64; CHANNELS],
-        e_mm: f64,
-        seconds: f64,
-        time_s: f64,
-    ) -> Result<(), WriteError> {
-        let before_deg = self.turn_deg;
-        let to = self.place(pose);
-        let squares =
-            |a: &[f64; 3], b: &[f64; 3]| (0..3).map(|i| (a[i] - b[i]).powi(2)).sum::<f64>().sqrt();
-        let way_mm = squares(&to.tip_mm, &self.at.tip_mm);
-        let turned_deg = squares(&self.turn_deg, &before_deg);
-        let words = self.words(&to, false) + &self.extrusion(e_mm);
-        if words.is_empty() {
-            return Ok(());
-        }
-        let feed = match (self.options.dialect.is_machine_tool(), way_mm > STANDS_MM) {
-            (true, _) => format!(" F{}", short(60.0 / seconds, 4)),
-            (false, true) => format!(" F{}", short(60.0 * way_mm / seconds, 2)),
-            (false, false) => format!(" F{}", short((60.0 * turned_deg / seconds).max(1.0), 2)),
-        };
-        // Inverse time belongs to its line; a speed goes on.
-        let is_new = self.options.dialect.is_machine_tool() || feed != self.feed;
-        match is_new {
-            true => writeln!(self.out, "G1{words}{feed}")?,
-            false => writeln!(self.out, "G1{words}")?,
-        }
-        self.feed = feed;
-        self.at = to;
-        self.count(time_s);
-        Ok(())
-    }
-
-    fn count(&mut self, time_s: f64) {
-        self.written.moves += 1;
-        self.recent.push_back(time_s);
-        while self
-            .recent
-            .front()
-            .is_some_and(|first| *first < time_s - WINDOW_S)
-        {
-            self.recent.pop_front();
-        }
-        let rate = self.recent.len() as f64 / WINDOW_S;
-        self.written.moves_a_second = self.written.moves_a_second.max(rate);
     }
 }
 

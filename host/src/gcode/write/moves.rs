@@ -1,0 +1,120 @@
+//! Moves of the stream as lines of text.
+//!
+//! In: ticks from and to. Out: G1, G2 and G3 with their words and feed, each as long as its ticks. Feed is that of
+//! the tip where the dialect has it so, along an arc its length; of turns alone degrees a minute.
+
+use super::arc_moves::{Arc, MoveEnd, moves_with_arcs};
+use super::dialect::ArcsWritten;
+use super::lines::{LineTolerances, move_ends};
+use super::poses::Poses;
+use super::{STANDS_MM, WriteError, Writer, short};
+use headway_protocol::units::{CHANNEL_VOLUME, CHANNELS};
+use std::f64::consts::PI;
+use std::io::Write;
+
+/// Heading and tilt, rad: 0.02°.
+const TURN_TOLERANCE_RAD: f64 = 0.02 * PI / 180.0;
+/// Volume of a bead of 0.1 mm² over 20 µm, mm³.
+const VOLUME_TOLERANCE_MM3: f64 = 0.002;
+/// Time over which moves are counted, s.
+const WINDOW_S: f64 = 0.5;
+
+impl<W: Write> Writer<'_, W> {
+    /// A move of the stream, or a part of it, from tick to tick.
+    pub(super) fn route_move(
+        &mut self,
+        [from_tick, to_tick]: [u64; 2],
+        poses: &mut Poses,
+    ) -> Result<(), WriteError> {
+        let all: Vec<[f64; CHANNELS]> = (from_tick..=to_tick).map(|tick| poses.at(tick)).collect();
+        let tolerances = LineTolerances {
+            tip_mm: self.options.tip_mm,
+            turn_rad: TURN_TOLERANCE_RAD,
+            wrapped: self.options.wrapped,
+            volume_mm3: VOLUME_TOLERANCE_MM3,
+        };
+        if all.iter().all(|pose| *pose == all[0]) {
+            return Ok(());
+        }
+        let straight = |tick| MoveEnd { tick, arc: None };
+        let ends: Vec<MoveEnd> = match self.arcs {
+            ArcsWritten::None => move_ends(&all, &tolerances)
+                .into_iter()
+                .map(straight)
+                .collect(),
+            ArcsWritten::Standing => moves_with_arcs(&all, &tolerances, false),
+            ArcsWritten::Turning => moves_with_arcs(&all, &tolerances, true),
+        };
+        let mut from = 0;
+        let area_mm2 = self.filament_mm2();
+        for end in ends {
+            let seconds = (end.tick - from) as f64 / self.servo_hz;
+            let extruded_mm3 = all[end.tick][CHANNEL_VOLUME] - all[from][CHANNEL_VOLUME];
+            self.written.volume_mm3 += extruded_mm3;
+            let e_mm = self.e_mm + extruded_mm3 / area_mm2;
+            let time_s = (from_tick + end.tick as u64) as f64 / self.servo_hz;
+            self.line(&all[end.tick], end.arc.as_ref(), e_mm, [seconds, time_s])?;
+            from = end.tick;
+        }
+        Ok(())
+    }
+
+    /// A line: to a pose, with filament up to `e_mm`, which takes seconds and ends at a time.
+    fn line(
+        &mut self,
+        pose: &[f64; CHANNELS],
+        arc: Option<&Arc>,
+        e_mm: f64,
+        [seconds, time_s]: [f64; 2],
+    ) -> Result<(), WriteError> {
+        let (before_deg, from_mm) = (self.turn_deg, self.at.tip_mm);
+        let to = self.place(pose);
+        let length = |way: &[f64]| way.iter().map(|part| part * part).sum::<f64>().sqrt();
+        let way_mm: [f64; 3] = std::array::from_fn(|i| to.tip_mm[i] - from_mm[i]);
+        let turned: [f64; 3] = std::array::from_fn(|i| self.turn_deg[i] - before_deg[i]);
+        let (code, axes, way_mm) = match arc {
+            None => ("G1", self.words(&to, 0), length(&way_mm)),
+            Some(arc) => {
+                let code = if arc.sweep_rad > 0.0 { "G3" } else { "G2" };
+                let [i, j] = [0, 1].map(|k| short(arc.centre_mm[k] - from_mm[k], 4));
+                let axes = format!("{} I{i} J{j}", self.words(&to, 2));
+                (code, axes, length(&[arc.length_mm(), way_mm[2]]))
+            }
+        };
+        let words = axes + &self.extrusion(e_mm);
+        if words.is_empty() {
+            return Ok(());
+        }
+        let feed = match (self.options.dialect.is_machine_tool(), way_mm > STANDS_MM) {
+            (true, _) => format!(" F{}", short(60.0 / seconds, 4)),
+            (false, true) => format!(" F{}", short(60.0 * way_mm / seconds, 2)),
+            (false, false) => {
+                let turned_deg = length(&turned);
+                format!(" F{}", short((60.0 * turned_deg / seconds).max(1.0), 2))
+            }
+        };
+        // Inverse time belongs to its line; a speed goes on.
+        let is_new = self.options.dialect.is_machine_tool() || feed != self.feed;
+        let told = if is_new { feed.as_str() } else { "" };
+        writeln!(self.out, "{code}{words}{told}")?;
+        self.feed = feed;
+        self.at = to;
+        self.written.arcs += usize::from(arc.is_some());
+        self.count(time_s);
+        Ok(())
+    }
+
+    fn count(&mut self, time_s: f64) {
+        self.written.moves += 1;
+        self.recent.push_back(time_s);
+        while self
+            .recent
+            .front()
+            .is_some_and(|first| *first < time_s - WINDOW_S)
+        {
+            self.recent.pop_front();
+        }
+        let rate = self.recent.len() as f64 / WINDOW_S;
+        self.written.moves_a_second = self.written.moves_a_second.max(rate);
+    }
+}
