@@ -5,18 +5,15 @@
 
 use headway::drive::dry_run::dry_run;
 use headway::drive::simulator::SimulatorSetup;
-use headway::gcode::{GcodeOptions, GcodePass, GcodeProgram, read};
+use headway::gcode::{GcodeOptions, GcodeProgram, read};
 use headway::gcode_plan::{GcodePlan, plan_gcode};
 use headway::geometry::Vector2;
 use headway::job::MotionState;
 use headway::report::pose_table::samples_within;
 use headway::settings::Settings;
+use headway_tests::centre_line::beside;
 use headway_tests::folders::files;
 use std::f64::consts::PI;
-
-/// Corners of the file, and how far around them they are.
-const CORNER_RAD: f64 = PI / 6.0;
-const CORNER_REACH_MM: f64 = 0.3;
 
 fn program(text: &str) -> GcodeProgram {
     read(text.as_bytes(), "test", &GcodeOptions::default()).expect("G-code")
@@ -45,87 +42,6 @@ fn check_run(plan: &GcodePlan) {
     ] {
         assert!(ratio <= most + 1e-9, "{ratio}");
     }
-}
-
-type Point = [f64; 3];
-
-fn minus(a: Point, b: Point) -> Point {
-    std::array::from_fn(|i| a[i] - b[i])
-}
-
-fn dot(a: Point, b: Point) -> f64 {
-    (0..3).map(|i| a[i] * b[i]).sum()
-}
-
-fn distance(a: Point, b: Point) -> f64 {
-    dot(minus(a, b), minus(a, b)).sqrt()
-}
-
-fn to_leg(at: Point, from: Point, to: Point) -> f64 {
-    let leg = minus(to, from);
-    let t = (dot(minus(at, from), leg) / dot(leg, leg).max(1e-18)).clamp(0.0, 1.0);
-    distance(at, std::array::from_fn(|i| from[i] + t * leg[i]))
-}
-
-/// Vertices of a pass, and which of them are corners.
-fn vertices(pass: &GcodePass) -> (Vec<Point>, Vec<Point>) {
-    let points: Vec<Point> = pass.points.iter().map(|place| place.tip_mm).collect();
-    let sharp = points.windows(3).filter(|w| {
-        let (a, b) = (minus(w[1], w[0]), minus(w[2], w[1]));
-        let cos = dot(a, b) / (dot(a, a) * dot(b, b)).sqrt().max(1e-12);
-        cos.clamp(-1.0, 1.0).acos() > CORNER_RAD
-    });
-    let corners = sharp.map(|w| w[1]).collect();
-    (points, corners)
-}
-
-/// How far the stream leaves the file's lines away from corners and in them, and how far any vertex
-/// is from the stream, mm.
-fn beside(program: &GcodeProgram, plan: &GcodePlan) -> [f64; 3] {
-    let servo_hz = f64::from(plan.settings.machine.servo_hz);
-    let mut worst = [0.0f64; 3];
-    for (number, pass) in program.passes.iter().enumerate() {
-        let marks = plan.stream.marks.iter();
-        let marks: Vec<_> = marks
-            .filter(|mark| mark.pass == Some(number as u32))
-            .collect();
-        let (Some(first), Some(last)) = (marks.first(), marks.last()) else {
-            continue;
-        };
-        let ticks = [first.start_tick, last.end_tick];
-        let (points, corners) = vertices(pass);
-        let tips: Vec<Point> = samples_within(&plan.stream, servo_hz, 1.0, ticks)
-            .map(|sample| {
-                let p = sample.position;
-                plan.transform.to_input([p[0], p[1], p[2]])
-            })
-            .collect();
-        let mut leg = 0;
-        for tip in &tips {
-            let near = leg..(leg + 12).min(points.len() - 1);
-            let of = |i: usize| to_leg(*tip, points[i], points[i + 1]);
-            let best = near
-                .min_by(|a, b| of(*a).total_cmp(&of(*b)))
-                .expect("a leg");
-            leg = best.max(leg);
-            let in_corner = corners
-                .iter()
-                .any(|corner| distance(*corner, *tip) < CORNER_REACH_MM);
-            let slot = &mut worst[usize::from(in_corner)];
-            *slot = slot.max(of(best));
-        }
-        let mut from = 0;
-        for point in &points {
-            let ahead = tips[from..].iter().take(4000);
-            let nearest = ahead
-                .enumerate()
-                .min_by(|a, b| distance(*a.1, *point).total_cmp(&distance(*b.1, *point)));
-            let (step, tip) = nearest.expect("a tip");
-            from += step;
-            worst[2] = worst[2].max(distance(*tip, *point));
-        }
-    }
-    worst
 }
 
 /// The first layers of a file, by its layer comments.
