@@ -11,10 +11,11 @@ use std::f64::consts::PI;
 /// Corners of the file, and how far around them they are.
 const CORNER_RAD: f64 = PI / 6.0;
 const CORNER_REACH_MM: f64 = 0.3;
-/// How far around the farthest place so far, and ahead of twice the way since, a tick's place may be: what corners cut
-/// off.
-const REACH_MM: f64 = 0.12;
-/// The same around a vertex, mm of the lines.
+/// How far behind the farthest place so far a tick's place may be, and how far ahead of it beside twice the way since:
+/// corners cut off some of the lines, and where these go back on themselves so does the path, a little before.
+const BEHIND_MM: f64 = 0.12;
+const AHEAD_MM: f64 = 0.3;
+/// How far from its vertex a tick's place may be, mm of the lines.
 const VERTEX_REACH_MM: f64 = 0.3;
 
 type Point = [f64; 3];
@@ -118,9 +119,8 @@ pub fn beside(program: &GcodeProgram, plan: &GcodePlan) -> [f64; 3] {
         let (mut far_mm, mut before) = (0.0f64, tips[0]);
         let mut along_mm = Vec::with_capacity(tips.len());
         for tip in &tips {
-            let ahead_mm = REACH_MM + 2.0 * distance(before, *tip);
-            // Around the farthest place so far: where lines go back on themselves, so does the path.
-            let within = [far_mm - REACH_MM, far_mm + ahead_mm];
+            let ahead_mm = AHEAD_MM + 2.0 * distance(before, *tip);
+            let within = [far_mm - BEHIND_MM, far_mm + ahead_mm];
             let place = matched(*tip, &points, &lengths_mm, within);
             (far_mm, before) = (far_mm.max(place.along_mm), *tip);
             along_mm.push(far_mm);

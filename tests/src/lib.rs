@@ -2,10 +2,10 @@
 //! clock), [`gear`] (the six-axis job that bytes are measured with), [`layer_oracle`] (coverage
 //! from the knots alone) and [`judge`] (a plan before it), [`segment_oracle`] (what a stream does,
 //! by de Boor), [`dense_search`] (the published grid search for headings), [`routes`] and
-//! [`outlines`] (of any size), [`beads`] (as they are laid), [`centre_line`] (a slicer's, against the stream), [`parts`] (that no constant was chosen
-//! on), [`thermal`] (heaters to heat and to break), [`folders`] (of reference data), [`cpu_clock`] (for
-//! benches), [`elf`] (what a controller binary holds), [`rs274`] (another interpreter of G-code), [`written_path`]
-//! (a stream against what was written of it).
+//! [`outlines`] (of any size), [`beads`] (as they are laid), [`centre_line`] (a slicer's, against the
+//! stream), [`written_path`] (a stream against what was written of it), [`rs274`] (another interpreter of
+//! G-code), [`parts`] (that no constant was chosen on), [`thermal`] (heaters to heat and to break),
+//! [`folders`] (of reference data), [`cpu_clock`] (for benches), [`elf`] (what a controller binary holds).
 
 pub mod beads;
 pub mod centre_line;
