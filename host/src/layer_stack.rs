@@ -17,6 +17,7 @@ use crate::plan::route::build_route::{build_route, lift_at_end};
 use crate::plan::route::keep_out::taken;
 use crate::plan::route::moves::Route;
 use crate::plan::route::travel::{TravelWays, outline_crossings};
+use crate::plan::route::waypoint_curve::rounding::RoundedCorners;
 use crate::settings::Settings;
 use crate::{Plan, PlanError};
 use headway_protocol::units::{CHANNEL_X, CHANNEL_Y, CHANNELS};
@@ -120,6 +121,7 @@ pub(crate) fn plan_stack(
         print_of_curve,
         outline_crossings,
         found_place: None,
+        rounded: RoundedCorners::default(),
         singular: SingularPlaces::default(),
         touches: None,
         on_surface: None,

@@ -83,6 +83,7 @@ use crate::plan::progress::Progress;
 use crate::plan::route::keep_out::cleared;
 use crate::plan::route::moves::Route;
 use crate::plan::route::travel::TravelError;
+use crate::plan::route::waypoint_curve::rounding::RoundedCorners;
 use crate::plan::route::waypoint_curve::{WaypointCurveError, WaypointPasses, waypoint_passes};
 use crate::plan::route::waypoint_route::waypoint_route;
 use crate::settings::{Place, Settings, SettingsError};
@@ -114,6 +115,8 @@ pub struct Plan {
     pub found_place: Option<FoundPlace>,
     /// Where two rotary axes line up on a run of waypoints, and how that is passed.
     pub singular: SingularPlaces,
+    /// What became of the corners of a run of waypoints.
+    pub rounded: RoundedCorners,
     /// Touches of the head with table and print on a run of waypoints, where its shape is known.
     pub touches: Option<Touches>,
     /// The surface that it lies on, where there is one.
@@ -327,6 +330,7 @@ pub fn plan_waypoints_with_progress(
         passes,
         speeds_mm_s,
         asked,
+        rounded,
     } = asked;
     let start = start_pose(settings);
     let PlacedPasses {
@@ -335,7 +339,7 @@ pub fn plan_waypoints_with_progress(
         transform,
         found_place,
         singular,
-    } = placed_passes(passes, transform, bounds, settings, true)?;
+    } = placed_passes(passes, transform, bounds, &rounded.left_of(settings), true)?;
     let pass_count = passes.len();
     let (speeds_mm_s, asked) = match &cuts {
         Some(cuts) => (cuts.speeds(&speeds_mm_s), cuts.of_passes(&asked)),
@@ -363,6 +367,7 @@ pub fn plan_waypoints_with_progress(
         print_of_curve: Vec::new(),
         found_place,
         singular,
+        rounded,
         touches: touches(&route, settings),
         on_surface: None,
         slowed: SlowedLayers::default(),

@@ -69,6 +69,8 @@ pub const BOTTOM_LAYERS: u32 = 4;
 /// Tool axes may be off by so much where a machine's axes line up: half a degree lifts the edge of a
 /// bead a millimetre wide by 4 um.
 pub const AXIS_TOLERANCE_RAD: f64 = 0.5 * std::f64::consts::PI / 180.0;
+/// More is no tolerance any more.
+pub const AXIS_TOLERANCE_MAX_DEG: f64 = 10.0;
 /// Solid layers above a sparse infill: one more, since the first lies on gaps.
 pub const TOP_LAYERS: u32 = 5;
 
@@ -207,6 +209,8 @@ pub struct Tolerances {
     pub heading_rad: f64,
     /// Flattening of input curves.
     pub flatten_mm: f64,
+    /// How far a run of waypoints may leave its corners (`--corner-tolerance`); 0: the head rests at them.
+    pub corner_mm: f64,
 }
 
 /// Prime and retract around each pass.

@@ -29,6 +29,7 @@ use crate::plan::progress::Progress;
 use crate::plan::route::keep_out::cleared;
 use crate::plan::route::moves::{PathCurve, Route, RouteMove};
 use crate::plan::route::surface::{LayerFoldsError, on_surface};
+use crate::plan::route::waypoint_curve::rounding::RoundedCorners;
 use crate::plan::route::waypoint_route::{complete_route, has_motion};
 use crate::settings::Settings;
 use crate::{PlacedPasses, Plan, PlanError, placed_passes, start_pose};
@@ -372,6 +373,7 @@ fn laid_out(
         curves: Vec::new(),
         print_of_curve: Vec::new(),
         found_place,
+        rounded: RoundedCorners::default(),
         singular,
         touches,
         on_surface: Some(laid),

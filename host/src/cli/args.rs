@@ -144,6 +144,11 @@ pub(super) struct PlaceArgs {
     /// up, degrees; 0 leaves it as it is [default: 0.5].
     #[arg(long, value_name = "DEG", allow_negative_numbers = true)]
     pub axis_tolerance: Option<f64>,
+    /// Corners of a run of waypoints are rounded within this many mm, and those of its tool axis within
+    /// half of --axis-tolerance; 0 leaves corners as they are: the head rests at those of the path. Small
+    /// roundings, below about 0.1 mm, can take LONGER than rests: compare print_s [default: 0, or the machine file's].
+    #[arg(long, value_name = "MM", allow_negative_numbers = true)]
+    pub corner_tolerance: Option<f64>,
     /// Folder where planned layers of a mesh are kept: what was planned before is not planned again.
     #[arg(long, value_name = "DIR")]
     pub cache: Option<PathBuf>,

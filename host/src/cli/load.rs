@@ -218,6 +218,7 @@ pub(super) fn run_option(args: &PlaceArgs) -> Option<&'static str> {
         ("--turn", args.turn.is_some()),
         ("--place", is_flat && args.place.is_some()),
         ("--axis-tolerance", is_flat && args.axis_tolerance.is_some()),
+        ("--corner-tolerance", args.corner_tolerance.is_some()),
     ];
     given
         .iter()

@@ -7,11 +7,8 @@ use super::load::{input, read_bounded};
 use crate::input::waypoints::WaypointRun;
 use crate::input::{Format, Input};
 use crate::mesh::{self, Mesh, MeshOptions};
-use crate::settings::{AXIS_TOLERANCE_RAD, Place};
+use crate::settings::{AXIS_TOLERANCE_MAX_DEG, AXIS_TOLERANCE_RAD, Place, Settings};
 use std::path::Path;
-
-/// More is no tolerance any more.
-const AXIS_TOLERANCE_MAX_DEG: f64 = 10.0;
 
 /// A run with those that are to be printed after it.
 pub(super) fn with_more(
@@ -91,5 +88,19 @@ pub(super) fn axis_tolerance_rad(given: Option<f64>) -> Result<f64, CliError> {
             )))
         }
         given => Ok(given.map_or(AXIS_TOLERANCE_RAD, f64::to_radians)),
+    }
+}
+
+/// How far corners may be rounded, mm: as given, or as the machine file says.
+pub(super) fn corner_mm(given: Option<f64>, settings: &Settings) -> Result<f64, CliError> {
+    let widest_mm = 2.0 * settings.aperture.major_mm();
+    match given {
+        Some(corner_mm) if !(0.0..=widest_mm).contains(&corner_mm) => {
+            Err(CliError::Usage(format!(
+                "--corner-tolerance {corner_mm}: write a length in mm from 0, which leaves corners as they are, to \
+             {widest_mm}, the widest bead of this aperture; 0.2 is usual"
+            )))
+        }
+        given => Ok(given.unwrap_or(settings.tolerances.corner_mm)),
     }
 }

@@ -16,7 +16,7 @@ use crate::part_transform::PartTransform;
 use crate::plan::outline::unreachable::UnreachableRun;
 use crate::report::Place;
 use crate::report::figures::Figures;
-use crate::settings::Settings;
+use crate::settings::{Settings, Tolerances};
 use crate::surface_plan::plan_on_surface;
 use crate::{Plan, plan_target_around, plan_waypoints_with_progress};
 use std::fs::File;
@@ -157,12 +157,18 @@ fn planned_flat(
 
 /// The settings with the options of where the input lies.
 fn placed_settings(place: &PlaceArgs, settings: &SettingsArgs) -> Result<Settings, CliError> {
+    let settings = load::settings(settings)?;
+    let corner_mm = load_run::corner_mm(place.corner_tolerance, &settings)?;
     Ok(Settings {
         gap_mm: load_run::gap_mm(place.gap)?,
         place: load_run::place(place.place),
         axis_tolerance_rad: load_run::axis_tolerance_rad(place.axis_tolerance)?,
         at_mm: copies::first_at_mm(place)?,
-        ..load::settings(settings)?
+        tolerances: Tolerances {
+            corner_mm,
+            ..settings.tolerances
+        },
+        ..settings
     })
 }
 

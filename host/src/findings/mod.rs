@@ -24,7 +24,7 @@ use crate::report::figures::{Figures, Inside, KindFigures, SlowPlaceFigures};
 use crate::settings::Settings;
 use crate::stacked_ground::open_cells;
 use left_out::{left_out, longest_first};
-use run_notes::run_notes;
+use run_notes::{corner_figures, run_notes};
 use settings_warnings::settings_warnings;
 use use_figures::{short_layers_note, stacked_figures, use_figures};
 
@@ -83,7 +83,11 @@ fn all_figures(
     let height_mm = settings.layer_height_mm;
     let place_mm = |layer: u32| [height_mm * f64::from(layer + 1), height_mm];
     let cells = open_cells(plan, settings.aperture.minor_mm());
-    plan_figures(plan, unreachable, plan_s)
+    let figures = Figures {
+        rounded_corners: corner_figures(plan, settings),
+        ..plan_figures(plan, unreachable, plan_s)
+    };
+    figures
         .merged_with(&use_figures(&uses, plan.slowed, place_mm, settings))
         .merged_with(&stacked_figures(&cells))
 }

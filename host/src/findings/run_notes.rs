@@ -3,6 +3,7 @@
 use crate::Plan;
 use crate::plan::judge::touches::{HeadPart, Obstacle};
 use crate::plan::motion::singular::SingularPlaces;
+use crate::report::figures::CornerFigures;
 use crate::settings::Settings;
 use headway_firmware::configuration::Kinematics;
 
@@ -15,6 +16,7 @@ pub(super) fn run_notes(plan: &Plan, settings: &Settings) -> Vec<String> {
         on_surface(plan),
         found_place(plan),
         singular_places(&plan.singular),
+        rounded_corners(plan, settings),
         touches(plan, settings),
     ];
     notes.into_iter().flatten().collect()
@@ -116,4 +118,56 @@ fn singular_places(singular: &SingularPlaces) -> Option<String> {
         )),
         Some(_) => None,
     }
+}
+
+/// What became of the corners; `None` where none were to be rounded.
+pub(super) fn corner_figures(plan: &Plan, settings: &Settings) -> Option<CornerFigures> {
+    let is_run = plan.kinds.is_empty() && plan.on_surface.is_none();
+    let told = &plan.rounded;
+    (is_run && settings.tolerances.corner_mm > 0.0).then(|| CornerFigures {
+        path: told.path as u64,
+        path_off_mm: told.path_off_mm,
+        axis: told.axis as u64,
+        axis_off_deg: told.axis_off_rad.to_degrees(),
+        heading_off_deg: told.heading_off_rad.to_degrees(),
+        rests: told.rests as u64,
+    })
+}
+
+/// The same in words.
+fn rounded_corners(plan: &Plan, settings: &Settings) -> Option<String> {
+    let told = corner_figures(plan, settings)?;
+    let corners = |count: u64| if count == 1 { "corner" } else { "corners" };
+    let mut parts = Vec::new();
+    if told.path > 0 {
+        parts.push(format!(
+            "{} {} of the path rounded by up to {:.3} mm",
+            told.path,
+            corners(told.path),
+            told.path_off_mm
+        ));
+    }
+    if told.axis > 0 {
+        parts.push(format!(
+            "{} {} of the tool axis rounded by up to {:.3}°",
+            told.axis,
+            corners(told.axis),
+            told.axis_off_deg
+        ));
+    }
+    if told.heading_off_deg >= 0.01 {
+        let heading_deg = told.heading_off_deg;
+        parts.push(format!("headings there off by up to {heading_deg:.2}°"));
+    }
+    if parts.is_empty() {
+        parts.push("no corner rounded".to_string());
+    }
+    if told.rests > 0 {
+        parts.push(format!(
+            "at {} {} the head rests all the same (sharp, or no room within the tolerances)",
+            told.rests,
+            corners(told.rests)
+        ));
+    }
+    Some(format!("--corner-tolerance: {}", parts.join(", ")))
 }

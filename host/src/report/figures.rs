@@ -3,6 +3,7 @@
 //! Other programs read these keys; they change only with a version. A figure is absent where it
 //! has no meaning (a plan that was not simulated has no `tip_error_um_max`).
 
+pub use super::corner_figures::CornerFigures;
 pub use super::layer_figures::{Inside, KindFigures, LayerFigures, LayerPlace, UseFigures};
 use serde::{Deserialize, Serialize};
 use std::collections::BTreeMap;
@@ -106,6 +107,9 @@ pub struct Figures {
     /// Way of the tip on which nozzle or head touch the table or what is printed.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub touched_mm: Option<f64>,
+    /// Corners of a run of waypoints, where they are to be rounded.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub rounded_corners: Option<CornerFigures>,
     /// Tip path with flow.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub print_mm: Option<f64>,
@@ -373,6 +377,7 @@ impl Figures {
             ("flow interruptions", count(self.flow_interruptions)),
             ("travels across the outline", count(self.outline_crossings)),
             ("path with touches", number(self.touched_mm, 1, "mm")),
+            ("corners rounded", self.rounded_corners.map(|c| c.text())),
             ("printing path", number(self.print_mm, 1, "mm")),
             ("skirt and brim", number(self.skirt_mm, 1, "mm")),
             ("travel", number(self.travel_mm, 1, "mm")),

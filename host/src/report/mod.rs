@@ -8,6 +8,7 @@
 //! them.
 
 mod canvas;
+mod corner_figures;
 pub mod coverage_picture;
 pub mod figures;
 pub mod job_texts;

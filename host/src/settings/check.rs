@@ -3,7 +3,7 @@
 use super::drivers::check_drivers;
 use super::error::SettingsError;
 use super::heat::wrong_heater;
-use super::{LAYERS_MAX, Settings, kinds};
+use super::{AXIS_TOLERANCE_MAX_DEG, LAYERS_MAX, Settings, kinds};
 use headway_firmware::configuration::{Kinematics, MachineConfiguration};
 use headway_firmware::steps::{INTERVAL_TICKS_MAX, INTERVAL_TICKS_MIN};
 use headway_protocol::control::DECIDEGREES_MAX;
@@ -256,7 +256,27 @@ impl Settings {
         in_range("tolerances.tip_mm", t.tip_mm, 1e-4, 1.0)?;
         in_range("tolerances.axis_mrad", t.axis_rad * 1e3, 0.01, 100.0)?;
         in_range("tolerances.heading_mrad", t.heading_rad * 1e3, 0.01, 100.0)?;
-        in_range("tolerances.flatten_mm", t.flatten_mm, 1e-5, 1.0)
+        in_range("tolerances.flatten_mm", t.flatten_mm, 1e-5, 1.0)?;
+        self.check_corners()
+    }
+
+    /// What runs of waypoints may leave their corners by.
+    fn check_corners(&self) -> Result<(), SettingsError> {
+        let (corner_mm, widest_mm) = (self.tolerances.corner_mm, 2.0 * self.aperture.major_mm());
+        if !(0.0..=widest_mm).contains(&corner_mm) {
+            return Err(SettingsError::CornerTolerance {
+                given_mm: corner_mm,
+                widest_mm,
+            });
+        }
+        let axis_deg = self.axis_tolerance_rad.to_degrees();
+        // The last digit of degrees that were given.
+        in_range(
+            "--axis-tolerance",
+            axis_deg,
+            0.0,
+            AXIS_TOLERANCE_MAX_DEG + 1e-9,
+        )
     }
 
     fn check_heat(&self) -> Result<(), SettingsError> {

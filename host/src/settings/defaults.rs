@@ -128,6 +128,7 @@ impl Settings {
                 axis_rad: 1e-4,
                 heading_rad: 2e-4,
                 flatten_mm: 0.001,
+                corner_mm: 0.0,
             },
             material: None,
             heaters: None,

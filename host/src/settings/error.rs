@@ -79,6 +79,18 @@ pub enum SettingsError {
         /// The most possible.
         high: f64,
     },
+    /// Corners of waypoints rounded by more than a bead.
+    #[error(
+        "tolerances.corner_mm (--corner-tolerance) is {}, but must be from 0, which leaves corners as they are, \
+         to {}, the widest bead of this aperture; 0.2 is usual",
+        Short(*given_mm), Short(*widest_mm)
+    )]
+    CornerTolerance {
+        /// What was given.
+        given_mm: f64,
+        /// Width of the widest bead.
+        widest_mm: f64,
+    },
     /// A limit so low that what it changes takes for ever to reach its own limit.
     #[error(
         "{key} is so low that it takes {rise_s:.0} s to reach {of}, more than {RISE_MAX_S} s: raise \

@@ -259,6 +259,7 @@ struct FileTolerances {
     axis_mrad: Option<f64>,
     heading_mrad: Option<f64>,
     flatten_mm: Option<f64>,
+    corner_mm: Option<f64>,
 }
 
 impl File {
@@ -449,6 +450,7 @@ impl FileTolerances {
             axis_rad: rad(self.axis_mrad, default.axis_rad),
             heading_rad: rad(self.heading_mrad, default.heading_rad),
             flatten_mm: self.flatten_mm.unwrap_or(default.flatten_mm),
+            corner_mm: self.corner_mm.unwrap_or(default.corner_mm),
         }
     }
 }

@@ -11,7 +11,7 @@ use crate::settings::aperture_text::aperture_text;
 use crate::settings::check::{joint_names, kinematics_name};
 use crate::settings::head_shape::HeadShape;
 use crate::settings::{
-    BOTTOM_LAYERS, HeadingLaw, PassMode, Quality, SeamPlace, Settings, TOP_LAYERS,
+    BOTTOM_LAYERS, HeadingLaw, PassMode, Quality, SeamPlace, Settings, TOP_LAYERS, Tolerances,
 };
 use headway_firmware::configuration::{Arm, JointConfiguration, Kinematics};
 use std::f64::consts::TAU;
@@ -343,7 +343,10 @@ fn write_process(text: &mut String, s: &Settings, with_layers: bool) -> std::fmt
     writeln!(text, "prime_mm3 = {}", number(p.prime_mm3))?;
     writeln!(text, "prime_rate_mm3_s = {}", number(p.prime_rate_mm3_s))?;
     writeln!(text, "prime_lead_s = {}", number(p.prime_lead_s))?;
-    let t = &s.tolerances;
+    write_tolerances(text, &s.tolerances)
+}
+
+fn write_tolerances(text: &mut String, t: &Tolerances) -> std::fmt::Result {
     writeln!(
         text,
         "\n[tolerances]\n# How far a placed aperture may leave the outline."
@@ -355,7 +358,16 @@ fn write_process(text: &mut String, s: &Settings, with_layers: bool) -> std::fmt
     writeln!(text, "axis_mrad = {}", mrad(t.axis_rad))?;
     writeln!(text, "heading_mrad = {}", mrad(t.heading_rad))?;
     writeln!(text, "# Curves of the input become polygons this close.")?;
-    writeln!(text, "flatten_mm = {}", number(t.flatten_mm))
+    writeln!(text, "flatten_mm = {}", number(t.flatten_mm))?;
+    // Jobs carry this text: what is not asked for is left out.
+    if t.corner_mm > 0.0 {
+        writeln!(
+            text,
+            "# Corners of runs of waypoints are rounded within this; small roundings can take longer than rests."
+        )?;
+        writeln!(text, "corner_mm = {}", number(t.corner_mm))?;
+    }
+    Ok(())
 }
 
 /// What of the process concerns the way between passes.

@@ -97,6 +97,12 @@ impl Spline {
             (self.points[i + 1][c] - self.points[i][c]) / h + bend * h / 6.0
         })
     }
+
+    /// Their second derivatives.
+    pub fn bend(&self, s: f64) -> Point {
+        let (i, _, b) = self.piece(s);
+        std::array::from_fn(|c| (1.0 - b) * self.bends[i][c] + b * self.bends[i + 1][c])
+    }
 }
 
 /// One row of a tridiagonal system.

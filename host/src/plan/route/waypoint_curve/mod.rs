@@ -10,11 +10,14 @@
 //!           -> even samples -> uniform B-spline through them, refined until it agrees
 //! ```
 //! A width turns the nozzle as far as it lays such a bead, where no heading is given.
-//! A turn of more than [`CORNER_RAD`] is a corner: the head comes to rest there. Waypoints that
-//! share a place turn the head on the spot. Cubic splines: C. de Boor, A Practical Guide to
-//! Splines (1978), chapter 4. Leaves out flow (`waypoint_route`) and time.
+//! A turn of more than [`CORNER_RAD`] is a corner: the head comes to rest there, unless corners are rounded
+//! ([`rounding`]). Waypoints that share a place turn the head on the spot. Cubic splines: C. de Boor, A Practical
+//! Guide to Splines (1978), chapter 4. Leaves out flow (`waypoint_route`) and time.
 
 pub mod chord_spline;
+mod fit;
+mod pieces;
+pub mod rounding;
 
 use crate::geometry::aperture::Aperture;
 use crate::input::near_waypoints::usual_gap_mm;
@@ -22,7 +25,7 @@ use crate::input::waypoints::{PassAsked, SAME_PLACE_MM, Waypoint, WaypointRun};
 use crate::plan::route::build_route::nearest_heading;
 use crate::plan::route::moves::PathCurve;
 use crate::settings::Settings;
-use chord_spline::{Spline, through_samples};
+use chord_spline::Spline;
 use headway_firmware::configuration::Kinematics;
 use headway_firmware::pose::{tilt_of_axis, tool_axis};
 use headway_protocol::units::{
@@ -30,14 +33,12 @@ use headway_protocol::units::{
     CHANNEL_Z, CHANNELS,
 };
 use nalgebra::{Rotation3, Vector2, Vector3};
+use pieces::{Piece, pieces};
+use rounding::{RoundedCorners, RoundedSpline};
 use std::f64::consts::{FRAC_PI_2, PI};
 
 /// Turns of the path above this are corners.
 pub const CORNER_RAD: f64 = PI / 6.0;
-/// Share of the tip's, axis' and heading's tolerance that the B-spline may be off the spline.
-const CURVE_SHARE: f64 = 0.1;
-/// Longest span of the B-spline to begin with, mm: a fraction of any aperture.
-const SPAN_MM: f64 = 0.5;
 /// Most spans of a run, all moves together: 10 m at 10 µm.
 const SPANS_MAX: usize = 1 << 20;
 /// Tilt that a machine without tilting axes can ignore, rad: far below the axis tolerance.
@@ -75,7 +76,7 @@ pub enum WaypointCurveError {
     /// The spacing is too uneven.
     #[error(
         "between lines {from} and {to} the waypoints are so uneven that their curve needs more \
-         than {SPANS_MAX} spans; space them more evenly"
+         than {SPANS_MAX} spans; space them more evenly, or round no corners so closely (--corner-tolerance)"
     )]
     TooUneven {
         /// First line of the move.
@@ -95,6 +96,8 @@ pub struct WaypointPasses {
     pub speeds_mm_s: Vec<Vec<[f64; 2]>>,
     /// What each pass asks for.
     pub asked: Vec<PassAsked>,
+    /// What became of their corners.
+    pub rounded: RoundedCorners,
 }
 
 /// The run's passes.
@@ -120,10 +123,9 @@ pub fn waypoint_passes(
     let passes = passes.filter(|points| points.len() > 1);
     let mut all = WaypointPasses::default();
     for points in passes {
-        let (curves, speeds): (Vec<_>, Vec<_>) =
-            pass_curves(points, offset_mm, settings, &mut spans_left)?
-                .into_iter()
-                .unzip();
+        let (curves, rounded) = pass_curves(points, offset_mm, settings, &mut spans_left)?;
+        let (curves, speeds): (Vec<_>, Vec<_>) = curves.into_iter().unzip();
+        all.rounded = all.rounded.and(rounded);
         all.passes.push(curves);
         all.asked.push(points[0].asked);
         all.speeds_mm_s.extend(speeds);
@@ -134,19 +136,21 @@ pub fn waypoint_passes(
 /// A curve and the speeds asked along it.
 type SpeedCurve = (PathCurve, Vec<[f64; 2]>);
 
-/// One pass: its curves, with the speeds asked along each.
+/// One pass: its curves, with the speeds asked along each, and what became of its corners.
 fn pass_curves(
     points: &[Waypoint],
     offset_mm: [f64; 3],
     settings: &Settings,
     spans_left: &mut usize,
-) -> Result<Vec<SpeedCurve>, WaypointCurveError> {
+) -> Result<(Vec<SpeedCurve>, RoundedCorners), WaypointCurveError> {
+    let (pieces, rounded) = pieces(points, offset_mm, settings);
     let mut curves: Vec<SpeedCurve> = Vec::new();
-    for route_move in split(points) {
+    for piece in pieces {
+        let points = piece.points;
         let before = curves
             .last()
             .and_then(|(curve, _)| curve.control.last().copied());
-        let curve = move_curve(route_move, offset_mm, settings, before, *spans_left)?;
+        let curve = move_curve(piece, settings, before, *spans_left)?;
         *spans_left = spans_left.saturating_sub(curve.control.len());
         if let (Some(from), Some(&to)) = (before, curve.control.first())
             && from[CHANNEL_HEADING] != to[CHANNEL_HEADING]
@@ -155,10 +159,10 @@ fn pass_curves(
             let control = vec![from, to];
             curves.push((PathCurve { control }, Vec::new()));
         }
-        let speeds = asked_speeds(route_move, &curve, settings);
+        let speeds = asked_speeds(points, &curve, settings);
         curves.push((curve, speeds));
     }
-    Ok(curves)
+    Ok((curves, rounded))
 }
 
 /// The speeds asked along a move's curve, by its parameter; those without one print at the print speed.
@@ -215,24 +219,6 @@ fn check_tilt(points: &[Waypoint], settings: &Settings) -> Result<(), WaypointCu
     Ok(())
 }
 
-/// Pieces between rests; neighbours share a waypoint.
-fn split(points: &[Waypoint]) -> Vec<&[Waypoint]> {
-    let chord = |i: usize| points[i + 1].tip_mm - points[i].tip_mm;
-    let on_the_spot = |i: usize| chord(i).norm() < SAME_PLACE_MM;
-    let mut pieces = Vec::new();
-    let mut start = 0;
-    for i in 1..points.len() - 1 {
-        let rests =
-            on_the_spot(i - 1) || on_the_spot(i) || chord(i - 1).angle(&chord(i)) > CORNER_RAD;
-        if rests {
-            pieces.push(&points[start..=i]);
-            start = i;
-        }
-    }
-    pieces.push(&points[start..]);
-    pieces
-}
-
 fn pose(point: &Waypoint, offset_mm: [f64; 3]) -> Point {
     let tilt = tilt_of_axis(&point.axis.into_inner());
     let mut pose = [0.0; CHANNELS];
@@ -246,57 +232,40 @@ fn pose(point: &Waypoint, offset_mm: [f64; 3]) -> Point {
 }
 
 fn move_curve(
-    points: &[Waypoint],
-    offset_mm: [f64; 3],
+    piece: Piece,
     settings: &Settings,
     before: Option<Point>,
     spans_max: usize,
 ) -> Result<PathCurve, WaypointCurveError> {
-    let mut poses: Vec<Point> = points.iter().map(|point| pose(point, offset_mm)).collect();
+    let (points, mut poses) = (piece.points, piece.poses);
     // A round nozzle lays the same whichever way it is turned: it need not turn.
     let across =
         !settings.aperture.is_round() && points.iter().any(|point| point.heading_rad.is_none());
     let near_rad = before.map_or(0.0, |before| before[CHANNEL_HEADING]);
-    if let [from, to] = points
-        && (to.tip_mm - from.tip_mm).norm() < SAME_PLACE_MM
-    {
+    let Some(spline) = piece.spline else {
         if across {
             poses
                 .iter_mut()
                 .for_each(|pose| pose[CHANNEL_HEADING] = near_rad);
         }
         return Ok(PathCurve { control: poses });
-    }
-    let spline = Spline::through(&poses);
+    };
     let curve = Curve {
-        beads: Beads::of(points, &spline.knots, settings),
+        beads: Beads::of(points, spline.knots(), settings),
         spline,
         across,
         settings,
     };
-    let too_uneven = WaypointCurveError::TooUneven {
+    let fitted = curve.fit(points.len(), near_rad, spans_max);
+    fitted.ok_or(WaypointCurveError::TooUneven {
         from: points.first().map_or(0, |point| point.line),
         to: points.last().map_or(0, |point| point.line),
-    };
-    let mut spans = (curve.spline.length() / SPAN_MM)
-        .ceil()
-        .max(2.0 * points.len() as f64);
-    while spans <= spans_max as f64 {
-        let samples = curve.samples(spans as usize, near_rad);
-        let fitted = PathCurve {
-            control: through_samples(&samples),
-        };
-        if curve.agrees(&fitted, settings) {
-            return Ok(fitted);
-        }
-        spans *= 2.0;
-    }
-    Err(too_uneven)
+    })
 }
 
 /// The curve that is meant: the spline, and the rule for the heading.
 struct Curve<'a> {
-    spline: Spline,
+    spline: RoundedSpline,
     /// Widths and heights of the bead, where they are given.
     beads: Option<Beads>,
     /// The major axis lies across the travel, or aslant for a narrower bead.
@@ -372,45 +341,6 @@ impl Curve<'_> {
         }
         pose
     }
-
-    /// Even samples over the length, ends included.
-    fn samples(&self, spans: usize, near_rad: f64) -> Vec<Point> {
-        let mut near_rad = near_rad;
-        (0..=spans)
-            .map(|k| {
-                let pose = self.pose(self.spline.length() * k as f64 / spans as f64, near_rad);
-                near_rad = pose[CHANNEL_HEADING];
-                pose
-            })
-            .collect()
-    }
-
-    /// True if the B-spline is as near as it must be: in the middle of its spans, and where the
-    /// spline's own pieces meet.
-    fn agrees(&self, fitted: &PathCurve, settings: &Settings) -> bool {
-        let spans = fitted.span_count();
-        let per_mm = spans as f64 / self.spline.length();
-        let middles = (0..spans).map(|span| span as f64 + 0.5);
-        let knots = self.spline.knots.iter().map(|s| s * per_mm);
-        middles.chain(knots).all(|u| {
-            let at = fitted.evaluate(u).value;
-            let meant = self.pose(u / per_mm, at[CHANNEL_HEADING]);
-            is_near(&at, &meant, settings)
-        })
-    }
-}
-
-fn is_near(at: &Point, meant: &Point, settings: &Settings) -> bool {
-    let off = |from: usize, to: usize| {
-        (from..=to)
-            .map(|channel| (at[channel] - meant[channel]).powi(2))
-            .sum::<f64>()
-            .sqrt()
-    };
-    let tolerances = &settings.tolerances;
-    off(CHANNEL_X, CHANNEL_Z) <= CURVE_SHARE * tolerances.tip_mm
-        && off(CHANNEL_TILT_X, CHANNEL_TILT_Y) <= CURVE_SHARE * tolerances.axis_rad
-        && off(CHANNEL_HEADING, CHANNEL_HEADING) <= CURVE_SHARE * tolerances.heading_rad
 }
 
 /// Heading that lays the major axis across the travel, as seen along the tool axis; the one of
