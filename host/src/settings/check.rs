@@ -400,6 +400,35 @@ pub(super) fn in_range(key: &str, value: f64, low: f64, high: f64) -> Result<(),
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::settings::machine_file;
+
+    /// Goal: a tolerance of corners is a length from 0 to the bead's width, and what it is not is told with both; the
+    /// axis' has a bound as well. Method: values at and beyond the ends, and a machine file with one.
+    #[test]
+    fn corner_tolerances_beyond_a_bead_are_refused() {
+        let mut settings = Settings::gantry();
+        let widest_mm = 2.0 * settings.aperture.major_mm();
+        for corner_mm in [0.0, 0.2, widest_mm] {
+            settings.tolerances.corner_mm = corner_mm;
+            assert_eq!(settings.check(), Ok(()), "{corner_mm}");
+            let text = machine_file::to_toml(&settings);
+            assert_eq!(text.contains("corner_mm"), corner_mm > 0.0);
+            let again = machine_file::from_toml(&text).unwrap();
+            assert_eq!(again.tolerances.corner_mm, corner_mm);
+        }
+        for corner_mm in [-0.1, f64::NAN, f64::INFINITY, widest_mm + 0.01] {
+            settings.tolerances.corner_mm = corner_mm;
+            let refused = settings.check().unwrap_err().to_string();
+            assert!(refused.contains("--corner-tolerance"), "{refused}");
+            assert!(refused.contains("1.2, the widest bead"), "{refused}");
+        }
+        settings.tolerances.corner_mm = 0.0;
+        for axis_rad in [-0.01, f64::NAN, 0.2] {
+            settings.axis_tolerance_rad = axis_rad;
+            let refused = settings.check().unwrap_err().to_string();
+            assert!(refused.contains("--axis-tolerance"), "{refused}");
+        }
+    }
 
     /// Goal: a limit that is next to zero is told by its key and by what it would have to reach. Method:
     /// each such limit just within a minute, and just beyond it.
