@@ -347,11 +347,8 @@ fn laid_out(
         settings,
         &held_against(map, bounds, &transform, settings),
     );
-    let touch = touches.iter().flat_map(|touches| &touches.deepest);
-    if let Some(touch) = touch
-        .clone()
-        .find(|touch| touch.obstacle == Obstacle::Surface)
-    {
+    let mut touch = touches.iter().flat_map(|touches| &touches.deepest);
+    if let Some(touch) = touch.find(|touch| touch.obstacle == Obstacle::Surface) {
         return Err(PlanError::Surface(SurfaceError::HeadTouches {
             part: touch.part,
             depth_mm: touch.depth_mm,
