@@ -25,6 +25,16 @@ const PIVOT_LENGTH_MM: f64 = 60.0;
 /// How far the head of the built-in gantry tilts, degrees.
 const TILT_MAX_DEG: f64 = 60.0;
 
+/// Below what any printer shows; corners stay as they are.
+const TOLERANCES: Tolerances = Tolerances {
+    outside_mm: 0.001,
+    tip_mm: 0.001,
+    axis_rad: 1e-4,
+    heading_rad: 2e-4,
+    flatten_mm: 0.001,
+    corner_mm: 0.0,
+};
+
 impl Default for Settings {
     /// The built-in planar machine with a 0.6 x 0.2 mm ellipse.
     fn default() -> Settings {
@@ -122,14 +132,7 @@ impl Settings {
                 // The far side of the machine.
                 direction_rad: std::f64::consts::FRAC_PI_2,
             },
-            tolerances: Tolerances {
-                outside_mm: 0.001,
-                tip_mm: 0.001,
-                axis_rad: 1e-4,
-                heading_rad: 2e-4,
-                flatten_mm: 0.001,
-                corner_mm: 0.0,
-            },
+            tolerances: TOLERANCES,
             material: None,
             heaters: None,
             drivers: DriversConfiguration::none(),
