@@ -348,11 +348,9 @@ impl Stretch<'_> {
         let first = self.broken(&breaks, &channels, tolerance);
         breaks.retain(|at| {
             let chords_mm = self.knots[at + 1] - self.knots[at - 1];
-            let found = first.corrections.iter();
-            let found = found.filter(|each| each.at_mm == self.knots[*at]);
-            let is_gentle = found.fold(false, |gentle, each| {
-                gentle || 2.0 * each.half_mm >= chords_mm
-            });
+            let mut found = first.corrections.iter();
+            let is_gentle =
+                found.any(|each| each.at_mm == self.knots[*at] && 2.0 * each.half_mm >= chords_mm);
             is_gentle || self.corners.contains(at)
         });
         self.broken(&breaks, &channels, tolerance)
