@@ -142,6 +142,8 @@ impl HomingConfiguration {
 /// What is under way.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 enum Stage {
+    /// The probe's pin goes out; then what it was to do.
+    Deploy,
     /// Away from a switch that was pressed at the start.
     Release,
     /// Fast towards it.
@@ -185,6 +187,12 @@ pub struct Homing {
     pressed_ticks: u32,
     first_pressed: i64,
     begun: bool,
+    /// Time for the probe's pin to go out; 0 without one.
+    pin_ticks: u32,
+    pin_left: u32,
+    pin_is_out: bool,
+    /// What follows when it is out.
+    next: Stage,
 }
 
 impl Homing {
@@ -207,7 +215,23 @@ impl Homing {
             pressed_ticks: 0,
             first_pressed: 0,
             begun: false,
+            pin_ticks: 0,
+            pin_left: 0,
+            pin_is_out: false,
+            next: Stage::Seek,
         })
+    }
+
+    /// With a probe whose pin takes so long to go out, before each touch.
+    #[must_use]
+    pub fn with_pin(mut self, ticks: u32) -> Self {
+        self.pin_ticks = ticks;
+        self
+    }
+
+    /// The probe's pin is to be out.
+    pub fn pin_is_out(&self) -> bool {
+        self.pin_is_out
     }
 
     /// One servo tick: `pressed` is the switch, `here` where the motor is, `rests` that it does not
@@ -222,17 +246,26 @@ impl Homing {
         let tripped = self.settled(pressed, here);
         if !self.begun {
             self.begun = true;
-            let stage = if pressed { Stage::Release } else { Stage::Seek };
-            self.enter(stage, here, mover);
+            // A pin's pulses are no switch that is pressed.
+            if pressed && self.pin_ticks == 0 {
+                self.enter(Stage::Release, here, mover);
+            } else {
+                self.approach(Stage::Seek, here, mover);
+            }
             return HomingOutcome::Moving;
         }
         match self.stage {
+            Stage::Deploy if self.pin_left > 0 => self.pin_left -= 1,
+            Stage::Deploy if pressed => return HomingOutcome::Failed,
+            Stage::Deploy => self.enter(self.next, here, mover),
             Stage::Seek if tripped => {
                 mover.brake();
+                self.pin_is_out = false;
                 self.stage = Stage::Found;
             }
             Stage::Touch if tripped => {
                 mover.brake();
+                self.pin_is_out = false;
                 self.home -= self.first_pressed;
                 self.stage = Stage::Touched;
             }
@@ -244,7 +277,7 @@ impl Homing {
                 return HomingOutcome::Failed;
             }
             Stage::Release => self.enter(Stage::Seek, here, mover),
-            Stage::BackOff => self.enter(Stage::Touch, here, mover),
+            Stage::BackOff => self.approach(Stage::Touch, here, mover),
             Stage::Leave => return HomingOutcome::Homed(self.home),
         }
         HomingOutcome::Moving
@@ -263,6 +296,19 @@ impl Homing {
         self.pressed_ticks >= SWITCH_SETTLE_TICKS
     }
 
+    /// Enters a stage that ends in a touch, as soon as the probe's pin is out.
+    fn approach(&mut self, stage: Stage, here: i64, mover: &mut JointMove) {
+        if self.pin_ticks == 0 {
+            self.enter(stage, here, mover);
+            return;
+        }
+        mover.begin(here, 0, self.slow);
+        self.pin_left = self.pin_ticks;
+        self.pin_is_out = true;
+        self.next = stage;
+        self.stage = Stage::Deploy;
+    }
+
     fn enter(&mut self, stage: Stage, here: i64, mover: &mut JointMove) {
         self.stage = stage;
         if stage == Stage::Seek {
@@ -276,7 +322,7 @@ impl Homing {
                 (left.min(2 * self.back_off), self.slow)
             }
             Stage::Release => (-2 * self.back_off, self.slow),
-            Stage::BackOff | Stage::Leave | Stage::Found | Stage::Touched => {
+            Stage::BackOff | Stage::Leave | Stage::Found | Stage::Touched | Stage::Deploy => {
                 (-self.back_off, self.fast)
             }
         };

@@ -41,6 +41,7 @@ pub mod motion;
 pub mod octopus;
 pub mod output;
 pub mod pose;
+pub mod probe_pin;
 pub mod queue;
 pub mod real;
 pub mod receiver;

@@ -18,6 +18,7 @@ use crate::homing::HomingConfiguration;
 use crate::inputs::Inputs;
 use crate::motion::Motion;
 use crate::output::StepOutput;
+use crate::probe_pin::ProbePin;
 use crate::receiver::Receiver;
 use crate::settings::BoardLimits;
 use crate::steps::StepPlayer;
@@ -95,6 +96,11 @@ impl Machine {
     /// Where the settings in force came from, see [`Receiver::settings_in_force`].
     pub fn settings_in_force(&mut self, hash: u32) {
         self.receiver.settings_in_force(hash);
+    }
+
+    /// The probe has a pin, see [`Motion::fit_probe_pin`].
+    pub fn fit_probe_pin(&mut self, pin: ProbePin) {
+        self.motion.fit_probe_pin(pin);
     }
 
     /// Looks after the drivers, where it is their turn: to be called again and again.

@@ -1,10 +1,11 @@
 //! Goal: a probing tells where the bed is to within a step, whatever stands under it, and changes no
 //! position; what goes wrong is told, moves nothing further than it may, and is over by itself. Method:
 //! every step moves a simulated carriage over a bed of its own, whose probe chatters.
-use super::world::{World, machine};
+use super::world::{Pin, World, machine};
 use super::*;
 use crate::homing::JointHoming;
-use headway_protocol::message::{JointOrder, PROBE_BIT, ProbeResult};
+use crate::probe_pin::ProbePin;
+use headway_protocol::message::{JointOrder, PROBE_BIT, PinPosition, ProbeResult};
 
 const Z: usize = 2;
 /// 0.1 µm a step of Z.
@@ -282,4 +283,105 @@ fn a_probe_that_is_the_joints_switch_stops_nothing_and_another_switch_does() {
             assert_eq!((fault.cause, fault.index), (FaultCause::LimitSwitch, 2));
         }
     }
+}
+
+/// A machine whose probe has a pin, Z declared or not.
+fn with_pin(mut world: World, is_switch_of_z: bool) -> World {
+    world.host.machine.motion.fit_probe_pin(ProbePin {
+        fitted: true,
+        is_switch_of_z,
+        ..ProbePin::default()
+    });
+    world.pin = Some(Pin {
+        is_switch_of_z,
+        ..Pin::default()
+    });
+    world.bed = Some(bed);
+    world.tick();
+    world
+}
+
+fn touches(world: &World) -> u32 {
+    world.pin.as_ref().unwrap().touches
+}
+
+#[test]
+fn a_pin_is_put_out_before_each_touch_and_finds_the_bed() {
+    let mut world = with_pin(declared(0), false);
+    assert_eq!(world.host.machine.motion().probe_pulse_us(), 1475, "in");
+    let belief = world.belief(Z);
+    for number in 1..3 {
+        world.command(probe(-9.0));
+        let ticks = world.settle();
+        let ProbeResult::Touched(units) = result(&world) else {
+            panic!("{:?}", result(&world));
+        };
+        let height = bed(world.truth(0), world.truth(1));
+        let error = f64::from(units) / UNITS_PER_STEP - (height + belief) as f64;
+        assert!(error.abs() <= 1.0, "{error} steps");
+        assert_eq!(touches(&world), 2 * number, "out for both touches");
+        // Twice 0.7 s.
+        assert!(ticks > 2800, "{ticks}");
+        assert_eq!(world.host.machine.motion().probe_pulse_us(), 1475);
+        assert!(!world.pin.as_ref().unwrap().is_out, "in again");
+        world.command(jog(2, 60_000));
+        world.settle();
+    }
+    // By hand; and what is out is put in before the next probing.
+    for (position, pulse_us) in [
+        (PinPosition::Reset, 2190),
+        (PinPosition::SelfTest, 1780),
+        (PinPosition::Deploy, 650),
+    ] {
+        world.command(Control::ProbePin(position));
+        world.tick();
+        assert_eq!(world.host.machine.motion().probe_pulse_us(), pulse_us);
+    }
+    assert_eq!(world.host.refusals, []);
+    // A pin that does not go out touches nothing, and is told.
+    world.pin.as_mut().unwrap().is_stuck = true;
+    world.command(probe(-2.0));
+    world.settle();
+    assert_eq!(result(&world), ProbeResult::NotFound);
+    assert_eq!(world.host.faults, []);
+    // A stop puts it in.
+    world.pin.as_mut().unwrap().is_stuck = false;
+    world.command(probe(-2.0));
+    for _ in 0..300 {
+        world.tick();
+    }
+    assert_eq!(world.host.machine.motion().probe_pulse_us(), 650);
+    world.command(Control::EmergencyStop);
+    world.settle();
+    assert_eq!(world.host.machine.motion().probe_pulse_us(), 1475);
+}
+
+#[test]
+fn z_is_homed_by_a_pin_and_a_machine_without_one_has_none() {
+    let (configuration, mut switches) = machine();
+    let mut down = JointHoming::usual(2, false, &configuration.joints[Z]);
+    down.position_natural = 1.85;
+    switches.joints.retain(|switch| switch.joint == 0);
+    switches.joints.push(down).unwrap();
+    let mut world = with_pin(World::new(&configuration, &switches), true);
+    world.command(Control::Home(JointOrder::ALL));
+    world.settle();
+    assert_eq!(world.host.faults, []);
+    assert_eq!(world.host.machine.motion().referenced(), 0b101);
+    assert_eq!(touches(&world), 2);
+    let error =
+        world.belief(Z) as f64 - (1.85 * 400.0 - bed(world.truth(0), world.truth(1)) as f64);
+    assert!(error.abs() <= 1.2, "{error} steps");
+    // A pin that does not go out: homing fails where its way ends, and says so.
+    world.pin.as_mut().unwrap().is_stuck = true;
+    world.command(Control::Home(JointOrder::of(&[2]).unwrap()));
+    world.settle();
+    let causes: Vec<FaultCause> = world.host.faults.iter().map(|fault| fault.cause).collect();
+    assert_eq!(causes, [FaultCause::Homing]);
+
+    let mut plain = declared(0);
+    plain.command(Control::ProbePin(PinPosition::Deploy));
+    plain.settle();
+    assert_eq!(plain.host.refusals, [RefusalReason::Invalid]);
+    assert_eq!(plain.host.machine.motion().probe_pulse_us(), 0);
 }

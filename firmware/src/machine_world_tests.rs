@@ -20,6 +20,51 @@ pub(super) struct World {
     pub(super) stuck: u8,
     /// The bed below each place of X and Y, true steps: the probe's.
     pub(super) bed: Option<fn(i64, i64) -> i64>,
+    /// The probe is a pin.
+    pub(super) pin: Option<Pin>,
+}
+
+/// A BLTouch: the pin goes out some time after it is told to, and in by itself with a short pulse when it
+/// touches; it must be told something else before it goes out again.
+#[derive(Default)]
+pub(super) struct Pin {
+    pub(super) told_us: u16,
+    /// Ticks until it is out; it twitches as it begins.
+    pub(super) leaves_in: Option<u32>,
+    pub(super) is_out: bool,
+    pub(super) pulse_left: u32,
+    /// How often it touched.
+    pub(super) touches: u32,
+    /// It does not go out any more.
+    pub(super) is_stuck: bool,
+    /// It is Z's switch.
+    pub(super) is_switch_of_z: bool,
+}
+
+impl Pin {
+    fn tick(&mut self, pulse_us: u16, at_bed: bool) -> bool {
+        if pulse_us != self.told_us {
+            self.told_us = pulse_us;
+            self.is_out = false;
+            self.leaves_in = (pulse_us == 650 && !self.is_stuck).then_some(1200);
+        }
+        if let Some(left) = self.leaves_in {
+            self.leaves_in = left.checked_sub(1);
+            self.is_out = left == 0;
+            if left == 1195 {
+                self.pulse_left = 6;
+            }
+        }
+        if self.is_out && at_bed {
+            self.is_out = false;
+            self.touches += 1;
+            // 10 ms.
+            self.pulse_left = 20;
+        }
+        let pressed = self.pulse_left > 0;
+        self.pulse_left = self.pulse_left.saturating_sub(1);
+        pressed
+    }
 }
 
 pub(super) fn machine() -> (MachineConfiguration, HomingConfiguration) {
@@ -65,6 +110,7 @@ impl World {
             random: 7,
             stuck: 0,
             bed: None,
+            pin: None,
         }
     }
 
@@ -81,10 +127,18 @@ impl World {
                 pressed |= 1 << joint;
             }
         }
-        if let Some(bed) = self.bed
-            && self.truth(2) <= bed(self.truth(0), self.truth(1))
+        let at_bed = |bed: fn(i64, i64) -> i64| self.truth(2) <= bed(self.truth(0), self.truth(1));
+        let at_bed = self.bed.is_some_and(at_bed);
+        let pulse_us = self.host.machine.motion().probe_pulse_us();
+        let touched = match &mut self.pin {
+            Some(pin) => pin.tick(pulse_us, at_bed),
+            None => at_bed,
+        };
+        pressed |= u8::from(touched) << PROBE_BIT;
+        if let Some(pin) = &self.pin
+            && pin.is_switch_of_z
         {
-            pressed |= 1 << PROBE_BIT;
+            pressed = pressed & !4 | u8::from(touched) << 2;
         }
         for joint in 0..8 {
             if (pressed ^ self.last_pressed) >> joint & 1 == 1 {

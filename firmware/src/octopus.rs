@@ -85,6 +85,9 @@ pub const SWITCHES: [Pin; MOTORS_MAX] = [
 ];
 /// The signal pin of the probe port, pulled up: the emergency input, unless settings give it another role.
 pub const PROBE: Pin = (B, 7);
+/// The servo pin of the probe port (`control_pin` of a `[bltouch]` on this board in Klipper's documents): channel 1 of
+/// timer 4, and that timer among the functions of the pin.
+pub const PROBE_SERVO: (Pin, u32) = ((B, 6), 2);
 /// Inputs by number: the switches, then the probe port. All of them are lines 5 to 15 of the external
 /// interrupts.
 pub const INPUTS: BoardInputs = BoardInputs {

@@ -9,6 +9,7 @@
 
 use crate::configuration::{JOINTS_MAX, MachineConfiguration};
 use crate::inputs::Inputs;
+use crate::probe_pin::ProbePin;
 use headway_protocol::message::PROBE_BIT;
 use serde::{Deserialize, Serialize};
 
@@ -30,6 +31,8 @@ pub struct Wiring {
     pub open_inputs: u16,
     /// The probe's; `None`: that of Z's switch, which the probe then is.
     pub probe_input: Option<u8>,
+    /// The probe has a pin that goes out and in by servo pulses (BLTouch).
+    pub probe_servo: bool,
 }
 
 /// Inputs of a board.
@@ -71,6 +74,7 @@ impl Wiring {
         emergency_input: None,
         open_inputs: 0,
         probe_input: None,
+        probe_servo: false,
     };
 
     /// Whether it is an input at all, whatever board.
@@ -119,6 +123,15 @@ impl Wiring {
             }
         }
         Ok(())
+    }
+
+    /// The probe's pin, if there is one.
+    pub fn pin(&self) -> ProbePin {
+        ProbePin {
+            fitted: self.probe_servo,
+            is_switch_of_z: self.probe_input.is_none(),
+            ..ProbePin::default()
+        }
     }
 
     /// For the servo tick of a board.

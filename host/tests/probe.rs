@@ -19,11 +19,11 @@ fn warped(x: f64, y: f64) -> f64 {
 }
 
 /// A machine with a probe, and its bed.
-fn machine_and_bed(folder: &Path) -> (String, String, BedMesh) {
+fn machine_and_bed(folder: &Path, more: &str) -> (String, String, BedMesh) {
     let text = succeeded(&headway(&["machine", "new"]));
     let text = format!(
         "{text}\n[probe]\noffset_x_mm = -22\noffset_y_mm = 14\nz_offset_mm = 1.6\nfast_mm_s = 10\n\
-         slow_mm_s = 1\n"
+         slow_mm_s = 1\n{more}"
     );
     let settings = machine_file::from_toml(&text).unwrap();
     let at = |number: usize| -20.0 + 10.0 * number as f64;
@@ -64,7 +64,7 @@ fn refused(arguments: &[&str], with: &str) {
 #[test]
 fn a_bed_is_probed_and_a_job_streamed_over_it() {
     let folder = folder("probe");
-    let (machine, bed_file, bed) = machine_and_bed(&folder);
+    let (machine, bed_file, bed) = machine_and_bed(&folder, "");
     let (board, port) = board(&machine, &bed_file);
     let of = ["--machine", machine.as_str(), "--port", port.as_str()];
     let with = |arguments: &[&'static str]| [arguments, &of].concat();
@@ -155,6 +155,39 @@ fn a_bed_is_probed_and_a_job_streamed_over_it() {
         &[&["stream", job.as_str(), "--json"][..], &over].concat(),
     ));
     assert_eq!(streamed["done"], true);
+    board.interrupt();
+    board.end();
+}
+
+#[test]
+fn z_is_homed_and_the_bed_probed_by_a_pin() {
+    let folder = folder("pin");
+    let more = "[switches.x]\nend = \"min\"\n[switches.y]\nend = \"min\"\n[switches.z]\nend = \"min\"\n\
+                [wiring]\nemergency_input = 7\nswitch_inputs = { z = 8 }\nprobe_servo = true\n";
+    let (machine, bed_file, bed) = machine_and_bed(&folder, more);
+    let (board, port) = board(&machine, &bed_file);
+    let of = ["--machine", machine.as_str(), "--port", port.as_str()];
+    for position in ["self-test", "deploy", "reset", "stow"] {
+        succeeded(&headway(&["board", "probe-pin", position, "--port", &port]));
+    }
+    succeeded(&headway(&["board", "home", "--port", &port]));
+    // Z was homed where X and Y had been, so that is where the bed is as high as the nozzle believes.
+    let status = object(&headway(&["board", "status", "--port", &port, "--json"]));
+    assert_eq!(status["probe_pressed"], false);
+    let settings = machine_file::from_toml(&std::fs::read_to_string(&machine).unwrap()).unwrap();
+    let tip = [0, 1].map(|axis: usize| {
+        let count = status["counts"][axis].as_f64().unwrap();
+        count / settings.machine.joints[axis].steps_per_unit
+    });
+    let homed = bed.height_mm(tip[0] - 22.0, tip[1] + 14.0);
+    let at = [&["board", "probe", "--at", "150,100", "--json"][..], &of].concat();
+    let point = object(&headway(&at));
+    let height = point["height_mm"].as_f64().unwrap();
+    let expected = bed.height_mm(150.0, 100.0) - homed;
+    assert!(
+        (height - expected).abs() < BOUND_MM,
+        "{height} for {expected}"
+    );
     board.interrupt();
     board.end();
 }

@@ -121,6 +121,23 @@ pub enum Control {
         /// Way back before that touch and after it, above 0.
         back_off_units: u32,
     },
+    /// Move the pin of a probe that has one (at rest only).
+    ProbePin(PinPosition),
+}
+
+/// What the pin of a probe is told by the length of its pulses (BLTouch).
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
+#[cfg_attr(feature = "defmt", derive(defmt::Format))]
+pub enum PinPosition {
+    /// In.
+    #[default]
+    Stow,
+    /// Out.
+    Deploy,
+    /// Out and in ten times.
+    SelfTest,
+    /// In, and an alarm is forgotten.
+    Reset,
 }
 
 /// Joints in an order, four bits each from the lowest up: joint + 1, 0 ends the list. Empty means
@@ -185,6 +202,7 @@ impl Control {
                 | Control::Extrude { .. }
                 | Control::MotorsOff
                 | Control::Probe { .. }
+                | Control::ProbePin(_)
         ) || self.is_settings()
     }
 
@@ -251,6 +269,7 @@ impl Control {
             | Control::StatusRequest
             | Control::SetPosition(_)
             | Control::MotorsOff
+            | Control::ProbePin(_)
             | Control::GoTo(_) => true,
         }
     }

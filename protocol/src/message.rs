@@ -8,8 +8,8 @@
 
 pub use crate::control::{
     Control, DECIDEGREES_MAX, EVENT_DURATION_TICKS_MAX, EVENT_VOLUME_UNITS_MAX, FLOW_PERCENT_RANGE,
-    HEATERS_MAX, JointOrder, OVERRIDE_PERCENT_MAX, REPORT_MOTORS_MAX, REPORT_PERIOD_RANGE_MS,
-    SETTINGS_BYTES_MAX, SETTINGS_PART_BYTES,
+    HEATERS_MAX, JointOrder, OVERRIDE_PERCENT_MAX, PinPosition, REPORT_MOTORS_MAX,
+    REPORT_PERIOD_RANGE_MS, SETTINGS_BYTES_MAX, SETTINGS_PART_BYTES,
 };
 pub use crate::driver::{DriverFlags, DriverStatus};
 pub use crate::fault::{Fault, FaultCause};
@@ -20,7 +20,7 @@ use heapless::Vec;
 use serde::{Deserialize, Serialize};
 
 /// Version of the whole protocol; another one is refused with both values shown.
-pub const PROTOCOL_VERSION: u16 = 7;
+pub const PROTOCOL_VERSION: u16 = 8;
 /// The layout of every message, field by field: its hash guards against a build that changed a
 /// message and forgot the version. Change it with the types; the golden test of `WIRE.md` tells.
 pub const SCHEMA: &str = "\
@@ -35,6 +35,7 @@ host: 0 hello{protocol u16,schema u32,host_session u32}\n\
  15 motors off 16 heat{heater u8,decidegrees u16,wait bool} 17 fan u16\n\
  18 settings{length u16} 19 part{offset u16,bytes u8*32} 20 settings end\n\
  21 probe{joint u8,distance i32,fast u32,slow u32,back u32}\n\
+ 22 probe pin 0 stow 1 deploy 2 self-test 3 reset\n\
 device: 0 welcome{protocol u16,schema u32,firmware u8*3,machine_hash u32,knots u16,events u16,\
 servo u32,step u32,session u32,host_session u32,stream option{job u32,first u32,next u32,knots u32,spans u32},\
 settings_hash u32}\n\

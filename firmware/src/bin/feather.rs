@@ -31,6 +31,7 @@ mod board {
     use headway_firmware::drivers::NoDrivers;
     use headway_firmware::heat::HeatConfiguration;
     use headway_firmware::output::Pin;
+    use headway_firmware::probe_pin::NoPulse;
     use headway_firmware::wiring::{BoardInputs, Wiring};
     use stm32f4xx_hal::gpio::{self, ErasedPin, Input};
     use stm32f4xx_hal::pac::{self, Interrupt, interrupt};
@@ -57,6 +58,7 @@ mod board {
     pub type HeatPins = NoHeat;
     /// Its drivers stand alone: no pin is left for their wires.
     pub type DriverPins = NoDrivers;
+    pub type ServoPin = NoPulse;
 
     /// STM32F405.
     pub const CHIP_ID: u32 = 0x413;
@@ -134,6 +136,7 @@ mod board {
             usb: NoLine,
             heat: NoHeat,
             drivers: NoDrivers,
+            servo: NoPulse,
         })
     }
 

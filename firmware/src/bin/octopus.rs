@@ -30,6 +30,9 @@ mod ports;
 #[path = "shared/runtime.rs"]
 mod runtime;
 #[cfg(target_os = "none")]
+#[path = "shared/octopus_servo.rs"]
+mod servo;
+#[cfg(target_os = "none")]
 #[path = "shared/stm32f4.rs"]
 mod stm32f4;
 #[cfg(all(target_os = "none", feature = "octopus"))]
@@ -54,6 +57,7 @@ mod board {
     pub type HeatPins = crate::heat::OctopusHeat;
     pub use crate::pins::heaters_off;
     pub type DriverPins = crate::drivers::OctopusDrivers;
+    pub type ServoPin = crate::servo::OctopusServo;
 
     /// A hot end and a bed with the usual thermistors, where the settings say nothing of heaters.
     pub fn heaters(settings: Option<HeatConfiguration>) -> HeatConfiguration {
@@ -102,6 +106,7 @@ mod board {
             usb,
             heat: crate::heat::OctopusHeat::set_up(),
             drivers: crate::drivers::set_up(),
+            servo: crate::servo::OctopusServo::set_up(),
         })
     }
 

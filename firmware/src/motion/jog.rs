@@ -138,6 +138,7 @@ impl Motion {
             }
             Control::Home(order) => self.home(order),
             Control::Probe { .. } => self.probe(command),
+            Control::ProbePin(position) => self.move_pin(position),
             Control::Extrude {
                 action,
                 volume_units,
@@ -291,7 +292,8 @@ impl Motion {
         hand.homing = hand.order.get(hand.homed).and_then(|joint| {
             hand.joint = usize::from(*joint);
             let switch = hand.switches.of(*joint)?;
-            Homing::new(switch, &hand.machine)
+            let pin_ticks = self.pin.ticks_for(*joint, self.servo_hz);
+            Some(Homing::new(switch, &hand.machine)?.with_pin(pin_ticks))
         });
         if hand.homing.is_some() {
             // Until it has been found.

@@ -32,6 +32,7 @@ use crate::inputs::{Inputs, SwitchGuard};
 use crate::interpolator::{Interpolator, TICK_Q16};
 use crate::joint_channels::JointChannels;
 use crate::joints::JointTargets;
+use crate::probe_pin::ProbePin;
 use crate::queue::KnotQueue;
 use crate::shaping::Delays;
 use crate::steps::{StepBank, StepProgrammer, WaitingTargets};
@@ -138,6 +139,7 @@ pub struct Motion {
     delays: Delays,
     jog: Jog,
     probe: ProbeResult,
+    pin: ProbePin,
     heat: HeatPanel,
     drivers: DriverPanel,
     flow_window: FlowWindow,
@@ -171,6 +173,7 @@ impl Motion {
             follows_path: false,
             jog: Jog::new(configuration, switches),
             probe: ProbeResult::None,
+            pin: ProbePin::default(),
             heat: HeatPanel::default(),
             drivers: DriverPanel::default(),
             inputs: Inputs::default(),

@@ -4,10 +4,11 @@
 //! which is the host's.
 
 use super::jog::units_per_natural;
-use super::{CommandError, Motion};
+use super::{CommandError, Motion, Phase};
 use crate::homing::{Homing, HomingOutcome, JointHoming};
 use crate::joint_move::JointMove;
-use headway_protocol::message::{Control, PROBE_BIT, ProbeResult};
+use crate::probe_pin::{ProbePin, pulse_us};
+use headway_protocol::message::{Control, PROBE_BIT, PinPosition, ProbeResult};
 
 impl Motion {
     /// What the newest probing found.
@@ -15,10 +16,43 @@ impl Motion {
         self.probe
     }
 
+    /// The probe has a pin that goes out and in; it may be Z's switch.
+    pub fn fit_probe_pin(&mut self, pin: ProbePin) {
+        self.pin = pin;
+    }
+
+    /// Length of the pulses that the probe's pin is to have, us; 0 without one.
+    pub fn probe_pulse_us(&self) -> u16 {
+        if !self.pin.fitted {
+            return 0;
+        }
+        let homing = self
+            .jog
+            .homing
+            .as_ref()
+            .filter(|_| self.phase == Phase::Jog);
+        let is_out = homing.is_some_and(|homing| homing.pin_is_out());
+        pulse_us(if is_out {
+            PinPosition::Deploy
+        } else {
+            self.pin.by_hand
+        })
+    }
+
+    /// Moves the pin by hand.
+    pub(super) fn move_pin(&mut self, position: PinPosition) -> Result<(), CommandError> {
+        if !self.pin.fitted {
+            return Err(CommandError::Invalid);
+        }
+        self.pin.by_hand = position;
+        Ok(())
+    }
+
     /// Begins a probing; with a probe that is pressed already nothing moves.
     pub(super) fn probe(&mut self, order: &Control) -> Result<(), CommandError> {
         let (joint, touch) = self.probe_touch(order).ok_or(CommandError::Invalid)?;
         let homing = Homing::new(&touch, &self.jog.machine).ok_or(CommandError::Invalid)?;
+        self.pin.by_hand = PinPosition::Stow;
         if self.inputs.switches >> PROBE_BIT & 1 == 1 {
             self.probe = ProbeResult::Pressed;
             return Ok(());
@@ -28,7 +62,8 @@ impl Motion {
         self.begin_jog();
         self.jog.joint = joint;
         self.jog.mover = JointMove::at_rest(self.joint_position(joint));
-        self.jog.homing = Some(homing);
+        let pin_ticks = self.pin.ticks(self.servo_hz);
+        self.jog.homing = Some(homing.with_pin(pin_ticks));
         self.jog.probing = true;
         Ok(())
     }

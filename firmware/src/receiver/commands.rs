@@ -59,6 +59,7 @@ impl Receiver {
             | Control::MotorsOff
             | Control::Home(_)
             | Control::Probe { .. }
+            | Control::ProbePin(_)
             | Control::Extrude { .. } => {
                 if let Err(error) = motion.command_at_rest(&control) {
                     self.refuse_control(sequence, reason_of(error));

@@ -185,6 +185,19 @@ pub(super) struct MeshArgs {
     pub port: PortArgs,
 }
 
+/// What a pin is told.
+#[derive(Clone, Copy, Debug, clap::ValueEnum)]
+pub(super) enum PinName {
+    /// In.
+    Stow,
+    /// Out.
+    Deploy,
+    /// Out and in ten times.
+    SelfTest,
+    /// In, and an alarm is forgotten.
+    Reset,
+}
+
 /// 5x5.
 fn points(text: &str) -> Result<[u32; 2], String> {
     let read = text.split_once('x').and_then(|(columns, rows)| {
@@ -273,6 +286,14 @@ pub(super) enum BoardCommand {
     },
     /// Find where the bed is below the probe, and wait.
     Probe(ProbeArgs),
+    /// Move the pin of a probe that has one (BLTouch).
+    ProbePin {
+        /// Where to.
+        #[arg(value_enum)]
+        position: PinName,
+        #[command(flatten)]
+        port: PortArgs,
+    },
     /// Probe points all over the bed and write a mesh for `stream --mesh`.
     Mesh(MeshArgs),
     /// Come to rest on the path.

@@ -1,6 +1,6 @@
 //! `headway board`: questions and commands to a board, a board without hardware, replay of logs.
 
-use super::args_board::{BoardArgs, BoardCommand, BoardMachineArgs, PortArgs};
+use super::args_board::{BoardArgs, BoardCommand, BoardMachineArgs, PinName, PortArgs};
 use super::configure::configure;
 use super::console::Console;
 use super::drivers::{drivers_json, drivers_text};
@@ -18,7 +18,9 @@ use crate::drive::sender::Sender;
 use crate::drive::sender_state::{SenderEvent, SenderState};
 use crate::settings::Settings;
 use headway_firmware::configuration::MachineConfiguration;
-use headway_protocol::message::{Control, DeviceState, JointOrder, PROBE_BIT, Status, Welcome};
+use headway_protocol::message::{
+    Control, DeviceState, JointOrder, PROBE_BIT, PinPosition, Status, Welcome,
+};
 use serde_json::json;
 use std::fs::File;
 use std::io::BufReader;
@@ -115,11 +117,21 @@ fn order(command: &BoardCommand) -> Option<(&PortArgs, Control)> {
         BoardCommand::Flow { percent, port } => (port, Control::FlowOverride(*percent)),
         BoardCommand::Fan { percent, port } => (port, Control::Fan(percent * 10)),
         BoardCommand::MotorsOff { port } => (port, Control::MotorsOff),
+        BoardCommand::ProbePin { position, port } => (port, Control::ProbePin(pin(*position))),
         BoardCommand::Abort { port } => (port, Control::Abort),
         BoardCommand::Stop { port } => (port, Control::EmergencyStop),
         BoardCommand::Reset { port } => (port, Control::ClearFault),
         _ => return None,
     })
+}
+
+fn pin(name: PinName) -> PinPosition {
+    match name {
+        PinName::Stow => PinPosition::Stow,
+        PinName::Deploy => PinPosition::Deploy,
+        PinName::SelfTest => PinPosition::SelfTest,
+        PinName::Reset => PinPosition::Reset,
+    }
 }
 
 /// A conversation without a stream.

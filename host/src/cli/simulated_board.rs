@@ -38,7 +38,7 @@ pub(super) fn simulate(asked: &SimulateArgs, console: &Console) -> Result<(), Cl
         )));
     }
     let settings = settings(&asked.machine)?;
-    let bed = bed(asked, &settings)?;
+    let mut bed = bed(asked, &settings)?;
     let flash = asked.settings.as_deref().map(FlashFile::open).transpose()?;
     let kept = flash.as_ref().and_then(FlashFile::settings);
     let listener =
@@ -56,6 +56,7 @@ pub(super) fn simulate(asked: &SimulateArgs, console: &Console) -> Result<(), Cl
     } else {
         switches
     };
+    bed.pin = kept.wiring.pin();
     let listening = listener.port().map_err(place)?;
     let setup = BoardSetup {
         machine,
@@ -104,6 +105,7 @@ fn bed(asked: &SimulateArgs, settings: &Settings) -> Result<VirtualBed, CliError
         is_switch_of_z: settings.probe.is_some()
             && settings.wiring.probe_input.is_none()
             && z_at_bed,
+        pin: settings.wiring.pin(),
     })
 }
 

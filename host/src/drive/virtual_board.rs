@@ -23,10 +23,11 @@ use headway_firmware::kinematics::forward;
 use headway_firmware::machine::Machine;
 use headway_firmware::octopus::INPUTS;
 use headway_firmware::output::StepOutput;
+use headway_firmware::probe_pin::{self, ProbePin};
 use headway_firmware::receiver::Receiver;
 use headway_firmware::settings::BoardLimits;
 use headway_protocol::frame::FRAME_BYTES_MAX;
-use headway_protocol::message::{DeviceState, PROBE_BIT};
+use headway_protocol::message::{DeviceState, PROBE_BIT, PinPosition};
 use std::collections::VecDeque;
 use std::io;
 use std::sync::atomic::{AtomicBool, Ordering};
@@ -71,6 +72,8 @@ pub struct VirtualBed {
     pub probe: ProbeSettings,
     /// It is Z's switch at its lower end.
     pub is_switch_of_z: bool,
+    /// Its pin, if it has one.
+    pub pin: ProbePin,
 }
 
 impl VirtualBed {
@@ -173,6 +176,7 @@ impl VirtualBoard {
     /// [`ConfigurationError`] where the firmware cannot run the machine.
     pub fn new(setup: BoardSetup, listener: Listener) -> Result<VirtualBoard, ConfigurationError> {
         let mut machine = Machine::with_switches(&setup.machine, &setup.switches, setup.session)?;
+        machine.fit_probe_pin(setup.bed.pin);
         let heaters = VirtualHeaters::new(&mut machine, &setup.machine, &setup.heat);
         Ok(VirtualBoard {
             setup,
@@ -367,7 +371,10 @@ impl VirtualBoard {
         let joints = self.joints();
         let tip = forward(&self.setup.machine.kinematics, &joints).tip_mm;
         let bed = &self.setup.bed;
-        let touched = bed.is_touched([tip.x, tip.y, tip.z]);
+        let pulse_us = self.machine.motion().probe_pulse_us();
+        // A pin that is in touches nothing.
+        let is_out = pulse_us == 0 || pulse_us == probe_pin::pulse_us(PinPosition::Deploy);
+        let touched = is_out && bed.is_touched([tip.x, tip.y, tip.z]);
         let mut mask = u8::from(touched) << PROBE_BIT;
         for switch in &self.setup.switches.joints {
             let number = usize::from(switch.joint);

@@ -73,7 +73,7 @@ pub fn input((port, number): Pin) {
 }
 
 /// Puts a pin to its alternate function.
-fn alternate((port, number): Pin, function: u32) {
+pub fn alternate((port, number): Pin, function: u32) {
     let offset = ALTERNATE + if number >= 8 { 4 } else { 0 };
     modify(port, offset, 4 * (number % 8), 4, function);
     modify(port, MODE, 2 * number, 2, 2);

@@ -21,7 +21,7 @@ pub mod start;
 
 use crate::board::{
     CHIP_ID, DriverPins, HeatPins, INPUTS, Output, PORTS_CLOCK_MASK, Pins, SERIAL_CLOCK_MASK,
-    SERIAL_INTERRUPT, SERIAL_PORT, UsbLine, heaters, heaters_off, input, set_up_board,
+    SERIAL_INTERRUPT, SERIAL_PORT, ServoPin, UsbLine, heaters, heaters_off, input, set_up_board,
 };
 use crate::runtime::{self, Board, Outgoing, Shared, with_motion};
 use core::convert::Infallible;
@@ -33,6 +33,7 @@ use embedded_io::{ErrorType, Read, ReadReady, Write, WriteReady};
 use flash::KeptSettings;
 use headway_firmware::board::{BoardPins, ByteRing, chip_fault, exchange};
 use headway_firmware::boards::built_for;
+use headway_firmware::probe_pin::PulsePort;
 use headway_firmware::receiver::{Receiver, SECOND_LINE};
 use headway_firmware::settings::BoardSettings;
 use headway_protocol::message::{Fault, FaultCause};
@@ -55,6 +56,8 @@ pub struct Parts {
     pub heat: HeatPins,
     /// Wires to the drivers, or `NoDrivers`.
     pub drivers: DriverPins,
+    /// The servo pin of the probe, or a `NoPulse`.
+    pub servo: ServoPin,
 }
 
 /// The servo interrupt's.
@@ -226,6 +229,7 @@ fn serve(
     mut kept: KeptSettings,
     mut serial: SerialLine,
     mut usb: UsbLine,
+    mut servo: ServoPin,
 ) -> ! {
     let mut outgoing = Outgoing::new();
     loop {
@@ -243,6 +247,9 @@ fn serve(
         runtime::look_ahead();
         heat.turn();
         drivers.turn();
+        if let Some(pulse_us) = with_motion(|motion| motion.probe_pulse_us()) {
+            servo.put(pulse_us);
+        }
         sent += exchange(&mut usb, for_usb, |byte| {
             runtime::take_byte(&mut receiver, SECOND_LINE, byte);
             kept.store(&mut receiver);
@@ -320,6 +327,7 @@ fn run() -> Option<()> {
     if let Some(fault) = wrong_board.or(by_watchdog) {
         with_motion(|motion| motion.fail_softly(fault));
     }
+    with_motion(|motion| motion.fit_probe_pin(wiring.pin()));
     receiver.keep_settings(kept.limits());
     receiver.settings_in_force(kept.hash());
     let heat = HeatLoop::new(&configuration, &heaters(asked), parts.heat)?;
@@ -328,7 +336,15 @@ fn run() -> Option<()> {
     let drivers = DriverLoop::new(&drivers, configuration.servo_hz, parts.drivers);
     // SAFETY: all that interrupts use is set.
     unsafe { cortex_m::interrupt::enable() }
-    serve(receiver, heat, drivers, kept, serial, parts.usb)
+    serve(
+        receiver,
+        heat,
+        drivers,
+        kept,
+        serial,
+        parts.usb,
+        parts.servo,
+    )
 }
 
 /// From the boards' entries. It only ends where the machine built in cannot be run, or the chip has no

@@ -19,6 +19,8 @@ pub(super) struct FileWiring {
     emergency_input: Option<u8>,
     probe_input: Option<u8>,
     #[serde(default)]
+    probe_servo: bool,
+    #[serde(default)]
     normally_open: Vec<u8>,
 }
 
@@ -36,6 +38,7 @@ impl FileWiring {
         let mut wiring = Wiring {
             emergency_input: self.emergency_input,
             probe_input: self.probe_input,
+            probe_servo: self.probe_servo,
             ..Wiring::STANDARD
         };
         let motors = motor_names(machine);
@@ -112,6 +115,9 @@ pub(super) fn write_wiring(
     if let Some(input) = wiring.probe_input {
         writeln!(text, "probe_input = {input}")?;
     }
+    if wiring.probe_servo {
+        writeln!(text, "probe_servo = true")?;
+    }
     let open = (0..INPUTS_MAX).filter(|input| wiring.open_inputs >> input & 1 == 1);
     let open: Vec<String> = open.map(|input| input.to_string()).collect();
     writeln!(text, "normally_open = [{}]", open.join(", "))
@@ -141,11 +147,12 @@ mod tests {
         assert_eq!(from_toml(&to_toml(&settings)).expect("again"), settings);
         let apart = ALL
             .replace("z = 8", "z = 1")
-            .replace("normally", "probe_input = 2\nnormally");
+            .replace("normally", "probe_input = 2\nprobe_servo = true\nnormally");
         let apart = read(&apart).expect("a machine");
         // Y's own input is Z's now, and Z's own the probe's.
         assert_eq!(apart.wiring.switch_inputs[..3], [0, NO_INPUT, 1]);
         assert_eq!(apart.wiring.probe_input, Some(2));
+        assert!(apart.wiring.probe_servo && !settings.wiring.probe_servo);
         assert_eq!(from_toml(&to_toml(&apart)).expect("again"), apart);
         assert_eq!(read("").expect("a machine").wiring, Wiring::STANDARD);
         assert_eq!(settings.machine.hash(), Settings::planar().machine.hash());
