@@ -267,7 +267,11 @@ impl Prober {
         let check = |axis: usize, tip_mm: f64, what: String| {
             let joint = self.machine.joints.get(axis);
             let at = tip_mm + self.joints_ahead_mm[axis];
-            let reaches = joint.is_some_and(|j| (j.position_min..=j.position_max).contains(&at));
+            // As near to an end as a step a jog may be refused.
+            let reaches = joint.is_some_and(|j| {
+                let step = 1.0 / j.steps_per_unit;
+                at >= j.position_min + step && at <= j.position_max - step
+            });
             if reaches {
                 return Ok(());
             }
@@ -363,13 +367,17 @@ impl Prober {
     /// One touch: Z at which the nozzle is at the bed, mm.
     fn touch(&mut self, place: [f64; 2], expected_mm: Option<f64>) -> Result<f64, CliError> {
         let ahead_mm = self.joints_ahead_mm[Z];
-        let range_min = self.machine.joints.get(Z).map_or(0.0, |z| z.position_min);
+        // Counts are whole steps, the board's place is not: a step short of the end.
+        let end_mm = self
+            .machine
+            .joints
+            .get(Z)
+            .map_or(0.0, |z| z.position_min + 1.0 / z.steps_per_unit - ahead_mm);
         let lowest_mm = match expected_mm {
-            Some(mm) => (mm + self.probe.z_offset_mm - FURTHER_MM).max(range_min - ahead_mm),
-            None => range_min - ahead_mm,
+            Some(mm) => (mm + self.probe.z_offset_mm - FURTHER_MM).max(end_mm),
+            None => end_mm,
         };
-        // Not beyond the range by what rounding adds.
-        let way_mm = (self.tip_mm[Z] - lowest_mm - 1e-3).max(0.0);
+        let way_mm = (self.tip_mm[Z] - lowest_mm).max(0.0);
         let units = |mm: f64| (mm * UNITS_PER_MM).round();
         self.talk.order(Control::Probe {
             joint: Z as u8,

@@ -86,19 +86,19 @@ mod tests {
         let place = |more: &str| {
             let settings = read(&format!("{ALL}{more}")).expect("a machine");
             assert_eq!(from_toml(&to_toml(&settings)).expect("again"), settings);
-            settings.switches.expect("given").joints[0].position_natural
+            let z = settings.switches.expect("given").joints[0];
+            (z.position_natural, z.guards)
         };
-        assert_eq!(place("[switches.z]\nend = \"min\"\n"), 1.85);
-        let said = "[switches.z]\nend = \"min\"\nposition_mm = 0.5\n";
-        assert_eq!(place(said), 0.5);
+        // Pressed in the first layers: it must not stop them.
+        assert_eq!(place("[switches.z]\nend = \"min\"\n"), (1.85, false));
+        let said = "[switches.z]\nend = \"min\"\nposition_mm = 0.5\nguards = true\n";
+        assert_eq!(place(said), (0.5, true));
         // At the other end, or with a switch of its own, Z is where that is.
         let top = Settings::planar().machine.joints[2].position_max;
-        assert_eq!(place("[switches.z]\nend = \"max\"\n"), top);
+        assert_eq!(place("[switches.z]\nend = \"max\"\n"), (top, true));
         let own = "[wiring]\nprobe_input = 7\n[switches.z]\nend = \"min\"\n";
-        assert_eq!(
-            place(own),
-            Settings::planar().machine.joints[2].position_min
-        );
+        let bottom = Settings::planar().machine.joints[2].position_min;
+        assert_eq!(place(own), (bottom, true));
     }
 
     #[test]

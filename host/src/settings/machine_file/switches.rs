@@ -46,8 +46,8 @@ fn usual_order(name: &str, end: EndName) -> u8 {
     }
 }
 
-/// In the order of homing; refuses one for a joint that the machine has not. Z down that says no place is at
-/// `z_of_probe_mm`, if the probe is its switch.
+/// In the order of homing; refuses one for a joint that the machine has not. Z down whose switch is the probe
+/// is at `z_of_probe_mm` and guards nothing, unless the file says otherwise.
 pub(super) fn switches(
     given: &BTreeMap<String, FileSwitch>,
     machine: &MachineConfiguration,
@@ -66,9 +66,11 @@ pub(super) fn switches(
         let order = switch.order.unwrap_or(usual_order(name, switch.end));
         let mut homing = switch.homing(name, number as u8, &machine.joints[number])?;
         if let Some(z_mm) = z_of_probe_mm
-            && (name.as_str(), switch.end, switch.position_mm) == ("z", EndName::Min, None)
+            && (name.as_str(), switch.end) == ("z", EndName::Min)
         {
-            homing.position_natural = z_mm;
+            homing.position_natural = switch.position_mm.unwrap_or(z_mm);
+            // A probe that is above the nozzle is pressed all through the first layers.
+            homing.guards = switch.guards.unwrap_or(false);
         }
         found.push((order, number, homing));
     }
