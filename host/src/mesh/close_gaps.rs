@@ -2,10 +2,11 @@
 //!
 //! Each step looks at what is still open (edges with an odd number of triangles). In rounds from a
 //! small part of [`GAP_MAX_MM`] up to all of it, corners that near to each other become one, and an edge
-//! is divided where a corner of the other side lies that near to it (a T-junction). What holes
-//! remain are zipped up, the shortest
-//! way across first, with triangles no higher than that. Nothing moves by more than the gap. A hole
-//! that needs a higher triangle is refused: what belongs there is not ours to guess.
+//! is divided where a corner of the other side lies that near to it (a T-junction). Edges too short for that are
+//! closed with flat triangles once the corners at their ends are one: before the gap of a later round takes
+//! in the neighbours. What holes remain are zipped up, the shortest way across first, with triangles no
+//! higher than the gap. Nothing moves by more than the gap. A hole that needs a higher triangle is refused:
+//! what belongs there is not ours to guess.
 
 use super::clean::{clean, odd_edges};
 use super::error::At3;
@@ -20,6 +21,8 @@ pub const GAP_MAX_MM: f64 = 0.05;
 /// Shares of that which are closed first: what rounding tore apart is closed before detail of the size
 /// of a gap could be taken for one.
 const ROUNDS: [f64; 5] = [1.0 / 256.0, 1.0 / 64.0, 1.0 / 16.0, 1.0 / 4.0, 1.0];
+/// Edges no longer than this are no detail of an open surface, mm: far below what any machine places.
+const DETAIL_MM: f64 = GAP_MAX_MM / 16.0;
 /// Most edges around a hole that is zipped up: each takes a look at all others.
 const HOLE_EDGES_MAX: usize = 4000;
 
@@ -51,6 +54,10 @@ pub(super) fn close_gaps(mesh: &mut Mesh) -> Result<ClosedGaps, MeshError> {
         clean(mesh);
         split(mesh, gap_mm, &mut closed);
         clean(mesh);
+        if gap_mm >= DETAIL_MM {
+            agree(mesh);
+            close_short_edges(mesh, gap_mm, &mut closed);
+        }
     }
     agree(mesh);
     fill(mesh, &mut closed)?;
@@ -105,7 +112,8 @@ fn open_vertices(mesh: &Mesh, open: &[u32]) -> Vec<u32> {
 }
 
 /// Makes one of open corners that are near each other, the nearest first. Corners that an edge
-/// joins stay apart: that is detail, not a gap.
+/// joins stay apart: that is detail, not a gap. Below [`DETAIL_MM`] it is none: such edges come of dividing
+/// a sliver at both halves of a torn corner, and would keep these apart for good.
 fn weld(mesh: &mut Mesh, open: &[u32], gap_max_mm: f64, closed: &mut ClosedGaps) {
     let vertices = open_vertices(mesh, open);
     let near = NearPoints::of(mesh, &vertices, gap_max_mm);
@@ -124,7 +132,8 @@ fn weld(mesh: &mut Mesh, open: &[u32], gap_max_mm: f64, closed: &mut ClosedGaps)
         let at = mesh.vertices[one as usize];
         near.for_near(near.cell_of(at), |other| {
             let gap_mm = (mesh.vertices[other as usize] - at).norm();
-            if other > one && gap_mm <= gap_max_mm && !joined.contains(&[one, other]) {
+            let is_detail = gap_mm > DETAIL_MM && joined.contains(&[one, other]);
+            if other > one && gap_mm <= gap_max_mm && !is_detail {
                 pairs.push((gap_mm, one, other));
             }
         });
@@ -138,8 +147,12 @@ fn weld(mesh: &mut Mesh, open: &[u32], gap_max_mm: f64, closed: &mut ClosedGaps)
         let (low, high) = (one.min(other), one.max(other));
         let touch = |&p: &u32, q: u32| joined.contains(&[p.min(q), p.max(q)]);
         let (low_members, high_members) = (&members[&low], &members[&high]);
-        let collapses = |p: &u32| high_members.iter().any(|&q| touch(p, q));
-        if low == high || low_members.iter().any(collapses) {
+        let touches = |p: &u32| high_members.iter().any(|&q| touch(p, q));
+        let apart_mm =
+            |p: u32, q: u32| (mesh.vertices[p as usize] - mesh.vertices[q as usize]).norm();
+        let is_far = |p: &u32| high_members.iter().any(|&q| apart_mm(*p, q) > DETAIL_MM);
+        let collapses = low_members.iter().any(touches) && low_members.iter().any(is_far);
+        if low == high || collapses {
             continue;
         }
         let moved = members.remove(&high).unwrap_or_default();
@@ -279,15 +292,56 @@ fn height_mm([a, b, c]: [Point3; 3]) -> f64 {
     (b - a).cross(&(c - a)).norm() / longest_mm.max(f64::MIN_POSITIVE)
 }
 
+/// Most corners on a short edge that are closed at a time.
+const SHORT_EDGE_CORNERS_MAX: usize = 16;
+
+/// Puts flat triangles between an open edge and the corners that lie on it, where these already lead from one
+/// of its ends to the other.
+fn close_short_edges(mesh: &mut Mesh, gap_max_mm: f64, closed: &mut ClosedGaps) {
+    let open = open_half_edges(mesh);
+    let owners = open.iter();
+    let owners: HashMap<[u32; 2], u32> = owners
+        .map(|&half_edge| (ends(&mesh.triangles, half_edge), half_edge / 3))
+        .collect();
+    for hole in holes(mesh, &open) {
+        if hole.len() > SHORT_EDGE_CORNERS_MAX + 2 {
+            continue;
+        }
+        let edges = (0..hole.len()).map(|i| [hole[(i + 1) % hole.len()], hole[i]]);
+        let length_mm = |[from, to]: [u32; 2]| {
+            (mesh.vertices[to as usize] - mesh.vertices[from as usize]).norm()
+        };
+        let edges: Vec<(Option<u32>, f64)> = edges
+            .map(|edge| (owners.get(&edge).copied(), length_mm(edge)))
+            .collect();
+        let Some(&(longest, _)) = edges.iter().max_by(|p, q| p.1.total_cmp(&q.1)) else {
+            continue;
+        };
+        // Corners nearer to each other may be one that is torn: a later round makes one of them.
+        if edges.iter().any(|edge| edge.1 <= gap_max_mm) {
+            continue;
+        }
+        // A triangle that nothing joins yet is no hole around itself.
+        if longest.is_none() || edges.iter().filter(|edge| edge.0 == longest).count() > 1 {
+            continue;
+        }
+        if let Some((triangles, widest_mm)) = zipped(mesh, &hole, gap_max_mm) {
+            closed.filled += triangles.len();
+            closed.widest_mm = closed.widest_mm.max(widest_mm);
+            mesh.triangles.extend(triangles);
+        }
+    }
+}
+
 /// A hole: its vertices in the order in which its filling runs.
 type Hole = Vec<u32>;
 
 /// Zips up what is still open.
 fn fill(mesh: &mut Mesh, closed: &mut ClosedGaps) -> Result<(), MeshError> {
-    let holes = holes(mesh);
+    let holes = holes(mesh, &open_half_edges(mesh));
     let mut refused: Vec<Hole> = Vec::new();
     for hole in holes {
-        match zipped(mesh, &hole) {
+        match zipped(mesh, &hole, GAP_MAX_MM) {
             Some((triangles, widest_mm)) => {
                 closed.filled += triangles.len();
                 closed.widest_mm = closed.widest_mm.max(widest_mm);
@@ -321,13 +375,19 @@ fn hole_box(mesh: &Mesh, hole: &Hole) -> [Point3; 2] {
     points.fold([first, first], |[low, high], p| [low.inf(&p), high.sup(&p)])
 }
 
-/// The rings of half-edges without a twin, run backwards. What does not close to a ring (a surface
-/// whose triangles cannot agree) is a hole all the same.
-fn holes(mesh: &Mesh) -> Vec<Hole> {
+/// Half-edges without a twin.
+fn open_half_edges(mesh: &Mesh) -> Vec<u32> {
     let twins = Edges::of(&mesh.triangles).twins(&mesh.triangles);
+    let open = twins.iter().enumerate().filter(|(_, t)| **t == NO_TWIN);
+    open.map(|(half_edge, _)| half_edge as u32).collect()
+}
+
+/// The rings of open half-edges, run backwards. What does not close to a ring (a surface
+/// whose triangles cannot agree) is a hole all the same.
+fn holes(mesh: &Mesh, open: &[u32]) -> Vec<Hole> {
     let mut next: BTreeMap<u32, Vec<u32>> = BTreeMap::new();
-    for (half_edge, _) in twins.iter().enumerate().filter(|(_, t)| **t == NO_TWIN) {
-        let [from, to] = ends(&mesh.triangles, half_edge as u32);
+    for &half_edge in open {
+        let [from, to] = ends(&mesh.triangles, half_edge);
         next.entry(to).or_default().push(from);
     }
     let mut holes = Vec::new();
@@ -360,7 +420,7 @@ fn holes(mesh: &Mesh) -> Vec<Hole> {
 
 /// Triangles over a hole, the shortest way across first, and the highest one's height; `None` where
 /// that is more than a gap.
-fn zipped(mesh: &Mesh, hole: &Hole) -> Option<(Vec<[u32; 3]>, f64)> {
+fn zipped(mesh: &Mesh, hole: &Hole, gap_max_mm: f64) -> Option<(Vec<[u32; 3]>, f64)> {
     if !(3..=HOLE_EDGES_MAX).contains(&hole.len()) {
         return None;
     }
@@ -381,7 +441,7 @@ fn zipped(mesh: &Mesh, hole: &Hole) -> Option<(Vec<[u32; 3]>, f64)> {
             rest[(i + 1) % count],
         ];
         let height_mm = height_mm(triangle.map(place));
-        if height_mm > GAP_MAX_MM {
+        if height_mm > gap_max_mm {
             return None;
         }
         widest_mm = widest_mm.max(height_mm);
