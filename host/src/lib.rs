@@ -165,7 +165,8 @@ impl Plan {
         let areas: Vec<[f64; 2]> = rasters
             .map(|(print, raster)| {
                 let open = &self.region_of(print).open;
-                let raster = raster.as_ref();
+                let is_asked = kind.is_none_or(|kind| print.kind == kind);
+                let raster = raster.as_ref().filter(|_| is_asked);
                 raster.map_or([0.0; 2], |raster| swept_area_mm2(raster, open))
             })
             .collect();
