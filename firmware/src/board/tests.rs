@@ -11,7 +11,7 @@ use embedded_hal::digital::{ErrorType, OutputPin};
 use embedded_hal_mock::eh1::delay::{CheckedDelay, Transaction as Delay};
 use embedded_hal_mock::eh1::digital::{Mock as PinMock, State, Transaction as PinUse};
 use embedded_hal_mock::eh1::pwm::{Mock as PwmMock, Transaction as PwmUse};
-use headway_protocol::message::{DeviceState, FaultCause};
+use headway_protocol::message::{DeviceState, FaultCause, PROBE_BIT};
 use std::cell::RefCell;
 use std::collections::VecDeque;
 use std::rc::Rc;
@@ -134,8 +134,9 @@ fn inputs_settle_before_they_are_believed_and_broken_ones_count_as_pressed() {
         enables.clone(),
         &mut delay,
     );
+    // Z's switch is the probe as well.
     let expected = Inputs {
-        switches: 0b110,
+        switches: 0b110 | 1 << PROBE_BIT,
         emergency: false,
     };
     assert_eq!(pins.inputs(), expected);
