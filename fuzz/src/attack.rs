@@ -82,6 +82,16 @@ pub enum Command {
         volume: u32,
         ticks: u32,
     },
+    Probe {
+        joint: u8,
+        distance: i32,
+        fast: u32,
+        slow: u32,
+        back_off: u32,
+    },
+    ProbePin {
+        out: bool,
+    },
 }
 
 /// Which machine is attacked.

@@ -19,7 +19,7 @@ use headway_protocol::frame::{
 use headway_protocol::knot_block::{KnotPredictor, encode_block};
 use headway_protocol::message::{
     Control, DeviceMessage, DeviceState, FaultCause, Finish, Hello, HostMessage, JointOrder,
-    PROTOCOL_VERSION, SCHEMA_HASH, Start,
+    PROTOCOL_VERSION, PinPosition, SCHEMA_HASH, Start,
 };
 use headway_protocol::segment::{FlowAction, FlowEvent, Knot};
 use headway_protocol::units::{CHANNEL_TILT_X, CHANNEL_TILT_Y, CHANNEL_Z, CHANNELS, Ticks};
@@ -449,6 +449,20 @@ impl Target {
                 volume_units: volume,
                 duration_ticks: Ticks(ticks),
             },
+            Command::Probe {
+                joint,
+                distance,
+                fast,
+                slow,
+                back_off,
+            } => Control::Probe {
+                joint,
+                distance_units: distance,
+                fast_units_s: fast,
+                slow_units_s: slow,
+                back_off_units: back_off,
+            },
+            Command::ProbePin { out } => Control::ProbePin(pin_position(out)),
         };
         self.send_control(&HostMessage::Control(control));
     }
@@ -535,6 +549,14 @@ impl Target {
             }
         }
         panic!("reports without end");
+    }
+}
+
+fn pin_position(out: bool) -> PinPosition {
+    if out {
+        PinPosition::Deploy
+    } else {
+        PinPosition::Stow
     }
 }
 
