@@ -4,7 +4,7 @@
     python3 tools/draw_meshes.py meshes --large
     python3 tools/compare_sections.py target/release/mesh_sections 0.2 meshes/*.stl
 
-Needs trimesh, shapely, scipy, networkx. For every layer: the area by which the two differ, over the length
+Needs trimesh, shapely, scipy, networkx, rtree. For every layer: the area by which the two differ, over the length
 of the outline, in µm (how far one outline lies from the other on average). Exit 1 above 1 µm on any layer
 or 0.1 % of the volume. A torn mesh is compared with the whole one: trimesh does not mend.
 """
