@@ -240,8 +240,35 @@ impl Talk {
             }
         }
     }
+
+    /// Waits until every heater that these orders wait for is there, for as long as [`HEAT_PATIENCE`]; with
+    /// the last status, and whether they are.
+    pub(super) fn wait_for_heat(&mut self, orders: &[Control]) -> Result<(Status, bool), CliError> {
+        let begun = Instant::now();
+        loop {
+            let status = self.status()?;
+            if let Some(fault) = status.fault {
+                return Err(CliError::Job(format!("the board latched a fault: {fault}")));
+            }
+            let there = orders.iter().all(|order| match *order {
+                Control::Heat {
+                    heater,
+                    decidegrees,
+                    wait: true,
+                } => is_there(&status, heater, decidegrees),
+                _ => true,
+            });
+            if there || begun.elapsed() > HEAT_PATIENCE {
+                return Ok((status, there));
+            }
+            std::thread::sleep(HEAT_LOOK);
+        }
+    }
 }
 
+/// How often a heater is looked at, and longest heating.
+const HEAT_LOOK: Duration = Duration::from_millis(200);
+const HEAT_PATIENCE: Duration = Duration::from_secs(3600);
 /// A move by hand that makes no step: the longest prime takes a minute and may be of one step.
 const STANDSTILL_PATIENCE: Duration = Duration::from_secs(90);
 /// Longest move by hand: the slowest jog over the longest axis.
@@ -392,32 +419,12 @@ fn home(
 fn heat_up(command: Control, port: &PortArgs, console: &Console) -> Result<(), CliError> {
     let mut talk = Talk::open(port)?;
     talk.order(command)?;
-    let begun = Instant::now();
-    loop {
-        let status = talk.status()?;
-        let there = match command {
-            Control::Heat {
-                heater,
-                decidegrees,
-                wait: true,
-            } => is_there(&status, heater, decidegrees),
-            _ => true,
-        };
-        if let Some(fault) = status.fault {
-            return Err(CliError::Job(format!("the board latched a fault: {fault}")));
-        }
-        if there {
-            return console.result(&status_text(&status, false));
-        }
-        if begun.elapsed() > MOVE_PATIENCE {
-            return Err(never_ends(&status, MOVE_PATIENCE));
-        }
-        std::thread::sleep(HEAT_LOOK);
+    let (status, there) = talk.wait_for_heat(&[command])?;
+    if !there {
+        return Err(never_ends(&status, HEAT_PATIENCE));
     }
+    console.result(&status_text(&status, false))
 }
-
-/// How often a heater is looked at.
-const HEAT_LOOK: Duration = Duration::from_millis(500);
 
 /// Gives a command that names a motor, and waits for its end.
 fn move_joint(

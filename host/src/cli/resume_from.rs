@@ -7,7 +7,6 @@ use super::CliError;
 use super::args_board::{PortArgs, StreamArgs};
 use super::board::Talk;
 use super::console::Console;
-use super::heat::is_there;
 use super::job::Job;
 use super::stream::give;
 use super::stream_heat::{StreamHeat, of_job};
@@ -25,13 +24,9 @@ use serde_json::{Value, json};
 use std::fs::File;
 use std::io::BufReader;
 use std::path::PathBuf;
-use std::time::{Duration, Instant};
 
 /// The joint that lifts.
 const JOINT_Z: usize = 2;
-/// How often a heater is looked at, and longest heating.
-const HEAT_LOOK: Duration = Duration::from_millis(200);
-const HEAT_PATIENCE: Duration = Duration::from_secs(3600);
 
 /// Where to begin again.
 #[derive(Clone, Debug, PartialEq)]
@@ -132,7 +127,12 @@ impl Resumed {
         {
             console.say("resume: heating before anything moves");
         }
-        wait_for_heat(talk, before)?;
+        let (_, there) = talk.wait_for_heat(before)?;
+        if !there {
+            return Err(CliError::Job(
+                "after an hour the heaters are not there".to_string(),
+            ));
+        }
         console.say(&format!(
             "resume: up, across, and down by {:.1} mm to the pass's start",
             self.way.above_mm
@@ -242,34 +242,6 @@ fn check_ready(status: &Status, machine: &MachineConfiguration) -> Result<(), Cl
          a mark by hand and declared (`headway board set-joint c 0`)",
         unknown.join(", ")
     )))
-}
-
-/// Until every heater that the job waits for is there.
-fn wait_for_heat(talk: &mut Talk, before: &[Control]) -> Result<(), CliError> {
-    let begun = Instant::now();
-    loop {
-        let status = talk.status()?;
-        if let Some(fault) = status.fault {
-            return Err(CliError::Job(format!("the board latched a fault: {fault}")));
-        }
-        let there = before.iter().all(|order| match *order {
-            Control::Heat {
-                heater,
-                decidegrees,
-                wait: true,
-            } => is_there(&status, heater, decidegrees),
-            _ => true,
-        });
-        if there {
-            return Ok(());
-        }
-        if begun.elapsed() > HEAT_PATIENCE {
-            return Err(CliError::Job(
-                "after an hour the heaters are not there".to_string(),
-            ));
-        }
-        std::thread::sleep(HEAT_LOOK);
-    }
 }
 
 fn figures(again: &Resumption) -> Value {
