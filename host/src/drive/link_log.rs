@@ -364,25 +364,12 @@ fn run(controller: &mut Machine, steps: &mut StepLog, out: &mut [u8; FRAME_BYTES
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::drive::test_streams::SharedBytes;
     use crate::settings::Settings;
-    use std::sync::{Arc, Mutex};
-
-    /// A file that the test can look into.
-    #[derive(Clone, Default)]
-    struct Shared(Arc<Mutex<Vec<u8>>>);
-
-    impl Write for Shared {
-        fn write(&mut self, bytes: &[u8]) -> io::Result<usize> {
-            self.0.lock().map_or(Ok(0), |mut held| held.write(bytes))
-        }
-        fn flush(&mut self) -> io::Result<()> {
-            Ok(())
-        }
-    }
 
     #[test]
     fn a_log_reads_back_as_it_was_written() {
-        let file = Shared::default();
+        let file = SharedBytes::default();
         let machine = Settings::default().machine;
         let mut log = LinkLog::new(Box::new(file.clone()), Some(&machine));
         log.bytes(5, Way::Down, &[0, 0xab, 7]);

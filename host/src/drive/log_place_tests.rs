@@ -2,23 +2,10 @@
 
 use super::*;
 use crate::drive::link_log::LinkLog;
+use crate::drive::test_streams::SharedBytes;
 use crate::settings::Settings;
 use headway_protocol::frame::{FRAME_BYTES_MAX, encode_frame};
 use headway_protocol::message::{Ack, ProbeResult, Status};
-use std::io::Write;
-use std::sync::{Arc, Mutex};
-
-#[derive(Clone, Default)]
-struct Shared(Arc<Mutex<Vec<u8>>>);
-
-impl Write for Shared {
-    fn write(&mut self, bytes: &[u8]) -> io::Result<usize> {
-        self.0.lock().map_or(Ok(0), |mut held| held.write(bytes))
-    }
-    fn flush(&mut self) -> io::Result<()> {
-        Ok(())
-    }
-}
 
 fn framed<M: serde::Serialize>(sequence: u16, message: &M) -> Vec<u8> {
     let mut out = [0; FRAME_BYTES_MAX];
@@ -69,7 +56,7 @@ fn status(state: DeviceState, spans_done: u32) -> DeviceMessage {
 
 /// A stream of job 7 behind an older one, five frames sent, 30 spans done.
 fn conversation() -> Vec<u8> {
-    let file = Shared::default();
+    let file = SharedBytes::default();
     let mut log = LinkLog::new(Box::new(file.clone()), Some(&Settings::default().machine));
     log.bytes(1, Way::Up, &framed(0, &status(DeviceState::Finished, 900)));
     log.bytes(2, Way::Down, &framed(40, &start(7, 0xfffe)));

@@ -5,6 +5,21 @@ use crate::settings::Settings;
 use headway_firmware::configuration::MachineConfiguration;
 use headway_protocol::segment::{FlowAction, FlowEvent, Knot};
 use headway_protocol::units::{Ticks, to_units};
+use std::io::{self, Write};
+use std::sync::{Arc, Mutex};
+
+/// A file that the test can look into.
+#[derive(Clone, Default)]
+pub struct SharedBytes(pub Arc<Mutex<Vec<u8>>>);
+
+impl Write for SharedBytes {
+    fn write(&mut self, bytes: &[u8]) -> io::Result<usize> {
+        self.0.lock().map_or(Ok(0), |mut held| held.write(bytes))
+    }
+    fn flush(&mut self) -> io::Result<()> {
+        Ok(())
+    }
+}
 
 /// The built-in planar machine.
 pub fn planar() -> MachineConfiguration {
