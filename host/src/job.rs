@@ -1,9 +1,20 @@
 //! A planned job: what `plan` makes and `drive`, `report` and the job file use.
 
 use headway_firmware::configuration::MachineConfiguration;
-use headway_protocol::segment::{FlowEvent, Knot};
+use headway_protocol::segment::{FlowEvent, Knot, SPAN_TICKS_MAX};
 use headway_protocol::units::ChannelPoint;
 use serde::{Deserialize, Serialize};
+
+/// Spans at rest before the first move: the wire fixes the durations of spans 0 and 1.
+pub const LEAD_IN_SPANS: usize = 2;
+
+/// Spans of a dwell, as even as integers allow.
+pub fn dwell_spans(ticks: u64) -> Vec<u16> {
+    let count = ticks.div_ceil(u64::from(SPAN_TICKS_MAX)).max(1);
+    (0..count)
+        .map(|i| ((ticks * (i + 1)) / count - (ticks * i) / count) as u16)
+        .collect()
+}
 
 /// What the head does during a move of the job (the `state` column of the CSV files).
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash, Serialize, Deserialize)]

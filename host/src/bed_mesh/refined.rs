@@ -4,14 +4,12 @@
 //! algorithm: Cohen, Lyche and Riesenfeld, 1980), rounded once, to half a unit. Events are moved into their part
 //! of the span. The first two spans, whose durations are not sent, are left whole.
 
-use crate::job::SegmentStream;
+use crate::job::{LEAD_IN_SPANS, SegmentStream};
 use headway_protocol::segment::{FlowEvent, Knot, REST_TICKS};
 use headway_protocol::units::{CHANNEL_X, CHANNEL_Y, CHANNELS, ChannelPoint, UNITS_PER_NATURAL};
 
 /// Shortest part of a span, servo ticks: as short as planned ones.
 const PART_TICKS_MIN: u32 = 8;
-/// Spans whose durations are not sent.
-const FIRST_SPANS: usize = 2;
 
 /// A stream's spline: `control[i]` is P_{i-3}, unwrapped, `starts[i]` is T_{i-2}, the start of span i - 2.
 struct Curve {
@@ -111,7 +109,7 @@ impl Curve {
     /// Durations of the parts of a span.
     fn parts(&self, span: usize, span_mm: f64) -> Vec<u32> {
         let ticks = (self.start(span + 1) - self.start(span)) as u32;
-        if span < FIRST_SPANS {
+        if span < LEAD_IN_SPANS {
             return vec![ticks];
         }
         // P_{n-3} to P_n are at n to n + 3; the speed is between those of their differences.

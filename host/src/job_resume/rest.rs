@@ -9,16 +9,14 @@
 //! has none of its own, the heaters' latest targets. A place within a pass is no start: the head would have to
 //! gather speed on a curve that was planned without. Leaves out: the way there (`approach`).
 
-use crate::job::{Mark, MotionState, SegmentStream};
+use crate::job::{LEAD_IN_SPANS, Mark, MotionState, SegmentStream, dwell_spans};
 use crate::job_heat::{HeatEvent, HeatOrder};
 use headway_firmware::spline::{Span, Spans};
-use headway_protocol::segment::{FlowAction, FlowEvent, Knot, REST_TICKS, SPAN_TICKS_MAX};
+use headway_protocol::segment::{FlowAction, FlowEvent, Knot, REST_TICKS};
 use headway_protocol::units::{CHANNEL_X, CHANNEL_Z, ChannelPoint, UNITS_PER_NATURAL};
 use std::collections::HashMap;
 use thiserror::Error;
 
-/// Spans at rest before the first move: the wire fixes the durations of spans 0 and 1.
-const LEAD_IN_SPANS: usize = 2;
 /// Cells in which a pass is looked at for places where it lies on itself, mm: less than a bead's width.
 const CELL_MM: f64 = 0.25;
 /// Pieces of the way are no longer than that where it is looked at, mm.
@@ -154,7 +152,9 @@ pub fn rest_of(stream: &SegmentStream, heat: &[HeatEvent], pass: u32) -> Result<
     let print_span = print_span.ok_or(RestError::NoRest { pass })? as u32;
     let own = own_prime(stream, span as u32, print_span);
     let primed = own.is_some();
-    let dwell = own.map_or(Vec::new(), |event| dwell_spans(event.duration_ticks.0));
+    let dwell = own.map_or(Vec::new(), |event| {
+        dwell_spans(u64::from(event.duration_ticks.0))
+    });
     let lead = LEAD_IN_SPANS + dwell.len();
 
     let mut new_durations = vec![REST_TICKS; LEAD_IN_SPANS];
@@ -236,16 +236,6 @@ fn own_prime(stream: &SegmentStream, span: u32, print_span: u32) -> Option<FlowE
     }
     let before = primes().take_while(|event| event.span < span).last();
     before.or(primes().next()).copied()
-}
-
-/// Spans of a rest that lasts so long, none longer than the wire takes.
-fn dwell_spans(ticks: u32) -> Vec<u16> {
-    let most = u32::from(SPAN_TICKS_MAX);
-    let count = ticks.div_ceil(most).max(1);
-    let share = ticks / count;
-    let more = ticks % count;
-    let of = |number| (share + u32::from(number < more)).max(1) as u16;
-    (0..count).map(of).collect()
 }
 
 fn marks_from(marks: &[Mark], cut_tick: u64, lead_ticks: u64, primed: bool) -> Vec<Mark> {

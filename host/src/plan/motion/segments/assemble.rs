@@ -4,22 +4,11 @@
 //! `headway_protocol::segment`), so control points and durations are shifted by two spans.
 
 use super::FinishedMove;
-use crate::job::{Mark, MotionState, SegmentStream};
+use crate::job::{LEAD_IN_SPANS, Mark, MotionState, SegmentStream};
 use crate::plan::route::moves::{MoveEvent, Route, RouteMove};
 use crate::settings::Settings;
-use headway_protocol::segment::{FlowAction, FlowEvent, Knot, REST_TICKS, SPAN_TICKS_MAX};
+use headway_protocol::segment::{FlowAction, FlowEvent, Knot, REST_TICKS};
 use headway_protocol::units::{CHANNEL_VOLUME, ChannelPoint, Ticks, UNITS_PER_NATURAL, to_units};
-
-/// Spans of a dwell, as even as integers allow.
-pub fn dwell_spans(ticks: u64) -> Vec<u16> {
-    let count = ticks.div_ceil(u64::from(SPAN_TICKS_MAX)).max(1);
-    (0..count)
-        .map(|i| ((ticks * (i + 1)) / count - (ticks * i) / count) as u16)
-        .collect()
-}
-
-/// Spans at rest before the first move: the wire fixes the durations of spans 0 and 1.
-const LEAD_IN_SPANS: usize = 2;
 
 /// Joins the moves.
 pub fn assemble(route: &Route, finished: &[FinishedMove], settings: &Settings) -> SegmentStream {

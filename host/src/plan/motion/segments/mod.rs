@@ -26,7 +26,7 @@ pub mod spline;
 pub mod tick_path;
 pub mod warp;
 
-use crate::job::SegmentStream;
+use crate::job::{SegmentStream, dwell_spans};
 use crate::plan::motion::joint_limits::{MotionError, MotionLimits};
 use crate::plan::motion::joint_turns::choose_solution;
 use crate::plan::progress::{Progress, Stage, Steps};
@@ -185,7 +185,7 @@ fn finish_move(
         .any(|point| quantised(point) != first);
     if !moves {
         let ticks = dwell_ticks(route_move, limits.servo_hz);
-        let durations_ticks = assemble::dwell_spans(ticks);
+        let durations_ticks = dwell_spans(ticks);
         return Ok(FinishedMove {
             spline: RestSpline {
                 control: vec![first; durations_ticks.len() + 3],
