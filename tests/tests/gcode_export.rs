@@ -268,16 +268,20 @@ fn arcs_are_read_back_as_the_job() {
     assert!(refused(lettered).contains("J is an axis"));
 }
 
+/// The extruder as A: the stand-alone interpreter knows no U.
+fn linuxcnc_with_a() -> WriteOptions {
+    WriteOptions {
+        extruder: Some(b'A'),
+        ..WriteOptions::of_dialect(Dialect::LinuxCnc)
+    }
+}
+
 /// Goal: LinuxCNC runs the arcs that are written as the job's path. Method: its stand-alone interpreter on a round
 /// plate; its canonical arcs, all axes evenly along them, against every third tick of the stream.
 #[test]
 fn linuxcnc_runs_the_same_arcs() {
     let (stream, servo_hz) = disk();
-    let with_a = WriteOptions {
-        extruder: Some(b'A'),
-        ..WriteOptions::of_dialect(Dialect::LinuxCnc)
-    };
-    let (text, written) = written(&stream, servo_hz, &with_a);
+    let (text, written) = written(&stream, servo_hz, &linuxcnc_with_a());
     let Some(commands) = canonical(&text) else {
         println!("skipped: rs274 (linuxcnc-uspace) is not installed");
         return;
@@ -336,11 +340,7 @@ fn canonical_places(text: &str) -> Option<(Vec<[f64; 6]>, Outputs)> {
 #[test]
 fn linuxcnc_makes_the_same_moves() {
     let (stream, servo_hz) = plate();
-    let with_a = WriteOptions {
-        extruder: Some(b'A'),
-        ..WriteOptions::of_dialect(Dialect::LinuxCnc)
-    };
-    let (text, written) = written(&stream, servo_hz, &with_a);
+    let (text, written) = written(&stream, servo_hz, &linuxcnc_with_a());
     let Some((moves, _)) = canonical_places(&text) else {
         println!("skipped: rs274 (linuxcnc-uspace) is not installed");
         return;
@@ -403,11 +403,7 @@ fn orders(stream: &SegmentStream) -> Vec<HeatEvent> {
 fn linuxcnc_sets_heaters_and_fans_on_the_path() {
     let (stream, servo_hz) = plate();
     let heat = orders(&stream);
-    let with_a = WriteOptions {
-        extruder: Some(b'A'),
-        ..WriteOptions::of_dialect(Dialect::LinuxCnc)
-    };
-    let (text, written) = written_with(&stream, servo_hz, &heat, &with_a);
+    let (text, written) = written_with(&stream, servo_hz, &heat, &linuxcnc_with_a());
     let waits = text.lines().filter(|line| line.starts_with("M66 ")).count();
     assert_eq!(waits, 4);
     let Some((moves, outputs)) = canonical_places(&text) else {
