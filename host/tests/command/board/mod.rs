@@ -1,0 +1,7 @@
+mod calibrate;
+mod live;
+mod orders;
+mod probe;
+mod registers;
+mod resume;
+mod stream;

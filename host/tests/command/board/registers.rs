@@ -1,0 +1,463 @@
+//! Goal: the images to flash boot behind a boot loader that leaves everything on, talk over their own
+//! serial port, and make the very steps of the simulation at a real chip's registers. Method: QEMU's
+//! netduinoplus2 (STM32F405) runs the octopus image and the Feather's, built with `emulated` (no clocks
+//! to set up); the command streams an example to them; the GPIO writes that QEMU logs are decoded by the
+//! boards' pin tables. Skipped, and said so, where QEMU or the target is missing;
+//! `HEADWAY_DEMAND_EMULATOR=1` makes that a failure.
+#![cfg(unix)]
+
+use crate::rig::{command, example, folder, headway, path, stderr, succeeded};
+use headway::drive::record::Step;
+use headway::drive::simulator::{Simulator, SimulatorSetup};
+use headway_firmware::octopus;
+use headway_firmware::output::Pin;
+use headway_tests::elf::Elf;
+use std::collections::BTreeMap;
+use std::io::{BufRead, BufReader, Read, Write};
+use std::os::unix::net::UnixStream;
+use std::path::{Path, PathBuf};
+use std::process::{Child, Command, Stdio};
+use std::sync::mpsc::{Receiver, channel};
+use std::sync::{Mutex, MutexGuard, OnceLock};
+use std::thread::JoinHandle;
+use std::time::{Duration, Instant};
+
+const TARGET: &str = "thumbv7em-none-eabihf";
+const ROOT: &str = concat!(env!("CARGO_MANIFEST_DIR"), "/..");
+/// Flash of the boot loader, and of the image behind it.
+const LOADER_FLASH: u32 = 0x0800_0000;
+const IMAGE_FLASH: u32 = 0x0800_8000;
+/// The emulator logs some million writes; a busy machine needs its time for them.
+const PATIENCE: Duration = Duration::from_secs(400);
+/// One emulator at a time: two would halve each other's speed.
+static ALONE: Mutex<()> = Mutex::new(());
+
+fn alone() -> MutexGuard<'static, ()> {
+    ALONE
+        .lock()
+        .unwrap_or_else(|poisoned| poisoned.into_inner())
+}
+
+/// What a test needs of a board.
+struct Board {
+    bin: &'static str,
+    features: &'static str,
+    /// USARTs before the one that it uses.
+    serial_ports_before: usize,
+    step: &'static [Pin],
+    direction: &'static [Pin],
+    /// The write that begins every step tick: the first of those that end pulses.
+    tick: (usize, u32),
+    /// RX, which must not float.
+    rx: Pin,
+}
+
+const OCTOPUS: Board = Board {
+    bin: "octopus",
+    features: "octopus-serial,prove-no-panic,emulated",
+    serial_ports_before: 1,
+    step: &octopus::STEP,
+    direction: &octopus::DIRECTION,
+    tick: (2, 1 << (13 + 16)),
+    rx: octopus::SERIAL[1],
+};
+
+const FEATHER: Board = Board {
+    bin: "feather",
+    features: "feather,prove-no-panic,emulated",
+    serial_ports_before: 2,
+    step: &[(0, 4), (0, 6), (2, 4), (2, 7), (1, 13)],
+    direction: &[(0, 5), (0, 7), (2, 5), (2, 6), (1, 14)],
+    tick: (0, 1 << (4 + 16)),
+    rx: (1, 11),
+};
+
+/// Why nothing can be emulated here, if so.
+fn missing() -> Option<String> {
+    let has_qemu = Command::new("qemu-system-arm").arg("--version").output();
+    if has_qemu.is_err() {
+        return Some("qemu-system-arm is not installed".to_string());
+    }
+    let libraries = Command::new("rustc")
+        .args(["--print", "target-libdir", "--target", TARGET])
+        .output()
+        .expect("rustc runs");
+    let libraries = String::from_utf8_lossy(&libraries.stdout).into_owned();
+    let found = Path::new(libraries.trim()).is_dir();
+    (!found).then(|| format!("the Rust target {TARGET} is not installed"))
+}
+
+/// True, after saying why, where a test is skipped.
+fn skipped() -> bool {
+    static MISSING: OnceLock<Option<String>> = OnceLock::new();
+    let Some(reason) = MISSING.get_or_init(missing) else {
+        return false;
+    };
+    let demanded = std::env::var_os("HEADWAY_DEMAND_EMULATOR").is_some();
+    assert!(!demanded, "the emulator is demanded, but {reason}");
+    println!("skipped: {reason}");
+    true
+}
+
+fn build(bin: &str, features: &str) -> Elf {
+    let target = std::env::var_os("CARGO_TARGET_DIR")
+        .map_or_else(|| Path::new(ROOT).join("target"), PathBuf::from);
+    let built = Command::new(env!("CARGO"))
+        .current_dir(ROOT)
+        .args(["build", "--quiet", "--locked", "--profile", "firmware"])
+        .args(["-p", "headway-firmware", "--target", TARGET, "--bin", bin])
+        .args(["--features", features])
+        .status()
+        .expect("cargo runs");
+    assert!(built.success(), "{bin} does not build");
+    Elf::read(&target.join(TARGET).join("firmware").join(bin)).expect("an ELF file")
+}
+
+/// Writes a binary's flash to a file; its first address.
+fn flash_file(elf: &Elf, file: &Path) -> u32 {
+    let (address, image) = elf.image();
+    std::fs::write(file, image).expect("the folder is there");
+    address
+}
+
+/// A write to a register of a port: port, offset, value.
+type PortWrite = (usize, usize, u32);
+
+/// Of a line of the emulator's log.
+fn port_write(line: &str) -> Option<PortWrite> {
+    let rest = line.strip_prefix("GPIO")?;
+    let port = rest.bytes().next()?.checked_sub(b'A')?;
+    let (_, rest) = rest.split_once("write (size 4, offset 0x")?;
+    let (offset, rest) = rest.split_once(", value 0x")?;
+    let value = rest.trim_end().trim_end_matches(')');
+    Some((
+        port.into(),
+        usize::from_str_radix(offset, 16).ok()?,
+        u32::from_str_radix(value, 16).ok()?,
+    ))
+}
+
+/// What the port writes say that the motors did.
+struct Decoder {
+    levels: [u32; 16],
+    ticks: u64,
+    steps: Vec<Step>,
+    /// Pull resistors that were set.
+    pulls: BTreeMap<usize, u32>,
+    watchdog_first: Option<bool>,
+}
+
+impl Decoder {
+    fn new() -> Self {
+        Self {
+            levels: [0; 16],
+            ticks: 0,
+            steps: Vec::new(),
+            pulls: BTreeMap::new(),
+            watchdog_first: None,
+        }
+    }
+
+    fn take(&mut self, board: &Board, line: &str) {
+        if line.contains("value 0x0000cccc") {
+            self.watchdog_first.get_or_insert(true);
+        }
+        let Some((port, offset, value)) = port_write(line) else {
+            return;
+        };
+        self.watchdog_first.get_or_insert(false);
+        match offset {
+            0x0c => {
+                // Ports read as zero here: what was set before is not written again.
+                *self.pulls.entry(port).or_default() |= value;
+            }
+            0x18 => self.set_reset(board, port, value),
+            _ => {}
+        }
+    }
+
+    fn set_reset(&mut self, board: &Board, port: usize, value: u32) {
+        if (port, value) == board.tick {
+            self.ticks += 1;
+        }
+        let (set, reset) = (value & 0xffff, value >> 16);
+        self.levels[port] = self.levels[port] & !reset | set;
+        for (motor, pin) in (0..).zip(board.step) {
+            if pin.0 == port && set >> pin.1 & 1 == 1 {
+                let direction = board.direction[usize::from(motor)];
+                self.steps.push(Step {
+                    tick: self.ticks,
+                    motor,
+                    forward: self.levels[direction.0] >> direction.1 & 1 == 1,
+                });
+            }
+        }
+    }
+
+    /// The steps from the first one on, in order of ticks and motors.
+    fn into_steps(mut self) -> Vec<Step> {
+        self.steps.sort_by_key(|step| (step.tick, step.motor));
+        from_first(self.steps)
+    }
+}
+
+/// Ticks from the first step on.
+fn from_first(mut steps: Vec<Step>) -> Vec<Step> {
+    let first = steps.first().map_or(0, |step| step.tick);
+    steps.iter_mut().for_each(|step| step.tick -= first);
+    steps
+}
+
+/// A board in QEMU behind the boot loader. Killed when dropped.
+struct Emulator {
+    process: Child,
+    port: String,
+    monitor: PathBuf,
+    registers: PathBuf,
+    decoded: Option<JoinHandle<Decoder>>,
+    /// Told when so many steps were made.
+    moving: Receiver<()>,
+}
+
+/// Steps after which a test meddles with a job.
+const UNDER_WAY_STEPS: usize = 3000;
+
+impl Emulator {
+    fn start(board: &'static Board, folder: &Path) -> Self {
+        let [loader, image] = ["loader.bin", "image.bin"].map(|name| folder.join(name));
+        let loader_at = flash_file(&build("boot_loader", ""), &loader);
+        let image_at = flash_file(&build(board.bin, board.features), &image);
+        assert_eq!((loader_at, image_at), (LOADER_FLASH, IMAGE_FLASH));
+        let [serial, monitor, registers] =
+            ["serial", "monitor", "qtest"].map(|name| folder.join(name));
+        let socket = |path: &Path| format!("unix:{},server=on,wait=off", path.display());
+        let mut process = Command::new("qemu-system-arm");
+        process
+            .args(["-machine", "netduinoplus2", "-nographic", "-d", "unimp"])
+            .args(["-icount", "shift=4", "-monitor", &socket(&monitor)])
+            .args(["-qtest", &socket(&registers), "-qtest-log", "/dev/null"])
+            .args(["-serial", "null"].repeat(board.serial_ports_before))
+            .args(["-serial", &socket(&serial), "-kernel", path(&loader)])
+            .arg("-device")
+            .arg(format!(
+                "loader,file={},addr={image_at:#x}",
+                image.display()
+            ))
+            .stdin(Stdio::null())
+            .stdout(Stdio::null())
+            .stderr(Stdio::piped());
+        let mut process = process.spawn().expect("QEMU starts");
+        let log = process.stderr.take().expect("it is piped");
+        let (told, moving) = channel();
+        let decoded = std::thread::spawn(move || {
+            let mut decoder = Decoder::new();
+            let mut log = BufReader::with_capacity(1 << 16, log);
+            let mut line = String::new();
+            while log.read_line(&mut line).is_ok_and(|length| length > 0) {
+                decoder.take(board, &line);
+                line.clear();
+                if decoder.steps.len() == UNDER_WAY_STEPS {
+                    // Nobody may wait for it.
+                    let _ = told.send(());
+                }
+            }
+            decoder
+        });
+        while !serial.exists() {
+            std::thread::sleep(Duration::from_millis(20));
+        }
+        Self {
+            process,
+            port: format!("unix:{}", serial.display()),
+            monitor,
+            registers,
+            decoded: Some(decoded),
+            moving,
+        }
+    }
+
+    /// Begins to stream a job with the command; returns once the board moves.
+    fn print_until_it_moves(&self, job: &str) -> Child {
+        let streaming = command(&["stream", job, "--port", &self.port]).spawn();
+        let moves = self.moving.recv_timeout(PATIENCE);
+        moves.expect("the board moves");
+        streaming.expect("the command starts")
+    }
+
+    /// Ends the emulator; what its log said.
+    fn end(mut self) -> Decoder {
+        let _ = self.process.kill();
+        let decoded = self.decoded.take().expect("once").join();
+        decoded.expect("the log can be read")
+    }
+}
+
+impl Drop for Emulator {
+    fn drop(&mut self) {
+        // It may have ended by itself.
+        let _ = self.process.kill();
+        let _ = self.process.wait();
+    }
+}
+
+/// Says a line to one of the emulator's sockets; what it answers within half a second.
+fn say(socket: &Path, line: &str) -> String {
+    let mut stream = UnixStream::connect(socket).expect("QEMU listens");
+    let patience = Some(Duration::from_millis(500));
+    stream.set_read_timeout(patience).expect("a timeout");
+    writeln!(stream, "{line}").expect("QEMU reads");
+    let mut answer = String::new();
+    let mut bytes = [0; 4096];
+    while let Ok(length @ 1..) = stream.read(&mut bytes) {
+        answer += &String::from_utf8_lossy(&bytes[..length]);
+    }
+    answer
+}
+
+/// Plans the example; the job file.
+fn plan(folder: &Path) -> String {
+    let job = folder.join("taper.hwj").display().to_string();
+    let example = example("taper.json");
+    succeeded(&headway(&["plan", &example, "--scale", "0.5", "-o", &job]));
+    job
+}
+
+/// The steps of the simulation of a job.
+fn simulated(job: &str) -> Vec<Step> {
+    let mut file = std::fs::File::open(job).expect("the job");
+    let file = headway::job_file::read(&mut file).expect("a job file");
+    let stream = file.stream().expect("its stream");
+    let ticks = stream
+        .knots
+        .iter()
+        .map(|knot| u64::from(knot.duration_ticks));
+    let simulator = Simulator::new(
+        file.frames.clone(),
+        ticks.sum(),
+        &file.header.machine,
+        &SimulatorSetup::default(),
+    );
+    let simulation = simulator.expect("a machine").run(|_| {}).expect("an end");
+    from_first(simulation.motion.steps.iter().collect())
+}
+
+fn prints_as_simulated(board: &'static Board) {
+    if skipped() {
+        return;
+    }
+    let _alone = alone();
+    let folder = folder(board.bin);
+    let job = plan(&folder);
+    let emulator = Emulator::start(board, &folder);
+    let begun = Instant::now();
+    succeeded(&headway(&["stream", &job, "--port", &emulator.port]));
+    let decoded = emulator.end();
+    let expected = simulated(&job);
+    println!(
+        "{}: {} steps in {} ticks, {:?}",
+        board.bin,
+        decoded.steps.len(),
+        decoded.ticks,
+        begun.elapsed()
+    );
+    assert_eq!(decoded.watchdog_first, Some(true), "before any pin");
+    let rx_pull = decoded
+        .pulls
+        .get(&board.rx.0)
+        .map_or(0, |pulls| pulls >> (2 * board.rx.1) & 3);
+    assert_eq!(rx_pull, 1, "RX is pulled up");
+    let steps = decoded.into_steps();
+    let differs = steps.iter().zip(&expected).position(|(a, b)| a != b);
+    assert_eq!(differs, None, "of {} steps", expected.len());
+    assert_eq!(steps.len(), expected.len());
+    assert!(steps.len() > 30_000, "the example is no small one");
+}
+
+#[test]
+fn the_octopus_image_makes_the_simulations_steps_at_the_ports_of_a_chip() {
+    prints_as_simulated(&OCTOPUS);
+}
+
+#[test]
+fn a_board_of_pins_alone_makes_the_simulations_steps_at_the_ports_of_a_chip() {
+    prints_as_simulated(&FEATHER);
+}
+
+#[test]
+fn a_board_that_is_reset_in_mid_job_is_noticed() {
+    if skipped() {
+        return;
+    }
+    let _alone = alone();
+    let folder = folder("reset");
+    let job = plan(&folder);
+    let emulator = Emulator::start(&OCTOPUS, &folder);
+    let streaming = emulator.print_until_it_moves(&job);
+    say(&emulator.monitor, "system_reset");
+    let begun = Instant::now();
+    let output = streaming.wait_with_output().expect("it ends");
+    println!("noticed after {:?}: {}", begun.elapsed(), stderr(&output));
+    assert_eq!(output.status.code(), Some(1));
+    assert!(stderr(&output).contains("restarted"), "{}", stderr(&output));
+}
+
+#[test]
+fn a_spike_of_the_emergency_input_stops_the_steps_though_it_is_over_at_once() {
+    if skipped() {
+        return;
+    }
+    let _alone = alone();
+    let folder = folder("spike");
+    let job = plan(&folder);
+    let emulator = Emulator::start(&OCTOPUS, &folder);
+    let streaming = emulator.print_until_it_moves(&job);
+    // The input of line 7 goes up and down again, far quicker than an interrupt comes.
+    let line_7 = "set_irq_in /machine/unattached/device[0]/exti unnamed-gpio-in 7";
+    let answer = say(&emulator.registers, &format!("{line_7} 1\n{line_7} 0"));
+    assert_eq!(answer.matches("OK").count(), 2, "{answer}");
+    let output = streaming.wait_with_output().expect("it ends");
+    assert_eq!(output.status.code(), Some(1));
+    assert!(stderr(&output).contains("emergency"), "{}", stderr(&output));
+    let made = emulator.end().steps.len();
+    assert!(made < simulated(&job).len() - 1000, "{made} steps");
+}
+
+#[test]
+fn an_image_claims_no_flash_but_its_own() {
+    if skipped() {
+        return;
+    }
+    let _alone = alone();
+    for (bin, features, first, end) in [
+        ("octopus", "octopus", IMAGE_FLASH, 0x0808_0000),
+        ("octopus", "octopus-serial", IMAGE_FLASH, 0x0808_0000),
+        ("feather", "feather", LOADER_FLASH, 0x0810_0000),
+        ("boot_loader", "", LOADER_FLASH, IMAGE_FLASH),
+    ] {
+        let elf = build(bin, features);
+        let segments = elf.segments();
+        println!("{bin} {features}: {segments:x?}");
+        assert_eq!(segments.iter().map(|s| s.address).min(), Some(first));
+        let ends = segments.iter().map(|s| s.address + s.bytes).max();
+        assert!(ends <= Some(end), "{bin} ends at {ends:x?}");
+    }
+}
+
+#[test]
+fn the_octopus_keeps_its_settings_out_of_reach_of_its_code() {
+    if skipped() {
+        return;
+    }
+    let _alone = alone();
+    let elf = build(OCTOPUS.bin, OCTOPUS.features);
+    // Sector 3, and the last one with what is behind the chip's 512 KiB.
+    let kept = [(0x0800_c000, 0x0801_0000), (0x0806_0000, 0x0900_0000)];
+    let flashed = elf.segments().iter().filter(|s| s.address >= LOADER_FLASH);
+    let flashed: Vec<_> = flashed.filter(|s| s.address < 0x2000_0000).collect();
+    assert!(flashed.len() > 1, "{flashed:?}");
+    for segment in flashed {
+        let end = segment.address + segment.bytes;
+        let is_free = kept.map(|(from, to)| end <= from || segment.address >= to);
+        assert_eq!(is_free, [true; 2], "{segment:x?}");
+    }
+}

@@ -1,0 +1,219 @@
+//! Goal: other programs can rely on the command: exit status, what goes to stdout and what to
+//! stderr, machines, apertures and places as they are given. Method: run the binary on small
+//! examples and read what it writes.
+
+use crate::rig::{example, folder, headway, object, path, stderr, stdout, succeeded};
+
+#[test]
+fn wrong_usage_is_2_an_impossible_job_is_1() {
+    let folder = folder("status");
+    let bow_tie = folder.join("bow-tie.json");
+    let text = r#"{"units":"mm","exterior":[[0,0],[10,10],[10,0],[0,10]]}"#;
+    std::fs::write(&bow_tie, text).expect("file");
+    let tiny = folder.join("tiny.json");
+    let text = r#"{"units":"mm","exterior":[[0,0],[0.2,0],[0.2,0.2],[0,0.2]]}"#;
+    std::fs::write(&tiny, text).expect("file");
+    let machine = folder.join("bad.toml");
+    std::fs::write(&machine, "name = \"x\"\ncolour = \"red\"\n").expect("file");
+    let job = folder.join("job.hwj");
+    let taper = example("taper.json");
+    let cases: &[(&[&str], i32, &str)] = &[
+        (&[], 2, "Usage"),
+        (&["fly"], 2, "unrecognized subcommand"),
+        (&["plan", &taper], 2, "--output"),
+        (
+            &["simulate", &taper, "--aperture", "star:3"],
+            2,
+            "ellipse:AxB",
+        ),
+        (
+            &["simulate", &taper, "--speed", "-5"],
+            2,
+            "print.speed_mm_s",
+        ),
+        (
+            &["simulate", &taper, "--infill-density", "20"],
+            2,
+            "--walls",
+        ),
+        (
+            &[
+                "simulate",
+                &taper,
+                "--walls",
+                "2",
+                "--infill-density",
+                "120",
+            ],
+            2,
+            "infill.density_pct",
+        ),
+        (&["simulate", &taper, "--walls", "0"], 2, "infill.walls"),
+        (
+            &["simulate", &taper, "--keep-out", &taper],
+            1,
+            "leave no ground",
+        ),
+        (
+            &["simulate", &taper, "--keep-out", "nothing.json"],
+            1,
+            "nothing.json",
+        ),
+        (&["simulate", &taper, "--at", "1,2"], 2, "three numbers"),
+        (&["simulate", &taper, "--scale", "0"], 2, "--scale"),
+        (&["simulate", &taper, "--link", "drop=2"], 2, "probability"),
+        (&["headings", &taper, "--spacing", "0"], 2, "--spacing"),
+        (&["headings", "drawing.dwg"], 2, "--from"),
+        (&["inspect", "not-there.json"], 1, "not-there.json"),
+        (&["machine", "check", path(&machine)], 1, "line 2"),
+        (
+            &["plan", path(&bow_tie), "-o", path(&job)],
+            1,
+            "(5.0000, 5.0000) mm",
+        ),
+        (
+            &["plan", path(&tiny), "-o", path(&job)],
+            1,
+            "nothing can be printed",
+        ),
+        (&["simulate", &taper, "--at", "240,0,0"], 1, "work area"),
+        (&["simulate", &taper, "--scale", "20"], 1, "work area"),
+        (&["export", &taper, "--to", "csv"], 1, "not a Headway job"),
+    ];
+    for (arguments, status, part) in cases {
+        let output = headway(arguments);
+        let said = stderr(&output);
+        assert_eq!(output.status.code(), Some(*status), "{arguments:?}: {said}");
+        assert!(said.contains(part), "{arguments:?}: {said}");
+        assert!(
+            output.stdout.is_empty(),
+            "{arguments:?}: {}",
+            stdout(&output)
+        );
+    }
+    for arguments in [&["--help"][..], &["simulate", "--help"], &["--version"]] {
+        assert!(!succeeded(&headway(arguments)).is_empty());
+    }
+    assert!(!job.exists(), "a refused plan leaves no job");
+    std::fs::remove_dir_all(folder).expect("clean up");
+}
+
+#[test]
+fn a_machine_for_the_firmware_reads_back_as_the_same_machine() {
+    let folder = folder("firmware");
+    let file = folder.join("machine.toml");
+    let text = succeeded(&headway(&["machine", "new", "--kind", "gantry"]));
+    std::fs::write(&file, text).expect("file");
+    let bytes = folder.join("machine.bin");
+    let said = headway(&["machine", "firmware", path(&file), "-o", path(&bytes)]);
+    assert!(succeeded(&said).contains("6 joints"));
+    let bytes = std::fs::read(&bytes).expect("file");
+    let settings =
+        headway_firmware::settings::BoardSettings::decode(&bytes).expect("what a board reads");
+    assert_eq!(
+        settings.machine,
+        headway::settings::Settings::gantry().machine
+    );
+}
+
+#[test]
+fn a_new_machine_is_in_order() {
+    let folder = folder("machine");
+    for kind in ["planar", "gantry"] {
+        let text = succeeded(&headway(&["machine", "new", "--kind", kind]));
+        let file = folder.join("machine.toml");
+        std::fs::write(&file, &text).expect("file");
+        let summary = object(&headway(&["machine", "check", path(&file), "--json"]));
+        assert_eq!(summary["name"], kind);
+        assert!(
+            summary["motors"]
+                .as_array()
+                .is_some_and(|motors| motors.len() > 4)
+        );
+    }
+    std::fs::remove_dir_all(folder).expect("clean up");
+}
+
+#[test]
+fn headings_writes_the_contract_s_columns() {
+    let taper = example("taper.json");
+    let text = succeeded(&headway(&["headings", &taper, "--spacing", "0.5"]));
+    let mut lines = text.lines();
+    let header = "x_mm,y_mm,nx,ny,r_mm,weight,law_alpha_deg,min_alpha_deg,alpha_deg,reachable,\
+                  center_x_mm,center_y_mm,phi_rad";
+    assert_eq!(lines.next(), Some(header));
+    // 83.76 mm in pieces of at most 0.5 mm, at least one an edge.
+    let rows: Vec<&str> = lines.collect();
+    assert!((168..176).contains(&rows.len()), "{}", rows.len());
+    assert!(rows.iter().all(|row| row.split(',').count() == 13));
+    let summary = object(&headway(&[
+        "headings",
+        &taper,
+        "--spacing",
+        "0.5",
+        "--json",
+    ]));
+    assert_eq!(summary["samples"], rows.len());
+}
+
+#[test]
+fn placing_the_part_moves_the_machine_not_the_figures() {
+    let folder = folder("place");
+    let taper = example("taper.json");
+    let tables = ["100,100,0", "10,20,0"].map(|at| {
+        let job = folder.join("job.hwj");
+        let plan = ["plan", &taper, "--at", at, "-o", path(&job), "--json"];
+        let figures = object(&headway(&plan));
+        let summary = object(&headway(&["inspect", path(&job), "--json"]));
+        let offset: Vec<f64> = at.split(',').map(|v| v.parse().expect("number")).collect();
+        assert_eq!(summary["offset_mm"], serde_json::json!(offset));
+        (figures["print_mm"].clone(), figures["passes"].clone())
+    });
+    let print_mm = |k: usize| tables[k].0.as_f64().expect("mm");
+    // Control points are rounded to 0.1 µm on the machine: micrometres over the whole path.
+    assert!((print_mm(0) - print_mm(1)).abs() < 0.01);
+    assert_eq!(tables[0].1, tables[1].1);
+    std::fs::remove_dir_all(folder).expect("clean up");
+}
+
+/// Goal: a polygon aperture comes from its file, on the line and in a machine file beside it, and a
+/// job stands on its own without that file.
+#[test]
+fn a_polygon_aperture_comes_from_its_file() {
+    let folder = folder("aperture");
+    let drop = folder.join("drop.json");
+    let text =
+        r#"{"units":"mm","exterior":[[-0.35,-0.25],[0.1,-0.3],[0.6,0],[0.1,0.3],[-0.35,0.25]]}"#;
+    std::fs::write(&drop, text).expect("file");
+    let given = format!("polygon:{}", path(&drop));
+    let taper = example("taper.json");
+    let arguments = ["headings", &taper, "--spacing", "2", "--aperture", &given];
+    let on_the_line = succeeded(&headway(&arguments));
+    let new = succeeded(&headway(&["machine", "new"]));
+    let machine = folder.join("machine.toml");
+    let own = new.replace("ellipse:0.6x0.2", "polygon:drop.json");
+    assert_ne!(own, new);
+    std::fs::write(&machine, own).expect("file");
+    let in_the_file = ["headings", &taper, "--spacing", "2", "-m", path(&machine)];
+    assert_eq!(succeeded(&headway(&in_the_file)), on_the_line);
+
+    let job = folder.join("taper.hwj");
+    let plan = [
+        "plan",
+        &taper,
+        "-m",
+        path(&machine),
+        "-o",
+        path(&job),
+        "--json",
+    ];
+    let planned = object(&headway(&plan));
+    std::fs::remove_file(&drop).expect("clean up");
+    let simulated = object(&headway(&["simulate", path(&job), "--json"]));
+    assert_eq!(simulated["passes"], planned["passes"]);
+    assert_eq!(simulated["faults"], 0);
+    let output = headway(&arguments);
+    assert_eq!(output.status.code(), Some(1));
+    assert!(stderr(&output).contains("drop.json"), "{}", stderr(&output));
+    std::fs::remove_dir_all(folder).expect("clean up");
+}

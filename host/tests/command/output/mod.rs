@@ -1,0 +1,6 @@
+mod browser;
+mod command;
+mod guide;
+mod jobs;
+mod outputs;
+mod shell;

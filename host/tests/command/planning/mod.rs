@@ -1,0 +1,6 @@
+mod api;
+mod awkward;
+mod copies;
+mod dxf;
+mod gcode;
+mod meshes;

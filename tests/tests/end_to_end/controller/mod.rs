@@ -1,0 +1,4 @@
+mod drivers;
+mod emulated;
+mod figures;
+mod thermal;

@@ -1,0 +1,4 @@
+mod export;
+mod heat_orders;
+mod orca;
+mod reading;

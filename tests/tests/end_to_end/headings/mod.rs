@@ -1,0 +1,8 @@
+mod apertures;
+mod dense_search;
+mod heading_stops;
+mod medial_axis_oracle;
+mod noisy_headings;
+mod polygon_headings;
+mod reachable_oracle;
+mod table_oracle;

@@ -1,0 +1,5 @@
+mod meshes;
+mod mutated_files;
+mod nurbs;
+mod outlines;
+mod progress;

@@ -1,0 +1,6 @@
+mod bridges;
+mod infill;
+mod keep_out;
+mod method_figures;
+mod stacks;
+mod volume;

@@ -1,0 +1,12 @@
+//! The end-to-end tests, one program: a module a theme, in each a file a goal.
+
+mod controller;
+mod gcode;
+mod headings;
+mod inputs;
+mod layers;
+mod line;
+mod motion;
+mod six_axes;
+mod slices;
+mod tidy;

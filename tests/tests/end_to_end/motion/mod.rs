@@ -1,0 +1,3 @@
+mod bed_mesh;
+mod limits;
+mod steps;

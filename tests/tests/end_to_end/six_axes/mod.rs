@@ -1,0 +1,7 @@
+mod arm_solutions;
+mod clear_travel;
+mod real_runs;
+mod rounded_corners;
+mod singular_places;
+mod surfaces;
+mod waypoints;
