@@ -9,6 +9,7 @@
 
 use crate::design::{CEILING_OPEN, QUEUE_KNOTS, WARP_ROOM};
 use crate::load::SpanLoad;
+use crate::spline::SpanWindow;
 use headway_protocol::segment::Knot;
 use heapless::Deque;
 
@@ -25,6 +26,19 @@ pub struct QueuedKnot {
     pub ends_at_rest: bool,
     /// Ceilings at the span's start.
     pub ceiling: Ceiling,
+}
+
+impl QueuedKnot {
+    /// The newest knot of a window, whose span asks this of the joints; it has no ceiling yet.
+    pub fn new(window: &SpanWindow, knot: &Knot, load: SpanLoad) -> Self {
+        Self {
+            knot: *knot,
+            load,
+            span_ticks: window.duration_ticks(),
+            ends_at_rest: window.ends_at_rest(),
+            ceiling: Ceiling::END,
+        }
+    }
 }
 
 /// Largest sigma² at a place, see the module text.

@@ -1,8 +1,10 @@
-//! A job on its way to its file: packed, checked against the limits and timed as its pieces come.
+//! A job on its way to its file: packed, checked against the limits and as a board does, and timed as its pieces
+//! come.
 //!
 //! In: pieces of a stream, of whatever planned it, and a file for their frames. Out: the job's frames,
 //! the figures that only the finished motion shows, the job's header. Leaves out where the job goes.
 
+use crate::drive::device_check::{DeviceCheck, Refused};
 use crate::drive::limits::{LimitFigures, LimitTally};
 use crate::drive::time_by_limit::{TimeByLimit, TimeTally};
 use crate::findings::time_figures;
@@ -23,6 +25,7 @@ pub struct JobPacking<F: Write> {
     is_empty: bool,
     limits: LimitTally,
     times: TimeTally,
+    device: DeviceCheck,
 }
 
 /// A whole job.
@@ -33,6 +36,8 @@ pub struct PackedJob<F> {
     pub limits: LimitFigures,
     /// What takes its time.
     pub times: TimeByLimit,
+    /// Where a board would stop it: such a job is not to be written.
+    pub refused: Option<Refused>,
 }
 
 /// What a job's header says beside its stream.
@@ -59,6 +64,7 @@ impl<F: Read + Write + Seek> JobPacking<F> {
             is_empty: true,
             limits: LimitTally::default(),
             times: TimeTally::default(),
+            device: DeviceCheck::default(),
         }
     }
 
@@ -82,12 +88,15 @@ impl<F: Read + Write + Seek> JobPacking<F> {
             machine: piece.machine(&settings.machine),
             ..settings.clone()
         };
-        let (limits, times) = (&mut self.limits, &mut self.times);
+        let (limits, times, device) = (&mut self.limits, &mut self.times, &mut self.device);
         let added = self.spool.add(piece, first_pass);
-        rayon::join(
-            || limits.add(piece, &settings),
-            || times.add(piece, &settings),
-        );
+        let tallied = || {
+            rayon::join(
+                || limits.add(piece, &settings),
+                || times.add(piece, &settings),
+            )
+        };
+        rayon::join(tallied, || device.add(piece, &settings.machine));
         added
     }
 
@@ -100,6 +109,7 @@ impl<F: Read + Write + Seek> JobPacking<F> {
             frames: self.spool.finish()?,
             limits: self.limits.figures,
             times: self.times.finish(settings),
+            refused: self.device.finish(),
         })
     }
 }

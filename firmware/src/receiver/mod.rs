@@ -12,9 +12,9 @@ mod second_line;
 use crate::configuration::MachineConfiguration;
 use crate::design::{NAK_PERIOD_MS, STATUS_PERIOD_MS, ticks_of_ms};
 use crate::kinematics::winding::Winding;
-use crate::load::{LoadModel, SpanFault, SpanLoad};
+use crate::load::{LoadModel, SpanFault};
 use crate::motion::{CommandError, Motion};
-use crate::queue::{Ceiling, QueuedKnot};
+use crate::queue::QueuedKnot;
 use crate::settings::inbox::SettingsInbox;
 use crate::spline::SpanWindow;
 use headway_protocol::frame::{FrameDecoder, full_sequence};
@@ -456,7 +456,7 @@ fn unpack(bytes: &[u8], stream: &Stream, loads: &LoadModel) -> Option<Block> {
                 break;
             }
         };
-        let queued = queued_knot(&window, knot, load);
+        let queued = QueuedKnot::new(&window, knot, load);
         knots.push(queued).ok()?;
     }
     Some(Block {
@@ -467,18 +467,4 @@ fn unpack(bytes: &[u8], stream: &Stream, loads: &LoadModel) -> Option<Block> {
         winding,
         count: decoded.len() as u32,
     })
-}
-
-fn queued_knot(
-    window: &SpanWindow,
-    knot: &headway_protocol::segment::Knot,
-    load: SpanLoad,
-) -> QueuedKnot {
-    QueuedKnot {
-        knot: *knot,
-        load,
-        span_ticks: window.duration_ticks(),
-        ends_at_rest: window.ends_at_rest(),
-        ceiling: Ceiling::END,
-    }
 }

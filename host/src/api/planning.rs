@@ -6,10 +6,12 @@
 
 use super::part::What;
 use super::{Error, Job, Options, Part};
+use crate::findings::objections::Objection;
 use crate::findings::{Findings, findings};
 use crate::input::Target;
 use crate::job_packing::{JobFacts, JobPacking, job_header};
 use crate::plan::progress::{Progress, Stage};
+use crate::report::figures::Figures;
 use crate::settings::{Settings, machine_file};
 use crate::{Plan, plan_target_around, plan_waypoints_with_progress};
 use std::io::Cursor;
@@ -131,14 +133,24 @@ fn planned(
 fn packed(part: &Part, plan: &Plan, plan_s: f64, settings: &Settings) -> Result<Job, Error> {
     let job_error = |error: &dyn std::fmt::Display| Error::Job(error.to_string());
     let Findings {
-        figures, warnings, ..
+        figures,
+        warnings,
+        objections,
+        ..
     } = findings(plan, plan_s, settings);
     let mut packing = JobPacking::new(Cursor::new(Vec::new()));
     let taken = packing.take(&plan.stream, 0, settings);
     taken.map_err(|error| job_error(&error))?;
     let packed = packing.finish(settings);
     let mut packed = packed.map_err(|error| job_error(&error))?;
-    let figures = packed.figures(figures, &plan.transform);
+    if let Some(refused) = &packed.refused {
+        let fault = Objection::of_board(refused, &plan.transform, settings);
+        return Err(Error::Plan(fault.text));
+    }
+    let figures = Figures {
+        objections: (!objections.is_empty()).then(|| lines(&objections)),
+        ..packed.figures(figures, &plan.transform)
+    };
     let outline = match &part.what {
         What::Outline(loaded) => {
             let Target { regions, .. } = &loaded.target;
@@ -158,6 +170,13 @@ fn packed(part: &Part, plan: &Plan, plan_s: f64, settings: &Settings) -> Result<
     let mut bytes = Vec::new();
     let written = packed.frames.write(&mut bytes, &header);
     written.map_err(|error| job_error(&error))?;
-    let notes = part.notes().iter().cloned().chain(warnings).collect();
+    let notes = lines(&objections).into_iter();
+    let notes = notes.chain(part.notes().iter().cloned()).chain(warnings);
+    let notes = notes.collect();
     Job::planned(bytes, figures, notes)
+}
+
+/// A line for each objection.
+fn lines(objections: &[Objection]) -> Vec<String> {
+    objections.iter().map(|o| o.text.clone()).collect()
 }

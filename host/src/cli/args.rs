@@ -1,5 +1,6 @@
 //! The options of every command, with their help.
 
+use super::args_allow::AllowArgs;
 use super::args_board::{BoardArgs, StreamArgs};
 use super::args_calibrate::CalibrateArgs;
 use super::args_export::ExportArgs;
@@ -351,6 +352,8 @@ pub(super) struct PlanArgs {
     pub place: PlaceArgs,
     #[command(flatten)]
     pub settings: SettingsArgs,
+    #[command(flatten)]
+    pub allow: AllowArgs,
     /// The figures as one JSON object on stdout.
     #[arg(long)]
     pub json: bool,
@@ -417,6 +420,8 @@ pub(super) struct SimulateArgs {
     pub place: PlaceArgs,
     #[command(flatten)]
     pub settings: SettingsArgs,
+    #[command(flatten)]
+    pub allow: AllowArgs,
     /// The figures as one JSON object on stdout.
     #[arg(long)]
     pub json: bool,

@@ -1,6 +1,7 @@
 //! The options of `headway calibrate`, with their help.
 
 use super::args::SettingsArgs;
+use super::args_allow::AllowArgs;
 use crate::calibration::PatternKind;
 use clap::{Args, ValueEnum};
 use std::path::PathBuf;
@@ -46,6 +47,8 @@ pub(super) struct CalibrateArgs {
     pub at: Option<String>,
     #[command(flatten)]
     pub settings: SettingsArgs,
+    #[command(flatten)]
+    pub allow: AllowArgs,
     /// What is laid where, as one JSON object on stdout.
     #[arg(long)]
     pub json: bool,

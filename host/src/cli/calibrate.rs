@@ -3,6 +3,7 @@
 //! In: the pattern's name, options, settings. Out: a job file as `plan` writes it, or one for each value with
 //! its machine file, and a table of lines with the values they stand for, in pattern coordinates.
 
+use super::args_allow::AllowArgs;
 use super::args_calibrate::CalibrateArgs;
 use super::console::Console;
 use super::output_file::{check_file, nameless_file, write_file};
@@ -62,7 +63,7 @@ pub(super) fn run(args: &CalibrateArgs, console: &Console) -> Result<(), CliErro
     }
     let mut written = Vec::new();
     for (job, file) in drawn.jobs.iter().zip(files) {
-        written.push(write(job, file, console)?);
+        written.push(write(job, file, &args.allow, console)?);
     }
     if args.json {
         return console.result(&format!("{:#}\n", as_json(&drawn, &written)));
@@ -91,6 +92,8 @@ fn shake(
         heat: Vec::new(),
         figures: Figures::default(),
         notes: Vec::new(),
+        objections: Vec::new(),
+        own_joints: None,
         plan: None,
         unreachable: Vec::new(),
         left_out: Vec::new(),
@@ -100,7 +103,8 @@ fn shake(
             ..settings
         },
     };
-    write_job(planned, packing, &file, console)?;
+    let (_, is_written) = write_job(planned, packing, &args.allow, &file, console)?;
+    is_written?;
     let file = file.display().to_string();
     if !args.json {
         return console.result(&shaken_text(&swept, &file, &read, change));
@@ -174,10 +178,16 @@ fn file_of(output: &Path, job: &PatternJob) -> PathBuf {
     output.with_file_name(format!("{stem}-{value:.4}.{}", ending.to_string_lossy()))
 }
 
-fn write(job: &PatternJob, file: PathBuf, console: &Console) -> Result<Written, CliError> {
+fn write(
+    job: &PatternJob,
+    file: PathBuf,
+    allow: &AllowArgs,
+    console: &Console,
+) -> Result<Written, CliError> {
     let packing = JobPacking::new(nameless_file(&file)?);
     let planned = planned::from_run(job.run.clone(), job.settings.clone(), &file, console)?;
-    let planned = write_job(planned, packing, &file, console)?;
+    let (planned, is_written) = write_job(planned, packing, allow, &file, console)?;
+    is_written?;
     let machine_file = job.value.map(|_| file.with_extension("toml"));
     if let Some(path) = &machine_file {
         write_file(path, machine_file::to_toml(&job.settings).as_bytes())?;

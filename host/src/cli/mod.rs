@@ -5,6 +5,7 @@
 //! 1 the job cannot be done as asked, 2 wrong usage.
 
 mod args;
+mod args_allow;
 mod args_board;
 mod args_calibrate;
 mod args_export;
@@ -45,6 +46,7 @@ mod simulated_board;
 mod stream;
 mod stream_heat;
 mod tune;
+mod verdict;
 mod view;
 
 use args::{Arguments, Command};
@@ -62,6 +64,16 @@ pub enum CliError {
     /// The job cannot be done as asked (exit status 1).
     #[error("{0}")]
     Job(String),
+    /// A joint would leave its range (exit status 1); `--allow range` takes it.
+    #[error("{input}: {place} (--allow range takes it as it is)")]
+    OutsideRange {
+        /// Input that is planned.
+        input: String,
+        /// Joint from 0.
+        joint: usize,
+        /// Where it would be.
+        place: String,
+    },
     /// A file cannot be read or written (exit status 1).
     #[error("{path}: {problem}")]
     File {
@@ -79,7 +91,9 @@ impl CliError {
     fn exit_code(&self) -> ExitCode {
         match self {
             CliError::Usage(_) => ExitCode::from(2),
-            CliError::Job(_) | CliError::File { .. } => ExitCode::from(1),
+            CliError::Job(_) | CliError::OutsideRange { .. } | CliError::File { .. } => {
+                ExitCode::from(1)
+            }
             CliError::OutputClosed => ExitCode::SUCCESS,
         }
     }

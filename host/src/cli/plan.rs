@@ -1,10 +1,12 @@
 //! `headway plan`: input -> job file and figures.
 
-use super::CliError;
 use super::args::PlanArgs;
+use super::args_allow::AllowArgs;
 use super::console::Console;
 use super::output_file::{check_file, nameless_file, write_file_with};
 use super::planned::{self, Planned};
+use super::{CliError, verdict};
+use crate::findings::objections::Objection;
 use crate::job_packing::{JobFacts, JobPacking, job_header};
 use crate::job_spool::SpoolError;
 use std::fs::File;
@@ -12,29 +14,40 @@ use std::path::Path;
 
 pub(super) fn run(args: &PlanArgs, console: &Console) -> Result<(), CliError> {
     check_file(&args.output)?;
-    let mut job = JobPacking::new(nameless_file(&args.output)?);
-    let planned = planned::from_input(
-        &args.input,
-        &args.reading,
-        &args.place,
-        &args.settings,
-        Some(&mut job),
-        console,
-    )?;
-    let planned = write_job(planned, job, &args.output, console)?;
-    if args.json {
-        return console.result(&(planned.figures.to_json() + "\n"));
+    let (planned, job) = verdict::planned_as_allowed(&args.allow, |widened| {
+        let mut job = JobPacking::new(nameless_file(&args.output)?);
+        let planned = planned::from_input(
+            &args.input,
+            &args.reading,
+            &args.place,
+            &args.settings,
+            widened,
+            Some(&mut job),
+            console,
+        )?;
+        Ok((planned, job))
+    })?;
+    let (planned, written) = write_job(planned, job, &args.allow, &args.output, console)?;
+    let figures = &planned.figures;
+    match args.json {
+        true => console.result(&(figures.to_json() + "\n"))?,
+        false => console.result(&(verdict::first_lines(figures) + &figures.to_text()))?,
     }
-    console.result(&planned.figures.to_text())
+    written
 }
 
-/// Checks a plan's finished motion and writes its job; the plan comes back with all figures.
+/// Checks a plan's finished motion and writes its job, where nothing keeps it from being good but what is allowed;
+/// the plan comes back with all figures, and why it is not written, if so.
+///
+/// # Errors
+/// What keeps it from being packed or written.
 pub(super) fn write_job(
     mut planned: Planned,
     mut job: JobPacking<File>,
+    allow: &AllowArgs,
     path: &Path,
     console: &Console,
-) -> Result<Planned, CliError> {
+) -> Result<(Planned, Result<(), CliError>), CliError> {
     let bar = console.stage("checking");
     let spooled = |error: SpoolError| CliError::Job(error.to_string());
     if job.is_empty() {
@@ -45,6 +58,16 @@ pub(super) fn write_job(
     bar.finish_and_clear();
     let of_plan = std::mem::take(&mut planned.figures);
     planned.figures = packed.figures(of_plan, &planned.transform);
+    if let Some(refused) = &packed.refused {
+        let fault = Objection::of_board(refused, &planned.transform, &planned.settings);
+        planned.objections.insert(0, fault);
+    }
+    verdict::note(&planned.objections, &mut planned.figures);
+    let stands = verdict::check(&planned.objections, allow, "the job is not written");
+    if stands.is_err() {
+        return Ok((planned, stands));
+    }
+    planned.restore_joints();
     let facts = JobFacts {
         name: &planned.name,
         outline: &planned.outline,
@@ -66,5 +89,5 @@ pub(super) fn write_job(
         length,
         path.display()
     ));
-    Ok(planned)
+    Ok((planned, Ok(())))
 }

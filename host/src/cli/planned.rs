@@ -5,6 +5,7 @@ use super::console::Console;
 use super::job::{self, Job};
 use super::{CliError, copies, load, load_run, planned_gcode, planned_part};
 use crate::findings::findings;
+use crate::findings::objections::Objection;
 use crate::geometry::polygon::Region;
 use crate::input::waypoints::WaypointRun;
 use crate::input::{Input, Loaded, Target};
@@ -13,12 +14,14 @@ use crate::job_heat::HeatEvent;
 use crate::job_packing::JobPacking;
 use crate::mesh::Mesh;
 use crate::part_transform::PartTransform;
+use crate::plan::motion::joint_limits::MotionError;
 use crate::plan::outline::unreachable::UnreachableRun;
 use crate::report::Place;
 use crate::report::figures::Figures;
 use crate::settings::{Settings, Tolerances};
 use crate::surface_plan::plan_on_surface;
-use crate::{Plan, plan_target_around, plan_waypoints_with_progress};
+use crate::{Plan, PlanError, plan_target_around, plan_waypoints_with_progress};
+use headway_firmware::configuration::JointConfiguration;
 use std::fs::File;
 use std::path::Path;
 use std::time::Instant;
@@ -35,6 +38,10 @@ pub(super) struct Planned {
     pub figures: Figures,
     /// Notes of reading and planning.
     pub notes: Vec<String>,
+    /// What keeps it from being good.
+    pub objections: Vec<Objection>,
+    /// The machine's own joints, where it was planned with wider ranges.
+    pub own_joints: Option<Vec<JointConfiguration>>,
     /// The planner's intermediates; `None` for a job from a file.
     pub plan: Option<Box<Plan>>,
     /// Boundary that cannot be touched, input coordinates.
@@ -42,6 +49,23 @@ pub(super) struct Planned {
     /// Ground and boundary that is not printed, the largest of each first; empty for a job from a
     /// file.
     pub left_out: Vec<Place>,
+}
+
+/// By how much the range of a joint that may leave it becomes wider at either end: more than any part asks for, and
+/// not so much that a joint that turns has no end.
+const WIDER_MM: f64 = 10_000.0;
+const WIDER_RAD: f64 = 600.0;
+
+impl Planned {
+    /// Gives the machine the ranges of its own joints again: what a board knows it by.
+    pub(super) fn restore_joints(&mut self) {
+        let Some(own) = self.own_joints.take() else {
+            return;
+        };
+        for (joint, own) in self.settings.machine.joints.iter_mut().zip(own) {
+            *joint = own;
+        }
+    }
 }
 
 /// An input that is planned in one piece.
@@ -64,17 +88,46 @@ impl Flat {
     }
 }
 
-/// Reads an input and plans it. The stream of a mesh goes to `job` where there is one, piece by piece,
-/// and is then none of the result.
+/// Reads an input and plans it, the ranges of the joints `widened` as if they had no end. The stream of a mesh
+/// goes to `job` where there is one, piece by piece, and is then none of the result.
 pub(super) fn from_input(
     path: &Path,
     reading: &InputArgs,
     place: &PlaceArgs,
     settings_args: &SettingsArgs,
+    widened: &[usize],
     job: Option<&mut JobPacking<File>>,
     console: &Console,
 ) -> Result<Planned, CliError> {
-    let settings = placed_settings(place, settings_args)?;
+    let mut settings = placed_settings(place, settings_args)?;
+    let own_joints = settings.machine.joints.to_vec();
+    for &joint in widened {
+        if let Some(joint) = settings.machine.joints.get_mut(joint) {
+            let wider = if joint.rotary { WIDER_RAD } else { WIDER_MM };
+            joint.position_min -= wider;
+            joint.position_max += wider;
+        }
+    }
+    let planned = planned_input(
+        path,
+        (reading, place, settings_args),
+        settings,
+        job,
+        console,
+    )?;
+    Ok(Planned {
+        own_joints: (!widened.is_empty()).then_some(own_joints),
+        ..planned
+    })
+}
+
+fn planned_input(
+    path: &Path,
+    (reading, place, settings_args): (&InputArgs, &PlaceArgs, &SettingsArgs),
+    settings: Settings,
+    job: Option<&mut JobPacking<File>>,
+    console: &Console,
+) -> Result<Planned, CliError> {
     let turn_rad = load_run::turn_rad(place.turn)?;
     let flatten_mm = settings.tolerances.flatten_mm;
     let input = load::input(path, reading, flatten_mm, console)?;
@@ -134,7 +187,7 @@ fn planned_flat(
     };
     let plan_s = begun.elapsed().as_secs_f64();
     bar.clear();
-    let plan = planned.map_err(|error| CliError::Job(format!("{}: {error}", path.display())))?;
+    let plan = planned.map_err(|error| plan_error(path, &error))?;
     settings.machine = plan.stream.machine(&settings.machine);
     let (Target { name, regions }, mut notes) = input.named();
     let found = findings(&plan, plan_s, &settings);
@@ -149,10 +202,25 @@ fn planned_flat(
         stream: plan.stream.clone(),
         heat: Vec::new(),
         notes,
+        objections: found.objections,
+        own_joints: None,
         plan: Some(Box::new(plan)),
         left_out: found.left_out,
         unreachable: found.unreachable,
     })
+}
+
+/// Why an input cannot be planned.
+pub(super) fn plan_error(path: &Path, error: &PlanError) -> CliError {
+    let (input, place) = (path.display().to_string(), error.to_string());
+    match error {
+        PlanError::Motion(MotionError::OutsideJointRange { joint, .. }) => CliError::OutsideRange {
+            input,
+            joint: *joint,
+            place,
+        },
+        _ => CliError::Job(format!("{input}: {place}")),
+    }
 }
 
 /// The settings with the options of where the input lies.
@@ -244,6 +312,8 @@ pub(super) fn of_job(job: Job) -> Planned {
         heat: job.file.header.heat(),
         stream: job.stream,
         notes: Vec::new(),
+        objections: Vec::new(),
+        own_joints: None,
         plan: None,
         unreachable: Vec::new(),
         left_out: Vec::new(),

@@ -2,7 +2,7 @@
 
 use super::CliError;
 use super::console::Console;
-use super::planned::Planned;
+use super::planned::{Planned, plan_error};
 use crate::findings::settings_warnings::settings_warnings;
 use crate::gcode::GcodeProgram;
 use crate::gcode_plan::{GcodePlan, plan_gcode};
@@ -27,7 +27,7 @@ pub(super) fn from_gcode(
     let planned = plan_gcode(&program, speed_mm_s, &settings, &bar);
     let plan_s = begun.elapsed().as_secs_f64();
     bar.clear();
-    let planned = planned.map_err(|error| CliError::Job(format!("{}: {error}", path.display())))?;
+    let planned = planned.map_err(|error| plan_error(path, &error))?;
     let mut warnings = warnings(&program, &planned);
     warnings.extend(settings_warnings(&settings));
     console.notes(&warnings);
@@ -65,6 +65,8 @@ pub(super) fn from_gcode(
         stream: planned.stream,
         heat: planned.heat,
         notes,
+        objections: Vec::new(),
+        own_joints: None,
         plan: None,
         unreachable: Vec::new(),
         left_out: Vec::new(),

@@ -5,7 +5,7 @@ use super::console::Console;
 use super::layer_options::{check_bead_height, layer_heights};
 use super::output_file::end_whole_on_interrupt;
 use super::piece_cache::{CacheFolder, program};
-use super::planned::Planned;
+use super::planned::{Planned, plan_error};
 use super::{CliError, copies, load};
 use crate::PlanError;
 use crate::findings::left_out::left_out;
@@ -75,7 +75,7 @@ pub(super) fn from_mesh(
     let plan_s = begun.elapsed().as_secs_f64();
     console.notes(&cache.notes);
     notes.append(&mut cache.notes);
-    let planned = planned.map_err(|error| failed(error.to_string()))?;
+    let planned = planned.map_err(|error| plan_error(path, &error))?;
     let mut warnings = warnings(&part, &planned);
     warnings.extend(short_layers_note(planned.slowed, &settings));
     warnings.extend(settings_warnings(&settings));
@@ -96,6 +96,8 @@ pub(super) fn from_mesh(
         stream,
         heat: Vec::new(),
         notes,
+        objections: Vec::new(),
+        own_joints: None,
         plan: None,
         left_out: left_out(&planned.open, &planned.unreachable),
         unreachable: planned.unreachable,

@@ -4,11 +4,12 @@ use super::args::{InputArgs, PlaceArgs, SettingsArgs, SimulateArgs};
 use super::console::Console;
 use super::output_file::{check_file, check_report_folder, write_file_with, write_folder};
 use super::planned::{self, Planned};
-use super::{CliError, job, pictures};
+use super::{CliError, job, pictures, verdict};
 use crate::drive::dry_run::{DryRun, dry_run};
 use crate::drive::link::LinkSpec;
 use crate::drive::simulator::SimulatorSetup;
 use crate::drive::trace_table;
+use crate::findings::objections::Objection;
 use crate::findings::simulated::{outcome, simulation_figures};
 use crate::job_heat::{self, job_events};
 use std::path::Path;
@@ -38,14 +39,19 @@ pub(super) fn run(args: &SimulateArgs, console: &Console) -> Result<(), CliError
         console.notes(unused.as_slice());
         planned::from_job(&args.input, &args.settings)?
     } else {
-        planned::from_input(
-            &args.input,
-            &args.reading,
-            &args.place,
-            &args.settings,
-            None,
-            console,
-        )?
+        let (planned, ()) = verdict::planned_as_allowed(&args.allow, |widened| {
+            let planned = planned::from_input(
+                &args.input,
+                &args.reading,
+                &args.place,
+                &args.settings,
+                widened,
+                None,
+                console,
+            )?;
+            Ok((planned, ()))
+        })?;
+        planned
     };
     tell_heat(&mut planned, console);
     let setup = SimulatorSetup {
@@ -66,6 +72,11 @@ pub(super) fn run(args: &SimulateArgs, console: &Console) -> Result<(), CliError
         &planned.settings,
     );
     planned.figures = std::mem::take(&mut planned.figures).merged_with(&simulated);
+    if let Err(fault) = outcome(&dry_run) {
+        let fault = Objection::of_run(&fault);
+        planned.objections.insert(0, fault);
+    }
+    verdict::note(&planned.objections, &mut planned.figures);
     write_traces(args, &planned, &dry_run)?;
     if let Some(folder) = &args.report {
         write_report(folder, &planned, console)?;
@@ -73,9 +84,11 @@ pub(super) fn run(args: &SimulateArgs, console: &Console) -> Result<(), CliError
     if args.json {
         console.result(&(planned.figures.to_json() + "\n"))?;
     } else {
-        console.result(&format!("{}\n{}", planned.name, planned.figures.to_text()))?;
+        let first = verdict::first_lines(&planned.figures);
+        let figures = planned.figures.to_text();
+        console.result(&format!("{first}{}\n{figures}", planned.name))?;
     }
-    outcome(&dry_run).map_err(CliError::Job)
+    verdict::check(&planned.objections, &args.allow, "the job is not good")
 }
 
 /// Says what is ordered of heaters and fans: the simulated line carries the motion alone.

@@ -23,6 +23,7 @@ pub(super) fn run(args: &ViewArgs, console: &Console) -> Result<(), CliError> {
             &args.reading,
             &args.place,
             &args.settings,
+            &[],
             None,
             console,
         )?

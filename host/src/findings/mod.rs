@@ -5,6 +5,7 @@
 //! out what only the finished stream shows: limits and bytes, which [`crate::job_packing`] adds.
 
 pub mod left_out;
+pub mod objections;
 mod run_notes;
 pub mod settings_warnings;
 pub mod simulated;
@@ -24,6 +25,7 @@ use crate::report::figures::{Figures, Inside, KindFigures, SlowPlaceFigures};
 use crate::settings::Settings;
 use crate::stacked_ground::open_cells;
 use left_out::{left_out, longest_first};
+use objections::Objection;
 use run_notes::{corner_figures, run_notes};
 use settings_warnings::settings_warnings;
 use use_figures::{short_layers_note, stacked_figures, use_figures};
@@ -38,6 +40,8 @@ const PLACES_LISTED: usize = 1000;
 pub struct Findings {
     /// Its figures.
     pub figures: Figures,
+    /// What keeps it from being good.
+    pub objections: Vec<Objection>,
     /// What the user should look at before printing, one line each.
     pub warnings: Vec<String>,
     /// Boundary that cannot be touched.
@@ -61,6 +65,7 @@ pub fn findings(plan: &Plan, plan_s: f64, settings: &Settings) -> Findings {
             open_largest_mm2: largest_mm2(plan, &open),
             ..all_figures(plan, &unreachable, plan_s, settings)
         },
+        objections: objections::of_plan(plan),
         warnings,
         left_out: left_out(&open, &unreachable),
         unreachable,

@@ -17,7 +17,7 @@ pub(super) fn run_notes(plan: &Plan, settings: &Settings) -> Vec<String> {
         found_place(plan),
         singular_places(&plan.singular),
         rounded_corners(plan, settings),
-        touches(plan, settings),
+        head_unknown(plan, settings),
     ];
     notes.into_iter().flatten().collect()
 }
@@ -45,18 +45,21 @@ fn found_place(plan: &Plan) -> Option<String> {
     ))
 }
 
-/// What nozzle and head touch; that nobody looked, where a head that tilts has no shape.
-fn touches(plan: &Plan, settings: &Settings) -> Option<String> {
-    let Some(touches) = &plan.touches else {
-        let tilts = settings.machine.kinematics != Kinematics::Planar;
-        let is_run = plan.kinds.is_empty();
-        return (tilts && is_run).then(|| {
-            String::from(
-                "whether the head touches table or print was not looked at: its shape is not in the \
-                 machine file ([head])",
-            )
-        });
-    };
+/// That nobody looked for touches, where a head that tilts has no shape.
+fn head_unknown(plan: &Plan, settings: &Settings) -> Option<String> {
+    let tilts = settings.machine.kinematics != Kinematics::Planar;
+    let is_run = plan.kinds.is_empty();
+    (plan.touches.is_none() && tilts && is_run).then(|| {
+        String::from(
+            "whether the head touches table or print was not looked at: its shape is not in the \
+             machine file ([head])",
+        )
+    })
+}
+
+/// What nozzle and head touch.
+pub(super) fn touches(plan: &Plan) -> Option<String> {
+    let touches = plan.touches.as_ref()?;
     let told: Vec<String> = touches
         .deepest
         .iter()

@@ -32,6 +32,9 @@ pub struct SlowPlaceFigures {
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
 #[serde(default)]
 pub struct Figures {
+    /// What keeps the job from being good, one line each; it was allowed where there is a job all the same.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub objections: Option<Vec<String>>,
     /// Area of the outline.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub area_mm2: Option<f64>,

@@ -11,6 +11,7 @@ const NONE: &str = "none";
 /// The line.
 pub fn verdict(figures: &Figures) -> String {
     let parts = [
+        objections(figures),
         faults(figures),
         time(figures),
         coverage(figures),
@@ -39,6 +40,12 @@ pub fn tiles(figures: &Figures) -> Vec<(&'static str, String)> {
     known
         .filter_map(|(what, value)| Some((what, value?)))
         .collect()
+}
+
+fn objections(figures: &Figures) -> Option<String> {
+    let lines = figures.objections.iter().flatten();
+    let sentences: Vec<String> = lines.map(|line| format!("{line}.")).collect();
+    (!sentences.is_empty()).then(|| sentences.join(" "))
 }
 
 fn faults(figures: &Figures) -> Option<String> {

@@ -4,14 +4,19 @@
 //! `headway_protocol::segment`), so control points and durations are shifted by two spans.
 
 use super::FinishedMove;
-use crate::job::{LEAD_IN_SPANS, Mark, MotionState, SegmentStream};
+use crate::job::{LEAD_IN_SPANS, Mark, MotionState, SegmentStream, dwell_spans};
 use crate::plan::route::moves::{MoveEvent, Route, RouteMove};
 use crate::settings::Settings;
 use headway_protocol::segment::{FlowAction, FlowEvent, Knot, REST_TICKS};
 use headway_protocol::units::{CHANNEL_VOLUME, ChannelPoint, Ticks, UNITS_PER_NATURAL, to_units};
 
-/// Joins the moves.
-pub fn assemble(route: &Route, finished: &[FinishedMove], settings: &Settings) -> SegmentStream {
+/// Joins the moves, the head resting so many ticks before each.
+pub fn assemble(
+    route: &Route,
+    finished: &[FinishedMove],
+    rests: &[u64],
+    settings: &Settings,
+) -> SegmentStream {
     let servo_hz = f64::from(settings.machine.servo_hz);
     let Some(first) = finished.first() else {
         return SegmentStream::default();
@@ -28,14 +33,21 @@ pub fn assemble(route: &Route, finished: &[FinishedMove], settings: &Settings) -
         pass: None,
     }];
     let mut events = Vec::new();
-    for (route_move, motion) in route.moves.iter().zip(finished) {
+    let moves = route.moves.iter().zip(finished).zip(rests);
+    for ((route_move, motion), &rest_ticks) in moves {
+        if rest_ticks > 0 {
+            let spans = dwell_spans(rest_ticks);
+            let here = control.last().copied().unwrap_or(start);
+            control.extend(spans.iter().map(|_| here));
+            durations.extend(spans);
+        }
         let spans = &motion.spline.durations_ticks;
         if let Some(event) = flow_event(route_move, spans, durations.len(), servo_hz) {
             events.push(event);
         }
         durations.extend(spans);
         control.extend(motion.spline.control[3..].iter().map(to_units));
-        let end_tick = tick + motion.spline.ticks();
+        let end_tick = tick + rest_ticks + motion.spline.ticks();
         marks.push(Mark {
             start_tick: tick,
             end_tick,

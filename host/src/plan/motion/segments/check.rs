@@ -105,7 +105,7 @@ pub struct EventRun {
 
 impl EventRun {
     /// Rate (mm³ a tick) and its derivative (mm³ a tick²) of the quintic smooth step.
-    fn rates_at(&self, tick: f64) -> (f64, f64) {
+    pub(super) fn rates_at(&self, tick: f64) -> (f64, f64) {
         let x = (tick - self.start_tick) / self.duration_ticks;
         if !(0.0..=1.0).contains(&x) {
             return (0.0, 0.0);
@@ -400,6 +400,9 @@ pub fn check_extruder(
                     &mut worst,
                     &mut pieces,
                 );
+                if (flow.len()..window_ticks).contains(&tick) {
+                    pieces.extend(short_piece(&flow, tick, window_ticks, limits, events));
+                }
             }
             (worst, pieces)
         })
@@ -412,6 +415,27 @@ pub fn check_extruder(
     };
     let pieces = parts.into_iter().flat_map(|(_, pieces)| pieces);
     pieces.chain([kept]).collect()
+}
+
+/// A tick behind a move that is shorter than the window of pressure advance, where the move by itself is beyond a
+/// limit: half a window ago it was in its middle, or at its nearer end.
+fn short_piece(
+    flow: &[(f64, f64)],
+    tick: usize,
+    window_ticks: usize,
+    limits: &MotionLimits,
+    events: &[EventRun],
+) -> Option<Piece> {
+    let own = events.iter().filter(|event| event.start_tick >= 0.0);
+    let own: Vec<EventRun> = own.copied().collect();
+    let cause = tick.saturating_sub(limits.advance_delay_ticks as usize);
+    let cause = cause.min(flow.len().saturating_sub(1)) as f64;
+    let piece = Piece {
+        start_tick: cause - 0.5,
+        end_tick: cause + 0.5,
+        ratios: extruder_ratios(flow, tick, window_ticks, limits, &own),
+    };
+    (!piece.is_kept(false)).then_some(piece)
 }
 
 /// Lists what a tick is beyond its limit by, or counts it among the others.

@@ -11,8 +11,8 @@
 //!
 //! A print move that an earlier layer had as well takes that one's spline, moved and checked.
 //!
-//! Left out: what one move's pressure advance still does in the next (they are joined at rest;
-//! it dies out within the smoothing window).
+//! All moves share the extruder: where one's prime, retract or pressure advance still acts in the next and both
+//! together are too much for it, the head rests between them (`rests.rs`).
 
 pub mod assemble;
 mod banded;
@@ -20,13 +20,14 @@ pub mod check;
 pub mod fit;
 pub mod layout;
 mod repeats;
+mod rests;
 mod retiming;
 pub mod shaping;
 pub mod spline;
 pub mod tick_path;
 pub mod warp;
 
-use crate::job::{SegmentStream, dwell_spans};
+use crate::job::{MotionState, SegmentStream, dwell_spans};
 use crate::plan::motion::joint_limits::{MotionError, MotionLimits};
 use crate::plan::motion::joint_turns::choose_solution;
 use crate::plan::progress::{Progress, Stage, Steps};
@@ -123,7 +124,9 @@ pub fn lay_segments_with_progress(
         report.doubled_moves += usize::from(route_move.doubled);
         report.time_bound_s += route_move.time_bound_s;
     }
-    let stream = assemble::assemble(route, &finished, settings);
+    let limits = MotionLimits::of(settings, MotionState::Print)?;
+    let rests = rests::rests(route, &finished, &limits);
+    let stream = assemble::assemble(route, &finished, &rests, settings);
     let ticks = stream.marks.last().map_or(0, |mark| mark.end_tick);
     report.duration_s = ticks as f64 / f64::from(settings.machine.servo_hz);
     Ok((stream, report))
