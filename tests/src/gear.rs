@@ -1,4 +1,4 @@
-//! A six-axis gear: the job that bytes on the wire are measured with.
+//! A six-axis gear: the job that bytes on the wire are measured with, and the example of six axes.
 //!
 //! r(t) = 20 + 0.8 sin 20t + 0.45 t/2pi mm around (100, 100), Z = 0.2 + 0.3 (1 - cos(2 pi L/200)),
 //! A = 10° sin(2 pi L/200), B = 10° cos(2 pi L/200) - 10°, L the length so far; the nozzle's major
@@ -51,6 +51,43 @@ fn head(length_mm: f64) -> Rotation3<f64> {
 
 /// The gear's points, `SPACING_MM` apart, over so much length.
 pub fn points(length_mm: f64) -> Vec<GearPoint> {
+    let rise = |_: f64, length_mm: f64, run_mm: f64| {
+        let rise = height_mm(length_mm + 1e-4) - height_mm(length_mm - 1e-4);
+        rise / 2e-4 * run_mm
+    };
+    let axis = |_: f64, length_mm: f64| head(length_mm) * Vector3::z();
+    sampled(length_mm, |_, length_mm| height_mm(length_mm), rise, axis)
+}
+
+/// Slope of the cone that the gear of the examples lies on, its tool axis along the cone's normal: what is
+/// printed is never above the nozzle's flat end, 0.8 mm from its axis.
+const CONE_RAD: f64 = 12.0 * PI / 180.0;
+/// Radius at which the cone is one layer above the bed: the gear's outermost place.
+const CONE_FOOT_MM: f64 = 22.2;
+
+/// The same gear on a cone that falls outwards.
+pub fn points_on_cone(length_mm: f64) -> Vec<GearPoint> {
+    let height_mm = |t: f64| {
+        let [x, y] = plane(t);
+        let radius_mm = (x - 100.0).hypot(y - 100.0);
+        0.2 + (CONE_FOOT_MM - radius_mm) * CONE_RAD.tan()
+    };
+    let rise = |t: f64, _: f64, _: f64| height_mm(t + FINE) - height_mm(t - FINE);
+    let axis = |t: f64, _: f64| {
+        let (sin, cos) = CONE_RAD.sin_cos();
+        Vector3::new(sin * t.cos(), sin * t.sin(), cos)
+    };
+    sampled(length_mm, |t, _| height_mm(t), rise, axis)
+}
+
+/// Points `SPACING_MM` apart; the height, its rise over 2 [`FINE`] of so much length in the plane, and the tool
+/// axis by t and the length so far.
+fn sampled(
+    length_mm: f64,
+    height_mm: impl Fn(f64, f64) -> f64,
+    rise_mm: impl Fn(f64, f64, f64) -> f64,
+    axis: impl Fn(f64, f64) -> Vector3<f64>,
+) -> Vec<GearPoint> {
     let mut points: Vec<GearPoint> = Vec::new();
     let (mut t, mut so_far_mm, mut heading_rad) = (0.0, 0.0, 0.0);
     let mut last = plane(0.0);
@@ -59,9 +96,9 @@ pub fn points(length_mm: f64) -> Vec<GearPoint> {
             let ahead = plane(t + FINE);
             let behind = plane(t - FINE);
             let run_mm = (ahead[0] - behind[0]).hypot(ahead[1] - behind[1]);
-            let rise = (height_mm(so_far_mm + 1e-4) - height_mm(so_far_mm - 1e-4)) / 2e-4;
-            let tangent = Vector3::new(ahead[0] - behind[0], ahead[1] - behind[1], rise * run_mm);
-            let axis = head(so_far_mm) * Vector3::z();
+            let rise_mm = rise_mm(t, so_far_mm, run_mm);
+            let tangent = Vector3::new(ahead[0] - behind[0], ahead[1] - behind[1], rise_mm);
+            let axis = axis(t, so_far_mm);
             let tilt = tilt_of_axis(&axis);
             let upright = Rotation3::new(Vector3::new(tilt.x, tilt.y, 0.0)).inverse() * tangent;
             let angle = upright.y.atan2(upright.x);
@@ -71,7 +108,7 @@ pub fn points(length_mm: f64) -> Vec<GearPoint> {
                 angle + TAU * ((heading_rad - angle) / TAU).round()
             };
             points.push(GearPoint {
-                tip_mm: [last[0], last[1], height_mm(so_far_mm)],
+                tip_mm: [last[0], last[1], height_mm(t, so_far_mm)],
                 axis: axis.into(),
                 heading_rad,
                 length_mm: so_far_mm,
@@ -88,11 +125,26 @@ pub fn points(length_mm: f64) -> Vec<GearPoint> {
 /// The gear as a waypoint file: a waypoint every other sample: four times as far apart, the
 /// headings between them would be off by a quarter of their tolerance, and cost bytes.
 pub fn waypoint_file(length_mm: f64) -> String {
-    let mut text = String::from(
-        "# name: gear-6axis\n# units: mm\n# A gear of 20 lobes in six axes, the nozzle along the \
-         tangent; written by the tests.\n# x y z nx ny nz heading_deg\n",
+    text_of(
+        "A gear of 20 lobes in six axes, the nozzle along the tangent",
+        &points(length_mm),
+    )
+}
+
+/// The gear on a cone as a waypoint file: the example, which touches nothing.
+pub fn example_file(length_mm: f64) -> String {
+    text_of(
+        "A gear of 20 lobes on a cone, the tool axis along its normal, the nozzle along the tangent",
+        &points_on_cone(length_mm),
+    )
+}
+
+fn text_of(what: &str, points: &[GearPoint]) -> String {
+    let mut text = format!(
+        "# name: gear-6axis\n# units: mm\n# {what}; written by the tests.\n\
+         # x y z nx ny nz heading_deg\n",
     );
-    for point in points(length_mm).iter().step_by(2) {
+    for point in points.iter().step_by(2) {
         let [x, y, z] = point.tip_mm;
         let [nx, ny, nz] = point.axis;
         let heading_deg = point.heading_rad.to_degrees();

@@ -81,6 +81,9 @@ pub(super) struct GcodeArgs {
     /// Start block with fields like {x} or {time_s}, in place of the dialect's.
     #[arg(long, value_name = "FILE")]
     pub start: Option<PathBuf>,
+    /// Write the job though its machine has a hot end that neither the job nor a start block heats.
+    #[arg(long)]
+    pub no_heat: bool,
     /// End block.
     #[arg(long, value_name = "FILE")]
     pub end: Option<PathBuf>,

@@ -5,6 +5,7 @@ use super::args_export::{ArcsName, DialectName, ExportArgs, RetractionName};
 use super::console::Console;
 use super::job::Job;
 use super::load;
+use super::missing_heat::missing_heat;
 use crate::gcode::FILAMENT_MM;
 use crate::gcode::write::dialect::{Dialect, Retraction};
 use crate::gcode::write::{
@@ -18,12 +19,19 @@ const TIP_MM: [f64; 2] = [1e-4, 1.0];
 /// Writes the job's G-code and says what a controller has to keep up with.
 pub(super) fn run(job: &Job, args: &ExportArgs, console: &Console) -> Result<(), CliError> {
     let options = options(args)?;
+    let heat = job.file.header.heat();
+    if !args.gcode.no_heat
+        && args.gcode.start.is_none()
+        && let Some(missing) = missing_heat(job, &heat, "give a --start block that heats")
+    {
+        return Err(CliError::Job(missing));
+    }
     let text = JobText {
         name: &job.name,
         machine: &job.file.header.machine_name,
         stream: &job.stream,
         servo_hz: job.servo_hz(),
-        heat: &job.file.header.heat(),
+        heat: &heat,
     };
     // What the blocks lack is said before anything is written.
     let checked = write_gcode(std::io::sink(), &text, &options);

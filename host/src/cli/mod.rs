@@ -30,6 +30,7 @@ mod live_page;
 mod load;
 mod load_run;
 mod machine;
+mod missing_heat;
 mod output_file;
 mod pictures;
 mod piece_cache;

@@ -7,6 +7,7 @@ use super::CliError;
 use super::args_board::StreamArgs;
 use super::heat::heat;
 use super::job::Job;
+use super::missing_heat::missing_heat;
 use crate::job_heat::{
     BED, HEAT_TEXT, HOT_END, HeatEvent, HeatOrder, all_off, from_json, material_events,
 };
@@ -43,6 +44,9 @@ impl StreamHeat {
                 return Err(CliError::Usage(format!("--fan {fan_pct}: 0 to 100")));
             }
             replace(&mut events, HeatOrder::Fan { fan_pct });
+        }
+        if let Some(missing) = missing_heat(job, &events, "give --hot-end C") {
+            return Err(CliError::Job(missing));
         }
         let end_tick = job.stream.marks.last().map_or(0, |mark| mark.end_tick);
         Ok(StreamHeat::of_events(&events, end_tick))

@@ -1,0 +1,198 @@
+//! Goal: a job does not begin with a touch. What keeps a job from being good is the verdict's first line and exit
+//! status 1, and the job is not written, unless it is allowed by name; heat that is missing refuses what prints,
+//! not the plan. Method: short runs of waypoints whose fault is known, planned, simulated and exported by the command.
+
+mod rig;
+
+use rig::{example, folder, headway, object, path, stderr, stdout, succeeded};
+use std::path::{Path, PathBuf};
+
+/// A straight run of 20 mm along x, the tool leaning along it by so many degrees; its file.
+fn leaning_run(folder: &Path, lean_deg: f64) -> PathBuf {
+    let (sin, cos) = lean_deg.to_radians().sin_cos();
+    let lines = (0..=10).map(|i| format!("{} 0 1 {sin} 0 {cos}\n", 2 * i));
+    let file = folder.join("run.wpt");
+    let text: String = std::iter::once("x y z nx ny nz\n".to_string())
+        .chain(lines)
+        .collect();
+    std::fs::write(&file, text).expect("a run");
+    file
+}
+
+fn first_line(text: &str) -> &str {
+    text.lines().next().unwrap_or_default()
+}
+
+/// Goal: a touch refuses plan and simulation, and is said first; allowed by name it is said first all the same. Method:
+/// a nozzle of 0.8 mm radius that leans by 30° one layer above the table is 0.2 mm in it.
+#[test]
+fn a_touch_is_said_first_and_refuses_the_job() {
+    let folder = folder("touch");
+    let (run, machine) = (leaning_run(&folder, 30.0), example("machines/gantry.toml"));
+    let job = folder.join("run.hwj");
+    let plan = ["plan", path(&run), "-m", &machine, "-o", path(&job)];
+    let refused = headway(&plan);
+    assert_eq!(refused.status.code(), Some(1), "{}", stderr(&refused));
+    let said = stdout(&refused);
+    assert!(first_line(&said).starts_with("TOUCHES on "), "{said}");
+    assert!(first_line(&said).contains("in the table"), "{said}");
+    assert!(
+        said.contains("Motion"),
+        "the figures come after it: {said}"
+    );
+    let error = stderr(&refused);
+    assert!(error.contains("the job is not written"), "{error}");
+    assert!(error.contains("--allow touches"), "{error}");
+    assert!(!job.exists());
+    let as_json = headway(&[&plan[..], &["--json"]].concat());
+    assert_eq!(as_json.status.code(), Some(1));
+    let figures: serde_json::Value = serde_json::from_str(&stdout(&as_json)).expect("an object");
+    let line = figures["objections"][0].as_str().unwrap_or_default();
+    assert_eq!(line, first_line(&said));
+
+    let simulate = ["simulate", path(&run), "-m", &machine];
+    let refused = headway(&simulate);
+    assert_eq!(refused.status.code(), Some(1), "{}", stderr(&refused));
+    assert_eq!(first_line(&stdout(&refused)), first_line(&said));
+
+    let allowed = succeeded(&headway(&[&plan[..], &["--allow", "touches"]].concat()));
+    assert_eq!(first_line(&allowed), first_line(&said));
+    assert!(job.exists());
+    // Of the job that was taken it is still the first line.
+    let simulated = succeeded(&headway(&["simulate", path(&job)]));
+    assert_eq!(first_line(&simulated), first_line(&said));
+    let both = headway(&[&simulate[..], &["--allow", "touches,range"]].concat());
+    succeeded(&both);
+}
+
+/// Goal: a run that touches nothing is written with no objection; names that nothing has, and a fault, are not
+/// allowed. Method: the same run with the tool upright.
+#[test]
+fn a_good_job_has_no_objection_and_a_fault_has_no_name() {
+    let folder = folder("good");
+    let (run, machine) = (leaning_run(&folder, 0.0), example("machines/gantry.toml"));
+    let job = folder.join("run.hwj");
+    let plan = ["plan", path(&run), "-m", &machine, "-o", path(&job)];
+    let figures = object(&headway(&[&plan[..], &["--json"]].concat()));
+    assert!(!figures.contains_key("objections"), "{figures:?}");
+    assert!(job.exists());
+    for name in ["fault", "heat", "touch"] {
+        let wrong = headway(&[&plan[..], &["--allow", name]].concat());
+        assert_eq!(wrong.status.code(), Some(2), "{name}: {}", stderr(&wrong));
+    }
+}
+
+/// Goal: a joint that leaves its range refuses the job; allowed by name, the job is written for the machine as it is,
+/// and what a board would do shows when it is simulated. Method: a run that goes 3 mm over the end of X.
+#[test]
+fn a_joint_outside_its_range_is_said_first_and_refuses_the_job() {
+    let folder = folder("range");
+    let (run, machine) = (leaning_run(&folder, 0.0), example("machines/gantry.toml"));
+    let job = folder.join("run.hwj");
+    let plan = [
+        "plan", path(&run), "-m", &machine, "--at", "298,100,0", "-o", path(&job),
+    ];
+    let refused = headway(&plan);
+    let error = stderr(&refused);
+    assert_eq!(refused.status.code(), Some(1), "{error}");
+    assert!(error.contains("joint x would go to"), "{error}");
+    assert!(error.contains("--allow range"), "{error}");
+    assert!(!job.exists());
+    let touches_only = headway(&[&plan[..], &["--allow", "touches"]].concat());
+    assert_eq!(touches_only.status.code(), Some(1));
+    let said = succeeded(&headway(&[&plan[..], &["--allow", "touches,range"]].concat()));
+    assert!(first_line(&said).starts_with("RANGE: joint x"), "{said}");
+    assert!(job.exists());
+    let simulated = headway(&["simulate", path(&job), "-m", &machine]);
+    assert_eq!(simulated.status.code(), Some(1), "{}", stderr(&simulated));
+    let said = stdout(&simulated);
+    assert!(first_line(&said).starts_with("FAULT: "), "{said}");
+}
+
+/// Goal: README's own example of six axes is good. Method: planned as README says, on both machines with a head.
+#[test]
+fn the_six_axis_example_touches_nothing() {
+    let folder = folder("example");
+    let run = example("gear-6axis.wpt");
+    for name in ["gantry", "trunnion"] {
+        let machine = example(&format!("machines/{name}.toml"));
+        let job = folder.join(format!("{name}.hwj"));
+        let plan = ["plan", &run, "-m", &machine, "-o", path(&job), "--json"];
+        let figures = object(&headway(&plan));
+        assert_eq!(figures["touched_mm"], 0.0, "{name}");
+        assert!(!figures.contains_key("objections"), "{name}");
+    }
+}
+
+/// Goal: a job for a machine with a hot end that nothing heats is planned, but neither streamed nor written as
+/// G-code, unless that is meant. Method: one outline, with and without a material; a port that nobody has.
+#[test]
+fn missing_heat_refuses_stream_and_export_but_not_plan() {
+    let folder = folder("heat");
+    let machine = std::fs::read_to_string(example("machines/planar.toml")).expect("a machine");
+    let cold = folder.join("cold.toml");
+    let hot = folder.join("hot.toml");
+    let heater = "\n[heaters.hot_end]\npower_w = 40\n";
+    std::fs::write(&cold, format!("{machine}{heater}")).expect("a machine");
+    let material = "\n[material]\nhot_end_c = 215\n";
+    std::fs::write(&hot, format!("{machine}{material}{heater}")).expect("a machine");
+    let taper = example("taper.json");
+    let plan = |machine: &Path, name: &str| {
+        let job = folder.join(name);
+        succeeded(&headway(&[
+            "plan",
+            &taper,
+            "-m",
+            path(machine),
+            "-o",
+            path(&job),
+        ]));
+        job
+    };
+    let (cold, hot) = (plan(&cold, "cold.hwj"), plan(&hot, "hot.hwj"));
+    let export = |job: &Path, more: &[&str]| {
+        let arguments = ["export", path(job), "--to", "gcode", "--dialect", "klipper"];
+        headway(&[&arguments[..], more].concat())
+    };
+    let refused = export(&cold, &[]);
+    assert_eq!(refused.status.code(), Some(1), "{}", stderr(&refused));
+    assert!(stderr(&refused).contains("nothing in the job heats it"));
+    assert_eq!(stdout(&refused), "");
+    succeeded(&export(&cold, &["--no-heat"]));
+    let start = folder.join("start.gcode");
+    std::fs::write(&start, "M109 S215\n").expect("a block");
+    succeeded(&export(&cold, &["--start", path(&start)]));
+    succeeded(&export(&hot, &[]));
+    succeeded(&headway(&["export", path(&cold), "--to", "csv"]));
+    let nobody = format!("unix:{}", folder.join("nobody").display());
+    let stream = |job: &Path, more: &[&str]| {
+        let arguments = ["stream", path(job), "--port", &nobody];
+        let streamed = headway(&[&arguments[..], more].concat());
+        assert_eq!(streamed.status.code(), Some(1), "{}", stderr(&streamed));
+        stderr(&streamed)
+    };
+    let says_heat = |said: &str| said.contains("nothing in the job heats it");
+    assert!(says_heat(&stream(&cold, &[])));
+    // These get as far as the port.
+    assert!(!says_heat(&stream(&cold, &["--no-heat"])));
+    assert!(!says_heat(&stream(&cold, &["--hot-end", "210"])));
+    assert!(!says_heat(&stream(&hot, &[])));
+}
+
+/// Goal: a bead of 0.1 mm between prime and retract, which a slicer wrote and which stopped the board at 119 % of its
+/// extruder's limits, is planned and runs. Method: a program of a few lines, simulated by the command.
+#[test]
+fn a_bead_of_a_tenth_of_a_millimetre_runs() {
+    let folder = folder("bead");
+    let file = folder.join("bead.gcode");
+    let bead = "G21\nG90\nM83\n;LAYER:0\nG1 Z0.2 F1200\nG1 X10 Y10 F9000\nG1 E0.4 F2100\n\
+                G1 X10.1 Y10 E0.00374 F1800\nG1 E-0.4 F2100\nG1 X20 Y10 F9000\nG1 E0.4 F2100\n\
+                G1 X40 Y10 E0.748 F1800\nG1 E-0.4 F2100\n";
+    std::fs::write(&file, bead).expect("a program");
+    let figures = object(&headway(&["simulate", path(&file), "--json"]));
+    assert_eq!(figures["faults"], 0);
+    assert!(!figures.contains_key("objections"), "{figures:?}");
+    let ratio = figures["limit_ratio_acceleration"].as_f64().expect("a ratio");
+    // Durations of primes and retracts are whole ticks: 0.1 % of a limit.
+    assert!(ratio <= 1.001, "{ratio}");
+}
