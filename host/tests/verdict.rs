@@ -36,10 +36,7 @@ fn a_touch_is_said_first_and_refuses_the_job() {
     let said = stdout(&refused);
     assert!(first_line(&said).starts_with("TOUCHES on "), "{said}");
     assert!(first_line(&said).contains("in the table"), "{said}");
-    assert!(
-        said.contains("Motion"),
-        "the figures come after it: {said}"
-    );
+    assert!(said.contains("Motion"), "the figures come after it: {said}");
     let error = stderr(&refused);
     assert!(error.contains("the job is not written"), "{error}");
     assert!(error.contains("--allow touches"), "{error}");
@@ -83,27 +80,33 @@ fn a_good_job_has_no_objection_and_a_fault_has_no_name() {
 }
 
 /// Goal: a joint that leaves its range refuses the job; allowed by name, the job is written for the machine as it is,
-/// and what a board would do shows when it is simulated. Method: a run that goes 3 mm over the end of X.
+/// and what a board would do shows when it is simulated. Method: a tool that
+/// leans by 15° on a head that tilts by 10°.
 #[test]
 fn a_joint_outside_its_range_is_said_first_and_refuses_the_job() {
     let folder = folder("range");
-    let (run, machine) = (leaning_run(&folder, 0.0), example("machines/gantry.toml"));
-    let job = folder.join("run.hwj");
-    let plan = [
-        "plan", path(&run), "-m", &machine, "--at", "298,100,0", "-o", path(&job),
-    ];
+    let run = leaning_run(&folder, 15.0);
+    let gantry = std::fs::read_to_string(example("machines/gantry.toml")).expect("a machine");
+    let file = folder.join("narrow.toml");
+    let narrow = gantry.replace("position_max_deg = 60", "position_max_deg = 10");
+    let narrow = narrow.replace("position_min_deg = -60", "position_min_deg = -10");
+    std::fs::write(&file, narrow).expect("a machine");
+    let (machine, job) = (path(&file), folder.join("run.hwj"));
+    let plan = ["plan", path(&run), "-m", machine, "-o", path(&job)];
     let refused = headway(&plan);
     let error = stderr(&refused);
     assert_eq!(refused.status.code(), Some(1), "{error}");
-    assert!(error.contains("joint x would go to"), "{error}");
+    assert!(error.contains("joint b would go to"), "{error}");
     assert!(error.contains("--allow range"), "{error}");
     assert!(!job.exists());
     let touches_only = headway(&[&plan[..], &["--allow", "touches"]].concat());
     assert_eq!(touches_only.status.code(), Some(1));
-    let said = succeeded(&headway(&[&plan[..], &["--allow", "touches,range"]].concat()));
-    assert!(first_line(&said).starts_with("RANGE: joint x"), "{said}");
+    let said = succeeded(&headway(
+        &[&plan[..], &["--allow", "touches,range"]].concat(),
+    ));
+    assert!(first_line(&said).starts_with("RANGE: joint b"), "{said}");
     assert!(job.exists());
-    let simulated = headway(&["simulate", path(&job), "-m", &machine]);
+    let simulated = headway(&["simulate", path(&job), "-m", machine]);
     assert_eq!(simulated.status.code(), Some(1), "{}", stderr(&simulated));
     let said = stdout(&simulated);
     assert!(first_line(&said).starts_with("FAULT: "), "{said}");
@@ -192,7 +195,9 @@ fn a_bead_of_a_tenth_of_a_millimetre_runs() {
     let figures = object(&headway(&["simulate", path(&file), "--json"]));
     assert_eq!(figures["faults"], 0);
     assert!(!figures.contains_key("objections"), "{figures:?}");
-    let ratio = figures["limit_ratio_acceleration"].as_f64().expect("a ratio");
+    let ratio = figures["limit_ratio_acceleration"]
+        .as_f64()
+        .expect("a ratio");
     // Durations of primes and retracts are whole ticks: 0.1 % of a limit.
     assert!(ratio <= 1.001, "{ratio}");
 }

@@ -12,11 +12,11 @@ use headway::input::Target;
 use headway::job::SegmentStream;
 use headway::plan_target;
 use headway::settings::{Infill, Settings};
+use headway_protocol::message::{Fault, FaultCause};
+use headway_protocol::segment::FlowAction;
 use headway_tests::cpu_clock::{process_s, thread_s};
 use headway_tests::folders::files;
 use headway_tests::outlines::{example, region};
-use headway_protocol::message::{Fault, FaultCause};
-use headway_protocol::segment::FlowAction;
 
 fn outline(name: &str) -> Target {
     Target {
@@ -65,7 +65,8 @@ fn what_a_board_would_stop_is_found_before() {
     assert_eq!(checked(&[stream, &back], &settings), None, "a second piece");
 
     let mut primed = stream.clone();
-    let is_prime = |event: &&headway_protocol::segment::FlowEvent| event.action == FlowAction::Prime;
+    let is_prime =
+        |event: &&headway_protocol::segment::FlowEvent| event.action == FlowAction::Prime;
     let prime = *primed.events.iter().find(is_prime).expect("a prime");
     for _ in 0..3 {
         primed.events.insert(0, prime);

@@ -63,7 +63,8 @@ fn beads_of_every_length_run_between_primes_and_retracts() {
     for push_mm in [0.1, 0.4, 0.8] {
         for (push_mm_min, speed_mm_min) in [(1200.0, 600.0), (2100.0, 1800.0), (3600.0, 6000.0)] {
             let text = program(push_mm, push_mm_min, speed_mm_min, 3.0);
-            let name = format!("push {push_mm} mm at {push_mm_min}, beads at {speed_mm_min} mm/min");
+            let name =
+                format!("push {push_mm} mm at {push_mm_min}, beads at {speed_mm_min} mm/min");
             check(&name, &text, &Settings::default());
         }
     }
@@ -94,7 +95,9 @@ fn long_beads_are_not_held_up() {
     let mut looked = 0;
     for mark in prints {
         // Span n ends with the control point of knot n: at rest it is the one before.
-        let first = spans.iter().position(|span| span.start_tick == mark.start_tick);
+        let first = spans
+            .iter()
+            .position(|span| span.start_tick == mark.start_tick);
         let first = first.expect("a span begins with the pass");
         let is_rest = knots[first].control == knots[first - 1].control;
         assert!(!is_rest, "pass {:?} begins with a rest", mark.pass);

@@ -74,9 +74,10 @@ pub(super) fn check(
     )))
 }
 
-/// Notes the objections in the figures, which say them first.
+/// Notes the objections in the figures, which say them first, before those that the job was written with.
 pub(super) fn note(objections: &[Objection], figures: &mut Figures) {
-    let lines: Vec<String> = objections.iter().map(|o| o.text.clone()).collect();
+    let mut lines: Vec<String> = objections.iter().map(|o| o.text.clone()).collect();
+    lines.extend(figures.objections.take().unwrap_or_default());
     if !lines.is_empty() {
         figures.objections = Some(lines);
     }
