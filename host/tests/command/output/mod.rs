@@ -4,3 +4,4 @@ mod guide;
 mod jobs;
 mod outputs;
 mod shell;
+mod verdict;

@@ -1,3 +1,4 @@
+mod device_check;
 mod drivers;
 mod emulated;
 mod figures;

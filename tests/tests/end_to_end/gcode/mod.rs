@@ -2,3 +2,4 @@ mod export;
 mod heat_orders;
 mod orca;
 mod reading;
+mod short_beads;

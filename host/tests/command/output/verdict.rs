@@ -2,9 +2,7 @@
 //! status 1, and the job is not written, unless it is allowed by name; heat that is missing refuses what prints,
 //! not the plan. Method: short runs of waypoints whose fault is known, planned, simulated and exported by the command.
 
-mod rig;
-
-use rig::{example, folder, headway, object, path, stderr, stdout, succeeded};
+use crate::rig::{example, folder, headway, object, path, stderr, stdout, succeeded};
 use std::path::{Path, PathBuf};
 
 /// A straight run of 20 mm along x, the tool leaning along it by so many degrees; its file.

@@ -1,7 +1,7 @@
 //! Goal: what a board would stop is found before a job is written, with its place, and what it runs passes. Method: a
 //! plan whose primes and ranges are made worse, checked in one piece and in two, against the fault of the simulated board.
 //! By name, what the checks cost beside planning:
-//! `cargo test --release -p headway-tests --test device_check -- --ignored --nocapture`.
+//! `cargo test --release -p headway-tests --test end_to_end device_check -- --ignored --nocapture`.
 
 use headway::drive::device_check::{DeviceCheck, Refusal, Refused};
 use headway::drive::dry_run::dry_run;
