@@ -85,6 +85,7 @@ pub fn built_for() -> Option<BoardSettings> {
         heaters: None,
         drivers: DriversConfiguration::none(),
         wiring: Wiring::STANDARD,
+        board: None,
     })
 }
 

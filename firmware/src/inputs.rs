@@ -11,6 +11,19 @@ pub struct Inputs {
     pub emergency: bool,
 }
 
+/// Looks that must all find the emergency input pressed, [`EMERGENCY_LOOK_NS`] apart, before it counts: 3 µs. A spike
+/// of a motor's wire beside its own is shorter, a contact that bounces stays for tens of microseconds. The steps wait
+/// for so long, less than a step tick.
+pub const EMERGENCY_LOOKS: u32 = 6;
+/// From one look to the next.
+pub const EMERGENCY_LOOK_NS: u32 = 500;
+
+/// True if every look finds the emergency input pressed. `look` waits between them.
+#[inline]
+pub fn is_held(mut look: impl FnMut() -> bool) -> bool {
+    (0..EMERGENCY_LOOKS).all(|_| look())
+}
+
 /// A switch that stops motion must hold for [`SWITCH_SETTLE_TICKS`].
 #[derive(Clone, Copy, Debug, Default)]
 pub struct SwitchGuard {
@@ -31,5 +44,24 @@ impl SwitchGuard {
         }
         self.held_ticks = 0;
         Some(pressed.trailing_zeros() as u8)
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    //! Goal: a spike of the emergency input is none, a press is one. Method: every pattern of the looks.
+    use super::*;
+
+    #[test]
+    fn a_press_counts_where_every_look_agrees() {
+        for pattern in 0..1u32 << EMERGENCY_LOOKS {
+            let mut looks = 0;
+            let held = is_held(|| {
+                looks += 1;
+                pattern >> (looks - 1) & 1 == 1
+            });
+            assert_eq!(held, pattern == (1 << EMERGENCY_LOOKS) - 1, "{pattern:b}");
+            assert!(looks <= EMERGENCY_LOOKS);
+        }
     }
 }

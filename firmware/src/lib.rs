@@ -17,6 +17,7 @@ extern crate std;
 mod log;
 
 pub mod board;
+pub mod board_name;
 pub mod boards;
 pub mod configuration;
 pub mod delay;

@@ -1,7 +1,11 @@
-//! Pins of the BTT Octopus v1.1 (STM32F446ZE), after the board file that Klipper publishes
-//! (`generic-bigtreetech-octopus-v1.1.cfg`).
+//! Pins of the BTT Octopus v1.0 and v1.1 (STM32F446ZE), after the board file that Klipper publishes
+//! (`generic-bigtreetech-octopus-v1.1.cfg`); Marlin has the same for both (`pins_BTT_OCTOPUS_V1_common.h`).
+//!
+//! The Octopus Pro v1.1 may have the same chip and moved some of them
+//! (`generic-bigtreetech-octopus-pro-v1.1.cfg`): [`DIFFERS`].
 
 use crate::board::sector_flash::Sector;
+use crate::board_name::BoardName;
 use crate::configuration::MOTORS_MAX;
 use crate::heat::HEATERS_MAX;
 use crate::heat::pwm::CHANNELS;
@@ -125,5 +129,70 @@ pub const OFF: [Pin; 11] = [
     (D, 14),
     (D, 15),
 ];
+/// Pins of these that do something else on an Octopus Pro v1.1, where PA0 switches a hot end, PA2 enables motor 3 and
+/// PB10 is a lamp's: inputs until the settings name the board.
+pub const DIFFERS: [Pin; 3] = [(A, 0), (A, 2), (B, 10)];
+/// What the settings may call it.
+pub const NAMES: [BoardName; 2] = [BoardName::Octopus10, BoardName::Octopus11];
 /// USART 2, the header for a single-board computer: TX, RX.
 pub const SERIAL: [Pin; 2] = [(D, 5), (D, 6)];
+
+#[cfg(test)]
+mod tests {
+    //! Goal: what an Octopus Pro v1.1 has elsewhere is not driven before the board is named. Method: its published
+    //! outputs, against ours, each pin with its role.
+    use super::*;
+
+    /// Outputs with their roles, a letter and a number: enables, heaters and fans.
+    fn roles(enable: &[Pin], heaters: &[(&'static str, Pin)]) -> Vec<(Pin, String)> {
+        let enables = enable.iter().enumerate();
+        let enables = enables.map(|(motor, pin)| (*pin, format!("enable {motor}")));
+        let heaters = heaters.iter().map(|(role, pin)| (*pin, role.to_string()));
+        enables.chain(heaters).collect()
+    }
+
+    use std::format;
+    use std::string::{String, ToString};
+    use std::vec::Vec;
+
+    #[test]
+    fn what_another_board_with_this_chip_has_elsewhere_is_known() {
+        let ours = roles(
+            &ENABLE,
+            &[
+                ("HE0", HEAT[0]),
+                ("bed", HEAT[1]),
+                ("HE1", HEAT[2]),
+                ("HE2", (B, 10)),
+                ("HE3", (B, 11)),
+            ],
+        );
+        let mut pro_enable = ENABLE;
+        pro_enable[3] = (A, 2);
+        let pros = roles(
+            &pro_enable,
+            &[
+                ("HE0", (A, 0)),
+                ("bed", (A, 1)),
+                ("HE1", (A, 3)),
+                ("HE2", (B, 0)),
+                ("HE3", (B, 11)),
+                ("lamp", (B, 10)),
+            ],
+        );
+        let differ = ours.iter().filter(|(pin, role)| {
+            let there = pros.iter().find(|(other, _)| other == pin);
+            there.is_none_or(|(_, other)| other != role)
+        });
+        let mut differ: Vec<Pin> = differ.map(|(pin, _)| *pin).collect();
+        differ.sort_unstable();
+        assert_eq!(differ, DIFFERS);
+        // Every heater that a board may have is held low.
+        assert!(
+            ours.iter()
+                .all(|(pin, role)| role.starts_with("enable") || OFF.contains(pin))
+        );
+        // And the Pro's hot end is none of them: low would let motor 3 of an Octopus hold.
+        assert!(!OFF.contains(&(A, 0)));
+    }
+}

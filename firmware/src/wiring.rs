@@ -8,6 +8,7 @@
 //! Left out: roles of step pins, heaters and fans, which are the board's.
 
 use crate::configuration::{JOINTS_MAX, MachineConfiguration};
+use crate::homing::HomingConfiguration;
 use crate::inputs::Inputs;
 use crate::probe_pin::ProbePin;
 use headway_protocol::message::PROBE_BIT;
@@ -163,6 +164,18 @@ pub struct InputMap {
 }
 
 impl InputMap {
+    /// Only joints that have a switch read one: the input of another joint may be its driver's diagnosis pin, or
+    /// nothing.
+    pub fn with_switches_of(mut self, homing: &HomingConfiguration) -> Self {
+        for (joint, input) in self.switches.iter_mut().enumerate() {
+            let mut switches = homing.joints.iter();
+            if !switches.any(|switch| usize::from(switch.joint) == joint) {
+                *input = NO_INPUT;
+            }
+        }
+        self
+    }
+
     /// The emergency input.
     pub fn emergency(&self) -> u8 {
         self.emergency

@@ -22,6 +22,7 @@ pub use error::SettingsError;
 
 use self::head_shape::HeadShape;
 use crate::geometry::aperture::Aperture;
+use headway_firmware::board_name::BoardName;
 use headway_firmware::configuration::MachineConfiguration;
 use headway_firmware::drivers::DriversConfiguration;
 use headway_firmware::heat::HeatConfiguration;
@@ -323,6 +324,8 @@ pub struct Settings {
     pub switches: Option<HomingConfiguration>,
     /// Roles of the board's inputs, senses of its motors.
     pub wiring: Wiring,
+    /// Which board the machine has, where it has to be said.
+    pub board: Option<BoardName>,
     /// The probe, if there is one.
     pub probe: Option<probe::ProbeSettings>,
 }

@@ -33,7 +33,7 @@ pub enum FaultCause {
     Configuration,
     /// The firmware is for another board; it cannot be cleared. `index` 0: `value` is the chip's
     /// device id; 1: the crystal has `value` Hz, or does not start (0); 2: the core's clock does not
-    /// lock.
+    /// lock; 3: the settings do not say which of the boards with this chip it is.
     Board,
     /// Motor `index` would exceed its speed or acceleration limit: `value` is the share in thousandths.
     Limit,
@@ -141,6 +141,11 @@ impl core::fmt::Display for Fault {
                     f,
                     "the board's crystal has {:.1} MHz, the firmware is for another; flash the image of this board",
                     f64::from(value) / 1e6
+                ),
+                (3, _) => f.write_str(
+                    "nothing tells which board it is, so nothing moves or heats: put board = \"octopus-1.1\" (or \
+                     octopus-1.0, as it is printed on it) at the top of the machine file, run `headway board \
+                     configure` and switch the board off and on",
                 ),
                 _ => f.write_str("the clock of the board's core does not lock"),
             },

@@ -30,7 +30,8 @@ pub enum SettingsProblem {
     NotStored,
     /// The input shaper of joint `index`.
     Shaper,
-    /// This board cannot run them: it has `index` motors, and rates of its own.
+    /// This board cannot run them: it has `index` motors, and rates of its own; where `item` is 1, the settings are
+    /// for another board.
     Board,
     /// A number of the driver of motor `index`.
     Driver,
@@ -162,6 +163,9 @@ impl SettingsRefusal {
             }
             SettingsProblem::Heater => write!(f, "a number of heater {index} is out of range"),
             SettingsProblem::Shaper => write!(f, "the shaper of joint {index} does not fit"),
+            SettingsProblem::Board if self.item == 1 => f.write_str(
+                "the machine file names another board than its firmware is for; correct `board` there",
+            ),
             SettingsProblem::Board => write!(
                 f,
                 "it has {index} motors at most, and the step and servo rates of its own firmware"

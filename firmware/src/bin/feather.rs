@@ -25,14 +25,16 @@ use {board::Output, stm32f4::pend_stop};
 
 #[cfg(target_os = "none")]
 mod board {
+    use crate::stm32f4::rcc::all_inputs;
     use crate::stm32f4::{self, CoreDelay, Parts, SerialLine};
     use headway_firmware::board::sector_flash::Sector;
     use headway_firmware::board::{NoHeat, NoLine, PinBoard, PinOutput};
+    use headway_firmware::board_name::{BoardName, Known};
     use headway_firmware::drivers::NoDrivers;
     use headway_firmware::heat::HeatConfiguration;
     use headway_firmware::output::Pin;
     use headway_firmware::probe_pin::NoPulse;
-    use headway_firmware::wiring::{BoardInputs, Wiring};
+    use headway_firmware::wiring::{BoardInputs, InputMap, Wiring};
     use stm32f4xx_hal::gpio::{self, ErasedPin, Input};
     use stm32f4xx_hal::pac::{self, Interrupt, interrupt};
     use stm32f4xx_hal::prelude::*;
@@ -40,6 +42,9 @@ mod board {
     type OutputPin = ErasedPin<gpio::Output>;
     /// X, Y, Z, nozzle, extruder.
     pub const MOTORS: usize = 5;
+    /// Nothing of ours that gets hot is at its pins.
+    pub const NAMES: &[BoardName] = &[BoardName::Feather];
+    pub const MUST_BE_NAMED: bool = false;
     /// Behind all code: the chip has 1 MiB.
     pub const SETTINGS_SECTORS: [Sector; 2] = [
         Sector {
@@ -93,7 +98,13 @@ mod board {
         SerialLine::interrupt();
     }
 
-    pub fn set_up_board(device: pac::Peripherals, motors: usize, wiring: &Wiring) -> Option<Parts> {
+    pub fn set_up_board(
+        device: pac::Peripherals,
+        motors: usize,
+        map: InputMap,
+        wiring: &Wiring,
+        known: Known,
+    ) -> Option<Parts> {
         if motors > MOTORS {
             return None;
         }
@@ -101,9 +112,6 @@ mod board {
         let a = device.GPIOA.split(&mut rcc);
         let b = device.GPIOB.split(&mut rcc);
         let c = device.GPIOC.split(&mut rcc);
-        b.pb10.into_alternate::<7>();
-        // An input that floats hears noise.
-        b.pb11.into_alternate::<7>().internal_pull_up(true);
         let steps = [
             a.pa4.into_push_pull_output().erase(),
             a.pa6.into_push_pull_output().erase(),
@@ -125,14 +133,16 @@ mod board {
         ];
         let emergency = b.pb7.into_pull_up_input().erase();
         let enable = c.pc2.into_push_pull_output_in_state(gpio::PinState::High);
+        if known == Known::Foreign {
+            // Nothing is written to modes from here on.
+            all_inputs();
+        }
+        b.pb10.into_alternate::<7>();
+        // An input that floats hears noise.
+        b.pb11.into_alternate::<7>().internal_pull_up(true);
         Some(Parts {
             output: PinOutput::new(steps, directions, wiring.reversed_motors),
-            pins: PinBoard::new(
-                [x, y, z, emergency],
-                wiring.map(&INPUTS),
-                [enable.erase()],
-                &mut CoreDelay,
-            ),
+            pins: PinBoard::new([x, y, z, emergency], map, [enable.erase()], &mut CoreDelay),
             usb: NoLine,
             heat: NoHeat,
             drivers: NoDrivers,

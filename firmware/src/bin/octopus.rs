@@ -1,4 +1,4 @@
-//! BTT Octopus v1.1 (STM32F446ZE at 168 MHz): eight drivers, TMC2209 by UART or alone, USB CDC and USART 2.
+//! BTT Octopus v1.0 and v1.1 (STM32F446ZE at 168 MHz): eight drivers, TMC2209 by UART or alone, USB CDC and USART 2.
 //!
 //! Start-up and main loop are in `shared/stm32f4.rs`, steps, servo and link in `shared/runtime.rs`; pins
 //! and their sense are in `shared/octopus_pins.rs`. Steps are port-wide writes, which do at the pins
@@ -47,9 +47,10 @@ mod board {
     use crate::pins;
     use crate::ports::DriverPorts;
     use crate::stm32f4::{self, Parts, SerialLine};
+    use headway_firmware::board_name::{BoardName, Known};
     use headway_firmware::heat::HeatConfiguration;
     use headway_firmware::output::PortOutput;
-    use headway_firmware::wiring::Wiring;
+    use headway_firmware::wiring::{InputMap, Wiring};
     use stm32f4xx_hal::pac::{self, Interrupt, interrupt};
 
     pub type Output = PortOutput<DriverPorts>;
@@ -71,6 +72,9 @@ mod board {
 
     pub const MOTORS: usize = headway_firmware::configuration::MOTORS_MAX;
     pub use headway_firmware::octopus::SETTINGS_SECTORS;
+    /// Others have its chip, and other things at its pins.
+    pub const NAMES: &[BoardName] = &headway_firmware::octopus::NAMES;
+    pub const MUST_BE_NAMED: bool = true;
 
     /// STM32F446.
     pub const CHIP_ID: u32 = 0x421;
@@ -87,8 +91,14 @@ mod board {
         SerialLine::interrupt();
     }
 
-    pub fn set_up_board(device: pac::Peripherals, motors: usize, wiring: &Wiring) -> Option<Parts> {
-        let pins = pins::set_up(motors, wiring.map(&INPUTS));
+    pub fn set_up_board(
+        device: pac::Peripherals,
+        motors: usize,
+        map: InputMap,
+        wiring: &Wiring,
+        known: Known,
+    ) -> Option<Parts> {
+        // Before the pins: the library that takes the pins of USB over resets their port.
         #[cfg(feature = "octopus")]
         let usb = crate::usb::set_up(device)?;
         #[cfg(not(feature = "octopus"))]
@@ -96,6 +106,7 @@ mod board {
             drop(device);
             headway_firmware::board::NoLine
         };
+        let pins = pins::set_up(motors, map, known);
         Some(Parts {
             output: PortOutput::new(
                 DriverPorts::new(pins::PORTS),
@@ -106,7 +117,7 @@ mod board {
             usb,
             heat: crate::heat::OctopusHeat::set_up(),
             drivers: crate::drivers::set_up(),
-            servo: crate::servo::OctopusServo::set_up(),
+            servo: crate::servo::OctopusServo::set_up(known),
         })
     }
 

@@ -29,8 +29,8 @@ pub use line::{Line, NoLine, exchange};
 pub use pins::{BoardPins, INPUTS_SETTLE_MS, PinBoard, PinOutput};
 pub use ring::ByteRing;
 pub use start::{
-    StartCounter, TIMER_CLOCKS_PER_HZ, chip_fault, crystal_fault, crystal_hz, mix_noise,
-    serial_number, session_of,
+    KEPT_WORDS, KeptFault, StartCounter, TIMER_CLOCKS_PER_HZ, chip_fault, crystal_fault,
+    crystal_hz, mix_noise, serial_number, session_of,
 };
 
 #[cfg(test)]

@@ -38,6 +38,81 @@ impl StartCounter {
     }
 }
 
+/// A fault of the heaters that a reset does not make unsaid: it is latched again, until a host clears it. In a memory
+/// that a reset leaves alone; what is found there after switching on is anything.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct KeptFault([u32; KEPT_WORDS]);
+
+/// The fault's bytes, and a check of them.
+pub const KEPT_WORDS: usize = 3;
+/// Cause, index and value, at their longest.
+const FAULT_BYTES: usize = 8;
+
+impl KeptFault {
+    /// What is to be kept of a latched fault: nothing of one that has no heater behind it.
+    pub fn of(fault: Option<Fault>) -> Self {
+        let mut bytes = [0; FAULT_BYTES];
+        let kept = fault.filter(|fault| is_of_heater(fault.cause));
+        match kept.map(|fault| postcard::to_slice(&fault, &mut bytes).is_ok()) {
+            Some(true) => {
+                let [a, b, c, d, e, f, g, h] = bytes;
+                let low = u32::from_le_bytes([a, b, c, d]);
+                let high = u32::from_le_bytes([e, f, g, h]);
+                Self([low, high, kept_check(low, high)])
+            }
+            _ => Self([0; KEPT_WORDS]),
+        }
+    }
+
+    /// As it is found.
+    pub fn from_memory(words: [u32; KEPT_WORDS]) -> Self {
+        Self(words)
+    }
+
+    /// For the memory.
+    pub fn words(self) -> [u32; KEPT_WORDS] {
+        self.0
+    }
+
+    /// The fault of the run before, if it left one.
+    pub fn fault(self) -> Option<Fault> {
+        let Self([low, high, check]) = self;
+        if check != kept_check(low, high) {
+            return None;
+        }
+        let mut bytes = [0; FAULT_BYTES];
+        let words = low.to_le_bytes().into_iter().chain(high.to_le_bytes());
+        for (place, byte) in bytes.iter_mut().zip(words) {
+            *place = byte;
+        }
+        let (fault, _): (Fault, _) = postcard::take_from_bytes(&bytes).ok()?;
+        is_of_heater(fault.cause).then_some(fault)
+    }
+}
+
+/// Never that of a memory full of zeros or ones.
+fn kept_check(low: u32, high: u32) -> u32 {
+    mix_noise(mix_noise(0x4865_6174, low), high)
+}
+
+/// A heater, its sensor or its fan is the cause.
+fn is_of_heater(cause: FaultCause) -> bool {
+    matches!(
+        cause,
+        FaultCause::SensorOpen
+            | FaultCause::SensorShorted
+            | FaultCause::SensorSilent
+            | FaultCause::SensorFrozen
+            | FaultCause::OverTemperature
+            | FaultCause::UnderTemperature
+            | FaultCause::HeatingSlow
+            | FaultCause::TemperatureDrift
+            | FaultCause::HeaterStuck
+            | FaultCause::PowerMismatch
+            | FaultCause::FanStalled
+    )
+}
+
 /// Mixes one more word of what a memory holds before it is used into `noise` (FNV-1a by words).
 #[inline(always)]
 pub fn mix_noise(noise: u32, word: u32) -> u32 {

@@ -274,6 +274,8 @@ impl Receiver {
         log_event!("host {=u32:08x} says hello", hello.host_session);
         self.host_session = Some(hello.host_session);
         self.due.welcome = true;
+        // A host that comes later is told as well, and why the board has started anew.
+        self.due.fault = true;
     }
 
     /// True if a control frame is new; answers it in any case.

@@ -15,6 +15,7 @@ pub mod store;
 #[cfg(test)]
 mod tests;
 
+use crate::board_name::BoardName;
 use crate::configuration::{ConfigurationError, MachineConfiguration, WrongNumber};
 use crate::drivers::DriversConfiguration;
 use crate::heat::HeatConfiguration;
@@ -40,6 +41,8 @@ const HEATERS: u8 = 3;
 const DRIVERS: u8 = 4;
 /// [`Wiring`].
 const WIRING: u8 = 5;
+/// [`BoardName`].
+const BOARD: u8 = 6;
 /// A section with this bit may be left alone by a board that does not know it.
 const MAY_BE_SKIPPED: u8 = 0x80;
 /// Tag and length.
@@ -60,6 +63,8 @@ pub struct BoardLimits {
     pub step_hz: u32,
     /// Its inputs.
     pub inputs: BoardInputs,
+    /// Names that settings for it may have.
+    pub names: &'static [BoardName],
 }
 
 /// What a board can be told without building its firmware.
@@ -75,6 +80,8 @@ pub struct BoardSettings {
     pub drivers: DriversConfiguration,
     /// Roles of inputs, senses of motors.
     pub wiring: Wiring,
+    /// Which board they are for; `None` where nobody has said it.
+    pub board: Option<BoardName>,
 }
 
 impl BoardSettings {
@@ -128,13 +135,19 @@ impl BoardSettings {
     /// Whether a board can run them.
     ///
     /// # Errors
-    /// `Board`, with the motors that it can have.
+    /// `Board`, with the motors that it can have; with item 1 where the settings name another board.
     pub fn check_for(&self, board: &BoardLimits) -> Result<(), SettingsRefusal> {
         let machine = &self.machine;
         let suits = machine.joints.len() < board.motors_max
             && (machine.servo_hz, machine.step_hz) == (board.servo_hz, board.step_hz);
         if !suits {
             return Err(refusal(SettingsProblem::Board, board.motors_max));
+        }
+        if let Some(name) = self.board
+            && !board.names.contains(&name)
+        {
+            let place = refusal(SettingsProblem::Board, board.motors_max);
+            return Err(with_number(place, Some((1, f64::from(name as u8)))));
         }
         let wired = self.wiring.check_for(machine, &board.inputs);
         wired.map_err(|wrong| self.of_wiring(wrong))
@@ -159,6 +172,9 @@ impl BoardSettings {
         }
         if self.wiring != Wiring::STANDARD {
             section(&mut record, WIRING, &self.wiring)?;
+        }
+        if let Some(name) = &self.board {
+            section(&mut record, BOARD, name)?;
         }
         let crc = checksum(&[&record]).to_le_bytes();
         let no_room = refusal(SettingsProblem::Section, 0);
@@ -186,7 +202,7 @@ impl BoardSettings {
             return Err(refusal(SettingsProblem::Version, SETTINGS_VERSION.into()));
         }
         let (mut machine, mut switches, mut heaters) = (None, None, None);
-        let (mut drivers, mut wiring) = (None, None);
+        let (mut drivers, mut wiring, mut board) = (None, None, None);
         // Each round takes at least a head off a bounded record.
         while let Some((&[tag, low, high], behind)) = rest.split_first_chunk::<HEAD_BYTES>() {
             let wrong = refusal(SettingsProblem::Section, tag.into());
@@ -198,6 +214,7 @@ impl BoardSettings {
                 HEATERS => once(&mut heaters, content, wrong)?,
                 DRIVERS => once(&mut drivers, content, wrong)?,
                 WIRING => once(&mut wiring, content, wrong)?,
+                BOARD => once(&mut board, content, wrong)?,
                 _ if tag & MAY_BE_SKIPPED != 0 => {}
                 _ => return Err(wrong),
             }
@@ -214,6 +231,7 @@ impl BoardSettings {
             heaters,
             drivers: drivers.unwrap_or_default(),
             wiring: wiring.unwrap_or_default(),
+            board,
         };
         settings.check()?;
         Ok(settings)

@@ -29,6 +29,7 @@ const BOARD: BoardLimits = BoardLimits {
         emergency: 8,
         emergency_mask: 0x1ff,
     },
+    names: &[BoardName::Octopus10, BoardName::Octopus11],
 };
 
 /// Two sectors of NOR flash: erasing sets bits, a word is programmed once, and the power may fail.
@@ -100,6 +101,7 @@ fn settings(machine: MachineConfiguration) -> BoardSettings {
         heaters: Some(HeatConfiguration::standard()),
         drivers: DriversConfiguration::none(),
         wiring: Wiring::STANDARD,
+        board: None,
     }
 }
 

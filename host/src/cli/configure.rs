@@ -20,6 +20,7 @@ pub(super) fn board_settings(settings: Settings) -> BoardSettings {
         heaters: settings.heaters,
         drivers: settings.drivers,
         wiring: settings.wiring,
+        board: settings.board,
     }
 }
 

@@ -12,6 +12,7 @@ use crate::drive::transport::{Listener, Transport};
 use crate::drive::virtual_drivers::VirtualDrivers;
 use crate::drive::virtual_heaters::VirtualHeaters;
 use crate::settings::probe::ProbeSettings;
+use headway_firmware::board_name::BoardName;
 use headway_firmware::configuration::{
     ConfigurationError, JOINTS_MAX, MOTORS_MAX, MachineConfiguration,
 };
@@ -203,6 +204,7 @@ impl VirtualBoard {
             servo_hz: machine.servo_hz,
             step_hz: machine.step_hz,
             inputs: INPUTS,
+            names: &BoardName::ALL,
         });
         self.store = Some(store);
     }

@@ -138,6 +138,7 @@ impl Settings {
             drivers: DriversConfiguration::none(),
             switches: None,
             wiring: Wiring::STANDARD,
+            board: None,
             probe: None,
         }
     }

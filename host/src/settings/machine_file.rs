@@ -13,6 +13,7 @@ use super::{
     HeadingLaw, Infill, PassMode, PrimeRetract, Quality, Seam, SeamPlace, Settings, Skirt,
     Tolerances,
 };
+use headway_firmware::board_name::BoardName;
 use headway_firmware::configuration::{ExtruderConfiguration, MachineConfiguration};
 use headway_firmware::heat::HeatConfiguration;
 use headway_firmware::homing::HomingConfiguration;
@@ -84,6 +85,7 @@ pub fn from_toml(text: &str) -> Result<Settings, MachineFileError> {
 #[serde(deny_unknown_fields)]
 struct File {
     name: String,
+    board: Option<String>,
     kinematics: KinematicsName,
     pivot_length_mm: Option<f64>,
     table_centre_mm: Option<[f64; 3]>,
@@ -284,6 +286,7 @@ impl File {
             drivers: drivers::drivers(&self.drivers, &machine)?,
             switches: self.switches(&machine)?,
             wiring: self.wiring.wiring(&machine)?,
+            board: self.board()?,
             probe: self.probe.as_ref().map(FileProbe::probe),
             machine,
             work_area_mm: [self.work_area.min_mm, self.work_area.max_mm],
@@ -334,6 +337,19 @@ impl File {
             // Where the input lies is the command line's.
             ..self.of_layers(default)
         })
+    }
+
+    fn board(&self) -> Result<Option<BoardName>, MachineFileError> {
+        let Some(text) = &self.board else {
+            return Ok(None);
+        };
+        let name = BoardName::of_text(text).ok_or_else(|| {
+            let known = BoardName::ALL.map(BoardName::text).join(", ");
+            MachineFileError::Toml(format!(
+                "board: {text}: the firmware knows {known}; docs/guide/boards.md says which boards fit"
+            ))
+        })?;
+        Ok(Some(name))
     }
 
     fn heaters(&self) -> Result<Option<HeatConfiguration>, MachineFileError> {

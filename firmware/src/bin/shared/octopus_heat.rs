@@ -3,12 +3,13 @@
 
 use crate::pins;
 use crate::stm32f4::CoreDelay;
+use crate::stm32f4::rcc::{Bus, clock_on};
 use embedded_hal::delay::DelayNs;
 use headway_firmware::board::HeatPort;
 use headway_firmware::octopus::SENSORS;
 
-const CLOCKS: *mut u32 = 0x4002_3844 as *mut u32;
-const CLOCK_ON: u32 = 1 << 10;
+/// Converter 3.
+const CLOCK: u32 = 1 << 10;
 const CONVERTER: usize = 0x4001_2200;
 const STATE: *mut u32 = CONVERTER as *mut u32;
 const CONTROL: *mut u32 = (CONVERTER + 0x08) as *mut u32;
@@ -39,9 +40,9 @@ pub struct OctopusHeat {
 impl OctopusHeat {
     /// Before interrupts are on.
     pub fn set_up() -> Self {
-        // SAFETY: registers of this converter, which nothing else uses; the clock's other bits stay.
+        clock_on(Bus::Apb2, CLOCK);
+        // SAFETY: registers of this converter, which nothing else uses.
         unsafe {
-            CLOCKS.write_volatile(CLOCKS.read_volatile() | CLOCK_ON);
             COMMON.write_volatile(BY_FOUR);
             for sampling in SAMPLING {
                 sampling.write_volatile(SLOWEST);

@@ -3,11 +3,13 @@
 
 use crate::ports::{PORT_BYTES, SET_RESET};
 use crate::stm32f4::CoreDelay;
+use crate::stm32f4::rcc::{Bus, clock_on};
 use embedded_hal::delay::DelayNs;
 use headway_firmware::board::{BoardPins, INPUTS_SETTLE_MS};
+use headway_firmware::board_name::Known;
 use headway_firmware::inputs::Inputs;
 use headway_firmware::octopus::{
-    DIRECTION, ENABLE, HEAT, OFF, PROBE, SENSORS, SERIAL, STEP, SUPPLY, SWITCHES,
+    DIFFERS, DIRECTION, ENABLE, HEAT, OFF, PROBE, SENSORS, SERIAL, STEP, SUPPLY, SWITCHES,
 };
 use headway_firmware::output::Pin;
 use headway_firmware::wiring::InputMap;
@@ -21,8 +23,8 @@ const SERIAL_FUNCTION: u32 = 7;
 
 /// Mode of a pin that a converter reads.
 const ANALOG: u32 = 3;
-/// Clocks of the ports, a bit each.
-const PORTS_CLOCK: *mut u32 = 0x4002_3830 as *mut u32;
+/// Ports A, B, D and E, which switch heaters and fans.
+const HEAT_PORTS_CLOCK_MASK: u32 = 0b1_1011;
 
 /// Port A; the others follow.
 pub const PORTS: usize = 0x4002_0000;
@@ -104,12 +106,11 @@ impl BoardPins for OctopusPins {
     }
 }
 
-/// Heaters and fans off, whatever was before: their ports may have no clock yet, and no memory is used.
+/// Heaters and fans off: what is an output goes low. What is none yet stays so, as the board may be another one.
 pub fn heaters_off() {
-    // SAFETY: a bit each that switches the clock of port A, B, D and E on; the others stay.
-    unsafe { PORTS_CLOCK.write_volatile(PORTS_CLOCK.read_volatile() | 0b1_1011) };
+    clock_on(Bus::Ahb1, HEAT_PORTS_CLOCK_MASK);
     for pin in OFF {
-        output(pin, false);
+        put(pin, false);
     }
 }
 
@@ -118,22 +119,27 @@ pub fn supply(on: bool) {
     put(SUPPLY, on);
 }
 
-/// Sets every pin up, before any interrupt is on: all off. Port clocks must run.
-pub fn set_up(motors: usize, map: InputMap) -> OctopusPins {
-    heaters_off();
-    output(SUPPLY, true);
+/// Sets every pin up, before any interrupt is on: all off, and no output where the board may be one that has
+/// something else there. Port clocks must run, and nothing may reset a port afterwards.
+pub fn set_up(motors: usize, map: InputMap, known: Known) -> OctopusPins {
+    let low = OFF.into_iter();
+    // A driver that is not used leaves its pins as they are: PA14 to the debugger.
+    let low = low.chain(STEP.into_iter().take(motors));
+    let low = low.chain(DIRECTION.into_iter().take(motors));
+    let high = ENABLE.into_iter().chain([SUPPLY]);
+    let levels = low.map(|pin| (pin, false));
+    for (pin, level) in levels.chain(high.map(|pin| (pin, true))) {
+        let is_ours = match known {
+            Known::Foreign => false,
+            Known::Unnamed => !DIFFERS.contains(&pin),
+            Known::Named => true,
+        };
+        if is_ours {
+            output(pin, level);
+        }
+    }
     for (pin, _) in SENSORS {
         modify(pin.0, MODE, 2 * pin.1, 2, ANALOG);
-    }
-    for enable in ENABLE {
-        output(enable, true);
-    }
-    // A driver that is not used leaves its pins as they are: PA14 to the debugger.
-    for pin in STEP.into_iter().take(motors) {
-        output(pin, false);
-    }
-    for pin in DIRECTION.into_iter().take(motors) {
-        output(pin, false);
     }
     SWITCHES.into_iter().for_each(input);
     input(PROBE);

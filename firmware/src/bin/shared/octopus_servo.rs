@@ -2,11 +2,13 @@
 //! The timer makes them alone; the main loop changes their length.
 
 use crate::pins;
+use crate::stm32f4::rcc::{Bus, clock_on};
+use headway_firmware::board_name::Known;
 use headway_firmware::octopus::PROBE_SERVO;
 use headway_firmware::probe_pin::{PULSE_PERIOD_US, PulsePort};
 
-const CLOCKS: *mut u32 = 0x4002_3840 as *mut u32;
-const CLOCK_ON: u32 = 1 << 2;
+/// Timer 4.
+const CLOCK: u32 = 1 << 2;
 const TIMER: usize = 0x4000_0800;
 const CONTROL: *mut u32 = TIMER as *mut u32;
 const EVENT: *mut u32 = (TIMER + 0x14) as *mut u32;
@@ -27,11 +29,11 @@ const ON: u32 = 1 << 7 | 1;
 pub struct OctopusServo;
 
 impl OctopusServo {
-    /// Before interrupts are on: low, until a length is put.
-    pub fn set_up() -> Self {
-        // SAFETY: registers of this timer, which nothing else uses; the clock's other bits stay.
+    /// Before interrupts are on: low, until a length is put; not where the board is another one.
+    pub fn set_up(known: Known) -> Self {
+        clock_on(Bus::Apb1, CLOCK);
+        // SAFETY: registers of this timer, which nothing else uses.
         unsafe {
-            CLOCKS.write_volatile(CLOCKS.read_volatile() | CLOCK_ON);
             PRESCALER.write_volatile(BY_84);
             RELOAD.write_volatile(u32::from(PULSE_PERIOD_US) - 1);
             COMPARE.write_volatile(0);
@@ -40,8 +42,10 @@ impl OctopusServo {
             EVENT.write_volatile(UPDATE);
             CONTROL.write_volatile(ON);
         }
-        let (pin, function) = PROBE_SERVO;
-        pins::alternate(pin, function);
+        if known != Known::Foreign {
+            let (pin, function) = PROBE_SERVO;
+            pins::alternate(pin, function);
+        }
         Self
     }
 }

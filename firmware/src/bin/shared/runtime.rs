@@ -419,9 +419,22 @@ pub fn without_masking<R>(work: impl FnOnce() -> R) -> R {
     // SAFETY: the work needs no privilege; what follows has it again.
     unsafe { control::write(control) };
     let result = work();
-    // SAFETY: the handler below gives privilege back.
-    unsafe { core::arch::asm!("svc 0") };
+    regain_privilege();
     result
+}
+
+/// Gives the main loop its privilege back, wherever in work without it that is called: `cpsid` has no effect
+/// before. An interrupt has privilege whatever it interrupted, and must not call the supervisor, which could not
+/// answer: it would be a hard fault.
+pub fn regain_privilege() {
+    // Without privilege this register reads as 0: then it is the main loop, as no interrupt is without.
+    let interrupt: u32;
+    // SAFETY: reading has no effect.
+    unsafe { core::arch::asm!("mrs {0}, ipsr", out(reg) interrupt, options(nomem, nostack)) };
+    if interrupt == 0 && control::read().npriv().is_unprivileged() {
+        // SAFETY: the handler below gives privilege back. Its priority is the highest, and nothing masks it.
+        unsafe { core::arch::asm!("svc 0") };
+    }
 }
 
 /// The main loop asks for its privilege back.

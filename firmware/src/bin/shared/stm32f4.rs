@@ -16,12 +16,15 @@ mod drivers;
 mod flash;
 #[path = "stm32f4_heat.rs"]
 mod heat;
+#[path = "stm32f4_rcc.rs"]
+pub mod rcc;
 #[path = "stm32f4_start.rs"]
 pub mod start;
 
 use crate::board::{
-    CHIP_ID, DriverPins, HeatPins, INPUTS, Output, PORTS_CLOCK_MASK, Pins, SERIAL_CLOCK_MASK,
-    SERIAL_INTERRUPT, SERIAL_PORT, ServoPin, UsbLine, heaters, heaters_off, input, set_up_board,
+    CHIP_ID, DriverPins, HeatPins, INPUTS, MUST_BE_NAMED, Output, PORTS_CLOCK_MASK, Pins,
+    SERIAL_CLOCK_MASK, SERIAL_INTERRUPT, SERIAL_PORT, ServoPin, UsbLine, heaters, heaters_off,
+    input, set_up_board,
 };
 use crate::runtime::{self, Board, Outgoing, Shared, with_motion};
 use core::convert::Infallible;
@@ -32,14 +35,20 @@ use embedded_hal::delay::DelayNs;
 use embedded_io::{ErrorType, Read, ReadReady, Write, WriteReady};
 use flash::KeptSettings;
 use headway_firmware::board::{BoardPins, ByteRing, chip_fault, exchange};
+use headway_firmware::board_name::{Known, UNNAMED};
 use headway_firmware::boards::built_for;
+use headway_firmware::drivers::DriversConfiguration;
+use headway_firmware::inputs::{EMERGENCY_LOOK_NS, Inputs, is_held};
 use headway_firmware::probe_pin::PulsePort;
 use headway_firmware::receiver::{Receiver, SECOND_LINE};
 use headway_firmware::settings::BoardSettings;
 use headway_protocol::message::{Fault, FaultCause};
 use heat::HeatLoop;
+use rcc::{Bus, clock_on};
 use stm32f4xx_hal::pac::{self, Interrupt, interrupt};
 
+/// System configuration, which has the multiplexer of the external interrupts.
+const MULTIPLEXER_CLOCK_MASK: u32 = 1 << 14;
 pub const CORE_HZ: u32 = 168_000_000;
 /// Of the upper four priority bits: below the steps, above the servo.
 const SERIAL_PRIORITY: u8 = 0x40;
@@ -72,7 +81,7 @@ fn SysTick() {
 fn PendSV() {
     // SAFETY: set before this interrupt is on, which alone uses it.
     let pins = unsafe { PINS.get() };
-    let done = runtime::servo_interrupt(pins.inputs());
+    let done = runtime::servo_interrupt(confirmed(pins.inputs()));
     pins.hold(done.drivers_on);
     heat::servo_tick(pins);
     if done.healthy {
@@ -80,7 +89,16 @@ fn PendSV() {
     }
 }
 
-/// The emergency input has opened, however shortly, or a stop is asked for.
+/// An emergency input that is pressed for a moment only is not.
+#[inline(always)]
+fn confirmed(inputs: Inputs) -> Inputs {
+    Inputs {
+        emergency: inputs.emergency && emergency_input::is_pressed(),
+        ..inputs
+    }
+}
+
+/// The emergency input has opened, or a stop is asked for.
 #[interrupt]
 fn EXTI9_5() {
     runtime::stop_interrupt(emergency_input::take());
@@ -98,10 +116,16 @@ pub fn pend_stop() {
 }
 
 mod emergency_input {
-    //! An edge of one line of the external interrupts, 5 to 15. The edge is kept by the chip until it is taken;
-    //! the level is looked at in every servo tick.
-    use core::sync::atomic::{AtomicU32, Ordering};
+    //! An edge of one line of the external interrupts, 5 to 15, and the level behind it. The edge is kept by the
+    //! chip until it is taken; the level is looked at in every servo tick. Either counts where the input stays
+    //! pressed for some microseconds.
+    use super::{CoreDelay, DelayNs, EMERGENCY_LOOK_NS, is_held};
+    use core::sync::atomic::{AtomicPtr, AtomicU32, Ordering};
     use headway_firmware::output::Pin;
+
+    /// Levels of port A, and from a port to the next.
+    const LEVELS: usize = 0x4002_0010;
+    const PORT_BYTES: usize = 0x400;
 
     /// Ports in the multiplexer, four lines to a register.
     const MULTIPLEXER: *mut u32 = 0x4001_3808 as *mut u32;
@@ -111,6 +135,9 @@ mod emergency_input {
     const PENDING: *mut u32 = 0x4001_3c14 as *mut u32;
     /// Bit of the line.
     static LINE: AtomicU32 = AtomicU32::new(0);
+    /// Levels of its port, and the bits that differ from them where it is pressed.
+    static PORT: AtomicPtr<u32> = AtomicPtr::new(LEVELS as *mut u32);
+    static RELEASED: AtomicU32 = AtomicU32::new(0);
 
     /// `falls`: it is normally open, so that it stops by going low.
     pub fn set_up((port, line): Pin, falls: bool) {
@@ -127,18 +154,38 @@ mod emergency_input {
             // Writing a one clears the flag.
             PENDING.write_volatile(bit);
         }
+        let levels = LEVELS + port * PORT_BYTES;
+        PORT.store(levels as *mut u32, Ordering::Relaxed);
+        RELEASED.store(if falls { bit } else { 0 }, Ordering::Relaxed);
         LINE.store(bit, Ordering::Relaxed);
     }
 
-    /// True if there was an edge since it was last taken.
+    /// True if there was an edge since it was last taken, and the input is pressed now. An edge that comes while it
+    /// is looked at is taken next.
     pub fn take() -> bool {
         let bit = LINE.load(Ordering::Relaxed);
         // SAFETY: as above; a one clears this line's flag alone.
-        unsafe {
+        let edge = unsafe {
             let edge = PENDING.read_volatile() & bit != 0;
             PENDING.write_volatile(bit);
             edge
-        }
+        };
+        edge && is_pressed()
+    }
+
+    /// True if it is pressed for as long as it is looked at.
+    #[cold]
+    pub fn is_pressed() -> bool {
+        let (bit, released) = (
+            LINE.load(Ordering::Relaxed),
+            RELEASED.load(Ordering::Relaxed),
+        );
+        let levels = PORT.load(Ordering::Relaxed);
+        is_held(|| {
+            CoreDelay.delay_ns(EMERGENCY_LOOK_NS);
+            // SAFETY: reading the levels of a port has no effect.
+            unsafe { levels.read_volatile() & bit != released }
+        })
     }
 }
 
@@ -222,6 +269,8 @@ impl WriteReady for SerialLine {
 }
 
 /// The main loop. Reports go to the line on which a valid frame came last.
+// A function of its own: tests stop where the set-up is over.
+#[inline(never)]
 fn serve(
     mut receiver: Receiver,
     mut heat: HeatLoop,
@@ -279,6 +328,7 @@ fn run() -> Option<()> {
         heaters: asked,
         drivers,
         wiring,
+        board: name,
     } = what_to_run(&mut kept)?;
     let motors = configuration.joints.len() + 1;
     let mut core = Peripherals::take()?;
@@ -287,18 +337,13 @@ fn run() -> Option<()> {
     device.RCC.csr().modify(|_, w| w.rmvf().set_bit());
     let wrong_board = set_up_clocks(&device);
     // Ports, the serial port, the multiplexer of the external interrupts.
-    // SAFETY: bits that switch clocks on.
-    unsafe {
-        let rcc = &device.RCC;
-        rcc.ahb1enr()
-            .modify(|r, w| w.bits(r.bits() | PORTS_CLOCK_MASK));
-        rcc.apb1enr()
-            .modify(|r, w| w.bits(r.bits() | SERIAL_CLOCK_MASK));
-        rcc.apb2enr().modify(|_, w| w.syscfgen().set_bit());
-    }
-    let parts = set_up_board(device, motors, &wiring)?;
+    clock_on(Bus::Ahb1, PORTS_CLOCK_MASK);
+    clock_on(Bus::Apb1, SERIAL_CLOCK_MASK);
+    clock_on(Bus::Apb2, MULTIPLEXER_CLOCK_MASK);
+    let known = Known::of(wrong_board, name.is_some() || !MUST_BE_NAMED);
+    let map = wiring.map(&INPUTS).with_switches_of(&switches);
+    let parts = set_up_board(device, motors, map, &wiring, known)?;
     let serial = SerialLine::set_up();
-    let map = wiring.map(&INPUTS);
     emergency_input::set_up(input(map.emergency())?, map.is_open(map.emergency()));
     let clocks = CORE_HZ.checked_div(configuration.step_hz)?;
     let board = Board {
@@ -324,7 +369,10 @@ fn run() -> Option<()> {
         index: 0,
         value: 0,
     });
-    if let Some(fault) = wrong_board.or(by_watchdog) {
+    let unnamed = (known == Known::Unnamed).then_some(UNNAMED);
+    // A heater that failed says more than that its fault has hung the board.
+    let of_before = start::kept_fault().or(by_watchdog);
+    if let Some(fault) = wrong_board.or(unnamed).or(of_before) {
         with_motion(|motion| motion.fail_softly(fault));
     }
     with_motion(|motion| motion.fit_probe_pin(wiring.pin()));
@@ -333,6 +381,11 @@ fn run() -> Option<()> {
     let heat = HeatLoop::new(&configuration, &heaters(asked), parts.heat)?;
     core.DCB.enable_trace();
     core.DWT.enable_cycle_counter();
+    // What stands at a foreign board's pins nobody knows.
+    let drivers = match known {
+        Known::Foreign => DriversConfiguration::none(),
+        Known::Unnamed | Known::Named => drivers,
+    };
     let drivers = DriverLoop::new(&drivers, configuration.servo_hz, parts.drivers);
     // SAFETY: all that interrupts use is set.
     unsafe { cortex_m::interrupt::enable() }
@@ -354,8 +407,9 @@ pub fn main() -> ! {
     stop()
 }
 
-/// Heaters and drivers off, no more interrupts; the watchdog starts anew.
+/// Heaters and drivers off, no more interrupts, from any context; the watchdog starts anew.
 pub fn stop() -> ! {
+    runtime::regain_privilege();
     cortex_m::interrupt::disable();
     heaters_off();
     // SAFETY: nothing interrupts any more.
@@ -370,6 +424,12 @@ pub fn stop() -> ! {
 /// What no handler has dealt with.
 #[exception]
 unsafe fn HardFault(_: &cortex_m_rt::ExceptionFrame) -> ! {
+    stop()
+}
+
+/// An interrupt that nobody has switched on.
+#[exception]
+unsafe fn DefaultHandler(_: i16) -> ! {
     stop()
 }
 

@@ -98,7 +98,11 @@ fn wait(is_so: impl Fn() -> bool) -> bool {
 
 mod edges {
     //! Timer 11 counts the internal 16 MHz between edges of the crystal divided by 16.
+    use super::super::rcc::{Bus, clock_on};
     use super::{RCC, wait};
+
+    /// Timer 11.
+    const CLOCK: u32 = 1 << 18;
 
     const TIMER: usize = 0x4001_4800;
     const CONTROL: *mut u32 = TIMER as *mut u32;
@@ -117,7 +121,7 @@ mod edges {
 
     /// Timer clocks of 64 edges; 0 if they do not come.
     pub fn timer_clocks(rcc: &RCC) -> u32 {
-        rcc.apb2enr().modify(|_, w| w.tim11en().set_bit());
+        clock_on(Bus::Apb2, CLOCK);
         let clocks = count();
         // SAFETY: as below.
         unsafe { CONTROL.write_volatile(0) };

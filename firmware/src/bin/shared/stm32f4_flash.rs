@@ -4,7 +4,7 @@
 //! pins and in their schedule, and the watchdog waits longer; that nothing moves and no heater has a target has
 //! been asked before (`Receiver`). Bytes that come meanwhile are lost, and sent again by the host.
 
-use crate::board::{INPUTS, MOTORS, SETTINGS_SECTORS, heaters_off};
+use crate::board::{INPUTS, MOTORS, NAMES, SETTINGS_SECTORS, heaters_off};
 use crate::stm32f4::{heat, start};
 use headway_firmware::board::sector_flash::{FlashBus, LOOKS_MAX, SectorFlash};
 use headway_firmware::boards::{built_for, kept_settings};
@@ -56,6 +56,7 @@ impl KeptSettings {
                 servo_hz: built_in.servo_hz,
                 step_hz: built_in.step_hz,
                 inputs: INPUTS,
+                names: NAMES,
             },
             hash: 0,
         })

@@ -2,6 +2,7 @@
 
 use crate::board::HeatPins;
 use crate::runtime::{Shared, with_motion};
+use crate::stm32f4::start;
 use headway_firmware::board::{BoardPins, HeatPort};
 use headway_firmware::configuration::MachineConfiguration;
 use headway_firmware::heat::pwm::SoftPwm;
@@ -57,9 +58,13 @@ impl HeatLoop {
         if let Some((heater, raw)) = self.port.poll() {
             self.service.sample(heater, raw);
         }
-        let served = with_motion(|motion| self.service.serve(motion, 0)).flatten();
-        if let Some(outputs) = served {
+        let served = with_motion(|motion| {
+            let outputs = self.service.serve(motion, 0)?;
+            Some((outputs, motion.fault()))
+        });
+        if let Some((outputs, fault)) = served.flatten() {
             self.put_out(&outputs);
+            start::keep_fault(fault);
         }
     }
 

@@ -5,8 +5,12 @@
 //! ARM DDI 0403 (B3.2 to B3.4). A boot loader is taken to enter as a reset does: on the main stack,
 //! privileged.
 
+use super::rcc::all_inputs;
 use core::mem::MaybeUninit;
-use headway_firmware::board::{StartCounter, mix_noise, serial_number, session_of};
+use headway_firmware::board::{
+    KEPT_WORDS, KeptFault, StartCounter, mix_noise, serial_number, session_of,
+};
+use headway_protocol::message::Fault;
 
 const SYSTICK_CONTROL: *mut u32 = 0xe000_e010 as *mut u32;
 const ICSR: *mut u32 = 0xe000_ed04 as *mut u32;
@@ -27,8 +31,11 @@ const WATCHDOG_RELOAD: *mut u32 = 0x4000_3008 as *mut u32;
 /// Time without a healthy servo after which everything is reset: its own 32 kHz / 32 = 1 per ms.
 const WATCHDOG_MS: u32 = 200;
 
-/// 96 bits that no two chips have alike.
-const CHIP_UNIQUE: *const [u32; 3] = 0x1fff_7a10 as *const [u32; 3];
+/// Where the chip has 96 bits that no two chips have alike. Read when they are: tests put the address of some other
+/// words here, as the emulator has nothing at this place.
+#[cfg(not(feature = "emulated"))]
+#[unsafe(no_mangle)]
+static CHIP_UNIQUE_AT: usize = 0x1fff_7a10;
 const DEVICE_ID: *const u32 = 0xe004_2000 as *const u32;
 
 const RAM: *const u32 = 0x2000_0000 as *const u32;
@@ -43,6 +50,9 @@ unsafe extern "C" {
 /// Left alone by the set-up of memory: the counter of the run before, and the noise of this start.
 #[unsafe(link_section = ".uninit.start")]
 static mut COUNTER: MaybeUninit<[u32; 2]> = MaybeUninit::uninit();
+/// A fault of the heaters that the run before had latched.
+#[unsafe(link_section = ".uninit.start")]
+static mut KEPT: MaybeUninit<[u32; KEPT_WORDS]> = MaybeUninit::uninit();
 #[unsafe(link_section = ".uninit.start")]
 static mut NOISE: MaybeUninit<u32> = MaybeUninit::uninit();
 
@@ -57,8 +67,9 @@ unsafe extern "C" fn clean_up() {
     unsafe {
         core::arch::asm!("cpsid i");
         start_watchdog();
-        // A heater that a run or a boot loader before left on.
-        crate::board::heaters_off();
+        // A heater that a run or a boot loader before left on: boards pull its gate down. Nothing is driven before it
+        // is known which board this is.
+        all_inputs();
         SYSTICK_CONTROL.write_volatile(0);
         for word in 0..NVIC_WORDS {
             NVIC_CLEAR_ENABLE.add(word).write_volatile(u32::MAX);
@@ -145,7 +156,10 @@ pub fn device_id() -> u32 {
 #[cfg(not(feature = "emulated"))]
 fn chip_unique() -> [u32; 3] {
     // SAFETY: reading has no effect.
-    unsafe { CHIP_UNIQUE.read_volatile() }
+    unsafe {
+        let place = (&raw const CHIP_UNIQUE_AT).read_volatile();
+        (place as *const [u32; 3]).read_volatile()
+    }
 }
 
 /// The emulator has nothing there.
@@ -157,6 +171,27 @@ fn chip_unique() -> [u32; 3] {
 /// The USB device's serial number: this chip's, so that two boards keep their port names.
 pub fn usb_serial_number() -> [u8; 24] {
     serial_number(chip_unique())
+}
+
+/// The fault of the heaters that the run before has left latched, if a reset ended it.
+pub fn kept_fault() -> Option<Fault> {
+    // SAFETY: memory that is there and used from the main loop alone; all values are possible.
+    let words = unsafe {
+        (&raw const KEPT)
+            .cast::<[u32; KEPT_WORDS]>()
+            .read_volatile()
+    };
+    KeptFault::from_memory(words).fault()
+}
+
+/// Keeps what is latched now for the run after a reset.
+pub fn keep_fault(fault: Option<Fault>) {
+    // SAFETY: as above.
+    unsafe {
+        (&raw mut KEPT)
+            .cast::<[u32; KEPT_WORDS]>()
+            .write_volatile(KeptFault::of(fault).words());
+    }
 }
 
 /// The number of this start; once, from the main loop.

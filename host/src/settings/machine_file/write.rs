@@ -65,6 +65,9 @@ fn write_machine(text: &mut String, s: &Settings) -> std::fmt::Result {
         "# Limits are the machine's own; the plan uses plan_share of each."
     )?;
     writeln!(text, "name = {}", quoted(&s.machine_name))?;
+    if let Some(board) = s.board {
+        writeln!(text, "board = {}", quoted(board.text()))?;
+    }
     writeln!(
         text,
         "kinematics = \"{}\"",
