@@ -60,7 +60,7 @@ pub struct Elf {
     bytes: Vec<u8>,
     segments: Vec<Segment>,
     sections: Vec<Section>,
-    symbols: Vec<String>,
+    symbols: Vec<(String, u32)>,
 }
 
 impl Elf {
@@ -120,7 +120,8 @@ impl Elf {
                     .get(names.offset + name..)?
                     .split(|&byte| byte == 0)
                     .next()?;
-                symbols.push(String::from_utf8_lossy(text).into_owned());
+                let name = String::from_utf8_lossy(text).into_owned();
+                symbols.push((name, word(section.offset + index * SYMBOL_BYTES + 4)?));
             }
         }
         Some(Self {
@@ -177,10 +178,17 @@ impl Elf {
     }
 
     fn named(&self, parts: &[&str]) -> Vec<&str> {
-        let symbols = self.symbols.iter().map(String::as_str);
+        let symbols = self.symbols.iter().map(|(name, _)| name.as_str());
         symbols
             .filter(|name| parts.iter().any(|part| name.contains(part)))
             .collect()
+    }
+
+    /// Address of the one symbol whose name has this part; of several, the one that is shortest.
+    pub fn address_of(&self, part: &str) -> Option<u32> {
+        let named = self.symbols.iter().filter(|(name, _)| name.contains(part));
+        let shortest = named.min_by_key(|(name, _)| name.len());
+        shortest.map(|(_, address)| *address)
     }
 
     /// Functions that only a panic needs.
