@@ -58,7 +58,9 @@ pub fn octopus_flash(elf: &Elf, name: BoardName) -> (u32, Vec<u8>) {
     // The first record of an empty store lies in the first sector.
     let sectors = store.into_flash().0;
     let place = (SETTINGS_SECTORS[0].address - first) as usize;
-    let slot = image.get_mut(place..place + SECTOR_BYTES).expect("code is behind it");
+    let slot = image
+        .get_mut(place..place + SECTOR_BYTES)
+        .expect("code is behind it");
     assert!(slot.iter().all(|byte| *byte == 0), "no code lies there");
     slot.copy_from_slice(&sectors[..SECTOR_BYTES]);
     (first, image)

@@ -48,7 +48,9 @@ impl Debugger {
     fn send(&mut self, text: &str) {
         let sum = text.bytes().fold(0u8, u8::wrapping_add);
         let packet = format!("${text}#{sum:02x}");
-        self.stream.write_all(packet.as_bytes()).expect("QEMU reads");
+        self.stream
+            .write_all(packet.as_bytes())
+            .expect("QEMU reads");
     }
 
     fn byte(&mut self) -> u8 {

@@ -23,10 +23,7 @@ const WATCHED: [At; 2] = [
     At::Read(0x5000_0000, 0x4_0000),
 ];
 /// Clocks, and the words of their bits: a barrier behind a write is looked for.
-const CLOCKS: [At; 2] = [
-    At::Write(0x4002_3830, 0x18),
-    At::Write(0x4247_0600, 0x300),
-];
+const CLOCKS: [At; 2] = [At::Write(0x4002_3830, 0x18), At::Write(0x4247_0600, 0x300)];
 /// Nothing uses the random number generator: a read of it by the debugger ends what was written before a stop.
 const MARK: u32 = 0x5006_0800;
 /// `DSB`.
@@ -60,6 +57,14 @@ fn write_of(line: &str) -> Option<Write> {
     (is_write || write.address == MARK).then_some(write)
 }
 
+/// The chip's number is where the emulator has memory: the first words of the flash stand for it.
+pub fn with_chip_number(elf: &Elf, (first, mut image): (u32, Vec<u8>)) -> (u32, Vec<u8>) {
+    let place = elf.address_of("CHIP_UNIQUE_AT").expect("the image has it");
+    let place = (place - first) as usize;
+    image[place..place + 4].copy_from_slice(&first.to_le_bytes());
+    (first, image)
+}
+
 /// What an emulator is started with.
 pub struct Start<'a> {
     /// Binaries and where they lie; the first one holds the vectors.
@@ -87,10 +92,16 @@ impl EmulatedChip {
         let mut process = Command::new("qemu-system-arm");
         process
             .args(["-machine", "netduinoplus2", "-nographic", "-S"])
-            .args(["-d", "trace:memory_region_ops_write,trace:memory_region_ops_read"])
+            .args([
+                "-d",
+                "trace:memory_region_ops_write,trace:memory_region_ops_read",
+            ])
             .args(["-icount", "shift=4", "-monitor", &socket("monitor")])
             .args(["-qtest", &socket("qtest"), "-qtest-log", "/dev/null"])
-            .args(["-chardev", &format!("socket,id=gdb,path={},server=on,wait=off", file("gdb"))])
+            .args([
+                "-chardev",
+                &format!("socket,id=gdb,path={},server=on,wait=off", file("gdb")),
+            ])
             .args(["-gdb", "chardev:gdb"])
             .args(["-serial", "null"].repeat(start.serial_ports_before))
             .args(["-serial", &socket("serial")]);
@@ -144,6 +155,39 @@ impl EmulatedChip {
         answer
     }
 
+    /// What has been written since it was last asked for, while the chip runs: nothing more for some time, or so many.
+    pub fn writes_until(
+        &mut self,
+        enough: impl Fn(&[Write]) -> bool,
+        silence: Duration,
+    ) -> Vec<Write> {
+        let mut found = Vec::new();
+        while !enough(&found) {
+            match self.writes.recv_timeout(silence) {
+                Ok(write) => found.push(write),
+                Err(_) => break,
+            }
+        }
+        found
+    }
+
+    /// Lets the chip find bits of a register set, for so many reads of it.
+    pub fn set_bits(&mut self, address: u32, bits: u32, reads: usize) {
+        self.debugger.halt();
+        let watch = At::Read(address, 4);
+        self.debugger.stop_at(watch);
+        for _ in 0..reads {
+            self.debugger.run();
+            let here = self.debugger.place();
+            let access = self.access_at(here);
+            let value = self.debugger.word(address) | bits;
+            self.debugger.set_register(access.target, value);
+            self.debugger.set_place(here + access.length);
+        }
+        self.debugger.pass_by(watch);
+        self.debugger.let_go();
+    }
+
     /// What was written up to now; the chip stands still.
     pub fn writes(&mut self) -> Vec<Write> {
         self.debugger.word(MARK);
@@ -185,14 +229,18 @@ impl EmulatedChip {
         }
     }
 
+    fn access_at(&mut self, here: u32) -> ThumbAccess {
+        let code = [0, 2].map(|after| self.debugger.half(here + after));
+        let access = ThumbAccess::decode(code[0], code[1]);
+        access.unwrap_or_else(|| panic!("no access at {here:#x}: {code:04x?}"))
+    }
+
     /// Does what the chip has stopped at, after what it has written before.
     fn pass(&mut self, here: u32) {
         for write in self.writes() {
             self.model.write(write.address, write.value);
         }
-        let code = [0, 2].map(|after| self.debugger.half(here + after));
-        let access = ThumbAccess::decode(code[0], code[1]);
-        let access = access.unwrap_or_else(|| panic!("no access at {here:#x}: {code:04x?}"));
+        let access = self.access_at(here);
         let address = access.address(|number| self.debugger.register(number));
         let next = here + access.length;
         if access.is_store {

@@ -48,7 +48,13 @@ const PERIPHERALS: [Peripheral; 15] = [
 ];
 /// What QEMU's own model of a chip answers.
 const ANSWERED_BY_QEMU: [&str; 7] = [
-    "EXTI", "timer 4", "USART 2", "USART 3", "converter 3", "converters", "SYSCFG",
+    "EXTI",
+    "timer 4",
+    "USART 2",
+    "USART 3",
+    "converter 3",
+    "converters",
+    "SYSCFG",
 ];
 
 /// What a pin is.
@@ -105,12 +111,17 @@ impl RegisterModel {
             .iter()
             .find(|(_, from, bytes, _)| (*from..from + bytes).contains(&address));
         let Some(&(name, _, _, clock)) = found else {
-            self.wrong.push(format!("{what} of {address:#010x}, which nobody knows"));
+            self.wrong
+                .push(format!("{what} of {address:#010x}, which nobody knows"));
             return;
         };
         let port = (address.wrapping_sub(PORT_A)) / PORT_BYTES;
         let is_port = name == "ports";
-        let clock = if is_port { Some((CLOCKS[0], port)) } else { clock };
+        let clock = if is_port {
+            Some((CLOCKS[0], port))
+        } else {
+            clock
+        };
         self.used.insert(name);
         let Some((register, bit)) = clock else { return };
         let place = format!("{what} of {name} at {address:#010x}");
@@ -155,7 +166,8 @@ impl RegisterModel {
     fn reset_ports(&mut self, ports: u32) {
         for port in (0..PORTS).filter(|port| ports >> port & 1 == 1) {
             let first = PORT_A + port * PORT_BYTES;
-            self.words.retain(|address, _| !(first..first + PORT_BYTES).contains(address));
+            self.words
+                .retain(|address, _| !(first..first + PORT_BYTES).contains(address));
         }
     }
 
@@ -200,7 +212,9 @@ impl RegisterModel {
     fn levels(&self, port: u32) -> u32 {
         let (modes, driven) = (self.get(port), self.get(port + 0x14));
         let is_output = |pin: &u32| modes >> (2 * pin) & 3 == 1;
-        (0..16).filter(is_output).fold(0, |levels, pin| levels | driven & 1 << pin)
+        (0..16)
+            .filter(is_output)
+            .fold(0, |levels, pin| levels | driven & 1 << pin)
     }
 
     /// A pin as it is now.

@@ -137,12 +137,29 @@ mod tests {
             ([0xf882, 0x1014], true, 1, 1, 0x2014, 4, 0),
         ] {
             let found = ThumbAccess::decode(code[0], code[1]).expect("an access");
-            let what = (found.is_store, found.target, found.bytes, found.length, found.advance);
-            assert_eq!(what, (is_store, target, bytes, length, advance), "{code:x?}");
+            let what = (
+                found.is_store,
+                found.target,
+                found.bytes,
+                found.length,
+                found.advance,
+            );
+            assert_eq!(
+                what,
+                (is_store, target, bytes, length, advance),
+                "{code:x?}"
+            );
             assert_eq!(found.address(registers), address, "{code:x?}");
         }
         // movs r0, #1; dsb; b.n; bl; push; vldr
-        for code in [[0x2001, 0], [0xf3bf, 0x8f4f], [0xe7fe, 0], [0xf000, 0xf800], [0xb510, 0], [0xed90, 0x0a00]] {
+        for code in [
+            [0x2001, 0],
+            [0xf3bf, 0x8f4f],
+            [0xe7fe, 0],
+            [0xf000, 0xf800],
+            [0xb510, 0],
+            [0xed90, 0x0a00],
+        ] {
             assert_eq!(ThumbAccess::decode(code[0], code[1]), None, "{code:x?}");
         }
     }

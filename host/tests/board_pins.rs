@@ -1,0 +1,163 @@
+//! Goal: when the set-up of an image is over, every pin is what it is meant to be: heaters and fans outputs and low,
+//! drivers off, steps and directions outputs, nothing else driven; no peripheral was used without its clock; and no pin
+//! is driven that may be something else as long as nobody has said which board it is. Method: each image as it is
+//! flashed, in QEMU, with a model of the chip's registers behind it (`register_model`). Skipped, and said so, where
+//! QEMU or the target is missing; `HEADWAY_DEMAND_EMULATOR=1` makes that a failure.
+#![cfg(unix)]
+
+#[path = "../../tests/src/board_flash.rs"]
+#[allow(dead_code)]
+mod board_flash;
+#[path = "../../tests/src/board_image.rs"]
+mod board_image;
+#[path = "../../tests/src/debugger.rs"]
+#[allow(dead_code)]
+mod debugger;
+#[path = "../../tests/src/elf.rs"]
+#[allow(dead_code)]
+mod elf;
+#[path = "../../tests/src/emulated_chip.rs"]
+#[allow(dead_code)]
+mod emulated_chip;
+#[path = "../../tests/src/register_model.rs"]
+#[allow(dead_code)]
+mod register_model;
+mod rig;
+#[path = "../../tests/src/thumb_access.rs"]
+mod thumb_access;
+
+use board_flash::octopus_flash;
+use board_image::{alone, build, skipped};
+use emulated_chip::{EmulatedChip, Start, with_chip_number};
+use headway_firmware::board_name::BoardName;
+use headway_firmware::octopus;
+use headway_firmware::output::Pin;
+use register_model::{PinState, RegisterModel};
+use std::collections::BTreeMap;
+
+/// Motors of the machine that is built in.
+const MOTORS: usize = 5;
+const PULLED_UP: PinState = PinState::Input(1);
+/// Pins of the chip's debugger after a reset: 13 to 15 of port A, 3 and 4 of port B.
+const DEBUGGER: [Pin; 5] = [(0, 13), (0, 14), (0, 15), (1, 3), (1, 4)];
+
+/// The registers when the main loop of an Octopus begins.
+fn octopus_set_up(features: &str, name: Option<BoardName>) -> RegisterModel {
+    let elf = build("octopus", features);
+    let image = name.map_or_else(|| elf.image(), |name| octopus_flash(&elf, name));
+    let loader = build("boot_loader", "").image();
+    let flash = vec![loader, with_chip_number(&elf, image)];
+    set_up(&elf, flash, 1, &format!("{features}-{name:?}"))
+}
+
+fn set_up(
+    elf: &elf::Elf,
+    flash: Vec<(u32, Vec<u8>)>,
+    serial_ports_before: usize,
+    name: &str,
+) -> RegisterModel {
+    let folder = rig::folder(name);
+    let mut chip = EmulatedChip::start(Start {
+        flash,
+        serial_ports_before,
+        folder: &folder,
+    });
+    chip.set_up(elf, "stm32f45serve17h");
+    let model = std::mem::take(&mut chip.model);
+    println!("{name}: {:?}", model.used);
+    assert_eq!(model.wrong, Vec::<String>::new(), "{name}");
+    model
+}
+
+/// Every pin of the ports, against what is meant; all others as after a reset.
+fn assert_pins(model: &RegisterModel, meant: &BTreeMap<Pin, PinState>, name: &str) {
+    for port in 0..8 {
+        for pin in (0..16).map(|number| (port, number)) {
+            let found = model.pin(pin);
+            let is_debuggers = DEBUGGER.contains(&pin);
+            let reset = if is_debuggers {
+                PinState::Alternate(0)
+            } else {
+                PinState::Input(0)
+            };
+            let expected = meant.get(&pin).copied().unwrap_or(reset);
+            assert_eq!(found, expected, "{name}: {pin:?}");
+        }
+    }
+}
+
+/// What the Octopus's pins are meant to be before anything is asked of it.
+fn octopus_meant(has_usb: bool) -> BTreeMap<Pin, PinState> {
+    let low = octopus::OFF.into_iter();
+    let low = low.chain(octopus::STEP.into_iter().take(MOTORS));
+    let low = low.chain(octopus::DIRECTION.into_iter().take(MOTORS));
+    // An enable is on while it is low; the supply is on while it is high.
+    let high = octopus::ENABLE.into_iter().chain([octopus::SUPPLY]);
+    let inputs = octopus::SWITCHES.into_iter().chain([octopus::PROBE]);
+    let inputs = inputs.chain(octopus::UART);
+    let mut meant = BTreeMap::new();
+    meant.extend(low.map(|pin| (pin, PinState::Output(false))));
+    meant.extend(high.map(|pin| (pin, PinState::Output(true))));
+    meant.extend(inputs.map(|pin| (pin, PULLED_UP)));
+    meant.extend(octopus::SENSORS.map(|(pin, _)| (pin, PinState::Analog)));
+    meant.extend(octopus::SERIAL.map(|pin| (pin, PinState::Alternate(7))));
+    let (servo, function) = octopus::PROBE_SERVO;
+    meant.insert(servo, PinState::Alternate(function));
+    if has_usb {
+        // D- and D+.
+        meant.extend([11, 12].map(|pin| ((0, pin), PinState::Alternate(10))));
+    }
+    meant
+}
+
+#[test]
+fn every_pin_of_an_octopus_is_as_meant_when_its_set_up_is_over() {
+    if skipped() {
+        return;
+    }
+    let _alone = alone();
+    for (features, has_usb) in [("octopus", true), ("octopus-serial", false)] {
+        let model = octopus_set_up(features, Some(BoardName::Octopus11));
+        assert_pins(&model, &octopus_meant(has_usb), features);
+        assert_eq!(model.used.contains("USB"), has_usb);
+        for used in ["timer 4", "timer 11", "converter 3", "USART 2", "SYSCFG"] {
+            assert!(model.used.contains(used), "{features}: {used}");
+        }
+    }
+}
+
+#[test]
+fn pins_that_another_board_has_elsewhere_stay_inputs_until_the_board_is_named() {
+    if skipped() {
+        return;
+    }
+    let _alone = alone();
+    let model = octopus_set_up("octopus", None);
+    let mut meant = octopus_meant(true);
+    for pin in octopus::DIFFERS {
+        assert!(meant.remove(&pin).is_some(), "{pin:?} has a use");
+    }
+    assert_pins(&model, &meant, "unnamed");
+}
+
+#[test]
+fn every_pin_of_a_feather_is_as_meant_when_its_set_up_is_over() {
+    if skipped() {
+        return;
+    }
+    let _alone = alone();
+    let elf = build("feather", "feather");
+    let flash = vec![with_chip_number(&elf, elf.image())];
+    let model = set_up(&elf, flash, 2, "feather");
+    let steps = [(0, 4), (0, 6), (2, 4), (2, 7), (1, 13)];
+    let directions = [(0, 5), (0, 7), (2, 5), (2, 6), (1, 14)];
+    let low = steps.into_iter().chain(directions);
+    let mut meant = BTreeMap::new();
+    meant.extend(low.map(|pin| (pin, PinState::Output(false))));
+    meant.extend([(1, 9), (1, 8), (2, 3), (1, 7)].map(|pin| (pin, PULLED_UP)));
+    meant.extend([(1, 10), (1, 11)].map(|pin| (pin, PinState::Alternate(7))));
+    // The drivers' one enable: off.
+    meant.insert((2, 2), PinState::Output(true));
+    assert_pins(&model, &meant, "feather");
+    assert!(model.used.contains("timer 11") && model.used.contains("USART 3"));
+}

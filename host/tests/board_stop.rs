@@ -1,0 +1,188 @@
+//! Goal: a panic stops the machine wherever it comes: no step after it, heaters low, drivers off; a press of the
+//! emergency input stops the steps, a spike does not. Method: the USB image as it is flashed, in QEMU, set up over a
+//! model of the chip's registers, then alone; the command jogs; the debugger sets the program counter to the panic
+//! handler in USB code (which has no privilege), the main loop, the servo and the step interrupt; QEMU's trace has every
+//! write. Skipped, and said so, where QEMU or the target is missing.
+#![cfg(unix)]
+
+#[path = "../../tests/src/board_flash.rs"]
+#[allow(dead_code)]
+mod board_flash;
+#[path = "../../tests/src/board_image.rs"]
+mod board_image;
+#[path = "../../tests/src/debugger.rs"]
+#[allow(dead_code)]
+mod debugger;
+#[path = "../../tests/src/elf.rs"]
+#[allow(dead_code)]
+mod elf;
+#[path = "../../tests/src/emulated_chip.rs"]
+#[allow(dead_code)]
+mod emulated_chip;
+#[path = "../../tests/src/register_model.rs"]
+#[allow(dead_code)]
+mod register_model;
+mod rig;
+#[path = "../../tests/src/thumb_access.rs"]
+mod thumb_access;
+
+use board_flash::octopus_flash;
+use board_image::{alone, build, skipped};
+use debugger::At;
+use elf::Elf;
+use emulated_chip::{EmulatedChip, Start, Write, with_chip_number};
+use headway_firmware::board_name::BoardName;
+use headway_firmware::octopus;
+use headway_firmware::output::Pin;
+use rig::{command, stderr};
+use std::process::Child;
+use std::time::Duration;
+
+const PORT_A: u32 = 0x4002_0000;
+const PORT_BYTES: u32 = 0x400;
+/// Levels of port B, with the emergency input.
+const LEVELS_B: u32 = PORT_A + PORT_BYTES + 0x10;
+const WATCHDOG_KEY: u32 = 0x4000_3000;
+/// A busy machine takes its time.
+const PATIENCE: Duration = Duration::from_secs(60);
+/// Nothing was written for so long: the chip writes thousands of times in it while it runs.
+const SILENCE: Duration = Duration::from_millis(700);
+/// Steps after which it is certain that it moves.
+const UNDER_WAY: usize = 500;
+
+/// Pins that a write sets, and those that it clears.
+fn set_and_cleared(write: &Write) -> Option<(usize, u32, u32)> {
+    let offset = write.address.checked_sub(PORT_A)?;
+    let is_set_reset = offset % PORT_BYTES == 0x18 && offset < 8 * PORT_BYTES;
+    let port = (offset / PORT_BYTES) as usize;
+    is_set_reset.then_some((port, write.value & 0xffff, write.value >> 16))
+}
+
+fn sets(write: &Write, pins: &[Pin]) -> bool {
+    set_and_cleared(write).is_some_and(|(port, set, _)| {
+        pins.iter()
+            .any(|pin| pin.0 == port && set >> pin.1 & 1 == 1)
+    })
+}
+
+fn clears(write: &Write, pin: Pin) -> bool {
+    set_and_cleared(write)
+        .is_some_and(|(port, _, cleared)| pin.0 == port && cleared >> pin.1 & 1 == 1)
+}
+
+fn steps(writes: &[Write]) -> usize {
+    writes
+        .iter()
+        .filter(|write| sets(write, &octopus::STEP))
+        .count()
+}
+
+/// An Octopus that jogs, and the command that has told it to.
+fn jogging(elf: &Elf, name: &str) -> (EmulatedChip, Child) {
+    let folder = rig::folder(name);
+    let image = octopus_flash(elf, BoardName::Octopus11);
+    let mut chip = EmulatedChip::start(Start {
+        flash: vec![
+            build("boot_loader", "").image(),
+            with_chip_number(elf, image),
+        ],
+        serial_ports_before: 1,
+        folder: &folder,
+    });
+    chip.set_up(elf, "stm32f45serve17h");
+    chip.debugger.let_go();
+    let jog = ["board", "jog", "x", "200", "--port", &chip.port()];
+    let jog = command(&jog).spawn().expect("the command starts");
+    let begun = chip.writes_until(|writes| steps(writes) >= UNDER_WAY, PATIENCE);
+    assert_eq!(steps(&begun), UNDER_WAY, "the board moves");
+    (chip, jog)
+}
+
+/// Sets the program counter to the panic handler there, and looks at what is written from then on.
+fn panics(elf: &Elf, name: &str, at: At) {
+    let (mut chip, mut jog) = jogging(elf, name);
+    chip.debugger.halt();
+    chip.debugger.stop_at(at);
+    chip.debugger.run();
+    chip.debugger.pass_by(at);
+    let handler = elf.address_of("rust_begin_unwind").expect("it can panic");
+    let _before = chip.writes_until(|_| false, SILENCE);
+    chip.debugger.set_place(handler);
+    chip.debugger.let_go();
+    let after = chip.writes_until(|writes| writes.len() > 5000, SILENCE);
+    // It has ended by itself, or waits for the board.
+    let _ = jog.kill();
+    let _ = jog.wait();
+    println!(
+        "{name}: {} writes after the panic, {} steps",
+        after.len(),
+        steps(&after)
+    );
+    assert!(after.len() < 5000, "{name}: it goes on");
+    assert_eq!(steps(&after), 0, "{name}");
+    for heater in octopus::OFF {
+        assert!(
+            after.iter().any(|write| clears(write, heater)),
+            "{name}: {heater:?} stays"
+        );
+        assert!(
+            !after.iter().any(|write| sets(write, &[heater])),
+            "{name}: {heater:?}"
+        );
+    }
+    for enable in octopus::ENABLE {
+        assert!(
+            after.iter().any(|write| sets(write, &[enable])),
+            "{name}: {enable:?} stays on"
+        );
+    }
+    let feeds = after.iter().filter(|write| write.address == WATCHDOG_KEY);
+    assert_eq!(
+        feeds.count(),
+        0,
+        "{name}: the watchdog is fed, so it never starts anew"
+    );
+}
+
+#[test]
+fn a_panic_stops_the_machine_wherever_it_comes() {
+    if skipped() {
+        return;
+    }
+    let _alone = alone();
+    let elf = build("octopus", "octopus");
+    let function = |name: &str| At::Instruction(elf.address_of(name).expect("it is there"));
+    for (name, at) in [
+        // What USB asks its core first, and what the main loop asks the converter.
+        ("in-usb", At::Read(0x5000_0014, 4)),
+        ("in-main-loop", At::Read(0x4001_2200, 4)),
+        ("in-servo", function("PendSV")),
+        ("in-steps", function("SysTick")),
+    ] {
+        panics(&elf, name, at);
+    }
+}
+
+#[test]
+fn a_press_of_the_emergency_input_stops_the_steps_and_a_spike_does_not() {
+    if skipped() {
+        return;
+    }
+    let _alone = alone();
+    let elf = build("octopus", "octopus");
+    let (mut chip, jog) = jogging(&elf, "emergency");
+    // The line goes up and down again, far quicker than its interrupt looks at the level.
+    let line_7 = "set_irq_in /machine/unattached/device[0]/exti unnamed-gpio-in 7";
+    let answer = chip.say("qtest", &format!("{line_7} 1\n{line_7} 0"));
+    assert_eq!(answer.matches("OK").count(), 2, "{answer}");
+    let after = chip.writes_until(|writes| steps(writes) >= UNDER_WAY, PATIENCE);
+    assert_eq!(steps(&after), UNDER_WAY, "a spike stops nothing");
+    // Pressed for as long as the servo and its six looks read it, and once more.
+    chip.set_bits(LEVELS_B, 1 << octopus::PROBE.1, 14);
+    let output = jog.wait_with_output().expect("it ends");
+    assert_eq!(output.status.code(), Some(1), "{}", stderr(&output));
+    assert!(stderr(&output).contains("emergency"), "{}", stderr(&output));
+    let rest = chip.writes_until(|writes| writes.len() > 2_000_000, SILENCE);
+    let last = rest.iter().rev().take(2000).copied().collect::<Vec<_>>();
+    assert_eq!(steps(&last), 0, "it stands");
+}
