@@ -291,3 +291,35 @@ fn a_motor_asked_for_more_than_a_step_a_tick_stops_the_machine() {
     // Steps a second: just above 0.98 of the step rate.
     assert!((195_000..230_000).contains(&fault.value), "{fault:?}");
 }
+
+#[test]
+fn a_latched_fault_is_reported_at_every_greeting() {
+    let mut host = Host::new(&planar(), &flower());
+    let hello = |session| {
+        HostMessage::Hello(Hello {
+            protocol_version: PROTOCOL_VERSION,
+            schema_hash: SCHEMA_HASH,
+            host_session: session,
+        })
+    };
+    host.control(hello(20));
+    host.poll();
+    assert_eq!(host.faults, [], "there is none");
+    let watchdog = Fault {
+        cause: FaultCause::Watchdog,
+        index: 0,
+        value: 0,
+    };
+    host.machine.motion.fail_softly(watchdog);
+    host.poll();
+    assert_eq!(host.faults, [watchdog]);
+    // A host that comes later has not heard it.
+    for session in 21..24 {
+        host.faults.clear();
+        host.control(hello(session));
+        host.poll();
+        assert_eq!(host.faults, [watchdog], "greeting {session}");
+        host.poll();
+        assert_eq!(host.faults.len(), 1, "once");
+    }
+}

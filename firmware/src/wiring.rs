@@ -276,6 +276,23 @@ mod tests {
     }
 
     #[test]
+    fn only_a_joint_with_a_switch_reads_its_input() {
+        let machine = built_in_planar();
+        let standard = HomingConfiguration::standard(&machine);
+        let map = Wiring::STANDARD.map(&BIG).with_switches_of(&standard);
+        // X, Y and Z have switches; the nozzle's input may be its driver's diagnosis pin.
+        for levels in 0..1u16 << 9 {
+            let all = Wiring::STANDARD.map(&BIG).inputs(levels);
+            let found = map.inputs(levels);
+            assert_eq!(found.switches, all.switches & 0b1000_0111, "{levels:b}");
+            assert_eq!(found.emergency, all.emergency);
+        }
+        let none = HomingConfiguration::none();
+        let map = Wiring::STANDARD.map(&BIG).with_switches_of(&none);
+        assert_eq!(map.inputs(0xff).switches & 0x7f, 0);
+    }
+
+    #[test]
     fn a_small_board_has_fewer_and_says_so() {
         let small = BoardInputs {
             count: 4,

@@ -47,8 +47,10 @@ const WATCHDOG_KEY: u32 = 0x4000_3000;
 const PATIENCE: Duration = Duration::from_secs(60);
 /// Nothing was written for so long: the chip writes thousands of times in it while it runs.
 const SILENCE: Duration = Duration::from_millis(700);
+/// Many times what a stop writes.
+const WRITES_MAX: usize = 20_000;
 /// Steps after which it is certain that it moves.
-const UNDER_WAY: usize = 500;
+const UNDER_WAY: usize = 20;
 
 /// Pins that a write sets, and those that it clears.
 fn set_and_cleared(write: &Write) -> Option<(usize, u32, u32)> {
@@ -70,11 +72,21 @@ fn clears(write: &Write, pin: Pin) -> bool {
         .is_some_and(|(port, _, cleared)| pin.0 == port && cleared >> pin.1 & 1 == 1)
 }
 
+/// True at the last of so many writes that `counts`.
+fn after(number: usize, counts: impl Fn(&Write) -> bool) -> impl FnMut(&Write) -> bool {
+    let mut left = number;
+    move |write| {
+        left -= usize::from(counts(write)).min(left);
+        left == 0
+    }
+}
+
+fn is_step(write: &Write) -> bool {
+    sets(write, &octopus::STEP)
+}
+
 fn steps(writes: &[Write]) -> usize {
-    writes
-        .iter()
-        .filter(|write| sets(write, &octopus::STEP))
-        .count()
+    writes.iter().filter(|write| is_step(write)).count()
 }
 
 /// An Octopus that jogs, and the command that has told it to.
@@ -93,7 +105,7 @@ fn jogging(elf: &Elf, name: &str) -> (EmulatedChip, Child) {
     chip.debugger.let_go();
     let jog = ["board", "jog", "x", "200", "--port", &chip.port()];
     let jog = command(&jog).spawn().expect("the command starts");
-    let begun = chip.writes_until(|writes| steps(writes) >= UNDER_WAY, PATIENCE);
+    let begun = chip.writes_until(after(UNDER_WAY, is_step), PATIENCE);
     assert_eq!(steps(&begun), UNDER_WAY, "the board moves");
     (chip, jog)
 }
@@ -109,34 +121,34 @@ fn panics(elf: &Elf, name: &str, at: At) {
     let _before = chip.writes_until(|_| false, SILENCE);
     chip.debugger.set_place(handler);
     chip.debugger.let_go();
-    let after = chip.writes_until(|writes| writes.len() > 5000, SILENCE);
+    let later = chip.writes_until(after(WRITES_MAX, |_| true), SILENCE);
     // It has ended by itself, or waits for the board.
     let _ = jog.kill();
     let _ = jog.wait();
     println!(
         "{name}: {} writes after the panic, {} steps",
-        after.len(),
-        steps(&after)
+        later.len(),
+        steps(&later)
     );
-    assert!(after.len() < 5000, "{name}: it goes on");
-    assert_eq!(steps(&after), 0, "{name}");
+    assert!(later.len() < WRITES_MAX, "{name}: it goes on");
+    assert_eq!(steps(&later), 0, "{name}");
     for heater in octopus::OFF {
         assert!(
-            after.iter().any(|write| clears(write, heater)),
+            later.iter().any(|write| clears(write, heater)),
             "{name}: {heater:?} stays"
         );
         assert!(
-            !after.iter().any(|write| sets(write, &[heater])),
+            !later.iter().any(|write| sets(write, &[heater])),
             "{name}: {heater:?}"
         );
     }
     for enable in octopus::ENABLE {
         assert!(
-            after.iter().any(|write| sets(write, &[enable])),
+            later.iter().any(|write| sets(write, &[enable])),
             "{name}: {enable:?} stays on"
         );
     }
-    let feeds = after.iter().filter(|write| write.address == WATCHDOG_KEY);
+    let feeds = later.iter().filter(|write| write.address == WATCHDOG_KEY);
     assert_eq!(
         feeds.count(),
         0,
@@ -175,14 +187,14 @@ fn a_press_of_the_emergency_input_stops_the_steps_and_a_spike_does_not() {
     let line_7 = "set_irq_in /machine/unattached/device[0]/exti unnamed-gpio-in 7";
     let answer = chip.say("qtest", &format!("{line_7} 1\n{line_7} 0"));
     assert_eq!(answer.matches("OK").count(), 2, "{answer}");
-    let after = chip.writes_until(|writes| steps(writes) >= UNDER_WAY, PATIENCE);
-    assert_eq!(steps(&after), UNDER_WAY, "a spike stops nothing");
+    let later = chip.writes_until(after(UNDER_WAY, is_step), PATIENCE);
+    assert_eq!(steps(&later), UNDER_WAY, "a spike stops nothing");
     // Pressed for as long as the servo and its six looks read it, and once more.
     chip.set_bits(LEVELS_B, 1 << octopus::PROBE.1, 14);
     let output = jog.wait_with_output().expect("it ends");
     assert_eq!(output.status.code(), Some(1), "{}", stderr(&output));
     assert!(stderr(&output).contains("emergency"), "{}", stderr(&output));
-    let rest = chip.writes_until(|writes| writes.len() > 2_000_000, SILENCE);
+    let rest = chip.writes_until(after(10 * WRITES_MAX, |_| true), SILENCE);
     let last = rest.iter().rev().take(2000).copied().collect::<Vec<_>>();
     assert_eq!(steps(&last), 0, "it stands");
 }

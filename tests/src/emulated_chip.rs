@@ -155,17 +155,17 @@ impl EmulatedChip {
         answer
     }
 
-    /// What has been written since it was last asked for, while the chip runs: nothing more for some time, or so many.
+    /// What is written while the chip runs, until one is the last that is wanted or none comes for some time.
     pub fn writes_until(
         &mut self,
-        enough: impl Fn(&[Write]) -> bool,
+        mut is_last: impl FnMut(&Write) -> bool,
         silence: Duration,
     ) -> Vec<Write> {
         let mut found = Vec::new();
-        while !enough(&found) {
-            match self.writes.recv_timeout(silence) {
-                Ok(write) => found.push(write),
-                Err(_) => break,
+        while let Ok(write) = self.writes.recv_timeout(silence) {
+            found.push(write);
+            if is_last(&write) {
+                break;
             }
         }
         found

@@ -11,7 +11,7 @@ use embedded_hal::digital::{ErrorType, OutputPin};
 use embedded_hal_mock::eh1::delay::{CheckedDelay, Transaction as Delay};
 use embedded_hal_mock::eh1::digital::{Mock as PinMock, State, Transaction as PinUse};
 use embedded_hal_mock::eh1::pwm::{Mock as PwmMock, Transaction as PwmUse};
-use headway_protocol::message::{DeviceState, FaultCause, PROBE_BIT};
+use headway_protocol::message::{DeviceState, Fault, FaultCause, PROBE_BIT};
 use std::cell::RefCell;
 use std::collections::VecDeque;
 use std::rc::Rc;
@@ -301,4 +301,45 @@ fn another_chip_and_another_crystal_are_told_by_what_they_are() {
         &serial_number([0x0041_002a, 0x5133_3430, 0x2037_3634]),
         b"0041002A5133343020373634"
     );
+}
+
+#[test]
+fn a_heaters_fault_outlives_a_reset_and_nothing_else_does() {
+    let stuck = Fault {
+        cause: FaultCause::HeaterStuck,
+        index: 2,
+        value: i32::MIN,
+    };
+    let kept = KeptFault::of(Some(stuck)).words();
+    assert_eq!(KeptFault::from_memory(kept).fault(), Some(stuck));
+    // A bit that was lost in any of the words: nothing is believed.
+    for word in 0..KEPT_WORDS {
+        for bit in 0..32 {
+            let mut damaged = kept;
+            damaged[word] ^= 1 << bit;
+            assert_eq!(
+                KeptFault::from_memory(damaged).fault(),
+                None,
+                "{word} {bit}"
+            );
+        }
+    }
+    for memory in [
+        [0; KEPT_WORDS],
+        [u32::MAX; KEPT_WORDS],
+        [0x5a5a_5a5a; KEPT_WORDS],
+    ] {
+        assert_eq!(KeptFault::from_memory(memory).fault(), None);
+    }
+    // What a host clears, and what says nothing of a heater, leaves nothing behind.
+    let emergency = Fault {
+        cause: FaultCause::Emergency,
+        ..stuck
+    };
+    for fault in [None, Some(emergency)] {
+        assert_eq!(
+            KeptFault::from_memory(KeptFault::of(fault).words()).fault(),
+            None
+        );
+    }
 }

@@ -5,6 +5,7 @@
 
 use super::store::{SLOT_BYTES_MIN, SettingsStore, StoreError};
 use super::*;
+use crate::board_name::BoardName;
 use crate::boards::{built_in_planar, emulated_planar};
 use crate::drivers::{Chopper, DriverConfiguration};
 use crate::shaping::ShaperKind;
@@ -522,4 +523,30 @@ fn wiring_comes_back_and_what_a_board_has_not_is_told() {
     assert_eq!(right.check_for(&BOARD), refused(2, 0, 12.0));
     right.wiring.emergency_input = Some(16);
     assert_eq!(right.check(), refused(2, 0, 16.0));
+}
+
+#[test]
+fn settings_name_their_board_and_another_one_refuses_them() {
+    let unnamed = settings(built_in_planar());
+    for name in BoardName::ALL {
+        let named = BoardSettings {
+            board: Some(name),
+            ..unnamed.clone()
+        };
+        let record = named.encode().unwrap();
+        assert_eq!(BoardSettings::decode(&record).unwrap(), named);
+        let fits = BOARD.names.contains(&name);
+        let refused = SettingsRefusal {
+            item: 1,
+            value: RefusedNumber(f32::from(name as u8)),
+            ..refusal(SettingsProblem::Board, BOARD.motors_max)
+        };
+        let expected = if fits { Ok(()) } else { Err(refused) };
+        assert_eq!(named.check_for(&BOARD), expected, "{name:?}");
+        assert!(std::format!("{refused}").contains("another board"));
+    }
+    // A record without a name is as it was before there were names.
+    let record = unnamed.encode().unwrap();
+    assert_eq!(BoardSettings::decode(&record).unwrap().board, None);
+    assert_eq!(unnamed.check_for(&BOARD), Ok(()));
 }

@@ -19,7 +19,7 @@ use crate::drive::sender_state::{SenderEvent, SenderState};
 use crate::settings::Settings;
 use headway_firmware::configuration::MachineConfiguration;
 use headway_protocol::message::{
-    Control, DeviceState, JointOrder, PROBE_BIT, PinPosition, Status, Welcome,
+    Control, DeviceState, Fault, JointOrder, PROBE_BIT, PinPosition, Status, Welcome,
 };
 use serde_json::json;
 use std::fs::File;
@@ -140,6 +140,8 @@ pub(super) struct Talk {
     pump: Pump,
     sender: Sender,
     welcome: Option<Welcome>,
+    /// What the board has reported with its greeting.
+    fault: Option<Fault>,
 }
 
 impl Talk {
@@ -150,6 +152,7 @@ impl Talk {
             pump: open(port, None)?,
             sender: Sender::talking(host_session()),
             welcome: None,
+            fault: None,
         };
         talk.until(|_, event| matches!(event, SenderEvent::Connected(_)).then_some(()))?;
         Ok(talk)
@@ -167,6 +170,9 @@ impl Talk {
             while let Some(event) = self.sender.poll_event() {
                 if let SenderEvent::Connected(welcome) = &event {
                     self.welcome = Some(*welcome);
+                }
+                if let SenderEvent::Fault(fault) = &event {
+                    self.fault = Some(*fault);
                 }
                 if let Some(found) = wanted(&mut self.sender, &event) {
                     return Ok(found);
@@ -308,6 +314,7 @@ fn info(port: &PortArgs, as_json: bool, console: &Console) -> Result<(), CliErro
             "session": format!("{:08x}", welcome.session),
             "stream": stream,
             "settings_hash": format!("{:08x}", welcome.settings_hash),
+            "fault": talk.fault.map(|fault| fault.to_string()),
         });
         return console.result(&format!("{value:#}\n"));
     }
@@ -318,9 +325,12 @@ fn info(port: &PortArgs, as_json: bool, console: &Console) -> Result<(), CliErro
         0 => "settings built in".to_string(),
         hash => format!("settings {hash:08x}"),
     };
+    let fault = talk
+        .fault
+        .map_or(String::new(), |fault| format!("stopped: {fault}\n"));
     console.result(&format!(
         "firmware {major}.{minor}.{patch}, protocol {}, schema {:08x}\nmachine {:08x}, {settings}, servo {} Hz, \
-         steps {} Hz\nqueue of {} knots and {} flow events; {stream}\n",
+         steps {} Hz\nqueue of {} knots and {} flow events; {stream}\n{fault}",
         welcome.protocol_version,
         welcome.schema_hash,
         welcome.machine_hash,

@@ -481,6 +481,27 @@ mod tests {
         from_toml(&text).map_err(|error| error.to_string())
     }
 
+    #[test]
+    fn a_board_is_named_as_it_is_written_and_no_other_is() {
+        let mut settings = Settings::planar();
+        assert_eq!(
+            from_toml(&to_toml(&settings)).map(|read| read.board),
+            Ok(None)
+        );
+        for name in BoardName::ALL {
+            settings.board = Some(name);
+            let text = to_toml(&settings);
+            assert_eq!(from_toml(&text).map(|read| read.board), Ok(Some(name)));
+            // Jobs for the machine are the same whatever board drives it.
+            assert_eq!(settings.machine.hash(), Settings::planar().machine.hash());
+            let pro = text.replace(name.text(), "octopus-pro-1.1");
+            let refused = from_toml(&pro).map_err(|error| error.to_string());
+            assert!(
+                refused.is_err_and(|text| text.contains("octopus-pro-1.1: the firmware knows"))
+            );
+        }
+    }
+
     /// What a file with these groups, one text in them replaced by another, is refused with has the part.
     pub(super) fn assert_refused(groups: &str, cases: &[(&str, &str, &str)]) {
         for (from, to, part) in cases {

@@ -7,8 +7,10 @@
 #![cfg(unix)]
 
 use crate::rig::{command, example, folder, headway, path, stderr, succeeded};
+use headway_tests::board_flash::octopus_flash;
 use headway::drive::record::Step;
 use headway::drive::simulator::{Simulator, SimulatorSetup};
+use headway_firmware::board_name::BoardName;
 use headway_firmware::octopus;
 use headway_firmware::output::Pin;
 use headway_tests::elf::Elf;
@@ -120,6 +122,17 @@ fn flash_file(elf: &Elf, file: &Path) -> u32 {
     address
 }
 
+/// Writes a board's flash to a file, with settings where it needs its name; its first address.
+fn image_file(board: &Board, file: &Path) -> u32 {
+    let elf = build(board.bin, board.features);
+    if board.bin != OCTOPUS.bin {
+        return flash_file(&elf, file);
+    }
+    let (address, image) = octopus_flash(&elf, BoardName::Octopus11);
+    std::fs::write(file, image).expect("the folder is there");
+    address
+}
+
 /// A write to a register of a port: port, offset, value.
 type PortWrite = (usize, usize, u32);
 
@@ -213,7 +226,6 @@ struct Emulator {
     process: Child,
     port: String,
     monitor: PathBuf,
-    registers: PathBuf,
     decoded: Option<JoinHandle<Decoder>>,
     /// Told when so many steps were made.
     moving: Receiver<()>,
@@ -226,16 +238,14 @@ impl Emulator {
     fn start(board: &'static Board, folder: &Path) -> Self {
         let [loader, image] = ["loader.bin", "image.bin"].map(|name| folder.join(name));
         let loader_at = flash_file(&build("boot_loader", ""), &loader);
-        let image_at = flash_file(&build(board.bin, board.features), &image);
+        let image_at = image_file(board, &image);
         assert_eq!((loader_at, image_at), (LOADER_FLASH, IMAGE_FLASH));
-        let [serial, monitor, registers] =
-            ["serial", "monitor", "qtest"].map(|name| folder.join(name));
+        let [serial, monitor] = ["serial", "monitor"].map(|name| folder.join(name));
         let socket = |path: &Path| format!("unix:{},server=on,wait=off", path.display());
         let mut process = Command::new("qemu-system-arm");
         process
             .args(["-machine", "netduinoplus2", "-nographic", "-d", "unimp"])
             .args(["-icount", "shift=4", "-monitor", &socket(&monitor)])
-            .args(["-qtest", &socket(&registers), "-qtest-log", "/dev/null"])
             .args(["-serial", "null"].repeat(board.serial_ports_before))
             .args(["-serial", &socket(&serial), "-kernel", path(&loader)])
             .arg("-device")
@@ -270,7 +280,6 @@ impl Emulator {
             process,
             port: format!("unix:{}", serial.display()),
             monitor,
-            registers,
             decoded: Some(decoded),
             moving,
         }
@@ -399,27 +408,6 @@ fn a_board_that_is_reset_in_mid_job_is_noticed() {
     println!("noticed after {:?}: {}", begun.elapsed(), stderr(&output));
     assert_eq!(output.status.code(), Some(1));
     assert!(stderr(&output).contains("restarted"), "{}", stderr(&output));
-}
-
-#[test]
-fn a_spike_of_the_emergency_input_stops_the_steps_though_it_is_over_at_once() {
-    if skipped() {
-        return;
-    }
-    let _alone = alone();
-    let folder = folder("spike");
-    let job = plan(&folder);
-    let emulator = Emulator::start(&OCTOPUS, &folder);
-    let streaming = emulator.print_until_it_moves(&job);
-    // The input of line 7 goes up and down again, far quicker than an interrupt comes.
-    let line_7 = "set_irq_in /machine/unattached/device[0]/exti unnamed-gpio-in 7";
-    let answer = say(&emulator.registers, &format!("{line_7} 1\n{line_7} 0"));
-    assert_eq!(answer.matches("OK").count(), 2, "{answer}");
-    let output = streaming.wait_with_output().expect("it ends");
-    assert_eq!(output.status.code(), Some(1));
-    assert!(stderr(&output).contains("emergency"), "{}", stderr(&output));
-    let made = emulator.end().steps.len();
-    assert!(made < simulated(&job).len() - 1000, "{made} steps");
 }
 
 #[test]
