@@ -105,6 +105,9 @@ fn jogging(elf: &Elf, name: &str) -> (EmulatedChip, Child) {
     chip.debugger.let_go();
     let jog = ["board", "jog", "x", "200", "--port", &chip.port()];
     let jog = command(&jog).spawn().expect("the command starts");
+    // Untraced until it has begun, surely.
+    std::thread::sleep(Duration::from_secs(1));
+    chip.trace_writes();
     let begun = chip.writes_until(after(UNDER_WAY, is_step), PATIENCE);
     assert_eq!(steps(&begun), UNDER_WAY, "the board moves");
     (chip, jog)

@@ -155,7 +155,12 @@ impl EmulatedChip {
         answer
     }
 
-    /// What is written while the chip runs, until one is the last that is wanted or none comes for some time.
+    /// Traces writes from here on.
+    pub fn trace_writes(&self) {
+        self.say("monitor", "trace-event memory_region_ops_write on");
+    }
+
+    /// What is written while the chip runs and is traced, until one is the last that is wanted or none comes for some time.
     pub fn writes_until(
         &mut self,
         mut is_last: impl FnMut(&Write) -> bool,
@@ -227,6 +232,9 @@ impl EmulatedChip {
         for write in self.writes() {
             self.model.write(write.address, write.value);
         }
+        // The steps write a million times a second: the chip is many times as fast without a trace.
+        let off = ["read", "write"].map(|way| format!("trace-event memory_region_ops_{way} off"));
+        self.say("monitor", &off.join("\n"));
     }
 
     fn access_at(&mut self, here: u32) -> ThumbAccess {
