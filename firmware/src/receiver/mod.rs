@@ -274,7 +274,7 @@ impl Receiver {
         log_event!("host {=u32:08x} says hello", hello.host_session);
         self.host_session = Some(hello.host_session);
         self.due.welcome = true;
-        // A host that comes later is told as well, and why the board has started anew.
+        // A host that comes later hears of it as well, and why the board has started anew.
         self.due.fault = true;
     }
 
