@@ -110,6 +110,40 @@ fn octopus_meant(has_usb: bool) -> BTreeMap<Pin, PinState> {
     meant
 }
 
+/// What the model finds wrong: the whole test hangs on it.
+#[test]
+fn the_model_finds_a_clock_that_is_not_waited_for_and_a_port_that_is_reset() {
+    let (ports_reset, clocks_ahb1, clocks_apb1) = (0x4002_3810, 0x4002_3830, 0x4002_3840);
+    let (modes_a, set_a, timer_4) = (0x4002_0000, 0x4002_0018, 0x4000_0800);
+    let mut model = RegisterModel::default();
+    model.write(modes_a, 1);
+    assert!(model.wrong[0].contains("without its clock"), "{:?}", model.wrong);
+    model.wrong.clear();
+    // Timer 4's clock, not waited for, then read back.
+    model.write(clocks_apb1, 1 << 2);
+    model.write(timer_4, 1);
+    assert!(model.wrong[0].contains("too soon"), "{:?}", model.wrong);
+    model.wrong.clear();
+    model.read(clocks_apb1);
+    model.write(timer_4, 1);
+    // Port A's by the word of its bit, and a barrier behind it.
+    model.write(0x4200_0000 + (0x2_3830 * 8) * 4, 1);
+    model.waited(clocks_ahb1);
+    model.write(set_a, 1 << 1);
+    model.write(modes_a, 0xa800_0004);
+    assert_eq!(model.pin((0, 1)), PinState::Output(true));
+    model.write(ports_reset, 1);
+    model.write(modes_a, 4);
+    assert!(model.wrong[0].contains("in reset"), "{:?}", model.wrong);
+    model.wrong.clear();
+    model.write(ports_reset, 0);
+    model.write(ports_reset, 1);
+    model.write(ports_reset, 0);
+    assert_eq!(model.pin((0, 1)), PinState::Input(0));
+    assert_eq!(model.pin((0, 14)), PinState::Alternate(0));
+    assert_eq!(model.wrong, Vec::<String>::new());
+}
+
 #[test]
 fn every_pin_of_an_octopus_is_as_meant_when_its_set_up_is_over() {
     if skipped() {
