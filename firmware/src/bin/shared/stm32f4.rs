@@ -320,6 +320,17 @@ fn set_up_clocks(device: &pac::Peripherals) -> Option<Fault> {
     chip_fault(start::device_id(), CHIP_ID).or(wrong_clock)
 }
 
+/// The fault of a run that the watchdog has ended, once.
+fn watchdog_fault(rcc: &pac::RCC) -> Option<Fault> {
+    let by_watchdog = rcc.csr().read().wdgrstf().bit_is_set();
+    rcc.csr().modify(|_, w| w.rmvf().set_bit());
+    by_watchdog.then_some(Fault {
+        cause: FaultCause::Watchdog,
+        index: 0,
+        value: 0,
+    })
+}
+
 fn run() -> Option<()> {
     let mut kept = KeptSettings::find()?;
     let BoardSettings {
@@ -333,8 +344,7 @@ fn run() -> Option<()> {
     let motors = configuration.joints.len() + 1;
     let mut core = Peripherals::take()?;
     let device = pac::Peripherals::take()?;
-    let by_watchdog = device.RCC.csr().read().wdgrstf().bit_is_set();
-    device.RCC.csr().modify(|_, w| w.rmvf().set_bit());
+    let by_watchdog = watchdog_fault(&device.RCC);
     let wrong_board = set_up_clocks(&device);
     // Ports, the serial port, the multiplexer of the external interrupts.
     clock_on(Bus::Ahb1, PORTS_CLOCK_MASK);
@@ -364,11 +374,6 @@ fn run() -> Option<()> {
         NVIC::unmask(SERIAL_INTERRUPT);
     }
     let mut receiver = runtime::start(&board, parts.output, clocks, &mut core.SCB, &mut core.SYST)?;
-    let by_watchdog = by_watchdog.then_some(Fault {
-        cause: FaultCause::Watchdog,
-        index: 0,
-        value: 0,
-    });
     let unnamed = (known == Known::Unnamed).then_some(UNNAMED);
     // A heater that failed says more than that its fault has hung the board.
     let of_before = start::kept_fault().or(by_watchdog);
