@@ -5,13 +5,16 @@
 //! [`outlines`] (of any size), [`beads`] (as they are laid), [`centre_line`] (a slicer's, against the
 //! stream), [`written_path`] (a stream against what was written of it), [`rs274`] (another interpreter of
 //! G-code), [`parts`] (that no constant was chosen on), [`thermal`] (heaters to heat and to break),
-//! [`folders`] (of reference data), [`cpu_clock`] (for benches), [`elf`] (what a controller binary holds).
+//! [`folders`] (of reference data), [`cpu_clock`] (for benches), [`elf`] (what a controller binary holds),
+//! [`emulation`] (of the boards' images, over a model of their chip).
 
 pub mod beads;
 pub mod centre_line;
 pub mod cpu_clock;
 pub mod dense_search;
 pub mod elf;
+#[cfg(unix)]
+pub mod emulation;
 pub mod folders;
 pub mod gear;
 pub mod jerk_reference;

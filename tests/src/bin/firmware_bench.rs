@@ -17,16 +17,16 @@ use headway_protocol::message::{
     Control, Hello, HostMessage, PROTOCOL_VERSION, SCHEMA_HASH, Start,
 };
 use headway_tests::elf::Elf;
+use headway_tests::emulation::board_image::{image, missing};
 use headway_tests::gear;
 use serde_json::{Value, json};
 use std::collections::BTreeMap;
 use std::error::Error;
 use std::f64::consts::TAU;
-use std::path::{Path, PathBuf};
+use std::path::Path;
 use std::process::Command;
 
 const ROOT: &str = concat!(env!("CARGO_MANIFEST_DIR"), "/..");
-const TARGET: &str = "thumbv7em-none-eabihf";
 const CORE_HZ: f64 = 168e6;
 /// What the core itself pushes at the entry of an interrupt, floating point included.
 const EXCEPTION_FRAME_BYTES: u64 = 104;
@@ -194,28 +194,6 @@ fn job_file(job: &Job) -> Result<Vec<u8>, Box<dyn Error>> {
     Ok(file)
 }
 
-fn build(bin: &str, features: &[&str]) -> Result<PathBuf, Box<dyn Error>> {
-    let target_dir = std::env::var_os("CARGO_TARGET_DIR")
-        .map_or_else(|| Path::new(ROOT).join("target"), PathBuf::from);
-    let built = Command::new(std::env::var_os("CARGO").unwrap_or("cargo".into()))
-        .current_dir(ROOT)
-        .args([
-            "build",
-            "--quiet",
-            "--profile",
-            "firmware",
-            "-p",
-            "headway-firmware",
-        ])
-        .args(["--target", TARGET, "--bin", bin])
-        .args(features)
-        .status()?;
-    if !built.success() {
-        return Err(format!("{bin} does not build").into());
-    }
-    Ok(target_dir.join(TARGET).join("firmware").join(bin))
-}
-
 /// Plays a job in the emulator: the values by their names.
 fn play(elf: &Path, job: &Job) -> Result<BTreeMap<String, u64>, Box<dyn Error>> {
     let directory = elf.with_file_name("bench");
@@ -256,24 +234,6 @@ fn play(elf: &Path, job: &Job) -> Result<BTreeMap<String, u64>, Box<dyn Error>> 
         return Err(format!("the queue ran dry in {}:\n{text}", job.name).into());
     }
     Ok(values)
-}
-
-/// What is missing, if anything is.
-fn missing() -> Option<String> {
-    if Command::new("qemu-system-arm")
-        .arg("--version")
-        .output()
-        .is_err()
-    {
-        return Some("qemu-system-arm is not installed".to_string());
-    }
-    let libraries = Command::new("rustc")
-        .args(["--print", "target-libdir", "--target", TARGET])
-        .output()
-        .ok()?;
-    let libraries = String::from_utf8_lossy(&libraries.stdout);
-    let found = Path::new(libraries.trim()).is_dir();
-    (!found).then(|| format!("the Rust target {TARGET} is not installed"))
 }
 
 fn largest(runs: &[(Job, BTreeMap<String, u64>)], key: &str) -> u64 {
@@ -319,7 +279,7 @@ fn mean_per_second(values: &BTreeMap<String, u64>) -> f64 {
 }
 
 fn measure() -> Result<Value, Box<dyn Error>> {
-    let elf = build("qemu_bench", &[])?;
+    let elf = image("qemu_bench", "")?;
     let mut runs = Vec::new();
     let (mut doubled_runs, mut shaped_runs) = (Vec::new(), Vec::new());
     for job in jobs()? {
@@ -333,11 +293,10 @@ fn measure() -> Result<Value, Box<dyn Error>> {
             runs.push((job, values));
         }
     }
-    let board = Elf::read(&build("octopus", &["--features", "octopus"])?)?;
+    let board = Elf::read(&image("octopus", "octopus")?)?;
     // These two link only if no panic can be reached; the octopus with USB keeps those of its driver.
-    let serial = ["--features", "octopus-serial,prove-no-panic"];
-    let serial = Elf::read(&build("octopus", &serial)?)?;
-    let emulated = Elf::read(&build("qemu", &["--features", "prove-no-panic"])?)?;
+    let serial = Elf::read(&image("octopus", "octopus-serial,prove-no-panic")?)?;
+    let emulated = Elf::read(&image("qemu", "prove-no-panic")?)?;
     for elf in [&board, &serial, &emulated] {
         eprintln!("panics: {:?}", elf.panic_symbols());
         eprintln!("heap or text of floats: {:?}", elf.forbidden_symbols());

@@ -1,3 +1,5 @@
+mod board_pins;
+mod board_stop;
 mod calibrate;
 mod live;
 mod orders;

@@ -7,39 +7,28 @@
 #![cfg(unix)]
 
 use crate::rig::{command, example, folder, headway, path, stderr, succeeded};
-use headway_tests::board_flash::octopus_flash;
 use headway::drive::record::Step;
 use headway::drive::simulator::{Simulator, SimulatorSetup};
 use headway_firmware::board_name::BoardName;
 use headway_firmware::octopus;
 use headway_firmware::output::Pin;
 use headway_tests::elf::Elf;
+use headway_tests::emulation::board_flash::octopus_flash;
+use headway_tests::emulation::board_image::{alone, build, skipped};
 use std::collections::BTreeMap;
 use std::io::{BufRead, BufReader, Read, Write};
 use std::os::unix::net::UnixStream;
 use std::path::{Path, PathBuf};
 use std::process::{Child, Command, Stdio};
 use std::sync::mpsc::{Receiver, channel};
-use std::sync::{Mutex, MutexGuard, OnceLock};
 use std::thread::JoinHandle;
 use std::time::{Duration, Instant};
 
-const TARGET: &str = "thumbv7em-none-eabihf";
-const ROOT: &str = concat!(env!("CARGO_MANIFEST_DIR"), "/..");
 /// Flash of the boot loader, and of the image behind it.
 const LOADER_FLASH: u32 = 0x0800_0000;
 const IMAGE_FLASH: u32 = 0x0800_8000;
 /// The emulator logs some million writes; a busy machine needs its time for them.
 const PATIENCE: Duration = Duration::from_secs(400);
-/// One emulator at a time: two would halve each other's speed.
-static ALONE: Mutex<()> = Mutex::new(());
-
-fn alone() -> MutexGuard<'static, ()> {
-    ALONE
-        .lock()
-        .unwrap_or_else(|poisoned| poisoned.into_inner())
-}
-
 /// What a test needs of a board.
 struct Board {
     bin: &'static str,
@@ -73,47 +62,6 @@ const FEATHER: Board = Board {
     tick: (0, 1 << (4 + 16)),
     rx: (1, 11),
 };
-
-/// Why nothing can be emulated here, if so.
-fn missing() -> Option<String> {
-    let has_qemu = Command::new("qemu-system-arm").arg("--version").output();
-    if has_qemu.is_err() {
-        return Some("qemu-system-arm is not installed".to_string());
-    }
-    let libraries = Command::new("rustc")
-        .args(["--print", "target-libdir", "--target", TARGET])
-        .output()
-        .expect("rustc runs");
-    let libraries = String::from_utf8_lossy(&libraries.stdout).into_owned();
-    let found = Path::new(libraries.trim()).is_dir();
-    (!found).then(|| format!("the Rust target {TARGET} is not installed"))
-}
-
-/// True, after saying why, where a test is skipped.
-fn skipped() -> bool {
-    static MISSING: OnceLock<Option<String>> = OnceLock::new();
-    let Some(reason) = MISSING.get_or_init(missing) else {
-        return false;
-    };
-    let demanded = std::env::var_os("HEADWAY_DEMAND_EMULATOR").is_some();
-    assert!(!demanded, "the emulator is demanded, but {reason}");
-    println!("skipped: {reason}");
-    true
-}
-
-fn build(bin: &str, features: &str) -> Elf {
-    let target = std::env::var_os("CARGO_TARGET_DIR")
-        .map_or_else(|| Path::new(ROOT).join("target"), PathBuf::from);
-    let built = Command::new(env!("CARGO"))
-        .current_dir(ROOT)
-        .args(["build", "--quiet", "--locked", "--profile", "firmware"])
-        .args(["-p", "headway-firmware", "--target", TARGET, "--bin", bin])
-        .args(["--features", features])
-        .status()
-        .expect("cargo runs");
-    assert!(built.success(), "{bin} does not build");
-    Elf::read(&target.join(TARGET).join("firmware").join(bin)).expect("an ELF file")
-}
 
 /// Writes a binary's flash to a file; its first address.
 fn flash_file(elf: &Elf, file: &Path) -> u32 {

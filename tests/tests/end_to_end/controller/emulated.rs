@@ -19,6 +19,7 @@ use headway_protocol::message::{
     Control, DeviceMessage, DeviceState, FaultCause, Hello, HostMessage, JointOrder,
     PROTOCOL_VERSION, SCHEMA_HASH, Status,
 };
+use headway_tests::emulation::board_image::{image, skipped};
 use rand::{RngExt, SeedableRng};
 use rand_pcg::Pcg64Mcg;
 use std::io::{ErrorKind, Read, Write};
@@ -28,7 +29,6 @@ use std::process::{Child, Command, Stdio};
 use std::sync::{Mutex, MutexGuard, OnceLock};
 use std::time::{Duration, Instant};
 
-const TARGET: &str = "thumbv7em-none-eabihf";
 const ROOT: &str = concat!(env!("CARGO_MANIFEST_DIR"), "/..");
 /// The job takes some seconds of virtual time; a busy machine needs many times that.
 const PATIENCE: Duration = Duration::from_secs(240);
@@ -41,41 +41,14 @@ const ICOUNT: &str = "shift=4";
 static ALONE: Mutex<()> = Mutex::new(());
 
 /// The board's binary, or why there is none.
-fn build_board() -> Result<PathBuf, String> {
-    let has_qemu = Command::new("qemu-system-arm").arg("--version").output();
-    has_qemu.map_err(|_| "qemu-system-arm is not installed".to_string())?;
-    let libraries = Command::new("rustc")
-        .args(["--print", "target-libdir", "--target", TARGET])
-        .output()
-        .map_err(|error| error.to_string())?;
-    let libraries = String::from_utf8_lossy(&libraries.stdout);
-    if !Path::new(libraries.trim()).is_dir() {
-        return Err(format!("the Rust target {TARGET} is not installed"));
-    }
-    let directory = Path::new(env!("CARGO_TARGET_TMPDIR")).join("emulated");
-    let built = Command::new(env!("CARGO"))
-        .current_dir(ROOT)
-        .args(["build", "--release", "-p", "headway-firmware"])
-        .args(["--bin", "qemu", "--target", TARGET, "--target-dir"])
-        .arg(&directory)
-        .status()
-        .expect("cargo runs");
-    assert!(built.success(), "the emulated board does not build");
-    Ok(directory.join(TARGET).join("release/qemu"))
-}
-
-/// The board's binary; `None` after saying why the test is skipped.
+/// The board's binary, the same that its sizes are read off; `None` after saying why the test is skipped.
 fn board() -> Option<&'static Path> {
-    static BOARD: OnceLock<Result<PathBuf, String>> = OnceLock::new();
-    match BOARD.get_or_init(build_board) {
-        Ok(elf) => Some(elf),
-        Err(reason) => {
-            let demanded = std::env::var_os("HEADWAY_DEMAND_EMULATOR").is_some();
-            assert!(!demanded, "the emulator is demanded, but {reason}");
-            println!("skipped: {reason}");
-            None
-        }
+    static BOARD: OnceLock<PathBuf> = OnceLock::new();
+    if skipped() {
+        return None;
     }
+    let built = || image("qemu", "prove-no-panic").unwrap_or_else(|error| panic!("{error}"));
+    Some(BOARD.get_or_init(built))
 }
 
 /// A planned example and what the simulation makes of it.

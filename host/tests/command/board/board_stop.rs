@@ -5,36 +5,15 @@
 //! write. Skipped, and said so, where QEMU or the target is missing.
 #![cfg(unix)]
 
-#[path = "../../tests/src/board_flash.rs"]
-#[allow(dead_code)]
-mod board_flash;
-#[path = "../../tests/src/board_image.rs"]
-mod board_image;
-#[path = "../../tests/src/debugger.rs"]
-#[allow(dead_code)]
-mod debugger;
-#[path = "../../tests/src/elf.rs"]
-#[allow(dead_code)]
-mod elf;
-#[path = "../../tests/src/emulated_chip.rs"]
-#[allow(dead_code)]
-mod emulated_chip;
-#[path = "../../tests/src/register_model.rs"]
-#[allow(dead_code)]
-mod register_model;
-mod rig;
-#[path = "../../tests/src/thumb_access.rs"]
-mod thumb_access;
-
-use board_flash::octopus_flash;
-use board_image::{alone, build, skipped};
-use debugger::At;
-use elf::Elf;
-use emulated_chip::{EmulatedChip, Start, Write, with_chip_number};
+use crate::rig::{command, stderr};
 use headway_firmware::board_name::BoardName;
 use headway_firmware::octopus;
 use headway_firmware::output::Pin;
-use rig::{command, stderr};
+use headway_tests::elf::Elf;
+use headway_tests::emulation::board_flash::octopus_flash;
+use headway_tests::emulation::board_image::{alone, build, skipped};
+use headway_tests::emulation::debugger::At;
+use headway_tests::emulation::emulated_chip::{EmulatedChip, Start, Write, with_chip_number};
 use std::process::Child;
 use std::time::Duration;
 
@@ -91,7 +70,7 @@ fn steps(writes: &[Write]) -> usize {
 
 /// An Octopus that jogs, and the command that has told it to.
 fn jogging(elf: &Elf, name: &str) -> (EmulatedChip, Child) {
-    let folder = rig::folder(name);
+    let folder = crate::rig::folder(name);
     let image = octopus_flash(elf, BoardName::Octopus11);
     let mut chip = EmulatedChip::start(Start {
         flash: vec![

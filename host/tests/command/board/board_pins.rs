@@ -5,34 +5,14 @@
 //! QEMU or the target is missing; `HEADWAY_DEMAND_EMULATOR=1` makes that a failure.
 #![cfg(unix)]
 
-#[path = "../../tests/src/board_flash.rs"]
-#[allow(dead_code)]
-mod board_flash;
-#[path = "../../tests/src/board_image.rs"]
-mod board_image;
-#[path = "../../tests/src/debugger.rs"]
-#[allow(dead_code)]
-mod debugger;
-#[path = "../../tests/src/elf.rs"]
-#[allow(dead_code)]
-mod elf;
-#[path = "../../tests/src/emulated_chip.rs"]
-#[allow(dead_code)]
-mod emulated_chip;
-#[path = "../../tests/src/register_model.rs"]
-#[allow(dead_code)]
-mod register_model;
-mod rig;
-#[path = "../../tests/src/thumb_access.rs"]
-mod thumb_access;
-
-use board_flash::octopus_flash;
-use board_image::{alone, build, skipped};
-use emulated_chip::{EmulatedChip, Start, with_chip_number};
 use headway_firmware::board_name::BoardName;
 use headway_firmware::octopus;
 use headway_firmware::output::Pin;
-use register_model::{PinState, RegisterModel};
+use headway_tests::elf::Elf;
+use headway_tests::emulation::board_flash::octopus_flash;
+use headway_tests::emulation::board_image::{alone, build, skipped};
+use headway_tests::emulation::emulated_chip::{EmulatedChip, Start, with_chip_number};
+use headway_tests::emulation::register_model::{PinState, RegisterModel};
 use std::collections::BTreeMap;
 
 /// Motors of the machine that is built in.
@@ -51,12 +31,12 @@ fn octopus_set_up(features: &str, name: Option<BoardName>) -> RegisterModel {
 }
 
 fn set_up(
-    elf: &elf::Elf,
+    elf: &Elf,
     flash: Vec<(u32, Vec<u8>)>,
     serial_ports_before: usize,
     name: &str,
 ) -> RegisterModel {
-    let folder = rig::folder(name);
+    let folder = crate::rig::folder(name);
     let mut chip = EmulatedChip::start(Start {
         flash,
         serial_ports_before,
@@ -117,7 +97,11 @@ fn the_model_finds_a_clock_that_is_not_waited_for_and_a_port_that_is_reset() {
     let (modes_a, set_a, timer_4) = (0x4002_0000, 0x4002_0018, 0x4000_0800);
     let mut model = RegisterModel::default();
     model.write(modes_a, 1);
-    assert!(model.wrong[0].contains("without its clock"), "{:?}", model.wrong);
+    assert!(
+        model.wrong[0].contains("without its clock"),
+        "{:?}",
+        model.wrong
+    );
     model.wrong.clear();
     // Timer 4's clock, not waited for, then read back.
     model.write(clocks_apb1, 1 << 2);

@@ -1,6 +1,6 @@
 //! Flash of a board with settings in it: an image as it is flashed, and a record in the sector that it is kept in.
 
-use super::elf::Elf;
+use crate::elf::Elf;
 use embedded_storage::nor_flash::{ErrorType, NorFlash, ReadNorFlash};
 use headway_firmware::board_name::BoardName;
 use headway_firmware::boards::built_for;

@@ -5,9 +5,9 @@
 //! looked up in its trace, in their order. Afterwards the image runs alone at full speed.
 
 use super::debugger::{At, Debugger};
-use super::elf::Elf;
 use super::register_model::RegisterModel;
 use super::thumb_access::ThumbAccess;
+use crate::elf::Elf;
 use std::io::{BufRead, BufReader, Read, Write as _};
 use std::os::unix::net::UnixStream;
 use std::path::{Path, PathBuf};
