@@ -6,6 +6,9 @@ use crate::heat::service::HeatService;
 use crate::heat::tests::counts;
 use crate::heat::{HeatConfiguration, Outputs};
 
+#[path = "machine_cold_tests.rs"]
+mod cold;
+
 /// A machine with a hot end and a bed.
 struct Hot {
     host: Host,

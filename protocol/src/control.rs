@@ -123,6 +123,9 @@ pub enum Control {
     },
     /// Move the pin of a probe that has one (at rest only).
     ProbePin(PinPosition),
+    /// Allow the next stream or [`Control::Extrude`] to move melt while a hot end is too cold for it, until
+    /// that ends; `false` ends it now.
+    ExtrudeCold(bool),
 }
 
 /// What the pin of a probe is told by the length of its pulses (BLTouch).
@@ -214,6 +217,11 @@ impl Control {
         )
     }
 
+    /// True for what lifts a guard of the board.
+    pub fn lifts_a_guard(&self) -> bool {
+        matches!(self, Control::ExtrudeCold(true))
+    }
+
     /// True for what makes something hot.
     pub fn heats(&self) -> bool {
         matches!(self, Control::Heat { decidegrees, .. } if *decidegrees > 0)
@@ -270,6 +278,7 @@ impl Control {
             | Control::SetPosition(_)
             | Control::MotorsOff
             | Control::ProbePin(_)
+            | Control::ExtrudeCold(_)
             | Control::GoTo(_) => true,
         }
     }

@@ -70,6 +70,8 @@ pub enum FaultCause {
     DriverHot,
     /// The driver of motor `index` has switched off for a short.
     DriverShort,
+    /// Melt was to move while heater `index` was too cold for it: `value` is its temperature, 0.01 °C.
+    ColdExtrusion,
 }
 
 /// A latched fault with the value that tripped it.
@@ -130,6 +132,10 @@ impl core::fmt::Display for Fault {
                 "takes another power than its temperature does (does the sensor sit in it?)",
                 self,
             ),
+            FaultCause::ColdExtrusion => {
+                ColdHeater::write_temperature(f, index, value / 10)?;
+                f.write_str(", too cold to extrude: heat it, or stream with --no-heat")
+            }
             FaultCause::Configuration => f.write_str("the machine configuration cannot be run"),
             FaultCause::Board => match (index, value) {
                 (0, _) => write!(
@@ -150,6 +156,55 @@ impl core::fmt::Display for Fault {
                 _ => f.write_str("the clock of the board's core does not lock"),
             },
         }
+    }
+}
+
+/// A hot end that is too cold for melt to move.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
+#[cfg_attr(feature = "defmt", derive(defmt::Format))]
+pub struct ColdHeater {
+    /// Heater from 0.
+    pub heater: u8,
+    /// Its temperature, tenths of a degree Celsius; the lowest number where it is not known.
+    pub decidegrees: i16,
+    /// The lowest at which melt may move.
+    pub least_decidegrees: u16,
+}
+
+impl ColdHeater {
+    fn write_temperature(
+        f: &mut core::fmt::Formatter<'_>,
+        heater: u8,
+        decidegrees: i32,
+    ) -> core::fmt::Result {
+        if decidegrees == i32::from(i16::MIN) {
+            return write!(f, "heater {heater} gives no temperature");
+        }
+        write!(
+            f,
+            "heater {heater} is at {:.1} °C",
+            f64::from(decidegrees) / 10.0
+        )
+    }
+
+    /// The fault of a stream.
+    pub fn fault(&self) -> Fault {
+        Fault {
+            cause: FaultCause::ColdExtrusion,
+            index: self.heater,
+            value: i32::from(self.decidegrees) * 10,
+        }
+    }
+}
+
+impl core::fmt::Display for ColdHeater {
+    fn fmt(&self, f: &mut core::fmt::Formatter<'_>) -> core::fmt::Result {
+        Self::write_temperature(f, self.heater, self.decidegrees.into())?;
+        write!(
+            f,
+            ", melt may move from {:.1} °C on: heat it first, or give --no-heat",
+            f64::from(self.least_decidegrees) / 10.0
+        )
     }
 }
 

@@ -12,7 +12,7 @@ pub use crate::control::{
     REPORT_PERIOD_RANGE_MS, SETTINGS_BYTES_MAX, SETTINGS_PART_BYTES,
 };
 pub use crate::driver::{DriverFlags, DriverStatus};
-pub use crate::fault::{Fault, FaultCause};
+pub use crate::fault::{ColdHeater, Fault, FaultCause};
 use crate::segment::{FlowEvent, SPAN_TICKS_MAX};
 pub use crate::settings::{RefusedNumber, SettingsProblem, SettingsRefusal};
 use crate::units::ChannelPoint;
@@ -20,7 +20,7 @@ use heapless::Vec;
 use serde::{Deserialize, Serialize};
 
 /// Version of the whole protocol; another one is refused with both values shown.
-pub const PROTOCOL_VERSION: u16 = 8;
+pub const PROTOCOL_VERSION: u16 = 9;
 /// The layout of every message, field by field: its hash guards against a build that changed a
 /// message and forgot the version. Change it with the types; the golden test of `WIRE.md` tells.
 pub const SCHEMA: &str = "\
@@ -36,16 +36,17 @@ host: 0 hello{protocol u16,schema u32,host_session u32}\n\
  18 settings{length u16} 19 part{offset u16,bytes u8*32} 20 settings end\n\
  21 probe{joint u8,distance i32,fast u32,slow u32,back u32}\n\
  22 probe pin 0 stow 1 deploy 2 self-test 3 reset\n\
+ 23 extrude cold bool\n\
 device: 0 welcome{protocol u16,schema u32,firmware u8*3,machine_hash u32,knots u16,events u16,\
 servo u32,step u32,session u32,host_session u32,stream option{job u32,first u32,next u32,knots u32,spans u32},\
 settings_hash u32}\n\
  1 refused{sequence u16,reason 0 protocol u16 1 schema u32 2 machine u32 3 no stream 4 busy 5 faulted 6 invalid 7 no hello \
-8 settings{problem 0..14 u8,index u8,item u8,value f32}}\n\
+8 settings{problem 0..14 u8,index u8,item u8,value f32} 9 cold{heater u8,decidegrees i16,least u16}}\n\
  2 ack{session u32,next u32,knot_limit u32,event_limit u32,control u16} 3 nak(ack)\n\
  4 status{session u32,state u8,sigma u16,override u16,flow u16,spans u32,knots u16,events u16,\
 referenced u8,switches u8,counts vec i32,heaters vec{decidegrees i16,target u16,duty u16},fan u16,fault option,\
 drivers vec{flags u16,scale u8,retries u16},probe 0 none 1 touched i32 2 not found 3 pressed 4 stays pressed}\n\
- 5 fault{cause 0..29 u8,index u8,value i32}\n\
+ 5 fault{cause 0..30 u8,index u8,value i32}\n\
 block: v1\n";
 /// CRC-32 of [`SCHEMA`].
 pub const SCHEMA_HASH: u32 = crate::frame::CRC.checksum(SCHEMA.as_bytes());
@@ -197,6 +198,8 @@ pub enum RefusalReason {
     NoHello,
     /// The settings cannot be taken.
     Settings(SettingsRefusal),
+    /// Melt would move while this hot end is too cold for it.
+    Cold(ColdHeater),
 }
 
 /// What was taken, and how much more may come. Limits are totals since `Start`, so that lost or
@@ -330,6 +333,7 @@ impl core::fmt::Display for RefusalReason {
             ),
             Self::NoHello => f.write_str("it has restarted and waits for a greeting"),
             Self::Settings(refusal) => refusal.fmt(f),
+            Self::Cold(heater) => heater.fmt(f),
         }
     }
 }

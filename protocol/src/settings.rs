@@ -95,6 +95,7 @@ pub const fn items(problem: SettingsProblem) -> &'static [&'static str] {
             "proportional",
             "integral",
             "derivative",
+            "extrude_min_c",
         ],
         SettingsProblem::Shaper => &["frequency_hz", "damping"],
         SettingsProblem::Driver => &[

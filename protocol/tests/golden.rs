@@ -100,6 +100,7 @@ fn host_message<'a>(name: &str, block: &'a [u8]) -> Option<HostMessage<'a>> {
             back_off_units: 20_000,
         }),
         "probe_pin" => HostMessage::Control(Control::ProbePin(PinPosition::SelfTest)),
+        "extrude_cold" => HostMessage::Control(Control::ExtrudeCold(true)),
         _ => return None,
     })
 }
@@ -149,6 +150,14 @@ fn device_message(name: &str) -> Option<DeviceMessage> {
                 index: 2,
                 item: 5,
                 value: RefusedNumber(-1.5),
+            }),
+        }),
+        "refused_cold" => DeviceMessage::Refused(Refusal {
+            sequence: 5,
+            reason: RefusalReason::Cold(ColdHeater {
+                heater: 2,
+                decidegrees: -15,
+                least_decidegrees: 1700,
             }),
         }),
         "ack" => DeviceMessage::Ack(ack),
@@ -234,7 +243,7 @@ fn wire_md_states_the_bytes_of_this_build() {
     for line in golden
         .lines()
         .filter(|line| line.starts_with("    "))
-        .take(35)
+        .take(37)
     {
         let cells: Vec<&str> = line.split_whitespace().collect();
         let sequence = u16::from_str_radix(cells[1], 16).unwrap();
@@ -244,7 +253,7 @@ fn wire_md_states_the_bytes_of_this_build() {
         }
         lines += 1;
     }
-    assert_eq!(lines, 35, "every variant has its line");
+    assert_eq!(lines, 37, "every variant has its line");
     assert!(wrong.is_empty(), "this build writes:\n{}", wrong.join("\n"));
 }
 

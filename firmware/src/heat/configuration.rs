@@ -17,6 +17,16 @@ pub const HEATERS_MAX: usize = 3;
 /// largest overshoot, so that regulation never trips the guard.
 pub const TARGET_MARGIN_K: f32 = 15.0;
 
+/// Lowest temperature of a hot end at which melt may move where the settings say nothing, °C: Klipper's
+/// `min_extrude_temp` and Marlin's `EXTRUDE_MINTEMP`, below which no usual filament melts.
+pub const EXTRUDE_MIN_C: f32 = 170.0;
+/// Highest that can be given for it, °C: as for limits.
+const TEMPERATURE_MAX_C: f32 = 500.0;
+
+fn extrude_min_c() -> f32 {
+    EXTRUDE_MIN_C
+}
+
 /// What is heated.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
 pub enum HeaterRole {
@@ -65,6 +75,10 @@ pub struct HeaterConfiguration {
     pub plant: Plant,
     /// Gains.
     pub gains: Gains,
+    /// Of a hot end: the lowest temperature at which melt may move, °C; 0 where melt does not pass it. A
+    /// section of its own in a record of settings, so that boards that do not know it can read the rest.
+    #[serde(skip, default = "extrude_min_c")]
+    pub extrude_min_c: f32,
 }
 
 /// All heaters of a board.
@@ -99,6 +113,7 @@ impl HeaterConfiguration {
             integral: 0.00424,
             derivative: 0.447,
         },
+        extrude_min_c: EXTRUDE_MIN_C,
     };
 
     /// A 300 W bed of 300 x 300 mm with the usual thermistor.
@@ -119,11 +134,18 @@ impl HeaterConfiguration {
             integral: 0.0012,
             derivative: 1.6,
         },
+        extrude_min_c: EXTRUDE_MIN_C,
     };
 
     /// The highest temperature that may be asked for, °C.
     pub fn target_max_c(&self) -> f32 {
         self.limit_c - TARGET_MARGIN_K
+    }
+
+    /// The lowest temperature at which melt may move through it, °C; `None` where none passes.
+    pub fn melt_from_c(&self) -> Option<f32> {
+        let passes = self.role == HeaterRole::HotEnd && self.extrude_min_c > 0.0;
+        passes.then_some(self.extrude_min_c)
     }
 
     /// The first number that cannot be.
@@ -134,7 +156,11 @@ impl HeaterConfiguration {
         first_wrong(&[
             positive(1, self.limit_c),
             // No usual hot end holds more.
-            (self.limit_c <= 500.0, 1, f64::from(self.limit_c)),
+            (
+                self.limit_c <= TEMPERATURE_MAX_C,
+                1,
+                f64::from(self.limit_c),
+            ),
             (self.sensor.is_right(), 2, 0.0),
             positive(3, plant.power_w),
             positive(4, plant.loss_w_k),
@@ -143,6 +169,12 @@ impl HeaterConfiguration {
             not_negative(7, gains.proportional),
             not_negative(8, gains.integral),
             not_negative(9, gains.derivative),
+            not_negative(10, self.extrude_min_c),
+            (
+                self.extrude_min_c <= TEMPERATURE_MAX_C,
+                10,
+                f64::from(self.extrude_min_c),
+            ),
         ])
     }
 }

@@ -3,15 +3,45 @@
 //! In: what a host asks for; readings of each period. Out: targets for the heat loop; what a status
 //! shows; whether the stream waits. It lies in the motion, which a board locks for a moment.
 
+use super::PERIOD_S;
 use super::configuration::{HEATERS_MAX, HeatConfiguration};
 use crate::motion::CommandError;
-use headway_protocol::message::HeaterStatus;
+use headway_protocol::message::{ColdHeater, DeviceState, HeaterStatus};
 use heapless::Vec;
 
 /// Tenths of a degree.
 const PER_CELSIUS: f32 = 10.0;
 /// Thousandths.
 const PER_WHOLE: f32 = 1000.0;
+
+/// Periods at rest, 30 s, after which leave to extrude cold that nobody used is over: the host that asked
+/// for it has gone.
+const LEAVE_PERIODS: u16 = (30.0 / PERIOD_S) as u16;
+
+/// Periods from the board's start within which a sensor may not have been read yet: a second.
+const FIRST_PERIODS: u8 = 10;
+
+/// Leave to extrude cold.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+enum ColdLeave {
+    #[default]
+    None,
+    /// For the next stream or extrusion; so many periods at rest since.
+    Next(u16),
+    /// For the one under way.
+    Running,
+}
+
+/// Whether melt may move.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Melt {
+    /// It may.
+    Ready,
+    /// Once this hot end, which heats up, is there.
+    Warming(ColdHeater),
+    /// This hot end is too cold and has no target to wait for.
+    Cold(ColdHeater),
+}
 
 /// Orders and readings.
 #[derive(Clone, Debug, Default)]
@@ -22,6 +52,14 @@ pub struct HeatPanel {
     /// Heaters that the stream waits for: a mask.
     waits: u8,
     heard: bool,
+    /// Lowest temperatures at which melt may move, tenths of a degree; 0 where it does not matter.
+    melt_from: Vec<u16, HEATERS_MAX>,
+    cold_leave: ColdLeave,
+    /// The last temperatures that were known, tenths of a degree: what a sensor that fails makes of a
+    /// print is the heat guard's to say.
+    known: [Option<i16>; HEATERS_MAX],
+    /// Periods since the board's start, up to [`FIRST_PERIODS`].
+    periods: u8,
     readings: Vec<HeaterStatus, HEATERS_MAX>,
 }
 
@@ -30,10 +68,13 @@ impl HeatPanel {
     pub fn set_up(&mut self, configuration: &HeatConfiguration) {
         self.target_max_c.clear();
         self.readings.clear();
+        self.melt_from.clear();
         for heater in &configuration.heaters {
             // Room for all by the type's bound; collecting could panic.
             let _ = self.target_max_c.push(heater.target_max_c());
             let _ = self.readings.push(HeaterStatus::default());
+            let melt_from_c = heater.melt_from_c().unwrap_or(0.0);
+            let _ = self.melt_from.push((melt_from_c * PER_CELSIUS) as u16);
         }
     }
 
@@ -81,6 +122,69 @@ impl HeatPanel {
         Ok(())
     }
 
+    /// Whether melt may move.
+    pub fn melt(&self) -> Melt {
+        let mut melt = Melt::Ready;
+        if self.cold_leave != ColdLeave::None {
+            return melt;
+        }
+        let heaters = self.melt_from.iter().zip(self.known).zip(self.targets_c);
+        for (heater, ((&least_decidegrees, known), target_c)) in heaters.enumerate() {
+            let decidegrees = known.unwrap_or(i16::MIN);
+            if least_decidegrees == 0 || i32::from(decidegrees) >= least_decidegrees.into() {
+                continue;
+            }
+            let cold = ColdHeater {
+                heater: heater as u8,
+                decidegrees,
+                least_decidegrees,
+            };
+            let may_come = known.is_none() && self.periods < FIRST_PERIODS;
+            if !may_come && target_c * PER_CELSIUS < f32::from(least_decidegrees) {
+                return Melt::Cold(cold);
+            }
+            melt = Melt::Warming(cold);
+        }
+        melt
+    }
+
+    /// Leave to extrude cold, for the next stream or extrusion, or its end.
+    pub fn allow_cold(&mut self, allowed: bool) {
+        self.cold_leave = match allowed {
+            true => ColdLeave::Next(0),
+            false => ColdLeave::None,
+        };
+    }
+
+    /// A stream or an extrusion begins: it has the leave that was given for it, not that of the last one.
+    pub fn begin_melt(&mut self) {
+        self.cold_leave = match self.cold_leave {
+            ColdLeave::Next(_) => ColdLeave::Running,
+            ColdLeave::None | ColdLeave::Running => ColdLeave::None,
+        };
+    }
+
+    /// A period in this state: leave ends with what it was for.
+    pub(super) fn note_leave(&mut self, state: DeviceState) {
+        let rests = matches!(
+            state,
+            DeviceState::Idle | DeviceState::Finished | DeviceState::Faulted
+        );
+        let by_hand = matches!(
+            state,
+            DeviceState::Jogging | DeviceState::Homing | DeviceState::Probing
+        );
+        self.cold_leave = match self.cold_leave {
+            ColdLeave::Next(periods) if rests && periods < LEAVE_PERIODS => {
+                ColdLeave::Next(periods + 1)
+            }
+            // Moves on the way to a stream.
+            leave if by_hand => leave,
+            ColdLeave::Next(_) | ColdLeave::Running if !rests => ColdLeave::Running,
+            _ => ColdLeave::None,
+        };
+    }
+
     /// A host has been heard.
     pub fn hear(&mut self) {
         self.heard = true;
@@ -103,10 +207,17 @@ impl HeatPanel {
     }
 
     /// A period's temperature (`None`: unknown), target and duty of a heater.
-    pub(super) fn note(&mut self, heater: usize, reading_c: Option<f32>, target_c: f32, duty: f32) {
+    pub(crate) fn note(&mut self, heater: usize, reading_c: Option<f32>, target_c: f32, duty: f32) {
+        if heater == 0 {
+            self.periods = FIRST_PERIODS.min(self.periods + 1);
+        }
+        let decidegrees = reading_c.map(|c| (c * PER_CELSIUS) as i16);
+        if let Some(known) = self.known.get_mut(heater) {
+            *known = decidegrees.or(*known);
+        }
         if let Some(status) = self.readings.get_mut(heater) {
             *status = HeaterStatus {
-                decidegrees: reading_c.map_or(i16::MIN, |c| (c * PER_CELSIUS) as i16),
+                decidegrees: decidegrees.unwrap_or(i16::MIN),
                 target_decidegrees: (target_c * PER_CELSIUS + 0.5) as u16,
                 duty_permille: (duty * PER_WHOLE + 0.5) as u16,
             };

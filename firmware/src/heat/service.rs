@@ -76,7 +76,9 @@ impl HeatService {
 
     fn tell(&self, motion: &mut Motion, not_ready: u8) {
         let faulted = motion.fault().is_some();
+        let state = motion.state();
         let panel = motion.heat_mut();
+        panel.note_leave(state);
         if faulted {
             panel.all_off();
         }

@@ -47,6 +47,8 @@ impl Motion {
         self.phase = Phase::Filling { starved: false };
         self.finish = false;
         self.rests = 0;
+        self.melt_until_span = 0;
+        self.heat.begin_melt();
         self.note_heat();
         self.held = false;
         self.heard_ticks = self.now_ticks as u32;

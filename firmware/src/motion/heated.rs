@@ -1,7 +1,7 @@
 //! What heaters do to the motion: a stream that waits for them, and melt that is left behind hot.
 
 use super::{CommandError, Motion, Phase};
-use crate::heat::panel::HeatPanel;
+use crate::heat::panel::{HeatPanel, Melt};
 use headway_protocol::message::FaultCause;
 
 /// The stream rests because the host asked for it,
@@ -38,12 +38,32 @@ impl Motion {
         Ok(())
     }
 
-    /// Takes over whether the stream waits for a heater.
+    /// Takes over whether the stream waits for a heater, and stops melt that would move cold.
     pub fn note_heat(&mut self) {
         self.rests &= !HEATING;
         if self.heat.holds_stream() {
             self.rests |= HEATING;
         }
+        if !self.has_melt() {
+            return;
+        }
+        match self.heat.melt() {
+            Melt::Ready => {}
+            Melt::Warming(_) => self.rests |= HEATING,
+            Melt::Cold(heater) => self.fail_softly(heater.fault()),
+        }
+    }
+
+    /// Melt moves in a span before this one, or with an event there.
+    pub fn note_melt(&mut self, until_span: u32) {
+        self.melt_until_span = self.melt_until_span.max(until_span);
+        self.note_heat();
+    }
+
+    /// The open stream has melt that has not been laid.
+    fn has_melt(&self) -> bool {
+        let streams = matches!(self.phase, Phase::Filling { .. } | Phase::Running);
+        streams && !self.aborting && self.spans_done() < self.melt_until_span
     }
 
     /// Nothing holds the stream.

@@ -7,6 +7,7 @@
 use super::{CommandError, Motion, Phase};
 use crate::configuration::{JOINTS_MAX, MOTORS_MAX, MachineConfiguration};
 use crate::extruder_limits::event_ratio;
+use crate::heat::panel::Melt;
 use crate::homing::{Homing, HomingConfiguration, HomingOutcome};
 use crate::joint_move::{JointMove, MoveLimits};
 use crate::steps::{STEP, StepScale, Target};
@@ -312,6 +313,10 @@ impl Motion {
         let duration_s = f64::from(duration_ticks.0) / f64::from(self.servo_hz);
         if event_ratio(extruder, volume_mm3, duration_s) > 1.0 {
             return Err(CommandError::Invalid);
+        }
+        self.heat.begin_melt();
+        if let Melt::Cold(heater) | Melt::Warming(heater) = self.heat.melt() {
+            return Err(CommandError::Cold(heater));
         }
         self.jog.clear();
         self.begin_jog();

@@ -39,7 +39,7 @@ use crate::steps::{StepBank, StepProgrammer, WaitingTargets};
 use crate::time_warp::TimeWarp;
 pub use faults::EMERGENCY;
 use faults::step_rate_fault;
-use headway_protocol::message::{Fault, FaultCause, ProbeResult};
+use headway_protocol::message::{ColdHeater, Fault, FaultCause, ProbeResult};
 use jog::Jog;
 
 /// Where a stream stands.
@@ -88,6 +88,8 @@ pub enum CommandError {
     Faulted,
     /// The position does not fit the machine, or is not where it is.
     Invalid,
+    /// Melt would move while this hot end is too cold for it.
+    Cold(ColdHeater),
 }
 
 /// The servo side of the machine.
@@ -141,6 +143,8 @@ pub struct Motion {
     probe: ProbeResult,
     pin: ProbePin,
     heat: HeatPanel,
+    /// Span of the open stream before which melt still moves.
+    melt_until_span: u32,
     drivers: DriverPanel,
     flow_window: FlowWindow,
     waiting: WaitingTargets,
@@ -175,6 +179,7 @@ impl Motion {
             probe: ProbeResult::None,
             pin: ProbePin::default(),
             heat: HeatPanel::default(),
+            melt_until_span: 0,
             drivers: DriverPanel::default(),
             inputs: Inputs::default(),
             switch_guard: SwitchGuard::default(),

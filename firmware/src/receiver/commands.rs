@@ -47,6 +47,7 @@ impl Receiver {
                     self.refuse_control(sequence, reason_of(error));
                 }
             }
+            Control::ExtrudeCold(allowed) => motion.heat_mut().allow_cold(allowed),
             Control::SettingsBegin { .. } | Control::SettingsPart { .. } | Control::SettingsEnd => {
                 if let Err(reason) = self.take_settings(sequence, &control, motion) {
                     self.refuse_control(sequence, reason);

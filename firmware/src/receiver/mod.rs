@@ -24,6 +24,7 @@ use headway_protocol::message::{
     PROTOCOL_VERSION, Refusal, RefusalReason, SCHEMA_HASH, Start,
 };
 use headway_protocol::segment::FlowEvent;
+use headway_protocol::units::CHANNEL_VOLUME;
 use heapless::{Deque, Vec};
 use second_line::Watched;
 
@@ -62,6 +63,10 @@ struct Block {
     window: SpanWindow,
     winding: Winding<f32>,
     count: u32,
+    /// Knots up to the last one whose volume is another than that of the one before it.
+    melt_knots: u32,
+    /// Volume of the last knot.
+    volume_units: i32,
 }
 
 /// An open stream.
@@ -77,6 +82,8 @@ struct Stream {
     predictor: KnotPredictor,
     window: SpanWindow,
     winding: Winding<f32>,
+    /// Volume of the newest knot.
+    volume_units: i32,
 }
 
 /// What is to be said.
@@ -90,6 +97,8 @@ struct Due {
     fault: bool,
 }
 
+/// Knot n acts on spans n to n + 3.
+const SPANS_OF_KNOT: u32 = 4;
 /// Refusals that wait to be said. A message that would need one more is dropped as if it had been
 /// lost, and answered when the host repeats it.
 const REFUSALS_MAX: usize = 4;
@@ -321,6 +330,7 @@ impl Receiver {
                     predictor: KnotPredictor::new(start.position),
                     window: SpanWindow::at_rest(&start.position),
                     winding: self.loads.winding_at(&start.position),
+                    volume_units: start.position[CHANNEL_VOLUME],
                 });
             }
             Err(error) => self.refuse_control(sequence, reason_of(error)),
@@ -340,6 +350,11 @@ impl Receiver {
         if let Some(fault) = block.refused {
             motion.refuse_span(fault, stream.knots + block.knots.len() as u32);
         }
+        if block.melt_knots > 0 {
+            let last = stream.knots.wrapping_add(block.melt_knots);
+            motion.note_melt(last.wrapping_add(SPANS_OF_KNOT - 2));
+        }
+        stream.volume_units = block.volume_units;
         stream.knots = stream.knots.wrapping_add(block.count);
         stream.predictor = block.predictor;
         stream.window = block.window;
@@ -365,6 +380,7 @@ impl Receiver {
         if motion.push_event(event) {
             stream.events = stream.events.wrapping_add(1);
             stream.event_span = event.span;
+            motion.note_melt(event.span.wrapping_add(1));
             stream.next_sequence = stream.next_sequence.wrapping_add(1);
         }
         self.due.ack = true;
@@ -438,6 +454,7 @@ fn reason_of(error: CommandError) -> RefusalReason {
         CommandError::Busy => RefusalReason::Busy,
         CommandError::Faulted => RefusalReason::Faulted,
         CommandError::Invalid => RefusalReason::Invalid,
+        CommandError::Cold(heater) => RefusalReason::Cold(heater),
     }
 }
 
@@ -449,7 +466,12 @@ fn unpack(bytes: &[u8], stream: &Stream, loads: &LoadModel) -> Option<Block> {
     let decoded = decode_block(&mut predictor, bytes).ok()?;
     let mut knots = Vec::new();
     let mut refused = None;
-    for knot in &decoded {
+    let (mut volume_units, mut melt_knots) = (stream.volume_units, 0);
+    for (knot, count) in decoded.iter().zip(1u32..) {
+        if knot.control[CHANNEL_VOLUME] != volume_units {
+            volume_units = knot.control[CHANNEL_VOLUME];
+            melt_knots = count;
+        }
         window.push(knot);
         let load = match loads.of_span(&window, &mut winding) {
             Ok(load) => load,
@@ -468,5 +490,7 @@ fn unpack(bytes: &[u8], stream: &Stream, loads: &LoadModel) -> Option<Block> {
         window,
         winding,
         count: decoded.len() as u32,
+        melt_knots,
+        volume_units,
     })
 }

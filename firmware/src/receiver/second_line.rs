@@ -59,7 +59,9 @@ impl Content {
     pub(super) fn needs_the_line(&self) -> bool {
         match self {
             Content::Hello(_) | Content::Unreadable(_) => false,
-            Content::Control(control) => control.is_at_rest_only() || control.heats(),
+            Content::Control(control) => {
+                control.is_at_rest_only() || control.heats() || control.lifts_a_guard()
+            }
             _ => true,
         }
     }

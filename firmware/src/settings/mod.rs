@@ -18,7 +18,8 @@ mod tests;
 use crate::board_name::BoardName;
 use crate::configuration::{ConfigurationError, MachineConfiguration, WrongNumber};
 use crate::drivers::DriversConfiguration;
-use crate::heat::HeatConfiguration;
+use crate::heat::configuration::EXTRUDE_MIN_C;
+use crate::heat::{HEATERS_MAX, HeatConfiguration};
 use crate::homing::HomingConfiguration;
 use crate::machine::Machine;
 use crate::shaping::Shaper;
@@ -43,6 +44,8 @@ const DRIVERS: u8 = 4;
 const WIRING: u8 = 5;
 /// [`BoardName`].
 const BOARD: u8 = 6;
+/// Lowest temperatures at which melt may move: a board without this guard reads the rest.
+const MELT: u8 = MAY_BE_SKIPPED | 7;
 /// A section with this bit may be left alone by a board that does not know it.
 const MAY_BE_SKIPPED: u8 = 0x80;
 /// Tag and length.
@@ -167,6 +170,9 @@ impl BoardSettings {
         if let Some(heaters) = &self.heaters {
             section(&mut record, HEATERS, heaters)?;
         }
+        if let Some(melt) = self.heaters.as_ref().and_then(melt_of) {
+            section(&mut record, MELT, &melt)?;
+        }
         if !self.drivers.is_none() {
             section(&mut record, DRIVERS, &self.drivers)?;
         }
@@ -201,8 +207,9 @@ impl BoardSettings {
         if *version != SETTINGS_VERSION {
             return Err(refusal(SettingsProblem::Version, SETTINGS_VERSION.into()));
         }
-        let (mut machine, mut switches, mut heaters) = (None, None, None);
-        let (mut drivers, mut wiring, mut board) = (None, None, None);
+        let (mut machine, mut switches) = (None, None);
+        let mut heaters: Option<HeatConfiguration> = None;
+        let (mut drivers, mut wiring, mut board, mut melt) = (None, None, None, None);
         // Each round takes at least a head off a bounded record.
         while let Some((&[tag, low, high], behind)) = rest.split_first_chunk::<HEAD_BYTES>() {
             let wrong = refusal(SettingsProblem::Section, tag.into());
@@ -215,6 +222,7 @@ impl BoardSettings {
                 DRIVERS => once(&mut drivers, content, wrong)?,
                 WIRING => once(&mut wiring, content, wrong)?,
                 BOARD => once(&mut board, content, wrong)?,
+                MELT => once(&mut melt, content, wrong)?,
                 _ if tag & MAY_BE_SKIPPED != 0 => {}
                 _ => return Err(wrong),
             }
@@ -225,6 +233,9 @@ impl BoardSettings {
         }
         let machine: MachineConfiguration =
             machine.ok_or(refusal(SettingsProblem::Section, MACHINE.into()))?;
+        if let (Some(heaters), Some(melt)) = (&mut heaters, melt) {
+            set_melt(heaters, &melt);
+        }
         let settings = Self {
             switches: switches.unwrap_or_else(|| HomingConfiguration::standard(&machine)),
             machine,
@@ -235,6 +246,21 @@ impl BoardSettings {
         };
         settings.check()?;
         Ok(settings)
+    }
+}
+
+/// `extrude_min_c` of each heater, where one is not the usual.
+fn melt_of(heaters: &HeatConfiguration) -> Option<[f32; HEATERS_MAX]> {
+    let mut melt = [EXTRUDE_MIN_C; HEATERS_MAX];
+    for (least_c, heater) in melt.iter_mut().zip(&heaters.heaters) {
+        *least_c = heater.extrude_min_c;
+    }
+    (melt != [EXTRUDE_MIN_C; HEATERS_MAX]).then_some(melt)
+}
+
+fn set_melt(heaters: &mut HeatConfiguration, melt: &[f32; HEATERS_MAX]) {
+    for (heater, least_c) in heaters.heaters.iter_mut().zip(melt) {
+        heater.extrude_min_c = *least_c;
     }
 }
 

@@ -550,3 +550,27 @@ fn settings_name_their_board_and_another_one_refuses_them() {
     assert_eq!(BoardSettings::decode(&record).unwrap().board, None);
     assert_eq!(unnamed.check_for(&BOARD), Ok(()));
 }
+
+/// Goal: from where melt may move comes back with the heaters, and a record of a machine that does not say
+/// is as it was before there was such a thing. Method: records with and without; a wrong number.
+#[test]
+fn where_melt_may_move_comes_back_and_is_no_part_of_records_that_do_not_say() {
+    let mut asked = settings(built_in_planar());
+    let usual = asked.encode().unwrap();
+    if let Some(heaters) = &mut asked.heaters {
+        heaters.heaters[0].extrude_min_c = 140.0;
+    }
+    let record = asked.encode().unwrap();
+    // Tag, length, three numbers.
+    assert_eq!(record.len(), usual.len() + 3 + 12);
+    assert_eq!(BoardSettings::decode(&record), Ok(asked.clone()));
+    assert_eq!(asked.machine.hash(), built_in_planar().hash());
+    for wrong in [-1.0, 501.0, f32::NAN] {
+        if let Some(heaters) = &mut asked.heaters {
+            heaters.heaters[0].extrude_min_c = wrong;
+        }
+        let refused = asked.encode().unwrap_err();
+        assert_eq!(refused.problem, SettingsProblem::Heater);
+        assert_eq!(refused.item_name(), Some("extrude_min_c"), "{wrong}");
+    }
+}

@@ -44,7 +44,8 @@ pub(super) struct StreamArgs {
     /// Part fan, per cent.
     #[arg(long, value_name = "PCT", help_heading = "Temperatures")]
     pub fan: Option<f64>,
-    /// Leave heaters and fan as they are, whatever the job's machine file says.
+    /// Leave heaters and fan as they are, whatever the job's machine file says, and let the extruder turn
+    /// below extrude_min_c in this run: for a run without material.
     #[arg(long, help_heading = "Temperatures", conflicts_with_all = ["hot_end", "bed", "fan"])]
     pub no_heat: bool,
     /// Print over the bed of this mesh (headway board mesh), blended out above it.
@@ -269,6 +270,9 @@ pub(super) enum BoardCommand {
         /// How fast at most, mm³/s [default: a tenth of the extruder's limit].
         #[arg(long, value_name = "SPEED")]
         speed: Option<f64>,
+        /// Turn the extruder this once while the hot end is below extrude_min_c: without material in it.
+        #[arg(long)]
+        no_heat: bool,
         #[command(flatten)]
         machine: BoardMachineArgs,
         #[command(flatten)]

@@ -64,12 +64,15 @@ pub(super) fn run(args: &BoardArgs, console: &Console) -> Result<(), CliError> {
         BoardCommand::Extrude {
             volume,
             speed,
+            no_heat,
             machine,
             port,
         } => {
             let settings = settings(machine)?;
             let command = extrude(&settings.machine, *volume, *speed)?;
-            move_joint(command, &settings.machine, port, console)
+            let cold = no_heat.then_some(Control::ExtrudeCold(true));
+            let commands: Vec<Control> = cold.into_iter().chain([command]).collect();
+            move_joint(&commands, &settings.machine, port, console)
         }
         BoardCommand::Go { job, mesh, port } => go(job, mesh.as_deref(), port, console),
         BoardCommand::Probe(args) => probe(args, console),
@@ -438,14 +441,16 @@ fn heat_up(command: Control, port: &PortArgs, console: &Console) -> Result<(), C
 
 /// Gives a command that names a motor, and waits for its end.
 fn move_joint(
-    command: Control,
+    commands: &[Control],
     machine: &MachineConfiguration,
     port: &PortArgs,
     console: &Console,
 ) -> Result<(), CliError> {
     let mut talk = Talk::open(port)?;
     talk.check_machine(machine)?;
-    talk.order(command)?;
+    for command in commands {
+        talk.order(*command)?;
+    }
     let status = talk.wait_for_rest()?;
     console.result(&status_text(&status, false))
 }

@@ -29,7 +29,12 @@ impl StreamHeat {
     /// The orders of a job under the options.
     pub(super) fn of(args: &StreamArgs, job: &Job) -> Result<StreamHeat, CliError> {
         if args.no_heat {
-            return Ok(StreamHeat::default());
+            // Nothing is melted: the board is to move the extruder all the same, in this run.
+            return Ok(StreamHeat {
+                before: vec![Control::ExtrudeCold(true)],
+                after: vec![Control::ExtrudeCold(false)],
+                on_path: VecDeque::new(),
+            });
         }
         let mut events = of_job(job)?;
         for (name, celsius) in [("bed", args.bed), ("hot-end", args.hot_end)] {

@@ -2,9 +2,9 @@
 
 use super::MachineFileError;
 use crate::settings::heat::{HEATER_KEYS, Material};
-use headway_firmware::heat::configuration::{Gains, Plant};
+use headway_firmware::heat::configuration::{EXTRUDE_MIN_C, Gains, Plant};
 use headway_firmware::heat::sensor::{Sensor, SensorCurve};
-use headway_firmware::heat::{HeatConfiguration, HeaterConfiguration};
+use headway_firmware::heat::{HeatConfiguration, HeaterConfiguration, HeaterRole};
 use serde::Deserialize;
 use std::fmt::Write;
 
@@ -68,6 +68,7 @@ struct FileHeater {
     proportional: Option<f32>,
     integral: Option<f32>,
     derivative: Option<f32>,
+    extrude_min_c: Option<f32>,
 }
 
 impl FileHeaters {
@@ -79,6 +80,14 @@ impl FileHeaters {
         ];
         if self.bed.is_none() && self.hot_end_2.is_some() {
             let problem = "heaters.hot_end_2: the bed is heater 1, give it too";
+            return Err(MachineFileError::Toml(problem.to_string()));
+        }
+        if self
+            .bed
+            .as_ref()
+            .is_some_and(|bed| bed.extrude_min_c.is_some())
+        {
+            let problem = "heaters.bed.extrude_min_c: no melt passes the bed; give it to a hot end";
             return Err(MachineFileError::Toml(problem.to_string()));
         }
         let mut configuration = HeatConfiguration {
@@ -122,6 +131,7 @@ impl FileHeater {
                 integral: self.integral.unwrap_or(gains.integral),
                 derivative: self.derivative.unwrap_or(gains.derivative),
             },
+            extrude_min_c: self.extrude_min_c.unwrap_or(default.extrude_min_c),
         })
     }
 }
@@ -201,5 +211,9 @@ pub fn write_heater(
     writeln!(text, "measured = {}", plant.measured)?;
     writeln!(text, "proportional = {}", gains.proportional)?;
     writeln!(text, "integral = {}", gains.integral)?;
-    writeln!(text, "derivative = {}", gains.derivative)
+    writeln!(text, "derivative = {}", gains.derivative)?;
+    match heater.role == HeaterRole::HotEnd && heater.extrude_min_c != EXTRUDE_MIN_C {
+        true => writeln!(text, "extrude_min_c = {}", heater.extrude_min_c),
+        false => Ok(()),
+    }
 }
