@@ -346,6 +346,12 @@ pub(crate) fn first_wrong(numbers: &[(bool, u8, f64)]) -> Option<WrongNumber> {
 }
 
 impl JointConfiguration {
+    /// It turns without an end: its range is none, or beyond what counts of steps hold.
+    pub fn is_endless(&self) -> bool {
+        let range_steps = (self.position_max - self.position_min) * self.steps_per_unit;
+        self.rotary && range_steps >= f64::from(i32::MAX)
+    }
+
     /// The first number that cannot be.
     pub fn wrong(&self) -> Option<WrongNumber> {
         let positive = |item, value: f64| (is_positive(&value), item, value);

@@ -37,7 +37,8 @@ pub struct JointHoming {
     pub travel_max_natural: f64,
     /// Where the joint is when the switch trips.
     pub position_natural: f64,
-    /// The switch also stops motion that runs into it at other times.
+    /// The switch also stops motion that runs into it at other times; never that of a joint without ends,
+    /// which passes it in every turn.
     pub guards: bool,
 }
 
@@ -53,7 +54,7 @@ impl JointHoming {
         let quarter = 0.25 * limits.speed_max;
         let fast = if quarter < most { quarter } else { most };
         let range = limits.position_max - limits.position_min;
-        let range = if range.is_finite() { range } else { TAU };
+        let range = if limits.is_endless() { TAU } else { range };
         Self {
             joint,
             towards_max,
@@ -66,7 +67,7 @@ impl JointHoming {
             } else {
                 limits.position_min
             },
-            guards: true,
+            guards: !limits.is_endless(),
         }
     }
 

@@ -474,6 +474,8 @@ mod endless;
 mod fault;
 #[path = "machine_heat_tests.rs"]
 mod heat;
+#[path = "machine_index_tests.rs"]
+mod index;
 #[path = "machine_jog_tests.rs"]
 mod jog;
 #[path = "machine_probe_tests.rs"]

@@ -45,9 +45,15 @@ pub(super) struct Jog {
 
 impl Jog {
     pub(super) fn new(machine: &MachineConfiguration, switches: &HomingConfiguration) -> Self {
+        let mut switches = switches.clone();
+        for switch in &mut switches.joints {
+            let limits = machine.joints.get(usize::from(switch.joint));
+            // A joint without ends passes its switch once a turn: settings may say what they like.
+            switch.guards &= limits.is_some_and(|limits| !limits.is_endless());
+        }
         Self {
             machine: machine.clone(),
-            switches: switches.clone(),
+            switches,
             order: Vec::new(),
             homed: 0,
             route: Vec::new(),

@@ -49,7 +49,7 @@ pub(super) fn run(args: &BoardArgs, console: &Console) -> Result<(), CliError> {
         } => {
             let settings = settings(machine)?;
             let command = jog(&settings.machine, joint, *distance, *speed)?;
-            move_joint(command, &settings.machine, port, console)
+            move_joint(&[command], &settings.machine, port, console)
         }
         BoardCommand::SetJoint {
             joint,
@@ -59,7 +59,7 @@ pub(super) fn run(args: &BoardArgs, console: &Console) -> Result<(), CliError> {
         } => {
             let settings = settings(machine)?;
             let command = set_joint(&settings.machine, joint, *position)?;
-            move_joint(command, &settings.machine, port, console)
+            move_joint(&[command], &settings.machine, port, console)
         }
         BoardCommand::Extrude {
             volume,

@@ -235,7 +235,7 @@ impl Emulator {
 
     /// Begins to stream a job with the command; returns once the board moves.
     fn print_until_it_moves(&self, job: &str) -> Child {
-        let streaming = command(&["stream", job, "--port", &self.port]).spawn();
+        let streaming = command(&["stream", job, "--no-heat", "--port", &self.port]).spawn();
         let moves = self.moving.recv_timeout(PATIENCE);
         moves.expect("the board moves");
         streaming.expect("the command starts")
@@ -307,7 +307,13 @@ fn prints_as_simulated(board: &'static Board) {
     let job = plan(&folder);
     let emulator = Emulator::start(board, &folder);
     let begun = Instant::now();
-    succeeded(&headway(&["stream", &job, "--port", &emulator.port]));
+    succeeded(&headway(&[
+        "stream",
+        &job,
+        "--no-heat",
+        "--port",
+        &emulator.port,
+    ]));
     let decoded = emulator.end();
     let expected = simulated(&job);
     println!(
