@@ -34,6 +34,13 @@ pub const QUEUE_KNOTS: usize = 256;
 /// full block of knots; with the present one 2 KiB of RAM.
 pub const SPANS_AHEAD: usize = 7;
 
+/// Knots of a block that are weighed in one piece of a board's main loop: an arm takes some 45,000
+/// instructions for each, and 4 ms are what a piece may last there (`docs/measurements/firmware.md`).
+pub const WEIGHED_KNOTS: usize = 4;
+
+/// Entries of the queue whose ceilings are made under one lock: some 50 instructions each.
+pub const CEILINGS_AT_ONCE: usize = 12;
+
 /// Flow events that the queue holds: two per pass, so 32 short passes ahead.
 pub const QUEUE_EVENTS: usize = 64;
 

@@ -22,6 +22,7 @@ use crate::probe_pin::ProbePin;
 use crate::receiver::Receiver;
 use crate::settings::BoardLimits;
 use crate::steps::StepPlayer;
+use headway_protocol::knot_block::KNOTS_PER_BLOCK_MAX;
 use headway_protocol::message::{Fault, FaultCause};
 
 /// Receiver, motion and step player.
@@ -81,8 +82,12 @@ impl Machine {
     /// Takes bytes from the line.
     pub fn handle_bytes(&mut self, bytes: &[u8]) {
         for &byte in bytes {
-            if let Some(request) = self.receiver.push(byte) {
+            if let Some(request) = self.receiver.receive(0, byte) {
                 self.receiver.apply(request, &mut self.motion);
+            }
+            if self.receiver.is_busy() {
+                self.receiver.work(KNOTS_PER_BLOCK_MAX);
+                self.receiver.deliver(&mut self.motion);
             }
         }
         self.stop_if_due();
@@ -126,7 +131,7 @@ impl Machine {
     pub fn handle_watcher(&mut self, watcher: &mut Receiver, bytes: &[u8]) {
         watcher.watch(&self.receiver, &self.motion);
         for &byte in bytes {
-            if let Some(request) = watcher.push(byte) {
+            if let Some(request) = watcher.receive(0, byte) {
                 watcher.apply(request, &mut self.motion);
             }
         }

@@ -93,7 +93,20 @@ pub struct KnotQueue {
     queued_ticks: u32,
     /// The last span that was queued ends at rest.
     ends_at_rest: bool,
+    /// The backward pass under way.
+    pass: Option<Pass>,
     knots: Deque<QueuedKnot, QUEUE_KNOTS>,
+}
+
+/// A backward pass: until it is over the ceilings before its place are those of the shorter queue, which are
+/// lower.
+#[derive(Clone, Copy, Debug)]
+struct Pass {
+    /// Entries from the end that are done, and that must be.
+    done: usize,
+    changed: usize,
+    /// Ceilings at the end of the next entry's span.
+    at_end: Ceiling,
 }
 
 impl KnotQueue {
@@ -102,6 +115,7 @@ impl KnotQueue {
         Self {
             queued_ticks: 0,
             ends_at_rest: false,
+            pass: None,
             knots: Deque::new(),
         }
     }
@@ -184,22 +198,51 @@ impl KnotQueue {
         self.knots.clear();
         self.queued_ticks = 0;
         self.ends_at_rest = false;
+        self.pass = None;
     }
 
     /// Backward pass over the last `changed` knots and as far before them as anything changes.
     pub fn update_ceilings(&mut self, changed: usize) {
-        let mut at_end = Ceiling::END;
-        for (back, entry) in self.knots.iter_mut().rev().enumerate() {
+        self.begin_pass(changed);
+        self.go_on_with_pass(QUEUE_KNOTS);
+    }
+
+    /// Begins a backward pass over the last `changed` knots; one that was not over is part of it.
+    pub fn begin_pass(&mut self, changed: usize) {
+        let left = self.pass.map_or(0, |pass| pass.changed);
+        self.pass = Some(Pass {
+            done: 0,
+            changed: changed + left,
+            at_end: Ceiling::END,
+        });
+    }
+
+    /// A pass is under way.
+    pub fn has_pass(&self) -> bool {
+        self.pass.is_some()
+    }
+
+    /// Goes on with it over so many entries; true if there was one. Knots may be dropped at the front meanwhile.
+    pub fn go_on_with_pass(&mut self, entries: usize) -> bool {
+        let Some(mut pass) = self.pass.take() else {
+            return false;
+        };
+        for entry in self.knots.iter_mut().rev().skip(pass.done).take(entries) {
             if entry.ends_at_rest {
-                at_end = Ceiling::OPEN;
+                pass.at_end = Ceiling::OPEN;
             }
-            let ceiling = at_end.before(f32::from(entry.span_ticks), &entry.load);
-            if back >= changed && ceiling == entry.ceiling {
-                break;
+            let ceiling = pass.at_end.before(f32::from(entry.span_ticks), &entry.load);
+            if pass.done >= pass.changed && ceiling == entry.ceiling {
+                return true;
             }
             entry.ceiling = ceiling;
-            at_end = ceiling;
+            pass.at_end = ceiling;
+            pass.done += 1;
         }
+        if pass.done < self.knots.len() {
+            self.pass = Some(pass);
+        }
+        true
     }
 }
 

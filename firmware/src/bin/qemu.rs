@@ -185,10 +185,13 @@ mod board {
         let mut outgoing = Outgoing::new();
         let mut ended_tick = None;
         loop {
-            if let Some(byte) = LINK.receive() {
-                runtime::take_byte(&mut receiver, 0, byte);
+            if !receiver.is_busy()
+                && let Some(byte) = LINK.receive()
+            {
+                runtime::take_bytes(&mut receiver, 0, &mut core::iter::once(byte));
                 ended_tick = None;
             }
+            runtime::work(&mut receiver);
             runtime::look_ahead();
             if let Some(&byte) = outgoing.pending(&mut receiver).first()
                 && LINK.read(STATE) & TX_FULL == 0

@@ -26,11 +26,14 @@ mod runtime;
 
 #[cfg(target_os = "none")]
 use bench::{Output, pend_stop};
+#[cfg(all(target_os = "none", feature = "measure-locks"))]
+use bench::{lock_begins, lock_ends};
 
 #[cfg(target_os = "none")]
 mod bench {
     use crate::ports::{DriverPorts, PORT_BYTES, SET_RESET};
-    use crate::runtime::{self, Board, with_motion};
+    use crate::runtime::{self, Board, Outgoing, with_motion};
+    use core::sync::atomic::{AtomicU32, AtomicUsize, Ordering};
     use cortex_m_semihosting::{debug, hprintln, syscall};
     use headway_firmware::configuration::{MOTORS_MAX, MachineConfiguration};
     use headway_firmware::homing::HomingConfiguration;
@@ -72,6 +75,35 @@ mod bench {
     /// Instructions between two readings, rounded.
     fn instructions(before: u32, after: u32) -> u32 {
         (before.wrapping_sub(after) * TIMER_TICK_NS + INSTRUCTION_NS / 2) / INSTRUCTION_NS
+    }
+
+    /// Pieces of the main loop: bytes of a packet up to the end of a message, some knots of a block, work for
+    /// the spans to come, a report.
+    const PIECES: [&str; 4] = ["bytes", "work", "ahead", "report"];
+    const BYTES: usize = 0;
+    const WORK: usize = 1;
+    const AHEAD: usize = 2;
+    const REPORT: usize = 3;
+    /// Bytes that a line hands over at once.
+    const PACKET_BYTES: usize = 64;
+
+    /// The piece under way, and the longest lock of each.
+    static PIECE: AtomicUsize = AtomicUsize::new(BYTES);
+    static LOCKS: [AtomicU32; 4] = [const { AtomicU32::new(0) }; 4];
+
+    #[cfg(feature = "measure-locks")]
+    #[inline(always)]
+    pub fn lock_begins() -> u32 {
+        now()
+    }
+
+    #[cfg(feature = "measure-locks")]
+    #[inline(always)]
+    pub fn lock_ends(begun: u32) {
+        let held = instructions(begun, now());
+        if let Some(worst) = LOCKS.get(PIECE.load(Ordering::Relaxed)) {
+            worst.store(worst.load(Ordering::Relaxed).max(held), Ordering::Relaxed);
+        }
     }
 
     pub type Output = PortOutput<DriverPorts>;
@@ -161,8 +193,22 @@ mod bench {
         servo: Count,
         step: Count,
         step_reversing: Count,
-        ahead: Count,
-        link: Count,
+        pieces: [Count; 4],
+    }
+
+    /// Does a piece of the main loop and counts it; true if there was any.
+    #[inline(never)]
+    fn piece(which: usize, empty: u32, counts: &mut Counts, work: impl FnOnce() -> bool) -> bool {
+        PIECE.store(which, Ordering::Relaxed);
+        let paint = Paint::new(6000);
+        let before = now();
+        let worked = work();
+        let after = now();
+        if worked && let Some(count) = counts.pieces.get_mut(which) {
+            count.stack_bytes = count.stack_bytes.max(paint.used());
+            count.note(instructions(before, after) - empty);
+        }
+        worked
     }
 
     // Functions of their own, with the entry and exit code of an interrupt.
@@ -174,18 +220,6 @@ mod bench {
     #[inline(never)]
     fn step_tick() {
         runtime::step_interrupt();
-    }
-
-    #[inline(never)]
-    fn look_ahead() -> bool {
-        runtime::look_ahead()
-    }
-
-    #[inline(never)]
-    fn handle(receiver: &mut Receiver, frame: &[u8]) {
-        for &byte in frame {
-            runtime::take_byte(receiver, 0, byte);
-        }
     }
 
     /// The job's file, byte by byte.
@@ -241,10 +275,11 @@ mod bench {
         file: File,
         frame: [u8; FRAME_BYTES_MAX],
         receiver: Receiver,
+        outgoing: Outgoing,
     }
 
     impl Host {
-        fn serve(&mut self, count: &mut Count) {
+        fn serve(&mut self, empty: u32, counts: &mut Counts) {
             let room = with_motion(|motion| {
                 // Flow events come before their block, at most four.
                 motion.knot_room() >= KNOTS_PER_BLOCK_MAX && motion.event_room() >= 8
@@ -262,13 +297,29 @@ mod bench {
                     break;
                 }
             }
-            let frame = self.frame.get(..length).unwrap_or_default();
-            let paint = Paint::new(6000);
-            let before = now();
-            handle(&mut self.receiver, frame);
-            let after = now();
-            count.stack_bytes = count.stack_bytes.max(paint.used());
-            count.note(instructions(before, after));
+            let receiver = &mut self.receiver;
+            for packet in self
+                .frame
+                .get(..length)
+                .unwrap_or_default()
+                .chunks(PACKET_BYTES)
+            {
+                piece(BYTES, empty, counts, || {
+                    runtime::take_bytes(receiver, 0, &mut packet.iter().copied());
+                    true
+                });
+                while piece(WORK, empty, counts, || runtime::work(receiver)) {}
+            }
+        }
+
+        /// A report, if there is one: it is out at once.
+        fn report(&mut self, empty: u32, counts: &mut Counts) {
+            let (receiver, outgoing) = (&mut self.receiver, &mut self.outgoing);
+            piece(REPORT, empty, counts, || {
+                let length = outgoing.pending(receiver).len();
+                outgoing.sent(length);
+                length > 0
+            });
         }
     }
 
@@ -282,16 +333,8 @@ mod bench {
     }
 
     /// What the main loop does for the spans to come.
-    fn time_ahead(empty: u32, count: &mut Count) {
-        loop {
-            let before = now();
-            let worked = look_ahead();
-            let after = now();
-            if !worked {
-                break;
-            }
-            count.note(instructions(before, after) - empty);
-        }
+    fn time_ahead(empty: u32, counts: &mut Counts) {
+        while piece(AHEAD, empty, counts, runtime::look_ahead) {}
     }
 
     fn time_steps(interval_ticks: u32, empty: u32, counts: &mut Counts) {
@@ -328,6 +371,7 @@ mod bench {
         let mut host = Host {
             file,
             frame: [0; FRAME_BYTES_MAX],
+            outgoing: Outgoing::new(),
             receiver: runtime::set_up(
                 &board,
                 PortOutput::new(DriverPorts::new(PORTS), MOTORS_MAX, 0),
@@ -338,8 +382,9 @@ mod bench {
             instructions(before, now())
         };
         for tick in 0..TICKS_MAX {
-            host.serve(&mut counts.link);
-            time_ahead(empty, &mut counts.ahead);
+            host.serve(empty, counts);
+            time_ahead(empty, counts);
+            host.report(empty, counts);
             time_servo(empty, &mut counts.servo);
             // Reversals are few: all of them tick by tick, of the others a share.
             if tick % TIMED_EVERY == 0 || runtime::interval_reverses() {
@@ -359,6 +404,13 @@ mod bench {
         })
     }
 
+    fn print(name: &str, count: &Count) {
+        hprintln!("{}_worst {}", name, count.worst);
+        hprintln!("{}_mean {}", name, count.mean());
+        hprintln!("{}_stack_bytes {}", name, count.stack_bytes);
+        hprintln!("{}_count {}", name, count.count);
+    }
+
     #[cortex_m_rt::entry]
     fn main() -> ! {
         start_timer();
@@ -368,13 +420,12 @@ mod bench {
             ("servo", &counts.servo),
             ("step", &counts.step),
             ("step_reversing", &counts.step_reversing),
-            ("ahead", &counts.ahead),
-            ("link", &counts.link),
         ] {
-            hprintln!("{}_worst {}", name, count.worst);
-            hprintln!("{}_mean {}", name, count.mean());
-            hprintln!("{}_stack_bytes {}", name, count.stack_bytes);
-            hprintln!("{}_count {}", name, count.count);
+            print(name, count);
+        }
+        for ((name, count), lock) in PIECES.iter().zip(&counts.pieces).zip(&LOCKS) {
+            print(name, count);
+            hprintln!("{}_lock_worst {}", name, lock.load(Ordering::Relaxed));
         }
         debug::exit(if fine {
             debug::EXIT_SUCCESS

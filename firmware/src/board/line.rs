@@ -11,15 +11,62 @@ impl<L: Read + ReadReady + Write + WriteReady> Line for L {}
 /// Bytes that are taken at once: a packet of USB at full speed.
 const PACKET_BYTES: usize = 64;
 
-/// Hands what has arrived to `take` and sends what it can of `pending`: how many bytes of it. A line
-/// in trouble has nothing and takes nothing.
-pub fn exchange<L: Line>(line: &mut L, pending: &[u8], mut take: impl FnMut(u8)) -> usize {
-    let mut packet = [0; PACKET_BYTES];
-    if let Ok(true) = line.read_ready()
-        && let Ok(length) = line.read(&mut packet)
-    {
-        packet.iter().take(length).for_each(|byte| take(*byte));
+/// Bytes of a line that have arrived and that nobody has taken yet.
+#[derive(Clone, Debug, Default)]
+pub struct Incoming {
+    packet: Packet,
+    from: usize,
+    to: usize,
+}
+
+impl Incoming {
+    /// Nothing.
+    pub const fn new() -> Self {
+        Self {
+            packet: Packet([0; PACKET_BYTES]),
+            from: 0,
+            to: 0,
+        }
     }
+}
+
+impl Iterator for Incoming {
+    type Item = u8;
+
+    fn next(&mut self) -> Option<u8> {
+        let byte = *self.packet.0.get(self.from..self.to)?.first()?;
+        self.from += 1;
+        Some(byte)
+    }
+}
+
+/// Bytes of a packet.
+#[derive(Clone, Debug)]
+struct Packet([u8; PACKET_BYTES]);
+
+impl Default for Packet {
+    fn default() -> Self {
+        Self([0; PACKET_BYTES])
+    }
+}
+
+/// Shows `take` what has arrived, of which it takes what it has time for, and sends what it can of
+/// `pending`: how many bytes of it. A line in trouble has nothing and takes nothing.
+pub fn exchange<L: Line>(
+    line: &mut L,
+    incoming: &mut Incoming,
+    pending: &[u8],
+    take: impl FnOnce(&mut Incoming),
+) -> usize {
+    // It is asked in each round, whether or not there is room: a USB device answers its host by it.
+    if let Ok(true) = line.read_ready()
+        && incoming.from == incoming.to
+        && let Ok(length) = line.read(&mut incoming.packet.0)
+    {
+        incoming.from = 0;
+        incoming.to = length.min(PACKET_BYTES);
+    }
+    take(incoming);
     if pending.is_empty() || !line.write_ready().unwrap_or(false) {
         return 0;
     }

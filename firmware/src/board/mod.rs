@@ -25,7 +25,7 @@ mod start;
 
 pub use heat_port::{HeatPort, NoHeat};
 pub use lamp::Lamp;
-pub use line::{Line, NoLine, exchange};
+pub use line::{Incoming, Line, NoLine, exchange};
 pub use pins::{BoardPins, INPUTS_SETTLE_MS, PinBoard, PinOutput};
 pub use ring::ByteRing;
 pub use start::{

@@ -227,13 +227,24 @@ fn a_line_is_never_waited_for() {
         sent: Vec::new(),
         room: 3,
     };
-    let mut taken = Vec::new();
-    assert_eq!(exchange(&mut line, b"report", |byte| taken.push(byte)), 3);
-    assert_eq!(exchange(&mut line, b"ort", |byte| taken.push(byte)), 0);
-    assert_eq!(exchange(&mut line, &[], |byte| taken.push(byte)), 0);
+    let (mut taken, mut incoming) = (Vec::new(), Incoming::new());
+    let mut turn = |line: &mut Recorded, pending: &[u8], most: usize| {
+        exchange(line, &mut incoming, pending, |bytes| {
+            taken.extend(bytes.take(most));
+        })
+    };
+    assert_eq!(turn(&mut line, b"report", 0), 3);
+    // What is not taken waits, and so does the rest of the line.
+    assert_eq!(turn(&mut line, b"ort", 50), 0);
+    assert_eq!(line.arrived.len(), 36);
+    (0..3).for_each(|_| assert_eq!(turn(&mut line, &[], 64), 0));
     assert_eq!(taken, (0..100).collect::<Vec<u8>>());
     assert_eq!(line.sent, b"rep");
-    assert_eq!(exchange(&mut NoLine, b"report", |_| panic!("no line")), 0);
+    let nothing = |bytes: &mut Incoming| assert_eq!(bytes.next(), None);
+    assert_eq!(
+        exchange(&mut NoLine, &mut Incoming::new(), b"report", nothing),
+        0
+    );
 }
 
 #[test]

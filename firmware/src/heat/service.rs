@@ -47,6 +47,15 @@ impl HeatService {
 
     /// What is to be put out from now on, once in a period; `None` between.
     pub fn serve(&mut self, motion: &mut Motion, fan_turns: u8) -> Option<Outputs> {
+        let orders = self.take_orders(motion, fan_turns)?;
+        let outputs = self.tick(&orders);
+        self.tell(motion, &outputs);
+        Some(outputs)
+    }
+
+    /// What the motion asks for in the period that begins now; `None` between. Copies, as [`Self::tell`] does:
+    /// a board locks the motion for these and not for [`Self::tick`].
+    pub fn take_orders(&mut self, motion: &mut Motion, fan_turns: u8) -> Option<Orders> {
         let now_ticks = motion.now_ticks();
         if now_ticks < self.next_ticks {
             return None;
@@ -56,7 +65,7 @@ impl HeatService {
             self.heat.clear_fault();
         }
         let (targets_c, part_fan) = motion.heat().orders();
-        let orders = Orders {
+        Some(Orders {
             targets_c,
             part_fan,
             flow_mm3_s: self.flow_mm3_s(motion),
@@ -65,16 +74,19 @@ impl HeatService {
             faulted: motion.fault().is_some(),
             paused: motion.state() == DeviceState::Paused,
             fan_turns,
-        };
-        let outputs = self.heat.tick(&orders);
+        })
+    }
+
+    /// The period's regulation.
+    pub fn tick(&mut self, orders: &Orders) -> Outputs {
+        self.heat.tick(orders)
+    }
+
+    /// Tells the motion what came of it.
+    pub fn tell(&self, motion: &mut Motion, outputs: &Outputs) {
         if let Some(fault) = self.heat.fault() {
             motion.fail_softly(fault.into());
         }
-        self.tell(motion, outputs.not_ready);
-        Some(outputs)
-    }
-
-    fn tell(&self, motion: &mut Motion, not_ready: u8) {
         let faulted = motion.fault().is_some();
         let state = motion.state();
         let panel = motion.heat_mut();
@@ -87,7 +99,7 @@ impl HeatService {
             let (target_c, duty) = (self.heat.target_c(heater), self.heat.duty(heater));
             panel.note(heater, reading_c, target_c, duty);
         }
-        panel.note_ready(not_ready);
+        panel.note_ready(outputs.not_ready);
         motion.note_heat();
     }
 

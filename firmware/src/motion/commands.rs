@@ -125,9 +125,19 @@ impl Motion {
         for knot in knots {
             self.queue.push(*knot);
         }
-        self.queue.update_ceilings(knots.len());
-        self.interpolator.look_at_ceilings(&self.queue);
+        if self.in_pieces {
+            self.queue.begin_pass(knots.len());
+        } else {
+            self.queue.update_ceilings(knots.len());
+            self.interpolator.look_at_ceilings(&self.queue);
+        }
         fits
+    }
+
+    /// What knots that arrive change of the queue is done a little at a time, in [`Self::look_ahead`], which is
+    /// called again and again: for a board, which holds the servo up meanwhile.
+    pub fn work_in_pieces(&mut self) {
+        self.in_pieces = true;
     }
 
     /// Queues a flow event; false if it does not fit.

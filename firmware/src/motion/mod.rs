@@ -18,8 +18,8 @@ mod status;
 
 use crate::configuration::MachineConfiguration;
 use crate::design::{
-    HOLD_RETRACT_DELAY_MS, MOTORS_IDLE_S, QUIET_START_MS, START_QUEUED_MS, START_ROOM_KNOTS,
-    ticks_of_ms,
+    CEILINGS_AT_ONCE, HOLD_RETRACT_DELAY_MS, MOTORS_IDLE_S, QUIET_START_MS, START_QUEUED_MS,
+    START_ROOM_KNOTS, ticks_of_ms,
 };
 use crate::drivers::DriverPanel;
 use crate::event_queue::EventQueue;
@@ -147,6 +147,8 @@ pub struct Motion {
     melt_until_span: u32,
     drivers: DriverPanel,
     flow_window: FlowWindow,
+    /// See [`Self::work_in_pieces`].
+    in_pieces: bool,
     waiting: WaitingTargets,
     queue: KnotQueue,
 }
@@ -180,6 +182,7 @@ impl Motion {
             pin: ProbePin::default(),
             heat: HeatPanel::default(),
             melt_until_span: 0,
+            in_pieces: false,
             drivers: DriverPanel::default(),
             inputs: Inputs::default(),
             switch_guard: SwitchGuard::default(),
@@ -242,6 +245,10 @@ impl Motion {
     /// Work for the spans to come that need not be done in a servo tick, one span at most: to be
     /// called again and again by a board's main loop, or once after every tick. True if there was any.
     pub fn look_ahead(&mut self) -> bool {
+        if self.queue.go_on_with_pass(CEILINGS_AT_ONCE) {
+            self.interpolator.look_at_ceilings(&self.queue);
+            return true;
+        }
         self.interpolator.prepare_next(&self.queue)
     }
 
@@ -344,6 +351,7 @@ impl Motion {
 
     fn has_enough(&self) -> bool {
         !self.queue.is_empty()
+            && !self.queue.has_pass()
             && (self.finish
                 || self.queue.queued_ticks() >= ticks_of_ms(START_QUEUED_MS, self.servo_hz)
                 || self.queue.room() < START_ROOM_KNOTS

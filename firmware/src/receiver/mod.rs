@@ -1,8 +1,9 @@
 //! Bytes of the line -> requests to the motion, and reports back to the host.
 //!
-//! Receiving is in two steps, so that a board can do the work at low priority and lock the motion
-//! only for a moment: [`Receiver::push`] turns bytes into a checked [`Request`] (decoding, joint
-//! loads), [`Receiver::apply`] hands it over. Stream frames are taken in order, exactly once;
+//! Receiving is in steps, so that a board can do the work at low priority, a piece in each round of its main
+//! loop, and lock the motion only for a moment: [`Receiver::receive`] reads a frame, [`Receiver::work`] weighs
+//! some knots of a block that it brought (joint loads) and [`Receiver::deliver`] hands them over;
+//! [`Receiver::apply`] does that with any other [`Request`]. Stream frames are taken in order, exactly once;
 //! control frames when newer than the last one. `WIRE.md` of the protocol has the rules.
 
 mod commands;
@@ -23,7 +24,7 @@ use headway_protocol::message::{
     Control, DeviceState, Fault, FaultCause, Finish, Hello, HostMessage, MessageClass,
     PROTOCOL_VERSION, Refusal, RefusalReason, SCHEMA_HASH, Start,
 };
-use headway_protocol::segment::FlowEvent;
+use headway_protocol::segment::{FlowEvent, Knot};
 use headway_protocol::units::CHANNEL_VOLUME;
 use heapless::{Deque, Vec};
 use second_line::Watched;
@@ -35,13 +36,10 @@ pub struct Request {
     content: Content,
 }
 
-// The block is by far the largest and the most frequent: boxing is impossible without a heap.
-#[allow(clippy::large_enum_variant)]
 #[derive(Clone, Debug)]
 enum Content {
     Hello(Hello),
     Start(Start),
-    Knots(Block),
     Flow(FlowEvent),
     Finish(Finish),
     Control(Control),
@@ -53,10 +51,16 @@ enum Content {
     Misplaced,
 }
 
-/// Knots of a block with their loads, and the state after them.
+/// A block under way: knots as decoded, of which some have been weighed.
 #[derive(Clone, Debug)]
-struct Block {
+struct Unpacking {
+    sequence: u16,
+    decoded: Vec<Knot, KNOTS_PER_BLOCK_MAX>,
+    weighed: usize,
+    /// Knots with their loads that have not been handed over.
     knots: Vec<QueuedKnot, KNOTS_PER_BLOCK_MAX>,
+    /// Knots that have been.
+    delivered: u32,
     /// Why the block ends early.
     refused: Option<SpanFault>,
     predictor: KnotPredictor,
@@ -125,6 +129,7 @@ pub struct Receiver {
     /// The newest control message that was refused: its repeat is refused again.
     refused: Option<Refusal>,
     stream: Option<Stream>,
+    unpacking: Option<Unpacking>,
     /// Of a second line: what the first one streams.
     watched: Option<Watched>,
     settings: SettingsInbox,
@@ -158,6 +163,7 @@ impl Receiver {
             control_taken: 0,
             refused: None,
             stream: None,
+            unpacking: None,
             watched: None,
             settings: SettingsInbox::default(),
             settings_sequence: 0,
@@ -172,19 +178,59 @@ impl Receiver {
         }
     }
 
-    /// Takes one byte of the first line; see [`Self::push_on`].
-    pub fn push(&mut self, byte: u8) -> Option<Request> {
-        self.push_on(0, byte)
-    }
-
     /// Where reports go: the line on which a valid frame came last, whatever else was heard since.
     pub fn line(&self) -> usize {
         self.line
     }
 
-    /// Takes one byte of a line (0 or [`SECOND_LINE`]). Frames that are damaged are dropped: the host
-    /// sends them again.
-    pub fn push_on(&mut self, line: usize, byte: u8) -> Option<Request> {
+    /// True while [`Self::work`] and [`Self::deliver`] are to be called, and no more bytes may come.
+    pub fn is_busy(&self) -> bool {
+        self.unpacking.is_some()
+    }
+
+    /// Weighs at most so many knots of the block that the last frame brought.
+    #[inline(never)]
+    pub fn work(&mut self, knots: usize) {
+        if let Some(unpacking) = &mut self.unpacking {
+            unpacking.weigh(&self.loads, knots);
+        }
+    }
+
+    /// Hands over the knots that were weighed.
+    #[inline(never)]
+    pub fn deliver(&mut self, motion: &mut Motion) {
+        let (Some(unpacking), Some(stream)) = (&mut self.unpacking, &mut self.stream) else {
+            self.unpacking = None;
+            return;
+        };
+        if unpacking.delivered == 0 {
+            motion.heat_mut().hear();
+            let sequence = unpacking.sequence;
+            if !motion.takes_stream() {
+                self.unpacking = None;
+                self.misplaced(sequence, motion);
+                return;
+            }
+            if unpacking.decoded.len() > motion.knot_room() {
+                // More than the credit: as if it had been lost, until there is room.
+                self.due.ack = true;
+                self.unpacking = None;
+                return;
+            }
+        }
+        motion.push_knots(&unpacking.knots);
+        unpacking.delivered += unpacking.knots.len() as u32;
+        unpacking.knots.clear();
+        if unpacking.is_done() {
+            unpacking.end(stream, motion);
+            self.due.ack = true;
+            self.unpacking = None;
+        }
+    }
+
+    /// Takes one byte of a line (0 or [`SECOND_LINE`]). Frames that are damaged are dropped: the host sends them again. A block of
+    /// knots makes the receiver busy ([`Self::is_busy`]).
+    pub fn receive(&mut self, line: usize, byte: u8) -> Option<Request> {
         let frame = self.decoders.get_mut(line)?.push(byte)?.ok()?;
         self.line = line;
         let sequence = frame.sequence;
@@ -201,8 +247,11 @@ impl Receiver {
             Ok(HostMessage::Flow(event)) => Content::Flow(event),
             Ok(HostMessage::Finish(finish)) => Content::Finish(finish),
             Ok(HostMessage::Knots(block)) => {
-                let stream = self.stream.as_ref()?;
-                unpack(block, stream, &self.loads).map_or(Content::Damaged, Content::Knots)
+                self.unpacking = Unpacking::new(sequence, block, self.stream.as_ref()?);
+                if self.unpacking.is_some() {
+                    return None;
+                }
+                Content::Damaged
             }
             Err(_) => match MessageClass::of(frame.payload) {
                 MessageClass::Stream if in_order => Content::Damaged,
@@ -238,7 +287,6 @@ impl Receiver {
             Content::Unreadable(class) => self.unreadable(sequence, class),
             // Before the end of the stream only: what comes behind it would be the next one's.
             _ if !motion.takes_stream() => self.misplaced(sequence, motion),
-            Content::Knots(block) => self.take_block(block, motion),
             Content::Flow(event) => self.take_event(&event, motion),
             Content::Finish(finish) => self.take_finish(finish, motion),
             Content::Damaged => self.fail(motion, FaultCause::BadSegment),
@@ -337,32 +385,6 @@ impl Receiver {
         }
     }
 
-    fn take_block(&mut self, block: Block, motion: &mut Motion) {
-        let Some(stream) = &mut self.stream else {
-            return;
-        };
-        if block.knots.len() > motion.knot_room() {
-            // More than the credit: as if it had been lost, until there is room.
-            self.due.ack = true;
-            return;
-        }
-        motion.push_knots(&block.knots);
-        if let Some(fault) = block.refused {
-            motion.refuse_span(fault, stream.knots + block.knots.len() as u32);
-        }
-        if block.melt_knots > 0 {
-            let last = stream.knots.wrapping_add(block.melt_knots);
-            motion.note_melt(last.wrapping_add(SPANS_OF_KNOT - 2));
-        }
-        stream.volume_units = block.volume_units;
-        stream.knots = stream.knots.wrapping_add(block.count);
-        stream.predictor = block.predictor;
-        stream.window = block.window;
-        stream.winding = block.winding;
-        stream.next_sequence = stream.next_sequence.wrapping_add(1);
-        self.due.ack = true;
-    }
-
     fn take_event(&mut self, event: &FlowEvent, motion: &mut Motion) {
         let Some(stream) = &mut self.stream else {
             return;
@@ -458,39 +480,74 @@ fn reason_of(error: CommandError) -> RefusalReason {
     }
 }
 
-/// Unpacks a block and computes what its spans ask of the joints; `None` if it is damaged.
-fn unpack(bytes: &[u8], stream: &Stream, loads: &LoadModel) -> Option<Block> {
-    let mut predictor = stream.predictor;
-    let mut window = stream.window.clone();
-    let mut winding = stream.winding;
-    let decoded = decode_block(&mut predictor, bytes).ok()?;
-    let mut knots = Vec::new();
-    let mut refused = None;
-    let (mut volume_units, mut melt_knots) = (stream.volume_units, 0);
-    for (knot, count) in decoded.iter().zip(1u32..) {
-        if knot.control[CHANNEL_VOLUME] != volume_units {
-            volume_units = knot.control[CHANNEL_VOLUME];
-            melt_knots = count;
-        }
-        window.push(knot);
-        let load = match loads.of_span(&window, &mut winding) {
-            Ok(load) => load,
-            Err(fault) => {
-                refused = Some(fault);
-                break;
+impl Unpacking {
+    /// A block as it came; `None` if it is damaged.
+    // Its parts are large: they are not to be on the stack of whoever calls.
+    #[inline(never)]
+    fn new(sequence: u16, bytes: &[u8], stream: &Stream) -> Option<Self> {
+        let mut predictor = stream.predictor;
+        let decoded = decode_block(&mut predictor, bytes).ok()?;
+        let (mut volume_units, mut melt_knots) = (stream.volume_units, 0);
+        for (knot, count) in decoded.iter().zip(1u32..) {
+            if knot.control[CHANNEL_VOLUME] != volume_units {
+                volume_units = knot.control[CHANNEL_VOLUME];
+                melt_knots = count;
             }
-        };
-        let queued = QueuedKnot::new(&window, knot, load);
-        knots.push(queued).ok()?;
+        }
+        Some(Self {
+            sequence,
+            weighed: 0,
+            knots: Vec::new(),
+            delivered: 0,
+            refused: None,
+            predictor,
+            window: stream.window.clone(),
+            winding: stream.winding,
+            count: decoded.len() as u32,
+            melt_knots,
+            volume_units,
+            decoded,
+        })
     }
-    Some(Block {
-        knots,
-        refused,
-        predictor,
-        window,
-        winding,
-        count: decoded.len() as u32,
-        melt_knots,
-        volume_units,
-    })
+
+    /// Nothing is left to weigh.
+    fn is_done(&self) -> bool {
+        self.refused.is_some() || self.weighed >= self.decoded.len()
+    }
+
+    /// Computes what the next spans ask of the joints, up to one that cannot be run.
+    fn weigh(&mut self, loads: &LoadModel, most: usize) {
+        for _ in 0..most.min(KNOTS_PER_BLOCK_MAX) {
+            let (None, Some(knot)) = (self.refused, self.decoded.get(self.weighed)) else {
+                return;
+            };
+            self.weighed += 1;
+            self.window.push(knot);
+            match loads.of_span(&self.window, &mut self.winding) {
+                Ok(load) => {
+                    let queued = QueuedKnot::new(&self.window, knot, load);
+                    // Room for all by the type's bound.
+                    let _ = self.knots.push(queued);
+                }
+                Err(fault) => self.refused = Some(fault),
+            }
+        }
+    }
+
+    /// All knots are handed over: the stream is where the block ends.
+    fn end(&self, stream: &mut Stream, motion: &mut Motion) {
+        if let Some(fault) = self.refused {
+            motion.refuse_span(fault, stream.knots + self.delivered);
+        }
+        if self.melt_knots > 0 {
+            let last = stream.knots.wrapping_add(self.melt_knots);
+            motion.note_melt(last.wrapping_add(SPANS_OF_KNOT - 2));
+        }
+        stream.volume_units = self.volume_units;
+        stream.knots = stream.knots.wrapping_add(self.count);
+        stream.predictor = self.predictor;
+        stream.window = self.window.clone();
+        stream.winding = self.winding;
+        stream.next_sequence = stream.next_sequence.wrapping_add(1);
+    }
 }

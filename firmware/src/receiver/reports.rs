@@ -12,16 +12,24 @@ use heapless::Vec;
 impl Receiver {
     /// Writes the next report frame into `out` (at least `FRAME_BYTES_MAX`), or returns 0.
     pub fn poll_report(&mut self, motion: &Motion, out: &mut [u8]) -> usize {
+        let report = self.take_report(motion);
+        report.map_or(0, |report| self.write_report(&report, out))
+    }
+
+    /// The next report, by copying: the part that a board needs the motion for.
+    pub fn take_report(&mut self, motion: &Motion) -> Option<DeviceMessage> {
         if self.host_session.is_none() && self.due.refusals.is_empty() {
-            return 0;
+            return None;
         }
         self.note_changes(motion);
-        let Some(message) = self.next_report(motion) else {
-            return 0;
-        };
+        self.next_report(motion)
+    }
+
+    /// Writes a report's frame into `out`, and returns its length.
+    pub fn write_report(&mut self, message: &DeviceMessage, out: &mut [u8]) -> usize {
         self.report_sequence = self.report_sequence.wrapping_add(1);
         // A report always fits a frame; a smaller buffer gets nothing.
-        encode_frame(self.report_sequence, &message, out).unwrap_or(0)
+        encode_frame(self.report_sequence, message, out).unwrap_or(0)
     }
 
     /// Finds out what is to be said without being asked.

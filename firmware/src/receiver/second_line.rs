@@ -47,11 +47,7 @@ impl Content {
     pub(super) fn is_stream(&self) -> bool {
         matches!(
             self,
-            Content::Knots(_)
-                | Content::Flow(_)
-                | Content::Finish(_)
-                | Content::Damaged
-                | Content::Misplaced
+            Content::Flow(_) | Content::Finish(_) | Content::Damaged | Content::Misplaced
         )
     }
 

@@ -1,28 +1,22 @@
 //! Figures of the firmware on a real core: instructions, memory, panics.
 //!
-//! Plans the jobs with the host library, plays them on the emulated Cortex-M4F through
-//! `qemu_bench`, reads sizes and symbols out of the board's ELF, and prints one JSON object.
+//! Plays jobs that were planned once and kept (`tests/data/firmware_bench`) on the emulated Cortex-M4F
+//! through `qemu_bench`, reads sizes and symbols out of the board's ELF, and prints one JSON object.
 //! Instructions are not cycles: the emulator has neither pipeline nor flash wait states.
 
-use headway::input::{Format, ReadOptions, read, waypoints};
-use headway::job::SegmentStream;
-use headway::plan::motion::segments::lay_segments;
-use headway::settings::{Settings, machine_file};
-use headway::wire_frames::WireFrames;
-use headway::{plan_target, plan_waypoints};
+use headway_firmware::configuration::MachineConfiguration;
 use headway_firmware::design::QUEUE_KNOTS;
 use headway_firmware::shaping::{Shaper, ShaperKind};
 use headway_protocol::frame::{FRAME_BYTES_MAX, encode_frame, encode_payload, hash_of};
 use headway_protocol::message::{
     Control, Hello, HostMessage, PROTOCOL_VERSION, SCHEMA_HASH, Start,
 };
+use headway_protocol::units::ChannelPoint;
 use headway_tests::elf::Elf;
 use headway_tests::emulation::board_image::{image, missing};
-use headway_tests::gear;
 use serde_json::{Value, json};
 use std::collections::BTreeMap;
 use std::error::Error;
-use std::f64::consts::TAU;
 use std::path::Path;
 use std::process::Command;
 
@@ -33,11 +27,15 @@ const EXCEPTION_FRAME_BYTES: u64 = 104;
 /// 64 ns of virtual time per instruction, so that the 40 ns timer resolves each one.
 const ICOUNT: &str = "shift=6,sleep=off";
 
+/// A job of the bench: kept as it was planned once, so that a planner that changes does not move the measure.
 struct Job {
     machine: &'static str,
     name: String,
-    settings: Settings,
-    stream: SegmentStream,
+    configuration: MachineConfiguration,
+    start: ChannelPoint,
+    solution: u8,
+    /// The stream's messages in their order.
+    payloads: Vec<Vec<u8>>,
     /// Feed override, per cent.
     override_percent: u16,
 }
@@ -45,26 +43,25 @@ struct Job {
 impl Job {
     /// The same with the joints shaped that swing a frame: X and Y, or all but the nozzle of an arm.
     fn shaped(&self) -> Self {
-        let mut settings = self.settings.clone();
+        let mut configuration = self.configuration.clone();
         let joints = if self.machine == "arm6" { 6 } else { 2 };
-        settings.machine.shapers[..joints].fill(BENCH_SHAPER);
+        configuration.shapers[..joints].fill(BENCH_SHAPER);
         Self {
-            machine: self.machine,
             name: format!("{}, {joints} joints shaped", self.name),
-            settings,
-            stream: self.stream.clone(),
-            override_percent: 100,
+            configuration,
+            payloads: self.payloads.clone(),
+            ..*self
         }
     }
 
     /// The same at the fastest feed override.
     fn doubled(&self) -> Self {
         Self {
-            machine: self.machine,
             name: format!("{}, at 200 %", self.name),
-            settings: self.settings.clone(),
-            stream: self.stream.clone(),
+            configuration: self.configuration.clone(),
+            payloads: self.payloads.clone(),
             override_percent: 200,
+            ..*self
         }
     }
 }
@@ -76,102 +73,85 @@ const BENCH_SHAPER: Shaper = Shaper {
     damping: 0.1,
 };
 
-fn example(name: &str, speed_mm_s: f64) -> Result<Job, Box<dyn Error>> {
-    let settings = Settings {
-        speed_mm_s,
-        ..Settings::default()
-    };
-    let path = Path::new(ROOT).join("examples").join(name);
-    let format = Format::of_ending(&path).ok_or("no known ending")?;
-    let loaded = read(
-        &std::fs::read(&path)?,
-        name,
-        format,
-        &ReadOptions::default(),
-    )?;
-    let stream = plan_target(&loaded.target, &settings)?.stream;
-    Ok(Job {
-        machine: "planar",
-        name: format!("{name} at {speed_mm_s} mm/s"),
-        settings,
-        stream,
-        override_percent: 100,
-    })
+/// Machine, file in `tests/data/firmware_bench`, what it is.
+const JOBS: [(&str, &str, &str); 5] = [
+    ("planar", "planar-u-part.bin", "u-part.json at 60 mm/s"),
+    ("planar", "planar-gear.bin", "gear.json at 150 mm/s"),
+    ("gantry", "gantry-gear.bin", "six-axis gear at 60 mm/s"),
+    (
+        "trunnion",
+        "trunnion-swinging.bin",
+        "swinging tool on trunnion.toml",
+    ),
+    (
+        "arm6",
+        "arm6-swinging.bin",
+        "swinging tool on arm-small.toml",
+    ),
+];
+
+/// Takes so many bytes off the front.
+fn bytes<'a>(rest: &mut &'a [u8], count: usize) -> Result<&'a [u8], Box<dyn Error>> {
+    let (taken, left) = rest
+        .split_at_checked(count)
+        .ok_or("a job of the bench is cut")?;
+    *rest = left;
+    Ok(taken)
 }
 
-/// A path on which the tool swings from 5° to 45° and around, on a machine of the examples.
-fn swinging(machine: &'static str, file: &str) -> Result<Job, Box<dyn Error>> {
-    const WAYPOINTS: usize = 600;
-    let path = Path::new(ROOT).join("examples/machines").join(file);
-    let settings = machine_file::from_toml(&std::fs::read_to_string(path)?)?;
-    let mut text = String::new();
-    for point in 0..WAYPOINTS {
-        let phase = TAU * point as f64 / WAYPOINTS as f64;
-        let (tilt, turn) = (
-            (25.0 + 20.0 * (2.0 * phase).sin()).to_radians(),
-            0.8 * (3.0 * phase).sin(),
-        );
-        let place = [
-            80.0 * phase / TAU,
-            20.0 * (2.0 * phase).sin(),
-            6.0 * phase.cos(),
-        ];
-        let axis = [tilt.sin() * turn.cos(), tilt.sin() * turn.sin(), tilt.cos()];
-        for number in place.iter().chain(&axis) {
-            text += &format!("{number:.6} ");
-        }
-        text.push('\n');
+/// Reads a kept job: u32 length and postcard of the machine, u8 solution, seven i32 of the start, then u16
+/// length and bytes of each message; numbers are little-endian. The README beside it says how it was made.
+fn kept(machine: &'static str, file: &str, name: &str) -> Result<Job, Box<dyn Error>> {
+    let path = Path::new(ROOT).join("tests/data/firmware_bench").join(file);
+    let content = std::fs::read(&path).map_err(|error| format!("{}: {error}", path.display()))?;
+    let mut rest = &content[..];
+    let length = u32::from_le_bytes(bytes(&mut rest, 4)?.try_into()?);
+    let configuration = postcard::from_bytes(bytes(&mut rest, length as usize)?)?;
+    let solution = bytes(&mut rest, 1)?[0];
+    let mut start = ChannelPoint::default();
+    for number in &mut start {
+        *number = i32::from_le_bytes(bytes(&mut rest, 4)?.try_into()?);
     }
-    let run = waypoints::read(text.as_bytes(), "swinging", &ReadOptions::default())?;
-    let stream = plan_waypoints(&run, &settings)?.stream;
-    let mut settings = settings;
-    settings.machine = stream.machine(&settings.machine);
+    let mut payloads = Vec::new();
+    while !rest.is_empty() {
+        let length = u16::from_le_bytes(bytes(&mut rest, 2)?.try_into()?);
+        payloads.push(bytes(&mut rest, length.into())?.to_vec());
+    }
     Ok(Job {
         machine,
-        name: format!("swinging tool on {file}"),
-        settings,
-        stream,
+        name: name.to_string(),
+        configuration,
+        start,
+        solution,
+        payloads,
         override_percent: 100,
     })
 }
 
 fn jobs() -> Result<Vec<Job>, Box<dyn Error>> {
-    let settings = gear::gantry();
-    let (stream, _) = lay_segments(&gear::route(200.0), &settings)?;
-    Ok(vec![
-        example("u-part.json", 60.0)?,
-        example("gear.json", 150.0)?,
-        Job {
-            machine: "gantry",
-            name: "six-axis gear at 60 mm/s".to_string(),
-            settings,
-            stream,
-            override_percent: 100,
-        },
-        swinging("trunnion", "trunnion.toml")?,
-        swinging("arm6", "arm-small.toml")?,
-    ])
+    let jobs = JOBS.iter();
+    jobs.map(|(machine, file, name)| kept(machine, file, name))
+        .collect()
 }
 
 /// What `qemu_bench` reads: the machine, then frames as on the wire.
 fn job_file(job: &Job) -> Result<Vec<u8>, Box<dyn Error>> {
-    let machine = &job.settings.machine;
+    let machine = &job.configuration;
     let mut configuration = [0; 1024];
     let configuration = postcard::to_slice(machine, &mut configuration)?;
     let mut file = (configuration.len() as u32).to_le_bytes().to_vec();
     file.extend(&*configuration);
-    let frames = WireFrames::encode(&job.stream)?;
     let hello = Hello {
         protocol_version: PROTOCOL_VERSION,
         schema_hash: SCHEMA_HASH,
         host_session: 1,
     };
     let start = Start {
-        job: frames.job(),
+        job: 1,
         machine_hash: hash_of(machine),
         first_sequence: 0,
-        position: job.stream.start,
-        solution: machine.kinematics.solution(),
+        position: job.start,
+        solution: job.solution,
     };
     let mut out = [0; FRAME_BYTES_MAX];
     let refused = |error| format!("{}: {error:?}", job.name);
@@ -186,9 +166,8 @@ fn job_file(job: &Job) -> Result<Vec<u8>, Box<dyn Error>> {
         let length = encode_frame(sequence, &message, &mut out).map_err(refused)?;
         file.extend(&out[..length]);
     }
-    for index in 0..frames.len() {
-        let length =
-            encode_payload(index as u16, frames.payload(index), &mut out).map_err(refused)?;
+    for (index, payload) in job.payloads.iter().enumerate() {
+        let length = encode_payload(index as u16, payload, &mut out).map_err(refused)?;
         file.extend(&out[..length]);
     }
     Ok(file)
@@ -258,11 +237,21 @@ fn servo_per_machine(runs: &[(Job, BTreeMap<String, u64>)]) -> Value {
     Value::Object(named.collect())
 }
 
-fn ahead_per_machine(runs: &[(Job, BTreeMap<String, u64>)]) -> Value {
-    let mut machines: BTreeMap<&str, u64> = BTreeMap::new();
+/// Pieces of the main loop, as `qemu_bench` names them.
+const PIECES: [&str; 4] = ["bytes", "work", "ahead", "report"];
+
+/// The longest of each piece, and what of it held the servo up, for each machine.
+fn pieces_per_machine(runs: &[(Job, BTreeMap<String, u64>)]) -> Value {
+    let mut machines: BTreeMap<&str, BTreeMap<String, u64>> = BTreeMap::new();
     for (job, values) in runs {
-        let worst = machines.entry(job.machine).or_default();
-        *worst = (*worst).max(values.get("ahead_worst").copied().unwrap_or(0));
+        let pieces = machines.entry(job.machine).or_default();
+        for piece in PIECES {
+            for key in [piece.to_string(), format!("{piece}_lock")] {
+                let value = values.get(&format!("{key}_worst")).copied().unwrap_or(0);
+                let worst = pieces.entry(key).or_default();
+                *worst = value.max(*worst);
+            }
+        }
     }
     json!(machines)
 }
@@ -279,7 +268,7 @@ fn mean_per_second(values: &BTreeMap<String, u64>) -> f64 {
 }
 
 fn measure() -> Result<Value, Box<dyn Error>> {
-    let elf = image("qemu_bench", "")?;
+    let elf = image("qemu_bench", "measure-locks")?;
     let mut runs = Vec::new();
     let (mut doubled_runs, mut shaped_runs) = (Vec::new(), Vec::new());
     for job in jobs()? {
@@ -314,7 +303,7 @@ fn measure() -> Result<Value, Box<dyn Error>> {
         "servo_tick_instructions": servo_per_machine(&runs),
         "servo_tick_instructions_at_200_percent": servo_per_machine(&doubled_runs),
         "servo_tick_instructions_shaped": servo_per_machine(&shaped_runs),
-        "span_ahead_instructions": ahead_per_machine(&runs),
+        "main_loop_instructions": pieces_per_machine(&runs),
         "cpu_fraction": (per_second / CORE_HZ * 1e4).round() / 1e4,
         "ram_bytes": board.ram_bytes(),
         "flash_bytes": board.flash_bytes(),
@@ -322,7 +311,7 @@ fn measure() -> Result<Value, Box<dyn Error>> {
         "stack_bytes": {
             "step": step_stack,
             "servo": interrupt("servo_stack_bytes"),
-            "link": largest(&runs, "link_stack_bytes"),
+            "main_loop": PIECES.map(|piece| largest(&runs, &format!("{piece}_stack_bytes"))).into_iter().max(),
         },
         "panic_symbols": {
             "qemu": emulated.panic_symbols().len(),

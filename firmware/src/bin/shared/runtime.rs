@@ -33,11 +33,12 @@ use cortex_m::register::basepri;
 use cortex_m::register::control::{self, Npriv};
 use cortex_m_rt::exception;
 use headway_firmware::configuration::MachineConfiguration;
+use headway_firmware::design::WEIGHED_KNOTS;
 use headway_firmware::homing::HomingConfiguration;
 use headway_firmware::inputs::Inputs;
 use headway_firmware::machine::Machine;
 use headway_firmware::motion::{EMERGENCY, Motion};
-use headway_firmware::receiver::Receiver;
+use headway_firmware::receiver::{Receiver, Request};
 use headway_firmware::steps::{Moment, StepBank, StepEngine, StepPlayer, Stopped};
 use headway_firmware::watchdog::ServoHealth;
 use headway_protocol::frame::FRAME_BYTES_MAX;
@@ -331,7 +332,11 @@ pub fn with_motion<R>(work: impl FnOnce(&mut Motion) -> R) -> Option<R> {
     // SAFETY: BASEPRI keeps the servo out; the step interrupt does not use the motion.
     unsafe {
         basepri::write(SERVO_PRIORITY);
+        #[cfg(feature = "measure-locks")]
+        let begun = super::lock_begins();
         let result = SERVO.with(|servo| work(&mut servo.motion));
+        #[cfg(feature = "measure-locks")]
+        super::lock_ends(begun);
         basepri::write(0);
         result
     }
@@ -378,8 +383,10 @@ pub fn set_up(board: &Board, output: Output) -> Option<Receiver> {
 /// for anything else.
 #[inline(never)]
 fn place_servo(configuration: &MachineConfiguration, switches: &HomingConfiguration) {
+    let mut motion = Motion::new(configuration, switches);
+    motion.work_in_pieces();
     let servo = Servo {
-        motion: Motion::new(configuration, switches),
+        motion,
         health: ServoHealth::new(),
         overruns_seen: 0,
     };
@@ -446,16 +453,37 @@ fn SVCall() {
     unsafe { control::write(control) };
 }
 
-/// A byte from a line, in the main loop.
+/// Bytes from a line, in the main loop, up to the end of a message: one piece of its work.
 // Once in the image, however many lines there are.
 #[inline(never)]
-pub fn take_byte(receiver: &mut Receiver, line: usize, byte: u8) {
-    if let Some(request) = receiver.push_on(line, byte) {
-        with_motion(|motion| {
-            receiver.apply(request, motion);
-            stop_if_due(motion);
-        });
+pub fn take_bytes(receiver: &mut Receiver, line: usize, bytes: &mut impl Iterator<Item = u8>) {
+    while !receiver.is_busy()
+        && let Some(byte) = bytes.next()
+    {
+        if let Some(request) = receiver.receive(line, byte) {
+            apply(receiver, request);
+            return;
+        }
     }
+}
+
+/// A piece of the work that the last message brought. True if there was any.
+#[inline(never)]
+pub fn work(receiver: &mut Receiver) -> bool {
+    if !receiver.is_busy() {
+        return false;
+    }
+    receiver.work(WEIGHED_KNOTS);
+    with_motion(|motion| receiver.deliver(motion));
+    true
+}
+
+#[inline(never)]
+fn apply(receiver: &mut Receiver, request: Request) {
+    with_motion(|motion| {
+        receiver.apply(request, motion);
+        stop_if_due(motion);
+    });
 }
 
 /// The main loop lives.
@@ -492,9 +520,9 @@ impl Outgoing {
         note_pass();
         if self.sent >= self.length {
             self.sent = 0;
-            self.length = with_motion(|motion| receiver.poll_report(motion, &mut self.frame))
-                .unwrap_or(0)
-                .min(FRAME_BYTES_MAX);
+            let report = with_motion(|motion| receiver.take_report(motion)).flatten();
+            let length = report.map_or(0, |report| receiver.write_report(&report, &mut self.frame));
+            self.length = length.min(FRAME_BYTES_MAX);
         }
         self.frame.get(self.sent..self.length).unwrap_or_default()
     }

@@ -34,7 +34,7 @@ use drivers::DriverLoop;
 use embedded_hal::delay::DelayNs;
 use embedded_io::{ErrorType, Read, ReadReady, Write, WriteReady};
 use flash::KeptSettings;
-use headway_firmware::board::{BoardPins, ByteRing, chip_fault, exchange};
+use headway_firmware::board::{BoardPins, ByteRing, Incoming, chip_fault, exchange};
 use headway_firmware::board_name::{Known, UNNAMED};
 use headway_firmware::boards::built_for;
 use headway_firmware::drivers::DriversConfiguration;
@@ -201,8 +201,9 @@ const TX_EMPTY: u32 = 1 << 7;
 const SERIAL_ON: u32 = 1 << 13 | 1 << 5 | 1 << 3 | 1 << 2;
 /// 42 MHz / 16 / 2.625.
 const ONE_MBAUD: u32 = 2 << 4 | 10;
-/// 5 ms at 1 Mbaud: longer than the main loop's longest round.
-static ARRIVED: ByteRing<512> = ByteRing::new();
+/// 41 ms at 1 Mbaud: twice what an arm takes for a full block of knots, while nothing is read. The host sends
+/// no more than its credit, so that two blocks in a row are the most.
+static ARRIVED: ByteRing<4096> = ByteRing::new();
 
 impl SerialLine {
     fn set_up() -> Self {
@@ -281,6 +282,7 @@ fn serve(
     mut servo: ServoPin,
 ) -> ! {
     let mut outgoing = Outgoing::new();
+    let (mut from_serial, mut from_usb) = (Incoming::new(), Incoming::new());
     loop {
         let by_usb = receiver.line() == SECOND_LINE;
         let pending = outgoing.pending(&mut receiver);
@@ -289,18 +291,19 @@ fn serve(
         } else {
             (pending, &[])
         };
-        let mut sent = exchange(&mut serial, for_serial, |byte| {
-            runtime::take_byte(&mut receiver, 0, byte);
+        let mut sent = exchange(&mut serial, &mut from_serial, for_serial, |bytes| {
+            runtime::take_bytes(&mut receiver, 0, bytes);
             kept.store(&mut receiver);
         });
+        runtime::work(&mut receiver);
         runtime::look_ahead();
         heat.turn();
         drivers.turn();
         if let Some(pulse_us) = with_motion(|motion| motion.probe_pulse_us()) {
             servo.put(pulse_us);
         }
-        sent += exchange(&mut usb, for_usb, |byte| {
-            runtime::take_byte(&mut receiver, SECOND_LINE, byte);
+        sent += exchange(&mut usb, &mut from_usb, for_usb, |bytes| {
+            runtime::take_bytes(&mut receiver, SECOND_LINE, bytes);
             kept.store(&mut receiver);
         });
         outgoing.sent(sent);

@@ -58,13 +58,18 @@ impl HeatLoop {
         if let Some((heater, raw)) = self.port.poll() {
             self.service.sample(heater, raw);
         }
-        let served = with_motion(|motion| {
-            let outputs = self.service.serve(motion, 0)?;
-            Some((outputs, motion.fault()))
-        });
-        if let Some((outputs, fault)) = served.flatten() {
+        let service = &mut self.service;
+        let orders = with_motion(|motion| service.take_orders(motion, 0)).flatten();
+        if let Some(orders) = orders {
+            let outputs = service.tick(&orders);
+            let fault = with_motion(|motion| {
+                service.tell(motion, &outputs);
+                motion.fault()
+            });
             self.put_out(&outputs);
-            start::keep_fault(fault);
+            if let Some(fault) = fault {
+                start::keep_fault(fault);
+            }
         }
     }
 
