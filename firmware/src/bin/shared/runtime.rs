@@ -5,8 +5,9 @@
 //! PendSV, below:     servo tick: motion -> program for the next interval
 //! main loop, lowest: link: bytes -> requests, reports -> bytes; the spans to come
 //! ```
-//! The main loop holds the servo off by BASEPRI for the moment of a command, or while it lays a span
-//! (5 µs). **Nothing here holds the steps off.** Servo and steps have a bank each, and change them by one
+//! The main loop holds the servo off by BASEPRI while it hands knots over, copies a status, lays a span or follows
+//! a command. How long, in instructions, is in `docs/measurements/firmware.md`: some 700, 3,800, 1,700, and up to
+//! 24,000 for a start at rest. **Nothing here holds the steps off.** Servo and steps have a bank each, and change them by one
 //! word ([`HANDOVER`]):
 //!
 //! ```text
@@ -339,6 +340,32 @@ pub fn with_motion<R>(work: impl FnOnce(&mut Motion) -> R) -> Option<R> {
         super::lock_ends(begun);
         basepri::write(0);
         result
+    }
+}
+
+/// Logs are written from the main loop alone: whoever writes one holds the servo off, never the steps.
+#[cfg(feature = "defmt")]
+mod log_lock {
+    use super::SERVO_PRIORITY;
+    use cortex_m::register::basepri;
+    use critical_section::{Impl, RawRestoreState, set_impl};
+
+    struct ServoOff;
+    set_impl!(ServoOff);
+
+    // SAFETY: no interrupt writes logs, and nothing else uses critical sections of this crate.
+    unsafe impl Impl for ServoOff {
+        unsafe fn acquire() -> RawRestoreState {
+            let before = basepri::read();
+            // SAFETY: it is raised, or stays as it is.
+            unsafe { basepri::write(SERVO_PRIORITY) };
+            before
+        }
+
+        unsafe fn release(before: RawRestoreState) {
+            // SAFETY: what it was.
+            unsafe { basepri::write(before) };
+        }
     }
 }
 
