@@ -15,8 +15,8 @@ const UNEVEN_MM: f64 = 0.02;
 const UNEVEN_SHARE: f64 = 0.002;
 /// Most chords of one line.
 const CHORDS_MAX: f64 = 100_000.0;
-/// Most full turns of one line.
-const TURNS_MAX: f64 = 100.0;
+/// Most turns of one line: a hundred, and the arc itself.
+const TURNS_MAX: f64 = 101.0;
 
 /// An arc as its line gives it.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
@@ -34,11 +34,12 @@ pub struct ArcWords {
 /// Shares of the way and places of the chords' ends; the last is the end itself.
 ///
 /// # Errors
-/// [`GcodeError::Arc`].
+/// [`GcodeError::Arc`]; [`GcodeError::TooFine`] where they are more than `chords_max`, before any is made.
 pub fn arc_chords(
     from: [f64; 2],
     to: [f64; 2],
     words: &ArcWords,
+    chords_max: usize,
     line: usize,
 ) -> Result<Vec<[f64; 2]>, GcodeError> {
     let bad = |problem: String| GcodeError::Arc { line, problem };
@@ -91,6 +92,9 @@ pub fn arc_chords(
         )));
     }
     let count = count as usize;
+    if count > chords_max {
+        return Err(GcodeError::TooFine { line });
+    }
     let places = (1..=count).map(|k| {
         if k == count {
             return to;
@@ -170,12 +174,12 @@ mod tests {
         };
         let from = [10.0, 0.0];
         let quarter =
-            arc_chords(from, [0.0, 10.0], &centred(false, [-10.0, 0.0]), 1).expect("quarter");
+            arc_chords(from, [0.0, 10.0], &centred(false, [-10.0, 0.0]), 10_000, 1).expect("quarter");
         assert!((length(from, &quarter) - 5.0 * PI).abs() < 2e-3);
         let other =
-            arc_chords(from, [0.0, 10.0], &centred(true, [-10.0, 0.0]), 1).expect("the other way");
+            arc_chords(from, [0.0, 10.0], &centred(true, [-10.0, 0.0]), 10_000, 1).expect("the other way");
         assert!((length(from, &other) - 15.0 * PI).abs() < 6e-3);
-        let whole = arc_chords(from, from, &centred(false, [-10.0, 0.0]), 1).expect("full");
+        let whole = arc_chords(from, from, &centred(false, [-10.0, 0.0]), 10_000, 1).expect("full");
         assert!((length(from, &whole) - 20.0 * PI).abs() < 8e-3);
         for pair in whole.windows(2) {
             let middle = [
@@ -195,7 +199,7 @@ mod tests {
                 radius_mm: Some(radius_mm),
                 ..ArcWords::default()
             };
-            let arc = arc_chords(from, [0.0, 10.0], &words, 1).expect("radius");
+            let arc = arc_chords(from, [0.0, 10.0], &words, 10_000, 1).expect("radius");
             assert!(
                 (length(from, &arc) - 10.0 * PI * expected).abs() < 6e-3,
                 "{radius_mm} {clockwise}"
@@ -206,12 +210,12 @@ mod tests {
             ..ArcWords::default()
         };
         assert!(
-            arc_chords(from, [0.0, 10.0], &short, 4)
+            arc_chords(from, [0.0, 10.0], &short, 10_000, 4)
                 .expect_err("too short")
                 .to_string()
                 .contains("line 4")
         );
-        assert!(arc_chords(from, [0.0, 9.0], &centred(false, [-10.0, 0.0]), 1).is_err());
+        assert!(arc_chords(from, [0.0, 9.0], &centred(false, [-10.0, 0.0]), 10_000, 1).is_err());
     }
 
     #[test]

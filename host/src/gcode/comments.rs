@@ -42,8 +42,8 @@ pub struct Comments {
     pub estimate_s: Option<f64>,
     /// Diameter of the filament.
     pub filament_mm: Option<f64>,
-    /// G90 and G91 are also those of E, as Marlin has it.
-    pub modes_of_e: bool,
+    /// Which of both kinds of layer marks counts: the first that comes. Some files have both for each layer.
+    pub counts_changes: Option<bool>,
     /// The extruder's letter, where it is not E.
     pub extruder: Option<u8>,
     /// The letters of A, B and C, where they are others.
@@ -82,8 +82,10 @@ impl Comments {
             return;
         }
         self.detect(text);
-        if text == "LAYER_CHANGE" || text == "CHANGE_LAYER" || text.starts_with("LAYER:") {
-            self.hint.layers += 1;
+        let is_change = text == "LAYER_CHANGE" || text == "CHANGE_LAYER";
+        if is_change || text.starts_with("LAYER:") {
+            let counts_changes = *self.counts_changes.get_or_insert(is_change);
+            self.hint.layers += u32::from(counts_changes == is_change);
         }
         let Some((key, value)) = text.split_once([':', '=']) else {
             return;
@@ -91,13 +93,12 @@ impl Comments {
         let value = value.trim();
         match key.trim() {
             "WIDTH" | "LINE_WIDTH" => self.hint.width_mm = size(value),
-            "HEIGHT" | "LAYER_HEIGHT" => self.hint.height_mm = size(value),
+            "HEIGHT" | "LAYER_HEIGHT" => self.hint.height_mm = whole_um(value),
             "TIME_ELAPSED" => self.estimate_s = value.parse().ok().filter(|s: &f64| s.is_finite()),
             "filament_diameter" => {
                 let first = value.split(',').next().unwrap_or_default();
                 self.filament_mm = size(first).or(self.filament_mm);
             }
-            "FLAVOR" => self.modes_of_e = value.starts_with("Marlin"),
             key if key.starts_with("estimated printing time (normal") => {
                 self.estimate_s = duration_s(value).or(self.estimate_s);
             }
@@ -137,6 +138,11 @@ fn size(text: &str) -> Option<f64> {
     (SIZES_MM[0]..=SIZES_MM[1])
         .contains(&value)
         .then_some(value)
+}
+
+/// A height: differences of rounded numbers (`0.199999`) are whole micrometres.
+fn whole_um(text: &str) -> Option<f64> {
+    size(text).map(|mm| (mm * 1e3).round() / 1e3)
 }
 
 /// `1d 2h 3m 4s`.
@@ -202,8 +208,13 @@ mod tests {
             "LAYER:0",
             "TIME_ELAPSED:19.5",
         ]);
-        assert_eq!((cura.slicer, cura.modes_of_e), (Slicer::Cura, true));
+        assert_eq!(cura.slicer, Slicer::Cura);
         assert_eq!((cura.hint.layers, cura.estimate_s), (1, Some(19.5)));
+        // Both marks of each layer count once, whichever is first.
+        let both = ["LAYER_CHANGE", "LAYER:0", "LAYER_CHANGE", "LAYER:1"];
+        assert_eq!(after(&both).hint.layers, 2);
+        assert_eq!(after(&both[1..]).hint.layers, 2);
+        assert_eq!(after(&["HEIGHT:0.199999"]).hint.height_mm, Some(0.2));
         // Pictures and settings in comments are no sizes.
         let odd = after(&["WIDTH:abc", "HEIGHT:1e99", "TIME_ELAPSED:inf"]);
         assert_eq!(odd.hint, Hint::default());

@@ -6,11 +6,11 @@ use crate::short_number::{Short, told_apart};
 /// Refusals, the first that is found.
 #[derive(Clone, Debug, PartialEq, thiserror::Error)]
 pub enum GcodeError {
-    /// Not text.
-    #[error("byte {at_byte} is not UTF-8 text: save the G-code as plain text")]
+    /// Bytes that are no text, outside comments.
+    #[error("line {line}: a word has bytes that are no text: save the G-code as plain UTF-8 text")]
     NotText {
-        /// The first byte that is not.
-        at_byte: usize,
+        /// Line from 1.
+        line: usize,
     },
     /// `.bgcode`.
     #[error("it is binary G-code: switch \"binary G-code\" off in the slicer and export again")]
@@ -144,9 +144,10 @@ pub enum GcodeError {
         /// What was given.
         value: f64,
     },
-    /// Slower than any machine file has it, for long.
+    /// Slower than any bead is laid, for longer than a moment.
     #[error(
-        "line {line}: it prints at {} mm/s for {} s: check F, which is mm/min, and the modes (G93, G94)",
+        "line {line}: it prints at {} mm/s for {} s, slower than 0.1 mm/s: check F, which is mm/min, and the \
+         modes (G93, G94)",
         Short(*speed_mm_s), Short(*seconds)
     )]
     Slow {
@@ -199,6 +200,92 @@ pub enum GcodeError {
     TooMany {
         /// Line from 1.
         line: usize,
+    },
+    /// Curves that make more moves than their file can mean.
+    #[error(
+        "line {line}: the curves up to here make more moves than a file of this size may have: write fewer \
+         turns (P) or smaller arcs, or straight moves"
+    )]
+    TooFine {
+        /// Line from 1.
+        line: usize,
+    },
+    /// A code that firmwares read differently.
+    #[error(
+        "line {line}: {code} {readings}, and nothing says for which firmware the file is: write a line such \
+         as '; gcode_flavor = klipper' (marlin, marlin2, reprapfirmware, linuxcnc) into it"
+    )]
+    Disputed {
+        /// Line from 1.
+        line: usize,
+        /// The code.
+        code: &'static str,
+        /// What it does for whom.
+        readings: &'static str,
+    },
+    /// A state that was not kept.
+    #[error("line {line}: no SAVE_GCODE_STATE before it has the name '{name}'")]
+    NoState {
+        /// Line from 1.
+        line: usize,
+        /// The name.
+        name: String,
+    },
+    /// The extruder alone, slower than any means.
+    #[error(
+        "line {line}: the extruder alone is to move {} mm³ at {} mm³/s, which takes {} s; nozzles ooze faster \
+         than 0.01 mm³/s: check F, which is mm/min, and the modes (G93, G94)",
+        Short(*volume_mm3), Short(*rate_mm3_s), Short(volume_mm3 / rate_mm3_s)
+    )]
+    SlowPush {
+        /// Line from 1.
+        line: usize,
+        /// How much.
+        volume_mm3: f64,
+        /// How fast.
+        rate_mm3_s: f64,
+    },
+    /// More in one go than any machine has.
+    #[error(
+        "line {line}: {} mm³ are to be pushed or pulled on the spot, more than {}: check E (M82, M83, G92) and \
+         the filament's diameter",
+        Short(*volume_mm3), Short(*most_mm3)
+    )]
+    Push {
+        /// Line from 1.
+        line: usize,
+        /// How much.
+        volume_mm3: f64,
+        /// The most that is taken.
+        most_mm3: f64,
+    },
+    /// A bead that no nozzle lays.
+    #[error(
+        "line {line}: a bead of {} mm² in cross-section, more than {}: check E (M82, M83, G92) and the \
+         filament's diameter",
+        Short(*area_mm2), Short(*most_mm2)
+    )]
+    Bead {
+        /// Line from 1.
+        line: usize,
+        /// Its cross-section.
+        area_mm2: f64,
+        /// The most that is taken.
+        most_mm2: f64,
+    },
+    /// More time than any machine runs.
+    #[error(
+        "line {line}: up to here the job takes {} days, more than {}: check F, which is mm/min, E and the \
+         flow that the machine allows (flow_max_mm3_s)",
+        Short(*days), Short(*most_days)
+    )]
+    Long {
+        /// Line from 1.
+        line: usize,
+        /// So far.
+        days: f64,
+        /// The most that is planned.
+        most_days: f64,
     },
     /// Nothing to do.
     #[error(

@@ -12,6 +12,8 @@
 pub mod arcs;
 pub mod comments;
 pub mod error;
+mod extrusion;
+pub mod flavour;
 pub mod interpreter;
 pub mod passes;
 pub mod words;
@@ -21,13 +23,14 @@ pub use error::GcodeError;
 
 use crate::job_heat::HeatOrder;
 use comments::Slicer;
+use extrusion::Taken;
 use headway_firmware::pose::{TILT_MAX_RAD, TILT_ROUNDING_RAD};
 use interpreter::Steps;
 use nalgebra::{Rotation3, Unit, Vector3};
 
 /// Largest file, bytes.
 pub const GCODE_BYTES_MAX: u64 = 256 * 1024 * 1024;
-/// Longest line without its comment.
+/// Longest line without its comment and without a text, as names of objects and their outlines are.
 pub const LINE_CHARS_MAX: usize = 1000;
 /// Most straight moves of a file, curves in chords.
 pub const MOVES_MAX: usize = 2_000_000;
@@ -39,9 +42,21 @@ pub const ANGLE_MAX_DEG: f64 = 360_000.0;
 pub const FILAMENT_MM: [f64; 2] = [0.1, 20.0];
 /// Diameter where nobody says it.
 pub const FILAMENT_DEFAULT_MM: f64 = 1.75;
-/// Slowest bead, mm/s, as machine files have it; how long one may be slower, s.
-const SPEED_MIN_MM_S: f64 = 0.01;
-const SLOW_S_MAX: f64 = 60.0;
+/// Slowest bead, mm/s, where it lasts longer than [`SLOW_S_MAX`]: in the 4 s that a bead's width then takes
+/// any hot end oozes more than it lays. What is shorter are a path's first and last micrometres, told with
+/// their time (G93).
+pub const SPEED_MIN_MM_S: f64 = 0.1;
+/// Slowest push of the extruder alone, mm³/s, where it lasts longer than [`SLOW_S_MAX`]: less than oozes.
+pub const PUSH_MIN_MM3_S: f64 = 0.01;
+const SLOW_S_MAX: f64 = 1.0;
+/// Most that is pushed or pulled in one go, mm³: three metres of the thicker filament.
+pub const PUSH_MAX_MM3: f64 = 20_000.0;
+/// Widest bead, mm²: 40 mm by 20 mm and more, as concrete is printed.
+pub const BEAD_MAX_MM2: f64 = 1000.0;
+/// What a bead's length counts more for that, mm: E is rounded.
+const BEAD_MORE_MM: f64 = 1.0;
+/// Longest job, days.
+pub const DAYS_MAX: f64 = 60.0;
 /// Lines of each kind that a note names.
 const LINES_TOLD: usize = 8;
 
@@ -176,14 +191,6 @@ impl Place {
     }
 }
 
-impl Push {
-    /// Two pushes in a row; the machine's own, where one of them is that.
-    fn and(self, mm3: Option<f64>) -> Push {
-        let sum = self.mm3.zip(mm3).map(|(a, b)| a + b);
-        Push { mm3: sum, ..self }
-    }
-}
-
 impl GcodePass {
     /// What it deposits, mm³; `None` where the file does not say it.
     pub fn volume_mm3(&self) -> Option<f64> {
@@ -217,28 +224,26 @@ pub fn read(bytes: &[u8], name: &str, options: &GcodeOptions) -> Result<GcodePro
     if bytes.starts_with(b"GCDE") {
         return Err(GcodeError::Binary);
     }
-    let text = std::str::from_utf8(bytes).map_err(|error| GcodeError::NotText {
-        at_byte: error.valid_up_to(),
-    })?;
-    let steps = interpreter::steps(text.trim_start_matches('\u{feff}'))?;
+    // Comments may be in any 8-bit encoding; editors and old systems end files with NUL or Ctrl-Z.
+    let text = String::from_utf8_lossy(bytes);
+    let text = text
+        .trim_start_matches('\u{feff}')
+        .trim_end_matches(['\0', '\u{1a}', '\n', '\r']);
+    let (steps, taken) = steps_of(text, options)?;
     let filament_mm = filament_mm(&steps, options)?;
-    let (mut passes, heat, left_out) = passes::passes(&steps, filament_mm);
+    let (mut passes, heat, left_out) = passes::passes(&steps, filament_mm)?;
     if passes.is_empty() {
         return Err(GcodeError::NothingPrinted { lines: steps.lines });
     }
+    check_beads(&passes)?;
     if options.scale != 1.0 {
         passes.iter_mut().for_each(|pass| pass.scale(options.scale));
     }
     check_speed(&passes)?;
     check_tilt(&passes)?;
     let mut notes = notes(&steps, options, filament_mm);
-    if left_out.purged_mm3 > 1e-6 {
-        notes.push(format!(
-            "line {}: {:.2} mm³ are pushed out on the spot beyond what was pulled back: not done, prime \
-             the nozzle before the job",
-            left_out.line, left_out.purged_mm3
-        ));
-    }
+    notes.extend(taken.note);
+    notes.extend(left_out.notes());
     Ok(GcodeProgram {
         name: name.to_string(),
         slicer: steps.comments.slicer,
@@ -249,6 +254,31 @@ pub fn read(bytes: &[u8], name: &str, options: &GcodeOptions) -> Result<GcodePro
         heat,
         notes,
     })
+}
+
+/// Reads the lines as firmwares begin, and anew where that is not how E is meant.
+fn steps_of(text: &str, options: &GcodeOptions) -> Result<(Steps, Taken), GcodeError> {
+    let declared = flavour::declared(text);
+    let is_said = declared.e_relative.is_some();
+    let as_said = Taken {
+        relative: declared.e_relative.unwrap_or(false),
+        volumetric: declared.volumetric,
+        note: None,
+    };
+    let steps = interpreter::steps(text, declared.flavour, &as_said, is_said)?;
+    let filament_mm = filament_mm(&steps, options)?;
+    let taken = extrusion::taken(&steps.counted, &declared, filament_mm);
+    let as_taken = Taken {
+        note: None,
+        ..taken.clone()
+    };
+    match as_taken == as_said {
+        true => Ok((steps, taken)),
+        false => {
+            let steps = interpreter::steps(text, declared.flavour, &taken, is_said)?;
+            Ok((steps, taken))
+        }
+    }
 }
 
 impl GcodePass {
@@ -277,8 +307,30 @@ fn filament_mm(steps: &Steps, options: &GcodeOptions) -> Result<f64, GcodeError>
     }
 }
 
-/// A job of months is a feed in the wrong unit.
+/// Seconds of a day.
+const DAY_S: f64 = 86_400.0;
+
+/// Beads that no nozzle lays, by the numbers of the file.
+fn check_beads(passes: &[GcodePass]) -> Result<(), GcodeError> {
+    for pass in passes {
+        for (pair, leg) in pass.points.windows(2).zip(&pass.legs) {
+            let length_mm = pair[1].distance_mm(&pair[0]) + BEAD_MORE_MM;
+            let area_mm2 = leg.volume_mm3.unwrap_or(0.0) / length_mm;
+            if area_mm2 > BEAD_MAX_MM2 {
+                return Err(GcodeError::Bead {
+                    line: leg.line,
+                    area_mm2,
+                    most_mm2: BEAD_MAX_MM2,
+                });
+            }
+        }
+    }
+    Ok(())
+}
+
+/// Beads slower than they can be, and a job of months: a feed in the wrong unit.
 fn check_speed(passes: &[GcodePass]) -> Result<(), GcodeError> {
+    let mut sum_s = 0.0;
     for pass in passes {
         for (pair, leg) in pass.points.windows(2).zip(&pass.legs) {
             let (line, speed_mm_s) = (leg.line, leg.speed_mm_s);
@@ -290,9 +342,24 @@ fn check_speed(passes: &[GcodePass]) -> Result<(), GcodeError> {
                     seconds,
                 });
             }
+            sum_s += seconds;
+            check_days(sum_s, line)?;
         }
     }
     Ok(())
+}
+
+/// The time of a job so far.
+pub(crate) fn check_days(seconds: f64, line: usize) -> Result<(), GcodeError> {
+    let days = seconds / DAY_S;
+    match days > DAYS_MAX {
+        true => Err(GcodeError::Long {
+            line,
+            days,
+            most_days: DAYS_MAX,
+        }),
+        false => Ok(()),
+    }
 }
 
 /// Poses have tilts up to a bound.
@@ -321,6 +388,7 @@ fn notes(steps: &Steps, options: &GcodeOptions, filament_mm: f64) -> Vec<String>
             "no line tells the filament's diameter: {filament_mm} mm is taken (--filament-diameter)"
         ));
     }
+    notes.extend(steps.macros.iter().take(LINES_TOLD).cloned());
     let more = |count: usize| match count.saturating_sub(LINES_TOLD) {
         0 => String::new(),
         more => format!(" and {more} more"),

@@ -4,29 +4,64 @@
 //! without extruding, or the filament is pulled. Where no line of the file extrudes, everything but G0 that
 //! moves in the plane prints. What is pushed into the air before the first pass is left out and told.
 
+mod gap;
+mod heights;
+
 use super::comments::Slicer;
+use super::error::GcodeError;
 use super::interpreter::{Firmware, HeatStep, Step, Steps};
-use super::{GcodePass, HeatPlace, Leg, Place, PlacedOrder, Push};
+use super::{
+    GcodePass, HeatPlace, Leg, PUSH_MAX_MM3, PUSH_MIN_MM3_S, Place, PlacedOrder, Push, SLOW_S_MAX,
+};
+use gap::Gap;
+use heights::add_heights;
 use std::f64::consts::PI;
 
 /// Steps below this move nothing, mm.
-const STANDS_MM: f64 = 1e-4;
+pub const STANDS_MM: f64 = 1e-4;
 /// The same of headings and tilts, degrees.
-const STANDS_DEG: f64 = 1e-4;
+pub const STANDS_DEG: f64 = 1e-4;
 /// A pass on a higher layer begins above all before it by more than this, mm.
 const LAYER_MM: f64 = 1e-3;
 /// Most that a prime adds to what was pulled, mm³: extra length after a travel. More is a purge.
 const EXTRA_MM3: f64 = 2.0;
-/// Heights of a layer that are believed, mm.
-const HEIGHTS_MM: [f64; 2] = [0.01, 10.0];
+/// Longest push on the spot, s.
+const PUSH_S_MAX: f64 = 3600.0;
 
-/// What the passes leave out.
+/// What the passes leave out, and what they make one.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct LeftOut {
     /// Pushed on the spot beyond what was pulled, mm³.
     pub purged_mm3: f64,
     /// First line of that.
     pub line: usize,
+    /// Pairs of retract and prime that follow others without a bead between them.
+    pub pairs: usize,
+    /// First line of them.
+    pub pairs_line: usize,
+    /// Layers that begin within passes.
+    pub layers: u32,
+}
+
+impl LeftOut {
+    /// What the user should know.
+    pub fn notes(&self) -> impl Iterator<Item = String> {
+        let purged = (self.purged_mm3 > 1e-6).then(|| {
+            format!(
+                "line {}: {:.2} mm³ are pushed out on the spot beyond what was pulled back: not done, prime \
+                 the nozzle before the job",
+                self.line, self.purged_mm3
+            )
+        });
+        let pairs = (self.pairs > 0).then(|| {
+            format!(
+                "line {}: retracts and primes that follow each other without a bead between them are made one \
+                 ({} more)",
+                self.pairs_line, self.pairs
+            )
+        });
+        purged.into_iter().chain(pairs)
+    }
 }
 
 struct Builder {
@@ -35,21 +70,29 @@ struct Builder {
     open: Option<GcodePass>,
     at: Place,
     travel: Vec<Place>,
-    /// Pulled since the last pass, mm³ and rate; pushed since.
-    pulled: Option<Push>,
-    pushed: Option<Push>,
+    /// Pulled and pushed since the last pass.
+    gap: Gap,
     /// Pulled and not yet pushed, mm³.
     outstanding_mm3: f64,
     left_out: LeftOut,
     /// Most that a prime adds.
     extra_mm3: f64,
     layer: u32,
+    /// Highest of this object, and its first layer.
     top_mm: f64,
+    first_mm: f64,
+    told_layers: u32,
 }
+
+/// Passes, orders of heaters and fans, what is left out.
+type Passes = (Vec<GcodePass>, Vec<PlacedOrder>, LeftOut);
 
 /// Puts steps together to passes, with the orders of heaters and fans; `filament_mm` is the filament's
 /// diameter.
-pub fn passes(steps: &Steps, filament_mm: f64) -> (Vec<GcodePass>, Vec<PlacedOrder>, LeftOut) {
+///
+/// # Errors
+/// [`GcodeError`] for pushes that no extruder makes.
+pub fn passes(steps: &Steps, filament_mm: f64) -> Result<Passes, GcodeError> {
     let area_mm2 = 0.25 * PI * filament_mm * filament_mm;
     let layers_told = steps.hints.iter().any(|hint| hint.layers > 0);
     let mut builder = Builder {
@@ -58,8 +101,7 @@ pub fn passes(steps: &Steps, filament_mm: f64) -> (Vec<GcodePass>, Vec<PlacedOrd
         open: None,
         at: Place::default(),
         travel: Vec::new(),
-        pulled: None,
-        pushed: None,
+        gap: Gap::default(),
         outstanding_mm3: 0.0,
         left_out: LeftOut::default(),
         extra_mm3: match steps.comments.slicer {
@@ -69,6 +111,8 @@ pub fn passes(steps: &Steps, filament_mm: f64) -> (Vec<GcodePass>, Vec<PlacedOrd
         },
         layer: 0,
         top_mm: f64::NEG_INFINITY,
+        first_mm: f64::INFINITY,
+        told_layers: 0,
     };
     let mut heat = steps.heat.iter().peekable();
     for (number, step) in steps.steps.iter().enumerate() {
@@ -85,7 +129,7 @@ pub fn passes(steps: &Steps, filament_mm: f64) -> (Vec<GcodePass>, Vec<PlacedOrd
             height_mm: hint.height_mm,
             volume_mm3: steps.extrudes.then_some(step.extruded * scale),
         };
-        builder.step(step, leg, scale, told_layer);
+        builder.step(step, leg, scale, told_layer)?;
     }
     heat.for_each(|order| builder.order(order));
     builder.close();
@@ -96,12 +140,24 @@ pub fn passes(steps: &Steps, filament_mm: f64) -> (Vec<GcodePass>, Vec<PlacedOrd
             pass.retract = Some(Push::default());
         }
     }
-    add_heights(&mut passes);
-    (passes, builder.heat, builder.left_out)
+    let turns = add_heights(&mut passes);
+    let mut left_out = builder.left_out;
+    let layers = passes.last().map_or(0, |pass| pass.layer + 1);
+    left_out.layers = match layers_told {
+        true => builder.told_layers.saturating_sub(layers),
+        false => turns,
+    };
+    Ok((passes, builder.heat, left_out))
 }
 
 impl Builder {
-    fn step(&mut self, step: &Step, leg: Leg, scale: f64, told_layer: Option<u32>) {
+    fn step(
+        &mut self,
+        step: &Step,
+        leg: Leg,
+        scale: f64,
+        told_layer: Option<u32>,
+    ) -> Result<(), GcodeError> {
         let to = Place {
             tip_mm: [step.to[0], step.to[1], step.to[2]],
             turn_deg: [step.to[3], step.to[4], step.to[5]],
@@ -112,13 +168,14 @@ impl Builder {
         let volume_mm3 = step.extruded * scale;
         let rate_mm3_s = step.speed_mm_s * scale;
         match step.firmware {
-            Firmware::Retract(mm) => self.pull(mm.map(|mm| mm * scale), None),
-            Firmware::Prime(mm) => self.push(mm.map(|mm| mm * scale), None, step.line),
-            Firmware::None if stands && volume_mm3 < 0.0 => {
-                self.pull(Some(-volume_mm3), Some(rate_mm3_s))
-            }
-            Firmware::None if stands && volume_mm3 > 0.0 => {
-                self.push(Some(volume_mm3), Some(rate_mm3_s), step.line);
+            Firmware::Retract(mm) => self.pull(mm.map(|mm| mm * scale), None, step.line)?,
+            Firmware::Prime(mm) => self.push(mm.map(|mm| mm * scale), None, step.line)?,
+            Firmware::None if stands && volume_mm3 != 0.0 => {
+                let rate_mm3_s = Some(rate_mm3_s);
+                match volume_mm3 < 0.0 {
+                    true => self.pull(Some(-volume_mm3), rate_mm3_s, step.line)?,
+                    false => self.push(Some(volume_mm3), rate_mm3_s, step.line)?,
+                }
             }
             Firmware::None if stands => {}
             Firmware::None => {
@@ -132,7 +189,7 @@ impl Builder {
                     self.print(to, leg, told_layer);
                 } else {
                     if volume_mm3 < 0.0 {
-                        self.pull(Some(-volume_mm3), None);
+                        self.pull(Some(-volume_mm3), None, step.line)?;
                     }
                     self.close();
                     self.travel.push(to);
@@ -140,6 +197,7 @@ impl Builder {
                 self.at = to;
             }
         }
+        Ok(())
     }
 
     /// An order of heaters and fans: it stands where the head is now.
@@ -157,52 +215,75 @@ impl Builder {
         });
     }
 
-    fn pull(&mut self, mm3: Option<f64>, rate_mm3_s: Option<f64>) {
+    fn pull(
+        &mut self,
+        mm3: Option<f64>,
+        rate_mm3_s: Option<f64>,
+        line: usize,
+    ) -> Result<(), GcodeError> {
         self.close();
+        check_push(mm3, rate_mm3_s, line)?;
         self.outstanding_mm3 += mm3.unwrap_or(0.0);
-        let before = self.pulled.take().unwrap_or(Push {
-            mm3: Some(0.0),
-            rate_mm3_s,
-        });
-        self.pulled = Some(before.and(mm3));
-        if let Some(pass) = self.passes.last_mut() {
-            pass.retract = self.pulled;
+        if self.gap.pull(mm3, rate_mm3_s) {
+            if self.left_out.pairs == 0 {
+                self.left_out.pairs_line = line;
+            }
+            self.left_out.pairs += 1;
         }
+        let retract = self.gap.retract();
+        check_push(retract.and_then(|push| push.mm3), None, line)?;
+        if let Some(pass) = self.passes.last_mut() {
+            pass.retract = retract;
+        }
+        Ok(())
     }
 
-    fn push(&mut self, mm3: Option<f64>, rate_mm3_s: Option<f64>, line: usize) {
+    fn push(
+        &mut self,
+        mm3: Option<f64>,
+        rate_mm3_s: Option<f64>,
+        line: usize,
+    ) -> Result<(), GcodeError> {
         self.close();
-        let before = self.pushed.take().unwrap_or(Push {
-            mm3: Some(0.0),
-            rate_mm3_s,
-        });
         let Some(mm3) = mm3 else {
-            self.pushed = Some(before.and(None));
-            return;
+            self.gap.push(None, None);
+            return Ok(());
         };
         let owed_mm3 = mm3.min(self.outstanding_mm3);
-        self.outstanding_mm3 -= owed_mm3;
         let extra_mm3 = mm3 - owed_mm3;
-        if extra_mm3 > self.extra_mm3 {
+        self.outstanding_mm3 -= owed_mm3;
+        let made_mm3 = match extra_mm3 > self.extra_mm3 {
+            true => owed_mm3,
+            false => mm3,
+        };
+        if made_mm3 < mm3 {
             if extra_mm3 > 1e-9 && self.left_out.purged_mm3 == 0.0 {
                 self.left_out.line = line;
             }
             self.left_out.purged_mm3 += extra_mm3;
-            self.pushed =
-                (owed_mm3 > 0.0 || before.mm3 != Some(0.0)).then(|| before.and(Some(owed_mm3)));
-        } else {
-            self.pushed = Some(before.and(Some(mm3)));
         }
+        if made_mm3 > 0.0 {
+            check_push(Some(made_mm3), rate_mm3_s, line)?;
+            self.gap.push(Some(made_mm3), rate_mm3_s);
+        }
+        Ok(())
     }
 
     fn print(&mut self, to: Place, leg: Leg, told_layer: Option<u32>) {
         if self.open.is_none() {
             let z_mm = to.tip_mm[2].max(self.at.tip_mm[2]);
+            // The next of objects that are printed one at a time.
+            let begins_anew = told_layer.is_none()
+                && z_mm <= self.first_mm + LAYER_MM
+                && self.top_mm > self.first_mm + LAYER_MM;
             self.layer = match told_layer {
                 Some(layer) => layer.max(self.layer),
                 None if self.top_mm == f64::NEG_INFINITY => 0,
-                None => self.layer + u32::from(z_mm > self.top_mm + LAYER_MM),
+                None => self.layer + u32::from(begins_anew || z_mm > self.top_mm + LAYER_MM),
             };
+            if begins_anew || self.top_mm == f64::NEG_INFINITY {
+                (self.top_mm, self.first_mm) = (z_mm, z_mm);
+            }
             let mut travel = std::mem::take(&mut self.travel);
             // The last travel ends where the pass begins.
             if travel
@@ -216,11 +297,12 @@ impl Builder {
                 travel,
                 points: vec![self.at],
                 legs: Vec::new(),
-                prime: self.pushed.take(),
+                prime: self.gap.prime(),
                 retract: None,
             });
-            self.pulled = None;
+            self.gap = Gap::default();
         }
+        self.told_layers = self.told_layers.max(told_layer.map_or(0, |layer| layer + 1));
         self.top_mm = self.top_mm.max(to.tip_mm[2]);
         if let Some(pass) = &mut self.open {
             pass.points.push(to);
@@ -233,31 +315,29 @@ impl Builder {
     }
 }
 
-/// Heights that no comment tells: from the top of the layer below.
-fn add_heights(passes: &mut [GcodePass]) {
-    let top_mm = |pass: &GcodePass| {
-        let heights = pass.points.iter().map(|point| point.tip_mm[2]);
-        heights.fold(f64::NEG_INFINITY, f64::max)
+/// Fails for a push or pull that no extruder makes, or none within an hour.
+fn check_push(mm3: Option<f64>, rate_mm3_s: Option<f64>, line: usize) -> Result<(), GcodeError> {
+    let Some(volume_mm3) = mm3 else {
+        return Ok(());
     };
-    let (mut below_mm, mut begin) = (0.0, 0);
-    while begin < passes.len() {
-        let layer = passes[begin].layer;
-        let count = passes[begin..]
-            .iter()
-            .take_while(|pass| pass.layer == layer)
-            .count();
-        let of_layer = &mut passes[begin..begin + count];
-        let layer_top_mm = of_layer
-            .iter()
-            .map(top_mm)
-            .fold(f64::NEG_INFINITY, f64::max);
-        let height_mm = layer_top_mm - below_mm;
-        if (HEIGHTS_MM[0]..=HEIGHTS_MM[1]).contains(&height_mm) {
-            for leg in of_layer.iter_mut().flat_map(|pass| &mut pass.legs) {
-                leg.height_mm = leg.height_mm.or(Some(height_mm));
-            }
-        }
-        below_mm = layer_top_mm;
-        begin += count;
+    if volume_mm3 > PUSH_MAX_MM3 {
+        return Err(GcodeError::Push {
+            line,
+            volume_mm3,
+            most_mm3: PUSH_MAX_MM3,
+        });
+    }
+    let Some(rate_mm3_s) = rate_mm3_s else {
+        return Ok(());
+    };
+    let seconds = volume_mm3 / rate_mm3_s;
+    let is_slow = rate_mm3_s < PUSH_MIN_MM3_S && seconds > SLOW_S_MAX;
+    match is_slow || seconds > PUSH_S_MAX {
+        true => Err(GcodeError::SlowPush {
+            line,
+            volume_mm3,
+            rate_mm3_s,
+        }),
+        false => Ok(()),
     }
 }

@@ -2,7 +2,8 @@
 //!
 //! In: a line's text and number. Out: [`Line`]. A word is a letter and a decimal number (blanks between
 //! are allowed; no exponent, for E is a letter); a letter alone is a flag. `;` begins a comment, `( )`
-//! holds one; `N` and a checksum `*n` (verified) frame a line; a name of several letters is a macro.
+//! holds one; `N` and a checksum `*n` (verified) frame a line; a name of several letters is a macro, and what
+//! follows it a text; `O1000` alone is the number of the program.
 //! Source: RS274/NGC 3 (NIST IR 6556, 2000) and what Marlin, Klipper and RepRapFirmware take beside it.
 //!
 //! Own code, because the published parsers drop what is needed here: `gcode` keeps numbers as f32,
@@ -13,6 +14,8 @@ use super::error::GcodeError;
 
 /// Longest number, characters.
 const NUMBER_CHARS_MAX: usize = 32;
+/// What stands in place of bytes that are no UTF-8: they may be a comment's, never a word's.
+pub const NOT_TEXT: char = '\u{fffd}';
 /// Longest piece of a line that a message repeats.
 const TOLD_CHARS: usize = 24;
 
@@ -46,24 +49,73 @@ pub fn shortened(text: &str) -> String {
     short
 }
 
+/// Lines of a text: they end with LF, CR LF, or CR alone.
+pub fn lines(text: &str) -> impl Iterator<Item = &str> {
+    let whole = text.strip_suffix('\n').unwrap_or(text);
+    let ends_with_cr = |line: &str| line.len() > 1 && line.ends_with('\r');
+    let without_cr = move |line| match ends_with_cr(line) {
+        true => &line[..line.len() - 1],
+        false => line,
+    };
+    whole
+        .split('\n')
+        .flat_map(move |line| without_cr(line).split('\r'))
+}
+
+/// The decimal number at a text's beginning, and what follows it.
+pub fn number_in(text: &str) -> Option<(f64, &str)> {
+    let is_number = |c: char| c.is_ascii_digit() || matches!(c, '.' | '+' | '-');
+    let end = text.find(|c| !is_number(c)).unwrap_or(text.len());
+    Some((text[..end].parse().ok()?, &text[end..]))
+}
+
+/// Where the comment to the line's end begins: a semicolon within `( )` is part of that comment.
+fn comment_start(text: &str) -> usize {
+    let mut is_open = false;
+    let begins = text.bytes().position(|byte| {
+        match byte {
+            b'(' => is_open = true,
+            b')' => is_open = false,
+            _ => {}
+        }
+        byte == b';' && !is_open
+    });
+    let first = || text.find(';').unwrap_or(text.len());
+    match is_open {
+        // A bracket that stays open, in a text for a display.
+        true => first(),
+        false => begins.unwrap_or(text.len()),
+    }
+}
+
 /// Reads one line.
 ///
 /// # Errors
 /// [`GcodeError`] with the line.
 pub fn read_line(text: &str, line: usize) -> Result<Line<'_>, GcodeError> {
-    // Slicers append settings and pictures as comments of any length.
-    let code_end = text.find(';').unwrap_or(text.len());
-    if code_end > LINE_CHARS_MAX {
-        return Err(GcodeError::LongLine { line });
-    }
+    let code_end = comment_start(text);
     let mut found = Line::default();
     let (code, comment) = text.split_at(code_end);
     if !comment.is_empty() {
         found.comments.push(comment[1..].trim());
     }
-    let mut rest = checked(code, line)?.trim_start_matches('/').trim();
+    let is_numbered = code.trim_start().starts_with(['N', 'n']);
+    let body = body(code);
+    // A text may have any character, and objects have outlines of any length.
+    if is_text(body) {
+        let code = if is_numbered { checked(code, line)? } else { code };
+        found.command = Some(self::body(code));
+        return Ok(found);
+    }
+    if code_end > LINE_CHARS_MAX {
+        return Err(GcodeError::LongLine { line });
+    }
+    let mut rest = self::body(checked(code, line)?);
     if rest.starts_with('%') {
         return Ok(found);
+    }
+    if let Some(left) = program_number(rest) {
+        rest = left;
     }
     while let Some(letter) = rest.bytes().next() {
         if letter == b'(' {
@@ -75,7 +127,7 @@ pub fn read_line(text: &str, line: usize) -> Result<Line<'_>, GcodeError> {
         if !letter.is_ascii_alphabetic() {
             return Err(no_word(rest, line));
         }
-        if found.words.is_empty() && is_macro(rest) {
+        if found.words.is_empty() && is_text(rest) {
             found.command = Some(rest);
             return Ok(found);
         }
@@ -86,13 +138,53 @@ pub fn read_line(text: &str, line: usize) -> Result<Line<'_>, GcodeError> {
             continue;
         }
         found.words.push(word);
-        if found.words.len() == 1 && takes_text(word) {
+        if takes_text(word) {
             found.command = Some(whole);
             return Ok(found);
         }
     }
     twice(&found.words, line)?;
     Ok(found)
+}
+
+/// A line without the block delete and the line number that may stand before it.
+fn body(code: &str) -> &str {
+    let code = code.trim().trim_start_matches('/').trim_start();
+    let Some(number) = code.strip_prefix(['N', 'n']) else {
+        return code;
+    };
+    let digits = number.trim_start();
+    let behind = digits.trim_start_matches(|c: char| c.is_ascii_digit());
+    match behind.len() < digits.len() {
+        true => behind.trim_start(),
+        false => code,
+    }
+}
+
+/// A command whose parameters are any text.
+fn is_text(body: &str) -> bool {
+    if is_macro(body) {
+        return true;
+    }
+    let Some(number) = body.strip_prefix(['M', 'm']) else {
+        return false;
+    };
+    let number = number.trim_start();
+    let end = number
+        .find(|c: char| !c.is_ascii_digit())
+        .unwrap_or(number.len());
+    let value = number[..end].parse::<u32>().ok().map(f64::from);
+    let letter = b'M';
+    value.is_some() && takes_text(Word { letter, value })
+}
+
+/// What follows the number of a program (`O1000`) that stands alone in its line.
+fn program_number(body: &str) -> Option<&str> {
+    let number = body.strip_prefix(['O', 'o'])?;
+    let behind = number.trim_start_matches(|c: char| c.is_ascii_digit());
+    let left = behind.trim_start();
+    let is_alone = left.is_empty() || left.starts_with('(');
+    (behind.len() < number.len() && is_alone).then_some(left)
 }
 
 /// A word and what follows it.
@@ -135,9 +227,9 @@ fn is_macro(text: &str) -> bool {
 
 /// Codes whose parameters are not those of motion, and may be any text.
 fn takes_text(word: Word) -> bool {
-    const READ: [u32; 32] = [
-        0, 1, 2, 6, 30, 66, 67, 68, 82, 83, 101, 103, 104, 106, 107, 108, 109, 116, 140, 141, 190,
-        191, 200, 207, 208, 220, 221, 226, 227, 228, 568, 600,
+    const READ: [u32; 42] = [
+        0, 1, 2, 3, 4, 5, 6, 7, 8, 9, 30, 48, 49, 66, 67, 68, 82, 83, 101, 103, 104, 106, 107, 108,
+        109, 116, 120, 121, 140, 141, 190, 191, 200, 207, 208, 220, 221, 226, 227, 228, 568, 600,
     ];
     let number = word.value.filter(|value| *value >= 0.0);
     word.letter == b'M' && number.is_none_or(|value| !READ.contains(&(value as u32)))
@@ -145,9 +237,19 @@ fn takes_text(word: Word) -> bool {
 
 /// The code without its checksum.
 fn checked(code: &str, line: usize) -> Result<&str, GcodeError> {
-    let Some((code, given)) = code.split_once('*') else {
+    let mut is_open = false;
+    let star = code.bytes().position(|byte| {
+        match byte {
+            b'(' => is_open = true,
+            b')' => is_open = false,
+            _ => {}
+        }
+        byte == b'*' && !is_open
+    });
+    let Some(star) = star else {
         return Ok(code);
     };
+    let (code, given) = (&code[..star], &code[star + 1..]);
     let found = code.bytes().fold(0, |sum, byte| sum ^ byte);
     match given.trim().parse::<u8>() {
         Ok(given) if given == found => Ok(code),
@@ -177,6 +279,9 @@ fn twice(words: &[Word], line: usize) -> Result<(), GcodeError> {
 }
 
 fn no_word(text: &str, line: usize) -> GcodeError {
+    if text.starts_with(NOT_TEXT) {
+        return GcodeError::NotText { line };
+    }
     match text.starts_with(['#', '[', '$']) {
         true => GcodeError::Computed { line },
         false => GcodeError::NoWord {

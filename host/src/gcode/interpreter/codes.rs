@@ -5,6 +5,7 @@
 use super::{Firmware, Interpreter, bounded_percent, code_name, tenths, value};
 use crate::gcode::FILAMENT_MM;
 use crate::gcode::error::GcodeError;
+use crate::gcode::flavour::Flavour;
 use crate::gcode::words::{Line, Word};
 
 /// Tools that slicers count; numbers from here on are orders to a changer.
@@ -44,8 +45,10 @@ impl Interpreter {
             210 => self.unit_mm = 1.0,
             900 | 910 => {
                 self.relative = code == 910;
-                if self.found.comments.modes_of_e {
+                // Marlin 2 forgets M83 at either; the others have two switches of which one is enough.
+                if self.flavour == Flavour::Marlin {
                     self.e_relative = self.relative;
+                    self.e_is_said = true;
                 }
             }
             901 => self.centres_absolute = true,
@@ -53,7 +56,10 @@ impl Interpreter {
             930 => self.inverse_time = true,
             940 => self.inverse_time = false,
             920 => {
-                self.set_position(line, number)?;
+                match line.words.len() {
+                    1 => self.bare_g92(number)?,
+                    _ => self.set_position(line, number)?,
+                }
                 return Ok(true);
             }
             921 | 922 => self.offset = [0.0; 6],
@@ -105,9 +111,17 @@ impl Interpreter {
         number: usize,
     ) -> Result<(), GcodeError> {
         match tenths(word) {
-            820 => self.e_relative = false,
-            830 => self.e_relative = true,
+            code @ (820 | 830) => {
+                self.e_relative = code == 830;
+                self.e_is_said = true;
+            }
             20 | 300 => self.ended = true,
+            30 | 40 => self.tool_on = Some(true),
+            50 => self.tool_on = self.tool_on.map(|_| false),
+            // Coolant, and the tool that T names.
+            60 | 70 | 80 | 90 => {}
+            1200 => self.push_state(),
+            1210 => self.pop_state(number)?,
             2000 => self.filament(line, number)?,
             2070 => {
                 let pulled_mm = self.length(line, b'S', number)?.map(f64::abs);
@@ -181,24 +195,27 @@ impl Interpreter {
         Ok(())
     }
 
-    pub(super) fn tool_change(&mut self, word: &Word, number: usize) -> Result<(), GcodeError> {
+    pub(super) fn tool_change(&mut self, word: &Word, number: usize) {
         // "T-1", "T?", T255, T1000: no tool, which one, put it back, the nozzle as it is.
         let is_tool = |tool: &f64| (0.0..TOOLS).contains(tool);
-        let Some(tool) = word.value.filter(is_tool) else {
-            return Ok(());
-        };
-        let tool = tool as u32;
-        match self.tool {
-            Some(before) if before != tool && self.has_printed => Err(GcodeError::SecondTool {
-                line: number,
-                tool,
-                before,
-            }),
-            _ => {
-                self.tool = Some(tool);
-                Ok(())
-            }
+        if let Some(tool) = word.value.filter(is_tool) {
+            self.tool = Some(tool as u32);
+            self.changed = Some(number);
         }
+    }
+
+    /// Something is extruded, `on_the_way` or on the spot, by the tool in force: firmwares begin with the
+    /// first one. What another one is primed by before the first bead is no matter.
+    pub(super) fn prints(&mut self, on_the_way: bool) -> Result<(), GcodeError> {
+        let tool = self.tool.unwrap_or(0);
+        match (self.printing_tool, self.changed) {
+            (Some(before), Some(line)) if before != tool => {
+                return Err(GcodeError::SecondTool { line, tool, before });
+            }
+            (None, _) if on_the_way => self.printing_tool = Some(tool),
+            _ => {}
+        }
+        Ok(())
     }
 
     /// G92.
@@ -206,6 +223,7 @@ impl Interpreter {
         let extruder = self.extruder();
         if let Some(e) = self.length(line, extruder, number)? {
             self.e = e;
+            self.found.counted.before = None;
         }
         for (axis, letter) in self.axes().into_iter().enumerate() {
             if let Some(place) = self.place(line, letter, number)? {

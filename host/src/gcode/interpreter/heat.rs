@@ -24,6 +24,9 @@ const OUTPUTS: [(u8, Option<u8>); 4] = [
     (3, Some(HOT_END_2)),
 ];
 
+/// What each heater was asked for last, °C.
+pub(super) type Targets = [Option<f64>; 3];
+
 /// An order among the steps.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct HeatStep {
@@ -133,16 +136,7 @@ impl Interpreter {
 
     /// What a heater was asked for last.
     pub(super) fn target_c(&self, heater: u8) -> Option<f64> {
-        let orders = self.found.heat.iter().rev().map(|step| step.order);
-        let mut of_heater = orders.filter_map(|order| match order {
-            HeatOrder::Heater {
-                heater: of,
-                celsius,
-                ..
-            } => (of == heater).then_some(celsius),
-            HeatOrder::Fan { .. } => None,
-        });
-        of_heater.next()
+        self.targets.get(usize::from(heater)).copied().flatten()
     }
 
     /// Waits for what a heater was asked for last; false where that is nothing.
@@ -171,6 +165,13 @@ impl Interpreter {
     }
 
     pub(super) fn order(&mut self, order: HeatOrder, line: usize) {
+        if let HeatOrder::Heater {
+            heater, celsius, ..
+        } = order
+            && let Some(target) = self.targets.get_mut(usize::from(heater))
+        {
+            *target = Some(celsius);
+        }
         self.found.heat.push(HeatStep {
             line,
             step: self.found.steps.len(),

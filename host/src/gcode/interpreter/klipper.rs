@@ -13,6 +13,32 @@ use crate::job_heat::{BED, HOT_END, HeatOrder};
 /// Longest length of G10 that is taken, mm.
 const RETRACT_MAX_MM: f64 = 1e3;
 
+/// Words by which macros of the start get their temperatures, as the slicers' guides and the usual sets of
+/// macros call them.
+const BED_KEYS: [&str; 6] = [
+    "BED_TEMP",
+    "BED",
+    "BED_TEMPERATURE",
+    "T_BED",
+    "BEDTEMP",
+    "FIRST_LAYER_BED_TEMP",
+];
+const HOT_END_KEYS: [&str; 13] = [
+    "EXTRUDER_TEMP",
+    "EXTRUDER",
+    "HOTEND",
+    "HOTEND_TEMP",
+    "NOZZLE",
+    "NOZZLE_TEMP",
+    "TOOL_TEMP",
+    "EXTRUDER_TEMPERATURE",
+    "HOTEND_TEMPERATURE",
+    "NOZZLE_TEMPERATURE",
+    "T_EXTRUDER",
+    "TEMP",
+    "TEMPERATURE",
+];
+
 /// Heaters by the names of their sections.
 fn heater_of(section: &str) -> Option<u8> {
     match section.to_ascii_lowercase().as_str() {
@@ -24,7 +50,7 @@ fn heater_of(section: &str) -> Option<u8> {
 }
 
 /// The value of a key, quotes left out.
-fn text_of<'a>(command: &'a str, key: &str) -> Option<&'a str> {
+pub(super) fn text_of<'a>(command: &'a str, key: &str) -> Option<&'a str> {
     let mut rest = command;
     while let Some((before, after)) = rest.split_once('=') {
         let name = before.trim_end().rsplit(char::is_whitespace).next();
@@ -72,6 +98,14 @@ impl Interpreter {
             "SET_HEATER_TEMPERATURE" => self.set_heater(command, line)?,
             "TEMPERATURE_WAIT" => self.temperature_wait(command, line)?,
             "SET_FAN_SPEED" => self.set_fan(command, line)?,
+            "SAVE_GCODE_STATE" => {
+                self.save_named(command, line)?;
+                true
+            }
+            "RESTORE_GCODE_STATE" => {
+                self.restore_named(command, line)?;
+                true
+            }
             "TURN_OFF_HEATERS" => {
                 for heater in [HOT_END, BED, HOT_END_2] {
                     if self.target_c(heater).is_some_and(|celsius| celsius > 0.0) {
@@ -86,6 +120,43 @@ impl Interpreter {
             self.found.carried.push(format!("line {line} {command}"));
         }
         Ok(true)
+    }
+
+    /// Temperatures that a macro of the start gets as words (`PRINT_START EXTRUDER_TEMP=220 BED=60`): it waits
+    /// for them, as such macros do. What else it does is not known.
+    pub(super) fn start_macro(
+        &mut self,
+        name: &str,
+        command: &str,
+        line: usize,
+    ) -> Result<(), GcodeError> {
+        let name = name.to_ascii_uppercase();
+        if self.printing_tool.is_some() || !name.contains("START") {
+            return Ok(());
+        }
+        let mut taken = Vec::new();
+        for (keys, heater, what) in [
+            (BED_KEYS.as_slice(), BED, "bed"),
+            (HOT_END_KEYS.as_slice(), HOT_END, "hot end"),
+        ] {
+            for key in keys {
+                let Some(celsius) = checked(number_of(command, key, line)?, line, most_c())? else {
+                    continue;
+                };
+                self.order(HeatOrder::wait_for(heater, celsius), line);
+                taken.push(format!("{what} {celsius} °C"));
+                break;
+            }
+        }
+        let note = match taken.as_slice() {
+            [] if command.contains('=') => format!(
+                "line {line}: no word of {name} is known as a temperature: order it by M104, M140, or [material]"
+            ),
+            [] => return Ok(()),
+            taken => format!("line {line}: {} as {name} has it", taken.join(", ")),
+        };
+        self.found.macros.push(note);
+        Ok(())
     }
 
     /// Lengths of G10 and G11.

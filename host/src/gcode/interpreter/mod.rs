@@ -11,13 +11,18 @@ mod codes;
 mod heat;
 mod klipper;
 mod moves;
+mod state;
 
 pub use heat::HeatStep;
 
 use super::comments::{Comments, Hint};
 use super::error::GcodeError;
-use super::words::{Line, Word, read_line, shortened};
+use super::extrusion::{Counted, Taken};
+use super::flavour::Flavour;
+use super::words::{Line, Word, lines, read_line, shortened};
 use super::{ANGLE_MAX_DEG, MOVES_MAX, PLACE_MAX_MM};
+use heat::Targets;
+use state::Saved;
 use std::collections::BTreeMap;
 
 /// Fastest feed that is taken, mm/min.
@@ -26,6 +31,10 @@ const FEED_MAX_MM_MIN: f64 = 1e7;
 const EXTRUDER_MAX: f64 = 1e9;
 /// Feed before the first F, mm/min, as Marlin has it.
 const FEED_DEFAULT_MM_MIN: f64 = 1500.0;
+/// Straight moves that curves may come to: so many, and for each byte read so many more. An arc of 1 m has
+/// 25 for each byte of its line.
+const CURVE_MOVES_MIN: usize = 200_000;
+const CURVE_MOVES_A_BYTE: usize = 40;
 
 /// What a step does to the material beside what it extrudes.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -76,10 +85,14 @@ pub struct Steps {
     pub heat: Vec<HeatStep>,
     /// Those that no job has, with their lines.
     pub carried: Vec<String>,
+    /// What was taken from the words of macros.
+    pub macros: Vec<String>,
     /// What is not done: first line and times.
     pub undone: BTreeMap<String, (usize, usize)>,
     /// Lines that were read.
     pub lines: usize,
+    /// What tells how E is meant.
+    pub counted: Counted,
 }
 
 /// The motion in force.
@@ -108,20 +121,40 @@ struct Interpreter {
     speed_factor: f64,
     flow_factor: f64,
     retract_mm: [Option<f64>; 2],
+    flavour: Flavour,
+    /// M82 or M83 was given, or a setting says the same.
+    e_is_said: bool,
+    /// States to come back to: of Klipper by their names, and a stack.
+    saved: Saved,
+    targets: Targets,
     tool: Option<u32>,
-    has_printed: bool,
+    /// The tool whose beads were printed; line of the last change.
+    printing_tool: Option<u32>,
+    changed: Option<usize>,
+    /// Spindle or laser: on or off since M3, M4 or M5, and its S.
+    tool_on: Option<bool>,
+    power: Option<f64>,
+    /// Straight moves that curves may still come to.
+    curve_moves_left: usize,
     ended: bool,
 }
 
-/// Reads all lines.
+/// Reads all lines, as `flavour` has them, E as `taken`.
 ///
 /// # Errors
 /// [`GcodeError`], the first.
-pub fn steps(text: &str) -> Result<Steps, GcodeError> {
-    let mut interpreter = Interpreter::new();
-    for (index, text) in text.lines().enumerate() {
+pub fn steps(text: &str, flavour: Flavour, taken: &Taken, is_said: bool) -> Result<Steps, GcodeError> {
+    let mut interpreter = Interpreter {
+        flavour,
+        e_relative: taken.relative,
+        volumetric: taken.volumetric,
+        e_is_said: is_said,
+        ..Interpreter::new()
+    };
+    for (index, text) in lines(text).enumerate() {
         let number = index + 1;
         interpreter.found.lines = number;
+        interpreter.curve_moves_left += CURVE_MOVES_A_BYTE * text.len();
         let line = read_line(text, number)?;
         let before = interpreter.found.comments.hint;
         for comment in &line.comments {
@@ -175,8 +208,16 @@ impl Interpreter {
             speed_factor: 1.0,
             flow_factor: 1.0,
             retract_mm: [None; 2],
+            flavour: Flavour::Unknown,
+            e_is_said: false,
+            saved: Saved::default(),
+            targets: Targets::default(),
             tool: None,
-            has_printed: false,
+            printing_tool: None,
+            changed: None,
+            tool_on: None,
+            power: None,
+            curve_moves_left: CURVE_MOVES_MIN,
             ended: false,
         }
     }
@@ -197,7 +238,10 @@ impl Interpreter {
                 _ if self.extended(&name, command, number)? => {}
                 // Waiting and progress: nothing to do.
                 "M400" | "M73" | "M105" => {}
-                _ => self.undone(name, number),
+                _ => {
+                    self.start_macro(&name, command, number)?;
+                    self.undone(name, number);
+                }
             }
             return Ok(());
         }
@@ -229,11 +273,12 @@ impl Interpreter {
                 }
                 b'M' => {
                     self.m_code(word, line, number)?;
-                    is_taken = true;
+                    // Axes beside a spindle, a coolant, a pause are those of the motion in force.
+                    is_taken |= !(0..100).contains(&tenths(word));
                 }
                 // Beside another code T is its parameter; M6 changes to it.
                 b'T' if line.words.iter().all(is_beside_tool) => {
-                    self.tool_change(word, number)?;
+                    self.tool_change(word, number);
                     is_taken = true;
                 }
                 _ => {}
@@ -253,11 +298,17 @@ impl Interpreter {
                 || word.letter == extruder
                 || is_circle && matches!(word.letter, b'I' | b'J' | b'K')
         };
+        self.set_power(line, number)?;
         if line.words.iter().any(is_motion) {
             return self.go(line, number, in_machine);
         }
-        // A feed alone.
-        self.feed(line, number)?;
+        // A feed alone; F0 keeps the one before.
+        match value(line, b'F', number)? {
+            Some(0.0) => self.undone("F0".to_string(), number),
+            _ => {
+                self.feed(line, number)?;
+            }
+        }
         Ok(())
     }
 
@@ -296,6 +347,10 @@ impl Interpreter {
         let Some(feed) = value(line, b'F', number)? else {
             return Ok(false);
         };
+        // Marlin keeps its feed.
+        if feed == 0.0 && self.flavour == Flavour::Marlin && !self.inverse_time {
+            return Ok(false);
+        }
         if !(feed > 0.0 && feed.is_finite()) {
             return Err(GcodeError::Feed {
                 line: number,
@@ -334,7 +389,9 @@ impl Interpreter {
             hint: self.found.hints.len() - 1,
             firmware,
         });
-        self.has_printed |= extruded > 0.0;
+        if extruded > 0.0 {
+            self.prints(to != self.at)?;
+        }
         self.at = to;
         Ok(())
     }

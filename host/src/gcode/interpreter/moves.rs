@@ -2,9 +2,10 @@
 //!
 //! In: a line and the modes. Out: steps (mm, degrees, mm/s) of one frame.
 
-use super::{EXTRUDER_MAX, Firmware, Interpreter, Motion, bounded, value};
+use super::{EXTRUDER_MAX, Firmware, Interpreter, Motion, bounded};
 use crate::gcode::arcs::{ArcWords, arc_chords, bezier_chords};
 use crate::gcode::error::GcodeError;
+use crate::gcode::passes::{STANDS_DEG, STANDS_MM};
 use crate::gcode::words::Line;
 use crate::gcode::{ANGLE_MAX_DEG, PLACE_MAX_MM};
 
@@ -45,7 +46,10 @@ impl Interpreter {
         let extruder = self.extruder();
         let mut extruded = 0.0;
         if let Some(e) = self.length(line, extruder, number)? {
-            extruded = if self.e_relative { e } else { e - self.e };
+            let is_relative = self.relative && self.flavour.has_relative_e();
+            let is_relative = self.e_relative || is_relative;
+            extruded = if is_relative { e } else { e - self.e };
+            self.count(e, extruded, to, number);
             self.e += extruded;
             bounded(Some(self.e), extruder, number, EXTRUDER_MAX)?;
             self.found.extrudes = true;
@@ -53,10 +57,33 @@ impl Interpreter {
         extruded *= self.flow_factor;
         let places = match motion {
             Motion::Line { .. } => Vec::new(),
-            Motion::Arc { clockwise } => self.arc(line, to, clockwise, number)?,
+            Motion::Arc { clockwise } => self.arc(line, to, clockwise, extruded > 0.0, number)?,
             Motion::Bezier => self.bezier(line, to, number)?,
         };
+        self.curve_moves_left = self
+            .curve_moves_left
+            .checked_sub(places.len())
+            .ok_or(GcodeError::TooFine { line: number })?;
         self.along(&places, to, extruded, rapid, number)
+    }
+
+    /// Counts what tells how E is meant.
+    fn count(&mut self, e: f64, extruded: f64, to: [f64; 6], number: usize) {
+        let counted = &mut self.found.counted;
+        counted.sums[0] += extruded;
+        if self.e_is_said || self.relative {
+            counted.sums[1] += extruded;
+            return;
+        }
+        counted.sums[1] += e;
+        if counted.unsaid == 0 {
+            counted.line = number;
+        }
+        counted.unsaid += 1;
+        let way_mm = (to[0] - self.at[0]).hypot(to[1] - self.at[1]);
+        if way_mm > STANDS_MM && e > 0.0 {
+            counted.bead(e, way_mm);
+        }
     }
 
     /// Along the places of a curve in its plane, everything else evenly; straight without them.
@@ -99,10 +126,17 @@ impl Interpreter {
         };
         // The feed is the tip's; of the rotary axes where the tip stands.
         let (tip_mm, turned_deg) = (length(0..3), length(3..6));
+        // By inverse time what moves has the move's time: the extruder alone, too.
+        let moved = match (tip_mm > STANDS_MM, turned_deg > STANDS_DEG) {
+            (true, _) => tip_mm,
+            (_, true) => turned_deg,
+            _ => extruded.abs(),
+        };
         let speed = match self.inverse_time && !rapid {
-            true => (if tip_mm > 0.0 { tip_mm } else { turned_deg }) * self.feed_mm_min / 60.0,
+            true => moved * self.feed_mm_min / 60.0,
             false => self.feed_mm_min / 60.0,
         };
+        let rapid = rapid || !self.may_cut();
         let speed_mm_s = (speed * self.speed_factor).max(1e-6);
         for pair in way.windows(2) {
             let leg: f64 = (0..3)
@@ -130,6 +164,7 @@ impl Interpreter {
         line: &Line,
         to: [f64; 6],
         clockwise: bool,
+        prints: bool,
         number: usize,
     ) -> Result<Vec<[f64; 2]>, GcodeError> {
         let [u, v, _] = self.plane;
@@ -151,9 +186,10 @@ impl Interpreter {
             clockwise,
             centre_mm: is_given.then_some(centre),
             radius_mm: self.length(line, b'R', number)?,
-            turns: value(line, b'P', number)?,
+            turns: self.turns(line, prints, number)?,
         };
-        arc_chords([self.at[u], self.at[v]], [to[u], to[v]], &words, number)
+        let (from, to) = ([self.at[u], self.at[v]], [to[u], to[v]]);
+        arc_chords(from, to, &words, self.curve_moves_left, number)
     }
 
     pub(super) fn bezier(
