@@ -8,7 +8,7 @@
 //! finished segments grow. Machines whose joints wind up are planned in one piece. Leaves out what is
 //! the slicer's: which ground is printed, in which order, how densely.
 
-use crate::gcode::GcodeProgram;
+use crate::gcode::{GcodeProgram, check_days};
 use crate::gcode_heat::{LaidPasses, events_behind, events_of};
 use crate::geometry::Point2;
 use crate::geometry::polygon::Box2;
@@ -56,6 +56,7 @@ pub fn plan_gcode(
 ) -> Result<GcodePlan, PlanError> {
     let settings = with_speeds(program, speed_max_mm_s, settings);
     settings.check()?;
+    check_time(program, &settings)?;
     let transform = place(program, &settings)?;
     let way = GcodeWay {
         slicer: program.slicer,
@@ -110,6 +111,31 @@ pub fn plan_gcode(
     let behind = events_behind(&program.heat, passes.len(), planned.end_tick());
     planned.heat.extend(behind);
     Ok(planned)
+}
+
+/// Fails with the line where the job would take months, by its speeds and by what the extruder can lay: the
+/// stream grows with its time.
+fn check_time(program: &GcodeProgram, settings: &Settings) -> Result<(), PlanError> {
+    let flow_mm3_s = settings.flow_max_mm3_s * settings.plan_share;
+    let push_mm3_s = settings.machine.extruder.speed_max_mm3_s * settings.plan_share;
+    let fastest_mm_s = settings.speed_mm_s * settings.plan_share;
+    let mut seconds = 0.0;
+    for pass in &program.passes {
+        let mut line = 0;
+        for (pair, leg) in pass.points.windows(2).zip(&pass.legs) {
+            let way_s = pair[1].distance_mm(&pair[0]) / leg.speed_mm_s.min(fastest_mm_s);
+            let lays_s = leg.volume_mm3.unwrap_or(0.0) / flow_mm3_s;
+            seconds += way_s.max(lays_s);
+            line = leg.line;
+            check_days(seconds, line)?;
+        }
+        for push in [pass.prime, pass.retract].into_iter().flatten() {
+            let rate_mm3_s = push.rate_mm3_s.unwrap_or(push_mm3_s).min(push_mm3_s);
+            seconds += push.mm3.unwrap_or(0.0) / rate_mm3_s;
+        }
+        check_days(seconds, line)?;
+    }
+    Ok(())
 }
 
 impl GcodePlan {

@@ -192,6 +192,9 @@ pub enum PlanError {
     /// The medial axis.
     #[error(transparent)]
     MedialAxis(#[from] MedialAxisError),
+    /// A line of G-code that no machine could run in its lifetime.
+    #[error(transparent)]
+    Gcode(#[from] gcode::GcodeError),
     /// The part does not fit on the machine.
     #[error(transparent)]
     Place(#[from] PlaceError),

@@ -16,6 +16,8 @@ use std::collections::BTreeMap;
 const AT_LIMIT: f64 = 0.9;
 /// Way of a place, mm: about the width of the widest bead.
 const PLACE_MM: f64 = 1.0;
+/// Most places of a span that are looked at: every tick of all that do not crawl.
+const LOOKS_A_SPAN: u16 = 512;
 /// How many places are told.
 const PLACES: usize = 5;
 
@@ -71,11 +73,15 @@ impl TimeTally {
             if mark.is_none_or(|mark| mark.state != MotionState::Print) {
                 continue;
             }
-            for tick in 0..span.duration_ticks {
-                let moment = Moment::of(&span, f64::from(tick) + 0.5, servo_hz);
+            // Each place that is looked at stands for the ticks up to the next one.
+            let stride = span.duration_ticks.div_ceil(LOOKS_A_SPAN).max(1);
+            for tick in (0..span.duration_ticks).step_by(usize::from(stride)) {
+                let ticks = stride.min(span.duration_ticks - tick);
+                let middle = f64::from(tick) + 0.5 * f64::from(ticks);
+                let moment = Moment::of(&span, middle, servo_hz);
                 let key = binding(&moment, settings);
-                *self.ticks.entry(key).or_default() += 1;
-                self.places.add(&span, &moment, key, servo_hz);
+                *self.ticks.entry(key).or_default() += u64::from(ticks);
+                self.places.add(&span, &moment, key, [f64::from(ticks), servo_hz]);
             }
         }
         self.places.close();
@@ -174,14 +180,15 @@ struct Places {
 }
 
 impl Places {
-    fn add(&mut self, span: &Span, moment: &Moment, key: Key, servo_hz: f64) {
+    /// A moment that stands for so many ticks of so many a second.
+    fn add(&mut self, span: &Span, moment: &Moment, key: Key, [ticks, servo_hz]: [f64; 2]) {
         if self.ticks.is_empty() {
             let at = span.position(0.0);
             self.at_mm = [at[0], at[1], at[2]];
         }
-        *self.ticks.entry(key).or_default() += 1;
+        *self.ticks.entry(key).or_default() += ticks as u64;
         let v = &moment.velocity;
-        self.way_mm += v[0].hypot(v[1]).hypot(v[2]) / servo_hz;
+        self.way_mm += ticks * v[0].hypot(v[1]).hypot(v[2]) / servo_hz;
         if self.way_mm >= PLACE_MM {
             self.close();
         }

@@ -145,6 +145,8 @@ pub struct GcodeProgram {
     pub heat: Vec<PlacedOrder>,
     /// The slicer's estimate of the printing time.
     pub estimate_s: Option<f64>,
+    /// Layers that begin within passes, as those of a vase do.
+    pub layers_within: u32,
     /// C is given: headings are told.
     pub has_headings: bool,
     /// A or B is given: the tool tilts.
@@ -201,7 +203,7 @@ impl GcodePass {
 impl GcodeProgram {
     /// Layers of the passes.
     pub fn layers(&self) -> u32 {
-        self.passes.last().map_or(1, |pass| pass.layer + 1)
+        self.passes.last().map_or(1, |pass| pass.layer + 1) + self.layers_within
     }
 
     /// Length of all passes, mm.
@@ -248,6 +250,7 @@ pub fn read(bytes: &[u8], name: &str, options: &GcodeOptions) -> Result<GcodePro
         name: name.to_string(),
         slicer: steps.comments.slicer,
         estimate_s: steps.comments.estimate_s.filter(|s| *s > 0.0),
+        layers_within: left_out.layers,
         has_tilts: steps.turns[0],
         has_headings: steps.turns[1] || steps.turns[0],
         passes,

@@ -47,7 +47,7 @@ fn modes_and_units() {
         [[10.0, 0.0, 0.2], [20.0, 0.0, 0.2], [10.0, 0.0, 0.2]]
     );
     assert_eq!(relative.passes[0].legs[1].speed_mm_s, 20.0);
-    // Marlin's G90 is also that of E, Klipper's is not.
+    // Marlin's G90 is also that of E, Klipper's and Prusa's is not.
     let marlin = program(";FLAVOR:Marlin\nM83\nG1 X1 E5\nG90\nG1 X2 E6\n");
     assert!((marlin.volume_mm3().expect("told") / FILAMENT_MM2 - 6.0).abs() < 1e-12);
     let inches = program("G20\nG1 X1 Z.01 F60\nG1 X2 E.1\n");
@@ -79,7 +79,7 @@ fn curves_go_through_planes_modes_and_turns() {
             length(text)
         );
     }
-    let helix = program("G0 X10 Z1\nG3 X10 Y0 Z2 I-10 P2 E4\n");
+    let helix = program("G91.1\nG0 X10 Z1\nG3 X10 Y0 Z2 I-10 P2 E4\n");
     let pass = &helix.passes[0];
     assert_eq!(
         pass.points.last().map(|place| place.tip_mm),
@@ -418,7 +418,7 @@ const BROKEN: [(&str, &str); 37] = [
         "G3 X10 Y0 I2 J0 E1",
         "line 1: the arc has radius 2.0000 mm at its start and 8.0000",
     ),
-    ("G2 X10 Y0 I5 P900 E1", "line 1: the arc has P900"),
+    ("G91.1\nG2 X10 Y0 I5 P900 E1", "line 2: the arc has P900"),
     ("G5 X10 Y0 I1 J1 E1", "line 1: the arc (G5) needs P and Q"),
     (
         "G18\nG5 X10 I1 J1 P1 Q1 E1",
@@ -463,7 +463,7 @@ fn broken_files_are_refused() {
     };
     assert!(error(long.as_bytes()).contains("line 1 is longer"));
     assert!(error(b"GCDE\x01\x00").contains("binary G-code"));
-    assert!(error(b"G1 X1 \xff\xfe E1").contains("byte 6 is not UTF-8"));
+    assert!(error(b"G1 X1 \xff\xfe E1").contains("line 1: a word has bytes that are no text"));
     let tilted = "G1 X1 A0 E1\nG1 X2 A170 E2";
     assert!(error(tilted.as_bytes()).contains("line 2: the tool axis is tilted by 170"));
 }

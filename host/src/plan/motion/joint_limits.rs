@@ -292,6 +292,18 @@ impl MotionLimits {
         }
     }
 
+    /// The same on a clock of which one tick has so many servo ticks. The pressure advance is then averaged
+    /// over a tick of it at least.
+    pub fn on_coarse_ticks(&self, coarse: u16) -> MotionLimits {
+        let servo_hz = self.servo_hz / f64::from(coarse);
+        MotionLimits {
+            servo_hz,
+            pressure_advance_window_s: self.pressure_advance_window_s.max(1.0 / servo_hz),
+            advance_delay_ticks: self.advance_delay_ticks / u32::from(coarse),
+            ..self.clone()
+        }
+    }
+
     /// Tip speed at a place of the path, mm/s.
     pub fn tip_speed_at_mm_s(&self, u: f64) -> f64 {
         let after = self.asked_mm_s.partition_point(|[at, _]| *at <= u);

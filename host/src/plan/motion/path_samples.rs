@@ -67,6 +67,8 @@ const SAMPLE_STEP_RAD: f64 = 0.03;
 /// Longest time between samples at the limit of the tip's speed: where it alone binds, the rate
 /// follows the shape of the path, and between coarser samples of a slow path it runs beyond.
 const SAMPLE_STEP_S: f64 = 0.1;
+/// As close as that brings samples, mm: slower paths have no more of them.
+const SAMPLE_STEP_MIN_MM: f64 = 0.003;
 /// Least samples a span and a move: second derivatives are linear in a span.
 const SAMPLES_PER_SPAN_MIN: usize = 2;
 const SAMPLES_PER_STRETCH_MIN: usize = 200;
@@ -123,6 +125,12 @@ impl PathSample {
         scale / inverse.max(1e-9)
     }
 
+    /// Fastest that the tip or a joint may go here, mm/s or rad/s.
+    pub fn fastest(&self, limits: &MotionLimits) -> f64 {
+        let joints = self.joint_first.iter().map(|first| first.abs());
+        self.rate_max(limits, 1.0) * joints.fold(self.tip_speed_mm, f64::max)
+    }
+
     /// Fills the acceleration constraints, bounds times `scale`; returns how many.
     pub fn rows(&self, limits: &MotionLimits, scale: f64, rows: &mut [Row; ROWS_MAX]) -> usize {
         let mut count = 0;
@@ -171,7 +179,7 @@ fn cells_of_span(curve: &PathCurve, span: usize, limits: &MotionLimits) -> usize
     let longest_mm = legs.map(|leg| leg_mm(&leg[0], &leg[1])).fold(0.0, f64::max);
     let cells = (leg_mm(a, b) / SAMPLE_STEP_MM)
         .max(turn_rad / SAMPLE_STEP_RAD)
-        .max(longest_mm / (limits.slowest_tip_mm_s() * SAMPLE_STEP_S));
+        .max(longest_mm / (limits.slowest_tip_mm_s() * SAMPLE_STEP_S).max(SAMPLE_STEP_MIN_MM));
     let least = SAMPLES_PER_SPAN_MIN.max(SAMPLES_PER_STRETCH_MIN.div_ceil(curve.span_count()));
     (cells.ceil() as usize).clamp(least, SAMPLES_PER_SPAN_MAX)
 }

@@ -214,13 +214,13 @@ impl Head<'_> {
                 duration_s,
             });
         }
-        let first = curve.moves.first().and_then(|(control, _)| control.first());
+        let first = curve.moves.first().and_then(|of_move| of_move.control.first());
         let turn_rad = first.map_or(0.0, |first| {
             self.at[CHANNEL_HEADING] - first[CHANNEL_HEADING]
         });
         let start = self.at;
-        for (k, (control, speed_mm_s)) in curve.moves.iter().enumerate() {
-            let control = control.iter().map(|of_file| {
+        for (k, of_move) in curve.moves.iter().enumerate() {
+            let control = of_move.control.iter().map(|of_file| {
                 let mut point = start;
                 for (i, channel) in (CHANNEL_X..=CHANNEL_Z).enumerate() {
                     point[channel] = of_file[channel] + self.way.offset_mm[i];
@@ -232,7 +232,8 @@ impl Head<'_> {
             let control = control.collect();
             let route_move = self.route_move(MotionState::Print, pass.layer, control);
             route_move.pass = Some(number);
-            route_move.speed_mm_s = Some(*speed_mm_s);
+            route_move.speed_mm_s = Some(of_move.speed_mm_s);
+            route_move.speeds_mm_s.clone_from(&of_move.speeds_mm_s);
             if let Some((volume_mm3, duration_s)) = retract
                 && k + 1 == curve.moves.len()
             {

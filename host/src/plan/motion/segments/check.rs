@@ -18,8 +18,9 @@ use headway_protocol::units::{CHANNEL_VOLUME, CHANNELS, to_units};
 use rayon::prelude::*;
 use serde::{Deserialize, Serialize};
 
-/// Longest piece between two samples.
+/// Longest piece between two samples, and most pieces of a span, which is one cubic: longer spans crawl.
 const PIECE_TICKS: f64 = 8.0;
+const PIECES_MAX: f64 = 64.0;
 
 /// Ratios of a piece of the motion against the planned share of the limits.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
@@ -260,7 +261,7 @@ pub fn motion_pieces(spline: &RestSpline, ratios: &[Vec<Ratios>]) -> Vec<Piece> 
 /// Number and length of a span's pieces, ticks.
 fn piece_lengths(ticks: u16) -> (usize, f64) {
     let duration = f64::from(ticks);
-    let count = (duration / PIECE_TICKS).ceil().max(2.0);
+    let count = (duration / PIECE_TICKS).ceil().clamp(2.0, PIECES_MAX);
     (count as usize, duration / count)
 }
 

@@ -36,9 +36,11 @@ const ERROR_KEPT: f64 = 1.75;
 /// tolerance with room for what lies between ticks.
 pub const ERROR_MAX: f64 = 1.8;
 
-/// Longest span, ticks, of a move with this limit of the tip's speed.
-pub fn span_ticks_long(tip_speed_mm_s: f64, servo_hz: f64) -> f64 {
-    (SPAN_WAY_MM / tip_speed_mm_s * servo_hz).clamp(SPAN_TICKS_LONG, SPAN_TICKS_LONGEST)
+/// Longest span, ticks of which each has `coarse` servo ticks, of a move with this limit of the tip's speed.
+pub fn span_ticks_long(tip_speed_mm_s: f64, servo_hz: f64, coarse: u16) -> f64 {
+    let coarse = f64::from(coarse);
+    let way_ticks = SPAN_WAY_MM / tip_speed_mm_s * servo_hz * coarse;
+    way_ticks.clamp(SPAN_TICKS_LONG, SPAN_TICKS_LONGEST) / coarse
 }
 
 /// Knots a tick, constant over each span of the last layout.
@@ -304,7 +306,7 @@ pub fn lay_out_again(
         };
         // Slowed manifold, a span may outgrow the longest that the wire has: it becomes several.
         let parts = (place - last_knot)
-            .div_ceil(usize::from(SPAN_TICKS_MAX))
+            .div_ceil(path.span_ticks_max())
             .max(1);
         for part in 0..parts {
             let duration = (place - last_knot) / (parts - part);

@@ -132,6 +132,8 @@ pub fn lay_segments_with_progress(
     Ok((stream, report))
 }
 
+/// Longest move that is taken over from an earlier layer, servo ticks.
+const TAKEN_TICKS_MAX: u64 = 1 << 20;
 /// Largest step between moves that rounding explains, mm, rad or mm³.
 const GAP_MAX: f64 = 1e-7;
 
@@ -207,8 +209,11 @@ fn finish_move(
         before,
         limits: &limits,
         tolerances: &tolerances,
+        coarse: 1,
     };
-    if let Some((first, known)) = known {
+    // What crawls is timed on a coarse clock, which is less work than to look at every tick again.
+    let is_short = |known: &FinishedMove| known.spline.ticks() <= TAKEN_TICKS_MAX;
+    if let Some((first, known)) = known.filter(|(_, known)| is_short(known)) {
         let spline = repeats::moved(&known.spline, &route.moves[first], route_move);
         if let Some(finished) = shaping.taken_over(spline, known)? {
             return Ok(finished);

@@ -14,8 +14,10 @@ use super::spline::RestSpline;
 use super::tick_path::TickPath;
 use super::{FinishedMove, dwell_ticks, warp};
 use crate::plan::motion::joint_limits::{MotionError, MotionLimits, tip_mm};
-use crate::plan::motion::path_samples::{sample_path, tip_way_mm};
-use crate::plan::motion::time_law::{Shares, TimeLaw, check_duration, time_law, without_jerk_s};
+use crate::plan::motion::path_samples::{PathSample, sample_path, tip_way_mm};
+use crate::plan::motion::time_law::{
+    Shares, TimeLaw, check_duration, coarseness, time_law, without_jerk_s,
+};
 use crate::plan::route::moves::{MoveEvent, RouteMove};
 use headway_protocol::segment::SPAN_TICKS_MAX;
 use headway_protocol::units::CHANNELS;
@@ -43,6 +45,8 @@ pub struct Shaping<'a> {
     pub limits: &'a MotionLimits,
     /// Error of each channel that the fit may use.
     pub tolerances: &'a [f64; CHANNELS],
+    /// Servo ticks of one tick of the limits' clock.
+    pub coarse: u16,
 }
 
 /// What is known of a move's time from samples of its path, which a long one has no room to keep.
@@ -89,9 +93,25 @@ fn better(motion: FinishedMove, other: FinishedMove) -> FinishedMove {
 }
 
 impl Shaping<'_> {
-    /// Times, fits and checks until nothing exceeds its limit.
+    /// Times, fits and checks until nothing exceeds its limit; what crawls on a coarse clock.
     pub fn finish(&self) -> Result<FinishedMove, MotionError> {
-        let first = self.first_timing()?;
+        let samples = sample_path(&self.route_move.curve, self.limits)?;
+        let coarse = coarseness(&samples, self.limits);
+        if coarse == 1 {
+            return self.timed(samples);
+        }
+        let on_coarse_ticks = Shaping {
+            limits: &self.limits.on_coarse_ticks(coarse),
+            coarse,
+            ..*self
+        };
+        let mut finished = on_coarse_ticks.timed(samples)?;
+        finished.spline = finished.spline.slower(coarse);
+        Ok(finished)
+    }
+
+    fn timed(&self, samples: Vec<PathSample>) -> Result<FinishedMove, MotionError> {
+        let first = self.first_timing(samples)?;
         Ok(FinishedMove {
             time_bound_s: first.least_s,
             ..self.shortest(first)?
@@ -126,7 +146,12 @@ impl Shaping<'_> {
         way_mm: f64,
         retiming_rounds: usize,
     ) -> Result<FinishedMove, MotionError> {
-        let long_ticks = layout::span_ticks_long(self.limits.tip_speed_mm_s, self.limits.servo_hz);
+        let MotionLimits {
+            tip_speed_mm_s,
+            servo_hz,
+            ..
+        } = *self.limits;
+        let long_ticks = layout::span_ticks_long(tip_speed_mm_s, servo_hz, self.coarse);
         let mut layout = layout::lay_out(&self.path(&law), self.tolerances, long_ticks);
         let mut before: Option<Checked> = None;
         for round in 0..=retiming_rounds + WARP_ROUNDS {
@@ -139,7 +164,7 @@ impl Shaping<'_> {
                 let ratios = self.motion_ratios(&layout, &law, before.as_ref())?;
                 let mut pieces = self.pieces(&layout, &ratios);
                 if pieces.iter().all(|piece| piece.is_kept(with_jerk)) {
-                    let refused = check::refused_spans(&layout.spline, self.limits)?;
+                    let refused = self.refused_spans(&layout.spline)?;
                     if refused.is_empty() {
                         return Ok(finished(layout, &pieces));
                     }
@@ -223,8 +248,22 @@ impl Shaping<'_> {
         pieces
     }
 
-    fn first_timing(&self) -> Result<FirstTiming, MotionError> {
-        let samples = sample_path(&self.route_move.curve, self.limits)?;
+    /// What the controller would refuse, on its own clock.
+    fn refused_spans(&self, spline: &RestSpline) -> Result<Vec<Piece>, MotionError> {
+        if self.coarse == 1 {
+            return check::refused_spans(spline, self.limits);
+        }
+        let refused = check::refused_spans(&spline.clone().slower(self.coarse), self.limits)?;
+        let coarse = f64::from(self.coarse);
+        let on_own_clock = refused.into_iter().map(|piece| Piece {
+            start_tick: piece.start_tick / coarse,
+            end_tick: piece.end_tick / coarse,
+            ..piece
+        });
+        Ok(on_own_clock.collect())
+    }
+
+    fn first_timing(&self, samples: Vec<PathSample>) -> Result<FirstTiming, MotionError> {
         let aims = Shares {
             speed: SPEED_AIM,
             acceleration: ACCELERATION_AIM,
@@ -252,7 +291,7 @@ impl Shaping<'_> {
     }
 
     fn path<'a>(&'a self, law: &'a TimeLaw) -> TickPath<'a> {
-        TickPath::new(&self.route_move.curve, &law.u_at_tick)
+        TickPath::new(&self.route_move.curve, &law.u_at_tick).on_coarse_ticks(self.coarse)
     }
 
     /// Ratios of the motion, and of the fit where even the cut spans miss their tolerance: slower
@@ -322,11 +361,11 @@ impl Shaping<'_> {
         let mut pieces = Vec::new();
         for _ in 0..DOUBLING_ROUNDS {
             for ticks in &mut layout.spline.durations_ticks {
-                *ticks = ticks.saturating_mul(2).min(SPAN_TICKS_MAX);
+                *ticks = ticks.saturating_mul(2).min(SPAN_TICKS_MAX / self.coarse);
             }
             let ratios = self.motion_ratios(&layout, law, None)?;
             pieces = self.pieces(&layout, &ratios);
-            let refused = check::refused_spans(&layout.spline, self.limits)?;
+            let refused = self.refused_spans(&layout.spline)?;
             if pieces.iter().all(|piece| piece.is_kept(false)) && refused.is_empty() {
                 break;
             }

@@ -8,6 +8,7 @@
 //! seconds at a tick. Leaves out: the wire's integers ([`quantised`] rounds to them).
 
 use crate::plan::route::path_curve::CurvePoint;
+use headway_protocol::segment::SPAN_TICKS_MAX;
 use headway_protocol::units::{CHANNELS, UNITS_PER_NATURAL};
 
 /// A spline from rest to rest.
@@ -70,6 +71,14 @@ impl RestSpline {
     /// Duration in servo ticks.
     pub fn ticks(&self) -> u64 {
         self.durations_ticks.iter().map(|&h| u64::from(h)).sum()
+    }
+
+    /// The same path in so many times the time.
+    pub fn slower(mut self, factor: u16) -> RestSpline {
+        for ticks in &mut self.durations_ticks {
+            *ticks = ticks.saturating_mul(factor).min(SPAN_TICKS_MAX);
+        }
+        self
     }
 
     /// One span as cubics in ticks from its start.

@@ -6,6 +6,7 @@
 //! moves meet there, and what is quantised on either side has to be the same.
 
 use crate::plan::route::moves::PathCurve;
+use headway_protocol::segment::SPAN_TICKS_MAX;
 use headway_protocol::units::CHANNELS;
 use std::ops::RangeInclusive;
 
@@ -16,12 +17,30 @@ const END_SPANS: f64 = 1e-9;
 pub struct TickPath<'a> {
     curve: &'a PathCurve,
     u_at_tick: &'a [f64],
+    span_ticks_max: u16,
 }
 
 impl<'a> TickPath<'a> {
     /// The curve at the given path parameters, at least one.
     pub fn new(curve: &'a PathCurve, u_at_tick: &'a [f64]) -> Self {
-        Self { curve, u_at_tick }
+        Self {
+            curve,
+            u_at_tick,
+            span_ticks_max: SPAN_TICKS_MAX,
+        }
+    }
+
+    /// The same, each tick so many servo ticks long.
+    pub fn on_coarse_ticks(self, coarse: u16) -> Self {
+        Self {
+            span_ticks_max: (SPAN_TICKS_MAX / coarse).max(1),
+            ..self
+        }
+    }
+
+    /// Longest span of the wire, ticks.
+    pub fn span_ticks_max(&self) -> usize {
+        usize::from(self.span_ticks_max)
     }
 
     /// Duration in ticks.

@@ -60,6 +60,37 @@ pub fn smoothing_ticks(samples: &[PathSample], limits: &MotionLimits) -> usize {
     2 * (seconds * limits.servo_hz / 2.0).ceil() as usize
 }
 
+/// Way that nothing exceeds in a tick, mm or rad: what ticks are made coarser up to. It is a tick at 1 mm/s, a
+/// few wire units.
+const WAY_OF_TICK: f64 = 0.0005;
+/// Most servo ticks of a coarse one: a longest span has 32 of them.
+const COARSE_MAX: u16 = 128;
+/// Coarse ticks that a move keeps at least, so that short ones stay as they are.
+const COARSE_TICKS_MIN: f64 = 2048.0;
+
+/// How many servo ticks one step of a move's time law may have, a power of two: a move that crawls takes no
+/// more work than one of 1 mm/s, however long it lasts. 1 for all moves that are faster anywhere.
+pub fn coarseness(samples: &[PathSample], limits: &MotionLimits) -> u16 {
+    let most = WAY_OF_TICK * limits.servo_hz;
+    let (mut fastest, mut seconds) = (1e-9f64, 0.0);
+    for (sample, next) in samples.iter().zip(samples.iter().skip(1)) {
+        fastest = fastest.max(sample.fastest(limits));
+        if 2.0 * fastest > most {
+            return 1;
+        }
+        seconds += (next.u - sample.u) / sample.rate_max(limits, 1.0);
+    }
+    let ticks = seconds * limits.servo_hz;
+    let mut coarse = 1;
+    while coarse < COARSE_MAX
+        && 2.0 * f64::from(coarse) * fastest <= most
+        && ticks >= 2.0 * f64::from(coarse) * COARSE_TICKS_MIN
+    {
+        coarse *= 2;
+    }
+    coarse
+}
+
 /// Longest move: beyond it a limit is next to zero somewhere, and the ticks would fill memory.
 const STRETCH_MAX_S: f64 = 6.0 * 3600.0;
 /// A move that takes longer than this may take so many times what it would at the tip's speed:
