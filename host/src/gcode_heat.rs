@@ -60,7 +60,10 @@ pub(crate) fn events_of(orders: &[PlacedOrder], laid: &LaidPasses, before: u64) 
     for placed in &orders[from..to] {
         let pass = pass_of(placed) - laid.first;
         let number = laid.numbers.get(pass).copied().flatten();
-        let tick = match (number.and_then(|number| marks.ticks_of(number)), placed.place) {
+        let tick = match (
+            number.and_then(|number| marks.ticks_of(number)),
+            placed.place,
+        ) {
             (Some(ticks), HeatPlace::Point(_, point)) => {
                 if known.as_ref().is_none_or(|(of, _)| *of != pass) {
                     known = Some((pass, PassPath::of(&laid.passes[pass], ticks, &mut spans)));
@@ -204,8 +207,12 @@ impl PassPath {
         let wanted_mm: [f64; 3] = std::array::from_fn(|i| place.tip_mm[i] + laid.offset_mm[i]);
         let there_mm = share * self.along_mm.last().copied().unwrap_or(0.0);
         let around_mm = AROUND_MM + (AROUND_SHARE * there_mm).min(AROUND_MAX_MM);
-        let from = self.along_mm.partition_point(|mm| *mm < there_mm - around_mm);
-        let to = self.along_mm.partition_point(|mm| *mm <= there_mm + around_mm);
+        let from = self
+            .along_mm
+            .partition_point(|mm| *mm < there_mm - around_mm);
+        let to = self
+            .along_mm
+            .partition_point(|mm| *mm <= there_mm + around_mm);
         let nearest = (from..to).min_by(|&a, &b| {
             let of = |k: usize| distance_mm(self.tips_mm[k], wanted_mm);
             of(a).total_cmp(&of(b))

@@ -275,7 +275,9 @@ impl<'a> Sampler<'a> {
         let mut running = self.events.iter().take_while(|(start, _)| *start <= end);
         let is_slow = running.all(|(_, event)| event.duration_ticks.0 > CRAWL_EVENT_TICKS);
         let coefficients = span.polynomial.coefficients;
-        let stands = coefficients.iter().all(|c| c[1..].iter().all(|c| *c == 0.0));
+        let stands = coefficients
+            .iter()
+            .all(|c| c[1..].iter().all(|c| *c == 0.0));
         is_slow && (stands || u32::from(span.duration_ticks) > CRAWL_TICKS)
     }
 

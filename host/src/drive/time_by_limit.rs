@@ -81,7 +81,8 @@ impl TimeTally {
                 let moment = Moment::of(&span, middle, servo_hz);
                 let key = binding(&moment, settings);
                 *self.ticks.entry(key).or_default() += u64::from(ticks);
-                self.places.add(&span, &moment, key, [f64::from(ticks), servo_hz]);
+                self.places
+                    .add(&span, &moment, key, [f64::from(ticks), servo_hz]);
             }
         }
         self.places.close();

@@ -173,11 +173,11 @@ mod tests {
             steps.sum()
         };
         let from = [10.0, 0.0];
-        let quarter =
-            arc_chords(from, [0.0, 10.0], &centred(false, [-10.0, 0.0]), 10_000, 1).expect("quarter");
+        let quarter = arc_chords(from, [0.0, 10.0], &centred(false, [-10.0, 0.0]), 10_000, 1)
+            .expect("quarter");
         assert!((length(from, &quarter) - 5.0 * PI).abs() < 2e-3);
-        let other =
-            arc_chords(from, [0.0, 10.0], &centred(true, [-10.0, 0.0]), 10_000, 1).expect("the other way");
+        let other = arc_chords(from, [0.0, 10.0], &centred(true, [-10.0, 0.0]), 10_000, 1)
+            .expect("the other way");
         assert!((length(from, &other) - 15.0 * PI).abs() < 6e-3);
         let whole = arc_chords(from, from, &centred(false, [-10.0, 0.0]), 10_000, 1).expect("full");
         assert!((length(from, &whole) - 20.0 * PI).abs() < 8e-3);

@@ -186,6 +186,9 @@ mod tests {
         let volumetric = taken(&beads, &used(Used::Length(1.66)), 1.75);
         assert!(volumetric.volumetric && !volumetric.relative);
         // A figure that nothing agrees with decides nothing.
-        assert_eq!(taken(&beads, &used(Used::Length(99.0)), 1.75), Taken::default());
+        assert_eq!(
+            taken(&beads, &used(Used::Length(99.0)), 1.75),
+            Taken::default()
+        );
     }
 }

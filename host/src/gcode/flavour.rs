@@ -226,7 +226,10 @@ mod tests {
                 "; filament used [cm3] = 1.30,0.20",
                 Some(Used::Volume(1500.0)),
             ),
-            ("; filament used = 12.5mm (0.03cm3)", Some(Used::Length(12.5))),
+            (
+                "; filament used = 12.5mm (0.03cm3)",
+                Some(Used::Length(12.5)),
+            ),
             (";Filament used: 1.5m", Some(Used::Length(1500.0))),
             (";Filament used: 800mm3", Some(Used::Volume(800.0))),
             (

@@ -302,7 +302,9 @@ impl Builder {
             });
             self.gap = Gap::default();
         }
-        self.told_layers = self.told_layers.max(told_layer.map_or(0, |layer| layer + 1));
+        self.told_layers = self
+            .told_layers
+            .max(told_layer.map_or(0, |layer| layer + 1));
         self.top_mm = self.top_mm.max(to.tip_mm[2]);
         if let Some(pass) = &mut self.open {
             pass.points.push(to);

@@ -103,7 +103,12 @@ pub fn read_line(text: &str, line: usize) -> Result<Line<'_>, GcodeError> {
     let body = body(code);
     // A text may have any character, and objects have outlines of any length.
     if is_text(body) {
-        let code = if is_numbered { checked(code, line)? } else { code };
+        let code = if is_numbered {
+            checked(code, line)?
+        } else {
+            code
+        };
+        found.words.extend(m_word(body));
         found.command = Some(self::body(code));
         return Ok(found);
     }
@@ -163,19 +168,20 @@ fn body(code: &str) -> &str {
 
 /// A command whose parameters are any text.
 fn is_text(body: &str) -> bool {
-    if is_macro(body) {
-        return true;
-    }
-    let Some(number) = body.strip_prefix(['M', 'm']) else {
-        return false;
-    };
-    let number = number.trim_start();
+    is_macro(body) || m_word(body).is_some_and(takes_text)
+}
+
+/// The M with which a line begins.
+fn m_word(body: &str) -> Option<Word> {
+    let number = body.strip_prefix(['M', 'm'])?.trim_start();
     let end = number
         .find(|c: char| !c.is_ascii_digit())
         .unwrap_or(number.len());
-    let value = number[..end].parse::<u32>().ok().map(f64::from);
-    let letter = b'M';
-    value.is_some() && takes_text(Word { letter, value })
+    let value = number[..end].parse::<u32>().ok().map(f64::from)?;
+    Some(Word {
+        letter: b'M',
+        value: Some(value),
+    })
 }
 
 /// What follows the number of a program (`O1000`) that stands alone in its line.

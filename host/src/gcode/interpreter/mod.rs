@@ -143,7 +143,12 @@ struct Interpreter {
 ///
 /// # Errors
 /// [`GcodeError`], the first.
-pub fn steps(text: &str, flavour: Flavour, taken: &Taken, is_said: bool) -> Result<Steps, GcodeError> {
+pub fn steps(
+    text: &str,
+    flavour: Flavour,
+    taken: &Taken,
+    is_said: bool,
+) -> Result<Steps, GcodeError> {
     let mut interpreter = Interpreter {
         flavour,
         e_relative: taken.relative,

@@ -44,7 +44,7 @@ pub fn add_heights(passes: &mut [GcodePass]) -> u32 {
                 continue;
             }
             let lower = levels_um.range(..um(*top_mm - LAYER_MM)).next_back();
-            let lower_mm = lower.map_or(0.0, |um| *um as f64 * 1e-3);
+            let lower_mm = lower.map_or(0.0, |um| *um as f64 / 1e3);
             let height_mm = believed(top_mm - lower_mm);
             for leg in &mut pass.legs {
                 leg.height_mm = leg.height_mm.or(height_mm);
@@ -58,7 +58,7 @@ pub fn add_heights(passes: &mut [GcodePass]) -> u32 {
 
 fn believed(height_mm: f64) -> Option<f64> {
     let is_believed = (HEIGHTS_MM[0]..=HEIGHTS_MM[1]).contains(&height_mm);
-    is_believed.then_some((height_mm * 1e6).round() * 1e-6)
+    is_believed.then_some((height_mm * 1e6).round() / 1e6)
 }
 
 struct Climb {

@@ -390,8 +390,9 @@ impl Way {
         let mut stretches: Vec<Stretch> = Vec::new();
         for (leg, length_mm) in self.length_mm.iter().enumerate() {
             let speed_mm_s = self.speed_mm_s(leg, settings);
-            let is_alike =
-                |last: &Stretch| (last.speed_mm_s - speed_mm_s).abs() <= SPEED_SHARE * last.speed_mm_s;
+            let is_alike = |last: &Stretch| {
+                (last.speed_mm_s - speed_mm_s).abs() <= SPEED_SHARE * last.speed_mm_s
+            };
             match stretches.last_mut().filter(|last| is_alike(last)) {
                 Some(last) => {
                     last.ends[1] = leg + 1;

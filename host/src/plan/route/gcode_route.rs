@@ -214,7 +214,10 @@ impl Head<'_> {
                 duration_s,
             });
         }
-        let first = curve.moves.first().and_then(|of_move| of_move.control.first());
+        let first = curve
+            .moves
+            .first()
+            .and_then(|of_move| of_move.control.first());
         let turn_rad = first.map_or(0.0, |first| {
             self.at[CHANNEL_HEADING] - first[CHANNEL_HEADING]
         });

@@ -305,9 +305,7 @@ pub fn lay_out_again(
             wanted.clamp(least, latest)
         };
         // Slowed manifold, a span may outgrow the longest that the wire has: it becomes several.
-        let parts = (place - last_knot)
-            .div_ceil(path.span_ticks_max())
-            .max(1);
+        let parts = (place - last_knot).div_ceil(path.span_ticks_max()).max(1);
         for part in 0..parts {
             let duration = (place - last_knot) / (parts - part);
             let first = last_knot;
