@@ -4,6 +4,7 @@
 
 pub mod attack;
 pub mod board;
+pub mod budget;
 pub mod job;
 pub mod package;
 pub mod target;
