@@ -2,6 +2,8 @@
 //! line; and any file ends soon. Method: programs of a few lines, one for each thing that slicers, macros and
 //! firmwares do differently, against lengths, volumes, heights and times computed by hand.
 
+use headway::gcode::write::dialect::Dialect;
+use headway::gcode::write::{JobText, WriteOptions, write_gcode};
 use headway::gcode::{GcodeOptions, GcodePass, GcodeProgram, read};
 use headway::gcode_plan::{GcodePlan, plan_gcode};
 use headway::job_packing::JobPacking;
@@ -257,7 +259,7 @@ const REFUSED: [(&str, &str); 14] = [
     ("M83\nG1 X10 Z.2 E1000000000 F1200\n", "line 2: a bead of"),
     (
         "M83\nG1 X10 Z.2 E1 F1200\nG1 E-100000 F6000\nG1 X20 E1\n",
-        "line 3: 240528.1875 mm³ are to be pushed or pulled",
+        "mm³ are to be pushed or pulled on the spot, more than 20000",
     ),
     (
         "G91.1\nM83\nG0 X10\nG3 X10 Y0 I-10 J0 P100 E1000000000\n",
@@ -334,7 +336,7 @@ fn macros_of_the_start_have_temperatures() {
 }
 
 fn pushes(pass: &GcodePass) -> [Option<f64>; 2] {
-    let rounded = |mm3: f64| (1e6 * mm3 / FILAMENT_MM2).round() * 1e-6;
+    let rounded = |mm3: f64| (1e6 * mm3 / FILAMENT_MM2).round() / 1e6;
     [pass.prime, pass.retract].map(|push| push.and_then(|push| push.mm3).map(rounded))
 }
 
@@ -362,7 +364,7 @@ fn pairs_of_retract_and_prime_are_one() {
 
 fn heights_mm(program: &GcodeProgram) -> Vec<f64> {
     let legs = program.passes.iter().flat_map(|pass| &pass.legs);
-    legs.map(|leg| (leg.height_mm.unwrap_or(f64::NAN) * 1e6).round() * 1e-6)
+    legs.map(|leg| (leg.height_mm.unwrap_or(f64::NAN) * 1e6).round() / 1e6)
         .collect()
 }
 
@@ -421,12 +423,12 @@ fn planned(text: &str) -> (Result<GcodePlan, String>, f64) {
 }
 
 /// Goal: a speed holds for the move that asks for it. Method: a millimetre at 5 mm/s before 199 at 50, which took
-/// the slow one's along: 41.5 s; by hand 0.2 s and 4.0 s, and less than half a second of acceleration.
+/// the slow one's along: 41.5 s; by hand 0.2 s and 4.0 s, and less than 2 s for the way there and accelerations.
 #[test]
 fn a_short_slow_leg_leaves_the_next_its_speed() {
     let (plan, _) = planned("G0 X10 Z.2\nG1 X11 E.03 F300\nG1 X210 E6 F3000\n");
     let print_s = plan.expect("a plan").figures.print_s;
-    assert!((4.1..5.5).contains(&print_s), "{print_s} s");
+    assert!((4.1..6.2).contains(&print_s), "{print_s} s");
     // A short fast one between slow ones is no slower than it asks for either, and no faster.
     let (plan, _) = planned("G0 X10 Z.2\nG1 X20 E.3 F600\nG1 X21 E.33 F300\nG1 X31 E.63 F600\n");
     let print_s = plan.expect("a plan").figures.print_s;
@@ -454,20 +456,53 @@ fn five_lines_of_inverse_time_end() {
     assert!(plan.motion.duration_s < 10.0, "{}", plan.motion.duration_s);
 }
 
+/// Goal: our own exports with inverse time are read back and planned, which never ended. Method: two beads with
+/// retract and prime between them, exported for both machine tools; volume and length are the job's.
+#[test]
+fn exports_of_inverse_time_are_planned_again() {
+    let text = "M83\nG0 Z.2\nG0 X0 Y0\nG1 X8 E.3 F1800\nG1 Y6 E.2\nG1 E-.5 F1800\nG0 X20\nG1 E.5 F1800\nG1 X12 E.3\n";
+    let (plan, _) = planned(text);
+    let plan = plan.expect("a plan");
+    for dialect in [Dialect::LinuxCnc, Dialect::GrblHal] {
+        let job = JobText {
+            name: "beads",
+            machine: "planar",
+            stream: &plan.stream,
+            servo_hz: f64::from(plan.settings.machine.servo_hz),
+            heat: &[],
+        };
+        let mut exported = Vec::new();
+        write_gcode(&mut exported, &job, &WriteOptions::of_dialect(dialect)).expect("an export");
+        let exported = String::from_utf8(exported).expect("text");
+        let (again, seconds) = planned(&exported);
+        let again = again.expect("a plan");
+        println!("{}: {seconds:.2} s of processor", dialect.name());
+        // Five decimals of E a move, of some hundred.
+        assert!((again.figures.volume_mm3 / plan.figures.volume_mm3 - 1.0).abs() < 1e-3);
+        // Corners are rounded twice.
+        assert!((again.figures.print_mm / plan.figures.print_mm - 1.0).abs() < 0.01);
+        assert!(
+            again.motion.duration_s < 60.0,
+            "{}",
+            again.motion.duration_s
+        );
+    }
+}
+
 /// Goal: planning and packing take the work of the path, not of its time. Method: the same bead at 1 mm/s and at
 /// 0.1 mm/s: ten times the time, less than three times the work (the wire has a knot every 2 s at least); its
-/// volume and time are right.
+/// volume and time are right, with 2 s for the way there.
 #[test]
 fn a_crawl_takes_the_work_of_its_path() {
-    let (bead, bead_s) = planned("G0 Z.2\nG1 X40 E1.3 F60\n");
-    let (crawl, crawl_s) = planned("G0 Z.2\nG1 X40 E1.3 F6\n");
+    let (bead, bead_s) = planned("G0 Z.2\nG1 X12 E.4 F60\n");
+    let (crawl, crawl_s) = planned("G0 Z.2\nG1 X12 E.4 F6\n");
     let (bead, crawl) = (bead.expect("a plan"), crawl.expect("a plan"));
     println!("{bead_s:.3} s and {crawl_s:.3} s of processor");
     assert!(crawl_s < 3.0 * bead_s, "{bead_s} {crawl_s}");
-    for (plan, seconds) in [(&bead, 40.0), (&crawl, 400.0)] {
-        let (f, wanted_mm3) = (&plan.figures, 1.3 * FILAMENT_MM2);
+    for (plan, seconds) in [(&bead, 12.0), (&crawl, 120.0)] {
+        let (f, wanted_mm3) = (&plan.figures, 0.4 * FILAMENT_MM2);
         assert!((f.volume_mm3 / wanted_mm3 - 1.0).abs() < 1e-4, "{f:?}");
-        assert!((f.print_s / seconds - 1.0).abs() < 0.02, "{f:?}");
+        assert!((seconds..seconds + 2.0).contains(&f.print_s), "{f:?}");
         assert!(plan.motion.ratios.speed <= 1.0 && plan.motion.ratios.acceleration <= 1.0);
     }
 }

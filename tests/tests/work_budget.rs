@@ -33,7 +33,9 @@ fn plan(text: &str) -> &'static str {
         return "not planned";
     };
     let mut packing = JobPacking::new(Cursor::new(Vec::new()));
-    packing.take(&plan.stream, 0, &plan.settings).expect("packed");
+    packing
+        .take(&plan.stream, 0, &plan.settings)
+        .expect("packed");
     packing.finish(&plan.settings).expect("a job");
     "planned"
 }
@@ -68,7 +70,10 @@ fn claiming_dxf() -> String {
         for x in 0..10 {
             text += &match depth {
                 0 => format!("0\nLINE\n10\n{x}\n20\n0\n11\n{x}\n21\n5\n"),
-                _ => format!("0\nINSERT\n2\nB{}\n10\n{x}\n20\n0\n70\n30000\n71\n30000\n", depth - 1),
+                _ => format!(
+                    "0\nINSERT\n2\nB{}\n10\n{x}\n20\n0\n70\n30000\n71\n30000\n",
+                    depth - 1
+                ),
             };
         }
         text += "0\nENDBLK\n";
@@ -78,7 +83,8 @@ fn claiming_dxf() -> String {
 
 /// Groups that use the one before ten times each, ten deep.
 fn claiming_svg() -> String {
-    let mut text = r##"<svg xmlns="http://www.w3.org/2000/svg" width="9mm" height="9mm"><defs>"##.to_string();
+    let mut text =
+        r##"<svg xmlns="http://www.w3.org/2000/svg" width="9mm" height="9mm"><defs>"##.to_string();
     text += r##"<g id="g0"><rect width="1" height="1"/></g>"##;
     for depth in 1..10 {
         let used = format!(r##"<use href="#g{}"/>"##, depth - 1).repeat(10);
@@ -93,24 +99,47 @@ fn work_goes_with_bytes_and_not_with_claims() {
     let five_lines = gcode(
         ";headway extruder=U turns=ABC\nG92 U0 C0\nG93\nG1 U1 F990\nG1 X0.13 C-15 U1.0045 F2353\n",
     );
-    let arcs = format!("G91.1\nM83\nG0 X10\n{}", "G3 X10 Y0 I-10 J0 P100 E1000000000\n".repeat(50));
+    let arcs = format!(
+        "G91.1\nM83\nG0 X10\n{}",
+        "G3 X10 Y0 I-10 J0 P100 E1000000000\n".repeat(50)
+    );
     let crawl = gcode("G0 Z.2\nG1 X100 E3 F6\nG1 Y100 E6\n");
     let pull = gcode("M83\nG1 X10 Z.2 E1 F1200\nG1 E-1 F0.001\nG0 X20\nG1 E1\nG1 X30 E1\n");
     let flow = gcode("M83\nG0 Z.2\nG1 X20 E4000 F6000\nG1 X40 E4000\n");
     let far = gcode("M83\nG0 Z.2\nG1 X10 E.3 F1200\nG0 X99999\nG0 X0\nG1 X10 Y5 E.3\n");
     let waits = format!("G1 X1 Z.2 E1\n{}G1 X9 E9\n", "M106 S1\nM116\n".repeat(300));
-    let orders = format!("M83\nG0 Z.2\n{}", "G91\nG1 X.1 E.01 F1200\nM106 S9\nG90\n".repeat(300));
-    type Case = (&'static str, usize, [usize; 2], Box<dyn Fn() -> &'static str>);
-    let of_gcode = |what, text: String| -> Case {
-        (what, text.len(), PLANNED, Box::new(move || plan(&text)))
-    };
+    let orders = format!(
+        "M83\nG0 Z.2\n{}",
+        "G91\nG1 X.1 E.01 F1200\nM106 S9\nG90\n".repeat(300)
+    );
+    type Case = (
+        &'static str,
+        usize,
+        [usize; 2],
+        Box<dyn Fn() -> &'static str>,
+    );
+    let of_gcode =
+        |what, text: String| -> Case { (what, text.len(), PLANNED, Box::new(move || plan(&text))) };
     let of_drawing = |what, text: String, format: Format| -> Case {
-        (what, text.len(), READERS, Box::new(move || drawing(text.as_bytes(), format)))
+        (
+            what,
+            text.len(),
+            READERS,
+            Box::new(move || drawing(text.as_bytes(), format)),
+        )
     };
     let of_solid = |what, bytes: Vec<u8>, format: MeshFormat| -> Case {
-        (what, bytes.len(), READERS, Box::new(move || solid(&bytes, format)))
+        (
+            what,
+            bytes.len(),
+            READERS,
+            Box::new(move || solid(&bytes, format)),
+        )
     };
-    let machine = format!("[machine]\nname = \"{}\"\nservo_hz = 1e99\n", "a".repeat(500));
+    let machine = format!(
+        "[machine]\nname = \"{}\"\nservo_hz = 1e99\n",
+        "a".repeat(500)
+    );
     let job: Vec<u8> = (0..200u8).map(|byte| byte | 0x80).collect();
     let cases: Vec<Case> = vec![
         of_gcode("five lines of inverse time", five_lines),
@@ -122,14 +151,24 @@ fn work_goes_with_bytes_and_not_with_claims() {
         of_gcode("waits for what nothing heats", waits),
         of_gcode("an order at each point", orders),
         of_solid("claimed triangles", claiming_stl(), MeshFormat::Stl),
-        of_solid("claimed corners", b"v 0 0 0\nf 1 2 4000000000\n".to_vec(), MeshFormat::Obj),
+        of_solid(
+            "claimed corners",
+            b"v 0 0 0\nf 1 2 4000000000\n".to_vec(),
+            MeshFormat::Obj,
+        ),
         of_drawing("blocks in blocks", claiming_dxf(), Format::Dxf),
         of_drawing("groups in groups", claiming_svg(), Format::Svg),
         (
             "a machine file",
             machine.len(),
             READERS,
-            Box::new(move || if from_toml(&machine).is_ok() { "read" } else { "refused" }),
+            Box::new(move || {
+                if from_toml(&machine).is_ok() {
+                    "read"
+                } else {
+                    "refused"
+                }
+            }),
         ),
         (
             "a job file",
@@ -148,6 +187,9 @@ fn work_goes_with_bytes_and_not_with_claims() {
         let reallocated = counted.bytes_reallocated.unsigned_abs();
         let steps = counted.allocations + (counted.bytes_allocated + reallocated) / 64;
         println!("{what}: {outcome}, {bytes} bytes, {steps} steps");
-        assert!(steps <= base + per_byte * bytes, "{what}: {steps} steps for {bytes} bytes");
+        assert!(
+            steps <= base + per_byte * bytes,
+            "{what}: {steps} steps for {bytes} bytes"
+        );
     }
 }
