@@ -4,7 +4,8 @@
 //! by de Boor), [`dense_search`] (the published grid search for headings), [`routes`] and
 //! [`outlines`] (of any size), [`beads`] (as they are laid), [`centre_line`] (a slicer's, against the
 //! stream), [`written_path`] (a stream against what was written of it), [`rs274`] (another interpreter of
-//! G-code), [`plain_gcode`] (one of printers' files), [`parts`] (that no constant was chosen on), [`thermal`] (heaters to heat and to break),
+//! G-code), [`plain_gcode`] (one of printers' files),
+//! [`parts`] (that no constant was chosen on), [`thermal`] (heaters to heat and to break),
 //! [`folders`] (of reference data), [`cpu_clock`] (for benches), [`elf`] (what a controller binary holds),
 //! [`emulation`] (of the boards' images, over a model of their chip).
 

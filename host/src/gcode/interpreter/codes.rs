@@ -56,10 +56,7 @@ impl Interpreter {
             930 => self.inverse_time = true,
             940 => self.inverse_time = false,
             920 => {
-                match line.words.len() {
-                    1 => self.bare_g92(number)?,
-                    _ => self.set_position(line, number)?,
-                }
+                self.set_position(line, number)?;
                 return Ok(true);
             }
             921 | 922 => self.offset = [0.0; 6],
@@ -220,6 +217,9 @@ impl Interpreter {
 
     /// G92.
     pub(super) fn set_position(&mut self, line: &Line, number: usize) -> Result<(), GcodeError> {
+        if line.words.len() == 1 {
+            return self.bare_g92(number);
+        }
         let extruder = self.extruder();
         if let Some(e) = self.length(line, extruder, number)? {
             self.e = e;

@@ -232,23 +232,28 @@ impl Interpreter {
         entry.1 += 1;
     }
 
+    /// A command with a text or with parameters of any kind.
+    fn text(&mut self, command: &str, number: usize) -> Result<(), GcodeError> {
+        let name: String = command
+            .split(|c: char| c.is_whitespace() || c == '"')
+            .next()
+            .map(shortened)
+            .unwrap_or_default();
+        match name.as_str() {
+            _ if self.extended(&name, command, number)? => {}
+            // Waiting and progress: nothing to do.
+            "M400" | "M73" | "M105" => {}
+            _ => {
+                self.start_macro(&name, command, number)?;
+                self.undone(name, number);
+            }
+        }
+        Ok(())
+    }
+
     fn line(&mut self, line: &Line, number: usize) -> Result<(), GcodeError> {
         if let Some(command) = line.command {
-            let name: String = command
-                .split(|c: char| c.is_whitespace() || c == '"')
-                .next()
-                .map(shortened)
-                .unwrap_or_default();
-            match name.as_str() {
-                _ if self.extended(&name, command, number)? => {}
-                // Waiting and progress: nothing to do.
-                "M400" | "M73" | "M105" => {}
-                _ => {
-                    self.start_macro(&name, command, number)?;
-                    self.undone(name, number);
-                }
-            }
-            return Ok(());
+            return self.text(command, number);
         }
         let mut motion: Option<(Motion, String)> = None;
         let mut is_taken = false;
