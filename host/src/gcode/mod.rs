@@ -12,7 +12,7 @@
 pub mod arcs;
 pub mod comments;
 pub mod error;
-mod extrusion;
+pub mod extrusion;
 pub mod flavour;
 pub mod interpreter;
 pub mod passes;

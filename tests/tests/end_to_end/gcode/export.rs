@@ -2,6 +2,8 @@
 //! back by the reader of G-code, has the same path (5 µm, 0.05°), volume and time. Method: planned
 //! jobs written in all dialects; every third tick of the stream against the moves that are read.
 
+use headway::gcode::extrusion::Taken;
+use headway::gcode::flavour::declared;
 use headway::gcode::interpreter::{Firmware, steps};
 use headway::gcode::write::dialect::{Dialect, Retraction};
 use headway::gcode::write::{JobText, WriteOptions, Written, write_gcode};
@@ -53,7 +55,8 @@ fn written_with(
 fn check(stream: &SegmentStream, servo_hz: f64, options: &WriteOptions) -> (f64, Written) {
     let dialect = options.dialect;
     let (text, written) = written(stream, servo_hz, options);
-    let back = steps(&text).expect("our own text");
+    let flavour = declared(&text).flavour;
+    let back = steps(&text, flavour, &Taken::default(), true).expect("our own text");
     let moves: Vec<_> = back
         .steps
         .iter()

@@ -1,3 +1,4 @@
+mod awkward;
 mod export;
 mod heat_orders;
 mod orca;
