@@ -484,6 +484,8 @@ mod probe;
 mod refusal;
 #[path = "machine_shaping_tests.rs"]
 mod shaping;
+#[path = "machine_stream_end_tests.rs"]
+mod stream_end;
 #[path = "machine_switch_tests.rs"]
 mod switch;
 #[path = "machine_world_tests.rs"]

@@ -145,11 +145,15 @@ pub struct Welcome {
     pub session: u32,
     /// `Hello::host_session` that this answers.
     pub host_session: u32,
-    /// The stream that is open, or the last one if it has ended, until the next `Start`.
+    /// The stream that is open, or the last one if it has ended, until the next `Start`; one of [`NO_JOB`]
+    /// after an abort or a cleared fault, which says where the next one's numbers begin.
     pub stream: Option<OpenStream>,
     /// CRC-32 of the settings in force, drivers and pins among them; 0 where they are built in.
     pub settings_hash: u32,
 }
+
+/// Job of a stream that is none: it was left, and its numbers go on in the next one.
+pub const NO_JOB: u32 = 0;
 
 /// A stream in progress, as the controller knows it.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
@@ -215,7 +219,7 @@ pub struct Ack {
     pub knot_limit: u32,
     /// Flow events that may be sent in all since `Start`.
     pub event_limit: u32,
-    /// Sequence of the newest control message taken.
+    /// Sequence of the newest control message taken; the one before it if that was refused.
     pub control_taken: u16,
 }
 

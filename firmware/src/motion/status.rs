@@ -36,6 +36,11 @@ impl Motion {
         }
     }
 
+    /// True from an abort until the machine rests.
+    pub fn is_aborting(&self) -> bool {
+        self.aborting
+    }
+
     /// What is known of the drivers.
     pub fn drivers(&self) -> &DriverPanel {
         &self.drivers

@@ -1,12 +1,15 @@
 //! Commands that overtake the stream -> the motion.
 
 use super::{Receiver, reason_of};
-use crate::design::ticks_of_ms;
+use crate::design::{QUEUE_EVENTS, QUEUE_KNOTS, ticks_of_ms};
 use crate::motion::{EMERGENCY, Motion};
 use crate::settings::BoardLimits;
 use headway_protocol::message::{
     Control, DeviceState, RefusalReason, RefusedNumber, SettingsProblem, SettingsRefusal,
 };
+
+/// Frames that a host may have sent and this end has not taken: one for each place in the queues, and the end.
+const FRAMES_AHEAD_MAX: u32 = (QUEUE_KNOTS + QUEUE_EVENTS + 1) as u32;
 
 impl Receiver {
     pub(super) fn control(&mut self, sequence: u16, control: Control, motion: &mut Motion) {
@@ -16,12 +19,12 @@ impl Receiver {
             Control::Override(percent) => motion.set_override(percent),
             Control::Abort => {
                 motion.abort();
-                self.stream = None;
+                self.leave_stream();
             }
             Control::EmergencyStop => motion.fail_at_once(EMERGENCY),
             Control::ClearFault => {
                 if motion.clear_fault() {
-                    self.stream = None;
+                    self.leave_stream();
                     // The same one again is news.
                     self.last_fault = None;
                 } else {
@@ -66,6 +69,14 @@ impl Receiver {
                     self.refuse_control(sequence, reason_of(error));
                 }
             }
+        }
+    }
+
+    /// Forgets the stream. Frames of it may still be under way, no more of them than fit the queues: the
+    /// next one's numbers begin behind those.
+    fn leave_stream(&mut self) {
+        if let Some(stream) = self.stream.take() {
+            self.next_first_sequence = Some(stream.next_sequence.wrapping_add(FRAMES_AHEAD_MAX));
         }
     }
 

@@ -130,6 +130,8 @@ pub struct Receiver {
     refused: Option<Refusal>,
     stream: Option<Stream>,
     unpacking: Option<Unpacking>,
+    /// Where the next stream's numbers begin after one that was left.
+    next_first_sequence: Option<u32>,
     /// Of a second line: what the first one streams.
     watched: Option<Watched>,
     settings: SettingsInbox,
@@ -164,6 +166,7 @@ impl Receiver {
             refused: None,
             stream: None,
             unpacking: None,
+            next_first_sequence: None,
             watched: None,
             settings: SettingsInbox::default(),
             settings_sequence: 0,
@@ -273,6 +276,10 @@ impl Receiver {
         }
         match request.content {
             Content::Hello(hello) => self.greet(sequence, &hello),
+            // It comes to rest after an abort: the host repeats the opening until then.
+            Content::Start(_) if motion.is_aborting() && self.host_session.is_some() => {
+                self.due.ack = true;
+            }
             Content::Start(start) => {
                 if self.take_control(sequence) {
                     self.start(sequence, &start, motion);

@@ -5,7 +5,7 @@ use crate::design::{CREDIT_STEP_KNOTS, QUEUE_EVENTS, QUEUE_KNOTS};
 use crate::motion::Motion;
 use headway_protocol::frame::encode_frame;
 use headway_protocol::message::{
-    Ack, DeviceMessage, OpenStream, PROTOCOL_VERSION, SCHEMA_HASH, Status, Welcome,
+    Ack, DeviceMessage, NO_JOB, OpenStream, PROTOCOL_VERSION, SCHEMA_HASH, Status, Welcome,
 };
 use heapless::Vec;
 
@@ -98,8 +98,17 @@ impl Receiver {
                 .map_or(0, |stream| stream.next_sequence),
             knot_limit: self.knot_limit_told,
             event_limit: events.wrapping_add(motion.event_room() as u32),
-            control_taken: self.control_taken,
+            control_taken: self.control_done(),
         }
+    }
+
+    /// The newest control message, or the one before it where that was refused: only a refusal ends it,
+    /// so that the host repeats it if the refusal was lost.
+    fn control_done(&self) -> u16 {
+        let refused = self
+            .refused
+            .is_some_and(|r| r.sequence == self.control_taken);
+        self.control_taken.wrapping_sub(u16::from(refused))
     }
 
     fn welcome(&self, motion: &Motion) -> Welcome {
@@ -123,13 +132,21 @@ impl Receiver {
     }
 
     pub(super) fn open_stream(&self, motion: &Motion) -> Option<OpenStream> {
-        self.stream.as_ref().map(|stream| OpenStream {
+        let open = self.stream.as_ref().map(|stream| OpenStream {
             job: stream.job,
             first_sequence: stream.first_sequence,
             next_sequence: stream.next_sequence,
             knots_taken: stream.knots,
             spans_done: motion.spans_done(),
-        })
+        });
+        let next = self.next_first_sequence;
+        open.or(next.map(|next_sequence| OpenStream {
+            job: NO_JOB,
+            first_sequence: next_sequence,
+            next_sequence,
+            knots_taken: 0,
+            spans_done: 0,
+        }))
     }
 
     fn status(&self, motion: &Motion) -> Status {

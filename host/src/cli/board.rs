@@ -19,7 +19,7 @@ use crate::drive::sender_state::{SenderEvent, SenderState};
 use crate::settings::Settings;
 use headway_firmware::configuration::MachineConfiguration;
 use headway_protocol::message::{
-    Control, DeviceState, Fault, JointOrder, PROBE_BIT, PinPosition, Status, Welcome,
+    Control, DeviceState, Fault, JointOrder, NO_JOB, PROBE_BIT, PinPosition, Status, Welcome,
 };
 use serde_json::json;
 use std::fs::File;
@@ -296,9 +296,10 @@ fn info(port: &PortArgs, as_json: bool, console: &Console) -> Result<(), CliErro
     let Some(welcome) = talk.welcome else {
         return Err(no_answer(&port.port, &talk.sender.said_last()));
     };
+    let stream = welcome.stream.filter(|stream| stream.job != NO_JOB);
     let [major, minor, patch] = welcome.firmware_version;
     if as_json {
-        let stream = welcome.stream.map(|stream| {
+        let stream = stream.map(|stream| {
             json!({
                 "job": format!("{:08x}", stream.job),
                 "knots_taken": stream.knots_taken,
@@ -321,7 +322,7 @@ fn info(port: &PortArgs, as_json: bool, console: &Console) -> Result<(), CliErro
         });
         return console.result(&format!("{value:#}\n"));
     }
-    let stream = welcome.stream.map_or("no stream".to_string(), |stream| {
+    let stream = stream.map_or("no stream".to_string(), |stream| {
         format!("job {:08x}, {} knots taken", stream.job, stream.knots_taken)
     });
     let settings = match welcome.settings_hash {

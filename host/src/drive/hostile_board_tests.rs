@@ -641,3 +641,20 @@ fn a_line_that_never_comes_back_and_an_abort_that_never_rests_end_too() {
     assert_eq!(ended, Ends::Overdue(Wait::Rest));
     assert!(ms * 1000 < REST_US + 5_000_000);
 }
+
+/// Goal: a line that opens and closes at once is as gone as one that never comes back, at whatever moment
+/// of the job that begins. Method: a silent line that is there for 50 ms four times a second.
+#[test]
+fn a_line_that_opens_and_closes_at_once_ends_as_one_that_is_gone() {
+    for begins_ms in [0, 5, 500] {
+        let silent_line = Box::new(|_, _| Vec::new());
+        let (ended, ms, words) = meet(
+            &mut after(begins_ms, silent_line),
+            move |ms| ms < begins_ms || ms % 250 < 50,
+            None,
+        );
+        assert_eq!(ended, Ends::Overdue(Wait::Line), "{begins_ms}: {words}");
+        // Within a reopening of the bound.
+        assert!(ms * 1000 < LINE_US + 5_000_000, "{begins_ms}: {ms}");
+    }
+}

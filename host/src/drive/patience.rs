@@ -126,10 +126,14 @@ pub struct Patience {
     since_us: u64,
     /// What pauses have taken since the last span that was done.
     paused_us: u64,
-    /// Since when a command waits, the line is away, the board is at something else.
+    /// Since when a command waits, the board is at something else.
     command: Option<(u16, u64)>,
-    away_us: Option<u64>,
     gone_us: Option<u64>,
+    /// Since when the line is away, or comes and goes without anything being reached; whether it is there,
+    /// and since when.
+    lost_us: Option<u64>,
+    is_open: bool,
+    opened_us: u64,
 }
 
 impl Patience {
@@ -155,8 +159,10 @@ impl Patience {
             since_us: 0,
             paused_us: 0,
             command: None,
-            away_us: None,
             gone_us: None,
+            lost_us: None,
+            is_open: true,
+            opened_us: 0,
         }
     }
 
@@ -199,15 +205,11 @@ impl Patience {
 
     /// Looks at the clock. To be called often; `line_open`: bytes can come.
     pub fn look(&mut self, now_us: u64, sender: &Sender, line_open: bool) -> Option<Overdue> {
-        if !line_open {
-            let since_us = *self.away_us.get_or_insert(now_us);
-            return self.overdue(now_us, since_us, LINE_US, Wait::Line, sender);
+        if let late @ Some(_) = self.look_at_line(now_us, sender, line_open) {
+            return late;
         }
-        if self.away_us.take().is_some() {
-            // What was said may have been lost: everything waits anew.
-            self.since_us = now_us;
-            self.command = None;
-            self.gone_us = None;
+        if !line_open {
+            return None;
         }
         let status = sender.last_status();
         self.note_progress(now_us, sender, status);
@@ -233,6 +235,29 @@ impl Patience {
         self.overdue(now_us, self.since_us, bound_us, wait, sender)
     }
 
+    /// A line that comes back lets everything wait anew, since what was said may have been lost; a line that
+    /// comes and goes, so that nothing is ever reached, counts as away since it first went.
+    fn look_at_line(&mut self, now_us: u64, sender: &Sender, open: bool) -> Option<Overdue> {
+        if open && !self.is_open {
+            self.opened_us = now_us;
+            self.since_us = now_us;
+            self.command = None;
+            self.gone_us = None;
+        }
+        self.is_open = open;
+        if !open {
+            self.lost_us.get_or_insert(now_us);
+        }
+        // Nothing is reached in a pause: there an answer counts, from a line that stays.
+        let answered = open && sender.heard_us() > self.opened_us;
+        let stays = answered && now_us >= self.opened_us + ANSWER_US;
+        if stays && self.wait == Wait::Resume {
+            self.lost_us = None;
+        }
+        let since_us = self.lost_us?;
+        self.overdue(now_us, since_us, LINE_US, Wait::Line, sender)
+    }
+
     fn note_progress(&mut self, now_us: u64, sender: &Sender, status: Option<&Status>) {
         let (frames_taken, _) = sender.progress_frames();
         let streams = matches!(
@@ -245,9 +270,13 @@ impl Patience {
         let progressed = frames_taken > self.frames_taken || spans_done > self.spans_done;
         self.frames_taken = self.frames_taken.max(frames_taken);
         self.spans_done = self.spans_done.max(spans_done);
-        if self.state.as_ref() != Some(sender.state()) {
+        let is_other = self.state.as_ref() != Some(sender.state());
+        if is_other {
             self.state = Some(sender.state().clone());
             self.since_us = now_us;
+        }
+        if is_other || progressed {
+            self.lost_us = None;
         }
         if let Some(wait) = self.wait_of(sender, status) {
             if progressed {

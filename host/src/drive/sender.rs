@@ -33,6 +33,9 @@ const KEEP_ALIVE_US: u64 = 200_000;
 /// or for its end: news of them may have been lost. The queue is full then, and credits come by
 /// themselves as it empties, so this is rarely needed; every question takes a twelfth of a block.
 const KEEP_ALIVE_WAITING_US: u64 = 250_000;
+/// Time after which a host that waits says something, whatever it hears: a board that heats counts only what
+/// it hears, and switches off after 30 s ([`headway_firmware::heat::HOST_SILENT_S`]). Six times in that.
+const SAY_SOMETHING_US: u64 = 5_000_000;
 /// Unanswered control messages after which every other one is a greeting.
 const TRIES_BEFORE_HELLO: u32 = 2;
 /// Bytes under way before an acknowledgement is awaited: 20 ms at 1 Mbaud, enough for USB's
@@ -77,6 +80,8 @@ pub struct Sender {
     /// When the last acknowledgement came.
     answered_us: u64,
     asked_us: u64,
+    /// When anything was last said.
+    said_us: u64,
     /// What was heard last, and whether it could not be read.
     last_message: Option<DeviceMessage>,
     unreadable: bool,
@@ -138,6 +143,7 @@ impl Sender {
             heard_us: 0,
             answered_us: 0,
             asked_us: 0,
+            said_us: 0,
             last_message: None,
             unreadable: false,
             last_status: None,
@@ -168,6 +174,11 @@ impl Sender {
     /// Stream frames taken by the controller, and all of them.
     pub fn progress_frames(&self) -> (usize, usize) {
         (self.acknowledged, self.frames.len())
+    }
+
+    /// When a message of the controller last came.
+    pub fn heard_us(&self) -> u64 {
+        self.heard_us
     }
 
     /// The newest status of this conversation.
@@ -252,6 +263,7 @@ impl Sender {
             None => self.transmit_stream(now_us, out),
         }?;
         self.figures.bytes_sent += length as u64;
+        self.said_us = now_us;
         Some(length)
     }
 
@@ -290,6 +302,7 @@ impl Sender {
             (self.heard_us, KEEP_ALIVE_US)
         };
         now_us >= since_us.max(self.asked_us) + patience_us
+            || now_us >= self.said_us + SAY_SOMETHING_US
     }
 
     fn transmit_control(&mut self, now_us: u64, out: &mut [u8]) -> Option<usize> {

@@ -221,12 +221,12 @@ impl Sender {
             self.greet_next();
             return;
         }
-        self.events.push_back(SenderEvent::Refused(refusal));
         let refused = self
             .outstanding
             .filter(|outstanding| outstanding.sequence == refusal.sequence);
         match (refused, refusal.reason) {
             (Some(outstanding), reason) => {
+                self.events.push_back(SenderEvent::Refused(refusal));
                 self.outstanding = None;
                 if matches!(
                     outstanding.what,
@@ -236,8 +236,10 @@ impl Sender {
                 }
             }
             (None, RefusalReason::NoStream) if self.state == SenderState::Streaming => {
+                self.events.push_back(SenderEvent::Refused(refusal));
                 self.fail(SenderError::Refused(RefusalReason::NoStream));
             }
+            // A second answer to what a repeat asked twice: it refuses nothing else.
             _ => {}
         }
     }
