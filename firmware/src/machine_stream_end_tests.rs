@@ -98,6 +98,21 @@ fn numbers_go_on_after_an_abort_and_a_fault_so_that_late_frames_are_old() {
 }
 
 #[test]
+fn numbers_go_on_after_a_finish_and_when_that_is_forgotten() {
+    let (configuration, job) = (planar(), flower());
+    let mut host = Host::new(&configuration, &job);
+    host.run(&job);
+    let end = host.stream_sequence;
+    let finished = welcome(&mut host).stream.unwrap();
+    assert_eq!((finished.job, finished.next_sequence), (1, end.into()));
+    host.control(HostMessage::Control(Control::Abort));
+    host.tick();
+    let stream = welcome(&mut host).stream.unwrap();
+    assert_eq!(stream.job, headway_protocol::message::NO_JOB);
+    assert!(stream.next_sequence > finished.next_sequence);
+}
+
+#[test]
 fn a_start_while_an_abort_comes_to_rest_is_repeated_and_not_refused() {
     let (configuration, job) = (planar(), flower());
     let mut host = Host::new(&configuration, &job);

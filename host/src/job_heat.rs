@@ -87,14 +87,6 @@ impl HeatOrder {
         }
     }
 
-    /// The order that undoes it.
-    pub fn off(&self) -> HeatOrder {
-        match self {
-            HeatOrder::Heater { heater, .. } => HeatOrder::target(*heater, 0.0),
-            HeatOrder::Fan { .. } => HeatOrder::Fan { fan_pct: 0.0 },
-        }
-    }
-
     /// As a board takes it; `None` for a heater or number that no board has.
     pub fn control(&self) -> Option<Control> {
         match *self {
@@ -212,18 +204,6 @@ fn sorted(mut events: Vec<HeatEvent>) -> Vec<HeatEvent> {
     events
 }
 
-/// The orders that switch off all that these leave on, or might if they are broken off.
-pub fn all_off(events: &[HeatEvent]) -> Vec<HeatOrder> {
-    let mut off: Vec<HeatOrder> = Vec::new();
-    for event in events.iter().filter(|event| event.order.is_on()) {
-        let order = event.order.off();
-        if !off.contains(&order) {
-            off.push(order);
-        }
-    }
-    off
-}
-
 /// The text for a job's header.
 pub fn to_json(events: &[HeatEvent]) -> String {
     serde_json::to_string(events).unwrap_or_else(|_| "[]".to_string())
@@ -319,14 +299,6 @@ mod tests {
         let ticks: Vec<u64> = events.iter().map(|event| event.tick).collect();
         assert_eq!(ticks, [0, 150, 200]);
         assert_eq!(events[1], fan);
-        let off = all_off(&events);
-        assert_eq!(
-            off,
-            [
-                HeatOrder::target(HOT_END, 0.0),
-                HeatOrder::Fan { fan_pct: 0.0 }
-            ]
-        );
     }
 
     #[test]

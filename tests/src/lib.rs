@@ -6,7 +6,8 @@
 //! stream), [`written_path`] (a stream against what was written of it), [`rs274`] (another interpreter of
 //! G-code), [`plain_gcode`] (one of printers' files),
 //! [`parts`] (that no constant was chosen on), [`thermal`] (heaters to heat and to break),
-//! [`folders`] (of reference data), [`cpu_clock`] (for benches), [`elf`] (what a controller binary holds),
+//! [`two_hosts`] (and a board, and what may happen between them), [`folders`] (of reference data), [`cpu_clock`] (for benches),
+//! [`elf`] (what a controller binary holds),
 //! [`emulation`] (of the boards' images, over a model of their chip).
 
 pub mod beads;
@@ -29,4 +30,5 @@ pub mod routes;
 pub mod rs274;
 pub mod segment_oracle;
 pub mod thermal;
+pub mod two_hosts;
 pub mod written_path;

@@ -75,6 +75,7 @@ impl Receiver {
     /// Forgets the stream. Frames of it may still be under way, no more of them than fit the queues: the
     /// next one's numbers begin behind those.
     fn leave_stream(&mut self) {
+        self.unpacking = None;
         if let Some(stream) = self.stream.take() {
             self.next_first_sequence = Some(stream.next_sequence.wrapping_add(FRAMES_AHEAD_MAX));
         }

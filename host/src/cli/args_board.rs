@@ -1,6 +1,7 @@
 //! The options of `stream` and `board`, with their help.
 
 use super::resume_from::{Place, parse_place};
+use crate::settings::heat::PAUSE_HEAT_MAX_MIN_MOST;
 use clap::{Args, Subcommand};
 use headway_protocol::message::REPORT_PERIOD_RANGE_MS;
 use std::path::PathBuf;
@@ -20,8 +21,10 @@ pub(super) struct PortArgs {
 /// `headway stream`.
 #[derive(Debug, Args)]
 #[command(after_help = "\
-While it runs, lines on stdin are commands: pause, resume, override PCT, flow PCT, abort, stop.
-Ctrl-C pauses on the path, a second one aborts on the path, a third one leaves the board alone.
+While it runs, lines on stdin are commands: pause, resume, override PCT, flow PCT, fan PCT, heat HEATER C, abort,
+stop. Ctrl-C pauses on the path, a second one aborts on the path, a third one leaves the board alone; while it
+heats and goes to where the job begins, the first one ends it. SIGTERM and a terminal that closes end it. Whatever
+ends it, the heaters that it switched on go off.
 
 Examples:
   headway stream part.hwj --port /dev/ttyACM0
@@ -44,6 +47,10 @@ pub(super) struct StreamArgs {
     /// Part fan, per cent.
     #[arg(long, value_name = "PCT", help_heading = "Temperatures")]
     pub fan: Option<f64>,
+    /// How long a pause keeps its heat, minutes: then the heaters go off and the pause stays [default: the machine
+    /// file's material, or 120].
+    #[arg(long, value_name = "MIN", help_heading = "Temperatures", value_parser = pause_minutes)]
+    pub pause_heat_max_min: Option<f64>,
     /// Leave heaters and fan as they are, whatever the job's machine file says, and let the extruder turn
     /// below extrude_min_c in this run: for a run without material.
     #[arg(long, help_heading = "Temperatures", conflicts_with_all = ["hot_end", "bed", "fan"])]
@@ -87,6 +94,13 @@ pub(super) struct StreamArgs {
     /// The figures as one JSON object on stdout.
     #[arg(long)]
     pub json: bool,
+}
+
+/// Up to as long as a pause is waited for.
+fn pause_minutes(text: &str) -> Result<f64, String> {
+    let minutes: Option<f64> = text.parse().ok();
+    let fits = minutes.filter(|minutes| (0.0..=PAUSE_HEAT_MAX_MIN_MOST).contains(minutes));
+    fits.ok_or_else(|| format!("0 to {PAUSE_HEAT_MAX_MIN_MOST} minutes"))
 }
 
 fn status_period() -> clap::builder::RangedI64ValueParser<u16> {
@@ -326,7 +340,8 @@ pub(super) enum BoardCommand {
         #[command(flatten)]
         port: PortArgs,
     },
-    /// Set the target of a heater, and wait until it is there.
+    /// Set the target of a heater, and wait until it is there; it is switched off again 30 s later where no
+    /// next command comes, and at once where this one is broken off.
     Heat {
         /// hot-end, bed, hot-end-2, or the heater's number.
         heater: String,

@@ -4,28 +4,23 @@ use super::args_board::{BoardArgs, BoardCommand, BoardMachineArgs, PinName, Port
 use super::configure::configure;
 use super::console::Console;
 use super::drivers::{drivers_json, drivers_text};
-use super::heat::{heat, heaters_json, heaters_text, is_there};
+use super::heat::{heat, heaters_json, heaters_text};
 use super::jog::{extrude, jog, joint_number, set_joint};
+use super::operator::Operator;
 use super::probe::{mesh, over_bed, probe};
 use super::simulated_board::simulate;
-use super::stream::{ANSWER_PATIENCE, no_answer, open};
+use super::stream::no_answer;
+use super::talk::{HEAT_PATIENCE, Talk, never_ends};
 use super::tune::tune;
 use super::{CliError, load};
 use crate::drive::link_log::{read_log, replay};
-use crate::drive::pump::Pump;
-use crate::drive::pump::host_session;
-use crate::drive::sender::Sender;
-use crate::drive::sender_state::{SenderEvent, SenderState};
 use crate::settings::Settings;
 use headway_firmware::configuration::MachineConfiguration;
-use headway_protocol::message::{
-    Control, DeviceState, Fault, JointOrder, NO_JOB, PROBE_BIT, PinPosition, Status, Welcome,
-};
+use headway_protocol::message::{Control, JointOrder, NO_JOB, PROBE_BIT, PinPosition, Status};
 use serde_json::json;
 use std::fs::File;
 use std::io::BufReader;
 use std::path::Path;
-use std::time::{Duration, Instant};
 
 pub(super) fn run(args: &BoardArgs, console: &Console) -> Result<(), CliError> {
     match &args.command {
@@ -137,164 +132,10 @@ fn pin(name: PinName) -> PinPosition {
     }
 }
 
-/// A conversation without a stream.
-pub(super) struct Talk {
-    port: String,
-    pump: Pump,
-    sender: Sender,
-    welcome: Option<Welcome>,
-    /// What the board has reported with its greeting.
-    fault: Option<Fault>,
-}
-
-impl Talk {
-    /// Connects and greets.
-    pub(super) fn open(port: &PortArgs) -> Result<Talk, CliError> {
-        let mut talk = Talk {
-            port: port.port.clone(),
-            pump: open(port, None)?,
-            sender: Sender::talking(host_session()),
-            welcome: None,
-            fault: None,
-        };
-        talk.until(|_, event| matches!(event, SenderEvent::Connected(_)).then_some(()))?;
-        Ok(talk)
-    }
-
-    /// Goes on until `wanted` finds what it waits for.
-    fn until<T>(
-        &mut self,
-        mut wanted: impl FnMut(&mut Sender, &SenderEvent) -> Option<T>,
-    ) -> Result<T, CliError> {
-        // One answer is waited for: whatever else the board says takes no longer than that.
-        let begun = Instant::now();
-        loop {
-            self.pump.turn(&mut self.sender);
-            while let Some(event) = self.sender.poll_event() {
-                if let SenderEvent::Connected(welcome) = &event {
-                    self.welcome = Some(*welcome);
-                }
-                if let SenderEvent::Fault(fault) = &event {
-                    self.fault = Some(*fault);
-                }
-                if let Some(found) = wanted(&mut self.sender, &event) {
-                    return Ok(found);
-                }
-            }
-            if let SenderState::Failed(error) = self.sender.state() {
-                return Err(CliError::Job(error.to_string()));
-            }
-            if begun.elapsed() > ANSWER_PATIENCE {
-                return Err(no_answer(&self.port, &self.sender.said_last()));
-            }
-        }
-    }
-
-    /// Joint names and units are the machine's: it must be the board's.
-    pub(super) fn check_machine(&self, machine: &MachineConfiguration) -> Result<(), CliError> {
-        let ours = machine.hash();
-        match &self.welcome {
-            Some(welcome) if welcome.machine_hash != ours => Err(CliError::Job(format!(
-                "the board is configured for machine {:08x}, the machine file says {ours:08x}; give \
-                 the board's own (--machine)",
-                welcome.machine_hash
-            ))),
-            _ => Ok(()),
-        }
-    }
-
-    /// Gives a command and waits until it is taken or refused.
-    pub(super) fn order(&mut self, control: Control) -> Result<(), CliError> {
-        self.sender.command(control);
-        self.until(|_, event| match event {
-            SenderEvent::Taken(taken) if *taken == control => Some(Ok(())),
-            SenderEvent::Refused(refusal) => Some(Err(CliError::Job(format!(
-                "the board refuses: {}",
-                refusal.reason
-            )))),
-            _ => None,
-        })?
-    }
-
-    pub(super) fn status(&mut self) -> Result<Status, CliError> {
-        self.sender.command(Control::StatusRequest);
-        self.until(|_, event| match event {
-            SenderEvent::Status(status) => Some(status.clone()),
-            _ => None,
-        })
-    }
-
-    /// Waits until a move by hand has ended.
-    pub(super) fn wait_for_rest(&mut self) -> Result<Status, CliError> {
-        let begun = Instant::now();
-        let mut moved = (Vec::new(), begun);
-        loop {
-            let status = self.status()?;
-            if moved.0 != status.counts_steps.as_slice() {
-                moved = (status.counts_steps.to_vec(), Instant::now());
-            } else if moved.1.elapsed() > STANDSTILL_PATIENCE {
-                return Err(never_ends(&status, STANDSTILL_PATIENCE));
-            }
-            if begun.elapsed() > MOVE_PATIENCE {
-                return Err(never_ends(&status, MOVE_PATIENCE));
-            }
-            if let Some(fault) = status.fault {
-                return Err(CliError::Job(format!("the board latched a fault: {fault}")));
-            }
-            if !matches!(
-                status.state,
-                DeviceState::Jogging | DeviceState::Homing | DeviceState::Probing
-            ) {
-                return Ok(status);
-            }
-        }
-    }
-
-    /// Waits until every heater that these orders wait for is there, for as long as [`HEAT_PATIENCE`]; with
-    /// the last status, and whether they are.
-    pub(super) fn wait_for_heat(&mut self, orders: &[Control]) -> Result<(Status, bool), CliError> {
-        let begun = Instant::now();
-        loop {
-            let status = self.status()?;
-            if let Some(fault) = status.fault {
-                return Err(CliError::Job(format!("the board latched a fault: {fault}")));
-            }
-            let there = orders.iter().all(|order| match *order {
-                Control::Heat {
-                    heater,
-                    decidegrees,
-                    wait: true,
-                } => is_there(&status, heater, decidegrees),
-                _ => true,
-            });
-            if there || begun.elapsed() > HEAT_PATIENCE {
-                return Ok((status, there));
-            }
-            std::thread::sleep(HEAT_LOOK);
-        }
-    }
-}
-
-/// How often a heater is looked at, and longest heating.
-const HEAT_LOOK: Duration = Duration::from_millis(200);
-const HEAT_PATIENCE: Duration = Duration::from_secs(3600);
-/// A move by hand that makes no step: the longest prime takes a minute and may be of one step.
-const STANDSTILL_PATIENCE: Duration = Duration::from_secs(90);
-/// Longest move by hand: the slowest jog over the longest axis.
-const MOVE_PATIENCE: Duration = Duration::from_secs(3600);
-
-fn never_ends(status: &Status, waited: Duration) -> CliError {
-    CliError::Job(format!(
-        "the move does not end ({} s); the board said last: {}",
-        waited.as_secs(),
-        status_text(status, false).trim()
-    ))
-}
-
 fn info(port: &PortArgs, as_json: bool, console: &Console) -> Result<(), CliError> {
     let talk = Talk::open(port)?;
     let Some(welcome) = talk.welcome else {
-        return Err(no_answer(&port.port, &talk.sender.said_last()));
+        return Err(no_answer(&port.port, &talk.said_last()));
     };
     let stream = welcome.stream.filter(|stream| stream.job != NO_JOB);
     let [major, minor, patch] = welcome.firmware_version;
@@ -345,7 +186,8 @@ fn info(port: &PortArgs, as_json: bool, console: &Console) -> Result<(), CliErro
     ))
 }
 
-fn status_text(status: &Status, as_json: bool) -> String {
+/// A status as a user reads it.
+pub(super) fn status_text(status: &Status, as_json: bool) -> String {
     let fault = status.fault.map(|fault| fault.to_string());
     let state = format!("{:?}", status.state).to_lowercase();
     if as_json {
@@ -429,14 +271,17 @@ fn home(
     console.result(&status_text(&status, false))
 }
 
-/// Heats, and waits until it is there where that was asked: a board that hears nobody switches off.
+/// Heats, and waits until it is there where that was asked. Where that fails it is off again; where it succeeds
+/// the next command has the board's 30 s to come.
 fn heat_up(command: Control, port: &PortArgs, console: &Console) -> Result<(), CliError> {
-    let mut talk = Talk::open(port)?;
+    let operator = Operator::new(port, console);
+    let mut talk = Talk::open_for(port, Some(&operator))?;
     talk.order(command)?;
     let (status, there) = talk.wait_for_heat(&[command])?;
     if !there {
         return Err(never_ends(&status, HEAT_PATIENCE));
     }
+    operator.hand_over();
     console.result(&status_text(&status, false))
 }
 

@@ -4,8 +4,8 @@
 //! Left out: what a board makes of them at its next start.
 
 use super::args_board::PortArgs;
-use super::board::Talk;
 use super::console::Console;
+use super::talk::Talk;
 use super::{CliError, load};
 use crate::settings::Settings;
 use headway_firmware::settings::{BoardSettings, record_hash};

@@ -66,6 +66,15 @@ pub(super) fn heaters_json(status: &Status) -> Vec<Value> {
     status.heaters.iter().map(one).collect()
 }
 
+/// Heaters and targets, tenths of a degree, as words.
+pub(super) fn hot_text(hot: &[(usize, u16)]) -> String {
+    let one = |(heater, target): &(usize, u16)| {
+        let name = NAMES.get(*heater).copied().unwrap_or("?");
+        format!("{name} ({:.0} °C)", f64::from(*target) / 10.0)
+    };
+    hot.iter().map(one).collect::<Vec<_>>().join(" and ")
+}
+
 /// Heaters as a line, empty where there are none.
 pub(super) fn heaters_text(status: &Status) -> String {
     let mut text = String::new();

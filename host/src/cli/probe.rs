@@ -6,10 +6,11 @@
 
 use super::CliError;
 use super::args_board::{BoardMachineArgs, MeshArgs, PortArgs, ProbeArgs};
-use super::board::{Talk, settings};
+use super::board::settings;
 use super::console::Console;
 use super::jog::jog;
 use super::output_file::{check_file, write_file};
+use super::talk::Talk;
 use crate::bed_mesh::{
     BedMesh, FADE_HEIGHT_MM, FADE_START_MM, LAYER_SHARE_MAX, from_toml, to_toml,
 };
@@ -61,7 +62,7 @@ impl Point {
 
 /// A board that probes.
 struct Prober {
-    talk: Talk,
+    talk: Talk<'static>,
     machine: MachineConfiguration,
     probe: ProbeSettings,
     /// Where the nozzle is.

@@ -5,11 +5,12 @@
 
 use super::CliError;
 use super::args_board::{PortArgs, StreamArgs};
-use super::board::Talk;
 use super::console::Console;
 use super::job::Job;
+use super::operator::Operator;
 use super::stream::give;
 use super::stream_heat::{StreamHeat, of_job};
+use super::talk::Talk;
 use crate::drive::log_place::{last_stream, rest_remark};
 use crate::job_heat::{HEAT_TEXT, to_json};
 use crate::job_resume::approach::Approach;
@@ -95,32 +96,33 @@ impl Resumed {
         })
     }
 
-    /// Says what is printed again, heats, and goes there; what was switched on is off if that fails.
+    /// Says what is printed again, heats, and goes there.
     pub(super) fn begin(
         &self,
         port: &PortArgs,
         heat: &StreamHeat,
-        console: &Console,
+        operator: &Operator<'_>,
     ) -> Result<(), CliError> {
         for line in &self.told {
-            console.say(&format!("resume: {line}"));
+            operator.console.say(&format!("resume: {line}"));
         }
         let machine = &self.job.file.header.machine;
-        let mut talk = Talk::open(port)?;
+        let mut talk = Talk::open_for(port, Some(operator))?;
         talk.check_machine(machine)?;
         check_ready(&talk.status()?, machine)?;
         drop(talk);
-        give(port, &heat.before)?;
-        let gone = Talk::open(port).and_then(|mut talk| self.go(&mut talk, &heat.before, console));
-        if gone.is_err() {
-            // The first problem is the one to tell.
-            let _ = give(port, &heat.after);
-        }
-        gone
+        give(port, &heat.before, operator)?;
+        let mut talk = Talk::open_for(port, Some(operator))?;
+        self.go(&mut talk, &heat.before, operator.console)
     }
 
     /// Heats, lifts, crosses above the print, goes down to where the stream begins.
-    fn go(&self, talk: &mut Talk, before: &[Control], console: &Console) -> Result<(), CliError> {
+    fn go(
+        &self,
+        talk: &mut Talk<'_>,
+        before: &[Control],
+        console: &Console,
+    ) -> Result<(), CliError> {
         if before
             .iter()
             .any(|order| matches!(order, Control::Heat { .. }))

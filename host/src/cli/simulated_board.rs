@@ -8,7 +8,7 @@ use super::board::settings;
 use super::configure::board_settings;
 use super::console::Console;
 use super::probe::read_mesh;
-use super::stream::catch_interrupts;
+use super::signals::catch;
 use crate::drive::pump::host_session;
 use crate::drive::transport::{Listener, Port};
 use crate::drive::virtual_board::{BoardSetup, SettingsWriter, VirtualBed, VirtualBoard};
@@ -83,10 +83,13 @@ pub(super) fn simulate(asked: &SimulateArgs, console: &Console) -> Result<(), Cl
     if let Some(flash) = flash {
         board.keep_settings(flash.into_writer());
     }
-    let interrupts = catch_interrupts();
+    let signals = catch();
     let stop = AtomicBool::new(false);
     let figures = board
-        .serve(&stop, |_| stop.store(interrupts() > 0, Ordering::Relaxed))
+        .serve(&stop, |_| {
+            let ends = signals.interrupts() > 0 || signals.is_to_end();
+            stop.store(ends, Ordering::Relaxed);
+        })
         .map_err(place)?;
     console.say(&format!(
         "{} steps, counts {:?}, {} underruns, {} hosts",

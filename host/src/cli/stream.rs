@@ -1,17 +1,21 @@
 //! `headway stream`: a job to a board, with progress, pause and abort on the path, and a log.
 
 use super::args_board::{PortArgs, StreamArgs};
-use super::board::Talk;
 use super::console::Console;
-use super::heat::{heat, heaters_json, heaters_text};
-use super::live::{LivePrint, Snapshot};
-use super::live_page::{self, PageClock};
+use super::heat::{heaters_json, heaters_text, hot_text};
+use super::job::Job;
+use super::live::Snapshot;
+use super::live_page;
+use super::operator::{Operator, Wish};
+use super::output_file::check_file;
 use super::probe::over_bed;
 use super::resume_from::Resumed;
-use super::stream_heat::StreamHeat;
+use super::stream_heat::{StreamHeat, pause_heat_max_min};
+use super::talk::Talk;
 use super::{CliError, job};
 use crate::drive::link_log::LinkLog;
 use crate::drive::patience::{ANSWER_US, Patience, Wait};
+use crate::drive::pause_heat::{PauseHeat, PauseNews};
 use crate::drive::pump::{LineEvent, Pump, host_session};
 use crate::drive::sender::Sender;
 use crate::drive::sender_state::{SenderError, SenderEvent, SenderSetup, SenderState};
@@ -21,11 +25,7 @@ use crate::drive::transport::Port;
 use headway_firmware::configuration::MachineConfiguration;
 use headway_protocol::message::{Control, DeviceState, RefusalReason, Status};
 use indicatif::{ProgressBar, ProgressDrawTarget, ProgressStyle};
-use serde_json::json;
-use std::io::BufRead;
-use std::sync::atomic::{AtomicUsize, Ordering};
-use std::sync::mpsc::{Receiver, channel};
-use std::sync::{Arc, Once};
+use serde_json::{Value, json};
 use std::time::{Duration, Instant};
 
 /// Silence at the start after which there is no board.
@@ -35,9 +35,6 @@ const HEAT_STATUS_MS: u16 = 50;
 /// Steps of the progress bar.
 const BAR_STEPS: f64 = 1000.0;
 
-/// How often Ctrl-C was pressed since the process began.
-static INTERRUPTS: AtomicUsize = AtomicUsize::new(0);
-
 pub(super) fn run(args: &StreamArgs, console: &Console) -> Result<(), CliError> {
     let whole = over_bed(job::read(&args.job)?, args.mesh.as_deref())?;
     let resumed = args.resume_from.as_ref();
@@ -45,7 +42,67 @@ pub(super) fn run(args: &StreamArgs, console: &Console) -> Result<(), CliError> 
         .map(|place| Resumed::of(place, args, &whole))
         .transpose()?;
     let job = resumed.as_ref().map_or(&whole, |rest| &rest.job);
+    let heat = StreamHeat::of(args, job)?;
+    if let Some(path) = &args.log {
+        check_file(path)?;
+    }
+    let live = args
+        .view
+        .then(|| live_page::open(job.clone(), args.view_port, args.no_open, console))
+        .transpose()?;
+    let operator = Operator::of_stream(&args.port, console, live);
+    let printed = print(args, job, heat, resumed.as_ref(), &operator);
+    // The line may be gone: then the board switches off by itself.
+    let off = operator.switch_off();
+    let Printed {
+        result,
+        snapshot,
+        figures,
+    } = printed.unwrap_or_else(Printed::not_begun);
+    if let (Err(_), Err(error)) = (&result, &off) {
+        console.say(&format!("heaters could not be switched off: {error}"));
+    }
+    operator.tell_the_end(&result, snapshot);
+    if let (true, Some(figures)) = (args.json, figures) {
+        console.result(&format!("{figures:#}\n"))?;
+    } else if result.is_ok() {
+        console.say(&format!("{}: done", job.name));
+    }
+    result.and(off)
+}
+
+/// How a print went.
+struct Printed {
+    result: Result<(), CliError>,
+    /// What a page shows last.
+    snapshot: Snapshot,
+    /// None where it never streamed.
+    figures: Option<Value>,
+}
+
+impl Printed {
+    fn not_begun(error: CliError) -> Printed {
+        Printed {
+            result: Err(error),
+            snapshot: Snapshot::default(),
+            figures: None,
+        }
+    }
+}
+
+/// Heats, goes to where the job begins if that is to be found, and streams.
+fn print(
+    args: &StreamArgs,
+    job: &Job,
+    heat: StreamHeat,
+    resumed: Option<&Resumed>,
+    operator: &Operator<'_>,
+) -> Result<Printed, CliError> {
     let header = &job.file.header;
+    match resumed {
+        Some(rest) => rest.begin(&args.port, &heat, operator)?,
+        None => give(&args.port, &heat.before, operator)?,
+    }
     let setup = SenderSetup::of_job(header, host_session(), args.resume);
     let frames = job.file.frames.clone();
     let sender = if args.resume {
@@ -53,66 +110,50 @@ pub(super) fn run(args: &StreamArgs, console: &Console) -> Result<(), CliError> 
     } else {
         Sender::new(frames, setup)
     };
-    let live = args
-        .view
-        .then(|| live_page::open(job.clone(), args.view_port, args.no_open, console))
-        .transpose()?;
-    let heat = StreamHeat::of(args, job)?;
-    match &resumed {
-        Some(rest) => rest.begin(&args.port, &heat, console)?,
-        None => give(&args.port, &heat.before)?,
-    }
-    let log = log_file(args, &header.machine, resumed.as_ref())?;
-    let pump = open(&args.port, log)?;
+    let log = log_file(args, &header.machine, resumed)?;
     let mut run = Run {
         timeline: Timeline::new(&job.stream, f64::from(header.machine.servo_hz)),
-        console,
-        bar: bar(console),
+        operator,
+        bar: bar(operator.console),
         port: args.port.port.clone(),
         sender,
-        pump,
-        commands: commands(),
-        interrupts: catch_interrupts(),
-        handled: 0,
+        pump: open(&args.port, log)?,
         status: None,
         connected: false,
         has_part: false,
         patience: Patience::new(&job.stream, header.machine.servo_hz),
         status_period_ms: args.status_period_ms,
         begun: Instant::now(),
-        live,
         said: String::new(),
+        pause_heat: PauseHeat::new(pause_heat_max_min(args, job)),
         heat,
     };
     let result = run.until_end();
     run.bar.finish_and_clear();
-    run.tell_the_end(&result);
     let mut figures = run.figures(&result);
-    if let Some(rest) = &resumed {
+    if let Some(rest) = resumed {
         figures["resumed"] = rest.figures.clone();
     }
-    let Run { pump, heat, .. } = run;
-    pump.finish()
-        .map_err(|error| CliError::Job(format!("the log could not be written: {error}")))?;
-    // The line may be gone: then the board switches off by itself.
-    let off = give(&args.port, &heat.after);
-    if result.is_ok() {
-        off?;
-    }
-    if args.json {
-        console.result(&format!("{figures:#}\n"))?;
-    } else if result.is_ok() {
-        console.say(&format!("{}: done", job.name));
-    }
-    result
+    let snapshot = run.snapshot();
+    let logged = run.pump.finish();
+    logged.map_err(|error| CliError::Job(format!("the log could not be written: {error}")))?;
+    Ok(Printed {
+        result,
+        snapshot,
+        figures: Some(figures),
+    })
 }
 
 /// Gives commands in a conversation of their own; none, none.
-pub(super) fn give(port: &PortArgs, commands: &[Control]) -> Result<(), CliError> {
+pub(super) fn give(
+    port: &PortArgs,
+    commands: &[Control],
+    operator: &Operator<'_>,
+) -> Result<(), CliError> {
     if commands.is_empty() {
         return Ok(());
     }
-    let mut talk = Talk::open(port)?;
+    let mut talk = Talk::open_for(port, Some(operator))?;
     for command in commands {
         talk.order(*command).map_err(|error| {
             CliError::Job(format!(
@@ -157,32 +198,6 @@ fn log_file(
     Ok(Some(log))
 }
 
-/// From now on Ctrl-C only counts. The count at this moment is returned.
-pub(super) fn catch_interrupts() -> Arc<dyn Fn() -> usize> {
-    static CAUGHT: Once = Once::new();
-    CAUGHT.call_once(|| {
-        // Where it cannot be caught Ctrl-C ends the program, as ever; the board comes to rest.
-        let _ = ctrlc::set_handler(|| {
-            INTERRUPTS.fetch_add(1, Ordering::Relaxed);
-        });
-    });
-    let before = INTERRUPTS.load(Ordering::Relaxed);
-    Arc::new(move || INTERRUPTS.load(Ordering::Relaxed) - before)
-}
-
-/// Lines of stdin as they come.
-fn commands() -> Receiver<String> {
-    let (sender, receiver) = channel();
-    std::thread::spawn(move || {
-        for line in std::io::stdin().lock().lines().map_while(Result::ok) {
-            if sender.send(line).is_err() {
-                return;
-            }
-        }
-    });
-    receiver
-}
-
 fn bar(console: &Console) -> ProgressBar {
     if !console.has_bars() {
         return ProgressBar::hidden();
@@ -196,15 +211,11 @@ fn bar(console: &Console) -> ProgressBar {
 
 struct Run<'a> {
     timeline: Timeline,
-    console: &'a Console,
+    operator: &'a Operator<'a>,
     bar: ProgressBar,
     port: String,
     sender: Sender,
     pump: Pump,
-    commands: Receiver<String>,
-    interrupts: Arc<dyn Fn() -> usize>,
-    /// Interrupts that were followed.
-    handled: usize,
     status: Option<Status>,
     connected: bool,
     /// The board has part of this job already.
@@ -212,30 +223,15 @@ struct Run<'a> {
     patience: Patience,
     status_period_ms: Option<u16>,
     begun: Instant,
-    /// The page that watches, and the clock of its layers.
-    live: Option<(LivePrint, PageClock)>,
     /// What the board said last that a page should show.
     said: String,
-    /// Heaters and fans.
+    /// Heaters and fans on the path, and in a pause.
     heat: StreamHeat,
+    pause_heat: PauseHeat,
 }
 
 impl Run<'_> {
-    /// What the page's people asked for; one order at a time, so that none piles up.
-    fn follow_page(&mut self) {
-        let Some((live, _)) = &self.live else {
-            return;
-        };
-        if live.stop() {
-            self.sender.command(Control::EmergencyStop);
-        } else if !self.sender.has_command()
-            && let Some(control) = live.order()
-        {
-            self.sender.command(control);
-        }
-    }
-
-    fn snapshot(&self, clock: &PageClock) -> Snapshot {
+    fn snapshot(&self) -> Snapshot {
         let mut snapshot = Snapshot {
             line_open: self.pump.is_open(),
             layers: self.timeline.layers(),
@@ -244,8 +240,10 @@ impl Run<'_> {
         };
         if let Some(status) = &self.status {
             let at = self.timeline.at(status);
-            (snapshot.page_layer, snapshot.page_time_s) =
-                clock.at(at.layer, at.done * self.timeline.duration_s());
+            if let Some(clock) = self.operator.page_clock() {
+                (snapshot.page_layer, snapshot.page_time_s) =
+                    clock.at(at.layer, at.done * self.timeline.duration_s());
+            }
             snapshot.state = format!("{:?}", status.state).to_lowercase();
             snapshot.done = at.done;
             snapshot.left_s = at.left_s;
@@ -262,28 +260,13 @@ impl Run<'_> {
     }
 
     fn publish(&self) {
-        if let Some((live, clock)) = &self.live {
-            live.publish(&self.snapshot(clock));
-        }
-    }
-
-    /// Pages that ask once more hear how it ended.
-    fn tell_the_end(&self, result: &Result<(), CliError>) {
-        if let Some((live, clock)) = &self.live {
-            let ended = match result {
-                Ok(()) => "done".to_string(),
-                Err(error) => error.to_string(),
-            };
-            live.publish_last(&Snapshot {
-                ended: Some(ended),
-                ..self.snapshot(clock)
-            });
-            std::thread::sleep(live_page::LAST_LOOK);
+        if self.operator.page_clock().is_some() {
+            self.operator.publish(&self.snapshot());
         }
     }
 
     fn say(&self, line: &str) {
-        self.bar.suspend(|| self.console.say(line));
+        self.bar.suspend(|| self.operator.console.say(line));
     }
 
     /// To the terminal and to the page.
@@ -308,9 +291,7 @@ impl Run<'_> {
             while let Some(event) = self.sender.poll_event() {
                 self.note(event);
             }
-            self.follow_commands();
-            self.follow_page();
-            self.follow_interrupts()?;
+            self.follow_operator()?;
             if let Some(result) = self.ended() {
                 return result;
             }
@@ -337,14 +318,19 @@ impl Run<'_> {
             }
             SenderEvent::Status(status) => {
                 self.order_heat(&status);
+                self.look_at_pause(&status);
                 self.show(&self.timeline.at(&status), &status);
                 self.status = Some(status);
                 self.publish();
             }
             SenderEvent::Refused(refusal) => self.tell(format!("refused: {}", refusal.reason)),
             SenderEvent::Fault(fault) => self.tell(format!("fault: {fault}")),
-            SenderEvent::Taken(Control::Pause) => self.say("pausing; `resume` goes on"),
-            SenderEvent::Taken(_) => {}
+            SenderEvent::Taken(control) => {
+                self.operator.taken(&control);
+                if control == Control::Pause {
+                    self.say("pausing; `resume` goes on");
+                }
+            }
         }
     }
 
@@ -356,7 +342,7 @@ impl Run<'_> {
         );
         let done_tick = self.timeline.done_tick(status);
         while streams && let Some(control) = self.heat.due(done_tick) {
-            self.sender.command(control);
+            self.give(control);
         }
     }
 
@@ -377,12 +363,23 @@ impl Run<'_> {
         ));
     }
 
-    fn follow_commands(&mut self) {
-        while let Ok(line) = self.commands.try_recv() {
-            match command(&line) {
-                Some(control) => self.sender.command(control),
-                None if line.trim().is_empty() => {}
-                None => self.say(
+    fn follow_operator(&mut self) -> Result<(), CliError> {
+        loop {
+            let Some(wish) = self.operator.next(!self.sender.has_command()) else {
+                return Ok(());
+            };
+            match wish {
+                Wish::Stop => self.give(Control::EmergencyStop),
+                Wish::Control(Control::Resume) => {
+                    for heat in self.pause_heat.take_resume() {
+                        self.give(heat);
+                    }
+                    self.give(Control::Resume);
+                }
+                Wish::Control(control) => self.give(control),
+                Wish::Interrupt(time) => self.interrupt(time)?,
+                Wish::End => return Err(CliError::Job(LEFT.to_string())),
+                Wish::Unknown => self.say(
                     "commands: pause, resume, override PCT (1 to 200), flow PCT (10 to 200), fan PCT, heat \
                      HEATER C, abort, stop",
                 ),
@@ -390,28 +387,54 @@ impl Run<'_> {
         }
     }
 
-    fn follow_interrupts(&mut self) -> Result<(), CliError> {
-        let pressed = (self.interrupts)();
-        if pressed == self.handled {
-            return Ok(());
+    /// A command to the board; what it switches on is the operator's from here on.
+    fn give(&mut self, control: Control) {
+        self.operator.note(&control);
+        self.pause_heat.note(self.pump.now_us(), &control);
+        self.sender.command(control);
+    }
+
+    /// A pause says that it keeps heat, and does not keep it for ever.
+    fn look_at_pause(&mut self, status: &Status) {
+        let (now_us, owner) = (self.pump.now_us(), self.operator.owner());
+        let most_min = self.pause_heat.most_min();
+        match self.pause_heat.look(now_us, status, &owner) {
+            None => {}
+            Some(PauseNews::Keeps(hot)) => self.tell(format!(
+                "the pause keeps {} hot, for {most_min:.0} min at most; `resume` goes on",
+                hot_text(&hot)
+            )),
+            Some(PauseNews::Ends(off)) => {
+                self.tell(format!(
+                    "paused for {most_min:.0} min: the heaters are off, the pause stays; `resume` heats again, and \
+                     goes on once that is done"
+                ));
+                for control in off {
+                    self.sender.command(control);
+                }
+            }
+            Some(PauseNews::Again(again)) => {
+                self.tell("resumed by another program: heating again".to_string());
+                for control in again {
+                    self.give(control);
+                }
+            }
         }
-        self.handled += 1;
-        match self.handled {
+    }
+
+    fn interrupt(&mut self, time: usize) -> Result<(), CliError> {
+        match time {
             1 if self.connected => {
                 self.say("pausing on the path; Ctrl-C again aborts, `resume` goes on");
-                self.sender.command(Control::Pause);
+                self.give(Control::Pause);
                 Ok(())
             }
             2 if self.pump.is_open() => {
                 self.say("aborting on the path; Ctrl-C again leaves the board alone");
-                self.sender.command(Control::Abort);
+                self.give(Control::Abort);
                 Ok(())
             }
-            _ => Err(CliError::Job(
-                "left: the board comes to rest on the path when its queue is empty; go on with \
-                 --resume"
-                    .to_string(),
-            )),
+            _ => Err(CliError::Job(LEFT.to_string())),
         }
     }
 
@@ -442,7 +465,7 @@ impl Run<'_> {
         }
     }
 
-    fn figures(&self, result: &Result<(), CliError>) -> serde_json::Value {
+    fn figures(&self, result: &Result<(), CliError>) -> Value {
         let sent = self.sender.figures();
         let (frames, of) = self.sender.progress_frames();
         json!({
@@ -460,6 +483,10 @@ impl Run<'_> {
     }
 }
 
+/// Why it ended that somebody ended it in mid-job.
+const LEFT: &str = "left: the heaters go off, the board comes to rest on the path when its queue is empty; go on with \
+                    --resume";
+
 /// Nobody speaks our language on that port.
 pub(super) fn no_answer(port: &str, said: &str) -> CliError {
     CliError::Job(format!(
@@ -467,31 +494,4 @@ pub(super) fn no_answer(port: &str, said: &str) -> CliError {
          flashed? It said last: {said}",
         ANSWER_PATIENCE.as_secs()
     ))
-}
-
-/// What a page may order: nothing that heats.
-pub(super) fn page_order(line: &str) -> Option<Control> {
-    command(line).filter(|control| !matches!(control, Control::Heat { .. } | Control::Fan(_)))
-}
-
-/// A line of stdin as a command.
-fn command(line: &str) -> Option<Control> {
-    let words: Vec<&str> = line.split_whitespace().collect();
-    let percent = |text: &str, range: std::ops::RangeInclusive<u16>| {
-        text.parse().ok().filter(|percent| range.contains(percent))
-    };
-    match words[..] {
-        ["pause"] => Some(Control::Pause),
-        ["resume"] => Some(Control::Resume),
-        ["abort"] => Some(Control::Abort),
-        ["stop"] => Some(Control::EmergencyStop),
-        ["override", text] => percent(text, 1..=200).map(Control::Override),
-        ["fan", text] => percent(text, 0..=100).map(|percent| Control::Fan(10 * percent)),
-        ["heat", heater, text] => text
-            .parse()
-            .ok()
-            .and_then(|celsius| heat(heater, celsius, false).ok()),
-        ["flow", text] => percent(text, 10..=200).map(Control::FlowOverride),
-        _ => None,
-    }
 }

@@ -1,16 +1,16 @@
-//! The orders of heaters and fans that `stream` gives: before the job, on its path, after it.
+//! The orders of heaters and fans that `stream` gives: before the job and on its path.
 //!
 //! In: a job's orders by servo tick, options over them. Out: commands for the board, each due once the spans up
-//! to its tick are done. Leaves out how a board holds a temperature, and that it rests until it is there.
+//! to its tick are done. Leaves out that all of it goes off (`operator.rs`), how a board holds a temperature, and
+//! that it rests until it is there.
 
 use super::CliError;
 use super::args_board::StreamArgs;
 use super::heat::heat;
 use super::job::Job;
 use super::missing_heat::missing_heat;
-use crate::job_heat::{
-    BED, HEAT_TEXT, HOT_END, HeatEvent, HeatOrder, all_off, from_json, material_events,
-};
+use crate::drive::pause_heat::PAUSE_HEAT_MAX_MIN;
+use crate::job_heat::{BED, HEAT_TEXT, HOT_END, HeatEvent, HeatOrder, from_json, material_events};
 use headway_protocol::message::Control;
 use std::collections::VecDeque;
 
@@ -19,8 +19,6 @@ use std::collections::VecDeque;
 pub(super) struct StreamHeat {
     /// Before it.
     pub before: Vec<Control>,
-    /// After it, however it ends.
-    pub after: Vec<Control>,
     /// On its path, with their ticks.
     on_path: VecDeque<(u64, Control)>,
 }
@@ -32,7 +30,6 @@ impl StreamHeat {
             // Nothing is melted: the board is to move the extruder all the same, in this run.
             return Ok(StreamHeat {
                 before: vec![Control::ExtrudeCold(true)],
-                after: vec![Control::ExtrudeCold(false)],
                 on_path: VecDeque::new(),
             });
         }
@@ -67,14 +64,7 @@ impl StreamHeat {
                 on_path.push_back((tick, control));
             }
         }
-        StreamHeat {
-            before,
-            after: all_off(events)
-                .iter()
-                .filter_map(HeatOrder::control)
-                .collect(),
-            on_path,
-        }
+        StreamHeat { before, on_path }
     }
 
     /// Something changes on the path.
@@ -110,6 +100,16 @@ pub(super) fn of_job(job: &Job) -> Result<Vec<HeatEvent>, CliError> {
     }
 }
 
+/// How long a pause keeps its heat: as asked for, as the job's machine file says, or as ever.
+pub(super) fn pause_heat_max_min(args: &StreamArgs, job: &Job) -> f64 {
+    let settings = job.settings.as_ref();
+    let material = settings.and_then(|settings| settings.material);
+    let of_file = material.and_then(|material| material.pause_heat_max_min);
+    args.pause_heat_max_min
+        .or(of_file)
+        .unwrap_or(PAUSE_HEAT_MAX_MIN)
+}
+
 /// One order for the whole job in place of all of the same heater, or of the fan.
 fn replace(events: &mut Vec<HeatEvent>, order: HeatOrder) {
     events.retain(|event| !event.order.is_of_same(&order));
@@ -120,8 +120,7 @@ fn replace(events: &mut Vec<HeatEvent>, order: HeatOrder) {
 mod tests {
     use super::*;
 
-    /// Goal: each order is given once, when its tick is done, and all is off in the end. Method: orders
-    /// by hand.
+    /// Goal: each order is given once, when its tick is done. Method: orders by hand.
     #[test]
     fn orders_come_when_their_place_is_done() {
         let event = |tick, order| HeatEvent { tick, order };
@@ -134,10 +133,6 @@ mod tests {
         ];
         let mut orders = StreamHeat::of_events(&events, 30);
         assert_eq!(orders.before, [heat("hot-end", 215.0, true).unwrap()]);
-        assert_eq!(
-            orders.after,
-            [heat("hot-end", 0.0, false).unwrap(), Control::Fan(0)]
-        );
         assert_eq!(orders.due(9), None);
         assert_eq!(orders.due(25), Some(Control::Fan(500)));
         assert_eq!(orders.due(25), Some(heat("hot-end", 205.0, false).unwrap()));

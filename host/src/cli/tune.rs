@@ -1,9 +1,10 @@
 //! `headway board tune`: full power on and off around a temperature, until the gains are known.
 
 use super::args_board::{BoardMachineArgs, PortArgs};
-use super::board::Talk;
 use super::console::Console;
 use super::heat::{heat, heater_number};
+use super::operator::Operator;
+use super::talk::Talk;
 use super::{CliError, load};
 use crate::drive::relay_tuning::{RelayTuning, Tuned};
 use crate::settings::heat::HEATER_KEYS;
@@ -37,11 +38,11 @@ pub(super) fn tune(
              highest target"
         )));
     }
-    let mut talk = Talk::open(port)?;
-    let tuned = swing(&mut talk, heater, number, celsius);
-    // Off, however it ended.
+    // Off, however it ends.
+    let operator = Operator::new(port, console);
+    let mut talk = Talk::open_for(port, Some(&operator))?;
+    let tuned = swing(&mut talk, heater, number, celsius)?;
     talk.order(heat(heater, 0.0, false)?)?;
-    let tuned = tuned?;
     let power_w = f64::from(known.plant.power_w);
     let mut found = known;
     found.gains = tuned.gains;
@@ -71,7 +72,7 @@ fn known_heater(machine: &BoardMachineArgs, number: u8) -> Result<HeaterConfigur
 }
 
 /// Switches full power at the temperature until the gains are known.
-fn swing(talk: &mut Talk, heater: &str, number: u8, celsius: f64) -> Result<Tuned, CliError> {
+fn swing(talk: &mut Talk<'_>, heater: &str, number: u8, celsius: f64) -> Result<Tuned, CliError> {
     let mut tuning = RelayTuning::new(celsius);
     let begun = Instant::now();
     let mut given = None;

@@ -2,12 +2,14 @@
 
 pub mod device_check;
 pub mod dry_run;
+pub mod heat_owner;
 pub mod joint_track;
 pub mod limits;
 pub mod link;
 pub mod link_log;
 pub mod log_place;
 pub mod patience;
+pub mod pause_heat;
 pub mod plan_curve;
 pub mod pump;
 pub mod record;
@@ -26,7 +28,7 @@ pub mod trace_table;
 pub mod transport;
 pub mod virtual_board;
 pub mod virtual_drivers;
-mod virtual_heaters;
+pub mod virtual_heaters;
 
 #[cfg(test)]
 mod cut_tests;

@@ -44,7 +44,11 @@ impl Sender {
             self.look_for_loss(welcome);
             return;
         }
-        self.outstanding = None;
+        // A command that was given before the greeting waits on: the board has refused it, if it has heard it.
+        match &mut self.outstanding {
+            Some(waits) if waits.what != ControlMessage::Hello => waits.sent_us = None,
+            outstanding => *outstanding = None,
+        }
         self.events.push_back(SenderEvent::Connected(*welcome));
         if let Err(error) = self.setup.check_welcome(welcome, self.intent) {
             self.fail(error);

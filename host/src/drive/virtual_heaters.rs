@@ -25,7 +25,7 @@ const HALVINGS: u32 = 24;
 
 /// Heaters and what regulates them.
 #[derive(Clone, Debug)]
-pub(super) struct VirtualHeaters {
+pub struct VirtualHeaters {
     service: HeatService,
     heaters: Vec<HeaterConfiguration>,
     celsius: [f32; HEATERS_MAX],
@@ -36,7 +36,7 @@ pub(super) struct VirtualHeaters {
 
 impl VirtualHeaters {
     /// All cold; the machine is told which there are.
-    pub(super) fn new(
+    pub fn new(
         machine: &mut Machine,
         configuration: &MachineConfiguration,
         heat: &HeatConfiguration,
@@ -53,7 +53,7 @@ impl VirtualHeaters {
     }
 
     /// A servo tick.
-    pub(super) fn tick(&mut self, machine: &mut Machine) {
+    pub fn tick(&mut self, machine: &mut Machine) {
         self.ticks += 1;
         if self.ticks.is_multiple_of(self.conversion_ticks) {
             // A converter that lives has noise: half a count.

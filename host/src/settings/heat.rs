@@ -5,6 +5,9 @@ use super::check::in_range;
 use super::error::SettingsError;
 use headway_firmware::heat::HeatConfiguration;
 
+/// Longest pause that may keep its heat, min: as long as a host waits for the end of a pause.
+pub const PAUSE_HEAT_MAX_MIN_MOST: f64 = 720.0;
+
 /// Temperatures that a job is printed with.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct Material {
@@ -20,6 +23,8 @@ pub struct Material {
     pub first_layer_bed_c: Option<f64>,
     /// Layer, from 1, with which the fan comes on; `None` is the first.
     pub fan_from_layer: Option<u32>,
+    /// How long a pause keeps its heat, min; `None` is the host's own 120.
+    pub pause_heat_max_min: Option<f64>,
     /// Density, g/cm³: the figures tell the mass.
     pub density_g_cm3: Option<f64>,
     /// Price of a kilogram, in whatever money: the figures tell what the material costs.
@@ -47,6 +52,9 @@ impl Material {
             1.0,
             f64::from(LAYERS_MAX),
         )?;
+        let pause_min = self.pause_heat_max_min.unwrap_or(0.0);
+        let most_min = PAUSE_HEAT_MAX_MIN_MOST;
+        in_range("material.pause_heat_max_min", pause_min, 0.0, most_min)?;
         for (key, value, most) in [
             ("material.density_g_cm3", self.density_g_cm3, 30.0),
             ("material.price_per_kg", self.price_per_kg, 1e6),

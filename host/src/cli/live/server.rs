@@ -7,7 +7,7 @@
 use super::access::{Access, Asked};
 use super::{LivePrint, NotTaken, Shared, shared};
 use crate::cli::CliError;
-use crate::cli::stream::page_order;
+use crate::cli::operator::page_order;
 use serde_json::json;
 use std::io::Read;
 use std::net::{Ipv4Addr, TcpListener};

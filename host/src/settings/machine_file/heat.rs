@@ -17,6 +17,7 @@ pub(super) struct FileMaterial {
     first_layer_hot_end_c: Option<f64>,
     first_layer_bed_c: Option<f64>,
     fan_from_layer: Option<u32>,
+    pause_heat_max_min: Option<f64>,
     density_g_cm3: Option<f64>,
     price_per_kg: Option<f64>,
     diameter_mm: Option<f64>,
@@ -31,6 +32,7 @@ impl FileMaterial {
             first_layer_hot_end_c: self.first_layer_hot_end_c,
             first_layer_bed_c: self.first_layer_bed_c,
             fan_from_layer: self.fan_from_layer,
+            pause_heat_max_min: self.pause_heat_max_min,
             density_g_cm3: self.density_g_cm3,
             price_per_kg: self.price_per_kg,
             diameter_mm: self.diameter_mm,
@@ -162,6 +164,7 @@ pub(super) fn write_material(text: &mut String, material: &Material) -> std::fmt
     for (key, value) in [
         ("first_layer_hot_end_c", material.first_layer_hot_end_c),
         ("first_layer_bed_c", material.first_layer_bed_c),
+        ("pause_heat_max_min", material.pause_heat_max_min),
         ("density_g_cm3", material.density_g_cm3),
         ("price_per_kg", material.price_per_kg),
         ("diameter_mm", material.diameter_mm),

@@ -1,6 +1,7 @@
 mod board_pins;
 mod board_stop;
 mod calibrate;
+mod heat_ends;
 mod live;
 mod orders;
 mod probe;

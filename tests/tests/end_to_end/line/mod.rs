@@ -1,3 +1,4 @@
 mod hostile;
 mod properties;
 mod streams;
+mod two_hosts;

@@ -1,0 +1,300 @@
+//! Who commands a board through this program, and what this program has switched on.
+//!
+//! In: lines on stdin, orders of the page, signals. Out: one wish after the other, for whichever loop talks to the
+//! board at the moment: a stop is heard from the first byte to the last. What is switched on is noted here and
+//! goes off with the operator, however the command ends: by an error, a signal, a panic. Only what
+//! [`Operator::hand_over`] gives away stays on, until the board has heard nobody for its own 30 s.
+
+use super::CliError;
+use super::args_board::PortArgs;
+use super::console::Console;
+use super::heat::{heat, heaters_json};
+use super::live::{LivePrint, Snapshot};
+use super::live_page::{self, PageClock};
+use super::signals::{Signals, catch};
+use super::talk::Talk;
+use crate::drive::heat_owner::HeatOwner;
+use headway_protocol::message::{Control, Status};
+use std::cell::{Cell, RefCell};
+use std::io::BufRead;
+use std::sync::mpsc::{Receiver, channel};
+
+/// What somebody wants.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(super) enum Wish {
+    /// To stop at once.
+    Stop,
+    /// A command for the board.
+    Control(Control),
+    /// Ctrl-C, for which time.
+    Interrupt(usize),
+    /// The program is to end.
+    End,
+    /// A line that is no command.
+    Unknown,
+}
+
+/// The people at the terminal and at the page, and what was switched on for them.
+pub(super) struct Operator<'a> {
+    port: &'a PortArgs,
+    /// Where they are told.
+    pub console: &'a Console,
+    lines: Option<Receiver<String>>,
+    live: Option<(LivePrint, PageClock)>,
+    signals: Signals,
+    /// Interrupts that were followed.
+    interrupts: Cell<usize>,
+    owner: RefCell<HeatOwner>,
+}
+
+impl<'a> Operator<'a> {
+    /// For a command that heats: signals alone are heard.
+    pub(super) fn new(port: &'a PortArgs, console: &'a Console) -> Operator<'a> {
+        Operator {
+            port,
+            console,
+            lines: None,
+            live: None,
+            signals: catch(),
+            interrupts: Cell::new(0),
+            owner: RefCell::default(),
+        }
+    }
+
+    /// For a command that streams: lines on stdin are heard too, and a page if there is one.
+    pub(super) fn of_stream(
+        port: &'a PortArgs,
+        console: &'a Console,
+        live: Option<(LivePrint, PageClock)>,
+    ) -> Operator<'a> {
+        let mut operator = Operator::new(port, console);
+        operator.lines = Some(lines());
+        operator.live = live;
+        operator
+    }
+
+    /// The next wish; orders of a page only where the last one is done (`is_free`), so that none piles up.
+    pub(super) fn next(&self, is_free: bool) -> Option<Wish> {
+        if self.live.as_ref().is_some_and(|(live, _)| live.stop()) {
+            return Some(Wish::Stop);
+        }
+        if self.signals.is_to_end() {
+            return Some(Wish::End);
+        }
+        if self.signals.interrupts() > self.interrupts.get() {
+            self.interrupts.set(self.interrupts.get() + 1);
+            return Some(Wish::Interrupt(self.interrupts.get()));
+        }
+        let lines = self.lines.as_ref();
+        while let Some(line) = lines.and_then(|lines| lines.try_recv().ok()) {
+            match command(&line) {
+                Some(Control::EmergencyStop) => return Some(Wish::Stop),
+                Some(control) => return Some(Wish::Control(control)),
+                None if line.trim().is_empty() => {}
+                None => return Some(Wish::Unknown),
+            }
+        }
+        let (live, _) = self.live.as_ref().filter(|_| is_free)?;
+        live.order().map(Wish::Control)
+    }
+
+    /// A command is about to be given; what was owned before it.
+    pub(super) fn note(&self, control: &Control) -> HeatOwner {
+        let before = self.owner.borrow().clone();
+        self.owner.borrow_mut().note(control);
+        before
+    }
+
+    /// The command after which this was noted was refused: it has switched nothing on.
+    pub(super) fn refused(&self, before: HeatOwner) {
+        *self.owner.borrow_mut() = before;
+    }
+
+    /// The board has taken a command.
+    pub(super) fn taken(&self, control: &Control) {
+        self.owner.borrow_mut().taken(control);
+    }
+
+    /// What is owned now.
+    pub(super) fn owner(&self) -> HeatOwner {
+        self.owner.borrow().clone()
+    }
+
+    /// What was switched on stays on: the board switches it off where no next command comes within its 30 s.
+    pub(super) fn hand_over(&self) {
+        self.owner.take();
+    }
+
+    /// Switches off all that is owned, in a conversation of its own; nothing, where that is nothing.
+    pub(super) fn switch_off(&self) -> Result<(), CliError> {
+        let all_off = self.owner.take().all_off();
+        if all_off.is_empty() {
+            return Ok(());
+        }
+        let mut talk = Talk::open(self.port)?;
+        // Each of them, whatever becomes of the others; the first problem is the one to tell.
+        let mut ended = Ok(());
+        for off in all_off {
+            let taken = talk.order(off);
+            ended = ended.and(taken);
+        }
+        ended
+    }
+
+    /// The page's clock, where there is a page.
+    pub(super) fn page_clock(&self) -> Option<&PageClock> {
+        self.live.as_ref().map(|(_, clock)| clock)
+    }
+
+    /// Leaves a snapshot for the page.
+    pub(super) fn publish(&self, snapshot: &Snapshot) {
+        if let Some((live, _)) = &self.live {
+            live.publish(snapshot);
+        }
+    }
+
+    /// What a page shows before the job streams.
+    pub(super) fn publish_beginning(&self, status: &Status) {
+        self.publish(&Snapshot {
+            state: format!("{:?}", status.state).to_lowercase(),
+            line_open: true,
+            heaters: heaters_json(status),
+            ..Snapshot::default()
+        });
+    }
+
+    /// Pages that ask once more hear how it ended.
+    pub(super) fn tell_the_end(&self, result: &Result<(), CliError>, snapshot: Snapshot) {
+        let Some((live, _)) = &self.live else {
+            return;
+        };
+        let ended = match result {
+            Ok(()) => "done".to_string(),
+            Err(error) => error.to_string(),
+        };
+        live.publish_last(&Snapshot {
+            ended: Some(ended),
+            ..snapshot
+        });
+        std::thread::sleep(live_page::LAST_LOOK);
+    }
+}
+
+impl Drop for Operator<'_> {
+    fn drop(&mut self) {
+        if self.owner().is_empty() {
+            return;
+        }
+        match self.switch_off() {
+            Ok(()) => self.console.say("what was switched on is off again"),
+            Err(error) => self.console.say(&format!(
+                "heaters could not be switched off ({error}): the board does it 30 s after it has heard the last \
+                 program"
+            )),
+        }
+    }
+}
+
+/// Lines of stdin as they come.
+fn lines() -> Receiver<String> {
+    let (sender, receiver) = channel();
+    std::thread::spawn(move || {
+        for line in std::io::stdin().lock().lines().map_while(Result::ok) {
+            if sender.send(line).is_err() {
+                return;
+            }
+        }
+    });
+    receiver
+}
+
+/// What a page may order: nothing that heats.
+pub(super) fn page_order(line: &str) -> Option<Control> {
+    command(line).filter(|control| !matches!(control, Control::Heat { .. } | Control::Fan(_)))
+}
+
+/// A line of stdin as a command.
+fn command(line: &str) -> Option<Control> {
+    let words: Vec<&str> = line.split_whitespace().collect();
+    let percent = |text: &str, range: std::ops::RangeInclusive<u16>| {
+        text.parse().ok().filter(|percent| range.contains(percent))
+    };
+    match words[..] {
+        ["pause"] => Some(Control::Pause),
+        ["resume"] => Some(Control::Resume),
+        ["abort"] => Some(Control::Abort),
+        ["stop"] => Some(Control::EmergencyStop),
+        ["override", text] => percent(text, 1..=200).map(Control::Override),
+        ["fan", text] => percent(text, 0..=100).map(|percent| Control::Fan(10 * percent)),
+        ["heat", heater, text] => text
+            .parse()
+            .ok()
+            .and_then(|celsius| heat(heater, celsius, false).ok()),
+        ["flow", text] => percent(text, 10..=200).map(Control::FlowOverride),
+        _ => None,
+    }
+}
+
+#[cfg(test)]
+#[cfg(unix)]
+mod tests {
+    use super::*;
+    use crate::drive::transport::{Listener, Port};
+    use crate::drive::virtual_board::{BoardSetup, VirtualBed, VirtualBoard};
+    use crate::settings::Settings;
+    use headway_firmware::heat::HeatConfiguration;
+    use headway_firmware::homing::HomingConfiguration;
+    use std::panic::{AssertUnwindSafe, catch_unwind};
+    use std::sync::atomic::{AtomicBool, Ordering};
+
+    /// Goal: a panic leaves nothing hot, and what a board refuses is not ours to switch off. Method: a board in a
+    /// thread; a heater that it has, one that it has not, and a panic behind them.
+    #[test]
+    fn what_was_switched_on_goes_off_with_a_panic() {
+        let folder = tempfile::tempdir().unwrap();
+        let port = Port::Unix(folder.path().join("board"));
+        let machine = Settings::default().machine;
+        let setup = BoardSetup {
+            switches: HomingConfiguration::none(),
+            machine,
+            session: 7,
+            speed: 1.0,
+            heat: HeatConfiguration::standard(),
+            bed: VirtualBed::default(),
+        };
+        let listener = Listener::bind(&port).unwrap();
+        let stop = AtomicBool::new(false);
+        let is_on = AtomicBool::new(false);
+        let args = PortArgs {
+            port: port.to_string(),
+            baud: 0,
+        };
+        std::thread::scope(|scope| {
+            scope.spawn(|| {
+                let mut board = VirtualBoard::new(setup, listener).unwrap();
+                let look = |board: &mut VirtualBoard| {
+                    let heat = board.machine().motion().heat();
+                    is_on.store(heat.is_on(), Ordering::Relaxed);
+                };
+                board.serve(&stop, look).unwrap();
+            });
+            let console = Console::new(true);
+            let panicked = catch_unwind(AssertUnwindSafe(|| {
+                let operator = Operator::new(&args, &console);
+                let mut talk = Talk::open_for(&args, Some(&operator)).unwrap();
+                talk.order(heat("bed", 60.0, false).unwrap()).unwrap();
+                let before = operator.owner();
+                assert!(talk.order(heat("2", 60.0, false).unwrap()).is_err());
+                assert_eq!(operator.owner(), before);
+                while !is_on.load(Ordering::Relaxed) {
+                    std::thread::yield_now();
+                }
+                panic!("what nobody expects");
+            }));
+            let words = panicked.unwrap_err();
+            assert_eq!(words.downcast_ref(), Some(&"what nobody expects"));
+            assert!(!is_on.load(Ordering::Relaxed));
+            stop.store(true, Ordering::Relaxed);
+        });
+    }
+}

@@ -1,0 +1,115 @@
+//! What a host has switched on: whoever switches something on owns it until somebody takes it over.
+//!
+//! In: commands as they are given and as they are taken. Out: the commands that switch off all of it. A command
+//! counts from the moment at which it is given, since it may arrive although no answer does. Left out: who gives
+//! the commands, and when.
+
+use headway_protocol::message::{Control, HEATERS_MAX};
+
+/// Heaters and fan of one host, and its leave to extrude cold.
+#[derive(Clone, Debug, Default, PartialEq, Eq)]
+pub struct HeatOwner {
+    /// Targets ordered last, tenths of a degree; 0 is not ours.
+    targets_decidegrees: [u16; HEATERS_MAX],
+    fan: bool,
+    /// The extruder may turn cold.
+    cold: bool,
+}
+
+impl HeatOwner {
+    /// A command is about to be given.
+    pub fn note(&mut self, control: &Control) {
+        match *control {
+            Control::Heat {
+                heater,
+                decidegrees,
+                ..
+            } if decidegrees > 0 => self.set(heater, decidegrees),
+            Control::Fan(permille) if permille > 0 => self.fan = true,
+            Control::ExtrudeCold(true) => self.cold = true,
+            _ => {}
+        }
+    }
+
+    /// The board has taken a command: what it switched off is ours no longer.
+    pub fn taken(&mut self, control: &Control) {
+        match *control {
+            Control::Heat {
+                heater,
+                decidegrees: 0,
+                ..
+            } => self.set(heater, 0),
+            Control::Fan(0) => self.fan = false,
+            Control::ExtrudeCold(false) => self.cold = false,
+            _ => {}
+        }
+    }
+
+    fn set(&mut self, heater: u8, decidegrees: u16) {
+        if let Some(target) = self.targets_decidegrees.get_mut(usize::from(heater)) {
+            *target = decidegrees;
+        }
+    }
+
+    /// The target that was ordered last, tenths of a degree; 0 where none was.
+    pub fn target_decidegrees(&self, heater: usize) -> u16 {
+        self.targets_decidegrees.get(heater).copied().unwrap_or(0)
+    }
+
+    /// True where nothing was switched on.
+    pub fn is_empty(&self) -> bool {
+        *self == HeatOwner::default()
+    }
+
+    /// What switches off all of it.
+    pub fn all_off(&self) -> Vec<Control> {
+        let heaters = (0..).zip(&self.targets_decidegrees);
+        let on = heaters.filter(|(_, target)| **target > 0);
+        let heaters = on.map(|(heater, _)| off(heater));
+        let fan = self.fan.then_some(Control::Fan(0));
+        let guard = self.cold.then_some(Control::ExtrudeCold(false));
+        heaters.chain(fan).chain(guard).collect()
+    }
+}
+
+/// The command that switches a heater off.
+pub fn off(heater: u8) -> Control {
+    Control::Heat {
+        heater,
+        decidegrees: 0,
+        wait: false,
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// Goal: what is given is owned, what is taken off is not, and nothing else. Method: commands by hand.
+    #[test]
+    fn what_was_given_is_owned_until_its_off_is_taken() {
+        let mut owner = HeatOwner::default();
+        assert!(owner.is_empty() && owner.all_off().is_empty());
+        let on = Control::Heat {
+            heater: 1,
+            decidegrees: 600,
+            wait: true,
+        };
+        owner.note(&on);
+        owner.note(&Control::Fan(500));
+        // An order to switch off that may never arrive changes nothing.
+        owner.note(&off(1));
+        owner.note(&Control::Fan(0));
+        assert_eq!(owner.all_off(), [off(1), Control::Fan(0)]);
+        owner.taken(&on);
+        assert_eq!(owner.target_decidegrees(1), 600);
+        owner.taken(&off(1));
+        assert_eq!(owner.all_off(), [Control::Fan(0)]);
+        owner.taken(&Control::Fan(0));
+        assert!(owner.is_empty());
+        owner.note(&Control::ExtrudeCold(true));
+        assert_eq!(owner.all_off(), [Control::ExtrudeCold(false)]);
+        owner.taken(&Control::ExtrudeCold(false));
+        assert!(owner.is_empty());
+    }
+}
