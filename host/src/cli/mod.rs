@@ -48,6 +48,7 @@ mod simulate;
 mod simulated_board;
 mod stream;
 mod stream_heat;
+mod stream_problems;
 mod talk;
 mod tune;
 mod verdict;

@@ -141,6 +141,11 @@ impl<'a> Operator<'a> {
         ended
     }
 
+    /// The page, where there is one.
+    pub(super) fn page(&self) -> Option<&LivePrint> {
+        self.live.as_ref().map(|(live, _)| live)
+    }
+
     /// The page's clock, where there is a page.
     pub(super) fn page_clock(&self) -> Option<&PageClock> {
         self.live.as_ref().map(|(_, clock)| clock)

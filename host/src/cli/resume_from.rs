@@ -12,6 +12,7 @@ use super::stream::give;
 use super::stream_heat::{StreamHeat, of_job};
 use super::talk::Talk;
 use crate::drive::log_place::{last_stream, rest_remark};
+use crate::job::SegmentStream;
 use crate::job_heat::{HEAT_TEXT, to_json};
 use crate::job_resume::approach::Approach;
 use crate::job_resume::rest::{Printed, Rest, pass_of_layer};
@@ -194,13 +195,36 @@ fn reached(
             "{error}; if you know where it was, say that instead: --resume-from pass:N or layer:N"
         ))
     })?;
-    if logged.is_torn {
-        told.push("the log ends within a line, as a power cut leaves it".to_string());
-    }
     let reached = Reached::of(&logged, stream, &job.file.frames);
     let reached = reached.map_err(|error| of_log(error.to_string()))?;
     let pass = reached.pass(stream).map_err(|error| of_part(job, &error))?;
+    let place = place_text(pass, stream);
+    if logged.went_on {
+        return Err(of_log(format!(
+            "it could not be written to the end (a full disk?), and the print went on: the last place it knows is \
+             {place}. Look how far the part has come, and say it: --resume-from pass:N, from {pass} on, or layer:N"
+        )));
+    }
+    if logged.is_torn {
+        told.push(format!(
+            "the log ends within a line, as a power cut leaves it, in {place}; if the print has come further (a \
+             disk that was taken away?), say where instead: --resume-from pass:N or layer:N"
+        ));
+    }
     Ok((pass, Some(reached)))
+}
+
+/// A pass and its layer, as the progress names them.
+fn place_text(pass: u32, stream: &SegmentStream) -> String {
+    let mark = stream.marks.iter().find(|mark| mark.pass == Some(pass));
+    match mark {
+        Some(mark) => format!(
+            "pass {pass}, layer {} of {}",
+            mark.layer + 1,
+            stream.layers()
+        ),
+        None => format!("pass {pass}"),
+    }
 }
 
 /// The job with this stream in place of its own.

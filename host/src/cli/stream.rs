@@ -11,9 +11,11 @@ use super::output_file::check_file;
 use super::probe::over_bed;
 use super::resume_from::Resumed;
 use super::stream_heat::{StreamHeat, pause_heat_max_min};
+use super::stream_problems::Problems;
 use super::talk::Talk;
 use super::{CliError, job};
 use crate::drive::link_log::LinkLog;
+use crate::drive::log_place::UNWRITTEN;
 use crate::drive::patience::{ANSWER_US, Patience, Wait};
 use crate::drive::pause_heat::{PauseHeat, PauseNews};
 use crate::drive::pump::{LineEvent, Pump, host_session};
@@ -126,6 +128,7 @@ fn print(
         begun: Instant::now(),
         said: String::new(),
         pause_heat: PauseHeat::new(pause_heat_max_min(args, job)),
+        problems: Problems::default(),
         heat,
     };
     let result = run.until_end();
@@ -187,7 +190,7 @@ fn log_file(
     let Some(path) = &args.log else {
         return Ok(None);
     };
-    let file = SyncedFile::create(path).map_err(|problem| CliError::File {
+    let file = SyncedFile::create(path, UNWRITTEN).map_err(|problem| CliError::File {
         path: path.display().to_string(),
         problem,
     })?;
@@ -225,6 +228,8 @@ struct Run<'a> {
     begun: Instant,
     /// What the board said last that a page should show.
     said: String,
+    /// What has failed beside the print.
+    problems: Problems,
     /// Heaters and fans on the path, and in a pause.
     heat: StreamHeat,
     pause_heat: PauseHeat,
@@ -236,6 +241,7 @@ impl Run<'_> {
             line_open: self.pump.is_open(),
             layers: self.timeline.layers(),
             said: self.said.clone(),
+            log_problem: self.problems.log.clone(),
             ..Snapshot::default()
         };
         if let Some(status) = &self.status {
@@ -275,6 +281,13 @@ impl Run<'_> {
         self.said = what;
     }
 
+    fn report_problems(&mut self) {
+        for problem in self.problems.look(self.operator.page(), &self.pump) {
+            self.tell(problem);
+            self.publish();
+        }
+    }
+
     fn until_end(&mut self) -> Result<(), CliError> {
         loop {
             if let Some(event) = self.pump.turn(&mut self.sender) {
@@ -292,6 +305,7 @@ impl Run<'_> {
                 self.note(event);
             }
             self.follow_operator()?;
+            self.report_problems();
             if let Some(result) = self.ended() {
                 return result;
             }

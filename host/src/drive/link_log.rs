@@ -88,6 +88,11 @@ impl LinkLog {
         }
     }
 
+    /// Why nothing has been written since: the first error.
+    pub fn problem(&self) -> Option<&io::Error> {
+        self.problem.as_ref()
+    }
+
     /// Says more of the conversation, in a line that a replay leaves out.
     pub fn remark(&mut self, what: &str) {
         self.line(&format!("# {}", what.replace(['\n', '\r'], " ")));
@@ -190,6 +195,11 @@ pub enum LogError {
     /// No stream began.
     #[error("in this log no stream began: nothing of a job was printed with it")]
     NoStream,
+    /// The log ends before the stream.
+    #[error(
+        "this log could not be written (a full disk?) when its stream began, and says nothing of how far that went"
+    )]
+    Unwritten,
     /// The machine is not said.
     #[error("the log does not say which machine it is of; give its machine file (--machine)")]
     NoMachine,

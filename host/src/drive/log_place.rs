@@ -5,7 +5,8 @@
 //! 1234567 > ...  Start                      which stream; from its acknowledgement on
 //! 1240000 < ...  Status, Ack                spans that are done
 //! ```
-//! In: the lines of a log. Out: [`LoggedStream`]. A power cut leaves a last line that is not whole, or bytes that
+//! In: the lines of a log. Out: [`LoggedStream`]. A disk that is full leaves [`UNWRITTEN`] at its end: the stream went on.
+//! A power cut leaves a last line that is not whole, or bytes that
 //! were never written behind it: both are its end. A line that cannot be read with good ones behind it is damage.
 
 use crate::drive::link_log::{Entry, HEAD, LINE_BYTES_MAX, LogError, Way, entry};
@@ -13,6 +14,8 @@ use headway_protocol::frame::FrameDecoder;
 use headway_protocol::message::{DeviceMessage, DeviceState, HostMessage, Start};
 use std::io::{self, BufRead};
 
+/// Last line of a log that could not be written any further while its stream went on.
+pub const UNWRITTEN: &str = "# the log could not be written any further, the stream went on";
 const REST: &str = "# rest of job ";
 const FROM_PASS: &str = " from pass ";
 
@@ -31,6 +34,8 @@ pub struct LoggedStream {
     pub finished: bool,
     /// The log ends within a line.
     pub is_torn: bool,
+    /// The stream went on where the log ends ([`UNWRITTEN`]).
+    pub went_on: bool,
 }
 
 /// The remark for the log of what was left of a job.
@@ -78,8 +83,10 @@ pub fn last_stream(input: &mut impl BufRead) -> Result<LoggedStream, LogError> {
         Some(found) => Ok(LoggedStream {
             rest_of: reader.rest_of,
             is_torn: unreadable.is_some(),
+            went_on: reader.went_on,
             ..found
         }),
+        None if reader.went_on => Err(LogError::Unwritten),
         None => Err(LogError::NoStream),
     }
 }
@@ -90,6 +97,7 @@ struct Reader {
     down: FrameDecoder,
     up: FrameDecoder,
     rest_of: Option<(u32, u32)>,
+    went_on: bool,
     /// A start that was sent, by its sequence number, until it is acknowledged.
     asked: Option<(u16, Start)>,
     found: Option<LoggedStream>,
@@ -105,6 +113,7 @@ impl Reader {
         let text = text.trim_end();
         if text.starts_with('#') || text.is_empty() {
             self.rest_of = from_rest_remark(text).or(self.rest_of);
+            self.went_on |= text == UNWRITTEN;
             return Ok(());
         }
         let Entry::Bytes { way, bytes, .. } = entry(text)? else {

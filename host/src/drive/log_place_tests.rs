@@ -141,3 +141,12 @@ fn a_torn_end_is_an_end_and_damage_is_damage() {
         Err(LogError::NoStream)
     ));
 }
+
+#[test]
+fn a_log_that_could_not_be_written_any_further_says_so() {
+    let text = conversation();
+    assert!(!read(&text).unwrap().went_on);
+    let text = [&text[..], UNWRITTEN.as_bytes(), b"\n"].concat();
+    let found = read(&text).unwrap();
+    assert!(found.went_on && !found.is_torn && found.spans_done == 30);
+}

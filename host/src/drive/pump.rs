@@ -102,6 +102,11 @@ impl Pump {
         }
     }
 
+    /// Why the log is not written any more.
+    pub fn log_problem(&self) -> Option<&io::Error> {
+        self.log.as_ref().and_then(LinkLog::problem)
+    }
+
     /// Ends the log.
     ///
     /// # Errors

@@ -6,19 +6,42 @@
 //! ```
 //! Why here: only `cli` does IO. The loop that streams never waits for a page: a snapshot that cannot be
 //! put down at once is left out (the next one comes in 0.1 s), and orders wait in a channel with 8 places;
-//! when it is full the page is told so. A stop does not queue. Leaves out: a page on another machine.
+//! when it is full the page is told so. A stop does not queue. A server that ends, by whatever fault, ends alone: the
+//! loop goes on and reports it once. Leaves out: a page on another machine.
 
+// Without the feature nothing makes a [`LivePrint`]; the loop that would use it is the same.
+#![cfg_attr(not(feature = "page"), allow(dead_code))]
+
+#[cfg(feature = "page")]
 mod access;
+#[cfg(feature = "page")]
+mod connections;
+#[cfg(feature = "page")]
 mod server;
+#[cfg(feature = "page")]
+mod service;
 
 use headway_protocol::message::Control;
 use serde::Serialize;
+use std::cell::RefCell;
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::sync::mpsc::{Receiver, SyncSender, TrySendError, sync_channel};
-use std::sync::{Arc, Mutex, PoisonError};
+use std::sync::{Arc, Mutex, PoisonError, TryLockError};
+use std::thread::JoinHandle;
 use std::time::Instant;
 
+#[cfg(feature = "page")]
 pub(super) use server::serve;
+
+/// Refuses: there is no server in this build.
+#[cfg(not(feature = "page"))]
+pub(super) fn serve(_page: String, _port: u16) -> Result<LivePrint, super::CliError> {
+    Err(super::CliError::Usage(
+        "--view: this build of headway has no page; build it with its default features, or with \
+         `--features page`"
+            .to_string(),
+    ))
+}
 
 /// Orders that wait for the stream's loop.
 const ORDERS_MAX: usize = 8;
@@ -52,6 +75,8 @@ pub(super) struct Snapshot {
     pub queue_knots: u16,
     /// What was said last, a refusal or a fault.
     pub said: String,
+    /// Why the log can no longer be written, from then on.
+    pub log_problem: Option<String>,
     /// How it ended.
     pub ended: Option<String>,
 }
@@ -96,14 +121,19 @@ pub(super) struct LivePrint {
     orders: Receiver<Control>,
     /// Where the page is.
     pub url: String,
+    /// The server's, until its end was reported.
+    thread: RefCell<Option<JoinHandle<std::io::Result<()>>>>,
 }
 
 impl LivePrint {
     /// Leaves a snapshot for the pages, or leaves it out.
     pub(super) fn publish(&self, snapshot: &Snapshot) {
-        if let Ok(mut held) = self.shared.snapshot.try_lock() {
-            *held = (snapshot.clone(), Instant::now());
-        }
+        let mut held = match self.shared.snapshot.try_lock() {
+            Ok(held) => held,
+            Err(TryLockError::Poisoned(poisoned)) => poisoned.into_inner(),
+            Err(TryLockError::WouldBlock) => return,
+        };
+        *held = (snapshot.clone(), Instant::now());
     }
 
     /// The last snapshot: nothing waits for this one any more.
@@ -115,6 +145,19 @@ impl LivePrint {
     /// A stop that a page asked for, once.
     pub(super) fn stop(&self) -> bool {
         self.shared.stop.swap(false, Ordering::Relaxed)
+    }
+
+    /// Why the server has ended, once: nobody watches or commands from there any more.
+    pub(super) fn server_problem(&self) -> Option<String> {
+        let thread = self
+            .thread
+            .borrow_mut()
+            .take_if(|thread| thread.is_finished())?;
+        Some(match thread.join() {
+            Ok(Ok(())) => "it ended".to_string(),
+            Ok(Err(error)) => error.to_string(),
+            Err(_) => "a fault of its own".to_string(),
+        })
     }
 
     /// The next order.
@@ -146,6 +189,7 @@ mod tests {
             shared: shared.clone(),
             orders,
             url: String::new(),
+            thread: RefCell::default(),
         };
         let held = shared.snapshot.lock().unwrap();
         print.publish(&Snapshot {
@@ -164,5 +208,38 @@ mod tests {
         assert_eq!(std::iter::from_fn(|| print.order()).count(), ORDERS_MAX);
         drop(print);
         assert_eq!(shared.order(Control::Pause), Err(NotTaken::Over));
+    }
+    /// Goal: a server that panics ends alone, and its end is reported once. Method: its thread panics while it
+    /// holds what it shares with the loop, which then goes on with all that it does.
+    #[test]
+    fn a_server_that_panics_ends_alone_and_is_reported_once() {
+        let (shared, orders) = shared();
+        shared.order(Control::Pause).unwrap();
+        shared.order(Control::EmergencyStop).unwrap();
+        let at_server = shared.clone();
+        let thread = std::thread::spawn(move || {
+            let _held = at_server.snapshot.lock().unwrap();
+            panic!("on purpose");
+        });
+        while !thread.is_finished() {
+            std::thread::yield_now();
+        }
+        let print = LivePrint {
+            shared: shared.clone(),
+            orders,
+            url: String::new(),
+            thread: RefCell::new(Some(thread)),
+        };
+        assert!(print.server_problem().is_some());
+        assert_eq!(print.server_problem(), None);
+        let snapshot = Snapshot {
+            layer: 7,
+            ..Snapshot::default()
+        };
+        print.publish(&snapshot);
+        assert_eq!(shared.snapshot().0.layer, 7);
+        assert!(print.stop());
+        assert_eq!(print.order(), Some(Control::Pause));
+        print.publish_last(&snapshot);
     }
 }

@@ -43,6 +43,10 @@
       : p.state + (stale ? `, nothing new for ${Math.round(age)} s` : "");
     document.querySelectorAll("#live button, #live input[type=number]").forEach((b) => { b.disabled = over; });
     if (p.said) $("live-said").textContent = p.said;
+    if (p.log_problem && $("live-log").hidden) {
+      $("live-log").textContent = p.log_problem;
+      $("live-log").hidden = false;
+    }
     if (!p.state) return;
     $("live-done").value = p.done;
     follow("live-feed", "feed", p.override_percent);
