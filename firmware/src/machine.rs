@@ -19,7 +19,7 @@ use crate::inputs::Inputs;
 use crate::motion::Motion;
 use crate::output::StepOutput;
 use crate::probe_pin::ProbePin;
-use crate::receiver::Receiver;
+use crate::receiver::{Receiver, Request};
 use crate::settings::BoardLimits;
 use crate::steps::StepPlayer;
 use headway_protocol::knot_block::KNOTS_PER_BLOCK_MAX;
@@ -136,6 +136,29 @@ impl Machine {
             }
         }
         self.stop_if_due();
+    }
+
+    /// Takes a byte of the first line, and returns what it completes, for [`Self::apply`].
+    pub fn push(&mut self, byte: u8) -> Option<Request> {
+        self.receiver.push(byte)
+    }
+
+    /// Hands over what the host on the first line asks.
+    pub fn apply(&mut self, request: Request) {
+        self.receiver.apply(request, &mut self.motion);
+        self.stop_if_due();
+    }
+
+    /// Hands over what a host on a second line asks.
+    pub fn apply_watcher(&mut self, watcher: &mut Receiver, request: Request) {
+        watcher.watch(&self.receiver, &self.motion);
+        watcher.apply(request, &mut self.motion);
+        self.stop_if_due();
+    }
+
+    /// The hosts on the first line and on a second one change places, see [`Receiver::exchange_hosts`].
+    pub fn exchange_hosts(&mut self, watcher: &mut Receiver) {
+        self.receiver.exchange_hosts(watcher);
     }
 
     /// The next report for a second line, as [`Self::poll_report`].

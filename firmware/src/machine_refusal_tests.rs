@@ -352,8 +352,27 @@ fn a_second_line_hears_and_stops_but_neither_streams_nor_moves() {
             knots: 0,
             events: 0,
         }),
+        HostMessage::Control(Control::Fan(400)),
+        HostMessage::Control(Control::Fan(0)),
+        HostMessage::Control(Control::Heat {
+            heater: 0,
+            decidegrees: 10,
+            wait: false,
+        }),
+        HostMessage::Control(Control::MotorsOff),
     ] {
         assert!(ask(&mut host, message).iter().any(is_busy), "{message:?}");
+    }
+    // Whatever stops or cools is taken.
+    for control in [
+        Control::Pause,
+        Control::Resume,
+        Control::Override(90),
+        Control::FlowOverride(90),
+        Control::StatusRequest,
+    ] {
+        let said = ask(&mut host, HostMessage::Control(control));
+        assert!(!said.iter().any(is_busy), "{control:?}");
     }
     for _ in 0..2000 {
         host.send(&job, 8, 16);

@@ -217,16 +217,6 @@ impl Control {
         )
     }
 
-    /// True for what lifts a guard of the board.
-    pub fn lifts_a_guard(&self) -> bool {
-        matches!(self, Control::ExtrudeCold(true))
-    }
-
-    /// True for what makes something hot.
-    pub fn heats(&self) -> bool {
-        matches!(self, Control::Heat { decidegrees, .. } if *decidegrees > 0)
-    }
-
     /// True if every field is in its range.
     pub(crate) fn is_valid(&self) -> bool {
         match *self {

@@ -1,5 +1,6 @@
 //! Moves finished segments: sender, link, simulator; checks what came out. Never imports `plan`.
 
+mod board_lines;
 pub mod device_check;
 pub mod dry_run;
 pub mod heat_owner;

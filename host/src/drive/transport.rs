@@ -34,6 +34,14 @@ pub trait Transport: Send {
     /// # Errors
     /// The line is gone.
     fn send(&mut self, bytes: &[u8]) -> io::Result<()>;
+
+    /// Sends as many bytes as there is room for and returns how many; all, where a line cannot tell.
+    ///
+    /// # Errors
+    /// The line is gone.
+    fn send_some(&mut self, bytes: &[u8]) -> io::Result<usize> {
+        self.send(bytes).map(|()| bytes.len())
+    }
 }
 
 /// Where a board is.
@@ -158,6 +166,10 @@ impl<S: Read + Write + Send> Transport for Socket<S> {
     fn send(&mut self, bytes: &[u8]) -> io::Result<()> {
         self.0.write_all(bytes)
     }
+
+    fn send_some(&mut self, bytes: &[u8]) -> io::Result<usize> {
+        patient(self.0.write(bytes))
+    }
 }
 
 struct Serial(Box<dyn serialport::SerialPort>);
@@ -247,7 +259,8 @@ impl Listener {
         }
     }
 
-    /// A host that has connected since the last call.
+    /// A host that has connected since the last call. Its line waits neither for bytes nor for room
+    /// ([`Transport::send_some`]), so that no host holds the others up.
     ///
     /// # Errors
     /// What the system says.
@@ -255,11 +268,14 @@ impl Listener {
         let accepted: io::Result<Box<dyn Transport>> = match self {
             Listener::Tcp(listener) => listener
                 .accept()
-                .and_then(|(stream, _)| Ok(Box::new(Socket(of_tcp(stream)?)) as _)),
+                .and_then(|(stream, _)| of_tcp(stream))
+                .and_then(|stream| stream.set_nonblocking(true).map(|()| stream))
+                .map(|stream| Box::new(Socket(stream)) as _),
             #[cfg(unix)]
             Listener::Unix(listener, _) => listener
                 .accept()
-                .and_then(|(stream, _)| Ok(Box::new(Socket(of_unix(stream)?)) as _)),
+                .and_then(|(stream, _)| stream.set_nonblocking(true).map(|()| stream))
+                .map(|stream| Box::new(Socket(stream)) as _),
         };
         match accepted {
             Ok(transport) => Ok(Some(transport)),

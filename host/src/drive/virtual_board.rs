@@ -3,12 +3,12 @@
 //!
 //! Its heaters are a model. Its steps go nowhere but into counters and a digest. Limit switches close at their
 //! places, so that homing can be tried. One host streams and moves; others may ask and stop
-//! meanwhile (`Receiver::watching`). Where the first one leaves, who has just come is the next one, else
-//! the oldest of the others.
+//! meanwhile (`board_lines`).
 
 use crate::bed_mesh::BedMesh;
+use crate::drive::board_lines::Lines;
 use crate::drive::record::{Step, StepDigest};
-use crate::drive::transport::{Listener, Transport};
+use crate::drive::transport::Listener;
 use crate::drive::virtual_drivers::VirtualDrivers;
 use crate::drive::virtual_heaters::VirtualHeaters;
 use crate::settings::probe::ProbeSettings;
@@ -25,27 +25,19 @@ use headway_firmware::machine::Machine;
 use headway_firmware::octopus::INPUTS;
 use headway_firmware::output::StepOutput;
 use headway_firmware::probe_pin::{self, ProbePin};
-use headway_firmware::receiver::Receiver;
 use headway_firmware::settings::BoardLimits;
-use headway_protocol::frame::FRAME_BYTES_MAX;
-use headway_protocol::message::{DeviceState, PROBE_BIT, PinPosition};
-use std::collections::VecDeque;
+use headway_protocol::message::{PROBE_BIT, PinPosition};
 use std::io;
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::time::{Duration, Instant};
 
 /// Most virtual time made up at once: a computer that cannot keep up slows the board down.
 const CATCH_UP_S: f64 = 0.05;
-/// Hosts that may ask and stop while another one streams.
-const WATCHERS_MAX: usize = 4;
-/// A host that comes while another one only asks waits so long for the line to be free: what asks is
-/// soon gone, and the newcomer may have come to stream. While the board moves it is let in at once.
-const TURN_WAIT_S: f64 = 1.0;
 /// Virtual time between two looks at what there is to report: a computer that makes up much time at
 /// once still tells the host as often as a board whose main loop never rests.
 const REPORT_PERIOD_S: f64 = 0.005;
-/// Reports of one turn.
-const REPORTS_MAX: usize = 32;
+/// Between two looks at lines that say nothing.
+const LOOK: Duration = Duration::from_millis(1);
 
 /// What to simulate.
 #[derive(Clone, Debug)]
@@ -154,14 +146,9 @@ pub struct VirtualBoard {
     heaters: VirtualHeaters,
     steps: Steps,
     listener: Listener,
-    line: Option<Box<dyn Transport>>,
-    /// Lines of further hosts, the oldest first.
-    watchers: VecDeque<(Box<dyn Transport>, Receiver)>,
-    /// Has just come, and when: nothing of it is read before it is the first one or a watcher.
-    newcomer: Option<(Box<dyn Transport>, Instant)>,
+    lines: Lines,
     begun: Instant,
     ticks_done: u64,
-    hosts: u64,
     /// Keeps settings that come, if it can.
     store: Option<SettingsWriter>,
     drivers: Option<(DriverService, VirtualDrivers)>,
@@ -185,12 +172,9 @@ impl VirtualBoard {
             heaters,
             steps: Steps::default(),
             listener,
-            line: None,
-            watchers: VecDeque::new(),
-            newcomer: None,
+            lines: Lines::default(),
             begun: Instant::now(),
             ticks_done: 0,
-            hosts: 0,
             store: None,
             drivers: None,
         })
@@ -239,7 +223,7 @@ impl VirtualBoard {
 
     /// Drops the connection, as a pulled cable does.
     pub fn pull(&mut self) {
-        self.line = None;
+        self.lines.pull();
     }
 
     /// The controller.
@@ -255,78 +239,30 @@ impl VirtualBoard {
             step_digest: format!("{:016x}", self.steps.digest.0),
             counts: motion.counts()[..motion.motors()].to_vec(),
             underruns: motion.underruns(),
-            hosts: self.hosts,
+            hosts: self.lines.hosts,
         }
     }
 
     /// Takes bytes, lets the time pass that has passed, answers.
     fn turn(&mut self) -> io::Result<()> {
-        let mut buffer = [0u8; 4096];
-        match self.line.as_mut().map(|line| line.receive(&mut buffer)) {
-            Some(Ok(count)) => {
-                // One at a time: what one completes is stored before the next is taken.
-                for byte in &buffer[..count] {
-                    self.machine.handle_bytes(core::slice::from_ref(byte));
-                    if let Some(store) = &mut self.store {
-                        self.machine.store_settings(store);
-                    }
-                }
+        let store = &mut self.store;
+        // After each message: what one completes is stored before the next is taken.
+        let keep = |machine: &mut Machine| {
+            if let Some(store) = store {
+                machine.store_settings(store);
             }
-            Some(Err(_)) => self.line = None,
-            None => std::thread::sleep(Duration::from_millis(1)),
+        };
+        if !self.lines.hear(&mut self.machine, keep) {
+            std::thread::sleep(LOOK);
         }
-        self.hear_watchers();
         self.pass();
         if let Some((service, port)) = &mut self.drivers {
             self.machine.serve_drivers(service, port);
         }
-        self.report();
-        self.take_host()
-    }
-
-    /// Lets a host in, if one has come and there is room. Whether the first one is still there has been
-    /// found out before.
-    fn take_host(&mut self) -> io::Result<()> {
-        if self.newcomer.is_none() && self.watchers.len() < WATCHERS_MAX {
-            self.newcomer = self.listener.accept()?.map(|line| (line, Instant::now()));
-            self.hosts += u64::from(self.newcomer.is_some());
-        }
-        if self.line.is_none() {
-            self.line = match self.newcomer.take() {
-                Some((line, _)) => Some(line),
-                None => self.watchers.pop_front().map(|(line, _)| line),
-            };
-        }
-        let rests = self.machine.motion().state() == DeviceState::Idle;
-        let waits = |since: Instant| rests && since.elapsed().as_secs_f64() < TURN_WAIT_S;
-        if let Some((line, _)) = self.newcomer.take_if(|(_, since)| !waits(*since)) {
-            let receiver = Receiver::watching(&self.setup.machine, self.setup.session);
-            self.watchers.push_back((line, receiver));
-        }
-        Ok(())
-    }
-
-    /// Further hosts: questions, and stops.
-    fn hear_watchers(&mut self) {
-        let machine = &mut self.machine;
-        self.watchers.retain_mut(|(line, receiver)| {
-            let mut buffer = [0u8; 1024];
-            match line.receive(&mut buffer) {
-                Ok(count) => machine.handle_watcher(receiver, &buffer[..count]),
-                Err(_) => return false,
-            }
-            let mut out = [0u8; FRAME_BYTES_MAX];
-            for _ in 0..REPORTS_MAX {
-                let length = machine.poll_watcher(receiver, &mut out);
-                if length == 0 {
-                    break;
-                }
-                if line.send(&out[..length]).is_err() {
-                    return false;
-                }
-            }
-            true
-        });
+        self.lines.report(&mut self.machine);
+        self.lines.report_others(&self.machine);
+        let (machine, session) = (&self.setup.machine, self.setup.session);
+        self.lines.accept(&self.listener, machine, session)
     }
 
     fn pass(&mut self) {
@@ -349,7 +285,7 @@ impl VirtualBoard {
                 self.steps.begin_job(start * interval_ticks);
             }
             if tick.is_multiple_of(report_ticks) {
-                self.report();
+                self.lines.report(&mut self.machine);
             }
         }
         self.ticks_done = due;
@@ -393,20 +329,5 @@ impl VirtualBoard {
             mask |= u8::from(pressed) << number;
         }
         mask
-    }
-
-    fn report(&mut self) {
-        let mut out = [0u8; FRAME_BYTES_MAX];
-        for _ in 0..REPORTS_MAX {
-            let length = self.machine.poll_report(&mut out);
-            if length == 0 {
-                return;
-            }
-            if let Some(line) = &mut self.line
-                && line.send(&out[..length]).is_err()
-            {
-                self.line = None;
-            }
-        }
     }
 }

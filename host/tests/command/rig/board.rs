@@ -119,7 +119,14 @@ pub struct Host {
 
 impl Host {
     pub fn start(arguments: &[&str]) -> Host {
-        let mut child = command(arguments).stdin(Stdio::piped()).spawn().unwrap();
+        let mut command = command(arguments);
+        command.stdin(Stdio::piped());
+        Host::of(command)
+    }
+
+    /// Of a command whose output goes into pipes.
+    pub fn of(mut command: Command) -> Host {
+        let mut child = command.spawn().unwrap();
         let said = Arc::new(std::sync::Mutex::new(String::new()));
         let (stderr, heard) = (child.stderr.take().unwrap(), said.clone());
         let listener = std::thread::spawn(move || {
