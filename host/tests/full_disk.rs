@@ -45,7 +45,7 @@ fn a_full_disk_is_reported_at_once_and_resume_names_the_last_place() {
     let folder = folder("full");
     let (job, expected) = job(&folder, 4);
     let log = folder.join("print.log").display().to_string();
-    let board = Board::unix(&folder, 1.0);
+    let board = Board::unix(&folder, 2.0);
     let stream = ["stream", &job, "--port", &board.port, "--log", &log];
     let host = with_little_room(&[&stream[..], &["--view", "--no-open", "--json"]].concat());
     host.wait_for("the log cannot be written any further");

@@ -218,7 +218,7 @@ fn drip(mut line: TcpStream, bytes: &[u8], ends: &AtomicBool) -> std::io::Result
 fn two_hundred_hostile_clients_change_no_step() {
     let folder = folder("steps");
     let (job, expected) = job(&folder, 4);
-    let board = Board::unix(&folder, 1.0);
+    let board = Board::unix(&folder, 2.0);
     let (host, page) = stream(&job, &board);
     page.wait_until("running", |print| print["state"] == "running");
     let attack = Attack::begin(&page);
@@ -240,7 +240,7 @@ fn two_hundred_hostile_clients_change_no_step() {
 #[test]
 fn a_stop_is_heard_among_two_hundred_hostile_clients() {
     let folder = folder("stop");
-    let (job, _) = job(&folder, 12);
+    let (job, _) = job(&folder, 8);
     let board = Board::unix(&folder, 1.0);
     let (host, page) = stream(&job, &board);
     page.wait_until("running", |print| print["state"] == "running");
