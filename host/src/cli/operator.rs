@@ -214,6 +214,7 @@ fn lines() -> Receiver<String> {
 }
 
 /// What a page may order: nothing that heats.
+#[cfg(feature = "page")]
 pub(super) fn page_order(line: &str) -> Option<Control> {
     command(line).filter(|control| !matches!(control, Control::Heat { .. } | Control::Fan(_)))
 }
