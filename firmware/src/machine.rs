@@ -82,12 +82,8 @@ impl Machine {
     /// Takes bytes from the line.
     pub fn handle_bytes(&mut self, bytes: &[u8]) {
         for &byte in bytes {
-            if let Some(request) = self.receiver.receive(0, byte) {
+            if let Some(request) = self.push(byte) {
                 self.receiver.apply(request, &mut self.motion);
-            }
-            if self.receiver.is_busy() {
-                self.receiver.work(KNOTS_PER_BLOCK_MAX);
-                self.receiver.deliver(&mut self.motion);
             }
         }
         self.stop_if_due();
@@ -138,9 +134,15 @@ impl Machine {
         self.stop_if_due();
     }
 
-    /// Takes a byte of the first line, and returns what it completes, for [`Self::apply`].
+    /// Takes a byte of the first line, and returns what it completes, for [`Self::apply`]. A block of knots is handed
+    /// over at once.
     pub fn push(&mut self, byte: u8) -> Option<Request> {
-        self.receiver.push(byte)
+        let request = self.receiver.receive(0, byte);
+        if self.receiver.is_busy() {
+            self.receiver.work(KNOTS_PER_BLOCK_MAX);
+            self.receiver.deliver(&mut self.motion);
+        }
+        request
     }
 
     /// Hands over what the host on the first line asks.

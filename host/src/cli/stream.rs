@@ -228,7 +228,6 @@ struct Run<'a> {
     begun: Instant,
     /// What the board said last that a page should show.
     said: String,
-    /// What has failed beside the print.
     problems: Problems,
     /// Heaters and fans on the path, and in a pause.
     heat: StreamHeat,

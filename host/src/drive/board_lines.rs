@@ -139,7 +139,7 @@ impl Lines {
         for (at, &byte) in bytes.iter().enumerate() {
             let (may_be_taken, has_none) = (self.may_be_taken(machine), self.first.is_none());
             let line = &mut self.others[number];
-            let Some(request) = line.receiver.push(byte) else {
+            let Some(request) = line.receiver.receive(0, byte) else {
                 continue;
             };
             line.heard = Instant::now();

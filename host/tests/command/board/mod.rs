@@ -1,9 +1,12 @@
 mod board_pins;
 mod board_stop;
 mod calibrate;
+mod full_disk;
 mod heat_ends;
+mod hosts_of_a_board;
 mod live;
 mod orders;
+mod page_attack;
 mod probe;
 mod registers;
 mod resume;

@@ -3,10 +3,8 @@
 //! two hundred clients at once send what no browser sends, each again as soon as it was thrown out.
 #![cfg(unix)]
 
-mod rig;
-
-use rig::board::{Board, Host, counts, job};
-use rig::folder;
+use crate::rig::board::{Board, Host, counts, job};
+use crate::rig::folder;
 use serde_json::Value;
 use std::io::{Read, Write};
 use std::net::TcpStream;

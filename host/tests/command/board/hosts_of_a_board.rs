@@ -2,8 +2,8 @@
 //! and hosts of this process at one board behind a real socket.
 #![cfg(unix)]
 
-mod rig;
-
+use crate::rig::board::{Board, Host, job};
+use crate::rig::{folder, headway, object, stderr};
 use headway::drive::pump::{Pump, host_session};
 use headway::drive::sender::Sender;
 use headway::drive::sender_state::{SenderEvent, SenderState};
@@ -11,8 +11,6 @@ use headway::drive::transport::{BAUD_DEFAULT, Port};
 use headway::settings::Settings;
 use headway_firmware::heat::HeatConfiguration;
 use headway_protocol::message::Control;
-use rig::board::{Board, Host, job};
-use rig::{folder, headway, object, stderr};
 use std::net::TcpStream;
 use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, AtomicU32, Ordering};

@@ -3,11 +3,9 @@
 //! file, which the system refuses as it refuses them on a full disk.
 #![cfg(unix)]
 
-mod rig;
-
+use crate::rig::board::{Board, Host, counts, job};
+use crate::rig::{folder, headway, stderr};
 use headway::drive::log_place::UNWRITTEN;
-use rig::board::{Board, Host, counts, job};
-use rig::{folder, headway, stderr};
 use std::io::{Read, Write};
 use std::net::TcpStream;
 use std::process::{Command, Stdio};
