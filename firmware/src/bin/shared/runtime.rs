@@ -22,6 +22,12 @@
 // Each board uses what it needs of this.
 #![allow(dead_code)]
 
+#[cfg(feature = "defmt")]
+#[path = "log_lock.rs"]
+mod log_lock;
+#[path = "outgoing.rs"]
+mod outgoing;
+
 use super::{Output, pend_stop};
 use core::cell::UnsafeCell;
 use core::mem::MaybeUninit;
@@ -42,8 +48,8 @@ use headway_firmware::motion::{EMERGENCY, Motion};
 use headway_firmware::receiver::{Receiver, Request};
 use headway_firmware::steps::{Moment, StepBank, StepEngine, StepPlayer, Stopped};
 use headway_firmware::watchdog::ServoHealth;
-use headway_protocol::frame::FRAME_BYTES_MAX;
 use headway_protocol::message::{Fault, FaultCause};
+pub use outgoing::Outgoing;
 
 /// Of the upper four priority bits, which both chips have; steps 0, servo here.
 pub const SERVO_PRIORITY: u8 = 0x80;
@@ -343,32 +349,6 @@ pub fn with_motion<R>(work: impl FnOnce(&mut Motion) -> R) -> Option<R> {
     }
 }
 
-/// Logs are written from the main loop alone: whoever writes one holds the servo off, never the steps.
-#[cfg(feature = "defmt")]
-mod log_lock {
-    use super::SERVO_PRIORITY;
-    use cortex_m::register::basepri;
-    use critical_section::{Impl, RawRestoreState, set_impl};
-
-    struct ServoOff;
-    set_impl!(ServoOff);
-
-    // SAFETY: no interrupt writes logs, and nothing else uses critical sections of this crate.
-    unsafe impl Impl for ServoOff {
-        unsafe fn acquire() -> RawRestoreState {
-            let before = basepri::read();
-            // SAFETY: it is raised, or stays as it is.
-            unsafe { basepri::write(SERVO_PRIORITY) };
-            before
-        }
-
-        unsafe fn release(before: RawRestoreState) {
-            // SAFETY: what it was.
-            unsafe { basepri::write(before) };
-        }
-    }
-}
-
 /// What a board is to run.
 pub struct Board<'a> {
     pub configuration: &'a MachineConfiguration,
@@ -522,40 +502,4 @@ pub fn note_pass() {
 /// was any.
 pub fn look_ahead() -> bool {
     with_motion(Motion::look_ahead) == Some(true)
-}
-
-/// A report on its way out. A host that does not listen holds it up, never the rest.
-pub struct Outgoing {
-    frame: [u8; FRAME_BYTES_MAX],
-    length: usize,
-    sent: usize,
-}
-
-impl Outgoing {
-    pub const fn new() -> Self {
-        Self {
-            frame: [0; FRAME_BYTES_MAX],
-            length: 0,
-            sent: 0,
-        }
-    }
-
-    /// What is to be sent now; gets the next report when the last one is out. One call per round of
-    /// the main loop: it also tells the servo that the loop lives.
-    #[inline(never)]
-    pub fn pending(&mut self, receiver: &mut Receiver) -> &[u8] {
-        note_pass();
-        if self.sent >= self.length {
-            self.sent = 0;
-            let report = with_motion(|motion| receiver.take_report(motion)).flatten();
-            let length = report.map_or(0, |report| receiver.write_report(&report, &mut self.frame));
-            self.length = length.min(FRAME_BYTES_MAX);
-        }
-        self.frame.get(self.sent..self.length).unwrap_or_default()
-    }
-
-    /// So many bytes of it are out.
-    pub fn sent(&mut self, bytes: usize) {
-        self.sent += bytes;
-    }
 }

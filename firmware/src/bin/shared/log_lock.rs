@@ -1,0 +1,23 @@
+//! Logs are written from the main loop alone: whoever writes one holds the servo off, never the steps.
+
+use super::SERVO_PRIORITY;
+use cortex_m::register::basepri;
+use critical_section::{Impl, RawRestoreState, set_impl};
+
+struct ServoOff;
+set_impl!(ServoOff);
+
+// SAFETY: no interrupt writes logs, and nothing else uses critical sections of this crate.
+unsafe impl Impl for ServoOff {
+    unsafe fn acquire() -> RawRestoreState {
+        let before = basepri::read();
+        // SAFETY: it is raised, or stays as it is.
+        unsafe { basepri::write(SERVO_PRIORITY) };
+        before
+    }
+
+    unsafe fn release(before: RawRestoreState) {
+        // SAFETY: what it was.
+        unsafe { basepri::write(before) };
+    }
+}
