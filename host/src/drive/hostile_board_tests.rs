@@ -186,7 +186,7 @@ fn kinds() -> Vec<(&'static str, Ends, Liar)> {
         (
             "another protocol",
             Failed,
-            welcomes(|w| w.protocol_version = 9),
+            welcomes(|w| w.protocol_version = PROTOCOL_VERSION + 1),
         ),
         ("another schema", Failed, welcomes(|w| w.schema_hash = 9)),
         ("another machine", Failed, welcomes(|w| w.machine_hash = 9)),
