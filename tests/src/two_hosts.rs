@@ -122,8 +122,11 @@ pub struct Board {
 }
 
 impl Board {
-    /// Cold, and nobody there.
-    pub fn new(heat: HeatConfiguration) -> Board {
+    /// Cold, and nobody there. Its jobs heat little, so that the virtual clock need not wait: melt may move cold.
+    pub fn new(mut heat: HeatConfiguration) -> Board {
+        for heater in &mut heat.heaters {
+            heater.extrude_min_c = 0.0;
+        }
         let configuration = machine();
         let mut machine = Machine::new(&configuration, 1).expect("a machine that can be run");
         let heaters = VirtualHeaters::new(&mut machine, &configuration, &heat);

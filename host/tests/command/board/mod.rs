@@ -1,3 +1,5 @@
+//! Boards by the command: streamed to, asked, commanded, calibrated, watched; images in the emulator.
+
 mod board_pins;
 mod board_stop;
 mod calibrate;

@@ -1,3 +1,5 @@
+//! What the command writes and says: figures, jobs, reports, verdicts, help.
+
 mod browser;
 mod command;
 mod guide;

@@ -1,3 +1,5 @@
+//! What the command makes of its inputs, and what it refuses.
+
 mod api;
 mod awkward;
 mod copies;

@@ -1,3 +1,5 @@
+//! The controller: its drivers and heaters, its checks, its figures, an emulated core.
+
 mod device_check;
 mod drivers;
 mod emulated;

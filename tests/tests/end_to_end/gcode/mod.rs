@@ -1,3 +1,5 @@
+//! G-code read and written, against slicers' files and other interpreters.
+
 mod awkward;
 mod export;
 mod heat_orders;

@@ -1,3 +1,5 @@
+//! Headings that fit, against brute force; the medial axis and what is reachable.
+
 mod apertures;
 mod dense_search;
 mod heading_stops;

@@ -1,3 +1,5 @@
+//! Files of all formats, as they come and broken.
+
 mod meshes;
 mod mutated_files;
 mod nurbs;

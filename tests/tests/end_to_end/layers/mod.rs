@@ -1,3 +1,5 @@
+//! Layers: covered, filled, bridged, stacked, kept out of.
+
 mod bridges;
 mod infill;
 mod keep_out;

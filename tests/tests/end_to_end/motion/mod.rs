@@ -1,3 +1,5 @@
+//! Motion: limits, steps, a bed that is not flat.
+
 mod bed_mesh;
 mod limits;
 mod steps;

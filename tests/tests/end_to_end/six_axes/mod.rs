@@ -1,3 +1,5 @@
+//! Waypoints and surfaces on machines whose tool axis tilts.
+
 mod arm_solutions;
 mod clear_travel;
 mod real_runs;

@@ -1,3 +1,5 @@
+//! Real slices and drawn parts, planned whole and judged.
+
 mod held_out;
 mod metamorphic;
 mod noisy_slices;
