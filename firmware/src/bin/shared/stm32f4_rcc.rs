@@ -17,6 +17,9 @@ const ALL_PORTS: u32 = 0xff;
 pub enum Bus {
     /// Ports.
     Ahb1 = 0x30,
+    /// USB.
+    #[cfg(feature = "octopus")]
+    Ahb2 = 0x34,
     /// USART 2 and 3, timer 4.
     Apb1 = 0x40,
     /// System configuration, timer 11, converter 3.

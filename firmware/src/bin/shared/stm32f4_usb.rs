@@ -4,6 +4,7 @@
 //! main loop alone. It runs where the core ignores that ([`without_masking`]), so that no step waits.
 
 use crate::runtime::without_masking;
+use crate::stm32f4::rcc::{Bus, clock_on};
 use crate::stm32f4::{CORE_HZ, start::usb_serial_number};
 use embedded_io::{ErrorType, Read, ReadReady, Write, WriteReady};
 use stm32f4xx_hal::otg_fs::{USB, UsbBus};
@@ -23,7 +24,12 @@ pub struct UsbLine {
     length: usize,
 }
 
+/// Of the USB controller, on its bus.
+const USB_CLOCK: u32 = 1 << 7;
+
 pub fn set_up(peripherals: Peripherals) -> Option<UsbLine> {
+    // Ahead of the HAL, whose barrier the compiler may leave some instructions behind the write that it is for.
+    clock_on(Bus::Ahb2, USB_CLOCK);
     let mut rcc = peripherals.RCC.constrain();
     let port_a = peripherals.GPIOA.split(&mut rcc);
     let usb = USB {
