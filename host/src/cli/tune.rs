@@ -71,6 +71,9 @@ fn known_heater(machine: &BoardMachineArgs, number: u8) -> Result<HeaterConfigur
     found.ok_or_else(|| CliError::Usage(format!("heater {number} is not in the machine file")))
 }
 
+/// Until a board has looked at each of its sensors.
+const FIRST_LOOK: Duration = Duration::from_secs(2);
+
 /// Switches full power at the temperature until the gains are known.
 fn swing(talk: &mut Talk<'_>, heater: &str, number: u8, celsius: f64) -> Result<Tuned, CliError> {
     let mut tuning = RelayTuning::new(celsius);
@@ -83,6 +86,11 @@ fn swing(talk: &mut Talk<'_>, heater: &str, number: u8, celsius: f64) -> Result<
         }
         let reading = status.heaters.get(usize::from(number));
         let Some(reading) = reading.filter(|reading| reading.decidegrees != i16::MIN) else {
+            // A board that has just begun has looked at none.
+            if begun.elapsed() < FIRST_LOOK {
+                std::thread::sleep(FIRST_LOOK / 20);
+                continue;
+            }
             return Err(CliError::Job(format!(
                 "the board has no sensor of {heater}"
             )));

@@ -207,8 +207,8 @@ fn a_feed_in_the_wrong_unit_is_refused() {
     let error = gcode::read(text.as_bytes(), "slow", &GcodeOptions::default());
     let said = error.expect_err("too slow").to_string();
     assert!(said.contains("line 3") && said.contains("mm/min"), "{said}");
-    // As slow, and short: a bead that begins slowly.
-    let text = "G1 X10 Y10 F3000\nM83\nG1 X10.1 Y10 E.01 F0.36\n";
+    // Below the floor as well (0.05 mm/s), but for less than its second: a bead that begins slowly.
+    let text = "G1 X10 Y10 F3000\nM83\nG1 X10.04 Y10 E.004 F3\n";
     assert!(gcode::read(text.as_bytes(), "slow", &GcodeOptions::default()).is_ok());
 }
 
