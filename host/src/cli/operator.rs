@@ -252,6 +252,7 @@ mod tests {
     use headway_firmware::homing::HomingConfiguration;
     use std::panic::{AssertUnwindSafe, catch_unwind};
     use std::sync::atomic::{AtomicBool, Ordering};
+    use std::time::{Duration, Instant};
 
     /// Goal: a panic leaves nothing hot, and what a board refuses is not ours to switch off. Method: a board in a
     /// thread; a heater that it has, one that it has not, and a panic behind them.
@@ -276,14 +277,17 @@ mod tests {
             baud: 0,
         };
         std::thread::scope(|scope| {
-            scope.spawn(|| {
+            let board = scope.spawn(|| {
                 let mut board = VirtualBoard::new(setup, listener).unwrap();
                 let look = |board: &mut VirtualBoard| {
                     let heat = board.machine().motion().heat();
                     is_on.store(heat.is_on(), Ordering::Relaxed);
                 };
                 board.serve(&stop, look).unwrap();
+                board.machine().motion().heat().is_on()
             });
+            // A test that fails ends its board too: the scope waits for it.
+            let ended = Ended(&stop);
             let console = Console::new(true);
             let panicked = catch_unwind(AssertUnwindSafe(|| {
                 let operator = Operator::new(&args, &console);
@@ -292,15 +296,27 @@ mod tests {
                 let before = operator.owner();
                 assert!(talk.order(heat("2", 60.0, false).unwrap()).is_err());
                 assert_eq!(operator.owner(), before);
+                let patience = Instant::now() + Duration::from_secs(20);
                 while !is_on.load(Ordering::Relaxed) {
+                    assert!(Instant::now() < patience, "the bed was never on");
                     std::thread::yield_now();
                 }
                 panic!("what nobody expects");
             }));
             let words = panicked.unwrap_err();
             assert_eq!(words.downcast_ref(), Some(&"what nobody expects"));
-            assert!(!is_on.load(Ordering::Relaxed));
-            stop.store(true, Ordering::Relaxed);
+            // What the board itself has: a look at it may come later than its answer.
+            drop(ended);
+            assert!(!board.join().unwrap());
         });
+    }
+
+    /// Stops a board, however its test ends.
+    struct Ended<'a>(&'a AtomicBool);
+
+    impl Drop for Ended<'_> {
+        fn drop(&mut self) {
+            self.0.store(true, Ordering::Relaxed);
+        }
     }
 }
