@@ -385,7 +385,8 @@ impl Motion {
                 return;
             }
             self.forget_stream();
-            self.aborting = false;
+            // Until the shapers' delays have run out too: a `Start` is repeated so long, and not refused.
+            self.aborting &= !self.is_at_rest();
             return;
         }
         let Phase::Filling { starved } = self.phase else {
