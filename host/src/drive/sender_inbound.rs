@@ -241,7 +241,8 @@ impl Sender {
             }
             (None, RefusalReason::NoStream) if self.state == SenderState::Streaming => {
                 self.events.push_back(SenderEvent::Refused(refusal));
-                self.fail(SenderError::Refused(RefusalReason::NoStream));
+                let job = self.frames.job();
+                self.fail(SenderError::StreamLost { job });
             }
             // A second answer to what a repeat asked twice: it refuses nothing else.
             _ => {}

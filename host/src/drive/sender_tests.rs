@@ -332,8 +332,9 @@ fn a_restarted_controller_is_noticed_and_never_fed() {
         before: 77,
         now: 78,
     });
-    let refused = SenderState::Failed(SenderError::Refused(RefusalReason::NoStream));
-    assert!([failed, refused].contains(run.sender.state()));
+    let job = run.sender.frames().job();
+    let lost = SenderState::Failed(SenderError::StreamLost { job });
+    assert!([failed, lost].contains(run.sender.state()));
     assert!(run.device.knots.is_empty());
     assert!(run.ended_ms < 1500, "noticed after {} ms", run.ended_ms);
 }

@@ -12,7 +12,6 @@ use headway::job::SegmentStream;
 use headway::plan::motion::segments::lay_segments;
 use headway::settings::Settings;
 use headway::wire_frames::WireFrames;
-use headway_protocol::message::RefusalReason;
 use headway_tests::gear;
 use proptest::prelude::*;
 use std::cell::Cell;
@@ -167,7 +166,7 @@ fn every_segment_once_and_in_order_or_an_error_and_always_an_end() {
                     error,
                     SimulatorError::Sender(
                         SenderError::DeviceRestarted { .. }
-                            | SenderError::Refused(RefusalReason::NoStream)
+                            | SenderError::StreamLost { .. }
                     )
                 );
                 prop_assert!(reset && noticed, "{}", error);

@@ -14,7 +14,6 @@ use headway::plan_waypoints;
 use headway::settings::Settings;
 use headway::wire_frames::WireFrames;
 use headway_protocol::knot_block::KNOTS_PER_BLOCK_MAX;
-use headway_protocol::message::RefusalReason;
 use headway_tests::gear;
 use headway_tests::rig::{ISSUE_4, Met, Rig, faulty_line};
 
@@ -208,8 +207,7 @@ fn a_controller_that_restarts_is_never_fed_as_if_nothing_had_happened() {
             matches!(
                 error,
                 SimulatorError::Sender(
-                    SenderError::DeviceRestarted { .. }
-                        | SenderError::Refused(RefusalReason::NoStream)
+                    SenderError::DeviceRestarted { .. } | SenderError::StreamLost { .. }
                 )
             ),
             "seed {seed}: {error}"
