@@ -363,6 +363,7 @@ impl Host {
     }
 
     fn talk(&mut self, orders: Vec<Control>, now_us: u64) -> Talk {
+        self.owner.begin();
         Talk {
             sender: Sender::talking(self.session()),
             orders: orders.into(),
@@ -373,6 +374,7 @@ impl Host {
     }
 
     fn begin_stream(&mut self) {
+        self.owner.begin();
         let configuration = machine();
         let setup = SenderSetup {
             host_session: self.session(),
@@ -547,13 +549,12 @@ impl Host {
                 SenderEvent::Status(status) => {
                     let news = pause.look(now_us, &status, &self.owner);
                     match news {
-                        Some(PauseNews::Ends(off)) => {
-                            off.into_iter().for_each(|control| sender.command(control));
+                        Some(PauseNews::Ends(orders) | PauseNews::Again(orders)) => {
+                            for control in orders {
+                                self.owner.note(&control);
+                                sender.command(control);
+                            }
                         }
-                        Some(PauseNews::Again(again)) => again.into_iter().for_each(|control| {
-                            self.owner.note(&control);
-                            sender.command(control);
-                        }),
                         Some(PauseNews::Keeps(_)) | None => {}
                     }
                     self.status = Some(status);

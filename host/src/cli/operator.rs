@@ -98,6 +98,11 @@ impl<'a> Operator<'a> {
         live.order().map(Wish::Control)
     }
 
+    /// A conversation with the board begins.
+    pub(super) fn begin(&self) {
+        self.owner.borrow_mut().begin();
+    }
+
     /// A command is about to be given; what was owned before it.
     pub(super) fn note(&self, control: &Control) -> HeatOwner {
         let before = self.owner.borrow().clone();

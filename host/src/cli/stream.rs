@@ -107,18 +107,17 @@ fn print(
     }
     let setup = SenderSetup::of_job(header, host_session(), args.resume);
     let frames = job.file.frames.clone();
-    let sender = if args.resume {
-        Sender::resuming(frames, setup)
-    } else {
-        Sender::new(frames, setup)
-    };
+    operator.begin();
     let log = log_file(args, &header.machine, resumed)?;
     let mut run = Run {
         timeline: Timeline::new(&job.stream, f64::from(header.machine.servo_hz)),
         operator,
         bar: bar(operator.console),
         port: args.port.port.clone(),
-        sender,
+        sender: match args.resume {
+            true => Sender::resuming(frames, setup),
+            false => Sender::new(frames, setup),
+        },
         pump: open(&args.port, log)?,
         status: None,
         connected: false,
@@ -423,6 +422,7 @@ impl Run<'_> {
                      goes on once that is done"
                 ));
                 for control in off {
+                    self.operator.note(&control);
                     self.sender.command(control);
                 }
             }

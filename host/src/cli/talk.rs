@@ -42,6 +42,9 @@ impl<'o> Talk<'o> {
         port: &PortArgs,
         operator: Option<&'o Operator<'o>>,
     ) -> Result<Talk<'o>, CliError> {
+        if let Some(operator) = operator {
+            operator.begin();
+        }
         let mut talk = Talk {
             port: port.port.clone(),
             pump: open(port, None)?,

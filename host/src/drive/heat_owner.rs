@@ -1,8 +1,8 @@
 //! What a host has switched on: whoever switches something on owns it until somebody takes it over.
 //!
 //! In: commands as they are given and as they are taken. Out: the commands that switch off all of it. A command
-//! counts from the moment at which it is given, since it may arrive although no answer does. Left out: who gives
-//! the commands, and when.
+//! counts from the moment at which it is given, since it may arrive although no answer does; an order to switch off
+//! counts when it is taken, and only if it was the last that was given. Left out: who gives the commands, and when.
 
 use headway_protocol::message::{Control, HEATERS_MAX};
 
@@ -14,11 +14,30 @@ pub struct HeatOwner {
     fan: bool,
     /// The extruder may turn cold.
     cold: bool,
+    /// Orders of each heater, of the fan and of that leave that were given and not taken yet.
+    given: [u8; HEATERS_MAX + 2],
+}
+
+/// Places of fan and leave behind those of the heaters.
+const FAN: usize = HEATERS_MAX;
+const COLD: usize = HEATERS_MAX + 1;
+
+/// Which of them a command is about.
+fn place_of(control: &Control) -> Option<usize> {
+    match *control {
+        Control::Heat { heater, .. } => Some(usize::from(heater)).filter(|own| *own < HEATERS_MAX),
+        Control::Fan(_) => Some(FAN),
+        Control::ExtrudeCold(_) => Some(COLD),
+        _ => None,
+    }
 }
 
 impl HeatOwner {
     /// A command is about to be given.
     pub fn note(&mut self, control: &Control) {
+        if let Some(place) = place_of(control) {
+            self.given[place] = self.given[place].saturating_add(1);
+        }
         match *control {
             Control::Heat {
                 heater,
@@ -31,8 +50,17 @@ impl HeatOwner {
         }
     }
 
-    /// The board has taken a command: what it switched off is ours no longer.
+    /// The board has taken a command: what it switched off is ours no longer, unless an order after it, which is
+    /// still on its way, may switch it on again. Commands are taken in the order in which they are given; one
+    /// that is refused stays given: what is owned without need is switched off once more at the end.
     pub fn taken(&mut self, control: &Control) {
+        let Some(place) = place_of(control) else {
+            return;
+        };
+        self.given[place] = self.given[place].saturating_sub(1);
+        if self.given[place] > 0 {
+            return;
+        }
         match *control {
             Control::Heat {
                 heater,
@@ -43,6 +71,11 @@ impl HeatOwner {
             Control::ExtrudeCold(false) => self.cold = false,
             _ => {}
         }
+    }
+
+    /// A new conversation begins: of what was given in the last one no more will be taken.
+    pub fn begin(&mut self) {
+        self.given = [0; HEATERS_MAX + 2];
     }
 
     fn set(&mut self, heater: u8, decidegrees: u16) {
@@ -58,7 +91,7 @@ impl HeatOwner {
 
     /// True where nothing was switched on.
     pub fn is_empty(&self) -> bool {
-        *self == HeatOwner::default()
+        self.all_off().is_empty()
     }
 
     /// What switches off all of it.
@@ -105,11 +138,40 @@ mod tests {
         assert_eq!(owner.target_decidegrees(1), 600);
         owner.taken(&off(1));
         assert_eq!(owner.all_off(), [Control::Fan(0)]);
+        owner.taken(&Control::Fan(500));
         owner.taken(&Control::Fan(0));
         assert!(owner.is_empty());
         owner.note(&Control::ExtrudeCold(true));
         assert_eq!(owner.all_off(), [Control::ExtrudeCold(false)]);
+        owner.taken(&Control::ExtrudeCold(true));
+        owner.note(&Control::ExtrudeCold(false));
         owner.taken(&Control::ExtrudeCold(false));
+        assert!(owner.is_empty());
+    }
+
+    /// Goal: an answer to an older order disowns nothing. Method: off and on again before either is taken; found by
+    /// schedule 6533 of two hosts, whose second one ended in order and left a heater on.
+    #[test]
+    fn an_off_that_is_taken_late_leaves_a_later_on_owned() {
+        let on = Control::Heat {
+            heater: 0,
+            decidegrees: 280,
+            wait: false,
+        };
+        let mut owner = HeatOwner::default();
+        owner.note(&on);
+        owner.taken(&on);
+        owner.note(&off(0));
+        owner.note(&on);
+        owner.taken(&off(0));
+        assert_eq!(owner.all_off(), [off(0)]);
+        owner.taken(&on);
+        assert_eq!(owner.all_off(), [off(0)]);
+        // What was lost with its line is not waited for in the next conversation.
+        owner.note(&on);
+        owner.begin();
+        owner.note(&off(0));
+        owner.taken(&off(0));
         assert!(owner.is_empty());
     }
 }
