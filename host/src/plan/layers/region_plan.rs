@@ -7,7 +7,7 @@
 use crate::geometry::Point2;
 use crate::geometry::aperture::Aperture;
 use crate::geometry::boolean::{difference, filled, grown, intersection};
-use crate::geometry::coverage::{Cell, return_mm};
+use crate::geometry::coverage::Cell;
 use crate::geometry::edge_index::EdgeIndex;
 use crate::geometry::frame::Frame;
 use crate::geometry::polygon::{Region, Ring};
@@ -16,7 +16,7 @@ use crate::plan::axis::medial_axis::{AxisOptions, MedialAxis, MedialAxisError};
 use crate::plan::axis::pruned_axis::Axis;
 use crate::plan::beads::infill::{bridge_lines, infill_passes};
 use crate::plan::beads::passes::{PassSettings, outer_passes, passes};
-use crate::plan::coverage::raster::within_walls;
+use crate::plan::coverage::raster::{same_bead_mm, within_walls};
 use crate::plan::headings::profile::turn_weight_mm2;
 use crate::plan::joining::printed_order::{RegionPasses, in_printing_order};
 use crate::plan::layers::bridge_ground::Bridge;
@@ -423,7 +423,7 @@ const CELLS_MAX: usize = 1_000_000;
 
 /// Area within the walls that is left open or covered again, mm².
 fn wasted_area_mm2(passes: &[LayerPass], aperture: &Aperture, walls: &EdgeIndex) -> f64 {
-    let raster = within_walls(passes, walls, aperture, CELLS_MAX, return_mm(aperture));
+    let raster = within_walls(passes, walls, aperture, CELLS_MAX, same_bead_mm(aperture));
     let wasted = |cell: &&Cell| matches!(cell, Cell::Gap | Cell::Overlap);
     raster.cells.iter().filter(wasted).count() as f64 * raster.cell_mm.powi(2)
 }
