@@ -34,6 +34,8 @@ pub mod curve;
 
 pub mod shortcuts;
 
+pub mod optimise;
+
 pub mod layers;
 
 pub mod route;

@@ -1,0 +1,208 @@
+//! The optimiser: the finished passes of a region, made better all at once by one objective.
+//!
+//! ```text
+//! OptimisedPass --knots--> seconds + price (open + share of laid twice) --Gauss-Newton--> OptimisedPass
+//! (mm, rad, log s)         within limits and walls                                        (mm, rad, log s)
+//! ```
+//!
+//! What the stages before decide is topology: which beads there are and how they are joined. Path, heading and pace
+//! are then unknowns of one problem: control points of a uniform cubic B-spline of x, y, heading and the log of the
+//! span's time. The objective is time, ground by strips along the edge of the sweep ([`sweep`]), limits of motion
+//! ([`motion`]) and walls ([`containment`]); one banded system is solved an iteration ([`newton`]). Numbers are
+//! without dimension, so that one set of constants serves nozzles and machines of any size. One thread for a region:
+//! what comes out does not depend on their number.
+//! What it leaves out: flow, moving ends, apertures other than the ellipse.
+
+mod band;
+mod cells;
+mod containment;
+mod curve;
+mod ground;
+mod motion;
+mod newton;
+mod shape;
+mod strips;
+mod sweep;
+mod terms;
+
+use self::cells::Cells;
+use self::containment::{Containment, segments_of};
+use self::curve::{Units, knots_of, write_back};
+use self::ground::Ground;
+use self::motion::Motion;
+use self::newton::{Newton, Objectives};
+use self::shape::Shape;
+use self::sweep::Sweep;
+use crate::geometry::aperture::Aperture;
+use crate::geometry::edge_index::EdgeIndex;
+use crate::plan::curve::plane_curve::PlaneControl;
+use crate::plan::pose_limits::PoseLimits;
+
+/// Places of a span at which walls are looked at.
+const WALL_PLACES: usize = 8;
+
+/// A pass as a uniform cubic B-spline with natural ends: phantom points P_{-1} = 2 P_0 - P_1 make it begin and end
+/// on its first and last control point, as [`crate::plan::curve::plane_curve`] has it.
+#[derive(Clone, Debug, PartialEq)]
+pub struct OptimisedPass {
+    /// x mm, y mm, heading rad.
+    pub control: Vec<PlaneControl>,
+    /// Log of the span's time in s at each control point: a start value that is improved.
+    pub log_pace: Vec<f64>,
+}
+
+/// What is to be made small: seconds + price x (open + share x laid twice).
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Objective {
+    /// Price of ground that is left open, s/mm².
+    pub price_s_mm2: f64,
+    /// Share of that price for ground that is laid twice.
+    pub twice_share: f64,
+    /// Path of a pass after which a return to a place lays it twice, mm.
+    pub return_mm: f64,
+}
+
+/// How much work is done.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Effort {
+    /// Iterations: half of them with soft limits.
+    pub iterations: usize,
+}
+
+/// Whether the passes were optimised.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Outcome {
+    /// They were.
+    Optimised,
+    /// Nothing to do: no walls, no pass long enough, no iterations.
+    Nothing,
+    /// This kind of aperture is not done yet; the passes are as they were.
+    UnknownAperture,
+    /// The region has too many cells; the passes are as they were.
+    TooLarge,
+    /// Numbers that are none; the passes are as they were.
+    NotFinite,
+}
+
+/// What the optimiser did.
+#[derive(Clone, Debug, PartialEq)]
+pub struct OptimiseReport {
+    /// Whether it did anything.
+    pub outcome: Outcome,
+    /// Printing time by its own pace, s: before and after.
+    pub seconds: [f64; 2],
+    /// Ground left open by its own count, mm²: before and after.
+    pub open_mm2: [f64; 2],
+    /// Ground laid twice by its own count, mm²: before and after.
+    pub twice_mm2: [f64; 2],
+    /// How far each pass leaves the walls, mm: before the last projection and after it. A pass that is outside too far
+    /// after it should be replaced by what it was.
+    pub outside_mm: Vec<[f64; 2]>,
+    /// Iterations made.
+    pub iterations: usize,
+    /// Control points of all passes.
+    pub knots: usize,
+}
+
+impl OptimiseReport {
+    fn unchanged(outcome: Outcome, passes: &[OptimisedPass]) -> OptimiseReport {
+        OptimiseReport {
+            outcome,
+            seconds: [0.0; 2],
+            open_mm2: [0.0; 2],
+            twice_mm2: [0.0; 2],
+            outside_mm: vec![[0.0; 2]; passes.len()],
+            iterations: 0,
+            knots: passes.iter().map(|pass| pass.control.len()).sum(),
+        }
+    }
+}
+
+/// Improves the passes of one region, whose boundary is `walls` (mm, the passes' frame), all together. Passes of few
+/// control points stay as they are, and so do the ends of all. What comes back is always a curve of numbers: at worst
+/// what went in.
+pub fn optimise(
+    passes: &mut [OptimisedPass],
+    walls: &EdgeIndex,
+    aperture: &Aperture,
+    limits: &PoseLimits,
+    objective: &Objective,
+    effort: &Effort,
+) -> OptimiseReport {
+    watched(
+        passes,
+        walls,
+        aperture,
+        limits,
+        objective,
+        effort,
+        |_, _| {},
+    )
+}
+
+/// [`optimise`], with `watch` called after each iteration: its number, and seconds, open and twice in mm².
+#[expect(clippy::too_many_arguments, reason = "the interface and its observer")]
+fn watched(
+    passes: &mut [OptimisedPass],
+    walls: &EdgeIndex,
+    aperture: &Aperture,
+    limits: &PoseLimits,
+    objective: &Objective,
+    effort: &Effort,
+    mut watch: impl FnMut(usize, [f64; 3]),
+) -> OptimiseReport {
+    let unchanged = |outcome| OptimiseReport::unchanged(outcome, passes);
+    let Some(shape) = Shape::of(aperture) else {
+        return unchanged(Outcome::UnknownAperture);
+    };
+    let bounds = walls.bounds();
+    let origin = bounds.min + bounds.size() / 2.0;
+    let Some(units) = Units::of(passes, aperture.major_mm(), origin) else {
+        return unchanged(Outcome::Nothing);
+    };
+    let (knots, ranges) = knots_of(passes, &units);
+    if walls.edges().is_empty() || effort.iterations == 0 || !ranges.iter().any(|r| r.free) {
+        return unchanged(Outcome::Nothing);
+    }
+    let minor = aperture.minor_mm() / aperture.major_mm();
+    let Some(cells) = Cells::of(&segments_of(walls, &units), minor) else {
+        return unchanged(Outcome::TooLarge);
+    };
+    let area_mm2 = units.length_mm * units.length_mm;
+    let price = objective.price_s_mm2 * area_mm2 / units.time_s;
+    let return_path = (objective.return_mm / units.length_mm) as f32;
+    let objectives = Objectives {
+        motion: Motion::new(limits, &units),
+        ground: Ground::new(
+            Sweep::new(shape, cells, return_path),
+            price,
+            objective.twice_share,
+        ),
+        containment: Containment::new(walls, units, minor, knots.len(), WALL_PLACES),
+    };
+    let mut newton = Newton::new(objectives, knots, &ranges);
+    let figures = |terms: &terms::Terms| {
+        [
+            terms.time * units.time_s,
+            terms.open * area_mm2,
+            terms.twice * area_mm2,
+        ]
+    };
+    let before = figures(&newton.terms);
+    if !newton.terms.sum().is_finite() {
+        return unchanged(Outcome::NotFinite);
+    }
+    newton.run(effort.iterations, |number, terms| {
+        watch(number, figures(terms))
+    });
+    let after = figures(&newton.terms);
+    let mut report = unchanged(Outcome::Optimised);
+    for range in ranges.iter().filter(|range| range.free) {
+        write_back(&newton.knots, range, &units, &mut passes[range.pass]);
+    }
+    report.seconds = [before[0], after[0]];
+    report.open_mm2 = [before[1], after[1]];
+    report.twice_mm2 = [before[2], after[2]];
+    report.iterations = effort.iterations;
+    report
+}

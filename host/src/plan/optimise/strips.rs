@@ -1,0 +1,183 @@
+//! The two kernels of the sweep: cells beside a strip, and cells that the inside of the aperture enters.
+//!
+//! In: two contacts of the envelope, or two poses; lengths in a. Out: visits of cells. This is where most of the
+//! optimiser's time goes: f32, no allocation.
+
+use super::cells::{OUTSIDE, Seen};
+use super::sweep::{Contact, Pose, Sweep, dot};
+
+/// What of the edge's half width is left off the aperture for its inside: beyond, cover is full.
+const RIM_SHARE: f32 = 0.85;
+/// Motion between marks of the inside, in a, a turn by part of its arc; most marks between two poses.
+const MARK_STEP: f32 = 2.0 / 15.0;
+const MARK_TURN: f32 = 0.6;
+const MARKS_MAX: usize = 64;
+
+/// The rows that the inside of the aperture marked last.
+#[derive(Clone, Debug)]
+pub struct Marked {
+    rows: std::ops::Range<usize>,
+    columns: Vec<[u32; 2]>,
+}
+
+impl Marked {
+    /// Nothing marked.
+    pub fn new(rows: usize) -> Marked {
+        Marked {
+            rows: 0..0,
+            columns: vec![[0, 0]; rows],
+        }
+    }
+
+    /// Forgets what was marked.
+    pub fn clear(&mut self) {
+        self.rows = 0..0;
+    }
+}
+
+/// One end of a strip: its contact and the direction along the strip there.
+struct End {
+    at: [f32; 2],
+    normal: [f32; 2],
+    along: [f32; 2],
+}
+
+impl End {
+    fn of(contact: &Contact, chord: [f32; 2]) -> End {
+        let [x, y] = contact.normal;
+        let along = [-y, x];
+        let sign = if dot(along, chord) < 0.0 { -1.0 } else { 1.0 };
+        End {
+            at: contact.at,
+            normal: contact.normal,
+            along: [sign * along[0], sign * along[1]],
+        }
+    }
+}
+
+impl Sweep {
+    /// Sees the cells within the edge's half width of the envelope between two contacts, at this path. Their
+    /// distance is the mean of those to the chord and to the tangents, which is right to second order.
+    pub(super) fn strip(&mut self, from: usize, to: usize, path: f32) {
+        let (a, b) = (&self.contacts[from], &self.contacts[to]);
+        let chord = [b.at[0] - a.at[0], b.at[1] - a.at[1]];
+        let length2 = dot(chord, chord);
+        if length2 < 1e-12 {
+            return;
+        }
+        let mut across = [-chord[1], chord[0]].map(|c| c / length2.sqrt());
+        if dot(across, a.normal) + dot(across, b.normal) < 0.0 {
+            across = across.map(|c| -c);
+        }
+        let (a, b) = (End::of(a, chord), End::of(b, chord));
+        let strip = self.strips.len() as u32;
+        self.strips.push([from as u32, to as u32]);
+        let reach = self.cells.edge_half;
+        let low = |c: usize| {
+            (a.at[c] - reach * a.normal[c].abs()).min(b.at[c] - reach * b.normal[c].abs())
+        };
+        let high = |c: usize| {
+            (a.at[c] + reach * a.normal[c].abs()).max(b.at[c] + reach * b.normal[c].abs())
+        };
+        let columns = self.cells.columns_in(low(0), high(0));
+        let [x0, y0] = self.cells.first_middle();
+        let size = self.cells.size as f32;
+        for row in self.cells.rows_in(low(1), high(1)) {
+            let y = y0 + row as f32 * size;
+            let (ya, yb) = (y - a.at[1], y - b.at[1]);
+            let numbers = &self.cells.numbers[row * self.cells.columns..][..self.cells.columns];
+            for column in columns.clone() {
+                let x = x0 + column as f32 * size;
+                let (from_a, from_b) = ([x - a.at[0], ya], [x - b.at[0], yb]);
+                // Between the normals of both contacts.
+                let (past_a, past_b) = (dot(from_a, a.along), dot(from_b, b.along));
+                if past_a < 0.0 || past_b >= 0.0 {
+                    continue;
+                }
+                let share = past_a / (past_a - past_b);
+                let tangents =
+                    (1.0 - share) * dot(from_a, a.normal) + share * dot(from_b, b.normal);
+                let distance = 0.5 * (tangents + dot(from_a, across));
+                if distance.abs() >= reach || numbers[column] == OUTSIDE {
+                    continue;
+                }
+                let seen = Seen {
+                    from: path,
+                    last: path,
+                    distance,
+                    strip,
+                    share,
+                };
+                self.visits.see(numbers[column], seen);
+            }
+        }
+    }
+
+    /// Marks what the inside of the aperture enters between pose `i` and the one before.
+    pub(super) fn mark_between(&mut self, i: usize) {
+        let (before, pose) = (self.poses[i - 1], self.poses[i]);
+        let [moved, turned] = pose.motion_from(&before);
+        let way = [
+            pose.center[0] - before.center[0],
+            pose.center[1] - before.center[1],
+        ];
+        let direction = if moved > 1e-6 {
+            way.map(|c| c / moved)
+        } else {
+            [1.0, 0.0]
+        };
+        let marks = (((moved + MARK_TURN * turned) / MARK_STEP) as usize + 1).min(MARKS_MAX);
+        for k in 0..marks {
+            let t = (k as f32 + 0.5) / marks as f32;
+            let mix = |a: f32, b: f32| a + (b - a) * t;
+            let turn = [
+                mix(before.turn[0], pose.turn[0]),
+                mix(before.turn[1], pose.turn[1]),
+            ];
+            let length = dot(turn, turn).sqrt().max(1e-6);
+            let at = Pose {
+                center: [
+                    mix(before.center[0], pose.center[0]),
+                    mix(before.center[1], pose.center[1]),
+                ],
+                turn: turn.map(|c| c / length),
+                path: mix(before.path, pose.path),
+                ..pose
+            };
+            self.mark(&at, direction);
+        }
+    }
+
+    /// Sees the cells that the inside of the aperture enters at a pose; they stay in it for its chord along the
+    /// direction of motion.
+    fn mark(&mut self, pose: &Pose, direction: [f32; 2]) {
+        let rim = RIM_SHARE * self.cells.edge_half;
+        let inside = self.shape.inside(pose.turn, rim);
+        let last = pose.path + self.shape.chord(pose.turn, direction, rim);
+        let seen = Seen::inside(pose.path, last);
+        let [x, y] = pose.center;
+        let y0 = self.cells.first_middle()[1];
+        let rows = self.cells.rows_in(y - inside.height, y + inside.height);
+        for row in rows.clone() {
+            let [low, high] = inside.row(y0 + row as f32 * self.cells.size as f32 - y);
+            let columns = self.cells.columns_in(x + low, x + high);
+            let mut held = columns.end..columns.end;
+            if self.marked.rows.contains(&row) {
+                let [from, to] = self.marked.columns[row];
+                if from < to {
+                    held = from as usize..to as usize;
+                }
+            }
+            self.marked.columns[row] = [columns.start as u32, columns.end as u32];
+            let numbers = &self.cells.numbers[row * self.cells.columns..][..self.cells.columns];
+            let entered_low = columns.start..columns.end.min(held.start);
+            let entered_high = columns.start.max(held.end)..columns.end;
+            for column in entered_low.chain(entered_high) {
+                if numbers[column] != OUTSIDE {
+                    self.visits.see(numbers[column], seen);
+                }
+            }
+        }
+        self.marked.rows = rows;
+    }
+}
