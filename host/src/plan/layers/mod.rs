@@ -12,9 +12,11 @@
 
 pub mod bridge_ground;
 pub mod layer_groups;
+pub mod optimised_passes;
 pub mod region_plan;
 pub mod shells;
 pub mod skirt;
+pub mod spur_seeds;
 
 use crate::plan::curve::plane_curve::PlaneControl;
 use crate::plan::pass::PassKind;

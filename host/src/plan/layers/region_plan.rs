@@ -20,6 +20,7 @@ use crate::plan::coverage::raster::{same_bead_mm, within_walls};
 use crate::plan::headings::profile::turn_weight_mm2;
 use crate::plan::joining::printed_order::{RegionPasses, in_printing_order};
 use crate::plan::layers::bridge_ground::Bridge;
+use crate::plan::layers::optimised_passes::{PassCurve, may_optimise, optimised_or};
 use crate::plan::outline::contour::Contour;
 use crate::plan::outline::trimmed_outline::trimmed_outline;
 use crate::plan::outline::unreachable::{UnreachableRun, unreachable_runs};
@@ -53,6 +54,8 @@ pub struct RegionPlan {
     pub unreachable: Vec<UnreachableRun>,
     /// Passes in printing order, or the reverse of it, in that frame.
     pub passes: Vec<LayerPass>,
+    /// For each pass its curve, where the optimiser made one.
+    pub curves: Vec<PassCurve>,
     /// The ground inside the walls that infill lines are to cover, local.
     pub open: Vec<Region>,
 }
@@ -126,6 +129,21 @@ impl RegionPlan {
             }
         }
         passes
+    }
+
+    /// The curves of [`RegionPlan::passes_turned`].
+    pub fn curves_turned(&self, turned: Reversal) -> Vec<PassCurve> {
+        let mut curves = self.curves.clone();
+        let (walls, lines) = curves.split_at_mut(self.lines_from);
+        for (group, is_turned) in [(walls, turned.walls), (lines, turned.lines)] {
+            if is_turned {
+                group.reverse();
+                for control in group.iter_mut().flatten() {
+                    *control = control.iter().rev().copied().collect();
+                }
+            }
+        }
+        curves
     }
 }
 
@@ -330,7 +348,16 @@ impl RegionWork {
         // What a sparse infill leaves open is meant to stay open.
         let is_filled = |infill: Infill| infill.is_solid();
         let may_fill = self.settings.infill.is_none_or(is_filled);
-        let passes = shortened_to_floor(passes, &self.walls, area_mm2, may_fill, &self.settings);
+        let shortened =
+            |passes| shortened_to_floor(passes, &self.walls, area_mm2, may_fill, &self.settings);
+        let (passes, curves) = match may_optimise(&passes, &self.settings) {
+            true => optimised_or(passes, &self.walls, &self.settings, shortened),
+            false => {
+                let passes = shortened(passes);
+                let curves = vec![None; passes.len()];
+                (passes, curves)
+            }
+        };
         // Lines that are linked with walls come after them.
         let is_solid = |infill: Infill| infill.is_solid();
         let is_all_solid = self.settings.infill.is_some_and(is_solid);
@@ -361,6 +388,7 @@ impl RegionWork {
             axis,
             unreachable: unreachable.collect(),
             passes,
+            curves,
             open: self.open.iter().map(out).collect(),
         }
     }
