@@ -13,6 +13,9 @@ const EDGE_HALF_MINOR: f64 = 0.6;
 const RETURN_RAMP: f32 = 0.5;
 /// Most cells of the box about the region: beyond that they grow, to [`EDGE_HALF`] at most.
 const CELLS_MAX: f64 = 60e6;
+/// Cosine and sine of the angle by which the grid is turned: its tangent is the square of the golden ratio's inverse,
+/// so that neither walls along the axes nor diagonals fall in step with the cells.
+const TURN: [f64; 2] = [0.934_172_358_962_715_7, 0.356_822_089_773_089_9];
 /// Number of a cell outside the region.
 pub const OUTSIDE: u32 = u32::MAX;
 /// Strip number of a visit by the inside of the aperture.
@@ -36,6 +39,20 @@ pub fn cover(z: f32) -> f32 {
 pub fn cover_slope(z: f32) -> f32 {
     let y = 1.0 - z * z;
     if y <= 0.0 { 0.0 } else { -0.9375 * y * y }
+}
+
+/// A vector of the plane in the frame of the grid.
+#[inline]
+pub fn to_grid([x, y]: [f64; 2]) -> [f64; 2] {
+    let [cos, sin] = TURN;
+    [cos * x - sin * y, sin * x + cos * y]
+}
+
+/// A vector of the grid's frame in the plane.
+#[inline]
+pub fn from_grid([x, y]: [f64; 2]) -> [f64; 2] {
+    let [cos, sin] = TURN;
+    [cos * x + sin * y, cos * y - sin * x]
 }
 
 /// An edge of the region, in a.
@@ -62,6 +79,8 @@ pub struct Cells {
 impl Cells {
     /// Cells of the region with these edges for an aperture with this b; `None` where it is too large or empty.
     pub fn of(segments: &[Segment], minor: f64) -> Option<Cells> {
+        let turned = |segment: &Segment| segment.map(to_grid);
+        let segments: Vec<Segment> = segments.iter().map(turned).collect();
         let (mut low, mut high) = ([f64::INFINITY; 2], [f64::NEG_INFINITY; 2]);
         for point in segments.iter().flatten() {
             for c in 0..2 {
@@ -85,8 +104,8 @@ impl Cells {
             wall_cover: Vec::new(),
             origin: [low[0] - 0.5, low[1] - 0.5],
         };
-        cells.number(segments);
-        for segment in segments {
+        cells.number(&segments);
+        for segment in &segments {
             cells.cover_by_wall(segment);
         }
         Some(cells)

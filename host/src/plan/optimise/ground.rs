@@ -5,7 +5,7 @@
 //! contacts of the strip that it is beside, each contact to the four knots of its pose.
 
 use super::band::System;
-use super::cells::{VISITS_MAX, Visit, cover, cover_slope};
+use super::cells::{VISITS_MAX, Visit, cover, cover_slope, from_grid};
 use super::curve::{Knot, PassKnots};
 use super::sweep::{Sweep, is_strip};
 use super::terms::Terms;
@@ -119,8 +119,8 @@ impl Ground {
         for group in self.sweep.contacts.chunk_by(same_pose) {
             let (mut slope, mut curvature) = ([0.0; 3], [[0.0; 3]; 3]);
             for contact in group {
-                let by_pose =
-                    [-contact.normal[0], -contact.normal[1], contact.by_heading].map(f64::from);
+                let [x, y] = from_grid(contact.normal.map(f64::from));
+                let by_pose = [-x, -y, f64::from(contact.by_heading)];
                 let [s, h] = [contact.slope, contact.curvature].map(f64::from);
                 for m in 0..3 {
                     slope[m] += s * by_pose[m];

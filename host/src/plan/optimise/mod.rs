@@ -20,6 +20,7 @@ mod curve;
 mod ground;
 mod motion;
 mod newton;
+mod projection;
 mod shape;
 mod strips;
 mod sweep;
@@ -31,6 +32,7 @@ use self::curve::{Units, knots_of, write_back};
 use self::ground::Ground;
 use self::motion::Motion;
 use self::newton::{Newton, Objectives};
+use self::projection::{POSES_CHECKED, outside_mm, projected};
 use self::shape::Shape;
 use self::sweep::Sweep;
 use crate::geometry::aperture::Aperture;
@@ -129,80 +131,98 @@ pub fn optimise(
     objective: &Objective,
     effort: &Effort,
 ) -> OptimiseReport {
-    watched(
-        passes,
-        walls,
-        aperture,
-        limits,
-        objective,
-        effort,
-        |_, _| {},
-    )
-}
-
-/// [`optimise`], with `watch` called after each iteration: its number, and seconds, open and twice in mm².
-#[expect(clippy::too_many_arguments, reason = "the interface and its observer")]
-fn watched(
-    passes: &mut [OptimisedPass],
-    walls: &EdgeIndex,
-    aperture: &Aperture,
-    limits: &PoseLimits,
-    objective: &Objective,
-    effort: &Effort,
-    mut watch: impl FnMut(usize, [f64; 3]),
-) -> OptimiseReport {
-    let unchanged = |outcome| OptimiseReport::unchanged(outcome, passes);
-    let Some(shape) = Shape::of(aperture) else {
-        return unchanged(Outcome::UnknownAperture);
+    let mut search = match Search::begin(passes, walls, aperture, limits, objective) {
+        Ok(search) if effort.iterations > 0 => search,
+        Ok(_) => return OptimiseReport::unchanged(Outcome::Nothing, passes),
+        Err(outcome) => return OptimiseReport::unchanged(outcome, passes),
     };
-    let bounds = walls.bounds();
-    let origin = bounds.min + bounds.size() / 2.0;
-    let Some(units) = Units::of(passes, aperture.major_mm(), origin) else {
-        return unchanged(Outcome::Nothing);
-    };
-    let (knots, ranges) = knots_of(passes, &units);
-    if walls.edges().is_empty() || effort.iterations == 0 || !ranges.iter().any(|r| r.free) {
-        return unchanged(Outcome::Nothing);
-    }
-    let minor = aperture.minor_mm() / aperture.major_mm();
-    let Some(cells) = Cells::of(&segments_of(walls, &units), minor) else {
-        return unchanged(Outcome::TooLarge);
-    };
-    let area_mm2 = units.length_mm * units.length_mm;
-    let price = objective.price_s_mm2 * area_mm2 / units.time_s;
-    let return_path = (objective.return_mm / units.length_mm) as f32;
-    let objectives = Objectives {
-        motion: Motion::new(limits, &units),
-        ground: Ground::new(
-            Sweep::new(shape, cells, return_path),
-            price,
-            objective.twice_share,
-        ),
-        containment: Containment::new(walls, units, minor, knots.len(), WALL_PLACES),
-    };
-    let mut newton = Newton::new(objectives, knots, &ranges);
-    let figures = |terms: &terms::Terms| {
-        [
-            terms.time * units.time_s,
-            terms.open * area_mm2,
-            terms.twice * area_mm2,
-        ]
-    };
-    let before = figures(&newton.terms);
-    if !newton.terms.sum().is_finite() {
-        return unchanged(Outcome::NotFinite);
-    }
-    newton.run(effort.iterations, |number, terms| {
-        watch(number, figures(terms))
-    });
-    let after = figures(&newton.terms);
-    let mut report = unchanged(Outcome::Optimised);
-    for range in ranges.iter().filter(|range| range.free) {
-        write_back(&newton.knots, range, &units, &mut passes[range.pass]);
-    }
-    report.seconds = [before[0], after[0]];
-    report.open_mm2 = [before[1], after[1]];
-    report.twice_mm2 = [before[2], after[2]];
+    let before = search.newton.terms;
+    search.newton.run(effort.iterations, |_, _| {});
+    let mut report = OptimiseReport::unchanged(Outcome::Optimised, passes);
+    report.outside_mm = search.finish(passes, walls, aperture);
+    let both = [before, search.newton.terms];
+    report.seconds = both.map(|terms| terms.time * search.units.time_s);
+    report.open_mm2 = both.map(|terms| terms.open * search.units.length_mm.powi(2));
+    report.twice_mm2 = both.map(|terms| terms.twice * search.units.length_mm.powi(2));
     report.iterations = effort.iterations;
     report
+}
+
+/// The problem of one region while it is solved.
+struct Search<'a> {
+    units: Units,
+    minor: f64,
+    newton: Newton<'a>,
+}
+
+impl<'a> Search<'a> {
+    /// Brings a region into the optimiser's units.
+    fn begin(
+        passes: &[OptimisedPass],
+        walls: &'a EdgeIndex,
+        aperture: &Aperture,
+        limits: &PoseLimits,
+        objective: &Objective,
+    ) -> Result<Search<'a>, Outcome> {
+        let shape = Shape::of(aperture).ok_or(Outcome::UnknownAperture)?;
+        if walls.edges().is_empty() {
+            return Err(Outcome::Nothing);
+        }
+        let bounds = walls.bounds();
+        let middle = bounds.min + bounds.size() / 2.0;
+        let units = Units::of(passes, aperture.major_mm(), middle).ok_or(Outcome::Nothing)?;
+        let (knots, ranges) = knots_of(passes, &units);
+        if !ranges.iter().any(|range| range.free) {
+            return Err(Outcome::Nothing);
+        }
+        let minor = aperture.minor_mm() / aperture.major_mm();
+        let cells = Cells::of(&segments_of(walls, &units), minor).ok_or(Outcome::TooLarge)?;
+        let price = objective.price_s_mm2 * units.length_mm.powi(2) / units.time_s;
+        let return_path = (objective.return_mm / units.length_mm) as f32;
+        let sweep = Sweep::new(shape, cells, return_path);
+        let objectives = Objectives {
+            motion: Motion::new(limits, &units),
+            ground: Ground::new(sweep, price, objective.twice_share),
+            containment: Containment::new(walls, units, minor, knots.len(), WALL_PLACES),
+        };
+        let newton = Newton::new(objectives, knots, ranges);
+        if !newton.terms.sum().is_finite() {
+            return Err(Outcome::NotFinite);
+        }
+        Ok(Search {
+            units,
+            minor,
+            newton,
+        })
+    }
+
+    /// Writes the passes back, brought inside the walls; how far each is outside before that and after it, mm.
+    fn finish(
+        &mut self,
+        passes: &mut [OptimisedPass],
+        walls: &EdgeIndex,
+        aperture: &Aperture,
+    ) -> Vec<[f64; 2]> {
+        let knots = &self.newton.knots;
+        let mut outside = vec![[0.0; 2]; passes.len()];
+        let mut containment =
+            Containment::new(walls, self.units, self.minor, knots.len(), POSES_CHECKED);
+        for range in self.newton.passes.iter().filter(|range| range.free) {
+            let pass = &mut passes[range.pass];
+            let own = &knots[range.first..range.end()];
+            write_back(own, &self.units, pass);
+            let before_mm = outside_mm(pass, walls, aperture);
+            outside[range.pass] = [before_mm; 2];
+            if before_mm > 0.0 {
+                write_back(&projected(own, range, &mut containment), &self.units, pass);
+                let after_mm = outside_mm(pass, walls, aperture);
+                if after_mm < before_mm {
+                    outside[range.pass][1] = after_mm;
+                } else {
+                    write_back(own, &self.units, pass);
+                }
+            }
+        }
+        outside
+    }
 }

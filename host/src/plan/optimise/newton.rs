@@ -114,7 +114,8 @@ impl Objectives<'_> {
 /// The state between iterations.
 pub struct Newton<'a> {
     objectives: Objectives<'a>,
-    passes: &'a [PassKnots],
+    /// The passes that the knots belong to.
+    pub passes: Vec<PassKnots>,
     /// Where it is.
     pub knots: Vec<Knot>,
     system: System,
@@ -139,13 +140,13 @@ impl<'a> Newton<'a> {
     pub fn new(
         mut objectives: Objectives<'a>,
         knots: Vec<Knot>,
-        passes: &'a [PassKnots],
+        passes: Vec<PassKnots>,
     ) -> Newton<'a> {
         let unknowns = CHANNELS * knots.len();
         let mut system = System::new(unknowns);
         let hardness = Hardness::at(0);
-        let terms = objectives.evaluate(&knots, passes, &hardness, &mut system);
-        prepare(&mut system, passes);
+        let terms = objectives.evaluate(&knots, &passes, &hardness, &mut system);
+        prepare(&mut system, &passes);
         Newton {
             objectives,
             passes,
@@ -185,8 +186,8 @@ impl<'a> Newton<'a> {
         self.hardness = Hardness::at(level);
         self.terms =
             self.objectives
-                .evaluate(&self.knots, self.passes, &self.hardness, &mut self.system);
-        prepare(&mut self.system, self.passes);
+                .evaluate(&self.knots, &self.passes, &self.hardness, &mut self.system);
+        prepare(&mut self.system, &self.passes);
         self.damping = self.damping.min(1.0);
         self.recent.clear();
         self.recent.push(self.terms.sum());
@@ -199,10 +200,13 @@ impl<'a> Newton<'a> {
             self.damping *= DAMPING_GROWTH;
             return false;
         }
-        trial.take(&self.knots, self.passes);
-        let terms =
-            self.objectives
-                .evaluate(&trial.knots, self.passes, &self.hardness, &mut trial.system);
+        trial.take(&self.knots, &self.passes);
+        let terms = self.objectives.evaluate(
+            &trial.knots,
+            &self.passes,
+            &self.hardness,
+            &mut trial.system,
+        );
         let worst = self
             .recent
             .iter()
@@ -220,7 +224,7 @@ impl<'a> Newton<'a> {
         self.recent.push(terms.sum());
         std::mem::swap(&mut self.knots, &mut trial.knots);
         std::mem::swap(&mut self.system, &mut trial.system);
-        prepare(&mut self.system, self.passes);
+        prepare(&mut self.system, &self.passes);
         self.terms = terms;
         self.damping = DAMPING_MIN.max(self.damping * DAMPING_FALL);
         true

@@ -12,7 +12,7 @@
 //! sweep cells are only marked as they are entered ([`super::strips`]). Where the envelope is not made of contacts,
 //! at ends, reversals and cusps, the outline of the pose closes it where no neighbouring pose covers it.
 
-use super::cells::{Cells, NO_STRIP, Visits};
+use super::cells::{Cells, NO_STRIP, Visits, to_grid};
 use super::curve::{Basis, Knot, PassKnots, blend};
 use super::shape::{CONTACTS_MAX, OUTLINE_POINTS, OutlinePoint, Shape, Touch};
 use super::strips::Marked;
@@ -40,7 +40,7 @@ const HIDDEN_SHARE: f32 = 0.5;
 const OWN_EACH: usize = 9;
 const OWN_ALL: usize = 7;
 
-/// A pose of the sweep.
+/// A pose of the sweep, in the frame of the grid.
 #[derive(Clone, Copy, Debug)]
 pub struct Pose {
     /// Centre, in a.
@@ -181,10 +181,13 @@ impl Sweep {
             let at = blend(&self.bases[basis].value, &knots[knot..]);
             let rate = blend(&motion.first, &knots[knot..]);
             let (sin, cos) = (at[2] as f32).sin_cos();
+            let [center, velocity] =
+                [[at[0], at[1]], [rate[0], rate[1]]].map(|v| to_grid(v).map(|c| c as f32));
+            let turn = to_grid([f64::from(cos), f64::from(sin)]).map(|c| c as f32);
             let mut pose = Pose {
-                center: [at[0] as f32, at[1] as f32],
-                turn: [cos, sin],
-                velocity: [rate[0] as f32, rate[1] as f32],
+                center,
+                turn,
+                velocity,
                 turning: rate[2] as f32,
                 path,
                 knot: knot as u32,
