@@ -73,6 +73,12 @@ pub fn pass_curves(
     curves
 }
 
+/// A curve of one piece inside the walls, pushed and led around as that of a pass is; `None` where it would have to
+/// be cut.
+pub fn whole_inside(control: &[PlaneControl], inside: &InsideWalls) -> Option<Vec<PlaneControl>> {
+    led(control.to_vec(), inside).ok()
+}
+
 /// What pushing left of a curve.
 struct NotInside {
     /// Spans that stay outside or are taken off their way.

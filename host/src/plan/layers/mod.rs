@@ -16,7 +16,6 @@ pub mod optimised_passes;
 pub mod region_plan;
 pub mod shells;
 pub mod skirt;
-pub mod spur_seeds;
 
 use crate::plan::curve::plane_curve::PlaneControl;
 use crate::plan::pass::PassKind;

@@ -10,7 +10,7 @@ use crate::geometry::coverage::return_mm;
 use crate::geometry::edge_index::EdgeIndex;
 use crate::plan::curve::even_spans::{EvenSpans, even_spans};
 use crate::plan::curve::heading_stops::fits_between_stops;
-use crate::plan::curve::layer_path::{merged, path_tolerance_mm, sharpened};
+use crate::plan::curve::layer_path::{merged, path_tolerance_mm, sharpened, whole_inside};
 use crate::plan::curve::plane_curve::{PlaneControl, configuration, curve_at};
 use crate::plan::curve::pushing_inside::{InsideWalls, strayed_spans};
 use crate::plan::optimise::{Effort, Objective, OptimisedPass, optimise};
@@ -122,14 +122,18 @@ fn iterations(quality: Quality) -> usize {
     }
 }
 
-/// The curve where it is inside the walls, or all but.
+/// The curve where it is inside the walls, or all but; else pushed inside as the curve of any other pass.
 fn checked(control: &[PlaneControl], inside: &InsideWalls) -> Option<Vec<PlaneControl>> {
     let mut pushed = control.to_vec();
     let far_mm = MOVED_SHARE * inside.aperture.minor_mm();
-    let is_inside = inside.push(&mut pushed)
-        && !strayed_spans(control, &pushed, far_mm).contains(&true)
-        && !inside.cutting_spans(&pushed).contains(&true);
-    is_inside.then_some(pushed)
+    let is_inside = |curve: &[PlaneControl]| !inside.cutting_spans(curve).contains(&true);
+    let hardly_moved =
+        inside.push(&mut pushed) && !strayed_spans(control, &pushed, far_mm).contains(&true);
+    let found = match hardly_moved {
+        true => Some(pushed),
+        false => whole_inside(control, inside),
+    };
+    found.filter(|curve| is_inside(curve))
 }
 
 /// The poses of a curve where its spans meet, each with the contact of the placement that `begun` has.

@@ -345,12 +345,11 @@ impl RegionWork {
         let passes = std::mem::take(&mut self.passes);
         let passes = self.ordered(passes);
         let area_mm2 = self.hull.area_mm2();
-        // What a sparse infill leaves open is meant to stay open.
-        let is_filled = |infill: Infill| infill.is_solid();
-        let may_fill = self.settings.infill.is_none_or(is_filled);
+        let may_fill = self.may_fill();
         let shortened =
             |passes| shortened_to_floor(passes, &self.walls, area_mm2, may_fill, &self.settings);
-        let (passes, curves) = match may_optimise(&passes, &self.settings) {
+        let may_optimise = self.is_all_filled() && may_optimise(&passes, &self.settings);
+        let (passes, curves) = match may_optimise {
             true => optimised_or(passes, &self.walls, &self.settings, shortened),
             false => {
                 let passes = shortened(passes);
@@ -391,6 +390,16 @@ impl RegionWork {
             curves,
             open: self.open.iter().map(out).collect(),
         }
+    }
+
+    /// False where ground is meant to stay open, as a sparse infill leaves it.
+    fn may_fill(&self) -> bool {
+        self.settings.infill.is_none_or(|infill| infill.is_solid())
+    }
+
+    /// True where all ground is to be covered by passes that the optimiser knows.
+    fn is_all_filled(&self) -> bool {
+        self.may_fill() && self.sparse_open.is_empty()
     }
 
     /// The passes as they are printed, begun near a corner of the region's box. Of a small region,
