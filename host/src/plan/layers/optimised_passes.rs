@@ -9,7 +9,7 @@ use crate::geometry::aperture::Aperture;
 use crate::geometry::coverage::return_mm;
 use crate::geometry::edge_index::EdgeIndex;
 use crate::plan::curve::even_spans::{EvenSpans, even_spans};
-use crate::plan::curve::heading_stops::fits_between_stops;
+use crate::plan::curve::heading_stops::{fits_between_stops, heading_range};
 use crate::plan::curve::layer_path::{merged, path_tolerance_mm, sharpened, whole_inside};
 use crate::plan::curve::plane_curve::{PlaneControl, configuration, curve_at};
 use crate::plan::curve::pushing_inside::{InsideWalls, strayed_spans};
@@ -28,10 +28,18 @@ const MOVED_SHARE: f64 = 0.25;
 /// The curve of a pass, where there is one.
 pub type PassCurve = Option<Arc<[PlaneControl]>>;
 
-/// True where the optimiser knows the nozzle, the machine and the passes.
+/// True where the nozzle is an ellipse that turns without an end: whatever the passes, they are optimised.
+pub fn knows_machine(settings: &Settings) -> bool {
+    let turns_on = |stop_rad: f64| stop_rad.is_infinite();
+    is_ellipse(&settings.aperture) && heading_range(settings).into_iter().all(turns_on)
+}
+
+fn is_ellipse(aperture: &Aperture) -> bool {
+    matches!(aperture, Aperture::Ellipse { .. }) && !aperture.is_round()
+}
+
+/// True where the optimiser knows the nozzle and the passes, and these turn no further than the machine allows.
 pub fn may_optimise(passes: &[LayerPass], settings: &Settings) -> bool {
-    let aperture = &settings.aperture;
-    let is_ellipse = matches!(aperture, Aperture::Ellipse { .. }) && !aperture.is_round();
     let is_known = |pass: &LayerPass| {
         let headings = pass
             .placements
@@ -40,7 +48,7 @@ pub fn may_optimise(passes: &[LayerPass], settings: &Settings) -> bool {
         let is_known_kind = pass.kind.follows_walls() || pass.kind == PassKind::Infill;
         is_known_kind && fits_between_stops(range_of(headings), settings)
     };
-    is_ellipse && passes.iter().all(is_known)
+    is_ellipse(&settings.aperture) && passes.iter().all(is_known)
 }
 
 /// The passes optimised, and their curves; those of which the optimiser made none as `otherwise` makes them.
