@@ -4,7 +4,7 @@
 //! The distance is exact where the wall touches the aperture and of first order elsewhere. Edges near a span are
 //! kept until it has moved.
 
-use super::band::System;
+use super::band::{PoseTerm, System};
 use super::cells::Segment;
 use super::curve::{Basis, Knot, PassKnots, Units, blend};
 use super::terms::Terms;
@@ -72,7 +72,7 @@ impl Placed {
     #[inline]
     pub fn clearance(&self, minor: f64, segment: &Segment) -> Option<Clearance> {
         let ([x, y], distance2) = self.nearest([1.0, minor], segment);
-        if !(distance2 <= NEAR2) {
+        if distance2.is_nan() || distance2 > NEAR2 {
             return None;
         }
         let scaled = distance2.sqrt().max(1e-3);
@@ -220,7 +220,7 @@ impl<'a> Containment<'a> {
     ) {
         for basis in &self.places {
             let pose = Placed::at(&blend(&basis.value, knots));
-            let (mut slope, mut curvature) = ([0.0; 3], [[0.0; 3]; 3]);
+            let mut term = PoseTerm::default();
             let mut meets = false;
             for &number in &self.near[span].edges {
                 let segment = &self.segments[number as usize];
@@ -233,15 +233,10 @@ impl<'a> Containment<'a> {
                 }
                 meets = true;
                 terms.outside += 0.5 * wall.weight * short * short;
-                for m in 0..3 {
-                    slope[m] -= wall.weight * short * clear.by_pose[m];
-                    for r in 0..3 {
-                        curvature[m][r] += wall.weight * clear.by_pose[m] * clear.by_pose[r];
-                    }
-                }
+                term.add(-wall.weight * short, wall.weight, &clear.by_pose);
             }
             if meets {
-                system.add_pose(span, &basis.value, &slope, &curvature);
+                system.add_pose(span, &basis.value, &term);
             }
         }
     }

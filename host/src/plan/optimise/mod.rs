@@ -226,3 +226,10 @@ impl<'a> Search<'a> {
         outside
     }
 }
+
+#[cfg(test)]
+mod derivative_tests;
+#[cfg(test)]
+mod test_passes;
+#[cfg(test)]
+mod tests;

@@ -113,7 +113,8 @@ impl Objectives<'_> {
 
 /// The state between iterations.
 pub struct Newton<'a> {
-    objectives: Objectives<'a>,
+    /// What is made small.
+    pub objectives: Objectives<'a>,
     /// The passes that the knots belong to.
     pub passes: Vec<PassKnots>,
     /// Where it is.
@@ -214,7 +215,8 @@ impl<'a> Newton<'a> {
             .fold(f64::NEG_INFINITY, f64::max);
         let best = self.recent.iter().copied().fold(f64::INFINITY, f64::min);
         // False where the value is no number.
-        if !(terms.sum() < worst.min(best * ABOVE_BEST) - GAIN_MIN) {
+        let is_better = terms.sum() < worst.min(best * ABOVE_BEST) - GAIN_MIN;
+        if !is_better {
             self.damping *= DAMPING_GROWTH;
             return false;
         }

@@ -53,7 +53,7 @@ pub fn projected(own: &[Knot], range: &PassKnots, containment: &mut Containment)
     let mut stiffness = STIFFNESS;
     let mut outside = evaluate(&knots, &pass, containment, &mut system);
     for _ in 0..ROUNDS {
-        if !(outside > 0.0) {
+        if outside.is_nan() || outside <= 0.0 {
             break;
         }
         tried.band.copy_from(&system.band);

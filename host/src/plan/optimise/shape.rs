@@ -81,6 +81,11 @@ impl Shape {
         &self.outline
     }
 
+    /// b, in a.
+    pub fn minor(&self) -> f32 {
+        self.minor
+    }
+
     /// The square of the gauge function: below 1 inside, 1 on the outline, tool frame.
     #[inline]
     pub fn gauge2(&self, [x, y]: [f32; 2]) -> f32 {

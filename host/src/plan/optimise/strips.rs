@@ -8,10 +8,20 @@ use super::sweep::{Contact, Pose, Sweep, dot};
 
 /// What of the edge's half width is left off the aperture for its inside: beyond, cover is full.
 const RIM_SHARE: f32 = 0.85;
-/// Motion between marks of the inside, in a, a turn by part of its arc; most marks between two poses.
-const MARK_STEP: f32 = 2.0 / 15.0;
-const MARK_TURN: f32 = 0.6;
+/// How deep below the edge a strip sees cells, in half widths, and how much of that the marks may leave out between
+/// them: together with [`RIM_SHARE`] less, so that no cell falls between.
+const DEEP_SHARE: f32 = 1.25;
+const SCALLOP_SHARE: f32 = 0.35;
+/// Most motion between marks of the inside, in a; most marks between two poses.
+const MARK_STEP_MAX: f32 = 2.0 / 15.0;
 const MARKS_MAX: usize = 64;
+
+/// Motion between marks of the inside, in a: its sharp end, of curvature a'/b'², leaves scallops between them.
+pub(super) fn mark_step(minor: f32, edge_half: f32) -> f32 {
+    let rim = RIM_SHARE * edge_half;
+    let share = (2.0 * SCALLOP_SHARE * edge_half / (1.0 - rim)).sqrt();
+    MARK_STEP_MAX.min(2.0 * (minor - rim) * share)
+}
 
 /// The rows that the inside of the aperture marked last.
 #[derive(Clone, Debug)]
@@ -73,11 +83,28 @@ impl Sweep {
         let strip = self.strips.len() as u32;
         self.strips.push([from as u32, to as u32]);
         let reach = self.cells.edge_half;
+        let deep = -DEEP_SHARE * reach;
+        let ends = |c: usize| {
+            [&a, &b].map(|end| {
+                [
+                    end.at[c] + deep * end.normal[c],
+                    end.at[c] + reach * end.normal[c],
+                ]
+            })
+        };
         let low = |c: usize| {
-            (a.at[c] - reach * a.normal[c].abs()).min(b.at[c] - reach * b.normal[c].abs())
+            ends(c)
+                .as_flattened()
+                .iter()
+                .copied()
+                .fold(f32::INFINITY, f32::min)
         };
         let high = |c: usize| {
-            (a.at[c] + reach * a.normal[c].abs()).max(b.at[c] + reach * b.normal[c].abs())
+            ends(c)
+                .as_flattened()
+                .iter()
+                .copied()
+                .fold(f32::NEG_INFINITY, f32::max)
         };
         let columns = self.cells.columns_in(low(0), high(0));
         let [x0, y0] = self.cells.first_middle();
@@ -98,7 +125,7 @@ impl Sweep {
                 let tangents =
                     (1.0 - share) * dot(from_a, a.normal) + share * dot(from_b, b.normal);
                 let distance = 0.5 * (tangents + dot(from_a, across));
-                if distance.abs() >= reach || numbers[column] == OUTSIDE {
+                if distance >= reach || distance <= deep || numbers[column] == OUTSIDE {
                     continue;
                 }
                 let seen = Seen {
@@ -126,7 +153,7 @@ impl Sweep {
         } else {
             [1.0, 0.0]
         };
-        let marks = (((moved + MARK_TURN * turned) / MARK_STEP) as usize + 1).min(MARKS_MAX);
+        let marks = (((moved + turned) / self.mark_step) as usize + 1).min(MARKS_MAX);
         for k in 0..marks {
             let t = (k as f32 + 0.5) / marks as f32;
             let mix = |a: f32, b: f32| a + (b - a) * t;

@@ -15,7 +15,7 @@
 use super::cells::{Cells, NO_STRIP, Visits, to_grid};
 use super::curve::{Basis, Knot, PassKnots, blend};
 use super::shape::{CONTACTS_MAX, OUTLINE_POINTS, OutlinePoint, Shape, Touch};
-use super::strips::Marked;
+use super::strips::{Marked, mark_step};
 
 /// Poses of a span.
 const POSES_A_SPAN: usize = 2;
@@ -62,14 +62,14 @@ pub struct Pose {
 impl Pose {
     /// A vector of the plane in the tool's frame.
     #[inline]
-    pub fn to_tool(&self, [x, y]: [f32; 2]) -> [f32; 2] {
+    pub fn in_tool(&self, [x, y]: [f32; 2]) -> [f32; 2] {
         let [cos, sin] = self.turn;
         [cos * x + sin * y, cos * y - sin * x]
     }
 
     /// A vector of the tool's frame in the plane.
     #[inline]
-    pub fn to_plane(&self, [x, y]: [f32; 2]) -> [f32; 2] {
+    pub fn in_plane(&self, [x, y]: [f32; 2]) -> [f32; 2] {
         let [cos, sin] = self.turn;
         [cos * x - sin * y, sin * x + cos * y]
     }
@@ -127,6 +127,7 @@ pub struct Sweep {
     /// The two contacts of each strip.
     pub(super) strips: Vec<[u32; 2]>,
     pub(super) marked: Marked,
+    pub(super) mark_step: f32,
     /// Of the poses of a span, its end included.
     pub(super) bases: [Basis; POSES_A_SPAN + 1],
     end_bases: [Basis; 2],
@@ -139,6 +140,7 @@ impl Sweep {
         Sweep {
             visits: Visits::new(cells.wall_cover.len(), return_path),
             marked: Marked::new(cells.rows),
+            mark_step: mark_step(shape.minor(), cells.edge_half),
             shape,
             cells,
             poses: Vec::new(),
@@ -229,11 +231,11 @@ impl Sweep {
     fn touch(&mut self, i: usize, pass: std::ops::Range<usize>) -> Joined {
         let pose = self.poses[i];
         let mut touches = [Touch::default(); CONTACTS_MAX];
-        let velocity = pose.to_tool(pose.velocity);
+        let velocity = pose.in_tool(pose.velocity);
         let found = self.shape.touches(velocity, pose.turning, &mut touches);
         let first = self.contacts.len();
         for touch in &touches[..found] {
-            let turned = pose.to_plane(touch.at.point);
+            let turned = pose.in_plane(touch.at.point);
             let at = [pose.center[0] + turned[0], pose.center[1] + turned[1]];
             let is_nearest = |other: usize| self.gauge2(other, at) < 1.0 - NEAREST;
             if (i > pass.start && is_nearest(i - 1)) || (i + 1 < pass.end && is_nearest(i + 1)) {
@@ -253,12 +255,12 @@ impl Sweep {
     fn gauge2(&self, i: usize, at: [f32; 2]) -> f32 {
         let pose = &self.poses[i];
         self.shape
-            .gauge2(pose.to_tool([at[0] - pose.center[0], at[1] - pose.center[1]]))
+            .gauge2(pose.in_tool([at[0] - pose.center[0], at[1] - pose.center[1]]))
     }
 
     fn add_contact(&mut self, i: usize, number: usize, at: &OutlinePoint) -> usize {
         let pose = &self.poses[i];
-        let (point, normal) = (pose.to_plane(at.point), pose.to_plane(at.normal));
+        let (point, normal) = (pose.in_plane(at.point), pose.in_plane(at.normal));
         self.contacts.push(Contact {
             at: [pose.center[0] + point[0], pose.center[1] + point[1]],
             normal,
@@ -308,7 +310,7 @@ impl Sweep {
     /// grows with the motion between them.
     fn hide(&self, i: usize, other: usize, visible: &mut [bool; OUTLINE_POINTS]) {
         let (own, over) = (&self.poses[i], &self.poses[other]);
-        let shift = over.to_tool([
+        let shift = over.in_tool([
             own.center[0] - over.center[0],
             own.center[1] - over.center[1],
         ]);
