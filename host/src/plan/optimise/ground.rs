@@ -5,9 +5,8 @@
 //! contacts of the strip that it is beside, each contact to the four knots of its pose.
 
 use super::band::{PoseTerm, System};
-use super::cells::{VISITS_MAX, Visit, cover, cover_slope, from_grid};
 use super::curve::{Knot, PassKnots};
-use super::sweep::{Contact, Sweep, is_strip};
+use super::sweep::{Contact, Sweep, VISITS_MAX, Visit, cover, cover_slope, from_grid, is_strip};
 use super::terms::Terms;
 
 /// Curvature against that of one visit: what neighbouring beads share is bounded, not solved.

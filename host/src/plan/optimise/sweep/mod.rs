@@ -9,13 +9,23 @@
 //! Leu, "Analysis of swept volume via Lie groups and differential equations", 1992). Contacts are joined from pose
 //! to pose; a cell beside such a strip is looked at once, by its distance to the envelope. The derivative of that
 //! distance by the pose is a constant of the contact, so that each collects one slope and one curvature. Inside the
-//! sweep cells are only marked as they are entered ([`super::strips`]). Where the envelope is not made of contacts,
+//! sweep cells are only marked as they are entered ([`strips`]). Where the envelope is not made of contacts,
 //! at ends, reversals and cusps, the outline of the pose closes it where no neighbouring pose covers it.
 
-use super::cells::{Cells, NO_STRIP, Visits, to_grid};
+mod cells;
+mod ellipse;
+mod rounded;
+mod shape;
+mod strips;
+
+pub use self::cells::{
+    Cells, Segment, VISITS_MAX, Visit, cover, cover_slope, edge_half, from_grid,
+};
+use self::cells::{NO_STRIP, Visits, to_grid};
+pub use self::shape::Shape;
+use self::shape::{CONTACTS_MAX, Inside, OUTLINE_MAX, OutlinePoint, Touch};
+use self::strips::Marked;
 use super::curve::{Basis, Knot, PassKnots, blend};
-use super::shape::{CONTACTS_MAX, OUTLINE_POINTS, OutlinePoint, Shape, Touch};
-use super::strips::{Marked, mark_step};
 
 /// Poses of a span.
 const POSES_A_SPAN: usize = 2;
@@ -36,9 +46,10 @@ const JOIN_COSINE: f32 = 0.5;
 /// the motion between the two.
 const HIDDEN_MAX: f32 = 0.1;
 const HIDDEN_SHARE: f32 = 0.5;
-/// Outline points around a contact that the strips on both its sides stand for: each way, and in all.
+/// Outline points around a contact that the strips on both its sides stand for, each way and in all, of 32.
 const OWN_EACH: usize = 9;
 const OWN_ALL: usize = 7;
+const OWN_OF: usize = 32;
 
 /// A pose of the sweep, in the frame of the grid.
 #[derive(Clone, Copy, Debug)]
@@ -127,7 +138,7 @@ pub struct Sweep {
     /// The two contacts of each strip.
     pub(super) strips: Vec<[u32; 2]>,
     pub(super) marked: Marked,
-    pub(super) mark_step: f32,
+    inside: Inside,
     /// Of the poses of a span, its end included.
     pub(super) bases: [Basis; POSES_A_SPAN + 1],
     end_bases: [Basis; 2],
@@ -140,7 +151,7 @@ impl Sweep {
         Sweep {
             visits: Visits::new(cells.wall_cover.len(), return_path),
             marked: Marked::new(cells.rows),
-            mark_step: mark_step(shape.minor(), cells.edge_half),
+            inside: shape.inside(),
             shape,
             cells,
             poses: Vec::new(),
@@ -308,7 +319,7 @@ impl Sweep {
 
     /// Clears `visible` where an outline point of pose `i` lies inside pose `other`, by more than a tolerance that
     /// grows with the motion between them.
-    fn hide(&self, i: usize, other: usize, visible: &mut [bool; OUTLINE_POINTS]) {
+    fn hide(&self, i: usize, other: usize, visible: &mut [bool]) {
         let (own, over) = (&self.poses[i], &self.poses[other]);
         let shift = over.in_tool([
             own.center[0] - over.center[0],
@@ -318,40 +329,39 @@ impl Sweep {
         let sin = own.turn[1] * over.turn[0] - own.turn[0] * over.turn[1];
         let [moved, turned] = own.motion_from(over);
         let least = 1.0 - HIDDEN_MAX.min(HIDDEN_SHARE * (moved + turned));
-        for (seen, outline) in visible.iter_mut().zip(self.shape.outline()) {
-            let [x, y] = outline.point;
-            let there = [shift[0] + cos * x - sin * y, shift[1] + sin * x + cos * y];
-            *seen &= self.shape.gauge2(there) >= least;
-        }
+        self.shape.hide(shift, [cos, sin], least, visible);
     }
 
     /// Closes the envelope with the outline of pose `i` where no neighbour covers it and no strip runs.
     fn close(&mut self, i: usize, pass: std::ops::Range<usize>, joined: &Joined) {
-        let mut visible = [true; OUTLINE_POINTS];
+        let mut all = [true; OUTLINE_MAX];
+        let count = self.shape.outline().len();
+        let visible = &mut all[..count];
         if i > pass.start {
-            self.hide(i, i - 1, &mut visible);
+            self.hide(i, i - 1, visible);
         }
         if i + 1 < pass.end {
-            self.hide(i, i + 1, &mut visible);
+            self.hide(i, i + 1, visible);
         }
         for k in (0..joined.count).filter(|&k| joined.sides[k] == BOTH) {
-            hide_own(
-                self.contacts[joined.first + k].number as usize,
-                &mut visible,
-            );
+            hide_own(self.contacts[joined.first + k].number as usize, visible);
         }
         let path = self.poses[i].path;
         let mut last: Option<(usize, usize)> = None;
-        for k in 0..OUTLINE_POINTS {
-            let next = (k + 1) % OUTLINE_POINTS;
+        for k in 0..count {
+            let next = (k + 1) % count;
             if !(visible[k] || visible[next]) {
                 continue;
             }
             let from = match last {
                 Some((at, contact)) if at == k => contact,
-                _ => self.add_contact(i, k, &self.shape.outline()[k].clone()),
+                _ => {
+                    let at = self.shape.outline()[k];
+                    self.add_contact(i, k, &at)
+                }
             };
-            let to = self.add_contact(i, next, &self.shape.outline()[next].clone());
+            let at = self.shape.outline()[next];
+            let to = self.add_contact(i, next, &at);
             self.strip(from, to, path);
             last = Some((k + 1, to));
         }
@@ -359,17 +369,19 @@ impl Sweep {
 }
 
 /// Clears a short visible run around a contact that has strips on both sides: it is theirs.
-fn hide_own(number: usize, visible: &mut [bool; OUTLINE_POINTS]) {
-    let point = |ahead: usize| (number + ahead) % OUTLINE_POINTS;
-    let behind = |back: usize| (number + OUTLINE_POINTS - back) % OUTLINE_POINTS;
+fn hide_own(number: usize, visible: &mut [bool]) {
+    let count = visible.len();
+    let (each, all) = (OWN_EACH * count / OWN_OF, OWN_ALL * count / OWN_OF);
+    let point = |ahead: usize| (number + ahead) % count;
+    let behind = |back: usize| (number + count - back) % count;
     let (mut left, mut right) = (0, 1);
-    while left < OWN_EACH && visible[behind(left)] {
+    while left < each && visible[behind(left)] {
         left += 1;
     }
-    while right < OWN_EACH && visible[point(right)] {
+    while right < each && visible[point(right)] {
         right += 1;
     }
-    if left + right > OWN_ALL {
+    if left + right > all {
         (left, right) = (1, 2);
     }
     for back in 0..=left {
@@ -382,11 +394,11 @@ fn hide_own(number: usize, visible: &mut [bool; OUTLINE_POINTS]) {
 
 /// Dot product.
 #[inline]
-pub(super) fn dot(a: [f32; 2], b: [f32; 2]) -> f32 {
+fn dot(a: [f32; 2], b: [f32; 2]) -> f32 {
     a[0] * b[0] + a[1] * b[1]
 }
 
 /// The contacts of a strip as numbers.
-pub(super) fn is_strip(strip: u32) -> bool {
+pub fn is_strip(strip: u32) -> bool {
     strip != NO_STRIP
 }

@@ -4,24 +4,13 @@
 //! optimiser's time goes: f32, no allocation.
 
 use super::cells::{OUTSIDE, Seen};
-use super::sweep::{Contact, Pose, Sweep, dot};
+use super::{Contact, Pose, Sweep, dot};
 
-/// What of the edge's half width is left off the aperture for its inside: beyond, cover is full.
-const RIM_SHARE: f32 = 0.85;
-/// How deep below the edge a strip sees cells, in half widths, and how much of that the marks may leave out between
-/// them: together with [`RIM_SHARE`] less, so that no cell falls between.
+/// How deep below the edge a strip sees cells, in half widths: to where the inside is marked, and what is left out
+/// between two marks ([`super::shape`]).
 const DEEP_SHARE: f32 = 1.25;
-const SCALLOP_SHARE: f32 = 0.35;
-/// Most motion between marks of the inside, in a; most marks between two poses.
-const MARK_STEP_MAX: f32 = 2.0 / 15.0;
+/// Most marks between two poses.
 const MARKS_MAX: usize = 64;
-
-/// Motion between marks of the inside, in a: its sharp end, of curvature a'/b'², leaves scallops between them.
-pub(super) fn mark_step(minor: f32, edge_half: f32) -> f32 {
-    let rim = RIM_SHARE * edge_half;
-    let share = (2.0 * SCALLOP_SHARE * edge_half / (1.0 - rim)).sqrt();
-    MARK_STEP_MAX.min(2.0 * (minor - rim) * share)
-}
 
 /// The rows that the inside of the aperture marked last.
 #[derive(Clone, Debug)]
@@ -153,7 +142,7 @@ impl Sweep {
         } else {
             [1.0, 0.0]
         };
-        let marks = (((moved + turned) / self.mark_step) as usize + 1).min(MARKS_MAX);
+        let marks = (((moved + turned) / self.shape.mark_step()) as usize + 1).min(MARKS_MAX);
         for k in 0..marks {
             let t = (k as f32 + 0.5) / marks as f32;
             let mix = |a: f32, b: f32| a + (b - a) * t;
@@ -178,15 +167,17 @@ impl Sweep {
     /// Sees the cells that the inside of the aperture enters at a pose; they stay in it for its chord along the
     /// direction of motion.
     fn mark(&mut self, pose: &Pose, direction: [f32; 2]) {
-        let rim = RIM_SHARE * self.cells.edge_half;
-        let inside = self.shape.inside(pose.turn, rim);
-        let last = pose.path + self.shape.chord(pose.turn, direction, rim);
+        self.shape.turn_inside(pose.turn, &mut self.inside);
+        let last = pose.path + self.shape.chord(pose.in_tool(direction));
         let seen = Seen::inside(pose.path, last);
         let [x, y] = pose.center;
         let y0 = self.cells.first_middle()[1];
-        let rows = self.cells.rows_in(y - inside.height, y + inside.height);
+        let [bottom, top] = self.inside.heights();
+        let rows = self.cells.rows_in(y + bottom, y + top);
         for row in rows.clone() {
-            let [low, high] = inside.row(y0 + row as f32 * self.cells.size as f32 - y);
+            let [low, high] = self
+                .inside
+                .row(y0 + row as f32 * self.cells.size as f32 - y);
             let columns = self.cells.columns_in(x + low, x + high);
             let mut held = columns.end..columns.end;
             if self.marked.rows.contains(&row) {
