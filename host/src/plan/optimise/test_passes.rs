@@ -3,8 +3,10 @@
 //! In: lengths in mm. Out: passes of even spans, the limits of the built-in machine.
 
 use super::{Objective, OptimisedPass};
+use crate::geometry::aperture::Aperture;
 use crate::geometry::edge_index::EdgeIndex;
-use crate::geometry::test_shapes::walls;
+use crate::geometry::rounded_polygon::RoundedPolygon;
+use crate::geometry::test_shapes::{ELLIPSE, drop_corners, walls};
 use crate::plan::curve::plane_curve::PlaneControl;
 use crate::plan::pose_limits::{AxisLimits, PoseLimits};
 
@@ -34,6 +36,17 @@ pub fn objective(major_mm: f64) -> Objective {
         twice_share: 0.5,
         return_mm: 1.5 * major_mm,
     }
+}
+
+/// An ellipse, a slot, a rectangle with sharp corners and a drop without symmetry.
+pub fn apertures() -> [Aperture; 4] {
+    let drop = RoundedPolygon::polygon(&drop_corners()).expect("a drop");
+    [
+        ELLIPSE,
+        Aperture::Rounded(RoundedPolygon::stadium(1.2, 0.4)),
+        Aperture::Rounded(RoundedPolygon::rectangle(1.2, 0.4, 0.0)),
+        Aperture::Rounded(drop),
+    ]
 }
 
 /// A rectangle from the origin.

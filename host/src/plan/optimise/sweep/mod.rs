@@ -42,6 +42,8 @@ const JOIN_REACH: f32 = 1.5;
 const JOIN_SLACK: f32 = 0.05;
 /// Normals of joined contacts differ by less than 60°.
 const JOIN_COSINE: f32 = 0.5;
+/// What joins them rises along the normals by less than this share of its length.
+const JOIN_SLOPE: f32 = 0.5;
 /// How much of the squared gauge an outline point may lie inside a neighbour and still be visible, at most and by
 /// the motion between the two.
 const HIDDEN_MAX: f32 = 0.1;
@@ -304,6 +306,13 @@ impl Sweep {
                 }
                 let way = [other.at[0] - own.at[0], other.at[1] - own.at[1]];
                 let distance2 = dot(way, way);
+                let normals = [
+                    own.normal[0] + other.normal[0],
+                    own.normal[1] + other.normal[1],
+                ];
+                if dot(way, normals).powi(2) > JOIN_SLOPE * JOIN_SLOPE * 4.0 * distance2 {
+                    continue;
+                }
                 if distance2 < best.0 {
                     best = (distance2, Some(o));
                 }
@@ -312,7 +321,7 @@ impl Sweep {
                 used[o] = true;
                 before.sides[o] |= 2;
                 here.sides[k] |= 1;
-                self.strip(before.first + o, here.first + k, path);
+                self.strip(before.first + o, here.first + k, path, None);
             }
         }
     }
@@ -346,7 +355,8 @@ impl Sweep {
         for k in (0..joined.count).filter(|&k| joined.sides[k] == BOTH) {
             hide_own(self.contacts[joined.first + k].number as usize, visible);
         }
-        let path = self.poses[i].path;
+        let pose = self.poses[i];
+        let path = pose.path;
         let mut last: Option<(usize, usize)> = None;
         for k in 0..count {
             let next = (k + 1) % count;
@@ -362,7 +372,7 @@ impl Sweep {
             };
             let at = self.shape.outline()[next];
             let to = self.add_contact(i, next, &at);
-            self.strip(from, to, path);
+            self.strip(from, to, path, Some(&pose));
             last = Some((k + 1, to));
         }
     }

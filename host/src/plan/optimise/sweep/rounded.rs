@@ -41,6 +41,7 @@ pub struct Rounded {
     /// Corners of the inside, and its radius.
     inside: Vec<Vector2>,
     inside_radius: f64,
+    rim: f32,
     sharpest_rad: f32,
 }
 
@@ -74,6 +75,7 @@ impl Rounded {
             minor: (shape.narrowest_mm() / (2.0 * major_mm)) as f32,
             inside: eroded(shape, major_mm, f64::from(rim - radius).max(0.0)),
             inside_radius: f64::from(radius - rim).max(0.0),
+            rim,
             sharpest_rad: PI,
             sides,
         };
@@ -142,21 +144,32 @@ impl Rounded {
         }
     }
 
+    /// How far the tip of the sharpest corner lies beyond the inside.
+    pub fn tip(&self) -> f32 {
+        let sharp = (self.rim - self.radius).max(0.0);
+        self.rim - sharp + sharp / (self.sharpest_rad / 2.0).sin().max(1e-3)
+    }
+
     /// 1 + 2 d / b, with d the signed distance from the outline: near it what the squared gauge is for an ellipse.
     #[inline]
     pub fn gauge2(&self, at: [f32; 2]) -> f32 {
+        1.0 + 2.0 * self.signed_distance(at) / self.minor
+    }
+
+    /// Distance from the outline, in a, negative inside.
+    #[inline]
+    pub fn signed_distance(&self, at: [f32; 2]) -> f32 {
         let past = |side: &Side| dot(side.normal, at) - side.offset;
         let beyond = self
             .sides
             .iter()
             .map(past)
             .fold(f32::NEG_INFINITY, f32::max);
-        let distance = if beyond > 0.0 && self.radius > 0.0 {
+        if beyond > 0.0 && self.radius > 0.0 {
             self.distance(at) - self.radius
         } else {
             beyond - self.radius
-        };
-        1.0 + 2.0 * distance / self.minor
+        }
     }
 
     /// Distance of a point outside the core from it.

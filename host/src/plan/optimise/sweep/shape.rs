@@ -15,8 +15,13 @@ pub const CONTACTS_MAX: usize = 8;
 const RIM_SHARE: f32 = 0.85;
 /// How deep the inside may be left out between two marks of it, in half widths.
 const SCALLOP_SHARE: f32 = 0.35;
+/// What a strip sees below that, in half widths, and the most that a sharp corner's tip may lie above the inside.
+const SPARE_SHARE: f32 = 0.05;
+const TIP_MAX: f32 = 4.0;
 /// Most motion between two marks, in a, and the least.
 const MARK_STEPS: [f32; 2] = [0.02, 2.0 / 15.0];
+/// What makes another side nearer, in a: more than rounding.
+const NEARER: f32 = 1e-3;
 /// Least b that is done, in a.
 const MINOR_MIN: f64 = 0.05;
 
@@ -44,6 +49,7 @@ pub struct Shape {
     kind: Kind,
     outline: Vec<OutlinePoint>,
     mark_step: f32,
+    deep: f32,
 }
 
 #[derive(Clone, Debug)]
@@ -89,16 +95,17 @@ impl Shape {
             return None;
         }
         let (rim, scallop) = (RIM_SHARE * edge_half, SCALLOP_SHARE * edge_half);
-        let (kind, outline, mark_step) = match aperture {
+        let (kind, outline, mark_step, tip) = match aperture {
             Aperture::Ellipse { .. } => {
                 let ellipse = Ellipse::new(minor as f32, rim);
                 let step = ellipse.mark_step(scallop);
-                (Kind::Ellipse(ellipse.clone()), ellipse.outline(), step)
+                (Kind::Ellipse(ellipse.clone()), ellipse.outline(), step, rim)
             }
             Aperture::Rounded(shape) => {
                 let rounded = Rounded::new(shape, major_mm, rim);
                 let (outline, step) = (rounded.outline(), rounded.mark_step(scallop));
-                (Kind::Rounded(rounded), outline, step)
+                let tip = rounded.tip().min(TIP_MAX * edge_half);
+                (Kind::Rounded(rounded), outline, step, tip)
             }
         };
         let [least, most] = MARK_STEPS;
@@ -106,6 +113,7 @@ impl Shape {
             kind,
             outline,
             mark_step: mark_step.clamp(least, most),
+            deep: tip + scallop + SPARE_SHARE * edge_half,
         })
     }
 
@@ -119,12 +127,28 @@ impl Shape {
         self.mark_step
     }
 
+    /// How deep below the edge of the sweep a strip must see cells so that none falls between it and the marks of the
+    /// inside, in a.
+    pub fn deep(&self) -> f32 {
+        self.deep
+    }
+
     /// The square of the gauge function, or what is like it: below 1 inside, 1 on the outline.
     #[inline]
     pub fn gauge2(&self, at: [f32; 2]) -> f32 {
         match &self.kind {
             Kind::Ellipse(ellipse) => ellipse.gauge2(at),
             Kind::Rounded(rounded) => rounded.gauge2(at),
+        }
+    }
+
+    /// Whether a point at this distance from one side of the outline lies nearer to another, so that the aperture
+    /// ends there; never so for an ellipse, which has no corners.
+    #[inline]
+    pub fn is_nearer(&self, at: [f32; 2], distance: f32) -> bool {
+        match &self.kind {
+            Kind::Ellipse(_) => false,
+            Kind::Rounded(rounded) => rounded.signed_distance(at) > distance + NEARER,
         }
     }
 

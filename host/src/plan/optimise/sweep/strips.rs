@@ -6,9 +6,6 @@
 use super::cells::{OUTSIDE, Seen};
 use super::{Contact, Pose, Sweep, dot};
 
-/// How deep below the edge a strip sees cells, in half widths: to where the inside is marked, and what is left out
-/// between two marks ([`super::shape`]).
-const DEEP_SHARE: f32 = 1.25;
 /// Most marks between two poses.
 const MARKS_MAX: usize = 64;
 
@@ -56,8 +53,9 @@ impl End {
 
 impl Sweep {
     /// Sees the cells within the edge's half width of the envelope between two contacts, at this path. Their
-    /// distance is the mean of those to the chord and to the tangents, which is right to second order.
-    pub(super) fn strip(&mut self, from: usize, to: usize, path: f32) {
+    /// distance is the mean of those to the chord and to the tangents, which is right to second order. Where the strip
+    /// closes the envelope by a pose's own outline, cells nearer to another side of that outline are left to it.
+    pub(super) fn strip(&mut self, from: usize, to: usize, path: f32, closes: Option<&Pose>) {
         let (a, b) = (&self.contacts[from], &self.contacts[to]);
         let chord = [b.at[0] - a.at[0], b.at[1] - a.at[1]];
         let length2 = dot(chord, chord);
@@ -72,7 +70,7 @@ impl Sweep {
         let strip = self.strips.len() as u32;
         self.strips.push([from as u32, to as u32]);
         let reach = self.cells.edge_half;
-        let deep = -DEEP_SHARE * reach;
+        let deep = -self.shape.deep();
         let ends = |c: usize| {
             [&a, &b].map(|end| {
                 [
@@ -115,6 +113,12 @@ impl Sweep {
                     (1.0 - share) * dot(from_a, a.normal) + share * dot(from_b, b.normal);
                 let distance = 0.5 * (tangents + dot(from_a, across));
                 if distance >= reach || distance <= deep || numbers[column] == OUTSIDE {
+                    continue;
+                }
+                if closes.is_some_and(|pose| {
+                    let off = [x - pose.center[0], y - pose.center[1]];
+                    self.shape.is_nearer(pose.in_tool(off), distance)
+                }) {
                     continue;
                 }
                 let seen = Seen {
