@@ -176,7 +176,7 @@ fn swept(pass: &OptimisedPass) -> Vec<(f64, Configuration)> {
         before = Some(at.center);
         (path, at)
     };
-    poses(pass, 6).into_iter().map(place).collect()
+    poses(pass, 12).into_iter().map(place).collect()
 }
 
 /// Goal: the ground that the strips find is the ground, for every aperture. Method: a straight bead with two ends,
