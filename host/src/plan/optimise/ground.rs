@@ -70,11 +70,17 @@ impl Ground {
 
     /// Cover and cost of a cell; hands slope and curvature to the contacts.
     fn add_cell(&mut self, cell: usize, area: f64, blur: f64) -> [f64; 2] {
+        let wall = f64::from(self.sweep.cells.wall_cover[cell]);
+        if let Some(plain) = self.sweep.visits.plain_cover(cell) {
+            let covered = wall + f64::from(plain);
+            let [value, ..] = cost(covered, blur, self.twice_share);
+            return [covered, value];
+        }
         let mut visits = [Visit::NONE; VISITS_MAX];
         let count = self.sweep.visits.of(cell, &mut visits);
         let edge_half = self.sweep.cells.edge_half;
         let mut slopes = [0.0f32; VISITS_MAX];
-        let mut covered = f64::from(self.sweep.cells.wall_cover[cell]);
+        let mut covered = wall;
         let (mut before, mut movable) = (0.0f32, 0);
         for (k, visit) in visits[..count].iter().enumerate() {
             let z = visit.distance / edge_half;

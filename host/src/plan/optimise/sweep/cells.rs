@@ -315,6 +315,17 @@ impl Visits {
         };
     }
 
+    /// The cover of a cell that no strip sees: never visited, or once by the inside of the aperture.
+    #[inline]
+    pub fn plain_cover(&self, cell: usize) -> Option<f32> {
+        let visit = &self.newest[cell];
+        match visit.before {
+            NEVER => Some(0.0),
+            FIRST if visit.strip == NO_STRIP => Some(1.0),
+            _ => None,
+        }
+    }
+
     /// The visits of a cell in order, as many as fit, the newest where they do not; their number.
     #[inline]
     pub fn of(&self, cell: usize, into: &mut [Visit; VISITS_MAX]) -> usize {
