@@ -51,81 +51,98 @@ impl End {
     }
 }
 
-impl Sweep {
-    /// Sees the cells within the edge's half width of the envelope between two contacts, at this path. Their
-    /// distance is the mean of those to the chord and to the tangents, which is right to second order. Where the strip
-    /// closes the envelope by a pose's own outline, cells nearer to another side of that outline are left to it.
-    pub(super) fn strip(&mut self, from: usize, to: usize, path: f32, closes: Option<&Pose>) {
-        let (a, b) = (&self.contacts[from], &self.contacts[to]);
+/// The envelope between two contacts.
+struct Strip {
+    ends: [End; 2],
+    /// Unit normal of the chord, outwards.
+    across: [f32; 2],
+}
+
+impl Strip {
+    /// Between two contacts; `None` where they coincide.
+    fn between(a: &Contact, b: &Contact) -> Option<Strip> {
         let chord = [b.at[0] - a.at[0], b.at[1] - a.at[1]];
         let length2 = dot(chord, chord);
         if length2 < 1e-12 {
-            return;
+            return None;
         }
         let mut across = [-chord[1], chord[0]].map(|c| c / length2.sqrt());
         if dot(across, a.normal) + dot(across, b.normal) < 0.0 {
             across = across.map(|c| -c);
         }
-        let (a, b) = (End::of(a, chord), End::of(b, chord));
-        let strip = self.strips.len() as u32;
+        Some(Strip {
+            ends: [End::of(a, chord), End::of(b, chord)],
+            across,
+        })
+    }
+
+    /// Least and greatest x (`c` 0) or y (1) from `deep` below the envelope to `reach` above it.
+    fn range(&self, c: usize, deep: f32, reach: f32) -> [f32; 2] {
+        let (mut low, mut high) = (f32::INFINITY, f32::NEG_INFINITY);
+        for end in &self.ends {
+            for far in [-deep, reach] {
+                let at = end.at[c] + far * end.normal[c];
+                (low, high) = (low.min(at), high.max(at));
+            }
+        }
+        [low, high]
+    }
+
+    /// Distance of a point beyond the envelope, the mean of those to the chord and to the tangents (right to second
+    /// order), and its place from the first contact to the second; `None` where it is not between their normals.
+    #[inline]
+    fn distance(&self, x: f32, y: f32) -> Option<[f32; 2]> {
+        let [a, b] = &self.ends;
+        let from_a = [x - a.at[0], y - a.at[1]];
+        let from_b = [x - b.at[0], y - b.at[1]];
+        let (past_a, past_b) = (dot(from_a, a.along), dot(from_b, b.along));
+        if past_a < 0.0 || past_b >= 0.0 {
+            return None;
+        }
+        let share = past_a / (past_a - past_b);
+        let tangents = (1.0 - share) * dot(from_a, a.normal) + share * dot(from_b, b.normal);
+        Some([0.5 * (tangents + dot(from_a, self.across)), share])
+    }
+}
+
+impl Sweep {
+    /// Sees the cells within the edge's half width of the envelope between two contacts, at this path. Where the
+    /// strip closes the envelope by a pose's own outline, cells nearer to another side of that outline are left to it.
+    pub(super) fn strip(&mut self, from: usize, to: usize, path: f32, closes: Option<&Pose>) {
+        let Some(strip) = Strip::between(&self.contacts[from], &self.contacts[to]) else {
+            return;
+        };
+        let number = self.strips.len() as u32;
         self.strips.push([from as u32, to as u32]);
-        let reach = self.cells.edge_half;
-        let deep = -self.shape.deep();
-        let ends = |c: usize| {
-            [&a, &b].map(|end| {
-                [
-                    end.at[c] + deep * end.normal[c],
-                    end.at[c] + reach * end.normal[c],
-                ]
-            })
-        };
-        let low = |c: usize| {
-            ends(c)
-                .as_flattened()
-                .iter()
-                .copied()
-                .fold(f32::INFINITY, f32::min)
-        };
-        let high = |c: usize| {
-            ends(c)
-                .as_flattened()
-                .iter()
-                .copied()
-                .fold(f32::NEG_INFINITY, f32::max)
-        };
-        let columns = self.cells.columns_in(low(0), high(0));
+        let (reach, deep) = (self.cells.edge_half, self.shape.deep());
+        let [left, right] = strip.range(0, deep, reach);
+        let [low, high] = strip.range(1, deep, reach);
+        let columns = self.cells.columns_in(left, right);
         let [x0, y0] = self.cells.first_middle();
         let size = self.cells.size as f32;
-        for row in self.cells.rows_in(low(1), high(1)) {
+        for row in self.cells.rows_in(low, high) {
             let y = y0 + row as f32 * size;
-            let (ya, yb) = (y - a.at[1], y - b.at[1]);
             let numbers = &self.cells.numbers[row * self.cells.columns..][..self.cells.columns];
             for column in columns.clone() {
                 let x = x0 + column as f32 * size;
-                let (from_a, from_b) = ([x - a.at[0], ya], [x - b.at[0], yb]);
-                // Between the normals of both contacts.
-                let (past_a, past_b) = (dot(from_a, a.along), dot(from_b, b.along));
-                if past_a < 0.0 || past_b >= 0.0 {
+                let Some([distance, share]) = strip.distance(x, y) else {
+                    continue;
+                };
+                if distance >= reach || distance <= -deep || numbers[column] == OUTSIDE {
                     continue;
                 }
-                let share = past_a / (past_a - past_b);
-                let tangents =
-                    (1.0 - share) * dot(from_a, a.normal) + share * dot(from_b, b.normal);
-                let distance = 0.5 * (tangents + dot(from_a, across));
-                if distance >= reach || distance <= deep || numbers[column] == OUTSIDE {
-                    continue;
-                }
-                if closes.is_some_and(|pose| {
+                let is_other = |pose: &Pose| {
                     let off = [x - pose.center[0], y - pose.center[1]];
                     self.shape.is_nearer(pose.in_tool(off), distance)
-                }) {
+                };
+                if closes.is_some_and(is_other) {
                     continue;
                 }
                 let seen = Seen {
                     from: path,
                     last: path,
                     distance,
-                    strip,
+                    strip: number,
                     share,
                 };
                 self.visits.see(numbers[column], seen);
