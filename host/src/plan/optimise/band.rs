@@ -109,6 +109,27 @@ impl Band {
     }
 }
 
+/// What a term of the objective adds at one pose: slope and curvature by x, y and heading.
+#[derive(Clone, Copy, Debug, Default)]
+pub struct PoseTerm {
+    slope: [f64; 3],
+    curvature: [[f64; 3]; 3],
+}
+
+impl PoseTerm {
+    /// Adds a function of one quantity with this slope and curvature; `by_pose` is the quantity's own derivative.
+    #[inline]
+    pub fn add(&mut self, slope: f64, curvature: f64, by_pose: &[f64; 3]) {
+        let rows = self.slope.iter_mut().zip(&mut self.curvature);
+        for ((sum, row), own) in rows.zip(by_pose) {
+            *sum += slope * own;
+            for (entry, other) in row.iter_mut().zip(by_pose) {
+                *entry += curvature * own * other;
+            }
+        }
+    }
+}
+
 /// Gradient and curvature of an objective by the unknowns.
 #[derive(Clone, Debug)]
 pub struct System {
@@ -133,28 +154,21 @@ impl System {
         self.band.clear();
     }
 
-    /// Adds a term that depends on the pose at a place of the spline: `slope` and `curvature` by x, y and heading,
-    /// `weights` of the four knots from `knot` on.
+    /// Adds a term at the pose that the four knots from `knot` on have with these weights.
     #[inline]
-    pub fn add_pose(
-        &mut self,
-        knot: usize,
-        weights: &[f64; 4],
-        slope: &[f64; 3],
-        curvature: &[[f64; 3]; 3],
-    ) {
+    pub fn add_pose(&mut self, knot: usize, weights: &[f64; 4], term: &PoseTerm) {
         for (j, &weight) in weights.iter().enumerate() {
-            for m in 0..3 {
-                let unknown = CHANNELS * (knot + j) + m;
-                self.gradient[unknown] += weight * slope[m];
-                let row = &mut self.band.rows[unknown];
-                for r in m..3 {
-                    row[r - m] += weight * weight * curvature[m][r];
+            let base = CHANNELS * (knot + j);
+            for (m, (slope, curvature)) in term.slope.iter().zip(&term.curvature).enumerate() {
+                self.gradient[base + m] += weight * slope;
+                let row = &mut self.band.rows[base + m];
+                for (entry, bend) in row.iter_mut().zip(&curvature[m..]) {
+                    *entry += weight * weight * bend;
                 }
                 for (ahead, other) in weights[j + 1..].iter().enumerate() {
-                    let factor = weight * other;
-                    for r in 0..3 {
-                        row[CHANNELS * (ahead + 1) + r - m] += factor * curvature[m][r];
+                    let first = CHANNELS * (ahead + 1) - m;
+                    for (entry, bend) in row[first..first + 3].iter_mut().zip(curvature) {
+                        *entry += weight * other * bend;
                     }
                 }
             }
@@ -179,9 +193,12 @@ impl System {
         }
         for c in 0..CHANNELS {
             let [p, e, i] = [phantom, end, inner].map(|knot| CHANNELS * (knot - window) + c);
-            for j in 0..WIDTH {
-                dense[e][j] += 2.0 * dense[p][j];
-                dense[i][j] -= dense[p][j];
+            let taken_out = dense[p];
+            for (entry, own) in dense[e].iter_mut().zip(&taken_out) {
+                *entry += 2.0 * own;
+            }
+            for (entry, own) in dense[i].iter_mut().zip(&taken_out) {
+                *entry -= own;
             }
             for row in &mut dense {
                 row[e] += 2.0 * row[p];

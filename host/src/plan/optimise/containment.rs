@@ -4,18 +4,25 @@
 //! The distance is exact where the wall touches the aperture and of first order elsewhere. Edges near a span are
 //! kept until it has moved.
 
-use super::band::System;
-use super::cells::Segment;
+use super::band::{PoseTerm, System};
 use super::curve::{Basis, Knot, PassKnots, Units, blend};
+use super::sweep::Segment;
 use super::terms::Terms;
+use crate::geometry::Vector2;
+use crate::geometry::aperture::Aperture;
 use crate::geometry::edge_index::EdgeIndex;
 use crate::geometry::polygon::Box2;
+use crate::geometry::rounded_polygon::RoundedPolygon;
 
 /// How far a span may move before the edges near it are sought again, in a, and the share of that at which they are.
 const REACH: f64 = 0.25;
 const REACH_USED: f64 = 0.9;
 /// Squared scaled distance beyond which an edge cannot cost anything.
 const NEAR2: f64 = 1.1;
+/// Gap beyond which an edge cannot cost anything to a polygon, in a.
+const NEAR: f64 = 0.05;
+/// A wall that rises by less than this share of its length lies across a direction.
+const LEVEL: f64 = 1e-6;
 /// The margin must stay below what [`NEAR2`] spares; and slack across the aperture for the sharper end of it.
 const ACROSS: f64 = 1.5;
 
@@ -72,7 +79,7 @@ impl Placed {
     #[inline]
     pub fn clearance(&self, minor: f64, segment: &Segment) -> Option<Clearance> {
         let ([x, y], distance2) = self.nearest([1.0, minor], segment);
-        if !(distance2 <= NEAR2) {
+        if distance2.is_nan() || distance2 > NEAR2 {
             return None;
         }
         let scaled = distance2.sqrt().max(1e-3);
@@ -84,6 +91,88 @@ impl Placed {
             distance: (scaled - 1.0) / rate,
             by_pose: [-by_x / rate, -by_y / rate, -by_heading / rate],
         })
+    }
+
+    /// A point in the tool's frame, mm.
+    fn local_mm(&self, point: &[f64; 2], length_mm: f64) -> Vector2 {
+        let [x, y] = self.scaled([1.0, 1.0], point);
+        Vector2::new(x * length_mm, y * length_mm)
+    }
+
+    /// Clearance of a polygon with rounded corners, mm, from a segment; `None` where it is far.
+    fn clearance_of_polygon(
+        &self,
+        shape: &RoundedPolygon,
+        length_mm: f64,
+        segment: &Segment,
+    ) -> Option<Clearance> {
+        let [p, q] = segment.map(|point| self.local_mm(&point, length_mm));
+        let gap = shape.gap_to(p, q, NEAR * length_mm)?;
+        let (low, high) = (gap.outward.dot(&p), gap.outward.dot(&q));
+        // A wall across the direction meets the farthest corner; else an end of the wall meets a side.
+        let touched = if (low - high).abs() <= LEVEL * (q - p).norm() {
+            shape.support_point(gap.outward)
+        } else if low < high {
+            p - gap.outward * gap.gap_mm
+        } else {
+            q - gap.outward * gap.gap_mm
+        };
+        let (x, y) = (gap.outward.x, gap.outward.y);
+        let by_x = self.cos * x - self.sin * y;
+        let by_y = self.sin * x + self.cos * y;
+        let by_heading = (touched.x * y - touched.y * x) / length_mm;
+        Some(Clearance {
+            distance: gap.gap_mm / length_mm,
+            by_pose: [-by_x, -by_y, -by_heading],
+        })
+    }
+}
+
+/// The aperture and the unit of length.
+#[derive(Clone, Copy, Debug)]
+struct Tool<'a> {
+    aperture: &'a Aperture,
+    length_mm: f64,
+}
+
+impl Tool<'_> {
+    /// The box of the aperture at a pose, grown by what a span may move before edges are sought again, mm.
+    fn area(self, pose: &Placed, heading_rad: f64, units: &Units) -> Box2 {
+        let reach_mm = |x: f64, y: f64| {
+            let support_mm = self.aperture.support_mm(heading_rad, Vector2::new(x, y));
+            support_mm + ACROSS * REACH * self.length_mm
+        };
+        let center = units.point_of(pose.center[0], pose.center[1]);
+        Box2 {
+            min: center - Vector2::new(reach_mm(-1.0, 0.0), reach_mm(0.0, -1.0)),
+            max: center + Vector2::new(reach_mm(1.0, 0.0), reach_mm(0.0, 1.0)),
+        }
+    }
+
+    /// Whether a pose may meet a segment before the edges near it are sought again.
+    fn is_near(self, pose: &Placed, segment: &Segment) -> bool {
+        match self.aperture {
+            Aperture::Ellipse { major_mm, minor_mm } => {
+                let axes = [1.0 + REACH, minor_mm / major_mm + ACROSS * REACH];
+                pose.nearest(axes, segment).1 <= 1.0
+            }
+            Aperture::Rounded(shape) => {
+                let length_mm = self.length_mm;
+                let [p, q] = segment.map(|point| pose.local_mm(&point, length_mm));
+                shape.gap_to(p, q, ACROSS * REACH * length_mm).is_some()
+            }
+        }
+    }
+
+    /// Clearance of the aperture at a pose from a segment; `None` where it is far.
+    #[inline]
+    fn clearance(self, pose: &Placed, segment: &Segment) -> Option<Clearance> {
+        match self.aperture {
+            Aperture::Ellipse { major_mm, minor_mm } => {
+                pose.clearance(minor_mm / major_mm, segment)
+            }
+            Aperture::Rounded(shape) => pose.clearance_of_polygon(shape, self.length_mm, segment),
+        }
     }
 }
 
@@ -100,7 +189,7 @@ pub struct Containment<'a> {
     walls: &'a EdgeIndex,
     segments: Vec<Segment>,
     units: Units,
-    minor: f64,
+    tool: Tool<'a>,
     places: Vec<Basis>,
     near: Vec<Near>,
     /// The search at which each edge was last met.
@@ -125,11 +214,11 @@ pub fn segments_of(walls: &EdgeIndex, units: &Units) -> Vec<Segment> {
 }
 
 impl<'a> Containment<'a> {
-    /// Of the ellipse with semi-axes 1 and `minor` within the walls, at so many places of each span.
+    /// Of the aperture within the walls, at so many places of each span.
     pub fn new(
         walls: &'a EdgeIndex,
+        aperture: &'a Aperture,
         units: Units,
-        minor: f64,
         knots: usize,
         places: usize,
     ) -> Containment<'a> {
@@ -143,7 +232,10 @@ impl<'a> Containment<'a> {
             met: vec![0; segments.len()],
             segments,
             units,
-            minor,
+            tool: Tool {
+                aperture,
+                length_mm: units.length_mm,
+            },
             places: (0..places)
                 .map(|s| Basis::at((s as f64 + 0.5) / places as f64))
                 .collect(),
@@ -187,21 +279,13 @@ impl<'a> Containment<'a> {
         }
         near.edges.clear();
         self.search = self.search.wrapping_add(1);
-        let axes = [1.0 + REACH, self.minor + ACROSS * REACH];
         for basis in &self.places {
-            let pose = Placed::at(&blend(&basis.value, knots));
-            let [half_x, half_y] = [
-                (axes[0] * pose.cos).hypot(axes[1] * pose.sin),
-                (axes[0] * pose.sin).hypot(axes[1] * pose.cos),
-            ];
-            let [x, y] = pose.center;
-            let area = Box2 {
-                min: self.units.point_of(x - half_x, y - half_y),
-                max: self.units.point_of(x + half_x, y + half_y),
-            };
+            let at = blend(&basis.value, knots);
+            let pose = Placed::at(&at);
+            let area = self.tool.area(&pose, at[2], &self.units);
             self.walls.for_edges_in(area, |number| {
                 let is_new = self.met[number] != self.search;
-                if is_new && pose.nearest(axes, &self.segments[number]).1 <= 1.0 {
+                if is_new && self.tool.is_near(&pose, &self.segments[number]) {
                     self.met[number] = self.search;
                     near.edges.push(number as u32);
                 }
@@ -220,11 +304,11 @@ impl<'a> Containment<'a> {
     ) {
         for basis in &self.places {
             let pose = Placed::at(&blend(&basis.value, knots));
-            let (mut slope, mut curvature) = ([0.0; 3], [[0.0; 3]; 3]);
+            let mut term = PoseTerm::default();
             let mut meets = false;
             for &number in &self.near[span].edges {
                 let segment = &self.segments[number as usize];
-                let Some(clear) = pose.clearance(self.minor, segment) else {
+                let Some(clear) = self.tool.clearance(&pose, segment) else {
                     continue;
                 };
                 let short = wall.margin - clear.distance;
@@ -233,15 +317,10 @@ impl<'a> Containment<'a> {
                 }
                 meets = true;
                 terms.outside += 0.5 * wall.weight * short * short;
-                for m in 0..3 {
-                    slope[m] -= wall.weight * short * clear.by_pose[m];
-                    for r in 0..3 {
-                        curvature[m][r] += wall.weight * clear.by_pose[m] * clear.by_pose[r];
-                    }
-                }
+                term.add(-wall.weight * short, wall.weight, &clear.by_pose);
             }
             if meets {
-                system.add_pose(span, &basis.value, &slope, &curvature);
+                system.add_pose(span, &basis.value, &term);
             }
         }
     }

@@ -4,10 +4,9 @@
 //! what the wall stands for; 1 is right, less is open, more is laid twice. Each cell hands its slope to the two
 //! contacts of the strip that it is beside, each contact to the four knots of its pose.
 
-use super::band::System;
-use super::cells::{VISITS_MAX, Visit, cover, cover_slope, from_grid};
+use super::band::{PoseTerm, System};
 use super::curve::{Knot, PassKnots};
-use super::sweep::{Sweep, is_strip};
+use super::sweep::{Contact, Sweep, VISITS_MAX, Visit, cover, cover_slope, from_grid, is_strip};
 use super::terms::Terms;
 
 /// Curvature against that of one visit: what neighbouring beads share is bounded, not solved.
@@ -71,11 +70,17 @@ impl Ground {
 
     /// Cover and cost of a cell; hands slope and curvature to the contacts.
     fn add_cell(&mut self, cell: usize, area: f64, blur: f64) -> [f64; 2] {
+        let wall = f64::from(self.sweep.cells.wall_cover[cell]);
+        if let Some(plain) = self.sweep.visits.plain_cover(cell) {
+            let covered = wall + f64::from(plain);
+            let [value, ..] = cost(covered, blur, self.twice_share);
+            return [covered, value];
+        }
         let mut visits = [Visit::NONE; VISITS_MAX];
         let count = self.sweep.visits.of(cell, &mut visits);
         let edge_half = self.sweep.cells.edge_half;
         let mut slopes = [0.0f32; VISITS_MAX];
-        let mut covered = f64::from(self.sweep.cells.wall_cover[cell]);
+        let mut covered = wall;
         let (mut before, mut movable) = (0.0f32, 0);
         for (k, visit) in visits[..count].iter().enumerate() {
             let z = visit.distance / edge_half;
@@ -115,23 +120,18 @@ impl Ground {
 
     /// Hands what the contacts collected to the knots, the contacts of one pose together.
     fn add_contacts(&self, system: &mut System) {
-        let same_pose = |a: &super::sweep::Contact, b: &super::sweep::Contact| a.pose == b.pose;
+        let same_pose = |a: &Contact, b: &Contact| a.pose == b.pose;
         for group in self.sweep.contacts.chunk_by(same_pose) {
-            let (mut slope, mut curvature) = ([0.0; 3], [[0.0; 3]; 3]);
+            let mut term = PoseTerm::default();
             for contact in group {
                 let [x, y] = from_grid(contact.normal.map(f64::from));
                 let by_pose = [-x, -y, f64::from(contact.by_heading)];
-                let [s, h] = [contact.slope, contact.curvature].map(f64::from);
-                for m in 0..3 {
-                    slope[m] += s * by_pose[m];
-                    for r in 0..3 {
-                        curvature[m][r] += h * by_pose[m] * by_pose[r];
-                    }
-                }
+                let [slope, curvature] = [contact.slope, contact.curvature].map(f64::from);
+                term.add(slope, curvature, &by_pose);
             }
             let pose = &self.sweep.poses[group[0].pose as usize];
             let weights = &self.sweep.bases[pose.basis as usize].value;
-            system.add_pose(pose.knot as usize, weights, &slope, &curvature);
+            system.add_pose(pose.knot as usize, weights, &term);
         }
     }
 }

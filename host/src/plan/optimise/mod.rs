@@ -11,30 +11,25 @@
 //! ([`motion`]) and walls ([`containment`]); one banded system is solved an iteration ([`newton`]). Numbers are
 //! without dimension, so that one set of constants serves nozzles and machines of any size. One thread for a region:
 //! what comes out does not depend on their number.
-//! What it leaves out: flow, moving ends, apertures other than the ellipse.
+//! What it leaves out: flow and moving ends.
 
 mod band;
-mod cells;
 mod containment;
 mod curve;
 mod ground;
 mod motion;
 mod newton;
 mod projection;
-mod shape;
-mod strips;
 mod sweep;
 mod terms;
 
-use self::cells::Cells;
 use self::containment::{Containment, segments_of};
 use self::curve::{Units, knots_of, write_back};
 use self::ground::Ground;
 use self::motion::Motion;
 use self::newton::{Newton, Objectives};
 use self::projection::{POSES_CHECKED, outside_mm, projected};
-use self::shape::Shape;
-use self::sweep::Sweep;
+use self::sweep::{Cells, Shape, Sweep, edge_half};
 use crate::geometry::aperture::Aperture;
 use crate::geometry::edge_index::EdgeIndex;
 use crate::plan::curve::plane_curve::PlaneControl;
@@ -78,7 +73,7 @@ pub enum Outcome {
     Optimised,
     /// Nothing to do: no walls, no pass long enough, no iterations.
     Nothing,
-    /// This kind of aperture is not done yet; the passes are as they were.
+    /// An aperture so narrow that it is not done; the passes are as they were.
     UnknownAperture,
     /// The region has too many cells; the passes are as they were.
     TooLarge,
@@ -151,7 +146,6 @@ pub fn optimise(
 /// The problem of one region while it is solved.
 struct Search<'a> {
     units: Units,
-    minor: f64,
     newton: Newton<'a>,
 }
 
@@ -160,11 +154,12 @@ impl<'a> Search<'a> {
     fn begin(
         passes: &[OptimisedPass],
         walls: &'a EdgeIndex,
-        aperture: &Aperture,
+        aperture: &'a Aperture,
         limits: &PoseLimits,
         objective: &Objective,
     ) -> Result<Search<'a>, Outcome> {
-        let shape = Shape::of(aperture).ok_or(Outcome::UnknownAperture)?;
+        let edge_half = edge_half(aperture.minor_mm() / aperture.major_mm());
+        let shape = Shape::of(aperture, edge_half as f32).ok_or(Outcome::UnknownAperture)?;
         if walls.edges().is_empty() {
             return Err(Outcome::Nothing);
         }
@@ -175,25 +170,20 @@ impl<'a> Search<'a> {
         if !ranges.iter().any(|range| range.free) {
             return Err(Outcome::Nothing);
         }
-        let minor = aperture.minor_mm() / aperture.major_mm();
-        let cells = Cells::of(&segments_of(walls, &units), minor).ok_or(Outcome::TooLarge)?;
+        let cells = Cells::of(&segments_of(walls, &units), edge_half).ok_or(Outcome::TooLarge)?;
         let price = objective.price_s_mm2 * units.length_mm.powi(2) / units.time_s;
         let return_path = (objective.return_mm / units.length_mm) as f32;
         let sweep = Sweep::new(shape, cells, return_path);
         let objectives = Objectives {
             motion: Motion::new(limits, &units),
             ground: Ground::new(sweep, price, objective.twice_share),
-            containment: Containment::new(walls, units, minor, knots.len(), WALL_PLACES),
+            containment: Containment::new(walls, aperture, units, knots.len(), WALL_PLACES),
         };
         let newton = Newton::new(objectives, knots, ranges);
         if !newton.terms.sum().is_finite() {
             return Err(Outcome::NotFinite);
         }
-        Ok(Search {
-            units,
-            minor,
-            newton,
-        })
+        Ok(Search { units, newton })
     }
 
     /// Writes the passes back, brought inside the walls; how far each is outside before that and after it, mm.
@@ -206,7 +196,7 @@ impl<'a> Search<'a> {
         let knots = &self.newton.knots;
         let mut outside = vec![[0.0; 2]; passes.len()];
         let mut containment =
-            Containment::new(walls, self.units, self.minor, knots.len(), POSES_CHECKED);
+            Containment::new(walls, aperture, self.units, knots.len(), POSES_CHECKED);
         for range in self.newton.passes.iter().filter(|range| range.free) {
             let pass = &mut passes[range.pass];
             let own = &knots[range.first..range.end()];
@@ -226,3 +216,10 @@ impl<'a> Search<'a> {
         outside
     }
 }
+
+#[cfg(test)]
+mod derivative_tests;
+#[cfg(test)]
+mod test_passes;
+#[cfg(test)]
+mod tests;

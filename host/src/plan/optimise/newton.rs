@@ -3,7 +3,7 @@
 //! In: knots and the terms of the objective. Out: better knots. Limits that are hard from the start hold the path
 //! where it is; soft ones let it find another shape, which then is brought within them in steps (continuation).
 
-use super::band::{Band, System, WIDTH};
+use super::band::{System, WIDTH};
 use super::containment::{Containment, Wall};
 use super::curve::{CHANNELS, Knot, PACE, PassKnots, set_phantoms};
 use super::ground::Ground;
@@ -113,7 +113,8 @@ impl Objectives<'_> {
 
 /// The state between iterations.
 pub struct Newton<'a> {
-    objectives: Objectives<'a>,
+    /// What is made small.
+    pub objectives: Objectives<'a>,
     /// The passes that the knots belong to.
     pub passes: Vec<PassKnots>,
     /// Where it is.
@@ -127,11 +128,10 @@ pub struct Newton<'a> {
     trial: Trial,
 }
 
-/// Buffers of a step that is tried.
+/// Buffers of a step that is tried; its system holds the factors of the one before until it is evaluated.
 struct Trial {
     knots: Vec<Knot>,
     system: System,
-    factors: Band,
     step: Vec<f64>,
 }
 
@@ -153,7 +153,6 @@ impl<'a> Newton<'a> {
             trial: Trial {
                 knots: knots.clone(),
                 system: system.clone(),
-                factors: Band::new(unknowns),
                 step: vec![0.0; unknowns + WIDTH],
             },
             knots,
@@ -214,7 +213,8 @@ impl<'a> Newton<'a> {
             .fold(f64::NEG_INFINITY, f64::max);
         let best = self.recent.iter().copied().fold(f64::INFINITY, f64::min);
         // False where the value is no number.
-        if !(terms.sum() < worst.min(best * ABOVE_BEST) - GAIN_MIN) {
+        let is_better = terms.sum() < worst.min(best * ABOVE_BEST) - GAIN_MIN;
+        if !is_better {
             self.damping *= DAMPING_GROWTH;
             return false;
         }
@@ -254,19 +254,19 @@ pub fn prepare(system: &mut System, passes: &[PassKnots]) {
 impl Trial {
     /// The step by the damped system; false where that has none.
     fn solve(&mut self, system: &System, damping: f64) -> bool {
-        self.factors.copy_from(&system.band);
-        for unknown in 0..self.factors.unknowns() {
-            let diagonal = &mut self.factors.row_mut(unknown)[0];
+        self.system.band.copy_from(&system.band);
+        for unknown in 0..self.system.band.unknowns() {
+            let diagonal = &mut self.system.band.row_mut(unknown)[0];
             let added = DAMPING_ADDED[unknown % CHANNELS];
             *diagonal += damping * (DAMPING_SHARE * *diagonal + added) + PIVOT_ADDED;
             self.step[unknown] = -system.gradient[unknown];
         }
-        if !self.factors.factor() {
+        if !self.system.band.factor() {
             return false;
         }
-        let unknowns = self.factors.unknowns();
+        let unknowns = self.system.band.unknowns();
         self.step[unknowns..].fill(0.0);
-        self.factors.solve(&mut self.step);
+        self.system.band.solve(&mut self.step);
         true
     }
 

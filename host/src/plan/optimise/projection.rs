@@ -9,9 +9,13 @@ use super::containment::{Containment, Wall};
 use super::curve::{CHANNELS, Knot, PassKnots, set_phantoms};
 use super::newton::prepare;
 use super::terms::Terms;
+use crate::geometry::Point2;
 use crate::geometry::aperture::Aperture;
-use crate::geometry::clearance::{outside_bound_mm, outside_depth_mm};
+use crate::geometry::clearance::{
+    Configuration, EdgesAbout, contact, outside_bound_mm, outside_depth_mm,
+};
 use crate::geometry::edge_index::EdgeIndex;
+use crate::geometry::polygon::Box2;
 use crate::plan::curve::plane_curve::{configuration, curve_at};
 
 /// Poses of a span that are checked.
@@ -30,17 +34,36 @@ const STEP_MAX: f64 = 0.05;
 
 /// How far a pass leaves the walls, mm: the deepest of [`POSES_CHECKED`] poses a span and its end.
 pub fn outside_mm(pass: &OptimisedPass, walls: &EdgeIndex, aperture: &Aperture) -> f64 {
-    let mut deepest = 0.0f64;
     let spans = pass.control.len().saturating_sub(1);
-    for k in 0..=spans * POSES_CHECKED {
-        let span = (k / POSES_CHECKED).min(spans.saturating_sub(1));
-        let t = k as f64 / POSES_CHECKED as f64 - span as f64;
-        let at = configuration(curve_at(&pass.control, span, t));
-        if outside_bound_mm(aperture, at, walls) > deepest {
-            deepest = deepest.max(outside_depth_mm(aperture, at, walls));
+    let mut deepest_mm = 0.0f64;
+    for span in 0..spans {
+        let at = |k: usize| {
+            let share = k as f64 / POSES_CHECKED as f64;
+            configuration(curve_at(&pass.control, span, share))
+        };
+        let poses: [Configuration; POSES_CHECKED + 1] = std::array::from_fn(at);
+        let about = edges_about(&poses, walls, aperture);
+        for &pose in &poses {
+            let is_clear =
+                walls.contains(pose.center) && contact(aperture, pose, &about, 1.0).is_none();
+            if !is_clear && outside_bound_mm(aperture, pose, walls) > deepest_mm {
+                deepest_mm = deepest_mm.max(outside_depth_mm(aperture, pose, walls));
+            }
         }
     }
-    deepest
+    deepest_mm
+}
+
+/// The edges that any of these poses may meet.
+fn edges_about(poses: &[Configuration], walls: &EdgeIndex, aperture: &Aperture) -> EdgesAbout {
+    let centers: Vec<Point2> = poses.iter().map(|pose| pose.center).collect();
+    let area = Box2::of(&centers).grown(aperture.reach_mm());
+    let mut numbers = Vec::new();
+    walls.for_edges_in(area, |number| numbers.push(number));
+    numbers.sort_unstable();
+    numbers.dedup();
+    let edges = numbers.into_iter().map(|number| walls.edges()[number]);
+    EdgesAbout::new(edges.filter(|edge| edge.may_meet(&area)).collect())
 }
 
 /// The knots of one pass moved inside the walls, as far as the steps get (Levenberg and Marquardt: a step that does
@@ -53,7 +76,7 @@ pub fn projected(own: &[Knot], range: &PassKnots, containment: &mut Containment)
     let mut stiffness = STIFFNESS;
     let mut outside = evaluate(&knots, &pass, containment, &mut system);
     for _ in 0..ROUNDS {
-        if !(outside > 0.0) {
+        if outside.is_nan() || outside <= 0.0 {
             break;
         }
         tried.band.copy_from(&system.band);

@@ -9,13 +9,23 @@
 //! Leu, "Analysis of swept volume via Lie groups and differential equations", 1992). Contacts are joined from pose
 //! to pose; a cell beside such a strip is looked at once, by its distance to the envelope. The derivative of that
 //! distance by the pose is a constant of the contact, so that each collects one slope and one curvature. Inside the
-//! sweep cells are only marked as they are entered ([`super::strips`]). Where the envelope is not made of contacts,
+//! sweep cells are only marked as they are entered ([`strips`]). Where the envelope is not made of contacts,
 //! at ends, reversals and cusps, the outline of the pose closes it where no neighbouring pose covers it.
 
-use super::cells::{Cells, NO_STRIP, Visits, to_grid};
+mod cells;
+mod ellipse;
+mod rounded;
+mod shape;
+mod strips;
+
+pub use self::cells::{
+    Cells, Segment, VISITS_MAX, Visit, cover, cover_slope, edge_half, from_grid,
+};
+use self::cells::{NO_STRIP, Visits, to_grid};
+pub use self::shape::Shape;
+use self::shape::{CONTACTS_MAX, Inside, OUTLINE_MAX, OutlinePoint, Touch};
+use self::strips::Marked;
 use super::curve::{Basis, Knot, PassKnots, blend};
-use super::shape::{CONTACTS_MAX, OUTLINE_POINTS, OutlinePoint, Shape, Touch};
-use super::strips::Marked;
 
 /// Poses of a span.
 const POSES_A_SPAN: usize = 2;
@@ -32,13 +42,16 @@ const JOIN_REACH: f32 = 1.5;
 const JOIN_SLACK: f32 = 0.05;
 /// Normals of joined contacts differ by less than 60°.
 const JOIN_COSINE: f32 = 0.5;
+/// What joins them rises along the normals by less than this share of its length.
+const JOIN_SLOPE: f32 = 0.5;
 /// How much of the squared gauge an outline point may lie inside a neighbour and still be visible, at most and by
 /// the motion between the two.
 const HIDDEN_MAX: f32 = 0.1;
 const HIDDEN_SHARE: f32 = 0.5;
-/// Outline points around a contact that the strips on both its sides stand for: each way, and in all.
+/// Outline points around a contact that the strips on both its sides stand for, each way and in all, of 32.
 const OWN_EACH: usize = 9;
 const OWN_ALL: usize = 7;
+const OWN_OF: usize = 32;
 
 /// A pose of the sweep, in the frame of the grid.
 #[derive(Clone, Copy, Debug)]
@@ -62,14 +75,14 @@ pub struct Pose {
 impl Pose {
     /// A vector of the plane in the tool's frame.
     #[inline]
-    pub fn to_tool(&self, [x, y]: [f32; 2]) -> [f32; 2] {
+    pub fn in_tool(&self, [x, y]: [f32; 2]) -> [f32; 2] {
         let [cos, sin] = self.turn;
         [cos * x + sin * y, cos * y - sin * x]
     }
 
     /// A vector of the tool's frame in the plane.
     #[inline]
-    pub fn to_plane(&self, [x, y]: [f32; 2]) -> [f32; 2] {
+    pub fn in_plane(&self, [x, y]: [f32; 2]) -> [f32; 2] {
         let [cos, sin] = self.turn;
         [cos * x - sin * y, sin * x + cos * y]
     }
@@ -127,6 +140,7 @@ pub struct Sweep {
     /// The two contacts of each strip.
     pub(super) strips: Vec<[u32; 2]>,
     pub(super) marked: Marked,
+    inside: Inside,
     /// Of the poses of a span, its end included.
     pub(super) bases: [Basis; POSES_A_SPAN + 1],
     end_bases: [Basis; 2],
@@ -139,6 +153,7 @@ impl Sweep {
         Sweep {
             visits: Visits::new(cells.wall_cover.len(), return_path),
             marked: Marked::new(cells.rows),
+            inside: shape.inside(),
             shape,
             cells,
             poses: Vec::new(),
@@ -229,11 +244,11 @@ impl Sweep {
     fn touch(&mut self, i: usize, pass: std::ops::Range<usize>) -> Joined {
         let pose = self.poses[i];
         let mut touches = [Touch::default(); CONTACTS_MAX];
-        let velocity = pose.to_tool(pose.velocity);
+        let velocity = pose.in_tool(pose.velocity);
         let found = self.shape.touches(velocity, pose.turning, &mut touches);
         let first = self.contacts.len();
         for touch in &touches[..found] {
-            let turned = pose.to_plane(touch.at.point);
+            let turned = pose.in_plane(touch.at.point);
             let at = [pose.center[0] + turned[0], pose.center[1] + turned[1]];
             let is_nearest = |other: usize| self.gauge2(other, at) < 1.0 - NEAREST;
             if (i > pass.start && is_nearest(i - 1)) || (i + 1 < pass.end && is_nearest(i + 1)) {
@@ -253,12 +268,12 @@ impl Sweep {
     fn gauge2(&self, i: usize, at: [f32; 2]) -> f32 {
         let pose = &self.poses[i];
         self.shape
-            .gauge2(pose.to_tool([at[0] - pose.center[0], at[1] - pose.center[1]]))
+            .gauge2(pose.in_tool([at[0] - pose.center[0], at[1] - pose.center[1]]))
     }
 
     fn add_contact(&mut self, i: usize, number: usize, at: &OutlinePoint) -> usize {
         let pose = &self.poses[i];
-        let (point, normal) = (pose.to_plane(at.point), pose.to_plane(at.normal));
+        let (point, normal) = (pose.in_plane(at.point), pose.in_plane(at.normal));
         self.contacts.push(Contact {
             at: [pose.center[0] + point[0], pose.center[1] + point[1]],
             normal,
@@ -291,6 +306,13 @@ impl Sweep {
                 }
                 let way = [other.at[0] - own.at[0], other.at[1] - own.at[1]];
                 let distance2 = dot(way, way);
+                let normals = [
+                    own.normal[0] + other.normal[0],
+                    own.normal[1] + other.normal[1],
+                ];
+                if dot(way, normals).powi(2) > JOIN_SLOPE * JOIN_SLOPE * 4.0 * distance2 {
+                    continue;
+                }
                 if distance2 < best.0 {
                     best = (distance2, Some(o));
                 }
@@ -299,16 +321,16 @@ impl Sweep {
                 used[o] = true;
                 before.sides[o] |= 2;
                 here.sides[k] |= 1;
-                self.strip(before.first + o, here.first + k, path);
+                self.strip(before.first + o, here.first + k, path, None);
             }
         }
     }
 
     /// Clears `visible` where an outline point of pose `i` lies inside pose `other`, by more than a tolerance that
     /// grows with the motion between them.
-    fn hide(&self, i: usize, other: usize, visible: &mut [bool; OUTLINE_POINTS]) {
+    fn hide(&self, i: usize, other: usize, visible: &mut [bool]) {
         let (own, over) = (&self.poses[i], &self.poses[other]);
-        let shift = over.to_tool([
+        let shift = over.in_tool([
             own.center[0] - over.center[0],
             own.center[1] - over.center[1],
         ]);
@@ -316,58 +338,60 @@ impl Sweep {
         let sin = own.turn[1] * over.turn[0] - own.turn[0] * over.turn[1];
         let [moved, turned] = own.motion_from(over);
         let least = 1.0 - HIDDEN_MAX.min(HIDDEN_SHARE * (moved + turned));
-        for (seen, outline) in visible.iter_mut().zip(self.shape.outline()) {
-            let [x, y] = outline.point;
-            let there = [shift[0] + cos * x - sin * y, shift[1] + sin * x + cos * y];
-            *seen &= self.shape.gauge2(there) >= least;
-        }
+        self.shape.hide(shift, [cos, sin], least, visible);
     }
 
     /// Closes the envelope with the outline of pose `i` where no neighbour covers it and no strip runs.
     fn close(&mut self, i: usize, pass: std::ops::Range<usize>, joined: &Joined) {
-        let mut visible = [true; OUTLINE_POINTS];
+        let mut all = [true; OUTLINE_MAX];
+        let count = self.shape.outline().len();
+        let visible = &mut all[..count];
         if i > pass.start {
-            self.hide(i, i - 1, &mut visible);
+            self.hide(i, i - 1, visible);
         }
         if i + 1 < pass.end {
-            self.hide(i, i + 1, &mut visible);
+            self.hide(i, i + 1, visible);
         }
         for k in (0..joined.count).filter(|&k| joined.sides[k] == BOTH) {
-            hide_own(
-                self.contacts[joined.first + k].number as usize,
-                &mut visible,
-            );
+            hide_own(self.contacts[joined.first + k].number as usize, visible);
         }
-        let path = self.poses[i].path;
+        let pose = self.poses[i];
+        let path = pose.path;
         let mut last: Option<(usize, usize)> = None;
-        for k in 0..OUTLINE_POINTS {
-            let next = (k + 1) % OUTLINE_POINTS;
+        for k in 0..count {
+            let next = (k + 1) % count;
             if !(visible[k] || visible[next]) {
                 continue;
             }
             let from = match last {
                 Some((at, contact)) if at == k => contact,
-                _ => self.add_contact(i, k, &self.shape.outline()[k].clone()),
+                _ => {
+                    let at = self.shape.outline()[k];
+                    self.add_contact(i, k, &at)
+                }
             };
-            let to = self.add_contact(i, next, &self.shape.outline()[next].clone());
-            self.strip(from, to, path);
+            let at = self.shape.outline()[next];
+            let to = self.add_contact(i, next, &at);
+            self.strip(from, to, path, Some(&pose));
             last = Some((k + 1, to));
         }
     }
 }
 
 /// Clears a short visible run around a contact that has strips on both sides: it is theirs.
-fn hide_own(number: usize, visible: &mut [bool; OUTLINE_POINTS]) {
-    let point = |ahead: usize| (number + ahead) % OUTLINE_POINTS;
-    let behind = |back: usize| (number + OUTLINE_POINTS - back) % OUTLINE_POINTS;
+fn hide_own(number: usize, visible: &mut [bool]) {
+    let count = visible.len();
+    let (each, all) = (OWN_EACH * count / OWN_OF, OWN_ALL * count / OWN_OF);
+    let point = |ahead: usize| (number + ahead) % count;
+    let behind = |back: usize| (number + count - back) % count;
     let (mut left, mut right) = (0, 1);
-    while left < OWN_EACH && visible[behind(left)] {
+    while left < each && visible[behind(left)] {
         left += 1;
     }
-    while right < OWN_EACH && visible[point(right)] {
+    while right < each && visible[point(right)] {
         right += 1;
     }
-    if left + right > OWN_ALL {
+    if left + right > all {
         (left, right) = (1, 2);
     }
     for back in 0..=left {
@@ -380,11 +404,11 @@ fn hide_own(number: usize, visible: &mut [bool; OUTLINE_POINTS]) {
 
 /// Dot product.
 #[inline]
-pub(super) fn dot(a: [f32; 2], b: [f32; 2]) -> f32 {
+fn dot(a: [f32; 2], b: [f32; 2]) -> f32 {
     a[0] * b[0] + a[1] * b[1]
 }
 
 /// The contacts of a strip as numbers.
-pub(super) fn is_strip(strip: u32) -> bool {
+pub fn is_strip(strip: u32) -> bool {
     strip != NO_STRIP
 }

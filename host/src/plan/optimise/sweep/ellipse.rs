@@ -1,69 +1,39 @@
-//! The aperture in the optimiser's units: points of its outline, where it touches the envelope of its sweep, rows of
-//! its inside.
+//! The ellipse with semi-axes 1 and b as a swept shape.
 //!
-//! In: an [`Aperture`], mm. Out: lengths in a, f32, in the tool's frame.
+//! In: b and a rim, in a. Out: answers to [`super::shape`], tool frame.
 
-use crate::geometry::aperture::Aperture;
+use super::shape::{CONTACTS_MAX, OutlinePoint, Touch};
 use std::f32::consts::TAU;
 
-/// Points of an ellipse's outline.
-pub const OUTLINE_POINTS: usize = 32;
-/// Most contacts of one pose with the envelope.
-pub const CONTACTS_MAX: usize = 8;
+/// Points of the outline, by even parameter.
+const POINTS: usize = 32;
 /// Newton's steps from a change of sign to a contact, and the most that one may turn, rad.
 const NEWTON_STEPS: usize = 3;
 const NEWTON_TURN_MAX: f32 = 0.15;
 
-/// A point of the outline with its outward unit normal, tool frame.
-#[derive(Clone, Copy, Debug, Default)]
-pub struct OutlinePoint {
-    /// Where, in a.
-    pub point: [f32; 2],
-    /// Outward unit normal.
-    pub normal: [f32; 2],
-}
-
-/// A point of the outline that moves along the outline: there it touches the envelope of the sweep.
-#[derive(Clone, Copy, Debug, Default)]
-pub struct Touch {
-    /// The point.
-    pub at: OutlinePoint,
-    /// The point of [`Shape::outline`] before it.
-    pub number: usize,
-}
-
-/// The aperture, an ellipse with semi-axes 1 and b.
+/// The ellipse.
 #[derive(Clone, Debug)]
-pub struct Shape {
-    outline: [OutlinePoint; OUTLINE_POINTS],
+pub struct Ellipse {
     /// Cosine and sine of the parameter of each point.
-    angles: [[f32; 2]; OUTLINE_POINTS],
+    angles: [[f32; 2]; POINTS],
     minor: f32,
     inverse_minor: f32,
+    rim: f32,
 }
 
-impl Shape {
-    /// The aperture in units of its own a; `None` for one that the optimiser cannot do.
-    pub fn of(aperture: &Aperture) -> Option<Shape> {
-        let Aperture::Ellipse { major_mm, minor_mm } = aperture else {
-            return None;
+impl Ellipse {
+    /// With this b and this rim around its inside.
+    pub fn new(minor: f32, rim: f32) -> Ellipse {
+        let angle = |k: usize| {
+            let (sin, cos) = (TAU * k as f32 / POINTS as f32).sin_cos();
+            [cos, sin]
         };
-        let minor = (minor_mm / major_mm) as f32;
-        if !(minor > 0.0 && minor <= 1.0) {
-            return None;
-        }
-        let mut shape = Shape {
-            outline: [OutlinePoint::default(); OUTLINE_POINTS],
-            angles: [[1.0, 0.0]; OUTLINE_POINTS],
+        Ellipse {
+            angles: std::array::from_fn(angle),
             minor,
             inverse_minor: 1.0 / minor,
-        };
-        for k in 0..OUTLINE_POINTS {
-            let (sin, cos) = (TAU * k as f32 / OUTLINE_POINTS as f32).sin_cos();
-            shape.angles[k] = [cos, sin];
-            shape.outline[k] = shape.at([cos, sin]);
+            rim,
         }
-        Some(shape)
     }
 
     /// The point at a parameter, given by its cosine and sine.
@@ -76,20 +46,26 @@ impl Shape {
         }
     }
 
-    /// Points around the outline, counter-clockwise.
-    pub fn outline(&self) -> &[OutlinePoint; OUTLINE_POINTS] {
-        &self.outline
+    /// Points around it.
+    pub fn outline(&self) -> Vec<OutlinePoint> {
+        self.angles.iter().map(|&angle| self.at(angle)).collect()
     }
 
-    /// The square of the gauge function: below 1 inside, 1 on the outline, tool frame.
+    /// Motion between marks of the inside that leaves out no more than `scallop`: the sharp end of the inside has
+    /// the curvature a'/b'².
+    pub fn mark_step(&self, scallop: f32) -> f32 {
+        let (a, b) = (1.0 - self.rim, self.minor - self.rim);
+        2.0 * b * (2.0 * scallop / a).sqrt()
+    }
+
+    /// The square of the gauge function.
     #[inline]
     pub fn gauge2(&self, [x, y]: [f32; 2]) -> f32 {
         let across = y * self.inverse_minor;
         x * x + across * across
     }
 
-    /// Where the outline moves along itself while the tool moves with `velocity` and turns with `turning`: at most
-    /// [`CONTACTS_MAX`] touches into `found`; their number.
+    /// Touches of the envelope.
     pub fn touches(
         &self,
         velocity: [f32; 2],
@@ -103,8 +79,8 @@ impl Shape {
         let speed_at = |[cos, sin]: [f32; 2]| a * cos + b * sin + both * cos * sin;
         let speeds = self.angles.map(speed_at);
         let mut count = 0;
-        for k in 0..OUTLINE_POINTS {
-            let (here, next) = (speeds[k], speeds[(k + 1) % OUTLINE_POINTS]);
+        for k in 0..POINTS {
+            let (here, next) = (speeds[k], speeds[(k + 1) % POINTS]);
             if (here >= 0.0) == (next >= 0.0) || count == CONTACTS_MAX {
                 continue;
             }
@@ -121,7 +97,7 @@ impl Shape {
     /// Cosine and sine at the root of the normal speed, from `share` of the arc after point `k`.
     fn root(&self, [a, b, both]: [f32; 3], k: usize, share: f32) -> [f32; 2] {
         let [mut cos, mut sin] = self.angles[k];
-        let mut turn = TAU / OUTLINE_POINTS as f32 * share;
+        let mut turn = TAU / POINTS as f32 * share;
         for _ in 0..NEWTON_STEPS {
             let (c, s) = (
                 1.0 - turn * turn * 0.5,
@@ -139,11 +115,11 @@ impl Shape {
         [cos / length, sin / length]
     }
 
-    /// The aperture less a rim, turned: for its rows.
-    pub fn inside(&self, [cos, sin]: [f32; 2], rim: f32) -> Inside {
-        let (a, b) = (1.0 - rim, self.minor - rim);
+    /// Rows of the inside at this cosine and sine of the heading.
+    pub fn rows(&self, [cos, sin]: [f32; 2]) -> EllipseRows {
+        let (a, b) = (1.0 - self.rim, self.minor - self.rim);
         let (a2, b2) = (1.0 / (a * a), 1.0 / (b * b));
-        Inside {
+        EllipseRows {
             height: (a * a * sin * sin + b * b * cos * cos).sqrt(),
             square: cos * cos * a2 + sin * sin * b2,
             mixed: cos * sin * (a2 - b2),
@@ -151,17 +127,16 @@ impl Shape {
         }
     }
 
-    /// How far a point of the aperture less a rim moves through it at most, along a unit direction of the plane.
-    pub fn chord(&self, [cos, sin]: [f32; 2], [x, y]: [f32; 2], rim: f32) -> f32 {
-        let along = (cos * x + sin * y) / (1.0 - rim);
-        let across = (cos * y - sin * x) / (self.minor - rim);
-        (2.0 / (along * along + across * across + 1e-9).sqrt()).min(2.0)
+    /// The inside's chord through its centre along a unit direction.
+    pub fn chord(&self, [x, y]: [f32; 2]) -> f32 {
+        let (along, across) = (x / (1.0 - self.rim), y / (self.minor - self.rim));
+        2.0 / (along * along + across * across + 1e-9).sqrt()
     }
 }
 
 /// Rows of a turned ellipse about its centre: square x² + 2 mixed x y + ... = 1.
 #[derive(Clone, Copy, Debug)]
-pub struct Inside {
+pub struct EllipseRows {
     /// Half its height.
     pub height: f32,
     square: f32,
@@ -169,8 +144,8 @@ pub struct Inside {
     determinant: f32,
 }
 
-impl Inside {
-    /// Least and greatest x in the row at `y`; empty (greatest below least) where it misses.
+impl EllipseRows {
+    /// Least and greatest x in the row at `y`; empty where it misses.
     #[inline]
     pub fn row(&self, y: f32) -> [f32; 2] {
         let under_root = self.square - self.determinant * y * y;

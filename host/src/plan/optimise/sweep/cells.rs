@@ -4,14 +4,14 @@
 //! visits by the sweep with a distance to the edge of what was swept. A cell's cover is a smooth step of that
 //! distance, so that the covered area has a derivative by the path.
 
-/// Cell size, in a.
-const CELL: f64 = 2.0 / 15.0;
+/// Cell size, in half widths of the edge.
+const CELL: f64 = 0.8;
 /// Half the width of the smooth step at the edge of the sweep, in a, and at most in b.
 const EDGE_HALF: f64 = 1.0 / 6.0;
 const EDGE_HALF_MINOR: f64 = 0.6;
 /// Half the path over which a return grows from none to a full visit, in a.
 const RETURN_RAMP: f32 = 0.5;
-/// Most cells of the box about the region: beyond that they grow, to [`EDGE_HALF`] at most.
+/// Most cells of the box about the region: beyond that they grow, to the half width of the edge at most.
 const CELLS_MAX: f64 = 60e6;
 /// Cosine and sine of the angle by which the grid is turned: its tangent is the square of the golden ratio's inverse,
 /// so that neither walls along the axes nor diagonals fall in step with the cells.
@@ -39,6 +39,11 @@ pub fn cover(z: f32) -> f32 {
 pub fn cover_slope(z: f32) -> f32 {
     let y = 1.0 - z * z;
     if y <= 0.0 { 0.0 } else { -0.9375 * y * y }
+}
+
+/// Half the width of the smooth step for an aperture with this b, in a.
+pub fn edge_half(minor: f64) -> f64 {
+    EDGE_HALF.min(EDGE_HALF_MINOR * minor)
 }
 
 /// A vector of the plane in the frame of the grid.
@@ -77,8 +82,8 @@ pub struct Cells {
 }
 
 impl Cells {
-    /// Cells of the region with these edges for an aperture with this b; `None` where it is too large or empty.
-    pub fn of(segments: &[Segment], minor: f64) -> Option<Cells> {
+    /// Cells of the region with these edges for an edge of this half width; `None` where it is too large or empty.
+    pub fn of(segments: &[Segment], edge_half: f64) -> Option<Cells> {
         let turned = |segment: &Segment| segment.map(to_grid);
         let segments: Vec<Segment> = segments.iter().map(turned).collect();
         let (mut low, mut high) = ([f64::INFINITY; 2], [f64::NEG_INFINITY; 2]);
@@ -88,10 +93,9 @@ impl Cells {
                 high[c] = high[c].max(point[c]);
             }
         }
-        let edge_half = EDGE_HALF.min(EDGE_HALF_MINOR * minor);
         let [width, height] = [high[0] - low[0] + 1.0, high[1] - low[1] + 1.0];
-        let size = CELL.max((width * height / CELLS_MAX).sqrt());
-        if !(width.is_finite() && height.is_finite() && size <= EDGE_HALF) {
+        let size = (CELL * edge_half).max((width * height / CELLS_MAX).sqrt());
+        if !(width.is_finite() && height.is_finite() && size <= edge_half) {
             return None;
         }
         let (columns, rows) = ((width / size) as usize + 1, (height / size) as usize + 1);
@@ -309,6 +313,17 @@ impl Visits {
             strip: seen.strip,
             before,
         };
+    }
+
+    /// The cover of a cell that no strip sees: never visited, or once by the inside of the aperture.
+    #[inline]
+    pub fn plain_cover(&self, cell: usize) -> Option<f32> {
+        let visit = &self.newest[cell];
+        match visit.before {
+            NEVER => Some(0.0),
+            FIRST if visit.strip == NO_STRIP => Some(1.0),
+            _ => None,
+        }
     }
 
     /// The visits of a cell in order, as many as fit, the newest where they do not; their number.
