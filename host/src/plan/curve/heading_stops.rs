@@ -36,15 +36,6 @@ pub fn heading_range(settings: &Settings) -> [f64; 2] {
         })
 }
 
-/// True where headings from the least to the most fit between the nozzle's stops whatever the part's frame, with
-/// room for what a curve adds to those of the placements.
-pub fn fits_between_stops([least_rad, most_rad]: [f64; 2], settings: &Settings) -> bool {
-    let [low_rad, high_rad] = heading_range(settings);
-    let room_rad = 2.0 * ROOM_RAD[ROOM_RAD.len() - 1];
-    // A multiple of the period brings the least to less than a period above the lower stop.
-    most_rad - least_rad + settings.aperture.period_rad() + room_rad <= high_rad - low_rad
-}
-
 /// Cuts the passes of a region where they turn further than the nozzle may.
 pub struct PassCutter<'a> {
     passes: &'a [LayerPass],

@@ -2,14 +2,14 @@
 //!
 //! In: passes in printing order (mm, rad), the walls, the settings. Out: for each pass the control points of its
 //! curve, inside the walls; `None` where the optimiser does not apply (apertures other than the ellipse, headings
-//! with stops, lines of a sparse infill and bridges in the region) or where what it made is not inside: such a
+//! with stops, beads that are to overlap, lines of a sparse infill and bridges in the region) or where what it made is not inside: such a
 //! pass becomes a curve as it is, by [`crate::plan::curve::layer_path`].
 
 use crate::geometry::aperture::Aperture;
 use crate::geometry::coverage::return_mm;
 use crate::geometry::edge_index::EdgeIndex;
 use crate::plan::curve::even_spans::{EvenSpans, even_spans};
-use crate::plan::curve::heading_stops::{fits_between_stops, heading_range};
+use crate::plan::curve::heading_stops::heading_range;
 use crate::plan::curve::layer_path::{merged, path_tolerance_mm, sharpened, whole_inside};
 use crate::plan::curve::plane_curve::{PlaneControl, configuration, curve_at};
 use crate::plan::curve::pushing_inside::{InsideWalls, strayed_spans};
@@ -28,27 +28,19 @@ const MOVED_SHARE: f64 = 0.25;
 /// The curve of a pass, where there is one.
 pub type PassCurve = Option<Arc<[PlaneControl]>>;
 
-/// True where the nozzle is an ellipse that turns without an end: whatever the passes, they are optimised.
-pub fn knows_machine(settings: &Settings) -> bool {
-    let turns_on = |stop_rad: f64| stop_rad.is_infinite();
-    is_ellipse(&settings.aperture) && heading_range(settings).into_iter().all(turns_on)
+/// True where the optimiser knows the nozzle, which is an ellipse that turns without an end, and where ground that is
+/// laid twice is a loss: beads that are asked to overlap keep doing so.
+pub fn knows_job(settings: &Settings) -> bool {
+    let aperture = &settings.aperture;
+    let is_ellipse = matches!(aperture, Aperture::Ellipse { .. }) && !aperture.is_round();
+    let mut stops = heading_range(settings).into_iter();
+    is_ellipse && stops.all(f64::is_infinite) && settings.overlap_pct == 0.0
 }
 
-fn is_ellipse(aperture: &Aperture) -> bool {
-    matches!(aperture, Aperture::Ellipse { .. }) && !aperture.is_round()
-}
-
-/// True where the optimiser knows the nozzle and the passes, and these turn no further than the machine allows.
+/// True where it knows the passes too.
 pub fn may_optimise(passes: &[LayerPass], settings: &Settings) -> bool {
-    let is_known = |pass: &LayerPass| {
-        let headings = pass
-            .placements
-            .iter()
-            .map(|placement| placement.at.heading_rad);
-        let is_known_kind = pass.kind.follows_walls() || pass.kind == PassKind::Infill;
-        is_known_kind && fits_between_stops(range_of(headings), settings)
-    };
-    is_ellipse(&settings.aperture) && passes.iter().all(is_known)
+    let is_known = |pass: &LayerPass| pass.kind.follows_walls() || pass.kind == PassKind::Infill;
+    knows_job(settings) && passes.iter().all(is_known)
 }
 
 /// The passes optimised, and their curves; those of which the optimiser made none as `otherwise` makes them.
@@ -103,22 +95,11 @@ fn optimised(passes: &mut [LayerPass], walls: &EdgeIndex, settings: &Settings) -
     found
         .map(|((unknown, pass), (even, numbers))| {
             let control = checked(&unknown.control, &inside)?;
-            let headings = control.iter().map(|point| point[2]);
-            if !fits_between_stops(range_of(headings), settings) {
-                return None;
-            }
             pass.placements =
                 placements_on(&control, |i| pass.placements[numbers[even.numbers[i]]]);
             Some(control.into())
         })
         .collect()
-}
-
-/// The least and the most of some headings.
-fn range_of(headings: impl Iterator<Item = f64>) -> [f64; 2] {
-    headings.fold([f64::INFINITY, f64::NEG_INFINITY], |[least, most], own| {
-        [least.min(own), most.max(own)]
-    })
 }
 
 /// Iterations that a quality pays for.

@@ -20,7 +20,7 @@ use crate::plan::coverage::raster::{same_bead_mm, within_walls};
 use crate::plan::headings::profile::turn_weight_mm2;
 use crate::plan::joining::printed_order::{RegionPasses, in_printing_order};
 use crate::plan::layers::bridge_ground::Bridge;
-use crate::plan::layers::optimised_passes::{PassCurve, knows_machine, may_optimise, optimised_or};
+use crate::plan::layers::optimised_passes::{PassCurve, knows_job, may_optimise, optimised_or};
 use crate::plan::outline::contour::Contour;
 use crate::plan::outline::trimmed_outline::trimmed_outline;
 use crate::plan::outline::unreachable::{UnreachableRun, unreachable_runs};
@@ -422,7 +422,7 @@ impl RegionWork {
         };
         let all = passes.iter().chain(&self.sparse).chain(&self.bridges);
         let count: usize = all.map(|p| p.placements.len()).sum();
-        let is_optimised = self.is_all_filled() && knows_machine(&self.settings);
+        let is_optimised = self.is_all_filled() && knows_job(&self.settings);
         let most = if is_optimised { TINY_MAX } else { SMALL_MAX };
         if count > most {
             return from(low, passes);
