@@ -18,7 +18,7 @@ pub struct LayerFindings {
     pub area_mm2: f64,
     /// Share of the area swept.
     pub covered_pct: f64,
-    /// Share swept by two passes, or left and swept again more than 4a of path later.
+    /// Share swept by two passes, or left and swept again more than 1.5a of path later.
     pub overlap_pct: f64,
     /// How far any outline point of any placement lies outside, mm.
     pub outside_depth_mm: f64,
@@ -273,7 +273,7 @@ pub fn sweep_aperture(
                 }
                 let cell = r * columns + c;
                 if let Some((pass, path)) = seen[cell] {
-                    let returned = pose.path_mm - f64::from(path) > 4.0 * a;
+                    let returned = pose.path_mm - f64::from(path) > 1.5 * a;
                     again[cell] |= pass != pose.pass || returned;
                 }
                 seen[cell] = Some((pose.pass, pose.path_mm as f32));

@@ -53,10 +53,12 @@ pub struct Coverage {
     pub cells: Vec<Cell>,
 }
 
-/// A pass that comes back to a place later than this covers it again, against a.
-const RETURN_SHARE: f64 = 4.0;
+/// A pass that comes back to a place later than this covers it again, against a. The aperture is 2a
+/// long, yet on a bead it mostly stands across or oblique: less would count a tight turn as two visits,
+/// more lets beads lie over each other for nothing.
+const RETURN_SHARE: f64 = 1.5;
 
-/// Path after which a pass that comes back covers a place again.
+/// Path after which a pass that comes back covers a place again: what laid twice means in all figures.
 pub fn return_mm(aperture: &Aperture) -> f64 {
     RETURN_SHARE * aperture.major_mm()
 }

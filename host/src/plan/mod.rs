@@ -3,7 +3,7 @@
 //! ```text
 //! Region --outline--> Contour --axis--> Axis --headings, coverage, beads--> LayerPass
 //! (mm)                (mm, local)       (mm)                                (mm, rad)
-//!   --joining, shortcuts--> passes in printing order --curve--> PlaneControl --layers--> PlanePass
+//!   --joining, optimise--> passes in printing order --curve--> PlaneControl --layers--> PlanePass
 //!                           (mm, rad)                           (mm, rad)       (machine coordinates)
 //!   --route--> Route --motion--> SegmentStream --judge--> PlanFigures
 //!              (mm, rad, mm³)    (integers, ticks)        (%, mm, s)
@@ -33,6 +33,8 @@ pub mod joining;
 pub mod curve;
 
 pub mod shortcuts;
+
+pub mod optimise;
 
 pub mod layers;
 

@@ -6,9 +6,9 @@
 //! the piece behind it begins.
 
 use crate::geometry::aperture::Aperture;
-use crate::geometry::coverage::{Cell, Coverage, return_mm};
+use crate::geometry::coverage::{Cell, Coverage};
 use crate::geometry::edge_index::EdgeIndex;
-use crate::plan::coverage::raster::{CELLS_MAX, is_fine, within_walls};
+use crate::plan::coverage::raster::{CELLS_MAX, is_fine, same_bead_mm, within_walls};
 use crate::plan::pass::sweep::poses_between;
 use crate::plan::pass::{LayerPass, Placement};
 
@@ -31,7 +31,7 @@ impl DepositedArea {
         walls: &EdgeIndex,
         aperture: &Aperture,
     ) -> Option<DepositedArea> {
-        let raster = within_walls(passes, walls, aperture, CELLS_MAX, return_mm(aperture));
+        let raster = within_walls(passes, walls, aperture, CELLS_MAX, same_bead_mm(aperture));
         is_fine(raster.cell_mm, aperture).then_some(DepositedArea {
             raster,
             aperture: *aperture,

@@ -6,10 +6,10 @@
 use crate::geometry::aperture::Aperture;
 use crate::geometry::cell_grid::{ASIDE, CellGrid, CellWindow, NO_COLUMNS, SweptRows, for_beyond};
 use crate::geometry::clearance::{Configuration, is_inside};
-use crate::geometry::coverage::{Cell, Coverage, return_mm};
+use crate::geometry::coverage::{Cell, Coverage};
 use crate::geometry::edge_index::EdgeIndex;
 use crate::geometry::{Point2, Vector2};
-use crate::plan::coverage::raster::within_walls;
+use crate::plan::coverage::raster::{same_bead_mm, within_walls};
 use crate::plan::headings::profile::slide_inside;
 use crate::plan::pass::LayerPass;
 use crate::plan::pass::sweep::poses_between;
@@ -299,7 +299,7 @@ impl GapRaster {
         fill: &[Configuration],
         aperture: &Aperture,
     ) -> Footprint {
-        let return_mm = return_mm(aperture);
+        let return_mm = same_bead_mm(aperture);
         let placements = &pass.placements;
         let start = placements[after].at;
         let step_mm = |p: Configuration, q: Configuration| (q.center - p.center).norm();

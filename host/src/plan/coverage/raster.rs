@@ -35,6 +35,16 @@ pub const CELLS_MAX: usize = 8_000_000;
 /// with the built-in aperture) says nothing about ends and cuts of beads.
 const FINE_SHARE_MAX: f64 = 0.5;
 
+/// How far along its path a bead is the same bead for the stages that weigh single moves, against a. A
+/// gap-fill move out and back lies over itself: by [`return_mm`](crate::geometry::coverage::return_mm), which
+/// figures count by, few would pay.
+const SAME_BEAD_SHARE: f64 = 4.0;
+
+/// See [`SAME_BEAD_SHARE`].
+pub fn same_bead_mm(aperture: &Aperture) -> f64 {
+    SAME_BEAD_SHARE * aperture.major_mm()
+}
+
 /// No pose or pass yet.
 const NOBODY: u32 = u32::MAX;
 

@@ -16,6 +16,7 @@ use crate::plan::curve::detours::detoured;
 use crate::plan::curve::plane_curve::{PlaneControl, configuration};
 use crate::plan::curve::pushing_inside::{InsideWalls, NEAR_SHARE, bad_runs, strayed_spans};
 use crate::plan::pass::LayerPass;
+use crate::settings::Settings;
 
 /// Second differences above this share of the step are corners, not curvature.
 const SMOOTH_SHARE: f64 = 0.35;
@@ -29,6 +30,14 @@ const MERGE_RAD: f64 = 0.02;
 const FAR_SHARE: f64 = 2.0;
 /// Least spans of a curve that is kept after a cut.
 const SPANS_MIN: usize = 2;
+
+/// Share of the outside tolerance that the path may use; the rest is the fit's.
+const PATH_SHARE: f64 = 0.4;
+
+/// How deep a pose of a curve may cut, mm.
+pub fn path_tolerance_mm(settings: &Settings) -> f64 {
+    PATH_SHARE * settings.tolerances.outside_mm
+}
 
 /// The printed curves of an opened pass, in order: one, or several where the aperture does not fit in
 /// between. `tolerance_mm` is how deep a pose may cut.
@@ -62,6 +71,12 @@ pub fn pass_curves(
         }
     }
     curves
+}
+
+/// A curve of one piece inside the walls, pushed and led around as that of a pass is; `None` where it would have to
+/// be cut.
+pub fn whole_inside(control: &[PlaneControl], inside: &InsideWalls) -> Option<Vec<PlaneControl>> {
+    led(control.to_vec(), inside).ok()
 }
 
 /// What pushing left of a curve.

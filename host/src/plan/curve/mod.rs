@@ -8,6 +8,7 @@
 //! Leaves out: speed (`motion`) and volume (`route`).
 
 pub mod detours;
+pub mod even_spans;
 pub mod heading_stops;
 pub mod layer_path;
 pub mod plane_curve;

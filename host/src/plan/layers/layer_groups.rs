@@ -16,11 +16,12 @@ use crate::geometry::polygon::Region;
 use crate::geometry::{Point2, Vector2};
 use crate::part_transform::PartTransform;
 use crate::plan::curve::heading_stops::PassCutter;
-use crate::plan::curve::layer_path::pass_curves;
+use crate::plan::curve::layer_path::{pass_curves, path_tolerance_mm};
 use crate::plan::curve::plane_curve::PlaneControl;
 use crate::plan::joining::order::region_order;
 use crate::plan::layers::PlanePass;
 use crate::plan::layers::bridge_ground::Bridge;
+use crate::plan::layers::optimised_passes::PassCurve;
 use crate::plan::layers::region_plan::{RegionPlan, RegionWork, Reversal};
 use crate::plan::layers::skirt::SkirtPlan;
 use crate::plan::pass::{LayerPass, PassKind};
@@ -34,9 +35,6 @@ use std::sync::Arc;
 pub const OFF_REGIONS: usize = usize::MAX;
 /// Most control points of all printed curves: 800 m of path and more, and 1 GB while it is planned.
 pub const POINTS_MAX: usize = 10_000_000;
-
-/// Share of the outside tolerance that the path may use; the rest is the fit's.
-const PATH_SHARE: f64 = 0.4;
 
 /// The job is longer than what can be planned in one piece.
 #[derive(Clone, Copy, Debug, PartialEq, thiserror::Error)]
@@ -278,6 +276,7 @@ pub fn plane_passes(
             let region = &kinds[print.kind].regions[print.region];
             let framed = FramedPasses {
                 passes: &region.passes_turned(print.turned),
+                curves: &region.curves_turned(print.turned),
                 walls: &region.walls,
                 frame: region.frame,
                 shift: region.contour.offset + place,
@@ -288,6 +287,7 @@ pub fn plane_passes(
     let around = skirt.map_or(Vec::new(), |skirt| {
         let framed = FramedPasses {
             passes: &skirt.passes,
+            curves: &[],
             walls: &skirt.walls,
             frame: Frame::IDENTITY,
             shift: skirt.offset + place,
@@ -384,6 +384,8 @@ fn runs_back(pass: &LayerPass) -> bool {
 /// Passes and walls in a frame; `shift` leads from outside the frame to machine coordinates, mm.
 struct FramedPasses<'a> {
     passes: &'a [LayerPass],
+    /// The curves of those that have one already.
+    curves: &'a [PassCurve],
     walls: &'a EdgeIndex,
     frame: Frame,
     shift: Vector2,
@@ -397,7 +399,7 @@ impl FramedPasses<'_> {
         whole: impl Fn(&LayerPass, &EdgeIndex, &Aperture, f64) -> Vec<Vec<PlaneControl>>,
         settings: &Settings,
     ) -> Vec<PrintCurve> {
-        let tolerance_mm = PATH_SHARE * settings.tolerances.outside_mm;
+        let tolerance_mm = path_tolerance_mm(settings);
         let whole = |pass: &LayerPass| whole(pass, self.walls, &settings.aperture, tolerance_mm);
         let to_machine = |control: &PlaneControl| {
             let at = self.frame.configuration_out(Configuration {
@@ -409,8 +411,13 @@ impl FramedPasses<'_> {
         };
         let cutter = PassCutter::new(self.passes, self.walls, &self.frame, settings);
         let mut curves = Vec::new();
-        for pass in self.passes {
-            curves.extend(cutter.curves(pass, whole).iter().map(|control| PrintCurve {
+        for (number, pass) in self.passes.iter().enumerate() {
+            let known = self.curves.get(number).and_then(Option::as_ref);
+            let found = match known {
+                Some(control) => vec![control.to_vec()],
+                None => cutter.curves(pass, whole),
+            };
+            curves.extend(found.iter().map(|control| PrintCurve {
                 kind: pass.kind,
                 control: control.iter().map(to_machine).collect(),
             }));

@@ -12,6 +12,7 @@
 
 pub mod bridge_ground;
 pub mod layer_groups;
+pub mod optimised_passes;
 pub mod region_plan;
 pub mod shells;
 pub mod skirt;

@@ -7,7 +7,7 @@
 use crate::geometry::Point2;
 use crate::geometry::aperture::Aperture;
 use crate::geometry::boolean::{difference, filled, grown, intersection};
-use crate::geometry::coverage::{Cell, return_mm};
+use crate::geometry::coverage::Cell;
 use crate::geometry::edge_index::EdgeIndex;
 use crate::geometry::frame::Frame;
 use crate::geometry::polygon::{Region, Ring};
@@ -16,10 +16,11 @@ use crate::plan::axis::medial_axis::{AxisOptions, MedialAxis, MedialAxisError};
 use crate::plan::axis::pruned_axis::Axis;
 use crate::plan::beads::infill::{bridge_lines, infill_passes};
 use crate::plan::beads::passes::{PassSettings, outer_passes, passes};
-use crate::plan::coverage::raster::within_walls;
+use crate::plan::coverage::raster::{same_bead_mm, within_walls};
 use crate::plan::headings::profile::turn_weight_mm2;
 use crate::plan::joining::printed_order::{RegionPasses, in_printing_order};
 use crate::plan::layers::bridge_ground::Bridge;
+use crate::plan::layers::optimised_passes::{PassCurve, knows_job, may_optimise, optimised_or};
 use crate::plan::outline::contour::Contour;
 use crate::plan::outline::trimmed_outline::trimmed_outline;
 use crate::plan::outline::unreachable::{UnreachableRun, unreachable_runs};
@@ -53,6 +54,8 @@ pub struct RegionPlan {
     pub unreachable: Vec<UnreachableRun>,
     /// Passes in printing order, or the reverse of it, in that frame.
     pub passes: Vec<LayerPass>,
+    /// For each pass its curve, where the optimiser made one.
+    pub curves: Vec<PassCurve>,
     /// The ground inside the walls that infill lines are to cover, local.
     pub open: Vec<Region>,
 }
@@ -126,6 +129,21 @@ impl RegionPlan {
             }
         }
         passes
+    }
+
+    /// The curves of [`RegionPlan::passes_turned`].
+    pub fn curves_turned(&self, turned: Reversal) -> Vec<PassCurve> {
+        let mut curves = self.curves.clone();
+        let (walls, lines) = curves.split_at_mut(self.lines_from);
+        for (group, is_turned) in [(walls, turned.walls), (lines, turned.lines)] {
+            if is_turned {
+                group.reverse();
+                for control in group.iter_mut().flatten() {
+                    *control = control.iter().rev().copied().collect();
+                }
+            }
+        }
+        curves
     }
 }
 
@@ -327,10 +345,18 @@ impl RegionWork {
         let passes = std::mem::take(&mut self.passes);
         let passes = self.ordered(passes);
         let area_mm2 = self.hull.area_mm2();
-        // What a sparse infill leaves open is meant to stay open.
-        let is_filled = |infill: Infill| infill.is_solid();
-        let may_fill = self.settings.infill.is_none_or(is_filled);
-        let passes = shortened_to_floor(passes, &self.walls, area_mm2, may_fill, &self.settings);
+        let may_fill = self.may_fill();
+        let shortened =
+            |passes| shortened_to_floor(passes, &self.walls, area_mm2, may_fill, &self.settings);
+        let may_optimise = self.is_all_filled() && may_optimise(&passes, &self.settings);
+        let (passes, curves) = match may_optimise {
+            true => optimised_or(passes, &self.walls, &self.settings, shortened),
+            false => {
+                let passes = shortened(passes);
+                let curves = vec![None; passes.len()];
+                (passes, curves)
+            }
+        };
         // Lines that are linked with walls come after them.
         let is_solid = |infill: Infill| infill.is_solid();
         let is_all_solid = self.settings.infill.is_some_and(is_solid);
@@ -361,8 +387,19 @@ impl RegionWork {
             axis,
             unreachable: unreachable.collect(),
             passes,
+            curves,
             open: self.open.iter().map(out).collect(),
         }
+    }
+
+    /// False where ground is meant to stay open, as a sparse infill leaves it.
+    fn may_fill(&self) -> bool {
+        self.settings.infill.is_none_or(|infill| infill.is_solid())
+    }
+
+    /// True where all ground is to be covered by passes that the optimiser knows.
+    fn is_all_filled(&self) -> bool {
+        self.may_fill() && self.sparse_open.is_empty()
     }
 
     /// The passes as they are printed, begun near a corner of the region's box. Of a small region,
@@ -385,7 +422,9 @@ impl RegionWork {
         };
         let all = passes.iter().chain(&self.sparse).chain(&self.bridges);
         let count: usize = all.map(|p| p.placements.len()).sum();
-        if count > SMALL_MAX {
+        let is_optimised = self.is_all_filled() && knows_job(&self.settings);
+        let most = if is_optimised { TINY_MAX } else { SMALL_MAX };
+        if count > most {
             return from(low, passes);
         }
         let corners = [
@@ -418,12 +457,15 @@ fn is_wide(region: &Region, width_mm: f64) -> bool {
 
 /// Most placements of a region that is ordered from several corners: about 600 mm of path.
 const SMALL_MAX: usize = 6000;
+/// The same of a region that is optimised afterwards: where it begins counts on parts of a few mm, of about 60 mm
+/// of path. On larger ones the four came out as one, at a third of the processor time of the whole plan.
+const TINY_MAX: usize = 600;
 /// Most cells of the raster on which it is counted what a small region wastes.
 const CELLS_MAX: usize = 1_000_000;
 
 /// Area within the walls that is left open or covered again, mm².
 fn wasted_area_mm2(passes: &[LayerPass], aperture: &Aperture, walls: &EdgeIndex) -> f64 {
-    let raster = within_walls(passes, walls, aperture, CELLS_MAX, return_mm(aperture));
+    let raster = within_walls(passes, walls, aperture, CELLS_MAX, same_bead_mm(aperture));
     let wasted = |cell: &&Cell| matches!(cell, Cell::Gap | Cell::Overlap);
     raster.cells.iter().filter(wasted).count() as f64 * raster.cell_mm.powi(2)
 }

@@ -8,9 +8,9 @@
 use super::shortened;
 use crate::geometry::Point2;
 use crate::geometry::aperture::Aperture;
-use crate::geometry::coverage::{Cell, return_mm};
+use crate::geometry::coverage::Cell;
 use crate::geometry::edge_index::EdgeIndex;
-use crate::plan::coverage::raster::within_walls;
+use crate::plan::coverage::raster::{same_bead_mm, within_walls};
 use crate::plan::joining::gap_fill::fill_gaps;
 use crate::plan::outline::reachable::reachable_count;
 use crate::plan::pass::LayerPass;
@@ -73,7 +73,7 @@ pub fn shortened_to_floor(
 
 /// True where the passes cover this share of what the aperture reaches within the walls.
 fn covers(passes: &[LayerPass], walls: &EdgeIndex, aperture: &Aperture, least: f64) -> bool {
-    let raster = within_walls(passes, walls, aperture, CELLS_MAX, return_mm(aperture));
+    let raster = within_walls(passes, walls, aperture, CELLS_MAX, same_bead_mm(aperture));
     let open = raster.count(Cell::Gap);
     let covered = (raster.count(Cell::Covered) + raster.count(Cell::Overlap)) as f64;
     if open == 0 || covered >= least * (covered + open as f64) {

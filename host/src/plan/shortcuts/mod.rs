@@ -24,9 +24,8 @@ pub use self::floor::shortened_to_floor;
 use self::local_time::step_s;
 use self::window::{Scratch, Shortcut, ShortcutSearch, swept_range};
 use crate::geometry::clearance::Configuration;
-use crate::geometry::coverage::return_mm;
 use crate::geometry::edge_index::EdgeIndex;
-use crate::plan::coverage::raster::Raster;
+use crate::plan::coverage::raster::{Raster, same_bead_mm};
 use crate::plan::pass::LayerPass;
 use crate::plan::pose_limits::PoseLimits;
 use crate::settings::{Quality, Settings};
@@ -94,7 +93,7 @@ fn shortened(passes: &mut [LayerPass], walls: &EdgeIndex, area_mm2: f64, setting
         walls,
         limits: &limits,
         price_s_mm2,
-        return_mm: return_mm(aperture),
+        return_mm: same_bead_mm(aperture),
     };
     let radian_s = limits.rest_to_rest_s(0.0, 1.0);
     for round in 0..ROUNDS {

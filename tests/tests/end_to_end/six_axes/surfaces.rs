@@ -139,7 +139,7 @@ fn sweep(plan: &Plan, target: &Target, height: Height, layer: u32, above_mm: f64
                     continue;
                 }
                 let visit = &mut visits[j * columns + i];
-                if path_mm - visit.1 > 4.0 * 0.6 {
+                if path_mm - visit.1 > 1.5 * 0.6 {
                     visit.0 += 1;
                 }
                 visit.1 = path_mm;

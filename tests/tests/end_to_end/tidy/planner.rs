@@ -6,7 +6,7 @@ use std::collections::BTreeSet;
 use std::path::Path;
 
 /// The planner's stages in the order of the data: a stage imports only from those before it.
-const STAGES: [&str; 16] = [
+const STAGES: [&str; 17] = [
     "pass",
     "progress",
     "pose_limits",
@@ -19,6 +19,7 @@ const STAGES: [&str; 16] = [
     "joining",
     "curve",
     "shortcuts",
+    "optimise",
     "layers",
     "route",
     "motion",

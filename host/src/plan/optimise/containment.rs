@@ -1,0 +1,327 @@
+//! Keeping the aperture inside the walls: signed distance of each pose to each edge near it.
+//!
+//! In: knots and walls. Out: value, gradient and curvature of a penalty on what comes nearer to a wall than a margin.
+//! The distance is exact where the wall touches the aperture and of first order elsewhere. Edges near a span are
+//! kept until it has moved.
+
+use super::band::{PoseTerm, System};
+use super::curve::{Basis, Knot, PassKnots, Units, blend};
+use super::sweep::Segment;
+use super::terms::Terms;
+use crate::geometry::Vector2;
+use crate::geometry::aperture::Aperture;
+use crate::geometry::edge_index::EdgeIndex;
+use crate::geometry::polygon::Box2;
+use crate::geometry::rounded_polygon::RoundedPolygon;
+
+/// How far a span may move before the edges near it are sought again, in a, and the share of that at which they are.
+const REACH: f64 = 0.25;
+const REACH_USED: f64 = 0.9;
+/// Squared scaled distance beyond which an edge cannot cost anything.
+const NEAR2: f64 = 1.1;
+/// Gap beyond which an edge cannot cost anything to a polygon, in a.
+const NEAR: f64 = 0.05;
+/// A wall that rises by less than this share of its length lies across a direction.
+const LEVEL: f64 = 1e-6;
+/// The margin must stay below what [`NEAR2`] spares; and slack across the aperture for the sharper end of it.
+const ACROSS: f64 = 1.5;
+
+/// Distance of a wall beyond the aperture, in a, and its derivative by x, y and heading.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Clearance {
+    /// Negative where the wall cuts.
+    pub distance: f64,
+    /// By the pose.
+    pub by_pose: [f64; 3],
+}
+
+/// A pose with cosine and sine of its heading.
+#[derive(Clone, Copy, Debug)]
+pub struct Placed {
+    center: [f64; 2],
+    cos: f64,
+    sin: f64,
+}
+
+impl Placed {
+    /// At these values of the spline.
+    pub fn at(knot: &Knot) -> Placed {
+        let (sin, cos) = knot[2].sin_cos();
+        Placed {
+            center: [knot[0], knot[1]],
+            cos,
+            sin,
+        }
+    }
+
+    /// A point in the frame in which the ellipse with these semi-axes is the unit circle.
+    #[inline]
+    fn scaled(&self, [a, b]: [f64; 2], point: &[f64; 2]) -> [f64; 2] {
+        let (x, y) = (point[0] - self.center[0], point[1] - self.center[1]);
+        [
+            (self.cos * x + self.sin * y) / a,
+            (self.cos * y - self.sin * x) / b,
+        ]
+    }
+
+    /// The point of a segment nearest to the centre in the scaled frame, and its squared distance.
+    #[inline]
+    fn nearest(&self, axes: [f64; 2], segment: &Segment) -> ([f64; 2], f64) {
+        let [x0, y0] = self.scaled(axes, &segment[0]);
+        let [x1, y1] = self.scaled(axes, &segment[1]);
+        let (dx, dy) = (x1 - x0, y1 - y0);
+        let t = (-(x0 * dx + y0 * dy) / (dx * dx + dy * dy + 1e-30)).clamp(0.0, 1.0);
+        let (x, y) = (x0 + t * dx, y0 + t * dy);
+        ([x, y], x * x + y * y)
+    }
+
+    /// Clearance of the ellipse with semi-axes 1 and `minor` from a segment; `None` where it is far.
+    #[inline]
+    pub fn clearance(&self, minor: f64, segment: &Segment) -> Option<Clearance> {
+        let ([x, y], distance2) = self.nearest([1.0, minor], segment);
+        if distance2.is_nan() || distance2 > NEAR2 {
+            return None;
+        }
+        let scaled = distance2.sqrt().max(1e-3);
+        let by_x = (self.cos * x - self.sin * y / minor) / scaled;
+        let by_y = (self.sin * x + self.cos * y / minor) / scaled;
+        let by_heading = -x * y * (minor - 1.0 / minor) / scaled;
+        let rate = (by_x * by_x + by_y * by_y).sqrt();
+        Some(Clearance {
+            distance: (scaled - 1.0) / rate,
+            by_pose: [-by_x / rate, -by_y / rate, -by_heading / rate],
+        })
+    }
+
+    /// A point in the tool's frame, mm.
+    fn local_mm(&self, point: &[f64; 2], length_mm: f64) -> Vector2 {
+        let [x, y] = self.scaled([1.0, 1.0], point);
+        Vector2::new(x * length_mm, y * length_mm)
+    }
+
+    /// Clearance of a polygon with rounded corners, mm, from a segment; `None` where it is far.
+    fn clearance_of_polygon(
+        &self,
+        shape: &RoundedPolygon,
+        length_mm: f64,
+        segment: &Segment,
+    ) -> Option<Clearance> {
+        let [p, q] = segment.map(|point| self.local_mm(&point, length_mm));
+        let gap = shape.gap_to(p, q, NEAR * length_mm)?;
+        let (low, high) = (gap.outward.dot(&p), gap.outward.dot(&q));
+        // A wall across the direction meets the farthest corner; else an end of the wall meets a side.
+        let touched = if (low - high).abs() <= LEVEL * (q - p).norm() {
+            shape.support_point(gap.outward)
+        } else if low < high {
+            p - gap.outward * gap.gap_mm
+        } else {
+            q - gap.outward * gap.gap_mm
+        };
+        let (x, y) = (gap.outward.x, gap.outward.y);
+        let by_x = self.cos * x - self.sin * y;
+        let by_y = self.sin * x + self.cos * y;
+        let by_heading = (touched.x * y - touched.y * x) / length_mm;
+        Some(Clearance {
+            distance: gap.gap_mm / length_mm,
+            by_pose: [-by_x, -by_y, -by_heading],
+        })
+    }
+}
+
+/// The aperture and the unit of length.
+#[derive(Clone, Copy, Debug)]
+struct Tool<'a> {
+    aperture: &'a Aperture,
+    length_mm: f64,
+}
+
+impl Tool<'_> {
+    /// The box of the aperture at a pose, grown by what a span may move before edges are sought again, mm.
+    fn area(self, pose: &Placed, heading_rad: f64, units: &Units) -> Box2 {
+        let reach_mm = |x: f64, y: f64| {
+            let support_mm = self.aperture.support_mm(heading_rad, Vector2::new(x, y));
+            support_mm + ACROSS * REACH * self.length_mm
+        };
+        let center = units.point_of(pose.center[0], pose.center[1]);
+        Box2 {
+            min: center - Vector2::new(reach_mm(-1.0, 0.0), reach_mm(0.0, -1.0)),
+            max: center + Vector2::new(reach_mm(1.0, 0.0), reach_mm(0.0, 1.0)),
+        }
+    }
+
+    /// Whether a pose may meet a segment before the edges near it are sought again.
+    fn is_near(self, pose: &Placed, segment: &Segment) -> bool {
+        match self.aperture {
+            Aperture::Ellipse { major_mm, minor_mm } => {
+                let axes = [1.0 + REACH, minor_mm / major_mm + ACROSS * REACH];
+                pose.nearest(axes, segment).1 <= 1.0
+            }
+            Aperture::Rounded(shape) => {
+                let length_mm = self.length_mm;
+                let [p, q] = segment.map(|point| pose.local_mm(&point, length_mm));
+                shape.gap_to(p, q, ACROSS * REACH * length_mm).is_some()
+            }
+        }
+    }
+
+    /// Clearance of the aperture at a pose from a segment; `None` where it is far.
+    #[inline]
+    fn clearance(self, pose: &Placed, segment: &Segment) -> Option<Clearance> {
+        match self.aperture {
+            Aperture::Ellipse { major_mm, minor_mm } => {
+                pose.clearance(minor_mm / major_mm, segment)
+            }
+            Aperture::Rounded(shape) => pose.clearance_of_polygon(shape, self.length_mm, segment),
+        }
+    }
+}
+
+/// Edges near one span, and where its knots were when they were sought.
+#[derive(Clone, Debug, Default)]
+struct Near {
+    edges: Vec<u32>,
+    sought_at: [[f64; 3]; 4],
+}
+
+/// The terms of containment.
+#[derive(Clone, Debug)]
+pub struct Containment<'a> {
+    walls: &'a EdgeIndex,
+    segments: Vec<Segment>,
+    units: Units,
+    tool: Tool<'a>,
+    places: Vec<Basis>,
+    near: Vec<Near>,
+    /// The search at which each edge was last met.
+    met: Vec<u32>,
+    search: u32,
+}
+
+/// How hard containment is.
+#[derive(Clone, Copy, Debug)]
+pub struct Wall {
+    /// Price of the squared distance (a²) that a pose is nearer than the margin.
+    pub weight: f64,
+    /// Clearance that costs nothing, in a.
+    pub margin: f64,
+}
+
+/// The walls in the optimiser's units.
+pub fn segments_of(walls: &EdgeIndex, units: &Units) -> Vec<Segment> {
+    let segment =
+        |edge: &crate::geometry::edge_index::Edge| [edge.a, edge.b].map(|p| units.point(p));
+    walls.edges().iter().map(segment).collect()
+}
+
+impl<'a> Containment<'a> {
+    /// Of the aperture within the walls, at so many places of each span.
+    pub fn new(
+        walls: &'a EdgeIndex,
+        aperture: &'a Aperture,
+        units: Units,
+        knots: usize,
+        places: usize,
+    ) -> Containment<'a> {
+        let segments = segments_of(walls, &units);
+        let nowhere = Near {
+            edges: Vec::new(),
+            sought_at: [[f64::INFINITY; 3]; 4],
+        };
+        Containment {
+            walls,
+            met: vec![0; segments.len()],
+            segments,
+            units,
+            tool: Tool {
+                aperture,
+                length_mm: units.length_mm,
+            },
+            places: (0..places)
+                .map(|s| Basis::at((s as f64 + 0.5) / places as f64))
+                .collect(),
+            near: vec![nowhere; knots],
+            search: 0,
+        }
+    }
+
+    /// Adds what comes nearer to a wall than the margin.
+    pub fn add(
+        &mut self,
+        knots: &[Knot],
+        passes: &[PassKnots],
+        wall: &Wall,
+        terms: &mut Terms,
+        system: &mut System,
+    ) {
+        for pass in passes.iter().filter(|pass| pass.free) {
+            for knot in pass.span_starts() {
+                self.seek(&knots[knot..knot + 4], knot);
+                if !self.near[knot].edges.is_empty() {
+                    self.add_span(&knots[knot..knot + 4], knot, wall, terms, system);
+                }
+            }
+        }
+    }
+
+    /// Seeks the edges near a span anew where it has moved too far since.
+    fn seek(&mut self, knots: &[Knot], span: usize) {
+        let near = &mut self.near[span];
+        let mut moved = 0.0f64;
+        for (knot, was) in knots.iter().zip(&near.sought_at) {
+            let way = ((knot[0] - was[0]).powi(2) + (knot[1] - was[1]).powi(2)).sqrt();
+            moved = moved.max(way + (knot[2] - was[2]).abs());
+        }
+        if moved <= REACH_USED * REACH {
+            return;
+        }
+        for (knot, was) in knots.iter().zip(&mut near.sought_at) {
+            *was = [knot[0], knot[1], knot[2]];
+        }
+        near.edges.clear();
+        self.search = self.search.wrapping_add(1);
+        for basis in &self.places {
+            let at = blend(&basis.value, knots);
+            let pose = Placed::at(&at);
+            let area = self.tool.area(&pose, at[2], &self.units);
+            self.walls.for_edges_in(area, |number| {
+                let is_new = self.met[number] != self.search;
+                if is_new && self.tool.is_near(&pose, &self.segments[number]) {
+                    self.met[number] = self.search;
+                    near.edges.push(number as u32);
+                }
+            });
+        }
+    }
+
+    /// Adds the poses of one span.
+    fn add_span(
+        &self,
+        knots: &[Knot],
+        span: usize,
+        wall: &Wall,
+        terms: &mut Terms,
+        system: &mut System,
+    ) {
+        for basis in &self.places {
+            let pose = Placed::at(&blend(&basis.value, knots));
+            let mut term = PoseTerm::default();
+            let mut meets = false;
+            for &number in &self.near[span].edges {
+                let segment = &self.segments[number as usize];
+                let Some(clear) = self.tool.clearance(&pose, segment) else {
+                    continue;
+                };
+                let short = wall.margin - clear.distance;
+                if short <= 0.0 {
+                    continue;
+                }
+                meets = true;
+                terms.outside += 0.5 * wall.weight * short * short;
+                term.add(-wall.weight * short, wall.weight, &clear.by_pose);
+            }
+            if meets {
+                system.add_pose(span, &basis.value, &term);
+            }
+        }
+    }
+}

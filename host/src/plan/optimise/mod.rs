@@ -1,0 +1,225 @@
+//! The optimiser: the finished passes of a region, made better all at once by one objective.
+//!
+//! ```text
+//! OptimisedPass --knots--> seconds + price (open + share of laid twice) --Gauss-Newton--> OptimisedPass
+//! (mm, rad, log s)         within limits and walls                                        (mm, rad, log s)
+//! ```
+//!
+//! What the stages before decide is topology: which beads there are and how they are joined. Path, heading and pace
+//! are then unknowns of one problem: control points of a uniform cubic B-spline of x, y, heading and the log of the
+//! span's time. The objective is time, ground by strips along the edge of the sweep ([`sweep`]), limits of motion
+//! ([`motion`]) and walls ([`containment`]); one banded system is solved an iteration ([`newton`]). Numbers are
+//! without dimension, so that one set of constants serves nozzles and machines of any size. One thread for a region:
+//! what comes out does not depend on their number.
+//! What it leaves out: flow and moving ends.
+
+mod band;
+mod containment;
+mod curve;
+mod ground;
+mod motion;
+mod newton;
+mod projection;
+mod sweep;
+mod terms;
+
+use self::containment::{Containment, segments_of};
+use self::curve::{Units, knots_of, write_back};
+use self::ground::Ground;
+use self::motion::Motion;
+use self::newton::{Newton, Objectives};
+use self::projection::{POSES_CHECKED, outside_mm, projected};
+use self::sweep::{Cells, Shape, Sweep, edge_half};
+use crate::geometry::aperture::Aperture;
+use crate::geometry::edge_index::EdgeIndex;
+use crate::plan::curve::plane_curve::PlaneControl;
+use crate::plan::pose_limits::PoseLimits;
+
+/// Places of a span at which walls are looked at.
+const WALL_PLACES: usize = 8;
+
+/// A pass as a uniform cubic B-spline with natural ends: phantom points P_{-1} = 2 P_0 - P_1 make it begin and end
+/// on its first and last control point, as [`crate::plan::curve::plane_curve`] has it.
+#[derive(Clone, Debug, PartialEq)]
+pub struct OptimisedPass {
+    /// x mm, y mm, heading rad.
+    pub control: Vec<PlaneControl>,
+    /// Log of the span's time in s at each control point: a start value that is improved.
+    pub log_pace: Vec<f64>,
+}
+
+/// What is to be made small: seconds + price x (open + share x laid twice).
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Objective {
+    /// Price of ground that is left open, s/mm².
+    pub price_s_mm2: f64,
+    /// Share of that price for ground that is laid twice.
+    pub twice_share: f64,
+    /// Path of a pass after which a return to a place lays it twice, mm.
+    pub return_mm: f64,
+}
+
+/// How much work is done.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Effort {
+    /// Iterations: half of them with soft limits.
+    pub iterations: usize,
+}
+
+/// Whether the passes were optimised.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Outcome {
+    /// They were.
+    Optimised,
+    /// Nothing to do: no walls, no pass long enough, no iterations.
+    Nothing,
+    /// An aperture so narrow that it is not done; the passes are as they were.
+    UnknownAperture,
+    /// The region has too many cells; the passes are as they were.
+    TooLarge,
+    /// Numbers that are none; the passes are as they were.
+    NotFinite,
+}
+
+/// What the optimiser did.
+#[derive(Clone, Debug, PartialEq)]
+pub struct OptimiseReport {
+    /// Whether it did anything.
+    pub outcome: Outcome,
+    /// Printing time by its own pace, s: before and after.
+    pub seconds: [f64; 2],
+    /// Ground left open by its own count, mm²: before and after.
+    pub open_mm2: [f64; 2],
+    /// Ground laid twice by its own count, mm²: before and after.
+    pub twice_mm2: [f64; 2],
+    /// How far each pass leaves the walls, mm: before the last projection and after it. A pass that is outside too far
+    /// after it should be replaced by what it was.
+    pub outside_mm: Vec<[f64; 2]>,
+    /// Iterations made.
+    pub iterations: usize,
+    /// Control points of all passes.
+    pub knots: usize,
+}
+
+impl OptimiseReport {
+    fn unchanged(outcome: Outcome, passes: &[OptimisedPass]) -> OptimiseReport {
+        OptimiseReport {
+            outcome,
+            seconds: [0.0; 2],
+            open_mm2: [0.0; 2],
+            twice_mm2: [0.0; 2],
+            outside_mm: vec![[0.0; 2]; passes.len()],
+            iterations: 0,
+            knots: passes.iter().map(|pass| pass.control.len()).sum(),
+        }
+    }
+}
+
+/// Improves the passes of one region, whose boundary is `walls` (mm, the passes' frame), all together. Passes of few
+/// control points stay as they are, and so do the ends of all. What comes back is always a curve of numbers: at worst
+/// what went in.
+pub fn optimise(
+    passes: &mut [OptimisedPass],
+    walls: &EdgeIndex,
+    aperture: &Aperture,
+    limits: &PoseLimits,
+    objective: &Objective,
+    effort: &Effort,
+) -> OptimiseReport {
+    let mut search = match Search::begin(passes, walls, aperture, limits, objective) {
+        Ok(search) if effort.iterations > 0 => search,
+        Ok(_) => return OptimiseReport::unchanged(Outcome::Nothing, passes),
+        Err(outcome) => return OptimiseReport::unchanged(outcome, passes),
+    };
+    let before = search.newton.terms;
+    search.newton.run(effort.iterations, |_, _| {});
+    let mut report = OptimiseReport::unchanged(Outcome::Optimised, passes);
+    report.outside_mm = search.finish(passes, walls, aperture);
+    let both = [before, search.newton.terms];
+    report.seconds = both.map(|terms| terms.time * search.units.time_s);
+    report.open_mm2 = both.map(|terms| terms.open * search.units.length_mm.powi(2));
+    report.twice_mm2 = both.map(|terms| terms.twice * search.units.length_mm.powi(2));
+    report.iterations = effort.iterations;
+    report
+}
+
+/// The problem of one region while it is solved.
+struct Search<'a> {
+    units: Units,
+    newton: Newton<'a>,
+}
+
+impl<'a> Search<'a> {
+    /// Brings a region into the optimiser's units.
+    fn begin(
+        passes: &[OptimisedPass],
+        walls: &'a EdgeIndex,
+        aperture: &'a Aperture,
+        limits: &PoseLimits,
+        objective: &Objective,
+    ) -> Result<Search<'a>, Outcome> {
+        let edge_half = edge_half(aperture.minor_mm() / aperture.major_mm());
+        let shape = Shape::of(aperture, edge_half as f32).ok_or(Outcome::UnknownAperture)?;
+        if walls.edges().is_empty() {
+            return Err(Outcome::Nothing);
+        }
+        let bounds = walls.bounds();
+        let middle = bounds.min + bounds.size() / 2.0;
+        let units = Units::of(passes, aperture.major_mm(), middle).ok_or(Outcome::Nothing)?;
+        let (knots, ranges) = knots_of(passes, &units);
+        if !ranges.iter().any(|range| range.free) {
+            return Err(Outcome::Nothing);
+        }
+        let cells = Cells::of(&segments_of(walls, &units), edge_half).ok_or(Outcome::TooLarge)?;
+        let price = objective.price_s_mm2 * units.length_mm.powi(2) / units.time_s;
+        let return_path = (objective.return_mm / units.length_mm) as f32;
+        let sweep = Sweep::new(shape, cells, return_path);
+        let objectives = Objectives {
+            motion: Motion::new(limits, &units),
+            ground: Ground::new(sweep, price, objective.twice_share),
+            containment: Containment::new(walls, aperture, units, knots.len(), WALL_PLACES),
+        };
+        let newton = Newton::new(objectives, knots, ranges);
+        if !newton.terms.sum().is_finite() {
+            return Err(Outcome::NotFinite);
+        }
+        Ok(Search { units, newton })
+    }
+
+    /// Writes the passes back, brought inside the walls; how far each is outside before that and after it, mm.
+    fn finish(
+        &mut self,
+        passes: &mut [OptimisedPass],
+        walls: &EdgeIndex,
+        aperture: &Aperture,
+    ) -> Vec<[f64; 2]> {
+        let knots = &self.newton.knots;
+        let mut outside = vec![[0.0; 2]; passes.len()];
+        let mut containment =
+            Containment::new(walls, aperture, self.units, knots.len(), POSES_CHECKED);
+        for range in self.newton.passes.iter().filter(|range| range.free) {
+            let pass = &mut passes[range.pass];
+            let own = &knots[range.first..range.end()];
+            write_back(own, &self.units, pass);
+            let before_mm = outside_mm(pass, walls, aperture);
+            outside[range.pass] = [before_mm; 2];
+            if before_mm > 0.0 {
+                write_back(&projected(own, range, &mut containment), &self.units, pass);
+                let after_mm = outside_mm(pass, walls, aperture);
+                if after_mm < before_mm {
+                    outside[range.pass][1] = after_mm;
+                } else {
+                    write_back(own, &self.units, pass);
+                }
+            }
+        }
+        outside
+    }
+}
+
+#[cfg(test)]
+mod derivative_tests;
+#[cfg(test)]
+mod test_passes;
+#[cfg(test)]
+mod tests;

@@ -1,0 +1,285 @@
+//! The iterations: damped Gauss-Newton steps on one banded system, limits soft at first and then hardened.
+//!
+//! In: knots and the terms of the objective. Out: better knots. Limits that are hard from the start hold the path
+//! where it is; soft ones let it find another shape, which then is brought within them in steps (continuation).
+
+use super::band::{System, WIDTH};
+use super::containment::{Containment, Wall};
+use super::curve::{CHANNELS, Knot, PACE, PassKnots, set_phantoms};
+use super::ground::Ground;
+use super::motion::Motion;
+use super::terms::Terms;
+
+/// Weight of limits, price of what is outside and blur of the ground's price: from soft to hard.
+const LIMITS: [f64; 2] = [2.0, 100.0];
+const OUTSIDE: [f64; 2] = [12e3, 240e3];
+const BLUR: [f64; 2] = [0.3, 0.08];
+/// Clearance that is kept from walls, in a; and so many times as much when hard.
+const MARGIN: f64 = 1.0 / 1500.0;
+const MARGIN_HARD: f64 = 1.5;
+/// Share of the iterations that are soft, steps to hard, and the share of the rest in which they are made.
+const SOFT_SHARE: f64 = 0.5;
+const LEVELS: usize = 6;
+const HARDENING_SHARE: f64 = 0.8;
+/// Damping at first, its least and its growth and fall; what it adds to the curvature of each channel and the share
+/// of the curvature.
+const DAMPING: f64 = 0.3;
+const DAMPING_MIN: f64 = 1e-5;
+const DAMPING_GROWTH: f64 = 6.0;
+const DAMPING_FALL: f64 = 0.3;
+const DAMPING_SHARE: f64 = 0.01;
+const DAMPING_ADDED: [f64; CHANNELS] = [60.0, 60.0, 50.0, 1.0 / 6.0];
+/// What keeps pivots from zero.
+const PIVOT_ADDED: f64 = 1e-7;
+/// Most that a step changes each channel: a, rad, log.
+const STEP_MAX: [f64; CHANNELS] = [0.25, 0.25, 0.3, 0.5];
+/// Tries of a step with growing damping.
+const TRIES: usize = 6;
+/// A step is taken that is better than the worst of so many values, though at most so far above the best: where the
+/// path returns, cost jumps a little.
+const REMEMBERED: usize = 4;
+const ABOVE_BEST: f64 = 1.1;
+const GAIN_MIN: f64 = 1e-7;
+
+/// How hard limits are at one time.
+#[derive(Clone, Copy, Debug)]
+pub struct Hardness {
+    /// Weight of what exceeds limits of motion.
+    pub limits: f64,
+    /// Of the walls.
+    pub wall: Wall,
+    /// Cover over which the corner of the ground's price is rounded.
+    pub blur: f64,
+}
+
+impl Hardness {
+    /// After so many of [`LEVELS`] steps.
+    pub fn at(level: usize) -> Hardness {
+        let share = level as f64 / LEVELS as f64;
+        let between = |[soft, hard]: [f64; 2]| soft * (hard / soft).powf(share);
+        let harder = if level == LEVELS { MARGIN_HARD } else { 1.0 };
+        Hardness {
+            limits: between(LIMITS),
+            wall: Wall {
+                weight: between(OUTSIDE),
+                margin: harder * MARGIN,
+            },
+            blur: between(BLUR),
+        }
+    }
+
+    /// The level of iteration `number` (from 1) of `count`.
+    fn level(number: usize, count: usize) -> usize {
+        let soft = (count as f64 * SOFT_SHARE) as usize;
+        if number <= soft {
+            return 0;
+        }
+        let rest = ((count - soft) as f64 * HARDENING_SHARE).max(1.0);
+        let passed = (number - soft - 1) as f64;
+        LEVELS.min(1 + (passed * LEVELS as f64 / rest) as usize)
+    }
+}
+
+/// The terms of the objective for one region.
+pub struct Objectives<'a> {
+    /// Seconds and limits.
+    pub motion: Motion,
+    /// Open and laid twice.
+    pub ground: Ground,
+    /// Walls.
+    pub containment: Containment<'a>,
+}
+
+impl Objectives<'_> {
+    /// Value at these knots; `system` becomes gradient and curvature.
+    pub fn evaluate(
+        &mut self,
+        knots: &[Knot],
+        passes: &[PassKnots],
+        hardness: &Hardness,
+        system: &mut System,
+    ) -> Terms {
+        let mut terms = Terms::default();
+        system.clear();
+        self.motion
+            .add(knots, passes, hardness.limits, &mut terms, system);
+        self.ground
+            .add(knots, passes, hardness.blur, &mut terms, system);
+        self.containment
+            .add(knots, passes, &hardness.wall, &mut terms, system);
+        terms
+    }
+}
+
+/// The state between iterations.
+pub struct Newton<'a> {
+    /// What is made small.
+    pub objectives: Objectives<'a>,
+    /// The passes that the knots belong to.
+    pub passes: Vec<PassKnots>,
+    /// Where it is.
+    pub knots: Vec<Knot>,
+    system: System,
+    /// What the objective is there.
+    pub terms: Terms,
+    hardness: Hardness,
+    damping: f64,
+    recent: Vec<f64>,
+    trial: Trial,
+}
+
+/// Buffers of a step that is tried; its system holds the factors of the one before until it is evaluated.
+struct Trial {
+    knots: Vec<Knot>,
+    system: System,
+    step: Vec<f64>,
+}
+
+impl<'a> Newton<'a> {
+    /// At the start.
+    pub fn new(
+        mut objectives: Objectives<'a>,
+        knots: Vec<Knot>,
+        passes: Vec<PassKnots>,
+    ) -> Newton<'a> {
+        let unknowns = CHANNELS * knots.len();
+        let mut system = System::new(unknowns);
+        let hardness = Hardness::at(0);
+        let terms = objectives.evaluate(&knots, &passes, &hardness, &mut system);
+        prepare(&mut system, &passes);
+        Newton {
+            objectives,
+            passes,
+            trial: Trial {
+                knots: knots.clone(),
+                system: system.clone(),
+                step: vec![0.0; unknowns + WIDTH],
+            },
+            knots,
+            system,
+            recent: vec![terms.sum()],
+            terms,
+            hardness,
+            damping: DAMPING,
+        }
+    }
+
+    /// Makes `count` iterations; `watch` sees each.
+    pub fn run(&mut self, count: usize, mut watch: impl FnMut(usize, &Terms)) {
+        let mut level = 0;
+        for number in 1..=count {
+            let wanted = Hardness::level(number, count);
+            if wanted != level {
+                level = wanted;
+                self.harden(level);
+            }
+            if !(0..TRIES).any(|_| self.try_step()) {
+                self.damping = 1.0;
+            }
+            watch(number, &self.terms);
+        }
+    }
+
+    /// The objective anew with harder limits.
+    fn harden(&mut self, level: usize) {
+        self.hardness = Hardness::at(level);
+        self.terms =
+            self.objectives
+                .evaluate(&self.knots, &self.passes, &self.hardness, &mut self.system);
+        prepare(&mut self.system, &self.passes);
+        self.damping = self.damping.min(1.0);
+        self.recent.clear();
+        self.recent.push(self.terms.sum());
+    }
+
+    /// Solves, moves and evaluates; takes the step where it is good, or raises the damping.
+    fn try_step(&mut self) -> bool {
+        let trial = &mut self.trial;
+        if !trial.solve(&self.system, self.damping) {
+            self.damping *= DAMPING_GROWTH;
+            return false;
+        }
+        trial.take(&self.knots, &self.passes);
+        let terms = self.objectives.evaluate(
+            &trial.knots,
+            &self.passes,
+            &self.hardness,
+            &mut trial.system,
+        );
+        let worst = self
+            .recent
+            .iter()
+            .copied()
+            .fold(f64::NEG_INFINITY, f64::max);
+        let best = self.recent.iter().copied().fold(f64::INFINITY, f64::min);
+        // False where the value is no number.
+        let is_better = terms.sum() < worst.min(best * ABOVE_BEST) - GAIN_MIN;
+        if !is_better {
+            self.damping *= DAMPING_GROWTH;
+            return false;
+        }
+        if self.recent.len() == REMEMBERED {
+            self.recent.remove(0);
+        }
+        self.recent.push(terms.sum());
+        std::mem::swap(&mut self.knots, &mut trial.knots);
+        std::mem::swap(&mut self.system, &mut trial.system);
+        prepare(&mut self.system, &self.passes);
+        self.terms = terms;
+        self.damping = DAMPING_MIN.max(self.damping * DAMPING_FALL);
+        true
+    }
+}
+
+/// Takes phantoms and what is fixed out of the unknowns.
+pub fn prepare(system: &mut System, passes: &[PassKnots]) {
+    for pass in passes {
+        let (first, end) = (pass.first, pass.end());
+        if pass.free {
+            system.fold(first, [first, first + 1, first + 2]);
+            system.fold(end - 4, [end - 1, end - 2, end - 3]);
+            for unknown in [first + 1, end - 2].map(|knot| CHANNELS * knot) {
+                for channel in 0..PACE {
+                    system.pin(unknown + channel);
+                }
+            }
+        } else {
+            for unknown in CHANNELS * first..CHANNELS * end {
+                system.pin(unknown);
+            }
+        }
+    }
+}
+
+impl Trial {
+    /// The step by the damped system; false where that has none.
+    fn solve(&mut self, system: &System, damping: f64) -> bool {
+        self.system.band.copy_from(&system.band);
+        for unknown in 0..self.system.band.unknowns() {
+            let diagonal = &mut self.system.band.row_mut(unknown)[0];
+            let added = DAMPING_ADDED[unknown % CHANNELS];
+            *diagonal += damping * (DAMPING_SHARE * *diagonal + added) + PIVOT_ADDED;
+            self.step[unknown] = -system.gradient[unknown];
+        }
+        if !self.system.band.factor() {
+            return false;
+        }
+        let unknowns = self.system.band.unknowns();
+        self.step[unknowns..].fill(0.0);
+        self.system.band.solve(&mut self.step);
+        true
+    }
+
+    /// Moves the knots by the step, each channel at most so far.
+    fn take(&mut self, from: &[Knot], passes: &[PassKnots]) {
+        let steps = self.step.chunks_exact(CHANNELS);
+        for ((knot, was), step) in self.knots.iter_mut().zip(from).zip(steps) {
+            for c in 0..CHANNELS {
+                knot[c] = was[c] + step[c].clamp(-STEP_MAX[c], STEP_MAX[c]);
+            }
+        }
+        for pass in passes.iter().filter(|pass| pass.free) {
+            set_phantoms(&mut self.knots, pass);
+        }
+    }
+}

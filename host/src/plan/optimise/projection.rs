@@ -1,0 +1,126 @@
+//! The last projection: what is still outside the walls is brought inside by the least change of the path.
+//!
+//! In: the optimised passes. Out: the same within the walls, checked densely by the exact depth
+//! ([`crate::geometry::clearance`]), which is not the optimiser's own. Steps of Gauss and Newton on containment alone.
+
+use super::OptimisedPass;
+use super::band::System;
+use super::containment::{Containment, Wall};
+use super::curve::{CHANNELS, Knot, PassKnots, set_phantoms};
+use super::newton::prepare;
+use super::terms::Terms;
+use crate::geometry::Point2;
+use crate::geometry::aperture::Aperture;
+use crate::geometry::clearance::{
+    Configuration, EdgesAbout, contact, outside_bound_mm, outside_depth_mm,
+};
+use crate::geometry::edge_index::EdgeIndex;
+use crate::geometry::polygon::Box2;
+use crate::plan::curve::plane_curve::{configuration, curve_at};
+
+/// Poses of a span that are checked.
+pub const POSES_CHECKED: usize = 16;
+/// Clearance that is sought, in a: what the path may lose between two poses at a corner that points inside.
+const MARGIN: f64 = 1.0 / 2000.0;
+/// Most steps; three are the rule.
+const ROUNDS: usize = 12;
+/// What keeps the path where it is, against one pose's clearance: little, so that a step leaves little.
+const STIFFNESS: f64 = 1e-2;
+/// What becomes of it after a step that helped, and after one that did not.
+const SOFTENING: f64 = 0.3;
+const STIFFENING: f64 = 10.0;
+/// Most that a step changes a channel, in a or rad.
+const STEP_MAX: f64 = 0.05;
+
+/// How far a pass leaves the walls, mm: the deepest of [`POSES_CHECKED`] poses a span and its end.
+pub fn outside_mm(pass: &OptimisedPass, walls: &EdgeIndex, aperture: &Aperture) -> f64 {
+    let spans = pass.control.len().saturating_sub(1);
+    let mut deepest_mm = 0.0f64;
+    for span in 0..spans {
+        let at = |k: usize| {
+            let share = k as f64 / POSES_CHECKED as f64;
+            configuration(curve_at(&pass.control, span, share))
+        };
+        let poses: [Configuration; POSES_CHECKED + 1] = std::array::from_fn(at);
+        let about = edges_about(&poses, walls, aperture);
+        for &pose in &poses {
+            let is_clear =
+                walls.contains(pose.center) && contact(aperture, pose, &about, 1.0).is_none();
+            if !is_clear && outside_bound_mm(aperture, pose, walls) > deepest_mm {
+                deepest_mm = deepest_mm.max(outside_depth_mm(aperture, pose, walls));
+            }
+        }
+    }
+    deepest_mm
+}
+
+/// The edges that any of these poses may meet.
+fn edges_about(poses: &[Configuration], walls: &EdgeIndex, aperture: &Aperture) -> EdgesAbout {
+    let centers: Vec<Point2> = poses.iter().map(|pose| pose.center).collect();
+    let area = Box2::of(&centers).grown(aperture.reach_mm());
+    let mut numbers = Vec::new();
+    walls.for_edges_in(area, |number| numbers.push(number));
+    numbers.sort_unstable();
+    numbers.dedup();
+    let edges = numbers.into_iter().map(|number| walls.edges()[number]);
+    EdgesAbout::new(edges.filter(|edge| edge.may_meet(&area)).collect())
+}
+
+/// The knots of one pass moved inside the walls, as far as the steps get (Levenberg and Marquardt: a step that does
+/// not help is tried again, stiffer).
+pub fn projected(own: &[Knot], range: &PassKnots, containment: &mut Containment) -> Vec<Knot> {
+    let pass = PassKnots { first: 0, ..*range };
+    let unknowns = CHANNELS * own.len();
+    let (mut system, mut tried) = (System::new(unknowns), System::new(unknowns));
+    let (mut knots, mut stepped) = (own.to_vec(), own.to_vec());
+    let mut stiffness = STIFFNESS;
+    let mut outside = evaluate(&knots, &pass, containment, &mut system);
+    for _ in 0..ROUNDS {
+        if outside.is_nan() || outside <= 0.0 {
+            break;
+        }
+        tried.band.copy_from(&system.band);
+        for unknown in 0..unknowns {
+            tried.band.row_mut(unknown)[0] += stiffness;
+        }
+        tried.gradient.copy_from_slice(&system.gradient);
+        if !tried.band.factor() {
+            break;
+        }
+        tried.band.solve(&mut tried.gradient);
+        let steps = tried.gradient.chunks_exact(CHANNELS);
+        for ((to, from), step) in stepped.iter_mut().zip(knots.iter()).zip(steps) {
+            *to = std::array::from_fn(|c| from[c] - step[c].clamp(-STEP_MAX, STEP_MAX));
+        }
+        set_phantoms(&mut stepped, &pass);
+        let after = evaluate(&stepped, &pass, containment, &mut tried);
+        if after < outside {
+            outside = after;
+            std::mem::swap(&mut knots, &mut stepped);
+            std::mem::swap(&mut system, &mut tried);
+            stiffness *= SOFTENING;
+        } else {
+            stiffness *= STIFFENING;
+        }
+    }
+    knots
+}
+
+/// Half the squares of what is nearer to the walls than the margin, with its system.
+fn evaluate(
+    knots: &[Knot],
+    pass: &PassKnots,
+    containment: &mut Containment,
+    system: &mut System,
+) -> f64 {
+    let mut terms = Terms::default();
+    let wall = Wall {
+        weight: 1.0,
+        margin: MARGIN,
+    };
+    system.clear();
+    let passes = std::slice::from_ref(pass);
+    containment.add(knots, passes, &wall, &mut terms, system);
+    prepare(system, passes);
+    terms.outside
+}

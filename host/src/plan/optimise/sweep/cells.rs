@@ -1,0 +1,360 @@
+//! The region as cells, and who visited each.
+//!
+//! In: the walls, in a. Out: numbered cells inside the region with the cover that the wall next to them stands for;
+//! visits by the sweep with a distance to the edge of what was swept. A cell's cover is a smooth step of that
+//! distance, so that the covered area has a derivative by the path.
+
+/// Cell size, in half widths of the edge.
+const CELL: f64 = 0.8;
+/// Half the width of the smooth step at the edge of the sweep, in a, and at most in b.
+const EDGE_HALF: f64 = 1.0 / 6.0;
+const EDGE_HALF_MINOR: f64 = 0.6;
+/// Half the path over which a return grows from none to a full visit, in a.
+const RETURN_RAMP: f32 = 0.5;
+/// Most cells of the box about the region: beyond that they grow, to the half width of the edge at most.
+const CELLS_MAX: f64 = 60e6;
+/// Cosine and sine of the angle by which the grid is turned: its tangent is the square of the golden ratio's inverse,
+/// so that neither walls along the axes nor diagonals fall in step with the cells.
+const TURN: [f64; 2] = [0.934_172_358_962_715_7, 0.356_822_089_773_089_9];
+/// Number of a cell outside the region.
+pub const OUTSIDE: u32 = u32::MAX;
+/// Strip number of a visit by the inside of the aperture.
+pub const NO_STRIP: u32 = u32::MAX;
+
+/// Cover at distance z (in half widths) beyond the edge: 1 well inside, 0 outside, C² in between.
+#[inline]
+pub fn cover(z: f32) -> f32 {
+    if z <= -1.0 {
+        1.0
+    } else if z >= 1.0 {
+        0.0
+    } else {
+        let y = z * z;
+        0.5 - 0.9375 * z * (1.0 - y * (2.0 / 3.0) + y * y * 0.2)
+    }
+}
+
+/// Derivative of [`cover`].
+#[inline]
+pub fn cover_slope(z: f32) -> f32 {
+    let y = 1.0 - z * z;
+    if y <= 0.0 { 0.0 } else { -0.9375 * y * y }
+}
+
+/// Half the width of the smooth step for an aperture with this b, in a.
+pub fn edge_half(minor: f64) -> f64 {
+    EDGE_HALF.min(EDGE_HALF_MINOR * minor)
+}
+
+/// A vector of the plane in the frame of the grid.
+#[inline]
+pub fn to_grid([x, y]: [f64; 2]) -> [f64; 2] {
+    let [cos, sin] = TURN;
+    [cos * x - sin * y, sin * x + cos * y]
+}
+
+/// A vector of the grid's frame in the plane.
+#[inline]
+pub fn from_grid([x, y]: [f64; 2]) -> [f64; 2] {
+    let [cos, sin] = TURN;
+    [cos * x + sin * y, cos * y - sin * x]
+}
+
+/// An edge of the region, in a.
+pub type Segment = [[f64; 2]; 2];
+
+/// The cells of a region.
+#[derive(Clone, Debug)]
+pub struct Cells {
+    /// Side of a cell, in a.
+    pub size: f64,
+    /// Half the width of the smooth step, in a.
+    pub edge_half: f32,
+    /// Columns and rows of the box about the region.
+    pub columns: usize,
+    /// Rows of it.
+    pub rows: usize,
+    /// Number of each cell of the box, row by row, or [`OUTSIDE`].
+    pub numbers: Vec<u32>,
+    /// Cover that the wall stands for, by number: what lies beyond it counts as laid.
+    pub wall_cover: Vec<f32>,
+    origin: [f64; 2],
+}
+
+impl Cells {
+    /// Cells of the region with these edges for an edge of this half width; `None` where it is too large or empty.
+    pub fn of(segments: &[Segment], edge_half: f64) -> Option<Cells> {
+        let turned = |segment: &Segment| segment.map(to_grid);
+        let segments: Vec<Segment> = segments.iter().map(turned).collect();
+        let (mut low, mut high) = ([f64::INFINITY; 2], [f64::NEG_INFINITY; 2]);
+        for point in segments.iter().flatten() {
+            for c in 0..2 {
+                low[c] = low[c].min(point[c]);
+                high[c] = high[c].max(point[c]);
+            }
+        }
+        let [width, height] = [high[0] - low[0] + 1.0, high[1] - low[1] + 1.0];
+        let size = (CELL * edge_half).max((width * height / CELLS_MAX).sqrt());
+        if !(width.is_finite() && height.is_finite() && size <= edge_half) {
+            return None;
+        }
+        let (columns, rows) = ((width / size) as usize + 1, (height / size) as usize + 1);
+        let mut cells = Cells {
+            size,
+            edge_half: edge_half as f32,
+            columns,
+            rows,
+            numbers: vec![OUTSIDE; columns * rows],
+            wall_cover: Vec::new(),
+            origin: [low[0] - 0.5, low[1] - 0.5],
+        };
+        cells.number(&segments);
+        for segment in &segments {
+            cells.cover_by_wall(segment);
+        }
+        Some(cells)
+    }
+
+    /// Numbers the cells inside, by where the edges cross the middle of each row.
+    fn number(&mut self, segments: &[Segment]) {
+        let mut crossings: Vec<Vec<f64>> = vec![Vec::new(); self.rows];
+        for [p, q] in segments {
+            let (low, high) = (p[1].min(q[1]), p[1].max(q[1]));
+            for row in self.rows_in(low as f32, high as f32) {
+                let y = self.middle(row, 1);
+                // The range may miss or exceed by one row for rounding; the test decides.
+                if (p[1] <= y) != (q[1] <= y) {
+                    crossings[row].push(p[0] + (q[0] - p[0]) * (y - p[1]) / (q[1] - p[1]));
+                }
+            }
+        }
+        let mut count = 0;
+        for (row, xs) in crossings.iter_mut().enumerate() {
+            xs.sort_by(f64::total_cmp);
+            for pair in xs.chunks_exact(2) {
+                for column in self.columns_in(pair[0] as f32, pair[1] as f32) {
+                    self.numbers[row * self.columns + column] = count;
+                    count += 1;
+                }
+            }
+        }
+        self.wall_cover = vec![0.0; count as usize];
+    }
+
+    /// Middle of a column (`axis` 0) or row (1).
+    fn middle(&self, number: usize, axis: usize) -> f64 {
+        self.origin[axis] + (number as f64 + 0.5) * self.size
+    }
+
+    /// Raises the cover of the cells along a wall.
+    fn cover_by_wall(&mut self, &[p, q]: &Segment) {
+        let reach = f64::from(self.edge_half);
+        let way = [q[0] - p[0], q[1] - p[1]];
+        let length2 = way[0] * way[0] + way[1] * way[1];
+        let (low, high) = (p[1].min(q[1]), p[1].max(q[1]));
+        for row in self.rows_in((low - reach) as f32, (high + reach) as f32) {
+            let y = self.middle(row, 1) - p[1];
+            // The part of the wall that is near enough to this row.
+            let share = |at: f64| {
+                if way[1].abs() > 1e-12 {
+                    (at / way[1]).clamp(0.0, 1.0)
+                } else {
+                    0.5
+                }
+            };
+            let (mut from, mut to) = (share(y - reach), share(y + reach));
+            if way[1].abs() <= 1e-12 {
+                (from, to) = (0.0, 1.0);
+            }
+            let [x0, x1] = [p[0] + way[0] * from, p[0] + way[0] * to];
+            let range = self.columns_in((x0.min(x1) - reach) as f32, (x0.max(x1) + reach) as f32);
+            for column in range {
+                let cell = self.numbers[row * self.columns + column];
+                if cell == OUTSIDE {
+                    continue;
+                }
+                let x = self.middle(column, 0) - p[0];
+                let t = ((x * way[0] + y * way[1]) / (length2 + 1e-30)).clamp(0.0, 1.0);
+                let distance = (x - t * way[0]).hypot(y - t * way[1]);
+                let cover = cover((distance / reach) as f32);
+                let held = &mut self.wall_cover[cell as usize];
+                *held = held.max(cover);
+            }
+        }
+    }
+
+    /// Columns whose middles lie in a range of x.
+    #[inline]
+    pub fn columns_in(&self, low: f32, high: f32) -> std::ops::Range<usize> {
+        self.range(low, high, self.origin[0] as f32, self.columns)
+    }
+
+    /// Rows whose middles lie in a range of y.
+    #[inline]
+    pub fn rows_in(&self, low: f32, high: f32) -> std::ops::Range<usize> {
+        self.range(low, high, self.origin[1] as f32, self.rows)
+    }
+
+    #[inline]
+    fn range(&self, low: f32, high: f32, origin: f32, count: usize) -> std::ops::Range<usize> {
+        let inverse = (1.0 / self.size) as f32;
+        // A cast cuts off towards zero and saturates; NaN is 0.
+        let place =
+            |v: f32| (((v - origin) * inverse + 0.5) as i32).clamp(0, count as i32) as usize;
+        place(low)..place(high)
+    }
+
+    /// Middle of column 0 and row 0, f32.
+    #[inline]
+    pub fn first_middle(&self) -> [f32; 2] {
+        [self.middle(0, 0) as f32, self.middle(0, 1) as f32]
+    }
+}
+
+/// One visit of a cell.
+#[derive(Clone, Copy, Debug)]
+pub struct Visit {
+    /// Path at which the aperture leaves it, in a.
+    pub last: f32,
+    /// Distance of the cell beyond the edge of the sweep, in a.
+    pub distance: f32,
+    /// Place on the strip, 0 to 1 from its first contact to its second.
+    pub share: f32,
+    /// Below 1 for a return so soon that it is not quite a new visit.
+    pub weight: f32,
+    /// The strip, or [`NO_STRIP`].
+    pub strip: u32,
+    /// The visit before it: its number among the older ones, [`FIRST`] or, of a cell never visited, [`NEVER`].
+    before: u32,
+}
+
+const FIRST: u32 = u32::MAX - 1;
+const NEVER: u32 = u32::MAX;
+/// Distance of a cell that the inside of the aperture passed over.
+const WELL_INSIDE: f32 = -1e3;
+
+/// The visits of all cells: the newest of each in place, the few older ones behind.
+#[derive(Clone, Debug)]
+pub struct Visits {
+    newest: Vec<Visit>,
+    older: Vec<Visit>,
+    /// Path after which a return begins to count.
+    apart: f32,
+}
+
+/// What of the sweep is at a cell.
+#[derive(Clone, Copy, Debug)]
+pub struct Seen {
+    /// Path from and to which, in a.
+    pub from: f32,
+    /// Path to which.
+    pub last: f32,
+    /// Distance beyond the edge of the sweep.
+    pub distance: f32,
+    /// Strip and place on it.
+    pub strip: u32,
+    /// Place on the strip.
+    pub share: f32,
+}
+
+impl Seen {
+    /// By the inside of the aperture.
+    pub fn inside(from: f32, last: f32) -> Seen {
+        Seen {
+            from,
+            last,
+            distance: WELL_INSIDE,
+            strip: NO_STRIP,
+            share: 0.0,
+        }
+    }
+}
+
+impl Visits {
+    /// None yet; a return counts after `return_path`, in a.
+    pub fn new(cells: usize, return_path: f32) -> Visits {
+        Visits {
+            newest: vec![Visit::NONE; cells],
+            older: Vec::new(),
+            apart: return_path - RETURN_RAMP,
+        }
+    }
+
+    /// Forgets all.
+    pub fn clear(&mut self) {
+        self.newest.fill(Visit::NONE);
+        self.older.clear();
+    }
+
+    /// A cell is seen: a part of its last visit, or a new one.
+    #[inline]
+    pub fn see(&mut self, cell: u32, seen: Seen) {
+        let newest = &mut self.newest[cell as usize];
+        let (mut weight, mut before) = (1.0, FIRST);
+        if newest.before != NEVER {
+            let gap = seen.from - newest.last - self.apart;
+            if gap <= 0.0 {
+                newest.last = newest.last.max(seen.last);
+                if seen.distance < newest.distance {
+                    (newest.distance, newest.strip, newest.share) =
+                        (seen.distance, seen.strip, seen.share);
+                }
+                return;
+            }
+            weight = (gap / (2.0 * RETURN_RAMP)).min(1.0);
+            before = self.older.len() as u32;
+            self.older.push(*newest);
+        }
+        *newest = Visit {
+            last: seen.last,
+            distance: seen.distance,
+            share: seen.share,
+            weight,
+            strip: seen.strip,
+            before,
+        };
+    }
+
+    /// The cover of a cell that no strip sees: never visited, or once by the inside of the aperture.
+    #[inline]
+    pub fn plain_cover(&self, cell: usize) -> Option<f32> {
+        let visit = &self.newest[cell];
+        match visit.before {
+            NEVER => Some(0.0),
+            FIRST if visit.strip == NO_STRIP => Some(1.0),
+            _ => None,
+        }
+    }
+
+    /// The visits of a cell in order, as many as fit, the newest where they do not; their number.
+    #[inline]
+    pub fn of(&self, cell: usize, into: &mut [Visit; VISITS_MAX]) -> usize {
+        let mut visit = self.newest[cell];
+        let mut count = 0;
+        while visit.before != NEVER && count < VISITS_MAX {
+            into[count] = visit;
+            count += 1;
+            visit = match self.older.get(visit.before as usize) {
+                Some(older) => *older,
+                None => break,
+            };
+        }
+        into[..count].reverse();
+        count
+    }
+}
+
+/// Most visits of a cell that are looked at.
+pub const VISITS_MAX: usize = 8;
+
+impl Visit {
+    /// No visit.
+    pub const NONE: Visit = Visit {
+        last: 0.0,
+        distance: 0.0,
+        share: 0.0,
+        weight: 1.0,
+        strip: NO_STRIP,
+        before: NEVER,
+    };
+}
