@@ -1,9 +1,9 @@
 //! The passes of a region handed to the optimiser and taken back as the curves that are printed.
 //!
 //! In: passes in printing order (mm, rad), the walls, the settings. Out: for each pass the control points of its
-//! curve, inside the walls; `None` where the optimiser does not apply (apertures other than the ellipse, headings
-//! with stops, beads that are to overlap, lines of a sparse infill and bridges in the region) or where what it made is not inside: such a
-//! pass becomes a curve as it is, by [`crate::plan::curve::layer_path`].
+//! curve, inside the walls; `None` where the optimiser does not apply (apertures other than the ellipse, headings with
+//! stops, beads that are to overlap, lines of a sparse infill and bridges in the region) or where what it made is not
+//! inside: such a pass becomes a curve as it is, by [`crate::plan::curve::layer_path`].
 
 use crate::geometry::aperture::Aperture;
 use crate::geometry::coverage::return_mm;
@@ -95,8 +95,10 @@ fn optimised(passes: &mut [LayerPass], walls: &EdgeIndex, settings: &Settings) -
     found
         .map(|((unknown, pass), (even, numbers))| {
             let control = checked(&unknown.control, &inside)?;
-            pass.placements =
-                placements_on(&control, |i| pass.placements[numbers[even.numbers[i]]]);
+            // A curve that was led around has a few more points than it began with.
+            let share = (even.numbers.len() - 1) as f64 / (control.len() - 1) as f64;
+            let begun = |i: usize| numbers[even.numbers[(i as f64 * share) as usize]];
+            pass.placements = placements_on(&control, |i| pass.placements[begun(i)]);
             Some(control.into())
         })
         .collect()
