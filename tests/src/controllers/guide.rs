@@ -120,6 +120,7 @@ pub fn marlin(guide: &str) -> Result<marlin::Config, String> {
         ],
         jerk: Some(axes(jerk)?),
         deviation_mm: 0.013,
+        steps_min: number(of, "MIN_STEPS_PER_SEGMENT")?,
         heading_deg: is_cut.then_some([0.0, 360.0]),
     })
 }

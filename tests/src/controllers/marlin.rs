@@ -3,7 +3,7 @@
 //! Source: marlinfw.org, Configuration (jerk, junction deviation, accelerations, software endstops), G-code pages, and the
 //! behaviour of `planner.cpp` and `motion.cpp` of 2.1. F is the speed of X Y Z where one moves, of the rotational axes
 //! where those alone do. Classic jerk bounds the change of each axis' speed at a junction; junction deviation takes the
-//! angle between moves in all axes at once, millimetres and degrees alike. Moves of fewer than six steps are put off to
+//! angle between moves in all axes at once, millimetres and degrees alike. Moves of fewer than six steps (as it comes) are put off to
 //! the next. The buffer holds 16 blocks. Software endstops bound what a homed axis is told. Leaves out linear advance, and the jerk with
 //! which a first move begins.
 
@@ -14,8 +14,6 @@ use std::f64::consts::FRAC_PI_4;
 
 /// `BLOCK_BUFFER_SIZE`.
 const BUFFER: usize = 16;
-/// `MIN_STEPS_PER_SEGMENT`.
-const STEPS_MIN: f64 = 6.0;
 /// `MAX_CMD_SIZE`.
 const LINE_MAX: usize = 96;
 
@@ -34,6 +32,8 @@ pub struct Config {
     pub jerk: Option<[f64; AXES]>,
     /// `JUNCTION_DEVIATION_MM` without.
     pub deviation_mm: f64,
+    /// `MIN_STEPS_PER_SEGMENT`.
+    pub steps_min: f64,
     /// Software endstops of the heading, degrees.
     pub heading_deg: Option<[f64; 2]>,
 }
@@ -76,7 +76,7 @@ impl Marlin {
                 .iter()
                 .zip(&config.steps)
                 .map(|(by, steps)| (by * steps).abs());
-            if steps.fold(0.0, f64::max) < STEPS_MIN {
+            if steps.fold(0.0, f64::max).round() < config.steps_min {
                 put_off = way.by;
                 return Ok(None);
             }
@@ -198,6 +198,7 @@ mod tests {
             accelerations: [1000.0; 3],
             jerk: Some([10.0, 10.0, 0.3, 1.0, 1.0, 100.0, 5.0]),
             deviation_mm: 0.013,
+            steps_min: 6.0,
             heading_deg: None,
         }
     }

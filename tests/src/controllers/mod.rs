@@ -132,7 +132,8 @@ pub struct JobBounds {
 impl JobBounds {
     /// True for the next line where it is the job's.
     pub fn is_job(&mut self, line: &str) -> bool {
-        self.ended |= self.approached && (line.starts_with("M400") || line.starts_with("G94"));
+        let ends = [";end of the job", "M400", "G94"];
+        self.ended |= self.approached && ends.iter().any(|end| line.starts_with(end));
         let is_job = self.approached && !self.ended;
         self.approached |= line.starts_with("G0 ");
         is_job
