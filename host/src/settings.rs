@@ -275,6 +275,8 @@ pub struct Settings {
     pub tip_acceleration_mm_s2: f64,
     /// Lift of travel moves above the layer.
     pub lift_mm: f64,
+    /// Letters of the tilts about X and Y and of the heading on another controller, which knows the tip of a head that tilts.
+    pub gcode_letters: Option<[u8; 3]>,
     /// Multiplier of the deposited volume.
     pub flow_factor: f64,
     /// Volumetric flow limit of dV/dt.

@@ -12,6 +12,7 @@
 
 pub mod beads;
 pub mod centre_line;
+pub mod controllers;
 pub mod cpu_clock;
 pub mod dense_search;
 pub mod elf;

@@ -53,8 +53,16 @@ pub fn beside_moves(stream: &SegmentStream, servo_hz: f64, places: &[[f64; 6]]) 
     for sample in samples(stream, servo_hz, 3.0) {
         let ahead = at..(at + AHEAD).min(places.len() - 1);
         let of = |i: usize| beside(&sample, &places[i], &places[i + 1]);
+        // A path that turns back lies on itself: the first move that is near enough and nearer than the next one.
+        let is_near = |i: &usize| {
+            let own = of(*i);
+            own <= 1.0 && (i + 1 >= ahead.end || own <= of(i + 1))
+        };
+        let nearest = || ahead.clone().min_by(|i, k| of(*i).total_cmp(&of(*k)));
         let best = ahead
-            .min_by(|i, k| of(*i).total_cmp(&of(*k)))
+            .clone()
+            .find(is_near)
+            .or_else(nearest)
             .expect("a move");
         at = best;
         worst = worst.max(of(best));

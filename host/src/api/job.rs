@@ -9,13 +9,15 @@ use crate::drive::link::LinkSpec;
 use crate::drive::simulator::SimulatorSetup;
 use crate::findings::simulated::{outcome, simulation_figures};
 use crate::gcode::write::dialect::Dialect;
-use crate::gcode::write::{JobText, WriteOptions, write_gcode};
+use crate::gcode::write::limits::AxisLimits;
+use crate::gcode::write::{JobText, WriteOptions, is_tilting, write_gcode};
 use crate::job::SegmentStream;
 use crate::job_file::{self, JobFile};
 use crate::report::figures::Figures;
 use crate::report::job_texts::{NAME_TEXT, SETTINGS_TEXT};
 use crate::report::pose_table;
 use crate::settings::{Settings, machine_file};
+use std::f64::consts::PI;
 use std::io::{Cursor, Write};
 
 /// A planned job.
@@ -155,7 +157,20 @@ impl Job {
             servo_hz: self.servo_hz(),
             heat: &self.file.header.heat(),
         };
-        let options = WriteOptions::of_dialect(dialect);
+        let mut options = WriteOptions::of_dialect(dialect);
+        let filament_mm2 = 0.25 * PI * options.filament_mm * options.filament_mm;
+        options.limits = AxisLimits::of_machine(&self.settings.machine, filament_mm2);
+        match self.settings.gcode_letters {
+            Some(letters) => options.turns = letters,
+            None if is_tilting(&self.stream) => {
+                return Err(Error::Job(
+                    "the head tilts: name the axes of a controller that knows its tip in the machine file, \
+                     [gcode] letters = \"A,B,C\""
+                        .to_string(),
+                ));
+            }
+            None => {}
+        }
         let written = write_gcode(out, &text, &options);
         written
             .map(|_| ())

@@ -34,6 +34,9 @@ pub(super) struct ExportArgs {
     /// File to write [default: stdout].
     #[arg(short, long, value_name = "FILE")]
     pub output: Option<PathBuf>,
+    /// Print the figures of G-code as one JSON object on stdout; needs --output.
+    #[arg(long)]
+    pub json: bool,
     #[command(flatten)]
     pub gcode: GcodeArgs,
 }
@@ -45,7 +48,7 @@ pub(super) struct GcodeArgs {
     /// Controller that G-code is for.
     #[arg(long, value_enum, value_name = "CONTROLLER")]
     pub dialect: Option<DialectName>,
-    /// How primes and retracts are written [default: firmware; extruder for linuxcnc and grblhal].
+    /// How primes and retracts are written [default: extruder, which leaves nothing set on the controller].
     #[arg(long, value_enum, value_name = "HOW")]
     pub retraction: Option<RetractionName>,
     /// Diameter of the filament, mm.
@@ -56,16 +59,16 @@ pub(super) struct GcodeArgs {
         allow_negative_numbers = true
     )]
     pub filament_diameter: f64,
-    /// Letters of the tilt about X, about Y, and of the heading.
-    #[arg(long, value_name = "A,B,C", default_value = "A,B,C")]
-    pub letters: String,
+    /// Letters of the tilt about X, about Y, and of the heading [default: the machine file's [gcode] letters, else A,B,C].
+    #[arg(long, value_name = "A,B,C")]
+    pub letters: Option<String>,
     /// Letter of the extruder [default: E; U for linuxcnc and grblhal].
     #[arg(long, value_name = "LETTER")]
     pub extruder: Option<char>,
     /// Headings from 0 to 360 degrees, for axes that go the shorter way; else they count turns.
     #[arg(long)]
     pub wrapped: bool,
-    /// How far a move may be beside the job's path, mm [default: 0.002].
+    /// How far a move may be beside the job's path, mm [default: 0.002; 0.003 for linuxcnc].
     #[arg(long, value_name = "MM", allow_negative_numbers = true)]
     pub line_tolerance: Option<f64>,
     /// Arcs (G2, G3) where they are fewer moves [default: on for linuxcnc, off for the others].
@@ -81,7 +84,7 @@ pub(super) struct GcodeArgs {
     /// Start block with fields like {x} or {time_s}, in place of the dialect's.
     #[arg(long, value_name = "FILE")]
     pub start: Option<PathBuf>,
-    /// Write the job though its machine has a hot end that neither the job nor a start block heats.
+    /// Write the job though neither it nor a start block heats a hot end.
     #[arg(long)]
     pub no_heat: bool,
     /// End block.

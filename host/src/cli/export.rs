@@ -25,6 +25,11 @@ pub(super) fn run(args: &ExportArgs, console: &Console) -> Result<(), CliError> 
             "--colour goes with pictures: --to svg".to_string(),
         ));
     }
+    if args.json && !matches!(args.to, ExportName::Gcode) {
+        return Err(CliError::Usage(
+            "--json goes with --to gcode: it prints what was written".to_string(),
+        ));
+    }
     let job = job::read(&args.job)?;
     let text = match args.to {
         ExportName::Csv => return csv(&job, args, console),

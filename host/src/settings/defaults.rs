@@ -133,6 +133,7 @@ impl Settings {
                 direction_rad: std::f64::consts::FRAC_PI_2,
             },
             tolerances: TOLERANCES,
+            gcode_letters: None,
             material: None,
             heaters: None,
             drivers: DriversConfiguration::none(),

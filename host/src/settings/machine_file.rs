@@ -20,6 +20,7 @@ use headway_firmware::homing::HomingConfiguration;
 use serde::Deserialize;
 
 mod drivers;
+mod gcode;
 mod heat;
 mod joints;
 mod kinds;
@@ -29,6 +30,8 @@ mod switches;
 mod wiring;
 mod write;
 use drivers::FileDriver;
+use gcode::FileGcode;
+pub use gcode::gcode_letters;
 use heat::{FileHeaters, FileMaterial};
 pub use heat::{write_heater, write_heaters};
 use joints::{FileArm, Joints};
@@ -64,6 +67,11 @@ pub enum MachineFileError {
         /// Kinematics by name.
         kinematics: &'static str,
     },
+    /// Letters of axes that are none.
+    #[error(
+        "gcode.letters: \"{0}\": write three different letters of A, B, C, U, V, W, H, J, as in \"A,B,C\""
+    )]
+    Letters(String),
     /// The aperture cannot be read.
     #[error("print.aperture: {0}")]
     Aperture(#[from] ApertureTextError),
@@ -113,6 +121,7 @@ struct File {
     tolerances: FileTolerances,
     material: Option<FileMaterial>,
     heaters: Option<FileHeaters>,
+    gcode: Option<FileGcode>,
     #[serde(default)]
     drivers: BTreeMap<String, FileDriver>,
     switches: Option<BTreeMap<String, FileSwitch>>,
@@ -299,6 +308,7 @@ impl File {
                 .tip_acceleration_mm_s2
                 .unwrap_or(default.tip_acceleration_mm_s2),
             lift_mm: print.lift_mm.unwrap_or(default.lift_mm),
+            gcode_letters: self.gcode.as_ref().map(FileGcode::letters).transpose()?,
             flow_factor: flow.factor.unwrap_or(default.flow_factor),
             flow_max_mm3_s: flow.flow_max_mm3_s.unwrap_or(default.flow_max_mm3_s),
             flow_rate_of_change_max_mm3_s2: flow

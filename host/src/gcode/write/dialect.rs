@@ -75,14 +75,6 @@ impl Dialect {
         if self.is_machine_tool() { b'U' } else { b'E' }
     }
 
-    /// Retraction where nothing else is asked.
-    pub fn retraction(self) -> Retraction {
-        match self.is_machine_tool() {
-            true => Retraction::Extruder,
-            false => Retraction::Firmware,
-        }
-    }
-
     /// Arcs that it runs with all its axes.
     pub fn arcs(self) -> ArcsWritten {
         match self {
@@ -107,27 +99,79 @@ impl Dialect {
         }
     }
 
-    /// Start block, with fields.
-    pub fn start(self) -> &'static str {
+    /// Tip tolerance where none is given, mm, and that of headings and tilts, degrees. LinuxCNC's moves are as long as what
+    /// is promised of the path allows (5 µm, 0.05°): each of them speeds up from rest.
+    pub fn tolerances(self) -> [f64; 2] {
         match self {
-            Dialect::Klipper => {
-                "MANUAL_STEPPER STEPPER=heading GCODE_AXIS={heading}\nG21\nG90\nM83\nG28\nG92 {extruder}0 {heading}0\n"
-            }
-            Dialect::RepRapFirmware | Dialect::Marlin => {
-                "G21\nG90\nM83\nG28\nG92 {extruder}0 {heading}0\n"
-            }
-            Dialect::LinuxCnc => {
-                "G21 G90 G91.1 G17 G40 G49 G80\nG64 P0.005\nG92 {extruder}0 {heading}0\nG93\n"
-            }
-            Dialect::GrblHal => "G21 G90 G17\nG92 {extruder}0 {heading}0\nG93\n",
+            Dialect::LinuxCnc => [0.003, 0.04],
+            _ => [super::TIP_TOLERANCE_MM, 0.02],
         }
     }
 
-    /// End block, with fields.
-    pub fn end(self) -> &'static str {
-        match self.is_machine_tool() {
-            true => "G94\nM2\n",
-            false => "M400\n",
+    /// What a controller has to be set to beside the limits of its axes, for those who export.
+    pub fn needs(self) -> &'static str {
+        match self {
+            Dialect::Klipper => "[manual_stepper heading] without position_min and position_max",
+            Dialect::RepRapFirmware => {
+                "config.g with M566 of the heading as high as its acceleration over 10 ms (C12000 where the guide \
+                 has it), and M208 without ends for it"
+            }
+            Dialect::Marlin => {
+                "CLASSIC_JERK with the heading's jerk as high as its acceleration over 10 ms, and no software \
+                 endstops for it"
+            }
+            Dialect::GrblHal => {
+                "a build whose axes have the letters of the file (X Y Z A B C U: N_AXIS 7), $11=0.02, and no soft \
+                 limits for heading and extruder"
+            }
+            Dialect::LinuxCnc => "[AXIS_C] and [AXIS_U] without MIN_LIMIT and MAX_LIMIT",
+        }
+    }
+
+    /// Start block, with fields. The heading's zero is where it stands.
+    pub fn start(self, tilts: bool) -> &'static str {
+        match (self, tilts) {
+            // A letter that a print left, as where it was stopped, is taken back; G92 knows no axis but X Y Z E.
+            (Dialect::Klipper, false) => concat!(
+                "MANUAL_STEPPER STEPPER=heading GCODE_AXIS=\n",
+                "MANUAL_STEPPER STEPPER=heading SET_POSITION=0\n",
+                "G21\nG90\nM83\nG28\n",
+                "MANUAL_STEPPER STEPPER=heading GCODE_AXIS={heading} {heading_limits}\n",
+                "G92 {extruder}0\n",
+            ),
+            (Dialect::Klipper, true) => concat!(
+                "MANUAL_STEPPER STEPPER=heading GCODE_AXIS=\n",
+                "MANUAL_STEPPER STEPPER=tilt_a GCODE_AXIS=\n",
+                "MANUAL_STEPPER STEPPER=tilt_b GCODE_AXIS=\n",
+                "MANUAL_STEPPER STEPPER=heading SET_POSITION=0\n",
+                "G21\nG90\nM83\nG28\n",
+                "MANUAL_STEPPER STEPPER=heading GCODE_AXIS={heading} {heading_limits}\n",
+                "MANUAL_STEPPER STEPPER=tilt_a GCODE_AXIS={tilt_a} {tilt_a_limits}\n",
+                "MANUAL_STEPPER STEPPER=tilt_b GCODE_AXIS={tilt_b} {tilt_b_limits}\n",
+                "G92 {extruder}0\n",
+            ),
+            (Dialect::RepRapFirmware | Dialect::Marlin, _) => {
+                "G21\nG90\nM83\nG28\nG92 {extruder}0 {heading}0\n"
+            }
+            (Dialect::LinuxCnc, _) => {
+                "G21 G90 G91.1 G17 G40 G49 G80\nG64 P0.003\nG92 {extruder}0 {heading}0\nG93\n"
+            }
+            (Dialect::GrblHal, _) => "G21 G90 G17\nG92 {extruder}0 {heading}0\nG93\n",
+        }
+    }
+
+    /// End block, with fields; the heading was turned back to a whole turn before.
+    pub fn end(self, tilts: bool) -> &'static str {
+        match (self, tilts) {
+            (Dialect::Klipper, false) => "M400\nM82\nMANUAL_STEPPER STEPPER=heading GCODE_AXIS=\n",
+            (Dialect::Klipper, true) => concat!(
+                "M400\nM82\n",
+                "MANUAL_STEPPER STEPPER=heading GCODE_AXIS=\n",
+                "MANUAL_STEPPER STEPPER=tilt_a GCODE_AXIS=\n",
+                "MANUAL_STEPPER STEPPER=tilt_b GCODE_AXIS=\n",
+            ),
+            (Dialect::RepRapFirmware | Dialect::Marlin, _) => "M400\nM82\n",
+            (Dialect::LinuxCnc | Dialect::GrblHal, _) => "G92.1\nM2\n",
         }
     }
 }

@@ -11,8 +11,11 @@
 //! own), and axes of machines that do not know the tip.
 
 pub mod arc_moves;
+pub mod controller_time;
 pub mod dialect;
+mod ends;
 mod heat;
+pub mod limits;
 pub mod lines;
 mod moves;
 mod poses;
@@ -21,22 +24,20 @@ pub mod template;
 
 use crate::job::{MotionState, SegmentStream};
 use crate::job_heat::HeatEvent;
+use controller_time::{ControllerTime, SlowedBy};
 use dialect::{ArcsWritten, Dialect, Retraction};
 use headway_firmware::pose::Pose;
 use headway_protocol::segment::FlowAction;
-use headway_protocol::units::{
-    CHANNEL_HEADING, CHANNEL_TILT_X, CHANNEL_TILT_Y, CHANNEL_VOLUME, CHANNELS,
-};
+use headway_protocol::units::{CHANNEL_HEADING, CHANNEL_TILT_X, CHANNEL_TILT_Y, CHANNELS};
+use limits::AxisLimits;
 use poses::{Poses, event_ticks};
 use std::collections::VecDeque;
 use std::f64::consts::PI;
 use std::io::Write;
-use template::{FieldError, filled};
+use template::FieldError;
 
 /// Tip tolerance where none is given, mm: with what decimals take, well below a step.
 pub const TIP_TOLERANCE_MM: f64 = 0.002;
-/// Feed to the job's start, mm/min.
-const APPROACH_MM_MIN: f64 = 3000.0;
 /// Tips that stay within this do not move, mm; headings, degrees.
 const STANDS_MM: f64 = 5e-5;
 const STANDS_DEG: f64 = 5e-4;
@@ -61,7 +62,8 @@ pub struct JobText<'a> {
 pub struct WriteOptions {
     /// For which controller.
     pub dialect: Dialect,
-    /// Primes and retracts; `None` is the dialect's.
+    /// Primes and retracts; `None` is the extruder's axis: what a controller retracts by of its own is set by the file
+    /// and stays set behind it.
     pub retraction: Option<Retraction>,
     /// Diameter of the filament, mm.
     pub filament_mm: f64,
@@ -73,6 +75,8 @@ pub struct WriteOptions {
     pub wrapped: bool,
     /// How far the tip may be beside the stream's, mm.
     pub tip_mm: f64,
+    /// What the controller's axes do.
+    pub limits: AxisLimits,
     /// Arcs (G2, G3) where they are fewer than straight moves; `None` is the dialect's.
     pub arcs: Option<bool>,
     /// Start and end block; `None` are the dialect's.
@@ -89,7 +93,8 @@ impl WriteOptions {
             turns: *b"ABC",
             extruder: None,
             wrapped: false,
-            tip_mm: TIP_TOLERANCE_MM,
+            tip_mm: dialect.tolerances()[0],
+            limits: AxisLimits::BUILT_IN,
             arcs: None,
             blocks: [None, None],
         }
@@ -109,6 +114,10 @@ pub struct Written {
     pub duration_s: f64,
     /// What moves extrude, mm³.
     pub volume_mm3: f64,
+    /// Time that the controller's own planner takes for them, s: see [`controller_time`].
+    pub controller_time_s: f64,
+    /// What slows the most of its moves down.
+    pub slowed_by: Option<SlowedBy>,
 }
 
 /// Why nothing is written.
@@ -160,6 +169,7 @@ struct Writer<'a, W> {
     /// Length and speed that the controller retracts by.
     retraction: String,
     recent: VecDeque<f64>,
+    time: ControllerTime,
     written: Written,
 }
 
@@ -184,6 +194,13 @@ fn arcs_written(options: &WriteOptions) -> Result<ArcsWritten, WriteError> {
     }
 }
 
+/// True where the tool axis leaves the vertical.
+pub fn is_tilting(stream: &SegmentStream) -> bool {
+    let tilts =
+        |control: &[i32; CHANNELS]| control[CHANNEL_TILT_X] != 0 || control[CHANNEL_TILT_Y] != 0;
+    tilts(&stream.start) || stream.knots.iter().any(|knot| tilts(&knot.control))
+}
+
 /// Writes a job.
 ///
 /// # Errors
@@ -197,12 +214,7 @@ pub fn write_gcode(
     let ticks = stream.marks.last().map_or(0, |mark| mark.end_tick);
     let mut poses = Poses::new(stream);
     let first = poses.at(0);
-    let tilts = stream.start[CHANNEL_TILT_X] != 0
-        || stream.start[CHANNEL_TILT_Y] != 0
-        || stream
-            .knots
-            .iter()
-            .any(|knot| knot.control[CHANNEL_TILT_X] != 0 || knot.control[CHANNEL_TILT_Y] != 0);
+    let tilts = is_tilting(stream);
     let mut writer = Writer {
         out,
         options,
@@ -217,6 +229,7 @@ pub fn write_gcode(
         retracted_mm: None,
         retraction: String::new(),
         recent: VecDeque::new(),
+        time: ControllerTime::new(options.dialect, options.limits),
         written: Written {
             duration_s: ticks as f64 / job.servo_hz,
             ..Written::default()
@@ -228,6 +241,8 @@ pub fn write_gcode(
     }
     writer.begin(job, &first)?;
     let events = event_ticks(stream);
+    let is_prime = |event: &&(u64, FlowAction, f64, f64)| event.1 == FlowAction::Prime;
+    let mut primes_left = events.iter().filter(is_prime).count();
     let mut layer = None;
     let first_orders = job.heat.iter().take_while(|event| event.tick == 0);
     let mut heat = &job.heat[first_orders.count()..];
@@ -243,13 +258,14 @@ pub fn write_gcode(
         for (_, action, volume_mm3, duration_s) in of_mark.clone() {
             if *action == FlowAction::Prime {
                 writer.prime(*volume_mm3, *duration_s)?;
+                primes_left -= 1;
             }
         }
         let ticks = [mark.start_tick, mark.end_tick];
         writer.move_with_orders(ticks, &mut heat, &mut poses)?;
         for (_, action, volume_mm3, duration_s) in of_mark {
             if *action == FlowAction::Retract {
-                writer.retract(*volume_mm3, *duration_s)?;
+                writer.retract(*volume_mm3, *duration_s, primes_left > 0)?;
             }
         }
     }
@@ -268,80 +284,7 @@ impl<W: Write> Writer<'_, W> {
     }
 
     fn style(&self) -> Retraction {
-        self.options
-            .retraction
-            .unwrap_or(self.options.dialect.retraction())
-    }
-
-    /// Header, start block, the way to the job's first pose.
-    fn begin(&mut self, job: &JobText, first: &[f64; CHANNELS]) -> Result<(), WriteError> {
-        let options = self.options;
-        let [a, b, c] = options.turns.map(char::from);
-        let extruder = char::from(self.extruder());
-        writeln!(
-            self.out,
-            ";headway extruder={extruder} turns={a}{b}{c}\n;generated by headway for {}: {}\n;filament_diameter = {}",
-            options.dialect.name(),
-            one_line(job.name),
-            options.filament_mm
-        )?;
-        let start = options.blocks[0]
-            .as_deref()
-            .unwrap_or(options.dialect.start());
-        let block = filled(start, &self.fields(job, first))?;
-        self.out.write_all(block.as_bytes())?;
-        let orders = heat::first_lines(job.heat, options);
-        self.out.write_all(orders.as_bytes())?;
-        let to = self.place(first);
-        let words = self.words(&to, 6);
-        match options.dialect.is_machine_tool() {
-            true => writeln!(self.out, "G0{words}")?,
-            false => writeln!(self.out, "G0{words} F{APPROACH_MM_MIN}")?,
-        }
-        self.at = to;
-        Ok(())
-    }
-
-    fn end(mut self, job: &JobText, first: &[f64; CHANNELS]) -> Result<Written, WriteError> {
-        let options = self.options;
-        let end = options.blocks[1]
-            .as_deref()
-            .unwrap_or(options.dialect.end());
-        let block = filled(end, &self.fields(job, first))?;
-        self.out.write_all(block.as_bytes())?;
-        writeln!(
-            self.out,
-            ";{} moves, at most {:.0} a second",
-            self.written.moves, self.written.moves_a_second
-        )?;
-        self.out.flush()?;
-        Ok(self.written)
-    }
-
-    fn fields(&self, job: &JobText, first: &[f64; CHANNELS]) -> Vec<(&'static str, String)> {
-        let end_tick = job.stream.marks.last().map_or(0, |mark| mark.end_tick);
-        let end = Poses::new(job.stream).at(end_tick);
-        let volume_mm3 = end[CHANNEL_VOLUME] - first[CHANNEL_VOLUME];
-        let mut fields = vec![
-            ("name", one_line(job.name)),
-            ("machine", one_line(job.machine)),
-            ("extruder", char::from(self.extruder()).to_string()),
-            ("heading", char::from(self.options.turns[2]).to_string()),
-            ("dialect", self.options.dialect.name().to_string()),
-            ("layers", job.stream.layers().to_string()),
-            ("time_s", format!("{:.1}", self.written.duration_s)),
-            ("volume_mm3", format!("{volume_mm3:.3}")),
-            (
-                "filament_mm",
-                format!("{:.3}", volume_mm3 / self.filament_mm2()),
-            ),
-            ("x", format!("{:.3}", first[0])),
-            ("y", format!("{:.3}", first[1])),
-            ("z", format!("{:.3}", first[2])),
-            ("c", format!("{:.3}", first[CHANNEL_HEADING].to_degrees())),
-        ];
-        fields.extend(heat::first_fields(job.heat));
-        fields
+        self.options.retraction.unwrap_or(Retraction::Extruder)
     }
 
     /// The place of a pose, turns unwound.
@@ -426,11 +369,4 @@ fn short(value: f64, decimals: usize) -> String {
         "-0" => "0".to_string(),
         text => text.to_string(),
     }
-}
-
-/// Names are comments of one line.
-fn one_line(text: &str) -> String {
-    text.chars()
-        .filter(|c| !c.is_control() && !matches!(c, '(' | ')' | ';'))
-        .collect()
 }

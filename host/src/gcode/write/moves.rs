@@ -5,15 +5,13 @@
 
 use super::arc_moves::{Arc, MoveEnd, moves_with_arcs};
 use super::dialect::ArcsWritten;
+use super::limits::{AXES, EXTRUDER};
 use super::lines::{LineTolerances, move_ends};
 use super::poses::Poses;
 use super::{STANDS_MM, WriteError, Writer, short};
 use headway_protocol::units::{CHANNEL_VOLUME, CHANNELS};
-use std::f64::consts::PI;
 use std::io::Write;
 
-/// Heading and tilt, rad: 0.02°.
-const TURN_TOLERANCE_RAD: f64 = 0.02 * PI / 180.0;
 /// Volume of a bead of 0.1 mm² over 20 µm, mm³.
 const VOLUME_TOLERANCE_MM3: f64 = 0.002;
 /// Time over which moves are counted, s.
@@ -29,7 +27,7 @@ impl<W: Write> Writer<'_, W> {
         let all: Vec<[f64; CHANNELS]> = (from_tick..=to_tick).map(|tick| poses.at(tick)).collect();
         let tolerances = LineTolerances {
             tip_mm: self.options.tip_mm,
-            turn_rad: TURN_TOLERANCE_RAD,
+            turn_rad: self.options.dialect.tolerances()[1].to_radians(),
             wrapped: self.options.wrapped,
             volume_mm3: VOLUME_TOLERANCE_MM3,
         };
@@ -81,10 +79,18 @@ impl<W: Write> Writer<'_, W> {
                 (code, axes, length(&[arc.length_mm(), way_mm[2]]))
             }
         };
+        let e_before = self.e_units;
         let words = axes + &self.extrusion(e_mm);
         if words.is_empty() {
             return Ok(());
         }
+        let mut by = [0.0; AXES];
+        for (axis, tip) in to.tip_mm.iter().enumerate() {
+            by[axis] = tip - from_mm[axis];
+        }
+        by[3..EXTRUDER].copy_from_slice(&turned);
+        by[EXTRUDER] = (self.e_units - e_before) as f64 * 1e-5;
+        self.time.add(by, way_mm, seconds);
         let feed = match (self.options.dialect.is_machine_tool(), way_mm > STANDS_MM) {
             (true, _) => format!(" F{}", short(60.0 / seconds, 4)),
             (false, true) => format!(" F{}", short(60.0 * way_mm / seconds, 2)),

@@ -3,6 +3,7 @@
 //! In: volumes (mm³) and durations (ticks) of the stream's events. Out: lines of the dialect.
 
 use super::dialect::{Dialect, Retraction};
+use super::limits::{AXES, EXTRUDER};
 use super::{WriteError, Writer, short};
 use std::io::Write;
 
@@ -13,6 +14,7 @@ impl<W: Write> Writer<'_, W> {
         if word.is_empty() {
             return Ok(());
         }
+        self.time_push(by_mm, seconds);
         let feed = match self.options.dialect.is_machine_tool() {
             true => 60.0 / seconds.max(1e-3),
             false => 60.0 * by_mm.abs() / seconds.max(1e-3),
@@ -22,17 +24,35 @@ impl<W: Write> Writer<'_, W> {
         Ok(())
     }
 
-    pub(super) fn retract(&mut self, volume_mm3: f64, ticks: f64) -> Result<(), WriteError> {
+    /// A push of the extruder alone, for the controller's time.
+    fn time_push(&mut self, by_mm: f64, seconds: f64) {
+        let mut by = [0.0; AXES];
+        by[EXTRUDER] = by_mm;
+        self.time.add(by, 0.0, seconds.max(1e-3));
+    }
+
+    /// `primed` where the job primes again: what a controller retracts by itself and does not give back, it holds
+    /// for retracted at the next print, and does not retract then.
+    pub(super) fn retract(
+        &mut self,
+        volume_mm3: f64,
+        ticks: f64,
+        primed: bool,
+    ) -> Result<(), WriteError> {
         let (length_mm, seconds) = (volume_mm3 / self.filament_mm2(), ticks / self.servo_hz);
-        self.retracted_mm = Some(length_mm);
         match self.style() {
-            Retraction::Extruder => return self.push(-length_mm, seconds),
-            Retraction::Source => writeln!(self.out, "M228")?,
-            Retraction::Firmware => {
+            Retraction::Source => {
+                self.time_push(-length_mm, seconds);
+                writeln!(self.out, "M228")?;
+            }
+            Retraction::Firmware if primed => {
+                self.retracted_mm = Some(length_mm);
+                self.time_push(-length_mm, seconds);
                 let speed_mm_s = length_mm / seconds.max(1e-3);
                 self.set_retraction(length_mm, speed_mm_s, 0.0)?;
                 writeln!(self.out, "G10")?;
             }
+            Retraction::Firmware | Retraction::Extruder => self.push(-length_mm, seconds)?,
         }
         Ok(())
     }
@@ -41,14 +61,39 @@ impl<W: Write> Writer<'_, W> {
         let (length_mm, seconds) = (volume_mm3 / self.filament_mm2(), ticks / self.servo_hz);
         let retracted_mm = self.retracted_mm.take();
         match (self.style(), retracted_mm) {
-            (Retraction::Source, _) => writeln!(self.out, "M227")?,
+            (Retraction::Source, _) => {
+                self.time_push(length_mm, seconds);
+                writeln!(self.out, "M227")?;
+            }
             // Firmware retraction has nothing to give back before the first retract.
             (Retraction::Extruder, _) | (_, None) => return self.push(length_mm, seconds),
             (Retraction::Firmware, Some(retracted_mm)) => {
-                let speed_mm_s = length_mm / seconds.max(1e-3);
-                self.set_retraction(retracted_mm, speed_mm_s, length_mm - retracted_mm)?;
-                writeln!(self.out, "G11")?;
+                self.time_push(length_mm, seconds);
+                self.give_back(retracted_mm, length_mm, seconds)?;
             }
+        }
+        Ok(())
+    }
+
+    /// G11, and what it gives more or less than was retracted. Klipper forgets that the filament is back when its
+    /// lengths are set, and takes no extra length below 0: there the rest is a push of its own.
+    fn give_back(
+        &mut self,
+        retracted_mm: f64,
+        length_mm: f64,
+        seconds: f64,
+    ) -> Result<(), WriteError> {
+        let (speed_mm_s, extra_mm) = (length_mm / seconds.max(1e-3), length_mm - retracted_mm);
+        if self.options.dialect != Dialect::Klipper {
+            self.set_retraction(retracted_mm, speed_mm_s, extra_mm)?;
+            writeln!(self.out, "G11")?;
+            return Ok(());
+        }
+        writeln!(self.out, "G11")?;
+        let word = self.extrusion(self.e_mm + extra_mm);
+        if !word.is_empty() {
+            self.feed = format!(" F{}", short(60.0 * speed_mm_s, 2));
+            writeln!(self.out, "G1{word}{}", self.feed)?;
         }
         Ok(())
     }

@@ -1,6 +1,7 @@
 //! Writes a machine file with its comments; [`super::from_toml`] reads exactly the same settings.
 
 use super::drivers::write_drivers;
+use super::gcode::write_letters;
 use super::heat::{write_heaters, write_material};
 use super::kinds::write_kinds;
 use super::probe::write_probe;
@@ -25,8 +26,22 @@ pub fn to_toml(settings: &Settings) -> String {
 
 /// The same with every key, to start from.
 pub fn to_new_toml(settings: &Settings) -> String {
-    written(settings, true)
+    let mut text = written(settings, true);
+    if settings.material.is_none() {
+        text.push_str(MATERIAL_TO_FILL_IN);
+    }
+    text
 }
+
+/// No temperature is right for every machine.
+const MATERIAL_TO_FILL_IN: &str = "
+# What is printed. Without it no job heats, and `export --to gcode` and boards with a hot end refuse it;
+# hot_end_c = 0 is printed cold.
+# [material]
+# hot_end_c = 215
+# bed_c = 60
+# fan_pct = 100
+";
 
 fn written(settings: &Settings, with_layers: bool) -> String {
     let mut text = String::new();
@@ -42,6 +57,9 @@ fn written(settings: &Settings, with_layers: bool) -> String {
     }
     if let Some(heaters) = &settings.heaters {
         let _ = write_heaters(&mut text, heaters);
+    }
+    if let Some(letters) = settings.gcode_letters {
+        let _ = write_letters(&mut text, letters);
     }
     let _ = write_drivers(&mut text, &settings.drivers, &settings.machine);
     let _ = write_wiring(&mut text, &settings.wiring, &settings.machine);

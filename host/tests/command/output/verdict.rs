@@ -180,6 +180,110 @@ fn missing_heat_refuses_stream_and_export_but_not_plan() {
     assert!(!says_heat(&stream(&hot, &[])));
 }
 
+/// Goal: a machine file without heaters and material makes no G-code that prints cold, unless that is meant, and export
+/// tells what the controller makes of it. Method: the built-in machine's job, with and without the option, as JSON.
+#[test]
+fn export_tells_of_missing_heat_and_of_the_controllers_time() {
+    let folder = folder("export-heat");
+    let (job, out) = (folder.join("taper.hwj"), folder.join("taper.gcode"));
+    succeeded(&headway(&[
+        "plan",
+        &example("taper.json"),
+        "-o",
+        path(&job),
+    ]));
+    let export = |more: &[&str]| {
+        let arguments = [
+            "export",
+            path(&job),
+            "--to",
+            "gcode",
+            "--dialect",
+            "klipper",
+        ];
+        headway(&[&arguments[..], more].concat())
+    };
+    let refused = export(&[]);
+    assert_eq!(refused.status.code(), Some(1), "{}", stderr(&refused));
+    assert!(
+        stderr(&refused).contains("no [material]"),
+        "{}",
+        stderr(&refused)
+    );
+    assert_eq!(export(&["--no-heat", "--json"]).status.code(), Some(2));
+    let written = export(&["--no-heat", "--json", "-o", path(&out)]);
+    let told: serde_json::Value = serde_json::from_str(&succeeded(&written)).expect("JSON");
+    let seconds = |key: &str| told[key].as_f64().expect(key);
+    // Within a tenth, as is asked of Klipper.
+    assert!(
+        (seconds("controller_time_s") / seconds("duration_s") - 1.0).abs() < 0.1,
+        "{told}"
+    );
+    assert!(
+        told["needs"]
+            .as_str()
+            .expect("needs")
+            .contains("manual_stepper")
+    );
+    assert!(
+        stderr(&written).contains("klipper takes about"),
+        "{}",
+        stderr(&written)
+    );
+    let text = std::fs::read_to_string(&out).expect("text");
+    assert!(
+        text.contains("LIMIT_VELOCITY=1080 LIMIT_ACCEL=20000 INSTANTANEOUS_CORNER_VELOCITY=200")
+    );
+}
+
+/// Goal: a job that tilts is exported only for a machine file that names the controller's axes. Method: a short run of
+/// waypoints on the gantry, with and without the group.
+#[test]
+fn tilting_jobs_are_exported_with_the_axes_that_the_machine_file_names() {
+    let folder = folder("export-tilts");
+    let mut run = String::new();
+    for k in 0..30 {
+        let tilt = 0.01 * f64::from(k);
+        let (sin, cos) = tilt.sin_cos();
+        run += &format!("{:.3} 0 5 {sin:.6} 0 {cos:.6}\n", 0.4 * f64::from(k));
+    }
+    let input = folder.join("run.wpt");
+    std::fs::write(&input, run).expect("a run");
+    let gantry = std::fs::read_to_string(example("machines/gantry.toml")).expect("a machine");
+    let export = |letters: &str, name: &str| {
+        let (machine, job) = (
+            folder.join(format!("{name}.toml")),
+            folder.join(format!("{name}.hwj")),
+        );
+        std::fs::write(&machine, format!("{gantry}{letters}")).expect("a machine");
+        let plan = ["plan", path(&input), "-m", path(&machine), "-o", path(&job)];
+        succeeded(&headway(&plan));
+        let to = [
+            "export",
+            path(&job),
+            "--to",
+            "gcode",
+            "--dialect",
+            "linuxcnc",
+            "--no-heat",
+        ];
+        headway(&to)
+    };
+    let refused = export("", "unnamed");
+    assert_eq!(refused.status.code(), Some(1), "{}", stderr(&refused));
+    assert!(
+        stderr(&refused).contains("[gcode] letters"),
+        "{}",
+        stderr(&refused)
+    );
+    let written = succeeded(&export("\n[gcode]\nletters = \"A,V,W\"\n", "named"));
+    assert!(
+        written.starts_with(";headway extruder=U turns=AVW"),
+        "{}",
+        &written[..80]
+    );
+}
+
 /// Goal: a bead of 0.1 mm between prime and retract, which a slicer wrote and which stopped the board at 119 % of its
 /// extruder's limits, is planned and runs. Method: a program of a few lines, simulated by the command.
 #[test]

@@ -55,8 +55,10 @@ fn written_with(
 fn check(stream: &SegmentStream, servo_hz: f64, options: &WriteOptions) -> (f64, Written) {
     let dialect = options.dialect;
     let (text, written) = written(stream, servo_hz, options);
-    let flavour = declared(&text).flavour;
-    let back = steps(&text, flavour, &Taken::default(), true).expect("our own text");
+    // The heading turns back behind the job.
+    let of_job = text.split(";end of the job").next().expect("a job");
+    let flavour = declared(of_job).flavour;
+    let back = steps(of_job, flavour, &Taken::default(), true).expect("our own text");
     let moves: Vec<_> = back
         .steps
         .iter()

@@ -1,6 +1,7 @@
 //! G-code read and written, against slicers' files and other interpreters.
 
 mod awkward;
+mod controllers;
 mod export;
 mod heat_orders;
 mod orca;

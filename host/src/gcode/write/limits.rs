@@ -1,0 +1,97 @@
+//! Limits of a controller's axes: what its own planner is to be told.
+//!
+//! In: a machine. Out: speeds and accelerations of X Y Z (mm), A B C (degrees) and the extruder (mm of filament), a second.
+//! The joints of tables and arms are not axes of a controller one by one: tilts take those that tilt, and what a machine
+//! has no joint for is the built-in machine's.
+
+use headway_firmware::configuration::{Kinematics, MachineConfiguration};
+
+/// Axes: X Y Z, A B C, the extruder.
+pub const AXES: usize = 7;
+/// The heading.
+pub const HEADING: usize = 5;
+/// The extruder.
+pub const EXTRUDER: usize = 6;
+/// Time in which a heading's corner velocity is reached at its acceleration, s: a move's length in time, so that chords
+/// of what the heading does at its limit are no corners.
+const CORNER_S: f64 = 0.01;
+
+/// Limits of the axes.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct AxisLimits {
+    /// Speeds.
+    pub speed: [f64; AXES],
+    /// Accelerations.
+    pub acceleration: [f64; AXES],
+}
+
+impl AxisLimits {
+    /// Those of the built-in machine, the tilts of the trunnion of the examples.
+    pub const BUILT_IN: AxisLimits = AxisLimits {
+        speed: [250.0, 250.0, 20.0, 120.0, 120.0, 1080.0, 33.0],
+        acceleration: [3000.0, 3000.0, 200.0, 1500.0, 1500.0, 20_000.0, 3300.0],
+    };
+
+    /// Of a machine, with filament of a cross-section.
+    pub fn of_machine(machine: &MachineConfiguration, filament_mm2: f64) -> AxisLimits {
+        // Joints of the axes X Y Z A B C.
+        let joints: [Option<usize>; 6] = match machine.kinematics {
+            Kinematics::Planar => [Some(0), Some(1), Some(2), None, None, Some(3)],
+            Kinematics::Gantry { .. } => [0, 1, 2, 3, 4, 5].map(Some),
+            Kinematics::Trunnion { .. } => [0, 1, 2, 3, 4, 5].map(|axis| match axis {
+                4 => Some(3),
+                axis => Some(axis),
+            }),
+            Kinematics::Arm6 { .. } => [None; 6],
+        };
+        let mut limits = AxisLimits::BUILT_IN;
+        for (axis, joint) in joints.into_iter().enumerate() {
+            let Some(joint) = joint.and_then(|joint| machine.joints.get(joint)) else {
+                continue;
+            };
+            let unit = |value: f64| {
+                if joint.rotary {
+                    value.to_degrees()
+                } else {
+                    value
+                }
+            };
+            limits.speed[axis] = unit(joint.speed_max);
+            limits.acceleration[axis] = unit(joint.acceleration_max);
+        }
+        limits.speed[EXTRUDER] = machine.extruder.speed_max_mm3_s / filament_mm2;
+        limits.acceleration[EXTRUDER] = machine.extruder.acceleration_max_mm3_s2 / filament_mm2;
+        limits
+    }
+
+    /// Change of an axis' speed between two moves that a controller is to allow.
+    pub fn corner(&self, axis: usize) -> f64 {
+        CORNER_S * self.acceleration[axis]
+    }
+
+    /// The least of some limits for a direction.
+    pub fn within(direction: &[f64; AXES], limits: &[f64; AXES]) -> f64 {
+        let of_axes = direction.iter().zip(limits);
+        let moving = of_axes.filter(|(share, _)| **share != 0.0);
+        moving
+            .map(|(share, limit)| limit / share.abs())
+            .fold(f64::INFINITY, f64::min)
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::settings::Settings;
+
+    /// Goal: a machine's joints are the axes' limits, angles in degrees. Method: the built-in machine.
+    #[test]
+    fn joints_are_axes() {
+        let machine = Settings::default().machine;
+        let limits = AxisLimits::of_machine(&machine, 2.405);
+        for (own, built_in) in limits.speed.iter().zip(AxisLimits::BUILT_IN.speed) {
+            assert!((own / built_in - 1.0).abs() < 0.02, "{limits:?}");
+        }
+        assert!((limits.corner(HEADING) - 200.0).abs() < 1e-6);
+    }
+}
