@@ -359,7 +359,9 @@ impl Host {
 
     fn session(&mut self) -> u32 {
         self.sessions += 1;
-        self.id << 8 | self.sessions
+        // As far apart as the program's, which draws them: a board that hears a host in the place of another takes
+        // its commands for that one's where their numbers are the same.
+        (self.id << 8 | self.sessions).wrapping_mul(0x9e37_79b1)
     }
 
     fn talk(&mut self, orders: Vec<Control>, now_us: u64) -> Talk {

@@ -3,9 +3,9 @@
 //! Source: marlinfw.org, Configuration (jerk, junction deviation, accelerations, software endstops), G-code pages, and the
 //! behaviour of `planner.cpp` and `motion.cpp` of 2.1. F is the speed of X Y Z where one moves, of the rotational axes
 //! where those alone do. Classic jerk bounds the change of each axis' speed at a junction; junction deviation takes the
-//! angle between moves in all axes at once, millimetres and degrees alike. Moves of fewer than six steps (as it comes) are put off to
-//! the next. The buffer holds 16 blocks. Software endstops bound what a homed axis is told. Leaves out linear advance, and the jerk with
-//! which a first move begins.
+//! angle between moves in all axes at once, millimetres and degrees alike. Moves of fewer than six steps (as it
+//! comes) are put off to the next. The buffer holds 16 blocks. Software endstops bound what a homed axis is told.
+//! Leaves out linear advance, and the jerk with which a first move begins.
 
 use super::profiles::{Block, look_ahead};
 use super::state::{Rules, State, Way};

@@ -99,11 +99,12 @@ impl Dialect {
         }
     }
 
-    /// Tip tolerance where none is given, mm, and that of headings and tilts, degrees. LinuxCNC's moves are as long as what
-    /// is promised of the path allows (5 µm, 0.05°): each of them speeds up from rest.
+    /// Tip tolerance where none is given, mm, and that of headings and tilts, degrees. Moves are as long as what is
+    /// promised of the path allows (5 µm, 0.05°) for LinuxCNC, where each of them speeds up from rest, and for
+    /// grblHAL and Marlin, which take the fewest a second.
     pub fn tolerances(self) -> [f64; 2] {
         match self {
-            Dialect::LinuxCnc => [0.003, 0.04],
+            Dialect::LinuxCnc | Dialect::GrblHal | Dialect::Marlin => [0.003, 0.04],
             _ => [super::TIP_TOLERANCE_MM, 0.02],
         }
     }
