@@ -171,15 +171,15 @@ fn normal(vector: &[f64; AXES]) -> [f64; AXES] {
 fn classic(jerk: &[f64; AXES], before: &Block, block: &Block) -> (f64, &'static str) {
     let speed = before.speed_max.min(block.speed_max);
     let mut least = (speed, "speed");
-    for axis in 0..AXES {
+    for (axis, &jerk) in jerk.iter().enumerate() {
         let change = (before.direction[axis] - block.direction[axis]).abs();
-        if change * least.0 > jerk[axis] {
+        if change * least.0 > jerk {
             let by = if axis == HEADING {
                 "heading's jerk"
             } else {
                 "jerk"
             };
-            least = (jerk[axis] / change, by);
+            least = (jerk / change, by);
         }
     }
     least

@@ -182,28 +182,28 @@ impl Klipper {
         }
         let (letter, code) = words.letters[0];
         match (letter, code as u32) {
-            ('G', 0 | 1) => self.go(words),
-            ('G', 4) => Ok(self.rest(words.number('P').unwrap_or(0.0) * 1e-3)),
-            ('G', 10) => self.retract(true),
-            ('G', 11) => self.retract(false),
-            ('G', 20) => Err("Machine does not support G20 (inches) command".to_string()),
+            ('G', 0 | 1) => return self.go(words),
+            ('G', 10) => return self.retract(true),
+            ('G', 11) => return self.retract(false),
+            ('G', 20) => return Err("Machine does not support G20 (inches) command".to_string()),
+            ('G', 4) => self.rest(words.number('P').unwrap_or(0.0) * 1e-3),
             ('G', 28) => {
                 self.rest(0.0);
                 self.position[..3].fill(0.0);
                 self.base[..3].fill(0.0);
-                Ok(())
             }
-            ('G', 90 | 91) => Ok(self.absolute[0] = code == 90.0),
-            ('G', 92) => Ok(self.set_base(words)),
-            ('M', 82 | 83) => Ok(self.absolute[1] = code == 82.0),
-            ('M', 104 | 109) => Ok(self.celsius[0] = words.number('S').unwrap_or(0.0)),
-            ('M', 140 | 190) => Ok(self.celsius[1] = words.number('S').unwrap_or(0.0)),
-            ('M', 106) => Ok(self.fan = words.number('S').unwrap_or(255.0)),
-            ('M', 107) => Ok(self.fan = 0.0),
-            ('M', 400) => Ok(self.rest(0.0)),
-            ('G', 21) | ('M', 73 | 105) => Ok(()),
-            _ => Err("Unknown command".to_string()),
+            ('G', 90 | 91) => self.absolute[0] = code == 90.0,
+            ('G', 92) => self.set_base(words),
+            ('M', 82 | 83) => self.absolute[1] = code == 82.0,
+            ('M', 104 | 109) => self.celsius[0] = words.number('S').unwrap_or(0.0),
+            ('M', 140 | 190) => self.celsius[1] = words.number('S').unwrap_or(0.0),
+            ('M', 106) => self.fan = words.number('S').unwrap_or(255.0),
+            ('M', 107) => self.fan = 0.0,
+            ('M', 400) => self.rest(0.0),
+            ('G', 21) | ('M', 73 | 105) => {}
+            _ => return Err("Unknown command".to_string()),
         }
+        Ok(())
     }
 
     /// Of G92 only X Y Z E are axes.

@@ -133,7 +133,8 @@ fn weak_places_are_planned() {
 }
 
 /// A ring keeps its passes under noise up to 20 um, its length within 0.1 %, its coverage within
-/// 0.4 (99.93 without noise, 99.59 with 20 um, whose teeth no nozzle enters); a part with corners its passes, its length within 2 %, its coverage within 0.3.
+/// 0.4 (99.93 without noise, 99.59 with 20 um, whose teeth no nozzle enters); a part with corners its
+/// passes, its length within 2 %, its coverage within 0.3.
 #[test]
 fn invisible_noise_changes_little() {
     let found: Vec<_> = [0.0, 0.001, 0.005, 0.02]
