@@ -13,11 +13,11 @@ unsafe impl Impl for ServoOff {
         let before = basepri::read();
         // SAFETY: it is raised, or stays as it is.
         unsafe { basepri::write(SERVO_PRIORITY) };
-        before
+        u32::from(before)
     }
 
     unsafe fn release(before: RawRestoreState) {
         // SAFETY: what it was.
-        unsafe { basepri::write(before) };
+        unsafe { basepri::write(before as u8) };
     }
 }

@@ -22,7 +22,11 @@
 // Each board uses what it needs of this.
 #![allow(dead_code)]
 
-#[cfg(feature = "defmt")]
+// The HAL of the STM32F4 brings a critical section of its own.
+#[cfg(all(
+    feature = "defmt",
+    not(any(feature = "octopus-serial", feature = "feather"))
+))]
 #[path = "log_lock.rs"]
 mod log_lock;
 #[path = "outgoing.rs"]
