@@ -206,11 +206,12 @@ impl<'a> Schedule<'a> {
         self.met.faults += u64::from(!was_faulted && motion.fault().is_some());
         self.look_for_steps();
         self.look_for_owner();
-        for (host, lived) in lived.into_iter().enumerate() {
-            if lived && !self.hosts[host].lives() {
-                self.look_at_end(host);
-            }
-        }
+        let ended = lived.into_iter().enumerate();
+        let ended = ended.filter(|(host, lived)| *lived && !self.hosts[*host].lives());
+        let ended: Vec<usize> = ended.map(|(host, _)| host).collect();
+        // Of two that end in one period either may have left a heater on for both.
+        ended.iter().for_each(|host| self.note_end(*host));
+        ended.iter().for_each(|host| self.check_end(*host));
     }
 
     /// No step without a job.
@@ -245,8 +246,13 @@ impl<'a> Schedule<'a> {
         );
     }
 
-    /// Who has ended in order has left nothing on: the last one of these leaves a cold board.
     fn look_at_end(&mut self, host: usize) {
+        self.note_end(host);
+        self.check_end(host);
+    }
+
+    /// What somebody who has ended leaves on.
+    fn note_end(&mut self, host: usize) {
         let ended = self.hosts[host].ended.expect("it has ended");
         self.met.done += u64::from(ended.well);
         let owner = &self.hosts[host].owner;
@@ -258,6 +264,14 @@ impl<'a> Schedule<'a> {
         }
         // What succeeds by hand hands over.
         self.left_on |= self.hosts[host].hands_over() && self.board.is_heating();
+    }
+
+    /// Who has ended in order has left nothing on: the last one of these leaves a cold board.
+    fn check_end(&mut self, host: usize) {
+        let owner = &self.hosts[host].owner;
+        if !self.hosts[host].ended.is_some_and(|ended| ended.in_order) {
+            return;
+        }
         let alone = !self.hosts.iter().any(Host::lives);
         assert!(
             !alone || self.left_on || !self.board.is_heating(),
