@@ -68,7 +68,7 @@ pub(super) struct GcodeArgs {
     /// Headings from 0 to 360 degrees, for axes that go the shorter way; else they count turns.
     #[arg(long)]
     pub wrapped: bool,
-    /// How far a move may be beside the job's path, mm [default: 0.002; 0.003 for linuxcnc].
+    /// How far a move may be beside the job's path, mm [default: 0.002; 0.003 for linuxcnc, grblhal and marlin].
     #[arg(long, value_name = "MM", allow_negative_numbers = true)]
     pub line_tolerance: Option<f64>,
     /// Arcs (G2, G3) where they are fewer moves [default: on for linuxcnc, off for the others].
