@@ -5,7 +5,7 @@
 //! no axis is too slow. Junctions: the deviation $11 of the angle between moves in all axes, by the acceleration that
 //! the axes have across it. Letters are those of the build: X Y Z A B C, U V. Leaves out jerk-limited builds.
 
-use super::profiles::{Block, look_ahead};
+use super::profiles::Block;
 use super::state::{Rules, State, Way};
 use super::{AXES, Printed, moves_of, within};
 
@@ -64,11 +64,7 @@ impl GrblHal {
         let moves = moves_of(text, &mut self.state, LINE_MAX, |state, way, before| {
             Ok(config.block(state, way, before))
         })?;
-        let blocks: Vec<Block> = moves.iter().map(|of| of.block.clone()).collect();
-        let mut printed = Printed::of_moves(&moves, |range| look_ahead(&blocks[range], BUFFER));
-        printed.line_chars = text.lines().map(str::len).max().unwrap_or(0);
-        printed.left = self.state.left();
-        Ok(printed)
+        Ok(Printed::looked_ahead(&moves, BUFFER).of_text(text, self.state.left()))
     }
 }
 

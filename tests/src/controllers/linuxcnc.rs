@@ -73,10 +73,8 @@ impl LinuxCnc {
             .zip(centripetal)
             .map(|(of, radius)| with_bend(of.block.clone(), radius))
             .collect();
-        let mut printed = Printed::of_moves(&moves, |range| blended(&blocks[range], tolerance_mm));
-        printed.line_chars = text.lines().map(str::len).max().unwrap_or(0);
-        printed.left = self.state.left();
-        Ok(printed)
+        let printed = Printed::of_moves(&moves, |range| blended(&blocks[range], tolerance_mm));
+        Ok(printed.of_text(text, self.state.left()))
     }
 }
 

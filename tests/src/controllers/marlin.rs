@@ -7,7 +7,7 @@
 //! comes) are put off to the next. The buffer holds 16 blocks. Software endstops bound what a homed axis is told.
 //! Leaves out linear advance, and the jerk with which a first move begins.
 
-use super::profiles::{Block, look_ahead};
+use super::profiles::Block;
 use super::state::{Rules, State, Way};
 use super::{AXES, EXTRUDER, HEADING, Printed, linear_first, moves_of, within};
 use std::f64::consts::FRAC_PI_4;
@@ -83,11 +83,7 @@ impl Marlin {
             put_off = [0.0; AXES];
             Ok(Some(config.block(state.feed / 60.0, &way, before)))
         })?;
-        let blocks: Vec<Block> = moves.iter().map(|of| of.block.clone()).collect();
-        let mut printed = Printed::of_moves(&moves, |range| look_ahead(&blocks[range], BUFFER));
-        printed.line_chars = text.lines().map(str::len).max().unwrap_or(0);
-        printed.left = self.state.left();
-        Ok(printed)
+        Ok(Printed::looked_ahead(&moves, BUFFER).of_text(text, self.state.left()))
     }
 }
 

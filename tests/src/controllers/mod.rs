@@ -210,6 +210,21 @@ impl Printed {
         printed
     }
 
+    /// The same of a planner that looks ahead over so many moves.
+    pub fn looked_ahead(moves: &[Planned], buffer: usize) -> Printed {
+        let blocks: Vec<Block> = moves.iter().map(|of| of.block.clone()).collect();
+        Printed::of_moves(moves, |range| profiles::look_ahead(&blocks[range], buffer))
+    }
+
+    /// With what only the text and the controller behind it say: its longest line, and what it leaves set.
+    pub fn of_text(self, text: &str, left: Vec<String>) -> Printed {
+        Printed {
+            line_chars: text.lines().map(str::len).max().unwrap_or(0),
+            left,
+            ..self
+        }
+    }
+
     fn peak(
         &mut self,
         block: &Block,

@@ -6,7 +6,7 @@
 //! jerk policy (M566 P0) a move that prints and one that does not have rest between. No move is slower than 0.5 mm/s.
 //! Leaves out bed compensation and what a Duet does when it is short of moves.
 
-use super::profiles::{Block, look_ahead};
+use super::profiles::Block;
 use super::state::{Rules, State, Way};
 use super::words::words;
 use super::{AXES, EXTRUDER, HEADING, Printed, linear_first, moves_of, within};
@@ -108,11 +108,7 @@ impl RepRapFirmware {
             }
             Ok(Some(block))
         })?;
-        let blocks: Vec<Block> = moves.iter().map(|of| of.block.clone()).collect();
-        let mut printed = Printed::of_moves(&moves, |range| look_ahead(&blocks[range], BUFFER));
-        printed.line_chars = text.lines().map(str::len).max().unwrap_or(0);
-        printed.left = self.state.left();
-        Ok(printed)
+        Ok(Printed::looked_ahead(&moves, BUFFER).of_text(text, self.state.left()))
     }
 }
 

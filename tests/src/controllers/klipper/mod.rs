@@ -149,10 +149,8 @@ impl Klipper {
         }
         self.rest(0.0);
         let moves: Vec<Planned> = self.moves.iter().map(|of| of.planned.clone()).collect();
-        let mut printed = Printed::of_moves(&moves, |range| flushed(&self.moves[range]));
-        printed.line_chars = text.lines().map(str::len).max().unwrap_or(0);
-        printed.left = self.left(before);
-        Ok(printed)
+        let printed = Printed::of_moves(&moves, |range| flushed(&self.moves[range]));
+        Ok(printed.of_text(text, self.left(before)))
     }
 
     fn left(&self, before: ([f64; 4], [f64; 4], [bool; 2])) -> Vec<String> {
