@@ -10,14 +10,13 @@ use crate::drive::simulator::SimulatorSetup;
 use crate::findings::simulated::{outcome, simulation_figures};
 use crate::gcode::write::dialect::Dialect;
 use crate::gcode::write::limits::AxisLimits;
-use crate::gcode::write::{JobText, WriteOptions, is_tilting, write_gcode};
+use crate::gcode::write::{JobText, WriteOptions, filament_mm2, is_tilting, write_gcode};
 use crate::job::SegmentStream;
 use crate::job_file::{self, JobFile};
 use crate::report::figures::Figures;
 use crate::report::job_texts::{NAME_TEXT, SETTINGS_TEXT};
 use crate::report::pose_table;
 use crate::settings::{Settings, machine_file};
-use std::f64::consts::PI;
 use std::io::{Cursor, Write};
 
 /// A planned job.
@@ -158,7 +157,7 @@ impl Job {
             heat: &self.file.header.heat(),
         };
         let mut options = WriteOptions::of_dialect(dialect);
-        let filament_mm2 = 0.25 * PI * options.filament_mm * options.filament_mm;
+        let filament_mm2 = filament_mm2(options.filament_mm);
         options.limits = AxisLimits::of_machine(&self.settings.machine, filament_mm2);
         match self.settings.gcode_letters {
             Some(letters) => options.turns = letters,

@@ -10,9 +10,10 @@ use crate::gcode::FILAMENT_MM;
 use crate::gcode::write::controller_time::SlowedBy;
 use crate::gcode::write::dialect::{Dialect, Retraction};
 use crate::gcode::write::limits::AxisLimits;
-use crate::gcode::write::{JobText, WriteError, WriteOptions, Written, is_tilting, write_gcode};
+use crate::gcode::write::{
+    JobText, WriteError, WriteOptions, Written, filament_mm2, is_tilting, write_gcode,
+};
 use crate::settings::machine_file::gcode_letters;
-use std::f64::consts::PI;
 use std::path::Path;
 
 /// Tip tolerances that are taken, mm.
@@ -115,7 +116,6 @@ fn options(job: &Job, args: &ExportArgs) -> Result<WriteOptions, CliError> {
         (None, of_machine) => of_machine.unwrap_or(*b"ABC"),
     };
     let filament_mm = between("--filament-diameter", of.filament_diameter, FILAMENT_MM)?;
-    let filament_mm2 = 0.25 * PI * filament_mm * filament_mm;
     Ok(WriteOptions {
         dialect,
         retraction: of.retraction.map(|retraction| match retraction {
@@ -124,7 +124,7 @@ fn options(job: &Job, args: &ExportArgs) -> Result<WriteOptions, CliError> {
             RetractionName::Extruder => Retraction::Extruder,
         }),
         filament_mm,
-        limits: AxisLimits::of_machine(&job.file.header.machine, filament_mm2),
+        limits: AxisLimits::of_machine(&job.file.header.machine, filament_mm2(filament_mm)),
         turns,
         extruder: of
             .extruder

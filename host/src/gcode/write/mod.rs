@@ -273,9 +273,14 @@ pub fn write_gcode(
     writer.end(job, &first)
 }
 
+/// Cross-section of a filament of this diameter, mm².
+pub fn filament_mm2(filament_mm: f64) -> f64 {
+    0.25 * PI * filament_mm * filament_mm
+}
+
 impl<W: Write> Writer<'_, W> {
     fn filament_mm2(&self) -> f64 {
-        0.25 * PI * self.options.filament_mm * self.options.filament_mm
+        filament_mm2(self.options.filament_mm)
     }
 
     fn extruder(&self) -> u8 {
