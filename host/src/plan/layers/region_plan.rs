@@ -118,32 +118,34 @@ impl RegionPlan {
 
     /// The passes in the region's frame, walls and lines each the one way round or the other.
     pub fn passes_turned(&self, turned: Reversal) -> Vec<LayerPass> {
-        let mut passes = self.passes.clone();
-        let (walls, lines) = passes.split_at_mut(self.lines_from);
-        for (group, is_turned) in [(walls, turned.walls), (lines, turned.lines)] {
-            if is_turned {
-                group.reverse();
-                for pass in group {
-                    pass.placements.reverse();
-                }
-            }
-        }
-        passes
+        self.turned_round(&self.passes, turned, |pass| pass.placements.reverse())
     }
 
     /// The curves of [`RegionPlan::passes_turned`].
     pub fn curves_turned(&self, turned: Reversal) -> Vec<PassCurve> {
-        let mut curves = self.curves.clone();
-        let (walls, lines) = curves.split_at_mut(self.lines_from);
+        self.turned_round(&self.curves, turned, |curve| {
+            *curve = curve
+                .as_ref()
+                .map(|control| control.iter().rev().copied().collect());
+        })
+    }
+
+    /// What there is of each pass, walls and lines each in their order or, with each turned round, in reverse.
+    fn turned_round<T: Clone>(
+        &self,
+        of_passes: &[T],
+        turned: Reversal,
+        turn_round: impl Fn(&mut T),
+    ) -> Vec<T> {
+        let mut of_passes = of_passes.to_vec();
+        let (walls, lines) = of_passes.split_at_mut(self.lines_from);
         for (group, is_turned) in [(walls, turned.walls), (lines, turned.lines)] {
             if is_turned {
                 group.reverse();
-                for control in group.iter_mut().flatten() {
-                    *control = control.iter().rev().copied().collect();
-                }
+                group.iter_mut().for_each(&turn_round);
             }
         }
-        curves
+        of_passes
     }
 }
 
