@@ -26,6 +26,8 @@ const STEPS: usize = 8;
 const SPANS_MIN: usize = 8;
 /// Poses of a span of the given curve.
 const FINE: usize = 8;
+/// A step below this is none, mm.
+const LEG_MIN_MM: f64 = 1e-12;
 /// What of the limits of speed a path in corners reaches on the whole: tip, heading.
 const PACE_SHARES: [f64; 2] = [0.45, 0.33];
 
@@ -41,29 +43,12 @@ pub struct EvenSpans {
 
 /// The curve of `control`, at least two points, in even spans. Ends stay where they are.
 pub fn even_spans(control: &[PlaneControl], aperture: &Aperture, limits: &PoseLimits) -> EvenSpans {
-    let (fine, way_mm) = fine_poses(control, TURN_SHARE * aperture.major_mm());
-    let whole_mm = way_mm.last().copied().unwrap_or(0.0);
     let span_mm = SPAN_SHARE * aperture.major_mm();
-    let spans = ((whole_mm / span_mm).round() as usize).max(SPANS_MIN);
+    let way = Way::of(control, FINE, TURN_SHARE * aperture.major_mm());
+    let spans = ((way.whole_mm() / span_mm).round() as usize).max(SPANS_MIN);
     let steps = spans * STEPS;
-    let mut poses = Vec::with_capacity(steps + 1);
-    let mut numbers = Vec::with_capacity(spans + 1);
-    let mut i = 0;
-    for step in 0..=steps {
-        let at_mm = whole_mm * step as f64 / steps as f64;
-        while i + 2 < way_mm.len() && way_mm[i + 1] < at_mm {
-            i += 1;
-        }
-        let leg_mm = (way_mm[i + 1] - way_mm[i]).max(f64::MIN_POSITIVE);
-        let t = ((at_mm - way_mm[i]) / leg_mm).clamp(0.0, 1.0);
-        poses.push(std::array::from_fn(|c| {
-            fine[i][c] + t * (fine[i + 1][c] - fine[i][c])
-        }));
-        if step % STEPS == 0 {
-            numbers.push(((i as f64 + t) / FINE as f64).round() as usize);
-        }
-    }
-    let step_mm = whole_mm / steps as f64;
+    let (mut poses, numbers) = way.even_steps(steps);
+    let step_mm = way.whole_mm() / steps as f64;
     let width_mm = ROUNDING_SHARE * aperture.major_mm() * (12.0 / BOXES as f64).sqrt();
     let half = (0.5 * width_mm / step_mm.max(f64::MIN_POSITIVE)).min(0.5 * steps as f64);
     for _ in 0..BOXES {
@@ -73,27 +58,69 @@ pub fn even_spans(control: &[PlaneControl], aperture: &Aperture, limits: &PoseLi
     EvenSpans {
         control: poses.into_iter().step_by(STEPS).collect(),
         log_pace,
-        numbers,
+        numbers: numbers.into_iter().step_by(STEPS).collect(),
     }
 }
 
-/// Poses along the curve and the way to each, a turn by a radian counted as `turn_mm`.
-fn fine_poses(control: &[PlaneControl], turn_mm: f64) -> (Vec<PlaneControl>, Vec<f64>) {
-    let spans = control.len() - 1;
-    let fine = (0..=spans * FINE).map(|k| {
-        let span = (k / FINE).min(spans - 1);
-        curve_at(control, span, k as f64 / FINE as f64 - span as f64)
-    });
-    let fine: Vec<PlaneControl> = fine.collect();
-    let mut way_mm = Vec::with_capacity(fine.len());
-    let mut whole_mm = 0.0;
-    way_mm.push(whole_mm);
-    for pair in fine.windows(2) {
-        let [x, y, turn]: PlaneControl = std::array::from_fn(|c| pair[1][c] - pair[0][c]);
-        whole_mm += x.hypot(y).hypot(turn_mm * turn);
+/// A curve as poses that lie close, and the way to each of them.
+pub struct Way {
+    poses: Vec<PlaneControl>,
+    /// Way to each, a turn counted as a length, mm.
+    way_mm: Vec<f64>,
+    /// Poses of a span of the curve.
+    of_span: usize,
+}
+
+impl Way {
+    /// Along the curve of `control`, at least two points, with so many poses of a span; a turn by a radian counts as
+    /// `turn_mm`.
+    pub fn of(control: &[PlaneControl], of_span: usize, turn_mm: f64) -> Way {
+        let spans = control.len() - 1;
+        let poses = (0..=spans * of_span).map(|k| {
+            let span = (k / of_span).min(spans - 1);
+            curve_at(control, span, k as f64 / of_span as f64 - span as f64)
+        });
+        let poses: Vec<PlaneControl> = poses.collect();
+        let mut way_mm = Vec::with_capacity(poses.len());
+        let mut whole_mm = 0.0;
         way_mm.push(whole_mm);
+        for pair in poses.windows(2) {
+            let [x, y, turn]: PlaneControl = std::array::from_fn(|c| pair[1][c] - pair[0][c]);
+            whole_mm += x.hypot(y).hypot(turn_mm * turn);
+            way_mm.push(whole_mm);
+        }
+        Way {
+            poses,
+            way_mm,
+            of_span,
+        }
     }
-    (fine, way_mm)
+
+    /// The whole way, mm.
+    pub fn whole_mm(&self) -> f64 {
+        self.way_mm.last().copied().unwrap_or(0.0)
+    }
+
+    /// Poses at so many even steps of it, both ends among them, and the number of the control point that is nearest to each.
+    pub fn even_steps(&self, steps: usize) -> (Vec<PlaneControl>, Vec<usize>) {
+        let (fine, way_mm, whole_mm) = (&self.poses, &self.way_mm, self.whole_mm());
+        let (mut poses, mut numbers) =
+            (Vec::with_capacity(steps + 1), Vec::with_capacity(steps + 1));
+        let mut i = 0;
+        for step in 0..=steps {
+            let at_mm = whole_mm * step as f64 / steps as f64;
+            while i + 2 < way_mm.len() && way_mm[i + 1] < at_mm {
+                i += 1;
+            }
+            let leg_mm = (way_mm[i + 1] - way_mm[i]).max(LEG_MIN_MM);
+            let t = ((at_mm - way_mm[i]) / leg_mm).clamp(0.0, 1.0);
+            poses.push(std::array::from_fn(|c| {
+                fine[i][c] + t * (fine[i + 1][c] - fine[i][c])
+            }));
+            numbers.push(((i as f64 + t) / self.of_span as f64).round() as usize);
+        }
+        (poses, numbers)
+    }
 }
 
 /// The mean over `half` poses to either side; beyond the ends the path goes on as its point reflection, so that

@@ -6,8 +6,9 @@
 
 use super::local_time::{Knot, find_rates};
 use crate::geometry::clearance::Configuration;
+use crate::plan::curve::even_spans::Way;
 use crate::plan::curve::layer_path::{merged, sharpened};
-use crate::plan::curve::plane_curve::{PlaneControl, configuration, curve_at};
+use crate::plan::curve::plane_curve::{PlaneControl, configuration};
 use crate::plan::pass::Contact;
 use crate::plan::pass::LayerPass;
 use crate::plan::pass::Placement;
@@ -33,7 +34,9 @@ impl Chain {
     /// The pass at steps of `step_mm`; a turn by a radian counts as `turn_mm`.
     pub fn of(pass: &LayerPass, step_mm: f64, turn_mm: f64) -> Chain {
         let (control, numbers) = merged(pass);
-        let (poses, from) = even_steps(&sharpened(&control), step_mm, turn_mm);
+        let way = Way::of(&sharpened(&control), FINE, turn_mm);
+        let steps = (way.whole_mm() / step_mm).ceil().max(3.0) as usize;
+        let (poses, from) = way.even_steps(steps);
         let contact = |at: &usize| pass.placements[numbers[*at]].contact;
         Chain {
             contacts: from.iter().map(contact).collect(),
@@ -110,43 +113,4 @@ pub fn swept_poses(poses: &[PlaneControl], range: Range<usize>, swept: &mut Vec<
         swept.push(configuration(own));
         last = Some(own);
     }
-}
-
-/// Poses at even steps along a control polygon's curve, and the number of the control point nearest to
-/// each.
-fn even_steps(
-    control: &[PlaneControl],
-    step_mm: f64,
-    turn_mm: f64,
-) -> (Vec<PlaneControl>, Vec<usize>) {
-    let spans = control.len() - 1;
-    let fine: Vec<PlaneControl> = (0..=spans * FINE)
-        .map(|k| {
-            let span = (k / FINE).min(spans - 1);
-            curve_at(control, span, k as f64 / FINE as f64 - span as f64)
-        })
-        .collect();
-    let mut way = Vec::with_capacity(fine.len());
-    let mut whole = 0.0;
-    way.push(whole);
-    for pair in fine.windows(2) {
-        let [x, y, turn]: PlaneControl = std::array::from_fn(|c| pair[1][c] - pair[0][c]);
-        whole += x.hypot(y).hypot(turn_mm * turn);
-        way.push(whole);
-    }
-    let steps = (whole / step_mm).ceil().max(3.0) as usize;
-    let (mut poses, mut from) = (Vec::with_capacity(steps + 1), Vec::with_capacity(steps + 1));
-    let mut i = 0;
-    for step in 0..=steps {
-        let at = whole * step as f64 / steps as f64;
-        while i + 2 < way.len() && way[i + 1] < at {
-            i += 1;
-        }
-        let t = ((at - way[i]) / (way[i + 1] - way[i]).max(1e-12)).clamp(0.0, 1.0);
-        poses.push(std::array::from_fn(|c| {
-            fine[i][c] + t * (fine[i + 1][c] - fine[i][c])
-        }));
-        from.push(((i as f64 + t) / FINE as f64).round() as usize);
-    }
-    (poses, from)
 }
