@@ -16,7 +16,7 @@ const UNEVEN_SHARE: f64 = 0.002;
 /// Most chords of one line.
 const CHORDS_MAX: f64 = 100_000.0;
 /// Most turns of one line: a hundred, and the arc itself.
-const TURNS_MAX: f64 = 101.0;
+pub const TURNS_MAX: f64 = 101.0;
 
 /// An arc as its line gives it.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]

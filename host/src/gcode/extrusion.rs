@@ -2,8 +2,8 @@
 //!
 //! In: what was counted while the file was read as firmwares begin (absolute, mm), and its figure of the used
 //! filament. Out: [`Taken`], with the reason. The figure decides where one reading agrees with it and the
-//! others do not; without one E is relative where the beads' E do not rise. A file that says M82 or M83
-//! before its first E is read as it says.
+//! others do not; without one E is relative where the beads' E do not rise, or where it falls now and then
+//! and beads are alike only so. A file that says M82 or M83 before its first E is read as it says.
 
 use super::flavour::{Declared, Used};
 use std::f64::consts::PI;
@@ -16,6 +16,38 @@ const PAIRS_MIN: usize = 2;
 /// Widest bead that relative E may mean, mm² of filament a mm: thirty times the usual. Absolute E of a
 /// whole file is more.
 const AREA_MAX_MM2: f64 = 5.0;
+
+/// Beads are alike where the logarithm of their cross-section has a deviation below this, and below this share of
+/// what the other reading has; so many of them, of which at least this share falls.
+const ALIKE: f64 = 0.5;
+const ALIKE_SHARE: f64 = 0.5;
+const ALIKE_PAIRS_MIN: usize = 4;
+const ALIKE_FALLS_MIN: f64 = 0.1;
+
+/// Mean and spread of the beads' E a mm, as logarithms (Welford, 1962).
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub struct Spread {
+    count: f64,
+    mean: f64,
+    squares: f64,
+}
+
+impl Spread {
+    fn take(&mut self, e: f64, length_mm: f64) {
+        if e <= 0.0 || length_mm <= 0.0 {
+            return;
+        }
+        let value = (e / length_mm).ln();
+        self.count += 1.0;
+        let beside = value - self.mean;
+        self.mean += beside / self.count;
+        self.squares += beside * (value - self.mean);
+    }
+
+    fn deviation(&self) -> f64 {
+        (self.squares / self.count.max(1.0)).sqrt()
+    }
+}
 
 /// What was counted.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
@@ -35,6 +67,8 @@ pub struct Counted {
     pub area_max: f64,
     /// E of the bead before.
     pub before: Option<f64>,
+    /// Beads' E a mm of length, if it is absolute and if it is relative.
+    pub spreads: [Spread; 2],
 }
 
 /// How E is taken.
@@ -49,13 +83,22 @@ pub struct Taken {
 }
 
 impl Counted {
-    /// Counts one E of a bead of `length_mm`, given before M82 or M83.
-    pub fn bead(&mut self, e: f64, length_mm: f64) {
+    /// Counts one E of a bead of `length_mm`, given before M82 or M83; `risen` is how far it has come.
+    pub fn bead(&mut self, e: f64, risen: f64, length_mm: f64) {
+        self.spreads[0].take(risen, length_mm);
+        self.spreads[1].take(e, length_mm);
         if let Some(before) = self.before.replace(e) {
             self.pairs += 1;
             self.falls += usize::from(e <= before);
         }
         self.area_max = self.area_max.max(e / length_mm.max(1.0));
+    }
+
+    fn are_alike(&self) -> bool {
+        let [absolute, relative] = self.spreads.map(|spread| spread.deviation());
+        let falls = self.falls as f64 >= ALIKE_FALLS_MIN * self.pairs as f64;
+        let is_alike = relative < ALIKE && relative < ALIKE_SHARE * absolute;
+        self.pairs >= ALIKE_PAIRS_MIN && falls && is_alike && self.area_max < AREA_MAX_MM2
     }
 
     fn does_not_rise(&self) -> bool {
@@ -78,12 +121,16 @@ pub fn taken(counted: &Counted, declared: &Declared, filament_mm: f64) -> Taken 
     if let Some(taken) = by_figure(counted, declared, filament_mm, asks_relative) {
         return taken;
     }
-    if asks_relative && counted.does_not_rise() {
+    if asks_relative && (counted.does_not_rise() || counted.are_alike()) {
+        let why = match counted.does_not_rise() {
+            true => "",
+            false => " and they are alike only so",
+        };
         return Taken {
             relative: true,
             note: Some(format!(
                 "no M82 or M83 says how E is meant (line {}): taken as relative, since E does not rise in \
-                 {} of {} beads",
+                 {} of {} beads{why}",
                 counted.line, counted.falls, counted.pairs
             )),
             ..as_said
@@ -155,8 +202,28 @@ mod tests {
             sums: [beads[beads.len() - 1], beads.iter().sum()],
             ..Counted::default()
         };
-        beads.iter().for_each(|e| counted.bead(*e, 10.0));
+        let mut before = 0.0;
+        for e in beads {
+            counted.bead(*e, e - before, 10.0);
+            before = *e;
+        }
         counted
+    }
+
+    #[test]
+    fn beads_that_are_alike_only_so_are_relative() {
+        let none = Declared::default();
+        // Lengths that mostly grow: three of ten fall.
+        let beads = [0.4, 0.44, 0.48, 0.44, 0.45, 0.48, 0.43, 0.5, 0.51, 0.5];
+        let relative = taken(&counted(&beads), &none, 1.75);
+        assert!(
+            relative
+                .note
+                .is_some_and(|note| note.contains("3 of 9 beads and they are alike"))
+        );
+        // A short absolute file with two wipes.
+        let wiped = [0.4, 0.8, 1.2, 1.1, 1.5, 1.9, 2.3, 2.2, 2.7];
+        assert!(!taken(&counted(&wiped), &none, 1.75).relative);
     }
 
     #[test]

@@ -108,8 +108,10 @@ impl Declared {
         let (key, value) = (key.trim(), value.trim());
         let is_on = || value.starts_with('1');
         match key {
-            // Cura's "Marlin" is Marlin 2; that of other slicers' settings is the older one.
+            // Cura's "Marlin" is Marlin 2, its "RepRap" is RepRapFirmware (M566); those of other slicers'
+            // settings are older ones.
             "FLAVOR" if value == "Marlin" => self.flavour = Flavour::Marlin,
+            "FLAVOR" if value == "RepRap" => self.flavour = Flavour::RepRapFirmware,
             "FLAVOR" => {
                 self.flavour = Flavour::of_name(value);
                 self.volumetric = matches!(value, "UltiGCode" | "Marlin(Volumetric)");
@@ -164,7 +166,8 @@ fn flavour_of_code(line: &str) -> Flavour {
         _ if is_name && word.contains('_') => Flavour::Klipper,
         "M568" => Flavour::RepRapFirmware,
         "M98" if line.contains("P\"") => Flavour::RepRapFirmware,
-        "%" | "G40" | "G49" | "G54" | "G61" | "G64" | "G80" | "G90.1" | "G91.1" | "G93" | "G94" => {
+        // Alone G80 is Prusa's bed levelling.
+        "%" | "G40" | "G49" | "G54" | "G61" | "G64" | "G90.1" | "G91.1" | "G93" | "G94" => {
             Flavour::MachineTool
         }
         "G17" | "G18" | "G19" | "G20" | "G21" | "G90" if line.contains(" G") => {

@@ -232,6 +232,9 @@ pub fn read(bytes: &[u8], name: &str, options: &GcodeOptions) -> Result<GcodePro
         .trim_start_matches('\u{feff}')
         .trim_end_matches(['\0', '\u{1a}', '\n', '\r']);
     let (steps, taken) = steps_of(text, options)?;
+    if let Some(second) = steps.second_tool.clone().filter(|_| !steps.extrudes) {
+        return Err(second);
+    }
     let filament_mm = filament_mm(&steps, options)?;
     let (mut passes, heat, left_out) = passes::passes(&steps, filament_mm)?;
     if passes.is_empty() {

@@ -25,8 +25,8 @@ pub const STANDS_DEG: f64 = 1e-4;
 const LAYER_MM: f64 = 1e-3;
 /// Most that a prime adds to what was pulled, mm³: extra length after a travel. More is a purge.
 const EXTRA_MM3: f64 = 2.0;
-/// Longest push on the spot, s.
-const PUSH_S_MAX: f64 = 3600.0;
+/// Longest push on the spot, s: the board's checks go through it by servo ticks.
+const PUSH_S_MAX: f64 = 600.0;
 
 /// What the passes leave out, and what they make one.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
@@ -129,7 +129,7 @@ pub fn passes(steps: &Steps, filament_mm: f64) -> Result<Passes, GcodeError> {
             height_mm: hint.height_mm,
             volume_mm3: steps.extrudes.then_some(step.extruded * scale),
         };
-        builder.step(step, leg, scale, told_layer)?;
+        builder.step(step, leg, area_mm2, told_layer)?;
     }
     heat.for_each(|order| builder.order(order));
     builder.close();
@@ -155,7 +155,7 @@ impl Builder {
         &mut self,
         step: &Step,
         leg: Leg,
-        scale: f64,
+        area_mm2: f64,
         told_layer: Option<u32>,
     ) -> Result<(), GcodeError> {
         let to = Place {
@@ -165,8 +165,10 @@ impl Builder {
         let moved_mm = to.distance_mm(&self.at);
         let turned = (0..3).any(|i| (to.turn_deg[i] - self.at.turn_deg[i]).abs() > STANDS_DEG);
         let stands = moved_mm < STANDS_MM && !turned;
+        let scale = if step.volumetric { 1.0 } else { area_mm2 };
         let volume_mm3 = step.extruded * scale;
-        let rate_mm3_s = step.speed_mm_s * scale;
+        // A feed is of the filament also where E is in mm³.
+        let rate_mm3_s = step.speed_mm_s * area_mm2;
         match step.firmware {
             Firmware::Retract(mm) => self.pull(mm.map(|mm| mm * scale), None, step.line)?,
             Firmware::Prime(mm) => self.push(mm.map(|mm| mm * scale), None, step.line)?,
@@ -317,7 +319,7 @@ impl Builder {
     }
 }
 
-/// Fails for a push or pull that no extruder makes, or none within an hour.
+/// Fails for a push or pull that no extruder makes, or none within ten minutes.
 fn check_push(mm3: Option<f64>, rate_mm3_s: Option<f64>, line: usize) -> Result<(), GcodeError> {
     let Some(volume_mm3) = mm3 else {
         return Ok(());

@@ -117,6 +117,7 @@ pub fn read_line(text: &str, line: usize) -> Result<Line<'_>, GcodeError> {
     }
     let mut rest = self::body(checked(code, line)?);
     if rest.starts_with('%') {
+        found.command = Some("%");
         return Ok(found);
     }
     if let Some(left) = program_number(rest) {
@@ -243,15 +244,9 @@ fn takes_text(word: Word) -> bool {
 
 /// The code without its checksum.
 fn checked(code: &str, line: usize) -> Result<&str, GcodeError> {
-    let mut is_open = false;
-    let star = code.bytes().position(|byte| {
-        match byte {
-            b'(' => is_open = true,
-            b')' => is_open = false,
-            _ => {}
-        }
-        byte == b'*' && !is_open
-    });
+    // The last one: a text before it may have others.
+    let behind = code.rfind(')').map_or(0, |close| close + 1);
+    let star = code[behind..].rfind('*').map(|star| behind + star);
     let Some(star) = star else {
         return Ok(code);
     };

@@ -32,11 +32,14 @@ impl Interpreter {
         line: &Line,
         number: usize,
     ) -> Result<bool, GcodeError> {
-        let not_read = |remedy: &'static str| GcodeError::NotRead {
-            line: number,
-            code: code_name(word),
-            remedy,
-        };
+        if let Some(remedy) = self.remedy(code, line) {
+            let code = code_name(word);
+            return Err(GcodeError::NotRead {
+                line: number,
+                code,
+                remedy,
+            });
+        }
         match code {
             170 => self.plane = [0, 1, 2],
             180 => self.plane = [2, 0, 1],
@@ -59,46 +62,78 @@ impl Interpreter {
                 self.set_position(line, number)?;
                 return Ok(true);
             }
-            921 | 922 => self.offset = [0.0; 6],
-            280 => {
-                self.home(line);
-                return Ok(true);
+            921 => (self.offset, self.suspended) = ([0.0; 6], None),
+            922 => {
+                self.suspended.get_or_insert(self.offset);
+                self.offset = [0.0; 6];
             }
-            100 | 110 if line.words.iter().any(|word| word.letter == b'L') => {
-                return Err(not_read(
-                    "coordinate systems are not kept: write places of one system (G54)",
-                ));
+            923 => self.offset = self.suspended.take().unwrap_or(self.offset),
+            280 => {
+                self.home(line, number)?;
+                return Ok(true);
             }
             100 if is_of_a_tool(line) => {
                 self.tool_temperature(line, number)?;
                 return Ok(true);
             }
-            100 => self.firmware(Firmware::Retract(self.retract_mm[0]), number)?,
-            110 => self.firmware(Firmware::Prime(self.retract_mm[1]), number)?,
-            // Path control, cancelled offsets, the first coordinate system: as it is.
-            400 | 490 | 540 | 610 | 611 | 640 | 690 | 800 | 970 | 980 | 990 => {}
-            410 | 420 => {
-                return Err(not_read(
-                    "offset by the tool's radius: let the post-processor compute it",
-                ));
-            }
-            550..=599 => {
-                return Err(not_read(
-                    "write all places in the first coordinate system (G54)",
-                ));
-            }
-            730 | 760 | 810..=899 => {
-                return Err(not_read("let the post-processor write its moves out"));
-            }
-            51..=53 | 331 | 950 | 960 => {
-                return Err(not_read("write it as G1, G2, G3 or G5, with G94 or G93"));
-            }
+            100 | 110 => self.firmware_retraction(code == 100, number)?,
+            // The tool's length: what stands beside it is a motion.
+            430 | 434 => self.undone(code_name(word), number),
+            // Path control, cancelled modes, the first coordinate system: as it is.
+            80 | 150 | 400 | 490 | 500 | 520 | 540 | 610 | 611 | 640 | 690 | 800 | 970 | 980
+            | 990 => return Ok(matches!(code, 500 | 520)),
             _ => {
                 self.undone(code_name(word), number);
                 return Ok(true);
             }
         }
         Ok(false)
+    }
+
+    /// What is to be done in place of a code that changes where the others go; `None` for all that are read.
+    fn remedy(&self, code: i64, line: &Line) -> Option<&'static str> {
+        let has = |letter: u8| line.words.iter().any(|word| word.letter == letter);
+        let moves = |word: &Word| word.letter != b'G' && word.value.is_some_and(|to| to != 0.0);
+        let is_printer = matches!(
+            self.flavour,
+            Flavour::Marlin | Flavour::Prusa | Flavour::RepRapFirmware
+        );
+        match code {
+            70 => Some("X is a diameter: write radii (G8)"),
+            160 => Some("places are polar: write X and Y (G15)"),
+            510 | 511 => Some("places are scaled: write them out (G50)"),
+            520 if line.words.iter().any(moves) => {
+                Some("places are moved: write those of one system (G54)")
+            }
+            680..=682 => Some("places are turned: write them out (G69)"),
+            650 | 660 => {
+                Some("subprograms are not computed: let the post-processor write them out")
+            }
+            610 if is_printer || has(b'S') => {
+                Some("it goes back to a place of G60: write that place as G1")
+            }
+            100 | 110 if has(b'L') => {
+                Some("coordinate systems are not kept: write places of one system (G54)")
+            }
+            410 | 420 => Some("offset by the tool's radius: let the post-processor compute it"),
+            550..=599 => Some("write all places in the first coordinate system (G54)"),
+            730 | 760 | 810..=899 => Some("let the post-processor write its moves out"),
+            51..=53 | 331 | 950 | 960 => Some("write it as G1, G2, G3 or G5, with G94 or G93"),
+            _ => None,
+        }
+    }
+
+    /// G10 and G11: the second in a row does nothing.
+    fn firmware_retraction(&mut self, retracts: bool, line: usize) -> Result<(), GcodeError> {
+        if self.retracted.replace(retracts) == Some(retracts) {
+            return Ok(());
+        }
+        let [pulled_mm, pushed_mm] = self.retract_mm;
+        let firmware = match retracts {
+            true => Firmware::Retract(pulled_mm),
+            false => Firmware::Prime(pushed_mm),
+        };
+        self.firmware(firmware, line)
     }
 
     pub(super) fn m_code(
@@ -196,8 +231,23 @@ impl Interpreter {
         // "T-1", "T?", T255, T1000: no tool, which one, put it back, the nozzle as it is.
         let is_tool = |tool: &f64| (0.0..TOOLS).contains(tool);
         if let Some(tool) = word.value.filter(is_tool) {
-            self.tool = Some(tool as u32);
-            self.changed = Some(number);
+            self.use_tool(tool as u32, number);
+        }
+    }
+
+    pub(super) fn use_tool(&mut self, tool: u32, number: usize) {
+        self.tool = Some(tool);
+        self.changed = Some(number);
+    }
+
+    /// A feed without extrusion by the tool that M6 changed to: where the whole file extrudes nothing that is a
+    /// bead, and a second tool's is none of this nozzle.
+    pub(super) fn cuts(&mut self) {
+        let tool = self.cutter.unwrap_or(0);
+        let before = *self.cutting_tool.get_or_insert(tool);
+        if let Some(line) = self.changed.filter(|_| before != tool) {
+            let second = GcodeError::SecondTool { line, tool, before };
+            self.found.second_tool.get_or_insert(second);
         }
     }
 
@@ -233,16 +283,24 @@ impl Interpreter {
         Ok(())
     }
 
-    /// G28: the head is at the machine's zero.
-    pub(super) fn home(&mut self, line: &Line) {
+    /// G28: the head goes to the machine's zero.
+    pub(super) fn home(&mut self, line: &Line, number: usize) -> Result<(), GcodeError> {
         let named = |letter: u8| line.words.iter().any(|word| word.letter == letter);
         let axes = self.axes();
         let all = !axes.iter().any(|letter| named(*letter));
+        let mut to = self.at;
         for (axis, letter) in axes.into_iter().enumerate() {
             if all || named(letter) {
-                self.at[axis] = 0.0;
+                to[axis] = 0.0;
                 self.offset[axis] = 0.0;
             }
         }
+        let has_moved = !self.found.steps.is_empty();
+        if has_moved && to != self.at {
+            let speed_mm_s = self.feed_mm_min / 60.0;
+            self.push(to, 0.0, speed_mm_s, true, Firmware::None, number)?;
+        }
+        self.at = to;
+        Ok(())
     }
 }

@@ -82,6 +82,13 @@ fn number_of(command: &str, key: &str, line: usize) -> Result<Option<f64>, Gcode
     })
 }
 
+/// Names of macros, no codes with a text.
+fn is_name(name: &str) -> bool {
+    name.bytes()
+        .take(2)
+        .all(|byte| byte.is_ascii_alphabetic() || byte == b'_')
+}
+
 impl Interpreter {
     /// An extended command that is read; false for all others.
     pub(super) fn extended(
@@ -106,6 +113,19 @@ impl Interpreter {
                 self.restore_named(command, line)?;
                 true
             }
+            "ACTIVATE_EXTRUDER" => {
+                let section = text_of(command, "EXTRUDER").unwrap_or_default();
+                let number = section.to_ascii_lowercase();
+                let number = number.strip_prefix("extruder").unwrap_or(section);
+                match number {
+                    "" => self.use_tool(0, line),
+                    _ => number
+                        .parse()
+                        .into_iter()
+                        .for_each(|n| self.use_tool(n, line)),
+                }
+                true
+            }
             "TURN_OFF_HEATERS" => {
                 for heater in [HOT_END, BED, HOT_END_2] {
                     if self.target_c(heater).is_some_and(|celsius| celsius > 0.0) {
@@ -122,8 +142,9 @@ impl Interpreter {
         Ok(true)
     }
 
-    /// Temperatures that a macro of the start gets as words (`PRINT_START EXTRUDER_TEMP=220 BED=60`): it waits
-    /// for them, as such macros do. What else it does is not known.
+    /// Temperatures that a macro before the first bead gets as words (`PRINT_START EXTRUDER_TEMP=220 BED=60`): it
+    /// waits for them, as such macros do. What else it does is not known. A macro whose name does not say that it
+    /// is of the start has temperatures only where the word says so.
     pub(super) fn start_macro(
         &mut self,
         name: &str,
@@ -131,15 +152,16 @@ impl Interpreter {
         line: usize,
     ) -> Result<(), GcodeError> {
         let name = name.to_ascii_uppercase();
-        if self.printing_tool.is_some() || !name.contains("START") {
+        if self.printing_tool.is_some() || !is_name(&name) {
             return Ok(());
         }
+        let is_start = name.contains("START");
         let mut taken = Vec::new();
         for (keys, heater, what) in [
             (BED_KEYS.as_slice(), BED, "bed"),
             (HOT_END_KEYS.as_slice(), HOT_END, "hot end"),
         ] {
-            for key in keys {
+            for key in keys.iter().filter(|key| is_start || key.contains("_TEMP")) {
                 let Some(celsius) = checked(number_of(command, key, line)?, line, most_c())? else {
                     continue;
                 };
@@ -149,7 +171,7 @@ impl Interpreter {
             }
         }
         let note = match taken.as_slice() {
-            [] if command.contains('=') => format!(
+            [] if is_start && command.contains('=') => format!(
                 "line {line}: no word of {name} is known as a temperature: order it by M104, M140, or [material]"
             ),
             [] => return Ok(()),

@@ -35,6 +35,10 @@ const FEED_DEFAULT_MM_MIN: f64 = 1500.0;
 /// 25 for each byte of its line.
 const CURVE_MOVES_MIN: usize = 200_000;
 const CURVE_MOVES_A_BYTE: usize = 40;
+/// Way of the turns that arcs make beside their own (P), mm: so far, and for each byte read so much more. A bore of
+/// 20 mm with ten turns has 600 mm in a line of 30 bytes.
+const TURNS_MIN_MM: f64 = 2000.0;
+const TURNS_MM_A_BYTE: f64 = 50.0;
 
 /// What a step does to the material beside what it extrudes.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -93,6 +97,8 @@ pub struct Steps {
     pub lines: usize,
     /// What tells how E is meant.
     pub counted: Counted,
+    /// Where another tool than the first moves by a feed: it matters where nothing extrudes.
+    pub second_tool: Option<GcodeError>,
 }
 
 /// The motion in force.
@@ -121,6 +127,10 @@ struct Interpreter {
     speed_factor: f64,
     flow_factor: f64,
     retract_mm: [Option<f64>; 2],
+    /// G10, or G11, came last.
+    retracted: Option<bool>,
+    /// Offsets of G92 before G92.2.
+    suspended: Option<[f64; 6]>,
     flavour: Flavour,
     /// M82 or M83 was given, or a setting says the same.
     e_is_said: bool,
@@ -131,11 +141,16 @@ struct Interpreter {
     /// The tool whose beads were printed; line of the last change.
     printing_tool: Option<u32>,
     changed: Option<usize>,
+    /// The tool of the last M6; that of the first feed without extrusion.
+    cutter: Option<u32>,
+    cutting_tool: Option<u32>,
     /// Spindle or laser: on or off since M3, M4 or M5, and its S.
     tool_on: Option<bool>,
     power: Option<f64>,
     /// Straight moves that curves may still come to.
     curve_moves_left: usize,
+    /// Way that further turns of arcs may still have.
+    turns_mm_left: f64,
     ended: bool,
 }
 
@@ -160,6 +175,7 @@ pub fn steps(
         let number = index + 1;
         interpreter.found.lines = number;
         interpreter.curve_moves_left += CURVE_MOVES_A_BYTE * text.len();
+        interpreter.turns_mm_left += TURNS_MM_A_BYTE * text.len() as f64;
         let line = read_line(text, number)?;
         let before = interpreter.found.comments.hint;
         for comment in &line.comments {
@@ -213,6 +229,8 @@ impl Interpreter {
             speed_factor: 1.0,
             flow_factor: 1.0,
             retract_mm: [None; 2],
+            retracted: None,
+            suspended: None,
             flavour: Flavour::Unknown,
             e_is_said: false,
             saved: Saved::default(),
@@ -220,9 +238,12 @@ impl Interpreter {
             tool: None,
             printing_tool: None,
             changed: None,
+            cutter: None,
+            cutting_tool: None,
             tool_on: None,
             power: None,
             curve_moves_left: CURVE_MOVES_MIN,
+            turns_mm_left: TURNS_MIN_MM,
             ended: false,
         }
     }
@@ -243,6 +264,11 @@ impl Interpreter {
             _ if self.extended(&name, command, number)? => {}
             // Waiting and progress: nothing to do.
             "M400" | "M73" | "M105" => {}
+            // The second one ends a program.
+            "%" => self.ended = !self.found.steps.is_empty(),
+            _ if is_computed(&name, command) => {
+                return Err(GcodeError::Computed { line: number });
+            }
             _ => {
                 self.start_macro(&name, command, number)?;
                 self.undone(name, number);
@@ -293,6 +319,9 @@ impl Interpreter {
                 }
                 _ => {}
             }
+        }
+        if line.words.iter().any(is_tool_change) {
+            self.cutter = self.tool;
         }
         if let Some((motion, _)) = motion {
             self.motion = Some(motion);
@@ -401,19 +430,37 @@ impl Interpreter {
         });
         if extruded > 0.0 {
             self.prints(to != self.at)?;
+        } else if !rapid && to != self.at {
+            self.cuts();
         }
         self.at = to;
         Ok(())
     }
 }
 
+/// RepRapFirmware's conditions and loops, and subprograms by their number.
+fn is_computed(name: &str, command: &str) -> bool {
+    const META: [&str; 7] = ["if", "elif", "else", "while", "break", "continue", "abort"];
+    let is_number = |text: &str| text.trim_start().starts_with(|c: char| c.is_ascii_digit());
+    let is_numbered = || {
+        command
+            .split_once(['P', 'p'])
+            .is_some_and(|(_, p)| is_number(p))
+    };
+    META.contains(&name) || matches!(name, "M97" | "M98") && is_numbered()
+}
+
 /// True for words that a tool change may have beside it.
 fn is_beside_tool(word: &Word) -> bool {
     match word.letter {
-        b'M' => tenths(word) == 60,
+        b'M' => is_tool_change(word),
         b'G' => motion_of(tenths(word)).is_some(),
         _ => true,
     }
+}
+
+fn is_tool_change(word: &Word) -> bool {
+    word.letter == b'M' && tenths(word) == 60
 }
 
 fn motion_of(tenths: i64) -> Option<Motion> {

@@ -3,11 +3,12 @@
 //! In: a line and the modes. Out: steps (mm, degrees, mm/s) of one frame.
 
 use super::{EXTRUDER_MAX, Firmware, Interpreter, Motion, bounded};
-use crate::gcode::arcs::{ArcWords, arc_chords, bezier_chords};
+use crate::gcode::arcs::{ArcWords, TURNS_MAX, arc_chords, bezier_chords};
 use crate::gcode::error::GcodeError;
 use crate::gcode::passes::{STANDS_DEG, STANDS_MM};
 use crate::gcode::words::Line;
 use crate::gcode::{ANGLE_MAX_DEG, PLACE_MAX_MM};
+use std::f64::consts::TAU;
 
 impl Interpreter {
     /// A motion: to the line's place, by the motion in force.
@@ -82,7 +83,7 @@ impl Interpreter {
         counted.unsaid += 1;
         let way_mm = (to[0] - self.at[0]).hypot(to[1] - self.at[1]);
         if way_mm > STANDS_MM && e > 0.0 {
-            counted.bead(e, way_mm);
+            counted.bead(e, extruded, way_mm);
         }
     }
 
@@ -160,7 +161,7 @@ impl Interpreter {
     }
 
     pub(super) fn arc(
-        &self,
+        &mut self,
         line: &Line,
         to: [f64; 6],
         clockwise: bool,
@@ -182,14 +183,36 @@ impl Interpreter {
                 centre[slot] = -self.at[axis] + self.offset[axis];
             }
         }
+        let radius_mm = self.length(line, b'R', number)?;
+        let turns = self.turns(line, prints, number)?;
+        self.count_turns(
+            turns,
+            radius_mm.unwrap_or(centre[0].hypot(centre[1])),
+            number,
+        )?;
         let words = ArcWords {
             clockwise,
             centre_mm: is_given.then_some(centre),
-            radius_mm: self.length(line, b'R', number)?,
-            turns: self.turns(line, prints, number)?,
+            radius_mm,
+            turns,
         };
         let (from, to) = ([self.at[u], self.at[v]], [to[u], to[v]]);
         arc_chords(from, to, &words, self.curve_moves_left, number)
+    }
+
+    /// Takes the way of an arc's further turns off what turns may claim.
+    fn count_turns(
+        &mut self,
+        turns: Option<f64>,
+        radius_mm: f64,
+        line: usize,
+    ) -> Result<(), GcodeError> {
+        let further = turns.map_or(0.0, |turns| (turns.floor() - 1.0).clamp(0.0, TURNS_MAX));
+        self.turns_mm_left -= further * TAU * radius_mm.abs();
+        match self.turns_mm_left >= 0.0 {
+            true => Ok(()),
+            false => Err(GcodeError::TooFine { line }),
+        }
     }
 
     pub(super) fn bezier(

@@ -60,16 +60,16 @@ pub fn smoothing_ticks(samples: &[PathSample], limits: &MotionLimits) -> usize {
     2 * (seconds * limits.servo_hz / 2.0).ceil() as usize
 }
 
-/// Way that nothing exceeds in a tick, mm or rad: what ticks are made coarser up to. It is a tick at 1 mm/s, a
-/// few wire units.
-const WAY_OF_TICK: f64 = 0.0005;
+/// Way that nothing exceeds in a tick, mm or rad: what ticks are made coarser up to. Corners are rounded over
+/// 50 µm, of which a dozen ticks show the limits all that is to be seen.
+const WAY_OF_TICK: f64 = 0.004;
 /// Most servo ticks of a coarse one: a longest span has 32 of them.
 const COARSE_MAX: u16 = 128;
 /// Coarse ticks that a move keeps at least, so that short ones stay as they are.
 const COARSE_TICKS_MIN: f64 = 2048.0;
 
 /// How many servo ticks one step of a move's time law may have, a power of two: a move that crawls takes no
-/// more work than one of 1 mm/s, however long it lasts. 1 for all moves that are faster anywhere.
+/// more work than one of 4 mm/s, however long it lasts. 1 for all moves that are faster than 2 mm/s anywhere.
 pub fn coarseness(samples: &[PathSample], limits: &MotionLimits) -> u16 {
     let most = WAY_OF_TICK * limits.servo_hz;
     let (mut fastest, mut seconds) = (1e-9f64, 0.0);
