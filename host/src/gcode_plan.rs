@@ -175,6 +175,9 @@ fn add_motion(sum: &mut MotionReport, report: &MotionReport) {
     sum.time_bound_s += report.time_bound_s;
 }
 
+/// Fastest that settings may say: a feed beyond it is the machine's to bound.
+const SPEED_MAX_MM_S: f64 = 10_000.0;
+
 /// The file's speeds: the plan's share of the limit is the fastest of them.
 fn with_speeds(
     program: &GcodeProgram,
@@ -186,7 +189,7 @@ fn with_speeds(
     let speed_mm_s = fastest_mm_s / settings.plan_share;
     let slowest = |speed: f64| speed_max_mm_s.map_or(speed, |most| speed.min(most));
     Settings {
-        speed_mm_s: slowest(speed_mm_s).max(0.01),
+        speed_mm_s: slowest(speed_mm_s).clamp(0.01, SPEED_MAX_MM_S),
         layers: program.layers(),
         ..settings.clone()
     }

@@ -223,6 +223,12 @@ pub enum GcodeError {
         /// What it does for whom.
         readings: &'static str,
     },
+    /// More states than any macro keeps.
+    #[error("line {line}: more than 100 names of SAVE_GCODE_STATE: keep fewer states")]
+    ManyStates {
+        /// Line from 1.
+        line: usize,
+    },
     /// A state that was not kept.
     #[error("line {line}: no SAVE_GCODE_STATE before it has the name '{name}'")]
     NoState {

@@ -36,18 +36,25 @@ pub(super) fn read(bytes: &[u8]) -> Result<RawMesh, MeshError> {
     })
 }
 
-/// What the reader says, with the first line that alone is not read either.
+/// What the reader says, with the first line that alone is not read either, or names a vertex that is not there.
 fn problem(bytes: &[u8], error: LoadError) -> MeshError {
-    let is_bad = |line: &&[u8]| {
-        let words: Vec<&[u8]> = line.split(|b| b.is_ascii_whitespace()).collect();
-        let is_vertex = words.first() == Some(&&b"v"[..]);
-        let is_number = |word: &&&[u8]| {
-            let text = std::str::from_utf8(word).unwrap_or("");
-            text.parse::<f64>().is_ok()
-        };
-        is_vertex && words[1..].iter().filter(is_number).count() < 3
+    let lines = || bytes.split(|&b| b == b'\n').map(String::from_utf8_lossy);
+    let is_vertex = |line: &str| line.split_ascii_whitespace().next() == Some("v");
+    let vertices = lines().filter(|line| is_vertex(line)).count() as i64;
+    let is_bad = |line: &str| {
+        let mut words = line.split_ascii_whitespace();
+        match words.next() {
+            Some("v") => words.filter(|word| word.parse::<f64>().is_ok()).count() < 3,
+            Some("f") => words.any(|word| {
+                let corner = word.split('/').next().unwrap_or_default();
+                corner.parse::<i64>().map_or(true, |k| {
+                    k == 0 || k.unsigned_abs() > vertices.unsigned_abs()
+                })
+            }),
+            _ => false,
+        }
     };
-    let line = bytes.split(|&b| b == b'\n').position(|l| is_bad(&l));
+    let line = lines().position(|line| is_bad(&line));
     let place = line.map_or(String::new(), |line| format!(" (line {})", line + 1));
     syntax("OBJ", format!("{error}{place}; export it again"))
 }

@@ -2,6 +2,9 @@
 //!
 //! The stored normals are passed over: the order of the corners says what is outside, and files
 //! whose normals say otherwise are wrong in the normals.
+//!
+//! ASCII files are read here and not by `stl_io`: they come in capitals, with normals that are no numbers and with
+//! several solids, of which that crate takes the first; and a message has its line.
 
 use super::read::{RawMesh, syntax};
 use super::{Mesh, MeshError, Point3};
@@ -16,10 +19,34 @@ const BINARY_TRIANGLE: usize = 50;
 pub(super) fn read(bytes: &[u8]) -> Result<RawMesh, MeshError> {
     check_length(bytes)?;
     // Some programs begin binary files with `solid` as well: the length tells.
-    let mut rest = Cursor::new(bytes);
     let is_binary = binary_triangles(bytes) == Some(bytes.len());
+    let mesh = match is_text(bytes) && !is_binary {
+        true => ascii(&String::from_utf8_lossy(bytes))?,
+        false => binary(bytes)?,
+    };
+    Ok(RawMesh {
+        mesh,
+        name: None,
+        unit_mm: 1.0,
+        notes: Vec::new(),
+    })
+}
+
+impl Mesh {
+    /// A triangle of three corners of its own.
+    fn push_triangle(&mut self, corners: [[f32; 3]; 3]) {
+        let first = self.vertices.len() as u32;
+        let places = corners.map(|corner| corner.map(f64::from));
+        let vertices = places.map(|[x, y, z]| Point3::new(x, y, z));
+        self.vertices.extend(vertices);
+        self.triangles.push([first, first + 1, first + 2]);
+    }
+}
+
+fn binary(bytes: &[u8]) -> Result<Mesh, MeshError> {
     let mut head = Vec::new();
-    if is_binary && bytes.starts_with(b"solid") {
+    let mut rest = Cursor::new(bytes);
+    if bytes.starts_with(b"solid") {
         head.extend_from_slice(bytes);
         head[..5].fill(b' ');
         rest = Cursor::new(&head);
@@ -28,19 +55,61 @@ pub(super) fn read(bytes: &[u8]) -> Result<RawMesh, MeshError> {
     let mut mesh = Mesh::default();
     for triangle in triangles {
         let triangle = triangle.map_err(|error| problem(&error))?;
-        let first = mesh.vertices.len() as u32;
-        mesh.vertices.extend(triangle.vertices.iter().map(|vertex| {
-            let [x, y, z] = vertex.0.map(f64::from);
-            Point3::new(x, y, z)
-        }));
-        mesh.triangles.push([first, first + 1, first + 2]);
+        mesh.push_triangle(triangle.vertices.map(|vertex| vertex.0));
     }
-    Ok(RawMesh {
-        mesh,
-        name: None,
-        unit_mm: 1.0,
-        notes: Vec::new(),
-    })
+    Ok(mesh)
+}
+
+/// All solids of a text; names and normals are passed over.
+fn ascii(text: &str) -> Result<Mesh, MeshError> {
+    let mut mesh = Mesh::default();
+    let mut corners: Vec<[f32; 3]> = Vec::new();
+    let mut is_open = false;
+    let mut last_line = 0;
+    for (number, line) in (1..).zip(text.lines()) {
+        let at = |what: &str| syntax(FORMAT, format!("line {number}: {what}; export it again"));
+        let mut words = line.split_ascii_whitespace();
+        while let Some(word) = words.next() {
+            last_line = number;
+            match word.to_ascii_lowercase().as_str() {
+                // What follows is a name.
+                "solid" | "endsolid" => {
+                    is_open = word.len() == "solid".len();
+                    break;
+                }
+                "normal" => words.by_ref().take(3).for_each(drop),
+                "vertex" => {
+                    let mut coordinate = || words.next()?.parse::<f32>().ok();
+                    let place = (coordinate(), coordinate(), coordinate());
+                    let (Some(x), Some(y), Some(z)) = place else {
+                        return Err(at("a vertex has no three numbers"));
+                    };
+                    corners.push([x, y, z]);
+                }
+                "endfacet" => {
+                    let triangle = <[[f32; 3]; 3]>::try_from(corners.as_slice());
+                    mesh.push_triangle(triangle.map_err(|_| at("a facet has not three corners"))?);
+                    corners.clear();
+                }
+                "facet" | "outer" | "loop" | "endloop" => {}
+                _ => return Err(at("it has a word that no STL file has")),
+            }
+        }
+    }
+    match is_open || !corners.is_empty() {
+        true => Err(syntax(
+            FORMAT,
+            format!("it ends at line {last_line} inside a solid; copy or export it again"),
+        )),
+        false => Ok(mesh),
+    }
+}
+
+/// True for what begins as a text does.
+fn is_text(bytes: &[u8]) -> bool {
+    let begins = bytes.trim_ascii_start().get(..5);
+    begins.is_some_and(|word| word.eq_ignore_ascii_case(b"solid"))
+        && bytes.iter().take(512).all(u8::is_ascii)
 }
 
 /// Bytes that a binary file of its stated count has.
@@ -52,10 +121,9 @@ fn binary_triangles(bytes: &[u8]) -> Option<usize> {
 
 /// Tells of a binary file that is cut.
 fn check_length(bytes: &[u8]) -> Result<(), MeshError> {
-    let is_text = bytes.starts_with(b"solid") && bytes.iter().take(512).all(u8::is_ascii);
     let stated = binary_triangles(bytes);
     match stated {
-        _ if is_text => Ok(()),
+        _ if is_text(bytes) => Ok(()),
         Some(stated) if stated <= bytes.len() => Ok(()),
         Some(stated) => Err(syntax(
             FORMAT,

@@ -105,11 +105,7 @@ impl Interpreter {
         let name = text_of(command, "NAME").unwrap_or("default");
         let is_full = self.saved.named.len() >= STATES_MAX;
         if is_full && !self.saved.named.contains_key(name) {
-            return Err(GcodeError::Parameter {
-                line,
-                key: "NAME".to_string(),
-                text: shortened(name),
-            });
+            return Err(GcodeError::ManyStates { line });
         }
         let state = self.state();
         self.saved.named.insert(name.to_string(), state);

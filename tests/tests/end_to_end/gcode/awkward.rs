@@ -262,7 +262,7 @@ const REFUSED: [(&str, &str); 14] = [
         "mm³ are to be pushed or pulled on the spot, more than 20000",
     ),
     (
-        "G91.1\nM83\nG0 X10\nG3 X10 Y0 I-10 J0 P100 E1000000000\n",
+        "G91.1\nM83\nG0 X10\nG3 X10 Y0 I-10 J0 P20 E1000000000\n",
         "line 4: a bead of",
     ),
     (
@@ -288,14 +288,17 @@ fn what_cannot_be_decided_or_run_is_refused_with_the_line() {
     assert!(error(b"G1 X1 E1\nG1 X\xb5 E1\n").contains("line 2: "));
 }
 
-/// Goal: curves of a few lines make no millions of moves. Method: arcs of a hundred turns, one behind the other;
-/// what they may come to is checked before it is made.
+/// Goal: curves of a few lines make no millions of moves, and no way of hours. Method: arcs of twenty turns, one
+/// behind the other, and one of ninety; what they may come to is checked before it is made.
 #[test]
 fn turns_of_arcs_do_not_fill_the_memory() {
-    let arcs = "G3 X10 Y0 I-10 J0 P100 E200\n".repeat(500);
-    let error = error(format!("G91.1\nM83\nG0 X10\n{arcs}").as_bytes());
-    // 222 chords a turn, 22,200 a line of 29 bytes: the tenth is beyond 200,000 and 40 a byte.
-    assert!(error.contains("line 13: the curves"), "{error}");
+    let arcs = "G3 X10 Y0 I-10 J0 P20 E200\n".repeat(500);
+    let many = error(format!("G91.1\nM83\nG0 X10\n{arcs}").as_bytes());
+    // 222.14 chords a turn, 4,443 a line of 26 bytes: the 59th is beyond 200,000 and 40 a byte.
+    assert!(many.contains("line 62: the curves"), "{many}");
+    // 28 m, where 2 m and 50 mm a byte are allowed: 160 s and 1.7 GB of planning at 2 mm/s.
+    let wide = error(b"G91.1\nM83\nG0 X50\nG3 X50 Y0 I-50 J0 P90 E900\n");
+    assert!(wide.contains("line 4: the curves"), "{wide}");
 }
 
 /// Goal: outlines of objects, which are longer than any line of words, are no reason to refuse. Method: one of 6 kB.
