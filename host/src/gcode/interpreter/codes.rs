@@ -2,7 +2,7 @@
 //!
 //! In: a code and its line. Out: the interpreter's state; what is not done is noted with its line.
 
-use super::{Firmware, Interpreter, bounded_percent, code_name, tenths, value};
+use super::{Firmware, Interpreter, code_name, tenths, value};
 use crate::gcode::FILAMENT_MM;
 use crate::gcode::error::GcodeError;
 use crate::gcode::flavour::Flavour;
@@ -302,5 +302,31 @@ impl Interpreter {
         }
         self.at = to;
         Ok(())
+    }
+}
+
+/// RepRapFirmware's conditions and loops, and subprograms by their number.
+pub(super) fn is_computed(name: &str, command: &str) -> bool {
+    const META: [&str; 7] = ["if", "elif", "else", "while", "break", "continue", "abort"];
+    let is_number = |text: &str| text.trim_start().starts_with(|c: char| c.is_ascii_digit());
+    let is_numbered = || {
+        command
+            .split_once(['P', 'p'])
+            .is_some_and(|(_, p)| is_number(p))
+    };
+    META.contains(&name) || matches!(name, "M97" | "M98") && is_numbered()
+}
+
+/// S of M220 and M221.
+fn bounded_percent(line: &Line, number: usize) -> Result<Option<f64>, GcodeError> {
+    let given = value(line, b'S', number)?;
+    match given {
+        Some(percent) if !(1.0..=1000.0).contains(&percent) => Err(GcodeError::Beyond {
+            line: number,
+            letter: 'S',
+            value: percent,
+            most: 1000.0,
+        }),
+        given => Ok(given),
     }
 }

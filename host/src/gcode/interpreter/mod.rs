@@ -266,7 +266,7 @@ impl Interpreter {
             "M400" | "M73" | "M105" => {}
             // The second one ends a program.
             "%" => self.ended = !self.found.steps.is_empty(),
-            _ if is_computed(&name, command) => {
+            _ if codes::is_computed(&name, command) => {
                 return Err(GcodeError::Computed { line: number });
             }
             _ => {
@@ -438,18 +438,6 @@ impl Interpreter {
     }
 }
 
-/// RepRapFirmware's conditions and loops, and subprograms by their number.
-fn is_computed(name: &str, command: &str) -> bool {
-    const META: [&str; 7] = ["if", "elif", "else", "while", "break", "continue", "abort"];
-    let is_number = |text: &str| text.trim_start().starts_with(|c: char| c.is_ascii_digit());
-    let is_numbered = || {
-        command
-            .split_once(['P', 'p'])
-            .is_some_and(|(_, p)| is_number(p))
-    };
-    META.contains(&name) || matches!(name, "M97" | "M98") && is_numbered()
-}
-
 /// True for words that a tool change may have beside it.
 fn is_beside_tool(word: &Word) -> bool {
     match word.letter {
@@ -502,20 +490,6 @@ fn bounded(
             letter: char::from(letter),
             value,
             most,
-        }),
-        given => Ok(given),
-    }
-}
-
-/// S of M220 and M221.
-fn bounded_percent(line: &Line, number: usize) -> Result<Option<f64>, GcodeError> {
-    let given = value(line, b'S', number)?;
-    match given {
-        Some(percent) if !(1.0..=1000.0).contains(&percent) => Err(GcodeError::Beyond {
-            line: number,
-            letter: 'S',
-            value: percent,
-            most: 1000.0,
         }),
         given => Ok(given),
     }

@@ -65,8 +65,9 @@ pub fn smoothing_ticks(samples: &[PathSample], limits: &MotionLimits) -> usize {
 const WAY_OF_TICK: f64 = 0.004;
 /// Most servo ticks of a coarse one: a longest span has 32 of them.
 const COARSE_MAX: u16 = 128;
-/// Coarse ticks that a move keeps at least, so that short ones stay as they are.
-const COARSE_TICKS_MIN: f64 = 2048.0;
+/// Coarse ticks that a move keeps at least, so that short ones stay as they are: the windows in which speeds grow
+/// have so many coarse ticks as they have others, 1 % of these.
+const COARSE_TICKS_MIN: f64 = 8192.0;
 
 /// How many servo ticks one step of a move's time law may have, a power of two: a move that crawls takes no
 /// more work than one of 4 mm/s, however long it lasts. 1 for all moves that are faster than 2 mm/s anywhere.

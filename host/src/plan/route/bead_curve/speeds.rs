@@ -1,8 +1,9 @@
 //! Speeds along a pass: where it is cut at rest, and where one speed becomes another within a move.
 //!
 //! In: legs with their speeds (mm/s) and volumes. Out: runs of stretches of alike speed, each run a move from rest
-//! to rest; tip speeds by the path's parameter where a run has several. Leaves out what limits of the machine
-//! allow of them.
+//! to rest; tip speeds by the path's parameter where a run has several. A pass of hours, as a vase is, is cut at
+//! rest as well: a move is planned in one piece, with memory for each of its ticks. Leaves out what limits of the
+//! machine allow of the speeds.
 
 use super::{BeadMove, Control, Way};
 use crate::settings::Settings;
@@ -16,15 +17,34 @@ const CRAWL_MM_S: f64 = 1.0;
 /// Way in which one speed becomes another one, spans of the curve and share of the faster one's.
 const CHANGE_SPANS: f64 = 1.0;
 const CHANGE_SHARE: f64 = 0.3;
+/// Longest move, s: of less than the six hours that are planned in one piece. The ticks of so many seconds, faster
+/// than what crawls, take 840 MB.
+const MOVE_S_MAX: f64 = 18_000.0;
+const TICKED_S_MAX: f64 = 6_000.0;
+/// What is slower than this has coarser ticks (`coarseness` of the time law).
+const TICKED_MM_S: f64 = 2.0;
 /// Legs of alike speed, from vertex to vertex.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(super) struct Stretch {
     ends: [usize; 2],
     speed_mm_s: f64,
     length_mm: f64,
+    /// Share of what one move may have of time and ticks.
+    load: f64,
 }
 
 impl Way {
+    /// A leg's share of what one move may have.
+    fn load(&self, leg: usize, settings: &Settings) -> f64 {
+        let (length_mm, of_leg) = (self.length_mm[leg], &self.legs[leg]);
+        let fastest_mm_s = settings.speed_mm_s * settings.plan_share;
+        let flow_mm3_s = settings.flow_max_mm3_s * settings.plan_share;
+        let lays_s = of_leg.volume_mm3.unwrap_or(0.0) / flow_mm3_s;
+        let seconds = (length_mm / of_leg.speed_mm_s.min(fastest_mm_s)).max(lays_s);
+        let ticked_s = seconds.min(length_mm / TICKED_MM_S);
+        (seconds / MOVE_S_MAX).max(ticked_s / TICKED_S_MAX)
+    }
+
     /// The leg's speed, or the extruder's where that is a crawl.
     fn speed_mm_s(&self, leg: usize, settings: &Settings) -> f64 {
         let asked_mm_s = self.legs[leg].speed_mm_s;
@@ -41,19 +61,24 @@ impl Way {
         let mut stretches: Vec<Stretch> = Vec::new();
         for (leg, length_mm) in self.length_mm.iter().enumerate() {
             let speed_mm_s = self.speed_mm_s(leg, settings);
+            let load = self.load(leg, settings);
             let is_alike = |last: &Stretch| {
-                (last.speed_mm_s - speed_mm_s).abs() <= SPEED_SHARE * last.speed_mm_s
+                let is_as_fast =
+                    (last.speed_mm_s - speed_mm_s).abs() <= SPEED_SHARE * last.speed_mm_s;
+                is_as_fast && last.load + load <= 1.0
             };
             match stretches.last_mut().filter(|last| is_alike(last)) {
                 Some(last) => {
                     last.ends[1] = leg + 1;
                     last.speed_mm_s = last.speed_mm_s.min(speed_mm_s);
                     last.length_mm += length_mm;
+                    last.load += load;
                 }
                 None => stretches.push(Stretch {
                     ends: [leg, leg + 1],
                     speed_mm_s,
                     length_mm: *length_mm,
+                    load,
                 }),
             }
         }
@@ -112,5 +137,59 @@ impl Control {
             speed_mm_s: fastest,
             speeds_mm_s,
         })
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use crate::gcode::comments::Slicer;
+    use crate::gcode::{GcodePass, Leg, Place};
+    use crate::plan::route::bead_curve::bead_curve;
+    use crate::settings::Settings;
+
+    /// Squares of 100 mm, so many sides at this speed.
+    fn squares(sides: usize, speed_mm_s: f64) -> GcodePass {
+        let corners = [[0.0, 0.0], [100.0, 0.0], [100.0, 100.0], [0.0, 100.0]];
+        let place = |k: usize| Place {
+            tip_mm: [corners[k % 4][0], corners[k % 4][1], 0.2],
+            turn_deg: [0.0; 3],
+        };
+        let leg = Leg {
+            line: 1,
+            speed_mm_s,
+            width_mm: Some(0.5),
+            height_mm: Some(0.2),
+            volume_mm3: Some(10.0),
+        };
+        GcodePass {
+            layer: 0,
+            travel: Vec::new(),
+            points: (0..=sides).map(place).collect(),
+            legs: vec![leg; sides],
+            prime: None,
+            retract: None,
+        }
+    }
+
+    /// Goal: a pass of hours is no move of hours, and what is shorter is one move. Method: sides of 25 s and of 200 s,
+    /// by hand: 240 sides of 25 s are 6,000 s; of 200 s each counts as 50 s at 2 mm/s, of which 120 are 6,000 s,
+    /// and 90 are 18,000 s.
+    #[test]
+    fn passes_of_hours_are_cut_at_rest() {
+        let settings = Settings::default();
+        let moves = |sides: usize, speed_mm_s: f64| {
+            let pass = squares(sides, speed_mm_s);
+            let curve = bead_curve(&pass, Slicer::Plain, false, &settings).expect("a curve");
+            let ends = curve.moves.windows(2);
+            for pair in ends {
+                assert_eq!(pair[0].control.last(), pair[1].control.first());
+            }
+            curve.moves.len()
+        };
+        assert_eq!(
+            (moves(239, 4.0), moves(242, 4.0), moves(600, 4.0)),
+            (1, 2, 3)
+        );
+        assert_eq!((moves(89, 0.5), moves(92, 0.5)), (1, 2));
     }
 }
