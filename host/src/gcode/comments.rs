@@ -87,6 +87,11 @@ impl Comments {
             let counts_changes = *self.counts_changes.get_or_insert(is_change);
             self.hint.layers += u32::from(counts_changes == is_change);
         }
+        // Simplify3D's settings have a comma.
+        if let Some(diameters) = text.strip_prefix("filamentDiameters,") {
+            let first = diameters.split('|').next().unwrap_or_default();
+            self.filament_mm = size(first).or(self.filament_mm);
+        }
         let Some((key, value)) = text.split_once([':', '=']) else {
             return;
         };
@@ -95,7 +100,8 @@ impl Comments {
             "WIDTH" | "LINE_WIDTH" => self.hint.width_mm = size(value),
             "HEIGHT" | "LAYER_HEIGHT" => self.hint.height_mm = whole_um(value),
             "TIME_ELAPSED" => self.estimate_s = value.parse().ok().filter(|s: &f64| s.is_finite()),
-            "filament_diameter" => {
+            // KISSlicer's is the second, ideaMaker's the third.
+            "filament_diameter" | "fiber_dia_mm" | "Filament Diameter #1" => {
                 let first = value.split(',').next().unwrap_or_default();
                 self.filament_mm = size(first).or(self.filament_mm);
             }

@@ -129,7 +129,8 @@ fn used(key: &str, value: &str) -> Option<Used> {
     let key = key.to_ascii_lowercase();
     let is_whole = key.starts_with("filament used")
         || key.starts_with("filament length")
-        || key.starts_with("total filament length");
+        || key.starts_with("total filament length")
+        || key.starts_with("estimated build volume");
     if !is_whole {
         return None;
     }
@@ -147,7 +148,7 @@ fn used(key: &str, value: &str) -> Option<Used> {
     };
     let is = |name: &str| unit.starts_with(name);
     let used = match unit {
-        _ if is("cm3") => Used::Volume(1e3 * sum),
+        _ if is("cm3") || is("cm^3") => Used::Volume(1e3 * sum),
         _ if is("mm3") || is("mm^3") => Used::Volume(sum),
         "" => Used::Length(sum),
         _ if is("mm") => Used::Length(sum),
@@ -242,6 +243,11 @@ mod tests {
             (
                 ";   Filament length: 77.1 mm (0.08 m)",
                 Some(Used::Length(77.1)),
+            ),
+            // KISSlicer.
+            (
+                "; Estimated Build Volume: 16.105 cm^3",
+                Some(Used::Volume(16_105.0)),
             ),
             (";Filament used: 0m", None),
             ("; total filament used [g] = 3", None),

@@ -309,6 +309,14 @@ fn extrusion() -> Vec<Case> {
             Beads(50.0, 10.0, 1),
         ),
         case(
+            "KISSlicer's filament and figure, without M83",
+            Gcode,
+            // 3 mm of 3 mm filament are 21.2 mm³, as 8.816 mm of 1.75 mm are.
+            "; fiber_dia_mm = 3\nG1 X0 Y0 Z.2 F3000\nG1 X10 E.5\nG1 Y10 E.9\nG1 X0 E1.6\n\
+             ; Estimated Build Volume: 0.0212 cm^3\n",
+            Beads(30.0, 3.0 * (3.0 / 1.75) * (3.0 / 1.75), 1),
+        ),
+        case(
             "absolute with a wipe",
             Gcode,
             "M82\nG1 X0 Y0 Z.2 F1200\nG1 X10 E1\nG1 X8 E.5\nG1 E.2 F1800\nG0 X20\nG1 E.5 F1800\nG1 X22 E1\n",
