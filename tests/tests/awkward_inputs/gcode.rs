@@ -317,6 +317,13 @@ fn extrusion() -> Vec<Case> {
             Beads(30.0, 3.0 * (3.0 / 1.75) * (3.0 / 1.75), 1),
         ),
         case(
+            "the same E again is no bead",
+            Gcode,
+            // In doubles 1.01 + (3.22 - 1.01) is less than 3.22.
+            "M82\nG1 X0 Y0 Z.2 F1200\nG1 X10 E1.01\nG1 X20 E3.22\nG1 X30 E3.22\nG1 X40 E4\n",
+            Beads(30.0, 4.0, 1),
+        ),
+        case(
             "absolute with a wipe",
             Gcode,
             "M82\nG1 X0 Y0 Z.2 F1200\nG1 X10 E1\nG1 X8 E.5\nG1 E.2 F1800\nG0 X20\nG1 E.5 F1800\nG1 X22 E1\n",
@@ -557,18 +564,18 @@ fn claims() -> Vec<Case> {
             behind("") + "G1 E-1 F0.001\nG0 X20\nG1 E1\nG1 X30 E1\n",
             Refused("line 4: the extruder alone is to move"),
         ),
-        // 400 mm at 0.1 mm/s and at 1 mm/s, with 5 s of ways beside.
+        // 160 mm at 0.1 mm/s and at 1 mm/s, with 5 s of ways beside and 1 % for speeding up.
         case(
             "a square at 0.1 mm/s",
             Planned,
-            "M83\nG0 Z.2\nG1 X100 E3 F6\nG1 Y100 E3\nG1 X0 E3\nG1 Y0 E3\n",
-            Seconds(3995.0, 4010.0),
+            "M83\nG0 Z.2\nG1 X40 E1.2 F6\nG1 Y40 E1.2\nG1 X0 E1.2\nG1 Y0 E1.2\n",
+            Seconds(1595.0, 1621.0),
         ),
         case(
             "a square at 1 mm/s",
             Planned,
-            "M83\nG0 Z.2\nG1 X100 E3 F60\nG1 Y100 E3\nG1 X0 E3\nG1 Y0 E3\n",
-            Seconds(399.0, 405.0),
+            "M83\nG0 Z.2\nG1 X40 E1.2 F60\nG1 Y40 E1.2\nG1 X0 E1.2\nG1 Y0 E1.2\n",
+            Seconds(159.0, 167.0),
         ),
         case(
             "a bead of 0.01 mm/s",

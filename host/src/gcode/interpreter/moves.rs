@@ -51,7 +51,8 @@ impl Interpreter {
             let is_relative = self.e_relative || is_relative;
             extruded = if is_relative { e } else { e - self.e };
             self.count(e, extruded, to, number);
-            self.e += extruded;
+            // Not a sum: what it is beside the file's own number would be a bead of its own.
+            self.e = if is_relative { self.e + e } else { e };
             bounded(Some(self.e), extruder, number, EXTRUDER_MAX)?;
             self.found.extrudes = true;
         }
