@@ -172,6 +172,14 @@ pub enum MeshError {
         /// What it names.
         id: usize,
     },
+    /// Objects and components that place each other any number of times.
+    #[error(
+        "its objects and components are placed more than {max} times: export them as one object"
+    )]
+    TooManyParts {
+        /// The bound.
+        max: usize,
+    },
     /// 3MF components that contain each other.
     #[error("the components of object {id} nest deeper than {max}: export them as one object")]
     TooDeep {

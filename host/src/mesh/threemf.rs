@@ -14,6 +14,9 @@ const FORMAT: &str = "3MF";
 const UNPACKED_MAX: u64 = 1 << 28;
 /// Components within components.
 const DEPTH_MAX: usize = 16;
+/// Objects and components that are placed, each as often as it is: components repeat what is packed once, so that a
+/// few lines may name any number of them.
+const PARTS_MAX: usize = 100_000;
 
 /// Reads what the build places.
 pub(super) fn read(bytes: &[u8]) -> Result<RawMesh, MeshError> {
@@ -26,9 +29,16 @@ pub(super) fn read(bytes: &[u8]) -> Result<RawMesh, MeshError> {
     let mut package = Package {
         models: &models,
         mesh: Mesh::default(),
+        only_counts: true,
+        triangles: 0,
+        parts: 0,
     };
-    for item in &root.build.item {
-        package.add(item.objectid, root, item.transform.unwrap_or(UNMOVED), 0)?;
+    // Counted before anything is made of it.
+    for only_counts in [true, false] {
+        package.only_counts = only_counts;
+        for item in &root.build.item {
+            package.add(item.objectid, root, item.transform.unwrap_or(UNMOVED), 0)?;
+        }
     }
     let mut notes = Vec::new();
     if root.build.item.len() > 1 {
@@ -108,6 +118,10 @@ fn mirrors(m: &Transform) -> bool {
 struct Package<'a> {
     models: &'a [Model],
     mesh: Mesh,
+    only_counts: bool,
+    /// Counted so far.
+    triangles: usize,
+    parts: usize,
 }
 
 impl<'a> Package<'a> {
@@ -135,8 +149,16 @@ impl<'a> Package<'a> {
         let Some((object, model)) = self.object(id, model) else {
             return Err(MeshError::NoSuchObject { id });
         };
-        if let Some(mesh) = &object.mesh {
-            self.add_mesh(mesh, &transform)?;
+        match &object.mesh {
+            Some(mesh) if self.only_counts => self.count(mesh)?,
+            Some(mesh) => self.add_mesh(mesh, &transform)?,
+            None => {}
+        }
+        if self.only_counts {
+            self.parts += 1;
+            if self.parts > PARTS_MAX {
+                return Err(MeshError::TooManyParts { max: PARTS_MAX });
+            }
         }
         let components = object.components.iter().flat_map(|c| &c.component);
         for component in components {
@@ -154,6 +176,16 @@ impl<'a> Package<'a> {
         Ok(())
     }
 
+    fn count(&mut self, mesh: &threemf::model::Mesh) -> Result<(), MeshError> {
+        self.triangles += mesh.triangles.triangle.len();
+        match self.triangles > TRIANGLES_MAX {
+            true => Err(MeshError::TooMany {
+                triangles: self.triangles,
+            }),
+            false => Ok(()),
+        }
+    }
+
     fn add_mesh(
         &mut self,
         mesh: &threemf::model::Mesh,
@@ -161,11 +193,6 @@ impl<'a> Package<'a> {
     ) -> Result<(), MeshError> {
         let (vertices, triangles) = (&mesh.vertices.vertex, &mesh.triangles.triangle);
         let first = self.mesh.vertices.len();
-        let count = self.mesh.triangles.len() + triangles.len();
-        // Components repeat what is packed once.
-        if count > TRIANGLES_MAX {
-            return Err(MeshError::TooMany { triangles: count });
-        }
         let places = vertices.iter().map(|v| Point3::new(v.x, v.y, v.z));
         self.mesh
             .vertices

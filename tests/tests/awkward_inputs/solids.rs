@@ -212,8 +212,8 @@ fn model(unit: &str, others: &str, build: &str) -> Vec<u8> {
     packed(text.as_bytes())
 }
 
-/// Objects of which each is ten of the one before, moved aside.
-fn claiming_components(depth: usize) -> String {
+/// Objects from this number on, of which each is ten of the one before, moved aside.
+fn claiming_components(first: usize, depth: usize) -> String {
     let of = |k: usize| {
         let parts = (0..10).map(|n| {
             let x = 20 * n * 10usize.pow(k as u32 % 4);
@@ -225,7 +225,7 @@ fn claiming_components(depth: usize) -> String {
         let parts: String = parts.collect();
         format!("<object id=\"{k}\" type=\"model\"><components>{parts}</components></object>")
     };
-    (2..2 + depth).map(of).collect()
+    (first..first + depth).map(of).collect()
 }
 
 fn threemf() -> Vec<Case> {
@@ -265,13 +265,24 @@ fn threemf() -> Vec<Case> {
             Refused("names object 2"),
         ),
         of(
+            "a thousand million of nothing",
+            model(
+                "millimeter",
+                &("<object id=\"2\" type=\"model\"><mesh><vertices/><triangles/></mesh></object>"
+                    .to_string()
+                    + &claiming_components(3, 9)),
+                "<item objectid=\"11\"/>",
+            ),
+            Refused("more than 100000 times"),
+        ),
+        of(
             "a thousand million objects",
             model(
                 "millimeter",
-                &claiming_components(9),
+                &claiming_components(2, 9),
                 "<item objectid=\"10\"/>",
             ),
-            Refused("more than 8000000"),
+            Refused("more than 100000 times"),
         ),
         of(
             "a package that unpacks to a gigabyte",
