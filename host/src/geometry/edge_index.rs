@@ -208,6 +208,18 @@ impl EdgeIndex {
         self.cell_mm
     }
 
+    /// Pairs that [`EdgeIndex::for_pairs`] comes to: where edges lie closer than any cell is small, they grow with
+    /// the square of their number.
+    pub fn pairs(&self) -> u64 {
+        let counts = self
+            .first
+            .windows(2)
+            .map(|cell| u64::from(cell[1] - cell[0]));
+        counts
+            .map(|count| count * count.saturating_sub(1) / 2)
+            .sum()
+    }
+
     /// Calls `visit(i, j)`, i < j, for every two edges that share a cell, so at least for all that
     /// touch; a pair may come more than once.
     pub fn for_pairs(&self, mut visit: impl FnMut(usize, usize)) {

@@ -114,6 +114,17 @@ pub enum ValidityError {
         /// One of the touching points.
         at_mm: [f64; 2],
     },
+    /// Edges that lie closer together than can be looked at one by one.
+    #[error(
+        "its {edges} edges lie so close together that {pairs} pairs of them would have to be compared: simplify the \
+         drawing, a micrometre is finer than any bead"
+    )]
+    Crowded {
+        /// How many there are.
+        edges: usize,
+        /// Pairs of them.
+        pairs: u64,
+    },
     /// Two regions of one target cross, overlap or share a stretch of boundary.
     #[error(
         "parts {first} and {second} overlap or run together at ({:.4}, {:.4}) mm; \
@@ -127,6 +138,17 @@ pub enum ValidityError {
         /// Where.
         at_mm: [f64; 2],
     },
+}
+
+/// Most pairs of edges that are compared: some seconds. A million edges of a drawing have ten million.
+const PAIRS_MAX: u64 = 1_000_000_000;
+
+fn check_crowd(index: &EdgeIndex) -> Result<(), ValidityError> {
+    let (edges, pairs) = (index.edges().len(), index.pairs());
+    match pairs > PAIRS_MAX {
+        true => Err(ValidityError::Crowded { edges, pairs }),
+        false => Ok(()),
+    }
 }
 
 /// Checks one region.
@@ -157,6 +179,7 @@ pub fn validate_apart(regions: &[Region]) -> Result<(), ValidityError> {
         }
     }
     let index = EdgeIndex::new(edges, cell_mm_for(regions.iter().flat_map(Region::rings)));
+    check_crowd(&index)?;
     let mut found: Option<(usize, usize, Point2)> = None;
     index.for_pairs(|i, j| {
         if found.is_some() || region_of[i] == region_of[j] {
@@ -288,6 +311,7 @@ impl Rings {
             first.push(edges.len());
         }
         let index = EdgeIndex::new(edges, cell_mm_for(region.rings()));
+        check_crowd(&index)?;
         Ok(Rings {
             index,
             ring_of,

@@ -5,6 +5,13 @@ use super::{Case, Kind, Want, case};
 use headway::input::Format;
 use std::f64::consts::PI;
 
+/// Sides of 100 mm, 100 nm from one to the next.
+fn comb() -> String {
+    let point = |k: usize| format!("[{},{:.4}]", k % 2 * 100, k as f64 * 1e-4);
+    let points: Vec<String> = (0..60_000).map(point).collect();
+    format!(r#"{{"units":"mm","exterior":[{}]}}"#, points.join(","))
+}
+
 fn polygon() -> Vec<Case> {
     let of = |what, text: &str, want: Want| case(what, Kind::Drawing(Format::Polygon), text, want);
     let square = r#"{"units":"mm","exterior":[[0,0],[10,0],[10,10],[0,10]]}"#;
@@ -51,6 +58,11 @@ fn polygon() -> Vec<Case> {
             "two points",
             r#"{"units":"mm","exterior":[[0,0],[10,0]]}"#,
             Refused("distinct points"),
+        ),
+        of(
+            "sixty thousand sides within six millimetres",
+            &comb(),
+            Refused("60000 edges lie so close together"),
         ),
         of(
             "a hundred thousand brackets",
