@@ -34,8 +34,9 @@ fn read_gcode(bytes: &[u8]) {
     }
 }
 
+/// Paths among them: waypoints and curves.
 fn read_drawing(bytes: &[u8], format: Format) {
-    let _ = input::read(bytes, "fuzz", format, &ReadOptions::default());
+    let _ = input::read_any(bytes, "fuzz", format, &ReadOptions::default());
 }
 
 fn read_mesh(bytes: &[u8], format: MeshFormat) {
@@ -48,7 +49,7 @@ fuzz_target!(|bytes: &[u8]| {
     };
     let region = Region::new(HEAP);
     let mut budget: Budget = READERS;
-    match kind % 9 {
+    match kind % 12 {
         0 => {
             budget = GCODE;
             read_gcode(bytes);
@@ -62,9 +63,12 @@ fuzz_target!(|bytes: &[u8]| {
         7 => {
             let _ = std::str::from_utf8(bytes).map(from_toml);
         }
-        _ => {
+        8 => {
             let _ = job_file::read(&mut Cursor::new(bytes));
         }
+        9 => read_drawing(bytes, Format::Polygon),
+        10 => read_drawing(bytes, Format::Nurbs),
+        _ => read_mesh(bytes, MeshFormat::ThreeMf),
     }
     let counted = region.change();
     let reallocated = counted.bytes_reallocated.unsigned_abs();
