@@ -114,11 +114,11 @@ impl Dialect {
         match self {
             Dialect::Klipper => "[manual_stepper heading] without position_min and position_max",
             Dialect::RepRapFirmware => {
-                "config.g with M566 of the heading as high as its acceleration over 10 ms (C12000 where the guide \
+                "config.g with M566 of the heading as high as its acceleration over 20 ms (C24000 where the guide \
                  has it), and M208 without ends for it"
             }
             Dialect::Marlin => {
-                "CLASSIC_JERK with the heading's jerk as high as its acceleration over 10 ms, and no software \
+                "CLASSIC_JERK with the heading's jerk as high as its acceleration over 20 ms, and no software \
                  endstops for it"
             }
             Dialect::GrblHal => {

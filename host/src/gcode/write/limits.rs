@@ -12,9 +12,9 @@ pub const AXES: usize = 7;
 pub const HEADING: usize = 5;
 /// The extruder.
 pub const EXTRUDER: usize = 6;
-/// Time in which a heading's corner velocity is reached at its acceleration, s: a move's length in time, so that chords
-/// of what the heading does at its limit are no corners.
-const CORNER_S: f64 = 0.01;
+/// Time in which a heading's corner velocity is reached at its acceleration, s: the length of two moves in time, so that
+/// chords of what the heading does at its limit are no corners, nor where that acceleration changes its sign.
+const CORNER_S: f64 = 0.02;
 
 /// Limits of the axes.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -92,6 +92,6 @@ mod tests {
         for (own, built_in) in limits.speed.iter().zip(AxisLimits::BUILT_IN.speed) {
             assert!((own / built_in - 1.0).abs() < 0.02, "{limits:?}");
         }
-        assert!((limits.corner(HEADING) - 200.0).abs() < 1e-6);
+        assert!((limits.corner(HEADING) - 400.0).abs() < 1e-6);
     }
 }

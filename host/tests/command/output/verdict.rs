@@ -232,7 +232,7 @@ fn export_tells_of_missing_heat_and_of_the_controllers_time() {
     );
     let text = std::fs::read_to_string(&out).expect("text");
     assert!(
-        text.contains("LIMIT_VELOCITY=1080 LIMIT_ACCEL=20000 INSTANTANEOUS_CORNER_VELOCITY=200")
+        text.contains("LIMIT_VELOCITY=1080 LIMIT_ACCEL=20000 INSTANTANEOUS_CORNER_VELOCITY=400")
     );
 }
 
