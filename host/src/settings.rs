@@ -176,25 +176,6 @@ impl Quality {
             Quality::Fast => 0.8,
         }
     }
-
-    /// Share of what the aperture reaches that is covered in every region, where gap-fill moves can.
-    pub fn floor_share(self) -> f64 {
-        match self {
-            Quality::Fine => 0.99,
-            // Counted on placements, before the curve rounds their corners: 0.3 % more than is asked.
-            Quality::Standard => 0.979,
-            Quality::Fast => 0.95,
-        }
-    }
-
-    /// Share of a region that shortcuts may open, whatever they save.
-    pub fn shortcut_share(self) -> f64 {
-        match self {
-            Quality::Fine => 0.001,
-            Quality::Standard => 0.006,
-            Quality::Fast => 0.02,
-        }
-    }
 }
 
 /// Tolerances of planning and fitting.

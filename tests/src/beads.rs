@@ -1,4 +1,4 @@
-//! The beads of an outline as they are laid, before they are ordered, joined, shortened and filled up.
+//! The beads of an outline as they are laid, before they are ordered, joined and optimised.
 
 use crate::layer_oracle::Rings;
 use crate::outlines::region;

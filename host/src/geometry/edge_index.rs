@@ -19,6 +19,13 @@ pub struct Edge {
     pub b: Point2,
 }
 
+impl Edge {
+    /// Start and end.
+    pub fn ends(&self) -> (Point2, Point2) {
+        (self.a, self.b)
+    }
+}
+
 /// Result of a nearest-edge query.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Nearest {

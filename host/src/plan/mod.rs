@@ -32,8 +32,6 @@ pub mod joining;
 
 pub mod curve;
 
-pub mod shortcuts;
-
 pub mod optimise;
 
 pub mod layers;

@@ -16,8 +16,8 @@ use crate::geometry::point_grid::{ByCell, cell_of};
 use crate::geometry::polygon::Ring;
 use crate::geometry::{Point2, Vector2};
 use crate::plan::headings::contacts::resampled;
+use crate::plan::pass::Placement;
 use crate::plan::pass::sweep::poses_between;
-use crate::plan::pass::{Contact, Placement};
 use rayon::prelude::*;
 
 /// How far a wall moves out where the bead before fell short, against the major semi-axis.
@@ -26,10 +26,6 @@ const OUT_SHARE: f64 = 0.8;
 const IN_SHARE: f64 = 0.8;
 /// A chord whose middle lies further in than this (times b) belongs to a bead of the other side.
 const OWN_SIDE_SHARE: f64 = 0.25;
-/// Path to each side of a contact whose poses belong to the same bead, against a.
-const OWN_SHARE: f64 = 2.5;
-/// The middle of a bead on the other side lies beyond this share of the way to the own one's edge.
-const FACING_SHARE: f64 = 0.7;
 /// Far above the rounding of places, mm.
 const ROUNDING_MM: f64 = 1e-6;
 /// Rounds of [1 2 1] / 4 over the shifts and over the moved wall.
@@ -40,15 +36,7 @@ const SHIFT_ROUNDS: usize = 2;
 pub struct Laid {
     aperture: Aperture,
     cell_mm: f64,
-    cells: ByCell<Vec<Pose>>,
-}
-
-/// A pose of the sweep, with the run and the place in it that it comes from.
-#[derive(Clone, Copy, Debug)]
-struct Pose {
-    at: Turned,
-    run: u32,
-    index: u32,
+    cells: ByCell<Vec<Turned>>,
 }
 
 impl Laid {
@@ -61,39 +49,33 @@ impl Laid {
         }
     }
 
-    fn push(&mut self, at: Configuration, run: u32, index: usize) {
-        let pose = Pose {
-            at: at.into(),
-            run,
-            index: index as u32,
-        };
+    fn push(&mut self, at: Configuration) {
         self.cells
             .entry(cell_of(at.center, self.cell_mm))
             .or_default()
-            .push(pose);
+            .push(at.into());
     }
 
-    /// Adds run number `run`, with poses between its placements so dense that their union is the
-    /// sweep.
-    pub fn add(&mut self, run: u32, placements: &[Placement], closed: bool) {
+    /// Adds a run, with poses between its placements so dense that their union is the sweep.
+    pub fn add(&mut self, placements: &[Placement], closed: bool) {
         let count = placements.len();
         for i in 0..count {
             let own = placements[i].at;
-            self.push(own, run, i);
+            self.push(own);
             let next = match i + 1 {
                 n if n < count => placements[n].at,
                 _ if closed => placements[0].at,
                 _ => continue,
             };
             for at in poses_between(&self.aperture, own, next) {
-                self.push(at, run, i);
+                self.push(at);
             }
         }
     }
 
     /// Visits the poses near `p` that may cut the line along `normal`, with bounds of their chords:
     /// least and largest distance along it, mm.
-    fn for_poses(&self, p: Point2, normal: Vector2, mut visit: impl FnMut(&Pose, [f64; 2])) {
+    fn for_poses(&self, p: Point2, normal: Vector2, mut visit: impl FnMut(&Turned, [f64; 2])) {
         let (column, row) = cell_of(p, self.cell_mm);
         let reach_mm = self.aperture.reach_mm();
         let own_cell = Point2::new(f64::from(column) + 0.5, f64::from(row) + 0.5);
@@ -110,7 +92,7 @@ impl Laid {
                 .into_iter()
                 .flatten()
             {
-                let offset = p - pose.at.center;
+                let offset = p - pose.center;
                 // Most are beside the line.
                 if offset.perp(&normal).abs() > reach_mm {
                     continue;
@@ -123,9 +105,9 @@ impl Laid {
     }
 
     /// Least and largest distance from `p` along `normal` at which the line is in a pose, mm.
-    fn chord_mm(&self, pose: &Pose, p: Point2, normal: Vector2) -> Option<[f64; 2]> {
-        let offset = p - pose.at.center;
-        self.aperture.chord_mm(pose.at.turn, offset, normal)
+    fn chord_mm(&self, pose: &Turned, p: Point2, normal: Vector2) -> Option<[f64; 2]> {
+        let offset = p - pose.center;
+        self.aperture.chord_mm(pose.turn, offset, normal)
     }
 
     /// How far along `normal` from `p` the beads on the outer side reach, mm; `None` where none
@@ -145,59 +127,6 @@ impl Laid {
             }
         });
         edge
-    }
-
-    /// The gap (negative: overlap) along the contact's normal between the bead of run `run` around
-    /// placement `index` of `count` and whatever lies on the other side of it; `None` where either
-    /// is missing.
-    pub fn facing_gap_mm(
-        &self,
-        contact: &Contact,
-        run: u32,
-        index: usize,
-        count: usize,
-        closed: bool,
-    ) -> Option<f64> {
-        let reach = OWN_SHARE * self.aperture.major_mm() / contact.length_mm.max(0.01);
-        // Often a whole number: rounding must not take one more or less.
-        let reach = reach + 1e-3;
-        let is_own = |pose: &Pose| {
-            let apart = (pose.index as usize).abs_diff(index);
-            let around = if closed {
-                count - apart.min(count)
-            } else {
-                count
-            };
-            pose.run == run && apart.min(around) as f64 <= reach
-        };
-        let mut own: Option<f64> = None;
-        let mut others: Vec<[f64; 2]> = Vec::new();
-        // Seen from about the inner edge, so that both beads are within reach of the search.
-        let base_mm = 2.0 * contact.extent_mm;
-        let p = contact.point + contact.normal * base_mm;
-        self.for_poses(p, contact.normal, |pose, [_, high]| {
-            let (is_own, high) = (is_own(pose), high + base_mm);
-            // No further than the own bead is known to reach, or not on the other side of it.
-            let least = if is_own { 1.0 } else { FACING_SHARE };
-            if own.is_some_and(|own| high <= least * own) || (!is_own && high <= 0.0) {
-                return;
-            }
-            let Some(chord) = self.chord_mm(pose, p, contact.normal) else {
-                return;
-            };
-            let chord = chord.map(|t| t + base_mm);
-            if is_own {
-                own = Some(own.map_or(chord[1], |e: f64| e.max(chord[1])));
-            } else {
-                others.push(chord);
-            }
-        });
-        let own = own?;
-        others
-            .into_iter()
-            .filter(|c| 0.5 * (c[0] + c[1]) > FACING_SHARE * own && c[0] > 0.0)
-            .map(|c| c[0] - own)
-            .min_by(f64::total_cmp)
     }
 
     /// The level curve moved onto the edge of what was laid, at most `OUT_SHARE` and `IN_SHARE` of
@@ -254,6 +183,7 @@ mod tests {
     use crate::geometry::edge_index::{Edge, EdgeIndex};
     use crate::geometry::test_shapes::ELLIPSE as APERTURE;
     use crate::plan::headings::profile::{TURN_WEIGHT_MM2, profile};
+    use crate::plan::pass::Contact;
 
     /// Contacts along a straight wall on the x axis, the inside above: beads of 2 x 0.35 mm up to
     /// x = 6 mm, of 2 x 0.5 mm beyond.
@@ -286,7 +216,7 @@ mod tests {
         let walls = EdgeIndex::new(vec![wall, far], 1.0);
         let placements = profile(&contacts, false, TURN_WEIGHT_MM2, &APERTURE, &walls);
         let mut laid = Laid::new(&APERTURE);
-        laid.add(0, &placements, false);
+        laid.add(&placements, false);
         let edge_mm = |x: f64| {
             let p = Point2::new(x, 0.8);
             laid.edge_mm(p, Vector2::y()).expect("a bead") + 0.8
@@ -333,7 +263,7 @@ mod tests {
             })
             .collect();
         let mut laid = Laid::new(&round);
-        laid.add(0, &placements, true);
+        laid.add(&placements, true);
         for (radius, expected) in [(4.6, 4.7), (4.8, 4.7), (4.0, 4.24)] {
             let ring = Ring {
                 points: circle(radius, 300),
@@ -342,53 +272,5 @@ mod tests {
                 assert!((p.coords.norm() - expected).abs() < 5e-3, "{radius}: {p}");
             }
         }
-    }
-
-    /// Goal: the gap between two facing beads is measured across both. Method: two straight runs
-    /// of round beads, 1 mm apart, radius 0.3 mm: 0.4 mm remain.
-    #[test]
-    fn facing_beads_leave_their_gap() {
-        let round = Aperture::Ellipse {
-            major_mm: 0.3,
-            minor_mm: 0.3,
-        };
-        let mut laid = Laid::new(&round);
-        let mut rows = Vec::new();
-        for (run, (y, normal)) in [(0.3, Vector2::y()), (1.3, -Vector2::y())]
-            .into_iter()
-            .enumerate()
-        {
-            let placements: Vec<Placement> = (0..80)
-                .map(|i| {
-                    let center = Point2::new(0.1 * f64::from(i), y);
-                    let contact = Contact {
-                        point: center - normal * 0.3,
-                        normal,
-                        ..widening()[0]
-                    };
-                    Placement {
-                        at: Configuration {
-                            center,
-                            heading_rad: 0.0,
-                        },
-                        feasible: true,
-                        contact,
-                    }
-                })
-                .collect();
-            laid.add(run as u32, &placements, false);
-            rows.push(placements);
-        }
-        for (run, row) in rows.iter().enumerate() {
-            let gap = laid.facing_gap_mm(&row[40].contact, run as u32, 40, row.len(), false);
-            assert!(
-                (gap.expect("a bead on the other side") - 0.4).abs() < 1e-6,
-                "{gap:?}"
-            );
-        }
-        assert_eq!(
-            laid.facing_gap_mm(&rows[0][40].contact, 7, 40, 80, false),
-            None
-        );
     }
 }

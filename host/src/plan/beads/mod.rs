@@ -4,7 +4,6 @@
 //! Region, Axis --division (by t_join)--> one bead or two sides, a link of the axis each
 //!   one bead:  --single_bead_paths--> paths along the axis --single_bead_runs--> runs, pieces cut off
 //!   the rest:  --bead_count--> k beads across --field--> level curves (mm) --channel_walls--> walls
-//!                  --innermost--> the last two share what lies between them
 //!   all:       --passes--> LayerPass (mm, rad), unordered
 //! open ground  --infill--> LayerPass of straight lines
 //! ```
@@ -16,7 +15,6 @@ pub mod channel_walls;
 pub mod division;
 pub mod field;
 pub mod infill;
-pub mod innermost;
 pub mod passes;
 pub mod single_bead_paths;
 pub mod single_bead_runs;

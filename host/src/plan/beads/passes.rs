@@ -17,9 +17,8 @@ use crate::plan::axis::pruned_axis::Axis;
 use crate::plan::beads::bead_count::{ChannelWidths, bead_counts, blended};
 use crate::plan::beads::channel_walls::Laid;
 use crate::plan::beads::field::Field;
-use crate::plan::beads::innermost::{Innermost, relax};
 use crate::plan::beads::single_bead_runs::{Piece, SingleRun, split_region};
-use crate::plan::coverage::pass_ends::fit_ends;
+use crate::plan::coverage::idle_passes::drop_idle;
 use crate::plan::headings::contacts::{ContactSpacing, resampled, wall_contacts};
 use crate::plan::headings::profile::profile;
 use crate::plan::headings::runs::{feasible_runs, printable_runs, trim_ends};
@@ -170,7 +169,7 @@ pub fn outer_passes(
         .flat_map(|run| single_passes(run, walls, settings))
         .collect();
     all.extend(singles);
-    fit_ends(&mut all, &settings.aperture, &region.bounds());
+    drop_idle(&mut all, &settings.aperture, &region.bounds());
     (all, open)
 }
 
@@ -199,7 +198,7 @@ fn piece_passes(
     for channel in 1..=channels.min(needed) {
         let found = channel_passes(channel, piece, walls, &field, &laid, settings, lengths);
         for pass in &found {
-            laid.add(0, &pass.placements, pass.closed);
+            laid.add(&pass.placements, pass.closed);
         }
         all.extend(found);
     }
@@ -293,14 +292,6 @@ fn channel_passes(
         found
     };
     let mut found: Vec<LayerPass> = rings.par_iter().flat_map_iter(of_ring).collect();
-    let innermost = Innermost {
-        channel,
-        field,
-        walls: channel_walls,
-        settings,
-        lengths,
-    };
-    relax(&mut found, &innermost);
     let open = found.iter_mut().filter(|pass| !pass.closed);
     open.for_each(|pass| trim_ends(&mut pass.placements));
     drop_stubs(&mut found, channel, aperture);
@@ -347,7 +338,7 @@ fn channel_width_mm(
 
 /// Leaves out what is too short for a pass. Where that would be all of a piece (a room that the
 /// aperture enters but can hardly move in), its longest run stays: whether it covers anything that
-/// others don't is looked at once all are laid ([`fit_ends`]).
+/// others don't is looked at once all are laid ([`drop_idle`]).
 fn drop_stubs(found: &mut Vec<LayerPass>, channel: usize, aperture: &Aperture) {
     let is_long = |pass: &LayerPass| {
         let least_mm = if pass.closed {

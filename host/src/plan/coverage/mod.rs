@@ -3,9 +3,8 @@
 //! ```text
 //! LayerPass --raster--------> counts of a cell; areas covered first, again and by one pass (mm²)
 //!           --gap_raster----> gaps (cells), gain of a placement (mm²)
-//!           --exchange------> change of the areas where poses are replaced (mm²)
 //!           --deposited_area> cost of cutting a pass in two (mm²)
-//!           --pass_ends-----> LayerPass, cut back where others cover the ground
+//!           --idle_passes---> LayerPass but for those whose ground others cover
 //! Configuration, Configuration --connections--> configurations between them, inside the walls
 //! ```
 //!
@@ -13,7 +12,6 @@
 
 pub mod connections;
 pub mod deposited_area;
-pub mod exchange;
 pub mod gap_raster;
-pub mod pass_ends;
+pub mod idle_passes;
 pub mod raster;

@@ -4,12 +4,11 @@
 //! size, for what is asked often may be coarse; stamping, rows and counting are the same for all.
 //!
 //! ```text
-//! of_passes        how many passes cover each cell            (pass_ends, bridge_cost)
-//! add, remove      how many poses cover each cell             (exchange)
-//! for_cells_once   what one pass covers, each cell once       (pass_ends)
+//! of_passes        how many passes cover each cell            (idle_passes, bridge_cost)
+//! for_cells_once   what one pass covers, each cell once       (idle_passes)
 //! NearbyPasses     what a connection covers again, mm²        (links, chains)
 //! newly_covered    cells that each pose covers first          (flow)
-//! within_walls     covered, open and overlapped cells of a region (gaps, cuts, floor, order)
+//! within_walls     covered, open and overlapped cells of a region (gaps, cuts, order)
 //! ```
 //!
 //! In: passes or poses (mm, rad), bounds (mm), the cell against b. Out: counts for each cell, areas
@@ -17,7 +16,7 @@
 
 use crate::geometry::Point2;
 use crate::geometry::aperture::Aperture;
-use crate::geometry::cell_grid::{CellGrid, CellWindow, SweptRows};
+use crate::geometry::cell_grid::{CellGrid, SweptRows};
 use crate::geometry::clearance::Configuration;
 use crate::geometry::coverage::Coverage;
 use crate::geometry::edge_index::EdgeIndex;
@@ -48,7 +47,7 @@ pub fn same_bead_mm(aperture: &Aperture) -> f64 {
 /// No pose or pass yet.
 const NOBODY: u32 = u32::MAX;
 
-/// How many passes, or poses, cover each cell.
+/// How many passes cover each cell.
 pub struct Raster {
     aperture: Aperture,
     grid: CellGrid,
@@ -123,19 +122,9 @@ impl Raster {
         &self.grid
     }
 
-    /// How many passes or poses cover a cell.
+    /// How many passes cover a cell.
     pub fn count(&self, cell: usize) -> u32 {
         u32::from(self.counts[cell])
-    }
-
-    /// The counts of a window, row by row, put behind each other in `counts`.
-    pub fn counts_of(&self, window: &CellWindow, counts: &mut Vec<u16>) {
-        counts.clear();
-        let all = self.grid.window();
-        for row in window.rows[0]..=window.rows[1] {
-            let cells = all.numbers(row, window.columns[0]..window.columns[1] + 1);
-            counts.extend_from_slice(&self.counts[cells]);
-        }
     }
 
     /// Area of one cell, mm².
@@ -146,27 +135,6 @@ impl Raster {
     /// True where the cells are small enough to tell where a bead ends.
     pub fn is_fine(&self) -> bool {
         is_fine(self.grid.cell_mm, &self.aperture)
-    }
-
-    /// Adds poses, each by itself.
-    pub fn add(&mut self, poses: &[Configuration]) {
-        self.change(poses, |count| count.saturating_add(1));
-    }
-
-    /// Takes poses away that were added before.
-    pub fn remove(&mut self, poses: &[Configuration]) {
-        self.change(poses, |count| count.saturating_sub(1));
-    }
-
-    fn change(&mut self, poses: &[Configuration], change: impl Fn(u16) -> u16) {
-        let window = self.grid.window();
-        for &at in poses {
-            self.grid.for_rows(&self.aperture, at, |row, from, to| {
-                for count in &mut self.counts[window.numbers(row, from..to + 1)] {
-                    *count = change(*count);
-                }
-            });
-        }
     }
 
     /// From here on every cell is new again.

@@ -63,6 +63,24 @@ impl<'a> PassCutter<'a> {
         }
     }
 
+    /// All passes, in pieces where they turn further than the nozzle may; `None` where none does. With the most room,
+    /// since an optimiser turns them a little further.
+    pub fn cut(&self) -> Option<Vec<LayerPass>> {
+        let headings_fit = |pass: &LayerPass| {
+            let headings = pass.placements.iter().map(|p| p.at.heading_rad);
+            self.headings_fit(headings)
+        };
+        if self.passes.iter().all(headings_fit) {
+            return None;
+        }
+        let [.., room_rad] = ROOM_RAD;
+        let pieces = self.passes.iter().map(|pass| match headings_fit(pass) {
+            true => vec![pass.clone()],
+            false => self.pieces(pass, room_rad),
+        });
+        Some(pieces.flatten().collect())
+    }
+
     /// The curves of a pass, made by `curves_of` of all of it or of as few pieces as will turn no
     /// further than the nozzle may. Where some heading fits nowhere between the stops the pass
     /// stays whole: the check of the joints' ranges then names the place.
@@ -71,22 +89,28 @@ impl<'a> PassCutter<'a> {
         pass: &LayerPass,
         curves_of: impl Fn(&LayerPass) -> Vec<Vec<PlaneControl>>,
     ) -> Vec<Vec<PlaneControl>> {
-        let slack_rad = self.settings.tolerances.heading_rad;
         let mut curves = Vec::new();
         for room_rad in ROOM_RAD {
             let pieces = self.pieces(pass, room_rad);
             curves = pieces.iter().flat_map(&curves_of).collect();
-            let mut turns = curves.iter().map(|curve: &Vec<PlaneControl>| {
-                let first_rad = curve[0][2];
-                curve.iter().fold([first_rad; 2], |[least, most], control| {
-                    [least.min(control[2]), most.max(control[2])]
-                })
-            });
-            if turns.all(|turns| self.stops.fit(turns, slack_rad)) {
+            if curves.iter().all(|curve| self.fits(curve)) {
                 break;
             }
         }
         curves
+    }
+
+    /// True where the headings of a curve fit between the stops.
+    pub fn fits(&self, curve: &[PlaneControl]) -> bool {
+        self.headings_fit(curve.iter().map(|control| control[2]))
+    }
+
+    fn headings_fit(&self, headings: impl Iterator<Item = f64>) -> bool {
+        let range_rad = headings.fold([f64::INFINITY, f64::NEG_INFINITY], |[least, most], at| {
+            [least.min(at), most.max(at)]
+        });
+        let slack_rad = self.settings.tolerances.heading_rad;
+        self.stops.fit(range_rad, slack_rad)
     }
 
     /// The pass, or pieces of it that fit: of the fewest those for which least ground is laid

@@ -413,7 +413,7 @@ impl FramedPasses<'_> {
         let mut curves = Vec::new();
         for (number, pass) in self.passes.iter().enumerate() {
             let known = self.curves.get(number).and_then(Option::as_ref);
-            let found = match known {
+            let found = match known.filter(|control| cutter.fits(control)) {
                 Some(control) => vec![control.to_vec()],
                 None => cutter.curves(pass, whole),
             };

@@ -1,26 +1,32 @@
 //! The passes of a region handed to the optimiser and taken back as the curves that are printed.
 //!
 //! In: passes in printing order (mm, rad), the walls, the settings. Out: for each pass the control points of its
-//! curve, inside the walls; `None` where the optimiser does not apply (apertures other than the ellipse, headings with
-//! stops, beads that are to overlap, lines of a sparse infill and bridges in the region) or where what it made is not
-//! inside: such a pass becomes a curve as it is, by [`crate::plan::curve::layer_path`].
+//! curve, inside the walls; `None` where the optimiser does not apply (lines of a sparse infill and bridges) or where
+//! what it made is not inside: such a pass becomes a curve as it is, by [`crate::plan::curve::layer_path`].
 
-use crate::geometry::aperture::Aperture;
 use crate::geometry::coverage::return_mm;
-use crate::geometry::edge_index::EdgeIndex;
-use crate::plan::curve::even_spans::{EvenSpans, even_spans};
-use crate::plan::curve::heading_stops::heading_range;
+use crate::geometry::edge_index::{Edge, EdgeIndex};
+use crate::geometry::polygon::Region;
+use crate::plan::curve::even_spans::even_spans;
 use crate::plan::curve::layer_path::{merged, path_tolerance_mm, sharpened, whole_inside};
 use crate::plan::curve::plane_curve::{PlaneControl, configuration, curve_at};
 use crate::plan::curve::pushing_inside::{InsideWalls, strayed_spans};
-use crate::plan::optimise::{Effort, Objective, OptimisedPass, optimise};
+use crate::plan::joining::gap_fill::fill_gaps;
+use crate::plan::optimise::{Effort, Objective, OptimisedPass, Outcome, Site, optimise};
 use crate::plan::pass::{LayerPass, PassKind, Placement};
-use crate::plan::pose_limits::PoseLimits;
+use crate::plan::pose_limits::{AreaPrice, PoseLimits};
 use crate::settings::{Quality, Settings};
 use std::sync::Arc;
 
 /// Ground laid twice against ground left open.
 const TWICE_SHARE: f64 = 0.5;
+/// Prices of ground by which gap-fill moves are added, against that of the objective. Where little is open the first: it
+/// was not worth its seconds to the optimiser, and where it pays at half the price the topology lacks a bead. Else the
+/// others, until little is.
+const FILL_SHARES: [f64; 3] = [0.5, 1.0, 4.0];
+/// Share of the ground that is little: of a part as small as the aperture, or with a round nozzle, more lies where no
+/// bead goes.
+const OPEN_SHARE: f64 = 0.02;
 /// What a curve may be moved by on its way inside, against b: 50 µm for 0.2 mm, which one pose in a thousand
 /// takes. What is farther outside is not a rest that the optimiser left.
 const MOVED_SHARE: f64 = 0.25;
@@ -28,88 +34,181 @@ const MOVED_SHARE: f64 = 0.25;
 /// The curve of a pass, where there is one.
 pub type PassCurve = Option<Arc<[PlaneControl]>>;
 
-/// True where the optimiser knows the nozzle, which is an ellipse that turns without an end, and where ground that is
-/// laid twice is a loss: beads that are asked to overlap keep doing so.
-pub fn knows_job(settings: &Settings) -> bool {
-    let aperture = &settings.aperture;
-    let is_ellipse = matches!(aperture, Aperture::Ellipse { .. }) && !aperture.is_round();
-    let mut stops = heading_range(settings).into_iter();
-    is_ellipse && stops.all(f64::is_infinite) && settings.overlap_pct == 0.0
+/// True for the passes that the optimiser knows: their beads are to cover ground.
+fn is_known(pass: &LayerPass) -> bool {
+    let covers_ground = pass.kind.follows_walls() || pass.kind == PassKind::Infill;
+    covers_ground && !pass.placements.is_empty()
 }
 
-/// True where it knows the passes too.
-pub fn may_optimise(passes: &[LayerPass], settings: &Settings) -> bool {
-    let is_known = |pass: &LayerPass| pass.kind.follows_walls() || pass.kind == PassKind::Infill;
-    knows_job(settings) && passes.iter().all(is_known)
-}
-
-/// The passes optimised, and their curves; those of which the optimiser made none as `otherwise` makes them.
-pub fn optimised_or(
-    mut passes: Vec<LayerPass>,
+/// Optimises the passes of a region together but for those that lay sparse lines and bridges, whose ground is
+/// `left_out` of `ground_mm2`. What they leave open then gets gap-fill moves, with which they are optimised again. The
+/// placements of those with a curve become poses of it.
+pub fn optimised(
+    passes: &mut [LayerPass],
     walls: &EdgeIndex,
+    ground_mm2: f64,
+    left_out: &[Region],
     settings: &Settings,
-    otherwise: impl Fn(Vec<LayerPass>) -> Vec<LayerPass>,
-) -> (Vec<LayerPass>, Vec<PassCurve>) {
-    let before = passes.clone();
-    let curves = optimised(&mut passes, walls, settings);
-    if curves.iter().any(Option::is_none) {
-        let others = otherwise(before);
-        let left = passes.iter_mut().zip(others).zip(&curves);
-        for ((pass, other), _) in left.filter(|(_, curve)| curve.is_none()) {
-            *pass = other;
+) -> Vec<PassCurve> {
+    let mut curves = vec![None; passes.len()];
+    let numbers: Vec<usize> = (0..passes.len())
+        .filter(|&i| is_known(&passes[i]))
+        .collect();
+    let known: Vec<LayerPass> = numbers.iter().map(|&i| passes[i].clone()).collect();
+    let job = RegionJob {
+        site: Site {
+            walls,
+            left_out,
+            aperture: &settings.aperture,
+            limits: &PoseLimits::of(settings),
+        },
+        settings,
+        ground_mm2: ground_mm2 - left_out.iter().map(Region::area_mm2).sum::<f64>(),
+    };
+    for (number, (pass, curve)) in numbers.into_iter().zip(job.optimised(known)) {
+        passes[number] = pass;
+        curves[number] = curve;
+    }
+    curves
+}
+
+/// A pass on its way through the optimiser.
+struct Begun {
+    unknown: OptimisedPass,
+    /// For each control point the placement that it came from.
+    numbers: Vec<usize>,
+}
+
+/// The placements of the passes become poses of what was made of them.
+fn take(passes: &mut [LayerPass], begun: &mut [Begun]) {
+    for (pass, begun) in passes.iter_mut().zip(begun) {
+        let (control, numbers) = (&begun.unknown.control, &begun.numbers);
+        pass.placements = placements_on(control, |i| pass.placements[numbers[i]]);
+        begun.numbers = (0..pass.placements.len()).collect();
+    }
+}
+
+/// What is optimised within, and how.
+struct RegionJob<'a> {
+    site: Site<'a>,
+    settings: &'a Settings,
+    /// Area that is to be covered, mm².
+    ground_mm2: f64,
+}
+
+impl RegionJob<'_> {
+    /// The passes, with gap-fill moves, and their curves.
+    fn optimised(&self, mut passes: Vec<LayerPass>) -> Vec<(LayerPass, PassCurve)> {
+        let mut begun: Vec<Begun> = passes.iter().map(|pass| self.begun(pass)).collect();
+        let [first, again] = iterations(self.settings.quality);
+        let Some(open_mm2) = self.run(&mut begun, first) else {
+            self.fill(&mut passes, 1.0);
+            return passes.into_iter().map(|pass| (pass, None)).collect();
+        };
+        take(&mut passes, &mut begun);
+        let is_little = |open_mm2: f64| open_mm2 < OPEN_SHARE * self.ground_mm2;
+        let price_shares = match is_little(open_mm2) {
+            true => &FILL_SHARES[..1],
+            false => &FILL_SHARES[1..],
+        };
+        for price_share in price_shares {
+            if !self.fill(&mut passes, *price_share) {
+                continue;
+            }
+            for (pass, begun) in passes.iter().zip(&mut begun) {
+                if pass.placements.len() != begun.numbers.len() {
+                    *begun = self.begun(pass);
+                }
+            }
+            let open_mm2 = self.run(&mut begun, again);
+            take(&mut passes, &mut begun);
+            if open_mm2.is_some_and(is_little) {
+                break;
+            }
+        }
+        let inside = InsideWalls {
+            aperture: self.site.aperture,
+            walls: self.site.walls,
+            tolerance_mm: path_tolerance_mm(self.settings),
+        };
+        let curves = passes.into_iter().zip(begun).map(|(mut pass, begun)| {
+            let Some(control) = checked(&begun.unknown.control, &inside) else {
+                return (pass, None);
+            };
+            // A curve that was led around has a few more points than it began with.
+            let share = (begun.numbers.len() - 1) as f64 / (control.len() - 1) as f64;
+            let number = |i: usize| begun.numbers[(i as f64 * share) as usize];
+            pass.placements = placements_on(&control, |i| pass.placements[number(i)]);
+            (pass, Some(control.into()))
+        });
+        curves.collect()
+    }
+
+    /// A pass in even spans.
+    fn begun(&self, pass: &LayerPass) -> Begun {
+        let (control, numbers) = merged(pass);
+        let even = even_spans(&sharpened(&control), self.site.aperture, self.site.limits);
+        Begun {
+            unknown: OptimisedPass {
+                control: even.control,
+                log_pace: even.log_pace,
+            },
+            numbers: even.numbers.into_iter().map(|i| numbers[i]).collect(),
         }
     }
-    (passes, curves)
+
+    /// One run of the optimiser: what is open then, mm²; `None` where it does not apply.
+    fn run(&self, begun: &mut [Begun], iterations: usize) -> Option<f64> {
+        let mut unknowns: Vec<OptimisedPass> = begun.iter().map(|b| b.unknown.clone()).collect();
+        let effort = Effort { iterations };
+        let report = optimise(
+            &mut unknowns,
+            &self.site,
+            &objective(self.settings),
+            &effort,
+        );
+        if report.outcome != Outcome::Optimised {
+            return None;
+        }
+        for (begun, unknown) in begun.iter_mut().zip(unknowns) {
+            begun.unknown = unknown;
+        }
+        let [_, open_mm2] = report.open_mm2;
+        Some(open_mm2)
+    }
+
+    /// Adds gap-fill moves at this share of the price; whether there are any.
+    fn fill(&self, passes: &mut [LayerPass], price_share: f64) -> bool {
+        let count = |passes: &[LayerPass]| -> usize {
+            passes.iter().map(|pass| pass.placements.len()).sum()
+        };
+        let before = count(passes);
+        let price = AreaPrice::of(self.settings).times(price_share);
+        let mut edges = self.site.walls.edges().to_vec();
+        let others = self.site.left_out.iter().flat_map(Region::edges);
+        edges.extend(others.map(|(a, b)| Edge { a, b }));
+        let ground = EdgeIndex::new(edges, self.site.aperture.major_mm());
+        fill_gaps(passes, self.site.aperture, &ground, Some(&price));
+        count(passes) != before
+    }
 }
 
-/// Optimises the passes of a region together. The placements of those with a curve become poses of it.
-fn optimised(passes: &mut [LayerPass], walls: &EdgeIndex, settings: &Settings) -> Vec<PassCurve> {
-    let aperture = &settings.aperture;
-    let limits = PoseLimits::of(settings);
-    let begun = passes.iter().map(|pass| {
-        let (control, numbers) = merged(pass);
-        let even = even_spans(&sharpened(&control), aperture, &limits);
-        (even, numbers)
-    });
-    let begun: Vec<(EvenSpans, Vec<usize>)> = begun.collect();
-    let unknowns = begun.iter().map(|(even, _)| OptimisedPass {
-        control: even.control.clone(),
-        log_pace: even.log_pace.clone(),
-    });
-    let mut unknowns: Vec<OptimisedPass> = unknowns.collect();
-    let objective = Objective {
+/// The price of ground. Beads that are asked to overlap may: what they lay twice is no loss.
+fn objective(settings: &Settings) -> Objective {
+    let overlaps = settings.overlap_pct > 0.0;
+    Objective {
         price_s_mm2: settings.quality.price_s_mm2(),
-        twice_share: TWICE_SHARE,
-        return_mm: return_mm(aperture),
-    };
-    let effort = Effort {
-        iterations: iterations(settings.quality),
-    };
-    optimise(&mut unknowns, walls, aperture, &limits, &objective, &effort);
-    let inside = InsideWalls {
-        aperture,
-        walls,
-        tolerance_mm: path_tolerance_mm(settings),
-    };
-    let found = unknowns.iter().zip(passes).zip(&begun);
-    found
-        .map(|((unknown, pass), (even, numbers))| {
-            let control = checked(&unknown.control, &inside)?;
-            // A curve that was led around has a few more points than it began with.
-            let share = (even.numbers.len() - 1) as f64 / (control.len() - 1) as f64;
-            let begun = |i: usize| numbers[even.numbers[(i as f64 * share) as usize]];
-            pass.placements = placements_on(&control, |i| pass.placements[begun(i)]);
-            Some(control.into())
-        })
-        .collect()
+        twice_share: if overlaps { 0.0 } else { TWICE_SHARE },
+        return_mm: return_mm(&settings.aperture),
+    }
 }
 
-/// Iterations that a quality pays for.
-fn iterations(quality: Quality) -> usize {
+/// Iterations that a quality pays for, and once more where gap-fill moves were added.
+fn iterations(quality: Quality) -> [usize; 2] {
     match quality {
-        Quality::Fast => 10,
-        Quality::Standard => 20,
-        Quality::Fine => 80,
+        Quality::Fast => [10, 10],
+        Quality::Standard => [20, 30],
+        Quality::Fine => [40, 80],
     }
 }
 

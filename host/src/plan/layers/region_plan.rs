@@ -17,16 +17,16 @@ use crate::plan::axis::pruned_axis::Axis;
 use crate::plan::beads::infill::{bridge_lines, infill_passes};
 use crate::plan::beads::passes::{PassSettings, outer_passes, passes};
 use crate::plan::coverage::raster::{same_bead_mm, within_walls};
+use crate::plan::curve::heading_stops::PassCutter;
 use crate::plan::headings::profile::turn_weight_mm2;
 use crate::plan::joining::printed_order::{RegionPasses, in_printing_order};
 use crate::plan::layers::bridge_ground::Bridge;
-use crate::plan::layers::optimised_passes::{PassCurve, knows_job, may_optimise, optimised_or};
+use crate::plan::layers::optimised_passes::{PassCurve, optimised};
 use crate::plan::outline::contour::Contour;
 use crate::plan::outline::trimmed_outline::trimmed_outline;
 use crate::plan::outline::unreachable::{UnreachableRun, unreachable_runs};
 use crate::plan::pass::{LayerPass, PassKind};
 use crate::plan::pose_limits::PoseLimits;
-use crate::plan::shortcuts::shortened_to_floor;
 use crate::settings::{Infill, PassMode, Settings};
 use rayon::prelude::*;
 use std::sync::Arc;
@@ -345,20 +345,23 @@ impl RegionWork {
     pub fn in_order(mut self) -> RegionPlan {
         let frame = self.frame;
         let passes = std::mem::take(&mut self.passes);
-        let passes = self.ordered(passes);
-        let area_mm2 = self.hull.area_mm2();
-        let may_fill = self.may_fill();
-        let shortened =
-            |passes| shortened_to_floor(passes, &self.walls, area_mm2, may_fill, &self.settings);
-        let may_optimise = self.is_all_filled() && may_optimise(&passes, &self.settings);
-        let (passes, curves) = match may_optimise {
-            true => optimised_or(passes, &self.walls, &self.settings, shortened),
-            false => {
-                let passes = shortened(passes);
-                let curves = vec![None; passes.len()];
-                (passes, curves)
-            }
+        let mut passes = self.ordered(passes);
+        let optimised = |passes: &mut [LayerPass]| {
+            let (walls, left_out) = (&self.walls, &self.sparse_open);
+            optimised(
+                passes,
+                walls,
+                self.hull.area_mm2(),
+                left_out,
+                &self.settings,
+            )
         };
+        let mut curves = optimised(&mut passes);
+        let cutter = PassCutter::new(&passes, &self.walls, &frame, &self.settings);
+        if let Some(pieces) = cutter.cut() {
+            passes = pieces;
+            curves = optimised(&mut passes);
+        }
         // Lines that are linked with walls come after them.
         let is_solid = |infill: Infill| infill.is_solid();
         let is_all_solid = self.settings.infill.is_some_and(is_solid);
@@ -394,16 +397,6 @@ impl RegionWork {
         }
     }
 
-    /// False where ground is meant to stay open, as a sparse infill leaves it.
-    fn may_fill(&self) -> bool {
-        self.settings.infill.is_none_or(|infill| infill.is_solid())
-    }
-
-    /// True where all ground is to be covered by passes that the optimiser knows.
-    fn is_all_filled(&self) -> bool {
-        self.may_fill() && self.sparse_open.is_empty()
-    }
-
     /// The passes as they are printed, begun near a corner of the region's box. Of a small region,
     /// where a seam counts for much, near the corner that makes the fewest passes, and of
     /// those the one that leaves little ground open or covered again on a short way: a mm of path
@@ -416,7 +409,6 @@ impl RegionWork {
                 passes,
                 sparse: self.sparse.clone(),
                 bridges: self.bridges.clone(),
-                region: &self.hull,
                 walls: &self.walls,
                 open: &self.sparse_open,
             };
@@ -424,9 +416,7 @@ impl RegionWork {
         };
         let all = passes.iter().chain(&self.sparse).chain(&self.bridges);
         let count: usize = all.map(|p| p.placements.len()).sum();
-        let is_optimised = self.is_all_filled() && knows_job(&self.settings);
-        let most = if is_optimised { TINY_MAX } else { SMALL_MAX };
-        if count > most {
+        if count > TINY_MAX {
             return from(low, passes);
         }
         let corners = [
@@ -457,10 +447,8 @@ fn is_wide(region: &Region, width_mm: f64) -> bool {
     2.0 * region.area_mm2() >= width_mm * perimeter_mm
 }
 
-/// Most placements of a region that is ordered from several corners: about 600 mm of path.
-const SMALL_MAX: usize = 6000;
-/// The same of a region that is optimised afterwards: where it begins counts on parts of a few mm, of about 60 mm
-/// of path. On larger ones the four came out as one, at a third of the processor time of the whole plan.
+/// Most placements of a region that is ordered from several corners, of about 60 mm of path: where it begins counts on
+/// parts of a few mm. On larger ones the four came out as one, at a third of the processor time of the whole plan.
 const TINY_MAX: usize = 600;
 /// Most cells of the raster on which it is counted what a small region wastes.
 const CELLS_MAX: usize = 1_000_000;

@@ -333,7 +333,7 @@ mod tests {
                 in_slot += 1;
                 let half_mm = ELLIPSE.extent_mm(placement.at.heading_rad, Vector2::x());
                 let reach_mm = (p.x - 110.1).abs() - half_mm;
-                // The corridor lets a heading miss its width by 0.05 b = 0.01 mm, and where the slot
+                // The price of turning lets a heading miss its width by 0.05 b = 0.01 mm, and where the slot
                 // begins the profile lags by as much again and half.
                 assert!(reach_mm > -0.025, "{p} crosses the middle by {reach_mm}");
             }

@@ -8,11 +8,11 @@ use super::band::{PoseTerm, System};
 use super::curve::{Basis, Knot, PassKnots, Units, blend};
 use super::sweep::Segment;
 use super::terms::Terms;
-use crate::geometry::Vector2;
 use crate::geometry::aperture::Aperture;
-use crate::geometry::edge_index::EdgeIndex;
+use crate::geometry::edge_index::{Edge, EdgeIndex};
 use crate::geometry::polygon::Box2;
 use crate::geometry::rounded_polygon::RoundedPolygon;
+use crate::geometry::{Point2, Vector2};
 
 /// How far a span may move before the edges near it are sought again, in a, and the share of that at which they are.
 const REACH: f64 = 0.25;
@@ -206,11 +206,11 @@ pub struct Wall {
     pub margin: f64,
 }
 
-/// The walls in the optimiser's units.
-pub fn segments_of(walls: &EdgeIndex, units: &Units) -> Vec<Segment> {
-    let segment =
-        |edge: &crate::geometry::edge_index::Edge| [edge.a, edge.b].map(|p| units.point(p));
-    walls.edges().iter().map(segment).collect()
+/// Edges in the optimiser's units.
+pub fn segments_of(edges: impl Iterator<Item = (Point2, Point2)>, units: &Units) -> Vec<Segment> {
+    edges
+        .map(|(from, to)| [units.point(from), units.point(to)])
+        .collect()
 }
 
 impl<'a> Containment<'a> {
@@ -222,7 +222,7 @@ impl<'a> Containment<'a> {
         knots: usize,
         places: usize,
     ) -> Containment<'a> {
-        let segments = segments_of(walls, &units);
+        let segments = segments_of(walls.edges().iter().map(Edge::ends), &units);
         let nowhere = Near {
             edges: Vec::new(),
             sought_at: [[f64::INFINITY; 3]; 4],

@@ -5,7 +5,7 @@ use super::containment::Wall;
 use super::curve::{CHANNELS, Knot, PACE, set_phantoms};
 use super::newton::prepare;
 use super::terms::Terms;
-use super::test_passes::{apertures, limits, objective, pass_of, rectangle};
+use super::test_passes::{apertures, limits, objective, pass_of, rectangle, site};
 use super::{OptimisedPass, Search};
 use crate::geometry::aperture::Aperture;
 use crate::geometry::test_shapes::{ELLIPSE, random_numbers};
@@ -38,7 +38,8 @@ fn error_of(
 ) -> f64 {
     let walls = rectangle(8.0, 2.35);
     let passes = uneven();
-    let mut search = Search::begin(&passes, &walls, aperture, &limits(), &objective(0.6))
+    let limits = limits();
+    let mut search = Search::begin(&passes, &site(&walls, aperture, &limits), &objective(0.6))
         .unwrap_or_else(|outcome| panic!("{outcome:?}"));
     let knots = search.newton.knots.clone();
     let ranges = search.newton.passes.clone();

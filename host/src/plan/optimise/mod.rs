@@ -31,7 +31,8 @@ use self::newton::{Newton, Objectives};
 use self::projection::{POSES_CHECKED, outside_mm, projected};
 use self::sweep::{Cells, Shape, Sweep, edge_half};
 use crate::geometry::aperture::Aperture;
-use crate::geometry::edge_index::EdgeIndex;
+use crate::geometry::edge_index::{Edge, EdgeIndex};
+use crate::geometry::polygon::Region;
 use crate::plan::curve::plane_curve::PlaneControl;
 use crate::plan::pose_limits::PoseLimits;
 
@@ -46,6 +47,19 @@ pub struct OptimisedPass {
     pub control: Vec<PlaneControl>,
     /// Log of the span's time in s at each control point: a start value that is improved.
     pub log_pace: Vec<f64>,
+}
+
+/// Where passes are laid, and with what.
+#[derive(Clone, Copy, Debug)]
+pub struct Site<'a> {
+    /// The region's boundary, mm, in the passes' frame.
+    pub walls: &'a EdgeIndex,
+    /// Ground inside it that is none of these passes': what they lay there or leave open counts for nothing.
+    pub left_out: &'a [Region],
+    /// The nozzle.
+    pub aperture: &'a Aperture,
+    /// Of the tip and the joints.
+    pub limits: &'a PoseLimits,
 }
 
 /// What is to be made small: seconds + price x (open + share x laid twice).
@@ -115,18 +129,15 @@ impl OptimiseReport {
     }
 }
 
-/// Improves the passes of one region, whose boundary is `walls` (mm, the passes' frame), all together. Passes of few
-/// control points stay as they are, and so do the ends of all. What comes back is always a curve of numbers: at worst
-/// what went in.
+/// Improves the passes of one region all together. Passes of few control points stay as they are, and so do the ends of
+/// all. What comes back is always a curve of numbers: at worst what went in.
 pub fn optimise(
     passes: &mut [OptimisedPass],
-    walls: &EdgeIndex,
-    aperture: &Aperture,
-    limits: &PoseLimits,
+    site: &Site,
     objective: &Objective,
     effort: &Effort,
 ) -> OptimiseReport {
-    let mut search = match Search::begin(passes, walls, aperture, limits, objective) {
+    let mut search = match Search::begin(passes, site, objective) {
         Ok(search) if effort.iterations > 0 => search,
         Ok(_) => return OptimiseReport::unchanged(Outcome::Nothing, passes),
         Err(outcome) => return OptimiseReport::unchanged(outcome, passes),
@@ -134,7 +145,7 @@ pub fn optimise(
     let before = search.newton.terms;
     search.newton.run(effort.iterations, |_, _| {});
     let mut report = OptimiseReport::unchanged(Outcome::Optimised, passes);
-    report.outside_mm = search.finish(passes, walls, aperture);
+    report.outside_mm = search.finish(passes, site);
     let both = [before, search.newton.terms];
     report.seconds = both.map(|terms| terms.time * search.units.time_s);
     report.open_mm2 = both.map(|terms| terms.open * search.units.length_mm.powi(2));
@@ -153,11 +164,10 @@ impl<'a> Search<'a> {
     /// Brings a region into the optimiser's units.
     fn begin(
         passes: &[OptimisedPass],
-        walls: &'a EdgeIndex,
-        aperture: &'a Aperture,
-        limits: &PoseLimits,
+        site: &Site<'a>,
         objective: &Objective,
     ) -> Result<Search<'a>, Outcome> {
+        let (walls, aperture) = (site.walls, site.aperture);
         let edge_half = edge_half(aperture.minor_mm() / aperture.major_mm());
         let shape = Shape::of(aperture, edge_half as f32).ok_or(Outcome::UnknownAperture)?;
         if walls.edges().is_empty() {
@@ -170,12 +180,14 @@ impl<'a> Search<'a> {
         if !ranges.iter().any(|range| range.free) {
             return Err(Outcome::Nothing);
         }
-        let cells = Cells::of(&segments_of(walls, &units), edge_half).ok_or(Outcome::TooLarge)?;
+        let bounding = segments_of(walls.edges().iter().map(Edge::ends), &units);
+        let left_out = segments_of(site.left_out.iter().flat_map(Region::edges), &units);
+        let cells = Cells::of(&bounding, &left_out, edge_half).ok_or(Outcome::TooLarge)?;
         let price = objective.price_s_mm2 * units.length_mm.powi(2) / units.time_s;
         let return_path = (objective.return_mm / units.length_mm) as f32;
         let sweep = Sweep::new(shape, cells, return_path);
         let objectives = Objectives {
-            motion: Motion::new(limits, &units),
+            motion: Motion::new(site.limits, &units),
             ground: Ground::new(sweep, price, objective.twice_share),
             containment: Containment::new(walls, aperture, units, knots.len(), WALL_PLACES),
         };
@@ -187,12 +199,8 @@ impl<'a> Search<'a> {
     }
 
     /// Writes the passes back, brought inside the walls; how far each is outside before that and after it, mm.
-    fn finish(
-        &mut self,
-        passes: &mut [OptimisedPass],
-        walls: &EdgeIndex,
-        aperture: &Aperture,
-    ) -> Vec<[f64; 2]> {
+    fn finish(&mut self, passes: &mut [OptimisedPass], site: &Site) -> Vec<[f64; 2]> {
+        let (walls, aperture) = (site.walls, site.aperture);
         let knots = &self.newton.knots;
         let mut outside = vec![[0.0; 2]; passes.len()];
         let mut containment =

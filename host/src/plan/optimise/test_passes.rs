@@ -2,7 +2,7 @@
 //!
 //! In: lengths in mm. Out: passes of even spans, the limits of the built-in machine.
 
-use super::{Objective, OptimisedPass};
+use super::{Objective, OptimisedPass, Site};
 use crate::geometry::aperture::Aperture;
 use crate::geometry::edge_index::EdgeIndex;
 use crate::geometry::rounded_polygon::RoundedPolygon;
@@ -47,6 +47,16 @@ pub fn apertures() -> [Aperture; 4] {
         Aperture::Rounded(RoundedPolygon::rectangle(1.2, 0.4, 0.0)),
         Aperture::Rounded(drop),
     ]
+}
+
+/// All ground within the walls.
+pub fn site<'a>(walls: &'a EdgeIndex, aperture: &'a Aperture, limits: &'a PoseLimits) -> Site<'a> {
+    Site {
+        walls,
+        left_out: &[],
+        aperture,
+        limits,
+    }
 }
 
 /// A rectangle from the origin.

@@ -1,7 +1,7 @@
 //! Tests of the optimiser as a whole: what it makes better, what it leaves alone, what it must not depend on.
 
 use super::projection::outside_mm;
-use super::test_passes::{apertures, limits, objective, pass_of, rectangle, wavering_bead};
+use super::test_passes::{apertures, limits, objective, pass_of, rectangle, site, wavering_bead};
 use super::*;
 use crate::geometry::Point2;
 use crate::geometry::clearance::Configuration;
@@ -52,9 +52,7 @@ fn optimised(passes: &[OptimisedPass], walls: &EdgeIndex) -> (Vec<OptimisedPass>
     let mut passes = passes.to_vec();
     let report = optimise(
         &mut passes,
-        walls,
-        &ELLIPSE,
-        &limits(),
+        &site(walls, &ELLIPSE, &limits()),
         &objective(0.6),
         &EFFORT,
     );
@@ -107,7 +105,7 @@ fn ten_times_the_size_is_the_same_path() {
         ..objective(6.0)
     };
     let walls = rectangle(120.0, 13.0);
-    optimise(&mut large, &walls, &aperture, &wide, &cheap, &EFFORT);
+    optimise(&mut large, &site(&walls, &aperture, &wide), &cheap, &EFFORT);
     for (a, b) in small[0].control.iter().zip(&large[0].control) {
         for (c, scale) in [10.0, 10.0, 1.0].into_iter().enumerate() {
             assert!((scale * a[c] - b[c]).abs() < 6e-4, "{a:?} {b:?}");
@@ -201,7 +199,8 @@ fn ground_agrees_with_a_fine_raster() {
         for pass in [&straight, &corner, &back] {
             let passes = [pass.clone()];
             let objective = objective(major_mm);
-            let search = Search::begin(&passes, &square, &aperture, &limits(), &objective);
+            let limits = limits();
+            let search = Search::begin(&passes, &site(&square, &aperture, &limits), &objective);
             let search = search.unwrap_or_else(|outcome| panic!("{outcome:?}"));
             let [open, twice] = counted(&passes, &aperture, [10.0; 2], objective.return_mm);
             let unit_mm = search.units.length_mm;
@@ -236,7 +235,12 @@ fn every_aperture_is_optimised() {
         });
         let mut passes = [start.clone()];
         let target = objective(aperture.major_mm());
-        let report = optimise(&mut passes, &bar, &aperture, &limits(), &target, &EFFORT);
+        let report = optimise(
+            &mut passes,
+            &site(&bar, &aperture, &limits()),
+            &target,
+            &EFFORT,
+        );
         let name = aperture.kind_name();
         assert_eq!(report.outcome, Outcome::Optimised, "{name}");
         let cost_s = |pass: &OptimisedPass| {
@@ -260,9 +264,11 @@ fn projection_brings_a_pass_inside() {
         [0.3 + 11.4 * t, 0.6 + 0.005 * bump, FRAC_PI_2]
     });
     let mut passes = [pass.clone()];
-    let mut search = Search::begin(&passes, &bar, &ELLIPSE, &limits(), &objective(0.6))
+    let limits = limits();
+    let site = site(&bar, &ELLIPSE, &limits);
+    let mut search = Search::begin(&passes, &site, &objective(0.6))
         .unwrap_or_else(|outcome| panic!("{outcome:?}"));
-    let [before_mm, after_mm] = search.finish(&mut passes, &bar, &ELLIPSE)[0];
+    let [before_mm, after_mm] = search.finish(&mut passes, &site)[0];
     assert!((before_mm - 0.005).abs() < 3e-4, "{before_mm}");
     assert!(after_mm < 1e-4, "{after_mm}");
     assert_eq!(after_mm, outside_mm(&passes[0], &bar, &ELLIPSE));

@@ -42,7 +42,9 @@ fn cuts_lay_little_twice_and_leave_nothing_open() {
         // times its area when that was so; 0.24 (gear) and 0.28 when this was written.
         let twice_mm2 = (cut.overlap_pct - free.overlap_pct) / 100.0 * cut.area_mm2 / cuts;
         assert!(twice_mm2 < 0.35 * aperture_mm2, "{name}: {twice_mm2}");
-        assert!(cut.covered_pct > free.covered_pct - 0.05, "{name}");
+        // Each plan is an optimum of seconds and ground of its own: what a cut opens is a tenth of an aperture at most.
+        let opened_mm2 = (free.covered_pct - cut.covered_pct) / 100.0 * cut.area_mm2 / cuts;
+        assert!(opened_mm2 < 0.1 * aperture_mm2, "{name}: {opened_mm2}");
         assert!(cut.outside_depth_mm < 0.002, "{name}");
     }
 }

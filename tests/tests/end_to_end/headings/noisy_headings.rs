@@ -1,12 +1,14 @@
-//! Noise that no eye can see does not change how wide the beads are laid: widths and headings of
-//! the placements of a noisy part against those of the same part without noise.
+//! Noise that no eye can see does not change how wide the beads are printed: widths and headings along
+//! the curves of a noisy part against those of the same part without noise.
 
 use headway::geometry::aperture::Aperture;
 use headway::geometry::{Point2, Vector2};
+use headway::input::Target;
+use headway::plan::curve::plane_curve::curve_at;
+use headway::plan_target;
 use headway::settings::Settings;
-use headway_tests::beads::plain_passes;
 use headway_tests::layer_oracle::Rings;
-use headway_tests::outlines::with_noise;
+use headway_tests::outlines::{region, with_noise};
 use rayon::prelude::*;
 
 /// An L of two arms, 9 mm wide.
@@ -66,15 +68,21 @@ struct Apart {
     turned: usize,
 }
 
-/// The placements of a part, pass by pass,
-/// as they are laid: shortcuts are made where they save time, and noise may choose among them.
+/// Poses of the curves that are printed, pass by pass.
 fn passes(rings: &Rings, settings: &Settings) -> Vec<Vec<Place>> {
-    let (contour, passes) = plain_passes(rings, settings.aperture, false);
-    let places = passes.iter().map(|pass| {
-        let points = pass
-            .placements
-            .iter()
-            .map(|p| (contour.to_input(p.at.center), p.at.heading_rad));
+    let target = Target {
+        name: "part".to_string(),
+        regions: vec![region(rings)],
+    };
+    let plan = plan_target(&target, settings).expect("a plan");
+    let offset = plan.transform.offset_mm;
+    let places = plan.curves.iter().map(|pass| {
+        // Four poses of a span, which is 0.24 mm long.
+        let spans = pass.control.len() - 1;
+        let points = (0..4 * spans).map(|k| {
+            let [x, y, heading] = curve_at(&pass.control, k / 4, 0.25 * (k % 4) as f64);
+            (Point2::new(x - offset[0], y - offset[1]), heading)
+        });
         places(&points.collect::<Vec<_>>(), &settings.aperture)
     });
     places.collect()

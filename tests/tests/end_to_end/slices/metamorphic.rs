@@ -106,8 +106,8 @@ fn outcome(name: &str, rings: &Rings) -> Outcome {
     }
 }
 
-/// Goal: time from the first prime on within 2.5 %, path length within 0.5 %, coverage within 0.1: shortcuts
-/// are taken one by one, and rounding may choose among them. Method: each part planned whole, in every way.
+/// Goal: time from the first prime on within 2.5 %, path length within 0.5 %, coverage within 0.1: rounding
+/// may choose between optima that are alike. Method: each part planned whole, in every way.
 ///
 /// By default each part in four of the ways and each way with two of the parts.
 #[test]

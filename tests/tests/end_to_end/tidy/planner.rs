@@ -6,7 +6,7 @@ use std::collections::BTreeSet;
 use std::path::Path;
 
 /// The planner's stages in the order of the data: a stage imports only from those before it.
-const STAGES: [&str; 17] = [
+const STAGES: [&str; 16] = [
     "pass",
     "progress",
     "pose_limits",
@@ -18,7 +18,6 @@ const STAGES: [&str; 17] = [
     "beads",
     "joining",
     "curve",
-    "shortcuts",
     "optimise",
     "layers",
     "route",

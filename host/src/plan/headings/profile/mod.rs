@@ -1,31 +1,27 @@
-//! The heading along a run of contacts: dynamic programming over the feasible headings, continuous
-//! refinement, then the smoothest profile in the corridor about what was found.
+//! The heading along a run of contacts: dynamic programming over the feasible headings, then continuous
+//! refinement.
 //!
 //! The state is phi modulo the aperture's symmetry. Each contact and heading has one placement:
 //! tangent to the wall at the contact (centre = p + support point), slid off any other wall that
 //! it would cut. The cost of a placement is (e - wanted extent)² plus (slide)², per mm of wall;
 //! the cost of turning is lambda dphi² / ds. The best closed or open profile is found exactly over
-//! the bins (Viterbi), then refined between them. The corridor holds the headings that fit no worse
-//! than that by [`CORRIDOR_SHARE`]: broad where the extent hardly depends on the heading, narrow
-//! where it does.
+//! the bins (Viterbi), then refined between them.
 //!
 //! In: contacts (mm) with extents wanted, the weight of turning (mm²), walls. Out: one placement
 //! for each contact (mm, unwrapped rad), and whether it fits. Why here: the only place where
 //! headings of a bead are chosen. Headings are not taken from F(p) ([`crate::plan::feasible`]): that
 //! knows an aperture that touches the wall exactly, and a bead may stand off it at a price.
-//! Leaves out: time, which the shortcuts trade.
+//! Leaves out: time, which the optimiser trades.
 
 mod ahead;
 mod along;
 mod bins;
-mod corridor;
 mod refine;
 mod thinned;
 
 pub use self::ahead::{Ahead, all_ahead};
 use self::along::Along;
 use self::bins::{closed_start, unwrap_bins, viterbi};
-use self::corridor::{Gate, Stiffness, smoothest, smoothest_closed};
 use self::refine::refine;
 use crate::geometry::Vector2;
 use crate::geometry::aperture::{Aperture, Turn};
@@ -55,25 +51,6 @@ const SLIDES_MAX: usize = 4;
 const INFEASIBLE_MM: f64 = 5.0;
 /// A placement may cut by this share of the aperture before the final push-off.
 const CUT_SHARE_MAX: f64 = 2e-3;
-/// What a heading of the corridor may miss the wanted extent by beyond the best one, against b:
-/// from trials, 0.01 mm for the default ellipse. Profiles of two outlines that differ by noise may
-/// lie at opposite walls of it: then their beads differ by four times as much.
-const CORRIDOR_SHARE: f64 = 0.05;
-/// The same where a profile is found again for slightly other extents: those add up from round to
-/// round as long as the headings lie still in the corridor, and a little noise decides for how
-/// long.
-const CORRIDOR_AGAIN_SHARE: f64 = 0.025;
-/// Steps in which the corridor is measured, and most of them to each side.
-const CORRIDOR_STEP_RAD: f64 = 0.03;
-const CORRIDOR_STEPS: usize = 20;
-/// Waves of the heading shorter than this are smoothed away within the corridor, against a.
-const SMOOTHING_WAVE: f64 = 16.0;
-/// How abruptly the corridor's walls hold the profile, as a wave length against a.
-const WALL_WAVE: f64 = 0.25;
-/// Way that turning by a radian counts as, against a: in corners the centre hardly moves.
-const SWING: f64 = 5.0;
-/// Least way between samples, against a: nearly one place, yet the bend stays finite.
-const WAY_MIN: f64 = 0.03;
 
 /// Rounds of smoothing: they halve the print time of turned corners for 0.1 % of coverage.
 const SMOOTHING_ROUNDS: usize = 6;
@@ -81,9 +58,6 @@ const SMOOTHING_ROUNDS: usize = 6;
 struct Candidate {
     at: Configuration,
     cost: f64,
-    /// Extent less the wanted one.
-    misfit_mm: f64,
-    slide_mm: f64,
     feasible: bool,
 }
 
@@ -147,83 +121,8 @@ fn whole_profile(
     let mut headings = unwrap_bins(&chosen, bins, bin_rad);
     if !aperture.is_round() {
         refine(&run, &steps, &mut headings);
-        flatten_ripple(&run, &mut headings);
     }
     run.placements(&headings)
-}
-
-/// The profile again for contacts that want slightly other extents, starting from the headings of
-/// `before`; `ahead` is what lies ahead of them.
-pub fn refined(
-    contacts: &[Contact],
-    closed: bool,
-    before: &[Placement],
-    ahead: &[Ahead],
-    turn_weight_mm2: f64,
-    aperture: &Aperture,
-    walls: &EdgeIndex,
-) -> Vec<Placement> {
-    let mut headings: Vec<f64> = before.iter().map(|p| p.at.heading_rad).collect();
-    let run = ContactRun {
-        corridor_share: CORRIDOR_AGAIN_SHARE,
-        ..ContactRun::new(contacts, closed, aperture, walls, ahead)
-    };
-    if !aperture.is_round() && contacts.len() > 1 {
-        let steps = turn_slacks_per_mm(contacts, closed, turn_weight_mm2, aperture);
-        refine(&run, &steps, &mut headings);
-        flatten_ripple(&run, &mut headings);
-    }
-    run.placements(&headings)
-}
-
-/// Replaces the headings by the smoothest ones in the corridor about them.
-fn flatten_ripple(run: &ContactRun, headings: &mut [f64]) {
-    let (count, a) = (headings.len(), run.aperture.major_mm());
-    let lap = if run.closed {
-        lap_turn(headings, run.aperture.period_rad())
-    } else {
-        0.0
-    };
-    let before: Vec<(Configuration, [f64; 2])> = (0..count)
-        .into_par_iter()
-        .map(|i| {
-            let own = run.place(i, headings[i]);
-            (own.at, run.corridor(i, headings[i], &own))
-        })
-        .collect();
-    let gates: Vec<Gate> = (0..count)
-        .map(|i| {
-            let (own, range_rad) = before[i];
-            let next = before[(i + 1) % count].0;
-            let ahead = if i + 1 == count { lap } else { 0.0 };
-            let turn = (next.heading_rad + ahead - own.heading_rad).abs();
-            let way_mm = (next.center - own.center).norm() + SWING * a * turn;
-            Gate {
-                wanted_rad: 0.5 * (range_rad[0] + range_rad[1]),
-                range_rad,
-                way_mm: way_mm.max(WAY_MIN * a),
-            }
-        })
-        .collect();
-    let stiffness = Stiffness::of_waves(SMOOTHING_WAVE * a, WALL_WAVE * a);
-    let found = if run.closed {
-        smoothest_closed(&gates, lap, stiffness)
-    } else {
-        smoothest(&gates, stiffness)
-    };
-    headings
-        .par_iter_mut()
-        .enumerate()
-        .for_each(|(i, heading)| {
-            // The walls give a little: not where nothing fits beyond them.
-            let fits = run.place(i, found[i]).feasible;
-            let [low, high] = gates[i].range_rad;
-            *heading = if fits {
-                found[i]
-            } else {
-                found[i].clamp(low, high)
-            };
-        });
 }
 
 /// Smooths a run by rounds of [1 2 1] / 4 over centres and headings; the ends of an open one stay.
@@ -267,8 +166,6 @@ struct ContactRun<'a> {
     along: Along<'a>,
     /// For each contact what an aperture touching there may cut.
     ahead: &'a [Ahead],
-    /// How wide the corridor is, against b.
-    corridor_share: f64,
 }
 
 impl<'a> ContactRun<'a> {
@@ -286,7 +183,6 @@ impl<'a> ContactRun<'a> {
             walls,
             along: Along::new(contacts, closed, ENTRY_SHARE * aperture.minor_mm()),
             ahead,
-            corridor_share: CORRIDOR_SHARE,
         }
     }
 
@@ -332,35 +228,8 @@ impl<'a> ContactRun<'a> {
             at: slid.unwrap_or(at.into()),
             cost: (misfit_mm.powi(2) + slide_mm.powi(2) + tilt_cost(turn, c.normal))
                 * c.length_mm.max(0.01),
-            misfit_mm,
-            slide_mm,
             feasible: slid.is_some(),
         }
-    }
-
-    /// The headings about `heading_rad` that fit no worse than it by more than the tolerance, nor
-    /// miss to the other side.
-    fn corridor(&self, i: usize, heading_rad: f64, own: &Candidate) -> [f64; 2] {
-        let tolerance_mm = self.corridor_share * self.aperture.minor_mm();
-        let (least_mm, most_mm) = (own.misfit_mm.min(0.0), own.misfit_mm.max(0.0));
-        let worse_mm = |heading: f64| {
-            let found = self.place(i, heading);
-            let misfit_mm = (found.misfit_mm - most_mm).max(least_mm - found.misfit_mm);
-            misfit_mm.max(found.slide_mm - own.slide_mm)
-        };
-        [-1.0, 1.0].map(|way: f64| {
-            let (mut last, mut last_mm) = (0.0, 0.0);
-            for step in 1..=CORRIDOR_STEPS {
-                let next = way * CORRIDOR_STEP_RAD * step as f64;
-                let next_mm = worse_mm(heading_rad + next);
-                if next_mm > tolerance_mm {
-                    let share = (tolerance_mm - last_mm) / (next_mm - last_mm);
-                    return heading_rad + last + (next - last) * share;
-                }
-                (last, last_mm) = (next, next_mm);
-            }
-            heading_rad + last
-        })
     }
 
     fn placements(&self, headings: &[f64]) -> Vec<Placement> {

@@ -1,8 +1,8 @@
 //! The region as cells, and who visited each.
 //!
-//! In: the walls, in a. Out: numbered cells inside the region with the cover that the wall next to them stands for;
-//! visits by the sweep with a distance to the edge of what was swept. A cell's cover is a smooth step of that
-//! distance, so that the covered area has a derivative by the path.
+//! In: the walls, and ground inside them that does not count, in a. Out: numbered cells of the rest with the cover
+//! that the wall next to them stands for; visits by the sweep with a distance to the edge of what was swept. A cell's
+//! cover is a smooth step of that distance, so that the covered area has a derivative by the path.
 
 /// Cell size, in half widths of the edge.
 const CELL: f64 = 0.8;
@@ -82,10 +82,13 @@ pub struct Cells {
 }
 
 impl Cells {
-    /// Cells of the region with these edges for an edge of this half width; `None` where it is too large or empty.
-    pub fn of(segments: &[Segment], edge_half: f64) -> Option<Cells> {
-        let turned = |segment: &Segment| segment.map(to_grid);
-        let segments: Vec<Segment> = segments.iter().map(turned).collect();
+    /// Cells of the region with these edges but for the ground that others bound, for an edge of this half width; `None`
+    /// where it is too large or empty.
+    pub fn of(segments: &[Segment], left_out: &[Segment], edge_half: f64) -> Option<Cells> {
+        let turned = |segments: &[Segment]| -> Vec<Segment> {
+            segments.iter().map(|ends| ends.map(to_grid)).collect()
+        };
+        let (segments, left_out) = (turned(segments), turned(left_out));
         let (mut low, mut high) = ([f64::INFINITY; 2], [f64::NEG_INFINITY; 2]);
         for point in segments.iter().flatten() {
             for c in 0..2 {
@@ -108,7 +111,7 @@ impl Cells {
             wall_cover: Vec::new(),
             origin: [low[0] - 0.5, low[1] - 0.5],
         };
-        cells.number(&segments);
+        cells.number(&segments, &left_out);
         for segment in &segments {
             cells.cover_by_wall(segment);
         }
@@ -116,7 +119,33 @@ impl Cells {
     }
 
     /// Numbers the cells inside, by where the edges cross the middle of each row.
-    fn number(&mut self, segments: &[Segment]) {
+    fn number(&mut self, segments: &[Segment], left_out: &[Segment]) {
+        let outside = self.crossings(left_out);
+        let mut count = 0;
+        for (row, (inside, outside)) in self.crossings(segments).iter().zip(&outside).enumerate() {
+            let first = row * self.columns;
+            for pair in inside.chunks_exact(2) {
+                for column in self.columns_in(pair[0] as f32, pair[1] as f32) {
+                    self.numbers[first + column] = 0;
+                }
+            }
+            for pair in outside.chunks_exact(2) {
+                for column in self.columns_in(pair[0] as f32, pair[1] as f32) {
+                    self.numbers[first + column] = OUTSIDE;
+                }
+            }
+            for number in &mut self.numbers[first..first + self.columns] {
+                if *number != OUTSIDE {
+                    *number = count;
+                    count += 1;
+                }
+            }
+        }
+        self.wall_cover = vec![0.0; count as usize];
+    }
+
+    /// Where edges cross the middle of each row, rising.
+    fn crossings(&self, segments: &[Segment]) -> Vec<Vec<f64>> {
         let mut crossings: Vec<Vec<f64>> = vec![Vec::new(); self.rows];
         for [p, q] in segments {
             let (low, high) = (p[1].min(q[1]), p[1].max(q[1]));
@@ -128,17 +157,10 @@ impl Cells {
                 }
             }
         }
-        let mut count = 0;
-        for (row, xs) in crossings.iter_mut().enumerate() {
-            xs.sort_by(f64::total_cmp);
-            for pair in xs.chunks_exact(2) {
-                for column in self.columns_in(pair[0] as f32, pair[1] as f32) {
-                    self.numbers[row * self.columns + column] = count;
-                    count += 1;
-                }
-            }
-        }
-        self.wall_cover = vec![0.0; count as usize];
+        crossings
+            .iter_mut()
+            .for_each(|xs| xs.sort_by(f64::total_cmp));
+        crossings
     }
 
     /// Middle of a column (`axis` 0) or row (1).
