@@ -231,7 +231,9 @@ fn channel_rings(
         let before = wall - normal * lengths.grid_mm;
         let rise = field.at(wall) - field.at(before);
         let width_mm = lengths.grid_mm / rise.max(1e-6);
-        2.0 * settings.reach_over_share() * width_mm.clamp(widths.least_mm, widths.most_mm)
+        // Of a nozzle that is round or nearly so the widest bead, with room for corners, is below the narrowest.
+        let least_mm = widths.least_mm.min(widths.most_mm);
+        2.0 * settings.reach_over_share() * width_mm.clamp(least_mm, widths.most_mm)
     };
     field
         .level_rings((channel - 1) as f64)
