@@ -137,28 +137,14 @@ impl Raster {
         is_fine(self.grid.cell_mm, &self.aperture)
     }
 
-    /// From here on every cell is new again.
-    pub fn begin_walk(&mut self) {
-        self.walk.number += 1;
-        self.walk.seen.resize(self.grid.len(), 0);
-    }
-
     /// Visits the count of each cell under the poses once.
     pub fn for_cells_once(
         &mut self,
         poses: impl Iterator<Item = Configuration>,
-        visit: impl FnMut(&mut u16),
-    ) {
-        self.begin_walk();
-        self.for_cells_new(poses, visit);
-    }
-
-    /// The same, but not those that this walk has seen before.
-    pub fn for_cells_new(
-        &mut self,
-        poses: impl Iterator<Item = Configuration>,
         mut visit: impl FnMut(&mut u16),
     ) {
+        self.walk.number += 1;
+        self.walk.seen.resize(self.grid.len(), 0);
         let (Walk { number, seen, rows }, counts) = (&mut self.walk, &mut self.counts);
         let window = self.grid.window();
         for at in poses {

@@ -55,7 +55,14 @@ pub fn optimised(
         .filter(|&i| is_known(&passes[i]))
         .collect();
     let known: Vec<LayerPass> = numbers.iter().map(|&i| passes[i].clone()).collect();
+    let filled_to = (!left_out.is_empty()).then(|| {
+        let others = left_out.iter().flat_map(Region::edges);
+        let edges = walls.edges().iter().copied();
+        let edges = edges.chain(others.map(|(a, b)| Edge { a, b }));
+        EdgeIndex::new(edges.collect(), settings.aperture.major_mm())
+    });
     let job = RegionJob {
+        filled_to: filled_to.as_ref().unwrap_or(walls),
         site: Site {
             walls,
             left_out,
@@ -91,6 +98,8 @@ fn take(passes: &mut [LayerPass], begun: &mut [Begun]) {
 /// What is optimised within, and how.
 struct RegionJob<'a> {
     site: Site<'a>,
+    /// What bounds gap-fill moves: the walls, and ground that is left out.
+    filled_to: &'a EdgeIndex,
     settings: &'a Settings,
     /// Area that is to be covered, mm².
     ground_mm2: f64,
@@ -184,11 +193,7 @@ impl RegionJob<'_> {
         };
         let before = count(passes);
         let price = AreaPrice::of(self.settings).times(price_share);
-        let mut edges = self.site.walls.edges().to_vec();
-        let others = self.site.left_out.iter().flat_map(Region::edges);
-        edges.extend(others.map(|(a, b)| Edge { a, b }));
-        let ground = EdgeIndex::new(edges, self.site.aperture.major_mm());
-        fill_gaps(passes, self.site.aperture, &ground, Some(&price));
+        fill_gaps(passes, self.site.aperture, self.filled_to, Some(&price));
         count(passes) != before
     }
 }

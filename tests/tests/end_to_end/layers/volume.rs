@@ -4,14 +4,13 @@
 //! other on a raster of this file's own: cells that a pose is the first to cover against the volume
 //! channel, pass by pass and in the whole.
 
-use headway::geometry::Point2;
 use headway::geometry::aperture::Aperture;
-use headway::geometry::polygon::{Region, Ring};
 use headway::input::{Format, ReadOptions, Target, read};
 use headway::job::MotionState;
 use headway::plan_target;
 use headway::settings::{Infill, Settings};
 use headway_tests::layer_oracle::{print_poses, sweep};
+use headway_tests::outlines::region;
 use headway_tests::segment_oracle::Oracle;
 use std::path::Path;
 
@@ -178,12 +177,7 @@ fn neighbouring_beads_overlap_as_asked() {
     let outline = [[-20.0, -15.0], [20.0, -15.0], [20.0, 15.0], [-20.0, 15.0]];
     let target = Target {
         name: "plate".to_string(),
-        regions: vec![Region {
-            exterior: Ring {
-                points: outline.into_iter().map(Point2::from).collect(),
-            },
-            holes: Vec::new(),
-        }],
+        regions: vec![region(&vec![outline.to_vec()])],
     };
     for (infill, window) in [
         (None, [[-8.0, -14.0], [8.0, -3.0]]),
@@ -213,12 +207,7 @@ fn beads_of_a_round_nozzle_may_overlap() {
     let square = [[0.0, 0.0], [4.0, 0.0], [4.0, 4.0], [0.0, 4.0]];
     let target = Target {
         name: "square".to_string(),
-        regions: vec![Region {
-            exterior: Ring {
-                points: square.into_iter().map(Point2::from).collect(),
-            },
-            holes: Vec::new(),
-        }],
+        regions: vec![region(&vec![square.to_vec()])],
     };
     let settings = Settings {
         aperture: Aperture::Ellipse {

@@ -19,7 +19,7 @@ mod bins;
 mod refine;
 mod thinned;
 
-pub use self::ahead::{Ahead, all_ahead};
+use self::ahead::{Ahead, all_ahead};
 use self::along::Along;
 use self::bins::{closed_start, unwrap_bins, viterbi};
 use self::refine::refine;
@@ -312,7 +312,7 @@ fn turn_slacks_per_mm(
 }
 
 /// The turn of a closed run over one lap: the multiple of the period that makes its ends meet.
-pub fn lap_turn(headings: &[f64], period_rad: f64) -> f64 {
+fn lap_turn(headings: &[f64], period_rad: f64) -> f64 {
     let (Some(first), Some(last)) = (headings.first(), headings.last()) else {
         return 0.0;
     };
