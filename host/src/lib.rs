@@ -31,7 +31,6 @@ mod frame_writer;
 pub mod gcode;
 mod gcode_heat;
 pub mod gcode_plan;
-pub mod geometry;
 pub mod input;
 pub mod job;
 pub mod job_file;
@@ -55,6 +54,8 @@ mod short_number;
 pub mod stacked_ground;
 pub mod surface_plan;
 pub mod wire_frames;
+
+pub use headway_geometry as geometry;
 
 use crate::geometry::Point2;
 use crate::geometry::polygon::Region;

@@ -3,14 +3,14 @@
 //! ```text
 //! Region --outline--> Contour --axis--> Axis --headings, coverage, beads--> LayerPass
 //! (mm)                (mm, local)       (mm)                                (mm, rad)
-//!   --joining, optimise--> passes in printing order --curve--> PlaneControl --layers--> PlanePass
-//!                           (mm, rad)                           (mm, rad)       (machine coordinates)
+//!   --joining, the optimiser--> passes in printing order --curve--> PlaneControl --layers--> PlanePass
+//!                                (mm, rad)                           (mm, rad)       (machine coordinates)
 //!   --route--> Route --motion--> SegmentStream --judge--> PlanFigures
 //!              (mm, rad, mm³)    (integers, ticks)        (%, mm, s)
 //! ```
 //!
 //! A stage imports only from the stages above it in the list below (a test reads the `use` lines),
-//! from `geometry` and `settings`; none knows a clock, a file or a thread. `pass` holds the nouns
+//! from `headway_geometry`, `headway_optimiser` and `settings`; none knows a clock, a file or a thread. `pass` holds the nouns
 //! that the stages hand on.
 
 pub mod pass;
@@ -31,8 +31,6 @@ pub mod beads;
 pub mod joining;
 
 pub mod curve;
-
-pub mod optimise;
 
 pub mod layers;
 

@@ -6,85 +6,31 @@
 use crate::geometry::clearance::Configuration;
 use crate::settings::Settings;
 use headway_firmware::kinematics;
+pub use headway_optimiser::pose_limits::{AxisLimits, PoseLimits};
 use headway_protocol::units::{CHANNEL_HEADING, CHANNEL_X, CHANNEL_Y};
 
-/// Limits of one axis of the pose: mm or rad, and s.
-#[derive(Clone, Copy, Debug)]
-pub struct AxisLimits {
-    /// Speed.
-    pub speed: f64,
-    /// Acceleration.
-    pub acceleration: f64,
-    /// Jerk.
-    pub jerk: f64,
-}
-
-/// Limits of a pose's motion, the plan's share applied.
-#[derive(Clone, Copy, Debug)]
-pub struct PoseLimits {
-    /// Of the tip, mm/s.
-    pub tip_speed_mm_s: f64,
-    /// Of the tip, mm/s².
-    pub tip_acceleration_mm_s2: f64,
-    /// x, y and heading.
-    pub axes: [AxisLimits; 3],
-}
-
-impl PoseLimits {
-    /// The limits of printing with these settings.
-    pub fn of(settings: &Settings) -> PoseLimits {
-        let (machine, share) = (&settings.machine, settings.plan_share);
-        let joint_channels = kinematics::joint_channels(&machine.kinematics);
-        let of_channel = |channel: usize| {
-            let joints = machine.joints.iter().zip(joint_channels);
-            let joints = joints.filter(|(_, joint_channel)| **joint_channel == Some(channel));
-            let least = AxisLimits {
-                speed: f64::INFINITY,
-                acceleration: f64::INFINITY,
-                jerk: f64::INFINITY,
-            };
-            joints.fold(least, |least, (joint, _)| AxisLimits {
-                speed: least.speed.min(joint.speed_max * share),
-                acceleration: least.acceleration.min(joint.acceleration_max * share),
-                jerk: least.jerk.min(joint.jerk_max * share),
-            })
+/// The limits of printing with these settings.
+pub fn pose_limits(settings: &Settings) -> PoseLimits {
+    let (machine, share) = (&settings.machine, settings.plan_share);
+    let joint_channels = kinematics::joint_channels(&machine.kinematics);
+    let of_channel = |channel: usize| {
+        let joints = machine.joints.iter().zip(joint_channels);
+        let joints = joints.filter(|(_, joint_channel)| **joint_channel == Some(channel));
+        let least = AxisLimits {
+            speed: f64::INFINITY,
+            acceleration: f64::INFINITY,
+            jerk: f64::INFINITY,
         };
-        PoseLimits {
-            tip_speed_mm_s: settings.speed_mm_s * share,
-            tip_acceleration_mm_s2: settings.tip_acceleration_mm_s2 * share,
-            axes: [CHANNEL_X, CHANNEL_Y, CHANNEL_HEADING].map(of_channel),
-        }
-    }
-
-    /// Time from rest to rest over a way and a turn, whichever takes longer, s.
-    pub fn rest_to_rest_s(&self, way_mm: f64, turn_rad: f64) -> f64 {
-        let [x, y, heading] = &self.axes;
-        let tip = AxisLimits {
-            speed: self.tip_speed_mm_s,
-            acceleration: self
-                .tip_acceleration_mm_s2
-                .min(x.acceleration)
-                .min(y.acceleration),
-            jerk: x.jerk.min(y.jerk),
-        };
-        tip.rest_to_rest_s(way_mm)
-            .max(heading.rest_to_rest_s(turn_rad))
-    }
-}
-
-impl AxisLimits {
-    /// Time from rest to rest: acceleration, perhaps a run at full speed, braking, and the time in which
-    /// the acceleration builds up and falls.
-    fn rest_to_rest_s(&self, distance: f64) -> f64 {
-        if distance <= 0.0 {
-            return 0.0;
-        }
-        let rise_s = (distance / self.acceleration).sqrt();
-        let moving_s = match rise_s * self.acceleration > self.speed {
-            true => distance / self.speed + self.speed / self.acceleration,
-            false => 2.0 * rise_s,
-        };
-        moving_s + 2.0 * self.acceleration / self.jerk
+        joints.fold(least, |least, (joint, _)| AxisLimits {
+            speed: least.speed.min(joint.speed_max * share),
+            acceleration: least.acceleration.min(joint.acceleration_max * share),
+            jerk: least.jerk.min(joint.jerk_max * share),
+        })
+    };
+    PoseLimits {
+        tip_speed_mm_s: settings.speed_mm_s * share,
+        tip_acceleration_mm_s2: settings.tip_acceleration_mm_s2 * share,
+        axes: [CHANNEL_X, CHANNEL_Y, CHANNEL_HEADING].map(of_channel),
     }
 }
 
@@ -99,7 +45,7 @@ impl AreaPrice {
     /// The price of these settings.
     pub fn of(settings: &Settings) -> AreaPrice {
         AreaPrice {
-            limits: PoseLimits::of(settings),
+            limits: pose_limits(settings),
             price_s_mm2: settings.quality.price_s_mm2(),
         }
     }

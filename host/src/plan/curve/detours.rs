@@ -7,8 +7,8 @@
 //! any.
 
 use crate::geometry::clearance::Configuration;
+use crate::geometry::plane_curve::{PlaneControl, configuration};
 use crate::plan::coverage::connections::bent_connection;
-use crate::plan::curve::plane_curve::{PlaneControl, configuration};
 use crate::plan::curve::pushing_inside::{InsideWalls, NEAR_SHARE, bad_runs, strayed_spans};
 use crate::plan::headings::profile::slide_inside;
 use crate::plan::joining::links::{LENGTH_SHARE, TURN_MAX_RAD};

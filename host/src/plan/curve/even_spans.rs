@@ -9,7 +9,7 @@
 //! logarithm of each span's time (s), and for each point the control point it came from.
 
 use crate::geometry::aperture::Aperture;
-use crate::plan::curve::plane_curve::{PlaneControl, curve_at};
+use crate::geometry::plane_curve::{PlaneControl, curve_at};
 use crate::plan::pose_limits::PoseLimits;
 
 /// Length of a span, against a: 0.24 mm for 0.6 mm. Half of it doubles the work and gains less than 1 %.
@@ -183,6 +183,7 @@ fn log_pace(poses: &[PlaneControl], limits: &PoseLimits) -> Vec<f64> {
 mod tests {
     use super::*;
     use crate::geometry::test_shapes::ELLIPSE;
+    use crate::plan::pose_limits::pose_limits;
     use crate::settings::Settings;
 
     /// Goal: spans are even by way and turn, ends stay, and what is turned in place keeps its spans. Method: a
@@ -193,7 +194,7 @@ mod tests {
         control.extend((0..=60).map(|i| [0.1 * f64::from(i), 0.0, 0.0]));
         control.extend((1..=10).map(|i| [6.0, 0.0, 0.1 * std::f64::consts::PI * f64::from(i)]));
         control.extend((1..=20).map(|i| [6.0 - 0.3 * f64::from(i), 0.0, std::f64::consts::PI]));
-        let even = even_spans(&control, &ELLIPSE, &PoseLimits::of(&Settings::default()));
+        let even = even_spans(&control, &ELLIPSE, &pose_limits(&Settings::default()));
         let turn_mm = TURN_SHARE * ELLIPSE.major_mm();
         let expected = (12.0 + turn_mm * std::f64::consts::PI) / (SPAN_SHARE * ELLIPSE.major_mm());
         let spans = even.control.len() - 1;

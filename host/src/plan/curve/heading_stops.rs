@@ -8,8 +8,8 @@
 
 use crate::geometry::edge_index::EdgeIndex;
 use crate::geometry::frame::Frame;
+use crate::geometry::plane_curve::PlaneControl;
 use crate::plan::coverage::deposited_area::DepositedArea;
-use crate::plan::curve::plane_curve::PlaneControl;
 use crate::plan::pass::LayerPass;
 use crate::settings::Settings;
 use headway_firmware::kinematics;

@@ -12,8 +12,8 @@
 
 use crate::geometry::aperture::Aperture;
 use crate::geometry::edge_index::EdgeIndex;
+use crate::geometry::plane_curve::{PlaneControl, configuration};
 use crate::plan::curve::detours::detoured;
-use crate::plan::curve::plane_curve::{PlaneControl, configuration};
 use crate::plan::curve::pushing_inside::{InsideWalls, NEAR_SHARE, bad_runs, strayed_spans};
 use crate::plan::pass::LayerPass;
 use crate::settings::Settings;
@@ -216,9 +216,9 @@ pub fn sharpened(raw: &[PlaneControl]) -> Vec<PlaneControl> {
 mod tests {
     use super::*;
     use crate::geometry::clearance::{Configuration, contact};
+    use crate::geometry::plane_curve::curve_at;
     use crate::geometry::test_shapes::{ELLIPSE as APERTURE, walls};
     use crate::geometry::{Point2, Vector2};
-    use crate::plan::curve::plane_curve::curve_at;
     use crate::plan::headings::profile::slide_inside;
     use crate::plan::pass::test_passes::pass;
 

@@ -11,5 +11,4 @@ pub mod detours;
 pub mod even_spans;
 pub mod heading_stops;
 pub mod layer_path;
-pub mod plane_curve;
 pub mod pushing_inside;

@@ -9,7 +9,7 @@ use crate::geometry::Vector2;
 use crate::geometry::aperture::Aperture;
 use crate::geometry::clearance::{Configuration, WallContact, contact};
 use crate::geometry::edge_index::EdgeIndex;
-use crate::plan::curve::plane_curve::{
+use crate::geometry::plane_curve::{
     PlaneControl, configuration, control_at, curve_at, span_weights,
 };
 use rayon::prelude::*;

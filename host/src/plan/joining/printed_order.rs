@@ -19,7 +19,7 @@ use crate::plan::joining::links::linked;
 use crate::plan::joining::order::ordered;
 use crate::plan::joining::seam::with_seam;
 use crate::plan::pass::LayerPass;
-use crate::plan::pose_limits::PoseLimits;
+use crate::plan::pose_limits::pose_limits;
 use crate::settings::{SeamPlace, Settings};
 
 /// What belongs to one region, local coordinates.
@@ -56,7 +56,7 @@ pub fn in_printing_order(
         open: region.open,
         from,
         aperture,
-        turn_weight_mm2: turn_weight_mm2(&PoseLimits::of(settings), aperture),
+        turn_weight_mm2: turn_weight_mm2(&pose_limits(settings), aperture),
     };
     finish.behind(passes)
 }

@@ -17,7 +17,7 @@ pub mod region_plan;
 pub mod shells;
 pub mod skirt;
 
-use crate::plan::curve::plane_curve::PlaneControl;
+use crate::geometry::plane_curve::PlaneControl;
 use crate::plan::pass::PassKind;
 use std::sync::Arc;
 

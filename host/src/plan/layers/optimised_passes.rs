@@ -6,16 +6,16 @@
 
 use crate::geometry::coverage::return_mm;
 use crate::geometry::edge_index::{Edge, EdgeIndex};
+use crate::geometry::plane_curve::{PlaneControl, configuration, curve_at};
 use crate::geometry::polygon::Region;
 use crate::plan::curve::even_spans::even_spans;
 use crate::plan::curve::layer_path::{merged, path_tolerance_mm, sharpened, whole_inside};
-use crate::plan::curve::plane_curve::{PlaneControl, configuration, curve_at};
 use crate::plan::curve::pushing_inside::{InsideWalls, strayed_spans};
 use crate::plan::joining::gap_fill::fill_gaps;
-use crate::plan::optimise::{Effort, Objective, OptimisedPass, Outcome, Site, optimise};
 use crate::plan::pass::{LayerPass, PassKind, Placement};
-use crate::plan::pose_limits::{AreaPrice, PoseLimits};
+use crate::plan::pose_limits::{AreaPrice, pose_limits};
 use crate::settings::{Quality, Settings};
+use headway_optimiser::{Effort, Objective, OptimisedPass, Outcome, Site, optimise};
 use std::sync::Arc;
 
 /// Ground laid twice against ground left open.
@@ -67,7 +67,7 @@ pub fn optimised(
             walls,
             left_out,
             aperture: &settings.aperture,
-            limits: &PoseLimits::of(settings),
+            limits: &pose_limits(settings),
         },
         settings,
         ground_mm2: ground_mm2 - left_out.iter().map(Region::area_mm2).sum::<f64>(),

@@ -26,7 +26,7 @@ use crate::plan::outline::contour::Contour;
 use crate::plan::outline::trimmed_outline::trimmed_outline;
 use crate::plan::outline::unreachable::{UnreachableRun, unreachable_runs};
 use crate::plan::pass::{LayerPass, PassKind};
-use crate::plan::pose_limits::PoseLimits;
+use crate::plan::pose_limits::pose_limits;
 use crate::settings::{Infill, PassMode, Settings};
 use rayon::prelude::*;
 use std::sync::Arc;
@@ -473,6 +473,6 @@ fn pass_settings(settings: &Settings) -> PassSettings {
         overlap: settings.overlap_pct / 100.0,
         one_pass: settings.pass_mode == PassMode::One,
         law: settings.heading_law,
-        turn_weight_mm2: turn_weight_mm2(&PoseLimits::of(settings), &settings.aperture),
+        turn_weight_mm2: turn_weight_mm2(&pose_limits(settings), &settings.aperture),
     }
 }

@@ -9,9 +9,9 @@
 //! stage finds.
 
 use crate::geometry::Point2;
+use crate::geometry::plane_curve::configuration;
 use crate::job::MotionState;
 use crate::plan::curve::heading_stops::heading_range;
-use crate::plan::curve::plane_curve::configuration;
 use crate::plan::layers::PlanePass;
 use crate::plan::pass::PassKind;
 use crate::plan::route::flow::pass_volumes::volumes_mm3;

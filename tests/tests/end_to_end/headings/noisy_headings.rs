@@ -2,9 +2,9 @@
 //! the curves of a noisy part against those of the same part without noise.
 
 use headway::geometry::aperture::Aperture;
+use headway::geometry::plane_curve::curve_at;
 use headway::geometry::{Point2, Vector2};
 use headway::input::Target;
-use headway::plan::curve::plane_curve::curve_at;
 use headway::plan_target;
 use headway::settings::Settings;
 use headway_tests::layer_oracle::Rings;

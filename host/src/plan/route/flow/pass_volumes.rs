@@ -6,10 +6,10 @@
 
 use crate::geometry::aperture::Aperture;
 use crate::geometry::clearance::Configuration;
+use crate::geometry::plane_curve::{PlaneControl, curve_at};
 use crate::geometry::polygon::Box2;
 use crate::geometry::union_find::root;
 use crate::geometry::{Point2, Vector2};
-use crate::plan::curve::plane_curve::{PlaneControl, curve_at};
 use crate::plan::layers::PlanePass;
 use crate::plan::pass::sweep::flatness;
 use crate::plan::route::flow::Bead;

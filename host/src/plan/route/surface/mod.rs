@@ -20,7 +20,7 @@ use crate::geometry::aperture::Aperture;
 use crate::geometry::spline_surface::SplineSurface;
 use crate::job::MotionState;
 use crate::plan::headings::profile::turn_weight_mm2;
-use crate::plan::pose_limits::PoseLimits;
+use crate::plan::pose_limits::pose_limits;
 use crate::plan::route::moves::{PathCurve, Route, RouteMove};
 use crate::plan::route::waypoint_curve::chord_spline::through_samples;
 use crate::plan::route::waypoint_curve::upright;
@@ -71,7 +71,7 @@ pub fn on_surface(
         planned,
         surface,
         settings,
-        turn_weight_mm2: turn_weight_mm2(&PoseLimits::of(settings), &settings.aperture),
+        turn_weight_mm2: turn_weight_mm2(&pose_limits(settings), &settings.aperture),
     };
     let of_passes = moves.iter().map(|route_move| match route_move.state {
         MotionState::Print => surface_map.turns(&route_move.curve).map(Some),

@@ -10,6 +10,7 @@ use super::super::spline::{RestSpline, evaluate};
 use super::PaceGrid;
 use crate::plan::motion::joint_limits::{JointPoint, MotionError, MotionLimits, joint_point};
 use crate::plan::route::path_curve::CurvePoint;
+use headway_optimiser::least_time::{Place, Row, Rows};
 use headway_protocol::units::{CHANNEL_VOLUME, CHANNELS};
 use nalgebra::Vector3;
 use std::ops::Range;
@@ -26,11 +27,6 @@ const SQUARED_PACE_MAX: f64 = 4.0;
 /// Squared pace below which a result is not taken: half of what was asked for. Steps that did not
 /// settle may end near 0 or below, where the motion would last for ever.
 pub const SQUARED_PACE_FLOOR: f64 = 0.5 * SQUARED_PACE_MIN;
-/// Share of a violation that one round leaves: from a motion far beyond a limit the least time
-/// lies far away, where its fit is no guide.
-const VIOLATION_LEFT: f64 = 0.35;
-/// Room that a row gets which sees coefficients that are held.
-const HELD_ROOM: f64 = 1e-3;
 /// The pace as it is: (b, b', b'').
 const AS_IT_IS: [f64; 3] = [1.0, 0.0, 0.0];
 /// Squared pace that is worth the search.
@@ -44,79 +40,11 @@ const TIP_DIRECTIONS: [(f64, f64); 3] = [
     (-0.342_020_143_325_668_7, 0.939_692_620_785_908_4),
 ];
 
-/// One row: weights · (b, b', b'') <= bound, or <= bound / sqrt(b).
-#[derive(Clone, Copy, Debug)]
-pub struct Row {
-    weights: [f64; 3],
-    is_jerk: bool,
-    bound: f64,
-}
-
-impl Row {
-    /// By how much the bound is exceeded, and the slope of that.
-    #[inline]
-    pub fn excess(&self, at: &[f64; 3]) -> (f64, [f64; 3]) {
-        let [w0, w1, w2] = self.weights;
-        let sum = w0 * at[0] + w1 * at[1] + w2 * at[2];
-        if !self.is_jerk {
-            return (sum - self.bound, self.weights);
-        }
-        let b = at[0].max(f64::MIN_POSITIVE);
-        let bound = self.bound / b.sqrt();
-        (sum - bound, [w0 + 0.5 * bound / b, w1, w2])
-    }
-
-    /// Raises the bound to what a motion beyond it may keep in one round.
-    fn relaxed(&mut self, at: &[f64; 3], sees_held: bool) {
-        let root = if self.is_jerk { at[0].sqrt() } else { 1.0 };
-        let used = (self.excess(at).0 * root) + self.bound;
-        self.bound = self.bound.max(VIOLATION_LEFT * used);
-        if sees_held {
-            self.bound = self.bound.max(used + HELD_ROOM);
-        }
-    }
-}
-
-/// A place of the motion and the rows there.
-#[derive(Clone, Debug)]
-pub struct Place {
-    /// First of the four coefficients that b depends on here.
-    pub first: usize,
-    /// Their weights for b and its derivatives by knots.
-    pub basis: [[f64; 4]; 3],
-    /// Its rows.
-    pub rows: Range<usize>,
-}
-
-impl Place {
-    /// (b, b', b'') of these coefficients.
-    pub fn of(&self, coefficients: &[f64]) -> [f64; 3] {
-        let around = &coefficients[self.first..self.first + 4];
-        self.weighted(&std::array::from_fn(|k| around[k]))
-    }
-
-    /// Weights of (b, b', b'') as weights of the four coefficients.
-    #[inline]
-    pub fn combined(&self, weights: &[f64; 3]) -> [f64; 4] {
-        let [b, first, second] = &self.basis;
-        std::array::from_fn(|k| weights[0] * b[k] + weights[1] * first[k] + weights[2] * second[k])
-    }
-
-    /// The same of the four that bear on it.
-    #[inline]
-    pub fn weighted(&self, around: &[f64; 4]) -> [f64; 3] {
-        self.basis
-            .map(|weights| weights.iter().zip(around).map(|(w, c)| w * c).sum())
-    }
-}
-
 /// The rows of a window.
 #[derive(Clone, Debug, Default)]
-pub struct Rows {
-    /// Its places, in order of time.
-    pub places: Vec<Place>,
-    /// All rows.
-    pub rows: Vec<Row>,
+pub struct WindowRows {
+    /// Places and rows.
+    pub held: Rows,
     /// True where the motion could go faster by a speed limit somewhere, or has to go slower.
     pub have_room: bool,
 }
@@ -144,7 +72,7 @@ impl Motion<'_> {
     }
 }
 
-impl Rows {
+impl WindowRows {
     /// The rows that see a coefficient in `free`, with places by coefficients from `base` on.
     pub fn of_window(
         motion: &Motion,
@@ -174,7 +102,7 @@ impl Rows {
                 }
                 let point = evaluate(&cubics, tick, motion.limits.servo_hz);
                 let joints = joint_point(&motion.limits.kinematics, &point)?;
-                let from = rows.rows.len();
+                let from = rows.held.rows.len();
                 rows.push_jerk(&joints, motion.limits, grid);
                 // What else a span's start has is that of the end before it.
                 if piece > 0 {
@@ -184,27 +112,16 @@ impl Rows {
                     let share = speed_share(&point, &joints, motion.limits, tip_mm_s);
                     rows.push_pace(share.max(slowing));
                 }
-                let own = &rows.rows[from..];
+                let own = &rows.held.rows[from..];
                 rows.have_room |= own.iter().any(|row| row.excess(&AS_IT_IS).0 > 0.0);
-                rows.places.push(Place {
+                rows.held.places.push(Place {
                     first: first - base,
                     basis: grid.basis(s),
-                    rows: from..rows.rows.len(),
+                    rows: from..rows.held.rows.len(),
                 });
             }
         }
         Ok(rows)
-    }
-
-    /// Gives rows that are beyond their bound, or see coefficients outside `free`, their room.
-    pub fn relax(&mut self, coefficients: &[f64], free: &Range<usize>) {
-        for place in &self.places {
-            let at = place.of(coefficients);
-            let sees_held = place.first < free.start || place.first + 4 > free.end;
-            for row in &mut self.rows[place.rows.clone()] {
-                row.relaxed(&at, sees_held);
-            }
-        }
     }
 
     /// A row for each sign, where it can bind.
@@ -213,7 +130,7 @@ impl Rows {
         let [w0, w1, w2] = weights.map(f64::abs);
         if w0 + 0.7 * (w1 + w2) > WEIGHT_MIN {
             for sign in [1.0, -1.0] {
-                self.rows.push(Row {
+                self.held.rows.push(Row {
                     weights: weights.map(|weight| sign * weight),
                     is_jerk,
                     bound: 1.0,
@@ -267,7 +184,7 @@ impl Rows {
                 0.0,
             ];
             if weights[0] + weights[1].abs() > WEIGHT_MIN {
-                self.rows.push(Row {
+                self.held.rows.push(Row {
                     weights,
                     is_jerk: false,
                     bound: 1.0,
@@ -281,7 +198,7 @@ impl Rows {
         let most = (SPEED_AIM / speed.max(1e-9)).powi(2).min(SQUARED_PACE_MAX);
         self.have_room |= most > ROOM;
         for (weight, bound) in [(1.0 / most, 1.0), (-1.0 / SQUARED_PACE_MIN, -1.0)] {
-            self.rows.push(Row {
+            self.held.rows.push(Row {
                 weights: [weight, 0.0, 0.0],
                 is_jerk: false,
                 bound,

@@ -6,10 +6,9 @@
 //! even where the motion begins from rest. b = p² is a uniform cubic spline; the limits are rows over
 //! (b, b', b'') ([`limit_rows`]), jerk included; the least time is found in windows of some 0.7 s
 //! with their ends held, two sweeps of them, the second over the ends of the first
-//! ([`interior_point`]). The windows of a sweep do not see each other, so that threads change nothing.
+//! ([`headway_optimiser::least_time`]). The windows of a sweep do not see each other, so that threads change nothing.
 //! Leaves out: that the new motion is fitted again. Its own check answers for every limit.
 
-mod interior_point;
 mod limit_rows;
 
 use super::fit::first_ticks;
@@ -17,8 +16,8 @@ use super::layout::{ERROR_MAX, Layout};
 use super::warp::catmull_rom;
 use crate::plan::motion::joint_limits::{MotionError, MotionLimits};
 use crate::plan::route::path_curve::basis_weights;
-use interior_point::{Window, least_time};
-use limit_rows::{Motion, Rows, SQUARED_PACE_FLOOR};
+use headway_optimiser::least_time::{Window, least_time};
+use limit_rows::{Motion, SQUARED_PACE_FLOOR, WindowRows};
 use rayon::prelude::*;
 use std::ops::Range;
 
@@ -147,13 +146,17 @@ fn solved_window(
 ) -> Result<Option<Vec<f64>>, MotionError> {
     let base = free.start.saturating_sub(HELD);
     let coefficients = squared_pace[base..(free.end + HELD).min(squared_pace.len())].to_vec();
-    let mut rows = Rows::of_window(motion, grid, free, base)?;
+    let mut rows = WindowRows::of_window(motion, grid, free, base)?;
     let free = free.start - base..free.end - base;
     if !rows.have_room {
         return Ok(None);
     }
-    rows.relax(&coefficients, &free);
-    let window = Window { rows: &rows, free };
+    rows.held.relax(&coefficients, &free);
+    let window = Window {
+        rows: &rows.held,
+        free,
+        floor: SQUARED_PACE_FLOOR,
+    };
     Ok(least_time(&window, coefficients))
 }
 

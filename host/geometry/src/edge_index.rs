@@ -414,7 +414,7 @@ impl EdgeIndex {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::geometry::test_shapes::{random_numbers, region, star};
+    use crate::test_shapes::{random_numbers, region, star};
 
     fn random_edges(count: usize, far: f64) -> Vec<Edge> {
         let mut random = random_numbers(9);

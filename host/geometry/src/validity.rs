@@ -488,7 +488,7 @@ fn check_connected(touches: &[RingTouch]) -> Result<(), ValidityError> {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::geometry::test_shapes::{SQUARE, random_numbers, region};
+    use crate::test_shapes::{SQUARE, random_numbers, region};
 
     /// Goal: what OGC allows passes. Method: repeated points, a hole touching the exterior once, on
     /// an edge or on a vertex, three holes that touch in one point, either orientation.
@@ -700,7 +700,7 @@ mod tests {
     fn reference_polygons() {
         let mut checked = 0;
         for folder in ["slices", "polygons", "peer"] {
-            let root = concat!(env!("CARGO_MANIFEST_DIR"), "/../../shared/data");
+            let root = concat!(env!("CARGO_MANIFEST_DIR"), "/../../../shared/data");
             let Ok(files) = std::fs::read_dir(format!("{root}/{folder}")) else {
                 assert!(
                     std::env::var_os("HEADWAY_DEMAND_DATA").is_none(),

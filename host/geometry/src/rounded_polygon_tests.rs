@@ -2,7 +2,7 @@
 //! force. Method: random walls against dense points of outline and wall.
 
 use super::*;
-use crate::geometry::test_shapes::{drop_corners, random_numbers};
+use crate::test_shapes::{drop_corners, random_numbers};
 
 fn shapes() -> Vec<RoundedPolygon> {
     vec![

@@ -443,7 +443,7 @@ pub fn contact_turned(
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::geometry::test_shapes::{ELLIPSE, SQUARE, random_numbers, star, walls};
+    use crate::test_shapes::{ELLIPSE, SQUARE, random_numbers, star, walls};
 
     fn at(x: f64, y: f64, heading_rad: f64) -> Configuration {
         Configuration {

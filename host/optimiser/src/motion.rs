@@ -8,7 +8,7 @@
 use super::band::System;
 use super::curve::{Basis, CHANNELS, Knot, PACE, PassKnots, Units, blend};
 use super::terms::Terms;
-use crate::plan::pose_limits::PoseLimits;
+use crate::pose_limits::PoseLimits;
 
 /// Places of a span at which limits are looked at; the first and last just inside it.
 const PLACES: usize = 3;

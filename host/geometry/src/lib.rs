@@ -1,4 +1,5 @@
 //! Planar geometry under the planner: shapes, apertures, distances. Knows no planning.
+#![forbid(unsafe_code)]
 
 pub mod aperture;
 pub mod as_numbers;
@@ -9,6 +10,7 @@ pub mod coverage;
 pub mod edge_index;
 pub mod edge_meeting;
 pub mod frame;
+pub mod plane_curve;
 pub mod point_grid;
 pub mod polygon;
 pub mod predicates;
@@ -17,7 +19,7 @@ pub mod rounded_polygon;
 pub mod spline_surface;
 pub mod tangent_disk;
 pub mod tangle;
-#[cfg(test)]
+#[doc(hidden)]
 pub mod test_shapes;
 pub mod touching_rings;
 pub mod union_find;

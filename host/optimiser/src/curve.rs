@@ -5,7 +5,7 @@
 //! in mean spans, so that one set of constants serves nozzles and machines of any size.
 
 use super::OptimisedPass;
-use crate::geometry::Point2;
+use headway_geometry::Point2;
 
 /// Channels of a knot.
 pub const CHANNELS: usize = 4;

@@ -1,7 +1,7 @@
 //! Things by where they are: those about a place are found without looking at all.
 
-use crate::geometry::Point2;
-use crate::geometry::polygon::Box2;
+use crate::Point2;
+use crate::polygon::Box2;
 use std::collections::HashMap;
 use std::hash::{BuildHasherDefault, Hasher};
 

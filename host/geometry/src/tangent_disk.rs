@@ -102,7 +102,7 @@ pub fn touching_radius(a: Vector2, b: Vector2, normal: Vector2) -> f64 {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::geometry::test_shapes::{random_numbers, star, walls};
+    use crate::test_shapes::{random_numbers, star, walls};
 
     fn moved<const N: usize>(points: [[f64; 2]; N], offset: f64) -> EdgeIndex {
         walls(&[&points.map(|[x, y]| [x + offset, y + offset])])

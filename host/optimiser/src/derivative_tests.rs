@@ -7,8 +7,8 @@ use super::newton::prepare;
 use super::terms::Terms;
 use super::test_passes::{apertures, limits, objective, pass_of, rectangle, site};
 use super::{OptimisedPass, Search};
-use crate::geometry::aperture::Aperture;
-use crate::geometry::test_shapes::{ELLIPSE, random_numbers};
+use headway_geometry::aperture::Aperture;
+use headway_geometry::test_shapes::{ELLIPSE, random_numbers};
 use std::f64::consts::FRAC_PI_2;
 
 /// Two beads that touch the walls and each other here and there, headings and pace uneven.

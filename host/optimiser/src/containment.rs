@@ -8,11 +8,11 @@ use super::band::{PoseTerm, System};
 use super::curve::{Basis, Knot, PassKnots, Units, blend};
 use super::sweep::Segment;
 use super::terms::Terms;
-use crate::geometry::aperture::Aperture;
-use crate::geometry::edge_index::{Edge, EdgeIndex};
-use crate::geometry::polygon::Box2;
-use crate::geometry::rounded_polygon::RoundedPolygon;
-use crate::geometry::{Point2, Vector2};
+use headway_geometry::aperture::Aperture;
+use headway_geometry::edge_index::{Edge, EdgeIndex};
+use headway_geometry::polygon::Box2;
+use headway_geometry::rounded_polygon::RoundedPolygon;
+use headway_geometry::{Point2, Vector2};
 
 /// How far a span may move before the edges near it are sought again, in a, and the share of that at which they are.
 const REACH: f64 = 0.25;

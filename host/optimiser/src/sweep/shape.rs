@@ -5,7 +5,7 @@
 
 use super::ellipse::{Ellipse, EllipseRows};
 use super::rounded::{Rounded, RoundedRows};
-use crate::geometry::aperture::Aperture;
+use headway_geometry::aperture::Aperture;
 
 /// Most points of an outline.
 pub const OUTLINE_MAX: usize = 256;

@@ -3,12 +3,12 @@
 //! In: lengths in mm. Out: passes of even spans, the limits of the built-in machine.
 
 use super::{Objective, OptimisedPass, Site};
-use crate::geometry::aperture::Aperture;
-use crate::geometry::edge_index::EdgeIndex;
-use crate::geometry::rounded_polygon::RoundedPolygon;
-use crate::geometry::test_shapes::{ELLIPSE, drop_corners, walls};
-use crate::plan::curve::plane_curve::PlaneControl;
-use crate::plan::pose_limits::{AxisLimits, PoseLimits};
+use crate::pose_limits::{AxisLimits, PoseLimits};
+use headway_geometry::aperture::Aperture;
+use headway_geometry::edge_index::EdgeIndex;
+use headway_geometry::plane_curve::PlaneControl;
+use headway_geometry::rounded_polygon::RoundedPolygon;
+use headway_geometry::test_shapes::{ELLIPSE, drop_corners, walls};
 
 /// 95 % of 60 mm/s, 3000 mm/s², 3·10⁵ mm/s³; heading 1080°/s, 20,000°/s², 2·10⁶°/s³.
 pub fn limits() -> PoseLimits {

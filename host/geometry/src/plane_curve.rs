@@ -3,8 +3,8 @@
 //! Input: control points and a place on the curve. Output: the point there, mm and rad. Ends are
 //! natural: phantom control points beyond them make the curve begin and end in its outermost ones.
 
-use crate::geometry::Point2;
-use crate::geometry::clearance::Configuration;
+use crate::Point2;
+use crate::clearance::Configuration;
 
 /// Control polygon in the layer plane: x, y in mm, heading in rad.
 pub type PlaneControl = [f64; 3];

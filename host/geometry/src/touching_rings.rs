@@ -103,7 +103,7 @@ fn regions_of(rings: Vec<Ring>) -> Vec<Region> {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::geometry::test_shapes::region;
+    use crate::test_shapes::region;
 
     /// Goal: a ring that touches another goes on along it, the ground stays, and what hangs together by
     /// one vertex alone becomes several. Method: a square with a diamond in it that touches the middle of

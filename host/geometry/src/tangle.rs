@@ -53,8 +53,8 @@ fn crosses(e: &Edge, f: &Edge) -> bool {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::geometry::Point2;
-    use crate::geometry::test_shapes::random_numbers;
+    use crate::Point2;
+    use crate::test_shapes::random_numbers;
 
     /// Goal: the estimate is right where it matters, and nothing where nothing crosses. Method: random
     /// chords of a square (0.23 of all pairs cross) and a comb of long teeth.

@@ -1,7 +1,7 @@
 //! The last projection: what is still outside the walls is brought inside by the least change of the path.
 //!
 //! In: the optimised passes. Out: the same within the walls, checked densely by the exact depth
-//! ([`crate::geometry::clearance`]), which is not the optimiser's own. Steps of Gauss and Newton on containment alone.
+//! ([`headway_geometry::clearance`]), which is not the optimiser's own. Steps of Gauss and Newton on containment alone.
 
 use super::OptimisedPass;
 use super::band::System;
@@ -9,14 +9,14 @@ use super::containment::{Containment, Wall};
 use super::curve::{CHANNELS, Knot, PassKnots, set_phantoms};
 use super::newton::prepare;
 use super::terms::Terms;
-use crate::geometry::Point2;
-use crate::geometry::aperture::Aperture;
-use crate::geometry::clearance::{
+use headway_geometry::Point2;
+use headway_geometry::aperture::Aperture;
+use headway_geometry::clearance::{
     Configuration, EdgesAbout, contact, outside_bound_mm, outside_depth_mm,
 };
-use crate::geometry::edge_index::EdgeIndex;
-use crate::geometry::polygon::Box2;
-use crate::plan::curve::plane_curve::{configuration, curve_at};
+use headway_geometry::edge_index::EdgeIndex;
+use headway_geometry::plane_curve::{configuration, curve_at};
+use headway_geometry::polygon::Box2;
 
 /// Poses of a span that are checked.
 pub const POSES_CHECKED: usize = 16;

@@ -9,8 +9,11 @@
 //! (2009), and Consolini et al. on its jerk. Normal equations have half bandwidth 3. Steps are bounded;
 //! where they do not settle, the window stays as it was.
 
-use super::super::banded::{Band, Factored};
-use super::limit_rows::{Place, Rows, SQUARED_PACE_FLOOR};
+mod band;
+mod rows;
+
+pub use self::band::{Band, Factored};
+pub use self::rows::{Place, Row, Rows};
 use std::ops::Range;
 
 /// Newton steps; six to eight are usual.
@@ -39,6 +42,8 @@ pub struct Window<'a> {
     pub rows: &'a Rows,
     /// Coefficients that may change.
     pub free: Range<usize>,
+    /// Squared pace below which a result is not taken.
+    pub floor: f64,
 }
 
 /// An iterate.
@@ -82,7 +87,7 @@ pub fn least_time(window: &Window, coefficients: Vec<f64>) -> Option<Vec<f64>> {
     }
     let is_finite = iterate.coefficients.iter().all(|value| value.is_finite());
     let is_kept = iterate.worst_excess() < worst_before.max(VIOLATION_MAX);
-    let moves = iterate.b.iter().all(|b| *b >= SQUARED_PACE_FLOOR);
+    let moves = iterate.b.iter().all(|b| *b >= window.floor);
     (is_finite && is_kept && moves).then(|| iterate.coefficients[window.free.clone()].to_vec())
 }
 

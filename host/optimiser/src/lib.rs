@@ -11,14 +11,17 @@
 //! ([`motion`]) and walls ([`containment`]); one banded system is solved an iteration ([`newton`]). Numbers are
 //! without dimension, so that one set of constants serves nozzles and machines of any size. One thread for a region:
 //! what comes out does not depend on their number.
-//! What it leaves out: flow and moving ends.
+//! What it leaves out: flow and moving ends. A finished motion is run in the least time by [`least_time`].
+#![forbid(unsafe_code)]
 
 mod band;
 mod containment;
 mod curve;
 mod ground;
+pub mod least_time;
 mod motion;
 mod newton;
+pub mod pose_limits;
 mod projection;
 mod sweep;
 mod terms;
@@ -30,17 +33,17 @@ use self::motion::Motion;
 use self::newton::{Newton, Objectives};
 use self::projection::{POSES_CHECKED, outside_mm, projected};
 use self::sweep::{Cells, Shape, Sweep, edge_half};
-use crate::geometry::aperture::Aperture;
-use crate::geometry::edge_index::{Edge, EdgeIndex};
-use crate::geometry::polygon::Region;
-use crate::plan::curve::plane_curve::PlaneControl;
-use crate::plan::pose_limits::PoseLimits;
+use crate::pose_limits::PoseLimits;
+use headway_geometry::aperture::Aperture;
+use headway_geometry::edge_index::{Edge, EdgeIndex};
+use headway_geometry::plane_curve::PlaneControl;
+use headway_geometry::polygon::Region;
 
 /// Places of a span at which walls are looked at.
 const WALL_PLACES: usize = 8;
 
 /// A pass as a uniform cubic B-spline with natural ends: phantom points P_{-1} = 2 P_0 - P_1 make it begin and end
-/// on its first and last control point, as [`crate::plan::curve::plane_curve`] has it.
+/// on its first and last control point, as [`headway_geometry::plane_curve`] has it.
 #[derive(Clone, Debug, PartialEq)]
 pub struct OptimisedPass {
     /// x mm, y mm, heading rad.

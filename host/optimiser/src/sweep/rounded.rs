@@ -6,8 +6,8 @@
 
 use super::dot;
 use super::shape::{CONTACTS_MAX, OutlinePoint, Touch};
-use crate::geometry::Vector2;
-use crate::geometry::rounded_polygon::{RoundedPolygon, row_range};
+use headway_geometry::Vector2;
+use headway_geometry::rounded_polygon::{RoundedPolygon, row_range};
 use std::f32::consts::{PI, TAU};
 
 /// Most turn of the normal between two points of an arc, rad, and most way between two points of a side, in a.

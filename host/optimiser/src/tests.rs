@@ -3,10 +3,10 @@
 use super::projection::outside_mm;
 use super::test_passes::{apertures, limits, objective, pass_of, rectangle, site, wavering_bead};
 use super::*;
-use crate::geometry::Point2;
-use crate::geometry::clearance::Configuration;
-use crate::geometry::test_shapes::{ELLIPSE, SQUARE, walls};
-use crate::plan::curve::plane_curve::{configuration, curve_at};
+use headway_geometry::Point2;
+use headway_geometry::clearance::Configuration;
+use headway_geometry::plane_curve::{configuration, curve_at};
+use headway_geometry::test_shapes::{ELLIPSE, SQUARE, walls};
 use std::f64::consts::{FRAC_PI_2, PI};
 
 const EFFORT: Effort = Effort { iterations: 20 };

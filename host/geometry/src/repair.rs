@@ -64,8 +64,8 @@ pub fn repair(regions: &[Region], rule: FillRule) -> (Vec<Region>, RepairChanges
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::geometry::Point2;
-    use crate::geometry::polygon::Ring;
+    use crate::Point2;
+    use crate::polygon::Ring;
 
     fn ring(points: &[[f64; 2]]) -> Ring {
         Ring {
@@ -122,7 +122,7 @@ mod tests {
     /// Goal: invalid reference polygons come out valid. Skipped where the data is absent.
     #[test]
     fn reference_polygons() {
-        let root = concat!(env!("CARGO_MANIFEST_DIR"), "/../../shared/data");
+        let root = concat!(env!("CARGO_MANIFEST_DIR"), "/../../../shared/data");
         let names = [
             "slices/Spec-House-1st-Floor_z19100_c0",
             "slices/topopt-bone-cantilever_z4100_c0",

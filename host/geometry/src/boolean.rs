@@ -146,7 +146,7 @@ fn region_of(shape: Paths) -> Option<Region> {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::geometry::test_shapes::region;
+    use crate::test_shapes::region;
 
     fn square(x: f64, y: f64, size: f64) -> Region {
         let corners = [[x, y], [x + size, y], [x + size, y + size], [x, y + size]];
