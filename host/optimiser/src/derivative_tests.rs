@@ -139,7 +139,8 @@ fn slope_of_ground() {
             let mut terms = Terms::default();
             let ranges = search.newton.passes.clone();
             let ground = &mut search.newton.objectives.ground;
-            ground.add(knots, &ranges, 0.3, &mut terms, system);
+            ground.sweep(knots, &ranges);
+            ground.add(0.3, &mut terms, system);
             assert!(terms.open > 0.0 && terms.twice > 0.0);
             terms.ground
         });

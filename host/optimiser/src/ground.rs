@@ -43,16 +43,16 @@ impl Ground {
         }
     }
 
-    /// Adds the ground of all passes, the corner of its price rounded over `blur`.
-    pub fn add(
-        &mut self,
-        knots: &[Knot],
-        passes: &[PassKnots],
-        blur: f64,
-        terms: &mut Terms,
-        system: &mut System,
-    ) {
+    /// Sweeps all passes anew.
+    pub fn sweep(&mut self, knots: &[Knot], passes: &[PassKnots]) {
         self.sweep.run(knots, passes);
+    }
+
+    /// Adds the ground of what was swept last, the corner of its price rounded over `blur`.
+    pub fn add(&mut self, blur: f64, terms: &mut Terms, system: &mut System) {
+        for contact in &mut self.sweep.contacts {
+            (contact.slope, contact.curvature) = (0.0, 0.0);
+        }
         let area = self.sweep.cells.size * self.sweep.cells.size;
         let mut sum = 0.0;
         for cell in 0..self.sweep.cells.wall_cover.len() {

@@ -99,12 +99,23 @@ impl Objectives<'_> {
         hardness: &Hardness,
         system: &mut System,
     ) -> Terms {
+        self.ground.sweep(knots, passes);
+        self.weigh(knots, passes, hardness, system)
+    }
+
+    /// The same where these knots were swept last.
+    fn weigh(
+        &mut self,
+        knots: &[Knot],
+        passes: &[PassKnots],
+        hardness: &Hardness,
+        system: &mut System,
+    ) -> Terms {
         let mut terms = Terms::default();
         system.clear();
         self.motion
             .add(knots, passes, hardness.limits, &mut terms, system);
-        self.ground
-            .add(knots, passes, hardness.blur, &mut terms, system);
+        self.ground.add(hardness.blur, &mut terms, system);
         self.containment
             .add(knots, passes, &hardness.wall, &mut terms, system);
         terms
@@ -125,6 +136,8 @@ pub struct Newton<'a> {
     hardness: Hardness,
     damping: f64,
     recent: Vec<f64>,
+    /// Whether the knots are those that were swept last.
+    is_swept: bool,
     trial: Trial,
 }
 
@@ -161,6 +174,7 @@ impl<'a> Newton<'a> {
             terms,
             hardness,
             damping: DAMPING,
+            is_swept: true,
         }
     }
 
@@ -183,9 +197,14 @@ impl<'a> Newton<'a> {
     /// The objective anew with harder limits.
     fn harden(&mut self, level: usize) {
         self.hardness = Hardness::at(level);
-        self.terms =
-            self.objectives
-                .evaluate(&self.knots, &self.passes, &self.hardness, &mut self.system);
+        let (knots, passes) = (&self.knots, &self.passes);
+        if !self.is_swept {
+            self.objectives.ground.sweep(knots, passes);
+            self.is_swept = true;
+        }
+        self.terms = self
+            .objectives
+            .weigh(knots, passes, &self.hardness, &mut self.system);
         prepare(&mut self.system, &self.passes);
         self.damping = self.damping.min(1.0);
         self.recent.clear();
@@ -214,6 +233,7 @@ impl<'a> Newton<'a> {
         let best = self.recent.iter().copied().fold(f64::INFINITY, f64::min);
         // False where the value is no number.
         let is_better = terms.sum() < worst.min(best * ABOVE_BEST) - GAIN_MIN;
+        self.is_swept = is_better;
         if !is_better {
             self.damping *= DAMPING_GROWTH;
             return false;
