@@ -191,6 +191,8 @@ pub struct Containment<'a> {
     units: Units,
     tool: Tool<'a>,
     places: Vec<Basis>,
+    /// Of a pass's first pose and its last.
+    ends: [Basis; 2],
     near: Vec<Near>,
     /// The search at which each edge was last met.
     met: Vec<u32>,
@@ -239,6 +241,7 @@ impl<'a> Containment<'a> {
             places: (0..places)
                 .map(|s| Basis::at((s as f64 + 0.5) / places as f64))
                 .collect(),
+            ends: [0.0, 1.0].map(Basis::at),
             near: vec![nowhere; knots],
             search: 0,
         }
@@ -256,8 +259,16 @@ impl<'a> Containment<'a> {
         for pass in passes.iter().filter(|pass| pass.free) {
             for knot in pass.span_starts() {
                 self.seek(&knots[knot..knot + 4], knot);
-                if !self.near[knot].edges.is_empty() {
-                    self.add_span(&knots[knot..knot + 4], knot, wall, terms, system);
+                if self.near[knot].edges.is_empty() {
+                    continue;
+                }
+                let around = &knots[knot..knot + 4];
+                for basis in &self.places {
+                    self.add_pose(around, knot, basis, wall, terms, system);
+                }
+                let spans = [pass.first, pass.first + pass.spans - 1];
+                for (basis, _) in self.ends.iter().zip(spans).filter(|(_, at)| *at == knot) {
+                    self.add_pose(around, knot, basis, wall, terms, system);
                 }
             }
         }
@@ -279,7 +290,7 @@ impl<'a> Containment<'a> {
         }
         near.edges.clear();
         self.search = self.search.wrapping_add(1);
-        for basis in &self.places {
+        for basis in self.places.iter().chain(&self.ends) {
             let at = blend(&basis.value, knots);
             let pose = Placed::at(&at);
             let area = self.tool.area(&pose, at[2], &self.units);
@@ -293,35 +304,34 @@ impl<'a> Containment<'a> {
         }
     }
 
-    /// Adds the poses of one span.
-    fn add_span(
+    /// Adds one pose of a span.
+    fn add_pose(
         &self,
         knots: &[Knot],
         span: usize,
+        basis: &Basis,
         wall: &Wall,
         terms: &mut Terms,
         system: &mut System,
     ) {
-        for basis in &self.places {
-            let pose = Placed::at(&blend(&basis.value, knots));
-            let mut term = PoseTerm::default();
-            let mut meets = false;
-            for &number in &self.near[span].edges {
-                let segment = &self.segments[number as usize];
-                let Some(clear) = self.tool.clearance(&pose, segment) else {
-                    continue;
-                };
-                let short = wall.margin - clear.distance;
-                if short <= 0.0 {
-                    continue;
-                }
-                meets = true;
-                terms.outside += 0.5 * wall.weight * short * short;
-                term.add(-wall.weight * short, wall.weight, &clear.by_pose);
+        let pose = Placed::at(&blend(&basis.value, knots));
+        let mut term = PoseTerm::default();
+        let mut meets = false;
+        for &number in &self.near[span].edges {
+            let segment = &self.segments[number as usize];
+            let Some(clear) = self.tool.clearance(&pose, segment) else {
+                continue;
+            };
+            let short = wall.margin - clear.distance;
+            if short <= 0.0 {
+                continue;
             }
-            if meets {
-                system.add_pose(span, &basis.value, &term);
-            }
+            meets = true;
+            terms.outside += 0.5 * wall.weight * short * short;
+            term.add(-wall.weight * short, wall.weight, &clear.by_pose);
+        }
+        if meets {
+            system.add_pose(span, &basis.value, &term);
         }
     }
 }

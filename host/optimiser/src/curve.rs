@@ -176,15 +176,12 @@ pub fn set_phantoms(knots: &mut [Knot], pass: &PassKnots) {
     knots[last] = beyond(knots[last - 1], knots[last - 2]);
 }
 
-/// Writes the knots of one pass, phantoms included, back to it; its ends stay as they were.
+/// Writes the knots of one pass, phantoms included, back to it.
 pub fn write_back(knots: &[Knot], units: &Units, pass: &mut OptimisedPass) {
-    let count = pass.control.len();
     let log_time = units.time_s.ln();
     for (i, knot) in knots[1..knots.len() - 1].iter().enumerate() {
+        let p = units.point_of(knot[0], knot[1]);
+        pass.control[i] = [p.x, p.y, knot[2]];
         pass.log_pace[i] = knot[PACE] + log_time;
-        if i > 0 && i + 1 < count {
-            let p = units.point_of(knot[0], knot[1]);
-            pass.control[i] = [p.x, p.y, knot[2]];
-        }
     }
 }

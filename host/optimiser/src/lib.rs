@@ -11,7 +11,7 @@
 //! ([`motion`]) and walls ([`containment`]); one banded system is solved an iteration ([`newton`]). Numbers are
 //! without dimension, so that one set of constants serves nozzles and machines of any size. One thread for a region:
 //! what comes out does not depend on their number.
-//! What it leaves out: flow and moving ends. A finished motion is run in the least time by [`least_time`].
+//! What it leaves out: flow. A finished motion is run in the least time by [`least_time`].
 #![forbid(unsafe_code)]
 
 mod band;
@@ -132,8 +132,8 @@ impl OptimiseReport {
     }
 }
 
-/// Improves the passes of one region all together. Passes of few control points stay as they are, and so do the ends of
-/// all. What comes back is always a curve of numbers: at worst what went in.
+/// Improves the passes of one region all together. Passes of few control points stay as they are. What
+/// comes back is always a curve of numbers: at worst what went in.
 pub fn optimise(
     passes: &mut [OptimisedPass],
     site: &Site,
@@ -206,8 +206,9 @@ impl<'a> Search<'a> {
         let (walls, aperture) = (site.walls, site.aperture);
         let knots = &self.newton.knots;
         let mut outside = vec![[0.0; 2]; passes.len()];
-        let mut containment =
-            Containment::new(walls, aperture, self.units, knots.len(), POSES_CHECKED);
+        // Between the poses that are checked, too: where an end turns on the spot a corner bulges from one to the next.
+        let places = 2 * POSES_CHECKED;
+        let mut containment = Containment::new(walls, aperture, self.units, knots.len(), places);
         for range in self.newton.passes.iter().filter(|range| range.free) {
             let pass = &mut passes[range.pass];
             let own = &knots[range.first..range.end()];

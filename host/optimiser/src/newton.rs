@@ -258,11 +258,6 @@ pub fn prepare(system: &mut System, passes: &[PassKnots]) {
         if pass.free {
             system.fold(first, [first, first + 1, first + 2]);
             system.fold(end - 4, [end - 1, end - 2, end - 3]);
-            for unknown in [first + 1, end - 2].map(|knot| CHANNELS * knot) {
-                for channel in 0..PACE {
-                    system.pin(unknown + channel);
-                }
-            }
         } else {
             for unknown in CHANNELS * first..CHANNELS * end {
                 system.pin(unknown);

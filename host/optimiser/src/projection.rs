@@ -24,6 +24,8 @@ pub const POSES_CHECKED: usize = 16;
 const MARGIN: f64 = 1.0 / 2000.0;
 /// Most steps; three are the rule.
 const ROUNDS: usize = 12;
+/// Half the sum of the squares of what is left at which it ends: a thousandth of the margin at any pose.
+const SETTLED: f64 = 0.5 * (1e-3 * MARGIN) * (1e-3 * MARGIN);
 /// What keeps the path where it is, against one pose's clearance: little, so that a step leaves little.
 const STIFFNESS: f64 = 1e-2;
 /// What becomes of it after a step that helped, and after one that did not.
@@ -76,7 +78,7 @@ pub fn projected(own: &[Knot], range: &PassKnots, containment: &mut Containment)
     let mut stiffness = STIFFNESS;
     let mut outside = evaluate(&knots, &pass, containment, &mut system);
     for _ in 0..ROUNDS {
-        if outside.is_nan() || outside <= 0.0 {
+        if outside.is_nan() || outside <= SETTLED {
             break;
         }
         tried.band.copy_from(&system.band);

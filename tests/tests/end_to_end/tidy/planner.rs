@@ -25,7 +25,7 @@ const STAGES: [&str; 15] = [
 ];
 const PLAN: &str = "host/src/plan/";
 /// Where what optimises the passes is, and how the list of what was fitted names it.
-const OPTIMISER: [&str; 2] = ["host/optimiser/src/", "optimiser/"];
+const OPTIMISER: [&str; 2] = ["host/optimiser/src/", "optimiser/src/"];
 /// Most files of the planner beside its modules, and of each of its folders.
 const PLAN_FILES_MAX: usize = 4;
 const FOLDER_FILES_MAX: usize = 12;
