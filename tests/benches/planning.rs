@@ -18,6 +18,7 @@ use headway_tests::layer_oracle::Rings;
 use headway_tests::outlines::{
     Noise, coast, comb, edge_count, fine_gear, fine_ring, gear, noisy_ring, region,
 };
+use std::f64::consts::TAU;
 use std::time::Instant;
 
 const SIZES: [usize; 3] = [1_000, 10_000, 100_000];
@@ -71,6 +72,57 @@ fn main() {
             );
         }
     }
+    println!("large parts");
+    let large: [(&str, fn() -> Rings); 3] = [
+        ("square of 240 mm with a hole", square_with_hole),
+        ("plate of 10,000 holes", plate_of_holes),
+        ("star of 10,000 teeth", star_of_teeth),
+    ];
+    for (name, make) in large {
+        if chosen(name) {
+            whole(name, &make(), sort_s);
+        }
+    }
+}
+
+/// A circle in so many chords, mm; clockwise for a hole.
+fn circle(center: [f64; 2], radius_mm: f64, chords: usize, clockwise: bool) -> Vec<[f64; 2]> {
+    let turn = if clockwise { -TAU } else { TAU };
+    let point = |k: usize| {
+        let (sin, cos) = (turn * k as f64 / chords as f64).sin_cos();
+        [center[0] + radius_mm * cos, center[1] + radius_mm * sin]
+    };
+    (0..chords).map(point).collect()
+}
+
+fn square(side_mm: f64) -> Vec<[f64; 2]> {
+    vec![
+        [0.0, 0.0],
+        [side_mm, 0.0],
+        [side_mm, side_mm],
+        [0.0, side_mm],
+    ]
+}
+
+fn square_with_hole() -> Rings {
+    vec![square(240.0), circle([120.0, 120.0], 40.0, 120, true)]
+}
+
+/// 300 x 300 mm, holes of 1 mm every 3 mm.
+fn plate_of_holes() -> Rings {
+    let at = |k: usize| 1.5 + 3.0 * k as f64;
+    let holes = (0..10_000).map(|k| circle([at(k % 100), at(k / 100)], 0.5, 16, true));
+    std::iter::once(square(300.0)).chain(holes).collect()
+}
+
+/// 30 mm across, teeth of 0.5 mm that no nozzle enters.
+fn star_of_teeth() -> Rings {
+    let point = |k: usize| {
+        let (sin, cos) = (TAU * k as f64 / 20_000.0).sin_cos();
+        let radius_mm = if k.is_multiple_of(2) { 15.0 } else { 14.5 };
+        [radius_mm * cos, radius_mm * sin]
+    };
+    vec![(0..20_000).map(point).collect()]
 }
 
 /// What the figures are held against: other machines and busy ones sort more slowly too.

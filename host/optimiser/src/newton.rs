@@ -5,7 +5,7 @@
 
 use super::band::{System, WIDTH};
 use super::containment::{Containment, Wall};
-use super::curve::{CHANNELS, Knot, PACE, PassKnots, set_phantoms};
+use super::curve::{CHANNELS, Knot, PassKnots, set_phantoms};
 use super::ground::Ground;
 use super::motion::Motion;
 use super::terms::Terms;

@@ -1,4 +1,4 @@
-//! Goal: every real slice plans and simulates within the figures below, the invalid ones are
+//! Goal: every real slice (by default every second one) plans and simulates within the figures below, the invalid ones are
 //! refused with the place. Method: the whole way from file to steps; coverage, overlap and outside
 //! depth by the oracle of `headway_tests::layer_oracle`, which knows only the knots. Slices are
 //! reference data beside the checkout: without them the test says so and passes.
@@ -11,7 +11,7 @@ use headway::settings::{Quality, Settings};
 use headway_tests::folders::{files, skipped};
 use headway_tests::judge::{judge, judge_finely};
 use rayon::prelude::*;
-use std::path::Path;
+use std::path::{Path, PathBuf};
 
 const SLICES: &str = concat!(env!("CARGO_MANIFEST_DIR"), "/../../shared/data/slices");
 const PEER: &str = concat!(env!("CARGO_MANIFEST_DIR"), "/../../shared/data/peer");
@@ -105,9 +105,8 @@ fn run(file: &Path, settings: &Settings) -> Option<Row> {
     })
 }
 
-#[test]
-fn every_slice_plans_and_simulates_within_the_figures() {
-    let files = files(SLICES, "json");
+/// Runs these slices, and holds what all together are asked.
+fn hold(files: &[PathBuf]) {
     let settings = Settings::default();
     println!(
         "| slice | area mm² | covered of reachable % | overlap % | outside µm | passes | print mm \
@@ -134,6 +133,20 @@ fn every_slice_plans_and_simulates_within_the_figures() {
     // The floors of standard quality: what is left open beyond saves more time than it is worth.
     assert!(covered >= 99.5, "covered of reachable {covered:.2} %");
     assert!(overlap <= 0.5, "overlap {overlap:.2} %");
+}
+
+/// The sample: every second slice by name. The two invalid ones, the smallest (4 mm²) and the lattice that takes longest
+/// are among them.
+#[test]
+fn every_second_slice_plans_and_simulates_within_the_figures() {
+    let files: Vec<PathBuf> = files(SLICES, "json").into_iter().step_by(2).collect();
+    hold(&files);
+}
+
+#[test]
+#[ignore = "twice the time of every second one; run by name when the planner changes"]
+fn every_slice_plans_and_simulates_within_the_figures() {
+    hold(&files(SLICES, "json"));
 }
 
 /// What is asked of a part that a slicer sliced for a round nozzle of 0.4 mm.
