@@ -5,6 +5,7 @@ use super::args_board::{BoardArgs, StreamArgs};
 use super::args_calibrate::CalibrateArgs;
 use super::args_export::ExportArgs;
 use super::args_machine::MachineArgs;
+use super::args_other_names::OtherNames;
 use super::args_shell::{CompletionsArgs, ManArgs};
 use clap::{Args, Parser, Subcommand, ValueEnum};
 use std::path::PathBuf;
@@ -164,6 +165,8 @@ pub(super) struct PlaceArgs {
 #[derive(Clone, Debug, Default, PartialEq, Args)]
 #[command(next_help_heading = "Settings")]
 pub(super) struct SettingsArgs {
+    #[command(flatten)]
+    pub other_names: OtherNames,
     /// Machine file [default: a built-in planar machine; see `headway machine new`].
     #[arg(short, long, value_name = "MACHINE.toml")]
     pub machine: Option<PathBuf>,

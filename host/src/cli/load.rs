@@ -153,8 +153,15 @@ pub(super) fn input(
         Some(FormatName::Obj) => Format::Mesh(MeshFormat::Obj),
         Some(FormatName::Gcode) => Format::Gcode,
         None => Format::of_ending(path).ok_or_else(|| {
+            let ending = path.extension().unwrap_or_default().to_ascii_lowercase();
             let path = path.display().to_string();
-            CliError::Usage(InputError::UnknownFormat { path }.to_string())
+            let error = match ending.to_str() {
+                Some("step" | "stp" | "iges" | "igs" | "f3d" | "fcstd" | "sldprt") => {
+                    InputError::CadFormat { path }
+                }
+                _ => InputError::UnknownFormat { path },
+            };
+            CliError::Usage(error.to_string())
         })?,
     };
     if !(args.scale.is_finite() && args.scale > 0.0) {

@@ -7,6 +7,7 @@ use super::console::Console;
 use super::load;
 use super::output_file::write_file;
 use crate::findings::settings_warnings::settings_warnings;
+use crate::settings::aperture_text::nozzle_text;
 use crate::settings::{Settings, joint_names, machine_file, motor_rates_hz};
 use headway_firmware::configuration::MachineConfiguration;
 use headway_firmware::shaping::shapes;
@@ -133,13 +134,14 @@ fn shapers_text(machine: &MachineConfiguration) -> String {
 fn summary_text(settings: &Settings) -> String {
     let [low, high] = settings.work_area_mm;
     let mut text = format!(
-        "{}: in order\n  work area {} x {} x {} mm, servo {} Hz, step tick {} Hz\n",
+        "{}: in order\n  work area {} x {} x {} mm, servo {} Hz, step tick {} Hz\n  {}\n",
         settings.machine_name,
         high[0] - low[0],
         high[1] - low[1],
         high[2] - low[2],
         settings.machine.servo_hz,
         settings.machine.step_hz,
+        nozzle_text(&settings.aperture),
     );
     for (motor, rate_hz) in motor_rates_hz(&settings.machine) {
         let share_pct = 100.0 * rate_hz / f64::from(settings.machine.step_hz);

@@ -10,6 +10,7 @@ mod args_board;
 mod args_calibrate;
 mod args_export;
 mod args_machine;
+mod args_other_names;
 mod args_shell;
 mod board;
 mod calibrate;

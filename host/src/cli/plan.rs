@@ -9,6 +9,7 @@ use super::{CliError, verdict};
 use crate::findings::objections::Objection;
 use crate::job_packing::{JobFacts, JobPacking, job_header};
 use crate::job_spool::SpoolError;
+use crate::settings::aperture_text::nozzle_text;
 use std::fs::File;
 use std::path::Path;
 
@@ -89,5 +90,6 @@ pub(super) fn write_job(
         length,
         path.display()
     ));
+    console.say(&nozzle_text(&planned.settings.aperture));
     Ok((planned, Ok(())))
 }

@@ -44,6 +44,14 @@ pub enum InputError {
         /// The file.
         path: String,
     },
+    /// A CAD program's own format.
+    #[error(
+        "'{path}' is a CAD model: export it as a mesh (.3mf or .stl, with a deviation of 0.01 mm or less) and plan that"
+    )]
+    CadFormat {
+        /// The file.
+        path: String,
+    },
     /// The text is not what the format asks for.
     #[error("not a readable {format} file: {problem}")]
     Syntax {

@@ -231,6 +231,23 @@ fn corners(text: &str) -> Result<Vec<Vector2>, ApertureTextError> {
     Ok(points.into_iter().map(Vector2::from).collect())
 }
 
+/// Longest description of a nozzle that a line of text takes; a polygon may have hundreds of corners.
+const NOZZLE_CHARS_MAX: usize = 40;
+
+/// A nozzle and what it lays, in words: "nozzle ellipse:0.6x0.2, beads of 0.4 to 1.2 mm".
+pub fn nozzle_text(aperture: &Aperture) -> String {
+    let text = match aperture_text(aperture) {
+        text if text.chars().count() <= NOZZLE_CHARS_MAX => text,
+        _ => "polygon".to_string(),
+    };
+    let full_mm = |half_mm: f64| (2e2 * half_mm).round() / 1e2;
+    let [narrow, wide] = [aperture.minor_mm(), aperture.major_mm()].map(full_mm);
+    match narrow == wide {
+        true => format!("nozzle {text}, beads of {wide} mm"),
+        false => format!("nozzle {text}, beads of {narrow} to {wide} mm"),
+    }
+}
+
 /// Writes what [`parse_aperture`] reads, a polygon with its corners.
 pub fn aperture_text(aperture: &Aperture) -> String {
     match aperture {
@@ -253,6 +270,25 @@ pub fn aperture_text(aperture: &Aperture) -> String {
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    /// Goal: the widest and the narrowest bead are those of the shape. Method: full sizes and semi-axes by hand.
+    #[test]
+    fn a_nozzle_says_its_beads() {
+        for (text, expected) in [
+            (
+                "ellipse:0.6x0.2",
+                "nozzle ellipse:0.6x0.2, beads of 0.4 to 1.2 mm",
+            ),
+            ("circle:0.2", "nozzle circle:0.2, beads of 0.4 mm"),
+            // Along its diagonal: hypot(38, 18) + 2.
+            (
+                "rect:40x20x1",
+                "nozzle rect:40x20x1, beads of 20 to 44.05 mm",
+            ),
+        ] {
+            assert_eq!(nozzle_text(&parse_aperture(text).expect(text)), expected);
+        }
+    }
 
     #[test]
     fn what_is_written_reads_back() {

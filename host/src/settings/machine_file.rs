@@ -80,10 +80,28 @@ pub enum MachineFileError {
     Settings(#[from] SettingsError),
 }
 
+/// Longest line of a machine file that is shown with its fault: a file that is none may have one line of megabytes.
+const LINE_SHOWN_CHARS_MAX: usize = 200;
+
+/// What the parser says, with the line; without it where that is no line to read.
+fn toml_problem(text: &str, error: &toml::de::Error) -> String {
+    let whole = error.to_string().trim_end().to_string();
+    let longest = whole.lines().map(|line| line.chars().count()).max();
+    if longest.is_none_or(|chars| chars <= LINE_SHOWN_CHARS_MAX) {
+        return whole;
+    }
+    let before = error.span().and_then(|span| text.get(..span.start));
+    let line = before.unwrap_or_default().matches('\n').count() + 1;
+    format!(
+        "line {line} is no line of a machine file: {}; `headway machine new` writes one",
+        error.message()
+    )
+}
+
 /// Reads and checks a machine file.
 pub fn from_toml(text: &str) -> Result<Settings, MachineFileError> {
-    let file: File = toml::from_str(text)
-        .map_err(|error| MachineFileError::Toml(error.to_string().trim_end().to_string()))?;
+    let file: File =
+        toml::from_str(text).map_err(|error| MachineFileError::Toml(toml_problem(text, &error)))?;
     let settings = file.into_settings()?;
     settings.check()?;
     Ok(settings)

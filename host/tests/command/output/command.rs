@@ -98,6 +98,44 @@ fn wrong_usage_is_2_an_impossible_job_is_1() {
     std::fs::remove_dir_all(folder).expect("clean up");
 }
 
+/// Goal: who writes another program's option, a CAD model or no machine file at all reads what to do, in a few lines; and
+/// every plan says which beads its nozzle lays. Method: each mistake once.
+#[test]
+fn mistakes_of_a_first_day_are_answered_with_the_remedy() {
+    let folder = folder("first-day");
+    let (job, model, machine) = (
+        folder.join("job.hwj"),
+        folder.join("part.STEP"),
+        folder.join("bad.toml"),
+    );
+    std::fs::write(&model, "ISO-10303-21;").expect("file");
+    std::fs::write(&machine, "x".repeat(100_000)).expect("file");
+    let taper = example("taper.json");
+    let plan = |more: &[&str]| {
+        let arguments = [&["plan", &taper, "--output", path(&job)], more].concat();
+        headway(&arguments)
+    };
+    for (option, ours) in [
+        (["--infill", "20"], "'--infill-density'"),
+        (["--nozzle", "0.4"], "'--aperture'"),
+        (["--perimeters", "2"], "'--walls'"),
+    ] {
+        let out = plan(&option);
+        assert_eq!(out.status.code(), Some(2), "{option:?}");
+        assert!(stderr(&out).contains(ours), "{}", stderr(&out));
+        assert!(!stdout(&headway(&["plan", "--help"])).contains(&format!("{} ", option[0])));
+    }
+    let out = plan(&["-m", path(&machine)]);
+    assert!(stderr(&out).contains("line 1 is no line of a machine file"));
+    assert!(stderr(&out).len() < 1_000, "{} bytes", stderr(&out).len());
+    let out = headway(&["plan", path(&model), "--output", path(&job)]);
+    assert!(stderr(&out).contains("export it as a mesh"));
+    let out = plan(&["--aperture", "stadium:1.6x0.5"]);
+    succeeded(&out);
+    assert!(stderr(&out).contains("beads of 0.5 to 1.6 mm"));
+    std::fs::remove_dir_all(folder).expect("clean up");
+}
+
 #[test]
 fn a_machine_for_the_firmware_reads_back_as_the_same_machine() {
     let folder = folder("firmware");
