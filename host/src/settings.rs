@@ -10,6 +10,7 @@ mod defaults;
 pub mod drivers;
 mod error;
 pub mod head_shape;
+mod heading_joint;
 pub mod heat;
 pub mod kinds;
 pub mod machine_file;

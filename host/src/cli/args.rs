@@ -3,6 +3,7 @@
 use super::args_allow::AllowArgs;
 use super::args_board::{BoardArgs, StreamArgs};
 use super::args_calibrate::CalibrateArgs;
+use super::args_compare::CompareArgs;
 use super::args_export::ExportArgs;
 use super::args_machine::MachineArgs;
 use super::args_other_names::OtherNames;
@@ -39,6 +40,8 @@ pub(super) enum Command {
     Headings(HeadingsArgs),
     /// Run a job through the firmware library and check what comes out.
     Simulate(SimulateArgs),
+    /// Plan a part with several nozzles and say what each takes.
+    Compare(CompareArgs),
     /// Write a job's report, a page that draws and plays it, and open it.
     View(ViewArgs),
     /// Write a job as a table of poses, a picture or JSON.
@@ -161,6 +164,15 @@ pub(super) struct PlaceArgs {
     pub first_layer_speed: Option<f64>,
 }
 
+/// Limits of the heading axis in place of the machine file's.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub(super) struct HeadingAxis {
+    pub speed_max_rad_s: Option<f64>,
+    pub acceleration_max_rad_s2: Option<f64>,
+    /// Factor of speed, acceleration and jerk, as another ratio of its gear has it.
+    pub slower: f64,
+}
+
 /// What overrides the machine file.
 #[derive(Clone, Debug, Default, PartialEq, Args)]
 #[command(next_help_heading = "Settings")]
@@ -173,7 +185,10 @@ pub(super) struct SettingsArgs {
     /// Aperture, mm: ellipse:AxB (semi-axes), circle:R, stadium:LxW, rect:LxWxR (full sizes, corner
     /// radius), polygon:FILE (a JSON list of corners about the tool's axis).
     #[arg(long, value_name = "SHAPE")]
-    pub aperture: Option<String>,
+    pub aperture: Vec<String>,
+    /// What `compare` makes of the heading axis.
+    #[arg(skip)]
+    pub heading_axis: Option<HeadingAxis>,
     /// Tip speed while printing, mm/s.
     #[arg(long, value_name = "MM_S", allow_negative_numbers = true)]
     pub speed: Option<f64>,

@@ -2,8 +2,8 @@
 
 use super::CliError;
 use super::args::{
-    FormatName, InputArgs, LawName, PassName, PlaceArgs, QualityName, SeamName, SettingsArgs,
-    UnitName,
+    FormatName, HeadingAxis, InputArgs, LawName, PassName, PlaceArgs, QualityName, SeamName,
+    SettingsArgs, UnitName,
 };
 use super::console::Console;
 use super::job;
@@ -25,14 +25,38 @@ pub(super) fn settings(args: &SettingsArgs) -> Result<Settings, CliError> {
         None => Settings::default(),
     };
     // The machine file was checked on its own: what fails now is an option.
-    let aperture = args.aperture.as_deref();
+    if args.aperture.len() > 1 {
+        return Err(CliError::Usage(
+            "--aperture is given several times: only `headway compare` takes several nozzles"
+                .to_string(),
+        ));
+    }
+    let aperture = args.aperture.first();
     let aperture = aperture.map(|text| with_polygon(text, Path::new("")));
-    Options {
+    let options = Options {
         aperture: aperture.transpose()?,
         ..options(args)
+    };
+    let settings = options.over(of_machine);
+    let mut settings = settings.map_err(|error| CliError::Usage(error.to_string()))?;
+    if let Some(axis) = args.heading_axis {
+        with_heading_axis(&mut settings, axis);
+        let checked = settings.check();
+        checked.map_err(|error| CliError::Usage(error.to_string()))?;
     }
-    .over(of_machine)
-    .map_err(|error| CliError::Usage(error.to_string()))
+    Ok(settings)
+}
+
+/// Gives the joint that turns the nozzle other limits.
+fn with_heading_axis(settings: &mut Settings, axis: HeadingAxis) {
+    if let Some(joint) = settings.heading_joint_mut() {
+        joint.speed_max = axis.slower * axis.speed_max_rad_s.unwrap_or(joint.speed_max);
+        let acceleration_max = axis
+            .acceleration_max_rad_s2
+            .unwrap_or(joint.acceleration_max);
+        joint.acceleration_max = axis.slower * acceleration_max;
+        joint.jerk_max *= axis.slower;
+    }
 }
 
 /// The options as the library has them, but the aperture, which may lie in a file.

@@ -8,12 +8,14 @@ mod args;
 mod args_allow;
 mod args_board;
 mod args_calibrate;
+mod args_compare;
 mod args_export;
 mod args_machine;
 mod args_other_names;
 mod args_shell;
 mod board;
 mod calibrate;
+mod compare;
 mod configure;
 mod console;
 mod copies;
@@ -123,6 +125,7 @@ pub fn run(arguments: impl IntoIterator<Item = OsString>) -> ExitCode {
         Command::Plan(plan) => plan::run(plan, &console),
         Command::Headings(headings) => headings::run(headings, &console),
         Command::Simulate(simulate) => simulate::run(simulate, &console),
+        Command::Compare(compare) => compare::run(compare, &console),
         Command::View(view) => view::run(view, &console),
         Command::Export(export) => export::run(export, &console),
         Command::Inspect(inspect) => inspect::run(inspect, &console),

@@ -8,6 +8,7 @@
 //! them.
 
 mod canvas;
+pub mod compare_picture;
 mod corner_figures;
 pub mod coverage_picture;
 pub mod figures;

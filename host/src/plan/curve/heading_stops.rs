@@ -12,8 +12,6 @@ use crate::geometry::plane_curve::PlaneControl;
 use crate::plan::coverage::deposited_area::DepositedArea;
 use crate::plan::pass::LayerPass;
 use crate::settings::Settings;
-use headway_firmware::kinematics;
-use headway_protocol::units::CHANNEL_HEADING;
 use std::cell::OnceCell;
 use std::cmp::Reverse;
 use std::collections::{BinaryHeap, VecDeque};
@@ -24,14 +22,9 @@ const ROOM_RAD: [f64; 3] = [0.03, 0.1, 0.25];
 
 /// Stops of the joint that follows the heading one to one, rad; the tool stands upright.
 pub fn heading_range(settings: &Settings) -> [f64; 2] {
-    let machine = &settings.machine;
-    let joint_channels = kinematics::joint_channels(&machine.kinematics).iter();
-    let mut turning = joint_channels
-        .zip(&machine.joints)
-        .filter(|(joint_channel, _)| **joint_channel == Some(CHANNEL_HEADING));
-    turning
-        .next()
-        .map_or([f64::NEG_INFINITY, f64::INFINITY], |(_, joint)| {
+    settings
+        .heading_joint()
+        .map_or([f64::NEG_INFINITY, f64::INFINITY], |joint| {
             [joint.position_min, joint.position_max]
         })
 }

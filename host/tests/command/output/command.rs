@@ -136,6 +136,59 @@ fn mistakes_of_a_first_day_are_answered_with_the_remedy() {
     std::fs::remove_dir_all(folder).expect("clean up");
 }
 
+/// Goal: `compare` says of each nozzle what `plan` says of it, and what a slower heading axis costs. Method: two nozzles
+/// and one that fits nowhere, each against a plan of its own; the axis at 40 degrees/s turns the nozzle slower, and the
+/// round one not.
+#[test]
+fn compare_says_what_each_nozzle_takes() {
+    let folder = folder("compare");
+    let taper = example("taper.json");
+    let nozzles = ["ellipse:0.6x0.2", "circle:0.3", "circle:20"];
+    let with: Vec<&str> = nozzles
+        .iter()
+        .flat_map(|nozzle| ["--aperture", nozzle])
+        .collect();
+    let rows = |more: &[&str]| -> Vec<serde_json::Value> {
+        let arguments = [&["compare", &taper, "--json"], with.as_slice(), more].concat();
+        serde_json::from_str(&succeeded(&headway(&arguments))).expect("a list")
+    };
+    let picture = folder.join("compare.svg");
+    let found = rows(&["--picture", path(&picture)]);
+    assert_eq!(found.len(), 3);
+    let job = folder.join("job.hwj");
+    for (row, nozzle) in found.iter().zip(&nozzles[..2]) {
+        let arguments = [
+            "plan",
+            &taper,
+            "--aperture",
+            nozzle,
+            "--json",
+            "-o",
+            path(&job),
+        ];
+        let planned = object(&headway(&arguments));
+        for key in [
+            "print_s",
+            "unreachable_mm",
+            "flow_interruptions",
+            "volume_mm3",
+        ] {
+            assert_eq!(row[key], planned[key], "{nozzle}: {key}");
+        }
+        assert_eq!(row["aperture"], *nozzle);
+    }
+    assert!(found[2]["refused"].is_string() && found[2]["print_s"].is_null());
+    let drawn = std::fs::read_to_string(&picture).expect("a picture");
+    assert_eq!(drawn.matches("<image").count(), 2);
+    let slow = rows(&["--heading-speed", "40"]);
+    let print_s = |row: &serde_json::Value| row["print_s"].as_f64().expect("seconds");
+    assert!(print_s(&slow[0]) > print_s(&found[0]));
+    assert_eq!(slow[1]["print_s"], found[1]["print_s"]);
+    let alone = headway(&["compare", &taper, "--aperture", "circle:0.3"]);
+    assert_eq!(alone.status.code(), Some(2));
+    std::fs::remove_dir_all(folder).expect("clean up");
+}
+
 #[test]
 fn a_machine_for_the_firmware_reads_back_as_the_same_machine() {
     let folder = folder("firmware");

@@ -3,8 +3,9 @@
 
 use crate::rig::{folder, headway, path, stderr, succeeded};
 
-const COMMANDS: [&str; 10] = [
+const COMMANDS: [&str; 11] = [
     "plan",
+    "compare",
     "headings",
     "simulate",
     "view",

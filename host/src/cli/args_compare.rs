@@ -1,0 +1,39 @@
+//! The options of `headway compare`, with their help.
+
+use super::args::{InputArgs, PlaceArgs, SettingsArgs};
+use clap::Args;
+use std::path::PathBuf;
+
+/// `headway compare`.
+#[derive(Debug, Args)]
+#[command(after_help = "\
+Examples:
+  headway compare examples/bracket.json --aperture ellipse:0.6x0.2 --aperture circle:0.2 --aperture circle:0.4
+  headway compare part.stl --aperture rect:3x1.5x0.2 --aperture circle:0.75 --layer-height 0.5 --picture compare.svg
+  headway compare part.stl --aperture ellipse:0.6x0.2 --aperture circle:0.2 --heading-speed 300 --break-even")]
+pub(super) struct CompareArgs {
+    /// What is printed, as for `plan`. --aperture is given once for each nozzle.
+    pub input: PathBuf,
+    /// Top speed of the heading axis, degrees/s [default: the machine file's].
+    #[arg(long, value_name = "DEG_S", allow_negative_numbers = true)]
+    pub heading_speed: Option<f64>,
+    /// Top acceleration of the heading axis, degrees/s² [default: the machine file's].
+    #[arg(long, value_name = "DEG_S2", allow_negative_numbers = true)]
+    pub heading_acceleration: Option<f64>,
+    /// Search the speed of the heading axis below which the first nozzle that is not round takes longer than the
+    /// fastest round one: up to eight plans more.
+    #[arg(long)]
+    pub break_even: bool,
+    /// Draw the times as bars, and a layer of each.
+    #[arg(long, value_name = "PICTURE.svg")]
+    pub picture: Option<PathBuf>,
+    #[command(flatten)]
+    pub reading: InputArgs,
+    #[command(flatten)]
+    pub place: PlaceArgs,
+    #[command(flatten)]
+    pub settings: SettingsArgs,
+    /// The rows as one JSON list on stdout.
+    #[arg(long)]
+    pub json: bool,
+}

@@ -1,0 +1,278 @@
+//! `headway compare`: the same part with several nozzles, side by side.
+//!
+//! In: an input, apertures, limits of the heading axis. Out: a table, JSON or a picture of time, ground and material of
+//! each; the speed of the heading axis at which turning no longer pays.
+
+use super::args::{HeadingAxis, SettingsArgs};
+use super::args_compare::CompareArgs;
+use super::console::Console;
+use super::output_file::{check_file, write_file};
+use super::planned::{self, Planned};
+use super::{CliError, load, pictures};
+use crate::report::compare_picture::{self, Bar};
+use crate::report::figures::Figures;
+use crate::report::plan_picture;
+use serde::Serialize;
+use std::f64::consts::TAU;
+use std::fmt::Write;
+
+/// Slowest heading axis that is tried, against the given one.
+const SLOWEST: f64 = 1.0 / 64.0;
+/// Halvings of the range of speeds: the last is 1.07 times the one before.
+const HALVINGS: usize = 6;
+
+/// What a nozzle does with the part.
+#[derive(Clone, Debug, Serialize)]
+struct Row {
+    aperture: String,
+    /// Duration of the job, s.
+    print_s: Option<f64>,
+    /// Boundary that cannot be touched, mm.
+    unreachable_mm: Option<f64>,
+    /// Ground that is to be filled and stays open, mm².
+    open_mm2: Option<f64>,
+    flow_interruptions: Option<u64>,
+    /// By the machine file's `[material]`.
+    mass_g: Option<f64>,
+    volume_mm3: Option<f64>,
+    /// Why it cannot be printed with this nozzle.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    refused: Option<String>,
+    #[serde(skip)]
+    is_round: bool,
+    #[serde(skip)]
+    picture: Option<String>,
+}
+
+pub(super) fn run(args: &CompareArgs, console: &Console) -> Result<(), CliError> {
+    let apertures = &args.settings.aperture;
+    if apertures.len() < 2 {
+        return Err(CliError::Usage(
+            "compare needs --aperture at least twice, once for each nozzle".to_string(),
+        ));
+    }
+    if let Some(picture) = &args.picture {
+        check_file(picture)?;
+    }
+    let axis = HeadingAxis {
+        speed_max_rad_s: args.heading_speed.map(f64::to_radians),
+        acceleration_max_rad_s2: args.heading_acceleration.map(f64::to_radians),
+        slower: 1.0,
+    };
+    let mut rows = Vec::new();
+    for aperture in apertures {
+        console.say(&format!("with {aperture}:"));
+        let settings = of_nozzle(&args.settings, aperture, axis);
+        rows.push(row(args, &settings, aperture, console)?);
+    }
+    if rows.iter().all(|row| row.refused.is_some()) {
+        let reasons = rows.iter().filter_map(|row| row.refused.as_deref());
+        return Err(CliError::Job(reasons.collect::<Vec<_>>().join("\n")));
+    }
+    let break_even = match args.break_even {
+        true => Some(break_even(args, axis, &rows, console)?),
+        false => None,
+    };
+    if let Some(path) = &args.picture {
+        write_file(path, picture(args, &rows).as_bytes())?;
+    }
+    match args.json {
+        true => {
+            let text = serde_json::to_string_pretty(&rows).unwrap_or_default();
+            break_even.iter().for_each(|line| console.say(line));
+            console.result(&(text + "\n"))
+        }
+        false => console.result(&(table(&rows) + &break_even.map_or(String::new(), |l| l + "\n"))),
+    }
+}
+
+/// The settings of one of the nozzles.
+fn of_nozzle(settings: &SettingsArgs, aperture: &str, axis: HeadingAxis) -> SettingsArgs {
+    SettingsArgs {
+        aperture: vec![aperture.to_string()],
+        heading_axis: Some(axis),
+        ..settings.clone()
+    }
+}
+
+/// Plans with one nozzle; a part that cannot be printed with it is a row as well.
+fn row(
+    args: &CompareArgs,
+    settings: &SettingsArgs,
+    aperture: &str,
+    console: &Console,
+) -> Result<Row, CliError> {
+    // Options that are wrong are wrong for all.
+    let of_machine = load::settings(settings)?;
+    let is_round = of_machine.aperture.major_mm() == of_machine.aperture.minor_mm();
+    let planned = planned::from_input(
+        &args.input,
+        &args.reading,
+        &args.place,
+        settings,
+        &[],
+        None,
+        console,
+    );
+    let empty = Row {
+        aperture: aperture.to_string(),
+        print_s: None,
+        unreachable_mm: None,
+        open_mm2: None,
+        flow_interruptions: None,
+        mass_g: None,
+        volume_mm3: None,
+        refused: None,
+        is_round,
+        picture: None,
+    };
+    let planned = match planned {
+        Ok(planned) => planned,
+        Err(error @ (CliError::Usage(_) | CliError::File { .. } | CliError::OutputClosed)) => {
+            return Err(error);
+        }
+        Err(error) => {
+            return Ok(Row {
+                refused: Some(error.to_string()),
+                ..empty
+            });
+        }
+    };
+    let figures = &planned.figures;
+    let density = of_machine.material.as_ref().and_then(|m| m.density_g_cm3);
+    Ok(Row {
+        print_s: figures.print_s,
+        unreachable_mm: figures.unreachable_mm,
+        open_mm2: open_mm2(figures),
+        flow_interruptions: figures.flow_interruptions,
+        mass_g: density
+            .zip(figures.volume_mm3)
+            .map(|(g, mm3)| g * mm3 / 1e3),
+        volume_mm3: figures.volume_mm3,
+        picture: args
+            .picture
+            .is_some()
+            .then(|| layer_picture(aperture, &planned)),
+        ..empty
+    })
+}
+
+/// Ground that nothing covers but should.
+fn open_mm2(figures: &Figures) -> Option<f64> {
+    let area_mm2 = figures.area_mm2?;
+    let open_mm2 = area_mm2 * (100.0 - figures.covered_pct?) / 100.0;
+    let sparse = figures.infill_mm2.zip(figures.infill_covered_pct);
+    let sparse_mm2 = sparse.map_or(0.0, |(mm2, pct)| mm2 * (100.0 - pct) / 100.0);
+    Some((open_mm2 - sparse_mm2).max(0.0))
+}
+
+fn layer_picture(aperture: &str, planned: &Planned) -> String {
+    let layer = planned.stream.layers() / 2;
+    plan_picture::draw(&pictures::plan_picture(aperture, planned, layer))
+}
+
+fn picture(args: &CompareArgs, rows: &[Row]) -> String {
+    let bars = rows.iter().map(|row| Bar {
+        label: &row.aperture,
+        seconds: row.print_s,
+        layer: row.picture.as_deref(),
+    });
+    let name = args.input.file_stem().unwrap_or_default().to_string_lossy();
+    compare_picture::draw(&name, &bars.collect::<Vec<_>>())
+}
+
+/// The rows, the time of each against the first's.
+fn table(rows: &[Row]) -> String {
+    let width = rows.iter().map(|row| row.aperture.len()).max();
+    let width = width.unwrap_or(0).max("aperture".len());
+    let mut text = format!(
+        "{:width$}  {:>9}  {:>5}  {:>9}  {:>14}  {:>13}  {:>7}\n",
+        "aperture", "time s", "ratio", "open mm²", "unreachable mm", "interruptions", "mass g"
+    );
+    let first_s = rows.iter().find_map(|row| row.print_s);
+    let number = |value: Option<f64>, digits: usize| {
+        value.map_or("-".to_string(), |value| format!("{value:.digits$}"))
+    };
+    for row in rows {
+        let ratio = row.print_s.zip(first_s).map(|(own, first)| own / first);
+        let interruptions = row.flow_interruptions.map(|count| count as f64);
+        let _ = writeln!(
+            text,
+            "{:width$}  {:>9}  {:>5}  {:>9}  {:>14}  {:>13}  {:>7}",
+            row.aperture,
+            number(row.print_s, 1),
+            number(ratio, 2),
+            number(row.open_mm2, 2),
+            number(row.unreachable_mm, 1),
+            number(interruptions, 0),
+            number(row.mass_g, 2),
+        );
+        if let Some(reason) = &row.refused {
+            let _ = writeln!(text, "  cannot be printed with it: {reason}");
+        }
+    }
+    text
+}
+
+/// The heading axis at which the first nozzle that turns takes as long as the fastest round one.
+fn break_even(
+    args: &CompareArgs,
+    axis: HeadingAxis,
+    rows: &[Row],
+    console: &Console,
+) -> Result<String, CliError> {
+    let round = rows.iter().filter(|row| row.is_round);
+    let round = round.filter_map(|row| Some((row.print_s?, &row.aperture)));
+    let round = round.min_by(|a, b| a.0.total_cmp(&b.0));
+    let turned = rows
+        .iter()
+        .find(|row| !row.is_round && row.print_s.is_some());
+    let (Some((round_s, round)), Some(turned)) = (round, turned) else {
+        return Ok("break-even: needs a round nozzle and one that is not".to_string());
+    };
+    let turned_s = |slower: f64| -> Result<f64, CliError> {
+        let axis = HeadingAxis { slower, ..axis };
+        let settings = of_nozzle(&args.settings, &turned.aperture, axis);
+        console.say(&format!(
+            "with {} and {slower:.2} of the heading axis:",
+            turned.aperture
+        ));
+        let found = row(args, &settings, &turned.aperture, console)?;
+        Ok(found.print_s.unwrap_or(f64::INFINITY))
+    };
+    let settings = load::settings(&of_nozzle(&args.settings, &turned.aperture, axis))?;
+    let of_axis = |slower: f64| {
+        let joint = settings.heading_joint();
+        joint.map_or("the heading axis".to_string(), |joint| {
+            let [speed, acceleration] =
+                [joint.speed_max, joint.acceleration_max].map(|max| 360.0 * max * slower / TAU);
+            format!("a heading axis of {speed:.0}°/s and {acceleration:.0}°/s²")
+        })
+    };
+    let aperture = &turned.aperture;
+    if turned.print_s.unwrap_or(f64::INFINITY) >= round_s {
+        let axis = of_axis(1.0);
+        return Ok(format!(
+            "break-even: with {axis} {aperture} already takes longer than {round}"
+        ));
+    }
+    if turned_s(SLOWEST)? < round_s {
+        let axis = of_axis(SLOWEST);
+        return Ok(format!(
+            "break-even: even with {axis} {aperture} is faster than {round}"
+        ));
+    }
+    // Log of the factor: faster at the high end, slower at the low one.
+    let (mut low, mut high) = (SLOWEST.ln(), 0.0);
+    for _ in 0..HALVINGS {
+        let middle = 0.5 * (low + high);
+        match turned_s(middle.exp())? < round_s {
+            true => high = middle,
+            false => low = middle,
+        }
+    }
+    let axis = of_axis(high.exp());
+    Ok(format!(
+        "break-even: {aperture} takes longer than {round} with less than {axis}"
+    ))
+}

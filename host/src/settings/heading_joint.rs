@@ -1,0 +1,26 @@
+//! The joint that turns the nozzle.
+
+use super::Settings;
+use headway_firmware::configuration::JointConfiguration;
+use headway_firmware::kinematics::joint_channels;
+use headway_protocol::units::CHANNEL_HEADING;
+
+impl Settings {
+    fn heading_joint_number(&self) -> Option<usize> {
+        let channels = joint_channels(&self.machine.kinematics);
+        channels
+            .iter()
+            .position(|channel| *channel == Some(CHANNEL_HEADING))
+    }
+
+    /// The joint that follows the heading one to one, where there is one.
+    pub fn heading_joint(&self) -> Option<&JointConfiguration> {
+        self.machine.joints.get(self.heading_joint_number()?)
+    }
+
+    /// The same, to change its limits.
+    pub fn heading_joint_mut(&mut self) -> Option<&mut JointConfiguration> {
+        let number = self.heading_joint_number()?;
+        self.machine.joints.get_mut(number)
+    }
+}
