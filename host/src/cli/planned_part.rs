@@ -16,7 +16,7 @@ use crate::job::SegmentStream;
 use crate::job_packing::JobPacking;
 use crate::layer_stack::LeftOut;
 use crate::mesh::LoadedMesh;
-use crate::mesh::layers::{SlicedPart, sliced};
+use crate::mesh::layers::{SlicedPart, sliced_carved};
 use crate::part_plan::{FirstLayer, PLACES_MAX, PartContext, PartPlan, plan_part_in_pieces};
 use crate::plan::layers::shells::Overhang;
 use crate::plan::outline::unreachable::UnreachableRun;
@@ -46,7 +46,8 @@ pub(super) fn from_mesh(
         speed_mm_s: load::first_layer_speed(place, &settings)?,
     };
     let bar = console.stage("cutting");
-    let mut part = sliced(&loaded.mesh, &heights).map_err(|error| failed(error.to_string()))?;
+    let mut part = sliced_carved(&loaded.mesh, &loaded.carved, &heights)
+        .map_err(|error| failed(error.to_string()))?;
     let layers = part.layers.iter_mut().map(|layer| &mut layer.regions);
     part.notes.extend(copies::spread(place, layers, &settings)?);
     bar.finish_and_clear();

@@ -164,6 +164,21 @@ pub enum MeshError {
     /// A 3MF file that builds nothing.
     #[error("its build has no item: place at least one object on the plate before the export")]
     NothingBuilt,
+    /// A 3MF file of which all is switched off or no material.
+    #[error(
+        "nothing in it is printed: its items are switched off, or are modifiers, supports or negative \
+         volumes: switch one on, or make one a part, and export it again"
+    )]
+    NothingPrinted,
+    /// A part whose first layer is cut away.
+    #[error(
+        "the negative volumes leave nothing of the first layer, {first_mm} mm high, at the part's lowest \
+         point: move them up, or cut the part there and lay it on the bed before the export"
+    )]
+    NothingLowest {
+        /// How high the first layer is.
+        first_mm: f64,
+    },
     /// A 3MF file's item of an object that is not there.
     #[error(
         "an item or component names object {id}, which the file does not have: export it again"

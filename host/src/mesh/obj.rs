@@ -32,7 +32,7 @@ pub(super) fn read(bytes: &[u8]) -> Result<RawMesh, MeshError> {
         mesh,
         name: name.filter(|name| !name.is_empty() && name != "unnamed_object"),
         unit_mm: 1.0,
-        notes: Vec::new(),
+        ..RawMesh::default()
     })
 }
 

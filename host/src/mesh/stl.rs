@@ -26,9 +26,8 @@ pub(super) fn read(bytes: &[u8]) -> Result<RawMesh, MeshError> {
     };
     Ok(RawMesh {
         mesh,
-        name: None,
         unit_mm: 1.0,
-        notes: Vec::new(),
+        ..RawMesh::default()
     })
 }
 

@@ -536,3 +536,58 @@ fn broken_meshes_leave_nothing_behind() {
         assert_eq!(left, 0, "{name} {options:?}");
     }
 }
+
+/// Goal: the command prints what a slicer's project means: a plate of 2,000 mm³ with a slot through it is
+/// 1,500 mm³ by layers. Method: a package in PrusaSlicer's manner.
+#[test]
+fn a_negative_volume_is_cut_away() {
+    use std::io::Write;
+    let (mut vertices, mut triangles) = (String::new(), String::new());
+    let faces = [
+        [0, 2, 3, 1],
+        [4, 5, 7, 6],
+        [0, 1, 5, 4],
+        [2, 6, 7, 3],
+        [0, 4, 6, 2],
+        [1, 3, 7, 5],
+    ];
+    let boxes = [[0, 20, 0, 5], [5, 15, -1, 6]];
+    for (first, [low, high, bottom, top]) in [(0, boxes[0]), (8, boxes[1])] {
+        for corner in 0..8 {
+            let [x, y] = [1, 2].map(|bit| if corner & bit == 0 { low } else { high });
+            let z = if corner & 4 == 0 { bottom } else { top };
+            vertices += &format!("<vertex x=\"{x}\" y=\"{y}\" z=\"{z}\"/>");
+        }
+        for [a, b, c, d] in faces.map(|face| face.map(|corner| corner + first)) {
+            for [p, q] in [[b, c], [c, d]] {
+                triangles += &format!("<triangle v1=\"{a}\" v2=\"{p}\" v3=\"{q}\"/>");
+            }
+        }
+    }
+    let model = format!(
+        "<model unit=\"millimeter\"><resources><object id=\"1\" type=\"model\"><mesh><vertices>{vertices}\
+         </vertices><triangles>{triangles}</triangles></mesh></object></resources><build>\
+         <item objectid=\"1\"/></build></model>"
+    );
+    let config = "<config><object id=\"1\"><volume firstid=\"0\" lastid=\"11\"/><volume firstid=\"12\" \
+                  lastid=\"23\"><metadata type=\"volume\" key=\"volume_type\" value=\"NegativeVolume\"/>\
+                  </volume></object></config>";
+    let folder = folder("negative-volume");
+    let file = folder.join("plate.3mf");
+    let mut package = zip::ZipWriter::new(std::fs::File::create(&file).expect("a file"));
+    let options = zip::write::SimpleFileOptions::default();
+    for (name, text) in [
+        ("3D/3dmodel.model", model.as_str()),
+        ("Metadata/Slic3r_PE_model.config", config),
+    ] {
+        package.start_file(name, options).expect("a file");
+        package.write_all(text.as_bytes()).expect("a file");
+    }
+    package.finish().expect("a file");
+    let found = object(&headway(&["inspect", path(&file), "--json"]));
+    let layers_mm3 = found["layers_volume_mm3"].as_f64().expect("a volume");
+    assert!((layers_mm3 - 1500.0).abs() < 1e-6, "{layers_mm3}");
+    assert_eq!(found["box_mm"][0][2], 0.0);
+    let notes = found["notes"].to_string();
+    assert!(notes.contains("1 negative volume"), "{notes}");
+}
