@@ -86,13 +86,14 @@ pub enum MeshError {
     },
     /// Smaller than anything printable.
     #[error(
-        "the part is {} x {} x {} mm, smaller than {SIZE_MIN_MM} mm: check its units (--units) or \
-         give --scale",
-        Short(size_mm[0]), Short(size_mm[1]), Short(size_mm[2])
+        "the part is {size} mm, smaller than {SIZE_MIN_MM} mm: check its units (in metres, --units m, it \
+         is {metres} mm) or give --scale"
     )]
     TooSmall {
-        /// Extent along the axes.
-        size_mm: [f64; 3],
+        /// Extent along the axes, mm.
+        size: String,
+        /// The same of a file in metres.
+        metres: String,
     },
     /// So far from the origin that digits are lost.
     #[error(

@@ -5,6 +5,7 @@ use super::close_gaps::{ClosedGaps, GAP_MAX_MM, close_gaps};
 use super::error::At3;
 use super::orient::{Reoriented, orient};
 use super::{Carved, Mesh, MeshError, Point3, obj, stl, threemf};
+use crate::short_number::Short;
 
 /// Most triangles that are read: 1 GB while they are sorted.
 pub const TRIANGLES_MAX: usize = 8_000_000;
@@ -88,6 +89,9 @@ pub fn read(
 ) -> Result<LoadedMesh, MeshError> {
     let raw = read_raw(bytes, format, options)?;
     let triangles = raw.triangles();
+    let is_without_unit = format != MeshFormat::ThreeMf
+        && options.unit_mm.is_none()
+        && (options.scale - 1.0).abs() < f64::EPSILON;
     let RawMesh {
         mesh,
         carved,
@@ -116,8 +120,37 @@ pub fn read(
     if loaded.solids().all(|mesh| mesh.triangles.is_empty()) {
         return Err(MeshError::NothingEnclosed { triangles });
     }
-    let notes = closing.told();
+    let mut notes = closing.told();
+    notes.extend(unit_note(&loaded).filter(|_| is_without_unit));
     Ok(LoadedMesh { notes, ..loaded })
+}
+
+/// Volumes below which coordinates are more likely inches, and metres, than mm: what PrusaSlicer asks at.
+const INCH_MM3: f64 = 9.0;
+const METRE_MM3: f64 = 1e-3;
+
+/// What is said of a part that is so small that its unit is another one.
+fn unit_note(loaded: &LoadedMesh) -> Option<String> {
+    let volume_mm3: f64 = loaded.solids().map(Mesh::volume_mm3).sum();
+    let (unit, option, unit_mm) = match volume_mm3 {
+        volume_mm3 if volume_mm3 < METRE_MM3 => ("metres", "m", 1000.0),
+        volume_mm3 if volume_mm3 < INCH_MM3 => ("inches", "in", 25.4),
+        _ => return None,
+    };
+    let [low, high] = loaded.bounds_mm();
+    let size_mm = high - low;
+    let text = |factor: f64| size_text((size_mm * factor).into());
+    Some(format!(
+        "the part is {} mm, and the file has no unit: if it is in {unit}, --units {option} makes it {} mm",
+        text(1.0),
+        text(unit_mm)
+    ))
+}
+
+/// A size for messages: four digits are enough to know a part by.
+fn size_text(size_mm: [f64; 3]) -> String {
+    let [x, y, z] = size_mm.map(|mm| Short(format!("{mm:.3e}").parse().unwrap_or(mm)));
+    format!("{x} x {y} x {z}")
 }
 
 impl LoadedMesh {
@@ -321,7 +354,10 @@ fn check_size<'a>(meshes: impl Iterator<Item = &'a Mesh>) -> Result<(), MeshErro
         return Err(MeshError::TooBig { size_mm });
     }
     if size_mm.iter().all(|&size| size < SIZE_MIN_MM) {
-        return Err(MeshError::TooSmall { size_mm });
+        return Err(MeshError::TooSmall {
+            size: size_text(size_mm),
+            metres: size_text(size_mm.map(|mm| 1000.0 * mm)),
+        });
     }
     let middle = nalgebra::center(&low, &high);
     if middle.coords.amax() > FAR_MAX_MM {
