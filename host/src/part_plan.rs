@@ -16,7 +16,7 @@ use crate::layer_stack::{LeftOut, Stack, plan_stack};
 use crate::layer_time::SlowedLayers;
 use crate::layer_uses::LayerUse;
 use crate::mesh::layers::{SlicedPart, TargetLayer};
-use crate::open_ground::OpenGround;
+use crate::open_ground::{self, OpenGround};
 use crate::part_piece::{Piece, PieceCache, key_of};
 use crate::part_transform::PartTransform;
 use crate::plan::judge::figures::{PlanFigures, Swept};
@@ -78,6 +78,8 @@ pub struct PartPlan {
     pub unreachable_mm: f64,
     /// Ground that was to be filled and stays open, the largest [`PLACES_MAX`] pieces.
     pub open: Vec<OpenGround>,
+    /// What of such ground is no speck, over all layers.
+    pub open_mm2: f64,
     /// Ground that lines are to cover, and what of it was swept.
     pub infill_mm2: [f64; 2],
     /// What the layers are spent on.
@@ -148,9 +150,17 @@ pub fn plan_part_in_pieces(
         return Err(PlanError::FirstLayerWinds);
     }
     let outlines: Vec<&[Region]> = part.layers.iter().map(|l| l.regions.as_slice()).collect();
+    let reach_mm = settings.aperture.major_mm();
+    let bridged = |layer: usize| match part.wanted.contains(&(layer as u32)) {
+        true => {
+            let bridges = bridges_of(&outlines, layer as u32, settings);
+            bridges.into_iter().flat_map(|b| b.ground).collect()
+        }
+        false => Vec::new(),
+    };
     let mut planned = PartPlan {
         transform: place(part, settings)?,
-        overhangs: overhangs(&outlines, settings.aperture.major_mm()),
+        overhangs: overhangs(&outlines, bridged, reach_mm),
         ..PartPlan::default()
     };
     let mut at = crate::start_pose(settings);
@@ -186,7 +196,7 @@ pub fn plan_part_in_pieces(
         };
         let first_pass = planned.figures.passes as u32;
         at = piece.end.unwrap_or(at);
-        let stream = planned.add(piece)?;
+        let stream = planned.add(piece, settings)?;
         if !stream.knots.is_empty() {
             (context.take)(stream, first_pass).map_err(PlanError::Output)?;
         }
@@ -204,7 +214,7 @@ pub fn plan_part_in_pieces(
 
 impl PartPlan {
     /// Takes over what is kept of a piece, and hands on its stream.
-    fn add(&mut self, piece: Piece) -> Result<SegmentStream, PlanError> {
+    fn add(&mut self, piece: Piece, settings: &Settings) -> Result<SegmentStream, PlanError> {
         self.swept.extend(piece.swept);
         self.figures.add_lengths(&piece.figures);
         self.left_out.extend(piece.left_out);
@@ -219,8 +229,11 @@ impl PartPlan {
         let room = PLACES_MAX - self.unreachable.len();
         self.unreachable
             .extend(piece.unreachable.into_iter().take(room));
+        self.open_mm2 += open_ground::told_mm2(&piece.open, settings);
         self.open.extend(piece.open);
         self.open.sort_by(|a, b| b.area_mm2.total_cmp(&a.area_mm2));
+        self.open.truncate(4 * PLACES_MAX);
+        self.open = open_ground::merged(std::mem::take(&mut self.open));
         self.open.truncate(PLACES_MAX);
         for (all, own) in self.infill_mm2.iter_mut().zip(piece.infill_mm2) {
             *all += own;

@@ -10,6 +10,7 @@ use super::{CliError, copies, load};
 use crate::PlanError;
 use crate::findings::left_out::left_out;
 use crate::findings::settings_warnings::settings_warnings;
+use crate::findings::unreachable_note;
 use crate::findings::use_figures::{short_layers_note, stacked_figures, use_figures};
 use crate::geometry::polygon::Region;
 use crate::job::SegmentStream;
@@ -17,10 +18,12 @@ use crate::job_packing::JobPacking;
 use crate::layer_stack::LeftOut;
 use crate::mesh::LoadedMesh;
 use crate::mesh::layers::{SlicedPart, sliced_carved};
+use crate::open_ground;
 use crate::part_plan::{FirstLayer, PLACES_MAX, PartContext, PartPlan, plan_part_in_pieces};
 use crate::plan::layers::shells::Overhang;
 use crate::plan::outline::unreachable::UnreachableRun;
 use crate::report::figures::{Figures, LayerPlace};
+use crate::report::job_texts::LayerOutlines;
 use crate::settings::Settings;
 use std::fs::File;
 use std::path::Path;
@@ -78,6 +81,13 @@ pub(super) fn from_mesh(
     notes.append(&mut cache.notes);
     let planned = planned.map_err(|error| plan_error(path, &error))?;
     let mut warnings = warnings(&part, &planned);
+    warnings.extend(unreachable_note(
+        &planned.unreachable,
+        planned.unreachable_mm,
+    ));
+    let top_mm = |layer: u32| Some(part.layers.get(layer as usize)?.top_mm);
+    let open = (&planned.open, planned.open_mm2);
+    warnings.extend(open_ground::note(open.0, open.1, top_mm, &settings));
     warnings.extend(short_layers_note(planned.slowed, &settings));
     warnings.extend(settings_warnings(&settings));
     console.notes(&warnings);
@@ -88,10 +98,13 @@ pub(super) fn from_mesh(
     };
     let lowest = part.wanted_layers().iter();
     let lowest = lowest.map(|layer| &layer.regions).find(|r| !r.is_empty());
+    let numbered = part.wanted_layers().iter();
+    let numbered = numbered.map(|layer| (layer.number, layer.regions.as_slice()));
     Ok(Planned {
         figures,
         name,
         outline: lowest.cloned().unwrap_or_default(),
+        layer_outlines: LayerOutlines::of(numbered),
         settings: in_solution(planned.solution, settings),
         transform: planned.transform,
         stream,
