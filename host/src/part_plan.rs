@@ -21,14 +21,15 @@ use crate::part_piece::{Piece, PieceCache, key_of};
 use crate::part_transform::PartTransform;
 use crate::plan::judge::figures::{PlanFigures, Swept};
 use crate::plan::layers::bridge_ground::{Bridge, bridges};
+use crate::plan::layers::hollow::{Hollow, shell_layers};
 use crate::plan::layers::layer_groups::{LayerKind, StackLayer};
-use crate::plan::layers::shells::{Overhang, ShellLayers, overhangs, solid_ground};
+use crate::plan::layers::shells::{Overhang, overhangs, solid_ground};
 use crate::plan::layers::skirt::skirt_reach_mm;
 use crate::plan::motion::segments::MotionReport;
 use crate::plan::outline::unreachable::UnreachableRun;
 use crate::plan::progress::Progress;
 use crate::plan::route::keep_out::cleared;
-use crate::settings::{BOTTOM_LAYERS, Settings, TOP_LAYERS};
+use crate::settings::Settings;
 use crate::stacked_ground::OpenCells;
 use headway_firmware::kinematics::winds;
 use headway_protocol::units::CHANNELS;
@@ -158,9 +159,14 @@ pub fn plan_part_in_pieces(
         }
         false => Vec::new(),
     };
+    let hollow = Hollow::of(&outlines, settings);
+    let unheld = |layer: usize| match hollow {
+        Some(hollow) if part.wanted.contains(&(layer as u32)) => hollow.unheld(layer, reach_mm),
+        _ => Vec::new(),
+    };
     let mut planned = PartPlan {
         transform: place(part, settings)?,
-        overhangs: overhangs(&outlines, bridged, reach_mm),
+        overhangs: overhangs(&outlines, unheld, bridged, reach_mm),
         ..PartPlan::default()
     };
     let mut at = crate::start_pose(settings);
@@ -292,11 +298,7 @@ fn place(part: &SlicedPart, settings: &Settings) -> Result<PartTransform, PlanEr
 fn solid_of(outlines: &[&[Region]], layer: u32, settings: &Settings) -> Vec<Region> {
     match &settings.infill {
         Some(infill) if !infill.is_solid() => {
-            let shells = ShellLayers {
-                bottom: infill.bottom_layers.unwrap_or(BOTTOM_LAYERS),
-                top: infill.top_layers.unwrap_or(TOP_LAYERS),
-            };
-            solid_ground(outlines, layer as usize, shells)
+            solid_ground(outlines, layer as usize, shell_layers(infill))
         }
         _ => Vec::new(),
     }
@@ -307,8 +309,13 @@ fn bridges_of(outlines: &[&[Region]], layer: u32, settings: &Settings) -> Vec<Br
     let below = (layer as usize).checked_sub(1);
     match (below, &settings.infill) {
         (Some(below), Some(_)) => {
-            let reach_mm = settings.aperture.major_mm();
-            bridges(outlines[layer as usize], outlines[below], reach_mm)
+            let (own, reach_mm) = (layer as usize, settings.aperture.major_mm());
+            match Hollow::of(outlines, settings) {
+                Some(hollow) => hollow
+                    .pair(own)
+                    .map_or(Vec::new(), |[own, below]| bridges(&own, &below, reach_mm)),
+                None => bridges(outlines[own], outlines[below], reach_mm),
+            }
         }
         _ => Vec::new(),
     }

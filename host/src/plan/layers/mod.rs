@@ -11,6 +11,7 @@
 //! Leaves out: which layers there are (`layer_stack`, `part_plan`), supports.
 
 pub mod bridge_ground;
+pub mod hollow;
 pub mod layer_groups;
 pub mod optimised_passes;
 pub mod region_plan;
