@@ -33,6 +33,7 @@ use crate::settings::Settings;
 use crate::stacked_ground::OpenCells;
 use headway_firmware::kinematics::winds;
 use headway_protocol::units::CHANNELS;
+use std::ops::Range;
 
 /// Most kinds of layer that are planned at a time: what they need is the memory that planning takes.
 const KINDS_AT_A_TIME: usize = 8;
@@ -151,22 +152,9 @@ pub fn plan_part_in_pieces(
         return Err(PlanError::FirstLayerWinds);
     }
     let outlines: Vec<&[Region]> = part.layers.iter().map(|l| l.regions.as_slice()).collect();
-    let reach_mm = settings.aperture.major_mm();
-    let bridged = |layer: usize| match part.wanted.contains(&(layer as u32)) {
-        true => {
-            let bridges = bridges_of(&outlines, layer as u32, settings);
-            bridges.into_iter().flat_map(|b| b.ground).collect()
-        }
-        false => Vec::new(),
-    };
-    let hollow = Hollow::of(&outlines, settings);
-    let unheld = |layer: usize| match hollow {
-        Some(hollow) if part.wanted.contains(&(layer as u32)) => hollow.unheld(layer, reach_mm),
-        _ => Vec::new(),
-    };
     let mut planned = PartPlan {
         transform: place(part, settings)?,
-        overhangs: overhangs(&outlines, unheld, bridged, reach_mm),
+        overhangs: hanging(&outlines, &part.wanted, settings),
         ..PartPlan::default()
     };
     let mut at = crate::start_pose(settings);
@@ -319,6 +307,25 @@ fn bridges_of(outlines: &[&[Region]], layer: u32, settings: &Settings) -> Vec<Br
         }
         _ => Vec::new(),
     }
+}
+
+/// What hangs on each of the wanted layers: over nothing, and not bridged.
+fn hanging(outlines: &[&[Region]], wanted: &Range<u32>, settings: &Settings) -> Vec<Overhang> {
+    let reach_mm = settings.aperture.major_mm();
+    let is_wanted = |layer: usize| wanted.contains(&(layer as u32));
+    let bridged = |layer: usize| match is_wanted(layer) {
+        true => {
+            let bridges = bridges_of(outlines, layer as u32, settings);
+            bridges.into_iter().flat_map(|b| b.ground).collect()
+        }
+        false => Vec::new(),
+    };
+    let hollow = Hollow::of(outlines, settings);
+    let unheld = |layer: usize| match hollow {
+        Some(hollow) if is_wanted(layer) => hollow.unheld(layer, reach_mm),
+        _ => Vec::new(),
+    };
+    overhangs(outlines, unheld, bridged, reach_mm)
 }
 
 /// What the lines inside a layer's walls have to heed, by the layer's number.

@@ -80,16 +80,7 @@ pub(super) fn from_mesh(
     console.notes(&cache.notes);
     notes.append(&mut cache.notes);
     let planned = planned.map_err(|error| plan_error(path, &error))?;
-    let mut warnings = warnings(&part, &planned);
-    warnings.extend(unreachable_note(
-        &planned.unreachable,
-        planned.unreachable_mm,
-    ));
-    let top_mm = |layer: u32| Some(part.layers.get(layer as usize)?.top_mm);
-    let open = (&planned.open, planned.open_mm2);
-    warnings.extend(open_ground::note(open.0, open.1, top_mm, &settings));
-    warnings.extend(short_layers_note(planned.slowed, &settings));
-    warnings.extend(settings_warnings(&settings));
+    let warnings = warnings(&part, &planned, &settings);
     console.notes(&warnings);
     notes.extend(warnings);
     let figures = Figures {
@@ -249,7 +240,20 @@ fn part_figures(part: &SlicedPart, planned: &PartPlan, keep_out: &[Region]) -> F
 }
 
 /// What the user should look at before printing.
-fn warnings(part: &SlicedPart, planned: &PartPlan) -> Vec<String> {
+fn warnings(part: &SlicedPart, planned: &PartPlan, settings: &Settings) -> Vec<String> {
+    let mut warnings = part_warnings(part, planned);
+    let length_mm = planned.unreachable_mm;
+    warnings.extend(unreachable_note(&planned.unreachable, length_mm));
+    let top_mm = |layer: u32| Some(part.layers.get(layer as usize)?.top_mm);
+    let (open, all_mm2) = (&planned.open, planned.open_mm2);
+    warnings.extend(open_ground::note(open, all_mm2, top_mm, settings));
+    warnings.extend(short_layers_note(planned.slowed, settings));
+    warnings.extend(settings_warnings(settings));
+    warnings
+}
+
+/// What hangs, what is left out, what was slowed.
+fn part_warnings(part: &SlicedPart, planned: &PartPlan) -> Vec<String> {
     let mut warnings = Vec::new();
     let top_mm = |layer: u32| part.layers[layer as usize].top_mm;
     let mut hanging: Vec<(u32, &Overhang)> = overhangs(part, planned).collect();
