@@ -1,7 +1,8 @@
 //! Goal: what spans open space between two anchors is printed across it, from anchor to anchor, at the speed and
 //! with the flow of its own, and nothing else is. Method: a table (two legs and a plate) turned about z, cut
 //! by hand into layers; the finished stream over the gap by its own samples: directions, speeds, the volume
-//! against the same plan at another flow. A shelf, held at one end, has no bridge.
+//! against the same plan at another flow. A shelf, held at one end, has no bridge. Spans of other sizes and angles
+//! by a raster of the finished motion; the lid of an empty box.
 
 use headway::geometry::Point2;
 use headway::geometry::polygon::{Region, Ring};
@@ -312,4 +313,48 @@ fn twelve_spans_at_four_angles_are_closed() {
         angles.map(turned)
     });
     spans_are_closed(&all.collect::<Vec<_>>());
+}
+
+/// Goal: the first solid layer over an inside that is all but empty is a bridge from wall to wall, and nothing of it
+/// hangs; over denser lines it is laid as everywhere else. Method: the lid of a box of 12 mm, alone; its kinds, what
+/// stays open of it.
+#[test]
+fn a_roof_over_nothing_is_a_bridge() {
+    let layers = (0..4).map(|number| TargetLayer {
+        number,
+        height_mm: 0.2,
+        top_mm: 0.2 * f64::from(number + 1),
+        regions: vec![box_of([0.0, 0.0], [12.0, 12.0])],
+    });
+    let part = SlicedPart {
+        layers: layers.collect(),
+        wanted: 3..4,
+        notes: Vec::new(),
+    };
+    for (density_pct, is_bridge) in [(0.0, true), (15.0, true), (20.0, false)] {
+        let settings = Settings {
+            infill: Some(Infill {
+                density_pct,
+                bottom_layers: Some(1),
+                top_layers: Some(1),
+                ..Infill::solid(1)
+            }),
+            ..Settings::default()
+        };
+        let plan = plan_part(&part, &[], FirstLayer::default(), &settings, &()).expect("a plan");
+        let [bridge_mm3, solid_mm3] = [Use::Bridge, Use::Solid].map(|kind| of_kind(&plan, kind).0);
+        // One wall of 1.2 mm leaves 9.6 mm.
+        let inside_mm3 = 9.6 * 9.6 * 0.2;
+        let [laid_mm3, other_mm3] = match is_bridge {
+            true => [bridge_mm3, solid_mm3],
+            false => [solid_mm3, bridge_mm3],
+        };
+        println!("{density_pct} %: {bridge_mm3:.2} and {solid_mm3:.2} mm³ of {inside_mm3:.2}");
+        assert!(laid_mm3 > 0.9 * inside_mm3, "{density_pct}: {laid_mm3}");
+        assert!(other_mm3 < 0.05 * inside_mm3, "{density_pct}: {other_mm3}");
+        assert!(plan.overhangs[3].area_mm2 < 1e-3);
+        // Places that are no specks: corners that no bead reaches, and what is left along a wall, are.
+        let open_mm2 = plan.open_mm2;
+        assert!(open_mm2 < 0.01 * 144.0, "{density_pct}: {open_mm2}");
+    }
 }
