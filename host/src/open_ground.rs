@@ -8,9 +8,11 @@
 
 use crate::Plan;
 use crate::geometry::Point2;
-use crate::geometry::boolean::grown;
+use crate::geometry::boolean::{filled, grown};
 use crate::geometry::coverage::{Cell, Coverage};
-use crate::geometry::edge_index::EdgeIndex;
+use crate::geometry::edge_index::{Edge, EdgeIndex};
+use crate::geometry::polygon::Region;
+use crate::geometry::repair::FillRule;
 use crate::settings::Settings;
 use serde::{Deserialize, Serialize};
 
@@ -50,16 +52,19 @@ pub fn open_ground(plan: &Plan, settings: &Settings) -> Vec<OpenGround> {
         // Where sparse lines end at a wall is as open as between them.
         let around_mm = settings.aperture.minor_mm();
         let sparse = grown(&region.sparse, around_mm);
-        let sparse: Vec<Vec<bool>> = sparse
-            .iter()
-            .map(|sparse| {
-                let sparse = raster.frame.region_in(sparse);
-                raster
-                    .swept
-                    .inside(&EdgeIndex::of_region(&sparse, around_mm))
-            })
-            .collect();
-        let is_meant = |cell: usize| sparse.iter().any(|inside| inside[cell]);
+        // Disjoint, so that a cell inside any of them lies behind an odd number of edges.
+        let sparse = filled(sparse.iter().flat_map(Region::rings), FillRule::Positive);
+        let edges = sparse.iter().flat_map(|sparse| {
+            let sparse = raster.frame.region_in(sparse);
+            let edges = sparse.edges().map(|(a, b)| Edge { a, b });
+            edges.collect::<Vec<Edge>>()
+        });
+        let edges: Vec<Edge> = edges.collect();
+        let inside = match edges.is_empty() {
+            true => Vec::new(),
+            false => raster.swept.inside(&EdgeIndex::new(edges, around_mm)),
+        };
+        let is_meant = |cell: usize| inside.get(cell).copied().unwrap_or(false);
         for (area_mm2, middle) in pieces(&raster.swept, is_meant) {
             let at = region.contour.to_input(raster.frame.point_out(middle));
             found.push(OpenGround {

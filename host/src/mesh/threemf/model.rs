@@ -4,7 +4,7 @@
 //! paint on triangles is counted.
 
 use super::problem;
-use super::roles::Role;
+use super::roles::{KeyValues, Role};
 use super::xml::{Part, Tag, read};
 use crate::mesh::read::TRIANGLES_MAX;
 use crate::mesh::{MeshError, Point3};
@@ -51,7 +51,7 @@ pub(super) struct Object {
     pub triangles: Vec<[u32; 3]>,
     pub components: Vec<Item>,
     /// What Cura keeps with an object.
-    pub settings: Vec<(String, String)>,
+    pub settings: KeyValues,
     pub painted: Painted,
 }
 

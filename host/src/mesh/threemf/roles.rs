@@ -8,6 +8,9 @@ use super::xml::{Part, read};
 use crate::mesh::MeshError;
 use std::collections::HashMap;
 
+/// Settings by name.
+pub(super) type KeyValues = Vec<(String, String)>;
+
 /// What a volume is for.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, PartialOrd, Ord)]
 pub(super) enum Role {
@@ -81,14 +84,14 @@ pub(super) struct Volume {
     pub role: Role,
     pub name: Option<String>,
     /// What differs from the print's settings.
-    pub settings: Vec<(String, String)>,
+    pub settings: KeyValues,
 }
 
 /// What is kept of an object.
 #[derive(Debug, Default)]
 pub(super) struct ObjectNotes {
     pub name: Option<String>,
-    pub settings: Vec<(String, String)>,
+    pub settings: KeyValues,
     pub volumes: Vec<Volume>,
 }
 

@@ -2,7 +2,7 @@
 //! dropped in silence.
 
 use super::model::{Object, Painted, paint_names};
-use super::roles::{ObjectNotes, Role, Roles};
+use super::roles::{KeyValues, ObjectNotes, Role, Roles};
 use super::xml::{Part, read};
 use crate::mesh::MeshError;
 use std::collections::BTreeSet;
@@ -37,7 +37,7 @@ const PROJECTS: [&str; 2] = [
 #[derive(Debug, Default)]
 pub(super) struct Unfollowed {
     /// From and to, mm, and the settings there.
-    ranges: Vec<([String; 2], Vec<(String, String)>)>,
+    ranges: Vec<([String; 2], KeyValues)>,
     /// What, and at which height, mm.
     codes: Vec<(String, String)>,
     has_profile: bool,
@@ -59,7 +59,7 @@ impl Unfollowed {
         } else if CODES.contains(&name) {
             self.read_codes(text)?;
         } else if PROFILES.contains(&name) {
-            self.has_profile |= text.iter().any(|&byte| byte == b';');
+            self.has_profile |= text.contains(&b';');
         } else {
             self.has_project = true;
         }
