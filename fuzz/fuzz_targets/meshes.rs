@@ -3,7 +3,7 @@
 //! the model and not its compression.
 #![no_main]
 
-use headway::mesh::layers::{LayerHeights, sliced};
+use headway::mesh::layers::{LayerHeights, sliced_carved};
 use headway::mesh::{MeshFormat, MeshOptions, read};
 use libfuzzer_sys::fuzz_target;
 
@@ -35,7 +35,7 @@ fuzz_target!(|bytes: &[u8]| {
                 ranges: Vec::new(),
                 range: None,
             };
-            match sliced(&loaded.mesh, &heights) {
+            match sliced_carved(&loaded.mesh, &loaded.carved, &heights) {
                 Ok(part) => assert!(part.volume_mm3().is_finite()),
                 Err(error) => assert!(!error.to_string().is_empty()),
             }

@@ -15,7 +15,9 @@ use crate::job_heat::{self, HEAT_TEXT, HeatEvent, job_events};
 use crate::job_spool::{JobSpool, SpoolError, SpooledJob};
 use crate::part_transform::PartTransform;
 use crate::report::figures::Figures;
-use crate::report::job_texts::{NAME_TEXT, OUTLINE_TEXT, SETTINGS_TEXT, outline_to_json};
+use crate::report::job_texts::{
+    LAYER_OUTLINES_TEXT, LayerOutlines, NAME_TEXT, OUTLINE_TEXT, SETTINGS_TEXT, outline_to_json,
+};
 use crate::settings::{Settings, machine_file};
 use std::io::{Read, Seek, Write};
 
@@ -46,6 +48,8 @@ pub struct JobFacts<'a> {
     pub name: &'a str,
     /// Its outline, input coordinates.
     pub outline: &'a [Region],
+    /// Those of a part whose layers differ.
+    pub layer_outlines: &'a LayerOutlines,
     /// The settings it was planned with.
     pub settings: &'a Settings,
     /// Where it lies on the machine.
@@ -152,6 +156,10 @@ pub fn job_header(job: &JobFacts, stream: StreamFacts) -> JobHeader {
         (SETTINGS_TEXT, machine_file::to_toml(settings)),
     ];
     header.texts = texts.map(|(key, text)| (key.to_string(), text)).into();
+    if !job.layer_outlines.is_empty() {
+        let text = job.layer_outlines.to_json();
+        header.texts.insert(LAYER_OUTLINES_TEXT.to_string(), text);
+    }
     if !heat.is_empty() {
         let text = job_heat::to_json(&heat);
         header.texts.insert(HEAT_TEXT.to_string(), text);

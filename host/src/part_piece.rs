@@ -25,7 +25,7 @@ use std::fmt::{self, Write};
 use std::hash::Hasher;
 
 /// What begins the bytes of a piece; the number is that of their layout.
-const MAGIC: &[u8; 8] = b"HWPIECE1";
+const MAGIC: &[u8; 8] = b"HWPIECE2";
 
 /// What is kept of a few layers.
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
@@ -95,7 +95,7 @@ impl Piece {
             slowed: plan.slowed,
             open_cells: open_cells(&plan, settings.aperture.minor_mm()),
             end: plan.route.end(),
-            open: open_ground(&plan),
+            open: open_ground(&plan, settings),
             kept_out_mm2: plan.kept_out_mm2,
             has_skirt: plan.skirt.is_some(),
             outline_crossings: plan.outline_crossings as u64,
@@ -207,6 +207,8 @@ mod tests {
             open: vec![OpenGround {
                 area_mm2: 0.25,
                 at: Point2::new(1.0, 1.0 / 3.0),
+                layer: 3,
+                layers: 2,
             }],
             ..Piece::default()
         };

@@ -16,22 +16,24 @@ use crate::layer_stack::{LeftOut, Stack, plan_stack};
 use crate::layer_time::SlowedLayers;
 use crate::layer_uses::LayerUse;
 use crate::mesh::layers::{SlicedPart, TargetLayer};
-use crate::open_ground::OpenGround;
+use crate::open_ground::{self, OpenGround};
 use crate::part_piece::{Piece, PieceCache, key_of};
 use crate::part_transform::PartTransform;
 use crate::plan::judge::figures::{PlanFigures, Swept};
 use crate::plan::layers::bridge_ground::{Bridge, bridges};
+use crate::plan::layers::hollow::{Hollow, shell_layers};
 use crate::plan::layers::layer_groups::{LayerKind, StackLayer};
-use crate::plan::layers::shells::{Overhang, ShellLayers, overhangs, solid_ground};
+use crate::plan::layers::shells::{Overhang, overhangs, solid_ground};
 use crate::plan::layers::skirt::skirt_reach_mm;
 use crate::plan::motion::segments::MotionReport;
 use crate::plan::outline::unreachable::UnreachableRun;
 use crate::plan::progress::Progress;
 use crate::plan::route::keep_out::cleared;
-use crate::settings::{BOTTOM_LAYERS, Settings, TOP_LAYERS};
+use crate::settings::Settings;
 use crate::stacked_ground::OpenCells;
 use headway_firmware::kinematics::winds;
 use headway_protocol::units::CHANNELS;
+use std::ops::Range;
 
 /// Most kinds of layer that are planned at a time: what they need is the memory that planning takes.
 const KINDS_AT_A_TIME: usize = 8;
@@ -78,6 +80,8 @@ pub struct PartPlan {
     pub unreachable_mm: f64,
     /// Ground that was to be filled and stays open, the largest [`PLACES_MAX`] pieces.
     pub open: Vec<OpenGround>,
+    /// What of such ground is no speck, over all layers.
+    pub open_mm2: f64,
     /// Ground that lines are to cover, and what of it was swept.
     pub infill_mm2: [f64; 2],
     /// What the layers are spent on.
@@ -150,7 +154,7 @@ pub fn plan_part_in_pieces(
     let outlines: Vec<&[Region]> = part.layers.iter().map(|l| l.regions.as_slice()).collect();
     let mut planned = PartPlan {
         transform: place(part, settings)?,
-        overhangs: overhangs(&outlines, settings.aperture.major_mm()),
+        overhangs: hanging(&outlines, &part.wanted, settings),
         ..PartPlan::default()
     };
     let mut at = crate::start_pose(settings);
@@ -186,7 +190,7 @@ pub fn plan_part_in_pieces(
         };
         let first_pass = planned.figures.passes as u32;
         at = piece.end.unwrap_or(at);
-        let stream = planned.add(piece)?;
+        let stream = planned.add(piece, settings)?;
         if !stream.knots.is_empty() {
             (context.take)(stream, first_pass).map_err(PlanError::Output)?;
         }
@@ -204,7 +208,7 @@ pub fn plan_part_in_pieces(
 
 impl PartPlan {
     /// Takes over what is kept of a piece, and hands on its stream.
-    fn add(&mut self, piece: Piece) -> Result<SegmentStream, PlanError> {
+    fn add(&mut self, piece: Piece, settings: &Settings) -> Result<SegmentStream, PlanError> {
         self.swept.extend(piece.swept);
         self.figures.add_lengths(&piece.figures);
         self.left_out.extend(piece.left_out);
@@ -219,8 +223,11 @@ impl PartPlan {
         let room = PLACES_MAX - self.unreachable.len();
         self.unreachable
             .extend(piece.unreachable.into_iter().take(room));
+        self.open_mm2 += open_ground::told_mm2(&piece.open, settings);
         self.open.extend(piece.open);
         self.open.sort_by(|a, b| b.area_mm2.total_cmp(&a.area_mm2));
+        self.open.truncate(4 * PLACES_MAX);
+        self.open = open_ground::merged(std::mem::take(&mut self.open));
         self.open.truncate(PLACES_MAX);
         for (all, own) in self.infill_mm2.iter_mut().zip(piece.infill_mm2) {
             *all += own;
@@ -279,11 +286,7 @@ fn place(part: &SlicedPart, settings: &Settings) -> Result<PartTransform, PlanEr
 fn solid_of(outlines: &[&[Region]], layer: u32, settings: &Settings) -> Vec<Region> {
     match &settings.infill {
         Some(infill) if !infill.is_solid() => {
-            let shells = ShellLayers {
-                bottom: infill.bottom_layers.unwrap_or(BOTTOM_LAYERS),
-                top: infill.top_layers.unwrap_or(TOP_LAYERS),
-            };
-            solid_ground(outlines, layer as usize, shells)
+            solid_ground(outlines, layer as usize, shell_layers(infill))
         }
         _ => Vec::new(),
     }
@@ -294,11 +297,35 @@ fn bridges_of(outlines: &[&[Region]], layer: u32, settings: &Settings) -> Vec<Br
     let below = (layer as usize).checked_sub(1);
     match (below, &settings.infill) {
         (Some(below), Some(_)) => {
-            let reach_mm = settings.aperture.major_mm();
-            bridges(outlines[layer as usize], outlines[below], reach_mm)
+            let (own, reach_mm) = (layer as usize, settings.aperture.major_mm());
+            match Hollow::of(outlines, settings) {
+                Some(hollow) => hollow
+                    .pair(own)
+                    .map_or(Vec::new(), |[own, below]| bridges(&own, &below, reach_mm)),
+                None => bridges(outlines[own], outlines[below], reach_mm),
+            }
         }
         _ => Vec::new(),
     }
+}
+
+/// What hangs on each of the wanted layers: over nothing, and not bridged.
+fn hanging(outlines: &[&[Region]], wanted: &Range<u32>, settings: &Settings) -> Vec<Overhang> {
+    let reach_mm = settings.aperture.major_mm();
+    let is_wanted = |layer: usize| wanted.contains(&(layer as u32));
+    let bridged = |layer: usize| match is_wanted(layer) {
+        true => {
+            let bridges = bridges_of(outlines, layer as u32, settings);
+            bridges.into_iter().flat_map(|b| b.ground).collect()
+        }
+        false => Vec::new(),
+    };
+    let hollow = Hollow::of(outlines, settings);
+    let unheld = |layer: usize| match hollow {
+        Some(hollow) if is_wanted(layer) => hollow.unheld(layer, reach_mm),
+        _ => Vec::new(),
+    };
+    overhangs(outlines, unheld, bridged, reach_mm)
 }
 
 /// What the lines inside a layer's walls have to heed, by the layer's number.

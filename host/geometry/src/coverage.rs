@@ -118,6 +118,12 @@ impl Coverage {
         }
     }
 
+    /// For each cell whether its middle lies inside these walls.
+    pub fn inside(&self, walls: &EdgeIndex) -> Vec<bool> {
+        let grid = self.grid();
+        cells_inside(&grid, &grid.window(), walls)
+    }
+
     /// Number of cells in a state.
     pub fn count(&self, state: Cell) -> usize {
         let parts = self.cells.par_chunks(CELLS_AT_ONCE);

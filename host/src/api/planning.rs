@@ -12,6 +12,7 @@ use crate::input::Target;
 use crate::job_packing::{JobFacts, JobPacking, job_header};
 use crate::plan::progress::{Progress, Stage};
 use crate::report::figures::Figures;
+use crate::report::job_texts::LayerOutlines;
 use crate::settings::{Settings, machine_file};
 use crate::{Plan, plan_target_around, plan_waypoints_with_progress};
 use std::io::Cursor;
@@ -161,6 +162,7 @@ fn packed(part: &Part, plan: &Plan, plan_s: f64, settings: &Settings) -> Result<
     let facts = JobFacts {
         name: part.name(),
         outline,
+        layer_outlines: &LayerOutlines::default(),
         settings,
         transform: plan.transform,
         figures: &figures,

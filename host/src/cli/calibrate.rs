@@ -17,6 +17,7 @@ use crate::job::SegmentStream;
 use crate::job_packing::JobPacking;
 use crate::part_transform::PartTransform;
 use crate::report::figures::Figures;
+use crate::report::job_texts::LayerOutlines;
 use crate::settings::{Settings, machine_file};
 use crate::short_number::Short;
 use headway_protocol::units::{CHANNEL_VOLUME, UNITS_PER_NATURAL};
@@ -85,6 +86,7 @@ fn shake(
     let planned = Planned {
         name: "resonance".to_string(),
         outline: Vec::new(),
+        layer_outlines: LayerOutlines::default(),
         transform: PartTransform {
             offset_mm: swept.at_mm,
         },

@@ -11,8 +11,8 @@ use crate::input::waypoints::WaypointRun;
 use crate::input::{Input, Loaded, ReadOptions};
 use crate::job_file::JobSummary;
 use crate::job_heat::{self, HeatEvent};
-use crate::mesh::LoadedMesh;
-use crate::mesh::layers::{SlicedPart, sliced};
+use crate::mesh::layers::{SlicedPart, sliced_carved};
+use crate::mesh::{LoadedMesh, Mesh};
 use crate::report::figures::Figures;
 use crate::report::job_texts::NAME_TEXT;
 use serde_json::json;
@@ -50,21 +50,21 @@ pub(super) fn run(args: &InspectArgs, console: &Console) -> Result<(), CliError>
 /// A mesh as it is cut.
 fn mesh(args: &InspectArgs, loaded: &LoadedMesh, console: &Console) -> Result<(), CliError> {
     let heights = layer_heights(&args.layers, args.layer_height)?;
-    let part = sliced(&loaded.mesh, &heights)
+    let part = sliced_carved(&loaded.mesh, &loaded.carved, &heights)
         .map_err(|error| CliError::Job(format!("{}: {error}", args.file.display())))?;
     console.notes(&part.notes);
     if args.json {
         return console.result(&format!("{:#}\n", mesh_json(loaded, &part)));
     }
-    let [low, high] = loaded.mesh.bounds_mm();
+    let [low, high] = loaded.bounds_mm();
     let size = high - low;
     let of_height = match heights.ranges.is_empty() {
         true => format!(" of {} mm", heights.layer_mm),
         false => String::new(),
     };
     console.result(&format!(
-        "{}: {:.3} x {:.3} x {:.3} mm at ({:.3}, {:.3}, {:.3}), {:.3} mm³ in {} triangles\n  {} layers{}, \
-         {:.3} mm³\n",
+        "{}: {:.3} x {:.3} x {:.3} mm at ({:.3}, {:.3}, {:.3}), {:.3} mm³ in {} triangles{}\n  {} \
+         layers{}, {:.3} mm³\n",
         loaded.name,
         size.x,
         size.y,
@@ -72,17 +72,25 @@ fn mesh(args: &InspectArgs, loaded: &LoadedMesh, console: &Console) -> Result<()
         low.x,
         low.y,
         low.z,
-        loaded.mesh.volume_mm3(),
-        loaded.mesh.triangles.len(),
+        loaded.solids().map(Mesh::volume_mm3).sum::<f64>(),
+        triangles(loaded),
+        match loaded.carved.is_empty() {
+            true => "",
+            false => " before the negative volumes are cut away",
+        },
         part.wanted_layers().len(),
         of_height,
         part.volume_mm3(),
     ))
 }
 
+fn triangles(loaded: &LoadedMesh) -> usize {
+    loaded.solids().map(|mesh| mesh.triangles.len()).sum()
+}
+
 fn mesh_json(loaded: &LoadedMesh, part: &SlicedPart) -> serde_json::Value {
-    let mesh = &loaded.mesh;
-    let [low, high] = mesh.bounds_mm();
+    let [low, high] = loaded.bounds_mm();
+    let volume_mm3: f64 = loaded.solids().map(Mesh::volume_mm3).sum();
     let notes = [&loaded.notes[..], &part.notes[..]].concat();
     let layers = part.wanted_layers().iter().map(|layer| {
         json!({
@@ -95,8 +103,8 @@ fn mesh_json(loaded: &LoadedMesh, part: &SlicedPart) -> serde_json::Value {
     json!({
         "kind": "mesh",
         "name": loaded.name,
-        "triangles": mesh.triangles.len(),
-        "volume_mm3": mesh.volume_mm3(),
+        "triangles": triangles(loaded),
+        "volume_mm3": volume_mm3,
         "layers_volume_mm3": part.volume_mm3(),
         "box_mm": [[low.x, low.y, low.z], [high.x, high.y, high.z]],
         "layers": layers.collect::<Vec<_>>(),

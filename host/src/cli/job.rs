@@ -7,7 +7,9 @@ use crate::input::names::part_name;
 use crate::job::SegmentStream;
 use crate::job_file::{self, JobFile, JobSummary};
 use crate::part_transform::PartTransform;
-use crate::report::job_texts::{NAME_TEXT, OUTLINE_TEXT, SETTINGS_TEXT, outline_from_json};
+use crate::report::job_texts::{
+    LAYER_OUTLINES_TEXT, LayerOutlines, NAME_TEXT, OUTLINE_TEXT, SETTINGS_TEXT, outline_from_json,
+};
 use crate::settings::{Settings, machine_file};
 use crate::wire_frames::WireFrames;
 use std::fs::File;
@@ -22,6 +24,7 @@ pub(super) struct Job {
     pub transform: PartTransform,
     pub name: String,
     pub outline: Vec<Region>,
+    pub layer_outlines: LayerOutlines,
     pub settings: Option<Settings>,
 }
 
@@ -47,6 +50,10 @@ pub(super) fn read(path: &Path) -> Result<Job, CliError> {
         outline: texts
             .get(OUTLINE_TEXT)
             .and_then(|text| outline_from_json(text))
+            .unwrap_or_default(),
+        layer_outlines: texts
+            .get(LAYER_OUTLINES_TEXT)
+            .and_then(|text| LayerOutlines::from_json(text))
             .unwrap_or_default(),
         settings: texts
             .get(SETTINGS_TEXT)

@@ -128,7 +128,7 @@ fn with_report<T>(planned: &Planned, finish: impl FnOnce(&Report) -> T) -> T {
     let sheets = shown.iter().zip(rasters).map(|(shown, rasters)| {
         let coverage = (!rasters.is_empty()).then(|| CoveragePicture {
             title: &shown.coverage_title,
-            regions: &planned.outline,
+            regions: planned.outline_of(shown.layer),
             rasters,
         });
         LayerSheets {
@@ -310,7 +310,7 @@ pub(super) fn plan_picture<'a>(
     PlanPicture {
         title,
         keep_out: keep_out.unwrap_or_default(),
-        regions: &planned.outline,
+        regions: planned.outline_of(layer),
         aperture: planned.settings.aperture,
         axis,
         passes,

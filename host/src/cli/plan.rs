@@ -72,6 +72,7 @@ pub(super) fn write_job(
     let facts = JobFacts {
         name: &planned.name,
         outline: &planned.outline,
+        layer_outlines: &planned.layer_outlines,
         settings: &planned.settings,
         transform: planned.transform,
         figures: &planned.figures,

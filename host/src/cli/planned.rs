@@ -18,6 +18,7 @@ use crate::plan::motion::joint_limits::MotionError;
 use crate::plan::outline::unreachable::UnreachableRun;
 use crate::report::Place;
 use crate::report::figures::Figures;
+use crate::report::job_texts::LayerOutlines;
 use crate::settings::{Settings, Tolerances};
 use crate::surface_plan::plan_on_surface;
 use crate::{Plan, PlanError, plan_target_around, plan_waypoints_with_progress};
@@ -29,7 +30,10 @@ use std::time::Instant;
 /// A job and what belongs to it.
 pub(super) struct Planned {
     pub name: String,
+    /// Of all layers, or of the lowest one of a part.
     pub outline: Vec<Region>,
+    /// Of a part whose layers differ.
+    pub layer_outlines: LayerOutlines,
     pub settings: Settings,
     pub transform: PartTransform,
     pub stream: SegmentStream,
@@ -57,6 +61,14 @@ const WIDER_MM: f64 = 10_000.0;
 const WIDER_RAD: f64 = 600.0;
 
 impl Planned {
+    /// The outline of a layer; nothing where it is not known.
+    pub(super) fn outline_of(&self, layer: u32) -> &[Region] {
+        match self.layer_outlines.is_empty() {
+            true => &self.outline,
+            false => self.layer_outlines.of_layer(layer),
+        }
+    }
+
     /// Gives the machine the ranges of its own joints again: what a board knows it by.
     pub(super) fn restore_joints(&mut self) {
         let Some(own) = self.own_joints.take() else {
@@ -197,6 +209,7 @@ fn planned_flat(
         figures: found.figures,
         name,
         outline: regions,
+        layer_outlines: LayerOutlines::default(),
         settings,
         transform: plan.transform,
         stream: plan.stream.clone(),
@@ -307,6 +320,7 @@ pub(super) fn of_job(job: Job) -> Planned {
         figures: serde_json::from_str(&header.figures_json).unwrap_or_default(),
         name: job.name,
         outline: job.outline,
+        layer_outlines: job.layer_outlines,
         settings,
         transform: job.transform,
         heat: job.file.header.heat(),

@@ -7,6 +7,7 @@ use crate::findings::settings_warnings::settings_warnings;
 use crate::gcode::GcodeProgram;
 use crate::gcode_plan::{GcodePlan, plan_gcode};
 use crate::report::figures::Figures;
+use crate::report::job_texts::LayerOutlines;
 use crate::settings::Settings;
 use std::path::Path;
 use std::time::Instant;
@@ -57,6 +58,7 @@ pub(super) fn from_gcode(
         figures,
         name,
         outline: Vec::new(),
+        layer_outlines: LayerOutlines::default(),
         settings: Settings {
             machine: planned.stream.machine(&settings.machine),
             ..planned.settings

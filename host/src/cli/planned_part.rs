@@ -10,17 +10,20 @@ use super::{CliError, copies, load};
 use crate::PlanError;
 use crate::findings::left_out::left_out;
 use crate::findings::settings_warnings::settings_warnings;
+use crate::findings::unreachable_note;
 use crate::findings::use_figures::{short_layers_note, stacked_figures, use_figures};
 use crate::geometry::polygon::Region;
 use crate::job::SegmentStream;
 use crate::job_packing::JobPacking;
 use crate::layer_stack::LeftOut;
 use crate::mesh::LoadedMesh;
-use crate::mesh::layers::{SlicedPart, sliced};
+use crate::mesh::layers::{SlicedPart, sliced_carved};
+use crate::open_ground;
 use crate::part_plan::{FirstLayer, PLACES_MAX, PartContext, PartPlan, plan_part_in_pieces};
 use crate::plan::layers::shells::Overhang;
 use crate::plan::outline::unreachable::UnreachableRun;
 use crate::report::figures::{Figures, LayerPlace};
+use crate::report::job_texts::LayerOutlines;
 use crate::settings::Settings;
 use std::fs::File;
 use std::path::Path;
@@ -46,7 +49,8 @@ pub(super) fn from_mesh(
         speed_mm_s: load::first_layer_speed(place, &settings)?,
     };
     let bar = console.stage("cutting");
-    let mut part = sliced(&loaded.mesh, &heights).map_err(|error| failed(error.to_string()))?;
+    let mut part = sliced_carved(&loaded.mesh, &loaded.carved, &heights)
+        .map_err(|error| failed(error.to_string()))?;
     let layers = part.layers.iter_mut().map(|layer| &mut layer.regions);
     part.notes.extend(copies::spread(place, layers, &settings)?);
     bar.finish_and_clear();
@@ -76,9 +80,7 @@ pub(super) fn from_mesh(
     console.notes(&cache.notes);
     notes.append(&mut cache.notes);
     let planned = planned.map_err(|error| plan_error(path, &error))?;
-    let mut warnings = warnings(&part, &planned);
-    warnings.extend(short_layers_note(planned.slowed, &settings));
-    warnings.extend(settings_warnings(&settings));
+    let warnings = warnings(&part, &planned, &settings);
     console.notes(&warnings);
     notes.extend(warnings);
     let figures = Figures {
@@ -87,10 +89,13 @@ pub(super) fn from_mesh(
     };
     let lowest = part.wanted_layers().iter();
     let lowest = lowest.map(|layer| &layer.regions).find(|r| !r.is_empty());
+    let numbered = part.wanted_layers().iter();
+    let numbered = numbered.map(|layer| (layer.number, layer.regions.as_slice()));
     Ok(Planned {
         figures,
         name,
         outline: lowest.cloned().unwrap_or_default(),
+        layer_outlines: LayerOutlines::of(numbered),
         settings: in_solution(planned.solution, settings),
         transform: planned.transform,
         stream,
@@ -235,7 +240,20 @@ fn part_figures(part: &SlicedPart, planned: &PartPlan, keep_out: &[Region]) -> F
 }
 
 /// What the user should look at before printing.
-fn warnings(part: &SlicedPart, planned: &PartPlan) -> Vec<String> {
+fn warnings(part: &SlicedPart, planned: &PartPlan, settings: &Settings) -> Vec<String> {
+    let mut warnings = part_warnings(part, planned);
+    let length_mm = planned.unreachable_mm;
+    warnings.extend(unreachable_note(&planned.unreachable, length_mm));
+    let top_mm = |layer: u32| Some(part.layers.get(layer as usize)?.top_mm);
+    let (open, all_mm2) = (&planned.open, planned.open_mm2);
+    warnings.extend(open_ground::note(open, all_mm2, top_mm, settings));
+    warnings.extend(short_layers_note(planned.slowed, settings));
+    warnings.extend(settings_warnings(settings));
+    warnings
+}
+
+/// What hangs, what is left out, what was slowed.
+fn part_warnings(part: &SlicedPart, planned: &PartPlan) -> Vec<String> {
     let mut warnings = Vec::new();
     let top_mm = |layer: u32| part.layers[layer as usize].top_mm;
     let mut hanging: Vec<(u32, &Overhang)> = overhangs(part, planned).collect();

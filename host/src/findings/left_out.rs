@@ -13,7 +13,13 @@ const PLACES_SHOWN: usize = 20;
 /// Open ground and unreachable boundary as places for the eye.
 pub(crate) fn left_out(open: &[OpenGround], unreachable: &[UnreachableRun]) -> Vec<Place> {
     let open = open.iter().map(|piece| Place {
-        what: format!("{:.3} mm² of open ground", piece.area_mm2),
+        what: match piece.layers {
+            1 => format!("{:.3} mm² of open ground", piece.area_mm2),
+            layers => format!(
+                "{:.3} mm² of open ground, on {layers} layers",
+                piece.area_mm2
+            ),
+        },
         x_mm: piece.at.x,
         y_mm: piece.at.y,
     });

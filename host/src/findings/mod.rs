@@ -15,7 +15,7 @@ use crate::Plan;
 use crate::drive::time_by_limit::{SlowPlace, TimeByLimit};
 use crate::geometry::Point2;
 use crate::layer_uses::layer_uses;
-use crate::open_ground::{self, OpenGround, open_ground};
+use crate::open_ground::{self, OpenGround, open_ground, told_mm2};
 use crate::part_piece::unreachable_boundary;
 use crate::part_transform::PartTransform;
 use crate::plan::layers::layer_groups::LayerGroup;
@@ -57,8 +57,9 @@ pub fn findings(plan: &Plan, plan_s: f64, settings: &Settings) -> Findings {
         None => unreachable_boundary(plan.regions()),
     };
     let mut warnings = warnings(plan, &unreachable, settings);
-    let open = open_ground(plan);
-    warnings.extend(open_ground::note(&open, settings));
+    let open = open_ground(plan, settings);
+    let all_mm2 = told_mm2(&open, settings);
+    warnings.extend(open_ground::note(&open, all_mm2, |_| None, settings));
     warnings.extend(settings_warnings(settings));
     Findings {
         figures: Figures {
@@ -193,24 +194,10 @@ fn kind_figures(plan: &Plan) -> Vec<KindFigures> {
 
 /// What the user should look at before printing.
 fn warnings(plan: &Plan, unreachable: &[UnreachableRun], settings: &Settings) -> Vec<String> {
-    let mut warnings = Vec::new();
     let length_mm: f64 = unreachable.iter().map(UnreachableRun::length_mm).sum();
-    if length_mm > 0.0 {
-        let places: Vec<String> = longest_first(unreachable)
-            .into_iter()
-            .take(PLACES_TOLD)
-            .map(|run| {
-                let at = nalgebra::center(&run.from, &run.to);
-                format!("{:.3} mm near ({:.3}, {:.3})", run.length_mm(), at.x, at.y)
-            })
-            .collect();
-        warnings.push(format!(
-            "{length_mm:.3} mm of the boundary cannot be reached by this aperture, in {} places; \
-             the longest: {}",
-            unreachable.len(),
-            places.join(", ")
-        ));
-    }
+    let mut warnings: Vec<String> = unreachable_note(unreachable, length_mm)
+        .into_iter()
+        .collect();
     if plan.motion.doubled_moves > 0 {
         warnings.push(format!(
             "{} moves had to be slowed as a whole to keep the limits",
@@ -220,6 +207,25 @@ fn warnings(plan: &Plan, unreachable: &[UnreachableRun], settings: &Settings) ->
     warnings.extend(short_layers_note(plan.slowed, settings));
     warnings.extend(run_notes(plan, settings));
     warnings
+}
+
+/// What is said of boundary that cannot be touched: `length_mm` of it over all layers.
+pub(crate) fn unreachable_note(unreachable: &[UnreachableRun], length_mm: f64) -> Option<String> {
+    let places = longest_first(unreachable).into_iter().take(PLACES_TOLD);
+    let places: Vec<String> = places
+        .map(|run| {
+            let at = nalgebra::center(&run.from, &run.to);
+            format!("{:.3} mm near ({:.3}, {:.3})", run.length_mm(), at.x, at.y)
+        })
+        .collect();
+    (length_mm > 0.0).then(|| {
+        format!(
+            "{length_mm:.3} mm of the boundary cannot be reached by this aperture, in {} places; the \
+             longest: {}",
+            unreachable.len(),
+            places.join(", ")
+        )
+    })
 }
 
 /// Which limits take the printing time, and where it is slowest.

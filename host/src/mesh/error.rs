@@ -86,13 +86,14 @@ pub enum MeshError {
     },
     /// Smaller than anything printable.
     #[error(
-        "the part is {} x {} x {} mm, smaller than {SIZE_MIN_MM} mm: check its units (--units) or \
-         give --scale",
-        Short(size_mm[0]), Short(size_mm[1]), Short(size_mm[2])
+        "the part is {size} mm, smaller than {SIZE_MIN_MM} mm: check its units (in metres, --units m, it \
+         is {metres} mm) or give --scale"
     )]
     TooSmall {
-        /// Extent along the axes.
-        size_mm: [f64; 3],
+        /// Extent along the axes, mm.
+        size: String,
+        /// The same of a file in metres.
+        metres: String,
     },
     /// So far from the origin that digits are lost.
     #[error(
@@ -164,6 +165,21 @@ pub enum MeshError {
     /// A 3MF file that builds nothing.
     #[error("its build has no item: place at least one object on the plate before the export")]
     NothingBuilt,
+    /// A 3MF file of which all is switched off or no material.
+    #[error(
+        "nothing in it is printed: its items are switched off, or are modifiers, supports or negative \
+         volumes: switch one on, or make one a part, and export it again"
+    )]
+    NothingPrinted,
+    /// A part whose first layer is cut away.
+    #[error(
+        "the negative volumes leave nothing of the first layer, {first_mm} mm high, at the part's lowest \
+         point: move them up, or cut the part there and lay it on the bed before the export"
+    )]
+    NothingLowest {
+        /// How high the first layer is.
+        first_mm: f64,
+    },
     /// A 3MF file's item of an object that is not there.
     #[error(
         "an item or component names object {id}, which the file does not have: export it again"

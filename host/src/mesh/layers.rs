@@ -6,11 +6,15 @@
 //! them fits, and so are those between ranges. The last layer is the last one whose middle lies in the
 //! part: up to half a layer is lost or gained at the top.
 
+use super::read::bounds_mm;
 use super::slice::{Section, Slicer};
-use super::{Mesh, MeshError};
+use super::{Carved, Mesh, MeshError};
+use crate::geometry::boolean::{difference, filled};
 use crate::geometry::polygon::Region;
+use crate::geometry::repair::FillRule;
 use crate::settings::LAYERS_MAX;
 use crate::short_number::Short;
+use rayon::prelude::*;
 use std::ops::Range;
 
 /// A middle that is this near below the top cuts nothing but rounding, mm.
@@ -206,7 +210,20 @@ impl LayerHeights {
 /// # Errors
 /// Where it has no layer, too many, or none in the range.
 pub fn sliced(mesh: &Mesh, heights: &LayerHeights) -> Result<SlicedPart, MeshError> {
-    let [low, high] = mesh.bounds_mm();
+    sliced_carved(mesh, &[], heights)
+}
+
+/// The same for a part that has something cut away from some of what it consists of.
+///
+/// # Errors
+/// Also where nothing of the first layer is left.
+pub fn sliced_carved(
+    mesh: &Mesh,
+    carved: &[Carved],
+    heights: &LayerHeights,
+) -> Result<SlicedPart, MeshError> {
+    let solids = carved.iter().map(|carved| &carved.solid);
+    let [low, high] = bounds_mm(std::iter::once(mesh).chain(solids));
     let height_mm = high.z - low.z;
     let bands = heights.bands(height_mm);
     let layers: f64 = bands.iter().map(|band| band.layers).sum();
@@ -236,7 +253,11 @@ pub fn sliced(mesh: &Mesh, heights: &LayerHeights) -> Result<SlicedPart, MeshErr
     let middles: Vec<f64> = middles
         .map(|[bottom, top]| low.z + 0.5 * (bottom + top))
         .collect();
-    let sections = Slicer::new(mesh).sections(&middles);
+    let sections = carved_sections(mesh, carved, &middles);
+    if !carved.is_empty() && sections[0].regions.is_empty() {
+        let first_mm = layers_mm[0][1];
+        return Err(MeshError::NothingLowest { first_mm });
+    }
     let notes = heights.note(&bands).into_iter();
     let notes = notes.chain(overlap_note(&sections, &middles)).collect();
     let layers = (0..layers).zip(layers_mm).zip(sections);
@@ -258,6 +279,32 @@ pub fn sliced(mesh: &Mesh, heights: &LayerHeights) -> Result<SlicedPart, MeshErr
         return Err(MeshError::NothingInside { from, to });
     }
     Ok(part)
+}
+
+/// The sections of what is left of a part. What overlaps between its bodies is printed once.
+fn carved_sections(mesh: &Mesh, carved: &[Carved], middles_mm: &[f64]) -> Vec<Section> {
+    let mut sections = Slicer::new(mesh).sections(middles_mm);
+    for Carved { solid, cut } in carved {
+        let solid = Slicer::new(solid).sections(middles_mm);
+        let cut = Slicer::new(cut).sections(middles_mm);
+        let own = solid.into_par_iter().zip(cut);
+        let own = own.map(|(solid, cut)| Section {
+            regions: difference(&solid.regions, &cut.regions),
+            overlap: solid.overlap,
+        });
+        let own: Vec<Section> = own.collect();
+        for (all, own) in sections.iter_mut().zip(own) {
+            if all.regions.is_empty() {
+                all.regions = own.regions;
+            } else if !own.regions.is_empty() {
+                let both = [&all.regions[..], &own.regions].concat();
+                let rings = both.iter().flat_map(Region::rings);
+                all.regions = filled(rings, FillRule::Positive);
+            }
+            all.overlap = all.overlap.or(own.overlap);
+        }
+    }
+    sections
 }
 
 /// Tells of the worst overlap of all.

@@ -5,6 +5,9 @@
 //!         (file's unit)    (mm, closed, counter-clockwise outside)    (mm, input coordinates)
 //!    --layers--> SlicedPart (regions and heights, mm)
 //! ```
+//! What a project cuts away from an object is a mesh of its own beside it ([`Carved`]), and goes from the
+//! object's sections.
+//!
 //! Input: the file's bytes, its [`MeshFormat`] and [`MeshOptions`]. Output: a closed [`Mesh`] in mm
 //! that stands upright, and one note for each thing that was mended. What is not closed within
 //! [`close_gaps::GAP_MAX_MM`] is refused with its place. Leaves out colours, materials and textures:
@@ -45,7 +48,25 @@ pub struct Mesh {
     pub triangles: Vec<[u32; 3]>,
 }
 
+/// A closed mesh, and what is cut away from it and from nothing else.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub struct Carved {
+    /// Material, closed, mm.
+    pub solid: Mesh,
+    /// No material, closed, mm.
+    pub cut: Mesh,
+}
+
 impl Mesh {
+    /// Takes over the triangles of another mesh, with vertices of their own.
+    fn append(&mut self, other: &Mesh) {
+        let first = self.vertices.len() as u32;
+        self.vertices.extend_from_slice(&other.vertices);
+        let triangles = other.triangles.iter();
+        self.triangles
+            .extend(triangles.map(|triangle| triangle.map(|vertex| first + vertex)));
+    }
+
     /// The corners of a triangle, mm.
     pub fn corners(&self, triangle: usize) -> [Point3; 3] {
         self.triangles[triangle].map(|vertex| self.vertices[vertex as usize])

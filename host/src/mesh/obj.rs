@@ -2,6 +2,7 @@
 
 use super::read::{RawMesh, syntax};
 use super::{Mesh, MeshError, Point3};
+use std::borrow::Cow;
 use std::io::Cursor;
 use tobj::{LoadError, LoadOptions};
 
@@ -13,6 +14,7 @@ pub(super) fn read(bytes: &[u8]) -> Result<RawMesh, MeshError> {
         ignore_lines: true,
         ..LoadOptions::default()
     };
+    let bytes = &lenient(bytes);
     // Colours change nothing of the shape.
     let no_materials = |_: &std::path::Path| Ok(Default::default());
     let (models, _) = tobj::load_obj_buf(&mut Cursor::new(bytes), &options, no_materials)
@@ -32,8 +34,34 @@ pub(super) fn read(bytes: &[u8]) -> Result<RawMesh, MeshError> {
         mesh,
         name: name.filter(|name| !name.is_empty() && name != "unnamed_object"),
         unit_mm: 1.0,
-        notes: Vec::new(),
+        ..RawMesh::default()
     })
+}
+
+/// The text as the reader takes it, line for line: a CR alone ends a line as well, and a material without
+/// a name is none.
+fn lenient(bytes: &[u8]) -> Cow<'_, [u8]> {
+    let mut text = Cow::Borrowed(bytes);
+    if !text.contains(&b'\n') && text.contains(&b'\r') {
+        for end in text.to_mut().iter_mut().filter(|byte| **byte == b'\r') {
+            *end = b'\n';
+        }
+    }
+    let word = b"usemtl";
+    let starts = text.windows(word.len()).enumerate();
+    let starts = starts.filter(|(_, window)| window == word);
+    let nameless = starts.filter(|(start, _)| {
+        let rest = text[start + word.len()..].split(|&byte| byte == b'\n');
+        let begins_line = *start == 0 || text[start - 1].is_ascii_whitespace();
+        let is_blank = |line: &[u8]| line.iter().all(u8::is_ascii_whitespace);
+        begins_line && rest.into_iter().next().is_some_and(is_blank)
+    });
+    let nameless: Vec<usize> = nameless.map(|(start, _)| start).collect();
+    for start in nameless {
+        // A comment.
+        text.to_mut()[start] = b'#';
+    }
+    text
 }
 
 /// What the reader says, with the first line that alone is not read either, or names a vertex that is not there.

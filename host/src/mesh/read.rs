@@ -4,7 +4,8 @@ use super::clean::{Cleaned, clean, with_shared_vertices};
 use super::close_gaps::{ClosedGaps, GAP_MAX_MM, close_gaps};
 use super::error::At3;
 use super::orient::{Reoriented, orient};
-use super::{Mesh, MeshError, Point3, obj, stl, threemf};
+use super::{Carved, Mesh, MeshError, Point3, obj, stl, threemf};
+use crate::short_number::Short;
 
 /// Most triangles that are read: 1 GB while they are sorted.
 pub const TRIANGLES_MAX: usize = 8_000_000;
@@ -49,8 +50,11 @@ impl Default for MeshOptions {
 }
 
 /// What a file holds, before anything is checked.
+#[derive(Default)]
 pub(super) struct RawMesh {
     pub mesh: Mesh,
+    /// Material, and what is cut away from it.
+    pub carved: Vec<(Mesh, Mesh)>,
     pub name: Option<String>,
     pub unit_mm: f64,
     pub notes: Vec<String>,
@@ -61,8 +65,10 @@ pub(super) struct RawMesh {
 pub struct LoadedMesh {
     /// The file's own name for the part, or the one that was given.
     pub name: String,
-    /// Closed, mm.
+    /// Closed, mm. Without triangles where all there is has something cut away.
     pub mesh: Mesh,
+    /// What a project cuts something away from.
+    pub carved: Vec<Carved>,
     /// One line each: what was mended.
     pub notes: Vec<String>,
 }
@@ -81,15 +87,146 @@ pub fn read(
     format: MeshFormat,
     options: &MeshOptions,
 ) -> Result<LoadedMesh, MeshError> {
-    let (mut mesh, mut notes, cleaned, own_name) = read_raw(bytes, format, options)?;
-    let gaps = close_gaps(&mut mesh)?;
-    let turned = orient(&mut mesh);
-    notes.extend(notes_of(cleaned, turned, gaps));
-    Ok(LoadedMesh {
-        name: own_name.unwrap_or_else(|| name.to_string()),
+    let raw = read_raw(bytes, format, options)?;
+    let triangles = raw.triangles();
+    let is_without_unit = format != MeshFormat::ThreeMf
+        && options.unit_mm.is_none()
+        && (options.scale - 1.0).abs() < f64::EPSILON;
+    let RawMesh {
         mesh,
+        carved,
+        name: own_name,
         notes,
-    })
+        ..
+    } = raw;
+    let mut closing = Closing {
+        notes,
+        mended: Mended::default(),
+    };
+    let loaded = LoadedMesh {
+        name: own_name.unwrap_or_else(|| name.to_string()),
+        mesh: closing.close(mesh)?,
+        carved: carved
+            .into_iter()
+            .map(|(solid, cut)| {
+                Ok(Carved {
+                    solid: closing.close(solid)?,
+                    cut: closing.close(cut)?,
+                })
+            })
+            .collect::<Result<_, MeshError>>()?,
+        notes: Vec::new(),
+    };
+    if loaded.solids().all(|mesh| mesh.triangles.is_empty()) {
+        return Err(MeshError::NothingEnclosed { triangles });
+    }
+    let mut notes = closing.told();
+    notes.extend(unit_note(&loaded).filter(|_| is_without_unit));
+    Ok(LoadedMesh { notes, ..loaded })
+}
+
+/// Volumes below which coordinates are more likely inches, and metres, than mm: what PrusaSlicer asks at.
+const INCH_MM3: f64 = 9.0;
+const METRE_MM3: f64 = 1e-3;
+
+/// What is said of a part that is so small that its unit is another one.
+fn unit_note(loaded: &LoadedMesh) -> Option<String> {
+    let volume_mm3: f64 = loaded.solids().map(Mesh::volume_mm3).sum();
+    let (unit, option, unit_mm) = match volume_mm3 {
+        volume_mm3 if volume_mm3 < METRE_MM3 => ("metres", "m", 1000.0),
+        volume_mm3 if volume_mm3 < INCH_MM3 => ("inches", "in", 25.4),
+        _ => return None,
+    };
+    let [low, high] = loaded.bounds_mm();
+    let size_mm = high - low;
+    let text = |factor: f64| size_text((size_mm * factor).into());
+    Some(format!(
+        "the part is {} mm, and the file has no unit: if it is in {unit}, --units {option} makes it {} mm",
+        text(1.0),
+        text(unit_mm)
+    ))
+}
+
+/// A size for messages: four digits are enough to know a part by.
+fn size_text(size_mm: [f64; 3]) -> String {
+    let [x, y, z] = size_mm.map(|mm| Short(format!("{mm:.3e}").parse().unwrap_or(mm)));
+    format!("{x} x {y} x {z}")
+}
+
+impl LoadedMesh {
+    /// All material before anything is cut away from it.
+    pub fn solids(&self) -> impl Iterator<Item = &Mesh> + Clone {
+        let carved = self.carved.iter().map(|carved| &carved.solid);
+        std::iter::once(&self.mesh).chain(carved)
+    }
+
+    /// Least and largest coordinates of all material, mm.
+    pub fn bounds_mm(&self) -> [Point3; 2] {
+        bounds_mm(self.solids())
+    }
+}
+
+/// Least and largest coordinates of several meshes, mm.
+pub(super) fn bounds_mm<'a>(meshes: impl Iterator<Item = &'a Mesh>) -> [Point3; 2] {
+    let none = Mesh::default().bounds_mm();
+    meshes
+        .map(Mesh::bounds_mm)
+        .fold(none, |all, own| [all[0].inf(&own[0]), all[1].sup(&own[1])])
+}
+
+/// Closes meshes, and sums up what was mended.
+struct Closing {
+    notes: Vec<String>,
+    mended: Mended,
+}
+
+#[derive(Clone, Copy, Default)]
+struct Mended {
+    cleaned: Cleaned,
+    turned: Reoriented,
+    gaps: ClosedGaps,
+}
+
+impl Closing {
+    fn close(&mut self, mesh: Mesh) -> Result<Mesh, MeshError> {
+        let mut mesh = with_shared_vertices(&mesh);
+        let Cleaned {
+            collapsed,
+            duplicates,
+        } = clean(&mut mesh);
+        let ClosedGaps {
+            welded,
+            split,
+            filled,
+            widest_mm,
+        } = close_gaps(&mut mesh)?;
+        let Reoriented { triangles, shells } = orient(&mut mesh);
+        let Mended {
+            cleaned,
+            turned,
+            gaps,
+        } = &mut self.mended;
+        cleaned.collapsed += collapsed;
+        cleaned.duplicates += duplicates;
+        turned.triangles += triangles;
+        turned.shells += shells;
+        gaps.welded += welded;
+        gaps.split += split;
+        gaps.filled += filled;
+        gaps.widest_mm = gaps.widest_mm.max(widest_mm);
+        Ok(mesh)
+    }
+
+    fn told(self) -> Vec<String> {
+        let Mended {
+            cleaned,
+            turned,
+            gaps,
+        } = self.mended;
+        let mut notes = self.notes;
+        notes.extend(notes_of(cleaned, turned, gaps));
+        notes
+    }
 }
 
 /// Reads a mesh of which the topmost triangles count, closed or not.
@@ -101,37 +238,57 @@ pub fn read_surface(
     format: MeshFormat,
     options: &MeshOptions,
 ) -> Result<Mesh, MeshError> {
-    read_raw(bytes, format, options).map(|(mesh, ..)| mesh)
+    let raw = read_raw(bytes, format, options)?;
+    let mut mesh = raw.mesh;
+    // Of a surface nothing is cut away.
+    raw.carved.iter().for_each(|(solid, _)| mesh.append(solid));
+    let triangles = mesh.triangles.len();
+    let mut mesh = with_shared_vertices(&mesh);
+    clean(&mut mesh);
+    match mesh.triangles.is_empty() {
+        true => Err(MeshError::NothingEnclosed { triangles }),
+        false => Ok(mesh),
+    }
 }
 
-/// The triangles in mm, corners shared, those without an area left out; notes, what was left out, and the
-/// file's own name for the part.
-fn read_raw(
-    bytes: &[u8],
-    format: MeshFormat,
-    options: &MeshOptions,
-) -> Result<(Mesh, Vec<String>, Cleaned, Option<String>), MeshError> {
-    let raw = match format {
+/// The triangles in mm.
+fn read_raw(bytes: &[u8], format: MeshFormat, options: &MeshOptions) -> Result<RawMesh, MeshError> {
+    let mut raw = match format {
         MeshFormat::Stl => stl::read(bytes)?,
         MeshFormat::ThreeMf => threemf::read(bytes)?,
         MeshFormat::Obj => obj::read(bytes)?,
     };
-    let mut mesh = raw.mesh;
-    let triangles = mesh.triangles.len();
-    check_numbers(&mesh)?;
     let factor = options.unit_mm.unwrap_or(raw.unit_mm) * options.scale;
     let turn = turns(options.rotate_rad);
-    for vertex in &mut mesh.vertices {
-        let p = Point3::from(vertex.coords * factor);
-        *vertex = turn.iter().fold(p, |p, turn| turn(p));
+    let cuts = raw.carved.iter_mut();
+    let cuts = cuts.flat_map(|(solid, cut)| [solid, cut]);
+    let all = std::iter::once(&mut raw.mesh).chain(cuts);
+    let mut triangles = 0;
+    for mesh in all {
+        check_numbers(mesh, triangles)?;
+        triangles += mesh.triangles.len();
+        for vertex in &mut mesh.vertices {
+            let p = Point3::from(vertex.coords * factor);
+            *vertex = turn.iter().fold(p, |p, turn| turn(p));
+        }
     }
-    check_size(&mesh)?;
-    let mut mesh = with_shared_vertices(&mesh);
-    let cleaned = clean(&mut mesh);
-    if mesh.triangles.is_empty() {
-        return Err(MeshError::NothingEnclosed { triangles });
+    if triangles == 0 {
+        return Err(MeshError::Empty);
     }
-    Ok((mesh, raw.notes, cleaned, raw.name))
+    check_size(raw.solids())?;
+    Ok(raw)
+}
+
+impl RawMesh {
+    /// All material before anything is cut away from it.
+    fn solids(&self) -> impl Iterator<Item = &Mesh> + Clone {
+        let carved = self.carved.iter().map(|(solid, _)| solid);
+        std::iter::once(&self.mesh).chain(carved)
+    }
+
+    fn triangles(&self) -> usize {
+        self.solids().map(|mesh| mesh.triangles.len()).sum()
+    }
 }
 
 /// The turns that are not none. Quarter turns are exact.
@@ -157,15 +314,14 @@ fn turns(rotate_rad: [f64; 3]) -> Vec<impl Fn(Point3) -> Point3> {
     given.map(turn).collect()
 }
 
-fn check_numbers(mesh: &Mesh) -> Result<(), MeshError> {
-    let triangles = mesh.triangles.len();
-    if triangles == 0 {
-        return Err(MeshError::Empty);
-    }
+/// Checks the corners of a mesh of a file, of which so many triangles were checked before.
+fn check_numbers(mesh: &Mesh, before: usize) -> Result<(), MeshError> {
+    let triangles = before + mesh.triangles.len();
     if triangles > TRIANGLES_MAX {
         return Err(MeshError::TooMany { triangles });
     }
     for (triangle, vertices) in mesh.triangles.iter().enumerate() {
+        let triangle = before + triangle;
         for &vertex in vertices {
             let Some(p) = mesh.vertices.get(vertex as usize) else {
                 return Err(MeshError::NoSuchVertex {
@@ -183,9 +339,11 @@ fn check_numbers(mesh: &Mesh) -> Result<(), MeshError> {
     Ok(())
 }
 
-fn check_size(mesh: &Mesh) -> Result<(), MeshError> {
-    let used = mesh.triangles.iter().flatten();
-    let used = used.map(|&vertex| mesh.vertices[vertex as usize]);
+fn check_size<'a>(meshes: impl Iterator<Item = &'a Mesh>) -> Result<(), MeshError> {
+    let used = meshes.flat_map(|mesh| {
+        let used = mesh.triangles.iter().flatten();
+        used.map(|&vertex| mesh.vertices[vertex as usize])
+    });
     let used = Mesh {
         vertices: used.collect(),
         triangles: Vec::new(),
@@ -196,7 +354,10 @@ fn check_size(mesh: &Mesh) -> Result<(), MeshError> {
         return Err(MeshError::TooBig { size_mm });
     }
     if size_mm.iter().all(|&size| size < SIZE_MIN_MM) {
-        return Err(MeshError::TooSmall { size_mm });
+        return Err(MeshError::TooSmall {
+            size: size_text(size_mm),
+            metres: size_text(size_mm.map(|mm| 1000.0 * mm)),
+        });
     }
     let middle = nalgebra::center(&low, &high);
     if middle.coords.amax() > FAR_MAX_MM {

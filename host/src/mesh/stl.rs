@@ -26,9 +26,8 @@ pub(super) fn read(bytes: &[u8]) -> Result<RawMesh, MeshError> {
     };
     Ok(RawMesh {
         mesh,
-        name: None,
         unit_mm: 1.0,
-        notes: Vec::new(),
+        ..RawMesh::default()
     })
 }
 
@@ -66,7 +65,9 @@ fn ascii(text: &str) -> Result<Mesh, MeshError> {
     let mut corners: Vec<[f32; 3]> = Vec::new();
     let mut is_open = false;
     let mut last_line = 0;
-    for (number, line) in (1..).zip(text.lines()) {
+    // Old programs end lines with a CR alone.
+    let line_end = if text.contains('\n') { '\n' } else { '\r' };
+    for (number, line) in (1..).zip(text.split(line_end)) {
         let at = |what: &str| syntax(FORMAT, format!("line {number}: {what}; export it again"));
         let mut words = line.split_ascii_whitespace();
         while let Some(word) = words.next() {

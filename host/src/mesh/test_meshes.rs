@@ -121,13 +121,18 @@ pub(super) fn to_obj(mesh: &Mesh) -> String {
 
 /// A 3MF package of this model text.
 pub(super) fn to_3mf(model: &str) -> Vec<u8> {
+    to_package(&[("3D/3dmodel.model", model)])
+}
+
+/// A package of these files.
+pub(super) fn to_package(files: &[(&str, &str)]) -> Vec<u8> {
     use std::io::Write;
     let mut package = zip::ZipWriter::new(std::io::Cursor::new(Vec::new()));
     let options = zip::write::SimpleFileOptions::default();
-    package
-        .start_file("3D/3dmodel.model", options)
-        .expect("memory");
-    package.write_all(model.as_bytes()).expect("memory");
+    for (name, text) in files {
+        package.start_file(*name, options).expect("memory");
+        package.write_all(text.as_bytes()).expect("memory");
+    }
     package.finish().expect("memory").into_inner()
 }
 

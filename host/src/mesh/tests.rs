@@ -371,6 +371,73 @@ fn formats_agree() {
     assert!((in_cm.expect("three boxes").mesh.volume_mm3() - 72e3).abs() < 1e-6);
 }
 
+/// Goal: files that are readable are read: normals that are no numbers, lines that end with CR alone,
+/// materials without a name. Method: a box in each manner, by its volume.
+#[test]
+fn readable_files_are_read() {
+    let body = cuboid([1.0, 2.0, 0.5], [4.0, 3.0, 2.0]);
+    let ascii = to_ascii_stl(&body);
+    let normal = "facet normal 0 0 0";
+    let no_number = ascii
+        .replacen(normal, "facet normal nan inf -nan", 4)
+        .replacen(normal, "facet normal -1.#IND 1.#QNAN 0", 2);
+    let obj = to_obj(&body);
+    let material = format!("mtllib\nusemtl\no part\nusemtl \n{obj}usemtl");
+    let mut binary = to_stl(&body);
+    binary[84..88].copy_from_slice(&f32::NAN.to_le_bytes());
+    binary[88..92].copy_from_slice(&f32::INFINITY.to_le_bytes());
+    use MeshFormat::{Obj, Stl};
+    for (what, format, bytes) in [
+        ("normals", Stl, no_number.into_bytes()),
+        ("binary normals", Stl, binary),
+        ("CR", Stl, ascii.replace('\n', "\r").into_bytes()),
+        ("CR LF", Stl, ascii.replace('\n', "\r\n").into_bytes()),
+        ("OBJ CR", Obj, obj.replace('\n', "\r").into_bytes()),
+        (
+            "no material",
+            Obj,
+            material.replace('\n', "\r\n").into_bytes(),
+        ),
+        ("nor here", Obj, material.into_bytes()),
+    ] {
+        let loaded = read(&bytes, "part", format, &MeshOptions::default());
+        let volume_mm3 = loaded.map(|loaded| loaded.mesh.volume_mm3().round());
+        assert_eq!(volume_mm3, Ok(24.0), "{what}");
+    }
+}
+
+/// Goal: a part in inches or metres is known by its size, and nothing is changed of it. Method: boxes in
+/// these units, with and without the option that the note gives; a small part in mm.
+#[test]
+fn inches_and_metres_are_known_by_their_size() {
+    let noted = |size: [f64; 3], unit_mm: Option<f64>| {
+        let options = MeshOptions {
+            unit_mm,
+            ..MeshOptions::default()
+        };
+        let bytes = to_stl(&cuboid([0.0; 3], size));
+        read(&bytes, "part", MeshFormat::Stl, &options).map(|loaded| loaded.notes.join("; "))
+    };
+    let inches = noted([1.0, 0.8, 0.5], None).expect("a part");
+    assert!(
+        inches.contains("1 x 0.8 x 0.5 mm")
+            && inches.contains("--units in makes it 25.4 x 20.32 x 12.7 mm"),
+        "{inches}"
+    );
+    let metres = noted([0.2, 0.02, 0.03], None).expect("a part");
+    assert!(
+        metres.contains("--units m makes it 200 x 20 x 30 mm"),
+        "{metres}"
+    );
+    let tiny = noted([0.02, 0.02, 0.03], None)
+        .expect_err("too small")
+        .to_string();
+    assert!(tiny.contains("--units m, it is 20 x 20 x 30 mm"), "{tiny}");
+    for (size, unit_mm) in [([1.0, 0.8, 0.5], Some(25.4)), ([3.0, 3.0, 1.1], None)] {
+        assert_eq!(noted(size, unit_mm), Ok(String::new()));
+    }
+}
+
 /// Goal: what is open by more than a gap is refused with its place, what is open by less is closed.
 /// Method: a box whose lid's corner is lifted by 0.9 and by 1.1 gaps, one without a triangle.
 #[test]

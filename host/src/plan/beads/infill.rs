@@ -24,6 +24,8 @@ use std::f64::consts::FRAC_PI_2;
 /// How far the flanks of a line may reach into the walls, against a: the walls' inner edge waves by
 /// about this much, and a row that touches it would be cut at every wave.
 const FLANK_SHARE: f64 = 0.04;
+/// The same for a bridge: its rows go from anchor to anchor or hang, and nothing fills what one leaves open.
+const BRIDGE_FLANK_SHARE: f64 = 0.3;
 /// Shortest line against b: less would be a blot.
 const LENGTH_SHARE_MIN: f64 = 1.0;
 /// Distance of placements along a line, against b.
@@ -56,7 +58,14 @@ pub fn infill_passes(
         }
         found.extend(loops);
     }
-    let lines = infill_lines(&for_lines, &settings.aperture, infill, settings.overlap);
+    let flanks = FLANK_SHARE;
+    let lines = infill_lines(
+        &for_lines,
+        &settings.aperture,
+        infill,
+        settings.overlap,
+        flanks,
+    );
     found.extend(lines);
     found
 }
@@ -67,7 +76,8 @@ pub fn bridge_lines(regions: &[Region], angle_rad: f64, settings: &PassSettings)
         angle_rad,
         ..Infill::solid(0)
     };
-    let mut lines = infill_lines(regions, &settings.aperture, &infill, settings.overlap);
+    let (aperture, flanks) = (&settings.aperture, BRIDGE_FLANK_SHARE);
+    let mut lines = infill_lines(regions, aperture, &infill, settings.overlap, flanks);
     for line in &mut lines {
         line.kind = PassKind::Bridge;
     }
@@ -96,6 +106,8 @@ struct Lines<'a> {
     /// Unit vectors along the lines and across them, to the left.
     along: Vector2,
     across: Vector2,
+    /// How far the flanks may reach into the walls, against a.
+    flank_share: f64,
 }
 
 /// One row: its height across the lines, and how the nozzle is turned there.
@@ -112,6 +124,7 @@ fn infill_lines(
     aperture: &Aperture,
     infill: &Infill,
     overlap: f64,
+    flank_share: f64,
 ) -> Vec<LayerPass> {
     if infill.density_pct <= 0.0 {
         return Vec::new();
@@ -121,6 +134,7 @@ fn infill_lines(
         aperture,
         along: Vector2::new(cos, sin),
         across: Vector2::new(-sin, cos),
+        flank_share,
     };
     regions
         .iter()
@@ -212,7 +226,7 @@ impl Lines<'_> {
 
     /// For each edge near the line the coordinates along it at which the aperture touches it.
     fn blocked_mm(&self, origin: Point2, heading_rad: f64, walls: &EdgeIndex) -> Vec<[f64; 2]> {
-        let flank_mm = FLANK_SHARE * self.aperture.major_mm();
+        let flank_mm = self.flank_share * self.aperture.major_mm();
         let reach = |side: f64| {
             let support = self.aperture.support_mm(heading_rad, self.across * side);
             (support - flank_mm).max(0.5 * support)
@@ -363,7 +377,13 @@ mod tests {
                 let clear = |at: Configuration| scaled_clearance(&aperture, at, &walls, 1.5);
                 // What the flanks may take: 4 % of a, at b along an edge.
                 let least = 1.0 - 0.04 * 0.6 / 0.2;
-                for pass in infill_lines(std::slice::from_ref(&plate), &aperture, &infill, 0.0) {
+                for pass in infill_lines(
+                    std::slice::from_ref(&plate),
+                    &aperture,
+                    &infill,
+                    0.0,
+                    FLANK_SHARE,
+                ) {
                     lines_seen += 1;
                     let placements = &pass.placements;
                     for placement in placements {
@@ -396,7 +416,13 @@ mod tests {
             angle_rad: 0.0,
             ..Infill::solid(1)
         };
-        let rows = infill_lines(std::slice::from_ref(&plate), &ELLIPSE, &infill, 0.0);
+        let rows = infill_lines(
+            std::slice::from_ref(&plate),
+            &ELLIPSE,
+            &infill,
+            0.0,
+            FLANK_SHARE,
+        );
         assert_eq!(rows.len(), 5);
         for (i, row) in rows.iter().enumerate() {
             let at = row.placements[0].at;
@@ -408,12 +434,12 @@ mod tests {
             density_pct: 30.0,
             ..infill
         };
-        let rows = infill_lines(&[plate], &ELLIPSE, &sparse, 0.0);
+        let rows = infill_lines(&[plate], &ELLIPSE, &sparse, 0.0, FLANK_SHARE);
         assert_eq!(rows.len(), 1, "4 mm apart");
         let none = Infill {
             density_pct: 0.0,
             ..infill
         };
-        assert!(infill_lines(&[self::plate()], &ELLIPSE, &none, 0.0).is_empty());
+        assert!(infill_lines(&[self::plate()], &ELLIPSE, &none, 0.0, FLANK_SHARE).is_empty());
     }
 }

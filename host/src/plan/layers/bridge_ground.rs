@@ -62,7 +62,7 @@ pub fn bridges(own: &[Region], below: &[Region], reach_mm: f64) -> Vec<Bridge> {
 }
 
 /// Twice the area over the perimeter is the width of a strip.
-fn is_wide(region: &Region, width_mm: f64) -> bool {
+pub fn is_wide(region: &Region, width_mm: f64) -> bool {
     let perimeter_mm: f64 = region.rings().map(Ring::perimeter_mm).sum();
     2.0 * region.area_mm2() >= width_mm * perimeter_mm
 }

@@ -5,12 +5,14 @@
 //! (mm, local)              (mm, rad)                    (alike layers once; machine coordinates)
 //! outline --skirt--> SkirtPlan (loops around the first layer)
 //! outlines --bridge_ground--> Bridge (what spans open space, and in which direction)
+//! outlines, infill --hollow--> the same of roofs over an inside that is all but empty
 //! outlines --shells--> ground that lies open above or below, overhangs
 //! ```
 //!
 //! Leaves out: which layers there are (`layer_stack`, `part_plan`), supports.
 
 pub mod bridge_ground;
+pub mod hollow;
 pub mod layer_groups;
 pub mod optimised_passes;
 pub mod region_plan;

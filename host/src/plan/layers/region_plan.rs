@@ -58,6 +58,8 @@ pub struct RegionPlan {
     pub curves: Vec<PassCurve>,
     /// The ground inside the walls that infill lines are to cover, local.
     pub open: Vec<Region>,
+    /// What of that is open on purpose between the lines of a sparse infill, local.
+    pub sparse: Vec<Region>,
 }
 
 impl RegionPlan {
@@ -178,6 +180,8 @@ pub struct RegionWork {
     open: Vec<Region>,
     /// What of that sparse lines and bridges have.
     sparse_open: Vec<Region>,
+    /// What of that sparse lines have.
+    sparse_ground: Vec<Region>,
     /// Part of the open ground is filled, part is not.
     is_mixed: bool,
 }
@@ -223,6 +227,7 @@ impl RegionWork {
             bridges: Vec::new(),
             open: Vec::new(),
             sparse_open: Vec::new(),
+            sparse_ground: Vec::new(),
             is_mixed: false,
         })
     }
@@ -270,8 +275,9 @@ impl RegionWork {
                 for line in &mut work.sparse {
                     line.kind = PassKind::Sparse;
                 }
-                work.sparse_open = sparse;
+                work.sparse_open = sparse.clone();
                 work.sparse_open.extend(bridged);
+                work.sparse_ground = sparse;
                 work.passes = passes;
             }
         }
@@ -394,6 +400,7 @@ impl RegionWork {
             passes,
             curves,
             open: self.open.iter().map(out).collect(),
+            sparse: self.sparse_ground.iter().map(out).collect(),
         }
     }
 

@@ -53,15 +53,35 @@ pub struct Overhang {
     pub at: Point2,
 }
 
-/// Of each layer but the first the ground that lies farther than `reach_mm` from what is below.
-pub fn overhangs(outlines: &[&[Region]], reach_mm: f64) -> Vec<Overhang> {
+/// How far around a bridge's ground it holds what it borders, mm: well above rounding.
+const BESIDE_MM: f64 = 0.02;
+
+/// Of each layer but the first the ground that lies farther than `reach_mm` from what is below, with what
+/// `unheld` has besides, and is in none of the layer's bridges.
+pub fn overhangs(
+    outlines: &[&[Region]],
+    unheld: impl Fn(usize) -> Vec<Region> + Sync,
+    bridges: impl Fn(usize) -> Vec<Region> + Sync,
+    reach_mm: f64,
+) -> Vec<Overhang> {
     let layers = (0..outlines.len()).into_par_iter();
     let found = layers.map(|layer| {
         let below = layer.checked_sub(1).map(|below| outlines[below]);
-        let Some(below) = below.filter(|below| *below != outlines[layer]) else {
-            return Overhang::default();
+        let mut open = match below {
+            Some(below) if below != outlines[layer] => {
+                difference(outlines[layer], &grown(below, reach_mm))
+            }
+            _ => Vec::new(),
         };
-        let open = difference(outlines[layer], &grown(below, reach_mm));
+        let unheld = unheld(layer);
+        if !unheld.is_empty() {
+            let more = difference(&unheld, &open);
+            open.extend(more);
+        }
+        if !open.is_empty() {
+            let bridged = grown(&bridges(layer), BESIDE_MM);
+            open = difference(&open, &bridged);
+        }
         let mut hanging = Overhang::default();
         for region in &open {
             let area_mm2 = region.area_mm2();
@@ -110,13 +130,14 @@ mod tests {
         assert_eq!(areas, expected);
     }
 
-    /// Goal: only what juts out farther than the reach hangs. Method: a wider square on a narrow
-    /// one, the ring beyond the reach by hand (corners round).
+    /// Goal: only what juts out farther than the reach and is not bridged hangs. Method: a wider square on
+    /// a narrow one, the ring beyond the reach by hand (corners round), with a bridge over a side of it.
     #[test]
     fn what_juts_out_hangs() {
         let (narrow, wide) = (square(4.0), square(5.0));
         let layers = [narrow.as_slice(), wide.as_slice(), wide.as_slice()];
-        let found = overhangs(&layers, 0.3);
+        let none = |_| Vec::new();
+        let found = overhangs(&layers, none, none, 0.3);
         let expected = 25.0 - (4.3 * 4.3 - (1.0 - std::f64::consts::FRAC_PI_4) * 0.09);
         assert!(
             (found[1].area_mm2 - expected).abs() < 1e-3,
@@ -124,6 +145,18 @@ mod tests {
             found[1]
         );
         assert_eq!([found[0], found[2]], [Overhang::default(); 2]);
-        assert_eq!(overhangs(&layers, 1.5)[1].area_mm2, 0.0);
+        assert_eq!(overhangs(&layers, none, none, 1.5)[1].area_mm2, 0.0);
+        // All that hangs beyond x = 4.3 mm.
+        let side = region(&[&[[4.3, 0.0], [5.0, 0.0], [5.0, 5.0], [4.3, 5.0]]]);
+        let bridged = |layer| {
+            if layer == 1 {
+                vec![side.clone()]
+            } else {
+                Vec::new()
+            }
+        };
+        let held = overhangs(&layers, none, bridged, 0.3)[1].area_mm2;
+        // The bridge holds 0.02 mm of the rest.
+        assert!((held - (expected - 3.5)).abs() < 0.02, "{held}");
     }
 }

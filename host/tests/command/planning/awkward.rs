@@ -454,3 +454,51 @@ fn thin_parts_that_vanish_are_named() {
         "{note}"
     );
 }
+
+/// With walls, ground that stays open was not reported, and that of layers which are alike counted once.
+/// Goal: it is reported with walls and without, on all layers. Method: the wing of 1.8 mm² and the strip of
+/// 1.5 mm² again, on three layers with one wall, sparse lines inside the middle one.
+#[test]
+fn thin_parts_that_vanish_are_named_with_walls_on_all_layers() {
+    let folder = folder("wing-walls");
+    let bar = [[0, 0], [9, 0], [9, 1], [15, 1]];
+    let bar: Vec<[f64; 2]> = bar.iter().map(|p| p.map(f64::from)).collect();
+    let wing = [[15.0, 1.3], [9.0, 1.3], [9.0, 4.0], [0.0, 4.0], [0.0, 0.0]];
+    let bar = [&bar[..], &wing].concat();
+    let strip = [[0.0, 9.0], [5.0, 9.0], [5.0, 9.3], [0.0, 9.3], [0.0, 9.0]];
+    let parts = serde_json::json!({"type": "MultiPolygon", "coordinates": [[bar], [strip]]});
+    let file = folder.join("wing.geojson");
+    std::fs::write(&file, parts.to_string()).expect("file");
+    let job = folder.join("wing.hwj");
+    let plan = ["plan", path(&file), "-o", path(&job), "--json"];
+    let walls = [
+        "--walls",
+        "1",
+        "--infill-density",
+        "20",
+        "--top",
+        "1",
+        "--bottom",
+        "1",
+    ];
+    let layers = ["--layers", "3", "--quality", "fast"];
+    let output = headway(&[&plan[..], &walls, &layers].concat());
+    let figures = object(&output);
+    let largest_mm2 = figures["open_largest_mm2"].as_f64().expect("a figure");
+    assert!((largest_mm2 - 1.8).abs() < 0.1, "{largest_mm2}");
+    let said = stderr(&output);
+    let note = said.lines().find(|line| line.contains("stay open"));
+    let note = note.unwrap_or_else(|| panic!("{said}"));
+    let all_mm2 = note
+        .split("note: ")
+        .last()
+        .and_then(|text| text.split(' ').next());
+    let all_mm2: f64 = all_mm2.and_then(|mm2| mm2.parse().ok()).expect("an area");
+    // Three times 3.3 mm², and what else stays open on layers of this quality.
+    assert!((9.6..10.6).contains(&all_mm2), "{note}");
+    assert!(note.contains("summed over the layers"), "{note}");
+    assert!(
+        note.contains("1.50 mm² near (2.5") || note.contains("1.50 mm² near (2.4"),
+        "{note}"
+    );
+}

@@ -536,3 +536,149 @@ fn broken_meshes_leave_nothing_behind() {
         assert_eq!(left, 0, "{name} {options:?}");
     }
 }
+
+/// Goal: the command prints what a slicer's project means: a plate of 2,000 mm³ with a slot through it is
+/// 1,500 mm³ by layers. Method: a package in PrusaSlicer's manner.
+#[test]
+fn a_negative_volume_is_cut_away() {
+    use std::io::Write;
+    let (mut vertices, mut triangles) = (String::new(), String::new());
+    let faces = [
+        [0, 2, 3, 1],
+        [4, 5, 7, 6],
+        [0, 1, 5, 4],
+        [2, 6, 7, 3],
+        [0, 4, 6, 2],
+        [1, 3, 7, 5],
+    ];
+    let boxes = [[0, 20, 0, 5], [5, 15, -1, 6]];
+    for (first, [low, high, bottom, top]) in [(0, boxes[0]), (8, boxes[1])] {
+        for corner in 0..8 {
+            let [x, y] = [1, 2].map(|bit| if corner & bit == 0 { low } else { high });
+            let z = if corner & 4 == 0 { bottom } else { top };
+            vertices += &format!("<vertex x=\"{x}\" y=\"{y}\" z=\"{z}\"/>");
+        }
+        for [a, b, c, d] in faces.map(|face| face.map(|corner| corner + first)) {
+            for [p, q] in [[b, c], [c, d]] {
+                triangles += &format!("<triangle v1=\"{a}\" v2=\"{p}\" v3=\"{q}\"/>");
+            }
+        }
+    }
+    let model = format!(
+        "<model unit=\"millimeter\"><resources><object id=\"1\" type=\"model\"><mesh><vertices>{vertices}\
+         </vertices><triangles>{triangles}</triangles></mesh></object></resources><build>\
+         <item objectid=\"1\"/></build></model>"
+    );
+    let config = "<config><object id=\"1\"><volume firstid=\"0\" lastid=\"11\"/><volume firstid=\"12\" \
+                  lastid=\"23\"><metadata type=\"volume\" key=\"volume_type\" value=\"NegativeVolume\"/>\
+                  </volume></object></config>";
+    let folder = folder("negative-volume");
+    let file = folder.join("plate.3mf");
+    let mut package = zip::ZipWriter::new(std::fs::File::create(&file).expect("a file"));
+    let options = zip::write::SimpleFileOptions::default();
+    for (name, text) in [
+        ("3D/3dmodel.model", model.as_str()),
+        ("Metadata/Slic3r_PE_model.config", config),
+    ] {
+        package.start_file(name, options).expect("a file");
+        package.write_all(text.as_bytes()).expect("a file");
+    }
+    package.finish().expect("a file");
+    let found = object(&headway(&["inspect", path(&file), "--json"]));
+    let layers_mm3 = found["layers_volume_mm3"].as_f64().expect("a volume");
+    assert!((layers_mm3 - 1500.0).abs() < 1e-6, "{layers_mm3}");
+    assert_eq!(found["box_mm"][0][2], 0.0);
+    let notes = found["notes"].to_string();
+    assert!(notes.contains("1 negative volume"), "{notes}");
+}
+
+/// Boxes as one ASCII STL: least and greatest corner of each.
+fn boxes(all: &[[[f64; 3]; 2]]) -> String {
+    let faces = [
+        [0, 2, 3, 1],
+        [4, 5, 7, 6],
+        [0, 1, 5, 4],
+        [2, 6, 7, 3],
+        [0, 4, 6, 2],
+        [1, 3, 7, 5],
+    ];
+    let mut text = String::from("solid part\n");
+    for corners in all {
+        for [a, b, c, d] in faces {
+            for triangle in [[a, b, c], [a, c, d]] {
+                text += "facet normal 0 0 0\nouter loop\n";
+                for number in triangle {
+                    let [x, y, z] = [0, 1, 2].map(|axis| corners[(number >> axis) & 1][axis]);
+                    text += &format!("vertex {x} {y} {z}\n");
+                }
+                text += "endloop\nendfacet\n";
+            }
+        }
+    }
+    text + "endsolid part\n"
+}
+
+/// A picture of an upper layer had the lowest layer's outline, and was as large; a rib that no bead fits in
+/// vanished from a part without a word.
+/// Goal: the picture shows the layer, ground that stays open is named with its height. Method: a plate with a
+/// rib of 0.3 mm and a smaller plate on it; sizes of the sheets, the outline's points, the note.
+#[test]
+fn pictures_show_their_layer_and_open_ground_is_named() {
+    let folder = folder("steps");
+    let file = folder.join("steps.stl");
+    let plate = [[0.0, 0.0, 0.0], [9.0, 3.0, 0.2]];
+    let rib = [[8.0, 1.0, 0.0], [15.0, 1.3, 0.2]];
+    let upper = [[1.0, 1.0, 0.2], [4.0, 3.0, 0.4]];
+    std::fs::write(&file, boxes(&[plate, rib, upper])).expect("file");
+    let job = folder.join("steps.hwj");
+    let plan = [
+        "plan",
+        path(&file),
+        "-o",
+        path(&job),
+        "--layer-height",
+        "0.2",
+    ];
+    let walls = [
+        "--walls",
+        "1",
+        "--infill-density",
+        "20",
+        "--quality",
+        "fast",
+    ];
+    let output = headway(&[&plan[..], &walls].concat());
+    let said = stderr(&output);
+    let note = said.lines().find(|line| line.contains("stay open"));
+    let note = note.unwrap_or_else(|| panic!("{said}"));
+    // The rib's middle, but for what reaches into it, and its height.
+    assert!(
+        note.contains("1.80 mm² near (12.0") || note.contains("mm² near (11.9"),
+        "{note}"
+    );
+    assert!(note.contains(", 0.20)"), "{note}");
+    let picture = |layer: &str| {
+        let export = ["export", path(&job), "--to", "svg", "--layer", layer];
+        succeeded(&headway(&export))
+    };
+    let view = |svg: &str| {
+        let from = svg
+            .split("viewBox=\"")
+            .nth(1)
+            .and_then(|rest| rest.split('"').next());
+        from.unwrap_or_else(|| panic!("{svg}")).to_string()
+    };
+    let (lower, upper) = (picture("1"), picture("2"));
+    assert_ne!(view(&lower), view(&upper));
+    let outline = |svg: &str| {
+        let path = svg.split("fill=\"#edf2f7\"").next().unwrap_or_default();
+        let path = path.rsplit("d=\"").next().unwrap_or_default();
+        path.split('"')
+            .next()
+            .unwrap_or_default()
+            .matches('L')
+            .count()
+    };
+    assert!(outline(&lower) > outline(&upper), "{lower}");
+    assert_eq!(outline(&upper), 3, "{upper}");
+}

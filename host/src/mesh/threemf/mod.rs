@@ -1,0 +1,340 @@
+//! 3MF: the objects that the build names, each where its transforms put it, and read as the slicer that
+//! wrote the project means them.
+//!
+//! ```text
+//! bytes --package--> [Model], Roles, Unfollowed --Placing--> material, what is cut from it --> RawMesh
+//! ```
+//! Slicers keep objects in model files of their own beside the one that has the build: a component names
+//! the file, or else an object that its own model does not have is looked for in the others. Volumes that
+//! are no material (modifiers, support blockers and enforcers) are left out, negative ones are cut away
+//! from the object that has them. What a project asks for beyond that is not followed, and reported.
+//! Leaves out colours, materials and textures.
+
+mod model;
+mod package;
+mod roles;
+#[cfg(test)]
+mod tests;
+mod unfollowed;
+mod xml;
+
+use super::read::{RawMesh, TRIANGLES_MAX, syntax};
+use super::{Mesh, MeshError, Point3};
+use model::{Item, Model, Object, Transform, UNMOVED};
+use package::{Files, files};
+use roles::{Role, Roles};
+use std::collections::HashMap;
+use unfollowed::Aside;
+
+const FORMAT: &str = "3MF";
+/// Components within components.
+const DEPTH_MAX: usize = 16;
+/// Objects and components that are declared, and those that are placed, each as often as it is: components
+/// repeat what is packed once, so that a few lines may name any number of them.
+const PARTS_MAX: usize = 100_000;
+
+/// Reads what the build places.
+pub(super) fn read(bytes: &[u8]) -> Result<RawMesh, MeshError> {
+    let files = files(bytes)?;
+    let Files {
+        models,
+        roles,
+        unfollowed,
+    } = &files;
+    let mut builds = models.iter().filter(|model| !model.items.is_empty());
+    let root = builds.next().ok_or(MeshError::NothingBuilt)?;
+    let mut placing = Placing {
+        models,
+        roles,
+        only_counts: true,
+        triangles: 0,
+        parts: 0,
+        item: Body::default(),
+        aside: Aside::default(),
+        placed: Vec::new(),
+    };
+    let items: Vec<&Item> = root.items.iter().filter(|item| item.is_printable).collect();
+    // Counted before anything is made of it.
+    for item in &items {
+        placing.add(item, root, &Place::of(item))?;
+    }
+    placing.only_counts = false;
+    placing.placed.clear();
+    let (mut mesh, mut carved) = (Mesh::default(), Vec::new());
+    for item in &items {
+        placing.add(item, root, &Place::of(item))?;
+        let Body { solid, cut } = std::mem::take(&mut placing.item);
+        match cut.triangles.is_empty() || solid.triangles.is_empty() {
+            true => mesh.append(&solid),
+            false => carved.push((solid, cut)),
+        }
+    }
+    if mesh.triangles.is_empty() && carved.is_empty() && !placing.is_all_printed(root, &items) {
+        return Err(MeshError::NothingPrinted);
+    }
+    let mut notes = Vec::new();
+    if items.len() > 1 {
+        notes.push(format!("{} build items", items.len()));
+    }
+    placing.aside.switched_off = root.items.len() - items.len();
+    let objects = placing.placed_objects();
+    notes.extend(unfollowed::notes(
+        unfollowed,
+        &placing.aside,
+        roles,
+        &objects,
+    ));
+    let named = root.objects.iter().find_map(|o| o.name.clone());
+    Ok(RawMesh {
+        mesh,
+        carved,
+        name: named.filter(|_| items.len() == 1),
+        unit_mm: root.unit_mm,
+        notes,
+    })
+}
+
+fn problem(what: &str) -> MeshError {
+    syntax(FORMAT, format!("{what}; export it again"))
+}
+
+fn moved(p: Point3, m: &Transform) -> Point3 {
+    let along = |i: usize| p.x * m[i] + p.y * m[3 + i] + p.z * m[6 + i] + m[9 + i];
+    Point3::new(along(0), along(1), along(2))
+}
+
+/// First `inner`, then `outer`.
+fn chained(inner: &Transform, outer: &Transform) -> Transform {
+    let mut chained = [0.0; 12];
+    for row in 0..4 {
+        for column in 0..3 {
+            let own = (0..3).map(|k| inner[3 * row + k] * outer[3 * k + column]);
+            let shift = if row == 3 { outer[9 + column] } else { 0.0 };
+            chained[3 * row + column] = own.sum::<f64>() + shift;
+        }
+    }
+    chained
+}
+
+/// True where a transform is a mirror image: outside becomes inside.
+fn mirrors(m: &Transform) -> bool {
+    let rows = nalgebra::Matrix3::from_row_slice(&m[..9]);
+    rows.determinant() < 0.0
+}
+
+/// The material of an item, and what is cut away from it.
+#[derive(Default)]
+struct Body {
+    solid: Mesh,
+    cut: Mesh,
+}
+
+/// Where an object is placed.
+#[derive(Clone, Copy)]
+struct Place {
+    /// The object of the build that it is part of.
+    top: usize,
+    transform: Transform,
+    /// What the objects around it are.
+    role: Role,
+    depth: usize,
+}
+
+impl Place {
+    fn of(item: &Item) -> Place {
+        Place {
+            top: item.object,
+            transform: UNMOVED,
+            role: Role::Part,
+            depth: 0,
+        }
+    }
+}
+
+/// Places objects and what they consist of.
+struct Placing<'a> {
+    models: &'a [Model],
+    roles: &'a Roles,
+    only_counts: bool,
+    /// Counted so far.
+    triangles: usize,
+    parts: usize,
+    /// Of the item that is being placed.
+    item: Body,
+    aside: Aside,
+    placed: Vec<&'a Object>,
+}
+
+impl<'a> Placing<'a> {
+    /// The object that an item or component of a model names, and the model that has it.
+    fn object(&self, item: &Item, model: &'a Model) -> Option<(&'a Object, &'a Model)> {
+        let id = item.object;
+        let in_model = |model: &'a Model| {
+            let mut objects = model.objects.iter();
+            Some((objects.find(|object| object.id == id)?, model))
+        };
+        if let Some(path) = &item.path {
+            let path = path.trim_start_matches('/');
+            let named = self.models.iter().find(|model| model.path == path);
+            if let Some(found) = named.and_then(in_model) {
+                return Some(found);
+            }
+        }
+        let others = self.models.iter().filter(|m| !std::ptr::eq(*m, model));
+        std::iter::once(model).chain(others).find_map(in_model)
+    }
+
+    fn add(&mut self, item: &Item, model: &'a Model, outer: &Place) -> Result<(), MeshError> {
+        let (id, max) = (item.object, DEPTH_MAX);
+        if outer.depth > max {
+            return Err(MeshError::TooDeep { id, max });
+        }
+        // One that names itself would be found in another model.
+        let Some((object, model)) = self.object(item, model) else {
+            return Err(MeshError::NoSuchObject { id });
+        };
+        let volume = self.roles.component(outer.top, id);
+        let own_role = match outer.role {
+            Role::Part => volume.map_or(Role::Part, |volume| volume.role),
+            role => role,
+        };
+        let place = Place {
+            transform: chained(&item.transform, &outer.transform),
+            role: match own_role {
+                Role::Part => object.role(),
+                role => role,
+            },
+            ..*outer
+        };
+        let name = volume.and_then(|volume| volume.name.as_ref());
+        self.add_object(object, &place, name.or(object.name.as_ref()))?;
+        for component in &object.components {
+            // A component of the same number is another model's.
+            let from = match component.object == id && component.path.is_none() {
+                true => self.models.iter().find(|m| !std::ptr::eq(*m, model)),
+                false => Some(model),
+            };
+            let id = component.object;
+            let from = from.ok_or(MeshError::NoSuchObject { id })?;
+            let depth = place.depth + 1;
+            self.add(component, from, &Place { depth, ..place })?;
+        }
+        Ok(())
+    }
+
+    /// What an object itself has of triangles.
+    fn add_object(
+        &mut self,
+        object: &'a Object,
+        place: &Place,
+        name: Option<&String>,
+    ) -> Result<(), MeshError> {
+        if self.only_counts {
+            return self.count(object);
+        }
+        check_corners(object)?;
+        self.placed.push(object);
+        let all = 0..object.triangles.len();
+        let volumes = self.roles.by_triangles(object.id);
+        if volumes.is_empty() || place.role != Role::Part {
+            if !all.is_empty() {
+                self.add_triangles(object, all, place, name);
+            }
+            return Ok(());
+        }
+        // Triangles of no volume are material.
+        let mut next = 0;
+        for ([first, last], volume) in volumes {
+            let [first, end] = [first, last.saturating_add(1)].map(|end| end.min(all.end));
+            let first = first.max(next);
+            let name = volume.name.as_ref();
+            let role = volume.role;
+            self.add_triangles(object, next..first, place, None);
+            self.add_triangles(object, first..end, &Place { role, ..*place }, name);
+            next = end.max(next);
+        }
+        self.add_triangles(object, next..all.end, place, None);
+        Ok(())
+    }
+
+    fn count(&mut self, object: &Object) -> Result<(), MeshError> {
+        self.triangles += object.triangles.len();
+        if self.triangles > TRIANGLES_MAX {
+            return Err(MeshError::TooMany {
+                triangles: self.triangles,
+            });
+        }
+        self.parts += 1;
+        match self.parts > PARTS_MAX {
+            true => Err(MeshError::TooManyParts { max: PARTS_MAX }),
+            false => Ok(()),
+        }
+    }
+
+    /// Some of an object's triangles, by what they are for.
+    fn add_triangles(
+        &mut self,
+        object: &Object,
+        triangles: std::ops::Range<usize>,
+        place: &Place,
+        name: Option<&String>,
+    ) {
+        if triangles.is_empty() {
+            return;
+        }
+        let mesh = match place.role {
+            Role::Part => &mut self.item.solid,
+            Role::Negative => &mut self.item.cut,
+            _ => {
+                self.aside.push(place.role, name);
+                return;
+            }
+        };
+        if place.role == Role::Negative {
+            self.aside.push(place.role, name);
+        }
+        let is_mirrored = mirrors(&place.transform);
+        let mut numbers: HashMap<u32, u32> = HashMap::new();
+        for triangle in &object.triangles[triangles] {
+            let [a, b, c] = triangle.map(|vertex| {
+                *numbers.entry(vertex).or_insert_with(|| {
+                    let p = object.vertices[vertex as usize];
+                    mesh.vertices.push(moved(p, &place.transform));
+                    mesh.vertices.len() as u32 - 1
+                })
+            });
+            let triangle = if is_mirrored { [a, c, b] } else { [a, b, c] };
+            mesh.triangles.push(triangle);
+        }
+    }
+
+    /// The objects that were placed, each once.
+    fn placed_objects(&self) -> Vec<&'a Object> {
+        let mut objects = self.placed.clone();
+        objects.sort_by_key(|object| (object.id, std::ptr::from_ref(*object) as usize));
+        objects.dedup_by(|p, q| std::ptr::eq(*p, *q));
+        objects
+    }
+
+    /// True where nothing was left out: a mesh without triangles is then just empty.
+    fn is_all_printed(&self, root: &Model, items: &[&Item]) -> bool {
+        self.aside.is_empty() && root.items.len() == items.len()
+    }
+}
+
+/// Triangles of vertices that are there.
+fn check_corners(object: &Object) -> Result<(), MeshError> {
+    let vertices = object.vertices.len();
+    for (triangle, corners) in object.triangles.iter().enumerate() {
+        let is_beyond = |&&vertex: &&u32| vertex as usize >= vertices;
+        if let Some(&vertex) = corners.iter().find(is_beyond) {
+            let vertex = vertex as usize;
+            return Err(MeshError::NoSuchVertex {
+                triangle,
+                vertex,
+                vertices,
+            });
+        }
+    }
+    Ok(())
+}

@@ -1,0 +1,231 @@
+//! A model file of a 3MF package: its objects, and what its build places.
+//!
+//! Resources may stand in any order. Of colours, materials and textures nothing is kept; what slicers
+//! paint on triangles is counted.
+
+use super::problem;
+use super::roles::{KeyValues, Role};
+use super::xml::{Part, Tag, read};
+use crate::mesh::read::TRIANGLES_MAX;
+use crate::mesh::{MeshError, Point3};
+use std::io::BufRead;
+
+/// Rows of a transform as the format has them: a point is a row in front of the matrix.
+pub(super) type Transform = [f64; 12];
+pub(super) const UNMOVED: Transform = [1.0, 0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0];
+
+/// What slicers paint on triangles, by the attributes of PrusaSlicer and of Bambu Studio and OrcaSlicer.
+const PAINTS: [(&str, [&str; 2]); 4] = [
+    ("supports", ["custom_supports", "paint_supports"]),
+    ("seams", ["custom_seam", "paint_seam"]),
+    ("fuzzy skin", ["fuzzy_skin", "paint_fuzzy_skin"]),
+    ("colours", ["mmu_segmentation", "paint_color"]),
+];
+
+/// Triangles that are painted, by the places of [`PAINTS`].
+pub(super) type Painted = [usize; PAINTS.len()];
+
+/// As messages call them.
+pub(super) fn paint_names() -> impl Iterator<Item = &'static str> {
+    PAINTS.iter().map(|(name, _)| *name)
+}
+
+/// A model file.
+#[derive(Debug, Default)]
+pub(super) struct Model {
+    /// Its place in the package.
+    pub path: String,
+    pub unit_mm: f64,
+    pub objects: Vec<Object>,
+    pub items: Vec<Item>,
+}
+
+/// A mesh, or several others as one.
+#[derive(Debug, Default)]
+pub(super) struct Object {
+    pub id: usize,
+    pub name: Option<String>,
+    /// Its `type`; empty where it has none.
+    pub kind: String,
+    pub vertices: Vec<Point3>,
+    pub triangles: Vec<[u32; 3]>,
+    pub components: Vec<Item>,
+    /// What Cura keeps with an object.
+    pub settings: KeyValues,
+    pub painted: Painted,
+}
+
+/// An object that is placed, by the build or by another object.
+#[derive(Clone, Debug)]
+pub(super) struct Item {
+    pub object: usize,
+    /// The model file that has the object, where it is another one.
+    pub path: Option<String>,
+    pub transform: Transform,
+    pub is_printable: bool,
+}
+
+impl Object {
+    /// The role that its type or what Cura keeps with it gives it.
+    pub fn role(&self) -> Role {
+        match self.kind.as_str() {
+            "support" => Role::Support,
+            "other" => Role::Other,
+            _ => Role::of_cura(&self.settings),
+        }
+    }
+}
+
+/// What has been read of a model, and where in it the reader is.
+struct Reading {
+    model: Model,
+    object: Option<Object>,
+    /// The name of the setting of Cura's whose text comes next.
+    setting: Option<String>,
+    /// Objects, items and components.
+    declared: usize,
+    declared_max: usize,
+}
+
+/// Reads a model.
+///
+/// # Errors
+/// What is no XML, numbers that are none, more than `declared_max` objects and items.
+pub(super) fn read_model(
+    path: &str,
+    text: impl BufRead,
+    declared_max: usize,
+) -> Result<Model, MeshError> {
+    let mut reading = Reading {
+        model: Model {
+            path: path.to_string(),
+            unit_mm: 1.0,
+            ..Model::default()
+        },
+        object: None,
+        setting: None,
+        declared: 0,
+        declared_max,
+    };
+    read(text, |part| reading.take(part))?;
+    Ok(reading.model)
+}
+
+impl Reading {
+    fn take(&mut self, part: Part) -> Result<(), MeshError> {
+        match part {
+            Part::Open(tag) => self.open(&tag),
+            Part::Close(name) => {
+                if name == "object" {
+                    self.model.objects.extend(self.object.take());
+                }
+                self.setting = None;
+                Ok(())
+            }
+            Part::Text(text) => {
+                if let (Some(object), Some(name)) = (&mut self.object, self.setting.take()) {
+                    object.settings.push((name, text.trim().to_string()));
+                }
+                Ok(())
+            }
+        }
+    }
+
+    fn open(&mut self, tag: &Tag) -> Result<(), MeshError> {
+        match (tag.name().as_ref(), &mut self.object) {
+            ("vertex", Some(object)) => {
+                let [x, y, z] = tag.numbers(["x", "y", "z"])?;
+                object.vertices.push(Point3::new(x, y, z));
+            }
+            ("triangle", Some(object)) => object.take_triangle(tag)?,
+            ("component", Some(_)) => {
+                let component = self.item(tag)?;
+                if let Some(object) = &mut self.object {
+                    object.components.push(component);
+                }
+            }
+            // Cura: `cura:NAME` within a group, or a list of its own in old files.
+            ("metadata", Some(_)) => {
+                let name = tag.get("name").unwrap_or_default();
+                self.setting = name.strip_prefix("cura:").map(str::to_string);
+            }
+            ("setting", Some(_)) => self.setting = tag.get("key"),
+            ("object", None) => {
+                self.declare()?;
+                self.object = Some(Object {
+                    id: tag.number("id")?,
+                    name: tag.get("name").filter(|name| !name.is_empty()),
+                    kind: tag.get("type").unwrap_or_default(),
+                    ..Object::default()
+                });
+            }
+            ("item", None) => {
+                let item = self.item(tag)?;
+                self.model.items.push(item);
+            }
+            ("model", None) => self.model.unit_mm = unit_mm(tag)?,
+            _ => {}
+        }
+        Ok(())
+    }
+
+    fn declare(&mut self) -> Result<(), MeshError> {
+        self.declared += 1;
+        let max = self.declared_max;
+        match self.declared > max {
+            true => Err(MeshError::TooManyParts { max }),
+            false => Ok(()),
+        }
+    }
+
+    fn item(&mut self, tag: &Tag) -> Result<Item, MeshError> {
+        self.declare()?;
+        let printable = tag.get("printable");
+        let is_printable = !matches!(printable.as_deref(), Some("0" | "false"));
+        Ok(Item {
+            object: tag.number("objectid")?,
+            path: tag.get("path"),
+            transform: transform(tag)?,
+            is_printable,
+        })
+    }
+}
+
+impl Object {
+    fn take_triangle(&mut self, tag: &Tag) -> Result<(), MeshError> {
+        let triangles = self.triangles.len() + 1;
+        if triangles > TRIANGLES_MAX {
+            return Err(MeshError::TooMany { triangles });
+        }
+        self.triangles.push(tag.numbers(["v1", "v2", "v3"])?);
+        tag.for_attributes(|name| {
+            let is_it = |names: &[&str; 2]| names.iter().any(|n| n.as_bytes() == name);
+            if let Some(paint) = PAINTS.iter().position(|(_, names)| is_it(names)) {
+                self.painted[paint] += 1;
+            }
+        });
+        Ok(())
+    }
+}
+
+fn unit_mm(tag: &Tag) -> Result<f64, MeshError> {
+    let unit = tag.get("unit");
+    Ok(match unit.as_deref() {
+        Some("micron") => 0.001,
+        Some("millimeter") | None => 1.0,
+        Some("centimeter") => 10.0,
+        Some("inch") => 25.4,
+        Some("foot") => 304.8,
+        Some("meter") => 1000.0,
+        Some(other) => return Err(problem(&format!("its unit is `{other}`"))),
+    })
+}
+
+fn transform(tag: &Tag) -> Result<Transform, MeshError> {
+    let Some(text) = tag.get("transform").filter(|text| !text.trim().is_empty()) else {
+        return Ok(UNMOVED);
+    };
+    let numbers: Option<Vec<f64>> = text.split_whitespace().map(|n| n.parse().ok()).collect();
+    let numbers = numbers.and_then(|numbers| numbers.try_into().ok());
+    numbers.ok_or_else(|| problem(&format!("a transform is not twelve numbers: `{text}`")))
+}
