@@ -6,7 +6,7 @@
 //! over all ticks (normal equations of half bandwidth 3, LDLᵀ). With the position alone the
 //! acceleration of the fit overshoots by up to 10 % where the time law has corners.
 
-use super::banded::Band;
+use crate::geometry::banded::Band;
 use super::spline::{RestSpline, SpanBasis, durations_around, quantised, span_basis};
 use super::tick_path::TickPath;
 use crate::settings::Tolerances;

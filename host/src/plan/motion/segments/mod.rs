@@ -15,7 +15,6 @@
 //! together are too much for it, the head rests between them (`rests.rs`).
 
 pub mod assemble;
-mod banded;
 pub mod check;
 pub mod fit;
 pub mod layout;

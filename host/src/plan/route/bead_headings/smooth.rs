@@ -1,0 +1,236 @@
+//! Headings within their ranges that need the least acceleration of the nozzle's turn.
+//!
+//! In: nodes with ranges (rad), speeds of the tip (mm/s). Out: a heading a node. The integral of the squared
+//! acceleration over time is made least within the ranges (a primal-dual interior-point method on a banded matrix),
+//! where the time between nodes is that of a tip which slows at corners. Where the heading's limits ask for more,
+//! that time is stretched and the headings are found again.
+
+use super::nodes::Node;
+use super::{Arrival, BeadLines};
+use crate::geometry::banded::Band;
+use crate::settings::Settings;
+use std::f64::consts::PI;
+
+/// How often times and headings are found.
+const ROUNDS: usize = 3;
+/// Iterations of the interior-point method, and the mean product of slack and multiplier at which it ends, beside
+/// that at its begin.
+const ITERATIONS: usize = 30;
+const GAP_SHARE: f64 = 1e-6;
+/// Share of the way to the next bound that a step takes, and by what the products shrink.
+const STEP_SHARE: f64 = 0.98;
+const CENTRING: f64 = 0.15;
+/// How far the path passes beside a corner, mm, and the tip's least speed there, mm/s.
+const CORNER_MM: f64 = 0.036;
+const SPEED_MIN_MM_S: f64 = 4.0;
+
+/// Headings of the nodes, rad.
+pub fn smoothed(
+    lines: &BeadLines,
+    nodes: &[Node],
+    arrival: Option<Arrival>,
+    settings: &Settings,
+) -> Vec<f64> {
+    let fastest_s = times_s(lines, nodes, settings);
+    let mut times_s = fastest_s.clone();
+    let mut headings_rad = Vec::new();
+    for _ in 0..ROUNDS {
+        headings_rad = Problem::new(nodes, &times_s, arrival).solved(nodes);
+        times_s = stretched(&fastest_s, &times_s, &headings_rad, settings);
+    }
+    headings_rad
+}
+
+/// Time from node to node of the tip alone.
+fn times_s(lines: &BeadLines, nodes: &[Node], settings: &Settings) -> Vec<f64> {
+    let acceleration_mm_s2 = settings.tip_acceleration_mm_s2 * settings.plan_share;
+    let corner_mm_s = |turn_rad: f64| {
+        let cos = (0.5 * turn_rad).cos();
+        let radius_mm = CORNER_MM * cos / (1.0 - cos).max(1e-9);
+        (acceleration_mm_s2 * radius_mm).sqrt()
+    };
+    let mut speeds_mm_s: Vec<f64> = Vec::with_capacity(nodes.len());
+    for (i, node) in nodes.iter().enumerate() {
+        let mut speed_mm_s = lines.speeds_mm_s[node.leg].min(settings.speed_mm_s);
+        let next = nodes.get(i + 1).map_or(node.leg, |next| next.leg);
+        for leg in node.leg..next {
+            let turn = lines.travel_rad[leg + 1] - lines.travel_rad[leg];
+            let turn_rad = (turn + PI).rem_euclid(2.0 * PI) - PI;
+            speed_mm_s = speed_mm_s.min(corner_mm_s(turn_rad.abs()));
+        }
+        if i == 0 || i + 1 == nodes.len() {
+            speed_mm_s = 0.0;
+        }
+        speeds_mm_s.push(speed_mm_s.max(SPEED_MIN_MM_S));
+    }
+    let way_mm = |i: usize| nodes[i + 1].place_mm - nodes[i].place_mm;
+    let reached = |from: f64, way_mm: f64| (from * from + 2.0 * acceleration_mm_s2 * way_mm).sqrt();
+    for i in 1..nodes.len() {
+        speeds_mm_s[i] = speeds_mm_s[i].min(reached(speeds_mm_s[i - 1], way_mm(i - 1)));
+    }
+    for i in (1..nodes.len()).rev() {
+        speeds_mm_s[i - 1] = speeds_mm_s[i - 1].min(reached(speeds_mm_s[i], way_mm(i - 1)));
+    }
+    let steps = 0..nodes.len().saturating_sub(1);
+    steps
+        .map(|i| 2.0 * way_mm(i) / (speeds_mm_s[i] + speeds_mm_s[i + 1]))
+        .collect()
+}
+
+/// Weights of three neighbours in the acceleration of the middle one, and the time it stands for.
+fn acceleration_row(before_s: f64, after_s: f64) -> ([f64; 3], f64) {
+    let mean_s = 0.5 * (before_s + after_s);
+    let [before, after] = [before_s, after_s].map(|s| 1.0 / (s * mean_s));
+    ([before, -before - after, after], mean_s)
+}
+
+/// Times with which the headings keep the limits of their axis, or nearly.
+fn stretched(
+    fastest_s: &[f64],
+    times_s: &[f64],
+    headings_rad: &[f64],
+    settings: &Settings,
+) -> Vec<f64> {
+    let Some(axis) = settings.machine.joints.last() else {
+        return times_s.to_vec();
+    };
+    let share = settings.plan_share;
+    let (speed_max, acceleration_max) = (share * axis.speed_max, share * axis.acceleration_max);
+    let bends = |i: usize| {
+        let ([before, own, after], _) = acceleration_row(times_s[i - 1], times_s[i]);
+        let [a, b, c] = [i - 1, i, i + 1].map(|k| headings_rad[k]);
+        (before * a + own * b + after * c).abs()
+    };
+    let steps = 0..times_s.len();
+    steps
+        .map(|i| {
+            let rate = (headings_rad[i + 1] - headings_rad[i]).abs() / times_s[i];
+            let at_start = if i > 0 { bends(i) } else { 0.0 };
+            let at_end = if i + 1 < times_s.len() {
+                bends(i + 1)
+            } else {
+                0.0
+            };
+            let by_acceleration = (0.5 * (at_start + at_end) / acceleration_max).sqrt();
+            (times_s[i] * by_acceleration.max(rate / speed_max)).max(fastest_s[i])
+        })
+        .collect()
+}
+
+/// Least squares with bounds: ½ xᵀ H x - gᵀ x.
+struct Problem {
+    hessian: Vec<[f64; 4]>,
+    gradient: Vec<f64>,
+}
+
+/// Slacks to both bounds with their multipliers.
+struct Bounds {
+    slack: [f64; 2],
+    multiplier: [f64; 2],
+}
+
+impl Problem {
+    fn new(nodes: &[Node], times_s: &[f64], arrival: Option<Arrival>) -> Problem {
+        let count = nodes.len();
+        let mut hessian = vec![[0.0; 4]; count];
+        let mut gradient = vec![0.0; count];
+        for i in 1..count.saturating_sub(1) {
+            let (row, weight_s) = acceleration_row(times_s[i - 1], times_s[i]);
+            for a in 0..3 {
+                for b in a..3 {
+                    hessian[i - 1 + a][b - a] += weight_s * row[a] * row[b];
+                }
+            }
+        }
+        // From rest to rest the least integral is 12 turn² / time³.
+        if let Some(arrival) = arrival {
+            let weight = 12.0 / arrival.seconds.max(1e-3).powi(3);
+            hessian[0][0] += weight;
+            gradient[0] += weight * arrival.heading_rad;
+        }
+        // Numbers about 1.
+        let sum: f64 = hessian.iter().map(|row| row[0]).sum();
+        let scale = count as f64 / sum.max(f64::MIN_POSITIVE);
+        hessian.iter_mut().flatten().for_each(|h| *h *= scale);
+        gradient.iter_mut().for_each(|g| *g *= scale);
+        Problem { hessian, gradient }
+    }
+
+    /// H x - g.
+    fn slope(&self, x: &[f64]) -> Vec<f64> {
+        let mut slope: Vec<f64> = self.gradient.iter().map(|g| -g).collect();
+        for (i, row) in self.hessian.iter().enumerate() {
+            slope[i] += row[0] * x[i];
+            for k in 1..3.min(x.len() - i) {
+                slope[i] += row[k] * x[i + k];
+                slope[i + k] += row[k] * x[i];
+            }
+        }
+        slope
+    }
+
+    fn solved(&self, nodes: &[Node]) -> Vec<f64> {
+        let mut x: Vec<f64> = nodes.iter().map(|node| node.range.middle_rad()).collect();
+        let mut bounds: Vec<Bounds> = nodes
+            .iter()
+            .map(|node| {
+                let half_rad = 0.5 * (node.range.high_rad - node.range.low_rad);
+                Bounds {
+                    slack: [half_rad; 2],
+                    multiplier: [1.0 / half_rad; 2],
+                }
+            })
+            .collect();
+        let mut gap = 1.0;
+        for _ in 0..ITERATIONS {
+            gap *= CENTRING;
+            gap = self.step(&mut x, &mut bounds, gap);
+            if gap < GAP_SHARE {
+                break;
+            }
+        }
+        x
+    }
+
+    /// A step towards products of slack and multiplier of `aim`; returns their mean.
+    fn step(&self, x: &mut [f64], bounds: &mut [Bounds], aim: f64) -> f64 {
+        let mut band = Band {
+            rows: self.hessian.clone(),
+        };
+        let mut right: Vec<[f64; 1]> = self.slope(x).into_iter().map(|g| [-g]).collect();
+        for ((row, right), bound) in band.rows.iter_mut().zip(&mut right).zip(&*bounds) {
+            let ([low, high], [at_low, at_high]) = (bound.slack, bound.multiplier);
+            row[0] += at_low / low + at_high / high;
+            right[0] += aim / low - aim / high;
+        }
+        band.factored().solve(&mut right);
+        let mut share = 1.0_f64;
+        let mut changes = Vec::with_capacity(x.len());
+        for ([dx], bound) in right.iter().zip(&*bounds) {
+            let moves = [*dx, -*dx];
+            let change: [[f64; 2]; 2] = std::array::from_fn(|side| {
+                let (slack, multiplier) = (bound.slack[side], bound.multiplier[side]);
+                [moves[side], (aim - multiplier * moves[side]) / slack - multiplier]
+            });
+            for (side, [of_slack, of_multiplier]) in change.iter().enumerate() {
+                let within = |value: f64, change: f64| match change < 0.0 {
+                    true => -STEP_SHARE * value / change,
+                    false => 1.0,
+                };
+                share = share.min(within(bound.slack[side], *of_slack));
+                share = share.min(within(bound.multiplier[side], *of_multiplier));
+            }
+            changes.push(change);
+        }
+        let mut sum = 0.0;
+        for (i, bound) in bounds.iter_mut().enumerate() {
+            x[i] += share * right[i][0];
+            for (side, [of_slack, of_multiplier]) in changes[i].iter().enumerate() {
+                bound.slack[side] += share * of_slack;
+                bound.multiplier[side] += share * of_multiplier;
+                sum += bound.slack[side] * bound.multiplier[side];
+            }
+        }
+        sum / (2.0 * bounds.len() as f64)
+    }
+}
