@@ -16,9 +16,7 @@ use crate::gcode::comments::Slicer;
 use crate::gcode::{GcodePass, Leg, Place};
 use crate::geometry::Vector2;
 use crate::geometry::aperture::Aperture;
-use crate::plan::route::bead_headings::{
-    Arrival, BeadLines, HeadingTrack, WidthOff, bead_headings,
-};
+use crate::plan::route::bead_headings::{BeadLines, HeadingTrack, WidthOff};
 use crate::settings::Settings;
 use headway_protocol::units::{
     CHANNEL_HEADING, CHANNEL_VOLUME, CHANNEL_X, CHANNEL_Y, CHANNEL_Z, CHANNELS,
@@ -80,7 +78,7 @@ impl BeadCurve {
     }
 }
 
-/// A pass with its headings.
+/// A pass whose headings are to be chosen, or are.
 pub struct Bead {
     way: Way,
     widths_mm: Vec<f64>,
@@ -89,13 +87,11 @@ pub struct Bead {
 }
 
 impl Bead {
-    /// The bead of a pass to which the nozzle comes from `arrival`; `None` where it stands. Headings are kept where
-    /// `headings_told`.
+    /// The bead of a pass; `None` where it stands. Headings are kept where `headings_told`.
     pub fn of(
         pass: &GcodePass,
         slicer: Slicer,
         headings_told: bool,
-        arrival: Option<Arrival>,
         settings: &Settings,
     ) -> Option<Bead> {
         let way = Way::of(pass)?;
@@ -103,10 +99,7 @@ impl Bead {
         let headings = match headings_told {
             true => Headings::Told(unwrapped(&way.points)),
             false if settings.aperture.is_round() => Headings::Told(vec![0.0; way.points.len()]),
-            false => {
-                let lines = way.lines(&widths_mm);
-                Headings::Planned(bead_headings(&lines, arrival, settings))
-            }
+            false => Headings::Planned(HeadingTrack::default()),
         };
         Some(Bead {
             way,
@@ -116,12 +109,18 @@ impl Bead {
         })
     }
 
-    /// The heading at its end, rad.
-    pub fn end_heading_rad(&self) -> Option<f64> {
-        match &self.headings {
-            Headings::Told(headings) => headings.last().copied(),
-            Headings::Planned(track) => track.end_rad(),
+    /// What headings are to be chosen for, with the time of the travel to it; `None` where they are given.
+    pub fn lines(&self, arrival_s: f64) -> Option<BeadLines> {
+        match self.headings {
+            Headings::Told(_) => None,
+            Headings::Planned(_) => Some(self.way.lines(&self.widths_mm, arrival_s)),
         }
+    }
+
+    /// The same with chosen headings.
+    pub fn with_headings(self, track: HeadingTrack) -> Bead {
+        let headings = Headings::Planned(track);
+        Bead { headings, ..self }
     }
 
     /// Its curve.
@@ -317,7 +316,7 @@ impl Way {
     }
 
     /// What its headings are chosen for.
-    fn lines(&self, widths_mm: &[f64]) -> BeadLines {
+    fn lines(&self, widths_mm: &[f64], arrival_s: f64) -> BeadLines {
         let mut travel_rad = 0.0;
         let directions = self.points.windows(2).map(|pair| {
             let [dx, dy, _] = direction(&pair[0], &pair[1]);
@@ -333,6 +332,7 @@ impl Way {
             widths_mm: widths_mm.to_vec(),
             speeds_mm_s: self.legs.iter().map(|leg| leg.speed_mm_s).collect(),
             is_inside: self.legs.iter().map(|leg| leg.is_inside).collect(),
+            arrival_s,
         }
     }
 

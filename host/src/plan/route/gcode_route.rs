@@ -9,7 +9,7 @@ use crate::gcode::comments::Slicer;
 use crate::gcode::{GcodePass, Place, Push};
 use crate::job::MotionState;
 use crate::plan::route::bead_curve::{Bead, BeadCurve, travel_control};
-use crate::plan::route::bead_headings::{Arrival, WidthOff};
+use crate::plan::route::bead_headings::{WidthOff, bead_headings};
 use crate::plan::route::build_route::entry_heading_of;
 use crate::plan::route::flow::event_duration_s;
 use crate::plan::route::moves::{MoveEvent, PathCurve, Route, RouteMove};
@@ -94,31 +94,31 @@ pub fn gcode_route(
     head.made
 }
 
-/// The beads of passes, each with headings that begin near those in which the one before ends.
+/// The beads of passes with their headings; those are chosen together, since travel turns the nozzle as well.
 fn beads(passes: &[GcodePass], start: [f64; CHANNELS], way: &GcodeWay) -> Vec<Option<Bead>> {
     let settings = way.settings;
-    let mut heading_rad = start[CHANNEL_HEADING];
     let mut from = None;
-    let made = passes.iter().map(|pass| {
-        let arrival = Arrival {
-            heading_rad,
-            seconds: travel_s(from, pass, settings),
-        };
-        let bead = Bead::of(
-            pass,
-            way.slicer,
-            way.headings_told,
-            Some(arrival),
-            settings,
-        );
-        heading_rad = bead
-            .as_ref()
-            .and_then(Bead::end_heading_rad)
-            .unwrap_or(heading_rad);
+    let mut lines = Vec::new();
+    let mut made: Vec<Option<Bead>> = Vec::with_capacity(passes.len());
+    for pass in passes {
+        let bead = Bead::of(pass, way.slicer, way.headings_told, settings);
+        let arrival_s = travel_s(from, pass, settings);
+        lines.extend(bead.as_ref().and_then(|bead| bead.lines(arrival_s)));
+        made.push(bead);
         from = pass.points.last().copied();
-        bead
+    }
+    if lines.is_empty() {
+        return made;
+    }
+    let mut tracks = bead_headings(&lines, start[CHANNEL_HEADING], settings).into_iter();
+    let chosen = made.into_iter().map(|bead| {
+        let bead = bead?;
+        match tracks.next() {
+            Some(track) => Some(bead.with_headings(track)),
+            None => Some(bead),
+        }
     });
-    made.collect()
+    chosen.collect()
 }
 
 /// Time that a travel to a pass takes, about; the first comes from anywhere.

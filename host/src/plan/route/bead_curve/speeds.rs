@@ -180,7 +180,7 @@ mod tests {
         let settings = Settings::default();
         let moves = |sides: usize, speed_mm_s: f64| {
             let pass = squares(sides, speed_mm_s);
-            let bead = Bead::of(&pass, Slicer::Plain, false, None, &settings).expect("a bead");
+            let bead = Bead::of(&pass, Slicer::Plain, false, &settings).expect("a bead");
             let curve = bead.curve(&settings);
             let ends = curve.moves.windows(2);
             for pair in ends {

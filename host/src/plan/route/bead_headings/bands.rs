@@ -5,7 +5,7 @@
 //! over it, from the one neighbour's to the other's.
 
 use super::sides::{Choice, Range, least_turning};
-use super::{Arrival, BeadLines, FAR_SHARE, NEAR_SHARE};
+use super::{BeadLines, EXACT_SHARE, FAR_SHARE, NEAR_SHARE};
 use crate::geometry::aperture::Aperture;
 use std::f64::consts::{FRAC_PI_2, PI};
 
@@ -13,13 +13,18 @@ use std::f64::consts::{FRAC_PI_2, PI};
 const LINK_SHARE: f64 = 5.0;
 /// Angles closer than this to 0° or 90° are these: the range goes on behind them.
 const EDGE_RAD: f64 = 0.01;
-/// Narrowest range, rad: its middle ± 1°.
-const RANGE_MIN_RAD: f64 = 0.035;
+/// Narrowest range, rad: the tolerance of headings.
+const RANGE_MIN_RAD: f64 = 4e-4;
+/// Straight legs of more than twice this have their exact width away from their ends, in semi-axes a: 3 mm of a
+/// nozzle of 1.2 mm.
+pub const TURN_REACH_SHARE: f64 = 5.0;
 
 /// Headings of a leg.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct LegBands {
-    /// Anywhere on it.
+    /// Of its straight middle.
+    pub exact: Range,
+    /// Some way from its corners.
     pub far: Range,
     /// Beside its corners.
     pub near: Range,
@@ -68,21 +73,27 @@ fn range_of([low, high]: [f64; 2]) -> Range {
     Range::new(from, to)
 }
 
-/// What a leg of a width may have, both sides of the travel where these are two.
-fn choices(width_mm: f64, travel_rad: f64, aperture: &Aperture) -> Vec<Choice> {
+/// What a leg of a width may have, both sides of the travel where these are two; `is_long` has a straight middle.
+fn choices(width_mm: f64, travel_rad: f64, is_long: bool, aperture: &Aperture) -> Vec<Choice> {
     let width_mm = width_mm.clamp(2.0 * aperture.minor_mm(), 2.0 * aperture.major_mm());
-    let far_angles = angles_rad(width_mm, FAR_SHARE, aperture);
-    let near_angles = angles_rad(width_mm, NEAR_SHARE, aperture);
-    let [far, near] = [far_angles, near_angles].map(range_of);
-    let is_one = far_angles[0] == 0.0 || far_angles[1] == FRAC_PI_2;
-    let mirrored = |range: Range| Range::new(-range.high_rad, -range.low_rad);
-    let at = |far: Range, near: Range| Choice {
-        far: far.shifted(travel_rad),
-        near: near.hull(&far).shifted(travel_rad),
+    let shares = [EXACT_SHARE, FAR_SHARE, NEAR_SHARE];
+    let shares = [shares[0], super::tune(0, shares[1]), super::tune(1, shares[2])];
+    let angles = shares.map(|share| angles_rad(width_mm, share, aperture));
+    let [exact, far, near] = angles.map(range_of);
+    let far = far.hull(&exact);
+    let mirrored = |range: &Range| Range::new(-range.high_rad, -range.low_rad);
+    let at = |ranges: [Range; 3]| {
+        let [exact, far, near] = ranges.map(|range| range.shifted(travel_rad));
+        Choice {
+            exact: if is_long { exact } else { far },
+            far,
+            near: near.hull(&far),
+        }
     };
-    let mut found = vec![at(far, near)];
-    if !is_one {
-        found.push(at(mirrored(far), mirrored(near)));
+    let mut found = vec![at([exact, far, near])];
+    let decides = if is_long { angles[0] } else { angles[1] };
+    if decides[0] > 0.0 && decides[1] < FRAC_PI_2 {
+        found.push(at([&exact, &far, &near].map(mirrored)));
     }
     found
 }
@@ -99,37 +110,53 @@ fn links(lines: &BeadLines, longest_mm: f64) -> Vec<bool> {
     (0..count).map(is_link).collect()
 }
 
-/// Headings of all legs.
+/// Headings of all legs of all passes.
 pub fn leg_bands(
-    lines: &BeadLines,
-    arrival: Option<Arrival>,
+    passes: &[BeadLines],
+    start_rad: f64,
     aperture: &Aperture,
-) -> Vec<LegBands> {
-    let is_link = links(lines, LINK_SHARE * aperture.major_mm());
-    let of_leg =
-        |leg: usize| choices(lines.widths_mm[leg], lines.travel_rad[leg], aperture);
-    let legs = || 0..lines.length_mm.len();
-    let kept: Vec<Vec<Choice>> = legs().filter(|leg| !is_link[*leg]).map(of_leg).collect();
+) -> Vec<Vec<LegBands>> {
+    let major_mm = aperture.major_mm();
     let period_rad = aperture.period_rad();
-    let start_rad = arrival.map(|arrival| arrival.heading_rad);
-    let mut chosen = least_turning(&kept, start_rad, period_rad).into_iter();
-    let mut found: Vec<Option<LegBands>> = legs()
-        .map(|leg| {
-            let choice = if is_link[leg] { None } else { chosen.next() };
-            choice.map(|choice| LegBands {
-                far: choice.far,
-                near: choice.near,
-                is_link: false,
-            })
-        })
+    let of_leg = |lines: &BeadLines, leg: usize| {
+        let is_long = lines.length_mm[leg] > 2.0 * super::tune(11, TURN_REACH_SHARE) * major_mm;
+        choices(lines.widths_mm[leg], lines.travel_rad[leg], is_long, aperture)
+    };
+    let links: Vec<Vec<bool>> = passes
+        .iter()
+        .map(|lines| links(lines, super::tune(2, LINK_SHARE) * major_mm))
         .collect();
-    for leg in legs().filter(|leg| is_link[*leg]) {
-        let beside = [leg.checked_sub(1), Some(leg + 1)];
-        let beside = beside.map(|other| found.get(other?).copied().flatten());
-        let held = held(&beside, &of_leg(leg), period_rad);
-        found[leg] = Some(held);
+    let mut kept = Vec::new();
+    for (lines, is_link) in passes.iter().zip(&links) {
+        let of_pass = (0..is_link.len()).filter(|leg| !is_link[*leg]);
+        kept.extend(of_pass.map(|leg| of_leg(lines, leg)));
     }
-    found.into_iter().flatten().collect()
+    let mut chosen = least_turning(&kept, start_rad, period_rad).into_iter();
+    let bands = passes.iter().zip(&links).map(|(lines, is_link)| {
+        let mut found: Vec<Option<LegBands>> = is_link
+            .iter()
+            .map(|is_link| if *is_link { None } else { chosen.next() })
+            .map(|choice| choice.map(LegBands::of))
+            .collect();
+        for leg in (0..is_link.len()).filter(|leg| is_link[*leg]) {
+            let beside = [leg.checked_sub(1), Some(leg + 1)];
+            let beside = beside.map(|other| found.get(other?).copied().flatten());
+            found[leg] = Some(held(&beside, &of_leg(lines, leg), period_rad));
+        }
+        found.into_iter().flatten().collect()
+    });
+    bands.collect()
+}
+
+impl LegBands {
+    fn of(choice: Choice) -> LegBands {
+        LegBands {
+            exact: choice.exact,
+            far: choice.far,
+            near: choice.near,
+            is_link: false,
+        }
+    }
 }
 
 /// Headings of a link: its neighbours', its own and all between them.
@@ -145,6 +172,7 @@ fn held(beside: &[Option<LegBands>; 2], own: &[Choice], period_rad: f64) -> LegB
         (None, own) => own.map_or(Range::new(0.0, period_rad), |own| own.near),
     };
     LegBands {
+        exact: range,
         far: range,
         near: range,
         is_link: true,

@@ -1,17 +1,18 @@
-//! Headings along a bead of G-code, chosen by the seconds that the nozzle needs to turn.
+//! Headings along the beads of G-code, chosen by the seconds that the nozzle needs to turn.
 //!
 //! ```text
-//! lines --bands--> headings allowed at each node --smooth--> headings --track--> HeadingTrack
-//! (mm, mm/s)       (rad)                                     (rad)              (rad by mm)
+//! lines --bands, nodes--> headings allowed at each node --smooth--> headings --> HeadingTrack
+//! (mm, mm/s)              (rad)                                     (rad)        (rad by mm)
 //! ```
 //! The nozzle lays a bead of the file's width at 90° - alpha from the travel, with 2 e(alpha) = width, on either
-//! side. To turn by 90° at a corner takes it longer than the tip needs for some millimetres, so the turn begins
-//! before the corner and ends behind it, as far as the bead stays nearly as wide: within an eighth of the file's
-//! width anywhere ([`FAR_SHARE`]), within a third beside corners ([`NEAR_SHARE`]), and of any width only right at
-//! a corner or on a short link of an infill or a support, over which the heading is held.
+//! side; long straight legs have exactly that. To turn by 90° at a corner takes the nozzle longer than the tip needs
+//! for some millimetres, so the turn begins before the corner and ends behind it, as far as the bead stays nearly as
+//! wide: within an eighth of the file's width some way from the corner ([`FAR_SHARE`]), within a third beside it
+//! ([`NEAR_SHARE`]), and of any width only right at it, or on a short link of an infill or a support, over which the
+//! heading is held. Travel between passes is free for turning.
 //!
-//! In: legs of a pass without standing ones. Out: [`HeadingTrack`]. Leaves out what the motion's limits of the tip make
-//! of it, and volumes: those are the file's.
+//! In: legs of passes without standing ones, in the order in which they are printed. Out: a [`HeadingTrack`] a pass.
+//! Leaves out what the limits of the tip make of it, and volumes: those are the file's.
 
 mod bands;
 mod nodes;
@@ -22,7 +23,9 @@ use crate::geometry::aperture::Aperture;
 use crate::settings::Settings;
 use nodes::Node;
 
-/// By what share a bead may be wider or narrower than the file's anywhere, and beside corners.
+/// By what share a bead may be wider or narrower than the file's on a long straight leg (numbers), some way from
+/// corners, and beside them.
+const EXACT_SHARE: f64 = 0.001;
 const FAR_SHARE: f64 = 1.0 / 8.0;
 const NEAR_SHARE: f64 = 1.0 / 3.0;
 
@@ -39,15 +42,8 @@ pub struct BeadLines {
     pub speeds_mm_s: Vec<f64>,
     /// Infill and supports: the width of their links does not matter.
     pub is_inside: Vec<bool>,
-}
-
-/// The heading with which the nozzle comes, and how long it is on its way from there.
-#[derive(Clone, Copy, Debug, PartialEq)]
-pub struct Arrival {
-    /// Heading, rad.
-    pub heading_rad: f64,
-    /// Time of the travel, s.
-    pub seconds: f64,
+    /// Time of the travel to it, s.
+    pub arrival_s: f64,
 }
 
 /// Headings along a pass.
@@ -65,7 +61,7 @@ pub struct HeadingTrack {
 /// Length of beads that are wider or narrower than the file's, mm.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct WidthOff {
-    /// By more than an eighth, a little more for rounding.
+    /// By more than an eighth.
     pub eighth_mm: f64,
     /// By more than a third.
     pub third_mm: f64,
@@ -82,19 +78,29 @@ impl WidthOff {
     }
 }
 
-/// Headings of a pass.
+/// Headings of passes to which the nozzle comes with `start_rad`.
 pub fn bead_headings(
-    lines: &BeadLines,
-    arrival: Option<Arrival>,
+    passes: &[BeadLines],
+    start_rad: f64,
     settings: &Settings,
-) -> HeadingTrack {
+) -> Vec<HeadingTrack> {
     let aperture = &settings.aperture;
-    let legs = bands::leg_bands(lines, arrival, aperture);
-    let nodes = nodes::nodes(lines, &legs, aperture.major_mm());
-    let headings_rad = smooth::smoothed(lines, &nodes, arrival, settings);
-    let off = off(lines, &nodes, &headings_rad, aperture);
-    let places_mm = nodes.iter().map(|node| node.place_mm).collect();
-    HeadingTrack::through(places_mm, headings_rad, off)
+    let legs = bands::leg_bands(passes, start_rad, aperture);
+    let nodes: Vec<Vec<Node>> = passes
+        .iter()
+        .zip(&legs)
+        .map(|(lines, legs)| nodes::nodes(lines, legs, aperture.major_mm()))
+        .collect();
+    let headings_rad = smooth::smoothed(passes, &nodes, start_rad, settings);
+    let mut rest_rad = headings_rad.as_slice();
+    let tracks = passes.iter().zip(&nodes).map(|(lines, nodes)| {
+        let (own_rad, others_rad) = rest_rad.split_at(nodes.len());
+        rest_rad = others_rad;
+        let off = off(lines, nodes, own_rad, aperture);
+        let places_mm = nodes.iter().map(|node| node.place_mm).collect();
+        HeadingTrack::through(places_mm, own_rad.to_vec(), off)
+    });
+    tracks.collect()
 }
 
 impl HeadingTrack {
@@ -146,11 +152,6 @@ impl HeadingTrack {
             + to * (3.0 * t2 - 2.0 * t3)
             + comes * (t3 - t2)
     }
-
-    /// The last heading, rad.
-    pub fn end_rad(&self) -> Option<f64> {
-        self.headings_rad.last().copied()
-    }
 }
 
 /// How much of the beads is how much wider or narrower.
@@ -189,3 +190,12 @@ fn off(
 
 /// What steps of the nodes and rounding may add to a share, in figures.
 const ROUNDING_SHARE: f64 = 0.01;
+
+pub fn tune(k: usize, default: f64) -> f64 {
+    static T: std::sync::OnceLock<Vec<f64>> = std::sync::OnceLock::new();
+    let all = T.get_or_init(|| {
+        let text = std::env::var("HWT").unwrap_or_default();
+        text.split(',').map(|v| v.parse().unwrap_or(f64::NAN)).collect()
+    });
+    all.get(k).copied().filter(|v| v.is_finite()).unwrap_or(default)
+}

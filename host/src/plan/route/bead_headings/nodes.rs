@@ -3,7 +3,7 @@
 //! In: lines, the bands of their legs. Out: [`Node`]s, close at the ends of legs and further apart between them.
 
 use super::BeadLines;
-use super::bands::LegBands;
+use super::bands::{LegBands, TURN_REACH_SHARE};
 use super::sides::Range;
 use crate::plan::route::bead_curve::steps_mm;
 
@@ -43,13 +43,16 @@ struct Turning {
 /// Nodes of a pass.
 pub fn nodes(lines: &BeadLines, legs: &[LegBands], major_mm: f64) -> Vec<Node> {
     let turnings = turnings(lines, legs, major_mm);
-    let step_mm = STEP_SHARE * major_mm;
+    let step_mm = super::tune(10, STEP_SHARE) * major_mm;
     let mut found: Vec<Node> = Vec::new();
     let mut before_mm = 0.0;
     for (leg, length_mm) in lines.length_mm.iter().enumerate() {
         let range = |at_mm: f64| {
-            let ends = [at_mm, length_mm - at_mm].into_iter().zip(&turnings[leg]);
-            range_at(&legs[leg], ends)
+            let ends_mm = [at_mm, length_mm - at_mm];
+            match ends_mm[0].min(ends_mm[1]) > super::tune(11, TURN_REACH_SHARE) * major_mm {
+                true => legs[leg].exact,
+                false => range_at(&legs[leg], ends_mm, &turnings[leg]),
+            }
         };
         if leg == 0 {
             found.push(Node {
@@ -83,12 +86,9 @@ pub fn nodes(lines: &BeadLines, legs: &[LegBands], major_mm: f64) -> Vec<Node> {
 }
 
 /// The range at distances from both ends of a leg.
-fn range_at<'a>(
-    bands: &LegBands,
-    ends: impl Iterator<Item = (f64, &'a Turning)>,
-) -> Range {
+fn range_at(bands: &LegBands, ends_mm: [f64; 2], turnings: &[Turning; 2]) -> Range {
     let mut range = bands.far;
-    for (at_mm, turning) in ends {
+    for (at_mm, turning) in ends_mm.into_iter().zip(turnings) {
         if at_mm <= turning.near_mm {
             range = range.hull(&bands.near);
         }
@@ -104,7 +104,7 @@ fn range_at<'a>(
 /// What is beside the start and the end of each leg.
 fn turnings(lines: &BeadLines, legs: &[LegBands], major_mm: f64) -> Vec<[Turning; 2]> {
     let end = Turning {
-        near_mm: NEAR_REACH_SHARE * major_mm,
+        near_mm: super::tune(3, NEAR_REACH_SHARE) * major_mm,
         ..Turning::default()
     };
     let count = legs.len();
@@ -121,10 +121,10 @@ fn turnings(lines: &BeadLines, legs: &[LegBands], major_mm: f64) -> Vec<[Turning
         }
         let link_mm: f64 = lines.length_mm[pair[0] + 1..pair[1]].iter().sum();
         let is_apart = before.near.overlap_rad(&after.near) < OVERLAP_RAD;
-        let reach_mm = (FREE_REACH_SHARE * major_mm - 0.5 * link_mm).max(0.0);
+        let reach_mm = (super::tune(4, FREE_REACH_SHARE) * major_mm - 0.5 * link_mm).max(0.0);
         let turning = |leg: usize, other: &LegBands| Turning {
-            near_mm: NEAR_REACH_SHARE * major_mm,
-            free_mm: reach_mm.min(FREE_LEG_SHARE * lines.length_mm[leg]),
+            near_mm: if lines.is_inside[leg] {super::tune(6, super::tune(3, NEAR_REACH_SHARE))} else {super::tune(3, NEAR_REACH_SHARE)} * major_mm,
+            free_mm: reach_mm.min(super::tune(5, FREE_LEG_SHARE) * lines.length_mm[leg]),
             other: is_apart.then_some(other.near),
         };
         found[pair[0]][1] = turning(pair[0], after);

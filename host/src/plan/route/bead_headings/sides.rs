@@ -3,6 +3,9 @@
 //! In: for each leg the ranges that lay its bead, relative to any period of the nozzle. Out: one range a leg, its
 //! angle counted on, so that the sum of turning from range to range is least (shortest path).
 
+use crate::geometry::aperture::wrapped_rad;
+use std::f64::consts::TAU;
+
 /// A range of headings, rad.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Range {
@@ -37,9 +40,10 @@ impl Range {
     }
 }
 
-/// Headings of a leg: anywhere on it, and beside its corners.
+/// Headings of a leg: on its straight middle, some way from its corners, and beside them.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Choice {
+    pub exact: Range,
     pub far: Range,
     pub near: Range,
 }
@@ -47,6 +51,7 @@ pub struct Choice {
 impl Choice {
     fn shifted(&self, by_rad: f64) -> Choice {
         Choice {
+            exact: self.exact.shifted(by_rad),
             far: self.far.shifted(by_rad),
             near: self.near.shifted(by_rad),
         }
@@ -54,34 +59,33 @@ impl Choice {
 
     /// The same counted on from an angle.
     pub fn nearest_to(&self, angle_rad: f64, period_rad: f64) -> Choice {
-        let turns = ((angle_rad - self.far.middle_rad()) / period_rad).round();
+        let turns = ((angle_rad - self.exact.middle_rad()) / period_rad).round();
         self.shifted(turns * period_rad)
     }
 }
 
+/// Turns to both sides that differ by less than twice this are alike, rad.
+const ALIKE_RAD: f64 = 0.17;
 /// What turning between the middles of ranges costs beside turning from range to range.
 const MIDDLE_SHARE: f64 = 0.05;
 
 /// The cost of going from one range to another one, in any period.
 fn cost(from: &Choice, to: &Choice, period_rad: f64) -> f64 {
-    let to = to.nearest_to(from.far.middle_rad(), period_rad);
-    let apart_rad = (-from.far.overlap_rad(&to.far)).max(0.0);
-    let middles_rad = (from.far.middle_rad() - to.far.middle_rad()).abs();
+    let to = to.nearest_to(from.exact.middle_rad(), period_rad);
+    let apart_rad = (-from.exact.overlap_rad(&to.exact)).max(0.0);
+    let middles_rad = (from.exact.middle_rad() - to.exact.middle_rad()).abs();
     apart_rad + MIDDLE_SHARE * middles_rad
 }
 
-/// One choice a leg, counted on along the pass from `start_rad`.
-pub fn least_turning(
-    choices: &[Vec<Choice>],
-    start_rad: Option<f64>,
-    period_rad: f64,
-) -> Vec<Choice> {
-    let at_start = |choice: &Choice| {
-        start_rad.map_or(0.0, |rad| {
-            let at = Range::new(rad, rad);
-            cost(&Choice { far: at, near: at }, choice, period_rad)
-        })
+/// One choice a leg, counted on along the passes from `start_rad`.
+pub fn least_turning(choices: &[Vec<Choice>], start_rad: f64, period_rad: f64) -> Vec<Choice> {
+    let start = Range::new(start_rad, start_rad);
+    let start = Choice {
+        exact: start,
+        far: start,
+        near: start,
     };
+    let at_start = |choice: &Choice| cost(&start, choice, period_rad);
     let Some(first) = choices.first() else {
         return Vec::new();
     };
@@ -107,11 +111,29 @@ pub fn least_turning(
         chosen = came_from[leg][chosen];
         picks[leg - 1] = chosen;
     }
-    let mut at_rad = start_rad.unwrap_or(first[picks[0]].far.middle_rad());
-    let legs = choices.iter().zip(&picks).map(|(of_leg, pick)| {
-        let choice = of_leg[*pick].nearest_to(at_rad, period_rad);
-        at_rad = choice.far.middle_rad();
-        choice
-    });
-    legs.collect()
+    let mut counted: Vec<Choice> = Vec::with_capacity(choices.len());
+    let mut before: Option<(f64, f64)> = None;
+    for (of_leg, pick) in choices.iter().zip(&picks) {
+        let choice = of_leg[*pick];
+        let own_rad = choice.exact.middle_rad();
+        let to_rad = match before {
+            Some((raw_rad, at_rad)) => at_rad + turn_rad(own_rad - raw_rad, period_rad),
+            None => start_rad + wrapped_rad(own_rad - start_rad, period_rad),
+        };
+        before = Some((own_rad, to_rad));
+        counted.push(choice.shifted(to_rad - own_rad));
+    }
+    counted
+}
+
+/// The turn of a nozzle of this period for a turn of the path: the shorter one; where both are about as long, to
+/// the same side as the path, so that round a rectangle the nozzle turns on and on.
+fn turn_rad(path_rad: f64, period_rad: f64) -> f64 {
+    let shorter_rad = wrapped_rad(path_rad, period_rad);
+    let path_rad = wrapped_rad(path_rad, TAU);
+    let is_alike = shorter_rad.abs() > 0.5 * period_rad - ALIKE_RAD;
+    match is_alike && path_rad.abs() < 0.5 * period_rad + ALIKE_RAD {
+        true => path_rad,
+        false => shorter_rad,
+    }
 }

@@ -6,13 +6,14 @@
 //! that time is stretched and the headings are found again.
 
 use super::nodes::Node;
-use super::{Arrival, BeadLines};
+use super::sides::Range;
+use super::BeadLines;
 use crate::geometry::banded::Band;
 use crate::settings::Settings;
 use std::f64::consts::PI;
 
 /// How often times and headings are found.
-const ROUNDS: usize = 3;
+const ROUNDS: usize = 2;
 /// Iterations of the interior-point method, and the mean product of slack and multiplier at which it ends, beside
 /// that at its begin.
 const ITERATIONS: usize = 30;
@@ -23,20 +24,49 @@ const CENTRING: f64 = 0.15;
 /// How far the path passes beside a corner, mm, and the tip's least speed there, mm/s.
 const CORNER_MM: f64 = 0.036;
 const SPEED_MIN_MM_S: f64 = 4.0;
+/// Least time of a travel.
+const TRAVEL_MIN_S: f64 = 0.02;
 
-/// Headings of the nodes, rad.
+/// All passes in one row.
+struct Row {
+    ranges: Vec<Range>,
+    /// Times from node to node; of travel between passes.
+    times_s: Vec<f64>,
+    is_travel: Vec<bool>,
+    /// The heading before the first, and the time from there.
+    start_rad: f64,
+    start_s: f64,
+}
+
+/// Headings of the nodes of all passes in a row, rad.
 pub fn smoothed(
-    lines: &BeadLines,
-    nodes: &[Node],
-    arrival: Option<Arrival>,
+    passes: &[BeadLines],
+    nodes: &[Vec<Node>],
+    start_rad: f64,
     settings: &Settings,
 ) -> Vec<f64> {
-    let fastest_s = times_s(lines, nodes, settings);
-    let mut times_s = fastest_s.clone();
+    let mut row = Row {
+        ranges: Vec::new(),
+        times_s: Vec::new(),
+        is_travel: Vec::new(),
+        start_rad,
+        start_s: passes.first().map_or(1.0, |first| first.arrival_s),
+    };
+    for (lines, nodes) in passes.iter().zip(nodes) {
+        if !row.ranges.is_empty() {
+            row.times_s.push(lines.arrival_s);
+            row.is_travel.push(true);
+        }
+        row.ranges.extend(nodes.iter().map(|node| node.range));
+        let of_pass = times_s(lines, nodes, settings);
+        row.is_travel.extend(of_pass.iter().map(|_| false));
+        row.times_s.extend(of_pass);
+    }
+    let fastest_s = row.times_s.clone();
     let mut headings_rad = Vec::new();
-    for _ in 0..ROUNDS {
-        headings_rad = Problem::new(nodes, &times_s, arrival).solved(nodes);
-        times_s = stretched(&fastest_s, &times_s, &headings_rad, settings);
+    for _ in 0..super::tune(7, ROUNDS as f64) as usize {
+        headings_rad = Problem::new(&row).solved(&row);
+        row.times_s = stretched(&row, &fastest_s, &headings_rad, settings);
     }
     headings_rad
 }
@@ -85,36 +115,41 @@ fn acceleration_row(before_s: f64, after_s: f64) -> ([f64; 3], f64) {
 }
 
 /// Times with which the headings keep the limits of their axis, or nearly.
-fn stretched(
-    fastest_s: &[f64],
-    times_s: &[f64],
-    headings_rad: &[f64],
-    settings: &Settings,
-) -> Vec<f64> {
+fn stretched(row: &Row, fastest_s: &[f64], headings_rad: &[f64], settings: &Settings) -> Vec<f64> {
     let Some(axis) = settings.machine.joints.last() else {
-        return times_s.to_vec();
+        return fastest_s.to_vec();
     };
     let share = settings.plan_share;
     let (speed_max, acceleration_max) = (share * axis.speed_max, share * axis.acceleration_max);
-    let bends = |i: usize| {
-        let ([before, own, after], _) = acceleration_row(times_s[i - 1], times_s[i]);
-        let [a, b, c] = [i - 1, i, i + 1].map(|k| headings_rad[k]);
-        (before * a + own * b + after * c).abs()
+    let times_s = &row.times_s;
+    let bend = |i: usize| match row.weights_at(i) {
+        Some(([before, own, after], _)) => {
+            let [a, b, c] = [i - 1, i, i + 1].map(|k| headings_rad[k]);
+            (before * a + own * b + after * c).abs()
+        }
+        None => 0.0,
     };
     let steps = 0..times_s.len();
     steps
         .map(|i| {
+            if row.is_travel[i] {
+                return fastest_s[i];
+            }
             let rate = (headings_rad[i + 1] - headings_rad[i]).abs() / times_s[i];
-            let at_start = if i > 0 { bends(i) } else { 0.0 };
-            let at_end = if i + 1 < times_s.len() {
-                bends(i + 1)
-            } else {
-                0.0
-            };
-            let by_acceleration = (0.5 * (at_start + at_end) / acceleration_max).sqrt();
+            let mean = super::tune(9, 0.5) * (bend(i) + bend(i + 1));
+            let by_acceleration = (mean / acceleration_max).sqrt();
             (times_s[i] * by_acceleration.max(rate / speed_max)).max(fastest_s[i])
         })
         .collect()
+}
+
+impl Row {
+    /// The acceleration at a node within a pass.
+    fn weights_at(&self, i: usize) -> Option<([f64; 3], f64)> {
+        let before = i.checked_sub(1)?;
+        let is_within = i < self.times_s.len() && !self.is_travel[before] && !self.is_travel[i];
+        is_within.then(|| acceleration_row(self.times_s[before], self.times_s[i]))
+    }
 }
 
 /// Least squares with bounds: ½ xᵀ H x - gᵀ x.
@@ -130,23 +165,31 @@ struct Bounds {
 }
 
 impl Problem {
-    fn new(nodes: &[Node], times_s: &[f64], arrival: Option<Arrival>) -> Problem {
-        let count = nodes.len();
+    fn new(row: &Row) -> Problem {
+        let count = row.ranges.len();
         let mut hessian = vec![[0.0; 4]; count];
         let mut gradient = vec![0.0; count];
-        for i in 1..count.saturating_sub(1) {
-            let (row, weight_s) = acceleration_row(times_s[i - 1], times_s[i]);
-            for a in 0..3 {
-                for b in a..3 {
-                    hessian[i - 1 + a][b - a] += weight_s * row[a] * row[b];
+        for i in 0..count {
+            if let Some((weights, mean_s)) = row.weights_at(i) {
+                for a in 0..3 {
+                    for b in a..3 {
+                        hessian[i - 1 + a][b - a] += mean_s * weights[a] * weights[b];
+                    }
                 }
             }
         }
         // From rest to rest the least integral is 12 turn² / time³.
-        if let Some(arrival) = arrival {
-            let weight = 12.0 / arrival.seconds.max(1e-3).powi(3);
+        let of_turn = |seconds: f64| super::tune(8, 1.0) * 12.0 / seconds.max(TRAVEL_MIN_S).powi(3);
+        for i in (0..row.times_s.len()).filter(|i| row.is_travel[*i]) {
+            let weight = of_turn(row.times_s[i]);
+            hessian[i][0] += weight;
+            hessian[i][1] -= weight;
+            hessian[i + 1][0] += weight;
+        }
+        if count > 0 {
+            let weight = of_turn(row.start_s);
             hessian[0][0] += weight;
-            gradient[0] += weight * arrival.heading_rad;
+            gradient[0] += weight * row.start_rad;
         }
         // Numbers about 1.
         let sum: f64 = hessian.iter().map(|row| row[0]).sum();
@@ -169,12 +212,13 @@ impl Problem {
         slope
     }
 
-    fn solved(&self, nodes: &[Node]) -> Vec<f64> {
-        let mut x: Vec<f64> = nodes.iter().map(|node| node.range.middle_rad()).collect();
-        let mut bounds: Vec<Bounds> = nodes
+    fn solved(&self, row: &Row) -> Vec<f64> {
+        let mut x: Vec<f64> = row.ranges.iter().map(Range::middle_rad).collect();
+        let mut bounds: Vec<Bounds> = row
+            .ranges
             .iter()
-            .map(|node| {
-                let half_rad = 0.5 * (node.range.high_rad - node.range.low_rad);
+            .map(|range| {
+                let half_rad = 0.5 * (range.high_rad - range.low_rad);
                 Bounds {
                     slack: [half_rad; 2],
                     multiplier: [1.0 / half_rad; 2],
