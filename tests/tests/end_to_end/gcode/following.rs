@@ -55,9 +55,8 @@ impl File {
 
     fn pass(&mut self, kind: &str, points: &[Point]) {
         let (x, y) = (points[0][0], points[0][1]);
-        self.text += &format!(
-            ";TYPE:{kind}\nG1 X{x:.4} Y{y:.4} F9000\nG1 E{RETRACT_MM} F1980\nG1 F3600\n"
-        );
+        self.text +=
+            &format!(";TYPE:{kind}\nG1 X{x:.4} Y{y:.4} F9000\nG1 E{RETRACT_MM} F1980\nG1 F3600\n");
         self.runs.push((vec![self.at, points[0]], TRAVEL_MM_S));
         for pair in points.windows(2) {
             let way_mm = distance(pair[0], pair[1]);
@@ -74,7 +73,10 @@ impl File {
 
     /// Seconds by trapezoids: corners with the speed at which no axis jumps by more than the jerk.
     fn estimate_s(&self) -> f64 {
-        let runs = self.runs.iter().map(|(points, speed)| run_s(points, *speed));
+        let runs = self
+            .runs
+            .iter()
+            .map(|(points, speed)| run_s(points, *speed));
         let push_s = RETRACT_MM / RETRACT_MM_S + RETRACT_MM_S / RETRACT_MM_S2;
         runs.sum::<f64>() + 2.0 * push_s * self.retracts as f64
     }
@@ -85,7 +87,10 @@ fn run_s(points: &[Point], speed: f64) -> f64 {
         .windows(2)
         .map(|pair| {
             let way_mm = distance(pair[0], pair[1]);
-            (way_mm, [0, 1].map(|c: usize| (pair[1][c] - pair[0][c]) / way_mm))
+            (
+                way_mm,
+                [0, 1].map(|c: usize| (pair[1][c] - pair[0][c]) / way_mm),
+            )
         })
         .collect();
     let mut speeds = vec![JERK_MM_S.min(speed); points.len()];
@@ -111,7 +116,13 @@ fn run_s(points: &[Point], speed: f64) -> f64 {
 }
 
 fn square(low: f64, high: f64) -> Vec<Point> {
-    vec![[low, low], [high, low], [high, high], [low, high], [low, low]]
+    vec![
+        [low, low],
+        [high, low],
+        [high, high],
+        [low, high],
+        [low, low],
+    ]
 }
 
 /// Lines along x, joined at alternating ends.
@@ -120,7 +131,11 @@ fn zigzag(low: Point, high: Point, spacing: f64) -> Vec<Point> {
     let mut y = low[1];
     while y <= high[1] {
         let is_back = points.len() % 4 == 2;
-        let ends = if is_back { [high[0], low[0]] } else { [low[0], high[0]] };
+        let ends = if is_back {
+            [high[0], low[0]]
+        } else {
+            [low[0], high[0]]
+        };
         points.extend(ends.map(|x| [x, y]));
         y += spacing;
     }
@@ -130,7 +145,10 @@ fn zigzag(low: Point, high: Point, spacing: f64) -> Vec<Point> {
 fn ring(middle: Point, radius: f64, facets: usize) -> Vec<Point> {
     let vertex = |k: usize| {
         let angle = TAU * k as f64 / facets as f64;
-        [middle[0] + radius * angle.cos(), middle[1] + radius * angle.sin()]
+        [
+            middle[0] + radius * angle.cos(),
+            middle[1] + radius * angle.sin(),
+        ]
     };
     (0..=facets).map(vertex).collect()
 }
@@ -157,15 +175,27 @@ fn sliced_lines_take_at_most_a_fifth_more_than_the_slicer_reckons() {
     let plan = planned(&file);
     let end_tick = plan.stream.marks.last().expect("marks").end_tick;
     let job_s = end_tick as f64 / f64::from(plan.settings.machine.servo_hz);
-    let first = plan.stream.marks.iter().find(|mark| mark.state == MotionState::Prime);
+    let first = plan
+        .stream
+        .marks
+        .iter()
+        .find(|mark| mark.state == MotionState::Prime);
     // The way to the first pass and off the last are the machine's.
     let begin_tick = first.expect("a prime").start_tick;
-    let behind = plan.stream.marks.iter().rev().take_while(|mark| mark.state == MotionState::Travel);
+    let behind = plan
+        .stream
+        .marks
+        .iter()
+        .rev()
+        .take_while(|mark| mark.state == MotionState::Travel);
     let behind: u64 = behind.map(|mark| mark.end_tick - mark.start_tick).sum();
     let own_s = (end_tick - begin_tick - behind) as f64 / f64::from(plan.settings.machine.servo_hz);
     let estimate_s = file.estimate_s() - run_s(&file.runs[0].0, file.runs[0].1);
     let ratio = own_s / estimate_s;
-    println!("{job_s:.2} s, {own_s:.2} of them beside {estimate_s:.2} s: {ratio:.3}; {:?}", plan.off);
+    println!(
+        "{job_s:.2} s, {own_s:.2} of them beside {estimate_s:.2} s: {ratio:.3}; {:?}",
+        plan.off
+    );
     assert!(ratio <= 1.2, "{own_s} s for {estimate_s} s");
     let volume_mm3 = file.print_mm * WIDTH_MM * HEIGHT_MM;
     // The file's E have six digits.
@@ -181,11 +211,21 @@ fn beads_of_walls_keep_their_widths_but_at_corners() {
     let servo_hz = f64::from(plan.settings.machine.servo_hz);
     let walls = [0, 1, 4];
     let (mut third_mm, mut eighth_mm) = (0.0, 0.0);
-    for mark in plan.stream.marks.iter().filter(|mark| mark.state == MotionState::Print) {
+    for mark in plan
+        .stream
+        .marks
+        .iter()
+        .filter(|mark| mark.state == MotionState::Print)
+    {
         let is_wall = mark.pass.is_some_and(|pass| walls.contains(&pass));
         let mut before: Option<Point> = None;
         let mut piece_mm = 0.0;
-        for sample in samples_within(&plan.stream, servo_hz, 1.0, [mark.start_tick, mark.end_tick]) {
+        for sample in samples_within(
+            &plan.stream,
+            servo_hz,
+            1.0,
+            [mark.start_tick, mark.end_tick],
+        ) {
             let p = sample.position;
             let at = [p[0], p[1]];
             let way_mm = before.map_or(0.0, |before| distance(before, at));
@@ -197,16 +237,31 @@ fn beads_of_walls_keep_their_widths_but_at_corners() {
                 let share = (width_mm / WIDTH_MM - 1.0).abs();
                 // Rounding of corners and control points: a hundredth of the width.
                 eighth_mm += if share > 0.135 { way_mm } else { 0.0 };
-                piece_mm = if share > 0.343 { piece_mm + way_mm } else { 0.0 };
+                piece_mm = if share > 0.343 {
+                    piece_mm + way_mm
+                } else {
+                    0.0
+                };
                 third_mm += if share > 0.343 { way_mm } else { 0.0 };
                 assert!(!is_wall || piece_mm < 1.0, "{piece_mm} mm at {at:?}");
             }
             before = Some(at);
         }
     }
-    println!("{eighth_mm:.1} and {third_mm:.1} mm, reported {:?}", plan.off);
+    println!(
+        "{eighth_mm:.1} and {third_mm:.1} mm, reported {:?}",
+        plan.off
+    );
     assert!(third_mm > 1.0, "corners turn");
     // The stream is sampled by ticks, the report by the nodes of the headings, 0.24 mm and more apart.
-    assert!((plan.off.third_mm / third_mm - 1.0).abs() < 0.2, "{third_mm} {:?}", plan.off);
-    assert!((plan.off.eighth_mm / eighth_mm - 1.0).abs() < 0.2, "{eighth_mm} {:?}", plan.off);
+    assert!(
+        (plan.off.third_mm / third_mm - 1.0).abs() < 0.2,
+        "{third_mm} {:?}",
+        plan.off
+    );
+    assert!(
+        (plan.off.eighth_mm / eighth_mm - 1.0).abs() < 0.2,
+        "{eighth_mm} {:?}",
+        plan.off
+    );
 }

@@ -6,9 +6,9 @@
 //! over all ticks (normal equations of half bandwidth 3, LDLᵀ). With the position alone the
 //! acceleration of the fit overshoots by up to 10 % where the time law has corners.
 
-use crate::geometry::banded::Band;
 use super::spline::{RestSpline, SpanBasis, durations_around, quantised, span_basis};
 use super::tick_path::TickPath;
+use crate::geometry::banded::Band;
 use crate::settings::Tolerances;
 use headway_protocol::units::{
     CHANNEL_HEADING, CHANNEL_TILT_X, CHANNEL_TILT_Y, CHANNEL_VOLUME, CHANNELS,

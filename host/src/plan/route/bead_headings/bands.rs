@@ -77,7 +77,6 @@ fn range_of([low, high]: [f64; 2]) -> Range {
 fn choices(width_mm: f64, travel_rad: f64, is_long: bool, aperture: &Aperture) -> Vec<Choice> {
     let width_mm = width_mm.clamp(2.0 * aperture.minor_mm(), 2.0 * aperture.major_mm());
     let shares = [EXACT_SHARE, FAR_SHARE, NEAR_SHARE];
-    let shares = [shares[0], super::tune(0, shares[1]), super::tune(1, shares[2])];
     let angles = shares.map(|share| angles_rad(width_mm, share, aperture));
     let [exact, far, near] = angles.map(range_of);
     let far = far.hull(&exact);
@@ -111,20 +110,21 @@ fn links(lines: &BeadLines, longest_mm: f64) -> Vec<bool> {
 }
 
 /// Headings of all legs of all passes.
-pub fn leg_bands(
-    passes: &[BeadLines],
-    start_rad: f64,
-    aperture: &Aperture,
-) -> Vec<Vec<LegBands>> {
+pub fn leg_bands(passes: &[BeadLines], start_rad: f64, aperture: &Aperture) -> Vec<Vec<LegBands>> {
     let major_mm = aperture.major_mm();
     let period_rad = aperture.period_rad();
     let of_leg = |lines: &BeadLines, leg: usize| {
-        let is_long = lines.length_mm[leg] > 2.0 * super::tune(11, TURN_REACH_SHARE) * major_mm;
-        choices(lines.widths_mm[leg], lines.travel_rad[leg], is_long, aperture)
+        let is_long = lines.length_mm[leg] > 2.0 * TURN_REACH_SHARE * major_mm;
+        choices(
+            lines.widths_mm[leg],
+            lines.travel_rad[leg],
+            is_long,
+            aperture,
+        )
     };
     let links: Vec<Vec<bool>> = passes
         .iter()
-        .map(|lines| links(lines, super::tune(2, LINK_SHARE) * major_mm))
+        .map(|lines| links(lines, LINK_SHARE * major_mm))
         .collect();
     let mut kept = Vec::new();
     for (lines, is_link) in passes.iter().zip(&links) {

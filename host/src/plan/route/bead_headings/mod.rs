@@ -18,6 +18,8 @@ mod bands;
 mod nodes;
 mod sides;
 mod smooth;
+#[cfg(test)]
+mod tests;
 
 use crate::geometry::aperture::Aperture;
 use crate::settings::Settings;
@@ -28,6 +30,9 @@ use nodes::Node;
 const EXACT_SHARE: f64 = 0.001;
 const FAR_SHARE: f64 = 1.0 / 8.0;
 const NEAR_SHARE: f64 = 1.0 / 3.0;
+
+/// What steps of the nodes and rounding may add to a share, in figures.
+const ROUNDING_SHARE: f64 = 0.01;
 
 /// The legs of a pass.
 #[derive(Clone, Debug)]
@@ -155,12 +160,7 @@ impl HeadingTrack {
 }
 
 /// How much of the beads is how much wider or narrower.
-fn off(
-    lines: &BeadLines,
-    nodes: &[Node],
-    headings_rad: &[f64],
-    aperture: &Aperture,
-) -> WidthOff {
+fn off(lines: &BeadLines, nodes: &[Node], headings_rad: &[f64], aperture: &Aperture) -> WidthOff {
     let share = |node: &Node, heading_rad: f64| {
         let width_mm = lines.widths_mm[node.leg];
         let laid_mm = bands::width_mm(heading_rad - lines.travel_rad[node.leg], aperture);
@@ -186,16 +186,4 @@ fn off(
         }
     }
     sum
-}
-
-/// What steps of the nodes and rounding may add to a share, in figures.
-const ROUNDING_SHARE: f64 = 0.01;
-
-pub fn tune(k: usize, default: f64) -> f64 {
-    static T: std::sync::OnceLock<Vec<f64>> = std::sync::OnceLock::new();
-    let all = T.get_or_init(|| {
-        let text = std::env::var("HWT").unwrap_or_default();
-        text.split(',').map(|v| v.parse().unwrap_or(f64::NAN)).collect()
-    });
-    all.get(k).copied().filter(|v| v.is_finite()).unwrap_or(default)
 }

@@ -9,7 +9,7 @@ use crate::plan::route::bead_curve::steps_mm;
 
 /// Distances of nodes at vertices and at most, in semi-axes a.
 const STEP_SHARE: f64 = 0.4;
-const STEP_MAX_SHARE: f64 = 2.0;
+const STEP_MAX_SHARE: f64 = 4.0;
 /// Nodes closer than this share of the least distance are one.
 const MERGE_SHARE: f64 = 0.4;
 /// How far beside a corner a bead may be of nearly the width of the file's, and right at it of any, in semi-axes
@@ -43,13 +43,13 @@ struct Turning {
 /// Nodes of a pass.
 pub fn nodes(lines: &BeadLines, legs: &[LegBands], major_mm: f64) -> Vec<Node> {
     let turnings = turnings(lines, legs, major_mm);
-    let step_mm = super::tune(10, STEP_SHARE) * major_mm;
+    let step_mm = STEP_SHARE * major_mm;
     let mut found: Vec<Node> = Vec::new();
     let mut before_mm = 0.0;
     for (leg, length_mm) in lines.length_mm.iter().enumerate() {
         let range = |at_mm: f64| {
             let ends_mm = [at_mm, length_mm - at_mm];
-            match ends_mm[0].min(ends_mm[1]) > super::tune(11, TURN_REACH_SHARE) * major_mm {
+            match ends_mm[0].min(ends_mm[1]) > TURN_REACH_SHARE * major_mm {
                 true => legs[leg].exact,
                 false => range_at(&legs[leg], ends_mm, &turnings[leg]),
             }
@@ -104,7 +104,7 @@ fn range_at(bands: &LegBands, ends_mm: [f64; 2], turnings: &[Turning; 2]) -> Ran
 /// What is beside the start and the end of each leg.
 fn turnings(lines: &BeadLines, legs: &[LegBands], major_mm: f64) -> Vec<[Turning; 2]> {
     let end = Turning {
-        near_mm: super::tune(3, NEAR_REACH_SHARE) * major_mm,
+        near_mm: NEAR_REACH_SHARE * major_mm,
         ..Turning::default()
     };
     let count = legs.len();
@@ -121,10 +121,10 @@ fn turnings(lines: &BeadLines, legs: &[LegBands], major_mm: f64) -> Vec<[Turning
         }
         let link_mm: f64 = lines.length_mm[pair[0] + 1..pair[1]].iter().sum();
         let is_apart = before.near.overlap_rad(&after.near) < OVERLAP_RAD;
-        let reach_mm = (super::tune(4, FREE_REACH_SHARE) * major_mm - 0.5 * link_mm).max(0.0);
+        let reach_mm = (FREE_REACH_SHARE * major_mm - 0.5 * link_mm).max(0.0);
         let turning = |leg: usize, other: &LegBands| Turning {
-            near_mm: if lines.is_inside[leg] {super::tune(6, super::tune(3, NEAR_REACH_SHARE))} else {super::tune(3, NEAR_REACH_SHARE)} * major_mm,
-            free_mm: reach_mm.min(super::tune(5, FREE_LEG_SHARE) * lines.length_mm[leg]),
+            near_mm: NEAR_REACH_SHARE * major_mm,
+            free_mm: reach_mm.min(FREE_LEG_SHARE * lines.length_mm[leg]),
             other: is_apart.then_some(other.near),
         };
         found[pair[0]][1] = turning(pair[0], after);

@@ -5,9 +5,9 @@
 //! where the time between nodes is that of a tip which slows at corners. Where the heading's limits ask for more,
 //! that time is stretched and the headings are found again.
 
+use super::BeadLines;
 use super::nodes::Node;
 use super::sides::Range;
-use super::BeadLines;
 use crate::geometry::banded::Band;
 use crate::settings::Settings;
 use std::f64::consts::PI;
@@ -64,7 +64,7 @@ pub fn smoothed(
     }
     let fastest_s = row.times_s.clone();
     let mut headings_rad = Vec::new();
-    for _ in 0..super::tune(7, ROUNDS as f64) as usize {
+    for _ in 0..ROUNDS {
         headings_rad = Problem::new(&row).solved(&row);
         row.times_s = stretched(&row, &fastest_s, &headings_rad, settings);
     }
@@ -136,7 +136,7 @@ fn stretched(row: &Row, fastest_s: &[f64], headings_rad: &[f64], settings: &Sett
                 return fastest_s[i];
             }
             let rate = (headings_rad[i + 1] - headings_rad[i]).abs() / times_s[i];
-            let mean = super::tune(9, 0.5) * (bend(i) + bend(i + 1));
+            let mean = 0.5 * (bend(i) + bend(i + 1));
             let by_acceleration = (mean / acceleration_max).sqrt();
             (times_s[i] * by_acceleration.max(rate / speed_max)).max(fastest_s[i])
         })
@@ -179,7 +179,7 @@ impl Problem {
             }
         }
         // From rest to rest the least integral is 12 turn² / time³.
-        let of_turn = |seconds: f64| super::tune(8, 1.0) * 12.0 / seconds.max(TRAVEL_MIN_S).powi(3);
+        let of_turn = |seconds: f64| 12.0 / seconds.max(TRAVEL_MIN_S).powi(3);
         for i in (0..row.times_s.len()).filter(|i| row.is_travel[*i]) {
             let weight = of_turn(row.times_s[i]);
             hessian[i][0] += weight;
@@ -254,7 +254,10 @@ impl Problem {
             let moves = [*dx, -*dx];
             let change: [[f64; 2]; 2] = std::array::from_fn(|side| {
                 let (slack, multiplier) = (bound.slack[side], bound.multiplier[side]);
-                [moves[side], (aim - multiplier * moves[side]) / slack - multiplier]
+                [
+                    moves[side],
+                    (aim - multiplier * moves[side]) / slack - multiplier,
+                ]
             });
             for (side, [of_slack, of_multiplier]) in change.iter().enumerate() {
                 let within = |value: f64, change: f64| match change < 0.0 {

@@ -9,8 +9,8 @@
 //! (2009), and Consolini et al. on its jerk. Normal equations have half bandwidth 3. Steps are bounded;
 //! where they do not settle, the window stays as it was.
 
-use crate::geometry::banded::{Band, Factored};
 use super::limit_rows::{Place, Rows, SQUARED_PACE_FLOOR};
+use crate::geometry::banded::{Band, Factored};
 use std::ops::Range;
 
 /// Newton steps; six to eight are usual.
