@@ -13,9 +13,9 @@ const STEP_MAX_SHARE: f64 = 4.0;
 /// Nodes closer than this share of the least distance are one.
 const MERGE_SHARE: f64 = 0.4;
 /// How far beside a corner a bead may be of nearly the width of the file's, and right at it of any, in semi-axes
-/// a: 1 mm and 0.5 mm of a nozzle of 1.2 mm.
+/// a: 1 mm and 0.45 mm of a nozzle of 1.2 mm.
 const NEAR_REACH_SHARE: f64 = 5.0 / 3.0;
-const FREE_REACH_SHARE: f64 = 5.0 / 6.0;
+const FREE_REACH_SHARE: f64 = 0.75;
 /// At most this share of a leg is free from either end: its middle has nearly its width.
 const FREE_LEG_SHARE: f64 = 0.4;
 /// Ranges that overlap by less than this are apart, rad.

@@ -107,13 +107,6 @@ fn times_s(lines: &BeadLines, nodes: &[Node], settings: &Settings) -> Vec<f64> {
         .collect()
 }
 
-/// Weights of three neighbours in the acceleration of the middle one, and the time it stands for.
-fn acceleration_row(before_s: f64, after_s: f64) -> ([f64; 3], f64) {
-    let mean_s = 0.5 * (before_s + after_s);
-    let [before, after] = [before_s, after_s].map(|s| 1.0 / (s * mean_s));
-    ([before, -before - after, after], mean_s)
-}
-
 /// Times with which the headings keep the limits of their axis, or nearly.
 fn stretched(row: &Row, fastest_s: &[f64], headings_rad: &[f64], settings: &Settings) -> Vec<f64> {
     let Some(axis) = settings.machine.joints.last() else {
@@ -122,12 +115,13 @@ fn stretched(row: &Row, fastest_s: &[f64], headings_rad: &[f64], settings: &Sett
     let share = settings.plan_share;
     let (speed_max, acceleration_max) = (share * axis.speed_max, share * axis.acceleration_max);
     let times_s = &row.times_s;
-    let bend = |i: usize| match row.weights_at(i) {
-        Some(([before, own, after], _)) => {
-            let [a, b, c] = [i - 1, i, i + 1].map(|k| headings_rad[k]);
-            (before * a + own * b + after * c).abs()
-        }
-        None => 0.0,
+    let bend = |i: usize| {
+        let Some(weights) = row.weights_at(i) else {
+            return 0.0;
+        };
+        let of_node = |(k, weight): (usize, &f64)| weight * headings_rad[weights.first + k];
+        let sum: f64 = weights.of_nodes.iter().enumerate().map(of_node).sum();
+        sum.abs()
     };
     let steps = 0..times_s.len();
     steps
@@ -143,12 +137,42 @@ fn stretched(row: &Row, fastest_s: &[f64], headings_rad: &[f64], settings: &Sett
         .collect()
 }
 
+/// The acceleration at a node as a sum of headings.
+struct Weights {
+    /// The first node that it is of.
+    first: usize,
+    of_nodes: Vec<f64>,
+    /// The time that it stands for.
+    mean_s: f64,
+}
+
 impl Row {
-    /// The acceleration at a node within a pass.
-    fn weights_at(&self, i: usize) -> Option<([f64; 3], f64)> {
-        let before = i.checked_sub(1)?;
-        let is_within = i < self.times_s.len() && !self.is_travel[before] && !self.is_travel[i];
-        is_within.then(|| acceleration_row(self.times_s[before], self.times_s[i]))
+    /// The acceleration at a node; at both ends of a pass the nozzle rests.
+    fn weights_at(&self, i: usize) -> Option<Weights> {
+        let within = |step: usize| {
+            let is_within = step < self.times_s.len() && !self.is_travel[step];
+            is_within.then(|| self.times_s[step])
+        };
+        let before = i.checked_sub(1).and_then(within);
+        let (first, of_nodes, mean_s) = match (before, within(i)) {
+            (Some(before_s), Some(after_s)) => {
+                let mean_s = 0.5 * (before_s + after_s);
+                let [before, after] = [before_s, after_s].map(|s| 1.0 / (s * mean_s));
+                (i - 1, vec![before, -before - after, after], mean_s)
+            }
+            // From rest or to it with this acceleration for half the step's time.
+            (Some(step_s), None) | (None, Some(step_s)) => {
+                let weight = 2.0 / (step_s * step_s);
+                let first = if before.is_some() { i - 1 } else { i };
+                (first, vec![-weight, weight], 0.5 * step_s)
+            }
+            (None, None) => return None,
+        };
+        Some(Weights {
+            first,
+            of_nodes,
+            mean_s,
+        })
     }
 }
 
@@ -170,11 +194,12 @@ impl Problem {
         let mut hessian = vec![[0.0; 4]; count];
         let mut gradient = vec![0.0; count];
         for i in 0..count {
-            if let Some((weights, mean_s)) = row.weights_at(i) {
-                for a in 0..3 {
-                    for b in a..3 {
-                        hessian[i - 1 + a][b - a] += mean_s * weights[a] * weights[b];
-                    }
+            let Some(weights) = row.weights_at(i) else {
+                continue;
+            };
+            for (a, of_a) in weights.of_nodes.iter().enumerate() {
+                for (b, of_b) in weights.of_nodes.iter().enumerate().skip(a) {
+                    hessian[weights.first + a][b - a] += weights.mean_s * of_a * of_b;
                 }
             }
         }
