@@ -168,9 +168,13 @@ fn planned(file: &File) -> GcodePlan {
     plan_gcode(&program, None, &Settings::default(), &()).expect("a plan")
 }
 
-/// Time within 1.2 of the estimate, the file's volume.
+/// Most that these lines take beside the estimate: parts, whose layers also change and whose beads are shorter, are to
+/// stay within 1.2.
+const RATIO_MAX: f64 = 1.1;
+
+/// Time within the estimate and a tenth, the file's volume. Each leg with its own width's heading takes 1.3 of it.
 #[test]
-fn sliced_lines_take_at_most_a_fifth_more_than_the_slicer_reckons() {
+fn sliced_lines_take_about_as_long_as_with_a_round_nozzle() {
     let file = file();
     let plan = planned(&file);
     let end_tick = plan.stream.marks.last().expect("marks").end_tick;
@@ -196,7 +200,7 @@ fn sliced_lines_take_at_most_a_fifth_more_than_the_slicer_reckons() {
         "{job_s:.2} s, {own_s:.2} of them beside {estimate_s:.2} s: {ratio:.3}; {:?}",
         plan.off
     );
-    assert!(ratio <= 1.2, "{own_s} s for {estimate_s} s");
+    assert!(ratio <= RATIO_MAX, "{own_s} s for {estimate_s} s");
     let volume_mm3 = file.print_mm * WIDTH_MM * HEIGHT_MM;
     // The file's E have six digits.
     assert!((plan.figures.volume_mm3 / volume_mm3 - 1.0).abs() < 1e-4);
