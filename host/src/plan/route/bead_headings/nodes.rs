@@ -8,14 +8,14 @@ use super::sides::Range;
 use crate::plan::route::bead_curve::steps_mm;
 
 /// Distances of nodes at vertices and at most, in semi-axes a.
-const STEP_SHARE: f64 = 0.4;
+const STEP_SHARE: f64 = 1.0 / 3.0;
 const STEP_MAX_SHARE: f64 = 4.0;
 /// Nodes closer than this share of the least distance are one.
 const MERGE_SHARE: f64 = 0.4;
 /// How far beside a corner a bead may be of nearly the width of the file's, and right at it of any, in semi-axes
-/// a: 1 mm and 0.45 mm of a nozzle of 1.2 mm.
+/// a: 1 mm and 0.4 mm of a nozzle of 1.2 mm, and the next node.
 const NEAR_REACH_SHARE: f64 = 5.0 / 3.0;
-const FREE_REACH_SHARE: f64 = 0.75;
+const FREE_REACH_SHARE: f64 = 2.0 / 3.0;
 /// At most this share of a leg is free from either end: its middle has nearly its width.
 const FREE_LEG_SHARE: f64 = 0.4;
 /// Ranges that overlap by less than this are apart, rad.

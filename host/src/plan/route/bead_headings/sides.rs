@@ -1,10 +1,10 @@
 //! Ranges of headings, and which of several each leg takes.
 //!
 //! In: for each leg the ranges that lay its bead, relative to any period of the nozzle. Out: one range a leg, its
-//! angle counted on, so that the sum of turning from range to range is least (shortest path).
+//! angle counted on, so that the sum of turning from range to range is least, and of turning back on short legs
+//! (shortest path).
 
 use crate::geometry::aperture::wrapped_rad;
-use std::f64::consts::TAU;
 
 /// A range of headings, rad.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -64,76 +64,101 @@ impl Choice {
     }
 }
 
-/// Turns to both sides that differ by less than twice this are alike, rad.
-const ALIKE_RAD: f64 = 0.17;
 /// What turning between the middles of ranges costs beside turning from range to range.
 const MIDDLE_SHARE: f64 = 0.05;
+/// What it costs to turn back on a leg without a straight middle, rad: the nozzle comes to rest there.
+const BACK_RAD: f64 = 0.7;
+/// Directions of the last turn.
+const SIDES: usize = 2;
 
-/// The cost of going from one range to another one, in any period.
-fn cost(from: &Choice, to: &Choice, period_rad: f64) -> f64 {
-    let to = to.nearest_to(from.exact.middle_rad(), period_rad);
-    let apart_rad = (-from.exact.overlap_rad(&to.exact)).max(0.0);
-    let middles_rad = (from.exact.middle_rad() - to.exact.middle_rad()).abs();
-    apart_rad + MIDDLE_SHARE * middles_rad
+/// A state of the search: the choice of a leg, counted on, and which way the nozzle turned last.
+#[derive(Clone, Copy, Debug)]
+struct State {
+    cost: f64,
+    /// The state of the leg before.
+    from: usize,
+    /// By how much the middle of the range turns from there, rad.
+    turn_rad: f64,
 }
 
 /// One choice a leg, counted on along the passes from `start_rad`.
 pub fn least_turning(choices: &[Vec<Choice>], start_rad: f64, period_rad: f64) -> Vec<Choice> {
-    let start = Range::new(start_rad, start_rad);
-    let start = Choice {
-        exact: start,
-        far: start,
-        near: start,
-    };
-    let at_start = |choice: &Choice| cost(&start, choice, period_rad);
     let Some(first) = choices.first() else {
         return Vec::new();
     };
-    let mut sums: Vec<f64> = first.iter().map(at_start).collect();
-    let mut came_from: Vec<Vec<usize>> = vec![vec![0; first.len()]];
-    for pair in choices.windows(2) {
-        let mut next = Vec::with_capacity(pair[1].len());
-        let mut came = Vec::with_capacity(pair[1].len());
-        for to in &pair[1] {
-            let by = pair[0].iter().zip(&sums).enumerate();
-            let by = by.map(|(i, (from, sum))| (i, sum + cost(from, to, period_rad)));
-            let least = by.min_by(|a, b| a.1.total_cmp(&b.1)).unwrap_or((0, 0.0));
-            came.push(least.0);
-            next.push(least.1);
-        }
-        sums = next;
-        came_from.push(came);
-    }
-    let least = sums.iter().enumerate().min_by(|a, b| a.1.total_cmp(b.1));
-    let mut chosen = least.map_or(0, |(i, _)| i);
-    let mut picks = vec![chosen; choices.len()];
-    for leg in (1..choices.len()).rev() {
-        chosen = came_from[leg][chosen];
-        picks[leg - 1] = chosen;
-    }
-    let mut counted: Vec<Choice> = Vec::with_capacity(choices.len());
-    let mut before: Option<(f64, f64)> = None;
-    for (of_leg, pick) in choices.iter().zip(&picks) {
-        let choice = of_leg[*pick];
-        let own_rad = choice.exact.middle_rad();
-        let to_rad = match before {
-            Some((raw_rad, at_rad)) => at_rad + turn_rad(own_rad - raw_rad, period_rad),
-            None => start_rad + wrapped_rad(own_rad - start_rad, period_rad),
+    let at_start = first.iter().flat_map(|choice| {
+        let turn_rad = wrapped_rad(choice.exact.middle_rad() - start_rad, period_rad);
+        let state = State {
+            cost: MIDDLE_SHARE * turn_rad.abs(),
+            from: 0,
+            turn_rad,
         };
-        before = Some((own_rad, to_rad));
-        counted.push(choice.shifted(to_rad - own_rad));
+        [state; SIDES]
+    });
+    let mut legs: Vec<Vec<State>> = vec![at_start.collect()];
+    for pair in choices.windows(2) {
+        let before = legs.last().map_or(&[][..], |before| before.as_slice());
+        let next = next_states(before, &pair[0], &pair[1], period_rad);
+        legs.push(next);
     }
-    counted
+    let last = legs.last().map_or(&[][..], |last| last.as_slice());
+    let least = (0..last.len()).min_by(|a, b| last[*a].cost.total_cmp(&last[*b].cost));
+    let mut state = least.unwrap_or(0);
+    let mut picks = vec![(0, 0.0); choices.len()];
+    for (leg, pick) in picks.iter_mut().enumerate().rev() {
+        let of_leg = &legs[leg][state];
+        *pick = (state / SIDES, of_leg.turn_rad);
+        state = of_leg.from;
+    }
+    let mut at_rad = start_rad;
+    let counted = choices
+        .iter()
+        .zip(&picks)
+        .map(|(of_leg, (pick, turn_rad))| {
+            let choice = of_leg[*pick];
+            at_rad += turn_rad;
+            choice.shifted(at_rad - choice.exact.middle_rad())
+        });
+    counted.collect()
 }
 
-/// The turn of a nozzle of this period for a turn of the path: the shorter one; where both are about as long, to
-/// the same side as the path, so that round a rectangle the nozzle turns on and on.
-fn turn_rad(path_rad: f64, period_rad: f64) -> f64 {
-    let shorter_rad = wrapped_rad(path_rad, period_rad);
-    let path_rad = wrapped_rad(path_rad, TAU);
-    let is_alike = shorter_rad.abs() > 0.5 * period_rad - ALIKE_RAD;
-    match is_alike && path_rad.abs() < 0.5 * period_rad + ALIKE_RAD {
-        true => path_rad,
-        false => shorter_rad,
+/// The states of a leg, each with the cheapest way from those of the leg before.
+fn next_states(before: &[State], from: &[Choice], to: &[Choice], period_rad: f64) -> Vec<State> {
+    let none = State {
+        cost: f64::INFINITY,
+        from: 0,
+        turn_rad: 0.0,
+    };
+    let mut next = vec![none; to.len() * SIDES];
+    for (state, came) in before.iter().enumerate() {
+        let (choice, side) = (&from[state / SIDES], state % SIDES);
+        let is_long = choice.exact != choice.far;
+        for (pick, other) in to.iter().enumerate() {
+            let middle_rad = choice.exact.middle_rad();
+            let shorter_rad = wrapped_rad(other.exact.middle_rad() - middle_rad, period_rad);
+            let longer_rad = shorter_rad - period_rad.copysign(shorter_rad);
+            for turn_rad in [shorter_rad, longer_rad] {
+                let there = other
+                    .exact
+                    .shifted(middle_rad + turn_rad - other.exact.middle_rad());
+                let apart_rad = (-choice.exact.overlap_rad(&there)).max(0.0);
+                let turns = usize::from(turn_rad < 0.0);
+                let (new_side, back_rad) = match apart_rad > 0.0 {
+                    true if turns != side && !is_long => (turns, BACK_RAD),
+                    true => (turns, 0.0),
+                    false => (side, 0.0),
+                };
+                let cost = came.cost + apart_rad + back_rad + MIDDLE_SHARE * turn_rad.abs();
+                let best = &mut next[pick * SIDES + new_side];
+                if cost < best.cost {
+                    *best = State {
+                        cost,
+                        from: state,
+                        turn_rad,
+                    };
+                }
+            }
+        }
     }
+    next
 }
