@@ -33,7 +33,7 @@ const CORNER_RAD: f64 = PI / 6.0;
 const SPACING_MIN_MM: f64 = 0.02;
 const SPACING_MAX_MM: f64 = 1.0;
 /// By how much distances grow along the way.
-const SPACING_GROWTH: f64 = 0.3;
+pub(super) const SPACING_GROWTH: f64 = 0.3;
 /// Changes of the heading's slope over a above this want control points closer than a third of a.
 const HEADING_STEP_RAD: f64 = 0.02;
 /// Places closer than this are one.

@@ -257,7 +257,7 @@ fn beads_of_walls_keep_their_widths_but_at_corners() {
         plan.off
     );
     assert!(third_mm > 1.0, "corners turn");
-    // The stream is sampled by ticks, the report by the nodes of the headings, 0.2 mm and more apart.
+    // The stream is sampled by ticks, the report by the nodes of the headings, 0.18 mm and more apart.
     assert!(
         (plan.off.third_mm / third_mm - 1.0).abs() < 0.2,
         "{third_mm} {:?}",

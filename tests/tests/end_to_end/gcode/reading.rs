@@ -115,7 +115,7 @@ fn the_heading_lays_the_width_that_is_asked() {
         };
         sides += 1;
         let width_mm = 2.0 * settings.aperture.extent_mm(p[5], across);
-        // The headings' tolerance, 0.2 mrad, is 0.2 µm here, their range a thousandth of the width.
+        // The headings' tolerance, 0.2 mrad, is 0.2 µm here, their range 0.2 µm.
         assert!((width_mm - 0.6).abs() < 1e-3, "{width_mm} at {x} {y}");
     }
     assert!(sides > 400, "{sides}");

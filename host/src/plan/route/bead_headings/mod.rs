@@ -27,7 +27,7 @@ use nodes::Node;
 
 /// By what share a bead may be wider or narrower than the file's on a long straight leg (numbers), some way from
 /// corners, and beside them.
-const EXACT_SHARE: f64 = 0.001;
+const EXACT_SHARE: f64 = 0.0003;
 const FAR_SHARE: f64 = 1.0 / 8.0;
 const NEAR_SHARE: f64 = 1.0 / 3.0;
 

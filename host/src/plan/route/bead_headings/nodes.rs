@@ -5,17 +5,17 @@
 use super::BeadLines;
 use super::bands::{LegBands, TURN_REACH_SHARE};
 use super::sides::Range;
-use crate::plan::route::bead_curve::steps_mm;
+use crate::plan::route::bead_curve::{SPACING_GROWTH, steps_mm};
 
 /// Distances of nodes at vertices and at most, in semi-axes a.
-const STEP_SHARE: f64 = 1.0 / 3.0;
-const STEP_MAX_SHARE: f64 = 4.0;
+const STEP_SHARE: f64 = 0.3;
+const STEP_MAX_SHARE: f64 = 2.0;
 /// Nodes closer than this share of the least distance are one.
 const MERGE_SHARE: f64 = 0.4;
 /// How far beside a corner a bead may be of nearly the width of the file's, and right at it of any, in semi-axes
-/// a: 1 mm and 0.4 mm of a nozzle of 1.2 mm, and the next node.
+/// a: 1 mm and 0.42 mm of a nozzle of 1.2 mm.
 const NEAR_REACH_SHARE: f64 = 5.0 / 3.0;
-const FREE_REACH_SHARE: f64 = 2.0 / 3.0;
+const FREE_REACH_SHARE: f64 = 0.7;
 /// At most this share of a leg is free from either end: its middle has nearly its width.
 const FREE_LEG_SHARE: f64 = 0.4;
 /// Ranges that overlap by less than this are apart, rad.
@@ -51,7 +51,7 @@ pub fn nodes(lines: &BeadLines, legs: &[LegBands], major_mm: f64) -> Vec<Node> {
             let ends_mm = [at_mm, length_mm - at_mm];
             match ends_mm[0].min(ends_mm[1]) > TURN_REACH_SHARE * major_mm {
                 true => legs[leg].exact,
-                false => range_at(&legs[leg], ends_mm, &turnings[leg]),
+                false => range_at(&legs[leg], ends_mm, &turnings[leg], step_mm),
             }
         };
         if leg == 0 {
@@ -86,14 +86,16 @@ pub fn nodes(lines: &BeadLines, legs: &[LegBands], major_mm: f64) -> Vec<Node> {
 }
 
 /// The range at distances from both ends of a leg.
-fn range_at(bands: &LegBands, ends_mm: [f64; 2], turnings: &[Turning; 2]) -> Range {
+fn range_at(bands: &LegBands, ends_mm: [f64; 2], turnings: &[Turning; 2], step_mm: f64) -> Range {
     let mut range = bands.far;
     for (at_mm, turning) in ends_mm.into_iter().zip(turnings) {
         if at_mm <= turning.near_mm {
             range = range.hull(&bands.near);
         }
+        // The next node has to be within the reach: the bead is of any width up to there.
+        let next_mm = step_mm + (1.0 + SPACING_GROWTH) * at_mm;
         if let Some(other) = turning.other
-            && at_mm <= turning.free_mm
+            && (at_mm <= 0.0 || next_mm <= turning.free_mm)
         {
             range = range.hull(&other);
         }
