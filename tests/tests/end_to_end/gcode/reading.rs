@@ -82,7 +82,8 @@ fn sliced_files_keep_their_centre_lines_and_volumes() {
 
 /// Goal: the nozzle lies so that its bead is as wide as the file's, and turns no more than it must.
 /// Method: a square of beads of 0.6 mm: along the sides twice the extent across the travel, away from
-/// the corners (the nozzle turns within 3 mm of them, and control points 1 mm apart spread that by 2 mm); round it turns by less than a nozzle whose side were fixed.
+/// the corners (the nozzle turns within 3 mm of them, and control points 1 mm apart spread that by 2 mm);
+/// round it turns by less than a nozzle whose side were fixed.
 #[test]
 fn the_heading_lays_the_width_that_is_asked() {
     let program = program(
