@@ -19,6 +19,7 @@ use crate::plan::judge::figures::PlanFigures;
 use crate::plan::judge::measure::measure;
 use crate::plan::motion::segments::{MotionReport, lay_segments_with_progress};
 use crate::plan::progress::Progress;
+use crate::plan::route::bead_headings::WidthOff;
 use crate::plan::route::build_route::lift_at_end;
 use crate::plan::route::gcode_route::{GcodeRoute, GcodeWay, gcode_route};
 use crate::settings::Settings;
@@ -40,6 +41,8 @@ pub struct GcodePlan {
     pub figures: PlanFigures,
     /// Length of beads that are wider, and narrower, than the nozzle lays, mm.
     pub beyond_mm: [f64; 2],
+    /// Length of beads that are laid at another width than the file's.
+    pub off: WidthOff,
     /// The file's orders of heaters and fans.
     pub heat: Vec<HeatEvent>,
 }
@@ -76,6 +79,7 @@ pub fn plan_gcode(
         motion: MotionReport::default(),
         figures: PlanFigures::default(),
         beyond_mm: [0.0; 2],
+        off: WidthOff::default(),
         heat: Vec::new(),
     };
     let mut first = 0;
@@ -157,6 +161,7 @@ impl GcodePlan {
         for (sum, mm) in self.beyond_mm.iter_mut().zip(made.beyond_mm) {
             *sum += mm;
         }
+        self.off.add(&made.off);
         // Passes are counted over the whole file already.
         self.stream.append(laid, 0);
         Ok(())

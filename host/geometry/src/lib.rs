@@ -3,6 +3,7 @@
 
 pub mod aperture;
 pub mod as_numbers;
+pub mod banded;
 pub mod boolean;
 pub mod cell_grid;
 pub mod clearance;

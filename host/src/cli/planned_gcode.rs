@@ -15,6 +15,9 @@ use std::time::Instant;
 /// Volume beside the file's that is told, per cent.
 const VOLUME_TOLD_PCT: f64 = 0.5;
 
+/// Length at other widths that is told, mm.
+const OFF_TOLD_MM: f64 = 0.1;
+
 /// Plans a file's passes; `speed_mm_s` bounds its speeds.
 pub(super) fn from_gcode(
     path: &Path,
@@ -101,6 +104,15 @@ fn warnings(program: &GcodeProgram, planned: &GcodePlan) -> Vec<String> {
                 f.print_mm, widths_mm[1], widths_mm[0]
             ));
         }
+    }
+    let off = &planned.off;
+    if off.eighth_mm > OFF_TOLD_MM {
+        warnings.push(format!(
+            "{:.1} mm of {:.1} mm of beads are laid at corners and on links while the nozzle turns, wider or narrower \
+             than the file's by more than an eighth, {:.1} mm of them by more than a third ({:.1} mm in one piece at \
+             most): the volume is the file's",
+            off.eighth_mm, f.print_mm, off.third_mm, off.longest_mm
+        ));
     }
     let flow = planned.settings.flow_factor;
     if let Some(volume_mm3) = program.volume_mm3().map(|mm3| mm3 * flow) {

@@ -29,6 +29,8 @@ pub struct Hint {
     pub height_mm: Option<f64>,
     /// Layers begun so far.
     pub layers: u32,
+    /// Infill or support: nothing that is seen.
+    pub is_inside: bool,
 }
 
 /// What was said.
@@ -97,6 +99,7 @@ impl Comments {
         };
         let value = value.trim();
         match key.trim() {
+            "TYPE" | "FEATURE" => self.hint.is_inside = is_inside(value),
             "WIDTH" | "LINE_WIDTH" => self.hint.width_mm = size(value),
             "HEIGHT" | "LAYER_HEIGHT" => self.hint.height_mm = whole_um(value),
             "TIME_ELAPSED" => self.estimate_s = value.parse().ok().filter(|s: &f64| s.is_finite()),
@@ -137,6 +140,14 @@ impl Comments {
             .find(|(mark, _)| is_origin && text.contains(mark));
         self.slicer = found.map_or(Slicer::Plain, |(_, slicer)| *slicer);
     }
+}
+
+/// Whether a kind of bead is of an infill or a support: `Internal infill`, `Top surface`, `SKIN`, `FILL`, `Support
+/// material interface`, `Bridge`.
+fn is_inside(kind: &str) -> bool {
+    let kind = kind.to_lowercase();
+    let kinds = ["fill", "skin", "support", "surface", "bridge"];
+    kinds.iter().any(|inside| kind.contains(inside))
 }
 
 fn size(text: &str) -> Option<f64> {

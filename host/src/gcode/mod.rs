@@ -82,6 +82,8 @@ pub struct Leg {
     pub height_mm: Option<f64>,
     /// What it deposits; `None` in a file that extrudes nothing.
     pub volume_mm3: Option<f64>,
+    /// Infill or support, as a comment tells it.
+    pub is_inside: bool,
 }
 
 /// A prime or retract.

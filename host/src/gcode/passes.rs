@@ -128,6 +128,7 @@ pub fn passes(steps: &Steps, filament_mm: f64) -> Result<Passes, GcodeError> {
             width_mm: hint.width_mm,
             height_mm: hint.height_mm,
             volume_mm3: steps.extrudes.then_some(step.extruded * scale),
+            is_inside: hint.is_inside,
         };
         builder.step(step, leg, area_mm2, told_layer)?;
     }

@@ -9,11 +9,10 @@
 //! (2009), and Consolini et al. on its jerk. Normal equations have half bandwidth 3. Steps are bounded;
 //! where they do not settle, the window stays as it was.
 
-mod band;
 mod rows;
 
-pub use self::band::{Band, Factored};
 pub use self::rows::{Place, Row, Rows};
+use headway_geometry::banded::{Band, Factored};
 use std::ops::Range;
 
 /// Newton steps; six to eight are usual.

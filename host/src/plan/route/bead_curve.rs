@@ -7,10 +7,8 @@
 //! h |d1 - d2| / 6 beside it, with h the distance of its neighbours: that gives h. From there the
 //! distances grow evenly to [`SPACING_MAX_MM`]; on straight legs the curve is the leg.
 //!
-//! The heading is that at which the nozzle's bead is as wide as the file's: 90° ± alpha from the travel
-//! with 2 e(alpha) = width; which of the two, leg by leg, turns least along the pass (shortest path). It
-//! is averaged over a to either side. Where the file tells headings they are kept. Leaves out flow
-//! onto covered ground: volumes are the file's.
+//! The heading is that at which the nozzle's bead is as wide as the file's, nearly ([`bead_headings`]). Where the
+//! file tells headings they are kept. Leaves out flow onto covered ground: volumes are the file's.
 
 mod speeds;
 
@@ -18,11 +16,12 @@ use crate::gcode::comments::Slicer;
 use crate::gcode::{GcodePass, Leg, Place};
 use crate::geometry::Vector2;
 use crate::geometry::aperture::Aperture;
+use crate::plan::route::bead_headings::{BeadLines, HeadingTrack, WidthOff};
 use crate::settings::Settings;
 use headway_protocol::units::{
     CHANNEL_HEADING, CHANNEL_VOLUME, CHANNEL_X, CHANNEL_Y, CHANNEL_Z, CHANNELS,
 };
-use std::f64::consts::{FRAC_PI_2, FRAC_PI_4, PI};
+use std::f64::consts::{FRAC_PI_4, PI};
 
 /// How far the curve may pass beside a vertex: a corner, and a joint of a polygon that stands for a
 /// curve; less what the fit of the segments takes, and what the steps grow by before a corner.
@@ -34,8 +33,8 @@ const CORNER_RAD: f64 = PI / 6.0;
 const SPACING_MIN_MM: f64 = 0.02;
 const SPACING_MAX_MM: f64 = 1.0;
 /// By how much distances grow along the way.
-const SPACING_GROWTH: f64 = 0.3;
-/// Turns of the heading above this want control points closer than a third of the averaging.
+pub(super) const SPACING_GROWTH: f64 = 0.3;
+/// Changes of the heading's slope over a above this want control points closer than a third of a.
 const HEADING_STEP_RAD: f64 = 0.02;
 /// Places closer than this are one.
 const SAME_MM: f64 = 0.002;
@@ -49,6 +48,8 @@ pub struct BeadCurve {
     pub moves: Vec<BeadMove>,
     /// Length whose bead is wider than the nozzle lays, and narrower, mm.
     pub beyond_mm: [f64; 2],
+    /// Length whose bead is laid wider or narrower than the file's.
+    pub off: WidthOff,
 }
 
 /// A piece of a pass from rest to rest.
@@ -77,37 +78,80 @@ impl BeadCurve {
     }
 }
 
-/// The curve of a pass; `None` where it stands. Headings are kept where `headings_told`.
-pub fn bead_curve(
-    pass: &GcodePass,
-    slicer: Slicer,
-    headings_told: bool,
-    settings: &Settings,
-) -> Option<BeadCurve> {
-    let way = Way::of(pass)?;
-    let widths_mm = way.widths_mm(slicer, settings);
-    let aperture = &settings.aperture;
-    let headings = match headings_told {
-        true => Headings::Told(unwrapped(&way.points)),
-        false if aperture.is_round() => Headings::Told(vec![0.0; way.points.len()]),
-        false => Headings::Averaged(least_turning(&way, &widths_mm, aperture)),
-    };
-    let volumes_mm3 = way.volumes_mm3(&widths_mm, &headings, settings);
-    let control = way.control(&headings, &volumes_mm3, aperture);
-    let mut moves = Vec::new();
-    for run in way.speed_runs(settings) {
-        moves.extend(control.run(&run));
+/// A pass whose headings are to be chosen, or are.
+pub struct Bead {
+    way: Way,
+    widths_mm: Vec<f64>,
+    headings: Headings,
+    is_told: bool,
+}
+
+impl Bead {
+    /// The bead of a pass; `None` where it stands. Headings are kept where `headings_told`.
+    pub fn of(
+        pass: &GcodePass,
+        slicer: Slicer,
+        headings_told: bool,
+        settings: &Settings,
+    ) -> Option<Bead> {
+        let way = Way::of(pass)?;
+        let widths_mm = way.widths_mm(slicer, settings);
+        let headings = match headings_told {
+            true => Headings::Told(unwrapped(&way.points)),
+            false if settings.aperture.is_round() => Headings::Told(vec![0.0; way.points.len()]),
+            false => Headings::Planned(HeadingTrack::default()),
+        };
+        Some(Bead {
+            way,
+            widths_mm,
+            headings,
+            is_told: headings_told,
+        })
     }
-    let mut beyond_mm = [0.0; 2];
-    if !headings_told {
-        for (width_mm, length_mm) in widths_mm.iter().zip(&way.length_mm) {
-            let wide = *width_mm > 2.0 * aperture.major_mm() * (1.0 + WIDTH_SHARE);
-            let narrow = *width_mm < 2.0 * aperture.minor_mm() * (1.0 - WIDTH_SHARE);
-            beyond_mm[0] += f64::from(u8::from(wide)) * length_mm;
-            beyond_mm[1] += f64::from(u8::from(narrow)) * length_mm;
+
+    /// What headings are to be chosen for, with the time of the travel to it; `None` where they are given.
+    pub fn lines(&self, arrival_s: f64) -> Option<BeadLines> {
+        match self.headings {
+            Headings::Told(_) => None,
+            Headings::Planned(_) => Some(self.way.lines(&self.widths_mm, arrival_s)),
         }
     }
-    Some(BeadCurve { moves, beyond_mm })
+
+    /// The same with chosen headings.
+    pub fn with_headings(self, track: HeadingTrack) -> Bead {
+        let headings = Headings::Planned(track);
+        Bead { headings, ..self }
+    }
+
+    /// Its curve.
+    pub fn curve(&self, settings: &Settings) -> BeadCurve {
+        let (way, widths_mm, headings) = (&self.way, &self.widths_mm, &self.headings);
+        let aperture = &settings.aperture;
+        let volumes_mm3 = way.volumes_mm3(widths_mm, headings, settings);
+        let control = way.control(headings, &volumes_mm3, aperture);
+        let mut moves = Vec::new();
+        for run in way.speed_runs(settings) {
+            moves.extend(control.run(&run));
+        }
+        let mut beyond_mm = [0.0; 2];
+        if !self.is_told {
+            for (width_mm, length_mm) in widths_mm.iter().zip(&way.length_mm) {
+                let wide = *width_mm > 2.0 * aperture.major_mm() * (1.0 + WIDTH_SHARE);
+                let narrow = *width_mm < 2.0 * aperture.minor_mm() * (1.0 - WIDTH_SHARE);
+                beyond_mm[0] += f64::from(u8::from(wide)) * length_mm;
+                beyond_mm[1] += f64::from(u8::from(narrow)) * length_mm;
+            }
+        }
+        let off = match headings {
+            Headings::Told(_) => WidthOff::default(),
+            Headings::Planned(track) => track.off,
+        };
+        BeadCurve {
+            moves,
+            beyond_mm,
+            off,
+        }
+    }
 }
 
 fn direction(from: &Place, to: &Place) -> [f64; 3] {
@@ -128,7 +172,7 @@ fn spacing_mm(turn: f64) -> f64 {
 }
 
 /// Ends of the steps of a leg, from its start, the last the leg's end: they grow from both ends.
-fn steps_mm(length_mm: f64, first_mm: f64, last_mm: f64, longest_mm: f64) -> Vec<f64> {
+pub(super) fn steps_mm(length_mm: f64, first_mm: f64, last_mm: f64, longest_mm: f64) -> Vec<f64> {
     let mut ends = Vec::new();
     let mut at = 0.0;
     while at < length_mm {
@@ -271,6 +315,27 @@ impl Way {
         .collect()
     }
 
+    /// What its headings are chosen for.
+    fn lines(&self, widths_mm: &[f64], arrival_s: f64) -> BeadLines {
+        let mut travel_rad = 0.0;
+        let directions = self.points.windows(2).map(|pair| {
+            let [dx, dy, _] = direction(&pair[0], &pair[1]);
+            // Straight up there is no direction: as before.
+            if dx.hypot(dy) > 1e-6 {
+                travel_rad = f64::atan2(dy, dx);
+            }
+            travel_rad
+        });
+        BeadLines {
+            travel_rad: directions.collect(),
+            length_mm: self.length_mm.clone(),
+            widths_mm: widths_mm.to_vec(),
+            speeds_mm_s: self.legs.iter().map(|leg| leg.speed_mm_s).collect(),
+            is_inside: self.legs.iter().map(|leg| leg.is_inside).collect(),
+            arrival_s,
+        }
+    }
+
     /// Volume at each vertex: the file's, or that of the beads which the turned nozzle lays.
     fn volumes_mm3(&self, widths_mm: &[f64], headings: &Headings, settings: &Settings) -> Vec<f64> {
         let aperture = &settings.aperture;
@@ -285,7 +350,7 @@ impl Way {
                         let heading_rad = 0.5 * (headings[i] + headings[i + 1]);
                         2.0 * aperture.extent_mm(heading_rad, Vector2::new(-dy, dx))
                     }
-                    Headings::Averaged(_) => {
+                    Headings::Planned(_) => {
                         let half_mm = 0.5 * widths_mm[i];
                         2.0 * half_mm.clamp(aperture.minor_mm(), aperture.major_mm())
                     }
@@ -301,19 +366,19 @@ impl Way {
     fn control(&self, headings: &Headings, volumes_mm3: &[f64], aperture: &Aperture) -> Control {
         let pairs = self.points.windows(2);
         let directions: Vec<[f64; 3]> = pairs.map(|pair| direction(&pair[0], &pair[1])).collect();
-        let average_mm = aperture.major_mm();
-        let mut spacings_mm = vec![SPACING_MAX_MM; self.points.len()];
-        for node in 1..directions.len() {
-            spacings_mm[node] = spacing_mm(turn(directions[node - 1], directions[node]));
-            if headings.step_rad(node) > HEADING_STEP_RAD {
-                spacings_mm[node] = spacings_mm[node].min(average_mm / 3.0);
-            }
-        }
-        graded(&mut spacings_mm, &self.length_mm);
+        let about_mm = aperture.major_mm();
         let mut places_mm = vec![0.0];
         for length_mm in &self.length_mm {
             places_mm.push(places_mm[places_mm.len() - 1] + length_mm);
         }
+        let mut spacings_mm = vec![SPACING_MAX_MM; self.points.len()];
+        for node in 1..directions.len() {
+            spacings_mm[node] = spacing_mm(turn(directions[node - 1], directions[node]));
+            if headings.step_rad(node, &places_mm, about_mm) > HEADING_STEP_RAD {
+                spacings_mm[node] = spacings_mm[node].min(about_mm / 3.0);
+            }
+        }
+        graded(&mut spacings_mm, &self.length_mm);
         let mut control = Control {
             points: Vec::new(),
             vertices: vec![0],
@@ -323,7 +388,7 @@ impl Way {
             point[CHANNEL_X] = tip_mm[0];
             point[CHANNEL_Y] = tip_mm[1];
             point[CHANNEL_Z] = tip_mm[2];
-            point[CHANNEL_HEADING] = headings.at(leg, at_mm, &places_mm, average_mm);
+            point[CHANNEL_HEADING] = headings.at(leg, at_mm, &places_mm);
             point[CHANNEL_VOLUME] = volume_mm3;
             control.points.push(point);
             control.points.len() - 1
@@ -364,56 +429,34 @@ impl Way {
 enum Headings {
     /// At each vertex, evenly between them.
     Told(Vec<f64>),
-    /// Of each leg, averaged.
-    Averaged(Vec<f64>),
+    /// Chosen for the nozzle.
+    Planned(HeadingTrack),
 }
 
 impl Headings {
-    fn step_rad(&self, node: usize) -> f64 {
+    /// By how much the turning changes at a vertex, within `about_mm` of it.
+    fn step_rad(&self, node: usize, places_mm: &[f64], about_mm: f64) -> f64 {
         match self {
             Headings::Told(headings) => {
                 (headings[node + 1] - 2.0 * headings[node] + headings[node - 1]).abs()
             }
-            Headings::Averaged(headings) => (headings[node] - headings[node - 1]).abs(),
+            Headings::Planned(track) => {
+                let [before, own, after] =
+                    [-1.0, 0.0, 1.0].map(|side| track.at(places_mm[node] + side * about_mm));
+                (before - 2.0 * own + after).abs()
+            }
         }
     }
 
     /// At a place of a leg.
-    fn at(&self, leg: usize, at_mm: f64, places_mm: &[f64], average_mm: f64) -> f64 {
+    fn at(&self, leg: usize, at_mm: f64, places_mm: &[f64]) -> f64 {
         match self {
             Headings::Told(headings) => {
                 let share = (at_mm - places_mm[leg]) / (places_mm[leg + 1] - places_mm[leg]);
                 headings[leg] + share * (headings[leg + 1] - headings[leg])
             }
-            Headings::Averaged(headings) => {
-                let last = headings.len() - 1;
-                let first_leg = places_mm.partition_point(|place| *place <= at_mm - average_mm);
-                let own = first_leg.saturating_sub(1).min(last);
-                let (mut sum, mut before) = (0.0, 0.0);
-                for (i, heading_rad) in headings.iter().enumerate().skip(own) {
-                    let after = match i == last {
-                        true => 1.0,
-                        false => bell((places_mm[i + 1] - at_mm) / average_mm),
-                    };
-                    sum += heading_rad * (after - before);
-                    before = after;
-                    if after >= 1.0 {
-                        break;
-                    }
-                }
-                sum
-            }
+            Headings::Planned(track) => track.at(at_mm),
         }
-    }
-}
-
-/// Integral of a triangle of width 2 about 0 up to `x`.
-fn bell(x: f64) -> f64 {
-    match x {
-        _ if x <= -1.0 => 0.0,
-        _ if x < 0.0 => 0.5 * (x + 1.0) * (x + 1.0),
-        _ if x < 1.0 => 1.0 - 0.5 * (1.0 - x) * (1.0 - x),
-        _ => 1.0,
     }
 }
 
@@ -425,58 +468,6 @@ fn unwrapped(points: &[Place]) -> Vec<f64> {
         let turns = before.map_or(0.0, |before| ((before - heading_rad) / (2.0 * PI)).round());
         let heading_rad = heading_rad + 2.0 * PI * turns;
         before = Some(heading_rad);
-        heading_rad
-    });
-    headings.collect()
-}
-
-/// Of each leg the heading that lays its width, on the side which turns least along the way.
-fn least_turning(way: &Way, widths_mm: &[f64], aperture: &Aperture) -> Vec<f64> {
-    let mut travel_rad = 0.0;
-    let candidates: Vec<[f64; 2]> = way
-        .points
-        .windows(2)
-        .zip(widths_mm)
-        .map(|(pair, width_mm)| {
-            let [dx, dy, _] = direction(&pair[0], &pair[1]);
-            // Straight up there is no direction: as before.
-            if dx.hypot(dy) > 1e-6 {
-                travel_rad = f64::atan2(dy, dx);
-            }
-            let alpha_rad = aperture.angle_of_extent_rad(0.5 * width_mm);
-            [1.0, -1.0].map(|side| travel_rad + FRAC_PI_2 + side * alpha_rad)
-        })
-        .collect();
-    let change = |from: f64, to: f64| aperture.wrapped_rad(to - from);
-    // Least sums of turning up to each leg, and from which side they come.
-    let mut sums = [0.0; 2];
-    let mut from_side: Vec<[usize; 2]> = vec![[0, 1]];
-    for pair in candidates.windows(2) {
-        let mut next = [0.0; 2];
-        let mut came = [0; 2];
-        for (side, to) in pair[1].iter().enumerate() {
-            let by = [0, 1].map(|from: usize| sums[from] + change(pair[0][from], *to).abs());
-            // The same side where both are alike.
-            let other = 1 - side;
-            came[side] = if by[other] < by[side] - 1e-9 {
-                other
-            } else {
-                side
-            };
-            next[side] = by[came[side]];
-        }
-        sums = next;
-        from_side.push(came);
-    }
-    let mut side = usize::from(sums[1] < sums[0] - 1e-9);
-    let mut sides = vec![side; candidates.len()];
-    for leg in (1..candidates.len()).rev() {
-        side = from_side[leg][side];
-        sides[leg - 1] = side;
-    }
-    let mut heading_rad = candidates.first().map_or(0.0, |first| first[sides[0]]);
-    let headings = candidates.iter().zip(&sides).map(|(candidate, side)| {
-        heading_rad += change(heading_rad, candidate[*side]);
         heading_rad
     });
     headings.collect()

@@ -6,9 +6,10 @@
 //! a prime or retract in the file has none. Leaves out keep-outs and travel inside the part.
 
 use crate::gcode::comments::Slicer;
-use crate::gcode::{GcodePass, Push};
+use crate::gcode::{GcodePass, Place, Push};
 use crate::job::MotionState;
-use crate::plan::route::bead_curve::{BeadCurve, bead_curve, travel_control};
+use crate::plan::route::bead_curve::{Bead, BeadCurve, travel_control};
+use crate::plan::route::bead_headings::{WidthOff, bead_headings};
 use crate::plan::route::build_route::entry_heading_of;
 use crate::plan::route::flow::event_duration_s;
 use crate::plan::route::moves::{MoveEvent, PathCurve, Route, RouteMove};
@@ -20,6 +21,8 @@ use rayon::prelude::*;
 
 /// Smallest push that is made, mm³.
 const PUSH_MIN_MM3: f64 = 1e-3;
+/// Time of the way to the first pass, in which the nozzle can turn anywhere, s.
+const FIRST_TRAVEL_S: f64 = 1.0;
 /// Share of the extruder's limits that pushes use: rounding of their durations to ticks.
 const PUSH_SHARE: f64 = 0.98;
 
@@ -47,6 +50,8 @@ pub struct GcodeRoute {
     pub numbers: Vec<Option<u32>>,
     /// Length of beads beyond the nozzle, wider and narrower, mm.
     pub beyond_mm: [f64; 2],
+    /// Length of beads laid at another width than the file's.
+    pub off: WidthOff,
 }
 
 struct Head<'a> {
@@ -62,9 +67,9 @@ pub fn gcode_route(
     start: [f64; CHANNELS],
     way: &GcodeWay,
 ) -> GcodeRoute {
-    let curves: Vec<Option<BeadCurve>> = passes
+    let curves: Vec<Option<BeadCurve>> = beads(passes, start, way)
         .par_iter()
-        .map(|pass| bead_curve(pass, way.slicer, way.headings_told, way.settings))
+        .map(|bead| Some(bead.as_ref()?.curve(way.settings)))
         .collect();
     let mut head = Head {
         way,
@@ -81,11 +86,54 @@ pub fn gcode_route(
         head.travel(pass, curve, number == 0);
         head.print(pass, curve, number);
         head.made.passes += 1;
+        head.made.off.add(&curve.off);
         for (sum, mm) in head.made.beyond_mm.iter_mut().zip(curve.beyond_mm) {
             *sum += mm;
         }
     }
     head.made
+}
+
+/// The beads of passes with their headings; those are chosen together, since travel turns the nozzle as well.
+fn beads(passes: &[GcodePass], start: [f64; CHANNELS], way: &GcodeWay) -> Vec<Option<Bead>> {
+    let settings = way.settings;
+    let mut from = None;
+    let mut lines = Vec::new();
+    let mut made: Vec<Option<Bead>> = Vec::with_capacity(passes.len());
+    for pass in passes {
+        let bead = Bead::of(pass, way.slicer, way.headings_told, settings);
+        let arrival_s = travel_s(from, pass, settings);
+        lines.extend(bead.as_ref().and_then(|bead| bead.lines(arrival_s)));
+        made.push(bead);
+        from = pass.points.last().copied();
+    }
+    if lines.is_empty() {
+        return made;
+    }
+    let mut tracks = bead_headings(&lines, start[CHANNEL_HEADING], settings).into_iter();
+    let chosen = made.into_iter().map(|bead| {
+        let bead = bead?;
+        match tracks.next() {
+            Some(track) => Some(bead.with_headings(track)),
+            None => Some(bead),
+        }
+    });
+    chosen.collect()
+}
+
+/// Time that a travel to a pass takes, about; the first comes from anywhere.
+fn travel_s(from: Option<Place>, pass: &GcodePass, settings: &Settings) -> f64 {
+    let Some(from) = from else {
+        return FIRST_TRAVEL_S;
+    };
+    let mut at = from;
+    let mut way_mm = 0.0;
+    for place in pass.travel.iter().chain(pass.points.first()) {
+        way_mm += place.distance_mm(&at);
+        at = *place;
+    }
+    way_mm / settings.travel_speed_mm_s
+        + settings.travel_speed_mm_s / settings.tip_acceleration_mm_s2
 }
 
 impl Head<'_> {

@@ -5,13 +5,14 @@
 //! (mm, rad)                                                                 (mm, rad, mm³)
 //! WaypointRun --waypoint_curve--> PathCurve --waypoint_route--> Route
 //! (mm, input)                     (mm, rad, machine coordinates)
-//! GcodePass   --bead_curve, gcode_route--> Route
-//! (mm, input)                              (mm, rad, mm³)
+//! GcodePass   --bead_headings, bead_curve, gcode_route--> Route
+//! (mm, input)                                             (mm, rad, mm³)
 //! ```
 //!
 //! Leaves out: how fast it goes (`motion`).
 
 pub mod bead_curve;
+pub mod bead_headings;
 pub mod build_route;
 pub mod clear_travel;
 pub mod flow;

@@ -3,6 +3,7 @@
 mod awkward;
 mod controllers;
 mod export;
+mod following;
 mod heat_orders;
 mod orca;
 mod reading;

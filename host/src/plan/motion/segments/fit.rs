@@ -8,8 +8,8 @@
 
 use super::spline::{RestSpline, SpanBasis, durations_around, quantised, span_basis};
 use super::tick_path::TickPath;
+use crate::geometry::banded::Band;
 use crate::settings::Tolerances;
-use headway_optimiser::least_time::Band;
 use headway_protocol::units::{
     CHANNEL_HEADING, CHANNEL_TILT_X, CHANNEL_TILT_Y, CHANNEL_VOLUME, CHANNELS,
 };

@@ -144,7 +144,7 @@ impl Control {
 mod tests {
     use crate::gcode::comments::Slicer;
     use crate::gcode::{GcodePass, Leg, Place};
-    use crate::plan::route::bead_curve::bead_curve;
+    use crate::plan::route::bead_curve::Bead;
     use crate::settings::Settings;
 
     /// Squares of 100 mm, so many sides at this speed.
@@ -160,6 +160,7 @@ mod tests {
             width_mm: Some(0.5),
             height_mm: Some(0.2),
             volume_mm3: Some(10.0),
+            is_inside: false,
         };
         GcodePass {
             layer: 0,
@@ -179,7 +180,8 @@ mod tests {
         let settings = Settings::default();
         let moves = |sides: usize, speed_mm_s: f64| {
             let pass = squares(sides, speed_mm_s);
-            let curve = bead_curve(&pass, Slicer::Plain, false, &settings).expect("a curve");
+            let bead = Bead::of(&pass, Slicer::Plain, false, &settings).expect("a bead");
+            let curve = bead.curve(&settings);
             let ends = curve.moves.windows(2);
             for pair in ends {
                 assert_eq!(pair[0].control.last(), pair[1].control.first());

@@ -1,7 +1,7 @@
 //! Symmetric positive definite systems of half bandwidth 3, by LDLᵀ.
 //!
-//! In: the upper band, right sides with any number of columns. Out: the solutions. Here, since both
-//! the fit and the retiming couple four neighbours of a cubic spline. Source: Golub and Van Loan,
+//! In: the upper band, right sides with any number of columns. Out: the solutions. Here, since the headings of beads,
+//! the fit and the retiming couple up to four neighbours. Source: Golub and Van Loan,
 //! "Matrix Computations" (2013), 4.3.6. Leaves out pivoting: a pivot that rounding has brought to 0
 //! is taken as the least positive number.
 
