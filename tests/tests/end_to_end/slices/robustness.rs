@@ -5,6 +5,7 @@ use headway::geometry::validity::validate;
 use headway::input::Target;
 use headway::plan::axis::medial_axis::{AxisOptions, MedialAxis};
 use headway::plan::axis::pruned_axis::Axis;
+use headway::plan::judge::figures::PlanFigures;
 use headway::plan::outline::contour::{Contour, SIMPLIFY_MM};
 use headway::plan_target;
 use headway::settings::{Quality, Settings};
@@ -16,6 +17,16 @@ use rayon::prelude::*;
 
 /// Passes, printed length, covered share of what is reachable, outside depth.
 fn planned(name: &str, rings: &Rings) -> (usize, f64, f64, f64) {
+    let f = figures(name, rings);
+    (
+        f.passes,
+        f.print_mm,
+        f.covered_of_reachable_pct,
+        f.outside_depth_mm,
+    )
+}
+
+fn figures(name: &str, rings: &Rings) -> PlanFigures {
     let shape = region(rings);
     assert_eq!(
         validate(&shape),
@@ -37,12 +48,7 @@ fn planned(name: &str, rings: &Rings) -> (usize, f64, f64, f64) {
         f.outside_depth_mm * 1e3
     );
     assert!(f.outside_depth_mm <= 0.002, "{name}: {f:?}");
-    (
-        f.passes,
-        f.print_mm,
-        f.covered_of_reachable_pct,
-        f.outside_depth_mm,
-    )
+    plan.figures
 }
 
 /// An L-shaped part, its edges divided every 0.2 mm and moved by noise.
@@ -201,9 +207,12 @@ fn a_small_room_behind_a_neck_is_printed() {
         [2.89, 0.57],
     ];
     for (name, ring) in [("square", square.to_vec()), ("egg", egg.to_vec())] {
-        let (passes, _, covered_pct, _) = planned(name, &vec![ring]);
-        assert_eq!(passes, 2, "{name}");
-        assert!(covered_pct > 97.0, "{name}: {covered_pct} %");
+        let found = figures(name, &vec![ring]);
+        assert_eq!(found.passes, 2, "{name}");
+        // Beads end where going on would lay as much twice as it covers: what is open and half of what is laid twice
+        // count. The egg's was 3.9 with ends that stayed (97.2 % covered), and is 3.5 with ends that move (96.8).
+        let lost_pct = 100.0 - found.covered_of_reachable_pct + 0.5 * found.overlap_pct;
+        assert!(lost_pct < 3.7, "{name}: {found:?}");
     }
 }
 
