@@ -73,7 +73,8 @@ fn main() {
         }
     }
     println!("large parts");
-    let large: [(&str, fn() -> Rings); 3] = [
+    type Part = fn() -> Rings;
+    let large: [(&str, Part); 3] = [
         ("square of 240 mm with a hole", square_with_hole),
         ("plate of 10,000 holes", plate_of_holes),
         ("star of 10,000 teeth", star_of_teeth),
