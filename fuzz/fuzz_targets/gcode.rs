@@ -17,7 +17,10 @@ fuzz_target!(|bytes: &[u8]| {
                 }
                 for leg in &pass.legs {
                     assert!(leg.speed_mm_s.is_finite() && leg.speed_mm_s > 0.0);
-                    assert!(leg.volume_mm3.is_none_or(|mm3| mm3.is_finite() && mm3 >= 0.0));
+                    assert!(
+                        leg.volume_mm3
+                            .is_none_or(|mm3| mm3.is_finite() && mm3 >= 0.0)
+                    );
                     assert!(leg.width_mm.is_none_or(|mm| mm > 0.0));
                 }
             }

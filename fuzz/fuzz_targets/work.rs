@@ -73,5 +73,9 @@ fuzz_target!(|bytes: &[u8]| {
     let counted = region.change();
     let reallocated = counted.bytes_reallocated.unsigned_abs();
     let steps = counted.allocations + (counted.bytes_allocated + reallocated) / 64;
-    assert!(steps <= budget.of(bytes.len()), "{steps} steps for {} bytes", bytes.len());
+    assert!(
+        steps <= budget.of(bytes.len()),
+        "{steps} steps for {} bytes",
+        bytes.len()
+    );
 });
