@@ -13,7 +13,6 @@ use crate::report::compare_picture::{self, Bar};
 use crate::report::figures::Figures;
 use crate::report::plan_picture;
 use serde::Serialize;
-use std::f64::consts::TAU;
 use std::fmt::Write;
 
 /// Slowest heading axis that is tried, against the given one.
@@ -22,7 +21,7 @@ const SLOWEST: f64 = 1.0 / 64.0;
 const HALVINGS: usize = 6;
 
 /// What a nozzle does with the part.
-#[derive(Clone, Debug, Serialize)]
+#[derive(Clone, Debug, Default, Serialize)]
 struct Row {
     aperture: String,
     /// Duration of the job, s.
@@ -63,7 +62,14 @@ pub(super) fn run(args: &CompareArgs, console: &Console) -> Result<(), CliError>
     for aperture in apertures {
         console.say(&format!("with {aperture}:"));
         let settings = of_nozzle(&args.settings, aperture, axis);
-        rows.push(row(args, &settings, aperture, console)?);
+        rows.push(match plan_with(args, &settings, console)? {
+            Ok(planned) => row(args, aperture, &planned),
+            Err(refused) => Row {
+                aperture: aperture.clone(),
+                refused: Some(refused),
+                ..Row::default()
+            },
+        });
     }
     if rows.iter().all(|row| row.refused.is_some()) {
         let reasons = rows.iter().filter_map(|row| row.refused.as_deref());
@@ -95,66 +101,37 @@ fn of_nozzle(settings: &SettingsArgs, aperture: &str, axis: HeadingAxis) -> Sett
     }
 }
 
-/// Plans with one nozzle; a part that cannot be printed with it is a row as well.
-fn row(
+/// Plans with one nozzle; why the part cannot be printed with it is no error. Options that are wrong are wrong for all.
+fn plan_with(
     args: &CompareArgs,
     settings: &SettingsArgs,
-    aperture: &str,
     console: &Console,
-) -> Result<Row, CliError> {
-    // Options that are wrong are wrong for all.
-    let of_machine = load::settings(settings)?;
-    let is_round = of_machine.aperture.major_mm() == of_machine.aperture.minor_mm();
-    let planned = planned::from_input(
-        &args.input,
-        &args.reading,
-        &args.place,
-        settings,
-        &[],
-        None,
-        console,
-    );
-    let empty = Row {
-        aperture: aperture.to_string(),
-        print_s: None,
-        unreachable_mm: None,
-        open_mm2: None,
-        flow_interruptions: None,
-        mass_g: None,
-        volume_mm3: None,
-        refused: None,
-        is_round,
-        picture: None,
-    };
-    let planned = match planned {
-        Ok(planned) => planned,
+) -> Result<Result<Planned, String>, CliError> {
+    let (reading, place) = (&args.reading, &args.place);
+    match planned::from_input(&args.input, reading, place, settings, &[], None, console) {
+        Ok(planned) => Ok(Ok(planned)),
         Err(error @ (CliError::Usage(_) | CliError::File { .. } | CliError::OutputClosed)) => {
-            return Err(error);
+            Err(error)
         }
-        Err(error) => {
-            return Ok(Row {
-                refused: Some(error.to_string()),
-                ..empty
-            });
-        }
-    };
+        Err(error) => Ok(Err(error.to_string())),
+    }
+}
+
+fn row(args: &CompareArgs, aperture: &str, planned: &Planned) -> Row {
     let figures = &planned.figures;
-    let density = of_machine.material.as_ref().and_then(|m| m.density_g_cm3);
-    Ok(Row {
+    let picture = args.picture.is_some();
+    Row {
+        aperture: aperture.to_string(),
         print_s: figures.print_s,
         unreachable_mm: figures.unreachable_mm,
         open_mm2: open_mm2(figures),
         flow_interruptions: figures.flow_interruptions,
-        mass_g: density
-            .zip(figures.volume_mm3)
-            .map(|(g, mm3)| g * mm3 / 1e3),
+        mass_g: figures.mass_g,
         volume_mm3: figures.volume_mm3,
-        picture: args
-            .picture
-            .is_some()
-            .then(|| layer_picture(aperture, &planned)),
-        ..empty
-    })
+        refused: None,
+        is_round: planned.settings.aperture.is_round(),
+        picture: picture.then(|| layer_picture(aperture, planned)),
+    }
 }
 
 /// Ground that nothing covers but should.
@@ -237,15 +214,16 @@ fn break_even(
             "with {} and {slower:.2} of the heading axis:",
             turned.aperture
         ));
-        let found = row(args, &settings, &turned.aperture, console)?;
-        Ok(found.print_s.unwrap_or(f64::INFINITY))
+        let planned = plan_with(args, &settings, console)?.ok();
+        let print_s = planned.and_then(|planned| planned.figures.print_s);
+        Ok(print_s.unwrap_or(f64::INFINITY))
     };
     let settings = load::settings(&of_nozzle(&args.settings, &turned.aperture, axis))?;
     let of_axis = |slower: f64| {
         let joint = settings.heading_joint();
         joint.map_or("the heading axis".to_string(), |joint| {
-            let [speed, acceleration] =
-                [joint.speed_max, joint.acceleration_max].map(|max| 360.0 * max * slower / TAU);
+            let limits = [joint.speed_max, joint.acceleration_max];
+            let [speed, acceleration] = limits.map(|max| (max * slower).to_degrees());
             format!("a heading axis of {speed:.0}°/s and {acceleration:.0}°/s²")
         })
     };
