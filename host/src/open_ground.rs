@@ -191,16 +191,11 @@ fn pieces(swept: &Coverage, is_meant: impl Fn(usize) -> bool) -> Vec<(f64, Point
 
 /// Centre of the cell that lies nearest to the middle of all.
 fn nearest_to_middle(cells: &[usize], swept: &Coverage) -> Point2 {
-    let place = |cell: usize| {
-        let (column, row) = (cell % swept.columns, cell / swept.columns);
-        let corner = nalgebra::Vector2::new(column as f64 + 0.5, row as f64 + 0.5);
-        swept.origin + corner * swept.cell_mm
-    };
-    let sum = cells.iter().map(|&cell| place(cell).coords);
+    let sum = cells.iter().map(|&cell| swept.center(cell).coords);
     let middle = Point2::from(sum.sum::<nalgebra::Vector2<f64>>() / cells.len() as f64);
-    let away = |cell: &usize| (place(*cell) - middle).norm_squared();
+    let away = |cell: &usize| (swept.center(*cell) - middle).norm_squared();
     let nearest = cells.iter().min_by(|a, b| away(a).total_cmp(&away(b)));
-    nearest.map_or(middle, |&cell| place(cell))
+    nearest.map_or(middle, |&cell| swept.center(cell))
 }
 
 #[cfg(test)]

@@ -72,13 +72,9 @@ impl LayerOutlines {
             bytes <= LAYER_OUTLINES_MAX
         });
         let outlines: Vec<Vec<RegionText>> = kept.map(|regions| region_texts(regions)).collect();
-        let of_layer = self
-            .of_layer
-            .iter()
-            .map(|(&layer, &outline)| (layer, outline));
         let text = LayerOutlinesText {
             // Those without one are listed as well: they are known to have another one.
-            of_layer: of_layer.collect(),
+            of_layer: self.of_layer.clone(),
             outlines,
         };
         serde_json::to_string(&text).unwrap_or_default()

@@ -8,9 +8,10 @@
 use super::BeadLines;
 use super::nodes::Node;
 use super::sides::Range;
+use crate::geometry::aperture::wrapped_rad;
 use crate::geometry::banded::Band;
 use crate::settings::Settings;
-use std::f64::consts::PI;
+use std::f64::consts::TAU;
 
 /// How often times and headings are found.
 const ROUNDS: usize = 2;
@@ -63,10 +64,10 @@ pub fn smoothed(
         row.times_s.extend(of_pass);
     }
     let fastest_s = row.times_s.clone();
-    let mut headings_rad = Vec::new();
-    for _ in 0..ROUNDS {
-        headings_rad = Problem::new(&row).solved(&row);
+    let mut headings_rad = Problem::new(&row).solved(&row);
+    for _ in 1..ROUNDS {
         row.times_s = stretched(&row, &fastest_s, &headings_rad, settings);
+        headings_rad = Problem::new(&row).solved(&row);
     }
     headings_rad
 }
@@ -85,8 +86,7 @@ fn times_s(lines: &BeadLines, nodes: &[Node], settings: &Settings) -> Vec<f64> {
         let next = nodes.get(i + 1).map_or(node.leg, |next| next.leg);
         for leg in node.leg..next {
             let turn = lines.travel_rad[leg + 1] - lines.travel_rad[leg];
-            let turn_rad = (turn + PI).rem_euclid(2.0 * PI) - PI;
-            speed_mm_s = speed_mm_s.min(corner_mm_s(turn_rad.abs()));
+            speed_mm_s = speed_mm_s.min(corner_mm_s(wrapped_rad(turn, TAU).abs()));
         }
         if i == 0 || i + 1 == nodes.len() {
             speed_mm_s = 0.0;
