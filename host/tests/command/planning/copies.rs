@@ -2,7 +2,7 @@
 //! not fit are refused. Method: the binary on a plate and on a cube; areas and volumes of the figures
 //! against one part's, the poses of the job against the places.
 
-use crate::rig::{folder, headway, object, path, stderr, succeeded};
+use crate::rig::{box_triangles, folder, headway, object, path, stderr, stl, succeeded};
 use serde_json::{Map, Value};
 use std::path::{Path, PathBuf};
 
@@ -16,27 +16,8 @@ fn plate(folder: &Path) -> PathBuf {
 
 /// A cube of 6 mm on the bed, as text.
 fn cube(folder: &Path) -> PathBuf {
-    let corner = |i: u32| [i & 1, i >> 1 & 1, i >> 2].map(|bit| 6 * bit);
-    let sides = [
-        [0, 2, 3, 1],
-        [4, 5, 7, 6],
-        [0, 1, 5, 4],
-        [2, 6, 7, 3],
-        [0, 4, 6, 2],
-        [1, 3, 7, 5],
-    ];
-    let mut text = String::from("solid cube\n");
-    for [a, b, c, d] in sides {
-        for triangle in [[a, b, c], [a, c, d]] {
-            text += "facet normal 0 0 0\nouter loop\n";
-            for [x, y, z] in triangle.map(corner) {
-                text += &format!("vertex {x} {y} {z}\n");
-            }
-            text += "endloop\nendfacet\n";
-        }
-    }
     let file = folder.join("cube.stl");
-    std::fs::write(&file, text + "endsolid cube\n").expect("written");
+    std::fs::write(&file, stl(box_triangles([[0.0; 3], [6.0; 3]]))).expect("written");
     file
 }
 

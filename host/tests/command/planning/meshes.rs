@@ -2,28 +2,17 @@
 //! nothing behind where it refuses. Method: the binary on the example hook and on broken files.
 
 use crate::rig::{
-    command, example, folder, headway, headway_with, object, path, stderr, succeeded,
+    box_triangles, command, example, folder, headway, headway_with, object, path, stderr, stl,
+    succeeded,
 };
 
 /// A tetrahedron of 10 mm as an ASCII STL.
-const TETRAHEDRON: [[[i32; 3]; 3]; 4] = [
-    [[0, 0, 0], [0, 10, 0], [10, 0, 0]],
-    [[0, 0, 0], [10, 0, 0], [0, 0, 10]],
-    [[0, 0, 0], [0, 0, 10], [0, 10, 0]],
-    [[10, 0, 0], [0, 10, 0], [0, 0, 10]],
+const TETRAHEDRON: [[[f64; 3]; 3]; 4] = [
+    [[0.0, 0.0, 0.0], [0.0, 10.0, 0.0], [10.0, 0.0, 0.0]],
+    [[0.0, 0.0, 0.0], [10.0, 0.0, 0.0], [0.0, 0.0, 10.0]],
+    [[0.0, 0.0, 0.0], [0.0, 0.0, 10.0], [0.0, 10.0, 0.0]],
+    [[10.0, 0.0, 0.0], [0.0, 10.0, 0.0], [0.0, 0.0, 10.0]],
 ];
-
-fn stl(triangles: &[[[i32; 3]; 3]]) -> String {
-    let mut text = String::from("solid part\n");
-    for triangle in triangles {
-        text += "facet normal 0 0 0\nouter loop\n";
-        for [x, y, z] in triangle {
-            text += &format!("vertex {x} {y} {z}\n");
-        }
-        text += "endloop\nendfacet\n";
-    }
-    text + "endsolid part\n"
-}
 
 /// Goal: what `inspect --json` says of a mesh is what other programs rely on. Method: layers counted
 /// and summed up against the volume; turned, scaled and cut otherwise by hand.
@@ -161,7 +150,7 @@ fn a_mesh_is_printed() {
 fn a_stopped_plan_goes_on_and_makes_the_same_job() {
     let folder = folder("cached");
     let mesh = folder.join("tetrahedron.stl");
-    std::fs::write(&mesh, stl(&TETRAHEDRON)).expect("a mesh");
+    std::fs::write(&mesh, stl(TETRAHEDRON)).expect("a mesh");
     let names = |folder: &std::path::Path| -> Vec<std::path::PathBuf> {
         let entries = std::fs::read_dir(folder).expect("a folder");
         let mut names: Vec<_> = entries.map(|entry| entry.expect("a name").path()).collect();
@@ -338,22 +327,16 @@ fn kinds_and_layer_times_are_kept_and_told() {
 #[test]
 fn broken_meshes_leave_nothing_behind() {
     let folder = folder("broken");
-    let whole = stl(&TETRAHEDRON);
+    let whole = stl(TETRAHEDRON);
     let cases: &[(&str, String, &[&str], i32, &str)] = &[
         (
             "open.stl",
-            stl(&TETRAHEDRON[..3]),
+            stl(TETRAHEDRON[..3].iter().copied()),
             &[],
             1,
             "open in 1 place",
         ),
-        (
-            "sheet.stl",
-            stl(&[TETRAHEDRON[0], TETRAHEDRON[0]]),
-            &[],
-            1,
-            "open",
-        ),
+        ("sheet.stl", stl([TETRAHEDRON[0]; 2]), &[], 1, "open"),
         (
             "none.stl",
             "solid none\nendsolid none\n".into(),
@@ -543,26 +526,15 @@ fn broken_meshes_leave_nothing_behind() {
 fn a_negative_volume_is_cut_away() {
     use std::io::Write;
     let (mut vertices, mut triangles) = (String::new(), String::new());
-    let faces = [
-        [0, 2, 3, 1],
-        [4, 5, 7, 6],
-        [0, 1, 5, 4],
-        [2, 6, 7, 3],
-        [0, 4, 6, 2],
-        [1, 3, 7, 5],
-    ];
-    let boxes = [[0, 20, 0, 5], [5, 15, -1, 6]];
-    for (first, [low, high, bottom, top]) in [(0, boxes[0]), (8, boxes[1])] {
-        for corner in 0..8 {
-            let [x, y] = [1, 2].map(|bit| if corner & bit == 0 { low } else { high });
-            let z = if corner & 4 == 0 { bottom } else { top };
+    let plate = [[0.0; 3], [20.0, 20.0, 5.0]];
+    let slot = [[5.0, 5.0, -1.0], [15.0, 15.0, 6.0]];
+    let faces = [plate, slot].into_iter().flat_map(box_triangles);
+    for (number, face) in faces.enumerate() {
+        for [x, y, z] in face {
             vertices += &format!("<vertex x=\"{x}\" y=\"{y}\" z=\"{z}\"/>");
         }
-        for [a, b, c, d] in faces.map(|face| face.map(|corner| corner + first)) {
-            for [p, q] in [[b, c], [c, d]] {
-                triangles += &format!("<triangle v1=\"{a}\" v2=\"{p}\" v3=\"{q}\"/>");
-            }
-        }
+        let [a, b, c] = [0, 1, 2].map(|corner| 3 * number + corner);
+        triangles += &format!("<triangle v1=\"{a}\" v2=\"{b}\" v3=\"{c}\"/>");
     }
     let model = format!(
         "<model unit=\"millimeter\"><resources><object id=\"1\" type=\"model\"><mesh><vertices>{vertices}\
@@ -592,32 +564,6 @@ fn a_negative_volume_is_cut_away() {
     assert!(notes.contains("1 negative volume"), "{notes}");
 }
 
-/// Boxes as one ASCII STL: least and greatest corner of each.
-fn boxes(all: &[[[f64; 3]; 2]]) -> String {
-    let faces = [
-        [0, 2, 3, 1],
-        [4, 5, 7, 6],
-        [0, 1, 5, 4],
-        [2, 6, 7, 3],
-        [0, 4, 6, 2],
-        [1, 3, 7, 5],
-    ];
-    let mut text = String::from("solid part\n");
-    for corners in all {
-        for [a, b, c, d] in faces {
-            for triangle in [[a, b, c], [a, c, d]] {
-                text += "facet normal 0 0 0\nouter loop\n";
-                for number in triangle {
-                    let [x, y, z] = [0, 1, 2].map(|axis| corners[(number >> axis) & 1][axis]);
-                    text += &format!("vertex {x} {y} {z}\n");
-                }
-                text += "endloop\nendfacet\n";
-            }
-        }
-    }
-    text + "endsolid part\n"
-}
-
 /// A picture of an upper layer had the lowest layer's outline, and was as large; a rib that no bead fits in
 /// vanished from a part without a word.
 /// Goal: the picture shows the layer, ground that stays open is named with its height. Method: a plate with a
@@ -629,7 +575,11 @@ fn pictures_show_their_layer_and_open_ground_is_named() {
     let plate = [[0.0, 0.0, 0.0], [9.0, 3.0, 0.2]];
     let rib = [[8.0, 1.0, 0.0], [15.0, 1.3, 0.2]];
     let upper = [[1.0, 1.0, 0.2], [4.0, 3.0, 0.4]];
-    std::fs::write(&file, boxes(&[plate, rib, upper])).expect("file");
+    std::fs::write(
+        &file,
+        stl([plate, rib, upper].into_iter().flat_map(box_triangles)),
+    )
+    .expect("file");
     let job = folder.join("steps.hwj");
     let plan = [
         "plan",

@@ -67,3 +67,33 @@ pub fn object(output: &Output) -> Map<String, Value> {
 pub fn path(path: &Path) -> &str {
     path.to_str().expect("UTF-8 path")
 }
+
+/// An ASCII STL of triangles, mm.
+pub fn stl(triangles: impl IntoIterator<Item = [[f64; 3]; 3]>) -> String {
+    let mut text = String::from("solid part\n");
+    for triangle in triangles {
+        text += "facet normal 0 0 0\nouter loop\n";
+        for [x, y, z] in triangle {
+            text += &format!("vertex {x} {y} {z}\n");
+        }
+        text += "endloop\nendfacet\n";
+    }
+    text + "endsolid part\n"
+}
+
+/// The triangles of a box between its least and its greatest corner.
+pub fn box_triangles(corners: [[f64; 3]; 2]) -> Vec<[[f64; 3]; 3]> {
+    let faces = [
+        [0, 2, 3, 1],
+        [4, 5, 7, 6],
+        [0, 1, 5, 4],
+        [2, 6, 7, 3],
+        [0, 4, 6, 2],
+        [1, 3, 7, 5],
+    ];
+    let halves = faces
+        .into_iter()
+        .flat_map(|[a, b, c, d]| [[a, b, c], [a, c, d]]);
+    let corner = |number: usize| [0, 1, 2].map(|axis| corners[number >> axis & 1][axis]);
+    halves.map(|half| half.map(corner)).collect()
+}
