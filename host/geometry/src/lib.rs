@@ -11,6 +11,7 @@ pub mod coverage;
 pub mod edge_index;
 pub mod edge_meeting;
 pub mod frame;
+pub mod hermite;
 pub mod plane_curve;
 pub mod point_grid;
 pub mod polygon;

@@ -9,6 +9,7 @@
 
 use crate::geometry::aperture::Aperture;
 use crate::geometry::clearance::Configuration;
+use crate::geometry::hermite::hermite;
 use crate::plan::pass::{Contact, Placement};
 
 /// Most that a wall may bend over a straight, as its normal, rad, and aside, against b.
@@ -185,10 +186,8 @@ impl<'a> Way<'a> {
     fn heading_rad(&self, contact: &Contact) -> f64 {
         let way_mm = (contact.point - self.from.contact.point).norm();
         let t = (way_mm / self.length_mm.max(1e-9)).clamp(0.0, 1.0);
-        let [low, high] = [self.from, self.to].map(|placement| placement.at.heading_rad);
-        let [out, into] = self.slopes.map(|slope| slope * self.length_mm);
-        let (s, u) = (t * t * (3.0 - 2.0 * t), 1.0 - t);
-        low + (high - low) * s + t * u * (out * u - into * t)
+        let ends = [self.from, self.to].map(|placement| placement.at.heading_rad);
+        hermite(t, ends, self.slopes.map(|slope| slope * self.length_mm))
     }
 }
 

@@ -22,12 +22,8 @@ pub const TURN_REACH_SHARE: f64 = 5.0;
 /// Headings of a leg.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct LegBands {
-    /// Of its straight middle.
-    pub exact: Range,
-    /// Some way from its corners.
-    pub far: Range,
-    /// Beside its corners.
-    pub near: Range,
+    /// What it may have.
+    pub choice: Choice,
     /// A link, over which the heading is held.
     pub is_link: bool,
 }
@@ -136,7 +132,12 @@ pub fn leg_bands(passes: &[BeadLines], start_rad: f64, aperture: &Aperture) -> V
         let mut found: Vec<Option<LegBands>> = is_link
             .iter()
             .map(|is_link| if *is_link { None } else { chosen.next() })
-            .map(|choice| choice.map(LegBands::of))
+            .map(|choice| {
+                choice.map(|choice| LegBands {
+                    choice,
+                    is_link: false,
+                })
+            })
             .collect();
         for leg in (0..is_link.len()).filter(|leg| is_link[*leg]) {
             let beside = [leg.checked_sub(1), Some(leg + 1)];
@@ -148,20 +149,9 @@ pub fn leg_bands(passes: &[BeadLines], start_rad: f64, aperture: &Aperture) -> V
     bands.collect()
 }
 
-impl LegBands {
-    fn of(choice: Choice) -> LegBands {
-        LegBands {
-            exact: choice.exact,
-            far: choice.far,
-            near: choice.near,
-            is_link: false,
-        }
-    }
-}
-
 /// Headings of a link: its neighbours', its own and all between them.
 fn held(beside: &[Option<LegBands>; 2], own: &[Choice], period_rad: f64) -> LegBands {
-    let neighbours = beside.iter().flatten().map(|bands| bands.near);
+    let neighbours = beside.iter().flatten().map(|bands| bands.choice.near);
     let between = neighbours.reduce(|a, b| a.hull(&b));
     let range = match (between, own.first()) {
         (Some(between), Some(own)) => {
@@ -172,9 +162,11 @@ fn held(beside: &[Option<LegBands>; 2], own: &[Choice], period_rad: f64) -> LegB
         (None, own) => own.map_or(Range::new(0.0, period_rad), |own| own.near),
     };
     LegBands {
-        exact: range,
-        far: range,
-        near: range,
+        choice: Choice {
+            exact: range,
+            far: range,
+            near: range,
+        },
         is_link: true,
     }
 }

@@ -22,6 +22,7 @@ mod smooth;
 mod tests;
 
 use crate::geometry::aperture::Aperture;
+use crate::geometry::hermite::hermite;
 use crate::settings::Settings;
 use nodes::Node;
 
@@ -151,11 +152,7 @@ impl HeadingTrack {
         let t = (place_mm - self.places_mm[after - 1]) / way_mm;
         let [from, to] = [self.headings_rad[after - 1], self.headings_rad[after]];
         let [leaves, comes] = [after - 1, after].map(|i| self.slopes[i] * way_mm);
-        let (t2, t3) = (t * t, t * t * t);
-        from * (2.0 * t3 - 3.0 * t2 + 1.0)
-            + leaves * (t3 - 2.0 * t2 + t)
-            + to * (3.0 * t2 - 2.0 * t3)
-            + comes * (t3 - t2)
+        hermite(t, [from, to], [leaves, comes])
     }
 }
 

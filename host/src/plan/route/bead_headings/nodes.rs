@@ -4,7 +4,7 @@
 
 use super::BeadLines;
 use super::bands::{LegBands, TURN_REACH_SHARE};
-use super::sides::Range;
+use super::sides::{Choice, Range};
 use crate::plan::route::bead_curve::{SPACING_GROWTH, steps_mm};
 
 /// Distances of nodes at vertices and at most, in semi-axes a.
@@ -50,8 +50,8 @@ pub fn nodes(lines: &BeadLines, legs: &[LegBands], major_mm: f64) -> Vec<Node> {
         let range = |at_mm: f64| {
             let ends_mm = [at_mm, length_mm - at_mm];
             match ends_mm[0].min(ends_mm[1]) > TURN_REACH_SHARE * major_mm {
-                true => legs[leg].exact,
-                false => range_at(&legs[leg], ends_mm, &turnings[leg], step_mm),
+                true => legs[leg].choice.exact,
+                false => range_at(&legs[leg].choice, ends_mm, &turnings[leg], step_mm),
             }
         };
         if leg == 0 {
@@ -86,7 +86,7 @@ pub fn nodes(lines: &BeadLines, legs: &[LegBands], major_mm: f64) -> Vec<Node> {
 }
 
 /// The range at distances from both ends of a leg.
-fn range_at(bands: &LegBands, ends_mm: [f64; 2], turnings: &[Turning; 2], step_mm: f64) -> Range {
+fn range_at(bands: &Choice, ends_mm: [f64; 2], turnings: &[Turning; 2], step_mm: f64) -> Range {
     let mut range = bands.far;
     for (at_mm, turning) in ends_mm.into_iter().zip(turnings) {
         if at_mm <= turning.near_mm {
@@ -117,14 +117,14 @@ fn turnings(lines: &BeadLines, legs: &[LegBands], major_mm: f64) -> Vec<[Turning
         found[*last][1] = end;
     }
     for pair in kept.windows(2) {
-        let [before, after] = [&legs[pair[0]], &legs[pair[1]]];
+        let [before, after] = [&legs[pair[0]].choice, &legs[pair[1]].choice];
         if before.far.overlap_rad(&after.far) >= OVERLAP_RAD {
             continue;
         }
         let link_mm: f64 = lines.length_mm[pair[0] + 1..pair[1]].iter().sum();
         let is_apart = before.near.overlap_rad(&after.near) < OVERLAP_RAD;
         let reach_mm = (FREE_REACH_SHARE * major_mm - 0.5 * link_mm).max(0.0);
-        let turning = |leg: usize, other: &LegBands| Turning {
+        let turning = |leg: usize, other: &Choice| Turning {
             near_mm: NEAR_REACH_SHARE * major_mm,
             free_mm: reach_mm.min(FREE_LEG_SHARE * lines.length_mm[leg]),
             other: is_apart.then_some(other.near),
