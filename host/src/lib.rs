@@ -56,6 +56,7 @@ pub mod surface_plan;
 pub mod wire_frames;
 
 pub use headway_geometry as geometry;
+pub use headway_reach as reach;
 
 use crate::geometry::Point2;
 use crate::geometry::polygon::Region;

@@ -14,6 +14,7 @@ mod heading_joint;
 pub mod heat;
 pub mod kinds;
 pub mod machine_file;
+pub mod obstacles;
 pub mod options;
 pub mod probe;
 mod switches;
@@ -22,6 +23,7 @@ pub use check::{joint_names, motor_rates_hz};
 pub use error::SettingsError;
 
 use self::head_shape::HeadShape;
+use self::obstacles::Obstacles;
 use crate::geometry::aperture::Aperture;
 use headway_firmware::board_name::BoardName;
 use headway_firmware::configuration::MachineConfiguration;
@@ -286,6 +288,8 @@ pub struct Settings {
     pub nozzle_body_radius_mm: f64,
     /// What of nozzle and head could touch the table or the print; `None` where it is not known.
     pub head: Option<HeadShape>,
+    /// What stands on the machine beside the table, machine coordinates.
+    pub obstacles: Obstacles,
     /// What the kinds of bead ask for where it differs.
     pub kinds: kinds::Kinds,
     /// Least time of a layer, s; shorter ones are printed slower. 0 for none.

@@ -99,7 +99,7 @@ pub enum SurfaceError {
     #[error(
         "{} would be {depth_mm:.2} mm in the surface with the tip at ({:.2}, {:.2}, {:.2}) mm ([head] in the \
          machine file): a smaller head, a longer nozzle, or an outline that keeps off the hollow",
-        match part { HeadPart::Nozzle => "the nozzle", HeadPart::Head => "the head" },
+        part.name(),
         at_mm[0], at_mm[1], at_mm[2]
     )]
     HeadTouches {

@@ -138,6 +138,7 @@ fn plan_figures(plan: &Plan, unreachable: &[UnreachableRun], plan_s: f64) -> Fig
         flow_interruptions: Some(passes.saturating_sub(1)),
         outline_crossings: has_area.then_some(plan.outline_crossings as u64),
         touched_mm: plan.touches.as_ref().map(|touches| touches.touched_mm),
+        tip_dip_max_mm: plan.touches.as_ref().map(|touches| touches.tip_dip_max_mm),
         print_mm: Some(f.print_mm),
         skirt_mm: plan.skirt.is_some().then_some(f.skirt_mm),
         travel_mm: Some(f.travel_mm),

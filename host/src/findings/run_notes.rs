@@ -1,7 +1,7 @@
 //! What the user should know of a path in space: its surface, its place, singular places, touches.
 
 use crate::Plan;
-use crate::plan::judge::touches::{HeadPart, Obstacle};
+use crate::plan::judge::touches::HeadPart;
 use crate::plan::motion::singular::SingularPlaces;
 use crate::report::figures::CornerFigures;
 use crate::settings::Settings;
@@ -64,15 +64,7 @@ pub(super) fn touches(plan: &Plan) -> Option<String> {
         .deepest
         .iter()
         .map(|touch| {
-            let part = match touch.part {
-                HeadPart::Nozzle => "the nozzle",
-                HeadPart::Head => "the head",
-            };
-            let obstacle = match touch.obstacle {
-                Obstacle::Table => "the table",
-                Obstacle::Print => "what is printed",
-                Obstacle::Surface => "the surface",
-            };
+            let (part, obstacle) = (touch.part.name(), touch.obstacle.name());
             let [x, y, z] = plan.transform.to_input(touch.tip_mm);
             format!(
                 "{part} is {:.2} mm in {obstacle} with the tip at ({x:.3}, {y:.3}, {z:.3})",
@@ -80,9 +72,20 @@ pub(super) fn touches(plan: &Plan) -> Option<String> {
             )
         })
         .collect();
+    let is_tip = touches
+        .deepest
+        .iter()
+        .any(|touch| touch.part == HeadPart::Tip);
+    let slack = match is_tip {
+        true => format!(
+            "; the flat end may dip by {:.2} mm (tip_slack_mm in [head] of the machine file)",
+            touches.tip_slack_mm
+        ),
+        false => String::new(),
+    };
     (!told.is_empty()).then(|| {
         format!(
-            "TOUCHES on {:.1} mm of the path: {}",
+            "TOUCHES on {:.1} mm of the path: {}{slack}",
             touches.touched_mm,
             told.join(", ")
         )

@@ -110,6 +110,9 @@ pub struct Figures {
     /// Way of the tip on which nozzle or head touch the table or what is printed.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub touched_mm: Option<f64>,
+    /// How far the nozzle's flat end dips into what is printed, at most.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub tip_dip_max_mm: Option<f64>,
     /// Corners of a run of waypoints, where they are to be rounded.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub rounded_corners: Option<CornerFigures>,
@@ -380,6 +383,10 @@ impl Figures {
             ("flow interruptions", count(self.flow_interruptions)),
             ("travels across the outline", count(self.outline_crossings)),
             ("path with touches", number(self.touched_mm, 1, "mm")),
+            (
+                "flat end in the print",
+                number(self.tip_dip_max_mm, 2, "mm"),
+            ),
             ("corners rounded", self.rounded_corners.map(|c| c.text())),
             ("printing path", number(self.print_mm, 1, "mm")),
             ("skirt and brim", number(self.skirt_mm, 1, "mm")),

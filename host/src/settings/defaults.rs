@@ -3,6 +3,7 @@
 //! Every number is a common printer's: 1.8° motors with 16 microsteps on GT2 belts (80 steps/mm),
 //! a geared direct extruder on 1.75 mm filament, a hot end for 0.4 mm wide to 1.2 mm wide beads.
 
+use super::obstacles::Obstacles;
 use super::{
     AXIS_TOLERANCE_RAD, HeadingLaw, PassMode, Place, PrimeRetract, Quality, Seam, SeamPlace,
     Settings, Skirt, Tolerances,
@@ -123,6 +124,7 @@ impl Settings {
             },
             nozzle_body_radius_mm: 0.0,
             head: None,
+            obstacles: Obstacles::default(),
             avoid_crossing: false,
             kinds: super::kinds::Kinds::default(),
             layer_time_min_s: 0.0,

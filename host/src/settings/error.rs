@@ -26,6 +26,12 @@ pub enum SettingsError {
         /// What would fit.
         remedy: String,
     },
+    /// The head's profile is none.
+    #[error("head.profile: {reason}; give [height_mm, radius_mm] pairs from the tip upwards")]
+    HeadProfile {
+        /// What is wrong.
+        reason: String,
+    },
     /// Inputs that cannot be.
     #[error(
         "wiring.{key} is {input}: inputs are numbered from 0 to 15 as the board has them, and the emergency input \

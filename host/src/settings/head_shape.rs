@@ -1,15 +1,38 @@
-//! The shape of what could touch: the nozzle, a cone, and the head above it, a cylinder.
+//! The shape of what could touch: the nozzle, a cone, and the head above it, a cylinder, or any profile.
 //!
 //! Lengths in mm along the tool axis from the tip, angles in rad. Used to look for touches with the table
 //! and with what is printed.
 
 use super::check::in_range;
 use super::error::SettingsError;
-use nalgebra::Vector3;
+use headway_reach::profile::{HeadProfile, ProfileError};
+
+/// Most knots of a profile: each query goes through them.
+pub const PROFILE_KNOTS_MAX: usize = 32;
+/// Farthest knot, mm.
+const KNOT_MAX_MM: f64 = 1e4;
 
 /// Nozzle and head about the tool axis.
-#[derive(Clone, Copy, Debug, PartialEq)]
+#[derive(Clone, Debug, PartialEq)]
 pub struct HeadShape {
+    /// How it is described.
+    pub outline: HeadOutline,
+    /// How far the tip's flat end may dip into what is printed; `None` for half a layer.
+    pub tip_slack_mm: Option<f64>,
+}
+
+/// The outline of nozzle and head in a plane through the tool axis.
+#[derive(Clone, Debug, PartialEq)]
+pub enum HeadOutline {
+    /// A cone with a flat end, and a cylinder above it.
+    Cone(ConeAndCylinder),
+    /// Height and radius, mm, from the tip upwards; the first at height 0.
+    Profile(Vec<[f64; 2]>),
+}
+
+/// The common head.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct ConeAndCylinder {
     /// Radius of the nozzle's flat end.
     pub nozzle_tip_radius_mm: f64,
     /// Whole angle between the nozzle's sides.
@@ -22,87 +45,54 @@ pub struct HeadShape {
     pub head_length_mm: f64,
 }
 
-/// A circle about the tool axis, an edge of nozzle or head.
-#[derive(Clone, Copy, Debug, PartialEq)]
-pub struct Rim {
-    /// Above the tip.
-    pub height_mm: f64,
-    /// Its radius.
-    pub radius_mm: f64,
-    /// True for the nozzle's.
-    pub is_nozzle: bool,
-}
-
-impl Rim {
-    /// How far its lowest point is below the tip, mm, of a tool along `axis` (unit).
-    pub fn below_tip_mm(&self, axis: &Vector3<f64>) -> f64 {
-        self.radius_mm * axis.xy().norm() - self.height_mm * axis.z
+impl ConeAndCylinder {
+    fn knots(&self) -> [[f64; 2]; 4] {
+        let nozzle_mm = self.nozzle_length_mm;
+        let wide_mm = nozzle_mm * (0.5 * self.nozzle_angle_rad).tan() + self.nozzle_tip_radius_mm;
+        let top_mm = nozzle_mm + self.head_length_mm;
+        [
+            [0.0, self.nozzle_tip_radius_mm],
+            [nozzle_mm, wide_mm],
+            [nozzle_mm, self.head_radius_mm],
+            [top_mm, self.head_radius_mm],
+        ]
     }
 }
 
 impl HeadShape {
-    /// Radius at a height above the tip, within the head or below it, mm; `None` elsewhere.
-    pub fn radius_mm(&self, height_mm: f64) -> Option<f64> {
-        if height_mm < 0.0 || height_mm > self.nozzle_length_mm + self.head_length_mm {
-            return None;
+    /// Heights and radii of its edges, mm, as they are given.
+    pub fn knots(&self) -> Vec<[f64; 2]> {
+        match &self.outline {
+            HeadOutline::Cone(cone) => cone.knots().to_vec(),
+            HeadOutline::Profile(knots) => knots.clone(),
         }
-        Some(if height_mm < self.nozzle_length_mm {
-            self.nozzle_tip_radius_mm + height_mm * (0.5 * self.nozzle_angle_rad).tan()
-        } else {
-            self.head_radius_mm
-        })
     }
 
-    /// How deep a point is in nozzle or head, mm, `away` from the tip of a tool along `axis` (unit). Negative
-    /// outside, and then no more than its distance from them; it changes by no more than the point moves.
-    pub fn depth_mm(&self, away: &Vector3<f64>, axis: &Vector3<f64>) -> f64 {
-        let height_mm = away.dot(axis);
-        let square = away.norm_squared() - height_mm * height_mm;
-        let from_axis_mm = square.max(0.0).sqrt();
-        let (sin, cos) = (0.5 * self.nozzle_angle_rad).sin_cos();
-        let nozzle_mm = ((self.nozzle_tip_radius_mm - from_axis_mm) * cos + height_mm * sin)
-            .min(height_mm)
-            .min(self.nozzle_length_mm - height_mm);
-        let in_head_mm = height_mm - self.nozzle_length_mm;
-        let head_mm = (self.head_radius_mm - from_axis_mm)
-            .min(in_head_mm)
-            .min(self.head_length_mm - in_head_mm);
-        nozzle_mm.max(head_mm)
+    /// The solid; a line where the knots are none (settings that were not checked).
+    pub fn profile(&self) -> HeadProfile {
+        HeadProfile::new(&self.knots()).unwrap_or_else(|_| HeadProfile::line())
     }
 
-    /// The rims of nozzle and head: one of them is the lowest, however the tool leans.
-    pub fn rims(&self) -> [Rim; 4] {
-        let nozzle_mm = self.nozzle_length_mm;
-        let wide_mm = nozzle_mm * (0.5 * self.nozzle_angle_rad).tan() + self.nozzle_tip_radius_mm;
-        [
-            (0.0, self.nozzle_tip_radius_mm, true),
-            (nozzle_mm, wide_mm, true),
-            (nozzle_mm, self.head_radius_mm, false),
-            (nozzle_mm + self.head_length_mm, self.head_radius_mm, false),
-        ]
-        .map(|(height_mm, radius_mm, is_nozzle)| Rim {
-            height_mm,
-            radius_mm,
-            is_nozzle,
-        })
+    /// Where the nozzle ends and the head begins, mm above the tip: the first step of a profile.
+    pub fn nozzle_length_mm(&self) -> f64 {
+        match &self.outline {
+            HeadOutline::Cone(cone) => cone.nozzle_length_mm,
+            HeadOutline::Profile(knots) => {
+                let mut steps = knots.windows(2).filter(|pair| pair[0][0] == pair[1][0]);
+                let step_mm = steps.next().map(|pair| pair[0][0]);
+                step_mm.unwrap_or_else(|| knots.last().map_or(0.0, |top| top[0]))
+            }
+        }
     }
 
-    /// How far the lowest rim is below the tip, mm, of a tool along `axis` (unit).
-    pub fn below_tip_mm(&self, axis: &Vector3<f64>) -> f64 {
-        let below = self.rims().map(|rim| rim.below_tip_mm(axis));
-        below.into_iter().fold(f64::NEG_INFINITY, f64::max)
-    }
-
-    /// True where it is the nozzle that is so far above the tip.
-    pub fn is_nozzle(&self, height_mm: f64) -> bool {
-        height_mm < self.nozzle_length_mm
+    /// How far the tip's flat end may dip, mm.
+    pub fn tip_slack_mm(&self, layer_height_mm: f64) -> f64 {
+        self.tip_slack_mm.unwrap_or(0.5 * layer_height_mm)
     }
 
     /// Nothing is further from the tip, mm.
     pub fn reach_mm(&self) -> f64 {
-        let length_mm = self.nozzle_length_mm + self.head_length_mm;
-        let nozzle_mm = self.radius_mm(0.999 * self.nozzle_length_mm).unwrap_or(0.0);
-        length_mm.hypot(self.head_radius_mm.max(nozzle_mm))
+        self.profile().reach_mm()
     }
 
     /// Checks that the numbers can be meant.
@@ -110,6 +100,18 @@ impl HeadShape {
     /// # Errors
     /// [`SettingsError`] with the key.
     pub(super) fn check(&self) -> Result<(), SettingsError> {
+        if let Some(slack_mm) = self.tip_slack_mm {
+            in_range("head.tip_slack_mm", slack_mm, 0.0, 100.0)?;
+        }
+        match &self.outline {
+            HeadOutline::Cone(cone) => cone.check(),
+            HeadOutline::Profile(knots) => check_knots(knots),
+        }
+    }
+}
+
+impl ConeAndCylinder {
+    fn check(&self) -> Result<(), SettingsError> {
         let radius_mm = self.nozzle_tip_radius_mm;
         in_range("head.nozzle_tip_radius_mm", radius_mm, 0.0, 500.0)?;
         let angle_deg = self.nozzle_angle_rad.to_degrees();
@@ -117,5 +119,32 @@ impl HeadShape {
         in_range("head.nozzle_length_mm", self.nozzle_length_mm, 0.1, 1e4)?;
         in_range("head.head_radius_mm", self.head_radius_mm, 0.0, 1e4)?;
         in_range("head.head_length_mm", self.head_length_mm, 0.0, 1e4)
+    }
+}
+
+fn check_knots(knots: &[[f64; 2]]) -> Result<(), SettingsError> {
+    let refused = |reason: String| Err(SettingsError::HeadProfile { reason });
+    if knots.len() > PROFILE_KNOTS_MAX {
+        let count = knots.len();
+        return refused(format!("{count} pairs, at most {PROFILE_KNOTS_MAX}"));
+    }
+    let is_far = |knot: &&[f64; 2]| knot.iter().any(|mm| *mm > KNOT_MAX_MM);
+    if let Some([height_mm, radius_mm]) = knots.iter().find(is_far) {
+        return refused(format!(
+            "[{height_mm}, {radius_mm}] is farther than {KNOT_MAX_MM} mm"
+        ));
+    }
+    match HeadProfile::new(knots) {
+        Ok(profile) if profile.top_mm() > 0.0 => Ok(()),
+        Ok(_) => refused("all its heights are 0".to_string()),
+        Err(ProfileError::TooFew) => refused("it needs two pairs or more".to_string()),
+        Err(ProfileError::NotAtTip) => refused("its first height must be 0, the tip".to_string()),
+        Err(ProfileError::Knot(index)) => {
+            let [height_mm, radius_mm] = knots[index];
+            refused(format!(
+                "pair {} is [{height_mm}, {radius_mm}]: heights rise from one to the next, and neither is negative",
+                index + 1
+            ))
+        }
     }
 }

@@ -8,7 +8,7 @@
 
 use super::aperture_text::{ApertureTextError, parse_aperture};
 use super::error::SettingsError;
-use super::head_shape::HeadShape;
+use super::head_shape::{ConeAndCylinder, HeadOutline, HeadShape};
 use super::{
     HeadingLaw, Infill, PassMode, PrimeRetract, Quality, Seam, SeamPlace, Settings, Skirt,
     Tolerances,
@@ -177,22 +177,51 @@ struct Extruder {
 #[derive(Deserialize)]
 #[serde(deny_unknown_fields)]
 struct FileHead {
-    nozzle_tip_radius_mm: f64,
-    nozzle_angle_deg: f64,
-    nozzle_length_mm: f64,
-    head_radius_mm: f64,
-    head_length_mm: f64,
+    profile: Option<Vec<[f64; 2]>>,
+    nozzle_tip_radius_mm: Option<f64>,
+    nozzle_angle_deg: Option<f64>,
+    nozzle_length_mm: Option<f64>,
+    head_radius_mm: Option<f64>,
+    head_length_mm: Option<f64>,
+    tip_slack_mm: Option<f64>,
 }
 
 impl FileHead {
-    fn shape(&self) -> HeadShape {
-        HeadShape {
-            nozzle_tip_radius_mm: self.nozzle_tip_radius_mm,
-            nozzle_angle_rad: self.nozzle_angle_deg.to_radians(),
-            nozzle_length_mm: self.nozzle_length_mm,
-            head_radius_mm: self.head_radius_mm,
-            head_length_mm: self.head_length_mm,
-        }
+    fn shape(&self) -> Result<HeadShape, SettingsError> {
+        let cone = [
+            ("nozzle_tip_radius_mm", self.nozzle_tip_radius_mm),
+            ("nozzle_angle_deg", self.nozzle_angle_deg),
+            ("nozzle_length_mm", self.nozzle_length_mm),
+            ("head_radius_mm", self.head_radius_mm),
+            ("head_length_mm", self.head_length_mm),
+        ];
+        let refused = |reason: String| Err(SettingsError::HeadProfile { reason });
+        let outline = match &self.profile {
+            Some(_) if cone.iter().any(|(_, given)| given.is_some()) => {
+                return refused(
+                    "it replaces all other lengths of [head] but tip_slack_mm".to_string(),
+                );
+            }
+            Some(knots) => HeadOutline::Profile(knots.clone()),
+            None => {
+                if let Some((key, _)) = cone.iter().find(|(_, given)| given.is_none()) {
+                    return refused(format!("neither it nor head.{key} is given"));
+                }
+                let [tip, angle_deg, nozzle, radius, length] =
+                    cone.map(|(_, given)| given.unwrap_or_default());
+                HeadOutline::Cone(ConeAndCylinder {
+                    nozzle_tip_radius_mm: tip,
+                    nozzle_angle_rad: angle_deg.to_radians(),
+                    nozzle_length_mm: nozzle,
+                    head_radius_mm: radius,
+                    head_length_mm: length,
+                })
+            }
+        };
+        Ok(HeadShape {
+            outline,
+            tip_slack_mm: self.tip_slack_mm,
+        })
     }
 }
 
@@ -356,7 +385,8 @@ impl File {
             nozzle_body_radius_mm: print
                 .nozzle_body_radius_mm
                 .unwrap_or(default.nozzle_body_radius_mm),
-            head: self.head.as_ref().map(FileHead::shape),
+            head: self.head.as_ref().map(FileHead::shape).transpose()?,
+            obstacles: default.obstacles.clone(),
             avoid_crossing: print.avoid_crossing.unwrap_or(default.avoid_crossing),
             seam: print.seam_over(&default.seam),
             tolerances: self.tolerances.over(&default.tolerances),

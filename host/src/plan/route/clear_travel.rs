@@ -12,9 +12,10 @@
 
 use crate::plan::route::moves::{PathCurve, tilt, tip};
 use crate::settings::Settings;
-use crate::settings::head_shape::HeadShape;
 use headway_firmware::pose::tool_axis;
 use headway_protocol::units::{CHANNEL_TILT_X, CHANNEL_TILT_Y, CHANNEL_X, CHANNELS};
+use headway_reach::Pose;
+use headway_reach::profile::HeadProfile;
 use nalgebra::{Rotation2, Vector2, Vector3};
 
 /// Looks at a route's travels: about ten seconds of a processor with as many points as there may be.
@@ -100,7 +101,7 @@ fn way_mm(legs: &Legs) -> f64 {
 
 /// What is printed so far, and what must not touch it.
 pub struct PrintedSoFar {
-    head: HeadShape,
+    head: HeadProfile,
     table_mm: f64,
     lift_mm: f64,
     /// Table and print give way to so much.
@@ -116,7 +117,7 @@ impl PrintedSoFar {
     /// Nothing yet; `None` where the head's shape is not known.
     pub fn nothing(settings: &Settings) -> Option<PrintedSoFar> {
         Some(PrintedSoFar {
-            head: settings.head?,
+            head: settings.head.as_ref()?.profile(),
             table_mm: settings.work_area_mm[0][2],
             lift_mm: settings.lift_mm,
             slack_mm: 0.5 * settings.layer_height_mm,
@@ -204,13 +205,16 @@ impl PrintedSoFar {
     }
 
     fn keeps_off(&self, pose: &Point) -> bool {
-        let (tip, axis) = (tip(pose), tool_axis(tilt(pose)));
-        if tip.z - self.head.below_tip_mm(&axis) < self.table_mm - self.slack_mm {
+        let pose = Pose {
+            tip_mm: tip(pose),
+            axis: tool_axis(tilt(pose)),
+        };
+        if pose.tip_mm.z - self.head.below_tip_mm(&pose.axis) < self.table_mm - self.slack_mm {
             return false;
         }
         let margin_mm = MARGIN_SHARE * self.lift_mm + 0.5 * self.spacing_mm + 0.5 * LOOK_MM;
         let touches = |point: &Vector3<f64>, reach_mm: f64| {
-            self.head.depth_mm(&(point - tip), &axis) + reach_mm > -margin_mm
+            self.head.depth_mm(pose.seen(point)) + reach_mm > -margin_mm
         };
         let chunks = self.points.chunks(CHUNK).zip(&self.balls);
         let mut near = chunks.filter(|(_, (centre, radius_mm))| touches(centre, *radius_mm));

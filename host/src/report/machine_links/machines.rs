@@ -41,7 +41,7 @@ impl Look {
         });
         Self {
             work_area_mm,
-            head: settings.head,
+            head: settings.head.clone(),
             ranges_mm,
         }
     }
@@ -58,20 +58,22 @@ impl Look {
 
     /// Nozzle and head, the tip at the origin, and how high they are.
     fn head(&self) -> (Vec<Solid>, f64) {
-        let Some(head) = self.head else {
+        let Some(head) = &self.head else {
             let [radius, length] = BARE_MM;
             return (
                 bar([[0.0; 3], [0.0, 0.0, length]], [0.3, radius]).to_vec(),
                 length,
             );
         };
-        let nozzle = head.nozzle_length_mm;
-        let top = nozzle + head.head_length_mm;
-        let tip = head.nozzle_tip_radius_mm;
-        let root = tip + nozzle * (0.5 * head.nozzle_angle_rad).tan();
+        let profile = head.profile();
         let up = |z| [0.0, 0.0, z];
-        let mut solids = bar([up(0.0), up(nozzle)], [tip, root]);
-        solids.extend(bar([up(nozzle), up(top)], [head.head_radius_mm; 2]));
+        let sections = profile.knots().windows(2);
+        let sections = sections.filter(|pair| pair[1][0] > pair[0][0]);
+        let solids = sections.flat_map(|pair| {
+            let [[low, from], [high, to]] = [pair[0], pair[1]];
+            bar([up(low), up(high)], [from, to])
+        });
+        let (solids, top) = (solids.collect(), profile.top_mm());
         (solids, top)
     }
 

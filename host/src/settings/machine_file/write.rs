@@ -10,7 +10,7 @@ use super::switches::write_switches;
 use super::wiring::write_wiring;
 use crate::settings::aperture_text::aperture_text;
 use crate::settings::check::{joint_names, kinematics_name};
-use crate::settings::head_shape::HeadShape;
+use crate::settings::head_shape::{ConeAndCylinder, HeadOutline, HeadShape};
 use crate::settings::{
     BOTTOM_LAYERS, HeadingLaw, PassMode, Quality, SeamPlace, Settings, TOP_LAYERS, Tolerances,
 };
@@ -138,6 +138,33 @@ fn write_machine(text: &mut String, s: &Settings) -> std::fmt::Result {
 }
 
 fn write_head(text: &mut String, head: &HeadShape) -> std::fmt::Result {
+    match &head.outline {
+        HeadOutline::Cone(cone) => write_cone(text, cone)?,
+        HeadOutline::Profile(knots) => {
+            writeln!(
+                text,
+                "\n# What could touch the table or the print, about the tool's axis: height above the tip and radius\n\
+                 # there, two of one height for a step.\n[head]"
+            )?;
+            let pairs = knots.iter();
+            let pairs = pairs.map(|knot| format!("[{}, {}]", number(knot[0]), number(knot[1])));
+            let pairs: Vec<String> = pairs.collect();
+            writeln!(text, "profile = [{}]", pairs.join(", "))?;
+        }
+    }
+    match head.tip_slack_mm {
+        Some(slack_mm) => {
+            writeln!(
+                text,
+                "# How far the tip's flat end may dip into what is printed."
+            )?;
+            writeln!(text, "tip_slack_mm = {}", number(slack_mm))
+        }
+        None => Ok(()),
+    }
+}
+
+fn write_cone(text: &mut String, head: &ConeAndCylinder) -> std::fmt::Result {
     writeln!(
         text,
         "\n# What could touch the table or the print: the nozzle, a cone from its flat end up, and the head\n\

@@ -6,6 +6,7 @@
 use headway::input::ReadOptions;
 use headway::input::waypoints::{WaypointRun, read};
 use headway::job::MotionState;
+use headway::settings::head_shape::HeadOutline;
 use headway::settings::{Settings, machine_file};
 use headway::{Plan, plan_waypoints};
 use nalgebra::{Rotation3, Vector3};
@@ -51,7 +52,9 @@ fn tip(pose: &[f64; 7]) -> Vector3<f64> {
 /// Distance of a point from the profile of nozzle and head in the plane of the tool's axis, mm; negative
 /// inside. The profile is the polygon that turns about the axis.
 fn off_profile_mm(settings: &Settings, height_mm: f64, from_axis_mm: f64) -> f64 {
-    let head = settings.head.unwrap();
+    let Some(HeadOutline::Cone(head)) = settings.head.as_ref().map(|head| &head.outline) else {
+        panic!("the example machines have a cone");
+    };
     let wide_mm =
         head.nozzle_tip_radius_mm + head.nozzle_length_mm * (0.5 * head.nozzle_angle_rad).tan();
     let top_mm = head.nozzle_length_mm + head.head_length_mm;

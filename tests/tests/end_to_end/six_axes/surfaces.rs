@@ -11,6 +11,7 @@ use headway::geometry::{Point2, aperture::Aperture};
 use headway::input::Target;
 use headway::job::MotionState;
 use headway::mesh::{Mesh, Point3};
+use headway::settings::head_shape::HeadOutline;
 use headway::settings::{Settings, machine_file};
 use headway::surface_plan::{SurfaceError, plan_on_surface};
 use headway::{Plan, PlanError, plan_target};
@@ -311,12 +312,9 @@ fn what_does_not_fit_is_refused_with_the_place() {
         28,
     );
     let mut wide = settings.clone();
-    wide.head = wide
-        .head
-        .map(|head| headway::settings::head_shape::HeadShape {
-            nozzle_length_mm: 8.0,
-            ..head
-        });
+    if let Some(HeadOutline::Cone(cone)) = wide.head.as_mut().map(|head| &mut head.outline) {
+        cone.nozzle_length_mm = 8.0;
+    }
     let error = refused(&target, &bowl, &wide);
     assert!(
         matches!(error, SurfaceError::HeadTouches { depth_mm, .. } if depth_mm > 1.0),

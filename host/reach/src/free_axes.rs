@@ -1,0 +1,205 @@
+//! F(p) for tool axes: those at which a head with its tip at p touches nothing, and the nearest of them.
+//!
+//! Each point that stands forbids one cap of the sphere of axes (its direction from the tip, the head's half
+//! angle at its distance); what is left of some cones about given axes is F. The nearest axis of F to a wish is the wish,
+//! a foot of it on a circle that bounds a cap or a cone, or a place where two circles cut. Caps are added as
+//! they are met: the best candidate that the known ones leave is tried, the point that it holds deepest adds
+//! its cap, and so on, until it holds none, or none is left. What is found so is exact for all points: no cap that was
+//! left out forbids it, and every nearer axis is forbidden by a known one.
+
+use crate::standing::Standing;
+use crate::touch::Head;
+use crate::{Pose, Vector3};
+
+/// Caps of a search: more are given up.
+const CAPS_MAX: usize = 96;
+/// By how much caps are larger than they must be, rad: rounding of a candidate on a circle.
+const ROUNDING_RAD: f64 = 1e-7;
+
+/// A cone or a cap of axes: all that differ from `axis` by at most `angle_rad`.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Cap {
+    /// Its middle, unit.
+    pub axis: Vector3,
+    /// Its half angle.
+    pub angle_rad: f64,
+}
+
+/// A tip, and how many points stand while it is there.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Place {
+    /// The tip, mm.
+    pub tip_mm: Vector3,
+    /// How many points stand.
+    pub before: usize,
+}
+
+/// What a search found.
+#[derive(Clone, Debug, PartialEq)]
+pub enum Found {
+    /// The nearest free axis.
+    Free(Vector3),
+    /// There is none. What is met nearest to the wish: place and point in their orders.
+    None {
+        /// Of the places.
+        place: usize,
+        /// Of what stands.
+        point: usize,
+    },
+    /// More than [`CAPS_MAX`] caps.
+    GivenUp,
+}
+
+/// A search's result, with the caps that it met.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Search {
+    /// What was found.
+    pub found: Found,
+    /// Forbidden caps that were met.
+    pub caps: Vec<Cap>,
+}
+
+/// The axis nearest to `wish` that is in all `within` and touches nothing at any of the places.
+pub fn nearest_free(
+    head: &Head,
+    standing: &Standing,
+    places: &[Place],
+    wish: Vector3,
+    within: &[Cap],
+) -> Search {
+    let mut caps: Vec<Cap> = Vec::new();
+    let mut first_met = None;
+    loop {
+        let Some(axis) = best_candidate(wish, &caps, within) else {
+            let (place, point) = first_met.unwrap_or_default();
+            let found = Found::None { place, point };
+            return Search { found, caps };
+        };
+        let Some(worst) = worst(head, standing, places, axis) else {
+            let found = Found::Free(axis);
+            return Search { found, caps };
+        };
+        first_met = first_met.or(Some((worst.place, worst.point)));
+        if caps.len() == CAPS_MAX {
+            let found = Found::GivenUp;
+            return Search { found, caps };
+        }
+        caps.push(worst.cap);
+    }
+}
+
+/// The cap that one point forbids for a tip, where it forbids any.
+pub fn cap_of(
+    head: &Head,
+    tip_mm: &Vector3,
+    point_mm: &Vector3,
+    half_width_mm: f64,
+) -> Option<Cap> {
+    let away = point_mm - tip_mm;
+    let distance_mm = away.norm();
+    let angle_rad = head
+        .profile
+        .half_angle_rad(distance_mm, half_width_mm, head.slack_mm);
+    (angle_rad > 0.0).then(|| Cap {
+        axis: away / distance_mm,
+        angle_rad,
+    })
+}
+
+struct Worst {
+    cap: Cap,
+    place: usize,
+    point: usize,
+}
+
+/// The point that is deepest inside its cap, over all places.
+fn worst(head: &Head, standing: &Standing, places: &[Place], axis: Vector3) -> Option<Worst> {
+    let mut worst: Option<(f64, Worst)> = None;
+    for (place, at) in places.iter().enumerate() {
+        let pose = Pose {
+            tip_mm: at.tip_mm,
+            axis,
+        };
+        head.each_touch(standing, &pose, at.before, |touch| {
+            let cap = cap_of(head, &at.tip_mm, &touch.at_mm, touch.half_width_mm);
+            let Some(mut cap) = cap else { return };
+            cap.angle_rad += ROUNDING_RAD;
+            let inside_rad = cap.angle_rad - angle_rad(&cap.axis, &axis);
+            if worst
+                .as_ref()
+                .is_none_or(|(most_rad, _)| inside_rad > *most_rad)
+            {
+                let point = touch.order;
+                worst = Some((inside_rad, Worst { cap, place, point }));
+            }
+        });
+    }
+    worst.map(|(_, worst)| worst)
+}
+
+/// The axis nearest to the wish outside of all caps and inside of all cones; `None` where there is none.
+fn best_candidate(wish: Vector3, caps: &[Cap], within: &[Cap]) -> Option<Vector3> {
+    let is_free = |axis: &Vector3| {
+        let in_cones = within
+            .iter()
+            .all(|cone| angle_rad(&cone.axis, axis) <= cone.angle_rad + 0.1 * ROUNDING_RAD);
+        in_cones
+            && caps
+                .iter()
+                .all(|cap| angle_rad(&cap.axis, axis) >= cap.angle_rad - 0.1 * ROUNDING_RAD)
+    };
+    if is_free(&wish) {
+        return Some(wish);
+    }
+    let circles: Vec<&Cap> = caps.iter().chain(within).collect();
+    let mut best: Option<(f64, Vector3)> = None;
+    let mut consider = |axis: Vector3| {
+        let near = axis.dot(&wish);
+        if best.as_ref().is_none_or(|(most, _)| near > *most) && is_free(&axis) {
+            best = Some((near, axis));
+        }
+    };
+    for (index, circle) in circles.iter().enumerate() {
+        consider(foot(circle, &wish));
+        for other in &circles[..index] {
+            for axis in crossings(circle, other).into_iter().flatten() {
+                consider(axis);
+            }
+        }
+    }
+    best.map(|(_, axis)| axis)
+}
+
+/// The place on a cap's circle nearest to an axis.
+fn foot(cap: &Cap, axis: &Vector3) -> Vector3 {
+    let aside = axis - cap.axis * cap.axis.dot(axis);
+    let aside = aside.try_normalize(1e-12).unwrap_or_else(|| {
+        // All are as near: one of them.
+        let least = cap.axis.iamin();
+        let unit = Vector3::ith(least, 1.0);
+        (unit - cap.axis * cap.axis[least]).normalize()
+    });
+    cap.axis * cap.angle_rad.cos() + aside * cap.angle_rad.sin()
+}
+
+/// Where two circles on the sphere cut.
+fn crossings(a: &Cap, b: &Cap) -> [Option<Vector3>; 2] {
+    let (cos_a, cos_b, cos_ab) = (a.angle_rad.cos(), b.angle_rad.cos(), a.axis.dot(&b.axis));
+    let determinant = 1.0 - cos_ab * cos_ab;
+    if determinant < 1e-14 {
+        return [None; 2];
+    }
+    let middle = a.axis * ((cos_a - cos_ab * cos_b) / determinant)
+        + b.axis * ((cos_b - cos_ab * cos_a) / determinant);
+    let out_square = 1.0 - middle.norm_squared();
+    if out_square < 0.0 {
+        return [None; 2];
+    }
+    let out = a.axis.cross(&b.axis) * (out_square / determinant).sqrt();
+    [middle + out, middle - out].map(|axis| axis.try_normalize(0.5))
+}
+
+/// The angle between two unit vectors, exact for small ones too.
+fn angle_rad(a: &Vector3, b: &Vector3) -> f64 {
+    a.cross(b).norm().atan2(a.dot(b))
+}

@@ -1,0 +1,300 @@
+//! The head as a solid of revolution: its radius at a height above the tip.
+
+/// Radius by height, piecewise linear, steps allowed. Where a narrower section follows a wider one it
+/// counts as wide as what is below it: from above nothing printed gets there.
+#[derive(Clone, Debug, PartialEq)]
+pub struct HeadProfile {
+    /// Height and radius, mm; both never fall. Two of one height are a step.
+    knots: Vec<[f64; 2]>,
+}
+
+/// Why knots are no profile.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum ProfileError {
+    /// Fewer than two.
+    TooFew,
+    /// The first is not at height 0.
+    NotAtTip,
+    /// One is no number, negative, or lower than the one before; which.
+    Knot(usize),
+}
+
+impl HeadProfile {
+    /// Of heights and radii, mm, from the tip upwards.
+    ///
+    /// # Errors
+    /// [`ProfileError`].
+    pub fn new(knots: &[[f64; 2]]) -> Result<HeadProfile, ProfileError> {
+        let Some(first) = knots.first().filter(|_| knots.len() > 1) else {
+            return Err(ProfileError::TooFew);
+        };
+        if first[0] != 0.0 {
+            return Err(ProfileError::NotAtTip);
+        }
+        let mut risen: Vec<[f64; 2]> = Vec::with_capacity(knots.len());
+        for (index, &[height_mm, radius_mm]) in knots.iter().enumerate() {
+            let [before_mm, widest_mm] = risen.last().copied().unwrap_or([0.0; 2]);
+            let is_sound = height_mm.is_finite() && radius_mm.is_finite() && radius_mm >= 0.0;
+            if !is_sound || height_mm < before_mm {
+                return Err(ProfileError::Knot(index));
+            }
+            risen.push([height_mm, radius_mm.max(widest_mm)]);
+        }
+        Ok(HeadProfile { knots: risen })
+    }
+
+    /// A head as thin as its tip's middle, which holds nothing.
+    pub fn line() -> HeadProfile {
+        HeadProfile {
+            knots: vec![[0.0; 2], [1.0, 0.0]],
+        }
+    }
+
+    /// Height and radius of its edges, mm, from the tip upwards.
+    pub fn knots(&self) -> &[[f64; 2]] {
+        &self.knots
+    }
+
+    /// Where it ends, mm above the tip.
+    pub fn top_mm(&self) -> f64 {
+        self.knots[self.knots.len() - 1][0]
+    }
+
+    /// Radius of the flat end, mm.
+    pub fn tip_radius_mm(&self) -> f64 {
+        self.knots[0][1]
+    }
+
+    /// No part of it is farther from the tip, mm.
+    pub fn reach_mm(&self) -> f64 {
+        let [height_mm, radius_mm] = self.knots[self.knots.len() - 1];
+        height_mm.hypot(radius_mm)
+    }
+
+    /// Radius at a height, mm, the wider one at a step; below the tip that of the flat end, above the top the widest.
+    #[inline]
+    pub fn radius_mm(&self, height_mm: f64) -> f64 {
+        let mut below = self.knots[0];
+        for &knot in &self.knots[1..] {
+            if knot[0] > height_mm {
+                let share = (height_mm - below[0]).max(0.0) / (knot[0] - below[0]);
+                return below[1] + share * (knot[1] - below[1]);
+            }
+            below = knot;
+        }
+        below[1]
+    }
+
+    /// How deep a place is inside, mm: no less than its distance from all faces' lines but the top's; negative
+    /// outside, and then by no more than the distance.
+    pub fn depth_mm(&self, [height_mm, from_axis_mm]: [f64; 2]) -> f64 {
+        let mut deepest_mm = f64::NEG_INFINITY;
+        for pair in self.knots.windows(2) {
+            let [[low_mm, from_mm], [high_mm, to_mm]] = [pair[0], pair[1]];
+            if high_mm <= low_mm {
+                continue;
+            }
+            let slope = (to_mm - from_mm) / (high_mm - low_mm);
+            let side_mm = from_mm + slope * (height_mm - low_mm) - from_axis_mm;
+            let side_mm = side_mm / slope.hypot(1.0);
+            let inside_mm = side_mm.min(height_mm - low_mm).min(high_mm - height_mm);
+            // A section that stands on a wider or an equal one goes on below: only its own step is a face.
+            let open_mm = side_mm.min(height_mm - low_mm);
+            deepest_mm = deepest_mm.max(if height_mm <= high_mm {
+                open_mm
+            } else {
+                inside_mm
+            });
+        }
+        deepest_mm
+    }
+
+    /// How far the lowest edge is below the tip, mm, of a tool along `axis` (unit, z up).
+    pub fn below_tip_mm(&self, axis: &crate::Vector3) -> f64 {
+        let leaning = axis.xy().norm();
+        self.knots
+            .iter()
+            .map(|[height_mm, radius_mm]| radius_mm * leaning - height_mm * axis.z)
+            .fold(f64::NEG_INFINITY, f64::max)
+    }
+
+    /// Half the angle at which the head, grown by `grown_mm` to its sides, is seen from its tip at a distance: it
+    /// holds a point there whose direction is closer to the axis than that, where it is higher than `slack_mm`.
+    /// Above its top the head goes on as wide: something carries it.
+    ///
+    /// At a distance rho the sine of the angle g grows and the radius at the height rho cos g falls, so one g
+    /// parts inside and outside: on a cone of slope k from a radius r0 it is atan k + asin(r0 cos(atan k) / rho).
+    pub fn half_angle_rad(&self, distance_mm: f64, grown_mm: f64, slack_mm: f64) -> f64 {
+        if distance_mm <= slack_mm {
+            return 0.0;
+        }
+        let lowest_rad = (slack_mm / distance_mm).clamp(-1.0, 1.0).acos();
+        self.crossing_rad(distance_mm, grown_mm).min(lowest_rad)
+    }
+
+    fn crossing_rad(&self, distance_mm: f64, grown_mm: f64) -> f64 {
+        let square = distance_mm * distance_mm;
+        // How far the sphere of that radius is from the axis at a height.
+        let out_mm = |height_mm: f64| (square - height_mm * height_mm).max(0.0).sqrt();
+        if distance_mm <= self.knots[0][1] + grown_mm {
+            return std::f64::consts::FRAC_PI_2;
+        }
+        for pair in self.knots.windows(2) {
+            let [[low_mm, from_mm], [high_mm, to_mm]] = [pair[0], pair[1]];
+            if high_mm > low_mm {
+                if high_mm < distance_mm && out_mm(high_mm) > to_mm + grown_mm {
+                    continue;
+                }
+                let slope = (to_mm - from_mm) / (high_mm - low_mm);
+                return cone_rad(slope, from_mm - slope * low_mm + grown_mm, distance_mm);
+            }
+            if out_mm(high_mm) <= to_mm + grown_mm {
+                return (high_mm / distance_mm).clamp(-1.0, 1.0).acos();
+            }
+        }
+        cone_rad(
+            0.0,
+            self.knots[self.knots.len() - 1][1] + grown_mm,
+            distance_mm,
+        )
+    }
+
+    /// The free tilt: tilted no more than that, what is printed in the order of its height never touches. The least
+    /// angle between the tip's plane and an edge of the head, but for the flat end itself.
+    pub fn free_tilt_rad(&self) -> f64 {
+        let edges = self.knots.iter().filter(|knot| knot[0] > 0.0);
+        edges
+            .map(|[height_mm, radius_mm]| height_mm.atan2(*radius_mm))
+            .fold(std::f64::consts::FRAC_PI_2, f64::min)
+    }
+
+    /// Largest tilt at which no edge comes lower than the table, `above_mm` below the tip; the flat end may dip by
+    /// `slack_mm`. Zero where even an upright head does.
+    pub fn tilt_over_table_rad(&self, above_mm: f64, slack_mm: f64) -> f64 {
+        let room_mm = above_mm + slack_mm;
+        let limit = |&[height_mm, radius_mm]: &[f64; 2]| {
+            let far_mm = height_mm.hypot(radius_mm);
+            if room_mm >= far_mm {
+                return std::f64::consts::PI;
+            }
+            // radius sin t - height cos t = far sin(t - atan2(height, radius)) reaches the room.
+            (height_mm.atan2(radius_mm) + (room_mm / far_mm).max(-1.0).asin()).max(0.0)
+        };
+        self.knots
+            .iter()
+            .map(limit)
+            .fold(std::f64::consts::PI, f64::min)
+    }
+}
+
+/// Where a sphere about the tip meets a cone or a cylinder of this radius at the tip's height.
+fn cone_rad(slope: f64, radius_mm: f64, distance_mm: f64) -> f64 {
+    let half_rad = slope.atan();
+    half_rad
+        + (radius_mm * half_rad.cos() / distance_mm)
+            .clamp(-1.0, 1.0)
+            .asin()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn stepped() -> HeadProfile {
+        // A cone of 30° to each side, a step, a cylinder.
+        HeadProfile::new(&[[0.0, 0.8], [20.0, 12.347], [20.0, 22.0], [60.0, 22.0]]).unwrap()
+    }
+
+    /// Goal: the closed form is where the head begins. Method: along the sphere from the axis outwards, in steps.
+    #[test]
+    fn half_angles_part_inside_and_outside() {
+        for profile in [
+            stepped(),
+            HeadProfile::new(&[[0.0, 0.0], [5.0, 1.0], [5.0, 3.0], [9.0, 3.0], [12.0, 10.0]])
+                .unwrap(),
+        ] {
+            for step in 1..400 {
+                let distance_mm = 0.15 * f64::from(step);
+                for (grown_mm, slack_mm) in [(0.0, 0.1), (0.6, 0.1), (0.2, 0.4)] {
+                    let found = profile.half_angle_rad(distance_mm, grown_mm, slack_mm);
+                    let holds = |angle: f64| {
+                        let (sin, cos) = angle.sin_cos();
+                        let height_mm = distance_mm * cos;
+                        height_mm > slack_mm
+                            && distance_mm * sin < profile.radius_mm(height_mm) + grown_mm
+                    };
+                    if found > 1e-6 {
+                        assert!(
+                            holds(found - 1e-9 * 57.0),
+                            "{distance_mm} {grown_mm}: {found}"
+                        );
+                        assert!(holds(0.5 * found), "{distance_mm}");
+                    }
+                    assert!(
+                        !holds(found + 1e-9 * 57.0),
+                        "{distance_mm} {grown_mm}: {found}"
+                    );
+                }
+            }
+        }
+    }
+
+    /// Goal: the head stays over the table up to that tilt and no further. Method: the lowest of all its edges.
+    #[test]
+    fn tilts_over_the_table() {
+        let head = stepped();
+        for above_mm in [0.2, 5.0, 15.0, 40.0, 100.0] {
+            let tilt_rad = head.tilt_over_table_rad(above_mm, 0.1);
+            let lowest_mm = |tilt_rad: f64| {
+                let below = head
+                    .knots()
+                    .iter()
+                    .map(|[h, r]| r * tilt_rad.sin() - h * tilt_rad.cos());
+                above_mm - below.fold(f64::NEG_INFINITY, f64::max)
+            };
+            if tilt_rad < 1.5 {
+                assert!(
+                    (lowest_mm(tilt_rad) + 0.1).abs() < 1e-9,
+                    "{above_mm}: {tilt_rad}"
+                );
+            }
+        }
+        // The corner of the head: atan(20 / 22).
+        assert!((head.free_tilt_rad().to_degrees() - 42.274).abs() < 1e-3);
+    }
+
+    /// Goal: what is no profile is refused, a waist counts as wide. Method: one of each.
+    #[test]
+    fn knots_are_checked() {
+        assert_eq!(HeadProfile::new(&[[0.0, 1.0]]), Err(ProfileError::TooFew));
+        assert_eq!(
+            HeadProfile::new(&[[1.0, 1.0], [2.0, 1.0]]),
+            Err(ProfileError::NotAtTip)
+        );
+        for bad in [
+            [-1.0, 1.0],
+            [1.0, -1.0],
+            [f64::NAN, 1.0],
+            [1.0, f64::INFINITY],
+        ] {
+            assert_eq!(
+                HeadProfile::new(&[[0.0, 1.0], bad]),
+                Err(ProfileError::Knot(1))
+            );
+        }
+        let waist = HeadProfile::new(&[[0.0, 1.0], [5.0, 8.0], [5.0, 3.0], [9.0, 3.0]]).unwrap();
+        assert_eq!(waist.radius_mm(7.0), 8.0);
+    }
+
+    /// Goal: depths are distances to the nearest face. Method: places worked out by hand.
+    #[test]
+    fn depths_by_hand() {
+        let head = stepped();
+        // 2 mm inside the cylinder, far from its lower face; 1 mm above the step; outside.
+        assert!((head.depth_mm([40.0, 20.0]) - 2.0).abs() < 1e-12);
+        assert!((head.depth_mm([21.0, 18.0]) - 1.0).abs() < 1e-12);
+        assert!((head.depth_mm([40.0, 25.0]) + 3.0).abs() < 1e-12);
+        assert!((head.depth_mm([0.05, 0.0]) - 0.05).abs() < 1e-12);
+        assert!(head.depth_mm([-1.0, 0.0]) < 0.0 && head.depth_mm([61.0, 0.0]) < 0.0);
+    }
+}

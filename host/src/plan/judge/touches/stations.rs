@@ -1,0 +1,120 @@
+//! Where a route is looked at: poses along it, and the points that it has laid up to each of them.
+
+use crate::geometry::Vector2;
+use crate::job::MotionState;
+use crate::plan::route::moves::{Route, tilt, tip};
+use crate::plan::route::waypoint_curve::upright;
+use crate::settings::Settings;
+use headway_firmware::pose::tool_axis;
+use headway_protocol::units::{CHANNEL_HEADING, CHANNELS};
+use headway_reach::standing::Point;
+use headway_reach::{Pose, Vector3};
+
+/// Path between two stations of a travel, against the aperture's reach, and turn between two of any move.
+const TRAVEL_SHARE: f64 = 1.0;
+const TURN_RAD: f64 = 0.05;
+
+/// A pose of the route.
+#[derive(Clone, Copy, Debug)]
+pub struct Station {
+    /// Where the head is.
+    pub pose: Pose,
+    /// Number of its move, and the curve's parameter there.
+    pub moving: usize,
+    /// See `moving`.
+    pub at: f64,
+    /// Points that are laid before.
+    pub before: usize,
+    /// True on moves that print.
+    pub lays: bool,
+    /// Path to the next one, mm.
+    pub step_mm: f64,
+}
+
+/// All stations of a route, in order.
+#[derive(Clone, Debug)]
+pub struct Stations<'a> {
+    route: &'a Route,
+    /// In order.
+    pub stations: Vec<Station>,
+    /// What is laid, in order.
+    pub points: Vec<Point>,
+}
+
+impl<'a> Stations<'a> {
+    /// Stations no farther from each other than half the bead's width where it prints: points that lie so close
+    /// stand for the whole bead. As many as the path is long.
+    pub fn of(route: &'a Route, settings: &Settings) -> Stations<'a> {
+        let mut found = Stations {
+            route,
+            stations: Vec::new(),
+            points: Vec::new(),
+        };
+        for (moving, route_move) in route.moves.iter().enumerate() {
+            let lays = route_move.state == MotionState::Print;
+            let control = &route_move.curve.control;
+            for (span, leg) in control.windows(2).enumerate() {
+                let half_width_mm = half_width_mm(&leg[0], &leg[1], settings);
+                let spacing_mm = match lays {
+                    true => half_width_mm,
+                    false => TRAVEL_SHARE * settings.aperture.reach_mm(),
+                };
+                let way_mm = (tip(&leg[1]) - tip(&leg[0])).norm();
+                let turn_rad = (tilt(&leg[1]) - tilt(&leg[0])).norm();
+                let count = (way_mm / spacing_mm)
+                    .max(turn_rad / TURN_RAD)
+                    .ceil()
+                    .max(1.0);
+                for step in 0..count as usize {
+                    let at = span as f64 + step as f64 / count;
+                    found.add(moving, at, lays.then_some(half_width_mm));
+                }
+            }
+            found.add(moving, control.len().saturating_sub(1) as f64, None);
+        }
+        for index in 1..found.stations.len() {
+            let [from, to] = [index - 1, index].map(|index| found.stations[index].pose.tip_mm);
+            found.stations[index - 1].step_mm = (to - from).norm();
+        }
+        found
+    }
+
+    fn add(&mut self, moving: usize, at: f64, laid_half_width_mm: Option<f64>) {
+        if self.route.moves[moving].curve.control.is_empty() {
+            return;
+        }
+        let pose = self.pose(moving, at);
+        self.stations.push(Station {
+            pose,
+            moving,
+            at,
+            before: self.points.len(),
+            lays: laid_half_width_mm.is_some(),
+            step_mm: 0.0,
+        });
+        if let Some(half_width_mm) = laid_half_width_mm {
+            self.points.push(Point {
+                at_mm: pose.tip_mm,
+                half_width_mm,
+            });
+        }
+    }
+
+    /// The pose at a place of a move.
+    pub fn pose(&self, moving: usize, at: f64) -> Pose {
+        let pose = self.route.moves[moving].curve.evaluate(at).value;
+        Pose {
+            tip_mm: tip(&pose),
+            axis: tool_axis(tilt(&pose)),
+        }
+    }
+}
+
+/// Half the width that the nozzle lays from one pose to the next; the narrowest where it does not move.
+fn half_width_mm(from: &[f64; CHANNELS], to: &[f64; CHANNELS], settings: &Settings) -> f64 {
+    let step: Vector3 = upright(from) * (tip(to) - tip(from));
+    let across = Vector2::new(-step.y, step.x).try_normalize(1e-9);
+    across.map_or(settings.aperture.minor_mm(), |across| {
+        settings.aperture.support_mm(from[CHANNEL_HEADING], across)
+    })
+}
