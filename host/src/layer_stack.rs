@@ -121,6 +121,7 @@ pub(crate) fn plan_stack(
         print_of_curve,
         outline_crossings,
         found_place: None,
+        leaned: None,
         rounded: RoundedCorners::default(),
         singular: SingularPlaces::default(),
         touches: None,

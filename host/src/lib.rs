@@ -83,6 +83,8 @@ use crate::plan::motion::singular::{Passes, SingularPlaces, passed_places};
 use crate::plan::outline::contour::ContourError;
 use crate::plan::progress::Progress;
 use crate::plan::route::keep_out::cleared;
+use crate::plan::route::keep_out::shadows::with_shadows;
+use crate::plan::route::lean::{self, LeanError, Leaned};
 use crate::plan::route::moves::Route;
 use crate::plan::route::travel::TravelError;
 use crate::plan::route::waypoint_curve::rounding::RoundedCorners;
@@ -115,6 +117,8 @@ pub struct Plan {
     pub print_of_curve: Vec<usize>,
     /// The place that was found for a run of waypoints, where one was looked for.
     pub found_place: Option<FoundPlace>,
+    /// How the tool axis of a run of waypoints leans to keep clear, where it does.
+    pub leaned: Option<Leaned>,
     /// Where two rotary axes line up on a run of waypoints, and how that is passed.
     pub singular: SingularPlaces,
     /// What became of the corners of a run of waypoints.
@@ -209,6 +213,9 @@ pub enum PlanError {
     /// The waypoints have no curve that can be planned.
     #[error(transparent)]
     Waypoints(#[from] WaypointCurveError),
+    /// The tool axis cannot lean as it would have to.
+    #[error(transparent)]
+    Lean(#[from] LeanError),
     /// The plan does not go onto its surface.
     #[error(transparent)]
     Surface(#[from] SurfaceError),
@@ -286,6 +293,7 @@ pub fn plan_target_around(
     let bounds = target_bounds(target).grown(skirt_reach_mm(settings));
     let height_mm = settings.layer_height_mm * f64::from(settings.layers);
     let transform = PartTransform::choose(bounds, height_mm, settings)?;
+    let keep_out = &with_shadows(keep_out, &transform, settings);
     let cleared = cleared(&target.regions, keep_out, settings);
     if cleared.regions.is_empty() {
         return Err(PlanError::AllKeptOut);
@@ -331,6 +339,11 @@ pub fn plan_waypoints_with_progress(
     let high_mm = tips().map(|tip| tip.z).fold(f64::NEG_INFINITY, f64::max);
     let bounds = geometry::polygon::Box2::of(&corners);
     let transform = PartTransform::choose_box(bounds, [low_mm, high_mm], settings)?;
+    let leaned = settings
+        .tilt_max_rad
+        .map(|tilt_max_rad| lean::leaned(run, transform.offset_mm, tilt_max_rad, settings));
+    let leaned = leaned.transpose()?.flatten();
+    let run = leaned.as_ref().map_or(run, |leaned| &leaned.run);
     let asked = waypoint_passes(run, transform.offset_mm, settings)?;
     let WaypointPasses {
         passes,
@@ -351,6 +364,7 @@ pub fn plan_waypoints_with_progress(
         Some(cuts) => (cuts.speeds(&speeds_mm_s), cuts.of_passes(&asked)),
         None => (speeds_mm_s, asked),
     };
+    // Passes that were cut are counted anew.
     let mut route = waypoint_route(passes, &asked, start, settings);
     let moves = route.moves.iter_mut();
     let printed = moves.filter(|route_move| route_move.pass.is_some());
@@ -360,6 +374,9 @@ pub fn plan_waypoints_with_progress(
     let (stream, motion) = lay_segments_with_progress(&route, settings, progress)?;
     let (mut figures, measured) = measure(&stream, &[], &[], &transform, settings, progress);
     figures.passes = pass_count;
+    // Passes that were cut are counted anew.
+    let normals = leaned.as_ref().filter(|_| cuts.is_none());
+    let touches = touches(&route, normals.map(|leaned| &leaned.normals), settings);
     Ok(Plan {
         transform,
         keep_out: Vec::new(),
@@ -372,9 +389,10 @@ pub fn plan_waypoints_with_progress(
         curves: Vec::new(),
         print_of_curve: Vec::new(),
         found_place,
+        leaned,
         singular,
         rounded,
-        touches: touches(&route, settings),
+        touches,
         on_surface: None,
         slowed: SlowedLayers::default(),
         route,

@@ -29,6 +29,7 @@ use crate::plan::motion::segments::MotionReport;
 use crate::plan::outline::unreachable::UnreachableRun;
 use crate::plan::progress::Progress;
 use crate::plan::route::keep_out::cleared;
+use crate::plan::route::keep_out::shadows::with_shadows;
 use crate::settings::Settings;
 use crate::stacked_ground::OpenCells;
 use headway_firmware::kinematics::winds;
@@ -157,6 +158,7 @@ pub fn plan_part_in_pieces(
         overhangs: hanging(&outlines, &part.wanted, settings),
         ..PartPlan::default()
     };
+    let keep_out = &with_shadows(keep_out, &planned.transform, settings);
     let mut at = crate::start_pose(settings);
     let wanted = part.wanted_layers();
     let mut rest = wanted;

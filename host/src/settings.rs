@@ -75,6 +75,8 @@ pub const BOTTOM_LAYERS: u32 = 4;
 pub const AXIS_TOLERANCE_RAD: f64 = 0.5 * std::f64::consts::PI / 180.0;
 /// More is no tolerance any more.
 pub const AXIS_TOLERANCE_MAX_DEG: f64 = 10.0;
+/// How far the tool axis may be allowed to lean at most, degrees.
+pub const TILT_MAX_ASKED_DEG: f64 = 90.0;
 /// Solid layers above a sparse infill: one more, since the first lies on gaps.
 pub const TOP_LAYERS: u32 = 5;
 
@@ -245,6 +247,9 @@ pub struct Settings {
     /// How far the tool axis may leave that of a run of waypoints where two rotary axes of the machine
     /// line up (`--axis-tolerance`), rad.
     pub axis_tolerance_rad: f64,
+    /// How far the tool axis of a run of waypoints may lean from that given, to keep clear of what stands
+    /// (`--tilt-max`), rad; `None` leaves it as it is.
+    pub tilt_max_rad: Option<f64>,
     /// The nozzle's smallest printable feature.
     pub aperture: Aperture,
     /// Layers, all of the same outline.

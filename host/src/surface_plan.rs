@@ -370,6 +370,7 @@ fn laid_out(
         curves: Vec::new(),
         print_of_curve: Vec::new(),
         found_place,
+        leaned: None,
         rounded: RoundedCorners::default(),
         singular,
         touches,

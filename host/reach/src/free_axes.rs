@@ -1,6 +1,6 @@
 //! F(p) for tool axes: those at which a head with its tip at p touches nothing, and the nearest of them.
 //!
-//! Each point that stands forbids one cap of the sphere of axes (its direction from the tip, the head's half
+//! Each place that stands forbids one cap of the sphere of axes (its direction from the tip, the head's half
 //! angle at its distance); what is left of some cones about given axes is F. The nearest axis of F to a wish is the wish,
 //! a foot of it on a circle that bounds a cap or a cone, or a place where two circles cut. Caps are added as
 //! they are met: the best candidate that the known ones leave is tried, the point that it holds deepest adds
@@ -88,18 +88,11 @@ pub fn nearest_free(
     }
 }
 
-/// The cap that one point forbids for a tip, where it forbids any.
-pub fn cap_of(
-    head: &Head,
-    tip_mm: &Vector3,
-    point_mm: &Vector3,
-    half_width_mm: f64,
-) -> Option<Cap> {
-    let away = point_mm - tip_mm;
+/// The cap that one place forbids for a tip, where it forbids any.
+pub fn cap_of(head: &Head, tip_mm: &Vector3, place_mm: &Vector3) -> Option<Cap> {
+    let away = place_mm - tip_mm;
     let distance_mm = away.norm();
-    let angle_rad = head
-        .profile
-        .half_angle_rad(distance_mm, half_width_mm, head.slack_mm);
+    let angle_rad = head.profile.half_angle_rad(distance_mm, head.slack_mm);
     (angle_rad > 0.0).then(|| Cap {
         axis: away / distance_mm,
         angle_rad,
@@ -121,7 +114,7 @@ fn worst(head: &Head, standing: &Standing, places: &[Place], axis: Vector3) -> O
             axis,
         };
         head.each_touch(standing, &pose, at.before, |touch| {
-            let cap = cap_of(head, &at.tip_mm, &touch.at_mm, touch.half_width_mm);
+            let cap = cap_of(head, &at.tip_mm, &touch.at_mm);
             let Some(mut cap) = cap else { return };
             cap.angle_rad += ROUNDING_RAD;
             let inside_rad = cap.angle_rad - angle_rad(&cap.axis, &axis);

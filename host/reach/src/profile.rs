@@ -118,45 +118,41 @@ impl HeadProfile {
             .fold(f64::NEG_INFINITY, f64::max)
     }
 
-    /// Half the angle at which the head, grown by `grown_mm` to its sides, is seen from its tip at a distance: it
-    /// holds a point there whose direction is closer to the axis than that, where it is higher than `slack_mm`.
+    /// Half the angle at which the head is seen from its tip at a distance: it
+    /// holds a place there whose direction is closer to the axis than that, where it is higher than `slack_mm`.
     /// Above its top the head goes on as wide: something carries it.
     ///
     /// At a distance rho the sine of the angle g grows and the radius at the height rho cos g falls, so one g
     /// parts inside and outside: on a cone of slope k from a radius r0 it is atan k + asin(r0 cos(atan k) / rho).
-    pub fn half_angle_rad(&self, distance_mm: f64, grown_mm: f64, slack_mm: f64) -> f64 {
+    pub fn half_angle_rad(&self, distance_mm: f64, slack_mm: f64) -> f64 {
         if distance_mm <= slack_mm {
             return 0.0;
         }
         let lowest_rad = (slack_mm / distance_mm).clamp(-1.0, 1.0).acos();
-        self.crossing_rad(distance_mm, grown_mm).min(lowest_rad)
+        self.crossing_rad(distance_mm).min(lowest_rad)
     }
 
-    fn crossing_rad(&self, distance_mm: f64, grown_mm: f64) -> f64 {
+    fn crossing_rad(&self, distance_mm: f64) -> f64 {
         let square = distance_mm * distance_mm;
         // How far the sphere of that radius is from the axis at a height.
         let out_mm = |height_mm: f64| (square - height_mm * height_mm).max(0.0).sqrt();
-        if distance_mm <= self.knots[0][1] + grown_mm {
+        if distance_mm <= self.knots[0][1] {
             return std::f64::consts::FRAC_PI_2;
         }
         for pair in self.knots.windows(2) {
             let [[low_mm, from_mm], [high_mm, to_mm]] = [pair[0], pair[1]];
             if high_mm > low_mm {
-                if high_mm < distance_mm && out_mm(high_mm) > to_mm + grown_mm {
+                if high_mm < distance_mm && out_mm(high_mm) > to_mm {
                     continue;
                 }
                 let slope = (to_mm - from_mm) / (high_mm - low_mm);
-                return cone_rad(slope, from_mm - slope * low_mm + grown_mm, distance_mm);
+                return cone_rad(slope, from_mm - slope * low_mm, distance_mm);
             }
-            if out_mm(high_mm) <= to_mm + grown_mm {
+            if out_mm(high_mm) <= to_mm {
                 return (high_mm / distance_mm).clamp(-1.0, 1.0).acos();
             }
         }
-        cone_rad(
-            0.0,
-            self.knots[self.knots.len() - 1][1] + grown_mm,
-            distance_mm,
-        )
+        cone_rad(0.0, self.knots[self.knots.len() - 1][1], distance_mm)
     }
 
     /// The free tilt: tilted no more than that, what is printed in the order of its height never touches. The least
@@ -215,25 +211,18 @@ mod tests {
         ] {
             for step in 1..400 {
                 let distance_mm = 0.15 * f64::from(step);
-                for (grown_mm, slack_mm) in [(0.0, 0.1), (0.6, 0.1), (0.2, 0.4)] {
-                    let found = profile.half_angle_rad(distance_mm, grown_mm, slack_mm);
+                for slack_mm in [0.1, 0.4] {
+                    let found = profile.half_angle_rad(distance_mm, slack_mm);
                     let holds = |angle: f64| {
                         let (sin, cos) = angle.sin_cos();
                         let height_mm = distance_mm * cos;
-                        height_mm > slack_mm
-                            && distance_mm * sin < profile.radius_mm(height_mm) + grown_mm
+                        height_mm > slack_mm && distance_mm * sin < profile.radius_mm(height_mm)
                     };
                     if found > 1e-6 {
-                        assert!(
-                            holds(found - 1e-9 * 57.0),
-                            "{distance_mm} {grown_mm}: {found}"
-                        );
+                        assert!(holds(found - 1e-9 * 57.0), "{distance_mm}: {found}");
                         assert!(holds(0.5 * found), "{distance_mm}");
                     }
-                    assert!(
-                        !holds(found + 1e-9 * 57.0),
-                        "{distance_mm} {grown_mm}: {found}"
-                    );
+                    assert!(!holds(found + 1e-9 * 57.0), "{distance_mm}: {found}");
                 }
             }
         }

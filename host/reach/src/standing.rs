@@ -1,8 +1,9 @@
 //! What stands: points in the order in which they come to be, in a tree whose nodes know their earliest.
 //!
-//! Each point stands for material within a half width of it, across the tool axis. Points of one rank
-//! stand from the beginning; a query says how many of the others stand already ("before"), and a node whose
-//! earliest point comes later is passed over. Bounding boxes, halved at the median of their longest side.
+//! Each point stands for a disc of material about it: a bead is as wide in its layer. For a head it is two places, its
+//! middle and its edge, the place of the disc nearest to the tip's foot on its plane. A query says how many points stand
+//! already ("before"), and a node whose earliest point comes later is passed over. Bounding boxes, halved at
+//! the median of their longest side.
 
 use crate::Vector3;
 
@@ -16,8 +17,25 @@ pub(crate) const DEPTH_MAX: usize = 64;
 pub struct Point {
     /// Where, mm.
     pub at_mm: Vector3,
-    /// Half the width of what it stands for, mm.
+    /// Radius of the disc that it stands for, mm.
     pub half_width_mm: f64,
+    /// Normal of the disc, unit: the tool axis that laid it.
+    pub normal: Vector3,
+}
+
+impl Point {
+    /// The place of its disc that is nearest to a tip's foot on its plane. A tip that moves moves it by no more, and
+    /// within the plane.
+    #[inline]
+    pub fn edge_mm(&self, tip_mm: &Vector3) -> Vector3 {
+        let away = tip_mm - self.at_mm;
+        let aside = away - self.normal * away.dot(&self.normal);
+        let square = aside.norm_squared();
+        if square <= self.half_width_mm * self.half_width_mm {
+            return self.at_mm + aside;
+        }
+        self.at_mm + aside * (self.half_width_mm / square.sqrt())
+    }
 }
 
 /// A point in the tree, with its place in the order.

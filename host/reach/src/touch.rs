@@ -1,29 +1,27 @@
 //! Whether a head at a pose touches what stands, and whether it can between two poses.
 //!
-//! A point is touched where it is higher above the tip's plane than the slack, below the head's top, and
-//! closer to the axis than the head's radius there and the point's half width together. All of it is exact
-//! for the points; a box is passed over where none of its points can be.
+//! A place is touched where it is higher above the tip's plane than the slack, below the head's top, and closer to
+//! the axis than the head's radius there; a point where its middle or its edge is. All of it is exact for the points; a
+//! box is passed over where none of its points can be.
 
 use crate::profile::HeadProfile;
-use crate::standing::{DEPTH_MAX, Leaf, Node, Standing};
+use crate::standing::{DEPTH_MAX, Leaf, Node, Point, Standing};
 use crate::{Pose, Vector3};
 use std::ops::ControlFlow;
 
 /// Touches of one pose that are looked at: where there are more it is far inside, and they are much alike.
 pub const TOUCHES_MAX: usize = 512;
 
-/// A touched point.
+/// A touched place.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Touch {
-    /// Where it is, mm.
+    /// Where it is, mm: a point's middle or its edge.
     pub at_mm: Vector3,
-    /// Half the width of what it stands for, mm.
-    pub half_width_mm: f64,
     /// Which one, in the order in which they came to stand.
     pub order: usize,
     /// Height above the tip's plane, mm.
     pub height_mm: f64,
-    /// How deep, mm, its half width included.
+    /// How deep, mm.
     pub depth_mm: f64,
 }
 
@@ -48,7 +46,7 @@ impl Head<'_> {
     /// The first point found that is touched, of those that stand `before`.
     pub fn any(&self, standing: &Standing, pose: &Pose, before: usize) -> Option<usize> {
         let mut found = None;
-        self.each(standing, pose, before, Motion::default(), |leaf, _| {
+        self.each(standing, pose, before, Motion::default(), |leaf| {
             found = Some(leaf.order as usize);
             ControlFlow::Break(())
         });
@@ -64,15 +62,19 @@ impl Head<'_> {
         mut on: impl FnMut(Touch),
     ) {
         let mut left = TOUCHES_MAX;
-        self.each(standing, pose, before, Motion::default(), |leaf, seen| {
-            let grown = [seen[0], seen[1] - leaf.point.half_width_mm];
-            on(Touch {
-                at_mm: leaf.point.at_mm,
-                half_width_mm: leaf.point.half_width_mm,
-                order: leaf.order as usize,
-                height_mm: seen[0],
-                depth_mm: self.profile.depth_mm(grown).max(0.0),
-            });
+        self.each(standing, pose, before, Motion::default(), |leaf| {
+            let edge_mm = leaf.point.edge_mm(&pose.tip_mm);
+            for at_mm in [leaf.point.at_mm, edge_mm] {
+                let seen = pose.seen(&at_mm);
+                if self.holds(seen, Motion::default()) {
+                    on(Touch {
+                        at_mm,
+                        order: leaf.order as usize,
+                        height_mm: seen[0],
+                        depth_mm: self.profile.depth_mm(seen).max(0.0),
+                    });
+                }
+            }
             left -= 1;
             match left {
                 0 => ControlFlow::Break(()),
@@ -94,7 +96,8 @@ impl Head<'_> {
             slack_mm: 0.0,
         };
         let mut dip_mm = 0.0;
-        flat.each(standing, pose, before, Motion::default(), |_, seen| {
+        flat.each(standing, pose, before, Motion::default(), |leaf| {
+            let seen = pose.seen(&leaf.point.at_mm);
             if seen[1] < radius_mm {
                 dip_mm = f64::max(dip_mm, seen[0]);
             }
@@ -124,22 +127,21 @@ impl Head<'_> {
             turned_rad: 0.5 * from.axis.angle(&to.axis),
         };
         let mut is_clear = true;
-        self.each(standing, &middle, before, motion, |_, _| {
+        self.each(standing, &middle, before, motion, |_| {
             is_clear = false;
             ControlFlow::Break(())
         });
         is_clear
     }
 
-    /// Calls `on` for each point that is touched after at most that motion, with height and distance from the axis
-    /// at the pose itself, until it breaks.
+    /// Calls `on` for each point that is touched after at most that motion, until it breaks.
     fn each(
         &self,
         standing: &Standing,
         pose: &Pose,
         before: usize,
         motion: Motion,
-        mut on: impl FnMut(&Leaf, [f64; 2]) -> ControlFlow<()>,
+        mut on: impl FnMut(&Leaf) -> ControlFlow<()>,
     ) {
         let before = u32::try_from(before).unwrap_or(u32::MAX);
         let across = pose.axis.abs();
@@ -159,25 +161,37 @@ impl Head<'_> {
                 continue;
             }
             for leaf in &standing.leaves[node.from as usize..node.to as usize] {
-                if leaf.order >= before {
-                    continue;
-                }
-                let seen = pose.seen(&leaf.point.at_mm);
-                if self.holds(seen, leaf.point.half_width_mm, motion) && on(leaf, seen).is_break() {
+                let stands = leaf.order < before;
+                if stands && self.holds_point(&leaf.point, pose, motion) && on(leaf).is_break() {
                     return;
                 }
             }
         }
     }
 
-    /// True where the head may hold a point, after at most that motion.
+    /// True where the head may hold a point's middle or its edge, after at most that motion.
     #[inline]
-    fn holds(
-        &self,
-        [height_mm, from_axis_mm]: [f64; 2],
-        half_width_mm: f64,
-        motion: Motion,
-    ) -> bool {
+    fn holds_point(&self, point: &Point, pose: &Pose, motion: Motion) -> bool {
+        if self.holds(pose.seen(&point.at_mm), motion) {
+            return true;
+        }
+        if point.half_width_mm <= 0.0 {
+            return false;
+        }
+        // The edge follows the tip, within its plane.
+        let way_mm = motion.along_mm.hypot(motion.across_mm);
+        let leaning = point.normal.cross(&pose.axis).norm() + motion.turned_rad;
+        let of_edge = Motion {
+            along_mm: motion.along_mm + leaning.min(1.0) * way_mm,
+            across_mm: motion.across_mm + way_mm,
+            turned_rad: motion.turned_rad,
+        };
+        self.holds(pose.seen(&point.edge_mm(&pose.tip_mm)), of_edge)
+    }
+
+    /// True where the head may hold a place, after at most that motion.
+    #[inline]
+    fn holds(&self, [height_mm, from_axis_mm]: [f64; 2], motion: Motion) -> bool {
         let distance_mm = if motion.turned_rad > 0.0 {
             height_mm.hypot(from_axis_mm) + motion.along_mm + motion.across_mm
         } else {
@@ -187,36 +201,33 @@ impl Head<'_> {
         let (along_mm, across_mm) = (motion.along_mm + turned_mm, motion.across_mm + turned_mm);
         height_mm + along_mm > self.slack_mm
             && height_mm - along_mm <= self.profile.top_mm()
-            && from_axis_mm - across_mm
-                < self.profile.radius_mm(height_mm + along_mm) + half_width_mm
+            && from_axis_mm - across_mm < self.profile.radius_mm(height_mm + along_mm)
     }
 
     /// False where the head holds none of a box's points.
     #[inline]
     fn may_hold(&self, node: &Node, pose: &Pose, across: &Vector3, motion: Motion) -> bool {
         let seen = pose.seen(&node.middle_mm);
-        let up_mm = across.dot(&node.half_mm);
-        let box_motion = Motion {
-            along_mm: motion.along_mm + up_mm,
-            ..motion
+        // Edges are within a half width, and may follow the tip.
+        let way_mm = match node.half_width_mm > 0.0 {
+            true => motion.along_mm.hypot(motion.across_mm),
+            false => 0.0,
         };
+        let grown_mm = node.half_width_mm + way_mm;
         let radius_mm = node.half_mm.norm();
+        let mut along_mm = motion.along_mm + across.dot(&node.half_mm) + grown_mm;
+        let mut across_mm = motion.across_mm + radius_mm + grown_mm;
         if motion.turned_rad > 0.0 {
-            // The farthest point of the box turns farthest.
-            let distance_mm =
-                seen[0].hypot(seen[1]) + radius_mm + motion.along_mm + motion.across_mm;
-            let turned_mm = motion.turned_rad * distance_mm;
-            let still = Motion {
-                along_mm: box_motion.along_mm + turned_mm,
-                across_mm: motion.across_mm + turned_mm + radius_mm,
-                turned_rad: 0.0,
-            };
-            return self.holds(seen, node.half_width_mm, still);
+            // The farthest place of the box turns farthest.
+            let distance_mm = seen[0].hypot(seen[1]) + along_mm + across_mm;
+            along_mm += motion.turned_rad * distance_mm;
+            across_mm += motion.turned_rad * distance_mm;
         }
         let still = Motion {
-            across_mm: motion.across_mm + radius_mm,
-            ..box_motion
+            along_mm,
+            across_mm,
+            turned_rad: 0.0,
         };
-        self.holds(seen, node.half_width_mm, still)
+        self.holds(seen, still)
     }
 }

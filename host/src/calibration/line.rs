@@ -103,6 +103,7 @@ fn point(place_mm: [f64; 3], heading_deg: Option<f64>) -> Waypoint {
         width_mm: None,
         height_mm: None,
         speed_mm_s: None,
+        cone_rad: None,
         begins: false,
         asked: PassAsked::default(),
     }

@@ -5,6 +5,7 @@ use super::args_board::{BoardArgs, StreamArgs};
 use super::args_calibrate::CalibrateArgs;
 use super::args_compare::CompareArgs;
 use super::args_export::ExportArgs;
+use super::args_inspect::InspectArgs;
 use super::args_machine::MachineArgs;
 use super::args_other_names::OtherNames;
 use super::args_shell::{CompletionsArgs, ManArgs};
@@ -149,6 +150,15 @@ pub(super) struct PlaceArgs {
     /// up, degrees; 0 leaves it as it is [default: 0.5].
     #[arg(long, value_name = "DEG", allow_negative_numbers = true)]
     pub axis_tolerance: Option<f64>,
+    /// How far the tool axis of a run of waypoints may lean from that given, degrees, where nozzle or head would touch
+    /// what stands: the least lean that is clear is taken; a column cone_deg allows less at single waypoints
+    /// [default: axes stay as they are].
+    #[arg(long, value_name = "DEG", allow_negative_numbers = true)]
+    pub tilt_max: Option<f64>,
+    /// A mesh of what stands on the machine (clamps, finished parts), in machine coordinates; may be given several
+    /// times. Tilting heads are held against it; outlines and meshes keep off its shadow.
+    #[arg(long, value_name = "MESH")]
+    pub obstacle: Vec<PathBuf>,
     /// Corners of a run of waypoints are rounded within this many mm, and those of its tool axis within
     /// half of --axis-tolerance; 0 leaves corners as they are: the head rests at those of the path. Small
     /// roundings, below about 0.1 mm, can take LONGER than rests: compare print_s [default: 0, or the machine file's].
@@ -466,31 +476,4 @@ pub(super) struct ViewArgs {
     pub place: PlaceArgs,
     #[command(flatten)]
     pub settings: SettingsArgs,
-}
-
-/// `headway inspect`.
-#[derive(Debug, Args)]
-#[command(after_help = "\
-Examples:
-  headway inspect part.hwj
-  headway inspect drawing.svg --json
-  headway inspect part.stl --layer-height 0.3")]
-pub(super) struct InspectArgs {
-    /// A job file (.hwj), or an input.
-    pub file: PathBuf,
-    #[command(flatten)]
-    pub input: InputArgs,
-    #[command(flatten)]
-    pub layers: LayerArgs,
-    /// Height of a mesh's layers, mm.
-    #[arg(
-        long,
-        value_name = "MM",
-        default_value_t = 0.2,
-        allow_negative_numbers = true
-    )]
-    pub layer_height: f64,
-    /// One JSON object on stdout.
-    #[arg(long)]
-    pub json: bool,
 }

@@ -1,10 +1,10 @@
 //! `headway inspect`: what is in a job file or an input.
 
 use super::CliError;
-use super::args::InspectArgs;
+use super::args_inspect::InspectArgs;
 use super::console::Console;
 use super::layer_options::layer_heights;
-use super::{job, load};
+use super::{inspect_axes, job, load};
 use crate::gcode::GcodeProgram;
 use crate::geometry::polygon::{Box2, Region, Ring};
 use crate::input::waypoints::WaypointRun;
@@ -21,6 +21,9 @@ use serde_json::json;
 const ORDERS_TOLD: usize = 20;
 
 pub(super) fn run(args: &InspectArgs, console: &Console) -> Result<(), CliError> {
+    if let Some(at) = &args.axes_at {
+        return inspect_axes::run(args, at, console);
+    }
     if job::is_job(&args.file) {
         let summary = job::read_summary(&args.file)?;
         if args.json {

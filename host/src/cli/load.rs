@@ -250,6 +250,7 @@ pub(super) fn run_option(args: &PlaceArgs) -> Option<&'static str> {
         ("--place", is_flat && args.place.is_some()),
         ("--axis-tolerance", is_flat && args.axis_tolerance.is_some()),
         ("--corner-tolerance", args.corner_tolerance.is_some()),
+        ("--tilt-max", args.tilt_max.is_some()),
     ];
     given
         .iter()

@@ -7,7 +7,10 @@ use super::load::{input, read_bounded};
 use crate::input::waypoints::WaypointRun;
 use crate::input::{Format, Input};
 use crate::mesh::{self, Mesh, MeshOptions};
-use crate::settings::{AXIS_TOLERANCE_MAX_DEG, AXIS_TOLERANCE_RAD, Place, Settings};
+use crate::settings::obstacles::Obstacles;
+use crate::settings::{
+    AXIS_TOLERANCE_MAX_DEG, AXIS_TOLERANCE_RAD, Place, Settings, TILT_MAX_ASKED_DEG,
+};
 use std::path::Path;
 
 /// A run with those that are to be printed after it.
@@ -89,6 +92,40 @@ pub(super) fn axis_tolerance_rad(given: Option<f64>) -> Result<f64, CliError> {
         }
         given => Ok(given.map_or(AXIS_TOLERANCE_RAD, f64::to_radians)),
     }
+}
+
+/// Reads how far tool axes may lean, in rad.
+pub(super) fn tilt_max_rad(given: Option<f64>) -> Result<Option<f64>, CliError> {
+    match given {
+        Some(degrees) if !(0.0..=TILT_MAX_ASKED_DEG).contains(&degrees) => Err(CliError::Usage(
+            format!("--tilt-max {degrees}: write an angle from 0 to {TILT_MAX_ASKED_DEG} degrees"),
+        )),
+        given => Ok(given.map(f64::to_radians)),
+    }
+}
+
+/// Reads what stands on the machine: meshes in machine coordinates, mm.
+pub(super) fn obstacles(paths: &[std::path::PathBuf]) -> Result<Obstacles, CliError> {
+    let mut triangles = Vec::new();
+    for path in paths {
+        let Some(format @ Format::Mesh(mesh_format)) = Format::of_ending(path) else {
+            return Err(CliError::Usage(format!(
+                "--obstacle {}: give a mesh, by its ending .stl, .3mf or .obj",
+                path.display()
+            )));
+        };
+        let bytes = read_bounded(path, format.bytes_max())?;
+        let options = MeshOptions {
+            unit_mm: None,
+            scale: 1.0,
+            rotate_rad: [0.0; 3],
+        };
+        let mesh = mesh::read_surface(&bytes, mesh_format, &options);
+        let mesh = mesh.map_err(|error| CliError::Job(format!("{}: {error}", path.display())))?;
+        let corner = |vertex: u32| mesh.vertices[vertex as usize].coords;
+        triangles.extend(mesh.triangles.iter().map(|triangle| triangle.map(corner)));
+    }
+    Ok(Obstacles::of(triangles))
 }
 
 /// How far corners may be rounded, mm: as given, or as the machine file says.

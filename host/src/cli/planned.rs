@@ -244,6 +244,8 @@ fn placed_settings(place: &PlaceArgs, settings: &SettingsArgs) -> Result<Setting
         gap_mm: load_run::gap_mm(place.gap)?,
         place: load_run::place(place.place),
         axis_tolerance_rad: load_run::axis_tolerance_rad(place.axis_tolerance)?,
+        tilt_max_rad: load_run::tilt_max_rad(place.tilt_max)?,
+        obstacles: load_run::obstacles(&place.obstacle)?,
         at_mm: copies::first_at_mm(place)?,
         tolerances: Tolerances {
             corner_mm,

@@ -15,6 +15,7 @@ pub(super) fn run_notes(plan: &Plan, settings: &Settings) -> Vec<String> {
     let notes = [
         on_surface(plan),
         found_place(plan),
+        leans(plan),
         singular_places(&plan.singular),
         rounded_corners(plan, settings),
         head_unknown(plan, settings),
@@ -42,6 +43,16 @@ fn found_place(plan: &Plan) -> Option<String> {
     Some(format!(
         "--place best: at {x:.3},{y:.3},{z:.3}; of {} places tried the machine reaches the whole run at {}",
         found.tried, found.reached
+    ))
+}
+
+/// How the tool axis leans.
+fn leans(plan: &Plan) -> Option<String> {
+    let leaned = plan.leaned.as_ref()?;
+    let [passes, all] = leaned.passes;
+    let lean_deg = leaned.lean_max_rad.to_degrees();
+    Some(format!(
+        "--tilt-max: the tool axis leans by up to {lean_deg:.1}° on {passes} of {all} passes to keep clear"
     ))
 }
 

@@ -32,6 +32,7 @@ pub fn waypoint_run(program: GcodeProgram) -> WaypointRun {
             width_mm: None,
             height_mm: None,
             speed_mm_s: None,
+            cone_rad: None,
             begins,
             asked: PassAsked::default(),
         });

@@ -195,6 +195,7 @@ impl Nurbs {
                 width_mm: None,
                 height_mm: None,
                 speed_mm_s: None,
+                cone_rad: None,
                 begins: false,
                 asked: PassAsked::default(),
             })

@@ -1,6 +1,8 @@
 //! Why a file is not a run of waypoints, with the line and what to do.
 
-use super::waypoints::{BEAD_MAX_MM, HEADING_MAX_DEG, SPEED_RANGE_MM_S, WAYPOINTS_MAX};
+use super::waypoints::{
+    BEAD_MAX_MM, CONE_MAX_DEG, HEADING_MAX_DEG, SPEED_RANGE_MM_S, WAYPOINTS_MAX,
+};
 use crate::short_number::{Short, told_apart};
 
 /// Why a file is not a run, with the line.
@@ -15,7 +17,7 @@ pub enum WaypointError {
     /// A wrong number of columns.
     #[error(
         "line {line} has {columns} columns; write x y z nx ny nz, or x y z nx ny nz heading_deg; further ones \
-         (width_mm, height_mm, speed_mm_s) are named in a head: x y z nx ny nz width_mm"
+         (width_mm, height_mm, speed_mm_s, cone_deg) are named in a head: x y z nx ny nz width_mm"
     )]
     Columns {
         /// Line from 1.
@@ -34,6 +36,16 @@ pub enum WaypointError {
         columns: usize,
         /// Those of the first waypoint.
         before: usize,
+    },
+    /// A cone that is none.
+    #[error(
+        "line {line}: cone_deg is {given_deg}; write an angle from 0 to {CONE_MAX_DEG} degrees"
+    )]
+    Cone {
+        /// Line from 1.
+        line: usize,
+        /// What was given.
+        given_deg: f64,
     },
     /// Not a finite number.
     #[error("line {line}, column {column}: `{text}` is not a finite number")]

@@ -1,7 +1,8 @@
 //! Waypoint files: one run of the tip, `x y z nx ny nz [heading_deg]` a line -> [`WaypointRun`].
 //!
 //! A head may name further columns behind the first six, in any order: `heading_deg`, `width_mm` and
-//! `height_mm` of the bead, `speed_mm_s` of the tip. Without a head a seventh column is the heading.
+//! `height_mm` of the bead, `speed_mm_s` of the tip, `cone_deg` by which the tool axis may lean (`--tilt-max`).
+//! Without a head a seventh column is the heading.
 //!
 //! Numbers are parted by blanks, tabs, commas or semicolons; text after `#` is passed over, and so
 //! is one line of column names before the first waypoint. `# units: cm` (or mm, m, um, in), before
@@ -29,11 +30,19 @@ pub const WAYPOINTS_MAX: usize = 200_000;
 pub(super) const HEADING_MAX_DEG: f64 = 360_000.0;
 /// Columns of a table, as its head may call them: those that are always there, and those behind them.
 const COLUMNS: [&str; 6] = ["x", "y", "z", "nx", "ny", "nz"];
-const FURTHER: [&str; 4] = ["heading_deg", "width_mm", "height_mm", "speed_mm_s"];
+const FURTHER: [&str; 5] = [
+    "heading_deg",
+    "width_mm",
+    "height_mm",
+    "speed_mm_s",
+    "cone_deg",
+];
 /// Widest and highest bead, mm.
 pub(super) const BEAD_MAX_MM: f64 = 100.0;
 /// Slowest and fastest asked speed, mm/s.
 pub(super) const SPEED_RANGE_MM_S: [f64; 2] = [0.1, 10_000.0];
+/// Widest cone of a waypoint's axis, degrees.
+pub(super) const CONE_MAX_DEG: f64 = 90.0;
 /// How far an axis may be from unit length and still be meant as one: what four digits leave.
 const AXIS_LENGTH_SLACK: f64 = 1e-3;
 /// How far the axes before and after one that is no direction may differ for it to lie between them:
@@ -59,6 +68,8 @@ pub struct Waypoint {
     pub height_mm: Option<f64>,
     /// Speed of the tip, mm/s, changing evenly from one to the next; `None` for the print speed.
     pub speed_mm_s: Option<f64>,
+    /// How far the tool axis may lean from its own, rad, where that is less than `--tilt-max` has it.
+    pub cone_rad: Option<f64>,
     /// A pass begins here, whatever the distance from the one before.
     pub begins: bool,
     /// What the pass that begins here asks for.
@@ -286,7 +297,7 @@ impl Reader {
         &mut self,
         line: usize,
         pose: &[f64],
-        [heading_deg, width_mm, height_mm, speed_mm_s]: [Option<f64>; FURTHER.len()],
+        [heading_deg, width_mm, height_mm, speed_mm_s, cone_deg]: [Option<f64>; FURTHER.len()],
     ) -> Result<(), WaypointError> {
         if self.points.len() == WAYPOINTS_MAX {
             return Err(WaypointError::TooMany { line });
@@ -306,6 +317,9 @@ impl Reader {
         if let Some(heading_deg) = heading_deg.filter(|deg| deg.abs() > HEADING_MAX_DEG) {
             return Err(WaypointError::Heading { line, heading_deg });
         }
+        if let Some(given_deg) = cone_deg.filter(|deg| !(0.0..=CONE_MAX_DEG).contains(deg)) {
+            return Err(WaypointError::Cone { line, given_deg });
+        }
         let before = self.points.last();
         let heading_rad = heading_deg.map(|degrees| {
             let angle = degrees.to_radians();
@@ -322,6 +336,7 @@ impl Reader {
             width_mm,
             height_mm,
             speed_mm_s,
+            cone_rad: cone_deg.map(f64::to_radians),
             begins: false,
             asked: PassAsked::default(),
         };
@@ -462,7 +477,8 @@ fn is_same(a: &Waypoint, b: &Waypoint) -> bool {
             (Some(a), Some(b)) => (a - b).abs() < SAME_RAD,
             _ => true,
         }
-        && (a.width_mm, a.height_mm, a.speed_mm_s) == (b.width_mm, b.height_mm, b.speed_mm_s)
+        && (a.width_mm, a.height_mm, a.speed_mm_s, a.cone_rad)
+            == (b.width_mm, b.height_mm, b.speed_mm_s, b.cone_rad)
 }
 
 fn finite(cell: &str) -> Option<f64> {

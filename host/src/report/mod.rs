@@ -7,6 +7,7 @@
 //! Output: text. Leaves out files: [`write_report`] returns names and contents, the command writes
 //! them.
 
+pub mod axes_picture;
 mod canvas;
 pub mod compare_picture;
 mod corner_figures;

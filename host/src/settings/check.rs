@@ -3,7 +3,7 @@
 use super::drivers::check_drivers;
 use super::error::SettingsError;
 use super::heat::wrong_heater;
-use super::{AXIS_TOLERANCE_MAX_DEG, LAYERS_MAX, Settings, kinds};
+use super::{AXIS_TOLERANCE_MAX_DEG, LAYERS_MAX, Settings, TILT_MAX_ASKED_DEG, kinds};
 use headway_firmware::configuration::{Kinematics, MachineConfiguration};
 use headway_firmware::steps::{INTERVAL_TICKS_MAX, INTERVAL_TICKS_MIN};
 use headway_protocol::control::DECIDEGREES_MAX;
@@ -268,6 +268,9 @@ impl Settings {
                 given_mm: corner_mm,
                 widest_mm,
             });
+        }
+        if let Some(tilt_rad) = self.tilt_max_rad {
+            in_range("tilt_max", tilt_rad.to_degrees(), 0.0, TILT_MAX_ASKED_DEG)?;
         }
         let axis_deg = self.axis_tolerance_rad.to_degrees();
         // The last digit of degrees that were given.

@@ -86,6 +86,7 @@ impl Settings {
             gap_mm: None,
             place: Place::default(),
             axis_tolerance_rad: AXIS_TOLERANCE_RAD,
+            tilt_max_rad: None,
             aperture: Aperture::Ellipse {
                 major_mm: 0.6,
                 minor_mm: 0.2,

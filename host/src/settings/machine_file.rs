@@ -8,11 +8,11 @@
 
 use super::aperture_text::{ApertureTextError, parse_aperture};
 use super::error::SettingsError;
-use super::head_shape::{ConeAndCylinder, HeadOutline, HeadShape};
 use super::{
     HeadingLaw, Infill, PassMode, PrimeRetract, Quality, Seam, SeamPlace, Settings, Skirt,
     Tolerances,
 };
+use head::FileHead;
 use headway_firmware::board_name::BoardName;
 use headway_firmware::configuration::{ExtruderConfiguration, MachineConfiguration};
 use headway_firmware::heat::HeatConfiguration;
@@ -21,6 +21,7 @@ use serde::Deserialize;
 
 mod drivers;
 mod gcode;
+mod head;
 mod heat;
 mod joints;
 mod kinds;
@@ -172,57 +173,6 @@ struct Extruder {
     acceleration_max_mm3_s2: f64,
     pressure_advance_s: Option<f64>,
     pressure_advance_window_ms: Option<f64>,
-}
-
-#[derive(Deserialize)]
-#[serde(deny_unknown_fields)]
-struct FileHead {
-    profile: Option<Vec<[f64; 2]>>,
-    nozzle_tip_radius_mm: Option<f64>,
-    nozzle_angle_deg: Option<f64>,
-    nozzle_length_mm: Option<f64>,
-    head_radius_mm: Option<f64>,
-    head_length_mm: Option<f64>,
-    tip_slack_mm: Option<f64>,
-}
-
-impl FileHead {
-    fn shape(&self) -> Result<HeadShape, SettingsError> {
-        let cone = [
-            ("nozzle_tip_radius_mm", self.nozzle_tip_radius_mm),
-            ("nozzle_angle_deg", self.nozzle_angle_deg),
-            ("nozzle_length_mm", self.nozzle_length_mm),
-            ("head_radius_mm", self.head_radius_mm),
-            ("head_length_mm", self.head_length_mm),
-        ];
-        let refused = |reason: String| Err(SettingsError::HeadProfile { reason });
-        let outline = match &self.profile {
-            Some(_) if cone.iter().any(|(_, given)| given.is_some()) => {
-                return refused(
-                    "it replaces all other lengths of [head] but tip_slack_mm".to_string(),
-                );
-            }
-            Some(knots) => HeadOutline::Profile(knots.clone()),
-            None => {
-                if let Some((key, _)) = cone.iter().find(|(_, given)| given.is_none()) {
-                    return refused(format!("neither it nor head.{key} is given"));
-                }
-                let [tip, angle_deg, nozzle, radius, length] =
-                    cone.map(|(_, given)| given.unwrap_or_default());
-                HeadOutline::Cone(ConeAndCylinder {
-                    nozzle_tip_radius_mm: tip,
-                    nozzle_angle_rad: angle_deg.to_radians(),
-                    nozzle_length_mm: nozzle,
-                    head_radius_mm: radius,
-                    head_length_mm: length,
-                })
-            }
-        };
-        Ok(HeadShape {
-            outline,
-            tip_slack_mm: self.tip_slack_mm,
-        })
-    }
 }
 
 #[derive(Default, Deserialize)]

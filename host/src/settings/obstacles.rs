@@ -10,7 +10,7 @@ const SPACING_MM: f64 = 0.5;
 const POINTS_MAX: f64 = 1e6;
 
 /// Points of what stands, machine coordinates.
-#[derive(Clone, Debug, Default, PartialEq)]
+#[derive(Clone, Default, PartialEq)]
 pub struct Obstacles {
     /// Each for all within its half width.
     pub points: Arc<[Point]>,
@@ -18,10 +18,16 @@ pub struct Obstacles {
     pub triangles: Arc<[[Vector3; 3]]>,
 }
 
+/// How many there are: keys of caches are made of settings' text, and shadows are in them on their own.
+impl std::fmt::Debug for Obstacles {
+    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        write!(f, "Obstacles({})", self.points.len())
+    }
+}
+
 impl Obstacles {
     /// Of triangles, mm, machine coordinates. Each is divided until no point of a piece is farther from its middle than
-    /// the half width, so that what touches the face touches a point; a point's half width is taken across the tool
-    /// axis alone.
+    /// the half width: what a head touches of a face is a point or its edge.
     pub fn of(triangles: Vec<[Vector3; 3]>) -> Obstacles {
         let area_mm2: f64 = triangles.iter().map(area_mm2).sum();
         let around_mm: f64 = triangles.iter().map(around_mm).sum();
@@ -55,6 +61,10 @@ fn around_mm([a, b, c]: &[Vector3; 3]) -> f64 {
 
 /// Halves the longest edge until the piece is small: as often as its size against the spacing.
 fn divide(triangle: &[Vector3; 3], spacing_mm: f64, points: &mut Vec<Point>) {
+    let [a, b, c] = triangle;
+    let across = (b - a).cross(&(c - a));
+    // A triangle without ground stands for its edge.
+    let normal = across.try_normalize(0.0).unwrap_or_else(Vector3::z);
     let mut waiting = vec![*triangle];
     while let Some(piece) = waiting.pop() {
         let edges = [0, 1, 2].map(|k| (piece[(k + 1) % 3] - piece[k]).norm());
@@ -72,6 +82,7 @@ fn divide(triangle: &[Vector3; 3], spacing_mm: f64, points: &mut Vec<Point>) {
         points.push(Point {
             at_mm: middle,
             half_width_mm: radii.fold(0.0, f64::max),
+            normal,
         });
     }
 }

@@ -5,6 +5,7 @@
 //! (integers, ticks)                   (mm², cells)                    (%, mm, s)
 //! ```
 
+pub mod axes_at;
 pub mod figures;
 pub mod measure;
 pub mod region_raster;

@@ -12,6 +12,7 @@
 
 pub mod stations;
 
+use crate::plan::route::lean::LayerNormals;
 use crate::plan::route::moves::Route;
 use crate::settings::Settings;
 use headway_reach::profile::HeadProfile;
@@ -124,18 +125,33 @@ struct Judge<'a> {
     standing: Standing,
 }
 
-/// Touches along the route; nothing where the head's shape is not known.
-pub fn touches(route: &Route, settings: &Settings) -> Option<Touches> {
-    touches_on(route, settings, &[])
+/// Touches along the route; nothing where the head's shape is not known. `normals` are those of what its passes lay,
+/// where that is not their tool axis.
+pub fn touches(
+    route: &Route,
+    normals: Option<&LayerNormals>,
+    settings: &Settings,
+) -> Option<Touches> {
+    all_touches(route, normals, settings, &[])
 }
 
 /// The same above a surface, of which these points are known, mm.
 pub fn touches_on(route: &Route, settings: &Settings, surface: &[Vector3]) -> Option<Touches> {
+    all_touches(route, None, settings, surface)
+}
+
+fn all_touches(
+    route: &Route,
+    normals: Option<&LayerNormals>,
+    settings: &Settings,
+    surface: &[Vector3],
+) -> Option<Touches> {
     let head = settings.head.as_ref()?;
-    let stations = Stations::of(route, settings);
+    let stations = Stations::of(route, normals, settings);
     let on_surface = surface.iter().map(|at_mm| Point {
         at_mm: *at_mm,
         half_width_mm: 0.0,
+        normal: Vector3::z(),
     });
     let profile = head.profile();
     let judge = Judge {

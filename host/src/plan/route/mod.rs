@@ -19,6 +19,7 @@ pub mod flow;
 pub mod gcode_route;
 mod hop;
 pub mod keep_out;
+pub mod lean;
 pub mod moves;
 pub mod path_curve;
 pub mod shortest_path;

@@ -190,15 +190,28 @@ fn along(
             here = end;
         }
     }
-    let leave = if from_above {
-        let mut up = here;
-        up[CHANNEL_Z] = clear.above(&start);
-        up
-    } else {
-        clear.off(&here)
-    };
-    line(&mut route, here, leave);
+    leave(
+        &mut route,
+        here,
+        &clear,
+        from_above.then(|| clear.above(&start)),
+    );
     route
+}
+
+/// Away from the last pass: along the tool axis, and up to a height where there is one.
+fn leave(route: &mut Route, mut here: Point, clear: &Clearance, above_mm: Option<f64>) {
+    // A leaning head that goes straight up sweeps over what is printed beside it.
+    if above_mm.is_none() || tilt(&here).norm() > UPRIGHT_RAD {
+        let off = clear.off(&here);
+        line(route, here, off);
+        here = off;
+    }
+    if let Some(above_mm) = above_mm {
+        let mut up = here;
+        up[CHANNEL_Z] = up[CHANNEL_Z].max(above_mm);
+        line(route, here, up);
+    }
 }
 
 /// Changes every control point of curves.

@@ -2,6 +2,7 @@
 
 use super::drivers::write_drivers;
 use super::gcode::write_letters;
+use super::head::write_head;
 use super::heat::{write_heaters, write_material};
 use super::kinds::write_kinds;
 use super::probe::write_probe;
@@ -10,7 +11,6 @@ use super::switches::write_switches;
 use super::wiring::write_wiring;
 use crate::settings::aperture_text::aperture_text;
 use crate::settings::check::{joint_names, kinematics_name};
-use crate::settings::head_shape::{ConeAndCylinder, HeadOutline, HeadShape};
 use crate::settings::{
     BOTTOM_LAYERS, HeadingLaw, PassMode, Quality, SeamPlace, Settings, TOP_LAYERS, Tolerances,
 };
@@ -135,52 +135,6 @@ fn write_machine(text: &mut String, s: &Settings) -> std::fmt::Result {
     s.head
         .as_ref()
         .map_or(Ok(()), |head| write_head(text, head))
-}
-
-fn write_head(text: &mut String, head: &HeadShape) -> std::fmt::Result {
-    match &head.outline {
-        HeadOutline::Cone(cone) => write_cone(text, cone)?,
-        HeadOutline::Profile(knots) => {
-            writeln!(
-                text,
-                "\n# What could touch the table or the print, about the tool's axis: height above the tip and radius\n\
-                 # there, two of one height for a step.\n[head]"
-            )?;
-            let pairs = knots.iter();
-            let pairs = pairs.map(|knot| format!("[{}, {}]", number(knot[0]), number(knot[1])));
-            let pairs: Vec<String> = pairs.collect();
-            writeln!(text, "profile = [{}]", pairs.join(", "))?;
-        }
-    }
-    match head.tip_slack_mm {
-        Some(slack_mm) => {
-            writeln!(
-                text,
-                "# How far the tip's flat end may dip into what is printed."
-            )?;
-            writeln!(text, "tip_slack_mm = {}", number(slack_mm))
-        }
-        None => Ok(()),
-    }
-}
-
-fn write_cone(text: &mut String, head: &ConeAndCylinder) -> std::fmt::Result {
-    writeln!(
-        text,
-        "\n# What could touch the table or the print: the nozzle, a cone from its flat end up, and the head\n\
-         # above it, a cylinder about the tool's axis.\n[head]"
-    )?;
-    let tip_mm = number(head.nozzle_tip_radius_mm);
-    writeln!(text, "nozzle_tip_radius_mm = {tip_mm}")?;
-    writeln!(text, "# Between the nozzle's sides.")?;
-    writeln!(
-        text,
-        "nozzle_angle_deg = {}",
-        degrees(head.nozzle_angle_rad)
-    )?;
-    writeln!(text, "nozzle_length_mm = {}", number(head.nozzle_length_mm))?;
-    writeln!(text, "head_radius_mm = {}", number(head.head_radius_mm))?;
-    writeln!(text, "head_length_mm = {}", number(head.head_length_mm))
 }
 
 /// What the equations need beside the joints; an arm has a group of its own.

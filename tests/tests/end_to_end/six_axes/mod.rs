@@ -2,6 +2,7 @@
 
 mod arm_solutions;
 mod clear_travel;
+mod lean;
 mod reach;
 mod real_runs;
 mod rounded_corners;

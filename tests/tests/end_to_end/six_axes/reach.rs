@@ -34,6 +34,7 @@ fn lines(from: [f64; 3], to: [f64; 3], half_width_mm: f64) -> impl Iterator<Item
     (0..=count as u32).map(move |k| Point {
         at_mm: from + (to - from) * (f64::from(k) / count),
         half_width_mm,
+        normal: Vector3::z(),
     })
 }
 
@@ -58,6 +59,7 @@ fn vase() -> Vec<Point> {
         Point {
             at_mm,
             half_width_mm: 0.3,
+            normal: Vector3::z(),
         }
     };
     (0..16_000).map(turn).collect()
@@ -92,9 +94,16 @@ fn scatter(random: &mut Pcg64Mcg) -> Vec<Point> {
 
 /// The head holds a point: in the half plane through axis and point, right of no facet of the outline.
 fn holds(head: &Outline, pose: &Pose, point: &Point) -> bool {
-    let across = pose.axis.cross(&(point.at_mm - pose.tip_mm));
-    let height_mm = (point.at_mm - pose.tip_mm).dot(&pose.axis);
-    let from_axis_mm = across.norm() - point.half_width_mm;
+    // The middle, and the place of the flat disc about it that lies nearest to the tip's foot.
+    let foot = pose.tip_mm - point.normal * (pose.tip_mm - point.at_mm).dot(&point.normal);
+    let way = foot - point.at_mm;
+    let edge = point.at_mm + way * (point.half_width_mm / way.norm().max(1e-300)).min(1.0);
+    holds_place(head, pose, point.at_mm) || holds_place(head, pose, edge)
+}
+
+fn holds_place(head: &Outline, pose: &Pose, place_mm: Vector3) -> bool {
+    let from_axis_mm = pose.axis.cross(&(place_mm - pose.tip_mm)).norm();
+    let height_mm = (place_mm - pose.tip_mm).dot(&pose.axis);
     height_mm > head.slack_mm
         && head.edges.windows(2).any(|facet| {
             let [[low, narrow], [high, wide]] = [facet[0], facet[1]];
@@ -210,9 +219,9 @@ fn check_axes(gaps_mm: &[f64], step: usize) {
             let tilt_rad = axis.angle(&Vector3::z());
             leaning += usize::from(tilt_rad > 1e-9);
             upright += usize::from(tilt_rad <= 1e-9);
-            // None of a ring half a degree nearer, or of one half as far, is free.
+            // None of a ring half a degree nearer, or of one half as far, is free; below a microradian rounding is.
             for nearer_rad in [tilt_rad - 0.5f64.to_radians(), 0.5 * tilt_rad] {
-                if nearer_rad > 0.0 {
+                if nearer_rad > 1e-6 {
                     for k in 0..48 {
                         let other = tilted(nearer_rad, TAU * f64::from(k) / 48.0);
                         assert!(

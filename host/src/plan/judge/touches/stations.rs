@@ -1,7 +1,10 @@
 //! Where a route is looked at: poses along it, and the points that it has laid up to each of them.
+//!
+//! In: a route (mm, rad, machine coordinates). Out: stations and points, in order.
 
 use crate::geometry::Vector2;
 use crate::job::MotionState;
+use crate::plan::route::lean::{LayerNormals, PassNormals};
 use crate::plan::route::moves::{Route, tilt, tip};
 use crate::plan::route::waypoint_curve::upright;
 use crate::settings::Settings;
@@ -44,7 +47,11 @@ pub struct Stations<'a> {
 impl<'a> Stations<'a> {
     /// Stations no farther from each other than half the bead's width where it prints: points that lie so close
     /// stand for the whole bead. As many as the path is long.
-    pub fn of(route: &'a Route, settings: &Settings) -> Stations<'a> {
+    pub fn of(
+        route: &'a Route,
+        normals: Option<&LayerNormals>,
+        settings: &Settings,
+    ) -> Stations<'a> {
         let mut found = Stations {
             route,
             stations: Vec::new(),
@@ -52,6 +59,7 @@ impl<'a> Stations<'a> {
         };
         for (moving, route_move) in route.moves.iter().enumerate() {
             let lays = route_move.state == MotionState::Print;
+            let mut normals = normals.map(|normals| normals.along(route_move.pass));
             let control = &route_move.curve.control;
             for (span, leg) in control.windows(2).enumerate() {
                 let half_width_mm = half_width_mm(&leg[0], &leg[1], settings);
@@ -67,10 +75,15 @@ impl<'a> Stations<'a> {
                     .max(1.0);
                 for step in 0..count as usize {
                     let at = span as f64 + step as f64 / count;
-                    found.add(moving, at, lays.then_some(half_width_mm));
+                    found.add(moving, at, lays.then_some(half_width_mm), &mut normals);
                 }
             }
-            found.add(moving, control.len().saturating_sub(1) as f64, None);
+            found.add(
+                moving,
+                control.len().saturating_sub(1) as f64,
+                None,
+                &mut None,
+            );
         }
         for index in 1..found.stations.len() {
             let [from, to] = [index - 1, index].map(|index| found.stations[index].pose.tip_mm);
@@ -79,7 +92,13 @@ impl<'a> Stations<'a> {
         found
     }
 
-    fn add(&mut self, moving: usize, at: f64, laid_half_width_mm: Option<f64>) {
+    fn add(
+        &mut self,
+        moving: usize,
+        at: f64,
+        laid_half_width_mm: Option<f64>,
+        normals: &mut Option<PassNormals>,
+    ) {
         if self.route.moves[moving].curve.control.is_empty() {
             return;
         }
@@ -96,6 +115,10 @@ impl<'a> Stations<'a> {
             self.points.push(Point {
                 at_mm: pose.tip_mm,
                 half_width_mm,
+                normal: normals
+                    .as_mut()
+                    .and_then(|normals| normals.next(&pose.tip_mm))
+                    .unwrap_or(pose.axis),
             });
         }
     }
@@ -111,7 +134,7 @@ impl<'a> Stations<'a> {
 }
 
 /// Half the width that the nozzle lays from one pose to the next; the narrowest where it does not move.
-fn half_width_mm(from: &[f64; CHANNELS], to: &[f64; CHANNELS], settings: &Settings) -> f64 {
+pub fn half_width_mm(from: &[f64; CHANNELS], to: &[f64; CHANNELS], settings: &Settings) -> f64 {
     let step: Vector3 = upright(from) * (tip(to) - tip(from));
     let across = Vector2::new(-step.y, step.x).try_normalize(1e-9);
     across.map_or(settings.aperture.minor_mm(), |across| {

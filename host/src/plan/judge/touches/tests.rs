@@ -46,7 +46,7 @@ fn found(route: &Route) -> Touches {
         head: Some(HEAD),
         ..Settings::default()
     };
-    touches(route, &settings).unwrap()
+    touches(route, None, &settings).unwrap()
 }
 
 #[test]
@@ -85,7 +85,7 @@ fn a_wall_beside_the_nozzle_is_told() {
         (touch.part, touch.obstacle),
         (HeadPart::Nozzle, Obstacle::Print)
     );
-    // Half the bead's width, 0.6 mm, comes to it.
+    // The bead's edge, 0.6 mm nearer, is what is met.
     let depth_mm = 2.6 * std::f64::consts::FRAC_PI_4.cos();
     assert!((touch.depth_mm - depth_mm).abs() < 0.02, "{touch:?}");
     assert_eq!(beside(7.0, 10.0).deepest, []);
@@ -119,7 +119,7 @@ fn the_flat_end_dips_as_it_leans() {
             }),
             ..Settings::default()
         };
-        touches(&route(rows), &settings).unwrap()
+        touches(&route(rows), None, &settings).unwrap()
     };
     let downhill = found(&rows, 0.1);
     let uphill: Vec<_> = rows.iter().rev().copied().collect();

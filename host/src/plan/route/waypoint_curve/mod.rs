@@ -111,18 +111,10 @@ pub fn waypoint_passes(
 ) -> Result<WaypointPasses, WaypointCurveError> {
     check_tilt(&run.points, settings)?;
     check_speeds(&run.points, settings)?;
-    let is_divided = run.points.iter().any(|point| point.begins);
-    let gap_mm = settings.gap_mm.unwrap_or_else(|| match is_divided {
-        true => f64::INFINITY,
-        false => usual_gap_mm(&run.points),
-    });
     let mut spans_left = SPANS_MAX;
-    let goes_on = |a: &Waypoint, b: &Waypoint| !b.begins && (b.tip_mm - a.tip_mm).norm() <= gap_mm;
-    let passes = run.points.chunk_by(goes_on);
-    // A waypoint between two jumps lays nothing.
-    let passes = passes.filter(|points| points.len() > 1);
     let mut all = WaypointPasses::default();
-    for points in passes {
+    // A waypoint between two jumps lays nothing.
+    for points in divided(run, settings).filter(|points| points.len() > 1) {
         let (curves, rounded) = pass_curves(points, offset_mm, settings, &mut spans_left)?;
         let (curves, speeds): (Vec<_>, Vec<_>) = curves.into_iter().unzip();
         all.rounded = all.rounded.and(rounded);
@@ -131,6 +123,21 @@ pub fn waypoint_passes(
         all.speeds_mm_s.extend(speeds);
     }
     Ok(all)
+}
+
+/// The waypoints of a run in the order of its passes: a jump ends one.
+pub fn divided<'a>(
+    run: &'a WaypointRun,
+    settings: &Settings,
+) -> impl Iterator<Item = &'a [Waypoint]> + use<'a> {
+    let is_divided = run.points.iter().any(|point| point.begins);
+    let gap_mm = settings.gap_mm.unwrap_or_else(|| match is_divided {
+        true => f64::INFINITY,
+        false => usual_gap_mm(&run.points),
+    });
+    let goes_on =
+        move |a: &Waypoint, b: &Waypoint| !b.begins && (b.tip_mm - a.tip_mm).norm() <= gap_mm;
+    run.points.chunk_by(goes_on)
 }
 
 /// A curve and the speeds asked along it.

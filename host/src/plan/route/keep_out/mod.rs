@@ -13,6 +13,8 @@
 //! (mm) of a way between two placements. Ways are shortest paths over corners that see each other
 //! (E. Dijkstra, 1959).
 
+pub mod shadows;
+
 use crate::geometry::aperture::Aperture;
 use crate::geometry::boolean::{difference, grown};
 use crate::geometry::clearance::{Configuration, scaled_clearance};
