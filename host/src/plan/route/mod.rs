@@ -14,6 +14,7 @@
 pub mod bead_curve;
 pub mod bead_headings;
 pub mod build_route;
+pub mod chords;
 pub mod clear_travel;
 pub mod flow;
 pub mod gcode_route;

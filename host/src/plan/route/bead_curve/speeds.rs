@@ -136,6 +136,7 @@ impl Control {
             control: self.points[from..=to].to_vec(),
             speed_mm_s: fastest,
             speeds_mm_s,
+            least_s: 0.0,
         })
     }
 }
@@ -165,6 +166,7 @@ mod tests {
         GcodePass {
             layer: 0,
             travel: Vec::new(),
+            travel_legs: Vec::new(),
             points: (0..=sides).map(place).collect(),
             legs: vec![leg; sides],
             prime: None,
