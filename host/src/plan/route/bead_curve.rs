@@ -17,7 +17,7 @@ use crate::gcode::{GcodePass, Leg, Place};
 use crate::geometry::Vector2;
 use crate::geometry::aperture::Aperture;
 use crate::plan::route::bead_headings::{BeadLines, HeadingTrack, WidthOff};
-use crate::plan::route::chords::{ChordMove, Chords};
+use crate::plan::route::chords::Chords;
 use crate::settings::Settings;
 use headway_protocol::units::{
     CHANNEL_HEADING, CHANNEL_VOLUME, CHANNEL_X, CHANNEL_Y, CHANNEL_Z, CHANNELS,
@@ -64,19 +64,6 @@ pub struct BeadMove {
     pub speeds_mm_s: Vec<[f64; 2]>,
     /// Least duration, s.
     pub least_s: f64,
-}
-
-impl BeadMove {
-    /// Of a motion that was planned before.
-    fn of(chords: ChordMove) -> BeadMove {
-        let speeds = chords.speeds_mm_s.iter();
-        BeadMove {
-            speed_mm_s: speeds.map(|[_, speed]| *speed).fold(0.0, f64::max),
-            control: chords.control,
-            speeds_mm_s: chords.speeds_mm_s,
-            least_s: chords.least_s,
-        }
-    }
 }
 
 /// A pass without legs that stand, by legs.

@@ -1,6 +1,7 @@
-//! Goal: a job written for a controller and planned again is the job: its time within 3 %, its path, its volume. Method: the exports of all dialects read and planned as files, from their moves alone; every third tick of the
-//! second stream against the poses of the first, straight between those of every other tick (0.5 µm at most). The gear and
-//! the bracket are by name: `cargo test -p headway-tests --test end_to_end gcode::planned_again -- --ignored --nocapture`.
+//! Goal: a job written for a controller and planned again is the job: its time within 3 %, its path, its volume. Method:
+//! the exports of all dialects read and planned as files, from their moves alone; every third tick of the second stream
+//! against the poses of the first, straight between those of every other tick (0.5 µm at most). The gear and the bracket
+//! are by name: `cargo test -p headway-tests --test end_to_end gcode::planned_again -- --ignored --nocapture`.
 
 use headway::gcode::write::dialect::Dialect;
 use headway::gcode::write::{JobText, WriteOptions, write_gcode};

@@ -6,6 +6,7 @@
 //! machine allow of the speeds.
 
 use super::{BeadMove, Control, Way};
+use crate::plan::route::chords::ChordMove;
 use crate::settings::Settings;
 
 /// Speeds alike to this share are one; runs shorter than this are no move of their own: they keep their speed
@@ -106,6 +107,19 @@ impl Way {
             before.extend(last);
         }
         runs
+    }
+}
+
+impl BeadMove {
+    /// Of a motion that was planned before.
+    pub(super) fn of(chords: ChordMove) -> BeadMove {
+        let speeds = chords.speeds_mm_s.iter();
+        BeadMove {
+            speed_mm_s: speeds.map(|[_, speed]| *speed).fold(0.0, f64::max),
+            control: chords.control,
+            speeds_mm_s: chords.speeds_mm_s,
+            least_s: chords.least_s,
+        }
     }
 }
 

@@ -32,18 +32,44 @@ pub fn fastest_within(speeds_mm_s: &[f64], ways_mm: &[f64], within_mm: f64) -> V
     let fastest = (0..speeds_mm_s.len()).map(|leg| {
         while next < speeds_mm_s.len() && ends_mm[next] <= ends_mm[leg + 1] + within_mm {
             while near
-                .pop_back_if(|last| speeds_mm_s[*last] <= speeds_mm_s[next])
-                .is_some()
-            {}
+                .back()
+                .is_some_and(|last| speeds_mm_s[*last] <= speeds_mm_s[next])
+            {
+                near.pop_back();
+            }
             near.push_back(next);
             next += 1;
         }
         while near
-            .pop_front_if(|first| ends_mm[*first + 1] < ends_mm[leg] - within_mm)
-            .is_some()
-        {}
+            .front()
+            .is_some_and(|first| ends_mm[*first + 1] < ends_mm[leg] - within_mm)
+        {
+            near.pop_front();
+        }
         near.front()
             .map_or(speeds_mm_s[leg], |fastest| speeds_mm_s[*fastest])
     });
     fastest.collect()
+}
+
+#[cfg(test)]
+mod tests {
+    //! Goal: bounds that a mean speed allows. Method: motions of constant acceleration, by hand.
+    use super::*;
+
+    /// From rest to rest over 10 mm at 50 mm/s and 1,000 mm/s² takes 0.25 s, from rest alone 0.225 s.
+    #[test]
+    fn the_peak_of_a_mean_is_that_of_its_ramps() {
+        let close = |peak_mm_s: f64| assert!((peak_mm_s - 50.0).abs() < 1e-9, "{peak_mm_s}");
+        close(peak_mm_s(10.0 / 0.25, 0.25, 2, 1000.0));
+        close(peak_mm_s(10.0 / 0.225, 0.225, 1, 1000.0));
+        // 0.02 s about a mean of 45 mm/s: up by 10 mm/s and down again has its peak 5 above.
+        close(peak_mm_s(45.0, 0.02, 0, 1000.0));
+    }
+
+    #[test]
+    fn speeds_hold_within_a_way() {
+        let fastest = fastest_within(&[9.0, 1.0, 2.0, 5.0], &[1.0, 2.0, 2.0, 1.0], 1.5);
+        assert_eq!(fastest, [9.0, 9.0, 5.0, 5.0]);
+    }
 }
