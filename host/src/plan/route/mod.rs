@@ -5,8 +5,8 @@
 //! (mm, rad)                                                                 (mm, rad, mm³)
 //! WaypointRun --waypoint_curve--> PathCurve --waypoint_route--> Route
 //! (mm, input)                     (mm, rad, machine coordinates)
-//! GcodePass   --bead_headings, bead_curve, gcode_route--> Route
-//! (mm, input)                                             (mm, rad, mm³)
+//! GcodePass   --bead_headings, bead_curve, chords, gcode_route--> Route
+//! (mm, input)                                                     (mm, rad, mm³)
 //! ```
 //!
 //! Leaves out: how fast it goes (`motion`).
