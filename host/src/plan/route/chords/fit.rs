@@ -19,7 +19,8 @@ pub(super) const TRAVEL_SHARES: [f64; 2] = [1.5, 4.0];
 pub(super) const BEAD_SHARES: [f64; 2] = [4.0, 4.0];
 /// Least weight of points of chords (fitted), beside which the motion lies by ten times and more what places are rounded by.
 const CHORD_WEIGHT: f64 = 1e-2;
-/// Weight of third differences (fitted on u-part, gear and bracket): with a control point a place they even out roundings, which are jerk, and nothing else.
+/// Weight of third differences (fitted on u-part, gear and bracket): with a control point a place they even out
+/// roundings, which are jerk, and nothing else.
 const EVEN_WEIGHT: f64 = 1e-3;
 /// Least spans, and how often they are halved.
 const SPANS_MIN: usize = 4;
