@@ -8,6 +8,7 @@
 //! finished segments grow. Machines whose joints wind up are planned in one piece. Leaves out what is
 //! the slicer's: which ground is printed, in which order, how densely.
 
+use crate::gcode::comments::Slicer;
 use crate::gcode::{GcodeProgram, check_days};
 use crate::gcode_heat::{LaidPasses, events_behind, events_of};
 use crate::geometry::Point2;
@@ -216,6 +217,16 @@ fn place(program: &GcodeProgram, settings: &Settings) -> Result<PartTransform, P
         low_mm - settings.layer_height_mm
     };
     let bounds = Box2::of(&corners);
+    // A planned job has its place, on a machine with room for it.
+    if program.slicer == Slicer::Headway && settings.at_mm.is_none() {
+        let in_place = Settings {
+            at_mm: Some([0.0; 3]),
+            ..settings.clone()
+        };
+        if let Ok(transform) = PartTransform::choose_box(bounds, [bed_mm, top_mm], &in_place) {
+            return Ok(transform);
+        }
+    }
     Ok(PartTransform::choose_box(
         bounds,
         [bed_mm, top_mm],

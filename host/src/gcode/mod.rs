@@ -102,6 +102,8 @@ pub struct GcodePass {
     pub layer: u32,
     /// Where the head goes from the pass before to this one, ends left out.
     pub travel: Vec<Place>,
+    /// How it goes there: one more than places.
+    pub travel_legs: Vec<Leg>,
     /// Two or more places.
     pub points: Vec<Place>,
     /// Between them, one less.

@@ -70,6 +70,7 @@ struct Builder {
     open: Option<GcodePass>,
     at: Place,
     travel: Vec<Place>,
+    travel_legs: Vec<Leg>,
     /// Pulled and pushed since the last pass.
     gap: Gap,
     /// Pulled and not yet pushed, mm³.
@@ -101,6 +102,7 @@ pub fn passes(steps: &Steps, filament_mm: f64) -> Result<Passes, GcodeError> {
         open: None,
         at: Place::default(),
         travel: Vec::new(),
+        travel_legs: Vec::new(),
         gap: Gap::default(),
         outstanding_mm3: 0.0,
         left_out: LeftOut::default(),
@@ -196,6 +198,7 @@ impl Builder {
                     }
                     self.close();
                     self.travel.push(to);
+                    self.travel_legs.push(leg);
                 }
                 self.at = to;
             }
@@ -275,10 +278,11 @@ impl Builder {
     fn print(&mut self, to: Place, leg: Leg, told_layer: Option<u32>) {
         if self.open.is_none() {
             let z_mm = to.tip_mm[2].max(self.at.tip_mm[2]);
-            // The next of objects that are printed one at a time.
-            let begins_anew = told_layer.is_none()
-                && z_mm <= self.first_mm + LAYER_MM
-                && self.top_mm > self.first_mm + LAYER_MM;
+            // The next of objects that are printed one at a time, or the first layer below a line that primes.
+            let is_next =
+                z_mm <= self.first_mm + LAYER_MM && self.top_mm > self.first_mm + LAYER_MM;
+            let is_below = z_mm < self.first_mm - LAYER_MM && self.first_mm.is_finite();
+            let begins_anew = told_layer.is_none() && (is_next || is_below);
             self.layer = match told_layer {
                 Some(layer) => layer.max(self.layer),
                 None if self.top_mm == f64::NEG_INFINITY => 0,
@@ -298,6 +302,7 @@ impl Builder {
             self.open = Some(GcodePass {
                 layer: self.layer,
                 travel,
+                travel_legs: std::mem::take(&mut self.travel_legs),
                 points: vec![self.at],
                 legs: Vec::new(),
                 prime: self.gap.prime(),

@@ -17,6 +17,7 @@ use crate::gcode::{GcodePass, Leg, Place};
 use crate::geometry::Vector2;
 use crate::geometry::aperture::Aperture;
 use crate::plan::route::bead_headings::{BeadLines, HeadingTrack, WidthOff};
+use crate::plan::route::chords::Chords;
 use crate::settings::Settings;
 use headway_protocol::units::{
     CHANNEL_HEADING, CHANNEL_VOLUME, CHANNEL_X, CHANNEL_Y, CHANNEL_Z, CHANNELS,
@@ -61,6 +62,8 @@ pub struct BeadMove {
     pub speed_mm_s: f64,
     /// Tip speeds by the path's parameter, rising, where they are several.
     pub speeds_mm_s: Vec<[f64; 2]>,
+    /// Least duration, s.
+    pub least_s: f64,
 }
 
 /// A pass without legs that stand, by legs.
@@ -84,6 +87,8 @@ pub struct Bead {
     widths_mm: Vec<f64>,
     headings: Headings,
     is_told: bool,
+    /// Of a motion that was planned before.
+    chords: Option<Chords>,
 }
 
 impl Bead {
@@ -106,6 +111,10 @@ impl Bead {
             widths_mm,
             headings,
             is_told: headings_told,
+            chords: match headings_told && slicer == Slicer::Headway {
+                true => Chords::of_pass(pass, settings.flow_factor),
+                false => None,
+            },
         })
     }
 
@@ -125,6 +134,14 @@ impl Bead {
 
     /// Its curve.
     pub fn curve(&self, settings: &Settings) -> BeadCurve {
+        let planned = self.chords.as_ref();
+        if let Some(curves) = planned.and_then(|chords| chords.curves(settings)) {
+            return BeadCurve {
+                moves: curves.into_iter().map(BeadMove::of).collect(),
+                beyond_mm: [0.0; 2],
+                off: WidthOff::default(),
+            };
+        }
         let (way, widths_mm, headings) = (&self.way, &self.widths_mm, &self.headings);
         let aperture = &settings.aperture;
         let volumes_mm3 = way.volumes_mm3(widths_mm, headings, settings);

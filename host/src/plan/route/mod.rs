@@ -5,8 +5,8 @@
 //! (mm, rad)                                                                 (mm, rad, mm³)
 //! WaypointRun --waypoint_curve--> PathCurve --waypoint_route--> Route
 //! (mm, input)                     (mm, rad, machine coordinates)
-//! GcodePass   --bead_headings, bead_curve, gcode_route--> Route
-//! (mm, input)                                             (mm, rad, mm³)
+//! GcodePass   --bead_headings, bead_curve, chords, gcode_route--> Route
+//! (mm, input)                                                     (mm, rad, mm³)
 //! ```
 //!
 //! Leaves out: how fast it goes (`motion`).
@@ -14,6 +14,7 @@
 pub mod bead_curve;
 pub mod bead_headings;
 pub mod build_route;
+pub mod chords;
 pub mod clear_travel;
 pub mod flow;
 pub mod gcode_route;

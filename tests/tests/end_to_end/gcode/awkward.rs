@@ -403,6 +403,19 @@ fn heights_are_those_of_the_print() {
     assert_eq!(program(both.as_bytes()).layers(), 2);
 }
 
+/// Goal: layers below a line that primes above them are layers of their own, as high as they are: IceSL's first two, at
+/// 0.12 and 0.24 mm below a line at 0.3 mm, were one with that line. Method: heights by hand.
+#[test]
+fn layers_below_a_line_that_primes_are_their_own() {
+    let layer = |z: &str| format!("G0 Z{z}\nG1 X10 E1\nG0 X0\n");
+    let text: String = ["0.3", "0.12", "0.24", "0.36"].map(layer).concat();
+    let read = program(format!("M83\nG1 F1200\n{text}").as_bytes());
+    assert_eq!(
+        (heights_mm(&read), read.layers()),
+        (vec![0.3, 0.12, 0.12, 0.12], 4)
+    );
+}
+
 /// Planned and packed by one thread, and the seconds of its processor.
 fn planned(text: &str) -> (Result<GcodePlan, String>, f64) {
     let program = program(text.as_bytes());

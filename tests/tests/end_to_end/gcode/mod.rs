@@ -6,5 +6,6 @@ mod export;
 mod following;
 mod heat_orders;
 mod orca;
+mod planned_again;
 mod reading;
 mod short_beads;
