@@ -92,6 +92,31 @@ class Job:
             columns[name] = columns[name].astype(np.int64)
         return columns
 
+    def joints(self, every_ms: float = 1.0) -> dict[str, npt.NDArray[Any]]:
+        """The joints at even steps of time and at the end, with the columns of ``export --to csv --joints``.
+
+        ``t_s``, ``layer``, ``pass``, ``state``, ``volume_mm3`` (deposited so far), ``flow_mm3_s``, then for each
+        joint of the machine its position (``joint_x_mm``, ``joint_1_rad``), rate (``..._mm_s``), acceleration
+        (``..._mm_s2``) and whole motor steps (``joint_x_steps``), in machine coordinates; joints that turn without
+        end count their turns. :attr:`machine_joints` says what the joints are.
+        """
+        columns: dict[str, npt.NDArray[Any]] = {
+            name: np.frombuffer(doubles, dtype=np.float64)
+            for name, doubles in self._native.joint_columns(every_ms * 1e-3)
+        }
+        for name in columns:
+            if name in ("layer", "pass", "state") or name.endswith("_steps"):
+                columns[name] = columns[name].astype(np.int64)
+        return columns
+
+    @property
+    def machine_joints(self) -> list[dict[str, Any]]:
+        """Name, unit (mm or rad), steps a unit, and range (infinite without ends) of each joint."""
+        return [
+            {"name": name, "unit": unit, "steps_per_unit": steps, "range": tuple(ends)}
+            for name, unit, steps, ends in self._native.joint_list()
+        ]
+
     def simulate(self, link: str = "", seed: int = 1) -> dict[str, Any]:
         """Streams it over a simulated line to the firmware library; figures of plan and run.
 
@@ -116,6 +141,24 @@ class Job:
     def write_csv(self, path: PathLike, every_ms: float = 1.0) -> None:
         """Writes its poses with the columns of ``headway export --to csv``."""
         _write(path, self._native.csv(every_ms * 1e-3))
+
+    def write_joints_csv(self, path: PathLike, every_ms: float = 1.0) -> None:
+        """Writes its joints with the columns of ``headway export --to csv --joints``."""
+        _write(path, self._native.joints_csv(every_ms * 1e-3))
+
+    def write_trajectory(
+        self,
+        path: PathLike,
+        every_ms: float = 10.0,
+        joint_names: Optional[Sequence[str]] = None,
+    ) -> None:
+        """Writes a JointTrajectory message of ROS 2: ``.json``, or YAML for any other ending.
+
+        ``joint_names`` are the robot's, in the machine's order; without them the machine file's.
+        """
+        is_json = os.fspath(path).lower().endswith(".json")
+        names = None if joint_names is None else [str(name) for name in joint_names]
+        _write(path, self._native.trajectory(every_ms * 1e-3, names, not is_json))
 
     def write_gcode(self, path: PathLike, dialect: str) -> None:
         """Writes G-code for klipper, reprapfirmware, linuxcnc, grblhal or marlin."""

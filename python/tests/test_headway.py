@@ -73,6 +73,39 @@ def test_poses_cover_the_polygon(frame, job):
     assert ground.difference(frame.buffer(0.02)).area < 0.02
 
 
+def test_joints_are_those_of_the_command_and_make_the_poses(job, tmp_path):
+    joints, poses = job.joints(every_ms=2), job.poses(every_ms=2)
+    assert [of["name"] for of in job.machine_joints] == ["x", "y", "z", "c"]
+    assert [of["unit"] for of in job.machine_joints] == ["mm", "mm", "mm", "rad"]
+    # On this machine joints are the pose itself, moved to where the part lies on the bed.
+    rows = len(poses["time_s"])
+    for axis in "xyz":
+        offset = joints[f"joint_{axis}_mm"][:rows] - poses[f"{axis}_mm"]
+        assert np.ptp(offset) < 1e-9
+    assert np.abs(joints["joint_c_rad"][:rows] - poses["heading_rad"]).max() < 1e-9
+    steps_per_rad = job.machine_joints[3]["steps_per_unit"]
+    # Whole steps are within half a step.
+    off = joints["joint_c_steps"] - joints["joint_c_rad"] * steps_per_rad
+    assert np.abs(off).max() <= 0.5 + 1e-6
+    assert joints["t_s"][-1] == pytest.approx(job.duration_s, abs=1e-9)
+    job.write(tmp_path / "job.hwj")
+    job.write_joints_csv(tmp_path / "python.csv", every_ms=2)
+    job.write_trajectory(tmp_path / "python.json", every_ms=20, joint_names=["a", "b", "c", "d"])
+    job.write_trajectory(tmp_path / "python.yaml", every_ms=20)
+    head = (tmp_path / "python.csv").read_text().split("\n", 1)[0]
+    assert head == ",".join(joints)
+    with pytest.raises(headway.JobError, match="2 joint names for 4 joints"):
+        job.write_trajectory(tmp_path / "no.json", joint_names=["a", "b"])
+    for name, options in [
+        ("python.csv", "csv --joints --every-ms 2"),
+        ("python.json", "ros2-json --every-ms 20 --joint-names a,b,c,d"),
+        ("python.yaml", "ros2-yaml --every-ms 20"),
+    ]:
+        made = [command(), "export", tmp_path / "job.hwj", "-o", tmp_path / "command", "--to"]
+        subprocess.run(made + options.split(), check=True)
+        assert (tmp_path / name).read_bytes() == (tmp_path / "command").read_bytes(), name
+
+
 def test_poses_are_the_figures(job):
     poses = job.poses(every_ms=1)
     assert {len(column) for column in poses.values()} == {len(poses["time_s"])}
