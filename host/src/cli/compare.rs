@@ -18,6 +18,8 @@ use std::ops::RangeInclusive;
 
 /// Slowest heading axis that is tried, against the given one.
 const SLOWEST: f64 = 1.0 / 64.0;
+/// About the most nozzles that a picture of a layer draws.
+const PLACED_MAX: usize = 700;
 /// Density of the material that is printed most, g/cm³.
 const PLA_G_CM3: f64 = 1.24;
 /// Densities that are taken, as in a machine file.
@@ -202,7 +204,24 @@ fn open_mm2(figures: &Figures) -> Option<f64> {
 
 fn layer_picture(aperture: &str, planned: &Planned) -> String {
     let layer = planned.stream.layers() / 2;
-    plan_picture::draw(&pictures::plan_picture(aperture, planned, layer))
+    let mut picture = pictures::plan_picture(aperture, planned, layer);
+    // Several stand in one file, side by side: a medial axis and every nozzle would only blacken them.
+    picture.axis.clear();
+    let placed: usize = picture.passes.iter().map(|of| of.placements.len()).sum();
+    let every = placed.div_ceil(PLACED_MAX).max(1);
+    for pass in &mut picture.passes {
+        pass.placements = thinned(&pass.placements, every);
+        pass.speeds_mm_s = thinned(&pass.speeds_mm_s, every);
+    }
+    plan_picture::draw(&picture)
+}
+
+/// Every so many, and the last.
+fn thinned<T: Clone>(of: &[T], every: usize) -> Vec<T> {
+    let last = of.len().saturating_sub(1);
+    let kept = of.iter().enumerate();
+    let kept = kept.filter(|(number, _)| number % every == 0 || *number == last);
+    kept.map(|(_, item)| item.clone()).collect()
 }
 
 fn picture(args: &CompareArgs, rows: &[Row]) -> String {
