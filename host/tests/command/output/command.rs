@@ -195,13 +195,18 @@ fn inspect_tells_the_length_of_a_path_from_its_spacing() {
     let folder = folder("spacing");
     let file = folder.join("run.wpt");
     let points = (0..=10).map(|i| format!("{} 0 1 0 0 1\n", 2 * i));
-    let text: String = std::iter::once("x y z nx ny nz\n".to_string()).chain(points).collect();
+    let text: String = std::iter::once("x y z nx ny nz\n".to_string())
+        .chain(points)
+        .collect();
     std::fs::write(&file, text).expect("a run");
     let said = succeeded(&headway(&["inspect", path(&file)]));
     let expected = "11 waypoints, 20.000 mm long, usually 2.000 mm from one waypoint to the next";
     assert!(said.contains(expected), "{said}");
     let found = object(&headway(&["inspect", path(&file), "--json"]));
-    assert_eq!((&found["length_mm"], &found["spacing_mm"]), (&20.0.into(), &2.0.into()));
+    assert_eq!(
+        (&found["length_mm"], &found["spacing_mm"]),
+        (&20.0.into(), &2.0.into())
+    );
 }
 
 #[test]
