@@ -37,30 +37,7 @@ pub(super) fn run(args: &SimulateArgs, console: &Console) -> Result<(), CliError
     if !args.verdict.figures {
         console.show_few_notes();
     }
-    let mut planned = if job::is_job(&args.input) {
-        if args.verdict.against.is_some() {
-            return Err(CliError::Usage(
-                "--against plans the input again: give the input, not its job".to_string(),
-            ));
-        }
-        let unused = of_no_use(&args.input, &args.reading, &args.place, &args.settings);
-        console.notes(unused.as_slice());
-        planned::from_job(&args.input, &args.settings)?
-    } else {
-        let (planned, ()) = verdict::planned_as_allowed(&args.allow, |widened| {
-            let planned = planned::from_input(
-                &args.input,
-                &args.reading,
-                &args.place,
-                &args.settings,
-                widened,
-                None,
-                console,
-            )?;
-            Ok((planned, ()))
-        })?;
-        planned
-    };
+    let mut planned = planned_of(args, console)?;
     tell_heat(&mut planned, console);
     let setup = SimulatorSetup {
         link,
@@ -104,6 +81,34 @@ pub(super) fn run(args: &SimulateArgs, console: &Console) -> Result<(), CliError
         console.result(&text)?;
     }
     verdict::check(&planned.objections, &args.allow, "the job is not good")
+}
+
+/// The job as it is read, or planned.
+fn planned_of(args: &SimulateArgs, console: &Console) -> Result<Planned, CliError> {
+    if job::is_job(&args.input) {
+        if args.verdict.against.is_some() {
+            return Err(CliError::Usage(
+                "--against plans the input again: give the input, not its job".to_string(),
+            ));
+        }
+        let unused = of_no_use(&args.input, &args.reading, &args.place, &args.settings);
+        console.notes(unused.as_slice());
+        planned::from_job(&args.input, &args.settings)
+    } else {
+        let (planned, ()) = verdict::planned_as_allowed(&args.allow, |widened| {
+            let planned = planned::from_input(
+                &args.input,
+                &args.reading,
+                &args.place,
+                &args.settings,
+                widened,
+                None,
+                console,
+            )?;
+            Ok((planned, ()))
+        })?;
+        Ok(planned)
+    }
 }
 
 /// Says what is ordered of heaters and fans: the simulated line carries the motion alone.
