@@ -193,8 +193,9 @@ fn exported_rates_and_accelerations_are_the_positions_derivatives() {
         let times = table.column("t_s");
         let kinds = [0, 1, 2].map(|kind| table.joints(kind, joints));
         let mut moving = 0;
-        for joint in 0..joints {
-            let [q, v, a] = [0, 1, 2].map(|kind| &kinds[kind][joint]);
+        let [positions, rates, accelerations] = &kinds;
+        let of_joint = positions.iter().zip(rates).zip(accelerations).enumerate();
+        for (joint, ((q, v), a)) in of_joint {
             let jerk = settings.machine.joints[joint].jerk_max;
             moving += usize::from(v.iter().any(|v| v.abs() > 1e-3));
             for (row, pair) in times.windows(2).enumerate() {
