@@ -12,6 +12,7 @@ where and what helps.
 
 from __future__ import annotations
 
+import importlib
 import json
 import os
 from collections.abc import Callable, Mapping, Sequence
@@ -157,11 +158,11 @@ class Job:
 
     def plot(self, ax: Any = None, every_ms: float = 5.0, layer: int = 0) -> Any:
         """Draws a layer's passes from above by matplotlib, as wide as their beads; returns the axes."""
-        import matplotlib.pyplot
-        from matplotlib.collections import PolyCollection
-
+        # By name: who does not plot needs no matplotlib, nor its types.
+        collections: Any = importlib.import_module("matplotlib.collections")
         if ax is None:
-            ax = matplotlib.pyplot.figure().add_subplot()
+            pyplot: Any = importlib.import_module("matplotlib.pyplot")
+            ax = pyplot.figure().add_subplot()
         poses = self.poses(every_ms)
         shown = (poses["layer"] == layer) & np.isfinite(poses["width_mm"])
         places = np.column_stack([poses["x_mm"], poses["y_mm"]])
@@ -178,7 +179,8 @@ class Job:
             places[pairs + 1] + half[1],
             places[pairs] + half[0],
         ]
-        ax.add_collection(PolyCollection(np.stack(corners, axis=1), facecolor="#0f766e", edgecolor="none", alpha=0.6))
+        beads = np.stack(corners, axis=1)
+        ax.add_collection(collections.PolyCollection(beads, facecolor="#0f766e", edgecolor="none", alpha=0.6))
         ax.autoscale_view()
         ax.set_aspect("equal")
         ax.set_title(f"{self.name}, layer {layer + 1}")
