@@ -145,12 +145,13 @@ fn steps(figures: &Figures) -> Option<String> {
 }
 
 fn duration(seconds: f64) -> String {
-    // Rounded once, so that no 60 seconds are left over.
+    // Rounded once, so that no 60 seconds and no 60 minutes are left over.
     let whole = seconds.round() as u64;
+    let minutes = (seconds / 60.0).round() as u64;
     match seconds {
         s if s < 100.0 => format!("{s:.1} s"),
         s if s < 6000.0 => format!("{} min {:02} s", whole / 60, whole % 60),
-        _ => format!("{} h {:02} min", whole / 3600, whole % 3600 / 60),
+        _ => format!("{} h {:02} min", minutes / 60, minutes % 60),
     }
 }
 
