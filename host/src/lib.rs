@@ -38,6 +38,7 @@ pub mod job_heat;
 pub mod job_packing;
 pub mod job_resume;
 pub mod job_spool;
+pub mod joint_export;
 pub mod layer_stack;
 pub mod layer_time;
 pub mod layer_uses;

@@ -12,16 +12,48 @@ where and what helps.
 
 from __future__ import annotations
 
+import importlib
 import json
 import os
 from collections.abc import Callable, Mapping, Sequence
-from typing import Any, Optional, Union
+from typing import TYPE_CHECKING, Any, Optional, Union
 
 import numpy as np
 import numpy.typing as npt
 
 from . import _headway
 from ._headway import HeadwayError, JobError, OptionsError, PartError, PlanError, __version__
+
+if TYPE_CHECKING:
+    from typing_extensions import TypedDict, Unpack
+
+    class Options(TypedDict, total=False):
+        """The options of :func:`plan`, for functions that pass them on; a misspelt one is found by a type checker."""
+
+        aperture: Optional[str]
+        speed_mm_s: Optional[float]
+        wall_speed_mm_s: Optional[float]
+        solid_speed_mm_s: Optional[float]
+        sparse_speed_mm_s: Optional[float]
+        layer_time_min_s: Optional[float]
+        layer_height_mm: Optional[float]
+        layers: Optional[int]
+        pass_mode: Optional[str]
+        heading_law: Optional[str]
+        quality: Optional[str]
+        tolerance_mm: Optional[float]
+        overlap_pct: Optional[float]
+        walls: Optional[int]
+        infill_density_pct: Optional[float]
+        infill_angle_deg: Optional[float]
+        bottom_layers: Optional[int]
+        top_layers: Optional[int]
+        skirt_loops: Optional[int]
+        skirt_distance_mm: Optional[float]
+        brim_loops: Optional[int]
+        avoid_crossing: Optional[bool]
+        seam: Optional[str]
+        seam_direction_deg: Optional[float]
 
 __all__ = [
     "STATES",
@@ -34,6 +66,7 @@ __all__ = [
     "__version__",
     "plan",
     "plan_file",
+    "plan_path",
     "read_job",
 ]
 
@@ -41,6 +74,8 @@ __all__ = [
 STATES = ("travel", "prime", "print", "retract", "hold")
 
 PathLike = Union[str, "os.PathLike[str]"]
+#: A machine: the path of a machine file, or what stands in one as a mapping of its groups.
+Machine = Union[str, "os.PathLike[str]", Mapping[str, Any]]
 #: Called with the stage's name, the steps of it done and the steps of it in all; what it raises stops.
 Progress = Callable[[str, int, int], Any]
 _Rings = list[list[tuple[float, float]]]
@@ -51,6 +86,10 @@ class Job:
 
     def __init__(self, native: _headway.Job) -> None:
         self._native = native
+
+    def __reduce__(self) -> tuple[Any, ...]:
+        """Pickled and copied as its file; notes are of the planning, and stay behind."""
+        return (_job_of, (self.to_bytes(),))
 
     def __repr__(self) -> str:
         return f"<headway.Job {self.name!r}, {self.duration_s:.1f} s>"
@@ -92,6 +131,61 @@ class Job:
             columns[name] = columns[name].astype(np.int64)
         return columns
 
+    def joints(self, every_ms: float = 1.0) -> dict[str, npt.NDArray[Any]]:
+        """The joints at even steps of time and at the end, with the columns of ``export --to csv --joints``.
+
+        ``t_s``, ``layer``, ``pass``, ``state``, ``volume_mm3`` (deposited so far), ``flow_mm3_s``, then for each
+        joint of the machine its position (``joint_x_mm``, ``joint_1_rad``), rate (``..._mm_s``), acceleration
+        (``..._mm_s2``) and whole motor steps (``joint_x_steps``), in machine coordinates; joints that turn without
+        end count their turns. :attr:`machine_joints` says what the joints are.
+        """
+        columns: dict[str, npt.NDArray[Any]] = {
+            name: np.frombuffer(doubles, dtype=np.float64)
+            for name, doubles in self._native.joint_columns(every_ms * 1e-3)
+        }
+        for name in columns:
+            if name in ("layer", "pass", "state") or name.endswith("_steps"):
+                columns[name] = columns[name].astype(np.int64)
+        return columns
+
+    @property
+    def machine_joints(self) -> list[dict[str, Any]]:
+        """Name, unit (mm or rad), steps a unit, and range (infinite without ends) of each joint."""
+        return [
+            {"name": name, "unit": unit, "steps_per_unit": steps, "range": tuple(ends)}
+            for name, unit, steps, ends in self._native.joint_list()
+        ]
+
+    def plot(self, ax: Any = None, every_ms: float = 5.0, layer: int = 0) -> Any:
+        """Draws a layer's passes from above by matplotlib, as wide as their beads; returns the axes."""
+        # By name: who does not plot needs no matplotlib, nor its types.
+        collections: Any = importlib.import_module("matplotlib.collections")
+        if ax is None:
+            pyplot: Any = importlib.import_module("matplotlib.pyplot")
+            ax = pyplot.figure().add_subplot()
+        poses = self.poses(every_ms)
+        shown = (poses["layer"] == layer) & np.isfinite(poses["width_mm"])
+        places = np.column_stack([poses["x_mm"], poses["y_mm"]])
+        # A bead between two poses of the same pass that follow each other.
+        pairs = np.flatnonzero(shown[:-1] & shown[1:] & (np.diff(poses["pass"]) == 0))
+        along = places[pairs + 1] - places[pairs]
+        length = np.hypot(along[:, 0], along[:, 1])
+        pairs, along = pairs[length > 1e-6], along[length > 1e-6] / length[length > 1e-6, None]
+        across = 0.5 * np.column_stack([-along[:, 1], along[:, 0]])
+        half = [across * poses["width_mm"][pairs + k, None] for k in (0, 1)]
+        corners = [
+            places[pairs] - half[0],
+            places[pairs + 1] - half[1],
+            places[pairs + 1] + half[1],
+            places[pairs] + half[0],
+        ]
+        beads = np.stack(corners, axis=1)
+        ax.add_collection(collections.PolyCollection(beads, facecolor="#0f766e", edgecolor="none", alpha=0.6))
+        ax.autoscale_view()
+        ax.set_aspect("equal")
+        ax.set_title(f"{self.name}, layer {layer + 1}")
+        return ax
+
     def simulate(self, link: str = "", seed: int = 1) -> dict[str, Any]:
         """Streams it over a simulated line to the firmware library; figures of plan and run.
 
@@ -117,6 +211,24 @@ class Job:
         """Writes its poses with the columns of ``headway export --to csv``."""
         _write(path, self._native.csv(every_ms * 1e-3))
 
+    def write_joints_csv(self, path: PathLike, every_ms: float = 1.0) -> None:
+        """Writes its joints with the columns of ``headway export --to csv --joints``."""
+        _write(path, self._native.joints_csv(every_ms * 1e-3))
+
+    def write_trajectory(
+        self,
+        path: PathLike,
+        every_ms: float = 10.0,
+        joint_names: Optional[Sequence[str]] = None,
+    ) -> None:
+        """Writes a JointTrajectory message of ROS 2: ``.json``, or YAML for any other ending.
+
+        ``joint_names`` are the robot's, in the machine's order; without them the machine file's.
+        """
+        is_json = os.fspath(path).lower().endswith(".json")
+        names = None if joint_names is None else [str(name) for name in joint_names]
+        _write(path, self._native.trajectory(every_ms * 1e-3, names, not is_json))
+
     def write_gcode(self, path: PathLike, dialect: str) -> None:
         """Writes G-code for klipper, reprapfirmware, linuxcnc, grblhal or marlin."""
         _write(path, self._native.gcode(dialect))
@@ -126,7 +238,7 @@ def plan(
     geometry: Any,
     *,
     name: str = "part",
-    machine: Optional[PathLike] = None,
+    machine: Optional[Machine] = None,
     keep_out: Any = None,
     at_mm: Optional[Sequence[float]] = None,
     progress: Optional[Progress] = None,
@@ -175,34 +287,54 @@ def plan(
 def plan_file(
     path: PathLike,
     *,
-    machine: Optional[PathLike] = None,
+    machine: Optional[Machine] = None,
     keep_out: Any = None,
     at_mm: Optional[Sequence[float]] = None,
     progress: Optional[Progress] = None,
     units: Optional[str] = None,
     scale: float = 1.0,
     repair: bool = False,
-    **options: Any,
+    **options: Unpack[Options],
 ) -> Job:
     """Plans a file: polygon JSON, GeoJSON, SVG, DXF, waypoints or NURBS, by its ending.
 
     ``units`` (mm, cm, m, um, in) and ``scale`` are of its coordinates, ``repair`` mends crossings and open
     contours by the fill rule; the options are those of :func:`plan`.
     """
-    unknown = sorted(set(options) - _OPTIONS)
-    if unknown:
-        raise TypeError(f"plan_file() has no option {unknown[0]}; there are {', '.join(sorted(_OPTIONS))}")
+    given = _known(options, "plan_file")
     stem, ending = os.path.splitext(os.path.basename(os.fspath(path)))
-    flatten_mm = options.get("tolerance_mm")
+    flatten_mm = given.get("tolerance_mm")
     part = _headway.Part.from_bytes(
         stem, ending[1:], _read(path), units, scale, repair, flatten_mm
     )
-    return _planned(part, machine, keep_out, at_mm, progress, options)
+    return _planned(part, machine, keep_out, at_mm, progress, given)
+
+
+def plan_path(
+    waypoints: Any,
+    *,
+    name: str = "path",
+    machine: Optional[Machine] = None,
+    at_mm: Optional[Sequence[float]] = None,
+    progress: Optional[Progress] = None,
+    **options: Unpack[Options],
+) -> Job:
+    """Plans a path: the tip follows the waypoints, in mm, as one pass.
+
+    ``waypoints`` is an array of n x 3 (x, y, z; the tool upright), n x 6 (and the unit vector of the tool axis, from
+    the tip into the head) or n x 7 (and ``heading_deg`` about it), or a mapping of such columns by name: ``x``, ``y``,
+    ``z``, ``nx``, ``ny``, ``nz``, ``heading_deg``, ``width_mm``, ``height_mm``, ``speed_mm_s``. The rest is as in
+    :func:`plan`.
+    """
+    given = _known(options, "plan_path")
+    text = _waypoints(waypoints)
+    part = _headway.Part.from_bytes(name, "wpt", text.encode("ascii"), None, 1.0, False, None)
+    return _planned(part, machine, None, at_mm, progress, given)
 
 
 def read_job(path: PathLike) -> Job:
     """Reads a job file; one that was altered is refused with the place."""
-    return Job(_headway.Job.from_bytes(_read(path)))
+    return _job_of(_read(path))
 
 
 _OPTIONS = frozenset(plan.__kwdefaults__ or ()) - {
@@ -214,9 +346,98 @@ _OPTIONS = frozenset(plan.__kwdefaults__ or ()) - {
 }
 
 
+def _known(options: Mapping[str, Any], function: str) -> dict[str, Any]:
+    unknown = sorted(set(options) - _OPTIONS)
+    if unknown:
+        raise TypeError(f"{function}() has no option {unknown[0]}; there are {', '.join(sorted(_OPTIONS))}")
+    return dict(options)
+
+
+_COLUMNS = ("x", "y", "z", "nx", "ny", "nz", "heading_deg")
+_MORE_COLUMNS = ("width_mm", "height_mm", "speed_mm_s")
+
+
+def _waypoints(waypoints: Any) -> str:
+    """The text of a waypoint file."""
+    if isinstance(waypoints, Mapping):
+        columns = {str(name): _column(values, str(name)) for name, values in waypoints.items()}
+    else:
+        try:
+            rows = np.asarray(waypoints, dtype=np.float64)
+        except (TypeError, ValueError):
+            rows = np.empty(0)
+        if rows.ndim != 2 or rows.shape[1] not in (3, 6, 7):
+            raise PartError("waypoints: give an array of n x 3, n x 6 or n x 7 numbers, or columns by name")
+        columns = dict(zip(_COLUMNS, rows.T))
+    missing = [name for name in ("x", "y", "z") if name not in columns]
+    unknown = sorted(set(columns) - set(_COLUMNS) - set(_MORE_COLUMNS))
+    if missing or unknown:
+        wrong = f"no column {missing[0]}" if missing else f"no such column: {unknown[0]}"
+        raise PartError(f"waypoints: {wrong}; there are {', '.join(_COLUMNS + _MORE_COLUMNS)}")
+    count = len(columns["x"])
+    if {len(values) for values in columns.values()} != {count}:
+        raise PartError("waypoints: the columns are of different lengths")
+    if not {"nx", "ny", "nz"} & set(columns):
+        columns.update(nx=np.zeros(count), ny=np.zeros(count), nz=np.ones(count))
+    named = [name for name in _COLUMNS + _MORE_COLUMNS if name in columns]
+    rows = np.column_stack([columns[name] for name in named])
+    if not np.isfinite(rows).all():
+        raise PartError(f"waypoint {int(np.flatnonzero(~np.isfinite(rows).all(axis=1))[0])}: a number is not finite")
+    # The shortest text that reads back as the same double.
+    lines = [" ".join(repr(float(value)) for value in row) for row in rows]
+    return "\n".join([" ".join(named), *lines, ""])
+
+
+def _column(values: Any, name: str) -> npt.NDArray[np.float64]:
+    try:
+        column = np.asarray(values, dtype=np.float64)
+    except (TypeError, ValueError):
+        column = np.empty((0, 0))
+    if column.ndim != 1:
+        raise PartError(f"waypoints: column {name} is no list of numbers")
+    return column
+
+
+def _machine_text(machine: Optional[Machine]) -> Optional[str]:
+    """The text of a machine file."""
+    if machine is None:
+        return None
+    if isinstance(machine, Mapping):
+        return "\n".join(_toml(machine, ""))
+    return _read(machine).decode("utf-8")
+
+
+def _toml(group: Mapping[str, Any], path: str) -> list[str]:
+    lines = [f"{json.dumps(str(key))} = {_toml_value(value, f'{path}{key}')}" for key, value in group.items()
+             if not isinstance(value, Mapping)]
+    for key, value in group.items():
+        if isinstance(value, Mapping):
+            lines.append(f"[{path}{json.dumps(str(key))}]")
+            lines.extend(_toml(value, f"{path}{json.dumps(str(key))}."))
+    return lines
+
+
+def _toml_value(value: Any, key: str) -> str:
+    if isinstance(value, (bool, np.bool_)):
+        return "true" if value else "false"
+    if isinstance(value, (int, np.integer)):
+        return str(int(value))
+    if isinstance(value, (float, np.floating)):
+        return repr(float(value))
+    if isinstance(value, str):
+        return json.dumps(value)
+    if isinstance(value, (list, tuple, np.ndarray)):
+        return "[" + ", ".join(_toml_value(item, key) for item in value) + "]"
+    raise OptionsError(f"machine: {key} is {type(value).__name__}: give numbers, texts, lists or groups of them")
+
+
+def _job_of(data: bytes) -> Job:
+    return Job(_headway.Job.from_bytes(data))
+
+
 def _planned(
     part: _headway.Part,
-    machine: Optional[PathLike],
+    machine: Optional[Machine],
     keep_out: Any,
     at_mm: Optional[Sequence[float]],
     progress: Optional[Progress],
@@ -228,8 +449,7 @@ def _planned(
         part = part.keeping_out(_headway.Part.from_polygons("keep_out", _polygons(keep_out)))
     if at_mm is not None:
         part = part.placed_at([float(number) for number in at_mm])
-    text = None if machine is None else _read(machine).decode("utf-8")
-    return Job(_headway.plan(part, text, options, progress))
+    return Job(_headway.plan(part, _machine_text(machine), options, progress))
 
 
 def _read(path: PathLike) -> bytes:

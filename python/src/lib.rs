@@ -195,6 +195,49 @@ impl Job {
         Ok(PyBytes::new(py, &text))
     }
 
+    /// Name, unit, steps a unit and both ends of each joint.
+    fn joint_list(&self) -> Vec<(String, &'static str, f64, [f64; 2])> {
+        let joints = self.0.joints().into_iter();
+        joints
+            .map(|joint| (joint.name, joint.unit, joint.steps_per_unit, joint.range))
+            .collect()
+    }
+
+    /// Name and doubles of each column of the joints.
+    fn joint_columns<'py>(
+        &self,
+        py: Python<'py>,
+        every_s: f64,
+    ) -> PyResult<Vec<(String, Bound<'py, PyByteArray>)>> {
+        let columns = py.detach(|| joint_columns(&self.0, every_s));
+        let columns = columns.map_err(exception)?;
+        Ok(columns
+            .into_iter()
+            .map(|(name, doubles)| (name, PyByteArray::new(py, &doubles)))
+            .collect())
+    }
+
+    fn joints_csv<'py>(&self, py: Python<'py>, every_s: f64) -> PyResult<Bound<'py, PyBytes>> {
+        let mut text = Vec::new();
+        let written = py.detach(|| self.0.write_joints_csv(&mut text, every_s));
+        written.map_err(exception)?;
+        Ok(PyBytes::new(py, &text))
+    }
+
+    fn trajectory<'py>(
+        &self,
+        py: Python<'py>,
+        every_s: f64,
+        names: Option<Vec<String>>,
+        is_yaml: bool,
+    ) -> PyResult<Bound<'py, PyBytes>> {
+        let mut text = Vec::new();
+        let names = names.as_deref();
+        let written = py.detach(|| self.0.write_trajectory(&mut text, every_s, names, is_yaml));
+        written.map_err(exception)?;
+        Ok(PyBytes::new(py, &text))
+    }
+
     fn gcode<'py>(&self, py: Python<'py>, dialect: &str) -> PyResult<Bound<'py, PyBytes>> {
         let mut text = Vec::new();
         let written = py.detach(|| self.0.write_gcode(&mut text, dialect));
@@ -244,6 +287,38 @@ fn columns(job: &api::Job, every_s: f64) -> Result<[Vec<u8>; 14], Error> {
         }
     }
     Ok(columns)
+}
+
+/// The joints' columns, named as in the table of the command.
+fn joint_columns(job: &api::Job, every_s: f64) -> Result<Vec<(String, Vec<u8>)>, Error> {
+    let joints = job.joints();
+    let first = ["t_s", "layer", "pass", "state", "volume_mm3", "flow_mm3_s"];
+    let mut names: Vec<String> = first.map(str::to_string).to_vec();
+    for ending in ["{unit}", "{unit}_s", "{unit}_s2", "steps"] {
+        names.extend(joints.iter().map(|joint| {
+            let ending = ending.replace("{unit}", joint.unit);
+            format!("{}_{ending}", joint.column)
+        }));
+    }
+    let mut columns = vec![Vec::new(); names.len()];
+    for at in job.joint_poses(every_s)? {
+        let at = at?;
+        let first = [
+            at.time_s,
+            f64::from(at.layer),
+            at.pass.map_or(-1.0, f64::from),
+            state_number(at.state),
+            at.volume_mm3,
+            at.flow_mm3_s,
+        ];
+        let steps = at.steps.iter().map(|steps| *steps as f64);
+        let row = first.into_iter().chain(at.position).chain(at.velocity);
+        let row = row.chain(at.acceleration).chain(steps);
+        for (column, value) in columns.iter_mut().zip(row) {
+            column.extend(value.to_ne_bytes());
+        }
+    }
+    Ok(names.into_iter().zip(columns).collect())
 }
 
 #[pymodule]

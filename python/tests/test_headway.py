@@ -5,9 +5,11 @@ The command is taken from HEADWAY_COMMAND or the workspace's target folder; wher
 skip, unless HEADWAY_DEMAND_COMMAND is set.
 """
 
+import copy
 import math
 import os
 import pathlib
+import pickle
 import subprocess
 import sys
 import threading
@@ -71,6 +73,106 @@ def test_poses_cover_the_polygon(frame, job):
     assert covered_pct > 95
     # Hulls stand over on the inner side of a bend by the sagitta of 0.3 mm on 0.2 mm and more.
     assert ground.difference(frame.buffer(0.02)).area < 0.02
+
+
+def test_joints_are_those_of_the_command_and_make_the_poses(job, tmp_path):
+    joints, poses = job.joints(every_ms=2), job.poses(every_ms=2)
+    assert [of["name"] for of in job.machine_joints] == ["x", "y", "z", "c"]
+    assert [of["unit"] for of in job.machine_joints] == ["mm", "mm", "mm", "rad"]
+    # On this machine joints are the pose itself, moved to where the part lies on the bed.
+    rows = len(poses["time_s"])
+    for axis in "xyz":
+        offset = joints[f"joint_{axis}_mm"][:rows] - poses[f"{axis}_mm"]
+        assert np.ptp(offset) < 1e-9
+    assert np.abs(joints["joint_c_rad"][:rows] - poses["heading_rad"]).max() < 1e-9
+    steps_per_rad = job.machine_joints[3]["steps_per_unit"]
+    # Whole steps are within half a step.
+    off = joints["joint_c_steps"] - joints["joint_c_rad"] * steps_per_rad
+    assert np.abs(off).max() <= 0.5 + 1e-6
+    assert joints["t_s"][-1] == pytest.approx(job.duration_s, abs=1e-9)
+    job.write(tmp_path / "job.hwj")
+    job.write_joints_csv(tmp_path / "python.csv", every_ms=2)
+    job.write_trajectory(tmp_path / "python.json", every_ms=20, joint_names=["a", "b", "c", "d"])
+    job.write_trajectory(tmp_path / "python.yaml", every_ms=20)
+    head = (tmp_path / "python.csv").read_text().split("\n", 1)[0]
+    assert head == ",".join(joints)
+    with pytest.raises(headway.JobError, match="2 joint names for 4 joints"):
+        job.write_trajectory(tmp_path / "no.json", joint_names=["a", "b"])
+    for name, options in [
+        ("python.csv", "csv --joints --every-ms 2"),
+        ("python.json", "ros2-json --every-ms 20 --joint-names a,b,c,d"),
+        ("python.yaml", "ros2-yaml --every-ms 20"),
+    ]:
+        made = [command(), "export", tmp_path / "job.hwj", "-o", tmp_path / "command", "--to"]
+        subprocess.run(made + options.split(), check=True)
+        assert (tmp_path / name).read_bytes() == (tmp_path / "command").read_bytes(), name
+
+
+def test_waypoints_of_numpy_are_those_of_a_file(tmp_path):
+    t = np.linspace(0, 2 * np.pi, 200)
+    rows = np.column_stack([20 * np.cos(t), 20 * np.sin(t), 0.2 + 0 * t, 0 * t, 0 * t, 1 + 0 * t])
+    file = tmp_path / "ring.wpt"
+    lines = [" ".join(repr(float(value)) for value in row) for row in rows]
+    file.write_text("\n".join(["x y z nx ny nz", *lines]) + "\n")
+    of_file = headway.plan_file(file, speed_mm_s=30).to_bytes()
+    assert headway.plan_path(rows, name="ring", speed_mm_s=30).to_bytes() == of_file
+    assert headway.plan_path(rows[:, :3], name="ring", speed_mm_s=30).to_bytes() == of_file
+    columns = dict(x=rows[:, 0], y=rows[:, 1], z=rows[:, 2], width_mm=np.full(200, 0.8))
+    wide = headway.plan_path(columns, name="ring").poses(every_ms=5)
+    middle = wide["width_mm"][len(wide["width_mm"]) // 2]
+    assert middle == pytest.approx(0.8, abs=0.02)
+    for wrong, said in [
+        (rows[:, :4], "n x 3"),
+        ([1, 2, 3], "n x 3"),
+        ({"x": [0, 1], "y": [0, 1]}, "no column z"),
+        ({**columns, "wide": t}, "no such column: wide"),
+        ({**columns, "y": [0, 1]}, "different lengths"),
+        (np.where(rows == rows[7, 0], np.nan, rows), "not finite"),
+    ]:
+        with pytest.raises(headway.PartError, match=said):
+            headway.plan_path(wrong)
+    with pytest.raises(TypeError, match="wals"):
+        headway.plan_path(rows, wals=3)
+
+
+def test_a_machine_may_be_a_mapping(frame, tmp_path):
+    tomllib = pytest.importorskip("tomllib")
+    file = EXAMPLES / "machines" / "planar.toml"
+    machine = tomllib.loads(file.read_text())
+    machine["print"]["speed_mm_s"] = 25
+    changed = tmp_path / "slow.toml"
+    changed.write_text(file.read_text().replace("\nspeed_mm_s = 60", "\nspeed_mm_s = 25"))
+    assert changed.read_text() != file.read_text()
+    of_file = headway.plan(frame, machine=changed)
+    assert headway.plan(frame, machine=machine).to_bytes() == of_file.to_bytes()
+    machine["print"]["speed_mm_s"] = object()
+    with pytest.raises(headway.OptionsError, match="speed_mm_s"):
+        headway.plan(frame, machine=machine)
+
+
+def test_jobs_are_pickled_and_copied(job):
+    for other in (pickle.loads(pickle.dumps(job)), copy.deepcopy(job), copy.copy(job)):
+        assert other.to_bytes() == job.to_bytes()
+        assert other.duration_s == job.duration_s
+
+
+def test_a_plot_covers_the_part(frame, job):
+    matplotlib = pytest.importorskip("matplotlib")
+    matplotlib.use("Agg")
+    ax = job.plot()
+    beads = [shapely.Polygon(path.vertices[:4]).buffer(0) for path in ax.collections[0].get_paths()]
+    # Flat ends of the quads leave out the caps of the ellipse alone.
+    ground = shapely.union_all(beads)
+    assert ground.intersection(frame).area > 0.9 * frame.area
+    assert ground.difference(frame.buffer(0.05)).area < 0.05
+
+
+def test_a_type_checker_finds_a_misspelt_option(tmp_path):
+    api = pytest.importorskip("mypy.api")
+    file = tmp_path / "user.py"
+    file.write_text("import headway\nheadway.plan_file('a.json', wals=3)\nheadway.plan_path([[0, 0, 0]], walls=3)\n")
+    said, _, status = api.run(["--strict", "--cache-dir", str(tmp_path / "cache"), str(file)])
+    assert status == 1 and "wals" in said and said.count("error:") == 1, said
 
 
 def test_poses_are_the_figures(job):

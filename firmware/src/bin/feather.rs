@@ -65,6 +65,8 @@ mod board {
     pub type DriverPins = NoDrivers;
     pub type ServoPin = NoPulse;
 
+    /// The crystal beside the chip.
+    pub const CRYSTAL_HZ: u32 = 12_000_000;
     /// STM32F405.
     pub const CHIP_ID: u32 = 0x413;
     /// Switches of X, Y and Z, then the emergency input; Z's has no line of the interrupts that are used.

@@ -3,6 +3,7 @@
 //! In: what [`super::plan`] made, or the bytes of a job file. Out: poses, figures, tables, G-code, the file's
 //! bytes, a simulated run. Leaves out pictures: `headway view` makes them of the file.
 
+use super::joints::{JobJoint, JobJoints};
 use super::{Error, JobPose};
 use crate::drive::dry_run::dry_run;
 use crate::drive::link::LinkSpec;
@@ -13,6 +14,9 @@ use crate::gcode::write::limits::AxisLimits;
 use crate::gcode::write::{JobText, WriteOptions, filament_mm2, is_tilting, write_gcode};
 use crate::job::SegmentStream;
 use crate::job_file::{self, JobFile};
+use crate::joint_export::samples;
+use crate::joint_export::tables::JointTable;
+use crate::joint_export::trajectory::{TrajectoryFormat, joint_names_of, write_trajectory};
 use crate::report::figures::Figures;
 use crate::report::job_texts::{NAME_TEXT, SETTINGS_TEXT};
 use crate::report::pose_table;
@@ -133,6 +137,78 @@ impl Job {
         let servo_hz = self.servo_hz();
         pose_table::write_csv(&mut out, &self.stream, servo_hz, every_ms, transform)
             .map_err(|error| Error::Job(format!("the table cannot be written: {error}")))
+    }
+
+    /// Its joints in order, as the machine file names them.
+    pub fn joints(&self) -> Vec<JobJoint> {
+        let machine = &self.file.header.machine;
+        let joints = samples::names(machine).into_iter().zip(&machine.joints);
+        joints
+            .map(|(name, joint)| JobJoint::of(&name, joint))
+            .collect()
+    }
+
+    /// The joints at even steps of time and at its end: positions, rates, accelerations, motor steps.
+    ///
+    /// # Errors
+    /// As [`Job::poses`]; an item is one where the machine has no joints for a pose.
+    pub fn joint_poses(
+        &self,
+        every_s: f64,
+    ) -> Result<impl Iterator<Item = Result<JobJoints, Error>> + '_, Error> {
+        let every_ticks = self.checked_step_s(every_s)? * self.servo_hz();
+        let machine = &self.file.header.machine;
+        let samples = samples::joint_samples(&self.stream, machine, every_ticks);
+        let joints = machine.joints.len();
+        Ok(samples.map(move |sample| match sample {
+            Ok(sample) => Ok(JobJoints::of(&sample, joints)),
+            Err(error) => Err(Error::Job(error.to_string())),
+        }))
+    }
+
+    /// Writes its joints as CSV, with the columns of `headway export --to csv --joints`.
+    ///
+    /// # Errors
+    /// As [`Job::joint_poses`], and where it cannot be written.
+    pub fn write_joints_csv(&self, mut out: impl Write, every_s: f64) -> Result<(), Error> {
+        let table = self.joint_table(every_s)?;
+        let written = table.write_csv(&mut out);
+        written.map_err(|error| Error::Job(format!("the table cannot be written: {error}")))
+    }
+
+    /// Writes its joints as a `JointTrajectory` message of ROS 2, rad and m, as YAML or as JSON, with these
+    /// names of the joints in the machine's order, or the machine file's.
+    ///
+    /// # Errors
+    /// As [`Job::joint_poses`], and where names are too few, too many or no names.
+    pub fn write_trajectory(
+        &self,
+        mut out: impl Write,
+        every_s: f64,
+        joint_names: Option<&[String]>,
+        is_yaml: bool,
+    ) -> Result<(), Error> {
+        let table = self.joint_table(every_s)?;
+        let names = joint_names_of(&table, joint_names);
+        let names = names.map_err(|error| Error::Job(error.to_string()))?;
+        let format = match is_yaml {
+            true => TrajectoryFormat::Yaml,
+            false => TrajectoryFormat::Json,
+        };
+        let written = write_trajectory(&mut out, &table, &names, format);
+        written.map_err(|error| Error::Job(format!("the trajectory cannot be written: {error}")))
+    }
+
+    fn joint_table(&self, every_s: f64) -> Result<JointTable<'_>, Error> {
+        let header = &self.file.header;
+        Ok(JointTable {
+            name: self.name(),
+            machine_name: &header.machine_name,
+            stream: &self.stream,
+            machine: &header.machine,
+            offset_mm: header.transform.offset_mm,
+            every_ms: 1e3 * self.checked_step_s(every_s)?,
+        })
     }
 
     /// Writes it as G-code for `klipper`, `reprapfirmware`, `linuxcnc`, `grblhal` or `marlin`, with the

@@ -25,6 +25,7 @@
 //! ```
 
 mod job;
+mod joints;
 mod part;
 mod planning;
 mod pose;
@@ -35,6 +36,7 @@ pub use crate::job::MotionState;
 pub use crate::settings::options::Options;
 pub use crate::settings::{HeadingLaw, PassMode, Quality, SeamPlace};
 pub use job::{Job, Simulation};
+pub use joints::{JobJoint, JobJoints};
 pub use part::{Part, Reading};
 pub use planning::{Machine, Step, plan, plan_watched};
 pub use pose::JobPose;

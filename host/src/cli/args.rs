@@ -1,6 +1,6 @@
 //! The options of every command, with their help.
 
-use super::args_allow::AllowArgs;
+use super::args_allow::{AllowArgs, VerdictArgs};
 use super::args_board::{BoardArgs, StreamArgs};
 use super::args_calibrate::CalibrateArgs;
 use super::args_compare::CompareArgs;
@@ -382,6 +382,8 @@ pub(super) struct PlanArgs {
     pub settings: SettingsArgs,
     #[command(flatten)]
     pub allow: AllowArgs,
+    #[command(flatten)]
+    pub verdict: VerdictArgs,
     /// The figures as one JSON object on stdout.
     #[arg(long)]
     pub json: bool,
@@ -450,6 +452,8 @@ pub(super) struct SimulateArgs {
     pub settings: SettingsArgs,
     #[command(flatten)]
     pub allow: AllowArgs,
+    #[command(flatten)]
+    pub verdict: VerdictArgs,
     /// The figures as one JSON object on stdout.
     #[arg(long)]
     pub json: bool,

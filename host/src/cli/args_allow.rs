@@ -1,4 +1,5 @@
-//! The option by which a job that is not good is taken all the same, with its help.
+//! The options of the verdict, with their help: how much of it is shown, against what, and what is taken although
+//! it is not good.
 
 use clap::{Args, ValueEnum};
 
@@ -9,6 +10,18 @@ pub(super) struct AllowArgs {
     /// What does not refuse the job, though it is still the first thing that is said of it.
     #[arg(long, value_enum, value_delimiter = ',', value_name = "WHAT,...")]
     pub allow: Vec<AllowName>,
+}
+
+/// How much is said of a job.
+#[derive(Debug, Default, Args)]
+#[command(next_help_heading = "Verdict")]
+pub(super) struct VerdictArgs {
+    /// All figures and notes, the verdict before and after them.
+    #[arg(long)]
+    pub figures: bool,
+    /// Plan the part with this nozzle as well and say how its time compares, as in --against circle:0.2.
+    #[arg(long, value_name = "APERTURE")]
+    pub against: Option<String>,
 }
 
 #[derive(Clone, Copy, Debug, PartialEq, ValueEnum)]

@@ -10,7 +10,8 @@ use std::path::PathBuf;
 Examples:
   headway compare examples/bracket.json --aperture ellipse:0.6x0.2 --aperture circle:0.2 --aperture circle:0.4
   headway compare part.stl --aperture rect:3x1.5x0.2 --aperture circle:0.75 --layer-height 0.5 --picture compare.svg
-  headway compare part.stl --aperture ellipse:0.6x0.2 --aperture circle:0.2 --heading-speed 300 --break-even")]
+  headway compare part.stl --aperture ellipse:0.6x0.2 --aperture circle:0.2 --heading-speed 300 --break-even
+  headway compare part.stl --aperture ellipse:0.6x0.2 --aperture circle:0.2 --to sliced.gcode")]
 pub(super) struct CompareArgs {
     /// What is printed, as for `plan`. --aperture is given once for each nozzle.
     pub input: PathBuf,
@@ -24,6 +25,13 @@ pub(super) struct CompareArgs {
     /// fastest round one: up to eight plans more.
     #[arg(long)]
     pub break_even: bool,
+    /// A slicer's G-code of the same part, timed along its own lines with its round nozzle, and the slicer's own
+    /// estimate where its comments have one.
+    #[arg(long, value_name = "SLICED.gcode")]
+    pub to: Option<PathBuf>,
+    /// Density of the material, g/cm³ [default: the machine file's, else 1.24, PLA].
+    #[arg(long, value_name = "G_CM3", allow_negative_numbers = true)]
+    pub density: Option<f64>,
     /// Draw the times as bars, and a layer of each.
     #[arg(long, value_name = "PICTURE.svg")]
     pub picture: Option<PathBuf>,

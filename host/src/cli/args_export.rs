@@ -9,6 +9,8 @@ use std::path::PathBuf;
 #[command(after_help = "\
 Examples:
   headway export part.hwj --to csv --every-ms 2 --output poses.csv
+  headway export part.hwj --to csv --joints --every-ms 2 -o joints.csv
+  headway export part.hwj --to ros2-yaml --every-ms 10 --joint-names j1,j2,j3,j4,j5,j6 -o part.yaml
   headway export part.hwj --to svg --layer 5 --colour width > layer-5.svg
   headway export part.hwj --to gcode --dialect klipper -o part.gcode")]
 pub(super) struct ExportArgs {
@@ -31,6 +33,13 @@ pub(super) struct ExportArgs {
         allow_negative_numbers = true
     )]
     pub every_ms: f64,
+    /// Joints in place of poses, for csv and json: positions (mm, rad), rates, accelerations and motor steps.
+    #[arg(long)]
+    pub joints: bool,
+    /// The robot's names of the joints, in the machine file's order, for ros2-json and ros2-yaml [default: the
+    /// machine file's names].
+    #[arg(long, value_name = "NAMES", value_delimiter = ',')]
+    pub joint_names: Option<Vec<String>>,
     /// File to write [default: stdout].
     #[arg(short, long, value_name = "FILE")]
     pub output: Option<PathBuf>,
@@ -158,6 +167,10 @@ pub(super) enum ExportName {
     Svg,
     /// Everything: knots, events, marks, figures.
     Json,
+    /// Joints as a JointTrajectory message of ROS 2, in rad and m.
+    Ros2Json,
+    /// The same as YAML.
+    Ros2Yaml,
     /// Moves for another controller, of the --dialect.
     Gcode,
 }

@@ -8,15 +8,22 @@ use super::args_compare::CompareArgs;
 use super::console::Console;
 use super::output_file::{check_file, write_file};
 use super::planned::{self, Planned};
-use super::{CliError, load, pictures};
+use super::{CliError, compare_sliced, load, pictures};
 use crate::report::compare_picture::{self, Bar};
 use crate::report::figures::Figures;
 use crate::report::plan_picture;
 use serde::Serialize;
 use std::fmt::Write;
+use std::ops::RangeInclusive;
 
 /// Slowest heading axis that is tried, against the given one.
 const SLOWEST: f64 = 1.0 / 64.0;
+/// About the most nozzles that a picture of a layer draws.
+const PLACED_MAX: usize = 700;
+/// Density of the material that is printed most, g/cm³.
+const PLA_G_CM3: f64 = 1.24;
+/// Densities that are taken, as in a machine file.
+const DENSITIES: RangeInclusive<f64> = 0.001..=30.0;
 /// Halvings of the range of speeds: the last is 1.07 times the one before.
 const HALVINGS: usize = 6;
 
@@ -24,6 +31,12 @@ const HALVINGS: usize = 6;
 #[derive(Clone, Debug, Default, Serialize)]
 struct Row {
     aperture: String,
+    /// The slicer's file whose lines these are.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    sliced: Option<String>,
+    /// What its slicer estimates, s.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    slicer_estimate_s: Option<f64>,
     /// Duration of the job, s.
     print_s: Option<f64>,
     /// Boundary that cannot be touched, mm.
@@ -31,16 +44,29 @@ struct Row {
     /// Ground that is to be filled and stays open, mm².
     open_mm2: Option<f64>,
     flow_interruptions: Option<u64>,
-    /// By the machine file's `[material]`.
+    /// By --density, the machine file's `[material]`, or the density of PLA.
     mass_g: Option<f64>,
     volume_mm3: Option<f64>,
     /// Why it cannot be printed with this nozzle.
     #[serde(skip_serializing_if = "Option::is_none")]
     refused: Option<String>,
+    /// No density was given.
+    #[serde(skip)]
+    is_pla: bool,
     #[serde(skip)]
     is_round: bool,
     #[serde(skip)]
     picture: Option<String>,
+}
+
+impl Row {
+    /// What the row is of.
+    fn label(&self) -> String {
+        match &self.sliced {
+            Some(name) => format!("{name}, {}", self.aperture),
+            None => self.aperture.clone(),
+        }
+    }
 }
 
 pub(super) fn run(args: &CompareArgs, console: &Console) -> Result<(), CliError> {
@@ -52,6 +78,11 @@ pub(super) fn run(args: &CompareArgs, console: &Console) -> Result<(), CliError>
     }
     if let Some(picture) = &args.picture {
         check_file(picture)?;
+    }
+    if let Some(density) = args.density.filter(|of| !DENSITIES.contains(of)) {
+        return Err(CliError::Usage(format!(
+            "--density {density}: write 0.001 to 30 g/cm³"
+        )));
     }
     let axis = HeadingAxis {
         speed_max_rad_s: args.heading_speed.map(f64::to_radians),
@@ -79,6 +110,17 @@ pub(super) fn run(args: &CompareArgs, console: &Console) -> Result<(), CliError>
         true => Some(break_even(args, axis, &rows, console)?),
         false => None,
     };
+    if let Some(path) = &args.to {
+        console.say(&format!("with {}:", path.display()));
+        let settings = of_nozzle(&args.settings, "", axis);
+        let (aperture, planned) = compare_sliced::planned(args, path, &settings, console)?;
+        let name = path.file_name().unwrap_or_default().to_string_lossy();
+        rows.push(Row {
+            sliced: Some(name.into_owned()),
+            slicer_estimate_s: planned.figures.slicer_estimate_s,
+            ..row(args, &aperture, &planned)
+        });
+    }
     if let Some(path) = &args.picture {
         write_file(path, picture(args, &rows).as_bytes())?;
     }
@@ -88,7 +130,9 @@ pub(super) fn run(args: &CompareArgs, console: &Console) -> Result<(), CliError>
             break_even.iter().for_each(|line| console.say(line));
             console.result(&(text + "\n"))
         }
-        false => console.result(&(table(&rows) + &break_even.map_or(String::new(), |l| l + "\n"))),
+        false => {
+            console.result(&(table(&rows, args) + &break_even.map_or(String::new(), |l| l + "\n")))
+        }
     }
 }
 
@@ -122,16 +166,31 @@ fn row(args: &CompareArgs, aperture: &str, planned: &Planned) -> Row {
     let picture = args.picture.is_some();
     Row {
         aperture: aperture.to_string(),
+        sliced: None,
+        slicer_estimate_s: None,
         print_s: figures.print_s,
         unreachable_mm: figures.unreachable_mm,
         open_mm2: open_mm2(figures),
         flow_interruptions: figures.flow_interruptions,
-        mass_g: figures.mass_g,
+        mass_g: figures
+            .volume_mm3
+            .map(|mm3| mm3 * 1e-3 * density(args, planned)),
         volume_mm3: figures.volume_mm3,
         refused: None,
+        is_pla: planned
+            .settings
+            .material
+            .and_then(|of| of.density_g_cm3)
+            .is_none(),
         is_round: planned.settings.aperture.is_round(),
         picture: picture.then(|| layer_picture(aperture, planned)),
     }
+}
+
+/// g/cm³.
+fn density(args: &CompareArgs, planned: &Planned) -> f64 {
+    let of_material = planned.settings.material.and_then(|of| of.density_g_cm3);
+    args.density.or(of_material).unwrap_or(PLA_G_CM3)
 }
 
 /// Ground that nothing covers but should.
@@ -145,22 +204,48 @@ fn open_mm2(figures: &Figures) -> Option<f64> {
 
 fn layer_picture(aperture: &str, planned: &Planned) -> String {
     let layer = planned.stream.layers() / 2;
-    plan_picture::draw(&pictures::plan_picture(aperture, planned, layer))
+    let mut picture = pictures::plan_picture(aperture, planned, layer);
+    // Several stand in one file, side by side: a medial axis and every nozzle would only blacken them.
+    picture.axis.clear();
+    let placed: usize = picture.passes.iter().map(|of| of.placements.len()).sum();
+    let every = placed.div_ceil(PLACED_MAX).max(1);
+    for pass in &mut picture.passes {
+        pass.placements = thinned(&pass.placements, every);
+        pass.speeds_mm_s = thinned(&pass.speeds_mm_s, every);
+    }
+    plan_picture::draw(&picture)
+}
+
+/// Every so many, and the last.
+fn thinned<T: Clone>(of: &[T], every: usize) -> Vec<T> {
+    let last = of.len().saturating_sub(1);
+    let kept = of.iter().enumerate();
+    let kept = kept.filter(|(number, _)| number % every == 0 || *number == last);
+    kept.map(|(_, item)| item.clone()).collect()
 }
 
 fn picture(args: &CompareArgs, rows: &[Row]) -> String {
-    let bars = rows.iter().map(|row| Bar {
-        label: &row.aperture,
-        seconds: row.print_s,
-        layer: row.picture.as_deref(),
+    let labels: Vec<String> = rows.iter().map(Row::label).collect();
+    let bars = rows.iter().zip(&labels).flat_map(|(row, label)| {
+        let own = Bar {
+            label,
+            seconds: row.print_s,
+            layer: row.picture.as_deref(),
+        };
+        let estimate = row.slicer_estimate_s.map(|seconds| Bar {
+            label: "its slicer's estimate",
+            seconds: Some(seconds),
+            layer: None,
+        });
+        [Some(own), estimate].into_iter().flatten()
     });
     let name = args.input.file_stem().unwrap_or_default().to_string_lossy();
     compare_picture::draw(&name, &bars.collect::<Vec<_>>())
 }
 
 /// The rows, the time of each against the first's.
-fn table(rows: &[Row]) -> String {
-    let width = rows.iter().map(|row| row.aperture.len()).max();
+fn table(rows: &[Row], args: &CompareArgs) -> String {
+    let width = rows.iter().map(|row| row.label().chars().count()).max();
     let width = width.unwrap_or(0).max("aperture".len());
     let mut text = format!(
         "{:width$}  {:>9}  {:>5}  {:>9}  {:>14}  {:>13}  {:>7}\n",
@@ -176,7 +261,7 @@ fn table(rows: &[Row]) -> String {
         let _ = writeln!(
             text,
             "{:width$}  {:>9}  {:>5}  {:>9}  {:>14}  {:>13}  {:>7}",
-            row.aperture,
+            row.label(),
             number(row.print_s, 1),
             number(ratio, 2),
             number(row.open_mm2, 2),
@@ -187,6 +272,15 @@ fn table(rows: &[Row]) -> String {
         if let Some(reason) = &row.refused {
             let _ = writeln!(text, "  cannot be printed with it: {reason}");
         }
+        if let Some(seconds) = row.slicer_estimate_s {
+            let _ = writeln!(text, "  its slicer estimates {seconds:.1} s");
+        }
+    }
+    if args.density.is_none() && rows.iter().any(|row| row.is_pla) {
+        let _ = writeln!(
+            text,
+            "mass at {PLA_G_CM3} g/cm³ (PLA); --density, or [material] of the machine file, says another"
+        );
     }
     text
 }

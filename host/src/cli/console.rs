@@ -8,19 +8,40 @@ use crate::plan::progress::{Progress, Stage};
 use indicatif::{HumanDuration, ProgressBar, ProgressDrawTarget, ProgressStyle};
 use std::io::{BufWriter, ErrorKind, IsTerminal, Write};
 use std::path::Path;
+use std::sync::atomic::{AtomicUsize, Ordering};
 use std::sync::{Mutex, PoisonError};
 use std::time::{Duration, Instant};
 
 /// The terminal, or the pipe.
 pub(super) struct Console {
     bars: bool,
+    /// Notes that are still shown; those behind them are counted.
+    notes_left: AtomicUsize,
+    notes_hidden: AtomicUsize,
 }
+
+/// Notes that a terminal shows beside a verdict.
+const NOTES_SHOWN: usize = 2;
 
 impl Console {
     pub(super) fn new(quiet: bool) -> Console {
         Console {
             bars: !quiet && std::io::stderr().is_terminal(),
+            notes_left: AtomicUsize::new(usize::MAX),
+            notes_hidden: AtomicUsize::new(0),
         }
+    }
+
+    /// Shows a few notes only, where a terminal shows them: whatever reads a pipe gets them all.
+    pub(super) fn show_few_notes(&self) {
+        if std::io::stderr().is_terminal() {
+            self.notes_left.store(NOTES_SHOWN, Ordering::Relaxed);
+        }
+    }
+
+    /// Notes that were not shown.
+    pub(super) fn notes_hidden(&self) -> usize {
+        self.notes_hidden.load(Ordering::Relaxed)
     }
 
     /// True on a terminal.
@@ -37,7 +58,16 @@ impl Console {
     /// Notes and warnings, one line each.
     pub(super) fn notes(&self, notes: &[String]) {
         for note in notes {
-            self.say(&format!("note: {note}"));
+            let left = self.notes_left.load(Ordering::Relaxed);
+            match left.checked_sub(1) {
+                Some(left) => {
+                    self.notes_left.store(left, Ordering::Relaxed);
+                    self.say(&format!("note: {note}"));
+                }
+                None => {
+                    self.notes_hidden.fetch_add(1, Ordering::Relaxed);
+                }
+            }
         }
     }
 

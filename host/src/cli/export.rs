@@ -7,6 +7,8 @@ use super::export_gcode;
 use super::job::{self, Job};
 use super::pictures;
 use super::planned::{self, Planned};
+use crate::joint_export::tables::JointTable;
+use crate::joint_export::trajectory::{TrajectoryFormat, joint_names_of, write_trajectory};
 use crate::report::plan_picture::PlanPicture;
 use crate::report::pose_table::ROWS_MAX;
 use crate::report::{plan_picture, pose_table};
@@ -30,8 +32,22 @@ pub(super) fn run(args: &ExportArgs, console: &Console) -> Result<(), CliError> 
             "--json goes with --to gcode: it prints what was written".to_string(),
         ));
     }
+    let is_trajectory = matches!(args.to, ExportName::Ros2Json | ExportName::Ros2Yaml);
+    if args.joints && !is_trajectory && !matches!(args.to, ExportName::Csv | ExportName::Json) {
+        return Err(CliError::Usage(
+            "--joints goes with tables: --to csv or --to json".to_string(),
+        ));
+    }
+    if args.joint_names.is_some() && !is_trajectory {
+        return Err(CliError::Usage(
+            "--joint-names goes with --to ros2-json and --to ros2-yaml".to_string(),
+        ));
+    }
     let job = job::read(&args.job)?;
     let text = match args.to {
+        ExportName::Ros2Json => return trajectory(&job, args, TrajectoryFormat::Json, console),
+        ExportName::Ros2Yaml => return trajectory(&job, args, TrajectoryFormat::Yaml, console),
+        ExportName::Csv | ExportName::Json if args.joints => return joints(&job, args, console),
         ExportName::Csv => return csv(&job, args, console),
         ExportName::Gcode => return export_gcode::run(&job, args, console),
         ExportName::Svg => svg(planned::of_job(job), args)?,
@@ -60,8 +76,8 @@ fn svg(planned: Planned, args: &ExportArgs) -> Result<String, CliError> {
     Ok(plan_picture::draw(&picture))
 }
 
-/// Rows as they come: a long job's table need not fit into memory.
-fn csv(job: &Job, args: &ExportArgs, console: &Console) -> Result<(), CliError> {
+/// As many rows as a table may have.
+fn check_rows(job: &Job, args: &ExportArgs) -> Result<(), CliError> {
     let motion_s = pose_table::duration_ticks(&job.stream) as f64 / job.servo_hz();
     if motion_s * 1e3 / args.every_ms > ROWS_MAX {
         return Err(CliError::Usage(format!(
@@ -70,6 +86,50 @@ fn csv(job: &Job, args: &ExportArgs, console: &Console) -> Result<(), CliError> 
             args.every_ms
         )));
     }
+    Ok(())
+}
+
+/// The job's joints, a row every so many ms.
+fn joint_table<'a>(job: &'a Job, args: &ExportArgs) -> Result<JointTable<'a>, CliError> {
+    check_rows(job, args)?;
+    let header = &job.file.header;
+    Ok(JointTable {
+        name: &job.name,
+        machine_name: &header.machine_name,
+        stream: &job.stream,
+        machine: &header.machine,
+        offset_mm: header.transform.offset_mm,
+        every_ms: args.every_ms,
+    })
+}
+
+/// Joints as a table.
+fn joints(job: &Job, args: &ExportArgs, console: &Console) -> Result<(), CliError> {
+    let table = joint_table(job, args)?;
+    console.write_to(args.output.as_deref(), |mut out| match args.to {
+        ExportName::Json => table.write_json(&mut out),
+        _ => table.write_csv(&mut out),
+    })
+}
+
+/// Joints as a controller of robots takes them.
+fn trajectory(
+    job: &Job,
+    args: &ExportArgs,
+    format: TrajectoryFormat,
+    console: &Console,
+) -> Result<(), CliError> {
+    let table = joint_table(job, args)?;
+    let names = joint_names_of(&table, args.joint_names.as_deref())
+        .map_err(|error| CliError::Usage(format!("--joint-names: {error}")))?;
+    console.write_to(args.output.as_deref(), |mut out| {
+        write_trajectory(&mut out, &table, &names, format)
+    })
+}
+
+/// Rows as they come: a long job's table need not fit into memory.
+fn csv(job: &Job, args: &ExportArgs, console: &Console) -> Result<(), CliError> {
+    check_rows(job, args)?;
     console.write_to(args.output.as_deref(), |mut out| {
         let servo_hz = job.servo_hz();
         pose_table::write_csv(

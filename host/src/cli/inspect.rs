@@ -7,6 +7,7 @@ use super::layer_options::layer_heights;
 use super::{inspect_axes, job, load};
 use crate::gcode::GcodeProgram;
 use crate::geometry::polygon::{Box2, Region, Ring};
+use crate::input::near_waypoints::usual_spacing_mm;
 use crate::input::waypoints::WaypointRun;
 use crate::input::{Input, Loaded, ReadOptions};
 use crate::job_file::JobSummary;
@@ -197,6 +198,7 @@ fn path_json(run: &WaypointRun) -> serde_json::Value {
         "name": run.name,
         "waypoints": run.points.len(),
         "length_mm": chords_mm(run),
+        "spacing_mm": usual_spacing_mm(&run.points).0,
         "headings": run.points.iter().all(|point| point.heading_rad.is_some()),
         "notes": run.notes,
     })
@@ -208,10 +210,11 @@ fn path_text(run: &WaypointRun) -> String {
         None => "the major axis lies across the travel",
     };
     format!(
-        "{}: {} waypoints, {:.3} mm from one to the next; {headings}\n",
+        "{}: {} waypoints, {:.3} mm long, usually {:.3} mm from one waypoint to the next; {headings}\n",
         run.name,
         run.points.len(),
-        chords_mm(run)
+        chords_mm(run),
+        usual_spacing_mm(&run.points).0
     )
 }
 

@@ -17,6 +17,7 @@ mod args_shell;
 mod board;
 mod calibrate;
 mod compare;
+mod compare_sliced;
 mod configure;
 mod console;
 mod copies;

@@ -1,6 +1,6 @@
 //! `headway plan`: input -> job file and figures.
 
-use super::args::PlanArgs;
+use super::args::{PlanArgs, SettingsArgs};
 use super::args_allow::AllowArgs;
 use super::console::Console;
 use super::output_file::{check_file, nameless_file, write_file_with};
@@ -15,6 +15,9 @@ use std::path::Path;
 
 pub(super) fn run(args: &PlanArgs, console: &Console) -> Result<(), CliError> {
     check_file(&args.output)?;
+    if !args.verdict.figures {
+        console.show_few_notes();
+    }
     let (planned, job) = verdict::planned_as_allowed(&args.allow, |widened| {
         let mut job = JobPacking::new(nameless_file(&args.output)?);
         let planned = planned::from_input(
@@ -28,11 +31,17 @@ pub(super) fn run(args: &PlanArgs, console: &Console) -> Result<(), CliError> {
         )?;
         Ok((planned, job))
     })?;
-    let (planned, written) = write_job(planned, job, &args.allow, &args.output, console)?;
+    let (mut planned, written) = write_job(planned, job, &args.allow, &args.output, console)?;
+    let other = |settings: &SettingsArgs| {
+        let (input, place) = (&args.input, &args.place);
+        planned::from_input(input, &args.reading, place, settings, &[], None, console)
+    };
+    verdict::compare(&args.verdict, &args.settings, other, &mut planned.figures)?;
+    verdict::settle(&mut planned);
     let figures = &planned.figures;
     match args.json {
         true => console.result(&(figures.to_json() + "\n"))?,
-        false => console.result(&(verdict::first_lines(figures) + &figures.to_text()))?,
+        false => console.result(&verdict::text(figures, &args.verdict, console))?,
     }
     written
 }

@@ -34,25 +34,10 @@ pub(super) fn run(args: &SimulateArgs, console: &Console) -> Result<(), CliError
     if let Some(folder) = &args.report {
         check_report_folder(folder)?;
     }
-    let mut planned = if job::is_job(&args.input) {
-        let unused = of_no_use(&args.input, &args.reading, &args.place, &args.settings);
-        console.notes(unused.as_slice());
-        planned::from_job(&args.input, &args.settings)?
-    } else {
-        let (planned, ()) = verdict::planned_as_allowed(&args.allow, |widened| {
-            let planned = planned::from_input(
-                &args.input,
-                &args.reading,
-                &args.place,
-                &args.settings,
-                widened,
-                None,
-                console,
-            )?;
-            Ok((planned, ()))
-        })?;
-        planned
-    };
+    if !args.verdict.figures {
+        console.show_few_notes();
+    }
+    let mut planned = planned_of(args, console)?;
     tell_heat(&mut planned, console);
     let setup = SimulatorSetup {
         link,
@@ -77,6 +62,14 @@ pub(super) fn run(args: &SimulateArgs, console: &Console) -> Result<(), CliError
         planned.objections.insert(0, fault);
     }
     verdict::note(&planned.objections, &mut planned.figures);
+    if !job::is_job(&args.input) {
+        let other = |settings: &SettingsArgs| {
+            let (input, place) = (&args.input, &args.place);
+            planned::from_input(input, &args.reading, place, settings, &[], None, console)
+        };
+        verdict::compare(&args.verdict, &args.settings, other, &mut planned.figures)?;
+    }
+    verdict::settle(&mut planned);
     write_traces(args, &planned, &dry_run)?;
     if let Some(folder) = &args.report {
         write_report(folder, &planned, console)?;
@@ -84,11 +77,38 @@ pub(super) fn run(args: &SimulateArgs, console: &Console) -> Result<(), CliError
     if args.json {
         console.result(&(planned.figures.to_json() + "\n"))?;
     } else {
-        let first = verdict::first_lines(&planned.figures);
-        let figures = planned.figures.to_text();
-        console.result(&format!("{first}{}\n{figures}", planned.name))?;
+        let text = verdict::text(&planned.figures, &args.verdict, console);
+        console.result(&text)?;
     }
     verdict::check(&planned.objections, &args.allow, "the job is not good")
+}
+
+/// The job as it is read, or planned.
+fn planned_of(args: &SimulateArgs, console: &Console) -> Result<Planned, CliError> {
+    if job::is_job(&args.input) {
+        if args.verdict.against.is_some() {
+            return Err(CliError::Usage(
+                "--against plans the input again: give the input, not its job".to_string(),
+            ));
+        }
+        let unused = of_no_use(&args.input, &args.reading, &args.place, &args.settings);
+        console.notes(unused.as_slice());
+        planned::from_job(&args.input, &args.settings)
+    } else {
+        let (planned, ()) = verdict::planned_as_allowed(&args.allow, |widened| {
+            let planned = planned::from_input(
+                &args.input,
+                &args.reading,
+                &args.place,
+                &args.settings,
+                widened,
+                None,
+                console,
+            )?;
+            Ok((planned, ()))
+        })?;
+        Ok(planned)
+    }
 }
 
 /// Says what is ordered of heaters and fans: the simulated line carries the motion alone.

@@ -1,13 +1,17 @@
 //! The verdict on a job: what keeps it from being good is said first, and refuses it unless the user allows it.
 //!
-//! In: a planned job with its objections, `--allow`. Out: the first lines of the figures, exit status 1 where an
+//! In: a planned job with its objections, `--allow`. Out: what is said of it, exit status 1 where an
 //! objection stands. Leaves out how objections are found.
 
 use super::CliError;
-use super::args_allow::{AllowArgs, AllowName};
+use super::args::SettingsArgs;
+use super::args_allow::{AllowArgs, AllowName, VerdictArgs};
+use super::console::Console;
+use super::missing_heat::cold_hot_end;
 use super::planned::Planned;
 use crate::findings::objections::{Objection, ObjectionKind};
-use crate::report::figures::Figures;
+use crate::report::figures::{AgainstFigures, Figures};
+use crate::report::verdict as report;
 
 impl AllowArgs {
     /// Objections of this kind do not refuse the job.
@@ -83,8 +87,62 @@ pub(super) fn note(objections: &[Objection], figures: &mut Figures) {
     }
 }
 
-/// The first lines of a job's figures; none of a good one.
-pub(super) fn first_lines(figures: &Figures) -> String {
-    let lines = figures.objections.iter().flatten();
-    lines.map(|line| format!("{line}\n")).collect()
+/// Plans the part with another nozzle, where that is asked for, and notes how long it takes with it.
+pub(super) fn compare(
+    args: &VerdictArgs,
+    settings: &SettingsArgs,
+    plan: impl FnOnce(&SettingsArgs) -> Result<Planned, CliError>,
+    figures: &mut Figures,
+) -> Result<(), CliError> {
+    let Some(aperture) = &args.against else {
+        return Ok(());
+    };
+    let settings = SettingsArgs {
+        aperture: vec![aperture.clone()],
+        ..settings.clone()
+    };
+    let print_s = match plan(&settings) {
+        Ok(planned) => planned.figures.print_s,
+        Err(error @ (CliError::Usage(_) | CliError::File { .. } | CliError::OutputClosed)) => {
+            return Err(error);
+        }
+        Err(_) => None,
+    };
+    figures.against = Some(AgainstFigures {
+        aperture: aperture.clone(),
+        print_s,
+    });
+    Ok(())
+}
+
+/// Notes the verdict in the figures that are shown; job files hold none.
+pub(super) fn settle(planned: &mut Planned) {
+    let cold = cold_hot_end(planned);
+    let is_cold = planned.settings.material.is_none() && planned.heat.is_empty();
+    let made = report::verdict(&planned.figures, cold.as_slice(), is_cold);
+    planned.figures.verdict = Some(made);
+}
+
+/// What a terminal is shown of settled figures: the verdict, or all of them between two verdicts.
+pub(super) fn text(figures: &Figures, args: &VerdictArgs, console: &Console) -> String {
+    let verdict = figures.verdict.clone().unwrap_or_default();
+    let mut lines = report::terminal_lines(&verdict).join("\n") + "\n";
+    match args.figures {
+        true => {
+            let reasons = verdict.reasons.join("\n");
+            let first = match reasons.as_str() {
+                "" => lines.clone(),
+                reasons => format!("{reasons}\n{}\n", verdict.lines.join("\n")),
+            };
+            format!("{first}\n{}\n{first}", figures.to_text())
+        }
+        false => {
+            match console.notes_hidden() {
+                0 => {}
+                1 => lines += "1 more note: --figures shows it.\n",
+                more => lines += &format!("{more} more notes: --figures shows them.\n"),
+            }
+            lines
+        }
+    }
 }

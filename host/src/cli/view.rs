@@ -5,7 +5,7 @@ use super::args::ViewArgs;
 use super::console::Console;
 use super::output_file::check_report_folder;
 use super::simulate::{of_no_use, write_report};
-use super::{job, planned};
+use super::{job, planned, verdict};
 use crate::drive::time_by_limit::time_by_limit;
 use crate::findings::time_figures;
 use std::path::PathBuf;
@@ -33,6 +33,7 @@ pub(super) fn run(args: &ViewArgs, console: &Console) -> Result<(), CliError> {
         &planned.transform,
     );
     planned.figures = std::mem::take(&mut planned.figures).merged_with(&times);
+    verdict::settle(&mut planned);
     write_report(&folder, &planned, console)?;
     let page = folder.join("index.html");
     if !args.no_open

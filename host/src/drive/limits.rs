@@ -406,7 +406,7 @@ fn window_behind(spans: &[Span], looks: usize, servo_hz: f64) -> VecDeque<Volume
 }
 
 /// The motion at one moment, in natural units and seconds.
-pub(super) struct Moment {
+pub(crate) struct Moment {
     position: [f64; CHANNELS],
     pub(super) velocity: [f64; CHANNELS],
     pub(super) acceleration: [f64; CHANNELS],
@@ -414,7 +414,7 @@ pub(super) struct Moment {
 }
 
 impl Moment {
-    pub(super) fn of(span: &Span, local: f64, servo_hz: f64) -> Self {
+    pub(crate) fn of(span: &Span, local: f64, servo_hz: f64) -> Self {
         Moment {
             position: span.position(local),
             velocity: span.velocity(local, servo_hz),
@@ -431,7 +431,7 @@ impl Moment {
     }
 
     /// First to third time derivative of every joint. A pose without joints gives none.
-    pub(super) fn joint_derivatives(&self, kinematics: &Kinematics) -> [[f64; JOINTS_MAX]; 3] {
+    pub(crate) fn joint_derivatives(&self, kinematics: &Kinematics) -> [[f64; JOINTS_MAX]; 3] {
         let mut derivatives = [[0.0; JOINTS_MAX]; 3];
         if matches!(kinematics, Kinematics::Planar) {
             // X Y Z C are channels themselves.

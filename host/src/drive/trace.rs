@@ -84,7 +84,7 @@ pub fn compare(
 }
 
 /// The whole number of steps nearest to a position, with the controller's rule for exact halves.
-fn count_of(position_steps: f64) -> i64 {
+pub(crate) fn count_of(position_steps: f64) -> i64 {
     let bias = STEP_THRESHOLD_BIAS as f64 / STEP as f64;
     (position_steps + 0.5 + bias).floor() as i64
 }

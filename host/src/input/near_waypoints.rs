@@ -55,7 +55,7 @@ fn near_mm(points: &[Waypoint]) -> f64 {
 }
 
 /// The median distance of neighbours that differ, mm, and of how many pairs it is.
-fn usual_spacing_mm(points: &[Waypoint]) -> (f64, usize) {
+pub fn usual_spacing_mm(points: &[Waypoint]) -> (f64, usize) {
     let mut chords: Vec<f64> = points
         .windows(2)
         .map(|pair| (pair[1].tip_mm - pair[0].tip_mm).norm())

@@ -5,6 +5,7 @@
 
 pub use super::corner_figures::CornerFigures;
 pub use super::layer_figures::{Inside, KindFigures, LayerFigures, LayerPlace, UseFigures};
+pub use super::verdict_figures::{AgainstFigures, VerdictFigures};
 use serde::{Deserialize, Serialize};
 use std::collections::BTreeMap;
 
@@ -32,6 +33,9 @@ pub struct SlowPlaceFigures {
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
 #[serde(default)]
 pub struct Figures {
+    /// The figures in words; of what is shown, never of what a job file holds.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub verdict: Option<VerdictFigures>,
     /// What keeps the job from being good, one line each; it was allowed where there is a job all the same.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub objections: Option<Vec<String>>,
@@ -128,6 +132,9 @@ pub struct Figures {
     /// Duration of the job.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub print_s: Option<f64>,
+    /// The same part with another nozzle, where that was asked for.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub against: Option<AgainstFigures>,
     /// The same without limits of the joints' jerk.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub time_bound_s: Option<f64>,

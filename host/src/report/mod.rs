@@ -24,6 +24,8 @@ pub mod pose_table;
 pub mod space_picture;
 pub mod stream_plots;
 pub mod track;
+pub mod verdict;
+mod verdict_figures;
 
 use coverage_picture::CoveragePicture;
 use figures::Figures;

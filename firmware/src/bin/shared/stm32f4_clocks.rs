@@ -1,19 +1,25 @@
-//! 12 MHz crystal, 168 MHz core, 48 MHz USB (180 MHz could not give USB its clock). By hand, because
+//! The board's crystal, 168 MHz core, 48 MHz USB (180 MHz could not give USB its clock). By hand, because
 //! the chip's library computes dividers with panics and waits without a bound; after RM0390 and RM0090,
 //! chapter 6 each.
 //!
 //! Without the right crystal the core runs from the internal oscillator (1 %): good enough for the
 //! serial line, which tells why nothing moves.
 
+use crate::board::CRYSTAL_HZ;
 use headway_firmware::board::{crystal_fault, crystal_hz};
 use headway_protocol::message::{Fault, FaultCause};
 use stm32f4xx_hal::pac::{FLASH, RCC};
 
-const CRYSTAL_HZ: u32 = 12_000_000;
+/// What the PLL is fed with.
+const PLL_INPUT_HZ: u32 = 2_000_000;
+const _: () = assert!(
+    CRYSTAL_HZ % PLL_INPUT_HZ == 0 && CRYSTAL_HZ >= 4_000_000 && CRYSTAL_HZ <= 26_000_000,
+    "CRYSTAL_HZ: a whole number of 2 MHz, from 4 to 26 MHz"
+);
 /// 336 MHz from 2 MHz; by 2 for the core, by 7 for USB; the upper bits at their reset value.
 const PLL: u32 = 2 << 28 | 7 << 24 | 168 << 6;
-/// 12 MHz / 6.
-const FROM_CRYSTAL: u32 = 1 << 22 | 6;
+/// The crystal by what makes 2 MHz of it.
+const FROM_CRYSTAL: u32 = 1 << 22 | CRYSTAL_HZ / PLL_INPUT_HZ;
 /// 16 MHz / 8.
 const FROM_INTERNAL: u32 = 8;
 /// APB1 by 4 (42 MHz), APB2 by 2 (84 MHz), crystal by 16 for its measurement.

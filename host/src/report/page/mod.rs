@@ -7,9 +7,8 @@
 //! the figures stay, and the pictures beside it.
 
 mod data;
-mod verdict;
 
-use super::{Report, figures::Figures};
+use super::{Report, figures::Figures, verdict};
 
 /// Says in a page who wrote it, by which a later report knows that it may be replaced.
 pub const PAGE_GENERATOR: &str = r#"<meta name="generator" content="Headway">"#;
@@ -40,7 +39,7 @@ fn page(report: &Report, files: &str, [policy, live, live_js]: [&str; 3]) -> Str
         ("generator", PAGE_GENERATOR.to_string()),
         ("title", escaped(report.title)),
         ("css", STYLE.to_string()),
-        ("verdict", escaped(&verdict::verdict(report.figures))),
+        ("verdict", escaped(&verdict::page_text(report.figures))),
         ("tiles", tiles(report.figures)),
         ("notes", notes(report.notes)),
         ("figures", tables(report.figures, is_first)),

@@ -189,6 +189,26 @@ fn compare_says_what_each_nozzle_takes() {
     std::fs::remove_dir_all(folder).expect("clean up");
 }
 
+/// Goal: `inspect` tells the length of a path from how far its waypoints are apart. Method: eleven waypoints on 20 mm.
+#[test]
+fn inspect_tells_the_length_of_a_path_from_its_spacing() {
+    let folder = folder("spacing");
+    let file = folder.join("run.wpt");
+    let points = (0..=10).map(|i| format!("{} 0 1 0 0 1\n", 2 * i));
+    let text: String = std::iter::once("x y z nx ny nz\n".to_string())
+        .chain(points)
+        .collect();
+    std::fs::write(&file, text).expect("a run");
+    let said = succeeded(&headway(&["inspect", path(&file)]));
+    let expected = "11 waypoints, 20.000 mm long, usually 2.000 mm from one waypoint to the next";
+    assert!(said.contains(expected), "{said}");
+    let found = object(&headway(&["inspect", path(&file), "--json"]));
+    assert_eq!(
+        (&found["length_mm"], &found["spacing_mm"]),
+        (&20.0.into(), &2.0.into())
+    );
+}
+
 #[test]
 fn a_machine_for_the_firmware_reads_back_as_the_same_machine() {
     let folder = folder("firmware");

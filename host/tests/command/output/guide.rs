@@ -94,6 +94,114 @@ fn the_guides_blocks_run_as_they_stand() {
     assert!(run >= 12, "{run} blocks run");
 }
 
+/// Numbers of the line of a page's code that begins with a key, comments left out.
+fn set(page: &str, key: &str) -> Vec<f64> {
+    let code = page.split("```").skip(1).step_by(2);
+    let mut lines = code.flat_map(str::lines);
+    let line = lines.find(|line| {
+        line.strip_prefix(key)
+            .is_some_and(|rest| !rest.starts_with('_'))
+    });
+    let line = line.unwrap_or_else(|| panic!("no {key}"));
+    let line = line[key.len()..]
+        .split([';', '#'])
+        .next()
+        .unwrap_or_default();
+    let words = line.split(|c: char| !(c.is_ascii_digit() || ".-".contains(c)));
+    words.filter_map(|word| word.parse().ok()).collect()
+}
+
+/// Goal: what the pages of the controllers have one paste is what their models are run with, for X Y Z, heading and
+/// extruder; and no pin or driver is taken twice. Method: the numbers of each page against those of gcode.md, which has the
+/// tilts too and which the models read.
+#[test]
+fn the_pages_of_controllers_agree_with_the_limits_that_are_tried() {
+    let page = |name: &str| read(&Path::new(ROOT).join(format!("docs/guide/{name}.md")));
+    let all = page("gcode");
+    let klipper = page("klipper");
+    let keys = [
+        "max_velocity:",
+        "max_accel:",
+        "max_z_velocity:",
+        "max_z_accel:",
+        "square_corner_velocity:",
+        "minimum_cruise_ratio:",
+        "max_extrude_cross_section:",
+        "instantaneous_corner_velocity:",
+        "velocity:",
+        "accel:",
+        "gear_ratio:",
+    ];
+    for key in keys {
+        assert_eq!(set(&klipper, key), set(&all, key), "klipper: {key}");
+    }
+    // Klipper's own file for this board has these on X, Y, Z, extruder, heaters and fan.
+    let taken =
+        "PF13 PF12 PF14 PG6 PG0 PG1 PF15 PG9 PF11 PG3 PG5 PG10 PF9 PF10 PG2 PA2 PF4 PA1 PF3 PA8";
+    let code = klipper.split("```").skip(1).step_by(2);
+    let pins = code
+        .flat_map(str::lines)
+        .filter_map(|line| line.split_once("_pin:"));
+    let mut pins: Vec<&str> = pins
+        .map(|(_, pin)| pin.trim().trim_start_matches('!'))
+        .collect();
+    pins.extend(taken.split(' '));
+    let count = pins.len();
+    pins.sort_unstable();
+    pins.dedup();
+    assert_eq!((pins.len(), count), (24, 24), "{pins:?}");
+
+    let duet = page("reprapfirmware");
+    for code in ["M566", "M203", "M201"] {
+        // X Y Z A B C E there, X Y Z C E here.
+        let [own, whole] = [&duet, &all].map(|text| set(text, code));
+        assert_eq!(
+            own,
+            [whole[0], whole[1], whole[2], whole[5], whole[6]],
+            "{code}"
+        );
+    }
+    let mut drivers = set(&duet, "M584");
+    drivers.pop();
+    drivers.sort_by(f64::total_cmp);
+    drivers.dedup();
+    assert_eq!(drivers.len(), 5, "a driver each: {drivers:?}");
+
+    let marlin = page("marlin");
+    for key in ["STEPS_PER_UNIT", "FEEDRATE", "ACCELERATION"] {
+        let of = ["AXIS_", "MAX_", "MAX_"][usize::from(key != "STEPS_PER_UNIT")];
+        let key = format!("#define DEFAULT_{of}{key}");
+        let [own, whole] = [&marlin, &all].map(|text| set(text, &key));
+        assert_eq!(
+            own,
+            [whole[0], whole[1], whole[2], whole[5], whole[6]],
+            "{key}"
+        );
+    }
+    let heading = set(&marlin, "#define DEFAULT_IJERK");
+    assert_eq!(heading, set(&all, "#define DEFAULT_KJERK"));
+    let steps = "#define MIN_STEPS_PER_SEGMENT";
+    assert_eq!(set(&marlin, steps), set(&all, steps));
+
+    let grblhal = page("grblhal");
+    for first in [110, 120] {
+        for (own, whole) in [0, 1, 2, 3, 4].into_iter().zip([0, 1, 2, 5, 6]) {
+            let [own, whole] = [(&grblhal, own), (&all, whole)]
+                .map(|(text, axis)| set(text, &format!("${}=", first + axis)));
+            assert_eq!(own, whole, "${first}");
+        }
+    }
+    let linuxcnc = page("linuxcnc");
+    for axis in ["[AXIS_C]", "[AXIS_U]"] {
+        let of = |text: &str| {
+            let section = text.split(axis).nth(1).expect(axis);
+            let section = format!("```{}", section.split('[').next().expect("section"));
+            ["MAX_VELOCITY =", "MAX_ACCELERATION ="].map(|key| set(&section, key))
+        };
+        assert_eq!(of(&linuxcnc), of(&all), "{axis}");
+    }
+}
+
 /// Commands in code: lines of blocks and what stands between backticks, each to its end.
 fn named_commands(text: &str) -> Vec<String> {
     let in_blocks = [blocks(text, RUN), blocks(text, NOT_RUN)].concat();

@@ -314,7 +314,7 @@ fn layers_are_in_everything_that_tells_of_them() {
 
     let reports = [path(&job), &web].map(|input| {
         let report = folder.join("report");
-        let simulate = ["simulate", input, "--report", path(&report)];
+        let simulate = ["simulate", input, "--figures", "--report", path(&report)];
         let output = if input == web {
             headway(&[&simulate[..], &print, &ends].concat())
         } else {

@@ -4,6 +4,7 @@ mod browser;
 mod command;
 mod guide;
 mod jobs;
+mod joints;
 mod outputs;
 mod shell;
 mod verdict;

@@ -34,7 +34,7 @@ fn a_touch_is_said_first_and_refuses_the_job() {
     let said = stdout(&refused);
     assert!(first_line(&said).starts_with("TOUCHES on "), "{said}");
     assert!(first_line(&said).contains("in the table"), "{said}");
-    assert!(said.contains("Motion"), "the figures come after it: {said}");
+    assert!(said.contains("\nTakes "), "the time comes after it: {said}");
     let error = stderr(&refused);
     assert!(error.contains("the job is not written"), "{error}");
     assert!(error.contains("--allow touches"), "{error}");
@@ -302,4 +302,113 @@ fn a_bead_of_a_tenth_of_a_millimetre_runs() {
         .expect("a ratio");
     // Durations of primes and retracts are whole ticks: 0.1 % of a limit.
     assert!(ratio <= 1.001, "{ratio}");
+}
+
+/// Goal: one verdict on terminal and in `--json`, first and last where all figures are shown, and at most twelve lines
+/// of it all on a terminal. Method: a part whose reading, planning and boundary are worth several notes, planned in a
+/// pipe with and without `--figures`, and on a pseudo-terminal of `script`.
+#[test]
+fn the_verdict_is_short_and_the_figures_are_asked_for() {
+    let folder = folder("short");
+    let (letter, job) = (example("letter.svg"), folder.join("letter.hwj"));
+    let plan = ["plan", &letter, "--walls", "1", "-o", path(&job)];
+    let short = succeeded(&headway(&plan));
+    let lines: Vec<&str> = short.lines().collect();
+    assert_eq!(lines[0], "Nothing was found against starting it.");
+    for (line, begins) in lines[1..].iter().zip(["Takes ", "Lays "]) {
+        assert!(line.starts_with(begins), "{short}");
+    }
+    assert!(short.contains("no [material]"), "{short}");
+    assert!(short.contains("Covers ") && lines.len() <= 7, "{short}");
+    let figures = object(&headway(&[&plan[..], &["--json"]].concat()));
+    let told = figures["verdict"]["lines"].as_array().expect("lines");
+    assert_eq!(told.len(), lines.len() - 1);
+    assert!(told.iter().zip(&lines[1..]).all(|(of, line)| of == line));
+    assert_eq!(figures["verdict"]["reasons"], serde_json::json!([]));
+    let all = succeeded(&headway(&[&plan[..], &["--figures"]].concat()));
+    assert!(all.starts_with(&short) && all.ends_with(&short), "{all}");
+    assert!(all.contains("\nCoverage\n") && all.contains("\nMotion\n"));
+    // Job files hold none of it: their bytes are those of the libraries.
+    let inspected = object(&headway(&["inspect", path(&job), "--json"]));
+    assert!(inspected["figures"].get("verdict").is_none());
+
+    let words = plan.map(|word| format!("'{word}'")).join(" ");
+    let line = format!("{} {words}", env!("CARGO_BIN_EXE_headway"));
+    let log = folder.join("log");
+    let ran = std::process::Command::new("script")
+        .args(["-q", "-e", "-c", &line, path(&log)])
+        .stdin(std::process::Stdio::null())
+        .output();
+    let Ok(ran) = ran else {
+        println!("script is not there: the terminal is left out");
+        return;
+    };
+    assert!(ran.status.success(), "{ran:?}");
+    // A bar is drawn again and again in its own line, and cleared; what stays ends with a new line.
+    let shown = String::from_utf8_lossy(&ran.stdout).into_owned();
+    let shown = shown.lines().filter(|line| {
+        let kept = line.rsplit('\r').find(|part| !part.is_empty());
+        kept.is_some_and(|kept| !kept.contains('\u{1b}') || kept.contains("note: "))
+    });
+    let shown: Vec<&str> = shown.collect();
+    assert!((6..=12).contains(&shown.len()), "{shown:#?}");
+    let notes = stderr(&headway(&plan)).matches("note: ").count();
+    let hidden = notes.saturating_sub(2);
+    let told = shown.iter().any(|line| line.contains("--figures shows"));
+    assert_eq!(told, hidden > 0, "{notes} notes: {shown:#?}");
+}
+
+/// Goal: a nozzle that nothing heats is the first thing that is said of a plan, which is written all the same; another
+/// nozzle's time stands beside the own. Method: a machine with a heater, with and without a material; a round nozzle
+/// planned by itself; simulate, which says what its steps do.
+#[test]
+fn a_cold_nozzle_is_said_first_and_a_round_one_stands_beside() {
+    let folder = folder("cold");
+    let planar = std::fs::read_to_string(example("machines/planar.toml")).expect("a machine");
+    let machine = folder.join("cold.toml");
+    std::fs::write(
+        &machine,
+        format!("{planar}\n[heaters.hot_end]\npower_w = 40\n"),
+    )
+    .expect("file");
+    let (taper, job) = (example("taper.json"), folder.join("taper.hwj"));
+    let plan = ["plan", &taper, "-m", path(&machine), "-o", path(&job)];
+    let said = succeeded(&headway(&plan));
+    assert!(
+        first_line(&said).starts_with("COLD: machine planar"),
+        "{said}"
+    );
+    assert!(job.exists());
+    let figures = object(&headway(&[&plan[..], &["--json"]].concat()));
+    assert_eq!(figures["verdict"]["reasons"][0], first_line(&said));
+    assert!(!figures.contains_key("objections"));
+
+    let against = ["--against", "circle:0.3"];
+    let round = [
+        "plan",
+        &taper,
+        "--aperture",
+        "circle:0.3",
+        "-o",
+        path(&job),
+        "--json",
+    ];
+    let round_s = object(&headway(&round))["print_s"]
+        .as_f64()
+        .expect("seconds");
+    let simulate = ["simulate", &taper, "--json"];
+    let figures = object(&headway(&[&simulate[..], &against].concat()));
+    assert_eq!(figures["against"]["print_s"], round_s);
+    let ratio = figures["print_s"].as_f64().expect("seconds") / round_s;
+    let time = figures["verdict"]["lines"][0].as_str().expect("a line");
+    assert!(time.contains(&format!(", {ratio:.2} of the ")), "{time}");
+    assert!(time.ends_with("with circle:0.3."), "{time}");
+    let said = succeeded(&headway(&["simulate", &taper, "--against", "circle:20"]));
+    assert!(
+        said.contains("; it cannot be printed with circle:20."),
+        "{said}"
+    );
+    assert!(said.contains("The simulated steps stay within "), "{said}");
+    let of_job = headway(&["simulate", path(&job), "--against", "circle:0.3"]);
+    assert_eq!(of_job.status.code(), Some(2), "{}", stderr(&of_job));
 }

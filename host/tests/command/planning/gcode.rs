@@ -197,3 +197,60 @@ fn a_job_is_exported_as_gcode() {
         );
     }
 }
+
+/// Goal: `compare --to` sets a slicer's own file beside a part: what `plan` says of it with its round nozzle, the
+/// slicer's estimate, and grams without a material. Method: the square of two layers, which names a nozzle of 0.5 mm, and
+/// a square outline; the same file planned by itself.
+#[test]
+fn a_comparison_has_the_slicers_own_file_beside_it() {
+    let folder = folder("compare_to");
+    let [sliced, part, job] =
+        ["square.gcode", "square.json", "square.hwj"].map(|name| folder.join(name));
+    std::fs::write(&sliced, square() + "; nozzle_diameter = 0.5\n").expect("written");
+    let outline = "{\"units\": \"mm\", \"exterior\": [[0, 0], [6, 0], [6, 6], [0, 6]]}";
+    std::fs::write(&part, outline).expect("written");
+    let with = ["--aperture", "ellipse:0.6x0.2", "--aperture", "circle:0.25"];
+    let compare = [&["compare", path(&part), "--to", path(&sliced)], &with[..]].concat();
+    let rows: serde_json::Value =
+        serde_json::from_str(&succeeded(&headway(&[&compare[..], &["--json"]].concat())))
+            .expect("a list");
+    assert_eq!(rows.as_array().map(Vec::len), Some(3));
+    let own = &rows[2];
+    assert_eq!(
+        (&own["sliced"], &own["aperture"]),
+        (&"square.gcode".into(), &"circle:0.25".into())
+    );
+    assert_eq!(own["slicer_estimate_s"], 6.0);
+    let plan = [
+        "plan",
+        path(&sliced),
+        "--aperture",
+        "circle:0.25",
+        "-o",
+        path(&job),
+        "--json",
+    ];
+    let planned = object(&headway(&plan));
+    for key in ["print_s", "volume_mm3", "flow_interruptions"] {
+        assert_eq!(own[key], planned[key], "{key}");
+    }
+    assert!(own["unreachable_mm"].is_null() && own["open_mm2"].is_null());
+    for row in rows.as_array().expect("rows") {
+        let grams = row["volume_mm3"].as_f64().expect("a volume") * 1.24e-3;
+        assert!((row["mass_g"].as_f64().expect("grams") - grams).abs() < 1e-9);
+        assert!(row["slicer_estimate_s"].is_null() == row["sliced"].is_null());
+    }
+    let picture = folder.join("compare.svg");
+    let more = ["--picture", path(&picture), "--density", "2"];
+    let table = succeeded(&headway(&[&compare[..], &more].concat()));
+    assert!(table.contains("square.gcode, circle:0.25"), "{table}");
+    assert!(table.contains("its slicer estimates 6.0 s"), "{table}");
+    assert!(!table.contains("PLA"), "{table}");
+    let drawn = std::fs::read_to_string(&picture).expect("a picture");
+    assert_eq!(drawn.matches("<image").count(), 3);
+    assert!(
+        drawn.contains("its slicer&apos;s estimate") || drawn.contains("its slicer's estimate")
+    );
+    let outline = headway(&[&["compare", path(&part), "--to", path(&part)], &with[..]].concat());
+    assert_eq!(outline.status.code(), Some(2), "{}", stderr(&outline));
+}

@@ -1,0 +1,255 @@
+//! The figures in a few lines of plain words: the first thing that is said of a job, and the last.
+//!
+//! In: [`Figures`], and reasons that no figure holds. Out: lines in one order, on terminal, page and in
+//! `--json`: every reason not to start the job, then how long it takes and against what, how much material, how
+//! exact the steps are, what limits it, what stays open. What is not known is not spoken of.
+
+use crate::report::figures::{Figures, VerdictFigures};
+
+/// Time at no limit counts as one by this name.
+const NONE: &str = "none";
+/// Reasons that a terminal shows; the last of them stands for the rest.
+const REASONS_SHOWN: usize = 3;
+
+/// The verdict; `more` are reasons that no figure holds, `is_cold` where neither machine file nor input say anything
+/// of heat.
+pub fn verdict(figures: &Figures, more: &[String], is_cold: bool) -> VerdictFigures {
+    let objections = figures.objections.iter().flatten().cloned();
+    let reasons: Vec<String> = objections
+        .chain(faults(figures))
+        .chain(more.iter().cloned())
+        .collect();
+    let lines = [
+        time(figures),
+        material(figures, is_cold),
+        steps(figures),
+        limit(figures),
+        joined([open(figures), left_out(figures)]),
+    ];
+    VerdictFigures {
+        reasons,
+        lines: lines.into_iter().flatten().collect(),
+    }
+}
+
+/// Lines of a terminal: of many reasons the first ones.
+pub fn terminal_lines(verdict: &VerdictFigures) -> Vec<String> {
+    let reasons = &verdict.reasons;
+    let mut lines = match reasons.len() {
+        0 => vec!["Nothing was found against starting it.".to_string()],
+        count if count <= REASONS_SHOWN => reasons.clone(),
+        count => {
+            let shown = &reasons[..REASONS_SHOWN - 1];
+            let rest = count - shown.len();
+            let rest = format!("and {rest} more reasons not to start it (--figures shows them)");
+            shown.iter().cloned().chain([rest]).collect()
+        }
+    };
+    lines.extend(verdict.lines.iter().cloned());
+    lines
+}
+
+/// The sentences of a page.
+pub fn page_text(figures: &Figures) -> String {
+    let made = || verdict(figures, &[], false);
+    let VerdictFigures { reasons, lines } = figures.verdict.clone().unwrap_or_else(made);
+    let reasons = reasons.iter().map(|reason| format!("{reason}."));
+    reasons.chain(lines).collect::<Vec<_>>().join(" ")
+}
+
+/// The first figures, a name and a value with its unit each.
+pub fn tiles(figures: &Figures) -> Vec<(&'static str, String)> {
+    let tiles = [
+        ("Time", figures.print_s.map(duration)),
+        (
+            "Material",
+            figures.volume_mm3.map(|v| format!("{v:.1} mm³")),
+        ),
+        ("Covered", figures.covered_pct.map(|v| format!("{v:.1} %"))),
+        (
+            "Printed path",
+            figures.print_mm.map(|v| format!("{v:.0} mm")),
+        ),
+        ("Passes", figures.passes.map(|v| v.to_string())),
+        ("Layers", figures.layers.map(|v| v.to_string())),
+    ];
+    let known = tiles.into_iter();
+    known
+        .filter_map(|(what, value)| Some((what, value?)))
+        .collect()
+}
+
+/// A run that was not told as an objection.
+fn faults(figures: &Figures) -> Option<String> {
+    let faults = figures.faults.filter(|&faults| faults > 0)?;
+    let is_told = figures.objections.iter().flatten();
+    let is_told = is_told.into_iter().any(|line| line.starts_with("FAULT"));
+    (!is_told).then(|| format!("FAULT: the controller stopped with {faults} fault(s)"))
+}
+
+fn time(figures: &Figures) -> Option<String> {
+    let print_s = figures.print_s?;
+    let time = duration(print_s);
+    let passes = match figures.passes {
+        Some(1) => " in one pass".to_string(),
+        Some(passes) => format!(" in {passes} passes"),
+        None => String::new(),
+    };
+    let against = figures.against.as_ref().map(|of| match of.print_s {
+        Some(other_s) => format!(
+            ", {:.2} of the {} with {}",
+            print_s / other_s,
+            duration(other_s),
+            of.aperture
+        ),
+        None => format!("; it cannot be printed with {}", of.aperture),
+    });
+    let slicer = figures.slicer_estimate_s.map(|other_s| {
+        format!(
+            ", {:.2} of the {} that its slicer estimates",
+            print_s / other_s,
+            duration(other_s)
+        )
+    });
+    let against = against.or(slicer).unwrap_or_default();
+    Some(format!("Takes {time}{passes}{against}."))
+}
+
+/// Sentences in one line.
+fn joined(sentences: [Option<String>; 2]) -> Option<String> {
+    let known: Vec<String> = sentences.into_iter().flatten().collect();
+    (!known.is_empty()).then(|| known.join(" "))
+}
+
+fn material(figures: &Figures, is_cold: bool) -> Option<String> {
+    let volume_mm3 = figures.volume_mm3?;
+    let mass = figures.mass_g.map(|mass_g| format!(", {mass_g:.2} g"));
+    let filament = figures.filament_mm;
+    let filament = filament.map(|mm| format!(", {:.2} m of filament", mm * 1e-3));
+    let layers = figures.layers.map(|layers| format!(" in {layers} layers"));
+    let [mass, filament, layers] = [mass, filament, layers].map(Option::unwrap_or_default);
+    let heat = match is_cold {
+        true => "; nothing is heated: the machine file has no [material]",
+        false => "",
+    };
+    Some(format!(
+        "Lays {volume_mm3:.1} mm³ of material{mass}{filament}{layers}{heat}."
+    ))
+}
+
+fn steps(figures: &Figures) -> Option<String> {
+    let tip_um = figures.tip_error_um_max?;
+    Some(format!(
+        "The simulated steps stay within {tip_um:.1} µm of the plan."
+    ))
+}
+
+fn duration(seconds: f64) -> String {
+    // Rounded once, so that no 60 seconds and no 60 minutes are left over.
+    let whole = seconds.round() as u64;
+    let minutes = (seconds / 60.0).round() as u64;
+    match seconds {
+        s if s < 100.0 => format!("{s:.1} s"),
+        s if s < 6000.0 => format!("{} min {:02} s", whole / 60, whole % 60),
+        _ => format!("{} h {:02} min", minutes / 60, minutes % 60),
+    }
+}
+
+fn open(figures: &Figures) -> Option<String> {
+    let covered = figures.covered_pct?;
+    let open = match figures.open_largest_mm2 {
+        Some(open) if open > 0.0 => format!("; the largest place left open has {open:.2} mm²"),
+        Some(_) => "; nothing is left open".to_string(),
+        None => String::new(),
+    };
+    let sparse = figures.infill_mm2.zip(figures.infill_covered_pct);
+    Some(match sparse.filter(|(mm2, _)| *mm2 > 0.0) {
+        Some((_, density_pct)) => format!(
+            "Covers {covered:.1} % of the outline, {density_pct:.0} % of what is inside the walls{open}."
+        ),
+        None => format!("Covers {covered:.1} % of the outline{open}."),
+    })
+}
+
+/// What is not printed as drawn.
+fn left_out(figures: &Figures) -> Option<String> {
+    let unreachable = figures.unreachable_mm.filter(|mm| *mm > 0.0);
+    let regions = figures.left_out_places.as_ref().map_or(0, Vec::len);
+    let hanging = figures.overhang_mm2.filter(|mm2| *mm2 > 0.0);
+    let parts = [
+        unreachable.map(|mm| format!("{mm:.1} mm of the boundary are out of the nozzle's reach")),
+        (regions > 0).then(|| format!("{regions} regions are not printed")),
+        hanging.map(|mm2| format!("{mm2:.1} mm² hang over nothing")),
+    ];
+    let parts: Vec<String> = parts.into_iter().flatten().collect();
+    (!parts.is_empty()).then(|| format!("Left out: {}.", parts.join(", ")))
+}
+
+fn limit(figures: &Figures) -> Option<String> {
+    let shares = figures.time_share_by_limit.as_ref()?.iter();
+    let named = shares.filter(|(limit, _)| *limit != NONE);
+    let (limit, share) = named.max_by(|a, b| a.1.total_cmp(b.1))?;
+    let limit = limit.replace('_', " ");
+    Some(format!(
+        "{:.0} % of the printing time is spent at the limit of {limit}.",
+        100.0 * share
+    ))
+}
+
+#[cfg(test)]
+mod tests {
+    //! Goal: the verdict has its order, whatever is known, and fits a terminal. Method: figures by hand.
+    use super::*;
+    use crate::report::figures::AgainstFigures;
+
+    #[test]
+    fn reasons_come_first_and_a_terminal_shows_few_of_many() {
+        let mut figures = Figures {
+            print_s: Some(3599.7),
+            passes: Some(3),
+            volume_mm3: Some(12.34),
+            mass_g: Some(0.5),
+            covered_pct: Some(99.5),
+            open_largest_mm2: Some(0.0),
+            unreachable_mm: Some(2.0),
+            overhang_mm2: Some(3.0),
+            tip_error_um_max: Some(9.2),
+            time_share_by_limit: Some([("joint_c".to_string(), 0.5)].into()),
+            against: Some(AgainstFigures {
+                aperture: "circle:0.4".to_string(),
+                print_s: Some(7199.4),
+            }),
+            ..Figures::default()
+        };
+        let good = verdict(&figures, &[], true);
+        assert!(good.reasons.is_empty());
+        assert_eq!(
+            terminal_lines(&good),
+            [
+                "Nothing was found against starting it.",
+                "Takes 60 min 00 s in 3 passes, 0.50 of the 2 h 00 min with circle:0.4.",
+                "Lays 12.3 mm³ of material, 0.50 g; nothing is heated: the machine file has no [material].",
+                "The simulated steps stay within 9.2 µm of the plan.",
+                "50 % of the printing time is spent at the limit of joint c.",
+                "Covers 99.5 % of the outline; nothing is left open. Left out: 2.0 mm of the boundary are out of the nozzle's reach, 3.0 mm² hang over nothing.",
+            ]
+        );
+        figures.objections = Some((0..7).map(|n| format!("RANGE: {n}")).collect());
+        figures.faults = Some(1);
+        let bad = verdict(&figures, &["COLD: nothing heats".to_string()], true);
+        assert_eq!(bad.reasons.len(), 9);
+        assert_eq!(
+            bad.reasons.last().map(String::as_str),
+            Some("COLD: nothing heats")
+        );
+        let lines = terminal_lines(&bad);
+        assert_eq!(lines[..2], ["RANGE: 0", "RANGE: 1"]);
+        assert!(lines[2].starts_with("and 7 more reasons"), "{lines:?}");
+        // A terminal has twelve lines: two notes and how many more, and the job's line and its nozzle's after a
+        // plan, which has no steps.
+        let of_steps = 1;
+        assert!(lines.len() - of_steps + 3 + 2 <= 12, "{lines:?}");
+        assert!(page_text(&figures).starts_with("RANGE: 0. RANGE: 1. "));
+        assert!(verdict(&Figures::default(), &[], true).lines.is_empty());
+    }
+}
