@@ -8,11 +8,13 @@
 //! left out forbids it, and every nearer axis is forbidden by a known one.
 
 use crate::standing::Standing;
-use crate::touch::Head;
+use crate::touch::{Head, Touch};
 use crate::{Pose, Vector3};
 
 /// Caps of a search: more are given up.
 const CAPS_MAX: usize = 96;
+/// Touches of a place among which the deepest is looked for: a search meets what it left out in its next round.
+const TOUCHES_LOOKED: usize = 256;
 /// By how much caps are larger than they must be, rad: rounding of a candidate on a circle.
 const ROUNDING_RAD: f64 = 1e-7;
 
@@ -105,29 +107,27 @@ struct Worst {
     point: usize,
 }
 
-/// The point that is deepest inside its cap, over all places.
+/// The touch that is deepest as seen from its tip, over all places, with its cap.
 fn worst(head: &Head, standing: &Standing, places: &[Place], axis: Vector3) -> Option<Worst> {
-    let mut worst: Option<(f64, Worst)> = None;
+    let mut deepest: Option<(f64, usize, Touch)> = None;
     for (place, at) in places.iter().enumerate() {
         let pose = Pose {
             tip_mm: at.tip_mm,
             axis,
         };
-        head.each_touch(standing, &pose, at.before, |touch| {
-            let cap = cap_of(head, &at.tip_mm, &touch.at_mm);
-            let Some(mut cap) = cap else { return };
-            cap.angle_rad += ROUNDING_RAD;
-            let inside_rad = cap.angle_rad - angle_rad(&cap.axis, &axis);
-            if worst
-                .as_ref()
-                .is_none_or(|(most_rad, _)| inside_rad > *most_rad)
-            {
-                let point = touch.order;
-                worst = Some((inside_rad, Worst { cap, place, point }));
+        head.first_touches(standing, &pose, at.before, TOUCHES_LOOKED, |touch| {
+            // About by how much the axis has to turn.
+            let inside = touch.depth_mm / (touch.at_mm - at.tip_mm).norm().max(f64::MIN_POSITIVE);
+            if deepest.as_ref().is_none_or(|(most, ..)| inside > *most) {
+                deepest = Some((inside, place, touch));
             }
         });
     }
-    worst.map(|(_, worst)| worst)
+    let (_, place, touch) = deepest?;
+    let mut cap = cap_of(head, &places[place].tip_mm, &touch.at_mm)?;
+    cap.angle_rad += ROUNDING_RAD;
+    let point = touch.order;
+    Some(Worst { cap, place, point })
 }
 
 /// The axis nearest to the wish outside of all caps and inside of all cones; `None` where there is none.

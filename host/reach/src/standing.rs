@@ -50,6 +50,8 @@ pub(crate) struct Leaf {
 pub(crate) struct Node {
     pub middle_mm: Vector3,
     pub half_mm: Vector3,
+    /// Half its diagonal and its points' greatest half width.
+    pub radius_mm: f64,
     pub half_width_mm: f64,
     /// Its earliest point.
     pub earliest: u32,
@@ -124,10 +126,12 @@ impl Standing {
             earliest = earliest.min(leaf.order);
         }
         let middle_mm = 0.5 * (low_mm + high_mm);
+        // Rounding of the middle is covered.
+        let half_mm = (high_mm - middle_mm).sup(&(middle_mm - low_mm));
         Node {
             middle_mm,
-            // Rounding of the middle is covered.
-            half_mm: (high_mm - middle_mm).sup(&(middle_mm - low_mm)),
+            half_mm,
+            radius_mm: half_mm.norm(),
             half_width_mm,
             earliest,
             from: from as u32,

@@ -35,7 +35,7 @@ pub struct Head<'a> {
 }
 
 /// How far a head may have moved from the pose that is looked at, to each side.
-#[derive(Clone, Copy, Debug, Default)]
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
 struct Motion {
     along_mm: f64,
     across_mm: f64,
@@ -59,9 +59,21 @@ impl Head<'_> {
         standing: &Standing,
         pose: &Pose,
         before: usize,
+        on: impl FnMut(Touch),
+    ) {
+        self.first_touches(standing, pose, before, TOUCHES_MAX, on);
+    }
+
+    /// The same for so many points at most.
+    pub(crate) fn first_touches(
+        &self,
+        standing: &Standing,
+        pose: &Pose,
+        before: usize,
+        points_max: usize,
         mut on: impl FnMut(Touch),
     ) {
-        let mut left = TOUCHES_MAX;
+        let mut left = points_max;
         self.each(standing, pose, before, Motion::default(), |leaf| {
             let edge_mm = leaf.point.edge_mm(&pose.tip_mm);
             for at_mm in [leaf.point.at_mm, edge_mm] {
@@ -144,14 +156,15 @@ impl Head<'_> {
         mut on: impl FnMut(&Leaf) -> ControlFlow<()>,
     ) {
         let before = u32::try_from(before).unwrap_or(u32::MAX);
-        let across = pose.axis.abs();
+        let along = pose.axis.abs();
+        let across = pose.axis.map(|share| (1.0 - share * share).max(0.0).sqrt());
         let mut stack = [0u32; DEPTH_MAX];
         let mut waiting = usize::from(!standing.nodes.is_empty());
         while waiting > 0 {
             waiting -= 1;
             let index = stack[waiting];
             let node = &standing.nodes[index as usize];
-            if node.earliest >= before || !self.may_hold(node, pose, &across, motion) {
+            if node.earliest >= before || !self.may_hold(node, pose, [&along, &across], motion) {
                 continue;
             }
             if node.second > 0 {
@@ -172,10 +185,18 @@ impl Head<'_> {
     /// True where the head may hold a point's middle or its edge, after at most that motion.
     #[inline]
     fn holds_point(&self, point: &Point, pose: &Pose, motion: Motion) -> bool {
-        if self.holds(pose.seen(&point.at_mm), motion) {
+        let seen = pose.seen(&point.at_mm);
+        if self.holds(seen, motion) {
             return true;
         }
-        if point.half_width_mm <= 0.0 {
+        // The edge is no farther than the half width.
+        let [height_mm, from_axis_mm] = seen;
+        let is_near = |grown_mm: f64| {
+            height_mm + grown_mm > self.slack_mm
+                && from_axis_mm - grown_mm < self.profile.radius_mm(height_mm + grown_mm)
+        };
+        let is_still = motion == Motion::default();
+        if point.half_width_mm <= 0.0 || (is_still && !is_near(point.half_width_mm)) {
             return false;
         }
         // The edge follows the tip, within its plane.
@@ -206,17 +227,21 @@ impl Head<'_> {
 
     /// False where the head holds none of a box's points.
     #[inline]
-    fn may_hold(&self, node: &Node, pose: &Pose, across: &Vector3, motion: Motion) -> bool {
+    fn may_hold(&self, node: &Node, pose: &Pose, sides: [&Vector3; 2], motion: Motion) -> bool {
+        let [along, across] = sides;
+        if motion == Motion::default() {
+            return self.may_hold_still(node, pose, sides);
+        }
         let seen = pose.seen(&node.middle_mm);
         // Edges are within a half width, and may follow the tip.
-        let way_mm = match node.half_width_mm > 0.0 {
-            true => motion.along_mm.hypot(motion.across_mm),
+        let way_mm = motion.along_mm.hypot(motion.across_mm);
+        let grown_mm = match node.half_width_mm > 0.0 {
+            true => node.half_width_mm + way_mm,
             false => 0.0,
         };
-        let grown_mm = node.half_width_mm + way_mm;
-        let radius_mm = node.half_mm.norm();
-        let mut along_mm = motion.along_mm + across.dot(&node.half_mm) + grown_mm;
-        let mut across_mm = motion.across_mm + radius_mm + grown_mm;
+        let mut along_mm = motion.along_mm + along.dot(&node.half_mm) + grown_mm;
+        let aside_mm = node.radius_mm.min(across.dot(&node.half_mm));
+        let mut across_mm = motion.across_mm + aside_mm + grown_mm;
         if motion.turned_rad > 0.0 {
             // The farthest place of the box turns farthest.
             let distance_mm = seen[0].hypot(seen[1]) + along_mm + across_mm;
@@ -229,5 +254,20 @@ impl Head<'_> {
             turned_rad: 0.0,
         };
         self.holds(seen, still)
+    }
+
+    /// The same for a head that stands still.
+    #[inline]
+    fn may_hold_still(&self, node: &Node, pose: &Pose, [along, across]: [&Vector3; 2]) -> bool {
+        let away = node.middle_mm - pose.tip_mm;
+        let middle_mm = away.dot(&pose.axis);
+        let up_mm = along.dot(&node.half_mm) + node.half_width_mm;
+        if middle_mm + up_mm <= self.slack_mm || middle_mm - up_mm > self.profile.top_mm() {
+            return false;
+        }
+        // No corner is farther aside than its edges' sum, or than the diagonal.
+        let aside_mm = node.radius_mm.min(across.dot(&node.half_mm));
+        let reach_mm = self.profile.radius_mm(middle_mm + up_mm) + aside_mm + node.half_width_mm;
+        away.norm_squared() - middle_mm * middle_mm < reach_mm * reach_mm
     }
 }
