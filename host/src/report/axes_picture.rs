@@ -109,7 +109,12 @@ pub fn draw(title: &str, free: &[bool], sectors: usize, marks: &[MarkedAxis]) ->
                     .set("stroke-width", 3),
             );
         }
-        document = document.add(words([x + 9.0, y - 6.0], mark.label).set("fill", mark.colour));
+        let label = words([x + 9.0, y - 6.0], mark.label)
+            .set("fill", mark.colour)
+            .set("stroke", "#ffffff")
+            .set("stroke-width", 4)
+            .set("paint-order", "stroke");
+        document = document.add(label);
     }
     document.to_string() + "\n"
 }
