@@ -3,8 +3,8 @@
 //! In: the poses of a job in order (mm, rad, machine coordinates), a tip and a time, the head's shape. Out: the caps that
 //! a search for the nearest free axis met, that axis, and a map of all axes within 90° of Z.
 
-use super::touches::stations::half_width_mm;
 use crate::plan::route::moves::{tilt, tip};
+use crate::plan::route::waypoint_curve::half_width_mm;
 use crate::settings::Settings;
 use headway_firmware::pose::tool_axis;
 use headway_protocol::units::CHANNELS;
@@ -12,6 +12,7 @@ use headway_reach::free_axes::{Cap, Found, Place, nearest_free};
 use headway_reach::standing::{Point, Standing};
 use headway_reach::touch::Head;
 use headway_reach::{Pose, Vector3};
+use nalgebra::Vector2;
 use std::f64::consts::{FRAC_PI_2, TAU};
 
 /// Rings of the map.
@@ -73,7 +74,7 @@ pub fn axes_at(
     for moment in moments.take_while(|moment| moment.time_s <= time_s) {
         wish = tool_axis(tilt(&moment.pose));
         let from = before.unwrap_or(moment);
-        let half_width_mm = half_width_mm(&from.pose, &moment.pose, settings);
+        let half_width_mm = half_width_mm(&from.pose, &moment.pose, &settings.aperture);
         let step_mm = (tip(&moment.pose) - tip(&from.pose)).norm();
         // Every half width a point, as the judge has them.
         if !moment.lays || !from.lays || step_mm >= half_width_mm || before.is_none() {
@@ -110,12 +111,8 @@ pub fn axes_at(
     let axes = (0..MAP_RINGS).flat_map(|ring| (0..MAP_SECTORS).map(move |sector| (ring, sector)));
     let map = axes.map(|(ring, sector)| {
         let [tilt_rad, around_rad] = map_axis_rad(ring, sector);
-        let (sin, cos) = tilt_rad.sin_cos();
-        is_free(Vector3::new(
-            sin * around_rad.cos(),
-            sin * around_rad.sin(),
-            cos,
-        ))
+        let (sin, cos) = around_rad.sin_cos();
+        is_free(tool_axis(tilt_rad * Vector2::new(-sin, cos)))
     });
     let map = map.collect();
     let search = nearest_free(&head, &standing, &[place], wish, &within);

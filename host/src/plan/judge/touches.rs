@@ -48,18 +48,6 @@ impl HeadPart {
     }
 }
 
-impl Obstacle {
-    /// In a sentence.
-    pub fn name(self) -> &'static str {
-        match self {
-            Obstacle::Table => "the table",
-            Obstacle::Print => "what is printed",
-            Obstacle::Surface => "the surface",
-            Obstacle::Standing => "what stands there (--obstacle)",
-        }
-    }
-}
-
 /// What is touched.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Obstacle {
@@ -71,6 +59,18 @@ pub enum Obstacle {
     Surface,
     /// What stands on the machine (`--obstacle`).
     Standing,
+}
+
+impl Obstacle {
+    /// In a sentence.
+    pub fn name(self) -> &'static str {
+        match self {
+            Obstacle::Table => "the table",
+            Obstacle::Print => "what is printed",
+            Obstacle::Surface => "the surface",
+            Obstacle::Standing => "what stands there (--obstacle)",
+        }
+    }
 }
 
 /// A touch.

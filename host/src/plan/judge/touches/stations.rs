@@ -2,19 +2,16 @@
 //!
 //! In: a route (mm, rad, machine coordinates). Out: stations and points, in order.
 
-use crate::geometry::Vector2;
 use crate::job::MotionState;
 use crate::plan::route::lean::{LayerNormals, PassNormals};
 use crate::plan::route::moves::{Route, tilt, tip};
-use crate::plan::route::waypoint_curve::upright;
+use crate::plan::route::waypoint_curve::half_width_mm;
 use crate::settings::Settings;
 use headway_firmware::pose::tool_axis;
-use headway_protocol::units::{CHANNEL_HEADING, CHANNELS};
+use headway_reach::Pose;
 use headway_reach::standing::Point;
-use headway_reach::{Pose, Vector3};
 
-/// Path between two stations of a travel, against the aperture's reach, and turn between two of any move.
-const TRAVEL_SHARE: f64 = 1.0;
+/// Turn between two stations.
 const TURN_RAD: f64 = 0.05;
 
 /// A pose of the route.
@@ -62,10 +59,10 @@ impl<'a> Stations<'a> {
             let mut normals = normals.map(|normals| normals.along(route_move.pass));
             let control = &route_move.curve.control;
             for (span, leg) in control.windows(2).enumerate() {
-                let half_width_mm = half_width_mm(&leg[0], &leg[1], settings);
+                let half_width_mm = half_width_mm(&leg[0], &leg[1], &settings.aperture);
                 let spacing_mm = match lays {
                     true => half_width_mm,
-                    false => TRAVEL_SHARE * settings.aperture.reach_mm(),
+                    false => settings.aperture.reach_mm(),
                 };
                 let way_mm = (tip(&leg[1]) - tip(&leg[0])).norm();
                 let turn_rad = (tilt(&leg[1]) - tilt(&leg[0])).norm();
@@ -131,13 +128,4 @@ impl<'a> Stations<'a> {
             axis: tool_axis(tilt(&pose)),
         }
     }
-}
-
-/// Half the width that the nozzle lays from one pose to the next; the narrowest where it does not move.
-pub fn half_width_mm(from: &[f64; CHANNELS], to: &[f64; CHANNELS], settings: &Settings) -> f64 {
-    let step: Vector3 = upright(from) * (tip(to) - tip(from));
-    let across = Vector2::new(-step.y, step.x).try_normalize(1e-9);
-    across.map_or(settings.aperture.minor_mm(), |across| {
-        settings.aperture.support_mm(from[CHANNEL_HEADING], across)
-    })
 }

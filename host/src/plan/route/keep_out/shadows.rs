@@ -25,6 +25,7 @@ pub fn with_shadows(
 ) -> Vec<Region> {
     let mut all = keep_out.to_vec();
     let triangles = &settings.obstacles.triangles;
+    let profile = settings.head.as_ref().map(|head| head.profile());
     // The tip is never lower than the first layer.
     let tip_mm = settings.work_area_mm[0][2] + settings.layer_height_mm;
     let top_mm = |triangle: &[Vector3; 3]| {
@@ -50,8 +51,8 @@ pub fn with_shadows(
             continue;
         }
         let shadows = filled(rings.iter(), FillRule::NonZero);
-        let head = settings.head.as_ref();
-        let radius_mm = head.map_or(0.0, |head| head.profile().radius_mm(high_mm - tip_mm));
+        let profile = profile.as_ref();
+        let radius_mm = profile.map_or(0.0, |head| head.radius_mm(high_mm - tip_mm));
         all.extend(grown(&shadows, radius_mm - settings.nozzle_body_radius_mm));
     }
     all

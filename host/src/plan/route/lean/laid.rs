@@ -2,13 +2,10 @@
 //!
 //! In: a run (mm, input coordinates), its offset, the head. Out: points and places, machine coordinates.
 
-use super::super::waypoint_curve::{divided, upright};
-use crate::geometry::Vector2;
 use crate::input::waypoints::{Waypoint, WaypointRun};
+use crate::plan::route::waypoint_curve::{self as curve, divided, pose};
 use crate::settings::Settings;
 use crate::settings::head_shape::HeadShape;
-use headway_firmware::pose::tilt_of_axis;
-use headway_protocol::units::{CHANNEL_TILT_X, CHANNEL_TILT_Y, CHANNELS};
 use headway_reach::free_axes::Place;
 use headway_reach::profile::HeadProfile;
 use headway_reach::standing::{Point, Standing};
@@ -171,7 +168,7 @@ fn laid_places(
     let mut places = Vec::new();
     for (after, pair) in waypoints.windows(2).enumerate() {
         let chord = pair[1].tip_mm - pair[0].tip_mm;
-        let half_width_mm = half_width_mm(&pair[0], &chord, settings);
+        let half_width_mm = half_width_mm(&pair[0], &pair[1], settings);
         let turn_rad = pair[0].axis.angle(&pair[1].axis);
         let count = (chord.norm() / half_width_mm).max(turn_rad / TURN_RAD);
         let count = count.ceil().max(1.0);
@@ -200,20 +197,13 @@ fn laid_places(
 }
 
 /// Half the width of the bead of a chord.
-fn half_width_mm(from: &Waypoint, chord: &Vector3, settings: &Settings) -> f64 {
+fn half_width_mm(from: &Waypoint, to: &Waypoint, settings: &Settings) -> f64 {
     let aperture = &settings.aperture;
     if let Some(width_mm) = from.width_mm {
         return (0.5 * width_mm).max(aperture.minor_mm());
     }
-    let Some(heading_rad) = from.heading_rad else {
+    if from.heading_rad.is_none() {
         return aperture.major_mm();
-    };
-    let tilt = tilt_of_axis(&from.axis.into_inner());
-    let mut pose = [0.0; CHANNELS];
-    [pose[CHANNEL_TILT_X], pose[CHANNEL_TILT_Y]] = [tilt.x, tilt.y];
-    let step = upright(&pose) * chord;
-    let across = Vector2::new(-step.y, step.x).try_normalize(1e-9);
-    across.map_or(aperture.minor_mm(), |across| {
-        aperture.support_mm(heading_rad, across)
-    })
+    }
+    curve::half_width_mm(&pose(from, [0.0; 3]), &pose(to, [0.0; 3]), aperture)
 }

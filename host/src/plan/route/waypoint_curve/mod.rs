@@ -226,7 +226,8 @@ fn check_tilt(points: &[Waypoint], settings: &Settings) -> Result<(), WaypointCu
     Ok(())
 }
 
-fn pose(point: &Waypoint, offset_mm: [f64; 3]) -> Point {
+/// The pose of a waypoint, machine coordinates.
+pub fn pose(point: &Waypoint, offset_mm: [f64; 3]) -> Point {
     let tilt = tilt_of_axis(&point.axis.into_inner());
     let mut pose = [0.0; CHANNELS];
     pose[CHANNEL_X] = point.tip_mm.x + offset_mm[0];
@@ -373,6 +374,15 @@ pub fn upright(pose: &Point) -> Rotation3<f64> {
     let tilt = Vector2::new(pose[CHANNEL_TILT_X], pose[CHANNEL_TILT_Y]);
     debug_assert!(tool_axis(tilt).norm() > 0.5);
     Rotation3::new(Vector3::new(tilt.x, tilt.y, 0.0)).inverse()
+}
+
+/// Half the width that the nozzle lays from one pose to the next, mm; the narrowest where it does not move.
+pub fn half_width_mm(from: &Point, to: &Point, aperture: &Aperture) -> f64 {
+    let step = upright(from) * Vector3::from_fn(|i, _| to[CHANNEL_X + i] - from[CHANNEL_X + i]);
+    let across = Vector2::new(-step.y, step.x).try_normalize(1e-9);
+    across.map_or(aperture.minor_mm(), |across| {
+        aperture.support_mm(from[CHANNEL_HEADING], across)
+    })
 }
 
 #[cfg(test)]
