@@ -14,9 +14,11 @@ use crate::{Pose, Vector3};
 /// Caps of a search: more are given up.
 const CAPS_MAX: usize = 96;
 /// Touches of a place among which the deepest is looked for: a search meets what it left out in its next round.
-const TOUCHES_LOOKED: usize = 256;
+const TOUCHES_LOOKED: usize = 64;
 /// By how much caps are larger than they must be, rad: rounding of a candidate on a circle.
 const ROUNDING_RAD: f64 = 1e-7;
+/// Rounding of a candidate's place.
+const SURE_RAD: f64 = 1e-8;
 
 /// A cone or a cap of axes: all that differ from `axis` by at most `angle_rad`.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -132,14 +134,25 @@ fn worst(head: &Head, standing: &Standing, places: &[Place], axis: Vector3) -> O
 
 /// The axis nearest to the wish outside of all caps and inside of all cones; `None` where there is none.
 fn best_candidate(wish: Vector3, caps: &[Cap], within: &[Cap]) -> Option<Vector3> {
+    // By the squares of chords: exact for small angles too.
+    let outside: Vec<f64> = caps
+        .iter()
+        .map(|cap| chord2(cap.angle_rad - SURE_RAD))
+        .collect();
+    let inside: Vec<f64> = within
+        .iter()
+        .map(|cone| chord2(cone.angle_rad + SURE_RAD))
+        .collect();
     let is_free = |axis: &Vector3| {
-        let in_cones = within
+        let square = |cap: &Cap| (cap.axis - axis).norm_squared();
+        within
             .iter()
-            .all(|cone| angle_rad(&cone.axis, axis) <= cone.angle_rad + 0.1 * ROUNDING_RAD);
-        in_cones
+            .zip(&inside)
+            .all(|(cone, most)| square(cone) <= *most)
             && caps
                 .iter()
-                .all(|cap| angle_rad(&cap.axis, axis) >= cap.angle_rad - 0.1 * ROUNDING_RAD)
+                .zip(&outside)
+                .all(|(cap, least)| square(cap) >= *least)
     };
     if is_free(&wish) {
         return Some(wish);
@@ -161,6 +174,12 @@ fn best_candidate(wish: Vector3, caps: &[Cap], within: &[Cap]) -> Option<Vector3
         }
     }
     best.map(|(_, axis)| axis)
+}
+
+/// The square of the chord of an angle, which is cut to what angles there are.
+fn chord2(angle_rad: f64) -> f64 {
+    let half = 2.0 * (0.5 * angle_rad.clamp(0.0, std::f64::consts::PI)).sin();
+    half * half
 }
 
 /// The place on a cap's circle nearest to an axis.
@@ -190,9 +209,4 @@ fn crossings(a: &Cap, b: &Cap) -> [Option<Vector3>; 2] {
     }
     let out = a.axis.cross(&b.axis) * (out_square / determinant).sqrt();
     [middle + out, middle - out].map(|axis| axis.try_normalize(0.5))
-}
-
-/// The angle between two unit vectors, exact for small ones too.
-fn angle_rad(a: &Vector3, b: &Vector3) -> f64 {
-    a.cross(b).norm().atan2(a.dot(b))
 }

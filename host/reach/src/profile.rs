@@ -6,7 +6,13 @@
 pub struct HeadProfile {
     /// Height and radius, mm; both never fall. Two of one height are a step.
     knots: Vec<[f64; 2]>,
+    /// Radius at the upper end of each of [`BOUNDS`] equal heights, and how many there are a mm.
+    bounds_mm: Vec<f64>,
+    bounds_per_mm: f64,
 }
+
+/// Heights of the quick bound.
+const BOUNDS: u32 = 512;
 
 /// Why knots are no profile.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -40,19 +46,38 @@ impl HeadProfile {
             }
             risen.push([height_mm, radius_mm.max(widest_mm)]);
         }
-        Ok(HeadProfile { knots: risen })
+        Ok(HeadProfile::of_sound(risen))
+    }
+
+    fn of_sound(knots: Vec<[f64; 2]>) -> HeadProfile {
+        let mut profile = HeadProfile {
+            knots,
+            bounds_mm: Vec::new(),
+            bounds_per_mm: 0.0,
+        };
+        let top_mm = profile.top_mm().max(f64::MIN_POSITIVE);
+        // A little more than the upper end: rounding may take a height for the lower neighbour's.
+        let upper_mm = |index: u32| top_mm * (f64::from(index) + 1.001) / f64::from(BOUNDS);
+        profile.bounds_mm = (0..=BOUNDS)
+            .map(|index| profile.radius_mm(upper_mm(index)))
+            .collect();
+        profile.bounds_per_mm = f64::from(BOUNDS) / top_mm;
+        profile
     }
 
     /// A head as thin as its tip's middle, which holds nothing.
     pub fn line() -> HeadProfile {
-        HeadProfile {
-            knots: vec![[0.0; 2], [1.0, 0.0]],
-        }
+        HeadProfile::of_sound(vec![[0.0; 2], [1.0, 0.0]])
     }
 
     /// Height and radius of its edges, mm, from the tip upwards.
     pub fn knots(&self) -> &[[f64; 2]] {
         &self.knots
+    }
+
+    /// Its sections, from the tip upwards: lower and upper height and radius, mm.
+    pub(crate) fn sections(&self) -> impl Iterator<Item = [[f64; 2]; 2]> + '_ {
+        self.knots.windows(2).map(|pair| [pair[0], pair[1]])
     }
 
     /// Where it ends, mm above the tip.
@@ -83,6 +108,14 @@ impl HeadProfile {
             below = knot;
         }
         below[1]
+    }
+
+    /// No less than the radius at a height, mm, and not much more: found without a search.
+    #[inline]
+    pub(crate) fn radius_bound_mm(&self, height_mm: f64) -> f64 {
+        // What is negative becomes 0.
+        let index = (height_mm * self.bounds_per_mm) as usize;
+        self.bounds_mm[index.min(BOUNDS as usize)]
     }
 
     /// How deep a place is inside, mm: no less than its distance from all faces' lines but the top's; negative
@@ -224,6 +257,27 @@ mod tests {
                     }
                     assert!(!holds(found + 1e-9 * 57.0), "{distance_mm}: {found}");
                 }
+            }
+        }
+    }
+
+    /// Goal: the quick bound is no less than the radius and at most 1/256 of the height off. Method: at edges, between, beside.
+    #[test]
+    fn quick_bounds_are_no_less_than_the_radius() {
+        for profile in [stepped(), HeadProfile::line()] {
+            let top_mm = profile.top_mm();
+            for knot in profile.knots() {
+                for off_mm in [-1.0, -1e-9, -1e-15, 0.0, 1e-15, 1e-9, 0.3] {
+                    let height_mm = knot[0] + off_mm;
+                    let bound_mm = profile.radius_bound_mm(height_mm);
+                    assert!(bound_mm >= profile.radius_mm(height_mm), "{height_mm}");
+                    let above_mm = height_mm.max(0.0) + top_mm / 256.0;
+                    assert!(bound_mm <= profile.radius_mm(above_mm), "{height_mm}");
+                }
+            }
+            for step in 0..5000 {
+                let height_mm = top_mm * (f64::from(step) / 4000.0 - 0.1);
+                assert!(profile.radius_bound_mm(height_mm) >= profile.radius_mm(height_mm));
             }
         }
     }

@@ -5,7 +5,9 @@
 //! box is passed over where none of its points can be.
 
 use crate::profile::HeadProfile;
-use crate::standing::{DEPTH_MAX, Leaf, Node, Point, Standing};
+use crate::standing::{
+    BLOCK, Block, Content, DEPTH_MAX, Discs, Halves, Leaf, Node, Point, Standing,
+};
 use crate::{Pose, Vector3};
 use std::ops::ControlFlow;
 
@@ -40,6 +42,52 @@ struct Motion {
     along_mm: f64,
     across_mm: f64,
     turned_rad: f64,
+}
+
+/// A pose that may move, with what each look at a box or a point needs of it.
+struct Look {
+    pose: Pose,
+    motion: Motion,
+    is_still: bool,
+    discs: Discs,
+    /// How far a place goes without the turn, mm.
+    way_mm: f64,
+    /// What a box's sides reach along the axis and across it, of each side's length.
+    along: Vector3,
+    across: Vector3,
+    /// What discs and motion reach along the axis and across it, mm, but for the turn.
+    grown_mm: [f64; 2],
+    /// Rounding of places in single precision, mm.
+    rounding_mm: f64,
+}
+
+impl Look {
+    fn new(pose: &Pose, motion: Motion, standing: &Standing) -> Look {
+        let [up_mm, aside_mm] = standing.discs.reach_mm(&pose.axis, motion.turned_rad);
+        Look {
+            pose: *pose,
+            motion,
+            is_still: motion == Motion::default(),
+            discs: standing.discs,
+            way_mm: motion.along_mm.hypot(motion.across_mm),
+            along: pose.axis.abs(),
+            across: pose.axis.map(|share| (1.0 - share * share).max(0.0).sqrt()),
+            grown_mm: [up_mm + motion.along_mm, aside_mm + motion.across_mm],
+            rounding_mm: 1e-6 * (standing.far_mm + pose.tip_mm.amax() + 1.0),
+        }
+    }
+
+    /// The same for places that are turned by so much.
+    fn grown_by(&self, turned_mm: f64) -> [f64; 2] {
+        self.grown_mm.map(|grown_mm| grown_mm + turned_mm)
+    }
+}
+
+/// A box that waits for a look into it, and how far its places are turned, mm.
+#[derive(Clone, Copy, Default)]
+struct Waiting {
+    link: u32,
+    turned_mm: f64,
 }
 
 impl Head<'_> {
@@ -146,7 +194,8 @@ impl Head<'_> {
         is_clear
     }
 
-    /// Calls `on` for each point that is touched after at most that motion, until it breaks.
+    /// Calls `on` for each point that is touched after at most that motion, until it breaks. What is near the axis
+    /// comes first.
     fn each(
         &self,
         standing: &Standing,
@@ -156,27 +205,54 @@ impl Head<'_> {
         mut on: impl FnMut(&Leaf) -> ControlFlow<()>,
     ) {
         let before = u32::try_from(before).unwrap_or(u32::MAX);
-        let along = pose.axis.abs();
-        let across = pose.axis.map(|share| (1.0 - share * share).max(0.0).sqrt());
-        let mut stack = [0u32; DEPTH_MAX];
-        let mut waiting = usize::from(!standing.nodes.is_empty());
+        let look = Look::new(pose, motion, standing);
+        let mut stack = [Waiting::default(); DEPTH_MAX];
+        let mut waiting = 0;
+        let push = |waiting: &mut usize, stack: &mut [Waiting], node: &Node, seen: Seen| {
+            stack[*waiting] = Waiting {
+                link: node.link,
+                turned_mm: seen.turned_mm,
+            };
+            *waiting += 1;
+        };
+        if let Some(all) = &standing.all
+            && all.earliest < before
+            && let Some(seen) = self.may_hold(all, &look)
+        {
+            push(&mut waiting, &mut stack, all, seen);
+        }
         while waiting > 0 {
             waiting -= 1;
-            let index = stack[waiting];
-            let node = &standing.nodes[index as usize];
-            if node.earliest >= before || !self.may_hold(node, pose, [&along, &across], motion) {
-                continue;
-            }
-            if node.second > 0 {
-                stack[waiting] = node.second;
-                stack[waiting + 1] = index + 1;
-                waiting += 2;
-                continue;
-            }
-            for leaf in &standing.leaves[node.from as usize..node.to as usize] {
-                let stands = leaf.order < before;
-                if stands && self.holds_point(&leaf.point, pose, motion) && on(leaf).is_break() {
-                    return;
+            let Waiting { link, turned_mm } = stack[waiting];
+            match Content::of(link) {
+                Content::Points(block) => {
+                    let near = self.may_hold_of(&standing.blocks[block], before, &look, turned_mm);
+                    for index in (0..BLOCK).filter(|index| near >> index & 1 == 1) {
+                        let leaf = &standing.leaves[block * BLOCK + index];
+                        if self.holds_point(&leaf.point, &look) && on(leaf).is_break() {
+                            return;
+                        }
+                    }
+                }
+                Content::Halves(index) => {
+                    let Halves([first, second]) = &standing.halves[index];
+                    let seen = [first, second].map(|node| match node.earliest < before {
+                        true => self.may_hold(node, &look),
+                        false => None,
+                    });
+                    match seen {
+                        [Some(a), Some(b)] if a.from_axis_mm2 < b.from_axis_mm2 => {
+                            push(&mut waiting, &mut stack, second, b);
+                            push(&mut waiting, &mut stack, first, a);
+                        }
+                        [a, b] => {
+                            for (node, seen) in [(first, a), (second, b)] {
+                                if let Some(seen) = seen {
+                                    push(&mut waiting, &mut stack, node, seen);
+                                }
+                            }
+                        }
+                    }
                 }
             }
         }
@@ -184,27 +260,22 @@ impl Head<'_> {
 
     /// True where the head may hold a point's middle or its edge, after at most that motion.
     #[inline]
-    fn holds_point(&self, point: &Point, pose: &Pose, motion: Motion) -> bool {
-        let seen = pose.seen(&point.at_mm);
-        if self.holds(seen, motion) {
+    fn holds_point(&self, point: &Point, look: &Look) -> bool {
+        let (pose, motion) = (&look.pose, look.motion);
+        if self.holds(pose.seen(&point.at_mm), motion) {
             return true;
         }
-        // The edge is no farther than the half width.
-        let [height_mm, from_axis_mm] = seen;
-        let is_near = |grown_mm: f64| {
-            height_mm + grown_mm > self.slack_mm
-                && from_axis_mm - grown_mm < self.profile.radius_mm(height_mm + grown_mm)
-        };
-        let is_still = motion == Motion::default();
-        if point.half_width_mm <= 0.0 || (is_still && !is_near(point.half_width_mm)) {
+        if point.half_width_mm <= 0.0 {
             return false;
         }
         // The edge follows the tip, within its plane.
-        let way_mm = motion.along_mm.hypot(motion.across_mm);
-        let leaning = point.normal.cross(&pose.axis).norm() + motion.turned_rad;
+        let leaning = match look.is_still {
+            true => 0.0,
+            false => point.normal.cross(&pose.axis).norm() + motion.turned_rad,
+        };
         let of_edge = Motion {
-            along_mm: motion.along_mm + leaning.min(1.0) * way_mm,
-            across_mm: motion.across_mm + way_mm,
+            along_mm: motion.along_mm + leaning.min(1.0) * look.way_mm,
+            across_mm: motion.across_mm + look.way_mm,
             turned_rad: motion.turned_rad,
         };
         self.holds(pose.seen(&point.edge_mm(&pose.tip_mm)), of_edge)
@@ -225,49 +296,106 @@ impl Head<'_> {
             && from_axis_mm - across_mm < self.profile.radius_mm(height_mm + along_mm)
     }
 
-    /// False where the head holds none of a box's points.
+    /// How a box is seen; `None` where the head holds no place of its discs.
     #[inline]
-    fn may_hold(&self, node: &Node, pose: &Pose, sides: [&Vector3; 2], motion: Motion) -> bool {
-        let [along, across] = sides;
-        if motion == Motion::default() {
-            return self.may_hold_still(node, pose, sides);
-        }
-        let seen = pose.seen(&node.middle_mm);
-        // Edges are within a half width, and may follow the tip.
-        let way_mm = motion.along_mm.hypot(motion.across_mm);
-        let grown_mm = match node.half_width_mm > 0.0 {
-            true => node.half_width_mm + way_mm,
+    fn may_hold(&self, node: &Node, look: &Look) -> Option<Seen> {
+        let away = node.middle_mm() - look.pose.tip_mm;
+        let (middle_mm, square) = (away.dot(&look.pose.axis), away.norm_squared());
+        let half_mm = node.half_mm();
+        let radius_mm = node.radius_mm();
+        let turned_mm = match look.motion.turned_rad > 0.0 {
+            // The farthest place of the box turns farthest.
+            true => {
+                let [along_mm, across_mm] = look.grown_mm;
+                look.motion.turned_rad * (square.sqrt() + radius_mm + along_mm + across_mm)
+            }
             false => 0.0,
         };
-        let mut along_mm = motion.along_mm + along.dot(&node.half_mm) + grown_mm;
-        let aside_mm = node.radius_mm.min(across.dot(&node.half_mm));
-        let mut across_mm = motion.across_mm + aside_mm + grown_mm;
-        if motion.turned_rad > 0.0 {
-            // The farthest place of the box turns farthest.
-            let distance_mm = seen[0].hypot(seen[1]) + along_mm + across_mm;
-            along_mm += motion.turned_rad * distance_mm;
-            across_mm += motion.turned_rad * distance_mm;
-        }
-        let still = Motion {
-            along_mm,
-            across_mm,
-            turned_rad: 0.0,
-        };
-        self.holds(seen, still)
-    }
-
-    /// The same for a head that stands still.
-    #[inline]
-    fn may_hold_still(&self, node: &Node, pose: &Pose, [along, across]: [&Vector3; 2]) -> bool {
-        let away = node.middle_mm - pose.tip_mm;
-        let middle_mm = away.dot(&pose.axis);
-        let up_mm = along.dot(&node.half_mm) + node.half_width_mm;
+        let [up_mm, aside_mm] = look.grown_by(turned_mm);
+        let up_mm = up_mm + look.along.dot(&half_mm);
         if middle_mm + up_mm <= self.slack_mm || middle_mm - up_mm > self.profile.top_mm() {
-            return false;
+            return None;
         }
         // No corner is farther aside than its edges' sum, or than the diagonal.
-        let aside_mm = node.radius_mm.min(across.dot(&node.half_mm));
-        let reach_mm = self.profile.radius_mm(middle_mm + up_mm) + aside_mm + node.half_width_mm;
-        away.norm_squared() - middle_mm * middle_mm < reach_mm * reach_mm
+        let aside_mm = aside_mm + radius_mm.min(look.across.dot(&half_mm));
+        let reach_mm = self.profile.radius_bound_mm(middle_mm + up_mm) + aside_mm;
+        let from_axis_mm2 = square - middle_mm * middle_mm;
+        if from_axis_mm2 >= reach_mm * reach_mm {
+            return None;
+        }
+        if self.is_clear_of_sides(&away, &half_mm, look, turned_mm) {
+            return None;
+        }
+        Some(Seen {
+            from_axis_mm2,
+            turned_mm,
+        })
     }
+
+    /// True where a box is outside of the planes that touch the sides of the head's sections where they face it: each
+    /// section is convex. Closer than the bound by heights where the head's sides are nearly parallel to layers.
+    #[inline]
+    fn is_clear_of_sides(
+        &self,
+        away: &Vector3,
+        half_mm: &Vector3,
+        look: &Look,
+        turned_mm: f64,
+    ) -> bool {
+        let axis = &look.pose.axis;
+        let middle_mm = away.dot(axis);
+        let aside = away - axis * middle_mm;
+        let from_axis_mm = aside.norm();
+        if from_axis_mm <= 0.0 {
+            return false;
+        }
+        let out = aside / from_axis_mm;
+        let up_mm = look.along.dot(half_mm) + look.grown_mm[0] + turned_mm;
+        let moved_mm = look.way_mm + turned_mm;
+        self.profile
+            .sections()
+            .all(|[[low_mm, from_mm], [high_mm, to_mm]]| {
+                if middle_mm + up_mm < low_mm || middle_mm - up_mm > high_mm || high_mm <= low_mm {
+                    return true;
+                }
+                let slope = (to_mm - from_mm) / (high_mm - low_mm);
+                // Normal of the plane, not of unit length.
+                let normal = out - axis * slope;
+                let off_mm = from_axis_mm - from_mm - slope * (middle_mm - low_mm);
+                let disc_mm = look.discs.along_mm(&normal);
+                off_mm > normal.abs().dot(half_mm) + disc_mm + moved_mm * normal.norm()
+            })
+    }
+
+    /// Bits of those of a block's points that the head may hold, of those that stand.
+    #[inline]
+    fn may_hold_of(&self, block: &Block, before: u32, look: &Look, turned_mm: f64) -> u32 {
+        let [up_mm, aside_mm] = look.grown_by(turned_mm + look.rounding_mm);
+        let axis = look.pose.axis.map(|share| share as f32);
+        let tip_mm = look.pose.tip_mm.map(|side| side as f32);
+        let (mut heights_mm, mut squares) = ([0.0f32; BLOCK], [0.0f32; BLOCK]);
+        for index in 0..BLOCK {
+            let away: [f32; 3] = std::array::from_fn(|k| block.at_mm[k][index] - tip_mm[k]);
+            heights_mm[index] = away[0] * axis.x + away[1] * axis.y + away[2] * axis.z;
+            squares[index] = away[0] * away[0] + away[1] * away[1] + away[2] * away[2];
+        }
+        let mut near = 0;
+        for index in 0..BLOCK {
+            let (height_mm, square) = (f64::from(heights_mm[index]), f64::from(squares[index]));
+            let reach_mm = self.profile.radius_bound_mm(height_mm + up_mm) + aside_mm;
+            // The difference of squares is as exact as they are.
+            let is_near = height_mm + up_mm > self.slack_mm
+                && square * (1.0 - 1e-6) - height_mm * height_mm < reach_mm * reach_mm
+                && block.order[index] < before;
+            near |= u32::from(is_near) << index;
+        }
+        near
+    }
+}
+
+/// How a box is seen from a pose.
+#[derive(Clone, Copy)]
+struct Seen {
+    from_axis_mm2: f64,
+    turned_mm: f64,
 }
