@@ -5,12 +5,14 @@
 //! (mm, mm³, mm/s)               (mm, rad, mm³)                (integer units, servo ticks)
 //! ```
 //! Layers are planned one by one and their streams put together, so that beside the file's path only
-//! finished segments grow. Machines whose joints wind up are planned in one piece. Leaves out what is
-//! the slicer's: which ground is printed, in which order, how densely.
+//! finished segments grow, and poses where the head might touch what stands. Machines whose joints wind up
+//! are planned in one piece. Leaves out what is the slicer's: which ground is printed, in which order, how
+//! densely.
 
 use crate::gcode::comments::Slicer;
 use crate::gcode::{GcodeProgram, check_days};
 use crate::gcode_heat::{LaidPasses, events_behind, events_of};
+use crate::gcode_touches::{Collector, Descent, descent};
 use crate::geometry::Point2;
 use crate::geometry::polygon::Box2;
 use crate::job::SegmentStream;
@@ -18,6 +20,7 @@ use crate::job_heat::HeatEvent;
 use crate::part_transform::PartTransform;
 use crate::plan::judge::figures::PlanFigures;
 use crate::plan::judge::measure::measure;
+use crate::plan::judge::touches::Touches;
 use crate::plan::motion::segments::{MotionReport, lay_segments_with_progress};
 use crate::plan::progress::Progress;
 use crate::plan::route::bead_headings::WidthOff;
@@ -46,6 +49,10 @@ pub struct GcodePlan {
     pub off: WidthOff,
     /// The file's orders of heaters and fans.
     pub heat: Vec<HeatEvent>,
+    /// Where a bead is lower than one before it.
+    pub descent: Option<Descent>,
+    /// What the head touches, where that is possible and its shape is known.
+    pub touches: Option<Touches>,
 }
 
 /// Plans a file. Speeds are the file's, at most `speed_max_mm_s`.
@@ -82,7 +89,10 @@ pub fn plan_gcode(
         beyond_mm: [0.0; 2],
         off: WidthOff::default(),
         heat: Vec::new(),
+        descent: descent(program, &settings),
+        touches: None,
     };
+    let mut collector = Collector::new(planned.descent, &settings);
     let mut first = 0;
     for (number, piece) in pieces.enumerate() {
         let first_pass = planned.figures.passes as u32;
@@ -90,6 +100,7 @@ pub fn plan_gcode(
         if number + 1 == count {
             lift_at_end(&mut made.route, &settings);
         }
+        collector.add(&made.route, &settings);
         let (laid, report) = match made.route.end() {
             Some(end) => {
                 at = end;
@@ -115,6 +126,7 @@ pub fn plan_gcode(
     planned.figures.layers = program.layers();
     let behind = events_behind(&program.heat, passes.len(), planned.end_tick());
     planned.heat.extend(behind);
+    planned.touches = collector.touches(&settings);
     Ok(planned)
 }
 

@@ -31,6 +31,7 @@ mod frame_writer;
 pub mod gcode;
 mod gcode_heat;
 pub mod gcode_plan;
+pub mod gcode_touches;
 pub mod input;
 pub mod job;
 pub mod job_file;

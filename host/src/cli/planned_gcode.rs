@@ -3,6 +3,7 @@
 use super::CliError;
 use super::console::Console;
 use super::planned::{Planned, plan_error};
+use crate::findings::objections::Objection;
 use crate::findings::settings_warnings::settings_warnings;
 use crate::gcode::GcodeProgram;
 use crate::gcode_plan::{GcodePlan, plan_gcode};
@@ -50,9 +51,17 @@ pub(super) fn from_gcode(
         plan_s: Some(plan_s),
         heading_travel_rad: Some(f.heading_travel_rad),
         heading_rate_max_rad_s: Some(f.heading_rate_max_rad_s),
+        touched_mm: planned.touches.as_ref().map(|touches| touches.touched_mm),
+        tip_dip_max_mm: planned
+            .touches
+            .as_ref()
+            .map(|touches| touches.tip_dip_max_mm),
         segments: Some(planned.stream.knots.len() as u64),
         ..Figures::default()
     };
+    let touches = planned.touches.as_ref();
+    let objections = touches.and_then(|touches| Objection::of_touches(touches, &planned.transform));
+    let objections = objections.into_iter().collect();
     let GcodeProgram {
         name, mut notes, ..
     } = program;
@@ -70,7 +79,7 @@ pub(super) fn from_gcode(
         stream: planned.stream,
         heat: planned.heat,
         notes,
-        objections: Vec::new(),
+        objections,
         own_joints: None,
         plan: None,
         unreachable: Vec::new(),
@@ -114,6 +123,7 @@ fn warnings(program: &GcodeProgram, planned: &GcodePlan) -> Vec<String> {
             off.eighth_mm, f.print_mm, off.third_mm, off.longest_mm
         ));
     }
+    warnings.extend(head_unknown(planned));
     let flow = planned.settings.flow_factor;
     if let Some(volume_mm3) = program.volume_mm3().map(|mm3| mm3 * flow) {
         let beside_pct = 100.0 * (f.volume_mm3 / volume_mm3.max(1e-9) - 1.0);
@@ -130,4 +140,16 @@ fn warnings(program: &GcodeProgram, planned: &GcodePlan) -> Vec<String> {
         ));
     }
     warnings
+}
+
+/// That nobody looked for touches, where the file goes down and the head has no shape.
+fn head_unknown(planned: &GcodePlan) -> Option<String> {
+    let descent = planned
+        .descent
+        .filter(|_| planned.settings.head.is_none())?;
+    Some(format!(
+        "line {}: the path goes down by {:.2} mm, as where objects are printed one after another; whether the head \
+         touches what stands was not looked at: its shape is not in the machine file ([head])",
+        descent.line, descent.down_mm
+    ))
 }

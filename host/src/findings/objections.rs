@@ -7,6 +7,7 @@ use super::run_notes;
 use crate::Plan;
 use crate::drive::device_check::{Refusal, Refused};
 use crate::part_transform::PartTransform;
+use crate::plan::judge::touches::Touches;
 use crate::settings::{Settings, joint_names};
 use headway_protocol::message::FaultCause;
 
@@ -64,6 +65,14 @@ impl Objection {
         }
     }
 
+    /// Of what nozzle and head touch, if anything.
+    pub fn of_touches(touches: &Touches, transform: &PartTransform) -> Option<Self> {
+        run_notes::touches(touches, transform).map(|text| Objection {
+            kind: ObjectionKind::Touches,
+            text,
+        })
+    }
+
     /// Of a joint that leaves its range; `place` says how far and where.
     pub fn of_range(place: &str) -> Self {
         Objection {
@@ -75,10 +84,8 @@ impl Objection {
 
 /// Touches of the head.
 pub(super) fn of_plan(plan: &Plan) -> Vec<Objection> {
-    let touches = run_notes::touches(plan).map(|text| Objection {
-        kind: ObjectionKind::Touches,
-        text,
-    });
+    let touches = plan.touches.as_ref();
+    let touches = touches.and_then(|touches| Objection::of_touches(touches, &plan.transform));
     touches.into_iter().collect()
 }
 

@@ -1,7 +1,8 @@
 //! What the user should know of a path in space: its surface, its place, singular places, touches.
 
 use crate::Plan;
-use crate::plan::judge::touches::HeadPart;
+use crate::part_transform::PartTransform;
+use crate::plan::judge::touches::{HeadPart, Touches};
 use crate::plan::motion::singular::SingularPlaces;
 use crate::report::figures::CornerFigures;
 use crate::settings::Settings;
@@ -69,14 +70,13 @@ fn head_unknown(plan: &Plan, settings: &Settings) -> Option<String> {
 }
 
 /// What nozzle and head touch.
-pub(super) fn touches(plan: &Plan) -> Option<String> {
-    let touches = plan.touches.as_ref()?;
+pub(super) fn touches(touches: &Touches, transform: &PartTransform) -> Option<String> {
     let told: Vec<String> = touches
         .deepest
         .iter()
         .map(|touch| {
             let (part, obstacle) = (touch.part.name(), touch.obstacle.name());
-            let [x, y, z] = plan.transform.to_input(touch.tip_mm);
+            let [x, y, z] = transform.to_input(touch.tip_mm);
             format!(
                 "{part} is {:.2} mm in {obstacle} with the tip at ({x:.3}, {y:.3}, {z:.3})",
                 touch.depth_mm

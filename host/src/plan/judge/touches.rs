@@ -146,8 +146,18 @@ fn all_touches(
     settings: &Settings,
     surface: &[Vector3],
 ) -> Option<Touches> {
-    let head = settings.head.as_ref()?;
+    settings.head.as_ref()?;
     let stations = Stations::of(route, normals, settings);
+    judged(&stations, settings, surface)
+}
+
+/// Touches at stations of routes that came one after another; nothing where the head's shape is not known.
+pub fn touches_at(stations: &Stations, settings: &Settings) -> Option<Touches> {
+    judged(stations, settings, &[])
+}
+
+fn judged(stations: &Stations, settings: &Settings, surface: &[Vector3]) -> Option<Touches> {
+    let head = settings.head.as_ref()?;
     let on_surface = surface.iter().map(|at_mm| Point {
         at_mm: *at_mm,
         half_width_mm: 0.0,
@@ -163,7 +173,7 @@ fn all_touches(
         printed: Standing::new(&stations.points),
         surface: Standing::new(&on_surface.collect::<Vec<_>>()),
         standing: Standing::new(&settings.obstacles.points),
-        stations: &stations,
+        stations,
     };
     let found: Vec<Found> = (0..stations.stations.len())
         .into_par_iter()
@@ -231,8 +241,7 @@ impl Judge<'_> {
             if is_small || self.is_clear_between([&from.1, &to.1], station.before) {
                 continue;
             }
-            let at = 0.5 * (from.0 + to.0);
-            let pose = self.stations.pose(station.moving, at);
+            let (at, pose) = self.stations.middle(station.moving, [from, to]);
             let touches = self.touches_of(&pose, station.before);
             if !touches.is_empty() {
                 return touches;

@@ -254,3 +254,70 @@ fn a_comparison_has_the_slicers_own_file_beside_it() {
     let outline = headway(&[&["compare", path(&part), "--to", path(&part)], &with[..]].concat());
     assert_eq!(outline.status.code(), Some(2), "{}", stderr(&outline));
 }
+
+/// Two square towers of 6 mm, one after another, `gap_mm` apart along X.
+fn two_towers(gap_mm: f64, layers: u32) -> String {
+    let mut text = String::from(";FLAVOR:Marlin\nG21\nG90\nM83\n");
+    for left_mm in [0.0, 6.0 + gap_mm] {
+        for layer in 1..=layers {
+            let z = 0.2 * f64::from(layer);
+            text += &format!(";LAYER:{}\nG0 X{left_mm} Y0 F6000\nG0 Z{z:.2}\n", layer - 1);
+            for (x, y) in [(6.0, 0.0), (6.0, 6.0), (0.0, 6.0), (0.0, 0.0)] {
+                text += &format!("G1 X{} Y{y} E.4 F2400\n", left_mm + x);
+            }
+        }
+        text += &format!("G0 Z{}\n", 0.2 * f64::from(layers) + 5.0);
+    }
+    text
+}
+
+/// Goal: objects that are printed one after another are held against each other. Method: a head of radius 8 mm from 4 mm
+/// above the tip on beside a tower that stands: it reaches it where the tower is 4 mm higher than the tip and nearer than 8 mm.
+#[test]
+fn a_tower_too_near_to_one_that_stands_is_refused() {
+    let folder = folder("gcode_towers");
+    let (input, job) = (folder.join("towers.gcode"), folder.join("towers.hwj"));
+    let (bare, headed) = (folder.join("bare.toml"), folder.join("headed.toml"));
+    let machine = succeeded(&headway(&["machine", "new"]));
+    std::fs::write(&bare, &machine).expect("written");
+    let head = "\n[head]\nprofile = [[0, 0.5], [4, 1.5], [4, 8], [30, 8]]\ntip_slack_mm = 0.1\n";
+    std::fs::write(&headed, machine + head).expect("written");
+    let planned = |towers: String, machine: &std::path::Path| {
+        std::fs::write(&input, towers).expect("written");
+        let _ = std::fs::remove_file(&job);
+        headway(&["plan", path(&input), "-m", path(machine), "-o", path(&job)])
+    };
+    // The tower of 6 mm is 1.8 mm higher than the head of the lowest layer; of each loop the near side and parts of two others.
+    let refused = planned(two_towers(6.0, 30), &headed);
+    let said = stderr(&refused);
+    assert_eq!(refused.status.code(), Some(1), "{said}");
+    assert!(
+        !job.exists() && said.contains("the head is 1.80 mm"),
+        "{said}"
+    );
+    let touched = said.split("TOUCHES on ").nth(1).expect("a touch");
+    let touched_mm: f64 = touched.split(' ').next().unwrap().parse().expect("mm");
+    // 9 or 10 layers, the last one exactly 4 mm lower; 6 mm and twice 2.0 to 2.6 mm (the bead's half width); the descent.
+    assert!(
+        (9.0 * 10.0..10.0 * 11.2 + 8.0).contains(&touched_mm),
+        "{said}"
+    );
+    // Farther than the head is wide; lower than the nozzle is long.
+    for (gap_mm, layers) in [(9.0, 30), (6.0, 19)] {
+        let said = succeeded(&planned(two_towers(gap_mm, layers), &headed));
+        assert!(!said.contains("TOUCHES") && job.exists(), "{said}");
+    }
+    // A head without a shape is not looked at, and that is said with the line.
+    let unknown = planned(two_towers(6.0, 30), &bare);
+    let said = stderr(&unknown);
+    assert!(
+        said.contains("goes down by 5.80 mm") && said.contains("[head]"),
+        "{said}"
+    );
+    let line = two_towers(6.0, 30)
+        .lines()
+        .position(|line| line.contains("X18 Y0 E"))
+        .unwrap()
+        + 1;
+    assert!(said.contains(&format!("line {line}: ")), "{line}: {said}");
+}

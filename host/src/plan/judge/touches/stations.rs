@@ -1,10 +1,10 @@
 //! Where a route is looked at: poses along it, and the points that it has laid up to each of them.
 //!
-//! In: a route (mm, rad, machine coordinates). Out: stations and points, in order.
+//! In: a route, or one after another (mm, rad, machine coordinates). Out: stations and points, in order.
 
 use crate::job::MotionState;
 use crate::plan::route::lean::{LayerNormals, PassNormals};
-use crate::plan::route::moves::{Route, tilt, tip};
+use crate::plan::route::moves::{Route, RouteMove, tilt, tip};
 use crate::plan::route::waypoint_curve::half_width_mm;
 use crate::settings::Settings;
 use headway_firmware::pose::tool_axis;
@@ -32,9 +32,12 @@ pub struct Station {
 }
 
 /// All stations of a route, in order.
-#[derive(Clone, Debug)]
+#[derive(Clone, Debug, Default)]
 pub struct Stations<'a> {
-    route: &'a Route,
+    /// The route, where it is kept: poses between two stations are those of its curves.
+    route: Option<&'a Route>,
+    /// Moves so far.
+    moves: usize,
     /// In order.
     pub stations: Vec<Station>,
     /// What is laid, in order.
@@ -50,11 +53,24 @@ impl<'a> Stations<'a> {
         settings: &Settings,
     ) -> Stations<'a> {
         let mut found = Stations {
-            route,
-            stations: Vec::new(),
-            points: Vec::new(),
+            route: Some(route),
+            ..Stations::default()
         };
-        for (moving, route_move) in route.moves.iter().enumerate() {
+        found.append(route, normals, settings);
+        found
+    }
+
+    /// Puts a route behind, which is not kept.
+    pub fn append(&mut self, route: &Route, normals: Option<&LayerNormals>, settings: &Settings) {
+        let first = self.stations.len();
+        for route_move in &route.moves {
+            let moving = self.moves;
+            self.moves += 1;
+            let mut add = |at: f64, laid, normals: &mut Option<PassNormals>| {
+                if !route_move.curve.control.is_empty() {
+                    self.add((moving, at), pose_of(route_move, at), laid, normals);
+                }
+            };
             let lays = route_move.state == MotionState::Print;
             let mut normals = normals.map(|normals| normals.along(route_move.pass));
             let control = &route_move.curve.control;
@@ -72,34 +88,24 @@ impl<'a> Stations<'a> {
                     .max(1.0);
                 for step in 0..count as usize {
                     let at = span as f64 + step as f64 / count;
-                    found.add(moving, at, lays.then_some(half_width_mm), &mut normals);
+                    add(at, lays.then_some(half_width_mm), &mut normals);
                 }
             }
-            found.add(
-                moving,
-                control.len().saturating_sub(1) as f64,
-                None,
-                &mut None,
-            );
+            add(control.len().saturating_sub(1) as f64, None, &mut None);
         }
-        for index in 1..found.stations.len() {
-            let [from, to] = [index - 1, index].map(|index| found.stations[index].pose.tip_mm);
-            found.stations[index - 1].step_mm = (to - from).norm();
+        for index in first.max(1)..self.stations.len() {
+            let [from, to] = [index - 1, index].map(|index| self.stations[index].pose.tip_mm);
+            self.stations[index - 1].step_mm = (to - from).norm();
         }
-        found
     }
 
     fn add(
         &mut self,
-        moving: usize,
-        at: f64,
+        (moving, at): (usize, f64),
+        pose: Pose,
         laid_half_width_mm: Option<f64>,
         normals: &mut Option<PassNormals>,
     ) {
-        if self.route.moves[moving].curve.control.is_empty() {
-            return;
-        }
-        let pose = self.pose(moving, at);
         self.stations.push(Station {
             pose,
             moving,
@@ -120,12 +126,27 @@ impl<'a> Stations<'a> {
         }
     }
 
-    /// The pose at a place of a move.
-    pub fn pose(&self, moving: usize, at: f64) -> Pose {
-        let pose = self.route.moves[moving].curve.evaluate(at).value;
-        Pose {
-            tip_mm: tip(&pose),
-            axis: tool_axis(tilt(&pose)),
+    /// The middle between two places of a move: that of the curve where it is kept, of the chord otherwise.
+    pub fn middle(&self, moving: usize, ends: [(f64, Pose); 2]) -> (f64, Pose) {
+        let [(from, start), (to, end)] = ends;
+        let at = 0.5 * (from + to);
+        if let Some(route_move) = self.route.and_then(|route| route.moves.get(moving)) {
+            return (at, pose_of(route_move, at));
         }
+        let sum = start.axis + end.axis;
+        let pose = Pose {
+            tip_mm: 0.5 * (start.tip_mm + end.tip_mm),
+            axis: sum.try_normalize(1e-6).unwrap_or(start.axis),
+        };
+        (at, pose)
+    }
+}
+
+/// The pose at a place of a move.
+fn pose_of(route_move: &RouteMove, at: f64) -> Pose {
+    let pose = route_move.curve.evaluate(at).value;
+    Pose {
+        tip_mm: tip(&pose),
+        axis: tool_axis(tilt(&pose)),
     }
 }
