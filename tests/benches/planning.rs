@@ -9,7 +9,7 @@ use headway::input::Target;
 use headway::plan::axis::medial_axis::{AxisOptions, MedialAxis};
 use headway::plan::axis::pruned_axis::Axis;
 use headway::plan::beads::passes::{PassSettings, passes};
-use headway::plan::headings::profile::TURN_WEIGHT_MM2;
+use headway::plan::headings::profile::TURN_WEIGHT_MM4;
 use headway::plan::outline::contour::{Contour, SIMPLIFY_MM};
 use headway::plan_target;
 use headway::settings::Settings;
@@ -160,7 +160,7 @@ fn stages(name: &str, rings: &Rings, with_passes: bool) -> f64 {
         overlap: 0.0,
         one_pass: false,
         law: settings.heading_law,
-        turn_weight_mm2: TURN_WEIGHT_MM2,
+        turn_weight_mm4: TURN_WEIGHT_MM4,
     };
     let count = if with_passes {
         passes(&contour.region, &walls, &pruned, &pass_settings).len()

@@ -6,7 +6,7 @@ use headway::geometry::aperture::Aperture;
 use headway::plan::axis::medial_axis::{AxisOptions, MedialAxis};
 use headway::plan::axis::pruned_axis::Axis;
 use headway::plan::beads::passes::{PassSettings, passes};
-use headway::plan::headings::profile::TURN_WEIGHT_MM2;
+use headway::plan::headings::profile::TURN_WEIGHT_MM4;
 use headway::plan::outline::contour::{Contour, SIMPLIFY_MM};
 use headway::plan::pass::LayerPass;
 use headway::settings::HeadingLaw;
@@ -29,7 +29,7 @@ pub fn plain_passes(
         overlap: 0.0,
         one_pass,
         law: HeadingLaw::Tangent,
-        turn_weight_mm2: TURN_WEIGHT_MM2,
+        turn_weight_mm4: TURN_WEIGHT_MM4,
     };
     let axis = Axis::of_medial_axis(&axis, &aperture);
     let found = passes(&contour.region, &walls, &axis, &settings);

@@ -90,6 +90,12 @@ impl Aperture {
         }
     }
 
+    /// The unit of lengths that are a matter of resolution or of taste: five times b, 1 mm for the built-in nozzle.
+    /// A part, its nozzle, its layers and its speeds made larger by a factor are planned alike.
+    pub fn unit_mm(&self) -> f64 {
+        5.0 * self.minor_mm()
+    }
+
     /// True where the heading does not matter.
     pub fn is_round(&self) -> bool {
         match self {

@@ -232,13 +232,13 @@ pub fn is_inside(aperture: &Aperture, at: Configuration, index: &EdgeIndex, slac
 /// Branch and bound on the fact that depth changes by at most the distance moved: first along the
 /// outline, where the deepest point lies unless the aperture swallows something whole (a small
 /// hole), then over the inside. Accuracy: `OUTLINE_ACCURACY` on the outline, `INSIDE_ACCURACY` for
-/// what is swallowed; what is certainly below `NEGLIGIBLE_MM` comes back as its upper bound.
+/// what is swallowed; what is certainly below `NEGLIGIBLE` comes back as its upper bound.
 pub fn outside_depth_mm(aperture: &Aperture, at: Configuration, index: &EdgeIndex) -> f64 {
     let bound_mm = outside_bound_mm(aperture, at, index);
     if bound_mm.is_infinite() {
         return deepest(aperture, at, |p| -index.signed_distance_mm(p));
     }
-    if bound_mm <= NEGLIGIBLE_MM {
+    if bound_mm <= NEGLIGIBLE * aperture.unit_mm() {
         return bound_mm;
     }
     let edges = edges_around(aperture, at, index, bound_mm);
@@ -265,11 +265,11 @@ pub fn outside_bound_mm(aperture: &Aperture, at: Configuration, index: &EdgeInde
     bound_mm.max(0.0)
 }
 
-/// Depths below this are not worth a search, mm.
-const NEGLIGIBLE_MM: f64 = 1e-5;
-/// Absolute (mm) and relative accuracy of depths on the outline.
+/// Depths below this are not worth a search, of the aperture's unit.
+const NEGLIGIBLE: f64 = 1e-5;
+/// Absolute (of the unit) and relative accuracy of depths on the outline.
 const OUTLINE_ACCURACY: (f64, f64) = (1e-5, 0.002);
-/// Absolute (mm) and relative accuracy of depths inside the outline.
+/// Absolute (of the unit) and relative accuracy of depths inside the outline.
 const INSIDE_ACCURACY: (f64, f64) = (5e-4, 0.05);
 /// Bound on looks at one placement, far above what any took in tests.
 const LOOKS_MAX: usize = 100_000;
@@ -323,7 +323,8 @@ fn deepest(aperture: &Aperture, at: Configuration, depth_mm: impl Fn(Point2) -> 
     let place = |q: Vector2| at.center + Vector2::new(q.x * cos - q.y * sin, q.x * sin + q.y * cos);
     let mut best = 0.0f64;
     let mut looks = 0;
-    let wanted = |best: f64, accuracy: (f64, f64)| best + accuracy.0.max(accuracy.1 * best);
+    let unit_mm = aperture.unit_mm();
+    let wanted = |best: f64, (least, share): (f64, f64)| best + (least * unit_mm).max(share * best);
 
     let (step, rate_mm) = (1.0 / OUTLINE_PIECES as f64, aperture.outline_rate_mm());
     let mut arcs: Vec<(f64, f64)> = (0..OUTLINE_PIECES)

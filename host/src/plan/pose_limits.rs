@@ -34,6 +34,17 @@ pub fn pose_limits(settings: &Settings) -> PoseLimits {
     }
 }
 
+/// The built-in machine's tip acceleration, mm/s², for which prices of area are said.
+const TIP_ACCELERATION_MM_S2: f64 = 3000.0;
+
+/// What area is worth, s/mm²: the quality's price for the built-in machine and nozzle, the same for all in units of the
+/// nozzle's area and the time in which it passes its width from rest.
+pub fn price_s_mm2(settings: &Settings) -> f64 {
+    let unit_mm = settings.aperture.unit_mm();
+    let times = (unit_mm * TIP_ACCELERATION_MM_S2 / settings.tip_acceleration_mm_s2).sqrt();
+    settings.quality.price_s_mm2() * times / (unit_mm * unit_mm)
+}
+
 /// What time is worth in area, covered or left open.
 #[derive(Clone, Copy, Debug)]
 pub struct AreaPrice {
@@ -46,7 +57,7 @@ impl AreaPrice {
     pub fn of(settings: &Settings) -> AreaPrice {
         AreaPrice {
             limits: pose_limits(settings),
-            price_s_mm2: settings.quality.price_s_mm2(),
+            price_s_mm2: price_s_mm2(settings),
         }
     }
 

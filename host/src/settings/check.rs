@@ -7,6 +7,7 @@ use super::{AXIS_TOLERANCE_MAX_DEG, LAYERS_MAX, Settings, TILT_MAX_ASKED_DEG, ki
 use headway_firmware::configuration::{Kinematics, MachineConfiguration};
 use headway_firmware::steps::{INTERVAL_TICKS_MAX, INTERVAL_TICKS_MIN};
 use headway_protocol::control::DECIDEGREES_MAX;
+use headway_protocol::units::{CHANNEL_VOLUME, UNITS_PER_NATURAL};
 use std::f64::consts::TAU;
 
 /// Largest share of the step tick rate that a motor may use at its top speed: an integrator of one
@@ -24,8 +25,12 @@ const POSITION_MAX: f64 = 1.0e6;
 const SPEED_RANGE: [f64; 2] = [1e-4, 1e6];
 const ACCELERATION_RANGE: [f64; 2] = [1e-4, 1e9];
 const JERK_RANGE: [f64; 2] = [1e-4, 1e13];
+/// Most that a prime or a retract moves: 2^31 units of the wire.
+const PUSH_MAX_MM3: f64 = 2147.0;
+/// Most volume a servo tick: spans of the least length, six ticks, then move 2^30 units of the wire's volume, or nearly.
+const FLOW_MM3_A_TICK: f64 = 0.9 * (1 << 30) as f64 / 6.0 / UNITS_PER_NATURAL[CHANNEL_VOLUME];
 /// Fewest and most steps a unit.
-const STEPS_RANGE: [f64; 2] = [1e-3, 1e9];
+const STEPS_RANGE: [f64; 2] = [1e-6, 1e9];
 
 /// Longest time from rest to a top speed, or to a top acceleration: slow and heavy machines take
 /// some seconds, and what is above is a number in another unit. Motion that never reaches its speed
@@ -297,7 +302,9 @@ impl Settings {
 
     fn check_flow(&self) -> Result<(), SettingsError> {
         in_range("print.flow_factor", self.flow_factor, 0.01, 10.0)?;
-        sensible("flow.flow_max_mm3_s", self.flow_max_mm3_s, SPEED_RANGE)?;
+        let carried_mm3_s = FLOW_MM3_A_TICK * f64::from(self.machine.servo_hz);
+        let flow_range = [SPEED_RANGE[0], SPEED_RANGE[1].min(carried_mm3_s)];
+        sensible("flow.flow_max_mm3_s", self.flow_max_mm3_s, flow_range)?;
         sensible(
             "flow.rate_of_change_max_mm3_s2",
             self.flow_rate_of_change_max_mm3_s2,
@@ -308,8 +315,8 @@ impl Settings {
             [self.flow_rate_of_change_max_mm3_s2, self.flow_max_mm3_s],
         )?;
         let p = &self.prime_retract;
-        in_range("flow.retract_mm3", p.retract_mm3, 0.0, 1e4)?;
-        in_range("flow.prime_mm3", p.prime_mm3, 0.0, 1e4)?;
+        in_range("flow.retract_mm3", p.retract_mm3, 0.0, PUSH_MAX_MM3)?;
+        in_range("flow.prime_mm3", p.prime_mm3, 0.0, PUSH_MAX_MM3)?;
         in_range("flow.retract_lead_s", p.retract_lead_s, 0.0, 10.0)?;
         in_range("flow.prime_lead_s", p.prime_lead_s, 0.0, 10.0)?;
         let limit = self.machine.extruder.speed_max_mm3_s * self.plan_share;

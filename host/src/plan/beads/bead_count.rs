@@ -17,10 +17,12 @@ use crate::plan::axis::pruned_axis::Axis;
 /// this the beads simply stay at their widest (and the gap shows in the figures).
 pub const BEADS_MAX: usize = 4096;
 
-/// Weight of one change of k against the other costs, in mm of printed path.
-const CHANGE_MM: f64 = 1.0;
+/// Weight of one change of k against the other costs, in units of the aperture of printed path.
+const CHANGE: f64 = 1.0;
 /// Further weight of each bead in one change.
-const CHANGE_STEP_MM: f64 = 1.0;
+const CHANGE_STEP: f64 = 1.0;
+/// Least length of axis that a node stands for, of the unit.
+const NODE_LEAST: f64 = 0.01;
 /// Printed path of one bead, per mm of axis: it lies on both sides.
 const BEAD_WEIGHT: f64 = 2.0;
 
@@ -32,6 +34,8 @@ pub struct ChannelWidths {
     pub least_mm: f64,
     /// Of the widest one.
     pub most_mm: f64,
+    /// The aperture's unit.
+    pub unit_mm: f64,
 }
 
 impl ChannelWidths {
@@ -39,7 +43,11 @@ impl ChannelWidths {
     pub fn of(aperture: &Aperture, overlap: f64) -> ChannelWidths {
         let [least_mm, most_mm] = [aperture.minor_mm(), WIDEST_SHARE * aperture.major_mm()]
             .map(|half_mm| 2.0 * half_mm * (1.0 - overlap));
-        ChannelWidths { least_mm, most_mm }
+        ChannelWidths {
+            least_mm,
+            most_mm,
+            unit_mm: aperture.unit_mm(),
+        }
     }
 }
 
@@ -59,13 +67,14 @@ pub fn bead_counts(axis: &Axis, widths: ChannelWidths) -> Vec<f64> {
     for node in 0..count {
         for state in 0..states {
             let tiling = tiling_cost(axis.radii_mm[node], (state + 1) as f64, widths);
-            costs[node * states + state] = (tiling * lengths[node].max(0.01)) as f32;
+            costs[node * states + state] =
+                (tiling * lengths[node].max(NODE_LEAST * widths.unit_mm)) as f32;
         }
     }
     // Leaves to roots: fold each child's best answer into its parent.
     for &node in order.iter().rev() {
         if let Some(parent) = parents[node] {
-            let reduced = changed_costs(&costs[node * states..(node + 1) * states]);
+            let reduced = changed_costs(&costs[node * states..(node + 1) * states], widths.unit_mm);
             for (state, cost) in reduced.iter().enumerate() {
                 costs[parent * states + state] += cost;
             }
@@ -75,7 +84,8 @@ pub fn bead_counts(axis: &Axis, widths: ChannelWidths) -> Vec<f64> {
     for &node in &order {
         let own = &costs[node * states..(node + 1) * states];
         let total = |state: usize| {
-            let change = parents[node].map_or(0.0, |p| change_cost(chosen[p], state));
+            let change =
+                parents[node].map_or(0.0, |p| change_cost(chosen[p], state, widths.unit_mm));
             own[state] as f64 + change
         };
         chosen[node] = (0..states).fold(0, |best, s| if total(s) < total(best) { s } else { best });
@@ -154,7 +164,7 @@ fn spanning_forest(axis: &Axis) -> (Vec<usize>, Vec<Option<usize>>) {
 fn tiling_cost(radius_mm: f64, beads: f64, widths: ChannelWidths) -> f64 {
     let width = radius_mm / beads;
     let gap = (width / widths.most_mm - 1.0).max(0.0);
-    let overlap = (widths.least_mm / width.max(1e-6) - 1.0).max(0.0);
+    let overlap = (widths.least_mm / width.max(1e-6 * widths.unit_mm) - 1.0).max(0.0);
     40.0 * gap + 10.0 * overlap.min(10.0) + BEAD_WEIGHT * beads
 }
 
@@ -162,17 +172,17 @@ fn tiling_cost(radius_mm: f64, beads: f64, widths: ChannelWidths) -> f64 {
 /// the way across is longer.
 const WIDEST_SHARE: f64 = 0.97;
 
-fn change_cost(from: usize, to: usize) -> f64 {
+fn change_cost(from: usize, to: usize, unit_mm: f64) -> f64 {
     if from == to {
         0.0
     } else {
-        CHANGE_MM + CHANGE_STEP_MM * from.abs_diff(to) as f64
+        (CHANGE + CHANGE_STEP * from.abs_diff(to) as f64) * unit_mm
     }
 }
 
 /// min over s' of cost[s'] + change(s, s'), for all s, in linear time.
-fn changed_costs(costs: &[f32]) -> Vec<f32> {
-    let step = CHANGE_STEP_MM as f32;
+fn changed_costs(costs: &[f32], unit_mm: f64) -> Vec<f32> {
+    let [step, change] = [CHANGE_STEP, CHANGE].map(|share| (share * unit_mm) as f32);
     let mut spread = costs.to_vec();
     for s in 1..spread.len() {
         spread[s] = spread[s].min(spread[s - 1] + step);
@@ -183,6 +193,6 @@ fn changed_costs(costs: &[f32]) -> Vec<f32> {
     costs
         .iter()
         .zip(&spread)
-        .map(|(&own, &other)| own.min(other + CHANGE_MM as f32))
+        .map(|(&own, &other)| own.min(other + change))
         .collect()
 }

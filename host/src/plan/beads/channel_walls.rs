@@ -182,7 +182,7 @@ mod tests {
     use super::*;
     use crate::geometry::edge_index::{Edge, EdgeIndex};
     use crate::geometry::test_shapes::ELLIPSE as APERTURE;
-    use crate::plan::headings::profile::{TURN_WEIGHT_MM2, profile};
+    use crate::plan::headings::profile::{TURN_WEIGHT_MM4, profile};
     use crate::plan::pass::Contact;
 
     /// Contacts along a straight wall on the x axis, the inside above: beads of 2 x 0.35 mm up to
@@ -214,7 +214,7 @@ mod tests {
             b: Point2::new(-5.0, 9.0),
         };
         let walls = EdgeIndex::new(vec![wall, far], 1.0);
-        let placements = profile(&contacts, false, TURN_WEIGHT_MM2, &APERTURE, &walls);
+        let placements = profile(&contacts, false, TURN_WEIGHT_MM4, &APERTURE, &walls);
         let mut laid = Laid::new(&APERTURE);
         laid.add(&placements, false);
         let edge_mm = |x: f64| {

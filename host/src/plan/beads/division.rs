@@ -236,7 +236,7 @@ mod tests {
     use super::*;
     use crate::geometry::Point2;
     use crate::geometry::test_shapes::ELLIPSE;
-    use crate::plan::headings::profile::TURN_WEIGHT_MM2;
+    use crate::plan::headings::profile::TURN_WEIGHT_MM4;
     use crate::settings::HeadingLaw;
 
     const SETTINGS: PassSettings = PassSettings {
@@ -244,7 +244,7 @@ mod tests {
         overlap: 0.0,
         one_pass: false,
         law: HeadingLaw::Tangent,
-        turn_weight_mm2: TURN_WEIGHT_MM2,
+        turn_weight_mm4: TURN_WEIGHT_MM4,
     };
 
     /// A square of 10 mm with struts as its sides: half-width 0.5 mm at the joints, `least_mm` in the

@@ -93,7 +93,7 @@ fn is_narrow(region: &Region, aperture: &Aperture) -> bool {
 /// The ground filled along its outline; nothing where it has no medial axis.
 fn loops_of(region: &Region, settings: &PassSettings) -> Vec<LayerPass> {
     let walls = EdgeIndex::of_region(region, settings.aperture.major_mm());
-    let axis = MedialAxis::of_edges(&walls, &AxisOptions::default());
+    let axis = MedialAxis::of_edges(&walls, &AxisOptions::of(&settings.aperture));
     axis.map_or(Vec::new(), |axis| {
         let axis = Axis::of_medial_axis(&axis, &settings.aperture);
         passes(region, &walls, &axis, settings)

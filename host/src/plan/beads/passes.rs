@@ -38,14 +38,14 @@ pub struct PassSettings {
     /// How a width becomes a heading angle.
     pub law: HeadingLaw,
     /// What turning weighs there, mm².
-    pub turn_weight_mm2: f64,
+    pub turn_weight_mm4: f64,
 }
 
 impl PassSettings {
     /// The placements on a run of contacts.
     fn placements(&self, contacts: &[Contact], closed: bool, walls: &EdgeIndex) -> Vec<Placement> {
         let aperture = &self.aperture;
-        profile(contacts, closed, self.turn_weight_mm2, aperture, walls)
+        profile(contacts, closed, self.turn_weight_mm4, aperture, walls)
     }
 
     /// How far each of two neighbouring beads reaches over the line between their channels, against

@@ -20,9 +20,9 @@ use crate::settings::Settings;
 
 /// Second differences above this share of the step are corners, not curvature.
 const SMOOTH_SHARE: f64 = 0.35;
-/// Placements closer than this and turned by less than `MERGE_RAD` are one, mm.
-const MERGE_MM: f64 = 0.012;
-/// See `MERGE_MM`.
+/// Placements closer than this, of the aperture's unit, and turned by less than `MERGE_RAD` are one.
+const MERGE: f64 = 0.012;
+/// See `MERGE`.
 const MERGE_RAD: f64 = 0.02;
 
 /// What a control point may be moved in all where there is no detour, against a: farther, the nozzle
@@ -50,7 +50,7 @@ pub fn pass_curves(
     if pass.placements.is_empty() {
         return Vec::new();
     }
-    let control = sharpened(&merged(pass).0);
+    let control = sharpened(&merged(pass, aperture).0);
     let inside = InsideWalls {
         aperture,
         walls,
@@ -172,13 +172,14 @@ fn pieces_without(control: &[PlaneControl], bad: &[bool]) -> Vec<Vec<PlaneContro
 
 /// Placements as control points, near-duplicates merged, and the number of the placement that each
 /// one is.
-pub fn merged(pass: &LayerPass) -> (Vec<PlaneControl>, Vec<usize>) {
+pub fn merged(pass: &LayerPass, aperture: &Aperture) -> (Vec<PlaneControl>, Vec<usize>) {
+    let merge_mm = MERGE * aperture.unit_mm();
     let mut control: Vec<PlaneControl> = Vec::with_capacity(pass.placements.len() + 1);
     let mut numbers = Vec::with_capacity(pass.placements.len() + 1);
     for (number, p) in pass.placements.iter().enumerate() {
         let next = [p.at.center.x, p.at.center.y, p.at.heading_rad];
         let near = control.last().is_some_and(|l| {
-            (l[0] - next[0]).hypot(l[1] - next[1]) < MERGE_MM && (l[2] - next[2]).abs() < MERGE_RAD
+            (l[0] - next[0]).hypot(l[1] - next[1]) < merge_mm && (l[2] - next[2]).abs() < MERGE_RAD
         });
         if !near {
             control.push(next);
@@ -390,7 +391,7 @@ mod tests {
         });
         let pass = pass(places, false);
         assert!(pass.placements.len() >= steps as usize);
-        let mut control = sharpened(&merged(&pass).0);
+        let mut control = sharpened(&merged(&pass, &APERTURE).0);
         let inside = InsideWalls {
             aperture: &APERTURE,
             walls: &walls,

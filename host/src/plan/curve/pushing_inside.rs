@@ -15,10 +15,10 @@ use crate::geometry::plane_curve::{
 use rayon::prelude::*;
 use std::ops::Range;
 
-/// Longest way of any point of the aperture between two poses that are looked at, mm. A vertex of a wall
+/// Longest way of any point of the aperture between two poses that are looked at, of its unit. A vertex of a wall
 /// that passes a tip of radius b²/a is at most step² a / 8 b² deeper between two of them: 0.75 µm for
 /// 0.6 x 0.2 mm, a quarter of that in the close look.
-const STEP_MM: f64 = 0.02;
+const STEP: f64 = 0.02;
 /// Least and most poses of a span.
 const POSES_MIN: usize = 6;
 /// See [`POSES_MIN`].
@@ -136,7 +136,7 @@ impl InsideWalls<'_> {
     /// As far as pushing goes.
     fn first_look(&self) -> Look {
         Look {
-            step_mm: STEP_MM,
+            step_mm: STEP * self.aperture.unit_mm(),
             poses_min: POSES_MIN,
             depth_mm: self.tolerance_mm,
         }
@@ -145,7 +145,7 @@ impl InsideWalls<'_> {
     /// What a curve that is kept must pass.
     fn close_look(&self) -> Look {
         Look {
-            step_mm: STEP_MM / 2.0,
+            step_mm: 0.5 * STEP * self.aperture.unit_mm(),
             poses_min: 2 * POSES_MIN,
             depth_mm: 2.0 * self.tolerance_mm,
         }

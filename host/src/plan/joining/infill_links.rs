@@ -25,11 +25,11 @@ const NEAR_SHARE: f64 = 3.0;
 const STEP_SHARE: f64 = 0.5;
 
 /// Joins lines that follow each other along the walls of `open`; none of it leaves `walls`. Turning
-/// weighs `turn_weight_mm2`, as along any profile.
+/// weighs `turn_weight_mm4`, as along any profile.
 pub fn linked_along_walls(
     lines: Vec<LayerPass>,
     open: &[Region],
-    turn_weight_mm2: f64,
+    turn_weight_mm4: f64,
     aperture: &Aperture,
     walls: &EdgeIndex,
 ) -> Vec<LayerPass> {
@@ -44,7 +44,7 @@ pub fn linked_along_walls(
     let along = AlongWalls {
         rings,
         ground,
-        turn_weight_mm2,
+        turn_weight_mm4,
         aperture,
         walls,
     };
@@ -115,7 +115,7 @@ impl<'a> WallRing<'a> {
 struct AlongWalls<'a> {
     rings: Vec<WallRing<'a>>,
     ground: EdgeIndex,
-    turn_weight_mm2: f64,
+    turn_weight_mm4: f64,
     aperture: &'a Aperture,
     walls: &'a EdgeIndex,
 }
@@ -130,7 +130,7 @@ impl AlongWalls<'_> {
         let mut along = profile(
             &contacts,
             false,
-            self.turn_weight_mm2,
+            self.turn_weight_mm4,
             self.aperture,
             &self.ground,
         );
@@ -209,7 +209,7 @@ mod tests {
     use super::*;
     use crate::geometry::clearance::is_inside;
     use crate::geometry::test_shapes::{ELLIPSE, region};
-    use crate::plan::headings::profile::TURN_WEIGHT_MM2;
+    use crate::plan::headings::profile::TURN_WEIGHT_MM4;
     use crate::plan::pass::test_passes::run;
 
     /// Goal: lines across a room become one pass, without a jump, inside the walls. Method: five
@@ -232,7 +232,7 @@ mod tests {
             &region(&[&[[-2.0, -2.0], [32.0, -2.0], [32.0, 14.0], [-2.0, 14.0]]]),
             0.6,
         );
-        let joined = linked_along_walls(lines, &open, TURN_WEIGHT_MM2, &ELLIPSE, &walls);
+        let joined = linked_along_walls(lines, &open, TURN_WEIGHT_MM4, &ELLIPSE, &walls);
         assert_eq!(joined.len(), 2);
         for pair in joined[0].placements.windows(2) {
             assert!(

@@ -30,8 +30,11 @@ pub fn ordered(passes: Vec<LayerPass>, from: Point2, aperture: &Aperture) -> Vec
         .iter()
         .map(|pass| EntryPoints::of(pass, period_rad))
         .collect();
-    let link_mm = LENGTH_SHARE * aperture.major_mm();
-    let order = two_opt(&entry_points, greedy(&entry_points, from), from, link_mm);
+    let lengths = Lengths {
+        link_mm: LENGTH_SHARE * aperture.major_mm(),
+        interruption_mm: INTERRUPTION * aperture.unit_mm(),
+    };
+    let order = two_opt(&entry_points, greedy(&entry_points, from), from, lengths);
     let mut position = from;
     let mut slots: Vec<Option<LayerPass>> = passes.into_iter().map(Some).collect();
     let mut result = Vec::with_capacity(order.len());
@@ -182,16 +185,28 @@ struct Progress {
     cost_mm: f64,
     /// Passes before.
     passed: usize,
+    lengths: Lengths,
+}
+
+/// Lengths that depend on the aperture.
+#[derive(Clone, Copy)]
+struct Lengths {
     /// Longest way that may be a link, mm.
     link_mm: f64,
+    /// What an interruption counts as, mm.
+    interruption_mm: f64,
 }
 
 impl Progress {
     /// Goes on to a pass and along it.
     fn on(self, entry_points: &EntryPoints) -> Progress {
         let (at, way_mm) = entry_points.passed(self.at);
-        let interrupts = self.passed > 0 && way_mm > self.link_mm;
-        let interruption_mm = if interrupts { INTERRUPTION_MM } else { 0.0 };
+        let interrupts = self.passed > 0 && way_mm > self.lengths.link_mm;
+        let interruption_mm = if interrupts {
+            self.lengths.interruption_mm
+        } else {
+            0.0
+        };
         Progress {
             at,
             cost_mm: self.cost_mm + way_mm + interruption_mm,
@@ -213,15 +228,15 @@ impl Progress {
     }
 }
 
-/// What an interruption of flow counts as: retraction, priming and their time.
-const INTERRUPTION_MM: f64 = 50.0;
+/// What an interruption of flow counts as, of the aperture's unit: retraction, priming and their time.
+const INTERRUPTION: f64 = 50.0;
 
 /// Reverses stretches of the order while that makes it cheaper.
 fn two_opt(
     entry_points: &[EntryPoints],
     order: Vec<usize>,
     from: Point2,
-    link_mm: f64,
+    lengths: Lengths,
 ) -> Vec<usize> {
     let count = order.len();
     if !(2..=TWO_OPT_MAX).contains(&count) {
@@ -232,7 +247,7 @@ fn two_opt(
         at: from,
         cost_mm: 0.0,
         passed: 0,
-        link_mm,
+        lengths,
     };
     let mut best = start.cost_mm(entry_points, &order, f64::INFINITY);
     for _ in 0..TWO_OPT_ROUNDS {

@@ -11,7 +11,7 @@ use crate::geometry::Point2;
 use crate::geometry::aperture::Aperture;
 use crate::geometry::edge_index::EdgeIndex;
 use crate::geometry::polygon::Region;
-use crate::plan::headings::profile::turn_weight_mm2;
+use crate::plan::headings::profile::turn_weight_mm4;
 use crate::plan::joining::bridges::bridged;
 use crate::plan::joining::chains::{around_loops, chained};
 use crate::plan::joining::infill_links::linked_along_walls;
@@ -56,7 +56,7 @@ pub fn in_printing_order(
         open: region.open,
         from,
         aperture,
-        turn_weight_mm2: turn_weight_mm2(&pose_limits(settings), aperture),
+        turn_weight_mm4: turn_weight_mm4(&pose_limits(settings), aperture),
     };
     finish.behind(passes)
 }
@@ -110,7 +110,7 @@ struct Finish<'a> {
     open: &'a [Region],
     from: Point2,
     aperture: &'a Aperture,
-    turn_weight_mm2: f64,
+    turn_weight_mm4: f64,
 }
 
 impl Finish<'_> {
@@ -132,7 +132,7 @@ impl Finish<'_> {
             passes.extend(linked_along_walls(
                 ordered(self.sparse, from, self.aperture),
                 self.open,
-                self.turn_weight_mm2,
+                self.turn_weight_mm4,
                 self.aperture,
                 self.walls,
             ));

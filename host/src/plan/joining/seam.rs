@@ -85,7 +85,7 @@ mod tests {
     use crate::geometry::test_shapes::{ELLIPSE, ring, walls};
     use crate::plan::beads::passes::Lengths;
     use crate::plan::headings::contacts::wall_contacts;
-    use crate::plan::headings::profile::{TURN_WEIGHT_MM2, profile};
+    use crate::plan::headings::profile::{TURN_WEIGHT_MM4, profile};
     use crate::plan::pass::PassKind;
 
     fn wall_loop(points: &[[f64; 2]]) -> LayerPass {
@@ -98,7 +98,7 @@ mod tests {
             kind: PassKind::TwoPass,
             channel: 1,
             closed: true,
-            placements: profile(&contacts, true, TURN_WEIGHT_MM2, &ELLIPSE, &walls),
+            placements: profile(&contacts, true, TURN_WEIGHT_MM4, &ELLIPSE, &walls),
         }
     }
 

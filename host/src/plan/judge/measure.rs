@@ -51,15 +51,15 @@ pub struct Measured {
 
 /// Cells that a small layer is divided into: the border of the raster then counts for little.
 const CELLS_AIM: f64 = 1e6;
-/// Smallest and largest raster cell, mm, as long as the raster stays below `CELLS_MAX`.
-const CELL_MM: [f64; 2] = [0.005, 0.02];
+/// Smallest and largest raster cell, of the aperture's unit, as long as the raster stays below `CELLS_MAX`.
+const CELL: [f64; 2] = [0.005, 0.02];
 /// Most cells of one region's raster.
 const CELLS_MAX: usize = 6_000_000;
-/// Longest step between poses of the sweep, mm: the scallop it leaves on the sharpest aperture
+/// Longest step between poses of the sweep, of the unit: the scallop it leaves on the sharpest aperture
 /// (b²/a = 0.07 mm) is below 1 µm.
-const STEP_MM: f64 = 0.02;
-/// The same for a sharp corner, which leaves a notch of half the step at worst, mm.
-const STEP_SHARP_MM: f64 = 0.004;
+const STEP: f64 = 0.02;
+/// The same for a sharp corner, which leaves a notch of half the step at worst.
+const STEP_SHARP: f64 = 0.004;
 /// Longest turn between poses of the sweep, rad.
 const STEP_RAD: f64 = 0.02;
 /// Uncovered cells that are asked whether they could be reached; more are sampled evenly.
@@ -92,7 +92,7 @@ pub fn measure(
         .filter(|(number, print)| print.like < *number)
         .map(|(_, print)| print.like)
         .collect();
-    let cell_mm = raster_cell_mm(prints);
+    let cell_mm = raster_cell_mm(prints, settings.aperture.unit_mm());
     let mut measure_up_to = |layer: u32, poses: &[SweptPose]| {
         skirt_mm += length_off_regions_mm(poses, print_of_pass);
         let first = measured.swept.len();
@@ -150,12 +150,13 @@ fn poses_of_prints(
 }
 
 /// Cells of the rasters: a layer's figures are over all of its regions, however small each is.
-fn raster_cell_mm(prints: &[MeasuredPrint]) -> f64 {
+fn raster_cell_mm(prints: &[MeasuredPrint], unit_mm: f64) -> f64 {
     let of_a_layer = prints
         .iter()
         .take_while(|print| print.layer == prints[0].layer);
     let area_mm2: f64 = of_a_layer.map(|p| p.contour.region.area_mm2()).sum();
-    (area_mm2 / CELLS_AIM).sqrt().clamp(CELL_MM[0], CELL_MM[1])
+    let [least_mm, most_mm] = CELL.map(|cell| cell * unit_mm);
+    (area_mm2 / CELLS_AIM).sqrt().clamp(least_mm, most_mm)
 }
 
 /// What poses sweep that are the same as others were, to [`SAME_MM`]; the depth is then the others'
@@ -345,18 +346,19 @@ fn walk_stream(
     figures
 }
 
-/// What `STEP_MM` is for the default ellipse; less where corners of a polygon are sharper.
+/// What [`STEP`] is for the default ellipse; less where corners of a polygon are sharper.
 fn longest_step_mm(aperture: &Aperture) -> f64 {
+    let unit_mm = aperture.unit_mm();
     match aperture {
-        Aperture::Ellipse { .. } => STEP_MM,
-        Aperture::Rounded(_) => (8.0 * aperture.sharpest_radius_mm() * SCALLOP_MM)
+        Aperture::Ellipse { .. } => STEP * unit_mm,
+        Aperture::Rounded(_) => (8.0 * aperture.sharpest_radius_mm() * SCALLOP * unit_mm)
             .sqrt()
-            .clamp(STEP_SHARP_MM, STEP_MM),
+            .clamp(STEP_SHARP * unit_mm, STEP * unit_mm),
     }
 }
 
-/// Scallop that a rounded corner may leave, mm.
-const SCALLOP_MM: f64 = 1e-3;
+/// Scallop that a rounded corner may leave, of the unit.
+const SCALLOP: f64 = 1e-3;
 
 /// The placement that leaves the region farthest. Those that may reach deepest are measured first,
 /// the others only as long as they may reach deeper than what was found.
@@ -410,7 +412,7 @@ fn reachable_share_of_gaps(
     let hull = trimmed_outline(outline, &settings.aperture);
     let hull = EdgeIndex::of_region(&hull, settings.aperture.major_mm());
     let mut near = asked.clone();
-    near.retain(|&p| !is_beyond_reach(&hull, p));
+    near.retain(|&p| !is_beyond_reach(&hull, p, &settings.aperture));
     let reached = reachable_count(&settings.aperture, &near, walls);
     reached as f64 / asked.len() as f64
 }

@@ -13,7 +13,7 @@ use crate::plan::curve::layer_path::{merged, path_tolerance_mm, sharpened, whole
 use crate::plan::curve::pushing_inside::{InsideWalls, strayed_spans};
 use crate::plan::joining::gap_fill::fill_gaps;
 use crate::plan::pass::{LayerPass, PassKind, Placement};
-use crate::plan::pose_limits::{AreaPrice, pose_limits};
+use crate::plan::pose_limits::{AreaPrice, pose_limits, price_s_mm2};
 use crate::settings::{Quality, Settings};
 use headway_optimiser::{Effort, Objective, OptimisedPass, Outcome, Site, optimise};
 use std::sync::Arc;
@@ -155,7 +155,7 @@ impl RegionJob<'_> {
 
     /// A pass in even spans.
     fn begun(&self, pass: &LayerPass) -> Begun {
-        let (control, numbers) = merged(pass);
+        let (control, numbers) = merged(pass, self.site.aperture);
         let even = even_spans(&sharpened(&control), self.site.aperture, self.site.limits);
         Begun {
             unknown: OptimisedPass {
@@ -202,7 +202,7 @@ impl RegionJob<'_> {
 fn objective(settings: &Settings) -> Objective {
     let overlaps = settings.overlap_pct > 0.0;
     Objective {
-        price_s_mm2: settings.quality.price_s_mm2(),
+        price_s_mm2: price_s_mm2(settings),
         twice_share: if overlaps { 0.0 } else { TWICE_SHARE },
         return_mm: return_mm(&settings.aperture),
     }

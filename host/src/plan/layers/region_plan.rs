@@ -18,7 +18,7 @@ use crate::plan::beads::infill::{bridge_lines, infill_passes};
 use crate::plan::beads::passes::{PassSettings, outer_passes, passes};
 use crate::plan::coverage::raster::{same_bead_mm, within_walls};
 use crate::plan::curve::heading_stops::PassCutter;
-use crate::plan::headings::profile::turn_weight_mm2;
+use crate::plan::headings::profile::turn_weight_mm4;
 use crate::plan::joining::printed_order::{RegionPasses, in_printing_order};
 use crate::plan::layers::bridge_ground::Bridge;
 use crate::plan::layers::optimised_passes::{PassCurve, optimised};
@@ -202,7 +202,7 @@ impl RegionWork {
         let walls = EdgeIndex::of_region(&hull, reach_mm);
         // The diagram takes one thread, and most of the time here.
         let (medial_axis, unreachable) = rayon::join(
-            || MedialAxis::of_edges(&walls, &AxisOptions::default()),
+            || MedialAxis::of_edges(&walls, &AxisOptions::of(&settings.aperture)),
             || {
                 let outline = EdgeIndex::of_region(&outline, reach_mm);
                 unreachable_runs(&settings.aperture, &outline, &walls)
@@ -480,6 +480,6 @@ fn pass_settings(settings: &Settings) -> PassSettings {
         overlap: settings.overlap_pct / 100.0,
         one_pass: settings.pass_mode == PassMode::One,
         law: settings.heading_law,
-        turn_weight_mm2: turn_weight_mm2(&pose_limits(settings), &settings.aperture),
+        turn_weight_mm4: turn_weight_mm4(&pose_limits(settings), &settings.aperture),
     }
 }

@@ -26,9 +26,9 @@ use crate::plan::joining::order::ordered;
 use crate::plan::pass::{Contact, LayerPass, PassKind};
 use crate::settings::{Settings, Skirt};
 
-/// Weight of turning along the loops, mm²: less than along beads of the part, since loops that share a slot
-/// may not cross its middle and nothing is filled up beside them.
-const LOOP_TURN_WEIGHT_MM2: f64 = 0.01;
+/// Weight of turning along the loops, of the aperture's unit to the fourth: less than along beads of the part, since
+/// loops that share a slot may not cross its middle and nothing is filled up beside them.
+const LOOP_TURN_WEIGHT: f64 = 0.01;
 /// A wall whose normal turns further than this against the contact's faces it, cosine.
 const FACING_COS: f64 = -0.7;
 /// Least object angle of the exterior axis, rad: that of right-angled corners stays.
@@ -199,6 +199,7 @@ fn loop_passes(
     aperture: &Aperture,
 ) -> Vec<LayerPass> {
     let lengths = Lengths::of(aperture);
+    let turn_weight_mm4 = LOOP_TURN_WEIGHT * aperture.unit_mm().powi(4);
     let mut found = Vec::new();
     for ring in rings {
         let mut contacts = wall_contacts(ring, lengths.spacing());
@@ -206,7 +207,7 @@ fn loop_passes(
             contact.extent_mm = room_mm(contact, walls, aperture);
         }
         for (run, closed) in printable_runs(&contacts, aperture) {
-            let placements = profile(&run, closed, LOOP_TURN_WEIGHT_MM2, aperture, walls);
+            let placements = profile(&run, closed, turn_weight_mm4, aperture, walls);
             let runs = feasible_runs(placements, closed, aperture);
             found.extend(runs.into_iter().map(|(placements, closed)| LayerPass {
                 kind: PassKind::Skirt,

@@ -212,6 +212,8 @@ pub struct MotionLimits {
     pub advance_delay_ticks: u32,
     /// Servo ticks a second.
     pub servo_hz: f64,
+    /// See [`Aperture::unit_mm`](crate::geometry::aperture::Aperture::unit_mm).
+    pub unit_mm: f64,
 }
 
 impl MotionLimits {
@@ -256,6 +258,7 @@ impl MotionLimits {
                 .max(1.0 / servo_hz),
             advance_delay_ticks: advance_centre_ticks(extruder, machine.servo_hz),
             servo_hz,
+            unit_mm: settings.aperture.unit_mm(),
         };
         limits.checked(count)
     }

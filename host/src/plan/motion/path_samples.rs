@@ -60,15 +60,15 @@ const TIP_SIDES: [[f64; 2]; 4] = [
 /// Most rows of a sample.
 pub const ROWS_MAX: usize = JOINTS_MAX + 1 + 2 * TIP_SIDES.len();
 
-/// Longest distance between samples.
-const SAMPLE_STEP_MM: f64 = 0.05;
+/// Longest distance between samples, of the aperture's unit.
+const SAMPLE_STEP: f64 = 0.05;
 /// Largest turn of heading or tilt between samples.
 const SAMPLE_STEP_RAD: f64 = 0.03;
 /// Longest time between samples at the limit of the tip's speed: where it alone binds, the rate
 /// follows the shape of the path, and between coarser samples of a slow path it runs beyond.
 const SAMPLE_STEP_S: f64 = 0.1;
-/// As close as that brings samples, mm: slower paths have no more of them.
-const SAMPLE_STEP_MIN_MM: f64 = 0.003;
+/// As close as that brings samples, of the unit: slower paths have no more of them.
+const SAMPLE_STEP_MIN: f64 = 0.003;
 /// Least samples a span and a move: second derivatives are linear in a span.
 const SAMPLES_PER_SPAN_MIN: usize = 2;
 const SAMPLES_PER_STRETCH_MIN: usize = 200;
@@ -177,9 +177,10 @@ fn cells_of_span(curve: &PathCurve, span: usize, limits: &MotionLimits) -> usize
     let last = curve.control.len() - 1;
     let legs = curve.control[span.saturating_sub(1)..=(span + 2).min(last)].windows(2);
     let longest_mm = legs.map(|leg| leg_mm(&leg[0], &leg[1])).fold(0.0, f64::max);
-    let cells = (leg_mm(a, b) / SAMPLE_STEP_MM)
+    let slow_mm = (limits.slowest_tip_mm_s() * SAMPLE_STEP_S).max(SAMPLE_STEP_MIN * limits.unit_mm);
+    let cells = (leg_mm(a, b) / (SAMPLE_STEP * limits.unit_mm))
         .max(turn_rad / SAMPLE_STEP_RAD)
-        .max(longest_mm / (limits.slowest_tip_mm_s() * SAMPLE_STEP_S).max(SAMPLE_STEP_MIN_MM));
+        .max(longest_mm / slow_mm);
     let least = SAMPLES_PER_SPAN_MIN.max(SAMPLES_PER_STRETCH_MIN.div_ceil(curve.span_count()));
     (cells.ceil() as usize).clamp(least, SAMPLES_PER_SPAN_MAX)
 }

@@ -9,14 +9,14 @@
 //! rho - sqrt(rho² - c²/4). So convex points are cut off one after the other (ears), those first
 //! that take least ground, while
 //!
-//! - the chord's sagitta is at most [`REACH_LOST_MM`]; the ear's sides are at most [`SIDE_CHORDS`]
+//! - the chord's sagitta is at most [`REACH_LOST`]; the ear's sides are at most [`SIDE_CHORDS`]
 //!   such chords, so that it is looked through in bounded time;
 //! - no other point lies in the ear: the rings stay simple and apart;
 //! - what one edge has cut off a disk is at most half of it: no disk has its larger part behind it.
 //!   An ear's lines along its chord are no longer than that, so a disk has at most the chord times
 //!   its own width in it: a deep tooth counts for no more than a shallow one.
 //!
-//! A placement whose clearance to the given outline is [`REACH_LOST_MM`] or more therefore lies
+//! A placement whose clearance to the given outline is [`REACH_LOST`] or more therefore lies
 //! inside the hull, and one inside the outline leaves the hull by no more than that. What is cut
 //! off and farther than that from the hull is reached by no placement. Time is n log n. With sharp
 //! corners (rho = 0) everything stays. Where a ring begins matters for equal ears in one place
@@ -34,9 +34,9 @@ use std::cmp::{Ordering, Reverse};
 use std::collections::BinaryHeap;
 use std::f64::consts::PI;
 
-/// Most that the aperture loses of its reach: half the default tolerance of a plan. Beads then
+/// Most that the aperture loses of its reach, of its unit: half the default tolerance of a plan. Beads then
 /// stay back from the outline by less than the head can be placed.
-pub const REACH_LOST_MM: f64 = 5e-4;
+pub const REACH_LOST: f64 = 5e-4;
 
 /// Longest side of an ear, in longest chords: teeth of 6 mm with the built-in aperture.
 const SIDE_CHORDS: f64 = 400.0;
@@ -44,18 +44,20 @@ const SIDE_CHORDS: f64 = 400.0;
 /// The hull; the region itself where nothing can be cut off.
 pub fn trimmed_outline(region: &Region, aperture: &Aperture) -> Region {
     let rho_mm = aperture.sharpest_radius_mm();
-    if rho_mm <= REACH_LOST_MM {
+    let lost_mm = REACH_LOST * aperture.unit_mm();
+    if rho_mm <= lost_mm {
         return region.clone();
     }
-    let mut cutting = Cutting::of(region, rho_mm);
+    let mut cutting = Cutting::of(region, rho_mm, lost_mm);
     cutting.run();
     cutting.into_region(region.holes.len())
 }
 
 /// True where no placement inside the outline reaches the point: it is cut off, and farther from
 /// the hull (its edges) than any gets.
-pub fn is_beyond_reach(hull: &EdgeIndex, p: Point2) -> bool {
-    hull.nearest_within(p, REACH_LOST_MM).is_none() && !hull.contains(p)
+pub fn is_beyond_reach(hull: &EdgeIndex, p: Point2, aperture: &Aperture) -> bool {
+    let lost_mm = REACH_LOST * aperture.unit_mm();
+    hull.nearest_within(p, lost_mm).is_none() && !hull.contains(p)
 }
 
 /// The rings while they are cut, all points in one list.
@@ -105,7 +107,7 @@ impl PartialOrd for Ear {
 }
 
 impl Cutting {
-    fn of(region: &Region, rho_mm: f64) -> Cutting {
+    fn of(region: &Region, rho_mm: f64, lost_mm: f64) -> Cutting {
         let mut cutting = Cutting {
             points: Vec::new(),
             ring_of: Vec::new(),
@@ -115,7 +117,7 @@ impl Cutting {
             cut_mm2: Vec::new(),
             left: Vec::new(),
             point_grid: PointGrid::of(rho_mm, std::iter::empty()),
-            chord_max_mm: 2.0 * (REACH_LOST_MM * (2.0 * rho_mm - REACH_LOST_MM)).sqrt(),
+            chord_max_mm: 2.0 * (lost_mm * (2.0 * rho_mm - lost_mm)).sqrt(),
             disk_mm: 2.0 * rho_mm,
             cut_max_mm2: 0.5 * PI * rho_mm * rho_mm,
         };
@@ -349,6 +351,10 @@ mod tests {
         assert!(cut > 5_000, "{cut}");
     }
 
+    fn reach_lost_mm() -> f64 {
+        REACH_LOST * ELLIPSE.unit_mm()
+    }
+
     /// Goal: what the aperture reaches is kept but for the stated length. Method: placements that
     /// touch the given outline, all round it and at the ends of what fits; they lie inside it, so
     /// they may leave the hull by that length at most.
@@ -381,8 +387,8 @@ mod tests {
             deepest_mm * 1e3
         );
         assert!(asked > 1_000, "{asked}");
-        assert!(deepest_mm <= REACH_LOST_MM + INSIDE_MM, "{deepest_mm}");
-        assert!(deepest_mm > 0.1 * REACH_LOST_MM, "{deepest_mm}");
+        assert!(deepest_mm <= reach_lost_mm() + INSIDE_MM, "{deepest_mm}");
+        assert!(deepest_mm > 0.1 * reach_lost_mm(), "{deepest_mm}");
     }
 
     /// Goal: a placement that keeps the stated length clear of the outline lies inside the hull.
@@ -402,7 +408,7 @@ mod tests {
                 };
                 let mut outline = ELLIPSE.outline(at.heading_rad, 90).into_iter();
                 let is_clear = walls.contains(at.center)
-                    && outline.all(|q| walls.signed_distance_mm(at.center + q) >= REACH_LOST_MM);
+                    && outline.all(|q| walls.signed_distance_mm(at.center + q) >= reach_lost_mm());
                 if is_clear && outside_depth_mm(&ELLIPSE, at, &walls) == 0.0 {
                     kept += 1;
                     let depth_mm = outside_depth_mm(&ELLIPSE, at, &hull);
@@ -426,7 +432,7 @@ mod tests {
             for edge in walls.edges() {
                 let p = edge.a + (edge.b - edge.a) * 0.3;
                 let is_touched = is_touchable(&ELLIPSE, &walls, p, edge.normal());
-                let is_beyond = is_beyond_reach(&hull, p);
+                let is_beyond = is_beyond_reach(&hull, p, &ELLIPSE);
                 assert!(!(is_touched && is_beyond), "{p}");
                 beyond += u32::from(is_beyond);
                 touched += u32::from(is_touched);
@@ -447,7 +453,7 @@ mod tests {
         let walls = EdgeIndex::of_region(&hull, 0.6);
         for x in [-0.5, 0.5] {
             let clear_mm = walls.signed_distance_mm(Point2::new(x, 0.0));
-            assert!(clear_mm > 0.4 - 2.0 * REACH_LOST_MM, "{clear_mm}");
+            assert!(clear_mm > 0.4 - 2.0 * reach_lost_mm(), "{clear_mm}");
         }
     }
 
@@ -477,7 +483,7 @@ mod tests {
         // The roots are 6 um apart; cutting on may take the stated length.
         let clear_mm = walls.signed_distance_mm(Point2::new(2.25, 0.0));
         assert!(
-            (0.75 - 2.0 * REACH_LOST_MM..=0.75).contains(&clear_mm),
+            (0.75 - 2.0 * reach_lost_mm()..=0.75).contains(&clear_mm),
             "{clear_mm}"
         );
     }

@@ -2,7 +2,7 @@
 //!
 //! Input: a region about its local origin, its edge index, the aperture. Output: runs of boundary
 //! with their length. Each edge is looked at in pieces of about half the minor semi-axis, and the
-//! ends of a run are found by bisection to [`END_MM`]; a run shorter than a piece that lies inside
+//! ends of a run are found by bisection to [`END`], of the aperture's unit; a run shorter than a piece that lies inside
 //! one is not seen.
 
 use crate::geometry::Point2;
@@ -14,7 +14,7 @@ use rayon::prelude::*;
 use serde::{Deserialize, Serialize};
 
 /// How well the ends of a run are known, mm.
-pub const END_MM: f64 = 1e-3;
+const END: f64 = 1e-3;
 
 /// A run along one edge.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
@@ -61,9 +61,11 @@ fn edge_runs(
     }
     let normal = edge.normal();
     let at = |t: f64| edge.a + (edge.b - edge.a) * t;
-    let is_out =
-        |t: f64| is_beyond_reach(hull, at(t)) || !is_touchable(aperture, walls, at(t), normal);
+    let is_out = |t: f64| {
+        is_beyond_reach(hull, at(t), aperture) || !is_touchable(aperture, walls, at(t), normal)
+    };
     let pieces = (length_mm / piece_mm).ceil().max(1.0) as usize;
+    let end_share = END * aperture.unit_mm() / length_mm;
     let middle = |k: usize| (k as f64 + 0.5) / pieces as f64;
     let mut runs = Vec::new();
     let mut start: Option<f64> = None;
@@ -75,12 +77,12 @@ fn edge_runs(
             let begins = if k == 0 {
                 0.0
             } else {
-                border(&is_out, before.0, t, length_mm)
+                border(&is_out, [before.0, t], end_share)
             };
             start = Some(begins);
         }
         if let (false, Some(begins)) = (out, start) {
-            let ends = border(&is_out, t, before.0, length_mm);
+            let ends = border(&is_out, [t, before.0], end_share);
             runs.push(UnreachableRun {
                 from: at(begins),
                 to: at(ends),
@@ -99,9 +101,9 @@ fn edge_runs(
 }
 
 /// The place between `inside` (reachable) and `outside` (not) where that changes.
-fn border(is_out: &impl Fn(f64) -> bool, inside: f64, outside: f64, length_mm: f64) -> f64 {
-    let (mut inside, mut outside) = (inside, outside);
-    while (outside - inside).abs() * length_mm > END_MM {
+fn border(is_out: &impl Fn(f64) -> bool, ends: [f64; 2], end_share: f64) -> f64 {
+    let [mut inside, mut outside] = ends;
+    while (outside - inside).abs() > end_share {
         let t = (inside + outside) / 2.0;
         if is_out(t) {
             outside = t;
@@ -130,11 +132,14 @@ mod tests {
     fn round_nozzle_in_square_corners() {
         let square = walls(&[SQUARE]);
         let found = total_mm(&square, 0.4, 0.4);
-        // Eight ends, each to END_MM.
-        assert!((found - 8.0 * 0.4).abs() < 8.0 * END_MM, "{found}");
+        // Eight ends, each to END of 5 b.
+        assert!((found - 8.0 * 0.4).abs() < 8.0 * END * 5.0 * 0.4, "{found}");
         // An ellipse reaches farther in: at most its minor axis from the vertex.
         let found = total_mm(&square, 0.6, 0.2);
-        assert!(found > 0.1 && found < 8.0 * 0.2 + 8.0 * END_MM, "{found}");
+        assert!(
+            found > 0.1 && found < 8.0 * 0.2 + 8.0 * END * 5.0 * 0.2,
+            "{found}"
+        );
     }
 
     /// A slot narrower than the aperture's minor axis is out of reach, all of it.

@@ -5,7 +5,7 @@
 //!
 //! A control point lies on every vertex. At one where the way turns from d1 to d2 the curve passes
 //! h |d1 - d2| / 6 beside it, with h the distance of its neighbours: that gives h. From there the
-//! distances grow evenly to [`SPACING_MAX_MM`]; on straight legs the curve is the leg.
+//! distances grow evenly to [`SPACING_MAX`]; on straight legs the curve is the leg.
 //!
 //! The heading is that at which the nozzle's bead is as wide as the file's, nearly ([`bead_headings`]). Where the
 //! file tells headings they are kept. Leaves out flow onto covered ground: volumes are the file's.
@@ -24,21 +24,21 @@ use headway_protocol::units::{
 };
 use std::f64::consts::{FRAC_PI_4, PI};
 
-/// How far the curve may pass beside a vertex: a corner, and a joint of a polygon that stands for a
-/// curve; less what the fit of the segments takes, and what the steps grow by before a corner.
-const CORNER_MM: f64 = 0.036;
-const JOINT_MM: f64 = 0.014;
+/// How far the curve may pass beside a vertex, of the aperture's unit: a corner, and a joint of a polygon that stands for
+/// a curve; less what the fit of the segments takes, and what the steps grow by before a corner.
+const CORNER: f64 = 0.036;
+const JOINT: f64 = 0.014;
 /// Turns above this are corners.
 const CORNER_RAD: f64 = PI / 6.0;
-/// Shortest and longest distance of control points.
-const SPACING_MIN_MM: f64 = 0.02;
-const SPACING_MAX_MM: f64 = 1.0;
+/// Shortest and longest distance of control points, of the unit.
+const SPACING_MIN: f64 = 0.02;
+const SPACING_MAX: f64 = 1.0;
 /// By how much distances grow along the way.
 pub(super) const SPACING_GROWTH: f64 = 0.3;
 /// Changes of the heading's slope over a above this want control points closer than a third of a.
 const HEADING_STEP_RAD: f64 = 0.02;
-/// Places closer than this are one.
-const SAME_MM: f64 = 0.002;
+/// Places closer than this are one, of the unit.
+const SAME: f64 = 0.002;
 /// Beads wider or narrower than the nozzle's by this share are told.
 const WIDTH_SHARE: f64 = 0.02;
 
@@ -99,7 +99,7 @@ impl Bead {
         headings_told: bool,
         settings: &Settings,
     ) -> Option<Bead> {
-        let way = Way::of(pass)?;
+        let way = Way::of(pass, settings.aperture.unit_mm())?;
         let widths_mm = way.widths_mm(slicer, settings);
         let headings = match headings_told {
             true => Headings::Told(unwrapped(&way.points)),
@@ -182,20 +182,25 @@ fn turn(d1: [f64; 3], d2: [f64; 3]) -> f64 {
 }
 
 /// Control points' distance at a vertex that turns by |d1 - d2|.
-fn spacing_mm(turn: f64) -> f64 {
+fn spacing_mm(turn: f64, unit_mm: f64) -> f64 {
     let is_corner = turn > 2.0 * (0.5 * CORNER_RAD).sin();
-    let beside_mm = if is_corner { CORNER_MM } else { JOINT_MM };
-    (6.0 * beside_mm / turn.max(1e-9)).clamp(SPACING_MIN_MM, SPACING_MAX_MM)
+    let beside = if is_corner { CORNER } else { JOINT };
+    (6.0 * beside / turn.max(1e-9)).clamp(SPACING_MIN, SPACING_MAX) * unit_mm
 }
 
 /// Ends of the steps of a leg, from its start, the last the leg's end: they grow from both ends.
-pub(super) fn steps_mm(length_mm: f64, first_mm: f64, last_mm: f64, longest_mm: f64) -> Vec<f64> {
+pub(super) fn steps_mm(
+    length_mm: f64,
+    [first_mm, last_mm]: [f64; 2],
+    longest_mm: f64,
+    unit_mm: f64,
+) -> Vec<f64> {
     let mut ends = Vec::new();
     let mut at = 0.0;
     while at < length_mm {
         let left = (length_mm - at).max(0.0);
         let step = (first_mm + SPACING_GROWTH * at).min(last_mm + SPACING_GROWTH * left);
-        at += step.clamp(SPACING_MIN_MM, longest_mm);
+        at += step.clamp(SPACING_MIN * unit_mm, longest_mm);
         ends.push(at);
     }
     let scale = length_mm / at.max(f64::MIN_POSITIVE);
@@ -204,11 +209,11 @@ pub(super) fn steps_mm(length_mm: f64, first_mm: f64, last_mm: f64, longest_mm: 
 }
 
 /// Lets no distance be more than what its neighbours and the legs beside it allow.
-fn graded(spacings_mm: &mut [f64], length_mm: &[f64]) {
+fn graded(spacings_mm: &mut [f64], length_mm: &[f64], unit_mm: f64) {
     let count = spacings_mm.len();
     for (i, length_mm) in length_mm.iter().enumerate() {
         for node in [i, i + 1] {
-            spacings_mm[node] = spacings_mm[node].min(length_mm.max(SPACING_MIN_MM));
+            spacings_mm[node] = spacings_mm[node].min(length_mm.max(SPACING_MIN * unit_mm));
         }
     }
     for i in 1..count {
@@ -222,7 +227,7 @@ fn graded(spacings_mm: &mut [f64], length_mm: &[f64]) {
 
 /// Control points of a way without flow through these tips: its corners are passed like those of beads.
 /// Each comes with its share of the way.
-pub fn travel_control(tips_mm: &[[f64; 3]]) -> Vec<([f64; 3], f64)> {
+pub fn travel_control(tips_mm: &[[f64; 3]], unit_mm: f64) -> Vec<([f64; 3], f64)> {
     let mut points: Vec<Place> = Vec::new();
     for tip_mm in tips_mm {
         let place = Place {
@@ -231,7 +236,7 @@ pub fn travel_control(tips_mm: &[[f64; 3]]) -> Vec<([f64; 3], f64)> {
         };
         if points
             .last()
-            .is_none_or(|last| last.distance_mm(&place) > SAME_MM)
+            .is_none_or(|last| last.distance_mm(&place) > SAME * unit_mm)
         {
             points.push(place);
         } else if points.len() > 1
@@ -248,13 +253,13 @@ pub fn travel_control(tips_mm: &[[f64; 3]]) -> Vec<([f64; 3], f64)> {
     let longest_mm = if directions.len() < 2 {
         f64::INFINITY
     } else {
-        4.0 * SPACING_MAX_MM
+        4.0 * SPACING_MAX * unit_mm
     };
     let mut spacings_mm = vec![longest_mm; points.len()];
     for (i, pair) in directions.windows(2).enumerate() {
-        spacings_mm[i + 1] = spacing_mm(turn(pair[0], pair[1]));
+        spacings_mm[i + 1] = spacing_mm(turn(pair[0], pair[1]), unit_mm);
     }
-    graded(&mut spacings_mm, &length_mm);
+    graded(&mut spacings_mm, &length_mm, unit_mm);
     let mut control: Vec<([f64; 3], f64)> = points
         .first()
         .map(|point| (point.tip_mm, 0.0))
@@ -264,7 +269,12 @@ pub fn travel_control(tips_mm: &[[f64; 3]]) -> Vec<([f64; 3], f64)> {
     for (i, length_mm) in length_mm.iter().enumerate() {
         let steps = match directions.len() {
             1 => vec![*length_mm],
-            _ => steps_mm(*length_mm, spacings_mm[i], spacings_mm[i + 1], longest_mm),
+            _ => steps_mm(
+                *length_mm,
+                [spacings_mm[i], spacings_mm[i + 1]],
+                longest_mm,
+                unit_mm,
+            ),
         };
         for (k, end) in steps.iter().enumerate() {
             let tip_mm = match k + 1 == steps.len() {
@@ -285,7 +295,7 @@ struct Control {
 }
 
 impl Way {
-    fn of(pass: &GcodePass) -> Option<Way> {
+    fn of(pass: &GcodePass, unit_mm: f64) -> Option<Way> {
         let mut points = vec![*pass.points.first()?];
         let mut legs: Vec<Leg> = Vec::new();
         let mut carried_mm3 = 0.0;
@@ -293,7 +303,7 @@ impl Way {
             let mut leg = *leg;
             leg.volume_mm3 = leg.volume_mm3.map(|mm3| mm3 + carried_mm3);
             let last = points.last()?;
-            if point.distance_mm(last) > SAME_MM {
+            if point.distance_mm(last) > SAME * unit_mm {
                 points.push(*point);
                 legs.push(leg);
                 carried_mm3 = 0.0;
@@ -383,19 +393,19 @@ impl Way {
     fn control(&self, headings: &Headings, volumes_mm3: &[f64], aperture: &Aperture) -> Control {
         let pairs = self.points.windows(2);
         let directions: Vec<[f64; 3]> = pairs.map(|pair| direction(&pair[0], &pair[1])).collect();
-        let about_mm = aperture.major_mm();
+        let (about_mm, unit_mm) = (aperture.major_mm(), aperture.unit_mm());
         let mut places_mm = vec![0.0];
         for length_mm in &self.length_mm {
             places_mm.push(places_mm[places_mm.len() - 1] + length_mm);
         }
-        let mut spacings_mm = vec![SPACING_MAX_MM; self.points.len()];
+        let mut spacings_mm = vec![SPACING_MAX * unit_mm; self.points.len()];
         for node in 1..directions.len() {
-            spacings_mm[node] = spacing_mm(turn(directions[node - 1], directions[node]));
+            spacings_mm[node] = spacing_mm(turn(directions[node - 1], directions[node]), unit_mm);
             if headings.step_rad(node, &places_mm, about_mm) > HEADING_STEP_RAD {
                 spacings_mm[node] = spacings_mm[node].min(about_mm / 3.0);
             }
         }
-        graded(&mut spacings_mm, &self.length_mm);
+        graded(&mut spacings_mm, &self.length_mm, unit_mm);
         let mut control = Control {
             points: Vec::new(),
             vertices: vec![0],
@@ -414,9 +424,9 @@ impl Way {
         for (leg, length_mm) in self.length_mm.iter().enumerate() {
             let ends = steps_mm(
                 *length_mm,
-                spacings_mm[leg],
-                spacings_mm[leg + 1],
-                SPACING_MAX_MM,
+                [spacings_mm[leg], spacings_mm[leg + 1]],
+                SPACING_MAX * unit_mm,
+                unit_mm,
             );
             let mut vertex = 0;
             for (k, end_mm) in ends.iter().enumerate() {

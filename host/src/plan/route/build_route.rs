@@ -15,7 +15,7 @@ use crate::plan::curve::heading_stops::heading_range;
 use crate::plan::layers::PlanePass;
 use crate::plan::pass::PassKind;
 use crate::plan::route::flow::pass_volumes::volumes_mm3;
-use crate::plan::route::hop::{CROSS_MIN_MM, Hop};
+use crate::plan::route::hop::{CROSS_MIN, Hop};
 use crate::plan::route::keep_out::Way;
 use crate::plan::route::moves::{MoveEvent, PathCurve, Route, RouteMove};
 use crate::plan::route::travel::{TravelError, TravelWays};
@@ -66,7 +66,7 @@ pub fn build_route(
         head.print(pass, volume_mm3, number);
         rises = passes
             .get(i + 1)
-            .is_some_and(|next| follows_above(pass, next));
+            .is_some_and(|next| follows_above(pass, next, settings.aperture.unit_mm()));
         if !rises {
             head.retract(pass.layer);
         }
@@ -76,12 +76,12 @@ pub fn build_route(
 
 /// True where a pass begins right above the end of the one before it: nothing is crossed, so the material
 /// stays where it is.
-fn follows_above(pass: &PlanePass, next: &PlanePass) -> bool {
+fn follows_above(pass: &PlanePass, next: &PlanePass, unit_mm: f64) -> bool {
     let (Some(end), Some(begin)) = (pass.control.last(), next.control.first()) else {
         return false;
     };
     let apart_mm = (begin[0] - end[0]).hypot(begin[1] - end[1]);
-    next.z_mm > pass.z_mm && apart_mm < CROSS_MIN_MM
+    next.z_mm > pass.z_mm && apart_mm < CROSS_MIN * unit_mm
 }
 
 /// Lifts the head off at the end of a route.

@@ -218,7 +218,7 @@ impl Head<'_> {
                 .map(|place| self.on_machine(place.tip_mm)),
         );
         tips.push(begin);
-        let way = travel_control(&tips);
+        let way = travel_control(&tips, self.way.settings.aperture.unit_mm());
         if way.len() < 2 {
             self.line(pass.layer, to);
             return;

@@ -15,10 +15,10 @@ use headway_protocol::units::{CHANNEL_HEADING, CHANNEL_X, CHANNEL_Y, CHANNEL_Z, 
 const CORNER_STEPS: usize = 12;
 /// Most steps along the way; longer ones have longer steps.
 const CROSS_STEPS_MAX: f64 = 20_000.0;
-/// Least that a corner takes along a long way: without a lift there is nothing to wait for, mm.
-const CORNER_MIN_MM: f64 = 0.5;
-/// A way below this is no way: the head lifts, turns and lowers, mm.
-pub(super) const CROSS_MIN_MM: f64 = 0.05;
+/// Least that a corner takes along a long way, of the aperture's unit: without a lift there is nothing to wait for.
+const CORNER_MIN: f64 = 0.5;
+/// A way below this is no way, of the unit: the head lifts, turns and lowers.
+pub(super) const CROSS_MIN: f64 = 0.05;
 
 /// What a hop climbs, and where it goes.
 #[derive(Clone, Debug)]
@@ -45,10 +45,11 @@ impl Hop<'_> {
             self.above_mm - self.start[CHANNEL_Z],
             self.above_mm - self.end_mm,
         );
-        if way.whole_mm < CROSS_MIN_MM {
+        let unit_mm = settings.aperture.unit_mm();
+        if way.whole_mm < CROSS_MIN * unit_mm {
             return None;
         }
-        let corner_mm = corner_mm(up_mm.max(down_mm), settings).max(CORNER_MIN_MM);
+        let corner_mm = corner_mm(up_mm.max(down_mm), settings).max(CORNER_MIN * unit_mm);
         let corner_mm = corner_mm.min(0.5 * way.whole_mm);
         let steps = (2.0 * corner_mm / self.step_mm)
             .ceil()

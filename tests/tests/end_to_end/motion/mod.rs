@@ -2,4 +2,5 @@
 
 mod bed_mesh;
 mod limits;
+mod scale;
 mod steps;

@@ -14,6 +14,7 @@ use super::grid::{Grid, GridSegment};
 use super::parabola::Parabola;
 use super::{AxisEdge, AxisPoint, AxisVertex, Generator, MedialAxis};
 use crate::geometry::Point2;
+use crate::geometry::aperture::Aperture;
 use crate::geometry::edge_index::{Edge, EdgeIndex};
 use crate::geometry::union_find::root;
 use boostvoronoi::prelude::{Builder, BvError, CellIndex, Diagram, SourceCategory};
@@ -31,6 +32,9 @@ const POINTS_MAX: usize = 4096;
 /// Largest step of asinh(x/h) along a curved edge, so that object angles may be interpolated.
 const ANGLE_STEP: f64 = 0.25;
 
+/// Chord error of the axis, of the aperture's unit.
+const FLATTEN: f64 = 1e-3;
+
 /// How finely the axis is drawn.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct AxisOptions {
@@ -40,7 +44,18 @@ pub struct AxisOptions {
 
 impl Default for AxisOptions {
     fn default() -> Self {
-        AxisOptions { flatten_mm: 1e-3 }
+        AxisOptions {
+            flatten_mm: FLATTEN,
+        }
+    }
+}
+
+impl AxisOptions {
+    /// For the beads of an aperture.
+    pub fn of(aperture: &Aperture) -> AxisOptions {
+        AxisOptions {
+            flatten_mm: FLATTEN * aperture.unit_mm(),
+        }
     }
 }
 

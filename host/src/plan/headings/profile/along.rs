@@ -129,7 +129,7 @@ fn interpolated(known: &[(f64, f64)], step: f64, count: usize) -> Vec<f64> {
 mod tests {
     use crate::geometry::test_shapes::{ELLIPSE, star, walls};
     use crate::geometry::{Point2, Vector2};
-    use crate::plan::headings::profile::{TURN_WEIGHT_MM2, profile};
+    use crate::plan::headings::profile::{TURN_WEIGHT_MM4, profile};
     use crate::plan::pass::Contact;
 
     /// Goal: one bead in a bent wall touches both its sides, although a tilted aperture touches the
@@ -153,7 +153,7 @@ mod tests {
                 on_axis: true,
             })
             .collect();
-        let found = profile(&contacts, true, TURN_WEIGHT_MM2, &ELLIPSE, &walls);
+        let found = profile(&contacts, true, TURN_WEIGHT_MM4, &ELLIPSE, &walls);
         for placement in &found {
             assert!(placement.feasible);
             let turn = placement.at.heading_rad;

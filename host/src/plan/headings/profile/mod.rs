@@ -37,18 +37,20 @@ const BINS: usize = 60;
 const ENTRY_SHARE: f64 = 0.25;
 /// Weight of turning against a v / √A, with v the tip's speed and A the heading's acceleration limit:
 /// that is a times how far the tip goes while the heading turns by a radian. From trials on real slices,
-/// 0.08 mm² for the built-in machine at 60 mm/s; more opens corners, less is slower.
+/// 0.08 mm⁴ for the built-in machine at 60 mm/s; more opens corners, less is slower.
 const TURN_SHARE: f64 = 0.0426;
-/// The weight for the built-in machine, mm².
-pub const TURN_WEIGHT_MM2: f64 = 0.08;
-/// What tilting to the left of the normal costs beyond tilting to its right, mm²: both often fit
+/// The weight for the built-in machine, mm⁴.
+pub const TURN_WEIGHT_MM4: f64 = 0.08;
+/// What tilting to the left of the normal costs beyond tilting to its right, of the aperture's unit, squared: both often fit
 /// alike, and neither rounding nor noise of some micrometres may choose, nor where along a straight
 /// wall the tilt changes over. More than this is felt where a side is short.
 const TILT_WEIGHT: f64 = 7e-5;
 /// Slides of one placement before it counts as infeasible.
 const SLIDES_MAX: usize = 4;
-/// Slide that an infeasible placement counts as, mm: far above any misfit.
-const INFEASIBLE_MM: f64 = 5.0;
+/// Slide that an infeasible placement counts as, of the aperture's unit: far above any misfit.
+const INFEASIBLE: f64 = 5.0;
+/// Least length that a contact stands for, of the unit.
+const NODE_LEAST: f64 = 0.01;
 /// A placement may cut by this share of the aperture before the final push-off.
 const CUT_SHARE_MAX: f64 = 2e-3;
 
@@ -62,26 +64,28 @@ struct Candidate {
 }
 
 /// What turning weighs for a machine, mm² ([`TURN_SHARE`]).
-pub fn turn_weight_mm2(limits: &PoseLimits, aperture: &Aperture) -> f64 {
+pub fn turn_weight_mm4(limits: &PoseLimits, aperture: &Aperture) -> f64 {
     let [_, _, heading] = &limits.axes;
-    TURN_SHARE * aperture.major_mm() * limits.tip_speed_mm_s / heading.acceleration.sqrt()
+    let area_mm2 = aperture.major_mm() * limits.tip_speed_mm_s / heading.acceleration.sqrt();
+    // Misfits are squared and summed along the way.
+    TURN_SHARE * area_mm2 * aperture.unit_mm().powi(2)
 }
 
 /// Finds the profile along `contacts`; `closed` where the last one meets the first. Turning by dphi
-/// over ds costs `turn_weight_mm2` dphi² / ds. Straight walls are thinned out for it.
+/// over ds costs `turn_weight_mm4` dphi² / ds. Straight walls are thinned out for it.
 pub fn profile(
     contacts: &[Contact],
     closed: bool,
-    turn_weight_mm2: f64,
+    turn_weight_mm4: f64,
     aperture: &Aperture,
     walls: &EdgeIndex,
 ) -> Vec<Placement> {
     let kept = thinned::kept(contacts, aperture);
     if kept.len() == contacts.len() {
-        return whole_profile(contacts, closed, turn_weight_mm2, aperture, walls);
+        return whole_profile(contacts, closed, turn_weight_mm4, aperture, walls);
     }
     let thin = thinned::standing_for_all(contacts, &kept);
-    let found = whole_profile(&thin, closed, turn_weight_mm2, aperture, walls);
+    let found = whole_profile(&thin, closed, turn_weight_mm4, aperture, walls);
     thinned::filled_in(contacts, &kept, &found, aperture)
 }
 
@@ -89,7 +93,7 @@ pub fn profile(
 fn whole_profile(
     contacts: &[Contact],
     closed: bool,
-    turn_weight_mm2: f64,
+    turn_weight_mm4: f64,
     aperture: &Aperture,
     walls: &EdgeIndex,
 ) -> Vec<Placement> {
@@ -111,7 +115,7 @@ fn whole_profile(
         .into_par_iter()
         .map(|i| turns.iter().map(|turn| cost(i, turn)).collect())
         .collect();
-    let steps = turn_slacks_per_mm(contacts, closed, turn_weight_mm2, aperture);
+    let steps = turn_slacks_per_mm(contacts, closed, turn_weight_mm4, aperture);
     let start = if closed {
         closed_start(&costs, &steps, bin_rad)
     } else {
@@ -223,11 +227,15 @@ impl<'a> ContactRun<'a> {
             }
         };
         let misfit_mm = extent - wanted;
-        let slide_mm = slid.map_or(INFEASIBLE_MM, |s| (s.center - tangent).norm());
+        let slide_mm = slid.map_or(INFEASIBLE * aperture.unit_mm(), |s| {
+            (s.center - tangent).norm()
+        });
         Candidate {
             at: slid.unwrap_or(at.into()),
-            cost: (misfit_mm.powi(2) + slide_mm.powi(2) + tilt_cost(turn, c.normal))
-                * c.length_mm.max(0.01),
+            cost: (misfit_mm.powi(2)
+                + slide_mm.powi(2)
+                + tilt_cost(turn, c.normal) * aperture.unit_mm().powi(2))
+                * c.length_mm.max(NODE_LEAST * aperture.unit_mm()),
             feasible: slid.is_some(),
         }
     }
@@ -293,7 +301,7 @@ fn slide_from(
 fn turn_slacks_per_mm(
     contacts: &[Contact],
     closed: bool,
-    turn_weight_mm2: f64,
+    turn_weight_mm4: f64,
     aperture: &Aperture,
 ) -> Vec<f64> {
     let count = contacts.len();
@@ -306,7 +314,8 @@ fn turn_slacks_per_mm(
                 .perp(&d.normal)
                 .atan2(c.normal.dot(&d.normal))
                 .abs();
-            ((d.point - c.point).norm() + swing * angle).max(0.01) / turn_weight_mm2
+            ((d.point - c.point).norm() + swing * angle).max(NODE_LEAST * aperture.unit_mm())
+                / turn_weight_mm4
         })
         .collect()
 }

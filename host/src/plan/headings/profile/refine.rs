@@ -216,7 +216,7 @@ mod tests {
     use super::*;
     use crate::geometry::test_shapes::{ELLIPSE as APERTURE, walls};
     use crate::geometry::{Point2, Vector2};
-    use crate::plan::headings::profile::{TURN_WEIGHT_MM2, all_ahead, turn_slacks_per_mm};
+    use crate::plan::headings::profile::{TURN_WEIGHT_MM4, all_ahead, turn_slacks_per_mm};
     use crate::plan::pass::Contact;
 
     /// Contacts along a straight wall whose beads widen and narrow again, slowly.
@@ -241,7 +241,7 @@ mod tests {
         let walls = walls(&[&[[-5.0, 0.0], [30.0, 0.0], [30.0, 9.0], [-5.0, 9.0]]]);
         let ahead = all_ahead(&contacts, &APERTURE, &walls);
         let run = ContactRun::new(&contacts, false, &APERTURE, &walls, &ahead);
-        let steps = turn_slacks_per_mm(&contacts, false, TURN_WEIGHT_MM2, &APERTURE);
+        let steps = turn_slacks_per_mm(&contacts, false, TURN_WEIGHT_MM4, &APERTURE);
         let bin_rad = std::f64::consts::PI / BINS as f64;
         // What gives the extent wanted: e² = a² sin² + b² cos² of the heading against the wall.
         let wanted = |c: &Contact| ((c.extent_mm.powi(2) - 0.04) / 0.32).sqrt().asin();

@@ -196,7 +196,7 @@ mod tests {
     use super::*;
     use crate::geometry::test_shapes::{ELLIPSE, walls};
     use crate::geometry::{Point2, Vector2};
-    use crate::plan::headings::profile::{TURN_WEIGHT_MM2, whole_profile};
+    use crate::plan::headings::profile::{TURN_WEIGHT_MM4, whole_profile};
 
     /// Contacts 0.1 mm apart along y = 0, whose beads widen slowly in the middle third.
     fn wall() -> Vec<Contact> {
@@ -226,8 +226,8 @@ mod tests {
         let thin = standing_for_all(&contacts, &kept);
         let length_mm: f64 = thin.iter().map(|contact| contact.length_mm).sum();
         assert!((length_mm - 60.0).abs() < 1e-9);
-        let whole = whole_profile(&contacts, false, TURN_WEIGHT_MM2, &ELLIPSE, &walls);
-        let found = whole_profile(&thin, false, TURN_WEIGHT_MM2, &ELLIPSE, &walls);
+        let whole = whole_profile(&contacts, false, TURN_WEIGHT_MM4, &ELLIPSE, &walls);
+        let found = whole_profile(&thin, false, TURN_WEIGHT_MM4, &ELLIPSE, &walls);
         let found = filled_in(&contacts, &kept, &found, &ELLIPSE);
         assert_eq!(found.len(), whole.len());
         for (p, q) in found.iter().zip(&whole) {

@@ -9,7 +9,7 @@
 use super::spline::{RestSpline, SpanBasis, durations_around, quantised, span_basis};
 use super::tick_path::TickPath;
 use crate::geometry::banded::Band;
-use crate::settings::Tolerances;
+use crate::settings::Settings;
 use headway_protocol::units::{
     CHANNEL_HEADING, CHANNEL_TILT_X, CHANNEL_TILT_Y, CHANNEL_VOLUME, CHANNELS,
 };
@@ -18,18 +18,19 @@ use rayon::prelude::*;
 /// Share of the tolerances that the fit uses: from 0.3 to 0.6 costs 0.1 to 0.4 % of time (peaks of
 /// the acceleration overshoot and are slowed) and saves 10 to 20 % of the segments.
 const TOLERANCE_SHARE: f64 = 0.5;
-/// The volume's tolerance by the tip's: what a bead of 0.24 mm² carries in that length.
-const VOLUME_TOLERANCE_MM3_PER_MM: f64 = 0.24;
 /// An error along the path only shifts the motion in time; this many tolerances of it are let pass.
 const ALONG_FACTOR: f64 = 4.0;
 
-/// Largest error of each channel, natural units, for a ratio of 1.
-pub fn channel_tolerances(tolerances: &Tolerances) -> [f64; CHANNELS] {
+/// Largest error of each channel, natural units, for a ratio of 1. The volume's is what the widest bead carries in the
+/// tip's.
+pub fn channel_tolerances(settings: &Settings) -> [f64; CHANNELS] {
+    let tolerances = &settings.tolerances;
+    let bead_mm2 = 2.0 * settings.aperture.major_mm() * settings.layer_height_mm;
     let mut of = [tolerances.tip_mm * TOLERANCE_SHARE; CHANNELS];
     of[CHANNEL_TILT_X] = tolerances.axis_rad * TOLERANCE_SHARE;
     of[CHANNEL_TILT_Y] = of[CHANNEL_TILT_X];
     of[CHANNEL_HEADING] = tolerances.heading_rad * TOLERANCE_SHARE;
-    of[CHANNEL_VOLUME] = tolerances.tip_mm * TOLERANCE_SHARE * VOLUME_TOLERANCE_MM3_PER_MM;
+    of[CHANNEL_VOLUME] = tolerances.tip_mm * TOLERANCE_SHARE * bead_mm2;
     of
 }
 

@@ -8,8 +8,9 @@
 use super::fit::{SpanShare, TickSums, fit, shares_of_path, span_errors, span_shares, tick_sums};
 use super::spline::{RestSpline, durations_around};
 use super::tick_path::TickPath;
+use crate::plan::motion::joint_limits::MotionLimits;
 use headway_protocol::segment::SPAN_TICKS_MAX;
-use headway_protocol::units::CHANNELS;
+use headway_protocol::units::{CHANNEL_VOLUME, CHANNELS, UNITS_PER_NATURAL};
 
 /// Shortest span: 3 ms. In a shorter one the rounding to wire units is felt as acceleration (0.1 um
 /// in 1 ms is 100 mm/s²), and the time law has nothing faster.
@@ -36,11 +37,17 @@ const ERROR_KEPT: f64 = 1.75;
 /// tolerance with room for what lies between ticks.
 pub const ERROR_MAX: f64 = 1.8;
 
-/// Longest span, ticks of which each has `coarse` servo ticks, of a move with this limit of the tip's speed.
-pub fn span_ticks_long(tip_speed_mm_s: f64, servo_hz: f64, coarse: u16) -> f64 {
+/// Most volume of a span, mm³: the wire carries differences over two spans in 32 bits.
+const SPAN_VOLUME_MM3: f64 = 0.9 * (1 << 30) as f64 / UNITS_PER_NATURAL[CHANNEL_VOLUME];
+
+/// Longest span, ticks of which each has `coarse` servo ticks, of a move within these limits.
+pub fn span_ticks_long(limits: &MotionLimits, coarse: u16) -> f64 {
     let coarse = f64::from(coarse);
-    let way_ticks = SPAN_WAY_MM / tip_speed_mm_s * servo_hz * coarse;
-    way_ticks.clamp(SPAN_TICKS_LONG, SPAN_TICKS_LONGEST) / coarse
+    let servo_hz = limits.servo_hz * coarse;
+    let way_ticks = SPAN_WAY_MM / limits.tip_speed_mm_s * servo_hz;
+    let volume_ticks = SPAN_VOLUME_MM3 / limits.flow_max_mm3_s * servo_hz;
+    let ticks = way_ticks.clamp(SPAN_TICKS_LONG, SPAN_TICKS_LONGEST);
+    ticks.min(volume_ticks.max(SPAN_TICKS_MIN as f64)) / coarse
 }
 
 /// Knots a tick, constant over each span of the last layout.

@@ -202,7 +202,7 @@ fn finish_move(
         });
     }
     let before = index.checked_sub(1).map(|before| &route.moves[before]);
-    let tolerances = fit::channel_tolerances(&settings.tolerances);
+    let tolerances = fit::channel_tolerances(settings);
     let shaping = Shaping {
         route_move,
         before,

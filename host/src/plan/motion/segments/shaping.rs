@@ -146,12 +146,7 @@ impl Shaping<'_> {
         way_mm: f64,
         retiming_rounds: usize,
     ) -> Result<FinishedMove, MotionError> {
-        let MotionLimits {
-            tip_speed_mm_s,
-            servo_hz,
-            ..
-        } = *self.limits;
-        let long_ticks = layout::span_ticks_long(tip_speed_mm_s, servo_hz, self.coarse);
+        let long_ticks = layout::span_ticks_long(self.limits, self.coarse);
         let mut layout = layout::lay_out(&self.path(&law), self.tolerances, long_ticks);
         let mut before: Option<Checked> = None;
         for round in 0..=retiming_rounds + WARP_ROUNDS {

@@ -9,10 +9,10 @@ use super::{BeadMove, Control, Way};
 use crate::plan::route::chords::ChordMove;
 use crate::settings::Settings;
 
-/// Speeds alike to this share are one; runs shorter than this are no move of their own: they keep their speed
-/// within their neighbour's.
+/// Speeds alike to this share are one; runs shorter than this, of the aperture's unit, are no move of their own: they
+/// keep their speed within their neighbour's.
 const SPEED_SHARE: f64 = 0.1;
-const SPEED_RUN_MM: f64 = 2.0;
+const SPEED_RUN: f64 = 2.0;
 /// Where the extruder allows less than this, its bound is the leg's speed, mm/s: a crawl is a move of its own.
 const CRAWL_MM_S: f64 = 1.0;
 /// Way in which one speed becomes another one, spans of the curve and share of the faster one's.
@@ -86,9 +86,9 @@ impl Way {
         let way_mm = |run: &[Stretch]| run.iter().map(|of| of.length_mm).sum::<f64>();
         let mut runs: Vec<Vec<Stretch>> = Vec::new();
         // Of the last run; summed anew for each stretch it would grow with the square of their number.
-        let mut run_mm = 0.0;
+        let (mut run_mm, shortest_mm) = (0.0, SPEED_RUN * settings.aperture.unit_mm());
         for stretch in stretches {
-            match runs.last_mut().filter(|_| run_mm < SPEED_RUN_MM) {
+            match runs.last_mut().filter(|_| run_mm < shortest_mm) {
                 Some(run) => {
                     run.push(stretch);
                     run_mm += stretch.length_mm;
@@ -101,7 +101,7 @@ impl Way {
         }
         // A short one at the end.
         if runs.len() > 1
-            && let Some(last) = runs.pop_if(|last| way_mm(last) < SPEED_RUN_MM)
+            && let Some(last) = runs.pop_if(|last| way_mm(last) < shortest_mm)
             && let Some(before) = runs.last_mut()
         {
             before.extend(last);

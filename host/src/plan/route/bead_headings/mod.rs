@@ -95,7 +95,7 @@ pub fn bead_headings(
     let nodes: Vec<Vec<Node>> = passes
         .iter()
         .zip(&legs)
-        .map(|(lines, legs)| nodes::nodes(lines, legs, aperture.major_mm()))
+        .map(|(lines, legs)| nodes::nodes(lines, legs, aperture))
         .collect();
     let headings_rad = smooth::smoothed(passes, &nodes, start_rad, settings);
     let mut rest_rad = headings_rad.as_slice();

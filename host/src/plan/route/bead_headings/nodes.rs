@@ -5,6 +5,7 @@
 use super::BeadLines;
 use super::bands::{LegBands, TURN_REACH_SHARE};
 use super::sides::{Choice, Range};
+use crate::geometry::aperture::Aperture;
 use crate::plan::route::bead_curve::{SPACING_GROWTH, steps_mm};
 
 /// Distances of nodes at vertices and at most, in semi-axes a.
@@ -41,7 +42,8 @@ struct Turning {
 }
 
 /// Nodes of a pass.
-pub fn nodes(lines: &BeadLines, legs: &[LegBands], major_mm: f64) -> Vec<Node> {
+pub fn nodes(lines: &BeadLines, legs: &[LegBands], aperture: &Aperture) -> Vec<Node> {
+    let (major_mm, unit_mm) = (aperture.major_mm(), aperture.unit_mm());
     let turnings = turnings(lines, legs, major_mm);
     let step_mm = STEP_SHARE * major_mm;
     let mut found: Vec<Node> = Vec::new();
@@ -61,7 +63,7 @@ pub fn nodes(lines: &BeadLines, legs: &[LegBands], major_mm: f64) -> Vec<Node> {
                 range: range(0.0),
             });
         }
-        for end_mm in steps_mm(*length_mm, step_mm, step_mm, STEP_MAX_SHARE * major_mm) {
+        for end_mm in steps_mm(*length_mm, [step_mm; 2], STEP_MAX_SHARE * major_mm, unit_mm) {
             let place_mm = before_mm + end_mm;
             let is_close = found
                 .last()

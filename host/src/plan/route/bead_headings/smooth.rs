@@ -22,9 +22,9 @@ const GAP_SHARE: f64 = 1e-6;
 /// Share of the way to the next bound that a step takes, and by what the products shrink.
 const STEP_SHARE: f64 = 0.98;
 const CENTRING: f64 = 0.15;
-/// How far the path passes beside a corner, mm, and the tip's least speed there, mm/s.
-const CORNER_MM: f64 = 0.036;
-const SPEED_MIN_MM_S: f64 = 4.0;
+/// How far the path passes beside a corner, of the aperture's unit, and the tip's least speed there, of that for printing.
+const CORNER: f64 = 0.036;
+const SPEED_MIN_SHARE: f64 = 1.0 / 15.0;
 /// Least time of a travel.
 const TRAVEL_MIN_S: f64 = 0.02;
 
@@ -77,7 +77,7 @@ fn times_s(lines: &BeadLines, nodes: &[Node], settings: &Settings) -> Vec<f64> {
     let acceleration_mm_s2 = settings.tip_acceleration_mm_s2 * settings.plan_share;
     let corner_mm_s = |turn_rad: f64| {
         let cos = (0.5 * turn_rad).cos();
-        let radius_mm = CORNER_MM * cos / (1.0 - cos).max(1e-9);
+        let radius_mm = CORNER * settings.aperture.unit_mm() * cos / (1.0 - cos).max(1e-9);
         (acceleration_mm_s2 * radius_mm).sqrt()
     };
     let mut speeds_mm_s: Vec<f64> = Vec::with_capacity(nodes.len());
@@ -91,7 +91,7 @@ fn times_s(lines: &BeadLines, nodes: &[Node], settings: &Settings) -> Vec<f64> {
         if i == 0 || i + 1 == nodes.len() {
             speed_mm_s = 0.0;
         }
-        speeds_mm_s.push(speed_mm_s.max(SPEED_MIN_MM_S));
+        speeds_mm_s.push(speed_mm_s.max(SPEED_MIN_SHARE * settings.speed_mm_s));
     }
     let way_mm = |i: usize| nodes[i + 1].place_mm - nodes[i].place_mm;
     let reached = |from: f64, way_mm: f64| (from * from + 2.0 * acceleration_mm_s2 * way_mm).sqrt();

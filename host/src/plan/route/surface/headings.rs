@@ -4,7 +4,7 @@
 //! how much the heading differs from the plan's. Seen along the surface the beads of a plan lie farther
 //! apart where they run across the slope; a nozzle that is not round closes that by turning. Of the turns
 //! in steps of [`STEP_RAD`] dynamic programming takes those that leave the least ground open or laid twice,
-//! turning weighed as in the plane ([`crate::plan::headings::profile::turn_weight_mm2`]).
+//! turning weighed as in the plane ([`crate::plan::headings::profile::turn_weight_mm4`]).
 
 use crate::geometry::Vector2;
 use crate::geometry::aperture::Aperture;
@@ -34,11 +34,11 @@ pub struct Bead {
 }
 
 /// For each place by how much the heading is turned.
-pub fn turns_rad(beads: &[Bead], aperture: &Aperture, turn_weight_mm2: f64) -> Vec<f64> {
+pub fn turns_rad(beads: &[Bead], aperture: &Aperture, turn_weight_mm4: f64) -> Vec<f64> {
     if aperture.is_round() || beads.is_empty() {
         return vec![0.0; beads.len()];
     }
-    let mut turns = cheapest(beads, aperture, turn_weight_mm2);
+    let mut turns = cheapest(beads, aperture, turn_weight_mm4);
     for _ in 0..AVERAGINGS {
         let before = turns.clone();
         for (index, own) in before.iter().enumerate() {
@@ -62,7 +62,7 @@ fn amiss_mm(bead: &Bead, turn_rad: f64, aperture: &Aperture) -> f64 {
     2.0 * (extent_mm - bead.extent_mm).abs()
 }
 
-fn cheapest(beads: &[Bead], aperture: &Aperture, turn_weight_mm2: f64) -> Vec<f64> {
+fn cheapest(beads: &[Bead], aperture: &Aperture, turn_weight_mm4: f64) -> Vec<f64> {
     let mut costs = [0.0; STATES];
     let mut from: Vec<[u8; STATES]> = Vec::with_capacity(beads.len());
     let mut before: Option<&Bead> = None;
@@ -74,7 +74,7 @@ fn cheapest(beads: &[Bead], aperture: &Aperture, turn_weight_mm2: f64) -> Vec<f6
         // The price of a turn depends on how many states it skips alone.
         let prices: [f64; 2 * REACH + 1] = std::array::from_fn(|skip| {
             let turned_rad = planned_rad + (skip as f64 - REACH as f64) * STEP_RAD;
-            turn_weight_mm2 * turned_rad * turned_rad / step_mm
+            turn_weight_mm4 * turned_rad * turned_rad / step_mm
         });
         for state in 0..STATES {
             let [low, high] = [state.saturating_sub(REACH), (state + REACH).min(STATES - 1)];

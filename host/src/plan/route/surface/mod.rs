@@ -19,7 +19,7 @@ use crate::geometry::Vector2;
 use crate::geometry::aperture::Aperture;
 use crate::geometry::spline_surface::SplineSurface;
 use crate::job::MotionState;
-use crate::plan::headings::profile::turn_weight_mm2;
+use crate::plan::headings::profile::turn_weight_mm4;
 use crate::plan::pose_limits::pose_limits;
 use crate::plan::route::moves::{PathCurve, Route, RouteMove};
 use crate::plan::route::waypoint_curve::chord_spline::through_samples;
@@ -33,8 +33,8 @@ use headway_protocol::units::{
     CHANNEL_Z, CHANNELS,
 };
 
-/// Longest step between two places that are mapped over, mm: a fraction of any aperture.
-const SAMPLE_MM: f64 = 0.25;
+/// Longest step between two places that are mapped over, of the aperture's unit.
+const SAMPLE: f64 = 0.25;
 /// Least area on a layer for one of the plan: below, the layer nearly folds.
 const AREA_FACTOR_MIN: f64 = 0.1;
 
@@ -71,7 +71,7 @@ pub fn on_surface(
         planned,
         surface,
         settings,
-        turn_weight_mm2: turn_weight_mm2(&pose_limits(settings), &settings.aperture),
+        turn_weight_mm4: turn_weight_mm4(&pose_limits(settings), &settings.aperture),
     };
     let of_passes = moves.iter().map(|route_move| match route_move.state {
         MotionState::Print => surface_map.turns(&route_move.curve).map(Some),
@@ -139,7 +139,7 @@ struct SurfaceMap<'a> {
     planned: &'a Aperture,
     surface: &'a SplineSurface,
     settings: &'a Settings,
-    turn_weight_mm2: f64,
+    turn_weight_mm4: f64,
 }
 
 impl SurfaceMap<'_> {
@@ -197,7 +197,7 @@ impl SurfaceMap<'_> {
         Ok(headings::turns_rad(
             &beads,
             &self.settings.aperture,
-            self.turn_weight_mm2,
+            self.turn_weight_mm4,
         ))
     }
 
@@ -211,7 +211,9 @@ impl SurfaceMap<'_> {
         let spans = turned.span_count();
         let legs = turned.control.windows(2);
         let longest_mm = legs.map(|leg| way_mm(&leg[0], &leg[1])).fold(0.0, f64::max);
-        let pieces = (longest_mm / SAMPLE_MM).ceil().max(1.0) as usize;
+        let pieces = (longest_mm / (SAMPLE * self.settings.aperture.unit_mm()))
+            .ceil()
+            .max(1.0) as usize;
         let planned: Vec<Point> = (0..=spans * pieces)
             .map(|k| turned.value(k as f64 / pieces as f64))
             .collect();

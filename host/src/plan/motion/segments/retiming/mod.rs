@@ -228,7 +228,7 @@ mod tests {
     fn ticks_after(rounds: u32, least_ticks: usize) -> usize {
         let settings = Settings::default();
         let limits = MotionLimits::of(&settings, MotionState::Print).expect("limits");
-        let tolerances = channel_tolerances(&settings.tolerances);
+        let tolerances = channel_tolerances(&settings);
         let (curve, mut u_at_tick) = turn(TURN_RAD, 1000);
         for _ in 0..rounds {
             let path = TickPath::new(&curve, &u_at_tick);
