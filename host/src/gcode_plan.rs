@@ -46,6 +46,8 @@ pub struct GcodePlan {
     pub off: WidthOff,
     /// The file's orders of heaters and fans.
     pub heat: Vec<HeatEvent>,
+    /// For each pass of the stream the number of the file's.
+    pub file_passes: Vec<usize>,
 }
 
 /// Plans a file. Speeds are the file's, at most `speed_max_mm_s`.
@@ -82,6 +84,7 @@ pub fn plan_gcode(
         beyond_mm: [0.0; 2],
         off: WidthOff::default(),
         heat: Vec::new(),
+        file_passes: Vec::new(),
     };
     let mut first = 0;
     for (number, piece) in pieces.enumerate() {
@@ -107,6 +110,9 @@ pub fn plan_gcode(
         };
         let of_piece = events_of(&program.heat, &laid_passes, planned.end_tick());
         planned.heat.extend(of_piece);
+        let numbered = made.numbers.iter().enumerate();
+        let followed = numbered.filter(|(_, number)| number.is_some());
+        planned.file_passes.extend(followed.map(|(k, _)| first + k));
         first += piece.len();
         if !laid.knots.is_empty() {
             planned.add(laid, &report, &made, progress)?;

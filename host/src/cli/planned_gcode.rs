@@ -2,6 +2,7 @@
 
 use super::CliError;
 use super::console::Console;
+use super::pass_facts::{FilePasses, PassFacts};
 use super::planned::{Planned, plan_error};
 use crate::findings::settings_warnings::settings_warnings;
 use crate::gcode::GcodeProgram;
@@ -54,7 +55,10 @@ pub(super) fn from_gcode(
         ..Figures::default()
     };
     let GcodeProgram {
-        name, mut notes, ..
+        name,
+        mut notes,
+        passes,
+        ..
     } = program;
     notes.extend(warnings);
     Ok(Planned {
@@ -72,6 +76,10 @@ pub(super) fn from_gcode(
         notes,
         objections: Vec::new(),
         own_joints: None,
+        pass_facts: PassFacts::File(FilePasses {
+            passes,
+            of_job: planned.file_passes,
+        }),
         plan: None,
         unreachable: Vec::new(),
         left_out: Vec::new(),

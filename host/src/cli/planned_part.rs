@@ -4,6 +4,7 @@ use super::args::PlaceArgs;
 use super::console::Console;
 use super::layer_options::{check_bead_height, layer_heights};
 use super::output_file::end_whole_on_interrupt;
+use super::pass_facts::PassFacts;
 use super::piece_cache::{CacheFolder, program};
 use super::planned::{Planned, plan_error};
 use super::{CliError, copies, load};
@@ -103,8 +104,9 @@ pub(super) fn from_mesh(
         notes,
         objections: Vec::new(),
         own_joints: None,
+        pass_facts: PassFacts::Kinds(planned.pass_uses),
         plan: None,
-        left_out: left_out(&planned.open, &planned.unreachable),
+        left_out: left_out(&planned.open, &planned.unreachable, &planned.unreachable_layers),
         unreachable: planned.unreachable,
     })
 }

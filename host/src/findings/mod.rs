@@ -68,7 +68,7 @@ pub fn findings(plan: &Plan, plan_s: f64, settings: &Settings) -> Findings {
         },
         objections: objections::of_plan(plan),
         warnings,
-        left_out: left_out(&open, &unreachable),
+        left_out: left_out(&open, &unreachable, &[]),
         unreachable,
     }
 }
@@ -238,6 +238,7 @@ pub(crate) fn time_figures(found: TimeByLimit, transform: &PartTransform) -> Fig
             y_mm,
             seconds: place.seconds,
             limit: place.limit,
+            layer: Some(place.layer),
         }
     };
     Figures {

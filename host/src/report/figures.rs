@@ -26,6 +26,9 @@ pub struct SlowPlaceFigures {
     pub seconds: f64,
     /// The limit that takes most of that.
     pub limit: String,
+    /// Layer from 0; unknown in jobs of earlier versions.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub layer: Option<u32>,
 }
 
 /// All figures; the keys are the field names. Shares are of the layers' area, over all layers;
