@@ -62,7 +62,9 @@ pub struct Piece {
     pub open: Vec<OpenGround>,
     /// Ground that lines are to cover, and what of it was swept.
     pub infill_mm2: [f64; 2],
-    /// The lowest layer of each of them.
+    /// What of that is open on purpose between sparse lines, and what of it was swept.
+    pub sparse_mm2: [f64; 2],
+    /// The lowest layer of each run of unreachable boundary.
     pub unreachable_layers: Vec<u32>,
     /// What its layers are spent on.
     pub uses: Vec<LayerUse>,
@@ -122,6 +124,10 @@ impl Piece {
             if let Some([ground, swept]) = plan.infill_area_mm2(Some(number)) {
                 piece.infill_mm2[0] += ground;
                 piece.infill_mm2[1] += swept;
+            }
+            if let Some([ground, swept]) = plan.sparse_area_mm2(Some(number)) {
+                piece.sparse_mm2[0] += ground;
+                piece.sparse_mm2[1] += swept;
             }
         }
         let layers = plan.prints.iter().map(|print| print.layer);

@@ -85,7 +85,9 @@ pub struct PartPlan {
     pub open_mm2: f64,
     /// Ground that lines are to cover, and what of it was swept.
     pub infill_mm2: [f64; 2],
-    /// The lowest layer of each of those runs.
+    /// What of that is open on purpose between sparse lines, and what of it was swept.
+    pub sparse_mm2: [f64; 2],
+    /// The lowest layer of each run of unreachable boundary.
     pub unreachable_layers: Vec<u32>,
     /// What the layers are spent on.
     pub uses: Vec<LayerUse>,
@@ -238,6 +240,9 @@ impl PartPlan {
         self.open = open_ground::merged(std::mem::take(&mut self.open));
         self.open.truncate(PLACES_MAX);
         for (all, own) in self.infill_mm2.iter_mut().zip(piece.infill_mm2) {
+            *all += own;
+        }
+        for (all, own) in self.sparse_mm2.iter_mut().zip(piece.sparse_mm2) {
             *all += own;
         }
         self.uses.extend(piece.uses);

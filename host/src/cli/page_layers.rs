@@ -107,7 +107,9 @@ impl<'a> LayerMotions<'a> {
                 .map(|infill| 2.0 * settings.aperture.major_mm() * 100.0 / infill.density_pct),
             line_name: planned.pass_facts.line_name(),
             bed_mm: is_still.then(|| {
-                settings.work_area_mm.map(|corner| planned.transform.to_input(corner))
+                settings
+                    .work_area_mm
+                    .map(|corner| planned.transform.to_input(corner))
             }),
             stack: self.stack(shown, servo_hz),
             heat: heat(planned, servo_hz),
@@ -135,7 +137,11 @@ impl<'a> LayerMotions<'a> {
             let shown = of_page.get(page).copied().unwrap_or(layer);
             StackedLayer {
                 page,
-                up_mm: if shown == layer { 0.0 } else { up_mm(layer) - up_mm(shown) },
+                up_mm: if shown == layer {
+                    0.0
+                } else {
+                    up_mm(layer) - up_mm(shown)
+                },
                 seconds: (end - from) as f64 / servo_hz,
             }
         });
@@ -202,7 +208,10 @@ fn heat(planned: &Planned, servo_hz: f64) -> Vec<HeatStep> {
                 heater, celsius, ..
             } => {
                 let name = HEATER_NAMES.get(usize::from(heater));
-                (format!("{}, °C", name.copied().unwrap_or("heater")), celsius)
+                (
+                    format!("{}, °C", name.copied().unwrap_or("heater")),
+                    celsius,
+                )
             }
             HeatOrder::Fan { fan_pct } => ("fan, %".to_string(), fan_pct),
         };

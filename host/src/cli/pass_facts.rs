@@ -45,7 +45,10 @@ impl PassFacts {
         let mut at = (usize::MAX, 0);
         move |mark, point| match self {
             PassFacts::File(file) => file.at(mark, point, &mut at),
-            _ => (What::of(mark.state, self.bead(mark.pass)), point.segment as u32 + 1),
+            _ => (
+                What::of(mark.state, self.bead(mark.pass)),
+                point.segment as u32 + 1,
+            ),
         }
     }
 
@@ -74,7 +77,10 @@ impl FilePasses {
             // On the way to the next pass: the line that goes there.
             let next = self.passes.get(at.0.wrapping_add(1));
             let leg = next.and_then(|pass| pass.travel_legs.last());
-            return (What::of(mark.state, What::Bead), leg.map_or(0, |leg| leg.line as u32));
+            return (
+                What::of(mark.state, What::Bead),
+                leg.map_or(0, |leg| leg.line as u32),
+            );
         };
         if at.0 != number {
             *at = (number, 0);

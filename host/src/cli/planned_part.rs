@@ -11,6 +11,7 @@ use super::{CliError, copies, load};
 use crate::PlanError;
 use crate::findings::left_out::left_out;
 use crate::findings::settings_warnings::settings_warnings;
+use crate::findings::sparse_figures;
 use crate::findings::unreachable_note;
 use crate::findings::use_figures::{short_layers_note, stacked_figures, use_figures};
 use crate::geometry::polygon::Region;
@@ -106,7 +107,11 @@ pub(super) fn from_mesh(
         own_joints: None,
         pass_facts: PassFacts::Kinds(planned.pass_uses),
         plan: None,
-        left_out: left_out(&planned.open, &planned.unreachable, &planned.unreachable_layers),
+        left_out: left_out(
+            &planned.open,
+            &planned.unreachable,
+            &planned.unreachable_layers,
+        ),
         unreachable: planned.unreachable,
     })
 }
@@ -184,6 +189,7 @@ fn part_figures(part: &SlicedPart, planned: &PartPlan, keep_out: &[Region]) -> F
     let f = &planned.figures;
     let passes = f.passes as u64;
     let [ground_mm2, swept_mm2] = planned.infill_mm2;
+    let sparse = sparse_figures(f, planned.sparse_mm2);
     let top_mm = |layer: u32| part.layers[layer as usize].top_mm;
     let mut hanging: Vec<LayerPlace> = overhangs(part, planned)
         .map(|(layer, overhang)| LayerPlace {
@@ -237,7 +243,7 @@ fn part_figures(part: &SlicedPart, planned: &PartPlan, keep_out: &[Region]) -> F
         heading_travel_rad: Some(f.heading_travel_rad),
         heading_rate_max_rad_s: Some(f.heading_rate_max_rad_s),
         segments: Some(planned.segments),
-        ..Figures::default()
+        ..sparse
     }
 }
 

@@ -60,7 +60,11 @@ fn told_once(places: impl Iterator<Item = Place>) -> impl Iterator<Item = Place>
     for place in places {
         let is_same = |other: &Place| {
             let layer = other.layer;
-            *other == Place { layer, ..place.clone() }
+            *other
+                == Place {
+                    layer,
+                    ..place.clone()
+                }
         };
         let known = told.iter().position(|(other, _)| is_same(other));
         match known {

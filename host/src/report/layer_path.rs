@@ -147,9 +147,15 @@ pub struct PathOf<'a> {
 }
 
 /// Follows the path; `facts` says of each point that is kept what is done from it on, and its line.
-pub fn layer_path(of: PathOf, mut facts: impl FnMut(&Mark, &PathPoint) -> (What, u32)) -> LayerPath {
+pub fn layer_path(
+    of: PathOf,
+    mut facts: impl FnMut(&Mark, &PathPoint) -> (What, u32),
+) -> LayerPath {
     let moves = moves(&of);
-    let mut kept: Vec<Vec<f32>> = moves.iter().map(|(_, all)| weights(all, of.reach_mm)).collect();
+    let mut kept: Vec<Vec<f32>> = moves
+        .iter()
+        .map(|(_, all)| weights(all, of.reach_mm))
+        .collect();
     let threshold = threshold(&kept, of.points_max);
     let mut path = LayerPath {
         start_tick: of.ticks[0],
@@ -187,7 +193,9 @@ fn moves<'a>(of: &PathOf<'a>) -> Vec<(&'a Mark, Vec<PathPoint>)> {
     let [from, end] = of.ticks;
     let marks = &of.stream.marks;
     let first = marks.partition_point(|mark| mark.end_tick <= from);
-    let marks = marks[first..].iter().take_while(|mark| mark.start_tick < end);
+    let marks = marks[first..]
+        .iter()
+        .take_while(|mark| mark.start_tick < end);
     let mut moves: Vec<(&Mark, Vec<PathPoint>)> = marks.map(|mark| (mark, Vec::new())).collect();
     let mut number = 0;
     for span in of.index.spans_from(from) {
@@ -236,7 +244,9 @@ fn divide(span: &Span, whole: [PathPoint; 2], of: &PathOf, points: &mut Vec<Path
         let looks = 1..LOOKS.min(ticks.max(1));
         let looks = looks.map(|k| at(from.tick + ticks * k / LOOKS.min(ticks)));
         // Half of what may be off: points are left out afterwards, against these.
-        let is_bent = looks.map(|p| off(&p, &from, &to, of.reach_mm)).any(|off| off > 0.5);
+        let is_bent = looks
+            .map(|p| off(&p, &from, &to, of.reach_mm))
+            .any(|off| off > 0.5);
         if is_bent && ticks > 1 {
             let middle = at(from.tick + ticks / 2);
             open.extend([[middle, to], [from, middle]]);
@@ -263,7 +273,9 @@ fn off(p: &PathPoint, from: &PathPoint, to: &PathPoint, reach_mm: f64) -> f64 {
     let by_time = (p.tick - from.tick) as f64 / ((to.tick - from.tick) as f64).max(1.0);
     let chord: [f64; 3] = std::array::from_fn(|k| to.tip_mm[k] - from.tip_mm[k]);
     let length2: f64 = chord.iter().map(|d| d * d).sum();
-    let along: f64 = (0..3).map(|k| (p.tip_mm[k] - from.tip_mm[k]) * chord[k]).sum();
+    let along: f64 = (0..3)
+        .map(|k| (p.tip_mm[k] - from.tip_mm[k]) * chord[k])
+        .sum();
     // On the spot only time says how far a turn has come.
     let by_way = match length2 > WITHIN_MM * WITHIN_MM {
         true => (along / length2).clamp(0.0, 1.0),
@@ -281,7 +293,8 @@ fn weights(points: &[PathPoint], reach_mm: f64) -> Vec<f32> {
         weights[last] = f32::INFINITY;
         let mut open = vec![(first, last, f64::INFINITY)];
         while let Some((from, to, above)) = open.pop() {
-            let each = (from + 1..to).map(|k| (off(&points[k], &points[from], &points[to], reach_mm), k));
+            let each =
+                (from + 1..to).map(|k| (off(&points[k], &points[from], &points[to], reach_mm), k));
             let most = each.fold((1.0, None), |most, (off, k)| match off > most.0 {
                 true => (off, Some(k)),
                 false => most,
@@ -299,7 +312,10 @@ fn weights(points: &[PathPoint], reach_mm: f64) -> Vec<f32> {
 /// Points of a weight up to this are left out, so that few enough stay.
 fn threshold(weights: &[Vec<f32>], points_max: usize) -> f32 {
     let inner = weights.iter().flatten();
-    let mut inner: Vec<f32> = inner.copied().filter(|w| *w > 0.0 && w.is_finite()).collect();
+    let mut inner: Vec<f32> = inner
+        .copied()
+        .filter(|w| *w > 0.0 && w.is_finite())
+        .collect();
     if inner.len() <= points_max {
         return 0.0;
     }
@@ -365,7 +381,11 @@ mod tests {
     #[test]
     fn the_path_between_its_points_is_the_streams() {
         let (stream, path) = path(usize::MAX);
-        let points: Vec<PathPoint> = path.runs.iter().flat_map(|run| run.points.clone()).collect();
+        let points: Vec<PathPoint> = path
+            .runs
+            .iter()
+            .flat_map(|run| run.points.clone())
+            .collect();
         let mut worst: f64 = 0.0;
         let mut at = 0;
         let mut ticks = 0;
@@ -381,13 +401,20 @@ mod tests {
                 }
             }
         }
-        assert!(ticks > 5000 && points.len() * 4 < ticks, "{ticks} {}", points.len());
+        assert!(
+            ticks > 5000 && points.len() * 4 < ticks,
+            "{ticks} {}",
+            points.len()
+        );
         // One for what may be left out, a half for what divides the spans.
         assert!(worst <= 1.5, "{worst}");
         assert!(path.runs.iter().any(|run| run.what == What::Travel));
         let ends = path.runs.windows(2);
-        assert!(ends.into_iter().all(|pair| pair[0].points.last().map(|p| p.tick)
-            == pair[1].points.first().map(|p| p.tick)));
+        assert!(
+            ends.into_iter()
+                .all(|pair| pair[0].points.last().map(|p| p.tick)
+                    == pair[1].points.first().map(|p| p.tick))
+        );
     }
 
     #[test]

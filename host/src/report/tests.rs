@@ -441,7 +441,10 @@ fn the_page_holds_the_motion() {
     };
     let layer = &block["layers"][0];
     let samples: Vec<_> = pose_table::samples(&stream, 2000.0, 1.0).collect();
-    for (speed, sample) in column(&layer["speed"]).iter().zip(samples.iter().step_by(4)) {
+    for (speed, sample) in column(&layer["speed"])
+        .iter()
+        .zip(samples.iter().step_by(4))
+    {
         assert!((speed - sample.speed_mm_s()).abs() < 1e-3, "{speed}");
     }
     let path = &layer["path"];

@@ -77,7 +77,10 @@ pub fn track(of: TrackOf, limit_at: impl Fn(&Span, f64) -> Option<usize>) -> Tra
     track.joints_every = samples.div_ceil(positions_max).max(1) as usize;
     track.joints_at = vec![Vec::new(); if links { machine.joints.len() } else { 0 }];
     let mut joints = JointSpeeds::default();
-    for (sample, span, t) in of.index.moments_within(servo_hz, every_ticks as f64, of.ticks) {
+    for (sample, span, t) in of
+        .index
+        .moments_within(servo_hz, every_ticks as f64, of.ticks)
+    {
         let due = track.limit.len().is_multiple_of(track.joints_every);
         track.speed_mm_s.push(sample.speed_mm_s() as f32);
         track.flow_mm3_s.push(sample.flow_mm3_s() as f32);

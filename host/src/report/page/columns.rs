@@ -26,21 +26,21 @@ pub struct Steps {
 impl Column {
     /// Of values.
     pub fn of(values: &[f32]) -> Column {
-    let min = values.iter().copied().fold(f32::INFINITY, f32::min);
-    let max = values.iter().copied().fold(f32::NEG_INFINITY, f32::max);
-    let (min, max) = if min <= max { (min, max) } else { (0.0, 0.0) };
-    let scale = f64::from(u16::MAX) / f64::from(max - min).max(1e-30);
-    let number = |value: &f32| (f64::from(value - min) * scale).round() as u16;
-    let bytes: Vec<u8> = values
-        .iter()
-        .flat_map(|v| number(v).to_le_bytes())
-        .collect();
-    Column {
-        min,
-        max,
-        b64: STANDARD.encode(bytes),
+        let min = values.iter().copied().fold(f32::INFINITY, f32::min);
+        let max = values.iter().copied().fold(f32::NEG_INFINITY, f32::max);
+        let (min, max) = if min <= max { (min, max) } else { (0.0, 0.0) };
+        let scale = f64::from(u16::MAX) / f64::from(max - min).max(1e-30);
+        let number = |value: &f32| (f64::from(value - min) * scale).round() as u16;
+        let bytes: Vec<u8> = values
+            .iter()
+            .flat_map(|v| number(v).to_le_bytes())
+            .collect();
+        Column {
+            min,
+            max,
+            b64: STANDARD.encode(bytes),
+        }
     }
-}
 }
 
 impl Steps {
@@ -82,5 +82,3 @@ mod tests {
         assert_eq!(Steps::of(std::iter::empty(), 1.0).b64, "");
     }
 }
-
-

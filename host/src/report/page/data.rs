@@ -104,7 +104,12 @@ pub fn json(report: &Report) -> String {
     let mut layers: Vec<Layer> = sheets
         .map(|(sheet, motion)| Layer {
             ground: grounds(sheet),
-            ..layer(sheet.label, sheet.layer, motion, outlines.number(sheet.plan.regions))
+            ..layer(
+                sheet.label,
+                sheet.layer,
+                motion,
+                outlines.number(sheet.plan.regions),
+            )
         })
         .collect();
     layers.extend(report.more_layers.iter().map(|more| {

@@ -143,6 +143,7 @@ void main() { colour = tint; gl_Position = seen(at); }`;
       below = top;
     }
     const path = app.createVertexArray().vertexAttributeBuffer(0, app.createVertexBuffer(PicoGL.FLOAT, 3, travel));
+    stats.whole = nodes;
     built = { places, nodes, at: texture(at, PicoGL.RGBA32F), axis: axis && texture(axis, PicoGL.RGBA32F), key: null, ink: null, bed: bed(),
       travel: app.createDrawCall(lines, path).primitive(PicoGL.LINES).uniform("tint", [0.6, 0.17, 0.17]) };
   }
@@ -219,5 +220,5 @@ void main() { colour = tint; gl_Position = seen(at); }`;
     for (let k = 0; k < frames; k++) { View.turn.yaw += 0.02; draw(); script.push(stats.scriptMs); gl.readPixels(0, 0, 1, 1, gl.RGBA, gl.UNSIGNED_BYTE, pixel); }
     return { ...stats, scriptMs: Math.max(...script), fps: 1000 * frames / (performance.now() - begun) };
   }
-  return { get works() { return works(); }, draw, entries, pages: () => { if (!built) build(); return pages(); }, measure, stats };
+  return { get works() { return works(); }, draw, entries, pages: () => { if (!built) build(); return pages(); }, measure, forget: () => { built = null; }, stats };
 })();
