@@ -3,14 +3,25 @@
 //! In: a plan's curves, the kinds of a part's passes, or the passes of a slicer's file. Out: a closure that
 //! says both of every point of the path, in order.
 
-use crate::gcode::{BeadKind, GcodePass, Leg, Place};
+use crate::gcode::{BeadKind, GcodePass, Leg};
 use crate::job::{Mark, MotionState};
 use crate::layer_uses::Use;
 use crate::report::layer_path::{PathPoint, What};
 use nalgebra::Vector3;
 
-/// Legs behind the last one that a point is looked for on: a corner takes few of them at once.
-const LEGS_AHEAD: usize = 64;
+/// How much farther along a file's pass a point may be than it is from the point before, mm: what corners are rounded by.
+/// A loop that is closed ends where it begins; the end is not looked at before its time.
+const AHEAD_MM: f64 = 0.5;
+
+/// How far a file's pass was followed.
+#[derive(Clone, Copy, Debug)]
+struct Followed {
+    pass: usize,
+    leg: usize,
+    /// Along that leg.
+    along_mm: f64,
+    tip_mm: Vector3<f64>,
+}
 
 /// Of a job.
 #[derive(Clone, Debug, Default)]
@@ -42,7 +53,7 @@ impl PassFacts {
 
     /// What the head does from a point on, and its line.
     pub(super) fn follow(&self) -> impl FnMut(&Mark, &PathPoint) -> (What, u32) + '_ {
-        let mut at = (usize::MAX, 0);
+        let mut at = None;
         move |mark, point| match self {
             PassFacts::File(file) => file.at(mark, point, &mut at),
             _ => (
@@ -69,40 +80,63 @@ impl PassFacts {
 }
 
 impl FilePasses {
-    /// The leg that a point lies on; `at` is the pass and leg of the point before.
-    fn at(&self, mark: &Mark, point: &PathPoint, at: &mut (usize, usize)) -> (What, u32) {
+    /// The leg that a point lies on.
+    fn at(&self, mark: &Mark, point: &PathPoint, at: &mut Option<Followed>) -> (What, u32) {
         let number = mark.pass.and_then(|pass| self.of_job.get(pass as usize));
         let pass = number.and_then(|&number| Some((number, self.passes.get(number)?)));
         let Some((number, pass)) = pass.filter(|_| mark.state == MotionState::Print) else {
             // On the way to the next pass: the line that goes there.
-            let next = self.passes.get(at.0.wrapping_add(1));
-            let leg = next.and_then(|pass| pass.travel_legs.last());
-            return (
-                What::of(mark.state, What::Bead),
-                leg.map_or(0, |leg| leg.line as u32),
-            );
+            let next = at.map_or(0, |at| at.pass + 1);
+            let leg = self
+                .passes
+                .get(next)
+                .and_then(|pass| pass.travel_legs.last());
+            let line = leg.map_or(0, |leg| leg.line as u32);
+            return (What::of(mark.state, What::Bead), line);
         };
-        if at.0 != number {
-            *at = (number, 0);
-        }
-        let legs = pass.points.windows(2).zip(&pass.legs).enumerate();
-        let near = legs.skip(at.1).take(LEGS_AHEAD);
-        let nearest = near.map(|(k, (ends, leg))| (distance_mm(point, ends), k, leg));
-        let nearest = nearest.min_by(|a, b| a.0.total_cmp(&b.0));
-        let Some((_, leg_number, leg)) = nearest else {
-            return (What::Bead, 0);
-        };
-        at.1 = leg_number;
-        (what(leg), leg.line as u32)
+        let tip_mm = Vector3::from(point.tip_mm);
+        let before = at.filter(|at| at.pass == number).unwrap_or(Followed {
+            pass: number,
+            leg: 0,
+            along_mm: 0.0,
+            tip_mm,
+        });
+        let now = followed(pass, before, tip_mm);
+        *at = Some(now);
+        let leg = pass.legs.get(now.leg);
+        leg.map_or((What::Bead, 0), |leg| (what(leg), leg.line as u32))
     }
 }
 
-/// How far a point is from a leg.
-fn distance_mm(point: &PathPoint, ends: &[Place]) -> f64 {
-    let [from, to] = [0, 1].map(|k| Vector3::from(ends[k].tip_mm));
-    let (p, way) = (Vector3::from(point.tip_mm) - from, to - from);
-    let share = p.dot(&way) / way.norm_squared().max(1e-12);
-    (p - way * share.clamp(0.0, 1.0)).norm()
+/// The nearest place of a pass that is not much farther along it than the tip has moved.
+fn followed(pass: &GcodePass, before: Followed, tip_mm: Vector3<f64>) -> Followed {
+    let mut room_mm = (tip_mm - before.tip_mm).norm() + AHEAD_MM + before.along_mm;
+    let mut nearest = (f64::INFINITY, before);
+    for (leg, ends) in pass.points.windows(2).enumerate().skip(before.leg) {
+        if room_mm <= 0.0 {
+            break;
+        }
+        let [from, to] = [0, 1].map(|k| Vector3::from(ends[k].tip_mm));
+        let way = to - from;
+        let long_mm = way.norm();
+        let along_mm = (tip_mm - from).dot(&way) / long_mm.max(1e-9);
+        let along_mm = along_mm.clamp(0.0, long_mm.min(room_mm));
+        let off_mm = (tip_mm - from - way * (along_mm / long_mm.max(1e-9))).norm();
+        if off_mm < nearest.0 {
+            let place = Followed {
+                leg,
+                along_mm,
+                tip_mm,
+                ..before
+            };
+            nearest = (off_mm, place);
+        }
+        room_mm -= long_mm;
+    }
+    Followed {
+        tip_mm,
+        ..nearest.1
+    }
 }
 
 fn what(leg: &Leg) -> What {

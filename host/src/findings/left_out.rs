@@ -81,3 +81,37 @@ fn told_once(places: impl Iterator<Item = Place>) -> impl Iterator<Item = Place>
         },
     })
 }
+
+#[cfg(test)]
+mod tests {
+    //! Goal: a place that several layers lack is told once, with the lowest of them. Method: runs by hand.
+    use super::*;
+    use crate::geometry::Point2;
+
+    #[test]
+    fn what_several_layers_lack_is_told_once_with_the_lowest() {
+        let run = |x: f64| UnreachableRun {
+            from: Point2::new(x, 0.0),
+            to: Point2::new(x + 1.0, 0.0),
+        };
+        let open = OpenGround {
+            area_mm2: 0.5,
+            at: Point2::new(3.0, 4.0),
+            layer: 7,
+            layers: 2,
+        };
+        let found = left_out(&[open], &[run(1.0), run(5.0), run(1.0)], &[3, 4, 6]);
+        let told: Vec<(&str, Option<u32>)> = found
+            .iter()
+            .map(|place| (place.what.as_str(), place.layer))
+            .collect();
+        assert_eq!(
+            told,
+            [
+                ("0.500 mm² of open ground, on 2 layers", Some(7)),
+                ("1.000 mm of boundary out of reach, on 2 layers", Some(3)),
+                ("1.000 mm of boundary out of reach", Some(4)),
+            ]
+        );
+    }
+}

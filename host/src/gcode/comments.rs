@@ -287,4 +287,31 @@ mod tests {
         assert_eq!(odd.hint, Hint::default());
         assert_eq!(odd.estimate_s, None);
     }
+
+    /// Goal: kinds of bead are those that slicers name. Method: the names of PrusaSlicer, Orca and Cura.
+    #[test]
+    fn kinds_of_bead_have_the_names_of_slicers() {
+        let kinds = [
+            ("TYPE:External perimeter", BeadKind::Wall),
+            ("TYPE:WALL-OUTER", BeadKind::Wall),
+            ("FEATURE: Inner wall", BeadKind::Wall),
+            ("TYPE:Gap fill", BeadKind::Wall),
+            ("TYPE:Solid infill", BeadKind::Solid),
+            ("TYPE:Top solid infill", BeadKind::Solid),
+            ("FEATURE: Bottom surface", BeadKind::Solid),
+            ("TYPE:SKIN", BeadKind::Solid),
+            ("TYPE:Internal infill", BeadKind::Sparse),
+            ("FEATURE: Sparse infill", BeadKind::Sparse),
+            ("TYPE:FILL", BeadKind::Sparse),
+            ("TYPE:Bridge infill", BeadKind::Bridge),
+            ("TYPE:Skirt/Brim", BeadKind::Skirt),
+            ("TYPE:Support material interface", BeadKind::Support),
+            ("TYPE:Custom", BeadKind::Unknown),
+        ];
+        for (comment, kind) in kinds {
+            let mut comments = Comments::default();
+            comments.read(comment);
+            assert_eq!(comments.hint.kind, kind, "{comment}");
+        }
+    }
 }

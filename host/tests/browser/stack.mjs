@@ -63,6 +63,9 @@ await onPage(url, async (page, complaints, requests) => {
   await drawn(page);
   check((await seen()).sum !== before.sum, "it turns around");
   if (screenshot) await page.screenshot({ path: screenshot });
+  const turned = await page.evaluate(() => Stack.measure(3));
+  check(turned.calls <= 5 && turned.scriptMs <= 8, `${turned.calls} calls and ${turned.scriptMs.toFixed(2)} ms of script a frame`);
+  console.log(`${turned.fps.toFixed(2)} frames a second of ${turned.segments} segments by ${turned.renderer}`);
   await slide(page, "layer", 149);
   await slide(page, "low", 100);
   const part = await stats();
@@ -79,11 +82,12 @@ await onPage(url, async (page, complaints, requests) => {
     Stack.forget(); Ui.lowest = 0; Ui.number = Job.stack.at(-1).number;
     document.querySelector("[data-show=travel]").checked = true;
     Stack.draw();
-    return Stack.measure(3);
+    // Script alone: who draws without a graphics card takes long over each of these.
+    const script = [0, 1, 2].map(() => { View.turn.yaw += 0.02; Stack.draw(); return Stack.stats.scriptMs; });
+    return { ...Stack.stats, scriptMs: Math.max(...script) };
   });
   check(many.segments >= 1e6 && many.calls <= 5, `${many.segments} segments in ${many.calls} calls`);
   check(many.scriptMs <= 8, `${many.scriptMs.toFixed(2)} ms of script a frame`);
-  console.log(`${many.fps.toFixed(2)} frames a second of ${many.segments} segments by ${many.renderer}`);
   check(complaints.length === 0, `nothing on the console ${complaints.join(" | ")}`);
   check(requests.every((request) => request === url), "no request but the page");
 }, { webgl: true });

@@ -32,7 +32,7 @@ await onPage(pathToFileURL(path.resolve(file)).href, async (page, complaints) =>
   check(swept.points < 5000, `${swept.points} points suffice`);
   // Beads are on from the start; nothing but them inside the outline, but where it is open.
   check(await page.isChecked("[data-show=beads]"), "beads are drawn from the start");
-  for (const box of ["centre", "travel", "ends", "bed", "open"]) await page.uncheck(`[data-show=${box}]`);
+  for (const box of ["centre", "travel", "ends", "bed", "outline", "open"]) await page.uncheck(`[data-show=${box}]`);
   const cracks = () => page.evaluate(() => {
     const c = View.base.getContext("2d"), { width, height } = View.base, { data } = c.getImageData(0, 0, width, height);
     let white = 0, red = 0;
@@ -40,8 +40,8 @@ await onPage(pathToFileURL(path.resolve(file)).href, async (page, complaints) =>
     const m = mask.getContext("2d"), path = new Path2D();
     for (const ring of Ui.layer.rings) { for (let i = 0; i < ring.length; i += 2) { const at = View.px(ring[i], ring[i + 1], 0); i ? path.lineTo(...at) : path.moveTo(...at); } path.closePath(); }
     m.fill(path, "evenodd");
-    // Away from the outline's own line.
-    m.globalCompositeOperation = "destination-out"; m.lineWidth = 4; m.stroke(path);
+    // Pixels that lie inside as a whole.
+    m.globalCompositeOperation = "destination-out"; m.lineWidth = 2; m.stroke(path);
     const inside = m.getImageData(0, 0, width, height).data;
     for (let i = 0; i < data.length; i += 4) {
       if (inside[i + 3] < 255) continue;

@@ -184,8 +184,8 @@ fn the_page_tells_the_layers_of_a_part_apart() {
         return;
     }
     let folder = tempfile::tempdir().expect("a folder");
-    let options = ["--walls", "2", "--infill-density", "25"];
-    let page = written_of(folder.path(), "flower.stl", &flower_stl(1.6, 8), &options);
+    let options = ["--walls=1", "--infill-density=25", "--bottom=1", "--top=1"];
+    let page = written_of(folder.path(), "flower.stl", &flower_stl(1.2, 6), &options);
     let figures = page.with_file_name("report.json");
     let said = driven_with("layers.mjs", &[page.as_ref(), figures.as_ref()]);
     assert!(said.lines().count() >= 16, "{said}");
