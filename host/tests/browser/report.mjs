@@ -67,6 +67,7 @@ await onPage(url, async (page, complaints, requests) => {
   if (data.layers[0].path.axis) check(await page.isVisible("#nowebgl"), "without WebGL space is drawn as lines, and the page says so");
   for (const box of ["beads", "outline", "bed"]) {
     if (box === "outline" && !data.outlines.length) continue;
+    if (box === "bed" && !data.bed_mm) continue;
     if (await page.isDisabled(`[data-show=${box}]`)) continue;
     const was = await picture();
     await page.click(`[data-show=${box}]`);

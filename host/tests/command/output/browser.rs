@@ -194,7 +194,7 @@ fn the_page_tells_the_layers_of_a_part_apart() {
 /// A slicer's file of so many layers that all differ.
 fn flower_gcode(layers: usize) -> String {
     use std::fmt::Write;
-    const CORNERS: usize = 40;
+    const CORNERS: usize = 24;
     let mut text = String::from("M83\nG21\nG90\nM104 S210\nM140 S60\n");
     for layer in 0..layers {
         let up = layer as f64 / layers as f64;
