@@ -3,6 +3,9 @@
 // space it draws the path as lines, where there is no WebGL.
 const Flat = (() => {
   const { data } = Job, { base } = View, CHUNK = 250;
+  // What the path's tolerance and the corners of the outline may leave between beads that touch, mm; seen from so many
+  // pixels a millimetre on.
+  const SLACK_MM = 0.012, CLOSE = 40;
   // Segments of one colour that follow each other, as the ground that they sweep.
   const kept = new Map();
   function chunks(l, key) {
@@ -14,13 +17,21 @@ const Flat = (() => {
     let chunk = null;
     for (let k = 0; k + 1 < p.count; k++) {
       if (!Job.prints(p.what[k])) { chunk = null; continue; }
-      if (!chunk || chunk.bin !== bin(k) || k - chunk.from >= CHUNK) { chunk = { bin: bin(k), from: k, path: new Path2D(), line: new Path2D() }; chunk.line.moveTo(p.x[k], p.y[k]); out.push(chunk); }
+      if (!chunk || chunk.bin !== bin(k) || k - chunk.from >= CHUNK) { chunk = { bin: bin(k), from: k, path: new Path2D(), line: new Path2D(), box: [p.x[k], p.x[k], p.y[k], p.y[k]] }; chunk.line.moveTo(p.x[k], p.y[k]); out.push(chunk); }
       Sweep.segment(chunk.path, p, k);
       chunk.line.lineTo(p.x[k + 1], p.y[k + 1]);
       chunk.end = k + 1;
+      const [x, y] = [p.x[k + 1], p.y[k + 1]], box = chunk.box;
+      box[0] = Math.min(box[0], x); box[1] = Math.max(box[1], x); box[2] = Math.min(box[2], y); box[3] = Math.max(box[3], y);
     }
     kept.set(id, out);
     return out;
+  }
+  // Whether a piece reaches into what is on the screen.
+  const REACH = Math.max(0, ...Sweep.nozzle.map(([u, v]) => Math.hypot(u, v)));
+  function inView({ box }) {
+    const w = base.width / 2 / View.scale + REACH, h = base.height / 2 / View.scale + REACH;
+    return box[0] < View.x + w && box[1] > View.x - w && box[2] < View.y + h && box[3] > View.y - h;
   }
   // Canvas coordinates become the input's.
   function inMillimetres(c) {
@@ -38,7 +49,12 @@ const Flat = (() => {
     s.beginPath(); rings(s, Ui.layer.rings);
     s.fillStyle = "#d51e1e"; s.fill("evenodd");
     s.globalCompositeOperation = "destination-out";
-    for (const { path } of chunks(Ui.layer, Ui.colour)) s.fill(path);
+    s.lineWidth = SLACK_MM;
+    for (const chunk of chunks(Ui.layer, Ui.colour)) {
+      if (!inView(chunk)) continue;
+      s.fill(chunk.path);
+      if (View.scale > CLOSE) s.stroke(chunk.path);
+    }
     const sparse = data.whats.indexOf("sparse");
     if (data.sparse_pitch_mm && p.what.includes(sparse)) {
       s.beginPath();
@@ -123,12 +139,13 @@ const Flat = (() => {
     return { end, faint: Ui.shown.future && cut };
   }
   function drawBeads(c) {
-    const p = Ui.layer.path, { end, faint } = parts(p), all = chunks(Ui.layer, Ui.colour);
+    const p = Ui.layer.path, { end, faint } = parts(p), all = chunks(Ui.layer, Ui.colour), lines = new Path2D();
     c.save(); inMillimetres(c);
-    if (faint) { c.fillStyle = "#e2e8f0"; for (const chunk of all) if (chunk.end > end) c.fill(chunk.path); }
+    if (faint) { c.fillStyle = "#e2e8f0"; for (const chunk of all) if (chunk.end > end && inView(chunk)) c.fill(chunk.path); }
     // In their order, so that what is laid later lies on top.
     for (const chunk of all) {
       if (chunk.from >= end) break;
+      if (!inView(chunk)) continue;
       c.fillStyle = Colours.css(Ui.colour, chunk.bin);
       let { path, line } = chunk;
       if (chunk.end > end) {
@@ -138,8 +155,10 @@ const Flat = (() => {
         line.lineTo(here.x, here.y);
       }
       c.fill(path);
-      if (Ui.shown.centre) { c.strokeStyle = "#ffffff90"; c.lineWidth = 0.8 * View.ratio() / View.scale; c.stroke(line); }
+      if (View.scale > CLOSE) { c.strokeStyle = c.fillStyle; c.lineWidth = SLACK_MM; c.stroke(path); }
+      lines.addPath(line);
     }
+    if (Ui.shown.centre) { c.strokeStyle = "#ffffffa0"; c.lineWidth = 0.8 * View.ratio() / View.scale; c.stroke(lines); }
     c.restore();
   }
   function drawLines(c, travels) {

@@ -3,7 +3,7 @@
 // two placements the hull of both is what is swept (the outline is convex). Canvas paths in millimetres; all pieces
 // run the same way around, so that filled without even-odd they are their union, without cracks.
 const Sweep = (() => {
-  const TURN = 10 * Math.PI / 180;
+  const TURN = 6 * Math.PI / 180;
   const ring = Job.data.nozzle || [];
   const area = ring.reduce((sum, [x, y], k) => { const [u, v] = ring[(k + 1) % ring.length]; return sum + x * v - y * u; }, 0);
   const nozzle = area < 0 ? [...ring].reverse() : ring;
@@ -13,12 +13,13 @@ const Sweep = (() => {
     nozzle.forEach(([u, v], k) => { const at = [x + u * c - v * s, y + u * s + v * c]; k ? path.lineTo(...at) : path.moveTo(...at); });
     path.closePath();
   }
-  // The hull of two placements of one heading.
-  function hull(path, ax, ay, bx, by, c, s) {
-    const du = (bx - ax) * c + (by - ay) * s, dv = (by - ay) * c - (bx - ax) * s;
+  // The hull of two placements that differ little in heading: corners that look ahead are those of the second.
+  function hull(path, a, b) {
+    const middle = (a.heading + b.heading) / 2, c = Math.cos(middle), s = Math.sin(middle);
+    const du = (b.x - a.x) * c + (b.y - a.y) * s, dv = (b.y - a.y) * c - (b.x - a.x) * s;
     let begun = false, before = null;
     const add = (k, ahead) => {
-      const [u, v] = nozzle[k], x = (ahead ? bx : ax) + u * c - v * s, y = (ahead ? by : ay) + u * s + v * c;
+      const [u, v] = nozzle[k], at = ahead ? b : a, x = at.x + u * at.c - v * at.s, y = at.y + u * at.s + v * at.c;
       begun ? path.lineTo(x, y) : path.moveTo(x, y);
       begun = true;
     };
@@ -40,12 +41,10 @@ const Sweep = (() => {
     for (let i = 0; i <= parts; i++) {
       const share = from + (to - from) * i / parts, heading = p.heading[k] + share * turn;
       const x = p.x[k] + share * (p.x[k + 1] - p.x[k]), y = p.y[k] + share * (p.y[k + 1] - p.y[k]);
-      placement(path, x, y, Math.cos(heading), Math.sin(heading));
-      if (last && Math.hypot(x - last.x, y - last.y) > 1e-4) {
-        const middle = (heading + last.heading) / 2;
-        hull(path, last.x, last.y, x, y, Math.cos(middle), Math.sin(middle));
-      }
-      last = { x, y, heading };
+      const here = { x, y, heading, c: Math.cos(heading), s: Math.sin(heading) };
+      placement(path, x, y, here.c, here.s);
+      if (last && Math.hypot(x - last.x, y - last.y) > 1e-4) hull(path, last, here);
+      last = here;
     }
   }
   // Width of the nozzle across a unit normal, mm.
