@@ -105,6 +105,7 @@ impl<'a> LayerMotions<'a> {
             bead_mm: settings.layer_height_mm,
             sparse_pitch_mm: sparse
                 .map(|infill| 2.0 * settings.aperture.major_mm() * 100.0 / infill.density_pct),
+            is_hollow: infill.is_some_and(|infill| infill.density_pct <= 0.0),
             line_name: planned.pass_facts.line_name(),
             bed_mm: is_still.then(|| {
                 settings

@@ -59,6 +59,8 @@ pub struct PageFacts {
     /// Distance of the lines of a sparse infill; `None` where there is none.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub sparse_pitch_mm: Option<f64>,
+    /// Nothing is laid inside the walls but on solid layers.
+    pub is_hollow: bool,
     /// What lines of the path are numbered by.
     pub line_name: &'static str,
     /// Lowest and highest corner of the work area, input coordinates; `None` where the table moves the part.

@@ -29,6 +29,7 @@ const Flat = (() => {
   }
   // Whether a piece reaches into what is on the screen.
   const REACH = Math.max(0, ...Sweep.nozzle.map(([u, v]) => Math.hypot(u, v)));
+  const NARROW = Math.min(...Sweep.nozzle.map(([u, v]) => Math.hypot(u, v)));
   function inView({ box }) {
     const w = base.width / 2 / View.scale + REACH, h = base.height / 2 / View.scale + REACH;
     return box[0] < View.x + w && box[1] > View.x - w && box[2] < View.y + h && box[3] > View.y - h;
@@ -48,18 +49,25 @@ const Flat = (() => {
     inMillimetres(s);
     s.beginPath(); rings(s, Ui.layer.rings);
     s.fillStyle = "#d51e1e"; s.fill("evenodd");
+    const sparse = data.whats.indexOf("sparse"), hollow = data.is_hollow && !p.what.includes(data.whats.indexOf("solid"));
+    if (hollow || (data.sparse_pitch_mm && p.what.includes(sparse))) {
+      s.globalCompositeOperation = "destination-out";
+      s.beginPath();
+      if (hollow) { rings(s, Ui.layer.rings); s.fill("evenodd"); s.beginPath(); }
+      for (let k = 0; k + 1 < p.count; k++) if (p.what[k] === sparse) { s.moveTo(p.x[k], p.y[k]); s.lineTo(p.x[k + 1], p.y[k + 1]); }
+      s.lineWidth = 2.2 * (data.sparse_pitch_mm || 0); s.lineCap = "round"; s.stroke();
+      // Along the outline there are walls: the narrowest bead's width is not left out there.
+      s.globalCompositeOperation = "source-over";
+      s.save(); s.beginPath(); rings(s, Ui.layer.rings); s.clip("evenodd");
+      s.lineWidth = 4 * NARROW; s.lineCap = "butt"; s.strokeStyle = "#d51e1e"; s.stroke();
+      s.restore();
+    }
     s.globalCompositeOperation = "destination-out";
     s.lineWidth = SLACK_MM;
     for (const chunk of chunks(Ui.layer, Ui.colour)) {
       if (!inView(chunk)) continue;
       s.fill(chunk.path);
       if (View.scale > CLOSE) s.stroke(chunk.path);
-    }
-    const sparse = data.whats.indexOf("sparse");
-    if (data.sparse_pitch_mm && p.what.includes(sparse)) {
-      s.beginPath();
-      for (let k = 0; k + 1 < p.count; k++) if (p.what[k] === sparse) { s.moveTo(p.x[k], p.y[k]); s.lineTo(p.x[k + 1], p.y[k + 1]); }
-      s.lineWidth = 2.2 * data.sparse_pitch_mm; s.lineCap = "round"; s.stroke();
     }
     inPixels(s);
     // Where two beads share a pixel's edge nothing is open.
