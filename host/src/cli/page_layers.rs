@@ -18,8 +18,9 @@ use headway_protocol::units::CHANNEL_Z;
 
 /// Most samples of the page's layers together: about 4 MB of it with seven joints.
 const SAMPLES_MAX: u64 = 120_000;
-/// Most points of their paths beside the ends of moves: about 7 MB of it.
-const POINTS_MAX: u64 = 700_000;
+/// Most points of their paths beside the ends of moves, where the tool stands upright and where it tilts: about 7 MB
+/// of it.
+const POINTS_MAX: [u64; 2] = [700_000, 400_000];
 
 /// The motion of the page's layers.
 pub(super) struct LayerMotions<'a> {
@@ -59,13 +60,14 @@ impl<'a> LayerMotions<'a> {
             ticks,
             samples_max: (SAMPLES_MAX as f64 * share) as u64,
         };
+        let tilts = !matches!(settings.machine.kinematics, Kinematics::Planar);
         let of_path = PathOf {
             stream,
             index: &self.index,
             transform: &self.planned.transform,
             reach_mm: settings.aperture.major_mm(),
             ticks,
-            points_max: (POINTS_MAX as f64 * share) as usize,
+            points_max: (POINTS_MAX[usize::from(tilts)] as f64 * share) as usize,
         };
         LayerMotion {
             track: track(of, |span, t_ticks| limit_at(span, t_ticks, settings)),

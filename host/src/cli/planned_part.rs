@@ -89,15 +89,14 @@ pub(super) fn from_mesh(
         plan_s: Some(plan_s),
         ..all_figures(&part, &planned, keep_out, &settings)
     };
-    let lowest = part.wanted_layers().iter();
-    let lowest = lowest.map(|layer| &layer.regions).find(|r| !r.is_empty());
-    let numbered = part.wanted_layers().iter();
-    let numbered = numbered.map(|layer| (layer.number, layer.regions.as_slice()));
+    let (outline, layer_outlines) = outlines(&part);
+    let (open, unreachable) = (&planned.open, &planned.unreachable);
+    let left_out = left_out(open, unreachable, &planned.unreachable_layers);
     Ok(Planned {
         figures,
         name,
-        outline: lowest.cloned().unwrap_or_default(),
-        layer_outlines: LayerOutlines::of(numbered),
+        outline,
+        layer_outlines,
         settings: in_solution(planned.solution, settings),
         transform: planned.transform,
         stream,
@@ -107,13 +106,21 @@ pub(super) fn from_mesh(
         own_joints: None,
         pass_facts: PassFacts::Kinds(planned.pass_uses),
         plan: None,
-        left_out: left_out(
-            &planned.open,
-            &planned.unreachable,
-            &planned.unreachable_layers,
-        ),
+        left_out,
         unreachable: planned.unreachable,
     })
+}
+
+/// The outline of the lowest layer that has one, and those of all layers where they differ.
+fn outlines(part: &SlicedPart) -> (Vec<Region>, LayerOutlines) {
+    let lowest = part.wanted_layers().iter();
+    let lowest = lowest.map(|layer| &layer.regions).find(|r| !r.is_empty());
+    let numbered = part.wanted_layers().iter();
+    let numbered = numbered.map(|layer| (layer.number, layer.regions.as_slice()));
+    (
+        lowest.cloned().unwrap_or_default(),
+        LayerOutlines::of(numbered),
+    )
 }
 
 /// The settings with the machine in a joint solution.

@@ -204,7 +204,7 @@ const Page = (() => {
     const outlined = data.outlines.length > 0, absent = { outline: !outlined, axis: !data.axis.length, open: !outlined, twice: !data.layers.some((l) => l.ground.length) };
     for (const name in absent) document.querySelector(`[data-show=${name}]`).parentElement.hidden = absent[name];
     // Kinds of bead say most of a part that has several.
-    const kinds = new Set(first.path.what.filter((what) => Job.prints(what)));
+    const kinds = new Set(data.layers.flatMap(({ path }) => path.runs.filter((_, k) => k % 2 === 0)).filter((what) => Job.prints(what)));
     Ui.colour = $("colour").value = kinds.size > 1 ? "what" : "speed";
     $("three").checked = tilts;
     listen();
