@@ -40,9 +40,16 @@ const Flat = (() => {
   }
   const inPixels = (c) => c.setTransform(1, 0, 0, 1, 0, 0);
   const spare = document.createElement("canvas");
+  let drawnOpen = "";
   // The outline without what is swept: exact at every zoom. Ground between sparse lines is open on purpose.
   function drawOpen(c) {
     if (!View.flat() || !Ui.shown.open || !Ui.layer.rings.length) return;
+    // The same as long as the view is: playing only moves the nozzle.
+    const id = [Ui.layer.page, Ui.colour, View.x, View.y, View.scale, base.width, base.height].join();
+    if (drawnOpen !== id) { sweepOpen(); drawnOpen = id; }
+    c.drawImage(spare, 0, 0);
+  }
+  function sweepOpen() {
     if (spare.width !== base.width || spare.height !== base.height) { spare.width = base.width; spare.height = base.height; }
     const s = spare.getContext("2d", { willReadFrequently: true }), p = Ui.layer.path;
     inPixels(s); s.globalCompositeOperation = "source-over"; s.clearRect(0, 0, spare.width, spare.height);
@@ -74,7 +81,6 @@ const Flat = (() => {
     const image = s.getImageData(0, 0, spare.width, spare.height), all = new Uint32Array(image.data.buffer);
     for (let i = 0; i < all.length; i++) all[i] = all[i] >>> 24 > 140 ? 0xff1e1ed5 : 0;
     s.putImageData(image, 0, 0);
-    c.drawImage(spare, 0, 0);
   }
   const images = new Map();
   // Ground that was laid twice, of layers whose cells are known.
