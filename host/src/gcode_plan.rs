@@ -53,6 +53,8 @@ pub struct GcodePlan {
     pub descent: Option<Descent>,
     /// What the head touches, where that is possible and its shape is known.
     pub touches: Option<Touches>,
+    /// For each pass of the stream the number of the file's.
+    pub file_passes: Vec<usize>,
 }
 
 /// Plans a file. Speeds are the file's, at most `speed_max_mm_s`.
@@ -91,6 +93,7 @@ pub fn plan_gcode(
         heat: Vec::new(),
         descent: descent(program, &settings),
         touches: None,
+        file_passes: Vec::new(),
     };
     let mut collector = Collector::new(planned.descent, &settings);
     let mut first = 0;
@@ -118,6 +121,9 @@ pub fn plan_gcode(
         };
         let of_piece = events_of(&program.heat, &laid_passes, planned.end_tick());
         planned.heat.extend(of_piece);
+        let numbered = made.numbers.iter().enumerate();
+        let followed = numbered.filter(|(_, number)| number.is_some());
+        planned.file_passes.extend(followed.map(|(k, _)| first + k));
         first += piece.len();
         if !laid.knots.is_empty() {
             planned.add(laid, &report, &made, progress)?;

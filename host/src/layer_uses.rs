@@ -70,6 +70,12 @@ pub struct LayerUse {
     pub way_mm: f64,
 }
 
+/// What each pass is, by its number.
+pub fn pass_uses(plan: &Plan) -> Vec<Use> {
+    let curves = plan.curves.iter();
+    curves.map(|curve| Use::of_pass(curve.kind)).collect()
+}
+
 /// Of every layer what it is spent on; none of a plan without curves of its own.
 pub fn layer_uses(plan: &Plan, servo_hz: f64) -> Vec<LayerUse> {
     if plan.curves.is_empty() {

@@ -169,10 +169,24 @@ impl Plan {
     /// The ground that infill lines are to cover, and what of it was swept, mm², over the layers of
     /// one kind or all; `None` where there is none.
     pub fn infill_area_mm2(&self, kind: Option<usize>) -> Option<[f64; 2]> {
+        self.ground_area_mm2(kind, |region| &region.open)
+    }
+
+    /// The same of the ground that is open on purpose between the lines of a sparse infill.
+    pub fn sparse_area_mm2(&self, kind: Option<usize>) -> Option<[f64; 2]> {
+        self.ground_area_mm2(kind, |region| &region.sparse)
+    }
+
+    /// Some ground of the regions, and what of it was swept.
+    fn ground_area_mm2(
+        &self,
+        kind: Option<usize>,
+        ground: impl Fn(&RegionPlan) -> &[Region],
+    ) -> Option<[f64; 2]> {
         let rasters = self.prints.iter().zip(&self.measured.rasters);
         let areas: Vec<[f64; 2]> = rasters
             .map(|(print, raster)| {
-                let open = &self.region_of(print).open;
+                let open = ground(self.region_of(print));
                 let is_asked = kind.is_none_or(|kind| print.kind == kind);
                 let raster = raster.as_ref().filter(|_| is_asked);
                 raster.map_or([0.0; 2], |raster| swept_area_mm2(raster, open))

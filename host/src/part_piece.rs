@@ -9,7 +9,7 @@ use crate::geometry::polygon::Region;
 use crate::job::SegmentStream;
 use crate::layer_stack::{LeftOut, Stack};
 use crate::layer_time::SlowedLayers;
-use crate::layer_uses::{LayerUse, layer_uses};
+use crate::layer_uses::{LayerUse, Use, layer_uses, pass_uses};
 use crate::open_ground::{OpenGround, open_ground};
 use crate::plan::judge::figures::{PlanFigures, Swept};
 use crate::plan::layers::region_plan::RegionPlan;
@@ -25,7 +25,7 @@ use std::fmt::{self, Write};
 use std::hash::Hasher;
 
 /// What begins the bytes of a piece; the number is that of their layout.
-const MAGIC: &[u8; 8] = b"HWPIECE2";
+const MAGIC: &[u8; 8] = b"HWPIECE3";
 
 /// What is kept of a few layers.
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
@@ -62,8 +62,14 @@ pub struct Piece {
     pub open: Vec<OpenGround>,
     /// Ground that lines are to cover, and what of it was swept.
     pub infill_mm2: [f64; 2],
+    /// What of that is open on purpose between sparse lines, and what of it was swept.
+    pub sparse_mm2: [f64; 2],
+    /// The lowest layer of each run of unreachable boundary.
+    pub unreachable_layers: Vec<u32>,
     /// What its layers are spent on.
     pub uses: Vec<LayerUse>,
+    /// What each of its passes is.
+    pub pass_uses: Vec<Use>,
     /// Layers that were slowed.
     pub slowed: SlowedLayers,
     /// Open ground by cells, and the layers that were looked at.
@@ -91,6 +97,7 @@ impl Piece {
     /// What is kept of a plan.
     pub fn of(plan: Plan, settings: &Settings) -> Piece {
         let mut piece = Piece {
+            pass_uses: pass_uses(&plan),
             uses: layer_uses(&plan, f64::from(settings.machine.servo_hz)),
             slowed: plan.slowed,
             open_cells: open_cells(&plan, settings.aperture.minor_mm()),
@@ -110,10 +117,17 @@ impl Piece {
             let runs = unreachable_boundary(&kind.regions);
             let length_mm: f64 = runs.iter().map(UnreachableRun::length_mm).sum();
             piece.unreachable_mm += length_mm * f64::from(kind.layers);
+            let mut prints = plan.prints.iter().filter(|print| print.kind == number);
+            let layer = prints.next().map_or(0, |print| print.layer);
+            piece.unreachable_layers.extend(runs.iter().map(|_| layer));
             piece.unreachable.extend(runs);
             if let Some([ground, swept]) = plan.infill_area_mm2(Some(number)) {
                 piece.infill_mm2[0] += ground;
                 piece.infill_mm2[1] += swept;
+            }
+            if let Some([ground, swept]) = plan.sparse_area_mm2(Some(number)) {
+                piece.sparse_mm2[0] += ground;
+                piece.sparse_mm2[1] += swept;
             }
         }
         let layers = plan.prints.iter().map(|print| print.layer);

@@ -14,7 +14,7 @@ use crate::geometry::polygon::{Box2, Region};
 use crate::job::SegmentStream;
 use crate::layer_stack::{LeftOut, Stack, plan_stack};
 use crate::layer_time::SlowedLayers;
-use crate::layer_uses::LayerUse;
+use crate::layer_uses::{LayerUse, Use};
 use crate::mesh::layers::{SlicedPart, TargetLayer};
 use crate::open_ground::{self, OpenGround};
 use crate::part_piece::{Piece, PieceCache, key_of};
@@ -85,8 +85,14 @@ pub struct PartPlan {
     pub open_mm2: f64,
     /// Ground that lines are to cover, and what of it was swept.
     pub infill_mm2: [f64; 2],
+    /// What of that is open on purpose between sparse lines, and what of it was swept.
+    pub sparse_mm2: [f64; 2],
+    /// The lowest layer of each run of unreachable boundary.
+    pub unreachable_layers: Vec<u32>,
     /// What the layers are spent on.
     pub uses: Vec<LayerUse>,
+    /// What each pass is, by its number.
+    pub pass_uses: Vec<Use>,
     /// Layers that were slowed.
     pub slowed: SlowedLayers,
     /// Open ground by cells, and the layers that were looked at.
@@ -225,6 +231,8 @@ impl PartPlan {
         let room = PLACES_MAX - self.unreachable.len();
         self.unreachable
             .extend(piece.unreachable.into_iter().take(room));
+        self.unreachable_layers
+            .extend(piece.unreachable_layers.into_iter().take(room));
         self.open_mm2 += open_ground::told_mm2(&piece.open, settings);
         self.open.extend(piece.open);
         self.open.sort_by(|a, b| b.area_mm2.total_cmp(&a.area_mm2));
@@ -234,7 +242,11 @@ impl PartPlan {
         for (all, own) in self.infill_mm2.iter_mut().zip(piece.infill_mm2) {
             *all += own;
         }
+        for (all, own) in self.sparse_mm2.iter_mut().zip(piece.sparse_mm2) {
+            *all += own;
+        }
         self.uses.extend(piece.uses);
+        self.pass_uses.extend(piece.pass_uses);
         self.slowed.layers += piece.slowed.layers;
         self.slowed.still_short += piece.slowed.still_short;
         for (cell, layers) in piece.open_cells.0 {

@@ -7,6 +7,7 @@ use super::args_allow::AllowArgs;
 use super::args_calibrate::CalibrateArgs;
 use super::console::Console;
 use super::output_file::{check_file, nameless_file, write_file};
+use super::pass_facts::PassFacts;
 use super::plan::write_job;
 use super::planned::Planned;
 use super::{CliError, load, planned};
@@ -96,6 +97,7 @@ fn shake(
         notes: Vec::new(),
         objections: Vec::new(),
         own_joints: None,
+        pass_facts: PassFacts::Unknown,
         plan: None,
         unreachable: Vec::new(),
         left_out: Vec::new(),

@@ -39,6 +39,8 @@ mod machine;
 mod missing_heat;
 mod operator;
 mod output_file;
+mod page_layers;
+mod pass_facts;
 mod pictures;
 mod piece_cache;
 mod plan;

@@ -1,7 +1,8 @@
 //! Planner's intermediates -> the report's plain structs.
 
+use super::page_layers::{self, LayerMotions, kinds_of_layers};
 use super::planned::Planned;
-use crate::drive::time_by_limit::{limit_at, limit_names};
+use crate::drive::time_by_limit::limit_names;
 use crate::geometry::clearance::Configuration;
 use crate::geometry::frame::Frame;
 use crate::geometry::polygon::Region;
@@ -10,7 +11,7 @@ use crate::job::{MotionState, SegmentStream};
 use crate::part_transform::PartTransform;
 use crate::plan::judge::measure::{MeasuredPrint, measure};
 use crate::plan::judge::region_raster::RegionRaster;
-use crate::plan::layers::layer_groups::{OFF_REGIONS, infills_of_layers};
+use crate::plan::layers::layer_groups::OFF_REGIONS;
 use crate::plan::outline::contour::{Contour, SIMPLIFY_MM};
 use crate::plan::pass::PassKind;
 use crate::report::coverage_picture::{Cell, CoveragePicture, Raster};
@@ -22,26 +23,22 @@ use crate::report::plan_picture::{PicturePass, PlanPicture, Zone};
 use crate::report::pose_table::{duration_ticks, samples_within};
 use crate::report::space_picture::{SpacePicture, SpacePoint};
 use crate::report::stream_plots::stream_plots;
-use crate::report::track::{Track, TrackOf, track};
-use crate::report::{LayerSheets, PageLayer, Place, Report, ReportFile, write_report};
+use crate::report::{LayerSheets, Place, Report, ReportFile, write_report};
 use headway_firmware::pose::Pose;
 use headway_protocol::units::{CHANNEL_HEADING, CHANNEL_X, CHANNEL_Y, CHANNEL_Z};
 
 /// Most samples of a picture's paths.
 const SAMPLES_MAX: u64 = 200_000;
-/// Most samples of the page's layers together: about 8 MB of it with seven joints.
-const TRACK_SAMPLES_MAX: u64 = 200_000;
-
 /// Most samples of the picture in space.
 const SPACE_SAMPLES_MAX: u64 = 20_000;
 /// Cosine of a tilt that can be seen, 0.25°.
 const UPRIGHT_COS: f64 = 0.999_99;
 
 /// A layer that is drawn for all that are like it.
-struct ShownLayer {
-    layer: u32,
+pub(super) struct ShownLayer {
+    pub layer: u32,
     /// Which it is and which are like it; empty where there is only one.
-    label: String,
+    pub label: String,
     plan_title: String,
     coverage_title: String,
 }
@@ -64,7 +61,7 @@ impl ShownLayer {
 /// The first layer of each kind.
 fn shown_layers(planned: &Planned) -> Vec<ShownLayer> {
     let layers = planned.stream.layers();
-    let (infills, kind_of_layer) = infills_of_layers(&planned.settings);
+    let kind_of_layer = kinds_of_layers(planned);
     // A range of layers need not begin with the first.
     let lowest = planned.stream.marks.first().map_or(0, |mark| mark.layer);
     // A job from a file may have come without its settings, a part's layers are all different.
@@ -75,7 +72,8 @@ fn shown_layers(planned: &Planned) -> Vec<ShownLayer> {
         };
         return vec![ShownLayer::of(planned, lowest, label)];
     }
-    (0..infills.len())
+    let kinds = kind_of_layer.iter().max().map_or(0, |last| last + 1);
+    (0..kinds)
         .filter_map(|kind| {
             let layer = kind_of_layer.iter().position(|&of| of == kind)?;
             let like = kind_of_layer.iter().filter(|&&of| of == kind).count() - 1;
@@ -104,27 +102,13 @@ pub(super) fn live_page(planned: &Planned) -> String {
 
 /// The layers of the page in its order, and for each layer of the job which of them shows it.
 pub(super) fn page_layers(planned: &Planned) -> (Vec<u32>, Vec<usize>) {
-    let shown = shown_layers(planned);
-    let mut of_page: Vec<u32> = shown.iter().map(|shown| shown.layer).collect();
-    of_page.extend(bare_layers(planned, &shown));
-    let (_, kinds) = infills_of_layers(&planned.settings);
-    let layers = planned.stream.layers();
-    let alike = |a: u32, b: u32| match kinds.len() == layers as usize {
-        true => kinds.get(a as usize) == kinds.get(b as usize),
-        false => a == b,
-    };
-    let page_of = |layer| of_page.iter().position(|&page| alike(page, layer));
-    let lowest = of_page.first().copied().unwrap_or(0);
-    let page_of = (0..lowest + layers).map(|layer| page_of(layer).unwrap_or(0));
-    let page_of = page_of.collect();
-    (of_page, page_of)
+    page_layers::page_layers(planned, &shown_layers(planned))
 }
 
 fn with_report<T>(planned: &Planned, finish: impl FnOnce(&Report) -> T) -> T {
     let shown = shown_layers(planned);
     let rasters = rasters(planned, &shown);
-    let samples = samples_of_layers(planned, &shown);
-    let more_layers = more_layers(planned, &shown, &samples);
+    let motions = LayerMotions::of(planned, &shown);
     let sheets = shown.iter().zip(rasters).map(|(shown, rasters)| {
         let coverage = (!rasters.is_empty()).then(|| CoveragePicture {
             title: &shown.coverage_title,
@@ -136,7 +120,7 @@ fn with_report<T>(planned: &Planned, finish: impl FnOnce(&Report) -> T) -> T {
             label: &shown.label,
             plan: plan_picture(&shown.plan_title, planned, shown.layer),
             coverage,
-            track: Some(track_of(planned, shown.layer, samples(shown.layer))),
+            motion: Some(motions.motion(shown.layer)),
         }
     });
     let settings = &planned.settings;
@@ -145,7 +129,8 @@ fn with_report<T>(planned: &Planned, finish: impl FnOnce(&Report) -> T) -> T {
         title: &planned.name,
         figures: &planned.figures,
         layers: sheets.collect(),
-        more_layers,
+        more_layers: motions.more(&shown),
+        facts: motions.facts(&shown),
         space: space_picture(planned),
         motion: Some(stream_plots(&planned.name, &planned.stream, settings)),
         notes: &planned.notes,
@@ -156,56 +141,6 @@ fn with_report<T>(planned: &Planned, finish: impl FnOnce(&Report) -> T) -> T {
         slow_places: &slow_places(planned),
         left_out: &planned.left_out,
     })
-}
-
-/// Layers that the pictures leave out and that are like none of those shown: a part's, or those of a job
-/// that came without its settings.
-fn more_layers(
-    planned: &Planned,
-    shown: &[ShownLayer],
-    samples: &impl Fn(u32) -> u64,
-) -> Vec<PageLayer> {
-    let layers = planned.stream.layers();
-    let more = bare_layers(planned, shown).into_iter();
-    more.map(|layer| PageLayer {
-        label: format!("layer {} of {layers}", layer + 1),
-        track: track_of(planned, layer, samples(layer)),
-    })
-    .collect()
-}
-
-/// Their numbers.
-fn bare_layers(planned: &Planned, shown: &[ShownLayer]) -> Vec<u32> {
-    let [only] = shown else {
-        return Vec::new();
-    };
-    let (layers, stream) = (planned.stream.layers(), &planned.stream);
-    let (_, kind_of_layer) = infills_of_layers(&planned.settings);
-    if kind_of_layer.len() == layers as usize {
-        return Vec::new();
-    }
-    let moves = |layer: &u32| {
-        let [from, end] = stream.ticks_of_layer(*layer);
-        from < end
-    };
-    (only.layer + 1..layers).filter(moves).collect()
-}
-
-/// How many samples a layer may have: its share of all time that the page shows.
-fn samples_of_layers(planned: &Planned, shown: &[ShownLayer]) -> impl Fn(u32) -> u64 {
-    let stream = &planned.stream;
-    let ticks = |layer: u32| {
-        let [from, end] = stream.ticks_of_layer(layer);
-        end.saturating_sub(from)
-    };
-    let all = match shown {
-        [_] => duration_ticks(stream),
-        _ => shown.iter().map(|shown| ticks(shown.layer)).sum(),
-    };
-    move |layer| match stream.layers() {
-        0 | 1 => TRACK_SAMPLES_MAX,
-        _ => (TRACK_SAMPLES_MAX as f64 * ticks(layer) as f64 / all.max(1) as f64) as u64,
-    }
 }
 
 /// The path in space; `None` where the tool stays upright.
@@ -232,23 +167,6 @@ fn space_picture(planned: &Planned) -> Option<SpacePicture> {
     })
 }
 
-/// The motion of a layer, with what holds it back.
-fn track_of(planned: &Planned, layer: u32, samples_max: u64) -> Track {
-    let (stream, settings) = (&planned.stream, &planned.settings);
-    let ticks = match stream.layers() {
-        0 | 1 => [0, duration_ticks(stream)],
-        _ => stream.ticks_of_layer(layer),
-    };
-    let of = TrackOf {
-        stream,
-        settings,
-        transform: &planned.transform,
-        ticks,
-        samples_max,
-    };
-    track(of, |span, t_ticks| limit_at(span, t_ticks, settings))
-}
-
 fn slow_places(planned: &Planned) -> Vec<Place> {
     let places = planned.figures.slow_places.iter().flatten();
     let place = |place: &SlowPlaceFigures| Place {
@@ -262,6 +180,7 @@ fn slow_places(planned: &Planned) -> Vec<Place> {
         },
         x_mm: place.x_mm,
         y_mm: place.y_mm,
+        layer: place.layer,
     };
     places.map(place).collect()
 }

@@ -3,6 +3,7 @@
 use super::args::{InputArgs, PlaceArgs, SettingsArgs};
 use super::console::Console;
 use super::job::{self, Job};
+use super::pass_facts::PassFacts;
 use super::{CliError, copies, load, load_run, planned_gcode, planned_part};
 use crate::findings::findings;
 use crate::findings::objections::Objection;
@@ -12,6 +13,7 @@ use crate::input::{Input, Loaded, Target};
 use crate::job::SegmentStream;
 use crate::job_heat::HeatEvent;
 use crate::job_packing::JobPacking;
+use crate::layer_uses::pass_uses;
 use crate::mesh::Mesh;
 use crate::part_transform::PartTransform;
 use crate::plan::motion::joint_limits::MotionError;
@@ -46,6 +48,8 @@ pub(super) struct Planned {
     pub objections: Vec<Objection>,
     /// The machine's own joints, where it was planned with wider ranges.
     pub own_joints: Option<Vec<JointConfiguration>>,
+    /// What is known of each pass.
+    pub pass_facts: PassFacts,
     /// The planner's intermediates; `None` for a job from a file.
     pub plan: Option<Box<Plan>>,
     /// Boundary that cannot be touched, input coordinates.
@@ -217,6 +221,7 @@ fn planned_flat(
         notes,
         objections: found.objections,
         own_joints: None,
+        pass_facts: PassFacts::Kinds(pass_uses(&plan)),
         plan: Some(Box::new(plan)),
         left_out: found.left_out,
         unreachable: found.unreachable,
@@ -330,6 +335,7 @@ pub(super) fn of_job(job: Job) -> Planned {
         notes: Vec::new(),
         objections: Vec::new(),
         own_joints: None,
+        pass_facts: PassFacts::Unknown,
         plan: None,
         unreachable: Vec::new(),
         left_out: Vec::new(),

@@ -2,6 +2,7 @@
 
 use super::CliError;
 use super::console::Console;
+use super::pass_facts::{FilePasses, PassFacts};
 use super::planned::{Planned, plan_error};
 use crate::findings::objections::Objection;
 use crate::findings::settings_warnings::settings_warnings;
@@ -63,7 +64,10 @@ pub(super) fn from_gcode(
     let objections = touches.and_then(|touches| Objection::of_touches(touches, &planned.transform));
     let objections = objections.into_iter().collect();
     let GcodeProgram {
-        name, mut notes, ..
+        name,
+        mut notes,
+        passes,
+        ..
     } = program;
     notes.extend(warnings);
     Ok(Planned {
@@ -81,6 +85,10 @@ pub(super) fn from_gcode(
         notes,
         objections,
         own_joints: None,
+        pass_facts: PassFacts::File(FilePasses {
+            passes,
+            of_job: planned.file_passes,
+        }),
         plan: None,
         unreachable: Vec::new(),
         left_out: Vec::new(),

@@ -4,12 +4,14 @@ use super::args::PlaceArgs;
 use super::console::Console;
 use super::layer_options::{check_bead_height, layer_heights};
 use super::output_file::end_whole_on_interrupt;
+use super::pass_facts::PassFacts;
 use super::piece_cache::{CacheFolder, program};
 use super::planned::{Planned, plan_error};
 use super::{CliError, copies, load};
 use crate::PlanError;
 use crate::findings::left_out::left_out;
 use crate::findings::settings_warnings::settings_warnings;
+use crate::findings::sparse_figures;
 use crate::findings::unreachable_note;
 use crate::findings::use_figures::{short_layers_note, stacked_figures, use_figures};
 use crate::geometry::polygon::Region;
@@ -87,15 +89,14 @@ pub(super) fn from_mesh(
         plan_s: Some(plan_s),
         ..all_figures(&part, &planned, keep_out, &settings)
     };
-    let lowest = part.wanted_layers().iter();
-    let lowest = lowest.map(|layer| &layer.regions).find(|r| !r.is_empty());
-    let numbered = part.wanted_layers().iter();
-    let numbered = numbered.map(|layer| (layer.number, layer.regions.as_slice()));
+    let (outline, layer_outlines) = outlines(&part);
+    let (open, unreachable) = (&planned.open, &planned.unreachable);
+    let left_out = left_out(open, unreachable, &planned.unreachable_layers);
     Ok(Planned {
         figures,
         name,
-        outline: lowest.cloned().unwrap_or_default(),
-        layer_outlines: LayerOutlines::of(numbered),
+        outline,
+        layer_outlines,
         settings: in_solution(planned.solution, settings),
         transform: planned.transform,
         stream,
@@ -103,10 +104,23 @@ pub(super) fn from_mesh(
         notes,
         objections: Vec::new(),
         own_joints: None,
+        pass_facts: PassFacts::Kinds(planned.pass_uses),
         plan: None,
-        left_out: left_out(&planned.open, &planned.unreachable),
+        left_out,
         unreachable: planned.unreachable,
     })
+}
+
+/// The outline of the lowest layer that has one, and those of all layers where they differ.
+fn outlines(part: &SlicedPart) -> (Vec<Region>, LayerOutlines) {
+    let lowest = part.wanted_layers().iter();
+    let lowest = lowest.map(|layer| &layer.regions).find(|r| !r.is_empty());
+    let numbered = part.wanted_layers().iter();
+    let numbered = numbered.map(|layer| (layer.number, layer.regions.as_slice()));
+    (
+        lowest.cloned().unwrap_or_default(),
+        LayerOutlines::of(numbered),
+    )
 }
 
 /// The settings with the machine in a joint solution.
@@ -182,6 +196,7 @@ fn part_figures(part: &SlicedPart, planned: &PartPlan, keep_out: &[Region]) -> F
     let f = &planned.figures;
     let passes = f.passes as u64;
     let [ground_mm2, swept_mm2] = planned.infill_mm2;
+    let sparse = sparse_figures(f, planned.sparse_mm2);
     let top_mm = |layer: u32| part.layers[layer as usize].top_mm;
     let mut hanging: Vec<LayerPlace> = overhangs(part, planned)
         .map(|(layer, overhang)| LayerPlace {
@@ -235,7 +250,7 @@ fn part_figures(part: &SlicedPart, planned: &PartPlan, keep_out: &[Region]) -> F
         heading_travel_rad: Some(f.heading_travel_rad),
         heading_rate_max_rad_s: Some(f.heading_rate_max_rad_s),
         segments: Some(planned.segments),
-        ..Figures::default()
+        ..sparse
     }
 }
 

@@ -30,6 +30,8 @@ pub struct SlowPlace {
     pub seconds: f64,
     /// The limit that takes most of that.
     pub limit: String,
+    /// Layer from 0.
+    pub layer: u32,
 }
 
 /// The printing time by what binds.
@@ -70,9 +72,10 @@ impl TimeTally {
                 mark = marks.next();
                 self.places.close();
             }
-            if mark.is_none_or(|mark| mark.state != MotionState::Print) {
+            let Some(mark) = mark.filter(|mark| mark.state == MotionState::Print) else {
                 continue;
-            }
+            };
+            self.places.layer = mark.layer;
             // Each place that is looked at stands for the ticks up to the next one.
             let stride = span.duration_ticks.div_ceil(LOOKS_A_SPAN).max(1);
             for tick in (0..span.duration_ticks).step_by(usize::from(stride)) {
@@ -94,10 +97,11 @@ impl TimeTally {
         let all: u64 = self.ticks.values().sum();
         let share = |(key, ticks): (Key, u64)| (name(key, settings), ticks as f64 / all as f64);
         let slow = self.places.slowest.into_iter();
-        let slow = slow.map(|(ticks, at_mm, key)| SlowPlace {
+        let slow = slow.map(|(ticks, at_mm, key, layer)| SlowPlace {
             at_mm,
             seconds: ticks as f64 / servo_hz,
             limit: name(key, settings),
+            layer,
         });
         TimeByLimit {
             shares: self.ticks.into_iter().map(share).collect(),
@@ -176,8 +180,9 @@ fn binding(moment: &Moment, settings: &Settings) -> Key {
 struct Places {
     way_mm: f64,
     at_mm: [f64; 3],
+    layer: u32,
     ticks: BTreeMap<Key, u64>,
-    slowest: Vec<(u64, [f64; 3], Key)>,
+    slowest: Vec<(u64, [f64; 3], Key, u32)>,
 }
 
 impl Places {
@@ -210,14 +215,14 @@ impl Places {
         let at_mm = self.at_mm;
         let apart_mm = |other: &[f64; 3]| (other[0] - at_mm[0]).hypot(other[1] - at_mm[1]);
         let mut others = self.slowest.iter();
-        if let Some(same) = others.position(|(_, other, _)| apart_mm(other) < PLACE_MM) {
+        if let Some(same) = others.position(|(_, other, ..)| apart_mm(other) < PLACE_MM) {
             if self.slowest[same].0 >= ticks {
                 return;
             }
             self.slowest.remove(same);
         }
         let behind = self.slowest.partition_point(|other| other.0 >= ticks);
-        self.slowest.insert(behind, (ticks, at_mm, key));
+        self.slowest.insert(behind, (ticks, at_mm, key, self.layer));
         self.slowest.truncate(PLACES);
     }
 }

@@ -18,6 +18,7 @@ use crate::layer_uses::layer_uses;
 use crate::open_ground::{self, OpenGround, open_ground, told_mm2};
 use crate::part_piece::unreachable_boundary;
 use crate::part_transform::PartTransform;
+use crate::plan::judge::figures::PlanFigures;
 use crate::plan::layers::layer_groups::LayerGroup;
 use crate::plan::outline::unreachable::UnreachableRun;
 use crate::report::Place;
@@ -68,7 +69,7 @@ pub fn findings(plan: &Plan, plan_s: f64, settings: &Settings) -> Findings {
         },
         objections: objections::of_plan(plan),
         warnings,
-        left_out: left_out(&open, &unreachable),
+        left_out: left_out(&open, &unreachable, &[]),
         unreachable,
     }
 }
@@ -96,6 +97,23 @@ fn all_figures(
     figures
         .merged_with(&use_figures(&uses, plan.slowed, place_mm, settings))
         .merged_with(&stacked_figures(&cells))
+}
+
+/// What is open on purpose between sparse lines, and how well the rest is covered; none where nothing is.
+pub(crate) fn sparse_figures(figures: &PlanFigures, sparse_mm2: [f64; 2]) -> Figures {
+    let [ground_mm2, swept_mm2] = sparse_mm2;
+    if ground_mm2 <= 0.0 {
+        return Figures::default();
+    }
+    let all_mm2 = figures.area_mm2 * f64::from(figures.layers);
+    let rest_mm2 = (all_mm2 - ground_mm2).max(1e-12);
+    let covered_mm2 = (0.01 * figures.covered_pct * all_mm2 - swept_mm2).max(0.0);
+    Figures {
+        sparse_mm2: Some(ground_mm2),
+        sparse_covered_pct: Some(100.0 * swept_mm2 / ground_mm2),
+        solid_covered_pct: Some((100.0 * covered_mm2 / rest_mm2).min(100.0)),
+        ..Figures::default()
+    }
 }
 
 fn plan_figures(plan: &Plan, unreachable: &[UnreachableRun], plan_s: f64) -> Figures {
@@ -149,7 +167,7 @@ fn plan_figures(plan: &Plan, unreachable: &[UnreachableRun], plan_s: f64) -> Fig
         heading_travel_rad: Some(f.heading_travel_rad),
         heading_rate_max_rad_s: Some(f.heading_rate_max_rad_s),
         segments: Some(plan.stream.knots.len() as u64),
-        ..Figures::default()
+        ..sparse_figures(f, plan.sparse_area_mm2(None).unwrap_or_default())
     }
 }
 
@@ -238,6 +256,7 @@ pub(crate) fn time_figures(found: TimeByLimit, transform: &PartTransform) -> Fig
             y_mm,
             seconds: place.seconds,
             limit: place.limit,
+            layer: Some(place.layer),
         }
     };
     Figures {

@@ -31,6 +31,28 @@ pub struct Hint {
     pub layers: u32,
     /// Infill or support: nothing that is seen.
     pub is_inside: bool,
+    /// Kind of the beads.
+    pub kind: BeadKind,
+}
+
+/// Kind of a bead, as slicers tell it.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub enum BeadKind {
+    /// Nothing is told.
+    #[default]
+    Unknown,
+    /// Perimeters and what fills gaps between them.
+    Wall,
+    /// Filled ground.
+    Solid,
+    /// Infill with room between its lines.
+    Sparse,
+    /// Over open space.
+    Bridge,
+    /// Skirt, brim and purging.
+    Skirt,
+    /// Supports and what they carry the part with.
+    Support,
 }
 
 /// What was said.
@@ -99,7 +121,10 @@ impl Comments {
         };
         let value = value.trim();
         match key.trim() {
-            "TYPE" | "FEATURE" => self.hint.is_inside = is_inside(value),
+            "TYPE" | "FEATURE" => {
+                self.hint.is_inside = is_inside(value);
+                self.hint.kind = bead_kind(value);
+            }
             "WIDTH" | "LINE_WIDTH" => self.hint.width_mm = size(value),
             "HEIGHT" | "LAYER_HEIGHT" => self.hint.height_mm = whole_um(value),
             "TIME_ELAPSED" => self.estimate_s = value.parse().ok().filter(|s: &f64| s.is_finite()),
@@ -148,6 +173,31 @@ fn is_inside(kind: &str) -> bool {
     let kind = kind.to_lowercase();
     let kinds = ["fill", "skin", "support", "surface", "bridge"];
     kinds.iter().any(|inside| kind.contains(inside))
+}
+
+/// Kind of a bead: `External perimeter`, `WALL-OUTER`, `Internal infill`, `Sparse infill`, `FILL`, `Solid infill`,
+/// `Top surface`, `SKIN`, `Bridge infill`, `Skirt/Brim`, `Support material`.
+fn bead_kind(kind: &str) -> BeadKind {
+    let kind = kind.to_lowercase();
+    let kinds = [
+        ("support", BeadKind::Support),
+        ("bridge", BeadKind::Bridge),
+        ("skirt", BeadKind::Skirt),
+        ("brim", BeadKind::Skirt),
+        ("prime", BeadKind::Skirt),
+        ("wipe", BeadKind::Skirt),
+        ("gap", BeadKind::Wall),
+        ("solid", BeadKind::Solid),
+        ("top", BeadKind::Solid),
+        ("bottom", BeadKind::Solid),
+        ("skin", BeadKind::Solid),
+        ("ironing", BeadKind::Solid),
+        ("perimeter", BeadKind::Wall),
+        ("wall", BeadKind::Wall),
+        ("fill", BeadKind::Sparse),
+    ];
+    let found = kinds.iter().find(|(word, _)| kind.contains(word));
+    found.map_or(BeadKind::Unknown, |(_, kind)| *kind)
 }
 
 fn size(text: &str) -> Option<f64> {
@@ -236,5 +286,32 @@ mod tests {
         let odd = after(&["WIDTH:abc", "HEIGHT:1e99", "TIME_ELAPSED:inf"]);
         assert_eq!(odd.hint, Hint::default());
         assert_eq!(odd.estimate_s, None);
+    }
+
+    /// Goal: kinds of bead are those that slicers name. Method: the names of PrusaSlicer, Orca and Cura.
+    #[test]
+    fn kinds_of_bead_have_the_names_of_slicers() {
+        let kinds = [
+            ("TYPE:External perimeter", BeadKind::Wall),
+            ("TYPE:WALL-OUTER", BeadKind::Wall),
+            ("FEATURE: Inner wall", BeadKind::Wall),
+            ("TYPE:Gap fill", BeadKind::Wall),
+            ("TYPE:Solid infill", BeadKind::Solid),
+            ("TYPE:Top solid infill", BeadKind::Solid),
+            ("FEATURE: Bottom surface", BeadKind::Solid),
+            ("TYPE:SKIN", BeadKind::Solid),
+            ("TYPE:Internal infill", BeadKind::Sparse),
+            ("FEATURE: Sparse infill", BeadKind::Sparse),
+            ("TYPE:FILL", BeadKind::Sparse),
+            ("TYPE:Bridge infill", BeadKind::Bridge),
+            ("TYPE:Skirt/Brim", BeadKind::Skirt),
+            ("TYPE:Support material interface", BeadKind::Support),
+            ("TYPE:Custom", BeadKind::Unknown),
+        ];
+        for (comment, kind) in kinds {
+            let mut comments = Comments::default();
+            comments.read(comment);
+            assert_eq!(comments.hint.kind, kind, "{comment}");
+        }
     }
 }

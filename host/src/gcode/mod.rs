@@ -69,6 +69,8 @@ pub struct Place {
     pub turn_deg: [f64; 3],
 }
 
+pub use comments::BeadKind;
+
 /// What holds between two places of a pass.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Leg {
@@ -84,6 +86,8 @@ pub struct Leg {
     pub volume_mm3: Option<f64>,
     /// Infill or support, as a comment tells it.
     pub is_inside: bool,
+    /// Kind of the bead, as a comment tells it.
+    pub kind: BeadKind,
 }
 
 /// A prime or retract.

@@ -131,6 +131,7 @@ pub fn passes(steps: &Steps, filament_mm: f64) -> Result<Passes, GcodeError> {
             height_mm: hint.height_mm,
             volume_mm3: steps.extrudes.then_some(step.extruded * scale),
             is_inside: hint.is_inside,
+            kind: hint.kind,
         };
         builder.step(step, leg, area_mm2, told_layer)?;
     }

@@ -2,8 +2,9 @@
 //!
 //! In: which axes of a net are free, marked axes. Out: one SVG; distances from the middle are tilts.
 
+use super::canvas::white_page;
 use svg::Document;
-use svg::node::element::{Circle, Line, Path, Rectangle, Text};
+use svg::node::element::{Circle, Line, Path, Text};
 
 const SIZE_PX: f64 = 560.0;
 const RADIUS_PX: f64 = 240.0;
@@ -65,12 +66,7 @@ pub fn draw(title: &str, free: &[bool], sectors: usize, marks: &[MarkedAxis]) ->
     let mut document = Document::new()
         .set("viewBox", format!("0 0 {SIZE_PX} {SIZE_PX}"))
         .set("width", format!("{SIZE_PX}"))
-        .add(
-            Rectangle::new()
-                .set("width", "100%")
-                .set("height", "100%")
-                .set("fill", "#ffffff"),
-        )
+        .add(white_page())
         .add(circle(RADIUS_PX).set("fill", FREE))
         .add(Path::new().set("d", held).set("fill", HELD));
     for tilt_deg in [30, 60, 90] {

@@ -43,6 +43,14 @@ pub(super) struct Canvas {
     legend_rows: usize,
 }
 
+/// The ground of a sheet, which is read on dark pages as well.
+pub(super) fn white_page() -> Rectangle {
+    Rectangle::new()
+        .set("width", "100%")
+        .set("height", "100%")
+        .set("fill", "white")
+}
+
 impl Canvas {
     /// An empty sheet that shows `area`.
     pub(super) fn new(area: Box2, title: &str) -> Canvas {
@@ -58,12 +66,7 @@ impl Canvas {
             .set("width", format!("{width:.0}"))
             .set("height", format!("{height:.0}"))
             .set("font-family", "system-ui, sans-serif")
-            .add(
-                Rectangle::new()
-                    .set("width", "100%")
-                    .set("height", "100%")
-                    .set("fill", "white"),
-            )
+            .add(white_page())
             .add(
                 Text::new(title)
                     .set("x", MARGIN_PX)

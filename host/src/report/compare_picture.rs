@@ -2,6 +2,7 @@
 //!
 //! In: labels, seconds, finished pictures. Out: one SVG. The pictures are embedded as they are.
 
+use super::canvas::white_page;
 use base64::Engine;
 use base64::engine::general_purpose::STANDARD;
 use svg::Document;
@@ -55,12 +56,7 @@ pub fn draw(title: &str, bars: &[Bar]) -> String {
     let mut document = Document::new()
         .set("viewBox", format!("0 0 {WIDTH_PX:.0} {height:.0}"))
         .set("width", format!("{WIDTH_PX:.0}"))
-        .add(
-            Rectangle::new()
-                .set("width", "100%")
-                .set("height", "100%")
-                .set("fill", "#ffffff"),
-        )
+        .add(white_page())
         .add(text(MARGIN_PX, MARGIN_PX + 8.0, 18.0, title));
     let room = WIDTH_PX - 2.0 * MARGIN_PX - LABEL_PX - 90.0;
     for (number, bar) in bars.iter().enumerate() {

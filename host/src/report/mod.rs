@@ -12,11 +12,14 @@ mod canvas;
 pub mod compare_picture;
 mod corner_figures;
 pub mod coverage_picture;
+mod figure_rows;
 pub mod figures;
 pub mod job_texts;
 mod layer_figures;
+pub mod layer_path;
 pub mod machine_links;
 pub mod page;
+pub mod page_layer;
 pub mod plan_marks;
 pub mod plan_picture;
 pub mod plots;
@@ -30,11 +33,11 @@ mod verdict_figures;
 use coverage_picture::CoveragePicture;
 use figures::Figures;
 use machine_links::MachineLinks;
+use page_layer::{LayerMotion, PageFacts, PageLayer};
 use plan_picture::PlanPicture;
 use plots::TimePlots;
 use serde::Serialize;
 use space_picture::SpacePicture;
-use track::Track;
 
 /// Everything that a report shows.
 #[derive(Clone, Debug)]
@@ -46,7 +49,7 @@ pub struct Report<'a> {
     /// Sheets of layers; the first has the plain file names.
     pub layers: Vec<LayerSheets<'a>>,
     /// Layers of which only the motion is known; the page alone shows them.
-    pub more_layers: Vec<PageLayer>,
+    pub more_layers: Vec<PageLayer<'a>>,
     /// The path in space, where the tool tilts.
     pub space: Option<SpacePicture>,
     /// Curves over time.
@@ -55,6 +58,8 @@ pub struct Report<'a> {
     pub notes: &'a [String],
     /// The machine around the path, where its tool can tilt.
     pub machine: Option<MachineLinks>,
+    /// What the page is given of the whole job.
+    pub facts: PageFacts,
     /// Rate of the servo ticks.
     pub servo_hz: f64,
     /// Highest flow that is planned.
@@ -76,6 +81,9 @@ pub struct Place {
     pub x_mm: f64,
     /// Where, input coordinates.
     pub y_mm: f64,
+    /// The lowest layer that has it, from 0; `None` where it is not known.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub layer: Option<u32>,
 }
 
 /// Pictures of one layer.
@@ -90,16 +98,7 @@ pub struct LayerSheets<'a> {
     /// Gaps and overlaps.
     pub coverage: Option<CoveragePicture<'a>>,
     /// Its motion, for the page.
-    pub track: Option<Track>,
-}
-
-/// A layer without pictures of its own.
-#[derive(Clone, Debug)]
-pub struct PageLayer {
-    /// Which layer that is.
-    pub label: String,
-    /// Its motion.
-    pub track: Track,
+    pub motion: Option<LayerMotion>,
 }
 
 /// A file of the report.

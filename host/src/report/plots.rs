@@ -1,6 +1,6 @@
 //! Curves over time in stacked panels: thinned to what a pixel can show, nothing lost in between.
 
-use super::canvas::{FAINT, INK, round_length_mm};
+use super::canvas::{FAINT, INK, round_length_mm, white_page};
 use crate::job::MotionState;
 use std::fmt::Write;
 use svg::Document;
@@ -60,12 +60,7 @@ pub fn draw(plots: &TimePlots) -> String {
         .set("font-family", "system-ui, sans-serif")
         .set("font-size", 13)
         .set("fill", INK)
-        .add(
-            Rectangle::new()
-                .set("width", "100%")
-                .set("height", "100%")
-                .set("fill", "white"),
-        )
+        .add(white_page())
         .add(label(&plots.title, LEFT_PX, 28.0, "start").set("font-size", 20))
         .add(band_legend());
     for (number, panel) in plots.panels.iter().enumerate() {

@@ -82,11 +82,72 @@ pub fn moments_within(
     stream: &SegmentStream,
     servo_hz: f64,
     every_ticks: f64,
-    [from, end]: [u64; 2],
+    ticks: [u64; 2],
 ) -> impl Iterator<Item = (StreamSample, Rc<Span>, f64)> + '_ {
-    let mut next = 0u64;
-    let mut mark = 0usize;
     let spans = Spans::new(&stream.start, &stream.knots);
+    moments_of(spans, &stream.marks, servo_hz, every_ticks, ticks)
+}
+
+/// Where the spans of a stream begin, so that a layer far behind is found without going through all before it.
+#[derive(Clone, Debug)]
+pub struct StreamIndex<'a> {
+    stream: &'a SegmentStream,
+    /// First tick, and the spans from there on.
+    places: Vec<(u64, Spans<'a>)>,
+}
+
+/// Spans between two places of an index.
+const SPANS_A_PLACE: usize = 512;
+
+impl<'a> StreamIndex<'a> {
+    /// Of a stream.
+    pub fn of(stream: &'a SegmentStream) -> StreamIndex<'a> {
+        let mut places = Vec::new();
+        let (mut spans, mut tick) = (Spans::new(&stream.start, &stream.knots), 0);
+        for number in 0usize.. {
+            if number.is_multiple_of(SPANS_A_PLACE) {
+                places.push((tick, spans.clone()));
+            }
+            let Some(span) = spans.next() else {
+                break;
+            };
+            tick = span.start_tick + u64::from(span.duration_ticks);
+        }
+        StreamIndex { stream, places }
+    }
+
+    /// The spans that end at a tick or later.
+    pub fn spans_from(&self, tick: u64) -> impl Iterator<Item = Span> + use<'a> {
+        let place = self.places.partition_point(|(first, _)| *first < tick);
+        let place = self.places.get(place.saturating_sub(1));
+        let spans = place.map_or(Spans::new(&self.stream.start, &[]), |(_, spans)| {
+            spans.clone()
+        });
+        spans.skip_while(move |span| span.start_tick + u64::from(span.duration_ticks) < tick)
+    }
+
+    /// As [`moments_within`].
+    pub fn moments_within(
+        &self,
+        servo_hz: f64,
+        every_ticks: f64,
+        ticks: [u64; 2],
+    ) -> impl Iterator<Item = (StreamSample, Rc<Span>, f64)> + use<'a> {
+        let spans = self.spans_from(ticks[0]);
+        moments_of(spans, &self.stream.marks, servo_hz, every_ticks, ticks)
+    }
+}
+
+fn moments_of<'a>(
+    spans: impl Iterator<Item = Span> + 'a,
+    marks: &'a [Mark],
+    servo_hz: f64,
+    every_ticks: f64,
+    [from, end]: [u64; 2],
+) -> impl Iterator<Item = (StreamSample, Rc<Span>, f64)> + 'a {
+    let mut next = 0u64;
+    let mut mark = marks.partition_point(|mark| mark.end_tick <= from);
+    mark = mark.min(marks.len().saturating_sub(1));
     let spans =
         spans.skip_while(move |span| span.start_tick + u64::from(span.duration_ticks) < from);
     let spans = spans.take_while(move |span| span.start_tick <= end);
@@ -103,14 +164,14 @@ pub fn moments_within(
             }
             next += 1;
             let t = tick - span.start_tick as f64;
-            while mark + 1 < stream.marks.len() && stream.marks[mark].end_tick as f64 <= tick {
+            while mark + 1 < marks.len() && marks[mark].end_tick as f64 <= tick {
                 mark += 1;
             }
             let sample = StreamSample {
                 time_s: tick / servo_hz,
                 position: span.position(t),
                 velocity: span.velocity(t, servo_hz),
-                mark: stream.marks.get(mark).copied().unwrap_or(NO_MARK),
+                mark: marks.get(mark).copied().unwrap_or(NO_MARK),
             };
             found.push((sample, span.clone(), t));
         }

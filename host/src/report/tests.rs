@@ -248,6 +248,7 @@ fn empty(figures: &Figures) -> Report<'_> {
         servo_hz: 2000.0,
         flow_limit_mm3_s: 50.0,
         limits: &[],
+        facts: page_layer::PageFacts::default(),
         slow_places: &[],
         left_out: &[],
     }
@@ -328,7 +329,7 @@ fn motion_and_page_hold_what_they_should() {
                 label,
                 plan: empty_plan(),
                 coverage: None,
-                track: Some(track::Track::default()),
+                motion: Some(LayerMotion::default()),
             })
             .to_vec(),
         ..empty(&figures)
@@ -353,7 +354,7 @@ fn motion_and_page_hold_what_they_should() {
     assert!(files[2].text.contains("two &lt; three") && files[2].text.contains("motion.svg"));
 }
 
-/// Goal: the page's samples are the stream's. Method: the columns read back from the page's block, as
+/// Goal: the page's samples and its path are the stream's. Method: the columns read back from the page's block, as
 /// its script does, against the pose table's samples; a name that would end the block stays inside.
 #[test]
 fn the_page_holds_the_motion() {
@@ -362,23 +363,33 @@ fn the_page_holds_the_motion() {
     let transform = PartTransform {
         offset_mm: [100.0, 0.0, 0.0],
     };
+    let index = pose_table::StreamIndex::of(&stream);
     let of = track::TrackOf {
         stream: &stream,
         settings: &settings,
-        transform: &transform,
+        index: &index,
         ticks: [0, 1036],
         samples_max: 300,
     };
-    let track = track::track(of, |_, _| Some(2));
-    // 1036 ticks in steps of 4, both ends included.
-    assert_eq!((track.every_s, track.state.len()), (0.002, 260));
-    assert!(
-        track
-            .limit
-            .iter()
-            .zip(&track.state)
-            .all(|(&l, &s)| (l == 2) == (s == 0))
-    );
+    let of_path = layer_path::PathOf {
+        stream: &stream,
+        index: &index,
+        transform: &transform,
+        reach_mm: 0.6,
+        ticks: [0, 1036],
+        points_max: 1000,
+    };
+    let motion = LayerMotion {
+        track: track::track(of, |_, _| Some(2)),
+        path: layer_path::layer_path(of_path, |mark, _| {
+            (layer_path::What::of(mark.state, layer_path::What::Wall), 7)
+        }),
+    };
+    // 1036 ticks in steps of 4, both ends included; the second half prints.
+    let track = &motion.track;
+    assert_eq!((track.every_s, track.limit.len()), (0.002, 260));
+    let printed = track.limit.iter().map(|&limit| limit == 2);
+    assert!(printed.eq((0..260).map(|k| 4 * k >= 500)));
     let figures = Figures::default();
     let limits = ["x speed", "</script><b>", "tip speed"].map(String::from);
     let files = write_report(&Report {
@@ -387,7 +398,7 @@ fn the_page_holds_the_motion() {
             label: "",
             plan: empty_plan(),
             coverage: None,
-            track: Some(track),
+            motion: Some(motion),
         }],
         limits: &limits,
         ..empty(&figures)
@@ -398,27 +409,52 @@ fn the_page_holds_the_motion() {
     let (block, _) = block.split_once("</script>").expect("its end");
     let block: serde_json::Value = serde_json::from_str(block).expect("JSON");
     assert_eq!(block["limits"][1], "</script><b>");
-    let column = |name: &str| -> Vec<f64> {
-        let column = &block["layers"][0][name];
+    let bytes = |column: &serde_json::Value| {
         let text = column["b64"].as_str().expect("text");
-        let bytes = base64::engine::general_purpose::STANDARD
-            .decode(text)
-            .expect("base64");
-        let (min, max) = (
-            column["min"].as_f64().expect("min"),
-            column["max"].as_f64().expect("max"),
-        );
+        let decoded = base64::engine::general_purpose::STANDARD.decode(text);
+        decoded.expect("base64")
+    };
+    let column = |column: &serde_json::Value| -> Vec<f64> {
+        let end = |name: &str| column[name].as_f64().expect("a number");
+        let (min, max) = (end("min"), end("max"));
         let number = |pair: &[u8]| f64::from(u16::from_le_bytes([pair[0], pair[1]]));
-        bytes
-            .chunks(2)
+        let pairs = bytes(column);
+        let pairs = pairs.chunks(2);
+        pairs
             .map(|pair| min + (max - min) * number(pair) / 65535.0)
             .collect()
     };
-    let samples: Vec<_> = pose_table::samples(&stream, 2000.0, 4.0).collect();
-    for (x, sample) in column("x").iter().zip(&samples) {
-        assert!((x - (sample.position[0] - 100.0)).abs() < 1e-4, "{x}");
-    }
-    for (speed, sample) in column("speed").iter().zip(&samples) {
+    let steps = |column: &serde_json::Value| -> Vec<f64> {
+        let unit = column["unit"].as_f64().expect("a number");
+        let (mut sum, mut value, mut shift) = (0i64, 0u64, 0);
+        let mut found = Vec::new();
+        for byte in bytes(column) {
+            value |= u64::from(byte & 0x7f) << shift;
+            shift += 7;
+            if byte < 0x80 {
+                sum += (value >> 1) as i64 ^ -((value & 1) as i64);
+                found.push(unit * sum as f64);
+                (value, shift) = (0, 0);
+            }
+        }
+        found
+    };
+    let layer = &block["layers"][0];
+    let samples: Vec<_> = pose_table::samples(&stream, 2000.0, 1.0).collect();
+    for (speed, sample) in column(&layer["speed"])
+        .iter()
+        .zip(samples.iter().step_by(4))
+    {
         assert!((speed - sample.speed_mm_s()).abs() < 1e-3, "{speed}");
     }
+    let path = &layer["path"];
+    assert_eq!(path["runs"][0], 7, "travel");
+    let (ticks, x) = (steps(&path["ticks"]), steps(&path["x"]));
+    assert!(ticks.len() > 4 && ticks.len() == x.len(), "{ticks:?}");
+    // Half of the unit that places are rounded to.
+    for (tick, x) in ticks.iter().zip(&x) {
+        let place = samples[*tick as usize].position[0] - 100.0;
+        assert!((x - place).abs() < 0.501e-3, "{x} {place}");
+    }
+    assert!(steps(&path["line"]).iter().all(|line| *line == 7.0));
 }

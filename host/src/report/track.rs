@@ -1,20 +1,18 @@
 //! The motion of one layer as columns of samples: what the page plays, colours and plots.
 //!
 //! In: a [`SegmentStream`] in machine coordinates, which of its servo ticks, settings. Out: a
-//! [`Track`] in the input's coordinates at even steps of time, at most so many samples; mm, degrees,
-//! mm/s, mm³/s, joint speeds in per cent of their limits. Leaves out what lies between two samples,
-//! which the page says.
+//! [`Track`] at even steps of time, at most so many samples; mm/s, mm³/s, joint speeds in per cent of their
+//! limits. Leaves out what lies between two samples, which the page says, and places and headings, which are
+//! [`super::layer_path`]'s.
 
-use super::pose_table::{StreamSample, moments_within};
+use super::pose_table::{StreamIndex, StreamSample};
 use crate::job::{MotionState, SegmentStream};
-use crate::part_transform::PartTransform;
 use crate::settings::{Settings, joint_names};
 use headway_firmware::configuration::{JOINTS_MAX, Kinematics, MachineConfiguration};
 use headway_firmware::kinematics;
 use headway_firmware::kinematics::winding::Winding;
 use headway_firmware::pose::Pose;
 use headway_firmware::spline::Span;
-use headway_protocol::units::{CHANNEL_HEADING, CHANNEL_X, CHANNEL_Y, CHANNEL_Z};
 
 /// No limit binds.
 pub const NO_LIMIT: u8 = u8::MAX;
@@ -26,12 +24,6 @@ pub struct Track {
     pub start_s: f64,
     /// Time between two samples, s.
     pub every_s: f64,
-    /// Tip, mm: x, y, z.
-    pub tip_mm: [Vec<f32>; 3],
-    /// Tool axis; empty where it stands upright throughout.
-    pub tool_axis: [Vec<f32>; 3],
-    /// Heading, unwrapped, degrees.
-    pub heading_deg: Vec<f32>,
     /// Speed of the tip, mm/s.
     pub speed_mm_s: Vec<f32>,
     /// Flow of the deposited volume, mm³/s.
@@ -42,23 +34,12 @@ pub struct Track {
     pub joints_at: Vec<Vec<f32>>,
     /// How many samples lie between two of those positions.
     pub joints_every: usize,
-    /// What the head does, as its place in [`STATES`].
-    pub state: Vec<u8>,
     /// Number of the limit that binds, or [`NO_LIMIT`].
     pub limit: Vec<u8>,
 }
 
 /// Most positions of a joint as a share of the samples: drawn links need fewer than plotted speeds.
 const POSITIONS_SHARE: u64 = 4;
-
-/// The states by their number.
-pub const STATES: [MotionState; 5] = [
-    MotionState::Print,
-    MotionState::Travel,
-    MotionState::Prime,
-    MotionState::Retract,
-    MotionState::Hold,
-];
 
 /// What of a stream is sampled.
 #[derive(Clone, Copy, Debug)]
@@ -67,8 +48,8 @@ pub struct TrackOf<'a> {
     pub stream: &'a SegmentStream,
     /// Its settings.
     pub settings: &'a Settings,
-    /// From machine to input coordinates.
-    pub transform: &'a PartTransform,
+    /// Where its spans begin.
+    pub index: &'a StreamIndex<'a>,
     /// First and last servo tick.
     pub ticks: [u64; 2],
     /// Most samples (at least two).
@@ -96,9 +77,13 @@ pub fn track(of: TrackOf, limit_at: impl Fn(&Span, f64) -> Option<usize>) -> Tra
     track.joints_every = samples.div_ceil(positions_max).max(1) as usize;
     track.joints_at = vec![Vec::new(); if links { machine.joints.len() } else { 0 }];
     let mut joints = JointSpeeds::default();
-    for (sample, span, t) in moments_within(of.stream, servo_hz, every_ticks as f64, of.ticks) {
-        let due = track.state.len().is_multiple_of(track.joints_every);
-        track.push(&sample, of.transform);
+    for (sample, span, t) in of
+        .index
+        .moments_within(servo_hz, every_ticks as f64, of.ticks)
+    {
+        let due = track.limit.len().is_multiple_of(track.joints_every);
+        track.speed_mm_s.push(sample.speed_mm_s() as f32);
+        track.flow_mm3_s.push(sample.flow_mm3_s() as f32);
         let speeds = joints.at(&sample, machine);
         for (column, at) in track.joints_at.iter_mut().zip(joints.last).filter(|_| due) {
             column.push(at as f32);
@@ -111,28 +96,7 @@ pub fn track(of: TrackOf, limit_at: impl Fn(&Span, f64) -> Option<usize>) -> Tra
         let number = limit.and_then(|limit| u8::try_from(limit).ok());
         track.limit.push(number.unwrap_or(NO_LIMIT));
     }
-    if track.tool_axis[2].iter().all(|&nz| nz == 1.0) {
-        track.tool_axis = Default::default();
-    }
     track
-}
-
-impl Track {
-    fn push(&mut self, sample: &StreamSample, transform: &PartTransform) {
-        let p = &sample.position;
-        let tip = transform.to_input([p[CHANNEL_X], p[CHANNEL_Y], p[CHANNEL_Z]]);
-        let axis = Pose::from_channels(p).tool_axis();
-        for k in 0..3 {
-            self.tip_mm[k].push(tip[k] as f32);
-            self.tool_axis[k].push(axis[k] as f32);
-        }
-        self.heading_deg
-            .push(p[CHANNEL_HEADING].to_degrees() as f32);
-        self.speed_mm_s.push(sample.speed_mm_s() as f32);
-        self.flow_mm3_s.push(sample.flow_mm3_s() as f32);
-        let state = STATES.iter().position(|&state| state == sample.mark.state);
-        self.state.push(state.unwrap_or(STATES.len() - 1) as u8);
-    }
 }
 
 /// Joint speeds from one sample to the next.

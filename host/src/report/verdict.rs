@@ -10,6 +10,8 @@ use crate::report::figures::{Figures, VerdictFigures};
 const NONE: &str = "none";
 /// Reasons that a terminal shows; the last of them stands for the rest.
 const REASONS_SHOWN: usize = 3;
+/// Ground that lines cover less of has none.
+const HOLLOW_PCT: f64 = 2.0;
 
 /// The verdict; `more` are reasons that no figure holds, `is_cold` where neither machine file nor input say anything
 /// of heat.
@@ -65,7 +67,10 @@ pub fn tiles(figures: &Figures) -> Vec<(&'static str, String)> {
             "Material",
             figures.volume_mm3.map(|v| format!("{v:.1} mm³")),
         ),
-        ("Covered", figures.covered_pct.map(|v| format!("{v:.1} %"))),
+        match figures.solid_covered_pct {
+            Some(v) => ("Solid ground covered", Some(format!("{v:.1} %"))),
+            None => ("Covered", figures.covered_pct.map(|v| format!("{v:.1} %"))),
+        },
         (
             "Printed path",
             figures.print_mm.map(|v| format!("{v:.0} mm")),
@@ -162,13 +167,19 @@ fn open(figures: &Figures) -> Option<String> {
         Some(_) => "; nothing is left open".to_string(),
         None => String::new(),
     };
-    let sparse = figures.infill_mm2.zip(figures.infill_covered_pct);
-    Some(match sparse.filter(|(mm2, _)| *mm2 > 0.0) {
-        Some((_, density_pct)) => format!(
-            "Covers {covered:.1} % of the outline, {density_pct:.0} % of what is inside the walls{open}."
-        ),
-        None => format!("Covers {covered:.1} % of the outline{open}."),
-    })
+    let Some((mm2, solid_pct)) = figures.sparse_mm2.zip(figures.solid_covered_pct) else {
+        return Some(format!("Covers {covered:.1} % of the outline{open}."));
+    };
+    let open = open.replace("nothing", "nothing else");
+    // Of ground that is left hollow the beads around it cover a little.
+    let lines = match figures.sparse_covered_pct {
+        Some(pct) if pct >= HOLLOW_PCT => format!("a sparse infill, which covers {pct:.0} % of it"),
+        _ => "hollow on purpose".to_string(),
+    };
+    let summed = figures.layers.map_or("", |_| ", summed over the layers,");
+    Some(format!(
+        "Covers {solid_pct:.1} % of what is to be solid{open}. {mm2:.0} mm² inside{summed} are {lines}."
+    ))
 }
 
 /// What is not printed as drawn.
@@ -232,6 +243,22 @@ mod tests {
                 "The simulated steps stay within 9.2 µm of the plan.",
                 "50 % of the printing time is spent at the limit of joint c.",
                 "Covers 99.5 % of the outline; nothing is left open. Left out: 2.0 mm of the boundary are out of the nozzle's reach, 3.0 mm² hang over nothing.",
+            ]
+        );
+        let sparse = Figures {
+            sparse_mm2: Some(250.4),
+            sparse_covered_pct: Some(29.4),
+            solid_covered_pct: Some(99.44),
+            covered_pct: Some(65.9),
+            open_largest_mm2: Some(0.0),
+            layers: Some(3),
+            ..Figures::default()
+        };
+        assert_eq!(
+            verdict(&sparse, &[], true).lines,
+            [
+                "Covers 99.4 % of what is to be solid; nothing else is left open. 250 mm² inside, summed over \
+                 the layers, are a sparse infill, which covers 29 % of it."
             ]
         );
         figures.objections = Some((0..7).map(|n| format!("RANGE: {n}")).collect());

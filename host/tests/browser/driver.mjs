@@ -15,11 +15,14 @@ export function check(holds, what) {
   console.log(`ok ${what}`);
 }
 
-/// Gives `steps` the page of `url`, its complaints and its requests so far.
-export async function onPage(url, steps) {
+// WebGL by the processor, where there is no other; canvases stay drawn as without it.
+const WEBGL = ["--use-gl=angle", "--use-angle=swiftshader", "--enable-unsafe-swiftshader", "--ignore-gpu-blocklist", "--disable-accelerated-2d-canvas"];
+
+/// Gives `steps` the page of `url`, its complaints and its requests so far; with or without WebGL.
+export async function onPage(url, steps, { webgl = false } = {}) {
   const browser = await chromium.launch({
     executablePath: process.env.CHROMIUM || "/usr/bin/chromium",
-    args: ["--no-sandbox", "--disable-gpu", "--disable-quic", "--no-first-run",
+    args: ["--no-sandbox", ...(webgl ? WEBGL : ["--disable-gpu", "--disable-3d-apis"]), "--disable-quic", "--no-first-run",
       "--disable-background-networking", "--disable-component-update", "--disable-sync"],
   });
   try {
@@ -34,6 +37,12 @@ export async function onPage(url, steps) {
     await browser.close();
   }
 }
+
+/// When two frames are through: what was drawn is on the screen then. Milliseconds since the page was opened.
+export const drawn = (page) => page.evaluate(() => new Promise((done) => requestAnimationFrame(() => requestAnimationFrame(() => done(performance.now())))));
+
+/// Sets a slider.
+export const slide = (page, id, to) => page.evaluate(([id, to]) => { const it = document.getElementById(id); it.value = to; it.dispatchEvent(new Event("input")); }, [id, to]);
 
 /// No serious accessibility fault, by axe-core.
 export async function checkAccessibility(page) {

@@ -2,7 +2,7 @@
 // by Playwright; every step changes what the page shows and that is asserted. Usage:
 //   node report.mjs PAGE [SCREENSHOT]      with playwright-core and axe-core installed beside it
 // Prints a line a check; exits 1 at the first that fails.
-import { check, checkAccessibility, checkPhone, onPage } from "./driver.mjs";
+import { check, checkAccessibility, checkPhone, drawn, onPage, slide } from "./driver.mjs";
 import { pathToFileURL } from "node:url";
 import path from "node:path";
 
@@ -29,8 +29,8 @@ await onPage(url, async (page, complaints, requests) => {
     return count;
   });
 
-  // Two frames later what was drawn is on the screen. A page of 5 MB takes about a second; this many on a busy machine.
-  const drawnMs = await page.evaluate(() => new Promise((drawn) => requestAnimationFrame(() => requestAnimationFrame(() => drawn(performance.now())))));
+  // A page of 5 MB takes about a second; this many on a busy machine.
+  const drawnMs = await drawn(page);
   check(drawnMs < 30000, `drawn ${Math.round(drawnMs)} ms after it was opened`);
   check(await page.isVisible("#stage"), "the drawing is there");
   check(await inked() > 2000, "the path is drawn");
@@ -39,9 +39,9 @@ await onPage(url, async (page, complaints, requests) => {
 
   await page.click("#ahead");
   const stepped = await clock();
-  check(stepped !== "0.00 of 0.00 s", "a step moves the clock");
+  check(await page.inputValue("#time") === "1" && stepped.includes(` of ${data.duration_s.toFixed(2)} s`), `a step moves the clock: ${stepped}`);
   const nozzle = await picture("over");
-  await page.evaluate(() => { const time = document.getElementById("time"); time.value = Math.floor(time.max / 2); time.dispatchEvent(new Event("input")); });
+  await slide(page, "time", await page.evaluate(() => Math.floor(document.getElementById("time").max / 2)));
   check(await clock() !== stepped, "the slider moves the clock");
   check(await picture("over") !== nozzle, "the nozzle moves with it");
 
@@ -64,8 +64,10 @@ await onPage(url, async (page, complaints, requests) => {
     check(await picture() !== was && await page.textContent("#legend") !== words, `colour by ${key} changes picture and legend`);
   }
   await page.selectOption("#colour", "speed");
-  for (const box of ["beads", "outline"]) {
-    if (box === "outline" && !data.outline.length) continue;
+  if (data.layers[0].path.axis) check(await page.isVisible("#nowebgl"), "without WebGL space is drawn as lines, and the page says so");
+  for (const box of ["beads", "outline", "bed"]) {
+    if (box === "outline" && !data.outlines.length) continue;
+    if (box === "bed" && !data.bed_mm) continue;
     if (await page.isDisabled(`[data-show=${box}]`)) continue;
     const was = await picture();
     await page.click(`[data-show=${box}]`);
@@ -99,7 +101,7 @@ await onPage(url, async (page, complaints, requests) => {
   check(await shows.count() === data.slow_places.length, "every slow place has its button");
   if (data.slow_places.length) {
     // From the beginning: the click above may have gone to the very place.
-    await page.evaluate(() => { const time = document.getElementById("time"); time.value = 0; time.dispatchEvent(new Event("input")); });
+    await slide(page, "time", 0);
     const here = await now();
     await shows.first().click();
     check(await now() !== here && await picture() !== fitted, "a slow place is shown");
@@ -108,43 +110,45 @@ await onPage(url, async (page, complaints, requests) => {
     check(away < 0.5, `the nozzle stands there, ${away.toFixed(3)} mm away`);
     await page.click("#fit");
   }
-  if (data.layers.length > 1) {
+  if (data.stack.length > 1) {
     const was = await clock();
-    const layer = (to) => page.evaluate((to) => { const it = document.getElementById("layer"); it.value = to; it.dispatchEvent(new Event("input")); }, to);
-    await layer(data.layers.length - 1);
+    await slide(page, "layer", data.stack.length - 1);
     check(await clock() !== was, "another layer has another time");
-    check(await page.textContent("#which") === data.layers.at(-1).label, "the slider says which layer");
+    const top = await page.textContent("#which");
+    check(top.startsWith(`layer ${data.stack.length} of ${data.stack.length}`), `the slider says which layer: ${top}`);
     await page.focus("#over");
     await page.keyboard.press("PageDown");
-    check(await page.textContent("#which") === data.layers.at(-2).label, "a key changes the layer");
-    await layer(0);
+    check((await page.textContent("#which")).startsWith(`layer ${data.stack.length - 1} of`), "a key changes the layer");
+    await slide(page, "layer", 0);
   }
-  if (data.layers[0].nx) {
+  if (data.layers[0].path.axis) {
     const was = await picture();
     await page.evaluate(() => window.scrollTo(0, 0));
     await page.mouse.move(box.x + 300, box.y + 200);
     await page.mouse.down();
     await page.mouse.move(box.x + 380, box.y + 240, { steps: 4 });
     await page.mouse.up();
+    await drawn(page);
     check(await picture() !== was, "six axes turn around");
   }
   if (data.machine) {
-    // The page's own links end where the pose has its tip. Half a step of 16 bits a joint, at most a metre of lever each.
+    // The page's own links end where the pose has its tip. Half a step of 16 bits a joint, at most a metre
+    // of lever each, and what the path may be off along itself at a moment (ALONG_MM).
     const off = await page.evaluate(() => {
       const data = JSON.parse(document.getElementById("data").textContent), layer = data.layers[0];
       const column = ({ min, max, b64 }) => {
         const raw = atob(b64), count = raw.length / 2;
         return Array.from({ length: count }, (_, i) => min + (max - min) * (raw.charCodeAt(2 * i) + 256 * raw.charCodeAt(2 * i + 1)) / 65535);
       };
-      const tip = [layer.x, layer.y, layer.z].map(column), joints = layer.joints_at.map(column);
+      const joints = layer.joints_at.map(column), opened = Job.layer(0);
       const slides = joints.map((_, k) => data.machine.links.some(({ joint }) => joint && joint.number === k && joint.slides));
-      const coarse = layer.joints_at.reduce((sum, { min, max }, k) => sum + (max - min) / 65535 * (slides[k] ? 0.5 : 500), 0.005);
+      const coarse = layer.joints_at.reduce((sum, { min, max }, k) => sum + (max - min) / 65535 * (slides[k] ? 0.5 : 500), 0.005 + 0.05);
       let most = 0;
       joints[0].forEach((_, key) => {
         const frames = Links.frames(data.machine.links, Links.joints(joints, layer.joints_every, key * layer.joints_every));
         const tool = Links.times(Links.inverse(frames[data.machine.part]), frames[data.machine.tool]);
-        const i = Math.min(key * layer.joints_every, tip[0].length - 1);
-        most = Math.max(most, Math.hypot(...tip.map((at, k) => at[i] - tool[k][3])));
+        const { x, y, z } = Job.poseAt(opened, opened.start + Math.min(key * layer.joints_every, opened.count - 1) * opened.every);
+        most = Math.max(most, Math.hypot(...[x, y, z].map((at, k) => at - tool[k][3])));
       });
       return { most, coarse, keys: joints[0].length };
     });

@@ -4,7 +4,7 @@
 //! Out: [`MachineLinks`], a tree of links. Each link has a frame in its parent's, a joint that slides or turns it
 //! there, and convex solids. Their lengths that matter are the kinematics' own, and a test holds
 //! the tool's place against `headway_firmware::kinematics`; all else (posts, beams, thickness) is only there
-//! to be recognised. Leaves out drawing, which is `page/machine.js`'s, and what would touch what.
+//! to be recognised. Leaves out drawing, which is `page/script/links.js`'s, and what would touch what.
 
 mod machines;
 mod solids;

@@ -1,12 +1,14 @@
 //! The report's page: one file with everything in it, which draws, plays and plots the job.
 //!
 //! ```text
-//! Report --verdict (words), data (JSON), figures (tables)--> page.html with page.css and page.js
+//! Report --verdict (words), data (JSON), figures (tables)--> page.html with page.css and script/*.js
 //! ```
 //! It opens from disk and asks nothing of anybody: its own policy forbids requests. Without scripts
 //! the figures stay, and the pictures beside it.
 
+mod columns;
 mod data;
+mod ground;
 
 use super::{Report, figures::Figures, verdict};
 
@@ -14,12 +16,23 @@ use super::{Report, figures::Figures, verdict};
 pub const PAGE_GENERATOR: &str = r#"<meta name="generator" content="Headway">"#;
 const TEMPLATE: &str = include_str!("page.html");
 const STYLE: &str = include_str!("page.css");
-const SCRIPT: &str = include_str!("page.js");
-/// What the page's script needs to draw the machine's links.
-const MACHINE_SCRIPT: &str = include_str!("machine.js");
+/// The page's script, each part after those that it uses. PicoGL (MIT) draws in space by WebGL2.
+const SCRIPTS: [&str; 11] = [
+    include_str!("script/picogl.min.js"),
+    include_str!("script/links.js"),
+    include_str!("script/job.js"),
+    include_str!("script/sweep.js"),
+    include_str!("script/colours.js"),
+    include_str!("script/view.js"),
+    include_str!("script/flat.js"),
+    include_str!("script/stack.js"),
+    include_str!("script/panel.js"),
+    include_str!("script/plots.js"),
+    include_str!("script/page.js"),
+];
 /// The bar of a page that is served while it prints, and what fills it.
 const LIVE_BAR: &str = include_str!("live.html");
-const LIVE_SCRIPT: &str = include_str!("live.js");
+const LIVE_SCRIPT: &str = include_str!("script/live.js");
 /// Groups that a user reads first; the others are folded away.
 const FIRST_GROUPS: [&str; 3] = ["Coverage", "Layers", "Motion"];
 
@@ -49,8 +62,7 @@ fn page(report: &Report, files: &str, [policy, live, live_js]: [&str; 3]) -> Str
         ("live", live.to_string()),
         ("livejs", live_js.to_string()),
         ("data", data::json(report)),
-        ("machinejs", MACHINE_SCRIPT.to_string()),
-        ("js", SCRIPT.to_string()),
+        ("js", SCRIPTS.concat()),
     ];
     filled(TEMPLATE, &fields)
 }

@@ -67,6 +67,7 @@ fn written(input: &str, options: &[&str], report: &Path) -> PathBuf {
     let view = Command::new(env!("CARGO_BIN_EXE_headway"))
         .current_dir(root())
         .args(["view", "--no-open", "--quiet"])
+        // A path of its own stays as it is.
         .arg(Path::new("examples").join(input))
         .arg("--report")
         .arg(report)
@@ -117,6 +118,133 @@ fn the_page_works_in_a_browser() {
         println!("{said}");
         assert!(said.lines().count() > 15, "{input}: {said}");
     }
+}
+
+/// The page of an input that the test makes.
+fn written_of(folder: &Path, name: &str, contents: &[u8], options: &[&str]) -> PathBuf {
+    let input = folder.join(name);
+    std::fs::write(&input, contents).expect("an input");
+    written(
+        input.to_str().expect("text"),
+        options,
+        &folder.join("report"),
+    )
+}
+
+/// Goal: beads are the ground that the aperture sweeps, without cracks, and what is red is open. Method: `sweep.mjs`.
+#[test]
+fn beads_are_drawn_as_the_aperture_sweeps_them() {
+    if skipped() {
+        return;
+    }
+    let folder = tempfile::tempdir().expect("a folder");
+    let page = written("u-part.json", &[], &folder.path().join("u-part"));
+    let figures = page.with_file_name("report.json");
+    let said = driven_with("sweep.mjs", &[page.as_ref(), figures.as_ref()]);
+    assert_eq!(said.lines().count(), 7, "{said}");
+}
+
+/// A flower that turns and narrows towards its top as binary STL, mm.
+fn flower_stl(height: f64, rings: usize) -> Vec<u8> {
+    const CORNERS: usize = 40;
+    let point = |ring: usize, corner: usize| {
+        let (up, a) = (
+            ring as f64 / rings as f64,
+            corner as f64 / CORNERS as f64 * std::f64::consts::TAU,
+        );
+        let r = 8.0 * (1.0 - 0.2 * up) * (1.0 + 0.1 * (5.0 * (a - 0.3 * up)).cos());
+        [r * a.cos(), r * a.sin(), height * up]
+    };
+    let mut triangles: Vec<[[f64; 3]; 3]> = Vec::new();
+    for corner in 0..CORNERS {
+        let next = (corner + 1) % CORNERS;
+        for ring in 0..rings {
+            let [a, b] = [point(ring, corner), point(ring, next)];
+            let [c, d] = [point(ring + 1, next), point(ring + 1, corner)];
+            triangles.extend([[a, b, c], [a, c, d]]);
+        }
+        triangles.push([[0.0; 3], point(0, next), point(0, corner)]);
+        triangles.push([[0.0, 0.0, height], point(rings, corner), point(rings, next)]);
+    }
+    let mut bytes = vec![0; 80];
+    bytes.extend((triangles.len() as u32).to_le_bytes());
+    for triangle in triangles {
+        let numbers = [[0.0; 3]].into_iter().chain(triangle).flatten();
+        bytes.extend(numbers.flat_map(|number| (number as f32).to_le_bytes()));
+        bytes.extend([0, 0]);
+    }
+    bytes
+}
+
+/// Goal: every layer of a part has its outline, its open ground, its clock, kinds of bead with time and share; places
+/// are shown on their layer, headings within a turn, sparse ground is told from solid. Method: `layers.mjs`.
+#[test]
+fn the_page_tells_the_layers_of_a_part_apart() {
+    if skipped() {
+        return;
+    }
+    let folder = tempfile::tempdir().expect("a folder");
+    let options = ["--walls=1", "--infill-density=25", "--bottom=1", "--top=1"];
+    let page = written_of(folder.path(), "flower.stl", &flower_stl(1.2, 6), &options);
+    let figures = page.with_file_name("report.json");
+    let said = driven_with("layers.mjs", &[page.as_ref(), figures.as_ref()]);
+    assert!(said.lines().count() >= 16, "{said}");
+}
+
+/// A slicer's file of so many layers that all differ.
+fn flower_gcode(layers: usize) -> String {
+    use std::fmt::Write;
+    const CORNERS: usize = 24;
+    let mut text = String::from("M83\nG21\nG90\nM104 S210\nM140 S60\n");
+    for layer in 0..layers {
+        let up = layer as f64 / layers as f64;
+        if layer == 1 {
+            text += "M104 S195\n";
+        }
+        let kinds: &[(&str, f64)] = match layer {
+            0 => &[("Skirt/Brim", 1.6), ("External perimeter", 1.0)],
+            _ => &[("External perimeter", 1.0)],
+        };
+        let z = 0.2 * (layer + 1) as f64;
+        writeln!(text, ";LAYER_CHANGE\nG1 Z{z:.2} F6000").expect("to memory");
+        for (kind, scale) in kinds {
+            let corner = |k: usize| {
+                let a = k as f64 / CORNERS as f64 * std::f64::consts::TAU;
+                let r = scale * 4.0 * (1.0 - 0.3 * up) * (1.0 + 0.1 * (4.0 * (a - 1.5 * up)).cos());
+                [100.0 + r * a.cos(), 100.0 + r * a.sin()]
+            };
+            let [x, y] = corner(0);
+            writeln!(text, ";TYPE:{kind}\nG1 X{x:.4} Y{y:.4} F9000").expect("to memory");
+            for k in 1..=CORNERS {
+                let ([x, y], [from_x, from_y]) = (corner(k), corner(k - 1));
+                // A bead of 0.8 x 0.2 mm from a filament of 1.75 mm.
+                let e = (x - from_x).hypot(y - from_y) * 0.16 / 2.405;
+                writeln!(text, "G1 X{x:.4} Y{y:.4} E{e:.5} F1800").expect("to memory");
+            }
+        }
+    }
+    text
+}
+
+/// Goal: 200 layers that all differ are drawn soon, as a stack that costs little, and the cursor tells the file's line.
+/// Method: `stack.mjs`.
+#[test]
+fn two_hundred_different_layers_are_one_stack() {
+    if skipped() {
+        return;
+    }
+    let folder = tempfile::tempdir().expect("a folder");
+    let gcode = flower_gcode(200);
+    let page = written_of(folder.path(), "flower.gcode", gcode.as_bytes(), &[]);
+    let bytes = page.metadata().expect("the page").len();
+    assert!(bytes <= PAGE_BYTES_MAX, "{bytes} bytes");
+    let file = folder.path().join("flower.gcode");
+    let said = driven_with("stack.mjs", &[page.as_ref(), file.as_ref()]);
+    println!("{bytes} bytes\n{said}");
+    assert!(
+        said.contains("frames a second") && said.lines().count() >= 20,
+        "{said}"
+    );
 }
 
 /// Goal: the bar of a served page shows the print and commands it. Method: Chromium on the page of a print

@@ -63,12 +63,12 @@ struct Candidate {
     feasible: bool,
 }
 
-/// What turning weighs for a machine, mm² ([`TURN_SHARE`]).
+/// What turning weighs for a machine, mm⁴ ([`TURN_SHARE`]).
 pub fn turn_weight_mm4(limits: &PoseLimits, aperture: &Aperture) -> f64 {
     let [_, _, heading] = &limits.axes;
-    let area_mm2 = aperture.major_mm() * limits.tip_speed_mm_s / heading.acceleration.sqrt();
+    let way_mm2 = TURN_SHARE * aperture.major_mm() * limits.tip_speed_mm_s;
     // Misfits are squared and summed along the way.
-    TURN_SHARE * area_mm2 * aperture.unit_mm().powi(2)
+    way_mm2 / heading.acceleration.sqrt() * aperture.unit_mm().powi(2)
 }
 
 /// Finds the profile along `contacts`; `closed` where the last one meets the first. Turning by dphi

@@ -18,14 +18,16 @@ use rayon::prelude::*;
 /// Share of the tolerances that the fit uses: from 0.3 to 0.6 costs 0.1 to 0.4 % of time (peaks of
 /// the acceleration overshoot and are slowed) and saves 10 to 20 % of the segments.
 const TOLERANCE_SHARE: f64 = 0.5;
+/// Width of the bead by which the volume's tolerance goes, of the aperture's unit: the widest of the built-in nozzle.
+const BEAD_WIDTH: f64 = 1.2;
 /// An error along the path only shifts the motion in time; this many tolerances of it are let pass.
 const ALONG_FACTOR: f64 = 4.0;
 
-/// Largest error of each channel, natural units, for a ratio of 1. The volume's is what the widest bead carries in the
+/// Largest error of each channel, natural units, for a ratio of 1. The volume's is what a bead carries in the
 /// tip's.
 pub fn channel_tolerances(settings: &Settings) -> [f64; CHANNELS] {
     let tolerances = &settings.tolerances;
-    let bead_mm2 = 2.0 * settings.aperture.major_mm() * settings.layer_height_mm;
+    let bead_mm2 = BEAD_WIDTH * settings.aperture.unit_mm() * settings.layer_height_mm;
     let mut of = [tolerances.tip_mm * TOLERANCE_SHARE; CHANNELS];
     of[CHANNEL_TILT_X] = tolerances.axis_rad * TOLERANCE_SHARE;
     of[CHANNEL_TILT_Y] = of[CHANNEL_TILT_X];

@@ -158,7 +158,7 @@ impl Control {
 #[cfg(test)]
 mod tests {
     use crate::gcode::comments::Slicer;
-    use crate::gcode::{GcodePass, Leg, Place};
+    use crate::gcode::{BeadKind, GcodePass, Leg, Place};
     use crate::plan::route::bead_curve::Bead;
     use crate::settings::Settings;
 
@@ -176,6 +176,7 @@ mod tests {
             height_mm: Some(0.2),
             volume_mm3: Some(10.0),
             is_inside: false,
+            kind: BeadKind::Unknown,
         };
         GcodePass {
             layer: 0,
