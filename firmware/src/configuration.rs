@@ -3,6 +3,7 @@
 //! The host builds it from the machine file and plans against the same numbers; the handshake
 //! compares its hash. Joint order: the kinematics' joints first, the extruder is motor `joints.len()`.
 
+use crate::motor_matrix::MotorMatrix;
 use crate::shaping::{Shaper, wrong_shaper};
 use heapless::Vec;
 use serde::{Deserialize, Serialize};
@@ -226,6 +227,10 @@ pub struct MachineConfiguration {
     pub servo_hz: u32,
     /// Step interrupt rate, a multiple of `servo_hz`.
     pub step_hz: u32,
+    /// How motors follow joints. Not in the bytes, so that those of machines without it stay what they were:
+    /// a section of its own in a record, and in the hash where there is one.
+    #[serde(skip)]
+    pub motors: MotorMatrix,
 }
 
 /// Why a configuration cannot be run.
@@ -249,6 +254,8 @@ pub enum ConfigurationError {
     /// The input shaper of this joint: a frequency or damping that is none, one so low that it does not
     /// fit the controller, or an acceleration for which it is.
     Shaper(usize),
+    /// A pair of motors or a copy names joints that do not fit, or there are too many motors.
+    Motors,
 }
 
 impl core::fmt::Display for ConfigurationError {
@@ -271,6 +278,10 @@ impl core::fmt::Display for ConfigurationError {
             Self::Kinematics => {
                 formatter.write_str("a length or frame of the kinematics is out of range")
             }
+            Self::Motors => formatter.write_str(
+                "the motors do not fit the joints: a pair needs two linear joints with the same steps a mm, and \
+                 there are 8 motors at most",
+            ),
         }
     }
 }
@@ -290,7 +301,15 @@ impl MachineConfiguration {
     pub fn hash(&self) -> u32 {
         let mut machine = self.clone();
         machine.kinematics = machine.kinematics.with_solution(0);
-        headway_protocol::frame::hash_of(&machine)
+        if machine.motors == MotorMatrix::DIRECT {
+            return headway_protocol::frame::hash_of(&machine);
+        }
+        headway_protocol::frame::hash_of(&(&machine, &machine.motors))
+    }
+
+    /// Motors in all: joints, extruder, copies.
+    pub fn motor_count(&self) -> usize {
+        self.joints.len() + 1 + self.motors.copies.len()
     }
 
     /// Lowest and highest positions of the joints, mm or rad; 0 for those that are not there.
@@ -331,6 +350,9 @@ impl MachineConfiguration {
         }
         if self.extruder.wrong().is_some() {
             return Err(ConfigurationError::Joint(given));
+        }
+        if !self.motors.is_right(&self.joints) {
+            return Err(ConfigurationError::Motors);
         }
         wrong_shaper(self).map_or(Ok(()), |joint| Err(ConfigurationError::Shaper(joint)))
     }

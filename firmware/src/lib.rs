@@ -39,6 +39,7 @@ pub mod kinematics;
 pub mod load;
 pub mod machine;
 pub mod motion;
+pub mod motor_matrix;
 pub mod octopus;
 pub mod output;
 pub mod pose;

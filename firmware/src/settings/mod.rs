@@ -22,6 +22,7 @@ use crate::heat::configuration::EXTRUDE_MIN_C;
 use crate::heat::{HEATERS_MAX, HeatConfiguration};
 use crate::homing::HomingConfiguration;
 use crate::machine::Machine;
+use crate::motor_matrix::MotorMatrix;
 use crate::shaping::Shaper;
 use crate::wiring::{BoardInputs, Wiring, WrongWiring};
 use headway_protocol::frame::checksum;
@@ -44,6 +45,8 @@ const DRIVERS: u8 = 4;
 const WIRING: u8 = 5;
 /// [`BoardName`].
 const BOARD: u8 = 6;
+/// [`MotorMatrix`], where motors are not the joints.
+const MOTORS: u8 = 8;
 /// Lowest temperatures at which melt may move: a board without this guard reads the rest.
 const MELT: u8 = MAY_BE_SKIPPED | 7;
 /// A section with this bit may be left alone by a board that does not know it.
@@ -141,7 +144,7 @@ impl BoardSettings {
     /// `Board`, with the motors that it can have; with item 1 where the settings name another board.
     pub fn check_for(&self, board: &BoardLimits) -> Result<(), SettingsRefusal> {
         let machine = &self.machine;
-        let suits = machine.joints.len() < board.motors_max
+        let suits = machine.motor_count() <= board.motors_max
             && (machine.servo_hz, machine.step_hz) == (board.servo_hz, board.step_hz);
         if !suits {
             return Err(refusal(SettingsProblem::Board, board.motors_max));
@@ -166,6 +169,9 @@ impl BoardSettings {
         let too_long = |_| refusal(SettingsProblem::Section, 0);
         record.push(SETTINGS_VERSION).map_err(too_long)?;
         section(&mut record, MACHINE, &self.machine)?;
+        if self.machine.motors != MotorMatrix::DIRECT {
+            section(&mut record, MOTORS, &self.machine.motors)?;
+        }
         section(&mut record, SWITCHES, &self.switches)?;
         if let Some(heaters) = &self.heaters {
             section(&mut record, HEATERS, heaters)?;
@@ -210,6 +216,7 @@ impl BoardSettings {
         let (mut machine, mut switches) = (None, None);
         let mut heaters: Option<HeatConfiguration> = None;
         let (mut drivers, mut wiring, mut board, mut melt) = (None, None, None, None);
+        let mut motors: Option<MotorMatrix> = None;
         // Each round takes at least a head off a bounded record.
         while let Some((&[tag, low, high], behind)) = rest.split_first_chunk::<HEAD_BYTES>() {
             let wrong = refusal(SettingsProblem::Section, tag.into());
@@ -222,6 +229,7 @@ impl BoardSettings {
                 DRIVERS => once(&mut drivers, content, wrong)?,
                 WIRING => once(&mut wiring, content, wrong)?,
                 BOARD => once(&mut board, content, wrong)?,
+                MOTORS => once(&mut motors, content, wrong)?,
                 MELT => once(&mut melt, content, wrong)?,
                 _ if tag & MAY_BE_SKIPPED != 0 => {}
                 _ => return Err(wrong),
@@ -231,8 +239,9 @@ impl BoardSettings {
         if !rest.is_empty() {
             return Err(damaged);
         }
-        let machine: MachineConfiguration =
+        let mut machine: MachineConfiguration =
             machine.ok_or(refusal(SettingsProblem::Section, MACHINE.into()))?;
+        machine.motors = motors.unwrap_or_default();
         if let (Some(heaters), Some(melt)) = (&mut heaters, melt) {
             set_melt(heaters, &melt);
         }
@@ -329,5 +338,6 @@ fn of_machine(error: ConfigurationError, machine: &MachineConfiguration) -> Sett
             with_number(refusal(SettingsProblem::Shaper, joint), wrong)
         }
         ConfigurationError::Kinematics => refusal(SettingsProblem::Kinematics, 0),
+        ConfigurationError::Motors => refusal(SettingsProblem::Kinematics, 1),
     }
 }

@@ -2,12 +2,16 @@
 //!
 //! Everything that runs each tick is 32 bits wide: ways in 2^-22 steps, and the end of the last
 //! program in 2^-31 steps modulo two, which is the engine's phase. The 64-bit position is put
-//! together when it is asked for.
+//! together when it is asked for. Targets are of joints; where the motors are not the joints, they are mixed
+//! last, and positions that are asked for come back as the joints'.
 
 use super::interval::Interval;
 use super::line::{Line, Places, Row, WaitingTargets, position_near};
-use super::{StepBank, Stopped, TARGET_FRACTION_BITS, TARGET_SHIFT, Target, bank::Motor};
+use super::{
+    FINE_BIAS, StepBank, Stopped, TARGET_FRACTION_BITS, TARGET_SHIFT, Target, bank::Motor,
+};
 use crate::configuration::MOTORS_MAX;
+use crate::motor_matrix::MotorMix;
 use crate::shaping::Delays;
 use core::sync::atomic::{Ordering, compiler_fence};
 
@@ -31,7 +35,7 @@ const JUMP_STEPS_MAX: u32 = 255;
 #[derive(Clone, Copy, Debug)]
 #[repr(C)]
 struct MotorTrack {
-    /// The newest target; kept from tick to tick.
+    /// The newest target of the joint; kept from tick to tick.
     target: Target,
     /// q2, what of the target that it waited for the program knows: 2^-22 steps.
     newest: i32,
@@ -74,15 +78,15 @@ impl MotorTrack {
         i64::from(self.mean) * i64::from(ticks)
     }
 
-    /// q2, 2^-31 steps; `held` is how far the newest target is ahead of it, but for less than 512 steps.
-    fn told(&self, held: i64) -> i64 {
-        position_near(self.target.position().wrapping_sub(held), self.newest)
+    /// q2, 2^-31 steps; `about` is near it by less than 512 steps.
+    fn told(&self, about: i64) -> i64 {
+        position_near(about, self.newest)
     }
 
     /// Where the newest program ends, 2^-31 steps.
-    fn position(&self, held: i64) -> i64 {
+    fn position(&self, about: i64) -> i64 {
         let way = i64::from(self.last_way) << WAY_SHIFT;
-        let aim = self.told(held).wrapping_sub(way);
+        let aim = self.told(about).wrapping_sub(way);
         let behind = self.end.wrapping_sub(aim.wrapping_add(super::BIAS) as u32);
         aim.wrapping_add(i64::from(behind as i32))
     }
@@ -99,6 +103,7 @@ pub struct StepProgrammer {
     /// What the engine will have on its pins when the newest program ends.
     directions: u8,
     line: Line,
+    mix: MotorMix,
 }
 
 /// Where the joints' targets of a servo tick go.
@@ -129,7 +134,15 @@ impl StepProgrammer {
             serial: 0,
             directions: u8::MAX,
             line: Line::default(),
+            mix: MotorMix::NONE,
         }
+    }
+
+    /// The same where motors are not the joints.
+    #[must_use]
+    pub fn with_mix(mut self, mix: MotorMix) -> Self {
+        self.mix = mix;
+        self
     }
 
     /// From now on targets wait in the line for so long before they are followed, shaped where they are
@@ -144,10 +157,25 @@ impl StepProgrammer {
         self.line.settle_ticks()
     }
 
-    /// Declares positions without a step; nothing waits. Only at rest.
+    /// Declares positions of the joints without a step; nothing waits. Only at rest.
     pub fn set_positions(&mut self, positions: &[i64; MOTORS_MAX]) {
+        self.set_motors(&self.mix.motors_of(*positions));
+    }
+
+    /// The same of the motors.
+    fn set_motors(&mut self, positions: &[i64; MOTORS_MAX]) {
         for (motor, (track, position)) in self.tracks.iter_mut().zip(positions).enumerate() {
             *track = MotorTrack::at_rest(*position, motor, self.directions, self.interval);
+        }
+        if !self.mix.is_none() {
+            let joints = self.mix.joints_of(*positions);
+            for (track, joint) in self.tracks.iter_mut().zip(joints) {
+                track.target = Target::of_position(joint);
+            }
+            let due = self.mixed_row();
+            for (track, due) in self.tracks.iter_mut().zip(due) {
+                track.newest = due;
+            }
         }
         self.line = Line::default();
     }
@@ -166,6 +194,13 @@ impl StepProgrammer {
         core::array::from_fn(|motor| self.tracks[motor].target.fine)
     }
 
+    /// The same as motors have them.
+    fn mixed_row(&self) -> Row {
+        let mut row = self.row();
+        self.mix.mix(&mut row, FINE_BIAS);
+        row
+    }
+
     /// Finds the motors after [`StepEngine::stop`] and goes on from there.
     ///
     /// [`StepEngine::stop`]: super::StepEngine::stop
@@ -173,13 +208,13 @@ impl StepProgrammer {
         // The newest program may have been handed over late, or not at all: it is not played.
         let begun = stopped.serial == self.serial;
         let mut positions = match begun {
-            true => self.positions(waiting),
-            false => self.present_positions(waiting),
+            true => self.motor_positions(waiting),
+            false => self.present_motors(waiting),
         };
         for (position, unplayed) in positions.iter_mut().zip(stopped.unplayed) {
             *position = position.wrapping_sub(unplayed);
         }
-        self.set_positions(&positions);
+        self.set_motors(&positions);
     }
 
     fn of_tracks(
@@ -187,27 +222,54 @@ impl StepProgrammer {
         waiting: &WaitingTargets,
         position: impl Fn(&MotorTrack, i64) -> i64,
     ) -> [i64; MOTORS_MAX] {
-        core::array::from_fn(|motor| position(&self.tracks[motor], self.line.held(motor, waiting)))
+        let about = core::array::from_fn(|joint| {
+            let held = self.line.held(joint, waiting);
+            self.tracks[joint].target.position().wrapping_sub(held)
+        });
+        let about = self.mix.motors_of(about);
+        core::array::from_fn(|motor| position(&self.tracks[motor], about[motor]))
     }
 
-    /// Where the last program ends, in 2^-31 steps.
+    /// Where the last program ends, in 2^-31 steps: joints.
     pub fn positions(&self, waiting: &WaitingTargets) -> [i64; MOTORS_MAX] {
+        self.mix.joints_of(self.motor_positions(waiting))
+    }
+
+    /// The same of the motors.
+    pub fn motor_positions(&self, waiting: &WaitingTargets) -> [i64; MOTORS_MAX] {
         self.of_tracks(waiting, MotorTrack::position)
     }
 
-    /// Where the motors are at the start of this servo tick, before [`Self::advance`]: the newest
+    /// Where the joints are at the start of this servo tick, before [`Self::advance`]: the newest
     /// program is about to be played.
     pub fn present_positions(&self, waiting: &WaitingTargets) -> [i64; MOTORS_MAX] {
+        self.mix.joints_of(self.present_motors(waiting))
+    }
+
+    fn present_motors(&self, waiting: &WaitingTargets) -> [i64; MOTORS_MAX] {
         let ticks = self.interval.ticks;
-        self.of_tracks(waiting, |track, held| {
-            track.position(held).wrapping_sub(track.way(ticks))
+        self.of_tracks(waiting, |track, about| {
+            track.position(about).wrapping_sub(track.way(ticks))
         })
     }
 
     /// The targets that the newest program was told: those of the last call of [`Self::advance`], or of
     /// so many before it as targets wait.
     pub fn newest_targets(&self, waiting: &WaitingTargets) -> [i64; MOTORS_MAX] {
-        self.of_tracks(waiting, MotorTrack::told)
+        self.mix
+            .joints_of(self.of_tracks(waiting, MotorTrack::told))
+    }
+
+    /// True where a motor that two joints move has another count for these positions of known joints.
+    pub fn moves_pair(&self, to: &[i64; MOTORS_MAX], from: &[i64; MOTORS_MAX], known: u8) -> bool {
+        if self.mix.is_none() {
+            return false;
+        }
+        let [to, from] = [to, from].map(|joints| self.mix.motors_of(*joints));
+        self.mix.pair_is_known(known)
+            && to.iter().zip(&from).enumerate().any(|(motor, (to, from))| {
+                self.mix.is_of_pair(motor) && super::count(*to) != super::count(*from)
+            })
     }
 
     /// True if the motors rest: the last targets that came out are equal and were reached.
@@ -231,15 +293,15 @@ impl StepProgrammer {
         targets: &[i64; MOTORS_MAX],
         bank: &mut StepBank,
     ) -> Result<(), StepRateExceeded> {
+        let before = self.row();
         let mut jumps = 0;
         for (track, given) in self.tracks.iter_mut().zip(targets) {
             jumps |= track.target.replace(Target::of_position(*given));
         }
         if jumps > JUMP_STEPS_MAX {
-            let told = self.tracks.each_ref().map(|track| track.newest);
-            return Err(self.take_back_to(&told));
+            return Err(self.take_back_to(&before));
         }
-        self.advance_to(&self.row(), bank)
+        self.advance_to(&self.mixed_row(), bank)
     }
 
     /// The same with the targets as they are.
@@ -247,7 +309,7 @@ impl StepProgrammer {
     /// # Errors
     /// As [`Self::advance`].
     pub fn advance_at_rest(&mut self, bank: &mut StepBank) -> Result<(), StepRateExceeded> {
-        self.advance_to(&self.row(), bank)
+        self.advance_to(&self.mixed_row(), bank)
     }
 
     /// Begins a servo tick: which rows of the line it has.
@@ -297,6 +359,9 @@ impl StepProgrammer {
             return Err(self.take_back(waiting));
         }
         let due = if self.line.shapes() {
+            if waiting.mixed_way(places) >> WAY_FRACTION_BITS > JUMP_STEPS_MAX {
+                return Err(self.take_back(waiting));
+            }
             waiting.shaped(places)
         } else {
             waiting.due(places)

@@ -13,6 +13,7 @@ use headway_firmware::configuration::{
     ExtruderConfiguration, JointConfiguration, Kinematics, MachineConfiguration,
 };
 use headway_firmware::drivers::DriversConfiguration;
+use headway_firmware::motor_matrix::MotorMatrix;
 use headway_firmware::shaping::UNSHAPED;
 use headway_firmware::wiring::Wiring;
 use std::f64::consts::TAU;
@@ -208,5 +209,6 @@ fn machine(kinematics: Kinematics, joints: &[JointConfiguration]) -> MachineConf
         },
         servo_hz: 2000,
         step_hz: 200_000,
+        motors: MotorMatrix::DIRECT,
     }
 }

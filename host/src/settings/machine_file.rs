@@ -17,6 +17,7 @@ use headway_firmware::board_name::BoardName;
 use headway_firmware::configuration::{ExtruderConfiguration, MachineConfiguration};
 use headway_firmware::heat::HeatConfiguration;
 use headway_firmware::homing::HomingConfiguration;
+use headway_firmware::motor_matrix::MotorMatrix;
 use serde::Deserialize;
 
 mod drivers;
@@ -281,6 +282,7 @@ impl File {
             extruder: self.extruder.over(&default.machine.extruder),
             servo_hz: self.servo_hz.unwrap_or(default.machine.servo_hz),
             step_hz: self.step_hz.unwrap_or(default.machine.step_hz),
+            motors: MotorMatrix::DIRECT,
         };
         let (print, flow) = (&self.print, &self.flow);
         let aperture = match &print.aperture {
