@@ -19,6 +19,7 @@ use crate::job_heat::{HEAT_TEXT, HeatEvent, from_json};
 use crate::part_transform::PartTransform;
 use crate::wire_frames::{WireFrames, WireFramesError};
 use headway_firmware::configuration::MachineConfiguration;
+use headway_firmware::motor_matrix::MotorMatrix;
 use headway_protocol::frame::{CRC, FrameDecoder};
 use headway_protocol::message::{PROTOCOL_VERSION, SCHEMA_HASH};
 use headway_protocol::units::ChannelPoint;
@@ -72,6 +73,26 @@ pub struct JobHeader {
     pub figures_json: String,
     /// More texts by name: `settings` (the machine file), `input` (where it came from).
     pub texts: BTreeMap<String, String>,
+}
+
+/// Name of the text that has the machine's motors where they are not its joints: headers before it stay what they are.
+const MOTORS_TEXT: &str = "motors";
+
+/// Postcard in hexadecimal digits.
+fn motors_text(motors: &MotorMatrix) -> Option<(String, String)> {
+    if *motors == MotorMatrix::DIRECT {
+        return None;
+    }
+    let bytes = postcard::to_extend(motors, Vec::new()).ok()?;
+    let digits = bytes.iter().map(|byte| format!("{byte:02x}"));
+    Some((MOTORS_TEXT.to_string(), digits.collect()))
+}
+
+fn motors_of_text(text: &str) -> Option<MotorMatrix> {
+    let digit = |place: usize| (*text.as_bytes().get(place)? as char).to_digit(16);
+    let byte = |place| Some((digit(2 * place)? << 4 | digit(2 * place + 1)?) as u8);
+    let bytes: Option<Vec<u8>> = (0..text.len().div_ceil(2)).map(byte).collect();
+    postcard::from_bytes(&bytes?).ok()
 }
 
 /// What a header says of its stream.
@@ -139,7 +160,7 @@ impl JobHeader {
             events: stream.events,
             marks: stream.marks,
             figures_json: String::from("{}"),
-            texts: BTreeMap::new(),
+            texts: motors_text(&machine.motors).into_iter().collect(),
         }
     }
 }
@@ -398,7 +419,12 @@ fn parse_header(body: &[u8]) -> Result<JobHeader, JobFileError> {
             schema,
         });
     }
-    postcard::from_bytes(body).map_err(|_| damaged(8, "header", "it cannot be read"))
+    let unreadable = || damaged(8, "header", "it cannot be read");
+    let mut header: JobHeader = postcard::from_bytes(body).map_err(|_| unreadable())?;
+    if let Some(text) = header.texts.get(MOTORS_TEXT) {
+        header.machine.motors = motors_of_text(text).ok_or_else(unreadable)?;
+    }
+    Ok(header)
 }
 
 fn read_index(

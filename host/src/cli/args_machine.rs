@@ -51,6 +51,9 @@ pub(super) enum MachineCommand {
 pub(super) enum KindName {
     /// X Y Z and a nozzle that turns.
     Planar,
+    /// The same on two belts: the motors of X and Y turn by their sum and their difference.
+    #[value(name = "corexy")]
+    CoreXy,
     /// X Y Z and a head that tilts (A, B) and turns (C).
     Gantry,
 }

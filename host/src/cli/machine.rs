@@ -19,6 +19,7 @@ pub(super) fn run(args: &MachineArgs, console: &Console) -> Result<(), CliError>
         MachineCommand::New { kind, name, output } => {
             let mut settings = match kind {
                 KindName::Planar => Settings::planar(),
+                KindName::CoreXy => Settings::core_xy(),
                 KindName::Gantry => Settings::gantry(),
             };
             if let Some(name) = name {

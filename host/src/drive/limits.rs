@@ -53,6 +53,8 @@ pub enum Limit {
     Flow,
     /// The extruder's, with pressure advance, prime and retract.
     Extruder,
+    /// Of the motor at this joint's place, which two joints move together.
+    Motor(usize),
 }
 
 /// Ratios to `plan_share` of the limits.
@@ -309,6 +311,25 @@ impl<'a> Sampler<'a> {
                 what,
                 time_s,
             );
+        }
+        let Some(pair) = &self.settings.machine.motors.pair else {
+            return;
+        };
+        let [speed, bend, jerk] = [velocity, acceleration, jerk].map(|of| pair.motors_of(&of));
+        for (place, joint) in pair.joints.into_iter().enumerate() {
+            let what = Limit::Motor(joint.into());
+            let figures = &mut self.figures;
+            for (peak, value, limit) in [
+                (&mut figures.velocity, speed[place], pair.speed_max),
+                (
+                    &mut figures.acceleration,
+                    bend[place],
+                    pair.acceleration_max,
+                ),
+                (&mut figures.jerk, jerk[place], pair.jerk_max),
+            ] {
+                note(peak, value / (limit * share), what, time_s);
+            }
         }
     }
 

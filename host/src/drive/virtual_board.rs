@@ -295,11 +295,13 @@ impl VirtualBoard {
     /// know it; a joint without ends at 0.
     fn joints(&self) -> [f64; JOINTS_MAX] {
         let mut joints = [0.0; JOINTS_MAX];
-        let counted = self.setup.machine.joints.iter().zip(self.steps.counts);
+        let steps = std::array::from_fn(|motor| self.steps.counts[motor] as f64);
+        let steps = self.setup.machine.motors.joint_steps(&steps);
+        let counted = self.setup.machine.joints.iter().zip(steps);
         for (place, (joint, count)) in joints.iter_mut().zip(counted) {
             let middle = 0.5 * (joint.position_min + joint.position_max);
             let middle = if middle.is_finite() { middle } else { 0.0 };
-            *place = middle + count as f64 / joint.steps_per_unit;
+            *place = middle + count / joint.steps_per_unit;
         }
         joints
     }

@@ -341,15 +341,22 @@ impl Settings {
 
 /// Step rate of every motor at its top speed, by name, the extruder last.
 pub fn motor_rates_hz(machine: &MachineConfiguration) -> Vec<(String, f64)> {
-    let joints = joint_names(&machine.kinematics)
-        .iter()
-        .zip(&machine.joints)
-        .map(|(name, joint)| {
-            (
-                format!("joint {name}"),
-                joint.steps_per_unit * joint.speed_max,
-            )
-        });
+    let names = joint_names(&machine.kinematics);
+    let joints = names.iter().zip(&machine.joints).enumerate();
+    let joints = joints.map(|(place, (name, joint))| {
+        let pair = machine.motors.pair.as_ref();
+        let pair = pair.filter(|pair| pair.joints.contains(&(place as u8)));
+        let Some(pair) = pair else {
+            let rate_hz = joint.steps_per_unit * joint.speed_max;
+            return (format!("joint {name}"), rate_hz);
+        };
+        // Both joints move it.
+        let [a, b] = pair.joints.map(usize::from);
+        let sign = if place == a { '+' } else { '-' };
+        let together = machine.joints[a].speed_max + machine.joints[b].speed_max;
+        let rate_hz = joint.steps_per_unit * together.min(pair.speed_max);
+        (format!("motor {} {sign} {}", names[a], names[b]), rate_hz)
+    });
     let e = &machine.extruder;
     joints
         .chain([("extruder".to_string(), e.steps_per_mm3 * e.speed_max_mm3_s)])

@@ -7,6 +7,7 @@
 //! radians.
 
 use super::aperture_text::{ApertureTextError, parse_aperture};
+use super::check::joint_names;
 use super::error::SettingsError;
 use super::{
     HeadingLaw, Infill, PassMode, PrimeRetract, Quality, Seam, SeamPlace, Settings, Skirt,
@@ -17,7 +18,6 @@ use headway_firmware::board_name::BoardName;
 use headway_firmware::configuration::{ExtruderConfiguration, MachineConfiguration};
 use headway_firmware::heat::HeatConfiguration;
 use headway_firmware::homing::HomingConfiguration;
-use headway_firmware::motor_matrix::MotorMatrix;
 use serde::Deserialize;
 
 mod drivers;
@@ -26,6 +26,7 @@ mod head;
 mod heat;
 mod joints;
 mod kinds;
+mod motors;
 mod probe;
 mod shaper;
 mod switches;
@@ -38,6 +39,7 @@ use heat::{FileHeaters, FileMaterial};
 pub use heat::{write_heater, write_heaters};
 use joints::{FileArm, Joints};
 use kinds::FileKinds;
+use motors::FileMotors;
 use probe::FileProbe;
 use shaper::FileShaper;
 use std::collections::BTreeMap;
@@ -124,6 +126,7 @@ struct File {
     plan_share: Option<f64>,
     work_area: WorkArea,
     joints: Joints,
+    motors: Option<FileMotors>,
     #[serde(default)]
     shaper: BTreeMap<String, FileShaper>,
     extruder: Extruder,
@@ -275,6 +278,8 @@ impl File {
     fn into_settings(self) -> Result<Settings, MachineFileError> {
         let default = Settings::default();
         let (kinematics, joints) = self.joints()?;
+        let motors = self.motors.as_ref();
+        let motors = motors.map(|motors| motors.matrix(joint_names(&kinematics), &joints));
         let machine = MachineConfiguration {
             kinematics,
             shapers: shaper::shapers(&self.shaper, &kinematics)?,
@@ -282,7 +287,7 @@ impl File {
             extruder: self.extruder.over(&default.machine.extruder),
             servo_hz: self.servo_hz.unwrap_or(default.machine.servo_hz),
             step_hz: self.step_hz.unwrap_or(default.machine.step_hz),
-            motors: MotorMatrix::DIRECT,
+            motors: motors.transpose()?.unwrap_or_default(),
         };
         let (print, flow) = (&self.print, &self.flow);
         let aperture = match &print.aperture {

@@ -5,6 +5,7 @@ use super::gcode::write_letters;
 use super::head::write_head;
 use super::heat::{write_heaters, write_material};
 use super::kinds::write_kinds;
+use super::motors::write_motors;
 use super::probe::write_probe;
 use super::shaper::write_shapers;
 use super::switches::write_switches;
@@ -112,6 +113,7 @@ fn write_machine(text: &mut String, s: &Settings) -> std::fmt::Result {
         let what = joint_comment(&machine.kinematics, name);
         write_joint(text, name, what, joint)?;
     }
+    write_motors(text, machine)?;
     write_shapers(text, machine)?;
     let e = &machine.extruder;
     writeln!(
