@@ -1,5 +1,6 @@
 //! Motion: limits, steps, a bed that is not flat.
 
 mod bed_mesh;
+mod core_xy;
 mod limits;
 mod steps;
