@@ -3,6 +3,7 @@
 //! The host builds it from the machine file and plans against the same numbers; the handshake
 //! compares its hash. Joint order: the kinematics' joints first, the extruder is motor `joints.len()`.
 
+use crate::axis_family::AxisFamily;
 use crate::motor_matrix::MotorMatrix;
 use crate::shaping::{Shaper, wrong_shaper};
 use heapless::Vec;
@@ -146,6 +147,13 @@ pub enum Kinematics {
         /// As above.
         solution: u8,
     },
+    /// X Y Z, one or two rotary axes in head or table, nozzle H.
+    Axes {
+        /// The rotary axes.
+        axes: AxisFamily,
+        /// As above.
+        solution: u8,
+    },
 }
 
 impl Kinematics {
@@ -155,6 +163,8 @@ impl Kinematics {
             Self::Planar | Self::Gantry { .. } => 1,
             Self::Trunnion { .. } => 2,
             Self::Arm6 { .. } => crate::kinematics::arm6::SOLUTIONS,
+            Self::Axes { axes, .. } if axes.second.is_none() && !axes.polar => 1,
+            Self::Axes { .. } => 2,
         }
     }
 
@@ -162,7 +172,9 @@ impl Kinematics {
     pub const fn solution(&self) -> u8 {
         match self {
             Self::Planar | Self::Gantry { .. } => 0,
-            Self::Trunnion { solution, .. } | Self::Arm6 { solution, .. } => *solution,
+            Self::Trunnion { solution, .. }
+            | Self::Arm6 { solution, .. }
+            | Self::Axes { solution, .. } => *solution,
         }
     }
 
@@ -171,7 +183,9 @@ impl Kinematics {
     pub fn with_solution(mut self, chosen: u8) -> Self {
         match &mut self {
             Self::Planar | Self::Gantry { .. } => {}
-            Self::Trunnion { solution, .. } | Self::Arm6 { solution, .. } => *solution = chosen,
+            Self::Trunnion { solution, .. }
+            | Self::Arm6 { solution, .. }
+            | Self::Axes { solution, .. } => *solution = chosen,
         }
         self
     }
@@ -217,7 +231,8 @@ pub struct MachineConfiguration {
     /// Equations of motion.
     pub kinematics: Kinematics,
     /// Joints in the kinematics' order (`planar`: X Y Z C; `gantry`: X Y Z A B C; `trunnion`: X Y Z A C
-    /// H; `arm6`: 1 to 6 and, where there is one, the nozzle's).
+    /// H; `arm6`: 1 to 6 and, where there is one, the nozzle's; `axes`: X Y Z, the rotary ones and H, with C in
+    /// the place of Y at a polar table).
     pub joints: Vec<JointConfiguration, JOINTS_MAX>,
     /// The joints' input shapers, in the joints' order.
     pub shapers: [Shaper; JOINTS_MAX],
@@ -336,6 +351,7 @@ impl MachineConfiguration {
             Kinematics::Gantry { pivot_length_mm } => pivot_length_mm.is_finite(),
             Kinematics::Trunnion { centre_mm, .. } => centre_mm.iter().all(|v| v.is_finite()),
             Kinematics::Arm6 { arm, .. } => arm.is_right(),
+            Kinematics::Axes { axes, .. } => axes.is_right(),
         };
         if !kinematics_are_right || self.kinematics.solution() >= self.kinematics.solutions() {
             return Err(ConfigurationError::Kinematics);

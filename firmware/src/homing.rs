@@ -107,7 +107,9 @@ impl HomingConfiguration {
     pub fn standard(machine: &MachineConfiguration) -> Self {
         let mut joints = Vec::new();
         for (joint, towards_max) in [(2u8, true), (0, false), (1, false)] {
-            let Some(limits) = machine.joints.get(usize::from(joint)) else {
+            let limits = machine.joints.get(usize::from(joint));
+            // A joint without ends, as that of a polar table, has no end to be homed to.
+            let Some(limits) = limits.filter(|limits| !limits.is_endless()) else {
                 continue;
             };
             // Three joints fit by the type's bound.

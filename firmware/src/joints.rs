@@ -5,7 +5,7 @@
 use crate::configuration::{JOINTS_MAX, Kinematics, MOTORS_MAX, MachineConfiguration};
 use crate::interpolator::{Offset, RestPose};
 use crate::kinematics::winding::Winding;
-use crate::kinematics::{self, Model, arm6, gantry, planar, trunnion};
+use crate::kinematics::{self, Model, arm6, axes, gantry, planar, trunnion};
 use crate::load::{range_slack, tilt_pose};
 use crate::motion::CommandError;
 use crate::pose::Pose;
@@ -263,6 +263,16 @@ impl JointTargets {
                     self.follow_winding::<{ arm6::WINDS }, _>(&arm6::JOINT_CHANNELS, at, put)
                 })
             }
+            Model::Axes(axes) => {
+                let pose = if kinematics::follows_pose(&self.kinematics) {
+                    whole_pose(offset)
+                } else {
+                    let (tilt, base) = offset.tilt();
+                    tilt_pose(base, tilt)
+                };
+                let joints = axes.remainder(&pose).map_err(|_| IMPOSSIBLE_POSE)?;
+                Ok(self.follow_axes((offset, &joints), put))
+            }
         }
     }
 
@@ -287,6 +297,27 @@ impl JointTargets {
             anchor.moved(steps + added * joint.steps_per_natural)
         };
         follow(&self.joints, joint_channels, offset, put, wound)
+    }
+
+    /// The same by how many rotary axes there are.
+    #[inline(never)]
+    fn follow_axes(
+        &mut self,
+        at: (&Offset<'_>, &[f32; JOINTS_MAX]),
+        put: impl FnMut(usize, Target) -> u32,
+    ) -> Reach {
+        let Kinematics::Axes { axes, .. } = self.kinematics else {
+            return Reach::default();
+        };
+        if axes.polar {
+            self.follow_winding::<{ axes::POLAR_WINDS }, _>(&axes::POLAR, at, put)
+        } else if axes.second.is_none() {
+            self.follow_winding::<{ axes::ONE_WINDS }, _>(&axes::ONE_IN_HEAD, at, put)
+        } else if axes.is_in_head() {
+            self.follow_winding::<{ axes::TWO_WIND }, _>(&axes::TWO_IN_HEAD, at, put)
+        } else {
+            self.follow_winding::<{ axes::TWO_WIND }, _>(&axes::TWO_WITH_TABLE, at, put)
+        }
     }
 
     /// A planar machine in a span that is long for its motors.

@@ -16,6 +16,7 @@ extern crate std;
 #[macro_use]
 mod log;
 
+pub mod axis_family;
 pub mod board;
 pub mod board_name;
 pub mod boards;

@@ -24,7 +24,8 @@
 //! rotary axes, axes that are parallel, nozzles that do not turn.
 
 use super::KinematicsError;
-use crate::configuration::{AxisFamily, JOINTS_MAX, RotaryAxis};
+use crate::axis_family::{AxisFamily, RotaryAxis};
+use crate::configuration::JOINTS_MAX;
 use crate::pose::{Pose, TILT_REACH_RAD, tilt_of_axis, tool_axis};
 use crate::real::Real;
 use headway_protocol::units::{CHANNEL_HEADING, CHANNEL_X, CHANNEL_Y, CHANNEL_Z};
@@ -50,21 +51,24 @@ pub const ONE_IN_HEAD: [Option<usize>; 5] = [
     None,
     Some(CHANNEL_HEADING),
 ];
-/// A polar table: X Z C H.
-pub const POLAR: [Option<usize>; 4] = [None, Some(CHANNEL_Z), None, Some(CHANNEL_HEADING)];
+/// A polar table: X C Z H, C in the place of Y.
+pub const POLAR: [Option<usize>; 4] = [None, None, Some(CHANNEL_Z), Some(CHANNEL_HEADING)];
 
 /// Joints that count turns: both rotary ones and H,
 pub const TWO_WIND: u8 = 0b11_1000;
 /// the single one and H,
 pub const ONE_WINDS: u8 = 0b1_1000;
 /// C and H.
-pub const POLAR_WINDS: u8 = 0b1100;
+pub const POLAR_WINDS: u8 = 0b1010;
 
 /// How far the tool axis may be off the cone of a single axis, as the cosine's difference: what a fit within
 /// 0.1 mrad and the rounding of files leave.
 const CONE_SLACK: f64 = 1e-3;
-/// Square of a vector's part across an axis below which it lies along it: a microradian, a unit of the wire.
+/// Square of the tool axis' part across the axis that turns with it, below which it lies along it: a microradian, a
+/// unit of the wire, where that axis is Z and single precision has all digits there;
 const ALONG_SQUARE: f64 = 1e-12;
+/// within 1.8° elsewhere, where the pose is refused, as a gantry's is.
+const BESIDE_SQUARE_MIN: f64 = 1e-3;
 
 /// One rotary axis' numbers.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -88,7 +92,10 @@ impl<R: Real> Axis<R> {
         let along = self.along;
         let share = dot(&along, &vector) * (R::of(1.0) - cosine);
         add(
-            &add(&scaled(&vector, cosine), &scaled(&cross(&along, &vector), sine)),
+            &add(
+                &scaled(&vector, cosine),
+                &scaled(&cross(&along, &vector), sine),
+            ),
             &scaled(&along, share),
         )
     }
@@ -196,7 +203,9 @@ impl<R: Real> Axes<R> {
         let nozzle_rad = self.nozzle_rad(&n, turns);
         let zero = R::of(0.0);
         Ok(match self.second {
-            Some(_) => [place.x, place.y, place.z, angles[0], angles[1], nozzle_rad, zero],
+            Some(_) => [
+                place.x, place.y, place.z, angles[0], angles[1], nozzle_rad, zero,
+            ],
             None => [place.x, place.y, place.z, angles[0], nozzle_rad, zero, zero],
         })
     }
@@ -216,7 +225,7 @@ impl<R: Real> Axes<R> {
         let tip = add(&Vector3::new(x, y, z), &self.head_mm(turns));
         let mut tip_mm = tip;
         let mut n = self.in_head(self.tool, turns);
-        for (axis, back) in self.axes().zip(back) {
+        for (axis, back) in self.turned(back).into_iter().flatten() {
             if axis.on_table {
                 tip_mm = axis.turn_point(tip_mm, back);
                 n = axis.turn(n, back);
@@ -229,8 +238,10 @@ impl<R: Real> Axes<R> {
         }
     }
 
-    fn axes(&self) -> impl DoubleEndedIterator<Item = Axis<R>> {
-        [Some(self.first), self.second].into_iter().flatten()
+    /// The axes from the base outwards, each with its turn's sine and cosine.
+    fn turned(&self, turns: [(R, R); 2]) -> [Option<(Axis<R>, (R, R))>; 2] {
+        let second = self.second.map(|second| (second, turns[1]));
+        [Some((self.first, turns[0])), second]
     }
 
     fn is_in_head(&self) -> bool {
@@ -281,7 +292,14 @@ impl<R: Real> Axes<R> {
         };
         let beside_square = dot(&beside, &beside);
         let zero = R::of(0.0);
-        if beside_square <= R::of(ALONG_SQUARE) {
+        let along_z = if moves_v { second.z } else { first.z };
+        if along_z.magnitude() < R::of(UPRIGHT_MIN) {
+            // Written so that a NaN is refused too.
+            let clear = beside_square >= R::of(BESIDE_SQUARE_MIN);
+            if !clear {
+                return Err(KinematicsError::Singular);
+            }
+        } else if beside_square <= R::of(ALONG_SQUARE) {
             // The tool axis lies along the axis that turns with it: this one stays at 0.
             if off.magnitude() > R::of(CONE_SLACK) {
                 return Err(KinematicsError::TiltOutOfReach);
@@ -332,7 +350,7 @@ impl<R: Real> Axes<R> {
     fn head_mm(&self, turns: [(R, R); 2]) -> Vector3<R> {
         let zero = R::of(0.0);
         let mut place = Vector3::new(zero, zero, zero);
-        for (axis, turn) in self.axes().zip(turns).rev_of_two() {
+        for (axis, turn) in self.turned(turns).into_iter().rev().flatten() {
             if !axis.on_table {
                 place = axis.turn_point(place, turn);
             }
@@ -342,7 +360,7 @@ impl<R: Real> Axes<R> {
 
     /// A vector of the head, turned with it.
     fn in_head(&self, mut vector: Vector3<R>, turns: [(R, R); 2]) -> Vector3<R> {
-        for (axis, turn) in self.axes().zip(turns).rev_of_two() {
+        for (axis, turn) in self.turned(turns).into_iter().rev().flatten() {
             if !axis.on_table {
                 vector = axis.turn(vector, turn);
             }
@@ -352,7 +370,7 @@ impl<R: Real> Axes<R> {
 
     /// A point of the part in machine coordinates.
     fn on_machine(&self, mut point: Vector3<R>, turns: [(R, R); 2]) -> Vector3<R> {
-        for (axis, turn) in self.axes().zip(turns).rev_of_two() {
+        for (axis, turn) in self.turned(turns).into_iter().rev().flatten() {
             if axis.on_table {
                 point = axis.turn_point(point, turn);
             }
@@ -366,12 +384,12 @@ impl<R: Real> Axes<R> {
         let per = n.x / (one + n.z);
         let mut ahead = Vector3::new(one - per * n.x, -(per * n.y), -n.x);
         let back = turns.map(|(sine, cosine)| (-sine, cosine));
-        for (axis, turn) in self.axes().zip(turns).rev_of_two() {
+        for (axis, turn) in self.turned(turns).into_iter().rev().flatten() {
             if axis.on_table {
                 ahead = axis.turn(ahead, turn);
             }
         }
-        for (axis, back) in self.axes().zip(back) {
+        for (axis, back) in self.turned(back).into_iter().flatten() {
             if !axis.on_table {
                 ahead = axis.turn(ahead, back);
             }
@@ -401,11 +419,11 @@ impl<R: Real> Axes<R> {
         // The table turns the tip's direction back to X.
         let c = -(y.angle_from_x(x));
         let zero = R::of(0.0);
-        Ok([centre.x + radius, zero, c, c, zero, zero, zero])
+        Ok([centre.x + radius, c, zero, c, zero, zero, zero])
     }
 
     fn polar_forward(&self, joints: &[R; JOINTS_MAX]) -> Pose<R> {
-        let [x, z, c, h, ..] = *joints;
+        let [x, c, z, h, ..] = *joints;
         let centre = self.first.offset_mm;
         let (sine, cosine) = c.sine_cosine();
         let radius = x - centre.x;
@@ -418,17 +436,11 @@ impl<R: Real> Axes<R> {
     }
 }
 
+/// Z of a unit axis that is upright.
+const UPRIGHT_MIN: f64 = 1.0 - 1e-6;
 /// How near the centre of a polar table the tip may come, mm: there its direction is no direction.
 const POLAR_LEAST_MM: f64 = 1e-3;
 
-/// The last of at most two first: what lies further out is turned before.
-trait RevOfTwo: Iterator {
-    fn rev_of_two(self) -> impl Iterator<Item = Self::Item>;
-}
-
-impl<I: Iterator> RevOfTwo for I {
-    fn rev_of_two(mut self) -> impl Iterator<Item = I::Item> {
-        let (first, second) = (self.next(), self.next());
-        [second, first].into_iter().flatten()
-    }
-}
+#[cfg(test)]
+#[path = "axes_tests.rs"]
+mod tests;

@@ -22,6 +22,7 @@ mod line;
 mod player;
 mod programmer;
 mod shaper;
+mod track;
 
 pub use bank::StepBank;
 pub use engine::{Moment, StepEngine};
