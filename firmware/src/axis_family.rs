@@ -71,6 +71,17 @@ impl AxisFamily {
         }
     }
 
+    /// The direction of the tool axis in which two rotary axes line up: that of the one that turns with it. None with
+    /// a single one.
+    pub fn singular_axis(&self) -> Option<[f64; 3]> {
+        let (first, second) = (&self.first, self.second.as_ref()?);
+        let turns_with_it = match (first.on_table, second.on_table) {
+            (true, true) | (false, true) => second,
+            (false, false) | (true, false) => first,
+        };
+        Some(turns_with_it.axis)
+    }
+
     /// The nozzle's own axis with all joints at 0.
     pub fn tool_axis(&self) -> [f64; 3] {
         let (sine, cosine) = libm::sincos(self.tilt_rad);
@@ -78,7 +89,7 @@ impl AxisFamily {
     }
 
     /// The axes can point the nozzle in more than a direction: each moves what the other leaves to it.
-    pub(crate) fn is_right(&self) -> bool {
+    pub fn is_right(&self) -> bool {
         let axes = [Some(&self.first), self.second.as_ref()];
         let are_right = axes.into_iter().flatten().all(RotaryAxis::is_right);
         let leans = (-PI / 2.0..=PI / 2.0).contains(&self.tilt_rad);

@@ -56,4 +56,16 @@ pub(super) enum KindName {
     CoreXy,
     /// X Y Z and a head that tilts (A, B) and turns (C).
     Gantry,
+    /// X Y Z and a table that tilts (A) and turns (C).
+    Trunnion,
+    /// A six-joint arm.
+    Arm6,
+    /// X Y Z and a head that turns (C) and, on it, tilts (B).
+    HeadCb,
+    /// X Y Z and a table that tilts (B) and turns (C).
+    TableBc,
+    /// X Y Z and a head that turns (C) with a nozzle that leans by a fixed angle.
+    TiltedHead,
+    /// A table that turns (C) under X and Z.
+    Polar,
 }

@@ -20,6 +20,7 @@ use headway_firmware::heat::HeatConfiguration;
 use headway_firmware::homing::HomingConfiguration;
 use serde::Deserialize;
 
+mod axes;
 mod drivers;
 mod gcode;
 mod head;
@@ -32,6 +33,7 @@ mod shaper;
 mod switches;
 mod wiring;
 mod write;
+use axes::FileKinematics;
 use drivers::FileDriver;
 use gcode::FileGcode;
 pub use gcode::gcode_letters;
@@ -116,7 +118,7 @@ pub fn from_toml(text: &str) -> Result<Settings, MachineFileError> {
 struct File {
     name: String,
     board: Option<String>,
-    kinematics: KinematicsName,
+    kinematics: FileKinematics,
     pivot_length_mm: Option<f64>,
     table_centre_mm: Option<[f64; 3]>,
     arm: Option<FileArm>,

@@ -1,5 +1,6 @@
 //! The machine file's kinematics and joints: which keys each machine needs, and what they become.
 
+use super::axes::FileKinematics;
 use super::{File, KinematicsName, MachineFileError};
 use crate::settings::check::{joint_names, kinematics_name};
 use headway_firmware::configuration::{Arm, Frame, JointConfiguration, Kinematics};
@@ -127,7 +128,12 @@ impl File {
         let given = self.joints.given();
         let wrong = |problem: String| MachineFileError::Joints {
             kinematics: kinematics_name(&kinematics),
-            needed: needed(&self.kinematics),
+            needed: match &self.kinematics {
+                FileKinematics::Named(name) => needed(name),
+                FileKinematics::Axes(_) => {
+                    "x, y, z, the rotary axes by name and h (a polar table: x, c, z, h)"
+                }
+            },
             problem,
         };
         if let Some((name, _)) = given.iter().find(|(name, _)| !names.contains(name)) {
@@ -145,7 +151,24 @@ impl File {
     }
 
     fn kinematics(&self) -> Result<Kinematics, MachineFileError> {
-        let name = &self.kinematics;
+        let name = match &self.kinematics {
+            FileKinematics::Named(name) => name,
+            FileKinematics::Axes(axes) => {
+                let axes = axes.family()?;
+                let others = [
+                    ("pivot_length_mm", self.pivot_length_mm.is_some()),
+                    ("table_centre_mm", self.table_centre_mm.is_some()),
+                    ("the group [arm]", self.arm.is_some()),
+                ];
+                if let Some((key, _)) = others.iter().find(|(_, given)| *given) {
+                    let problem =
+                        format!("kinematics: take {key} out of a machine of kind \"axes\"");
+                    return Err(MachineFileError::Toml(problem));
+                }
+                let kinematics = Kinematics::Axes { axes, solution: 0 };
+                return Ok(kinematics.with_solution(self.joint_solution.unwrap_or_default()));
+            }
+        };
         let wrong = |problem: &str| MachineFileError::Joints {
             kinematics: match name {
                 KinematicsName::Planar => "planar",
