@@ -31,6 +31,8 @@ pub struct AxisFamily {
     pub polar: bool,
 }
 
+/// Z of a unit axis that is upright: as the equations have it.
+pub(crate) const UPRIGHT_MIN: f64 = 1.0 - 1e-6;
 /// Cosine between two axes that are too near to parallel: within 8°.
 const PARALLEL_COSINE: f64 = 0.99;
 
@@ -55,6 +57,17 @@ impl AxisFamily {
             None => false,
         };
         !self.first.on_table && !second_on_table
+    }
+
+    /// A single axis in the head: its tool axes lie on a cone.
+    pub const fn is_cone(&self) -> bool {
+        self.second.is_none() && !self.polar
+    }
+
+    /// An upright tool axis has joints of its own: none of the axes turns about it, and it is reached.
+    pub fn is_determined_upright(&self) -> bool {
+        let turns = |[_, _, z]: [f64; 3]| z.abs() >= UPRIGHT_MIN;
+        !self.is_cone() && !self.singular_axis().is_some_and(turns)
     }
 
     /// See [`crate::kinematics::joint_channels`].

@@ -24,7 +24,7 @@
 //! rotary axes, axes that are parallel, nozzles that do not turn.
 
 use super::KinematicsError;
-use crate::axis_family::{AxisFamily, RotaryAxis};
+use crate::axis_family::{AxisFamily, RotaryAxis, UPRIGHT_MIN};
 use crate::configuration::JOINTS_MAX;
 use crate::pose::{Pose, TILT_REACH_RAD, tilt_of_axis, tool_axis};
 use crate::real::Real;
@@ -436,8 +436,6 @@ impl<R: Real> Axes<R> {
     }
 }
 
-/// Z of a unit axis that is upright.
-const UPRIGHT_MIN: f64 = 1.0 - 1e-6;
 /// How near the centre of a polar table the tip may come, mm: there its direction is no direction.
 const POLAR_LEAST_MM: f64 = 1e-3;
 

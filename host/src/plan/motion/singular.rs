@@ -159,9 +159,7 @@ fn least_led(passes: &Passes, start: Point, settings: &Settings) -> Option<Passe
 fn lifted_off(passes: &Passes, start: Point, settings: &Settings) -> Option<PassedPlaces> {
     let lines_up_upright = match &settings.machine.kinematics {
         Kinematics::Trunnion { .. } => true,
-        Kinematics::Axes { axes, .. } => axes
-            .singular_axis()
-            .is_some_and(|axis| axis[2].abs() == 1.0),
+        Kinematics::Axes { axes, .. } => !axes.is_cone() && !axes.is_determined_upright(),
         _ => false,
     };
     if !lines_up_upright {
