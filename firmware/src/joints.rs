@@ -5,7 +5,7 @@
 use crate::configuration::{JOINTS_MAX, Kinematics, MOTORS_MAX, MachineConfiguration};
 use crate::interpolator::{Offset, RestPose};
 use crate::kinematics::winding::Winding;
-use crate::kinematics::{self, Model, arm6, axes, gantry, planar, trunnion};
+use crate::kinematics::{self, Model, arm6, gantry, planar, trunnion};
 use crate::load::{range_slack, tilt_pose};
 use crate::motion::CommandError;
 use crate::pose::Pose;
@@ -288,36 +288,33 @@ impl JointTargets {
         let wound = |joint: &JointScale, index: usize, steps: f32, mut anchor: Target| {
             let added = added.get(index).copied().unwrap_or(0.0);
             if WINDS >> index & 1 != 0 {
-                let turns = winding.follow(index, added);
-                if turns != 0 {
-                    let way = i64::from(turns).wrapping_mul(joint.turn);
-                    anchor = Target::of_position(anchor.position().wrapping_add(way));
-                }
+                anchor = wound(winding, joint, index, added, anchor);
             }
             anchor.moved(steps + added * joint.steps_per_natural)
         };
         follow(&self.joints, joint_channels, offset, put, wound)
     }
 
-    /// The same by how many rotary axes there are.
+    /// The same for any number of joints, once for all machines of linear and rotary axes.
     #[inline(never)]
     fn follow_axes(
         &mut self,
-        at: (&Offset<'_>, &[f32; JOINTS_MAX]),
+        (offset, added): (&Offset<'_>, &[f32; JOINTS_MAX]),
         put: impl FnMut(usize, Target) -> u32,
     ) -> Reach {
-        let Kinematics::Axes { axes, .. } = self.kinematics else {
-            return Reach::default();
+        let winds = kinematics::winds(&self.kinematics);
+        let joint_channels = kinematics::joint_channels(&self.kinematics);
+        let winding = &mut self.winding;
+        let wound = |joint: &JointScale, index: usize, steps: f32, anchor: Target| {
+            let added = added.get(index).copied().unwrap_or(0.0);
+            let anchor = if winds >> index & 1 != 0 {
+                wound(winding, joint, index, added, anchor)
+            } else {
+                anchor
+            };
+            anchor.moved(steps + added * joint.steps_per_natural)
         };
-        if axes.polar {
-            self.follow_winding::<{ axes::POLAR_WINDS }, _>(&axes::POLAR, at, put)
-        } else if axes.second.is_none() {
-            self.follow_winding::<{ axes::ONE_WINDS }, _>(&axes::ONE_IN_HEAD, at, put)
-        } else if axes.is_in_head() {
-            self.follow_winding::<{ axes::TWO_WIND }, _>(&axes::TWO_IN_HEAD, at, put)
-        } else {
-            self.follow_winding::<{ axes::TWO_WIND }, _>(&axes::TWO_WITH_TABLE, at, put)
-        }
+        follow(&self.joints, joint_channels, offset, put, wound)
     }
 
     /// A planar machine in a span that is long for its motors.
@@ -377,11 +374,28 @@ impl JointTargets {
     }
 }
 
+/// The anchor of a joint that winds, its whole turns added.
+#[inline(always)]
+fn wound(
+    winding: &mut Winding<f32>,
+    joint: &JointScale,
+    index: usize,
+    added: f32,
+    anchor: Target,
+) -> Target {
+    let turns = winding.follow(index, added);
+    if turns == 0 {
+        return anchor;
+    }
+    let way = i64::from(turns).wrapping_mul(joint.turn);
+    Target::of_position(anchor.position().wrapping_add(way))
+}
+
 /// The targets of joints that follow `joint_channels`, with what else there is.
 #[inline(always)]
-fn follow<const JOINTS: usize>(
+fn follow(
     joints: &[JointScale; MOTORS_MAX],
-    joint_channels: &[Option<usize>; JOINTS],
+    joint_channels: &[Option<usize>],
     offset: &Offset<'_>,
     mut put: impl FnMut(usize, Target) -> u32,
     mut target: impl FnMut(&JointScale, usize, f32, Target) -> Target,

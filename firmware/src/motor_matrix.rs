@@ -159,6 +159,7 @@ impl MotorMix {
     }
 
     /// Joint positions -> motor positions, 2^-31 steps, wrapping.
+    #[inline(never)]
     pub fn motors_of(&self, mut joints: [i64; MOTORS_MAX]) -> [i64; MOTORS_MAX] {
         if let Some([a, b]) = self.places() {
             let (first, second) = (joints[a], joints[b]);
@@ -170,6 +171,7 @@ impl MotorMix {
     }
 
     /// Motor positions -> joint positions, 2^-31 steps; half of the last place is cut off. Copies are no joints: 0.
+    #[inline(never)]
     pub fn joints_of(&self, mut motors: [i64; MOTORS_MAX]) -> [i64; MOTORS_MAX] {
         if let Some([a, b]) = self.places() {
             let (sum, difference) = (motors[a], motors[b]);

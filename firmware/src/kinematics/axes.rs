@@ -88,6 +88,7 @@ impl<R: Real> Axis<R> {
     }
 
     /// A vector turned by an angle: Rodrigues' formula.
+    #[inline(never)]
     fn turn(&self, vector: Vector3<R>, (sine, cosine): (R, R)) -> Vector3<R> {
         let along = self.along;
         let share = dot(&along, &vector) * (R::of(1.0) - cosine);
@@ -150,11 +151,13 @@ fn scaled<R: Real>(a: &Vector3<R>, by: R) -> Vector3<R> {
 }
 
 /// What of a vector is across a unit axis.
+#[inline(never)]
 fn across<R: Real>(vector: &Vector3<R>, axis: &Vector3<R>) -> Vector3<R> {
     subtract(vector, &scaled(axis, dot(vector, axis)))
 }
 
 /// The angle about a unit axis from one vector to another; their parts along it do not matter.
+#[inline(never)]
 fn angle_about<R: Real>(axis: &Vector3<R>, from: &Vector3<R>, to: &Vector3<R>) -> R {
     let (from, to) = (across(from, axis), across(to, axis));
     dot(axis, &cross(&from, &to)).angle_from_x(dot(&from, &to))

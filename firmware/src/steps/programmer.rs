@@ -97,6 +97,7 @@ impl StepProgrammer {
     }
 
     /// The same of the motors.
+    #[inline(never)]
     fn set_motors(&mut self, positions: &[i64; MOTORS_MAX]) {
         for (motor, (track, position)) in self.tracks.iter_mut().zip(positions).enumerate() {
             *track = MotorTrack::at_rest(*position, motor, self.directions, self.interval);
@@ -129,6 +130,7 @@ impl StepProgrammer {
     }
 
     /// The same as motors have them.
+    #[inline(never)]
     fn mixed_row(&self) -> Row {
         let mut row = self.row();
         self.mix.mix(&mut row, FINE_BIAS);
@@ -156,12 +158,23 @@ impl StepProgrammer {
         waiting: &WaitingTargets,
         position: impl Fn(&MotorTrack, i64) -> i64,
     ) -> [i64; MOTORS_MAX] {
-        let about = core::array::from_fn(|joint| {
+        let mut places = self.about(waiting);
+        for (place, track) in places.iter_mut().zip(&self.tracks) {
+            *place = position(track, *place);
+        }
+        places
+    }
+
+    /// Near what the newest program was told, 2^-31 steps: motors.
+    // Once for all who ask, and a loop: unrolled it would be kilobytes.
+    #[inline(never)]
+    fn about(&self, waiting: &WaitingTargets) -> [i64; MOTORS_MAX] {
+        let mut about = [0; MOTORS_MAX];
+        for (joint, (about, track)) in about.iter_mut().zip(&self.tracks).enumerate() {
             let held = self.line.held(joint, waiting);
-            self.tracks[joint].target.position().wrapping_sub(held)
-        });
-        let about = self.mix.motors_of(about);
-        core::array::from_fn(|motor| position(&self.tracks[motor], about[motor]))
+            *about = track.target.position().wrapping_sub(held);
+        }
+        self.mix.motors_of(about)
     }
 
     /// Where the last program ends, in 2^-31 steps: joints.
