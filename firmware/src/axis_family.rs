@@ -3,7 +3,6 @@
 //! In: directions and offsets. Out: which joints there are, and whether they can point a nozzle at all. The
 //! equations are in [`crate::kinematics::axes`]. Left out: limits of the joints, which are the configuration's.
 
-use core::f64::consts::PI;
 use serde::{Deserialize, Serialize};
 
 /// A rotary axis in the head or under the part.
@@ -25,10 +24,18 @@ pub struct AxisFamily {
     pub first: RotaryAxis,
     /// The one that it carries.
     pub second: Option<RotaryAxis>,
-    /// How far the nozzle's own axis leans from Z towards X with all joints at 0, rad.
-    pub tilt_rad: f64,
+    /// The nozzle's own axis with all joints at 0, a unit vector in the plane of X and Z.
+    pub tool_axis: [f64; 3],
     /// A polar table: there is no Y, and `first` turns about Z.
     pub polar: bool,
+}
+
+impl AxisFamily {
+    /// The nozzle's axis that leans from Z towards X by an angle.
+    pub fn leaning(tilt_rad: f64) -> [f64; 3] {
+        let (sine, cosine) = libm::sincos(tilt_rad);
+        [sine, 0.0, cosine]
+    }
 }
 
 /// Z of a unit axis that is upright: as the equations have it.
@@ -95,24 +102,20 @@ impl AxisFamily {
         Some(turns_with_it.axis)
     }
 
-    /// The nozzle's own axis with all joints at 0.
-    pub fn tool_axis(&self) -> [f64; 3] {
-        let (sine, cosine) = libm::sincos(self.tilt_rad);
-        [sine, 0.0, cosine]
-    }
-
     /// The axes can point the nozzle in more than a direction: each moves what the other leaves to it.
     pub fn is_right(&self) -> bool {
         let axes = [Some(&self.first), self.second.as_ref()];
         let are_right = axes.into_iter().flatten().all(RotaryAxis::is_right);
-        let leans = (-PI / 2.0..=PI / 2.0).contains(&self.tilt_rad);
-        let tool = self.tool_axis();
+        let [x, y, z] = self.tool_axis;
+        let off = x * x + z * z - 1.0;
+        let leans = y == 0.0 && z >= 0.0 && off.abs() < 1e-9;
+        let tool = self.tool_axis;
         let moves = |axis: &RotaryAxis| axis.cosine_to(&tool) < PARALLEL_COSINE;
         let first = &self.first;
         let fits = match &self.second {
             _ if self.polar => {
                 let is_upright = first.axis == [0.0, 0.0, 1.0];
-                is_upright && first.on_table && self.second.is_none() && self.tilt_rad == 0.0
+                is_upright && first.on_table && self.second.is_none() && tool == first.axis
             }
             None => !first.on_table && moves(first),
             Some(second) => {

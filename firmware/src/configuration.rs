@@ -242,9 +242,9 @@ pub struct MachineConfiguration {
     pub servo_hz: u32,
     /// Step interrupt rate, a multiple of `servo_hz`.
     pub step_hz: u32,
-    /// How motors follow joints. Not in the bytes, so that those of machines without it stay what they were:
-    /// a section of its own in a record, and in the hash where there is one.
-    #[serde(skip)]
+    /// How motors follow joints. Not in the bytes of machines without it, which stay what they were, and never read
+    /// from them: a section of its own in a record.
+    #[serde(skip_deserializing, skip_serializing_if = "MotorMatrix::is_direct")]
     pub motors: MotorMatrix,
 }
 
@@ -316,10 +316,16 @@ impl MachineConfiguration {
     pub fn hash(&self) -> u32 {
         let mut machine = self.clone();
         machine.kinematics = machine.kinematics.with_solution(0);
-        if machine.motors == MotorMatrix::DIRECT {
-            return headway_protocol::frame::hash_of(&machine);
+        headway_protocol::frame::hash_of(&machine)
+    }
+
+    /// The same machine with a motor for each joint: what others than its motors are written as.
+    #[must_use]
+    pub fn without_motors(&self) -> Self {
+        Self {
+            motors: MotorMatrix::DIRECT,
+            ..self.clone()
         }
-        headway_protocol::frame::hash_of(&(&machine, &machine.motors))
     }
 
     /// Motors in all: joints, extruder, copies.

@@ -14,6 +14,8 @@ pub(super) struct World {
     /// True position = counted steps + this.
     pub(super) offsets: [i64; 8],
     mix: MotorMix,
+    /// Width and turn of a joint's index switch, steps: pressed from its place down, once a turn.
+    pub(super) index: Option<(usize, i64, i64)>,
     /// Ticks for which a switch chatters after its edge.
     pub(super) bounce_ticks: u32,
     pub(super) last_pressed: u8,
@@ -107,6 +109,7 @@ impl World {
             switches: places.collect(),
             offsets: [0; 8],
             mix: MotorMix::new(&configuration.motors, configuration.joints.len()),
+            index: None,
             bounce_ticks: 0,
             last_pressed: 0,
             chatter: [0; 8],
@@ -126,6 +129,13 @@ impl World {
         let mut pressed = self.stuck;
         for &(joint, upper, place) in &self.switches {
             let truth = self.truth(joint);
+            if let Some((index, width, turn)) = self.index
+                && index == joint
+            {
+                let below = (place - truth).rem_euclid(turn);
+                pressed |= u8::from(below < width) << joint;
+                continue;
+            }
             if (upper && truth >= place) || (!upper && truth <= place) {
                 pressed |= 1 << joint;
             }

@@ -56,6 +56,11 @@ impl MotorMatrix {
         copies: Vec::new(),
     };
 
+    /// Every motor is a joint's, or the extruder's.
+    pub fn is_direct(&self) -> bool {
+        self.pair.is_none() && self.copies.is_empty()
+    }
+
     /// Whether it fits the joints.
     pub fn is_right(&self, joints: &[JointConfiguration]) -> bool {
         let motors = joints.len() + 1 + self.copies.len();

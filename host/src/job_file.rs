@@ -16,6 +16,7 @@
 use crate::frame_writer::FrameWriter;
 use crate::job::{Mark, SegmentStream};
 use crate::job_heat::{HEAT_TEXT, HeatEvent, from_json};
+use crate::job_motors::{MOTORS_TEXT, motors_of_text, motors_text};
 use crate::part_transform::PartTransform;
 use crate::wire_frames::{WireFrames, WireFramesError};
 use headway_firmware::configuration::MachineConfiguration;
@@ -24,6 +25,7 @@ use headway_protocol::frame::{CRC, FrameDecoder};
 use headway_protocol::message::{PROTOCOL_VERSION, SCHEMA_HASH};
 use headway_protocol::units::ChannelPoint;
 use serde::{Deserialize, Serialize};
+use std::borrow::Cow;
 use std::collections::BTreeMap;
 use std::io::{self, Read, Seek, SeekFrom, Write};
 use thiserror::Error;
@@ -73,26 +75,6 @@ pub struct JobHeader {
     pub figures_json: String,
     /// More texts by name: `settings` (the machine file), `input` (where it came from).
     pub texts: BTreeMap<String, String>,
-}
-
-/// Name of the text that has the machine's motors where they are not its joints: headers before it stay what they are.
-const MOTORS_TEXT: &str = "motors";
-
-/// Postcard in hexadecimal digits.
-fn motors_text(motors: &MotorMatrix) -> Option<(String, String)> {
-    if *motors == MotorMatrix::DIRECT {
-        return None;
-    }
-    let bytes = postcard::to_extend(motors, Vec::new()).ok()?;
-    let digits = bytes.iter().map(|byte| format!("{byte:02x}"));
-    Some((MOTORS_TEXT.to_string(), digits.collect()))
-}
-
-fn motors_of_text(text: &str) -> Option<MotorMatrix> {
-    let digit = |place: usize| (*text.as_bytes().get(place)? as char).to_digit(16);
-    let byte = |place| Some((digit(2 * place)? << 4 | digit(2 * place + 1)?) as u8);
-    let bytes: Option<Vec<u8>> = (0..text.len().div_ceil(2)).map(byte).collect();
-    postcard::from_bytes(&bytes?).ok()
 }
 
 /// What a header says of its stream.
@@ -300,8 +282,13 @@ pub fn write(
 /// Writes the beginning of a job; returns where its frames begin.
 pub(crate) fn write_header(out: &mut impl Write, header: &JobHeader) -> Result<u64, JobFileError> {
     let mut section = Vec::from((0u32).to_le_bytes());
+    let mut header = Cow::Borrowed(header);
+    if !header.machine.motors.is_direct() {
+        // They are in a text of their own.
+        header.to_mut().machine.motors = MotorMatrix::DIRECT;
+    }
     section =
-        postcard::to_extend(header, section).map_err(|_| damaged(8, "header", "unwritable"))?;
+        postcard::to_extend(&*header, section).map_err(|_| damaged(8, "header", "unwritable"))?;
     let bytes = section.len() as u64 - 4;
     if bytes > HEADER_BYTES_MAX {
         let part = "header";

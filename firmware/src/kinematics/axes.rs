@@ -115,8 +115,6 @@ pub struct Axes<R> {
     second: Option<Axis<R>>,
     /// The nozzle's axis with all joints at 0: leans from Z towards X.
     tool: Vector3<R>,
-    /// Sine and cosine of that.
-    lean: (R, R),
     polar: bool,
     /// The sign of z's share of u_1 x u_2 is negative; a polar table has the tip beyond its centre.
     other_side: bool,
@@ -126,10 +124,12 @@ fn vector<R: Real>(values: &[f64; 3]) -> Vector3<R> {
     Vector3::new(R::of(values[0]), R::of(values[1]), R::of(values[2]))
 }
 
+#[cfg_attr(target_os = "none", inline(never))]
 fn dot<R: Real>(a: &Vector3<R>, b: &Vector3<R>) -> R {
     a.x * b.x + a.y * b.y + a.z * b.z
 }
 
+#[cfg_attr(target_os = "none", inline(never))]
 fn cross<R: Real>(a: &Vector3<R>, b: &Vector3<R>) -> Vector3<R> {
     Vector3::new(
         a.y * b.z - a.z * b.y,
@@ -138,14 +138,17 @@ fn cross<R: Real>(a: &Vector3<R>, b: &Vector3<R>) -> Vector3<R> {
     )
 }
 
+#[cfg_attr(target_os = "none", inline(never))]
 fn add<R: Real>(a: &Vector3<R>, b: &Vector3<R>) -> Vector3<R> {
     Vector3::new(a.x + b.x, a.y + b.y, a.z + b.z)
 }
 
+#[cfg_attr(target_os = "none", inline(never))]
 fn subtract<R: Real>(a: &Vector3<R>, b: &Vector3<R>) -> Vector3<R> {
     Vector3::new(a.x - b.x, a.y - b.y, a.z - b.z)
 }
 
+#[cfg_attr(target_os = "none", inline(never))]
 fn scaled<R: Real>(a: &Vector3<R>, by: R) -> Vector3<R> {
     Vector3::new(a.x * by, a.y * by, a.z * by)
 }
@@ -166,12 +169,10 @@ fn angle_about<R: Real>(axis: &Vector3<R>, from: &Vector3<R>, to: &Vector3<R>) -
 impl<R: Real> Axes<R> {
     /// Of a machine; solution 0 has a positive share of u_1 x u_2, or X beyond the centre of a polar table.
     pub fn new(family: &AxisFamily, solution: u8) -> Self {
-        let lean = libm::sincos(family.tilt_rad);
         Self {
             first: Axis::new(&family.first),
             second: family.second.as_ref().map(Axis::new),
-            tool: vector(&[lean.0, 0.0, lean.1]),
-            lean: (R::of(lean.0), R::of(lean.1)),
+            tool: vector(&family.tool_axis),
             polar: family.polar,
             other_side: solution & 1 != 0,
         }
@@ -397,8 +398,9 @@ impl<R: Real> Axes<R> {
                 ahead = axis.turn(ahead, back);
             }
         }
-        let (sine, cosine) = self.lean;
-        ahead.y.angle_from_x(cosine * ahead.x - sine * ahead.z)
+        ahead
+            .y
+            .angle_from_x(self.tool.z * ahead.x - self.tool.x * ahead.z)
     }
 
     fn polar_remainder(&self, pose: &Pose<R>) -> Result<[R; JOINTS_MAX], KinematicsError> {

@@ -27,7 +27,7 @@ fn machine(
     let axes = AxisFamily {
         first,
         second,
-        tilt_rad,
+        tool_axis: AxisFamily::leaning(tilt_rad),
         polar: false,
     };
     Kinematics::Axes { axes, solution }
@@ -252,7 +252,7 @@ fn a_polar_table_turns_the_tip_under_the_axis() {
         let axes = AxisFamily {
             first: axis(true, Z, centre),
             second: None,
-            tilt_rad: 0.0,
+            tool_axis: Z,
             polar: true,
         };
         let machine = Kinematics::Axes { axes, solution };

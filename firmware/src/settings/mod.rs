@@ -168,8 +168,8 @@ impl BoardSettings {
         let mut record = Record::new();
         let too_long = |_| refusal(SettingsProblem::Section, 0);
         record.push(SETTINGS_VERSION).map_err(too_long)?;
-        section(&mut record, MACHINE, &self.machine)?;
-        if self.machine.motors != MotorMatrix::DIRECT {
+        section(&mut record, MACHINE, &self.machine.without_motors())?;
+        if !self.machine.motors.is_direct() {
             section(&mut record, MOTORS, &self.machine.motors)?;
         }
         section(&mut record, SWITCHES, &self.switches)?;

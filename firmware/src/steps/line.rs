@@ -171,6 +171,7 @@ impl Line {
 
     /// How far what goes in is ahead of what comes out, 2^-31 steps: but for a tick's way, and what a
     /// shaper takes it off its plan.
+    #[inline(never)]
     pub(super) fn held(&self, motor: usize, waiting: &WaitingTargets) -> i64 {
         let fine = |back: usize| waiting.rows[self.newest.wrapping_sub(back) % ROWS][motor];
         let way = |back: usize| i64::from(fine(back - 1).wrapping_sub(fine(back)));

@@ -8,6 +8,7 @@
 //! from central differences over [`DIFFERENCE_S`].
 
 mod crawl;
+mod pair;
 
 use crate::job::{Mark, MotionState, SegmentStream};
 use crate::settings::Settings;
@@ -312,25 +313,7 @@ impl<'a> Sampler<'a> {
                 time_s,
             );
         }
-        let Some(pair) = &self.settings.machine.motors.pair else {
-            return;
-        };
-        let [speed, bend, jerk] = [velocity, acceleration, jerk].map(|of| pair.motors_of(&of));
-        for (place, joint) in pair.joints.into_iter().enumerate() {
-            let what = Limit::Motor(joint.into());
-            let figures = &mut self.figures;
-            for (peak, value, limit) in [
-                (&mut figures.velocity, speed[place], pair.speed_max),
-                (
-                    &mut figures.acceleration,
-                    bend[place],
-                    pair.acceleration_max,
-                ),
-                (&mut figures.jerk, jerk[place], pair.jerk_max),
-            ] {
-                note(peak, value / (limit * share), what, time_s);
-            }
-        }
+        self.pair([velocity, acceleration, jerk], time_s);
     }
 
     fn tip_and_flow(&mut self, moment: &Moment, time_s: f64) {

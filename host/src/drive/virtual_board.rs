@@ -27,6 +27,7 @@ use headway_firmware::output::StepOutput;
 use headway_firmware::probe_pin::{self, ProbePin};
 use headway_firmware::settings::BoardLimits;
 use headway_protocol::message::{PROBE_BIT, PinPosition};
+use std::f64::consts::TAU;
 use std::io;
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::time::{Duration, Instant};
@@ -78,6 +79,9 @@ impl VirtualBed {
         z_mm - self.probe.z_offset_mm <= self.mesh.as_ref().map_or(0.0, height)
     }
 }
+
+/// Width of the index mark of a joint without ends: 3 mm at a radius of 60 mm.
+const INDEX_RAD: f64 = 0.05;
 
 /// The joint that comes down to it.
 const Z: usize = 2;
@@ -321,8 +325,13 @@ impl VirtualBoard {
             let Some(at) = joints.get(number) else {
                 continue;
             };
+            let limits = self.setup.machine.joints.get(number);
             let pressed = if number == Z && bed.is_switch_of_z {
                 touched
+            } else if limits.is_some_and(|limits| limits.is_endless()) {
+                // An index mark, passed once a turn.
+                let turns = (*at - switch.position_natural) / TAU;
+                (turns - turns.round()).abs() * TAU < 0.5 * INDEX_RAD
             } else if switch.towards_max {
                 *at >= switch.position_natural
             } else {

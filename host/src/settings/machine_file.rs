@@ -279,18 +279,7 @@ struct FileTolerances {
 impl File {
     fn into_settings(self) -> Result<Settings, MachineFileError> {
         let default = Settings::default();
-        let (kinematics, joints) = self.joints()?;
-        let motors = self.motors.as_ref();
-        let motors = motors.map(|motors| motors.matrix(joint_names(&kinematics), &joints));
-        let machine = MachineConfiguration {
-            kinematics,
-            shapers: shaper::shapers(&self.shaper, &kinematics)?,
-            joints: joints.into_iter().collect(),
-            extruder: self.extruder.over(&default.machine.extruder),
-            servo_hz: self.servo_hz.unwrap_or(default.machine.servo_hz),
-            step_hz: self.step_hz.unwrap_or(default.machine.step_hz),
-            motors: motors.transpose()?.unwrap_or_default(),
-        };
+        let machine = self.machine(&default.machine)?;
         let (print, flow) = (&self.print, &self.flow);
         let aperture = match &print.aperture {
             Some(text) => parse_aperture(text)?,
@@ -353,6 +342,25 @@ impl File {
             heaters: self.heaters()?,
             // Where the input lies is the command line's.
             ..self.of_layers(default)
+        })
+    }
+
+    /// Kinematics, joints, motors, extruder, rates.
+    fn machine(
+        &self,
+        default: &MachineConfiguration,
+    ) -> Result<MachineConfiguration, MachineFileError> {
+        let (kinematics, joints) = self.joints()?;
+        let motors = self.motors.as_ref();
+        let motors = motors.map(|motors| motors.matrix(joint_names(&kinematics), &joints));
+        Ok(MachineConfiguration {
+            kinematics,
+            shapers: shaper::shapers(&self.shaper, &kinematics)?,
+            joints: joints.into_iter().collect(),
+            extruder: self.extruder.over(&default.extruder),
+            servo_hz: self.servo_hz.unwrap_or(default.servo_hz),
+            step_hz: self.step_hz.unwrap_or(default.step_hz),
+            motors: motors.transpose()?.unwrap_or_default(),
         })
     }
 

@@ -12,7 +12,7 @@
 //! In: directions of any length, offsets in mm. Out: the firmware's family. A single axis under the part makes a polar
 //! table. `kinematics = "gantry"` and the other names stay strings.
 
-use super::write::{degrees, number, triple};
+use super::write::{nice, number, triple};
 use super::{KinematicsName, MachineFileError};
 use headway_firmware::axis_family::{AxisFamily, RotaryAxis};
 use serde::de::value::{MapAccessDeserializer, StrDeserializer};
@@ -97,7 +97,7 @@ impl FileAxes {
         let family = AxisFamily {
             first,
             second,
-            tilt_rad: self.tilt_deg.unwrap_or(0.0).to_radians(),
+            tool_axis: AxisFamily::leaning(self.tilt_deg.unwrap_or(0.0).to_radians()),
             polar: second.is_none() && first.on_table,
         };
         let is_right = family.is_right();
@@ -147,8 +147,12 @@ pub(super) fn write_axes(text: &mut String, family: &AxisFamily) -> std::fmt::Re
          # coordinates. The nozzle (h) turns about its own axis, which leans from Z towards X by tilt_deg.\n\
          [kinematics]\nkind = \"axes\""
     )?;
-    if family.tilt_rad != 0.0 {
-        writeln!(text, "tilt_deg = {}", degrees(family.tilt_rad))?;
+    let [x, _, z] = family.tool_axis;
+    if x != 0.0 {
+        let tilt = nice(x.atan2(z).to_degrees(), x, |deg| {
+            AxisFamily::leaning(deg.to_radians())[0]
+        });
+        writeln!(text, "tilt_deg = {tilt}")?;
     }
     for axis in [Some(&family.first), family.second.as_ref()]
         .into_iter()

@@ -47,13 +47,13 @@ fn members() -> Vec<(&'static str, AxisFamily, [f64; 2])> {
     let two = |first, second, tilt_deg: f64| AxisFamily {
         first,
         second: Some(second),
-        tilt_rad: tilt_deg.to_radians(),
+        tool_axis: AxisFamily::leaning(tilt_deg.to_radians()),
         polar: false,
     };
     let one = |first, tilt_deg: f64, polar| AxisFamily {
         first,
         second: None,
-        tilt_rad: tilt_deg.to_radians(),
+        tool_axis: AxisFamily::leaning(tilt_deg.to_radians()),
         polar,
     };
     let (p, q) = ([0.0, 0.0, 62.5], [3.0, -4.0, 71.0]);
@@ -138,7 +138,7 @@ fn by_matrices(family: &AxisFamily, joints: &[f64]) -> (Point3<f64>, Rotation3<f
             of_head *= turn(axis, angle_rad);
         }
     }
-    let lean = UnitQuaternion::from_axis_angle(&Vector3::y_axis(), family.tilt_rad);
+    let lean = UnitQuaternion::from_axis_angle(&Vector3::y_axis(), family.tool_axis[0].asin());
     let nozzle = lean * UnitQuaternion::from_axis_angle(&Vector3::z_axis(), nozzle_rad);
     let tool = Translation3::new(x, y, z) * of_head * nozzle;
     let in_part = of_table.inverse() * tool;
