@@ -97,12 +97,19 @@ impl JointHoming {
 pub struct HomingConfiguration {
     /// One entry per joint with a switch.
     pub joints: Vec<JointHoming, JOINTS_MAX>,
+    /// Joints whose switch is a mark that they pass once a turn, a bit each; those without ends are none the less. A
+    /// section of its own in a record.
+    #[serde(skip)]
+    pub marks: u8,
 }
 
 impl HomingConfiguration {
     /// No switches.
     pub const fn none() -> Self {
-        Self { joints: Vec::new() }
+        Self {
+            joints: Vec::new(),
+            marks: 0,
+        }
     }
 
     /// For machines with a switch at the upper end of Z, which goes first, away from what lies on
@@ -118,7 +125,7 @@ impl HomingConfiguration {
             // Three joints fit by the type's bound.
             let _ = joints.push(JointHoming::usual(joint, towards_max, limits));
         }
-        Self { joints }
+        Self { joints, marks: 0 }
     }
 
     /// Checks every number.
@@ -137,6 +144,14 @@ impl HomingConfiguration {
             }
         }
         Ok(())
+    }
+
+    /// The joint passes its switch once a turn: an index mark, of which both edges are found.
+    pub fn is_mark(&self, joint: u8, machine: &MachineConfiguration) -> bool {
+        let limits = machine.joints.get(usize::from(joint));
+        let turns = limits.is_some_and(|limits| limits.rotary);
+        let is_endless = limits.is_some_and(JointConfiguration::is_endless);
+        is_endless || turns && self.marks >> (joint & 7) & 1 == 1
     }
 
     /// How a joint is homed, if it has a switch.
@@ -244,10 +259,10 @@ impl Homing {
         })
     }
 
-    /// To touch something once, whatever joint: a probing.
+    /// With a switch that is a mark, whose both edges count, or none.
     #[must_use]
-    pub fn with_one_edge(mut self) -> Self {
-        self.both_edges = false;
+    pub fn with_mark(mut self, is_mark: bool) -> Self {
+        self.both_edges = is_mark;
         self
     }
 

@@ -47,6 +47,8 @@ const WIRING: u8 = 5;
 const BOARD: u8 = 6;
 /// [`MotorMatrix`], where motors are not the joints.
 const MOTORS: u8 = 8;
+/// `HomingConfiguration::marks`, where there are any.
+const MARKS: u8 = 9;
 /// Lowest temperatures at which melt may move: a board without this guard reads the rest.
 const MELT: u8 = MAY_BE_SKIPPED | 7;
 /// A section with this bit may be left alone by a board that does not know it.
@@ -173,6 +175,9 @@ impl BoardSettings {
             section(&mut record, MOTORS, &self.machine.motors)?;
         }
         section(&mut record, SWITCHES, &self.switches)?;
+        if self.switches.marks != 0 {
+            section(&mut record, MARKS, &self.switches.marks)?;
+        }
         if let Some(heaters) = &self.heaters {
             section(&mut record, HEATERS, heaters)?;
         }
@@ -213,10 +218,10 @@ impl BoardSettings {
         if *version != SETTINGS_VERSION {
             return Err(refusal(SettingsProblem::Version, SETTINGS_VERSION.into()));
         }
-        let (mut machine, mut switches) = (None, None);
+        let (mut machine, mut switches): (_, Option<HomingConfiguration>) = (None, None);
         let mut heaters: Option<HeatConfiguration> = None;
         let (mut drivers, mut wiring, mut board, mut melt) = (None, None, None, None);
-        let mut motors: Option<MotorMatrix> = None;
+        let (mut motors, mut marks): (Option<MotorMatrix>, Option<u8>) = (None, None);
         // Each round takes at least a head off a bounded record.
         while let Some((&[tag, low, high], behind)) = rest.split_first_chunk::<HEAD_BYTES>() {
             let wrong = refusal(SettingsProblem::Section, tag.into());
@@ -230,6 +235,7 @@ impl BoardSettings {
                 WIRING => once(&mut wiring, content, wrong)?,
                 BOARD => once(&mut board, content, wrong)?,
                 MOTORS => once(&mut motors, content, wrong)?,
+                MARKS => once(&mut marks, content, wrong)?,
                 MELT => once(&mut melt, content, wrong)?,
                 _ if tag & MAY_BE_SKIPPED != 0 => {}
                 _ => return Err(wrong),
@@ -245,8 +251,10 @@ impl BoardSettings {
         if let (Some(heaters), Some(melt)) = (&mut heaters, melt) {
             set_melt(heaters, &melt);
         }
+        let mut switches = switches.unwrap_or_else(|| HomingConfiguration::standard(&machine));
+        switches.marks = marks.unwrap_or_default();
         let settings = Self {
-            switches: switches.unwrap_or_else(|| HomingConfiguration::standard(&machine)),
+            switches,
             machine,
             heaters,
             drivers: drivers.unwrap_or_default(),

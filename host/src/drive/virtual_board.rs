@@ -325,10 +325,13 @@ impl VirtualBoard {
             let Some(at) = joints.get(number) else {
                 continue;
             };
-            let limits = self.setup.machine.joints.get(number);
             let pressed = if number == Z && bed.is_switch_of_z {
                 touched
-            } else if limits.is_some_and(|limits| limits.is_endless()) {
+            } else if self
+                .setup
+                .switches
+                .is_mark(switch.joint, &self.setup.machine)
+            {
                 // An index mark, passed once a turn.
                 let turns = (*at - switch.position_natural) / TAU;
                 (turns - turns.round()).abs() * TAU < 0.5 * INDEX_RAD

@@ -70,6 +70,7 @@ struct RotaryJoint {
     steps_per_turn: f64,
     position_min_deg: Option<f64>,
     position_max_deg: Option<f64>,
+    turns_max: Option<f64>,
     speed_max_deg_s: f64,
     acceleration_max_deg_s2: f64,
     jerk_max_deg_s3: f64,
@@ -243,13 +244,17 @@ impl LinearJoint {
 
 impl RotaryJoint {
     fn joint(&self) -> JointConfiguration {
+        // Cables and hoses wind up so far either way, counted from the index.
+        let wound = self.turns_max.map_or(f64::INFINITY, |turns| turns * TAU);
         JointConfiguration {
             rotary: true,
             steps_per_unit: self.steps_per_turn / TAU,
             position_min: self
                 .position_min_deg
-                .map_or(f64::NEG_INFINITY, f64::to_radians),
-            position_max: self.position_max_deg.map_or(f64::INFINITY, f64::to_radians),
+                .map_or(-wound, |deg| deg.to_radians().max(-wound)),
+            position_max: self
+                .position_max_deg
+                .map_or(wound, |deg| deg.to_radians().min(wound)),
             speed_max: self.speed_max_deg_s.to_radians(),
             acceleration_max: self.acceleration_max_deg_s2.to_radians(),
             jerk_max: self.jerk_max_deg_s3.to_radians(),

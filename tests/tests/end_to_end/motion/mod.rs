@@ -4,3 +4,4 @@ mod bed_mesh;
 mod core_xy;
 mod limits;
 mod steps;
+mod winding;
