@@ -16,16 +16,14 @@
 use crate::frame_writer::FrameWriter;
 use crate::job::{Mark, SegmentStream};
 use crate::job_heat::{HEAT_TEXT, HeatEvent, from_json};
-use crate::job_motors::{MOTORS_TEXT, motors_of_text, motors_text};
+use crate::job_motors::{MOTORS_TEXT, motors_of_text, motors_text, with_motors_as_text};
 use crate::part_transform::PartTransform;
 use crate::wire_frames::{WireFrames, WireFramesError};
 use headway_firmware::configuration::MachineConfiguration;
-use headway_firmware::motor_matrix::MotorMatrix;
 use headway_protocol::frame::{CRC, FrameDecoder};
 use headway_protocol::message::{PROTOCOL_VERSION, SCHEMA_HASH};
 use headway_protocol::units::ChannelPoint;
 use serde::{Deserialize, Serialize};
-use std::borrow::Cow;
 use std::collections::BTreeMap;
 use std::io::{self, Read, Seek, SeekFrom, Write};
 use thiserror::Error;
@@ -282,11 +280,7 @@ pub fn write(
 /// Writes the beginning of a job; returns where its frames begin.
 pub(crate) fn write_header(out: &mut impl Write, header: &JobHeader) -> Result<u64, JobFileError> {
     let mut section = Vec::from((0u32).to_le_bytes());
-    let mut header = Cow::Borrowed(header);
-    if !header.machine.motors.is_direct() {
-        // They are in a text of their own.
-        header.to_mut().machine.motors = MotorMatrix::DIRECT;
-    }
+    let header = with_motors_as_text(header);
     section =
         postcard::to_extend(&*header, section).map_err(|_| damaged(8, "header", "unwritable"))?;
     let bytes = section.len() as u64 - 4;

@@ -3,10 +3,21 @@
 //! In: a matrix. Out: a text of the header, and back. Headers of machines whose motors are their joints have none, and
 //! are what they were before there were others.
 
+use crate::job_file::JobHeader;
 use headway_firmware::motor_matrix::MotorMatrix;
+use std::borrow::Cow;
 
 /// Name of the text that has the machine's motors where they are not its joints: headers before it stay what they are.
 pub(crate) const MOTORS_TEXT: &str = "motors";
+
+/// A header as it is written: its machine's motors are in their text alone.
+pub(crate) fn with_motors_as_text(header: &JobHeader) -> Cow<'_, JobHeader> {
+    let mut header = Cow::Borrowed(header);
+    if !header.machine.motors.is_direct() {
+        header.to_mut().machine.motors = MotorMatrix::DIRECT;
+    }
+    header
+}
 
 /// Postcard in hexadecimal digits.
 pub(crate) fn motors_text(motors: &MotorMatrix) -> Option<(String, String)> {

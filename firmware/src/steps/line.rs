@@ -60,20 +60,23 @@ impl WaitingTargets {
     }
 
     /// How far the newest row takes a motor that two joints move, 2^-22 steps.
-    pub(super) fn mixed_way(&self, places: Places) -> u32 {
+    fn mixed_way(&self, places: Places) -> u32 {
         let newest = places.newest % ROWS;
         let before = newest.wrapping_sub(1) % ROWS;
         self.mix.way(&self.rows[before], &self.rows[newest])
     }
 
-    /// What comes out, shaped and mixed.
+    /// What comes out, shaped and mixed; none where a motor that two joints move would go too far, 2^-22 steps.
     #[inline(never)]
-    pub(super) fn shaped(&mut self, places: Places) -> &Row {
+    pub(super) fn shaped(&mut self, places: Places, way_max: u32) -> Option<&Row> {
+        if self.mixed_way(places) > way_max {
+            return None;
+        }
         self.shaped = self.rows[places.oldest % ROWS];
         self.shapers
             .follow(&self.rows, places.newest, &mut self.shaped);
         self.mix.mix(&mut self.shaped, FINE_BIAS);
-        &self.shaped
+        Some(&self.shaped)
     }
 
     /// The row to be filled.

@@ -25,6 +25,8 @@ pub struct StepRateExceeded {
 
 /// Largest change of a target in a tick, whole steps: beyond it the 32 bits of a way would wrap.
 const JUMP_STEPS_MAX: u32 = 255;
+/// The same of a motor that two joints move, 2^-22 steps.
+const MIXED_WAY_MAX: u32 = (JUMP_STEPS_MAX + 1) << WAY_FRACTION_BITS;
 
 /// Targets -> programs, with the exact position of every motor.
 #[derive(Clone, Debug)]
@@ -306,10 +308,10 @@ impl StepProgrammer {
             return Err(self.take_back(waiting));
         }
         let due = if self.line.shapes() {
-            if waiting.mixed_way(places) >> WAY_FRACTION_BITS > JUMP_STEPS_MAX {
+            let Some(due) = waiting.shaped(places, MIXED_WAY_MAX) else {
                 return Err(self.take_back(waiting));
-            }
-            waiting.shaped(places)
+            };
+            due
         } else {
             waiting.due(places)
         };
