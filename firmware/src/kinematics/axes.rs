@@ -78,6 +78,9 @@ struct Axis<R> {
     offset_mm: Vector3<R>,
 }
 
+/// Axes with sine and cosine of their turns.
+type Turned<R> = [Option<(Axis<R>, (R, R))>; 2];
+
 impl<R: Real> Axis<R> {
     fn new(axis: &RotaryAxis) -> Self {
         Self {
@@ -243,7 +246,7 @@ impl<R: Real> Axes<R> {
     }
 
     /// The axes from the base outwards, each with its turn's sine and cosine.
-    fn turned(&self, turns: [(R, R); 2]) -> [Option<(Axis<R>, (R, R))>; 2] {
+    fn turned(&self, turns: [(R, R); 2]) -> Turned<R> {
         let second = self.second.map(|second| (second, turns[1]));
         [Some((self.first, turns[0])), second]
     }

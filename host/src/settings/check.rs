@@ -250,7 +250,7 @@ impl Settings {
             // reach is seen along the path.
             let polar =
                 matches!(&self.machine.kinematics, Kinematics::Axes { axes, .. } if axes.polar);
-            let is_axis = !joint.rotary && !(polar && axis < 2);
+            let is_axis = !(joint.rotary || polar && axis < 2);
             if is_axis && (low[axis] < joint.position_min || high[axis] > joint.position_max) {
                 return Err(SettingsError::WorkArea {
                     axis: name,
