@@ -5,6 +5,7 @@ use crate::configuration::{
 };
 use crate::drivers::DriversConfiguration;
 use crate::homing::HomingConfiguration;
+use crate::motor_matrix::MotorMatrix;
 use crate::settings::store::SettingsStore;
 use crate::settings::{BoardLimits, BoardSettings, record_hash};
 use crate::shaping::UNSHAPED;
@@ -64,6 +65,7 @@ pub fn emulated_planar() -> MachineConfiguration {
         },
         servo_hz: 2000,
         step_hz: 200_000,
+        motors: MotorMatrix::DIRECT,
     }
 }
 
@@ -143,5 +145,6 @@ pub fn built_in_planar() -> MachineConfiguration {
         },
         servo_hz: 2000,
         step_hz: 200_000,
+        motors: MotorMatrix::DIRECT,
     }
 }

@@ -3,6 +3,8 @@
 //! The host builds it from the machine file and plans against the same numbers; the handshake
 //! compares its hash. Joint order: the kinematics' joints first, the extruder is motor `joints.len()`.
 
+use crate::axis_family::AxisFamily;
+use crate::motor_matrix::MotorMatrix;
 use crate::shaping::{Shaper, wrong_shaper};
 use heapless::Vec;
 use serde::{Deserialize, Serialize};
@@ -145,6 +147,13 @@ pub enum Kinematics {
         /// As above.
         solution: u8,
     },
+    /// X Y Z, one or two rotary axes in head or table, nozzle H.
+    Axes {
+        /// The rotary axes.
+        axes: AxisFamily,
+        /// As above.
+        solution: u8,
+    },
 }
 
 impl Kinematics {
@@ -154,6 +163,8 @@ impl Kinematics {
             Self::Planar | Self::Gantry { .. } => 1,
             Self::Trunnion { .. } => 2,
             Self::Arm6 { .. } => crate::kinematics::arm6::SOLUTIONS,
+            Self::Axes { axes, .. } if axes.second.is_none() && !axes.polar => 1,
+            Self::Axes { .. } => 2,
         }
     }
 
@@ -161,7 +172,9 @@ impl Kinematics {
     pub const fn solution(&self) -> u8 {
         match self {
             Self::Planar | Self::Gantry { .. } => 0,
-            Self::Trunnion { solution, .. } | Self::Arm6 { solution, .. } => *solution,
+            Self::Trunnion { solution, .. }
+            | Self::Arm6 { solution, .. }
+            | Self::Axes { solution, .. } => *solution,
         }
     }
 
@@ -170,7 +183,9 @@ impl Kinematics {
     pub fn with_solution(mut self, chosen: u8) -> Self {
         match &mut self {
             Self::Planar | Self::Gantry { .. } => {}
-            Self::Trunnion { solution, .. } | Self::Arm6 { solution, .. } => *solution = chosen,
+            Self::Trunnion { solution, .. }
+            | Self::Arm6 { solution, .. }
+            | Self::Axes { solution, .. } => *solution = chosen,
         }
         self
     }
@@ -216,7 +231,8 @@ pub struct MachineConfiguration {
     /// Equations of motion.
     pub kinematics: Kinematics,
     /// Joints in the kinematics' order (`planar`: X Y Z C; `gantry`: X Y Z A B C; `trunnion`: X Y Z A C
-    /// H; `arm6`: 1 to 6 and, where there is one, the nozzle's).
+    /// H; `arm6`: 1 to 6 and, where there is one, the nozzle's; `axes`: X Y Z, the rotary ones and H, with C in
+    /// the place of Y at a polar table).
     pub joints: Vec<JointConfiguration, JOINTS_MAX>,
     /// The joints' input shapers, in the joints' order.
     pub shapers: [Shaper; JOINTS_MAX],
@@ -226,6 +242,10 @@ pub struct MachineConfiguration {
     pub servo_hz: u32,
     /// Step interrupt rate, a multiple of `servo_hz`.
     pub step_hz: u32,
+    /// How motors follow joints. Not in the bytes of machines without it, which stay what they were, and never read
+    /// from them: a section of its own in a record.
+    #[serde(skip_deserializing, skip_serializing_if = "MotorMatrix::is_direct")]
+    pub motors: MotorMatrix,
 }
 
 /// Why a configuration cannot be run.
@@ -249,6 +269,8 @@ pub enum ConfigurationError {
     /// The input shaper of this joint: a frequency or damping that is none, one so low that it does not
     /// fit the controller, or an acceleration for which it is.
     Shaper(usize),
+    /// A pair of motors or a copy names joints that do not fit, or there are too many motors.
+    Motors,
 }
 
 impl core::fmt::Display for ConfigurationError {
@@ -271,6 +293,10 @@ impl core::fmt::Display for ConfigurationError {
             Self::Kinematics => {
                 formatter.write_str("a length or frame of the kinematics is out of range")
             }
+            Self::Motors => formatter.write_str(
+                "the motors do not fit the joints: a pair needs two linear joints with the same steps a mm, and \
+                 there are 8 motors at most",
+            ),
         }
     }
 }
@@ -291,6 +317,20 @@ impl MachineConfiguration {
         let mut machine = self.clone();
         machine.kinematics = machine.kinematics.with_solution(0);
         headway_protocol::frame::hash_of(&machine)
+    }
+
+    /// The same machine with a motor for each joint: what others than its motors are written as.
+    #[must_use]
+    pub fn without_motors(&self) -> Self {
+        Self {
+            motors: MotorMatrix::DIRECT,
+            ..self.clone()
+        }
+    }
+
+    /// Motors in all: joints, extruder, copies.
+    pub fn motor_count(&self) -> usize {
+        self.joints.len() + 1 + self.motors.copies.len()
     }
 
     /// Lowest and highest positions of the joints, mm or rad; 0 for those that are not there.
@@ -317,6 +357,7 @@ impl MachineConfiguration {
             Kinematics::Gantry { pivot_length_mm } => pivot_length_mm.is_finite(),
             Kinematics::Trunnion { centre_mm, .. } => centre_mm.iter().all(|v| v.is_finite()),
             Kinematics::Arm6 { arm, .. } => arm.is_right(),
+            Kinematics::Axes { axes, .. } => axes.is_right(),
         };
         if !kinematics_are_right || self.kinematics.solution() >= self.kinematics.solutions() {
             return Err(ConfigurationError::Kinematics);
@@ -331,6 +372,9 @@ impl MachineConfiguration {
         }
         if self.extruder.wrong().is_some() {
             return Err(ConfigurationError::Joint(given));
+        }
+        if !self.motors.is_right(&self.joints) {
+            return Err(ConfigurationError::Motors);
         }
         wrong_shaper(self).map_or(Ok(()), |joint| Err(ConfigurationError::Shaper(joint)))
     }

@@ -2,7 +2,10 @@
 //!
 //! ```text
 //! (release) -> seek, fast -> back off -> touch, slow -> leave -> homed: shift of the position
+//!                                        touch, slow -> cross, slow -> homed, of a joint without ends
 //! ```
+//! A joint without ends passes its switch (an index mark, a Hall sensor) in every turn: both of its edges are found
+//! slowly, in one direction, and the position is that of the middle between them, wherever it was come from.
 //! Joint by joint in joint space: no tool-centre transform takes part. Sans-IO: the switch and the
 //! motor's true position come in every servo tick, a [`JointMove`] is told what to do. The switch
 //! must hold for [`SWITCH_SETTLE_TICKS`]; the position taken is that of its first tick.
@@ -35,7 +38,7 @@ pub struct JointHoming {
     pub back_off_natural: f64,
     /// Longest way to the switch.
     pub travel_max_natural: f64,
-    /// Where the joint is when the switch trips.
+    /// Where the joint is when the switch trips; without ends: in the middle of the switch.
     pub position_natural: f64,
     /// The switch also stops motion that runs into it at other times; never that of a joint without ends,
     /// which passes it in every turn.
@@ -94,12 +97,19 @@ impl JointHoming {
 pub struct HomingConfiguration {
     /// One entry per joint with a switch.
     pub joints: Vec<JointHoming, JOINTS_MAX>,
+    /// Joints whose switch is a mark that they pass once a turn, a bit each; those without ends are none the less. A
+    /// section of its own in a record.
+    #[serde(skip)]
+    pub marks: u8,
 }
 
 impl HomingConfiguration {
     /// No switches.
     pub const fn none() -> Self {
-        Self { joints: Vec::new() }
+        Self {
+            joints: Vec::new(),
+            marks: 0,
+        }
     }
 
     /// For machines with a switch at the upper end of Z, which goes first, away from what lies on
@@ -107,13 +117,15 @@ impl HomingConfiguration {
     pub fn standard(machine: &MachineConfiguration) -> Self {
         let mut joints = Vec::new();
         for (joint, towards_max) in [(2u8, true), (0, false), (1, false)] {
-            let Some(limits) = machine.joints.get(usize::from(joint)) else {
+            let limits = machine.joints.get(usize::from(joint));
+            // A joint without ends, as that of a polar table, has no end to be homed to.
+            let Some(limits) = limits.filter(|limits| !limits.is_endless()) else {
                 continue;
             };
             // Three joints fit by the type's bound.
             let _ = joints.push(JointHoming::usual(joint, towards_max, limits));
         }
-        Self { joints }
+        Self { joints, marks: 0 }
     }
 
     /// Checks every number.
@@ -134,6 +146,14 @@ impl HomingConfiguration {
         Ok(())
     }
 
+    /// The joint passes its switch once a turn: an index mark, of which both edges are found.
+    pub fn is_mark(&self, joint: u8, machine: &MachineConfiguration) -> bool {
+        let limits = machine.joints.get(usize::from(joint));
+        let turns = limits.is_some_and(|limits| limits.rotary);
+        let is_endless = limits.is_some_and(JointConfiguration::is_endless);
+        is_endless || turns && self.marks >> (joint & 7) & 1 == 1
+    }
+
     /// How a joint is homed, if it has a switch.
     pub fn of(&self, joint: u8) -> Option<&JointHoming> {
         self.joints.iter().find(|homing| homing.joint == joint)
@@ -147,6 +167,8 @@ enum Stage {
     Deploy,
     /// Away from a switch that was pressed at the start.
     Release,
+    /// It is free; coming to rest.
+    Released,
     /// Fast towards it.
     Seek,
     /// It was found; coming to rest.
@@ -157,6 +179,10 @@ enum Stage {
     Touch,
     /// It was touched; coming to rest.
     Touched,
+    /// Slowly on to its other edge.
+    Cross,
+    /// That was passed; coming to rest.
+    Crossed,
     /// Away from it, so that it is free.
     Leave,
 }
@@ -187,6 +213,12 @@ pub struct Homing {
     home: i64,
     pressed_ticks: u32,
     first_pressed: i64,
+    /// The edge that was found last.
+    edge: i64,
+    /// The joint has no ends: both edges count.
+    both_edges: bool,
+    free_ticks: u32,
+    first_free: i64,
     begun: bool,
     /// Time for the probe's pin to go out; 0 without one.
     pin_ticks: u32,
@@ -215,12 +247,23 @@ impl Homing {
             home: position(homing.position_natural),
             pressed_ticks: 0,
             first_pressed: 0,
+            edge: 0,
+            both_edges: joint.is_endless(),
+            free_ticks: 0,
+            first_free: 0,
             begun: false,
             pin_ticks: 0,
             pin_left: 0,
             pin_is_out: false,
             next: Stage::Seek,
         })
+    }
+
+    /// With a switch that is a mark, whose both edges count, or none.
+    #[must_use]
+    pub fn with_mark(mut self, is_mark: bool) -> Self {
+        self.both_edges = is_mark;
+        self
     }
 
     /// With a probe whose pin takes so long to go out, before each touch.
@@ -245,6 +288,7 @@ impl Homing {
         mover: &mut JointMove,
     ) -> HomingOutcome {
         let tripped = self.settled(pressed, here);
+        let freed = self.both_edges && self.settled_free(pressed, here);
         if !self.begun {
             self.begun = true;
             // A pin's pulses are no switch that is pressed.
@@ -261,19 +305,37 @@ impl Homing {
             Stage::Deploy => self.enter(self.next, here, mover),
             Stage::Seek if tripped => {
                 mover.brake();
+                self.edge = self.first_pressed;
                 self.pin_is_out = false;
                 self.stage = Stage::Found;
             }
             Stage::Touch if tripped => {
                 mover.brake();
+                self.edge = self.first_pressed;
                 self.pin_is_out = false;
-                self.home -= self.first_pressed;
                 self.stage = Stage::Touched;
             }
+            // Out of a switch that was pressed at the start, however wide it is.
+            Stage::Release if freed => {
+                mover.brake();
+                self.stage = Stage::Released;
+            }
+            Stage::Cross if freed => {
+                mover.brake();
+                self.stage = Stage::Crossed;
+            }
             _ if !rests => {}
-            Stage::Seek | Stage::Touch => return HomingOutcome::Failed,
+            Stage::Seek | Stage::Touch | Stage::Cross => return HomingOutcome::Failed,
             Stage::Found => self.enter(Stage::BackOff, here, mover),
-            Stage::Touched => self.enter(Stage::Leave, here, mover),
+            // A narrow one was passed while it came to rest.
+            Stage::Touched if self.both_edges && freed => return self.homed_in_middle(),
+            Stage::Touched if self.both_edges => self.enter(Stage::Cross, here, mover),
+            Stage::Touched => {
+                self.home -= self.edge;
+                self.enter(Stage::Leave, here, mover);
+            }
+            Stage::Crossed => return self.homed_in_middle(),
+            Stage::Released => self.enter(Stage::Seek, here, mover),
             Stage::Release | Stage::BackOff | Stage::Leave if pressed => {
                 return HomingOutcome::Failed;
             }
@@ -295,6 +357,25 @@ impl Homing {
         }
         self.pressed_ticks = self.pressed_ticks.saturating_add(1);
         self.pressed_ticks >= SWITCH_SETTLE_TICKS
+    }
+
+    /// True once the switch has been free long enough after it was pressed.
+    fn settled_free(&mut self, pressed: bool, here: i64) -> bool {
+        if pressed {
+            self.free_ticks = 0;
+            return false;
+        }
+        if self.free_ticks == 0 {
+            self.first_free = here;
+        }
+        self.free_ticks = self.free_ticks.saturating_add(1);
+        self.free_ticks >= SWITCH_SETTLE_TICKS
+    }
+
+    /// The shift that puts the middle of the switch where it is to be.
+    fn homed_in_middle(&self) -> HomingOutcome {
+        let width = self.first_free.saturating_sub(self.edge);
+        HomingOutcome::Homed(self.home - self.edge - width / 2)
     }
 
     /// Enters a stage that ends in a touch, as soon as the probe's pin is out.
@@ -322,10 +403,16 @@ impl Homing {
                 let left = self.furthest.saturating_sub(here) * self.direction;
                 (left.min(2 * self.back_off), self.slow)
             }
+            // A switch that is pressed all around is none.
+            Stage::Release if self.both_edges => (-self.travel_max, self.slow),
+            Stage::Cross => (self.travel_max, self.slow),
             Stage::Release => (-2 * self.back_off, self.slow),
-            Stage::BackOff | Stage::Leave | Stage::Found | Stage::Touched | Stage::Deploy => {
-                (-self.back_off, self.fast)
+            // Back to before its edge: a narrow one has been passed.
+            Stage::BackOff if self.both_edges => {
+                let passed = here.saturating_sub(self.edge) * self.direction;
+                (-passed - self.back_off, self.fast)
             }
+            _ => (-self.back_off, self.fast),
         };
         mover.begin(here, way * self.direction, limits);
     }

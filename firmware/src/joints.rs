@@ -263,6 +263,16 @@ impl JointTargets {
                     self.follow_winding::<{ arm6::WINDS }, _>(&arm6::JOINT_CHANNELS, at, put)
                 })
             }
+            Model::Axes(axes) => {
+                let pose = if kinematics::follows_pose(&self.kinematics) {
+                    whole_pose(offset)
+                } else {
+                    let (tilt, base) = offset.tilt();
+                    tilt_pose(base, tilt)
+                };
+                let joints = axes.remainder(&pose).map_err(|_| IMPOSSIBLE_POSE)?;
+                Ok(self.follow_axes((offset, &joints), put))
+            }
         }
     }
 
@@ -278,12 +288,30 @@ impl JointTargets {
         let wound = |joint: &JointScale, index: usize, steps: f32, mut anchor: Target| {
             let added = added.get(index).copied().unwrap_or(0.0);
             if WINDS >> index & 1 != 0 {
-                let turns = winding.follow(index, added);
-                if turns != 0 {
-                    let way = i64::from(turns).wrapping_mul(joint.turn);
-                    anchor = Target::of_position(anchor.position().wrapping_add(way));
-                }
+                anchor = wound(winding, joint, index, added, anchor);
             }
+            anchor.moved(steps + added * joint.steps_per_natural)
+        };
+        follow(&self.joints, joint_channels, offset, put, wound)
+    }
+
+    /// The same for any number of joints, once for all machines of linear and rotary axes.
+    #[inline(never)]
+    fn follow_axes(
+        &mut self,
+        (offset, added): (&Offset<'_>, &[f32; JOINTS_MAX]),
+        put: impl FnMut(usize, Target) -> u32,
+    ) -> Reach {
+        let winds = kinematics::winds(&self.kinematics);
+        let joint_channels = kinematics::joint_channels(&self.kinematics);
+        let winding = &mut self.winding;
+        let wound = |joint: &JointScale, index: usize, steps: f32, anchor: Target| {
+            let added = added.get(index).copied().unwrap_or(0.0);
+            let anchor = if winds >> index & 1 != 0 {
+                wound(winding, joint, index, added, anchor)
+            } else {
+                anchor
+            };
             anchor.moved(steps + added * joint.steps_per_natural)
         };
         follow(&self.joints, joint_channels, offset, put, wound)
@@ -346,11 +374,28 @@ impl JointTargets {
     }
 }
 
+/// The anchor of a joint that winds, its whole turns added.
+#[inline(always)]
+fn wound(
+    winding: &mut Winding<f32>,
+    joint: &JointScale,
+    index: usize,
+    added: f32,
+    anchor: Target,
+) -> Target {
+    let turns = winding.follow(index, added);
+    if turns == 0 {
+        return anchor;
+    }
+    let way = i64::from(turns).wrapping_mul(joint.turn);
+    Target::of_position(anchor.position().wrapping_add(way))
+}
+
 /// The targets of joints that follow `joint_channels`, with what else there is.
 #[inline(always)]
-fn follow<const JOINTS: usize>(
+fn follow(
     joints: &[JointScale; MOTORS_MAX],
-    joint_channels: &[Option<usize>; JOINTS],
+    joint_channels: &[Option<usize>],
     offset: &Offset<'_>,
     mut put: impl FnMut(usize, Target) -> u32,
     mut target: impl FnMut(&JointScale, usize, f32, Target) -> Target,

@@ -16,6 +16,7 @@ extern crate std;
 #[macro_use]
 mod log;
 
+pub mod axis_family;
 pub mod board;
 pub mod board_name;
 pub mod boards;
@@ -39,6 +40,7 @@ pub mod kinematics;
 pub mod load;
 pub mod machine;
 pub mod motion;
+pub mod motor_matrix;
 pub mod octopus;
 pub mod output;
 pub mod pose;

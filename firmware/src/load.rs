@@ -12,6 +12,7 @@ use crate::extruder_limits::event_ratio;
 use crate::jet::Jet;
 use crate::kinematics::winding::Winding;
 use crate::kinematics::{self, KinematicsError, Model};
+use crate::motor_matrix::MotorPair;
 use crate::pose::Pose;
 use crate::queue::smaller;
 use crate::real::Real;
@@ -96,6 +97,8 @@ pub struct LoadModel {
     kinematics: Kinematics,
     ranges: [[f64; 2]; JOINTS_MAX],
     limits: [JointLimit; JOINTS_MAX],
+    /// Motors that two joints move together, and their limits in ticks.
+    pair: Option<(MotorPair, JointLimit)>,
     extruder_per_acceleration: f32,
     extruder_per_speed: f32,
     /// How much the extruder's acceleration grows through pressure advance: with V'' of now and of
@@ -105,6 +108,58 @@ pub struct LoadModel {
     advance_rate_gain: f32,
     extruder: ExtruderConfiguration,
     servo_hz: f64,
+}
+
+/// The largest demands of joints and motors that were looked at.
+struct Demand {
+    alpha: f32,
+    beta: f32,
+    speed: f32,
+}
+
+impl Default for Demand {
+    fn default() -> Self {
+        Self {
+            alpha: 0.0,
+            beta: LOAD_BETA_MIN_TICKS,
+            speed: 0.0,
+        }
+    }
+}
+
+impl Demand {
+    #[inline(always)]
+    fn take(
+        &mut self,
+        motor: usize,
+        limit: &JointLimit,
+        rate: f32,
+        acceleration: f32,
+    ) -> Result<(), SpanFault> {
+        let alpha = acceleration.abs() * limit.per_acceleration;
+        let speed = rate.abs() * limit.per_speed;
+        check_limit(motor, alpha.larger(speed))?;
+        self.alpha = self.alpha.larger(alpha);
+        self.speed = self.speed.larger(speed);
+        self.beta = self.beta.larger(rate.abs() * limit.per_acceleration);
+        Ok(())
+    }
+
+    /// The two motors of a pair: by the sum of its joints and by their difference.
+    #[inline(never)]
+    fn take_pair(
+        &mut self,
+        pair: &MotorPair,
+        limit: &JointLimit,
+        state: &JointState,
+    ) -> Result<(), SpanFault> {
+        let [a, b] = pair.joints.map(|joint| usize::from(joint) % JOINTS_MAX);
+        for (motor, sign) in [(a, 1.0), (b, -1.0)] {
+            let sum = |derivative: usize| state[a][derivative] + sign * state[b][derivative];
+            self.take(motor, limit, sum(1), sum(2))?;
+        }
+        Ok(())
+    }
 }
 
 /// Position, rate and acceleration of one joint at one place of a span, mm or rad and ticks.
@@ -124,6 +179,14 @@ impl LoadModel {
             kinematics: configuration.kinematics,
             ranges: configuration.ranges(),
             limits,
+            pair: configuration.motors.pair.map(|pair| {
+                let limit = JointLimit {
+                    per_acceleration: (servo_hz * servo_hz / pair.acceleration_max) as f32,
+                    per_speed: (servo_hz / pair.speed_max) as f32,
+                    ..JointLimit::default()
+                };
+                (pair, limit)
+            }),
             extruder_per_acceleration: (servo_hz * servo_hz / extruder.acceleration_max_mm3_s2)
                 as f32,
             extruder_per_speed: (servo_hz / extruder.speed_max_mm3_s) as f32,
@@ -180,20 +243,23 @@ impl LoadModel {
         let polynomial = window.polynomial::<f32>();
         let ticks = f32::from(window.duration_ticks());
         let states = self.joint_states(window, &polynomial, ticks, winding)?;
-        let (mut alpha, mut beta, mut speed) = (0.0f32, LOAD_BETA_MIN_TICKS, 0.0f32);
         let count = kinematics::joint_count(&self.kinematics);
+        let mut demand = Demand::default();
         for state in &states {
             for (joint, limit) in self.limits.iter().enumerate().take(count) {
                 let [position, rate, acceleration] = state[joint];
                 check_range(joint, limit, position)?;
-                let joint_alpha = acceleration.abs() * limit.per_acceleration;
-                let joint_speed = rate.abs() * limit.per_speed;
-                check_limit(joint, joint_alpha.larger(joint_speed))?;
-                alpha = alpha.larger(joint_alpha);
-                speed = speed.larger(joint_speed);
-                beta = beta.larger(rate.abs() * limit.per_acceleration);
+                demand.take(joint, limit, rate, acceleration)?;
+            }
+            if let Some((pair, limit)) = &self.pair {
+                demand.take_pair(pair, limit, state)?;
             }
         }
+        let Demand {
+            mut alpha,
+            mut beta,
+            mut speed,
+        } = demand;
         let natural = 1.0 / UNITS_PER_NATURAL[CHANNEL_VOLUME] as f32;
         let flow = polynomial.rate_bound[CHANNEL_VOLUME] * natural;
         let per_acceleration = natural * self.extruder_per_acceleration * self.advance_gain;
@@ -343,6 +409,7 @@ mod tests {
     //! speed and acceleration with known answers.
     use super::*;
     use crate::configuration::ExtruderConfiguration;
+    use crate::motor_matrix::MotorMatrix;
     use crate::shaping::UNSHAPED;
     use headway_protocol::segment::Knot;
 
@@ -369,6 +436,7 @@ mod tests {
             },
             servo_hz: 2000,
             step_hz: 200_000,
+            motors: MotorMatrix::DIRECT,
         }
     }
 

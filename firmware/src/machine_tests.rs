@@ -4,6 +4,7 @@
 use super::*;
 use crate::configuration::{ExtruderConfiguration, JointConfiguration, Kinematics};
 use crate::design::SERVO_DELAY_TICKS;
+use crate::motor_matrix::MotorMatrix;
 use crate::shaping::UNSHAPED;
 use crate::spline::{Span, Spans};
 use headway_protocol::frame::{FRAME_BYTES_MAX, FrameDecoder, encode_frame, hash_of};
@@ -52,6 +53,7 @@ fn planar() -> MachineConfiguration {
         },
         servo_hz: 2000,
         step_hz: 200_000,
+        motors: MotorMatrix::DIRECT,
     }
 }
 
@@ -226,7 +228,7 @@ impl Host {
         let mut host = Self::greet(Machine::new(configuration, 77).unwrap(), job);
         host.control(HostMessage::Start(Start {
             job: 1,
-            machine_hash: hash_of(configuration),
+            machine_hash: configuration.hash(),
             first_sequence: 500,
             position: job.start,
             solution: configuration.kinematics.solution(),
@@ -478,6 +480,8 @@ mod heat;
 mod index;
 #[path = "machine_jog_tests.rs"]
 mod jog;
+#[path = "machine_motors_tests.rs"]
+mod motors;
 #[path = "machine_probe_tests.rs"]
 mod probe;
 #[path = "machine_refusal_tests.rs"]

@@ -3,6 +3,7 @@
 use super::*;
 use crate::homing::{HomingConfiguration, JointHoming};
 use crate::inputs::Inputs;
+use crate::motor_matrix::MotorMix;
 use headway_protocol::message::PROBE_BIT;
 
 /// A machine with carriages: where each motor really is, in steps from its switch.
@@ -12,6 +13,9 @@ pub(super) struct World {
     pub(super) switches: Vec<(usize, bool, i64)>,
     /// True position = counted steps + this.
     pub(super) offsets: [i64; 8],
+    mix: MotorMix,
+    /// Width and turn of a joint's index switch, steps: pressed from its place down, once a turn.
+    pub(super) index: Option<(usize, i64, i64)>,
     /// Ticks for which a switch chatters after its edge.
     pub(super) bounce_ticks: u32,
     pub(super) last_pressed: u8,
@@ -104,6 +108,8 @@ impl World {
             host: Host::greet(machine, &flower()),
             switches: places.collect(),
             offsets: [0; 8],
+            mix: MotorMix::new(&configuration.motors, configuration.joints.len()),
+            index: None,
             bounce_ticks: 0,
             last_pressed: 0,
             chatter: [0; 8],
@@ -114,15 +120,22 @@ impl World {
         }
     }
 
-    /// Where the carriage of a motor truly is, steps.
-    pub(super) fn truth(&self, motor: usize) -> i64 {
-        self.host.counter.counts[motor] + self.offsets[motor]
+    /// Where the carriage of a joint truly is, steps.
+    pub(super) fn truth(&self, joint: usize) -> i64 {
+        self.mix.joints_of(self.host.counter.counts)[joint] + self.offsets[joint]
     }
 
     fn pressed(&mut self) -> u8 {
         let mut pressed = self.stuck;
         for &(joint, upper, place) in &self.switches {
             let truth = self.truth(joint);
+            if let Some((index, width, turn)) = self.index
+                && index == joint
+            {
+                let below = (place - truth).rem_euclid(turn);
+                pressed |= u8::from(below < width) << joint;
+                continue;
+            }
             if (upper && truth >= place) || (!upper && truth <= place) {
                 pressed |= 1 << joint;
             }
@@ -196,6 +209,7 @@ impl World {
 
     /// Count that the machine believes, less where the carriage truly is.
     pub(super) fn belief(&self, joint: usize) -> i64 {
-        self.host.machine.motion().counts()[joint] - self.truth(joint)
+        let counts = self.host.machine.motion().counts();
+        self.mix.joints_of(counts)[joint] - self.truth(joint)
     }
 }

@@ -175,8 +175,10 @@ impl Delays {
         let shapes = shapes(configuration);
         for (shape, joint) in shapes.iter().zip(&configuration.joints) {
             let Some(shape) = shape else { continue };
-            let per_tick2 = joint.acceleration_max * joint.steps_per_unit
-                / (f64::from(servo_hz) * f64::from(servo_hz));
+            // A motor that two joints move adds up what both are off.
+            let per_tick2 =
+                configuration.motors.share() * joint.acceleration_max * joint.steps_per_unit
+                    / (f64::from(servo_hz) * f64::from(servo_hz));
             if per_tick2 * shape.variance_ticks2() / 2.0 > OFF_PLAN_STEPS_MAX {
                 return None;
             }

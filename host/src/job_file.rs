@@ -16,6 +16,7 @@
 use crate::frame_writer::FrameWriter;
 use crate::job::{Mark, SegmentStream};
 use crate::job_heat::{HEAT_TEXT, HeatEvent, from_json};
+use crate::job_motors::{MOTORS_TEXT, motors_of_text, motors_text, with_motors_as_text};
 use crate::part_transform::PartTransform;
 use crate::wire_frames::{WireFrames, WireFramesError};
 use headway_firmware::configuration::MachineConfiguration;
@@ -139,7 +140,7 @@ impl JobHeader {
             events: stream.events,
             marks: stream.marks,
             figures_json: String::from("{}"),
-            texts: BTreeMap::new(),
+            texts: motors_text(&machine.motors).into_iter().collect(),
         }
     }
 }
@@ -279,8 +280,9 @@ pub fn write(
 /// Writes the beginning of a job; returns where its frames begin.
 pub(crate) fn write_header(out: &mut impl Write, header: &JobHeader) -> Result<u64, JobFileError> {
     let mut section = Vec::from((0u32).to_le_bytes());
+    let header = with_motors_as_text(header);
     section =
-        postcard::to_extend(header, section).map_err(|_| damaged(8, "header", "unwritable"))?;
+        postcard::to_extend(&*header, section).map_err(|_| damaged(8, "header", "unwritable"))?;
     let bytes = section.len() as u64 - 4;
     if bytes > HEADER_BYTES_MAX {
         let part = "header";
@@ -398,7 +400,12 @@ fn parse_header(body: &[u8]) -> Result<JobHeader, JobFileError> {
             schema,
         });
     }
-    postcard::from_bytes(body).map_err(|_| damaged(8, "header", "it cannot be read"))
+    let unreadable = || damaged(8, "header", "it cannot be read");
+    let mut header: JobHeader = postcard::from_bytes(body).map_err(|_| unreadable())?;
+    if let Some(text) = header.texts.get(MOTORS_TEXT) {
+        header.machine.motors = motors_of_text(text).ok_or_else(unreadable)?;
+    }
+    Ok(header)
 }
 
 fn read_index(

@@ -155,7 +155,8 @@ pub fn job_header(job: &JobFacts, stream: StreamFacts) -> JobHeader {
         (OUTLINE_TEXT, outline_to_json(job.outline)),
         (SETTINGS_TEXT, machine_file::to_toml(settings)),
     ];
-    header.texts = texts.map(|(key, text)| (key.to_string(), text)).into();
+    let texts = texts.map(|(key, text)| (key.to_string(), text));
+    header.texts.extend(texts);
     if !job.layer_outlines.is_empty() {
         let text = job.layer_outlines.to_json();
         header.texts.insert(LAYER_OUTLINES_TEXT.to_string(), text);

@@ -36,6 +36,7 @@ pub mod input;
 pub mod job;
 pub mod job_file;
 pub mod job_heat;
+mod job_motors;
 pub mod job_packing;
 pub mod job_resume;
 pub mod job_spool;

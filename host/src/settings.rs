@@ -9,6 +9,7 @@ mod check;
 mod defaults;
 pub mod drivers;
 mod error;
+pub mod examples;
 pub mod head_shape;
 mod heading_joint;
 pub mod heat;

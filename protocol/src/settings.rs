@@ -20,7 +20,7 @@ pub enum SettingsProblem {
     Joints,
     /// A number of joint `index`; the extruder counts as the last one.
     Joint,
-    /// A length or frame of the kinematics.
+    /// A length or frame of the kinematics; with `index` 1, motors that do not fit the joints.
     Kinematics,
     /// A number of the switch of joint `index`.
     Switch,
@@ -156,6 +156,9 @@ impl SettingsRefusal {
             }
             SettingsProblem::Joints => write!(f, "the kinematics need {index} joints"),
             SettingsProblem::Joint => write!(f, "a number of joint {index} is out of range"),
+            SettingsProblem::Kinematics if index == 1 => f.write_str(
+                "the motors do not fit the joints: a pair needs two linear joints with the same steps a mm",
+            ),
             SettingsProblem::Kinematics => {
                 f.write_str("a length or frame of the kinematics is out of range")
             }

@@ -18,6 +18,7 @@ use headway::wire_frames::WireFrames;
 use headway_firmware::configuration::MachineConfiguration;
 use headway_firmware::heat::HeatConfiguration;
 use headway_firmware::machine::Machine;
+use headway_firmware::motor_matrix::MotorMatrix;
 use headway_firmware::output::StepOutput;
 use headway_firmware::receiver::Receiver;
 use headway_protocol::frame::FRAME_BYTES_MAX;
@@ -40,6 +41,7 @@ pub fn machine() -> MachineConfiguration {
     MachineConfiguration {
         servo_hz: SERVO_HZ,
         step_hz: STEP_HZ,
+        motors: MotorMatrix::DIRECT,
         ..Settings::default().machine
     }
 }

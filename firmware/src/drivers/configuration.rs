@@ -242,7 +242,11 @@ impl DriversConfiguration {
     pub fn check(&self, machine: &MachineConfiguration) -> Result<(), WrongDriver> {
         let extruder = core::iter::once(machine.extruder.steps_per_mm3);
         let joints = machine.joints.iter().map(|joint| joint.steps_per_unit);
-        let mut steps = joints.chain(extruder);
+        let copies = machine.motors.copies.iter().map(|joint| {
+            let joint = machine.joints.get(usize::from(*joint));
+            joint.map_or(0.0, |joint| joint.steps_per_unit)
+        });
+        let mut steps = joints.chain(extruder).chain(copies);
         for (motor, driver) in self.drivers.iter().enumerate() {
             let steps_per_unit = steps.next();
             let Some(driver) = driver else { continue };

@@ -12,6 +12,7 @@
 //! continuous. Where a pose has several joint solutions, the one that [`Kinematics`] names is taken.
 
 pub mod arm6;
+pub mod axes;
 pub mod gantry;
 pub mod planar;
 pub mod trunnion;
@@ -72,6 +73,7 @@ pub const fn joint_count(kinematics: &Kinematics) -> usize {
         Kinematics::Trunnion { .. } => trunnion::JOINT_CHANNELS.len(),
         Kinematics::Arm6 { arm, .. } if arm.nozzle => arm6::JOINT_CHANNELS_WITH_NOZZLE.len(),
         Kinematics::Arm6 { .. } => arm6::JOINT_CHANNELS.len(),
+        Kinematics::Axes { axes, .. } => axes.joint_channels().len(),
     }
 }
 
@@ -83,6 +85,7 @@ pub const fn joint_channels(kinematics: &Kinematics) -> &'static [Option<usize>]
         Kinematics::Trunnion { .. } => &trunnion::JOINT_CHANNELS,
         Kinematics::Arm6 { arm, .. } if arm.nozzle => &arm6::JOINT_CHANNELS_WITH_NOZZLE,
         Kinematics::Arm6 { .. } => &arm6::JOINT_CHANNELS,
+        Kinematics::Axes { axes, .. } => axes.joint_channels(),
     }
 }
 
@@ -92,15 +95,19 @@ pub const fn winds(kinematics: &Kinematics) -> u8 {
         Kinematics::Planar | Kinematics::Gantry { .. } => 0,
         Kinematics::Trunnion { .. } => trunnion::WINDS,
         Kinematics::Arm6 { .. } => arm6::WINDS,
+        Kinematics::Axes { axes, .. } if axes.polar => axes::POLAR_WINDS,
+        Kinematics::Axes { axes, .. } if axes.second.is_none() => axes::ONE_WINDS,
+        Kinematics::Axes { .. } => axes::TWO_WIND,
     }
 }
 
 /// True where joints depend on the whole pose, not on the tilt alone.
 pub const fn follows_pose(kinematics: &Kinematics) -> bool {
-    matches!(
-        kinematics,
-        Kinematics::Trunnion { .. } | Kinematics::Arm6 { .. }
-    )
+    match kinematics {
+        Kinematics::Planar | Kinematics::Gantry { .. } => false,
+        Kinematics::Trunnion { .. } | Kinematics::Arm6 { .. } => true,
+        Kinematics::Axes { axes, .. } => !axes.is_in_head(),
+    }
 }
 
 /// A machine's equations with their constants in one number type.
@@ -116,6 +123,8 @@ pub enum Model<R> {
     Trunnion(trunnion::Trunnion<R>),
     /// See [`arm6`].
     Arm6(arm6::Arm6<R>),
+    /// See [`axes`].
+    Axes(axes::Axes<R>),
 }
 
 impl<R: Real> Model<R> {
@@ -129,6 +138,7 @@ impl<R: Real> Model<R> {
                 solution,
             } => Self::Trunnion(trunnion::Trunnion::new(centre_mm, *solution)),
             Kinematics::Arm6 { arm, solution } => Self::Arm6(arm6::Arm6::new(arm, *solution)),
+            Kinematics::Axes { axes, solution } => Self::Axes(axes::Axes::new(axes, *solution)),
         }
     }
 
@@ -144,6 +154,7 @@ impl<R: Real> Model<R> {
             Self::Gantry(pivot_length_mm) => gantry::remainder(*pivot_length_mm, pose),
             Self::Trunnion(trunnion) => trunnion.remainder(pose),
             Self::Arm6(arm) => arm.remainder(pose),
+            Self::Axes(axes) => axes.remainder(pose),
         }
     }
 
@@ -154,6 +165,7 @@ impl<R: Real> Model<R> {
             Self::Gantry(pivot_length_mm) => gantry::forward(*pivot_length_mm, joints),
             Self::Trunnion(trunnion) => trunnion.forward(joints),
             Self::Arm6(arm) => arm.forward(joints),
+            Self::Axes(axes) => axes.forward(joints),
         }
     }
 }

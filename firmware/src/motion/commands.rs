@@ -80,6 +80,7 @@ impl Motion {
                 let way = self.joints.way_to(joint, *target, *here);
                 known >> joint & 1 == 1 && count(*target) != count(target.wrapping_sub(way))
             });
+        let moved = moved || self.programmer.moves_pair(&targets, &here, known);
         if moved {
             return Err(CommandError::Invalid);
         }

@@ -45,11 +45,11 @@ pub(super) struct Jog {
 
 impl Jog {
     pub(super) fn new(machine: &MachineConfiguration, switches: &HomingConfiguration) -> Self {
-        let mut switches = switches.clone();
+        let given = switches;
+        let mut switches = given.clone();
         for switch in &mut switches.joints {
-            let limits = machine.joints.get(usize::from(switch.joint));
-            // A joint without ends passes its switch once a turn: settings may say what they like.
-            switch.guards &= limits.is_some_and(|limits| !limits.is_endless());
+            // A joint passes its index mark once a turn: settings may say what they like.
+            switch.guards &= !given.is_mark(switch.joint, machine);
         }
         Self {
             machine: machine.clone(),
@@ -300,7 +300,9 @@ impl Motion {
             hand.joint = usize::from(*joint);
             let switch = hand.switches.of(*joint)?;
             let pin_ticks = self.pin.ticks_for(*joint, self.servo_hz);
-            Some(Homing::new(switch, &hand.machine)?.with_pin(pin_ticks))
+            let is_mark = hand.switches.is_mark(*joint, &hand.machine);
+            let homing = Homing::new(switch, &hand.machine)?.with_mark(is_mark);
+            Some(homing.with_pin(pin_ticks))
         });
         if hand.homing.is_some() {
             // Until it has been found.

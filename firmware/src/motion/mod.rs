@@ -32,6 +32,7 @@ use crate::inputs::{Inputs, SwitchGuard};
 use crate::interpolator::{Interpolator, TICK_Q16};
 use crate::joint_channels::JointChannels;
 use crate::joints::JointTargets;
+use crate::motor_matrix::MotorMix;
 use crate::probe_pin::ProbePin;
 use crate::queue::KnotQueue;
 use crate::shaping::Delays;
@@ -159,7 +160,8 @@ impl Motion {
         let servo_hz = configuration.servo_hz.max(1);
         let joint_channels = JointChannels::new(configuration);
         let joints = JointTargets::new(configuration);
-        let motors = joints.count() + 1;
+        let mix = MotorMix::new(&configuration.motors, joints.count());
+        let motors = mix.motors(joints.count());
         let delays = Delays::of(configuration).unwrap_or_default();
         Self {
             joints,
@@ -173,7 +175,7 @@ impl Motion {
             warp: TimeWarp::default(),
             flow: Flow::new(&configuration.extruder, servo_hz, delays.advance_ticks),
             hold: Hold::new(ticks_of_ms(HOLD_RETRACT_DELAY_MS, servo_hz)),
-            programmer: StepProgrammer::new(motors, configuration.interval_ticks()),
+            programmer: StepProgrammer::new(motors, configuration.interval_ticks()).with_mix(mix),
             phase: Phase::Idle,
             reference: Reference::default(),
             follows_path: false,

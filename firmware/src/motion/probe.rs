@@ -63,7 +63,7 @@ impl Motion {
         self.jog.joint = joint;
         self.jog.mover = JointMove::at_rest(self.joint_position(joint));
         let pin_ticks = self.pin.ticks(self.servo_hz);
-        self.jog.homing = Some(homing.with_pin(pin_ticks));
+        self.jog.homing = Some(homing.with_pin(pin_ticks).with_mark(false));
         self.jog.probing = true;
         Ok(())
     }

@@ -141,12 +141,12 @@ impl Motion {
         self.joints.count() + 1
     }
 
-    /// Step counts at the end of the newest interval: joints in order, then the extruder.
+    /// Step counts at the end of the newest interval: the joints' motors in order, then the extruder.
     pub fn counts(&self) -> [i64; MOTORS_MAX] {
-        self.programmer.positions(&self.waiting).map(count)
+        self.programmer.motor_positions(&self.waiting).map(count)
     }
 
-    /// Targets that the newest program was told, 2^-31 steps: evaluated [`Self::delay_ticks`] before.
+    /// Targets of the joints that the newest program was told, 2^-31 steps: evaluated [`Self::delay_ticks`] before.
     pub fn targets(&self) -> [i64; MOTORS_MAX] {
         self.programmer.newest_targets(&self.waiting)
     }

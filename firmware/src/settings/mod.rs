@@ -22,6 +22,7 @@ use crate::heat::configuration::EXTRUDE_MIN_C;
 use crate::heat::{HEATERS_MAX, HeatConfiguration};
 use crate::homing::HomingConfiguration;
 use crate::machine::Machine;
+use crate::motor_matrix::MotorMatrix;
 use crate::shaping::Shaper;
 use crate::wiring::{BoardInputs, Wiring, WrongWiring};
 use headway_protocol::frame::checksum;
@@ -44,6 +45,10 @@ const DRIVERS: u8 = 4;
 const WIRING: u8 = 5;
 /// [`BoardName`].
 const BOARD: u8 = 6;
+/// [`MotorMatrix`], where motors are not the joints.
+const MOTORS: u8 = 8;
+/// `HomingConfiguration::marks`, where there are any.
+const MARKS: u8 = 9;
 /// Lowest temperatures at which melt may move: a board without this guard reads the rest.
 const MELT: u8 = MAY_BE_SKIPPED | 7;
 /// A section with this bit may be left alone by a board that does not know it.
@@ -141,7 +146,7 @@ impl BoardSettings {
     /// `Board`, with the motors that it can have; with item 1 where the settings name another board.
     pub fn check_for(&self, board: &BoardLimits) -> Result<(), SettingsRefusal> {
         let machine = &self.machine;
-        let suits = machine.joints.len() < board.motors_max
+        let suits = machine.motor_count() <= board.motors_max
             && (machine.servo_hz, machine.step_hz) == (board.servo_hz, board.step_hz);
         if !suits {
             return Err(refusal(SettingsProblem::Board, board.motors_max));
@@ -165,8 +170,14 @@ impl BoardSettings {
         let mut record = Record::new();
         let too_long = |_| refusal(SettingsProblem::Section, 0);
         record.push(SETTINGS_VERSION).map_err(too_long)?;
-        section(&mut record, MACHINE, &self.machine)?;
+        section(&mut record, MACHINE, &self.machine.without_motors())?;
+        if !self.machine.motors.is_direct() {
+            section(&mut record, MOTORS, &self.machine.motors)?;
+        }
         section(&mut record, SWITCHES, &self.switches)?;
+        if self.switches.marks != 0 {
+            section(&mut record, MARKS, &self.switches.marks)?;
+        }
         if let Some(heaters) = &self.heaters {
             section(&mut record, HEATERS, heaters)?;
         }
@@ -207,9 +218,10 @@ impl BoardSettings {
         if *version != SETTINGS_VERSION {
             return Err(refusal(SettingsProblem::Version, SETTINGS_VERSION.into()));
         }
-        let (mut machine, mut switches) = (None, None);
+        let (mut machine, mut switches): (_, Option<HomingConfiguration>) = (None, None);
         let mut heaters: Option<HeatConfiguration> = None;
         let (mut drivers, mut wiring, mut board, mut melt) = (None, None, None, None);
+        let (mut motors, mut marks): (Option<MotorMatrix>, Option<u8>) = (None, None);
         // Each round takes at least a head off a bounded record.
         while let Some((&[tag, low, high], behind)) = rest.split_first_chunk::<HEAD_BYTES>() {
             let wrong = refusal(SettingsProblem::Section, tag.into());
@@ -222,6 +234,8 @@ impl BoardSettings {
                 DRIVERS => once(&mut drivers, content, wrong)?,
                 WIRING => once(&mut wiring, content, wrong)?,
                 BOARD => once(&mut board, content, wrong)?,
+                MOTORS => once(&mut motors, content, wrong)?,
+                MARKS => once(&mut marks, content, wrong)?,
                 MELT => once(&mut melt, content, wrong)?,
                 _ if tag & MAY_BE_SKIPPED != 0 => {}
                 _ => return Err(wrong),
@@ -231,13 +245,16 @@ impl BoardSettings {
         if !rest.is_empty() {
             return Err(damaged);
         }
-        let machine: MachineConfiguration =
+        let mut machine: MachineConfiguration =
             machine.ok_or(refusal(SettingsProblem::Section, MACHINE.into()))?;
+        machine.motors = motors.unwrap_or_default();
         if let (Some(heaters), Some(melt)) = (&mut heaters, melt) {
             set_melt(heaters, &melt);
         }
+        let mut switches = switches.unwrap_or_else(|| HomingConfiguration::standard(&machine));
+        switches.marks = marks.unwrap_or_default();
         let settings = Self {
-            switches: switches.unwrap_or_else(|| HomingConfiguration::standard(&machine)),
+            switches,
             machine,
             heaters,
             drivers: drivers.unwrap_or_default(),
@@ -329,5 +346,6 @@ fn of_machine(error: ConfigurationError, machine: &MachineConfiguration) -> Sett
             with_number(refusal(SettingsProblem::Shaper, joint), wrong)
         }
         ConfigurationError::Kinematics => refusal(SettingsProblem::Kinematics, 0),
+        ConfigurationError::Motors => refusal(SettingsProblem::Kinematics, 1),
     }
 }

@@ -2,7 +2,7 @@
 //!
 //! In: step ticks of an interval. Out: reciprocals in fixed point, and the largest rate.
 
-use super::programmer::{WAY_FRACTION_BITS, WAY_SHIFT};
+use super::track::{WAY_FRACTION_BITS, WAY_SHIFT};
 use super::{INTERVAL_TICKS_MAX, INTERVAL_TICKS_MIN};
 use crate::design::STEP_RATE_SHARE_MAX;
 

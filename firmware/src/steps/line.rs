@@ -3,12 +3,13 @@
 //! Targets of successive servo ticks go in, those of some ticks ago come out: as much of them as a
 //! program needs, 2^-22 steps modulo 1024. The advance itself does not wait: it is added to what comes
 //! out. Why, and how long: [`crate::delay`]. Joints that are shaped come out as a mean of several rows
-//! (`shaper.rs`).
+//! (`shaper.rs`). Rows are of joints; where motors are not the joints, what comes out is mixed last.
 
-use super::TARGET_SHIFT;
 use super::shaper::Shapers;
+use super::{FINE_BIAS, TARGET_SHIFT};
 use crate::configuration::{MOTORS_MAX, MachineConfiguration};
 use crate::design::LINE_TICKS;
+use crate::motor_matrix::MotorMix;
 use crate::shaping::{Delays, shapes};
 
 /// Rows of the line, a power of two.
@@ -24,7 +25,8 @@ pub(super) type Row = [i32; MOTORS_MAX];
 pub struct WaitingTargets {
     pub(super) rows: [Row; ROWS],
     pub(super) shapers: Shapers,
-    /// What came out last, where a motor is shaped.
+    mix: MotorMix,
+    /// What came out last, where a motor is shaped or mixed.
     shaped: Row,
 }
 
@@ -33,6 +35,7 @@ impl WaitingTargets {
     pub const NONE: Self = Self {
         rows: [[0; MOTORS_MAX]; ROWS],
         shapers: Shapers::NONE,
+        mix: MotorMix::NONE,
         shaped: [0; MOTORS_MAX],
     };
 
@@ -40,6 +43,7 @@ impl WaitingTargets {
     pub fn new(configuration: &MachineConfiguration, delays: &Delays) -> Self {
         Self {
             shapers: Shapers::new(&shapes(configuration), delays),
+            mix: MotorMix::new(&configuration.motors, configuration.joints.len()),
             ..Self::NONE
         }
     }
@@ -50,18 +54,29 @@ impl WaitingTargets {
         self.shapers.rest(&row);
     }
 
-    /// True if a motor is shaped.
+    /// True if a motor does not come out as it went in.
     pub(super) fn shapes(&self) -> bool {
-        !self.shapers.is_none()
+        !(self.shapers.is_none() && self.mix.is_none())
     }
 
-    /// What comes out, shaped.
+    /// How far the newest row takes a motor that two joints move, 2^-22 steps.
+    fn mixed_way(&self, places: Places) -> u32 {
+        let newest = places.newest % ROWS;
+        let before = newest.wrapping_sub(1) % ROWS;
+        self.mix.way(&self.rows[before], &self.rows[newest])
+    }
+
+    /// What comes out, shaped and mixed; none where a motor that two joints move would go too far, 2^-22 steps.
     #[inline(never)]
-    pub(super) fn shaped(&mut self, places: Places) -> &Row {
+    pub(super) fn shaped(&mut self, places: Places, way_max: u32) -> Option<&Row> {
+        if self.mixed_way(places) > way_max {
+            return None;
+        }
         self.shaped = self.rows[places.oldest % ROWS];
         self.shapers
             .follow(&self.rows, places.newest, &mut self.shaped);
-        &self.shaped
+        self.mix.mix(&mut self.shaped, FINE_BIAS);
+        Some(&self.shaped)
     }
 
     /// The row to be filled.
@@ -92,7 +107,7 @@ pub(super) struct Line {
     /// What the advance adds to what comes out, 2^-22 steps, and for which motor.
     advance: i64,
     advanced: u8,
-    /// A motor is shaped.
+    /// A motor is shaped or mixed.
     shapes: bool,
     /// Servo ticks until nothing of a target is on its way.
     settle_ticks: u16,
@@ -159,6 +174,7 @@ impl Line {
 
     /// How far what goes in is ahead of what comes out, 2^-31 steps: but for a tick's way, and what a
     /// shaper takes it off its plan.
+    #[inline(never)]
     pub(super) fn held(&self, motor: usize, waiting: &WaitingTargets) -> i64 {
         let fine = |back: usize| waiting.rows[self.newest.wrapping_sub(back) % ROWS][motor];
         let way = |back: usize| i64::from(fine(back - 1).wrapping_sub(fine(back)));

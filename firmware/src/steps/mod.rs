@@ -22,6 +22,7 @@ mod line;
 mod player;
 mod programmer;
 mod shaper;
+mod track;
 
 pub use bank::StepBank;
 pub use engine::{Moment, StepEngine};
@@ -155,6 +156,12 @@ impl Target {
         }
     }
 
+    /// The fine part: 2^-22 steps, wrapping at 1024 steps.
+    #[cfg(test)]
+    pub(crate) fn fine(self) -> i32 {
+        self.fine
+    }
+
     /// Puts a new target into its place. Says how far it is from the old one in whole steps, less one
     /// where it is lower: to be put together bit by bit with that of other motors.
     #[inline(always)]
@@ -227,6 +234,8 @@ impl Target {
 
 /// Added to a position so that its whole part is the count, and bit 31 of it the engine's phase.
 const BIAS: i64 = STEP / 2 + STEP_THRESHOLD_BIAS;
+/// The same in a fine target.
+pub(crate) const FINE_BIAS: i32 = (BIAS >> TARGET_SHIFT) as i32;
 
 /// The whole number of steps at a position: rounded to nearest, halves up.
 pub fn count(position: i64) -> i64 {

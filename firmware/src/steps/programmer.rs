@@ -2,12 +2,15 @@
 //!
 //! Everything that runs each tick is 32 bits wide: ways in 2^-22 steps, and the end of the last
 //! program in 2^-31 steps modulo two, which is the engine's phase. The 64-bit position is put
-//! together when it is asked for.
+//! together when it is asked for. Targets are of joints; where the motors are not the joints, they are mixed
+//! last, and positions that are asked for come back as the joints'.
 
 use super::interval::Interval;
-use super::line::{Line, Places, Row, WaitingTargets, position_near};
-use super::{StepBank, Stopped, TARGET_FRACTION_BITS, TARGET_SHIFT, Target, bank::Motor};
+use super::line::{Line, Places, Row, WaitingTargets};
+use super::track::{MotorTrack, Turns, WAY_FRACTION_BITS, WAY_SHIFT};
+use super::{FINE_BIAS, StepBank, Stopped, Target};
 use crate::configuration::MOTORS_MAX;
+use crate::motor_matrix::MotorMix;
 use crate::shaping::Delays;
 use core::sync::atomic::{Ordering, compiler_fence};
 
@@ -20,73 +23,10 @@ pub struct StepRateExceeded {
     pub steps_per_interval: u32,
 }
 
-/// A way is a difference of targets: 512 steps fit 32 bits, so that a sum of two ways in the
-/// longest interval does.
-pub(super) const WAY_SHIFT: u32 = TARGET_SHIFT;
-pub(super) const WAY_FRACTION_BITS: u32 = TARGET_FRACTION_BITS;
 /// Largest change of a target in a tick, whole steps: beyond it the 32 bits of a way would wrap.
 const JUMP_STEPS_MAX: u32 = 255;
-
-/// One motor's targets of the last three servo ticks, and where it really is.
-#[derive(Clone, Copy, Debug)]
-#[repr(C)]
-struct MotorTrack {
-    /// The newest target; kept from tick to tick.
-    target: Target,
-    /// q2, what of the target that it waited for the program knows: 2^-22 steps.
-    newest: i32,
-    /// q2 - q1, 2^-22 steps.
-    last_way: i32,
-    /// q1 - q0, 2^-22 steps.
-    way_before: i32,
-    /// Where the newest program ends, near q1: 2^-31 steps, wrapping.
-    end: u32,
-    /// The same for all; here it needs no address of its own.
-    interval: Interval,
-    /// Mean velocity of the newest program, 2^-31 steps a tick: N of it are its way exactly.
-    mean: i32,
-    /// Negative if its direction pin will say backward when the newest program ends.
-    facing: i32,
-    /// The motor's in masks.
-    bit: u8,
-}
-
-impl MotorTrack {
-    /// `directions`: the pins of all motors.
-    fn at_rest(position: i64, motor: usize, directions: u8, interval: Interval) -> Self {
-        let bit = 1 << (motor % MOTORS_MAX);
-        let newest = Target::of_position(position);
-        Self {
-            target: newest,
-            newest: newest.fine,
-            last_way: 0,
-            way_before: 0,
-            end: position.wrapping_add(super::BIAS) as u32,
-            interval,
-            mean: 0,
-            facing: if directions & bit == 0 { -1 } else { 0 },
-            bit,
-        }
-    }
-
-    /// What the newest program moves, 2^-31 steps.
-    fn way(&self, ticks: i32) -> i64 {
-        i64::from(self.mean) * i64::from(ticks)
-    }
-
-    /// q2, 2^-31 steps; `held` is how far the newest target is ahead of it, but for less than 512 steps.
-    fn told(&self, held: i64) -> i64 {
-        position_near(self.target.position().wrapping_sub(held), self.newest)
-    }
-
-    /// Where the newest program ends, 2^-31 steps.
-    fn position(&self, held: i64) -> i64 {
-        let way = i64::from(self.last_way) << WAY_SHIFT;
-        let aim = self.told(held).wrapping_sub(way);
-        let behind = self.end.wrapping_sub(aim.wrapping_add(super::BIAS) as u32);
-        aim.wrapping_add(i64::from(behind as i32))
-    }
-}
+/// The same of a motor that two joints move, 2^-22 steps.
+const MIXED_WAY_MAX: u32 = (JUMP_STEPS_MAX + 1) << WAY_FRACTION_BITS;
 
 /// Targets -> programs, with the exact position of every motor.
 #[derive(Clone, Debug)]
@@ -99,6 +39,7 @@ pub struct StepProgrammer {
     /// What the engine will have on its pins when the newest program ends.
     directions: u8,
     line: Line,
+    mix: MotorMix,
 }
 
 /// Where the joints' targets of a servo tick go.
@@ -129,7 +70,15 @@ impl StepProgrammer {
             serial: 0,
             directions: u8::MAX,
             line: Line::default(),
+            mix: MotorMix::NONE,
         }
+    }
+
+    /// The same where motors are not the joints.
+    #[must_use]
+    pub fn with_mix(mut self, mix: MotorMix) -> Self {
+        self.mix = mix;
+        self
     }
 
     /// From now on targets wait in the line for so long before they are followed, shaped where they are
@@ -144,10 +93,26 @@ impl StepProgrammer {
         self.line.settle_ticks()
     }
 
-    /// Declares positions without a step; nothing waits. Only at rest.
+    /// Declares positions of the joints without a step; nothing waits. Only at rest.
     pub fn set_positions(&mut self, positions: &[i64; MOTORS_MAX]) {
+        self.set_motors(&self.mix.motors_of(*positions));
+    }
+
+    /// The same of the motors.
+    #[inline(never)]
+    fn set_motors(&mut self, positions: &[i64; MOTORS_MAX]) {
         for (motor, (track, position)) in self.tracks.iter_mut().zip(positions).enumerate() {
             *track = MotorTrack::at_rest(*position, motor, self.directions, self.interval);
+        }
+        if !self.mix.is_none() {
+            let joints = self.mix.joints_of(*positions);
+            for (track, joint) in self.tracks.iter_mut().zip(joints) {
+                track.target = Target::of_position(joint);
+            }
+            let due = self.mixed_row();
+            for (track, due) in self.tracks.iter_mut().zip(due) {
+                track.newest = due;
+            }
         }
         self.line = Line::default();
     }
@@ -166,6 +131,14 @@ impl StepProgrammer {
         core::array::from_fn(|motor| self.tracks[motor].target.fine)
     }
 
+    /// The same as motors have them.
+    #[inline(never)]
+    fn mixed_row(&self) -> Row {
+        let mut row = self.row();
+        self.mix.mix(&mut row, FINE_BIAS);
+        row
+    }
+
     /// Finds the motors after [`StepEngine::stop`] and goes on from there.
     ///
     /// [`StepEngine::stop`]: super::StepEngine::stop
@@ -173,13 +146,13 @@ impl StepProgrammer {
         // The newest program may have been handed over late, or not at all: it is not played.
         let begun = stopped.serial == self.serial;
         let mut positions = match begun {
-            true => self.positions(waiting),
-            false => self.present_positions(waiting),
+            true => self.motor_positions(waiting),
+            false => self.present_motors(waiting),
         };
         for (position, unplayed) in positions.iter_mut().zip(stopped.unplayed) {
             *position = position.wrapping_sub(unplayed);
         }
-        self.set_positions(&positions);
+        self.set_motors(&positions);
     }
 
     fn of_tracks(
@@ -187,27 +160,65 @@ impl StepProgrammer {
         waiting: &WaitingTargets,
         position: impl Fn(&MotorTrack, i64) -> i64,
     ) -> [i64; MOTORS_MAX] {
-        core::array::from_fn(|motor| position(&self.tracks[motor], self.line.held(motor, waiting)))
+        let mut places = self.about(waiting);
+        for (place, track) in places.iter_mut().zip(&self.tracks) {
+            *place = position(track, *place);
+        }
+        places
     }
 
-    /// Where the last program ends, in 2^-31 steps.
+    /// Near what the newest program was told, 2^-31 steps: motors.
+    // Once for all who ask, and a loop: unrolled it would be kilobytes.
+    #[inline(never)]
+    fn about(&self, waiting: &WaitingTargets) -> [i64; MOTORS_MAX] {
+        let mut about = [0; MOTORS_MAX];
+        for (joint, (about, track)) in about.iter_mut().zip(&self.tracks).enumerate() {
+            let held = self.line.held(joint, waiting);
+            *about = track.target.position().wrapping_sub(held);
+        }
+        self.mix.motors_of(about)
+    }
+
+    /// Where the last program ends, in 2^-31 steps: joints.
     pub fn positions(&self, waiting: &WaitingTargets) -> [i64; MOTORS_MAX] {
+        self.mix.joints_of(self.motor_positions(waiting))
+    }
+
+    /// The same of the motors.
+    pub fn motor_positions(&self, waiting: &WaitingTargets) -> [i64; MOTORS_MAX] {
         self.of_tracks(waiting, MotorTrack::position)
     }
 
-    /// Where the motors are at the start of this servo tick, before [`Self::advance`]: the newest
+    /// Where the joints are at the start of this servo tick, before [`Self::advance`]: the newest
     /// program is about to be played.
     pub fn present_positions(&self, waiting: &WaitingTargets) -> [i64; MOTORS_MAX] {
+        self.mix.joints_of(self.present_motors(waiting))
+    }
+
+    fn present_motors(&self, waiting: &WaitingTargets) -> [i64; MOTORS_MAX] {
         let ticks = self.interval.ticks;
-        self.of_tracks(waiting, |track, held| {
-            track.position(held).wrapping_sub(track.way(ticks))
+        self.of_tracks(waiting, |track, about| {
+            track.position(about).wrapping_sub(track.way(ticks))
         })
     }
 
     /// The targets that the newest program was told: those of the last call of [`Self::advance`], or of
     /// so many before it as targets wait.
     pub fn newest_targets(&self, waiting: &WaitingTargets) -> [i64; MOTORS_MAX] {
-        self.of_tracks(waiting, MotorTrack::told)
+        self.mix
+            .joints_of(self.of_tracks(waiting, MotorTrack::told))
+    }
+
+    /// True where a motor that two joints move has another count for these positions of known joints.
+    pub fn moves_pair(&self, to: &[i64; MOTORS_MAX], from: &[i64; MOTORS_MAX], known: u8) -> bool {
+        if self.mix.is_none() {
+            return false;
+        }
+        let [to, from] = [to, from].map(|joints| self.mix.motors_of(*joints));
+        self.mix.pair_is_known(known)
+            && to.iter().zip(&from).enumerate().any(|(motor, (to, from))| {
+                self.mix.is_of_pair(motor) && super::count(*to) != super::count(*from)
+            })
     }
 
     /// True if the motors rest: the last targets that came out are equal and were reached.
@@ -231,15 +242,15 @@ impl StepProgrammer {
         targets: &[i64; MOTORS_MAX],
         bank: &mut StepBank,
     ) -> Result<(), StepRateExceeded> {
+        let before = self.row();
         let mut jumps = 0;
         for (track, given) in self.tracks.iter_mut().zip(targets) {
             jumps |= track.target.replace(Target::of_position(*given));
         }
         if jumps > JUMP_STEPS_MAX {
-            let told = self.tracks.each_ref().map(|track| track.newest);
-            return Err(self.take_back_to(&told));
+            return Err(self.take_back_to(&before));
         }
-        self.advance_to(&self.row(), bank)
+        self.advance_to(&self.mixed_row(), bank)
     }
 
     /// The same with the targets as they are.
@@ -247,7 +258,7 @@ impl StepProgrammer {
     /// # Errors
     /// As [`Self::advance`].
     pub fn advance_at_rest(&mut self, bank: &mut StepBank) -> Result<(), StepRateExceeded> {
-        self.advance_to(&self.row(), bank)
+        self.advance_to(&self.mixed_row(), bank)
     }
 
     /// Begins a servo tick: which rows of the line it has.
@@ -297,7 +308,10 @@ impl StepProgrammer {
             return Err(self.take_back(waiting));
         }
         let due = if self.line.shapes() {
-            waiting.shaped(places)
+            let Some(due) = waiting.shaped(places, MIXED_WAY_MAX) else {
+                return Err(self.take_back(waiting));
+            };
+            due
         } else {
             waiting.due(places)
         };
@@ -399,73 +413,4 @@ impl StepProgrammer {
         }
         refused
     }
-}
-
-impl MotorTrack {
-    /// Takes the next target, the fine part of it, and computes the rate for the interval between the last two. The
-    /// result is negative where more than one step a tick would be needed.
-    ///
-    /// With m the mean velocity and the acceleration 2 h, the first tick has the velocity
-    /// m - (N - 1) h and the last m + (N - 1) h; all N make N m exactly.
-    #[inline(always)]
-    fn advance(&mut self, due: i32, motor: &mut Motor, turns: &mut Turns) -> i32 {
-        let interval = self.interval;
-        let new_way = due.wrapping_sub(self.newest);
-        let twice_mean = new_way.wrapping_sub(self.way_before);
-        // From where the last program ends, not from where it was to end.
-        let aim = (self.newest.wrapping_sub(self.last_way) << WAY_SHIFT) as u32;
-        let behind = aim.wrapping_sub(self.end) as i32 >> WAY_SHIFT;
-        let way = self.last_way.wrapping_add(behind);
-        self.newest = due;
-        self.way_before = self.last_way;
-        self.last_way = new_way;
-        let half = interval.half_acceleration(twice_mean);
-        let mean = interval.velocity(way);
-        let first = mean
-            .wrapping_sub(half.wrapping_mul(interval.ticks))
-            .wrapping_add(half);
-        let last = mean.wrapping_mul(2).wrapping_sub(first);
-        let start = self.end;
-        self.end = start.wrapping_add((mean as u32).wrapping_mul(interval.ticks as u32));
-        self.mean = mean;
-        *motor = Motor {
-            phase: start,
-            velocity: first,
-            acceleration: half.wrapping_mul(2),
-        };
-        // One less than the absolute value of a negative number: fine for bounds. Halved, so that no
-        // sum is too long.
-        let halves = |value: i32| (value ^ (value >> 31)) >> 1;
-        let way_and_bend = halves(way) + halves(twice_mean);
-        // The speed at the ends of the parabola is (way ± A/2) / N, and A half of twice_mean.
-        let spare = interval.half_way_max - way_and_bend;
-        let (before, within) = (first ^ self.facing, first ^ last);
-        if (before | within) < 0 {
-            // A motor that only creeps within one count keeps its direction pin; one that rests is to
-            // face forward, so that this is not asked again. A creeping one gets no further than
-            // `way_and_bend` from its start: does that take it out of its count? From the middle of
-            // the count, 2^-31 steps, and in halves of ways.
-            let off_middle = (start << 1) as i32 ^ i32::MIN;
-            let off_middle = (off_middle ^ (off_middle >> 31)) >> (WAY_SHIFT + 2);
-            let inside = QUARTER_STEP_WAY - off_middle - way_and_bend;
-            if inside < 0 || (first | last) == 0 {
-                self.facing = last;
-                turns.before |= self.bit & (before >> 31) as u8;
-                turns.within |= self.bit & (within >> 31) as u8;
-            }
-        }
-        spare
-    }
-}
-
-/// Half of half a step as a way, less more than rounding may hide; a constant that an instruction has.
-const QUARTER_STEP_WAY: i32 = (1 << (WAY_FRACTION_BITS - 2)) - (1 << 12);
-
-/// Motors whose direction pins change: masks, bit m is motor m.
-#[derive(Clone, Copy, Debug, Default)]
-struct Turns {
-    /// When the interval begins.
-    before: u8,
-    /// Within it.
-    within: u8,
 }

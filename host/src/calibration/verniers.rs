@@ -130,6 +130,7 @@ fn pivot_length_mm(settings: &Settings) -> Result<f64, CalibrationError> {
         }),
         Kinematics::Trunnion { .. } => several("trunnion", "centre_mm"),
         Kinematics::Arm6 { .. } => several("arm6", "tool and arm lengths"),
+        Kinematics::Axes { .. } => several("axes", "offset_mm"),
     }
 }
 

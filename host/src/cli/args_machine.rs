@@ -51,6 +51,21 @@ pub(super) enum MachineCommand {
 pub(super) enum KindName {
     /// X Y Z and a nozzle that turns.
     Planar,
+    /// The same on two belts: the motors of X and Y turn by their sum and their difference.
+    #[value(name = "corexy")]
+    CoreXy,
     /// X Y Z and a head that tilts (A, B) and turns (C).
     Gantry,
+    /// X Y Z and a table that tilts (A) and turns (C).
+    Trunnion,
+    /// A six-joint arm.
+    Arm6,
+    /// X Y Z and a head that turns (C) and, on it, tilts (B).
+    HeadCb,
+    /// X Y Z and a table that tilts (B) and turns (C).
+    TableBc,
+    /// X Y Z and a head that turns (C) with a nozzle that leans by a fixed angle.
+    TiltedHead,
+    /// A table that turns (C) under X and Z.
+    Polar,
 }

@@ -8,6 +8,8 @@ use super::load;
 use super::output_file::write_file;
 use crate::findings::settings_warnings::settings_warnings;
 use crate::settings::aperture_text::nozzle_text;
+use crate::settings::examples::MachineExample;
+use crate::settings::machine_file::MachineFileError;
 use crate::settings::{Settings, joint_names, machine_file, motor_rates_hz};
 use headway_firmware::configuration::MachineConfiguration;
 use headway_firmware::shaping::shapes;
@@ -17,10 +19,8 @@ use std::f64::consts::SQRT_2;
 pub(super) fn run(args: &MachineArgs, console: &Console) -> Result<(), CliError> {
     match &args.command {
         MachineCommand::New { kind, name, output } => {
-            let mut settings = match kind {
-                KindName::Planar => Settings::planar(),
-                KindName::Gantry => Settings::gantry(),
-            };
+            let mut settings =
+                settings_of(*kind).map_err(|error| CliError::Usage(error.to_string()))?;
             if let Some(name) = name {
                 settings.machine_name.clone_from(name);
             }
@@ -56,6 +56,22 @@ pub(super) fn run(args: &MachineArgs, console: &Console) -> Result<(), CliError>
             ))
         }
     }
+}
+
+/// The built-in machine of a kind.
+fn settings_of(kind: KindName) -> Result<Settings, MachineFileError> {
+    let example = match kind {
+        KindName::Planar => return Ok(Settings::planar()),
+        KindName::CoreXy => return Ok(Settings::core_xy()),
+        KindName::Gantry => return Ok(Settings::gantry()),
+        KindName::Trunnion => MachineExample::Trunnion,
+        KindName::Arm6 => MachineExample::Arm6,
+        KindName::HeadCb => MachineExample::HeadCb,
+        KindName::TableBc => MachineExample::TableBc,
+        KindName::TiltedHead => MachineExample::TiltedHead,
+        KindName::Polar => MachineExample::Polar,
+    };
+    machine_file::from_toml(example.text())
 }
 
 fn summary_json(settings: &Settings) -> serde_json::Value {

@@ -439,9 +439,12 @@ impl Prober {
 /// Positions of the joints, mm and rad.
 fn joints_of(machine: &MachineConfiguration, status: &Status) -> [f64; JOINTS_MAX] {
     let mut joints = [0.0; JOINTS_MAX];
-    let counted = machine.joints.iter().zip(&status.counts_steps);
+    let count = |motor: usize| status.counts_steps.get(motor).copied();
+    let steps = std::array::from_fn(|motor| f64::from(count(motor).unwrap_or_default()));
+    let steps = machine.motors.joint_steps(&steps);
+    let counted = machine.joints.iter().zip(steps);
     for (place, (joint, count)) in joints.iter_mut().zip(counted) {
-        *place = f64::from(*count) / joint.steps_per_unit;
+        *place = count / joint.steps_per_unit;
     }
     joints
 }

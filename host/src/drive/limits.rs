@@ -8,6 +8,7 @@
 //! from central differences over [`DIFFERENCE_S`].
 
 mod crawl;
+mod pair;
 
 use crate::job::{Mark, MotionState, SegmentStream};
 use crate::settings::Settings;
@@ -53,6 +54,8 @@ pub enum Limit {
     Flow,
     /// The extruder's, with pressure advance, prime and retract.
     Extruder,
+    /// Of the motor at this joint's place, which two joints move together.
+    Motor(usize),
 }
 
 /// Ratios to `plan_share` of the limits.
@@ -310,6 +313,7 @@ impl<'a> Sampler<'a> {
                 time_s,
             );
         }
+        self.pair([velocity, acceleration, jerk], time_s);
     }
 
     fn tip_and_flow(&mut self, moment: &Moment, time_s: f64) {

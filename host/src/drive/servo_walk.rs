@@ -14,6 +14,7 @@ use crate::drive::shaped_plan::ShapedPlan;
 use crate::job::SegmentStream;
 use headway_firmware::configuration::{JOINTS_MAX, MOTORS_MAX, MachineConfiguration};
 use headway_firmware::delay::motion_delay_s;
+use headway_firmware::motor_matrix::MotorMatrix;
 use headway_firmware::shaping::Delays;
 use headway_protocol::units::CHANNELS;
 
@@ -99,6 +100,17 @@ impl Interval<'_> {
                 .map(|i| weights[i] * self.window[i].channels[channel])
                 .sum()
         })
+    }
+
+    /// Planned position of a joint's motor at the place `x`, steps.
+    pub fn motor_steps(&self, motors: &MotorMatrix, motor: usize, x: f64) -> f64 {
+        let pair = motors.pair.as_ref();
+        let Some(pair) = pair.filter(|pair| pair.joints.contains(&(motor as u8))) else {
+            return self.joint_steps(motor, x);
+        };
+        let [a, b] = pair.joints.map(usize::from);
+        let sign = if motor == a { 1.0 } else { -1.0 };
+        self.joint_steps(a, x) + sign * self.joint_steps(b, x)
     }
 
     /// Planned position of a joint at the place `x`, motor steps.

@@ -110,9 +110,19 @@ impl TimeTally {
     }
 }
 
+/// Joints, tip and flow, and the motors of a pair.
+fn quantities(settings: &Settings) -> usize {
+    let motors = if settings.machine.motors.pair.is_some() {
+        2
+    } else {
+        0
+    };
+    joint_names(&settings.machine.kinematics).len() + 2 + motors
+}
+
 /// Names of all limits of a machine, in words, by the numbers of [`limit_at`].
 pub fn limit_names(settings: &Settings) -> Vec<String> {
-    let quantities = joint_names(&settings.machine.kinematics).len() + 2;
+    let quantities = quantities(settings);
     let keys = (0..DERIVATIVES.len() * quantities).map(|k| Some((k / quantities, k % quantities)));
     keys.map(|key| name(key, settings).replace('_', " "))
         .collect()
@@ -121,7 +131,7 @@ pub fn limit_names(settings: &Settings) -> Vec<String> {
 /// The limit that is used most at so many ticks of a span, if one is reached.
 pub fn limit_at(span: &Span, t_ticks: f64, settings: &Settings) -> Option<usize> {
     let servo_hz = f64::from(settings.machine.servo_hz);
-    let quantities = joint_names(&settings.machine.kinematics).len() + 2;
+    let quantities = quantities(settings);
     let (derivative, quantity) = binding(&Moment::of(span, t_ticks, servo_hz), settings)?;
     Some(derivative * quantities + quantity)
 }
@@ -134,7 +144,9 @@ fn name(key: Key, settings: &Settings) -> String {
     let quantity = match quantity.checked_sub(joints.len()) {
         None => joints[quantity],
         Some(0) => "tip",
-        Some(_) => "flow",
+        Some(1) => "flow",
+        Some(2) => "sum_motor",
+        Some(_) => "difference_motor",
     };
     format!("{quantity}_{}", DERIVATIVES[derivative])
 }
@@ -155,6 +167,15 @@ fn binding(moment: &Moment, settings: &Settings) -> Key {
         look(0, joint, velocity[joint], limit.speed_max);
         look(1, joint, acceleration[joint], limit.acceleration_max);
         look(2, joint, jerk[joint], limit.jerk_max);
+    }
+    if let Some(pair) = &settings.machine.motors.pair {
+        let motors = [&velocity, &acceleration, &jerk].map(|of| pair.motors_of(of));
+        let limits = [pair.speed_max, pair.acceleration_max, pair.jerk_max];
+        for (derivative, (motors, limit)) in motors.into_iter().zip(limits).enumerate() {
+            for (motor, value) in motors.into_iter().enumerate() {
+                look(derivative, joint_count + 2 + motor, value, limit);
+            }
+        }
     }
     let (tip, flow) = (joint_count, joint_count + 1);
     look(0, tip, norm(&moment.velocity), settings.speed_mm_s);

@@ -89,14 +89,27 @@ pub(crate) fn count_of(position_steps: f64) -> i64 {
     (position_steps + 0.5 + bias).floor() as i64
 }
 
+/// Step counts of the joints' motors at joint positions, mm and rad.
+fn counts_of_joints(
+    joints: &[f64; JOINTS_MAX],
+    machine: &MachineConfiguration,
+) -> [i64; MOTORS_MAX] {
+    let mut steps = [0.0; JOINTS_MAX];
+    for (index, joint) in machine.joints.iter().enumerate() {
+        steps[index] = joints[index] * joint.steps_per_unit;
+    }
+    let motors = machine.motors.motor_steps(&steps);
+    let mut counts = [0; MOTORS_MAX];
+    for (count, steps) in counts.iter_mut().zip(motors) {
+        *count = count_of(steps);
+    }
+    counts
+}
+
 /// Step counts at rest on a pose with its deposited volume, primes and retracts left out.
 pub fn counts_at(channels: &[f64; CHANNELS], machine: &MachineConfiguration) -> [i64; MOTORS_MAX] {
-    let mut counts = [0; MOTORS_MAX];
-    if let Some(joints) = JointTrack::new(machine).joints(channels) {
-        for (index, joint) in machine.joints.iter().enumerate() {
-            counts[index] = count_of(joints[index] * joint.steps_per_unit);
-        }
-    }
+    let joints = JointTrack::new(machine).joints(channels);
+    let mut counts = counts_of_joints(&joints.unwrap_or_default(), machine);
     let volume_steps = channels[CHANNEL_VOLUME] * machine.extruder.steps_per_mm3;
     counts[machine.joints.len()] = count_of(volume_steps);
     counts
@@ -116,11 +129,7 @@ pub fn expected_counts(
         end = cursor.position(tick as f64);
         joints = track.joints(&end);
     }
-    let joints = joints.unwrap_or_default();
-    let mut counts = [0; MOTORS_MAX];
-    for (index, joint) in machine.joints.iter().enumerate() {
-        counts[index] = count_of(joints[index] * joint.steps_per_unit);
-    }
+    let mut counts = counts_of_joints(&joints.unwrap_or_default(), machine);
     let net_units: i64 = stream
         .events
         .iter()
@@ -245,22 +254,26 @@ impl<'a> Comparison<'a> {
         let servo_hz = f64::from(self.machine.servo_hz);
         let threshold = counts[motor] as f64 + if step.forward { -0.5 } else { 0.5 };
         // Slope over a tenth of the interval, then one Newton step to the crossing.
-        let ahead = interval.joint_steps(motor, place + 0.05);
-        let behind = interval.joint_steps(motor, place - 0.05);
+        let motors = &self.machine.motors;
+        let ahead = interval.motor_steps(motors, motor, place + 0.05);
+        let behind = interval.motor_steps(motors, motor, place - 0.05);
         let slope = (ahead - behind) / 0.1;
         if slope.abs() * servo_hz < STEP_TIME_SPEED_MIN_STEPS_S {
             return;
         }
-        let error_ticks = (interval.joint_steps(motor, place) - threshold) / slope;
+        let error_ticks = (interval.motor_steps(motors, motor, place) - threshold) / slope;
         let error_s = error_ticks.abs() / servo_hz;
         self.step_error_max_s = self.step_error_max_s.max(error_s);
         self.step_error_square_sum_s2 += error_s * error_s;
         self.steps_judged += 1;
     }
 
-    /// All combinations of half a step more or less of every joint.
+    /// All combinations of half a step more or less of every joint's motor.
     fn look_at_half_steps(&mut self, interval: &Interval<'_>) {
-        let steps = &interval.window[1].joint_steps;
+        let steps = &self
+            .machine
+            .motors
+            .motor_steps(&interval.window[1].joint_steps);
         let here = pose_of_steps(self.machine, steps);
         for signs in 0..1u32 << self.machine.joints.len() {
             let moved =
@@ -300,8 +313,9 @@ pub fn pose_of_counts(machine: &MachineConfiguration, counts: &[i64; MOTORS_MAX]
     pose_of_steps(machine, &std::array::from_fn(|joint| counts[joint] as f64))
 }
 
-/// Pose of joint positions in motor steps.
+/// Pose of the joints' motors in steps.
 fn pose_of_steps(machine: &MachineConfiguration, steps: &[f64; JOINTS_MAX]) -> Pose<f64> {
+    let steps = machine.motors.joint_steps(steps);
     let mut positions = [0.0; JOINTS_MAX];
     for (index, joint) in machine.joints.iter().enumerate() {
         positions[index] = steps[index] / joint.steps_per_unit;

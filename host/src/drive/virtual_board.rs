@@ -27,6 +27,7 @@ use headway_firmware::output::StepOutput;
 use headway_firmware::probe_pin::{self, ProbePin};
 use headway_firmware::settings::BoardLimits;
 use headway_protocol::message::{PROBE_BIT, PinPosition};
+use std::f64::consts::TAU;
 use std::io;
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::time::{Duration, Instant};
@@ -78,6 +79,9 @@ impl VirtualBed {
         z_mm - self.probe.z_offset_mm <= self.mesh.as_ref().map_or(0.0, height)
     }
 }
+
+/// Width of the index mark of a joint without ends: 3 mm at a radius of 60 mm.
+const INDEX_RAD: f64 = 0.05;
 
 /// The joint that comes down to it.
 const Z: usize = 2;
@@ -295,11 +299,13 @@ impl VirtualBoard {
     /// know it; a joint without ends at 0.
     fn joints(&self) -> [f64; JOINTS_MAX] {
         let mut joints = [0.0; JOINTS_MAX];
-        let counted = self.setup.machine.joints.iter().zip(self.steps.counts);
+        let steps = std::array::from_fn(|motor| self.steps.counts[motor] as f64);
+        let steps = self.setup.machine.motors.joint_steps(&steps);
+        let counted = self.setup.machine.joints.iter().zip(steps);
         for (place, (joint, count)) in joints.iter_mut().zip(counted) {
             let middle = 0.5 * (joint.position_min + joint.position_max);
             let middle = if middle.is_finite() { middle } else { 0.0 };
-            *place = middle + count as f64 / joint.steps_per_unit;
+            *place = middle + count / joint.steps_per_unit;
         }
         joints
     }
@@ -321,6 +327,14 @@ impl VirtualBoard {
             };
             let pressed = if number == Z && bed.is_switch_of_z {
                 touched
+            } else if self
+                .setup
+                .switches
+                .is_mark(switch.joint, &self.setup.machine)
+            {
+                // An index mark, passed once a turn.
+                let turns = (*at - switch.position_natural) / TAU;
+                (turns - turns.round()).abs() * TAU < 0.5 * INDEX_RAD
             } else if switch.towards_max {
                 *at >= switch.position_natural
             } else {

@@ -9,6 +9,7 @@ pub mod objections;
 mod run_notes;
 pub mod settings_warnings;
 pub mod simulated;
+pub mod unwinding;
 pub mod use_figures;
 
 use crate::Plan;
@@ -61,6 +62,7 @@ pub fn findings(plan: &Plan, plan_s: f64, settings: &Settings) -> Findings {
     let open = open_ground(plan, settings);
     let all_mm2 = told_mm2(&open, settings);
     warnings.extend(open_ground::note(&open, all_mm2, |_| None, settings));
+    warnings.extend(unwinding::note(&plan.route, &plan.transform, settings));
     warnings.extend(settings_warnings(settings));
     Findings {
         figures: Figures {

@@ -8,6 +8,7 @@ use crate::Plan;
 use crate::drive::device_check::{Refusal, Refused};
 use crate::part_transform::PartTransform;
 use crate::plan::judge::touches::Touches;
+use crate::settings::drivers::motor_names;
 use crate::settings::{Settings, joint_names};
 use headway_protocol::message::FaultCause;
 
@@ -105,6 +106,13 @@ fn motor_name(refusal: &Refusal, settings: &Settings) -> String {
         Some(name) if motor < settings.machine.joints.len() => {
             format!(" (motor {motor} is joint {name})")
         }
-        _ => format!(" (motor {motor} is the extruder)"),
+        _ if motor == settings.machine.joints.len() => {
+            format!(" (motor {motor} is the extruder)")
+        }
+        _ => {
+            let names = motor_names(&settings.machine);
+            let name = names.get(motor).copied().unwrap_or("none");
+            format!(" (motor {motor} is {name})")
+        }
     }
 }

@@ -71,7 +71,9 @@ pub fn approach(
             let tilt_rad = natural[CHANNEL_TILT].hypot(natural[CHANNEL_TILT + 1]);
             pivot_length_mm * (1.0 - tilt_rad.cos())
         }
-        Kinematics::Trunnion { .. } | Kinematics::Arm6 { .. } => return Err(ApproachError::NoLift),
+        Kinematics::Trunnion { .. } | Kinematics::Arm6 { .. } | Kinematics::Axes { .. } => {
+            return Err(ApproachError::NoLift);
+        }
     };
     let top_mm = top_mm.max(natural[CHANNEL_Z]);
     // The head may be upright while it comes up: then its tip is as high as Z alone.

@@ -4,6 +4,7 @@ use super::drivers::check_drivers;
 use super::error::SettingsError;
 use super::heat::wrong_heater;
 use super::{AXIS_TOLERANCE_MAX_DEG, LAYERS_MAX, Settings, TILT_MAX_ASKED_DEG, kinds};
+use headway_firmware::axis_family::{AxisFamily, RotaryAxis};
 use headway_firmware::configuration::{Kinematics, MachineConfiguration};
 use headway_firmware::steps::{INTERVAL_TICKS_MAX, INTERVAL_TICKS_MIN};
 use headway_protocol::control::DECIDEGREES_MAX;
@@ -45,7 +46,57 @@ pub fn joint_names(kinematics: &Kinematics) -> &'static [&'static str] {
         Kinematics::Trunnion { .. } => &["x", "y", "z", "a", "c", "h"],
         Kinematics::Arm6 { arm, .. } if arm.nozzle => &["j1", "j2", "j3", "j4", "j5", "j6", "h"],
         Kinematics::Arm6 { .. } => &["j1", "j2", "j3", "j4", "j5", "j6"],
+        Kinematics::Axes { axes, .. } => axes_joint_names(axes),
     }
+}
+
+/// The same of linear and rotary axes: A, B, C by the machine axis that each is nearest to, the next letter where two
+/// share one.
+pub(super) fn axes_joint_names(axes: &AxisFamily) -> &'static [&'static str] {
+    const NAMES: [[&[&str]; 4]; 3] = [
+        [
+            &["x", "y", "z", "a", "h"],
+            &[],
+            &["x", "y", "z", "a", "b", "h"],
+            &["x", "y", "z", "a", "c", "h"],
+        ],
+        [
+            &["x", "y", "z", "b", "h"],
+            &["x", "y", "z", "b", "a", "h"],
+            &[],
+            &["x", "y", "z", "b", "c", "h"],
+        ],
+        [
+            &["x", "y", "z", "c", "h"],
+            &["x", "y", "z", "c", "a", "h"],
+            &["x", "y", "z", "c", "b", "h"],
+            &[],
+        ],
+    ];
+    if axes.polar {
+        return &["x", "c", "z", "h"];
+    }
+    let letter = |axis: &RotaryAxis| {
+        let shares = axis.axis.map(f64::abs);
+        let larger = |best: usize, next: usize| {
+            if shares[next] > shares[best] + 1e-9 {
+                next
+            } else {
+                best
+            }
+        };
+        larger(larger(0, 1), 2)
+    };
+    let first = letter(&axes.first);
+    let second = axes.second.as_ref().map(|second| {
+        let second = letter(second);
+        if second == first {
+            (second + 1) % 3
+        } else {
+            second
+        }
+    });
+    NAMES[first][second.map_or(0, |second| second + 1)]
 }
 
 /// Name of the kinematics, as in the machine file.
@@ -55,6 +106,7 @@ pub(crate) fn kinematics_name(kinematics: &Kinematics) -> &'static str {
         Kinematics::Gantry { .. } => "gantry",
         Kinematics::Trunnion { .. } => "trunnion",
         Kinematics::Arm6 { .. } => "arm6",
+        Kinematics::Axes { .. } => "axes",
     }
 }
 
@@ -199,8 +251,11 @@ impl Settings {
                 });
             }
             let joint = &self.machine.joints[axis];
-            // Of an arm no joint is an axis: what it reaches is seen along the path.
-            let is_axis = !joint.rotary;
+            // Of an arm no joint is an axis, and a polar table has all around it what X has on one side: what they
+            // reach is seen along the path.
+            let polar =
+                matches!(&self.machine.kinematics, Kinematics::Axes { axes, .. } if axes.polar);
+            let is_axis = !(joint.rotary || polar && axis < 2);
             if is_axis && (low[axis] < joint.position_min || high[axis] > joint.position_max) {
                 return Err(SettingsError::WorkArea {
                     axis: name,
@@ -348,15 +403,22 @@ impl Settings {
 
 /// Step rate of every motor at its top speed, by name, the extruder last.
 pub fn motor_rates_hz(machine: &MachineConfiguration) -> Vec<(String, f64)> {
-    let joints = joint_names(&machine.kinematics)
-        .iter()
-        .zip(&machine.joints)
-        .map(|(name, joint)| {
-            (
-                format!("joint {name}"),
-                joint.steps_per_unit * joint.speed_max,
-            )
-        });
+    let names = joint_names(&machine.kinematics);
+    let joints = names.iter().zip(&machine.joints).enumerate();
+    let joints = joints.map(|(place, (name, joint))| {
+        let pair = machine.motors.pair.as_ref();
+        let pair = pair.filter(|pair| pair.joints.contains(&(place as u8)));
+        let Some(pair) = pair else {
+            let rate_hz = joint.steps_per_unit * joint.speed_max;
+            return (format!("joint {name}"), rate_hz);
+        };
+        // Both joints move it.
+        let [a, b] = pair.joints.map(usize::from);
+        let sign = if place == a { '+' } else { '-' };
+        let together = machine.joints[a].speed_max + machine.joints[b].speed_max;
+        let rate_hz = joint.steps_per_unit * together.min(pair.speed_max);
+        (format!("motor {} {sign} {}", names[a], names[b]), rate_hz)
+    });
     let e = &machine.extruder;
     joints
         .chain([("extruder".to_string(), e.steps_per_mm3 * e.speed_max_mm3_s)])

@@ -13,6 +13,7 @@ use headway_firmware::configuration::{
     ExtruderConfiguration, JointConfiguration, Kinematics, MachineConfiguration,
 };
 use headway_firmware::drivers::DriversConfiguration;
+use headway_firmware::motor_matrix::{MotorMatrix, MotorPair};
 use headway_firmware::shaping::UNSHAPED;
 use headway_firmware::wiring::Wiring;
 use std::f64::consts::TAU;
@@ -54,6 +55,23 @@ impl Settings {
             machine(Kinematics::Planar, &[x, y, z, nozzle]),
             WORK_AREA_MM,
         )
+    }
+
+    /// The planar machine on two belts, with a second motor that lifts Z.
+    pub fn core_xy() -> Settings {
+        let mut settings = Settings::planar();
+        settings.machine_name = "corexy".to_string();
+        settings.machine.motors = MotorMatrix {
+            pair: Some(MotorPair {
+                joints: [0, 1],
+                // At 45° a motor turns by 1.41 times what the head moves; it gives a little more than one axis asks.
+                speed_max: 300.0,
+                acceleration_max: 4000.0,
+                jerk_max: 4.0e5,
+            }),
+            copies: [2].into_iter().collect(),
+        };
+        settings
     }
 
     /// X Y Z, a head that tilts about X (A) and Y (B), and a slower nozzle axis (C).
@@ -208,5 +226,6 @@ fn machine(kinematics: Kinematics, joints: &[JointConfiguration]) -> MachineConf
         },
         servo_hz: 2000,
         step_hz: 200_000,
+        motors: MotorMatrix::DIRECT,
     }
 }

@@ -2,7 +2,7 @@
 
 use super::check::joint_names;
 use super::error::SettingsError;
-use headway_firmware::configuration::MachineConfiguration;
+use headway_firmware::configuration::{JOINTS_MAX, MachineConfiguration};
 use headway_firmware::drivers::DriversConfiguration;
 use headway_firmware::drivers::configuration::{DriverItem, run_range_ma};
 use headway_protocol::message::SettingsProblem;
@@ -14,7 +14,27 @@ pub const EXTRUDER: &str = "extruder";
 /// Names of the motors, as machine files have them.
 pub fn motor_names(machine: &MachineConfiguration) -> Vec<&'static str> {
     let joints = joint_names(&machine.kinematics).iter().copied();
-    joints.chain([EXTRUDER]).collect()
+    let names = joint_names(&machine.kinematics);
+    let mut numbers = [1; JOINTS_MAX];
+    let copies = machine.motors.copies.iter().map(|joint| {
+        let joint = usize::from(*joint).min(JOINTS_MAX - 1);
+        numbers[joint] += 1;
+        let name = names.get(joint).copied();
+        name.and_then(|name| copy_name(name, numbers[joint]))
+            .unwrap_or("?")
+    });
+    joints.chain([EXTRUDER]).chain(copies).collect()
+}
+
+/// Name of the second or a later motor on a joint; none where joints are not along a line.
+pub(super) fn copy_name(joint: &str, number: usize) -> Option<&'static str> {
+    let names = match joint {
+        "x" => ["x2", "x3", "x4"],
+        "y" => ["y2", "y3", "y4"],
+        "z" => ["z2", "z3", "z4"],
+        _ => return None,
+    };
+    names.get(number.checked_sub(2)?).copied()
 }
 
 /// What would fit.

@@ -7,6 +7,7 @@
 //! radians.
 
 use super::aperture_text::{ApertureTextError, parse_aperture};
+use super::check::joint_names;
 use super::error::SettingsError;
 use super::{
     HeadingLaw, Infill, PassMode, PrimeRetract, Quality, Seam, SeamPlace, Settings, Skirt,
@@ -19,17 +20,20 @@ use headway_firmware::heat::HeatConfiguration;
 use headway_firmware::homing::HomingConfiguration;
 use serde::Deserialize;
 
+mod axes;
 mod drivers;
 mod gcode;
 mod head;
 mod heat;
 mod joints;
 mod kinds;
+mod motors;
 mod probe;
 mod shaper;
 mod switches;
 mod wiring;
 mod write;
+use axes::FileKinematics;
 use drivers::FileDriver;
 use gcode::FileGcode;
 pub use gcode::gcode_letters;
@@ -37,6 +41,7 @@ use heat::{FileHeaters, FileMaterial};
 pub use heat::{write_heater, write_heaters};
 use joints::{FileArm, Joints};
 use kinds::FileKinds;
+use motors::FileMotors;
 use probe::FileProbe;
 use shaper::FileShaper;
 use std::collections::BTreeMap;
@@ -113,7 +118,7 @@ pub fn from_toml(text: &str) -> Result<Settings, MachineFileError> {
 struct File {
     name: String,
     board: Option<String>,
-    kinematics: KinematicsName,
+    kinematics: FileKinematics,
     pivot_length_mm: Option<f64>,
     table_centre_mm: Option<[f64; 3]>,
     arm: Option<FileArm>,
@@ -123,6 +128,7 @@ struct File {
     plan_share: Option<f64>,
     work_area: WorkArea,
     joints: Joints,
+    motors: Option<FileMotors>,
     #[serde(default)]
     shaper: BTreeMap<String, FileShaper>,
     extruder: Extruder,
@@ -273,15 +279,7 @@ struct FileTolerances {
 impl File {
     fn into_settings(self) -> Result<Settings, MachineFileError> {
         let default = Settings::default();
-        let (kinematics, joints) = self.joints()?;
-        let machine = MachineConfiguration {
-            kinematics,
-            shapers: shaper::shapers(&self.shaper, &kinematics)?,
-            joints: joints.into_iter().collect(),
-            extruder: self.extruder.over(&default.machine.extruder),
-            servo_hz: self.servo_hz.unwrap_or(default.machine.servo_hz),
-            step_hz: self.step_hz.unwrap_or(default.machine.step_hz),
-        };
+        let machine = self.machine(&default.machine)?;
         let (print, flow) = (&self.print, &self.flow);
         let aperture = match &print.aperture {
             Some(text) => parse_aperture(text)?,
@@ -344,6 +342,25 @@ impl File {
             heaters: self.heaters()?,
             // Where the input lies is the command line's.
             ..self.of_layers(default)
+        })
+    }
+
+    /// Kinematics, joints, motors, extruder, rates.
+    fn machine(
+        &self,
+        default: &MachineConfiguration,
+    ) -> Result<MachineConfiguration, MachineFileError> {
+        let (kinematics, joints) = self.joints()?;
+        let motors = self.motors.as_ref();
+        let motors = motors.map(|motors| motors.matrix(joint_names(&kinematics), &joints));
+        Ok(MachineConfiguration {
+            kinematics,
+            shapers: shaper::shapers(&self.shaper, &kinematics)?,
+            joints: joints.into_iter().collect(),
+            extruder: self.extruder.over(&default.extruder),
+            servo_hz: self.servo_hz.unwrap_or(default.servo_hz),
+            step_hz: self.step_hz.unwrap_or(default.step_hz),
+            motors: motors.transpose()?.unwrap_or_default(),
         })
     }
 

@@ -344,7 +344,7 @@ fn run() -> Option<()> {
         wiring,
         board: name,
     } = what_to_run(&mut kept)?;
-    let motors = configuration.joints.len() + 1;
+    let motors = configuration.motor_count();
     let mut core = Peripherals::take()?;
     let device = pac::Peripherals::take()?;
     let by_watchdog = watchdog_fault(&device.RCC);

@@ -42,7 +42,7 @@ impl AxisLimits {
                 4 => Some(3),
                 axis => Some(axis),
             }),
-            Kinematics::Arm6 { .. } => [None; 6],
+            Kinematics::Arm6 { .. } | Kinematics::Axes { .. } => [None; 6],
         };
         let mut limits = AxisLimits::BUILT_IN;
         for (axis, joint) in joints.into_iter().enumerate() {

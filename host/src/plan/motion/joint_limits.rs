@@ -179,6 +179,15 @@ pub struct JointLimit {
     pub jerk_max: f64,
 }
 
+/// Limits of the two motors of a pair, share applied.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct PairLimit {
+    /// The joints of which the motors are sum and difference.
+    pub joints: [usize; 2],
+    /// Of either motor; its range is none.
+    pub motor: JointLimit,
+}
+
 /// All limits that bind a move, share applied.
 #[derive(Clone, Debug, PartialEq)]
 pub struct MotionLimits {
@@ -190,6 +199,8 @@ pub struct MotionLimits {
     pub winding: Winding<f64>,
     /// One for each joint, in the machine's order.
     pub joints: Vec<JointLimit>,
+    /// Those of motors that two joints move together.
+    pub pair: Option<PairLimit>,
     /// Tip speed, mm/s.
     pub tip_speed_mm_s: f64,
     /// Tip speeds asked along the path, by its parameter; see `RouteMove::speeds_mm_s`.
@@ -246,6 +257,18 @@ impl MotionLimits {
                     jerk_max: joint.jerk_max * share,
                 })
                 .collect(),
+            pair: machine.motors.pair.as_ref().map(|pair| PairLimit {
+                joints: pair.joints.map(usize::from),
+                motor: JointLimit {
+                    rotary: false,
+                    position_min: f64::NEG_INFINITY,
+                    position_max: f64::INFINITY,
+                    range_slack: 0.0,
+                    speed_max: pair.speed_max * share,
+                    acceleration_max: pair.acceleration_max * share,
+                    jerk_max: pair.jerk_max * share,
+                },
+            }),
             tip_speed_mm_s: tip_speed_mm_s * share,
             asked_mm_s: Vec::new(),
             tip_acceleration_mm_s2: settings.tip_acceleration_mm_s2 * share,
@@ -276,7 +299,8 @@ impl MotionLimits {
             ),
             ("servo rate", self.servo_hz),
         ];
-        for joint in &self.joints {
+        let motor = self.pair.as_ref().map(|pair| &pair.motor);
+        for joint in self.joints.iter().chain(motor) {
             named.push(("joint speed", joint.speed_max));
             named.push(("joint acceleration", joint.acceleration_max));
             named.push(("joint jerk", joint.jerk_max));
@@ -293,6 +317,22 @@ impl MotionLimits {
             Some((name, _)) => Err(MotionError::BadLimit { name }),
             None => Ok(self),
         }
+    }
+
+    /// Everything with limits of speed, acceleration and jerk: joints in order, then the motors of a pair, each with
+    /// what these derivatives of the joints are of it.
+    pub fn bounded<'a, const N: usize>(
+        &'a self,
+        of_joints: [&'a [f64; JOINTS_MAX]; N],
+    ) -> impl Iterator<Item = (&'a JointLimit, [f64; N])> {
+        let joints = self.joints.iter().enumerate();
+        let joints = joints.map(move |(joint, limit)| (limit, of_joints.map(|of| of[joint])));
+        let motors = self.pair.iter().flat_map(move |pair| {
+            let [a, b] = pair.joints;
+            let motor = move |sign: f64| of_joints.map(|of| of[a] + sign * of[b]);
+            [1.0, -1.0].map(|sign| (&pair.motor, motor(sign)))
+        });
+        joints.chain(motors)
     }
 
     /// The same on a clock of which one tick has so many servo ticks. The pressure advance is then averaged

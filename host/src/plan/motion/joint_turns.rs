@@ -233,10 +233,9 @@ impl<'a> Follower<'a> {
             return self.step(curve, limits, [middle, to], halvings + 1);
         }
         check_range(limits, tip_mm(&channels), &position)?;
-        let seconds =
-            limits.joints.iter().enumerate().map(|(joint, limit)| {
-                (position[joint] - self.position[joint]).abs() / limit.speed_max
-            });
+        let way = std::array::from_fn(|joint| position[joint] - self.position[joint]);
+        let seconds = limits.bounded([&way]);
+        let seconds = seconds.map(|(limit, [way])| way.abs() / limit.speed_max);
         let by_joints = seconds.fold(0.0, f64::max);
         let tip = tip_mm(&channels);
         let way_mm = (0..3)

@@ -58,7 +58,7 @@ const TIP_SIDES: [[f64; 2]; 4] = [
     [0.980_785_280_403_230_4, 0.195_090_322_016_128_27],
 ];
 /// Most rows of a sample.
-pub const ROWS_MAX: usize = JOINTS_MAX + 1 + 2 * TIP_SIDES.len();
+pub const ROWS_MAX: usize = JOINTS_MAX + 2 + 1 + 2 * TIP_SIDES.len();
 
 /// Longest distance between samples, of the aperture's unit, or of that of the built-in nozzle (1 mm) and what is as much
 /// longer as the tip is faster than 60 mm/s: a path may be finer than its nozzle.
@@ -118,10 +118,11 @@ impl PathSample {
     /// Largest u̇ that every speed limit (and the jerk of the path's shape) allows, times `scale`.
     pub fn rate_max(&self, limits: &MotionLimits, scale: f64) -> f64 {
         let mut inverse: f64 = self.tip_speed_mm / limits.tip_speed_at_mm_s(self.u);
-        for (joint, limit) in limits.joints.iter().enumerate() {
-            inverse = inverse.max(self.joint_first[joint].abs() / limit.speed_max);
+        let joints = limits.bounded([&self.joint_first, &self.joint_third]);
+        for (limit, [first, third]) in joints {
+            inverse = inverse.max(first.abs() / limit.speed_max);
             // The part of the jerk that the path's shape makes at constant u̇.
-            inverse = inverse.max((self.joint_third[joint].abs() / limit.jerk_max).cbrt());
+            inverse = inverse.max((third.abs() / limit.jerk_max).cbrt());
         }
         inverse = inverse.max(self.volume_first_mm3.abs() / limits.flow_rate_max_mm3_s());
         scale / inverse.max(1e-9)
@@ -148,12 +149,9 @@ impl PathSample {
                 count += 1;
             }
         };
-        for (joint, limit) in limits.joints.iter().enumerate() {
-            push(
-                self.joint_first[joint],
-                self.joint_second[joint],
-                limit.acceleration_max,
-            );
+        let joints = limits.bounded([&self.joint_first, &self.joint_second]);
+        for (limit, [first, second]) in joints {
+            push(first, second, limit.acceleration_max);
         }
         let flow_bound = limits.flow_slope_max_mm3_s2();
         push(self.volume_first_mm3, self.volume_second_mm3, flow_bound);

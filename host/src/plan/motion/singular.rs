@@ -157,7 +157,12 @@ fn least_led(passes: &Passes, start: Point, settings: &Settings) -> Option<Passe
 
 /// The passes cut at the pole of a tilting table, where the joints can follow then.
 fn lifted_off(passes: &Passes, start: Point, settings: &Settings) -> Option<PassedPlaces> {
-    if !matches!(settings.machine.kinematics, Kinematics::Trunnion { .. }) {
+    let lines_up_upright = match &settings.machine.kinematics {
+        Kinematics::Trunnion { .. } => true,
+        Kinematics::Axes { axes, .. } => !axes.is_cone() && !axes.is_determined_upright(),
+        _ => false,
+    };
+    if !lines_up_upright {
         return None;
     }
     let cut = cut_at_the_pole(passes);
@@ -197,6 +202,10 @@ fn singular_axis(kinematics: &Kinematics, pose: &Point) -> Option<Vector3<f64>> 
         Kinematics::Planar => None,
         Kinematics::Gantry { .. } => Some(Vector3::x() * axis.x.signum()),
         Kinematics::Trunnion { .. } => Some(Vector3::z()),
+        Kinematics::Axes { axes, .. } => {
+            let singular = Vector3::from(axes.singular_axis()?);
+            Some(singular * singular.dot(&axis).signum())
+        }
         Kinematics::Arm6 { arm, .. } => {
             let mut beside = *pose;
             beside[CHANNEL_TILT_X] += BESIDE_RAD;

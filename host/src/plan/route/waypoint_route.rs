@@ -19,6 +19,7 @@ use crate::plan::route::flow::fresh_ground::FreshShares;
 use crate::plan::route::moves::{MoveEvent, PathCurve, Route, RouteMove, tilt, tip};
 use crate::plan::route::waypoint_curve::upright;
 use crate::settings::{PrimeRetract, Settings};
+use headway_firmware::configuration::Kinematics;
 use headway_firmware::kinematics::follows_pose;
 use headway_firmware::pose::tool_axis;
 use headway_protocol::units::{CHANNEL_HEADING, CHANNEL_VOLUME, CHANNEL_X, CHANNEL_Z, CHANNELS};
@@ -149,8 +150,11 @@ fn along(
         return Route::default();
     };
     // Where every joint follows the pose the job begins on the first pass's axis: which joints an upright
-    // tool would have is not determined on a table that turns.
-    let from_above = !follows_pose(&settings.machine.kinematics);
+    // tool would have is not determined on a table or a head that turns, and a leaning nozzle is never upright.
+    let kinematics = &settings.machine.kinematics;
+    let starts_leaning =
+        matches!(kinematics, Kinematics::Axes { axes, .. } if !axes.is_determined_upright());
+    let from_above = !follows_pose(kinematics) && !starts_leaning;
     let mut here = start;
     if !from_above {
         here = clear.off(&first);

@@ -96,6 +96,8 @@ impl MachineLinks {
             Kinematics::Gantry { pivot_length_mm } => machines::gantry(&look, *pivot_length_mm),
             Kinematics::Trunnion { centre_mm, .. } => machines::trunnion(&look, *centre_mm),
             Kinematics::Arm6 { arm, .. } => machines::arm6(&look, arm),
+            // Not drawn yet: the tool is.
+            Kinematics::Axes { .. } => return None,
         };
         let offset_mm = transform.offset_mm;
         links.links[0].origin_mm = offset_mm.map(|mm| -mm);

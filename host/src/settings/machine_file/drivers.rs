@@ -42,7 +42,12 @@ pub(super) struct FileDriver {
 
 /// The key that a motor's full steps have.
 fn steps_key(machine: &MachineConfiguration, motor: usize) -> &'static str {
-    match machine.joints.get(motor) {
+    let copied = motor.checked_sub(machine.joints.len() + 1);
+    let copied = copied.and_then(|copy| machine.motors.copies.get(copy));
+    match machine
+        .joints
+        .get(copied.map_or(motor, |joint| usize::from(*joint)))
+    {
         Some(joint) if joint.rotary => "full_steps_per_turn",
         Some(_) => "full_steps_per_mm",
         None => "full_steps_per_mm3",

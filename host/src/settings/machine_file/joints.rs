@@ -1,5 +1,6 @@
 //! The machine file's kinematics and joints: which keys each machine needs, and what they become.
 
+use super::axes::FileKinematics;
 use super::{File, KinematicsName, MachineFileError};
 use crate::settings::check::{joint_names, kinematics_name};
 use headway_firmware::configuration::{Arm, Frame, JointConfiguration, Kinematics};
@@ -69,6 +70,7 @@ struct RotaryJoint {
     steps_per_turn: f64,
     position_min_deg: Option<f64>,
     position_max_deg: Option<f64>,
+    turns_max: Option<f64>,
     speed_max_deg_s: f64,
     acceleration_max_deg_s2: f64,
     jerk_max_deg_s3: f64,
@@ -127,7 +129,12 @@ impl File {
         let given = self.joints.given();
         let wrong = |problem: String| MachineFileError::Joints {
             kinematics: kinematics_name(&kinematics),
-            needed: needed(&self.kinematics),
+            needed: match &self.kinematics {
+                FileKinematics::Named(name) => needed(name),
+                FileKinematics::Axes(_) => {
+                    "x, y, z, the rotary axes by name and h (a polar table: x, c, z, h)"
+                }
+            },
             problem,
         };
         if let Some((name, _)) = given.iter().find(|(name, _)| !names.contains(name)) {
@@ -145,7 +152,24 @@ impl File {
     }
 
     fn kinematics(&self) -> Result<Kinematics, MachineFileError> {
-        let name = &self.kinematics;
+        let name = match &self.kinematics {
+            FileKinematics::Named(name) => name,
+            FileKinematics::Axes(axes) => {
+                let axes = axes.family()?;
+                let others = [
+                    ("pivot_length_mm", self.pivot_length_mm.is_some()),
+                    ("table_centre_mm", self.table_centre_mm.is_some()),
+                    ("the group [arm]", self.arm.is_some()),
+                ];
+                if let Some((key, _)) = others.iter().find(|(_, given)| *given) {
+                    let problem =
+                        format!("kinematics: take {key} out of a machine of kind \"axes\"");
+                    return Err(MachineFileError::Toml(problem));
+                }
+                let kinematics = Kinematics::Axes { axes, solution: 0 };
+                return Ok(kinematics.with_solution(self.joint_solution.unwrap_or_default()));
+            }
+        };
         let wrong = |problem: &str| MachineFileError::Joints {
             kinematics: match name {
                 KinematicsName::Planar => "planar",
@@ -220,13 +244,17 @@ impl LinearJoint {
 
 impl RotaryJoint {
     fn joint(&self) -> JointConfiguration {
+        // Cables and hoses wind up so far either way, counted from the index.
+        let wound = self.turns_max.map_or(f64::INFINITY, |turns| turns * TAU);
         JointConfiguration {
             rotary: true,
             steps_per_unit: self.steps_per_turn / TAU,
             position_min: self
                 .position_min_deg
-                .map_or(f64::NEG_INFINITY, f64::to_radians),
-            position_max: self.position_max_deg.map_or(f64::INFINITY, f64::to_radians),
+                .map_or(-wound, |deg| deg.to_radians().max(-wound)),
+            position_max: self
+                .position_max_deg
+                .map_or(wound, |deg| deg.to_radians().min(wound)),
             speed_max: self.speed_max_deg_s.to_radians(),
             acceleration_max: self.acceleration_max_deg_s2.to_radians(),
             jerk_max: self.jerk_max_deg_s3.to_radians(),

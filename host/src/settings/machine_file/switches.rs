@@ -10,6 +10,7 @@ use headway_firmware::configuration::{JointConfiguration, MachineConfiguration};
 use headway_firmware::homing::{HomingConfiguration, JointHoming};
 use serde::Deserialize;
 use std::collections::BTreeMap;
+use std::f64::consts::TAU;
 use std::fmt::Write;
 
 #[derive(Clone, Copy, Deserialize, PartialEq)]
@@ -25,6 +26,7 @@ pub(super) struct FileSwitch {
     end: EndName,
     order: Option<u8>,
     guards: Option<bool>,
+    mark: Option<bool>,
     position_mm: Option<f64>,
     position_deg: Option<f64>,
     fast_mm_s: Option<f64>,
@@ -54,7 +56,7 @@ pub(super) fn switches(
     z_of_probe_mm: Option<f64>,
 ) -> Result<HomingConfiguration, MachineFileError> {
     let names = joint_names(&machine.kinematics);
-    let mut found = Vec::new();
+    let (mut found, mut marks) = (Vec::new(), 0);
     for (name, switch) in given {
         let number = names.iter().position(|joint| joint == name);
         let number = number.filter(|number| *number < machine.joints.len());
@@ -65,6 +67,10 @@ pub(super) fn switches(
         };
         let order = switch.order.unwrap_or(usual_order(name, switch.end));
         let mut homing = switch.homing(name, number as u8, &machine.joints[number])?;
+        if switch.mark == Some(true) {
+            mark(name, switch, &mut homing, &machine.joints[number])?;
+            marks |= 1 << number;
+        }
         if let Some(z_mm) = z_of_probe_mm
             && (name.as_str(), switch.end) == ("z", EndName::Min)
         {
@@ -78,7 +84,30 @@ pub(super) fn switches(
     // No more than there are joints, which fit.
     Ok(HomingConfiguration {
         joints: found.into_iter().map(|(_, _, homing)| homing).collect(),
+        marks,
     })
+}
+
+/// A joint passes its mark once a turn: it is searched for a turn and a little more, so that no hose is wound up in
+/// vain, and stops nothing.
+fn mark(
+    name: &str,
+    switch: &FileSwitch,
+    homing: &mut JointHoming,
+    limits: &JointConfiguration,
+) -> Result<(), MachineFileError> {
+    if !limits.rotary {
+        let problem = format!("switches.{name}.mark: only a joint that turns passes a mark");
+        return Err(MachineFileError::Toml(problem));
+    }
+    if switch.travel_max_deg.is_none() {
+        homing.travel_max_natural = 1.1 * TAU;
+    }
+    if switch.position_deg.is_none() {
+        homing.position_natural = 0.0;
+    }
+    homing.guards = false;
+    Ok(())
 }
 
 impl FileSwitch {
@@ -171,6 +200,9 @@ pub(super) fn write_switches(
             shown(homing.travel_max_natural)
         )?;
         writeln!(text, "guards = {}", homing.guards)?;
+        if switches.marks >> homing.joint & 1 == 1 {
+            writeln!(text, "mark = true")?;
+        }
     }
     Ok(())
 }

@@ -1,19 +1,22 @@
 //! Writes a machine file with its comments; [`super::from_toml`] reads exactly the same settings.
 
+use super::axes::write_axes;
 use super::drivers::write_drivers;
 use super::gcode::write_letters;
 use super::head::write_head;
 use super::heat::{write_heaters, write_material};
 use super::kinds::write_kinds;
+use super::motors::write_motors;
 use super::probe::write_probe;
 use super::shaper::write_shapers;
 use super::switches::write_switches;
 use super::wiring::write_wiring;
 use crate::settings::aperture_text::aperture_text;
-use crate::settings::check::{joint_names, kinematics_name};
+use crate::settings::check::{axes_joint_names, joint_names, kinematics_name};
 use crate::settings::{
     BOTTOM_LAYERS, HeadingLaw, PassMode, Quality, SeamPlace, Settings, TOP_LAYERS, Tolerances,
 };
+use headway_firmware::axis_family::AxisFamily;
 use headway_firmware::configuration::{Arm, JointConfiguration, Kinematics};
 use std::f64::consts::TAU;
 use std::fmt::Write;
@@ -86,11 +89,10 @@ fn write_machine(text: &mut String, s: &Settings) -> std::fmt::Result {
     if let Some(board) = s.board {
         writeln!(text, "board = {}", quoted(board.text()))?;
     }
-    writeln!(
-        text,
-        "kinematics = \"{}\"",
-        kinematics_name(&machine.kinematics)
-    )?;
+    if !matches!(machine.kinematics, Kinematics::Axes { .. }) {
+        let name = kinematics_name(&machine.kinematics);
+        writeln!(text, "kinematics = \"{name}\"")?;
+    }
     write_kinematics(text, &machine.kinematics)?;
     writeln!(text, "servo_hz = {}", machine.servo_hz)?;
     writeln!(
@@ -99,6 +101,9 @@ fn write_machine(text: &mut String, s: &Settings) -> std::fmt::Result {
     )?;
     writeln!(text, "step_hz = {}", machine.step_hz)?;
     writeln!(text, "plan_share = {}", number(s.plan_share))?;
+    if let Kinematics::Axes { axes, .. } = &machine.kinematics {
+        write_axes(text, axes)?;
+    }
     writeln!(
         text,
         "\n# Inputs are centred over it unless --at says otherwise.\n[work_area]"
@@ -112,6 +117,7 @@ fn write_machine(text: &mut String, s: &Settings) -> std::fmt::Result {
         let what = joint_comment(&machine.kinematics, name);
         write_joint(text, name, what, joint)?;
     }
+    write_motors(text, machine)?;
     write_shapers(text, machine)?;
     let e = &machine.extruder;
     writeln!(
@@ -140,7 +146,7 @@ fn write_machine(text: &mut String, s: &Settings) -> std::fmt::Result {
 /// What the equations need beside the joints; an arm has a group of its own.
 fn write_kinematics(text: &mut String, kinematics: &Kinematics) -> std::fmt::Result {
     match *kinematics {
-        Kinematics::Planar | Kinematics::Arm6 { .. } => {}
+        Kinematics::Planar | Kinematics::Arm6 { .. } | Kinematics::Axes { .. } => {}
         Kinematics::Gantry { pivot_length_mm } => {
             writeln!(
                 text,
@@ -172,9 +178,22 @@ fn joint_comment(kinematics: &Kinematics, name: &str) -> &'static str {
         (Kinematics::Trunnion { .. }, "c") => {
             "\n# Table about its own normal; without ends it turns for ever."
         }
+        (Kinematics::Axes { axes, .. }, "a" | "b" | "c") => rotary_comment(axes, name),
         (_, "c" | "h") => "\n# The nozzle about its axis; without ends it turns for ever.",
         (Kinematics::Arm6 { .. }, "j1") => "\n# From the base to the flange.",
         _ => "",
+    }
+}
+
+/// Whether a rotary axis is in the head or under the part.
+fn rotary_comment(axes: &AxisFamily, name: &str) -> &'static str {
+    let names = axes_joint_names(axes);
+    let is_first = names.iter().take(4).any(|joint| *joint == name);
+    let axis = axes.second.as_ref().filter(|_| !is_first);
+    if axis.unwrap_or(&axes.first).on_table {
+        "\n# The table."
+    } else {
+        "\n# The head."
     }
 }
 
@@ -470,7 +489,7 @@ pub(super) fn nice(value: f64, wanted: f64, back: impl Fn(f64) -> f64) -> String
     number(value)
 }
 
-fn triple(values: [f64; 3]) -> String {
+pub(super) fn triple(values: [f64; 3]) -> String {
     format!(
         "[{}, {}, {}]",
         number(values[0]),

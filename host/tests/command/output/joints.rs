@@ -15,14 +15,19 @@ use std::f64::consts::TAU;
 use std::sync::OnceLock;
 
 /// Kinematics and how many joints they have.
-const MACHINES: [(&str, usize); 3] = [("gantry", 6), ("trunnion", 6), ("arm-small", 7)];
+const MACHINES: [(&str, usize); 4] = [
+    ("gantry", 6),
+    ("trunnion", 6),
+    ("arm-small", 7),
+    ("table-bc", 6),
+];
 
 /// Lines of the gear's file that are planned.
 const WAYPOINTS: usize = 400;
 
 /// The gear planned for a machine, once for all tests; the job's path and the machine's settings.
 fn planned(machine: &str) -> (String, Settings) {
-    static JOBS: [OnceLock<String>; 3] = [const { OnceLock::new() }; 3];
+    static JOBS: [OnceLock<String>; 4] = [const { OnceLock::new() }; 4];
     let number = MACHINES.iter().position(|(name, _)| *name == machine);
     let file = example(&format!("machines/{machine}.toml"));
     let job = JOBS[number.expect("machine")].get_or_init(|| {
@@ -141,6 +146,23 @@ fn tool(kinematics: &Kinematics, q: &[f64]) -> Isometry3<f64> {
         }
         Kinematics::Arm6 { arm, .. } => arm_tool(arm, q),
         Kinematics::Planar => moved(q[0], q[1], q[2]) * turned(z, q[3]),
+        Kinematics::Axes { axes, .. } => {
+            let (mut table, mut head) = (Isometry3::identity(), Isometry3::identity());
+            for (axis, angle) in [(Some(axes.first), q[3]), (axes.second, q[4])] {
+                let Some(axis) = axis else { continue };
+                let [cx, cy, cz] = axis.offset_mm;
+                let turn = moved(cx, cy, cz)
+                    * turned(Vector3::from(axis.axis), angle)
+                    * moved(-cx, -cy, -cz);
+                if axis.on_table {
+                    table *= turn;
+                } else {
+                    head *= turn;
+                }
+            }
+            // No nozzle of the examples leans.
+            table.inverse() * moved(q[0], q[1], q[2]) * head * turned(z, q[5])
+        }
     }
 }
 

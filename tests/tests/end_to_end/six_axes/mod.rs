@@ -1,6 +1,7 @@
 //! Waypoints and surfaces on machines whose tool axis tilts.
 
 mod arm_solutions;
+mod axis_family;
 mod clear_travel;
 mod lean;
 mod reach;

@@ -84,6 +84,31 @@ fn a_tilting_table_prints_steep_runs_with_jumps() {
     }
 }
 
+/// Goal: the same on a head that turns and then tilts, and on a table that tilts about Y. Method: a run without
+/// jumps; all of them by name.
+#[test]
+fn other_heads_and_tables_print_a_run() {
+    for machine_name in ["head-cb.toml", "table-bc.toml"] {
+        let settings = machine(machine_name);
+        if let Some(dry_run) = printed("0.txt", &settings) {
+            assert_printed("0.txt", &dry_run);
+        }
+    }
+}
+
+#[test]
+#[ignore = "minutes; run by name"]
+fn other_heads_and_tables_print_all_runs() {
+    for machine_name in ["head-cb.toml", "table-bc.toml"] {
+        let settings = machine(machine_name);
+        for name in RUNS {
+            if let Some(dry_run) = printed(name, &settings) {
+                assert_printed(name, &dry_run);
+            }
+        }
+    }
+}
+
 #[test]
 #[ignore = "minutes; run by name"]
 fn a_tilting_table_prints_all_runs() {

@@ -175,10 +175,9 @@ fn piece_ratios(
         Kinematics::Planar => 1.0,
         _ => 1.0 + BETWEEN_SHARE,
     };
-    for (joint, limit) in limits.joints.iter().enumerate() {
-        let (v0, v1) = (low.joints.first[joint], high.joints.first[joint]);
-        let (a0, a1) = (low.joints.second[joint], high.joints.second[joint]);
-        let (j0, j1) = (low.joints.third[joint], high.joints.third[joint]);
+    let (l, h) = (&low.joints, &high.joints);
+    let of_joints = [&l.first, &h.first, &l.second, &h.second, &l.third, &h.third];
+    for (limit, [v0, v1, a0, a1, j0, j1]) in limits.bounded(of_joints) {
         // Where joints turn with the whole pose the acceleration has an extremum of its own in between.
         let acceleration = peak_speed(a0, j0, a1, j1, length_s);
         worst = worst.max(Ratios {

@@ -53,7 +53,9 @@ pub fn smoothing_ticks(samples: &[PathSample], limits: &MotionLimits) -> usize {
         .iter()
         .enumerate()
         .filter(|&(joint, _)| samples.iter().any(|sample| sample.moves_joint(joint)))
-        .map(|(_, limit)| limit.acceleration_max / limit.jerk_max * 1.5)
+        .map(|(_, limit)| limit)
+        .chain(limits.pair.iter().map(|pair| &pair.motor))
+        .map(|limit| limit.acceleration_max / limit.jerk_max * 1.5)
         .fold(0.0, f64::max)
         .clamp(0.004, 0.030);
     // Even, so that the window is centred on a tick.
@@ -122,7 +124,8 @@ pub fn check_duration(
 /// How long a sampled path takes at least by its speeds and accelerations, whatever the jerk, s.
 pub fn without_jerk_s(samples: &[PathSample], limits: &MotionLimits) -> f64 {
     let mut limits = limits.clone();
-    for joint in &mut limits.joints {
+    let motor = limits.pair.as_mut().map(|pair| &mut pair.motor);
+    for joint in limits.joints.iter_mut().chain(motor) {
         joint.jerk_max = f64::INFINITY;
     }
     let all = Shares {

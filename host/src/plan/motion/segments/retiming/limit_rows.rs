@@ -141,11 +141,12 @@ impl WindowRows {
 
     fn push_jerk(&mut self, joints: &JointPoint, limits: &MotionLimits, grid: &PaceGrid) {
         let knot_hz = grid.knot_hz;
-        for (joint, limit) in limits.joints.iter().enumerate() {
+        let bounded = limits.bounded([&joints.first, &joints.second, &joints.third]);
+        for (limit, [first, second, third]) in bounded {
             let weights = [
-                joints.third[joint],
-                1.5 * knot_hz * joints.second[joint],
-                0.5 * knot_hz * knot_hz * joints.first[joint],
+                third,
+                1.5 * knot_hz * second,
+                0.5 * knot_hz * knot_hz * first,
             ];
             self.push_both(weights, limit.jerk_max * JERK_AIM, true);
         }
@@ -159,8 +160,8 @@ impl WindowRows {
         grid: &PaceGrid,
     ) {
         let half_hz = 0.5 * grid.knot_hz;
-        for (joint, limit) in limits.joints.iter().enumerate() {
-            let weights = [joints.second[joint], half_hz * joints.first[joint], 0.0];
+        for (limit, [first, second]) in limits.bounded([&joints.first, &joints.second]) {
+            let weights = [second, half_hz * first, 0.0];
             self.push_both(weights, limit.acceleration_max * ACCELERATION_AIM, false);
         }
         let (first, second) = (point.first[CHANNEL_VOLUME], point.second[CHANNEL_VOLUME]);
@@ -218,9 +219,9 @@ fn speed_share(
     limits: &MotionLimits,
     tip_mm_s: f64,
 ) -> f64 {
-    let of_joints = limits.joints.iter().zip(joints.first);
+    let of_joints = limits.bounded([&joints.first]);
     let share = of_joints
-        .map(|(limit, speed)| speed.abs() / limit.speed_max)
+        .map(|(limit, [speed])| speed.abs() / limit.speed_max)
         .fold(tip(&point.first).norm() / tip_mm_s, f64::max);
     share.max(point.first[CHANNEL_VOLUME].abs() / limits.flow_rate_max_mm3_s())
 }
