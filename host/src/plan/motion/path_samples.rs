@@ -60,10 +60,8 @@ const TIP_SIDES: [[f64; 2]; 4] = [
 /// Most rows of a sample.
 pub const ROWS_MAX: usize = JOINTS_MAX + 2 + 1 + 2 * TIP_SIDES.len();
 
-/// Longest distance between samples, of the aperture's unit, or of that of the built-in nozzle (1 mm) and what is as much
-/// longer as the tip is faster than 60 mm/s: a path may be finer than its nozzle.
+/// Longest distance between samples, of the aperture's unit.
 const SAMPLE_STEP: f64 = 0.05;
-const SAMPLE_SPEED_MM_S: f64 = 60.0;
 /// Largest turn of heading or tilt between samples.
 const SAMPLE_STEP_RAD: f64 = 0.03;
 /// Longest time between samples at the limit of the tip's speed: where it alone binds, the rate
@@ -177,8 +175,7 @@ fn cells_of_span(curve: &PathCurve, span: usize, limits: &MotionLimits) -> usize
     let last = curve.control.len() - 1;
     let legs = curve.control[span.saturating_sub(1)..=(span + 2).min(last)].windows(2);
     let longest_mm = legs.map(|leg| leg_mm(&leg[0], &leg[1])).fold(0.0, f64::max);
-    let speed_share = limits.tip_speed_mm_s / SAMPLE_SPEED_MM_S;
-    let unit_mm = limits.unit_mm.min(speed_share.max(1.0));
+    let unit_mm = limits.unit_mm;
     let slow_mm = (limits.slowest_tip_mm_s() * SAMPLE_STEP_S).max(SAMPLE_STEP_MIN * unit_mm);
     let cells = (leg_mm(a, b) / (SAMPLE_STEP * unit_mm))
         .max(turn_rad / SAMPLE_STEP_RAD)
