@@ -32,14 +32,7 @@ use headway_protocol::units::{CHANNEL_HEADING, CHANNEL_X, CHANNEL_Y, CHANNEL_Z};
 use nalgebra::{Vector2, Vector3};
 
 /// Both axes in the head: X Y Z follow the tip but for what the tilt adds.
-pub const TWO_IN_HEAD: [Option<usize>; 6] = [
-    Some(CHANNEL_X),
-    Some(CHANNEL_Y),
-    Some(CHANNEL_Z),
-    None,
-    None,
-    Some(CHANNEL_HEADING),
-];
+pub const TWO_IN_HEAD: [Option<usize>; 6] = super::gantry::JOINT_CHANNELS;
 /// An axis under the part: X Y Z follow the whole pose.
 pub const TWO_WITH_TABLE: [Option<usize>; 6] =
     [None, None, None, None, None, Some(CHANNEL_HEADING)];
