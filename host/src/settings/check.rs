@@ -28,8 +28,10 @@ const ACCELERATION_RANGE: [f64; 2] = [1e-4, 1e9];
 const JERK_RANGE: [f64; 2] = [1e-4, 1e13];
 /// Most that a prime or a retract moves: 2^31 units of the wire.
 const PUSH_MAX_MM3: f64 = 2147.0;
-/// Most volume a servo tick: spans of the least length, six ticks, then move 2^30 units of the wire's volume, or nearly.
-const FLOW_MM3_A_TICK: f64 = 0.9 * (1 << 30) as f64 / 6.0 / UNITS_PER_NATURAL[CHANNEL_VOLUME];
+/// Most volume of a span, mm³: the wire carries differences over two spans in 32 bits.
+pub const SPAN_VOLUME_MM3: f64 = 0.9 * (1 << 30) as f64 / UNITS_PER_NATURAL[CHANNEL_VOLUME];
+/// Most volume a servo tick: that of a span of the least length, six ticks.
+const FLOW_MM3_A_TICK: f64 = SPAN_VOLUME_MM3 / 6.0;
 /// Fewest and most steps a unit.
 const STEPS_RANGE: [f64; 2] = [1e-6, 1e9];
 

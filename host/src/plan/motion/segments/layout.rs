@@ -9,8 +9,9 @@ use super::fit::{SpanShare, TickSums, fit, shares_of_path, span_errors, span_sha
 use super::spline::{RestSpline, durations_around};
 use super::tick_path::TickPath;
 use crate::plan::motion::joint_limits::MotionLimits;
+use crate::settings::SPAN_VOLUME_MM3;
 use headway_protocol::segment::SPAN_TICKS_MAX;
-use headway_protocol::units::{CHANNEL_VOLUME, CHANNELS, UNITS_PER_NATURAL};
+use headway_protocol::units::CHANNELS;
 
 /// Shortest span: 3 ms. In a shorter one the rounding to wire units is felt as acceleration (0.1 um
 /// in 1 ms is 100 mm/s²), and the time law has nothing faster.
@@ -36,9 +37,6 @@ const ERROR_KEPT: f64 = 1.75;
 /// Error of the fit, against its share of the tolerance, that slows the motion down: the whole
 /// tolerance with room for what lies between ticks.
 pub const ERROR_MAX: f64 = 1.8;
-
-/// Most volume of a span, mm³: the wire carries differences over two spans in 32 bits.
-const SPAN_VOLUME_MM3: f64 = 0.9 * (1 << 30) as f64 / UNITS_PER_NATURAL[CHANNEL_VOLUME];
 
 /// Longest span, ticks of which each has `coarse` servo ticks, of a move within these limits.
 pub fn span_ticks_long(limits: &MotionLimits, coarse: u16) -> f64 {
