@@ -29,6 +29,14 @@ pub struct Pose {
 }
 
 impl Pose {
+    /// The pose half way to another one; none where their axes are opposite.
+    pub fn middle(&self, to: &Pose) -> Option<Pose> {
+        let sum = self.axis + to.axis;
+        let axis = sum.try_normalize(1e-6)?;
+        let tip_mm = 0.5 * (self.tip_mm + to.tip_mm);
+        Some(Pose { tip_mm, axis })
+    }
+
     /// Height of a point above the tip's plane, and its distance from the axis, mm.
     #[inline]
     pub fn seen(&self, point: &Vector3) -> [f64; 2] {

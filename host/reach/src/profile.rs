@@ -70,6 +70,12 @@ impl HeadProfile {
         HeadProfile::of_sound(vec![[0.0; 2], [1.0, 0.0]])
     }
 
+    /// The flat end alone, up to its radius: what it dips by at 45°.
+    pub fn flat_end(&self) -> HeadProfile {
+        let radius_mm = self.tip_radius_mm();
+        HeadProfile::of_sound(vec![[0.0, radius_mm], [radius_mm.max(1e-9), radius_mm]])
+    }
+
     /// Height and radius of its edges, mm, from the tip upwards.
     pub fn knots(&self) -> &[[f64; 2]] {
         &self.knots

@@ -143,20 +143,12 @@ impl Head<'_> {
         });
     }
 
-    /// How far the flat end dips into what stands, mm: the greatest height of a point below it, up to the flat's radius
-    /// (what it dips by at 45°). Zero where it does not.
+    /// How far a flat end ([`HeadProfile::flat_end`], without slack) dips into what stands, mm: the greatest height of a
+    /// point below it. Zero where it does not.
     pub fn tip_dip_mm(&self, standing: &Standing, pose: &Pose, before: usize) -> f64 {
         let radius_mm = self.profile.tip_radius_mm();
-        let Ok(flat) = HeadProfile::new(&[[0.0, radius_mm], [radius_mm.max(1e-9), radius_mm]])
-        else {
-            return 0.0;
-        };
-        let flat = Head {
-            profile: &flat,
-            slack_mm: 0.0,
-        };
         let mut dip_mm = 0.0;
-        flat.each(standing, pose, before, Motion::default(), |leaf| {
+        self.each(standing, pose, before, Motion::default(), |leaf| {
             let seen = pose.seen(&leaf.point.at_mm);
             if seen[1] < radius_mm {
                 dip_mm = f64::max(dip_mm, seen[0]);
@@ -170,16 +162,11 @@ impl Head<'_> {
     /// middle; false where that is not sure.
     pub fn is_clear_between(&self, standing: &Standing, ends: [&Pose; 2], before: usize) -> bool {
         let [from, to] = ends;
-        let sum = from.axis + to.axis;
-        let Some(axis) = sum.try_normalize(1e-6) else {
+        let Some(middle) = from.middle(to) else {
             return false;
         };
-        let middle = Pose {
-            tip_mm: 0.5 * (from.tip_mm + to.tip_mm),
-            axis,
-        };
         let half_way = 0.5 * (to.tip_mm - from.tip_mm);
-        let along_mm = half_way.dot(&axis).abs();
+        let along_mm = half_way.dot(&middle.axis).abs();
         let square = half_way.norm_squared() - along_mm * along_mm;
         let motion = Motion {
             along_mm,

@@ -114,6 +114,7 @@ impl Touches {
 /// Everything that a station is held against.
 struct Judge<'a> {
     profile: &'a HeadProfile,
+    flat_end: HeadProfile,
     tip_slack_mm: f64,
     /// What table, surface and obstacles give way to.
     slack_mm: f64,
@@ -166,6 +167,7 @@ fn judged(stations: &Stations, settings: &Settings, surface: &[Vector3]) -> Opti
     let profile = head.profile();
     let judge = Judge {
         profile: &profile,
+        flat_end: profile.flat_end(),
         tip_slack_mm: head.tip_slack_mm(settings.layer_height_mm),
         slack_mm: 0.5 * settings.layer_height_mm,
         nozzle_length_mm: head.nozzle_length_mm(),
@@ -208,8 +210,11 @@ impl Judge<'_> {
             ..Found::default()
         };
         if station.lays {
-            let head = self.head(0.0);
-            found.tip_dip_mm = head.tip_dip_mm(&self.printed, &station.pose, station.before);
+            let flat_end = Head {
+                profile: &self.flat_end,
+                slack_mm: 0.0,
+            };
+            found.tip_dip_mm = flat_end.tip_dip_mm(&self.printed, &station.pose, station.before);
         }
         let next = self.stations.stations.get(index + 1);
         let next = next.filter(|next| next.moving == station.moving);

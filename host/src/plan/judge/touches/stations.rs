@@ -133,12 +133,7 @@ impl<'a> Stations<'a> {
         if let Some(route_move) = self.route.and_then(|route| route.moves.get(moving)) {
             return (at, pose_of(route_move, at));
         }
-        let sum = start.axis + end.axis;
-        let pose = Pose {
-            tip_mm: 0.5 * (start.tip_mm + end.tip_mm),
-            axis: sum.try_normalize(1e-6).unwrap_or(start.axis),
-        };
-        (at, pose)
+        (at, start.middle(&end).unwrap_or(start))
     }
 }
 
