@@ -19,12 +19,14 @@ pub mod obstacles;
 pub mod options;
 pub mod probe;
 mod switches;
+pub mod wide_beads;
 
 pub use check::{SPAN_VOLUME_MM3, joint_names, motor_rates_hz};
 pub use error::SettingsError;
 
 use self::head_shape::HeadShape;
 use self::obstacles::Obstacles;
+use self::wide_beads::WideBeads;
 use crate::geometry::aperture::Aperture;
 use headway_firmware::board_name::BoardName;
 use headway_firmware::configuration::MachineConfiguration;
@@ -302,6 +304,8 @@ pub struct Settings {
     pub layer_time_min_s: f64,
     /// Least tip speed that short layers are slowed to.
     pub slow_speed_min_mm_s: f64,
+    /// What wide beads ask for.
+    pub wide_beads: WideBeads,
     /// Seams of loops.
     pub seam: Seam,
     /// Travel stays inside the part where there is a way.

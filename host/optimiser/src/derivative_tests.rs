@@ -3,6 +3,7 @@
 use super::band::{Band, System, WIDTH};
 use super::containment::Wall;
 use super::curve::{CHANNELS, Knot, PACE, set_phantoms};
+use super::curves::Curves;
 use super::newton::prepare;
 use super::terms::Terms;
 use super::test_passes::{apertures, limits, objective, pass_of, rectangle, site};
@@ -106,6 +107,24 @@ fn slope_of_motion() {
         terms.time + terms.excess + terms.smooth
     });
     assert!(error < 1e-5, "{error}");
+}
+
+/// Goal: the slope of curves that are too tight is exact. Method: central differences; the path wavers, so that a bound
+/// of 0.02 is exceeded nearly everywhere, up to where the cost grows no faster. A rectangle's width has kinks, over
+/// which its slope is a mean: 1e-3.
+#[test]
+fn slope_of_curves() {
+    for aperture in apertures() {
+        let error = error_of(&aperture, 1e-6, |search, knots, system| {
+            let mut terms = Terms::default();
+            let ranges = search.newton.passes.clone();
+            let curves = Curves::new(&aperture, search.units.length_mm, 0.02);
+            curves.add(knots, &ranges, 2.0, &mut terms, system);
+            assert!(terms.excess > 1.0);
+            terms.excess
+        });
+        assert!(error < 1e-3, "{} {error}", aperture.kind_name());
+    }
 }
 
 /// Goal: the slope of containment is right near contact. Method: central differences; the distance is of first order

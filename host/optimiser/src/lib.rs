@@ -17,6 +17,7 @@
 mod band;
 mod containment;
 mod curve;
+mod curves;
 mod ground;
 pub mod least_time;
 mod motion;
@@ -28,6 +29,8 @@ mod terms;
 
 use self::containment::{Containment, segments_of};
 use self::curve::{Units, knots_of, write_back};
+use self::curves::Curves;
+pub use self::curves::tight_mm;
 use self::ground::Ground;
 use self::motion::Motion;
 use self::newton::{Newton, Objectives};
@@ -63,6 +66,8 @@ pub struct Site<'a> {
     pub aperture: &'a Aperture,
     /// Of the tip and the joints.
     pub limits: &'a PoseLimits,
+    /// Most that a bead's width across the path may be of the path's radius, where that is bounded.
+    pub width_by_radius_max: Option<f64>,
 }
 
 /// What is to be made small: seconds + price x (open + share x laid twice).
@@ -191,6 +196,8 @@ impl<'a> Search<'a> {
         let sweep = Sweep::new(shape, cells, return_path);
         let objectives = Objectives {
             motion: Motion::new(site.limits, &units),
+            curves: (site.width_by_radius_max)
+                .map(|bound| Curves::new(aperture, units.length_mm, bound)),
             ground: Ground::new(sweep, price, objective.twice_share),
             containment: Containment::new(walls, aperture, units, knots.len(), WALL_PLACES),
         };

@@ -40,7 +40,7 @@ type Block = [[f64; 4]; 4];
 
 /// What one span adds, by channels: geometry with itself, with the pace, x with y, the pace with itself.
 #[derive(Clone, Copy, Default)]
-struct SpanSums {
+pub struct SpanSums {
     slope: [[f64; 4]; 3],
     pace_slope: [f64; 4],
     own: [Block; 3],
@@ -58,6 +58,12 @@ struct Place<'a> {
     e: [f64; ORDERS],
     /// Velocity, acceleration, jerk.
     by_time: [[f64; 3]; ORDERS],
+}
+
+/// The places of a span, without its end.
+pub fn places() -> [Basis; PLACES] {
+    let share = |s: usize| PLACES_FROM + (1.0 - 2.0 * PLACES_FROM) * s as f64 / (PLACES - 1) as f64;
+    std::array::from_fn(|s| Basis::at(share(s)))
 }
 
 /// The terms of motion.
@@ -95,16 +101,11 @@ impl Motion {
                 held.axes[m] = if m < 2 { own.max(held.tip) } else { own };
             }
         }
-        let share = |s: usize| {
-            if s == PLACES {
-                1.0
-            } else {
-                PLACES_FROM + (1.0 - 2.0 * PLACES_FROM) * s as f64 / (PLACES - 1) as f64
-            }
-        };
+        let within = places();
+        let end = Basis::at(1.0);
         Motion {
             orders,
-            places: std::array::from_fn(|s| Basis::at(share(s))),
+            places: std::array::from_fn(|s| within.get(s).copied().unwrap_or(end)),
         }
     }
 
@@ -324,8 +325,18 @@ impl SpanSums {
         }
     }
 
+    /// A term with this slope and curvature by a value whose derivatives by x, y and heading of the four knots are
+    /// `rows`. The heading is not coupled with the place: what is left is positive all the same.
+    pub fn add_rows(&mut self, slope: f64, curve: f64, rows: &[[f64; 4]; 3]) {
+        for (m, row) in rows.iter().enumerate() {
+            add_scaled(&mut self.slope[m], slope, row);
+            add_product(&mut self.own[m], row, &scaled(row, curve));
+        }
+        add_product(&mut self.mixed, &rows[0], &scaled(&rows[1], curve));
+    }
+
     /// Adds the sums to the rows of the four knots from `knot` on.
-    fn scatter(&self, knot: usize, system: &mut System) {
+    pub fn scatter(&self, knot: usize, system: &mut System) {
         for j in 0..4 {
             let base = CHANNELS * (knot + j);
             for m in 0..3 {

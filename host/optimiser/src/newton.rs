@@ -6,6 +6,7 @@
 use super::band::{System, WIDTH};
 use super::containment::{Containment, Wall};
 use super::curve::{CHANNELS, Knot, PassKnots, set_phantoms};
+use super::curves::Curves;
 use super::ground::Ground;
 use super::motion::Motion;
 use super::terms::Terms;
@@ -84,6 +85,8 @@ impl Hardness {
 pub struct Objectives<'a> {
     /// Seconds and limits.
     pub motion: Motion,
+    /// Curves, where they are bounded.
+    pub curves: Option<Curves>,
     /// Open and laid twice.
     pub ground: Ground,
     /// Walls.
@@ -115,6 +118,9 @@ impl Objectives<'_> {
         system.clear();
         self.motion
             .add(knots, passes, hardness.limits, &mut terms, system);
+        if let Some(curves) = &self.curves {
+            curves.add(knots, passes, hardness.limits, &mut terms, system);
+        }
         self.ground.add(hardness.blur, &mut terms, system);
         self.containment
             .add(knots, passes, &hardness.wall, &mut terms, system);

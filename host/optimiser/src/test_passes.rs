@@ -52,6 +52,7 @@ pub fn apertures() -> [Aperture; 4] {
 /// All ground within the walls.
 pub fn site<'a>(walls: &'a EdgeIndex, aperture: &'a Aperture, limits: &'a PoseLimits) -> Site<'a> {
     Site {
+        width_by_radius_max: None,
         walls,
         left_out: &[],
         aperture,

@@ -3,10 +3,10 @@
 use super::projection::outside_mm;
 use super::test_passes::{apertures, limits, objective, pass_of, rectangle, site, wavering_bead};
 use super::*;
-use headway_geometry::Point2;
 use headway_geometry::clearance::Configuration;
 use headway_geometry::plane_curve::{configuration, curve_at};
 use headway_geometry::test_shapes::{ELLIPSE, SQUARE, walls};
+use headway_geometry::{Point2, Vector2};
 use std::f64::consts::{FRAC_PI_2, PI};
 
 const EFFORT: Effort = Effort { iterations: 20 };
@@ -254,6 +254,44 @@ fn every_aperture_is_optimised() {
         let outside = outside_mm(&passes[0], &bar, &aperture);
         assert!(outside < 1e-4, "{name} {outside} mm");
     }
+}
+
+/// Goal: a corner is rounded until the bead's outside gets at most 1.2 times the inside, width by radius 2/11. Method:
+/// a bead with a corner of 90°, its ratio by the circle through three neighbouring poses (Menger); without the bound the
+/// corner is at least three times as tight, with it at most a twentieth over.
+#[test]
+fn curves_are_rounded_within_their_bound() {
+    let walls = rectangle(30.0, 30.0);
+    let corner = |t: f64| match t < 0.5 {
+        true => [3.0 + 40.0 * t, 3.0, FRAC_PI_2],
+        false => [23.0, 3.0 + 40.0 * (t - 0.5), PI],
+    };
+    let limits = limits();
+    let mut tightest = [0.0, 0.0];
+    for (found, bound) in tightest.iter_mut().zip([None, Some(2.0 / 11.0)]) {
+        let mut passes = [pass_of(160, 0.01, corner)];
+        let site = Site {
+            width_by_radius_max: bound,
+            ..site(&walls, &ELLIPSE, &limits)
+        };
+        let effort = Effort { iterations: 80 };
+        let report = optimise(&mut passes, &site, &objective(0.6), &effort);
+        assert_eq!(report.outcome, Outcome::Optimised);
+        let poses = poses(&passes[0], 4);
+        for three in poses.windows(3) {
+            let [a, b, c] = [0, 1, 2].map(|i| Vector2::new(three[i][0], three[i][1]));
+            let (in_mm, out_mm) = ((b - a).norm(), (c - b).norm());
+            let area2 = (b - a).perp(&(c - b));
+            let curvature = 2.0 * area2 / (in_mm * out_mm * (c - a).norm());
+            let along = (c - a).normalize();
+            let across = Vector2::new(-along.y, along.x);
+            let width_mm = 2.0 * ELLIPSE.support_mm(three[1][2], across);
+            *found = f64::max(*found, curvature.abs() * width_mm);
+        }
+    }
+    let [free, bounded] = tightest;
+    assert!(free > 0.6, "{free}");
+    assert!(bounded < 1.05 * 2.0 / 11.0, "{bounded}");
 }
 
 /// Goal: what is outside by some micrometres comes back inside. Method: a bead in a bar that is pushed 5 um through

@@ -214,6 +214,14 @@ pub(super) struct SettingsArgs {
     /// Least time of a layer, s: shorter ones are printed slower [default: 0].
     #[arg(long, value_name = "S", allow_negative_numbers = true)]
     pub min_layer_time: Option<f64>,
+    /// Most time of a layer, s: longer ones are reported, since their joints are cold; --refuse layer-time
+    /// refuses the job [default: 0, any].
+    #[arg(long, value_name = "S", allow_negative_numbers = true)]
+    pub max_layer_time: Option<f64>,
+    /// Most that a wide bead may lay on the outside of a curve against the inside, as in 1.2 for concrete: paths are
+    /// rounded for it where they can be [default: 0, any].
+    #[arg(long, value_name = "RATIO", allow_negative_numbers = true)]
+    pub max_outer_inner_ratio: Option<f64>,
     /// Layer height, mm.
     #[arg(long, value_name = "MM", allow_negative_numbers = true)]
     pub layer_height: Option<f64>,

@@ -10,6 +10,9 @@ pub(super) struct AllowArgs {
     /// What does not refuse the job, though it is still the first thing that is said of it.
     #[arg(long, value_enum, value_delimiter = ',', value_name = "WHAT,...")]
     pub allow: Vec<AllowName>,
+    /// What refuses the job, though it is only reported else.
+    #[arg(long, value_enum, value_delimiter = ',', value_name = "WHAT,...")]
+    pub refuse: Vec<RefuseName>,
 }
 
 /// How much is said of a job.
@@ -22,6 +25,14 @@ pub(super) struct VerdictArgs {
     /// Plan the part with this nozzle as well and say how its time compares, as in --against circle:0.2.
     #[arg(long, value_name = "APERTURE")]
     pub against: Option<String>,
+}
+
+#[derive(Clone, Copy, Debug, PartialEq, ValueEnum)]
+pub(super) enum RefuseName {
+    /// A layer takes longer than --max-layer-time.
+    LayerTime,
+    /// A curve's outside gets more than --max-outer-inner-ratio times the inside.
+    Curves,
 }
 
 #[derive(Clone, Copy, Debug, PartialEq, ValueEnum)]

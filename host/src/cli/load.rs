@@ -68,6 +68,8 @@ fn options(args: &SettingsArgs) -> Options {
         solid_speed_mm_s: args.solid_speed,
         sparse_speed_mm_s: args.sparse_speed,
         layer_time_min_s: args.min_layer_time,
+        layer_time_max_s: args.max_layer_time,
+        outer_inner_ratio_max: args.max_outer_inner_ratio,
         layer_height_mm: args.layer_height,
         layers: args.layers,
         pass_mode: args.pass.map(|pass| match pass {

@@ -6,6 +6,7 @@ use super::pass_facts::{FilePasses, PassFacts};
 use super::planned::{Planned, plan_error};
 use crate::findings::objections::Objection;
 use crate::findings::settings_warnings::settings_warnings;
+use crate::findings::wide_beads::{Laid, LateLayers};
 use crate::gcode::GcodeProgram;
 use crate::gcode_plan::{GcodePlan, plan_gcode};
 use crate::report::figures::Figures;
@@ -62,7 +63,13 @@ pub(super) fn from_gcode(
     };
     let touches = planned.touches.as_ref();
     let objections = touches.and_then(|touches| Objection::of_touches(touches, &planned.transform));
-    let objections = objections.into_iter().collect();
+    let mut objections: Vec<Objection> = objections.into_iter().collect();
+    let laid = Laid::NOTHING.with(&planned.stream, &planned.settings);
+    let (late, transform) = (LateLayers::default(), &planned.transform);
+    objections.extend(laid.objections(&late, transform, &planned.settings));
+    let volume_mm3 = planned.figures.volume_mm3;
+    let figures =
+        figures.merged_with(&laid.figures(&late, volume_mm3, transform, &planned.settings));
     let GcodeProgram {
         name,
         mut notes,

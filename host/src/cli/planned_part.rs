@@ -14,6 +14,7 @@ use crate::findings::settings_warnings::settings_warnings;
 use crate::findings::sparse_figures;
 use crate::findings::unreachable_note;
 use crate::findings::use_figures::{short_layers_note, stacked_figures, use_figures};
+use crate::findings::wide_beads::{Laid, LateLayers};
 use crate::geometry::polygon::Region;
 use crate::job::SegmentStream;
 use crate::job_packing::JobPacking;
@@ -65,14 +66,18 @@ pub(super) fn from_mesh(
     let mut cache = CacheFolder::open(place.cache.as_deref())?;
     end_whole_on_interrupt(interrupted(place.cache.as_deref()));
     let mut stream = SegmentStream::default();
-    let mut take = |piece: SegmentStream, first_pass| match &mut job {
-        Some(job) => {
-            let taken = job.take(&piece, first_pass, &settings);
-            taken.map_err(|error| error.to_string())
-        }
-        None => {
-            stream.append(piece, first_pass);
-            Ok(())
+    let mut laid = Laid::NOTHING;
+    let mut take = |piece: SegmentStream, first_pass| {
+        laid = laid.with(&piece, &settings);
+        match &mut job {
+            Some(job) => {
+                let taken = job.take(&piece, first_pass, &settings);
+                taken.map_err(|error| error.to_string())
+            }
+            None => {
+                stream.append(piece, first_pass);
+                Ok(())
+            }
         }
     };
     let planned = planned_pieces(
@@ -85,13 +90,19 @@ pub(super) fn from_mesh(
     let warnings = warnings(&part, &planned, &settings);
     console.notes(&warnings);
     notes.extend(warnings);
+    let late = LateLayers::of(&planned.uses, &settings);
+    let transform = &planned.transform;
+    let wide = laid.figures(&late, planned.figures.volume_mm3, transform, &settings);
     let figures = Figures {
         plan_s: Some(plan_s),
         ..all_figures(&part, &planned, keep_out, &settings)
     };
+    let figures = figures.merged_with(&wide);
+    let objections = laid.objections(&late, transform, &settings);
     let (outline, layer_outlines) = outlines(&part);
     let (open, unreachable) = (&planned.open, &planned.unreachable);
-    let left_out = left_out(open, unreachable, &planned.unreachable_layers);
+    let mut left_out = left_out(open, unreachable, &planned.unreachable_layers);
+    left_out.extend(laid.place(&planned.transform));
     Ok(Planned {
         figures,
         name,
@@ -102,7 +113,7 @@ pub(super) fn from_mesh(
         stream,
         heat: Vec::new(),
         notes,
-        objections: Vec::new(),
+        objections,
         own_joints: None,
         pass_facts: PassFacts::Kinds(planned.pass_uses),
         plan: None,

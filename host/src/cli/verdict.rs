@@ -5,7 +5,7 @@
 
 use super::CliError;
 use super::args::SettingsArgs;
-use super::args_allow::{AllowArgs, AllowName, VerdictArgs};
+use super::args_allow::{AllowArgs, AllowName, RefuseName, VerdictArgs};
 use super::console::Console;
 use super::missing_heat::cold_hot_end;
 use super::planned::Planned;
@@ -20,6 +20,8 @@ impl AllowArgs {
             ObjectionKind::Touches => AllowName::Touches,
             ObjectionKind::Range => AllowName::Range,
             ObjectionKind::Fault => return false,
+            ObjectionKind::LayerTime => return !self.refuse.contains(&RefuseName::LayerTime),
+            ObjectionKind::Curves => return !self.refuse.contains(&RefuseName::Curves),
         };
         self.allow.contains(&name)
     }
@@ -63,11 +65,11 @@ pub(super) fn check(
     let texts: Vec<&str> = standing.iter().map(|o| o.text.as_str()).collect();
     let mut names: Vec<&str> = Vec::new();
     for objection in &standing {
-        if objection.kind != ObjectionKind::Fault && !names.contains(&objection.kind.name()) {
+        if objection.kind.can_be_allowed() && !names.contains(&objection.kind.name()) {
             names.push(objection.kind.name());
         }
     }
-    let can_be_allowed = standing.iter().all(|o| o.kind != ObjectionKind::Fault);
+    let can_be_allowed = standing.iter().all(|o| o.kind.can_be_allowed());
     let hint = match can_be_allowed {
         true => format!(" (--allow {} takes it as it is)", names.join(",")),
         false => String::new(),

@@ -11,11 +11,12 @@ pub mod settings_warnings;
 pub mod simulated;
 pub mod unwinding;
 pub mod use_figures;
+pub(crate) mod wide_beads;
 
 use crate::Plan;
 use crate::drive::time_by_limit::{SlowPlace, TimeByLimit};
 use crate::geometry::Point2;
-use crate::layer_uses::layer_uses;
+use crate::layer_uses::{LayerUse, layer_uses};
 use crate::open_ground::{self, OpenGround, open_ground, told_mm2};
 use crate::part_piece::unreachable_boundary;
 use crate::part_transform::PartTransform;
@@ -31,6 +32,7 @@ use objections::Objection;
 use run_notes::{corner_figures, run_notes};
 use settings_warnings::settings_warnings;
 use use_figures::{short_layers_note, stacked_figures, use_figures};
+use wide_beads::{Laid, LateLayers};
 
 /// Places of unreachable boundary that are told one by one.
 const PLACES_TOLD: usize = 3;
@@ -64,14 +66,24 @@ pub fn findings(plan: &Plan, plan_s: f64, settings: &Settings) -> Findings {
     warnings.extend(open_ground::note(&open, all_mm2, |_| None, settings));
     warnings.extend(unwinding::note(&plan.route, &plan.transform, settings));
     warnings.extend(settings_warnings(settings));
+    let laid = Laid::NOTHING.with(&plan.stream, settings);
+    let uses = layer_uses(plan, f64::from(settings.machine.servo_hz));
+    let late = LateLayers::of(&uses, settings);
+    let transform = &plan.transform;
+    let wide = laid.figures(&late, plan.figures.volume_mm3, transform, settings);
+    let mut objections = objections::of_plan(plan);
+    objections.extend(laid.objections(&late, transform, settings));
+    let mut left_out = left_out(&open, &unreachable, &[]);
+    left_out.extend(laid.place(transform));
+    let figures = Figures {
+        open_largest_mm2: largest_mm2(plan, &open),
+        ..all_figures(plan, &unreachable, &uses, plan_s, settings)
+    };
     Findings {
-        figures: Figures {
-            open_largest_mm2: largest_mm2(plan, &open),
-            ..all_figures(plan, &unreachable, plan_s, settings)
-        },
-        objections: objections::of_plan(plan),
+        figures: figures.merged_with(&wide),
+        objections,
         warnings,
-        left_out: left_out(&open, &unreachable, &[]),
+        left_out,
         unreachable,
     }
 }
@@ -85,10 +97,10 @@ fn largest_mm2(plan: &Plan, open: &[OpenGround]) -> Option<f64> {
 fn all_figures(
     plan: &Plan,
     unreachable: &[UnreachableRun],
+    uses: &[LayerUse],
     plan_s: f64,
     settings: &Settings,
 ) -> Figures {
-    let uses = layer_uses(plan, f64::from(settings.machine.servo_hz));
     let height_mm = settings.layer_height_mm;
     let place_mm = |layer: u32| [height_mm * f64::from(layer + 1), height_mm];
     let cells = open_cells(plan, settings.aperture.minor_mm());
@@ -97,7 +109,7 @@ fn all_figures(
         ..plan_figures(plan, unreachable, plan_s)
     };
     figures
-        .merged_with(&use_figures(&uses, plan.slowed, place_mm, settings))
+        .merged_with(&use_figures(uses, plan.slowed, place_mm, settings))
         .merged_with(&stacked_figures(&cells))
 }
 

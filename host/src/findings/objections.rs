@@ -21,6 +21,10 @@ pub enum ObjectionKind {
     Range,
     /// A board would stop the job with a fault; not to be allowed.
     Fault,
+    /// A layer takes too long; refuses nothing unless that is asked for.
+    LayerTime,
+    /// A bead's outside gets too much against its inside in a curve; refuses nothing unless that is asked for.
+    Curves,
 }
 
 /// Why a job is not good.
@@ -39,7 +43,14 @@ impl ObjectionKind {
             ObjectionKind::Touches => "touches",
             ObjectionKind::Range => "range",
             ObjectionKind::Fault => "fault",
+            ObjectionKind::LayerTime => "layer-time",
+            ObjectionKind::Curves => "curves",
         }
+    }
+
+    /// True for what refuses a job unless the user allows it.
+    pub fn can_be_allowed(self) -> bool {
+        matches!(self, ObjectionKind::Touches | ObjectionKind::Range)
     }
 }
 

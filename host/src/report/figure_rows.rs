@@ -114,6 +114,16 @@ impl Figures {
             ("filament", number(self.filament_mm, 1, "mm")),
             ("layers slowed", count(self.slowed_layers)),
             ("layers too short all the same", count(self.short_layers)),
+            ("longest layer", number(self.layer_time_longest_s, 1, "s")),
+            ("layers that take too long", count(self.late_layers)),
+            (
+                "outside by inside of a curve, worst",
+                (self.outer_inner_over_mm).and(number(self.outer_inner_ratio_max, 2, "")),
+            ),
+            (
+                "path in tighter curves",
+                number(self.outer_inner_over_mm, 1, "mm"),
+            ),
             ("planning time", number(self.plan_s, 2, "s")),
             ("heading travel", number(self.heading_travel_rad, 1, "rad")),
             (

@@ -173,6 +173,21 @@ pub struct Figures {
     /// Those of them that are over too soon all the same.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub short_layers: Option<u64>,
+    /// The layer that takes longest, of several, s.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub layer_time_longest_s: Option<f64>,
+    /// Layers that take longer than is allowed.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub late_layers: Option<u64>,
+    /// Most that a bead gets on the outside of a curve against the inside; 100 where the inside stands still.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub outer_inner_ratio_max: Option<f64>,
+    /// Where that is, input coordinates.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub outer_inner_ratio_at_mm: Option<[f64; 3]>,
+    /// Printing path above the ratio that is allowed.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub outer_inner_over_mm: Option<f64>,
     /// Duration of planning.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub plan_s: Option<f64>,

@@ -3,7 +3,7 @@
 use super::drivers::check_drivers;
 use super::error::SettingsError;
 use super::heat::wrong_heater;
-use super::{AXIS_TOLERANCE_MAX_DEG, LAYERS_MAX, Settings, TILT_MAX_ASKED_DEG, kinds};
+use super::{AXIS_TOLERANCE_MAX_DEG, LAYERS_MAX, Settings, TILT_MAX_ASKED_DEG, kinds, wide_beads};
 use headway_firmware::axis_family::{AxisFamily, RotaryAxis};
 use headway_firmware::configuration::{Kinematics, MachineConfiguration};
 use headway_firmware::steps::{INTERVAL_TICKS_MAX, INTERVAL_TICKS_MIN};
@@ -288,6 +288,7 @@ impl Settings {
         )?;
         in_range("print.lift_mm", self.lift_mm, 0.0, 1000.0)?;
         kinds::check(self)?;
+        wide_beads::check(self)?;
         in_range("print.overlap_pct", self.overlap_pct, 0.0, 50.0)?;
         if let Some(infill) = &self.infill {
             in_range("infill.walls", f64::from(infill.walls), 1.0, 1000.0)?;

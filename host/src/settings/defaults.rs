@@ -148,6 +148,7 @@ impl Settings {
             kinds: super::kinds::Kinds::default(),
             layer_time_min_s: 0.0,
             slow_speed_min_mm_s: 10.0,
+            wide_beads: Default::default(),
             seam: Seam {
                 place: SeamPlace::Nearest,
                 // The far side of the machine.

@@ -118,6 +118,23 @@ pub enum SettingsError {
         /// What is wrong with it.
         problem: String,
     },
+    /// A layer cannot be both.
+    #[error(
+        "print.layer_time_max_s is {}, below print.layer_time_min_s = {}: raise the one or lower the other",
+        Short(*most_s), Short(*least_s)
+    )]
+    LayerTimes {
+        /// Least time.
+        least_s: f64,
+        /// Most time.
+        most_s: f64,
+    },
+    /// A pump that does not run backwards, with primes and retracts.
+    #[error(
+        "flow.pump_start_mm and flow.pump_stop_mm are of pumps that start and stop slowly and do not run backwards: \
+         set flow.prime_mm3 and flow.retract_mm3 to 0 beside them"
+    )]
+    PumpAndPrime,
     /// Low end not below the high end.
     #[error("{key}: the lower end {} must be below the upper end {}", Short(*low), Short(*high))]
     EmptyRange {

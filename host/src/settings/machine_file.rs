@@ -9,6 +9,7 @@
 use super::aperture_text::{ApertureTextError, parse_aperture};
 use super::check::joint_names;
 use super::error::SettingsError;
+use super::wide_beads::WideBeads;
 use super::{
     HeadingLaw, Infill, PassMode, PrimeRetract, Quality, Seam, SeamPlace, Settings, Skirt,
     Tolerances,
@@ -201,6 +202,8 @@ struct Print {
     quality: Option<QualityName>,
     layer_time_min_s: Option<f64>,
     slow_speed_min_mm_s: Option<f64>,
+    outer_inner_ratio_max: Option<f64>,
+    layer_time_max_s: Option<f64>,
 }
 
 #[derive(Clone, Copy, Deserialize)]
@@ -245,6 +248,8 @@ struct Flow {
     prime_mm3: Option<f64>,
     prime_rate_mm3_s: Option<f64>,
     prime_lead_s: Option<f64>,
+    pump_start_mm: Option<f64>,
+    pump_stop_mm: Option<f64>,
 }
 
 #[derive(Deserialize)]
@@ -407,7 +412,22 @@ impl File {
             kinds: self.kinds.kinds(),
             layer_time_min_s: print.layer_time_min_s.unwrap_or(default.layer_time_min_s),
             slow_speed_min_mm_s: print.slow_speed_min_mm_s.unwrap_or(least_mm_s),
+            wide_beads: self.wide_beads(&default.wide_beads),
             ..default
+        }
+    }
+}
+
+impl File {
+    /// What wide beads ask for.
+    fn wide_beads(&self, default: &WideBeads) -> WideBeads {
+        let (print, flow) = (&self.print, &self.flow);
+        let ratio = print.outer_inner_ratio_max;
+        WideBeads {
+            outer_inner_ratio_max: ratio.unwrap_or(default.outer_inner_ratio_max),
+            layer_time_max_s: print.layer_time_max_s.unwrap_or(default.layer_time_max_s),
+            pump_start_mm: flow.pump_start_mm.unwrap_or(default.pump_start_mm),
+            pump_stop_mm: flow.pump_stop_mm.unwrap_or(default.pump_stop_mm),
         }
     }
 }

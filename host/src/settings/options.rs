@@ -25,6 +25,10 @@ pub struct Options {
     pub sparse_speed_mm_s: Option<f64>,
     /// Least time of a layer: shorter ones are printed slower.
     pub layer_time_min_s: Option<f64>,
+    /// Most time of a layer: longer ones are reported, since their joints are cold.
+    pub layer_time_max_s: Option<f64>,
+    /// Most that a bead may lay outside of a curve against inside.
+    pub outer_inner_ratio_max: Option<f64>,
     /// Layer height.
     pub layer_height_mm: Option<f64>,
     /// Layers of an outline, all the same.
@@ -102,6 +106,9 @@ impl Options {
             kind.speed_mm_s = speed_mm_s.or(kind.speed_mm_s);
         }
         set(&mut settings.layer_time_min_s, self.layer_time_min_s);
+        let wide = &mut settings.wide_beads;
+        set(&mut wide.layer_time_max_s, self.layer_time_max_s);
+        set(&mut wide.outer_inner_ratio_max, self.outer_inner_ratio_max);
         set(&mut settings.layer_height_mm, self.layer_height_mm);
         set(&mut settings.layers, self.layers);
         set(&mut settings.pass_mode, self.pass_mode);

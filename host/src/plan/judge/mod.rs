@@ -6,6 +6,7 @@
 //! ```
 
 pub mod axes_at;
+pub mod curve_ratio;
 pub mod figures;
 pub mod measure;
 pub mod region_raster;

@@ -68,7 +68,9 @@ pub fn optimised(
             left_out,
             aperture: &settings.aperture,
             limits: &pose_limits(settings),
+            width_by_radius_max: None,
         },
+        width_by_radius_max: settings.wide_beads.width_by_radius_max(),
         settings,
         ground_mm2: ground_mm2 - left_out.iter().map(Region::area_mm2).sum::<f64>(),
     };
@@ -80,6 +82,7 @@ pub fn optimised(
 }
 
 /// A pass on its way through the optimiser.
+#[derive(Clone)]
 struct Begun {
     unknown: OptimisedPass,
     /// For each control point the placement that it came from.
@@ -96,11 +99,14 @@ fn take(passes: &mut [LayerPass], begun: &mut [Begun]) {
 }
 
 /// What is optimised within, and how.
+#[derive(Clone, Copy)]
 struct RegionJob<'a> {
     site: Site<'a>,
     /// What bounds gap-fill moves: the walls, and ground that is left out.
     filled_to: &'a EdgeIndex,
     settings: &'a Settings,
+    /// What is asked of curves.
+    width_by_radius_max: Option<f64>,
     /// Area that is to be covered, mm².
     ground_mm2: f64,
 }
@@ -110,10 +116,12 @@ impl RegionJob<'_> {
     fn optimised(&self, mut passes: Vec<LayerPass>) -> Vec<(LayerPass, PassCurve)> {
         let mut begun: Vec<Begun> = passes.iter().map(|pass| self.begun(pass)).collect();
         let [first, again] = iterations(self.settings.quality);
+        let unrounded = self.width_by_radius_max.map(|_| begun.clone());
         let Some(open_mm2) = self.run(&mut begun, first) else {
             self.fill(&mut passes, 1.0);
             return passes.into_iter().map(|pass| (pass, None)).collect();
         };
+        self.round(&mut begun, unrounded);
         take(&mut passes, &mut begun);
         let is_little = |open_mm2: f64| open_mm2 < OPEN_SHARE * self.ground_mm2;
         let price_shares = match is_little(open_mm2) {
@@ -166,6 +174,32 @@ impl RegionJob<'_> {
         }
     }
 
+    /// Rounds the passes where they curve more than wide beads take. Where walls leave no room for that they would only
+    /// waver: they stay as they are unless half of what is too tight is gone. `unrounded` is what they began with.
+    fn round(&self, begun: &mut Vec<Begun>, unrounded: Option<Vec<Begun>>) {
+        let Some((bound, mut rounded)) = self.width_by_radius_max.zip(unrounded) else {
+            return;
+        };
+        let tight_mm = |begun: &[Begun]| {
+            let unknowns: Vec<OptimisedPass> = begun.iter().map(|b| b.unknown.clone()).collect();
+            headway_optimiser::tight_mm(&unknowns, self.site.aperture, bound)
+        };
+        let before_mm = tight_mm(begun);
+        if before_mm <= 0.0 {
+            return;
+        }
+        let rounding = RegionJob {
+            site: Site {
+                width_by_radius_max: Some(bound),
+                ..self.site
+            },
+            ..*self
+        };
+        if rounding.run(&mut rounded, ROUNDING).is_some() && tight_mm(&rounded) <= 0.5 * before_mm {
+            *begun = rounded;
+        }
+    }
+
     /// One run of the optimiser: what is open then, mm²; `None` where it does not apply.
     fn run(&self, begun: &mut [Begun], iterations: usize) -> Option<f64> {
         let mut unknowns: Vec<OptimisedPass> = begun.iter().map(|b| b.unknown.clone()).collect();
@@ -188,6 +222,10 @@ impl RegionJob<'_> {
 
     /// Adds gap-fill moves at this share of the price; whether there are any.
     fn fill(&self, passes: &mut [LayerPass], price_share: f64) -> bool {
+        // A move out and back is as tight a curve as there is.
+        if self.width_by_radius_max.is_some() {
+            return false;
+        }
         let count = |passes: &[LayerPass]| -> usize {
             passes.iter().map(|pass| pass.placements.len()).sum()
         };
@@ -207,6 +245,9 @@ fn objective(settings: &Settings) -> Objective {
         return_mm: return_mm(&settings.aperture),
     }
 }
+
+/// Iterations in which a corner is rounded to a radius of some widths: a step moves a point by a quarter of a at most.
+const ROUNDING: usize = 80;
 
 /// Iterations that a quality pays for, and once more where gap-fill moves were added.
 fn iterations(quality: Quality) -> [usize; 2] {

@@ -23,6 +23,7 @@ pub mod keep_out;
 pub mod lean;
 pub mod moves;
 pub mod path_curve;
+pub mod pump;
 pub mod shortest_path;
 pub mod surface;
 pub mod travel;

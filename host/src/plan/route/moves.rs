@@ -16,6 +16,15 @@ pub struct PathCurve {
     pub control: Vec<[f64; CHANNELS]>,
 }
 
+impl PathCurve {
+    /// Length of the tip's control polygon.
+    pub fn polygon_mm(&self) -> f64 {
+        let legs = self.control.windows(2);
+        legs.map(|pair| (tip(&pair[1]) - tip(&pair[0])).norm())
+            .sum()
+    }
+}
+
 /// One rest-to-rest piece of the route.
 #[derive(Clone, Debug, PartialEq)]
 pub struct RouteMove {

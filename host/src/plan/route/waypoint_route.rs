@@ -17,6 +17,7 @@ use crate::plan::route::clear_travel::{Legs, PrintedSoFar, UPRIGHT_RAD, crossing
 use crate::plan::route::flow::Bead;
 use crate::plan::route::flow::fresh_ground::FreshShares;
 use crate::plan::route::moves::{MoveEvent, PathCurve, Route, RouteMove, tilt, tip};
+use crate::plan::route::pump::stopped_early;
 use crate::plan::route::waypoint_curve::upright;
 use crate::settings::{PrimeRetract, Settings};
 use headway_firmware::configuration::Kinematics;
@@ -64,8 +65,9 @@ pub fn waypoint_route(
             let own = asked
                 .get(pass as usize)
                 .and_then(|asked| asked.prime_retract);
-            let prime_retract = own.unwrap_or(settings.prime_retract);
-            print(route, curves, pass, prime_retract);
+            let prime_retract = own.unwrap_or(settings.starts_and_ends());
+            let stop_mm = settings.wide_beads.pump_stop_mm;
+            print(route, curves, pass, prime_retract, stop_mm);
         },
     )
 }
@@ -125,7 +127,7 @@ pub fn waypoint_way(passes: Vec<Vec<PathCurve>>, start: Point, settings: &Settin
         NO_TOP,
         Volumes::None,
         &mut |route, curves, pass| {
-            print(route, curves, pass, settings.prime_retract);
+            print(route, curves, pass, settings.prime_retract, 0.0);
         },
     )
 }
@@ -354,7 +356,8 @@ fn approach(route: &mut Route, start: Point, first: Point, above: f64) {
 }
 
 /// Prime, all curves as one pass, retract.
-fn print(route: &mut Route, curves: Vec<PathCurve>, pass: u32, pr: PrimeRetract) {
+fn print(route: &mut Route, mut curves: Vec<PathCurve>, pass: u32, pr: PrimeRetract, stop_mm: f64) {
+    stopped_early(&mut curves, stop_mm);
     let prime_s = event_duration_s(pr.prime_mm3, pr.prime_rate_mm3_s);
     let retract_s = event_duration_s(pr.retract_mm3, pr.retract_rate_mm3_s);
     if prime_s > 0.0 {
