@@ -8,6 +8,7 @@ use crate::job::{MotionState, SegmentStream};
 use crate::plan::motion::joint_limits::MotionError;
 use crate::plan::motion::segments::{MotionReport, lay_segments_with_progress};
 use crate::plan::progress::Progress;
+use crate::plan::route::continuous::joined;
 use crate::plan::route::moves::Route;
 use crate::settings::Settings;
 use headway_protocol::units::{CHANNEL_X, CHANNEL_Y, CHANNEL_Z, CHANNELS};
@@ -32,13 +33,27 @@ pub(crate) fn lay_with_layer_times(
     settings: &Settings,
     progress: &dyn Progress,
 ) -> Result<(SegmentStream, MotionReport, SlowedLayers), MotionError> {
-    let (stream, report) = lay_segments_with_progress(route, settings, progress)?;
+    let (stream, report) = lay(route, settings, progress)?;
     let slowed = slow_short_layers(route, &stream, settings);
     if slowed == SlowedLayers::default() {
         return Ok((stream, report, slowed));
     }
-    let (stream, report) = lay_segments_with_progress(route, settings, progress)?;
+    let (stream, report) = lay(route, settings, progress)?;
     Ok((stream, report, slowed))
+}
+
+/// Segments of a route, loops that follow each other joined where that is asked for.
+fn lay(
+    route: &Route,
+    settings: &Settings,
+    progress: &dyn Progress,
+) -> Result<(SegmentStream, MotionReport), MotionError> {
+    let joined = settings
+        .wide_beads
+        .continuous_z
+        .then(|| joined(route, settings));
+    let route = joined.as_ref().and_then(Option::as_ref).unwrap_or(route);
+    lay_segments_with_progress(route, settings, progress)
 }
 
 /// Slows the passes of short layers: at this speed all along they take the time that is wanted, and

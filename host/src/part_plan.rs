@@ -387,7 +387,9 @@ fn gather<'a>(
     let mut known: Vec<&[Region]> = Vec::new();
     let may_divide = may_divide(settings);
     let mut used = 0;
-    let most = if may_divide {
+    // Loops that follow each other without a rest are one move.
+    let may_rest = may_divide && !settings.wide_beads.continuous_z;
+    let most = if may_rest {
         LAYERS_AT_A_TIME
     } else {
         usize::MAX
@@ -395,7 +397,8 @@ fn gather<'a>(
     for layer in layers.iter().take(most) {
         // The first layer may have its own height and speed, others a height.
         let is_other = layer.number == 1 || !is_as_high(layer, settings);
-        if used > 0 && may_divide && (is_other || stack.kinds.len() >= KINDS_AT_A_TIME) {
+        let is_full = may_rest && stack.kinds.len() >= KINDS_AT_A_TIME;
+        if used > 0 && may_divide && (is_other || is_full) {
             break;
         }
         used += 1;

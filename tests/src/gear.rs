@@ -174,6 +174,7 @@ pub fn route(length_mm: f64) -> Route {
             speed_mm_s: None,
             speeds_mm_s: Vec::new(),
             acceleration_mm_s2: None,
+            parts: Vec::new(),
             event: None,
         }],
     }

@@ -16,6 +16,7 @@ pub fn moving(state: MotionState, control: Vec<[f64; 7]>) -> RouteMove {
         speed_mm_s: None,
         speeds_mm_s: Vec::new(),
         acceleration_mm_s2: None,
+        parts: Vec::new(),
         event: None,
     }
 }

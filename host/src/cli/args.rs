@@ -222,6 +222,10 @@ pub(super) struct SettingsArgs {
     /// rounded for it where they can be [default: 0, any].
     #[arg(long, value_name = "RATIO", allow_negative_numbers = true)]
     pub max_outer_inner_ratio: Option<f64>,
+    /// Layers of one closed bead rise along it and follow each other without a rest (vase mode); walls of a solid part
+    /// with --walls 1 --infill-density 0 --top 0.
+    #[arg(long, visible_alias = "vase")]
+    pub continuous_z: bool,
     /// Layer height, mm.
     #[arg(long, value_name = "MM", allow_negative_numbers = true)]
     pub layer_height: Option<f64>,

@@ -69,6 +69,7 @@ fn options(args: &SettingsArgs) -> Options {
         sparse_speed_mm_s: args.sparse_speed,
         layer_time_min_s: args.min_layer_time,
         layer_time_max_s: args.max_layer_time,
+        continuous_z: args.continuous_z.then_some(true),
         outer_inner_ratio_max: args.max_outer_inner_ratio,
         layer_height_mm: args.layer_height,
         layers: args.layers,

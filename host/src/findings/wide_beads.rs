@@ -4,7 +4,7 @@
 //! [`Objection`] for each bound that is not kept. Leaves out what refuses the job: the command does.
 
 use super::objections::{Objection, ObjectionKind};
-use crate::job::SegmentStream;
+use crate::job::{Mark, MotionState, SegmentStream};
 use crate::layer_uses::LayerUse;
 use crate::part_transform::PartTransform;
 use crate::plan::judge::curve_ratio::{CurveRatio, RATIO_MAX};
@@ -52,6 +52,9 @@ pub(crate) struct Laid {
     ratio: CurveRatio,
     /// Volume of primes less that of retracts.
     primed_mm3: f64,
+    /// Passes, and those that went on into the next one without a rest.
+    passes: u64,
+    went_on: u64,
 }
 
 impl Laid {
@@ -59,6 +62,8 @@ impl Laid {
     pub(crate) const NOTHING: Laid = Laid {
         ratio: CurveRatio::STRAIGHT,
         primed_mm3: 0.0,
+        passes: 0,
+        went_on: 0,
     };
 
     /// Of this stream after what was laid before.
@@ -69,7 +74,14 @@ impl Laid {
                 FlowAction::Retract => -i64::from(event.volume_units),
             })
             .sum();
+        let is_print = |mark: &&Mark| mark.state == MotionState::Print;
+        let begins = |pair: &&[Mark]| pair[0].pass != pair[1].pass && pair[1].pass.is_some();
+        let pairs = || stream.marks.windows(2).filter(begins);
+        let passes = pairs().filter(|pair| is_print(&&pair[1])).count();
+        let went_on = pairs().filter(|pair| pair.iter().all(|mark| is_print(&mark)));
         Laid {
+            passes: self.passes + passes as u64,
+            went_on: self.went_on + went_on.count() as u64,
             ratio: self.ratio.with(CurveRatio::of(stream, settings)),
             primed_mm3: self.primed_mm3 + primed_units as f64 / UNITS_PER_NATURAL[CHANNEL_VOLUME],
         }
@@ -86,7 +98,9 @@ impl Laid {
         let (wide, ratio) = (&settings.wide_beads, &self.ratio);
         let runs_on = wide.pump_start_mm > 0.0 || wide.pump_stop_mm > 0.0;
         let at_mm = || transform.to_input(ratio.at_mm);
+        let interruptions = self.passes.saturating_sub(1 + self.went_on);
         Figures {
+            flow_interruptions: wide.continuous_z.then_some(interruptions),
             volume_mm3: runs_on.then_some(volume_mm3 + self.primed_mm3),
             layer_time_longest_s: (late.layers > 1).then_some(late.longest_s),
             late_layers: (wide.layer_time_max_s > 0.0).then_some(late.late),

@@ -204,6 +204,7 @@ struct Print {
     slow_speed_min_mm_s: Option<f64>,
     outer_inner_ratio_max: Option<f64>,
     layer_time_max_s: Option<f64>,
+    continuous_z: Option<bool>,
 }
 
 #[derive(Clone, Copy, Deserialize)]
@@ -428,6 +429,7 @@ impl File {
             layer_time_max_s: print.layer_time_max_s.unwrap_or(default.layer_time_max_s),
             pump_start_mm: flow.pump_start_mm.unwrap_or(default.pump_start_mm),
             pump_stop_mm: flow.pump_stop_mm.unwrap_or(default.pump_stop_mm),
+            continuous_z: print.continuous_z.unwrap_or(default.continuous_z),
         }
     }
 }

@@ -29,6 +29,8 @@ pub struct Options {
     pub layer_time_max_s: Option<f64>,
     /// Most that a bead may lay outside of a curve against inside.
     pub outer_inner_ratio_max: Option<f64>,
+    /// Layers of one closed bead follow each other without a rest.
+    pub continuous_z: Option<bool>,
     /// Layer height.
     pub layer_height_mm: Option<f64>,
     /// Layers of an outline, all the same.
@@ -108,6 +110,7 @@ impl Options {
         set(&mut settings.layer_time_min_s, self.layer_time_min_s);
         let wide = &mut settings.wide_beads;
         set(&mut wide.layer_time_max_s, self.layer_time_max_s);
+        set(&mut wide.continuous_z, self.continuous_z);
         set(&mut wide.outer_inner_ratio_max, self.outer_inner_ratio_max);
         set(&mut settings.layer_height_mm, self.layer_height_mm);
         set(&mut settings.layers, self.layers);
@@ -140,6 +143,8 @@ impl Options {
             ("--solid-speed", self.solid_speed_mm_s.is_some()),
             ("--sparse-speed", self.sparse_speed_mm_s.is_some()),
             ("--min-layer-time", self.layer_time_min_s.is_some()),
+            ("--continuous-z", self.continuous_z.is_some()),
+            ("--max-layer-time", self.layer_time_max_s.is_some()),
             ("--skirt", self.skirt_loops.is_some()),
             ("--brim", self.brim_loops.is_some()),
             ("--avoid-crossing", self.avoid_crossing.is_some()),

@@ -19,6 +19,8 @@ pub struct WideBeads {
     pub pump_start_mm: f64,
     /// Path on which the pump, switched off, still lays a bead: it stops so far before a pass's end, mm.
     pub pump_stop_mm: f64,
+    /// Layers of one closed bead rise along it and follow each other without a rest (vase mode).
+    pub continuous_z: bool,
 }
 
 /// Bounds of the keys: a ratio closer to 1 than this leaves no curve.
@@ -37,18 +39,15 @@ impl WideBeads {
 }
 
 impl Settings {
-    /// Prime and retract around each pass; of a pump that starts slowly the prime is the bead of `pump_start_mm`.
-    pub fn starts_and_ends(&self) -> PrimeRetract {
+    /// Prime and retract around a pass of `volume_mm3` over `length_mm`; of a pump that starts slowly the prime is the
+    /// bead of `pump_start_mm`, of half of the pass at most.
+    pub fn starts_and_ends(&self, volume_mm3: f64, length_mm: f64) -> PrimeRetract {
         let mut starts = self.prime_retract;
-        if self.wide_beads.pump_start_mm > 0.0 {
-            starts.prime_mm3 = self.wide_beads.pump_start_mm * self.bead_section_mm2();
+        if self.wide_beads.pump_start_mm > 0.0 && length_mm > 0.0 {
+            let share = (self.wide_beads.pump_start_mm / length_mm).min(0.5);
+            starts.prime_mm3 = share * volume_mm3;
         }
         starts
-    }
-
-    /// Section of the widest bead.
-    pub fn bead_section_mm2(&self) -> f64 {
-        2.0 * self.aperture.major_mm() * self.layer_height_mm * self.flow_factor
     }
 }
 

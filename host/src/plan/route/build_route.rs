@@ -62,7 +62,7 @@ pub fn build_route(
             head.rise(pass);
         } else {
             head.travel_to(pass, ways)?;
-            head.prime(pass.layer);
+            head.prime(pass, volume_mm3);
         }
         head.print(pass, volume_mm3, number);
         rises = passes
@@ -137,6 +137,7 @@ impl Head<'_> {
             speed_mm_s: None,
             speeds_mm_s: Vec::new(),
             acceleration_mm_s2: None,
+            parts: Vec::new(),
             event,
         });
     }
@@ -237,8 +238,12 @@ impl Head<'_> {
     }
 
     /// Stands until the material is at the aperture, but for the lead.
-    fn prime(&mut self, layer: u32) {
-        let pr = self.settings.starts_and_ends();
+    fn prime(&mut self, pass: &PlanePass, volume_mm3: &[f64]) {
+        let legs = pass.control.windows(2);
+        let length_mm = legs.map(|pair| (pair[1][0] - pair[0][0]).hypot(pair[1][1] - pair[0][1]));
+        let all_mm3 = volume_mm3.last().copied().unwrap_or(0.0);
+        let pr = self.settings.starts_and_ends(all_mm3, length_mm.sum());
+        let layer = pass.layer;
         let duration_s = event_duration_s(pr.prime_mm3, pr.prime_rate_mm3_s);
         if duration_s > 0.0 {
             let event = MoveEvent::PrimeAtStart {

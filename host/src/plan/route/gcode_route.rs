@@ -166,6 +166,7 @@ impl Head<'_> {
             speed_mm_s: None,
             speeds_mm_s: Vec::new(),
             acceleration_mm_s2: None,
+            parts: Vec::new(),
             event: None,
         });
         let last = moves.len() - 1;

@@ -44,8 +44,21 @@ pub struct RouteMove {
     pub speeds_mm_s: Vec<[f64; 2]>,
     /// Tip acceleration of its own, below that of its state, mm/s².
     pub acceleration_mm_s2: Option<f64>,
+    /// The layers of a move that prints several without a rest, upwards; empty where it prints one.
+    pub parts: Vec<LayerPart>,
     /// Flow event that starts with the move (prime), or so long before its end (retract).
     pub event: Option<MoveEvent>,
+}
+
+/// A layer of a move that prints several, rising all along.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct LayerPart {
+    /// Layer from 0.
+    pub layer: u32,
+    /// Its pass.
+    pub pass: Option<u32>,
+    /// Tip height at which it ends, mm.
+    pub end_z_mm: f64,
 }
 
 /// A prime or retract tied to a move.

@@ -65,7 +65,10 @@ pub fn waypoint_route(
             let own = asked
                 .get(pass as usize)
                 .and_then(|asked| asked.prime_retract);
-            let prime_retract = own.unwrap_or(settings.starts_and_ends());
+            let prime_retract = own.unwrap_or_else(|| {
+                let length_mm = curves.iter().map(PathCurve::polygon_mm).sum();
+                settings.starts_and_ends(volume_of(&curves), length_mm)
+            });
             let stop_mm = settings.wide_beads.pump_stop_mm;
             print(route, curves, pass, prime_retract, stop_mm);
         },
@@ -220,6 +223,16 @@ fn leave(route: &mut Route, mut here: Point, clear: &Clearance, above_mm: Option
     }
 }
 
+/// What the curves of a pass lay.
+fn volume_of(curves: &[PathCurve]) -> f64 {
+    let ends = [
+        curves.first().and_then(|curve| curve.control.first()),
+        curves.last().and_then(|curve| curve.control.last()),
+    ];
+    let [begin, end] = ends.map(|point| point.map_or(0.0, |point| point[CHANNEL_VOLUME]));
+    end - begin
+}
+
 /// Changes every control point of curves.
 fn change(curves: &mut [PathCurve], how: impl Fn(&mut Point)) {
     curves
@@ -329,6 +342,7 @@ fn route_move(state: MotionState, control: Vec<Point>) -> RouteMove {
         speed_mm_s: None,
         speeds_mm_s: Vec::new(),
         acceleration_mm_s2: None,
+        parts: Vec::new(),
         event: None,
     }
 }

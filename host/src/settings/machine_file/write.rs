@@ -341,6 +341,9 @@ fn write_process(text: &mut String, s: &Settings, with_layers: bool) -> std::fmt
     let wide = &s.wide_beads;
     write_asked(text, "outer_inner_ratio_max", wide.outer_inner_ratio_max)?;
     write_asked(text, "layer_time_max_s", wide.layer_time_max_s)?;
+    if wide.continuous_z {
+        writeln!(text, "continuous_z = true")?;
+    }
     writeln!(text, "overlap_pct = {}", number(s.overlap_pct))?;
     write_travel(text, s)?;
     write_choices(text, s)?;

@@ -34,6 +34,7 @@ fn route(legs: &[(MotionState, [[f64; CHANNELS]; 2])]) -> Route {
         speed_mm_s: None,
         speeds_mm_s: Vec::new(),
         acceleration_mm_s2: None,
+        parts: Vec::new(),
         event: None,
     };
     Route {

@@ -8,7 +8,9 @@ use crate::job::{LEAD_IN_SPANS, Mark, MotionState, SegmentStream, dwell_spans};
 use crate::plan::route::moves::{MoveEvent, Route, RouteMove};
 use crate::settings::Settings;
 use headway_protocol::segment::{FlowAction, FlowEvent, Knot, REST_TICKS};
-use headway_protocol::units::{CHANNEL_VOLUME, ChannelPoint, Ticks, UNITS_PER_NATURAL, to_units};
+use headway_protocol::units::{
+    CHANNEL_VOLUME, CHANNEL_Z, ChannelPoint, Ticks, UNITS_PER_NATURAL, to_units,
+};
 
 /// Joins the moves, the head resting so many ticks before each.
 pub fn assemble(
@@ -48,13 +50,17 @@ pub fn assemble(
         durations.extend(spans);
         control.extend(motion.spline.control[3..].iter().map(to_units));
         let end_tick = tick + rest_ticks + motion.spline.ticks();
-        marks.push(Mark {
+        let whole = Mark {
             start_tick: tick,
             end_tick,
             state: route_move.state,
             layer: route_move.layer,
             pass: route_move.pass,
-        });
+        };
+        match route_move.parts.is_empty() {
+            true => marks.push(whole),
+            false => push_parts(&mut marks, whole, route_move, motion),
+        }
         tick = end_tick;
     }
     events.sort_by_key(|event| (event.span, event.offset_ticks));
@@ -72,6 +78,29 @@ pub fn assemble(
         events,
         marks,
         solution: settings.machine.kinematics.solution(),
+    }
+}
+
+/// The marks of the layers of a move that prints several: each ends with the span in which the tip is as high.
+fn push_parts(marks: &mut Vec<Mark>, whole: Mark, route_move: &RouteMove, motion: &FinishedMove) {
+    let (control, spans) = (&motion.spline.control, &motion.spline.durations_ticks);
+    let own_ticks = motion.spline.ticks();
+    let (mut span, mut at_tick) = (0, whole.end_tick - own_ticks);
+    let mut start_tick = whole.start_tick;
+    for (number, part) in route_move.parts.iter().enumerate() {
+        let is_last = number + 1 == route_move.parts.len();
+        while span < spans.len() && (is_last || control[span + 2][CHANNEL_Z] < part.end_z_mm) {
+            at_tick += u64::from(spans[span]);
+            span += 1;
+        }
+        marks.push(Mark {
+            start_tick,
+            end_tick: at_tick,
+            layer: part.layer,
+            pass: part.pass,
+            ..whole
+        });
+        start_tick = at_tick;
     }
 }
 

@@ -102,6 +102,7 @@ mod tests {
             speed_mm_s: None,
             speeds_mm_s: Vec::new(),
             acceleration_mm_s2: None,
+            parts: Vec::new(),
             event: None,
         }
     }

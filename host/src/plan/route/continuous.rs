@@ -1,0 +1,263 @@
+//! Layers that follow each other without a rest, each printing as it rises: one move of a wall of single beads.
+//!
+//! In: a route (mm, rad, mm³) in which layers are printed one after the other. Out: the same with the loops of layers
+//! that have nothing but one loop joined: what lies between them (retract, lift, travel, prime) goes, the tip rises evenly
+//! along each loop, and the flow is as high as the bead is thick. A chain begins on flat ground: its first loop rises
+//! from a quarter of the layer's height, so that no bead is thicker than a layer or thinner than a quarter of one. Loops that run
+//! the other way round (they begin where the one below ended) are turned round.
+//! Leaves out layers with several passes or an open one, which rest as they did; and the last loop's end, which is a step
+//! of one layer.
+
+use crate::job::MotionState;
+use crate::plan::route::build_route::nearest_heading;
+use crate::plan::route::moves::{LayerPart, PathCurve, Route, RouteMove, tip};
+use crate::settings::Settings;
+use headway_protocol::units::{CHANNEL_HEADING, CHANNEL_VOLUME, CHANNEL_Z, CHANNELS};
+use std::collections::BTreeMap;
+
+type Point = [f64; CHANNELS];
+
+/// A loop's ends, and the end of one and the begin of the next, lie at most so far apart, of the nozzle's length.
+const NEAR_SHARE: f64 = 1.0;
+/// Thickness of a chain's very beginning, of the layer's.
+const BEGIN_SHARE: f64 = 0.25;
+
+/// The route with loops joined; `None` where nothing is.
+pub fn joined(route: &Route, settings: &Settings) -> Option<Route> {
+    let mut counts: BTreeMap<u32, usize> = BTreeMap::new();
+    for printed in prints(route) {
+        *counts.entry(route.moves[printed].layer).or_default() += 1;
+    }
+    let near_mm = NEAR_SHARE * 2.0 * settings.aperture.major_mm();
+    let single = |index: usize| {
+        let route_move = &route.moves[index];
+        counts.get(&route_move.layer) == Some(&1) && is_loop(&route_move.curve, near_mm)
+    };
+    let mut chains: Vec<Vec<Loop>> = Vec::new();
+    for index in prints(route) {
+        let next = [false, true].map(|is_reversed| Loop { index, is_reversed });
+        let last = chains.last_mut().and_then(|chain| {
+            let before = chain[chain.len() - 1];
+            let are_single = single(before.index) && single(index);
+            let mut next = next.iter().filter(|_| are_single);
+            let next =
+                next.find(|next| follows(&before.control(route), &next.control(route), near_mm))?;
+            Some((chain, *next))
+        });
+        match last {
+            Some((chain, next)) => chain.push(next),
+            None => chains.push(vec![next[0]]),
+        }
+    }
+    if chains.iter().all(|chain| chain.len() < 2) {
+        return None;
+    }
+    let mut made = Made::default();
+    let mut next = 0;
+    for chain in chains.iter().filter(|chain| chain.len() > 1) {
+        let (first, last) = (chain[0].index, chain[chain.len() - 1].index);
+        made.go_on(&route.moves[next..first]);
+        made.chain(route, chain, settings);
+        next = last + 1;
+    }
+    made.go_on(&route.moves[next..]);
+    Some(Route { moves: made.moves })
+}
+
+/// The moves so far, and how much heading and volume of those to come are off.
+#[derive(Default)]
+struct Made {
+    moves: Vec<RouteMove>,
+    turn_rad: f64,
+    volume_mm3: f64,
+}
+
+impl Made {
+    fn end(&self) -> Option<Point> {
+        self.moves.last()?.curve.control.last().copied()
+    }
+
+    /// Takes moves over; each begins where the one before it ends.
+    fn go_on(&mut self, moves: &[RouteMove]) {
+        for of in moves {
+            let mut of = of.clone();
+            for point in &mut of.curve.control {
+                point[CHANNEL_HEADING] += self.turn_rad;
+                point[CHANNEL_VOLUME] += self.volume_mm3;
+            }
+            let begin = of.curve.control.first_mut();
+            if let Some((begin, end)) = begin.zip(self.end()) {
+                *begin = end;
+            }
+            self.moves.push(of);
+        }
+    }
+
+    /// Adds a chain: what leads to it ends as low as it begins, and what follows goes on from its end.
+    fn chain(&mut self, route: &Route, chain: &[Loop], settings: &Settings) {
+        let mut rise = chained(route, chain, settings);
+        for point in &mut rise.curve.control {
+            point[CHANNEL_HEADING] += self.turn_rad;
+            point[CHANNEL_VOLUME] += self.volume_mm3;
+        }
+        let begin_mm = rise.curve.control[0][CHANNEL_Z];
+        for before in self.moves.iter_mut().rev() {
+            if let Some(end) = before.curve.control.last_mut() {
+                end[CHANNEL_Z] = begin_mm;
+            }
+            if before.curve.control.len() > 1 {
+                break;
+            }
+        }
+        let was = chain[chain.len() - 1].index;
+        let (was, is) = (
+            route.moves[was].curve.control.last(),
+            rise.curve.control.last(),
+        );
+        if let Some((was, is)) = was.zip(is) {
+            self.turn_rad = is[CHANNEL_HEADING] - was[CHANNEL_HEADING];
+            self.volume_mm3 = is[CHANNEL_VOLUME] - was[CHANNEL_VOLUME];
+        }
+        self.moves.push(rise);
+    }
+}
+
+fn prints(route: &Route) -> impl Iterator<Item = usize> {
+    let moves = route.moves.iter().enumerate();
+    moves.filter_map(|(index, of)| (of.state == MotionState::Print).then_some(index))
+}
+
+/// True where a curve ends near its begin.
+fn is_loop(curve: &PathCurve, near_mm: f64) -> bool {
+    let (Some(first), Some(last)) = (curve.control.first(), curve.control.last()) else {
+        return false;
+    };
+    let apart_mm = (tip(first) - tip(last)).norm();
+    apart_mm <= near_mm && curve.polygon_mm() > 2.0 * near_mm
+}
+
+/// A loop of a chain.
+#[derive(Clone, Copy)]
+struct Loop {
+    /// Its move.
+    index: usize,
+    /// Whether it is turned round.
+    is_reversed: bool,
+}
+
+impl Loop {
+    /// Its control points in their order, its volume from its begin on.
+    fn control(self, route: &Route) -> Vec<Point> {
+        let control = &route.moves[self.index].curve.control;
+        if !self.is_reversed {
+            return control.clone();
+        }
+        let ends = [control.first(), control.last()].map(|p| p.map_or(0.0, |p| p[CHANNEL_VOLUME]));
+        let turned = control.iter().rev().map(|point| {
+            let mut point = *point;
+            point[CHANNEL_VOLUME] = ends[0] + (ends[1] - point[CHANNEL_VOLUME]);
+            point
+        });
+        turned.collect()
+    }
+}
+
+/// True where the next loop, a layer higher, goes on from the end of one in its direction.
+fn follows(control: &[Point], next: &[Point], near_mm: f64) -> bool {
+    let [.., before, end] = control else {
+        return false;
+    };
+    let [begin, after, ..] = next else {
+        return false;
+    };
+    let apart = tip(begin) - tip(end);
+    let [leaves, enters] = [tip(end) - tip(before), tip(after) - tip(begin)].map(|way| way.xy());
+    apart.z > 0.0 && apart.xy().norm() <= near_mm && leaves.dot(&enters) > 0.0
+}
+
+/// One move of the loops of a chain.
+fn chained(route: &Route, chain: &[Loop], settings: &Settings) -> RouteMove {
+    let moves: Vec<&RouteMove> = chain.iter().map(|of| &route.moves[of.index]).collect();
+    let heights = rises(&moves, settings);
+    let mut control: Vec<Point> = Vec::new();
+    let (mut parts, mut speeds_mm_s) = (Vec::new(), Vec::new());
+    for (number, (of, [from_mm, to_mm])) in moves.iter().zip(&heights).enumerate() {
+        // What the loop below is away from the level that this one's height is counted from, at its begin and end.
+        let thickness = match number {
+            0 => [BEGIN_SHARE, 1.0],
+            1 => [1.0 - BEGIN_SHARE, 1.0],
+            _ => [1.0; 2],
+        };
+        let first = control.len();
+        let own = PathCurve {
+            control: chain[number].control(route),
+        };
+        append_loop(&mut control, &own, [*from_mm, *to_mm], thickness, settings);
+        if let Some(speed_mm_s) = of.speed_mm_s {
+            let ends = [first, control.len() - 1];
+            speeds_mm_s.extend(ends.map(|at| [at as f64, speed_mm_s]));
+        }
+        parts.push(LayerPart {
+            layer: of.layer,
+            pass: of.pass,
+            end_z_mm: *to_mm,
+        });
+    }
+    let last = moves[moves.len() - 1];
+    RouteMove {
+        curve: PathCurve { control },
+        speed_mm_s: None,
+        speeds_mm_s,
+        event: last.event,
+        parts,
+        ..moves[0].clone()
+    }
+}
+
+/// Where the tip is at the begin and the end of each loop.
+fn rises(moves: &[&RouteMove], settings: &Settings) -> Vec<[f64; 2]> {
+    let top = |of: &RouteMove| of.curve.control[0][CHANNEL_Z];
+    let bed_mm = settings.work_area_mm[0][2];
+    let first_mm = (top(moves[1]) - top(moves[0])).min(top(moves[0]) - bed_mm);
+    let mut from_mm = top(moves[0]) - (1.0 - BEGIN_SHARE) * first_mm.max(0.0);
+    let ends = moves.iter().map(|of| top(of));
+    ends.map(|to_mm| [std::mem::replace(&mut from_mm, to_mm), to_mm])
+        .collect()
+}
+
+/// Appends a loop that rises along its path, its flow by its thickness, its heading and volume going on from the last.
+fn append_loop(
+    control: &mut Vec<Point>,
+    curve: &PathCurve,
+    [from_mm, to_mm]: [f64; 2],
+    [thin, thick]: [f64; 2],
+    settings: &Settings,
+) {
+    let length_mm = curve.polygon_mm();
+    let begin = curve.control[0];
+    let (turn_rad, mut volume_mm3) = match control.last() {
+        Some(end) => {
+            let (own, near) = (begin[CHANNEL_HEADING], end[CHANNEL_HEADING]);
+            let period_rad = settings.aperture.period_rad();
+            let turn_rad = nearest_heading(own, near, period_rad) - own;
+            (turn_rad, end[CHANNEL_VOLUME])
+        }
+        None => (0.0, begin[CHANNEL_VOLUME]),
+    };
+    let mut way_mm = 0.0;
+    let mut before = begin;
+    for point in &curve.control {
+        let step_mm = (tip(point) - tip(&before)).norm();
+        let middle = (way_mm + 0.5 * step_mm) / length_mm;
+        way_mm += step_mm;
+        let share = way_mm / length_mm;
+        let laid_mm3 = point[CHANNEL_VOLUME] - before[CHANNEL_VOLUME];
+        volume_mm3 += laid_mm3 * (thin + (thick - thin) * middle);
+        before = *point;
+        let mut risen = *point;
+        risen[CHANNEL_Z] = from_mm + (to_mm - from_mm) * share;
+        risen[CHANNEL_HEADING] += turn_rad;
+        risen[CHANNEL_VOLUME] = volume_mm3;
+        control.push(risen);
+    }
+}
