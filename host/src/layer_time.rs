@@ -10,6 +10,7 @@ use crate::plan::motion::segments::{MotionReport, lay_segments_with_progress};
 use crate::plan::progress::Progress;
 use crate::plan::route::continuous::joined;
 use crate::plan::route::moves::Route;
+use crate::plan::route::pump::stop_passes;
 use crate::settings::Settings;
 use headway_protocol::units::{CHANNEL_X, CHANNEL_Y, CHANNEL_Z, CHANNELS};
 use serde::{Deserialize, Serialize};
@@ -42,18 +43,22 @@ pub(crate) fn lay_with_layer_times(
     Ok((stream, report, slowed))
 }
 
-/// Segments of a route, loops that follow each other joined where that is asked for.
+/// Segments of a route: loops that follow each other joined, and passes ended by a pump that runs on, where that is asked
+/// for.
 fn lay(
     route: &Route,
     settings: &Settings,
     progress: &dyn Progress,
 ) -> Result<(SegmentStream, MotionReport), MotionError> {
-    let joined = settings
-        .wide_beads
-        .continuous_z
-        .then(|| joined(route, settings));
-    let route = joined.as_ref().and_then(Option::as_ref).unwrap_or(route);
-    lay_segments_with_progress(route, settings, progress)
+    let wide = &settings.wide_beads;
+    let joined = wide.continuous_z.then(|| joined(route, settings)).flatten();
+    if wide.pump_stop_mm <= 0.0 {
+        let route = joined.as_ref().unwrap_or(route);
+        return lay_segments_with_progress(route, settings, progress);
+    }
+    let mut route = joined.unwrap_or_else(|| route.clone());
+    stop_passes(&mut route, settings);
+    lay_segments_with_progress(&route, settings, progress)
 }
 
 /// Slows the passes of short layers: at this speed all along they take the time that is wanted, and

@@ -18,7 +18,6 @@ use crate::plan::route::flow::pass_volumes::volumes_mm3;
 use crate::plan::route::hop::{CROSS_MIN, Hop};
 use crate::plan::route::keep_out::Way;
 use crate::plan::route::moves::{MoveEvent, PathCurve, Route, RouteMove};
-use crate::plan::route::pump::stopped_early;
 use crate::plan::route::travel::{TravelError, TravelWays};
 use crate::settings::Settings;
 use crate::settings::kinds::KindSettings;
@@ -69,7 +68,6 @@ pub fn build_route(
             .get(i + 1)
             .is_some_and(|next| follows_above(pass, next, settings.aperture.unit_mm()));
         if !rises {
-            head.stop_pump();
             head.retract(pass.layer);
         }
     }
@@ -266,15 +264,6 @@ impl Head<'_> {
             let share = self.settings.plan_share;
             printed.speed_mm_s = asked.speed_mm_s.map(|speed| speed * share);
             printed.acceleration_mm_s2 = asked.acceleration_mm_s2.map(|bend| bend * share);
-        }
-    }
-
-    /// Leaves the end of the last pass to a pump that runs on.
-    fn stop_pump(&mut self) {
-        if let Some(printed) = self.route.moves.last_mut() {
-            let curves = std::slice::from_mut(&mut printed.curve);
-            let stop_mm = self.settings.wide_beads.pump_stop_mm;
-            self.at[CHANNEL_VOLUME] -= stopped_early(curves, stop_mm);
         }
     }
 

@@ -3,8 +3,8 @@
 //! In: a route (mm, rad, mm³) in which layers are printed one after the other. Out: the same with the loops of layers
 //! that have nothing but one loop joined: what lies between them (retract, lift, travel, prime) goes, the tip rises evenly
 //! along each loop, and the flow is as high as the bead is thick. A chain begins on flat ground: its first loop rises
-//! from a quarter of the layer's height, so that no bead is thicker than a layer or thinner than a quarter of one. Loops that run
-//! the other way round (they begin where the one below ended) are turned round.
+//! from a quarter of the layer's height, so that no bead is thicker than a layer or thinner than a quarter of one. A loop goes on where
+//! the one below ends: it is turned round where it runs the other way, and begun at its nearest place.
 //! Leaves out layers with several passes or an open one, which rest as they did; and the last loop's end, which is a step
 //! of one layer.
 
@@ -19,6 +19,8 @@ type Point = [f64; CHANNELS];
 
 /// A loop's ends, and the end of one and the begin of the next, lie at most so far apart, of the nozzle's length.
 const NEAR_SHARE: f64 = 1.0;
+/// A loop goes on at least so much of a step ahead of the one below.
+const AHEAD_SHARE: f64 = 0.4;
 /// Thickness of a chain's very beginning, of the layer's.
 const BEGIN_SHARE: f64 = 0.25;
 
@@ -35,18 +37,19 @@ pub fn joined(route: &Route, settings: &Settings) -> Option<Route> {
     };
     let mut chains: Vec<Vec<Loop>> = Vec::new();
     for index in prints(route) {
-        let next = [false, true].map(|is_reversed| Loop { index, is_reversed });
+        let own = &route.moves[index].curve.control;
         let last = chains.last_mut().and_then(|chain| {
-            let before = chain[chain.len() - 1];
+            let before = &chain[chain.len() - 1];
             let are_single = single(before.index) && single(index);
-            let mut next = next.iter().filter(|_| are_single);
-            let next =
-                next.find(|next| follows(&before.control(route), &next.control(route), near_mm))?;
-            Some((chain, *next))
+            let control = are_single.then(|| gone_on(&before.control, own, near_mm, settings));
+            Some((chain, control??))
         });
         match last {
-            Some((chain, next)) => chain.push(next),
-            None => chains.push(vec![next[0]]),
+            Some((chain, control)) => chain.push(Loop { index, control }),
+            None => {
+                let control = own.clone();
+                chains.push(vec![Loop { index, control }]);
+            }
         }
     }
     if chains.iter().all(|chain| chain.len() < 2) {
@@ -137,42 +140,83 @@ fn is_loop(curve: &PathCurve, near_mm: f64) -> bool {
 }
 
 /// A loop of a chain.
-#[derive(Clone, Copy)]
 struct Loop {
     /// Its move.
     index: usize,
-    /// Whether it is turned round.
-    is_reversed: bool,
+    /// Its control points, from where it goes on from the loop below.
+    control: Vec<Point>,
 }
 
-impl Loop {
-    /// Its control points in their order, its volume from its begin on.
-    fn control(self, route: &Route) -> Vec<Point> {
-        let control = &route.moves[self.index].curve.control;
-        if !self.is_reversed {
-            return control.clone();
+/// The next loop, a layer higher, from where it goes on from the end of one in its direction: turned round where it runs the
+/// other way, begun at its nearest place; `None` where that is too far.
+fn gone_on(
+    control: &[Point],
+    next: &[Point],
+    near_mm: f64,
+    settings: &Settings,
+) -> Option<Vec<Point>> {
+    let [.., before, end] = control else {
+        return None;
+    };
+    let leaves = tip(end) - tip(before);
+    let away_mm = |point: &Point| (tip(point) - tip(end)).xy().norm();
+    let numbered = next.iter().map(away_mm).enumerate();
+    let (nearest, apart_mm) = numbered.min_by(|a, b| a.1.total_cmp(&b.1))?;
+    let rises = next[nearest][CHANNEL_Z] > end[CHANNEL_Z];
+    if apart_mm > near_mm || !rises {
+        return None;
+    }
+    let count = next.len();
+    let enters = tip(&next[(nearest + 1) % count]) - tip(&next[(nearest + count - 1) % count]);
+    // The first place that lies ahead: no step back over what was just laid.
+    let is_behind = |at: usize, control: &[Point]| {
+        (tip(&control[at]) - tip(end)).xy().dot(&leaves.xy()) < AHEAD_SHARE * leaves.norm_squared()
+    };
+    let ahead = |control: &[Point], at: usize| match is_behind(at, control) {
+        true => (at + 1) % count,
+        false => at,
+    };
+    match leaves.xy().dot(&enters.xy()) > 0.0 {
+        true => Some(begun_at(next, ahead(next, nearest), settings)),
+        false => {
+            let turned = turned_round(next);
+            let first = ahead(&turned, count - 1 - nearest);
+            Some(begun_at(&turned, first, settings))
         }
-        let ends = [control.first(), control.last()].map(|p| p.map_or(0.0, |p| p[CHANNEL_VOLUME]));
-        let turned = control.iter().rev().map(|point| {
-            let mut point = *point;
-            point[CHANNEL_VOLUME] = ends[0] + (ends[1] - point[CHANNEL_VOLUME]);
-            point
-        });
-        turned.collect()
     }
 }
 
-/// True where the next loop, a layer higher, goes on from the end of one in its direction.
-fn follows(control: &[Point], next: &[Point], near_mm: f64) -> bool {
-    let [.., before, end] = control else {
-        return false;
+/// The same curve from its end to its begin.
+fn turned_round(control: &[Point]) -> Vec<Point> {
+    let ends = [control.first(), control.last()].map(|p| p.map_or(0.0, |p| p[CHANNEL_VOLUME]));
+    let turned = control.iter().rev().map(|point| {
+        let mut point = *point;
+        point[CHANNEL_VOLUME] = ends[0] + (ends[1] - point[CHANNEL_VOLUME]);
+        point
+    });
+    turned.collect()
+}
+
+/// A loop begun at another of its points, over the gap between its end and its begin. What was laid on the way to that
+/// point is laid over the gap.
+fn begun_at(control: &[Point], first: usize, settings: &Settings) -> Vec<Point> {
+    let [start, .., end] = control else {
+        return control.to_vec();
     };
-    let [begin, after, ..] = next else {
-        return false;
-    };
-    let apart = tip(begin) - tip(end);
-    let [leaves, enters] = [tip(end) - tip(before), tip(after) - tip(begin)].map(|way| way.xy());
-    apart.z > 0.0 && apart.xy().norm() <= near_mm && leaves.dot(&enters) > 0.0
+    if first == 0 {
+        return control.to_vec();
+    }
+    let [own, near] = [start[CHANNEL_HEADING], end[CHANNEL_HEADING]];
+    let turn_rad = nearest_heading(own, near, settings.aperture.period_rad()) - own;
+    let gap_mm3 = end[CHANNEL_VOLUME] - start[CHANNEL_VOLUME] + control[first][CHANNEL_VOLUME]
+        - control[first - 1][CHANNEL_VOLUME];
+    let rest = control[..first].iter().map(|point| {
+        let mut point = *point;
+        point[CHANNEL_HEADING] += turn_rad;
+        point[CHANNEL_VOLUME] += gap_mm3;
+        point
+    });
+    control[first..].iter().copied().chain(rest).collect()
 }
 
 /// One move of the loops of a chain.
@@ -190,7 +234,7 @@ fn chained(route: &Route, chain: &[Loop], settings: &Settings) -> RouteMove {
         };
         let first = control.len();
         let own = PathCurve {
-            control: chain[number].control(route),
+            control: chain[number].control.clone(),
         };
         append_loop(&mut control, &own, [*from_mm, *to_mm], thickness, settings);
         if let Some(speed_mm_s) = of.speed_mm_s {

@@ -4,7 +4,10 @@
 //! (mm). Out: the same curves with so much less volume. The flow falls evenly over the stop's length, half of it before
 //! the place where the pump is to stop and half after it. Leaves out the start, which is a prime.
 
-use crate::plan::route::moves::{PathCurve, tip};
+use crate::job::MotionState;
+use crate::plan::route::hop::CROSS_MIN;
+use crate::plan::route::moves::{PathCurve, Route, tip};
+use crate::settings::Settings;
 use headway_protocol::units::{CHANNEL_VOLUME, CHANNELS};
 
 /// The stop of a short pass, share of its path: the flow falls over half of the stop before it and half after it.
@@ -32,6 +35,34 @@ pub fn stopped_early(curves: &mut [PathCurve], stop_mm: f64) -> f64 {
         }
     }
     taken_mm3
+}
+
+/// The same at the end of each pass of a route that the next one does not go on from.
+pub fn stop_passes(route: &mut Route, settings: &Settings) {
+    let stop_mm = settings.wide_beads.pump_stop_mm;
+    let near_mm = CROSS_MIN * settings.aperture.unit_mm();
+    let mut taken_mm3 = 0.0;
+    for index in 0..route.moves.len() {
+        let (before, rest) = route.moves.split_at_mut(index + 1);
+        let own = &mut before[index];
+        for point in &mut own.curve.control {
+            point[CHANNEL_VOLUME] -= taken_mm3;
+        }
+        let next = rest.iter().find(|next| next.state == MotionState::Print);
+        let goes_on = next.is_some_and(|next| begins_above(&own.curve, &next.curve, near_mm));
+        if own.state == MotionState::Print && !goes_on {
+            taken_mm3 += stopped_early(std::slice::from_mut(&mut own.curve), stop_mm);
+        }
+    }
+}
+
+/// True where a pass begins right above the end of another: the material stays where it is.
+fn begins_above(curve: &PathCurve, next: &PathCurve, near_mm: f64) -> bool {
+    let (Some(end), Some(begin)) = (curve.control.last(), next.control.first()) else {
+        return false;
+    };
+    let apart = tip(begin) - tip(end);
+    apart.z > 0.0 && apart.xy().norm() < near_mm
 }
 
 /// Mean share of the flow between two places, by the path left to the pass's end: 1 up to 1.5 stops, 0 from half a stop.
