@@ -1,0 +1,159 @@
+//! G-code of declared axes whose tool tilts -> a run of waypoints that keeps its volumes and speeds.
+//!
+//! In: a [`GcodeProgram`] whose places are poses on the part (mm, degrees), legs with volume and the tip's speed. Out:
+//! [`WaypointRun`], a pass of the file beginning where it does: each waypoint has the section of its bead (volume for
+//! each mm of the way) and its speed, each pass its prime and retract. Sections meet in their mean and are scaled so
+//! that a pass lays what the file does; speeds meet in the lower one. Leaves out travel, which depends on the machine,
+//! layers, heaters and fans.
+
+use super::gcode_run::{DIVISIONS_MAX, SPACING_MM, heat_note};
+use super::near_waypoints::joined;
+use super::waypoints::{PassAsked, Waypoint, WaypointRun};
+use crate::gcode::{GcodePass, GcodeProgram, Leg, Place, Push};
+use crate::settings::Settings;
+use nalgebra::{Point3, UnitVector3};
+use std::f64::consts::TAU;
+
+/// Shortest leg whose volume is a section, mm: E is rounded.
+const LEG_MIN_MM: f64 = 1e-3;
+/// Fastest that settings may say, mm/s: a feed beyond it is the machine's to bound.
+const SPEED_MAX_MM_S: f64 = 10_000.0;
+/// Slowest, mm/s.
+const SPEED_MIN_MM_S: f64 = 0.01;
+
+/// The run of a program's passes.
+pub fn declared_run(program: GcodeProgram) -> WaypointRun {
+    let mut points: Vec<Waypoint> = Vec::new();
+    let has_headings = program.has_headings;
+    for pass in &program.passes {
+        let near_rad = points.last().and_then(|point| point.heading_rad);
+        let (mut own, ..) = joined(pass_points(pass, near_rad.unwrap_or(0.0)));
+        scale_sections(&mut own, pass.volume_mm3());
+        if !has_headings {
+            own.iter_mut().for_each(|point| point.heading_rad = None);
+        }
+        points.extend(own);
+    }
+    let mut notes = program.notes;
+    notes.extend(heat_note(program.heat.len()));
+    notes.push(
+        "the tool tilts: the path is followed as waypoints with the file's volumes and speeds; travel between \
+         passes is this machine's"
+            .to_string(),
+    );
+    WaypointRun {
+        name: program.name,
+        points,
+        notes,
+        has_feeds: true,
+    }
+}
+
+/// A run's feeds as speeds that are asked, and the settings with the print speed that they need: the fastest of
+/// them, or `speed_max_mm_s`.
+pub fn at_feeds(
+    run: &mut WaypointRun,
+    speed_max_mm_s: Option<f64>,
+    settings: &Settings,
+) -> Settings {
+    if !run.has_feeds {
+        return settings.clone();
+    }
+    let speeds = run.points.iter().filter_map(|point| point.speed_mm_s);
+    let fastest_mm_s = speeds.fold(0.0, f64::max) / settings.plan_share;
+    let print_mm_s = speed_max_mm_s.map_or(fastest_mm_s, |most| fastest_mm_s.min(most));
+    let print_mm_s = print_mm_s.clamp(SPEED_MIN_MM_S, SPEED_MAX_MM_S);
+    for point in &mut run.points {
+        // The planner takes its share of what is asked.
+        let asked = |feed: f64| (feed / settings.plan_share).min(print_mm_s);
+        point.speed_mm_s = point.speed_mm_s.map(asked);
+    }
+    Settings {
+        speed_mm_s: print_mm_s,
+        ..settings.clone()
+    }
+}
+
+/// The waypoints of a pass: its places, and more on long legs.
+fn pass_points(pass: &GcodePass, near_rad: f64) -> Vec<Waypoint> {
+    let mut points: Vec<Waypoint> = Vec::new();
+    let mut from: Option<(UnitVector3<f64>, f64)> = None;
+    let near = |heading: f64, to: f64| heading + TAU * ((to - heading) / TAU).round();
+    let mut section_mm2: Option<f64> = None;
+    for (pair, leg) in pass.points.windows(2).zip(&pass.legs) {
+        let (axis, heading) = from.unwrap_or_else(|| {
+            let (axis, heading) = pair[0].axis_and_heading();
+            (axis, near(heading, near_rad))
+        });
+        let (to_axis, to_heading) = pair[1].axis_and_heading();
+        let to_heading = near(to_heading, heading);
+        section_mm2 = section(pair, leg).or(section_mm2);
+        let at = |share: f64| {
+            let tip =
+                |i: usize| pair[0].tip_mm[i] + share * (pair[1].tip_mm[i] - pair[0].tip_mm[i]);
+            let between = axis.into_inner().lerp(&to_axis, share);
+            Waypoint {
+                line: leg.line,
+                tip_mm: Point3::new(tip(0), tip(1), tip(2)),
+                axis: UnitVector3::try_new(between, 1e-6).unwrap_or(to_axis),
+                heading_rad: Some(heading + share * (to_heading - heading)),
+                width_mm: None,
+                height_mm: None,
+                section_mm2,
+                speed_mm_s: Some(leg.speed_mm_s),
+                cone_rad: None,
+                begins: false,
+                asked: PassAsked::default(),
+            }
+        };
+        match points.last_mut() {
+            None => points.push(Waypoint {
+                begins: true,
+                asked: asked(pass),
+                ..at(0.0)
+            }),
+            Some(joint) => {
+                let mean = |a: f64| section_mm2.map_or(a, |b| 0.5 * (a + b));
+                joint.section_mm2 = joint.section_mm2.map(mean);
+                joint.speed_mm_s = joint.speed_mm_s.map(|speed| speed.min(leg.speed_mm_s));
+            }
+        }
+        let count = (pair[1].distance_mm(&pair[0]) / SPACING_MM).ceil();
+        let count = count.clamp(1.0, DIVISIONS_MAX) as usize;
+        points.extend((1..=count).map(|k| at(k as f64 / count as f64)));
+        from = Some((to_axis, to_heading));
+    }
+    points
+}
+
+/// Volume of a leg for each mm; none of one that stands.
+fn section(pair: &[Place], leg: &Leg) -> Option<f64> {
+    let length_mm = pair[1].distance_mm(&pair[0]);
+    let volume_mm3 = leg.volume_mm3?;
+    Some(volume_mm3 / length_mm.max(LEG_MIN_MM)).filter(|_| length_mm >= LEG_MIN_MM)
+}
+
+fn asked(pass: &GcodePass) -> PassAsked {
+    let pushed = |push: Option<Push>| push.map_or(Some(0.0), |push| push.mm3);
+    PassAsked {
+        pushes_mm3: [pushed(pass.prime), pushed(pass.retract)],
+        has_sections: pass.volume_mm3().is_some(),
+        ..PassAsked::default()
+    }
+}
+
+/// Makes the sections of a pass come to what it deposits.
+fn scale_sections(points: &mut [Waypoint], volume_mm3: Option<f64>) {
+    let laid = points.windows(2).map(|pair| {
+        let length_mm = (pair[1].tip_mm - pair[0].tip_mm).norm();
+        let of = |point: &Waypoint| point.section_mm2.unwrap_or(0.0);
+        0.5 * length_mm * (of(&pair[0]) + of(&pair[1]))
+    });
+    let laid_mm3: f64 = laid.sum();
+    let Some(volume_mm3) = volume_mm3.filter(|_| laid_mm3 > 0.0) else {
+        return;
+    };
+    for point in points {
+        point.section_mm2 = point.section_mm2.map(|mm2| mm2 * volume_mm3 / laid_mm3);
+    }
+}
