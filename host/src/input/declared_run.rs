@@ -11,11 +11,16 @@ use super::near_waypoints::joined;
 use super::waypoints::{PassAsked, Waypoint, WaypointRun};
 use crate::gcode::{GcodePass, GcodeProgram, Leg, Place, Push};
 use crate::settings::Settings;
-use nalgebra::{Point3, UnitVector3};
+use nalgebra::{Point3, UnitVector3, Vector3};
 use std::f64::consts::TAU;
 
 /// Shortest leg whose volume is a section, mm: E is rounded.
 const LEG_MIN_MM: f64 = 1e-3;
+/// Legs that turn less than this, lie less than this beside their curve, and are no more unlike than this, are chords:
+/// as joints of polygons in other files.
+const CHORD_TURN_RAD: f64 = 0.2;
+const CHORD_MM: f64 = 0.02;
+const CHORD_RATIO: f64 = 3.0;
 /// Fastest that settings may say, mm/s: a feed beyond it is the machine's to bound.
 const SPEED_MAX_MM_S: f64 = 10_000.0;
 /// Slowest, mm/s.
@@ -80,7 +85,8 @@ fn pass_points(pass: &GcodePass, near_rad: f64) -> Vec<Waypoint> {
     let mut from: Option<(UnitVector3<f64>, f64)> = None;
     let near = |heading: f64, to: f64| heading + TAU * ((to - heading) / TAU).round();
     let mut section_mm2: Option<f64> = None;
-    for (pair, leg) in pass.points.windows(2).zip(&pass.legs) {
+    let bends = Bends::of(&pass.points);
+    for (number, (pair, leg)) in pass.points.windows(2).zip(&pass.legs).enumerate() {
         let (axis, heading) = from.unwrap_or_else(|| {
             let (axis, heading) = pair[0].axis_and_heading();
             (axis, near(heading, near_rad))
@@ -118,12 +124,54 @@ fn pass_points(pass: &GcodePass, near_rad: f64) -> Vec<Waypoint> {
                 joint.speed_mm_s = joint.speed_mm_s.map(|speed| speed.min(leg.speed_mm_s));
             }
         }
-        let count = (pair[1].distance_mm(&pair[0]) / SPACING_MM).ceil();
-        let count = count.clamp(1.0, DIVISIONS_MAX) as usize;
+        let count = bends.waypoints_of(number);
         points.extend((1..=count).map(|k| at(k as f64 / count as f64)));
         from = Some((to_axis, to_heading));
     }
     points
+}
+
+/// Legs of a pass, and how the path bends between them.
+struct Bends {
+    lengths_mm: Vec<f64>,
+    /// Between a leg and the one behind it, rad.
+    turns_rad: Vec<f64>,
+}
+
+impl Bends {
+    fn of(points: &[Place]) -> Bends {
+        let chords: Vec<Vector3<f64>> = points
+            .windows(2)
+            .map(|pair| Vector3::from(pair[1].tip_mm) - Vector3::from(pair[0].tip_mm))
+            .collect();
+        Bends {
+            lengths_mm: chords.iter().map(Vector3::norm).collect(),
+            turns_rad: chords
+                .windows(2)
+                .map(|pair| pair[0].angle(&pair[1]))
+                .collect(),
+        }
+    }
+
+    /// How many waypoints a leg becomes. One where it is a chord of a curve; others are straight.
+    fn waypoints_of(&self, leg: usize) -> usize {
+        let length_mm = self.lengths_mm[leg];
+        let count = (length_mm / SPACING_MM).ceil().clamp(1.0, DIVISIONS_MAX);
+        let is_chord = [leg.checked_sub(1), Some(leg)]
+            .into_iter()
+            .flatten()
+            .all(|bend| {
+                let Some(turn_rad) = self.turns_rad.get(bend) else {
+                    return true;
+                };
+                let other_mm = self.lengths_mm[if bend == leg { leg + 1 } else { bend }];
+                let is_alike =
+                    other_mm < CHORD_RATIO * length_mm && length_mm < CHORD_RATIO * other_mm;
+                // The height of a curve above its chord.
+                is_alike && *turn_rad < CHORD_TURN_RAD && length_mm * turn_rad < 8.0 * CHORD_MM
+            });
+        if is_chord { 1 } else { count as usize }
+    }
 }
 
 /// Volume of a leg for each mm; none of one that stands.

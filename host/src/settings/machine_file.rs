@@ -150,6 +150,7 @@ struct File {
     tolerances: FileTolerances,
     material: Option<FileMaterial>,
     heaters: Option<FileHeaters>,
+    #[serde(default)]
     gcode: FileGcode,
     #[serde(default)]
     drivers: BTreeMap<String, FileDriver>,
