@@ -5,4 +5,5 @@ mod awkward;
 mod copies;
 mod dxf;
 mod gcode;
+mod gcode_axes;
 mod meshes;
