@@ -83,3 +83,20 @@ fn letters_have_to_fit_the_joints() {
     let axes = FileAxes::new(&words, Some(&machine)).expect("axes");
     assert_eq!(&axes.letters(), b"\0\0\0ABCUVWH");
 }
+
+#[test]
+fn poses_that_no_head_has_are_finite() {
+    let axes = axes("A=table:x,C=table:z,U=heading,coordinates=pivot");
+    for a in [180.0, -180.0, 179.999_999, 540.0] {
+        let pose = axes.pose(&at(&[1.0, 2.0, 3.0, a, 30.0, 5.0]));
+        let place = pose.place(0.0);
+        assert!(
+            place
+                .turn_deg
+                .iter()
+                .chain(&place.tip_mm)
+                .all(|value| value.is_finite())
+        );
+        assert!(pose.axis.z < -0.99, "{a}: {pose:?}");
+    }
+}

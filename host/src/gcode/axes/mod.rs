@@ -183,8 +183,11 @@ impl FileAxes {
         let pose = self.model.forward(&joints);
         FilePose {
             tip_mm: if is_tip { tip_mm } else { pose.tip_mm },
-            axis: Unit::new_normalize(pose.tool_axis()),
-            heading_rad: pose.heading_rad,
+            axis: Unit::try_new(pose.tool_axis(), 0.5).unwrap_or(-Vector3::z_axis()),
+            // Straight down there is no heading; such a pose is refused where it prints.
+            heading_rad: Some(pose.heading_rad)
+                .filter(|rad| rad.is_finite())
+                .unwrap_or(0.0),
         }
     }
 }

@@ -17,13 +17,13 @@ mod undeclared;
 
 pub use heat::HeatStep;
 
-use super::axes::{At, FileAxes, SLOTS, TURNS_FROM};
+use super::axes::{At, FileAxes, SLOTS};
 use super::comments::{Comments, Hint};
 use super::error::GcodeError;
 use super::extrusion::{Counted, Taken};
 use super::flavour::Flavour;
 use super::words::{Line, Word, lines, read_line, shortened};
-use super::{ANGLE_MAX_DEG, GcodeOptions, MOVES_MAX, PLACE_MAX_MM};
+use super::{GcodeOptions, MOVES_MAX};
 use heat::Targets;
 use state::Saved;
 use std::collections::BTreeMap;
@@ -371,49 +371,9 @@ impl Interpreter {
         Ok(())
     }
 
-    /// Letters of the axes; 0 where there is none.
-    fn axes(&self) -> [u8; SLOTS] {
-        let extruder = self.extruder();
-        let letters = match &self.axes {
-            Some(axes) => axes.letters(),
-            None => {
-                let told = self.found.comments.turns.or(self.head_letters);
-                let [a, b, c] = told.unwrap_or(*b"ABC");
-                [b'X', b'Y', b'Z', a, b, c, 0, 0, 0, 0]
-            }
-        };
-        // A letter that extrudes does not turn.
-        letters.map(|letter| if letter == extruder { 0 } else { letter })
-    }
-
-    fn extruder(&self) -> u8 {
-        let declared = self.axes.as_ref().and_then(|axes| axes.extruder());
-        let told = declared.or(self.found.comments.extruder);
-        told.unwrap_or(b'E')
-    }
-
     fn length(&self, line: &Line, letter: u8, number: usize) -> Result<Option<f64>, GcodeError> {
         let given = value(line, letter, number)?.map(|value| value * self.unit_mm);
         bounded(given, letter, number, EXTRUDER_MAX)
-    }
-
-    /// An axis' word in mm or degrees.
-    fn place(
-        &self,
-        line: &Line,
-        axis: usize,
-        letter: u8,
-        number: usize,
-    ) -> Result<Option<f64>, GcodeError> {
-        let is_linear = axis < TURNS_FROM;
-        let scale = if is_linear { self.unit_mm } else { 1.0 };
-        let given = value(line, letter, number)?.map(|value| value * scale);
-        let most = if is_linear {
-            PLACE_MAX_MM
-        } else {
-            ANGLE_MAX_DEG
-        };
-        bounded(given, letter, number, most)
     }
 
     /// The line's F; true where there is one.

@@ -7,11 +7,12 @@
 
 use super::klipper::{number_of, text_of};
 use super::{Firmware, Interpreter};
-use crate::gcode::ANGLE_MAX_DEG;
 use crate::gcode::axes::words::FeedOf;
-use crate::gcode::axes::{At, FileAxes, TURNS_FROM};
+use crate::gcode::axes::{At, FileAxes, SLOTS, TURNS_FROM};
 use crate::gcode::error::GcodeError;
 use crate::gcode::passes::{STANDS_DEG, STANDS_MM};
+use crate::gcode::words::Line;
+use crate::gcode::{ANGLE_MAX_DEG, PLACE_MAX_MM};
 
 /// Tool axes nearer to Z than this are upright, as a sine.
 const UPRIGHT_MAX: f64 = 1e-6;
@@ -53,6 +54,46 @@ impl Lengths {
 }
 
 impl Interpreter {
+    /// An axis' word in mm or degrees.
+    pub(super) fn place(
+        &self,
+        line: &Line,
+        axis: usize,
+        letter: u8,
+        number: usize,
+    ) -> Result<Option<f64>, GcodeError> {
+        let is_linear = axis < TURNS_FROM;
+        let scale = if is_linear { self.unit_mm } else { 1.0 };
+        let given = super::value(line, letter, number)?.map(|value| value * scale);
+        let most = if is_linear {
+            PLACE_MAX_MM
+        } else {
+            ANGLE_MAX_DEG
+        };
+        super::bounded(given, letter, number, most)
+    }
+
+    /// Letters of the axes; 0 where there is none.
+    pub(super) fn axes(&self) -> [u8; SLOTS] {
+        let extruder = self.extruder();
+        let letters = match &self.axes {
+            Some(axes) => axes.letters(),
+            None => {
+                let told = self.found.comments.turns.or(self.head_letters);
+                let [a, b, c] = told.unwrap_or(*b"ABC");
+                [b'X', b'Y', b'Z', a, b, c, 0, 0, 0, 0]
+            }
+        };
+        // A letter that extrudes does not turn.
+        letters.map(|letter| if letter == extruder { 0 } else { letter })
+    }
+
+    pub(super) fn extruder(&self) -> u8 {
+        let declared = self.axes.as_ref().and_then(|axes| axes.extruder());
+        let told = declared.or(self.found.comments.extruder);
+        told.unwrap_or(b'E')
+    }
+
     /// Where the first move of declared axes begins.
     pub(super) fn begin(&mut self) {
         let at = self.at;

@@ -151,7 +151,10 @@ fn is_at(place: &Place, pose: &Pose<f64>) -> bool {
     let tip_mm = Vector3::from(place.tip_mm) - pose.tip_mm;
     let upright = Rotation3::rotation_between(&Vector3::z(), &axis).expect("not upside down");
     let read = upright * Rotation3::from_axis_angle(&Vector3::z_axis(), heading_rad);
-    tip_mm.norm() < TIP_MM && read.angle_to(&pose.rotation()).to_degrees() < TURN_DEG
+    // The norm of the difference of two turns is their angle times the root of 2, where that is small.
+    let off_rad =
+        (read.matrix() - pose.rotation().matrix()).norm() * std::f64::consts::FRAC_1_SQRT_2;
+    tip_mm.norm() < TIP_MM && off_rad.to_degrees() < TURN_DEG
 }
 
 #[test]

@@ -729,3 +729,31 @@ fn few_long_moves_of_a_table_are_a_ring() {
     assert!((seconds - 4.0).abs() < 1e-6, "{seconds}");
     assert!(!program.has_headings && !program.has_tilts);
 }
+
+/// Goal: what no head reaches is refused with its line, whatever a table claims. Method: a table that turns the part over.
+#[test]
+fn a_part_that_is_turned_over_is_refused() {
+    let words = AxesWords::parse("A=table:x,coordinates=pivot").expect("words");
+    let options = GcodeOptions {
+        axes: Some(Arc::new(FileAxes::new(&words, None).expect("axes"))),
+        ..GcodeOptions::default()
+    };
+    let refused = |text: &str| {
+        read(text.as_bytes(), "over", &options)
+            .expect_err(text)
+            .to_string()
+    };
+    let told = refused("M83\nG0 X1 Y0 Z5 A100\nG1 X5 E1\nG1 X9 A180 E1\n");
+    assert!(
+        told.contains("line 4: the tool axis is tilted by"),
+        "{told}"
+    );
+    // A hundred thousand turns far out are no way of any machine.
+    let told = refused("M83\nG1 X1 Y90000 Z5\nG1 X5 A300000 E1\n");
+    assert!(told.contains("line 3"), "{told}");
+    let told = refused("M83\nG1 X1 B4 E1\n");
+    assert!(
+        told.contains("line 2: B is no axis that --axes declares"),
+        "{told}"
+    );
+}
