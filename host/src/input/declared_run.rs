@@ -33,6 +33,7 @@ pub fn declared_run(program: GcodeProgram) -> WaypointRun {
     for pass in &program.passes {
         let near_rad = points.last().and_then(|point| point.heading_rad);
         let (mut own, ..) = joined(pass_points(pass, near_rad.unwrap_or(0.0)));
+        complete_sections(&mut own);
         scale_sections(&mut own, pass.volume_mm3());
         if !has_headings {
             own.iter_mut().for_each(|point| point.heading_rad = None);
@@ -185,8 +186,18 @@ fn asked(pass: &GcodePass) -> PassAsked {
     let pushed = |push: Option<Push>| push.map_or(Some(0.0), |push| push.mm3);
     PassAsked {
         pushes_mm3: [pushed(pass.prime), pushed(pass.retract)],
-        has_sections: pass.volume_mm3().is_some(),
         ..PassAsked::default()
+    }
+}
+
+/// Gives waypoints before the first leg that goes anywhere its section; all of a pass have one, or none.
+fn complete_sections(points: &mut [Waypoint]) {
+    let known = points.iter().find_map(|point| point.section_mm2);
+    for point in points.iter_mut() {
+        point.section_mm2 = point.section_mm2.or(known);
+    }
+    if let Some(first) = points.first_mut() {
+        first.asked.has_sections = known.is_some();
     }
 }
 
@@ -203,5 +214,75 @@ fn scale_sections(points: &mut [Waypoint], volume_mm3: Option<f64>) {
     };
     for point in points {
         point.section_mm2 = point.section_mm2.map(|mm2| mm2 * volume_mm3 / laid_mm3);
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    //! Goal: a pass lays what its file does, wherever its head stands. Method: passes of a table that turns and tilts, one
+    //! of which begins on the spot; sections summed over the chords.
+    use super::*;
+    use crate::gcode::axes::FileAxes;
+    use crate::gcode::axes::words::AxesWords;
+    use crate::gcode::{GcodeOptions, read};
+    use std::sync::Arc;
+
+    fn run(text: &str) -> (WaypointRun, GcodeProgram) {
+        let words = "B=head:y:at=0/0/40,C=table:z,coordinates=tip";
+        let words = AxesWords::parse(words).expect("words");
+        let options = GcodeOptions {
+            axes: Some(Arc::new(FileAxes::new(&words, None).expect("axes"))),
+            ..GcodeOptions::default()
+        };
+        let program = read(text.as_bytes(), "run", &options).expect("a program");
+        (declared_run(program.clone()), program)
+    }
+
+    #[test]
+    fn sections_come_to_the_volume_of_their_pass() {
+        let text = "M83\nG0 X0 Y0 Z5 B10\nG1 B12 E.02 F600\nG1 X10 E1\nG1 X20 Y1 E.3 F1200\nG1 E-1 F1800\n\
+                    G0 X40 C5\nG1 E1.1\nG1 X50 B14 C9 E.5 F900\n";
+        let (mut run, program) = run(text);
+        assert!(run.has_feeds && run.points.iter().all(|point| point.heading_rad.is_none()));
+        let mut passes = run.points.chunk_by(|_, next| !next.begins);
+        for pass in &program.passes {
+            let points = passes.next().expect("its waypoints");
+            assert!(points[0].begins && points[0].asked.has_sections);
+            let laid_mm3: f64 = points
+                .windows(2)
+                .map(|pair| {
+                    let length_mm = (pair[1].tip_mm - pair[0].tip_mm).norm();
+                    let of = |point: &Waypoint| point.section_mm2.expect("a section");
+                    0.5 * length_mm * (of(&pair[0]) + of(&pair[1]))
+                })
+                .sum();
+            let meant_mm3 = pass.volume_mm3().expect("a volume");
+            assert!(
+                (laid_mm3 / meant_mm3 - 1.0).abs() < 1e-12,
+                "{laid_mm3} {meant_mm3}"
+            );
+        }
+        assert!(passes.next().is_none());
+        // 1 mm and 1.1 mm of filament back and forth; nothing before the first and behind the last.
+        let pushes: Vec<_> = run.points.iter().filter(|point| point.begins).collect();
+        let area_mm2 = 0.25 * std::f64::consts::PI * 1.75 * 1.75;
+        let of =
+            |k: usize, side: usize| pushes[k].asked.pushes_mm3[side].expect("a push") / area_mm2;
+        assert_eq!((of(0, 0), of(1, 1)), (0.0, 0.0));
+        assert!((of(0, 1) - 1.0).abs() < 1e-12 && (of(1, 0) - 1.1).abs() < 1e-12);
+        // The fastest feed of the file, 20 mm/s, is what the planner's share of the print speed is.
+        let settings = Settings::default();
+        let at = at_feeds(&mut run, None, &settings);
+        assert!(
+            (at.speed_mm_s * at.plan_share - 20.0).abs() < 1e-9,
+            "{}",
+            at.speed_mm_s
+        );
+        let slow = at_feeds(&mut run, Some(5.0), &settings);
+        assert!(
+            run.points
+                .iter()
+                .all(|point| point.speed_mm_s <= Some(slow.speed_mm_s))
+        );
     }
 }
