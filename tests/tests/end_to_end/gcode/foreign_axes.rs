@@ -12,7 +12,7 @@ use headway::gcode::{GcodeOptions, GcodeProgram, Place, read};
 use std::f64::consts::{FRAC_1_SQRT_2, PI};
 use std::sync::Arc;
 
-/// What the issue of a file may be beside the pose: a step of the printed digits is below it everywhere.
+/// How far what is read may be from what is meant; the last digits that each file prints stay below it.
 const TIP_MM: f64 = 5e-3;
 const TURN_DEG: f64 = 0.02;
 /// Filament of each move, mm, and its area.
