@@ -269,6 +269,8 @@ pub struct Settings {
     pub lift_mm: f64,
     /// Letters of the tilts about X and Y and of the heading on another controller, which knows the tip of a head that tilts.
     pub gcode_letters: Option<[u8; 3]>,
+    /// Axes of the machine that G-code which is read was written for, in the words of `--axes`.
+    pub gcode_axes: Option<String>,
     /// Multiplier of the deposited volume.
     pub flow_factor: f64,
     /// Volumetric flow limit of dV/dt.

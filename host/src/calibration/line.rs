@@ -102,6 +102,7 @@ fn point(place_mm: [f64; 3], heading_deg: Option<f64>) -> Waypoint {
         heading_rad: heading_deg.map(f64::to_radians),
         width_mm: None,
         height_mm: None,
+        section_mm2: None,
         speed_mm_s: None,
         cone_rad: None,
         begins: false,
@@ -127,6 +128,7 @@ pub(super) fn run_of<'a>(name: &str, lines: impl Iterator<Item = &'a Line>) -> W
         name: name.to_string(),
         points,
         notes: Vec::new(),
+        has_feeds: false,
     }
 }
 

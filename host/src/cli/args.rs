@@ -90,6 +90,13 @@ pub(super) struct InputArgs {
     /// Diameter of the filament of G-code, mm [default: what the file says, or 1.75].
     #[arg(long, value_name = "MM", allow_negative_numbers = true)]
     pub filament_diameter: Option<f64>,
+    /// Axes of the machine that G-code was written for, where it is another one: which letter turns head or table, about
+    /// what, and whether X Y Z are the tip's place on the part: "B=table:y,C=table:z,coordinates=pivot",
+    /// "A=head:x:at=0/0/60,U=heading,coordinates=tip", "machine:FILE.toml" (its joints). Further words: :zero=DEG,
+    /// shift=X/Y/Z, lean=DEG, feed=tip, xyz or all, extruder=LETTER; the guide has them for each program
+    /// [default: the machine file's].
+    #[arg(long, value_name = "WORDS", allow_hyphen_values = true)]
+    pub axes: Option<String>,
     /// Layer of a DXF drawing that is read; once for each [default: all but frozen and off].
     #[arg(long, value_name = "NAME")]
     pub dxf_layer: Vec<String>,
@@ -379,7 +386,8 @@ Examples:
   headway plan drawing.svg -m my-printer.toml --speed 40 --overlap 5 -o part.hwj --json
   headway plan examples/bracket.json --layers 40 --walls 2 --infill-density 20 -o bracket.hwj
   headway plan part.stl --layer-height 0.25 --walls 2 --infill-density 15 -o part.hwj
-  headway plan sliced.gcode -o part.hwj")]
+  headway plan sliced.gcode -o part.hwj
+  headway plan five-axis.gcode --axes A=table:x,C=table:z,coordinates=pivot -m my-printer.toml -o part.hwj")]
 pub(super) struct PlanArgs {
     /// Mesh (STL, 3MF, OBJ), outline (polygon JSON, GeoJSON, SVG), waypoints or G-code.
     pub input: PathBuf,

@@ -23,12 +23,7 @@ pub(super) fn run(args: &HeadingsArgs, console: &Console) -> Result<(), CliError
         check_file(file)?;
     }
     let settings = load::settings(&args.settings)?;
-    let loaded = load::target(
-        &args.input,
-        &args.reading,
-        settings.tolerances.flatten_mm,
-        console,
-    )?;
+    let loaded = load::target(&args.input, &args.reading, &settings, console)?;
     let regions = &loaded.target.regions;
     let boundary_mm: f64 = regions
         .iter()

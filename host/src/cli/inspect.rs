@@ -9,13 +9,14 @@ use crate::gcode::GcodeProgram;
 use crate::geometry::polygon::{Box2, Region, Ring};
 use crate::input::near_waypoints::usual_spacing_mm;
 use crate::input::waypoints::WaypointRun;
-use crate::input::{Input, Loaded, ReadOptions};
+use crate::input::{Input, Loaded};
 use crate::job_file::JobSummary;
 use crate::job_heat::{self, HeatEvent};
 use crate::mesh::layers::{SlicedPart, sliced_carved};
 use crate::mesh::{LoadedMesh, Mesh};
 use crate::report::figures::Figures;
 use crate::report::job_texts::NAME_TEXT;
+use crate::settings::Settings;
 use serde_json::json;
 
 /// Orders of heaters and fans that are told one by one.
@@ -32,8 +33,8 @@ pub(super) fn run(args: &InspectArgs, console: &Console) -> Result<(), CliError>
         }
         return console.result(&job_text(&summary));
     }
-    let flatten_mm = ReadOptions::default().flatten_mm;
-    let loaded = match load::input(&args.file, &args.input, flatten_mm, console)? {
+    let settings = Settings::default();
+    let loaded = match load::input(&args.file, &args.input, &settings, console)? {
         Input::Outline(loaded) => loaded,
         Input::Path(run) if args.json => {
             return console.result(&format!("{:#}\n", path_json(&run)));

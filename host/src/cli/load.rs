@@ -6,7 +6,7 @@ use super::args::{
     SettingsArgs, UnitName,
 };
 use super::console::Console;
-use super::job;
+use super::{file_axes, job};
 use crate::gcode::FILAMENT_MM;
 use crate::geometry::polygon::Region;
 use crate::input::{self, BYTES_MAX, Format, Input, InputError, Loaded, ReadOptions, Units};
@@ -165,7 +165,7 @@ impl UnitName {
 pub(super) fn input(
     path: &Path,
     args: &InputArgs,
-    flatten_mm: f64,
+    settings: &Settings,
     console: &Console,
 ) -> Result<Input, CliError> {
     let format = match args.from {
@@ -201,8 +201,10 @@ pub(super) fn input(
     let options = ReadOptions {
         units: args.units.map(UnitName::units),
         scale: args.scale,
-        flatten_mm,
+        flatten_mm: settings.tolerances.flatten_mm,
         repair: args.repair,
+        gcode_axes: file_axes::of(args.axes.as_deref(), format, settings)?,
+        head_letters: settings.gcode_letters,
         rotate_rad: rotate_rad(args.rotate.as_deref(), format)?,
         filament_mm: filament_mm(args.filament_diameter, format)?,
         dxf_layers: args.dxf_layer.clone(),
@@ -223,10 +225,10 @@ pub(super) fn input(
 pub(super) fn target(
     path: &Path,
     args: &InputArgs,
-    flatten_mm: f64,
+    settings: &Settings,
     console: &Console,
 ) -> Result<Loaded, CliError> {
-    match input(path, args, flatten_mm, console)? {
+    match input(path, args, settings, console)? {
         Input::Outline(loaded) => Ok(loaded),
         Input::Path(_) | Input::Gcode(_) => Err(not_outline(path, &InputError::PathNotOutline)),
         Input::Mesh(_) => Err(not_outline(path, &InputError::MeshNotOutline)),
@@ -265,7 +267,7 @@ pub(super) fn run_option(args: &PlaceArgs) -> Option<&'static str> {
 pub(super) fn keep_out(
     path: Option<&Path>,
     args: &InputArgs,
-    flatten_mm: f64,
+    settings: &Settings,
     console: &Console,
 ) -> Result<Vec<Region>, CliError> {
     let Some(path) = path else {
@@ -275,10 +277,11 @@ pub(super) fn keep_out(
         from: None,
         rotate: None,
         filament_diameter: None,
+        axes: None,
         dxf_layer: Vec::new(),
         ..args.clone()
     };
-    let loaded = target(path, &reading, flatten_mm, console)?;
+    let loaded = target(path, &reading, settings, console)?;
     Ok(loaded.target.regions)
 }
 

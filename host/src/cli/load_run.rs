@@ -18,11 +18,11 @@ pub(super) fn with_more(
     run: WaypointRun,
     args: &InputArgs,
     place: &PlaceArgs,
-    flatten_mm: f64,
+    settings: &Settings,
     console: &Console,
 ) -> Result<WaypointRun, CliError> {
     place.more.iter().try_fold(run, |run, path| {
-        match input(path, args, flatten_mm, console)? {
+        match input(path, args, settings, console)? {
             Input::Path(next) => Ok(run.then(next, place.gap)),
             Input::Outline(_) | Input::Mesh(_) | Input::Gcode(_) => Err(CliError::Usage(format!(
                 "{}: only runs of waypoints are put together to one job",

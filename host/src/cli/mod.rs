@@ -24,6 +24,7 @@ mod copies;
 mod drivers;
 mod export;
 mod export_gcode;
+mod file_axes;
 mod headings;
 mod heat;
 mod inspect;

@@ -8,6 +8,7 @@ use super::{CliError, copies, load, load_run, planned_gcode, planned_part};
 use crate::findings::findings;
 use crate::findings::objections::Objection;
 use crate::geometry::polygon::Region;
+use crate::input::declared_run::at_feeds;
 use crate::input::waypoints::WaypointRun;
 use crate::input::{Input, Loaded, Target};
 use crate::job::SegmentStream;
@@ -140,16 +141,15 @@ pub(super) fn from_input(
 fn planned_input(
     path: &Path,
     (reading, place, settings_args): (&InputArgs, &PlaceArgs, &SettingsArgs),
-    settings: Settings,
+    mut settings: Settings,
     job: Option<&mut JobPacking<File>>,
     console: &Console,
 ) -> Result<Planned, CliError> {
     let turn_rad = load_run::turn_rad(place.turn)?;
-    let flatten_mm = settings.tolerances.flatten_mm;
-    let input = load::input(path, reading, flatten_mm, console)?;
+    let input = load::input(path, reading, &settings, console)?;
     check_options(&input, place, settings_args)?;
     let surface = load_run::surface(place.surface.as_deref(), reading)?;
-    let keep_out = load::keep_out(place.keep_out.as_deref(), reading, flatten_mm, console)?;
+    let keep_out = load::keep_out(place.keep_out.as_deref(), reading, &settings, console)?;
     let input = match input {
         Input::Mesh(loaded) => {
             return planned_part::from_mesh(path, loaded, place, &keep_out, settings, job, console);
@@ -166,8 +166,10 @@ fn planned_input(
             Flat::Outline(loaded)
         }
         Input::Path(run) => {
-            let run = load_run::with_more(run, reading, place, flatten_mm, console)?;
-            Flat::Path(run.turned(turn_rad))
+            let run = load_run::with_more(run, reading, place, &settings, console)?;
+            let mut run = run.turned(turn_rad);
+            settings = at_feeds(&mut run, settings_args.speed, &settings);
+            Flat::Path(run)
         }
     };
     planned_flat(input, surface.as_ref(), &keep_out, settings, path, console)

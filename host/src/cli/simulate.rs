@@ -145,6 +145,7 @@ pub(super) fn of_no_use(
         repair,
         rotate,
         filament_diameter,
+        axes,
         dxf_layer,
     } = reading;
     let of_reading = from.is_some()
@@ -153,6 +154,7 @@ pub(super) fn of_no_use(
         || *repair
         || rotate.is_some()
         || filament_diameter.is_some()
+        || axes.is_some()
         || !dxf_layer.is_empty();
     let machine_alone = SettingsArgs {
         machine: settings.machine.clone(),

@@ -302,6 +302,16 @@ pub enum GcodeError {
         /// Lines of the file.
         lines: usize,
     },
+    /// A letter of which nothing says what it turns.
+    #[error("line {line}: {}", question.text(name))]
+    Axes {
+        /// Line from 1.
+        line: usize,
+        /// The letter, or the stepper's name.
+        name: String,
+        /// What has to be said.
+        question: AxesQuestion,
+    },
     /// Headings on some moves of a pass, tilts beyond what a pose can say.
     #[error(
         "line {line}: the tool axis is tilted by {}°, more than {max_deg:.0}°: turn the part over",
@@ -315,4 +325,37 @@ pub enum GcodeError {
         /// The most that is taken.
         max_deg: f64,
     },
+}
+
+/// What has to be said of a letter.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum AxesQuestion {
+    /// It may turn the head or the table.
+    HeadOrTable,
+    /// It may be the nozzle's heading or a table.
+    HeadingOrTable,
+    /// Others are declared, and it is not.
+    NotDeclared,
+}
+
+impl AxesQuestion {
+    fn text(self, name: &str) -> String {
+        match self {
+            AxesQuestion::HeadOrTable => format!(
+                "{name} moves an axis: does it turn the head or the table, about x, y or z, and are X Y Z the tip's \
+                 place on the part or the machine's linear axes? Say it with --axes, as in --axes \
+                 \"{name}=table:x,coordinates=pivot\" or --axes \"{name}=head:x,coordinates=tip\" \
+                 (extruder={name} where it feeds material; headway plan --help)"
+            ),
+            AxesQuestion::HeadingOrTable => format!(
+                "{name} turns whole turns while X and Y do not go around anything: is it the table that turns under \
+                 the nozzle, or the nozzle's heading? Say it with --axes, as in --axes \
+                 \"{name}=table:z,coordinates=pivot\" (or table:-z) or --axes \"{name}=heading\""
+            ),
+            AxesQuestion::NotDeclared => format!(
+                "{name} is no axis that --axes declares: say what it is as well, {name}=head:..., {name}=table:..., \
+                 {name}=heading or extruder={name}"
+            ),
+        }
+    }
 }

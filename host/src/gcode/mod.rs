@@ -10,6 +10,7 @@
 //! nozzle is turned and how the head moves: that is planning's.
 
 pub mod arcs;
+pub mod axes;
 pub mod comments;
 pub mod error;
 pub mod extrusion;
@@ -22,11 +23,13 @@ pub mod write;
 pub use error::GcodeError;
 
 use crate::job_heat::HeatOrder;
+use axes::FileAxes;
 use comments::Slicer;
 use extrusion::Taken;
 use headway_firmware::pose::{TILT_MAX_RAD, TILT_ROUNDING_RAD};
 use interpreter::Steps;
 use nalgebra::{Rotation3, Unit, Vector3};
+use std::sync::Arc;
 
 /// Largest file, bytes.
 pub const GCODE_BYTES_MAX: u64 = 256 * 1024 * 1024;
@@ -159,17 +162,24 @@ pub struct GcodeProgram {
     pub has_headings: bool,
     /// A or B is given: the tool tilts.
     pub has_tilts: bool,
+    /// Its axes are declared: speeds and volumes of a path of tilts are the file's.
+    pub is_declared: bool,
     /// One line each: what is not done, what was taken how.
     pub notes: Vec<String>,
 }
 
 /// How to read.
-#[derive(Clone, Copy, Debug, PartialEq)]
+#[derive(Clone, Debug, PartialEq)]
 pub struct GcodeOptions {
     /// Factor on all places and lengths, not on volumes of E.
     pub scale: f64,
     /// Diameter of the filament, over what the file says.
     pub filament_mm: Option<f64>,
+    /// The axes of the machine that the file was written for, where they are declared.
+    pub axes: Option<Arc<FileAxes>>,
+    /// Letters of the tilts about X and Y and of the heading, of a head that tilts around its tip (X Y Z), where no
+    /// axes are declared.
+    pub head_letters: Option<[u8; 3]>,
 }
 
 impl Default for GcodeOptions {
@@ -177,7 +187,25 @@ impl Default for GcodeOptions {
         GcodeOptions {
             scale: 1.0,
             filament_mm: None,
+            axes: None,
+            head_letters: None,
         }
+    }
+}
+
+/// Lines among which a file says who wrote it.
+const HEAD_LINES: usize = 100;
+
+impl GcodeOptions {
+    /// Those of a text: where it says its axes itself, declared ones may yield.
+    fn of_text(&self, text: &str) -> GcodeOptions {
+        let yields = self.axes.as_ref().is_some_and(|axes| axes.is_of_others());
+        let says = |line: &str| line.contains(";headway extruder=");
+        let mut options = self.clone();
+        if yields && words::lines(text).take(HEAD_LINES).any(says) {
+            options.axes = None;
+        }
+        options
     }
 }
 
@@ -239,6 +267,7 @@ pub fn read(bytes: &[u8], name: &str, options: &GcodeOptions) -> Result<GcodePro
     let text = text
         .trim_start_matches('\u{feff}')
         .trim_end_matches(['\0', '\u{1a}', '\n', '\r']);
+    let options = &options.of_text(text);
     let (steps, taken) = steps_of(text, options)?;
     if let Some(second) = steps.second_tool.clone().filter(|_| !steps.extrudes) {
         return Err(second);
@@ -263,7 +292,9 @@ pub fn read(bytes: &[u8], name: &str, options: &GcodeOptions) -> Result<GcodePro
         estimate_s: steps.comments.estimate_s.filter(|s| *s > 0.0),
         layers_within: left_out.layers,
         has_tilts: steps.turns[0],
-        has_headings: steps.turns[1] || steps.turns[0],
+        // Undeclared tilts are of a head whose heading is where it stands.
+        has_headings: steps.turns[1] || steps.turns[0] && options.axes.is_none(),
+        is_declared: options.axes.is_some(),
         passes,
         heat,
         notes,
@@ -279,7 +310,7 @@ fn steps_of(text: &str, options: &GcodeOptions) -> Result<(Steps, Taken), GcodeE
         volumetric: declared.volumetric,
         note: None,
     };
-    let steps = interpreter::steps(text, declared.flavour, &as_said, is_said)?;
+    let steps = interpreter::steps(text, declared.flavour, &as_said, is_said, options)?;
     let filament_mm = filament_mm(&steps, options)?;
     let taken = extrusion::taken(&steps.counted, &declared, filament_mm);
     let as_taken = Taken {
@@ -291,7 +322,7 @@ fn steps_of(text: &str, options: &GcodeOptions) -> Result<(Steps, Taken), GcodeE
         false => {
             // A file of two million moves has room for one reading.
             drop(steps);
-            let steps = interpreter::steps(text, declared.flavour, &taken, is_said)?;
+            let steps = interpreter::steps(text, declared.flavour, &taken, is_said, options)?;
             Ok((steps, taken))
         }
     }
@@ -403,6 +434,16 @@ fn notes(steps: &Steps, options: &GcodeOptions, filament_mm: f64) -> Vec<String>
         notes.push(format!(
             "no line tells the filament's diameter: {filament_mm} mm is taken (--filament-diameter)"
         ));
+    }
+    if let Some(axes) = &options.axes {
+        notes.push(format!(
+            "axes of the file: {}; F is {}, by G93 the move's time",
+            axes.text(),
+            axes.feed().text()
+        ));
+        if axes.heading().is_some() && !steps.turns[1] {
+            notes.push("no move names the declared heading: it is free".to_string());
+        }
     }
     notes.extend(steps.macros.iter().take(LINES_TOLD).cloned());
     let more = |count: usize| match count.saturating_sub(LINES_TOLD) {

@@ -100,7 +100,7 @@ pub fn passes(steps: &Steps, filament_mm: f64) -> Result<Passes, GcodeError> {
         passes: Vec::new(),
         heat: Vec::new(),
         open: None,
-        at: Place::default(),
+        at: place_of(&steps.start),
         travel: Vec::new(),
         travel_legs: Vec::new(),
         gap: Gap::default(),
@@ -162,10 +162,7 @@ impl Builder {
         area_mm2: f64,
         told_layer: Option<u32>,
     ) -> Result<(), GcodeError> {
-        let to = Place {
-            tip_mm: [step.to[0], step.to[1], step.to[2]],
-            turn_deg: [step.to[3], step.to[4], step.to[5]],
-        };
+        let to = place_of(&step.to);
         let moved_mm = to.distance_mm(&self.at);
         let turned = (0..3).any(|i| (to.turn_deg[i] - self.at.turn_deg[i]).abs() > STANDS_DEG);
         let stands = moved_mm < STANDS_MM && !turned;
@@ -323,6 +320,13 @@ impl Builder {
 
     fn close(&mut self) {
         self.passes.extend(self.open.take());
+    }
+}
+
+fn place_of(&[x, y, z, a, b, c]: &[f64; 6]) -> Place {
+    Place {
+        tip_mm: [x, y, z],
+        turn_deg: [a, b, c],
     }
 }
 

@@ -464,6 +464,6 @@ fn broken_files_are_refused() {
     assert!(error(long.as_bytes()).contains("line 1 is longer"));
     assert!(error(b"GCDE\x01\x00").contains("binary G-code"));
     assert!(error(b"G1 X1 \xff\xfe E1").contains("line 1: a word has bytes that are no text"));
-    let tilted = "G1 X1 A0 E1\nG1 X2 A170 E2";
-    assert!(error(tilted.as_bytes()).contains("line 2: the tool axis is tilted by 170"));
+    let tilted = ";headway extruder=E turns=ABC\nG1 X1 A0 E1\nG1 X2 A170 E2";
+    assert!(error(tilted.as_bytes()).contains("line 3: the tool axis is tilted by 170"));
 }

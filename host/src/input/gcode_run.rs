@@ -11,9 +11,9 @@ use nalgebra::{Point3, UnitVector3};
 use std::f64::consts::TAU;
 
 /// Longest distance of waypoints, mm.
-const SPACING_MM: f64 = 0.5;
+pub(super) const SPACING_MM: f64 = 0.5;
 /// Most waypoints that a leg is divided by: of long straight ways.
-const DIVISIONS_MAX: f64 = 2000.0;
+pub(super) const DIVISIONS_MAX: f64 = 2000.0;
 
 /// The run of a program's passes.
 pub fn waypoint_run(program: GcodeProgram) -> WaypointRun {
@@ -31,6 +31,7 @@ pub fn waypoint_run(program: GcodeProgram) -> WaypointRun {
             heading_rad: Some(heading),
             width_mm: None,
             height_mm: None,
+            section_mm2: None,
             speed_mm_s: None,
             cone_rad: None,
             begins,
@@ -59,12 +60,7 @@ pub fn waypoint_run(program: GcodeProgram) -> WaypointRun {
         }
     }
     let mut notes = program.notes;
-    if !program.heat.is_empty() {
-        notes.push(format!(
-            "{} orders of heaters and fans are not kept on a path of tilts: set [material] in the machine file",
-            program.heat.len()
-        ));
-    }
+    notes.extend(heat_note(program.heat.len()));
     notes.push(
         "A or B tilts the tool: the path is followed as waypoints, at the machine's speed, with the \
          beads that the nozzle lays at these headings; the file's speeds and volumes are not kept"
@@ -74,5 +70,15 @@ pub fn waypoint_run(program: GcodeProgram) -> WaypointRun {
         name: program.name,
         points,
         notes,
+        has_feeds: false,
     }
+}
+
+/// That orders of heaters and fans are not kept.
+pub(super) fn heat_note(orders: usize) -> Option<String> {
+    (orders > 0).then(|| {
+        format!(
+            "{orders} orders of heaters and fans are not kept on a path of tilts: set [material] in the machine file"
+        )
+    })
 }

@@ -13,6 +13,7 @@
 //! out. Leaves out files and threads: reading the bytes is the command's business.
 
 pub mod copies;
+pub mod declared_run;
 mod dxf;
 pub mod error;
 mod gcode_run;
@@ -30,10 +31,12 @@ pub mod waypoints;
 pub use error::InputError;
 use waypoints::WaypointRun;
 
+use crate::gcode::axes::FileAxes;
 use crate::gcode::{self, GCODE_BYTES_MAX, GcodeOptions, GcodeProgram};
 use crate::geometry::polygon::Region;
 use crate::mesh::{self, LoadedMesh, MeshFormat, MeshOptions};
 use std::path::Path;
+use std::sync::Arc;
 
 /// Most points that an input may have, all rings together. A million edges is minutes of planning;
 /// beyond that the drawing was flattened too finely, or it is a map.
@@ -103,6 +106,10 @@ pub struct ReadOptions {
     pub rotate_rad: [f64; 3],
     /// Diameter of the filament of G-code, over what the file says.
     pub filament_mm: Option<f64>,
+    /// Axes of the machine that G-code was written for, where they are declared.
+    pub gcode_axes: Option<Arc<FileAxes>>,
+    /// Letters of the tilts about X and Y and of the heading in G-code of a head that tilts about its tip.
+    pub head_letters: Option<[u8; 3]>,
     /// Layers of a DXF drawing that are read; without any, all that are seen.
     pub dxf_layers: Vec<String>,
 }
@@ -125,6 +132,8 @@ impl Default for ReadOptions {
             repair: false,
             rotate_rad: [0.0; 3],
             filament_mm: None,
+            gcode_axes: None,
+            head_letters: None,
             dxf_layers: Vec::new(),
         }
     }
@@ -239,12 +248,15 @@ pub fn read_any(
         let options = GcodeOptions {
             scale: options.scale,
             filament_mm: options.filament_mm,
+            axes: options.gcode_axes.clone(),
+            head_letters: options.head_letters,
         };
         let name = names::part_name(name).unwrap_or_else(|| "gcode".to_string());
         let program = gcode::read(bytes, &name, &options)?;
-        return Ok(match program.has_tilts {
-            true => Input::Path(gcode_run::waypoint_run(program)),
-            false => Input::Gcode(program),
+        return Ok(match (program.has_tilts, program.is_declared) {
+            (true, true) => Input::Path(declared_run::declared_run(program)),
+            (true, false) => Input::Path(gcode_run::waypoint_run(program)),
+            (false, _) => Input::Gcode(program),
         });
     }
     if format == Format::Waypoints {

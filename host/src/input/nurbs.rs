@@ -81,6 +81,7 @@ pub(super) fn read(
             points.len()
         )],
         points,
+        has_feeds: false,
     })
 }
 
@@ -194,6 +195,7 @@ impl Nurbs {
                 heading_rad: None,
                 width_mm: None,
                 height_mm: None,
+                section_mm2: None,
                 speed_mm_s: None,
                 cone_rad: None,
                 begins: false,

@@ -66,6 +66,8 @@ pub struct Waypoint {
     pub width_mm: Option<f64>,
     /// Height of the bead, mm; `None` for the layer height.
     pub height_mm: Option<f64>,
+    /// Section of the bead, mm², over width and height: the volume for each mm of the tip's way.
+    pub section_mm2: Option<f64>,
     /// Speed of the tip, mm/s, changing evenly from one to the next; `None` for the print speed.
     pub speed_mm_s: Option<f64>,
     /// How far the tool axis may lean from its own, rad, where that is less than `--tilt-max` has it.
@@ -81,6 +83,10 @@ pub struct Waypoint {
 pub struct PassAsked {
     /// Its prime and its retract; `None` for those of the settings.
     pub prime_retract: Option<PrimeRetract>,
+    /// What it pushes before and pulls behind it, mm³, at the rates of the settings, over `prime_retract`.
+    pub pushes_mm3: [Option<f64>; 2],
+    /// Its waypoints have sections: they say what it deposits, whatever the nozzle lays.
+    pub has_sections: bool,
     /// Its headings are meant as they are: not shifted by half turns that leave the bead the same.
     pub keeps_heading: bool,
 }
@@ -94,6 +100,8 @@ pub struct WaypointRun {
     pub points: Vec<Waypoint>,
     /// One line each: repeated waypoints, axes made unit vectors.
     pub notes: Vec<String>,
+    /// Speeds are feeds of a file: bounded by the print speed where that is given, and otherwise what it is taken from.
+    pub has_feeds: bool,
 }
 
 impl WaypointRun {
@@ -110,6 +118,7 @@ impl WaypointRun {
         }
         self.points.extend(next.points);
         self.notes.extend(next.notes);
+        self.has_feeds |= next.has_feeds;
         self
     }
 
@@ -203,6 +212,7 @@ pub fn read(bytes: &[u8], name: &str, options: &ReadOptions) -> Result<WaypointR
             .unwrap_or_else(|| "run".to_string()),
         points,
         notes,
+        has_feeds: false,
     })
 }
 
@@ -335,6 +345,7 @@ impl Reader {
             heading_rad,
             width_mm,
             height_mm,
+            section_mm2: None,
             speed_mm_s,
             cone_rad: cone_deg.map(f64::to_radians),
             begins: false,

@@ -156,6 +156,7 @@ impl Settings {
             },
             tolerances: TOLERANCES,
             gcode_letters: None,
+            gcode_axes: None,
             material: None,
             heaters: None,
             drivers: DriversConfiguration::none(),

@@ -14,6 +14,7 @@ use super::{
     HeadingLaw, Infill, PassMode, PrimeRetract, Quality, Seam, SeamPlace, Settings, Skirt,
     Tolerances,
 };
+use crate::gcode::axes::words::AxesError;
 use head::FileHead;
 use headway_firmware::board_name::BoardName;
 use headway_firmware::configuration::{ExtruderConfiguration, MachineConfiguration};
@@ -79,6 +80,9 @@ pub enum MachineFileError {
         "gcode.letters: \"{0}\": write three different letters of A, B, C, U, V, W, H, J, as in \"A,B,C\""
     )]
     Letters(String),
+    /// Axes of the files that are read.
+    #[error("gcode.axes: {0}")]
+    Axes(#[from] AxesError),
     /// The aperture cannot be read.
     #[error("print.aperture: {0}")]
     Aperture(#[from] ApertureTextError),
@@ -147,7 +151,8 @@ struct File {
     tolerances: FileTolerances,
     material: Option<FileMaterial>,
     heaters: Option<FileHeaters>,
-    gcode: Option<FileGcode>,
+    #[serde(default)]
+    gcode: FileGcode,
     #[serde(default)]
     drivers: BTreeMap<String, FileDriver>,
     switches: Option<BTreeMap<String, FileSwitch>>,
@@ -309,7 +314,8 @@ impl File {
                 .tip_acceleration_mm_s2
                 .unwrap_or(default.tip_acceleration_mm_s2),
             lift_mm: print.lift_mm.unwrap_or(default.lift_mm),
-            gcode_letters: self.gcode.as_ref().map(FileGcode::letters).transpose()?,
+            gcode_letters: self.gcode.letters()?,
+            gcode_axes: self.gcode.axes()?,
             flow_factor: flow.factor.unwrap_or(default.flow_factor),
             flow_max_mm3_s: flow.flow_max_mm3_s.unwrap_or(default.flow_max_mm3_s),
             flow_rate_of_change_max_mm3_s2: flow

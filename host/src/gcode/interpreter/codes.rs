@@ -4,6 +4,7 @@
 
 use super::{Firmware, Interpreter, code_name, tenths, value};
 use crate::gcode::FILAMENT_MM;
+use crate::gcode::axes::SLOTS;
 use crate::gcode::error::GcodeError;
 use crate::gcode::flavour::Flavour;
 use crate::gcode::words::{Line, Word};
@@ -62,10 +63,10 @@ impl Interpreter {
                 self.set_position(line, number)?;
                 return Ok(true);
             }
-            921 => (self.offset, self.suspended) = ([0.0; 6], None),
+            921 => (self.offset, self.suspended) = ([0.0; SLOTS], None),
             922 => {
                 self.suspended.get_or_insert(self.offset);
-                self.offset = [0.0; 6];
+                self.offset = [0.0; SLOTS];
             }
             923 => self.offset = self.suspended.take().unwrap_or(self.offset),
             280 => {
@@ -276,7 +277,7 @@ impl Interpreter {
             self.found.counted.before = None;
         }
         for (axis, letter) in self.axes().into_iter().enumerate() {
-            if let Some(place) = self.place(line, letter, number)? {
+            if let Some(place) = self.place(line, axis, letter, number)? {
                 self.offset[axis] = self.at[axis] - place;
             }
         }

@@ -70,7 +70,7 @@ pub(super) fn text_of<'a>(command: &'a str, key: &str) -> Option<&'a str> {
 }
 
 /// The number of a key.
-fn number_of(command: &str, key: &str, line: usize) -> Result<Option<f64>, GcodeError> {
+pub(super) fn number_of(command: &str, key: &str, line: usize) -> Result<Option<f64>, GcodeError> {
     let Some(text) = text_of(command, key) else {
         return Ok(None);
     };
@@ -113,6 +113,7 @@ impl Interpreter {
                 self.restore_named(command, line)?;
                 true
             }
+            "MANUAL_STEPPER" => return self.manual_stepper(command, line),
             "ACTIVATE_EXTRUDER" => {
                 let section = text_of(command, "EXTRUDER").unwrap_or_default();
                 let number = section.to_ascii_lowercase();

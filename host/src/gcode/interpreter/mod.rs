@@ -12,18 +12,23 @@ mod heat;
 mod klipper;
 mod moves;
 mod state;
+mod turned;
+mod undeclared;
 
 pub use heat::HeatStep;
 
+use super::axes::{At, FileAxes, SLOTS};
 use super::comments::{Comments, Hint};
 use super::error::GcodeError;
 use super::extrusion::{Counted, Taken};
 use super::flavour::Flavour;
 use super::words::{Line, Word, lines, read_line, shortened};
-use super::{ANGLE_MAX_DEG, MOVES_MAX, PLACE_MAX_MM};
+use super::{GcodeOptions, MOVES_MAX};
 use heat::Targets;
 use state::Saved;
 use std::collections::BTreeMap;
+use std::sync::Arc;
+use undeclared::Winding;
 
 /// Fastest feed that is taken, mm/min.
 const FEED_MAX_MM_MIN: f64 = 1e7;
@@ -56,7 +61,7 @@ pub enum Firmware {
 pub struct Step {
     /// Line from 1.
     pub line: usize,
-    /// Where it goes: X, Y, Z mm, A, B, C degrees.
+    /// Where it goes: X, Y, Z mm, A, B, C degrees, as [`super::Place`] has them.
     pub to: [f64; 6],
     /// What goes through the extruder, mm of filament, or mm³ where `volumetric`.
     pub extruded: f64,
@@ -83,8 +88,10 @@ pub struct Steps {
     pub comments: Comments,
     /// Some move names the extruder.
     pub extrudes: bool,
-    /// Some move names A or B; C.
+    /// The tool tilts (some move names A or B); headings are told (C).
     pub turns: [bool; 2],
+    /// Where the first move begins, as `to` of a step.
+    pub start: [f64; 6],
     /// Orders of heaters and fans.
     pub heat: Vec<HeatStep>,
     /// Those that no job has, with their lines.
@@ -99,6 +106,8 @@ pub struct Steps {
     pub counted: Counted,
     /// Where another tool than the first moves by a feed: it matters where nothing extrudes.
     pub second_tool: Option<GcodeError>,
+    /// How C turns while the tip moves, where nothing says what it is.
+    winding: Winding,
 }
 
 /// The motion in force.
@@ -111,8 +120,12 @@ enum Motion {
 
 struct Interpreter {
     found: Steps,
-    at: [f64; 6],
-    offset: [f64; 6],
+    /// The axes of the machine that the file was written for, where they are declared.
+    axes: Option<Arc<FileAxes>>,
+    /// Letters of the tilts and the heading of a head that tilts, where they are.
+    head_letters: Option<[u8; 3]>,
+    at: At,
+    offset: At,
     e: f64,
     unit_mm: f64,
     relative: bool,
@@ -130,7 +143,7 @@ struct Interpreter {
     /// G10, or G11, came last.
     retracted: Option<bool>,
     /// Offsets of G92 before G92.2.
-    suspended: Option<[f64; 6]>,
+    suspended: Option<At>,
     flavour: Flavour,
     /// M82 or M83 was given, or a setting says the same.
     e_is_said: bool,
@@ -163,14 +176,18 @@ pub fn steps(
     flavour: Flavour,
     taken: &Taken,
     is_said: bool,
+    options: &GcodeOptions,
 ) -> Result<Steps, GcodeError> {
     let mut interpreter = Interpreter {
+        axes: options.axes.clone(),
+        head_letters: options.head_letters,
         flavour,
         e_relative: taken.relative,
         volumetric: taken.volumetric,
         e_is_said: is_said,
         ..Interpreter::new()
     };
+    interpreter.begin();
     for (index, text) in lines(text).enumerate() {
         let number = index + 1;
         interpreter.found.lines = number;
@@ -190,6 +207,7 @@ pub fn steps(
             interpreter.line(&line, number)?;
         }
     }
+    interpreter.ask_winding()?;
     Ok(interpreter.found)
 }
 
@@ -213,8 +231,10 @@ impl Interpreter {
                 hints: vec![Hint::default()],
                 ..Steps::default()
             },
-            at: [0.0; 6],
-            offset: [0.0; 6],
+            axes: None,
+            head_letters: None,
+            at: [0.0; SLOTS],
+            offset: [0.0; SLOTS],
             e: 0.0,
             unit_mm: 1.0,
             relative: false,
@@ -351,34 +371,9 @@ impl Interpreter {
         Ok(())
     }
 
-    /// Letters of the axes, in the order of a place.
-    fn axes(&self) -> [u8; 6] {
-        let [a, b, c] = self.found.comments.turns.unwrap_or(*b"ABC");
-        let extruder = self.extruder();
-        // A letter that extrudes does not turn.
-        [b'X', b'Y', b'Z', a, b, c].map(|letter| if letter == extruder { 0 } else { letter })
-    }
-
-    fn extruder(&self) -> u8 {
-        self.found.comments.extruder.unwrap_or(b'E')
-    }
-
     fn length(&self, line: &Line, letter: u8, number: usize) -> Result<Option<f64>, GcodeError> {
         let given = value(line, letter, number)?.map(|value| value * self.unit_mm);
         bounded(given, letter, number, EXTRUDER_MAX)
-    }
-
-    /// An axis' word in mm or degrees.
-    fn place(&self, line: &Line, letter: u8, number: usize) -> Result<Option<f64>, GcodeError> {
-        let is_linear = matches!(letter, b'X' | b'Y' | b'Z');
-        let scale = if is_linear { self.unit_mm } else { 1.0 };
-        let given = value(line, letter, number)?.map(|value| value * scale);
-        let most = if is_linear {
-            PLACE_MAX_MM
-        } else {
-            ANGLE_MAX_DEG
-        };
-        bounded(given, letter, number, most)
     }
 
     /// The line's F; true where there is one.
@@ -408,7 +403,7 @@ impl Interpreter {
 
     fn push(
         &mut self,
-        to: [f64; 6],
+        to: At,
         extruded: f64,
         speed_mm_s: f64,
         rapid: bool,
@@ -418,9 +413,10 @@ impl Interpreter {
         if self.found.steps.len() >= MOVES_MAX {
             return Err(GcodeError::TooMany { line });
         }
+        let place = self.place_of(&to, rapid);
         self.found.steps.push(Step {
             line,
-            to,
+            to: place,
             extruded,
             volumetric: self.volumetric,
             speed_mm_s,

@@ -4,6 +4,7 @@
 
 use super::{EXTRUDER_MAX, Firmware, Interpreter, Motion, bounded};
 use crate::gcode::arcs::{ArcWords, TURNS_MAX, arc_chords, bezier_chords};
+use crate::gcode::axes::{At, TURNS_FROM};
 use crate::gcode::error::GcodeError;
 use crate::gcode::passes::{STANDS_DEG, STANDS_MM};
 use crate::gcode::words::Line;
@@ -24,20 +25,21 @@ impl Interpreter {
         if self.inverse_time && !rapid && !has_feed {
             return Err(GcodeError::NoInverseTime { line: number });
         }
+        self.watch(line, number)?;
         let mut to = self.at;
         for (axis, letter) in self.axes().into_iter().enumerate() {
-            let Some(place) = self.place(line, letter, number)? else {
+            let Some(place) = self.place(line, axis, letter, number)? else {
                 continue;
             };
-            if axis >= 3 {
-                self.found.turns[usize::from(axis == 5)] = true;
+            if axis >= TURNS_FROM {
+                self.turns_by(axis);
             }
             to[axis] = match (self.relative, in_machine) {
                 (_, true) => place,
                 (true, _) => self.at[axis] + place,
                 (false, _) => self.offset[axis] + place,
             };
-            let most = if axis < 3 {
+            let most = if axis < TURNS_FROM {
                 PLACE_MAX_MM
             } else {
                 ANGLE_MAX_DEG
@@ -70,7 +72,7 @@ impl Interpreter {
     }
 
     /// Counts what tells how E is meant.
-    fn count(&mut self, e: f64, extruded: f64, to: [f64; 6], number: usize) {
+    fn count(&mut self, e: f64, extruded: f64, to: At, number: usize) {
         let counted = &mut self.found.counted;
         counted.sums[0] += extruded;
         if self.e_is_said || self.relative {
@@ -92,7 +94,7 @@ impl Interpreter {
     pub(super) fn along(
         &mut self,
         places: &[[f64; 2]],
-        to: [f64; 6],
+        to: At,
         extruded: f64,
         rapid: bool,
         number: usize,
@@ -102,7 +104,7 @@ impl Interpreter {
         let count = places.len();
         for (k, place) in places.iter().enumerate().take(count.saturating_sub(1)) {
             let share = (k + 1) as f64 / count as f64;
-            let mut at: [f64; 6] =
+            let mut at: At =
                 std::array::from_fn(|axis| from[axis] + share * (to[axis] - from[axis]));
             at[self.plane[0]] = place[0];
             at[self.plane[1]] = place[1];
@@ -115,6 +117,10 @@ impl Interpreter {
             way.push(at);
         }
         way.push(to);
+        if let Some(axes) = self.axes.clone() {
+            return self.along_axes(&axes, &way, extruded, rapid, number);
+        }
+        self.wind(&to, extruded, rapid, number);
         let length = |range: std::ops::Range<usize>| -> f64 {
             way.windows(2)
                 .map(|pair| {
@@ -127,7 +133,7 @@ impl Interpreter {
                 .sum()
         };
         // The feed is the tip's; of the rotary axes where the tip stands.
-        let (tip_mm, turned_deg) = (length(0..3), length(3..6));
+        let (tip_mm, turned_deg) = (length(0..3), length(TURNS_FROM..TURNS_FROM + 3));
         // By inverse time what moves has the move's time: the extruder alone, too.
         let moved = match (tip_mm > STANDS_MM, turned_deg > STANDS_DEG) {
             (true, _) => tip_mm,
@@ -164,7 +170,7 @@ impl Interpreter {
     pub(super) fn arc(
         &mut self,
         line: &Line,
-        to: [f64; 6],
+        to: At,
         clockwise: bool,
         prints: bool,
         number: usize,
@@ -219,7 +225,7 @@ impl Interpreter {
     pub(super) fn bezier(
         &mut self,
         line: &Line,
-        to: [f64; 6],
+        to: At,
         number: usize,
     ) -> Result<Vec<[f64; 2]>, GcodeError> {
         let bad = |problem: &str| GcodeError::Arc {

@@ -6,6 +6,7 @@
 
 use super::klipper::text_of;
 use super::{Interpreter, motion_of, tenths, value};
+use crate::gcode::axes::{At, SLOTS};
 use crate::gcode::error::GcodeError;
 use crate::gcode::flavour::Flavour;
 use crate::gcode::words::{Line, shortened};
@@ -26,8 +27,8 @@ struct State {
     // Klipper's alone.
     speed_factor: f64,
     flow_factor: f64,
-    offset: [f64; 6],
-    at: [f64; 6],
+    offset: At,
+    at: At,
     e: f64,
 }
 
@@ -142,7 +143,7 @@ impl Interpreter {
 
     /// G92 without axes.
     pub(super) fn bare_g92(&mut self, line: usize) -> Result<(), GcodeError> {
-        let is_zero = (0..6).all(|axis| self.at[axis] == self.offset[axis]);
+        let is_zero = (0..SLOTS).all(|axis| self.at[axis] == self.offset[axis]);
         let e_is_zero = self.e == 0.0 || self.e_relative;
         match self.flavour {
             Flavour::Klipper => {

@@ -1,20 +1,43 @@
-//! `[gcode]` of a machine file: the axes of another controller that knows the tip of a head that tilts.
+//! `[gcode]` of a machine file: the axes of another controller that knows the tip of a head that tilts, and those of the
+//! machines that files are written for.
 
 use super::MachineFileError;
+use super::write::quoted;
+use crate::gcode::axes::words::{AxesError, AxesWords, MachineWord};
+use crate::settings::Settings;
 use serde::Deserialize;
 use std::fmt::Write;
 
 /// The group.
-#[derive(Deserialize)]
-#[serde(deny_unknown_fields)]
+#[derive(Default, Deserialize)]
+#[serde(deny_unknown_fields, default)]
 pub(super) struct FileGcode {
-    letters: String,
+    letters: Option<String>,
+    axes: Option<String>,
 }
 
 impl FileGcode {
-    pub(super) fn letters(&self) -> Result<[u8; 3], MachineFileError> {
-        let letters = gcode_letters(&self.letters);
-        letters.ok_or_else(|| MachineFileError::Letters(self.letters.chars().take(40).collect()))
+    pub(super) fn letters(&self) -> Result<Option<[u8; 3]>, MachineFileError> {
+        let Some(text) = &self.letters else {
+            return Ok(None);
+        };
+        let wrong = || MachineFileError::Letters(text.chars().take(40).collect());
+        gcode_letters(text).ok_or_else(wrong).map(Some)
+    }
+
+    pub(super) fn axes(&self) -> Result<Option<String>, MachineFileError> {
+        let Some(text) = &self.axes else {
+            return Ok(None);
+        };
+        let words = AxesWords::parse(text)?;
+        // Which folder it would lie in is not known when a job's settings are read again.
+        if matches!(words.machine, Some(MachineWord::File(_))) {
+            return Err(MachineFileError::Axes(AxesError::Odds {
+                problem: "machine:FILE goes with the option --axes; here write machine for this machine's own \
+                          joints, or the axes themselves",
+            }));
+        }
+        Ok(Some(text.clone()))
     }
 }
 
@@ -30,14 +53,29 @@ pub fn gcode_letters(text: &str) -> Option<[u8; 3]> {
     (are_known && a != b && b != c && a != c).then_some(letters)
 }
 
-/// Writes the group.
-pub(super) fn write_letters(text: &mut String, letters: [u8; 3]) -> std::fmt::Result {
-    let [a, b, c] = letters.map(char::from);
+/// Writes the group, where it says something.
+pub(super) fn write_gcode(text: &mut String, settings: &Settings) -> std::fmt::Result {
+    if let Some([a, b, c]) = settings
+        .gcode_letters
+        .map(|letters| letters.map(char::from))
+    {
+        writeln!(
+            text,
+            "\n# Tilts about X and Y and heading on a controller that knows the tip of the head.\n[gcode]"
+        )?;
+        writeln!(text, "letters = \"{a},{b},{c}\"")?;
+    }
+    let Some(axes) = &settings.gcode_axes else {
+        return Ok(());
+    };
+    if settings.gcode_letters.is_none() {
+        writeln!(text, "\n[gcode]")?;
+    }
     writeln!(
         text,
-        "\n# Tilts about X and Y and heading on a controller that knows the tip of the head.\n[gcode]"
-    )?;
-    writeln!(text, "letters = \"{a},{b},{c}\"")
+        "# Axes of the machine that files which are read were written for.\naxes = {}",
+        quoted(axes)
+    )
 }
 
 #[cfg(test)]

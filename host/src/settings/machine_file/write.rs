@@ -2,7 +2,7 @@
 
 use super::axes::write_axes;
 use super::drivers::write_drivers;
-use super::gcode::write_letters;
+use super::gcode::write_gcode;
 use super::head::write_head;
 use super::heat::{write_heaters, write_material};
 use super::kinds::write_kinds;
@@ -61,9 +61,7 @@ fn written(settings: &Settings, with_layers: bool) -> String {
     if let Some(heaters) = &settings.heaters {
         let _ = write_heaters(&mut text, heaters);
     }
-    if let Some(letters) = settings.gcode_letters {
-        let _ = write_letters(&mut text, letters);
-    }
+    let _ = write_gcode(&mut text, settings);
     let _ = write_drivers(&mut text, &settings.drivers, &settings.machine);
     let _ = write_wiring(&mut text, &settings.wiring, &settings.machine);
     if let Some(switches) = &settings.switches {
@@ -515,6 +513,6 @@ pub(super) fn triple(values: [f64; 3]) -> String {
 }
 
 /// A TOML basic string.
-fn quoted(text: &str) -> String {
+pub(super) fn quoted(text: &str) -> String {
     toml::Value::String(text.to_string()).to_string()
 }

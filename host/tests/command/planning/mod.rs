@@ -5,5 +5,6 @@ mod awkward;
 mod copies;
 mod dxf;
 mod gcode;
+mod gcode_axes;
 mod meshes;
 mod wide_beads;

@@ -58,7 +58,14 @@ fn check(stream: &SegmentStream, servo_hz: f64, options: &WriteOptions) -> (f64,
     // The heading turns back behind the job.
     let of_job = text.split(";end of the job").next().expect("a job");
     let flavour = declared(of_job).flavour;
-    let back = steps(of_job, flavour, &Taken::default(), true).expect("our own text");
+    let back = steps(
+        of_job,
+        flavour,
+        &Taken::default(),
+        true,
+        &GcodeOptions::default(),
+    )
+    .expect("our own text");
     let moves: Vec<_> = back
         .steps
         .iter()

@@ -3,7 +3,7 @@
 //! In: a [`WaypointRun`] (mm, input coordinates), the part's offset, tolerances and aperture. Out:
 //! [`PathCurve`]s in machine coordinates that join end to end. As long as no flow is known the volume
 //! channel holds how much larger the bead's section is than what the nozzle lays, as a share: 0 where the
-//! waypoints have neither widths nor heights.
+//! waypoints have neither widths nor heights. Where they have sections it holds these, mm².
 //!
 //! ```text
 //! waypoints -> runs between corners -> cubic spline over chord length
@@ -260,6 +260,7 @@ fn move_curve(
     };
     let curve = Curve {
         beads: Beads::of(points, spline.knots(), settings),
+        sections: sections(points, spline.knots()),
         spline,
         across,
         settings,
@@ -276,9 +277,28 @@ struct Curve<'a> {
     spline: RoundedSpline,
     /// Widths and heights of the bead, where they are given.
     beads: Option<Beads>,
+    /// Sections of the bead, where they are: length of the move and mm², even in between.
+    sections: Option<Vec<[f64; 2]>>,
     /// The major axis lies across the travel, or aslant for a narrower bead.
     across: bool,
     settings: &'a Settings,
+}
+
+/// The sections along a move, where all of its waypoints have one.
+fn sections(points: &[Waypoint], knots: &[f64]) -> Option<Vec<[f64; 2]>> {
+    let of_point = |(point, s): (&Waypoint, &f64)| Some([*s, point.section_mm2?]);
+    points.iter().zip(knots).map(of_point).collect()
+}
+
+/// The section at a place of a move, mm².
+fn section_at(sections: &[[f64; 2]], s: f64) -> f64 {
+    let next = sections.partition_point(|[at, _]| *at < s);
+    let ends = [next.saturating_sub(1), next.min(sections.len() - 1)];
+    let [[from, a], [to, b]] = ends.map(|index| sections[index]);
+    match to > from {
+        true => a + (b - a) * ((s - from) / (to - from)).clamp(0.0, 1.0),
+        false => b,
+    }
 }
 
 /// Widths and heights along a move.
@@ -326,6 +346,9 @@ impl Curve<'_> {
     /// The pose at chord length `s`, its heading near `near_rad` where the rule gives it.
     fn pose(&self, s: f64, near_rad: f64) -> Point {
         let mut pose = self.spline.value(s);
+        if let Some(sections) = &self.sections {
+            pose[CHANNEL_VOLUME] = section_at(sections, s);
+        }
         let aperture = &self.settings.aperture;
         let bead = self.beads.as_ref().map(|beads| beads.at(s));
         let width_mm = bead.and_then(|(width_mm, _)| width_mm);
