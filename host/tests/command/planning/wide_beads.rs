@@ -223,6 +223,7 @@ fn a_pump_runs_on() {
     let folder = folder("pump");
     let input = wall(&folder);
     let text = std::fs::read_to_string(concrete()).expect("a machine");
+    let text = text.replace("prime_rate_mm3_s = 20000", "prime_rate_mm3_s = 5000");
     let pumped = text.replace(
         "prime_lead_s = 0.02",
         "prime_lead_s = 0.02\npump_start_mm = 2\npump_stop_mm = 2",
@@ -324,7 +325,7 @@ fn a_vase_rises_without_a_rest() {
     let mut turned = 0.0;
     let mut angles = vec![0.0];
     for pair in beads.windows(2) {
-        let [a, b] = [0, 1].map(|i| (pair[i][2] - 100.0).atan2(pair[i][1] - 100.0));
+        let [a, b] = [0, 1].map(|i| pair[i][2].atan2(pair[i][1]));
         turned += (b - a + TAU / 2.0).rem_euclid(TAU) - TAU / 2.0;
         angles.push(turned);
     }
