@@ -328,7 +328,7 @@ def talk(page, path):
     start = [1000000, 1000000, 20000, 0, 0, 0, 0]
     first = 4242
     line.send({"": "Start", "job": 7, "machine_hash": welcome["machine_hash"], "first_sequence": first,
-               "position": start, "solution": 0})
+               "position": start, "solution": 0, "units": [0, 0, 0]})
     line.until("credits", lambda m: m[""] == "Ack" and m["next_sequence"] == first and m["knot_limit"] > 100)
     # 5 mm in x over two seconds, eased; then rest.
     ease = lambda x: x**3 * (10 - 15 * x + 6 * x * x)

@@ -16,7 +16,7 @@ use crate::design::{
 use crate::steps::{ScaledUnits, StepScale, Target};
 use headway_protocol::control::EVENT_VOLUME_UNITS_MAX;
 use headway_protocol::segment::{FlowAction, FlowEvent};
-use headway_protocol::units::{CHANNEL_VOLUME, UNITS_PER_NATURAL};
+use headway_protocol::units::{CHANNEL_VOLUME, UNITS_PER_NATURAL, Units};
 use heapless::Vec;
 
 /// Flow as planned.
@@ -31,7 +31,7 @@ const WINDOW_ROWS: usize = ADVANCE_WINDOW_TICKS_MAX + LINE_TICKS;
 /// A prime or retract in progress.
 #[derive(Clone, Copy, Debug, PartialEq)]
 struct ActiveEvent {
-    /// Signed volume, 10⁻⁶ mm³; the protocol lets no more than 1000 mm³ through.
+    /// Signed volume in units; the protocol lets no more than a billion through.
     volume_units: i32,
     /// The same, rounded once and for all.
     volume: f32,
@@ -40,7 +40,7 @@ struct ActiveEvent {
 }
 
 impl ActiveEvent {
-    /// Volume moved after `elapsed` ticks, 10⁻⁶ mm³.
+    /// Volume moved after `elapsed` ticks, in units.
     fn share_units(&self, elapsed_ticks: u32) -> f32 {
         let x = elapsed_ticks as f32 / self.duration_ticks as f32;
         self.volume * x * x * x * (10.0 + x * (6.0 * x - 15.0))
@@ -65,6 +65,8 @@ pub struct Flow {
     scaling: FlowScaling,
     active: Vec<ActiveEvent, ACTIVE_EVENTS_MAX>,
     scale: StepScale,
+    /// The same of base units.
+    base_scale: StepScale,
     /// Sum of all events that are over, exact.
     settled_exact: ScaledUnits,
 }
@@ -149,8 +151,10 @@ impl Flow {
         let wait_ticks = (wait_ticks as usize).min(LINE_TICKS);
         let per_tick = extruder.pressure_advance_s * f64::from(servo_hz) / window_ticks as f64;
         let steps_per_unit = extruder.steps_per_mm3 / UNITS_PER_NATURAL[CHANNEL_VOLUME];
+        let base_scale = StepScale::new(steps_per_unit);
         Self {
-            scale: StepScale::new(steps_per_unit),
+            scale: base_scale,
+            base_scale,
             advance_gain: (per_tick * f64::from(1 << GAIN_BITS) + 0.5) as i32,
             window_ticks,
             wait_ticks,
@@ -178,6 +182,11 @@ impl Flow {
     #[inline]
     pub fn factor_q16(&self) -> u32 {
         self.scaling.factor_q16
+    }
+
+    /// Takes these units for the events to come. Only at rest.
+    pub fn take_units(&mut self, units: &Units) {
+        self.scale = self.base_scale.coarser(units.exponent(CHANNEL_VOLUME));
     }
 
     /// Declares where the deposited volume is, with no event behind it. Only at rest.

@@ -354,6 +354,7 @@ impl Target {
             first_sequence: self.next_sequence,
             position: self.position,
             solution: 0,
+            units: headway_protocol::units::Units::BASE,
         }));
     }
 

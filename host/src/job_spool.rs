@@ -9,9 +9,10 @@
 use crate::frame_writer::{FrameWriter, write_with_frames};
 use crate::job::{Mark, SegmentStream};
 use crate::job_file::{JobFileError, JobHeader, StreamFacts};
-use crate::wire_frames::{StreamPacker, WireFramesError};
+use crate::wire_frames::{StreamPacker, WireFramesError, digest_from};
 use crc::Digest;
 use headway_protocol::frame::{CRC, FRAME_OVERHEAD_BYTES};
+use headway_protocol::units::Units;
 use std::io::{self, BufReader, BufWriter, Read, Seek, SeekFrom, Write};
 use thiserror::Error;
 
@@ -57,6 +58,7 @@ impl<F: Read + Write + Seek> JobSpool<F> {
                 events: 0,
                 marks: Vec::new(),
                 solution: 0,
+                units: Units::BASE,
             },
             ticks: 0,
         }
@@ -70,9 +72,8 @@ impl<F: Read + Write + Seek> JobSpool<F> {
         if self.packer.is_none() {
             self.facts.start = piece.start;
             self.facts.solution = piece.solution;
-            for value in piece.start {
-                self.digest.update(&value.to_le_bytes());
-            }
+            self.facts.units = piece.units;
+            self.digest = digest_from(&piece.start, &piece.units);
         }
         let mut packer = self
             .packer

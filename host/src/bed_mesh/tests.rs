@@ -129,16 +129,14 @@ fn refined_spans_are_the_same_curve_and_keep_their_events() {
     let fine = refined(&stream, 0.5);
     assert!(fine.knots.len() > 2 * stream.knots.len(), "it is refined");
     assert_eq!(stream_ticks(&fine.knots), stream_ticks(&stream.knots));
-    let (mut old, mut new) = (
-        PlanCursor::new(&stream.start, &stream.knots),
-        PlanCursor::new(&fine.start, &fine.knots),
-    );
+    let (mut old, mut new) = (PlanCursor::new(&stream), PlanCursor::new(&fine));
     let ticks = stream_ticks(&stream.knots);
     for step in 0..4 * ticks {
         let at = step as f64 / 4.0;
         let (old, new) = (old.position(at), new.position(at));
         for channel in 0..CHANNELS {
-            let units = (old[channel] - new[channel]).abs() * UNITS_PER_NATURAL[channel];
+            let units = (old[channel] - new[channel]).abs()
+                * headway_protocol::units::UNITS_PER_NATURAL[channel];
             // Half a unit of rounding, and what doubles do to 10⁹ units.
             assert!(units <= 0.51, "channel {channel} at {at}: {units}");
         }
@@ -167,10 +165,7 @@ fn a_job_over_a_bed_is_its_plan_lifted_by_the_beds_height() {
     let over = over_bed(&stream, &mesh, &settings.machine).expect("it fits");
     assert_eq!(over.events, stream.events);
     assert_eq!(over.marks, stream.marks);
-    let (mut plan, mut lifted) = (
-        PlanCursor::new(&stream.start, &stream.knots),
-        PlanCursor::new(&over.start, &over.knots),
-    );
+    let (mut plan, mut lifted) = (PlanCursor::new(&stream), PlanCursor::new(&over));
     let mut range = [f64::INFINITY, f64::NEG_INFINITY];
     for at in 0..stream_ticks(&stream.knots) {
         let (plan, lifted) = (plan.position(at as f64), lifted.position(at as f64));

@@ -5,7 +5,6 @@ use super::*;
 use crate::drive::test_streams::{planar, spiral};
 use crate::job::{Mark, MotionState};
 use crate::job_heat::{BED, HOT_END, HeatOrder};
-use headway_firmware::spline::Spans;
 use headway_protocol::segment::{FlowAction, Knot};
 use headway_protocol::units::{CHANNEL_Z, to_units};
 
@@ -77,13 +76,13 @@ fn bring(stream: &mut SegmentStream, to: headway_protocol::units::ChannelPoint) 
 }
 
 fn ticks(stream: &SegmentStream) -> u64 {
-    let spans = Spans::new(&stream.start, &stream.knots);
+    let spans = stream.spans();
     spans.map(|span| u64::from(span.duration_ticks)).sum()
 }
 
 /// Place of the tip at a tick.
 fn at(stream: &SegmentStream, tick: u64) -> [f64; 7] {
-    let mut spans = Spans::new(&stream.start, &stream.knots);
+    let mut spans = stream.spans();
     let span = spans.find(|span| tick < span.start_tick + u64::from(span.duration_ticks));
     let span = span.expect("a tick of the stream");
     span.position((tick - span.start_tick) as f64)
