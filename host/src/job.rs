@@ -78,6 +78,27 @@ pub struct SegmentStream {
     pub units: Units,
 }
 
+/// What a header says of its stream.
+#[derive(Clone, Debug, PartialEq)]
+pub struct StreamFacts {
+    /// Pose at rest before the first span, in the stream's units.
+    pub start: ChannelPoint,
+    /// Identity of the stream (`WireFrames::job`).
+    pub job: u32,
+    /// Frames.
+    pub frames: u32,
+    /// Knots in them.
+    pub knots: u32,
+    /// Flow events in them.
+    pub events: u32,
+    /// What the stream is doing when.
+    pub marks: Vec<Mark>,
+    /// The joint solution that it is run in.
+    pub solution: u8,
+    /// Its units.
+    pub units: Units,
+}
+
 impl SegmentStream {
     /// The machine, in the joint solution of this stream.
     pub fn machine(&self, machine: &MachineConfiguration) -> MachineConfiguration {

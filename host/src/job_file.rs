@@ -14,7 +14,7 @@
 //! Left out: the outline and the pictures, which are made from the input.
 
 use crate::frame_writer::FrameWriter;
-use crate::job::{Mark, SegmentStream};
+use crate::job::{Mark, SegmentStream, StreamFacts};
 use crate::job_heat::{HEAT_TEXT, HeatEvent, from_json};
 use crate::job_motors::{MOTORS_TEXT, motors_of_text, motors_text, with_motors_as_text};
 use crate::job_units::{units_of_texts, units_text};
@@ -23,7 +23,7 @@ use crate::wire_frames::{WireFrames, WireFramesError};
 use headway_firmware::configuration::MachineConfiguration;
 use headway_protocol::frame::{CRC, FrameDecoder};
 use headway_protocol::message::{PROTOCOL_VERSION, SCHEMA_HASH};
-use headway_protocol::units::{ChannelPoint, Units};
+use headway_protocol::units::ChannelPoint;
 use serde::{Deserialize, Serialize};
 use std::collections::BTreeMap;
 use std::io::{self, Read, Seek, SeekFrom, Write};
@@ -76,27 +76,6 @@ pub struct JobHeader {
     pub figures_json: String,
     /// More texts by name: `settings` (the machine file), `input` (where it came from).
     pub texts: BTreeMap<String, String>,
-}
-
-/// What a header says of its stream.
-#[derive(Clone, Debug, PartialEq)]
-pub struct StreamFacts {
-    /// Pose at rest before the first span, in the stream's units.
-    pub start: ChannelPoint,
-    /// Identity of the stream (`WireFrames::job`).
-    pub job: u32,
-    /// Frames.
-    pub frames: u32,
-    /// Knots in them.
-    pub knots: u32,
-    /// Flow events in them.
-    pub events: u32,
-    /// What the stream is doing when.
-    pub marks: Vec<Mark>,
-    /// The joint solution that it is run in.
-    pub solution: u8,
-    /// Its units.
-    pub units: Units,
 }
 
 impl JobHeader {
@@ -175,11 +154,6 @@ pub struct JobFile {
 }
 
 impl JobHeader {
-    /// Units of the stream.
-    pub fn units(&self) -> Units {
-        units_of_texts(&self.texts).unwrap_or_default()
-    }
-
     /// What the job orders of heaters and fans, by tick; empty where a text says nothing that is known.
     pub fn heat(&self) -> Vec<HeatEvent> {
         let text = self.texts.get(HEAT_TEXT);

@@ -3,8 +3,16 @@
 //! In: units. Out: a text of the header, and back. Headers of streams in base units have none, and are what they were
 //! before there were others.
 
+use crate::job_file::JobHeader;
 use headway_protocol::units::Units;
 use std::collections::BTreeMap;
+
+impl JobHeader {
+    /// Units of the stream.
+    pub fn units(&self) -> Units {
+        units_of_texts(&self.texts).unwrap_or_default()
+    }
+}
 
 /// Name of the text.
 const UNITS_TEXT: &str = "units";

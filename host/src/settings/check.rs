@@ -25,6 +25,8 @@ const POSITION_MAX: f64 = 1.0e6;
 const SPEED_RANGE: [f64; 2] = [1e-4, 1e6];
 const ACCELERATION_RANGE: [f64; 2] = [1e-4, 1e9];
 const JERK_RANGE: [f64; 2] = [1e-4, 1e13];
+/// Of the tip, mm/s: up to that of a nozzle half a metre wide that moves by its width as fast as the smallest do.
+const TIP_SPEED_RANGE_MM_S: [f64; 2] = [0.01, 1e5];
 /// The same of melt, mm³: up to a cubic metre a second, as nozzles half a metre wide would need.
 const MELT_SPEED_RANGE: [f64; 2] = [1e-4, 1e9];
 const MELT_ACCELERATION_RANGE: [f64; 2] = [1e-4, 1e12];
@@ -280,13 +282,15 @@ impl Settings {
         in_range("print.layer_height_mm", self.layer_height_mm, 0.001, 500.0)?;
         let layers_max = f64::from(LAYERS_MAX);
         in_range("print.layers", f64::from(self.layers), 1.0, layers_max)?;
-        in_range("print.speed_mm_s", self.speed_mm_s, 0.01, 10_000.0)?;
-        in_range("print.travel_speed_mm_s", self.travel_speed_mm_s, 0.01, 1e4)?;
+        let [slowest, fastest] = TIP_SPEED_RANGE_MM_S;
+        in_range("print.speed_mm_s", self.speed_mm_s, slowest, fastest)?;
+        let travel_mm_s = self.travel_speed_mm_s;
+        in_range("print.travel_speed_mm_s", travel_mm_s, slowest, fastest)?;
         in_range(
             "print.tip_acceleration_mm_s2",
             self.tip_acceleration_mm_s2,
             1.0,
-            1e6,
+            1e7,
         )?;
         in_range("print.lift_mm", self.lift_mm, 0.0, 1000.0)?;
         kinds::check(self)?;

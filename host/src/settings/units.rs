@@ -121,4 +121,29 @@ mod tests {
             [4, 0, 19]
         );
     }
+
+    /// Goal: what no message carries is refused where it is set, in the stream's unit. Method: primes on either side of
+    /// the bound, by the built-in nozzle and by one four times as wide; before, 1,000 to 2,147 mm³ were let pass here
+    /// and refused by the board.
+    #[test]
+    fn primes_beyond_a_message_are_refused_at_the_door() {
+        for (factor, prime_mm3, is_taken) in [
+            (1.0, 999.0, true),
+            (1.0, 1001.0, false),
+            (4.0, 63_900.0, true),
+            (4.0, 64_100.0, false),
+        ] {
+            let mut settings = larger(factor);
+            let extruder = &mut settings.machine.extruder;
+            extruder.speed_max_mm3_s = prime_mm3;
+            extruder.acceleration_max_mm3_s2 = extruder.speed_max_mm3_s;
+            settings.prime_retract.prime_rate_mm3_s = 0.1 * prime_mm3;
+            settings.prime_retract.prime_mm3 = prime_mm3;
+            let checked = settings.check().map_err(|error| error.to_string());
+            match is_taken {
+                true => assert_eq!(checked, Ok(())),
+                false => assert!(checked.unwrap_err().contains("flow.prime_mm3")),
+            }
+        }
+    }
 }
