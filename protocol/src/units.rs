@@ -110,8 +110,8 @@ impl Units {
     }
 }
 
-/// A point in channel space, in integer units: those of its stream, or base units. Values wrap at 32 bits: only differences count,
-/// so heading and volume may grow without bound.
+/// A point in channel space, in integer units: those of its stream, or base units. Values wrap at 32 bits: only
+/// differences count, so heading and volume may grow without bound.
 pub type ChannelPoint = [i32; CHANNELS];
 
 /// A duration in servo ticks.
