@@ -16,7 +16,7 @@ use crate::design::{
 use crate::steps::{ScaledUnits, StepScale, Target};
 use headway_protocol::control::EVENT_VOLUME_UNITS_MAX;
 use headway_protocol::segment::{FlowAction, FlowEvent};
-use headway_protocol::units::{CHANNEL_VOLUME, UNITS_PER_NATURAL, Units};
+use headway_protocol::units::{CHANNEL_VOLUME, UNITS_PER_NATURAL};
 use heapless::Vec;
 
 /// Flow as planned.
@@ -65,8 +65,6 @@ pub struct Flow {
     scaling: FlowScaling,
     active: Vec<ActiveEvent, ACTIVE_EVENTS_MAX>,
     scale: StepScale,
-    /// The same of base units.
-    base_scale: StepScale,
     /// Sum of all events that are over, exact.
     settled_exact: ScaledUnits,
 }
@@ -151,10 +149,8 @@ impl Flow {
         let wait_ticks = (wait_ticks as usize).min(LINE_TICKS);
         let per_tick = extruder.pressure_advance_s * f64::from(servo_hz) / window_ticks as f64;
         let steps_per_unit = extruder.steps_per_mm3 / UNITS_PER_NATURAL[CHANNEL_VOLUME];
-        let base_scale = StepScale::new(steps_per_unit);
         Self {
-            scale: base_scale,
-            base_scale,
+            scale: StepScale::new(steps_per_unit),
             advance_gain: (per_tick * f64::from(1 << GAIN_BITS) + 0.5) as i32,
             window_ticks,
             wait_ticks,
@@ -184,9 +180,9 @@ impl Flow {
         self.scaling.factor_q16
     }
 
-    /// Takes these units for the events to come. Only at rest.
-    pub fn take_units(&mut self, units: &Units) {
-        self.scale = self.base_scale.coarser(units.exponent(CHANNEL_VOLUME));
+    /// Takes this scale for the volumes of the events to come. Only at rest.
+    pub fn take_scale(&mut self, scale: StepScale) {
+        self.scale = scale;
     }
 
     /// Declares where the deposited volume is, with no event behind it. Only at rest.

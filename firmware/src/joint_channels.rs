@@ -6,7 +6,7 @@ use crate::configuration::{MOTORS_MAX, MachineConfiguration};
 use crate::kinematics;
 use crate::steps::{NEAR_STEP, ScaledUnits, StepScale};
 use headway_protocol::units::{
-    CHANNEL_HEADING, CHANNEL_VOLUME, CHANNELS, ChannelPoint, UNITS_PER_NATURAL, Units,
+    CHANNEL_HEADING, CHANNEL_VOLUME, CHANNEL_X, CHANNELS, ChannelPoint, UNITS_PER_NATURAL, Units,
 };
 use heapless::Vec;
 
@@ -31,10 +31,11 @@ pub struct JointChannels {
     tilts: bool,
     /// or from the whole pose.
     follows_pose: bool,
-    /// mm, rad and mm³ in a unit.
-    natural: [f32; CHANNELS],
     /// The exponent of angles.
     angle_exponent: u8,
+    /// mm in a unit of lengths, rad in one of angles.
+    length_natural: f32,
+    angle_natural: f32,
 }
 
 /// Most motor steps of a unit: [`StepScale`] holds less than 4, and what is coarser than a step moves in jumps.
@@ -74,16 +75,19 @@ impl JointChannels {
             motors: motors.take(MOTORS_MAX).collect(),
             tilts,
             follows_pose,
-            natural: natural_of(&Units::BASE),
             angle_exponent: 0,
+            length_natural: natural_of(&Units::BASE)[CHANNEL_X],
+            angle_natural: natural_of(&Units::BASE)[CHANNEL_HEADING],
         }
     }
 
     /// The same in a stream's units; `self` has base units. `None` where a unit is too coarse for a motor.
     pub fn in_units(&self, units: &Units) -> Option<Self> {
         let mut coarse = self.clone();
-        coarse.natural = natural_of(units);
+        let natural = natural_of(units);
         coarse.angle_exponent = units.exponent(CHANNEL_HEADING);
+        coarse.length_natural = natural[CHANNEL_X];
+        coarse.angle_natural = natural[CHANNEL_HEADING];
         for motor in &mut coarse.motors {
             let exponent = units.exponent(motor.channel);
             let single = motor.scale.steps((1u32 << exponent) as f32);
@@ -96,10 +100,22 @@ impl JointChannels {
         Some(coarse)
     }
 
-    /// mm, rad or mm³ in a unit of a channel.
+    /// mm or rad in a unit of a place channel.
     #[inline(always)]
     pub fn natural(&self, channel: usize) -> f32 {
-        self.natural[channel % CHANNELS]
+        if channel == CHANNEL_HEADING {
+            self.angle_natural
+        } else {
+            self.length_natural
+        }
+    }
+
+    /// How far the extruder's units are in its motor's steps.
+    pub fn extruder_scale(&self) -> StepScale {
+        self.motors
+            .iter()
+            .rfind(|motor| motor.channel == CHANNEL_VOLUME)
+            .map_or_else(StepScale::default, |motor| motor.scale)
     }
 
     /// True if joints of the machine follow the tilt.

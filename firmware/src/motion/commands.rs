@@ -98,7 +98,7 @@ impl Motion {
             return Err(CommandError::Invalid);
         }
         let (_, base) = pose.offset().of_motor(self.joints.count());
-        self.flow.take_units(units);
+        self.flow.take_scale(joint_channels.extruder_scale());
         self.flow.declare(&mut self.flow_window, base);
         self.interpolator.start_at(position, &joint_channels);
         self.programmer.set_positions(&targets);

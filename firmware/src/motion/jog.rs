@@ -14,7 +14,7 @@ use crate::joint_move::{JointMove, MoveLimits};
 use crate::steps::{STEP, StepScale, Target};
 use headway_protocol::message::{Control, Fault, FaultCause, JointOrder, PROBE_BIT};
 use headway_protocol::segment::{FlowAction, FlowEvent};
-use headway_protocol::units::{CHANNEL_VOLUME, ChannelPoint, Ticks, UNITS_PER_NATURAL, Units};
+use headway_protocol::units::{CHANNEL_VOLUME, ChannelPoint, Ticks, UNITS_PER_NATURAL};
 use heapless::Vec;
 
 /// Share of a joint's speed limit that going to a pose uses.
@@ -366,7 +366,7 @@ impl Motion {
         self.programmer.forget(&self.waiting);
         self.jog.targets = self.programmer.newest_targets(&self.waiting);
         let motor = self.joints.count();
-        self.flow.take_units(&Units::BASE);
+        self.flow.take_scale(self.joint_channels.extruder_scale());
         self.flow.declare(&mut self.flow_window, Target::default());
         self.jog.extruder_offset = self.joint_position(motor);
     }
