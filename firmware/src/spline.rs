@@ -279,9 +279,9 @@ impl Span {
     /// Channels in mm, rad, mm³ at `t` ticks from the span's start.
     pub fn position(&self, t: f64) -> [f64; CHANNELS] {
         let mut natural = self.polynomial.offset(t);
-        for channel in 0..CHANNELS {
-            let units = self.base[channel] as f64 + natural[channel];
-            natural[channel] = units / self.units.per_natural(channel);
+        for (channel, value) in natural.iter_mut().enumerate() {
+            let units = self.base[channel] as f64 + *value;
+            *value = units / self.units.per_natural(channel);
         }
         natural
     }
@@ -302,8 +302,8 @@ impl Span {
     }
 
     fn scaled(&self, mut units: [f64; CHANNELS], per_tick: f64) -> [f64; CHANNELS] {
-        for channel in 0..CHANNELS {
-            units[channel] *= per_tick / self.units.per_natural(channel);
+        for (channel, value) in units.iter_mut().enumerate() {
+            *value *= per_tick / self.units.per_natural(channel);
         }
         units
     }

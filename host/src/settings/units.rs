@@ -61,10 +61,13 @@ mod tests {
     use crate::geometry::aperture::Aperture;
 
     fn larger(factor: f64) -> Settings {
-        let mut settings = Settings::default();
-        settings.aperture = Aperture::Ellipse {
+        let aperture = Aperture::Ellipse {
             major_mm: 0.6 * factor,
             minor_mm: 0.2 * factor,
+        };
+        let mut settings = Settings {
+            aperture,
+            ..Settings::default()
         };
         settings.layer_height_mm *= factor;
         settings.tolerances.tip_mm *= factor;
