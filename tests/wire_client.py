@@ -309,13 +309,16 @@ def talk(page, path):
     for field, lowest, highest in page.types["ranges"]:
         name, field = field.split(".")
         fields = next(f for kind in ("Control", "HostMessage") for _, n, f in page.types[kind] if n == name)
-        empty = {f: {"": "Prime"} if k == "FlowAction" else 1 for f, k in fields}
+        one = lambda kind: {"": "Prime"} if kind == "FlowAction" else [1] * int(kind[4:]) if "*" in kind else 1
+        empty = {f: one(k) for f, k in fields}
         most = {"u8": 255, "u16": 65535, "u32": 2**32 - 1}[dict(fields)[field]]
         for value in [int(lowest) - 1] * (int(lowest) > 0) + [int(highest) + 1] * (int(highest) < most):
             body = {"": name, **empty, field: value}
             if name == "Flow":
                 # No stream is open.
                 line.refused(line.send(body, 9), "NoStream")
+            elif name == "Start":
+                line.refused(line.send(body), "Invalid")
             else:
                 line.refused(line.send({"": "Control", "command": body}), "Invalid")
     print("every field out of its range is refused")
@@ -328,7 +331,7 @@ def talk(page, path):
     start = [1000000, 1000000, 20000, 0, 0, 0, 0]
     first = 4242
     line.send({"": "Start", "job": 7, "machine_hash": welcome["machine_hash"], "first_sequence": first,
-               "position": start, "solution": 0})
+               "position": start, "solution": 0, "length": 0, "angle": 0, "volume": 0})
     line.until("credits", lambda m: m[""] == "Ack" and m["next_sequence"] == first and m["knot_limit"] > 100)
     # 5 mm in x over two seconds, eased; then rest.
     ease = lambda x: x**3 * (10 - 15 * x + 6 * x * x)

@@ -31,7 +31,7 @@ const WINDOW_ROWS: usize = ADVANCE_WINDOW_TICKS_MAX + LINE_TICKS;
 /// A prime or retract in progress.
 #[derive(Clone, Copy, Debug, PartialEq)]
 struct ActiveEvent {
-    /// Signed volume, 10⁻⁶ mm³; the protocol lets no more than 1000 mm³ through.
+    /// Signed volume in units; the protocol lets no more than a billion through.
     volume_units: i32,
     /// The same, rounded once and for all.
     volume: f32,
@@ -40,7 +40,7 @@ struct ActiveEvent {
 }
 
 impl ActiveEvent {
-    /// Volume moved after `elapsed` ticks, 10⁻⁶ mm³.
+    /// Volume moved after `elapsed` ticks, in units.
     fn share_units(&self, elapsed_ticks: u32) -> f32 {
         let x = elapsed_ticks as f32 / self.duration_ticks as f32;
         self.volume * x * x * x * (10.0 + x * (6.0 * x - 15.0))
@@ -178,6 +178,11 @@ impl Flow {
     #[inline]
     pub fn factor_q16(&self) -> u32 {
         self.scaling.factor_q16
+    }
+
+    /// Takes this scale for the volumes of the events to come. Only at rest.
+    pub fn take_scale(&mut self, scale: StepScale) {
+        self.scale = scale;
     }
 
     /// Declares where the deposited volume is, with no event behind it. Only at rest.

@@ -5,7 +5,9 @@
 use crate::configuration::{MOTORS_MAX, MachineConfiguration};
 use crate::kinematics;
 use crate::steps::{NEAR_STEP, ScaledUnits, StepScale};
-use headway_protocol::units::{CHANNEL_VOLUME, ChannelPoint, UNITS_PER_NATURAL};
+use headway_protocol::units::{
+    CHANNEL_HEADING, CHANNEL_VOLUME, CHANNEL_X, CHANNELS, ChannelPoint, UNITS_PER_NATURAL, Units,
+};
 use heapless::Vec;
 
 /// A motor that follows a channel.
@@ -29,7 +31,15 @@ pub struct JointChannels {
     tilts: bool,
     /// or from the whole pose.
     follows_pose: bool,
+    /// The exponent of angles.
+    angle_exponent: u8,
+    /// mm in a unit of lengths, rad in one of angles.
+    length_natural: f32,
+    angle_natural: f32,
 }
+
+/// Most motor steps of a unit: [`StepScale`] holds less than 4, and what is coarser than a step moves in jumps.
+const STEPS_PER_UNIT_MAX: f32 = 3.0;
 
 impl JointChannels {
     /// From the machine's configuration.
@@ -65,7 +75,47 @@ impl JointChannels {
             motors: motors.take(MOTORS_MAX).collect(),
             tilts,
             follows_pose,
+            angle_exponent: 0,
+            length_natural: natural_of(&Units::BASE)[CHANNEL_X],
+            angle_natural: natural_of(&Units::BASE)[CHANNEL_HEADING],
         }
+    }
+
+    /// The same in a stream's units; `self` has base units. `None` where a unit is too coarse for a motor.
+    pub fn in_units(&self, units: &Units) -> Option<Self> {
+        let mut coarse = self.clone();
+        let natural = natural_of(units);
+        coarse.angle_exponent = units.exponent(CHANNEL_HEADING);
+        coarse.length_natural = natural[CHANNEL_X];
+        coarse.angle_natural = natural[CHANNEL_HEADING];
+        for motor in &mut coarse.motors {
+            let exponent = units.exponent(motor.channel);
+            let single = motor.scale.steps((1u32 << exponent) as f32);
+            if exponent > 0 && single > STEPS_PER_UNIT_MAX {
+                return None;
+            }
+            motor.scale = motor.scale.coarser(exponent);
+            motor.offset_scale *= (1u32 << exponent) as f32;
+        }
+        Some(coarse)
+    }
+
+    /// mm or rad in a unit of a place channel.
+    #[inline(always)]
+    pub fn natural(&self, channel: usize) -> f32 {
+        if channel == CHANNEL_HEADING {
+            self.angle_natural
+        } else {
+            self.length_natural
+        }
+    }
+
+    /// How far the extruder's units are in its motor's steps.
+    pub fn extruder_scale(&self) -> StepScale {
+        self.motors
+            .iter()
+            .rfind(|motor| motor.channel == CHANNEL_VOLUME)
+            .map_or_else(StepScale::default, |motor| motor.scale)
     }
 
     /// True if joints of the machine follow the tilt.
@@ -90,7 +140,19 @@ impl JointChannels {
         &self.motors
     }
 
-    /// Where the motors are at `base`; 0 for those that follow no channel.
+    /// µrad in a unit of an angle.
+    #[inline(always)]
+    pub fn urad_per_unit(&self) -> f32 {
+        (1u32 << self.angle_exponent) as f32
+    }
+
+    /// An angle of a control point, µrad.
+    #[inline(always)]
+    pub fn urad(&self, point: &ChannelPoint, channel: usize) -> i32 {
+        point.get(channel).copied().unwrap_or(0) << self.angle_exponent
+    }
+
+    /// Where the motors are at `base`, in these units; 0 for those that follow no channel.
     pub fn scaled(&self, base: &ChannelPoint) -> [ScaledUnits; MOTORS_MAX] {
         let mut scaled = [ScaledUnits::default(); MOTORS_MAX];
         for joint_channel in &self.motors {
@@ -99,4 +161,9 @@ impl JointChannels {
         }
         scaled
     }
+}
+
+/// mm, rad and mm³ in a unit of each channel.
+pub(crate) fn natural_of(units: &Units) -> [f32; CHANNELS] {
+    core::array::from_fn(|channel| 1.0 / units.per_natural(channel) as f32)
 }

@@ -10,6 +10,7 @@ use crate::configuration::{
 use crate::design::{CEILING_OPEN, LIMIT_MARGIN, LOAD_ALPHA_MAX, LOAD_BETA_MIN_TICKS, WARP_ROOM};
 use crate::extruder_limits::event_ratio;
 use crate::jet::Jet;
+use crate::joint_channels::natural_of;
 use crate::kinematics::winding::Winding;
 use crate::kinematics::{self, KinematicsError, Model};
 use crate::motor_matrix::MotorPair;
@@ -18,7 +19,7 @@ use crate::queue::smaller;
 use crate::real::Real;
 use crate::spline::{SpanPolynomial, SpanWindow};
 use headway_protocol::segment::FlowEvent;
-use headway_protocol::units::{CHANNEL_VOLUME, CHANNELS, ChannelPoint, UNITS_PER_NATURAL};
+use headway_protocol::units::{CHANNEL_VOLUME, CHANNELS, ChannelPoint, Units};
 use nalgebra::{Vector2, Vector3};
 
 /// Demands of one span.
@@ -108,6 +109,9 @@ pub struct LoadModel {
     advance_rate_gain: f32,
     extruder: ExtruderConfiguration,
     servo_hz: f64,
+    /// Units of the stream, and what each is in mm, rad and mm³.
+    units: Units,
+    natural: [f32; CHANNELS],
 }
 
 /// The largest demands of joints and motors that were looked at.
@@ -194,7 +198,15 @@ impl LoadModel {
             advance_rate_gain: (1.0 + extruder.pressure_advance_s / window_s) as f32,
             extruder: *extruder,
             servo_hz,
+            units: Units::BASE,
+            natural: natural_of(&Units::BASE),
         }
+    }
+
+    /// Takes these units from now on: at the start of a stream.
+    pub fn take_units(&mut self, units: &Units) {
+        self.units = *units;
+        self.natural = natural_of(units);
     }
 
     /// Looks at a prime or retract by itself.
@@ -202,7 +214,7 @@ impl LoadModel {
     /// # Errors
     /// [`SpanFault::Limit`] where the extruder cannot follow.
     pub fn check_event(&self, event: &FlowEvent) -> Result<(), SpanFault> {
-        let volume_mm3 = f64::from(event.volume_units) / UNITS_PER_NATURAL[CHANNEL_VOLUME];
+        let volume_mm3 = f64::from(event.volume_units) / self.units.per_natural(CHANNEL_VOLUME);
         let duration_s = f64::from(event.duration_ticks.0) / self.servo_hz;
         let ratio = event_ratio(&self.extruder, volume_mm3, duration_s);
         check_limit(kinematics::joint_count(&self.kinematics), ratio as f32)
@@ -217,7 +229,7 @@ impl LoadModel {
     pub fn winding_at(&self, start: &ChannelPoint) -> Winding<f32> {
         let mut natural = [0.0; CHANNELS];
         for channel in 0..CHANNELS {
-            natural[channel] = start[channel] as f32 / UNITS_PER_NATURAL[channel] as f32;
+            natural[channel] = start[channel] as f32 / self.units.per_natural(channel) as f32;
         }
         let joints = kinematics::remainder(&self.kinematics, &Pose::from_channels(&natural));
         joints.map_or_else(
@@ -260,7 +272,7 @@ impl LoadModel {
             mut beta,
             mut speed,
         } = demand;
-        let natural = 1.0 / UNITS_PER_NATURAL[CHANNEL_VOLUME] as f32;
+        let natural = self.natural[CHANNEL_VOLUME];
         let flow = polynomial.rate_bound[CHANNEL_VOLUME] * natural;
         let per_acceleration = natural * self.extruder_per_acceleration * self.advance_gain;
         // Linear within a span: largest at one of its ends.
@@ -291,7 +303,7 @@ impl LoadModel {
         let model: Model<Jet<f32, 3>> = Model::new(&self.kinematics);
         let mut states = [[[0.0f32; 3]; JOINTS_MAX]; 3];
         for (state, t) in states.iter_mut().zip([0.0, 0.5 * ticks, ticks]) {
-            let channels = channel_jets(window, polynomial, t);
+            let channels = channel_jets(window, polynomial, t, &self.natural);
             let remainder = model.remainder(&Pose::from_channels(&channels));
             let remainder = remainder.map_err(SpanFault::Kinematics)?;
             let joint_channels = kinematics::joint_channels(&self.kinematics);
@@ -322,13 +334,14 @@ fn channel_jets(
     window: &SpanWindow,
     polynomial: &SpanPolynomial<f32>,
     t: f32,
+    natural: &[f32; CHANNELS],
 ) -> [Jet<f32, 3>; CHANNELS] {
     let (offset, rate) = (polynomial.offset(t), polynomial.rate(t));
     let acceleration = polynomial.acceleration(t);
     let base = window.base();
     let mut channels = [Jet([0.0; 3]); CHANNELS];
     for (channel, jet) in channels.iter_mut().enumerate() {
-        let natural = 1.0 / UNITS_PER_NATURAL[channel] as f32;
+        let natural = natural[channel];
         *jet = Jet([
             (single_of(base[channel]) + offset[channel]) * natural,
             rate[channel] * natural,

@@ -21,6 +21,7 @@ fn start(host: &mut Host, configuration: &MachineConfiguration, position: Channe
         first_sequence: 7000,
         position,
         solution: 0,
+        units: Units::BASE,
     }));
     host.poll();
 }
@@ -98,6 +99,7 @@ fn sequence_numbers_go_on_where_they_wrap() {
         first_sequence,
         position: job.start,
         solution: 0,
+        units: Units::BASE,
     }));
     host.stream_sequence = first_sequence as u16;
     host.poll();
@@ -139,6 +141,7 @@ fn a_span_longer_than_a_short_way_is_followed_step_by_step() {
         start: point(0.0),
         knots: places.map(|x| rest(point(x), 2000)).to_vec(),
         events: Vec::new(),
+        units: Units::BASE,
     };
     let spans = job.spans();
     let mut host = Host::new(&configuration, &job);

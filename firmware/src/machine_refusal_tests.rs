@@ -47,6 +47,7 @@ fn events_only(configuration: &MachineConfiguration, events: &[FlowEvent]) -> Ho
         start,
         knots: (0..120).map(|_| rest(start, 20)).collect(),
         events: events.to_vec(),
+        units: Units::BASE,
     };
     let mut host = Host::new(configuration, &job);
     host.send(&job, 30, 16);
@@ -88,6 +89,7 @@ fn frames_after_the_end_are_refused_and_the_next_stream_begins_clean() {
         let end = job.knots.last().unwrap().control;
         host.control(HostMessage::Start(Start {
             solution: 0,
+            units: Units::BASE,
             job: 2,
             machine_hash: hash_of(&configuration),
             first_sequence: 9000,
@@ -98,6 +100,7 @@ fn frames_after_the_end_are_refused_and_the_next_stream_begins_clean() {
             start: end,
             knots: (0..20).map(|_| rest(end, 10)).collect(),
             events: Vec::new(),
+            units: Units::BASE,
         };
         host.predictor = KnotPredictor::new(end);
         (host.knots_sent, host.events_sent, host.finished) = (0, 0, false);
@@ -119,6 +122,7 @@ fn a_start_at_once_after_an_abort_runs_nothing_of_before() {
     host.control(HostMessage::Control(Control::Abort));
     host.control(HostMessage::Start(Start {
         solution: 0,
+        units: Units::BASE,
         job: 2,
         machine_hash: hash_of(&configuration),
         first_sequence: 9000,
@@ -249,6 +253,7 @@ fn flow_beyond_the_extruder_is_refused_by_its_span() {
         start,
         knots,
         events: Vec::new(),
+        units: Units::BASE,
     };
     for job in [fast, sudden] {
         let mut host = Host::new(&configuration, &job);
@@ -278,6 +283,7 @@ fn events_out_of_their_order_or_behind_the_last_span_are_a_fault() {
             start,
             knots: Vec::new(),
             events: Vec::new(),
+            units: Units::BASE,
         };
         let mut host = Host::new(&configuration, &job);
         for span in spans {
@@ -342,6 +348,7 @@ fn a_second_line_hears_and_stops_but_neither_streams_nor_moves() {
             first_sequence: 1,
             position: job.start,
             solution: 0,
+            units: Units::BASE,
         }),
         HostMessage::Control(Control::Jog {
             joint: 0,

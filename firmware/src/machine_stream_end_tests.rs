@@ -42,6 +42,7 @@ fn open(host: &mut Host, job: &Job, first_sequence: u32) {
     (host.knots_sent, host.events_sent, host.finished) = (0, 0, false);
     host.control(HostMessage::Start(Start {
         solution: 0,
+        units: Units::BASE,
         job: 2,
         machine_hash: hash_of(&planar()),
         first_sequence,
@@ -130,6 +131,7 @@ fn a_start_while_an_abort_comes_to_rest_is_repeated_and_not_refused() {
     loop {
         let start = HostMessage::Start(Start {
             solution: 0,
+            units: Units::BASE,
             job: 2,
             machine_hash: hash_of(&configuration),
             first_sequence: 9000,

@@ -14,7 +14,7 @@ use headway_protocol::message::{
     RefusalReason, SCHEMA_HASH, Start,
 };
 use headway_protocol::segment::{FlowAction, FlowEvent, Knot};
-use headway_protocol::units::{CHANNELS, ChannelPoint, Ticks, UNITS_PER_NATURAL, to_units};
+use headway_protocol::units::{CHANNELS, ChannelPoint, Ticks, Units, to_units};
 use std::vec::Vec;
 
 fn joint(rotary: bool, steps_per_unit: f64, speed: f64, acceleration: f64) -> JointConfiguration {
@@ -83,6 +83,7 @@ struct Job {
     start: ChannelPoint,
     knots: Vec<Knot>,
     events: Vec<FlowEvent>,
+    units: Units,
 }
 
 impl Job {
@@ -115,11 +116,12 @@ impl Job {
                 event(2, FlowAction::Prime),
                 event(last, FlowAction::Retract)
             ],
+            units: Units::BASE,
         }
     }
 
     fn spans(&self) -> Vec<Span> {
-        Spans::new(&self.start, &self.knots).collect()
+        Spans::new(&self.start, &self.knots, self.units).collect()
     }
 }
 
@@ -232,6 +234,7 @@ impl Host {
             first_sequence: 500,
             position: job.start,
             solution: configuration.kinematics.solution(),
+            units: job.units,
         }));
         host.poll();
         assert!(host.ack.is_some());
@@ -394,7 +397,7 @@ fn exact(configuration: &MachineConfiguration, natural: &[f64; CHANNELS]) -> [f6
 
 fn final_steps(configuration: &MachineConfiguration, job: &Job) -> Vec<i64> {
     let last = job.knots.last().unwrap().control;
-    let natural = core::array::from_fn(|c| f64::from(last[c]) / UNITS_PER_NATURAL[c]);
+    let natural = job.units.to_natural(&last);
     let motors = configuration.joints.len() + 1;
     exact(configuration, &natural)[..motors]
         .iter()
@@ -492,5 +495,7 @@ mod shaping;
 mod stream_end;
 #[path = "machine_switch_tests.rs"]
 mod switch;
+#[path = "machine_units_tests.rs"]
+mod units;
 #[path = "machine_world_tests.rs"]
 mod world;

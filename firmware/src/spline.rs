@@ -10,7 +10,7 @@
 
 use crate::real::Real;
 use headway_protocol::segment::{Knot, REST_TICKS};
-use headway_protocol::units::{CHANNELS, ChannelPoint, UNITS_PER_NATURAL};
+use headway_protocol::units::{CHANNELS, ChannelPoint, Units};
 
 /// Control points and durations that shape the newest span.
 #[derive(Clone, Debug, PartialEq, Eq)]
@@ -271,40 +271,42 @@ pub struct Span {
     pub base: [i64; CHANNELS],
     /// Its shape.
     pub polynomial: SpanPolynomial<f64>,
+    /// What its units are.
+    pub units: Units,
 }
 
 impl Span {
     /// Channels in mm, rad, mm³ at `t` ticks from the span's start.
     pub fn position(&self, t: f64) -> [f64; CHANNELS] {
         let mut natural = self.polynomial.offset(t);
-        for channel in 0..CHANNELS {
-            let units = self.base[channel] as f64 + natural[channel];
-            natural[channel] = units / UNITS_PER_NATURAL[channel];
+        for (channel, value) in natural.iter_mut().enumerate() {
+            let units = self.base[channel] as f64 + *value;
+            *value = units / self.units.per_natural(channel);
         }
         natural
     }
 
     /// Rates in mm/s, rad/s, mm³/s.
     pub fn velocity(&self, t: f64, servo_hz: f64) -> [f64; CHANNELS] {
-        scaled(self.polynomial.rate(t), servo_hz)
+        self.scaled(self.polynomial.rate(t), servo_hz)
     }
 
     /// Second derivatives in mm/s², rad/s², mm³/s².
     pub fn acceleration(&self, t: f64, servo_hz: f64) -> [f64; CHANNELS] {
-        scaled(self.polynomial.acceleration(t), servo_hz * servo_hz)
+        self.scaled(self.polynomial.acceleration(t), servo_hz * servo_hz)
     }
 
     /// Third derivatives in mm/s³, rad/s³, mm³/s³.
     pub fn jerk(&self, servo_hz: f64) -> [f64; CHANNELS] {
-        scaled(self.polynomial.jerk(), servo_hz * servo_hz * servo_hz)
+        self.scaled(self.polynomial.jerk(), servo_hz * servo_hz * servo_hz)
     }
-}
 
-fn scaled(mut units: [f64; CHANNELS], per_tick: f64) -> [f64; CHANNELS] {
-    for channel in 0..CHANNELS {
-        units[channel] *= per_tick / UNITS_PER_NATURAL[channel];
+    fn scaled(&self, mut units: [f64; CHANNELS], per_tick: f64) -> [f64; CHANNELS] {
+        for (channel, value) in units.iter_mut().enumerate() {
+            *value *= per_tick / self.units.per_natural(channel);
+        }
+        units
     }
-    units
 }
 
 /// The spans of a stream in order.
@@ -314,16 +316,18 @@ pub struct Spans<'a> {
     knots: core::slice::Iter<'a, Knot>,
     index: usize,
     start_tick: u64,
+    units: Units,
 }
 
 impl<'a> Spans<'a> {
-    /// Spans of `knots` after rest on `start`.
-    pub fn new(start: &ChannelPoint, knots: &'a [Knot]) -> Self {
+    /// Spans of `knots` after rest on `start`, in these units.
+    pub fn new(start: &ChannelPoint, knots: &'a [Knot], units: Units) -> Self {
         Self {
             window: SpanWindow::at_rest(start),
             knots: knots.iter(),
             index: 0,
             start_tick: 0,
+            units,
         }
     }
 }
@@ -339,6 +343,7 @@ impl Iterator for Spans<'_> {
             duration_ticks: self.window.duration_ticks(),
             base: *self.window.base(),
             polynomial: self.window.polynomial(),
+            units: self.units,
         };
         self.index += 1;
         self.start_tick += u64::from(span.duration_ticks);
@@ -409,7 +414,7 @@ mod tests {
             }));
             durations.push(f64::from(knot.duration_ticks));
         }
-        for span in Spans::new(&start, &knots) {
+        for span in Spans::new(&start, &knots, Units::BASE) {
             let n = span.index;
             // durations[i] belongs to span i - 2.
             let mut t = [0.0; 6];
@@ -436,7 +441,7 @@ mod tests {
         let (start, knots) = stream(17, 300);
         let mut last: Option<Span> = None;
         let mut checked = 0;
-        for span in Spans::new(&start, &knots) {
+        for span in Spans::new(&start, &knots, Units::BASE) {
             if let Some(last) = last {
                 let end = f64::from(last.duration_ticks);
                 for channel in 0..CHANNELS {

@@ -15,6 +15,8 @@ pub enum Action {
         position: [i16; CHANNELS],
         wild: Option<[i32; CHANNELS]>,
         right_machine: bool,
+        /// Exponents of lengths, angles and volume.
+        units: [u8; 3],
     },
     Knots {
         shift: i16,

@@ -22,7 +22,7 @@ use headway_protocol::message::{
     PROTOCOL_VERSION, PinPosition, SCHEMA_HASH, Start,
 };
 use headway_protocol::segment::{FlowAction, FlowEvent, Knot};
-use headway_protocol::units::{CHANNEL_TILT_X, CHANNEL_TILT_Y, CHANNEL_Z, CHANNELS, Ticks};
+use headway_protocol::units::{CHANNEL_TILT_X, CHANNEL_TILT_Y, CHANNEL_Z, CHANNELS, Ticks, Units};
 use std::collections::VecDeque;
 use std::sync::LazyLock;
 
@@ -207,6 +207,7 @@ impl Target {
                 position,
                 wild: None,
                 right_machine: true,
+                units: [0; 3],
             });
         }
     }
@@ -292,7 +293,17 @@ impl Target {
                 position,
                 wild,
                 right_machine,
-            } => self.start(position, wild, *right_machine),
+                units,
+            } => {
+                // Mostly what a stream may have.
+                let [length, angle, volume] = units.map(|exponent| exponent % 32);
+                let units = Units {
+                    length_exponent: length,
+                    angle_exponent: angle,
+                    volume_exponent: volume,
+                };
+                self.start(position, wild, *right_machine, units);
+            }
             Action::Knots { shift, knots, flip } => self.knots(*shift, knots, *flip),
             Action::RawBlock { bytes } => {
                 if !bytes.is_empty() {
@@ -343,8 +354,14 @@ impl Target {
         }
     }
 
-    fn start(&mut self, position: &[i16; CHANNELS], wild: &Option<[i32; CHANNELS]>, right: bool) {
-        self.position = wild.unwrap_or_else(|| self.near_centre(position));
+    fn start(
+        &mut self,
+        position: &[i16; CHANNELS],
+        wild: &Option<[i32; CHANNELS]>,
+        right: bool,
+        units: Units,
+    ) {
+        self.position = wild.unwrap_or_else(|| units.of_base(&self.near_centre(position)));
         self.predictor = KnotPredictor::new(self.position);
         self.knots = 0;
         self.events = 0;
@@ -354,6 +371,7 @@ impl Target {
             first_sequence: self.next_sequence,
             position: self.position,
             solution: 0,
+            units,
         }));
     }
 

@@ -48,7 +48,7 @@ pub(crate) fn events_of(orders: &[PlacedOrder], laid: &LaidPasses, before: u64) 
     let [from, to] = [laid.first, laid.first + laid.passes.len()]
         .map(|pass| orders.partition_point(|order| pass_of(order) < pass));
     let marks = MarksOfPasses::of(&laid.stream.marks);
-    let mut spans = Spans::new(&laid.stream.start, &laid.stream.knots).peekable();
+    let mut spans = laid.stream.spans().peekable();
     let mut known: Option<(usize, PassPath)> = None;
     // The next pass that is printed, of each.
     let mut next_printed = vec![None; laid.passes.len() + 1];

@@ -1,8 +1,9 @@
 //! A planned job: what `plan` makes and `drive`, `report` and the job file use.
 
 use headway_firmware::configuration::MachineConfiguration;
+use headway_firmware::spline::Spans;
 use headway_protocol::segment::{FlowEvent, Knot, SPAN_TICKS_MAX};
-use headway_protocol::units::ChannelPoint;
+use headway_protocol::units::{ChannelPoint, Units};
 use serde::{Deserialize, Serialize};
 
 /// Spans at rest before the first move: the wire fixes the durations of spans 0 and 1.
@@ -63,7 +64,7 @@ pub struct Mark {
 /// The motion as it is streamed. All poses are in machine coordinates.
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
 pub struct SegmentStream {
-    /// Pose at rest before the first span, in channel units.
+    /// Pose at rest before the first span, in its units.
     pub start: ChannelPoint,
     /// Knots in order; ends at rest (three equal control points).
     pub knots: Vec<Knot>,
@@ -73,6 +74,29 @@ pub struct SegmentStream {
     pub marks: Vec<Mark>,
     /// Which of the machine's joint solutions it is run in.
     pub solution: u8,
+    /// Units of start, knots and events.
+    pub units: Units,
+}
+
+/// What a header says of its stream.
+#[derive(Clone, Debug, PartialEq)]
+pub struct StreamFacts {
+    /// Pose at rest before the first span, in the stream's units.
+    pub start: ChannelPoint,
+    /// Identity of the stream (`WireFrames::job`).
+    pub job: u32,
+    /// Frames.
+    pub frames: u32,
+    /// Knots in them.
+    pub knots: u32,
+    /// Flow events in them.
+    pub events: u32,
+    /// What the stream is doing when.
+    pub marks: Vec<Mark>,
+    /// The joint solution that it is run in.
+    pub solution: u8,
+    /// Its units.
+    pub units: Units,
 }
 
 impl SegmentStream {
@@ -84,7 +108,12 @@ impl SegmentStream {
         }
     }
 
-    /// Puts a stream behind this one that begins where it ends; its passes are counted from
+    /// Its spans in order.
+    pub fn spans(&self) -> Spans<'_> {
+        Spans::new(&self.start, &self.knots, self.units)
+    }
+
+    /// Puts a stream of the same units behind this one that begins where it ends; its passes are counted from
     /// `first_pass` on. Both end at rest and begin with a short one, so that nothing is
     /// computed anew: the rest that ends this one is the one that the other begins with.
     pub fn append(&mut self, next: SegmentStream, first_pass: u32) {

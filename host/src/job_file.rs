@@ -14,9 +14,10 @@
 //! Left out: the outline and the pictures, which are made from the input.
 
 use crate::frame_writer::FrameWriter;
-use crate::job::{Mark, SegmentStream};
+use crate::job::{Mark, SegmentStream, StreamFacts};
 use crate::job_heat::{HEAT_TEXT, HeatEvent, from_json};
 use crate::job_motors::{MOTORS_TEXT, motors_of_text, motors_text, with_motors_as_text};
+use crate::job_units::{units_of_texts, units_text};
 use crate::part_transform::PartTransform;
 use crate::wire_frames::{WireFrames, WireFramesError};
 use headway_firmware::configuration::MachineConfiguration;
@@ -32,6 +33,8 @@ const MAGIC: &[u8; 8] = b"HEADWAYJ";
 const FOOTER_MAGIC: &[u8; 8] = b"HWJINDEX";
 /// Version of the file's layout.
 pub const FORMAT_VERSION: u16 = 1;
+/// Protocol version and schema before streams had units of their own: their frames are those of a stream in base units.
+const BEFORE_UNITS: (u16, u32) = (9, 0xd967_f8b3);
 /// Largest header: a million marks take 30 MB.
 const HEADER_BYTES_MAX: u64 = 256 << 20;
 /// Largest index: 64 frames an entry.
@@ -57,7 +60,7 @@ pub struct JobHeader {
     pub machine_hash: u32,
     /// Where the input lies on the machine; applied before kinematics, undone in every output.
     pub transform: PartTransform,
-    /// Pose at rest before the first span, channel units.
+    /// Pose at rest before the first span, in the stream's units.
     pub start: ChannelPoint,
     /// Identity of the stream (`WireFrames::job`).
     pub job: u32,
@@ -73,25 +76,6 @@ pub struct JobHeader {
     pub figures_json: String,
     /// More texts by name: `settings` (the machine file), `input` (where it came from).
     pub texts: BTreeMap<String, String>,
-}
-
-/// What a header says of its stream.
-#[derive(Clone, Debug, PartialEq)]
-pub struct StreamFacts {
-    /// Pose at rest before the first span, channel units.
-    pub start: ChannelPoint,
-    /// Identity of the stream (`WireFrames::job`).
-    pub job: u32,
-    /// Frames.
-    pub frames: u32,
-    /// Knots in them.
-    pub knots: u32,
-    /// Flow events in them.
-    pub events: u32,
-    /// What the stream is doing when.
-    pub marks: Vec<Mark>,
-    /// The joint solution that it is run in.
-    pub solution: u8,
 }
 
 impl JobHeader {
@@ -111,6 +95,7 @@ impl JobHeader {
             events: stream.events.len() as u32,
             marks: stream.marks.clone(),
             solution: stream.solution,
+            units: stream.units,
         };
         JobHeader::of_facts(facts, machine_name, machine, transform)
     }
@@ -140,7 +125,10 @@ impl JobHeader {
             events: stream.events,
             marks: stream.marks,
             figures_json: String::from("{}"),
-            texts: motors_text(&machine.motors).into_iter().collect(),
+            texts: motors_text(&machine.motors)
+                .into_iter()
+                .chain(units_text(&stream.units))
+                .collect(),
         }
     }
 }
@@ -186,6 +174,7 @@ impl JobFile {
             events,
             marks: self.header.marks.clone(),
             solution: self.header.machine.kinematics.solution(),
+            units: self.header.units(),
         })
     }
 }
@@ -393,7 +382,8 @@ fn parse_header(body: &[u8]) -> Result<JobHeader, JobFileError> {
         .map(|(versions, _)| versions)
         .map_err(|_| damaged(8, "header", "it cannot be read"))?;
     let (format, protocol, schema) = versions;
-    if versions != (FORMAT_VERSION, PROTOCOL_VERSION, SCHEMA_HASH) {
+    let read = [(PROTOCOL_VERSION, SCHEMA_HASH), BEFORE_UNITS];
+    if format != FORMAT_VERSION || !read.contains(&(protocol, schema)) {
         return Err(JobFileError::Version {
             format,
             protocol,
@@ -402,6 +392,7 @@ fn parse_header(body: &[u8]) -> Result<JobHeader, JobFileError> {
     }
     let unreadable = || damaged(8, "header", "it cannot be read");
     let mut header: JobHeader = postcard::from_bytes(body).map_err(|_| unreadable())?;
+    units_of_texts(&header.texts).ok_or_else(unreadable)?;
     if let Some(text) = header.texts.get(MOTORS_TEXT) {
         header.machine.motors = motors_of_text(text).ok_or_else(unreadable)?;
     }
@@ -472,7 +463,7 @@ pub fn read(input: &mut (impl Read + Seek)) -> Result<JobFile, JobFileError> {
 }
 
 fn read_frames(input: &mut impl Read, summary: &JobSummary) -> Result<WireFrames, JobFileError> {
-    let mut frames = WireFrames::new(summary.header.start);
+    let mut frames = WireFrames::new(summary.header.start, summary.header.units());
     let mut decoder = FrameDecoder::new();
     let mut at_byte = summary.frames_start;
     let mut frame_start = at_byte;

@@ -7,11 +7,12 @@
 //! out: where the file lies.
 
 use crate::frame_writer::{FrameWriter, write_with_frames};
-use crate::job::{Mark, SegmentStream};
-use crate::job_file::{JobFileError, JobHeader, StreamFacts};
-use crate::wire_frames::{StreamPacker, WireFramesError};
+use crate::job::{Mark, SegmentStream, StreamFacts};
+use crate::job_file::{JobFileError, JobHeader};
+use crate::wire_frames::{StreamPacker, WireFramesError, digest_from};
 use crc::Digest;
 use headway_protocol::frame::{CRC, FRAME_OVERHEAD_BYTES};
+use headway_protocol::units::Units;
 use std::io::{self, BufReader, BufWriter, Read, Seek, SeekFrom, Write};
 use thiserror::Error;
 
@@ -57,6 +58,7 @@ impl<F: Read + Write + Seek> JobSpool<F> {
                 events: 0,
                 marks: Vec::new(),
                 solution: 0,
+                units: Units::BASE,
             },
             ticks: 0,
         }
@@ -70,9 +72,8 @@ impl<F: Read + Write + Seek> JobSpool<F> {
         if self.packer.is_none() {
             self.facts.start = piece.start;
             self.facts.solution = piece.solution;
-            for value in piece.start {
-                self.digest.update(&value.to_le_bytes());
-            }
+            self.facts.units = piece.units;
+            self.digest = digest_from(&piece.start, &piece.units);
         }
         let mut packer = self
             .packer
@@ -178,28 +179,43 @@ mod tests {
     use crate::settings::Settings;
     use crate::wire_frames::WireFrames;
 
-    /// Goal: a job in pieces is byte for byte the file of the whole. Method: three spirals, appended
-    /// in memory and spooled.
+    /// Goal: a job in pieces is byte for byte the file of the whole, which says its units. Method: three spirals,
+    /// appended in memory and spooled; the same numbers in base units and in coarser ones are two jobs.
     #[test]
     fn spooled_pieces_make_the_file_of_the_whole() {
-        let piece = spiral(2.0);
-        let mut spool = JobSpool::new(io::Cursor::new(Vec::new()));
-        let mut whole = SegmentStream::default();
-        for number in 0..3 {
-            spool.add(&piece, number).expect("room");
-            whole.append(piece.clone(), number);
+        let coarse = Units {
+            length_exponent: 5,
+            angle_exponent: 0,
+            volume_exponent: 16,
+        };
+        let mut jobs = Vec::new();
+        for units in [Units::BASE, coarse] {
+            let piece = SegmentStream {
+                units,
+                ..spiral(2.0)
+            };
+            let mut spool = JobSpool::new(io::Cursor::new(Vec::new()));
+            let mut whole = SegmentStream::default();
+            for number in 0..3 {
+                spool.add(&piece, number).expect("room");
+                whole.append(piece.clone(), number);
+            }
+            let mut spooled = spool.finish().expect("a job");
+            let frames = WireFrames::encode(&whole).expect("frames");
+            assert_eq!(spooled.line_bytes, frames.line_bytes() as u64);
+            let machine = Settings::default().machine;
+            let place = PartTransform::default();
+            let header = JobHeader::new(&whole, &frames, "it", &machine, place);
+            let same = JobHeader::of_facts(spooled.facts.clone(), "it", &machine, place);
+            assert_eq!(header, same);
+            let (mut expected, mut found) = (Vec::new(), Vec::new());
+            crate::job_file::write(&mut expected, &header, &frames).expect("a file");
+            spooled.write(&mut found, &same).expect("a file");
+            assert!(found == expected);
+            let read = crate::job_file::read(&mut io::Cursor::new(found)).expect("a job");
+            assert_eq!(read.stream().expect("a stream"), whole);
+            jobs.push(header.job);
         }
-        let mut spooled = spool.finish().expect("a job");
-        let frames = WireFrames::encode(&whole).expect("frames");
-        assert_eq!(spooled.line_bytes, frames.line_bytes() as u64);
-        let machine = Settings::default().machine;
-        let place = PartTransform::default();
-        let header = JobHeader::new(&whole, &frames, "it", &machine, place);
-        let same = JobHeader::of_facts(spooled.facts.clone(), "it", &machine, place);
-        assert_eq!(header, same);
-        let (mut expected, mut found) = (Vec::new(), Vec::new());
-        crate::job_file::write(&mut expected, &header, &frames).expect("a file");
-        spooled.write(&mut found, &same).expect("a file");
-        assert!(found == expected);
+        assert_ne!(jobs[0], jobs[1]);
     }
 }

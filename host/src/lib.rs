@@ -40,6 +40,7 @@ mod job_motors;
 pub mod job_packing;
 pub mod job_resume;
 pub mod job_spool;
+mod job_units;
 pub mod joint_export;
 pub mod layer_stack;
 pub mod layer_time;

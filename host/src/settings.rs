@@ -19,9 +19,10 @@ pub mod obstacles;
 pub mod options;
 pub mod probe;
 mod switches;
+pub(crate) mod units;
 pub mod wide_beads;
 
-pub use check::{SPAN_VOLUME_MM3, joint_names, motor_rates_hz};
+pub use check::{joint_names, motor_rates_hz};
 pub use error::SettingsError;
 
 use self::head_shape::HeadShape;

@@ -5,13 +5,14 @@
 //! Sequence numbers and CRCs are put around them by `headway_protocol::frame`.
 
 use crate::job::SegmentStream;
-use headway_protocol::frame::MESSAGE_BYTES_MAX;
+use crc::Digest;
+use headway_protocol::frame::{CRC, MESSAGE_BYTES_MAX};
 use headway_protocol::knot_block::{
     KNOTS_PER_BLOCK_MAX, KnotPredictor, decode_block, encode_block,
 };
 use headway_protocol::message::{Finish, HostMessage};
 use headway_protocol::segment::{FlowEvent, Knot};
-use headway_protocol::units::ChannelPoint;
+use headway_protocol::units::{ChannelPoint, Units};
 use thiserror::Error;
 
 /// Most flow events that run ahead of their knots: those of one block. A controller whose event
@@ -63,15 +64,17 @@ struct Entry {
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct WireFrames {
     start: ChannelPoint,
+    units: Units,
     bytes: Vec<u8>,
     entries: Vec<Entry>,
 }
 
 impl WireFrames {
     /// An empty stream from `start`; frames are added with [`WireFrames::push_payload`].
-    pub fn new(start: ChannelPoint) -> Self {
+    pub fn new(start: ChannelPoint, units: Units) -> Self {
         WireFrames {
             start,
+            units,
             bytes: Vec::new(),
             entries: Vec::new(),
         }
@@ -79,7 +82,7 @@ impl WireFrames {
 
     /// Packs a stream. Events must be ordered by span and lie within the stream.
     pub fn encode(stream: &SegmentStream) -> Result<Self, WireFramesError> {
-        let mut frames = WireFrames::new(stream.start);
+        let mut frames = WireFrames::new(stream.start, stream.units);
         let mut packer = StreamPacker::new(stream.start);
         let mut push = |payload: &[u8], knots, events| frames.append(payload, knots, events);
         packer.add(stream, &mut push)?;
@@ -87,9 +90,14 @@ impl WireFrames {
         Ok(frames)
     }
 
-    /// Pose at rest before the first span, channel units.
+    /// Pose at rest before the first span, in the stream's units.
     pub fn start(&self) -> &ChannelPoint {
         &self.start
+    }
+
+    /// Units of the stream.
+    pub fn units(&self) -> Units {
+        self.units
     }
 
     /// Number of frames.
@@ -129,12 +137,9 @@ impl WireFrames {
         self.bytes.len() + self.entries.len() * overhead
     }
 
-    /// Identity of the stream: CRC-32 of its start and payloads.
+    /// Identity of the stream: CRC-32 of its start and payloads, and of its units unless they are base units.
     pub fn job(&self) -> u32 {
-        let mut digest = headway_protocol::frame::CRC.digest();
-        for value in self.start {
-            digest.update(&value.to_le_bytes());
-        }
+        let mut digest = digest_from(&self.start, &self.units);
         digest.update(&self.bytes);
         digest.finalize()
     }
@@ -192,6 +197,23 @@ impl WireFrames {
             events: events_before + events,
         });
     }
+}
+
+/// The digest that is a stream's identity, before its payloads.
+pub(crate) fn digest_from(start: &ChannelPoint, units: &Units) -> Digest<'static, u32> {
+    let mut digest = CRC.digest();
+    for value in start {
+        digest.update(&value.to_le_bytes());
+    }
+    if *units != Units::BASE {
+        let exponents = [
+            units.length_exponent,
+            units.angle_exponent,
+            units.volume_exponent,
+        ];
+        digest.update(&exponents);
+    }
+    digest
 }
 
 /// Packs a stream that comes piece by piece, into the same payloads as the whole of it.
@@ -380,7 +402,7 @@ mod tests {
         let whole = stream(300, &[0, 0, 31, 32, 33, 33, 33, 33, 33, 33, 64, 299]);
         let frames = WireFrames::encode(&whole).unwrap();
         for length in [1, 5, 31, 32, 33, 64, 170] {
-            let mut pieces = WireFrames::new(whole.start);
+            let mut pieces = WireFrames::new(whole.start, whole.units);
             let mut packer = StreamPacker::new(whole.start);
             let mut add = |payload: &[u8], knots, events| pieces.append(payload, knots, events);
             for (number, knots) in whole.knots.chunks(length).enumerate() {
@@ -410,7 +432,7 @@ mod tests {
     #[test]
     fn payloads_read_back_make_the_same_frames() {
         let frames = WireFrames::encode(&stream(100, &[5])).unwrap();
-        let mut copy = WireFrames::new(*frames.start());
+        let mut copy = WireFrames::new(*frames.start(), frames.units());
         for index in 0..frames.len() {
             copy.push_payload(frames.payload(index)).unwrap();
         }
@@ -421,7 +443,7 @@ mod tests {
     #[test]
     fn a_missing_frame_and_an_event_beyond_the_stream_are_refused() {
         let frames = WireFrames::encode(&stream(100, &[])).unwrap();
-        let mut short = WireFrames::new(*frames.start());
+        let mut short = WireFrames::new(*frames.start(), frames.units());
         for index in (0..frames.len()).filter(|index| *index != 1) {
             short.push_payload(frames.payload(index)).unwrap();
         }

@@ -12,7 +12,7 @@ pub const OVERRIDE_PERCENT_MAX: u16 = 200;
 pub const FLOW_PERCENT_RANGE: core::ops::RangeInclusive<u16> = 10..=200;
 /// Period of status reports that can be asked for, ms.
 pub const REPORT_PERIOD_RANGE_MS: core::ops::RangeInclusive<u16> = 20..=60_000;
-/// Largest volume of one prime or retract: 1000 mm³, far beyond any nozzle's need.
+/// Largest volume of one prime or retract, in the stream's unit: 1000 mm³ in base units.
 pub const EVENT_VOLUME_UNITS_MAX: u32 = 1_000_000_000;
 /// Heaters that a command can name.
 pub const HEATERS_MAX: usize = 3;

@@ -15,18 +15,18 @@ pub use crate::driver::{DriverFlags, DriverStatus};
 pub use crate::fault::{ColdHeater, Fault, FaultCause};
 use crate::segment::{FlowEvent, SPAN_TICKS_MAX};
 pub use crate::settings::{RefusedNumber, SettingsProblem, SettingsRefusal};
-use crate::units::ChannelPoint;
+use crate::units::{ChannelPoint, Units};
 use heapless::Vec;
 use serde::{Deserialize, Serialize};
 
 /// Version of the whole protocol; another one is refused with both values shown.
-pub const PROTOCOL_VERSION: u16 = 9;
+pub const PROTOCOL_VERSION: u16 = 10;
 /// The layout of every message, field by field: its hash guards against a build that changed a
 /// message and forgot the version. Change it with the types; the golden test of `WIRE.md` tells.
 pub const SCHEMA: &str = "\
 frame: u16le sequence, postcard, u32le crc32 iso-hdlc; cobs; 00\n\
 host: 0 hello{protocol u16,schema u32,host_session u32}\n\
- 1 start{job u32,machine_hash u32,first_sequence u32,position i32*7,solution u8}\n\
+ 1 start{job u32,machine_hash u32,first_sequence u32,position i32*7,solution u8,units u8*3}\n\
  2 knots(block) 3 flow{span u32,offset u16,action u8,volume u32,duration u32}\n\
  4 finish{knots u32,events u32}\n\
  5 control 0 pause 1 resume 2 override u16 3 abort 4 stop 5 clear 6 status\n\
@@ -90,10 +90,12 @@ pub struct Start {
     /// Sequence number of the stream's first frame. It goes on from the last stream's end, so
     /// that late frames of another stream are always old.
     pub first_sequence: u32,
-    /// Pose at rest from which the first knots lead away, channel units.
+    /// Pose at rest from which the first knots lead away, in the stream's units.
     pub position: ChannelPoint,
     /// Which of the machine's joint solutions the whole stream is run in; 0 where there is one.
     pub solution: u8,
+    /// Units of the whole stream: of this position, of its knots and of its flow events.
+    pub units: Units,
 }
 
 /// End of the stream, with totals since `Start` to check.
@@ -411,8 +413,9 @@ impl HostMessage<'_> {
             }
             HostMessage::Control(control) => control.is_valid(),
             HostMessage::Knots(block) => !block.is_empty(),
+            HostMessage::Start(start) => start.units.is_valid(),
             // Every value of these is possible; what it means is checked by the receiver.
-            HostMessage::Hello(_) | HostMessage::Start(_) | HostMessage::Finish(_) => true,
+            HostMessage::Hello(_) | HostMessage::Finish(_) => true,
         };
         if valid {
             Ok(())

@@ -22,7 +22,7 @@ pub const SPAN_TICKS_MAX: u16 = 4096;
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash, Serialize, Deserialize)]
 #[cfg_attr(feature = "defmt", derive(defmt::Format))]
 pub struct Knot {
-    /// Control point P_n, in channel units (wrapping).
+    /// Control point P_n, in the stream's units (wrapping).
     pub control: ChannelPoint,
     /// Duration of span n + 2 in servo ticks, 1..=[`SPAN_TICKS_MAX`].
     pub duration_ticks: u16,
@@ -49,7 +49,7 @@ pub struct FlowEvent {
     pub offset_ticks: u16,
     /// Prime or retract.
     pub action: FlowAction,
-    /// Volume moved, 10⁻⁶ mm³.
+    /// Volume moved, in the stream's unit of volume.
     pub volume_units: u32,
     /// How long it takes.
     pub duration_ticks: Ticks,

@@ -5,7 +5,7 @@ use headway_protocol::frame::{FRAME_BYTES_MAX, FrameDecoder, encode_frame};
 use headway_protocol::knot_block::{KnotPredictor, decode_block, encode_block};
 use headway_protocol::message::*;
 use headway_protocol::segment::{FlowAction, FlowEvent, Knot};
-use headway_protocol::units::Ticks;
+use headway_protocol::units::{Ticks, Units};
 
 const WIRE: &str = include_str!("../WIRE.md");
 const POSITION: [i32; 7] = [1_000_000, -2_000_000, 2000, 0, 0, 1_570_796, 0];
@@ -40,6 +40,11 @@ fn host_message<'a>(name: &str, block: &'a [u8]) -> Option<HostMessage<'a>> {
             first_sequence: 3,
             position: POSITION,
             solution: 5,
+            units: Units {
+                length_exponent: 5,
+                angle_exponent: 0,
+                volume_exponent: 17,
+            },
         }),
         "knots" => HostMessage::Knots(block),
         "flow" => HostMessage::Flow(FlowEvent {

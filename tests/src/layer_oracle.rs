@@ -49,11 +49,14 @@ impl Curve {
     /// P_{-3}.. and the knot vector of the stream: times[i] and control[i] in de Boor's numbering,
     /// so that span n runs from times[n + 3] and uses control[n..n + 4].
     fn of(stream: &SegmentStream) -> Curve {
+        let units = stream.units;
+        let length = 2f64.powi(i32::from(units.length_exponent));
+        let angle = 2f64.powi(i32::from(units.angle_exponent));
         let natural = |c: &[i32; 7]| {
             [
-                f64::from(c[0]) / 1e4,
-                f64::from(c[1]) / 1e4,
-                f64::from(c[5]) / 1e6,
+                f64::from(c[0]) / 1e4 * length,
+                f64::from(c[1]) / 1e4 * length,
+                f64::from(c[5]) / 1e6 * angle,
             ]
         };
         let mut control = vec![natural(&stream.start); 3];

@@ -5,7 +5,6 @@ use headway::drive::link::{LinkSpec, Outage};
 use headway::drive::simulator::SimulatorSetup;
 use headway::job::SegmentStream;
 use headway::settings::Settings;
-use headway_firmware::spline::Spans;
 use headway_protocol::segment::FlowAction;
 use headway_protocol::units::CHANNEL_VOLUME;
 use rand::{RngExt, SeedableRng};
@@ -148,17 +147,19 @@ pub struct Met {
 impl Rig {
     /// The largest prime of the job: what a hold pulls back and pushes again.
     fn prime_mm3(&self) -> f64 {
+        let per_mm3 = self.stream.units.per_natural(CHANNEL_VOLUME);
         let primes = self.stream.events.iter();
         primes
             .filter(|event| event.action == FlowAction::Prime)
-            .map(|event| f64::from(event.volume_units) / 1e6)
+            .map(|event| f64::from(event.volume_units) / per_mm3)
             .fold(0.0, f64::max)
     }
 
     /// Fastest deposit of the job's spans.
     fn flow_max_mm3_s(&self) -> f64 {
         let servo_hz = f64::from(self.settings.machine.servo_hz);
-        Spans::new(&self.stream.start, &self.stream.knots)
+        self.stream
+            .spans()
             .map(|span| span.velocity(0.5 * f64::from(span.duration_ticks), servo_hz))
             .map(|rate| rate[CHANNEL_VOLUME])
             .fold(0.0, f64::max)

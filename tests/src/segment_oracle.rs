@@ -4,8 +4,24 @@
 use headway::job::{MotionState, SegmentStream};
 use headway::settings::Settings;
 
-/// Channel units a mm, rad or mm³.
+/// Base units a mm, rad or mm³.
 pub const UNITS: [f64; 7] = [1e4, 1e4, 1e4, 1e6, 1e6, 1e6, 1e6];
+
+/// Units of a stream a mm, rad or mm³.
+pub fn units_of(stream: &SegmentStream) -> [f64; 7] {
+    let units = stream.units;
+    let [length, angle] = [units.length_exponent, units.angle_exponent];
+    let exponents = [
+        length,
+        length,
+        length,
+        angle,
+        angle,
+        angle,
+        units.volume_exponent,
+    ];
+    std::array::from_fn(|c| UNITS[c] / 2f64.powi(i32::from(exponents[c])))
+}
 
 /// The wire's spline with its derivatives, by de Boor.
 pub struct Oracle {
@@ -40,9 +56,10 @@ impl Oracle {
             last = knot.control;
             control.push(unwrapped.map(|v| v as f64));
         }
+        let units = units_of(stream);
         for point in &mut control {
             for c in 0..7 {
-                point[c] /= UNITS[c];
+                point[c] /= units[c];
             }
         }
         let first = Self::derivative(&knots, &control, 3);
@@ -191,7 +208,7 @@ fn event_rates(stream: &SegmentStream, t: f64) -> (f64, f64) {
         } else {
             -1.0
         };
-        let volume = sign * f64::from(event.volume_units) * 1e-6;
+        let volume = sign * f64::from(event.volume_units) / units_of(stream)[6];
         let x = (t - start) / duration;
         if (0.0..=1.0).contains(&x) {
             let seconds = duration / 2000.0;

@@ -76,13 +76,12 @@ impl Interpolator {
     /// At rest on the origin.
     pub fn new(joint_channels: &JointChannels) -> Self {
         let origin = ChannelPoint::default();
-        let bases = joint_channels.scaled(&origin);
         Self {
-            spans: [ReadySpan::at_rest(&bases, &origin); SPANS],
+            spans: [ReadySpan::at_rest(joint_channels, &origin); SPANS],
             place: 0,
             ready: 0,
             joint_channels: joint_channels.clone(),
-            bases,
+            bases: joint_channels.scaled(&origin),
             shape: SpanShape::at_rest(&origin),
             playing: false,
             outlook: Outlook::Open,
@@ -96,13 +95,14 @@ impl Interpolator {
         }
     }
 
-    /// Starts anew at rest on `start`. In its place: it is large for a stack.
-    pub fn start_at(&mut self, start: &ChannelPoint) {
+    /// Starts anew at rest on `start`, in the units of `joint_channels`. In its place: it is large for a stack.
+    pub fn start_at(&mut self, start: &ChannelPoint, joint_channels: &JointChannels) {
+        self.joint_channels = joint_channels.clone();
         self.shape = SpanShape::at_rest(start);
         self.bases = self.joint_channels.scaled(start);
         self.place = 0;
         self.ready = 0;
-        self.spans[0] = ReadySpan::at_rest(&self.bases, start);
+        self.spans[0] = ReadySpan::at_rest(joint_channels, start);
         self.playing = false;
         self.outlook = Outlook::Open;
         self.local_q16 = 0;

@@ -12,7 +12,6 @@ use crate::spline::{SpanShape, SpanWeights};
 use crate::steps::{NEAR_STEP, NEAR_STEPS_MAX, ScaledUnits, Target};
 use headway_protocol::units::{
     CHANNEL_HEADING, CHANNEL_TILT_X, CHANNEL_TILT_Y, CHANNEL_X, CHANNEL_Y, CHANNEL_Z, ChannelPoint,
-    UNITS_PER_NATURAL,
 };
 
 /// c0..c3 of a cubic in servo ticks.
@@ -49,13 +48,14 @@ pub(super) struct ReadySpan {
 }
 
 impl ReadySpan {
-    pub(super) fn at_rest(bases: &[ScaledUnits; MOTORS_MAX], start: &ChannelPoint) -> Self {
+    pub(super) fn at_rest(joint_channels: &JointChannels, start: &ChannelPoint) -> Self {
+        let bases = joint_channels.scaled(start);
         Self {
             motors: bases.map(|base| MotorSpan::at_rest(base.position)),
             tilt: [[0.0; 4]; 2],
-            tilt_base: [start[CHANNEL_TILT_X], start[CHANNEL_TILT_Y]],
+            tilt_base: TILT_CHANNELS.map(|channel| joint_channels.urad(start, channel)),
             place: [[0.0; 4]; PLACE_CHANNELS.len()],
-            place_base: PLACE_CHANNELS.map(|channel| place_of(start, channel)),
+            place_base: PLACE_CHANNELS.map(|channel| place_of(start, channel, joint_channels)),
             load: SpanLoad::REST,
             duration_q16: 0,
             ends_at_rest: true,
@@ -77,14 +77,19 @@ impl ReadySpan {
         self.duration_q16 = u32::from(waiting.span_ticks) << 16;
         self.ends_at_rest = waiting.ends_at_rest;
         if joint_channels.tilts() {
-            let channels = [CHANNEL_TILT_X, CHANNEL_TILT_Y];
-            self.tilt_base = channels.map(|channel| shape.base()[channel]);
-            self.tilt = channels.map(|channel| shape.cubic(channel, &weights));
+            let urad = joint_channels.urad_per_unit();
+            self.tilt_base =
+                TILT_CHANNELS.map(|channel| joint_channels.urad(shape.base(), channel));
+            self.tilt = TILT_CHANNELS.map(|channel| {
+                let cubic = shape.cubic::<f32>(channel, &weights);
+                cubic.map(|units| units * urad)
+            });
         }
         if joint_channels.follows_pose() {
-            self.place_base = PLACE_CHANNELS.map(|channel| place_of(shape.base(), channel));
+            self.place_base =
+                PLACE_CHANNELS.map(|channel| place_of(shape.base(), channel, joint_channels));
             self.place = PLACE_CHANNELS.map(|channel| {
-                let natural = 1.0 / UNITS_PER_NATURAL[channel] as f32;
+                let natural = joint_channels.natural(channel);
                 let cubic = shape.cubic::<f32>(channel, &weights);
                 cubic.map(|units| units * natural)
             });
@@ -134,16 +139,20 @@ impl ReadySpan {
 /// What joints follow beside the tilt on machines that follow the whole pose.
 const PLACE_CHANNELS: [usize; 4] = [CHANNEL_X, CHANNEL_Y, CHANNEL_Z, CHANNEL_HEADING];
 
+/// The tilt's.
+const TILT_CHANNELS: [usize; 2] = [CHANNEL_TILT_X, CHANNEL_TILT_Y];
+
 /// A place channel of a control point, mm or rad: far-off headings are brought within a turn of 0, so
 /// that single precision holds them.
-fn place_of(point: &ChannelPoint, channel: usize) -> f32 {
+fn place_of(point: &ChannelPoint, channel: usize, joint_channels: &JointChannels) -> f32 {
     let units = point.get(channel).copied().unwrap_or(0);
     if channel != CHANNEL_HEADING {
-        return units as f32 * 1e-4;
+        return units as f32 * joint_channels.natural(channel);
     }
-    let turn_units = core::f64::consts::TAU * 1e6;
-    let turns = (f64::from(units) / turn_units) as i32;
-    ((f64::from(units) - f64::from(turns) * turn_units) * 1e-6) as f32
+    let urad = f64::from(units) * f64::from(joint_channels.urad_per_unit());
+    let turn_urad = core::f64::consts::TAU * 1e6;
+    let turns = (urad / turn_urad) as i32;
+    ((urad - f64::from(turns) * turn_urad) * 1e-6) as f32
 }
 
 /// A pose at rest.
@@ -153,7 +162,7 @@ pub struct RestPose(ReadySpan);
 impl RestPose {
     /// On `start`.
     pub fn new(joint_channels: &JointChannels, start: &ChannelPoint) -> Self {
-        Self(ReadySpan::at_rest(&joint_channels.scaled(start), start))
+        Self(ReadySpan::at_rest(joint_channels, start))
     }
 
     /// As [`super::Interpolator::offset`].

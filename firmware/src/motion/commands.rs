@@ -12,23 +12,28 @@ use crate::queue::QueuedKnot;
 use crate::steps::{Stopped, count};
 use headway_protocol::message::{Fault, FaultCause};
 use headway_protocol::segment::FlowEvent;
-use headway_protocol::units::ChannelPoint;
+use headway_protocol::units::{ChannelPoint, Units};
 
 impl Motion {
-    /// Opens a stream that starts at rest on `position`, in the joint solution of the last one.
+    /// Opens a stream of base units that starts at rest on `position`, in the joint solution of the last one.
     ///
     /// # Errors
     /// As [`Self::start_in`].
     pub fn start(&mut self, position: &ChannelPoint) -> Result<(), CommandError> {
-        self.start_in(position, self.joints.solution())
+        self.start_in(position, self.joints.solution(), &Units::BASE)
     }
 
-    /// Opens a stream that starts at rest on `position`, in one of the machine's joint solutions.
+    /// Opens a stream of these units that starts at rest on `position`, in one of the machine's joint solutions.
     ///
     /// # Errors
     /// [`CommandError`]: a stream that is open, a latched fault, a position that is not where the
-    /// machine is, a joint solution that it has not.
-    pub fn start_in(&mut self, position: &ChannelPoint, solution: u8) -> Result<(), CommandError> {
+    /// machine is, a joint solution that it has not, a unit too coarse for a motor.
+    pub fn start_in(
+        &mut self,
+        position: &ChannelPoint,
+        solution: u8,
+        units: &Units,
+    ) -> Result<(), CommandError> {
         if self.fault.is_some() {
             return Err(CommandError::Faulted);
         }
@@ -39,7 +44,7 @@ impl Motion {
             return Err(CommandError::Invalid);
         }
         self.joints.take_solution(solution)?;
-        self.place(position, self.reference.known)?;
+        self.place(position, units, self.reference.known)?;
         self.queue.clear();
         self.events.clear();
         self.aborting = false;
@@ -64,12 +69,20 @@ impl Motion {
         if !self.is_free() {
             return Err(CommandError::Busy);
         }
-        self.place(position, 0)
+        self.place(position, &Units::BASE, 0)
     }
 
     /// Takes over a pose at rest, only if the `known` joints are there already.
-    fn place(&mut self, position: &ChannelPoint, known: u8) -> Result<(), CommandError> {
-        let (pose, targets) = self.rest_targets(position)?;
+    fn place(
+        &mut self,
+        position: &ChannelPoint,
+        units: &Units,
+        known: u8,
+    ) -> Result<(), CommandError> {
+        let joint_channels = self.joint_channels.in_units(units);
+        let joint_channels = joint_channels.ok_or(CommandError::Invalid)?;
+        let pose = RestPose::new(&joint_channels, position);
+        let targets = self.rest_targets(&pose)?;
         let here = self.programmer.positions(&self.waiting);
         let moved = targets
             .iter()
@@ -85,8 +98,9 @@ impl Motion {
             return Err(CommandError::Invalid);
         }
         let (_, base) = pose.offset().of_motor(self.joints.count());
+        self.flow.take_scale(joint_channels.extruder_scale());
         self.flow.declare(&mut self.flow_window, base);
-        self.interpolator.start_at(position);
+        self.interpolator.start_at(position, &joint_channels);
         self.programmer.set_positions(&targets);
         let extruder = self.joints.count();
         self.programmer
@@ -98,15 +112,13 @@ impl Motion {
         Ok(())
     }
 
-    /// Where the motors are at rest on a pose: the pose, and the positions.
+    /// Where the motors are at rest on a pose.
     pub(super) fn rest_targets(
         &mut self,
-        position: &ChannelPoint,
-    ) -> Result<(RestPose, [i64; MOTORS_MAX]), CommandError> {
-        let pose = RestPose::new(&self.joint_channels, position);
-        let targets = self.joints.targets(&pose);
-        let targets = targets.map_err(|_| CommandError::Invalid)?;
-        Ok((pose, targets))
+        pose: &RestPose,
+    ) -> Result<[i64; MOTORS_MAX], CommandError> {
+        let targets = self.joints.targets(pose);
+        targets.map_err(|_| CommandError::Invalid)
     }
 
     /// True while frames of a stream are awaited: it is open and has no end yet. After a fault what

@@ -9,6 +9,7 @@ use crate::configuration::{JOINTS_MAX, MOTORS_MAX, MachineConfiguration};
 use crate::extruder_limits::event_ratio;
 use crate::heat::panel::Melt;
 use crate::homing::{Homing, HomingConfiguration, HomingOutcome};
+use crate::interpolator::RestPose;
 use crate::joint_move::{JointMove, MoveLimits};
 use crate::steps::{STEP, StepScale, Target};
 use headway_protocol::message::{Control, Fault, FaultCause, JointOrder, PROBE_BIT};
@@ -223,7 +224,8 @@ impl Motion {
     }
 
     fn go_to(&mut self, position: &ChannelPoint) -> Result<(), CommandError> {
-        let (_, targets) = self.rest_targets(position)?;
+        let pose = RestPose::new(&self.joint_channels, position);
+        let targets = self.rest_targets(&pose)?;
         let here = self.programmer.newest_targets(&self.waiting);
         let known = self.reference.known;
         let hand = &mut self.jog;
@@ -364,6 +366,7 @@ impl Motion {
         self.programmer.forget(&self.waiting);
         self.jog.targets = self.programmer.newest_targets(&self.waiting);
         let motor = self.joints.count();
+        self.flow.take_scale(self.joint_channels.extruder_scale());
         self.flow.declare(&mut self.flow_window, Target::default());
         self.jog.extruder_offset = self.joint_position(motor);
     }

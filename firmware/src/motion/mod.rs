@@ -137,6 +137,7 @@ pub struct Motion {
     flow: Flow,
     events: EventQueue,
     interpolator: Interpolator,
+    /// In base units, those of commands; the interpolator has those of the stream.
     joint_channels: JointChannels,
     /// Servo ticks that motors wait for pressure advance and shapers.
     delays: Delays,

@@ -303,9 +303,10 @@ impl Receiver {
             self.refuse_control(sequence, RefusalReason::Machine(self.machine_hash));
             return;
         }
-        match motion.start_in(&start.position, start.solution) {
+        match motion.start_in(&start.position, start.solution, &start.units) {
             Ok(()) => {
                 self.loads.take_solution(start.solution);
+                self.loads.take_units(&start.units);
                 log_event!("job {=u32:08x} opens", start.job);
                 self.stream = Some(Stream {
                     job: start.job,

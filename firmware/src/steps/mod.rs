@@ -69,7 +69,7 @@ pub struct ScaledUnits {
 }
 
 impl StepScale {
-    /// `steps_per_unit`: motor steps per channel unit (0.1 µm, µrad, 10⁻⁶ mm³), below 4.
+    /// `steps_per_unit`: motor steps per channel unit, below 4.
     pub fn new(steps_per_unit: f64) -> Self {
         const ONE: f64 = (1u64 << SCALE_BITS) as f64;
         let scaled = steps_per_unit * ONE;
@@ -79,6 +79,19 @@ impl StepScale {
             per_unit: whole >> REST_BITS,
             per_unit_rest: (whole & REST_MASK) as i32,
             per_unit_single: steps_per_unit as f32,
+        }
+    }
+
+    /// Of units coarser by two to this power, exactly: so many of them are where as many base units are. They must
+    /// be below 4 steps too.
+    #[must_use]
+    pub fn coarser(&self, exponent: u8) -> Self {
+        let whole = (self.per_unit << REST_BITS) | i64::from(self.per_unit_rest);
+        let whole = whole << exponent;
+        Self {
+            per_unit: whole >> REST_BITS,
+            per_unit_rest: (whole & REST_MASK) as i32,
+            per_unit_single: self.per_unit_single * (1u32 << exponent) as f32,
         }
     }
 

@@ -20,7 +20,7 @@ use crate::short_number::Short;
 use headway_firmware::configuration::MachineConfiguration;
 use headway_firmware::load::{LoadModel, SpanFault};
 use headway_firmware::spline::SpanWindow;
-use headway_protocol::units::{CHANNEL_X, CHANNEL_Y, CHANNEL_Z, ChannelPoint, UNITS_PER_NATURAL};
+use headway_protocol::units::{CHANNEL_X, CHANNEL_Y, CHANNEL_Z, ChannelPoint, Units};
 use refined::refined;
 
 /// Longest way of a span along the bed, mm. Control points are moved, not the curve: between them a bed
@@ -122,20 +122,21 @@ pub fn over_bed(
     }
     mesh.check_fade()?;
     let mut over = refined(stream, SPAN_MM);
-    over.start = mesh.shifted(&over.start);
+    let units = over.units;
+    over.start = mesh.shifted(&over.start, &units);
     for knot in &mut over.knots {
-        knot.control = mesh.shifted(&knot.control);
+        knot.control = mesh.shifted(&knot.control, &units);
     }
     check(&over, machine)?;
     Ok(over)
 }
 
 impl BedMesh {
-    /// A pose of the plan over this bed, channel units.
-    pub fn shifted(&self, point: &ChannelPoint) -> ChannelPoint {
+    /// A pose of the plan over this bed, in the same units.
+    pub fn shifted(&self, point: &ChannelPoint, units: &Units) -> ChannelPoint {
         let tip = [CHANNEL_X, CHANNEL_Y, CHANNEL_Z];
-        let tip_mm = tip.map(|c| f64::from(point[c]) / UNITS_PER_NATURAL[c]);
-        let shift = self.shift_mm(tip_mm) * UNITS_PER_NATURAL[CHANNEL_Z];
+        let tip_mm = tip.map(|c| f64::from(point[c]) / units.per_natural(c));
+        let shift = self.shift_mm(tip_mm) * units.per_natural(CHANNEL_Z);
         let mut shifted = *point;
         shifted[CHANNEL_Z] = point[CHANNEL_Z].saturating_add(shift.round() as i32);
         shifted
@@ -157,7 +158,8 @@ impl BedMesh {
 /// Looks at every span as the board will when it arrives.
 fn check(stream: &SegmentStream, machine: &MachineConfiguration) -> Result<(), BedMeshError> {
     let machine = stream.machine(machine);
-    let loads = LoadModel::new(&machine);
+    let mut loads = LoadModel::new(&machine);
+    loads.take_units(&stream.units);
     let mut window = SpanWindow::at_rest(&stream.start);
     let mut winding = loads.winding_at(&stream.start);
     let mut ticks = 0u64;

@@ -6,13 +6,15 @@
 
 use crate::job::{LEAD_IN_SPANS, SegmentStream};
 use headway_protocol::segment::{FlowEvent, Knot, REST_TICKS};
-use headway_protocol::units::{CHANNEL_X, CHANNEL_Y, CHANNELS, ChannelPoint, UNITS_PER_NATURAL};
+use headway_protocol::units::{CHANNEL_X, CHANNEL_Y, CHANNELS, ChannelPoint};
 
 /// Shortest part of a span, servo ticks: as short as planned ones.
 const PART_TICKS_MIN: u32 = 8;
 
 /// A stream's spline: `control[i]` is P_{i-3}, unwrapped, `starts[i]` is T_{i-2}, the start of span i - 2.
 struct Curve {
+    /// Units per mm.
+    per_mm: f64,
     control: Vec<[f64; CHANNELS]>,
     starts: Vec<f64>,
 }
@@ -38,6 +40,7 @@ pub(super) fn refined(stream: &SegmentStream, span_mm: f64) -> SegmentStream {
         start: stream.start,
         marks: stream.marks.clone(),
         solution: stream.solution,
+        units: stream.units,
         events: events(&stream.events, &parts),
         knots: Vec::with_capacity(spans.len()),
     };
@@ -98,7 +101,11 @@ impl Curve {
             at += f64::from(knot.duration_ticks);
             starts.push(at);
         }
-        Curve { control, starts }
+        Curve {
+            per_mm: stream.units.per_natural(CHANNEL_X),
+            control,
+            starts,
+        }
     }
 
     /// T of a span, counted from 0.
@@ -116,7 +123,7 @@ impl Curve {
         let mut per_tick = 0.0f64;
         for i in 0..3 {
             let [from, to] = [self.control[span + i], self.control[span + i + 1]];
-            let way = [CHANNEL_X, CHANNEL_Y].map(|c| (to[c] - from[c]) / UNITS_PER_NATURAL[c]);
+            let way = [CHANNEL_X, CHANNEL_Y].map(|c| (to[c] - from[c]) / self.per_mm);
             // Of P_{n-2+i} the knots T_{n-2+i} to T_{n+1+i}.
             let ticks = self.starts[span + i + 3] - self.starts[span + i];
             per_tick = per_tick.max(3.0 * way[0].hypot(way[1]) / ticks);

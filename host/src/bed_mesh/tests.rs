@@ -7,7 +7,7 @@ use crate::drive::plan_curve::{PlanCursor, stream_ticks};
 use crate::drive::test_streams::spiral;
 use crate::settings::Settings;
 use headway_protocol::segment::{FlowAction, FlowEvent, Knot};
-use headway_protocol::units::{CHANNELS, Ticks};
+use headway_protocol::units::{CHANNELS, Ticks, Units};
 
 fn mesh(points: [usize; 2], bed: impl Fn(f64, f64) -> f64) -> BedMesh {
     let (min_mm, max_mm) = ([20.0, 10.0], [220.0, 190.0]);
@@ -129,16 +129,14 @@ fn refined_spans_are_the_same_curve_and_keep_their_events() {
     let fine = refined(&stream, 0.5);
     assert!(fine.knots.len() > 2 * stream.knots.len(), "it is refined");
     assert_eq!(stream_ticks(&fine.knots), stream_ticks(&stream.knots));
-    let (mut old, mut new) = (
-        PlanCursor::new(&stream.start, &stream.knots),
-        PlanCursor::new(&fine.start, &fine.knots),
-    );
+    let (mut old, mut new) = (PlanCursor::new(&stream), PlanCursor::new(&fine));
     let ticks = stream_ticks(&stream.knots);
     for step in 0..4 * ticks {
         let at = step as f64 / 4.0;
         let (old, new) = (old.position(at), new.position(at));
         for channel in 0..CHANNELS {
-            let units = (old[channel] - new[channel]).abs() * UNITS_PER_NATURAL[channel];
+            let units = (old[channel] - new[channel]).abs()
+                * headway_protocol::units::UNITS_PER_NATURAL[channel];
             // Half a unit of rounding, and what doubles do to 10⁹ units.
             assert!(units <= 0.51, "channel {channel} at {at}: {units}");
         }
@@ -167,10 +165,7 @@ fn a_job_over_a_bed_is_its_plan_lifted_by_the_beds_height() {
     let over = over_bed(&stream, &mesh, &settings.machine).expect("it fits");
     assert_eq!(over.events, stream.events);
     assert_eq!(over.marks, stream.marks);
-    let (mut plan, mut lifted) = (
-        PlanCursor::new(&stream.start, &stream.knots),
-        PlanCursor::new(&over.start, &over.knots),
-    );
+    let (mut plan, mut lifted) = (PlanCursor::new(&stream), PlanCursor::new(&over));
     let mut range = [f64::INFINITY, f64::NEG_INFINITY];
     for at in 0..stream_ticks(&stream.knots) {
         let (plan, lifted) = (plan.position(at as f64), lifted.position(at as f64));
@@ -184,6 +179,46 @@ fn a_job_over_a_bed_is_its_plan_lifted_by_the_beds_height() {
         }
     }
     assert!(range[1] - range[0] > 0.01, "the bed was felt: {range:?}");
+}
+
+#[test]
+fn a_job_of_coarse_units_is_lifted_by_the_same_height() {
+    let machine = Settings::default().machine;
+    let units = Units {
+        length_exponent: 4,
+        angle_exponent: 0,
+        volume_exponent: 8,
+    };
+    let mut coarse = spiral(3.0);
+    coarse.units = units;
+    coarse.start = units.of_base(&coarse.start);
+    let mut fine = coarse.clone();
+    for knot in &mut coarse.knots {
+        knot.control = units.of_base(&knot.control);
+    }
+    coarse.events.clear();
+    // The same places in base units.
+    fine.units = Units::BASE;
+    fine.events.clear();
+    fine.start = units.to_base(&coarse.start);
+    for (knot, coarse) in fine.knots.iter_mut().zip(&coarse.knots) {
+        knot.control = units.to_base(&coarse.control);
+    }
+    let mesh = mesh([9, 9], warped);
+    let [coarse, fine] =
+        [coarse, fine].map(|job| over_bed(&job, &mesh, &machine).expect("it fits"));
+    assert_eq!(coarse.units, units);
+    let (mut one, mut other) = (PlanCursor::new(&coarse), PlanCursor::new(&fine));
+    for at in 0..stream_ticks(&fine.knots) {
+        let (one, other) = (one.position(at as f64), other.position(at as f64));
+        for channel in [CHANNEL_X, CHANNEL_Y, CHANNEL_Z] {
+            // A unit of 1.6 µm: points are put in and lifted, rounded to half a unit each.
+            assert!(
+                (one[channel] - other[channel]).abs() <= 0.00161,
+                "{channel} at {at}"
+            );
+        }
+    }
 }
 
 #[test]

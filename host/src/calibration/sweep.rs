@@ -12,7 +12,7 @@ use crate::job::{Mark, MotionState, SegmentStream};
 use crate::settings::Settings;
 use headway_firmware::configuration::Kinematics;
 use headway_protocol::segment::{Knot, REST_TICKS};
-use headway_protocol::units::{CHANNEL_X, CHANNEL_Z, CHANNELS, to_units};
+use headway_protocol::units::{CHANNEL_X, CHANNEL_Z, CHANNELS, Units, to_units};
 use std::f64::consts::TAU;
 
 /// Rise, Hz a second: at a damping of 0.05 a frame at 40 Hz rings up in 0.1 s.
@@ -269,6 +269,7 @@ impl Making {
             events: Vec::new(),
             marks: self.marks,
             solution: 0,
+            units: Units::BASE,
         }
     }
 }

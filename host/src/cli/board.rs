@@ -101,7 +101,8 @@ fn go(job: &Path, mesh: Option<&Path>, port: &PortArgs, console: &Console) -> Re
     let job = over_bed(super::job::read(job)?, mesh)?;
     let mut talk = Talk::open(port)?;
     talk.check_machine(&job.file.header.machine)?;
-    talk.order(Control::GoTo(*job.file.frames.start()))?;
+    let frames = &job.file.frames;
+    talk.order(Control::GoTo(frames.units().to_base(frames.start())))?;
     let status = talk.wait_for_rest()?;
     console.result(&status_text(&status, false))
 }

@@ -21,7 +21,7 @@ use crate::report::figures::Figures;
 use crate::report::job_texts::LayerOutlines;
 use crate::settings::{Settings, machine_file};
 use crate::short_number::Short;
-use headway_protocol::units::{CHANNEL_VOLUME, UNITS_PER_NATURAL};
+use headway_protocol::units::CHANNEL_VOLUME;
 use serde_json::{Value, json};
 use std::path::{Path, PathBuf};
 
@@ -212,7 +212,7 @@ fn volume_mm3(stream: &SegmentStream) -> f64 {
         .last()
         .map_or(stream.start, |knot| knot.control);
     let units = end[CHANNEL_VOLUME].wrapping_sub(stream.start[CHANNEL_VOLUME]);
-    units as f64 / UNITS_PER_NATURAL[CHANNEL_VOLUME]
+    units as f64 / stream.units.per_natural(CHANNEL_VOLUME)
 }
 
 fn as_json(drawn: &Pattern, written: &[Written]) -> Value {

@@ -13,6 +13,7 @@ use crate::report::plan_picture::PlanPicture;
 use crate::report::pose_table::ROWS_MAX;
 use crate::report::{plan_picture, pose_table};
 use headway_protocol::segment::FlowAction;
+use headway_protocol::units::{CHANNEL_VOLUME, CHANNELS, Units};
 use serde_json::json;
 
 pub(super) fn run(args: &ExportArgs, console: &Console) -> Result<(), CliError> {
@@ -159,6 +160,7 @@ fn json(job: &Job) -> serde_json::Value {
             })
         })
         .collect();
+    let per_mm3 = job.stream.units.per_natural(CHANNEL_VOLUME);
     let events: Vec<_> = job
         .stream
         .events
@@ -171,7 +173,7 @@ fn json(job: &Job) -> serde_json::Value {
                     FlowAction::Prime => "prime",
                     FlowAction::Retract => "retract",
                 },
-                "volume_mm3": f64::from(e.volume_units) * 1e-6,
+                "volume_mm3": f64::from(e.volume_units) / per_mm3,
                 "duration_ticks": e.duration_ticks.0,
             })
         })
@@ -189,11 +191,20 @@ fn json(job: &Job) -> serde_json::Value {
         "step_hz": header.machine.step_hz,
         "offset_mm": header.transform.offset_mm,
         "figures": figures,
-        "channels": ["x 1e-4 mm", "y 1e-4 mm", "z 1e-4 mm", "tilt x 1e-6 rad", "tilt y 1e-6 rad",
-            "heading 1e-6 rad", "volume 1e-6 mm3"],
+        "channels": channels(&job.stream.units),
         "start": job.stream.start,
         "knots": knots,
         "events": events,
         "marks": marks,
+    })
+}
+
+/// The channels with the unit in which each is counted.
+fn channels(units: &Units) -> [String; CHANNELS] {
+    let names = ["x", "y", "z", "tilt x", "tilt y", "heading", "volume"];
+    let natural = ["mm", "mm", "mm", "rad", "rad", "rad", "mm3"];
+    std::array::from_fn(|channel| {
+        let unit = 1.0 / units.per_natural(channel);
+        format!("{} {unit:e} {}", names[channel], natural[channel])
     })
 }

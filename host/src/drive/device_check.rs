@@ -19,7 +19,7 @@ use headway_firmware::steps::StepBank;
 use headway_protocol::knot_block::KNOTS_PER_BLOCK_MAX;
 use headway_protocol::message::{DeviceState, Fault, FaultCause};
 use headway_protocol::segment::FlowEvent;
-use headway_protocol::units::{CHANNEL_X, CHANNELS, ChannelPoint, UNITS_PER_NATURAL};
+use headway_protocol::units::{CHANNEL_X, CHANNELS, Units};
 use std::collections::VecDeque;
 
 /// How long the end of a job is waited for behind its last segment, s: a start waits a second at most, and what
@@ -68,12 +68,13 @@ struct Board {
     /// Programs go here and nowhere else.
     bank: StepBank,
     loads: LoadModel,
+    units: Units,
     window: SpanWindow,
     winding: Winding<f32>,
     servo_hz: u64,
     /// Segment time of what was sent.
     sent_ticks: u64,
-    /// Spans on their way: when each begins and where, channel units.
+    /// Spans on their way: when each begins and where, in the stream's units.
     places: VecDeque<(u64, [i64; CHANNELS])>,
 }
 
@@ -102,33 +103,35 @@ impl DeviceCheck {
 }
 
 impl Refused {
-    /// Before anything moves, at this control point.
-    fn at_start(refusal: Refusal, start: &ChannelPoint) -> Self {
+    /// Before anything moves.
+    fn at_start(refusal: Refusal, piece: &SegmentStream) -> Self {
         Refused {
             refusal,
             time_s: 0.0,
-            at_mm: tip_mm(&start.map(i64::from)),
+            at_mm: tip_mm(&piece.start.map(i64::from), &piece.units),
         }
     }
 }
 
 impl Board {
     fn new(piece: &SegmentStream, machine: &MachineConfiguration) -> Result<Self, Refused> {
-        let at_start = |refusal| Refused::at_start(refusal, &piece.start);
+        let at_start = |refusal| Refused::at_start(refusal, piece);
         let switches = HomingConfiguration::none();
         let checked = Machine::check(machine, &switches);
         checked.map_err(|error| at_start(Refusal::Machine(error)))?;
         let mut motion = Box::new(Motion::new(machine, &switches));
-        let started = motion.start_in(&piece.start, piece.solution);
+        let started = motion.start_in(&piece.start, piece.solution, &piece.units);
         started.map_err(|_| at_start(Refusal::Start))?;
         let mut loads = LoadModel::new(machine);
         loads.take_solution(piece.solution);
+        loads.take_units(&piece.units);
         Ok(Board {
             motion,
             bank: StepBank::default(),
             window: SpanWindow::at_rest(&piece.start),
             winding: loads.winding_at(&piece.start),
             loads,
+            units: piece.units,
             servo_hz: u64::from(machine.servo_hz),
             sent_ticks: 0,
             places: VecDeque::new(),
@@ -222,20 +225,24 @@ impl Board {
         let ticks = self.segment_ticks();
         let begun = self.places.partition_point(|(start, _)| *start <= ticks);
         let base = self.places.get(begun.saturating_sub(1));
-        let at_mm = base.map_or([0.0; 3], |(_, base)| tip_mm(base));
+        let at_mm = base.map_or([0.0; 3], |(_, base)| tip_mm(base, &self.units));
         self.refused_at(refusal, ticks, at_mm)
     }
 
     /// In the span that was sent last, or in what is due with it.
     fn refused_ahead(&self, fault: SpanFault) -> Refused {
         let refusal = Refusal::Fault(fault_of(fault));
-        self.refused_at(refusal, self.sent_ticks, tip_mm(self.window.base()))
+        self.refused_at(
+            refusal,
+            self.sent_ticks,
+            tip_mm(self.window.base(), &self.units),
+        )
     }
 }
 
-/// The tip of a point in channel units, mm.
-fn tip_mm(point: &[i64; CHANNELS]) -> [f64; 3] {
-    std::array::from_fn(|i| point[CHANNEL_X + i] as f64 / UNITS_PER_NATURAL[CHANNEL_X + i])
+/// The tip of a point in these units, mm.
+fn tip_mm(point: &[i64; CHANNELS], units: &Units) -> [f64; 3] {
+    std::array::from_fn(|i| point[CHANNEL_X + i] as f64 / units.per_natural(CHANNEL_X + i))
 }
 
 /// The fault that a board makes of a span or an event that it refuses.

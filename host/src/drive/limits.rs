@@ -16,9 +16,9 @@ use headway_firmware::configuration::{JOINTS_MAX, Kinematics};
 use headway_firmware::delay::advance_centre_ticks;
 use headway_firmware::kinematics::{inverse, winds};
 use headway_firmware::pose::Pose;
-use headway_firmware::spline::{Span, Spans};
+use headway_firmware::spline::Span;
 use headway_protocol::segment::{FlowAction, FlowEvent};
-use headway_protocol::units::{CHANNEL_HEADING, CHANNEL_VOLUME, CHANNELS, UNITS_PER_NATURAL};
+use headway_protocol::units::{CHANNEL_HEADING, CHANNEL_VOLUME, CHANNELS, Units};
 use rayon::prelude::*;
 use serde::{Deserialize, Serialize};
 use std::collections::VecDeque;
@@ -103,7 +103,7 @@ impl LimitTally {
     pub fn add(&mut self, piece: &SegmentStream, settings: &Settings) {
         let from = self.ticks;
         let whole = || {
-            let spans = Spans::new(&piece.start, &piece.knots);
+            let spans = piece.spans();
             spans.map(|mut span| {
                 span.start_tick += from;
                 span
@@ -205,6 +205,7 @@ struct Sampler<'a> {
     settings: &'a Settings,
     marks: &'a [Mark],
     servo_hz: f64,
+    units: Units,
     /// Start tick and event, in order.
     events: VecDeque<(f64, FlowEvent)>,
     /// Volume rates over the last window, `LOOKS_PER_TICK` a tick.
@@ -236,6 +237,7 @@ impl<'a> Sampler<'a> {
             settings,
             marks: &marks[marks.partition_point(|mark| (mark.end_tick as f64) < first)..],
             servo_hz,
+            units: spans.first().map_or(Units::BASE, |span| span.units),
             events: own.copied().collect(),
             window: window_behind(before, window_looks(settings), servo_hz),
             delay_looks: (delay * LOOKS_PER_TICK) as usize,
@@ -378,7 +380,7 @@ impl<'a> Sampler<'a> {
             }
             let duration_s = f64::from(event.duration_ticks.0) / self.servo_hz;
             let x = ((ticks - start) / f64::from(event.duration_ticks.0)).min(1.0);
-            let volume_mm3 = f64::from(event.volume_units) / UNITS_PER_NATURAL[CHANNEL_VOLUME];
+            let volume_mm3 = f64::from(event.volume_units) / self.units.per_natural(CHANNEL_VOLUME);
             let signed_mm3 = match event.action {
                 FlowAction::Prime => volume_mm3,
                 FlowAction::Retract => -volume_mm3,

@@ -20,6 +20,7 @@ fn start(job: u32, first_sequence: u32) -> HostMessage<'static> {
         first_sequence,
         position: [0; 7],
         solution: 0,
+        units: headway_protocol::units::Units::BASE,
     })
 }
 

@@ -2,9 +2,10 @@
 //!
 //! [`SegmentStream`] -> channels in natural units at any segment time, walked forward.
 
+use crate::job::SegmentStream;
 use headway_firmware::spline::{Span, Spans};
 use headway_protocol::segment::Knot;
-use headway_protocol::units::{CHANNELS, ChannelPoint, UNITS_PER_NATURAL};
+use headway_protocol::units::{CHANNELS, Units};
 
 /// Walks along the planned motion; times must not decrease.
 #[derive(Clone, Debug)]
@@ -15,14 +16,14 @@ pub struct PlanCursor<'a> {
 }
 
 impl<'a> PlanCursor<'a> {
-    /// At rest on `start`, before segment time 0.
-    pub fn new(start: &ChannelPoint, knots: &'a [Knot]) -> Self {
-        let mut spans = Spans::new(start, knots);
+    /// At rest on the start, before segment time 0.
+    pub fn new(stream: &'a SegmentStream) -> Self {
+        let mut spans = stream.spans();
         let span = spans.next();
         PlanCursor {
             spans,
             span,
-            start: std::array::from_fn(|c| f64::from(start[c]) / UNITS_PER_NATURAL[c]),
+            start: stream.units.to_natural(&stream.start),
         }
     }
 
@@ -48,7 +49,7 @@ impl<'a> PlanCursor<'a> {
 
 /// Segment time of a stream, in servo ticks. Knot n carries the duration of span n + 2.
 pub fn stream_ticks(knots: &[Knot]) -> u64 {
-    Spans::new(&[0; CHANNELS], knots)
+    Spans::new(&[0; CHANNELS], knots, Units::BASE)
         .last()
         .map_or(0, |span| span.start_tick + u64::from(span.duration_ticks))
 }

@@ -22,7 +22,7 @@ use headway_protocol::frame::{FRAME_BYTES_MAX, FrameDecoder, encode_frame, encod
 use headway_protocol::message::{
     Control, DeviceMessage, Hello, HostMessage, PROTOCOL_VERSION, SCHEMA_HASH, Start, Status,
 };
-use headway_protocol::units::CHANNELS;
+use headway_protocol::units::{CHANNELS, Units};
 use std::collections::VecDeque;
 
 /// How long the caller may wait between two polls.
@@ -114,7 +114,11 @@ impl Sender {
             servo_hz: 0,
             resume: false,
         };
-        Self::with_intent(WireFrames::new([0; CHANNELS]), setup, Intent::Talk)
+        Self::with_intent(
+            WireFrames::new([0; CHANNELS], Units::BASE),
+            setup,
+            Intent::Talk,
+        )
     }
 
     fn with_intent(frames: WireFrames, setup: SenderSetup, intent: Intent) -> Self {
@@ -335,6 +339,7 @@ impl Sender {
                 first_sequence: self.first_sequence,
                 position: *self.frames.start(),
                 solution: self.setup.solution,
+                units: self.frames.units(),
             }),
             ControlMessage::Command(control) => HostMessage::Control(control),
         };

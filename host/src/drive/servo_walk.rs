@@ -145,7 +145,7 @@ impl<'a> ServoWalk<'a, Box<dyn Iterator<Item = Step> + 'a>> {
         record: &'a MotionRecord,
     ) -> Self {
         let plan = PlanSamples {
-            cursor: PlanCursor::new(&stream.start, &stream.knots),
+            cursor: PlanCursor::new(stream),
             machine,
             track: JointTrack::new(machine),
             rates_q16: &record.rates_q16,

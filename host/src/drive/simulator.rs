@@ -18,7 +18,6 @@ use headway_firmware::design::ADVANCE_WINDOW_TICKS_MAX;
 use headway_firmware::machine::Machine;
 use headway_protocol::frame::FRAME_BYTES_MAX;
 use headway_protocol::message::{Control, DeviceState, Fault};
-use headway_protocol::units::UNITS_PER_NATURAL;
 use serde::{Deserialize, Serialize};
 use thiserror::Error;
 
@@ -375,9 +374,7 @@ impl Simulator {
 }
 
 fn start_counts(frames: &WireFrames, machine: &MachineConfiguration) -> [i64; MOTORS_MAX] {
-    let start = frames.start();
-    let natural = std::array::from_fn(|c| f64::from(start[c]) / UNITS_PER_NATURAL[c]);
-    counts_at(&natural, machine)
+    counts_at(&frames.units().to_natural(frames.start()), machine)
 }
 
 #[cfg(test)]

@@ -1,7 +1,6 @@
 //! Where a streamed job is: spans done -> time left, layer, pass, tip speed.
 
 use crate::job::{MotionState, SegmentStream};
-use headway_firmware::spline::Spans;
 use headway_protocol::message::Status;
 use headway_protocol::units::{CHANNEL_X, CHANNEL_Z};
 
@@ -38,7 +37,7 @@ impl Timeline {
     pub fn new(stream: &SegmentStream, servo_hz: f64) -> Timeline {
         let mut ends = Vec::with_capacity(stream.knots.len());
         let mut tips_mm_s = Vec::with_capacity(stream.knots.len());
-        for span in Spans::new(&stream.start, &stream.knots) {
+        for span in stream.spans() {
             let duration = f64::from(span.duration_ticks);
             let rate = span.velocity(0.5 * duration, servo_hz);
             let tip = rate[CHANNEL_X..=CHANNEL_Z]

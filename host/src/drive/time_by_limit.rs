@@ -8,7 +8,7 @@
 use crate::drive::limits::Moment;
 use crate::job::{MotionState, SegmentStream};
 use crate::settings::{Settings, joint_names};
-use headway_firmware::spline::{Span, Spans};
+use headway_firmware::spline::Span;
 use headway_protocol::units::{CHANNEL_VOLUME, CHANNELS};
 use std::collections::BTreeMap;
 
@@ -67,7 +67,7 @@ impl TimeTally {
         let servo_hz = f64::from(settings.machine.servo_hz);
         let mut marks = piece.marks.iter();
         let mut mark = marks.next();
-        for span in Spans::new(&piece.start, &piece.knots) {
+        for span in piece.spans() {
             while mark.is_some_and(|mark| span.start_tick >= mark.end_tick) {
                 mark = marks.next();
                 self.places.close();

@@ -19,7 +19,7 @@ use headway_firmware::kinematics::forward;
 use headway_firmware::pose::Pose;
 use headway_firmware::steps::STEP;
 use headway_protocol::segment::FlowAction;
-use headway_protocol::units::{CHANNEL_VOLUME, CHANNELS, UNITS_PER_NATURAL};
+use headway_protocol::units::{CHANNEL_VOLUME, CHANNELS};
 use serde::{Deserialize, Serialize};
 use std::f64::consts::TAU;
 
@@ -120,7 +120,7 @@ pub fn expected_counts(
     stream: &SegmentStream,
     machine: &MachineConfiguration,
 ) -> [i64; MOTORS_MAX] {
-    let mut cursor = PlanCursor::new(&stream.start, &stream.knots);
+    let mut cursor = PlanCursor::new(stream);
     let mut track = JointTrack::new(machine);
     let (mut end, mut joints) = ([0.0; CHANNELS], None);
     let last_tick = stream_ticks(&stream.knots);
@@ -138,7 +138,8 @@ pub fn expected_counts(
             FlowAction::Retract => -i64::from(event.volume_units),
         })
         .sum();
-    let volume_mm3 = end[CHANNEL_VOLUME] + net_units as f64 / UNITS_PER_NATURAL[CHANNEL_VOLUME];
+    let volume_mm3 =
+        end[CHANNEL_VOLUME] + net_units as f64 / stream.units.per_natural(CHANNEL_VOLUME);
     counts[machine.joints.len()] = count_of(volume_mm3 * machine.extruder.steps_per_mm3);
     counts
 }
@@ -149,7 +150,7 @@ fn volume_error_pct(
     machine: &MachineConfiguration,
     record: &MotionRecord,
 ) -> f64 {
-    let mut cursor = PlanCursor::new(&stream.start, &stream.knots);
+    let mut cursor = PlanCursor::new(stream);
     let start_mm3 = cursor.position(0.0)[CHANNEL_VOLUME];
     let end_mm3 = cursor.position(stream_ticks(&stream.knots) as f64)[CHANNEL_VOLUME];
     let deposited_mm3 = end_mm3 - start_mm3;

@@ -14,7 +14,7 @@ fn ideal(stream: &SegmentStream, machine: &MachineConfiguration, late_ticks: i64
     let ratio = f64::from(machine.step_hz / machine.servo_hz);
     let ticks = stream_ticks(&stream.knots);
     let delay = motion_delay_s(machine) * f64::from(machine.servo_hz);
-    let mut cursor = PlanCursor::new(&stream.start, &stream.knots);
+    let mut cursor = PlanCursor::new(stream);
     let start_counts = counts_at(&cursor.position(0.0), machine);
     let mut record = MotionRecord {
         start_counts,

@@ -12,7 +12,7 @@ use crate::report::Place;
 use crate::report::figures::Figures;
 use crate::settings::Settings;
 use headway_protocol::segment::FlowAction;
-use headway_protocol::units::{CHANNEL_VOLUME, UNITS_PER_NATURAL};
+use headway_protocol::units::CHANNEL_VOLUME;
 use std::collections::BTreeMap;
 
 /// The longest layers: how many are too long, the longest and its time.
@@ -83,7 +83,8 @@ impl Laid {
             passes: self.passes + passes as u64,
             went_on: self.went_on + went_on.count() as u64,
             ratio: self.ratio.with(CurveRatio::of(stream, settings)),
-            primed_mm3: self.primed_mm3 + primed_units as f64 / UNITS_PER_NATURAL[CHANNEL_VOLUME],
+            primed_mm3: self.primed_mm3
+                + primed_units as f64 / stream.units.per_natural(CHANNEL_VOLUME),
         }
     }
 

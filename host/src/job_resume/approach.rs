@@ -22,7 +22,7 @@ const CHANNEL_TILT: usize = CHANNEL_Z + 1;
 /// The way.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Approach {
-    /// Above the start, clear of the print.
+    /// Above the start, clear of the print; base units, as commands have.
     pub above: ChannelPoint,
     /// Where the stream begins.
     pub start: ChannelPoint,
@@ -51,7 +51,7 @@ pub enum ApproachError {
     },
 }
 
-/// The way to `start` above what is printed.
+/// The way to `start`, in base units, above what is printed.
 ///
 /// # Errors
 /// [`ApproachError`].

@@ -87,7 +87,7 @@ pub fn resume(
     let done_tick = reached.done_tick.max(rest.cut_tick);
     let there_tick = reached.sent_tick.max(done_tick);
     let way = approach(
-        rest.stream.start,
+        rest.stream.units.to_base(&rest.stream.start),
         printed_top_mm(stream, there_tick).unwrap_or(f64::NEG_INFINITY),
         settings.map_or(0.0, |settings| settings.lift_mm),
         machine,

@@ -8,7 +8,6 @@ use crate::drive::log_place::LoggedStream;
 use crate::job::SegmentStream;
 use crate::wire_frames::{WireFrames, WireFramesError};
 use headway_firmware::design::LINE_TICKS;
-use headway_firmware::spline::Spans;
 use thiserror::Error;
 
 /// Targets wait in a line before they are steps: a span that is done may not be printed yet for that long, at
@@ -99,7 +98,7 @@ fn ticks_of(logged: &LoggedStream, stream: &SegmentStream, frames: &WireFrames) 
         None => 0,
     };
     let mut ticks = [0, 0];
-    for span in Spans::new(&stream.start, &stream.knots) {
+    for span in stream.spans() {
         let end = span.start_tick + u64::from(span.duration_ticks);
         for (tick, spans) in ticks.iter_mut().zip([logged.spans_done, sent]) {
             if span.index < spans as usize {

@@ -11,9 +11,9 @@
 
 use crate::job::{LEAD_IN_SPANS, Mark, MotionState, SegmentStream, dwell_spans};
 use crate::job_heat::{HeatEvent, HeatOrder};
-use headway_firmware::spline::{Span, Spans};
+use headway_firmware::spline::Span;
 use headway_protocol::segment::{FlowAction, FlowEvent, Knot, REST_TICKS};
-use headway_protocol::units::{CHANNEL_X, CHANNEL_Z, ChannelPoint, UNITS_PER_NATURAL};
+use headway_protocol::units::{CHANNEL_X, CHANNEL_Z, ChannelPoint};
 use std::collections::HashMap;
 use thiserror::Error;
 
@@ -183,6 +183,7 @@ pub fn rest_of(stream: &SegmentStream, heat: &[HeatEvent], pass: u32) -> Result<
         events: own.into_iter().chain(shifted).collect(),
         marks: marks_from(&stream.marks[first..], cut_tick, lead_ticks, primed),
         solution: stream.solution,
+        units: stream.units,
     };
     Ok(Rest {
         stream: rest,
@@ -361,7 +362,7 @@ fn for_printing_spans(
     mut each: impl FnMut(&Span, &Mark),
 ) {
     let mut marks = stream.marks.iter().peekable();
-    for span in Spans::new(&stream.start, &stream.knots) {
+    for span in stream.spans() {
         if span.start_tick >= to_tick {
             return;
         }
@@ -383,7 +384,7 @@ fn looks(span: &Span) -> Vec<[f64; 3]> {
     let ticks = f64::from(span.duration_ticks);
     let bounds = &span.polynomial.rate_bound[CHANNEL_X..=CHANNEL_Z];
     let longest_mm = bounds.iter().map(|bound| bound * bound).sum::<f64>().sqrt() * ticks
-        / UNITS_PER_NATURAL[CHANNEL_X];
+        / span.units.per_natural(CHANNEL_X);
     let count = ((longest_mm / LOOK_MM).ceil() as usize).clamp(1, LOOKS_MAX);
     let place = |number: usize| {
         let at = span.position(ticks * number as f64 / count as f64);

@@ -5,9 +5,8 @@ use super::*;
 use crate::drive::test_streams::{planar, spiral};
 use crate::job::{Mark, MotionState};
 use crate::job_heat::{BED, HOT_END, HeatOrder};
-use headway_firmware::spline::Spans;
 use headway_protocol::segment::{FlowAction, Knot};
-use headway_protocol::units::{CHANNEL_Z, to_units};
+use headway_protocol::units::{CHANNEL_Z, Units, to_units};
 
 /// Two turns of a spiral, up by 2 mm to another two turns; primes and passes as a planner marks them.
 fn job() -> SegmentStream {
@@ -77,13 +76,13 @@ fn bring(stream: &mut SegmentStream, to: headway_protocol::units::ChannelPoint) 
 }
 
 fn ticks(stream: &SegmentStream) -> u64 {
-    let spans = Spans::new(&stream.start, &stream.knots);
+    let spans = stream.spans();
     spans.map(|span| u64::from(span.duration_ticks)).sum()
 }
 
 /// Place of the tip at a tick.
 fn at(stream: &SegmentStream, tick: u64) -> [f64; 7] {
-    let mut spans = Spans::new(&stream.start, &stream.knots);
+    let mut spans = stream.spans();
     let span = spans.find(|span| tick < span.start_tick + u64::from(span.duration_ticks));
     let span = span.expect("a tick of the stream");
     span.position((tick - span.start_tick) as f64)
@@ -252,4 +251,30 @@ fn a_pass_that_lies_on_itself_is_not_begun_again() {
     assert!((1.9..2.2).contains(&rise_mm), "{rise_mm}");
     let machine = to_units(&[0.0; 7]);
     assert_ne!(machine, tower.start);
+}
+
+/// Goal: the board is sent to where a job of coarse units goes on, in its own units. Method: the same job in both.
+#[test]
+fn the_way_to_a_job_of_coarse_units_is_in_base_units() {
+    let units = Units {
+        length_exponent: 3,
+        angle_exponent: 0,
+        volume_exponent: 6,
+    };
+    let mut coarse = job();
+    coarse.units = units;
+    coarse.start = units.of_base(&coarse.start);
+    for knot in &mut coarse.knots {
+        knot.control = units.of_base(&knot.control);
+    }
+    let [fine, coarse] = [job(), coarse].map(|job| resume(&job, &[], 1, None, None, &planar()));
+    let (fine, coarse) = (fine.unwrap(), coarse.unwrap());
+    assert_eq!(coarse.rest.stream.units, units);
+    assert_eq!(coarse.way.start, units.to_base(&coarse.rest.stream.start));
+    for channel in 0..=CHANNEL_Z {
+        // Half a unit of 8.
+        assert!((coarse.way.start[channel] - fine.way.start[channel]).abs() <= 4);
+        assert!((coarse.way.above[channel] - fine.way.above[channel]).abs() <= 8);
+    }
+    assert!((coarse.parts.to_come.length_mm - fine.parts.to_come.length_mm).abs() < 0.1);
 }

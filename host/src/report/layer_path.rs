@@ -328,7 +328,6 @@ mod tests {
     //! Goal: what the page draws between two points is the path within the tolerance, and few points suffice.
     //! Method: planned streams against every servo tick of them; fewer points than needed where fewer are allowed.
     use super::*;
-    use headway_firmware::spline::Spans;
     use headway_protocol::segment::Knot;
     use headway_protocol::units::to_units;
 
@@ -389,7 +388,7 @@ mod tests {
         let mut worst: f64 = 0.0;
         let mut at = 0;
         let mut ticks = 0;
-        for span in Spans::new(&stream.start, &stream.knots) {
+        for span in stream.spans() {
             for t in 0..u64::from(span.duration_ticks) {
                 let here = point(&span, span.start_tick + t, &PartTransform::default());
                 while at + 2 < points.len() && points[at + 1].tick < here.tick {

@@ -52,7 +52,8 @@ impl StreamSample {
 
 /// Duration of a stream, servo ticks.
 pub fn duration_ticks(stream: &SegmentStream) -> u64 {
-    Spans::new(&stream.start, &stream.knots)
+    stream
+        .spans()
         .last()
         .map_or(0, |span| span.start_tick + u64::from(span.duration_ticks))
 }
@@ -84,7 +85,7 @@ pub fn moments_within(
     every_ticks: f64,
     ticks: [u64; 2],
 ) -> impl Iterator<Item = (StreamSample, Rc<Span>, f64)> + '_ {
-    let spans = Spans::new(&stream.start, &stream.knots);
+    let spans = stream.spans();
     moments_of(spans, &stream.marks, servo_hz, every_ticks, ticks)
 }
 
@@ -103,7 +104,7 @@ impl<'a> StreamIndex<'a> {
     /// Of a stream.
     pub fn of(stream: &'a SegmentStream) -> StreamIndex<'a> {
         let mut places = Vec::new();
-        let (mut spans, mut tick) = (Spans::new(&stream.start, &stream.knots), 0);
+        let (mut spans, mut tick) = (stream.spans(), 0);
         for number in 0usize.. {
             if number.is_multiple_of(SPANS_A_PLACE) {
                 places.push((tick, spans.clone()));
@@ -120,9 +121,10 @@ impl<'a> StreamIndex<'a> {
     pub fn spans_from(&self, tick: u64) -> impl Iterator<Item = Span> + use<'a> {
         let place = self.places.partition_point(|(first, _)| *first < tick);
         let place = self.places.get(place.saturating_sub(1));
-        let spans = place.map_or(Spans::new(&self.stream.start, &[]), |(_, spans)| {
-            spans.clone()
-        });
+        let spans = place.map_or(
+            Spans::new(&self.stream.start, &[], self.stream.units),
+            |(_, spans)| spans.clone(),
+        );
         spans.skip_while(move |span| span.start_tick + u64::from(span.duration_ticks) < tick)
     }
 

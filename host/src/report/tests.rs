@@ -209,6 +209,7 @@ fn stream() -> SegmentStream {
             mark(500, 1036, MotionState::Print, Some(0)),
         ],
         solution: 0,
+        units: headway_protocol::units::Units::BASE,
     }
 }
 

@@ -8,7 +8,6 @@ use headway_firmware::axis_family::{AxisFamily, RotaryAxis};
 use headway_firmware::configuration::{Kinematics, MachineConfiguration};
 use headway_firmware::steps::{INTERVAL_TICKS_MAX, INTERVAL_TICKS_MIN};
 use headway_protocol::control::DECIDEGREES_MAX;
-use headway_protocol::units::{CHANNEL_VOLUME, UNITS_PER_NATURAL};
 use std::f64::consts::TAU;
 
 /// Largest share of the step tick rate that a motor may use at its top speed: an integrator of one
@@ -26,12 +25,13 @@ const POSITION_MAX: f64 = 1.0e6;
 const SPEED_RANGE: [f64; 2] = [1e-4, 1e6];
 const ACCELERATION_RANGE: [f64; 2] = [1e-4, 1e9];
 const JERK_RANGE: [f64; 2] = [1e-4, 1e13];
-/// Most that a prime or a retract moves: 2^31 units of the wire.
-const PUSH_MAX_MM3: f64 = 2147.0;
-/// Most volume of a span, mm³: the wire carries differences over two spans in 32 bits.
-pub const SPAN_VOLUME_MM3: f64 = 0.9 * (1 << 30) as f64 / UNITS_PER_NATURAL[CHANNEL_VOLUME];
-/// Most volume a servo tick: that of a span of the least length, six ticks.
-const FLOW_MM3_A_TICK: f64 = SPAN_VOLUME_MM3 / 6.0;
+/// Of the tip, mm/s: up to that of a nozzle half a metre wide that moves by its width as fast as the smallest do.
+const TIP_SPEED_RANGE_MM_S: [f64; 2] = [0.01, 1e5];
+/// The same of melt, mm³: up to a cubic metre a second, as nozzles half a metre wide would need.
+const MELT_SPEED_RANGE: [f64; 2] = [1e-4, 1e9];
+const MELT_ACCELERATION_RANGE: [f64; 2] = [1e-4, 1e12];
+/// Servo ticks of a span of the least length.
+const SPAN_TICKS_MIN: f64 = 6.0;
 /// Fewest and most steps a unit.
 const STEPS_RANGE: [f64; 2] = [1e-6, 1e9];
 
@@ -192,11 +192,15 @@ impl Settings {
     fn check_extruder(&self) -> Result<(), SettingsError> {
         let e = &self.machine.extruder;
         sensible("extruder.steps_per_mm3", e.steps_per_mm3, STEPS_RANGE)?;
-        sensible("extruder.speed_max_mm3_s", e.speed_max_mm3_s, SPEED_RANGE)?;
+        sensible(
+            "extruder.speed_max_mm3_s",
+            e.speed_max_mm3_s,
+            MELT_SPEED_RANGE,
+        )?;
         sensible(
             "extruder.acceleration_max_mm3_s2",
             e.acceleration_max_mm3_s2,
-            ACCELERATION_RANGE,
+            MELT_ACCELERATION_RANGE,
         )?;
         rises(
             [
@@ -278,13 +282,15 @@ impl Settings {
         in_range("print.layer_height_mm", self.layer_height_mm, 0.001, 500.0)?;
         let layers_max = f64::from(LAYERS_MAX);
         in_range("print.layers", f64::from(self.layers), 1.0, layers_max)?;
-        in_range("print.speed_mm_s", self.speed_mm_s, 0.01, 10_000.0)?;
-        in_range("print.travel_speed_mm_s", self.travel_speed_mm_s, 0.01, 1e4)?;
+        let [slowest, fastest] = TIP_SPEED_RANGE_MM_S;
+        in_range("print.speed_mm_s", self.speed_mm_s, slowest, fastest)?;
+        let travel_mm_s = self.travel_speed_mm_s;
+        in_range("print.travel_speed_mm_s", travel_mm_s, slowest, fastest)?;
         in_range(
             "print.tip_acceleration_mm_s2",
             self.tip_acceleration_mm_s2,
             1.0,
-            1e6,
+            1e7,
         )?;
         in_range("print.lift_mm", self.lift_mm, 0.0, 1000.0)?;
         kinds::check(self)?;
@@ -360,21 +366,23 @@ impl Settings {
 
     fn check_flow(&self) -> Result<(), SettingsError> {
         in_range("print.flow_factor", self.flow_factor, 0.01, 10.0)?;
-        let carried_mm3_s = FLOW_MM3_A_TICK * f64::from(self.machine.servo_hz);
-        let flow_range = [SPEED_RANGE[0], SPEED_RANGE[1].min(carried_mm3_s)];
+        let carried_mm3_s =
+            self.span_volume_mm3() / SPAN_TICKS_MIN * f64::from(self.machine.servo_hz);
+        let flow_range = [MELT_SPEED_RANGE[0], MELT_SPEED_RANGE[1].min(carried_mm3_s)];
         sensible("flow.flow_max_mm3_s", self.flow_max_mm3_s, flow_range)?;
         sensible(
             "flow.rate_of_change_max_mm3_s2",
             self.flow_rate_of_change_max_mm3_s2,
-            ACCELERATION_RANGE,
+            MELT_ACCELERATION_RANGE,
         )?;
         rises(
             ["flow.rate_of_change_max_mm3_s2", "flow.flow_max_mm3_s"],
             [self.flow_rate_of_change_max_mm3_s2, self.flow_max_mm3_s],
         )?;
         let p = &self.prime_retract;
-        in_range("flow.retract_mm3", p.retract_mm3, 0.0, PUSH_MAX_MM3)?;
-        in_range("flow.prime_mm3", p.prime_mm3, 0.0, PUSH_MAX_MM3)?;
+        let push_max_mm3 = self.push_max_mm3();
+        in_range("flow.retract_mm3", p.retract_mm3, 0.0, push_max_mm3)?;
+        in_range("flow.prime_mm3", p.prime_mm3, 0.0, push_max_mm3)?;
         in_range("flow.retract_lead_s", p.retract_lead_s, 0.0, 10.0)?;
         in_range("flow.prime_lead_s", p.prime_lead_s, 0.0, 10.0)?;
         let limit = self.machine.extruder.speed_max_mm3_s * self.plan_share;
@@ -383,7 +391,7 @@ impl Settings {
             ("flow.prime_rate_mm3_s", p.prime_rate_mm3_s),
             ("flow.flow_max_mm3_s", self.flow_max_mm3_s),
         ] {
-            sensible(key, value, SPEED_RANGE)?;
+            sensible(key, value, MELT_SPEED_RANGE)?;
             if value > limit {
                 return Err(SettingsError::Beyond {
                     key,

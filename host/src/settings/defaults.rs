@@ -27,8 +27,10 @@ const PIVOT_LENGTH_MM: f64 = 60.0;
 /// How far the head of the built-in gantry tilts, degrees.
 const TILT_MAX_DEG: f64 = 60.0;
 
+/// What a nozzle for such beads lays.
+pub(super) const LAYER_HEIGHT_MM: f64 = 0.2;
 /// Below what any printer shows; corners stay as they are.
-const TOLERANCES: Tolerances = Tolerances {
+pub(super) const TOLERANCES: Tolerances = Tolerances {
     outside_mm: 0.001,
     tip_mm: 0.001,
     axis_rad: 1e-4,
@@ -110,7 +112,7 @@ impl Settings {
                 minor_mm: 0.2,
             },
             layers: 1,
-            layer_height_mm: 0.2,
+            layer_height_mm: LAYER_HEIGHT_MM,
             speed_mm_s: 60.0,
             travel_speed_mm_s: 150.0,
             tip_acceleration_mm_s2: 3000.0,

@@ -69,6 +69,15 @@ pub(super) fn check(settings: &Settings) -> Result<(), SettingsError> {
     }
     let longest_mm = PUMP_SHARE_MAX * settings.aperture.major_mm();
     in_range("flow.pump_start_mm", wide.pump_start_mm, 0.0, longest_mm)?;
+    let section_mm2 = 2.0 * settings.aperture.major_mm() * settings.layer_height_mm;
+    let most_mm3 = settings.push_max_mm3();
+    let start_mm3 = wide.pump_start_mm * section_mm2 * settings.flow_factor;
+    in_range(
+        "flow.pump_start_mm (its volume, mm³)",
+        start_mm3,
+        0.0,
+        most_mm3,
+    )?;
     in_range("flow.pump_stop_mm", wide.pump_stop_mm, 0.0, longest_mm)?;
     let pr = &settings.prime_retract;
     let pumps = wide.pump_start_mm > 0.0 || wide.pump_stop_mm > 0.0;

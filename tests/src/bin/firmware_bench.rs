@@ -152,6 +152,7 @@ fn job_file(job: &Job) -> Result<Vec<u8>, Box<dyn Error>> {
         first_sequence: 0,
         position: job.start,
         solution: job.solution,
+        units: headway_protocol::units::Units::BASE,
     };
     let mut out = [0; FRAME_BYTES_MAX];
     let refused = |error| format!("{}: {error:?}", job.name);

@@ -5,19 +5,18 @@
 use crate::job::SegmentStream;
 use headway_firmware::spline::{Span, Spans};
 use headway_protocol::segment::FlowAction;
-use headway_protocol::units::CHANNELS;
+use headway_protocol::units::{CHANNEL_VOLUME, CHANNELS};
 
 /// Ticks of the events, with volume, mm³, and duration, s at ticks of 1.
 pub(super) fn event_ticks(stream: &SegmentStream) -> Vec<(u64, FlowAction, f64, f64)> {
-    let starts: Vec<u64> = Spans::new(&stream.start, &stream.knots)
-        .map(|span| span.start_tick)
-        .collect();
+    let per_mm3 = stream.units.per_natural(CHANNEL_VOLUME);
+    let starts: Vec<u64> = stream.spans().map(|span| span.start_tick).collect();
     let events = stream.events.iter();
     events
         .filter_map(|event| {
             let start = starts.get(event.span as usize)?;
             let tick = start + u64::from(event.offset_ticks);
-            let volume_mm3 = f64::from(event.volume_units) * 1e-6;
+            let volume_mm3 = f64::from(event.volume_units) / per_mm3;
             Some((
                 tick,
                 event.action,
@@ -37,7 +36,7 @@ pub(super) struct Poses<'a> {
 
 impl<'a> Poses<'a> {
     pub(super) fn new(stream: &'a SegmentStream) -> Poses<'a> {
-        let mut spans = Spans::new(&stream.start, &stream.knots);
+        let mut spans = stream.spans();
         let span = spans.next();
         Poses {
             stream,

@@ -60,7 +60,7 @@ impl CurveRatio {
         let servo_hz = f64::from(settings.machine.servo_hz);
         let mut walk = Walk::new(settings);
         let (mut mark, mut tick) = (0, 0u64);
-        for span in Spans::new(&stream.start, &stream.knots) {
+        for span in Spans::new(&stream.start, &stream.knots, stream.units) {
             while mark < stream.marks.len() && stream.marks[mark].end_tick <= tick {
                 mark += 1;
             }

@@ -22,7 +22,6 @@ use crate::plan::outline::reachable::reachable_count;
 use crate::plan::outline::trimmed_outline::{is_beyond_reach, trimmed_outline};
 use crate::plan::progress::{Progress, Stage, Steps};
 use crate::settings::Settings;
-use headway_firmware::spline::Spans;
 use headway_protocol::units::{CHANNEL_HEADING, CHANNEL_VOLUME, CHANNEL_X, CHANNEL_Y, CHANNEL_Z};
 use rayon::prelude::*;
 use std::collections::{BTreeMap, BTreeSet};
@@ -290,7 +289,7 @@ fn walk_stream(
     let mut last: Option<[f64; 4]> = None;
     let mut path_mm = 0.0;
     let step_mm = longest_step_mm(&settings.aperture);
-    for span in Spans::new(&stream.start, &stream.knots) {
+    for span in stream.spans() {
         while mark < stream.marks.len() && stream.marks[mark].end_tick <= tick {
             mark += 1;
             if mark < stream.marks.len() && stream.marks[mark].pass != stream.marks[mark - 1].pass {

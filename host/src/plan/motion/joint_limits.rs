@@ -14,7 +14,7 @@ use headway_firmware::kinematics::winding::Winding;
 use headway_firmware::kinematics::{self, KinematicsError};
 use headway_firmware::load::{LoadModel, range_slack};
 use headway_firmware::pose::Pose;
-use headway_protocol::units::{CHANNEL_X, CHANNEL_Y, CHANNEL_Z, CHANNELS};
+use headway_protocol::units::{CHANNEL_X, CHANNEL_Y, CHANNEL_Z, CHANNELS, Units};
 
 /// Why a route cannot be turned into motion.
 #[derive(Clone, Debug, PartialEq, thiserror::Error)]
@@ -104,6 +104,17 @@ pub enum MotionError {
         most_s: f64,
         /// Where it begins, machine coordinates.
         from_mm: [f64; 3],
+    },
+    /// A prime or retract is more than a message carries.
+    #[error(
+        "a prime or retract of {volume_mm3} mm³ is more than the {most_mm3} mm³ that one may have with this nozzle; \
+         ask for less at a time"
+    )]
+    EventBeyondWire {
+        /// Volume, mm³.
+        volume_mm3: f64,
+        /// The most, mm³.
+        most_mm3: f64,
     },
     /// A prime or retract is beyond the extruder's limits by itself.
     #[error(
@@ -225,6 +236,8 @@ pub struct MotionLimits {
     pub servo_hz: f64,
     /// See [`Aperture::unit_mm`](crate::geometry::aperture::Aperture::unit_mm).
     pub unit_mm: f64,
+    /// Units of the stream.
+    pub units: Units,
 }
 
 impl MotionLimits {
@@ -239,9 +252,12 @@ impl MotionLimits {
             _ => settings.speed_mm_s,
         };
         let count = kinematics::joint_count(&machine.kinematics);
+        let units = settings.units();
+        let mut span_check = LoadModel::new(machine);
+        span_check.take_units(&units);
         let limits = Self {
             kinematics: machine.kinematics,
-            span_check: LoadModel::new(machine),
+            span_check,
             winding: Winding::default(),
             joints: machine
                 .joints
@@ -282,6 +298,7 @@ impl MotionLimits {
             advance_delay_ticks: advance_centre_ticks(extruder, machine.servo_hz),
             servo_hz,
             unit_mm: settings.aperture.unit_mm(),
+            units,
         };
         limits.checked(count)
     }

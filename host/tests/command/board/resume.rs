@@ -711,7 +711,7 @@ fn spans_of_layer(job: &str, layer: u32) -> [u64; 2] {
         .stream()
         .unwrap();
     let [begin, _] = stream.ticks_of_layer(layer);
-    let spans = headway_firmware::spline::Spans::new(&stream.start, &stream.knots);
+    let spans = stream.spans();
     let before = spans.filter(|span| span.start_tick < begin).count();
     [before as u64, stream.knots.len() as u64]
 }

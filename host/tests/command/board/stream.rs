@@ -9,7 +9,6 @@ use headway::drive::link_log::{Entry, Way, read_log};
 use headway::drive::transport::Port;
 use headway::job_file;
 use headway_firmware::heat::HeatConfiguration;
-use headway_firmware::spline::Spans;
 use headway_protocol::frame::FrameDecoder;
 use headway_protocol::message::{DeviceMessage, DeviceState, Status};
 use serde_json::Value;
@@ -282,7 +281,8 @@ fn spans_before_layers(job: &str) -> Vec<u32> {
         .unwrap()
         .stream()
         .unwrap();
-    let ends: Vec<u64> = Spans::new(&stream.start, &stream.knots)
+    let ends: Vec<u64> = stream
+        .spans()
         .map(|span| span.start_tick + u64::from(span.duration_ticks))
         .collect();
     let before = |layer| {

@@ -215,7 +215,7 @@ fn layers_that_take_too_long_are_reported() {
 }
 
 /// Goal: a pump that runs on is stopped before the bead's end and started before its begin, and all that is laid is what
-/// the bead takes. Method: start and stop of 2 mm on the wall: the same volume within 0.05 % (a loop's end lies over its
+/// the bead takes. Method: start and stop of 4 mm on the wall: the same volume within 0.05 % (a loop's end lies over its
 /// begin and takes less); no flow on the last mm of
 /// the bead, flow on the last 10; primes beside it are refused.
 #[test]
@@ -226,7 +226,7 @@ fn a_pump_runs_on() {
     let text = text.replace("prime_rate_mm3_s = 20000", "prime_rate_mm3_s = 5000");
     let pumped = text.replace(
         "prime_lead_s = 0.02",
-        "prime_lead_s = 0.02\npump_start_mm = 2\npump_stop_mm = 2",
+        "prime_lead_s = 0.02\npump_start_mm = 4\npump_stop_mm = 4",
     );
     let file = folder.join("pump.toml");
     std::fs::write(&file, &pumped).expect("written");

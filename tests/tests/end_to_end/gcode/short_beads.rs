@@ -9,7 +9,7 @@ use headway::drive::simulator::SimulatorSetup;
 use headway::gcode::{GcodeOptions, read};
 use headway::gcode_plan::{GcodePlan, plan_gcode};
 use headway::settings::Settings;
-use headway_firmware::spline::{Span, Spans};
+use headway_firmware::spline::Span;
 
 /// Lengths of beads, mm.
 const LENGTHS_MM: [f64; 8] = [0.02, 0.05, 0.1, 0.2, 0.4, 0.8, 1.2, 2.0];
@@ -90,7 +90,7 @@ fn long_beads_are_not_held_up() {
                 G1 X10 Y20 E1.87 F1800\nG1 E-0.4 F2100\n";
     let plan = planned(text, &Settings::default());
     let knots = &plan.stream.knots;
-    let spans: Vec<Span> = Spans::new(&plan.stream.start, knots).collect();
+    let spans: Vec<Span> = plan.stream.spans().collect();
     let prints = plan.stream.marks.iter().filter(|mark| mark.pass.is_some());
     let mut looked = 0;
     for mark in prints {

@@ -9,7 +9,6 @@ use headway::input::Target;
 use headway::plan::route::travel::TravelError;
 use headway::settings::{Settings, Skirt};
 use headway::{Plan, PlanError, plan_target, plan_target_around};
-use headway_firmware::spline::Spans;
 use headway_protocol::units::{CHANNEL_HEADING, CHANNEL_X, CHANNEL_Y};
 
 const AXES_MM: [f64; 2] = [0.6, 0.2];
@@ -75,7 +74,7 @@ fn brute_force(plan: &Plan, keep_out: &[Region]) -> (f64, f64, usize) {
         .map(|angle| [AXES_MM[0] * angle.cos(), AXES_MM[1] * angle.sin()])
         .collect();
     let (mut center_mm, mut entry_mm, mut poses) = (f64::INFINITY, 0.0_f64, 0);
-    for span in Spans::new(&plan.stream.start, &plan.stream.knots) {
+    for span in plan.stream.spans() {
         let ticks = f64::from(span.duration_ticks);
         for step in 0..20 {
             let pose = span.position(ticks * f64::from(step) / 20.0);
@@ -212,7 +211,7 @@ fn travel_stays_inside_where_asked() {
     let last = marks.iter().rfind(|m| printed(m)).expect("a pass").end_tick;
     let mut tick = 0;
     let mut looked = 0;
-    for span in Spans::new(&kept.stream.start, &kept.stream.knots) {
+    for span in kept.stream.spans() {
         let at_share = |share: f64| span.position(share * f64::from(span.duration_ticks));
         tick += u64::from(span.duration_ticks);
         if tick <= first || tick > last {

@@ -106,6 +106,7 @@ impl Attacker {
             first_sequence,
             position: self.position,
             solution: 0,
+            units: headway_protocol::units::Units::BASE,
         };
         self.send_control(&HostMessage::Start(start));
         self.next_sequence = first_sequence;

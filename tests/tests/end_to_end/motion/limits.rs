@@ -6,7 +6,7 @@ use headway::plan::motion::segments::lay_segments;
 use headway::settings::Settings;
 use headway_tests::jerk_reference::{ReferenceLimits, derivatives_of, least_time_s};
 use headway_tests::routes::{gear, random_smooth, route_of, two_passes, wave, zigzag};
-use headway_tests::segment_oracle::{Oracle, UNITS, duration_s, sample_limits, worst_fit};
+use headway_tests::segment_oracle::{Oracle, duration_s, sample_limits, units_of, worst_fit};
 use rand::{RngExt, SeedableRng};
 use rand_pcg::Pcg32;
 
@@ -178,7 +178,7 @@ fn stretches_join_at_exact_rest_and_marks_have_no_gap() {
         for (tick, wanted) in [(start, control[0]), (end, control[control.len() - 1])] {
             let (p, v, a) = (oracle.at(tick, 0), oracle.at(tick, 1), oracle.at(tick, 2));
             for c in 0..7 {
-                assert!((p[c] - wanted[c]).abs() <= 0.5 / UNITS[c] + 1e-9);
+                assert!((p[c] - wanted[c]).abs() <= 0.5 / units_of(&stream)[c] + 1e-9);
                 assert!(v[c].abs() < 1e-6 && a[c].abs() < 1e-3);
             }
         }

@@ -5,4 +5,5 @@ mod core_xy;
 mod limits;
 mod scale;
 mod steps;
+mod units;
 mod winding;

@@ -8,9 +8,7 @@ use crate::job::{LEAD_IN_SPANS, Mark, MotionState, SegmentStream, dwell_spans};
 use crate::plan::route::moves::{MoveEvent, Route, RouteMove};
 use crate::settings::Settings;
 use headway_protocol::segment::{FlowAction, FlowEvent, Knot, REST_TICKS};
-use headway_protocol::units::{
-    CHANNEL_VOLUME, CHANNEL_Z, ChannelPoint, Ticks, UNITS_PER_NATURAL, to_units,
-};
+use headway_protocol::units::{CHANNEL_VOLUME, CHANNEL_Z, ChannelPoint, Ticks, Units};
 
 /// Joins the moves, the head resting so many ticks before each.
 pub fn assemble(
@@ -23,7 +21,8 @@ pub fn assemble(
     let Some(first) = finished.first() else {
         return SegmentStream::default();
     };
-    let start = to_units(&first.spline.control[0]);
+    let units = settings.units();
+    let start = units.of_natural(&first.spline.control[0]);
     let mut control: Vec<ChannelPoint> = vec![start; LEAD_IN_SPANS];
     let mut durations: Vec<u16> = vec![REST_TICKS; LEAD_IN_SPANS];
     let mut tick = u64::from(REST_TICKS) * LEAD_IN_SPANS as u64;
@@ -44,11 +43,12 @@ pub fn assemble(
             durations.extend(spans);
         }
         let spans = &motion.spline.durations_ticks;
-        if let Some(event) = flow_event(route_move, spans, durations.len(), servo_hz) {
+        if let Some(event) = flow_event(route_move, spans, durations.len(), (servo_hz, &units)) {
             events.push(event);
         }
         durations.extend(spans);
-        control.extend(motion.spline.control[3..].iter().map(to_units));
+        let places = motion.spline.control[3..].iter();
+        control.extend(places.map(|place| units.of_natural(place)));
         let end_tick = tick + rest_ticks + motion.spline.ticks();
         let whole = Mark {
             start_tick: tick,
@@ -78,6 +78,7 @@ pub fn assemble(
         events,
         marks,
         solution: settings.machine.kinematics.solution(),
+        units,
     }
 }
 
@@ -109,7 +110,7 @@ fn flow_event(
     route_move: &RouteMove,
     spans: &[u16],
     first_span: usize,
-    servo_hz: f64,
+    (servo_hz, units): (f64, &Units),
 ) -> Option<FlowEvent> {
     let stretch_ticks: u64 = spans.iter().map(|&ticks| u64::from(ticks)).sum();
     let in_ticks = |seconds: f64| (seconds * servo_hz).round().max(0.0) as u64;
@@ -141,7 +142,7 @@ fn flow_event(
         span: span as u32,
         offset_ticks: offset as u16,
         action,
-        volume_units: (volume_mm3 * UNITS_PER_NATURAL[CHANNEL_VOLUME]).round() as u32,
+        volume_units: (volume_mm3 * units.per_natural(CHANNEL_VOLUME)).round() as u32,
         duration_ticks: Ticks(in_ticks(duration_s).max(1) as u32),
     })
 }

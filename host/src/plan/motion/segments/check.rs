@@ -14,7 +14,7 @@ use headway_firmware::configuration::Kinematics;
 use headway_firmware::load::SpanFault;
 use headway_firmware::spline::SpanWindow;
 use headway_protocol::segment::{Knot, REST_TICKS};
-use headway_protocol::units::{CHANNEL_VOLUME, CHANNELS, to_units};
+use headway_protocol::units::{CHANNEL_VOLUME, CHANNELS};
 use rayon::prelude::*;
 use serde::{Deserialize, Serialize};
 
@@ -299,9 +299,10 @@ pub fn refused_spans(
     limits: &MotionLimits,
 ) -> Result<Vec<Piece>, MotionError> {
     let (durations, control) = (&spline.durations_ticks, &spline.control);
-    let mut window = SpanWindow::at_rest(&to_units(&control[0]));
+    let units = &limits.units;
+    let mut window = SpanWindow::at_rest(&units.of_natural(&control[0]));
     let knot = |point: usize, span: usize| Knot {
-        control: to_units(&control[point]),
+        control: units.of_natural(&control[point]),
         duration_ticks: durations.get(span).copied().unwrap_or(REST_TICKS),
     };
     // A knot carries the duration of the span after the next.

@@ -133,8 +133,8 @@ impl NormalEquations {
 
 /// Fits control points to the path; `shares` are of the spans with these durations, at least three.
 pub fn fit(path: &TickPath, durations_ticks: &[u16], shares: &[SpanShare]) -> RestSpline {
-    let start = quantised(&path.value(0));
-    let end = quantised(&path.value(path.ticks()));
+    let start = quantised(&path.value(0), path.units());
+    let end = quantised(&path.value(path.ticks()), path.units());
     let travel: [f64; CHANNELS] = std::array::from_fn(|c| end[c] - start[c]);
     let NormalEquations { band, right } = NormalEquations::of(shares, &travel);
     let mut solved = right;
@@ -143,7 +143,12 @@ pub fn fit(path: &TickPath, durations_ticks: &[u16], shares: &[SpanShare]) -> Re
         .into_par_iter()
         .with_min_len(SPANS_MIN);
     let inner: Vec<[f64; CHANNELS]> = inner
-        .map(|i| quantised(&std::array::from_fn(|c| solved[i][c] + start[c])))
+        .map(|i| {
+            quantised(
+                &std::array::from_fn(|c| solved[i][c] + start[c]),
+                path.units(),
+            )
+        })
         .collect();
     let control = [vec![start; 3], inner, vec![end; 3]].concat();
     RestSpline {
@@ -191,7 +196,7 @@ pub fn tick_sums<'a>(
     durations_ticks: &[u16],
     known: impl Fn(usize) -> Option<&'a TickSums> + Sync,
 ) -> Vec<TickSums> {
-    let start = quantised(&path.value(0));
+    let start = quantised(&path.value(0), path.units());
     let first_ticks = first_ticks(durations_ticks);
     (0..durations_ticks.len())
         .into_par_iter()
@@ -256,7 +261,7 @@ pub fn span_shares<'a>(
 
 /// The same at once, with nothing known before and nothing kept.
 pub fn shares_of_path(path: &TickPath, durations_ticks: &[u16]) -> Vec<SpanShare> {
-    let start = quantised(&path.value(0));
+    let start = quantised(&path.value(0), path.units());
     let first_ticks = first_ticks(durations_ticks);
     let spans = (0..durations_ticks.len())
         .into_par_iter()
@@ -462,11 +467,15 @@ mod tests {
             let spline = fit(&path, &durations_ticks, &shares);
             let control = &spline.control;
             let last = control.len() - 1;
-            assert!(control[..3].iter().all(|p| *p == quantised(&path.value(0))));
+            assert!(
+                control[..3]
+                    .iter()
+                    .all(|p| *p == quantised(&path.value(0), path.units()))
+            );
             assert!(
                 control[last - 2..]
                     .iter()
-                    .all(|p| *p == quantised(&path.value(400)))
+                    .all(|p| *p == quantised(&path.value(400), path.units()))
             );
             span_errors(&path, &spline, &tolerances, |_| None)
                 .into_iter()

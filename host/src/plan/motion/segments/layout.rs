@@ -9,14 +9,14 @@ use super::fit::{SpanShare, TickSums, fit, shares_of_path, span_errors, span_sha
 use super::spline::{RestSpline, durations_around};
 use super::tick_path::TickPath;
 use crate::plan::motion::joint_limits::MotionLimits;
-use crate::settings::SPAN_VOLUME_MM3;
+use crate::settings::units::span_volume_mm3;
 use headway_protocol::segment::SPAN_TICKS_MAX;
-use headway_protocol::units::CHANNELS;
+use headway_protocol::units::{CHANNEL_X, CHANNELS};
 
 /// Shortest span: 3 ms. In a shorter one the rounding to wire units is felt as acceleration (0.1 um
 /// in 1 ms is 100 mm/s²), and the time law has nothing faster.
 const SPAN_TICKS_MIN: usize = 6;
-/// Longest span of a move: 128 ms, or as long as the tip takes for a way of 0.1 mm. In a
+/// Longest span of a move: 128 ms, or as long as the tip takes for a way of 0.1 mm in base units. In a
 /// shorter way the rounding to wire units is felt as speed (0.1 um in 0.1 mm is 0.1 %). Half of
 /// what the wire has leaves room for slowing.
 const SPAN_TICKS_LONG: f64 = 256.0;
@@ -42,8 +42,9 @@ pub const ERROR_MAX: f64 = 1.8;
 pub fn span_ticks_long(limits: &MotionLimits, coarse: u16) -> f64 {
     let coarse = f64::from(coarse);
     let servo_hz = limits.servo_hz * coarse;
-    let way_ticks = SPAN_WAY_MM / limits.tip_speed_mm_s * servo_hz;
-    let volume_ticks = SPAN_VOLUME_MM3 / limits.flow_max_mm3_s * servo_hz;
+    let way_mm = SPAN_WAY_MM * limits.units.base_units(CHANNEL_X);
+    let way_ticks = way_mm / limits.tip_speed_mm_s * servo_hz;
+    let volume_ticks = span_volume_mm3(&limits.units) / limits.flow_max_mm3_s * servo_hz;
     let ticks = way_ticks.clamp(SPAN_TICKS_LONG, SPAN_TICKS_LONGEST);
     ticks.min(volume_ticks.max(SPAN_TICKS_MIN as f64)) / coarse
 }

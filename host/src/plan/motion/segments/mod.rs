@@ -35,6 +35,8 @@ use crate::settings::Settings;
 use check::Ratios;
 use headway_firmware::extruder_limits::event_peaks;
 use headway_firmware::kinematics::winding::Winding;
+use headway_protocol::control::EVENT_VOLUME_UNITS_MAX;
+use headway_protocol::units::CHANNEL_VOLUME;
 use rayon::prelude::*;
 use shaping::Shaping;
 use spline::{RestSpline, quantised};
@@ -181,12 +183,13 @@ fn finish_move(
         ..of_state
     };
     check_event(route_move, &limits)?;
-    let first = quantised(&route_move.curve.control[0]);
+    let units = &limits.units;
+    let first = quantised(&route_move.curve.control[0], units);
     let moves = route_move
         .curve
         .control
         .iter()
-        .any(|point| quantised(point) != first);
+        .any(|point| quantised(point, units) != first);
     if !moves {
         let ticks = dwell_ticks(route_move, limits.servo_hz);
         let durations_ticks = dwell_spans(ticks);
@@ -213,7 +216,7 @@ fn finish_move(
     // What crawls is timed on a coarse clock, which is less work than to look at every tick again.
     let is_short = |known: &FinishedMove| known.spline.ticks() <= TAKEN_TICKS_MAX;
     if let Some((first, known)) = known.filter(|(_, known)| is_short(known)) {
-        let spline = repeats::moved(&known.spline, &route.moves[first], route_move);
+        let spline = repeats::moved(&known.spline, &route.moves[first], route_move, units);
         if let Some(finished) = shaping.taken_over(spline, known)? {
             return Ok(finished);
         }
@@ -235,6 +238,13 @@ fn check_event(route_move: &RouteMove, limits: &MotionLimits) -> Result<(), Moti
         }) => (volume_mm3, duration_s),
         None => return Ok(()),
     };
+    let most_mm3 = f64::from(EVENT_VOLUME_UNITS_MAX) / limits.units.per_natural(CHANNEL_VOLUME);
+    if volume_mm3 > most_mm3 {
+        return Err(MotionError::EventBeyondWire {
+            volume_mm3,
+            most_mm3,
+        });
+    }
     let [rate, acceleration] = event_peaks(volume_mm3, duration_s);
     let ratio = (rate / limits.extruder_speed_max_mm3_s)
         .max(acceleration / limits.extruder_acceleration_max_mm3_s2);

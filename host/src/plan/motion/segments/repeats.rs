@@ -7,7 +7,7 @@
 use super::spline::{RestSpline, quantised};
 use crate::job::MotionState;
 use crate::plan::route::moves::{Route, RouteMove};
-use headway_protocol::units::{CHANNEL_X, CHANNEL_Y, CHANNELS};
+use headway_protocol::units::{CHANNEL_X, CHANNEL_Y, CHANNELS, Units};
 use std::collections::HashMap;
 use std::hash::{DefaultHasher, Hash, Hasher};
 
@@ -65,18 +65,18 @@ fn is_repeated(route: &Route, first: usize, index: usize) -> bool {
 
 /// The spline of move `first` moved to where `own` begins; it ends where `own` ends, which may be
 /// a unit beside the move.
-pub fn moved(spline: &RestSpline, first: &RouteMove, own: &RouteMove) -> RestSpline {
+pub fn moved(spline: &RestSpline, first: &RouteMove, own: &RouteMove, units: &Units) -> RestSpline {
     let mut control = spline.control.clone();
     let ends = [own.curve.control.first(), own.curve.control.last()];
     if let ([Some(start), Some(end)], Some(from)) = (ends, first.curve.control.first()) {
-        let (start, from) = (quantised(start), quantised(from));
+        let (start, from) = (quantised(start, units), quantised(from, units));
         for point in &mut control {
             let place: [f64; CHANNELS] =
                 std::array::from_fn(|channel| point[channel] + (start[channel] - from[channel]));
-            *point = quantised(&place);
+            *point = quantised(&place, units);
         }
         let rest = control.len().saturating_sub(3);
-        control[rest..].fill(quantised(end));
+        control[rest..].fill(quantised(end, units));
     }
     RestSpline {
         durations_ticks: spline.durations_ticks.clone(),

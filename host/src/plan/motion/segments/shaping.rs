@@ -286,7 +286,9 @@ impl Shaping<'_> {
     }
 
     fn path<'a>(&'a self, law: &'a TimeLaw) -> TickPath<'a> {
-        TickPath::new(&self.route_move.curve, &law.u_at_tick).on_coarse_ticks(self.coarse)
+        TickPath::new(&self.route_move.curve, &law.u_at_tick)
+            .on_coarse_ticks(self.coarse)
+            .in_units(self.limits.units)
     }
 
     /// Ratios of the motion, and of the fit where even the cut spans miss their tolerance: slower

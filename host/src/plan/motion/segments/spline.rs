@@ -9,7 +9,7 @@
 
 use crate::plan::route::path_curve::CurvePoint;
 use headway_protocol::segment::SPAN_TICKS_MAX;
-use headway_protocol::units::{CHANNELS, UNITS_PER_NATURAL};
+use headway_protocol::units::{CHANNELS, Units};
 
 /// A spline from rest to rest.
 #[derive(Clone, Debug, PartialEq)]
@@ -121,9 +121,10 @@ pub fn evaluate(cubics: &[[f64; 4]; CHANNELS], t_ticks: f64, servo_hz: f64) -> C
     }
 }
 
-/// The nearest point that the wire can carry.
-pub fn quantised(natural: &[f64; CHANNELS]) -> [f64; CHANNELS] {
+/// The nearest point that a stream of these units can carry.
+pub fn quantised(natural: &[f64; CHANNELS], units: &Units) -> [f64; CHANNELS] {
     std::array::from_fn(|channel| {
-        (natural[channel] * UNITS_PER_NATURAL[channel]).round() / UNITS_PER_NATURAL[channel]
+        let per_natural = units.per_natural(channel);
+        (natural[channel] * per_natural).round() / per_natural
     })
 }

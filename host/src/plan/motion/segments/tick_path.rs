@@ -7,7 +7,7 @@
 
 use crate::plan::route::moves::PathCurve;
 use headway_protocol::segment::SPAN_TICKS_MAX;
-use headway_protocol::units::CHANNELS;
+use headway_protocol::units::{CHANNELS, Units};
 use std::ops::RangeInclusive;
 
 /// So near an end the path is at it, spans: rounding of the time law.
@@ -18,6 +18,7 @@ pub struct TickPath<'a> {
     curve: &'a PathCurve,
     u_at_tick: &'a [f64],
     span_ticks_max: u16,
+    units: Units,
 }
 
 impl<'a> TickPath<'a> {
@@ -27,7 +28,18 @@ impl<'a> TickPath<'a> {
             curve,
             u_at_tick,
             span_ticks_max: SPAN_TICKS_MAX,
+            units: Units::BASE,
         }
+    }
+
+    /// The same for a stream of other units than base units.
+    pub fn in_units(self, units: Units) -> Self {
+        Self { units, ..self }
+    }
+
+    /// Units of the stream.
+    pub fn units(&self) -> &Units {
+        &self.units
     }
 
     /// The same, each tick so many servo ticks long.
