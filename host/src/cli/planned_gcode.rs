@@ -38,29 +38,7 @@ pub(super) fn from_gcode(
     let mut warnings = warnings(&program, &planned);
     warnings.extend(settings_warnings(&settings));
     console.notes(&warnings);
-    let f = &planned.figures;
-    let passes = f.passes as u64;
-    let figures = Figures {
-        layers: Some(u64::from(f.layers)),
-        passes: Some(passes),
-        flow_interruptions: Some(passes.saturating_sub(1)),
-        print_mm: Some(f.print_mm),
-        travel_mm: Some(f.travel_mm),
-        print_s: Some(f.print_s),
-        time_bound_s: Some(planned.motion.time_bound_s),
-        slicer_estimate_s: program.estimate_s,
-        volume_mm3: Some(f.volume_mm3),
-        plan_s: Some(plan_s),
-        heading_travel_rad: Some(f.heading_travel_rad),
-        heading_rate_max_rad_s: Some(f.heading_rate_max_rad_s),
-        touched_mm: planned.touches.as_ref().map(|touches| touches.touched_mm),
-        tip_dip_max_mm: planned
-            .touches
-            .as_ref()
-            .map(|touches| touches.tip_dip_max_mm),
-        segments: Some(planned.stream.knots.len() as u64),
-        ..Figures::default()
-    };
+    let figures = own_figures(&program, &planned, plan_s);
     let touches = planned.touches.as_ref();
     let objections = touches.and_then(|touches| Objection::of_touches(touches, &planned.transform));
     let mut objections: Vec<Objection> = objections.into_iter().collect();
@@ -100,6 +78,33 @@ pub(super) fn from_gcode(
         unreachable: Vec::new(),
         left_out: Vec::new(),
     })
+}
+
+/// What the plan by itself came to.
+fn own_figures(program: &GcodeProgram, planned: &GcodePlan, plan_s: f64) -> Figures {
+    let f = &planned.figures;
+    let passes = f.passes as u64;
+    Figures {
+        layers: Some(u64::from(f.layers)),
+        passes: Some(passes),
+        flow_interruptions: Some(passes.saturating_sub(1)),
+        print_mm: Some(f.print_mm),
+        travel_mm: Some(f.travel_mm),
+        print_s: Some(f.print_s),
+        time_bound_s: Some(planned.motion.time_bound_s),
+        slicer_estimate_s: program.estimate_s,
+        volume_mm3: Some(f.volume_mm3),
+        plan_s: Some(plan_s),
+        heading_travel_rad: Some(f.heading_travel_rad),
+        heading_rate_max_rad_s: Some(f.heading_rate_max_rad_s),
+        touched_mm: planned.touches.as_ref().map(|touches| touches.touched_mm),
+        tip_dip_max_mm: planned
+            .touches
+            .as_ref()
+            .map(|touches| touches.tip_dip_max_mm),
+        segments: Some(planned.stream.knots.len() as u64),
+        ..Figures::default()
+    }
 }
 
 fn warnings(program: &GcodeProgram, planned: &GcodePlan) -> Vec<String> {

@@ -10,6 +10,7 @@ use super::planned::{Planned, plan_error};
 use super::{CliError, copies, load};
 use crate::PlanError;
 use crate::findings::left_out::left_out;
+use crate::findings::objections::Objection;
 use crate::findings::settings_warnings::settings_warnings;
 use crate::findings::sparse_figures;
 use crate::findings::unreachable_note;
@@ -20,11 +21,12 @@ use crate::job::SegmentStream;
 use crate::job_packing::JobPacking;
 use crate::layer_stack::LeftOut;
 use crate::mesh::LoadedMesh;
-use crate::mesh::layers::{SlicedPart, sliced_carved};
+use crate::mesh::layers::{LayerHeights, SlicedPart, sliced_carved};
 use crate::open_ground;
 use crate::part_plan::{FirstLayer, PLACES_MAX, PartContext, PartPlan, plan_part_in_pieces};
 use crate::plan::layers::shells::Overhang;
 use crate::plan::outline::unreachable::UnreachableRun;
+use crate::report::Place;
 use crate::report::figures::{Figures, LayerPlace};
 use crate::report::job_texts::LayerOutlines;
 use crate::settings::Settings;
@@ -45,18 +47,13 @@ pub(super) fn from_mesh(
     mut job: Option<&mut JobPacking<File>>,
     console: &Console,
 ) -> Result<Planned, CliError> {
-    let failed = |error: String| CliError::Job(format!("{}: {error}", path.display()));
     let heights = layer_heights(&place.layers, settings.layer_height_mm)?;
     check_bead_height(&heights, &settings)?;
     let first = FirstLayer {
         speed_mm_s: load::first_layer_speed(place, &settings)?,
     };
-    let bar = console.stage("cutting");
-    let mut part = sliced_carved(&loaded.mesh, &loaded.carved, &heights)
-        .map_err(|error| failed(error.to_string()))?;
-    let layers = part.layers.iter_mut().map(|layer| &mut layer.regions);
-    part.notes.extend(copies::spread(place, layers, &settings)?);
-    bar.finish_and_clear();
+    let part = cut(path, &loaded, &heights, place, &settings, console)?;
+    console.notes(&part.notes);
     let LoadedMesh {
         name, mut notes, ..
     } = loaded;
@@ -90,18 +87,13 @@ pub(super) fn from_mesh(
     let warnings = warnings(&part, &planned, &settings);
     console.notes(&warnings);
     notes.extend(warnings);
-    let late = LateLayers::of(&planned.uses, &settings);
-    let transform = &planned.transform;
-    let wide = laid.figures(&late, planned.figures.volume_mm3, transform, &settings);
     let figures = Figures {
         plan_s: Some(plan_s),
         ..all_figures(&part, &planned, keep_out, &settings)
     };
-    let figures = figures.merged_with(&wide);
-    let objections = laid.objections(&late, transform, &settings);
+    let (figures, objections) = with_wide_beads(figures, &laid, &planned, &settings);
     let (outline, layer_outlines) = outlines(&part);
-    let (open, unreachable) = (&planned.open, &planned.unreachable);
-    let mut left_out = left_out(open, unreachable, &planned.unreachable_layers);
+    let mut left_out = not_printed(&planned);
     left_out.extend(laid.place(&planned.transform));
     Ok(Planned {
         figures,
@@ -120,6 +112,45 @@ pub(super) fn from_mesh(
         left_out,
         unreachable: planned.unreachable,
     })
+}
+
+/// Ground and boundary that is not printed.
+fn not_printed(planned: &PartPlan) -> Vec<Place> {
+    let (open, unreachable) = (&planned.open, &planned.unreachable);
+    left_out(open, unreachable, &planned.unreachable_layers)
+}
+
+/// The layers of a mesh, as often as it is to be printed.
+fn cut(
+    path: &Path,
+    loaded: &LoadedMesh,
+    heights: &LayerHeights,
+    place: &PlaceArgs,
+    settings: &Settings,
+    console: &Console,
+) -> Result<SlicedPart, CliError> {
+    let bar = console.stage("cutting");
+    let part = sliced_carved(&loaded.mesh, &loaded.carved, heights);
+    let failed = |error| CliError::Job(format!("{}: {error}", path.display()));
+    let mut part = part.map_err(failed)?;
+    let layers = part.layers.iter_mut().map(|layer| &mut layer.regions);
+    part.notes.extend(copies::spread(place, layers, settings)?);
+    bar.finish_and_clear();
+    Ok(part)
+}
+
+/// The figures with those of wide beads, and what is not kept of what these ask for.
+fn with_wide_beads(
+    figures: Figures,
+    laid: &Laid,
+    planned: &PartPlan,
+    settings: &Settings,
+) -> (Figures, Vec<Objection>) {
+    let late = LateLayers::of(&planned.uses, settings);
+    let transform = &planned.transform;
+    let wide = laid.figures(&late, planned.figures.volume_mm3, transform, settings);
+    let objections = laid.objections(&late, transform, settings);
+    (figures.merged_with(&wide), objections)
 }
 
 /// The outline of the lowest layer that has one, and those of all layers where they differ.

@@ -9,7 +9,6 @@
 use super::aperture_text::{ApertureTextError, parse_aperture};
 use super::check::joint_names;
 use super::error::SettingsError;
-use super::wide_beads::WideBeads;
 use super::{
     HeadingLaw, Infill, PassMode, PrimeRetract, Quality, Seam, SeamPlace, Settings, Skirt,
     Tolerances,
@@ -33,6 +32,7 @@ mod motors;
 mod probe;
 mod shaper;
 mod switches;
+mod wide_beads;
 mod wiring;
 mod write;
 use axes::FileKinematics;
@@ -421,21 +421,6 @@ impl File {
             slow_speed_min_mm_s: print.slow_speed_min_mm_s.unwrap_or(least_mm_s),
             wide_beads: self.wide_beads(&default.wide_beads),
             ..default
-        }
-    }
-}
-
-impl File {
-    /// What wide beads ask for.
-    fn wide_beads(&self, default: &WideBeads) -> WideBeads {
-        let (print, flow) = (&self.print, &self.flow);
-        let ratio = print.outer_inner_ratio_max;
-        WideBeads {
-            outer_inner_ratio_max: ratio.unwrap_or(default.outer_inner_ratio_max),
-            layer_time_max_s: print.layer_time_max_s.unwrap_or(default.layer_time_max_s),
-            pump_start_mm: flow.pump_start_mm.unwrap_or(default.pump_start_mm),
-            pump_stop_mm: flow.pump_stop_mm.unwrap_or(default.pump_stop_mm),
-            continuous_z: print.continuous_z.unwrap_or(default.continuous_z),
         }
     }
 }

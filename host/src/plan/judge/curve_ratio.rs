@@ -15,7 +15,7 @@ use headway_protocol::units::{CHANNEL_HEADING, CHANNEL_X, CHANNEL_Y, CHANNEL_Z};
 pub const RATIO_MAX: f64 = 100.0;
 /// Directions are compared over steps of at least this share of the bead's width: so a corner in which the head stands
 /// counts, and what quantisation does to the path does not.
-const STEP_SHARE: f64 = 0.02;
+const STEP_SHARE: f64 = 0.1;
 /// Places of a span that are looked at.
 const PLACES: u32 = 4;
 /// Speed below which a direction is none, mm/s, for a bead 1 mm wide.

@@ -62,7 +62,7 @@ const STEP_SHARP: f64 = 0.004;
 /// Longest turn between poses of the sweep, rad.
 const STEP_RAD: f64 = 0.02;
 /// Uncovered cells that are asked whether they could be reached; more are sampled evenly.
-const ASKED_MAX: usize = 20_000;
+const ASKED_MAX: usize = 4_000;
 
 /// Turn of a raster against the region's own frame, rad: aslant to walls along the axes or at 45°,
 /// where whole rows of cells would fall to either side of a wall at once.

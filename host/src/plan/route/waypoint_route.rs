@@ -17,8 +17,8 @@ use crate::plan::route::clear_travel::{Legs, PrintedSoFar, UPRIGHT_RAD, crossing
 use crate::plan::route::flow::Bead;
 use crate::plan::route::flow::fresh_ground::FreshShares;
 use crate::plan::route::moves::{MoveEvent, PathCurve, Route, RouteMove, tilt, tip};
-use crate::plan::route::pump::stopped_early;
 use crate::plan::route::waypoint_curve::upright;
+use crate::plan::route::wide_beads::pump::stopped_early;
 use crate::settings::{PrimeRetract, Settings};
 use headway_firmware::configuration::Kinematics;
 use headway_firmware::kinematics::follows_pose;

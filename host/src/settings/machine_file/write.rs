@@ -10,6 +10,7 @@ use super::motors::write_motors;
 use super::probe::write_probe;
 use super::shaper::write_shapers;
 use super::switches::write_switches;
+use super::wide_beads::{write_flow, write_print};
 use super::wiring::write_wiring;
 use crate::settings::aperture_text::aperture_text;
 use crate::settings::check::{axes_joint_names, joint_names, kinematics_name};
@@ -336,12 +337,7 @@ fn write_process(text: &mut String, s: &Settings, with_layers: bool) -> std::fmt
         let slow_mm_s = number(s.slow_speed_min_mm_s);
         writeln!(text, "slow_speed_min_mm_s = {slow_mm_s}")?;
     }
-    let wide = &s.wide_beads;
-    write_asked(text, "outer_inner_ratio_max", wide.outer_inner_ratio_max)?;
-    write_asked(text, "layer_time_max_s", wide.layer_time_max_s)?;
-    if wide.continuous_z {
-        writeln!(text, "continuous_z = true")?;
-    }
+    write_print(text, &s.wide_beads)?;
     writeln!(text, "overlap_pct = {}", number(s.overlap_pct))?;
     write_travel(text, s)?;
     write_choices(text, s)?;
@@ -368,17 +364,8 @@ fn write_process(text: &mut String, s: &Settings, with_layers: bool) -> std::fmt
     writeln!(text, "prime_mm3 = {}", number(p.prime_mm3))?;
     writeln!(text, "prime_rate_mm3_s = {}", number(p.prime_rate_mm3_s))?;
     writeln!(text, "prime_lead_s = {}", number(p.prime_lead_s))?;
-    write_asked(text, "pump_start_mm", wide.pump_start_mm)?;
-    write_asked(text, "pump_stop_mm", wide.pump_stop_mm)?;
+    write_flow(text, &s.wide_beads)?;
     write_tolerances(text, &s.tolerances)
-}
-
-/// A number of which 0 asks for nothing and is left out: jobs carry this text.
-fn write_asked(text: &mut String, key: &str, value: f64) -> std::fmt::Result {
-    if value == 0.0 {
-        return Ok(());
-    }
-    writeln!(text, "{key} = {}", number(value))
 }
 
 fn write_tolerances(text: &mut String, t: &Tolerances) -> std::fmt::Result {

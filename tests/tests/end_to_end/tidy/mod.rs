@@ -6,6 +6,7 @@
 //! and paths that begin with `crate::` or a package's name.
 
 mod doc_paths;
+mod lengths;
 mod planner;
 
 use planner::check_stages;

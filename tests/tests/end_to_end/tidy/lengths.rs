@@ -1,0 +1,73 @@
+//! Goal: what is given in mm, mm² or mm³ has its reason in one list. Method: every constant whose name ends so, in the host
+//! and its crates, outside of tests, has a row with its value, and every row its constant; the last table, of what should
+//! be a share of the nozzle and is not, only becomes shorter.
+
+use super::{Breaches, ROOT, assert_none, sources};
+use std::collections::BTreeSet;
+use std::path::Path;
+
+const PAGE: &str = "docs/design/absolute-lengths.md";
+/// Constants of the last table.
+const LEFT_MAX: usize = 42;
+
+/// Name, file and value of a row.
+fn row(line: &str) -> Option<[String; 3]> {
+    let mut cells = line.strip_prefix("| `")?.split(" | ");
+    let (name, file) = cells.next()?.split_once("` in `")?;
+    let value = cells.next()?.to_string();
+    Some([
+        name.to_string(),
+        file.trim_end_matches('`').to_string(),
+        value,
+    ])
+}
+
+/// Name and value of a constant in mm, mm² or mm³.
+fn constant(line: &str) -> Option<[String; 2]> {
+    let (_, rest) = line.split_once("const ")?;
+    let (name, rest) = rest.split_once(": ")?;
+    let is_length = ["_MM", "_MM2", "_MM3"]
+        .iter()
+        .any(|unit| name.ends_with(unit));
+    let value = rest.split_once(" = ")?.1.trim_end_matches(';').to_string();
+    is_length.then(|| [name.to_string(), value])
+}
+
+#[test]
+fn lengths_that_do_not_go_with_the_nozzle_are_listed() {
+    let page = std::fs::read_to_string(Path::new(ROOT).join(PAGE)).expect("the list");
+    let listed: BTreeSet<[String; 3]> = page.lines().filter_map(row).collect();
+    let mut found = BTreeSet::new();
+    for source in sources() {
+        let is_test = source.name.ends_with("tests.rs") || source.name.contains("/tests/");
+        if !source.name.starts_with("host/") || !source.name.contains("/src/") || is_test {
+            continue;
+        }
+        let code = source
+            .lines
+            .iter()
+            .take_while(|line| line.trim() != "#[cfg(test)]");
+        for [name, value] in code.filter_map(|line| constant(line)) {
+            found.insert([name, source.name.clone(), value]);
+        }
+    }
+    let mut breaches = Breaches(Vec::new());
+    for [name, file, value] in found.difference(&listed) {
+        breaches
+            .0
+            .push(format!("{file}: {name} = {value} is not in {PAGE}"));
+    }
+    for [name, file, value] in listed.difference(&found) {
+        breaches
+            .0
+            .push(format!("{PAGE}: no constant {name} of {value} in {file}"));
+    }
+    assert_none(&breaches);
+    let left = page.rsplit("\n## ").next().expect("a last table");
+    let left = left.lines().filter_map(row).count();
+    assert!(
+        left <= LEFT_MAX,
+        "{left} lengths should go with the nozzle and do not"
+    );
+    assert!(found.len() > left && left > 0);
+}
