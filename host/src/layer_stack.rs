@@ -1,6 +1,7 @@
 //! One stack of layers -> its plan: the stages that a prism runs once, and a part with changing
 //! layers a few layers at a time.
 
+use crate::geometry::place_scale::ScaleField;
 use crate::geometry::polygon::Region;
 use crate::geometry::{Point2, Vector2};
 use crate::layer_time::lay_with_layer_times;
@@ -51,6 +52,8 @@ pub(crate) struct Stack<'a> {
     pub kept_out_mm2: f64,
     /// What a skirt goes around; `None` above the first layer.
     pub skirt_around: Option<&'a [Region]>,
+    /// How large the nozzle is by place, where the outlines lie in the chart of curved ground.
+    pub scale: Option<&'a ScaleField>,
     /// Where the part lies on the machine.
     pub transform: PartTransform,
     /// The head's pose before, at rest.
@@ -202,7 +205,8 @@ fn begin(stack: &Stack, settings: &Settings, progress: &dyn Progress) -> Result<
         Stage::Axis,
         contours,
         |(number, region, contour)| {
-            let work = contour.and_then(|contour| Ok(RegionWork::begin(contour, settings)?));
+            let work =
+                contour.and_then(|contour| Ok(RegionWork::begin(contour, stack.scale, settings)?));
             Ok::<_, PlanError>((number, region, carried(work, stack)?))
         },
     )?;

@@ -323,6 +323,7 @@ pub fn plan_target_around(
         keep_out,
         kept_out_mm2: cleared.lost_mm2,
         skirt_around: Some(&target.regions),
+        scale: None,
         transform,
         start: start_pose(settings),
         is_last: true,

@@ -7,7 +7,9 @@
 //! solved by conjugate gradients. Leaves out overhangs: one height a place.
 
 use super::Point2;
+use super::chart::ChartJet;
 use super::polygon::Box2;
+use nalgebra::Vector3;
 
 /// Weight of second differences against a point of the surface, per point and control height: small
 /// enough to bend freely, large enough for places without points.
@@ -167,6 +169,86 @@ impl SplineSurface {
         SurfaceJet {
             z_mm: sums[0][0],
             slope: [per_mm * sums[0][1], per_mm * sums[1][0]],
+            bend: [
+                square * sums[0][2],
+                square * sums[1][1],
+                square * sums[2][0],
+            ],
+        }
+    }
+}
+
+/// Smooth ground over a chart: x, y and z as [`SplineSurface`]s on one grid.
+#[derive(Clone, Debug, PartialEq)]
+pub struct PatchSplines {
+    grid: SplineSurface,
+    /// Control points, u fastest, mm.
+    control_mm: Vec<Vector3<f64>>,
+}
+
+impl PatchSplines {
+    /// The ground over `bounds` through points with their places in the chart: on ever finer grids until it is
+    /// `near_mm` from all of them or its pieces would be smaller than `pitch_min_mm`.
+    pub fn through(
+        points: &[(Vector3<f64>, Point2)],
+        bounds: Box2,
+        near_mm: f64,
+        pitch_min_mm: f64,
+    ) -> PatchSplines {
+        let size = bounds.size();
+        let mut pitch_mm = (size.x.max(size.y) / COARSEST).max(pitch_min_mm);
+        loop {
+            let fitted = PatchSplines::fitted(points, bounds, pitch_mm);
+            let off = |(point, at): &(Vector3<f64>, Point2)| fitted.jet(*at).off_mm(*point);
+            let off_mm = points.iter().map(off).fold(0.0, f64::max);
+            if off_mm <= near_mm || 0.5 * pitch_mm < pitch_min_mm {
+                return fitted;
+            }
+            pitch_mm *= 0.5;
+        }
+    }
+
+    fn fitted(points: &[(Vector3<f64>, Point2)], bounds: Box2, pitch_mm: f64) -> PatchSplines {
+        let of_axis: [SplineSurface; 3] = std::array::from_fn(|axis| {
+            let points = points.iter().map(|(point, at)| [at.x, at.y, point[axis]]);
+            SplineSurface::fitted(&points.collect::<Vec<_>>(), bounds, pitch_mm)
+        });
+        let [x, y, z] = &of_axis;
+        let axes = x.control_mm.iter().zip(&y.control_mm).zip(&z.control_mm);
+        let control_mm = axes.map(|((x, y), z)| Vector3::new(*x, *y, *z)).collect();
+        let [x, ..] = of_axis;
+        PatchSplines {
+            grid: SplineSurface {
+                control_mm: Vec::new(),
+                ..x
+            },
+            control_mm,
+        }
+    }
+
+    /// Place and derivatives.
+    pub fn jet(&self, at: Point2) -> ChartJet {
+        let ([i, j], [wx, wy]) = self.grid.place(at.x, at.y);
+        let mut sums = [[Vector3::zeros(); 3]; 3];
+        for (row, k) in (j..j + 4).enumerate() {
+            let from = k * self.grid.count[0] + i;
+            let mut of_row = [Vector3::zeros(); 3];
+            for (column, point) in self.control_mm[from..from + 4].iter().enumerate() {
+                for (dx, sum) in of_row.iter_mut().enumerate() {
+                    *sum += wx[dx][column] * point;
+                }
+            }
+            for (dy, sums) in sums.iter_mut().enumerate() {
+                for (sum, of_row) in sums.iter_mut().zip(&of_row).take(3 - dy) {
+                    *sum += wy[dy][row] * of_row;
+                }
+            }
+        }
+        let per_mm = 1.0 / self.grid.pitch_mm;
+        let square = per_mm * per_mm;
+        ChartJet {
+            at_mm: sums[0][0],
+            along: [per_mm * sums[0][1], per_mm * sums[1][0]],
             bend: [
                 square * sums[0][2],
                 square * sums[1][1],

@@ -85,7 +85,7 @@ pub struct Objectives<'a> {
     /// Seconds and limits.
     pub motion: Motion,
     /// Open and laid twice.
-    pub ground: Ground,
+    pub ground: Ground<'a>,
     /// Walls.
     pub containment: Containment<'a>,
 }

@@ -56,6 +56,7 @@ pub fn site<'a>(walls: &'a EdgeIndex, aperture: &'a Aperture, limits: &'a PoseLi
         left_out: &[],
         aperture,
         limits,
+        scale: None,
     }
 }
 

@@ -6,6 +6,7 @@
 
 use crate::geometry::coverage::return_mm;
 use crate::geometry::edge_index::{Edge, EdgeIndex};
+use crate::geometry::place_scale::ScaleField;
 use crate::geometry::plane_curve::{PlaneControl, configuration, curve_at};
 use crate::geometry::polygon::Region;
 use crate::plan::curve::even_spans::even_spans;
@@ -48,6 +49,7 @@ pub fn optimised(
     walls: &EdgeIndex,
     ground_mm2: f64,
     left_out: &[Region],
+    scale: Option<&ScaleField>,
     settings: &Settings,
 ) -> Vec<PassCurve> {
     let mut curves = vec![None; passes.len()];
@@ -68,6 +70,7 @@ pub fn optimised(
             left_out,
             aperture: &settings.aperture,
             limits: &pose_limits(settings),
+            scale,
         },
         settings,
         ground_mm2: ground_mm2 - left_out.iter().map(Region::area_mm2).sum::<f64>(),
@@ -139,6 +142,7 @@ impl RegionJob<'_> {
             aperture: self.site.aperture,
             walls: self.site.walls,
             tolerance_mm: path_tolerance_mm(self.settings),
+            scale: self.site.scale,
         };
         let curves = passes.into_iter().zip(begun).map(|(mut pass, begun)| {
             let Some(control) = checked(&begun.unknown.control, &inside) else {

@@ -1,0 +1,4 @@
+//! Plans on curved ground: what they cover, what is refused, and their figures.
+
+mod covered;
+mod shapes;
