@@ -286,7 +286,7 @@ fn route_of(
     for curves in curves.chunk_by(|p, q| outline_of(p.layer) == outline_of(q.layer)) {
         let ground = on_machine(&stack.outlines[outline_of(curves[0].layer)]);
         let mut ways = TravelWays::new(&keep_out, &ground, settings)?;
-        let of_outline = build_route(curves, number, at, &mut ways, settings);
+        let of_outline = build_route(curves, number, at, &mut ways, stack.scale, settings);
         let of_outline = of_outline.map_err(|error| error.shifted(-shift))?;
         crossings += outline_crossings(&of_outline, &ground);
         number += curves.len() as u32;

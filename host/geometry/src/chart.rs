@@ -141,6 +141,15 @@ impl PatchChart {
         Some(chart)
     }
 
+    /// The same ground, the chart so many times as large.
+    pub fn scaled(mut self, factor: f64) -> PatchChart {
+        self.splines = self.splines.scaled(factor);
+        for (_, place) in &mut self.vertices {
+            *place *= factor;
+        }
+        self
+    }
+
     /// The box of the vertices in the chart.
     pub fn bounds(&self) -> Box2 {
         let places: Vec<Point2> = self.vertices.iter().map(|(_, place)| *place).collect();

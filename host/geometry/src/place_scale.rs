@@ -86,6 +86,15 @@ impl ScaleField {
     }
 }
 
+impl ScaleField {
+    /// The middle of a tool of this half length at a pose, and its size there against its own.
+    pub fn tool_at(&self, at: Configuration, major_mm: f64) -> (Point2, f64) {
+        let here = self.at(at.center);
+        let shift_mm = here.shift_mm(major_mm, at.heading_rad);
+        (at.center + shift_mm, 1.0 / here.lambda)
+    }
+}
+
 impl PlaceScale {
     /// The aperture as large as it is here.
     pub fn aperture(&self, aperture: &Aperture) -> Aperture {

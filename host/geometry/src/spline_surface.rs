@@ -16,6 +16,9 @@ use nalgebra::Vector3;
 const STIFFNESS: f64 = 1e-3;
 /// Pieces of the coarsest grid along the longer side.
 const COARSEST: f64 = 4.0;
+/// A finer grid than is needed is taken where it leaves this share, and none once so little of what is allowed is left.
+const FAR_NEARER: f64 = 0.15;
+const SETTLED_SHARE: f64 = 0.02;
 /// Most rounds of the solver, and the residual against the first one at which it ends.
 const ROUNDS_MAX: usize = 400;
 const RESIDUAL_SHARE: f64 = 1e-9;
@@ -79,7 +82,8 @@ fn weights(s: f64) -> [[f64; 4]; 3] {
 
 impl SplineSurface {
     /// The surface over `bounds` through `points` (x, y, z in mm): on ever finer grids until it is
-    /// `near_mm` from all of them or its pieces would be smaller than `pitch_min_mm`. `None` without points.
+    /// `near_mm` from all of them or its pieces would be smaller than `pitch_min_mm`, and further as long as a finer one
+    /// is far nearer: smooth ground comes nearer by a sixteenth, facets by a quarter at most. `None` without points.
     pub fn through(
         points: &[[f64; 3]],
         bounds: Box2,
@@ -91,16 +95,24 @@ impl SplineSurface {
         }
         let size = bounds.size();
         let mut pitch_mm = (size.x.max(size.y) / COARSEST).max(pitch_min_mm);
+        let mut near: Option<FittedSurface> = None;
         loop {
             let surface = SplineSurface::fitted(points, bounds, pitch_mm);
             let (off_mm, off_at) = surface.farthest(points);
-            if off_mm <= near_mm || 0.5 * pitch_mm < pitch_min_mm {
-                return Some(FittedSurface {
-                    surface,
-                    off_mm,
-                    off_at,
-                });
+            let fitted = FittedSurface {
+                surface,
+                off_mm,
+                off_at,
+            };
+            if let Some(coarser) = near.take()
+                && off_mm > FAR_NEARER * coarser.off_mm
+            {
+                return Some(coarser);
             }
+            if 0.5 * pitch_mm < pitch_min_mm || off_mm < SETTLED_SHARE * near_mm {
+                return Some(fitted);
+            }
+            near = (off_mm <= near_mm).then_some(fitted);
             pitch_mm *= 0.5;
         }
     }
@@ -187,6 +199,13 @@ pub struct PatchSplines {
 }
 
 impl PatchSplines {
+    /// The same ground, the chart so many times as large.
+    pub fn scaled(mut self, factor: f64) -> PatchSplines {
+        self.grid.low *= factor;
+        self.grid.pitch_mm *= factor;
+        self
+    }
+
     /// The ground over `bounds` through points with their places in the chart: on ever finer grids until it is
     /// `near_mm` from all of them or its pieces would be smaller than `pitch_min_mm`.
     pub fn through(

@@ -9,6 +9,7 @@ use super::args_inspect::InspectArgs;
 use super::args_machine::MachineArgs;
 use super::args_other_names::OtherNames;
 use super::args_shell::{CompletionsArgs, ManArgs};
+use clap::builder::ArgPredicate;
 use clap::{Args, Parser, Subcommand, ValueEnum};
 use std::path::PathBuf;
 
@@ -132,9 +133,15 @@ pub(super) struct PlaceArgs {
     /// input's coordinates; read like the input.
     #[arg(long, value_name = "FILE")]
     pub keep_out: Option<PathBuf>,
-    /// Mesh, in the outline's coordinates, whose upper side the layers follow; for heads that tilt.
+    /// Mesh, in the outline's coordinates, that the layers follow; for heads that tilt. An outline of the plane is seen
+    /// from above and lies on the mesh's upper side, one with points [x, y, z] is drawn on it, and without an outline the
+    /// mesh is printed on up to its rims: both may hang over or close around.
     #[arg(long, value_name = "MESH")]
     pub surface: Option<PathBuf>,
+    /// What of the surface is meant: group:NAME (of an OBJ), colour:#RRGGBB (of an OBJ's vertices), or normal:DEG, which
+    /// leans from Z by no more than that.
+    #[arg(long, value_name = "REGION", requires = "surface")]
+    pub surface_region: Option<String>,
     /// Waypoints further apart than this end a pass: retract, travel clear of what is printed, prime
     /// [default: six times the usual spacing].
     #[arg(long, value_name = "MM")]
@@ -369,7 +376,11 @@ Examples:
   headway plan part.stl --layer-height 0.25 --walls 2 --infill-density 15 -o part.hwj
   headway plan sliced.gcode -o part.hwj")]
 pub(super) struct PlanArgs {
-    /// Mesh (STL, 3MF, OBJ), outline (polygon JSON, GeoJSON, SVG), waypoints or G-code.
+    /// Mesh (STL, 3MF, OBJ), outline (polygon JSON, GeoJSON, SVG), waypoints or G-code; none with --surface alone.
+    #[arg(
+        required_unless_present = "surface",
+        default_value_if("surface", ArgPredicate::IsPresent, "")
+    )]
     pub input: PathBuf,
     /// Job file to write.
     #[arg(short, long, value_name = "JOB.hwj")]
@@ -426,7 +437,12 @@ Examples:
   headway simulate part.hwj --trace poses.csv --trace-steps steps.csv
   headway simulate part.svg --link \"drop=0.01,flip=1e-5,stall=2s@5s\" --seed 7 --json")]
 pub(super) struct SimulateArgs {
-    /// Mesh (STL, 3MF, OBJ), outline (polygon JSON, GeoJSON, SVG), waypoints, G-code, or a job file (.hwj).
+    /// Mesh (STL, 3MF, OBJ), outline (polygon JSON, GeoJSON, SVG), waypoints, G-code, or a job file (.hwj); none with
+    /// --surface alone.
+    #[arg(
+        required_unless_present = "surface",
+        default_value_if("surface", ArgPredicate::IsPresent, "")
+    )]
     pub input: PathBuf,
     /// Folder for figures and pictures; made where it is not there.
     #[arg(long, value_name = "DIR")]

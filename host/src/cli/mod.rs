@@ -47,6 +47,7 @@ mod plan;
 mod planned;
 mod planned_gcode;
 mod planned_part;
+mod planned_patch;
 mod printable;
 mod probe;
 mod resume_from;

@@ -1,6 +1,7 @@
 //! Why a plan does not go onto a surface: what is wrong, where, and what the user can do.
 
 use crate::geometry::conformal::FlattenError;
+use crate::mesh::patch::NotManifold;
 use crate::plan::judge::touches::HeadPart;
 use crate::plan::route::surface::LayerFoldsError;
 
@@ -83,6 +84,40 @@ pub enum SurfaceError {
         /// Where it is least.
         least_at_mm: [f64; 3],
     },
+    /// An edge that no surface has.
+    #[error(
+        "the surface is no sheet near ({:.2}, {:.2}, {:.2}) mm: an edge has more than two triangles, triangles beside \
+         each other look to different sides, or two rims touch; mend the mesh there",
+        at_mm[0], at_mm[1], at_mm[2]
+    )]
+    NotManifold {
+        /// Place on the mesh.
+        at_mm: [f64; 3],
+    },
+    /// A mesh without a rim, and nothing that says which part of it is meant.
+    #[error(
+        "the surface near ({:.2}, {:.2}, {:.2}) mm is closed and has no rim to print up to: draw an outline on it, give a \
+         part of it, or cut it open",
+        at_mm[0], at_mm[1], at_mm[2]
+    )]
+    Closed {
+        /// Place on the mesh.
+        at_mm: [f64; 3],
+    },
+    /// A point of an outline in space that lies off the mesh.
+    #[error(
+        "the outline's point ({:.3}, {:.3}, {:.3}) mm lies {off_mm:.3} mm off the surface, more than half a layer \
+         ({most_mm:.3} mm): both are taken in the same coordinates",
+        at_mm[0], at_mm[1], at_mm[2]
+    )]
+    OffMesh {
+        /// The point.
+        at_mm: [f64; 3],
+        /// How far it is off.
+        off_mm: f64,
+        /// How far it may be.
+        most_mm: f64,
+    },
     /// A layer folds.
     #[error(transparent)]
     Folds(#[from] LayerFoldsError),
@@ -101,4 +136,10 @@ pub enum SurfaceError {
         /// The tip, input coordinates.
         at_mm: [f64; 3],
     },
+}
+
+impl From<NotManifold> for SurfaceError {
+    fn from(error: NotManifold) -> SurfaceError {
+        SurfaceError::NotManifold { at_mm: error.at_mm }
+    }
 }

@@ -6,7 +6,7 @@
 
 use super::error::SurfaceError;
 use super::{MARGIN_MM, NEAR_SHARE, OFF_SHARE_MAX};
-use crate::geometry::chart::PatchChart;
+use crate::geometry::chart::{Chart, PatchChart};
 use crate::geometry::conformal::{FlattenError, flattened};
 use crate::geometry::edge_index::{Edge, EdgeIndex};
 use crate::geometry::polygon::{Box2, Region};
@@ -166,7 +166,13 @@ impl Site<'_> {
         let size = self.bounds.size();
         let pitch_mm = (size.x * size.y / VERTICES).sqrt().max(VERTEX_MM);
         let sheet = self.sheet(heights, pitch_mm, margin_mm);
-        let flat = flattened(&sheet.vertices, &sheet.triangles)?;
+        // Conformal where beads lie: on the middle one of the layers' tops.
+        let above_mm = super::middle_mm(settings);
+        let raised = sheet.vertices.iter().map(|vertex| {
+            let frame = heights.frame(Point2::new(vertex.x, vertex.y), above_mm);
+            frame.tip_mm
+        });
+        let flat = flattened(&raised.collect::<Vec<_>>(), &sheet.triangles)?;
         let used = sheet.used();
         let flat = aligned(&sheet.vertices, flat, &used);
         let way = |axis: usize| {

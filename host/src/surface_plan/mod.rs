@@ -13,6 +13,7 @@
 pub mod error;
 mod height_ground;
 mod laid_ground;
+mod patch_ground;
 
 pub use error::SurfaceError;
 pub use laid_ground::{OnSurface, SharpBend};
@@ -20,6 +21,7 @@ pub use laid_ground::{OnSurface, SharpBend};
 use crate::geometry::polygon::{Box2, Region};
 use crate::geometry::{Point2, Vector2};
 use crate::input::Target;
+use crate::input::space_outline::SpaceOutline;
 use crate::layer_stack::{Stack, route_stack};
 use crate::mesh::Mesh;
 use crate::mesh::height_map::HeightMap;
@@ -43,6 +45,7 @@ use headway_protocol::units::{CHANNEL_X, CHANNEL_Y, CHANNEL_Z, CHANNELS};
 use height_ground::{HeightGround, under};
 use laid_ground::in_chart;
 use nalgebra::Vector3;
+use patch_ground::PatchGround;
 
 /// How far the smooth surface may be off the mesh, as a share of the layer height: aimed at, and at most.
 const NEAR_SHARE: f64 = 0.1;
@@ -78,14 +81,14 @@ pub fn plan_on_surface(
             .map(|region| in_chart(region, place))
             .collect()
     };
-    let job = ChartJob {
+    let mut job = ChartJob {
         regions: to_chart(&cleared.regions),
         around: to_chart(&target.regions),
         keep_out: to_chart(keep_out),
         kept_out_mm2: cleared.lost_mm2,
     };
     let off = (ground.fitted.off_mm, ground.fitted.off_at);
-    let laid = OnSurface::on(ground.chart, off, &job.around, settings)?;
+    let laid = OnSurface::on(ground.chart, off, &mut job, settings)?;
     let planned = job.routed(&laid, settings, progress)?;
     for route_move in planned.moves.iter().filter(|s| s.pass.is_some()) {
         for point in &route_move.curve.control {
@@ -93,19 +96,66 @@ pub fn plan_on_surface(
             under(&map, Point2::new(on_ground.x, on_ground.y))?;
         }
     }
-    let samples = |bounds: Box2, step_mm: f64| map.samples(bounds, step_mm);
-    let held = HeldAgainst {
-        mesh,
-        bounds: map.bounds(),
-        samples: &samples,
-    };
-    let plan = laid_out(&planned, &held, laid, settings, progress)?;
+    let held = Held::FromAbove(&map);
+    let plan = laid_out(&planned, (mesh, held), laid, settings, progress)?;
     Ok(Plan {
         keep_out: keep_out.to_vec(),
         kept_out_mm2: job.kept_out_mm2,
         left_out: planned.left_out,
         ..plan
     })
+}
+
+/// Plans an outline that is drawn on a mesh, or without one the whole of it up to its rims; the mesh may hang over. Ground
+/// that closes around something is cut open where it cannot be flattened otherwise.
+///
+/// # Errors
+/// [`PlanError`], of the surface [`SurfaceError`].
+pub fn plan_on_patch(
+    outline: Option<&SpaceOutline>,
+    mesh: &Mesh,
+    settings: &Settings,
+    progress: &dyn Progress,
+) -> Result<Plan, PlanError> {
+    settings.check()?;
+    let whole = laid_on_patch(outline, mesh, false, settings);
+    let (laid, job) = match whole {
+        Err(SurfaceError::NotFlat { .. } | SurfaceError::ScaleRanges { .. })
+            if PatchGround::may_be_cut(mesh) =>
+        {
+            laid_on_patch(outline, mesh, true, settings)?
+        }
+        whole => whole?,
+    };
+    let planned = job.routed(&laid, settings, progress)?;
+    let plan = laid_out(&planned, (mesh, Held::Sheet), laid, settings, progress)?;
+    Ok(Plan {
+        left_out: planned.left_out,
+        ..plan
+    })
+}
+
+fn laid_on_patch(
+    outline: Option<&SpaceOutline>,
+    mesh: &Mesh,
+    cut: bool,
+    settings: &Settings,
+) -> Result<(OnSurface, ChartJob), SurfaceError> {
+    let ground = PatchGround::of(mesh, outline, cut, settings)?;
+    let mut job = ChartJob {
+        around: ground.regions.clone(),
+        regions: ground.regions,
+        keep_out: Vec::new(),
+        kept_out_mm2: 0.0,
+    };
+    let off = (ground.chart.off_mm, ground.chart.off_at_mm.into());
+    let laid = OnSurface::on(ground.chart, off, &mut job, settings)?;
+    Ok((laid, job))
+}
+
+/// Height of the middle one of the layers' tops above the ground, mm.
+fn middle_mm(settings: &Settings) -> f64 {
+    0.5 * settings.layer_height_mm * (f64::from(settings.layers) + 1.0)
 }
 
 /// What is to be planned, in the chart.
@@ -127,6 +177,15 @@ struct Routed {
 }
 
 impl ChartJob {
+    /// All of it so many times as large.
+    fn scale(&mut self, factor: f64) {
+        let parts = [&mut self.regions, &mut self.around, &mut self.keep_out];
+        let rings = parts.into_iter().flatten().flat_map(Region::rings_mut);
+        for point in rings.flat_map(|ring| &mut ring.points) {
+            *point *= factor;
+        }
+    }
+
     fn routed(
         &self,
         laid: &OnSurface,
@@ -176,25 +235,24 @@ impl ChartJob {
     }
 }
 
-/// The mesh as nozzle and head meet it.
-struct HeldAgainst<'a> {
-    mesh: &'a Mesh,
-    /// Its box from above.
-    bounds: Box2,
-    /// Points of it within a box, about so far apart.
-    samples: &'a dyn Fn(Box2, f64) -> Vec<[f64; 3]>,
+/// What nozzle and head are held against.
+enum Held<'a> {
+    /// The upper side of the mesh.
+    FromAbove(&'a HeightMap<'a>),
+    /// All of its triangles.
+    Sheet,
 }
 
 /// Places what was mapped over, adds the way there and back, and finds its motion.
 fn laid_out(
     planned: &Routed,
-    held: &HeldAgainst,
+    (mesh, held): (&Mesh, Held),
     laid: OnSurface,
     settings: &Settings,
     progress: &dyn Progress,
 ) -> Result<Plan, PlanError> {
     let moves = &planned.moves;
-    let [low, high] = held.mesh.bounds_mm();
+    let [low, high] = mesh.bounds_mm();
     let all = moves.iter().flat_map(|moved| &moved.curve.control);
     let corners: Vec<Point2> = all
         .clone()
@@ -219,7 +277,11 @@ fn laid_out(
     let start = start_pose(settings);
     let mesh_top_mm = high.z + transform.offset_mm[2];
     let route = complete_route(moves, curves, mesh_top_mm, start, settings);
-    let touches = touches_on(&route, settings, &held.points(bounds, &transform, settings));
+    let touches = touches_on(
+        &route,
+        settings,
+        &held.points(mesh, bounds, &transform, settings),
+    );
     let mut touch = touches.iter().flat_map(|touches| &touches.deepest);
     if let Some(touch) = touch.find(|touch| touch.obstacle == Obstacle::Surface) {
         return Err(PlanError::Surface(SurfaceError::HeadTouches {
@@ -290,10 +352,11 @@ fn shifted(curve: &PathCurve, by_mm: [f64; 3]) -> PathCurve {
     PathCurve { control }
 }
 
-impl HeldAgainst<'_> {
+impl Held<'_> {
     /// Points of the surface that nozzle and head may not enter, machine coordinates.
     fn points(
         &self,
+        mesh: &Mesh,
         bounds: Box2,
         transform: &PartTransform,
         settings: &Settings,
@@ -301,14 +364,27 @@ impl HeldAgainst<'_> {
         let Some(head) = &settings.head else {
             return Vec::new();
         };
-        let around = bounds.grown(head.reach_mm());
-        let within = Box2 {
-            min: around.min.sup(&self.bounds.min),
-            max: around.max.inf(&self.bounds.max),
+        let samples = match self {
+            Held::FromAbove(map) => {
+                let (around, own) = (bounds.grown(head.reach_mm()), map.bounds());
+                let within = Box2 {
+                    min: around.min.sup(&own.min),
+                    max: around.max.inf(&own.max),
+                };
+                let size: Vector2 = within.size();
+                let step_mm = (size.x * size.y / HELD_AGAINST).sqrt().max(HELD_STEP_MM);
+                map.samples(within, step_mm)
+            }
+            Held::Sheet => {
+                let every = (mesh.triangles.len() as f64 / HELD_AGAINST).ceil().max(1.0) as usize;
+                let middles = (0..mesh.triangles.len()).step_by(every).map(|triangle| {
+                    let corners = mesh.corners(triangle).map(|corner| corner.coords);
+                    (corners.iter().sum::<Vector3<f64>>() / 3.0).into()
+                });
+                middles.collect()
+            }
         };
-        let size: Vector2 = within.size();
-        let step_mm = (size.x * size.y / HELD_AGAINST).sqrt().max(HELD_STEP_MM);
-        let samples = (self.samples)(within, step_mm).into_iter();
+        let samples = samples.into_iter();
         samples
             .map(|sample| Vector3::from(transform.to_machine(sample)))
             .collect()
