@@ -98,8 +98,6 @@ struct Pose {
 }
 
 struct Cells {
-    low: [f64; 2],
-    step: [f64; 2],
     count: [usize; 2],
     at: Vec<Vec3>,
     area_mm2: Vec<f64>,
@@ -213,8 +211,6 @@ fn cells(ground: &Ground, region: &Region, top_mm: f64, look: &Look) -> Cells {
     }
     let all = count[0] * count[1];
     let mut cells = Cells {
-        low,
-        step,
         count,
         at: Vec::with_capacity(all),
         area_mm2: Vec::with_capacity(all),

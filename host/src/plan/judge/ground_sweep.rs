@@ -37,6 +37,9 @@ const SHEET: f64 = 2.0;
 /// Points of the outline at which its depth outside is measured, and poses that are looked at so closely.
 const OUTLINE: usize = 96;
 const POSES_MEASURED: usize = 400;
+/// Places from which the place of a tip is sought, about, and how many of the nearest are tried.
+const BEGINS: f64 = 800.0;
+const BEGINS_TRIED: usize = 24;
 /// How much farther than its shape in the chart the aperture may reach, of its size.
 const NEARLY: f64 = 1.02;
 
@@ -251,12 +254,14 @@ impl LayerJob<'_> {
     fn on_ground(&self, poses: &[(Pose, u32, f64)]) -> Vec<GroundPose> {
         let offset = Vector3::from(self.ground.transform.offset_mm);
         let mut near: Option<(u32, Point2)> = None;
+        let begins = self.begins();
         let placed = poses.iter().map(|&(pose, pass, path_mm)| {
             let tip_mm = tip(&pose) - offset;
-            let start = near.filter(|(of, _)| *of == pass);
-            let start = start.map_or_else(|| self.nearest(tip_mm), |(_, near)| near);
             let chart = self.ground.chart;
-            let center = chart.place_of(tip_mm, start, self.above_mm);
+            let center = match near.filter(|(of, _)| *of == pass) {
+                Some((_, near)) => chart.place_of(tip_mm, near, self.above_mm),
+                None => self.place_anew(tip_mm, &begins),
+            };
             near = Some((pass, center));
             let turn = turned(&pose);
             let axes = [Vector3::x(), Vector3::y()].map(|axis| turn * axis);
@@ -281,21 +286,36 @@ impl LayerJob<'_> {
         placed.collect()
     }
 
-    /// A place of the regions near a point, to begin from.
-    fn nearest(&self, point: Vector3<f64>) -> Point2 {
+    /// The place of a tip that nothing is known of: where ground is cut open there are two near it, of which that inside
+    /// the regions counts.
+    fn place_anew(&self, tip_mm: Vector3<f64>, begins: &[(Point2, Vector3<f64>)]) -> Point2 {
+        let mut begins: Vec<(f64, Point2)> = begins
+            .iter()
+            .map(|(at, on_layer)| ((on_layer - tip_mm).norm_squared(), *at))
+            .collect();
+        begins.sort_by(|a, b| a.0.total_cmp(&b.0));
+        let placed = begins.iter().take(BEGINS_TRIED).map(|(_, begin)| {
+            let chart = self.ground.chart;
+            let at = chart.place_of(tip_mm, *begin, self.above_mm);
+            let off_mm = (chart.frame(at, self.above_mm).tip_mm - tip_mm).norm();
+            let outside_mm = (-self.walls.signed_distance_mm(at)).max(0.0);
+            (off_mm + outside_mm, at)
+        });
+        let best = placed.min_by(|a, b| a.0.total_cmp(&b.0));
+        best.map_or(self.walls.bounds().min, |(_, at)| at)
+    }
+
+    /// Places of the regions from which the place of a tip is sought, with their points on the layer.
+    fn begins(&self) -> Vec<(Point2, Vector3<f64>)> {
         let bounds = self.walls.bounds();
         let size = bounds.size();
-        const SIDE: usize = 24;
-        let places = (0..=SIDE * (SIDE + 2)).map(|k| {
-            let [i, j] = [k % (SIDE + 1), k / (SIDE + 1)].map(|k| k as f64 / SIDE as f64);
-            bounds.min + Vector2::new(i * size.x, j * size.y)
-        });
-        let away = |at: &Point2| {
-            let tip_mm = self.ground.chart.frame(*at, self.above_mm).tip_mm;
-            (tip_mm - point).norm_squared()
-        };
-        let nearest = places.min_by(|a, b| away(a).total_cmp(&away(b)));
-        nearest.unwrap_or(bounds.min)
+        let step_mm = (size.x * size.y / BEGINS).sqrt();
+        let [columns, rows] = [size.x, size.y].map(|side| (side / step_mm).ceil() as usize);
+        let all = (0..=rows).flat_map(|j| (0..=columns).map(move |i| [i, j]));
+        let all = all.map(|[i, j]| bounds.min + step_mm * Vector2::new(i as f64, j as f64));
+        let inside = all.filter(|&at| self.walls.signed_distance_mm(at) > -step_mm);
+        let inside = inside.map(|at| (at, self.ground.chart.frame(at, self.above_mm).tip_mm));
+        inside.collect()
     }
 
     fn raster(&self) -> Raster {

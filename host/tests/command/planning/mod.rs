@@ -6,3 +6,4 @@ mod copies;
 mod dxf;
 mod gcode;
 mod meshes;
+mod surfaces;

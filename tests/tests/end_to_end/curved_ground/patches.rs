@@ -201,6 +201,10 @@ fn full_cylinder([radius_mm, height_mm]: [f64; 2], hole_mm: f64, settings: &Sett
     };
     let found = laid(&plan, &ground, &region, &Look::default());
     row("full cylinder", &found, &plan, settings);
+    // The plan's own figures count neither side of the cut twice.
+    let own = &plan.figures;
+    assert!((own.covered_pct - found.covered_pct).abs() < 0.3, "{own:?}");
+    assert!((own.overlap_pct - found.twice_pct).abs() < 0.3, "{own:?}");
     assert_printed(&plan, settings);
     found
 }
