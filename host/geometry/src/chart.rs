@@ -14,8 +14,9 @@ use nalgebra::{Matrix2, Vector3};
 /// Steps of Newton's method to the place of a point, and the step at which it has it, mm.
 const STEPS_MAX: usize = 20;
 const SETTLED_MM: f64 = 1e-9;
-/// Longest step of them, mm.
+/// Longest step of them, mm, and how often one is halved that leads away.
 const STEP_MAX_MM: f64 = 5.0;
+const HALVINGS_MAX: usize = 8;
 
 /// A place on the ground with its derivatives by the chart's coordinates.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -50,8 +51,8 @@ pub trait Chart: Sync {
     /// nearest to that layer.
     fn place_of(&self, point: Vector3<f64>, near: Point2, above_mm: f64) -> Point2 {
         let mut at = near;
+        let mut frame = self.frame(at, above_mm);
         for _ in 0..STEPS_MAX {
-            let frame = self.frame(at, above_mm);
             let off = point - frame.tip_mm;
             let [u, v] = frame.along;
             let mixed = u.dot(&v);
@@ -60,8 +61,17 @@ pub trait Chart: Sync {
             let Some(inverse) = metric.try_inverse() else {
                 break;
             };
-            let step = (inverse * right).cap_magnitude(STEP_MAX_MM);
-            at += step;
+            let mut step = (inverse * right).cap_magnitude(STEP_MAX_MM);
+            // Where the ground bends much a whole step may lead away.
+            let mut next = self.frame(at + step, above_mm);
+            for _ in 0..HALVINGS_MAX {
+                if (point - next.tip_mm).norm_squared() <= off.norm_squared() {
+                    break;
+                }
+                step *= 0.5;
+                next = self.frame(at + step, above_mm);
+            }
+            (at, frame) = (at + step, next);
             if step.norm() < SETTLED_MM {
                 break;
             }

@@ -49,7 +49,7 @@ impl RunEdges {
 pub fn rims(mesh: &Mesh) -> Result<Vec<Vec<u32>>, NotManifold> {
     let edges = RunEdges::of(mesh)?;
     let mut next = BTreeMap::new();
-    for (&[from, to], _) in &edges.triangle_of {
+    for &[from, to] in edges.triangle_of.keys() {
         if edges.other_side([from, to]).is_none() && next.insert(from, to).is_some() {
             // Two rims touch there.
             let at = mesh.vertices[from as usize];

@@ -93,15 +93,12 @@ impl OnSurface {
         settings: &Settings,
     ) -> Result<OnSurface, SurfaceError> {
         let middle_mm = middle_mm(settings);
-        let folds = |at: Point2| {
-            let at_mm = chart.frame(at, 0.0).tip_mm.into();
-            SurfaceError::Folds(LayerFoldsError {
-                above_mm: middle_mm,
-                at_mm,
-            })
-        };
         let bounds = chart.bounds();
-        let scale = ScaleField::of(&chart, bounds, middle_mm).ok_or_else(|| folds(bounds.min))?;
+        let folds = SurfaceError::Folds(LayerFoldsError {
+            above_mm: middle_mm,
+            at_mm: chart.frame(bounds.min, 0.0).tip_mm.into(),
+        });
+        let scale = ScaleField::of(&chart, bounds, middle_mm).ok_or(folds.clone())?;
         let looked = looked_over(&chart, &scale, &job.around);
         let (tilt_max_rad, at) = looked.tilt;
         let tilts = settings.machine.kinematics != Kinematics::Planar;
@@ -117,12 +114,7 @@ impl OnSurface {
         job.scale(factor);
         let chart = chart.scaled(factor);
         let bounds = chart.bounds();
-        let scale = ScaleField::of(&chart, bounds, middle_mm).ok_or_else(|| {
-            SurfaceError::Folds(LayerFoldsError {
-                above_mm: middle_mm,
-                at_mm: [0.0; 3],
-            })
-        })?;
+        let scale = ScaleField::of(&chart, bounds, middle_mm).ok_or(folds)?;
         let scales = [least / factor, most / factor];
         Ok(OnSurface {
             chart: Arc::new(chart),

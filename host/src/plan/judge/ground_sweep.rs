@@ -116,16 +116,20 @@ pub fn sweep_ground(
 }
 
 type Pose = [f64; CHANNELS];
+/// A pose with its pass and the path of that so far, mm.
+type PrintPose = (Pose, u32, f64);
+/// A layer with its poses.
+type LayerPoses = (u32, Vec<PrintPose>);
 
 /// The print poses of each layer with pass and path, machine coordinates.
 fn poses_by_layer(
     stream: &SegmentStream,
     settings: &Settings,
     is_of_regions: impl Fn(u32) -> bool,
-) -> Vec<(u32, Vec<(Pose, u32, f64)>)> {
+) -> Vec<LayerPoses> {
     let servo_hz = f64::from(settings.machine.servo_hz);
     let step_mm = STEP * settings.aperture.unit_mm();
-    let mut layers: Vec<(u32, Vec<(Pose, u32, f64)>)> = Vec::new();
+    let mut layers: Vec<LayerPoses> = Vec::new();
     let (mut mark, mut tick, mut path_mm) = (0, 0u64, 0.0);
     let mut before: Option<Pose> = None;
     for span in Spans::new(&stream.start, &stream.knots) {
@@ -226,7 +230,7 @@ const NO_VISIT: Visit = Visit {
 };
 
 impl LayerJob<'_> {
-    fn measured(&self, layer: u32, poses: &[(Pose, u32, f64)]) -> LayerSwept {
+    fn measured(&self, layer: u32, poses: &[PrintPose]) -> LayerSwept {
         let poses = self.on_ground(poses);
         let raster = self.raster();
         let cells = self.cells(&raster);
@@ -251,7 +255,7 @@ impl LayerJob<'_> {
     }
 
     /// The poses in the ground's coordinates, with their places in the chart.
-    fn on_ground(&self, poses: &[(Pose, u32, f64)]) -> Vec<GroundPose> {
+    fn on_ground(&self, poses: &[PrintPose]) -> Vec<GroundPose> {
         let offset = Vector3::from(self.ground.transform.offset_mm);
         let mut near: Option<(u32, Point2)> = None;
         let begins = self.begins();

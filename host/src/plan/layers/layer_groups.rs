@@ -473,7 +473,7 @@ mod tests {
         let walls = walls(&[&[[-2.4, -2.4], [2.4, -2.4], [2.4, 2.4], [-2.4, 2.4]]]);
         let aperture = &settings.aperture;
         for pass in &passes {
-            let curves = region_curves(pass, &walls, aperture, 1e-3);
+            let curves = region_curves(pass, &InsideWalls::flat(aperture, &walls, 1e-3));
             for periods in [-3.0, 1.0, 4.0] {
                 let periods_rad = periods * aperture.period_rad();
                 let mut other = pass.clone();
@@ -481,7 +481,7 @@ mod tests {
                 for placement in &mut other.placements {
                     placement.at.heading_rad += periods_rad;
                 }
-                let mut others = region_curves(&other, &walls, aperture, 1e-3);
+                let mut others = region_curves(&other, &InsideWalls::flat(aperture, &walls, 1e-3));
                 others.reverse();
                 assert_eq!(curves.len(), others.len());
                 for (curve, other) in curves.iter().zip(&others) {

@@ -128,7 +128,7 @@ fn table_of_patches() {
         (
             "torus' side",
             torus,
-            with_hole([0.0, -6.0], [24.0, 6.0], [12.0, 1.0], 2.5),
+            with_hole([0.0, -4.8], [24.0, 6.0], [12.0, 1.0], 2.5),
         ),
         (
             "folded sheet",

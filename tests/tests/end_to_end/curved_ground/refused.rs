@@ -4,6 +4,7 @@
 use super::shapes::{circle, fast_gantry, ring, sheet, target};
 use headway::geometry::polygon::Region;
 use headway::mesh::Mesh;
+use headway::settings::Quality;
 use headway::surface_plan::{SurfaceError, plan_on_surface};
 use headway::{Plan, PlanError};
 use headway_tests::ground_oracle::{Ground, Look, Vec3, laid};
@@ -73,6 +74,7 @@ fn a_ripple_is_refused_with_its_place() {
 fn steep_ground_beside_the_outline_is_no_matter() {
     let mut settings = fast_gantry();
     settings.head = None;
+    settings.quality = Quality::Fast;
     let bowl = |x: f64, y: f64| 15.0 - (225.0 - (x * x + y * y).min(210.0)).sqrt();
     let disc = Region {
         exterior: circle([0.0, 0.0], 9.0, 128, 1.0),
