@@ -3,8 +3,8 @@
 //!
 //! The ground is a map from two parameters to space. Cells of 0.02 mm on it have their true area and a point on the
 //! layer's top; poses are those of the wire's spline by de Boor's algorithm; a cell is covered where its point, in the
-//! tool's frame, lies in the ellipse. Depth outside is measured at the boundary itself: at the short pieces of it that the ellipse
-//! overhangs, and at corners that point inwards.
+//! tool's frame, lies in the ellipse. Depth outside is measured at the boundary itself: at the short pieces of it that
+//! the ellipse overhangs, and at corners that point inwards.
 
 use crate::segment_oracle::Oracle;
 use headway::Plan;

@@ -43,22 +43,29 @@ pub struct PlaceScale {
 }
 
 impl ScaleField {
-    /// Of a layer so far above the ground of a chart, within these bounds. `None` where a layer folds.
-    pub fn of(chart: &dyn Chart, bounds: Box2, above_mm: f64) -> Option<ScaleField> {
+    /// Of a layer so far above the ground of a chart, at the places within these bounds that are ground. `None` where no
+    /// layer lies.
+    pub fn of(
+        chart: &dyn Chart,
+        bounds: Box2,
+        is_ground: impl Fn(Point2) -> bool,
+        above_mm: f64,
+    ) -> Option<ScaleField> {
         let size = bounds.size();
         let step_mm = (size.x.max(size.y) / STEPS_MAX).max(STEP_MM);
         let [columns, rows] = [size.x, size.y].map(|side| (side / step_mm).ceil().max(1.0) as u32);
         let places = (0..=rows).flat_map(|row| (0..=columns).map(move |column| [column, row]));
-        let points = places.map(|[column, row]| {
-            let (x, y) = (
+        let points = places.filter_map(|[column, row]| {
+            let at = Point2::new(
                 bounds.min.x + size.x * f64::from(column) / f64::from(columns),
                 bounds.min.y + size.y * f64::from(row) / f64::from(rows),
             );
-            let area = chart.frame(Point2::new(x, y), above_mm).area_factor();
-            (area > 0.0).then(|| [x, y, 0.5 * area.ln()])
+            let area = is_ground(at).then(|| chart.frame(at, above_mm).area_factor());
+            let area = area.filter(|area| *area > 0.0)?;
+            Some([at.x, at.y, 0.5 * area.ln()])
         });
-        let points: Option<Vec<[f64; 3]>> = points.collect();
-        let fitted = SplineSurface::through(&points?, bounds, NEAR, PITCH_STEPS * step_mm)?;
+        let points: Vec<[f64; 3]> = points.collect();
+        let fitted = SplineSurface::through(&points, bounds, NEAR, PITCH_STEPS * step_mm)?;
         Some(ScaleField {
             log_scale: Arc::new(fitted.surface),
             frame: Frame::IDENTITY,
@@ -214,7 +221,7 @@ mod tests {
             min: Point2::new(2.0, -5.0),
             max: Point2::new(12.0, 5.0),
         };
-        let field = ScaleField::of(&Stereographic, bounds, 0.0).unwrap();
+        let field = ScaleField::of(&Stereographic, bounds, |_| true, 0.0).unwrap();
         let at = Point2::new(20.0 * (45f64.to_radians() / 2.0).tan(), 0.3);
         let here = field.at(at);
         let square = (at.coords / (2.0 * RADIUS_MM)).norm_squared();

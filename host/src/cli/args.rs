@@ -64,6 +64,9 @@ pub(super) enum Command {
     Man(ManArgs),
 }
 
+/// What stands for the input where there is a surface alone.
+pub(super) const NO_INPUT: &str = "-";
+
 /// What is read, and where it goes on the machine.
 #[derive(Clone, Debug, Args)]
 #[command(next_help_heading = "Input")]
@@ -378,8 +381,9 @@ Examples:
 pub(super) struct PlanArgs {
     /// Mesh (STL, 3MF, OBJ), outline (polygon JSON, GeoJSON, SVG), waypoints or G-code; none with --surface alone.
     #[arg(
+        required = false,
         required_unless_present = "surface",
-        default_value_if("surface", ArgPredicate::IsPresent, "")
+        default_value_if("surface", ArgPredicate::IsPresent, NO_INPUT)
     )]
     pub input: PathBuf,
     /// Job file to write.
@@ -440,8 +444,9 @@ pub(super) struct SimulateArgs {
     /// Mesh (STL, 3MF, OBJ), outline (polygon JSON, GeoJSON, SVG), waypoints, G-code, or a job file (.hwj); none with
     /// --surface alone.
     #[arg(
+        required = false,
         required_unless_present = "surface",
-        default_value_if("surface", ArgPredicate::IsPresent, "")
+        default_value_if("surface", ArgPredicate::IsPresent, NO_INPUT)
     )]
     pub input: PathBuf,
     /// Folder for figures and pictures; made where it is not there.

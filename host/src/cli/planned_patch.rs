@@ -1,6 +1,6 @@
 //! A patch of a mesh, by itself or with an outline drawn on it, planned.
 
-use super::args::{InputArgs, PlaceArgs, UnitName};
+use super::args::{InputArgs, NO_INPUT, PlaceArgs, UnitName};
 use super::console::Console;
 use super::planned::{Planned, finished, plan_error};
 use super::{CliError, copies, job, load, load_run};
@@ -28,7 +28,7 @@ pub(super) fn wanted(
     let Some(surface) = &place.surface else {
         return Ok(None);
     };
-    let is_alone = path.as_os_str().is_empty();
+    let is_alone = path.as_os_str() == NO_INPUT;
     let outline = match is_alone {
         true => None,
         false => drawn(path, reading)?,

@@ -4,11 +4,13 @@
 
 use super::{ChartJob, OFF_SHARE_MAX, SurfaceError, middle_mm};
 use crate::geometry::chart::{Chart, PatchChart, sharpest_bend_per_mm};
+use crate::geometry::edge_index::{Edge, EdgeIndex};
 use crate::geometry::place_scale::ScaleField;
 use crate::geometry::polygon::{Region, Ring};
 use crate::geometry::{Point2, Vector2};
 use crate::open_ground::OpenGround;
 use crate::plan::judge::ground_sweep::LayerSwept;
+use crate::plan::layers::skirt::skirt_reach_mm;
 use crate::plan::outline::unreachable::UnreachableRun;
 use crate::plan::route::surface::LayerFoldsError;
 use crate::settings::Settings;
@@ -92,13 +94,7 @@ impl OnSurface {
         job: &mut ChartJob,
         settings: &Settings,
     ) -> Result<OnSurface, SurfaceError> {
-        let middle_mm = middle_mm(settings);
-        let bounds = chart.bounds();
-        let folds = SurfaceError::Folds(LayerFoldsError {
-            above_mm: middle_mm,
-            at_mm: chart.frame(bounds.min, 0.0).tip_mm.into(),
-        });
-        let scale = ScaleField::of(&chart, bounds, middle_mm).ok_or(folds.clone())?;
+        let scale = scale_of(&chart, &job.around, settings)?;
         let looked = looked_over(&chart, &scale, &job.around);
         let (tilt_max_rad, at) = looked.tilt;
         let tilts = settings.machine.kinematics != Kinematics::Planar;
@@ -113,13 +109,12 @@ impl OnSurface {
         let factor = least + TOPOLOGY_SHARE * (most - least);
         job.scale(factor);
         let chart = chart.scaled(factor);
-        let bounds = chart.bounds();
-        let scale = ScaleField::of(&chart, bounds, middle_mm).ok_or(folds)?;
+        let scale = scale_of(&chart, &job.around, settings)?;
         let scales = [least / factor, most / factor];
         Ok(OnSurface {
             chart: Arc::new(chart),
             scale,
-            regions: job.around.clone(),
+            regions: job.regions.clone(),
             off_mm: off.0,
             off_at_mm: off.1,
             tilt_max_rad,
@@ -157,6 +152,28 @@ impl OnSurface {
         let tip = Vector3::from_fn(|axis, _| pose[CHANNEL_X + axis]);
         self.chart.jet(self.chart.place(tip)).at_mm
     }
+}
+
+/// The nozzle's scale over regions and what lies beside them as far as a nozzle and a skirt reach.
+fn scale_of(
+    chart: &PatchChart,
+    regions: &[Region],
+    settings: &Settings,
+) -> Result<ScaleField, SurfaceError> {
+    let edges = regions.iter().flat_map(Region::edges);
+    let edges: Vec<Edge> = edges.map(|(a, b)| Edge { a, b }).collect();
+    let index = EdgeIndex::new(edges, LOOK_MM);
+    let beside_mm = skirt_reach_mm(settings) + settings.aperture.reach_mm();
+    let bounds = index.bounds().grown(beside_mm);
+    let is_ground = |at: Point2| index.signed_distance_mm(at) > -beside_mm;
+    let above_mm = middle_mm(settings);
+    let scale = ScaleField::of(chart, bounds, is_ground, above_mm);
+    scale.ok_or_else(|| {
+        SurfaceError::Folds(LayerFoldsError {
+            above_mm,
+            at_mm: chart.frame(bounds.min, 0.0).tip_mm.into(),
+        })
+    })
 }
 
 fn sharp_bend(looked: &Looked, settings: &Settings) -> Result<Option<SharpBend>, SurfaceError> {
@@ -202,7 +219,7 @@ fn looked_over(chart: &PatchChart, scale: &ScaleField, regions: &[Region]) -> Lo
         let [columns, rows] = [size.x, size.y].map(|side| (side / step_mm).ceil() as usize);
         let inner = (0..=rows).flat_map(|j| (0..=columns).map(move |i| (i, j)));
         let inner = inner.map(|(i, j)| bounds.min + step_mm * Vector2::new(i as f64, j as f64));
-        let index = crate::geometry::edge_index::EdgeIndex::of_region(region, step_mm);
+        let index = EdgeIndex::of_region(region, step_mm);
         let inner = inner.filter(|&p| index.contains(p));
         for at in inner.chain(region.edges().map(|(p, _)| p)) {
             let jet = chart.jet(at);

@@ -26,12 +26,15 @@ use crate::layer_stack::{Stack, route_stack};
 use crate::mesh::Mesh;
 use crate::mesh::height_map::HeightMap;
 use crate::part_transform::PartTransform;
-use crate::plan::judge::ground_sweep::{CurvedGround, LayerSwept, sweep_ground};
+use crate::plan::judge::figures::Swept;
+use crate::plan::judge::ground_sweep::{CurvedGround, sweep_ground};
 use crate::plan::judge::measure::measure;
-use crate::plan::judge::touches::{Obstacle, touches_on};
+use crate::plan::judge::touches::{Obstacle, Touches, touches_on};
 use crate::plan::layers::layer_groups;
 use crate::plan::layers::layer_groups::OFF_REGIONS;
+use crate::plan::motion::best_place::FoundPlace;
 use crate::plan::motion::segments::lay_segments_with_progress;
+use crate::plan::motion::singular::SingularPlaces;
 use crate::plan::outline::unreachable::UnreachableRun;
 use crate::plan::progress::Progress;
 use crate::plan::route::keep_out::cleared;
@@ -243,15 +246,21 @@ enum Held<'a> {
     Sheet,
 }
 
-/// Places what was mapped over, adds the way there and back, and finds its motion.
-fn laid_out(
-    planned: &Routed,
+/// A route on the machine.
+struct PlacedRoute {
+    route: Route,
+    transform: PartTransform,
+    found_place: Option<FoundPlace>,
+    singular: SingularPlaces,
+    touches: Option<Touches>,
+}
+
+/// Places what was mapped over and adds the way there and back.
+fn placed(
+    moves: &[RouteMove],
     (mesh, held): (&Mesh, Held),
-    laid: OnSurface,
     settings: &Settings,
-    progress: &dyn Progress,
-) -> Result<Plan, PlanError> {
-    let moves = &planned.moves;
+) -> Result<PlacedRoute, PlanError> {
     let [low, high] = mesh.bounds_mm();
     let all = moves.iter().flat_map(|moved| &moved.curve.control);
     let corners: Vec<Point2> = all
@@ -277,11 +286,8 @@ fn laid_out(
     let start = start_pose(settings);
     let mesh_top_mm = high.z + transform.offset_mm[2];
     let route = complete_route(moves, curves, mesh_top_mm, start, settings);
-    let touches = touches_on(
-        &route,
-        settings,
-        &held.points(mesh, bounds, &transform, settings),
-    );
+    let points = held.points(mesh, bounds, &transform, settings);
+    let touches = touches_on(&route, settings, &points);
     let mut touch = touches.iter().flat_map(|touches| &touches.deepest);
     if let Some(touch) = touch.find(|touch| touch.obstacle == Obstacle::Surface) {
         return Err(PlanError::Surface(SurfaceError::HeadTouches {
@@ -290,6 +296,30 @@ fn laid_out(
             at_mm: transform.to_input(touch.tip_mm),
         }));
     }
+    Ok(PlacedRoute {
+        route,
+        transform,
+        found_place,
+        singular,
+        touches,
+    })
+}
+
+/// The motion of a route on the ground, and what it covers there.
+fn laid_out(
+    planned: &Routed,
+    (mesh, held): (&Mesh, Held),
+    laid: OnSurface,
+    settings: &Settings,
+    progress: &dyn Progress,
+) -> Result<Plan, PlanError> {
+    let PlacedRoute {
+        route,
+        transform,
+        found_place,
+        singular,
+        touches,
+    } = placed(&planned.moves, (mesh, held), settings)?;
     let (stream, motion) = lay_segments_with_progress(&route, settings, progress)?;
     let (mut figures, measured) = measure(&stream, &[], &[], &transform, settings, progress);
     figures.passes = passes_of(&route);
@@ -302,10 +332,7 @@ fn laid_out(
     };
     let layers = sweep_ground(&stream, &ground, is_of_regions, settings);
     let numbers: Vec<u32> = layers.iter().map(|swept| swept.layer).collect();
-    let swept: Vec<_> = layers
-        .iter()
-        .map(|layer: &LayerSwept| layer.swept)
-        .collect();
+    let swept: Vec<Swept> = layers.iter().map(|layer| layer.swept).collect();
     figures.set_shares(&numbers, &swept);
     Ok(Plan {
         transform,

@@ -1,7 +1,7 @@
 //! A patch of a mesh as ground: it may hang over, stand upright or close around something.
 //!
-//! In: a mesh, and where there is one an outline drawn on it (mm). Out: a [`PatchChart`] of the patch, and the outline in it: what was
-//! drawn, brought to the mesh, or else the patch's own rims. Of a mesh that is more than a patch about the
+//! In: a mesh, and where there is one an outline drawn on it (mm). Out: a [`PatchChart`] of the patch, and the outline in
+//! it: what was drawn, brought to the mesh, or else the patch's own rims. Of a mesh that is more than a patch about the
 //! outline the smaller side of it is taken, with a margin. Ground that closes around is cut open along the shortest way
 //! between its two longest rims, and both sides of the cut are walls.
 

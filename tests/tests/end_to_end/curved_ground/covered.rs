@@ -31,8 +31,8 @@ pub fn row(name: &str, found: &Laid, plan: &Plan, settings: &Settings) {
         .collect();
     let on = plan.on_surface.as_ref().unwrap();
     println!(
-        "{name:14} covered {:.2} twice {:.2} outside {:.3} ({:.1} um) mm/mm2 {:.3} ms/mm2 {:.1} volume {:.4} passes {} area {:.1} | \
-         own {:.2} {:.2} {:.1} um | scales {:.3?} off {:.3} | {}",
+        "{name:14} covered {:.2} twice {:.2} outside {:.3} ({:.1} um) mm/mm2 {:.3} ms/mm2 {:.1} volume {:.4} passes {} area \
+         {:.1} | own {:.2} {:.2} {:.1} um | scales {:.3?} off {:.3} | {}",
         found.covered_pct,
         found.twice_pct,
         found.outside_pct,
@@ -52,7 +52,7 @@ pub fn row(name: &str, found: &Laid, plan: &Plan, settings: &Settings) {
 }
 
 #[test]
-#[ignore = "the table of the measurements' page: some minutes (cargo test -p headway-tests curved_ground::covered -- --ignored --nocapture)"]
+#[ignore = "the table of the measurements' page: some minutes"]
 fn table_of_surfaces() {
     let settings = fast_gantry();
     for outline in ["square", "L"] {

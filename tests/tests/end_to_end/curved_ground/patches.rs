@@ -116,7 +116,7 @@ fn planned(
 }
 
 #[test]
-#[ignore = "the table of the measurements' page: a minute each (cargo test -p headway-tests curved_ground::patches -- --ignored --nocapture)"]
+#[ignore = "the table of the measurements' page: a minute each"]
 fn table_of_patches() {
     let settings = tilting();
     let cases: [(&str, Place, Region); 3] = [
