@@ -254,11 +254,11 @@ impl System {
                     &own[from - first..column - first],
                     &other[from - self.first[column]..column - self.first[column]],
                 );
-                let sum: f64 = mine.iter().zip(its).map(|(a, b)| a * b).sum();
+                let sum = dot(mine, its);
                 let pivot = other[column - self.first[column]];
                 own[column - first] = (own[column - first] - sum) / pivot;
             }
-            let squares: f64 = own[..row - first].iter().map(|value| value * value).sum();
+            let squares = dot(&own[..row - first], &own[..row - first]);
             // A pivot that rounding has brought to 0 belongs to a place that nothing holds.
             own[row - first] = (own[row - first] - squares).max(f64::MIN_POSITIVE).sqrt();
         }
@@ -281,6 +281,20 @@ impl System {
         }
         solution
     }
+}
+
+/// Sum of products, in four sums side by side: one alone waits for each addition.
+fn dot(a: &[f64], b: &[f64]) -> f64 {
+    let (fours, others) = (a.chunks_exact(4), b.chunks_exact(4));
+    let rest = fours.remainder().iter().zip(others.remainder());
+    let rest: f64 = rest.map(|(a, b)| a * b).sum();
+    let mut sums = [0.0; 4];
+    for (a, b) in fours.zip(others) {
+        for (sum, (a, b)) in sums.iter_mut().zip(a.iter().zip(b)) {
+            *sum += a * b;
+        }
+    }
+    (sums[0] + sums[1]) + (sums[2] + sums[3]) + rest
 }
 
 #[cfg(test)]

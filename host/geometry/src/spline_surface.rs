@@ -228,14 +228,13 @@ impl PatchSplines {
     }
 
     fn fitted(points: &[(Vector3<f64>, Point2)], bounds: Box2, pitch_mm: f64) -> PatchSplines {
-        let of_axis: [SplineSurface; 3] = std::array::from_fn(|axis| {
+        let of_axis = |axis: usize| {
             let points = points.iter().map(|(point, at)| [at.x, at.y, point[axis]]);
             SplineSurface::fitted(&points.collect::<Vec<_>>(), bounds, pitch_mm)
-        });
-        let [x, y, z] = &of_axis;
+        };
+        let (x, (y, z)) = rayon::join(|| of_axis(0), || rayon::join(|| of_axis(1), || of_axis(2)));
         let axes = x.control_mm.iter().zip(&y.control_mm).zip(&z.control_mm);
         let control_mm = axes.map(|((x, y), z)| Vector3::new(*x, *y, *z)).collect();
-        let [x, ..] = of_axis;
         PatchSplines {
             grid: SplineSurface {
                 control_mm: Vec::new(),
