@@ -75,6 +75,11 @@ fn steep_ground_beside_the_outline_is_no_matter() {
     let mut settings = fast_gantry();
     settings.head = None;
     settings.quality = Quality::Fast;
+    // Large parts: coarse cells tell whether they are covered, and depth needs none.
+    let coarse = Look {
+        cell_mm: 0.05,
+        ..Look::default()
+    };
     let bowl = |x: f64, y: f64| 15.0 - (225.0 - (x * x + y * y).min(210.0)).sqrt();
     let disc = Region {
         exterior: circle([0.0, 0.0], 9.0, 128, 1.0),
@@ -89,7 +94,7 @@ fn steep_ground_beside_the_outline_is_no_matter() {
     );
     let plan = plan.unwrap();
     let ground = Ground::new(move |x, y| Vec3::new(x, y, bowl(x, y)));
-    let found = laid(&plan, &ground, &disc, &Look::default());
+    let found = laid(&plan, &ground, &disc, &coarse);
     super::covered::row("bowl", &found, &plan, &settings);
     assert!(
         found.covered_pct > 98.5 && found.twice_pct < 1.5 && found.depth_um < 2.0,
@@ -110,7 +115,7 @@ fn steep_ground_beside_the_outline_is_no_matter() {
         let off = x.hypot(y) - 10.0;
         Vec3::new(x, y, (16.0 - off * off).max(1e-6).sqrt())
     });
-    let found = laid(&plan, &ground, &band, &Look::default());
+    let found = laid(&plan, &ground, &band, &coarse);
     super::covered::row("torus", &found, &plan, &settings);
     assert!(
         found.covered_pct > 98.5 && found.twice_pct < 1.5,
