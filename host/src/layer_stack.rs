@@ -1,6 +1,7 @@
 //! One stack of layers -> its plan: the stages that a prism runs once, and a part with changing
 //! layers a few layers at a time.
 
+use crate::geometry::place_scale::ScaleField;
 use crate::geometry::polygon::Region;
 use crate::geometry::{Point2, Vector2};
 use crate::layer_time::lay_with_layer_times;
@@ -51,6 +52,8 @@ pub(crate) struct Stack<'a> {
     pub kept_out_mm2: f64,
     /// What a skirt goes around; `None` above the first layer.
     pub skirt_around: Option<&'a [Region]>,
+    /// How large the nozzle is by place, where the outlines lie in the chart of curved ground.
+    pub scale: Option<&'a ScaleField>,
     /// Where the part lies on the machine.
     pub transform: PartTransform,
     /// The head's pose before, at rest.
@@ -202,7 +205,8 @@ fn begin(stack: &Stack, settings: &Settings, progress: &dyn Progress) -> Result<
         Stage::Axis,
         contours,
         |(number, region, contour)| {
-            let work = contour.and_then(|contour| Ok(RegionWork::begin(contour, settings)?));
+            let work =
+                contour.and_then(|contour| Ok(RegionWork::begin(contour, stack.scale, settings)?));
             Ok::<_, PlanError>((number, region, carried(work, stack)?))
         },
     )?;
@@ -282,7 +286,7 @@ fn route_of(
     for curves in curves.chunk_by(|p, q| outline_of(p.layer) == outline_of(q.layer)) {
         let ground = on_machine(&stack.outlines[outline_of(curves[0].layer)]);
         let mut ways = TravelWays::new(&keep_out, &ground, settings)?;
-        let of_outline = build_route(curves, number, at, &mut ways, settings);
+        let of_outline = build_route(curves, number, at, &mut ways, stack.scale, settings);
         let of_outline = of_outline.map_err(|error| error.shifted(-shift))?;
         crossings += outline_crossings(&of_outline, &ground);
         number += curves.len() as u32;

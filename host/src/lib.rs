@@ -8,7 +8,7 @@
 //!    --route--> Route --time law, segments--> SegmentStream --measure--> Figures
 //!               (mm, rad, mm³)                (integer units, servo ticks)
 //! WaypointRun --curve--> PathCurve --route--> Route, and on as above
-//! Route, SplineSurface --on surface--> Route (mm, rad, tool axis), and on as above
+//! Mesh --flattened--> chart; Target in it --as above--> Route --on surface--> Route (mm, rad, tool axis), and on as above
 //! GcodeProgram --route--> Route, layer by layer ([`gcode_plan`])
 //! ```
 //!
@@ -324,6 +324,7 @@ pub fn plan_target_around(
         keep_out,
         kept_out_mm2: cleared.lost_mm2,
         skirt_around: Some(&target.regions),
+        scale: None,
         transform,
         start: start_pose(settings),
         is_last: true,

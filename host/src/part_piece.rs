@@ -187,6 +187,7 @@ pub(crate) fn key_of(stack: &Stack, settings: &Settings, program: &str) -> u128 
         outlines,
         kinds,
         layers,
+        scale: _,
         keep_out,
         kept_out_mm2,
         skirt_around,

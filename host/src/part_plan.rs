@@ -378,6 +378,7 @@ fn gather<'a>(
         keep_out,
         kept_out_mm2: 0.0,
         skirt_around: None,
+        scale: None,
         transform,
         start,
         is_last: false,

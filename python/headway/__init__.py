@@ -36,6 +36,9 @@ if TYPE_CHECKING:
         solid_speed_mm_s: Optional[float]
         sparse_speed_mm_s: Optional[float]
         layer_time_min_s: Optional[float]
+        layer_time_max_s: Optional[float]
+        outer_inner_ratio_max: Optional[float]
+        continuous_z: Optional[bool]
         layer_height_mm: Optional[float]
         layers: Optional[int]
         pass_mode: Optional[str]
@@ -248,6 +251,9 @@ def plan(
     solid_speed_mm_s: Optional[float] = None,
     sparse_speed_mm_s: Optional[float] = None,
     layer_time_min_s: Optional[float] = None,
+    layer_time_max_s: Optional[float] = None,
+    outer_inner_ratio_max: Optional[float] = None,
+    continuous_z: Optional[bool] = None,
     layer_height_mm: Optional[float] = None,
     layers: Optional[int] = None,
     pass_mode: Optional[str] = None,

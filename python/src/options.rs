@@ -9,13 +9,16 @@ use pyo3::prelude::*;
 use pyo3::types::PyDict;
 
 /// The command's options and the keywords beside them, longer ones before those that they begin with.
-const KEYWORDS: [(&str, &str); 27] = [
+const KEYWORDS: [(&str, &str); 30] = [
+    ("--max-outer-inner-ratio", "outer_inner_ratio_max"),
     ("--skirt-distance-mm", "skirt_distance_mm"),
     ("--infill-density", "infill_density_pct"),
     ("--infill-angle", "infill_angle_deg"),
     ("--seam-direction", "seam_direction_deg"),
     ("--avoid-crossing", "avoid_crossing"),
     ("--min-layer-time", "layer_time_min_s"),
+    ("--max-layer-time", "layer_time_max_s"),
+    ("--continuous-z", "continuous_z"),
     ("--sparse-speed", "sparse_speed_mm_s"),
     ("--solid-speed", "solid_speed_mm_s"),
     ("--wall-speed", "wall_speed_mm_s"),
@@ -64,6 +67,9 @@ pub fn options(given: &Bound<'_, PyDict>) -> PyResult<Options> {
             "solid_speed_mm_s" => o.solid_speed_mm_s = Some(number(&key, &value)?),
             "sparse_speed_mm_s" => o.sparse_speed_mm_s = Some(number(&key, &value)?),
             "layer_time_min_s" => o.layer_time_min_s = Some(number(&key, &value)?),
+            "layer_time_max_s" => o.layer_time_max_s = Some(number(&key, &value)?),
+            "outer_inner_ratio_max" => o.outer_inner_ratio_max = Some(number(&key, &value)?),
+            "continuous_z" => o.continuous_z = Some(read(&key, &value, "True or False")?),
             "layer_height_mm" => o.layer_height_mm = Some(number(&key, &value)?),
             "layers" => o.layers = Some(count(&key, &value)?),
             "pass_mode" => o.pass_mode = Some(one_of(&key, &value, &PASSES)?),

@@ -1,6 +1,7 @@
 //! What the end-to-end tests in `tests/` share: [`rig`] (host, link and firmware on a virtual
 //! clock), [`gear`] (the six-axis job that bytes are measured with), [`layer_oracle`] (coverage
-//! from the knots alone) and [`judge`] (a plan before it), [`segment_oracle`] (what a stream does,
+//! from the knots alone), [`ground_oracle`] (the same on curved
+//! ground) and [`judge`] (a plan before it), [`segment_oracle`] (what a stream does,
 //! by de Boor), [`dense_search`] (the published grid search for headings), [`routes`] and
 //! [`outlines`] (of any size), [`beads`] (as they are laid), [`centre_line`] (a slicer's, against the
 //! stream), [`written_path`] (a stream against what was written of it), [`rs274`] (another interpreter of
@@ -20,6 +21,7 @@ pub mod elf;
 pub mod emulation;
 pub mod folders;
 pub mod gear;
+pub mod ground_oracle;
 pub mod jerk_reference;
 pub mod judge;
 pub mod layer_oracle;

@@ -82,6 +82,17 @@ impl Aperture {
         }
     }
 
+    /// The same shape, all its lengths times this factor.
+    pub fn scaled(&self, factor: f64) -> Aperture {
+        match self {
+            Aperture::Ellipse { major_mm, minor_mm } => Aperture::Ellipse {
+                major_mm: factor * major_mm,
+                minor_mm: factor * minor_mm,
+            },
+            Aperture::Rounded(shape) => Aperture::Rounded(shape.scaled(factor)),
+        }
+    }
+
     /// b: half the narrowest bead, mm.
     pub fn minor_mm(&self) -> f64 {
         match self {

@@ -136,6 +136,27 @@ impl RoundedPolygon {
         Ok(shape)
     }
 
+    /// The same shape, all its lengths times this factor.
+    pub fn scaled(&self, factor: f64) -> RoundedPolygon {
+        let kind = match self.kind {
+            Kind::Stadium(sizes) => Kind::Stadium(sizes.map(|size| factor * size)),
+            Kind::Rectangle(sizes) => Kind::Rectangle(sizes.map(|size| factor * size)),
+            Kind::Polygon => Kind::Polygon,
+        };
+        RoundedPolygon {
+            corners: self.corners.map(|corner| factor * corner),
+            faces: self.faces.map(|face| Face {
+                offset_mm: factor * face.offset_mm,
+                ..face
+            }),
+            radius_mm: factor * self.radius_mm,
+            widest_mm: factor * self.widest_mm,
+            narrowest_mm: factor * self.narrowest_mm,
+            kind,
+            ..*self
+        }
+    }
+
     /// `corners` counter-clockwise, two or more.
     fn of_core(corners: &[Vector2], radius_mm: f64, kind: Kind) -> RoundedPolygon {
         let none = Face {

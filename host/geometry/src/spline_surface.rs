@@ -7,13 +7,18 @@
 //! solved by conjugate gradients. Leaves out overhangs: one height a place.
 
 use super::Point2;
+use super::chart::ChartJet;
 use super::polygon::Box2;
+use nalgebra::Vector3;
 
 /// Weight of second differences against a point of the surface, per point and control height: small
 /// enough to bend freely, large enough for places without points.
 const STIFFNESS: f64 = 1e-3;
 /// Pieces of the coarsest grid along the longer side.
 const COARSEST: f64 = 4.0;
+/// A finer grid than is needed is taken where it leaves this share, and none once so little of what is allowed is left.
+const FAR_NEARER: f64 = 0.15;
+const SETTLED_SHARE: f64 = 0.02;
 /// Most rounds of the solver, and the residual against the first one at which it ends.
 const ROUNDS_MAX: usize = 400;
 const RESIDUAL_SHARE: f64 = 1e-9;
@@ -77,7 +82,8 @@ fn weights(s: f64) -> [[f64; 4]; 3] {
 
 impl SplineSurface {
     /// The surface over `bounds` through `points` (x, y, z in mm): on ever finer grids until it is
-    /// `near_mm` from all of them or its pieces would be smaller than `pitch_min_mm`. `None` without points.
+    /// `near_mm` from all of them or its pieces would be smaller than `pitch_min_mm`, and further as long as a finer one
+    /// is far nearer: smooth ground comes nearer by a sixteenth, facets by a quarter at most. `None` without points.
     pub fn through(
         points: &[[f64; 3]],
         bounds: Box2,
@@ -89,16 +95,24 @@ impl SplineSurface {
         }
         let size = bounds.size();
         let mut pitch_mm = (size.x.max(size.y) / COARSEST).max(pitch_min_mm);
+        let mut near: Option<FittedSurface> = None;
         loop {
             let surface = SplineSurface::fitted(points, bounds, pitch_mm);
             let (off_mm, off_at) = surface.farthest(points);
-            if off_mm <= near_mm || 0.5 * pitch_mm < pitch_min_mm {
-                return Some(FittedSurface {
-                    surface,
-                    off_mm,
-                    off_at,
-                });
+            let fitted = FittedSurface {
+                surface,
+                off_mm,
+                off_at,
+            };
+            if let Some(coarser) = near.take()
+                && off_mm > FAR_NEARER * coarser.off_mm
+            {
+                return Some(coarser);
             }
+            if 0.5 * pitch_mm < pitch_min_mm || off_mm < SETTLED_SHARE * near_mm {
+                return Some(fitted);
+            }
+            near = (off_mm <= near_mm).then_some(fitted);
             pitch_mm *= 0.5;
         }
     }
@@ -167,6 +181,92 @@ impl SplineSurface {
         SurfaceJet {
             z_mm: sums[0][0],
             slope: [per_mm * sums[0][1], per_mm * sums[1][0]],
+            bend: [
+                square * sums[0][2],
+                square * sums[1][1],
+                square * sums[2][0],
+            ],
+        }
+    }
+}
+
+/// Smooth ground over a chart: x, y and z as [`SplineSurface`]s on one grid.
+#[derive(Clone, Debug, PartialEq)]
+pub struct PatchSplines {
+    grid: SplineSurface,
+    /// Control points, u fastest, mm.
+    control_mm: Vec<Vector3<f64>>,
+}
+
+impl PatchSplines {
+    /// The same ground, the chart so many times as large.
+    pub fn scaled(mut self, factor: f64) -> PatchSplines {
+        self.grid.low *= factor;
+        self.grid.pitch_mm *= factor;
+        self
+    }
+
+    /// The ground over `bounds` through points with their places in the chart: on ever finer grids until it is
+    /// `near_mm` from all of them or its pieces would be smaller than `pitch_min_mm`.
+    pub fn through(
+        points: &[(Vector3<f64>, Point2)],
+        bounds: Box2,
+        near_mm: f64,
+        pitch_min_mm: f64,
+    ) -> PatchSplines {
+        let size = bounds.size();
+        let mut pitch_mm = (size.x.max(size.y) / COARSEST).max(pitch_min_mm);
+        loop {
+            let fitted = PatchSplines::fitted(points, bounds, pitch_mm);
+            let off = |(point, at): &(Vector3<f64>, Point2)| fitted.jet(*at).off_mm(*point);
+            let off_mm = points.iter().map(off).fold(0.0, f64::max);
+            if off_mm <= near_mm || 0.5 * pitch_mm < pitch_min_mm {
+                return fitted;
+            }
+            pitch_mm *= 0.5;
+        }
+    }
+
+    fn fitted(points: &[(Vector3<f64>, Point2)], bounds: Box2, pitch_mm: f64) -> PatchSplines {
+        let of_axis = |axis: usize| {
+            let points = points.iter().map(|(point, at)| [at.x, at.y, point[axis]]);
+            SplineSurface::fitted(&points.collect::<Vec<_>>(), bounds, pitch_mm)
+        };
+        let (x, (y, z)) = rayon::join(|| of_axis(0), || rayon::join(|| of_axis(1), || of_axis(2)));
+        let axes = x.control_mm.iter().zip(&y.control_mm).zip(&z.control_mm);
+        let control_mm = axes.map(|((x, y), z)| Vector3::new(*x, *y, *z)).collect();
+        PatchSplines {
+            grid: SplineSurface {
+                control_mm: Vec::new(),
+                ..x
+            },
+            control_mm,
+        }
+    }
+
+    /// Place and derivatives.
+    pub fn jet(&self, at: Point2) -> ChartJet {
+        let ([i, j], [wx, wy]) = self.grid.place(at.x, at.y);
+        let mut sums = [[Vector3::zeros(); 3]; 3];
+        for (row, k) in (j..j + 4).enumerate() {
+            let from = k * self.grid.count[0] + i;
+            let mut of_row = [Vector3::zeros(); 3];
+            for (column, point) in self.control_mm[from..from + 4].iter().enumerate() {
+                for (dx, sum) in of_row.iter_mut().enumerate() {
+                    *sum += wx[dx][column] * point;
+                }
+            }
+            for (dy, sums) in sums.iter_mut().enumerate() {
+                for (sum, of_row) in sums.iter_mut().zip(&of_row).take(3 - dy) {
+                    *sum += wy[dy][row] * of_row;
+                }
+            }
+        }
+        let per_mm = 1.0 / self.grid.pitch_mm;
+        let square = per_mm * per_mm;
+        ChartJet {
+            at_mm: sums[0][0],
+            along: [per_mm * sums[0][1], per_mm * sums[1][0]],
             bend: [
                 square * sums[0][2],
                 square * sums[1][1],

@@ -4,10 +4,12 @@
 //! The distance is exact where the wall touches the aperture and of first order elsewhere. Edges near a span are
 //! kept until it has moved.
 
+use super::Site;
 use super::band::{PoseTerm, System};
 use super::curve::{Basis, Knot, PassKnots, Units, blend};
 use super::sweep::Segment;
 use super::terms::Terms;
+use super::tool_scale::{ToolScale, Tooled};
 use headway_geometry::aperture::Aperture;
 use headway_geometry::edge_index::{Edge, EdgeIndex};
 use headway_geometry::polygon::Box2;
@@ -38,29 +40,43 @@ pub struct Clearance {
 /// A pose with cosine and sine of its heading.
 #[derive(Clone, Copy, Debug)]
 pub struct Placed {
-    center: [f64; 2],
+    tool: Tooled,
     cos: f64,
     sin: f64,
 }
 
 impl Placed {
     /// At these values of the spline.
-    pub fn at(knot: &Knot) -> Placed {
+    pub fn at(knot: &Knot, scale: &ToolScale) -> Placed {
         let (sin, cos) = knot[2].sin_cos();
         Placed {
-            center: [knot[0], knot[1]],
+            tool: scale.at(knot),
             cos,
             sin,
         }
     }
 
+    /// What the tool reaches farther towards a direction of its frame than its scaled, shifted shape that touches
+    /// there with the point `support`, both of its own size in a; in a of the plane.
+    fn beyond(&self, support: [f64; 2], outward: [f64; 2], length_mm: f64) -> f64 {
+        let Some((here, shift_mm)) = &self.tool.place else {
+            return 0.0;
+        };
+        let out = |[x, y]: [f64; 2]| {
+            Vector2::new(self.cos * x - self.sin * y, self.sin * x + self.cos * y)
+        };
+        let support_mm = self.tool.size * length_mm * out(support);
+        here.beyond_mm(*shift_mm, support_mm, out(outward)) / length_mm
+    }
+
     /// A point in the frame in which the ellipse with these semi-axes is the unit circle.
     #[inline]
     fn scaled(&self, [a, b]: [f64; 2], point: &[f64; 2]) -> [f64; 2] {
-        let (x, y) = (point[0] - self.center[0], point[1] - self.center[1]);
+        let [own_x, own_y] = self.tool.center;
+        let (x, y) = (point[0] - own_x, point[1] - own_y);
         [
-            (self.cos * x + self.sin * y) / a,
-            (self.cos * y - self.sin * x) / b,
+            (self.cos * x + self.sin * y) / a * self.tool.inverse,
+            (self.cos * y - self.sin * x) / b * self.tool.inverse,
         ]
     }
 
@@ -77,7 +93,7 @@ impl Placed {
 
     /// Clearance of the ellipse with semi-axes 1 and `minor` from a segment; `None` where it is far.
     #[inline]
-    pub fn clearance(&self, minor: f64, segment: &Segment) -> Option<Clearance> {
+    pub fn clearance(&self, minor: f64, length_mm: f64, segment: &Segment) -> Option<Clearance> {
         let ([x, y], distance2) = self.nearest([1.0, minor], segment);
         if distance2.is_nan() || distance2 > NEAR2 {
             return None;
@@ -87,9 +103,17 @@ impl Placed {
         let by_y = (self.sin * x + self.cos * y / minor) / scaled;
         let by_heading = -x * y * (minor - 1.0 / minor) / scaled;
         let rate = (by_x * by_x + by_y * by_y).sqrt();
+        let size = self.tool.size;
+        let mut distance = size * ((scaled - 1.0) / rate);
+        if self.tool.place.is_some() {
+            // The wall's point, drawn in to the outline, is where it would touch.
+            let support = [x / scaled, minor * y / scaled];
+            let outward = [x / scaled / rate, y / minor / scaled / rate];
+            distance -= self.beyond(support, outward, length_mm);
+        }
         Some(Clearance {
-            distance: (scaled - 1.0) / rate,
-            by_pose: [-by_x / rate, -by_y / rate, -by_heading / rate],
+            distance,
+            by_pose: [-by_x / rate, -by_y / rate, size * (-by_heading / rate)],
         })
     }
 
@@ -121,9 +145,15 @@ impl Placed {
         let by_x = self.cos * x - self.sin * y;
         let by_y = self.sin * x + self.cos * y;
         let by_heading = (touched.x * y - touched.y * x) / length_mm;
+        let size = self.tool.size;
+        let mut distance = size * (gap.gap_mm / length_mm);
+        if self.tool.place.is_some() {
+            let support = [touched.x / length_mm, touched.y / length_mm];
+            distance -= self.beyond(support, [x, y], length_mm);
+        }
         Some(Clearance {
-            distance: gap.gap_mm / length_mm,
-            by_pose: [-by_x, -by_y, -by_heading],
+            distance,
+            by_pose: [-by_x, -by_y, size * -by_heading],
         })
     }
 }
@@ -140,9 +170,10 @@ impl Tool<'_> {
     fn area(self, pose: &Placed, heading_rad: f64, units: &Units) -> Box2 {
         let reach_mm = |x: f64, y: f64| {
             let support_mm = self.aperture.support_mm(heading_rad, Vector2::new(x, y));
-            support_mm + ACROSS * REACH * self.length_mm
+            pose.tool.size * support_mm + ACROSS * REACH * self.length_mm
         };
-        let center = units.point_of(pose.center[0], pose.center[1]);
+        let [x, y] = pose.tool.center;
+        let center = units.point_of(x, y);
         Box2 {
             min: center - Vector2::new(reach_mm(-1.0, 0.0), reach_mm(0.0, -1.0)),
             max: center + Vector2::new(reach_mm(1.0, 0.0), reach_mm(0.0, 1.0)),
@@ -169,7 +200,7 @@ impl Tool<'_> {
     fn clearance(self, pose: &Placed, segment: &Segment) -> Option<Clearance> {
         match self.aperture {
             Aperture::Ellipse { major_mm, minor_mm } => {
-                pose.clearance(minor_mm / major_mm, segment)
+                pose.clearance(minor_mm / major_mm, self.length_mm, segment)
             }
             Aperture::Rounded(shape) => pose.clearance_of_polygon(shape, self.length_mm, segment),
         }
@@ -189,6 +220,7 @@ pub struct Containment<'a> {
     walls: &'a EdgeIndex,
     segments: Vec<Segment>,
     units: Units,
+    scale: ToolScale<'a>,
     tool: Tool<'a>,
     places: Vec<Basis>,
     /// Of a pass's first pose and its last.
@@ -216,14 +248,9 @@ pub fn segments_of(edges: impl Iterator<Item = (Point2, Point2)>, units: &Units)
 }
 
 impl<'a> Containment<'a> {
-    /// Of the aperture within the walls, at so many places of each span.
-    pub fn new(
-        walls: &'a EdgeIndex,
-        aperture: &'a Aperture,
-        units: Units,
-        knots: usize,
-        places: usize,
-    ) -> Containment<'a> {
+    /// Of the aperture within the walls of a site, at so many places of each span.
+    pub fn new(site: &Site<'a>, units: Units, knots: usize, places: usize) -> Containment<'a> {
+        let (walls, aperture) = (site.walls, site.aperture);
         let segments = segments_of(walls.edges().iter().map(Edge::ends), &units);
         let nowhere = Near {
             edges: Vec::new(),
@@ -234,6 +261,7 @@ impl<'a> Containment<'a> {
             met: vec![0; segments.len()],
             segments,
             units,
+            scale: ToolScale::new(site.scale, units),
             tool: Tool {
                 aperture,
                 length_mm: units.length_mm,
@@ -292,7 +320,7 @@ impl<'a> Containment<'a> {
         self.search = self.search.wrapping_add(1);
         for basis in self.places.iter().chain(&self.ends) {
             let at = blend(&basis.value, knots);
-            let pose = Placed::at(&at);
+            let pose = Placed::at(&at, &self.scale);
             let area = self.tool.area(&pose, at[2], &self.units);
             self.walls.for_edges_in(area, |number| {
                 let is_new = self.met[number] != self.search;
@@ -314,7 +342,7 @@ impl<'a> Containment<'a> {
         terms: &mut Terms,
         system: &mut System,
     ) {
-        let pose = Placed::at(&blend(&basis.value, knots));
+        let pose = Placed::at(&blend(&basis.value, knots), &self.scale);
         let mut term = PoseTerm::default();
         let mut meets = false;
         for &number in &self.near[span].edges {

@@ -14,8 +14,8 @@ const SHARED: f64 = 2.0;
 
 /// The terms of ground.
 #[derive(Clone, Debug)]
-pub struct Ground {
-    sweep: Sweep,
+pub struct Ground<'a> {
+    sweep: Sweep<'a>,
     price: f64,
     twice_share: f64,
 }
@@ -33,9 +33,9 @@ fn cost(cover: f64, blur: f64, twice_share: f64) -> [f64; 3] {
     }
 }
 
-impl Ground {
+impl<'a> Ground<'a> {
     /// `price` of an area of a², in mean spans; `twice_share` of it where ground is laid twice.
-    pub fn new(sweep: Sweep, price: f64, twice_share: f64) -> Ground {
+    pub fn new(sweep: Sweep<'a>, price: f64, twice_share: f64) -> Ground<'a> {
         Ground {
             sweep,
             price,

@@ -26,6 +26,7 @@ pub mod pose_limits;
 mod projection;
 mod sweep;
 mod terms;
+mod tool_scale;
 
 use self::containment::{Containment, segments_of};
 use self::curve::{Units, knots_of, write_back};
@@ -36,9 +37,11 @@ use self::motion::Motion;
 use self::newton::{Newton, Objectives};
 use self::projection::{POSES_CHECKED, outside_mm, projected};
 use self::sweep::{Cells, Shape, Sweep, edge_half};
+use self::tool_scale::ToolScale;
 use crate::pose_limits::PoseLimits;
 use headway_geometry::aperture::Aperture;
 use headway_geometry::edge_index::{Edge, EdgeIndex};
+use headway_geometry::place_scale::ScaleField;
 use headway_geometry::plane_curve::PlaneControl;
 use headway_geometry::polygon::Region;
 
@@ -68,6 +71,8 @@ pub struct Site<'a> {
     pub limits: &'a PoseLimits,
     /// Most that a bead's width across the path may be of the path's radius, where that is bounded.
     pub width_by_radius_max: Option<f64>,
+    /// How large the nozzle is by place, where the plane is the chart of curved ground.
+    pub scale: Option<&'a ScaleField>,
 }
 
 /// What is to be made small: seconds + price x (open + share x laid twice).
@@ -193,13 +198,14 @@ impl<'a> Search<'a> {
         let cells = Cells::of(&bounding, &left_out, edge_half).ok_or(Outcome::TooLarge)?;
         let price = objective.price_s_mm2 * units.length_mm.powi(2) / units.time_s;
         let return_path = (objective.return_mm / units.length_mm) as f32;
-        let sweep = Sweep::new(shape, cells, return_path);
+        let tool_scale = ToolScale::new(site.scale, units);
+        let sweep = Sweep::new(shape, cells, return_path, tool_scale);
         let objectives = Objectives {
             motion: Motion::new(site.limits, &units),
             curves: (site.width_by_radius_max)
                 .map(|bound| Curves::new(aperture, units.length_mm, bound)),
             ground: Ground::new(sweep, price, objective.twice_share),
-            containment: Containment::new(walls, aperture, units, knots.len(), WALL_PLACES),
+            containment: Containment::new(site, units, knots.len(), WALL_PLACES),
         };
         let newton = Newton::new(objectives, knots, ranges);
         if !newton.terms.sum().is_finite() {
@@ -210,21 +216,20 @@ impl<'a> Search<'a> {
 
     /// Writes the passes back, brought inside the walls; how far each is outside before that and after it, mm.
     fn finish(&mut self, passes: &mut [OptimisedPass], site: &Site) -> Vec<[f64; 2]> {
-        let (walls, aperture) = (site.walls, site.aperture);
         let knots = &self.newton.knots;
         let mut outside = vec![[0.0; 2]; passes.len()];
         // Between the poses that are checked, too: where an end turns on the spot a corner bulges from one to the next.
         let places = 2 * POSES_CHECKED;
-        let mut containment = Containment::new(walls, aperture, self.units, knots.len(), places);
+        let mut containment = Containment::new(site, self.units, knots.len(), places);
         for range in self.newton.passes.iter().filter(|range| range.free) {
             let pass = &mut passes[range.pass];
             let own = &knots[range.first..range.end()];
             write_back(own, &self.units, pass);
-            let before_mm = outside_mm(pass, walls, aperture);
+            let before_mm = outside_mm(pass, site);
             outside[range.pass] = [before_mm; 2];
             if before_mm > 0.0 {
                 write_back(&projected(own, range, &mut containment), &self.units, pass);
-                let after_mm = outside_mm(pass, walls, aperture);
+                let after_mm = outside_mm(pass, site);
                 if after_mm < before_mm {
                     outside[range.pass][1] = after_mm;
                 } else {

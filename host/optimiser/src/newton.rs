@@ -88,7 +88,7 @@ pub struct Objectives<'a> {
     /// Curves, where they are bounded.
     pub curves: Option<Curves>,
     /// Open and laid twice.
-    pub ground: Ground,
+    pub ground: Ground<'a>,
     /// Walls.
     pub containment: Containment<'a>,
 }

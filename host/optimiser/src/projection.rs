@@ -3,18 +3,17 @@
 //! In: the optimised passes. Out: the same within the walls, checked densely by the exact depth
 //! ([`headway_geometry::clearance`]), which is not the optimiser's own. Steps of Gauss and Newton on containment alone.
 
-use super::OptimisedPass;
 use super::band::System;
 use super::containment::{Containment, Wall};
 use super::curve::{CHANNELS, Knot, PassKnots, set_phantoms};
 use super::newton::prepare;
 use super::terms::Terms;
+use super::{OptimisedPass, Site};
 use headway_geometry::Point2;
-use headway_geometry::aperture::Aperture;
 use headway_geometry::clearance::{
     Configuration, EdgesAbout, contact, outside_bound_mm, outside_depth_mm,
 };
-use headway_geometry::edge_index::EdgeIndex;
+use headway_geometry::place_scale::placed;
 use headway_geometry::plane_curve::{configuration, curve_at};
 use headway_geometry::polygon::Box2;
 
@@ -35,7 +34,8 @@ const STIFFENING: f64 = 10.0;
 const STEP_MAX: f64 = 0.05;
 
 /// How far a pass leaves the walls, mm: the deepest of [`POSES_CHECKED`] poses a span and its end.
-pub fn outside_mm(pass: &OptimisedPass, walls: &EdgeIndex, aperture: &Aperture) -> f64 {
+pub fn outside_mm(pass: &OptimisedPass, site: &Site) -> f64 {
+    let (walls, aperture) = (site.walls, site.aperture);
     let spans = pass.control.len().saturating_sub(1);
     let mut deepest_mm = 0.0f64;
     for span in 0..spans {
@@ -44,12 +44,13 @@ pub fn outside_mm(pass: &OptimisedPass, walls: &EdgeIndex, aperture: &Aperture) 
             configuration(curve_at(&pass.control, span, share))
         };
         let poses: [Configuration; POSES_CHECKED + 1] = std::array::from_fn(at);
-        let about = edges_about(&poses, walls, aperture);
+        let about = edges_about(&poses, site);
         for &pose in &poses {
+            let (aperture, pose) = placed(site.scale, aperture, pose);
             let is_clear =
-                walls.contains(pose.center) && contact(aperture, pose, &about, 1.0).is_none();
-            if !is_clear && outside_bound_mm(aperture, pose, walls) > deepest_mm {
-                deepest_mm = deepest_mm.max(outside_depth_mm(aperture, pose, walls));
+                walls.contains(pose.center) && contact(&aperture, pose, &about, 1.0).is_none();
+            if !is_clear && outside_bound_mm(&aperture, pose, walls) > deepest_mm {
+                deepest_mm = deepest_mm.max(outside_depth_mm(&aperture, pose, walls));
             }
         }
     }
@@ -57,9 +58,14 @@ pub fn outside_mm(pass: &OptimisedPass, walls: &EdgeIndex, aperture: &Aperture) 
 }
 
 /// The edges that any of these poses may meet.
-fn edges_about(poses: &[Configuration], walls: &EdgeIndex, aperture: &Aperture) -> EdgesAbout {
+fn edges_about(poses: &[Configuration], site: &Site) -> EdgesAbout {
+    let walls = site.walls;
     let centers: Vec<Point2> = poses.iter().map(|pose| pose.center).collect();
-    let area = Box2::of(&centers).grown(aperture.reach_mm());
+    let reach_mm = poses.iter().map(|&pose| {
+        let (aperture, at) = placed(site.scale, site.aperture, pose);
+        aperture.reach_mm() + (at.center - pose.center).norm()
+    });
+    let area = Box2::of(&centers).grown(reach_mm.fold(0.0, f64::max));
     let mut numbers = Vec::new();
     walls.for_edges_in(area, |number| numbers.push(number));
     numbers.sort_unstable();

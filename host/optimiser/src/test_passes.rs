@@ -57,6 +57,7 @@ pub fn site<'a>(walls: &'a EdgeIndex, aperture: &'a Aperture, limits: &'a PoseLi
         left_out: &[],
         aperture,
         limits,
+        scale: None,
     }
 }
 

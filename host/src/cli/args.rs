@@ -3,12 +3,14 @@
 use super::args_allow::{AllowArgs, VerdictArgs};
 use super::args_board::{BoardArgs, StreamArgs};
 use super::args_calibrate::CalibrateArgs;
-use super::args_compare::CompareArgs;
+use super::args_compare::{CompareArgs, HeadingAxis};
 use super::args_export::ExportArgs;
 use super::args_inspect::InspectArgs;
 use super::args_machine::MachineArgs;
 use super::args_other_names::OtherNames;
 use super::args_shell::{CompletionsArgs, ManArgs};
+use super::args_wide::WideArgs;
+use clap::builder::ArgPredicate;
 use clap::{Args, Parser, Subcommand, ValueEnum};
 use std::path::PathBuf;
 
@@ -62,6 +64,9 @@ pub(super) enum Command {
     /// Write manual pages.
     Man(ManArgs),
 }
+
+/// What stands for the input where there is a surface alone.
+pub(super) const NO_INPUT: &str = "-";
 
 /// What is read, and where it goes on the machine.
 #[derive(Clone, Debug, Args)]
@@ -139,9 +144,15 @@ pub(super) struct PlaceArgs {
     /// input's coordinates; read like the input.
     #[arg(long, value_name = "FILE")]
     pub keep_out: Option<PathBuf>,
-    /// Mesh, in the outline's coordinates, whose upper side the layers follow; for heads that tilt.
+    /// Mesh, in the outline's coordinates, that the layers follow; for heads that tilt. An outline of the plane is seen
+    /// from above and lies on the mesh's upper side, one with points [x, y, z] is drawn on it, and without an outline the
+    /// mesh is printed on up to its rims: both may hang over or close around.
     #[arg(long, value_name = "MESH")]
     pub surface: Option<PathBuf>,
+    /// What of the surface is meant: group:NAME (of an OBJ), colour:#RRGGBB (of an OBJ's vertices), or normal:DEG, which
+    /// leans from Z by no more than that.
+    #[arg(long, value_name = "REGION", requires = "surface")]
+    pub surface_region: Option<String>,
     /// Waypoints further apart than this end a pass: retract, travel clear of what is printed, prime
     /// [default: six times the usual spacing].
     #[arg(long, value_name = "MM")]
@@ -181,15 +192,6 @@ pub(super) struct PlaceArgs {
     pub first_layer_speed: Option<f64>,
 }
 
-/// Limits of the heading axis in place of the machine file's.
-#[derive(Clone, Copy, Debug, PartialEq)]
-pub(super) struct HeadingAxis {
-    pub speed_max_rad_s: Option<f64>,
-    pub acceleration_max_rad_s2: Option<f64>,
-    /// Factor of speed, acceleration and jerk, as another ratio of its gear has it.
-    pub slower: f64,
-}
-
 /// What overrides the machine file.
 #[derive(Clone, Debug, Default, PartialEq, Args)]
 #[command(next_help_heading = "Settings")]
@@ -221,18 +223,8 @@ pub(super) struct SettingsArgs {
     /// Least time of a layer, s: shorter ones are printed slower [default: 0].
     #[arg(long, value_name = "S", allow_negative_numbers = true)]
     pub min_layer_time: Option<f64>,
-    /// Most time of a layer, s: longer ones are reported, since their joints are cold; --refuse layer-time
-    /// refuses the job [default: 0, any].
-    #[arg(long, value_name = "S", allow_negative_numbers = true)]
-    pub max_layer_time: Option<f64>,
-    /// Most that a wide bead may lay on the outside of a curve against the inside, as in 1.2 for concrete: paths are
-    /// rounded for it where they can be [default: 0, any].
-    #[arg(long, value_name = "RATIO", allow_negative_numbers = true)]
-    pub max_outer_inner_ratio: Option<f64>,
-    /// Layers of one closed bead rise along it and follow each other without a rest (vase mode); walls of a solid part
-    /// with --walls 1 --infill-density 0 --top 0.
-    #[arg(long, visible_alias = "vase")]
-    pub continuous_z: bool,
+    #[command(flatten)]
+    pub wide: WideArgs,
     /// Layer height, mm.
     #[arg(long, value_name = "MM", allow_negative_numbers = true)]
     pub layer_height: Option<f64>,
@@ -389,7 +381,12 @@ Examples:
   headway plan sliced.gcode -o part.hwj
   headway plan five-axis.gcode --axes A=table:x,C=table:z,coordinates=pivot -m my-printer.toml -o part.hwj")]
 pub(super) struct PlanArgs {
-    /// Mesh (STL, 3MF, OBJ), outline (polygon JSON, GeoJSON, SVG), waypoints or G-code.
+    /// Mesh (STL, 3MF, OBJ), outline (polygon JSON, GeoJSON, SVG), waypoints or G-code; none with --surface alone.
+    #[arg(
+        required = false,
+        required_unless_present = "surface",
+        default_value_if("surface", ArgPredicate::IsPresent, NO_INPUT)
+    )]
     pub input: PathBuf,
     /// Job file to write.
     #[arg(short, long, value_name = "JOB.hwj")]
@@ -446,7 +443,13 @@ Examples:
   headway simulate part.hwj --trace poses.csv --trace-steps steps.csv
   headway simulate part.svg --link \"drop=0.01,flip=1e-5,stall=2s@5s\" --seed 7 --json")]
 pub(super) struct SimulateArgs {
-    /// Mesh (STL, 3MF, OBJ), outline (polygon JSON, GeoJSON, SVG), waypoints, G-code, or a job file (.hwj).
+    /// Mesh (STL, 3MF, OBJ), outline (polygon JSON, GeoJSON, SVG), waypoints, G-code, or a job file (.hwj); none with
+    /// --surface alone.
+    #[arg(
+        required = false,
+        required_unless_present = "surface",
+        default_value_if("surface", ArgPredicate::IsPresent, NO_INPUT)
+    )]
     pub input: PathBuf,
     /// Folder for figures and pictures; made where it is not there.
     #[arg(long, value_name = "DIR")]

@@ -45,3 +45,12 @@ pub(super) struct CompareArgs {
     #[arg(long)]
     pub json: bool,
 }
+
+/// Limits of the heading axis in place of the machine file's.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub(super) struct HeadingAxis {
+    pub speed_max_rad_s: Option<f64>,
+    pub acceleration_max_rad_s2: Option<f64>,
+    /// Factor of speed, acceleration and jerk, as another ratio of its gear has it.
+    pub slower: f64,
+}

@@ -3,8 +3,9 @@
 //! In: an input, apertures, limits of the heading axis. Out: a table, JSON or a picture of time, ground and material of
 //! each; the speed of the heading axis at which turning no longer pays.
 
-use super::args::{HeadingAxis, SettingsArgs};
+use super::args::SettingsArgs;
 use super::args_compare::CompareArgs;
+use super::args_compare::HeadingAxis;
 use super::console::Console;
 use super::output_file::{check_file, write_file};
 use super::planned::{self, Planned};

@@ -2,9 +2,10 @@
 
 use super::CliError;
 use super::args::{
-    FormatName, HeadingAxis, InputArgs, LawName, PassName, PlaceArgs, QualityName, SeamName,
-    SettingsArgs, UnitName,
+    FormatName, InputArgs, LawName, PassName, PlaceArgs, QualityName, SeamName, SettingsArgs,
+    UnitName,
 };
+use super::args_compare::HeadingAxis;
 use super::console::Console;
 use super::{file_axes, job};
 use crate::gcode::FILAMENT_MM;
@@ -68,9 +69,9 @@ fn options(args: &SettingsArgs) -> Options {
         solid_speed_mm_s: args.solid_speed,
         sparse_speed_mm_s: args.sparse_speed,
         layer_time_min_s: args.min_layer_time,
-        layer_time_max_s: args.max_layer_time,
-        continuous_z: args.continuous_z.then_some(true),
-        outer_inner_ratio_max: args.max_outer_inner_ratio,
+        layer_time_max_s: args.wide.max_layer_time,
+        continuous_z: args.wide.continuous_z.then_some(true),
+        outer_inner_ratio_max: args.wide.max_outer_inner_ratio,
         layer_height_mm: args.layer_height,
         layers: args.layers,
         pass_mode: args.pass.map(|pass| match pass {

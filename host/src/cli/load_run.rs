@@ -6,12 +6,11 @@ use super::console::Console;
 use super::load::{input, read_bounded};
 use crate::input::waypoints::WaypointRun;
 use crate::input::{Format, Input};
-use crate::mesh::{self, Mesh, MeshOptions};
+use crate::mesh::{self, Mesh, MeshOptions, SurfaceRegion};
 use crate::settings::obstacles::Obstacles;
 use crate::settings::{
     AXIS_TOLERANCE_MAX_DEG, AXIS_TOLERANCE_RAD, Place, Settings, TILT_MAX_ASKED_DEG,
 };
-use std::path::Path;
 
 /// A run with those that are to be printed after it.
 pub(super) fn with_more(
@@ -33,10 +32,12 @@ pub(super) fn with_more(
 }
 
 /// Reads the mesh that an outline is laid on, with the outline's units and scale; none without a file.
-pub(super) fn surface(path: Option<&Path>, args: &InputArgs) -> Result<Option<Mesh>, CliError> {
-    let Some(path) = path else {
+pub(super) fn surface(place: &PlaceArgs, args: &InputArgs) -> Result<Option<Mesh>, CliError> {
+    let Some(path) = place.surface.as_deref() else {
         return Ok(None);
     };
+    let region = place.surface_region.as_deref();
+    let region = region.map(surface_region).transpose()?;
     let Some(format @ Format::Mesh(mesh_format)) = Format::of_ending(path) else {
         return Err(CliError::Usage(format!(
             "--surface {}: give a mesh, by its ending .stl, .3mf or .obj",
@@ -49,9 +50,36 @@ pub(super) fn surface(path: Option<&Path>, args: &InputArgs) -> Result<Option<Me
         scale: args.scale,
         rotate_rad: [0.0; 3],
     };
-    let mesh = mesh::read_surface(&bytes, mesh_format, &options);
+    let mesh = mesh::read_surface(&bytes, mesh_format, &options, region.as_ref());
     let mesh = mesh.map_err(|error| CliError::Job(format!("{}: {error}", path.display())))?;
     Ok(Some(mesh))
+}
+
+/// What of a surface is meant.
+fn surface_region(text: &str) -> Result<SurfaceRegion, CliError> {
+    let refused = || {
+        CliError::Usage(format!(
+            "--surface-region {text}: write group:NAME, colour:#RRGGBB or normal:DEG, as in normal:60"
+        ))
+    };
+    let (kind, rest) = text.split_once(':').ok_or_else(refused)?;
+    match kind {
+        "group" if !rest.is_empty() => Ok(SurfaceRegion::Group(rest.to_string())),
+        "colour" | "color" => {
+            let digits = rest.strip_prefix('#').filter(|digits| digits.len() == 6);
+            let number = digits.and_then(|digits| u32::from_str_radix(digits, 16).ok());
+            let [_, colour @ ..] = number.ok_or_else(refused)?.to_be_bytes();
+            Ok(SurfaceRegion::Colour(colour))
+        }
+        "normal" => {
+            let most_deg = rest.parse::<f64>().ok();
+            let most_deg = most_deg.filter(|deg| (0.0..=180.0).contains(deg));
+            Ok(SurfaceRegion::Normal {
+                most_rad: most_deg.ok_or_else(refused)?.to_radians(),
+            })
+        }
+        _ => Err(refused()),
+    }
 }
 
 /// The jump that ends a pass.
@@ -120,7 +148,7 @@ pub(super) fn obstacles(paths: &[std::path::PathBuf]) -> Result<Obstacles, CliEr
             scale: 1.0,
             rotate_rad: [0.0; 3],
         };
-        let mesh = mesh::read_surface(&bytes, mesh_format, &options);
+        let mesh = mesh::read_surface(&bytes, mesh_format, &options, None);
         let mesh = mesh.map_err(|error| CliError::Job(format!("{}: {error}", path.display())))?;
         let corner = |vertex: u32| mesh.vertices[vertex as usize].coords;
         triangles.extend(mesh.triangles.iter().map(|triangle| triangle.map(corner)));

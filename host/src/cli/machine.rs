@@ -88,6 +88,7 @@ fn summary_json(settings: &Settings) -> serde_json::Value {
         "servo_hz": settings.machine.servo_hz,
         "step_hz": settings.machine.step_hz,
         "motors": motors,
+        "free_tilt_deg": settings.head.as_ref().map(|head| head.free_tilt_rad().to_degrees()),
         "shapers": shaper_figures(&settings.machine),
     })
 }
@@ -163,6 +164,12 @@ fn summary_text(settings: &Settings) -> String {
         let share_pct = 100.0 * rate_hz / f64::from(settings.machine.step_hz);
         text += &format!(
             "  {motor:10} {rate_hz:8.0} steps/s at its top speed, {share_pct:4.1} % of the step tick\n"
+        );
+    }
+    if let Some(head) = &settings.head {
+        text += &format!(
+            "  free tilt {:.1}°: leaning no more, no part of the head but its flat end is below the tip\n",
+            head.free_tilt_rad().to_degrees()
         );
     }
     text + &shapers_text(&settings.machine)

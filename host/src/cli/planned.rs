@@ -4,7 +4,7 @@ use super::args::{InputArgs, PlaceArgs, SettingsArgs};
 use super::console::Console;
 use super::job::{self, Job};
 use super::pass_facts::PassFacts;
-use super::{CliError, copies, load, load_run, planned_gcode, planned_part};
+use super::{CliError, copies, load, load_run, planned_gcode, planned_part, planned_patch};
 use crate::findings::findings;
 use crate::findings::objections::Objection;
 use crate::geometry::polygon::Region;
@@ -145,10 +145,13 @@ fn planned_input(
     job: Option<&mut JobPacking<File>>,
     console: &Console,
 ) -> Result<Planned, CliError> {
+    if let Some(patch) = planned_patch::wanted(path, (reading, place))? {
+        return patch.planned(settings, console);
+    }
     let turn_rad = load_run::turn_rad(place.turn)?;
     let input = load::input(path, reading, &settings, console)?;
     check_options(&input, place, settings_args)?;
-    let surface = load_run::surface(place.surface.as_deref(), reading)?;
+    let surface = load_run::surface(place, reading)?;
     let keep_out = load::keep_out(place.keep_out.as_deref(), reading, &settings, console)?;
     let input = match input {
         Input::Mesh(loaded) => {
@@ -189,7 +192,7 @@ fn planned_flat(
     input: Flat,
     surface: Option<&Mesh>,
     keep_out: &[Region],
-    mut settings: Settings,
+    settings: Settings,
     path: &Path,
     console: &Console,
 ) -> Result<Planned, CliError> {
@@ -206,12 +209,24 @@ fn planned_flat(
     let plan_s = begun.elapsed().as_secs_f64();
     bar.clear();
     let plan = planned.map_err(|error| plan_error(path, &error))?;
+    let (target, notes) = input.named();
+    Ok(finished(plan, plan_s, target, notes, settings, console))
+}
+
+/// What a plan came to.
+pub(super) fn finished(
+    plan: Plan,
+    plan_s: f64,
+    Target { name, regions }: Target,
+    mut notes: Vec<String>,
+    mut settings: Settings,
+    console: &Console,
+) -> Planned {
     settings.machine = plan.stream.machine(&settings.machine);
-    let (Target { name, regions }, mut notes) = input.named();
     let found = findings(&plan, plan_s, &settings);
     console.notes(&found.warnings);
     notes.extend(found.warnings);
-    Ok(Planned {
+    Planned {
         figures: found.figures,
         name,
         outline: regions,
@@ -227,7 +242,7 @@ fn planned_flat(
         plan: Some(Box::new(plan)),
         left_out: found.left_out,
         unreachable: found.unreachable,
-    })
+    }
 }
 
 /// Why an input cannot be planned.

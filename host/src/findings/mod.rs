@@ -61,7 +61,10 @@ pub fn findings(plan: &Plan, plan_s: f64, settings: &Settings) -> Findings {
         None => unreachable_boundary(plan.regions()),
     };
     let mut warnings = warnings(plan, &unreachable, settings);
-    let open = open_ground(plan, settings);
+    let open = match &plan.on_surface {
+        Some(laid) => laid.open_ground(),
+        None => open_ground(plan, settings),
+    };
     let all_mm2 = told_mm2(&open, settings);
     warnings.extend(open_ground::note(&open, all_mm2, |_| None, settings));
     warnings.extend(unwinding::note(&plan.route, &plan.transform, settings));
@@ -91,7 +94,7 @@ pub fn findings(plan: &Plan, plan_s: f64, settings: &Settings) -> Findings {
 /// The largest piece of ground that stays open; a path has none.
 fn largest_mm2(plan: &Plan, open: &[OpenGround]) -> Option<f64> {
     let largest = open.first().map_or(0.0, |piece| piece.area_mm2);
-    (!plan.prints.is_empty()).then_some(largest)
+    (!plan.prints.is_empty() || plan.on_surface.is_some()).then_some(largest)
 }
 
 fn all_figures(
@@ -134,7 +137,7 @@ fn plan_figures(plan: &Plan, unreachable: &[UnreachableRun], plan_s: f64) -> Fig
     let f = &plan.figures;
     let passes = f.passes as u64;
     // A path has no area: these figures would mean nothing.
-    let has_area = !plan.regions().is_empty();
+    let has_area = !plan.regions().is_empty() || plan.on_surface.is_some();
     let of_area = |figure: f64| has_area.then_some(figure);
     let infill = plan.infill_area_mm2(None);
     let place = |run: &UnreachableRun| {
@@ -145,7 +148,7 @@ fn plan_figures(plan: &Plan, unreachable: &[UnreachableRun], plan_s: f64) -> Fig
     Figures {
         area_mm2: of_area(f.area_mm2),
         layers: is_stack.then_some(u64::from(f.layers)),
-        layer_kinds: is_stack.then(|| kind_figures(plan)),
+        layer_kinds: (is_stack && !plan.kinds.is_empty()).then(|| kind_figures(plan)),
         covered_pct_min: is_stack.then_some(f.covered_pct_min),
         overlap_pct_max: is_stack.then_some(f.overlap_pct_max),
         reachable_pct: of_area(f.reachable_pct),
@@ -168,7 +171,7 @@ fn plan_figures(plan: &Plan, unreachable: &[UnreachableRun], plan_s: f64) -> Fig
             .then(|| unreachable.iter().take(PLACES_LISTED).map(place).collect()),
         passes: Some(passes),
         flow_interruptions: Some(passes.saturating_sub(1)),
-        outline_crossings: has_area.then_some(plan.outline_crossings as u64),
+        outline_crossings: (!plan.regions().is_empty()).then_some(plan.outline_crossings as u64),
         touched_mm: plan.touches.as_ref().map(|touches| touches.touched_mm),
         tip_dip_max_mm: plan.touches.as_ref().map(|touches| touches.tip_dip_max_mm),
         print_mm: Some(f.print_mm),

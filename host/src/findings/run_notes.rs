@@ -15,6 +15,7 @@ const SLOWING_TOLD_S: f64 = 0.1;
 pub(super) fn run_notes(plan: &Plan, settings: &Settings) -> Vec<String> {
     let notes = [
         on_surface(plan),
+        sharp_bend(plan),
         found_place(plan),
         leans(plan),
         singular_places(&plan.singular),
@@ -27,13 +28,24 @@ pub(super) fn run_notes(plan: &Plan, settings: &Settings) -> Vec<String> {
 /// How the surface was taken.
 fn on_surface(plan: &Plan) -> Option<String> {
     let laid = plan.on_surface.as_ref()?;
-    let (off_mm, [x, y, z]) = (laid.fitted.off_mm, laid.fitted.off_at);
+    let (off_mm, [x, y, z]) = (laid.off_mm, laid.off_at_mm);
+    let [least, most] = laid.scales;
     Some(format!(
-        "the surface is smoothed, at most {off_mm:.3} mm off the mesh, near ({x:.2}, {y:.2}, {z:.2}); its steepest \
-         slope under the plan is {:.1}°, and beads are planned {:.2} to {:.2} mm wide to be widened there",
-        laid.slope_max_rad.to_degrees(),
-        2.0 * laid.planned.minor_mm(),
-        2.0 * laid.planned.major_mm(),
+        "the surface is smoothed, at most {off_mm:.3} mm off the mesh, near ({x:.2}, {y:.2}, {z:.2}); the tool axis \
+         leans by up to {:.1}° under the plan, and lengths range by {:.1} % in the plane that it is made in",
+        laid.tilt_max_rad.to_degrees(),
+        100.0 * (most / least - 1.0),
+    ))
+}
+
+/// Where a flat nozzle does not lie on the ground.
+fn sharp_bend(plan: &Plan) -> Option<String> {
+    let bend = plan.on_surface.as_ref()?.sharp_bend?;
+    let [x, y, z] = bend.at_mm;
+    Some(format!(
+        "the surface bends with a radius of {:.2} mm near ({x:.2}, {y:.2}, {z:.2}): the ends of the flat nozzle are up \
+         to {:.3} mm off it there, more than a tenth of a layer",
+        bend.radius_mm, bend.off_mm
     ))
 }
 

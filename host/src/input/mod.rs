@@ -24,6 +24,7 @@ mod nurbs;
 pub mod outline;
 mod polygon;
 mod settle;
+pub mod space_outline;
 mod svg;
 mod waypoint_error;
 pub mod waypoints;

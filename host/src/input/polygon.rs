@@ -9,6 +9,7 @@ use super::outline::{Drawing, RawRing, Rule, Shape};
 use super::{InputError, ReadOptions, Units};
 use crate::geometry::Point2;
 use crate::near_name::near_name;
+use nalgebra::Vector3;
 use serde::Deserialize;
 use serde_json::Value;
 use std::collections::BTreeMap;
@@ -48,6 +49,52 @@ pub(super) fn read(bytes: &[u8], options: &ReadOptions) -> Result<Drawing, Input
         }],
         notes: Vec::new(),
     })
+}
+
+/// The rings of an outline in space, mm.
+pub(super) struct SpacePoints {
+    /// The file's name for it.
+    pub own_name: Option<String>,
+    /// Exterior first.
+    pub rings: Vec<Vec<Vector3<f64>>>,
+}
+
+/// The rings where all points have three coordinates; `None` where the first has not.
+pub(super) fn space_points(
+    bytes: &[u8],
+    options: &ReadOptions,
+) -> Result<Option<SpacePoints>, InputError> {
+    let Ok(file) = serde_json::from_slice::<File>(bytes) else {
+        // What is wrong is found where outlines of the plane are read.
+        return Ok(None);
+    };
+    if file.exterior.first().is_none_or(|point| point.len() != 3) {
+        return Ok(None);
+    }
+    check_keys(&file.others)?;
+    let unit_mm = units(options, file.units.as_deref())?.mm();
+    let in_space = |(number, points): (usize, &Vec<Vec<f64>>)| {
+        let points = points.iter().enumerate().map(|(point, coordinates)| {
+            let &[x, y, z] = coordinates.as_slice() else {
+                return Err(InputError::BadPoint {
+                    ring: match number {
+                        0 => "exterior".into(),
+                        hole => format!("hole {}", hole - 1),
+                    },
+                    point,
+                    problem: format!("{} numbers", coordinates.len()),
+                });
+            };
+            Ok(unit_mm * Vector3::new(x, y, z))
+        });
+        points.collect::<Result<Vec<Vector3<f64>>, InputError>>()
+    };
+    let rings = std::iter::once(&file.exterior).chain(&file.holes);
+    let rings = rings.enumerate().map(in_space);
+    Ok(Some(SpacePoints {
+        own_name: file.name,
+        rings: rings.collect::<Result<_, _>>()?,
+    }))
 }
 
 /// Refuses keys that look like known ones, or hold points.

@@ -40,6 +40,15 @@ pub enum MeshError {
         /// How many there were.
         triangles: usize,
     },
+    /// No triangle is in the region that was asked for.
+    #[error(
+        "no triangle of the surface is in the region that was asked for; its groups: {}",
+        if groups.is_empty() { "none" } else { groups }
+    )]
+    NoSuchRegion {
+        /// Names of the groups that there are.
+        groups: String,
+    },
     /// More than can be sliced in reasonable memory.
     #[error(
         "{triangles} triangles, more than {TRIANGLES_MAX}: export with a coarser tolerance, 0.01 mm \

@@ -21,6 +21,7 @@ pub mod height_map;
 pub mod layers;
 mod obj;
 mod orient;
+pub mod patch;
 mod read;
 pub mod slice;
 mod stl;
@@ -32,7 +33,9 @@ mod test_meshes;
 mod tests;
 
 pub use error::MeshError;
-pub use read::{LoadedMesh, MeshFormat, MeshOptions, TRIANGLES_MAX, read, read_surface};
+pub use read::{
+    LoadedMesh, MeshFormat, MeshOptions, SurfaceRegion, TRIANGLES_MAX, read, read_surface,
+};
 
 /// A point in space, mm.
 pub type Point3 = nalgebra::Point3<f64>;

@@ -20,8 +20,14 @@ pub(super) fn read(bytes: &[u8]) -> Result<RawMesh, MeshError> {
     let (models, _) = tobj::load_obj_buf(&mut Cursor::new(bytes), &options, no_materials)
         .map_err(|error| problem(bytes, error))?;
     let mut mesh = Mesh::default();
+    let (mut groups, mut colours) = (Vec::new(), Vec::new());
     for model in &models {
         let first = mesh.vertices.len() as u32;
+        let own = model.mesh.vertex_color.chunks_exact(3);
+        colours.extend(own.map(|colour| [0, 1, 2].map(|k| (255.0 * colour[k]).round() as u8)));
+        let triangles = mesh.triangles.len();
+        let faces = model.mesh.indices.len() / 3;
+        groups.push((model.name.clone(), triangles..triangles + faces));
         let corners = model.mesh.positions.chunks_exact(3);
         mesh.vertices
             .extend(corners.map(|p| Point3::new(p[0], p[1], p[2])));
@@ -31,9 +37,15 @@ pub(super) fn read(bytes: &[u8]) -> Result<RawMesh, MeshError> {
     }
     let name = models.first().map(|model| model.name.clone());
     Ok(RawMesh {
-        mesh,
         name: name.filter(|name| !name.is_empty() && name != "unnamed_object"),
         unit_mm: 1.0,
+        groups,
+        // Of some objects alone they belong to no vertex for sure.
+        colours: match colours.len() == mesh.vertices.len() {
+            true => colours,
+            false => Vec::new(),
+        },
+        mesh,
         ..RawMesh::default()
     })
 }

@@ -11,6 +11,8 @@ use crate::short_number::Short;
 pub const TRIANGLES_MAX: usize = 8_000_000;
 /// Largest part, mm: beyond that the units are wrong.
 pub const SIZE_MAX_MM: f64 = 10_000.0;
+/// Groups that are named where the one that is meant is not there.
+const GROUPS_TOLD: usize = 10;
 /// Least extent along its longest axis, mm.
 pub const SIZE_MIN_MM: f64 = 0.1;
 /// Farthest from the origin, mm: beyond that single-precision coordinates step by more than 1 µm
@@ -58,6 +60,24 @@ pub(super) struct RawMesh {
     pub name: Option<String>,
     pub unit_mm: f64,
     pub notes: Vec<String>,
+    /// Names that the file gives to runs of the mesh's triangles.
+    pub groups: Vec<(String, std::ops::Range<usize>)>,
+    /// Colours of the mesh's vertices, where it has them.
+    pub colours: Vec<[u8; 3]>,
+}
+
+/// Which triangles of a surface are meant.
+#[derive(Clone, Debug, PartialEq)]
+pub enum SurfaceRegion {
+    /// Those of a group or object of that name.
+    Group(String),
+    /// Those of which all corners have that colour.
+    Colour([u8; 3]),
+    /// Those whose normal leans from Z by no more than that.
+    Normal {
+        /// The lean.
+        most_rad: f64,
+    },
 }
 
 /// A closed mesh and what the user should know about how it was read.
@@ -229,7 +249,7 @@ impl Closing {
     }
 }
 
-/// Reads a mesh of which the topmost triangles count, closed or not.
+/// Reads a mesh of which the outsides of triangles count, or a region of it, closed or not.
 ///
 /// # Errors
 /// [`MeshError`] with the place.
@@ -237,8 +257,12 @@ pub fn read_surface(
     bytes: &[u8],
     format: MeshFormat,
     options: &MeshOptions,
+    region: Option<&SurfaceRegion>,
 ) -> Result<Mesh, MeshError> {
-    let raw = read_raw(bytes, format, options)?;
+    let mut raw = read_raw(bytes, format, options)?;
+    if let Some(region) = region {
+        raw.keep(region)?;
+    }
     let mut mesh = raw.mesh;
     // Of a surface nothing is cut away.
     raw.carved.iter().for_each(|(solid, _)| mesh.append(solid));
@@ -280,6 +304,40 @@ fn read_raw(bytes: &[u8], format: MeshFormat, options: &MeshOptions) -> Result<R
 }
 
 impl RawMesh {
+    /// Leaves only the triangles of a region.
+    fn keep(&mut self, region: &SurfaceRegion) -> Result<(), MeshError> {
+        let is_meant = |number: usize, triangle: &[u32; 3]| match region {
+            SurfaceRegion::Group(name) => {
+                let mut own = self.groups.iter().filter(|(own, _)| own == name);
+                own.any(|(_, triangles)| triangles.contains(&number))
+            }
+            SurfaceRegion::Colour(colour) => {
+                let own = |vertex: &u32| self.colours.get(*vertex as usize) == Some(colour);
+                triangle.iter().all(own)
+            }
+            SurfaceRegion::Normal { most_rad } => {
+                let [a, b, c] = triangle.map(|vertex| self.mesh.vertices[vertex as usize]);
+                let normal = (b - a).cross(&(c - a));
+                normal.norm() > 0.0 && normal.angle(&super::Vector3::z()) <= *most_rad
+            }
+        };
+        let triangles = self.mesh.triangles.iter().enumerate();
+        let meant = triangles.filter(|(number, triangle)| is_meant(*number, triangle));
+        let meant: Vec<[u32; 3]> = meant.map(|(_, triangle)| *triangle).collect();
+        if meant.is_empty() {
+            let mut known: Vec<&str> = self.groups.iter().map(|(name, _)| name.as_str()).collect();
+            known.sort_unstable();
+            known.dedup();
+            known.truncate(GROUPS_TOLD);
+            return Err(MeshError::NoSuchRegion {
+                groups: known.join(", "),
+            });
+        }
+        self.mesh.triangles = meant;
+        self.carved.clear();
+        Ok(())
+    }
+
     /// All material before anything is cut away from it.
     fn solids(&self) -> impl Iterator<Item = &Mesh> + Clone {
         let carved = self.carved.iter().map(|(solid, _)| solid);

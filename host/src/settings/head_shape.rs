@@ -85,6 +85,17 @@ impl HeadShape {
         }
     }
 
+    /// How far the head may lean so that no part of it but the flat end comes below its tip's level: what is printed level by
+    /// level is free of it then, in whatever order a level is printed.
+    pub fn free_tilt_rad(&self) -> f64 {
+        let above = self
+            .knots()
+            .into_iter()
+            .filter(|[height_mm, _]| *height_mm > 0.0);
+        let leans = above.map(|[height_mm, radius_mm]| height_mm.atan2(radius_mm));
+        leans.fold(std::f64::consts::FRAC_PI_2, f64::min)
+    }
+
     /// How far the tip's flat end may dip, mm.
     pub fn tip_slack_mm(&self, layer_height_mm: f64) -> f64 {
         self.tip_slack_mm.unwrap_or(0.5 * layer_height_mm)
@@ -146,5 +157,26 @@ fn check_knots(knots: &[[f64; 2]]) -> Result<(), SettingsError> {
                 index + 1
             ))
         }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// Goal: the free tilt is that of the lowest edge. Method: the gantry's head, 22 mm wide 20 mm above the tip.
+    #[test]
+    fn the_lowest_edge_says_how_far_a_head_may_lean() {
+        let head = HeadShape {
+            outline: HeadOutline::Cone(ConeAndCylinder {
+                nozzle_tip_radius_mm: 0.8,
+                nozzle_angle_rad: 60f64.to_radians(),
+                nozzle_length_mm: 20.0,
+                head_radius_mm: 22.0,
+                head_length_mm: 60.0,
+            }),
+            tip_slack_mm: None,
+        };
+        assert!((head.free_tilt_rad().to_degrees() - 42.27).abs() < 0.01);
     }
 }

@@ -1,6 +1,7 @@
 //! The end-to-end tests, one program: a module a theme, in each a file a goal.
 
 mod controller;
+mod curved_ground;
 mod gcode;
 mod headings;
 mod inputs;

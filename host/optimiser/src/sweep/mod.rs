@@ -26,6 +26,7 @@ pub use self::shape::Shape;
 use self::shape::{CONTACTS_MAX, Inside, OUTLINE_MAX, OutlinePoint, Touch};
 use self::strips::Marked;
 use super::curve::{Basis, Knot, PassKnots, blend};
+use super::tool_scale::ToolScale;
 
 /// Poses of a span.
 const POSES_A_SPAN: usize = 2;
@@ -58,6 +59,10 @@ const OWN_OF: usize = 32;
 pub struct Pose {
     /// Centre, in a.
     pub center: [f32; 2],
+    /// Size of the tool against that of the plane, and one over that.
+    pub size: f32,
+    /// See `size`.
+    pub inverse: f32,
     /// Cosine and sine of the heading.
     pub turn: [f32; 2],
     /// Derivative of the centre by the spline's parameter.
@@ -73,16 +78,28 @@ pub struct Pose {
 }
 
 impl Pose {
-    /// A vector of the plane in the tool's frame.
+    /// A vector of the plane in the tool's frame, in which the tool has its own size.
     #[inline]
-    pub fn in_tool(&self, [x, y]: [f32; 2]) -> [f32; 2] {
+    pub fn in_tool(&self, v: [f32; 2]) -> [f32; 2] {
+        self.turned_in(v).map(|c| c * self.inverse)
+    }
+
+    /// A direction of the plane in the tool's frame.
+    #[inline]
+    pub fn turned_in(&self, [x, y]: [f32; 2]) -> [f32; 2] {
         let [cos, sin] = self.turn;
         [cos * x + sin * y, cos * y - sin * x]
     }
 
-    /// A vector of the tool's frame in the plane.
+    /// A point of the tool's outline in the plane, about its centre.
     #[inline]
-    pub fn in_plane(&self, [x, y]: [f32; 2]) -> [f32; 2] {
+    pub fn in_plane(&self, point: [f32; 2]) -> [f32; 2] {
+        self.turned_out(point).map(|c| c * self.size)
+    }
+
+    /// A direction of the tool's frame in the plane.
+    #[inline]
+    pub fn turned_out(&self, [x, y]: [f32; 2]) -> [f32; 2] {
         let [cos, sin] = self.turn;
         [cos * x - sin * y, sin * x + cos * y]
     }
@@ -131,8 +148,9 @@ const BOTH: u8 = 3;
 
 /// The sweep of all passes.
 #[derive(Clone, Debug)]
-pub struct Sweep {
+pub struct Sweep<'a> {
     pub(super) shape: Shape,
+    scale: ToolScale<'a>,
     pub(super) cells: Cells,
     pub(super) visits: Visits,
     pub(super) poses: Vec<Pose>,
@@ -146,15 +164,16 @@ pub struct Sweep {
     end_bases: [Basis; 2],
 }
 
-impl Sweep {
+impl<'a> Sweep<'a> {
     /// Nothing swept yet; a return counts after `return_path`, in a.
-    pub fn new(shape: Shape, cells: Cells, return_path: f32) -> Sweep {
+    pub fn new(shape: Shape, cells: Cells, return_path: f32, scale: ToolScale<'a>) -> Sweep<'a> {
         let share = |k: usize| k as f64 / POSES_A_SPAN as f64;
         Sweep {
             visits: Visits::new(cells.wall_cover.len(), return_path),
             marked: Marked::new(cells.rows),
             inside: shape.inside(),
             shape,
+            scale,
             cells,
             poses: Vec::new(),
             contacts: Vec::new(),
@@ -196,11 +215,14 @@ impl Sweep {
             let at = blend(&self.bases[basis].value, &knots[knot..]);
             let rate = blend(&motion.first, &knots[knot..]);
             let (sin, cos) = (at[2] as f32).sin_cos();
+            let tool = self.scale.at(&at);
             let [center, velocity] =
-                [[at[0], at[1]], [rate[0], rate[1]]].map(|v| to_grid(v).map(|c| c as f32));
+                [tool.center, [rate[0], rate[1]]].map(|v| to_grid(v).map(|c| c as f32));
             let turn = to_grid([f64::from(cos), f64::from(sin)]).map(|c| c as f32);
             let mut pose = Pose {
                 center,
+                size: tool.size as f32,
+                inverse: tool.inverse as f32,
                 turn,
                 velocity,
                 turning: rate[2] as f32,
@@ -273,7 +295,7 @@ impl Sweep {
 
     fn add_contact(&mut self, i: usize, number: usize, at: &OutlinePoint) -> usize {
         let pose = &self.poses[i];
-        let (point, normal) = (pose.in_plane(at.point), pose.in_plane(at.normal));
+        let (point, normal) = (pose.in_plane(at.point), pose.turned_out(at.normal));
         self.contacts.push(Contact {
             at: [pose.center[0] + point[0], pose.center[1] + point[1]],
             normal,
@@ -334,8 +356,9 @@ impl Sweep {
             own.center[0] - over.center[0],
             own.center[1] - over.center[1],
         ]);
-        let cos = dot(own.turn, over.turn);
-        let sin = own.turn[1] * over.turn[0] - own.turn[0] * over.turn[1];
+        let larger = own.size * over.inverse;
+        let cos = larger * dot(own.turn, over.turn);
+        let sin = larger * (own.turn[1] * over.turn[0] - own.turn[0] * over.turn[1]);
         let [moved, turned] = own.motion_from(over);
         let least = 1.0 - HIDDEN_MAX.min(HIDDEN_SHARE * (moved + turned));
         self.shape.hide(shift, [cos, sin], least, visible);

@@ -105,7 +105,7 @@ impl Strip {
     }
 }
 
-impl Sweep {
+impl Sweep<'_> {
     /// Sees the cells within the edge's half width of the envelope between two contacts, at this path. Where the
     /// strip closes the envelope by a pose's own outline, cells nearer to another side of that outline are left to it.
     pub(super) fn strip(&mut self, from: usize, to: usize, path: f32, closes: Option<&Pose>) {
@@ -133,7 +133,8 @@ impl Sweep {
                 }
                 let is_other = |pose: &Pose| {
                     let off = [x - pose.center[0], y - pose.center[1]];
-                    self.shape.is_nearer(pose.in_tool(off), distance)
+                    self.shape
+                        .is_nearer(pose.in_tool(off), distance * pose.inverse)
                 };
                 if closes.is_some_and(is_other) {
                     continue;
@@ -189,16 +190,16 @@ impl Sweep {
     /// direction of motion.
     fn mark(&mut self, pose: &Pose, direction: [f32; 2]) {
         self.shape.turn_inside(pose.turn, &mut self.inside);
-        let last = pose.path + self.shape.chord(pose.in_tool(direction));
+        let size = pose.size;
+        let last = pose.path + size * self.shape.chord(pose.turned_in(direction));
         let seen = Seen::inside(pose.path, last);
         let [x, y] = pose.center;
         let y0 = self.cells.first_middle()[1];
-        let [bottom, top] = self.inside.heights();
+        let [bottom, top] = self.inside.heights().map(|height| size * height);
         let rows = self.cells.rows_in(y + bottom, y + top);
         for row in rows.clone() {
-            let [low, high] = self
-                .inside
-                .row(y0 + row as f32 * self.cells.size as f32 - y);
+            let above = y0 + row as f32 * self.cells.size as f32 - y;
+            let [low, high] = self.inside.row(above * pose.inverse).map(|x| size * x);
             let columns = self.cells.columns_in(x + low, x + high);
             let mut held = columns.end..columns.end;
             if self.marked.rows.contains(&row) {

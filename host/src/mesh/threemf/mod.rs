@@ -91,6 +91,7 @@ pub(super) fn read(bytes: &[u8]) -> Result<RawMesh, MeshError> {
         name: named.filter(|_| items.len() == 1),
         unit_mm: root.unit_mm,
         notes,
+        ..RawMesh::default()
     })
 }
 

@@ -95,7 +95,7 @@ impl Raster {
         let of_pose = |pose: u32| pass_of.get(pose as usize).copied().unwrap_or(NOBODY);
         stamp(
             &raster.grid,
-            aperture,
+            (aperture, &[]),
             &dense,
             &mut raster.counts,
             // The last pass that covered the cell.
@@ -227,11 +227,12 @@ pub struct Advance {
 }
 
 /// For each pose its advance over the one before it, all of it where it is the first of a pass
-/// (`starts`).
+/// (`starts`). `sizes` are those of the aperture at each pose against its own, or empty where it has its own at all.
 pub fn newly_covered(
     poses: &[Configuration],
     starts: &[bool],
     aperture: &Aperture,
+    sizes: &[f64],
     cells_max: usize,
 ) -> Vec<Advance> {
     let Some((first, _)) = poses.split_first() else {
@@ -244,12 +245,14 @@ pub fn newly_covered(
             min: bounds.min.inf(&at.center),
             max: bounds.max.sup(&at.center),
         });
-    let grid = CellGrid::over(&bounds.grown(aperture.reach_mm()), cell_mm, cells_max);
+    let most = sizes.iter().copied().fold(1.0, f64::max);
+    let reach_mm = most * aperture.reach_mm();
+    let grid = CellGrid::over(&bounds.grown(reach_mm), cell_mm, cells_max);
     // Sums of whole numbers: the same in whatever order the bands add them.
     let counts: Vec<[AtomicU32; 2]> = (0..poses.len()).map(|_| Default::default()).collect();
     stamp(
         &grid,
-        aperture,
+        (aperture, sizes),
         poses,
         &mut vec![(); grid.len()],
         false,
@@ -274,20 +277,24 @@ pub fn newly_covered(
 /// those under the last pose that came to the row where the sweep `goes_on` from that one.
 fn stamp<T: Send, N: Clone + Send + Sync>(
     grid: &CellGrid,
-    aperture: &Aperture,
+    (aperture, sizes): (&Aperture, &[f64]),
     poses: &[Configuration],
     cells: &mut [T],
     blank: N,
     goes_on: impl Fn(u32, u32) -> bool + Sync,
     visit: impl Fn(&mut [T], &mut [N], u32) + Sync,
 ) {
-    let of_band = grid.poses_of_bands(aperture, poses.iter().copied());
+    let most = sizes.iter().copied().reduce(f64::max);
+    let largest = most.map(|most| aperture.scaled(most));
+    let of_band = grid.poses_of_bands(largest.as_ref().unwrap_or(aperture), poses.iter().copied());
     let bands = grid.bands_of(cells).zip(&of_band);
     bands.for_each_init(Vec::new, |notes, ((band, cells), numbers)| {
         notes.clear();
         notes.resize(cells.len(), blank.clone());
         let mut rows = SweptRows::of(&band, NOBODY);
         for &pose in numbers {
+            let scaled = sizes.get(pose as usize).map(|&size| aperture.scaled(size));
+            let aperture = scaled.as_ref().unwrap_or(aperture);
             grid.for_rows_within(&band, aperture, poses[pose as usize], |row, from, to| {
                 let goes_on = |before| goes_on(before, pose);
                 rows.for_new(row, pose, [from, to], goes_on, |columns| {

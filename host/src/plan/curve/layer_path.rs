@@ -11,7 +11,6 @@
 //! several. The sharpening: see C. de Boor, "A Practical Guide to Splines" (1978).
 
 use crate::geometry::aperture::Aperture;
-use crate::geometry::edge_index::EdgeIndex;
 use crate::geometry::plane_curve::{PlaneControl, configuration};
 use crate::plan::curve::detours::detoured;
 use crate::plan::curve::pushing_inside::{InsideWalls, NEAR_SHARE, bad_runs, strayed_spans};
@@ -40,32 +39,22 @@ pub fn path_tolerance_mm(settings: &Settings) -> f64 {
 }
 
 /// The printed curves of an opened pass, in order: one, or several where the aperture does not fit in
-/// between. `tolerance_mm` is how deep a pose may cut.
-pub fn pass_curves(
-    pass: &LayerPass,
-    aperture: &Aperture,
-    walls: &EdgeIndex,
-    tolerance_mm: f64,
-) -> Vec<Vec<PlaneControl>> {
+/// between.
+pub fn pass_curves(pass: &LayerPass, inside: &InsideWalls) -> Vec<Vec<PlaneControl>> {
     if pass.placements.is_empty() {
         return Vec::new();
     }
-    let control = sharpened(&merged(pass, aperture).0);
-    let inside = InsideWalls {
-        aperture,
-        walls,
-        tolerance_mm,
-    };
+    let control = sharpened(&merged(pass, inside.aperture).0);
     let mut curves = Vec::new();
     let mut open = Vec::new();
-    match led(control, &inside) {
+    match led(control, inside) {
         Ok(whole) => curves.push(whole),
         Err((control, bad)) => open = pieces_without(&control, &bad),
     }
     // The first piece is the last of `open`. They have new ends, so they are pushed again. Each round
     // removes at least one span, and few rounds ever happen.
     while let Some(piece) = open.pop() {
-        match pushed_inside(&piece, &inside).or_else(NotInside::makeshift) {
+        match pushed_inside(&piece, inside).or_else(NotInside::makeshift) {
             Ok(curve) => curves.push(curve),
             Err(bad) => open.extend(pieces_without(&piece, &bad)),
         }
@@ -243,7 +232,7 @@ mod tests {
             let upright = std::f64::consts::FRAC_PI_2;
             let places = (-2..=2).map(|i| (Point2::new(f64::from(i), 0.6), upright));
             let pass = pass(places, false);
-            let curves = pass_curves(&pass, &APERTURE, &walls, 4e-4);
+            let curves = pass_curves(&pass, &InsideWalls::flat(&APERTURE, &walls, 4e-4));
             assert_eq!(curves.len(), 1, "{tooth_x}");
             let last = curves[0].len() - 2;
             for (span, step) in (0..=last).flat_map(|span| (0..=400).map(move |step| (span, step)))
@@ -266,7 +255,7 @@ mod tests {
             (Point2::new(x, 0.0), if x.abs() < 0.5 { 1.3 } else { 0.7 })
         });
         let pass = pass(places, false);
-        let curves = pass_curves(&pass, &APERTURE, &walls, 4e-4);
+        let curves = pass_curves(&pass, &InsideWalls::flat(&APERTURE, &walls, 4e-4));
         assert_eq!(curves.len(), 1);
         for span in 0..curves[0].len() - 1 {
             for step in 0..20 {
@@ -307,11 +296,7 @@ mod tests {
         ];
         let beyond = (0..40).map(|i| [-0.58, -0.02 - 0.07 * f64::from(i), 4.9]);
         let raw: Vec<PlaneControl> = ahead.chain(around).chain(beyond).collect();
-        let inside = InsideWalls {
-            aperture: &APERTURE,
-            walls: &walls,
-            tolerance_mm: 4e-4,
-        };
+        let inside = InsideWalls::flat(&APERTURE, &walls, 4e-4);
         let mut control = raw.clone();
         let far_mm = FAR_SHARE * APERTURE.major_mm();
         inside.project(&mut control, far_mm);
@@ -322,7 +307,10 @@ mod tests {
         assert!(!strayed.contains(&true));
 
         let places = raw.iter().map(|at| (Point2::new(at[0], at[1]), at[2]));
-        let curves = pass_curves(&pass(places, false), &APERTURE, &walls, 4e-4);
+        let curves = pass_curves(
+            &pass(places, false),
+            &InsideWalls::flat(&APERTURE, &walls, 4e-4),
+        );
         assert_eq!(curves.len(), 1);
         assert!(!inside.cutting_spans(&curves[0]).contains(&true));
         // Poses of either strut that are clear of the corner stay.
@@ -352,7 +340,10 @@ mod tests {
             [-4.0, 1.0],
         ]]);
         let places = (-40..=40).map(|i| (Point2::new(0.07 * f64::from(i), 0.0), 1.2));
-        let curves = pass_curves(&pass(places, false), &APERTURE, &walls, 4e-4);
+        let curves = pass_curves(
+            &pass(places, false),
+            &InsideWalls::flat(&APERTURE, &walls, 4e-4),
+        );
         assert_eq!(curves.len(), 2);
         // In the order of the way.
         assert!(curves[0][0][0] < -2.0 && curves[1][0][0] > 0.0);
@@ -392,14 +383,10 @@ mod tests {
         let pass = pass(places, false);
         assert!(pass.placements.len() >= steps as usize);
         let mut control = sharpened(&merged(&pass, &APERTURE).0);
-        let inside = InsideWalls {
-            aperture: &APERTURE,
-            walls: &walls,
-            tolerance_mm: 4e-4,
-        };
+        let inside = InsideWalls::flat(&APERTURE, &walls, 4e-4);
         let is_inside = inside.push(&mut control);
         assert!(!is_inside, "no longer a swing in which moves go astray");
-        let curves = pass_curves(&pass, &APERTURE, &walls, 4e-4);
+        let curves = pass_curves(&pass, &InsideWalls::flat(&APERTURE, &walls, 4e-4));
         assert_eq!(curves.len(), 1);
         for span in 0..curves[0].len() - 1 {
             for step in 0..50 {

@@ -9,6 +9,7 @@ use crate::geometry::Vector2;
 use crate::geometry::aperture::Aperture;
 use crate::geometry::clearance::{Configuration, WallContact, contact};
 use crate::geometry::edge_index::EdgeIndex;
+use crate::geometry::place_scale::{ScaleField, contact_on_ground};
 use crate::geometry::plane_curve::{
     PlaneControl, configuration, control_at, curve_at, span_weights,
 };
@@ -64,9 +65,25 @@ pub struct InsideWalls<'a> {
     pub walls: &'a EdgeIndex,
     /// How deep a pose may cut, mm.
     pub tolerance_mm: f64,
+    /// How large the aperture is by place, where the plane is the chart of curved ground.
+    pub scale: Option<&'a ScaleField>,
 }
 
-impl InsideWalls<'_> {
+impl<'a> InsideWalls<'a> {
+    /// On flat ground.
+    pub fn flat(
+        aperture: &'a Aperture,
+        walls: &'a EdgeIndex,
+        tolerance_mm: f64,
+    ) -> InsideWalls<'a> {
+        InsideWalls {
+            aperture,
+            walls,
+            tolerance_mm,
+            scale: None,
+        }
+    }
+
     /// Pushes the control points of cutting spans back along the contact normal, from [`TURNING_ROUND`]
     /// on turns them as well. True if no pose cuts any more, looked at closely.
     pub fn push(&self, control: &mut [PlaneControl]) -> bool {
@@ -176,7 +193,11 @@ impl InsideWalls<'_> {
 
     /// Where the pose cuts, if it does.
     fn cut(&self, look: Look, at: Configuration) -> Option<WallContact> {
-        contact(self.aperture, at, self.walls, 1.0).filter(|found| found.depth_mm > look.depth_mm)
+        let found = match self.scale {
+            None => contact(self.aperture, at, self.walls, 1.0),
+            Some(scale) => contact_on_ground(scale, self.aperture, at, self.walls),
+        };
+        found.filter(|found| found.depth_mm > look.depth_mm)
     }
 
     /// The cuts of the `dirty` spans, in their order.

@@ -3,11 +3,13 @@
 //! ```text
 //! SegmentStream, Contour --measure--> Swept, RegionRaster --figures--> PlanFigures
 //! (integers, ticks)                   (mm², cells)                    (%, mm, s)
+//! SegmentStream, chart --ground sweep--> Swept of each layer of curved ground, and on as above
 //! ```
 
 pub mod axes_at;
 pub mod curve_ratio;
 pub mod figures;
+pub mod ground_sweep;
 pub mod measure;
 pub mod region_raster;
 pub mod touches;

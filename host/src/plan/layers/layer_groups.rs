@@ -8,16 +8,17 @@
 //! Input: the regions with their axes. Output: kinds, printings, and the curves of the whole job in
 //! machine coordinates. The same curve is kept once, however many layers print it.
 
-use crate::geometry::aperture::Aperture;
 use crate::geometry::clearance::Configuration;
 use crate::geometry::edge_index::EdgeIndex;
 use crate::geometry::frame::{Frame, snapped};
+use crate::geometry::place_scale::ScaleField;
 use crate::geometry::plane_curve::PlaneControl;
 use crate::geometry::polygon::Region;
 use crate::geometry::{Point2, Vector2};
 use crate::part_transform::PartTransform;
 use crate::plan::curve::heading_stops::PassCutter;
 use crate::plan::curve::layer_path::{pass_curves, path_tolerance_mm};
+use crate::plan::curve::pushing_inside::InsideWalls;
 use crate::plan::joining::order::region_order;
 use crate::plan::layers::PlanePass;
 use crate::plan::layers::bridge_ground::Bridge;
@@ -278,6 +279,7 @@ pub fn plane_passes(
                 passes: &region.passes_turned(print.turned),
                 curves: &region.curves_turned(print.turned),
                 walls: &region.walls,
+                scale: region.scale.as_ref(),
                 frame: region.frame,
                 shift: region.contour.offset + place,
             };
@@ -289,13 +291,11 @@ pub fn plane_passes(
             passes: &skirt.passes,
             curves: &[],
             walls: &skirt.walls,
+            scale: None,
             frame: Frame::IDENTITY,
             shift: skirt.offset + place,
         };
-        let whole = |pass: &LayerPass, walls: &EdgeIndex, aperture: &Aperture, tolerance_mm| {
-            pass_curves(pass, aperture, walls, tolerance_mm)
-        };
-        framed.curves(whole, settings)
+        framed.curves(pass_curves, settings)
     });
     let of_print = |print: &RegionPrint| curves[print.like].iter();
     check_length(
@@ -330,12 +330,7 @@ const SAME_MM: f64 = 1e-6;
 
 /// The curves of a region's pass, found the same way in whatever direction it runs: the path is pushed
 /// off the walls in many small steps, in which rounding would grow into another curve.
-fn region_curves(
-    pass: &LayerPass,
-    walls: &EdgeIndex,
-    aperture: &Aperture,
-    tolerance_mm: f64,
-) -> Vec<Vec<PlaneControl>> {
+fn region_curves(pass: &LayerPass, inside: &InsideWalls) -> Vec<Vec<PlaneControl>> {
     let mut pass = pass.clone();
     let is_back = runs_back(&pass);
     if is_back {
@@ -345,7 +340,7 @@ fn region_curves(
         return Vec::new();
     };
     // Headings a period apart are the same, but for their last digits.
-    let period_rad = aperture.period_rad();
+    let period_rad = inside.aperture.period_rad();
     let periods_rad = (first.at.heading_rad / period_rad + PERIOD_SHARE).floor() * period_rad;
     for placement in &mut pass.placements {
         placement.at = Configuration {
@@ -353,7 +348,7 @@ fn region_curves(
             heading_rad: snapped(placement.at.heading_rad - periods_rad),
         };
     }
-    let mut curves = pass_curves(&pass, aperture, walls, tolerance_mm);
+    let mut curves = pass_curves(&pass, inside);
     if is_back {
         curves.reverse();
     }
@@ -387,6 +382,7 @@ struct FramedPasses<'a> {
     /// The curves of those that have one already.
     curves: &'a [PassCurve],
     walls: &'a EdgeIndex,
+    scale: Option<&'a ScaleField>,
     frame: Frame,
     shift: Vector2,
 }
@@ -396,11 +392,14 @@ impl FramedPasses<'_> {
     /// within a tolerance.
     fn curves(
         &self,
-        whole: impl Fn(&LayerPass, &EdgeIndex, &Aperture, f64) -> Vec<Vec<PlaneControl>>,
+        whole: impl Fn(&LayerPass, &InsideWalls) -> Vec<Vec<PlaneControl>>,
         settings: &Settings,
     ) -> Vec<PrintCurve> {
-        let tolerance_mm = path_tolerance_mm(settings);
-        let whole = |pass: &LayerPass| whole(pass, self.walls, &settings.aperture, tolerance_mm);
+        let inside = InsideWalls {
+            scale: self.scale,
+            ..InsideWalls::flat(&settings.aperture, self.walls, path_tolerance_mm(settings))
+        };
+        let whole = |pass: &LayerPass| whole(pass, &inside);
         let to_machine = |control: &PlaneControl| {
             let at = self.frame.configuration_out(Configuration {
                 center: Point2::new(control[0], control[1]),
@@ -474,7 +473,7 @@ mod tests {
         let walls = walls(&[&[[-2.4, -2.4], [2.4, -2.4], [2.4, 2.4], [-2.4, 2.4]]]);
         let aperture = &settings.aperture;
         for pass in &passes {
-            let curves = region_curves(pass, &walls, aperture, 1e-3);
+            let curves = region_curves(pass, &InsideWalls::flat(aperture, &walls, 1e-3));
             for periods in [-3.0, 1.0, 4.0] {
                 let periods_rad = periods * aperture.period_rad();
                 let mut other = pass.clone();
@@ -482,7 +481,7 @@ mod tests {
                 for placement in &mut other.placements {
                     placement.at.heading_rad += periods_rad;
                 }
-                let mut others = region_curves(&other, &walls, aperture, 1e-3);
+                let mut others = region_curves(&other, &InsideWalls::flat(aperture, &walls, 1e-3));
                 others.reverse();
                 assert_eq!(curves.len(), others.len());
                 for (curve, other) in curves.iter().zip(&others) {

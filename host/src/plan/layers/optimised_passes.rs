@@ -6,6 +6,7 @@
 
 use crate::geometry::coverage::return_mm;
 use crate::geometry::edge_index::{Edge, EdgeIndex};
+use crate::geometry::place_scale::ScaleField;
 use crate::geometry::plane_curve::{PlaneControl, configuration, curve_at};
 use crate::geometry::polygon::Region;
 use crate::plan::curve::even_spans::even_spans;
@@ -48,6 +49,7 @@ pub fn optimised(
     walls: &EdgeIndex,
     ground_mm2: f64,
     left_out: &[Region],
+    scale: Option<&ScaleField>,
     settings: &Settings,
 ) -> Vec<PassCurve> {
     let mut curves = vec![None; passes.len()];
@@ -69,6 +71,7 @@ pub fn optimised(
             aperture: &settings.aperture,
             limits: &pose_limits(settings),
             width_by_radius_max: None,
+            scale,
         },
         width_by_radius_max: settings.wide_beads.width_by_radius_max(),
         settings,
@@ -147,6 +150,7 @@ impl RegionJob<'_> {
             aperture: self.site.aperture,
             walls: self.site.walls,
             tolerance_mm: path_tolerance_mm(self.settings),
+            scale: self.site.scale,
         };
         let curves = passes.into_iter().zip(begun).map(|(mut pass, begun)| {
             let Some(control) = checked(&begun.unknown.control, &inside) else {

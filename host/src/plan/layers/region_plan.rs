@@ -10,6 +10,7 @@ use crate::geometry::boolean::{difference, filled, grown, intersection};
 use crate::geometry::coverage::Cell;
 use crate::geometry::edge_index::EdgeIndex;
 use crate::geometry::frame::Frame;
+use crate::geometry::place_scale::ScaleField;
 use crate::geometry::polygon::{Region, Ring};
 use crate::geometry::repair::FillRule;
 use crate::plan::axis::medial_axis::{AxisOptions, MedialAxis, MedialAxisError};
@@ -38,6 +39,8 @@ pub struct RegionPlan {
     pub frame: Frame,
     /// The edges of the hull, in that frame.
     pub walls: Arc<EdgeIndex>,
+    /// How large the nozzle is by place in that frame, on curved ground.
+    pub scale: Option<ScaleField>,
     /// Where the first of the walls begins and the last one ends, and of the lines, in that frame;
     /// `None` where there are none or they may not be turned round.
     ends: [Option<[Point2; 2]>; 2],
@@ -169,6 +172,8 @@ pub struct RegionWork {
     hull: Region,
     /// The edges of the hull.
     walls: Arc<EdgeIndex>,
+    /// How large the nozzle is by place in its frame, on curved ground.
+    scale: Option<ScaleField>,
     widest: Option<(Point2, f64)>,
     axis: Axis,
     unreachable: Vec<UnreachableRun>,
@@ -187,14 +192,20 @@ pub struct RegionWork {
 }
 
 impl RegionWork {
-    /// The region with its hull and medial axis, and what of its boundary cannot be touched.
+    /// The region with its hull and medial axis, and what of its boundary cannot be touched. `scale` is of the input's
+    /// coordinates, where these are the chart of curved ground.
     ///
     /// # Errors
     /// [`MedialAxisError`].
-    pub fn begin(contour: Contour, settings: &Settings) -> Result<RegionWork, MedialAxisError> {
+    pub fn begin(
+        contour: Contour,
+        scale: Option<&ScaleField>,
+        settings: &Settings,
+    ) -> Result<RegionWork, MedialAxisError> {
         // Not one made anew: where snapping moved a point, that would turn, and move them all.
         let may_mirror = settings.aperture.is_mirror_image();
         let frame = contour.frame.mirrored_if(may_mirror);
+        let contour_offset = contour.offset;
         let outline = frame.snapped_in(&contour.region);
         let mut hull = trimmed_outline(&outline, &settings.aperture);
         hull.begin_at_extremes();
@@ -219,6 +230,7 @@ impl RegionWork {
             settings,
             hull,
             walls: Arc::new(walls),
+            scale: scale.map(|scale| scale.in_frame(frame, contour_offset)),
             widest: disks.max_by(|a, b| a.1.total_cmp(&b.1)),
             axis,
             unreachable,
@@ -359,6 +371,7 @@ impl RegionWork {
                 walls,
                 self.hull.area_mm2(),
                 left_out,
+                self.scale.as_ref(),
                 &self.settings,
             )
         };
@@ -391,6 +404,7 @@ impl RegionWork {
         RegionPlan {
             frame,
             walls: self.walls,
+            scale: self.scale,
             ends,
             lines_from,
             contour: self.contour,

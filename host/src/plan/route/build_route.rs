@@ -9,6 +9,7 @@
 //! stage finds.
 
 use crate::geometry::Point2;
+use crate::geometry::place_scale::ScaleField;
 use crate::geometry::plane_curve::configuration;
 use crate::job::MotionState;
 use crate::plan::curve::heading_stops::heading_range;
@@ -46,6 +47,7 @@ pub fn build_route(
     first_number: u32,
     start: [f64; CHANNELS],
     ways: &mut TravelWays,
+    scale: Option<&ScaleField>,
     settings: &Settings,
 ) -> Result<Route, TravelError> {
     let mut head = Head {
@@ -53,7 +55,7 @@ pub fn build_route(
         at: start,
         route: Route::default(),
     };
-    let volumes_mm3 = volumes_mm3(passes, settings);
+    let volumes_mm3 = volumes_mm3(passes, scale, settings);
     let mut rises = false;
     for (i, (number, volume_mm3)) in (first_number..).zip(&volumes_mm3).enumerate() {
         let pass = &passes[i];

@@ -7,4 +7,5 @@ mod dxf;
 mod gcode;
 mod gcode_axes;
 mod meshes;
+mod surfaces;
 mod wide_beads;

@@ -10,6 +10,7 @@
 use crate::geometry::Point2;
 use crate::geometry::aperture::Aperture;
 use crate::geometry::clearance::Configuration;
+use crate::geometry::place_scale::ScaleField;
 use crate::plan::coverage::raster::{Advance, newly_covered};
 
 /// Most cells of the raster. Those of 0.1 b tell the share of a front of 2b to 5 %, of any mm of a bead
@@ -46,9 +47,24 @@ pub fn pose_step_mm(aperture: &Aperture) -> f64 {
     STEP_SHARE * aperture.minor_mm()
 }
 
-/// The fresh ground of each pass, in printing order.
-pub fn fresh_shares(passes: &[Vec<Configuration>], aperture: &Aperture) -> Vec<FreshShares> {
-    let placed: Vec<Configuration> = passes.iter().flatten().map(on_raster).collect();
+/// The fresh ground of each pass, in printing order; `scale` where the plane is the chart of curved ground.
+pub fn fresh_shares(
+    passes: &[Vec<Configuration>],
+    aperture: &Aperture,
+    scale: Option<&ScaleField>,
+) -> Vec<FreshShares> {
+    let (placed, sizes): (Vec<Configuration>, Vec<f64>) = match scale {
+        None => (passes.iter().flatten().map(on_raster).collect(), Vec::new()),
+        Some(scale) => {
+            let major_mm = aperture.major_mm();
+            let poses = passes.iter().flatten();
+            let on_ground = poses.map(|pose| {
+                let (center, size) = scale.tool_at(*pose, major_mm);
+                (on_raster(&Configuration { center, ..*pose }), size)
+            });
+            on_ground.unzip()
+        }
+    };
     let mut starts = vec![false; placed.len()];
     let mut begin = 0;
     for pass in passes {
@@ -57,7 +73,7 @@ pub fn fresh_shares(passes: &[Vec<Configuration>], aperture: &Aperture) -> Vec<F
         }
         begin += pass.len();
     }
-    let counts = newly_covered(&placed, &starts, aperture, CELLS_MAX);
+    let counts = newly_covered(&placed, &starts, aperture, &sizes, CELLS_MAX);
     let mut begin = 0;
     passes
         .iter()
@@ -156,7 +172,7 @@ mod tests {
     #[test]
     fn a_bead_on_fresh_ground_is_all_fresh() {
         let pass = line([0.0, 0.0], [5.0, 1.0], [FRAC_PI_2, 0.3], 250);
-        let found = fresh_shares(&[pass], &ELLIPSE);
+        let found = fresh_shares(&[pass], &ELLIPSE, None);
         assert_eq!(found[0].start, 1.0);
         let share = fresh_mm(&found[0], 1.0) / 250.0;
         // The ellipse that turns takes in a little behind itself again.
@@ -166,7 +182,7 @@ mod tests {
     #[test]
     fn the_same_bead_again_deposits_nothing() {
         let pass = line([0.0, 0.0], [5.0, 0.0], [FRAC_PI_2; 2], 200);
-        let found = fresh_shares(&[pass.clone(), pass], &ELLIPSE);
+        let found = fresh_shares(&[pass.clone(), pass], &ELLIPSE, None);
         assert_eq!(found[0].steps, vec![1.0; 200]);
         assert_eq!((found[1].start, fresh_mm(&found[1], 0.025)), (0.0, 0.0));
     }
@@ -174,7 +190,7 @@ mod tests {
     #[test]
     fn a_bead_beside_another_deposits_what_is_left() {
         let pass = |y: f64| line([0.0, y], [5.0, y], [FRAC_PI_2; 2], 200);
-        let found = fresh_shares(&[pass(0.0), pass(0.9)], &ELLIPSE);
+        let found = fresh_shares(&[pass(0.0), pass(0.9)], &ELLIPSE, None);
         // 0.3 of 1.2 mm lie on the first one.
         let middle: f64 = found[1].steps[50..150].iter().sum::<f64>() / 100.0;
         assert!((middle - 0.75).abs() < 0.005, "{middle}");
@@ -184,7 +200,7 @@ mod tests {
     fn a_bead_across_another_leaves_out_the_crossing() {
         let first = line([0.0, 0.0], [5.0, 0.0], [FRAC_PI_2; 2], 200);
         let second = line([2.5, -2.5], [2.5, 2.5], [0.0; 2], 200);
-        let found = fresh_shares(&[first, second], &ELLIPSE);
+        let found = fresh_shares(&[first, second], &ELLIPSE, None);
         let fresh = fresh_mm(&found[1], 0.025);
         assert!((fresh - 3.8).abs() < 0.02, "{fresh}");
     }
@@ -193,7 +209,7 @@ mod tests {
     #[test]
     fn a_turn_on_the_spot_deposits_its_circle_once() {
         let pass = line([0.0; 2], [0.0; 2], [0.0, 3.0 * PI], 720);
-        let found = fresh_shares(&[pass], &ELLIPSE);
+        let found = fresh_shares(&[pass], &ELLIPSE, None);
         let half: f64 = found[0].steps[..240].iter().sum::<f64>();
         let rest: f64 = found[0].steps[250..].iter().sum::<f64>();
         // Each step's front is the turn times a² - b².

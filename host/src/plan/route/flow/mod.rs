@@ -15,6 +15,7 @@ pub mod pass_volumes;
 use crate::geometry::Vector2;
 use crate::geometry::aperture::Aperture;
 use crate::geometry::clearance::Configuration;
+use crate::geometry::place_scale::ScaleField;
 use crate::plan::route::flow::fresh_ground::FreshShares;
 use crate::settings::Settings;
 use rayon::prelude::*;
@@ -126,6 +127,8 @@ pub struct Bead<'a> {
     pub flow_factor: f64,
     /// Length over which the flow is averaged, [`SMOOTHING_ROUNDS`] times, mm.
     pub smoothing_mm: f64,
+    /// How large the nozzle is by place, where the plane is the chart of curved ground.
+    pub scale: Option<&'a ScaleField>,
 }
 
 impl<'a> Bead<'a> {
@@ -143,7 +146,21 @@ impl<'a> Bead<'a> {
             height_mm: settings.layer_height_mm,
             flow_factor: settings.flow_factor,
             smoothing_mm: needed_mm.clamp(least, most),
+            scale: None,
         }
+    }
+
+    /// Ground newly covered by a step, mm². Where the nozzle is larger or smaller it is seen from a plane that is as much so.
+    fn step_mm2(&self, outline: &Outline, from: &Configuration, to: &Configuration) -> f64 {
+        let Some(scale) = self.scale else {
+            return step_area_mm2(self.aperture, outline, from, to);
+        };
+        let lambda = scale.at(nalgebra::center(&from.center, &to.center)).lambda;
+        let [from, to] = [from, to].map(|pose| Configuration {
+            center: pose.center * lambda,
+            ..*pose
+        });
+        step_area_mm2(self.aperture, outline, &from, &to) / lambda.powi(2)
     }
 
     /// Cumulative deposited volume at each pose of a pass, mm³, from 0, never falling: what the
@@ -158,9 +175,12 @@ impl<'a> Bead<'a> {
         let outline = Outline::new(self.aperture);
         let steps = poses.par_windows(2).zip(&fresh.steps);
         let mut steps: Vec<f64> = steps
-            .map(|(pair, share)| share * step_area_mm2(self.aperture, &outline, &pair[0], &pair[1]))
+            .map(|(pair, share)| share * self.step_mm2(&outline, &pair[0], &pair[1]))
             .collect();
-        let start_mm2 = fresh.start * self.aperture.area_mm2();
+        let mut start_mm2 = fresh.start * self.aperture.area_mm2();
+        if let Some(scale) = self.scale {
+            start_mm2 /= scale.at(poses[0].center).lambda.powi(2);
+        }
         add_start_footprint(&mut steps, poses, self.aperture, start_mm2);
         let mut area_mm2 = 0.0;
         let mut cumulative = vec![area_mm2];
@@ -305,6 +325,7 @@ mod tests {
             height_mm,
             flow_factor,
             smoothing_mm: 0.3,
+            scale: None,
         }
     }
 

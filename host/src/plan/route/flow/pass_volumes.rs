@@ -6,6 +6,7 @@
 
 use crate::geometry::aperture::Aperture;
 use crate::geometry::clearance::Configuration;
+use crate::geometry::place_scale::ScaleField;
 use crate::geometry::plane_curve::{PlaneControl, curve_at};
 use crate::geometry::polygon::Box2;
 use crate::geometry::union_find::root;
@@ -22,8 +23,13 @@ use std::sync::Arc;
 /// Most poses of one span.
 const STEPS_MAX: f64 = 256.0;
 
-/// For each pass the volume that it has deposited at its control points.
-pub fn volumes_mm3(passes: &[PlanePass], settings: &Settings) -> Vec<Arc<[f64]>> {
+/// For each pass the volume that it has deposited at its control points; `scale` where the plane is the chart of curved
+/// ground: the volumes are those of the chart then.
+pub fn volumes_mm3(
+    passes: &[PlanePass],
+    scale: Option<&ScaleField>,
+    settings: &Settings,
+) -> Vec<Arc<[f64]>> {
     let reach_mm = settings.aperture.reach_mm();
     let mut groups: Vec<Vec<usize>> = Vec::new();
     let mut begin = 0;
@@ -48,7 +54,7 @@ pub fn volumes_mm3(passes: &[PlanePass], settings: &Settings) -> Vec<Arc<[f64]>>
         .collect();
     let found: Vec<Vec<Arc<[f64]>>> = different
         .into_par_iter()
-        .map(|group| volumes_of_group(group.iter().map(|&number| &passes[number]), settings))
+        .map(|group| volumes_of_group(group.iter().map(|&number| &passes[number]), scale, settings))
         .collect();
     let mut volumes: Vec<Arc<[f64]>> = vec![Arc::from([]); passes.len()];
     for (group, like) in groups.iter().zip(like) {
@@ -90,6 +96,7 @@ fn groups_of_layer(layer: &[PlanePass], first: usize, reach_mm: f64) -> Vec<Vec<
 
 fn volumes_of_group<'a>(
     passes: impl Iterator<Item = &'a PlanePass>,
+    scale: Option<&ScaleField>,
     settings: &Settings,
 ) -> Vec<Arc<[f64]>> {
     let (mut poses, mut knots) = (Vec::new(), Vec::new());
@@ -98,8 +105,11 @@ fn volumes_of_group<'a>(
         poses.push(of_pass);
         knots.push(at_knots);
     }
-    let fresh = fresh_shares(&poses, &settings.aperture);
-    let bead = Bead::of(settings);
+    let fresh = fresh_shares(&poses, &settings.aperture, scale);
+    let bead = Bead {
+        scale,
+        ..Bead::of(settings)
+    };
     let of_pass = poses.par_iter().zip(&fresh).zip(&knots);
     of_pass
         .map(|((poses, fresh), knots)| {

@@ -1,23 +1,24 @@
-//! The route of a planar plan -> the same on a surface: its moves from the first prime to the last lift.
+//! The route of a plan in a chart -> the same on the ground: its moves from the first prime to the last lift.
 //!
 //! ```text
-//! Route (x, y, height above the surface, heading) --frame--> tip, tool axis, move of lengths
+//! Route (u, v, height above the ground, heading) --chart--> tip, tool axis, direction of the heading
 //!   --headings--> headings in the tangent plane --> [RouteMove] (mm, rad, mm³)
 //! ```
-//! In: the route of the plan, in whose z the surface is 0, the aperture that it was planned with and the
-//! surface. Out: moves in the same order, in the surface's coordinates. The tool axis is the normal;
-//! heights become ways along it, so that lifts draw back along the tool and travel follows the surface. The
-//! heading is mapped without a twist (section "poses" of the design: the smallest rotation from Z), then
-//! turned for the width that the slope asks. The deposited volume grows as the ground does: by the area of the
-//! layer's middle over that of the plan. Leaves out the way to the first pass and from the last one
+//! In: the route of the plan, in whose z the ground is 0, the chart and the nozzle's scale by place that it was planned
+//! with. Out: moves in the same order, in the ground's coordinates. The tool axis is the normal;
+//! heights become ways along it, so that lifts draw back along the tool and travel follows the ground. The
+//! heading is where the chart leads its direction, seen by a tool that is turned upright the shortest way (section
+//! "poses" of the design). A chart is conformal on one layer; where others are stretched more one way than the other,
+//! headings are turned for the width that each bead needs. The deposited volume grows as the ground does: by the
+//! area of the layer's middle over that of the plan. Leaves out the way to the first pass and from the last one
 //! ([`crate::plan::route::waypoint_route`]).
 
-pub mod frame;
 pub mod headings;
 
-use crate::geometry::Vector2;
 use crate::geometry::aperture::Aperture;
-use crate::geometry::spline_surface::SplineSurface;
+use crate::geometry::chart::{Chart, SurfaceFrame};
+use crate::geometry::place_scale::ScaleField;
+use crate::geometry::{Point2, Vector2};
 use crate::job::MotionState;
 use crate::plan::headings::profile::turn_weight_mm4;
 use crate::plan::pose_limits::pose_limits;
@@ -25,33 +26,44 @@ use crate::plan::route::moves::{PathCurve, Route, RouteMove};
 use crate::plan::route::waypoint_curve::chord_spline::through_samples;
 use crate::plan::route::waypoint_curve::upright;
 use crate::settings::Settings;
-use frame::SurfaceFrame;
 use headings::Bead;
 use headway_firmware::pose::tilt_of_axis;
 use headway_protocol::units::{
     CHANNEL_HEADING, CHANNEL_TILT_X, CHANNEL_TILT_Y, CHANNEL_VOLUME, CHANNEL_X, CHANNEL_Y,
     CHANNEL_Z, CHANNELS,
 };
+use std::f64::consts::TAU;
 
 /// Longest step between two places that are mapped over, of the aperture's unit.
 const SAMPLE: f64 = 0.25;
 /// Least area on a layer for one of the plan: below, the layer nearly folds.
 const AREA_FACTOR_MIN: f64 = 0.1;
+/// A layer that is stretched by this share more than the nozzle's scale says, in any direction, has its headings turned:
+/// beads are that much too narrow or too wide.
+const STRETCHED: f64 = 0.02;
 
 type Point = [f64; CHANNELS];
 
-/// A layer above a hollow of the surface would fold.
+/// A layer above a hollow of the ground would fold.
 #[derive(Clone, Debug, PartialEq, thiserror::Error)]
 #[error(
-    "{above_mm:.2} mm above the surface the layer would fold near ({:.2}, {:.2}) mm, where the surface is \
+    "{above_mm:.2} mm above the surface the layer would fold near ({:.2}, {:.2}, {:.2}) mm, where the surface is \
      hollow: print fewer layers, or smooth the surface there",
-    at_mm[0], at_mm[1]
+    at_mm[0], at_mm[1], at_mm[2]
 )]
 pub struct LayerFoldsError {
     /// The layer's top.
     pub above_mm: f64,
-    /// Place in the plan.
-    pub at_mm: [f64; 2],
+    /// Place on the ground.
+    pub at_mm: [f64; 3],
+}
+
+/// The ground that a plan is laid on.
+pub struct LaidOn<'a> {
+    /// From the plan's plane to the ground.
+    pub chart: &'a dyn Chart,
+    /// The nozzle's scale that the plan was made with.
+    pub scale: &'a ScaleField,
 }
 
 /// Carries a route over. The moves before the first prime or print are left out.
@@ -60,16 +72,14 @@ pub struct LayerFoldsError {
 /// [`LayerFoldsError`].
 pub fn on_surface(
     route: &Route,
-    planned: &Aperture,
-    surface: &SplineSurface,
+    ground: &LaidOn,
     settings: &Settings,
 ) -> Result<Vec<RouteMove>, LayerFoldsError> {
     let is_begun = |route_move: &RouteMove| route_move.state != MotionState::Travel;
     let first = route.moves.iter().position(is_begun);
     let moves = &route.moves[first.unwrap_or(route.moves.len())..];
     let surface_map = SurfaceMap {
-        planned,
-        surface,
+        ground,
         settings,
         turn_weight_mm4: turn_weight_mm4(&pose_limits(settings), &settings.aperture),
     };
@@ -79,15 +89,23 @@ pub fn on_surface(
     });
     let of_passes = of_passes.collect::<Result<Vec<_>, _>>()?;
     let turns = between(moves, of_passes);
-    let mut volume_mm3 = 0.0;
+    let mut so_far = SoFar::default();
     let mapped = moves
         .iter()
         .zip(&turns)
         .map(|(route_move, turns)| RouteMove {
-            curve: surface_map.mapped(&route_move.curve, turns, &mut volume_mm3),
+            curve: surface_map.mapped(&route_move.curve, turns, &mut so_far),
             ..route_move.clone()
         });
     Ok(mapped.collect())
+}
+
+/// What goes on from one curve to the next.
+#[derive(Default)]
+struct SoFar {
+    volume_mm3: f64,
+    /// What the heading on the ground is more than in the chart, unwrapped.
+    more_rad: Option<f64>,
 }
 
 /// Fills in the turns off the passes: even along the way from one pass to the next.
@@ -135,17 +153,19 @@ fn way_mm(from: &Point, to: &Point) -> f64 {
     (CHANNEL_X..=CHANNEL_Z).map(along).sum::<f64>().sqrt()
 }
 
+fn place(pose: &Point) -> Point2 {
+    Point2::new(pose[CHANNEL_X], pose[CHANNEL_Y])
+}
+
 struct SurfaceMap<'a> {
-    planned: &'a Aperture,
-    surface: &'a SplineSurface,
+    ground: &'a LaidOn<'a>,
     settings: &'a Settings,
     turn_weight_mm4: f64,
 }
 
 impl SurfaceMap<'_> {
     fn frame(&self, pose: &Point) -> SurfaceFrame {
-        let [x, y, z] = [CHANNEL_X, CHANNEL_Y, CHANNEL_Z].map(|channel| pose[channel]);
-        SurfaceFrame::at(self.surface, x, y, z)
+        self.ground.chart.frame(place(pose), pose[CHANNEL_Z])
     }
 
     /// The area that the middle of the layer has for one of the plan.
@@ -155,55 +175,68 @@ impl SurfaceMap<'_> {
         self.frame(&middle).area_factor()
     }
 
-    /// A pose of the plan on the surface, its heading as it is.
-    fn pose(&self, planned: &Point) -> Point {
+    /// A pose of the plan on the ground; its heading is `near_rad` more than the plan's, about.
+    fn pose(&self, planned: &Point, near_rad: Option<f64>) -> Point {
         let frame = self.frame(planned);
         let tilt = tilt_of_axis(&frame.normal);
         let mut pose = *planned;
         pose[CHANNEL_X..=CHANNEL_Z].copy_from_slice(frame.tip_mm.as_slice());
         (pose[CHANNEL_TILT_X], pose[CHANNEL_TILT_Y]) = (tilt.x, tilt.y);
+        let heading_rad = planned[CHANNEL_HEADING];
+        let (sin, cos) = heading_rad.sin_cos();
+        let seen = upright(&pose) * frame.mapped(Vector2::new(cos, sin));
+        let more_rad = seen.y.atan2(seen.x) - heading_rad;
+        let turns = ((more_rad - near_rad.unwrap_or(0.0)) / TAU).round();
+        pose[CHANNEL_HEADING] = heading_rad + more_rad - TAU * turns;
         pose
     }
 
-    /// By how much the heading is turned at the control points of a pass.
+    /// By how much the heading is turned at the control points of a pass, in the chart.
     fn turns(&self, curve: &PathCurve) -> Result<Vec<f64>, LayerFoldsError> {
+        let aperture = &self.settings.aperture;
         let mut beads: Vec<Bead> = Vec::with_capacity(curve.control.len());
         let mut direction = Vector2::x();
-        let mut before: Option<Point> = None;
+        let mut is_stretched = false;
+        let (mut before, mut more_rad) = (None::<Point>, None);
         for i in 0..curve.control.len() {
             let planned = curve.value(i as f64);
             let frame = self.frame(&planned);
             if frame.area_factor() < AREA_FACTOR_MIN {
+                let ground = self.ground.chart.frame(place(&planned), 0.0);
                 return Err(LayerFoldsError {
                     above_mm: planned[CHANNEL_Z],
-                    at_mm: [planned[CHANNEL_X], planned[CHANNEL_Y]],
+                    at_mm: ground.tip_mm.into(),
                 });
             }
+            let lambda = self.ground.scale.at(place(&planned)).lambda;
+            let off = |stretch: f64| (stretch / lambda - 1.0).abs() > STRETCHED;
+            is_stretched |= frame.stretches().into_iter().any(off);
             let tangent = curve.tangent(i as f64);
             let step = Vector2::new(tangent[CHANNEL_X], tangent[CHANNEL_Y]);
             direction = step.try_normalize(1e-9).unwrap_or(direction);
             let heading_rad = planned[CHANNEL_HEADING];
             let across = Vector2::new(-direction.y, direction.x);
-            let extent_mm = self.planned.extent_mm(heading_rad, across);
-            let seen = upright(&self.pose(&planned)) * frame.mapped(direction);
+            let extent_mm = aperture.extent_mm(heading_rad, across) / lambda;
+            let pose = self.pose(&planned, more_rad);
+            more_rad = Some(pose[CHANNEL_HEADING] - heading_rad);
+            let seen = upright(&pose) * frame.mapped(direction);
             beads.push(Bead {
-                heading_rad,
+                heading_rad: pose[CHANNEL_HEADING],
                 travel_rad: seen.y.atan2(seen.x),
                 extent_mm: extent_mm * frame.width_factor(direction),
                 step_mm: before.map_or(0.0, |before| way_mm(&before, &planned)),
             });
             before = Some(planned);
         }
-        Ok(headings::turns_rad(
-            &beads,
-            &self.settings.aperture,
-            self.turn_weight_mm4,
-        ))
+        if !is_stretched || has_no_turn(aperture) {
+            return Ok(vec![0.0; beads.len()]);
+        }
+        Ok(headings::turns_rad(&beads, aperture, self.turn_weight_mm4))
     }
 
-    /// A curve mapped over, with these turns at its control points; `volume_mm3` goes on from the curve
+    /// A curve mapped over, with these turns at its control points; volume and heading go on from the curve
     /// before.
-    fn mapped(&self, curve: &PathCurve, turns: &[f64], volume_mm3: &mut f64) -> PathCurve {
+    fn mapped(&self, curve: &PathCurve, turns: &[f64], so_far: &mut SoFar) -> PathCurve {
         let mut turned = curve.clone();
         for (point, turn) in turned.control.iter_mut().zip(turns) {
             point[CHANNEL_HEADING] += turn;
@@ -217,16 +250,21 @@ impl SurfaceMap<'_> {
         let planned: Vec<Point> = (0..=spans * pieces)
             .map(|k| turned.value(k as f64 / pieces as f64))
             .collect();
-        let samples: Vec<Point> = planned.iter().map(|planned| self.pose(planned)).collect();
+        let samples = planned.iter().map(|planned| {
+            let pose = self.pose(planned, so_far.more_rad);
+            so_far.more_rad = Some(pose[CHANNEL_HEADING] - planned[CHANNEL_HEADING]);
+            pose
+        });
+        let samples: Vec<Point> = samples.collect();
         let mut control = match samples.len() {
             0..=2 => samples,
             _ => through_samples(&samples),
         };
         for (index, point) in control.iter_mut().enumerate() {
             if index > 0 {
-                *volume_mm3 += self.grown_mm3(&turned, &planned, pieces, index);
+                so_far.volume_mm3 += self.grown_mm3(&turned, &planned, pieces, index);
             }
-            point[CHANNEL_VOLUME] = *volume_mm3;
+            point[CHANNEL_VOLUME] = so_far.volume_mm3;
         }
         PathCurve { control }
     }
@@ -246,4 +284,9 @@ impl SurfaceMap<'_> {
         let middle: Point = std::array::from_fn(|channel| 0.5 * (from[channel] + to[channel]));
         grown_mm3 * self.area_factor(&middle)
     }
+}
+
+/// True where the width of a bead cannot be chosen by a turn to either side.
+fn has_no_turn(aperture: &Aperture) -> bool {
+    aperture.is_round() || aperture.period_rad() > std::f64::consts::PI
 }

@@ -1,0 +1,490 @@
+//! What the poses of a stream cover of curved ground: a raster on each layer, areas as they are there.
+//!
+//! In: the stream (machine coordinates), the chart with the regions in it (mm). Out: [`Swept`] of each layer, and its
+//! open places. A cell is a place of the chart with its point on the layer's top and its area there; it is covered when that
+//! point, seen along the tool axis of a pose, lies in the aperture, and laid twice by the same rule as in the plane
+//! ([`crate::geometry::coverage`]). How deep the aperture leaves the regions is measured by points of its outline, brought to
+//! the ground. Leaves out skirts, and what no placement covers: all of the regions counts as within reach.
+
+use super::figures::Swept;
+use crate::geometry::aperture::Aperture;
+use crate::geometry::chart::{Chart, SurfaceFrame};
+use crate::geometry::clearance::{Configuration, outside_bound_mm};
+use crate::geometry::coverage::{SweptPose, return_mm};
+use crate::geometry::edge_index::{Edge, EdgeIndex};
+use crate::geometry::place_scale::{ScaleField, placed};
+use crate::geometry::polygon::Region;
+use crate::geometry::{Point2, Vector2};
+use crate::job::{MotionState, SegmentStream};
+use crate::part_transform::PartTransform;
+use crate::settings::Settings;
+use headway_firmware::pose::tool_axis;
+use headway_firmware::spline::Spans;
+use headway_protocol::units::{
+    CHANNEL_HEADING, CHANNEL_TILT_X, CHANNEL_TILT_Y, CHANNEL_X, CHANNELS,
+};
+use nalgebra::{Rotation3, Vector3};
+use rayon::prelude::*;
+
+/// Side of the cells, of the aperture's unit, as long as a layer has no more than so many of them.
+const CELL: f64 = 0.02;
+const CELLS_MAX: f64 = 3e6;
+/// Longest step between poses, of the unit, and longest turn.
+const STEP: f64 = 0.02;
+const STEP_RAD: f64 = 0.02;
+/// A point so far off a pose's plane, of a layer's height, lies on another sheet of the ground.
+const SHEET: f64 = 2.0;
+/// Points of the outline at which its depth outside is measured, and poses that are looked at so closely.
+const OUTLINE: usize = 96;
+const POSES_MEASURED: usize = 400;
+/// Places from which the place of a tip is sought, about, and how many of the nearest are tried.
+const BEGINS: f64 = 800.0;
+const BEGINS_TRIED: usize = 24;
+/// How much farther than its shape in the chart the aperture may reach, of its size.
+const NEARLY: f64 = 1.02;
+
+/// Curved ground and what is to be covered of it.
+pub struct CurvedGround<'a> {
+    /// From the plan's plane to the ground.
+    pub chart: &'a dyn Chart,
+    /// The nozzle's scale by place, in the chart.
+    pub scale: &'a ScaleField,
+    /// What is to be covered, in the chart.
+    pub regions: &'a [Region],
+    /// From the ground's coordinates to the machine's.
+    pub transform: &'a PartTransform,
+}
+
+/// What a layer came to.
+#[derive(Clone, Debug)]
+pub struct LayerSwept {
+    /// Layer from 0.
+    pub layer: u32,
+    /// Its areas and depth; the place of the depth is that of the ground's x and y.
+    pub swept: Swept,
+    /// Its open places, the largest first.
+    pub open: Vec<OpenPlace>,
+}
+
+/// Ground that nothing covers, connected.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct OpenPlace {
+    /// Its area.
+    pub area_mm2: f64,
+    /// A place in it, near its middle.
+    pub at_mm: [f64; 3],
+}
+
+/// A pose of the sweep.
+#[derive(Clone, Copy)]
+struct GroundPose {
+    tip_mm: Vector3<f64>,
+    /// Tool X and Y, over the semi-widths: a point is in an ellipse where both products' squares sum to 1.
+    axes: [Vector3<f64>; 2],
+    normal: Vector3<f64>,
+    /// Where it lies in the chart, and its heading there.
+    at: SweptPose,
+}
+
+/// Measures all layers of a stream. `print_of_pass` is below [`usize::MAX`] for passes of the regions.
+pub fn sweep_ground(
+    stream: &SegmentStream,
+    ground: &CurvedGround,
+    is_of_regions: impl Fn(u32) -> bool,
+    settings: &Settings,
+) -> Vec<LayerSwept> {
+    let layers = poses_by_layer(stream, settings, is_of_regions);
+    let edges = ground.regions.iter().flat_map(Region::edges);
+    let edges: Vec<Edge> = edges.map(|(a, b)| Edge { a, b }).collect();
+    if edges.is_empty() {
+        return Vec::new();
+    }
+    let walls = EdgeIndex::new(edges, settings.aperture.major_mm());
+    layers
+        .par_iter()
+        .map(|(layer, poses)| {
+            let top_mm = settings.layer_height_mm * f64::from(layer + 1);
+            let job = LayerJob {
+                ground,
+                walls: &walls,
+                above_mm: top_mm,
+                settings,
+            };
+            job.measured(*layer, poses)
+        })
+        .collect()
+}
+
+type Pose = [f64; CHANNELS];
+/// A pose with its pass and the path of that so far, mm.
+type PrintPose = (Pose, u32, f64);
+/// A layer with its poses.
+type LayerPoses = (u32, Vec<PrintPose>);
+
+/// The print poses of each layer with pass and path, machine coordinates.
+fn poses_by_layer(
+    stream: &SegmentStream,
+    settings: &Settings,
+    is_of_regions: impl Fn(u32) -> bool,
+) -> Vec<LayerPoses> {
+    let servo_hz = f64::from(settings.machine.servo_hz);
+    let step_mm = STEP * settings.aperture.unit_mm();
+    let mut layers: Vec<LayerPoses> = Vec::new();
+    let (mut mark, mut tick, mut path_mm) = (0, 0u64, 0.0);
+    let mut before: Option<Pose> = None;
+    for span in Spans::new(&stream.start, &stream.knots, stream.units) {
+        while mark < stream.marks.len() && stream.marks[mark].end_tick <= tick {
+            mark += 1;
+            if mark < stream.marks.len() && stream.marks[mark].pass != stream.marks[mark - 1].pass {
+                path_mm = 0.0;
+            }
+        }
+        let ticks = f64::from(span.duration_ticks);
+        tick += u64::from(span.duration_ticks);
+        let printing = stream.marks.get(mark);
+        let printing = printing.filter(|mark| mark.state == MotionState::Print);
+        let Some((here, pass)) = printing.and_then(|mark| Some((mark, mark.pass?))) else {
+            continue;
+        };
+        if !is_of_regions(pass) {
+            continue;
+        }
+        let velocity = span.velocity(0.5 * ticks, servo_hz);
+        let span_s = ticks / servo_hz;
+        let speed = (0..3).map(|axis| velocity[CHANNEL_X + axis].powi(2));
+        let steps = (speed.sum::<f64>().sqrt() * span_s / step_mm)
+            .max(velocity[CHANNEL_HEADING].abs() * span_s / STEP_RAD)
+            .ceil()
+            .clamp(1.0, 4096.0) as usize;
+        if layers.last().is_none_or(|(layer, _)| *layer != here.layer) {
+            layers.push((here.layer, Vec::new()));
+            before = None;
+        }
+        let Some((_, poses)) = layers.last_mut() else {
+            continue;
+        };
+        for step in 0..steps {
+            let pose = span.position(ticks * step as f64 / steps as f64);
+            path_mm += before.map_or(0.0, |before| (tip(&pose) - tip(&before)).norm());
+            poses.push((pose, pass, path_mm));
+            before = Some(pose);
+        }
+    }
+    layers
+}
+
+fn tip(pose: &Pose) -> Vector3<f64> {
+    Vector3::from_fn(|axis, _| pose[CHANNEL_X + axis])
+}
+
+/// Turns the tool's frame at rest into that of a pose.
+fn turned(pose: &Pose) -> Rotation3<f64> {
+    let tilt = Vector3::new(pose[CHANNEL_TILT_X], pose[CHANNEL_TILT_Y], 0.0);
+    Rotation3::new(tilt) * Rotation3::from_axis_angle(&Vector3::z_axis(), pose[CHANNEL_HEADING])
+}
+
+/// One layer on its way.
+struct LayerJob<'a> {
+    ground: &'a CurvedGround<'a>,
+    walls: &'a EdgeIndex,
+    /// The layer's top above the ground.
+    above_mm: f64,
+    settings: &'a Settings,
+}
+
+/// The raster: cells row by row.
+struct Raster {
+    origin: Point2,
+    cell_mm: f64,
+    columns: usize,
+    rows: usize,
+}
+
+impl Raster {
+    fn middle(&self, cell: usize) -> Point2 {
+        let (column, row) = (cell % self.columns, cell / self.columns);
+        self.origin + self.cell_mm * Vector2::new(column as f64 + 0.5, row as f64 + 0.5)
+    }
+}
+
+/// A cell of a layer.
+#[derive(Clone, Copy)]
+struct GroundCell {
+    at_mm: Vector3<f64>,
+    area_mm2: f64,
+    is_inside: bool,
+}
+
+/// The last visit of a cell: pass and path; whether there was one before that counts.
+#[derive(Clone, Copy)]
+struct Visit {
+    pass: u32,
+    path_mm: f64,
+    is_again: bool,
+}
+
+const NO_VISIT: Visit = Visit {
+    pass: u32::MAX,
+    path_mm: 0.0,
+    is_again: false,
+};
+
+impl LayerJob<'_> {
+    fn measured(&self, layer: u32, poses: &[PrintPose]) -> LayerSwept {
+        let poses = self.on_ground(poses);
+        let raster = self.raster();
+        let cells = self.cells(&raster);
+        let visits = self.visits(&raster, &cells, &poses);
+        let mut swept = Swept::default();
+        for (cell, visit) in cells.iter().zip(&visits).filter(|(cell, _)| cell.is_inside) {
+            swept.area_mm2 += cell.area_mm2;
+            if visit.pass != NO_VISIT.pass {
+                swept.covered_mm2 += cell.area_mm2;
+            }
+            if visit.is_again {
+                swept.overlap_mm2 += cell.area_mm2;
+            }
+        }
+        swept.reachable_mm2 = swept.area_mm2;
+        (swept.outside_depth_mm, swept.outside_at_mm) = self.deepest(&poses);
+        LayerSwept {
+            layer,
+            swept,
+            open: open_places(&raster, &cells, &visits),
+        }
+    }
+
+    /// The poses in the ground's coordinates, with their places in the chart.
+    fn on_ground(&self, poses: &[PrintPose]) -> Vec<GroundPose> {
+        let offset = Vector3::from(self.ground.transform.offset_mm);
+        let mut near: Option<(u32, Point2)> = None;
+        let begins = self.begins();
+        let placed = poses.iter().map(|&(pose, pass, path_mm)| {
+            let tip_mm = tip(&pose) - offset;
+            let chart = self.ground.chart;
+            let center = match near.filter(|(of, _)| *of == pass) {
+                Some((_, near)) => chart.place_of(tip_mm, near, self.above_mm),
+                None => self.place_anew(tip_mm, &begins),
+            };
+            near = Some((pass, center));
+            let turn = turned(&pose);
+            let axes = [Vector3::x(), Vector3::y()].map(|axis| turn * axis);
+            let frame = chart.frame(center, self.above_mm);
+            GroundPose {
+                tip_mm,
+                axes,
+                normal: tool_axis(nalgebra::Vector2::new(
+                    pose[CHANNEL_TILT_X],
+                    pose[CHANNEL_TILT_Y],
+                )),
+                at: SweptPose {
+                    at: Configuration {
+                        center,
+                        heading_rad: heading_in_chart(&frame, axes[0]),
+                    },
+                    pass,
+                    path_mm,
+                },
+            }
+        });
+        placed.collect()
+    }
+
+    /// The place of a tip that nothing is known of: where ground is cut open there are two near it, of which that inside
+    /// the regions counts.
+    fn place_anew(&self, tip_mm: Vector3<f64>, begins: &[(Point2, Vector3<f64>)]) -> Point2 {
+        let mut begins: Vec<(f64, Point2)> = begins
+            .iter()
+            .map(|(at, on_layer)| ((on_layer - tip_mm).norm_squared(), *at))
+            .collect();
+        begins.sort_by(|a, b| a.0.total_cmp(&b.0));
+        let placed = begins.iter().take(BEGINS_TRIED).map(|(_, begin)| {
+            let chart = self.ground.chart;
+            let at = chart.place_of(tip_mm, *begin, self.above_mm);
+            let off_mm = (chart.frame(at, self.above_mm).tip_mm - tip_mm).norm();
+            let outside_mm = (-self.walls.signed_distance_mm(at)).max(0.0);
+            (off_mm + outside_mm, at)
+        });
+        let best = placed.min_by(|a, b| a.0.total_cmp(&b.0));
+        best.map_or(self.walls.bounds().min, |(_, at)| at)
+    }
+
+    /// Places of the regions from which the place of a tip is sought, with their points on the layer.
+    fn begins(&self) -> Vec<(Point2, Vector3<f64>)> {
+        let bounds = self.walls.bounds();
+        let size = bounds.size();
+        let step_mm = (size.x * size.y / BEGINS).sqrt();
+        let [columns, rows] = [size.x, size.y].map(|side| (side / step_mm).ceil() as usize);
+        let all = (0..=rows).flat_map(|j| (0..=columns).map(move |i| [i, j]));
+        let all = all.map(|[i, j]| bounds.min + step_mm * Vector2::new(i as f64, j as f64));
+        let inside = all.filter(|&at| self.walls.signed_distance_mm(at) > -step_mm);
+        let inside = inside.map(|at| (at, self.ground.chart.frame(at, self.above_mm).tip_mm));
+        inside.collect()
+    }
+
+    fn raster(&self) -> Raster {
+        let aperture = &self.settings.aperture;
+        let bounds = self.walls.bounds();
+        let size = bounds.size();
+        let least_mm = (size.x * size.y / CELLS_MAX).sqrt();
+        let cell_mm = (CELL * aperture.unit_mm()).max(least_mm);
+        let cells = |length_mm: f64| (length_mm / cell_mm).ceil() as usize + 1;
+        Raster {
+            origin: bounds.min - cell_mm * Vector2::new(0.37, 0.61),
+            cell_mm,
+            columns: cells(size.x),
+            rows: cells(size.y),
+        }
+    }
+
+    fn cells(&self, raster: &Raster) -> Vec<GroundCell> {
+        let chart_mm2 = raster.cell_mm * raster.cell_mm;
+        let cell = |number: usize| {
+            let at = raster.middle(number);
+            let frame = self.ground.chart.frame(at, self.above_mm);
+            GroundCell {
+                at_mm: frame.tip_mm,
+                area_mm2: chart_mm2 * frame.area_factor().max(0.0),
+                is_inside: self.walls.contains(at),
+            }
+        };
+        let numbers = 0..raster.columns * raster.rows;
+        numbers.into_par_iter().map(cell).collect()
+    }
+
+    fn visits(&self, raster: &Raster, cells: &[GroundCell], poses: &[GroundPose]) -> Vec<Visit> {
+        let aperture = &self.settings.aperture;
+        let return_mm = return_mm(aperture);
+        let sheet_mm = SHEET * self.settings.layer_height_mm;
+        let mut visits = vec![NO_VISIT; cells.len()];
+        for pose in poses {
+            let SweptPose { at, pass, path_mm } = pose.at;
+            let least = self
+                .ground
+                .chart
+                .frame(at.center, self.above_mm)
+                .stretches()[1];
+            let reach_mm = 1.1 * aperture.reach_mm() / least.max(0.1);
+            let window = |middle: f64, count: usize| {
+                let [low, high] = [-reach_mm, reach_mm].map(|by| (middle + by) / raster.cell_mm);
+                low.max(0.0) as usize..(high.max(0.0) as usize + 1).min(count)
+            };
+            let middle = at.center - raster.origin;
+            for row in window(middle.y, raster.rows) {
+                for column in window(middle.x, raster.columns) {
+                    let number = row * raster.columns + column;
+                    let off = cells[number].at_mm - pose.tip_mm;
+                    let [x, y] = pose.axes.map(|axis| axis.dot(&off));
+                    let is_in = aperture.contains(0.0, Vector2::new(x, y));
+                    if !is_in || off.dot(&pose.normal).abs() > sheet_mm {
+                        continue;
+                    }
+                    let visit = &mut visits[number];
+                    visit.is_again |= visit.pass != NO_VISIT.pass
+                        && (visit.pass != pass || path_mm - visit.path_mm > return_mm);
+                    (visit.pass, visit.path_mm) = (pass, path_mm);
+                }
+            }
+        }
+        visits
+    }
+
+    /// How far the aperture leaves the regions at most, on the ground, and where.
+    fn deepest(&self, poses: &[GroundPose]) -> (f64, [f64; 2]) {
+        let aperture = self.settings.aperture.scaled(NEARLY);
+        let mut bounds: Vec<(f64, usize)> = poses
+            .par_iter()
+            .enumerate()
+            .filter_map(|(number, pose)| {
+                let (aperture, at) = placed(Some(self.ground.scale), &aperture, pose.at.at);
+                let bound_mm = outside_bound_mm(&aperture, at, self.walls);
+                (bound_mm > 0.0).then_some((bound_mm, number))
+            })
+            .collect();
+        bounds.sort_by(|a, b| b.0.total_cmp(&a.0).then(a.1.cmp(&b.1)));
+        bounds.truncate(POSES_MEASURED);
+        let depths = bounds.par_iter().map(|&(_, number)| {
+            let pose = &poses[number];
+            (self.depth(pose), pose.tip_mm)
+        });
+        let depths: Vec<((f64, f64), Vector3<f64>)> = depths.collect();
+        let deepest = depths.iter().max_by(|a, b| a.0.0.total_cmp(&b.0.0));
+        deepest.map_or((0.0, [0.0; 2]), |((depth_mm, _), at)| {
+            (depth_mm.max(0.0), [at.x, at.y])
+        })
+    }
+
+    /// How far a point of the outline lies outside at most, mm; and its place on the outline.
+    fn depth(&self, pose: &GroundPose) -> (f64, f64) {
+        let aperture: &Aperture = &self.settings.aperture;
+        let chart = self.ground.chart;
+        let depths = (0..OUTLINE).map(|k| {
+            let share = k as f64 / OUTLINE as f64;
+            let (sin, cos) = (std::f64::consts::TAU * share).sin_cos();
+            let own = aperture.support_point(0.0, Vector2::new(cos, sin));
+            let [x, y] = pose.axes;
+            let point = pose.tip_mm + own.x * x + own.y * y;
+            let at = chart.place_of(point, pose.at.at.center, self.above_mm);
+            let lambda = self.ground.scale.at(at).lambda;
+            (-lambda * self.walls.signed_distance_mm(at), share)
+        });
+        depths.fold((0.0, 0.0), |deepest, here| match here.0 > deepest.0 {
+            true => here,
+            false => deepest,
+        })
+    }
+}
+
+/// Heading of a direction of space in the chart.
+fn heading_in_chart(frame: &SurfaceFrame, axis: Vector3<f64>) -> f64 {
+    let [u, v] = frame.along;
+    let mixed = u.dot(&v);
+    let metric = nalgebra::Matrix2::new(u.norm_squared(), mixed, mixed, v.norm_squared());
+    let right = Vector2::new(axis.dot(&u), axis.dot(&v));
+    let in_chart = metric
+        .try_inverse()
+        .map_or(right, |inverse| inverse * right);
+    in_chart.y.atan2(in_chart.x)
+}
+
+/// Connected open cells of the regions, the largest first.
+fn open_places(raster: &Raster, cells: &[GroundCell], visits: &[Visit]) -> Vec<OpenPlace> {
+    let is_open = |cell: usize| cells[cell].is_inside && visits[cell].pass == NO_VISIT.pass;
+    let mut is_seen = vec![false; cells.len()];
+    let mut found = Vec::new();
+    for first in 0..cells.len() {
+        if is_seen[first] || !is_open(first) {
+            continue;
+        }
+        is_seen[first] = true;
+        let (mut piece, mut next) = (vec![first], 0);
+        while let Some(&cell) = piece.get(next) {
+            next += 1;
+            let column = cell % raster.columns;
+            let beside = [
+                (column > 0).then(|| cell - 1),
+                (column + 1 < raster.columns).then_some(cell + 1),
+                cell.checked_sub(raster.columns),
+                Some(cell + raster.columns).filter(|&above| above < cells.len()),
+            ];
+            for other in beside.into_iter().flatten() {
+                if !is_seen[other] && is_open(other) {
+                    is_seen[other] = true;
+                    piece.push(other);
+                }
+            }
+        }
+        let area_mm2 = piece.iter().map(|&cell| cells[cell].area_mm2).sum();
+        let sum: Vector3<f64> = piece.iter().map(|&cell| cells[cell].at_mm).sum();
+        let middle = sum / piece.len() as f64;
+        let away = |cell: &usize| (cells[*cell].at_mm - middle).norm_squared();
+        let nearest = piece.iter().min_by(|a, b| away(a).total_cmp(&away(b)));
+        let at = nearest.map_or(middle, |&cell| cells[cell].at_mm);
+        found.push(OpenPlace {
+            area_mm2,
+            at_mm: at.into(),
+        });
+    }
+    found.sort_by(|a, b| b.area_mm2.total_cmp(&a.area_mm2));
+    found
+}

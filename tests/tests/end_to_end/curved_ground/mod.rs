@@ -1,0 +1,6 @@
+//! Plans on curved ground: what they cover, what is refused, and their figures.
+
+mod covered;
+mod patches;
+mod refused;
+mod shapes;
