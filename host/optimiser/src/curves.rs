@@ -65,7 +65,7 @@ impl Curves {
     /// Width by radius at most `bound`.
     pub fn new(aperture: &Aperture, length_mm: f64, bound: f64) -> Curves {
         Curves {
-            aperture: aperture.clone(),
+            aperture: *aperture,
             length_mm,
             bound,
         }
