@@ -92,7 +92,7 @@ pub fn lay_segments_with_progress(
     check_route(route)?;
     let (settings, windings) = &choose_solution(route, settings)?;
     let steps = Steps::begin(progress, Stage::Segments, route.moves.len());
-    let earlier = repeats::earlier_ones(route);
+    let earlier = repeats::earlier_ones(route, &settings.units());
     let firsts: Vec<Option<FinishedMove>> = (0..route.moves.len())
         .into_par_iter()
         .map(|index| match earlier[index] {

@@ -11,12 +11,12 @@ use headway_protocol::units::{CHANNEL_X, CHANNEL_Y, CHANNELS, Units};
 use std::collections::HashMap;
 use std::hash::{DefaultHasher, Hash, Hasher};
 
-/// Differences from a constant move that rounding explains, mm, rad or mm³: a hundredth of what the
-/// wire tells apart.
+/// Differences from a constant move that rounding explains, mm, rad or mm³ in base units: far below what the wire tells
+/// apart. Coarser units are of larger jobs, whose numbers round by more.
 const MOVE_TOLERANCE: f64 = 1e-9;
 
 /// For each move the first one that it repeats.
-pub fn earlier_ones(route: &Route) -> Vec<Option<usize>> {
+pub fn earlier_ones(route: &Route, units: &Units) -> Vec<Option<usize>> {
     let mut known: HashMap<u64, usize> = HashMap::new();
     let moves = route.moves.iter().enumerate();
     moves
@@ -25,7 +25,7 @@ pub fn earlier_ones(route: &Route) -> Vec<Option<usize>> {
                 return None;
             }
             let first = *known.entry(course_hash(route_move)).or_insert(index);
-            (first < index && is_repeated(route, first, index)).then_some(first)
+            (first < index && is_repeated(route, first, index, units)).then_some(first)
         })
         .collect()
 }
@@ -40,7 +40,7 @@ fn course_hash(route_move: &RouteMove) -> u64 {
 }
 
 /// True where a move is another one moved, with the same events in it and before it.
-fn is_repeated(route: &Route, first: usize, index: usize) -> bool {
+fn is_repeated(route: &Route, first: usize, index: usize, units: &Units) -> bool {
     let before = |index: usize| {
         let before = &route.moves[index.checked_sub(1)?];
         let is_dwell = before.curve.control.len() == 1;
@@ -51,7 +51,8 @@ fn is_repeated(route: &Route, first: usize, index: usize) -> bool {
     let moved = |channel: usize, k: usize| points[k][channel] - others[k][channel];
     let is_constant = |channel: usize| {
         let whole = moved(channel, 0);
-        (0..points.len()).all(|k| (moved(channel, k) - whole).abs() <= MOVE_TOLERANCE)
+        let rounding = MOVE_TOLERANCE * units.base_units(channel);
+        (0..points.len()).all(|k| (moved(channel, k) - whole).abs() <= rounding)
     };
     points.len() == others.len()
         && (own.event, own.dwell_s) == (other.event, other.dwell_s)
@@ -143,9 +144,15 @@ mod tests {
         let settings = Settings::default();
         let same = route(3, 0.0);
         let first = Some(1);
-        assert_eq!(earlier_ones(&same), [None, None, None, first, None, first]);
+        assert_eq!(
+            earlier_ones(&same, &Units::default()),
+            [None, None, None, first, None, first]
+        );
         let aside = route(3, 1e-4);
-        assert_eq!(earlier_ones(&aside), [None, None, None, first, None, None]);
+        assert_eq!(
+            earlier_ones(&aside, &Units::default()),
+            [None, None, None, first, None, None]
+        );
         let (stream, report) = lay_segments(&same, &settings).expect("segments");
         assert!(report.ratios.speed <= 1.0 && report.ratios.acceleration <= 1.0);
         assert_ne!(report, MotionReport::default());
