@@ -5,19 +5,28 @@
 //! rounded, or the nozzle turns its narrow side to the curve. Leaves out the pace: a curve is as tight at any speed.
 
 use super::OptimisedPass;
-use super::curve::{Basis, CHANNELS, Knot, PassKnots, Units, blend, knots_of};
+use super::curve::{Basis, CHANNELS, Knot, PassKnots, Units, blend, knots_of, set_phantoms};
 use super::motion::{SpanSums, places};
 use super::terms::Terms;
 use crate::band::System;
 use headway_geometry::aperture::Aperture;
 use headway_geometry::{Point2, Vector2};
 
-/// Way of a span below which its direction is none, a: a head that stands has no curve, though nearly so tight a one.
-const STANDING: f64 = 0.02;
+/// Way of a span below which its direction is none, a. Where it is larger a corner in which the head all but stands has no
+/// curvature, and the optimiser finds it.
+const STANDING: f64 = 0.0002;
 /// Excess from which the cost grows no faster: at a corner it has no bound.
 const EXCESS_LINEAR: f64 = 2.0;
 /// Difference by which the width's slope is found, rad.
 const TURN: f64 = 1e-4;
+
+/// What of the bound is used where a path is rounded before it is optimised: within it there is no way into a corner in
+/// which the head stands, where the spline has no curvature.
+const ROUNDED_SHARE: f64 = 0.8;
+/// Rounds in which knots are brought between their neighbours, and by which share of the way: a radius of some widths
+/// takes the square of as many steps.
+const ROUNDS: usize = 4000;
+const ROUND_STEP: f64 = 0.5;
 
 /// The bound of one aperture.
 #[derive(Clone, Debug)]
@@ -71,6 +80,40 @@ impl Curves {
         }
     }
 
+    /// Rounds the paths of passes that may move until their knots keep within the bound, or for [`ROUNDS`]: knots where the
+    /// path turns too much over its length go towards the middle of their neighbours.
+    pub fn round(&self, knots: &mut [Knot], passes: &[PassKnots]) {
+        for pass in passes.iter().filter(|pass| pass.free) {
+            let inner = pass.first + 2..pass.end() - 2;
+            for _ in 0..ROUNDS {
+                let mut is_done = true;
+                for knot in inner.clone() {
+                    let [before, own, after] = [knot - 1, knot, knot + 1].map(|k| knots[k]);
+                    if self.turns_too_much(&before, &own, &after) {
+                        is_done = false;
+                        for axis in 0..2 {
+                            let middle = 0.5 * (before[axis] + after[axis]);
+                            knots[knot][axis] += ROUND_STEP * (middle - own[axis]);
+                        }
+                    }
+                }
+                if is_done {
+                    break;
+                }
+            }
+            set_phantoms(knots, pass);
+        }
+    }
+
+    fn turns_too_much(&self, before: &Knot, own: &Knot, after: &Knot) -> bool {
+        let leg = |from: &Knot, to: &Knot| Vector2::new(to[0] - from[0], to[1] - from[1]);
+        let (entering, leaving) = (leg(before, own), leg(own, after));
+        let along = entering + leaving;
+        let turn = entering.perp(&leaving).atan2(entering.dot(&leaving)).abs();
+        let length = 0.5 * (entering.norm() + leaving.norm());
+        turn * self.width(along.y.atan2(along.x), own[2]) > ROUNDED_SHARE * self.bound * length
+    }
+
     /// Adds what exceeds the bound, weighed by `hardness`.
     pub fn add(
         &self,
@@ -117,8 +160,7 @@ impl Curves {
     /// Width across a path of this direction, in a.
     fn width(&self, direction: f64, heading: f64) -> f64 {
         let across = Vector2::new(-direction.sin(), direction.cos());
-        let sides = [across, -across].map(|side| self.aperture.support_mm(heading, side));
-        (sides[0] + sides[1]) / self.length_mm
+        2.0 * self.aperture.extent_mm(heading, across) / self.length_mm
     }
 
     /// Adds one place; whether it exceeds.

@@ -45,6 +45,8 @@ use headway_geometry::place_scale::ScaleField;
 use headway_geometry::plane_curve::PlaneControl;
 use headway_geometry::polygon::Region;
 
+/// What of a bound of curves is asked for: what exceeds it costs, so that a few per cent are exceeded.
+const KEPT_SHARE: f64 = 0.95;
 /// Places of a span at which walls are looked at.
 const WALL_PLACES: usize = 8;
 
@@ -189,7 +191,12 @@ impl<'a> Search<'a> {
         let bounds = walls.bounds();
         let middle = bounds.min + bounds.size() / 2.0;
         let units = Units::of(passes, aperture.major_mm(), middle).ok_or(Outcome::Nothing)?;
-        let (knots, ranges) = knots_of(passes, &units);
+        let (mut knots, ranges) = knots_of(passes, &units);
+        let curves = site.width_by_radius_max;
+        let curves = curves.map(|bound| Curves::new(aperture, units.length_mm, KEPT_SHARE * bound));
+        if let Some(curves) = &curves {
+            curves.round(&mut knots, &ranges);
+        }
         if !ranges.iter().any(|range| range.free) {
             return Err(Outcome::Nothing);
         }
@@ -202,8 +209,7 @@ impl<'a> Search<'a> {
         let sweep = Sweep::new(shape, cells, return_path, tool_scale);
         let objectives = Objectives {
             motion: Motion::new(site.limits, &units),
-            curves: (site.width_by_radius_max)
-                .map(|bound| Curves::new(aperture, units.length_mm, bound)),
+            curves,
             ground: Ground::new(sweep, price, objective.twice_share),
             containment: Containment::new(site, units, knots.len(), WALL_PLACES),
         };
