@@ -21,8 +21,8 @@ const EXCESS_LINEAR: f64 = 2.0;
 const TURN: f64 = 1e-4;
 
 /// What of the bound is used where a path is rounded before it is optimised: within it there is no way into a corner in
-/// which the head stands, where the spline has no curvature.
-const ROUNDED_SHARE: f64 = 0.8;
+/// which the head stands, where the spline has no curvature (trials).
+const ROUNDED_SHARE: f64 = 0.85;
 /// Rounds in which knots are brought between their neighbours, and by which share of the way: a radius of some widths
 /// takes the square of as many steps.
 const ROUNDS: usize = 4000;

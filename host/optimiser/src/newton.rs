@@ -15,6 +15,8 @@ use super::terms::Terms;
 const LIMITS: [f64; 2] = [2.0, 100.0];
 const OUTSIDE: [f64; 2] = [12e3, 240e3];
 const BLUR: [f64; 2] = [0.3, 0.08];
+/// Weight of curves beyond their bound, soft at no time (trials on a corner and on a wall as wide as its bead).
+const CURVES: f64 = 3000.0;
 /// Clearance that is kept from walls, in a; and so many times as much when hard.
 const MARGIN: f64 = 1.0 / 1500.0;
 const MARGIN_HARD: f64 = 1.5;
@@ -118,8 +120,9 @@ impl Objectives<'_> {
         system.clear();
         self.motion
             .add(knots, passes, hardness.limits, &mut terms, system);
+        // They begin within their bound, and what is soft would let them into a corner that they don't come back from.
         if let Some(curves) = &self.curves {
-            curves.add(knots, passes, hardness.limits, &mut terms, system);
+            curves.add(knots, passes, CURVES, &mut terms, system);
         }
         self.ground.add(hardness.blur, &mut terms, system);
         self.containment
