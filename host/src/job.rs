@@ -113,6 +113,20 @@ impl SegmentStream {
         Spans::new(&self.start, &self.knots, self.units)
     }
 
+    /// Its spans in order, each with the mark that it belongs to; `None` for what lies behind the last one.
+    pub fn marked_spans(
+        &self,
+    ) -> impl Iterator<Item = (<Spans<'_> as Iterator>::Item, Option<&Mark>)> {
+        let (mut mark, mut tick) = (0, 0u64);
+        self.spans().map(move |span| {
+            while self.marks.get(mark).is_some_and(|own| own.end_tick <= tick) {
+                mark += 1;
+            }
+            tick += u64::from(span.duration_ticks);
+            (span, self.marks.get(mark))
+        })
+    }
+
     /// Puts a stream of the same units behind this one that begins where it ends; its passes are counted from
     /// `first_pass` on. Both end at rest and begin with a short one, so that nothing is
     /// computed anew: the rest that ends this one is the one that the other begins with.

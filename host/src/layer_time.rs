@@ -8,11 +8,10 @@ use crate::job::{MotionState, SegmentStream};
 use crate::plan::motion::joint_limits::MotionError;
 use crate::plan::motion::segments::{MotionReport, lay_segments_with_progress};
 use crate::plan::progress::Progress;
-use crate::plan::route::moves::Route;
+use crate::plan::route::moves::{Route, way_mm};
 use crate::plan::route::wide_beads::continuous::joined;
 use crate::plan::route::wide_beads::pump::stop_passes;
 use crate::settings::Settings;
-use headway_protocol::units::{CHANNEL_X, CHANNEL_Y, CHANNEL_Z, CHANNELS};
 use serde::{Deserialize, Serialize};
 use std::collections::BTreeMap;
 
@@ -107,17 +106,4 @@ fn slow_short_layers(
         }
     }
     slowed
-}
-
-/// Way of the tip.
-pub(crate) fn way_mm(control: &[[f64; CHANNELS]]) -> f64 {
-    let legs = control.windows(2).map(|pair| {
-        [CHANNEL_X, CHANNEL_Y, CHANNEL_Z]
-            .map(|channel| pair[1][channel] - pair[0][channel])
-            .iter()
-            .map(|way| way * way)
-            .sum::<f64>()
-            .sqrt()
-    });
-    legs.sum()
 }

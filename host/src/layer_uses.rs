@@ -5,8 +5,8 @@
 
 use crate::Plan;
 use crate::job::MotionState;
-use crate::layer_time::way_mm;
 use crate::plan::pass::PassKind;
+use crate::plan::route::moves::way_mm;
 use headway_protocol::units::CHANNEL_VOLUME;
 use serde::{Deserialize, Serialize};
 use std::collections::BTreeMap;

@@ -99,7 +99,7 @@ use crate::surface_plan::{OnSurface, SurfaceError};
 use headway_protocol::units::{CHANNEL_X, CHANNEL_Y, CHANNEL_Z, CHANNELS};
 
 /// A planned target, with all intermediates.
-#[derive(Clone, Debug)]
+#[derive(Clone, Debug, Default)]
 pub struct Plan {
     /// Where the part lies on the machine.
     pub transform: PartTransform,
@@ -398,27 +398,17 @@ pub fn plan_waypoints_with_progress(
     let touches = touches(&route, normals.map(|leaned| &leaned.normals), settings);
     Ok(Plan {
         transform,
-        keep_out: Vec::new(),
-        kept_out_mm2: 0.0,
-        left_out: Vec::new(),
-        skirt: None,
-        outline_crossings: 0,
-        kinds: Vec::new(),
-        prints: Vec::new(),
-        curves: Vec::new(),
-        print_of_curve: Vec::new(),
         found_place,
         leaned,
         singular,
         rounded,
         touches,
-        on_surface: None,
-        slowed: SlowedLayers::default(),
         route,
         stream,
         motion,
         measured,
         figures,
+        ..Plan::default()
     })
 }
 

@@ -40,7 +40,6 @@ use crate::plan::progress::Progress;
 use crate::plan::route::keep_out::cleared;
 use crate::plan::route::moves::{PathCurve, Route, RouteMove};
 use crate::plan::route::surface::{LaidOn, on_surface};
-use crate::plan::route::waypoint_curve::rounding::RoundedCorners;
 use crate::plan::route::waypoint_route::{complete_route, has_motion};
 use crate::settings::Settings;
 use crate::{PlacedPasses, Plan, PlanError, placed_passes, start_pose};
@@ -336,18 +335,7 @@ fn laid_out(
     figures.set_shares(&numbers, &swept);
     Ok(Plan {
         transform,
-        keep_out: Vec::new(),
-        kept_out_mm2: 0.0,
-        left_out: Vec::new(),
-        skirt: None,
-        outline_crossings: 0,
-        kinds: Vec::new(),
-        prints: Vec::new(),
-        curves: Vec::new(),
-        print_of_curve: Vec::new(),
         found_place,
-        leaned: None,
-        rounded: RoundedCorners::default(),
         singular,
         touches,
         on_surface: Some(OnSurface {
@@ -355,12 +343,12 @@ fn laid_out(
             layers,
             ..laid
         }),
-        slowed: Default::default(),
         route,
         stream,
         motion,
         measured,
         figures,
+        ..Plan::default()
     })
 }
 

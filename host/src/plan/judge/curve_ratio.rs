@@ -8,7 +8,6 @@
 use crate::geometry::Vector2;
 use crate::job::{MotionState, SegmentStream};
 use crate::settings::Settings;
-use headway_firmware::spline::Spans;
 use headway_protocol::units::{CHANNEL_HEADING, CHANNEL_X, CHANNEL_Y, CHANNEL_Z};
 
 /// Ratios from here on are as good as none: the inside stands still or goes back.
@@ -59,16 +58,10 @@ impl CurveRatio {
     pub fn of(stream: &SegmentStream, settings: &Settings) -> CurveRatio {
         let servo_hz = f64::from(settings.machine.servo_hz);
         let mut walk = Walk::new(settings);
-        let (mut mark, mut tick) = (0, 0u64);
-        for span in Spans::new(&stream.start, &stream.knots, stream.units) {
-            while mark < stream.marks.len() && stream.marks[mark].end_tick <= tick {
-                mark += 1;
-            }
-            let here = stream.marks.get(mark);
-            let pass = here.filter(|mark| mark.state == MotionState::Print);
+        for (span, mark) in stream.marked_spans() {
+            let pass = mark.filter(|mark| mark.state == MotionState::Print);
             walk.is_printing(pass.map(|mark| (mark.layer, mark.pass)));
             let ticks = f64::from(span.duration_ticks);
-            tick += u64::from(span.duration_ticks);
             if pass.is_none() {
                 continue;
             }
@@ -150,8 +143,7 @@ impl<'a> Walk<'a> {
             .sum::<f64>()
             .sqrt();
         let across = Vector2::new(-direction.y, direction.x);
-        let width_mm = aperture.support_mm(visit.heading_rad, across)
-            + aperture.support_mm(visit.heading_rad, -across);
+        let width_mm = 2.0 * aperture.extent_mm(visit.heading_rad, across);
         if way_mm < STEP_SHARE * width_mm {
             return;
         }

@@ -17,9 +17,9 @@ use crate::geometry::polygon::Region;
 use crate::geometry::{Point2, Vector2};
 use crate::job::{MotionState, SegmentStream};
 use crate::part_transform::PartTransform;
+use crate::plan::route::moves::tip;
 use crate::settings::Settings;
 use headway_firmware::pose::tool_axis;
-use headway_firmware::spline::Spans;
 use headway_protocol::units::{
     CHANNEL_HEADING, CHANNEL_TILT_X, CHANNEL_TILT_Y, CHANNEL_X, CHANNELS,
 };
@@ -130,19 +130,16 @@ fn poses_by_layer(
     let servo_hz = f64::from(settings.machine.servo_hz);
     let step_mm = STEP * settings.aperture.unit_mm();
     let mut layers: Vec<LayerPoses> = Vec::new();
-    let (mut mark, mut tick, mut path_mm) = (0, 0u64, 0.0);
+    let (mut path_mm, mut pass_before) = (0.0, None);
     let mut before: Option<Pose> = None;
-    for span in Spans::new(&stream.start, &stream.knots, stream.units) {
-        while mark < stream.marks.len() && stream.marks[mark].end_tick <= tick {
-            mark += 1;
-            if mark < stream.marks.len() && stream.marks[mark].pass != stream.marks[mark - 1].pass {
-                path_mm = 0.0;
-            }
+    for (span, mark) in stream.marked_spans() {
+        if let Some(pass) = mark.map(|mark| mark.pass)
+            && pass_before.replace(pass) != Some(pass)
+        {
+            path_mm = 0.0;
         }
         let ticks = f64::from(span.duration_ticks);
-        tick += u64::from(span.duration_ticks);
-        let printing = stream.marks.get(mark);
-        let printing = printing.filter(|mark| mark.state == MotionState::Print);
+        let printing = mark.filter(|mark| mark.state == MotionState::Print);
         let Some((here, pass)) = printing.and_then(|mark| Some((mark, mark.pass?))) else {
             continue;
         };
@@ -171,10 +168,6 @@ fn poses_by_layer(
         }
     }
     layers
-}
-
-fn tip(pose: &Pose) -> Vector3<f64> {
-    Vector3::from_fn(|axis, _| pose[CHANNEL_X + axis])
 }
 
 /// Turns the tool's frame at rest into that of a pose.

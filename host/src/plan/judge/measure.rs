@@ -284,17 +284,16 @@ fn walk_stream(
     let mut figures = PlanFigures::default();
     let mut poses = Vec::new();
     let mut layer = 0;
-    let mut mark = 0;
-    let mut tick = 0u64;
+    let mut ticks_done = 0u64;
+    let mut pass_before = None;
     let mut last: Option<[f64; 4]> = None;
     let mut path_mm = 0.0;
     let step_mm = longest_step_mm(&settings.aperture);
-    for span in stream.spans() {
-        while mark < stream.marks.len() && stream.marks[mark].end_tick <= tick {
-            mark += 1;
-            if mark < stream.marks.len() && stream.marks[mark].pass != stream.marks[mark - 1].pass {
-                path_mm = 0.0;
-            }
+    for (span, mark) in stream.marked_spans() {
+        if let Some(pass) = mark.map(|mark| mark.pass)
+            && pass_before.replace(pass) != Some(pass)
+        {
+            path_mm = 0.0;
         }
         let ticks = f64::from(span.duration_ticks);
         let velocity = span.velocity(0.5 * ticks, servo_hz);
@@ -303,10 +302,7 @@ fn walk_stream(
             .max(velocity[CHANNEL_HEADING].abs() * span_s / STEP_RAD)
             .ceil()
             .clamp(2.0, 4096.0) as usize;
-        let printing = stream
-            .marks
-            .get(mark)
-            .filter(|m| m.state == MotionState::Print);
+        let printing = mark.filter(|m| m.state == MotionState::Print);
         if let Some(mark) = printing.filter(|mark| mark.layer != layer) {
             of_layer(layer, &poses);
             poses.clear();
@@ -336,12 +332,12 @@ fn walk_stream(
             };
             poses.push(SweptPose { at, pass, path_mm });
         }
-        tick += u64::from(span.duration_ticks);
+        ticks_done += u64::from(span.duration_ticks);
         let [before, after] = [0.0, ticks].map(|local| span.position(local)[CHANNEL_VOLUME]);
         figures.volume_mm3 += after - before;
     }
     of_layer(layer, &poses);
-    figures.print_s = tick as f64 / servo_hz;
+    figures.print_s = ticks_done as f64 / servo_hz;
     figures
 }
 

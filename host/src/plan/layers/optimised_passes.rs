@@ -73,7 +73,6 @@ pub fn optimised(
             width_by_radius_max: None,
             scale,
         },
-        width_by_radius_max: settings.wide_beads.width_by_radius_max(),
         settings,
         ground_mm2: ground_mm2 - left_out.iter().map(Region::area_mm2).sum::<f64>(),
     };
@@ -102,14 +101,11 @@ fn take(passes: &mut [LayerPass], begun: &mut [Begun]) {
 }
 
 /// What is optimised within, and how.
-#[derive(Clone, Copy)]
 struct RegionJob<'a> {
     site: Site<'a>,
     /// What bounds gap-fill moves: the walls, and ground that is left out.
     filled_to: &'a EdgeIndex,
     settings: &'a Settings,
-    /// What is asked of curves.
-    width_by_radius_max: Option<f64>,
     /// Area that is to be covered, mm².
     ground_mm2: f64,
 }
@@ -119,12 +115,15 @@ impl RegionJob<'_> {
     fn optimised(&self, mut passes: Vec<LayerPass>) -> Vec<(LayerPass, PassCurve)> {
         let mut begun: Vec<Begun> = passes.iter().map(|pass| self.begun(pass)).collect();
         let [first, again] = iterations(self.settings.quality);
-        let unrounded = self.width_by_radius_max.map(|_| begun.clone());
-        let Some(open_mm2) = self.run(&mut begun, first) else {
+        let bound = self.settings.wide_beads.width_by_radius_max();
+        let unrounded = bound.map(|bound| (bound, begun.clone()));
+        let Some(open_mm2) = self.run(&mut begun, first, None) else {
             self.fill(&mut passes, 1.0);
             return passes.into_iter().map(|pass| (pass, None)).collect();
         };
-        self.round(&mut begun, unrounded);
+        if let Some((bound, unrounded)) = unrounded {
+            self.round(&mut begun, unrounded, bound);
+        }
         take(&mut passes, &mut begun);
         let is_little = |open_mm2: f64| open_mm2 < OPEN_SHARE * self.ground_mm2;
         let price_shares = match is_little(open_mm2) {
@@ -140,7 +139,7 @@ impl RegionJob<'_> {
                     *begun = self.begun(pass);
                 }
             }
-            let open_mm2 = self.run(&mut begun, again);
+            let open_mm2 = self.run(&mut begun, again, None);
             take(&mut passes, &mut begun);
             if open_mm2.is_some_and(is_little) {
                 break;
@@ -179,41 +178,35 @@ impl RegionJob<'_> {
     }
 
     /// Rounds the passes where they curve more than wide beads take. Where walls leave no room for that they would only
-    /// waver: they stay as they are unless half of what is too tight is gone. `unrounded` is what they began with.
-    fn round(&self, begun: &mut Vec<Begun>, unrounded: Option<Vec<Begun>>) {
-        let Some((bound, mut rounded)) = self.width_by_radius_max.zip(unrounded) else {
-            return;
-        };
+    /// waver: they stay as they are unless half of what is too tight is gone. `rounded` is what they began with.
+    fn round(&self, begun: &mut Vec<Begun>, mut rounded: Vec<Begun>, bound: f64) {
         let tight_mm = |begun: &[Begun]| {
             let unknowns: Vec<OptimisedPass> = begun.iter().map(|b| b.unknown.clone()).collect();
             headway_optimiser::tight_mm(&unknowns, self.site.aperture, bound)
         };
         let before_mm = tight_mm(begun);
-        if before_mm <= 0.0 {
-            return;
-        }
-        let rounding = RegionJob {
-            site: Site {
-                width_by_radius_max: Some(bound),
-                ..self.site
-            },
-            ..*self
-        };
-        if rounding.run(&mut rounded, ROUNDING).is_some() && tight_mm(&rounded) <= 0.5 * before_mm {
+        if before_mm > 0.0
+            && self.run(&mut rounded, ROUNDING, Some(bound)).is_some()
+            && tight_mm(&rounded) <= 0.5 * before_mm
+        {
             *begun = rounded;
         }
     }
 
     /// One run of the optimiser: what is open then, mm²; `None` where it does not apply.
-    fn run(&self, begun: &mut [Begun], iterations: usize) -> Option<f64> {
+    fn run(
+        &self,
+        begun: &mut [Begun],
+        iterations: usize,
+        width_by_radius_max: Option<f64>,
+    ) -> Option<f64> {
         let mut unknowns: Vec<OptimisedPass> = begun.iter().map(|b| b.unknown.clone()).collect();
         let effort = Effort { iterations };
-        let report = optimise(
-            &mut unknowns,
-            &self.site,
-            &objective(self.settings),
-            &effort,
-        );
+        let site = Site {
+            width_by_radius_max,
+            ..self.site
+        };
+        let report = optimise(&mut unknowns, &site, &objective(self.settings), &effort);
         if report.outcome != Outcome::Optimised {
             return None;
         }
@@ -227,7 +220,7 @@ impl RegionJob<'_> {
     /// Adds gap-fill moves at this share of the price; whether there are any.
     fn fill(&self, passes: &mut [LayerPass], price_share: f64) -> bool {
         // A move out and back is as tight a curve as there is.
-        if self.width_by_radius_max.is_some() {
+        if self.settings.wide_beads.width_by_radius_max().is_some() {
             return false;
         }
         let count = |passes: &[LayerPass]| -> usize {

@@ -16,7 +16,7 @@ use crate::plan::curve::heading_stops::heading_range;
 use crate::plan::layers::PlanePass;
 use crate::plan::pass::PassKind;
 use crate::plan::route::flow::pass_volumes::volumes_mm3;
-use crate::plan::route::hop::{CROSS_MIN, Hop};
+use crate::plan::route::hop::{Hop, is_right_above};
 use crate::plan::route::keep_out::Way;
 use crate::plan::route::moves::{MoveEvent, PathCurve, Route, RouteMove};
 use crate::plan::route::travel::{TravelError, TravelWays};
@@ -68,7 +68,7 @@ pub fn build_route(
         head.print(pass, volume_mm3, number);
         rises = passes
             .get(i + 1)
-            .is_some_and(|next| follows_above(pass, next, settings.aperture.unit_mm()));
+            .is_some_and(|next| follows_above(pass, next, settings));
         if !rises {
             head.retract(pass.layer);
         }
@@ -76,14 +76,13 @@ pub fn build_route(
     Ok(head.route)
 }
 
-/// True where a pass begins right above the end of the one before it: nothing is crossed, so the material
-/// stays where it is.
-fn follows_above(pass: &PlanePass, next: &PlanePass, unit_mm: f64) -> bool {
+/// True where a pass begins right above the end of the one before it.
+fn follows_above(pass: &PlanePass, next: &PlanePass, settings: &Settings) -> bool {
     let (Some(end), Some(begin)) = (pass.control.last(), next.control.first()) else {
         return false;
     };
-    let apart_mm = (begin[0] - end[0]).hypot(begin[1] - end[1]);
-    next.z_mm > pass.z_mm && apart_mm < CROSS_MIN * unit_mm
+    let at = |place: &[f64; 3], z_mm: f64| [place[0], place[1], z_mm];
+    is_right_above(at(begin, next.z_mm), at(end, pass.z_mm), settings)
 }
 
 /// Lifts the head off at the end of a route.

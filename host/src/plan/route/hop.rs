@@ -18,7 +18,13 @@ const CROSS_STEPS_MAX: f64 = 20_000.0;
 /// Least that a corner takes along a long way, of the aperture's unit: without a lift there is nothing to wait for.
 const CORNER_MIN: f64 = 0.5;
 /// A way below this is no way, of the unit: the head lifts, turns and lowers.
-pub(super) const CROSS_MIN: f64 = 0.05;
+const CROSS_MIN: f64 = 0.05;
+
+/// True where a pass begins right above the end of another: nothing is crossed, so the material stays where it is.
+pub(super) fn is_right_above(begin_mm: [f64; 3], end_mm: [f64; 3], settings: &Settings) -> bool {
+    let [x, y, z] = [0, 1, 2].map(|axis| begin_mm[axis] - end_mm[axis]);
+    z > 0.0 && x.hypot(y) < CROSS_MIN * settings.aperture.unit_mm()
+}
 
 /// What a hop climbs, and where it goes.
 #[derive(Clone, Debug)]

@@ -16,15 +16,6 @@ pub struct PathCurve {
     pub control: Vec<[f64; CHANNELS]>,
 }
 
-impl PathCurve {
-    /// Length of the tip's control polygon.
-    pub fn polygon_mm(&self) -> f64 {
-        let legs = self.control.windows(2);
-        legs.map(|pair| (tip(&pair[1]) - tip(&pair[0])).norm())
-            .sum()
-    }
-}
-
 /// One rest-to-rest piece of the route.
 #[derive(Clone, Debug, PartialEq)]
 pub struct RouteMove {
@@ -100,6 +91,13 @@ impl Route {
 /// The tip of a pose in channel space, mm.
 pub fn tip(pose: &[f64; CHANNELS]) -> Vector3<f64> {
     Vector3::from_fn(|i, _| pose[CHANNEL_X + i])
+}
+
+/// Way of the tip along these points, mm.
+pub fn way_mm(control: &[[f64; CHANNELS]]) -> f64 {
+    let legs = control.windows(2);
+    legs.map(|pair| (tip(&pair[1]) - tip(&pair[0])).norm())
+        .sum()
 }
 
 /// The tilt of a pose in channel space, rad.

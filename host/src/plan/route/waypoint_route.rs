@@ -16,7 +16,7 @@ use crate::plan::route::build_route::{event_duration_s, nearest_heading};
 use crate::plan::route::clear_travel::{Legs, PrintedSoFar, UPRIGHT_RAD, crossing, moved_to};
 use crate::plan::route::flow::Bead;
 use crate::plan::route::flow::fresh_ground::FreshShares;
-use crate::plan::route::moves::{MoveEvent, PathCurve, Route, RouteMove, tilt, tip};
+use crate::plan::route::moves::{MoveEvent, PathCurve, Route, RouteMove, tilt, tip, way_mm};
 use crate::plan::route::waypoint_curve::upright;
 use crate::plan::route::wide_beads::pump::stopped_early;
 use crate::settings::{PrimeRetract, Settings};
@@ -65,7 +65,7 @@ pub fn waypoint_route(
         Volumes::Laid,
         &mut |route, curves, pass| {
             let asked = asked.get(pass as usize).copied().unwrap_or_default();
-            let length_mm = curves.iter().map(PathCurve::polygon_mm).sum();
+            let length_mm = curves.iter().map(|curve| way_mm(&curve.control)).sum();
             let usual = settings.starts_and_ends(volume_of(&curves), length_mm);
             let stop_mm = settings.wide_beads.pump_stop_mm;
             print(

@@ -2,7 +2,7 @@
 //! the command's own tables of one six-axis path on a gantry, a trunnion and an arm, against forward kinematics
 //! by plain products of frames written here, against the steps of a simulated run, and against each other.
 
-use crate::rig::{example, folder, headway, stderr, succeeded};
+use crate::rig::{Table, example, folder, headway, stderr, succeeded};
 use headway::drive::dry_run::dry_run;
 use headway::drive::simulator::SimulatorSetup;
 use headway::job_file;
@@ -46,36 +46,10 @@ fn planned(machine: &str) -> (String, Settings) {
     (job.clone(), settings)
 }
 
-/// A table's rows, with the column of a name.
-struct Table {
-    head: Vec<String>,
-    rows: Vec<Vec<String>>,
-}
-
-impl Table {
-    fn of(csv: &str) -> Table {
-        let cells = |line: &str| line.split(',').map(str::to_string).collect::<Vec<_>>();
-        let mut lines = csv.lines();
-        let head = cells(lines.next().expect("head"));
-        let rows: Vec<_> = lines.map(cells).collect();
-        assert!(rows.iter().all(|row| row.len() == head.len()));
-        Table { head, rows }
-    }
-
-    fn column(&self, name: &str) -> Vec<f64> {
-        let at = self.head.iter().position(|head| head == name);
-        let at = at.unwrap_or_else(|| panic!("no {name} in {:?}", self.head));
-        self.rows
-            .iter()
-            .map(|row| row[at].parse().expect("number"))
-            .collect()
-    }
-
-    /// The columns between the first six and their like: positions, rates, accelerations, steps.
-    fn joints(&self, kind: usize, joints: usize) -> Vec<Vec<f64>> {
-        let names = self.head[6 + kind * joints..6 + (kind + 1) * joints].to_vec();
-        names.iter().map(|name| self.column(name)).collect()
-    }
+/// The columns between the first six and their like: positions, rates, accelerations, steps.
+fn joints_of(table: &Table, kind: usize, joints: usize) -> Vec<Vec<f64>> {
+    let names = &table.head[6 + kind * joints..6 + (kind + 1) * joints];
+    names.iter().map(|name| table.column(name)).collect()
 }
 
 fn export(job: &str, options: &str) -> String {
@@ -175,7 +149,7 @@ fn exported_joints_make_the_exported_poses() {
         let about: Value =
             serde_json::from_str(&export(&job, "--to json --joints --every-ms 500")).expect("JSON");
         let offset = Vector3::from_fn(|k, _| about["offset_mm"][k].as_f64().expect("offset"));
-        let columns = table.joints(0, joints);
+        let columns = joints_of(&table, 0, joints);
         assert!(poses.rows.len() > 500 && table.rows.len() - poses.rows.len() <= 1);
         let of_pose = |names: [&str; 3]| names.map(|name| poses.column(name));
         let (tips, axes) = (
@@ -213,7 +187,7 @@ fn exported_rates_and_accelerations_are_the_positions_derivatives() {
         let (job, settings) = planned(machine);
         let table = Table::of(&export(&job, "--to csv --joints --every-ms 1"));
         let times = table.column("t_s");
-        let kinds = [0, 1, 2].map(|kind| table.joints(kind, joints));
+        let kinds = [0, 1, 2].map(|kind| joints_of(&table, kind, joints));
         let mut moving = 0;
         let [positions, rates, accelerations] = &kinds;
         let of_joint = positions.iter().zip(rates).zip(accelerations).enumerate();
@@ -266,13 +240,13 @@ fn exported_joints_are_within_half_a_step_of_the_simulated_ones() {
         );
         let begun_s = motion.first_servo_tick as f64 / servo_hz + motion_delay_s(&machine_of_job);
         let table = Table::of(&export(&job, "--to csv --joints --every-ms 1"));
-        let (times, columns) = (table.column("t_s"), table.joints(0, joints));
+        let (times, columns) = (table.column("t_s"), joints_of(&table, 0, joints));
         let end_ticks = times.last().expect("rows") * servo_hz;
         assert!(
             slow.is_none_or(|tick| tick as f64 >= end_ticks - 2.0),
             "{machine}: {slow:?}"
         );
-        let (rates, steps) = (table.joints(1, joints), table.joints(3, joints));
+        let (rates, steps) = (joints_of(&table, 1, joints), joints_of(&table, 3, joints));
         let mut counts = motion.start_counts;
         let mut made = motion.steps.iter().peekable();
         for row in 0..table.rows.len() {
@@ -314,7 +288,7 @@ fn trajectories_say_what_the_table_says_in_the_units_of_ros() {
         assert_eq!(message["joint_names"], serde_json::json!(names));
         let points = message["points"].as_array().expect("points");
         assert_eq!(points.len(), table.rows.len());
-        let kinds = [0, 1, 2].map(|kind| table.joints(kind, joints));
+        let kinds = [0, 1, 2].map(|kind| joints_of(&table, kind, joints));
         let times = table.column("t_s");
         let mut before_ns = None;
         for (row, point) in points.iter().enumerate() {

@@ -2,7 +2,7 @@
 //! take, that a pump's start and stop are its own, that a vase is printed without a rest. Method: the binary on rings
 //! whose radii, volumes and heights are known by hand; poses of the job's own table.
 
-use crate::rig::{example, folder, headway, path, stderr, succeeded};
+use crate::rig::{Table, example, folder, headway, object, path, stderr, succeeded};
 use serde_json::{Map, Value};
 use std::f64::consts::TAU;
 use std::path::{Path, PathBuf};
@@ -51,8 +51,7 @@ fn concrete() -> String {
 }
 
 fn figures(arguments: &[&str]) -> Map<String, Value> {
-    let text = succeeded(&headway(arguments));
-    serde_json::from_str(&text).expect("figures")
+    object(&headway(arguments))
 }
 
 fn number(figures: &Map<String, Value>, key: &str) -> f64 {
@@ -62,19 +61,12 @@ fn number(figures: &Map<String, Value>, key: &str) -> f64 {
 /// Rows of a job's table: time s, x, y, z mm, flow mm³/s, state.
 fn rows(job: &Path, every_ms: &str) -> Vec<([f64; 5], String)> {
     let export = ["export", path(job), "--to", "csv", "--every-ms", every_ms];
-    let table = succeeded(&headway(&export));
-    let mut lines = table.lines();
-    let head: Vec<&str> = lines.next().expect("a head").split(',').collect();
-    let column = |name: &str| head.iter().position(|n| *n == name).expect(name);
-    let columns = ["t_s", "x_mm", "y_mm", "z_mm", "flow_mm3_s"].map(column);
-    let state = column("state");
-    lines
-        .map(|line| {
-            let cells: Vec<&str> = line.split(',').collect();
-            let numbers = columns.map(|c| cells[c].parse::<f64>().expect("a number"));
-            (numbers, cells[state].to_string())
-        })
-        .collect()
+    let table = Table::of(&succeeded(&headway(&export)));
+    let columns = ["t_s", "x_mm", "y_mm", "z_mm", "flow_mm3_s"].map(|name| table.column(name));
+    let states = table.texts("state").into_iter().enumerate();
+    let row =
+        |(at, state): (usize, &str)| ([0, 1, 2, 3, 4].map(|k| columns[k][at]), state.to_string());
+    states.map(row).collect()
 }
 
 /// A job that is only looked at by its figures.
@@ -167,7 +159,7 @@ fn layers_that_take_too_long_are_reported() {
     let spare = spare(&folder);
     let plan = [&plan[..], &["-o", path(&spare)]].concat();
     let late = headway(&[&plan[..], &["--max-layer-time", "20", "--json"]].concat());
-    let late: Map<String, Value> = serde_json::from_str(&succeeded(&late)).expect("figures");
+    let late = object(&late);
     assert_eq!(late["late_layers"], 3);
     let longest_s = number(&late, "layer_time_longest_s");
     assert!((20.0..60.0).contains(&longest_s), "{longest_s}");

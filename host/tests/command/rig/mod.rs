@@ -68,6 +68,34 @@ pub fn path(path: &Path) -> &str {
     path.to_str().expect("UTF-8 path")
 }
 
+/// A table's rows, with the column of a name.
+pub struct Table {
+    pub head: Vec<String>,
+    pub rows: Vec<Vec<String>>,
+}
+
+impl Table {
+    pub fn of(csv: &str) -> Table {
+        let cells = |line: &str| line.split(',').map(str::to_string).collect::<Vec<_>>();
+        let mut lines = csv.lines();
+        let head = cells(lines.next().expect("head"));
+        let rows: Vec<_> = lines.map(cells).collect();
+        assert!(rows.iter().all(|row| row.len() == head.len()));
+        Table { head, rows }
+    }
+
+    pub fn texts(&self, name: &str) -> Vec<&str> {
+        let at = self.head.iter().position(|head| head == name);
+        let at = at.unwrap_or_else(|| panic!("no {name} in {:?}", self.head));
+        self.rows.iter().map(|row| row[at].as_str()).collect()
+    }
+
+    pub fn column(&self, name: &str) -> Vec<f64> {
+        let texts = self.texts(name).into_iter();
+        texts.map(|text| text.parse().expect("number")).collect()
+    }
+}
+
 /// An ASCII STL of triangles, mm.
 pub fn stl(triangles: impl IntoIterator<Item = [[f64; 3]; 3]>) -> String {
     let mut text = String::from("solid part\n");

@@ -10,7 +10,7 @@
 
 use crate::job::MotionState;
 use crate::plan::route::build_route::nearest_heading;
-use crate::plan::route::moves::{LayerPart, PathCurve, Route, RouteMove, tip};
+use crate::plan::route::moves::{LayerPart, PathCurve, Route, RouteMove, tip, way_mm};
 use crate::settings::Settings;
 use headway_protocol::units::{CHANNEL_HEADING, CHANNEL_VOLUME, CHANNEL_Z, CHANNELS};
 use std::collections::BTreeMap;
@@ -33,7 +33,7 @@ pub fn joined(route: &Route, settings: &Settings) -> Option<Route> {
     let near_mm = NEAR_SHARE * 2.0 * settings.aperture.major_mm();
     let single = |index: usize| {
         let route_move = &route.moves[index];
-        counts.get(&route_move.layer) == Some(&1) && is_loop(&route_move.curve, near_mm)
+        counts.get(&route_move.layer) == Some(&1) && is_loop(&route_move.curve.control, near_mm)
     };
     let mut chains: Vec<Vec<Loop>> = Vec::new();
     for index in prints(route) {
@@ -131,12 +131,12 @@ fn prints(route: &Route) -> impl Iterator<Item = usize> {
 }
 
 /// True where a curve ends near its begin.
-fn is_loop(curve: &PathCurve, near_mm: f64) -> bool {
-    let (Some(first), Some(last)) = (curve.control.first(), curve.control.last()) else {
+fn is_loop(control: &[Point], near_mm: f64) -> bool {
+    let (Some(first), Some(last)) = (control.first(), control.last()) else {
         return false;
     };
     let apart_mm = (tip(first) - tip(last)).norm();
-    apart_mm <= near_mm && curve.polygon_mm() > 2.0 * near_mm
+    apart_mm <= near_mm && way_mm(control) > 2.0 * near_mm
 }
 
 /// A loop of a chain.
@@ -206,8 +206,7 @@ fn begun_at(control: &[Point], first: usize, settings: &Settings) -> Vec<Point> 
     if first == 0 {
         return control.to_vec();
     }
-    let [own, near] = [start[CHANNEL_HEADING], end[CHANNEL_HEADING]];
-    let turn_rad = nearest_heading(own, near, settings.aperture.period_rad()) - own;
+    let turn_rad = turn_to(start, end, settings);
     let gap_mm3 = end[CHANNEL_VOLUME] - start[CHANNEL_VOLUME] + control[first][CHANNEL_VOLUME]
         - control[first - 1][CHANNEL_VOLUME];
     let rest = control[..first].iter().map(|point| {
@@ -217,6 +216,12 @@ fn begun_at(control: &[Point], first: usize, settings: &Settings) -> Vec<Point> 
         point
     });
     control[first..].iter().copied().chain(rest).collect()
+}
+
+/// The turn, equal for the deposit to none, that brings the heading of `begin` nearest to that of `end`.
+fn turn_to(begin: &Point, end: &Point, settings: &Settings) -> f64 {
+    let [own, near] = [begin, end].map(|point| point[CHANNEL_HEADING]);
+    nearest_heading(own, near, settings.aperture.period_rad()) - own
 }
 
 /// One move of the loops of a chain.
@@ -233,10 +238,8 @@ fn chained(route: &Route, chain: &[Loop], settings: &Settings) -> RouteMove {
             _ => [1.0; 2],
         };
         let first = control.len();
-        let own = PathCurve {
-            control: chain[number].control.clone(),
-        };
-        append_loop(&mut control, &own, [*from_mm, *to_mm], thickness, settings);
+        let own = &chain[number].control;
+        append_loop(&mut control, own, [*from_mm, *to_mm], thickness, settings);
         if let Some(speed_mm_s) = of.speed_mm_s {
             let ends = [first, control.len() - 1];
             speeds_mm_s.extend(ends.map(|at| [at as f64, speed_mm_s]));
@@ -272,25 +275,19 @@ fn rises(moves: &[&RouteMove], settings: &Settings) -> Vec<[f64; 2]> {
 /// Appends a loop that rises along its path, its flow by its thickness, its heading and volume going on from the last.
 fn append_loop(
     control: &mut Vec<Point>,
-    curve: &PathCurve,
+    own: &[Point],
     [from_mm, to_mm]: [f64; 2],
     [thin, thick]: [f64; 2],
     settings: &Settings,
 ) {
-    let length_mm = curve.polygon_mm();
-    let begin = curve.control[0];
-    let (turn_rad, mut volume_mm3) = match control.last() {
-        Some(end) => {
-            let (own, near) = (begin[CHANNEL_HEADING], end[CHANNEL_HEADING]);
-            let period_rad = settings.aperture.period_rad();
-            let turn_rad = nearest_heading(own, near, period_rad) - own;
-            (turn_rad, end[CHANNEL_VOLUME])
-        }
-        None => (0.0, begin[CHANNEL_VOLUME]),
-    };
+    let length_mm = way_mm(own);
+    let begin = own[0];
+    let end = control.last().copied().unwrap_or(begin);
+    let turn_rad = turn_to(&begin, &end, settings);
+    let mut volume_mm3 = end[CHANNEL_VOLUME];
     let mut way_mm = 0.0;
     let mut before = begin;
-    for point in &curve.control {
+    for point in own {
         let step_mm = (tip(point) - tip(&before)).norm();
         let middle = (way_mm + 0.5 * step_mm) / length_mm;
         way_mm += step_mm;

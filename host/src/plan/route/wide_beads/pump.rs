@@ -5,8 +5,8 @@
 //! the place where the pump is to stop and half after it. Leaves out the start, which is a prime.
 
 use crate::job::MotionState;
-use crate::plan::route::hop::CROSS_MIN;
-use crate::plan::route::moves::{PathCurve, Route, tip};
+use crate::plan::route::hop::is_right_above;
+use crate::plan::route::moves::{PathCurve, Route, tip, way_mm};
 use crate::settings::Settings;
 use headway_protocol::units::{CHANNEL_VOLUME, CHANNELS};
 
@@ -15,7 +15,7 @@ const STOP_SHARE_MAX: f64 = 0.5;
 
 /// Takes the volume of the last `stop_mm` from the curves of one pass; what that is, mm³.
 pub fn stopped_early(curves: &mut [PathCurve], stop_mm: f64) -> f64 {
-    let length_mm: f64 = curves.iter().map(PathCurve::polygon_mm).sum();
+    let length_mm: f64 = curves.iter().map(|curve| way_mm(&curve.control)).sum();
     let stop_mm = stop_mm.min(STOP_SHARE_MAX * length_mm);
     if stop_mm <= 0.0 {
         return 0.0;
@@ -40,7 +40,6 @@ pub fn stopped_early(curves: &mut [PathCurve], stop_mm: f64) -> f64 {
 /// The same at the end of each pass of a route that the next one does not go on from.
 pub fn stop_passes(route: &mut Route, settings: &Settings) {
     let stop_mm = settings.wide_beads.pump_stop_mm;
-    let near_mm = CROSS_MIN * settings.aperture.unit_mm();
     let mut taken_mm3 = 0.0;
     for index in 0..route.moves.len() {
         let (before, rest) = route.moves.split_at_mut(index + 1);
@@ -48,21 +47,22 @@ pub fn stop_passes(route: &mut Route, settings: &Settings) {
         for point in &mut own.curve.control {
             point[CHANNEL_VOLUME] -= taken_mm3;
         }
+        if own.state != MotionState::Print {
+            continue;
+        }
         let next = rest.iter().find(|next| next.state == MotionState::Print);
-        let goes_on = next.is_some_and(|next| begins_above(&own.curve, &next.curve, near_mm));
-        if own.state == MotionState::Print && !goes_on {
+        if !next.is_some_and(|next| begins_above(&own.curve, &next.curve, settings)) {
             taken_mm3 += stopped_early(std::slice::from_mut(&mut own.curve), stop_mm);
         }
     }
 }
 
-/// True where a pass begins right above the end of another: the material stays where it is.
-fn begins_above(curve: &PathCurve, next: &PathCurve, near_mm: f64) -> bool {
+/// True where a pass begins right above the end of another.
+fn begins_above(curve: &PathCurve, next: &PathCurve, settings: &Settings) -> bool {
     let (Some(end), Some(begin)) = (curve.control.last(), next.control.first()) else {
         return false;
     };
-    let apart = tip(begin) - tip(end);
-    apart.z > 0.0 && apart.xy().norm() < near_mm
+    is_right_above(tip(begin).into(), tip(end).into(), settings)
 }
 
 /// Mean share of the flow between two places, by the path left to the pass's end: 1 up to 1.5 stops, 0 from half a stop.
