@@ -1,7 +1,7 @@
 //! The job file reader, on arbitrary bytes and on files whose checksums are right.
 #![no_main]
 
-use headway::job_file;
+use headway::job::file;
 use headway_fuzz::job::JobFile;
 use libfuzzer_sys::fuzz_target;
 use std::io::Cursor;
@@ -17,14 +17,14 @@ fuzz_target!(|input: Input| {
         Input::Raw(bytes) => bytes.to_vec(),
         Input::Made(file) => file.bytes(),
     };
-    let summary = job_file::read_summary(&mut Cursor::new(&bytes));
-    match job_file::read(&mut Cursor::new(&bytes)) {
+    let summary = file::read_summary(&mut Cursor::new(&bytes));
+    match file::read(&mut Cursor::new(&bytes)) {
         Ok(job) => {
             assert!(summary.is_ok());
             // What was read is written and read again as the same job.
             let mut again = Vec::new();
-            job_file::write(&mut again, &job.header, &job.frames).expect("memory takes it");
-            let read = job_file::read(&mut Cursor::new(&again)).expect("our own file");
+            file::write(&mut again, &job.header, &job.frames).expect("memory takes it");
+            let read = file::read(&mut Cursor::new(&again)).expect("our own file");
             assert_eq!(read.frames, job.frames);
             let _ = job.stream();
         }

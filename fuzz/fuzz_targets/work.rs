@@ -5,10 +5,10 @@
 #![no_main]
 
 use headway::gcode::{self, GcodeOptions};
-use headway::gcode_plan::plan_gcode;
+use headway::pipeline::gcode::plan_gcode;
 use headway::input::{self, Format, ReadOptions};
-use headway::job_file;
-use headway::job_packing::JobPacking;
+use headway::job::file;
+use headway::pipeline::packing::JobPacking;
 use headway::mesh::{self, MeshFormat, MeshOptions};
 use headway::settings::Settings;
 use headway::settings::machine_file::from_toml;
@@ -64,7 +64,7 @@ fuzz_target!(|bytes: &[u8]| {
             let _ = std::str::from_utf8(bytes).map(from_toml);
         }
         8 => {
-            let _ = job_file::read(&mut Cursor::new(bytes));
+            let _ = file::read(&mut Cursor::new(bytes));
         }
         9 => read_drawing(bytes, Format::Polygon),
         10 => read_drawing(bytes, Format::Nurbs),

@@ -25,7 +25,7 @@ impl JobFile {
         let mut header = Vec::new();
         if self.versions {
             let versions = (
-                headway::job_file::FORMAT_VERSION,
+                headway::job::file::FORMAT_VERSION,
                 headway_protocol::message::PROTOCOL_VERSION,
                 headway_protocol::message::SCHEMA_HASH,
             );

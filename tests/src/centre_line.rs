@@ -4,7 +4,7 @@
 //! Shares no code with the planner: it knows the file by its vertices.
 
 use headway::gcode::{GcodePass, GcodeProgram};
-use headway::gcode_plan::GcodePlan;
+use headway::pipeline::gcode::GcodePlan;
 use headway::report::pose_table::samples_within;
 use std::f64::consts::PI;
 

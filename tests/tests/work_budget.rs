@@ -5,11 +5,11 @@
 //! budget for what a fuzzer makes.
 
 use headway::gcode::{self, GcodeOptions};
-use headway::gcode_plan::plan_gcode;
 use headway::input::{self, Format, ReadOptions};
-use headway::job_file;
-use headway::job_packing::JobPacking;
+use headway::job::file;
 use headway::mesh::{self, MeshFormat, MeshOptions};
+use headway::pipeline::gcode::plan_gcode;
+use headway::pipeline::packing::JobPacking;
 use headway::settings::Settings;
 use headway::settings::machine_file::from_toml;
 use stats_alloc::{INSTRUMENTED_SYSTEM, Region, StatsAlloc};
@@ -174,7 +174,7 @@ fn work_goes_with_bytes_and_not_with_claims() {
             "a job file",
             job.len(),
             READERS,
-            Box::new(move || match job_file::read(&mut Cursor::new(&job)) {
+            Box::new(move || match file::read(&mut Cursor::new(&job)) {
                 Ok(_) => "read",
                 Err(_) => "refused",
             }),

@@ -8,15 +8,15 @@ use super::{Error, JobPose};
 use crate::drive::dry_run::dry_run;
 use crate::drive::link::LinkSpec;
 use crate::drive::simulator::SimulatorSetup;
-use crate::findings::simulated::{outcome, simulation_figures};
 use crate::gcode::write::dialect::Dialect;
 use crate::gcode::write::limits::AxisLimits;
 use crate::gcode::write::{JobText, WriteOptions, filament_mm2, is_tilting, write_gcode};
 use crate::job::SegmentStream;
-use crate::job_file::{self, JobFile};
+use crate::job::file::{self, JobFile};
 use crate::joint_export::samples;
 use crate::joint_export::tables::JointTable;
 use crate::joint_export::trajectory::{TrajectoryFormat, joint_names_of, write_trajectory};
+use crate::pipeline::findings::simulated::{outcome, simulation_figures};
 use crate::report::figures::Figures;
 use crate::report::job_texts::{NAME_TEXT, SETTINGS_TEXT};
 use crate::report::pose_table;
@@ -48,7 +48,7 @@ impl Job {
     /// [`Error::Job`] where a byte of it is not as it was written, with the place.
     pub fn from_bytes(bytes: Vec<u8>) -> Result<Job, Error> {
         let job_error = |error: String| Error::Job(error);
-        let file = job_file::read(&mut Cursor::new(bytes.as_slice()));
+        let file = file::read(&mut Cursor::new(bytes.as_slice()));
         let file = file.map_err(|error| job_error(error.to_string()))?;
         let stream = file
             .stream()

@@ -6,15 +6,15 @@
 
 use super::part::What;
 use super::{Error, Job, Options, Part};
-use crate::findings::objections::Objection;
-use crate::findings::{Findings, findings};
 use crate::input::Target;
-use crate::job_packing::{JobFacts, JobPacking, job_header};
+use crate::pipeline::findings::objections::Objection;
+use crate::pipeline::findings::{Findings, findings};
+use crate::pipeline::packing::{JobFacts, JobPacking, job_header};
+use crate::pipeline::{Plan, plan_target_around, plan_waypoints_with_progress};
 use crate::plan::progress::{Progress, Stage};
 use crate::report::figures::Figures;
 use crate::report::job_texts::LayerOutlines;
 use crate::settings::{Settings, machine_file};
-use crate::{Plan, plan_target_around, plan_waypoints_with_progress};
 use std::io::Cursor;
 use std::ops::ControlFlow;
 use std::panic::{AssertUnwindSafe, catch_unwind, resume_unwind};

@@ -2,7 +2,7 @@
 
 use super::surface::POINTS_MIN;
 use super::{BedMesh, FADE_HEIGHT_MM, FADE_START_MM};
-use crate::short_number::Short;
+use crate::text::short_number::Short;
 use serde::Deserialize;
 use std::fmt::Write;
 

@@ -7,7 +7,7 @@
 //! In: a finished job, machine coordinates, and a mesh in the same. Out: the same job over that bed: marks,
 //! events, volumes and times are kept, Z alone changes. Applied when a job is sent, not when it is planned
 //! and not on the board: docs/design/bed-mesh.md says why. Every span is looked at again by the code with
-//! which the board will. Left out: probing, which is `cli/probe.rs`.
+//! which the board will. Left out: probing, which is `cli/board/probe.rs`.
 
 mod file;
 mod refined;
@@ -16,7 +16,7 @@ mod surface;
 pub use file::{BedMeshFileError, from_toml, to_toml};
 
 use crate::job::SegmentStream;
-use crate::short_number::Short;
+use crate::text::short_number::Short;
 use headway_firmware::configuration::MachineConfiguration;
 use headway_firmware::load::{LoadModel, SpanFault};
 use headway_firmware::spline::SpanWindow;

@@ -152,7 +152,7 @@ fn refined_spans_are_the_same_curve_and_keep_their_events() {
         stream.events.iter().map(time).collect()
     };
     assert_eq!(times(&stream), times(&fine));
-    assert!(crate::wire_frames::WireFrames::encode(&fine).is_ok());
+    assert!(crate::job::frames::WireFrames::encode(&fine).is_ok());
     // Nothing to do, nothing done, to the bit.
     assert_eq!(refined(&stream, 1e6), stream);
 }

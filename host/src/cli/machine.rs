@@ -1,12 +1,12 @@
 //! `headway machine new|check|firmware`.
 
-use super::CliError;
-use super::args_machine::{KindName, MachineArgs, MachineCommand};
-use super::configure::board_settings;
-use super::console::Console;
-use super::load;
-use super::output_file::write_file;
-use crate::findings::settings_warnings::settings_warnings;
+use crate::cli::args::machine::{KindName, MachineArgs, MachineCommand};
+use crate::cli::board::configure::board_settings;
+use crate::cli::error::CliError;
+use crate::cli::reading::load;
+use crate::cli::terminal::console::Console;
+use crate::cli::terminal::output_file::write_file;
+use crate::pipeline::findings::settings_warnings::settings_warnings;
 use crate::settings::aperture_text::nozzle_text;
 use crate::settings::examples::MachineExample;
 use crate::settings::machine_file::MachineFileError;
@@ -16,7 +16,7 @@ use headway_firmware::shaping::shapes;
 use serde_json::json;
 use std::f64::consts::SQRT_2;
 
-pub(super) fn run(args: &MachineArgs, console: &Console) -> Result<(), CliError> {
+pub(crate) fn run(args: &MachineArgs, console: &Console) -> Result<(), CliError> {
     match &args.command {
         MachineCommand::New { kind, name, output } => {
             let mut settings =

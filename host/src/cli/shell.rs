@@ -3,14 +3,14 @@
 //! Both are made of the very options that the command reads, so that they cannot fall behind it.
 //! In: a shell's name, or a folder. Out: a script on stdout; a page, or a page for each command.
 
-use super::CliError;
-use super::args::Arguments;
-use super::args_shell::{CompletionsArgs, ManArgs};
-use super::console::Console;
-use super::output_file::write_file;
+use crate::cli::args::Arguments;
+use crate::cli::args::shell::{CompletionsArgs, ManArgs};
+use crate::cli::error::CliError;
+use crate::cli::terminal::console::Console;
+use crate::cli::terminal::output_file::write_file;
 use clap::{Command, CommandFactory};
 
-pub(super) fn completions(args: &CompletionsArgs, console: &Console) -> Result<(), CliError> {
+pub(crate) fn completions(args: &CompletionsArgs, console: &Console) -> Result<(), CliError> {
     let mut script = Vec::new();
     clap_complete::generate(
         args.shell.generator(),
@@ -21,7 +21,7 @@ pub(super) fn completions(args: &CompletionsArgs, console: &Console) -> Result<(
     console.result(&String::from_utf8_lossy(&script))
 }
 
-pub(super) fn man(args: &ManArgs, console: &Console) -> Result<(), CliError> {
+pub(crate) fn man(args: &ManArgs, console: &Console) -> Result<(), CliError> {
     let mut command = Arguments::command();
     command.build();
     let Some(folder) = &args.output else {

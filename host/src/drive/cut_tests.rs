@@ -4,7 +4,7 @@
 use crate::drive::sender::Sender;
 use crate::drive::sender_state::{SenderSetup, SenderState};
 use crate::drive::test_streams::{planar, spiral};
-use crate::wire_frames::WireFrames;
+use crate::job::frames::WireFrames;
 use headway_firmware::configuration::MOTORS_MAX;
 use headway_firmware::machine::Machine;
 use headway_firmware::output::StepOutput;

@@ -10,8 +10,8 @@ use crate::drive::plan_curve::stream_ticks;
 use crate::drive::simulator::{Simulation, Simulator, SimulatorError, SimulatorSetup};
 use crate::drive::trace::{self, TraceFigures};
 use crate::job::SegmentStream;
+use crate::job::frames::{WireFrames, WireFramesError};
 use crate::settings::Settings;
-use crate::wire_frames::{WireFrames, WireFramesError};
 use std::time::Instant;
 use thiserror::Error;
 

@@ -1,7 +1,7 @@
 //! How far a stream had come by its log: what the board said last, and what was sent to it.
 //!
 //! ```text
-//! # rest of job 1a2b3c4d from pass 17       the stream is what was left of that job (`job_resume`)
+//! # rest of job 1a2b3c4d from pass 17       the stream is what was left of that job (`job::resume`)
 //! 1234567 > ...  Start                      which stream; from its acknowledgement on
 //! 1240000 < ...  Status, Ack                spans that are done
 //! ```
@@ -10,6 +10,7 @@
 //! were never written behind it: both are its end. A line that cannot be read with good ones behind it is damage.
 
 use crate::drive::link_log::{Entry, HEAD, LINE_BYTES_MAX, LogError, Way, entry};
+use crate::job::resume::LoggedStream;
 use headway_protocol::frame::FrameDecoder;
 use headway_protocol::message::{DeviceMessage, DeviceState, HostMessage, Start};
 use std::io::{self, BufRead};
@@ -18,25 +19,6 @@ use std::io::{self, BufRead};
 pub const UNWRITTEN: &str = "# the log could not be written any further, the stream went on";
 const REST: &str = "# rest of job ";
 const FROM_PASS: &str = " from pass ";
-
-/// The last stream of a log.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
-pub struct LoggedStream {
-    /// Identity of the stream.
-    pub job: u32,
-    /// The job that it is what was left of, and from which of its passes on.
-    pub rest_of: Option<(u32, u32)>,
-    /// Spans that the board has said to be done.
-    pub spans_done: u32,
-    /// Frames that were sent: the board may have them all.
-    pub frames_sent: u32,
-    /// The board has said that it is at the end.
-    pub finished: bool,
-    /// The log ends within a line.
-    pub is_torn: bool,
-    /// The stream went on where the log ends ([`UNWRITTEN`]).
-    pub went_on: bool,
-}
 
 /// The remark for the log of what was left of a job.
 pub fn rest_remark(job: u32, pass: u32) -> String {

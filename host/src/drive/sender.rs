@@ -17,7 +17,7 @@ use crate::drive::sender_state::{
     ControlMessage, InFlight, Intent, Outstanding, SenderEvent, SenderFigures, SenderSetup,
     SenderState,
 };
-use crate::wire_frames::WireFrames;
+use crate::job::frames::WireFrames;
 use headway_protocol::frame::{FRAME_BYTES_MAX, FrameDecoder, encode_frame, encode_payload};
 use headway_protocol::message::{
     Control, DeviceMessage, Hello, HostMessage, PROTOCOL_VERSION, SCHEMA_HASH, Start, Status,

@@ -1,6 +1,6 @@
 //! What can be said about a conversation with the controller: setup, states, errors, news, counters.
 
-use crate::job_file::JobHeader;
+use crate::job::file::JobHeader;
 use headway_protocol::message::{
     Control, Fault, PROTOCOL_VERSION, Refusal, RefusalReason, SCHEMA_HASH, Status, Welcome,
 };
@@ -245,7 +245,7 @@ impl SenderSetup {
         let (knots, events) = (welcome.queue_knots, welcome.queue_events);
         let block = headway_protocol::knot_block::KNOTS_PER_BLOCK_MAX;
         if usize::from(knots) < 2 * block
-            || usize::from(events) < 2 * crate::wire_frames::EVENTS_AHEAD_MAX
+            || usize::from(events) < 2 * crate::job::frames::EVENTS_AHEAD_MAX
         {
             return Err(SenderError::QueueTooSmall { knots, events });
         }

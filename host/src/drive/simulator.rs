@@ -12,7 +12,7 @@ use crate::drive::sender_state::{
     SenderError, SenderEvent, SenderFigures, SenderSetup, SenderState,
 };
 use crate::drive::trace::counts_at;
-use crate::wire_frames::WireFrames;
+use crate::job::frames::WireFrames;
 use headway_firmware::configuration::{ConfigurationError, MOTORS_MAX, MachineConfiguration};
 use headway_firmware::design::ADVANCE_WINDOW_TICKS_MAX;
 use headway_firmware::machine::Machine;

@@ -10,8 +10,8 @@
 use crate::drive::record::MotionRecord;
 use crate::drive::servo_walk::ServoWalk;
 use crate::drive::trace::pose_of_counts;
+use crate::job::transform::PartTransform;
 use crate::job::{Mark, MotionState, SegmentStream};
-use crate::part_transform::PartTransform;
 use headway_firmware::configuration::MachineConfiguration;
 use headway_firmware::pose::Pose;
 use headway_protocol::units::CHANNEL_VOLUME;
@@ -177,7 +177,7 @@ mod tests {
     use super::*;
     use crate::drive::simulator::{Simulator, SimulatorSetup};
     use crate::drive::test_streams::{planar, spiral};
-    use crate::wire_frames::WireFrames;
+    use crate::job::frames::WireFrames;
 
     #[test]
     fn the_tables_tell_what_the_steps_did() {

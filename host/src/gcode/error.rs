@@ -1,7 +1,7 @@
 //! Why G-code is not taken: the line, what is wrong, what to do.
 
 use super::{LINE_CHARS_MAX, MOVES_MAX};
-use crate::short_number::{Short, told_apart};
+use crate::text::short_number::{Short, told_apart};
 
 /// Refusals, the first that is found.
 #[derive(Clone, Debug, PartialEq, thiserror::Error)]

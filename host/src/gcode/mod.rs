@@ -22,7 +22,7 @@ pub mod write;
 
 pub use error::GcodeError;
 
-use crate::job_heat::HeatOrder;
+use crate::job::heat::HeatOrder;
 use axes::FileAxes;
 use comments::Slicer;
 use extrusion::Taken;

@@ -223,8 +223,8 @@ mod tests {
     //! of which begins on the spot; sections summed over the chords.
     use super::*;
     use crate::gcode::axes::FileAxes;
-    use crate::gcode::axes::words::AxesWords;
     use crate::gcode::{GcodeOptions, read};
+    use crate::settings::axes_words::AxesWords;
     use std::sync::Arc;
 
     fn run(text: &str) -> (WaypointRun, GcodeProgram) {

@@ -6,7 +6,7 @@ use crate::gcode::GcodeError;
 use crate::geometry::Point2;
 use crate::geometry::validity::ValidityError;
 use crate::mesh::MeshError;
-use crate::short_number::Short;
+use crate::text::short_number::Short;
 
 /// A place for messages: `(12.345, -3.000) mm`.
 #[derive(Clone, Copy, Debug, PartialEq)]

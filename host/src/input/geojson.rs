@@ -8,7 +8,7 @@ use super::names::shortened;
 use super::outline::{Drawing, RawRing, Rule, Shape};
 use super::{InputError, ReadOptions, Units};
 use crate::geometry::Point2;
-use crate::near_name::near_name;
+use crate::text::near_name::near_name;
 use ::geojson::{Feature, GeoJson, Geometry, GeometryValue, JsonObject, PolygonType};
 
 /// Collections may nest; RFC 7946 advises against it, and nobody needs more than this.

@@ -3,7 +3,7 @@
 use super::waypoints::{
     BEAD_MAX_MM, CONE_MAX_DEG, HEADING_MAX_DEG, SPEED_RANGE_MM_S, WAYPOINTS_MAX,
 };
-use crate::short_number::{Short, told_apart};
+use crate::text::short_number::{Short, told_apart};
 
 /// Why a file is not a run, with the line.
 #[derive(Clone, Debug, PartialEq, thiserror::Error)]

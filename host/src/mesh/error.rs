@@ -4,7 +4,7 @@ use super::Point3;
 use super::close_gaps::GAP_MAX_MM;
 use super::read::{SIZE_MAX_MM, SIZE_MIN_MM, TRIANGLES_MAX};
 use crate::settings::LAYERS_MAX;
-use crate::short_number::Short;
+use crate::text::short_number::Short;
 
 /// A place for messages: `(12.345, -3.000, 0.200) mm`.
 #[derive(Clone, Copy, Debug, PartialEq)]

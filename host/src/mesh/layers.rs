@@ -13,7 +13,7 @@ use crate::geometry::boolean::{difference, filled};
 use crate::geometry::polygon::Region;
 use crate::geometry::repair::FillRule;
 use crate::settings::LAYERS_MAX;
-use crate::short_number::Short;
+use crate::text::short_number::Short;
 use rayon::prelude::*;
 use std::ops::Range;
 

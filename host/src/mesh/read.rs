@@ -5,7 +5,7 @@ use super::close_gaps::{ClosedGaps, GAP_MAX_MM, close_gaps};
 use super::error::At3;
 use super::orient::{Reoriented, orient};
 use super::{Carved, Mesh, MeshError, Point3, obj, stl, threemf};
-use crate::short_number::Short;
+use crate::text::short_number::Short;
 
 /// Most triangles that are read: 1 GB while they are sorted.
 pub const TRIANGLES_MAX: usize = 8_000_000;

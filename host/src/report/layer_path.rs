@@ -9,8 +9,8 @@
 //! at the same moment of Meratnia and de By (2004) beside that across.
 
 use super::pose_table::StreamIndex;
+use crate::job::transform::PartTransform;
 use crate::job::{Mark, MotionState, SegmentStream};
-use crate::part_transform::PartTransform;
 use headway_firmware::pose::Pose;
 use headway_firmware::spline::Span;
 use headway_protocol::units::{CHANNEL_HEADING, CHANNEL_X, CHANNEL_Y, CHANNEL_Z};

@@ -4,8 +4,8 @@
 //! even steps of segment time, evaluated in double precision from the same spans that the
 //! controller runs.
 
+use crate::job::transform::PartTransform;
 use crate::job::{Mark, MotionState, SegmentStream};
-use crate::part_transform::PartTransform;
 use headway_firmware::pose::Pose;
 use headway_firmware::spline::{Span, Spans};
 use headway_protocol::units::{

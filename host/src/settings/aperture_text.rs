@@ -9,7 +9,7 @@
 use crate::geometry::Vector2;
 use crate::geometry::aperture::Aperture;
 use crate::geometry::rounded_polygon::{Kind, RoundedPolygon, ShapeError};
-use crate::near_name::near_name;
+use crate::text::near_name::near_name;
 
 /// Why a description is not an aperture.
 #[derive(Clone, Debug, PartialEq, thiserror::Error)]

@@ -1,7 +1,7 @@
 //! Why settings cannot be used: each with its key as the machine file spells it, and what would fit.
 
 use super::check::{NAME_CHARS_MAX, RISE_MAX_S};
-use crate::short_number::Short;
+use crate::text::short_number::Short;
 use headway_firmware::configuration::ConfigurationError;
 use headway_firmware::steps::{INTERVAL_TICKS_MAX, INTERVAL_TICKS_MIN};
 

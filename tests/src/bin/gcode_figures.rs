@@ -4,7 +4,7 @@
 //! from the stream, the volume against the file's, the job's time against the slicer's estimate. Built-in machine.
 
 use headway::gcode::{GcodeOptions, read};
-use headway::gcode_plan::plan_gcode;
+use headway::pipeline::gcode::plan_gcode;
 use headway::settings::Settings;
 use headway_tests::centre_line::beside;
 use std::path::Path;

@@ -3,10 +3,10 @@
 use super::Want::{Refused, Taken};
 use super::{Case, Kind, Want, case};
 use headway::gcode::{GcodeOptions, read};
-use headway::gcode_plan::plan_gcode;
-use headway::job_file::{JobHeader, write};
+use headway::job::file::{JobHeader, write};
+use headway::job::frames::WireFrames;
+use headway::pipeline::gcode::plan_gcode;
 use headway::settings::Settings;
-use headway::wire_frames::WireFrames;
 
 /// The job of a bead.
 fn bead() -> Vec<u8> {

@@ -11,11 +11,11 @@ mod paths;
 mod solids;
 
 use headway::gcode::{GcodeOptions, GcodeProgram, read};
-use headway::gcode_plan::plan_gcode;
 use headway::input::{Format, Input, ReadOptions, read_any};
-use headway::job_file;
-use headway::job_packing::JobPacking;
+use headway::job::file;
 use headway::mesh::MeshFormat;
+use headway::pipeline::gcode::plan_gcode;
+use headway::pipeline::packing::JobPacking;
 use headway::settings::Settings;
 use headway::settings::machine_file::from_toml;
 use peak_alloc::PeakAlloc;
@@ -131,7 +131,7 @@ fn run(kind: Kind, bytes: &[u8]) -> Result<Found, String> {
             return read.map(|_| Found::Taken);
         }
         Kind::Job => {
-            let read = job_file::read(&mut Cursor::new(bytes));
+            let read = file::read(&mut Cursor::new(bytes));
             return read.map(|_| Found::Taken).map_err(|e| e.to_string());
         }
         Kind::Drawing(format) => format,

@@ -16,6 +16,8 @@
 mod access;
 #[cfg(feature = "page")]
 mod connections;
+pub(crate) mod live_page;
+pub(crate) mod orders;
 #[cfg(feature = "page")]
 mod server;
 #[cfg(feature = "page")]
@@ -31,12 +33,12 @@ use std::thread::JoinHandle;
 use std::time::Instant;
 
 #[cfg(feature = "page")]
-pub(super) use server::serve;
+pub(crate) use server::serve;
 
 /// Refuses: there is no server in this build.
 #[cfg(not(feature = "page"))]
-pub(super) fn serve(_page: String, _port: u16) -> Result<LivePrint, super::CliError> {
-    Err(super::CliError::Usage(
+pub(crate) fn serve(_page: String, _port: u16) -> Result<LivePrint, crate::cli::error::CliError> {
+    Err(crate::cli::error::CliError::Usage(
         "--view: this build of headway has no page; build it with its default features, or with \
          `--features page`"
             .to_string(),
@@ -48,7 +50,7 @@ const ORDERS_MAX: usize = 8;
 
 /// What a page is told of the print.
 #[derive(Clone, Debug, Default, Serialize)]
-pub(super) struct Snapshot {
+pub(crate) struct Snapshot {
     /// What the board does; empty before it has answered.
     pub state: String,
     /// The line is there.
@@ -116,7 +118,7 @@ impl Shared {
 }
 
 /// The loop's end of it.
-pub(super) struct LivePrint {
+pub(crate) struct LivePrint {
     shared: Arc<Shared>,
     orders: Receiver<Control>,
     /// Where the page is.
@@ -127,7 +129,7 @@ pub(super) struct LivePrint {
 
 impl LivePrint {
     /// Leaves a snapshot for the pages, or leaves it out.
-    pub(super) fn publish(&self, snapshot: &Snapshot) {
+    pub(crate) fn publish(&self, snapshot: &Snapshot) {
         let mut held = match self.shared.snapshot.try_lock() {
             Ok(held) => held,
             Err(TryLockError::Poisoned(poisoned)) => poisoned.into_inner(),
@@ -137,18 +139,18 @@ impl LivePrint {
     }
 
     /// The last snapshot: nothing waits for this one any more.
-    pub(super) fn publish_last(&self, snapshot: &Snapshot) {
+    pub(crate) fn publish_last(&self, snapshot: &Snapshot) {
         let held = self.shared.snapshot.lock();
         *held.unwrap_or_else(PoisonError::into_inner) = (snapshot.clone(), Instant::now());
     }
 
     /// A stop that a page asked for, once.
-    pub(super) fn stop(&self) -> bool {
+    pub(crate) fn stop(&self) -> bool {
         self.shared.stop.swap(false, Ordering::Relaxed)
     }
 
     /// Why the server has ended, once: nobody watches or commands from there any more.
-    pub(super) fn server_problem(&self) -> Option<String> {
+    pub(crate) fn server_problem(&self) -> Option<String> {
         let thread = self
             .thread
             .borrow_mut()
@@ -161,7 +163,7 @@ impl LivePrint {
     }
 
     /// The next order.
-    pub(super) fn order(&self) -> Option<Control> {
+    pub(crate) fn order(&self) -> Option<Control> {
         self.orders.try_recv().ok()
     }
 }

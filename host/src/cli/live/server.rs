@@ -9,7 +9,7 @@ use super::access::Access;
 use super::connections::{CONNECTIONS_MAX, Connections};
 use super::service::Service;
 use super::{LivePrint, shared};
-use crate::cli::CliError;
+use crate::cli::error::CliError;
 use std::cell::RefCell;
 use std::io::{self, ErrorKind};
 use std::net::{Ipv4Addr, TcpListener};
@@ -25,7 +25,7 @@ const DESCRIPTORS_KEPT: usize = 16;
 const ACCEPT_PAUSE: Duration = Duration::from_millis(20);
 
 /// Serves `page` on a free port, or on `port`.
-pub(in crate::cli) fn serve(page: String, port: u16) -> Result<LivePrint, CliError> {
+pub(crate) fn serve(page: String, port: u16) -> Result<LivePrint, CliError> {
     let failed = |what: String| CliError::Job(format!("--view: no page can be served: {what}"));
     let of_system = |error: io::Error| failed(error.to_string());
     let listener = TcpListener::bind((Ipv4Addr::LOCALHOST, port))

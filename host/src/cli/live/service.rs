@@ -1,8 +1,8 @@
 //! What the page's server answers: request -> page, status as JSON, an order handed to the stream's loop.
 
 use super::access::{Access, Asked};
+use super::orders::order;
 use super::{NotTaken, Shared};
-use crate::cli::operator::page_order;
 use http_body_util::{BodyExt, Full, Limited};
 use hyper::body::{Body, Bytes, Incoming};
 use hyper::header::{CONTENT_TYPE, HOST, HeaderName, HeaderValue, ORIGIN};
@@ -102,7 +102,7 @@ impl Service {
     }
 
     fn order(&self, text: &str) -> (StatusCode, &'static str) {
-        let Some(control) = page_order(text) else {
+        let Some(control) = order(text) else {
             return (
                 StatusCode::BAD_REQUEST,
                 "orders: pause, resume, override 1 to 200, flow 10 to 200, abort, stop",

@@ -1,6 +1,6 @@
 //! Goal: places of poses, and ways between them. Method: poses as places and back; a turn of a table beside its circle.
-use super::words::AxesWords;
 use super::*;
+use crate::settings::axes_words::AxesWords;
 
 fn axes(text: &str) -> FileAxes {
     FileAxes::new(&AxesWords::parse(text).expect("words"), None).expect("axes")

@@ -8,14 +8,13 @@
 //! divides it. Leaves out which letters a file has that nothing declares: the interpreter asks for them.
 
 pub mod legs;
-pub mod words;
 
 use crate::gcode::Place;
+use crate::settings::axes_words::{AxesError, AxesWords, Coordinates, FeedOf};
 use headway_firmware::axis_family::{AxisFamily, RotaryAxis};
 use headway_firmware::configuration::{JOINTS_MAX, Kinematics};
 use headway_firmware::kinematics::Model;
 use nalgebra::{Unit, Vector3};
-use words::{AxesError, AxesWords, Coordinates, FeedOf};
 
 /// Axes that a file may have: X, Y, Z, and as many that turn as an arm with a nozzle.
 pub const SLOTS: usize = 10;

@@ -9,7 +9,7 @@ use super::{Interpreter, code_name, tenths, value};
 use crate::gcode::comments::Slicer;
 use crate::gcode::error::GcodeError;
 use crate::gcode::words::{Line, Word};
-use crate::job_heat::{BED, HOT_END, HeatOrder};
+use crate::job::heat::{BED, HOT_END, HeatOrder};
 use headway_protocol::message::DECIDEGREES_MAX;
 
 /// The second hot end among the heaters.

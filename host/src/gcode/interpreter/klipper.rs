@@ -8,7 +8,7 @@ use super::Interpreter;
 use super::heat::{HOT_END_2, checked, most_c};
 use crate::gcode::error::GcodeError;
 use crate::gcode::words::shortened;
-use crate::job_heat::{BED, HOT_END, HeatOrder};
+use crate::job::heat::{BED, HOT_END, HeatOrder};
 
 /// Longest length of G10 that is taken, mm.
 const RETRACT_MAX_MM: f64 = 1e3;

@@ -7,12 +7,12 @@
 
 use super::klipper::{number_of, text_of};
 use super::{Firmware, Interpreter};
-use crate::gcode::axes::words::FeedOf;
 use crate::gcode::axes::{At, FileAxes, SLOTS, TURNS_FROM};
 use crate::gcode::error::GcodeError;
 use crate::gcode::passes::{STANDS_DEG, STANDS_MM};
 use crate::gcode::words::Line;
 use crate::gcode::{ANGLE_MAX_DEG, PLACE_MAX_MM};
+use crate::settings::axes_words::FeedOf;
 
 /// Tool axes nearer to Z than this are upright, as a sine.
 const UPRIGHT_MAX: f64 = 1e-6;

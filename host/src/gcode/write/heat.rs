@@ -8,7 +8,7 @@
 use super::dialect::Dialect;
 use super::poses::Poses;
 use super::{WriteError, WriteOptions, Writer, short};
-use crate::job_heat::{BED, HEATER_NAMES, HOT_END, HeatEvent, HeatOrder};
+use crate::job::heat::{BED, HEATER_NAMES, HOT_END, HeatEvent, HeatOrder};
 use std::io::Write;
 
 /// Longest wait of M66, s.

@@ -22,8 +22,8 @@ mod poses;
 mod pushes;
 pub mod template;
 
+use crate::job::heat::HeatEvent;
 use crate::job::{MotionState, SegmentStream};
-use crate::job_heat::HeatEvent;
 use controller_time::{ControllerTime, SlowedBy};
 use dialect::{ArcsWritten, Dialect, Retraction};
 use headway_firmware::pose::Pose;

@@ -15,7 +15,7 @@ use crate::geometry::place_scale::ScaleField;
 use crate::geometry::plane_curve::PlaneControl;
 use crate::geometry::polygon::Region;
 use crate::geometry::{Point2, Vector2};
-use crate::part_transform::PartTransform;
+use crate::job::transform::PartTransform;
 use crate::plan::curve::heading_stops::PassCutter;
 use crate::plan::curve::layer_path::{pass_curves, path_tolerance_mm};
 use crate::plan::curve::pushing_inside::InsideWalls;

@@ -6,7 +6,7 @@
 use crate::job::MotionState;
 use crate::plan::route::path_curve::CurvePoint;
 use crate::settings::{Settings, joint_names};
-use crate::short_number::told_apart;
+use crate::text::short_number::told_apart;
 use headway_firmware::configuration::{JOINTS_MAX, Kinematics};
 use headway_firmware::delay::advance_centre_ticks;
 use headway_firmware::jet::Jet;

@@ -11,7 +11,7 @@ mod solids;
 #[cfg(test)]
 mod tests;
 
-use crate::part_transform::PartTransform;
+use crate::job::transform::PartTransform;
 use crate::settings::Settings;
 use headway_firmware::configuration::{Frame, Kinematics, MachineConfiguration};
 use nalgebra::{Isometry3, Matrix3, Rotation3, Translation3, Unit, UnitQuaternion, Vector3};

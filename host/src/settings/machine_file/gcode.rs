@@ -3,8 +3,8 @@
 
 use super::MachineFileError;
 use super::write::quoted;
-use crate::gcode::axes::words::{AxesError, AxesWords, MachineWord};
 use crate::settings::Settings;
+use crate::settings::axes_words::{AxesError, AxesWords, MachineWord};
 use serde::Deserialize;
 use std::fmt::Write;
 

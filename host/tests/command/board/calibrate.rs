@@ -3,7 +3,7 @@
 //! recorded steps through forward kinematics, and held against the table that the command prints.
 
 use crate::rig::{example, folder, headway, object, path, stderr};
-use headway::job_file;
+use headway::job::file;
 use headway_protocol::segment::FlowAction;
 use serde_json::{Map, Value};
 use std::path::Path;
@@ -196,7 +196,7 @@ fn each_advance_has_a_job_and_its_machine_and_lines_change_their_speed() {
     for (job, value) in jobs.iter().zip([0.0, 0.04, 0.08]) {
         let file = |key: &str| job[key].as_str().expect("file").to_owned();
         let mut open = std::fs::File::open(file("file")).expect("job");
-        let read = job_file::read(&mut open).expect("a job");
+        let read = file::read(&mut open).expect("a job");
         let extruder = &read.header.machine.extruder;
         assert!((extruder.pressure_advance_s - value).abs() < 1e-12);
         // The machine file beside it is the one that the job is for.
@@ -246,7 +246,7 @@ fn each_advance_has_a_job_and_its_machine_and_lines_change_their_speed() {
 fn prime_and_retract_step_from_line_to_line() {
     let prime_steps = |action: FlowAction, file: &str| -> Vec<f64> {
         let mut open = std::fs::File::open(file).expect("job");
-        let stream = job_file::read(&mut open)
+        let stream = file::read(&mut open)
             .expect("a job")
             .stream()
             .expect("stream");

@@ -282,7 +282,7 @@ fn plan(folder: &Path) -> String {
 /// The steps of the simulation of a job.
 fn simulated(job: &str) -> Vec<Step> {
     let mut file = std::fs::File::open(job).expect("the job");
-    let file = headway::job_file::read(&mut file).expect("a job file");
+    let file = headway::job::file::read(&mut file).expect("a job file");
     let stream = file.stream().expect("its stream");
     let ticks = stream
         .knots

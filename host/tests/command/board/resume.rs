@@ -13,10 +13,10 @@ use headway::drive::sender::Sender;
 use headway::drive::sender_state::{SenderEvent, SenderSetup, SenderState};
 use headway::drive::transport::Port;
 use headway::job::SegmentStream;
-use headway::job_file::{self, JobFile};
-use headway::job_resume::{Reached, Resumption, resume};
+use headway::job::file::{self, JobFile};
+use headway::job::frames::WireFrames;
+use headway::job::resume::{Reached, Resumption, resume};
 use headway::settings::{Settings, machine_file};
-use headway::wire_frames::WireFrames;
 use headway_firmware::configuration::{MOTORS_MAX, MachineConfiguration};
 use headway_firmware::heat::HeatConfiguration;
 use headway_firmware::homing::HomingConfiguration;
@@ -225,7 +225,7 @@ impl World {
 fn planned(folder: &Path) -> (JobFile, SegmentStream, Settings) {
     let job = planned_file(folder, "");
     let mut open = std::fs::File::open(&job).unwrap();
-    let file = job_file::read(&mut open).unwrap();
+    let file = file::read(&mut open).unwrap();
     let stream = file.stream().unwrap();
     let settings = machine_file::from_toml(&file.header.texts["settings"]).unwrap();
     (file, stream, settings)
@@ -706,7 +706,7 @@ fn make_ready(port: &str, machine: &str) {
 /// Spans before a layer, and of the whole job.
 fn spans_of_layer(job: &str, layer: u32) -> [u64; 2] {
     let file = std::fs::read(job).unwrap();
-    let stream = job_file::read(&mut std::io::Cursor::new(file))
+    let stream = file::read(&mut std::io::Cursor::new(file))
         .unwrap()
         .stream()
         .unwrap();

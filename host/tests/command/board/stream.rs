@@ -7,7 +7,7 @@ use crate::rig::board::{Board, Host, counts, job, sleep_into_the_job};
 use crate::rig::{folder, headway, object, stderr, stdout};
 use headway::drive::link_log::{Entry, Way, read_log};
 use headway::drive::transport::Port;
-use headway::job_file;
+use headway::job::file;
 use headway_firmware::heat::HeatConfiguration;
 use headway_protocol::frame::FrameDecoder;
 use headway_protocol::message::{DeviceMessage, DeviceState, Status};
@@ -277,7 +277,7 @@ const SPANS_LATE: u32 = 60;
 /// Spans before each layer's first tick.
 fn spans_before_layers(job: &str) -> Vec<u32> {
     let file = std::fs::read(job).unwrap();
-    let stream = job_file::read(&mut std::io::Cursor::new(file))
+    let stream = file::read(&mut std::io::Cursor::new(file))
         .unwrap()
         .stream()
         .unwrap();

@@ -5,7 +5,7 @@
 use crate::rig::{Table, example, folder, headway, stderr, succeeded};
 use headway::drive::dry_run::dry_run;
 use headway::drive::simulator::SimulatorSetup;
-use headway::job_file;
+use headway::job::file;
 use headway::settings::{Settings, machine_file};
 use headway_firmware::configuration::{Arm, Frame, Kinematics};
 use headway_firmware::delay::motion_delay_s;
@@ -225,7 +225,7 @@ fn exported_joints_are_within_half_a_step_of_the_simulated_ones() {
     for (machine, joints) in MACHINES {
         let (job, settings) = planned(machine);
         let mut opened = std::fs::File::open(&job).expect("job");
-        let file = job_file::read(&mut opened).expect("job");
+        let file = file::read(&mut opened).expect("job");
         let stream = file.stream().expect("stream");
         let machine_of_job = stream.machine(&file.header.machine);
         let setup = SimulatorSetup::default();

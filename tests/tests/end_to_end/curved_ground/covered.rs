@@ -8,9 +8,9 @@ use headway::drive::dry_run::dry_run;
 use headway::drive::simulator::SimulatorSetup;
 use headway::drive::time_by_limit::time_by_limit;
 use headway::geometry::polygon::Region;
+use headway::pipeline::surface::plan_on_surface;
 use headway::plan_target;
 use headway::settings::Settings;
-use headway::surface_plan::plan_on_surface;
 use headway_tests::ground_oracle::{Laid, Look, laid};
 
 fn planned(shape: &Shape, region: &Region, settings: &Settings) -> Plan {

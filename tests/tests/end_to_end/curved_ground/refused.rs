@@ -4,8 +4,8 @@
 use super::shapes::{circle, fast_gantry, ring, sheet, target};
 use headway::geometry::polygon::Region;
 use headway::mesh::Mesh;
+use headway::pipeline::surface::{SurfaceError, plan_on_surface};
 use headway::settings::Quality;
-use headway::surface_plan::{SurfaceError, plan_on_surface};
 use headway::{Plan, PlanError};
 use headway_tests::ground_oracle::{Ground, Look, Vec3, laid};
 use std::f64::consts::{PI, TAU};

@@ -5,8 +5,8 @@
 use headway::gcode::write::dialect::Dialect;
 use headway::gcode::write::{JobText, WriteOptions, write_gcode};
 use headway::gcode::{GcodeOptions, GcodePass, GcodeProgram, read};
-use headway::gcode_plan::{GcodePlan, plan_gcode};
-use headway::job_packing::JobPacking;
+use headway::pipeline::gcode::{GcodePlan, plan_gcode};
+use headway::pipeline::packing::JobPacking;
 use headway::settings::Settings;
 use headway_tests::cpu_clock::thread_s;
 use headway_tests::folders::files;

@@ -2,9 +2,9 @@
 //! came from, within 5 µm and 0.02°. Method: a vase on each example machine; its joints by the inverse equations, in six
 //! digits; read by `machine:FILE` and, where the words can say it, by words.
 
-use headway::gcode::axes::words::AxesWords;
 use headway::gcode::axes::{FileAxes, FileMachine};
 use headway::gcode::{GcodeOptions, Place, read};
+use headway::settings::axes_words::AxesWords;
 use headway::settings::{Settings, joint_names, machine_file};
 use headway_firmware::kinematics::{inverse, joint_channels};
 use headway_firmware::pose::{Pose, tilt_of_axis};

@@ -10,7 +10,7 @@ use headway::gcode::write::limits::AxisLimits;
 use headway::gcode::write::{JobText, WriteOptions, Written, write_gcode};
 use headway::input::{Format, ReadOptions};
 use headway::job::SegmentStream;
-use headway::job_heat::{BED, HOT_END, HeatEvent, HeatOrder};
+use headway::job::heat::{BED, HOT_END, HeatEvent, HeatOrder};
 use headway::settings::{Settings, machine_file};
 use headway::{plan_target, plan_waypoints};
 use headway_tests::controllers::{self, AXES, HEADING, Printed, guide, klipper};
@@ -331,7 +331,7 @@ fn vase() -> Job {
     }
     let program =
         headway::gcode::read(text.as_bytes(), "vase", &Default::default()).expect("a vase");
-    let plan = headway::gcode_plan::plan_gcode(&program, None, &Settings::default(), &());
+    let plan = headway::pipeline::gcode::plan_gcode(&program, None, &Settings::default(), &());
     let plan = plan.expect("a plan");
     Job {
         name: "vase",

@@ -5,9 +5,9 @@
 //! read from the finished stream.
 
 use headway::gcode::{GcodeOptions, read};
-use headway::gcode_plan::{GcodePlan, plan_gcode};
 use headway::geometry::Vector2;
 use headway::job::MotionState;
+use headway::pipeline::gcode::{GcodePlan, plan_gcode};
 use headway::report::pose_table::samples_within;
 use headway::settings::Settings;
 use std::f64::consts::TAU;

@@ -7,8 +7,8 @@ use super::plain_turns::{
     Matrix, Vector, about, applied, plus, product, scaled, transposed, x, y, z,
 };
 use headway::gcode::axes::FileAxes;
-use headway::gcode::axes::words::AxesWords;
 use headway::gcode::{GcodeOptions, GcodeProgram, Place, read};
+use headway::settings::axes_words::AxesWords;
 use std::f64::consts::{FRAC_1_SQRT_2, PI};
 use std::sync::Arc;
 

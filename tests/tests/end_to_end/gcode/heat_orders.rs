@@ -6,8 +6,8 @@
 use headway::gcode::write::dialect::Dialect;
 use headway::gcode::write::{JobText, WriteOptions, write_gcode};
 use headway::gcode::{GcodeOptions, GcodeProgram, HeatPlace, read};
-use headway::gcode_plan::{GcodePlan, plan_gcode};
-use headway::job_heat::{BED, HOT_END, HeatOrder};
+use headway::job::heat::{BED, HOT_END, HeatOrder};
+use headway::pipeline::gcode::{GcodePlan, plan_gcode};
 use headway::report::pose_table::samples_within;
 use headway::settings::Settings;
 

@@ -7,7 +7,7 @@ use headway::drive::dry_run::dry_run;
 use headway::drive::simulator::SimulatorSetup;
 use headway::gcode::comments::Slicer;
 use headway::gcode::{GcodeOptions, GcodeProgram, read};
-use headway::gcode_plan::plan_gcode;
+use headway::pipeline::gcode::plan_gcode;
 use headway::settings::Settings;
 use headway_tests::centre_line::beside;
 use std::f64::consts::PI;

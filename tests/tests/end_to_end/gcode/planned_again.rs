@@ -6,9 +6,9 @@
 use headway::gcode::write::dialect::Dialect;
 use headway::gcode::write::{JobText, WriteOptions, write_gcode};
 use headway::gcode::{GcodeOptions, read};
-use headway::gcode_plan::{GcodePlan, plan_gcode};
 use headway::input::{Format, ReadOptions};
 use headway::job::SegmentStream;
+use headway::pipeline::gcode::{GcodePlan, plan_gcode};
 use headway::plan_target;
 use headway::report::pose_table::samples;
 use headway::settings::Settings;

@@ -6,9 +6,9 @@
 use headway::drive::dry_run::dry_run;
 use headway::drive::simulator::SimulatorSetup;
 use headway::gcode::{GcodeOptions, GcodeProgram, read};
-use headway::gcode_plan::{GcodePlan, plan_gcode};
 use headway::geometry::Vector2;
 use headway::job::MotionState;
+use headway::pipeline::gcode::{GcodePlan, plan_gcode};
 use headway::report::pose_table::samples_within;
 use headway::settings::Settings;
 use headway_tests::centre_line::beside;

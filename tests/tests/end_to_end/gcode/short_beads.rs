@@ -7,7 +7,7 @@ use headway::drive::device_check::DeviceCheck;
 use headway::drive::dry_run::dry_run;
 use headway::drive::simulator::SimulatorSetup;
 use headway::gcode::{GcodeOptions, read};
-use headway::gcode_plan::{GcodePlan, plan_gcode};
+use headway::pipeline::gcode::{GcodePlan, plan_gcode};
 use headway::settings::Settings;
 use headway_firmware::spline::Span;
 

@@ -9,7 +9,7 @@ use headway::input::Target;
 use headway::job::{MotionState, SegmentStream};
 use headway::mesh::layers::{HeightRange, LayerHeights, SlicedPart, sliced};
 use headway::mesh::{Mesh, Point3};
-use headway::part_plan::{FirstLayer, PartPlan, plan_part};
+use headway::pipeline::mesh::{FirstLayer, PartPlan, plan_part};
 use headway::plan_target;
 use headway::settings::{Infill, Settings};
 use std::f64::consts::TAU;

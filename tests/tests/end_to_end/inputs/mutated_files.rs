@@ -5,10 +5,10 @@
 //! What was found so stands below by name.
 
 use headway::gcode::{self, GcodeOptions, GcodePass, GcodeProgram};
-use headway::gcode_plan::plan_gcode;
 use headway::input::{Format, Input, ReadOptions, read_any};
 use headway::mesh::MeshFormat;
 use headway::mesh::layers::{LayerHeights, sliced};
+use headway::pipeline::gcode::plan_gcode;
 use headway::settings::Settings;
 use headway_tests::cpu_clock::thread_s;
 use rand::{RngExt, SeedableRng};

@@ -7,9 +7,9 @@
 use headway::geometry::Point2;
 use headway::geometry::polygon::{Region, Ring};
 use headway::job::MotionState;
-use headway::layer_uses::Use;
 use headway::mesh::layers::{SlicedPart, TargetLayer};
-use headway::part_plan::{FirstLayer, PartPlan, plan_part};
+use headway::pipeline::layer_uses::Use;
+use headway::pipeline::mesh::{FirstLayer, PartPlan, plan_part};
 use headway::report::pose_table::{StreamSample, samples_within};
 use headway::settings::kinds::{KindSettings, Kinds};
 use headway::settings::{Infill, Settings};

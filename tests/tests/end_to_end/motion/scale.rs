@@ -5,8 +5,8 @@
 use headway::drive::dry_run::dry_run;
 use headway::drive::simulator::SimulatorSetup;
 use headway::input::Target;
+use headway::job::frames::WireFrames;
 use headway::settings::{Settings, machine_file};
-use headway::wire_frames::WireFrames;
 use headway::{Plan, plan_target};
 use headway_tests::outlines::{example, region};
 use headway_tests::segment_oracle::{Oracle, sample_limits};

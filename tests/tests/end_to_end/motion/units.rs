@@ -5,7 +5,7 @@
 use headway::drive::dry_run::dry_run;
 use headway::drive::simulator::SimulatorSetup;
 use headway::input::Target;
-use headway::job_file;
+use headway::job::file;
 use headway::plan_target;
 use headway::settings::{Settings, machine_file};
 use headway_protocol::units::{CHANNEL_VOLUME, Units};
@@ -16,7 +16,7 @@ const OLD_JOB: &[u8] = include_bytes!("../../../data/jobs/bar-protocol-9.hwj");
 
 #[test]
 fn a_job_of_protocol_version_9_makes_the_steps_that_it_made_then() {
-    let job = job_file::read(&mut Cursor::new(OLD_JOB)).expect("an old job");
+    let job = file::read(&mut Cursor::new(OLD_JOB)).expect("an old job");
     assert_eq!(job.header.protocol_version, 9);
     let stream = job.stream().expect("its stream");
     assert_eq!(stream.units, Units::BASE);

@@ -2,8 +2,8 @@
 //! back. Method: rows of rings, each a turn, on a machine with random numbers of turns; the heading of every control
 //! point on the wire against the range, travels that turn back against what is reported.
 
-use headway::findings::unwinding::unwindings;
 use headway::input::{Format, ReadOptions, read};
+use headway::pipeline::findings::unwinding::unwindings;
 use headway::plan_target;
 use headway::settings::machine_file;
 use headway_protocol::units::{CHANNEL_HEADING, UNITS_PER_NATURAL};

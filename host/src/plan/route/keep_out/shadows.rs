@@ -8,7 +8,7 @@ use crate::geometry::Point2;
 use crate::geometry::boolean::{filled, grown};
 use crate::geometry::polygon::{Region, Ring};
 use crate::geometry::repair::FillRule;
-use crate::part_transform::PartTransform;
+use crate::job::transform::PartTransform;
 use crate::settings::Settings;
 use headway_reach::Vector3;
 

@@ -3,9 +3,9 @@
 use super::LeanError;
 use crate::input::ReadOptions;
 use crate::input::waypoints::{WaypointRun, read};
+use crate::pipeline::{PlanError, plan_waypoints};
 use crate::settings::Settings;
 use crate::settings::head_shape::{ConeAndCylinder, HeadOutline, HeadShape};
-use crate::{PlanError, plan_waypoints};
 
 fn settings(tilt_max_deg: Option<f64>) -> Settings {
     let gantry = Settings::gantry();

@@ -1,0 +1,94 @@
+//! The options of `headway calibrate`, with their help.
+
+use crate::calibration::PatternKind;
+use crate::cli::args::SettingsArgs;
+use crate::cli::args::allow::AllowArgs;
+use clap::{Args, ValueEnum};
+use std::path::PathBuf;
+
+/// `headway calibrate`.
+#[derive(Debug, Args)]
+#[command(after_help = "\
+Examples:
+  headway calibrate steps -m my-printer.toml
+  headway calibrate heading -m my-printer.toml --from -20 --to 20 --lines 9 -o fan.hwj
+  headway calibrate advance -m my-printer.toml --to 0.1 -o advance.hwj
+  headway calibrate resonance -m my-printer.toml --from 20 --to 70 -o shake.hwj
+
+What each is for and how it is read: docs/guide/calibration.md")]
+pub(crate) struct CalibrateArgs {
+    /// Which number is looked for.
+    #[arg(value_enum, value_name = "NAME")]
+    pub pattern: PatternName,
+    /// Job file to write; of several jobs each gets its value in its name, and a machine file beside it
+    /// [default: the pattern's name].
+    #[arg(short, long, value_name = "JOB.hwj")]
+    pub output: Option<PathBuf>,
+    /// Length of the lines, or distance of the marks, mm.
+    #[arg(long, value_name = "MM", allow_negative_numbers = true)]
+    pub length: Option<f64>,
+    /// First of the stepped values, in the pattern's unit.
+    #[arg(long, value_name = "VALUE", allow_negative_numbers = true)]
+    pub from: Option<f64>,
+    /// Last of the stepped values.
+    #[arg(long, value_name = "VALUE", allow_negative_numbers = true)]
+    pub to: Option<f64>,
+    /// How many values.
+    #[arg(long, value_name = "N", allow_negative_numbers = true)]
+    pub lines: Option<u32>,
+    /// Turns of the nozzle before the second fan of `heading` [default: 5 without stops, else 0].
+    #[arg(long, value_name = "N", allow_negative_numbers = true)]
+    pub turns: Option<u32>,
+    /// Tilt of the lines of `pivot`, degrees [default: 15].
+    #[arg(long, value_name = "DEG", allow_negative_numbers = true)]
+    pub tilt: Option<f64>,
+    /// Machine coordinates of the pattern's front left corner, mm [default: centred over the work area].
+    #[arg(long, value_name = "X,Y,Z", allow_hyphen_values = true)]
+    pub at: Option<String>,
+    #[command(flatten)]
+    pub settings: SettingsArgs,
+    #[command(flatten)]
+    pub allow: AllowArgs,
+    /// What is laid where, as one JSON object on stdout.
+    #[arg(long)]
+    pub json: bool,
+}
+
+#[derive(Clone, Copy, Debug, ValueEnum)]
+pub(crate) enum PatternName {
+    /// Steps of X, Y, Z and the extruder: marks at a known distance, a tube of known height and weight.
+    Steps,
+    /// Where the heading is zero: a fan of headings.
+    Heading,
+    /// How far the nozzle is off the axis that it turns about: lines in halves, half a turn apart.
+    Nozzle,
+    /// Pivot length of a head that tilts: lines in halves that lean to either side.
+    Pivot,
+    /// Pressure advance: lines that are slow, fast, slow; a job for each value.
+    Advance,
+    /// Volume of a prime: lines that begin with more and more.
+    Prime,
+    /// Volume of a retract: lines that end with more and more.
+    Retract,
+    /// Where the frame rings, by eye: walls with waves behind their corners.
+    Ringing,
+    /// Where the frame rings, by an accelerometer: X, then Y, shaken from --from to --to Hz; nothing is laid.
+    Resonance,
+}
+
+impl PatternName {
+    /// `None` for what lays nothing.
+    pub(crate) fn kind(self) -> Option<PatternKind> {
+        Some(match self {
+            PatternName::Steps => PatternKind::Steps,
+            PatternName::Heading => PatternKind::Heading,
+            PatternName::Nozzle => PatternKind::Nozzle,
+            PatternName::Pivot => PatternKind::Pivot,
+            PatternName::Advance => PatternKind::Advance,
+            PatternName::Prime => PatternKind::Prime,
+            PatternName::Retract => PatternKind::Retract,
+            PatternName::Ringing => PatternKind::Ringing,
+            PatternName::Resonance => return None,
+        })
+    }
+}

@@ -1,0 +1,176 @@
+//! The options of `headway export`, with their help.
+
+use crate::report::plan_marks::Colouring;
+use clap::{Args, ValueEnum};
+use std::path::PathBuf;
+
+/// `headway export`.
+#[derive(Debug, Args)]
+#[command(after_help = "\
+Examples:
+  headway export part.hwj --to csv --every-ms 2 --output poses.csv
+  headway export part.hwj --to csv --joints --every-ms 2 -o joints.csv
+  headway export part.hwj --to ros2-yaml --every-ms 10 --joint-names j1,j2,j3,j4,j5,j6 -o part.yaml
+  headway export part.hwj --to svg --layer 5 --colour width > layer-5.svg
+  headway export part.hwj --to gcode --dialect klipper -o part.gcode")]
+pub(crate) struct ExportArgs {
+    /// A job file (.hwj).
+    pub job: PathBuf,
+    /// What to write.
+    #[arg(long, value_enum, value_name = "FORMAT")]
+    pub to: ExportName,
+    /// Layer of the picture, from 1.
+    #[arg(long, value_name = "N", default_value_t = 1)]
+    pub layer: u32,
+    /// What the picture's passes are coloured by [default: zone].
+    #[arg(long, value_enum, value_name = "WHAT")]
+    pub colour: Option<ColourName>,
+    /// Time between two rows of the table, ms.
+    #[arg(
+        long,
+        value_name = "MS",
+        default_value_t = 1.0,
+        allow_negative_numbers = true
+    )]
+    pub every_ms: f64,
+    /// Joints in place of poses, for csv and json: positions (mm, rad), rates, accelerations and motor steps.
+    #[arg(long)]
+    pub joints: bool,
+    /// The robot's names of the joints, in the machine file's order, for ros2-json and ros2-yaml [default: the
+    /// machine file's names].
+    #[arg(long, value_name = "NAMES", value_delimiter = ',')]
+    pub joint_names: Option<Vec<String>>,
+    /// File to write [default: stdout].
+    #[arg(short, long, value_name = "FILE")]
+    pub output: Option<PathBuf>,
+    /// Print the figures of G-code as one JSON object on stdout; needs --output.
+    #[arg(long)]
+    pub json: bool,
+    #[command(flatten)]
+    pub gcode: GcodeArgs,
+}
+
+/// What G-code is written like.
+#[derive(Debug, Args)]
+#[command(next_help_heading = "G-code")]
+pub(crate) struct GcodeArgs {
+    /// Controller that G-code is for.
+    #[arg(long, value_enum, value_name = "CONTROLLER")]
+    pub dialect: Option<DialectName>,
+    /// How primes and retracts are written [default: extruder, which leaves nothing set on the controller].
+    #[arg(long, value_enum, value_name = "HOW")]
+    pub retraction: Option<RetractionName>,
+    /// Diameter of the filament, mm.
+    #[arg(
+        long,
+        value_name = "MM",
+        default_value_t = 1.75,
+        allow_negative_numbers = true
+    )]
+    pub filament_diameter: f64,
+    /// Letters of the tilt about X, about Y, and of the heading [default: the machine file's [gcode] letters, else A,B,C].
+    #[arg(long, value_name = "A,B,C")]
+    pub letters: Option<String>,
+    /// Letter of the extruder [default: E; U for linuxcnc and grblhal].
+    #[arg(long, value_name = "LETTER")]
+    pub extruder: Option<char>,
+    /// Headings from 0 to 360 degrees, for axes that go the shorter way; else they count turns.
+    #[arg(long)]
+    pub wrapped: bool,
+    /// How far a move may be beside the job's path, mm [default: 0.002; 0.003 for linuxcnc, grblhal and marlin].
+    #[arg(long, value_name = "MM", allow_negative_numbers = true)]
+    pub line_tolerance: Option<f64>,
+    /// Arcs (G2, G3) where they are fewer moves [default: on for linuxcnc, off for the others].
+    #[arg(
+        long,
+        value_enum,
+        value_name = "on|off",
+        num_args = 0..=1,
+        require_equals = true,
+        default_missing_value = "on"
+    )]
+    pub arcs: Option<ArcsName>,
+    /// Start block with fields like {x} or {time_s}, in place of the dialect's.
+    #[arg(long, value_name = "FILE")]
+    pub start: Option<PathBuf>,
+    /// Write the job though neither it nor a start block heats a hot end.
+    #[arg(long)]
+    pub no_heat: bool,
+    /// End block.
+    #[arg(long, value_name = "FILE")]
+    pub end: Option<PathBuf>,
+}
+
+#[derive(Clone, Copy, Debug, ValueEnum)]
+pub(crate) enum DialectName {
+    /// Klipper; the heading is a manual stepper with a G-code axis.
+    Klipper,
+    /// RepRapFirmware 3.
+    Reprapfirmware,
+    /// LinuxCNC; inverse time, U is the extruder.
+    Linuxcnc,
+    /// grblHAL; inverse time, U is the extruder.
+    Grblhal,
+    /// Marlin 2.1 with extra axes.
+    Marlin,
+}
+
+#[derive(Clone, Copy, Debug, PartialEq, ValueEnum)]
+pub(crate) enum ArcsName {
+    /// Arcs of the XY plane.
+    On,
+    /// Straight moves alone.
+    Off,
+}
+
+#[derive(Clone, Copy, Debug, ValueEnum)]
+pub(crate) enum RetractionName {
+    /// G10 and G11, lengths set before (M207, SET_RETRACTION).
+    Firmware,
+    /// M228 retracts, M227 primes.
+    Source,
+    /// The extruder's axis back and forth.
+    Extruder,
+}
+
+#[derive(Clone, Copy, Debug, ValueEnum)]
+pub(crate) enum ColourName {
+    /// The rule that each pass follows; a job from a file has one colour.
+    Zone,
+    /// When it is printed.
+    Order,
+    /// Speed of the tip.
+    Speed,
+    /// Width of the bead.
+    Width,
+    /// Heading.
+    Heading,
+}
+
+impl ColourName {
+    pub(crate) fn colouring(self) -> Colouring {
+        match self {
+            ColourName::Zone => Colouring::Zone,
+            ColourName::Order => Colouring::Order,
+            ColourName::Speed => Colouring::Speed,
+            ColourName::Width => Colouring::Width,
+            ColourName::Heading => Colouring::Heading,
+        }
+    }
+}
+
+#[derive(Clone, Copy, Debug, ValueEnum)]
+pub(crate) enum ExportName {
+    /// Poses at even steps of time.
+    Csv,
+    /// Passes with the nozzle's outlines.
+    Svg,
+    /// Everything: knots, events, marks, figures.
+    Json,
+    /// Joints as a JointTrajectory message of ROS 2, in rad and m.
+    Ros2Json,
+    /// The same as YAML.
+    Ros2Yaml,
+    /// Moves for another controller, of the --dialect.
+    Gcode,
+}

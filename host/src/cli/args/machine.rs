@@ -1,0 +1,71 @@
+//! The options of `headway machine`, with their help.
+
+use clap::{Args, Subcommand, ValueEnum};
+use std::path::PathBuf;
+
+/// `headway machine`.
+#[derive(Debug, Args)]
+#[command(after_help = "\
+Examples:
+  headway machine new --kind planar > my-printer.toml
+  headway machine check my-printer.toml
+  headway machine firmware my-printer.toml -o my-printer.bin")]
+pub(crate) struct MachineArgs {
+    #[command(subcommand)]
+    pub command: MachineCommand,
+}
+
+#[derive(Debug, Subcommand)]
+pub(crate) enum MachineCommand {
+    /// Write a commented machine file to start from.
+    New {
+        /// Kinematics of the machine.
+        #[arg(long, value_enum, default_value = "planar")]
+        kind: KindName,
+        /// Name of the machine in messages and job files [default: the kind].
+        #[arg(long)]
+        name: Option<String>,
+        /// File to write [default: stdout].
+        #[arg(short, long, value_name = "FILE")]
+        output: Option<PathBuf>,
+    },
+    /// Read a machine file, say what is wrong or what it amounts to.
+    Check {
+        /// The machine file.
+        file: PathBuf,
+        /// One JSON object on stdout.
+        #[arg(long)]
+        json: bool,
+    },
+    /// Write what a board's firmware is built with (`HEADWAY_MACHINE`, see docs/guide/boards.md).
+    Firmware {
+        /// The machine file.
+        file: PathBuf,
+        /// File to write.
+        #[arg(short, long, value_name = "FILE")]
+        output: PathBuf,
+    },
+}
+
+#[derive(Clone, Copy, Debug, ValueEnum)]
+pub(crate) enum KindName {
+    /// X Y Z and a nozzle that turns.
+    Planar,
+    /// The same on two belts: the motors of X and Y turn by their sum and their difference.
+    #[value(name = "corexy")]
+    CoreXy,
+    /// X Y Z and a head that tilts (A, B) and turns (C).
+    Gantry,
+    /// X Y Z and a table that tilts (A) and turns (C).
+    Trunnion,
+    /// A six-joint arm.
+    Arm6,
+    /// X Y Z and a head that turns (C) and, on it, tilts (B).
+    HeadCb,
+    /// X Y Z and a table that tilts (B) and turns (C).
+    TableBc,
+    /// X Y Z and a head that turns (C) with a nozzle that leans by a fixed angle.
+    TiltedHead,
+    /// A table that turns (C) under X and Z.
+    Polar,
+}

@@ -1,0 +1,440 @@
+//! The options of every command, with their help.
+
+pub(crate) mod allow;
+pub(crate) mod board;
+pub(crate) mod calibrate;
+pub(crate) mod compare;
+pub(crate) mod export;
+pub(crate) mod inspect;
+pub(crate) mod machine;
+mod names;
+pub(crate) mod other_names;
+pub(crate) mod shell;
+pub(crate) mod wide;
+
+use crate::cli::args::allow::{AllowArgs, VerdictArgs};
+use crate::cli::args::board::{BoardArgs, StreamArgs};
+use crate::cli::args::calibrate::CalibrateArgs;
+use crate::cli::args::compare::{CompareArgs, HeadingAxis};
+use crate::cli::args::export::ExportArgs;
+use crate::cli::args::inspect::InspectArgs;
+use crate::cli::args::machine::MachineArgs;
+use crate::cli::args::other_names::OtherNames;
+use crate::cli::args::shell::{CompletionsArgs, ManArgs};
+use crate::cli::args::wide::WideArgs;
+pub(crate) use names::{FormatName, LawName, PassName, PlaceName, QualityName, SeamName, UnitName};
+
+use clap::builder::ArgPredicate;
+use clap::{Args, Parser, Subcommand};
+use std::path::PathBuf;
+
+/// Plans, simulates and streams the motion of print heads with turning, non-round nozzles.
+#[derive(Debug, Parser)]
+#[command(name = "headway", version, max_term_width = 100, after_help = EXAMPLES)]
+pub(crate) struct Arguments {
+    #[command(subcommand)]
+    pub command: Command,
+    /// Show no progress, on a terminal either; notes and errors stay.
+    #[arg(long, global = true)]
+    pub quiet: bool,
+}
+
+const EXAMPLES: &str = "\
+Examples:
+  headway simulate examples/u-part.json --report report
+  headway plan part.svg --machine my-printer.toml --output part.hwj
+  headway headings part.json --aperture ellipse:0.6x0.2 --spacing 0.25 --output headings.csv
+  headway machine new --kind gantry --output my-printer.toml
+  headway stream part.hwj --port /dev/ttyACM0
+
+Exit status: 0 done, 1 the job cannot be done as asked, 2 wrong usage.";
+
+#[derive(Debug, Subcommand)]
+pub(crate) enum Command {
+    /// Plan an input and write the job file.
+    Plan(PlanArgs),
+    /// Write the headings that law and outline allow at every boundary sample.
+    Headings(HeadingsArgs),
+    /// Run a job through the firmware library and check what comes out.
+    Simulate(SimulateArgs),
+    /// Plan a part with several nozzles and say what each takes.
+    Compare(CompareArgs),
+    /// Write a job's report, a page that draws and plays it, and open it.
+    View(ViewArgs),
+    /// Write a job as a table of poses, a picture or JSON.
+    Export(ExportArgs),
+    /// Show what is in a job file or an input.
+    Inspect(InspectArgs),
+    /// Stream a job to a board.
+    Stream(StreamArgs),
+    /// Ask a board, command it, or be one without hardware.
+    Board(BoardArgs),
+    /// Write a job that lays a pattern from which a number of the machine file is read.
+    Calibrate(CalibrateArgs),
+    /// Write or check a machine file.
+    Machine(MachineArgs),
+    /// Write the script by which a shell completes this command.
+    Completions(CompletionsArgs),
+    /// Write manual pages.
+    Man(ManArgs),
+}
+
+/// What stands for the input where there is a surface alone.
+pub(crate) const NO_INPUT: &str = "-";
+
+/// What is read, and where it goes on the machine.
+#[derive(Clone, Debug, Args)]
+#[command(next_help_heading = "Input")]
+pub(crate) struct InputArgs {
+    /// Format of the input, where its ending does not say it.
+    #[arg(long, value_enum, value_name = "FORMAT")]
+    pub from: Option<FormatName>,
+    /// Unit of the input's coordinates, over what the file says.
+    #[arg(long, value_enum, value_name = "UNIT")]
+    pub units: Option<UnitName>,
+    /// Factor on all coordinates of the input.
+    #[arg(
+        long,
+        value_name = "FACTOR",
+        default_value_t = 1.0,
+        allow_negative_numbers = true
+    )]
+    pub scale: f64,
+    /// Mend crossings, overlaps and open contours by the fill rule, and say what was changed.
+    #[arg(long)]
+    pub repair: bool,
+    /// Turn a mesh about its x, then y, then z axis, degrees.
+    #[arg(long, value_name = "X,Y,Z", allow_hyphen_values = true)]
+    pub rotate: Option<String>,
+    /// Diameter of the filament of G-code, mm [default: what the file says, or 1.75].
+    #[arg(long, value_name = "MM", allow_negative_numbers = true)]
+    pub filament_diameter: Option<f64>,
+    /// Axes of the machine that G-code was written for, where it is another one: which letter turns head or table, about
+    /// what, and whether X Y Z are the tip's place on the part: "B=table:y,C=table:z,coordinates=pivot",
+    /// "A=head:x:at=0/0/60,U=heading,coordinates=tip", "machine:FILE.toml" (its joints). Further words: :zero=DEG,
+    /// shift=X/Y/Z, lean=DEG, feed=tip, xyz or all, extruder=LETTER; the guide has them for each program
+    /// [default: the machine file's].
+    #[arg(long, value_name = "WORDS", allow_hyphen_values = true)]
+    pub axes: Option<String>,
+    /// Layer of a DXF drawing that is read; once for each [default: all but frozen and off].
+    #[arg(long, value_name = "NAME")]
+    pub dxf_layer: Vec<String>,
+}
+
+/// How a mesh is divided into layers.
+#[derive(Clone, Debug, Default, PartialEq, Args)]
+#[command(next_help_heading = "Input")]
+pub(crate) struct LayerArgs {
+    /// Layers of a mesh that are wanted, counted from 1, first and last [default: all].
+    #[arg(long, value_name = "A-B")]
+    pub layer_range: Option<String>,
+    /// Heights of a mesh's layers by ranges above the bed, mm, upwards: 0-2:0.1,2-10:0.2; elsewhere that of
+    /// --layer-height.
+    #[arg(long, value_name = "A-B:MM,...", allow_hyphen_values = true)]
+    pub layer_heights: Option<String>,
+    /// Height of the first layer of a mesh, mm [default: that of the others].
+    #[arg(long, value_name = "MM", allow_negative_numbers = true)]
+    pub first_layer_height: Option<f64>,
+}
+
+/// Where the input goes on the machine.
+#[derive(Debug, Default, PartialEq, Args)]
+#[command(next_help_heading = "Input")]
+pub(crate) struct PlaceArgs {
+    /// Further runs of waypoints, printed after the input in this order, as one job.
+    #[arg(value_name = "MORE")]
+    pub more: Vec<PathBuf>,
+    /// Machine coordinates of the input's origin, mm [default: the input's box centred over the
+    /// work area, on the bed]. Given several times, an outline or mesh is printed at each place.
+    #[arg(long, value_name = "X,Y,Z", allow_hyphen_values = true)]
+    pub at: Vec<String>,
+    /// So many of an outline or mesh, in rows, up to 1000.
+    #[arg(long, value_name = "N", value_parser = clap::value_parser!(u32).range(1..=1000))]
+    pub copies: Option<u32>,
+    /// Between the boxes of copies, mm [default: 5].
+    #[arg(long, value_name = "MM", allow_negative_numbers = true)]
+    pub copy_gap: Option<f64>,
+    /// Outlines that neither aperture nor nozzle body enters (clamps, finished neighbours), in the
+    /// input's coordinates; read like the input.
+    #[arg(long, value_name = "FILE")]
+    pub keep_out: Option<PathBuf>,
+    /// Mesh, in the outline's coordinates, that the layers follow; for heads that tilt. An outline of the plane is seen
+    /// from above and lies on the mesh's upper side, one with points [x, y, z] is drawn on it, and without an outline the
+    /// mesh is printed on up to its rims: both may hang over or close around.
+    #[arg(long, value_name = "MESH")]
+    pub surface: Option<PathBuf>,
+    /// What of the surface is meant: group:NAME (of an OBJ), colour:#RRGGBB (of an OBJ's vertices), or normal:DEG, which
+    /// leans from Z by no more than that.
+    #[arg(long, value_name = "REGION", requires = "surface")]
+    pub surface_region: Option<String>,
+    /// Waypoints further apart than this end a pass: retract, travel clear of what is printed, prime
+    /// [default: six times the usual spacing].
+    #[arg(long, value_name = "MM")]
+    pub gap: Option<f64>,
+    /// Where a run of waypoints lies.
+    #[arg(long, value_enum, value_name = "PLACE", conflicts_with = "at")]
+    pub place: Option<PlaceName>,
+    /// Turns a run of waypoints about Z, counter-clockwise, degrees; places and messages are those of the
+    /// turned run.
+    #[arg(long, value_name = "DEG", allow_negative_numbers = true)]
+    pub turn: Option<f64>,
+    /// How far the tool axis may leave that of the waypoints where two rotary axes of the machine line
+    /// up, degrees; 0 leaves it as it is [default: 0.5].
+    #[arg(long, value_name = "DEG", allow_negative_numbers = true)]
+    pub axis_tolerance: Option<f64>,
+    /// How far the tool axis of a run of waypoints may lean from that given, degrees, where nozzle or head would touch
+    /// what stands: the least lean that is clear is taken; a column cone_deg allows less at single waypoints
+    /// [default: axes stay as they are].
+    #[arg(long, value_name = "DEG", allow_negative_numbers = true)]
+    pub tilt_max: Option<f64>,
+    /// A mesh of what stands on the machine (clamps, finished parts), in machine coordinates; may be given several
+    /// times. Tilting heads are held against it; outlines and meshes keep off its shadow.
+    #[arg(long, value_name = "MESH")]
+    pub obstacle: Vec<PathBuf>,
+    /// Corners of a run of waypoints are rounded within this many mm, and those of its tool axis within
+    /// half of --axis-tolerance; 0 leaves corners as they are: the head rests at those of the path. Small
+    /// roundings, below about 0.1 mm, can take LONGER than rests: compare print_s [default: 0, or the machine file's].
+    #[arg(long, value_name = "MM", allow_negative_numbers = true)]
+    pub corner_tolerance: Option<f64>,
+    /// Folder where planned layers of a mesh are kept: what was planned before is not planned again.
+    #[arg(long, value_name = "DIR")]
+    pub cache: Option<PathBuf>,
+    #[command(flatten)]
+    pub layers: LayerArgs,
+    /// Tip speed while the first layer of a mesh is printed, mm/s [default: that of the others].
+    #[arg(long, value_name = "MM_S", allow_negative_numbers = true)]
+    pub first_layer_speed: Option<f64>,
+}
+
+/// What overrides the machine file.
+#[derive(Clone, Debug, Default, PartialEq, Args)]
+#[command(next_help_heading = "Settings")]
+pub(crate) struct SettingsArgs {
+    #[command(flatten)]
+    pub other_names: OtherNames,
+    /// Machine file [default: a built-in planar machine; see `headway machine new`].
+    #[arg(short, long, value_name = "MACHINE.toml")]
+    pub machine: Option<PathBuf>,
+    /// Aperture, mm: ellipse:AxB (semi-axes), circle:R, stadium:LxW, rect:LxWxR (full sizes, corner
+    /// radius), polygon:FILE (a JSON list of corners about the tool's axis).
+    #[arg(long, value_name = "SHAPE")]
+    pub aperture: Vec<String>,
+    /// What `compare` makes of the heading axis.
+    #[arg(skip)]
+    pub heading_axis: Option<HeadingAxis>,
+    /// Tip speed while printing, mm/s.
+    #[arg(long, value_name = "MM_S", allow_negative_numbers = true)]
+    pub speed: Option<f64>,
+    /// Tip speed of the walls, below --speed, mm/s.
+    #[arg(long, value_name = "MM_S", allow_negative_numbers = true)]
+    pub wall_speed: Option<f64>,
+    /// Tip speed of the lines of filled ground, below --speed, mm/s.
+    #[arg(long, value_name = "MM_S", allow_negative_numbers = true)]
+    pub solid_speed: Option<f64>,
+    /// Tip speed of the lines of a sparse infill, below --speed, mm/s.
+    #[arg(long, value_name = "MM_S", allow_negative_numbers = true)]
+    pub sparse_speed: Option<f64>,
+    /// Least time of a layer, s: shorter ones are printed slower [default: 0].
+    #[arg(long, value_name = "S", allow_negative_numbers = true)]
+    pub min_layer_time: Option<f64>,
+    #[command(flatten)]
+    pub wide: WideArgs,
+    /// Layer height, mm.
+    #[arg(long, value_name = "MM", allow_negative_numbers = true)]
+    pub layer_height: Option<f64>,
+    /// Layers of an outline, all the same [default: 1]; a mesh has its own.
+    #[arg(long, value_name = "N", allow_negative_numbers = true)]
+    pub layers: Option<u32>,
+    /// Passes across a narrow passage.
+    #[arg(long, value_enum, value_name = "PASS")]
+    pub pass: Option<PassName>,
+    /// How the local width becomes a heading angle.
+    #[arg(long, value_enum, value_name = "LAW")]
+    pub law: Option<LawName>,
+    /// What a mm² of ground left open or laid twice is worth in seconds of printing [default:
+    /// standard].
+    #[arg(long, value_enum, value_name = "QUALITY")]
+    pub quality: Option<QualityName>,
+    /// How far the aperture may leave the outline, the segments the path, and chords the curves of
+    /// the input, mm.
+    #[arg(long, value_name = "MM", allow_negative_numbers = true)]
+    pub tolerance: Option<f64>,
+    /// Controlled overlap of neighbouring passes, per cent of the bead width.
+    #[arg(long, value_name = "PCT", allow_negative_numbers = true)]
+    pub overlap: Option<f64>,
+    /// Loops along the outline, with straight lines inside [default: loops all the way in].
+    #[arg(long, value_name = "N", allow_negative_numbers = true)]
+    pub walls: Option<u32>,
+    /// Share of the ground inside the walls that lines cover, per cent [default: 100].
+    #[arg(long, value_name = "PCT", allow_negative_numbers = true)]
+    pub infill_density: Option<f64>,
+    /// Solid layers at the bottom of a print with walls [default: 4, of several layers].
+    #[arg(long, value_name = "N", allow_negative_numbers = true)]
+    pub bottom: Option<u32>,
+    /// Solid layers at the top of a print with walls [default: 5, of several layers].
+    #[arg(long, value_name = "N", allow_negative_numbers = true)]
+    pub top: Option<u32>,
+    /// Direction of the infill's lines against the x axis, degrees; every other layer's lie across
+    /// [default: 45].
+    #[arg(long, value_name = "DEG", allow_negative_numbers = true)]
+    pub infill_angle: Option<f64>,
+    /// Loops around the first layer, at a distance, printed before it.
+    #[arg(long, value_name = "N", allow_negative_numbers = true)]
+    pub skirt: Option<u32>,
+    /// From the part (or its brim) to the innermost loop of the skirt, mm [default: 3].
+    #[arg(long, value_name = "MM", allow_negative_numbers = true)]
+    pub skirt_distance_mm: Option<f64>,
+    /// Loops around the first layer that touch it, printed before it.
+    #[arg(long, value_name = "N", allow_negative_numbers = true)]
+    pub brim: Option<u32>,
+    /// Travel stays inside the part where there is a way.
+    #[arg(
+        long,
+        value_name = "BOOL",
+        num_args = 0..=1,
+        require_equals = true,
+        default_missing_value = "true"
+    )]
+    pub avoid_crossing: Option<bool>,
+    /// Where loops begin and end.
+    #[arg(long, value_enum, value_name = "PLACE")]
+    pub seam: Option<SeamName>,
+    /// Direction of aligned seams against the x axis, degrees [default: 90].
+    #[arg(long, value_name = "DEG", allow_negative_numbers = true)]
+    pub seam_direction: Option<f64>,
+}
+
+/// `headway plan`.
+#[derive(Debug, Args)]
+#[command(after_help = "\
+Examples:
+  headway plan examples/bracket.json --output bracket.hwj
+  headway plan drawing.svg -m my-printer.toml --speed 40 --overlap 5 -o part.hwj --json
+  headway plan examples/bracket.json --layers 40 --walls 2 --infill-density 20 -o bracket.hwj
+  headway plan part.stl --layer-height 0.25 --walls 2 --infill-density 15 -o part.hwj
+  headway plan sliced.gcode -o part.hwj
+  headway plan five-axis.gcode --axes A=table:x,C=table:z,coordinates=pivot -m my-printer.toml -o part.hwj")]
+pub(crate) struct PlanArgs {
+    /// Mesh (STL, 3MF, OBJ), outline (polygon JSON, GeoJSON, SVG), waypoints or G-code; none with --surface alone.
+    #[arg(
+        required = false,
+        required_unless_present = "surface",
+        default_value_if("surface", ArgPredicate::IsPresent, NO_INPUT)
+    )]
+    pub input: PathBuf,
+    /// Job file to write.
+    #[arg(short, long, value_name = "JOB.hwj")]
+    pub output: PathBuf,
+    #[command(flatten)]
+    pub reading: InputArgs,
+    #[command(flatten)]
+    pub place: PlaceArgs,
+    #[command(flatten)]
+    pub settings: SettingsArgs,
+    #[command(flatten)]
+    pub allow: AllowArgs,
+    #[command(flatten)]
+    pub verdict: VerdictArgs,
+    /// The figures as one JSON object on stdout.
+    #[arg(long)]
+    pub json: bool,
+}
+
+/// `headway headings`.
+#[derive(Debug, Args)]
+#[command(after_help = "\
+Examples:
+  headway headings examples/taper.json --spacing 0.25 > headings.csv
+  headway headings part.svg --aperture ellipse:0.8x0.3 --pass one --law linear -o headings.csv")]
+pub(crate) struct HeadingsArgs {
+    /// Outline: polygon JSON, GeoJSON or SVG.
+    pub input: PathBuf,
+    /// Longest piece of the boundary between two samples, mm.
+    #[arg(
+        long,
+        value_name = "MM",
+        default_value_t = 0.25,
+        allow_negative_numbers = true
+    )]
+    pub spacing: f64,
+    /// Table to write [default: stdout].
+    #[arg(short, long, value_name = "F.csv")]
+    pub output: Option<PathBuf>,
+    #[command(flatten)]
+    pub reading: InputArgs,
+    #[command(flatten)]
+    pub settings: SettingsArgs,
+    /// A summary as one JSON object on stdout (the table only to --output).
+    #[arg(long)]
+    pub json: bool,
+}
+
+/// `headway simulate`.
+#[derive(Debug, Args)]
+#[command(after_help = "\
+Examples:
+  headway simulate examples/u-part.json --report report
+  headway simulate part.hwj --trace poses.csv --trace-steps steps.csv
+  headway simulate part.svg --link \"drop=0.01,flip=1e-5,stall=2s@5s\" --seed 7 --json")]
+pub(crate) struct SimulateArgs {
+    /// Mesh (STL, 3MF, OBJ), outline (polygon JSON, GeoJSON, SVG), waypoints, G-code, or a job file (.hwj); none with
+    /// --surface alone.
+    #[arg(
+        required = false,
+        required_unless_present = "surface",
+        default_value_if("surface", ArgPredicate::IsPresent, NO_INPUT)
+    )]
+    pub input: PathBuf,
+    /// Folder for figures and pictures; made where it is not there.
+    #[arg(long, value_name = "DIR")]
+    pub report: Option<PathBuf>,
+    /// Table of the poses that the simulated steps really made.
+    #[arg(long, value_name = "F.csv")]
+    pub trace: Option<PathBuf>,
+    /// Table of every step.
+    #[arg(long, value_name = "F.csv")]
+    pub trace_steps: Option<PathBuf>,
+    /// Faults of the simulated line: drop, flip, dup, delay, stall=LENGTH@START,
+    /// pull=LENGTH@START, baud.
+    #[arg(long, value_name = "FAULTS")]
+    pub link: Option<String>,
+    /// Fixes every random choice of the simulated line.
+    #[arg(long, value_name = "N", default_value_t = 1)]
+    pub seed: u64,
+    #[command(flatten)]
+    pub reading: InputArgs,
+    #[command(flatten)]
+    pub place: PlaceArgs,
+    #[command(flatten)]
+    pub settings: SettingsArgs,
+    #[command(flatten)]
+    pub allow: AllowArgs,
+    #[command(flatten)]
+    pub verdict: VerdictArgs,
+    /// The figures as one JSON object on stdout.
+    #[arg(long)]
+    pub json: bool,
+}
+
+/// `headway view`.
+#[derive(Debug, Args)]
+#[command(after_help = "\
+Examples:
+  headway view part.hwj
+  headway view part.svg -m machine.toml --report pages/part --no-open")]
+pub(crate) struct ViewArgs {
+    /// A job file (.hwj), or an input, which is planned.
+    pub input: PathBuf,
+    /// Folder for the page and its pictures [default: the input's name, with -report].
+    #[arg(long, value_name = "DIR")]
+    pub report: Option<PathBuf>,
+    /// Only write the page.
+    #[arg(long)]
+    pub no_open: bool,
+    #[command(flatten)]
+    pub reading: InputArgs,
+    #[command(flatten)]
+    pub place: PlaceArgs,
+    #[command(flatten)]
+    pub settings: SettingsArgs,
+}

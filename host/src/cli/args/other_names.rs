@@ -1,0 +1,29 @@
+//! Options as other programs name them: never taken, answered with the name that they have here.
+
+use clap::Args;
+use clap::builder::UnknownArgumentValueParser;
+
+fn named(option: &'static str) -> UnknownArgumentValueParser {
+    UnknownArgumentValueParser::suggest_arg(option)
+}
+
+/// What slicers call settings that have another name here.
+#[derive(Clone, Debug, Default, PartialEq, Args)]
+pub(crate) struct OtherNames {
+    #[arg(long, hide = true, value_parser = named("--infill-density"))]
+    infill: Option<String>,
+    #[arg(long, hide = true, value_parser = named("--infill-density"))]
+    fill_density: Option<String>,
+    #[arg(long, hide = true, value_parser = named("--aperture"))]
+    nozzle: Option<String>,
+    #[arg(long, hide = true, value_parser = named("--aperture"))]
+    nozzle_diameter: Option<String>,
+    #[arg(long, hide = true, value_parser = named("--walls"))]
+    perimeters: Option<String>,
+    #[arg(long, hide = true, value_parser = named("--top"))]
+    top_layers: Option<String>,
+    #[arg(long, hide = true, value_parser = named("--bottom"))]
+    bottom_layers: Option<String>,
+    #[arg(long, hide = true, value_parser = named("--machine"))]
+    printer: Option<String>,
+}

@@ -1,0 +1,354 @@
+//! `headway compare`: the same part with several nozzles, side by side.
+//!
+//! In: an input, apertures, limits of the heading axis. Out: a table, JSON or a picture of time, ground and material of
+//! each; the speed of the heading axis at which turning no longer pays.
+
+mod sliced;
+
+use crate::cli::args::SettingsArgs;
+use crate::cli::args::compare::{CompareArgs, HeadingAxis};
+use crate::cli::error::CliError;
+use crate::cli::job::pictures;
+use crate::cli::plan::planned::{self, Planned};
+use crate::cli::reading::load;
+use crate::cli::terminal::console::Console;
+use crate::cli::terminal::output_file::{check_file, write_file};
+use crate::report::compare_picture::{self, Bar};
+use crate::report::figures::Figures;
+use crate::report::plan_picture;
+use serde::Serialize;
+use std::fmt::Write;
+use std::ops::RangeInclusive;
+
+/// Slowest heading axis that is tried, against the given one.
+const SLOWEST: f64 = 1.0 / 64.0;
+/// About the most nozzles that a picture of a layer draws.
+const PLACED_MAX: usize = 700;
+/// Density of the material that is printed most, g/cm³.
+const PLA_G_CM3: f64 = 1.24;
+/// Densities that are taken, as in a machine file.
+const DENSITIES: RangeInclusive<f64> = 0.001..=30.0;
+/// Halvings of the range of speeds: the last is 1.07 times the one before.
+const HALVINGS: usize = 6;
+
+/// What a nozzle does with the part.
+#[derive(Clone, Debug, Default, Serialize)]
+struct Row {
+    aperture: String,
+    /// The slicer's file whose lines these are.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    sliced: Option<String>,
+    /// What its slicer estimates, s.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    slicer_estimate_s: Option<f64>,
+    /// Duration of the job, s.
+    print_s: Option<f64>,
+    /// Boundary that cannot be touched, mm.
+    unreachable_mm: Option<f64>,
+    /// Ground that is to be filled and stays open, mm².
+    open_mm2: Option<f64>,
+    flow_interruptions: Option<u64>,
+    /// By --density, the machine file's `[material]`, or the density of PLA.
+    mass_g: Option<f64>,
+    volume_mm3: Option<f64>,
+    /// Why it cannot be printed with this nozzle.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    refused: Option<String>,
+    /// No density was given.
+    #[serde(skip)]
+    is_pla: bool,
+    #[serde(skip)]
+    is_round: bool,
+    #[serde(skip)]
+    picture: Option<String>,
+}
+
+impl Row {
+    /// What the row is of.
+    fn label(&self) -> String {
+        match &self.sliced {
+            Some(name) => format!("{name}, {}", self.aperture),
+            None => self.aperture.clone(),
+        }
+    }
+}
+
+pub(crate) fn run(args: &CompareArgs, console: &Console) -> Result<(), CliError> {
+    let apertures = &args.settings.aperture;
+    if apertures.len() < 2 {
+        return Err(CliError::Usage(
+            "compare needs --aperture at least twice, once for each nozzle".to_string(),
+        ));
+    }
+    if let Some(picture) = &args.picture {
+        check_file(picture)?;
+    }
+    if let Some(density) = args.density.filter(|of| !DENSITIES.contains(of)) {
+        return Err(CliError::Usage(format!(
+            "--density {density}: write 0.001 to 30 g/cm³"
+        )));
+    }
+    let axis = HeadingAxis {
+        speed_max_rad_s: args.heading_speed.map(f64::to_radians),
+        acceleration_max_rad_s2: args.heading_acceleration.map(f64::to_radians),
+        slower: 1.0,
+    };
+    let mut rows = Vec::new();
+    for aperture in apertures {
+        console.say(&format!("with {aperture}:"));
+        let settings = of_nozzle(&args.settings, aperture, axis);
+        rows.push(match plan_with(args, &settings, console)? {
+            Ok(planned) => row(args, aperture, &planned),
+            Err(refused) => Row {
+                aperture: aperture.clone(),
+                refused: Some(refused),
+                ..Row::default()
+            },
+        });
+    }
+    if rows.iter().all(|row| row.refused.is_some()) {
+        let reasons = rows.iter().filter_map(|row| row.refused.as_deref());
+        return Err(CliError::Job(reasons.collect::<Vec<_>>().join("\n")));
+    }
+    let break_even = match args.break_even {
+        true => Some(break_even(args, axis, &rows, console)?),
+        false => None,
+    };
+    if let Some(path) = &args.to {
+        console.say(&format!("with {}:", path.display()));
+        let settings = of_nozzle(&args.settings, "", axis);
+        let (aperture, planned) = sliced::planned(args, path, &settings, console)?;
+        let name = path.file_name().unwrap_or_default().to_string_lossy();
+        rows.push(Row {
+            sliced: Some(name.into_owned()),
+            slicer_estimate_s: planned.figures.slicer_estimate_s,
+            ..row(args, &aperture, &planned)
+        });
+    }
+    if let Some(path) = &args.picture {
+        write_file(path, picture(args, &rows).as_bytes())?;
+    }
+    match args.json {
+        true => {
+            let text = serde_json::to_string_pretty(&rows).unwrap_or_default();
+            break_even.iter().for_each(|line| console.say(line));
+            console.result(&(text + "\n"))
+        }
+        false => {
+            console.result(&(table(&rows, args) + &break_even.map_or(String::new(), |l| l + "\n")))
+        }
+    }
+}
+
+/// The settings of one of the nozzles.
+fn of_nozzle(settings: &SettingsArgs, aperture: &str, axis: HeadingAxis) -> SettingsArgs {
+    SettingsArgs {
+        aperture: vec![aperture.to_string()],
+        heading_axis: Some(axis),
+        ..settings.clone()
+    }
+}
+
+/// Plans with one nozzle; why the part cannot be printed with it is no error. Options that are wrong are wrong for all.
+fn plan_with(
+    args: &CompareArgs,
+    settings: &SettingsArgs,
+    console: &Console,
+) -> Result<Result<Planned, String>, CliError> {
+    let (reading, place) = (&args.reading, &args.place);
+    match planned::from_input(&args.input, reading, place, settings, &[], None, console) {
+        Ok(planned) => Ok(Ok(planned)),
+        Err(error @ (CliError::Usage(_) | CliError::File { .. } | CliError::OutputClosed)) => {
+            Err(error)
+        }
+        Err(error) => Ok(Err(error.to_string())),
+    }
+}
+
+fn row(args: &CompareArgs, aperture: &str, planned: &Planned) -> Row {
+    let figures = &planned.figures;
+    let picture = args.picture.is_some();
+    Row {
+        aperture: aperture.to_string(),
+        sliced: None,
+        slicer_estimate_s: None,
+        print_s: figures.print_s,
+        unreachable_mm: figures.unreachable_mm,
+        open_mm2: open_mm2(figures),
+        flow_interruptions: figures.flow_interruptions,
+        mass_g: figures
+            .volume_mm3
+            .map(|mm3| mm3 * 1e-3 * density(args, planned)),
+        volume_mm3: figures.volume_mm3,
+        refused: None,
+        is_pla: planned
+            .settings
+            .material
+            .and_then(|of| of.density_g_cm3)
+            .is_none(),
+        is_round: planned.settings.aperture.is_round(),
+        picture: picture.then(|| layer_picture(aperture, planned)),
+    }
+}
+
+/// g/cm³.
+fn density(args: &CompareArgs, planned: &Planned) -> f64 {
+    let of_material = planned.settings.material.and_then(|of| of.density_g_cm3);
+    args.density.or(of_material).unwrap_or(PLA_G_CM3)
+}
+
+/// Ground that nothing covers but should.
+fn open_mm2(figures: &Figures) -> Option<f64> {
+    let area_mm2 = figures.area_mm2?;
+    let open_mm2 = area_mm2 * (100.0 - figures.covered_pct?) / 100.0;
+    let sparse = figures.infill_mm2.zip(figures.infill_covered_pct);
+    let sparse_mm2 = sparse.map_or(0.0, |(mm2, pct)| mm2 * (100.0 - pct) / 100.0);
+    Some((open_mm2 - sparse_mm2).max(0.0))
+}
+
+fn layer_picture(aperture: &str, planned: &Planned) -> String {
+    let layer = planned.stream.layers() / 2;
+    let mut picture = pictures::plan_picture(aperture, planned, layer);
+    // Several stand in one file, side by side: a medial axis and every nozzle would only blacken them.
+    picture.axis.clear();
+    let placed: usize = picture.passes.iter().map(|of| of.placements.len()).sum();
+    let every = placed.div_ceil(PLACED_MAX).max(1);
+    for pass in &mut picture.passes {
+        pass.placements = thinned(&pass.placements, every);
+        pass.speeds_mm_s = thinned(&pass.speeds_mm_s, every);
+    }
+    plan_picture::draw(&picture)
+}
+
+/// Every so many, and the last.
+fn thinned<T: Clone>(of: &[T], every: usize) -> Vec<T> {
+    let last = of.len().saturating_sub(1);
+    let kept = of.iter().enumerate();
+    let kept = kept.filter(|(number, _)| number % every == 0 || *number == last);
+    kept.map(|(_, item)| item.clone()).collect()
+}
+
+fn picture(args: &CompareArgs, rows: &[Row]) -> String {
+    let labels: Vec<String> = rows.iter().map(Row::label).collect();
+    let bars = rows.iter().zip(&labels).flat_map(|(row, label)| {
+        let own = Bar {
+            label,
+            seconds: row.print_s,
+            layer: row.picture.as_deref(),
+        };
+        let estimate = row.slicer_estimate_s.map(|seconds| Bar {
+            label: "its slicer's estimate",
+            seconds: Some(seconds),
+            layer: None,
+        });
+        [Some(own), estimate].into_iter().flatten()
+    });
+    let name = args.input.file_stem().unwrap_or_default().to_string_lossy();
+    compare_picture::draw(&name, &bars.collect::<Vec<_>>())
+}
+
+/// The rows, the time of each against the first's.
+fn table(rows: &[Row], args: &CompareArgs) -> String {
+    let width = rows.iter().map(|row| row.label().chars().count()).max();
+    let width = width.unwrap_or(0).max("aperture".len());
+    let mut text = format!(
+        "{:width$}  {:>9}  {:>5}  {:>9}  {:>14}  {:>13}  {:>7}\n",
+        "aperture", "time s", "ratio", "open mm²", "unreachable mm", "interruptions", "mass g"
+    );
+    let first_s = rows.iter().find_map(|row| row.print_s);
+    let number = |value: Option<f64>, digits: usize| {
+        value.map_or("-".to_string(), |value| format!("{value:.digits$}"))
+    };
+    for row in rows {
+        let ratio = row.print_s.zip(first_s).map(|(own, first)| own / first);
+        let interruptions = row.flow_interruptions.map(|count| count as f64);
+        let _ = writeln!(
+            text,
+            "{:width$}  {:>9}  {:>5}  {:>9}  {:>14}  {:>13}  {:>7}",
+            row.label(),
+            number(row.print_s, 1),
+            number(ratio, 2),
+            number(row.open_mm2, 2),
+            number(row.unreachable_mm, 1),
+            number(interruptions, 0),
+            number(row.mass_g, 2),
+        );
+        if let Some(reason) = &row.refused {
+            let _ = writeln!(text, "  cannot be printed with it: {reason}");
+        }
+        if let Some(seconds) = row.slicer_estimate_s {
+            let _ = writeln!(text, "  its slicer estimates {seconds:.1} s");
+        }
+    }
+    if args.density.is_none() && rows.iter().any(|row| row.is_pla) {
+        let _ = writeln!(
+            text,
+            "mass at {PLA_G_CM3} g/cm³ (PLA); --density, or [material] of the machine file, says another"
+        );
+    }
+    text
+}
+
+/// The heading axis at which the first nozzle that turns takes as long as the fastest round one.
+fn break_even(
+    args: &CompareArgs,
+    axis: HeadingAxis,
+    rows: &[Row],
+    console: &Console,
+) -> Result<String, CliError> {
+    let round = rows.iter().filter(|row| row.is_round);
+    let round = round.filter_map(|row| Some((row.print_s?, &row.aperture)));
+    let round = round.min_by(|a, b| a.0.total_cmp(&b.0));
+    let turned = rows
+        .iter()
+        .find(|row| !row.is_round && row.print_s.is_some());
+    let (Some((round_s, round)), Some(turned)) = (round, turned) else {
+        return Ok("break-even: needs a round nozzle and one that is not".to_string());
+    };
+    let turned_s = |slower: f64| -> Result<f64, CliError> {
+        let axis = HeadingAxis { slower, ..axis };
+        let settings = of_nozzle(&args.settings, &turned.aperture, axis);
+        console.say(&format!(
+            "with {} and {slower:.2} of the heading axis:",
+            turned.aperture
+        ));
+        let planned = plan_with(args, &settings, console)?.ok();
+        let print_s = planned.and_then(|planned| planned.figures.print_s);
+        Ok(print_s.unwrap_or(f64::INFINITY))
+    };
+    let settings = load::settings(&of_nozzle(&args.settings, &turned.aperture, axis))?;
+    let of_axis = |slower: f64| {
+        let joint = settings.heading_joint();
+        joint.map_or("the heading axis".to_string(), |joint| {
+            let limits = [joint.speed_max, joint.acceleration_max];
+            let [speed, acceleration] = limits.map(|max| (max * slower).to_degrees());
+            format!("a heading axis of {speed:.0}°/s and {acceleration:.0}°/s²")
+        })
+    };
+    let aperture = &turned.aperture;
+    if turned.print_s.unwrap_or(f64::INFINITY) >= round_s {
+        let axis = of_axis(1.0);
+        return Ok(format!(
+            "break-even: with {axis} {aperture} already takes longer than {round}"
+        ));
+    }
+    if turned_s(SLOWEST)? < round_s {
+        let axis = of_axis(SLOWEST);
+        return Ok(format!(
+            "break-even: even with {axis} {aperture} is faster than {round}"
+        ));
+    }
+    // Log of the factor: faster at the high end, slower at the low one.
+    let (mut low, mut high) = (SLOWEST.ln(), 0.0);
+    for _ in 0..HALVINGS {
+        let middle = 0.5 * (low + high);
+        match turned_s(middle.exp())? < round_s {
+            true => high = middle,
+            false => low = middle,
+        }
+    }
+    let axis = of_axis(high.exp());
+    Ok(format!(
+        "break-even: {aperture} takes longer than {round} with less than {axis}"
+    ))
+}

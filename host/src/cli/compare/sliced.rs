@@ -1,0 +1,92 @@
+//! A slicer's own file beside a comparison: its nozzle's motion as it is, timed under the same limits.
+//!
+//! In: G-code, the machine of the comparison. Out: its job with a round nozzle of the file's diameter, and what
+//! the slicer estimates. Leaves out ground that stays open: the file has no outline to tell it from.
+
+use crate::cli::args::compare::CompareArgs;
+use crate::cli::args::{InputArgs, PlaceArgs, SettingsArgs};
+use crate::cli::error::CliError;
+use crate::cli::plan::planned;
+use crate::cli::plan::planned::Planned;
+use crate::cli::reading::load;
+use crate::cli::terminal::console::Console;
+use std::path::Path;
+
+/// Diameter of a nozzle that a file does not name, mm: what most printers have.
+const USUAL_MM: f64 = 0.4;
+
+/// Plans the file along its own lines; the nozzle's description comes with it.
+pub(crate) fn planned(
+    args: &CompareArgs,
+    path: &Path,
+    settings: &SettingsArgs,
+    console: &Console,
+) -> Result<(String, Planned), CliError> {
+    let text = load::read_text(path)?;
+    let diameter_mm = nozzle_diameter_mm(&text);
+    if diameter_mm.is_none() {
+        console.notes(&[format!(
+            "{}: names no nozzle_diameter; {USUAL_MM} mm is taken",
+            path.display()
+        )]);
+    }
+    let aperture = format!("circle:{}", 0.5 * diameter_mm.unwrap_or(USUAL_MM));
+    let settings = SettingsArgs {
+        machine: settings.machine.clone(),
+        heading_axis: settings.heading_axis,
+        aperture: vec![aperture.clone()],
+        ..SettingsArgs::default()
+    };
+    let reading = InputArgs {
+        from: None,
+        units: None,
+        scale: 1.0,
+        repair: false,
+        rotate: None,
+        dxf_layer: Vec::new(),
+        ..args.reading.clone()
+    };
+    let place = PlaceArgs::default();
+    let planned = planned::from_input(path, &reading, &place, &settings, &[], None, console)?;
+    if planned.outline.is_empty() && planned.plan.is_none() {
+        return Ok((aperture, planned));
+    }
+    Err(CliError::Usage(format!(
+        "--to {}: give a slicer's G-code",
+        path.display()
+    )))
+}
+
+/// What a slicer's comment says: `; nozzle_diameter = 0.4`, of several the first.
+fn nozzle_diameter_mm(text: &str) -> Option<f64> {
+    let comments = text
+        .lines()
+        .filter_map(|line| line.trim().strip_prefix(';'));
+    let mut named = comments.filter_map(|comment| {
+        let value = comment.trim().strip_prefix("nozzle_diameter")?;
+        let value = value.trim_start().strip_prefix(['=', ':'])?;
+        let first = value.split([',', ';']).next()?;
+        first.trim().parse::<f64>().ok()
+    });
+    named.find(|mm| (0.05..=20.0).contains(mm))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::nozzle_diameter_mm;
+
+    #[test]
+    fn the_nozzle_is_what_the_comment_says() {
+        for (text, expected) in [
+            ("G1 X1\n; nozzle_diameter = 0.4\n", Some(0.4)),
+            ("; nozzle_diameter = 0.6,0.4", Some(0.6)),
+            (";nozzle_diameter: 0.25", Some(0.25)),
+            ("; nozzle_diameter_note = 0.4", None),
+            ("; nozzle_diameter = wide", None),
+            ("; nozzle_diameter = 900", None),
+            ("G1 X0.4 nozzle_diameter = 0.4", None),
+        ] {
+            assert_eq!(nozzle_diameter_mm(text), expected, "{text}");
+        }
+    }
+}

@@ -1,0 +1,47 @@
+//! Why a command ends without its result, and the exit status of that.
+
+use std::process::ExitCode;
+
+/// Why a command ends without its result.
+#[derive(Debug, thiserror::Error)]
+pub enum CliError {
+    /// The options make no sense (exit status 2).
+    #[error("{0}\n  see headway --help")]
+    Usage(String),
+    /// The job cannot be done as asked (exit status 1).
+    #[error("{0}")]
+    Job(String),
+    /// A joint would leave its range (exit status 1); `--allow range` takes it.
+    #[error("{input}: {place} (--allow range takes it as it is)")]
+    OutsideRange {
+        /// Input that is planned.
+        input: String,
+        /// Joint from 0.
+        joint: usize,
+        /// Where it would be.
+        place: String,
+    },
+    /// A file cannot be read or written (exit status 1).
+    #[error("{path}: {problem}")]
+    File {
+        /// The file.
+        path: String,
+        /// What the system says.
+        problem: std::io::Error,
+    },
+    /// The reader of our output has gone: not an error worth a message.
+    #[error("the output was closed")]
+    OutputClosed,
+}
+
+impl CliError {
+    pub(crate) fn exit_code(&self) -> ExitCode {
+        match self {
+            CliError::Usage(_) => ExitCode::from(2),
+            CliError::Job(_) | CliError::OutsideRange { .. } | CliError::File { .. } => {
+                ExitCode::from(1)
+            }
+            CliError::OutputClosed => ExitCode::SUCCESS,
+        }
+    }
+}

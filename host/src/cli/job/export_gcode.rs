@@ -1,0 +1,196 @@
+//! `headway export --to gcode`: a job for another controller, and what that makes of it.
+
+use crate::cli::args::export::{ArcsName, DialectName, ExportArgs, RetractionName};
+use crate::cli::error::CliError;
+use crate::cli::plan::missing_heat::{missing_heat, missing_in_text};
+use crate::cli::reading::job::Job;
+use crate::cli::reading::load;
+use crate::cli::terminal::console::Console;
+use crate::gcode::FILAMENT_MM;
+use crate::gcode::write::controller_time::SlowedBy;
+use crate::gcode::write::dialect::{Dialect, Retraction};
+use crate::gcode::write::limits::AxisLimits;
+use crate::gcode::write::{
+    JobText, WriteError, WriteOptions, Written, filament_mm2, is_tilting, write_gcode,
+};
+use crate::settings::machine_file::gcode_letters;
+use std::path::Path;
+
+/// Tip tolerances that are taken, mm.
+const TIP_MM: [f64; 2] = [1e-4, 1.0];
+
+/// Writes the job's G-code and says what a controller has to keep up with.
+pub(crate) fn run(job: &Job, args: &ExportArgs, console: &Console) -> Result<(), CliError> {
+    let options = options(job, args)?;
+    if args.json && args.output.is_none() {
+        return Err(CliError::Usage(
+            "--json prints the figures on stdout: give the G-code a file with --output".to_string(),
+        ));
+    }
+    if is_tilting(&job.stream)
+        && job
+            .settings
+            .as_ref()
+            .is_none_or(|of| of.gcode_letters.is_none())
+    {
+        return Err(CliError::Job(format!(
+            "{}: the head tilts, and X Y Z of the text are its tip: a controller that does not know where the tip is \
+             prints it wrongly. Where yours does, plan with a machine file that says so: [gcode] letters = \"A,B,C\"",
+            job.name
+        )));
+    }
+    let heat = job.file.header.heat();
+    let remedy = "give a --start block that heats";
+    let missing =
+        || missing_heat(job, &heat, remedy).or_else(|| missing_in_text(job, &heat, remedy));
+    if !args.gcode.no_heat
+        && args.gcode.start.is_none()
+        && let Some(missing) = missing()
+    {
+        return Err(CliError::Job(missing));
+    }
+    let text = JobText {
+        name: &job.name,
+        machine: &job.file.header.machine_name,
+        stream: &job.stream,
+        servo_hz: job.servo_hz(),
+        heat: &heat,
+    };
+    // What the blocks lack is said before anything is written.
+    let checked = write_gcode(std::io::sink(), &text, &options);
+    let written = checked.map_err(|error| CliError::Usage(error.to_string()))?;
+    console.notes(&notes(&written, &options));
+    console.write_to(args.output.as_deref(), |out| {
+        match write_gcode(out, &text, &options) {
+            Ok(_) => Ok(()),
+            Err(WriteError::Io(error)) => Err(error),
+            Err(error) => Err(std::io::Error::other(error)),
+        }
+    })?;
+    match args.json {
+        true => console.result_to(None, &format!("{}\n", json(&written, &options))),
+        false => Ok(()),
+    }
+}
+
+/// The figures: lengths of time in seconds.
+fn json(written: &Written, options: &WriteOptions) -> serde_json::Value {
+    serde_json::json!({
+        "dialect": options.dialect.name(),
+        "moves": written.moves,
+        "arcs": written.arcs,
+        "moves_a_second": written.moves_a_second,
+        "duration_s": written.duration_s,
+        "volume_mm3": written.volume_mm3,
+        "controller_time_s": written.controller_time_s,
+        "limited_by": written.slowed_by.map(SlowedBy::text),
+        "needs": options.dialect.needs(),
+    })
+}
+
+fn options(job: &Job, args: &ExportArgs) -> Result<WriteOptions, CliError> {
+    let Some(dialect) = args.gcode.dialect else {
+        return Err(CliError::Usage(
+            "--to gcode needs --dialect klipper|reprapfirmware|linuxcnc|grblhal|marlin".to_string(),
+        ));
+    };
+    let of = &args.gcode;
+    let between =
+        |option: &str, value: f64, [least, most]: [f64; 2]| match (least..=most).contains(&value) {
+            true => Ok(value),
+            false => Err(CliError::Usage(format!(
+                "{option} {value}: write {least} to {most} mm"
+            ))),
+        };
+    let block = |path: Option<&Path>| path.map(load::read_text).transpose();
+    let dialect = match dialect {
+        DialectName::Klipper => Dialect::Klipper,
+        DialectName::Reprapfirmware => Dialect::RepRapFirmware,
+        DialectName::Linuxcnc => Dialect::LinuxCnc,
+        DialectName::Grblhal => Dialect::GrblHal,
+        DialectName::Marlin => Dialect::Marlin,
+    };
+    let of_machine = job.settings.as_ref().and_then(|of| of.gcode_letters);
+    let turns = match (&of.letters, of_machine) {
+        (Some(text), _) => letters(text)?,
+        (None, of_machine) => of_machine.unwrap_or(*b"ABC"),
+    };
+    let filament_mm = between("--filament-diameter", of.filament_diameter, FILAMENT_MM)?;
+    Ok(WriteOptions {
+        dialect,
+        retraction: of.retraction.map(|retraction| match retraction {
+            RetractionName::Firmware => Retraction::Firmware,
+            RetractionName::Source => Retraction::Source,
+            RetractionName::Extruder => Retraction::Extruder,
+        }),
+        filament_mm,
+        limits: AxisLimits::of_machine(&job.file.header.machine, filament_mm2(filament_mm)),
+        turns,
+        extruder: of
+            .extruder
+            .map(|letter| extruder(letter, turns[2]))
+            .transpose()?,
+        wrapped: of.wrapped,
+        tip_mm: between(
+            "--line-tolerance",
+            of.line_tolerance.unwrap_or(dialect.tolerances()[0]),
+            TIP_MM,
+        )?,
+        arcs: of.arcs.map(|arcs| arcs == ArcsName::On),
+        blocks: [block(of.start.as_deref())?, block(of.end.as_deref())?],
+    })
+}
+
+/// A letter that no axis has.
+fn extruder(letter: char, heading: u8) -> Result<u8, CliError> {
+    let letter = letter.to_ascii_uppercase();
+    // On a machine that does not tilt the letters of the tilt are free.
+    let is_free = "EABCUVWHJ".contains(letter) && letter != char::from(heading);
+    u8::try_from(letter).ok().filter(|_| is_free).ok_or_else(|| {
+        CliError::Usage(format!(
+            "--extruder {letter}: write a letter of E, A, B, C, U, V, W, H, J that is not the heading's"
+        ))
+    })
+}
+
+/// `A,B,C`: three letters that are no other axis.
+fn letters(text: &str) -> Result<[u8; 3], CliError> {
+    let letters = gcode_letters(text);
+    letters.ok_or_else(|| {
+        CliError::Usage(format!(
+            "--letters {text}: write three different letters of A, B, C, U, V, W, H, J for the tilt about X, \
+             about Y and the heading, as in --letters A,B,C"
+        ))
+    })
+}
+
+fn notes(written: &Written, options: &WriteOptions) -> Vec<String> {
+    let most = options.dialect.moves_a_second_max();
+    let arcs = match written.arcs {
+        0 => String::new(),
+        arcs => format!(" ({arcs} arcs)"),
+    };
+    let name = options.dialect.name();
+    let slowed = written.slowed_by.map_or(String::new(), |by| {
+        format!(" (slowed down most by {})", by.text())
+    });
+    let mut notes = vec![
+        format!(
+            "{} moves{arcs}, at most {:.0} a second, {:.1} s",
+            written.moves, written.moves_a_second, written.duration_s
+        ),
+        format!(
+            "{name} takes about {:.1} s for them{slowed}, if set as the guide has it: {}",
+            written.controller_time_s,
+            options.dialect.needs()
+        ),
+    ];
+    if written.moves_a_second > most {
+        notes.push(format!(
+            "more than the {most} moves a second that {} is trusted with: raise --line-tolerance, or lower \
+             the speed",
+            name
+        ));
+    }
+    notes
+}

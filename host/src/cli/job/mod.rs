@@ -1,0 +1,11 @@
+//! What is made of a job: simulation, report, pictures, exports, inspection. In: a planned job or a job file. Out:
+//! files and figures.
+
+pub(crate) mod export;
+pub(crate) mod export_gcode;
+pub(crate) mod inspect;
+pub(crate) mod inspect_axes;
+pub(crate) mod page_layers;
+pub(crate) mod pictures;
+pub(crate) mod simulate;
+pub(crate) mod view;

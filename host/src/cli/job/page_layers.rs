@@ -1,0 +1,228 @@
+//! Which layers the report's page shows, how they move, and what it is told of the whole job.
+//!
+//! In: a planned job, the layers that have pictures. Out: the page's plain structs, so few points and samples that
+//! the page stays below 15 MB.
+
+use crate::cli::job::pictures::ShownLayer;
+use crate::cli::plan::planned::Planned;
+use crate::drive::time_by_limit::limit_at;
+use crate::job::heat::{HEATER_NAMES, HeatOrder, job_events};
+use crate::job::{MotionState, SegmentStream};
+use crate::plan::layers::layer_groups::infills_of_layers;
+use crate::report::layer_path::{PathOf, layer_path};
+use crate::report::page_layer::{HeatStep, LayerMotion, PageFacts, PageLayer, StackedLayer};
+use crate::report::pose_table::{StreamIndex, duration_ticks};
+use crate::report::track::{TrackOf, track};
+use headway_firmware::configuration::Kinematics;
+use headway_protocol::units::CHANNEL_Z;
+
+/// Most samples of the page's layers together: about 4 MB of it with seven joints.
+const SAMPLES_MAX: u64 = 120_000;
+/// Most points of their paths beside the ends of moves, where the tool stands upright and where it tilts: about 7 MB
+/// of it.
+const POINTS_MAX: [u64; 2] = [700_000, 400_000];
+
+/// The motion of the page's layers.
+pub(crate) struct LayerMotions<'a> {
+    planned: &'a Planned,
+    index: StreamIndex<'a>,
+    /// Ticks of all layers that are shown.
+    ticks: u64,
+}
+
+impl<'a> LayerMotions<'a> {
+    pub(crate) fn of(planned: &'a Planned, shown: &[ShownLayer]) -> LayerMotions<'a> {
+        let stream = &planned.stream;
+        let long = |layer: u32| {
+            let [from, end] = ticks_of(stream, layer);
+            end.saturating_sub(from)
+        };
+        let ticks = match shown {
+            [_] => duration_ticks(stream),
+            _ => shown.iter().map(|shown| long(shown.layer)).sum(),
+        };
+        LayerMotions {
+            planned,
+            index: StreamIndex::of(stream),
+            ticks,
+        }
+    }
+
+    /// Of a layer, with what holds it back.
+    pub(crate) fn motion(&self, layer: u32) -> LayerMotion {
+        let (stream, settings) = (&self.planned.stream, &self.planned.settings);
+        let ticks = ticks_of(stream, layer);
+        let share = (ticks[1] - ticks[0]) as f64 / self.ticks.max(1) as f64;
+        let of = TrackOf {
+            stream,
+            settings,
+            index: &self.index,
+            ticks,
+            samples_max: (SAMPLES_MAX as f64 * share) as u64,
+        };
+        let tilts = !matches!(settings.machine.kinematics, Kinematics::Planar);
+        let of_path = PathOf {
+            stream,
+            index: &self.index,
+            transform: &self.planned.transform,
+            reach_mm: settings.aperture.major_mm(),
+            ticks,
+            points_max: (POINTS_MAX[usize::from(tilts)] as f64 * share) as usize,
+        };
+        LayerMotion {
+            track: track(of, |span, t_ticks| limit_at(span, t_ticks, settings)),
+            path: layer_path(of_path, self.planned.pass_facts.follow()),
+        }
+    }
+
+    /// Layers that the pictures leave out and that are like none of those shown: a part's, or those of a job
+    /// that came without its settings.
+    pub(crate) fn more(&self, shown: &[ShownLayer]) -> Vec<PageLayer<'a>> {
+        let planned = self.planned;
+        let layers = planned.stream.layers();
+        let more = bare_layers(planned, shown).into_iter();
+        more.map(|layer| PageLayer {
+            layer,
+            label: format!("layer {} of {layers}", layer + 1),
+            outline: planned.outline_of(layer),
+            motion: self.motion(layer),
+        })
+        .collect()
+    }
+
+    /// What the page is told of the whole job.
+    pub(crate) fn facts(&self, shown: &[ShownLayer]) -> PageFacts {
+        let planned = self.planned;
+        let (settings, stream) = (&planned.settings, &planned.stream);
+        let servo_hz = f64::from(settings.machine.servo_hz);
+        let infill = settings.infill.as_ref();
+        let sparse = infill.filter(|infill| (0.0..100.0).contains(&infill.density_pct));
+        let sparse = sparse.filter(|infill| infill.density_pct > 0.0);
+        let is_still = matches!(
+            settings.machine.kinematics,
+            Kinematics::Planar | Kinematics::Gantry { .. }
+        );
+        PageFacts {
+            duration_s: duration_ticks(stream) as f64 / servo_hz,
+            bead_mm: settings.layer_height_mm,
+            sparse_pitch_mm: sparse
+                .map(|infill| 2.0 * settings.aperture.major_mm() * 100.0 / infill.density_pct),
+            is_hollow: infill.is_some_and(|infill| infill.density_pct <= 0.0),
+            line_name: planned.pass_facts.line_name(),
+            bed_mm: is_still.then(|| {
+                settings
+                    .work_area_mm
+                    .map(|corner| planned.transform.to_input(corner))
+            }),
+            stack: self.stack(shown, servo_hz),
+            heat: heat(planned, servo_hz),
+        }
+    }
+
+    /// Every layer of the job by the one that shows it.
+    fn stack(&self, shown: &[ShownLayer], servo_hz: f64) -> Vec<StackedLayer> {
+        let stream = &self.planned.stream;
+        let (of_page, page_of) = page_layers(self.planned, shown);
+        let up_mm = |layer: u32| {
+            let [from, end] = ticks_of(stream, layer);
+            let marks = stream.marks.iter();
+            let first = marks.skip(stream.marks.partition_point(|mark| mark.end_tick <= from));
+            let first = first.take_while(|mark| mark.start_tick < end);
+            let mut first = first.filter(|mark| mark.state == MotionState::Print);
+            let tick = first.next().map_or(from, |mark| mark.start_tick);
+            let span = self.index.spans_from(tick).next();
+            span.map_or(0.0, |span| {
+                span.position(tick.saturating_sub(span.start_tick) as f64)[CHANNEL_Z]
+            })
+        };
+        let stacked = (0u32..).zip(page_of).map(|(layer, page)| {
+            let [from, end] = ticks_of(stream, layer);
+            let shown = of_page.get(page).copied().unwrap_or(layer);
+            StackedLayer {
+                page,
+                up_mm: if shown == layer {
+                    0.0
+                } else {
+                    up_mm(layer) - up_mm(shown)
+                },
+                seconds: (end - from) as f64 / servo_hz,
+            }
+        });
+        stacked.collect()
+    }
+}
+
+/// The layers of the page in its order, and for each layer of the job which of them shows it.
+pub(crate) fn page_layers(planned: &Planned, shown: &[ShownLayer]) -> (Vec<u32>, Vec<usize>) {
+    let mut of_page: Vec<u32> = shown.iter().map(|shown| shown.layer).collect();
+    of_page.extend(bare_layers(planned, shown));
+    let kinds = kinds_of_layers(planned);
+    let layers = planned.stream.layers();
+    let alike = |a: u32, b: u32| match kinds.len() == layers as usize {
+        true => kinds.get(a as usize) == kinds.get(b as usize),
+        false => a == b,
+    };
+    let page_of = |layer| of_page.iter().position(|&page| alike(page, layer));
+    let page_of = (0..layers).map(|layer| page_of(layer).unwrap_or(0));
+    let page_of = page_of.collect();
+    (of_page, page_of)
+}
+
+/// For each layer the number of its kind; none where all layers differ, as those of a slicer's file do, which has no
+/// outline.
+pub(crate) fn kinds_of_layers(planned: &Planned) -> Vec<usize> {
+    match planned.outline.is_empty() {
+        true => Vec::new(),
+        false => infills_of_layers(&planned.settings).1,
+    }
+}
+
+/// Numbers of the layers that have no pictures and are like none that has.
+fn bare_layers(planned: &Planned, shown: &[ShownLayer]) -> Vec<u32> {
+    let [only] = shown else {
+        return Vec::new();
+    };
+    let (layers, stream) = (planned.stream.layers(), &planned.stream);
+    if kinds_of_layers(planned).len() == layers as usize {
+        return Vec::new();
+    }
+    let moves = |layer: &u32| {
+        let [from, end] = stream.ticks_of_layer(*layer);
+        from < end
+    };
+    (only.layer + 1..layers).filter(moves).collect()
+}
+
+/// First and last tick of a layer; of the only one all there is.
+fn ticks_of(stream: &SegmentStream, layer: u32) -> [u64; 2] {
+    match stream.layers() {
+        0 | 1 => [0, duration_ticks(stream)],
+        _ => stream.ticks_of_layer(layer),
+    }
+}
+
+/// What heaters and fan are set to, by the file or the machine's material.
+fn heat(planned: &Planned, servo_hz: f64) -> Vec<HeatStep> {
+    let material = planned.settings.material.as_ref();
+    let events = job_events(&planned.heat, material, &planned.stream.marks);
+    let step = |event: &crate::job::heat::HeatEvent| {
+        let (name, to) = match event.order {
+            HeatOrder::Heater {
+                heater, celsius, ..
+            } => {
+                let name = HEATER_NAMES.get(usize::from(heater));
+                (
+                    format!("{}, °C", name.copied().unwrap_or("heater")),
+                    celsius,
+                )
+            }
+            HeatOrder::Fan { fan_pct } => ("fan, %".to_string(), fan_pct),
+        };
+        HeatStep {
+            at_s: event.tick as f64 / servo_hz,
+            name,
+            to,
+        }
+    };
+    events.iter().map(step).collect()
+}

@@ -1,0 +1,218 @@
+//! `headway simulate`: the job through link and firmware, checked against the plan.
+
+use crate::cli::args::{InputArgs, PlaceArgs, SettingsArgs, SimulateArgs};
+use crate::cli::error::CliError;
+use crate::cli::job::pictures;
+use crate::cli::plan::planned;
+use crate::cli::plan::planned::Planned;
+use crate::cli::plan::verdict;
+use crate::cli::reading::job;
+use crate::cli::terminal::console::Console;
+use crate::cli::terminal::output_file::{
+    check_file, check_report_folder, write_file_with, write_folder,
+};
+use crate::drive::dry_run::{DryRun, dry_run};
+use crate::drive::link::LinkSpec;
+use crate::drive::simulator::SimulatorSetup;
+use crate::drive::trace_table;
+use crate::job::heat::{self, job_events};
+use crate::pipeline::findings::objections::Objection;
+use crate::pipeline::findings::simulated::{outcome, simulation_figures};
+use std::path::Path;
+
+/// Time between two rows of `--trace`.
+const TRACE_EVERY_MS: f64 = 1.0;
+/// Orders of heaters and fans that are told one by one.
+const ORDERS_TOLD: usize = 12;
+/// Steps of the progress bar.
+const BAR_STEPS: f64 = 1000.0;
+
+pub(crate) fn run(args: &SimulateArgs, console: &Console) -> Result<(), CliError> {
+    let link: LinkSpec = match &args.link {
+        Some(text) => text
+            .parse()
+            .map_err(|error| CliError::Usage(format!("--{error}")))?,
+        None => LinkSpec::default(),
+    };
+    for file in [&args.trace, &args.trace_steps].into_iter().flatten() {
+        check_file(file)?;
+    }
+    if let Some(folder) = &args.report {
+        check_report_folder(folder)?;
+    }
+    if !args.verdict.figures {
+        console.show_few_notes();
+    }
+    let mut planned = planned_of(args, console)?;
+    tell_heat(&mut planned, console);
+    let setup = SimulatorSetup {
+        link,
+        seed: args.seed,
+        commands: Vec::new(),
+    };
+    let bar = console.bar("simulating", BAR_STEPS as u64);
+    let dry_run = dry_run(&planned.stream, &planned.settings, &setup, |done| {
+        bar.set_position((done * BAR_STEPS) as u64);
+    });
+    bar.finish_and_clear();
+    let dry_run = dry_run.map_err(|error| CliError::Job(error.to_string()))?;
+    let simulated = simulation_figures(
+        &dry_run,
+        &planned.stream,
+        &planned.transform,
+        &planned.settings,
+    );
+    planned.figures = std::mem::take(&mut planned.figures).merged_with(&simulated);
+    if let Err(fault) = outcome(&dry_run) {
+        let fault = Objection::of_run(&fault);
+        planned.objections.insert(0, fault);
+    }
+    verdict::note(&planned.objections, &mut planned.figures);
+    if !job::is_job(&args.input) {
+        let other = |settings: &SettingsArgs| {
+            let (input, place) = (&args.input, &args.place);
+            planned::from_input(input, &args.reading, place, settings, &[], None, console)
+        };
+        verdict::compare(&args.verdict, &args.settings, other, &mut planned.figures)?;
+    }
+    verdict::settle(&mut planned);
+    write_traces(args, &planned, &dry_run)?;
+    if let Some(folder) = &args.report {
+        write_report(folder, &planned, console)?;
+    }
+    if args.json {
+        console.result(&(planned.figures.to_json() + "\n"))?;
+    } else {
+        let text = verdict::text(&planned.figures, &args.verdict, console);
+        console.result(&text)?;
+    }
+    verdict::check(&planned.objections, &args.allow, "the job is not good")
+}
+
+/// The job as it is read, or planned.
+fn planned_of(args: &SimulateArgs, console: &Console) -> Result<Planned, CliError> {
+    if job::is_job(&args.input) {
+        if args.verdict.against.is_some() {
+            return Err(CliError::Usage(
+                "--against plans the input again: give the input, not its job".to_string(),
+            ));
+        }
+        let unused = of_no_use(&args.input, &args.reading, &args.place, &args.settings);
+        console.notes(unused.as_slice());
+        planned::from_job(&args.input, &args.settings)
+    } else {
+        let (planned, ()) = verdict::planned_as_allowed(&args.allow, |widened| {
+            let planned = planned::from_input(
+                &args.input,
+                &args.reading,
+                &args.place,
+                &args.settings,
+                widened,
+                None,
+                console,
+            )?;
+            Ok((planned, ()))
+        })?;
+        Ok(planned)
+    }
+}
+
+/// Says what is ordered of heaters and fans: the simulated line carries the motion alone.
+fn tell_heat(planned: &mut Planned, console: &Console) {
+    let material = planned.settings.material.as_ref();
+    let events = job_events(&planned.heat, material, &planned.stream.marks);
+    if events.is_empty() {
+        return;
+    }
+    let servo_hz = f64::from(planned.settings.machine.servo_hz);
+    let mut told = heat::list(&events, servo_hz);
+    if let Some(more) = told.len().checked_sub(ORDERS_TOLD).filter(|more| *more > 0) {
+        told.truncate(ORDERS_TOLD);
+        told.push(format!(
+            "and {more} more (`headway inspect JOB` lists them)"
+        ));
+    }
+    let note = format!("heaters and fans: {}", told.join("; "));
+    console.notes(std::slice::from_ref(&note));
+    planned.notes.push(note);
+}
+
+/// What is said of a job that only planning could heed.
+pub(crate) fn of_no_use(
+    input: &Path,
+    reading: &InputArgs,
+    place: &PlaceArgs,
+    settings: &SettingsArgs,
+) -> Option<String> {
+    let InputArgs {
+        from,
+        units,
+        scale,
+        repair,
+        rotate,
+        filament_diameter,
+        axes,
+        dxf_layer,
+    } = reading;
+    let of_reading = from.is_some()
+        || units.is_some()
+        || *scale != 1.0
+        || *repair
+        || rotate.is_some()
+        || filament_diameter.is_some()
+        || axes.is_some()
+        || !dxf_layer.is_empty();
+    let machine_alone = SettingsArgs {
+        machine: settings.machine.clone(),
+        ..SettingsArgs::default()
+    };
+    let of_plan = *place != PlaceArgs::default() || *settings != machine_alone;
+    (of_reading || of_plan).then(|| {
+        let path = input.display();
+        format!(
+            "{path} is planned already: options of input and settings change nothing; plan the \
+             input again with them"
+        )
+    })
+}
+
+fn write_traces(args: &SimulateArgs, planned: &Planned, dry_run: &DryRun) -> Result<(), CliError> {
+    let machine = &planned.settings.machine;
+    let record = &dry_run.simulation.motion;
+    if let Some(path) = &args.trace {
+        write_file_with(path, |mut out| {
+            trace_table::write_poses(
+                &mut out,
+                &planned.stream,
+                machine,
+                record,
+                &planned.transform,
+                TRACE_EVERY_MS,
+            )
+        })?;
+    }
+    if let Some(path) = &args.trace_steps {
+        write_file_with(path, |mut out| {
+            trace_table::write_steps(&mut out, machine, record)
+        })?;
+    }
+    Ok(())
+}
+
+/// Writes the report's files, the page last.
+pub(crate) fn write_report(
+    folder: &Path,
+    planned: &Planned,
+    console: &Console,
+) -> Result<(), CliError> {
+    let bar = console.stage("report");
+    let files = pictures::report_files(planned);
+    let files: Vec<(&str, &str)> = files
+        .iter()
+        .map(|file| (file.name.as_str(), file.text.as_str()))
+        .collect();
+    write_folder(folder, &files)?;
+    bar.finish_and_clear();
+    console.say(&format!("report: {}", folder.join("index.html").display()));
+    Ok(())
+}

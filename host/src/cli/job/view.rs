@@ -1,0 +1,57 @@
+//! `headway view`: the report of a job or an input, opened in the browser.
+
+use crate::cli::args::ViewArgs;
+use crate::cli::error::CliError;
+use crate::cli::job::simulate::{of_no_use, write_report};
+use crate::cli::plan::{planned, verdict};
+use crate::cli::reading::job;
+use crate::cli::terminal::console::Console;
+use crate::cli::terminal::output_file::check_report_folder;
+use crate::drive::time_by_limit::time_by_limit;
+use crate::pipeline::findings::time_figures;
+use std::path::PathBuf;
+
+pub(crate) fn run(args: &ViewArgs, console: &Console) -> Result<(), CliError> {
+    let folder = args.report.clone().unwrap_or_else(|| beside(args));
+    check_report_folder(&folder)?;
+    let mut planned = if job::is_job(&args.input) {
+        let unused = of_no_use(&args.input, &args.reading, &args.place, &args.settings);
+        console.notes(unused.as_slice());
+        planned::from_job(&args.input, &args.settings)?
+    } else {
+        planned::from_input(
+            &args.input,
+            &args.reading,
+            &args.place,
+            &args.settings,
+            &[],
+            None,
+            console,
+        )?
+    };
+    let times = time_figures(
+        time_by_limit(&planned.stream, &planned.settings),
+        &planned.transform,
+    );
+    planned.figures = std::mem::take(&mut planned.figures).merged_with(&times);
+    verdict::settle(&mut planned);
+    write_report(&folder, &planned, console)?;
+    let page = folder.join("index.html");
+    if !args.no_open
+        && let Err(error) = open::that_detached(&page)
+    {
+        console.say(&format!(
+            "no program opens {} here: {error}",
+            page.display()
+        ));
+    }
+    Ok(())
+}
+
+/// The folder that is taken where none is given: in the working directory, named after the input.
+fn beside(args: &ViewArgs) -> PathBuf {
+    let stem = args.input.file_stem().unwrap_or_default();
+    let mut name = stem.to_os_string();
+    name.push("-report");
+    PathBuf::from(name)
+}

@@ -1,0 +1,152 @@
+//! What is known of a job's passes beside their motion: which kind of bead each is, which line of a file it follows.
+//!
+//! In: a plan's curves, the kinds of a part's passes, or the passes of a slicer's file. Out: a closure that
+//! says both of every point of the path, in order.
+
+use crate::gcode::{BeadKind, GcodePass, Leg};
+use crate::job::{Mark, MotionState};
+use crate::pipeline::layer_uses::Use;
+use crate::report::layer_path::{PathPoint, What};
+use nalgebra::Vector3;
+
+/// How much farther along a file's pass a point may be than it is from the point before, mm: what corners are rounded by.
+/// A loop that is closed ends where it begins; the end is not looked at before its time.
+const AHEAD_MM: f64 = 0.5;
+
+/// How far a file's pass was followed.
+#[derive(Clone, Copy, Debug)]
+struct Followed {
+    pass: usize,
+    leg: usize,
+    /// Along that leg.
+    along_mm: f64,
+    tip_mm: Vector3<f64>,
+}
+
+/// Of a job.
+#[derive(Clone, Debug, Default)]
+pub(crate) enum PassFacts {
+    /// Nothing: the job came from a file of ours.
+    #[default]
+    Unknown,
+    /// By the number of the pass.
+    Kinds(Vec<Use>),
+    /// Of a slicer's file.
+    File(FilePasses),
+}
+
+/// Passes of a file, and which of them each pass of the job follows.
+#[derive(Clone, Debug)]
+pub(crate) struct FilePasses {
+    pub passes: Vec<GcodePass>,
+    pub of_job: Vec<usize>,
+}
+
+impl PassFacts {
+    /// What lines are numbered by.
+    pub(crate) fn line_name(&self) -> &'static str {
+        match self {
+            PassFacts::File(_) => "Line of the file",
+            PassFacts::Unknown | PassFacts::Kinds(_) => "Segment",
+        }
+    }
+
+    /// What the head does from a point on, and its line.
+    pub(crate) fn follow(&self) -> impl FnMut(&Mark, &PathPoint) -> (What, u32) + '_ {
+        let mut at = None;
+        move |mark, point| match self {
+            PassFacts::File(file) => file.at(mark, point, &mut at),
+            _ => (
+                What::of(mark.state, self.bead(mark.pass)),
+                point.segment as u32 + 1,
+            ),
+        }
+    }
+
+    fn bead(&self, pass: Option<u32>) -> What {
+        let PassFacts::Kinds(kinds) = self else {
+            return What::Bead;
+        };
+        let used = pass.and_then(|pass| kinds.get(pass as usize));
+        match used {
+            Some(Use::Walls) => What::Wall,
+            Some(Use::Solid) => What::Solid,
+            Some(Use::Sparse) => What::Sparse,
+            Some(Use::Bridge) => What::Bridge,
+            Some(Use::Skirt) => What::Skirt,
+            Some(Use::Travel | Use::Standing) | None => What::Bead,
+        }
+    }
+}
+
+impl FilePasses {
+    /// The leg that a point lies on.
+    fn at(&self, mark: &Mark, point: &PathPoint, at: &mut Option<Followed>) -> (What, u32) {
+        let number = mark.pass.and_then(|pass| self.of_job.get(pass as usize));
+        let pass = number.and_then(|&number| Some((number, self.passes.get(number)?)));
+        let Some((number, pass)) = pass.filter(|_| mark.state == MotionState::Print) else {
+            // On the way to the next pass: the line that goes there.
+            let next = at.map_or(0, |at| at.pass + 1);
+            let leg = self
+                .passes
+                .get(next)
+                .and_then(|pass| pass.travel_legs.last());
+            let line = leg.map_or(0, |leg| leg.line as u32);
+            return (What::of(mark.state, What::Bead), line);
+        };
+        let tip_mm = Vector3::from(point.tip_mm);
+        let before = at.filter(|at| at.pass == number).unwrap_or(Followed {
+            pass: number,
+            leg: 0,
+            along_mm: 0.0,
+            tip_mm,
+        });
+        let now = followed(pass, before, tip_mm);
+        *at = Some(now);
+        let leg = pass.legs.get(now.leg);
+        leg.map_or((What::Bead, 0), |leg| (what(leg), leg.line as u32))
+    }
+}
+
+/// The nearest place of a pass that is not much farther along it than the tip has moved.
+fn followed(pass: &GcodePass, before: Followed, tip_mm: Vector3<f64>) -> Followed {
+    let mut room_mm = (tip_mm - before.tip_mm).norm() + AHEAD_MM + before.along_mm;
+    let mut nearest = (f64::INFINITY, before);
+    for (leg, ends) in pass.points.windows(2).enumerate().skip(before.leg) {
+        if room_mm <= 0.0 {
+            break;
+        }
+        let [from, to] = [0, 1].map(|k| Vector3::from(ends[k].tip_mm));
+        let way = to - from;
+        let long_mm = way.norm();
+        let along_mm = (tip_mm - from).dot(&way) / long_mm.max(1e-9);
+        let along_mm = along_mm.clamp(0.0, long_mm.min(room_mm));
+        let off_mm = (tip_mm - from - way * (along_mm / long_mm.max(1e-9))).norm();
+        if off_mm < nearest.0 {
+            let place = Followed {
+                leg,
+                along_mm,
+                tip_mm,
+                ..before
+            };
+            nearest = (off_mm, place);
+        }
+        room_mm -= long_mm;
+    }
+    Followed {
+        tip_mm,
+        ..nearest.1
+    }
+}
+
+fn what(leg: &Leg) -> What {
+    match leg.kind {
+        BeadKind::Wall => What::Wall,
+        BeadKind::Solid => What::Solid,
+        BeadKind::Sparse => What::Sparse,
+        BeadKind::Bridge => What::Bridge,
+        BeadKind::Skirt => What::Skirt,
+        BeadKind::Support => What::Support,
+        BeadKind::Unknown => What::Bead,
+    }
+}

@@ -1,0 +1,97 @@
+//! Planned pieces of parts in a folder (`--cache`): planning that was stopped goes on where it was.
+//!
+//! A file for each piece, named by its key, written whole or not at all. One that was damaged is told,
+//! planned again and replaced. Input: keys and pieces. Output: files and notes. Leaves out which
+//! pieces are no longer wanted: the folder is the user's to empty.
+
+use crate::cli::error::CliError;
+use crate::cli::terminal::output_file::{check_folder, write_file};
+use crate::pipeline::piece::{Piece, PieceCache};
+use std::io::ErrorKind;
+use std::path::{Path, PathBuf};
+use std::time::UNIX_EPOCH;
+
+/// A folder of pieces, or none.
+pub(crate) struct CacheFolder {
+    folder: Option<PathBuf>,
+    /// What the user is to know of it.
+    pub notes: Vec<String>,
+    /// Pieces that were there.
+    pub found: usize,
+}
+
+impl CacheFolder {
+    /// The folder, made where it is not there.
+    pub(crate) fn open(folder: Option<&Path>) -> Result<CacheFolder, CliError> {
+        if let Some(folder) = folder {
+            check_folder(folder)?;
+            std::fs::create_dir_all(folder).map_err(|problem| CliError::File {
+                path: folder.display().to_string(),
+                problem,
+            })?;
+        }
+        Ok(CacheFolder {
+            folder: folder.map(Path::to_path_buf),
+            notes: Vec::new(),
+            found: 0,
+        })
+    }
+}
+
+/// File of a piece.
+fn file_of(folder: &Path, key: u128) -> PathBuf {
+    folder.join(format!("{key:032x}.piece"))
+}
+
+impl PieceCache for CacheFolder {
+    fn get(&mut self, key: u128) -> Option<Piece> {
+        let path = file_of(self.folder.as_ref()?, key);
+        let problem = match std::fs::read(&path) {
+            Ok(bytes) => match Piece::from_bytes(&bytes) {
+                Some(piece) => {
+                    self.found += 1;
+                    return Some(piece);
+                }
+                None => "is damaged".to_string(),
+            },
+            Err(problem) if problem.kind() == ErrorKind::NotFound => return None,
+            Err(problem) => format!("cannot be read ({problem})"),
+        };
+        let file = path.display();
+        self.notes
+            .push(format!("{file} {problem}: its layers are planned again"));
+        None
+    }
+
+    fn put(&mut self, key: u128, piece: &Piece) {
+        let Some(folder) = &self.folder else {
+            return;
+        };
+        let path = file_of(folder, key);
+        let written = match piece.to_bytes() {
+            Some(bytes) => write_file(&path, &bytes).map_err(|error| error.to_string()),
+            None => Err("the piece cannot be packed".to_string()),
+        };
+        if let Err(why) = written {
+            self.notes
+                .push(format!("pieces are no longer kept in --cache: {why}"));
+            // Told once; planning does without.
+            self.folder = None;
+        }
+    }
+}
+
+/// What plans: pieces of another build are not taken.
+pub(crate) fn program() -> String {
+    let build = std::env::current_exe().and_then(|path| {
+        let known = std::fs::metadata(path)?;
+        let modified = known.modified()?;
+        let since = modified.duration_since(UNIX_EPOCH).unwrap_or_default();
+        Ok(format!("{} {}", known.len(), since.as_nanos()))
+    });
+    format!(
+        "{} {}",
+        env!("CARGO_PKG_VERSION"),
+        build.unwrap_or_default()
+    )
+}

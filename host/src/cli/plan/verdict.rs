@@ -1,0 +1,150 @@
+//! The verdict on a job: what keeps it from being good is said first, and refuses it unless the user allows it.
+//!
+//! In: a planned job with its objections, `--allow`. Out: what is said of it, exit status 1 where an
+//! objection stands. Leaves out how objections are found.
+
+use crate::cli::args::SettingsArgs;
+use crate::cli::args::allow::{AllowArgs, AllowName, RefuseName, VerdictArgs};
+use crate::cli::error::CliError;
+use crate::cli::plan::missing_heat::cold_hot_end;
+use crate::cli::plan::planned::Planned;
+use crate::cli::terminal::console::Console;
+use crate::pipeline::findings::objections::{Objection, ObjectionKind};
+use crate::report::figures::{AgainstFigures, Figures};
+use crate::report::verdict as report;
+
+impl AllowArgs {
+    /// Objections of this kind do not refuse the job.
+    fn allows(&self, kind: ObjectionKind) -> bool {
+        let name = match kind {
+            ObjectionKind::Touches => AllowName::Touches,
+            ObjectionKind::Range => AllowName::Range,
+            ObjectionKind::Fault => return false,
+            ObjectionKind::LayerTime => return !self.refuse.contains(&RefuseName::LayerTime),
+            ObjectionKind::Curves => return !self.refuse.contains(&RefuseName::Curves),
+        };
+        self.allow.contains(&name)
+    }
+}
+
+/// Plans; joints that leave their ranges do so again with wider ones, where that is allowed. `plan` is given the
+/// joints whose ranges are widened.
+pub(crate) fn planned_as_allowed<T>(
+    allow: &AllowArgs,
+    mut plan: impl FnMut(&[usize]) -> Result<(Planned, T), CliError>,
+) -> Result<(Planned, T), CliError> {
+    let (mut joints, mut places) = (Vec::new(), Vec::new());
+    loop {
+        match plan(&joints) {
+            Err(CliError::OutsideRange { joint, place, .. })
+                if allow.allows(ObjectionKind::Range) && !joints.contains(&joint) =>
+            {
+                joints.push(joint);
+                places.push(Objection::of_range(&place));
+            }
+            Err(error) => return Err(error),
+            Ok((mut planned, more)) => {
+                planned.objections.splice(0..0, places);
+                return Ok((planned, more));
+            }
+        }
+    }
+}
+
+/// Fails where an objection stands; `consequence` says what becomes of the job.
+pub(crate) fn check(
+    objections: &[Objection],
+    allow: &AllowArgs,
+    consequence: &str,
+) -> Result<(), CliError> {
+    let standing = objections.iter().filter(|o| !allow.allows(o.kind));
+    let standing: Vec<&Objection> = standing.collect();
+    if standing.is_empty() {
+        return Ok(());
+    }
+    let texts: Vec<&str> = standing.iter().map(|o| o.text.as_str()).collect();
+    let mut names: Vec<&str> = Vec::new();
+    for objection in &standing {
+        if objection.kind.can_be_allowed() && !names.contains(&objection.kind.name()) {
+            names.push(objection.kind.name());
+        }
+    }
+    let can_be_allowed = standing.iter().all(|o| o.kind.can_be_allowed());
+    let hint = match can_be_allowed {
+        true => format!(" (--allow {} takes it as it is)", names.join(",")),
+        false => String::new(),
+    };
+    Err(CliError::Job(format!(
+        "{}; {consequence}{hint}",
+        texts.join("; ")
+    )))
+}
+
+/// Notes the objections in the figures, which say them first, before those that the job was written with.
+pub(crate) fn note(objections: &[Objection], figures: &mut Figures) {
+    let mut lines: Vec<String> = objections.iter().map(|o| o.text.clone()).collect();
+    lines.extend(figures.objections.take().unwrap_or_default());
+    if !lines.is_empty() {
+        figures.objections = Some(lines);
+    }
+}
+
+/// Plans the part with another nozzle, where that is asked for, and notes how long it takes with it.
+pub(crate) fn compare(
+    args: &VerdictArgs,
+    settings: &SettingsArgs,
+    plan: impl FnOnce(&SettingsArgs) -> Result<Planned, CliError>,
+    figures: &mut Figures,
+) -> Result<(), CliError> {
+    let Some(aperture) = &args.against else {
+        return Ok(());
+    };
+    let settings = SettingsArgs {
+        aperture: vec![aperture.clone()],
+        ..settings.clone()
+    };
+    let print_s = match plan(&settings) {
+        Ok(planned) => planned.figures.print_s,
+        Err(error @ (CliError::Usage(_) | CliError::File { .. } | CliError::OutputClosed)) => {
+            return Err(error);
+        }
+        Err(_) => None,
+    };
+    figures.against = Some(AgainstFigures {
+        aperture: aperture.clone(),
+        print_s,
+    });
+    Ok(())
+}
+
+/// Notes the verdict in the figures that are shown; job files hold none.
+pub(crate) fn settle(planned: &mut Planned) {
+    let cold = cold_hot_end(planned);
+    let is_cold = planned.settings.material.is_none() && planned.heat.is_empty();
+    let made = report::verdict(&planned.figures, cold.as_slice(), is_cold);
+    planned.figures.verdict = Some(made);
+}
+
+/// What a terminal is shown of settled figures: the verdict, or all of them between two verdicts.
+pub(crate) fn text(figures: &Figures, args: &VerdictArgs, console: &Console) -> String {
+    let verdict = figures.verdict.clone().unwrap_or_default();
+    let mut lines = report::terminal_lines(&verdict).join("\n") + "\n";
+    match args.figures {
+        true => {
+            let reasons = verdict.reasons.join("\n");
+            let first = match reasons.as_str() {
+                "" => lines.clone(),
+                reasons => format!("{reasons}\n{}\n", verdict.lines.join("\n")),
+            };
+            format!("{first}\n{}\n{first}", figures.to_text())
+        }
+        false => {
+            match console.notes_hidden() {
+                0 => {}
+                1 => lines += "1 more note: --figures shows it.\n",
+                more => lines += &format!("{more} more notes: --figures shows them.\n"),
+            }
+            lines
+        }
+    }
+}

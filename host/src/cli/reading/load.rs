@@ -1,0 +1,404 @@
+//! Options and files -> settings and target.
+
+use crate::cli::args::compare::HeadingAxis;
+use crate::cli::args::{
+    FormatName, InputArgs, LawName, PassName, PlaceArgs, QualityName, SeamName, SettingsArgs,
+    UnitName,
+};
+use crate::cli::error::CliError;
+use crate::cli::reading::{file_axes, job};
+use crate::cli::terminal::console::Console;
+use crate::gcode::FILAMENT_MM;
+use crate::geometry::polygon::Region;
+use crate::input::{self, BYTES_MAX, Format, Input, InputError, Loaded, ReadOptions, Units};
+use crate::mesh::MeshFormat;
+use crate::settings::aperture_text::{aperture_text, file_of_aperture, parse_aperture};
+use crate::settings::options::Options;
+use crate::settings::{HeadingLaw, PassMode, Quality, SeamPlace, Settings, machine_file};
+use std::fs::File;
+use std::io::Read;
+use std::path::Path;
+
+/// The machine file, or the built-in machine, with the overrides on top; checked.
+pub(crate) fn settings(args: &SettingsArgs) -> Result<Settings, CliError> {
+    let of_machine = match &args.machine {
+        Some(path) => machine(path)?,
+        None => Settings::default(),
+    };
+    // The machine file was checked on its own: what fails now is an option.
+    if args.aperture.len() > 1 {
+        return Err(CliError::Usage(
+            "--aperture is given several times: only `headway compare` takes several nozzles"
+                .to_string(),
+        ));
+    }
+    let aperture = args.aperture.first();
+    let aperture = aperture.map(|text| with_polygon(text, Path::new("")));
+    let options = Options {
+        aperture: aperture.transpose()?,
+        ..options(args)
+    };
+    let settings = options.over(of_machine);
+    let mut settings = settings.map_err(|error| CliError::Usage(error.to_string()))?;
+    if let Some(axis) = args.heading_axis {
+        with_heading_axis(&mut settings, axis);
+        let checked = settings.check();
+        checked.map_err(|error| CliError::Usage(error.to_string()))?;
+    }
+    Ok(settings)
+}
+
+/// Gives the joint that turns the nozzle other limits.
+fn with_heading_axis(settings: &mut Settings, axis: HeadingAxis) {
+    if let Some(joint) = settings.heading_joint_mut() {
+        joint.speed_max = axis.slower * axis.speed_max_rad_s.unwrap_or(joint.speed_max);
+        let acceleration_max = axis
+            .acceleration_max_rad_s2
+            .unwrap_or(joint.acceleration_max);
+        joint.acceleration_max = axis.slower * acceleration_max;
+        joint.jerk_max *= axis.slower;
+    }
+}
+
+/// The options as the library has them, but the aperture, which may lie in a file.
+fn options(args: &SettingsArgs) -> Options {
+    Options {
+        aperture: None,
+        speed_mm_s: args.speed,
+        wall_speed_mm_s: args.wall_speed,
+        solid_speed_mm_s: args.solid_speed,
+        sparse_speed_mm_s: args.sparse_speed,
+        layer_time_min_s: args.min_layer_time,
+        layer_time_max_s: args.wide.max_layer_time,
+        continuous_z: args.wide.continuous_z.then_some(true),
+        outer_inner_ratio_max: args.wide.max_outer_inner_ratio,
+        layer_height_mm: args.layer_height,
+        layers: args.layers,
+        pass_mode: args.pass.map(|pass| match pass {
+            PassName::Two => PassMode::Two,
+            PassName::One => PassMode::One,
+        }),
+        heading_law: args.law.map(|law| match law {
+            LawName::Tangent => HeadingLaw::Tangent,
+            LawName::Linear => HeadingLaw::Linear,
+        }),
+        quality: args.quality.map(|quality| match quality {
+            QualityName::Fine => Quality::Fine,
+            QualityName::Standard => Quality::Standard,
+            QualityName::Fast => Quality::Fast,
+        }),
+        tolerance_mm: args.tolerance,
+        overlap_pct: args.overlap,
+        walls: args.walls,
+        infill_density_pct: args.infill_density,
+        infill_angle_rad: args.infill_angle.map(f64::to_radians),
+        bottom_layers: args.bottom,
+        top_layers: args.top,
+        skirt_loops: args.skirt,
+        skirt_distance_mm: args.skirt_distance_mm,
+        brim_loops: args.brim,
+        avoid_crossing: args.avoid_crossing,
+        seam: args.seam.map(|seam| match seam {
+            SeamName::Nearest => SeamPlace::Nearest,
+            SeamName::Aligned => SeamPlace::Aligned,
+            SeamName::Sharpest => SeamPlace::Sharpest,
+        }),
+        seam_direction_rad: args.seam_direction.map(f64::to_radians),
+    }
+}
+
+/// Reads and checks a machine file.
+pub(crate) fn machine(path: &Path) -> Result<Settings, CliError> {
+    let text = read_text(path)?;
+    let text = machine_with_polygon(text, path)?;
+    machine_file::from_toml(&text)
+        .map_err(|error| CliError::Job(format!("{}: {error}", path.display())))
+}
+
+pub(crate) fn read_text(path: &Path) -> Result<String, CliError> {
+    String::from_utf8(read_file(path)?).map_err(|_| {
+        let path = path.display();
+        CliError::Job(format!("{path}: not a text in UTF-8; save it as that"))
+    })
+}
+
+/// An aperture's description with the text of its polygon file, beside `folder`, in place of the
+/// name; other descriptions as they are.
+fn with_polygon(text: &str, folder: &Path) -> Result<String, CliError> {
+    let Some(name) = file_of_aperture(text) else {
+        return Ok(text.to_string());
+    };
+    let path = folder.join(name);
+    let place = |problem: String| CliError::Job(format!("{}: {problem}", path.display()));
+    let corners = read_text(&path)?;
+    let aperture =
+        parse_aperture(&format!("polygon:{corners}")).map_err(|error| place(error.to_string()))?;
+    Ok(aperture_text(&aperture))
+}
+
+/// A machine file's text in which a polygon aperture stands with its corners.
+fn machine_with_polygon(text: String, path: &Path) -> Result<String, CliError> {
+    // What is no TOML is refused with its line by the reader proper.
+    let Ok(table) = text.parse::<toml::Table>() else {
+        return Ok(text);
+    };
+    let aperture = table.get("print").and_then(|print| print.get("aperture"));
+    let Some(given) = aperture.and_then(|a| a.as_str()) else {
+        return Ok(text);
+    };
+    let folder = path.parent().unwrap_or(Path::new(""));
+    Ok(text.replacen(given, &with_polygon(given, folder)?, 1))
+}
+
+impl UnitName {
+    pub(crate) fn units(self) -> Units {
+        match self {
+            UnitName::Mm => Units::Mm,
+            UnitName::Cm => Units::Cm,
+            UnitName::M => Units::M,
+            UnitName::Um => Units::Um,
+            UnitName::In => Units::In,
+        }
+    }
+}
+
+/// Reads an input and says its notes.
+pub(crate) fn input(
+    path: &Path,
+    args: &InputArgs,
+    settings: &Settings,
+    console: &Console,
+) -> Result<Input, CliError> {
+    let format = match args.from {
+        Some(FormatName::Polygon) => Format::Polygon,
+        Some(FormatName::Geojson) => Format::GeoJson,
+        Some(FormatName::Svg) => Format::Svg,
+        Some(FormatName::Dxf) => Format::Dxf,
+        Some(FormatName::Waypoints) => Format::Waypoints,
+        Some(FormatName::Nurbs) => Format::Nurbs,
+        Some(FormatName::Stl) => Format::Mesh(MeshFormat::Stl),
+        Some(FormatName::ThreeMf) => Format::Mesh(MeshFormat::ThreeMf),
+        Some(FormatName::Obj) => Format::Mesh(MeshFormat::Obj),
+        Some(FormatName::Gcode) => Format::Gcode,
+        None => Format::of_ending(path).ok_or_else(|| {
+            let ending = path.extension().unwrap_or_default().to_ascii_lowercase();
+            let path = path.display().to_string();
+            let error = match ending.to_str() {
+                Some("step" | "stp" | "iges" | "igs" | "f3d" | "fcstd" | "sldprt") => {
+                    InputError::CadFormat { path }
+                }
+                _ => InputError::UnknownFormat { path },
+            };
+            CliError::Usage(error.to_string())
+        })?,
+    };
+    if !(args.scale.is_finite() && args.scale > 0.0) {
+        let error = InputError::Scale { scale: args.scale };
+        return Err(CliError::Usage(error.to_string()));
+    }
+    if !args.dxf_layer.is_empty() && format != Format::Dxf {
+        return Err(CliError::Usage(InputError::NoLayers.to_string()));
+    }
+    let options = ReadOptions {
+        units: args.units.map(UnitName::units),
+        scale: args.scale,
+        flatten_mm: settings.tolerances.flatten_mm,
+        repair: args.repair,
+        gcode_axes: file_axes::of(args.axes.as_deref(), format, settings)?,
+        head_letters: settings.gcode_letters,
+        rotate_rad: rotate_rad(args.rotate.as_deref(), format)?,
+        filament_mm: filament_mm(args.filament_diameter, format)?,
+        dxf_layers: args.dxf_layer.clone(),
+    };
+    let bytes = read_bounded(path, format.bytes_max())?;
+    let input = input::read_any(&bytes, &job::stem(path), format, &options)
+        .map_err(|error| CliError::Job(format!("{}: {error}", path.display())))?;
+    console.notes(match &input {
+        Input::Outline(loaded) => &loaded.notes,
+        Input::Path(run) => &run.notes,
+        Input::Mesh(loaded) => &loaded.notes,
+        Input::Gcode(program) => &program.notes,
+    });
+    Ok(input)
+}
+
+/// Reads an outline and says its notes.
+pub(crate) fn target(
+    path: &Path,
+    args: &InputArgs,
+    settings: &Settings,
+    console: &Console,
+) -> Result<Loaded, CliError> {
+    match input(path, args, settings, console)? {
+        Input::Outline(loaded) => Ok(loaded),
+        Input::Path(_) | Input::Gcode(_) => Err(not_outline(path, &InputError::PathNotOutline)),
+        Input::Mesh(_) => Err(not_outline(path, &InputError::MeshNotOutline)),
+    }
+}
+
+fn not_outline(path: &Path, error: &InputError) -> CliError {
+    CliError::Job(format!("{}: {error}", path.display()))
+}
+
+/// The first option given that only outlines know: a run of waypoints is followed as it is.
+pub(crate) fn outline_option(args: &SettingsArgs, keep_out: Option<&Path>) -> Option<&'static str> {
+    let of_settings = options(args).of_outlines();
+    of_settings.or(keep_out.map(|_| "--keep-out"))
+}
+
+/// The first option given that only runs of waypoints know, and what lies on a surface.
+pub(crate) fn run_option(args: &PlaceArgs) -> Option<&'static str> {
+    let is_flat = args.surface.is_none();
+    let given = [
+        ("a second input", !args.more.is_empty()),
+        ("--gap", args.gap.is_some()),
+        ("--turn", args.turn.is_some()),
+        ("--place", is_flat && args.place.is_some()),
+        ("--axis-tolerance", is_flat && args.axis_tolerance.is_some()),
+        ("--corner-tolerance", args.corner_tolerance.is_some()),
+        ("--tilt-max", args.tilt_max.is_some()),
+    ];
+    given
+        .iter()
+        .find(|(_, given)| *given)
+        .map(|(name, _)| *name)
+}
+
+/// Reads keep-outs with the input's units and scale; none without a file.
+pub(crate) fn keep_out(
+    path: Option<&Path>,
+    args: &InputArgs,
+    settings: &Settings,
+    console: &Console,
+) -> Result<Vec<Region>, CliError> {
+    let Some(path) = path else {
+        return Ok(Vec::new());
+    };
+    let reading = InputArgs {
+        from: None,
+        rotate: None,
+        filament_diameter: None,
+        axes: None,
+        dxf_layer: Vec::new(),
+        ..args.clone()
+    };
+    let loaded = target(path, &reading, settings, console)?;
+    Ok(loaded.target.regions)
+}
+
+/// The turns of a mesh; none of anything else.
+fn rotate_rad(text: Option<&str>, format: Format) -> Result<[f64; 3], CliError> {
+    let Some(text) = text else {
+        return Ok([0.0; 3]);
+    };
+    if !matches!(format, Format::Mesh(_)) {
+        return Err(CliError::Usage(InputError::NotTurned.to_string()));
+    }
+    let turns_deg = three_numbers(text).ok_or_else(|| {
+        CliError::Usage(format!(
+            "--rotate {text}: write three angles in degrees, as in --rotate 90,0,45"
+        ))
+    })?;
+    Ok(turns_deg.map(f64::to_radians))
+}
+
+/// The filament of G-code; none of anything else.
+fn filament_mm(given: Option<f64>, format: Format) -> Result<Option<f64>, CliError> {
+    match given {
+        Some(_) if format != Format::Gcode => Err(CliError::Usage(
+            "--filament-diameter goes with G-code: what else is planned has its own flow"
+                .to_string(),
+        )),
+        Some(mm) if !(FILAMENT_MM[0]..=FILAMENT_MM[1]).contains(&mm) => {
+            Err(CliError::Usage(format!(
+                "--filament-diameter {mm}: write a diameter of {} to {} mm",
+                FILAMENT_MM[0], FILAMENT_MM[1]
+            )))
+        }
+        given => Ok(given),
+    }
+}
+
+/// Tip speed of the first layer, checked as every other.
+pub(crate) fn first_layer_speed(
+    place: &PlaceArgs,
+    settings: &Settings,
+) -> Result<Option<f64>, CliError> {
+    let Some(speed_mm_s) = place.first_layer_speed else {
+        return Ok(None);
+    };
+    let is_slower = speed_mm_s >= SPEED_MIN_MM_S && speed_mm_s <= settings.speed_mm_s;
+    is_slower.then_some(Some(speed_mm_s)).ok_or_else(|| {
+        CliError::Usage(format!(
+            "--first-layer-speed {speed_mm_s}: write a speed of {SPEED_MIN_MM_S} mm/s up to that of \
+             the other layers, {} mm/s (--speed)",
+            settings.speed_mm_s
+        ))
+    })
+}
+
+/// Slowest tip speed, mm/s, as machine files have it.
+const SPEED_MIN_MM_S: f64 = 0.01;
+
+/// The first option given that only meshes know.
+pub(crate) fn mesh_option(place: &PlaceArgs) -> Option<&'static str> {
+    let given = [
+        ("--layer-range", place.layers.layer_range.is_some()),
+        ("--layer-heights", place.layers.layer_heights.is_some()),
+        (
+            "--first-layer-height",
+            place.layers.first_layer_height.is_some(),
+        ),
+        ("--first-layer-speed", place.first_layer_speed.is_some()),
+        ("--cache", place.cache.is_some()),
+    ];
+    given
+        .iter()
+        .find(|(_, given)| *given)
+        .map(|(name, _)| *name)
+}
+
+/// Reads `X,Y,Z`.
+pub(crate) fn parse_at(text: &str) -> Result<[f64; 3], CliError> {
+    three_numbers(text).ok_or_else(|| {
+        CliError::Usage(format!(
+            "--at {text}: write three numbers in mm, as in --at 100,80,0"
+        ))
+    })
+}
+
+fn three_numbers(text: &str) -> Option<[f64; 3]> {
+    let numbers: Vec<f64> = text
+        .split(',')
+        .filter_map(|part| part.trim().parse().ok())
+        .filter(|number: &f64| number.is_finite())
+        .collect();
+    match (numbers.as_slice(), text.split(',').count()) {
+        (&[x, y, z], 3) => Some([x, y, z]),
+        _ => None,
+    }
+}
+
+/// Reads a file of the size of outlines and texts.
+pub(crate) fn read_file(path: &Path) -> Result<Vec<u8>, CliError> {
+    read_bounded(path, BYTES_MAX)
+}
+
+/// Reads a file of bounded size.
+pub(crate) fn read_bounded(path: &Path, bytes_max: u64) -> Result<Vec<u8>, CliError> {
+    let file = |problem| CliError::File {
+        path: path.display().to_string(),
+        problem,
+    };
+    // Devices and pipes have no length: no more than that is read of them.
+    let mut open = File::open(path).map_err(file)?.take(bytes_max + 1);
+    let mut read = Vec::new();
+    open.read_to_end(&mut read).map_err(file)?;
+    let bytes = read.len() as u64;
+    if bytes > bytes_max {
+        let bytes = std::fs::metadata(path).map_or(bytes, |known| known.len().max(bytes));
+        let error = InputError::FileTooLarge { bytes, bytes_max };
+        return Err(CliError::Job(format!("{}: {error}", path.display())));
+    }
+    Ok(read)
+}

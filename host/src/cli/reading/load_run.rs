@@ -1,0 +1,171 @@
+//! Options and files of paths in space -> runs, surfaces, places.
+
+use crate::cli::args::{InputArgs, PlaceArgs, PlaceName};
+use crate::cli::error::CliError;
+use crate::cli::reading::load::{input, read_bounded};
+use crate::cli::terminal::console::Console;
+use crate::input::waypoints::WaypointRun;
+use crate::input::{Format, Input};
+use crate::mesh::{self, Mesh, MeshOptions, SurfaceRegion};
+use crate::settings::obstacles::Obstacles;
+use crate::settings::{
+    AXIS_TOLERANCE_MAX_DEG, AXIS_TOLERANCE_RAD, Place, Settings, TILT_MAX_ASKED_DEG,
+};
+
+/// A run with those that are to be printed after it.
+pub(crate) fn with_more(
+    run: WaypointRun,
+    args: &InputArgs,
+    place: &PlaceArgs,
+    settings: &Settings,
+    console: &Console,
+) -> Result<WaypointRun, CliError> {
+    place.more.iter().try_fold(run, |run, path| {
+        match input(path, args, settings, console)? {
+            Input::Path(next) => Ok(run.then(next, place.gap)),
+            Input::Outline(_) | Input::Mesh(_) | Input::Gcode(_) => Err(CliError::Usage(format!(
+                "{}: only runs of waypoints are put together to one job",
+                path.display()
+            ))),
+        }
+    })
+}
+
+/// Reads the mesh that an outline is laid on, with the outline's units and scale; none without a file.
+pub(crate) fn surface(place: &PlaceArgs, args: &InputArgs) -> Result<Option<Mesh>, CliError> {
+    let Some(path) = place.surface.as_deref() else {
+        return Ok(None);
+    };
+    let region = place.surface_region.as_deref();
+    let region = region.map(surface_region).transpose()?;
+    let Some(format @ Format::Mesh(mesh_format)) = Format::of_ending(path) else {
+        return Err(CliError::Usage(format!(
+            "--surface {}: give a mesh, by its ending .stl, .3mf or .obj",
+            path.display()
+        )));
+    };
+    let bytes = read_bounded(path, format.bytes_max())?;
+    let options = MeshOptions {
+        unit_mm: args.units.map(|unit| unit.units().mm()),
+        scale: args.scale,
+        rotate_rad: [0.0; 3],
+    };
+    let mesh = mesh::read_surface(&bytes, mesh_format, &options, region.as_ref());
+    let mesh = mesh.map_err(|error| CliError::Job(format!("{}: {error}", path.display())))?;
+    Ok(Some(mesh))
+}
+
+/// What of a surface is meant.
+fn surface_region(text: &str) -> Result<SurfaceRegion, CliError> {
+    let refused = || {
+        CliError::Usage(format!(
+            "--surface-region {text}: write group:NAME, colour:#RRGGBB or normal:DEG, as in normal:60"
+        ))
+    };
+    let (kind, rest) = text.split_once(':').ok_or_else(refused)?;
+    match kind {
+        "group" if !rest.is_empty() => Ok(SurfaceRegion::Group(rest.to_string())),
+        "colour" | "color" => {
+            let digits = rest.strip_prefix('#').filter(|digits| digits.len() == 6);
+            let number = digits.and_then(|digits| u32::from_str_radix(digits, 16).ok());
+            let [_, colour @ ..] = number.ok_or_else(refused)?.to_be_bytes();
+            Ok(SurfaceRegion::Colour(colour))
+        }
+        "normal" => {
+            let most_deg = rest.parse::<f64>().ok();
+            let most_deg = most_deg.filter(|deg| (0.0..=180.0).contains(deg));
+            Ok(SurfaceRegion::Normal {
+                most_rad: most_deg.ok_or_else(refused)?.to_radians(),
+            })
+        }
+        _ => Err(refused()),
+    }
+}
+
+/// The jump that ends a pass.
+pub(crate) fn gap_mm(given: Option<f64>) -> Result<Option<f64>, CliError> {
+    match given {
+        Some(gap_mm) if !(gap_mm > 0.0 && gap_mm.is_finite()) => Err(CliError::Usage(format!(
+            "--gap {gap_mm}: write a length in mm above 0, as in --gap 5"
+        ))),
+        given => Ok(given),
+    }
+}
+
+/// Where a run of waypoints lies.
+pub(crate) fn place(given: Option<PlaceName>) -> Place {
+    match given {
+        Some(PlaceName::Best) => Place::Best,
+        Some(PlaceName::Centre) | None => Place::Centre,
+    }
+}
+
+/// How far a run is turned, in rad.
+pub(crate) fn turn_rad(given: Option<f64>) -> Result<f64, CliError> {
+    match given {
+        Some(degrees) if !(-360.0..=360.0).contains(&degrees) => Err(CliError::Usage(format!(
+            "--turn {degrees}: write an angle from -360 to 360 degrees"
+        ))),
+        given => Ok(given.unwrap_or(0.0).to_radians()),
+    }
+}
+
+/// Reads how far tool axes may be off, in rad.
+pub(crate) fn axis_tolerance_rad(given: Option<f64>) -> Result<f64, CliError> {
+    match given {
+        Some(degrees) if !(0.0..=AXIS_TOLERANCE_MAX_DEG).contains(&degrees) => {
+            Err(CliError::Usage(format!(
+                "--axis-tolerance {degrees}: write an angle from 0 to {AXIS_TOLERANCE_MAX_DEG} degrees"
+            )))
+        }
+        given => Ok(given.map_or(AXIS_TOLERANCE_RAD, f64::to_radians)),
+    }
+}
+
+/// Reads how far tool axes may lean, in rad.
+pub(crate) fn tilt_max_rad(given: Option<f64>) -> Result<Option<f64>, CliError> {
+    match given {
+        Some(degrees) if !(0.0..=TILT_MAX_ASKED_DEG).contains(&degrees) => Err(CliError::Usage(
+            format!("--tilt-max {degrees}: write an angle from 0 to {TILT_MAX_ASKED_DEG} degrees"),
+        )),
+        given => Ok(given.map(f64::to_radians)),
+    }
+}
+
+/// Reads what stands on the machine: meshes in machine coordinates, mm.
+pub(crate) fn obstacles(paths: &[std::path::PathBuf]) -> Result<Obstacles, CliError> {
+    let mut triangles = Vec::new();
+    for path in paths {
+        let Some(format @ Format::Mesh(mesh_format)) = Format::of_ending(path) else {
+            return Err(CliError::Usage(format!(
+                "--obstacle {}: give a mesh, by its ending .stl, .3mf or .obj",
+                path.display()
+            )));
+        };
+        let bytes = read_bounded(path, format.bytes_max())?;
+        let options = MeshOptions {
+            unit_mm: None,
+            scale: 1.0,
+            rotate_rad: [0.0; 3],
+        };
+        let mesh = mesh::read_surface(&bytes, mesh_format, &options, None);
+        let mesh = mesh.map_err(|error| CliError::Job(format!("{}: {error}", path.display())))?;
+        let corner = |vertex: u32| mesh.vertices[vertex as usize].coords;
+        triangles.extend(mesh.triangles.iter().map(|triangle| triangle.map(corner)));
+    }
+    Ok(Obstacles::of(triangles))
+}
+
+/// How far corners may be rounded, mm: as given, or as the machine file says.
+pub(crate) fn corner_mm(given: Option<f64>, settings: &Settings) -> Result<f64, CliError> {
+    let widest_mm = 2.0 * settings.aperture.major_mm();
+    match given {
+        Some(corner_mm) if !(0.0..=widest_mm).contains(&corner_mm) => {
+            Err(CliError::Usage(format!(
+                "--corner-tolerance {corner_mm}: write a length in mm from 0, which leaves corners as they are, to \
+             {widest_mm}, the widest bead of this aperture; 0.2 is usual"
+            )))
+        }
+        given => Ok(given.unwrap_or(settings.tolerances.corner_mm)),
+    }
+}

@@ -1,0 +1,9 @@
+//! What the command reads: machine files and options to settings, inputs, keep-outs, job files. In: arguments and
+//! paths. Out: checked settings and inputs; problems name file and option.
+
+pub(crate) mod copies;
+pub(crate) mod file_axes;
+pub(crate) mod job;
+pub(crate) mod layer_options;
+pub(crate) mod load;
+pub(crate) mod load_run;

@@ -1,0 +1,117 @@
+//! What a plan leaves out, as places for the eye.
+//!
+//! In: pieces of open ground and runs of boundary out of reach, input coordinates. Out: the largest of
+//! each, mm.
+
+use crate::pipeline::open_ground::OpenGround;
+use crate::plan::outline::unreachable::UnreachableRun;
+use crate::report::Place;
+
+/// Places of either kind that the report's page lists.
+const PLACES_SHOWN: usize = 20;
+
+/// Open ground and unreachable boundary as places for the eye; `layers` are the lowest ones of the boundary, where
+/// they are known.
+pub(crate) fn left_out(
+    open: &[OpenGround],
+    unreachable: &[UnreachableRun],
+    layers: &[u32],
+) -> Vec<Place> {
+    let open = open.iter().map(|piece| Place {
+        what: match piece.layers {
+            1 => format!("{:.3} mm² of open ground", piece.area_mm2),
+            layers => format!(
+                "{:.3} mm² of open ground, on {layers} layers",
+                piece.area_mm2
+            ),
+        },
+        x_mm: piece.at.x,
+        y_mm: piece.at.y,
+        layer: Some(piece.layer),
+    });
+    let mut runs: Vec<(&UnreachableRun, Option<u32>)> = unreachable
+        .iter()
+        .enumerate()
+        .map(|(k, run)| (run, layers.get(k).copied()))
+        .collect();
+    runs.sort_by(|a, b| b.0.length_mm().total_cmp(&a.0.length_mm()));
+    let runs = runs.into_iter().map(|(run, layer)| {
+        let at = nalgebra::center(&run.from, &run.to);
+        Place {
+            what: format!("{:.3} mm of boundary out of reach", run.length_mm()),
+            x_mm: at.x,
+            y_mm: at.y,
+            layer,
+        }
+    });
+    told_once(open).chain(told_once(runs)).collect()
+}
+
+/// Runs by their length.
+pub(super) fn longest_first(unreachable: &[UnreachableRun]) -> Vec<&UnreachableRun> {
+    let mut longest: Vec<&UnreachableRun> = unreachable.iter().collect();
+    longest.sort_by(|a, b| b.length_mm().total_cmp(&a.length_mm()));
+    longest
+}
+
+/// The first places, each once with how often it comes: layers that are alike lack the same.
+fn told_once(places: impl Iterator<Item = Place>) -> impl Iterator<Item = Place> {
+    let mut told: Vec<(Place, usize)> = Vec::new();
+    for place in places {
+        let is_same = |other: &Place| {
+            let layer = other.layer;
+            *other
+                == Place {
+                    layer,
+                    ..place.clone()
+                }
+        };
+        let known = told.iter().position(|(other, _)| is_same(other));
+        match known {
+            Some(number) => told[number].1 += 1,
+            None if told.len() < PLACES_SHOWN => told.push((place, 1)),
+            None => {}
+        }
+    }
+    told.into_iter().map(|(place, times)| match times {
+        1 => place,
+        times => Place {
+            what: format!("{}, on {times} layers", place.what),
+            ..place
+        },
+    })
+}
+
+#[cfg(test)]
+mod tests {
+    //! Goal: a place that several layers lack is told once, with the lowest of them. Method: runs by hand.
+    use super::*;
+    use crate::geometry::Point2;
+
+    #[test]
+    fn what_several_layers_lack_is_told_once_with_the_lowest() {
+        let run = |x: f64| UnreachableRun {
+            from: Point2::new(x, 0.0),
+            to: Point2::new(x + 1.0, 0.0),
+        };
+        let open = OpenGround {
+            area_mm2: 0.5,
+            at: Point2::new(3.0, 4.0),
+            layer: 7,
+            layers: 2,
+        };
+        let found = left_out(&[open], &[run(1.0), run(5.0), run(1.0)], &[3, 4, 6]);
+        let told: Vec<(&str, Option<u32>)> = found
+            .iter()
+            .map(|place| (place.what.as_str(), place.layer))
+            .collect();
+        assert_eq!(
+            told,
+            [
+                ("0.500 mm² of open ground, on 2 layers", Some(7)),
+                ("1.000 mm of boundary out of reach, on 2 layers", Some(3)),
+                ("1.000 mm of boundary out of reach", Some(4)),
+            ]
+        );
+    }
+}

@@ -1,0 +1,284 @@
+//! What a plan came to: its figures, what the user should know, what is left out.
+//!
+//! In: a [`Plan`] and the settings in its joint solution. Out: [`Findings`] in input coordinates (mm,
+//! s, mm³). The same for the command and for library users, so that both write the same job. Leaves
+//! out what only the finished stream shows: limits and bytes, which [`crate::pipeline::packing`] adds.
+
+pub mod left_out;
+pub mod objections;
+mod run_notes;
+pub mod settings_warnings;
+pub mod simulated;
+pub mod unwinding;
+pub mod use_figures;
+pub(crate) mod wide_beads;
+
+use crate::drive::time_by_limit::{SlowPlace, TimeByLimit};
+use crate::geometry::Point2;
+use crate::job::transform::PartTransform;
+use crate::pipeline::Plan;
+use crate::pipeline::layer_uses::{LayerUse, layer_uses};
+use crate::pipeline::open_ground::{self, OpenGround, open_ground, told_mm2};
+use crate::pipeline::piece::unreachable_boundary;
+use crate::pipeline::stacked_ground::open_cells;
+use crate::plan::judge::figures::PlanFigures;
+use crate::plan::layers::layer_groups::LayerGroup;
+use crate::plan::outline::unreachable::UnreachableRun;
+use crate::report::Place;
+use crate::report::figures::{Figures, Inside, KindFigures, SlowPlaceFigures};
+use crate::settings::Settings;
+use left_out::{left_out, longest_first};
+use objections::Objection;
+use run_notes::{corner_figures, run_notes};
+use settings_warnings::settings_warnings;
+use use_figures::{short_layers_note, stacked_figures, use_figures};
+use wide_beads::{Laid, LateLayers};
+
+/// Places of unreachable boundary that are told one by one.
+const PLACES_TOLD: usize = 3;
+/// Places of unreachable boundary that the figures list.
+const PLACES_LISTED: usize = 1000;
+
+/// What a plan came to.
+#[derive(Clone, Debug)]
+pub struct Findings {
+    /// Its figures.
+    pub figures: Figures,
+    /// What keeps it from being good.
+    pub objections: Vec<Objection>,
+    /// What the user should look at before printing, one line each.
+    pub warnings: Vec<String>,
+    /// Boundary that cannot be touched.
+    pub unreachable: Vec<UnreachableRun>,
+    /// Ground and boundary that is not printed, the largest of each first.
+    pub left_out: Vec<Place>,
+}
+
+/// Looks a plan over that took `plan_s` seconds.
+pub fn findings(plan: &Plan, plan_s: f64, settings: &Settings) -> Findings {
+    let unreachable = match &plan.on_surface {
+        Some(laid) => laid.unreachable.clone(),
+        None => unreachable_boundary(plan.regions()),
+    };
+    let mut warnings = warnings(plan, &unreachable, settings);
+    let open = match &plan.on_surface {
+        Some(laid) => laid.open_ground(),
+        None => open_ground(plan, settings),
+    };
+    let all_mm2 = told_mm2(&open, settings);
+    warnings.extend(open_ground::note(&open, all_mm2, |_| None, settings));
+    warnings.extend(unwinding::note(&plan.route, &plan.transform, settings));
+    warnings.extend(settings_warnings(settings));
+    let laid = Laid::NOTHING.with(&plan.stream, settings);
+    let uses = layer_uses(plan, f64::from(settings.machine.servo_hz));
+    let late = LateLayers::of(&uses, settings);
+    let transform = &plan.transform;
+    let wide = laid.figures(&late, plan.figures.volume_mm3, transform, settings);
+    let mut objections = objections::of_plan(plan);
+    objections.extend(laid.objections(&late, transform, settings));
+    let mut left_out = left_out(&open, &unreachable, &[]);
+    left_out.extend(laid.place(transform));
+    let figures = Figures {
+        open_largest_mm2: largest_mm2(plan, &open),
+        ..all_figures(plan, &unreachable, &uses, plan_s, settings)
+    };
+    Findings {
+        figures: figures.merged_with(&wide),
+        objections,
+        warnings,
+        left_out,
+        unreachable,
+    }
+}
+
+/// The largest piece of ground that stays open; a path has none.
+fn largest_mm2(plan: &Plan, open: &[OpenGround]) -> Option<f64> {
+    let largest = open.first().map_or(0.0, |piece| piece.area_mm2);
+    (!plan.prints.is_empty() || plan.on_surface.is_some()).then_some(largest)
+}
+
+fn all_figures(
+    plan: &Plan,
+    unreachable: &[UnreachableRun],
+    uses: &[LayerUse],
+    plan_s: f64,
+    settings: &Settings,
+) -> Figures {
+    let height_mm = settings.layer_height_mm;
+    let place_mm = |layer: u32| [height_mm * f64::from(layer + 1), height_mm];
+    let cells = open_cells(plan, settings.aperture.minor_mm());
+    let figures = Figures {
+        rounded_corners: corner_figures(plan, settings),
+        ..plan_figures(plan, unreachable, plan_s)
+    };
+    figures
+        .merged_with(&use_figures(uses, plan.slowed, place_mm, settings))
+        .merged_with(&stacked_figures(&cells))
+}
+
+/// What is open on purpose between sparse lines, and how well the rest is covered; none where nothing is.
+pub(crate) fn sparse_figures(figures: &PlanFigures, sparse_mm2: [f64; 2]) -> Figures {
+    let [ground_mm2, swept_mm2] = sparse_mm2;
+    if ground_mm2 <= 0.0 {
+        return Figures::default();
+    }
+    let all_mm2 = figures.area_mm2 * f64::from(figures.layers);
+    let rest_mm2 = (all_mm2 - ground_mm2).max(1e-12);
+    let covered_mm2 = (0.01 * figures.covered_pct * all_mm2 - swept_mm2).max(0.0);
+    Figures {
+        sparse_mm2: Some(ground_mm2),
+        sparse_covered_pct: Some(100.0 * swept_mm2 / ground_mm2),
+        solid_covered_pct: Some((100.0 * covered_mm2 / rest_mm2).min(100.0)),
+        ..Figures::default()
+    }
+}
+
+fn plan_figures(plan: &Plan, unreachable: &[UnreachableRun], plan_s: f64) -> Figures {
+    let f = &plan.figures;
+    let passes = f.passes as u64;
+    // A path has no area: these figures would mean nothing.
+    let has_area = !plan.regions().is_empty() || plan.on_surface.is_some();
+    let of_area = |figure: f64| has_area.then_some(figure);
+    let infill = plan.infill_area_mm2(None);
+    let place = |run: &UnreachableRun| {
+        let at: Point2 = nalgebra::center(&run.from, &run.to);
+        [at.x, at.y, run.length_mm()]
+    };
+    let is_stack = f.layers > 1;
+    Figures {
+        area_mm2: of_area(f.area_mm2),
+        layers: is_stack.then_some(u64::from(f.layers)),
+        layer_kinds: (is_stack && !plan.kinds.is_empty()).then(|| kind_figures(plan)),
+        covered_pct_min: is_stack.then_some(f.covered_pct_min),
+        overlap_pct_max: is_stack.then_some(f.overlap_pct_max),
+        reachable_pct: of_area(f.reachable_pct),
+        covered_pct: of_area(f.covered_pct),
+        covered_of_reachable_pct: of_area(f.covered_of_reachable_pct),
+        outside_depth_mm: of_area(f.outside_depth_mm),
+        overlap_pct: of_area(f.overlap_pct),
+        kept_out_mm2: (!plan.keep_out.is_empty()).then_some(plan.kept_out_mm2),
+        infill_mm2: infill.map(|[ground, _]| ground),
+        infill_covered_pct: infill.map(|[ground, swept]| 100.0 * swept / ground.max(1e-12)),
+        // The sum of nothing is -0.
+        unreachable_mm: of_area(
+            unreachable
+                .iter()
+                .map(UnreachableRun::length_mm)
+                .sum::<f64>()
+                + 0.0,
+        ),
+        unreachable_places_mm: has_area
+            .then(|| unreachable.iter().take(PLACES_LISTED).map(place).collect()),
+        passes: Some(passes),
+        flow_interruptions: Some(passes.saturating_sub(1)),
+        outline_crossings: (!plan.regions().is_empty()).then_some(plan.outline_crossings as u64),
+        touched_mm: plan.touches.as_ref().map(|touches| touches.touched_mm),
+        tip_dip_max_mm: plan.touches.as_ref().map(|touches| touches.tip_dip_max_mm),
+        print_mm: Some(f.print_mm),
+        skirt_mm: plan.skirt.is_some().then_some(f.skirt_mm),
+        travel_mm: Some(f.travel_mm),
+        print_s: Some(f.print_s),
+        time_bound_s: Some(plan.motion.time_bound_s),
+        volume_mm3: Some(f.volume_mm3),
+        plan_s: Some(plan_s),
+        heading_travel_rad: Some(f.heading_travel_rad),
+        heading_rate_max_rad_s: Some(f.heading_rate_max_rad_s),
+        segments: Some(plan.stream.knots.len() as u64),
+        ..sparse_figures(f, plan.sparse_area_mm2(None).unwrap_or_default())
+    }
+}
+
+/// What came to lie inside the walls, which is not always what was asked for.
+fn laid_inside(kind: &LayerGroup) -> Inside {
+    let is_solid = kind.infill.is_some_and(|infill| infill.is_solid());
+    let open = kind.regions.iter().filter(|region| !region.open.is_empty());
+    let (mut lines, mut loops) = (false, false);
+    for region in open {
+        let has_lines = region.passes.iter().any(|p| p.kind.is_line());
+        lines |= has_lines;
+        loops |= is_solid && !has_lines;
+    }
+    match (lines, loops) {
+        (true, false) => Inside::Lines,
+        (false, true) => Inside::Loops,
+        (true, true) => Inside::LinesAndLoops,
+        (false, false) => Inside::Nothing,
+    }
+}
+
+/// What the layers of each kind came to.
+fn kind_figures(plan: &Plan) -> Vec<KindFigures> {
+    let kinds = plan.kinds.iter().enumerate();
+    kinds
+        .map(|(number, kind)| {
+            let swept = plan.swept_of_kind(number);
+            let infill = plan.infill_area_mm2(Some(number));
+            KindFigures {
+                first_layer: kind.first_layer,
+                layers: kind.layers,
+                infill_density_pct: kind.infill.map(|infill| infill.density_pct),
+                infill_angle_deg: kind.infill.map(|infill| infill.angle_rad.to_degrees()),
+                inside: kind.infill.map(|_| laid_inside(kind)),
+                infill_covered_pct: infill.map(|[ground, swept]| 100.0 * swept / ground.max(1e-12)),
+                covered_pct: swept.covered_pct(),
+                overlap_pct: swept.overlap_pct(),
+                outside_depth_mm: swept.outside_depth_mm,
+            }
+        })
+        .collect()
+}
+
+/// What the user should look at before printing.
+fn warnings(plan: &Plan, unreachable: &[UnreachableRun], settings: &Settings) -> Vec<String> {
+    let length_mm: f64 = unreachable.iter().map(UnreachableRun::length_mm).sum();
+    let mut warnings: Vec<String> = unreachable_note(unreachable, length_mm)
+        .into_iter()
+        .collect();
+    if plan.motion.doubled_moves > 0 {
+        warnings.push(format!(
+            "{} moves had to be slowed as a whole to keep the limits",
+            plan.motion.doubled_moves
+        ));
+    }
+    warnings.extend(short_layers_note(plan.slowed, settings));
+    warnings.extend(run_notes(plan, settings));
+    warnings
+}
+
+/// What is said of boundary that cannot be touched: `length_mm` of it over all layers.
+pub(crate) fn unreachable_note(unreachable: &[UnreachableRun], length_mm: f64) -> Option<String> {
+    let places = longest_first(unreachable).into_iter().take(PLACES_TOLD);
+    let places: Vec<String> = places
+        .map(|run| {
+            let at = nalgebra::center(&run.from, &run.to);
+            format!("{:.3} mm near ({:.3}, {:.3})", run.length_mm(), at.x, at.y)
+        })
+        .collect();
+    (length_mm > 0.0).then(|| {
+        format!(
+            "{length_mm:.3} mm of the boundary cannot be reached by this aperture, in {} places; the \
+             longest: {}",
+            unreachable.len(),
+            places.join(", ")
+        )
+    })
+}
+
+/// Which limits take the printing time, and where it is slowest.
+pub(crate) fn time_figures(found: TimeByLimit, transform: &PartTransform) -> Figures {
+    let place = |place: SlowPlace| {
+        let [x_mm, y_mm, _] = transform.to_input(place.at_mm);
+        SlowPlaceFigures {
+            x_mm,
+            y_mm,
+            seconds: place.seconds,
+            limit: place.limit,
+            layer: Some(place.layer),
+        }
+    };
+    Figures {
+        time_share_by_limit: (!found.shares.is_empty()).then_some(found.shares),
+        slow_places: Some(found.slow_places.into_iter().map(place).collect()),
+        ..Figures::default()
+    }
+}

@@ -1,0 +1,202 @@
+//! What the user should know of a path in space: its surface, its place, singular places, touches.
+
+use crate::job::transform::PartTransform;
+use crate::pipeline::Plan;
+use crate::plan::judge::touches::{HeadPart, Touches};
+use crate::plan::motion::singular::SingularPlaces;
+use crate::report::figures::CornerFigures;
+use crate::settings::Settings;
+use headway_firmware::configuration::Kinematics;
+
+/// Slowing that is worth a note, s.
+const SLOWING_TOLD_S: f64 = 0.1;
+
+/// One line each.
+pub(super) fn run_notes(plan: &Plan, settings: &Settings) -> Vec<String> {
+    let notes = [
+        on_surface(plan),
+        sharp_bend(plan),
+        found_place(plan),
+        leans(plan),
+        singular_places(&plan.singular),
+        rounded_corners(plan, settings),
+        head_unknown(plan, settings),
+    ];
+    notes.into_iter().flatten().collect()
+}
+
+/// How the surface was taken.
+fn on_surface(plan: &Plan) -> Option<String> {
+    let laid = plan.on_surface.as_ref()?;
+    let (off_mm, [x, y, z]) = (laid.off_mm, laid.off_at_mm);
+    let [least, most] = laid.scales;
+    Some(format!(
+        "the surface is smoothed, at most {off_mm:.3} mm off the mesh, near ({x:.2}, {y:.2}, {z:.2}); the tool axis \
+         leans by up to {:.1}° under the plan, and lengths range by {:.1} % in the plane that it is made in",
+        laid.tilt_max_rad.to_degrees(),
+        100.0 * (most / least - 1.0),
+    ))
+}
+
+/// Where a flat nozzle does not lie on the ground.
+fn sharp_bend(plan: &Plan) -> Option<String> {
+    let bend = plan.on_surface.as_ref()?.sharp_bend?;
+    let [x, y, z] = bend.at_mm;
+    Some(format!(
+        "the surface bends with a radius of {:.2} mm near ({x:.2}, {y:.2}, {z:.2}): the ends of the flat nozzle are up \
+         to {:.3} mm off it there, more than a tenth of a layer",
+        bend.radius_mm, bend.off_mm
+    ))
+}
+
+/// Where the run was laid.
+fn found_place(plan: &Plan) -> Option<String> {
+    let found = plan.found_place?;
+    let [x, y, z] = plan.transform.offset_mm;
+    Some(format!(
+        "--place best: at {x:.3},{y:.3},{z:.3}; of {} places tried the machine reaches the whole run at {}",
+        found.tried, found.reached
+    ))
+}
+
+/// How the tool axis leans.
+fn leans(plan: &Plan) -> Option<String> {
+    let leaned = plan.leaned.as_ref()?;
+    let [passes, all] = leaned.passes;
+    let lean_deg = leaned.lean_max_rad.to_degrees();
+    Some(format!(
+        "--tilt-max: the tool axis leans by up to {lean_deg:.1}° on {passes} of {all} passes to keep clear"
+    ))
+}
+
+/// That nobody looked for touches, where a head that tilts has no shape.
+fn head_unknown(plan: &Plan, settings: &Settings) -> Option<String> {
+    let tilts = settings.machine.kinematics != Kinematics::Planar;
+    let is_run = plan.kinds.is_empty();
+    (plan.touches.is_none() && tilts && is_run).then(|| {
+        String::from(
+            "whether the head touches table or print was not looked at: its shape is not in the \
+             machine file ([head])",
+        )
+    })
+}
+
+/// What nozzle and head touch.
+pub(super) fn touches(touches: &Touches, transform: &PartTransform) -> Option<String> {
+    let told: Vec<String> = touches
+        .deepest
+        .iter()
+        .map(|touch| {
+            let (part, obstacle) = (touch.part.name(), touch.obstacle.name());
+            let [x, y, z] = transform.to_input(touch.tip_mm);
+            format!(
+                "{part} is {:.2} mm in {obstacle} with the tip at ({x:.3}, {y:.3}, {z:.3})",
+                touch.depth_mm
+            )
+        })
+        .collect();
+    let is_tip = touches
+        .deepest
+        .iter()
+        .any(|touch| touch.part == HeadPart::Tip);
+    let slack = match is_tip {
+        true => format!(
+            "; the flat end may dip by {:.2} mm (tip_slack_mm in [head] of the machine file)",
+            touches.tip_slack_mm
+        ),
+        false => String::new(),
+    };
+    (!told.is_empty()).then(|| {
+        format!(
+            "TOUCHES on {:.1} mm of the path: {}{slack}",
+            touches.touched_mm,
+            told.join(", ")
+        )
+    })
+}
+
+/// How the run gets past places where two rotary axes line up, and what that costs.
+fn singular_places(singular: &SingularPlaces) -> Option<String> {
+    let SingularPlaces {
+        places,
+        led_by_rad,
+        slowing_s,
+        lifts,
+        lifting_s,
+    } = *singular;
+    let led_by_deg = led_by_rad.to_degrees();
+    let places_of = if places == 1 { "place" } else { "places" };
+    let lined_up = format!("two rotary axes line up at {places} {places_of} of the path");
+    match slowing_s {
+        _ if places == 0 => None,
+        None if lifts > 0 => Some(format!(
+            "{lined_up}: the joints would have to jump there, so the head lifts off {lifts} times and goes on \
+             with the table turned, which costs about {lifting_s:.1} s and leaves a joint in the bead each time; \
+             a larger --axis-tolerance passes without"
+        )),
+        None => Some(format!(
+            "{lined_up}: the joints would have to jump there, and the tool axis is led past by up to \
+             {led_by_deg:.2}° (--axis-tolerance)"
+        )),
+        Some(slowing_s) if led_by_rad > 0.0 => Some(format!(
+            "{lined_up}: the tool axis is led past by up to {led_by_deg:.2}° (--axis-tolerance), which \
+             saves about {slowing_s:.1} s of slowing"
+        )),
+        Some(slowing_s) if slowing_s >= SLOWING_TOLD_S => Some(format!(
+            "{lined_up}: slowing there costs about {slowing_s:.1} s"
+        )),
+        Some(_) => None,
+    }
+}
+
+/// What became of the corners; `None` where none were to be rounded.
+pub(super) fn corner_figures(plan: &Plan, settings: &Settings) -> Option<CornerFigures> {
+    let is_run = plan.kinds.is_empty() && plan.on_surface.is_none();
+    let told = &plan.rounded;
+    (is_run && settings.tolerances.corner_mm > 0.0).then(|| CornerFigures {
+        path: told.path as u64,
+        path_off_mm: told.path_off_mm,
+        axis: told.axis as u64,
+        axis_off_deg: told.axis_off_rad.to_degrees(),
+        heading_off_deg: told.heading_off_rad.to_degrees(),
+        rests: told.rests as u64,
+    })
+}
+
+/// The same in words.
+fn rounded_corners(plan: &Plan, settings: &Settings) -> Option<String> {
+    let told = corner_figures(plan, settings)?;
+    let corners = |count: u64| if count == 1 { "corner" } else { "corners" };
+    let mut parts = Vec::new();
+    if told.path > 0 {
+        parts.push(format!(
+            "{} {} of the path rounded by up to {:.3} mm",
+            told.path,
+            corners(told.path),
+            told.path_off_mm
+        ));
+    }
+    if told.axis > 0 {
+        parts.push(format!(
+            "{} {} of the tool axis rounded by up to {:.3}°",
+            told.axis,
+            corners(told.axis),
+            told.axis_off_deg
+        ));
+    }
+    if told.heading_off_deg >= 0.01 {
+        let heading_deg = told.heading_off_deg;
+        parts.push(format!("headings there off by up to {heading_deg:.2}°"));
+    }
+    if parts.is_empty() {
+        parts.push("no corner rounded".to_string());
+    }
+    if told.rests > 0 {
+        parts.push(format!(
+            "at {} {} the head rests all the same (sharp, or no room within the tolerances)",
+            told.rests,
+            corners(told.rests)
+        ));
+    }
+    Some(format!("--corner-tolerance: {}", parts.join(", ")))
+}

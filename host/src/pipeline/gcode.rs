@@ -1,0 +1,253 @@
+//! A slicer's path -> its job: the file's centre lines with a turned nozzle, layer by layer.
+//!
+//! ```text
+//! GcodeProgram --gcode_route--> Route --time law, segments--> SegmentStream --measure--> PlanFigures
+//! (mm, mm³, mm/s)               (mm, rad, mm³)                (integer units, servo ticks)
+//! ```
+//! Layers are planned one by one and their streams put together, so that beside the file's path only
+//! finished segments grow, and poses where the head might touch what stands. Machines whose joints wind up
+//! are planned in one piece. Leaves out what is the slicer's: which ground is printed, in which order, how
+//! densely.
+
+use super::{PlanError, start_pose};
+use crate::gcode::comments::Slicer;
+use crate::gcode::{GcodeProgram, check_days};
+use crate::geometry::Point2;
+use crate::geometry::polygon::Box2;
+use crate::job::SegmentStream;
+use crate::job::heat::HeatEvent;
+use crate::job::transform::PartTransform;
+use crate::pipeline::gcode_heat::{LaidPasses, events_behind, events_of};
+use crate::pipeline::gcode_touches::{Collector, Descent, descent};
+use crate::plan::judge::figures::PlanFigures;
+use crate::plan::judge::measure::measure;
+use crate::plan::judge::touches::Touches;
+use crate::plan::motion::segments::{MotionReport, lay_segments_with_progress};
+use crate::plan::progress::Progress;
+use crate::plan::route::bead_headings::WidthOff;
+use crate::plan::route::build_route::lift_at_end;
+use crate::plan::route::gcode_route::{GcodeRoute, GcodeWay, gcode_route};
+use crate::settings::Settings;
+use headway_firmware::kinematics::winds;
+
+/// A planned file.
+#[derive(Clone, Debug)]
+pub struct GcodePlan {
+    /// Where the file's origin lies on the machine.
+    pub transform: PartTransform,
+    /// The settings with the file's speeds.
+    pub settings: Settings,
+    /// The stream for the controller.
+    pub stream: SegmentStream,
+    /// What it reaches of the limits.
+    pub motion: MotionReport,
+    /// Lengths, times, volume; no shares of any area.
+    pub figures: PlanFigures,
+    /// Length of beads that are wider, and narrower, than the nozzle lays, mm.
+    pub beyond_mm: [f64; 2],
+    /// Length of beads that are laid at another width than the file's.
+    pub off: WidthOff,
+    /// The file's orders of heaters and fans.
+    pub heat: Vec<HeatEvent>,
+    /// Where a bead is lower than one before it.
+    pub descent: Option<Descent>,
+    /// What the head touches, where that is possible and its shape is known.
+    pub touches: Option<Touches>,
+    /// For each pass of the stream the number of the file's.
+    pub file_passes: Vec<usize>,
+}
+
+/// Plans a file. Speeds are the file's, at most `speed_max_mm_s`.
+///
+/// # Errors
+/// [`PlanError`].
+pub fn plan_gcode(
+    program: &GcodeProgram,
+    speed_max_mm_s: Option<f64>,
+    settings: &Settings,
+    progress: &dyn Progress,
+) -> Result<GcodePlan, PlanError> {
+    let settings = with_speeds(program, speed_max_mm_s, settings);
+    settings.check()?;
+    check_time(program, &settings)?;
+    let transform = place(program, &settings)?;
+    let way = GcodeWay {
+        slicer: program.slicer,
+        headings_told: program.has_headings,
+        offset_mm: transform.offset_mm,
+        settings: &settings,
+    };
+    let is_whole = winds(&settings.machine.kinematics) != 0;
+    let passes = program.passes.as_slice();
+    let pieces = passes.chunk_by(|a, b| is_whole || a.layer == b.layer);
+    let count = pieces.clone().count();
+    let mut at = start_pose(&settings);
+    let mut planned = GcodePlan {
+        transform,
+        settings: settings.clone(),
+        stream: SegmentStream::default(),
+        motion: MotionReport::default(),
+        figures: PlanFigures::default(),
+        beyond_mm: [0.0; 2],
+        off: WidthOff::default(),
+        heat: Vec::new(),
+        descent: descent(program, &settings),
+        touches: None,
+        file_passes: Vec::new(),
+    };
+    let mut collector = Collector::new(planned.descent, &settings);
+    let mut first = 0;
+    for (number, piece) in pieces.enumerate() {
+        let first_pass = planned.figures.passes as u32;
+        let mut made = gcode_route(piece, first_pass, at, &way);
+        if number + 1 == count {
+            lift_at_end(&mut made.route, &settings);
+        }
+        collector.add(&made.route, &settings);
+        let (laid, report) = match made.route.end() {
+            Some(end) => {
+                at = end;
+                lay_segments_with_progress(&made.route, &settings, progress)?
+            }
+            // None of its beads is printed; what it orders of heaters still is.
+            None => Default::default(),
+        };
+        let laid_passes = LaidPasses {
+            first,
+            passes: piece,
+            numbers: &made.numbers,
+            stream: &laid,
+            offset_mm: transform.offset_mm,
+        };
+        let of_piece = events_of(&program.heat, &laid_passes, planned.end_tick());
+        planned.heat.extend(of_piece);
+        let numbered = made.numbers.iter().enumerate();
+        let followed = numbered.filter(|(_, number)| number.is_some());
+        planned.file_passes.extend(followed.map(|(k, _)| first + k));
+        first += piece.len();
+        if !laid.knots.is_empty() {
+            planned.add(laid, &report, &made, progress)?;
+        }
+    }
+    planned.figures.layers = program.layers();
+    let behind = events_behind(&program.heat, passes.len(), planned.end_tick());
+    planned.heat.extend(behind);
+    planned.touches = collector.touches(&settings);
+    Ok(planned)
+}
+
+/// Fails with the line where the job would take months, by its speeds and by what the extruder can lay: the
+/// stream grows with its time.
+fn check_time(program: &GcodeProgram, settings: &Settings) -> Result<(), PlanError> {
+    let flow_mm3_s = settings.flow_max_mm3_s * settings.plan_share;
+    let push_mm3_s = settings.machine.extruder.speed_max_mm3_s * settings.plan_share;
+    let fastest_mm_s = settings.speed_mm_s * settings.plan_share;
+    let mut seconds = 0.0;
+    for pass in &program.passes {
+        let mut line = 0;
+        for (pair, leg) in pass.points.windows(2).zip(&pass.legs) {
+            let way_s = pair[1].distance_mm(&pair[0]) / leg.speed_mm_s.min(fastest_mm_s);
+            let lays_s = leg.volume_mm3.unwrap_or(0.0) / flow_mm3_s;
+            seconds += way_s.max(lays_s);
+            line = leg.line;
+            check_days(seconds, line)?;
+        }
+        for push in [pass.prime, pass.retract].into_iter().flatten() {
+            let rate_mm3_s = push.rate_mm3_s.unwrap_or(push_mm3_s).min(push_mm3_s);
+            seconds += push.mm3.unwrap_or(0.0) / rate_mm3_s;
+        }
+        check_days(seconds, line)?;
+    }
+    Ok(())
+}
+
+impl GcodePlan {
+    /// Puts a piece behind the others.
+    fn add(
+        &mut self,
+        laid: SegmentStream,
+        report: &MotionReport,
+        made: &GcodeRoute,
+        progress: &dyn Progress,
+    ) -> Result<(), PlanError> {
+        if !self.stream.knots.is_empty() && laid.solution != self.stream.solution {
+            return Err(PlanError::AnotherSolution);
+        }
+        let (mut of_piece, _) = measure(&laid, &[], &[], &self.transform, &self.settings, progress);
+        of_piece.passes = made.passes as usize;
+        self.figures.add_lengths(&of_piece);
+        add_motion(&mut self.motion, report);
+        for (sum, mm) in self.beyond_mm.iter_mut().zip(made.beyond_mm) {
+            *sum += mm;
+        }
+        self.off.add(&made.off);
+        // Passes are counted over the whole file already.
+        self.stream.append(laid, 0);
+        Ok(())
+    }
+
+    fn end_tick(&self) -> u64 {
+        self.stream.marks.last().map_or(0, |mark| mark.end_tick)
+    }
+}
+
+fn add_motion(sum: &mut MotionReport, report: &MotionReport) {
+    sum.ratios = sum.ratios.max(report.ratios);
+    sum.fit_error_ratio = sum.fit_error_ratio.max(report.fit_error_ratio);
+    sum.doubled_moves += report.doubled_moves;
+    sum.duration_s += report.duration_s;
+    sum.time_bound_s += report.time_bound_s;
+}
+
+/// Fastest that settings may say: a feed beyond it is the machine's to bound.
+const SPEED_MAX_MM_S: f64 = 10_000.0;
+
+/// The file's speeds: the plan's share of the limit is the fastest of them.
+fn with_speeds(
+    program: &GcodeProgram,
+    speed_max_mm_s: Option<f64>,
+    settings: &Settings,
+) -> Settings {
+    let legs = program.passes.iter().flat_map(|pass| &pass.legs);
+    let fastest_mm_s = legs.map(|leg| leg.speed_mm_s).fold(0.0, f64::max);
+    let speed_mm_s = fastest_mm_s / settings.plan_share;
+    let slowest = |speed: f64| speed_max_mm_s.map_or(speed, |most| speed.min(most));
+    Settings {
+        speed_mm_s: slowest(speed_mm_s).clamp(0.01, SPEED_MAX_MM_S),
+        layers: program.layers(),
+        ..settings.clone()
+    }
+}
+
+/// The file's z = 0 lies on the bed; what is printed lies over the middle of the work area.
+fn place(program: &GcodeProgram, settings: &Settings) -> Result<PartTransform, PlanError> {
+    let tips = || program.passes.iter().flat_map(|pass| &pass.points);
+    let corners: Vec<Point2> = tips()
+        .map(|p| Point2::new(p.tip_mm[0], p.tip_mm[1]))
+        .collect();
+    let heights = || tips().map(|p| p.tip_mm[2]);
+    let low_mm = heights().fold(f64::INFINITY, f64::min);
+    let top_mm = heights().fold(f64::NEG_INFINITY, f64::max);
+    // Paths drawn on z = 0 lie one layer above the bed, as waypoints do.
+    let bed_mm = if low_mm > 0.0 {
+        0.0
+    } else {
+        low_mm - settings.layer_height_mm
+    };
+    let bounds = Box2::of(&corners);
+    // A planned job has its place, on a machine with room for it.
+    if program.slicer == Slicer::Headway && settings.at_mm.is_none() {
+        let in_place = Settings {
+            at_mm: Some([0.0; 3]),
+            ..settings.clone()
+        };
+        if let Ok(transform) = PartTransform::choose_box(bounds, [bed_mm, top_mm], &in_place) {
+            return Ok(transform);
+        }
+    }
+    Ok(PartTransform::choose_box(
+        bounds,
+        [bed_mm, top_mm],
+        settings,
+    )?)
+}

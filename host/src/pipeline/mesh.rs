@@ -1,0 +1,440 @@
+//! A part with changing layers -> one job, planned a few layers at a time.
+//!
+//! What planning makes of a few layers (walls, passes, curves, rasters) comes down to a [`Piece`] and is
+//! dropped before the next ones; the streams of the pieces, each from rest to rest, are handed on as they
+//! come. Layers of a piece are planned side by side; a piece is the same whatever the number of threads,
+//! and may come from whoever keeps pieces.
+//!
+//! In: sliced layers (mm), settings, a cache. Out: streams in order, and what the figures need. Leaves
+//! out: files, and the clock.
+
+use super::PlanError;
+use crate::geometry::Point2;
+use crate::geometry::polygon::{Box2, Region};
+use crate::job::SegmentStream;
+use crate::job::transform::PartTransform;
+use crate::mesh::layers::{SlicedPart, TargetLayer};
+use crate::pipeline::layer_time::SlowedLayers;
+use crate::pipeline::layer_uses::{LayerUse, Use};
+use crate::pipeline::open_ground::{self, OpenGround};
+use crate::pipeline::piece::{Piece, PieceCache, key_of};
+use crate::pipeline::stack::{LeftOut, Stack, plan_stack};
+use crate::pipeline::stacked_ground::OpenCells;
+use crate::plan::judge::figures::{PlanFigures, Swept};
+use crate::plan::layers::bridge_ground::{Bridge, bridges};
+use crate::plan::layers::hollow::{Hollow, shell_layers};
+use crate::plan::layers::layer_groups::{LayerKind, StackLayer};
+use crate::plan::layers::shells::{Overhang, overhangs, solid_ground};
+use crate::plan::layers::skirt::skirt_reach_mm;
+use crate::plan::motion::segments::MotionReport;
+use crate::plan::outline::unreachable::UnreachableRun;
+use crate::plan::progress::Progress;
+use crate::plan::route::keep_out::cleared;
+use crate::plan::route::keep_out::shadows::with_shadows;
+use crate::settings::Settings;
+use headway_firmware::kinematics::winds;
+use headway_protocol::units::CHANNELS;
+use std::ops::Range;
+
+/// Most kinds of layer that are planned at a time: what they need is the memory that planning takes.
+const KINDS_AT_A_TIME: usize = 8;
+/// Most layers at a time, of however few kinds: their routes are written out.
+const LAYERS_AT_A_TIME: usize = 64;
+
+/// How the first layer of a part differs from the others.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub struct FirstLayer {
+    /// Tip speed while it is printed, mm/s; `None` for that of the others.
+    pub speed_mm_s: Option<f64>,
+}
+
+/// A planned part.
+#[derive(Clone, Debug, Default)]
+pub struct PartPlan {
+    /// Where the part lies on the machine.
+    pub transform: PartTransform,
+    /// The stream for the controller; empty where the pieces of it were handed on.
+    pub stream: SegmentStream,
+    /// The joint solution that it is run in.
+    pub solution: u8,
+    /// Knots of it.
+    pub segments: u64,
+    /// What the stream reaches of the limits.
+    pub motion: MotionReport,
+    /// What the plan is judged on, over all regions and layers.
+    pub figures: PlanFigures,
+    /// What was swept of each printing, with its layer.
+    pub swept: Vec<(u32, Swept)>,
+    /// Regions that are not printed.
+    pub left_out: Vec<LeftOut>,
+    /// Ground given up to keep-outs, all layers together.
+    pub kept_out_mm2: f64,
+    /// A skirt or brim was printed.
+    pub has_skirt: bool,
+    /// Travels between passes that leave the regions on their way.
+    pub outline_crossings: u64,
+    /// What hangs over nothing, by layer of the whole part.
+    pub overhangs: Vec<Overhang>,
+    /// Boundary that cannot be touched, at most [`PLACES_MAX`] runs.
+    pub unreachable: Vec<UnreachableRun>,
+    /// Length of it over all layers.
+    pub unreachable_mm: f64,
+    /// Ground that was to be filled and stays open, the largest [`PLACES_MAX`] pieces.
+    pub open: Vec<OpenGround>,
+    /// What of such ground is no speck, over all layers.
+    pub open_mm2: f64,
+    /// Ground that lines are to cover, and what of it was swept.
+    pub infill_mm2: [f64; 2],
+    /// What of that is open on purpose between sparse lines, and what of it was swept.
+    pub sparse_mm2: [f64; 2],
+    /// The lowest layer of each run of unreachable boundary.
+    pub unreachable_layers: Vec<u32>,
+    /// What the layers are spent on.
+    pub uses: Vec<LayerUse>,
+    /// What each pass is, by its number.
+    pub pass_uses: Vec<Use>,
+    /// Layers that were slowed.
+    pub slowed: SlowedLayers,
+    /// Open ground by cells, and the layers that were looked at.
+    pub open_cells: (OpenCells, u32),
+}
+
+/// Places of each kind that are kept.
+pub const PLACES_MAX: usize = 1000;
+
+/// What planning a part is given and gives.
+pub struct PartContext<'a> {
+    /// Is told how far it is.
+    pub progress: &'a dyn Progress,
+    /// Pieces that were planned before.
+    pub cache: &'a mut dyn PieceCache,
+    /// What plans: pieces of another program are not taken.
+    pub program: &'a str,
+    /// Takes the stream piece by piece, each with the number of its first pass. What it says of a
+    /// piece that it cannot take ends planning.
+    pub take: &'a mut dyn FnMut(SegmentStream, u32) -> Result<(), String>,
+}
+
+/// Plans the wanted layers of a part around keep-outs (input coordinates), the whole stream in memory.
+///
+/// # Errors
+/// [`PlanError`]; a region that cannot be planned is left out instead.
+pub fn plan_part(
+    part: &SlicedPart,
+    keep_out: &[Region],
+    first: FirstLayer,
+    settings: &Settings,
+    progress: &dyn Progress,
+) -> Result<PartPlan, PlanError> {
+    let mut stream = SegmentStream::default();
+    let mut take = |piece: SegmentStream, first_pass| {
+        stream.append(piece, first_pass);
+        Ok(())
+    };
+    let context = PartContext {
+        progress,
+        cache: &mut (),
+        program: "",
+        take: &mut take,
+    };
+    let planned = plan_part_in_pieces(part, keep_out, first, settings, context)?;
+    Ok(PartPlan { stream, ..planned })
+}
+
+/// The same; what grows with the layers are their outlines.
+///
+/// # Errors
+/// [`PlanError`]; a region that cannot be planned is left out instead.
+pub fn plan_part_in_pieces(
+    part: &SlicedPart,
+    keep_out: &[Region],
+    first: FirstLayer,
+    settings: &Settings,
+    context: PartContext,
+) -> Result<PartPlan, PlanError> {
+    settings.check()?;
+    let is_like_others =
+        |layer: &TargetLayer| is_as_high(layer, settings) && first.speed_mm_s.is_none();
+    if !may_divide(settings) && !part.layers.iter().all(is_like_others) {
+        return Err(PlanError::FirstLayerWinds);
+    }
+    let outlines: Vec<&[Region]> = part.layers.iter().map(|l| l.regions.as_slice()).collect();
+    let mut planned = PartPlan {
+        transform: place(part, settings)?,
+        overhangs: hanging(&outlines, &part.wanted, settings),
+        ..PartPlan::default()
+    };
+    let keep_out = &with_shadows(keep_out, &planned.transform, settings);
+    let mut at = super::start_pose(settings);
+    let wanted = part.wanted_layers();
+    let mut rest = wanted;
+    while let Some(lowest) = rest.first() {
+        let layers = wanted.len() - rest.len();
+        context.progress.layers(layers, wanted.len());
+        let is_first = lowest.number == wanted[0].number;
+        let own = settings_of(lowest, first, settings);
+        let solid = |layer: u32| solid_of(&outlines, layer, settings);
+        let bridges = |layer: u32| bridges_of(&outlines, layer, settings);
+        let ground = LayerGround {
+            solid: &solid,
+            bridges: &bridges,
+        };
+        let (stack, used) = gather(rest, ground, keep_out, &own, planned.transform, at);
+        rest = &rest[used..];
+        let stack = Stack {
+            skirt_around: Some(lowest.regions.as_slice())
+                .filter(|regions| is_first && !regions.is_empty()),
+            is_last: rest.is_empty(),
+            ..stack
+        };
+        let key = key_of(&stack, &own, context.program);
+        let piece = match context.cache.get(key) {
+            Some(known) => known,
+            None => {
+                let piece = Piece::of(plan_stack(stack, &own, context.progress)?, &own);
+                context.cache.put(key, &piece);
+                piece
+            }
+        };
+        let first_pass = planned.figures.passes as u32;
+        at = piece.end.unwrap_or(at);
+        let stream = planned.add(piece, settings)?;
+        if !stream.knots.is_empty() {
+            (context.take)(stream, first_pass).map_err(PlanError::Output)?;
+        }
+    }
+    context.progress.layers(wanted.len(), wanted.len());
+    if planned.segments == 0 {
+        return Err(PlanError::NoLayerPrintable {
+            left_out: planned.left_out.len(),
+        });
+    }
+    let (layers, swept): (Vec<u32>, Vec<Swept>) = planned.swept.iter().copied().unzip();
+    planned.figures.set_shares(&layers, &swept);
+    Ok(planned)
+}
+
+impl PartPlan {
+    /// Takes over what is kept of a piece, and hands on its stream.
+    fn add(&mut self, piece: Piece, settings: &Settings) -> Result<SegmentStream, PlanError> {
+        self.swept.extend(piece.swept);
+        self.figures.add_lengths(&piece.figures);
+        self.left_out.extend(piece.left_out);
+        self.kept_out_mm2 += piece.kept_out_mm2;
+        self.has_skirt |= piece.has_skirt;
+        self.outline_crossings += piece.outline_crossings;
+        self.motion.ratios = self.motion.ratios.max(piece.ratios);
+        self.motion.fit_error_ratio = self.motion.fit_error_ratio.max(piece.fit_error_ratio);
+        self.motion.doubled_moves += piece.doubled_moves as usize;
+        self.motion.duration_s += piece.duration_s;
+        self.unreachable_mm += piece.unreachable_mm;
+        let room = PLACES_MAX - self.unreachable.len();
+        self.unreachable
+            .extend(piece.unreachable.into_iter().take(room));
+        self.unreachable_layers
+            .extend(piece.unreachable_layers.into_iter().take(room));
+        self.open_mm2 += open_ground::told_mm2(&piece.open, settings);
+        self.open.extend(piece.open);
+        self.open.sort_by(|a, b| b.area_mm2.total_cmp(&a.area_mm2));
+        self.open.truncate(4 * PLACES_MAX);
+        self.open = open_ground::merged(std::mem::take(&mut self.open));
+        self.open.truncate(PLACES_MAX);
+        for (all, own) in self.infill_mm2.iter_mut().zip(piece.infill_mm2) {
+            *all += own;
+        }
+        for (all, own) in self.sparse_mm2.iter_mut().zip(piece.sparse_mm2) {
+            *all += own;
+        }
+        self.uses.extend(piece.uses);
+        self.pass_uses.extend(piece.pass_uses);
+        self.slowed.layers += piece.slowed.layers;
+        self.slowed.still_short += piece.slowed.still_short;
+        for (cell, layers) in piece.open_cells.0 {
+            *self.open_cells.0.entry(cell).or_default() += layers;
+        }
+        self.open_cells.1 += piece.open_cells.1;
+        let stream = piece.stream;
+        if stream.knots.is_empty() {
+            return Ok(stream);
+        }
+        if self.segments > 0 && stream.solution != self.solution {
+            return Err(PlanError::AnotherSolution);
+        }
+        self.solution = stream.solution;
+        self.segments += stream.knots.len() as u64;
+        Ok(stream)
+    }
+}
+
+/// True where the pieces of a route can be laid one by one: joints that wind up (arms, turning
+/// tables) are followed along the whole of it.
+fn may_divide(settings: &Settings) -> bool {
+    winds(&settings.machine.kinematics) == 0
+}
+
+fn is_as_high(layer: &TargetLayer, settings: &Settings) -> bool {
+    (layer.height_mm - settings.layer_height_mm).abs() < 1e-9
+}
+
+/// Where a part goes: the box of all its layers.
+fn place(part: &SlicedPart, settings: &Settings) -> Result<PartTransform, PlanError> {
+    let regions = part.layers.iter().flat_map(|layer| &layer.regions);
+    let corners: Vec<Point2> = regions
+        .flat_map(|region| [region.bounds().min, region.bounds().max])
+        .collect();
+    let bounds = Box2::of(&corners).grown(skirt_reach_mm(settings));
+    let bottom_mm = part.layers.first().map_or(0.0, |l| l.top_mm - l.height_mm);
+    let top_mm = part.layers.last().map_or(0.0, |layer| layer.top_mm);
+    let stacked = Settings {
+        layers: part.layers.len() as u32,
+        ..settings.clone()
+    };
+    Ok(PartTransform::choose_box(
+        bounds,
+        [bottom_mm, top_mm],
+        &stacked,
+    )?)
+}
+
+/// What of a layer is filled whatever the density.
+fn solid_of(outlines: &[&[Region]], layer: u32, settings: &Settings) -> Vec<Region> {
+    match &settings.infill {
+        Some(infill) if !infill.is_solid() => {
+            solid_ground(outlines, layer as usize, shell_layers(infill))
+        }
+        _ => Vec::new(),
+    }
+}
+
+/// What of a layer is bridged, where there are lines to do it with.
+fn bridges_of(outlines: &[&[Region]], layer: u32, settings: &Settings) -> Vec<Bridge> {
+    let below = (layer as usize).checked_sub(1);
+    match (below, &settings.infill) {
+        (Some(below), Some(_)) => {
+            let (own, reach_mm) = (layer as usize, settings.aperture.major_mm());
+            match Hollow::of(outlines, settings) {
+                Some(hollow) => hollow
+                    .pair(own)
+                    .map_or(Vec::new(), |[own, below]| bridges(&own, &below, reach_mm)),
+                None => bridges(outlines[own], outlines[below], reach_mm),
+            }
+        }
+        _ => Vec::new(),
+    }
+}
+
+/// What hangs on each of the wanted layers: over nothing, and not bridged.
+fn hanging(outlines: &[&[Region]], wanted: &Range<u32>, settings: &Settings) -> Vec<Overhang> {
+    let reach_mm = settings.aperture.major_mm();
+    let is_wanted = |layer: usize| wanted.contains(&(layer as u32));
+    let bridged = |layer: usize| match is_wanted(layer) {
+        true => {
+            let bridges = bridges_of(outlines, layer as u32, settings);
+            bridges.into_iter().flat_map(|b| b.ground).collect()
+        }
+        false => Vec::new(),
+    };
+    let hollow = Hollow::of(outlines, settings);
+    let unheld = |layer: usize| match hollow {
+        Some(hollow) if is_wanted(layer) => hollow.unheld(layer, reach_mm),
+        _ => Vec::new(),
+    };
+    overhangs(outlines, unheld, bridged, reach_mm)
+}
+
+/// What the lines inside a layer's walls have to heed, by the layer's number.
+#[derive(Clone, Copy)]
+struct LayerGround<'a> {
+    solid: &'a dyn Fn(u32) -> Vec<Region>,
+    bridges: &'a dyn Fn(u32) -> Vec<Bridge>,
+}
+
+/// The settings of a layer's piece.
+fn settings_of(layer: &TargetLayer, first: FirstLayer, settings: &Settings) -> Settings {
+    let is_first = layer.number == 0;
+    Settings {
+        layer_height_mm: layer.height_mm,
+        speed_mm_s: match first.speed_mm_s {
+            Some(speed_mm_s) if is_first => speed_mm_s,
+            _ => settings.speed_mm_s,
+        },
+        ..settings.clone()
+    }
+}
+
+/// The next layers of the same settings, as many as are planned at a time, and how many they are.
+fn gather<'a>(
+    layers: &'a [TargetLayer],
+    ground: LayerGround,
+    keep_out: &'a [Region],
+    settings: &Settings,
+    transform: PartTransform,
+    start: [f64; CHANNELS],
+) -> (Stack<'a>, usize) {
+    let mut stack = Stack {
+        outlines: Vec::new(),
+        kinds: Vec::new(),
+        layers: Vec::new(),
+        keep_out,
+        kept_out_mm2: 0.0,
+        skirt_around: None,
+        scale: None,
+        transform,
+        start,
+        is_last: false,
+        may_leave_out: true,
+    };
+    // Outlines as the part has them, before anything is taken from them.
+    let mut known: Vec<&[Region]> = Vec::new();
+    let may_divide = may_divide(settings);
+    let mut used = 0;
+    // Loops that follow each other without a rest are one move.
+    let may_rest = may_divide && !settings.wide_beads.continuous_z;
+    let most = if may_rest {
+        LAYERS_AT_A_TIME
+    } else {
+        usize::MAX
+    };
+    for layer in layers.iter().take(most) {
+        // The first layer may have its own height and speed, others a height.
+        let is_other = layer.number == 1 || !is_as_high(layer, settings);
+        let is_full = may_rest && stack.kinds.len() >= KINDS_AT_A_TIME;
+        if used > 0 && may_divide && (is_other || is_full) {
+            break;
+        }
+        used += 1;
+        if layer.regions.is_empty() {
+            continue;
+        }
+        let own = layer.regions.as_slice();
+        let outline = known.iter().position(|known| *known == own);
+        let outline = outline.unwrap_or_else(|| {
+            known.push(own);
+            stack
+                .outlines
+                .push(cleared(own, keep_out, settings).regions);
+            known.len() - 1
+        });
+        let area = |regions: &[Region]| regions.iter().map(Region::area_mm2).sum::<f64>();
+        stack.kept_out_mm2 += area(own) - area(&stack.outlines[outline]);
+        let infill = settings.infill.as_ref();
+        let kind = LayerKind {
+            outline,
+            // Between the solid ground there are no solid layers but those of the shells.
+            infill: infill.map(|infill| infill.inside(layer.number)),
+            solid: (ground.solid)(layer.number),
+            bridges: (ground.bridges)(layer.number),
+        };
+        let known_kind = stack.kinds.iter().position(|known| *known == kind);
+        let kind_number = known_kind.unwrap_or(stack.kinds.len());
+        if known_kind.is_none() {
+            stack.kinds.push(kind);
+        }
+        stack.layers.push(StackLayer {
+            number: layer.number,
+            top_mm: layer.top_mm,
+            kind: kind_number,
+        });
+    }
+    (stack, used)
+}

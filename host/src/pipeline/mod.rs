@@ -1,0 +1,49 @@
+//! Input -> plan -> what it came to -> bytes of a job: the pipeline of each kind of input, and what all share.
+//!
+//! ```text
+//! outline ---+
+//! surface ---+--> stack: contour, axis, headings, beads, joining, curve, layers, route --+
+//! mesh ------+    (a prism at once, a part a few layers at a time: piece)                 |
+//! waypoints ------> placed_passes ---------------------------------------------- route --+--> segments --> judge
+//! gcode ------------------------------------------------------------------------ route --+    (SegmentStream) |
+//!                                                                  job's bytes <-- packing <-- findings <-----+
+//! ```
+//! The stages lie in [`crate::plan`]; here is the order in which a kind of input goes through them. Knows no files,
+//! no terminal and no line.
+
+mod error;
+pub mod findings;
+pub mod gcode;
+mod gcode_heat;
+mod gcode_touches;
+pub mod layer_time;
+pub mod layer_uses;
+pub mod mesh;
+pub mod open_ground;
+mod outline;
+pub mod packing;
+pub mod piece;
+mod placed_passes;
+mod plan;
+pub mod stack;
+pub mod stacked_ground;
+pub mod surface;
+mod waypoints;
+
+pub use error::PlanError;
+pub use outline::{plan_target, plan_target_around};
+pub use plan::Plan;
+pub use waypoints::{plan_waypoints, plan_waypoints_with_progress};
+
+use crate::settings::Settings;
+use headway_protocol::units::{CHANNEL_X, CHANNEL_Y, CHANNEL_Z, CHANNELS};
+
+/// Where the head waits before a job: the work area's corner, lifted.
+pub(crate) fn start_pose(settings: &Settings) -> [f64; CHANNELS] {
+    let [low, _] = settings.work_area_mm;
+    let mut pose = [0.0; CHANNELS];
+    pose[CHANNEL_X] = low[0];
+    pose[CHANNEL_Y] = low[1];
+    pose[CHANNEL_Z] = low[2] + settings.layer_height_mm + settings.lift_mm;
+    pose
+}

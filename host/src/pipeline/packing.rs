@@ -1,0 +1,170 @@
+//! A job on its way to its file: packed, checked against the limits and as a board does, and timed as its pieces
+//! come.
+//!
+//! In: pieces of a stream, of whatever planned it, and a file for their frames. Out: the job's frames,
+//! the figures that only the finished motion shows, the job's header. Leaves out where the job goes.
+
+use crate::drive::device_check::{DeviceCheck, Refused};
+use crate::drive::limits::{LimitFigures, LimitTally};
+use crate::drive::time_by_limit::{TimeByLimit, TimeTally};
+use crate::geometry::polygon::Region;
+use crate::job::SegmentStream;
+use crate::job::StreamFacts;
+use crate::job::file::JobHeader;
+use crate::job::heat::{self, HEAT_TEXT, HeatEvent, job_events};
+use crate::job::spool::{JobSpool, SpoolError, SpooledJob};
+use crate::job::transform::PartTransform;
+use crate::pipeline::findings::time_figures;
+use crate::report::figures::Figures;
+use crate::report::job_texts::{
+    LAYER_OUTLINES_TEXT, LayerOutlines, NAME_TEXT, OUTLINE_TEXT, SETTINGS_TEXT, outline_to_json,
+};
+use crate::settings::{Settings, machine_file};
+use std::io::{Read, Seek, Write};
+
+/// The job so far.
+pub struct JobPacking<F: Write> {
+    spool: JobSpool<F>,
+    is_empty: bool,
+    limits: LimitTally,
+    times: TimeTally,
+    device: DeviceCheck,
+}
+
+/// A whole job.
+pub struct PackedJob<F> {
+    /// Its frames.
+    pub frames: SpooledJob<F>,
+    /// What it reaches of the limits.
+    pub limits: LimitFigures,
+    /// What takes its time.
+    pub times: TimeByLimit,
+    /// Where a board would stop it: such a job is not to be written.
+    pub refused: Option<Refused>,
+}
+
+/// What a job's header says beside its stream.
+pub struct JobFacts<'a> {
+    /// Name of the part.
+    pub name: &'a str,
+    /// Its outline, input coordinates.
+    pub outline: &'a [Region],
+    /// Those of a part whose layers differ.
+    pub layer_outlines: &'a LayerOutlines,
+    /// The settings it was planned with.
+    pub settings: &'a Settings,
+    /// Where it lies on the machine.
+    pub transform: PartTransform,
+    /// Its figures.
+    pub figures: &'a Figures,
+    /// What its file orders of heaters and fans.
+    pub heat: &'a [HeatEvent],
+}
+
+impl<F: Read + Write + Seek> JobPacking<F> {
+    /// An empty job; its frames go to `file`.
+    pub fn new(file: F) -> JobPacking<F> {
+        JobPacking {
+            spool: JobSpool::new(file),
+            is_empty: true,
+            limits: LimitTally::default(),
+            times: TimeTally::default(),
+            device: DeviceCheck::default(),
+        }
+    }
+
+    /// Nothing was taken yet.
+    pub fn is_empty(&self) -> bool {
+        self.is_empty
+    }
+
+    /// Takes the next piece, its passes counted from `first_pass` on.
+    ///
+    /// # Errors
+    /// [`SpoolError`].
+    pub fn take(
+        &mut self,
+        piece: &SegmentStream,
+        first_pass: u32,
+        settings: &Settings,
+    ) -> Result<(), SpoolError> {
+        self.is_empty = false;
+        let settings = Settings {
+            machine: piece.machine(&settings.machine),
+            ..settings.clone()
+        };
+        let (limits, times, device) = (&mut self.limits, &mut self.times, &mut self.device);
+        let added = self.spool.add(piece, first_pass);
+        let tallied = || {
+            rayon::join(
+                || limits.add(piece, &settings),
+                || times.add(piece, &settings),
+            )
+        };
+        rayon::join(tallied, || device.add(piece, &settings.machine));
+        added
+    }
+
+    /// All of it.
+    ///
+    /// # Errors
+    /// [`SpoolError`].
+    pub fn finish(self, settings: &Settings) -> Result<PackedJob<F>, SpoolError> {
+        Ok(PackedJob {
+            frames: self.spool.finish()?,
+            limits: self.limits.figures,
+            times: self.times.finish(settings),
+            refused: self.device.finish(),
+        })
+    }
+}
+
+impl<F> PackedJob<F> {
+    /// The figures of a plan with those of its finished motion.
+    pub fn figures(&self, planned: Figures, transform: &PartTransform) -> Figures {
+        let bytes = self.frames.line_bytes;
+        let print_s = planned.print_s.unwrap_or_default();
+        planned.merged_with(&Figures {
+            limit_ratio_velocity: Some(self.limits.velocity.ratio),
+            limit_ratio_acceleration: Some(self.limits.acceleration.ratio),
+            limit_ratio_jerk: Some(self.limits.jerk.ratio),
+            bytes: Some(bytes),
+            bytes_per_s: Some(bytes as f64 / print_s.max(1e-9)),
+            ..time_figures(self.times.clone(), transform)
+        })
+    }
+}
+
+/// The header of a job.
+pub fn job_header(job: &JobFacts, stream: StreamFacts) -> JobHeader {
+    let settings = job.settings;
+    let heat = job_events(job.heat, settings.material.as_ref(), &stream.marks);
+    let mut header = JobHeader::of_facts(
+        stream,
+        &settings.machine_name,
+        &settings.machine,
+        job.transform,
+    );
+    // How long planning took is no property of the job: the same job is the same file.
+    let figures = Figures {
+        plan_s: None,
+        ..job.figures.clone()
+    };
+    header.figures_json = figures.to_json();
+    let texts = [
+        (NAME_TEXT, job.name.to_string()),
+        (OUTLINE_TEXT, outline_to_json(job.outline)),
+        (SETTINGS_TEXT, machine_file::to_toml(settings)),
+    ];
+    let texts = texts.map(|(key, text)| (key.to_string(), text));
+    header.texts.extend(texts);
+    if !job.layer_outlines.is_empty() {
+        let text = job.layer_outlines.to_json();
+        header.texts.insert(LAYER_OUTLINES_TEXT.to_string(), text);
+    }
+    if !heat.is_empty() {
+        let text = heat::to_json(&heat);
+        header.texts.insert(HEAT_TEXT.to_string(), text);
+    }
+    header
+}

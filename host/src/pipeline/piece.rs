@@ -1,0 +1,239 @@
+//! A piece of a part: what is kept of a few layers that were planned together.
+//!
+//! Input: the plan of a few layers. Output: its stream from rest to rest, and what the figures of the
+//! whole part need of it; as bytes with a checksum for whoever keeps pieces ([`PieceCache`]), and the
+//! key that such bytes are known by: a hash of all that the piece depends on. Leaves out: files.
+
+use super::Plan;
+use crate::geometry::polygon::Region;
+use crate::job::SegmentStream;
+use crate::pipeline::layer_time::SlowedLayers;
+use crate::pipeline::layer_uses::{LayerUse, Use, layer_uses, pass_uses};
+use crate::pipeline::open_ground::{OpenGround, open_ground};
+use crate::pipeline::stack::{LeftOut, Stack};
+use crate::pipeline::stacked_ground::{OpenCells, open_cells};
+use crate::plan::judge::figures::{PlanFigures, Swept};
+use crate::plan::layers::region_plan::RegionPlan;
+use crate::plan::motion::segments::check::Ratios;
+use crate::plan::outline::unreachable::UnreachableRun;
+use crate::settings::Settings;
+use headway_protocol::frame::CRC;
+use headway_protocol::units::CHANNELS;
+use serde::{Deserialize, Serialize};
+use siphasher::sip128::{Hasher128, SipHasher13};
+use std::fmt::{self, Write};
+use std::hash::Hasher;
+
+/// What begins the bytes of a piece; the number is that of their layout.
+const MAGIC: &[u8; 8] = b"HWPIECE3";
+
+/// What is kept of a few layers.
+#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
+pub struct Piece {
+    /// The stream; its passes are counted from 0.
+    pub stream: SegmentStream,
+    /// Where the head is behind it, at rest; `None` where nothing is printed.
+    pub end: Option<[f64; CHANNELS]>,
+    /// What was swept of each printing, with its layer.
+    pub swept: Vec<(u32, Swept)>,
+    /// Lengths, times and counts.
+    pub figures: PlanFigures,
+    /// What the stream reaches of the limits.
+    pub ratios: Ratios,
+    /// Worst error of the fit against its share of the tolerance.
+    pub fit_error_ratio: f64,
+    /// Moves whose whole time had to be doubled.
+    pub doubled_moves: u64,
+    /// Duration, s.
+    pub duration_s: f64,
+    /// Regions that are not printed.
+    pub left_out: Vec<LeftOut>,
+    /// Ground given up to keep-outs.
+    pub kept_out_mm2: f64,
+    /// A skirt or brim was printed.
+    pub has_skirt: bool,
+    /// Travels between passes that leave the regions on their way.
+    pub outline_crossings: u64,
+    /// Boundary that cannot be touched, once for each kind of layer.
+    pub unreachable: Vec<UnreachableRun>,
+    /// Length of it over all layers.
+    pub unreachable_mm: f64,
+    /// Ground that was to be filled and stays open, the largest first.
+    pub open: Vec<OpenGround>,
+    /// Ground that lines are to cover, and what of it was swept.
+    pub infill_mm2: [f64; 2],
+    /// What of that is open on purpose between sparse lines, and what of it was swept.
+    pub sparse_mm2: [f64; 2],
+    /// The lowest layer of each run of unreachable boundary.
+    pub unreachable_layers: Vec<u32>,
+    /// What its layers are spent on.
+    pub uses: Vec<LayerUse>,
+    /// What each of its passes is.
+    pub pass_uses: Vec<Use>,
+    /// Layers that were slowed.
+    pub slowed: SlowedLayers,
+    /// Open ground by cells, and the layers that were looked at.
+    pub open_cells: (OpenCells, u32),
+}
+
+/// Pieces that were planned before.
+pub trait PieceCache {
+    /// The piece of this key, if it is there and whole.
+    fn get(&mut self, key: u128) -> Option<Piece>;
+    /// Keeps a piece.
+    fn put(&mut self, key: u128, piece: &Piece);
+}
+
+/// Keeps nothing.
+impl PieceCache for () {
+    fn get(&mut self, _: u128) -> Option<Piece> {
+        None
+    }
+
+    fn put(&mut self, _: u128, _: &Piece) {}
+}
+
+impl Piece {
+    /// What is kept of a plan.
+    pub fn of(plan: Plan, settings: &Settings) -> Piece {
+        let mut piece = Piece {
+            pass_uses: pass_uses(&plan),
+            uses: layer_uses(&plan, f64::from(settings.machine.servo_hz)),
+            slowed: plan.slowed,
+            open_cells: open_cells(&plan, settings.aperture.minor_mm()),
+            end: plan.route.end(),
+            open: open_ground(&plan, settings),
+            kept_out_mm2: plan.kept_out_mm2,
+            has_skirt: plan.skirt.is_some(),
+            outline_crossings: plan.outline_crossings as u64,
+            figures: plan.figures,
+            ratios: plan.motion.ratios,
+            fit_error_ratio: plan.motion.fit_error_ratio,
+            doubled_moves: plan.motion.doubled_moves as u64,
+            duration_s: plan.motion.duration_s,
+            ..Piece::default()
+        };
+        for (number, kind) in plan.kinds.iter().enumerate() {
+            let runs = unreachable_boundary(&kind.regions);
+            let length_mm: f64 = runs.iter().map(UnreachableRun::length_mm).sum();
+            piece.unreachable_mm += length_mm * f64::from(kind.layers);
+            let mut prints = plan.prints.iter().filter(|print| print.kind == number);
+            let layer = prints.next().map_or(0, |print| print.layer);
+            piece.unreachable_layers.extend(runs.iter().map(|_| layer));
+            piece.unreachable.extend(runs);
+            if let Some([ground, swept]) = plan.infill_area_mm2(Some(number)) {
+                piece.infill_mm2[0] += ground;
+                piece.infill_mm2[1] += swept;
+            }
+            if let Some([ground, swept]) = plan.sparse_area_mm2(Some(number)) {
+                piece.sparse_mm2[0] += ground;
+                piece.sparse_mm2[1] += swept;
+            }
+        }
+        let layers = plan.prints.iter().map(|print| print.layer);
+        let swept = plan.measured.swept.iter().copied();
+        piece.swept = layers.zip(swept).collect();
+        piece.left_out = plan.left_out;
+        piece.stream = plan.stream;
+        piece
+    }
+
+    /// As bytes; `None` where it cannot be kept.
+    pub fn to_bytes(&self) -> Option<Vec<u8>> {
+        let mut bytes = postcard::to_extend(self, MAGIC.to_vec()).ok()?;
+        let crc = CRC.checksum(&bytes);
+        bytes.extend_from_slice(&crc.to_le_bytes());
+        Some(bytes)
+    }
+
+    /// From such bytes; `None` where one of them is not what it was.
+    pub fn from_bytes(bytes: &[u8]) -> Option<Piece> {
+        let (body, crc) = bytes.split_last_chunk::<4>()?;
+        if CRC.checksum(body) != u32::from_le_bytes(*crc) {
+            return None;
+        }
+        postcard::from_bytes(body.strip_prefix(MAGIC)?).ok()
+    }
+}
+
+/// Boundary of regions that cannot be touched, input coordinates.
+pub fn unreachable_boundary(regions: &[RegionPlan]) -> Vec<UnreachableRun> {
+    let in_input = |region: &RegionPlan| {
+        let offset = region.contour.offset;
+        let shifted = move |run: &UnreachableRun| UnreachableRun {
+            from: run.from + offset,
+            to: run.to + offset,
+        };
+        region.unreachable.iter().map(shifted).collect::<Vec<_>>()
+    };
+    regions.iter().flat_map(in_input).collect()
+}
+
+/// Hashes what is written to it.
+struct HashText(SipHasher13);
+
+impl Write for HashText {
+    fn write_str(&mut self, text: &str) -> fmt::Result {
+        self.0.write(text.as_bytes());
+        Ok(())
+    }
+}
+
+/// The key of a piece: all that planning is given, every number by its shortest digits that read back
+/// the same, and `program`, which planned it.
+pub(crate) fn key_of(stack: &Stack, settings: &Settings, program: &str) -> u128 {
+    let mut text = HashText(SipHasher13::new());
+    let Stack {
+        outlines,
+        kinds,
+        layers,
+        scale: _,
+        keep_out,
+        kept_out_mm2,
+        skirt_around,
+        transform,
+        start,
+        is_last,
+        may_leave_out,
+    } = stack;
+    let around: Option<&[Region]> = *skirt_around;
+    let written = write!(
+        text,
+        "{program}|{settings:?}|{outlines:?}|{kinds:?}|{layers:?}|{keep_out:?}|{kept_out_mm2:?}|\
+         {around:?}|{transform:?}|{start:?}|{is_last}|{may_leave_out}"
+    );
+    debug_assert!(written.is_ok());
+    text.0.finish128().as_u128()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::drive::test_streams::spiral;
+    use crate::geometry::Point2;
+
+    /// Goal: a piece comes back bit for bit, and one that was damaged or cut anywhere does not.
+    #[test]
+    fn a_damaged_piece_is_none() {
+        let piece = Piece {
+            stream: spiral(2.0),
+            end: Some([0.1; CHANNELS]),
+            swept: vec![(3, Swept::default())],
+            open: vec![OpenGround {
+                area_mm2: 0.25,
+                at: Point2::new(1.0, 1.0 / 3.0),
+                layer: 3,
+                layers: 2,
+            }],
+            ..Piece::default()
+        };
+        let bytes = piece.to_bytes().expect("bytes");
+        assert_eq!(Piece::from_bytes(&bytes), Some(piece));
+        for place in (0..bytes.len()).step_by(7) {
+            let mut damaged = bytes.clone();
+            damaged[place] ^= 0x10;
+            assert_eq!(Piece::from_bytes(&damaged), None, "byte {place}");
+            assert_eq!(Piece::from_bytes(&bytes[..place]), None, "cut at {place}");
+        }
+    }
+}

@@ -1,0 +1,95 @@
+//! Goal: imports between rooms run one way. Method: the rooms of a crate stand in a list; a file names only its own room and
+//! those before it. `tools/rooms.py` counts rooms, arrows and circles.
+
+use super::{Breaches, Source, assert_none, code, sources};
+
+/// A crate's folder, how its files name it, and its rooms from the lowest on.
+struct House {
+    folder: &'static str,
+    prefix: &'static str,
+    rooms: &'static [&'static str],
+}
+
+const HOUSES: [House; 2] = [
+    House {
+        folder: "host/src/",
+        prefix: "crate::",
+        rooms: &[
+            "text",
+            "settings",
+            "mesh",
+            "job",
+            "report",
+            "gcode",
+            "bed_mesh",
+            "input",
+            "drive",
+            "plan",
+            "calibration",
+            "joint_export",
+            "pipeline",
+            "api",
+            "cli",
+        ],
+    },
+    House {
+        folder: "host/src/cli/",
+        prefix: "crate::cli::",
+        rooms: &[
+            "error", "args", "terminal", "reading", "plan", "job", "compare", "live", "board",
+            "stream", "machine", "shell",
+        ],
+    },
+];
+/// Crates that `headway` offers under names of its own.
+const CRATES: [&str; 2] = ["geometry", "reach"];
+
+fn word(text: &str) -> &str {
+    let end = text.find(|c: char| !c.is_alphanumeric() && c != '_');
+    &text[..end.unwrap_or(text.len())]
+}
+
+pub fn check_order(source: &Source, breaches: &mut Breaches) {
+    for house in &HOUSES {
+        let Some(below) = source.name.strip_prefix(house.folder) else {
+            continue;
+        };
+        let own = word(below);
+        // The crate's or room's own map names all.
+        if ["lib", "main", "mod"].contains(&own) {
+            continue;
+        }
+        let place = |room: &str| house.rooms.iter().position(|name| *name == room);
+        let Some(floor) = place(own) else {
+            breaches.add(source, 0, &format!("{own} is no room of {}", house.folder));
+            continue;
+        };
+        for (number, line) in source.lines.iter().enumerate() {
+            for named in code(line).split(house.prefix).skip(1) {
+                let named = word(named);
+                if CRATES.contains(&named) {
+                    continue;
+                }
+                match place(named) {
+                    Some(room) if room <= floor => {}
+                    _ => {
+                        let rule = format!("{own} imports from a later room ({named})");
+                        breaches.add(source, number, &rule);
+                    }
+                }
+            }
+        }
+    }
+}
+
+#[test]
+fn rooms_import_from_earlier_ones() {
+    let mut breaches = Breaches(Vec::new());
+    let mut seen = 0;
+    for source in sources() {
+        seen += usize::from(source.name.starts_with(HOUSES[0].folder));
+        check_order(&source, &mut breaches);
+    }
+    assert_none(&breaches);
+    assert!(seen > 300, "only {seen} files of the host");
+}
