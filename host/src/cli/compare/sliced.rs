@@ -7,9 +7,9 @@ use crate::cli::args::compare::CompareArgs;
 use crate::cli::args::{InputArgs, PlaceArgs, SettingsArgs};
 use crate::cli::error::CliError;
 use crate::cli::plan::planned;
-use crate::cli::plan::planned::Planned;
 use crate::cli::reading::load;
 use crate::cli::terminal::console::Console;
+use crate::pipeline::planned::Planned;
 use std::path::Path;
 
 /// Diameter of a nozzle that a file does not name, mm: what most printers have.

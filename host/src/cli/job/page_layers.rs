@@ -4,10 +4,10 @@
 //! the page stays below 15 MB.
 
 use crate::cli::job::pictures::ShownLayer;
-use crate::cli::plan::planned::Planned;
 use crate::drive::time_by_limit::limit_at;
 use crate::job::heat::{HEATER_NAMES, HeatOrder, job_events};
 use crate::job::{MotionState, SegmentStream};
+use crate::pipeline::planned::Planned;
 use crate::plan::layers::layer_groups::infills_of_layers;
 use crate::report::layer_path::{PathOf, layer_path};
 use crate::report::page_layer::{HeatStep, LayerMotion, PageFacts, PageLayer, StackedLayer};

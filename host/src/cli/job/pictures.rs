@@ -2,7 +2,6 @@
 
 use crate::cli::job::page_layers;
 use crate::cli::job::page_layers::{LayerMotions, kinds_of_layers};
-use crate::cli::plan::planned::Planned;
 use crate::drive::time_by_limit::limit_names;
 use crate::geometry::clearance::Configuration;
 use crate::geometry::frame::Frame;
@@ -10,6 +9,7 @@ use crate::geometry::polygon::Region;
 use crate::geometry::{Point2, Vector2, coverage};
 use crate::job::transform::PartTransform;
 use crate::job::{MotionState, SegmentStream};
+use crate::pipeline::planned::Planned;
 use crate::plan::judge::measure::{MeasuredPrint, measure};
 use crate::plan::judge::region_raster::RegionRaster;
 use crate::plan::layers::layer_groups::OFF_REGIONS;

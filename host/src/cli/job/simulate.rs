@@ -4,7 +4,6 @@ use crate::cli::args::{InputArgs, PlaceArgs, SettingsArgs, SimulateArgs};
 use crate::cli::error::CliError;
 use crate::cli::job::pictures;
 use crate::cli::plan::planned;
-use crate::cli::plan::planned::Planned;
 use crate::cli::plan::verdict;
 use crate::cli::reading::job;
 use crate::cli::terminal::console::Console;
@@ -18,6 +17,7 @@ use crate::drive::trace_table;
 use crate::job::heat::{self, job_events};
 use crate::pipeline::findings::objections::Objection;
 use crate::pipeline::findings::simulated::{outcome, simulation_figures};
+use crate::pipeline::planned::Planned;
 use std::path::Path;
 
 /// Time between two rows of `--trace`.

@@ -4,11 +4,11 @@ use crate::cli::error::CliError;
 use crate::cli::job::pictures::{live_page, page_layers};
 use crate::cli::live::{LivePrint, serve};
 use crate::cli::plan::planned;
-use crate::cli::plan::planned::Planned;
 use crate::cli::reading::job::Job;
 use crate::cli::terminal::console::Console;
 use crate::drive::time_by_limit::time_by_limit;
 use crate::pipeline::findings::time_figures;
+use crate::pipeline::planned::Planned;
 use std::time::Duration;
 
 /// How long a page may still ask once the print is over.

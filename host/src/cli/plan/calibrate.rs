@@ -9,9 +9,7 @@ use crate::calibration::{
 use crate::cli::args::allow::AllowArgs;
 use crate::cli::args::calibrate::CalibrateArgs;
 use crate::cli::error::CliError;
-use crate::cli::plan::pass_facts::PassFacts;
 use crate::cli::plan::planned;
-use crate::cli::plan::planned::Planned;
 use crate::cli::plan::write_job;
 use crate::cli::reading::load;
 use crate::cli::terminal::console::Console;
@@ -19,8 +17,7 @@ use crate::cli::terminal::output_file::{check_file, nameless_file, write_file};
 use crate::job::SegmentStream;
 use crate::job::transform::PartTransform;
 use crate::pipeline::packing::JobPacking;
-use crate::report::figures::Figures;
-use crate::report::job_texts::LayerOutlines;
+use crate::pipeline::planned::Planned;
 use crate::settings::{Settings, machine_file};
 use crate::text::short_number::Short;
 use headway_protocol::units::CHANNEL_VOLUME;
@@ -88,26 +85,16 @@ fn shake(
     let packing = JobPacking::new(nameless_file(&file)?);
     let planned = Planned {
         name: "resonance".to_string(),
-        outline: Vec::new(),
-        layer_outlines: LayerOutlines::default(),
         transform: PartTransform {
             offset_mm: swept.at_mm,
         },
         stream: swept.stream.clone(),
-        heat: Vec::new(),
-        figures: Figures::default(),
-        notes: Vec::new(),
-        objections: Vec::new(),
-        own_joints: None,
-        pass_facts: PassFacts::Unknown,
-        plan: None,
-        unreachable: Vec::new(),
-        left_out: Vec::new(),
         // Nothing is laid: nothing is heated.
         settings: Settings {
             material: None,
             ..settings
         },
+        ..Planned::default()
     };
     let (_, is_written) = write_job(planned, packing, &args.allow, &file, console)?;
     is_written?;

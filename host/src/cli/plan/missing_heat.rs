@@ -5,10 +5,10 @@
 //! machine file names no material that is printed cold: another controller's machine may have a hot end. Planning
 //! leaves it alone.
 
-use crate::cli::plan::planned::Planned;
 use crate::cli::reading::job::Job;
 use crate::job::MotionState;
 use crate::job::heat::{BED, HeatEvent, HeatOrder};
+use crate::pipeline::planned::Planned;
 use headway_firmware::heat::HeaterRole;
 
 /// What is missing; `remedy` is what the user can do here.

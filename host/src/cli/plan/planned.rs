@@ -2,7 +2,6 @@
 
 use crate::cli::args::{InputArgs, PlaceArgs, SettingsArgs};
 use crate::cli::error::CliError;
-use crate::cli::plan::pass_facts::PassFacts;
 use crate::cli::plan::{planned_gcode, planned_part, planned_patch};
 use crate::cli::reading::job;
 use crate::cli::reading::job::Job;
@@ -12,81 +11,21 @@ use crate::geometry::polygon::Region;
 use crate::input::declared_run::at_feeds;
 use crate::input::waypoints::WaypointRun;
 use crate::input::{Input, Loaded, Target};
-use crate::job::SegmentStream;
-use crate::job::heat::HeatEvent;
-use crate::job::transform::PartTransform;
 use crate::mesh::Mesh;
-use crate::pipeline::findings::findings;
-use crate::pipeline::findings::objections::Objection;
-use crate::pipeline::layer_uses::pass_uses;
 use crate::pipeline::packing::JobPacking;
+use crate::pipeline::planned::Planned;
 use crate::pipeline::surface::plan_on_surface;
 use crate::pipeline::{Plan, PlanError, plan_target_around, plan_waypoints_with_progress};
 use crate::plan::motion::joint_limits::MotionError;
-use crate::plan::outline::unreachable::UnreachableRun;
-use crate::report::Place;
-use crate::report::figures::Figures;
-use crate::report::job_texts::LayerOutlines;
 use crate::settings::{Settings, Tolerances};
-use headway_firmware::configuration::JointConfiguration;
 use std::fs::File;
 use std::path::Path;
 use std::time::Instant;
-
-/// A job and what belongs to it.
-pub(crate) struct Planned {
-    pub name: String,
-    /// Of all layers, or of the lowest one of a part.
-    pub outline: Vec<Region>,
-    /// Of a part whose layers differ.
-    pub layer_outlines: LayerOutlines,
-    pub settings: Settings,
-    pub transform: PartTransform,
-    pub stream: SegmentStream,
-    /// What its file orders of heaters and fans.
-    pub heat: Vec<HeatEvent>,
-    pub figures: Figures,
-    /// Notes of reading and planning.
-    pub notes: Vec<String>,
-    /// What keeps it from being good.
-    pub objections: Vec<Objection>,
-    /// The machine's own joints, where it was planned with wider ranges.
-    pub own_joints: Option<Vec<JointConfiguration>>,
-    /// What is known of each pass.
-    pub pass_facts: PassFacts,
-    /// The planner's intermediates; `None` for a job from a file.
-    pub plan: Option<Box<Plan>>,
-    /// Boundary that cannot be touched, input coordinates.
-    pub unreachable: Vec<UnreachableRun>,
-    /// Ground and boundary that is not printed, the largest of each first; empty for a job from a
-    /// file.
-    pub left_out: Vec<Place>,
-}
 
 /// By how much the range of a joint that may leave it becomes wider at either end: more than any part asks for, and
 /// not so much that a joint that turns has no end.
 const WIDER_MM: f64 = 10_000.0;
 const WIDER_RAD: f64 = 600.0;
-
-impl Planned {
-    /// The outline of a layer; nothing where it is not known.
-    pub(crate) fn outline_of(&self, layer: u32) -> &[Region] {
-        match self.layer_outlines.is_empty() {
-            true => &self.outline,
-            false => self.layer_outlines.of_layer(layer),
-        }
-    }
-
-    /// Gives the machine the ranges of its own joints again: what a board knows it by.
-    pub(crate) fn restore_joints(&mut self) {
-        let Some(own) = self.own_joints.take() else {
-            return;
-        };
-        for (joint, own) in self.settings.machine.joints.iter_mut().zip(own) {
-            *joint = own;
-        }
-    }
-}
 
 /// An input that is planned in one piece.
 enum Flat {
@@ -220,32 +159,15 @@ fn planned_flat(
 pub(crate) fn finished(
     plan: Plan,
     plan_s: f64,
-    Target { name, regions }: Target,
-    mut notes: Vec<String>,
-    mut settings: Settings,
+    target: Target,
+    notes: Vec<String>,
+    settings: Settings,
     console: &Console,
 ) -> Planned {
-    settings.machine = plan.stream.machine(&settings.machine);
-    let found = findings(&plan, plan_s, &settings);
-    console.notes(&found.warnings);
-    notes.extend(found.warnings);
-    Planned {
-        figures: found.figures,
-        name,
-        outline: regions,
-        layer_outlines: LayerOutlines::default(),
-        settings,
-        transform: plan.transform,
-        stream: plan.stream.clone(),
-        heat: Vec::new(),
-        notes,
-        objections: found.objections,
-        own_joints: None,
-        pass_facts: PassFacts::Kinds(pass_uses(&plan)),
-        plan: Some(Box::new(plan)),
-        left_out: found.left_out,
-        unreachable: found.unreachable,
-    }
+    let read = notes.len();
+    let planned = Planned::of_plan(plan, plan_s, target, notes, settings);
+    console.notes(&planned.notes[read..]);
+    planned
 }
 
 /// Why an input cannot be planned.
@@ -352,12 +274,6 @@ pub(crate) fn of_job(job: Job) -> Planned {
         transform: job.transform,
         heat: job.file.header.heat(),
         stream: job.stream,
-        notes: Vec::new(),
-        objections: Vec::new(),
-        own_joints: None,
-        pass_facts: PassFacts::Unknown,
-        plan: None,
-        unreachable: Vec::new(),
-        left_out: Vec::new(),
+        ..Planned::default()
     }
 }

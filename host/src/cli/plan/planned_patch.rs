@@ -2,12 +2,13 @@
 
 use crate::cli::args::{InputArgs, NO_INPUT, PlaceArgs, UnitName};
 use crate::cli::error::CliError;
-use crate::cli::plan::planned::{Planned, finished, plan_error};
+use crate::cli::plan::planned::{finished, plan_error};
 use crate::cli::reading::{copies, job, load, load_run};
 use crate::cli::terminal::console::Console;
 use crate::input::space_outline::{SpaceOutline, read_in_space};
 use crate::input::{Format, ReadOptions, Target};
 use crate::mesh::Mesh;
+use crate::pipeline::planned::Planned;
 use crate::pipeline::surface::plan_on_patch;
 use crate::settings::Settings;
 use std::path::{Path, PathBuf};

@@ -7,9 +7,9 @@ use crate::cli::args::SettingsArgs;
 use crate::cli::args::allow::{AllowArgs, AllowName, RefuseName, VerdictArgs};
 use crate::cli::error::CliError;
 use crate::cli::plan::missing_heat::cold_hot_end;
-use crate::cli::plan::planned::Planned;
 use crate::cli::terminal::console::Console;
 use crate::pipeline::findings::objections::{Objection, ObjectionKind};
+use crate::pipeline::planned::Planned;
 use crate::report::figures::{AgainstFigures, Figures};
 use crate::report::verdict as report;
 

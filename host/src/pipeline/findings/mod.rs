@@ -4,8 +4,10 @@
 //! s, mm³). The same for the command and for library users, so that both write the same job. Leaves
 //! out what only the finished stream shows: limits and bytes, which [`crate::pipeline::packing`] adds.
 
+pub mod gcode;
 pub mod left_out;
 pub mod objections;
+pub(crate) mod part;
 mod run_notes;
 pub mod settings_warnings;
 pub mod simulated;

@@ -25,7 +25,7 @@ struct Followed {
 
 /// Of a job.
 #[derive(Clone, Debug, Default)]
-pub(crate) enum PassFacts {
+pub enum PassFacts {
     /// Nothing: the job came from a file of ours.
     #[default]
     Unknown,
@@ -37,14 +37,16 @@ pub(crate) enum PassFacts {
 
 /// Passes of a file, and which of them each pass of the job follows.
 #[derive(Clone, Debug)]
-pub(crate) struct FilePasses {
+pub struct FilePasses {
+    /// The file's.
     pub passes: Vec<GcodePass>,
+    /// For each of the job's the number of the file's.
     pub of_job: Vec<usize>,
 }
 
 impl PassFacts {
     /// What lines are numbered by.
-    pub(crate) fn line_name(&self) -> &'static str {
+    pub fn line_name(&self) -> &'static str {
         match self {
             PassFacts::File(_) => "Line of the file",
             PassFacts::Unknown | PassFacts::Kinds(_) => "Segment",
@@ -52,7 +54,7 @@ impl PassFacts {
     }
 
     /// What the head does from a point on, and its line.
-    pub(crate) fn follow(&self) -> impl FnMut(&Mark, &PathPoint) -> (What, u32) + '_ {
+    pub fn follow(&self) -> impl FnMut(&Mark, &PathPoint) -> (What, u32) + '_ {
         let mut at = None;
         move |mark, point| match self {
             PassFacts::File(file) => file.at(mark, point, &mut at),

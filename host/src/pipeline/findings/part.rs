@@ -1,0 +1,198 @@
+//! What a planned part came to, put together from its pieces.
+//!
+//! In: the layers of a part, its plan. Out: figures, what the user should look at, what is left out.
+
+use super::Findings;
+use super::left_out::left_out;
+use super::settings_warnings::settings_warnings;
+use super::use_figures::{short_layers_note, stacked_figures, use_figures};
+use super::wide_beads::{Laid, LateLayers};
+use super::{sparse_figures, unreachable_note};
+use crate::geometry::polygon::Region;
+use crate::mesh::layers::SlicedPart;
+use crate::pipeline::mesh::{PLACES_MAX, PartPlan};
+use crate::pipeline::open_ground;
+use crate::pipeline::stack::LeftOut;
+use crate::plan::layers::shells::Overhang;
+use crate::plan::outline::unreachable::UnreachableRun;
+use crate::report::figures::{Figures, LayerPlace};
+use crate::settings::Settings;
+
+/// Places of each kind that are told one by one.
+const PLACES_TOLD: usize = 3;
+
+/// Looks a plan over that took `plan_s` seconds; `laid` is what its beads showed as they came.
+pub(crate) fn part_findings(
+    part: &SlicedPart,
+    planned: &PartPlan,
+    laid: &Laid,
+    keep_out: &[Region],
+    plan_s: f64,
+    settings: &Settings,
+) -> Findings {
+    let late = LateLayers::of(&planned.uses, settings);
+    let transform = &planned.transform;
+    let wide = laid.figures(&late, planned.figures.volume_mm3, transform, settings);
+    let figures = Figures {
+        plan_s: Some(plan_s),
+        ..all_figures(part, planned, keep_out, settings)
+    };
+    let (open, unreachable) = (&planned.open, &planned.unreachable);
+    let mut left_out = left_out(open, unreachable, &planned.unreachable_layers);
+    left_out.extend(laid.place(transform));
+    Findings {
+        figures: figures.merged_with(&wide),
+        objections: laid.objections(&late, transform, settings),
+        warnings: warnings(part, planned, settings),
+        unreachable: planned.unreachable.clone(),
+        left_out,
+    }
+}
+
+/// Overhangs of the layers that are printed.
+fn overhangs<'a>(
+    part: &'a SlicedPart,
+    planned: &'a PartPlan,
+) -> impl Iterator<Item = (u32, &'a Overhang)> {
+    let all = (0u32..).zip(&planned.overhangs);
+    all.filter(|(layer, overhang)| part.wanted.contains(layer) && overhang.area_mm2 > 0.0)
+}
+
+fn all_figures(
+    part: &SlicedPart,
+    planned: &PartPlan,
+    keep_out: &[Region],
+    settings: &Settings,
+) -> Figures {
+    let place_mm = |layer: u32| {
+        let layer = &part.layers[layer as usize];
+        [layer.top_mm, layer.height_mm]
+    };
+    let of_uses = use_figures(&planned.uses, planned.slowed, place_mm, settings);
+    part_figures(part, planned, keep_out)
+        .merged_with(&of_uses)
+        .merged_with(&stacked_figures(&planned.open_cells))
+}
+
+fn part_figures(part: &SlicedPart, planned: &PartPlan, keep_out: &[Region]) -> Figures {
+    let f = &planned.figures;
+    let passes = f.passes as u64;
+    let [ground_mm2, swept_mm2] = planned.infill_mm2;
+    let sparse = sparse_figures(f, planned.sparse_mm2);
+    let top_mm = |layer: u32| part.layers[layer as usize].top_mm;
+    let mut hanging: Vec<LayerPlace> = overhangs(part, planned)
+        .map(|(layer, overhang)| LayerPlace {
+            x_mm: overhang.at.x,
+            y_mm: overhang.at.y,
+            z_mm: top_mm(layer),
+            area_mm2: overhang.area_mm2,
+        })
+        .collect();
+    hanging.sort_by(|a, b| b.area_mm2.total_cmp(&a.area_mm2));
+    let hanging_mm2: f64 = hanging.iter().map(|place| place.area_mm2).sum::<f64>() + 0.0;
+    hanging.truncate(PLACES_MAX);
+    let left_out = planned.left_out.iter().map(|left_out| LayerPlace {
+        x_mm: left_out.at.x,
+        y_mm: left_out.at.y,
+        z_mm: top_mm(left_out.layer),
+        area_mm2: left_out.area_mm2,
+    });
+    let place = |run: &UnreachableRun| {
+        let at = nalgebra::center(&run.from, &run.to);
+        [at.x, at.y, run.length_mm()]
+    };
+    let runs = planned.unreachable.iter();
+    Figures {
+        area_mm2: Some(f.area_mm2),
+        layers: Some(part.wanted_layers().len() as u64),
+        covered_pct_min: Some(f.covered_pct_min),
+        overlap_pct_max: Some(f.overlap_pct_max),
+        reachable_pct: Some(f.reachable_pct),
+        covered_pct: Some(f.covered_pct),
+        covered_of_reachable_pct: Some(f.covered_of_reachable_pct),
+        outside_depth_mm: Some(f.outside_depth_mm),
+        overlap_pct: Some(f.overlap_pct),
+        kept_out_mm2: (!keep_out.is_empty()).then_some(planned.kept_out_mm2),
+        infill_mm2: (ground_mm2 > 0.0).then_some(ground_mm2),
+        infill_covered_pct: (ground_mm2 > 0.0).then(|| 100.0 * swept_mm2 / ground_mm2),
+        unreachable_mm: Some(planned.unreachable_mm),
+        unreachable_places_mm: Some(runs.map(place).collect()),
+        open_largest_mm2: Some(planned.open.first().map_or(0.0, |open| open.area_mm2)),
+        overhang_mm2: Some(hanging_mm2),
+        overhang_places: Some(hanging),
+        left_out_places: Some(left_out.take(PLACES_MAX).collect()),
+        passes: Some(passes),
+        flow_interruptions: Some(passes.saturating_sub(1)),
+        outline_crossings: Some(planned.outline_crossings),
+        print_mm: Some(f.print_mm),
+        skirt_mm: planned.has_skirt.then_some(f.skirt_mm),
+        travel_mm: Some(f.travel_mm),
+        print_s: Some(f.print_s),
+        volume_mm3: Some(f.volume_mm3),
+        heading_travel_rad: Some(f.heading_travel_rad),
+        heading_rate_max_rad_s: Some(f.heading_rate_max_rad_s),
+        segments: Some(planned.segments),
+        ..sparse
+    }
+}
+
+/// What the user should look at before printing.
+fn warnings(part: &SlicedPart, planned: &PartPlan, settings: &Settings) -> Vec<String> {
+    let mut warnings = part_warnings(part, planned);
+    let length_mm = planned.unreachable_mm;
+    warnings.extend(unreachable_note(&planned.unreachable, length_mm));
+    let top_mm = |layer: u32| Some(part.layers.get(layer as usize)?.top_mm);
+    let (open, all_mm2) = (&planned.open, planned.open_mm2);
+    warnings.extend(open_ground::note(open, all_mm2, top_mm, settings));
+    warnings.extend(short_layers_note(planned.slowed, settings));
+    warnings.extend(settings_warnings(settings));
+    warnings
+}
+
+/// What hangs, what is left out, what was slowed.
+fn part_warnings(part: &SlicedPart, planned: &PartPlan) -> Vec<String> {
+    let mut warnings = Vec::new();
+    let top_mm = |layer: u32| part.layers[layer as usize].top_mm;
+    let mut hanging: Vec<(u32, &Overhang)> = overhangs(part, planned).collect();
+    hanging.sort_by(|a, b| b.1.area_mm2.total_cmp(&a.1.area_mm2));
+    if !hanging.is_empty() {
+        let all_mm2: f64 = hanging.iter().map(|(_, o)| o.area_mm2).sum();
+        let told = hanging.iter().take(PLACES_TOLD).map(|(layer, o)| {
+            let z_mm = top_mm(*layer);
+            format!(
+                "{:.2} mm² near ({:.2}, {:.2}, {z_mm:.2})",
+                o.area_mm2, o.at.x, o.at.y
+            )
+        });
+        warnings.push(format!(
+            "{all_mm2:.2} mm² on {} layers hang farther than half a bead over what is below, and no \
+             supports are made: turn the part (--rotate) or print supports with it; the most: {}",
+            hanging.len(),
+            told.collect::<Vec<_>>().join(", ")
+        ));
+    }
+    let mut left_out: Vec<&LeftOut> = planned.left_out.iter().collect();
+    left_out.sort_by(|a, b| b.area_mm2.total_cmp(&a.area_mm2));
+    if !left_out.is_empty() {
+        let all_mm2: f64 = left_out.iter().map(|l| l.area_mm2).sum();
+        let told = left_out.iter().take(PLACES_TOLD).map(|l| {
+            let (at, z_mm) = (l.at, top_mm(l.layer));
+            format!(
+                "{:.3} mm² near ({:.2}, {:.2}, {z_mm:.2}): {}",
+                l.area_mm2, at.x, at.y, l.why
+            )
+        });
+        warnings.push(format!(
+            "{} regions, {all_mm2:.3} mm², are not printed; the largest: {}",
+            left_out.len(),
+            told.collect::<Vec<_>>().join("; ")
+        ));
+    }
+    let doubled = planned.motion.doubled_moves;
+    if doubled > 0 {
+        warnings.push(format!(
+            "{doubled} moves had to be slowed as a whole to keep the limits"
+        ));
+    }
+    warnings
+}

@@ -1,0 +1,206 @@
+//! What an input was planned to, whichever kind it is of: a job with its figures, notes and objections.
+//!
+//! In: a plan of any kind, and how it was read. Out: [`Planned`], from which a job is packed. The same for the command
+//! and for library users.
+
+use super::Plan;
+use super::findings::gcode::gcode_findings;
+use super::findings::objections::Objection;
+use super::findings::part::part_findings;
+use super::findings::wide_beads::Laid;
+use super::findings::{Findings, findings};
+use super::gcode::GcodePlan;
+use super::layer_uses::pass_uses;
+use super::mesh::PartPlan;
+use super::pass_facts::{FilePasses, PassFacts};
+use crate::gcode::GcodeProgram;
+use crate::geometry::polygon::Region;
+use crate::input::Target;
+use crate::job::SegmentStream;
+use crate::job::heat::HeatEvent;
+use crate::job::transform::PartTransform;
+use crate::mesh::layers::SlicedPart;
+use crate::plan::outline::unreachable::UnreachableRun;
+use crate::report::Place;
+use crate::report::figures::Figures;
+use crate::report::job_texts::LayerOutlines;
+use crate::settings::Settings;
+use headway_firmware::configuration::JointConfiguration;
+
+/// A job and what belongs to it.
+#[derive(Clone, Debug, Default)]
+pub struct Planned {
+    /// Name of the part.
+    pub name: String,
+    /// Of all layers, or of the lowest one of a part.
+    pub outline: Vec<Region>,
+    /// Of a part whose layers differ.
+    pub layer_outlines: LayerOutlines,
+    /// What it was planned with, the machine in the solution of its joints.
+    pub settings: Settings,
+    /// Where it lies on the machine.
+    pub transform: PartTransform,
+    /// The stream for the controller; empty where its pieces were handed on.
+    pub stream: SegmentStream,
+    /// What its file orders of heaters and fans.
+    pub heat: Vec<HeatEvent>,
+    /// Its figures.
+    pub figures: Figures,
+    /// Notes of reading and planning.
+    pub notes: Vec<String>,
+    /// What keeps it from being good.
+    pub objections: Vec<Objection>,
+    /// The machine's own joints, where it was planned with wider ranges.
+    pub own_joints: Option<Vec<JointConfiguration>>,
+    /// What is known of each pass.
+    pub pass_facts: PassFacts,
+    /// The planner's intermediates; `None` for a job from a file.
+    pub plan: Option<Box<Plan>>,
+    /// Boundary that cannot be touched, input coordinates.
+    pub unreachable: Vec<UnreachableRun>,
+    /// Ground and boundary that is not printed, the largest of each first; empty for a job from a
+    /// file.
+    pub left_out: Vec<Place>,
+}
+
+/// What the pieces of a part showed as they came, and their stream where nobody else takes it.
+#[derive(Clone, Debug)]
+pub struct LaidPart {
+    /// The stream.
+    pub stream: SegmentStream,
+    laid: Laid,
+}
+
+impl Default for LaidPart {
+    fn default() -> LaidPart {
+        LaidPart {
+            stream: SegmentStream::default(),
+            laid: Laid::NOTHING,
+        }
+    }
+}
+
+impl LaidPart {
+    /// Looks at the next piece.
+    pub fn look_at(&mut self, piece: &SegmentStream, settings: &Settings) {
+        self.laid = self.laid.with(piece, settings);
+    }
+}
+
+impl Planned {
+    /// Of an outline, a run of waypoints or a surface that took `plan_s` seconds; `notes` are those of reading it.
+    pub fn of_plan(
+        plan: Plan,
+        plan_s: f64,
+        Target { name, regions }: Target,
+        notes: Vec<String>,
+        mut settings: Settings,
+    ) -> Planned {
+        settings.machine = plan.stream.machine(&settings.machine);
+        Planned {
+            outline: regions,
+            transform: plan.transform,
+            stream: plan.stream.clone(),
+            pass_facts: PassFacts::Kinds(pass_uses(&plan)),
+            ..Planned::found(findings(&plan, plan_s, &settings), name, notes, settings)
+        }
+        .with_plan(plan)
+    }
+
+    /// Of a file of G-code, planned with these settings.
+    pub fn of_gcode(
+        program: GcodeProgram,
+        planned: GcodePlan,
+        plan_s: f64,
+        settings: &Settings,
+    ) -> Planned {
+        let found = gcode_findings(&program, &planned, plan_s, settings);
+        let machine = planned.stream.machine(&settings.machine);
+        let settings = Settings {
+            machine,
+            ..planned.settings
+        };
+        let GcodeProgram {
+            name,
+            notes,
+            passes,
+            ..
+        } = program;
+        Planned {
+            transform: planned.transform,
+            stream: planned.stream,
+            heat: planned.heat,
+            pass_facts: PassFacts::File(FilePasses {
+                passes,
+                of_job: planned.file_passes,
+            }),
+            ..Planned::found(found, name, notes, settings)
+        }
+    }
+
+    /// Of a mesh; `name` and `notes` are those of reading and cutting it.
+    pub fn of_part(
+        (name, notes): (String, Vec<String>),
+        part: &SlicedPart,
+        planned: PartPlan,
+        laid: LaidPart,
+        keep_out: &[Region],
+        plan_s: f64,
+        mut settings: Settings,
+    ) -> Planned {
+        let found = part_findings(part, &planned, &laid.laid, keep_out, plan_s, &settings);
+        let kinematics = &mut settings.machine.kinematics;
+        *kinematics = kinematics.with_solution(planned.solution);
+        let layers = || part.wanted_layers().iter();
+        let mut outlines = layers().map(|layer| &layer.regions);
+        let lowest = outlines.find(|regions| !regions.is_empty());
+        let numbered = layers().map(|layer| (layer.number, layer.regions.as_slice()));
+        Planned {
+            outline: lowest.cloned().unwrap_or_default(),
+            layer_outlines: LayerOutlines::of(numbered),
+            transform: planned.transform,
+            stream: laid.stream,
+            pass_facts: PassFacts::Kinds(planned.pass_uses),
+            ..Planned::found(found, name, notes, settings)
+        }
+    }
+
+    fn found(found: Findings, name: String, mut notes: Vec<String>, settings: Settings) -> Planned {
+        notes.extend(found.warnings);
+        Planned {
+            name,
+            settings,
+            figures: found.figures,
+            notes,
+            objections: found.objections,
+            unreachable: found.unreachable,
+            left_out: found.left_out,
+            ..Planned::default()
+        }
+    }
+
+    fn with_plan(self, plan: Plan) -> Planned {
+        Planned {
+            plan: Some(Box::new(plan)),
+            ..self
+        }
+    }
+
+    /// The outline of a layer; nothing where it is not known.
+    pub fn outline_of(&self, layer: u32) -> &[Region] {
+        match self.layer_outlines.is_empty() {
+            true => &self.outline,
+            false => self.layer_outlines.of_layer(layer),
+        }
+    }
+
+    /// Gives the machine the ranges of its own joints again: what a board knows it by.
+    pub fn restore_joints(&mut self) {
+        let Some(own) = self.own_joints.take() else {
+            return;
+        };
+        for (joint, own) in self.settings.machine.joints.iter_mut().zip(own) {
+            *joint = own;
+        }
+    }
+}
