@@ -5,11 +5,11 @@
 #![no_main]
 
 use headway::gcode::{self, GcodeOptions};
-use headway::pipeline::gcode::plan_gcode;
 use headway::input::{self, Format, ReadOptions};
 use headway::job::file;
-use headway::pipeline::packing::JobPacking;
 use headway::mesh::{self, MeshFormat, MeshOptions};
+use headway::pipeline::gcode::plan_gcode;
+use headway::pipeline::packing::JobPacking;
 use headway::settings::Settings;
 use headway::settings::machine_file::from_toml;
 use headway_fuzz::budget::{Budget, GCODE, READERS};

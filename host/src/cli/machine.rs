@@ -12,7 +12,7 @@ use crate::settings::examples::MachineExample;
 use crate::settings::machine_file::MachineFileError;
 use crate::settings::{Settings, joint_names, machine_file, motor_rates_hz};
 use headway_firmware::configuration::MachineConfiguration;
-use headway_firmware::shaping::shapes;
+use headway_firmware::steps::shaping::shapes;
 use serde_json::json;
 use std::f64::consts::SQRT_2;
 

@@ -10,7 +10,7 @@ use crate::cli::terminal::console::Console;
 use crate::drive::relay_tuning::{RelayTuning, Tuned};
 use crate::settings::heat::HEATER_KEYS;
 use crate::settings::machine_file::write_heater;
-use headway_firmware::heat::{HeatConfiguration, HeaterConfiguration, HeaterRole};
+use headway_firmware::configuration::heat::{HeatConfiguration, HeaterConfiguration, HeaterRole};
 use std::path::Path;
 use std::time::{Duration, Instant};
 

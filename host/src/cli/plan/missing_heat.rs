@@ -9,7 +9,7 @@ use crate::cli::reading::job::Job;
 use crate::job::MotionState;
 use crate::job::heat::{BED, HeatEvent, HeatOrder};
 use crate::pipeline::planned::Planned;
-use headway_firmware::heat::HeaterRole;
+use headway_firmware::configuration::heat::HeaterRole;
 
 /// What is missing; `remedy` is what the user can do here.
 pub(crate) fn missing_heat(job: &Job, events: &[HeatEvent], remedy: &str) -> Option<String> {
