@@ -1,12 +1,28 @@
 //! Real-time side of Headway (`no_std`, no heap, sans-IO).
 //!
 //! ```text
-//! bytes    receiver -> queue -> interpolator -> pose -> kinematics -> steps -> pins
+//! bytes    line     -> queue -> interpolator -> pose -> kinematics -> steps -> pins
 //!          frames      knots    channels        mm,     mm, rad       2^-31    step, direction
 //!          checked     loads    0.1 um, urad    rad                   steps
 //!                        ^ time warp (path rate)    + flow (extruder, mm^3)
 //! ```
-//! [`machine::Machine`] is the whole; its `servo_tick` reads as this picture.
+//! [`machine::Machine`] is the whole; its `servo_tick` reads as this picture. The rooms, each of which imports from those
+//! above it alone (a test holds the order):
+//!
+//! | room | what flows through it |
+//! | --- | --- |
+//! | [`design`], [`configuration`], [`numbers`] | constants, what a machine and its board are, arithmetic |
+//! | [`kinematics`] | poses to joints and back |
+//! | [`steps`] | targets to steps |
+//! | [`checks`] | configurations to the first number that cannot be |
+//! | [`flow`] | volume, primes and retracts to the extruder's target |
+//! | [`path`] | knots to targets of the joints at a segment time |
+//! | [`motion`] | queued knots and commands to a step program each servo tick |
+//! | [`heat`], [`drivers`] | conversions to duties, registers to states: beside the motion |
+//! | [`settings`] | records to configurations and back |
+//! | [`mod@line`] | bytes to requests, states to reports |
+//! | [`machine`] | all of it at once |
+//! | [`board`] | the same at the pins of a board |
 #![no_std]
 #![forbid(unsafe_code)]
 
@@ -16,42 +32,18 @@ extern crate std;
 #[macro_use]
 mod log;
 
-pub mod axis_family;
 pub mod board;
-pub mod board_name;
-pub mod boards;
+pub mod checks;
 pub mod configuration;
-pub mod delay;
 pub mod design;
 pub mod drivers;
-pub mod event_queue;
-pub mod extruder_limits;
 pub mod flow;
 pub mod heat;
-pub mod hold;
-pub mod homing;
-pub mod inputs;
-pub mod interpolator;
-pub mod jet;
-pub mod joint_channels;
-pub mod joint_move;
-pub mod joints;
 pub mod kinematics;
-pub mod load;
+pub mod line;
 pub mod machine;
 pub mod motion;
-pub mod motor_matrix;
-pub mod octopus;
-pub mod output;
-pub mod pose;
-pub mod probe_pin;
-pub mod queue;
-pub mod real;
-pub mod receiver;
+pub mod numbers;
+pub mod path;
 pub mod settings;
-pub mod shaping;
-pub mod spline;
 pub mod steps;
-pub mod time_warp;
-pub mod watchdog;
-pub mod wiring;

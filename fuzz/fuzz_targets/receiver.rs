@@ -2,7 +2,7 @@
 //! greeting: no panic, and nothing moves that no stream was opened for.
 #![no_main]
 
-use headway_firmware::output::NoOutput;
+use headway_firmware::steps::output::NoOutput;
 use headway_fuzz::attack::Kind;
 use headway_fuzz::target::machine;
 use headway_protocol::frame::{FRAME_BYTES_MAX, encode_payload};

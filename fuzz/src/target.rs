@@ -10,9 +10,9 @@ use crate::attack::{Action, Attack, Command, Kind, Move};
 use headway::settings::Settings;
 use headway_firmware::configuration::{MOTORS_MAX, MachineConfiguration};
 use headway_firmware::design::{LIMIT_MARGIN, RAMP_MARGIN, SERVO_DELAY_TICKS};
+use headway_firmware::line::Receiver;
 use headway_firmware::machine::Machine;
-use headway_firmware::output::StepOutput;
-use headway_firmware::receiver::Receiver;
+use headway_firmware::steps::output::StepOutput;
 use headway_protocol::frame::{
     FRAME_BYTES_MAX, FrameDecoder, encode_frame, encode_payload, hash_of,
 };

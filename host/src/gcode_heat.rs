@@ -8,7 +8,7 @@
 use crate::gcode::{GcodePass, HeatPlace, PlacedOrder};
 use crate::job::{Mark, MotionState, SegmentStream};
 use crate::job_heat::HeatEvent;
-use headway_firmware::spline::Spans;
+use headway_firmware::path::spline::Spans;
 use headway_protocol::units::{CHANNEL_X, CHANNEL_Z};
 use std::collections::BTreeMap;
 use std::iter::Peekable;

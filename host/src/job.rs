@@ -1,7 +1,7 @@
 //! A planned job: what `plan` makes and `drive`, `report` and the job file use.
 
 use headway_firmware::configuration::MachineConfiguration;
-use headway_firmware::spline::Spans;
+use headway_firmware::path::spline::Spans;
 use headway_protocol::segment::{FlowEvent, Knot, SPAN_TICKS_MAX};
 use headway_protocol::units::{ChannelPoint, Units};
 use serde::{Deserialize, Serialize};

@@ -4,7 +4,7 @@
 //! are what they were before there were others.
 
 use crate::job_file::JobHeader;
-use headway_firmware::motor_matrix::MotorMatrix;
+use headway_firmware::configuration::motors::MotorMatrix;
 use std::borrow::Cow;
 
 /// Name of the text that has the machine's motors where they are not its joints: headers before it stay what they are.

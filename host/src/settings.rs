@@ -29,12 +29,12 @@ use self::head_shape::HeadShape;
 use self::obstacles::Obstacles;
 use self::wide_beads::WideBeads;
 use crate::geometry::aperture::Aperture;
-use headway_firmware::board_name::BoardName;
 use headway_firmware::configuration::MachineConfiguration;
-use headway_firmware::drivers::DriversConfiguration;
-use headway_firmware::heat::HeatConfiguration;
-use headway_firmware::homing::HomingConfiguration;
-use headway_firmware::wiring::Wiring;
+use headway_firmware::configuration::board_name::BoardName;
+use headway_firmware::configuration::drivers::DriversConfiguration;
+use headway_firmware::configuration::heat::HeatConfiguration;
+use headway_firmware::configuration::homing::HomingConfiguration;
+use headway_firmware::configuration::wiring::Wiring;
 
 /// How passes are laid where the passage is narrow.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]

@@ -8,7 +8,7 @@ use headway::job::MotionState;
 use headway::plan::route::moves::{PathCurve, Route, RouteMove};
 use headway::settings::Settings;
 use headway_firmware::configuration::{JointConfiguration, Kinematics};
-use headway_firmware::pose::tilt_of_axis;
+use headway_firmware::kinematics::pose::tilt_of_axis;
 use nalgebra::{Rotation3, Vector3};
 use std::f64::consts::{PI, TAU};
 

@@ -6,7 +6,7 @@
 use headway::gcode::Place;
 use headway::job::SegmentStream;
 use headway::report::pose_table::{StreamSample, samples};
-use headway_firmware::pose::{Pose, tilt_of_axis};
+use headway_firmware::kinematics::pose::{Pose, tilt_of_axis};
 use std::f64::consts::PI;
 
 /// What is asked of the tip.

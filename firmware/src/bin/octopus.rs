@@ -47,10 +47,11 @@ mod board {
     use crate::pins;
     use crate::ports::DriverPorts;
     use crate::stm32f4::{self, Parts, SerialLine};
-    use headway_firmware::board_name::{BoardName, Known};
-    use headway_firmware::heat::HeatConfiguration;
-    use headway_firmware::output::PortOutput;
-    use headway_firmware::wiring::{InputMap, Wiring};
+    use headway_firmware::board::input_map::InputMap;
+    use headway_firmware::configuration::board_name::{BoardName, Known};
+    use headway_firmware::configuration::heat::HeatConfiguration;
+    use headway_firmware::configuration::wiring::Wiring;
+    use headway_firmware::steps::output::PortOutput;
     use stm32f4xx_hal::pac::{self, Interrupt, interrupt};
 
     pub type Output = PortOutput<DriverPorts>;
@@ -71,16 +72,16 @@ mod board {
     pub type UsbLine = headway_firmware::board::NoLine;
 
     pub const MOTORS: usize = headway_firmware::configuration::MOTORS_MAX;
-    pub use headway_firmware::octopus::SETTINGS_SECTORS;
+    pub use headway_firmware::board::octopus::SETTINGS_SECTORS;
     /// Others have its chip, and other things at its pins.
-    pub const NAMES: &[BoardName] = &headway_firmware::octopus::NAMES;
+    pub const NAMES: &[BoardName] = &headway_firmware::board::octopus::NAMES;
     pub const MUST_BE_NAMED: bool = true;
 
     /// The crystal beside the chip.
     pub const CRYSTAL_HZ: u32 = 12_000_000;
     /// STM32F446.
     pub const CHIP_ID: u32 = 0x421;
-    pub use headway_firmware::octopus::{INPUTS, input};
+    pub use headway_firmware::board::octopus::{INPUTS, input};
     /// Ports A to G.
     pub const PORTS_CLOCK_MASK: u32 = 0x7f;
     /// USART 2.

@@ -30,12 +30,12 @@ mod board {
     use cortex_m::peripheral::{NVIC, Peripherals};
     use cortex_m_rt::exception;
     use cortex_m_semihosting::{debug, hprintln};
-    use headway_firmware::boards::{EMULATED_SWITCHES_STEPS, emulated_planar};
+    use headway_firmware::board::built_in::{EMULATED_SWITCHES_STEPS, emulated_planar};
     use headway_firmware::configuration::MOTORS_MAX;
-    use headway_firmware::homing::HomingConfiguration;
-    use headway_firmware::inputs::Inputs;
-    use headway_firmware::output::StepOutput;
-    use headway_firmware::receiver::Receiver;
+    use headway_firmware::configuration::homing::HomingConfiguration;
+    use headway_firmware::line::Receiver;
+    use headway_firmware::motion::inputs::Inputs;
+    use headway_firmware::steps::output::StepOutput;
     use headway_protocol::message::DeviceState;
 
     /// 25 MHz / 200 kHz.

@@ -35,12 +35,12 @@ mod bench {
     use crate::runtime::{self, Board, Outgoing, with_motion};
     use core::sync::atomic::{AtomicU32, AtomicUsize, Ordering};
     use cortex_m_semihosting::{debug, hprintln, syscall};
+    use headway_firmware::board::octopus::DIRECTION;
+    use headway_firmware::configuration::homing::HomingConfiguration;
     use headway_firmware::configuration::{MOTORS_MAX, MachineConfiguration};
-    use headway_firmware::homing::HomingConfiguration;
-    use headway_firmware::inputs::Inputs;
-    use headway_firmware::octopus::DIRECTION;
-    use headway_firmware::output::PortOutput;
-    use headway_firmware::receiver::Receiver;
+    use headway_firmware::line::Receiver;
+    use headway_firmware::motion::inputs::Inputs;
+    use headway_firmware::steps::output::PortOutput;
     use headway_protocol::frame::FRAME_BYTES_MAX;
     use headway_protocol::knot_block::KNOTS_PER_BLOCK_MAX;
     use headway_protocol::message::DeviceState;

@@ -1,27 +1,33 @@
 //! The edge to the hardware, for any microcontroller: `embedded-hal` 1.0 and `embedded-io`.
 //!
 //! ```text
-//! steps, directions   -> PinOutput (OutputPin)      or the port-wide output::PortOutput
+//! steps, directions   -> PinOutput (OutputPin)      or the port-wide PortOutput
 //! switches, emergency -> PinBoard (InputPin)        -> inputs, once a servo tick
 //! enables, lamp       <- PinBoard (OutputPin), Lamp (SetDutyCycle)
 //! heaters, fans       <- BoardPins::put_heat; their sensors -> HeatPort
 //! bytes               <-> exchange (Read, Write and their readiness)
 //! settings            <-> sector_flash (an STM32F4's), for the store
 //! ```
+//! In: levels, conversions and bytes of a chip. Out: inputs, readings and requests of the library, and its steps, duties
+//! and reports back at the pins; which settings a board runs (`built_in`) and whether it may feed its watchdog.
 //! A board binary adds clocks, interrupts and which pin is which. What a board may replace by
 //! something faster is the same contract: `PortOutput` and `PinOutput` are both [`StepOutput`]s, and a
 //! test plays the same random interval on both and compares the levels.
 //! Left out: who calls what when, which is the boards' runtime; anything of one chip.
 //!
-//! [`StepOutput`]: crate::output::StepOutput
+//! [`StepOutput`]: crate::steps::output::StepOutput
 
+pub mod built_in;
 mod heat_port;
+pub mod input_map;
 mod lamp;
 mod line;
+pub mod octopus;
 mod pins;
 mod ring;
 pub mod sector_flash;
 mod start;
+pub mod watchdog;
 
 pub use heat_port::{HeatPort, NoHeat};
 pub use lamp::Lamp;

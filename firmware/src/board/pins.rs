@@ -3,9 +3,10 @@
 //! Bit m of a mask is motor m. A microcontroller's own pins cannot fail; of those that can, an input
 //! counts as pressed, and an output is left as it is.
 
-use crate::inputs::Inputs;
-use crate::output::StepOutput;
-use crate::wiring::{INPUTS_MAX, InputMap};
+use crate::board::input_map::InputMap;
+use crate::configuration::wiring::INPUTS_MAX;
+use crate::motion::inputs::Inputs;
+use crate::steps::output::StepOutput;
 use embedded_hal::delay::DelayNs;
 use embedded_hal::digital::{InputPin, OutputPin, PinState};
 

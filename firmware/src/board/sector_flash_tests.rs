@@ -4,7 +4,7 @@
 //! keeps what it has read; the settings' store runs on it, and its power is cut.
 
 use super::*;
-use crate::octopus::SETTINGS_SECTORS;
+use crate::board::octopus::SETTINGS_SECTORS;
 use crate::settings::store::SettingsStore;
 use std::collections::BTreeMap;
 use std::vec;

@@ -3,9 +3,9 @@
 
 use super::*;
 use crate::configuration::MOTORS_MAX;
-use crate::inputs::Inputs;
-use crate::output::{Pin, PortOutput, Ports, StepOutput};
-use crate::wiring::{BoardInputs, Wiring};
+use crate::configuration::wiring::{BoardInputs, Wiring};
+use crate::motion::inputs::Inputs;
+use crate::steps::output::{Pin, PortOutput, Ports, StepOutput};
 use core::convert::Infallible;
 use embedded_hal::digital::{ErrorType, OutputPin};
 use embedded_hal_mock::eh1::delay::{CheckedDelay, Transaction as Delay};
@@ -23,8 +23,8 @@ type Levels = Rc<RefCell<[u16; 8]>>;
 struct RecordedPorts(Levels);
 
 impl Ports for RecordedPorts {
-    const STEP: [Pin; MOTORS_MAX] = crate::octopus::STEP;
-    const DIRECTION: [Pin; MOTORS_MAX] = crate::octopus::DIRECTION;
+    const STEP: [Pin; MOTORS_MAX] = crate::board::octopus::STEP;
+    const DIRECTION: [Pin; MOTORS_MAX] = crate::board::octopus::DIRECTION;
 
     fn write(&mut self, port: usize, word: u32) {
         let mut levels = self.0.borrow_mut();

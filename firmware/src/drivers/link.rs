@@ -5,9 +5,9 @@
 //! twice is the same.
 
 use super::DriverPort;
-use super::configuration::DriverConfiguration;
 use super::datagram::{self, WRITE_BYTES};
 use super::registers::{GSTAT, IFCNT, IOIN, VERSION, settings};
+use crate::configuration::drivers::DriverConfiguration;
 
 /// Tries of a read or a write: at one bad datagram in ten, which is a broken wire, one in 10⁵ fails.
 pub const TRIES: usize = 5;

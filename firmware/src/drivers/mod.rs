@@ -3,24 +3,22 @@
 //! ```text
 //! configuration -> registers -> link            -> datagram  -> one_wire
 //! mA, modes        32 bit       counted writes     bytes, CRC   levels of the pin
-//!                                     service: all motors; panel: what a status and the faults know of it
+//!                                     service: all motors
 //! ```
+//! In: each motor's configuration, the motion's rests. Out: datagrams; a status of each driver and the fault of one, on the
+//! motion's [`DriverPanel`](crate::motion::driver_panel::DriverPanel).
 //! [`service::DriverService`] sets every driver up before a motor is enabled, and reads one after the other
 //! while nothing moves: a board has no time for it else. Register and bit numbers are those of the data
 //! sheet (ADI, TMC2209 rev. 1.09, chapters 4, 5 and 9). Left out: StallGuard and CoolStep, and what a
 //! driver does to itself meanwhile, which is to switch off.
 
-pub mod configuration;
 pub mod datagram;
 pub mod link;
 pub mod one_wire;
-pub mod panel;
 pub mod registers;
 pub mod service;
 
-pub use configuration::{Chopper, DriverConfiguration, DriversConfiguration};
 pub use link::{DriverLink, LinkError};
-pub use panel::DriverPanel;
 pub use service::DriverService;
 
 /// Bytes to a driver and back on one wire.

@@ -3,7 +3,7 @@
 //! Source: data sheet, chapter 5. What no setting moves keeps the values that Klipper documents for this chip
 //! (`toff` 3, `hstrt` 5, `hend` 0, `tbl` 2, the chip's own PWMCONF), which drive usual motors.
 
-use super::configuration::{Chopper, DriverConfiguration};
+use crate::configuration::drivers::{Chopper, DriverConfiguration};
 
 /// General configuration.
 pub const GCONF: u8 = 0x00;

@@ -8,11 +8,11 @@
 //! under the motion's lock, the turn without it. Left out: reading while it moves, for which there is no time.
 
 use super::DriverPort;
-use super::configuration::{DriverConfiguration, DriversConfiguration};
 use super::link::{DriverLink, LinkError};
 use super::registers::{
     DRIVER_ERROR, DRV_STATUS, GSTAT, HOT, LOW_SUPPLY, OPEN_LOADS, SHORTS, WARM, WAS_RESET,
 };
+use crate::configuration::drivers::{DriverConfiguration, DriversConfiguration};
 use crate::motion::Motion;
 use headway_protocol::message::{
     DeviceState, DriverFlags, DriverStatus, Fault, FaultCause, REPORT_MOTORS_MAX,

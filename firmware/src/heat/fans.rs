@@ -3,8 +3,8 @@
 //! In: readings, targets, whether drivers hold. Out: speeds, 0 to 1. Values after Klipper's `heater_fan`
 //! (`heater_temp` 50) and `controller_fan` (`idle_timeout` 30).
 
-use super::regulator::PERIOD_S;
 use super::unit_share;
+use crate::configuration::heat::PERIOD_S;
 
 /// Above it a hot end needs its fan, °C: below, no plastic softens.
 const HOT_C: f32 = 50.0;

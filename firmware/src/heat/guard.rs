@@ -5,8 +5,7 @@
 //! range of a sensor (stuck heaters, frozen converters, power that does not fit) is added, since the
 //! board is alone with it. `docs/design/heat.md` has each bound with its reason.
 
-use super::configuration::{HeaterConfiguration, HeaterRole};
-use super::regulator::PERIOD_S;
+use crate::configuration::heat::{HeaterConfiguration, HeaterRole, PERIOD_S};
 
 /// Periods in a row that a sensor may be unreadable or out of range: 0.3 s, where Klipper's
 /// `RANGE_CHECK_COUNT` takes 1.2 s. The heater is off from the first one on.

@@ -6,25 +6,25 @@
 //!                                       |        ^ flow, fan (feed-forward)
 //!                                       +-> all off, latched, supply cut where only that helps
 //! ```
-//! [`service::HeatService`] puts it beside the motion, [`panel::HeatPanel`] is what the two tell each other.
+//! In: conversions, targets and flow. Out: duties of heaters and fans, each period, and faults. [`service::HeatService`]
+//! puts it beside the motion, [`HeatPanel`](crate::motion::heat_panel::HeatPanel) is what the two tell each other.
 //! [`Heat::sample`] whenever a conversion is there, [`Heat::tick`] ten times a second, both in a board's
 //! main loop: the interrupts only play [`pwm::SoftPwm`]. Nothing that a host says raises a limit or
 //! clears a cause. Left out: who converts, and which pin is which.
 
-pub mod configuration;
 pub mod fans;
 pub mod guard;
-pub mod panel;
 pub mod pwm;
 pub mod regulator;
 pub mod samples;
 pub mod sensor;
 pub mod service;
 
-pub use configuration::{HEATERS_MAX, HeatConfiguration, HeaterConfiguration, HeaterRole};
 pub use guard::{HeatCause, HeatFault};
-pub use regulator::PERIOD_S;
 
+use crate::configuration::heat::{
+    HEATERS_MAX, HeatConfiguration, HeaterConfiguration, HeaterRole, PERIOD_S,
+};
 use fans::{FanSpeeds, Fans};
 use guard::{Guard, View};
 use heapless::Vec;

@@ -6,11 +6,9 @@
 //! target gives no kick; the integral is held where the output is at its end and would go further
 //! (conditional integration, as Klipper's `ControlPID`), and far from the target.
 
-use super::configuration::{Gains, Plant};
 use super::unit_share;
+use crate::configuration::heat::{Gains, PERIOD_S, Plant};
 
-/// Control period, s: a tenth of the shortest lag of a heater.
-pub const PERIOD_S: f32 = 0.1;
 /// Air around the machine, °C, as Klipper's `AMBIENT_TEMP`. A warmer room costs the integral 3 %.
 pub const AMBIENT_C: f32 = 25.0;
 /// Time over which the reading's slope is taken, s, Klipper's `smooth_time`.

@@ -3,8 +3,9 @@
 //! In: the motion, its servo ticks as the clock. Out: outputs of each period; faults latched in the
 //! motion, which comes to rest on the path and pulls the melt back while that is safe.
 
-use super::{Heat, HeatCause, HeatConfiguration, HeatFault, Orders, Outputs, PERIOD_S};
+use super::{Heat, HeatCause, HeatFault, Orders, Outputs};
 use crate::configuration::MachineConfiguration;
+use crate::configuration::heat::{HeatConfiguration, PERIOD_S};
 use crate::motion::Motion;
 use headway_protocol::message::{DeviceState, Fault, FaultCause};
 

@@ -3,9 +3,10 @@
 
 use super::samples::FULL_SCALE;
 use super::*;
+use crate::configuration::sensor::Sensor;
 
 /// Counts of a reading: the inverse of the sensor, by bisection.
-pub(crate) fn counts(sensor: &sensor::Sensor, celsius: f32) -> f32 {
+pub(crate) fn counts(sensor: &Sensor, celsius: f32) -> f32 {
     let (mut low, mut high) = (0.0f32, 1.0f32);
     for _ in 0..40 {
         let middle = 0.5 * (low + high);

@@ -11,8 +11,8 @@
 
 use super::KinematicsError;
 use crate::configuration::{Arm, JOINTS_MAX};
-use crate::pose::{Pose, TILT_REACH_RAD, tilt_of_axis, tool_axis};
-use crate::real::Real;
+use crate::kinematics::pose::{Pose, TILT_REACH_RAD, tilt_of_axis, tool_axis};
+use crate::numbers::real::Real;
 use headway_protocol::units::CHANNEL_HEADING;
 use nalgebra::Vector3;
 

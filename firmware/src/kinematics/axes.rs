@@ -24,10 +24,10 @@
 //! rotary axes, axes that are parallel, nozzles that do not turn.
 
 use super::KinematicsError;
-use crate::axis_family::{AxisFamily, RotaryAxis, UPRIGHT_MIN};
 use crate::configuration::JOINTS_MAX;
-use crate::pose::{Pose, TILT_REACH_RAD, tilt_of_axis, tool_axis};
-use crate::real::Real;
+use crate::configuration::axis_family::{AxisFamily, RotaryAxis, UPRIGHT_MIN};
+use crate::kinematics::pose::{Pose, TILT_REACH_RAD, tilt_of_axis, tool_axis};
+use crate::numbers::real::Real;
 use headway_protocol::units::{CHANNEL_HEADING, CHANNEL_X, CHANNEL_Y, CHANNEL_Z};
 use nalgebra::{Vector2, Vector3};
 
@@ -46,6 +46,21 @@ pub const ONE_IN_HEAD: [Option<usize>; 5] = [
 ];
 /// A polar table: X C Z H, C in the place of Y.
 pub const POLAR: [Option<usize>; 4] = [None, None, Some(CHANNEL_Z), Some(CHANNEL_HEADING)];
+
+impl AxisFamily {
+    /// See [`super::joint_channels`].
+    pub const fn joint_channels(&self) -> &'static [Option<usize>] {
+        if self.polar {
+            &POLAR
+        } else if self.second.is_none() {
+            &ONE_IN_HEAD
+        } else if self.is_in_head() {
+            &TWO_IN_HEAD
+        } else {
+            &TWO_WITH_TABLE
+        }
+    }
+}
 
 /// Joints that count turns: both rotary ones and H,
 pub const TWO_WIND: u8 = 0b11_1000;

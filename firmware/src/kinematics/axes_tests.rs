@@ -1,11 +1,11 @@
 //! Goal: gantry and trunnion are members of the family, single precision is good enough for steps, joints do not
 //! jump away from singular places, and what cannot be reached or built is refused. Method: the same poses through
 //! both equations; f32 against f64; known machines. FK(IK) against plain matrices is in the end-to-end tests.
-use crate::axis_family::{AxisFamily, RotaryAxis};
+use crate::configuration::axis_family::{AxisFamily, RotaryAxis};
 use crate::configuration::{JOINTS_MAX, Kinematics};
-use crate::jet::Jet;
+use crate::kinematics::pose::Pose;
 use crate::kinematics::{KinematicsError, Model, forward, inverse};
-use crate::pose::Pose;
+use crate::numbers::jet::Jet;
 use nalgebra::{Vector2, Vector3};
 use std::vec::Vec;
 
@@ -279,7 +279,7 @@ fn a_polar_table_turns_the_tip_under_the_axis() {
 
 #[test]
 fn axes_that_move_nothing_are_refused() {
-    let mut configuration = crate::boards::emulated_planar();
+    let mut configuration = crate::board::built_in::emulated_planar();
     let linear = configuration.joints[0];
     let turn = configuration.joints[3];
     configuration.joints = [linear, linear, linear, turn, turn, turn]

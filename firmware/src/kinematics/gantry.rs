@@ -6,8 +6,8 @@
 
 use super::KinematicsError;
 use crate::configuration::JOINTS_MAX;
-use crate::pose::{Pose, TILT_REACH_RAD, tilt_of_axis, tool_axis};
-use crate::real::Real;
+use crate::kinematics::pose::{Pose, TILT_REACH_RAD, tilt_of_axis, tool_axis};
+use crate::numbers::real::Real;
 use headway_protocol::units::{CHANNEL_HEADING, CHANNEL_X, CHANNEL_Y, CHANNEL_Z};
 use nalgebra::Vector3;
 
@@ -82,8 +82,8 @@ mod tests {
     //! Goal: FK(IK(pose)) = pose over the whole tilt range, and the joints really make the pose's
     //! rotation matrix. Method: a spiral of poses; matrices built by nalgebra alone.
     use crate::configuration::Kinematics;
+    use crate::kinematics::pose::Pose;
     use crate::kinematics::{Joints, KinematicsError, forward, inverse};
-    use crate::pose::Pose;
     use nalgebra::{Rotation3, Vector2, Vector3};
 
     const MACHINE: Kinematics = Kinematics::Gantry {

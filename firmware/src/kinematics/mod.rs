@@ -1,5 +1,6 @@
 //! Pose -> joint positions and back, one file per machine.
 //!
+//! In: a [`Pose`], or the joints; the [`Kinematics`] of the configuration. Out: joints, or the pose, or why there are none.
 //! Pure functions, generic over the number type: f64 for planning, f32 on the servo tick.
 //! Units: mm for linear joints, rad for rotary ones; joints in the machine's order.
 //!
@@ -15,12 +16,13 @@ pub mod arm6;
 pub mod axes;
 pub mod gantry;
 pub mod planar;
+pub mod pose;
 pub mod trunnion;
 pub mod winding;
 
 use crate::configuration::{JOINTS_MAX, Kinematics};
-use crate::pose::Pose;
-use crate::real::Real;
+use crate::kinematics::pose::Pose;
+use crate::numbers::real::Real;
 
 /// Why a pose has no joint positions.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -62,6 +64,19 @@ impl<R> Joints<R> {
     /// The joints that exist.
     pub fn as_slice(&self) -> &[R] {
         self.position.get(..self.count).unwrap_or(&self.position)
+    }
+}
+
+impl Kinematics {
+    /// How many joint solutions a pose has.
+    pub const fn solutions(&self) -> u8 {
+        match self {
+            Self::Planar | Self::Gantry { .. } => 1,
+            Self::Trunnion { .. } => 2,
+            Self::Arm6 { .. } => arm6::SOLUTIONS,
+            Self::Axes { axes, .. } if axes.second.is_none() && !axes.polar => 1,
+            Self::Axes { .. } => 2,
+        }
     }
 }
 

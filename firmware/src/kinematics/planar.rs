@@ -2,8 +2,8 @@
 
 use super::KinematicsError;
 use crate::configuration::JOINTS_MAX;
-use crate::pose::Pose;
-use crate::real::Real;
+use crate::kinematics::pose::Pose;
+use crate::numbers::real::Real;
 use headway_protocol::units::{CHANNEL_HEADING, CHANNEL_X, CHANNEL_Y, CHANNEL_Z};
 use nalgebra::{Vector2, Vector3};
 
@@ -45,8 +45,8 @@ pub fn forward<R: Real>(joints: &[R; JOINTS_MAX]) -> Pose<R> {
 #[cfg(test)]
 mod tests {
     use crate::configuration::Kinematics;
+    use crate::kinematics::pose::Pose;
     use crate::kinematics::{KinematicsError, forward, inverse};
-    use crate::pose::Pose;
     use nalgebra::{Vector2, Vector3};
 
     #[test]

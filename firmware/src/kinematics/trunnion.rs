@@ -10,8 +10,8 @@
 
 use super::KinematicsError;
 use crate::configuration::JOINTS_MAX;
-use crate::pose::{Pose, TILT_REACH_RAD};
-use crate::real::Real;
+use crate::kinematics::pose::{Pose, TILT_REACH_RAD};
+use crate::numbers::real::Real;
 use headway_protocol::units::CHANNEL_HEADING;
 use nalgebra::{Vector2, Vector3};
 
@@ -22,7 +22,7 @@ pub const JOINT_CHANNELS: [Option<usize>; 6] =
 /// Joints that count turns: C and H.
 pub const WINDS: u8 = 0b11_0000;
 
-/// Below it a root has no relative accuracy (`real.rs`): a tool tilted by less than 1e-15 rad is upright.
+/// Below it a root has no relative accuracy (`numbers/real.rs`): a tool tilted by less than 1e-15 rad is upright.
 const ROOT_MIN: f64 = 1e-30;
 
 /// The table's numbers.
@@ -109,8 +109,8 @@ mod tests {
     //! Goal: FK(IK(pose)) = pose, and the joints really bring the tool axis up and the heading where
     //! it is to be. Method: poses all over; matrices built by nalgebra alone; f32 against f64.
     use crate::configuration::Kinematics;
+    use crate::kinematics::pose::Pose;
     use crate::kinematics::{forward, inverse};
-    use crate::pose::Pose;
     use nalgebra::{Rotation3, Vector2, Vector3};
 
     const CENTRE_MM: [f64; 3] = [125.0, 110.0, -35.0];

@@ -5,7 +5,7 @@
 
 use super::winds;
 use crate::configuration::{JOINTS_MAX, Kinematics};
-use crate::real::Real;
+use crate::numbers::real::Real;
 
 /// Turns of each joint.
 #[derive(Clone, Copy, Debug, PartialEq)]

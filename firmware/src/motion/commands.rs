@@ -4,11 +4,11 @@ use super::heated::PAUSED;
 use super::{CommandError, Motion, Phase};
 use crate::configuration::MOTORS_MAX;
 use crate::design::{HOLD_RETRACT_DELAY_MS, ticks_of_ms};
-use crate::hold::Hold;
-use crate::inputs::Inputs;
-use crate::interpolator::{RestPose, TICK_Q16};
-use crate::load::SpanFault;
-use crate::queue::QueuedKnot;
+use crate::flow::hold::Hold;
+use crate::motion::inputs::Inputs;
+use crate::path::interpolator::{RestPose, TICK_Q16};
+use crate::path::load::SpanFault;
+use crate::path::queue::QueuedKnot;
 use crate::steps::{Stopped, count};
 use headway_protocol::message::{Fault, FaultCause};
 use headway_protocol::segment::FlowEvent;
@@ -43,7 +43,9 @@ impl Motion {
         if self.reference.lost != 0 {
             return Err(CommandError::Invalid);
         }
-        self.joints.take_solution(solution)?;
+        if !self.joints.take_solution(solution) {
+            return Err(CommandError::Invalid);
+        }
         self.place(position, units, self.reference.known)?;
         self.queue.clear();
         self.events.clear();

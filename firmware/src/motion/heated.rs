@@ -1,7 +1,7 @@
 //! What heaters do to the motion: a stream that waits for them, and melt that is left behind hot.
 
 use super::{CommandError, Motion, Phase};
-use crate::heat::panel::{HeatPanel, Melt};
+use crate::motion::heat_panel::{HeatPanel, Melt};
 use headway_protocol::message::FaultCause;
 
 /// The stream rests because the host asked for it,

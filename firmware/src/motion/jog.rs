@@ -5,12 +5,13 @@
 //! they are, and the next stream must begin there.
 
 use super::{CommandError, Motion, Phase};
+use crate::configuration::homing::HomingConfiguration;
 use crate::configuration::{JOINTS_MAX, MOTORS_MAX, MachineConfiguration};
-use crate::extruder_limits::event_ratio;
-use crate::heat::panel::Melt;
-use crate::homing::{Homing, HomingConfiguration, HomingOutcome};
-use crate::interpolator::RestPose;
-use crate::joint_move::{JointMove, MoveLimits};
+use crate::flow::extruder_limits::event_ratio;
+use crate::motion::heat_panel::Melt;
+use crate::motion::homing::{Homing, HomingOutcome};
+use crate::motion::joint_move::{JointMove, MoveLimits};
+use crate::path::interpolator::RestPose;
 use crate::steps::{STEP, StepScale, Target};
 use headway_protocol::message::{Control, Fault, FaultCause, JointOrder, PROBE_BIT};
 use headway_protocol::segment::{FlowAction, FlowEvent};

@@ -5,39 +5,49 @@
 //!             ^   |            + extruder target (flow, events, hold)
 //!        time warp (override, pause, starving)
 //! ```
+//! In: knots and flow events, commands, levels of the inputs, what heaters and drivers write on their panels. Out: a
+//! [`StepBank`] per servo tick; state, counts and faults for reports. Left out: bytes, which are `line`'s.
+//!
 //! Everything here is called by the servo interrupt, except the commands, which a board calls
 //! under a short lock. Deadline of [`Motion::tick`] on a board: one servo period.
 
 mod commands;
+pub mod driver_panel;
 mod faults;
+pub mod heat_panel;
 mod heated;
+pub mod homing;
+pub mod inputs;
 mod jog;
+pub mod joint_move;
 mod probe;
+pub mod probe_pin;
 mod rate;
 mod status;
+pub mod time_warp;
 
 use crate::configuration::MachineConfiguration;
+use crate::configuration::homing::HomingConfiguration;
 use crate::design::{
     CEILINGS_AT_ONCE, HOLD_RETRACT_DELAY_MS, MOTORS_IDLE_S, QUIET_START_MS, START_QUEUED_MS,
     START_ROOM_KNOTS, ticks_of_ms,
 };
-use crate::drivers::DriverPanel;
-use crate::event_queue::EventQueue;
-use crate::extruder_limits::ExtruderGuard;
+use crate::flow::event_queue::EventQueue;
+use crate::flow::extruder_limits::ExtruderGuard;
+use crate::flow::hold::Hold;
 use crate::flow::{Flow, FlowWindow};
-use crate::heat::panel::HeatPanel;
-use crate::hold::Hold;
-use crate::homing::HomingConfiguration;
-use crate::inputs::{Inputs, SwitchGuard};
-use crate::interpolator::{Interpolator, TICK_Q16};
-use crate::joint_channels::JointChannels;
-use crate::joints::JointTargets;
-use crate::motor_matrix::MotorMix;
-use crate::probe_pin::ProbePin;
-use crate::queue::KnotQueue;
-use crate::shaping::Delays;
+use crate::motion::driver_panel::DriverPanel;
+use crate::motion::heat_panel::HeatPanel;
+use crate::motion::inputs::{Inputs, SwitchGuard};
+use crate::motion::probe_pin::ProbePin;
+use crate::motion::time_warp::TimeWarp;
+use crate::path::interpolator::{Interpolator, TICK_Q16};
+use crate::path::joint_channels::JointChannels;
+use crate::path::joints::JointTargets;
+use crate::path::queue::KnotQueue;
+use crate::steps::delay::Delays;
+use crate::steps::motor_mix::MotorMix;
 use crate::steps::{StepBank, StepProgrammer, WaitingTargets};
-use crate::time_warp::TimeWarp;
 pub use faults::EMERGENCY;
 use faults::step_rate_fault;
 use headway_protocol::message::{ColdHeater, Fault, FaultCause, ProbeResult};

@@ -5,9 +5,10 @@
 
 use super::jog::units_per_natural;
 use super::{CommandError, Motion, Phase};
-use crate::homing::{Homing, HomingOutcome, JointHoming};
-use crate::joint_move::JointMove;
-use crate::probe_pin::{ProbePin, pulse_us};
+use crate::configuration::homing::JointHoming;
+use crate::motion::homing::{Homing, HomingOutcome};
+use crate::motion::joint_move::JointMove;
+use crate::motion::probe_pin::{ProbePin, pulse_us};
 use headway_protocol::message::{Control, PROBE_BIT, PinPosition, ProbeResult};
 
 impl Motion {

@@ -1,14 +1,13 @@
 //! The path rate of a servo tick, and segment time moved on by it.
 //!
 //! In: what override, pause and flow ask for (2^-16), the spans' loads and ceilings. Out: segment time moved
-//! on, and the phase where the head came to rest. How a limit bends the rate is `time_warp.rs`.
+//! on, and the phase where the head came to rest. How a limit bends the rate is `motion/time_warp.rs`.
 
-use super::Motion;
-use super::Phase;
+use super::{Motion, Phase};
 use crate::design::CEILING_OPEN;
 use crate::flow::UNSCALED_Q16;
-use crate::interpolator::TICK_Q16;
-use crate::time_warp::WarpBounds;
+use crate::motion::time_warp::WarpBounds;
+use crate::path::interpolator::TICK_Q16;
 
 impl Motion {
     /// Chooses the path rate and moves segment time on by it.

@@ -3,7 +3,7 @@
 use super::heated::PAUSED;
 use super::{Motion, Phase};
 use crate::configuration::MOTORS_MAX;
-use crate::drivers::DriverPanel;
+use crate::motion::driver_panel::DriverPanel;
 use crate::steps::count;
 use headway_protocol::message::{DeviceState, Fault};
 

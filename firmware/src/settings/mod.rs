@@ -15,16 +15,14 @@ pub mod store;
 #[cfg(test)]
 mod tests;
 
-use crate::board_name::BoardName;
+use crate::configuration::board_name::BoardName;
+use crate::configuration::drivers::DriversConfiguration;
+use crate::configuration::heat::{EXTRUDE_MIN_C, HEATERS_MAX, HeatConfiguration};
+use crate::configuration::homing::HomingConfiguration;
+use crate::configuration::motors::MotorMatrix;
+use crate::configuration::shaping::Shaper;
+use crate::configuration::wiring::{BoardInputs, Wiring, WrongWiring};
 use crate::configuration::{ConfigurationError, MachineConfiguration, WrongNumber};
-use crate::drivers::DriversConfiguration;
-use crate::heat::configuration::EXTRUDE_MIN_C;
-use crate::heat::{HEATERS_MAX, HeatConfiguration};
-use crate::homing::HomingConfiguration;
-use crate::machine::Machine;
-use crate::motor_matrix::MotorMatrix;
-use crate::shaping::Shaper;
-use crate::wiring::{BoardInputs, Wiring, WrongWiring};
 use headway_protocol::frame::checksum;
 use headway_protocol::message::RefusedNumber;
 pub use headway_protocol::message::{SETTINGS_BYTES_MAX, SettingsProblem, SettingsRefusal};
@@ -102,7 +100,7 @@ impl BoardSettings {
         machine
             .check()
             .map_err(|error| of_machine(error, machine))?;
-        Machine::check(machine, &self.switches).map_err(|error| match error {
+        self.switches.check(machine).map_err(|error| match error {
             ConfigurationError::Joint(joint) => self.wrong_switch(joint),
             other => of_machine(other, machine),
         })?;

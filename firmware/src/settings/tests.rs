@@ -5,10 +5,11 @@
 
 use super::store::{SLOT_BYTES_MIN, SettingsStore, StoreError};
 use super::*;
-use crate::board_name::BoardName;
-use crate::boards::{built_in_planar, emulated_planar};
-use crate::drivers::{Chopper, DriverConfiguration};
-use crate::shaping::ShaperKind;
+use crate::board::built_in::{built_in_planar, emulated_planar};
+use crate::configuration::board_name::BoardName;
+use crate::configuration::drivers::{Chopper, DriverConfiguration};
+use crate::configuration::shaping::ShaperKind;
+use crate::machine::Machine;
 use embedded_storage::nor_flash::{
     ErrorType, NorFlash, NorFlashError, NorFlashErrorKind, ReadNorFlash,
 };

@@ -7,7 +7,7 @@
 use super::bank::TURNS;
 use super::{INTERVAL_TICKS_MAX, INTERVAL_TICKS_MIN, StepBank, Stopped};
 use crate::configuration::MOTORS_MAX;
-use crate::output::StepOutput;
+use crate::steps::output::StepOutput;
 use core::sync::atomic::{Ordering, compiler_fence};
 
 /// What a step tick was besides steps, for whoever owns the banks.

@@ -1,5 +1,9 @@
 //! Joint targets at the servo rate -> steps at the step rate, in fixed point.
 //!
+//! In: targets of the joints and of the extruder, each servo tick. Out: steps and directions at a [`output::StepOutput`],
+//! as late as shapers and pressure advance demand (`delay`), for the motors that pairs and copies make of joints
+//! (`motor_mix`).
+//!
 //! Positions are i64 in 2^-31 steps. Every servo tick a [`StepProgrammer`] turns the targets of
 //! four successive servo ticks into the program of a [`StepBank`]: one parabola per motor for the
 //! interval between the middle two,
@@ -16,19 +20,23 @@
 //! slopes give the same to second order); phase accumulators as in direct digital synthesis.
 
 mod bank;
+pub mod delay;
 mod engine;
 mod interval;
-mod line;
+pub mod motor_mix;
+pub mod output;
 mod player;
 mod programmer;
 mod shaper;
+pub mod shaping;
 mod track;
+mod waiting_targets;
 
 pub use bank::StepBank;
 pub use engine::{Moment, StepEngine};
-pub use line::{Places, WAIT_TICKS_MAX, WaitingTargets};
 pub use player::StepPlayer;
 pub use programmer::{NewTargets, StepProgrammer, StepRateExceeded};
+pub use waiting_targets::{Places, WAIT_TICKS_MAX, WaitingTargets};
 
 use crate::configuration::MOTORS_MAX;
 use crate::design::STEP_THRESHOLD_BIAS;

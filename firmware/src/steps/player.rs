@@ -1,7 +1,7 @@
 //! Engine and banks in one hand, for simulation: servo and steps take turns, nothing interrupts.
 
 use super::{INTERVAL_TICKS_MAX, Moment, StepBank, StepEngine, Stopped};
-use crate::output::StepOutput;
+use crate::steps::output::StepOutput;
 
 /// Plays what is written into its idle bank.
 #[derive(Clone, Debug)]

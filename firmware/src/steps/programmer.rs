@@ -6,12 +6,12 @@
 //! last, and positions that are asked for come back as the joints'.
 
 use super::interval::Interval;
-use super::line::{Line, Places, Row, WaitingTargets};
 use super::track::{MotorTrack, Turns, WAY_FRACTION_BITS, WAY_SHIFT};
 use super::{FINE_BIAS, StepBank, Stopped, Target};
 use crate::configuration::MOTORS_MAX;
-use crate::motor_matrix::MotorMix;
-use crate::shaping::Delays;
+use crate::steps::delay::Delays;
+use crate::steps::motor_mix::MotorMix;
+use crate::steps::waiting_targets::{Line, Places, Row, WaitingTargets};
 use core::sync::atomic::{Ordering, compiler_fence};
 
 /// A motor would need more than one step a tick.

@@ -5,11 +5,12 @@
 //! integers that add up to 2^30. An impulse between two ticks is parted among them by its place, which
 //! keeps the mean time. Averages are the same with weights 1, -2, 1 summed up twice more, less what the plain
 //! delay would do: what is left is 0 once everything has come out, so that rounding never adds up.
-//! In: rows of the line. Out: 2^-22 steps. Which taps: `shaping.rs`.
+//! In: rows of the line. Out: 2^-22 steps. Which taps: `steps/shaping.rs`.
 
-use super::line::{ROWS, Row};
 use crate::configuration::{JOINTS_MAX, MOTORS_MAX};
-use crate::shaping::{Delays, IMPULSES_MAX, Shape};
+use crate::steps::delay::Delays;
+use crate::steps::shaping::{IMPULSES_MAX, Shape};
+use crate::steps::waiting_targets::{ROWS, Row};
 
 /// Fraction bits of a weight.
 const WEIGHT_BITS: u32 = 30;

@@ -3,7 +3,7 @@
 //! crossings are found by bisection.
 use super::*;
 use crate::design::{SERVO_DELAY_TICKS, motion_delay_s};
-use crate::output::StepOutput;
+use crate::steps::output::StepOutput;
 use std::vec::Vec;
 
 const SERVO_HZ: u32 = 2000;

@@ -5,9 +5,9 @@
 
 use super::bank::Motor;
 use super::interval::Interval;
-use super::line::position_near;
 use super::{TARGET_FRACTION_BITS, TARGET_SHIFT, Target};
 use crate::configuration::MOTORS_MAX;
+use crate::steps::waiting_targets::position_near;
 
 /// A way is a difference of targets: 512 steps fit 32 bits, so that a sum of two ways in the
 /// longest interval does.

@@ -7,7 +7,7 @@ use crate::geometry::aperture::Aperture;
 use crate::job::MotionState;
 use crate::part_transform::PartTransform;
 use crate::report::pose_table::StreamSample;
-use headway_firmware::pose::Pose;
+use headway_firmware::kinematics::pose::Pose;
 use headway_protocol::units::{CHANNEL_X, CHANNEL_Y, CHANNEL_Z};
 use nalgebra::Vector3;
 

@@ -18,8 +18,8 @@ pub use file::{BedMeshFileError, from_toml, to_toml};
 use crate::job::SegmentStream;
 use crate::short_number::Short;
 use headway_firmware::configuration::MachineConfiguration;
-use headway_firmware::load::{LoadModel, SpanFault};
-use headway_firmware::spline::SpanWindow;
+use headway_firmware::path::load::{LoadModel, SpanFault};
+use headway_firmware::path::spline::SpanWindow;
 use headway_protocol::units::{CHANNEL_X, CHANNEL_Y, CHANNEL_Z, ChannelPoint, Units};
 use refined::refined;
 

@@ -8,7 +8,7 @@ use super::line::{Line, length_mm, pitch_mm};
 use super::{Asked, CalibrationError, Drawn};
 use crate::settings::Settings;
 use headway_firmware::configuration::Kinematics;
-use headway_firmware::shaping::ShaperKind;
+use headway_firmware::configuration::shaping::ShaperKind;
 
 /// Usual length of a leg, mm: thirty waves of 40 Hz at 80 mm/s.
 const LEG_MM: f64 = 60.0;

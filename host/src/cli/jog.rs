@@ -3,7 +3,7 @@
 use super::CliError;
 use crate::settings::joint_names;
 use headway_firmware::configuration::{JointConfiguration, MachineConfiguration};
-use headway_firmware::extruder_limits::event_peaks;
+use headway_firmware::flow::extruder_limits::event_peaks;
 use headway_protocol::control::{EVENT_DURATION_TICKS_MAX, EVENT_VOLUME_UNITS_MAX};
 use headway_protocol::message::Control;
 use headway_protocol::segment::FlowAction;

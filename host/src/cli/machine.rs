@@ -1,18 +1,17 @@
 //! `headway machine new|check|firmware`.
 
-use super::CliError;
 use super::args_machine::{KindName, MachineArgs, MachineCommand};
 use super::configure::board_settings;
 use super::console::Console;
-use super::load;
 use super::output_file::write_file;
+use super::{CliError, load};
 use crate::findings::settings_warnings::settings_warnings;
 use crate::settings::aperture_text::nozzle_text;
 use crate::settings::examples::MachineExample;
 use crate::settings::machine_file::MachineFileError;
 use crate::settings::{Settings, joint_names, machine_file, motor_rates_hz};
 use headway_firmware::configuration::MachineConfiguration;
-use headway_firmware::shaping::shapes;
+use headway_firmware::steps::shaping::shapes;
 use serde_json::json;
 use std::f64::consts::SQRT_2;
 

@@ -9,7 +9,7 @@ use super::job::Job;
 use super::planned::Planned;
 use crate::job::MotionState;
 use crate::job_heat::{BED, HeatEvent, HeatOrder};
-use headway_firmware::heat::HeaterRole;
+use headway_firmware::configuration::heat::HeaterRole;
 
 /// What is missing; `remedy` is what the user can do here.
 pub(super) fn missing_heat(job: &Job, events: &[HeatEvent], remedy: &str) -> Option<String> {

@@ -253,8 +253,8 @@ mod tests {
     use crate::drive::transport::{Listener, Port};
     use crate::drive::virtual_board::{BoardSetup, VirtualBed, VirtualBoard};
     use crate::settings::Settings;
-    use headway_firmware::heat::HeatConfiguration;
-    use headway_firmware::homing::HomingConfiguration;
+    use headway_firmware::configuration::heat::HeatConfiguration;
+    use headway_firmware::configuration::homing::HomingConfiguration;
     use std::panic::{AssertUnwindSafe, catch_unwind};
     use std::sync::atomic::{AtomicBool, Ordering};
     use std::time::{Duration, Instant};

@@ -24,7 +24,7 @@ use crate::report::pose_table::{duration_ticks, samples_within};
 use crate::report::space_picture::{SpacePicture, SpacePoint};
 use crate::report::stream_plots::stream_plots;
 use crate::report::{LayerSheets, Place, Report, ReportFile, write_report};
-use headway_firmware::pose::Pose;
+use headway_firmware::kinematics::pose::Pose;
 use headway_protocol::units::{CHANNEL_HEADING, CHANNEL_X, CHANNEL_Y, CHANNEL_Z};
 
 /// Most samples of a picture's paths.

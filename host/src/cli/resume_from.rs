@@ -20,7 +20,7 @@ use crate::job_resume::{Parts, Reached, Resumption, resume};
 use crate::settings::{Settings, joint_names};
 use crate::wire_frames::WireFrames;
 use headway_firmware::configuration::MachineConfiguration;
-use headway_firmware::homing::HomingConfiguration;
+use headway_firmware::configuration::homing::HomingConfiguration;
 use headway_protocol::message::{Control, DeviceState, Status};
 use serde_json::{Value, json};
 use std::fs::File;

@@ -17,11 +17,11 @@ use crate::settings::Settings;
 use embedded_storage::nor_flash::{
     ErrorType, NorFlash, NorFlashError, NorFlashErrorKind, ReadNorFlash,
 };
-use headway_firmware::heat::HeatConfiguration;
-use headway_firmware::homing::{HomingConfiguration, JointHoming};
+use headway_firmware::configuration::heat::HeatConfiguration;
+use headway_firmware::configuration::homing::{HomingConfiguration, JointHoming};
+use headway_firmware::configuration::wiring::Wiring;
 use headway_firmware::settings::BoardSettings;
 use headway_firmware::settings::store::SettingsStore;
-use headway_firmware::wiring::Wiring;
 use std::fs::File;
 use std::io::{Read, Seek, SeekFrom, Write};
 use std::path::Path;

@@ -9,7 +9,7 @@ use super::{CliError, load};
 use crate::drive::relay_tuning::{RelayTuning, Tuned};
 use crate::settings::heat::HEATER_KEYS;
 use crate::settings::machine_file::write_heater;
-use headway_firmware::heat::{HeatConfiguration, HeaterConfiguration, HeaterRole};
+use headway_firmware::configuration::heat::{HeatConfiguration, HeaterConfiguration, HeaterRole};
 use std::path::Path;
 use std::time::{Duration, Instant};
 

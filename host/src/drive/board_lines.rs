@@ -13,8 +13,8 @@
 use crate::drive::transport::{Listener, Transport};
 use headway_firmware::configuration::MachineConfiguration;
 use headway_firmware::heat::HOST_SILENT_S;
+use headway_firmware::line::{Receiver, Request};
 use headway_firmware::machine::Machine;
-use headway_firmware::receiver::{Receiver, Request};
 use headway_protocol::frame::FRAME_BYTES_MAX;
 use headway_protocol::message::DeviceState;
 use std::io;

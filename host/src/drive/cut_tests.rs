@@ -7,7 +7,7 @@ use crate::drive::test_streams::{planar, spiral};
 use crate::wire_frames::WireFrames;
 use headway_firmware::configuration::MOTORS_MAX;
 use headway_firmware::machine::Machine;
-use headway_firmware::output::StepOutput;
+use headway_firmware::steps::output::StepOutput;
 use headway_protocol::frame::{FRAME_BYTES_MAX, hash_of};
 use rand::{RngExt, SeedableRng};
 use rand_pcg::Pcg64Mcg;

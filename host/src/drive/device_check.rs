@@ -7,14 +7,14 @@
 //! is made. Leaves out the line, overrides, heaters and inputs, which no plan knows.
 
 use crate::job::SegmentStream;
+use headway_firmware::configuration::homing::HomingConfiguration;
 use headway_firmware::configuration::{ConfigurationError, MachineConfiguration};
-use headway_firmware::homing::HomingConfiguration;
 use headway_firmware::kinematics::winding::Winding;
-use headway_firmware::load::{LoadModel, SpanFault};
 use headway_firmware::machine::Machine;
 use headway_firmware::motion::Motion;
-use headway_firmware::queue::QueuedKnot;
-use headway_firmware::spline::SpanWindow;
+use headway_firmware::path::load::{LoadModel, SpanFault};
+use headway_firmware::path::queue::QueuedKnot;
+use headway_firmware::path::spline::SpanWindow;
 use headway_firmware::steps::StepBank;
 use headway_protocol::knot_block::KNOTS_PER_BLOCK_MAX;
 use headway_protocol::message::{DeviceState, Fault, FaultCause};

@@ -5,8 +5,8 @@
 
 use headway_firmware::configuration::{JOINTS_MAX, Kinematics, MachineConfiguration};
 use headway_firmware::kinematics::inverse;
+use headway_firmware::kinematics::pose::Pose;
 use headway_firmware::kinematics::winding::Winding;
-use headway_firmware::pose::Pose;
 use headway_protocol::units::CHANNELS;
 
 /// Where the joints were at the last look.

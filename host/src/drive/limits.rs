@@ -13,10 +13,10 @@ mod pair;
 use crate::job::{Mark, MotionState, SegmentStream};
 use crate::settings::Settings;
 use headway_firmware::configuration::{JOINTS_MAX, Kinematics};
-use headway_firmware::delay::advance_centre_ticks;
+use headway_firmware::kinematics::pose::Pose;
 use headway_firmware::kinematics::{inverse, winds};
-use headway_firmware::pose::Pose;
-use headway_firmware::spline::Span;
+use headway_firmware::path::spline::Span;
+use headway_firmware::steps::delay::advance_centre_ticks;
 use headway_protocol::segment::{FlowAction, FlowEvent};
 use headway_protocol::units::{CHANNEL_HEADING, CHANNEL_VOLUME, CHANNELS, Units};
 use rayon::prelude::*;
@@ -501,7 +501,7 @@ mod tests {
     //! derivatives are known.
     use super::*;
     use crate::drive::test_streams::spiral;
-    use headway_firmware::pose::tool_axis;
+    use headway_firmware::kinematics::pose::tool_axis;
     use headway_protocol::segment::{Knot, REST_TICKS};
     use headway_protocol::units::to_units;
     use nalgebra::Vector2;

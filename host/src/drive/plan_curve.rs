@@ -3,7 +3,7 @@
 //! [`SegmentStream`] -> channels in natural units at any segment time, walked forward.
 
 use crate::job::SegmentStream;
-use headway_firmware::spline::{Span, Spans};
+use headway_firmware::path::spline::{Span, Spans};
 use headway_protocol::segment::Knot;
 use headway_protocol::units::{CHANNELS, Units};
 

@@ -4,7 +4,7 @@
 //! controller's start-up; [`MotionRecord`] knows at which of them the job began.
 
 use headway_firmware::configuration::MOTORS_MAX;
-use headway_firmware::output::StepOutput;
+use headway_firmware::steps::output::StepOutput;
 
 /// Step ticks of one chunk: the offsets within it take [`OFFSET_BITS`] bits of a packed step.
 const CHUNK_TICKS: u64 = 1 << OFFSET_BITS;

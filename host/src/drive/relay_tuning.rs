@@ -6,7 +6,7 @@
 //! are those of Ziegler and Nichols from there, as Klipper's `PID_CALIBRATE` takes them, at half the
 //! proportional gain: the heat balance does the rest here. Left out: who switches.
 
-use headway_firmware::heat::configuration::Gains;
+use headway_firmware::configuration::heat::Gains;
 use headway_firmware::heat::regulator::AMBIENT_C;
 use std::f64::consts::PI;
 

@@ -12,10 +12,9 @@ use crate::drive::plan_curve::PlanCursor;
 use crate::drive::record::{MotionRecord, Step};
 use crate::drive::shaped_plan::ShapedPlan;
 use crate::job::SegmentStream;
+use headway_firmware::configuration::motors::MotorMatrix;
 use headway_firmware::configuration::{JOINTS_MAX, MOTORS_MAX, MachineConfiguration};
-use headway_firmware::delay::motion_delay_s;
-use headway_firmware::motor_matrix::MotorMatrix;
-use headway_firmware::shaping::Delays;
+use headway_firmware::steps::delay::{Delays, motion_delay_s};
 use headway_protocol::units::CHANNELS;
 
 /// Servo ticks walked past the end of the motion, so that its last steps are seen and averages over

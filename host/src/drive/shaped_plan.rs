@@ -4,13 +4,13 @@
 //! of earlier and later ticks, the common delay taken out, in f64; the pose is that of these joints. Also
 //! how far the shaped tip lies from the planned path (from the nearest place on it, not from where the
 //! plan is at that moment: a shaped head is a little early or late along the path too).
-//! Source of the shapers: [`headway_firmware::shaping`]. Left out: the extruder, which is not shaped.
+//! Source of the shapers: [`headway_firmware::steps::shaping`]. Left out: the extruder, which is not shaped.
 
 use crate::drive::servo_walk::{PlanSample, PlanSamples};
 use headway_firmware::configuration::{JOINTS_MAX, MachineConfiguration};
 use headway_firmware::kinematics::forward;
-use headway_firmware::pose::Pose;
-use headway_firmware::shaping::{Shape, shapes};
+use headway_firmware::kinematics::pose::Pose;
+use headway_firmware::steps::shaping::{Shape, shapes};
 use headway_protocol::units::{
     CHANNEL_HEADING, CHANNEL_TILT_X, CHANNEL_TILT_Y, CHANNEL_X, CHANNEL_Y, CHANNEL_Z,
 };

@@ -50,7 +50,8 @@ fn the_steps_reproduce_the_plan() {
 /// inside by v² / r times half the variance of the shaper.
 #[test]
 fn shaped_steps_reproduce_the_shaped_plan() {
-    use headway_firmware::shaping::{Shaper, ShaperKind, shapes};
+    use headway_firmware::configuration::shaping::{Shaper, ShaperKind};
+    use headway_firmware::steps::shaping::shapes;
     let stream = spiral(3.0);
     let frames = WireFrames::encode(&stream).unwrap();
     let ticks = stream_ticks(&stream.knots);

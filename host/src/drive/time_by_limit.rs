@@ -8,7 +8,7 @@
 use crate::drive::limits::Moment;
 use crate::job::{MotionState, SegmentStream};
 use crate::settings::{Settings, joint_names};
-use headway_firmware::spline::Span;
+use headway_firmware::path::spline::Span;
 use headway_protocol::units::{CHANNEL_VOLUME, CHANNELS};
 use std::collections::BTreeMap;
 

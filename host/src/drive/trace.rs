@@ -2,7 +2,7 @@
 //!
 //! [`SegmentStream`] and [`MotionRecord`] -> [`TraceFigures`]. The poses are looked at just before
 //! and just after every step and at every servo tick. The constant delay between a pose's
-//! evaluation and its steps ([`headway_firmware::delay::motion_delay_s`]) is taken out. Step times
+//! evaluation and its steps ([`headway_firmware::steps::delay::motion_delay_s`]) is taken out. Step times
 //! are compared with the exact crossing of the planned joint position through n + 1/2; where a
 //! joint hardly moves the crossing time is not defined to microseconds, so they are judged from
 //! [`STEP_TIME_SPEED_MIN_STEPS_S`] on.
@@ -16,7 +16,7 @@ use crate::job::SegmentStream;
 use headway_firmware::configuration::{JOINTS_MAX, MOTORS_MAX, MachineConfiguration};
 use headway_firmware::design::STEP_THRESHOLD_BIAS;
 use headway_firmware::kinematics::forward;
-use headway_firmware::pose::Pose;
+use headway_firmware::kinematics::pose::Pose;
 use headway_firmware::steps::STEP;
 use headway_protocol::segment::FlowAction;
 use headway_protocol::units::{CHANNEL_VOLUME, CHANNELS};

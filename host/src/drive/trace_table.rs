@@ -13,7 +13,7 @@ use crate::drive::trace::pose_of_counts;
 use crate::job::{Mark, MotionState, SegmentStream};
 use crate::part_transform::PartTransform;
 use headway_firmware::configuration::MachineConfiguration;
-use headway_firmware::pose::Pose;
+use headway_firmware::kinematics::pose::Pose;
 use headway_protocol::units::CHANNEL_VOLUME;
 use nalgebra::Vector3;
 use std::collections::VecDeque;

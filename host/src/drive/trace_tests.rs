@@ -4,8 +4,8 @@
 
 use super::*;
 use crate::drive::test_streams::{planar, spiral};
-use headway_firmware::delay::motion_delay_s;
-use headway_firmware::output::StepOutput;
+use headway_firmware::steps::delay::motion_delay_s;
+use headway_firmware::steps::output::StepOutput;
 
 /// Steps at the tick after each crossing of the exact plan, `late_ticks` later than it should;
 /// half a tick early in the mean, as the firmware.

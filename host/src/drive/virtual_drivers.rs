@@ -5,7 +5,8 @@
 //! behind a wire of levels in the tests. Left out: currents and motors.
 
 use crc::{Algorithm, Crc};
-use headway_firmware::drivers::{DriverConfiguration, DriverPort, DriversConfiguration};
+use headway_firmware::configuration::drivers::{DriverConfiguration, DriversConfiguration};
+use headway_firmware::drivers::DriverPort;
 use std::collections::BTreeMap;
 
 /// x⁸ + x² + x + 1, each byte's lowest bit first, result as it comes out.

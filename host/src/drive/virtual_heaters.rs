@@ -5,12 +5,13 @@
 //! end and bed. Leaves out what flow and fan take along, and everything that breaks: `tests/src/thermal` has it.
 
 use headway_firmware::configuration::MachineConfiguration;
-use headway_firmware::heat::samples::FULL_SCALE;
-use headway_firmware::heat::sensor::Sensor;
-use headway_firmware::heat::service::HeatService;
-use headway_firmware::heat::{
-    HEATERS_MAX, HeatCause, HeatConfiguration, HeaterConfiguration, HeaterRole, PERIOD_S,
+use headway_firmware::configuration::heat::{
+    HEATERS_MAX, HeatConfiguration, HeaterConfiguration, HeaterRole, PERIOD_S,
 };
+use headway_firmware::configuration::sensor::Sensor;
+use headway_firmware::heat::HeatCause;
+use headway_firmware::heat::samples::FULL_SCALE;
+use headway_firmware::heat::service::HeatService;
 use headway_firmware::machine::Machine;
 
 /// Where everything begins, and where heat goes, °C.

@@ -26,7 +26,7 @@ use crate::job_heat::HeatOrder;
 use axes::FileAxes;
 use comments::Slicer;
 use extrusion::Taken;
-use headway_firmware::pose::{TILT_MAX_RAD, TILT_ROUNDING_RAD};
+use headway_firmware::kinematics::pose::{TILT_MAX_RAD, TILT_ROUNDING_RAD};
 use interpreter::Steps;
 use nalgebra::{Rotation3, Unit, Vector3};
 use std::sync::Arc;

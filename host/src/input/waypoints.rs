@@ -20,7 +20,7 @@ pub use super::waypoint_error::WaypointError;
 use super::{ReadOptions, Units};
 use crate::near_name::near_name;
 use crate::settings::PrimeRetract;
-use headway_firmware::pose::{TILT_MAX_RAD, TILT_ROUNDING_RAD};
+use headway_firmware::kinematics::pose::{TILT_MAX_RAD, TILT_ROUNDING_RAD};
 use nalgebra::{Point3, Rotation3, Unit, Vector3};
 use std::f64::consts::TAU;
 

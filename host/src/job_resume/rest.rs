@@ -11,7 +11,7 @@
 
 use crate::job::{LEAD_IN_SPANS, Mark, MotionState, SegmentStream, dwell_spans};
 use crate::job_heat::{HeatEvent, HeatOrder};
-use headway_firmware::spline::Span;
+use headway_firmware::path::spline::Span;
 use headway_protocol::segment::{FlowAction, FlowEvent, Knot, REST_TICKS};
 use headway_protocol::units::{CHANNEL_X, CHANNEL_Z, ChannelPoint};
 use std::collections::HashMap;

@@ -10,7 +10,7 @@ use crate::job::SegmentStream;
 use crate::report::pose_table::{StreamSample, duration_ticks, moments_within};
 use crate::settings::joint_names;
 use headway_firmware::configuration::{JOINTS_MAX, MachineConfiguration};
-use headway_firmware::spline::Span;
+use headway_firmware::path::spline::Span;
 use std::rc::Rc;
 
 /// Servo ticks between two looks at the joints, to count their turns: 32 ms at 2 kHz.

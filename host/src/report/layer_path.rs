@@ -11,8 +11,8 @@
 use super::pose_table::StreamIndex;
 use crate::job::{Mark, MotionState, SegmentStream};
 use crate::part_transform::PartTransform;
-use headway_firmware::pose::Pose;
-use headway_firmware::spline::Span;
+use headway_firmware::kinematics::pose::Pose;
+use headway_firmware::path::spline::Span;
 use headway_protocol::units::{CHANNEL_HEADING, CHANNEL_X, CHANNEL_Y, CHANNEL_Z};
 
 /// Across the path, mm: a pixel shows more than that up to 250 pixels a millimetre.

@@ -6,8 +6,8 @@
 
 use crate::job::{Mark, MotionState, SegmentStream};
 use crate::part_transform::PartTransform;
-use headway_firmware::pose::Pose;
-use headway_firmware::spline::{Span, Spans};
+use headway_firmware::kinematics::pose::Pose;
+use headway_firmware::path::spline::{Span, Spans};
 use headway_protocol::units::{
     CHANNEL_HEADING, CHANNEL_VOLUME, CHANNEL_X, CHANNEL_Y, CHANNEL_Z, CHANNELS,
 };

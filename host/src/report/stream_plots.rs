@@ -6,8 +6,8 @@ use crate::job::{MotionState, SegmentStream};
 use crate::settings::{Settings, joint_names};
 use headway_firmware::configuration::{JOINTS_MAX, JointConfiguration, MachineConfiguration};
 use headway_firmware::kinematics;
+use headway_firmware::kinematics::pose::Pose;
 use headway_firmware::kinematics::winding::Winding;
-use headway_firmware::pose::Pose;
 use headway_protocol::units::CHANNEL_HEADING;
 
 /// Most samples of a curve: forty for each pixel, so that least and greatest are true to a pixel.

@@ -10,9 +10,9 @@ use crate::job::{MotionState, SegmentStream};
 use crate::settings::{Settings, joint_names};
 use headway_firmware::configuration::{JOINTS_MAX, Kinematics, MachineConfiguration};
 use headway_firmware::kinematics;
+use headway_firmware::kinematics::pose::Pose;
 use headway_firmware::kinematics::winding::Winding;
-use headway_firmware::pose::Pose;
-use headway_firmware::spline::Span;
+use headway_firmware::path::spline::Span;
 
 /// No limit binds.
 pub const NO_LIMIT: u8 = u8::MAX;

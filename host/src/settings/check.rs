@@ -4,7 +4,7 @@ use super::drivers::check_drivers;
 use super::error::SettingsError;
 use super::heat::wrong_heater;
 use super::{AXIS_TOLERANCE_MAX_DEG, LAYERS_MAX, Settings, TILT_MAX_ASKED_DEG, kinds, wide_beads};
-use headway_firmware::axis_family::{AxisFamily, RotaryAxis};
+use headway_firmware::configuration::axis_family::{AxisFamily, RotaryAxis};
 use headway_firmware::configuration::{Kinematics, MachineConfiguration};
 use headway_firmware::steps::{INTERVAL_TICKS_MAX, INTERVAL_TICKS_MIN};
 use headway_protocol::control::DECIDEGREES_MAX;

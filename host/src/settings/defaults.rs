@@ -9,13 +9,13 @@ use super::{
     Settings, Skirt, Tolerances,
 };
 use crate::geometry::aperture::Aperture;
+use headway_firmware::configuration::drivers::DriversConfiguration;
+use headway_firmware::configuration::motors::{MotorMatrix, MotorPair};
+use headway_firmware::configuration::shaping::UNSHAPED;
+use headway_firmware::configuration::wiring::Wiring;
 use headway_firmware::configuration::{
     ExtruderConfiguration, JointConfiguration, Kinematics, MachineConfiguration,
 };
-use headway_firmware::drivers::DriversConfiguration;
-use headway_firmware::motor_matrix::{MotorMatrix, MotorPair};
-use headway_firmware::shaping::UNSHAPED;
-use headway_firmware::wiring::Wiring;
 use std::f64::consts::TAU;
 
 /// Work area of both built-in machines, mm.

@@ -2,9 +2,8 @@
 
 use super::check::joint_names;
 use super::error::SettingsError;
+use headway_firmware::configuration::drivers::{DriverItem, DriversConfiguration, run_range_ma};
 use headway_firmware::configuration::{JOINTS_MAX, MachineConfiguration};
-use headway_firmware::drivers::DriversConfiguration;
-use headway_firmware::drivers::configuration::{DriverItem, run_range_ma};
 use headway_protocol::message::SettingsProblem;
 use headway_protocol::settings::items;
 

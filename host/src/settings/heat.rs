@@ -3,7 +3,7 @@
 use super::LAYERS_MAX;
 use super::check::in_range;
 use super::error::SettingsError;
-use headway_firmware::heat::HeatConfiguration;
+use headway_firmware::configuration::heat::HeatConfiguration;
 
 /// Longest pause that may keep its heat, min: as long as a host waits for the end of a pause.
 pub const PAUSE_HEAT_MAX_MIN_MOST: f64 = 720.0;
@@ -67,7 +67,7 @@ impl Material {
 }
 
 /// Names of the heaters in the order of their numbers, as machine files have them.
-pub const HEATER_KEYS: [&str; headway_firmware::heat::HEATERS_MAX] =
+pub const HEATER_KEYS: [&str; headway_firmware::configuration::heat::HEATERS_MAX] =
     ["hot_end", "bed", "hot_end_2"];
 
 /// The first heater with a number out of its range: its key.

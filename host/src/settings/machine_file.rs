@@ -15,10 +15,10 @@ use super::{
 };
 use crate::gcode::axes::words::AxesError;
 use head::FileHead;
-use headway_firmware::board_name::BoardName;
+use headway_firmware::configuration::board_name::BoardName;
+use headway_firmware::configuration::heat::HeatConfiguration;
+use headway_firmware::configuration::homing::HomingConfiguration;
 use headway_firmware::configuration::{ExtruderConfiguration, MachineConfiguration};
-use headway_firmware::heat::HeatConfiguration;
-use headway_firmware::homing::HomingConfiguration;
 use serde::Deserialize;
 
 mod axes;

@@ -3,8 +3,8 @@
 use super::Settings;
 use super::check::joint_names;
 use super::error::SettingsError;
-use headway_firmware::homing::HomingConfiguration;
-use headway_firmware::wiring::WrongWiring;
+use headway_firmware::configuration::homing::HomingConfiguration;
+use headway_firmware::configuration::wiring::WrongWiring;
 use headway_protocol::message::SettingsProblem;
 use headway_protocol::settings::items;
 

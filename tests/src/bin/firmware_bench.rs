@@ -5,8 +5,8 @@
 //! Instructions are not cycles: the emulator has neither pipeline nor flash wait states.
 
 use headway_firmware::configuration::MachineConfiguration;
+use headway_firmware::configuration::shaping::{Shaper, ShaperKind};
 use headway_firmware::design::QUEUE_KNOTS;
-use headway_firmware::shaping::{Shaper, ShaperKind};
 use headway_protocol::frame::{FRAME_BYTES_MAX, encode_frame, encode_payload, hash_of};
 use headway_protocol::message::{
     Control, Hello, HostMessage, PROTOCOL_VERSION, SCHEMA_HASH, Start,

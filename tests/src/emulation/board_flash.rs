@@ -2,9 +2,9 @@
 
 use crate::elf::Elf;
 use embedded_storage::nor_flash::{ErrorType, NorFlash, ReadNorFlash};
-use headway_firmware::board_name::BoardName;
-use headway_firmware::boards::built_for;
-use headway_firmware::octopus::SETTINGS_SECTORS;
+use headway_firmware::board::built_in::built_for;
+use headway_firmware::board::octopus::SETTINGS_SECTORS;
+use headway_firmware::configuration::board_name::BoardName;
 use headway_firmware::settings::store::SettingsStore;
 use std::convert::Infallible;
 

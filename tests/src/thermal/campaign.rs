@@ -254,7 +254,7 @@ struct Watch {
 
 impl Watch {
     fn look(&mut self, world: &World, fault: Injected, bound_s: f64) {
-        let period_s = f64::from(headway_firmware::heat::PERIOD_S);
+        let period_s = f64::from(headway_firmware::configuration::heat::PERIOD_S);
         let stuck = self.injected && matches!(fault, Injected::HeaterStuck(_));
         let targets_c = [world.heat.target_c(0), world.heat.target_c(1)];
         for heater in 0..2 {
@@ -294,7 +294,7 @@ impl Watch {
             self.asked_s = 0.0;
             self.targets_c = targets_c;
         }
-        self.asked_s += f64::from(headway_firmware::heat::PERIOD_S);
+        self.asked_s += f64::from(headway_firmware::configuration::heat::PERIOD_S);
         let on = match fault {
             Injected::MainLoopHangs | Injected::HostGone => world.power_w.iter().any(|w| *w > 0.0),
             _ => world.power_w[heater] > 0.0,

@@ -13,10 +13,10 @@ mod faults;
 
 pub use faults::Injected;
 
-use headway_firmware::heat::configuration::{HeatConfiguration, Plant};
+use headway_firmware::configuration::heat::{HEATERS_MAX, HeatConfiguration, PERIOD_S, Plant};
+use headway_firmware::configuration::sensor::{Sensor, SensorCurve};
 use headway_firmware::heat::pwm::{HEATER_TICKS, SoftPwm};
-use headway_firmware::heat::sensor::{Sensor, SensorCurve};
-use headway_firmware::heat::{HEATERS_MAX, Heat, Orders, Outputs, PERIOD_S};
+use headway_firmware::heat::{Heat, Orders, Outputs};
 use rand::RngExt;
 use rand_pcg::Pcg64;
 

@@ -5,10 +5,10 @@ use crate::pins::{input, is_high, output};
 use crate::runtime;
 use crate::stm32f4::{CORE_HZ, start};
 use cortex_m::peripheral::DWT;
+use headway_firmware::board::octopus::UART;
 use headway_firmware::drivers::DriverPort;
 use headway_firmware::drivers::one_wire::{BitClock, OneWire, Wires};
-use headway_firmware::octopus::UART;
-use headway_firmware::output::Pin;
+use headway_firmware::steps::output::Pin;
 
 /// While nothing interrupts: a bit is 1,680 clocks.
 const FAST_BITS_S: u32 = 100_000;

@@ -6,7 +6,7 @@ use crate::stm32f4::CoreDelay;
 use crate::stm32f4::rcc::{Bus, clock_on};
 use embedded_hal::delay::DelayNs;
 use headway_firmware::board::HeatPort;
-use headway_firmware::octopus::SENSORS;
+use headway_firmware::board::octopus::SENSORS;
 
 /// Converter 3.
 const CLOCK: u32 = 1 << 10;

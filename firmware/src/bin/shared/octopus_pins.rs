@@ -1,18 +1,18 @@
 //! Registers of the ports of the BTT Octopus v1.1, for all but steps. Which pin is which is in
-//! `headway_firmware::octopus`.
+//! `headway_firmware::board::octopus`.
 
 use crate::ports::{PORT_BYTES, SET_RESET};
 use crate::stm32f4::CoreDelay;
 use crate::stm32f4::rcc::{Bus, clock_on};
 use embedded_hal::delay::DelayNs;
-use headway_firmware::board::{BoardPins, INPUTS_SETTLE_MS};
-use headway_firmware::board_name::Known;
-use headway_firmware::inputs::Inputs;
-use headway_firmware::octopus::{
+use headway_firmware::board::input_map::InputMap;
+use headway_firmware::board::octopus::{
     DIFFERS, DIRECTION, ENABLE, HEAT, OFF, PROBE, SENSORS, SERIAL, STEP, SUPPLY, SWITCHES,
 };
-use headway_firmware::output::Pin;
-use headway_firmware::wiring::InputMap;
+use headway_firmware::board::{BoardPins, INPUTS_SETTLE_MS};
+use headway_firmware::configuration::board_name::Known;
+use headway_firmware::motion::inputs::Inputs;
+use headway_firmware::steps::output::Pin;
 
 const MODE: usize = 0x00;
 const PULL: usize = 0x0c;

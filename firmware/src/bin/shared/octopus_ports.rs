@@ -1,9 +1,9 @@
 //! The drivers' ports of the BTT Octopus v1.1, written as fast as they can be: a step is due every
 //! 5 us. The bench has them in memory.
 
+use headway_firmware::board::octopus::{DIRECTION, STEP};
 use headway_firmware::configuration::MOTORS_MAX;
-use headway_firmware::octopus::{DIRECTION, STEP};
-use headway_firmware::output::{Pin, Ports};
+use headway_firmware::steps::output::{Pin, Ports};
 
 /// From a port to the next.
 pub const PORT_BYTES: usize = 0x400;

@@ -3,9 +3,9 @@
 
 use crate::pins;
 use crate::stm32f4::rcc::{Bus, clock_on};
-use headway_firmware::board_name::Known;
-use headway_firmware::octopus::PROBE_SERVO;
-use headway_firmware::probe_pin::{PULSE_PERIOD_US, PulsePort};
+use headway_firmware::board::octopus::PROBE_SERVO;
+use headway_firmware::configuration::board_name::Known;
+use headway_firmware::motion::probe_pin::{PULSE_PERIOD_US, PulsePort};
 
 /// Timer 4.
 const CLOCK: u32 = 1 << 2;

@@ -1,7 +1,7 @@
 //! Reports of the receiver -> bytes for a line, in the main loop.
 
 use super::{note_pass, with_motion};
-use headway_firmware::receiver::Receiver;
+use headway_firmware::line::Receiver;
 use headway_protocol::frame::FRAME_BYTES_MAX;
 
 /// A report on its way out. A host that does not listen holds it up, never the rest.

@@ -34,13 +34,13 @@ use drivers::DriverLoop;
 use embedded_hal::delay::DelayNs;
 use embedded_io::{ErrorType, Read, ReadReady, Write, WriteReady};
 use flash::KeptSettings;
+use headway_firmware::board::built_in::built_for;
 use headway_firmware::board::{BoardPins, ByteRing, Incoming, chip_fault, exchange};
-use headway_firmware::board_name::{Known, UNNAMED};
-use headway_firmware::boards::built_for;
-use headway_firmware::drivers::DriversConfiguration;
-use headway_firmware::inputs::{EMERGENCY_LOOK_NS, Inputs, is_held};
-use headway_firmware::probe_pin::PulsePort;
-use headway_firmware::receiver::{Receiver, SECOND_LINE};
+use headway_firmware::configuration::board_name::{Known, UNNAMED};
+use headway_firmware::configuration::drivers::DriversConfiguration;
+use headway_firmware::line::{Receiver, SECOND_LINE};
+use headway_firmware::motion::inputs::{EMERGENCY_LOOK_NS, Inputs, is_held};
+use headway_firmware::motion::probe_pin::PulsePort;
 use headway_firmware::settings::BoardSettings;
 use headway_protocol::message::{Fault, FaultCause};
 use heat::HeatLoop;
@@ -121,7 +121,7 @@ mod emergency_input {
     //! pressed for some microseconds.
     use super::{CoreDelay, DelayNs, EMERGENCY_LOOK_NS, is_held};
     use core::sync::atomic::{AtomicPtr, AtomicU32, Ordering};
-    use headway_firmware::output::Pin;
+    use headway_firmware::steps::output::Pin;
 
     /// Levels of port A, and from a port to the next.
     const LEVELS: usize = 0x4002_0010;

@@ -3,7 +3,8 @@
 
 use crate::board::DriverPins;
 use crate::runtime::with_motion;
-use headway_firmware::drivers::{DriverPort, DriverService, DriversConfiguration};
+use headway_firmware::configuration::drivers::DriversConfiguration;
+use headway_firmware::drivers::{DriverPort, DriverService};
 
 /// The main loop's part.
 pub struct DriverLoop {

@@ -6,9 +6,9 @@
 
 use crate::board::{INPUTS, MOTORS, NAMES, SETTINGS_SECTORS, heaters_off};
 use crate::stm32f4::{heat, start};
+use headway_firmware::board::built_in::{built_for, kept_settings};
 use headway_firmware::board::sector_flash::{FlashBus, LOOKS_MAX, SectorFlash};
-use headway_firmware::boards::{built_for, kept_settings};
-use headway_firmware::receiver::Receiver;
+use headway_firmware::line::Receiver;
 use headway_firmware::settings::store::SettingsStore;
 use headway_firmware::settings::{BoardLimits, BoardSettings};
 

@@ -5,9 +5,10 @@ use crate::runtime::{Shared, with_motion};
 use crate::stm32f4::start;
 use headway_firmware::board::{BoardPins, HeatPort};
 use headway_firmware::configuration::MachineConfiguration;
+use headway_firmware::configuration::heat::HeatConfiguration;
+use headway_firmware::heat::Outputs;
 use headway_firmware::heat::pwm::SoftPwm;
 use headway_firmware::heat::service::HeatService;
-use headway_firmware::heat::{HeatConfiguration, Outputs};
 
 /// The servo interrupt's; the main loop holds it off while it loads a schedule.
 static PWM: Shared<SoftPwm> = Shared::empty();

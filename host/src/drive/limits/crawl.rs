@@ -5,7 +5,7 @@
 //! the pressure advance still sees what was before, the sampler looks at every tick.
 
 use super::{LOOKS_PER_TICK, Limit, Moment, Sampler, note};
-use headway_firmware::spline::Span;
+use headway_firmware::path::spline::Span;
 use headway_protocol::units::CHANNEL_HEADING;
 use std::ops::Range;
 

@@ -11,7 +11,7 @@ pub mod legs;
 pub mod words;
 
 use crate::gcode::Place;
-use headway_firmware::axis_family::{AxisFamily, RotaryAxis};
+use headway_firmware::configuration::axis_family::{AxisFamily, RotaryAxis};
 use headway_firmware::configuration::{JOINTS_MAX, Kinematics};
 use headway_firmware::kinematics::Model;
 use nalgebra::{Unit, Vector3};

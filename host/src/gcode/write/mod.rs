@@ -26,7 +26,7 @@ use crate::job::{MotionState, SegmentStream};
 use crate::job_heat::HeatEvent;
 use controller_time::{ControllerTime, SlowedBy};
 use dialect::{ArcsWritten, Dialect, Retraction};
-use headway_firmware::pose::Pose;
+use headway_firmware::kinematics::pose::Pose;
 use headway_protocol::segment::FlowAction;
 use headway_protocol::units::{CHANNEL_HEADING, CHANNEL_TILT_X, CHANNEL_TILT_Y, CHANNELS};
 use limits::AxisLimits;

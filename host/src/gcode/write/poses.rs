@@ -3,7 +3,7 @@
 //! In: a [`SegmentStream`]. Out: channels in mm, rad, mm³, unwrapped; events in mm³ and ticks.
 
 use crate::job::SegmentStream;
-use headway_firmware::spline::{Span, Spans};
+use headway_firmware::path::spline::{Span, Spans};
 use headway_protocol::segment::FlowAction;
 use headway_protocol::units::{CHANNEL_VOLUME, CHANNELS};
 

@@ -6,7 +6,7 @@
 use crate::plan::route::moves::{tilt, tip};
 use crate::plan::route::waypoint_curve::half_width_mm;
 use crate::settings::Settings;
-use headway_firmware::pose::tool_axis;
+use headway_firmware::kinematics::pose::tool_axis;
 use headway_protocol::units::CHANNELS;
 use headway_reach::free_axes::{Cap, Found, Place, nearest_free};
 use headway_reach::standing::{Point, Standing};

@@ -19,7 +19,7 @@ use crate::job::{MotionState, SegmentStream};
 use crate::part_transform::PartTransform;
 use crate::plan::route::moves::tip;
 use crate::settings::Settings;
-use headway_firmware::pose::tool_axis;
+use headway_firmware::kinematics::pose::tool_axis;
 use headway_protocol::units::{
     CHANNEL_HEADING, CHANNEL_TILT_X, CHANNEL_TILT_Y, CHANNEL_X, CHANNELS,
 };

@@ -8,12 +8,12 @@ use crate::plan::route::path_curve::CurvePoint;
 use crate::settings::{Settings, joint_names};
 use crate::short_number::told_apart;
 use headway_firmware::configuration::{JOINTS_MAX, Kinematics};
-use headway_firmware::delay::advance_centre_ticks;
-use headway_firmware::jet::Jet;
+use headway_firmware::kinematics::pose::Pose;
 use headway_firmware::kinematics::winding::Winding;
 use headway_firmware::kinematics::{self, KinematicsError};
-use headway_firmware::load::{LoadModel, range_slack};
-use headway_firmware::pose::Pose;
+use headway_firmware::numbers::jet::Jet;
+use headway_firmware::path::load::{LoadModel, range_slack};
+use headway_firmware::steps::delay::advance_centre_ticks;
 use headway_protocol::units::{CHANNEL_X, CHANNEL_Y, CHANNEL_Z, CHANNELS, Units};
 
 /// Why a route cannot be turned into motion.

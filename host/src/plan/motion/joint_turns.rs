@@ -11,9 +11,9 @@ use crate::plan::motion::joint_limits::{MotionError, MotionLimits, check_range, 
 use crate::plan::route::moves::{PathCurve, Route};
 use crate::settings::{Settings, joint_names};
 use headway_firmware::configuration::JOINTS_MAX;
+use headway_firmware::kinematics::pose::Pose;
 use headway_firmware::kinematics::winding::Winding;
 use headway_firmware::kinematics::{inverse, winds};
-use headway_firmware::pose::Pose;
 use headway_protocol::units::{CHANNEL_HEADING, CHANNEL_TILT_X, CHANNELS};
 
 /// Longest distance and turn between two looks at first.

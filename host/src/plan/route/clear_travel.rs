@@ -12,7 +12,7 @@
 
 use crate::plan::route::moves::{PathCurve, tilt, tip};
 use crate::settings::Settings;
-use headway_firmware::pose::tool_axis;
+use headway_firmware::kinematics::pose::tool_axis;
 use headway_protocol::units::{CHANNEL_TILT_X, CHANNEL_TILT_Y, CHANNEL_X, CHANNELS};
 use headway_reach::Pose;
 use headway_reach::profile::HeadProfile;

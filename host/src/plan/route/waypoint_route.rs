@@ -22,7 +22,7 @@ use crate::plan::route::wide_beads::pump::stopped_early;
 use crate::settings::{PrimeRetract, Settings};
 use headway_firmware::configuration::Kinematics;
 use headway_firmware::kinematics::follows_pose;
-use headway_firmware::pose::tool_axis;
+use headway_firmware::kinematics::pose::tool_axis;
 use headway_protocol::units::{CHANNEL_HEADING, CHANNEL_VOLUME, CHANNEL_X, CHANNEL_Z, CHANNELS};
 use nalgebra::Vector3;
 

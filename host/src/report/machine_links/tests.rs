@@ -4,7 +4,7 @@
 use super::*;
 use headway_firmware::configuration::JOINTS_MAX;
 use headway_firmware::kinematics;
-use headway_firmware::pose::Pose;
+use headway_firmware::kinematics::pose::Pose;
 use std::path::Path;
 
 fn machine(name: &str) -> Settings {

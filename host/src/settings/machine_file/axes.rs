@@ -14,7 +14,7 @@
 
 use super::write::{nice, number, triple};
 use super::{KinematicsName, MachineFileError};
-use headway_firmware::axis_family::{AxisFamily, RotaryAxis};
+use headway_firmware::configuration::axis_family::{AxisFamily, RotaryAxis};
 use serde::de::value::{MapAccessDeserializer, StrDeserializer};
 use serde::de::{Deserializer, Error, MapAccess, Visitor};
 use serde::{Deserialize, Serialize};

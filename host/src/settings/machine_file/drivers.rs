@@ -3,7 +3,9 @@
 use super::MachineFileError;
 use crate::settings::drivers::motor_names;
 use headway_firmware::configuration::MachineConfiguration;
-use headway_firmware::drivers::{Chopper, DriverConfiguration, DriversConfiguration};
+use headway_firmware::configuration::drivers::{
+    Chopper, DriverConfiguration, DriversConfiguration,
+};
 use serde::Deserialize;
 use std::collections::BTreeMap;
 use std::f64::consts::TAU;

@@ -2,9 +2,10 @@
 
 use super::MachineFileError;
 use crate::settings::heat::{HEATER_KEYS, Material};
-use headway_firmware::heat::configuration::{EXTRUDE_MIN_C, Gains, Plant};
-use headway_firmware::heat::sensor::{Sensor, SensorCurve};
-use headway_firmware::heat::{HeatConfiguration, HeaterConfiguration, HeaterRole};
+use headway_firmware::configuration::heat::{
+    EXTRUDE_MIN_C, Gains, HeatConfiguration, HeaterConfiguration, HeaterRole, Plant,
+};
+use headway_firmware::configuration::sensor::{Sensor, SensorCurve};
 use serde::Deserialize;
 use std::fmt::Write;
 

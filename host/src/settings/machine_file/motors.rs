@@ -7,8 +7,8 @@ use super::MachineFileError;
 use super::write::number;
 use crate::settings::check::joint_names;
 use crate::settings::drivers::copy_name;
+use headway_firmware::configuration::motors::{COPIES_MAX, MotorMatrix, MotorPair};
 use headway_firmware::configuration::{JointConfiguration, MachineConfiguration};
-use headway_firmware::motor_matrix::{COPIES_MAX, MotorMatrix, MotorPair};
 use serde::Deserialize;
 use std::fmt::Write;
 

@@ -2,8 +2,8 @@
 
 use super::MachineFileError;
 use crate::settings::check::{joint_names, kinematics_name};
+use headway_firmware::configuration::shaping::{Shaper, ShaperKind};
 use headway_firmware::configuration::{JOINTS_MAX, Kinematics, MachineConfiguration};
-use headway_firmware::shaping::{Shaper, ShaperKind};
 use serde::Deserialize;
 use std::collections::BTreeMap;
 use std::fmt::Write;

@@ -6,8 +6,8 @@
 use super::MachineFileError;
 use super::write::{degrees, number};
 use crate::settings::check::joint_names;
+use headway_firmware::configuration::homing::{HomingConfiguration, JointHoming};
 use headway_firmware::configuration::{JointConfiguration, MachineConfiguration};
-use headway_firmware::homing::{HomingConfiguration, JointHoming};
 use serde::Deserialize;
 use std::collections::BTreeMap;
 use std::f64::consts::TAU;
@@ -214,7 +214,7 @@ mod tests {
     use super::super::tests::{assert_refused, planar_with as read};
     use super::super::{from_toml, to_toml};
     use crate::settings::Settings;
-    use headway_firmware::homing::HomingConfiguration;
+    use headway_firmware::configuration::homing::HomingConfiguration;
 
     const ALL: &str = "[switches.x]\nend = \"min\"\n[switches.y]\nend = \"max\"\nposition_mm = 254.5\n\
                        [switches.z]\nend = \"min\"\nfast_mm_s = 4\nslow_mm_s = 0.5\n";

@@ -4,7 +4,7 @@ use super::MachineFileError;
 use crate::settings::check::joint_names;
 use crate::settings::drivers::motor_names;
 use headway_firmware::configuration::MachineConfiguration;
-use headway_firmware::wiring::{INPUTS_MAX, NO_INPUT, Wiring};
+use headway_firmware::configuration::wiring::{INPUTS_MAX, NO_INPUT, Wiring};
 use serde::Deserialize;
 use std::collections::BTreeMap;
 use std::fmt::Write;
@@ -130,7 +130,7 @@ mod tests {
     use super::super::tests::{assert_refused, planar_with as read};
     use super::super::{from_toml, to_toml};
     use crate::settings::Settings;
-    use headway_firmware::wiring::{NO_INPUT, Wiring};
+    use headway_firmware::configuration::wiring::{NO_INPUT, Wiring};
 
     const ALL: &str = "[wiring]\nreversed = [\"y\", \"extruder\"]\nswitch_inputs = { z = 8 }\n\
                        emergency_input = 3\nnormally_open = [0, 8]\n";

@@ -17,7 +17,7 @@ use crate::settings::check::{axes_joint_names, joint_names, kinematics_name};
 use crate::settings::{
     BOTTOM_LAYERS, HeadingLaw, PassMode, Quality, SeamPlace, Settings, TOP_LAYERS, Tolerances,
 };
-use headway_firmware::axis_family::AxisFamily;
+use headway_firmware::configuration::axis_family::AxisFamily;
 use headway_firmware::configuration::{Arm, JointConfiguration, Kinematics};
 use std::f64::consts::TAU;
 use std::fmt::Write;

@@ -5,9 +5,9 @@
 //! QEMU or the target is missing; `HEADWAY_DEMAND_EMULATOR=1` makes that a failure.
 #![cfg(unix)]
 
-use headway_firmware::board_name::BoardName;
-use headway_firmware::octopus;
-use headway_firmware::output::Pin;
+use headway_firmware::board::octopus;
+use headway_firmware::configuration::board_name::BoardName;
+use headway_firmware::steps::output::Pin;
 use headway_tests::elf::Elf;
 use headway_tests::emulation::board_flash::octopus_flash;
 use headway_tests::emulation::board_image::{alone, build, skipped};

@@ -8,7 +8,7 @@ use crate::rig::board::{Board, Host};
 use crate::rig::{folder, headway, object, path, stderr};
 use headway::drive::transport::Port;
 use headway::settings::Settings;
-use headway_firmware::heat::HeatConfiguration;
+use headway_firmware::configuration::heat::HeatConfiguration;
 use serde_json::{Map, Value};
 use std::io::{Read, Write};
 use std::net::TcpStream;

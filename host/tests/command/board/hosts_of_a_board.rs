@@ -9,7 +9,7 @@ use headway::drive::sender::Sender;
 use headway::drive::sender_state::{SenderEvent, SenderState};
 use headway::drive::transport::{BAUD_DEFAULT, Port};
 use headway::settings::Settings;
-use headway_firmware::heat::HeatConfiguration;
+use headway_firmware::configuration::heat::HeatConfiguration;
 use headway_protocol::message::Control;
 use std::net::TcpStream;
 use std::sync::Arc;

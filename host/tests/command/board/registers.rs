@@ -9,9 +9,9 @@
 use crate::rig::{command, example, folder, headway, path, stderr, succeeded};
 use headway::drive::record::Step;
 use headway::drive::simulator::{Simulator, SimulatorSetup};
-use headway_firmware::board_name::BoardName;
-use headway_firmware::octopus;
-use headway_firmware::output::Pin;
+use headway_firmware::board::octopus;
+use headway_firmware::configuration::board_name::BoardName;
+use headway_firmware::steps::output::Pin;
 use headway_tests::elf::Elf;
 use headway_tests::emulation::board_flash::octopus_flash;
 use headway_tests::emulation::board_image::{alone, build, skipped};

@@ -8,7 +8,7 @@ use crate::rig::{folder, headway, object, stderr, stdout};
 use headway::drive::link_log::{Entry, Way, read_log};
 use headway::drive::transport::Port;
 use headway::job_file;
-use headway_firmware::heat::HeatConfiguration;
+use headway_firmware::configuration::heat::HeatConfiguration;
 use headway_protocol::frame::FrameDecoder;
 use headway_protocol::message::{DeviceMessage, DeviceState, Status};
 use serde_json::Value;

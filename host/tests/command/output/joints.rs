@@ -8,7 +8,7 @@ use headway::drive::simulator::SimulatorSetup;
 use headway::job_file;
 use headway::settings::{Settings, machine_file};
 use headway_firmware::configuration::{Arm, Frame, Kinematics};
-use headway_firmware::delay::motion_delay_s;
+use headway_firmware::steps::delay::motion_delay_s;
 use nalgebra::{Isometry3, Matrix3, Rotation3, Translation3, UnitQuaternion, Vector3};
 use serde_json::Value;
 use std::f64::consts::TAU;

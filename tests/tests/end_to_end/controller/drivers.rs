@@ -5,14 +5,13 @@
 //! (`virtual_drivers`, written from the data sheet) answers by edges at that rate.
 
 use headway::drive::virtual_drivers::VirtualDriver;
-use headway_firmware::boards::built_in_planar;
-use headway_firmware::drivers::configuration::{CurrentScale, current_ma};
-use headway_firmware::drivers::one_wire::{BitClock, OneWire, Wires};
-use headway_firmware::drivers::{
-    Chopper, DriverConfiguration, DriverLink, DriverPort, DriverService, DriversConfiguration,
-    LinkError,
+use headway_firmware::board::built_in::built_in_planar;
+use headway_firmware::configuration::drivers::{
+    Chopper, CurrentScale, DriverConfiguration, DriversConfiguration, current_ma,
 };
-use headway_firmware::homing::HomingConfiguration;
+use headway_firmware::configuration::homing::HomingConfiguration;
+use headway_firmware::drivers::one_wire::{BitClock, OneWire, Wires};
+use headway_firmware::drivers::{DriverLink, DriverPort, DriverService, LinkError};
 use headway_firmware::machine::Machine;
 use headway_protocol::message::{DriverFlags, FaultCause};
 use std::cell::RefCell;
@@ -455,7 +454,7 @@ fn a_board_tells_what_is_wrong_with_a_driver_and_mends_what_has_restarted() {
 
 struct Nothing;
 
-impl headway_firmware::output::StepOutput for Nothing {
+impl headway_firmware::steps::output::StepOutput for Nothing {
     fn set_directions(&mut self, _: u8) {}
     fn step(&mut self, _: u64, _: u8) {}
 }

@@ -12,8 +12,8 @@ use headway::input::{Format, ReadOptions, read};
 use headway::plan_target;
 use headway::settings::Settings;
 use headway::wire_frames::WireFrames;
-use headway_firmware::boards::{EMULATED_SWITCHES_STEPS, emulated_planar};
-use headway_firmware::homing::HomingConfiguration;
+use headway_firmware::board::built_in::{EMULATED_SWITCHES_STEPS, emulated_planar};
+use headway_firmware::configuration::homing::HomingConfiguration;
 use headway_protocol::frame::{FRAME_BYTES_MAX, FrameDecoder, encode_frame, hash_of};
 use headway_protocol::message::{
     Control, DeviceMessage, DeviceState, FaultCause, Hello, HostMessage, JointOrder,
@@ -83,7 +83,7 @@ fn example() -> &'static Example {
 #[test]
 fn the_board_to_flash_has_the_machine_that_the_command_plans_for() {
     let planned = Settings::default().machine;
-    let built_in = headway_firmware::boards::built_in_planar();
+    let built_in = headway_firmware::board::built_in::built_in_planar();
     assert_eq!(built_in, planned);
     assert_eq!(hash_of(&built_in), hash_of(&planned));
 }

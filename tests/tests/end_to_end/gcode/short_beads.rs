@@ -9,7 +9,7 @@ use headway::drive::simulator::SimulatorSetup;
 use headway::gcode::{GcodeOptions, read};
 use headway::gcode_plan::{GcodePlan, plan_gcode};
 use headway::settings::Settings;
-use headway_firmware::spline::Span;
+use headway_firmware::path::spline::Span;
 
 /// Lengths of beads, mm.
 const LENGTHS_MM: [f64; 8] = [0.02, 0.05, 0.1, 0.2, 0.4, 0.8, 1.2, 2.0];

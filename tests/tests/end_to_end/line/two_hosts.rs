@@ -6,7 +6,7 @@
 
 use headway::drive::sender_state::SenderState;
 use headway::job::SegmentStream;
-use headway_firmware::heat::HeatConfiguration;
+use headway_firmware::configuration::heat::HeatConfiguration;
 use headway_protocol::message::{Control, DeviceState, FaultCause};
 use headway_tests::two_hosts::{Board, Errand, Host, SERVO_HZ, job, turn};
 use rand::{RngExt, SeedableRng};

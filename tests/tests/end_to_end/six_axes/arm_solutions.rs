@@ -5,8 +5,8 @@
 
 use headway::settings::machine_file;
 use headway_firmware::configuration::{Arm, Frame, JOINTS_MAX, Kinematics};
+use headway_firmware::kinematics::pose::{Pose, tilt_of_axis};
 use headway_firmware::kinematics::{KinematicsError, forward, inverse};
-use headway_firmware::pose::{Pose, tilt_of_axis};
 use nalgebra::{Quaternion, Rotation3, UnitQuaternion, Vector2, Vector3};
 use rand::{RngExt, SeedableRng};
 use std::f64::consts::{FRAC_PI_2, PI, TAU};

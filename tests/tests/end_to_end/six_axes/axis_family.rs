@@ -9,10 +9,10 @@ use headway::input::waypoints::read as read_waypoints;
 use headway::input::{Format, ReadOptions, read};
 use headway::settings::{Settings, machine_file};
 use headway::{Plan, plan_target, plan_waypoints};
-use headway_firmware::axis_family::{AxisFamily, RotaryAxis};
 use headway_firmware::configuration::Kinematics;
+use headway_firmware::configuration::axis_family::{AxisFamily, RotaryAxis};
+use headway_firmware::kinematics::pose::Pose;
 use headway_firmware::kinematics::{KinematicsError, forward, inverse};
-use headway_firmware::pose::Pose;
 use nalgebra::{
     Isometry3, Point3, Rotation3, Translation3, Unit, UnitQuaternion, Vector2, Vector3,
 };

@@ -123,7 +123,8 @@ fn led_by_rad(run: &WaypointRun, plan: &Plan) -> f64 {
                 let away = (Vector3::new(pose[0], pose[1], pose[2]) - tip).norm();
                 if away < nearest.0 {
                     let tilt = nalgebra::Vector2::new(pose[3], pose[4]);
-                    let axis = Unit::new_normalize(headway_firmware::pose::tool_axis(tilt));
+                    let axis =
+                        Unit::new_normalize(headway_firmware::kinematics::pose::tool_axis(tilt));
                     nearest = (away, axis.angle(&point.axis));
                 }
             }

@@ -7,7 +7,7 @@ use crate::plan::route::lean::{LayerNormals, PassNormals};
 use crate::plan::route::moves::{Route, RouteMove, tilt, tip};
 use crate::plan::route::waypoint_curve::half_width_mm;
 use crate::settings::Settings;
-use headway_firmware::pose::tool_axis;
+use headway_firmware::kinematics::pose::tool_axis;
 use headway_reach::Pose;
 use headway_reach::standing::Point;
 

@@ -11,8 +11,8 @@ use crate::plan::motion::joint_limits::{
 };
 use crate::plan::route::path_curve::CurvePoint;
 use headway_firmware::configuration::Kinematics;
-use headway_firmware::load::SpanFault;
-use headway_firmware::spline::SpanWindow;
+use headway_firmware::path::load::SpanFault;
+use headway_firmware::path::spline::SpanWindow;
 use headway_protocol::segment::{Knot, REST_TICKS};
 use headway_protocol::units::{CHANNEL_VOLUME, CHANNELS};
 use rayon::prelude::*;

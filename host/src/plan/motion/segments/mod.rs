@@ -33,7 +33,7 @@ use crate::plan::progress::{Progress, Stage, Steps};
 use crate::plan::route::moves::{MoveEvent, Route, RouteMove};
 use crate::settings::Settings;
 use check::Ratios;
-use headway_firmware::extruder_limits::event_peaks;
+use headway_firmware::flow::extruder_limits::event_peaks;
 use headway_firmware::kinematics::winding::Winding;
 use headway_protocol::control::EVENT_VOLUME_UNITS_MAX;
 use headway_protocol::units::CHANNEL_VOLUME;

@@ -170,7 +170,7 @@ fn cone_rad(point: &Waypoint, tilt_max_rad: f64) -> f64 {
 
 /// The axis that leans by a rotation vector from a given one.
 fn leaning(given: &Vector3, lean: Vector2<f64>) -> Vector3 {
-    let upright = headway_firmware::pose::tool_axis(lean);
+    let upright = headway_firmware::kinematics::pose::tool_axis(lean);
     let frame = Rotation3::rotation_between(&Vector3::z(), given);
     // No axis points straight down: waypoints are refused long before.
     frame.map_or(*given, |frame| frame * upright)

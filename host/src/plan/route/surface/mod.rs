@@ -27,7 +27,7 @@ use crate::plan::route::waypoint_curve::chord_spline::through_samples;
 use crate::plan::route::waypoint_curve::upright;
 use crate::settings::Settings;
 use headings::Bead;
-use headway_firmware::pose::tilt_of_axis;
+use headway_firmware::kinematics::pose::tilt_of_axis;
 use headway_protocol::units::{
     CHANNEL_HEADING, CHANNEL_TILT_X, CHANNEL_TILT_Y, CHANNEL_VOLUME, CHANNEL_X, CHANNEL_Y,
     CHANNEL_Z, CHANNELS,

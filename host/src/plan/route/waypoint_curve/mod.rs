@@ -27,7 +27,7 @@ use crate::plan::route::moves::PathCurve;
 use crate::settings::Settings;
 use chord_spline::Spline;
 use headway_firmware::configuration::Kinematics;
-use headway_firmware::pose::{tilt_of_axis, tool_axis};
+use headway_firmware::kinematics::pose::{tilt_of_axis, tool_axis};
 use headway_protocol::units::{
     CHANNEL_HEADING, CHANNEL_TILT_X, CHANNEL_TILT_Y, CHANNEL_VOLUME, CHANNEL_X, CHANNEL_Y,
     CHANNEL_Z, CHANNELS,

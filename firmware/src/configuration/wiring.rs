@@ -1,0 +1,69 @@
+//! Which input of a board has which role, which are normally open, and which motors turn the other way.
+//!
+//! In: roles of a machine file, and the board's own: how many inputs it has, which of them is the emergency input if
+//! nothing else is said, and which ones may be it. Out: a [`Wiring`], for `board/input_map.rs`, which reads levels by it.
+
+use crate::configuration::JOINTS_MAX;
+use serde::{Deserialize, Serialize};
+
+/// For a joint without a switch.
+pub const NO_INPUT: u8 = u8::MAX;
+/// Inputs of a board, at most: a bit each.
+pub const INPUTS_MAX: u8 = 16;
+
+/// Inputs and motors, as they are wired.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
+pub struct Wiring {
+    /// A bit for each motor that turns the other way.
+    pub reversed_motors: u8,
+    /// Input of each joint's switch, or [`NO_INPUT`].
+    pub switch_inputs: [u8; JOINTS_MAX],
+    /// Emergency input; `None`: the board's own.
+    pub emergency_input: Option<u8>,
+    /// A bit for each input that is low while pressed: normally open to ground.
+    pub open_inputs: u16,
+    /// The probe's; `None`: that of Z's switch, which the probe then is.
+    pub probe_input: Option<u8>,
+    /// The probe has a pin that goes out and in by servo pulses (BLTouch).
+    pub probe_servo: bool,
+}
+
+/// Inputs of a board.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct BoardInputs {
+    /// How many it has.
+    pub count: u8,
+    /// The emergency input, where the settings name none.
+    pub emergency: u8,
+    /// A bit for each that may be the emergency input: those whose edges interrupt.
+    pub emergency_mask: u16,
+}
+
+/// What of a wiring cannot be.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum WrongWiring {
+    /// Input of this joint's switch: it is the emergency input, or none of the board.
+    Switch(usize),
+    /// The emergency input: none of the board, or without an interrupt.
+    Emergency,
+    /// The probe's input: it is the emergency input, or none of the board.
+    Probe,
+}
+
+impl Default for Wiring {
+    fn default() -> Self {
+        Self::STANDARD
+    }
+}
+
+impl Wiring {
+    /// Joint m's switch at input m, all normally closed to ground, no motor reversed.
+    pub const STANDARD: Self = Self {
+        reversed_motors: 0,
+        switch_inputs: [0, 1, 2, 3, 4, 5, 6],
+        emergency_input: None,
+        open_inputs: 0,
+        probe_input: None,
+        probe_servo: false,
+    };
+}

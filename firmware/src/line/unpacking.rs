@@ -1,0 +1,159 @@
+//! A block of knots on its way into the queue, some knots at a time.
+//!
+//! In: the bytes of a block, the stream where it stands. Out: knots with what their spans ask of the joints, handed
+//! over as they are weighed, and the stream behind the block. Leaves out whether the frame was in order.
+
+use crate::kinematics::winding::Winding;
+use crate::line::{Receiver, Stream};
+use crate::motion::Motion;
+use crate::path::load::{LoadModel, SpanFault};
+use crate::path::queue::QueuedKnot;
+use crate::path::spline::SpanWindow;
+use headway_protocol::knot_block::{KNOTS_PER_BLOCK_MAX, KnotPredictor, decode_block};
+use headway_protocol::segment::Knot;
+use headway_protocol::units::CHANNEL_VOLUME;
+use heapless::Vec;
+
+/// Knot n acts on spans n to n + 3.
+const SPANS_OF_KNOT: u32 = 4;
+
+/// A block under way: knots as decoded, of which some have been weighed.
+#[derive(Clone, Debug)]
+pub(super) struct Unpacking {
+    sequence: u16,
+    decoded: Vec<Knot, KNOTS_PER_BLOCK_MAX>,
+    weighed: usize,
+    /// Knots with their loads that have not been handed over.
+    knots: Vec<QueuedKnot, KNOTS_PER_BLOCK_MAX>,
+    /// Knots that have been.
+    delivered: u32,
+    /// Why the block ends early.
+    refused: Option<SpanFault>,
+    predictor: KnotPredictor,
+    window: SpanWindow,
+    winding: Winding<f32>,
+    count: u32,
+    /// Knots up to the last one whose volume is another than that of the one before it.
+    melt_knots: u32,
+    /// Volume of the last knot.
+    volume_units: i32,
+}
+
+impl Receiver {
+    /// True while [`Self::work`] and [`Self::deliver`] are to be called, and no more bytes may come.
+    pub fn is_busy(&self) -> bool {
+        self.unpacking.is_some()
+    }
+
+    /// Weighs at most so many knots of the block that the last frame brought.
+    #[inline(never)]
+    pub fn work(&mut self, knots: usize) {
+        if let Some(unpacking) = &mut self.unpacking {
+            unpacking.weigh(&self.loads, knots);
+        }
+    }
+
+    /// Hands over the knots that were weighed.
+    #[inline(never)]
+    pub fn deliver(&mut self, motion: &mut Motion) {
+        let (Some(unpacking), Some(stream)) = (&mut self.unpacking, &mut self.stream) else {
+            self.unpacking = None;
+            return;
+        };
+        if unpacking.delivered == 0 {
+            motion.heat_mut().hear();
+            let sequence = unpacking.sequence;
+            if !motion.takes_stream() {
+                self.unpacking = None;
+                self.misplaced(sequence, motion);
+                return;
+            }
+            if unpacking.decoded.len() > motion.knot_room() {
+                // More than the credit: as if it had been lost, until there is room.
+                self.due.ack = true;
+                self.unpacking = None;
+                return;
+            }
+        }
+        motion.push_knots(&unpacking.knots);
+        unpacking.delivered += unpacking.knots.len() as u32;
+        unpacking.knots.clear();
+        if unpacking.is_done() {
+            unpacking.end(stream, motion);
+            self.due.ack = true;
+            self.unpacking = None;
+        }
+    }
+}
+
+impl Unpacking {
+    /// A block as it came; `None` if it is damaged.
+    // Its parts are large: they are not to be on the stack of whoever calls.
+    #[inline(never)]
+    pub(super) fn new(sequence: u16, bytes: &[u8], stream: &Stream) -> Option<Self> {
+        let mut predictor = stream.predictor;
+        let decoded = decode_block(&mut predictor, bytes).ok()?;
+        let (mut volume_units, mut melt_knots) = (stream.volume_units, 0);
+        for (knot, count) in decoded.iter().zip(1u32..) {
+            if knot.control[CHANNEL_VOLUME] != volume_units {
+                volume_units = knot.control[CHANNEL_VOLUME];
+                melt_knots = count;
+            }
+        }
+        Some(Self {
+            sequence,
+            weighed: 0,
+            knots: Vec::new(),
+            delivered: 0,
+            refused: None,
+            predictor,
+            window: stream.window.clone(),
+            winding: stream.winding,
+            count: decoded.len() as u32,
+            melt_knots,
+            volume_units,
+            decoded,
+        })
+    }
+
+    /// Nothing is left to weigh.
+    fn is_done(&self) -> bool {
+        self.refused.is_some() || self.weighed >= self.decoded.len()
+    }
+
+    /// Computes what the next spans ask of the joints, up to one that cannot be run.
+    fn weigh(&mut self, loads: &LoadModel, most: usize) {
+        for _ in 0..most.min(KNOTS_PER_BLOCK_MAX) {
+            let (None, Some(knot)) = (self.refused, self.decoded.get(self.weighed)) else {
+                return;
+            };
+            self.weighed += 1;
+            self.window.push(knot);
+            match loads.of_span(&self.window, &mut self.winding) {
+                Ok(load) => {
+                    let queued = QueuedKnot::new(&self.window, knot, load);
+                    // Room for all by the type's bound.
+                    let _ = self.knots.push(queued);
+                }
+                Err(fault) => self.refused = Some(fault),
+            }
+        }
+    }
+
+    /// All knots are handed over: the stream is where the block ends.
+    fn end(&self, stream: &mut Stream, motion: &mut Motion) {
+        if let Some(fault) = self.refused {
+            motion.refuse_span(fault, stream.knots + self.delivered);
+        }
+        if self.melt_knots > 0 {
+            let last = stream.knots.wrapping_add(self.melt_knots);
+            motion.note_melt(last.wrapping_add(SPANS_OF_KNOT - 2));
+        }
+        stream.volume_units = self.volume_units;
+        stream.knots = stream.knots.wrapping_add(self.count);
+        stream.predictor = self.predictor;
+        stream.window = self.window.clone();
+        stream.winding = self.winding;
+        stream.next_sequence = stream.next_sequence.wrapping_add(1);
+    }
+}

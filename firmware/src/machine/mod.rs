@@ -1,0 +1,267 @@
+//! The whole controller, sans IO: what a board and the simulator drive.
+//!
+//! ```text
+//! bytes -> receiver -> motion (queue, time warp, joints, flow) -> step player -> step pins
+//! bytes <- reports  <-
+//! ```
+//! In: bytes, levels of the inputs, calls. Out: steps, bytes.
+//!
+//! Call order: [`Machine::handle_bytes`] whenever bytes arrive; every servo period
+//! [`Machine::servo_tick`], then `step_hz / servo_hz` times [`Machine::step_tick`] (or
+//! [`Machine::run_servo_interval`], which is both at once with the same result);
+//! [`Machine::poll_report`] until it returns 0. Time is the number of calls. A board that runs
+//! servo and steps in interrupts of their own builds the parts where they live ([`Machine::check`]).
+
+use crate::configuration::heat::HeatConfiguration;
+use crate::configuration::homing::HomingConfiguration;
+use crate::configuration::{ConfigurationError, MachineConfiguration};
+use crate::drivers::{DriverPort, DriverService};
+use crate::heat::Outputs;
+use crate::heat::service::HeatService;
+use crate::line::{Receiver, Request};
+use crate::motion::Motion;
+use crate::motion::inputs::Inputs;
+use crate::motion::probe_pin::ProbePin;
+use crate::settings::BoardLimits;
+use crate::steps::StepPlayer;
+use crate::steps::output::StepOutput;
+use headway_protocol::knot_block::KNOTS_PER_BLOCK_MAX;
+use headway_protocol::message::{Fault, FaultCause};
+
+/// Receiver, motion and step player.
+#[derive(Clone, Debug)]
+pub struct Machine {
+    receiver: Receiver,
+    motion: Motion,
+    player: StepPlayer,
+    overruns: u32,
+}
+
+impl Machine {
+    /// At rest. `session` should differ after every start of the controller.
+    ///
+    /// # Errors
+    /// [`ConfigurationError`] where the configuration cannot be run.
+    pub fn new(
+        configuration: &MachineConfiguration,
+        session: u32,
+    ) -> Result<Self, ConfigurationError> {
+        Self::with_switches(configuration, &HomingConfiguration::none(), session)
+    }
+
+    /// The same with switches to home to.
+    ///
+    /// # Errors
+    /// [`ConfigurationError`] where either configuration cannot be run.
+    // The machine is large: built where a board needs it, it is not copied.
+    #[inline(always)]
+    pub fn with_switches(
+        configuration: &MachineConfiguration,
+        switches: &HomingConfiguration,
+        session: u32,
+    ) -> Result<Self, ConfigurationError> {
+        Self::check(configuration, switches)?;
+        Ok(Self {
+            receiver: Receiver::new(configuration, session),
+            motion: Motion::new(configuration, switches),
+            player: StepPlayer::new(configuration.interval_ticks()),
+            overruns: 0,
+        })
+    }
+
+    /// Whether a machine of these can be run: for boards, which build its parts where each lives, in
+    /// an interrupt of its own.
+    ///
+    /// # Errors
+    /// [`ConfigurationError`] where either configuration cannot be run.
+    pub fn check(
+        configuration: &MachineConfiguration,
+        switches: &HomingConfiguration,
+    ) -> Result<(), ConfigurationError> {
+        configuration.check()?;
+        switches.check(configuration)
+    }
+
+    /// Takes bytes from the line.
+    pub fn handle_bytes(&mut self, bytes: &[u8]) {
+        for &byte in bytes {
+            if let Some(request) = self.push(byte) {
+                self.receiver.apply(request, &mut self.motion);
+            }
+        }
+        self.stop_if_due();
+    }
+
+    /// The board has a store for settings, see [`Receiver::keep_settings`].
+    pub fn keep_settings(&mut self, board: BoardLimits) {
+        self.receiver.keep_settings(board);
+    }
+
+    /// Where the settings in force came from, see [`Receiver::settings_in_force`].
+    pub fn settings_in_force(&mut self, hash: u32) {
+        self.receiver.settings_in_force(hash);
+    }
+
+    /// The probe has a pin, see [`Motion::fit_probe_pin`].
+    pub fn fit_probe_pin(&mut self, pin: ProbePin) {
+        self.motion.fit_probe_pin(pin);
+    }
+
+    /// Looks after the drivers, where it is their turn: to be called again and again.
+    pub fn serve_drivers(&mut self, service: &mut DriverService, port: &mut impl DriverPort) {
+        if service.is_due(&self.motion) {
+            service.turn(port);
+            service.tell(&mut self.motion);
+        }
+    }
+
+    /// Sets the drivers up, before the first servo tick.
+    pub fn set_up_drivers(&mut self, service: &mut DriverService, port: &mut impl DriverPort) {
+        service.set_up(port);
+        service.tell(&mut self.motion);
+    }
+
+    /// Stores settings that have come, see [`Receiver::store_settings`].
+    pub fn store_settings(&mut self, put: impl FnOnce(&[u8]) -> bool) {
+        self.receiver.store_settings(put);
+    }
+
+    /// Takes bytes from a second line ([`Receiver::watching`]).
+    pub fn handle_watcher(&mut self, watcher: &mut Receiver, bytes: &[u8]) {
+        watcher.watch(&self.receiver, &self.motion);
+        for &byte in bytes {
+            if let Some(request) = watcher.receive(0, byte) {
+                watcher.apply(request, &mut self.motion);
+            }
+        }
+        self.stop_if_due();
+    }
+
+    /// Takes a byte of the first line, and returns what it completes, for [`Self::apply`]. A block of knots is handed
+    /// over at once.
+    pub fn push(&mut self, byte: u8) -> Option<Request> {
+        let request = self.receiver.receive(0, byte);
+        if self.receiver.is_busy() {
+            self.receiver.work(KNOTS_PER_BLOCK_MAX);
+            self.receiver.deliver(&mut self.motion);
+        }
+        request
+    }
+
+    /// Hands over what the host on the first line asks.
+    pub fn apply(&mut self, request: Request) {
+        self.receiver.apply(request, &mut self.motion);
+        self.stop_if_due();
+    }
+
+    /// Hands over what a host on a second line asks.
+    pub fn apply_watcher(&mut self, watcher: &mut Receiver, request: Request) {
+        watcher.watch(&self.receiver, &self.motion);
+        watcher.apply(request, &mut self.motion);
+        self.stop_if_due();
+    }
+
+    /// The hosts on the first line and on a second one change places, see [`Receiver::exchange_hosts`].
+    pub fn exchange_hosts(&mut self, watcher: &mut Receiver) {
+        self.receiver.exchange_hosts(watcher);
+    }
+
+    /// The next report for a second line, as [`Self::poll_report`].
+    pub fn poll_watcher(&self, watcher: &mut Receiver, out: &mut [u8]) -> usize {
+        watcher.poll_report(&self.motion, out)
+    }
+
+    /// Levels of the inputs, for the next servo tick.
+    pub fn set_inputs(&mut self, inputs: Inputs) {
+        self.motion.set_inputs(inputs);
+    }
+
+    /// One servo tick: the next interval's steps.
+    pub fn servo_tick(&mut self) {
+        if self.player.overruns() != self.overruns {
+            self.note_overrun();
+            self.stop_if_due();
+        }
+        if self.motion.tick(self.player.idle_bank()) {
+            self.player.hand_over();
+        } else {
+            self.stop_if_due();
+        }
+        self.motion.look_ahead();
+    }
+
+    /// One step tick.
+    #[inline]
+    pub fn step_tick<O: StepOutput>(&mut self, output: &mut O) {
+        self.player.tick(output);
+    }
+
+    /// One servo tick and all its step ticks.
+    pub fn run_servo_interval<O: StepOutput>(&mut self, output: &mut O) {
+        self.servo_tick();
+        self.player.run_interval(output);
+    }
+
+    /// The step ticks of an interval whose servo tick was made, at once.
+    pub fn run_step_interval<O: StepOutput>(&mut self, output: &mut O) {
+        self.player.run_interval(output);
+    }
+
+    /// Step ticks of a servo interval.
+    pub fn interval_ticks(&self) -> u32 {
+        self.player.interval_ticks()
+    }
+
+    /// Writes the next report frame into `out` (at least `FRAME_BYTES_MAX` long) and returns its
+    /// length; 0 if there is nothing to say.
+    pub fn poll_report(&mut self, out: &mut [u8]) -> usize {
+        self.receiver.poll_report(&self.motion, out)
+    }
+
+    /// The machine has these heaters: what looks after them, off at first.
+    pub fn add_heaters(
+        &mut self,
+        configuration: &MachineConfiguration,
+        heat: &HeatConfiguration,
+    ) -> HeatService {
+        HeatService::new(configuration, heat, &mut self.motion)
+    }
+
+    /// What heaters and fans are to put out from now on, once in a period; `None` between.
+    pub fn serve_heat(&mut self, service: &mut HeatService, fan_turns: u8) -> Option<Outputs> {
+        service.serve(&mut self.motion, fan_turns)
+    }
+
+    /// What the motion is doing.
+    pub fn motion(&self) -> &Motion {
+        &self.motion
+    }
+
+    /// Latches a fault and stops at once: emergency input, limit switch, watchdog.
+    pub fn fail_at_once(&mut self, fault: Fault) {
+        self.motion.fail_at_once(fault);
+        self.stop_if_due();
+    }
+
+    fn stop_if_due(&mut self) {
+        if self.motion.take_stop() {
+            let stopped = self.player.stop();
+            self.motion.engine_stopped(&stopped);
+        }
+    }
+
+    fn note_overrun(&mut self) {
+        self.overruns = self.player.overruns();
+        // The engine has nothing to play before the first servo tick, and after a stop.
+        if !self.motion.is_at_rest() {
+            self.motion.fail_at_once(Fault {
+                cause: FaultCause::StepOverrun,
+                index: 0,
+                value: self.overruns as i32,
+            });
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests;
