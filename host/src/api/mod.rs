@@ -1,15 +1,15 @@
 //! What library users build on: plan, simulate, stream, export.
 //!
 //! ```text
-//! Part (outline or path) + Machine + Options --plan--> Job --simulate--> Simulation
-//!                                                       |--poses, figures, csv, gcode, bytes
-//!                                                       '--stream--> a board
+//! Part (outline, mesh, path, G-code, surface) + Machine + Options --plan--> Job --simulate--> Simulation
+//!                                                                          |--poses, figures, csv, gcode, bytes
+//!                                                                          '--stream--> a board
 //! ```
 //! This module is what semantic versioning covers: within a version `0.x` (later: a major one) its names
 //! and signatures only grow, held by `host/tests/api_surface.txt`. **Everything else of this crate is
 //! public for the workspace's own tests and changes at any time.** Lengths in mm, angles in rad, times in
 //! s, volumes in mm³, in the names; coordinates are the part's own. Errors are texts with the place and
-//! what to do. Leaves out meshes, G-code and surfaces, which the command plans.
+//! what to do.
 //!
 //! ```
 //! use headway::api::{Machine, Options, Part, plan};
@@ -34,7 +34,7 @@ mod streaming;
 pub use crate::input::Units;
 pub use crate::job::MotionState;
 pub use crate::settings::options::Options;
-pub use crate::settings::{HeadingLaw, PassMode, Quality, SeamPlace};
+pub use crate::settings::{HeadingLaw, PassMode, Place, Quality, SeamPlace};
 pub use job::{Job, Simulation};
 pub use joints::{JobJoint, JobJoints};
 pub use part::{Part, Reading};

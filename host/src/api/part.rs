@@ -1,12 +1,13 @@
-//! What is to be printed: an outline or a path.
+//! What is to be printed: an outline, a mesh, a path, a slicer's file, a surface.
 //!
-//! In: rings in mm, or the bytes of a file. Out: a checked [`Part`]. Leaves out meshes and G-code, which are
-//! planned layer by layer by the command.
+//! In: rings in mm, or the bytes of a file. Out: a checked [`Part`].
 
 use super::Error;
+use crate::gcode::GcodeProgram;
 use crate::geometry::polygon::Region;
 use crate::input::waypoints::WaypointRun;
 use crate::input::{self, Format, Input, Loaded, ReadOptions, Units};
+use crate::mesh::{self, LoadedMesh, Mesh, MeshOptions};
 
 /// How a file is read.
 ///
@@ -48,12 +49,17 @@ pub struct Part {
     pub(super) what: What,
     pub(super) keep_out: Vec<Region>,
     pub(super) at_mm: Option<[f64; 3]>,
+    pub(super) surface: Option<Mesh>,
 }
 
 #[derive(Clone, Debug)]
 pub(super) enum What {
     Outline(Loaded),
+    Mesh(LoadedMesh),
     Path(WaypointRun),
+    Gcode(Box<GcodeProgram>),
+    /// The whole of its surface; the name.
+    Patch(String),
 }
 
 impl Part {
@@ -72,8 +78,9 @@ impl Part {
         Ok(Part::of(What::Outline(read.map_err(part_error)?)))
     }
 
-    /// A file's bytes: polygon JSON, GeoJSON, SVG, DXF, waypoints or NURBS, by its ending (`json`,
-    /// `geojson`, `svg`, `dxf`, `wpt`, `nurbs`). The name is used where the file has none of its own.
+    /// A file's bytes: polygon JSON, GeoJSON, SVG, DXF, a mesh, waypoints, NURBS or G-code, by its ending (`json`,
+    /// `geojson`, `svg`, `dxf`, `stl`, `3mf`, `obj`, `wpt`, `nurbs`, `gcode`). The name is used where the file has none
+    /// of its own.
     ///
     /// # Errors
     /// [`Error::Part`], with the place.
@@ -83,25 +90,7 @@ impl Part {
         bytes: &[u8],
         reading: &Reading,
     ) -> Result<Part, Error> {
-        let of_command = "is planned by the command: headway plan FILE -o JOB.hwj";
-        let format = Format::parse(&ending.to_ascii_lowercase()).ok_or_else(|| {
-            let ending: String = ending.chars().take(40).collect();
-            Error::Part(format!(
-                "{ending} is no known format: give json, geojson, svg, dxf, wpt or nurbs"
-            ))
-        })?;
-        match format {
-            Format::Mesh(_) => return Err(Error::Part(format!("a mesh {of_command}"))),
-            Format::Gcode => return Err(Error::Part(format!("G-code {of_command}"))),
-            _ => {}
-        }
-        if bytes.len() as u64 > format.bytes_max() {
-            let (bytes, bytes_max) = (bytes.len() as u64, format.bytes_max());
-            return Err(part_error(input::InputError::FileTooLarge {
-                bytes,
-                bytes_max,
-            }));
-        }
+        let format = format_of(ending, bytes)?;
         let options = ReadOptions {
             units: reading.units,
             scale: reading.scale,
@@ -109,26 +98,65 @@ impl Part {
             repair: reading.repair,
             ..ReadOptions::default()
         };
-        match input::read_any(bytes, name, format, &options).map_err(part_error)? {
-            Input::Outline(loaded) => Ok(Part::of(What::Outline(loaded))),
-            Input::Path(run) => Ok(Part::of(What::Path(run))),
-            Input::Mesh(_) => Err(Error::Part(format!("a mesh {of_command}"))),
-            Input::Gcode(_) => Err(Error::Part(format!("G-code {of_command}"))),
+        let read = input::read_any(bytes, name, format, &options).map_err(part_error)?;
+        Ok(Part::of(match read {
+            Input::Outline(loaded) => What::Outline(loaded),
+            Input::Path(run) => What::Path(run),
+            Input::Mesh(loaded) => What::Mesh(loaded),
+            Input::Gcode(program) => What::Gcode(Box::new(program)),
+        }))
+    }
+
+    /// A surface by itself: the whole of a mesh that is not closed, up to its rims, one bead's height thick.
+    ///
+    /// # Errors
+    /// [`Error::Part`], with the place.
+    pub fn from_surface(
+        name: &str,
+        ending: &str,
+        bytes: &[u8],
+        reading: &Reading,
+    ) -> Result<Part, Error> {
+        let surface = Some(read_surface(ending, bytes, reading)?);
+        Ok(Part {
+            surface,
+            ..Part::of(What::Patch(name.to_string()))
+        })
+    }
+
+    /// The same outline, seen from above, laid on a surface: a mesh's bytes.
+    ///
+    /// # Errors
+    /// [`Error::Part`] where it is no outline, or the mesh cannot be read.
+    pub fn on_surface(
+        mut self,
+        ending: &str,
+        bytes: &[u8],
+        reading: &Reading,
+    ) -> Result<Part, Error> {
+        if !matches!(self.what, What::Outline(_)) {
+            return Err(Error::Part(
+                "only an outline is laid on a surface: give an outline".to_string(),
+            ));
         }
+        self.surface = Some(read_surface(ending, bytes, reading)?);
+        Ok(self)
     }
 
     /// The same part around what neither aperture nor nozzle body may enter, in the part's coordinates.
     ///
     /// # Errors
-    /// [`Error::Part`] where either is a path: it is followed as it is.
+    /// [`Error::Part`] where the part is a path, which is followed as it is, or the other is no outline.
     pub fn keeping_out(mut self, keep_out: &Part) -> Result<Part, Error> {
         match (&self.what, &keep_out.what) {
-            (What::Outline(_), What::Outline(out)) => {
+            (What::Outline(_) | What::Mesh(_), What::Outline(out)) => {
                 self.keep_out.extend(out.target.regions.iter().cloned());
                 Ok(self)
             }
             _ => Err(Error::Part(
-                "a path is followed as it is and kept out of nothing: give outlines".to_string(),
+                "a path is followed as it is and kept out of nothing: give an outline or a mesh, and an outline to \
+                 keep out of"
+                    .to_string(),
             )),
         }
     }
@@ -152,7 +180,10 @@ impl Part {
     pub fn name(&self) -> &str {
         match &self.what {
             What::Outline(loaded) => &loaded.target.name,
+            What::Mesh(loaded) => &loaded.name,
             What::Path(run) => &run.name,
+            What::Gcode(program) => &program.name,
+            What::Patch(name) => name,
         }
     }
 
@@ -160,7 +191,10 @@ impl Part {
     pub fn notes(&self) -> &[String] {
         match &self.what {
             What::Outline(loaded) => &loaded.notes,
+            What::Mesh(loaded) => &loaded.notes,
             What::Path(run) => &run.notes,
+            What::Gcode(program) => &program.notes,
+            What::Patch(_) => &[],
         }
     }
 
@@ -169,8 +203,41 @@ impl Part {
             what,
             keep_out: Vec::new(),
             at_mm: None,
+            surface: None,
         }
     }
+}
+
+/// The format of an ending, for a file that is not too large for it.
+fn format_of(ending: &str, bytes: &[u8]) -> Result<Format, Error> {
+    let format = Format::parse(&ending.to_ascii_lowercase()).ok_or_else(|| {
+        let ending: String = ending.chars().take(40).collect();
+        Error::Part(format!(
+            "{ending} is no known format: give json, geojson, svg, dxf, stl, 3mf, obj, wpt, nurbs or gcode"
+        ))
+    })?;
+    let (bytes, bytes_max) = (bytes.len() as u64, format.bytes_max());
+    match bytes > bytes_max {
+        true => Err(part_error(input::InputError::FileTooLarge {
+            bytes,
+            bytes_max,
+        })),
+        false => Ok(format),
+    }
+}
+
+fn read_surface(ending: &str, bytes: &[u8], reading: &Reading) -> Result<Mesh, Error> {
+    let Format::Mesh(format) = format_of(ending, bytes)? else {
+        return Err(Error::Part(
+            "a surface is a mesh: give stl, 3mf or obj".to_string(),
+        ));
+    };
+    let options = MeshOptions {
+        unit_mm: reading.units.map(Units::mm),
+        scale: reading.scale,
+        rotate_rad: [0.0; 3],
+    };
+    mesh::read_surface(bytes, format, &options, None).map_err(part_error)
 }
 
 /// Finest and coarsest flattening, mm.
@@ -186,6 +253,6 @@ fn checked_flatten_mm(flatten_mm: f64) -> Result<f64, Error> {
     )))
 }
 
-fn part_error(error: impl std::fmt::Display) -> Error {
+pub(super) fn part_error(error: impl std::fmt::Display) -> Error {
     Error::Part(error.to_string())
 }

@@ -1,23 +1,30 @@
 //! Part, machine and options -> a job, told step by step, stopped where whoever watches wants it.
 //!
-//! The planner reports how far it is and takes no answer; a stop unwinds it from within that report, with
-//! a payload of our own and without the panic hook, and ends here. A program built with `panic = "abort"`
-//! ends as a whole instead. Results do not depend on who watches.
+//! What each kind of part goes through is the pipeline's, as for the command; here are the options that go with it and
+//! the packing of the job. Results do not depend on who watches.
 
-use super::part::What;
+use super::part::{What, part_error};
 use super::{Error, Job, Options, Part};
-use crate::input::Target;
+use crate::geometry::polygon::Region;
+use crate::input::copies::{self, box_of};
+use crate::input::declared_run::at_feeds;
+use crate::input::{Loaded, Target};
+use crate::job::SegmentStream;
+use crate::mesh::LoadedMesh;
+use crate::mesh::layers::{LayerHeights, sliced_carved};
 use crate::pipeline::findings::objections::Objection;
-use crate::pipeline::findings::{Findings, findings};
+use crate::pipeline::gcode::plan_gcode;
+use crate::pipeline::mesh::{FirstLayer, PartContext, plan_part_in_pieces};
 use crate::pipeline::packing::{JobFacts, JobPacking, job_header};
-use crate::pipeline::{Plan, plan_target_around, plan_waypoints_with_progress};
+use crate::pipeline::planned::{LaidPart, Planned};
+use crate::pipeline::surface::{plan_on_patch, plan_on_surface};
+use crate::pipeline::{PlanError, plan_target_around, plan_waypoints_with_progress};
 use crate::plan::progress::{Progress, Stage};
 use crate::report::figures::Figures;
-use crate::report::job_texts::LayerOutlines;
 use crate::settings::{Settings, machine_file};
 use std::io::Cursor;
 use std::ops::ControlFlow;
-use std::panic::{AssertUnwindSafe, catch_unwind, resume_unwind};
+use std::sync::atomic::{AtomicBool, Ordering};
 use std::time::Instant;
 
 /// A machine, checked; the built-in planar one by default.
@@ -64,7 +71,7 @@ pub fn plan(part: &Part, machine: &Machine, options: &Options) -> Result<Job, Er
 }
 
 /// The same, watched: `watch` is called at each step, from whichever thread, one call after another, and
-/// stops the planning with `Break`.
+/// stops the planning with `Break`, at the latest when the steps that were begun are done.
 ///
 /// # Errors
 /// The same and [`Error::Stopped`].
@@ -74,111 +81,250 @@ pub fn plan_watched(
     options: &Options,
     watch: &(dyn Fn(Step) -> ControlFlow<()> + Sync),
 ) -> Result<Job, Error> {
-    let progress = Watched(watch);
-    let planned = catch_unwind(AssertUnwindSafe(|| {
-        planned(part, machine, options, &progress)
-    }));
-    planned.unwrap_or_else(|payload| match payload.is::<Stopped>() {
+    let watched = Watched {
+        watch,
+        stopped: AtomicBool::new(false),
+    };
+    let mut packing = JobPacking::new(Cursor::new(Vec::new()));
+    let planned = planned(part, machine, options, &mut packing, &watched);
+    match watched.stops() {
         true => Err(Error::Stopped),
-        false => resume_unwind(payload),
-    })
+        false => packed(planned?, packing),
+    }
 }
 
-/// What a stop unwinds with.
-struct Stopped;
-
-struct Watched<'a>(&'a (dyn Fn(Step) -> ControlFlow<()> + Sync));
+struct Watched<'a> {
+    watch: &'a (dyn Fn(Step) -> ControlFlow<()> + Sync),
+    stopped: AtomicBool,
+}
 
 impl Progress for Watched<'_> {
     fn at(&self, stage: Stage, done: usize, total: usize) {
         let stage = stage.name();
         let step = Step { stage, done, total };
-        if (self.0)(step).is_break() {
-            resume_unwind(Box::new(Stopped));
+        if !self.stops() && (self.watch)(step).is_break() {
+            self.stopped.store(true, Ordering::Relaxed);
         }
     }
+
+    fn stops(&self) -> bool {
+        self.stopped.load(Ordering::Relaxed)
+    }
 }
+
+/// The job so far, in memory.
+type Packing = JobPacking<Cursor<Vec<u8>>>;
 
 fn planned(
     part: &Part,
     machine: &Machine,
     options: &Options,
+    packing: &mut Packing,
     progress: &dyn Progress,
-) -> Result<Job, Error> {
-    let settings = options.over(machine.settings.clone());
-    let mut settings = Settings {
+) -> Result<Planned, Error> {
+    let of_options = options.over(machine.settings.clone());
+    let settings = Settings {
         at_mm: part.at_mm,
-        ..settings.map_err(|error| Error::Options(error.to_string()))?
+        ..of_options.map_err(|error| Error::Options(error.to_string()))?
     };
+    check_options(part, options)?;
     let begun = Instant::now();
-    let plan = match &part.what {
+    let plan_s = || begun.elapsed().as_secs_f64();
+    let (planned, target, settings) = match &part.what {
+        What::Mesh(loaded) => {
+            return planned_mesh(part, loaded, (options, settings), packing, progress);
+        }
+        What::Gcode(program) => {
+            let planned = plan_gcode(program, options.speed_mm_s, &settings, progress);
+            let planned = planned.map_err(plan_error)?;
+            let program = program.as_ref().clone();
+            return Ok(Planned::of_gcode(program, planned, plan_s(), &settings));
+        }
         What::Outline(loaded) => {
-            plan_target_around(&loaded.target, &part.keep_out, &settings, progress)
+            let (target, planned) = planned_outline(part, loaded, (options, &settings), progress)?;
+            (planned, target, settings)
         }
         What::Path(run) => {
-            if let Some(option) = options.of_outlines() {
-                return Err(Error::Options(format!(
-                    "{option} goes with outlines: a path is followed as it is"
-                )));
-            }
-            plan_waypoints_with_progress(run, &settings, progress)
+            let mut run = run.clone();
+            let settings = at_feeds(&mut run, options.speed_mm_s, &settings);
+            let planned = plan_waypoints_with_progress(&run, &settings, progress);
+            (planned, unfilled(part), settings)
+        }
+        What::Patch(_) => {
+            let surface = part.surface.as_ref();
+            let surface =
+                surface.ok_or_else(|| Error::Part("there is no surface: give its mesh".into()))?;
+            let planned = plan_on_patch(None, surface, &settings, progress);
+            (planned, unfilled(part), settings)
         }
     };
-    let plan = plan.map_err(|error| Error::Plan(error.to_string()))?;
-    let plan_s = begun.elapsed().as_secs_f64();
-    settings.machine = plan.stream.machine(&settings.machine);
-    packed(part, &plan, plan_s, &settings)
+    let plan = planned.map_err(plan_error)?;
+    let notes = part.notes().to_vec();
+    Ok(Planned::of_plan(plan, plan_s(), target, notes, settings))
+}
+
+/// A target without ground of its own.
+fn unfilled(part: &Part) -> Target {
+    Target {
+        name: part.name().to_string(),
+        regions: Vec::new(),
+    }
+}
+
+/// Refuses options of another kind of part.
+fn check_options(part: &Part, options: &Options) -> Result<(), Error> {
+    let of_runs = || Some((options.of_runs()?, "runs of waypoints"));
+    let of_meshes = || Some((options.of_meshes()?, "meshes"));
+    let of_outlines = || Some((options.of_outlines()?, "outlines and meshes"));
+    let copied = || options.copies.is_some() || options.copy_gap_mm.is_some();
+    let wrong = match &part.what {
+        What::Outline(_) | What::Patch(_) if part.surface.is_some() && copied() => {
+            return Err(Error::Options(
+                "a surface carries one part: leave --copies and --copy-gap out".to_string(),
+            ));
+        }
+        What::Outline(_) | What::Patch(_) => of_runs().or_else(of_meshes),
+        What::Mesh(_) if options.layers.is_some() => Some(("--layers", "outlines")),
+        What::Mesh(_) => of_runs(),
+        What::Path(_) => of_meshes().or_else(of_outlines),
+        What::Gcode(_) => of_runs().or_else(of_meshes).or_else(of_outlines),
+    };
+    match wrong {
+        Some((option, kind)) => {
+            let is_path = matches!(part.what, What::Path(_) | What::Gcode(_));
+            let why = match is_path {
+                true => ": a path is followed as it is",
+                false => "",
+            };
+            Err(Error::Options(format!("{option} goes with {kind}{why}")))
+        }
+        None => Ok(()),
+    }
+}
+
+fn planned_outline(
+    part: &Part,
+    loaded: &Loaded,
+    (options, settings): (&Options, &Settings),
+    progress: &dyn Progress,
+) -> Result<(Target, Result<crate::pipeline::Plan, PlanError>), Error> {
+    let mut target = loaded.target.clone();
+    copied(&mut [&mut target.regions], options, settings)?;
+    let planned = match &part.surface {
+        Some(mesh) => plan_on_surface(&target, mesh, &part.keep_out, settings, progress),
+        None => plan_target_around(&target, &part.keep_out, settings, progress),
+    };
+    Ok((target, planned))
+}
+
+/// Puts as many parts into the layers as are wanted, and says where they are.
+fn copied(
+    layers: &mut [&mut Vec<Region>],
+    options: &Options,
+    settings: &Settings,
+) -> Result<Option<String>, Error> {
+    let Some(count) = options.copies else {
+        return match options.copy_gap_mm {
+            Some(_) => Err(Error::Options("--copy-gap goes with --copies".to_string())),
+            None => Ok(None),
+        };
+    };
+    let gap_mm = copies::checked_gap_mm(options.copy_gap_mm);
+    let gap_mm = gap_mm.map_err(|error| Error::Options(error.to_string()))?;
+    let [low, high] = settings.work_area_mm;
+    let area_mm = [high[0] - low[0], high[1] - low[1]];
+    let offsets = copies::in_rows(count, box_of(layers), gap_mm, area_mm);
+    let told = offsets.and_then(|offsets| copies::spread(layers, &offsets));
+    told.map(Some).map_err(part_error)
+}
+
+fn planned_mesh(
+    part: &Part,
+    loaded: &LoadedMesh,
+    (options, settings): (&Options, Settings),
+    packing: &mut Packing,
+    progress: &dyn Progress,
+) -> Result<Planned, Error> {
+    let heights = LayerHeights {
+        first_mm: (options.first_layer_height_mm).unwrap_or(settings.layer_height_mm),
+        layer_mm: settings.layer_height_mm,
+        ranges: Vec::new(),
+        range: options.layer_range,
+    };
+    let checked = heights.check();
+    checked.map_err(|error| Error::Options(error.to_string()))?;
+    let begun = Instant::now();
+    let sliced = sliced_carved(&loaded.mesh, &loaded.carved, &heights);
+    let mut sliced = sliced.map_err(part_error)?;
+    let layers = sliced.layers.iter_mut().map(|layer| &mut layer.regions);
+    let told = copied(&mut layers.collect::<Vec<_>>(), options, &settings)?;
+    let mut notes = loaded.notes.clone();
+    notes.extend(sliced.notes.iter().cloned().chain(told));
+    let mut laid = LaidPart::default();
+    let mut take = |piece: SegmentStream, first_pass| {
+        laid.look_at(&piece, &settings);
+        let taken = packing.take(&piece, first_pass, &settings);
+        taken.map_err(|error| error.to_string())
+    };
+    let context = PartContext {
+        progress,
+        cache: &mut (),
+        program: "",
+        take: &mut take,
+    };
+    let first = FirstLayer::default();
+    let planned = plan_part_in_pieces(&sliced, &part.keep_out, first, &settings, context);
+    let planned = planned.map_err(plan_error)?;
+    Ok(Planned::of_part(
+        (loaded.name.clone(), notes),
+        &sliced,
+        planned,
+        laid,
+        &part.keep_out,
+        begun.elapsed().as_secs_f64(),
+        settings,
+    ))
+}
+
+fn plan_error(error: PlanError) -> Error {
+    Error::Plan(error.to_string())
+}
+
+fn job_error(error: impl std::fmt::Display) -> Error {
+    Error::Job(error.to_string())
 }
 
 /// The job of a plan, as the command writes it.
-fn packed(part: &Part, plan: &Plan, plan_s: f64, settings: &Settings) -> Result<Job, Error> {
-    let job_error = |error: &dyn std::fmt::Display| Error::Job(error.to_string());
-    let Findings {
-        figures,
-        warnings,
-        objections,
-        ..
-    } = findings(plan, plan_s, settings);
-    let mut packing = JobPacking::new(Cursor::new(Vec::new()));
-    let taken = packing.take(&plan.stream, 0, settings);
-    taken.map_err(|error| job_error(&error))?;
-    let packed = packing.finish(settings);
-    let mut packed = packed.map_err(|error| job_error(&error))?;
+fn packed(planned: Planned, mut packing: Packing) -> Result<Job, Error> {
+    let (settings, transform) = (&planned.settings, planned.transform);
+    if packing.is_empty() {
+        let taken = packing.take(&planned.stream, 0, settings);
+        taken.map_err(job_error)?;
+    }
+    let mut packed = packing.finish(settings).map_err(job_error)?;
     if let Some(refused) = &packed.refused {
-        let fault = Objection::of_board(refused, &plan.transform, settings);
+        let fault = Objection::of_board(refused, &transform, settings);
         return Err(Error::Plan(fault.text));
     }
+    let objections = planned.objections.iter();
+    let objections: Vec<String> = objections.map(|objection| objection.text.clone()).collect();
     let figures = Figures {
-        objections: (!objections.is_empty()).then(|| lines(&objections)),
-        ..packed.figures(figures, &plan.transform)
-    };
-    let outline = match &part.what {
-        What::Outline(loaded) => {
-            let Target { regions, .. } = &loaded.target;
-            regions.as_slice()
-        }
-        What::Path(_) => &[],
+        objections: (!objections.is_empty()).then(|| objections.clone()),
+        ..packed.figures(planned.figures, &transform)
     };
     let facts = JobFacts {
-        name: part.name(),
-        outline,
-        layer_outlines: &LayerOutlines::default(),
+        name: &planned.name,
+        outline: &planned.outline,
+        layer_outlines: &planned.layer_outlines,
         settings,
-        transform: plan.transform,
+        transform,
         figures: &figures,
-        heat: &[],
+        heat: &planned.heat,
     };
     let header = job_header(&facts, packed.frames.facts.clone());
     let mut bytes = Vec::new();
     let written = packed.frames.write(&mut bytes, &header);
-    written.map_err(|error| job_error(&error))?;
-    let notes = lines(&objections).into_iter();
-    let notes = notes.chain(part.notes().iter().cloned()).chain(warnings);
-    let notes = notes.collect();
+    written.map_err(job_error)?;
+    let notes = objections.into_iter().chain(planned.notes).collect();
     Job::planned(bytes, figures, notes)
-}
-
-/// A line for each objection.
-fn lines(objections: &[Objection]) -> Vec<String> {
-    objections.iter().map(|o| o.text.clone()).collect()
 }

@@ -15,9 +15,20 @@ pub const COPIES_MAX: u32 = 1000;
 /// Parts closer than this touch, mm.
 const TOUCH_MM: f64 = 0.1;
 
+/// Between copies where nothing else is asked, mm.
+const GAP_MM: f64 = 5.0;
+/// Gaps that are taken, mm.
+const GAPS_MM: [f64; 2] = [0.2, 1000.0];
+
 /// Why parts cannot lie so.
 #[derive(Clone, Debug, PartialEq, Error)]
 pub enum CopiesError {
+    /// No gap.
+    #[error("--copy-gap {gap_mm}: write {} to {} mm", GAPS_MM[0], GAPS_MM[1])]
+    Gap {
+        /// What was asked.
+        gap_mm: f64,
+    },
     /// The bed is too small.
     #[error(
         "{copies} parts of {width_mm:.3} x {height_mm:.3} mm with {gap_mm} mm between them do not fit on the work \
@@ -49,6 +60,18 @@ pub enum CopiesError {
         /// Where, coordinates of the first part's input.
         at: Point2,
     },
+}
+
+/// The gap between copies: what was asked, or what is usual.
+///
+/// # Errors
+/// [`CopiesError::Gap`].
+pub fn checked_gap_mm(asked: Option<f64>) -> Result<f64, CopiesError> {
+    let gap_mm = asked.unwrap_or(GAP_MM);
+    match (GAPS_MM[0]..=GAPS_MM[1]).contains(&gap_mm) {
+        true => Ok(gap_mm),
+        false => Err(CopiesError::Gap { gap_mm }),
+    }
 }
 
 /// Offsets of `copies` parts in rows with `gap_mm` between their boxes, on an area of this size.
@@ -94,6 +117,37 @@ pub fn in_rows(
         Vector2::new(column * pitch.x, row * pitch.y)
     };
     Ok((0..copies).map(place).collect())
+}
+
+/// Puts as many parts into each layer as there are offsets; `layers` are all different layers of one part. Says how many
+/// there are, and where.
+///
+/// # Errors
+/// [`CopiesError::Touch`].
+pub fn spread(layers: &mut [&mut Vec<Region>], offsets: &[Vector2]) -> Result<String, CopiesError> {
+    check_apart(layers.iter().flat_map(|layer| layer.iter()), offsets)?;
+    for layer in layers {
+        **layer = copied(layer, offsets);
+    }
+    let told = offsets.iter().take(4);
+    let told: Vec<String> = told
+        .map(|at| format!("({:.2}, {:.2})", at.x, at.y))
+        .collect();
+    let more = if offsets.len() > 4 { ", ..." } else { "" };
+    Ok(format!(
+        "{} parts, printed layer by layer together, at {}{more} mm from the first",
+        offsets.len(),
+        told.join(", ")
+    ))
+}
+
+/// The box around all layers of a part.
+pub fn box_of(layers: &[&mut Vec<Region>]) -> Box2 {
+    let regions = layers.iter().flat_map(|layer| layer.iter());
+    let corners: Vec<Point2> = regions
+        .flat_map(|region| [region.bounds().min, region.bounds().max])
+        .collect();
+    Box2::of(&corners)
 }
 
 /// Refuses parts that touch; `outlines` are all outlines of one of them.

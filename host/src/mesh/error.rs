@@ -2,6 +2,7 @@
 
 use super::Point3;
 use super::close_gaps::GAP_MAX_MM;
+use super::layers::LAYER_MM;
 use super::read::{SIZE_MAX_MM, SIZE_MIN_MM, TRIANGLES_MAX};
 use crate::settings::LAYERS_MAX;
 use crate::text::short_number::Short;
@@ -27,6 +28,12 @@ pub enum MeshError {
         format: &'static str,
         /// What the parser says, and what to do.
         problem: String,
+    },
+    /// The first layer's height is none.
+    #[error("--first-layer-height {height_mm}: write a height of {} to {} mm", LAYER_MM[0], LAYER_MM[1])]
+    FirstLayerHeight {
+        /// What was asked.
+        height_mm: f64,
     },
     /// No triangle in it.
     #[error("there is no triangle in it: export the solid as a mesh once more")]

@@ -20,6 +20,9 @@ use std::ops::Range;
 /// A middle that is this near below the top cuts nothing but rounding, mm.
 const HAIR_MM: f64 = 1e-5;
 
+/// Least and greatest height of a layer, mm, as machine files have it.
+pub const LAYER_MM: [f64; 2] = [0.001, 500.0];
+
 /// How a part is divided.
 #[derive(Clone, Debug, PartialEq)]
 pub struct LayerHeights {
@@ -31,6 +34,20 @@ pub struct LayerHeights {
     pub ranges: Vec<HeightRange>,
     /// First and last layer that are wanted, counted from 1; `None` for all.
     pub range: Option<[u32; 2]>,
+}
+
+impl LayerHeights {
+    /// Refuses a first layer of no possible height.
+    ///
+    /// # Errors
+    /// [`MeshError::FirstLayerHeight`].
+    pub fn check(&self) -> Result<(), MeshError> {
+        let height_mm = self.first_mm;
+        match (LAYER_MM[0]..=LAYER_MM[1]).contains(&height_mm) {
+            true => Ok(()),
+            false => Err(MeshError::FirstLayerHeight { height_mm }),
+        }
+    }
 }
 
 /// Layers of a height of their own.

@@ -7,8 +7,9 @@ use crate::job::transform::PlaceError;
 use crate::plan::axis::medial_axis::MedialAxisError;
 use crate::plan::layers::layer_groups::TooLongError;
 use crate::plan::motion::best_place::NoPlaceError;
-use crate::plan::motion::joint_limits::MotionError;
+use crate::plan::motion::motion_error::MotionError;
 use crate::plan::outline::contour::ContourError;
+use crate::plan::progress::Stopped;
 use crate::plan::route::lean::LeanError;
 use crate::plan::route::travel::TravelError;
 use crate::plan::route::waypoint_curve::WaypointCurveError;
@@ -17,6 +18,9 @@ use crate::settings::{Settings, SettingsError};
 /// Why a target cannot be planned.
 #[derive(Clone, Debug, PartialEq, thiserror::Error)]
 pub enum PlanError {
+    /// Whoever waits wants no more.
+    #[error(transparent)]
+    Stopped(#[from] Stopped),
     /// The settings.
     #[error(transparent)]
     Settings(#[from] SettingsError),
@@ -37,7 +41,7 @@ pub enum PlanError {
     NoPlace(#[from] NoPlaceError),
     /// The motion breaks a limit that slowing cannot mend.
     #[error(transparent)]
-    Motion(#[from] MotionError),
+    Motion(MotionError),
     /// The waypoints have no curve that can be planned.
     #[error(transparent)]
     Waypoints(#[from] WaypointCurveError),
@@ -96,6 +100,15 @@ pub enum PlanError {
         /// Its widest one.
         length_mm: f64,
     },
+}
+
+impl From<MotionError> for PlanError {
+    fn from(error: MotionError) -> PlanError {
+        match error {
+            MotionError::Stopped(stopped) => PlanError::Stopped(stopped),
+            error => PlanError::Motion(error),
+        }
+    }
 }
 
 /// The widest place of all, with its radius, is too narrow.

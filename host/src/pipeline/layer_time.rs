@@ -5,7 +5,7 @@
 //! nothing waits, since a nozzle that waits oozes. Left out: fans.
 
 use crate::job::{MotionState, SegmentStream};
-use crate::plan::motion::joint_limits::MotionError;
+use crate::plan::motion::motion_error::MotionError;
 use crate::plan::motion::segments::{MotionReport, lay_segments_with_progress};
 use crate::plan::progress::Progress;
 use crate::plan::route::moves::{Route, way_mm};

@@ -151,7 +151,7 @@ pub(crate) fn route_stack(
     let shift = Vector2::new(transform.offset_mm[0], transform.offset_mm[1]);
     let from = Point2::new(stack.start[CHANNEL_X], stack.start[CHANNEL_Y]) - shift;
     let begun = begin(stack, settings, progress)?;
-    let works = layer_groups::with_passes(&begun.works, &stack.kinds, progress);
+    let works = layer_groups::with_passes(&begun.works, &stack.kinds, progress)?;
     if !stack.may_leave_out && works.iter().flatten().all(RegionWork::is_empty) {
         return Err(super::error::nothing_printable(begun.widest, settings));
     }
@@ -164,7 +164,7 @@ pub(crate) fn route_stack(
     });
     let skirt = skirt.transpose()?.flatten();
     let from = skirt.as_ref().and_then(SkirtPlan::end).unwrap_or(from);
-    let kinds = layer_groups::layer_groups(works, &stack.kinds, &stack.layers, progress);
+    let kinds = layer_groups::layer_groups(works, &stack.kinds, &stack.layers, progress)?;
     let prints = layer_groups::region_prints(&kinds, &stack.layers, from);
     let (curves, print_of_curve) = layer_groups::plane_passes(
         skirt.as_ref(),

@@ -50,10 +50,20 @@ impl Stage {
     }
 }
 
+/// Whoever was told wants no more.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, thiserror::Error)]
+#[error("stopped as asked")]
+pub struct Stopped;
+
 /// Whoever is told.
 pub trait Progress: Sync {
     /// `done` of `total` steps of a stage are done.
     fn at(&self, stage: Stage, done: usize, total: usize);
+
+    /// Planning is to end at its next step.
+    fn stops(&self) -> bool {
+        false
+    }
 
     /// `done` of `total` layers of a part are planned; the stages begin again for the next ones.
     fn layers(&self, done: usize, total: usize) {
@@ -93,8 +103,28 @@ impl<'a> Steps<'a> {
         }
     }
 
+    /// Does the work of one step and tells that it is done, unless planning is to end.
+    ///
+    /// # Errors
+    /// [`Stopped`].
+    pub fn step<T>(&self, work: impl FnOnce() -> T) -> Result<T, Stopped> {
+        self.check()?;
+        let made = work();
+        self.done();
+        self.check()?;
+        Ok(made)
+    }
+
+    /// Fails where planning is to end.
+    fn check(&self) -> Result<(), Stopped> {
+        match self.progress.stops() {
+            true => Err(Stopped),
+            false => Ok(()),
+        }
+    }
+
     /// One more is done. Told under the lock, so that counts never fall.
-    pub fn step(&self) {
+    pub fn done(&self) {
         let mut done = self.done.lock().unwrap_or_else(PoisonError::into_inner);
         *done += 1;
         self.progress.at(self.stage, *done, self.total);
@@ -108,8 +138,8 @@ pub const SIDE_BY_SIDE: usize = 64;
 /// One step for each item, some side by side, up to the first that fails.
 ///
 /// # Errors
-/// That of the item.
-pub fn step_each<T: Send, U: Send, E: Send>(
+/// That of the item, or [`Stopped`].
+pub fn step_each<T: Send, U: Send, E: Send + From<Stopped>>(
     progress: &dyn Progress,
     stage: Stage,
     items: Vec<T>,
@@ -124,9 +154,9 @@ pub fn step_each<T: Send, U: Send, E: Send>(
             return Ok(made);
         }
         let some = some.into_par_iter().map(|item| {
-            let made = work(item);
-            steps.step();
-            made
+            steps
+                .step(|| work(item))
+                .unwrap_or_else(|stopped| Err(stopped.into()))
         });
         // The first of those that fail, whichever was first.
         let some: Vec<Result<U, E>> = some.collect();
@@ -140,6 +170,45 @@ pub fn step_each<T: Send, U: Send, E: Send>(
 mod tests {
     use super::*;
 
+    #[derive(Debug, PartialEq)]
+    enum Failed {
+        At(usize),
+        Stopped,
+    }
+
+    impl From<Stopped> for Failed {
+        fn from(_: Stopped) -> Failed {
+            Failed::Stopped
+        }
+    }
+
+    /// Says stop once so many steps are done.
+    struct StopsAt(usize, Mutex<usize>);
+
+    impl Progress for StopsAt {
+        fn at(&self, _: Stage, done: usize, _: usize) {
+            *self.1.lock().unwrap() = done;
+        }
+
+        fn stops(&self) -> bool {
+            *self.1.lock().unwrap() >= self.0
+        }
+    }
+
+    /// Goal: no item is begun once planning is to end. Method: a thousand items of which each is counted, and a stop
+    /// after five: beside them only those that other threads had begun.
+    #[test]
+    fn a_stop_ends_the_stage() {
+        let (tell, worked) = (StopsAt(5, Mutex::new(0)), Mutex::new(0));
+        let made = step_each(&tell, Stage::Axis, (0..1000).collect(), |n: usize| {
+            *worked.lock().unwrap() += 1;
+            Ok::<usize, Failed>(n)
+        });
+        assert_eq!(made, Err(Failed::Stopped));
+        let most = 5 + rayon::current_num_threads();
+        assert!((5..=most).contains(&*worked.lock().unwrap()));
+    }
+
     /// Goal: counts rise by one from 0 to the total, whatever the threads. Method: a thousand steps
     /// from all of them.
     #[test]
@@ -149,7 +218,9 @@ mod tests {
             told.lock().unwrap().push((stage, done, total));
         };
         let steps = Steps::begin(&tell, Stage::Segments, 1000);
-        (0..1000).into_par_iter().for_each(|_| steps.step());
+        (0..1000)
+            .into_par_iter()
+            .for_each(|_| steps.step(|| ()).unwrap());
         let expected: Vec<_> = (0..=1000).map(|n| (Stage::Segments, n, 1000)).collect();
         assert_eq!(*told.lock().unwrap(), expected);
     }
@@ -162,11 +233,14 @@ mod tests {
         let tell = |_: Stage, done: usize, _: usize| *told.lock().unwrap() = done;
         let items: Vec<usize> = (1..=1000).collect();
         let made = step_each(&tell, Stage::Axis, items, |n| match n >= 3 {
-            true => Err(n),
+            true => Err(Failed::At(n)),
             false => Ok(n),
         });
-        assert_eq!((made, *told.lock().unwrap()), (Err(3), SIDE_BY_SIDE));
-        let all = step_each(&tell, Stage::Axis, (0..1000).collect(), Ok::<usize, ()>);
+        assert_eq!(
+            (made, *told.lock().unwrap()),
+            (Err(Failed::At(3)), SIDE_BY_SIDE)
+        );
+        let all = step_each(&tell, Stage::Axis, (0..1000).collect(), Ok::<usize, Failed>);
         assert_eq!(all, Ok((0..1000).collect()));
     }
 }

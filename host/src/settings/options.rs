@@ -4,7 +4,8 @@
 //! as a whole. The same for the command and for library users. Leaves out where the input lies.
 
 use super::aperture_text::{ApertureTextError, parse_aperture};
-use super::{HeadingLaw, Infill, PassMode, Quality, SeamPlace, Settings, SettingsError};
+use super::run_options::{RunOptions, RunOptionsError};
+use super::{HeadingLaw, Infill, PassMode, Place, Quality, SeamPlace, Settings, SettingsError};
 
 /// Options of a job; each `None` leaves what the machine file or the default says.
 ///
@@ -67,6 +68,20 @@ pub struct Options {
     pub seam: Option<SeamPlace>,
     /// Direction of aligned seams against the x axis.
     pub seam_direction_rad: Option<f64>,
+    /// Height of a mesh's first layer.
+    pub first_layer_height_mm: Option<f64>,
+    /// First and last layer of a mesh that are wanted, from 1.
+    pub layer_range: Option<[u32; 2]>,
+    /// How many of the part, in rows.
+    pub copies: Option<u32>,
+    /// Between their boxes; goes with copies.
+    pub copy_gap_mm: Option<f64>,
+    /// Waypoints further apart end a pass.
+    pub gap_mm: Option<f64>,
+    /// How far the corners of a run of waypoints may be rounded.
+    pub corner_tolerance_mm: Option<f64>,
+    /// Where a run of waypoints lies.
+    pub place: Option<Place>,
 }
 
 /// Options that cannot be used.
@@ -84,6 +99,9 @@ pub(crate) enum OptionsError {
          every layer is solid)"
     )]
     NoWalls,
+    /// Options of runs of waypoints.
+    #[error(transparent)]
+    Run(#[from] RunOptionsError),
 }
 
 impl Options {
@@ -129,15 +147,40 @@ impl Options {
         set(&mut settings.skirt.loops, self.skirt_loops);
         set(&mut settings.skirt.brim_loops, self.brim_loops);
         set(&mut settings.skirt.distance_mm, self.skirt_distance_mm);
+        let of_run = RunOptions {
+            gap_mm: self.gap_mm,
+            corner_tolerance_mm: self.corner_tolerance_mm,
+            place: self.place,
+        };
+        let settings = of_run.over(settings)?;
         settings.check()?;
         Ok(settings)
+    }
+
+    /// The first option given that only meshes know.
+    pub(crate) fn of_meshes(&self) -> Option<&'static str> {
+        first_given(&[
+            ("--first-layer-height", self.first_layer_height_mm.is_some()),
+            ("--layer-range", self.layer_range.is_some()),
+        ])
+    }
+
+    /// The first option given that only runs of waypoints know.
+    pub(crate) fn of_runs(&self) -> Option<&'static str> {
+        first_given(&[
+            ("--gap", self.gap_mm.is_some()),
+            ("--corner-tolerance", self.corner_tolerance_mm.is_some()),
+            ("--place", self.place.is_some()),
+        ])
     }
 
     /// The first option given that only outlines know, as the command calls it: a path is followed as it
     /// is.
     pub(crate) fn of_outlines(&self) -> Option<&'static str> {
-        let given = [
+        first_given(&[
             ("--layers", self.layers.is_some()),
+            ("--copies", self.copies.is_some()),
+            ("--copy-gap", self.copy_gap_mm.is_some()),
             ("--walls", self.walls.is_some()),
             ("--wall-speed", self.wall_speed_mm_s.is_some()),
             ("--solid-speed", self.solid_speed_mm_s.is_some()),
@@ -149,11 +192,7 @@ impl Options {
             ("--brim", self.brim_loops.is_some()),
             ("--avoid-crossing", self.avoid_crossing.is_some()),
             ("--seam", self.seam.is_some()),
-        ];
-        given
-            .iter()
-            .find(|(_, given)| *given)
-            .map(|(name, _)| *name)
+        ])
     }
 
     /// Walls and lines as the options change them.
@@ -177,6 +216,12 @@ impl Options {
         infill.top_layers = self.top_layers.or(infill.top_layers);
         Ok(Some(infill))
     }
+}
+
+/// The first that is given.
+fn first_given(options: &[(&'static str, bool)]) -> Option<&'static str> {
+    let mut given = options.iter().filter(|(_, given)| *given);
+    given.next().map(|(name, _)| *name)
 }
 
 #[cfg(test)]

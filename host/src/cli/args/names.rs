@@ -1,5 +1,6 @@
 //! What options choose between by name.
 
+use crate::settings::Place;
 use clap::ValueEnum;
 
 #[derive(Clone, Copy, Debug, ValueEnum)]
@@ -44,6 +45,16 @@ pub(crate) enum PlaceName {
     Centre,
     /// Where the machine reaches all of it and takes least time.
     Best,
+}
+
+impl PlaceName {
+    /// As the settings have it.
+    pub(crate) fn place(self) -> Place {
+        match self {
+            PlaceName::Centre => Place::Centre,
+            PlaceName::Best => Place::Best,
+        }
+    }
 }
 
 #[derive(Clone, Copy, Debug, PartialEq, ValueEnum)]

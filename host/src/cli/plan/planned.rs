@@ -1,6 +1,6 @@
 //! A job, whether planned just now or read from a file: what `plan` and `simulate` work on.
 
-use crate::cli::args::{InputArgs, PlaceArgs, SettingsArgs};
+use crate::cli::args::{InputArgs, PlaceArgs, PlaceName, SettingsArgs};
 use crate::cli::error::CliError;
 use crate::cli::plan::{planned_gcode, planned_part, planned_patch};
 use crate::cli::reading::job;
@@ -16,8 +16,9 @@ use crate::pipeline::packing::JobPacking;
 use crate::pipeline::planned::Planned;
 use crate::pipeline::surface::plan_on_surface;
 use crate::pipeline::{Plan, PlanError, plan_target_around, plan_waypoints_with_progress};
-use crate::plan::motion::joint_limits::MotionError;
-use crate::settings::{Settings, Tolerances};
+use crate::plan::motion::motion_error::MotionError;
+use crate::settings::Settings;
+use crate::settings::run_options::RunOptions;
 use std::fs::File;
 use std::path::Path;
 use std::time::Instant;
@@ -186,19 +187,18 @@ pub(crate) fn plan_error(path: &Path, error: &PlanError) -> CliError {
 /// The settings with the options of where the input lies.
 fn placed_settings(place: &PlaceArgs, settings: &SettingsArgs) -> Result<Settings, CliError> {
     let settings = load::settings(settings)?;
-    let corner_mm = load_run::corner_mm(place.corner_tolerance, &settings)?;
+    let of_run = RunOptions {
+        gap_mm: place.gap,
+        corner_tolerance_mm: place.corner_tolerance,
+        place: place.place.map(PlaceName::place),
+    };
+    let settings = of_run.over(settings);
     Ok(Settings {
-        gap_mm: load_run::gap_mm(place.gap)?,
-        place: load_run::place(place.place),
         axis_tolerance_rad: load_run::axis_tolerance_rad(place.axis_tolerance)?,
         tilt_max_rad: load_run::tilt_max_rad(place.tilt_max)?,
         obstacles: load_run::obstacles(&place.obstacle)?,
         at_mm: copies::first_at_mm(place)?,
-        tolerances: Tolerances {
-            corner_mm,
-            ..settings.tolerances
-        },
-        ..settings
+        ..settings.map_err(|error| CliError::Usage(error.to_string()))?
     })
 }
 

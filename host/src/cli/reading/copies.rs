@@ -6,15 +6,11 @@
 use crate::cli::args::PlaceArgs;
 use crate::cli::error::CliError;
 use crate::cli::reading::load::parse_at;
+use crate::geometry::Vector2;
 use crate::geometry::polygon::{Box2, Region};
-use crate::geometry::{Point2, Vector2};
-use crate::input::copies::{check_apart, copied, in_rows};
+use crate::input;
+use crate::input::copies::{box_of, checked_gap_mm, in_rows};
 use crate::settings::Settings;
-
-/// Between copies where nothing else is asked, mm.
-const GAP_MM: f64 = 5.0;
-/// Gaps that are taken, mm.
-const GAPS_MM: [f64; 2] = [0.2, 1000.0];
 
 /// The option that asks for several parts.
 pub(crate) fn option(place: &PlaceArgs) -> Option<&'static str> {
@@ -42,25 +38,10 @@ pub(crate) fn spread<'a>(
         return Ok(None);
     }
     let mut layers: Vec<&mut Vec<Region>> = layers.collect();
-    let outlines = || layers.iter().flat_map(|layer| layer.iter());
-    let corners: Vec<Point2> = outlines()
-        .flat_map(|region| [region.bounds().min, region.bounds().max])
-        .collect();
-    let offsets = offsets(place, Box2::of(&corners), settings)?;
-    check_apart(outlines(), &offsets).map_err(|error| CliError::Job(error.to_string()))?;
-    for layer in &mut layers {
-        **layer = copied(layer, &offsets);
-    }
-    let told = offsets.iter().take(4);
-    let told: Vec<String> = told
-        .map(|at| format!("({:.2}, {:.2})", at.x, at.y))
-        .collect();
-    let more = if offsets.len() > 4 { ", ..." } else { "" };
-    let count = offsets.len();
-    Ok(Some(format!(
-        "{count} parts, printed layer by layer together, at {}{more} mm from the first",
-        told.join(", ")
-    )))
+    let offsets = offsets(place, box_of(&layers), settings)?;
+    let told = input::copies::spread(&mut layers, &offsets);
+    told.map(Some)
+        .map_err(|error| CliError::Job(error.to_string()))
 }
 
 fn offsets(place: &PlaceArgs, part: Box2, settings: &Settings) -> Result<Vec<Vector2>, CliError> {
@@ -83,13 +64,8 @@ fn offsets(place: &PlaceArgs, part: Box2, settings: &Settings) -> Result<Vec<Vec
         };
         return place.at.iter().map(offset).collect();
     }
-    let gap_mm = place.copy_gap.unwrap_or(GAP_MM);
-    if !(GAPS_MM[0]..=GAPS_MM[1]).contains(&gap_mm) {
-        return Err(CliError::Usage(format!(
-            "--copy-gap {gap_mm}: write {} to {} mm",
-            GAPS_MM[0], GAPS_MM[1]
-        )));
-    }
+    let gap_mm = checked_gap_mm(place.copy_gap);
+    let gap_mm = gap_mm.map_err(|error| CliError::Usage(error.to_string()))?;
     let Some(copies) = place.copies else {
         return Err(CliError::Usage("--copy-gap goes with --copies".to_string()));
     };

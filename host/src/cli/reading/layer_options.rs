@@ -2,11 +2,8 @@
 
 use crate::cli::args::LayerArgs;
 use crate::cli::error::CliError;
-use crate::mesh::layers::{HeightRange, LayerHeights};
+use crate::mesh::layers::{HeightRange, LAYER_MM, LayerHeights};
 use crate::settings::Settings;
-
-/// Least and greatest height of a layer, mm, as machine files have it.
-const LAYER_MM: [f64; 2] = [0.001, 500.0];
 
 /// How a mesh is divided: the options over the layer height. A first layer without a height of its
 /// own has that of the range that begins with it.

@@ -104,6 +104,8 @@ fn options(args: &SettingsArgs) -> Options {
             SeamName::Sharpest => SeamPlace::Sharpest,
         }),
         seam_direction_rad: args.seam_direction.map(f64::to_radians),
+        // What goes with one kind of input is read with that.
+        ..Options::default()
     }
 }
 

@@ -1,6 +1,6 @@
 //! Options and files of paths in space -> runs, surfaces, places.
 
-use crate::cli::args::{InputArgs, PlaceArgs, PlaceName};
+use crate::cli::args::{InputArgs, PlaceArgs};
 use crate::cli::error::CliError;
 use crate::cli::reading::load::{input, read_bounded};
 use crate::cli::terminal::console::Console;
@@ -8,9 +8,7 @@ use crate::input::waypoints::WaypointRun;
 use crate::input::{Format, Input};
 use crate::mesh::{self, Mesh, MeshOptions, SurfaceRegion};
 use crate::settings::obstacles::Obstacles;
-use crate::settings::{
-    AXIS_TOLERANCE_MAX_DEG, AXIS_TOLERANCE_RAD, Place, Settings, TILT_MAX_ASKED_DEG,
-};
+use crate::settings::{AXIS_TOLERANCE_MAX_DEG, AXIS_TOLERANCE_RAD, Settings, TILT_MAX_ASKED_DEG};
 
 /// A run with those that are to be printed after it.
 pub(crate) fn with_more(
@@ -82,24 +80,6 @@ fn surface_region(text: &str) -> Result<SurfaceRegion, CliError> {
     }
 }
 
-/// The jump that ends a pass.
-pub(crate) fn gap_mm(given: Option<f64>) -> Result<Option<f64>, CliError> {
-    match given {
-        Some(gap_mm) if !(gap_mm > 0.0 && gap_mm.is_finite()) => Err(CliError::Usage(format!(
-            "--gap {gap_mm}: write a length in mm above 0, as in --gap 5"
-        ))),
-        given => Ok(given),
-    }
-}
-
-/// Where a run of waypoints lies.
-pub(crate) fn place(given: Option<PlaceName>) -> Place {
-    match given {
-        Some(PlaceName::Best) => Place::Best,
-        Some(PlaceName::Centre) | None => Place::Centre,
-    }
-}
-
 /// How far a run is turned, in rad.
 pub(crate) fn turn_rad(given: Option<f64>) -> Result<f64, CliError> {
     match given {
@@ -154,18 +134,4 @@ pub(crate) fn obstacles(paths: &[std::path::PathBuf]) -> Result<Obstacles, CliEr
         triangles.extend(mesh.triangles.iter().map(|triangle| triangle.map(corner)));
     }
     Ok(Obstacles::of(triangles))
-}
-
-/// How far corners may be rounded, mm: as given, or as the machine file says.
-pub(crate) fn corner_mm(given: Option<f64>, settings: &Settings) -> Result<f64, CliError> {
-    let widest_mm = 2.0 * settings.aperture.major_mm();
-    match given {
-        Some(corner_mm) if !(0.0..=widest_mm).contains(&corner_mm) => {
-            Err(CliError::Usage(format!(
-                "--corner-tolerance {corner_mm}: write a length in mm from 0, which leaves corners as they are, to \
-             {widest_mm}, the widest bead of this aperture; 0.2 is usual"
-            )))
-        }
-        given => Ok(given.unwrap_or(settings.tolerances.corner_mm)),
-    }
 }

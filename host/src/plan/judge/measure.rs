@@ -111,7 +111,7 @@ pub fn measure(
                         (swept, (print.like >= first + number).then_some(raster))
                     }
                 };
-                steps.step();
+                steps.done();
                 found
             })
             .collect();

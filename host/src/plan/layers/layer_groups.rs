@@ -26,7 +26,7 @@ use crate::plan::layers::optimised_passes::PassCurve;
 use crate::plan::layers::region_plan::{RegionPlan, RegionWork, Reversal};
 use crate::plan::layers::skirt::SkirtPlan;
 use crate::plan::pass::{LayerPass, PassKind};
-use crate::plan::progress::{Progress, SIDE_BY_SIDE, Stage, Steps};
+use crate::plan::progress::{Progress, SIDE_BY_SIDE, Stage, Steps, Stopped};
 use crate::settings::{Infill, Settings};
 use rayon::prelude::*;
 use std::collections::BTreeMap;
@@ -142,11 +142,14 @@ pub fn prism_layers(settings: &Settings) -> (Vec<LayerKind>, Vec<StackLayer>) {
 
 /// The passes of the regions of each kind, unordered: `[kind][region]`. `outlines` are the regions
 /// of the different outlines.
+///
+/// # Errors
+/// [`Stopped`].
 pub fn with_passes(
     outlines: &[Vec<RegionWork>],
     kinds: &[LayerKind],
     progress: &dyn Progress,
-) -> Vec<Vec<RegionWork>> {
+) -> Result<Vec<Vec<RegionWork>>, Stopped> {
     let regions = |kind: &LayerKind| outlines[kind.outline].len();
     let steps = Steps::begin(progress, Stage::Passes, kinds.iter().map(regions).sum());
     let counts: Vec<usize> = kinds.iter().map(regions).collect();
@@ -157,44 +160,45 @@ pub fn with_passes(
             ref solid,
             ref bridges,
         } = kinds[kind];
-        let region = outlines[outline][region].with_passes(infill, solid, bridges);
-        steps.step();
-        region
+        steps.step(|| outlines[outline][region].with_passes(infill, solid, bridges))
     })
 }
 
 /// The kinds of layer, their regions' passes ordered and joined.
+///
+/// # Errors
+/// [`Stopped`].
 pub fn layer_groups(
     works: Vec<Vec<RegionWork>>,
     kinds: &[LayerKind],
     layers: &[StackLayer],
     progress: &dyn Progress,
-) -> Vec<LayerGroup> {
+) -> Result<Vec<LayerGroup>, Stopped> {
     let counts: Vec<usize> = works.iter().map(Vec::len).collect();
     let steps = Steps::begin(progress, Stage::Order, counts.iter().sum());
     let regions = of_each_kind(&counts, |kind, region| {
-        let region = works[kind][region].clone().in_order();
-        steps.step();
-        region
-    });
+        steps.step(|| works[kind][region].clone().in_order())
+    })?;
     let kinds = kinds.iter().zip(regions).enumerate();
-    kinds
-        .map(|(number, (kind, regions))| {
-            let mut its_layers = layers.iter().filter(|layer| layer.kind == number);
-            let first_layer = its_layers.next().map_or(0, |layer| layer.number);
-            LayerGroup {
-                infill: kind.infill,
-                layers: 1 + its_layers.count() as u32,
-                first_layer,
-                regions,
-            }
-        })
-        .collect()
+    let groups = kinds.map(|(number, (kind, regions))| {
+        let mut its_layers = layers.iter().filter(|layer| layer.kind == number);
+        let first_layer = its_layers.next().map_or(0, |layer| layer.number);
+        LayerGroup {
+            infill: kind.infill,
+            layers: 1 + its_layers.count() as u32,
+            first_layer,
+            regions,
+        }
+    });
+    Ok(groups.collect())
 }
 
 /// What is made of each region of each kind, `[kind][region]`, `counts` of them, some side by side:
 /// those of the first regions of all kinds first, so that a prism's kinds run together.
-fn of_each_kind<U: Send>(counts: &[usize], make: impl Fn(usize, usize) -> U + Sync) -> Vec<Vec<U>> {
+fn of_each_kind<U: Send>(
+    counts: &[usize],
+    make: impl Fn(usize, usize) -> Result<U, Stopped> + Sync,
+) -> Result<Vec<Vec<U>>, Stopped> {
     let most = counts.iter().max().copied().unwrap_or(0);
     let mut made: Vec<Vec<U>> = counts.iter().map(|_| Vec::new()).collect();
     let all: Vec<(usize, usize)> = (0..most)
@@ -204,13 +208,13 @@ fn of_each_kind<U: Send>(counts: &[usize], make: impl Fn(usize, usize) -> U + Sy
     for some in all.chunks(SIDE_BY_SIDE) {
         let found = some
             .par_iter()
-            .map(|&(kind, region)| (kind, make(kind, region)));
-        let found: Vec<(usize, U)> = found.collect();
+            .map(|&(kind, region)| Ok((kind, make(kind, region)?)));
+        let found: Vec<(usize, U)> = found.collect::<Result<_, Stopped>>()?;
         for (kind, of_region) in found {
             made[kind].push(of_region);
         }
     }
-    made
+    Ok(made)
 }
 
 /// How the regions of every layer are printed: nearest first, each begun at its nearer end, from

@@ -8,7 +8,7 @@
 
 use crate::geometry::polygon::Box2;
 use crate::geometry::{Point2, Vector2};
-use crate::plan::motion::joint_limits::MotionError;
+use crate::plan::motion::motion_error::MotionError;
 use crate::plan::motion::singular::{Passes, passed_places};
 use crate::settings::Settings;
 use headway_protocol::units::{

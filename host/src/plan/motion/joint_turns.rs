@@ -7,7 +7,8 @@
 //! solutions there is a singular pose, so that a route keeps to one; a change between two passes would
 //! cost a stop and is left out.
 
-use crate::plan::motion::joint_limits::{MotionError, MotionLimits, check_range, tip_mm};
+use crate::plan::motion::joint_limits::{MotionLimits, check_range, tip_mm};
+use crate::plan::motion::motion_error::MotionError;
 use crate::plan::route::moves::{PathCurve, Route};
 use crate::settings::{Settings, joint_names};
 use headway_firmware::configuration::JOINTS_MAX;

@@ -12,6 +12,7 @@ pub mod best_place;
 pub mod joint_limits;
 pub mod joint_turns;
 pub mod lift_off;
+pub mod motion_error;
 pub mod path_samples;
 pub mod segments;
 pub mod singular;

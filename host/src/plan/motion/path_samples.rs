@@ -5,9 +5,8 @@
 //! the flow and for the extruder.
 //! Left out: the part of the jerk that comes from changes of ü (the smoothing window keeps it).
 
-use crate::plan::motion::joint_limits::{
-    MotionError, MotionLimits, check_range, joint_point, tip_mm,
-};
+use crate::plan::motion::joint_limits::{MotionLimits, check_range, joint_point, tip_mm};
+use crate::plan::motion::motion_error::MotionError;
 use crate::plan::route::moves::PathCurve;
 use headway_firmware::configuration::JOINTS_MAX;
 use headway_firmware::kinematics::winding::Winding;

@@ -17,9 +17,9 @@
 //! C² and needs no finer spans. Where neither slowing nor leading past is enough, and the caller can have
 //! more passes, the head lifts off there ([`super::lift_off`]).
 
-use crate::plan::motion::joint_limits::MotionError;
 use crate::plan::motion::joint_turns::{fastest, follow};
 use crate::plan::motion::lift_off::{Cuts, cut_at_the_pole};
+use crate::plan::motion::motion_error::MotionError;
 use crate::plan::route::moves::{PathCurve, Route, RouteMove, tilt};
 use crate::plan::route::waypoint_route::waypoint_way;
 use crate::settings::Settings;

@@ -76,6 +76,103 @@ fn a_job_is_that_of_the_command() {
     }
 }
 
+/// The same of meshes, surfaces and a slicer's file.
+#[test]
+fn every_kind_of_input_is_planned_as_by_the_command() {
+    let folder = tempfile::tempdir().unwrap();
+    let gantry = format!("{EXAMPLES}/machines/gantry.toml");
+    let on_gantry = Machine::from_toml(&std::fs::read_to_string(&gantry).unwrap()).unwrap();
+    let sliced = folder.path().join("sliced.gcode");
+    std::fs::write(&sliced, SLICED).unwrap();
+    let dome = std::fs::read(format!("{EXAMPLES}/dome.stl")).unwrap();
+    let reading = Reading::default();
+    let laid = read("dome-ring.json").on_surface("stl", &dome, &reading);
+    let mut some_layers = Options::default();
+    some_layers.first_layer_height_mm = Some(0.3);
+    some_layers.layer_range = Some([1, 3]);
+    let mut several = Options::default();
+    several.copies = Some(2);
+    several.copy_gap_mm = Some(3.0);
+    let plain = Options::default();
+    let planar = Machine::default();
+    let cases = [
+        (
+            format!("{EXAMPLES}/hook.stl --first-layer-height 0.3 --layer-range 1-3"),
+            (read("hook.stl"), planar.clone(), some_layers),
+        ),
+        (
+            format!("{EXAMPLES}/taper.json --copies 2 --copy-gap 3"),
+            (read("taper.json"), planar.clone(), several),
+        ),
+        (
+            format!("{EXAMPLES}/dome-ring.json --surface {EXAMPLES}/dome.stl -m {gantry}"),
+            (laid.unwrap(), on_gantry.clone(), plain.clone()),
+        ),
+        (
+            format!("--surface {EXAMPLES}/dome.stl -m {gantry}"),
+            (
+                Part::from_surface("dome", "stl", &dome, &reading).unwrap(),
+                on_gantry,
+                plain.clone(),
+            ),
+        ),
+        (
+            sliced.display().to_string(),
+            (
+                Part::from_bytes("sliced", "gcode", SLICED.as_bytes(), &reading).unwrap(),
+                planar,
+                plain,
+            ),
+        ),
+    ];
+    for (options, (part, machine, with)) in cases {
+        let output = folder.path().join("job.hwj").display().to_string();
+        let mut words = vec!["plan", "-o", &output];
+        words.extend(options.split_whitespace());
+        let planned = headway(&words);
+        assert!(planned.status.success(), "{}", stderr(&planned));
+        let job = plan(&part, &machine, &with).unwrap();
+        assert!(job.bytes() == std::fs::read(&output).unwrap(), "{options}");
+    }
+}
+
+/// Two beads of a slicer.
+const SLICED: &str = "M83\nG1 Z0.2 F600\nG1 X10 Y10 F9000\nG1 X30 Y10 E1.2 F1800\nG1 X30 Y30 E1.2\nG1 X10 Y30 F9000\n\
+                      G1 X10 Y12 E1.1 F1800\n";
+
+/// Options of another kind of part are refused with what they go with, before anything is planned.
+#[test]
+fn options_of_another_kind_are_refused() {
+    let refused = |name: &str, set: &dyn Fn(&mut Options)| {
+        let mut options = Options::default();
+        set(&mut options);
+        let refused = plan(&read(name), &Machine::default(), &options);
+        match refused {
+            Err(Error::Options(text)) => text,
+            other => panic!("{name}: {other:?}"),
+        }
+    };
+    let text = refused("taper.json", &|o| o.gap_mm = Some(3.0));
+    assert!(text.contains("--gap goes with runs of waypoints"), "{text}");
+    let text = refused("taper.json", &|o| o.layer_range = Some([1, 2]));
+    assert!(text.contains("--layer-range goes with meshes"), "{text}");
+    let text = refused("gear-6axis.wpt", &|o| o.copies = Some(2));
+    assert!(
+        text.contains("--copies goes with outlines and meshes"),
+        "{text}"
+    );
+    let text = refused("hook.stl", &|o| o.layers = Some(2));
+    assert!(text.contains("--layers goes with outlines"), "{text}");
+    let text = refused("hook.stl", &|o| o.first_layer_height_mm = Some(0.0));
+    assert!(text.contains("--first-layer-height 0"), "{text}");
+    let text = refused("gear-6axis.wpt", &|o| o.gap_mm = Some(-1.0));
+    assert!(text.contains("--gap -1"), "{text}");
+    let text = refused("gear-6axis.wpt", &|o| o.corner_tolerance_mm = Some(50.0));
+    assert!(text.contains("--corner-tolerance 50"), "{text}");
+    let text = refused("taper.json", &|o| o.copy_gap_mm = Some(3.0));
+    assert!(text.contains("--copy-gap goes with --copies"), "{text}");
+}
+
 /// Poses against figures and table: the volume is the flow's integral, the width between the
 /// aperture's two, rows as many as the table's.
 #[test]

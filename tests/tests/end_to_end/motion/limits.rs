@@ -289,7 +289,7 @@ fn tilting_on_a_gantry_keeps_every_joint_within_its_limits() {
 
 #[test]
 fn places_outside_the_machine_are_refused_with_joint_and_place() {
-    use headway::plan::motion::joint_limits::MotionError;
+    use headway::plan::motion::motion_error::MotionError;
     let settings = Settings::default();
     let mut control = gear(10.0);
     for point in &mut control {
@@ -320,7 +320,7 @@ fn places_outside_the_machine_are_refused_with_joint_and_place() {
 /// place, however the slowness comes about; one that is slow because that is its speed is not.
 #[test]
 fn paths_that_take_for_ever_are_refused_with_their_place() {
-    use headway::plan::motion::joint_limits::MotionError;
+    use headway::plan::motion::motion_error::MotionError;
     let route = route_of(gear(10.0));
     let begin = route.moves[0].curve.control[0];
     let slow = Settings {

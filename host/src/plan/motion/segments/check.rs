@@ -7,8 +7,9 @@
 
 use super::spline::{RestSpline, evaluate};
 use crate::plan::motion::joint_limits::{
-    JointPoint, MotionError, MotionLimits, joint_point, outside_range, tip_mm,
+    JointPoint, MotionLimits, joint_point, outside_range, tip_mm,
 };
+use crate::plan::motion::motion_error::MotionError;
 use crate::plan::route::path_curve::CurvePoint;
 use headway_firmware::configuration::Kinematics;
 use headway_firmware::path::load::SpanFault;

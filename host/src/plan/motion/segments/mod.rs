@@ -27,8 +27,9 @@ pub mod tick_path;
 pub mod warp;
 
 use crate::job::{MotionState, SegmentStream, dwell_spans};
-use crate::plan::motion::joint_limits::{MotionError, MotionLimits};
+use crate::plan::motion::joint_limits::MotionLimits;
 use crate::plan::motion::joint_turns::choose_solution;
+use crate::plan::motion::motion_error::MotionError;
 use crate::plan::progress::{Progress, Stage, Steps};
 use crate::plan::route::moves::{MoveEvent, Route, RouteMove};
 use crate::settings::Settings;
@@ -98,9 +99,8 @@ pub fn lay_segments_with_progress(
         .map(|index| match earlier[index] {
             Some(_) => Ok(None),
             None => {
-                let finished = finish_move(route, index, None, settings, &windings[index])?;
-                steps.step();
-                Ok(Some(finished))
+                let finish = || finish_move(route, index, None, settings, &windings[index]);
+                Ok(Some(steps.step(finish)??))
             }
         })
         .collect::<Result<_, MotionError>>()?;
@@ -111,9 +111,8 @@ pub fn lay_segments_with_progress(
                 return Ok(None);
             };
             let known = firsts[first].as_ref().map(|known| (first, known));
-            let finished = finish_move(route, index, known, settings, &windings[index])?;
-            steps.step();
-            Ok(Some(finished))
+            let finish = || finish_move(route, index, known, settings, &windings[index]);
+            Ok(Some(steps.step(finish)??))
         })
         .collect::<Result<_, MotionError>>()?;
     let both = firsts.into_iter().zip(repeated);

@@ -13,7 +13,8 @@ use super::retiming::retimed;
 use super::spline::RestSpline;
 use super::tick_path::TickPath;
 use super::{FinishedMove, dwell_ticks, warp};
-use crate::plan::motion::joint_limits::{MotionError, MotionLimits, tip_mm};
+use crate::plan::motion::joint_limits::{MotionLimits, tip_mm};
+use crate::plan::motion::motion_error::MotionError;
 use crate::plan::motion::path_samples::{PathSample, sample_path, tip_way_mm};
 use crate::plan::motion::time_law::{
     Shares, TimeLaw, check_duration, coarseness, time_law, without_jerk_s,

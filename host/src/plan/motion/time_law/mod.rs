@@ -10,7 +10,8 @@
 pub mod reachability;
 pub mod smoothing;
 
-use crate::plan::motion::joint_limits::{MotionError, MotionLimits};
+use crate::plan::motion::joint_limits::MotionLimits;
+use crate::plan::motion::motion_error::MotionError;
 use crate::plan::motion::path_samples::{PathSample, tip_way_mm};
 
 /// Shares of the limits that are aimed at.

@@ -8,7 +8,8 @@
 
 use super::super::spline::{RestSpline, evaluate};
 use super::PaceGrid;
-use crate::plan::motion::joint_limits::{JointPoint, MotionError, MotionLimits, joint_point};
+use crate::plan::motion::joint_limits::{JointPoint, MotionLimits, joint_point};
+use crate::plan::motion::motion_error::MotionError;
 use crate::plan::route::path_curve::CurvePoint;
 use headway_optimiser::least_time::{Place, Row, Rows};
 use headway_protocol::units::{CHANNEL_VOLUME, CHANNELS};
