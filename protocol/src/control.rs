@@ -42,7 +42,7 @@ pub enum Control {
     EmergencyStop,
     /// Clear a latched fault.
     ClearFault,
-    /// Ask for a [`Status`]; also the keep-alive.
+    /// Ask for a `Status`; also the keep-alive.
     StatusRequest,
     /// Declare the present position (at rest only), channel units.
     SetPosition(ChannelPoint),

@@ -26,3 +26,8 @@ pub mod message;
 pub mod segment;
 pub mod settings;
 pub mod units;
+
+/// The example of the README.
+#[cfg(doctest)]
+#[doc = include_str!("../README.md")]
+struct Readme;

@@ -57,6 +57,13 @@ if TYPE_CHECKING:
         avoid_crossing: Optional[bool]
         seam: Optional[str]
         seam_direction_deg: Optional[float]
+        first_layer_height_mm: Optional[float]
+        layer_range: Optional[tuple[int, int]]
+        copies: Optional[int]
+        copy_gap_mm: Optional[float]
+        gap_mm: Optional[float]
+        corner_tolerance_mm: Optional[float]
+        place: Optional[str]
 
 __all__ = [
     "STATES",
@@ -69,7 +76,9 @@ __all__ = [
     "__version__",
     "plan",
     "plan_file",
+    "plan_mesh",
     "plan_path",
+    "plan_surface",
     "read_job",
 ]
 
@@ -272,6 +281,8 @@ def plan(
     avoid_crossing: Optional[bool] = None,
     seam: Optional[str] = None,
     seam_direction_deg: Optional[float] = None,
+    copies: Optional[int] = None,
+    copy_gap_mm: Optional[float] = None,
 ) -> Job:
     """Plans an outline in mm.
 
@@ -283,7 +294,7 @@ def plan(
     planning. Other threads of Python run on. The options are those of the command, ``None`` leaves the
     machine's: ``aperture`` ("ellipse:0.6x0.2", semi-axes), ``pass_mode`` ("two", "one"), ``heading_law``
     ("tangent", "linear"), ``quality`` ("fine", "standard", "fast"), ``seam`` ("nearest", "aligned",
-    "sharpest"); lines and solid layers go with ``walls``.
+    "sharpest"); lines and solid layers go with ``walls``, ``copy_gap_mm`` with ``copies``.
     """
     options = {key: value for key, value in locals().items() if key in _OPTIONS}
     part = _headway.Part.from_polygons(name, _polygons(geometry))
@@ -300,19 +311,70 @@ def plan_file(
     units: Optional[str] = None,
     scale: float = 1.0,
     repair: bool = False,
+    surface: Optional[PathLike] = None,
     **options: Unpack[Options],
 ) -> Job:
-    """Plans a file: polygon JSON, GeoJSON, SVG, DXF, waypoints or NURBS, by its ending.
+    """Plans a file: polygon JSON, GeoJSON, SVG, DXF, STL, 3MF, OBJ, waypoints, NURBS or G-code, by its ending.
 
     ``units`` (mm, cm, m, um, in) and ``scale`` are of its coordinates, ``repair`` mends crossings and open
-    contours by the fill rule; the options are those of :func:`plan`.
+    contours by the fill rule; ``surface`` is a mesh on which an outline is laid as seen from above. The options are
+    those of :func:`plan`, and of meshes ``first_layer_height_mm`` and ``layer_range`` (first and last, from 1), of runs
+    of waypoints ``gap_mm``, ``corner_tolerance_mm`` and ``place`` ("centre", "best").
     """
     given = _known(options, "plan_file")
-    stem, ending = os.path.splitext(os.path.basename(os.fspath(path)))
-    flatten_mm = given.get("tolerance_mm")
-    part = _headway.Part.from_bytes(
-        stem, ending[1:], _read(path), units, scale, repair, flatten_mm
-    )
+    stem, ending = _named(path)
+    reading = {"units": units, "scale": scale, "repair": repair, "flatten_mm": given.get("tolerance_mm")}
+    part = _headway.Part.from_bytes(stem, ending, _read(path), reading)
+    if surface is not None:
+        part = part.on_surface(_named(surface)[1], _read(surface), {"units": units, "scale": scale})
+    return _planned(part, machine, keep_out, at_mm, progress, given)
+
+
+def plan_mesh(
+    mesh: Any,
+    *,
+    name: str = "part",
+    machine: Optional[Machine] = None,
+    keep_out: Any = None,
+    at_mm: Optional[Sequence[float]] = None,
+    progress: Optional[Progress] = None,
+    **options: Unpack[Options],
+) -> Job:
+    """Plans a solid in mm, layer by layer.
+
+    ``mesh`` is anything with ``vertices`` (n x 3) and ``faces`` (m x 3), as a ``trimesh.Trimesh``, or a pair of such
+    arrays. It is closed and mended as a file is. The rest is as in :func:`plan_file`.
+    """
+    given = _known(options, "plan_mesh")
+    part = _headway.Part.from_bytes(name, "stl", _stl(mesh), {})
+    return _planned(part, machine, keep_out, at_mm, progress, given)
+
+
+def plan_surface(
+    surface: Any,
+    outline: Any = None,
+    *,
+    name: str = "part",
+    machine: Optional[Machine] = None,
+    keep_out: Any = None,
+    at_mm: Optional[Sequence[float]] = None,
+    progress: Optional[Progress] = None,
+    **options: Unpack[Options],
+) -> Job:
+    """Plans beads on curved ground: an outline as seen from above, or without one all of the surface up to its rims.
+
+    ``surface`` is a mesh's path, or what :func:`plan_mesh` takes, closed or not; ``outline`` is geometry as in
+    :func:`plan`. The rest is as there.
+    """
+    given = _known(options, "plan_surface")
+    if isinstance(surface, (str, os.PathLike)):
+        data, ending = _read(surface), _named(surface)[1]
+    else:
+        data, ending = _stl(surface), "stl"
+    if outline is None:
+        part = _headway.Part.from_surface(name, ending, data, {})
+    else:
+        part = _headway.Part.from_polygons(name, _polygons(outline)).on_surface(ending, data, {})
     return _planned(part, machine, keep_out, at_mm, progress, given)
 
 
@@ -334,7 +396,7 @@ def plan_path(
     """
     given = _known(options, "plan_path")
     text = _waypoints(waypoints)
-    part = _headway.Part.from_bytes(name, "wpt", text.encode("ascii"), None, 1.0, False, None)
+    part = _headway.Part.from_bytes(name, "wpt", text.encode("ascii"), {})
     return _planned(part, machine, None, at_mm, progress, given)
 
 
@@ -349,7 +411,48 @@ _OPTIONS = frozenset(plan.__kwdefaults__ or ()) - {
     "keep_out",
     "at_mm",
     "progress",
+} | {
+    "first_layer_height_mm",
+    "layer_range",
+    "gap_mm",
+    "corner_tolerance_mm",
+    "place",
 }
+
+
+def _named(path: PathLike) -> tuple[str, str]:
+    """A file's name without its ending, and that."""
+    stem, ending = os.path.splitext(os.path.basename(os.fspath(path)))
+    return stem, ending[1:]
+
+
+def _stl(mesh: Any) -> bytes:
+    """A mesh as binary STL; its normals are left to the reader."""
+    vertices, faces = (mesh.vertices, mesh.faces) if hasattr(mesh, "faces") else _pair(mesh)
+    try:
+        corners = np.asarray(vertices, dtype=np.float64)
+        triangles = np.asarray(faces, dtype=np.int64)
+    except (TypeError, ValueError):
+        corners, triangles = np.empty(0), np.empty(0, dtype=np.int64)
+    if corners.ndim != 2 or corners.shape[1] != 3 or triangles.ndim != 2 or triangles.shape[1] != 3:
+        raise PartError("mesh: give vertices as an array of n x 3 and faces as one of m x 3")
+    if not np.isfinite(corners).all():
+        raise PartError("mesh: a coordinate is not finite")
+    if triangles.size and not 0 <= triangles.min() <= triangles.max() < len(corners):
+        raise PartError(f"mesh: a face names a vertex that is not there; there are {len(corners)}")
+    records = np.zeros(len(triangles), dtype=[("normal", "<f4", 3), ("corners", "<f4", (3, 3)), ("rest", "<u2")])
+    records["corners"] = corners[triangles]
+    return b"\0" * 80 + np.uint32(len(triangles)).tobytes() + records.tobytes()
+
+
+def _pair(mesh: Any) -> tuple[Any, Any]:
+    try:
+        vertices, faces = mesh
+    except (TypeError, ValueError):
+        raise PartError(
+            f"{type(mesh).__name__} is no mesh: give an object with vertices and faces, or a pair of arrays"
+        ) from None
+    return vertices, faces
 
 
 def _known(options: Mapping[str, Any], function: str) -> dict[str, Any]:

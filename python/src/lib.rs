@@ -8,11 +8,11 @@
 mod options;
 mod planning;
 
-use headway::api::{self, Error, MotionState, Reading, Units};
+use headway::api::{self, Error, MotionState};
 use pyo3::create_exception;
 use pyo3::exceptions::PyValueError;
 use pyo3::prelude::*;
-use pyo3::types::{PyByteArray, PyBytes};
+use pyo3::types::{PyByteArray, PyBytes, PyDict};
 
 create_exception!(
     _headway,
@@ -69,30 +69,40 @@ impl Part {
     }
 
     #[staticmethod]
-    #[pyo3(signature = (name, ending, data, units, scale, repair, flatten_mm))]
-    #[allow(clippy::too_many_arguments)]
     fn from_bytes(
         py: Python<'_>,
         name: &str,
         ending: &str,
         data: &[u8],
-        units: Option<&str>,
-        scale: f64,
-        repair: bool,
-        flatten_mm: Option<f64>,
+        reading: &Bound<'_, PyDict>,
     ) -> PyResult<Part> {
-        let mut reading = Reading::default();
-        reading.units = units
-            .map(|text| {
-                Units::parse(text).ok_or_else(|| {
-                    PartError::new_err(format!("units {text:?}: give mm, cm, m, um or in"))
-                })
-            })
-            .transpose()?;
-        reading.scale = scale;
-        reading.repair = repair;
-        reading.flatten_mm = flatten_mm.unwrap_or(reading.flatten_mm);
+        let reading = options::reading(reading)?;
         let part = py.detach(|| api::Part::from_bytes(name, ending, data, &reading));
+        part.map(Part).map_err(exception)
+    }
+
+    #[staticmethod]
+    fn from_surface(
+        py: Python<'_>,
+        name: &str,
+        ending: &str,
+        data: &[u8],
+        reading: &Bound<'_, PyDict>,
+    ) -> PyResult<Part> {
+        let reading = options::reading(reading)?;
+        let part = py.detach(|| api::Part::from_surface(name, ending, data, &reading));
+        part.map(Part).map_err(exception)
+    }
+
+    fn on_surface(
+        &self,
+        py: Python<'_>,
+        ending: &str,
+        data: &[u8],
+        reading: &Bound<'_, PyDict>,
+    ) -> PyResult<Part> {
+        let (part, reading) = (self.0.clone(), options::reading(reading)?);
+        let part = py.detach(|| part.on_surface(ending, data, &reading));
         part.map(Part).map_err(exception)
     }
 

@@ -3,13 +3,20 @@
 //! In: a dict, `None` where the machine's setting stays. Out: [`Options`]; the library's texts with the
 //! command's options called as the keywords are.
 
-use crate::OptionsError;
-use headway::api::{HeadingLaw, Options, PassMode, Quality, SeamPlace};
+use crate::{OptionsError, PartError};
+use headway::api::{HeadingLaw, Options, PassMode, Place, Quality, Reading, SeamPlace, Units};
 use pyo3::prelude::*;
 use pyo3::types::PyDict;
 
 /// The command's options and the keywords beside them, longer ones before those that they begin with.
-const KEYWORDS: [(&str, &str); 30] = [
+const KEYWORDS: [(&str, &str); 37] = [
+    ("--first-layer-height", "first_layer_height_mm"),
+    ("--corner-tolerance", "corner_tolerance_mm"),
+    ("--layer-range", "layer_range"),
+    ("--copy-gap", "copy_gap_mm"),
+    ("--copies", "copies"),
+    ("--place", "place"),
+    ("--gap", "gap_mm"),
     ("--max-outer-inner-ratio", "outer_inner_ratio_max"),
     ("--skirt-distance-mm", "skirt_distance_mm"),
     ("--infill-density", "infill_density_pct"),
@@ -88,6 +95,15 @@ pub fn options(given: &Bound<'_, PyDict>) -> PyResult<Options> {
             "avoid_crossing" => o.avoid_crossing = Some(read(&key, &value, "True or False")?),
             "seam" => o.seam = Some(one_of(&key, &value, &SEAMS)?),
             "seam_direction_deg" => o.seam_direction_rad = Some(number(&key, &value)?.to_radians()),
+            "first_layer_height_mm" => o.first_layer_height_mm = Some(number(&key, &value)?),
+            "layer_range" => {
+                o.layer_range = Some(read(&key, &value, "first and last layer, from 1")?)
+            }
+            "copies" => o.copies = Some(count(&key, &value)?),
+            "copy_gap_mm" => o.copy_gap_mm = Some(number(&key, &value)?),
+            "gap_mm" => o.gap_mm = Some(number(&key, &value)?),
+            "corner_tolerance_mm" => o.corner_tolerance_mm = Some(number(&key, &value)?),
+            "place" => o.place = Some(one_of(&key, &value, &PLACES)?),
             _ => return Err(OptionsError::new_err(format!("{key} is no option"))),
         }
     }
@@ -109,6 +125,37 @@ const SEAMS: [(&str, SeamPlace); 3] = [
     ("aligned", SeamPlace::Aligned),
     ("sharpest", SeamPlace::Sharpest),
 ];
+
+const PLACES: [(&str, Place); 2] = [("centre", Place::Centre), ("best", Place::Best)];
+
+/// How a file is read, of a dict.
+pub fn reading(given: &Bound<'_, PyDict>) -> PyResult<Reading> {
+    let mut reading = Reading::default();
+    for (key, value) in given {
+        let key: String = key.extract()?;
+        if value.is_none() {
+            continue;
+        }
+        match key.as_str() {
+            "units" => {
+                let text: String = read(&key, &value, "a unit")?;
+                let units = Units::parse(&text);
+                reading.units = Some(units.ok_or_else(|| {
+                    PartError::new_err(format!("units {text:?}: give mm, cm, m, um or in"))
+                })?);
+            }
+            "scale" => reading.scale = number(&key, &value)?,
+            "repair" => reading.repair = read(&key, &value, "True or False")?,
+            "flatten_mm" => reading.flatten_mm = number(&key, &value)?,
+            _ => {
+                return Err(OptionsError::new_err(format!(
+                    "{key} is no option of reading"
+                )));
+            }
+        }
+    }
+    Ok(reading)
+}
 
 fn number(key: &str, value: &Bound<'_, PyAny>) -> PyResult<f64> {
     read(key, value, "a number")

@@ -217,6 +217,12 @@ def test_poses_are_the_figures(job):
             },
         ),
         ("gear-6axis.wpt", ["-m", str(EXAMPLES / "machines" / "gantry.toml")], {}),
+        (
+            "hook.stl",
+            "--first-layer-height 0.3 --layer-range 1-2".split(),
+            {"first_layer_height_mm": 0.3, "layer_range": (1, 2)},
+        ),
+        ("taper.json", "--copies 2 --copy-gap 3".split(), {"copies": 2, "copy_gap_mm": 3}),
     ],
 )
 def test_a_job_is_that_of_the_command(tmp_path, name, words, options):
@@ -245,6 +251,80 @@ def test_a_job_is_that_of_the_command(tmp_path, name, words, options):
         else:
             job.write_gcode(written, "klipper")
         assert written.read_bytes() == exported.read_bytes()
+
+
+class Solid:
+    """As trimesh has one."""
+
+    def __init__(self, vertices, faces):
+        self.vertices, self.faces = vertices, faces
+
+
+def box(size):
+    """A box's corners and triangles."""
+    corners = np.array([[x, y, z] for x in (0, 1) for y in (0, 1) for z in (0, 1)], dtype=float) * size
+    sides = [(0, 1, 3, 2), (4, 6, 7, 5), (0, 4, 5, 1), (2, 3, 7, 6), (0, 2, 6, 4), (1, 5, 7, 3)]
+    return corners, [f for a, b, c, d in sides for f in ((a, b, c), (a, c, d))]
+
+
+def test_a_mesh_of_arrays_is_planned():
+    corners, faces = box((8, 6, 0.6))
+    job = headway.plan_mesh(Solid(corners, faces), name="plate", layer_height_mm=0.2)
+    assert job.name == "plate"
+    poses = job.poses(every_ms=2)
+    assert set(poses["layer"]) == {0, 1, 2}
+    # What is laid is the box, but for its corners.
+    assert 0.94 * 8 * 6 * 0.6 < job.figures["volume_mm3"] < 1.02 * 8 * 6 * 0.6
+    again = headway.plan_mesh((corners, faces), name="plate", layer_height_mm=0.2)
+    assert again.to_bytes() == job.to_bytes()
+    for mesh in [corners, (corners, [[0, 1, 8]]), (corners * math.nan, faces), Solid([[0, 0]], faces)]:
+        with pytest.raises(headway.PartError, match="mesh"):
+            headway.plan_mesh(mesh)
+    with pytest.raises(headway.OptionsError, match="layers goes with outlines"):
+        headway.plan_mesh((corners, faces), layers=3)
+
+
+def test_a_surface_is_planned_as_by_the_command(tmp_path):
+    machine = str(EXAMPLES / "machines" / "gantry.toml")
+    by_command = tmp_path / "command.hwj"
+    dome = EXAMPLES / "dome.stl"
+    words = [str(EXAMPLES / "dome-ring.json"), "--surface", str(dome), "-m", machine]
+    subprocess.run([command(), "plan", *words, "-o", str(by_command)], check=True, capture_output=True)
+    job = headway.plan_file(EXAMPLES / "dome-ring.json", surface=dome, machine=machine)
+    assert job.to_bytes() == by_command.read_bytes()
+    # By arrays: a plane that leans by a quarter, whose beads follow it.
+    corners = np.array([[-9, -9, 0], [9, -9, 4.5], [9, 9, 4.5], [-9, 9, 0]], dtype=float)
+    leaning = headway.plan_surface((corners, [(0, 1, 2), (0, 2, 3)]), shapely.box(-4, -3, 4, 3), machine=machine)
+    poses = leaning.poses(every_ms=2)
+    prints = poses["state"] == headway.STATES.index("print")
+    slope = np.polyfit(poses["x_mm"][prints], poses["z_mm"][prints], 1)[0]
+    assert abs(slope - 0.25) < 0.002
+    whole = headway.plan_surface((corners, [(0, 1, 2), (0, 2, 3)]), machine=machine)
+    assert whole.figures["print_mm"] > 4 * leaning.figures["print_mm"]
+    with pytest.raises(headway.PartError, match="surface"):
+        headway.plan_file(EXAMPLES / "hook.stl", surface=dome)
+
+
+def test_a_slicers_file_is_planned(tmp_path):
+    sliced = tmp_path / "two.gcode"
+    sliced.write_text("M83\nG1 Z0.2 F600\nG1 X10 Y10 F9000\nG1 X30 Y10 E1.2 F1800\nG1 X30 Y30 E1.2\n")
+    job = headway.plan_file(sliced)
+    # 2.4 mm of filament of 1.75 mm.
+    assert abs(job.figures["volume_mm3"] - 2.4 * math.pi * 1.75**2 / 4) < 0.05
+    with pytest.raises(headway.OptionsError, match="walls goes with outlines"):
+        headway.plan_file(sliced, walls=2)
+
+
+def test_paths_take_their_options():
+    rows = [(x, 0.2 * x % 0.4, 0.2) for x in np.linspace(0, 20, 41)]
+    path = headway.plan_path(rows, gap_mm=5, corner_tolerance_mm=0.2, place="centre")
+    assert path.figures["passes"] == 1
+    with pytest.raises(headway.OptionsError, match="gap_mm"):
+        headway.plan_path(rows, gap_mm=-1)
+    with pytest.raises(headway.OptionsError, match="centre, best"):
+        headway.plan_path(rows, place="left")
+    with pytest.raises(headway.OptionsError, match="layer_range goes with meshes"):
+        headway.plan_path(rows, layer_range=(1, 2))
 
 
 def test_geometry_comes_as_it_is(frame, job):

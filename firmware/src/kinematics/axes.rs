@@ -19,7 +19,7 @@
 //! R_min R_z(heading). Gantry and trunnion are members; they keep equations of their own, which are faster.
 //!
 //! Where z lies along u_1 or u_2 an axis is free; with n along it (within a microradian) its angle is 0. A single
-//! axis in the head reaches the cone of tool axes around it, which poses may leave by [`CONE_SLACK`]. A polar table
+//! axis in the head reaches the cone of tool axes around it, which poses may leave by `CONE_SLACK`. A polar table
 //! has no Y: its turn brings the tip over the X axis, on either side of the centre. Left out: more than two
 //! rotary axes, axes that are parallel, nozzles that do not turn.
 

@@ -7,7 +7,7 @@
 //! exactly 1 and the steps are those of the plan.
 //!
 //! Ramps that somebody asked for (override, pause, resume) also build their slope up and down, over
-//! [`SLOPE_TICKS`], and bend round when they are called back, so that the joints' acceleration does not
+//! `SLOPE_TICKS`, and bend round when they are called back, so that the joints' acceleration does not
 //! jump. So does the slope of a ramp that the queue's end demands, where the end is seen in time; one that
 //! a limit demands may take its whole slope at once. Both may end at once, for they must end where they
 //! must. The extruder's speed does not jump in either: pressure advance is smoothed over its window

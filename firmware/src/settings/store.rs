@@ -26,7 +26,7 @@ const SLOTS: u32 = 2;
 /// Why a record was not stored. What was in force before still is.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum StoreError {
-    /// The flash is too small, or its words do not divide [`PIECE_BYTES`].
+    /// The flash is too small, or its words do not divide `PIECE_BYTES`.
     Unsuitable,
     /// The flash reports an error, or reads back otherwise.
     Flash,

@@ -45,7 +45,7 @@ use crate::design::STEP_THRESHOLD_BIAS;
 pub const POSITION_FRACTION_BITS: u32 = 31;
 /// One step.
 pub const STEP: i64 = 1 << POSITION_FRACTION_BITS;
-/// Most step ticks of a servo interval: its way, cut by [`WAY_SHIFT`], fits 32 bits.
+/// Most step ticks of a servo interval: its way, cut by `WAY_SHIFT`, fits 32 bits.
 pub const INTERVAL_TICKS_MAX: u32 = 256;
 /// Fewest: the reciprocals fit 32 bits.
 pub const INTERVAL_TICKS_MIN: u32 = 65;
@@ -156,7 +156,7 @@ pub const NEAR_STEPS_MAX: f32 = 32_000.0;
 /// One step as a difference of targets, a way.
 pub(crate) const ONE_STEP_WAY: f64 = (1u32 << TARGET_FRACTION_BITS) as f64;
 
-/// Where a motor is to be, in two words that are quickly moved: with [`BIAS`], so that its whole
+/// Where a motor is to be, in two words that are quickly moved: with `BIAS`, so that its whole
 /// part is the count.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct Target {

@@ -203,7 +203,7 @@ impl Aperture {
     /// Where the centre stands when the aperture leans on a straight wall through `p` with inward
     /// unit normal `normal`: touching it at `p` or, for an aperture with flat sides, beside `p`, so
     /// that the centre moves steadily with the heading (the touching point is averaged over
-    /// [`FLAT_RAD`] to both sides; h'(u) is its way along the wall).
+    /// `FLAT_RAD` to both sides; h'(u) is its way along the wall).
     #[inline]
     pub fn center_on_wall(&self, heading: impl Into<Turn>, p: Point2, normal: Vector2) -> Point2 {
         let turn = heading.into();

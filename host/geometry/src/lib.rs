@@ -34,3 +34,8 @@ pub mod validity;
 pub type Point2 = nalgebra::Point2<f64>;
 /// A vector in the layer plane, mm.
 pub type Vector2 = nalgebra::Vector2<f64>;
+
+/// The example of the README.
+#[cfg(doctest)]
+#[doc = include_str!("../README.md")]
+struct Readme;

@@ -51,7 +51,7 @@ impl Ring {
         self.edges().map(|(p, q)| (q - p).norm()).sum()
     }
 
-    /// Makes the ring begin at its extreme point along [`START`], wherever it began.
+    /// Makes the ring begin at its extreme point along `START`, wherever it began.
     pub fn begin_at_extreme(&mut self) {
         let along_mm = |i: usize| self.points[i].coords.dot(&START);
         let count = self.points.len();
@@ -59,7 +59,7 @@ impl Ring {
         self.points.rotate_left(first.unwrap_or(0));
     }
 
-    /// Less where the first point comes before the other ring's along [`START`].
+    /// Less where the first point comes before the other ring's along `START`.
     pub fn cmp_begins(&self, other: &Ring) -> Ordering {
         let first = |ring: &Ring| ring.points.first().map_or(0.0, |p| p.coords.dot(&START));
         first(self).total_cmp(&first(other))

@@ -7,8 +7,8 @@
 //!
 //! What the stages before decide is topology: which beads there are and how they are joined. Path, heading and pace
 //! are then unknowns of one problem: control points of a uniform cubic B-spline of x, y, heading and the log of the
-//! span's time. The objective is time, ground by strips along the edge of the sweep ([`sweep`]), limits of motion
-//! ([`motion`]) and walls ([`containment`]); one banded system is solved an iteration ([`newton`]). Numbers are
+//! span's time. The objective is time, ground by strips along the edge of the sweep (`sweep`), limits of motion
+//! (`motion`) and walls (`containment`); one banded system is solved an iteration (`newton`). Numbers are
 //! without dimension, so that one set of constants serves nozzles and machines of any size. One thread for a region:
 //! what comes out does not depend on their number.
 //! What it leaves out: flow. A finished motion is run in the least time by [`least_time`].

@@ -50,7 +50,7 @@ pub enum Found {
         /// Of what stands.
         point: usize,
     },
-    /// More than [`CAPS_MAX`] caps.
+    /// More than `CAPS_MAX` caps.
     GivenUp,
 }
 

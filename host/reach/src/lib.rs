@@ -46,3 +46,8 @@ impl Pose {
         [height_mm, square.max(0.0).sqrt()]
     }
 }
+
+/// The example of the README.
+#[cfg(doctest)]
+#[doc = include_str!("../README.md")]
+struct Readme;

@@ -5,7 +5,7 @@
 //! of the local Taylor polynomial. Looked at are every servo tick, knots from both sides (there lie
 //! the extremes of every channel's acceleration), the middle between ticks, and the extremes of
 //! every channel's velocity. Joint derivatives of machines that are not linear in the channels come
-//! from central differences over [`DIFFERENCE_S`].
+//! from central differences over `DIFFERENCE_S`.
 
 mod crawl;
 mod pair;

@@ -1,7 +1,7 @@
 //! Which limit took which share of the printing time, and where the nozzle is slowest.
 //!
 //! [`SegmentStream`] -> shares by the name of the limit, the slowest places. At every servo tick of a
-//! pass the limit that is used most counts, where that is at least [`AT_LIMIT`] of its planned share;
+//! pass the limit that is used most counts, where that is at least `AT_LIMIT` of its planned share;
 //! else nothing does ("none": the motion is on its way from one limit to another, or the segments'
 //! fit holds it back). Left out: the extruder with its events, which hardly ever binds.
 

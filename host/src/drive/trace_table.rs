@@ -2,7 +2,7 @@
 //!
 //! `--trace`: one row every `every_ms` of real time from the job's first segment, in the input's
 //! coordinates. Positions, tool axis and heading come from the step counts; the speed is the tip's
-//! way over [`SPEED_WINDOW_S`], since single steps have none; the flow is that of the deposited
+//! way over `SPEED_WINDOW_S`, since single steps have none; the flow is that of the deposited
 //! volume at the segment time where the controller really was. While it stands off its plan's
 //! rests the state is `hold`.
 //! `--trace-steps`: one row a step.

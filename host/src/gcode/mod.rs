@@ -1,5 +1,5 @@
 //! G-code in: what a slicer or a post-processor wrote -> passes with widths, speeds and volumes. G-code
-//! out: [`write`].
+//! out: [`mod@write`].
 //!
 //! ```text
 //! bytes --words--> Line --interpreter--> Steps --passes--> GcodeProgram
@@ -45,11 +45,11 @@ pub const ANGLE_MAX_DEG: f64 = 360_000.0;
 pub const FILAMENT_MM: [f64; 2] = [0.1, 20.0];
 /// Diameter where nobody says it.
 pub const FILAMENT_DEFAULT_MM: f64 = 1.75;
-/// Slowest bead, mm/s, where it lasts longer than [`SLOW_S_MAX`]: in the 4 s that a bead's width then takes
+/// Slowest bead, mm/s, where it lasts longer than `SLOW_S_MAX`: in the 4 s that a bead's width then takes
 /// any hot end oozes more than it lays. What is shorter are a path's first and last micrometres, told with
 /// their time (G93).
 pub const SPEED_MIN_MM_S: f64 = 0.1;
-/// Slowest push of the extruder alone, mm³/s, where it lasts longer than [`SLOW_S_MAX`]: less than oozes.
+/// Slowest push of the extruder alone, mm³/s, where it lasts longer than `SLOW_S_MAX`: less than oozes.
 pub const PUSH_MIN_MM3_S: f64 = 0.01;
 const SLOW_S_MAX: f64 = 1.0;
 /// Most that is pushed or pulled in one go, mm³: three metres of the thicker filament.

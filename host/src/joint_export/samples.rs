@@ -1,7 +1,7 @@
 //! Joints of a stream at even steps of time.
 //!
 //! In: a stream and the machine of its job. Out: a [`JointSample`] for each step, and one at the end. Between
-//! two rows the joints are followed in steps of at most [`TURNS_EVERY_TICKS`], so that no turn is missed.
+//! two rows the joints are followed in steps of at most `TURNS_EVERY_TICKS`, so that no turn is missed.
 
 use crate::drive::joint_track::JointTrack;
 use crate::drive::limits::Moment;

@@ -33,12 +33,12 @@ impl MachineExample {
     /// The machine file.
     pub const fn text(self) -> &'static str {
         match self {
-            Self::Trunnion => include_str!("../../../examples/machines/trunnion.toml"),
-            Self::Arm6 => include_str!("../../../examples/machines/arm-small.toml"),
-            Self::HeadCb => include_str!("../../../examples/machines/head-cb.toml"),
-            Self::TableBc => include_str!("../../../examples/machines/table-bc.toml"),
-            Self::TiltedHead => include_str!("../../../examples/machines/tilted-head.toml"),
-            Self::Polar => include_str!("../../../examples/machines/polar.toml"),
+            Self::Trunnion => include_str!("../../machines/trunnion.toml"),
+            Self::Arm6 => include_str!("../../machines/arm-small.toml"),
+            Self::HeadCb => include_str!("../../machines/head-cb.toml"),
+            Self::TableBc => include_str!("../../machines/table-bc.toml"),
+            Self::TiltedHead => include_str!("../../machines/tilted-head.toml"),
+            Self::Polar => include_str!("../../machines/polar.toml"),
         }
     }
 }

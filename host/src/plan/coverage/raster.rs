@@ -39,7 +39,7 @@ const FINE_SHARE_MAX: f64 = 0.5;
 /// figures count by, few would pay.
 const SAME_BEAD_SHARE: f64 = 4.0;
 
-/// See [`SAME_BEAD_SHARE`].
+/// See `SAME_BEAD_SHARE`.
 pub fn same_bead_mm(aperture: &Aperture) -> f64 {
     SAME_BEAD_SHARE * aperture.major_mm()
 }

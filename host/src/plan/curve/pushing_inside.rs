@@ -84,7 +84,7 @@ impl<'a> InsideWalls<'a> {
         }
     }
 
-    /// Pushes the control points of cutting spans back along the contact normal, from [`TURNING_ROUND`]
+    /// Pushes the control points of cutting spans back along the contact normal, from `TURNING_ROUND`
     /// on turns them as well. True if no pose cuts any more, looked at closely.
     pub fn push(&self, control: &mut [PlaneControl]) -> bool {
         let spans = control.len().saturating_sub(1);

@@ -3,14 +3,14 @@
 //! Straight up the turn of the table is free; a path through that direction would ask it to jump by as much
 //! as the tilt changes its direction. Where neither slowing nor a tilt within the tolerance gets past
 //! ([`super::singular`]), the pass ends there and another begins at the same place. Both keep the direction
-//! of their tilt up to it, no nearer to the pole than [`BESIDE_RAD`], so that nothing turns while the tip
+//! of their tilt up to it, no nearer to the pole than `BESIDE_RAD`, so that nothing turns while the tip
 //! comes close; between them the head is lifted and the table turns.
 //!
 //! ```text
 //! tilt (rad):      ... ──●──●──●▸ lift, turn ◂●──●──●── ...    within NEAR_RAD of the pole: cut
 //! ```
 //! In: passes (mm, rad, machine coordinates). Out: the passes cut, and which part of which curve each of
-//! their curves is. A curve that is cut is parted into finer spans first ([`DOUBLINGS`]), which changes
+//! their curves is. A curve that is cut is parted into finer spans first (`DOUBLINGS`), which changes
 //! nothing of it; its ends there differ from it by a 96th of the bow over such a span. A pass that begins
 //! or ends at the pole is not cut. Arms are left out: their wrist lines up in another direction at each place.
 

@@ -13,7 +13,7 @@
 //! ```
 //! Near the singular direction a vector of the tolerance's length is added to the tilt relative to it; it
 //! begins along the tilt where the path comes in and turns to the tilt where it goes out, so that the sum
-//! never vanishes. It grows and turns by quintic steps over [`RAMP_MM`] on either side: the curve stays
+//! never vanishes. It grows and turns by quintic steps over `RAMP_MM` on either side: the curve stays
 //! C² and needs no finer spans. Where neither slowing nor leading past is enough, and the caller can have
 //! more passes, the head lifts off there ([`super::lift_off`]).
 

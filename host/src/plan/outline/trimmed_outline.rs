@@ -9,7 +9,7 @@
 //! rho - sqrt(rho² - c²/4). So convex points are cut off one after the other (ears), those first
 //! that take least ground, while
 //!
-//! - the chord's sagitta is at most [`REACH_LOST`]; the ear's sides are at most [`SIDE_CHORDS`]
+//! - the chord's sagitta is at most [`REACH_LOST`]; the ear's sides are at most `SIDE_CHORDS`
 //!   such chords, so that it is looked through in bounded time;
 //! - no other point lies in the ear: the rings stay simple and apart;
 //! - what one edge has cut off a disk is at most half of it: no disk has its larger part behind it.

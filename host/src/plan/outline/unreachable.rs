@@ -2,7 +2,7 @@
 //!
 //! Input: a region about its local origin, its edge index, the aperture. Output: runs of boundary
 //! with their length. Each edge is looked at in pieces of about half the minor semi-axis, and the
-//! ends of a run are found by bisection to [`END`], of the aperture's unit; a run shorter than a piece that lies inside
+//! ends of a run are found by bisection to `END`, of the aperture's unit; a run shorter than a piece that lies inside
 //! one is not seen.
 
 use crate::geometry::Point2;

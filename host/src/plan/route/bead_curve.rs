@@ -5,9 +5,9 @@
 //!
 //! A control point lies on every vertex. At one where the way turns from d1 to d2 the curve passes
 //! h |d1 - d2| / 6 beside it, with h the distance of its neighbours: that gives h. From there the
-//! distances grow evenly to [`SPACING_MAX`]; on straight legs the curve is the leg.
+//! distances grow evenly to `SPACING_MAX`; on straight legs the curve is the leg.
 //!
-//! The heading is that at which the nozzle's bead is as wide as the file's, nearly ([`bead_headings`]). Where the
+//! The heading is that at which the nozzle's bead is as wide as the file's, nearly (`bead_headings`). Where the
 //! file tells headings they are kept. Leaves out flow onto covered ground: volumes are the file's.
 
 mod speeds;

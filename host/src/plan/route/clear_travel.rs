@@ -6,7 +6,7 @@
 //!
 //! In: the shape of nozzle and head, the passes printed so far (mm, rad, machine coordinates), the poses
 //! at both ends, and a travel that the caller knows. Out: the control points of the shortest that is clear;
-//! the known one where none is found in [`LOOKS_MAX`] looks. What is printed is the way of the tip with
+//! the known one where none is found in `LOOKS_MAX` looks. What is printed is the way of the tip with
 //! flow up to then. The legs along the axes are as clear as the poses that they lead to; what touches
 //! there, and on a travel that is not clear, the judge tells.
 

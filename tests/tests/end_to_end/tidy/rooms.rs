@@ -93,3 +93,22 @@ fn rooms_import_from_earlier_ones() {
     assert_none(&breaches);
     assert!(seen > 300, "only {seen} files of the host");
 }
+
+/// Goal: the machines of the examples are those that `headway machine new` writes. Method: the command's own files, which its
+/// package has to contain, byte for byte beside the examples.
+#[test]
+fn example_machines_are_those_of_the_command() {
+    let root = std::path::Path::new(super::ROOT);
+    let mut seen = 0;
+    for entry in std::fs::read_dir(root.join("host/machines")).expect("the command's machines") {
+        let own = entry.expect("an entry").path();
+        let name = own.file_name().expect("a name");
+        let shown = std::fs::read(root.join("examples/machines").join(name)).expect("an example");
+        assert!(
+            std::fs::read(&own).expect("a file") == shown,
+            "{name:?} is another machine in examples/machines"
+        );
+        seen += 1;
+    }
+    assert!(seen >= 6, "{seen} machines");
+}

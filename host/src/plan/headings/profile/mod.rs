@@ -63,7 +63,7 @@ struct Candidate {
     feasible: bool,
 }
 
-/// What turning weighs for a machine, mm⁴ ([`TURN_SHARE`]).
+/// What turning weighs for a machine, mm⁴ (`TURN_SHARE`).
 pub fn turn_weight_mm4(limits: &PoseLimits, aperture: &Aperture) -> f64 {
     let [_, _, heading] = &limits.axes;
     let way_mm2 = TURN_SHARE * aperture.major_mm() * limits.tip_speed_mm_s;

@@ -2,7 +2,7 @@
 //!
 //! In: the move and its limits. Out: a [`FinishedMove`]. A first time law that knows
 //! the jerk only through a smoothing window gives a first fit; that motion is run anew in the least
-//! time along it ([`super::retiming`]), three times, since each new fit differs a little. Then only a few
+//! time along it (`super::retiming`), three times, since each new fit differs a little. Then only a few
 //! per cent are missing here and there, and the finished motion is stretched in time around those
 //! places ([`super::warp`]), which cannot raise a new peak elsewhere. Where all of that takes longer
 //! than the first time law did, the first fit is stretched as it is, and the shorter one counts.

@@ -7,8 +7,8 @@
 //! The nozzle lays a bead of the file's width at 90° - alpha from the travel, with 2 e(alpha) = width, on either
 //! side; long straight legs have exactly that. To turn by 90° at a corner takes the nozzle longer than the tip needs
 //! for some millimetres, so the turn begins before the corner and ends behind it, as far as the bead stays nearly as
-//! wide: within an eighth of the file's width some way from the corner ([`FAR_SHARE`]), within a third beside it
-//! ([`NEAR_SHARE`]), and of any width only right at it, or on a short link of an infill or a support, over which the
+//! wide: within an eighth of the file's width some way from the corner (`FAR_SHARE`), within a third beside it
+//! (`NEAR_SHARE`), and of any width only right at it, or on a short link of an infill or a support, over which the
 //! heading is held. Travel between passes is free for turning.
 //!
 //! In: legs of passes without standing ones, in the order in which they are printed. Out: a [`HeadingTrack`] a pass.

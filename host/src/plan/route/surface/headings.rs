@@ -3,7 +3,7 @@
 //! In: along a pass what was planned and how wide the bead has to be (mm, rad, as the tool sees it). Out: by
 //! how much the heading differs from the plan's. Seen along the surface the beads of a plan lie farther
 //! apart where they run across the slope; a nozzle that is not round closes that by turning. Of the turns
-//! in steps of [`STEP_RAD`] dynamic programming takes those that leave the least ground open or laid twice,
+//! in steps of `STEP_RAD` dynamic programming takes those that leave the least ground open or laid twice,
 //! turning weighed as in the plane ([`crate::plan::headings::profile::turn_weight_mm4`]).
 
 use crate::geometry::Vector2;
